@@ -1,0 +1,33 @@
+//! Images as they come back to the host.
+
+/// A batch of float images: `data[((b · height + row) · width + column) · channels + channel]`, row 0 at the top.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Image {
+    /// Number of views.
+    pub batch: usize,
+    /// Rows.
+    pub height: usize,
+    /// Columns.
+    pub width: usize,
+    /// Values per pixel: 3 for colour and normals, 1 for silhouette and depth.
+    pub channels: usize,
+    /// `batch × height × width × channels` values.
+    pub data: Vec<f32>,
+}
+
+impl Image {
+    /// The values of one pixel.
+    ///
+    /// # Panics
+    /// Never for coordinates inside the shape; outside it the slice index panics.
+    pub fn pixel(&self, view: usize, row: usize, column: usize) -> &[f32] {
+        let start = ((view * self.height + row) * self.width + column) * self.channels;
+        &self.data[start..start + self.channels]
+    }
+
+    /// The values of one view.
+    pub fn view(&self, view: usize) -> &[f32] {
+        let size = self.height * self.width * self.channels;
+        &self.data[view * size..(view + 1) * size]
+    }
+}

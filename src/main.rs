@@ -1,0 +1,2 @@
+//! The `softras` command.
+fn main() {}

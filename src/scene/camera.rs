@@ -1,0 +1,202 @@
+//! Cameras: a 3×4 view transform into view space, and a projection onto the screen.
+//!
+//! View space has x right, y up and depth z growing forward. Screen space has y in [-1, 1] up and x in [-a, a] to the
+//! right, a = width / height. No constructor mirrors the image; a view matrix of negative determinant does.
+
+use crate::error::{Error, Result};
+use glam::{DMat4, DVec3, DVec4};
+
+/// From view space to the screen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Projection {
+    /// x / (z tan(fov_y / 2)), the same for y.
+    Perspective {
+        /// The full vertical angle of view, radians, in (0, π).
+        fov_y: f64,
+    },
+    /// x / half_height, whatever the depth.
+    Orthographic {
+        /// World units from the image's centre to its upper border, above 0.
+        half_height: f64,
+    },
+    /// A calibrated camera: column = fx x / z + cx, row = cy - fy y / z, in pixels of the rendered image, where the
+    /// centre of the upper left pixel is (0.5, 0.5).
+    Pinhole {
+        /// Horizontal focal length in pixels, above 0.
+        fx: f64,
+        /// Vertical focal length in pixels, above 0.
+        fy: f64,
+        /// Column of the principal point.
+        cx: f64,
+        /// Row of the principal point.
+        cy: f64,
+    },
+    /// The official renderer's "projection" camera: the 3×4 matrix P (the view transform here) gives (x, y, z);
+    /// x' = x / (z + 1e-5), y' alike, then radial and tangential distortion, then 2 (x'' - S/2) / S on both axes.
+    Official {
+        /// k1, k2, p1, p2, k3.
+        distortion: [f64; 5],
+        /// S, the side in pixels of the square image that P was made for, above 0.
+        original_size: f64,
+    },
+    /// Vertices are given on the screen already: (x, y) in screen units, z the view depth.
+    Screen,
+}
+
+/// A view transform and a projection.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    view: [[f64; 4]; 3],
+    projection: Projection,
+}
+
+fn bad<T>(field: &'static str, value: impl std::fmt::Debug, mend: &str) -> Result<T> {
+    Err(Error::Camera { field, value: format!("{value:?}"), mend: mend.into() })
+}
+
+impl Camera {
+    /// Looks from `eye` at `target`; `up` is world space and need not be perpendicular.
+    ///
+    /// # Errors
+    /// [`Error::Camera`] when a value is not finite, eye and target coincide, or `up` is along the view direction.
+    pub fn look_at(eye: DVec3, target: DVec3, up: DVec3, projection: Projection) -> Result<Self> {
+        if !target.is_finite() {
+            return bad("target", target, "use finite coordinates");
+        }
+        Self::look_direction(eye, target - eye, up, projection)
+    }
+
+    /// Looks from `eye` along `direction`.
+    ///
+    /// # Errors
+    /// As [`Camera::look_at`].
+    pub fn look_direction(eye: DVec3, direction: DVec3, up: DVec3, projection: Projection) -> Result<Self> {
+        if !eye.is_finite() {
+            return bad("eye", eye, "use finite coordinates");
+        }
+        let (Some(forward), Some(up_unit)) = (direction.try_normalize(), up.try_normalize()) else {
+            return bad("direction", (direction, up), "eye and target must differ, up must have a length");
+        };
+        let Some(right) = forward.cross(up_unit).try_normalize().filter(|_| forward.cross(up_unit).length() > 1e-9)
+        else {
+            return bad("up", up, "must not be parallel to the view direction");
+        };
+        let up = right.cross(forward);
+        let row = |axis: DVec3| [axis.x, axis.y, axis.z, -axis.dot(eye)];
+        Self::from_rows([row(right), row(up), row(forward)], projection)
+    }
+
+    /// Looks at the origin from the official renderer's viewpoint: eye = d (cos e sin a, sin e, -cos e cos a).
+    ///
+    /// Angles in degrees. The image is not mirrored (the official renderer's is).
+    ///
+    /// # Errors
+    /// As [`Camera::look_at`]; straight above or below there is no up direction.
+    pub fn from_angles(distance: f64, elevation: f64, azimuth: f64, projection: Projection) -> Result<Self> {
+        if !(distance > 0.0 && distance.is_finite() && elevation.is_finite() && azimuth.is_finite()) {
+            return bad("distance, elevation, azimuth", (distance, elevation, azimuth), "use finite, distance above 0");
+        }
+        let (e, a) = (elevation.to_radians(), azimuth.to_radians());
+        let eye = distance * DVec3::new(e.cos() * a.sin(), e.sin(), -e.cos() * a.cos());
+        Self::look_at(eye, DVec3::ZERO, DVec3::Y, projection)
+    }
+
+    /// A 4×4 world-to-view matrix (column vectors; view space x right, y up, **z forward**).
+    ///
+    /// An OpenGL-style view matrix looks along -z: negate its third row first.
+    ///
+    /// # Errors
+    /// [`Error::Camera`] when a value is not finite or the last row is not (0, 0, 0, 1).
+    pub fn from_matrix(view: DMat4, projection: Projection) -> Result<Self> {
+        if view.row(3) != DVec4::W {
+            return bad("view", view.row(3), "the last row must be (0, 0, 0, 1); give the projection apart");
+        }
+        Self::from_rows([0, 1, 2].map(|i| view.row(i).to_array()), projection)
+    }
+
+    /// The official renderer's 3×4 matrix P with distortion (k1, k2, p1, p2, k3) and original image size.
+    ///
+    /// # Errors
+    /// [`Error::Camera`] when a value is not finite or the size is not above 0.
+    pub fn official(p: [[f64; 4]; 3], distortion: [f64; 5], original_size: f64) -> Result<Self> {
+        Self::from_rows(p, Projection::Official { distortion, original_size })
+    }
+
+    /// For scenes whose vertices are screen x, y and view depth z already.
+    pub fn screen() -> Self {
+        let view = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+        Self { view, projection: Projection::Screen }
+    }
+
+    fn from_rows(view: [[f64; 4]; 3], projection: Projection) -> Result<Self> {
+        if !view.iter().flatten().all(|x| x.abs() <= 1e12) {
+            return bad("view", view, "use finite entries within ±1e12");
+        }
+        match projection {
+            Projection::Perspective { fov_y } if !(1e-6..=3.14159).contains(&fov_y) => {
+                return bad("fov_y", fov_y, "use radians above 1e-6 and below π");
+            }
+            Projection::Orthographic { half_height } if !(1e-9..=1e9).contains(&half_height) => {
+                return bad("half_height", half_height, "use 1e-9 to 1e9 world units");
+            }
+            Projection::Pinhole { fx, fy, cx, cy }
+                if !([fx, fy].iter().all(|f| (1e-6..=1e9).contains(f)) && [cx, cy].iter().all(|c| c.abs() <= 1e9)) =>
+            {
+                return bad("fx, fy, cx, cy", (fx, fy, cx, cy), "use pixels, focal lengths above 0");
+            }
+            Projection::Official { distortion, original_size }
+                if !((1e-6..=1e9).contains(&original_size) && distortion.iter().all(|d| d.abs() <= 1e9)) =>
+            {
+                return bad("distortion, original_size", (distortion, original_size), "use finite, size above 0");
+            }
+            _ => Ok(Self { view, projection }),
+        }
+    }
+
+    /// World to view: three rows of four.
+    pub fn view(&self) -> &[[f64; 4]; 3] {
+        &self.view
+    }
+
+    /// The projection.
+    pub fn projection(&self) -> &Projection {
+        &self.projection
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FOV: Projection = Projection::Perspective { fov_y: 0.5 };
+
+    fn transform(camera: &Camera, p: DVec3) -> DVec3 {
+        DVec3::from_array(camera.view().map(|r| r[0] * p.x + r[1] * p.y + r[2] * p.z + r[3]))
+    }
+
+    #[test]
+    fn look_at_does_not_mirror() {
+        // A viewer on +z looking at the origin has world +x on the right.
+        let camera = Camera::look_at(DVec3::new(0.0, 0.0, 5.0), DVec3::ZERO, DVec3::Y, FOV).unwrap();
+        let v = transform(&camera, DVec3::new(1.0, 2.0, 1.0));
+        assert!((v - DVec3::new(1.0, 2.0, 4.0)).length() < 1e-12, "{v}");
+    }
+
+    #[test]
+    fn angles_give_the_official_eye() {
+        let camera = Camera::from_angles(2.732, 30.0, 40.0, FOV).unwrap();
+        let eye = DVec3::new(1.52082353, 1.366, -1.81244691);
+        assert!(transform(&camera, eye).length() < 1e-7);
+        assert!((transform(&camera, DVec3::ZERO).z - 2.732).abs() < 1e-12);
+    }
+
+    #[test]
+    fn impossible_cameras_are_refused() {
+        let origin = DVec3::ZERO;
+        assert!(Camera::look_at(origin, origin, DVec3::Y, FOV).is_err());
+        assert!(Camera::look_at(DVec3::Y, origin, DVec3::Y, FOV).is_err());
+        assert!(Camera::from_angles(f64::NAN, 0.0, 0.0, FOV).is_err());
+        assert!(Camera::from_angles(1.0, 0.0, 0.0, Projection::Perspective { fov_y: 4.0 }).is_err());
+        assert!(Camera::from_matrix(DMat4::ZERO, FOV).is_err());
+    }
+}

@@ -1,0 +1,98 @@
+//! Ambient and directional lights, as the official renderer has them.
+
+use crate::error::{Error, Result};
+
+/// A light from infinitely far: adds `intensity · color · max(0, n · direction)`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DirectionalLight {
+    /// Towards the light, world space; normalised on use.
+    pub direction: [f64; 3],
+    /// RGB.
+    pub color: [f64; 3],
+    /// Factor on the colour.
+    pub intensity: f64,
+}
+
+/// Where a normal, and so the light, is computed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Shading {
+    /// One normal per triangle (the official "surface" light mode).
+    #[default]
+    Flat,
+    /// One normal per vertex, the area-weighted mean of its triangles' (the official "vertex" mode); the light is
+    /// computed at the vertices and interpolated over the triangle.
+    Smooth,
+}
+
+/// The light that falls on a point with normal n: Σ ambient + Σ directional, multiplied into its colour.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Lights {
+    /// RGB of the ambient light.
+    pub ambient_color: [f64; 3],
+    /// Factor on the ambient colour.
+    pub ambient_intensity: f64,
+    /// Any number of directional lights, at most [`Lights::MAX_DIRECTIONAL`].
+    pub directional: Vec<DirectionalLight>,
+    /// Flat or smooth; also chooses the normals of the normal image.
+    pub shading: Shading,
+}
+
+impl Lights {
+    /// The most directional lights a scene may have.
+    pub const MAX_DIRECTIONAL: usize = 64;
+
+    /// Ambient 1 and nothing else: colours are shown as they are.
+    pub fn unlit() -> Self {
+        Self { ambient_color: [1.0; 3], ambient_intensity: 1.0, directional: Vec::new(), shading: Shading::Flat }
+    }
+
+    /// The official renderer's default: ambient 0.5 and a directional light of 0.5 from straight above.
+    pub fn official() -> Self {
+        Self {
+            ambient_color: [1.0; 3],
+            ambient_intensity: 0.5,
+            directional: vec![DirectionalLight { direction: [0.0, 1.0, 0.0], color: [1.0; 3], intensity: 0.5 }],
+            shading: Shading::Flat,
+        }
+    }
+
+    /// Whether the light is exactly 1 everywhere, so that no normal is needed.
+    pub fn is_unlit(&self) -> bool {
+        self.directional.is_empty() && self.ambient_color.iter().all(|c| c * self.ambient_intensity == 1.0)
+    }
+
+    /// Checks every field.
+    ///
+    /// # Errors
+    /// [`Error::Light`] for a value that is not finite, a direction of length 0, or too many lights.
+    pub fn judge(&self) -> Result<()> {
+        let bad = |field: String, value: String, mend: &str| Err(Error::Light { field, value, mend: mend.into() });
+        if self.directional.len() > Self::MAX_DIRECTIONAL {
+            let n = self.directional.len().to_string();
+            return bad("directional.len()".into(), n, "at most 64 directional lights are supported");
+        }
+        let rgb = |c: &[f64; 3]| c.iter().all(|x| x.abs() <= 1e6);
+        if !rgb(&self.ambient_color) || self.ambient_intensity.is_nan() || self.ambient_intensity.abs() > 1e6 {
+            let value = format!("{:?} × {}", self.ambient_color, self.ambient_intensity);
+            return bad("ambient".into(), value, "use values within ±1e6");
+        }
+        for (i, light) in self.directional.iter().enumerate() {
+            if !rgb(&light.color) || light.intensity.is_nan() || light.intensity.abs() > 1e6 {
+                let value = format!("{:?} × {}", light.color, light.intensity);
+                return bad(format!("directional[{i}]"), value, "use values within ±1e6");
+            }
+            let length = glam::DVec3::from(light.direction).length();
+            if !(1e-12..=1e12).contains(&length) {
+                let value = format!("{:?}", light.direction);
+                return bad(format!("directional[{i}].direction"), value, "use a direction of finite length above 0");
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Default for Lights {
+    fn default() -> Self {
+        Self::unlit()
+    }
+}

@@ -1,0 +1,184 @@
+//! A triangle mesh and what colours it.
+
+use super::texture::Texture;
+use crate::error::{Error, Result};
+
+/// What gives a mesh its colour, before light.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Appearance {
+    /// One RGB colour for the whole mesh.
+    Uniform([f32; 3]),
+    /// One RGB colour per vertex, interpolated over the triangle.
+    VertexColors(Vec<[f32; 3]>),
+    /// The official "surface" texture: `resolution²` RGB cells per triangle, looked up without interpolation:
+    /// with (x, y) = ⌊R·b₀⌋, ⌊R·b₁⌋, cell y·R + x in the lower half (R·b₀ - x + R·b₁ - y ≤ 1), else
+    /// (R-1-y)·R + R-1-x. Cell `c` of triangle `t` is `texels[t·R² + c]`.
+    Surface {
+        /// R, cells along an edge; 1 is a colour per face.
+        resolution: u32,
+        /// `triangles × R²` colours.
+        texels: Vec<[f32; 3]>,
+    },
+    /// Image textures at UV coordinates.
+    Textured {
+        /// UV coordinates; u to the right, v up, the image in the unit square.
+        uvs: Vec<[f32; 2]>,
+        /// For each triangle the three indices into `uvs`, so that seams may split a vertex.
+        uv_triangles: Vec<[u32; 3]>,
+        /// The images.
+        textures: Vec<Texture>,
+        /// For each triangle its image; empty when there is only one.
+        texture_of_triangle: Vec<u32>,
+    },
+}
+
+/// A triangle mesh in world space: right-handed, y up, triangles counter-clockwise seen from outside.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mesh {
+    positions: Vec<[f32; 3]>,
+    triangles: Vec<[u32; 3]>,
+    appearance: Appearance,
+}
+
+fn mesh_error<T>(what: String, place: String, mend: &str) -> Result<T> {
+    Err(Error::Mesh { what, place, mend: mend.into() })
+}
+
+fn judge_finite<const N: usize>(values: &[[f32; N]], what: &str, element: &str) -> Result<()> {
+    match values.iter().position(|v| !v.iter().all(|x| x.is_finite())) {
+        Some(i) => mesh_error(
+            format!("{what} {:?} is not finite", values[i]),
+            format!("{element} {i}"),
+            "remove or repair it: every value must be a finite number",
+        ),
+        None => Ok(()),
+    }
+}
+
+fn judge_count(what: &str, got: usize, expected: usize) -> Result<()> {
+    if got == expected {
+        return Ok(());
+    }
+    mesh_error(format!("{got} {what}, expected {expected}"), "the whole array".into(), "give exactly that many")
+}
+
+fn judge_indices(triangles: &[[u32; 3]], count: usize, what: &str) -> Result<()> {
+    for (t, triangle) in triangles.iter().enumerate() {
+        if let Some(c) = triangle.iter().position(|&i| i as usize >= count) {
+            return mesh_error(
+                format!("{what} index {} but there are {count}", triangle[c]),
+                format!("triangle {t}, corner {c}"),
+                "indices count from 0",
+            );
+        }
+    }
+    Ok(())
+}
+
+impl Mesh {
+    /// A white mesh.
+    ///
+    /// `positions` are `[x, y, z]` in world units, `triangles` index them from 0.
+    ///
+    /// # Errors
+    /// [`Error::Mesh`] for a position that is not finite or an index out of range.
+    pub fn new(positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>) -> Result<Self> {
+        judge_finite(&positions, "position", "vertex")?;
+        judge_indices(&triangles, positions.len(), "vertex")?;
+        Ok(Self { positions, triangles, appearance: Appearance::Uniform([1.0; 3]) })
+    }
+
+    /// The same mesh with another appearance.
+    ///
+    /// # Errors
+    /// [`Error::Mesh`] when counts do not fit the mesh, an index is out of range or a value is not finite.
+    pub fn with_appearance(mut self, appearance: Appearance) -> Result<Self> {
+        match &appearance {
+            Appearance::Uniform(color) => judge_finite(&[*color], "colour", "uniform colour")?,
+            Appearance::VertexColors(colors) => {
+                judge_count("vertex colours", colors.len(), self.positions.len())?;
+                judge_finite(colors, "colour", "vertex")?;
+            }
+            Appearance::Surface { resolution, texels } => {
+                if !(1..=1024).contains(resolution) {
+                    return mesh_error(
+                        format!("surface resolution {resolution}"),
+                        "appearance".into(),
+                        "use 1 to 1024 cells along an edge",
+                    );
+                }
+                let cells = (*resolution as usize).pow(2);
+                judge_count("surface texels", texels.len(), self.triangles.len() * cells)?;
+                judge_finite(texels, "surface texel", "texel")?;
+            }
+            Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle } => {
+                judge_count("UV triangles", uv_triangles.len(), self.triangles.len())?;
+                judge_indices(uv_triangles, uvs.len(), "UV")?;
+                judge_finite(uvs, "UV", "UV")?;
+                if let Some(i) = uvs.iter().position(|uv| uv.iter().any(|x| x.abs() > 1e4)) {
+                    return mesh_error(
+                        format!("UV {:?} is beyond ±10000", uvs[i]),
+                        format!("UV {i}"),
+                        "shift it by whole numbers: the image repeats",
+                    );
+                }
+                if textures.is_empty() {
+                    return mesh_error("no texture".into(), "appearance".into(), "give at least one image");
+                }
+                if !texture_of_triangle.is_empty() {
+                    judge_count("texture indices", texture_of_triangle.len(), self.triangles.len())?;
+                    let beyond = texture_of_triangle.iter().position(|&i| i as usize >= textures.len());
+                    if let Some(t) = beyond {
+                        return mesh_error(
+                            format!("texture {} but there are {}", texture_of_triangle[t], textures.len()),
+                            format!("triangle {t}"),
+                            "indices count from 0",
+                        );
+                    }
+                }
+            }
+        }
+        self.appearance = appearance;
+        Ok(self)
+    }
+
+    /// Moves the vertices, keeping triangles and appearance: the step of an optimisation loop.
+    ///
+    /// # Errors
+    /// [`Error::Mesh`] when the count differs or a position is not finite; the mesh is then unchanged.
+    pub fn set_positions(&mut self, positions: Vec<[f32; 3]>) -> Result<()> {
+        judge_count("positions", positions.len(), self.positions.len())?;
+        judge_finite(&positions, "position", "vertex")?;
+        self.positions = positions;
+        Ok(())
+    }
+
+    /// Vertex positions, `[x, y, z]` in world units.
+    pub fn positions(&self) -> &[[f32; 3]] {
+        &self.positions
+    }
+
+    /// Vertex indices of each triangle.
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
+    /// What gives the mesh its colour.
+    pub fn appearance(&self) -> &Appearance {
+        &self.appearance
+    }
+
+    /// The smallest and largest corner of the box around the vertices that triangles use; `None` without any.
+    pub fn bounds(&self) -> Option<([f32; 3], [f32; 3])> {
+        let mut bounds: Option<([f32; 3], [f32; 3])> = None;
+        for &i in self.triangles.iter().flatten() {
+            let p = self.positions[i as usize];
+            let (low, high) = bounds.get_or_insert((p, p));
+            for axis in 0..3 {
+                low[axis] = low[axis].min(p[axis]);
+                high[axis] = high[axis].max(p[axis]);
+            }
+        }
+        bounds
+    }
+}

@@ -1,0 +1,226 @@
+//! The knobs of a frame; the defaults are the official renderer's.
+
+use crate::error::{Error, Result};
+
+/// Which images a frame makes; what is not asked for costs nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Outputs {
+    /// RGB.
+    pub color: bool,
+    /// 1 - Π(1 - D), or as [`SilhouetteAggregation`] says.
+    pub silhouette: bool,
+    /// Σ w z, view depth in world units.
+    pub depth: bool,
+    /// Σ w n, world space.
+    pub normal: bool,
+}
+
+/// How the triangles near a pixel become its colour.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ColorAggregation {
+    /// Depth-weighted softmax (eq. 2, 3).
+    #[default]
+    Softmax,
+    /// The nearest triangle that covers the pixel's centre.
+    Hard,
+}
+
+/// How the triangles near a pixel become its silhouette.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SilhouetteAggregation {
+    /// 1 - Π(1 - D) (eq. 5).
+    #[default]
+    Product,
+    /// Σ D / number of the mesh's triangles (the official "sum").
+    Sum,
+    /// 1 where any D > ½, else 0.
+    Hard,
+}
+
+/// The distance whose sigmoid is D.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Distance {
+    /// Squared distance to the triangle's boundary, screen units² (eq. 1).
+    #[default]
+    Euclidean,
+    /// Square of the smallest barycentric coordinate, with its sign (the official "barycentric").
+    Barycentric,
+    /// D = 1 inside, 0 outside.
+    Hard,
+}
+
+/// How the background enters the colour.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Background {
+    /// As one more entry of the softmax, with score ε (the paper).
+    #[default]
+    Weighted,
+    /// I = A Σ w' C + (1 - A) C_b, w' the softmax over triangles alone: what fitting should use.
+    Composite,
+}
+
+/// Which triangles are drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Faces {
+    /// All of them.
+    #[default]
+    Both,
+    /// Front faces only.
+    Front,
+}
+
+/// Which winding, seen on the image, is the front of a triangle.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FrontFace {
+    /// Counter-clockwise (OBJ files under an unmirrored camera).
+    #[default]
+    CounterClockwise,
+    /// Clockwise (the official renderer, whose camera mirrors the image).
+    Clockwise,
+}
+
+/// How corner values are interpolated over a triangle.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Interpolation {
+    /// Affine in screen space (the paper): Σ b̂ c.
+    #[default]
+    Affine,
+    /// Perspective-correct: Σ b̂ c z / z_k.
+    Perspective,
+}
+
+/// Whose rules decide where the official code is not its own mathematics.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Parity {
+    /// This crate's model.
+    #[default]
+    Model,
+    /// The official code's image: background score 2ε, no near clipping, silhouettes that count triangles outside
+    /// [near, far] and back faces, barycentric support cut by the box of the Euclidean radius.
+    Official,
+}
+
+/// Everything about a frame that is neither mesh, camera nor light.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Image width in pixels, 1 to 16384.
+    pub width: u32,
+    /// Image height in pixels, 1 to 16384.
+    pub height: u32,
+    /// Sharpness of a triangle's edge: D = sigmoid(±d²/σ). Screen units² (1 = half the image height).
+    pub sigma: f64,
+    /// Softness of the depth ordering: weights are exp(ζ/γ).
+    pub gamma: f64,
+    /// Depth score of the background in the softmax, [`Background::Weighted`] only.
+    pub epsilon: f64,
+    /// A pair outside its triangle with D < τ is dropped; in (0, ½).
+    pub tau: f64,
+    /// Nearest view depth, above 0; triangles are cut there.
+    pub near: f64,
+    /// Farthest view depth; fragments beyond take no part.
+    pub far: f64,
+    /// Which images to make.
+    pub outputs: Outputs,
+    /// How triangles become colour (and depth and normal).
+    pub color: ColorAggregation,
+    /// How triangles become the silhouette.
+    pub silhouette: SilhouetteAggregation,
+    /// The distance behind D.
+    pub distance: Distance,
+    /// How the background enters the colour.
+    pub background: Background,
+    /// RGB of the background.
+    pub background_color: [f64; 3],
+    /// One or both faces.
+    pub faces: Faces,
+    /// Which winding is the front.
+    pub front_face: FrontFace,
+    /// Affine or perspective-correct colours.
+    pub interpolation: Interpolation,
+    /// Model or official quirks.
+    pub parity: Parity,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            width: 256,
+            height: 256,
+            sigma: 1e-5,
+            gamma: 1e-4,
+            epsilon: 1e-3,
+            tau: 1e-4,
+            near: 1.0,
+            far: 100.0,
+            outputs: Outputs { color: true, silhouette: true, depth: false, normal: false },
+            color: ColorAggregation::Softmax,
+            silhouette: SilhouetteAggregation::Product,
+            distance: Distance::Euclidean,
+            background: Background::Weighted,
+            background_color: [0.0; 3],
+            faces: Faces::Both,
+            front_face: FrontFace::CounterClockwise,
+            interpolation: Interpolation::Affine,
+            parity: Parity::Model,
+        }
+    }
+}
+
+impl Settings {
+    /// The largest width or height.
+    pub const MAX_SIZE: u32 = 16384;
+
+    /// Sets sigma so that a triangle's influence ends `pixels` outside it: r² = σ ln(1/τ - 1).
+    ///
+    /// Uses the height and τ that are set already.
+    pub fn with_blur_pixels(mut self, pixels: f64) -> Self {
+        let radius = pixels * 2.0 / f64::from(self.height);
+        self.sigma = radius * radius / self.cutoff();
+        self
+    }
+
+    /// ln(1/τ - 1): the culling radius squared in units of σ.
+    pub fn cutoff(&self) -> f64 {
+        (1.0 / self.tau - 1.0).ln()
+    }
+
+    /// The culling radius of the Euclidean distance in pixels.
+    pub fn blur_pixels(&self) -> f64 {
+        (self.sigma * self.cutoff()).sqrt() * f64::from(self.height) / 2.0
+    }
+
+    /// Checks every field's range.
+    ///
+    /// # Errors
+    /// [`Error::Settings`] naming the field, its value and its range.
+    pub fn judge(&self) -> Result<()> {
+        let check = |ok: bool, field: &'static str, value: String, mend: &str| {
+            if ok { Ok(()) } else { Err(Error::Settings { field, value, mend: mend.into() }) }
+        };
+        let size = 1..=Self::MAX_SIZE;
+        check(size.contains(&self.width), "width", self.width.to_string(), "use 1 to 16384 pixels")?;
+        check(size.contains(&self.height), "height", self.height.to_string(), "use 1 to 16384 pixels")?;
+        let ranged = |value: f64, low: f64, high: f64| value >= low && value <= high;
+        check(ranged(self.sigma, 1e-12, 1e3), "sigma", self.sigma.to_string(), "use 1e-12 to 1e3 screen units²")?;
+        check(ranged(self.gamma, 1e-10, 1e6), "gamma", self.gamma.to_string(), "use 1e-10 to 1e6")?;
+        check(ranged(self.epsilon, -1e3, 1e3), "epsilon", self.epsilon.to_string(), "use -1000 to 1000")?;
+        check(ranged(self.tau, 1e-12, 0.4), "tau", self.tau.to_string(), "use 1e-12 to 0.4; 1e-4 is usual")?;
+        check(ranged(self.near, 1e-6, 1e9), "near", self.near.to_string(), "use 1e-6 to 1e9 world units")?;
+        check(
+            self.far <= 1e12 && self.far >= self.near * (1.0 + 1e-6),
+            "far",
+            self.far.to_string(),
+            "must lie beyond near, at most at 1e12",
+        )?;
+        let background = format!("{:?}", self.background_color);
+        let finite = self.background_color.iter().all(|c| c.abs() <= 1e6);
+        check(finite, "background_color", background, "use values within ±1e6")?;
+        let Outputs { color, silhouette, depth, normal } = self.outputs;
+        check(
+            color || silhouette || depth || normal,
+            "outputs",
+            "none".into(),
+            "ask for at least one of color, silhouette, depth, normal",
+        )
+    }
+}

@@ -1,0 +1,69 @@
+//! An image texture, sampled bilinearly at UV coordinates.
+
+use crate::error::{Error, Result};
+
+/// What lies outside the unit square of UV space.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Wrap {
+    /// The image repeats (the OBJ default).
+    #[default]
+    Repeat,
+    /// The border texel continues.
+    Clamp,
+}
+
+/// An RGB image: `texels[row][column]`, row 0 at the top (v = 1), linear values.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Texture {
+    width: u32,
+    height: u32,
+    texels: Vec<[f32; 3]>,
+    wrap: Wrap,
+}
+
+impl Texture {
+    /// A texture from `width × height` RGB texels in row-major order, row 0 at the top.
+    ///
+    /// Texel (r, c) is centred at u = (c + ½) / width, v = 1 - (r + ½) / height, as OBJ files mean it.
+    ///
+    /// # Errors
+    /// [`Error::Mesh`] when a side is 0, the count does not fit, or a texel is not finite.
+    pub fn new(width: u32, height: u32, texels: Vec<[f32; 3]>, wrap: Wrap) -> Result<Self> {
+        let expected = u64::from(width) * u64::from(height);
+        if expected == 0 || texels.len() as u64 != expected {
+            return Err(Error::Mesh {
+                what: format!("{} texels for {width}×{height}", texels.len()),
+                place: "texture".into(),
+                mend: "give width × height texels, at least one".into(),
+            });
+        }
+        if let Some(i) = texels.iter().position(|t| !t.iter().all(|x| x.is_finite())) {
+            return Err(Error::Mesh {
+                what: format!("texel {:?} is not finite", texels[i]),
+                place: format!("texture row {}, column {}", i / width as usize, i % width as usize),
+                mend: "use finite values".into(),
+            });
+        }
+        Ok(Self { width, height, texels, wrap })
+    }
+
+    /// Width in texels.
+    pub fn width(&self) -> u32 {
+        self.width
+    }
+
+    /// Height in texels.
+    pub fn height(&self) -> u32 {
+        self.height
+    }
+
+    /// The texels, row-major, row 0 at the top.
+    pub fn texels(&self) -> &[[f32; 3]] {
+        &self.texels
+    }
+
+    /// What lies outside the unit square.
+    pub fn wrap(&self) -> Wrap {
+        self.wrap
+    }
+}
