@@ -1,0 +1,134 @@
+#version 450
+#extension GL_GOOGLE_include_directive : require
+// Bin, coarse: each bin's bitmap becomes its list of slots in ascending order, and each entry gets a mask of the 64
+// tiles of the bin that the triangle may touch.
+// One workgroup a bin, views along y; each lane compacts a run of words, so that the order is the bitmap's. The place of
+// a list in memory comes from an atomic counter and may differ between runs; its content and order do not.
+// Reads `bin_bits`, `boxes` and `geometry`; writes `bin_ranges`, `coarse_slots`, `coarse_masks` and `status`.
+
+layout(local_size_x_id = 0) in;
+
+layout(set = 0, binding = 0) uniform usamplerBuffer view_shapes;
+layout(set = 0, binding = 1) uniform usamplerBuffer bin_bits;
+layout(set = 0, binding = 2) uniform isamplerBuffer boxes;
+layout(set = 0, binding = 3) uniform samplerBuffer geometry;
+layout(set = 0, binding = 4, std430) writeonly buffer BinRanges { uvec2 bin_ranges[]; };
+layout(set = 0, binding = 5, std430) buffer CoarseSlots { uint coarse_slots[]; };
+layout(set = 0, binding = 6, std430) writeonly buffer CoarseMasks { uvec2 coarse_masks[]; };
+layout(set = 0, binding = 7, std430) buffer Status { uint status[]; };
+
+#include "common/constants.glsl"
+#include "common/modes.glsl"
+#include "common/frame.glsl"
+#include "common/mesh.glsl"
+
+shared uint counts[gl_WorkGroupSize.x];
+shared uint list_start;
+
+// Which tiles of the row whose centre lies at `y` (relative to the origin) a grown triangle may touch: the edges'
+// half-planes cut an interval of columns from it. `lines` are prepared by tile_mask.
+uint row_mask(vec3 at_first, vec3 per_row, vec3 inverse, float y, int first, int last) {
+    // A thousandth of a tile for rounding.
+    vec3 t = (at_first + per_row * y) * inverse;
+    int low = first;
+    int high = last;
+    for (int k = 0; k < 3; ++k) {
+        int from = int(ceil(clamp(t[k] - 1e-3, -1.0, 9.0)));
+        int to = int(floor(clamp(t[k] + 1e-3, -1.0, 9.0)));
+        low = inverse[k] < 0.0 ? max(low, from) : low;
+        high = inverse[k] < 0.0 ? high : min(high, to);
+    }
+    return low > high ? 0u : ((2u << uint(high)) - 1u) & ~((1u << uint(low)) - 1u);
+}
+
+uvec2 tile_mask(int slot, ivec2 bin) {
+    int at = slot * int(GEOMETRY_TEXELS);
+    vec2 origin = texelFetch(geometry, at).xy;
+    vec4 last_texel = texelFetch(geometry, at + 4);
+    ivec4 box = texelFetch(boxes, slot);
+    ivec2 tile = ivec2(TILE_WIDTH, TILE_HEIGHT);
+    ivec2 first = max(box.xy / tile - bin * int(BIN_TILES), ivec2(0));
+    ivec2 last = min(box.zw / tile - bin * int(BIN_TILES), ivec2(BIN_TILES - 1u));
+    vec2 half_size = 0.5 * vec2(TILE_WIDTH - 1u, TILE_HEIGHT - 1u);
+    vec2 centre = vec2(bin) * vec2(BIN_WIDTH, BIN_HEIGHT) + half_size - origin;
+    vec3 at_first;
+    vec3 per_row;
+    vec3 inverse;
+    for (int k = 0; k < 3; ++k) {
+        vec4 line = texelFetch(geometry, at + 1 + k);
+        float reach = sqrt(frame.radius_squared);
+        if (DISTANCE == DISTANCE_BARYCENTRIC) {
+            reach = frame.barycentric_radius / last_texel[k + 1];
+        }
+        reach = 1.001 * reach + 0.01 * frame.scale;
+        // A segment's end lines (their inverse heights are not positive) bound nothing; nor does a point's line.
+        bool bounds = last_texel[k + 1] > 0.0 && line.z < 1e14;
+        float nx = abs(line.x) < 1e-9 * frame.scale ? (line.x < 0.0 ? -1e-9 : 1e-9) * frame.scale : line.x;
+        float spread = abs(line.x) * half_size.x + abs(line.y) * half_size.y;
+        at_first[k] = bounds ? line.x * centre.x + line.z + spread + reach : 1e30;
+        per_row[k] = bounds ? line.y : 0.0;
+        inverse[k] = -1.0 / (nx * float(TILE_WIDTH));
+    }
+    uvec2 mask = uvec2(0u);
+    for (int row = 0; row < int(BIN_TILES); ++row) {
+        float y = centre.y + float(row * int(TILE_HEIGHT));
+        uint bits = row_mask(at_first, per_row, inverse, y, first.x, last.x);
+        bits = row < first.y || row > last.y ? 0u : bits;
+        mask[row / 4] |= bits << uint(8 * (row % 4));
+    }
+    return mask;
+}
+
+void main() {
+    int view = int(gl_WorkGroupID.y);
+    int bin = int(gl_WorkGroupID.x);
+    int lane = int(gl_LocalInvocationID.x);
+    int lanes = int(gl_WorkGroupSize.x);
+    Shape shape = shape_of(view);
+    int words = shape.word_count;
+    int base = shape.word_base + bin * words;
+    int run = (words + lanes - 1) / lanes;
+    int from = min(lane * run, words);
+    int to = min(from + run, words);
+    uint count = 0u;
+    for (int w = from; w < to; ++w) {
+        count += uint(bitCount(texelFetch(bin_bits, base + w).x));
+    }
+    counts[lane] = count;
+    barrier();
+    uint before = 0u;
+    uint total = 0u;
+    for (int l = 0; l < lanes; ++l) {
+        before += l < lane ? counts[l] : 0u;
+        total += counts[l];
+    }
+    if (lane == 0) {
+        list_start = total == 0u ? 0u : atomicAdd(status[STATUS_COARSE_NEEDED], total);
+    }
+    barrier();
+    uint start = list_start;
+    bool fits = start + total <= frame.coarse_capacity;
+    if (lane == 0) {
+        // A list that does not fit is left out whole and the status says what was needed: the frame is then not valid.
+        bin_ranges[shape.bin_base + bin] = uvec2(start, fits ? total : 0u);
+    }
+    if (!fits) {
+        return;
+    }
+    uint next = start + before;
+    for (int w = from; w < to; ++w) {
+        uint word = texelFetch(bin_bits, base + w).x;
+        while (word != 0u) {
+            coarse_slots[next] = uint(shape.slot_base + w * int(WORD_BITS) + findLSB(word));
+            word &= word - 1u;
+            ++next;
+        }
+    }
+    memoryBarrierBuffer();
+    barrier();
+    int bins_x = int(frame.bins_x);
+    ivec2 where = ivec2(bin % bins_x, bin / bins_x);
+    for (uint i = start + uint(lane); i < start + total; i += uint(lanes)) {
+        coarse_masks[i] = tile_mask(int(coarse_slots[i]), where);
+    }
+}

@@ -1,0 +1,130 @@
+// What Rust and GLSL both need to know; build.rs turns every constant here into a Rust one.
+
+// Width of a tile in pixels.
+const uint TILE_WIDTH = 8u;
+// Height of a tile in pixels: 8×4 is what one subgroup of eight lanes holds in registers, four pixels a lane.
+const uint TILE_HEIGHT = 4u;
+// Tiles of a bin along each axis; 8×8 tiles are the 64 bits of a mask.
+const uint BIN_TILES = 8u;
+// Width of a bin in pixels.
+const uint BIN_WIDTH = 64u;
+// Height of a bin in pixels.
+const uint BIN_HEIGHT = 32u;
+// Workgroups of forward along x; more go along z, since 65535 is all that a device must offer.
+const uint FORWARD_ROW = 32768u;
+// Invocations of a workgroup of the vertex and triangle stages.
+const uint LINEAR_GROUP = 64u;
+// Triangles whose bits share one word of a bin's bitmap.
+const uint WORD_BITS = 32u;
+
+// Texels (uvec4) of one entry of `view_shapes`.
+const uint SHAPE_TEXELS = 4u;
+// Texels (vec4) of one entry of `view_cameras`.
+const uint CAMERA_TEXELS = 11u;
+// Texels (vec4) of one transformed vertex.
+const uint VERTEX_TEXELS = 2u;
+// Texels (vec4) of one vertex's light and normal.
+const uint VERTEX_SHADING_TEXELS = 2u;
+// Texels (vec4) of one triangle's geometry record.
+const uint GEOMETRY_TEXELS = 5u;
+// Texels (vec4) of a shading record with corner colours only.
+const uint SHADING_TEXELS = 4u;
+// Texels (vec4) that texture coordinates add to a shading record.
+const uint SHADING_COORDINATE_TEXELS = 2u;
+// Texels (vec4) that normals add to a shading record.
+const uint SHADING_NORMAL_TEXELS = 3u;
+
+// Bits of OUTPUTS.
+const uint OUTPUT_COLOR = 1u;
+// The silhouette image.
+const uint OUTPUT_SILHOUETTE = 2u;
+// The depth image.
+const uint OUTPUT_DEPTH = 4u;
+// The normal image.
+const uint OUTPUT_NORMAL = 8u;
+
+// COLOR_MODE: the depth-weighted softmax of eq. 2 and 3.
+const uint COLOR_SOFTMAX = 0u;
+// COLOR_MODE: the nearest covering triangle.
+const uint COLOR_HARD = 1u;
+
+// SILHOUETTE_MODE: 1 - product of complements, eq. 5.
+const uint SILHOUETTE_PRODUCT = 0u;
+// SILHOUETTE_MODE: sum of D over the number of triangles.
+const uint SILHOUETTE_SUM = 1u;
+// SILHOUETTE_MODE: 1 where any D > 1/2.
+const uint SILHOUETTE_HARD = 2u;
+
+// DISTANCE: squared distance to the boundary.
+const uint DISTANCE_EUCLIDEAN = 0u;
+// DISTANCE: square of the smallest barycentric coordinate.
+const uint DISTANCE_BARYCENTRIC = 1u;
+// DISTANCE: inside or not.
+const uint DISTANCE_HARD = 2u;
+
+// SAMPLING: corner colours only.
+const uint SAMPLING_NONE = 0u;
+// SAMPLING bit: some mesh has surface cells.
+const uint SAMPLING_SURFACE = 1u;
+// SAMPLING bit: some mesh has image textures.
+const uint SAMPLING_IMAGE = 2u;
+
+// DEPTH_RANGE: every fragment is known to lie within [near, far].
+const uint DEPTH_RANGE_INSIDE = 0u;
+// DEPTH_RANGE: fragments beyond far take part in nothing.
+const uint DEPTH_RANGE_FAR = 1u;
+// DEPTH_RANGE: fragments outside [near, far] count in the silhouette alone, as in the official code.
+const uint DEPTH_RANGE_OFFICIAL = 2u;
+
+// Projection kinds: x / z.
+const uint PROJECTION_PERSPECTIVE = 0u;
+// Projection kind: x whatever the depth.
+const uint PROJECTION_ORTHOGRAPHIC = 1u;
+// Projection kind: x / (z + 1e-5), then distorted.
+const uint PROJECTION_OFFICIAL = 2u;
+// Projection kind: already on the screen.
+const uint PROJECTION_SCREEN = 3u;
+
+// Kinds of an entry of `textures`: surface cells, looked up without interpolation.
+const uint TEXTURE_SURFACE = 0u;
+// Kind of texture: an image that repeats.
+const uint TEXTURE_REPEAT = 1u;
+// Kind of texture: an image whose border continues.
+const uint TEXTURE_CLAMP = 2u;
+
+// Words of `status`: entries that the bins' lists need.
+const uint STATUS_COARSE_NEEDED = 0u;
+// Word of `status`: entries that the tiles' lists need.
+const uint STATUS_LIST_NEEDED = 1u;
+// Word of `status`: not 0 when a value that is not finite was met.
+const uint STATUS_NOT_FINITE = 2u;
+// Word of `status`: the longest tile list.
+const uint STATUS_LONGEST_LIST = 3u;
+// Words of `status`.
+const uint STATUS_WORDS = 4u;
+
+// Bits of GRADIENTS: what backward is asked for. Positions, the camera, and all that lies behind them.
+const uint GRADIENT_GEOMETRY = 1u;
+// Corner colours: vertex colours and lights.
+const uint GRADIENT_COLOR = 2u;
+// Texture coordinates.
+const uint GRADIENT_COORDINATE = 4u;
+// Texels of surfaces and images.
+const uint GRADIENT_TEXEL = 8u;
+// Sigma and gamma.
+const uint GRADIENT_SCALARS = 16u;
+// Corner normals, of the normal image.
+const uint GRADIENT_NORMAL = 32u;
+
+// Pixels of a cell: a larger box is walked in several cells, by several invocations.
+const uint CELL_WIDTH = 64u;
+// Height of a cell.
+const uint CELL_HEIGHT = 32u;
+// Texels (vec4) of a partial gradient before its optional parts.
+const uint PARTIAL_TEXELS = 3u;
+// Texels (vec4) that corner colours add to a partial gradient.
+const uint PARTIAL_COLOR_TEXELS = 3u;
+// Texels (vec4) that texture coordinates add to a partial gradient.
+const uint PARTIAL_COORDINATE_TEXELS = 2u;
+// Texels (vec4) that corner normals add to a partial gradient.
+const uint PARTIAL_NORMAL_TEXELS = 3u;

@@ -1,0 +1,145 @@
+// The three boundary segments of a triangle on the image, relative to a whole-numbered pixel near the triangle, so that
+// a pixel's offset from it is exact and rounding is relative to the triangle's size, not to the image's.
+
+struct Edges {
+    // Whole-numbered pixel (column, row) that everything is relative to.
+    vec2 origin;
+    // Edge k lies opposite corner k: (n.x, n.y, c, g). n·q + c is the distance to its line, positive inside;
+    // n.y q.x - n.x q.y + g the distance along it from its midpoint; both times frame.scale.
+    vec4 line[3];
+    // Half the edge's length times frame.scale.
+    vec3 half_length;
+    // Barycentric k is the distance to edge k's line times this.
+    vec3 inverse_height;
+    // Corners relative to the origin, pixels.
+    vec2 corner[3];
+    // Sign of the area with rows downwards: negative is counter-clockwise to the eye.
+    float orientation;
+    // No area: the record describes a segment or a point.
+    bool degenerate;
+    bool finite;
+};
+
+// A line through `middle` with the unit direction `along`; `side` picks which of its sides is inside.
+vec4 line_record(vec2 along, float side, vec2 middle_x, vec2 middle_y) {
+    vec2 n = side * vec2(-along.y, along.x);
+    float c = -df_add(df_mul(middle_x, n.x), df_mul(middle_y, n.y)).x;
+    float g = -df_sub(df_mul(middle_x, n.y), df_mul(middle_y, n.x)).x;
+    return vec4(n, c, g) * frame.scale;
+}
+
+// A triangle without area is its longest edge. That edge keeps its place; the other two become its end points, with
+// lines across it whose distances, times the inverse heights, are the barycentrics of the nearest point, and which
+// are never both positive, so that nothing is inside.
+void flatten_to_segment(inout Edges e, int longest, vec2 along, float size, vec2 x[3], vec2 y[3]) {
+    int a = longest == 2 ? 0 : longest + 1;
+    int b = a == 2 ? 0 : a + 1;
+    e.degenerate = true;
+    e.half_length = vec3(0.0);
+    e.half_length[longest] = 0.5 * size * frame.scale;
+    e.inverse_height = vec3(0.0);
+    // The line at corner a, whose edge is opposite corner b, measures b's share.
+    vec2 across = vec2(-along.y, along.x);
+    e.line[b] = line_record(across, 1.0, x[a], y[a]);
+    e.line[a] = line_record(across, -1.0, x[b], y[b]);
+    float inverse = size > 0.0 ? -1.0 / (size * frame.scale) : 0.0;
+    e.inverse_height[b] = inverse;
+    e.inverse_height[a] = inverse;
+    if (size == 0.0) {
+        // A point has the barycentrics of its first corner: a line that is everywhere equally far.
+        e.line[0] = vec4(0.0, 0.0, 1e15, 0.0);
+        e.inverse_height[0] = 1e-15;
+    }
+}
+
+Edges edges_of(vec2 column[3], vec2 row[3]) {
+    Edges e;
+    vec2 low = vec2(min(column[0].x, min(column[1].x, column[2].x)), min(row[0].x, min(row[1].x, row[2].x)));
+    vec2 high = vec2(max(column[0].x, max(column[1].x, column[2].x)), max(row[0].x, max(row[1].x, row[2].x)));
+    // Kept on the image: of a triangle that reaches far beyond it, the part that is seen must be exact.
+    e.origin = floor(clamp(0.5 * (low + high), vec2(0.0), vec2(frame.width, frame.height)));
+    vec2 x[3];
+    vec2 y[3];
+    for (int k = 0; k < 3; ++k) {
+        x[k] = df_sub(column[k], vec2(e.origin.x, 0.0));
+        y[k] = df_sub(row[k], vec2(e.origin.y, 0.0));
+        e.corner[k] = vec2(x[k].x, y[k].x);
+    }
+    vec2 dx[3];
+    vec2 dy[3];
+    vec3 size;
+    for (int k = 0; k < 3; ++k) {
+        int a = k == 2 ? 0 : k + 1;
+        int b = a == 2 ? 0 : a + 1;
+        dx[k] = df_sub(x[b], x[a]);
+        dy[k] = df_sub(y[b], y[a]);
+        float largest = max(abs(dx[k].x), abs(dy[k].x));
+        vec2 ratio = vec2(dx[k].x, dy[k].x) / (largest > 0.0 ? largest : 1.0);
+        size[k] = largest * sqrt(dot(ratio, ratio));
+    }
+    float area = df_sub(df_mul(dx[2], dy[0]), df_mul(dy[2], dx[0])).x;
+    e.finite = abs(area) < 1e30;
+    e.orientation = area < 0.0 ? -1.0 : 1.0;
+    int longest = size.x >= size.y ? (size.x >= size.z ? 0 : 2) : (size.y >= size.z ? 1 : 2);
+    e.degenerate = abs(area) <= 1e-10 * size[longest] * size[longest];
+    for (int k = 0; k < 3; ++k) {
+        int a = k == 2 ? 0 : k + 1;
+        int b = a == 2 ? 0 : a + 1;
+        // An edge of no length is a point: any direction serves.
+        vec2 along = size[k] > 0.0 ? vec2(dx[k].x, dy[k].x) / size[k] : vec2(1.0, 0.0);
+        vec2 middle_x = df_mul(df_add(x[a], x[b]), 0.5);
+        vec2 middle_y = df_mul(df_add(y[a], y[b]), 0.5);
+        e.line[k] = line_record(along, e.orientation, middle_x, middle_y);
+        e.half_length[k] = 0.5 * size[k] * frame.scale;
+        e.inverse_height[k] = size[k] / (max(abs(area), 1e-30) * frame.scale);
+    }
+    if (e.degenerate) {
+        vec2 along = size[longest] > 0.0 ? vec2(dx[longest].x, dy[longest].x) / size[longest] : vec2(1.0, 0.0);
+        flatten_to_segment(e, longest, along, size[longest], x, y);
+    }
+    return e;
+}
+
+// How far beyond an edge's line, in that line's units, the triangle still counts.
+float reach_of(Edges e, int k) {
+    if (DISTANCE == DISTANCE_EUCLIDEAN) {
+        return sqrt(frame.radius_squared);
+    }
+    return DISTANCE == DISTANCE_BARYCENTRIC ? frame.barycentric_radius / e.inverse_height[k] : 0.0;
+}
+
+// Pixels (first column, first row, last column, last row) that may be within reach; empty when last < first.
+ivec4 grown_box(Edges e) {
+    vec2 low = min(e.corner[0], min(e.corner[1], e.corner[2]));
+    vec2 high = max(e.corner[0], max(e.corner[1], e.corner[2]));
+    float grow = DISTANCE == DISTANCE_EUCLIDEAN ? frame.radius_pixels : 0.0;
+    if (DISTANCE == DISTANCE_BARYCENTRIC) {
+        // The triangle grown about its centroid: each corner moves by the radius times its distance from the others.
+        float r = frame.barycentric_radius;
+        vec2 sum = e.corner[0] + e.corner[1] + e.corner[2];
+        for (int k = 0; k < 3; ++k) {
+            vec2 grown = e.corner[k] * (1.0 + 3.0 * r) - sum * r;
+            low = min(low, grown);
+            high = max(high, grown);
+        }
+    }
+    // A hundredth of a pixel covers the rounding of these sums; the fragment's own test is exact.
+    vec2 margin = vec2(grow + 0.01);
+    vec2 bound = vec2(frame.width, frame.height);
+    vec2 first = clamp(ceil(e.origin + low - margin), vec2(0.0), bound);
+    vec2 last = clamp(floor(e.origin + high + margin), vec2(-1.0), bound - 1.0);
+    return ivec4(first, last);
+}
+
+// Whether the pixels within `half_size` of `centre` (relative to the origin) can be within reach of the triangle.
+bool may_touch(Edges e, vec2 centre, vec2 half_size) {
+    bool touch = true;
+    for (int k = 0; k < 3; ++k) {
+        vec4 l = e.line[k];
+        float nearest = l.x * centre.x + l.y * centre.y + l.z + abs(l.x) * half_size.x + abs(l.y) * half_size.y;
+        // 0.1 % and a hundredth of a pixel for rounding.
+        touch = touch && nearest >= -1.001 * reach_of(e, k) - 0.01 * frame.scale;
+    }
+    // The end lines of a segment are not edges.
+    return touch || e.degenerate;
+}

@@ -1,0 +1,94 @@
+// One (pixel, triangle) pair: distance, probability, barycentrics and depth, as steps 1 to 4 of the image model.
+
+// A triangle's record, in registers. See edge.glsl for the lines and triangle.comp for the depth.
+struct Triangle {
+    vec2 origin;
+    vec4 line0;
+    vec4 line1;
+    vec4 line2;
+    vec3 half_length;
+    vec3 inverse_height;
+};
+
+Triangle triangle_of(int slot) {
+    int at = slot * int(GEOMETRY_TEXELS);
+    vec4 head = texelFetch(geometry, at);
+    vec4 tail = texelFetch(geometry, at + 4);
+    return Triangle(head.xy, texelFetch(geometry, at + 1), texelFetch(geometry, at + 2), texelFetch(geometry, at + 3),
+                    vec3(head.zw, tail.x), tail.yzw);
+}
+
+struct Fragment {
+    // D, and its complement computed without cancellation.
+    float probability;
+    float complement;
+    // Whether the pair takes part at all.
+    bool kept;
+    // Distances to the three edges' lines, positive inside.
+    vec3 height;
+};
+
+// Squared distance to a segment: off its line, and beyond its ends along it.
+float segment_distance(vec4 line, float half_length, float height, vec2 q) {
+    float along = line.y * q.x - line.x * q.y + line.w;
+    float beyond = max(abs(along) - half_length, 0.0);
+    return height * height + beyond * beyond;
+}
+
+// Pixels within this distance of an edge count as covered in the hard modes, so that rounding opens no holes.
+const float HARD_EDGE_PIXELS = 1e-5;
+
+Fragment fragment_at(Triangle t, vec2 q, float radius_squared, float scale) {
+    Fragment f;
+    f.height = vec3(t.line0.x * q.x + t.line0.y * q.y + t.line0.z, t.line1.x * q.x + t.line1.y * q.y + t.line1.z,
+                    t.line2.x * q.x + t.line2.y * q.y + t.line2.z);
+    float lowest = min(f.height.x, min(f.height.y, f.height.z));
+    if (DISTANCE == DISTANCE_HARD) {
+        f.kept = lowest >= -HARD_EDGE_PIXELS * scale;
+        f.probability = f.kept ? 1.0 : 0.0;
+        f.complement = 1.0 - f.probability;
+        return f;
+    }
+    float squared;
+    bool inside;
+    if (DISTANCE == DISTANCE_EUCLIDEAN) {
+        float d0 = segment_distance(t.line0, t.half_length.x, f.height.x, q);
+        float d1 = segment_distance(t.line1, t.half_length.y, f.height.y, q);
+        float d2 = segment_distance(t.line2, t.half_length.z, f.height.z, q);
+        squared = min(d0, min(d1, d2));
+        inside = lowest > 0.0;
+    } else {
+        vec3 b = f.height * t.inverse_height;
+        float least = min(b.x, min(b.y, b.z));
+        squared = least * least * frame.barycentric_scale;
+        inside = least > 0.0;
+    }
+    // exp2 of the negative distance serves both signs: sigmoid(x) = 1 / (1 + e), sigmoid(-x) = e / (1 + e).
+    float e = exp2(-squared);
+    float major = 1.0 / (1.0 + e);
+    float minor = e * major;
+    f.kept = inside || squared < radius_squared;
+    f.probability = f.kept ? (inside ? major : minor) : 0.0;
+    f.complement = f.kept ? (inside ? minor : major) : 1.0;
+    return f;
+}
+
+// Clipped barycentrics, not yet divided by their sum. The lower bound stands for 0 and keeps the sum above it for
+// triangles so thin that rounding puts a pixel outside all three edges.
+vec3 clipped_barycentrics(Triangle t, vec3 height) {
+    return clamp(height * t.inverse_height, vec3(1e-20), vec3(1.0));
+}
+
+struct Depth {
+    // z over corner 0's z.
+    float ratio;
+    // log2 weight beyond the whole part of corner 0's.
+    float weight;
+};
+
+// 1/z = Σ b̂/z_k, kept relative to corner 0. `record` is triangle.comp's depth record; b is not divided by its sum.
+Depth depth_at(vec4 record, vec3 b, float sum) {
+    float excess = b.y * record.x + b.z * record.y;
+    float inverse = 1.0 / (sum + excess);
+    return Depth(sum * inverse, record.z * excess * inverse + record.w);
+}

@@ -1,0 +1,29 @@
+// What a backward pass computes, fixed when a pipeline is made.
+
+// OUTPUT_ bits of the images that have an upstream gradient.
+layout(constant_id = 20) const uint UPSTREAM = 3;
+// GRADIENT_ bits.
+layout(constant_id = 21) const uint GRADIENTS = 3;
+// Barycentrics held constant, as in eq. 4 alone.
+layout(constant_id = 22) const bool PAPER = false;
+
+const bool UP_COLOR = (UPSTREAM & OUTPUT_COLOR) != 0u;
+const bool UP_SILHOUETTE = (UPSTREAM & OUTPUT_SILHOUETTE) != 0u;
+const bool UP_DEPTH = (UPSTREAM & OUTPUT_DEPTH) != 0u;
+const bool UP_NORMAL = (UPSTREAM & OUTPUT_NORMAL) != 0u;
+const bool UP_SHADED = UP_COLOR || UP_DEPTH || UP_NORMAL;
+// The composite background makes every image depend on the silhouette.
+const bool UP_ALPHA = UP_SILHOUETTE || (COMPOSITE && UP_SHADED);
+
+const bool GRAD_GEOMETRY = (GRADIENTS & GRADIENT_GEOMETRY) != 0u;
+const bool GRAD_COLOR = (GRADIENTS & GRADIENT_COLOR) != 0u && UP_COLOR;
+const bool GRAD_COORDINATE = (GRADIENTS & GRADIENT_COORDINATE) != 0u && UP_COLOR;
+const bool GRAD_SCALARS = (GRADIENTS & GRADIENT_SCALARS) != 0u;
+const bool GRAD_NORMAL = (GRADIENTS & GRADIENT_NORMAL) != 0u && UP_NORMAL;
+
+const int PARTIAL_COLOR_AT = int(PARTIAL_TEXELS);
+const int PARTIAL_COORDINATE_AT = PARTIAL_COLOR_AT + (GRAD_COLOR ? int(PARTIAL_COLOR_TEXELS) : 0);
+const int PARTIAL_NORMAL_AT = PARTIAL_COORDINATE_AT + (GRAD_COORDINATE ? int(PARTIAL_COORDINATE_TEXELS) : 0);
+const int PARTIAL_STRIDE = PARTIAL_NORMAL_AT + (GRAD_NORMAL ? int(PARTIAL_NORMAL_TEXELS) : 0);
+// Texels of a pixel's entry of `pixel_gradients`: colour and silhouette; weights; and the normal's where there is one.
+const int PIXEL_STRIDE = UP_SHADED ? (UP_NORMAL ? 3 : 2) : 1;

@@ -1,0 +1,21 @@
+// Ambient and directional light on a normal; `lights` holds the ambient colour, then direction and colour in turn.
+
+vec3 light_on(vec3 normal) {
+    vec3 sum = texelFetch(lights, 0).rgb;
+    uint count = frame.light_count;
+    for (uint i = 0u; i < count; ++i) {
+        vec3 direction = texelFetch(lights, int(1u + 2u * i)).xyz;
+        vec3 color = texelFetch(lights, int(2u + 2u * i)).rgb;
+        sum += color * max(dot(normal, direction), 0.0);
+    }
+    return sum;
+}
+
+// Unit vector along v, or zero: scaled by its largest component first, so that no square overflows or vanishes.
+vec3 unit_or_zero(vec3 v) {
+    vec3 a = abs(v);
+    float largest = max(a.x, max(a.y, a.z));
+    vec3 w = v / (largest > 0.0 ? largest : 1.0);
+    float squared = dot(w, w);
+    return largest > 0.0 ? w * inversesqrt(squared) : vec3(0.0);
+}

@@ -1,0 +1,33 @@
+// A view's mesh: where its vertices, triangles and colours lie in the shared buffers.
+
+struct Shape {
+    int vertex_base;
+    int vertex_count;
+    int triangle_base;
+    int triangle_count;
+    // First of this view's transformed vertices, record slots, bins and bitmap words.
+    int screen_base;
+    int slot_base;
+    int bin_base;
+    int word_base;
+    // Slots (twice the triangles where the near plane may cut them) and bitmap words of a bin.
+    int slot_count;
+    int word_count;
+    // First float of the mesh's colours; one colour for all when `uniform_color`.
+    int color_base;
+    bool uniform_color;
+    // Texture coordinates: first float, first index, first index of `texture_of_triangle`; -1 for none.
+    int uv_base;
+    int uv_index_base;
+    int texture_base;
+    int adjacency_base;
+};
+
+Shape shape_of(int view) {
+    int at = view * int(SHAPE_TEXELS);
+    ivec4 a = ivec4(texelFetch(view_shapes, at));
+    ivec4 b = ivec4(texelFetch(view_shapes, at + 1));
+    ivec4 c = ivec4(texelFetch(view_shapes, at + 2));
+    ivec4 d = ivec4(texelFetch(view_shapes, at + 3));
+    return Shape(a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w, c.x, c.y, c.z, c.w != 0, d.x, d.y, d.z, d.w);
+}

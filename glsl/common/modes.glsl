@@ -1,0 +1,31 @@
+// What a frame computes, fixed when a pipeline is made, so that what is not asked for is not compiled.
+
+layout(constant_id = 1) const uint OUTPUTS = 3;
+layout(constant_id = 2) const uint COLOR_MODE = 0;
+layout(constant_id = 3) const uint SILHOUETTE_MODE = 0;
+layout(constant_id = 4) const uint DISTANCE = 0;
+layout(constant_id = 5) const uint SAMPLING = 0;
+layout(constant_id = 6) const bool PERSPECTIVE_CORRECT = false;
+layout(constant_id = 7) const bool COMPOSITE = false;
+layout(constant_id = 8) const uint DEPTH_RANGE = 0;
+layout(constant_id = 9) const bool SAVE = false;
+layout(constant_id = 10) const bool NEAR_CLIP = false;
+layout(constant_id = 11) const bool SMOOTH = false;
+layout(constant_id = 12) const bool LIT = false;
+layout(constant_id = 13) const bool FRONT_ONLY = false;
+layout(constant_id = 14) const bool CLOCKWISE_FRONT = false;
+layout(constant_id = 15) const bool OFFICIAL = false;
+
+// Anything that needs a depth order.
+const bool SHADED = (OUTPUTS & (OUTPUT_COLOR | OUTPUT_DEPTH | OUTPUT_NORMAL)) != 0u;
+const bool WANT_COLOR = (OUTPUTS & OUTPUT_COLOR) != 0u;
+const bool WANT_DEPTH = (OUTPUTS & OUTPUT_DEPTH) != 0u;
+const bool WANT_NORMAL = (OUTPUTS & OUTPUT_NORMAL) != 0u;
+// The composite background is blended by the silhouette, asked for or not.
+const bool WANT_SILHOUETTE = (OUTPUTS & OUTPUT_SILHOUETTE) != 0u || (COMPOSITE && SHADED);
+// The shading record holds the depth too, so a silhouette with a far plane needs it.
+const bool WANT_SHADING = SHADED || DEPTH_RANGE != DEPTH_RANGE_INSIDE;
+const bool WANT_NORMALS_IN_RECORD = WANT_NORMAL;
+const int SHADING_STRIDE = int(SHADING_TEXELS) + (SAMPLING != SAMPLING_NONE ? int(SHADING_COORDINATE_TEXELS) : 0)
+    + (WANT_NORMAL ? int(SHADING_NORMAL_TEXELS) : 0);
+const int SHADING_NORMAL_AT = int(SHADING_TEXELS) + (SAMPLING != SAMPLING_NONE ? int(SHADING_COORDINATE_TEXELS) : 0);

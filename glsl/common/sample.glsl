@@ -1,0 +1,57 @@
+// Texture lookup. An entry of `textures` is (first texel, width, height, kind).
+
+// The official surface cell of barycentrics (b0, b1): two triangles of cells make R² of them.
+int surface_cell(vec2 b, int resolution) {
+    vec2 scaled = b * float(resolution);
+    ivec2 cell = clamp(ivec2(floor(scaled)), ivec2(0), ivec2(resolution - 1));
+    bool lower = scaled.x + scaled.y - float(cell.x + cell.y) <= 1.0;
+    ivec2 c = lower ? cell : ivec2(resolution - 1) - cell;
+    return c.y * resolution + c.x;
+}
+
+ivec2 wrapped(ivec2 texel, ivec2 size, bool repeat) {
+    ivec2 clamped = clamp(texel, ivec2(0), size - 1);
+    ivec2 repeated = texel - size * ivec2(floor(vec2(texel) / vec2(size)));
+    // The quotient's rounding can leave a repeated texel one period off.
+    repeated += size * ivec2(lessThan(repeated, ivec2(0)));
+    repeated -= size * ivec2(greaterThanEqual(repeated, size));
+    return repeat ? repeated : clamped;
+}
+
+// The four texels around a point and their bilinear weights.
+struct Footprint {
+    ivec4 texel;
+    vec4 weight;
+};
+
+Footprint footprint_of(uvec4 entry, vec2 uv) {
+    ivec2 size = ivec2(entry.yz);
+    bool repeat = entry.w == TEXTURE_REPEAT;
+    // Whole periods go first, so that far UVs keep their fraction.
+    vec2 folded = repeat ? uv - floor(uv) : uv;
+    vec2 at = vec2(folded.x, 1.0 - folded.y) * vec2(size) - 0.5;
+    at = clamp(at, vec2(-2.0), vec2(size) + 1.0);
+    vec2 low = floor(at);
+    vec2 t = at - low;
+    ivec2 a = wrapped(ivec2(low), size, repeat);
+    ivec2 b = wrapped(ivec2(low) + 1, size, repeat);
+    int base = int(entry.x);
+    ivec4 texel = base + ivec4(a.y * size.x + a.x, a.y * size.x + b.x, b.y * size.x + a.x, b.y * size.x + b.x);
+    return Footprint(texel, vec4((1.0 - t.x) * (1.0 - t.y), t.x * (1.0 - t.y), (1.0 - t.x) * t.y, t.x * t.y));
+}
+
+vec3 sample_texture(int index, int triangle, vec2 coordinate) {
+    uvec4 entry = texelFetch(textures, index);
+    vec3 color = vec3(1.0);
+    if ((SAMPLING & SAMPLING_IMAGE) != 0u && entry.w != TEXTURE_SURFACE) {
+        Footprint f = footprint_of(entry, coordinate);
+        color = texelFetch(texels, f.texel.x).rgb * f.weight.x + texelFetch(texels, f.texel.y).rgb * f.weight.y
+              + texelFetch(texels, f.texel.z).rgb * f.weight.z + texelFetch(texels, f.texel.w).rgb * f.weight.w;
+    }
+    if ((SAMPLING & SAMPLING_SURFACE) != 0u && entry.w == TEXTURE_SURFACE) {
+        int resolution = int(entry.y);
+        int cell = surface_cell(coordinate, resolution);
+        color = texelFetch(texels, int(entry.x) + triangle * resolution * resolution + cell).rgb;
+    }
+    return color;
+}

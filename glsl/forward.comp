@@ -1,0 +1,244 @@
+#version 450
+#extension GL_GOOGLE_include_directive : require
+// Forward: every pixel gathers over its tile's triangles in ascending order: silhouette as a product of complements,
+// colour, depth and normal as a softmax by depth with a running maximum.
+// One workgroup a tile of 8×4 pixels, each lane 32 / lanes of them; tiles are taken even ones first, since a driver that
+// gives each core one contiguous half of the workgroups would else leave one idle.
+// Reads `tile_ranges`, `tile_slots` and the records; writes the images, and for backward `saved`: the log2 weight
+// that the softmax is relative to (whole part and rest), its inverse sum, and the transmittance.
+
+layout(local_size_x_id = 0) in;
+
+layout(set = 0, binding = 0) uniform usamplerBuffer view_shapes;
+layout(set = 0, binding = 1) uniform usamplerBuffer tile_ranges;
+layout(set = 0, binding = 2) uniform usamplerBuffer tile_slots;
+layout(set = 0, binding = 3) uniform samplerBuffer geometry;
+layout(set = 0, binding = 4) uniform samplerBuffer shading;
+layout(set = 0, binding = 5) uniform usamplerBuffer textures;
+layout(set = 0, binding = 6) uniform samplerBuffer texels;
+layout(set = 0, binding = 7, std430) writeonly buffer Color { vec4 color[]; };
+layout(set = 0, binding = 8, std430) writeonly buffer Silhouette { float silhouette[]; };
+layout(set = 0, binding = 9, std430) writeonly buffer Depths { float depths[]; };
+layout(set = 0, binding = 10, std430) writeonly buffer Normals { vec4 normals[]; };
+layout(set = 0, binding = 11, std430) writeonly buffer Saved { vec4 saved[]; };
+
+#include "common/constants.glsl"
+#include "common/modes.glsl"
+#include "common/frame.glsl"
+#include "common/mesh.glsl"
+#include "common/fragment.glsl"
+#include "common/sample.glsl"
+
+const int TILE_PIXELS = int(TILE_WIDTH * TILE_HEIGHT);
+const int PIXELS = TILE_PIXELS / int(gl_WorkGroupSize.x);
+
+struct Pixel {
+    // Π(1 - D); or Σ D; or 1 where any D > 1/2, as SILHOUETTE_MODE says.
+    float silhouette;
+    // The largest log2 depth weight so far, as whole part and rest, and sums relative to it.
+    float whole;
+    float rest;
+    float sum;
+    vec3 color;
+    float depth;
+    vec3 normal;
+};
+
+// A triangle's corner values as they lie in its shading record.
+struct Corner {
+    vec4 depth;
+    float whole;
+    mat3 color;
+    mat3x2 coordinate;
+    int texture_index;
+    int triangle;
+    mat3 normal;
+};
+
+Corner corner_of(int slot) {
+    Corner c;
+    int at = slot * SHADING_STRIDE;
+    c.depth = texelFetch(shading, at);
+    vec4 a = texelFetch(shading, at + 1);
+    vec4 b = texelFetch(shading, at + 2);
+    vec4 d = texelFetch(shading, at + 3);
+    c.whole = a.w;
+    c.color = mat3(a.rgb, b.rgb, vec3(b.w, d.xy));
+    if (SAMPLING != SAMPLING_NONE) {
+        vec4 e = texelFetch(shading, at + 4);
+        vec4 f = texelFetch(shading, at + 5);
+        c.coordinate = mat3x2(e.xy, e.zw, f.xy);
+        c.texture_index = int(f.z);
+        c.triangle = int(f.w);
+    }
+    if (WANT_NORMAL) {
+        vec4 e = texelFetch(shading, at + SHADING_NORMAL_AT);
+        vec4 f = texelFetch(shading, at + SHADING_NORMAL_AT + 1);
+        vec4 g = texelFetch(shading, at + SHADING_NORMAL_AT + 2);
+        c.normal = mat3(e.xyz, f.xyz, vec3(f.w, g.xy));
+    }
+    return c;
+}
+
+Pixel background_pixel() {
+    Pixel p;
+    p.silhouette = SILHOUETTE_MODE == SILHOUETTE_PRODUCT ? 1.0 : 0.0;
+    bool entry = !COMPOSITE && COLOR_MODE == COLOR_SOFTMAX;
+    p.whole = entry ? frame.background_whole : -3e38;
+    p.rest = entry ? frame.background_rest : 0.0;
+    p.sum = entry ? 1.0 : 0.0;
+    p.color = entry ? vec3(frame.background_red, frame.background_green, frame.background_blue) : vec3(0.0);
+    p.depth = 0.0;
+    p.normal = vec3(0.0);
+    return p;
+}
+
+void add_silhouette(inout Pixel p, Fragment f) {
+    if (SILHOUETTE_MODE == SILHOUETTE_PRODUCT) {
+        p.silhouette *= f.complement;
+    } else if (SILHOUETTE_MODE == SILHOUETTE_SUM) {
+        p.silhouette += f.probability;
+    } else {
+        p.silhouette = f.probability > 0.5 ? 1.0 : p.silhouette;
+    }
+}
+
+// Adds one fragment to the softmax; in the hard mode it replaces the pixel when it is nearer and covers it.
+void add_shaded(inout Pixel p, Fragment f, Corner c, vec3 b, float inverse_sum, Depth depth, bool kept, float scale) {
+    float difference = (c.whole - p.whole) + (depth.weight - p.rest);
+    bool nearer = kept && difference > 0.0;
+    float keep_old = 1.0;
+    float weight;
+    if (COLOR_MODE == COLOR_SOFTMAX) {
+        float e = exp2(-abs(difference));
+        keep_old = nearer ? e : 1.0;
+        weight = (kept ? f.probability : 0.0) * (nearer ? 1.0 : e);
+    } else {
+        float lowest = min(f.height.x, min(f.height.y, f.height.z));
+        nearer = nearer && lowest >= -HARD_EDGE_PIXELS * scale;
+        keep_old = nearer ? 0.0 : 1.0;
+        weight = nearer ? 1.0 : 0.0;
+    }
+    p.whole = nearer ? c.whole : p.whole;
+    p.rest = nearer ? depth.weight : p.rest;
+    p.sum = p.sum * keep_old + weight;
+    if (WANT_DEPTH) {
+        p.depth = p.depth * keep_old + weight * (c.depth.z / frame.score_high) * depth.ratio;
+    }
+    vec3 share = b * (weight * inverse_sum);
+    if (WANT_NORMAL) {
+        p.normal = p.normal * keep_old + c.normal * share;
+    }
+    if (WANT_COLOR) {
+        // Perspective-correct: z / z_k = (z / z_0) (z_0 / z_k).
+        vec3 correction = PERSPECTIVE_CORRECT ? depth.ratio * vec3(1.0, 1.0 + c.depth.x, 1.0 + c.depth.y) : vec3(1.0);
+        vec3 color = c.color * (PERSPECTIVE_CORRECT ? share * correction : share);
+        if (SAMPLING != SAMPLING_NONE) {
+            vec3 at = b * inverse_sum;
+            at = PERSPECTIVE_CORRECT ? at * correction : at;
+            color *= sample_texture(c.texture_index, c.triangle, c.coordinate * at);
+        }
+        p.color = p.color * keep_old + color;
+    }
+}
+
+void gather(int slot, vec2 first, inout Pixel pixels[PIXELS], float radius_squared, float scale, float inverse_score) {
+    Triangle t = triangle_of(slot);
+    Corner c;
+    if (WANT_SHADING) {
+        c = corner_of(slot);
+    }
+    for (int i = 0; i < PIXELS; ++i) {
+        int index = i * int(gl_WorkGroupSize.x);
+        vec2 q = first + vec2(index % int(TILE_WIDTH), index / int(TILE_WIDTH)) - t.origin;
+        Fragment f = fragment_at(t, q, radius_squared, scale);
+        bool shaded = f.kept;
+        vec3 b;
+        float sum;
+        Depth depth;
+        if (WANT_SHADING) {
+            b = clipped_barycentrics(t, f.height);
+            sum = b.x + b.y + b.z;
+            depth = depth_at(c.depth, b, sum);
+        }
+        if (DEPTH_RANGE != DEPTH_RANGE_INSIDE) {
+            float z = c.depth.z * inverse_score * depth.ratio;
+            shaded = shaded && z <= frame.far_high;
+            if (DEPTH_RANGE == DEPTH_RANGE_OFFICIAL) {
+                shaded = shaded && z >= frame.near_high;
+            } else {
+                f.probability = shaded ? f.probability : 0.0;
+                f.complement = shaded ? f.complement : 1.0;
+            }
+        }
+        if (WANT_SILHOUETTE) {
+            add_silhouette(pixels[i], f);
+        }
+        if (SHADED) {
+            add_shaded(pixels[i], f, c, b, 1.0 / sum, depth, shaded, scale);
+        }
+    }
+}
+
+void write_pixel(Pixel p, int view, int triangle_count, ivec2 where) {
+    int at = (view * int(frame.height) + where.y) * int(frame.width) + where.x;
+    float alpha = SILHOUETTE_MODE == SILHOUETTE_PRODUCT ? 1.0 - p.silhouette : p.silhouette;
+    if (SILHOUETTE_MODE == SILHOUETTE_SUM) {
+        alpha /= float(max(triangle_count, 1));
+    }
+    vec3 background = vec3(frame.background_red, frame.background_green, frame.background_blue);
+    bool covered = p.sum > 0.0;
+    float inverse = covered ? 1.0 / p.sum : 0.0;
+    float blend = COMPOSITE ? alpha : 1.0;
+    if (WANT_COLOR) {
+        vec3 mixed = covered ? p.color * inverse : background;
+        vec3 rgb = COMPOSITE ? (covered ? mixed * alpha + background * (1.0 - alpha) : background) : mixed;
+        color[at] = vec4(rgb, (OUTPUTS & OUTPUT_SILHOUETTE) != 0u ? alpha : 1.0);
+    } else if ((OUTPUTS & OUTPUT_SILHOUETTE) != 0u) {
+        silhouette[at] = alpha;
+    }
+    if (WANT_DEPTH) {
+        depths[at] = p.depth * inverse * blend;
+    }
+    if (WANT_NORMAL) {
+        normals[at] = vec4(p.normal * (inverse * blend), 0.0);
+    }
+    if (SAVE) {
+        saved[at] = vec4(p.whole, p.rest, inverse, p.silhouette);
+    }
+}
+
+void main() {
+    int view = int(gl_WorkGroupID.y);
+    uint tiles = frame.tiles_x * frame.tiles_y;
+    uint even = (tiles + 1u) / 2u;
+    uint order = gl_WorkGroupID.z * FORWARD_ROW + gl_WorkGroupID.x;
+    if (order >= tiles) {
+        return;
+    }
+    uint tile = order < even ? 2u * order : 2u * (order - even) + 1u;
+    uvec2 range = texelFetch(tile_ranges, int(uint(view) * tiles + tile)).xy;
+    int lane = int(gl_LocalInvocationID.x);
+    ivec2 corner = ivec2(tile % frame.tiles_x, tile / frame.tiles_x) * ivec2(TILE_WIDTH, TILE_HEIGHT);
+    ivec2 mine = corner + ivec2(lane % int(TILE_WIDTH), lane / int(TILE_WIDTH));
+    Pixel pixels[PIXELS];
+    for (int i = 0; i < PIXELS; ++i) {
+        pixels[i] = background_pixel();
+    }
+    float radius_squared = frame.radius_squared;
+    float scale = frame.scale;
+    float inverse_score = 1.0 / frame.score_high;
+    vec2 first = vec2(mine);
+    int end = int(range.x + range.y);
+    for (int i = int(range.x); i < end; ++i) {
+        gather(int(texelFetch(tile_slots, i).x), first, pixels, radius_squared, scale, inverse_score);
+    }
+    int triangle_count = shape_of(view).triangle_count;
+    for (int i = 0; i < PIXELS; ++i) {
+        int index = i * int(gl_WorkGroupSize.x);
+        ivec2 where = mine + ivec2(index % int(TILE_WIDTH), index / int(TILE_WIDTH));
+        if (where.x < int(frame.width) && where.y < int(frame.height)) {
+            write_pixel(pixels[i], view, triangle_count, where);
+        }
+    }
+}

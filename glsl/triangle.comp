@@ -1,0 +1,255 @@
+#version 450
+#extension GL_GOOGLE_include_directive : require
+// Triangle: near clipping, the record of all that a (pixel, triangle) pair needs, the pixel box grown by the culling
+// radius, and the triangle's bit in the bitmap of every bin that it touches.
+// One invocation a triangle, views along y. A triangle that crosses the near plane becomes one or two pieces: the first
+// in its own slot, the second `triangle_count` slots later, so that the order of slots never depends on timing.
+// Reads `vertices`, the mesh and the lights; writes `geometry`, `shading`, `boxes`, `bin_bits` and `status`.
+
+layout(local_size_x = 64) in;
+
+layout(set = 0, binding = 0) uniform usamplerBuffer view_shapes;
+layout(set = 0, binding = 1) uniform samplerBuffer view_cameras;
+layout(set = 0, binding = 2) uniform samplerBuffer positions;
+layout(set = 0, binding = 3) uniform usamplerBuffer indices;
+layout(set = 0, binding = 4) uniform samplerBuffer vertices;
+layout(set = 0, binding = 5) uniform samplerBuffer vertex_shading;
+layout(set = 0, binding = 6) uniform samplerBuffer lights;
+layout(set = 0, binding = 7) uniform samplerBuffer colors;
+layout(set = 0, binding = 8) uniform samplerBuffer uvs;
+layout(set = 0, binding = 9) uniform usamplerBuffer uv_indices;
+layout(set = 0, binding = 10) uniform usamplerBuffer triangle_textures;
+layout(set = 0, binding = 11, std430) writeonly buffer Geometry { vec4 geometry[]; };
+layout(set = 0, binding = 12, std430) writeonly buffer Shading { vec4 shading[]; };
+layout(set = 0, binding = 13, std430) writeonly buffer Boxes { ivec4 boxes[]; };
+layout(set = 0, binding = 14, std430) buffer BinBits { uint bin_bits[]; };
+layout(set = 0, binding = 15, std430) buffer Status { uint status[]; };
+
+#include "common/constants.glsl"
+#include "common/modes.glsl"
+#include "common/frame.glsl"
+#include "common/mesh.glsl"
+#include "common/df64.glsl"
+#include "common/camera.glsl"
+#include "common/light.glsl"
+#include "common/edge.glsl"
+
+// The corners of a triangle or piece: pixels, depth, and each corner as a mixture of the original three.
+struct Corners {
+    vec2 column[3];
+    vec2 row[3];
+    vec2 z[3];
+    vec3 mixture[3];
+};
+
+ivec3 triangle_vertices(Shape shape, int triangle) {
+    int at = 3 * (shape.triangle_base + triangle);
+    return ivec3(texelFetch(indices, at).x, texelFetch(indices, at + 1).x, texelFetch(indices, at + 2).x);
+}
+
+vec3 position_of(Shape shape, int vertex) {
+    int at = 3 * (shape.vertex_base + vertex);
+    return vec3(texelFetch(positions, at).x, texelFetch(positions, at + 1).x, texelFetch(positions, at + 2).x);
+}
+
+void skip_slot(int slot) {
+    boxes[slot] = ivec4(0, 0, -1, -1);
+}
+
+// Corner colours, texture coordinates and normals, each mixed as the piece's corners are.
+void write_shading(Shape shape, int triangle, int slot, Corners c, vec4 depth, float score) {
+    ivec3 v = triangle_vertices(shape, triangle);
+    mat3 light = mat3(1.0);
+    mat3 normal = mat3(0.0);
+    light[0] = light[1] = light[2] = vec3(1.0);
+    if (SMOOTH) {
+        for (int k = 0; k < 3; ++k) {
+            int at = int(VERTEX_SHADING_TEXELS) * (shape.screen_base + v[k]);
+            light[k] = texelFetch(vertex_shading, at).rgb;
+            normal[k] = texelFetch(vertex_shading, at + 1).xyz;
+        }
+    } else if (LIT || WANT_NORMAL) {
+        vec3 p0 = position_of(shape, v.x);
+        vec3 n = unit_or_zero(cross(position_of(shape, v.y) - p0, position_of(shape, v.z) - p0));
+        normal[0] = normal[1] = normal[2] = n;
+        light[0] = light[1] = light[2] = light_on(n);
+    }
+    mat3 color;
+    for (int k = 0; k < 3; ++k) {
+        int at = shape.color_base + (shape.uniform_color ? 0 : 3 * v[k]);
+        vec3 base = vec3(texelFetch(colors, at).x, texelFetch(colors, at + 1).x, texelFetch(colors, at + 2).x);
+        color[k] = base * light[k];
+    }
+    vec3 c0 = color * c.mixture[0];
+    vec3 c1 = color * c.mixture[1];
+    vec3 c2 = color * c.mixture[2];
+    int to = slot * SHADING_STRIDE;
+    shading[to] = depth;
+    shading[to + 1] = vec4(c0, score);
+    shading[to + 2] = vec4(c1, c2.r);
+    shading[to + 3] = vec4(c2.gb, 0.0, 0.0);
+    if (SAMPLING != SAMPLING_NONE) {
+        // Surface cells are found by barycentrics, images by their UV.
+        mat3x2 coordinate = mat3x2(1.0, 0.0, 0.0, 1.0, 0.0, 0.0);
+        if (shape.uv_base >= 0) {
+            for (int k = 0; k < 3; ++k) {
+                int index = int(texelFetch(uv_indices, shape.uv_index_base + 3 * triangle + k).x);
+                int at = shape.uv_base + 2 * index;
+                coordinate[k] = vec2(texelFetch(uvs, at).x, texelFetch(uvs, at + 1).x);
+            }
+        }
+        int texture_index = shape.texture_base < 0
+            ? -1 - shape.texture_base
+            : int(texelFetch(triangle_textures, shape.texture_base + triangle).x);
+        shading[to + 4] = vec4(coordinate * c.mixture[0], coordinate * c.mixture[1]);
+        shading[to + 5] = vec4(coordinate * c.mixture[2], float(texture_index), float(triangle));
+    }
+    if (WANT_NORMAL) {
+        vec3 n0 = normal * c.mixture[0];
+        vec3 n1 = normal * c.mixture[1];
+        vec3 n2 = normal * c.mixture[2];
+        shading[to + SHADING_NORMAL_AT] = vec4(n0, 0.0);
+        shading[to + SHADING_NORMAL_AT + 1] = vec4(n1, n2.x);
+        shading[to + SHADING_NORMAL_AT + 2] = vec4(n2.yz, 0.0, 0.0);
+    }
+}
+
+// Depth relative to corner 0: (z0/z1 - 1, z0/z2 - 1, z0 in log2 weights, fraction of corner 0's log2 weight). The whole
+// part of that weight goes apart: two of them are subtracted exactly, however small gamma is.
+vec4 depth_record(Corners c, out float whole) {
+    vec2 k = vec2(frame.score_high, frame.score_low);
+    vec2 weight = df_mul(df_sub(vec2(frame.far_high, frame.far_low), c.z[0]), k);
+    whole = floor(weight.x + 0.5);
+    float rest = (weight.x - whole) + weight.y;
+    float z1 = c.z[1].x == 0.0 ? 1e-30 : c.z[1].x;
+    float z2 = c.z[2].x == 0.0 ? 1e-30 : c.z[2].x;
+    return vec4(df_sub(c.z[0], c.z[1]).x / z1, df_sub(c.z[0], c.z[2]).x / z2, c.z[0].x * k.x, rest);
+}
+
+// Marks the triangle in every bin that its grown shape may touch.
+void mark_bins(Shape shape, int slot_in_view, ivec4 box, Edges e) {
+    ivec4 bins = box / ivec4(BIN_WIDTH, BIN_HEIGHT, BIN_WIDTH, BIN_HEIGHT);
+    vec2 half_size = 0.5 * vec2(BIN_WIDTH - 1u, BIN_HEIGHT - 1u);
+    int word = shape.word_base + slot_in_view / int(WORD_BITS);
+    uint bit = 1u << (uint(slot_in_view) % WORD_BITS);
+    for (int y = bins.y; y <= bins.w; ++y) {
+        for (int x = bins.x; x <= bins.z; ++x) {
+            vec2 centre = vec2(x, y) * vec2(BIN_WIDTH, BIN_HEIGHT) + half_size;
+            if (may_touch(e, centre - e.origin, half_size)) {
+                atomicOr(bin_bits[word + (y * int(frame.bins_x) + x) * shape.word_count], bit);
+            }
+        }
+    }
+}
+
+void emit(Shape shape, int triangle, int slot_in_view, Corners c) {
+    int slot = shape.slot_base + slot_in_view;
+    Edges e = edges_of(c.column, c.row);
+    bool front = e.degenerate || (e.orientation < 0.0) != CLOCKWISE_FRONT;
+    bool hidden = FRONT_ONLY && !front;
+    bool beyond = DEPTH_RANGE == DEPTH_RANGE_FAR && min(c.z[0].x, min(c.z[1].x, c.z[2].x)) > frame.far_high;
+    bool shapeless = DISTANCE != DISTANCE_EUCLIDEAN && e.degenerate;
+    ivec4 box = grown_box(e);
+    if (!(e.finite && abs(c.z[0].x) + abs(c.z[1].x) + abs(c.z[2].x) < 1e30)) {
+        atomicOr(status[STATUS_NOT_FINITE], 1u);
+        box = ivec4(0, 0, -1, -1);
+    }
+    if ((hidden && !OFFICIAL) || beyond || shapeless || box.x > box.z || box.y > box.w) {
+        skip_slot(slot);
+        return;
+    }
+    boxes[slot] = box;
+    int to = slot * int(GEOMETRY_TEXELS);
+    geometry[to] = vec4(e.origin, e.half_length.xy);
+    geometry[to + 1] = e.line[0];
+    geometry[to + 2] = e.line[1];
+    geometry[to + 3] = e.line[2];
+    geometry[to + 4] = vec4(e.half_length.z, e.inverse_height);
+    if (WANT_SHADING) {
+        float whole;
+        vec4 depth = depth_record(c, whole);
+        // A back face that still counts in the official silhouette has no weight in its colour.
+        write_shading(shape, triangle, slot, c, depth, hidden ? -3e38 : whole);
+    }
+    mark_bins(shape, slot_in_view, box, e);
+}
+
+// Sutherland-Hodgman against z = near, corner 0 first; a fourth corner makes a second piece (0, 2, 3).
+void emit_clipped(int view, Shape shape, int triangle, ivec3 v) {
+    vec2 near = vec2(frame.near_high, frame.near_low);
+    ViewPoint corner[3];
+    vec2 depth[3];
+    for (int k = 0; k < 3; ++k) {
+        corner[k] = to_view(view, position_of(shape, v[k]));
+        depth[k] = df_sub(corner[k].z, near);
+    }
+    ViewPoint polygon[4];
+    vec3 mixture[4];
+    int count = 0;
+    for (int k = 0; k < 3; ++k) {
+        int l = k == 2 ? 0 : k + 1;
+        bool inside = depth[k].x >= 0.0;
+        if (inside) {
+            polygon[count] = corner[k];
+            mixture[count] = vec3(k == 0, k == 1, k == 2);
+            ++count;
+        }
+        if (inside != (depth[l].x >= 0.0)) {
+            vec2 t = df_div(depth[k], df_sub(depth[k], depth[l]));
+            polygon[count].x = df_add(corner[k].x, df_mul(t, df_sub(corner[l].x, corner[k].x)));
+            polygon[count].y = df_add(corner[k].y, df_mul(t, df_sub(corner[l].y, corner[k].y)));
+            polygon[count].z = near;
+            mixture[count] = vec3(k == 0, k == 1, k == 2) * (1.0 - t.x) + vec3(l == 0, l == 1, l == 2) * t.x;
+            ++count;
+        }
+    }
+    for (int piece = 0; piece < 2; ++piece) {
+        int slot_in_view = triangle + piece * shape.triangle_count;
+        if (count < 3 + piece) {
+            skip_slot(shape.slot_base + slot_in_view);
+            continue;
+        }
+        Corners c;
+        for (int k = 0; k < 3; ++k) {
+            int i = k == 0 ? 0 : k + piece;
+            to_pixels(view, polygon[i], c.column[k], c.row[k]);
+            c.z[k] = polygon[i].z;
+            c.mixture[k] = mixture[i];
+        }
+        emit(shape, triangle, slot_in_view, c);
+    }
+}
+
+void main() {
+    int view = int(gl_WorkGroupID.y);
+    int triangle = int(gl_GlobalInvocationID.x);
+    Shape shape = shape_of(view);
+    if (triangle >= shape.triangle_count) {
+        return;
+    }
+    ivec3 v = triangle_vertices(shape, triangle);
+    Corners c;
+    int nearer = 0;
+    for (int k = 0; k < 3; ++k) {
+        int at = int(VERTEX_TEXELS) * (shape.screen_base + v[k]);
+        vec4 pixel = texelFetch(vertices, at);
+        c.column[k] = pixel.xy;
+        c.row[k] = pixel.zw;
+        c.z[k] = texelFetch(vertices, at + 1).xy;
+        c.mixture[k] = vec3(k == 0, k == 1, k == 2);
+        nearer += df_sub(c.z[k], vec2(frame.near_high, frame.near_low)).x < 0.0 ? 1 : 0;
+    }
+    if (nearer == 0 || OFFICIAL) {
+        emit(shape, triangle, triangle, c);
+        if (NEAR_CLIP) {
+            skip_slot(shape.slot_base + shape.triangle_count + triangle);
+        }
+    } else if (NEAR_CLIP && nearer < 3) {
+        emit_clipped(view, shape, triangle, v);
+    } else {
+        skip_slot(shape.slot_base + triangle);
+        if (NEAR_CLIP) {
+            skip_slot(shape.slot_base + shape.triangle_count + triangle);
+        }
+    }
+}

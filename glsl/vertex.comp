@@ -1,0 +1,68 @@
+#version 450
+#extension GL_GOOGLE_include_directive : require
+// Vertex: each vertex of each view's mesh to pixel coordinates and view depth, in double floats; with smooth shading
+// also its normal (the normalised sum of its triangles' area vectors) and the light that falls on it.
+// One invocation a vertex, views along y. Reads the mesh and the cameras; writes `vertices` and `vertex_shading`.
+
+layout(local_size_x = 64) in;
+
+layout(set = 0, binding = 0) uniform usamplerBuffer view_shapes;
+layout(set = 0, binding = 1) uniform samplerBuffer view_cameras;
+layout(set = 0, binding = 2) uniform samplerBuffer positions;
+layout(set = 0, binding = 3) uniform usamplerBuffer indices;
+layout(set = 0, binding = 4) uniform usamplerBuffer adjacency;
+layout(set = 0, binding = 5) uniform samplerBuffer lights;
+layout(set = 0, binding = 6, std430) writeonly buffer Vertices { vec4 vertices[]; };
+layout(set = 0, binding = 7, std430) writeonly buffer VertexShading { vec4 vertex_shading[]; };
+
+#include "common/constants.glsl"
+#include "common/modes.glsl"
+#include "common/frame.glsl"
+#include "common/mesh.glsl"
+#include "common/df64.glsl"
+#include "common/camera.glsl"
+#include "common/light.glsl"
+
+vec3 position_of(Shape shape, int vertex) {
+    int at = 3 * (shape.vertex_base + vertex);
+    return vec3(texelFetch(positions, at).x, texelFetch(positions, at + 1).x, texelFetch(positions, at + 2).x);
+}
+
+// `adjacency` from the mesh's base: vertex_count + 1 offsets, then triangle numbers.
+vec3 smooth_normal(Shape shape, int vertex) {
+    int at = shape.adjacency_base + vertex;
+    int end = int(texelFetch(adjacency, at + 1).x);
+    vec3 sum = vec3(0.0);
+    for (int i = int(texelFetch(adjacency, at).x); i < end; ++i) {
+        int triangle = int(texelFetch(adjacency, i).x);
+        int corner = 3 * (shape.triangle_base + triangle);
+        vec3 p0 = position_of(shape, int(texelFetch(indices, corner).x));
+        vec3 p1 = position_of(shape, int(texelFetch(indices, corner + 1).x));
+        vec3 p2 = position_of(shape, int(texelFetch(indices, corner + 2).x));
+        sum += cross(p1 - p0, p2 - p0);
+    }
+    return unit_or_zero(sum);
+}
+
+void main() {
+    int view = int(gl_WorkGroupID.y);
+    int vertex = int(gl_GlobalInvocationID.x);
+    Shape shape = shape_of(view);
+    if (vertex >= shape.vertex_count) {
+        return;
+    }
+    vec3 p = position_of(shape, vertex);
+    ViewPoint v = to_view(view, p);
+    vec2 column;
+    vec2 row;
+    to_pixels(view, v, column, row);
+    int at = int(VERTEX_TEXELS) * (shape.screen_base + vertex);
+    vertices[at] = vec4(column, row);
+    vertices[at + 1] = vec4(v.z, 0.0, 0.0);
+    if (SMOOTH) {
+        vec3 normal = smooth_normal(shape, vertex);
+        int to = int(VERTEX_SHADING_TEXELS) * (shape.screen_base + vertex);
+        vertex_shading[to] = vec4(light_on(normal), 0.0);
+        vertex_shading[to + 1] = vec4(normal, 0.0);
+    }
+}

@@ -1,0 +1,199 @@
+//! The buffers of a frame by name: who fills them, and how the kernels read them.
+
+use crate::Result;
+use crate::plan::BufferSizes;
+use crate::vulkan::{Buffer, BufferDesc, BufferRef, Context, Location, SharedBuffer, TexelFormat, vk};
+
+/// Who fills a buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// The host, before the frame.
+    Input,
+    /// One stage for the next.
+    Workspace,
+    /// The kernels, for the host.
+    Output,
+}
+
+/// A buffer that kernels bind by `name`.
+#[derive(Clone, Copy, Debug)]
+pub struct Slot {
+    /// As in the kernels: `bin_ranges` is the texel buffer and, written, the block `BinRanges`.
+    pub name: &'static str,
+    /// What an element is to the kernels that read it.
+    pub format: TexelFormat,
+    /// Who fills it.
+    pub role: Role,
+}
+
+const fn slot(name: &'static str, format: TexelFormat, role: Role) -> Slot {
+    Slot { name, format, role }
+}
+
+/// Every buffer of a forward frame.
+pub const FORWARD: [Slot; 29] = [
+    slot("view_shapes", TexelFormat::Uint4, Role::Input),
+    slot("view_cameras", TexelFormat::Float4, Role::Input),
+    slot("positions", TexelFormat::Float, Role::Input),
+    slot("indices", TexelFormat::Uint, Role::Input),
+    slot("adjacency", TexelFormat::Uint, Role::Input),
+    slot("lights", TexelFormat::Float4, Role::Input),
+    slot("colors", TexelFormat::Float, Role::Input),
+    slot("uvs", TexelFormat::Float, Role::Input),
+    slot("uv_indices", TexelFormat::Uint, Role::Input),
+    slot("triangle_textures", TexelFormat::Uint, Role::Input),
+    slot("textures", TexelFormat::Uint4, Role::Input),
+    slot("texels", TexelFormat::Float4, Role::Input),
+    slot("vertices", TexelFormat::Float4, Role::Workspace),
+    slot("vertex_shading", TexelFormat::Float4, Role::Workspace),
+    slot("geometry", TexelFormat::Float4, Role::Workspace),
+    slot("shading", TexelFormat::Float4, Role::Workspace),
+    slot("boxes", TexelFormat::Int4, Role::Workspace),
+    slot("bin_bits", TexelFormat::Uint, Role::Workspace),
+    slot("bin_ranges", TexelFormat::Uint2, Role::Workspace),
+    slot("coarse_slots", TexelFormat::Uint, Role::Workspace),
+    slot("coarse_masks", TexelFormat::Uint2, Role::Workspace),
+    slot("tile_ranges", TexelFormat::Uint2, Role::Workspace),
+    slot("tile_slots", TexelFormat::Uint, Role::Workspace),
+    slot("status", TexelFormat::Uint, Role::Output),
+    slot("color", TexelFormat::Float4, Role::Output),
+    slot("silhouette", TexelFormat::Float, Role::Output),
+    slot("depths", TexelFormat::Float, Role::Output),
+    slot("normals", TexelFormat::Float4, Role::Output),
+    slot("saved", TexelFormat::Float4, Role::Workspace),
+];
+
+/// Bytes that a plan gives to a buffer that the device fills.
+pub fn planned_size(sizes: &BufferSizes, name: &str) -> u64 {
+    match name {
+        "vertices" => sizes.vertices,
+        "vertex_shading" => sizes.vertex_shading,
+        "geometry" => sizes.geometry,
+        "shading" => sizes.shading,
+        "boxes" => sizes.boxes,
+        "bin_bits" => sizes.bin_bits,
+        "bin_ranges" => sizes.bin_ranges,
+        "coarse_slots" => sizes.coarse_slots,
+        "coarse_masks" => sizes.coarse_masks,
+        "tile_ranges" => sizes.tile_ranges,
+        "tile_slots" => sizes.tile_slots,
+        "status" => sizes.status,
+        "color" => sizes.color,
+        "silhouette" => sizes.silhouette,
+        "depths" => sizes.depths,
+        "normals" => sizes.normals,
+        "saved" => sizes.saved,
+        _ => 0,
+    }
+}
+
+/// The name of a buffer from that of a binding: `bin_ranges`, or the block `BinRanges`.
+pub fn buffer_of_binding(binding: &str) -> String {
+    let mut name = String::with_capacity(binding.len() + 2);
+    for (i, letter) in binding.chars().enumerate() {
+        if letter.is_ascii_uppercase() && i > 0 {
+            name.push('_');
+        }
+        name.push(letter.to_ascii_lowercase());
+    }
+    name
+}
+
+/// One buffer of our own.
+#[derive(Debug)]
+enum Owned {
+    Shared(SharedBuffer),
+    Device(Buffer),
+}
+
+/// Buffers of our own, one for each [`Slot`], that grow when a frame needs more.
+#[derive(Debug, Default)]
+pub struct BufferSet {
+    owned: Vec<(Slot, Owned)>,
+}
+
+impl BufferSet {
+    /// A buffer's reference for descriptors.
+    pub fn get(&self, name: &str) -> Option<&BufferRef> {
+        self.find(name).map(|owned| match owned {
+            Owned::Shared(buffer) => buffer.whole(),
+            Owned::Device(buffer) => buffer.whole(),
+        })
+    }
+
+    fn find(&self, name: &str) -> Option<&Owned> {
+        self.owned.iter().find(|(slot, _)| slot.name == name).map(|(_, owned)| owned)
+    }
+
+    /// Makes room for `size` bytes; true when the buffer is a new one, so that descriptors must be written again.
+    ///
+    /// # Errors
+    /// [`crate::Error::Limit`] or [`crate::Error::OutOfMemory`] when it cannot be had; the set is then unchanged.
+    pub fn reserve(&mut self, context: &Context, slot: Slot, size: u64) -> Result<bool> {
+        let held = match self.find(slot.name) {
+            Some(Owned::Shared(buffer)) => buffer.buffer().size(),
+            Some(Owned::Device(buffer)) => buffer.size(),
+            None => 0,
+        };
+        if held >= size.max(1) {
+            return Ok(false);
+        }
+        let desc = BufferDesc {
+            name: slot.name,
+            size,
+            usage: vk::BufferUsageFlags::STORAGE_BUFFER,
+            location: Location::Device,
+            texels: Some(slot.format),
+        };
+        // The old one goes first, so that growing does not need room for both.
+        self.owned.retain(|(s, _)| s.name != slot.name);
+        let owned = match slot.role {
+            Role::Input => Owned::Shared(SharedBuffer::for_upload(context, &desc)?),
+            Role::Output => Owned::Shared(SharedBuffer::for_download(context, &desc)?),
+            Role::Workspace => Owned::Device(Buffer::new(context, &desc)?),
+        };
+        self.owned.push((slot, owned));
+        Ok(true)
+    }
+
+    /// Every buffer that the host and the device share, with its role.
+    pub fn shared(&self) -> impl Iterator<Item = (Role, &SharedBuffer)> {
+        self.owned.iter().filter_map(|(slot, owned)| match owned {
+            Owned::Shared(buffer) => Some((slot.role, buffer)),
+            Owned::Device(_) => None,
+        })
+    }
+
+    /// Writes an input.
+    ///
+    /// # Errors
+    /// When it does not fit, or is no shared buffer.
+    pub fn write(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
+        for (slot, owned) in &mut self.owned {
+            if let (true, Owned::Shared(buffer)) = (slot.name == name, owned) {
+                return buffer.write(0, bytes);
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads an output from its start.
+    ///
+    /// # Errors
+    /// When it is not that large.
+    pub fn read(&self, name: &str, bytes: &mut [u8]) -> Result<()> {
+        match self.find(name) {
+            Some(Owned::Shared(buffer)) => buffer.read(0, bytes),
+            _ => Ok(()),
+        }
+    }
+
+    /// Bytes of device memory held.
+    pub fn bytes(&self) -> u64 {
+        let size = |owned: &Owned| match owned {
+            Owned::Shared(buffer) => buffer.buffer().size(),
+            Owned::Device(buffer) => buffer.size(),
+        };
+        self.owned.iter().map(|(_, owned)| size(owned)).sum()
+    }
+}
