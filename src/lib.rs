@@ -6,6 +6,7 @@ pub mod image;
 pub mod reference;
 pub mod renderer;
 pub mod scene;
+pub mod vulkan;
 
 pub use error::{Error, Result};
 pub use image::Image;
