@@ -1,0 +1,291 @@
+//! The devices that are there, what they can do, and which one to take.
+
+use super::instance::Instance;
+use super::result::Named;
+use crate::{Error, Result};
+use ash::vk;
+use std::ffi::CStr;
+
+/// A physical device, as plain data.
+#[derive(Clone, Debug)]
+pub struct DeviceInfo {
+    /// Its place in the list, by which it can be selected.
+    pub index: usize,
+    /// Its name, by any part of which it can be selected.
+    pub name: String,
+    /// How it is built.
+    pub kind: DeviceKind,
+    /// The driver's name; empty where the driver does not tell.
+    pub driver: String,
+    /// The driver's version, as the driver words it.
+    pub driver_version: String,
+    /// Vulkan version, as (major, minor, patch).
+    pub api_version: (u32, u32, u32),
+    /// Limits that matter to us.
+    pub limits: Limits,
+    /// Ok, or why softras cannot run on it.
+    pub suitable: Result<(), String>,
+}
+
+/// How a device is built, the first to be preferred.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum DeviceKind {
+    /// A GPU with its own memory.
+    Discrete,
+    /// A GPU beside the processor, in the same memory.
+    Integrated,
+    /// A GPU of a virtual machine's host.
+    Virtual,
+    /// The processor itself: lavapipe, SwiftShader.
+    Software,
+    /// Something else.
+    Other,
+}
+
+impl std::fmt::Display for DeviceKind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Discrete => "discrete",
+            Self::Integrated => "integrated",
+            Self::Virtual => "virtual",
+            Self::Software => "software",
+            Self::Other => "other",
+        })
+    }
+}
+
+/// A device's limits, by their Vulkan names.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// maxStorageBufferRange in bytes.
+    pub max_storage_buffer_range: u64,
+    /// maxUniformBufferRange in bytes.
+    pub max_uniform_buffer_range: u64,
+    /// maxTexelBufferElements.
+    pub max_texel_buffer_elements: u64,
+    /// maxMemoryAllocationSize in bytes.
+    pub max_memory_allocation_size: u64,
+    /// maxComputeWorkGroupCount.
+    pub max_workgroup_count: [u32; 3],
+    /// maxComputeWorkGroupSize.
+    pub max_workgroup_size: [u32; 3],
+    /// maxComputeWorkGroupInvocations.
+    pub max_workgroup_invocations: u32,
+    /// maxComputeSharedMemorySize in bytes.
+    pub max_shared_memory: u32,
+    /// maxPushConstantsSize in bytes.
+    pub max_push_constants: u32,
+    /// maxPerStageDescriptorStorageBuffers.
+    pub max_storage_buffers: u32,
+    /// minStorageBufferOffsetAlignment in bytes.
+    pub storage_offset_alignment: u64,
+    /// minUniformBufferOffsetAlignment in bytes.
+    pub uniform_offset_alignment: u64,
+    /// minTexelBufferOffsetAlignment in bytes.
+    pub texel_offset_alignment: u64,
+    /// timestampPeriod in nanoseconds.
+    pub timestamp_period: f32,
+    /// Size of the largest device-local heap in bytes.
+    pub device_heap: u64,
+    /// Subgroups.
+    pub subgroups: Subgroups,
+}
+
+/// A device's subgroups in compute kernels. Vulkan 1.1 promises only size and the basic operations.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Subgroups {
+    /// Invocations in a subgroup.
+    pub size: u32,
+    /// subgroupAny, subgroupAll.
+    pub vote: bool,
+    /// subgroupBallot, subgroupBroadcast.
+    pub ballot: bool,
+    /// subgroupAdd, subgroupMin, ...
+    pub arithmetic: bool,
+    /// subgroupShuffle, subgroupShuffleXor.
+    pub shuffle: bool,
+}
+
+impl Limits {
+    /// Asks a physical device.
+    ///
+    /// # Safety
+    /// Instance and device belong together and both are of Vulkan 1.1.
+    pub(super) unsafe fn query(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Self {
+        let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
+        let mut maintenance3 = vk::PhysicalDeviceMaintenance3Properties::default();
+        let mut properties =
+            vk::PhysicalDeviceProperties2::default().push_next(&mut subgroup).push_next(&mut maintenance3);
+        // SAFETY: the caller's promise; the chained structures are of Vulkan 1.1.
+        unsafe { instance.get_physical_device_properties2(physical, &mut properties) };
+        let limits = properties.properties.limits;
+        // SAFETY: the caller's promise.
+        let memory = unsafe { instance.get_physical_device_memory_properties(physical) };
+        let local = |heap: &&vk::MemoryHeap| heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL);
+        let in_compute = subgroup.supported_stages.contains(vk::ShaderStageFlags::COMPUTE);
+        let has = |operation| in_compute && subgroup.supported_operations.contains(operation);
+        Self {
+            max_storage_buffer_range: limits.max_storage_buffer_range.into(),
+            max_uniform_buffer_range: limits.max_uniform_buffer_range.into(),
+            max_texel_buffer_elements: limits.max_texel_buffer_elements.into(),
+            max_memory_allocation_size: maintenance3.max_memory_allocation_size,
+            max_workgroup_count: limits.max_compute_work_group_count,
+            max_workgroup_size: limits.max_compute_work_group_size,
+            max_workgroup_invocations: limits.max_compute_work_group_invocations,
+            max_shared_memory: limits.max_compute_shared_memory_size,
+            max_push_constants: limits.max_push_constants_size,
+            max_storage_buffers: limits.max_per_stage_descriptor_storage_buffers,
+            storage_offset_alignment: limits.min_storage_buffer_offset_alignment,
+            uniform_offset_alignment: limits.min_uniform_buffer_offset_alignment,
+            texel_offset_alignment: limits.min_texel_buffer_offset_alignment,
+            timestamp_period: limits.timestamp_period,
+            device_heap: memory.memory_heaps_as_slice().iter().filter(local).map(|h| h.size).max().unwrap_or(0),
+            subgroups: Subgroups {
+                size: subgroup.subgroup_size,
+                vote: has(vk::SubgroupFeatureFlags::VOTE),
+                ballot: has(vk::SubgroupFeatureFlags::BALLOT),
+                arithmetic: has(vk::SubgroupFeatureFlags::ARITHMETIC),
+                shuffle: has(vk::SubgroupFeatureFlags::SHUFFLE),
+            },
+        }
+    }
+}
+
+/// A listed device with the handle it stands for.
+pub(super) struct Adapter {
+    pub(super) physical: vk::PhysicalDevice,
+    pub(super) info: DeviceInfo,
+    /// The queue family to compute on.
+    pub(super) queue_family: Option<u32>,
+}
+
+/// All devices of an instance, in the loader's order.
+pub(super) fn list(instance: &Instance) -> Result<Vec<Adapter>> {
+    // SAFETY: the instance lives.
+    let found = match unsafe { instance.raw.enumerate_physical_devices() } {
+        // What the loader says when not one driver is installed.
+        Err(vk::Result::ERROR_INITIALIZATION_FAILED | vk::Result::ERROR_INCOMPATIBLE_DRIVER) => Vec::new(),
+        other => other.named("vkEnumeratePhysicalDevices")?,
+    };
+    Ok(found.into_iter().enumerate().map(|(index, physical)| describe(instance, index, physical)).collect())
+}
+
+fn describe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> Adapter {
+    // SAFETY: the handle comes from this instance.
+    let properties = unsafe { instance.raw.get_physical_device_properties(physical) };
+    let version = properties.api_version;
+    let is_1_1 = version >= vk::API_VERSION_1_1;
+    let queue_family = compute_family(instance, physical);
+    let suitable = if !is_1_1 {
+        Err("it has Vulkan 1.0 only, softras needs 1.1".to_string())
+    } else if queue_family.is_none() {
+        Err("it has no queue that computes".to_string())
+    } else {
+        Ok(())
+    };
+    let (driver, driver_version) = driver(instance, physical, &properties);
+    let name = properties.device_name_as_c_str().unwrap_or(c"?").to_string_lossy().into_owned();
+    Adapter {
+        physical,
+        queue_family,
+        info: DeviceInfo {
+            index,
+            name,
+            kind: match properties.device_type {
+                vk::PhysicalDeviceType::DISCRETE_GPU => DeviceKind::Discrete,
+                vk::PhysicalDeviceType::INTEGRATED_GPU => DeviceKind::Integrated,
+                vk::PhysicalDeviceType::VIRTUAL_GPU => DeviceKind::Virtual,
+                vk::PhysicalDeviceType::CPU => DeviceKind::Software,
+                _ => DeviceKind::Other,
+            },
+            driver,
+            driver_version,
+            api_version: (
+                vk::api_version_major(version),
+                vk::api_version_minor(version),
+                vk::api_version_patch(version),
+            ),
+            // SAFETY: the handle comes from this instance, which is of Vulkan 1.1; a device of 1.0 is never used, and
+            // the loader answers the 1.1 query for it all the same.
+            limits: unsafe { Limits::query(&instance.raw, physical) },
+            suitable,
+        },
+    }
+}
+
+/// The driver's name and version; VkPhysicalDeviceDriverProperties came with 1.2.
+fn driver(
+    instance: &Instance,
+    physical: vk::PhysicalDevice,
+    properties: &vk::PhysicalDeviceProperties,
+) -> (String, String) {
+    if properties.api_version < vk::API_VERSION_1_2 {
+        return (String::new(), format!("{:#x}", properties.driver_version));
+    }
+    let mut driver = vk::PhysicalDeviceDriverProperties::default();
+    let mut chain = vk::PhysicalDeviceProperties2::default().push_next(&mut driver);
+    // SAFETY: the handle comes from this instance, and the device knows the chained structure.
+    unsafe { instance.raw.get_physical_device_properties2(physical, &mut chain) };
+    let text = |text: &[std::ffi::c_char]| {
+        let bytes: Vec<u8> = text.iter().map(|&c| c.to_ne_bytes()[0]).collect();
+        CStr::from_bytes_until_nul(&bytes).map_or(String::new(), |c| c.to_string_lossy().into_owned())
+    };
+    (text(&driver.driver_name), text(&driver.driver_info))
+}
+
+/// A family that computes: one that also draws is the device's main one, whose timestamps and priority we want.
+fn compute_family(instance: &Instance, physical: vk::PhysicalDevice) -> Option<u32> {
+    // SAFETY: the handle comes from this instance.
+    let families = unsafe { instance.raw.get_physical_device_queue_family_properties(physical) };
+    let computes = |f: &vk::QueueFamilyProperties| f.queue_flags.contains(vk::QueueFlags::COMPUTE) && f.queue_count > 0;
+    let draws = |f: &vk::QueueFamilyProperties| f.queue_flags.contains(vk::QueueFlags::GRAPHICS);
+    let all = || (0u32..).zip(&families).filter(|(_, f)| computes(f));
+    all().find(|(_, f)| draws(f)).or_else(|| all().next()).map(|(index, _)| index)
+}
+
+/// The device that `selector` names (an index, or part of a name in any case), or the best one that is suitable.
+pub(super) fn select(adapters: Vec<Adapter>, selector: Option<&str>) -> Result<Adapter> {
+    let listing = adapters.iter().map(|a| line(&a.info)).collect::<Vec<_>>().join("; ");
+    let Some(selector) = selector.map(str::trim).filter(|s| !s.is_empty()) else {
+        let suitable = adapters.into_iter().filter(|a| a.info.suitable.is_ok());
+        return suitable.min_by_key(|a| (a.info.kind, a.info.index)).ok_or_else(|| Error::NoDevice {
+            what: if listing.is_empty() {
+                "there is no device".to_string()
+            } else {
+                format!("of {listing}: none is suitable")
+            },
+            mend: "install a driver with Vulkan 1.1, or the software device \
+                   (Debian, Ubuntu: apt install mesa-vulkan-drivers)"
+                .to_string(),
+        });
+    };
+    let names = |info: &DeviceInfo| match selector.parse::<usize>() {
+        Ok(index) => info.index == index,
+        Err(_) => info.name.to_lowercase().contains(&selector.to_lowercase()),
+    };
+    // Where several match (a GPU listed by two drivers), the best suitable one.
+    let best = adapters
+        .into_iter()
+        .filter(|a| names(&a.info))
+        .min_by_key(|a| (a.info.suitable.is_err(), a.info.kind, a.info.index));
+    let what = match &best {
+        Some(Adapter { info: DeviceInfo { suitable: Err(reason), name, .. }, .. }) => {
+            format!("`{selector}` is {name}, but {reason}")
+        }
+        Some(_) => String::new(),
+        None => format!("no device matches `{selector}`"),
+    };
+    best.filter(|a| a.info.suitable.is_ok()).ok_or_else(|| Error::NoDevice {
+        what,
+        mend: if listing.is_empty() {
+            "there is no device: install a driver with Vulkan 1.1".to_string()
+        } else {
+            format!("choose one by number or by part of its name: {listing}")
+        },
+    })
+}
+
+fn line(info: &DeviceInfo) -> String {
+    let reason = info.suitable.as_ref().err().map_or(String::new(), |reason| format!(", {reason}"));
+    format!("{}: {} ({}{reason})", info.index, info.name, info.kind)
+}

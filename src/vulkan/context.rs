@@ -1,0 +1,175 @@
+//! A device of our own: opened, selected, with memory, a queue and a pipeline cache.
+
+use super::adapter::{self, DeviceInfo};
+use super::cache::PipelineCache;
+use super::device::Device;
+use super::instance::Instance;
+use super::result::{Named, allocation};
+use super::validation::ValidationLog;
+use crate::Result;
+use ash::vk;
+use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
+use gpu_allocator::{AllocationSizes, AllocatorDebugSettings};
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex};
+
+const MIB: u64 = 1 << 20;
+
+/// How to open a device.
+#[derive(Clone, Debug, Default)]
+pub struct ContextOptions {
+    /// An index, or part of a name in any case. None: what SOFTRAS_DEVICE says, else the best one: discrete before
+    /// integrated before virtual before software.
+    pub device: Option<String>,
+    /// Run under the validation layer with its synchronization checks. SOFTRAS_VALIDATION=1 turns it on as well.
+    pub validation: bool,
+    /// Where compiled kernels are kept for the next process.
+    pub cache: CacheFolder,
+}
+
+/// Where compiled kernels are kept.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum CacheFolder {
+    /// `softras` in the user's cache folder.
+    #[default]
+    User,
+    /// This folder.
+    At(PathBuf),
+    /// Nowhere.
+    Nowhere,
+}
+
+/// A device of our own, with its memory, its queue and its pipeline cache.
+///
+/// Buffers and command buffers share what they need of it, so they may outlive it.
+pub struct Context {
+    // Dropped in this order: the cache is written while the device lives.
+    cache: PipelineCache,
+    info: DeviceInfo,
+    shared: Arc<Shared>,
+}
+
+/// What buffers and command buffers need of a context.
+pub(super) struct Shared {
+    // Before the device: dropping the allocator frees its memory.
+    pub(super) allocator: Mutex<Allocator>,
+    /// Submission is from one thread at a time.
+    pub(super) queue: Mutex<vk::Queue>,
+    pub(super) queue_family: u32,
+    /// Bits of the memory types that are device-local and that the host maps, coherent and cached, where reading and
+    /// writing them costs the host nothing. Zero on a discrete GPU.
+    pub(super) direct_types: u32,
+    pub(super) device: Device,
+}
+
+impl Context {
+    /// Opens a device.
+    pub fn new(options: &ContextOptions) -> Result<Self> {
+        let instance = Instance::new(options.validation || validation_by_environment())?;
+        let environment = std::env::var("SOFTRAS_DEVICE").ok();
+        let selector = options.device.as_deref().or(environment.as_deref());
+        let adapter = adapter::select(adapter::list(&instance)?, selector)?;
+        // A suitable device has such a family.
+        let queue_family = adapter.queue_family.unwrap_or(0);
+        // SAFETY: device and family were listed by this instance.
+        let device = unsafe { Device::create(instance, adapter.physical, queue_family, adapter.info.limits) }
+            .named("vkCreateDevice")?;
+        device.name_object(device.raw().handle(), "softras");
+        let allocator = allocator(&device)?;
+        // SAFETY: the device was made with one queue of this family.
+        let queue = unsafe { device.raw().get_device_queue(queue_family, 0) };
+        device.name_object(queue, "softras queue");
+        let cache = PipelineCache::in_folder(&device, &options.cache)?;
+        let shared = Arc::new(Shared {
+            allocator: Mutex::new(allocator),
+            queue: Mutex::new(queue),
+            queue_family,
+            direct_types: direct_types(&device, adapter.info.kind),
+            device,
+        });
+        Ok(Self { cache, info: adapter.info, shared })
+    }
+
+    /// All devices there are, suitable or not.
+    pub fn devices() -> Result<Vec<DeviceInfo>> {
+        let instance = Instance::new(false)?;
+        Ok(adapter::list(&instance)?.into_iter().map(|a| a.info).collect())
+    }
+
+    /// The device, for pipelines, descriptors and recording.
+    pub fn device(&self) -> &Device {
+        &self.shared.device
+    }
+
+    /// Which device it is.
+    pub fn info(&self) -> &DeviceInfo {
+        &self.info
+    }
+
+    /// The cache to make pipelines with.
+    pub fn pipeline_cache(&self) -> &PipelineCache {
+        &self.cache
+    }
+
+    /// The family of the queue, as [`TimestampPool`](super::TimestampPool) asks for.
+    pub fn queue_family(&self) -> u32 {
+        self.shared.queue_family
+    }
+
+    /// Validation is on.
+    pub fn validates(&self) -> bool {
+        self.device().owned_instance().is_some_and(Instance::validates)
+    }
+
+    /// All validation warnings and errors so far; they were printed to stderr as well.
+    pub fn validation_messages(&self) -> Vec<String> {
+        self.validation_log().messages()
+    }
+
+    /// The same, readable after the context is gone.
+    pub fn validation_log(&self) -> ValidationLog {
+        self.device().owned_instance().map(|instance| instance.log.clone()).unwrap_or_default()
+    }
+
+    pub(super) fn shared(&self) -> &Arc<Shared> {
+        &self.shared
+    }
+}
+
+impl std::fmt::Debug for Context {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Context").field("device", &self.info.name).field("validates", &self.validates()).finish()
+    }
+}
+
+fn validation_by_environment() -> bool {
+    std::env::var("SOFTRAS_VALIDATION").is_ok_and(|value| !matches!(value.as_str(), "" | "0"))
+}
+
+fn allocator(device: &Device) -> Result<Allocator> {
+    Allocator::new(&AllocatorCreateDesc {
+        instance: device.instance().clone(),
+        device: device.raw().clone(),
+        physical_device: device.physical_device(),
+        debug_settings: AllocatorDebugSettings::default(),
+        buffer_device_address: false,
+        allocation_sizes: AllocationSizes::new(64 * MIB, 16 * MIB).with_max_device_memblock_size(256 * MIB),
+    })
+    .map_err(|error| allocation("allocator", 0, &error))
+}
+
+/// The bits of [`Shared::direct_types`]: only where the device's memory is the host's own, since a discrete GPU's
+/// mappable memory is slow to read and scarce.
+fn direct_types(device: &Device, kind: adapter::DeviceKind) -> u32 {
+    if !matches!(kind, adapter::DeviceKind::Integrated | adapter::DeviceKind::Software) {
+        return 0;
+    }
+    let wanted = vk::MemoryPropertyFlags::DEVICE_LOCAL
+        | vk::MemoryPropertyFlags::HOST_VISIBLE
+        | vk::MemoryPropertyFlags::HOST_COHERENT
+        | vk::MemoryPropertyFlags::HOST_CACHED;
+    // SAFETY: the physical device is the instance's.
+    let memory = unsafe { device.instance().get_physical_device_memory_properties(device.physical_device()) };
+    let types = (0u32..).zip(memory.memory_types_as_slice());
+    types.filter(|(_, t)| t.property_flags.contains(wanted)).map(|(index, _)| 1 << index).sum()
+}

@@ -1,0 +1,202 @@
+//! Descriptor sets, bound by name.
+
+use super::buffer::{BufferRef, Keep, limit_error};
+use super::device::Device;
+use super::kernel::{Binding, BindingKind, Kernel};
+use super::pipeline::{self, Pipeline};
+use super::result::{Named, misuse};
+use crate::Result;
+use ash::vk;
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+const CALL: &str = "vkUpdateDescriptorSets";
+
+/// Room for one descriptor set for each kernel of a list. A place once used is free again only with the whole pool.
+#[derive(Clone)]
+pub struct DescriptorPool(Arc<Pool>);
+
+struct Pool {
+    device: Device,
+    raw: vk::DescriptorPool,
+    /// Allocating is from one thread at a time.
+    lock: Mutex<()>,
+}
+
+/// The buffers that a kernel works on. Keeps them, and its pool, alive. Cheap to clone.
+#[derive(Clone)]
+pub struct DescriptorSet(Arc<Set>);
+
+pub(super) struct Set {
+    raw: vk::DescriptorSet,
+    kernel: &'static Kernel,
+    pool: Arc<Pool>,
+    _layout: Arc<pipeline::Inner>,
+    _buffers: Vec<Keep>,
+}
+
+impl DescriptorPool {
+    /// Makes room for one set for each kernel; name a kernel as often as it is bound.
+    pub fn new(device: &Device, kernels: &[&'static Kernel]) -> Result<Self> {
+        let mut counts = BTreeMap::new();
+        for binding in kernels.iter().flat_map(|k| k.bindings) {
+            *counts.entry(binding.kind.descriptor_type()).or_insert(0) += 1;
+        }
+        // A pool without any descriptor is invalid, and a kernel without bindings is not.
+        if counts.is_empty() {
+            counts.insert(vk::DescriptorType::STORAGE_BUFFER, 1);
+        }
+        let sizes: Vec<_> =
+            counts.into_iter().map(|(ty, descriptor_count)| vk::DescriptorPoolSize { ty, descriptor_count }).collect();
+        let sets = kernels.len().max(1) as u32;
+        let info = vk::DescriptorPoolCreateInfo::default().max_sets(sets).pool_sizes(&sizes);
+        // SAFETY: the info's pointers live until the call returns; no count is zero.
+        let raw = unsafe { device.raw().create_descriptor_pool(&info, None) }.named("vkCreateDescriptorPool")?;
+        device.name_object(raw, "softras");
+        Ok(Self(Arc::new(Pool { device: device.clone(), raw, lock: Mutex::new(()) })))
+    }
+
+    /// Binds buffers to the kernel's bindings by their names: each exactly once, none else.
+    ///
+    /// The set also serves every other pipeline of the same kernel.
+    pub fn bind(&self, pipeline: &Pipeline, buffers: &[(&str, &BufferRef)]) -> Result<DescriptorSet> {
+        let kernel = pipeline.kernel();
+        let device = &self.0.device;
+        if pipeline.inner().device().raw().handle() != device.raw().handle() {
+            return Err(misuse(CALL, kernel, "pipeline and descriptor pool are of different devices"));
+        }
+        let matched = match_names(kernel, buffers)?;
+        for (binding, buffer) in &matched {
+            check(device, kernel, binding, buffer)?;
+        }
+        let raw = self.0.allocate(pipeline.inner().set_layout())?;
+        device.name_object(raw, kernel.name);
+        // SAFETY: the set was just allocated with this kernel's layout; what it points to is kept below, or the host's
+        // promise (`BufferRef::from_raw`).
+        unsafe { write(device, raw, &matched) };
+        let keeps = matched.iter().filter_map(|(_, buffer)| buffer.keep.clone()).collect();
+        let (pool, layout) = (self.0.clone(), pipeline.inner().clone());
+        Ok(DescriptorSet(Arc::new(Set { raw, kernel, pool, _layout: layout, _buffers: keeps })))
+    }
+}
+
+impl DescriptorSet {
+    /// The kernel whose bindings it fills.
+    pub fn kernel(&self) -> &'static Kernel {
+        self.0.kernel
+    }
+
+    pub(super) fn inner(&self) -> &Arc<Set> {
+        &self.0
+    }
+}
+
+impl Set {
+    pub(super) fn raw(&self) -> vk::DescriptorSet {
+        self.raw
+    }
+
+    pub(super) fn device(&self) -> &Device {
+        &self.pool.device
+    }
+}
+
+impl std::fmt::Debug for DescriptorPool {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "DescriptorPool({:?})", self.0.raw)
+    }
+}
+
+impl std::fmt::Debug for DescriptorSet {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "DescriptorSet({})", self.0.kernel.name)
+    }
+}
+
+impl Pool {
+    fn allocate(&self, layout: vk::DescriptorSetLayout) -> Result<vk::DescriptorSet> {
+        let layouts = [layout];
+        let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(self.raw).set_layouts(&layouts);
+        let _guard = self.lock.lock().unwrap_or_else(PoisonError::into_inner);
+        // SAFETY: pool and layout live, and the lock keeps other threads out of the pool.
+        let sets = unsafe { self.device.raw().allocate_descriptor_sets(&info) }.named("vkAllocateDescriptorSets")?;
+        sets.first().copied().ok_or(vk::Result::ERROR_OUT_OF_POOL_MEMORY).named("vkAllocateDescriptorSets")
+    }
+}
+
+impl Drop for Pool {
+    fn drop(&mut self) {
+        // SAFETY: every set holds the pool, and what recorded a set held the set; so the device is done with all.
+        unsafe { self.device.raw().destroy_descriptor_pool(self.raw, None) };
+    }
+}
+
+/// Each binding with its buffer, or an error that names what is missing, unknown or given twice.
+fn match_names<'a>(
+    kernel: &'static Kernel,
+    buffers: &[(&str, &'a BufferRef)],
+) -> Result<Vec<(&'static Binding, &'a BufferRef)>> {
+    if let Some((name, _)) = buffers.iter().find(|(name, _)| kernel.binding(name).is_none()) {
+        let known: Vec<_> = kernel.bindings.iter().map(|b| b.name).collect();
+        return Err(misuse(CALL, kernel, &format!("there is no binding `{name}`, only {}", known.join(", "))));
+    }
+    let find = |binding: &'static Binding| {
+        let mut given = buffers.iter().filter(|(name, _)| *name == binding.name);
+        match (given.next(), given.next()) {
+            (Some((_, buffer)), None) => Ok((binding, *buffer)),
+            (None, _) => Err(misuse(CALL, kernel, &format!("binding `{}` has no buffer", binding.name))),
+            _ => Err(misuse(CALL, kernel, &format!("binding `{}` is given twice", binding.name))),
+        }
+    };
+    kernel.bindings.iter().map(find).collect()
+}
+
+/// The device can bind this part of a buffer in this way.
+fn check(device: &Device, kernel: &Kernel, binding: &Binding, buffer: &BufferRef) -> Result<()> {
+    let limits = device.limits();
+    let fail = |what: &str| Err(misuse(CALL, kernel, &format!("binding `{}`: {what}", binding.name)));
+    let (alignment, limit, limit_name) = match binding.kind {
+        BindingKind::StorageBuffer => {
+            (limits.storage_offset_alignment, limits.max_storage_buffer_range, "maxStorageBufferRange")
+        }
+        BindingKind::UniformBuffer => {
+            (limits.uniform_offset_alignment, limits.max_uniform_buffer_range, "maxUniformBufferRange")
+        }
+        BindingKind::StorageImage => return fail("storage images cannot be bound"),
+        _ if buffer.view().is_none() => return fail("it is read as texels, and the buffer has no texel view"),
+        _ => return Ok(()),
+    };
+    if !buffer.offset().is_multiple_of(alignment.max(1)) {
+        return fail(&format!("offset {} is no multiple of the device's {alignment}", buffer.offset()));
+    }
+    if buffer.range() == 0 {
+        return fail("it is empty, and Vulkan binds no empty range");
+    }
+    limit_error(binding.name, buffer.range(), "bytes", limit_name, limit)
+}
+
+/// # Safety
+/// The set is of the layout with these bindings and not in use; the buffers live as long as it is used.
+unsafe fn write(device: &Device, set: vk::DescriptorSet, matched: &[(&Binding, &BufferRef)]) {
+    let infos: Vec<_> = matched
+        .iter()
+        .map(|(_, b)| [vk::DescriptorBufferInfo { buffer: b.raw(), offset: b.offset(), range: b.range() }])
+        .collect();
+    let views: Vec<_> = matched.iter().map(|(_, b)| [b.view().unwrap_or_default()]).collect();
+    let writes: Vec<_> = matched
+        .iter()
+        .zip(infos.iter().zip(&views))
+        .map(|((binding, _), (info, view))| {
+            let write = vk::WriteDescriptorSet::default()
+                .dst_set(set)
+                .dst_binding(binding.binding)
+                .descriptor_type(binding.kind.descriptor_type());
+            match binding.kind {
+                BindingKind::StorageBuffer | BindingKind::UniformBuffer => write.buffer_info(info),
+                _ => write.texel_buffer_view(view),
+            }
+        })
+        .collect();
+    // SAFETY: the caller's promise; `infos` and `views` live until the call returns.
+    unsafe { device.raw().update_descriptor_sets(&writes, &[]) };
+}

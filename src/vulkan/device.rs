@@ -1,0 +1,154 @@
+//! The device as pipelines, descriptors and recording see it: ours or a host's.
+
+use super::adapter::Limits;
+use super::instance::Instance;
+use crate::{Error, Result};
+use ash::{ext::debug_utils, vk};
+use std::ffi::CString;
+use std::sync::Arc;
+
+/// The raw handles of a host's device. Any ash version, or none, can fill it in: handles through
+/// `vk::Handle::from_raw(handle.as_raw())`.
+#[derive(Clone, Copy)]
+pub struct HostDevice {
+    /// vkGetInstanceProcAddr of the loader that made the instance.
+    pub get_instance_proc_addr: vk::PFN_vkGetInstanceProcAddr,
+    /// The instance, made for Vulkan 1.1 or later.
+    pub instance: vk::Instance,
+    /// The physical device, of Vulkan 1.1 or later.
+    pub physical_device: vk::PhysicalDevice,
+    /// The device. No feature and no extension need be enabled.
+    pub device: vk::Device,
+    /// VK_EXT_debug_utils is enabled on the instance: objects get names and passes labels.
+    pub debug_utils: bool,
+}
+
+/// A Vulkan device: functions, limits, debug names. Cheap to clone. Of a host's device it destroys nothing.
+#[derive(Clone)]
+pub struct Device {
+    inner: Arc<Inner>,
+}
+
+struct Inner {
+    raw: ash::Device,
+    instance: ash::Instance,
+    physical: vk::PhysicalDevice,
+    debug_utils: Option<debug_utils::Device>,
+    limits: Limits,
+    /// The instance, if the device is ours to destroy. Dropped behind the device.
+    owned: Option<Instance>,
+}
+
+impl Device {
+    /// Takes a host's device.
+    ///
+    /// # Safety
+    /// - The handles are valid, belong together, and were made as their fields say.
+    /// - They stay valid until this device, its clones, and everything made with them are dropped.
+    pub unsafe fn from_host(host: &HostDevice) -> Result<Self> {
+        let static_fn = ash::StaticFn { get_instance_proc_addr: host.get_instance_proc_addr };
+        // SAFETY: the handles are valid (the caller's promise).
+        let (instance, raw) = unsafe {
+            let instance = ash::Instance::load(&static_fn, host.instance);
+            let raw = ash::Device::load(instance.fp_v1_0(), host.device);
+            (instance, raw)
+        };
+        // SAFETY: the handles are valid (the caller's promise).
+        let version = unsafe { instance.get_physical_device_properties(host.physical_device) }.api_version;
+        if version < vk::API_VERSION_1_1 {
+            return Err(Error::NoDevice {
+                what: "the host's device has Vulkan 1.0 only".to_string(),
+                mend: "softras needs Vulkan 1.1".to_string(),
+            });
+        }
+        // SAFETY: both belong together and are of Vulkan 1.1.
+        let limits = unsafe { Limits::query(&instance, host.physical_device) };
+        let debug_utils = host.debug_utils.then(|| debug_utils::Device::new(&instance, &raw));
+        let physical = host.physical_device;
+        Ok(Self { inner: Arc::new(Inner { raw, instance, physical, debug_utils, limits, owned: None }) })
+    }
+
+    /// Makes a device with one queue of the family.
+    ///
+    /// # Safety
+    /// The physical device comes from this instance and has the queue family.
+    pub(super) unsafe fn create(
+        instance: Instance,
+        physical: vk::PhysicalDevice,
+        queue_family: u32,
+        limits: Limits,
+    ) -> Result<Self, vk::Result> {
+        let priorities = [1.0];
+        let queues =
+            [vk::DeviceQueueCreateInfo::default().queue_family_index(queue_family).queue_priorities(&priorities)];
+        // SAFETY: the handle is this instance's (the caller's promise).
+        let offered = unsafe { instance.raw.enumerate_device_extension_properties(physical) }?;
+        // A device that offers VK_KHR_portability_subset demands that it be enabled (macOS).
+        let portability = ash::khr::portability_subset::NAME;
+        let needed = offered.iter().any(|e| e.extension_name_as_c_str() == Ok(portability));
+        let extensions: Vec<_> = needed.then_some(portability.as_ptr()).into_iter().collect();
+        let info = vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_extension_names(&extensions);
+        // SAFETY: the family exists (the caller's promise); the info's pointers live until the call returns.
+        let raw = unsafe { instance.raw.create_device(physical, &info, None) }?;
+        let debug_utils = instance.debug_utils.then(|| debug_utils::Device::new(&instance.raw, &raw));
+        let functions = instance.raw.clone();
+        Ok(Self {
+            inner: Arc::new(Inner { raw, instance: functions, physical, debug_utils, limits, owned: Some(instance) }),
+        })
+    }
+
+    /// What the device allows.
+    pub fn limits(&self) -> &Limits {
+        &self.inner.limits
+    }
+
+    /// The device's functions, for hosts that record beside us. The handle is valid as long as this device lives.
+    pub fn raw(&self) -> &ash::Device {
+        &self.inner.raw
+    }
+
+    /// The instance's functions.
+    pub fn instance(&self) -> &ash::Instance {
+        &self.inner.instance
+    }
+
+    /// The physical device.
+    pub fn physical_device(&self) -> vk::PhysicalDevice {
+        self.inner.physical
+    }
+
+    /// Our own instance, if the device is ours.
+    pub(super) fn owned_instance(&self) -> Option<&Instance> {
+        self.inner.owned.as_ref()
+    }
+
+    /// VK_EXT_debug_utils, where it is enabled.
+    pub(super) fn debug_utils(&self) -> Option<&debug_utils::Device> {
+        self.inner.debug_utils.as_ref()
+    }
+
+    /// Names an object for validation messages and graphics debuggers.
+    pub(super) fn name_object(&self, handle: impl vk::Handle, name: &str) {
+        let Some(debug_utils) = self.debug_utils() else { return };
+        let Ok(name) = CString::new(name) else { return };
+        let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(handle).object_name(&name);
+        // SAFETY: callers pass handles that they have just made on this device. A name that fails is no loss.
+        _ = unsafe { debug_utils.set_debug_utils_object_name(&info) };
+    }
+}
+
+impl Drop for Inner {
+    fn drop(&mut self) {
+        if self.owned.is_some() {
+            // SAFETY: the device is ours, and everything made with it held this Inner and is gone.
+            unsafe { self.raw.destroy_device(None) };
+        }
+    }
+}
+
+impl std::fmt::Debug for Device {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let owned = self.inner.owned.is_some();
+        f.debug_struct("Device").field("handle", &self.inner.raw.handle()).field("owned", &owned).finish()
+    }
+}

@@ -1,0 +1,128 @@
+//! The Vulkan loader and an instance with what is there of debug names and validation.
+
+use super::result::Named;
+use super::validation::{Messenger, ValidationLog};
+use crate::{Error, Result};
+use ash::vk;
+use std::ffi::CStr;
+use std::sync::OnceLock;
+
+const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
+
+/// The loader, opened once for the process and never closed: drivers leave threads behind that outlive their library.
+pub(super) fn entry() -> Result<&'static ash::Entry> {
+    static ENTRY: OnceLock<ash::Entry> = OnceLock::new();
+    if let Some(entry) = ENTRY.get() {
+        return Ok(entry);
+    }
+    // SAFETY: opening the Vulkan loader runs its initialisers, which it is made for.
+    let entry = unsafe { ash::Entry::load() }.map_err(|e| Error::NoDevice {
+        what: format!("the Vulkan loader cannot be opened ({e})"),
+        mend: "install a graphics driver with Vulkan, or the software device \
+               (Debian, Ubuntu: apt install libvulkan1 mesa-vulkan-drivers)"
+            .to_string(),
+    })?;
+    Ok(ENTRY.get_or_init(|| entry))
+}
+
+/// An instance of ours, with its messenger.
+pub(super) struct Instance {
+    pub(super) raw: ash::Instance,
+    /// VK_EXT_debug_utils is enabled.
+    pub(super) debug_utils: bool,
+    /// Messages go here; stays empty without validation.
+    pub(super) log: ValidationLog,
+    /// Dropped in `Drop`, before the instance.
+    messenger: Option<Messenger>,
+}
+
+impl Instance {
+    /// Makes an instance for Vulkan 1.1. With `validation`, the validation layer must be installed.
+    pub(super) fn new(validation: bool) -> Result<Self> {
+        let entry = entry()?;
+        let extensions = extensions(entry, None)?;
+        let debug_utils = extensions.iter().any(|e| e == ash::ext::debug_utils::NAME);
+        let portability = extensions.iter().any(|e| e == ash::khr::portability_enumeration::NAME);
+
+        let mut layers = Vec::new();
+        let mut enabled = Vec::new();
+        let mut flags = vk::InstanceCreateFlags::empty();
+        if debug_utils {
+            enabled.push(ash::ext::debug_utils::NAME.as_ptr());
+        }
+        if portability {
+            enabled.push(ash::khr::portability_enumeration::NAME.as_ptr());
+            flags |= vk::InstanceCreateFlags::ENUMERATE_PORTABILITY_KHR;
+        }
+        if validation {
+            require_validation(entry, debug_utils)?;
+            layers.push(VALIDATION_LAYER.as_ptr());
+            enabled.push(ash::ext::validation_features::NAME.as_ptr());
+        }
+
+        let log = ValidationLog::default();
+        let application = vk::ApplicationInfo::default()
+            .application_name(c"softras")
+            .engine_name(c"softras")
+            .api_version(vk::API_VERSION_1_1);
+        let mut info = vk::InstanceCreateInfo::default()
+            .flags(flags)
+            .application_info(&application)
+            .enabled_layer_names(&layers)
+            .enabled_extension_names(&enabled);
+        let checks = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
+        let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&checks);
+        let mut messenger_info = log.create_info();
+        if validation {
+            info = info.push_next(&mut features).push_next(&mut messenger_info);
+        }
+        // SAFETY: all that `info` points to lives until the call returns, but the log, which `Instance` keeps.
+        let raw = unsafe { entry.create_instance(&info, None) }.named("vkCreateInstance")?;
+        let mut instance = Self { raw, debug_utils, log, messenger: None };
+        if validation {
+            // SAFETY: debug_utils is there (require_validation), and Drop destroys the messenger first.
+            let messenger = unsafe { Messenger::new(entry, &instance.raw, instance.log.clone()) };
+            instance.messenger = Some(messenger.named("vkCreateDebugUtilsMessengerEXT")?);
+        }
+        Ok(instance)
+    }
+
+    /// Validation is on.
+    pub(super) fn validates(&self) -> bool {
+        self.messenger.is_some()
+    }
+}
+
+impl Drop for Instance {
+    fn drop(&mut self) {
+        self.messenger = None;
+        // SAFETY: every device holds its Instance, so none is left; the messenger is gone.
+        unsafe { self.raw.destroy_instance(None) };
+    }
+}
+
+/// The names of a layer's (or the loader's own) instance extensions.
+fn extensions(entry: &ash::Entry, layer: Option<&CStr>) -> Result<Vec<std::ffi::CString>> {
+    // SAFETY: a plain query; the layer name is nul-terminated.
+    let found = unsafe { entry.enumerate_instance_extension_properties(layer) }
+        .named("vkEnumerateInstanceExtensionProperties")?;
+    Ok(found.iter().filter_map(|e| e.extension_name_as_c_str().ok()).map(CStr::to_owned).collect())
+}
+
+/// An error unless the validation layer is there with all that we need of it.
+fn require_validation(entry: &ash::Entry, debug_utils: bool) -> Result<()> {
+    // SAFETY: a plain query.
+    let layers = unsafe { entry.enumerate_instance_layer_properties() }.named("vkEnumerateInstanceLayerProperties")?;
+    let installed = layers.iter().any(|l| l.layer_name_as_c_str() == Ok(VALIDATION_LAYER));
+    if installed
+        && debug_utils
+        && extensions(entry, Some(VALIDATION_LAYER))?.iter().any(|e| e == ash::ext::validation_features::NAME)
+    {
+        return Ok(());
+    }
+    Err(Error::NoDevice {
+        what: "validation was asked for, but VK_LAYER_KHRONOS_validation is not installed".to_string(),
+        mend: "install it (Debian, Ubuntu: apt install vulkan-validationlayers), or unset SOFTRAS_VALIDATION"
+            .to_string(),
+    })
+}

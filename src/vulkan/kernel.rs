@@ -1,0 +1,184 @@
+//! What `build.rs` reads out of each kernel's SPIR-V, and the kernels themselves.
+
+/// A compute kernel: its SPIR-V and all that the SPIR-V says about its interface.
+#[derive(Debug)]
+pub struct Kernel {
+    /// The file's name without `.comp`.
+    pub name: &'static str,
+    /// SPIR-V 1.3.
+    pub spirv: &'static [u32],
+    /// Invocations a workgroup along x, y, z, before specialization.
+    pub local_size: [u32; 3],
+    /// The specialization constants that set the local size, where there are such.
+    pub local_size_ids: [Option<u32>; 3],
+    /// The descriptors of set 0, in the order of their binding numbers.
+    pub bindings: &'static [Binding],
+    /// Size of the push constants in bytes, a multiple of four.
+    pub push_constant_bytes: u32,
+    /// The push constants.
+    pub push_members: &'static [Member],
+    /// The specialization constants, in the order of their ids.
+    pub specialization: &'static [Specialization],
+    /// Every record in a storage or uniform buffer, blocks included, in the order met.
+    pub structs: &'static [Struct],
+}
+
+impl Kernel {
+    /// The binding of this name.
+    pub fn binding(&self, name: &str) -> Option<&'static Binding> {
+        self.bindings.iter().find(|b| b.name == name)
+    }
+
+    /// The record of this name.
+    pub fn record(&self, name: &str) -> Option<&'static Struct> {
+        self.structs.iter().find(|s| s.name == name)
+    }
+}
+
+/// One descriptor of set 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Binding {
+    /// The variable's name, or the block's where it has no instance name.
+    pub name: &'static str,
+    /// layout(binding = ...).
+    pub binding: u32,
+    /// What is bound.
+    pub kind: BindingKind,
+    /// The kernel cannot write it.
+    pub readonly: bool,
+}
+
+/// What a binding holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BindingKind {
+    /// `buffer` block.
+    StorageBuffer,
+    /// `uniform` block.
+    UniformBuffer,
+    /// `samplerBuffer` or `textureBuffer`.
+    UniformTexelBufferFloat,
+    /// `isamplerBuffer`.
+    UniformTexelBufferInt,
+    /// `usamplerBuffer`.
+    UniformTexelBufferUint,
+    /// `imageBuffer`.
+    StorageTexelBuffer,
+    /// `image2D` and its like. Reflected, but no descriptor set can hold one yet.
+    StorageImage,
+}
+
+/// One member of a record or of the push constants.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Member {
+    /// Its name in GLSL.
+    pub name: &'static str,
+    /// Bytes from the start of the record.
+    pub offset: u32,
+    /// Bytes it covers; 0 for an array without a length.
+    pub size: u32,
+    /// Bytes from one array element to the next; 0 if it is no array.
+    pub stride: u32,
+}
+
+/// A record as it lies in a buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Struct {
+    /// Its name in GLSL.
+    pub name: &'static str,
+    /// Bytes up to the end of the last member.
+    pub size: u32,
+    /// Bytes from one to the next in an array of them; 0 if there is no such array.
+    pub stride: u32,
+    /// Its members.
+    pub members: &'static [Member],
+}
+
+/// A specialization constant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Specialization {
+    /// Its name in GLSL; `local_size_x`, `_y`, `_z` for those that only set the local size.
+    pub name: &'static str,
+    /// layout(constant_id = ...).
+    pub id: u32,
+    /// Its value if none is given, and with it its type.
+    pub default: SpecValue,
+}
+
+/// The value of a specialization constant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SpecValue {
+    /// `bool`.
+    Bool(bool),
+    /// `int`.
+    Int(i32),
+    /// `uint`.
+    Uint(u32),
+    /// `float`.
+    Float(f32),
+}
+
+impl SpecValue {
+    /// The four bytes that Vulkan takes.
+    pub(super) fn bytes(self) -> [u8; 4] {
+        match self {
+            Self::Bool(value) => u32::from(value).to_ne_bytes(),
+            Self::Int(value) => value.to_ne_bytes(),
+            Self::Uint(value) => value.to_ne_bytes(),
+            Self::Float(value) => value.to_ne_bytes(),
+        }
+    }
+
+    /// Both are of one GLSL type.
+    pub(super) fn same_type(self, other: Self) -> bool {
+        std::mem::discriminant(&self) == std::mem::discriminant(&other)
+    }
+}
+
+impl From<bool> for SpecValue {
+    fn from(value: bool) -> Self {
+        Self::Bool(value)
+    }
+}
+
+impl From<i32> for SpecValue {
+    fn from(value: i32) -> Self {
+        Self::Int(value)
+    }
+}
+
+impl From<u32> for SpecValue {
+    fn from(value: u32) -> Self {
+        Self::Uint(value)
+    }
+}
+
+impl From<f32> for SpecValue {
+    fn from(value: f32) -> Self {
+        Self::Float(value)
+    }
+}
+
+/// One static for each file of `glsl/*.comp`, in capitals: `glsl/forward.comp` is `FORWARD`.
+pub mod kernels {
+    use super::{Binding, BindingKind, Kernel, Member, SpecValue, Specialization, Struct};
+
+    /// A SPIR-V file as words, at compile time, so that no alignment has to be trusted.
+    const fn words<const N: usize>(bytes: &[u8]) -> [u32; N] {
+        assert!(bytes.len() == 4 * N);
+        let mut words = [0; N];
+        let mut i = 0;
+        while i < N {
+            words[i] = u32::from_le_bytes([bytes[4 * i], bytes[4 * i + 1], bytes[4 * i + 2], bytes[4 * i + 3]]);
+            i += 1;
+        }
+        words
+    }
+
+    include!(concat!(env!("OUT_DIR"), "/kernels.rs"));
+}
+
+/// The constants of `glsl/common/constants.glsl`.
+#[allow(clippy::approx_constant, clippy::excessive_precision, clippy::unreadable_literal)]
+pub mod constants {
+    include!(concat!(env!("OUT_DIR"), "/constants.rs"));
+}

@@ -1,0 +1,46 @@
+//! Vulkan compute without rendering: devices, buffers, kernels, command buffers. The only folder with `unsafe`.
+//!
+//! It comes in two halves:
+//!
+//! - What an embedding host needs works on a [`Device`] alone, which may be the host's: [`Pipeline`],
+//!   [`DescriptorPool`] and [`DescriptorSet`], [`Recorder`], [`TimestampPool`]. None of it submits, waits, or allocates
+//!   device memory.
+//! - [`Context`] owns a device of its own, and with it comes what a host does for itself: [`Buffer`] and
+//!   [`SharedBuffer`], [`CommandBuffer`] with submission and waiting, a pipeline cache on disk, validation.
+//!
+//! Objects keep alive what they need: a [`BufferRef`] its buffer, a [`DescriptorSet`] its buffers and pool, a
+//! [`CommandBuffer`] all that it recorded, and all of them the device. So they may be dropped in any order. Raw handles
+//! enter through `unsafe` functions only, which say what the host must keep alive.
+
+mod adapter;
+mod buffer;
+mod cache;
+mod command;
+mod context;
+mod descriptors;
+mod device;
+mod instance;
+mod kernel;
+mod pipeline;
+mod recorder;
+mod result;
+mod shared_buffer;
+mod timestamps;
+mod validation;
+
+pub use adapter::{DeviceInfo, DeviceKind, Limits, Subgroups};
+pub use buffer::{Buffer, BufferDesc, BufferRef, Location, TexelFormat};
+pub use cache::PipelineCache;
+pub use command::CommandBuffer;
+pub use context::{CacheFolder, Context, ContextOptions};
+pub use descriptors::{DescriptorPool, DescriptorSet};
+pub use device::{Device, HostDevice};
+pub use kernel::{Binding, BindingKind, Kernel, Member, SpecValue, Specialization, Struct, constants, kernels};
+pub use pipeline::Pipeline;
+pub use recorder::Recorder;
+pub use shared_buffer::SharedBuffer;
+pub use timestamps::TimestampPool;
+pub use validation::ValidationLog;
+
+/// Raw Vulkan handles and flags, of the ash version that this crate is built on.
+pub use ash::vk;

@@ -1,0 +1,241 @@
+//! A kernel made ready for a device: layouts from its reflection, specialization constants by name.
+
+use super::cache::PipelineCache;
+use super::device::Device;
+use super::kernel::{BindingKind, Kernel, SpecValue};
+use super::result::{Named, misuse, vulkan};
+use crate::{Error, Result};
+use ash::vk;
+use std::sync::Arc;
+
+/// A compute pipeline. Cheap to clone.
+#[derive(Clone)]
+pub struct Pipeline(Arc<Inner>);
+
+pub(super) struct Inner {
+    device: Device,
+    kernel: &'static Kernel,
+    local_size: [u32; 3],
+    set_layout: vk::DescriptorSetLayout,
+    layout: vk::PipelineLayout,
+    raw: vk::Pipeline,
+}
+
+impl Pipeline {
+    /// Compiles a kernel. Each specialization constant that is not named keeps its default.
+    ///
+    /// An error where a name is unknown or its value of another type, or where the device's limits don't allow the
+    /// kernel's workgroup or push constants.
+    pub fn new(
+        device: &Device,
+        kernel: &'static Kernel,
+        specialization: &[(&str, SpecValue)],
+        cache: Option<&PipelineCache>,
+    ) -> Result<Self> {
+        let constants = Constants::new(kernel, specialization)?;
+        let local_size = constants.local_size(kernel);
+        check_limits(device, kernel, local_size)?;
+        let mut inner = Inner {
+            device: device.clone(),
+            kernel,
+            local_size,
+            set_layout: create_set_layout(device, kernel)?,
+            layout: vk::PipelineLayout::null(),
+            raw: vk::Pipeline::null(),
+        };
+        inner.layout = create_layout(device, kernel, inner.set_layout)?;
+        let cache = cache.map_or(vk::PipelineCache::null(), PipelineCache::raw);
+        inner.raw = create_pipeline(device, kernel, inner.layout, &constants, cache)?;
+        device.name_object(inner.set_layout, kernel.name);
+        device.name_object(inner.layout, kernel.name);
+        device.name_object(inner.raw, kernel.name);
+        Ok(Self(Arc::new(inner)))
+    }
+
+    /// The kernel it was made of.
+    pub fn kernel(&self) -> &'static Kernel {
+        self.0.kernel
+    }
+
+    /// Invocations in a workgroup, as specialized.
+    pub fn local_size(&self) -> [u32; 3] {
+        self.0.local_size
+    }
+
+    pub(super) fn inner(&self) -> &Arc<Inner> {
+        &self.0
+    }
+}
+
+impl std::fmt::Debug for Pipeline {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Inner { kernel, local_size, .. } = &*self.0;
+        f.debug_struct("Pipeline").field("kernel", &kernel.name).field("local_size", local_size).finish()
+    }
+}
+
+impl Inner {
+    pub(super) fn set_layout(&self) -> vk::DescriptorSetLayout {
+        self.set_layout
+    }
+
+    pub(super) fn layout(&self) -> vk::PipelineLayout {
+        self.layout
+    }
+
+    pub(super) fn raw(&self) -> vk::Pipeline {
+        self.raw
+    }
+
+    pub(super) fn device(&self) -> &Device {
+        &self.device
+    }
+}
+
+impl Drop for Inner {
+    fn drop(&mut self) {
+        let device = self.device.raw();
+        // SAFETY: all three are ours; what recorded or bound them kept this Inner until the device was done. Null is
+        // ignored.
+        unsafe {
+            device.destroy_pipeline(self.raw, None);
+            device.destroy_pipeline_layout(self.layout, None);
+            device.destroy_descriptor_set_layout(self.set_layout, None);
+        }
+    }
+}
+
+impl BindingKind {
+    /// As Vulkan calls it.
+    pub(super) fn descriptor_type(self) -> vk::DescriptorType {
+        match self {
+            Self::StorageBuffer => vk::DescriptorType::STORAGE_BUFFER,
+            Self::UniformBuffer => vk::DescriptorType::UNIFORM_BUFFER,
+            Self::UniformTexelBufferFloat | Self::UniformTexelBufferInt | Self::UniformTexelBufferUint => {
+                vk::DescriptorType::UNIFORM_TEXEL_BUFFER
+            }
+            Self::StorageTexelBuffer => vk::DescriptorType::STORAGE_TEXEL_BUFFER,
+            Self::StorageImage => vk::DescriptorType::STORAGE_IMAGE,
+        }
+    }
+}
+
+/// Specialization constants as Vulkan takes them.
+struct Constants {
+    entries: Vec<vk::SpecializationMapEntry>,
+    data: Vec<u8>,
+}
+
+impl Constants {
+    fn new(kernel: &Kernel, values: &[(&str, SpecValue)]) -> Result<Self> {
+        let call = "vkCreateComputePipelines";
+        let mut constants = Self { entries: Vec::new(), data: Vec::new() };
+        for (name, value) in values {
+            let Some(constant) = kernel.specialization.iter().find(|s| s.name == *name) else {
+                let known: Vec<_> = kernel.specialization.iter().map(|s| s.name).collect();
+                let what = format!("there is no specialization constant `{name}`, only {}", known.join(", "));
+                return Err(misuse(call, kernel, &what));
+            };
+            if !constant.default.same_type(*value) {
+                let what = format!("specialization constant `{name}` is of the type of {:?}", constant.default);
+                return Err(misuse(call, kernel, &format!("{what}, not {value:?}")));
+            }
+            if constants.entries.iter().any(|e| e.constant_id == constant.id) {
+                return Err(misuse(call, kernel, &format!("specialization constant `{name}` is given twice")));
+            }
+            let offset = constants.data.len() as u32;
+            constants.entries.push(vk::SpecializationMapEntry { constant_id: constant.id, offset, size: 4 });
+            constants.data.extend(value.bytes());
+        }
+        Ok(constants)
+    }
+
+    /// The kernel's local size with these constants.
+    fn local_size(&self, kernel: &Kernel) -> [u32; 3] {
+        let given = |id: u32| {
+            let entry = self.entries.iter().find(|e| e.constant_id == id)?;
+            let bytes = self.data.get(entry.offset as usize..)?.first_chunk::<4>()?;
+            Some(u32::from_ne_bytes(*bytes))
+        };
+        std::array::from_fn(|axis| kernel.local_size_ids[axis].and_then(given).unwrap_or(kernel.local_size[axis]))
+    }
+}
+
+fn check_limits(device: &Device, kernel: &Kernel, local_size: [u32; 3]) -> Result<()> {
+    let limits = device.limits();
+    let check = |what: &str, needed: u64, unit, limit_name, limit: u64| {
+        if needed <= limit {
+            return Ok(());
+        }
+        let (what, mend) = (format!("kernel `{}`: {what}", kernel.name), "use another device".to_string());
+        Err(Error::Limit { what, needed, unit, limit_name, limit, mend })
+    };
+    let bytes = kernel.push_constant_bytes.into();
+    check("its push constants", bytes, "bytes", "maxPushConstantsSize", limits.max_push_constants.into())?;
+    let invocations = local_size.iter().map(|&n| u64::from(n)).product();
+    let limit = limits.max_workgroup_invocations.into();
+    check("its workgroup", invocations, "invocations", "maxComputeWorkGroupInvocations", limit)?;
+    let buffers = kernel.bindings.iter().filter(|b| b.kind == BindingKind::StorageBuffer).count() as u64;
+    let limit = limits.max_storage_buffers.into();
+    check("its set", buffers, "storage buffers", "maxPerStageDescriptorStorageBuffers", limit)?;
+    local_size.iter().zip(limits.max_workgroup_size).try_for_each(|(&size, limit)| {
+        check("its workgroup along an axis", size.into(), "invocations", "maxComputeWorkGroupSize", limit.into())
+    })
+}
+
+fn create_set_layout(device: &Device, kernel: &Kernel) -> Result<vk::DescriptorSetLayout> {
+    let bindings: Vec<_> = kernel
+        .bindings
+        .iter()
+        .map(|b| {
+            vk::DescriptorSetLayoutBinding::default()
+                .binding(b.binding)
+                .descriptor_type(b.kind.descriptor_type())
+                .descriptor_count(1)
+                .stage_flags(vk::ShaderStageFlags::COMPUTE)
+        })
+        .collect();
+    let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
+    // SAFETY: binding numbers are distinct (build.rs); the info's pointers live until the call returns.
+    unsafe { device.raw().create_descriptor_set_layout(&info, None) }.named("vkCreateDescriptorSetLayout")
+}
+
+fn create_layout(device: &Device, kernel: &Kernel, set: vk::DescriptorSetLayout) -> Result<vk::PipelineLayout> {
+    let sets = [set];
+    let push = [vk::PushConstantRange {
+        stage_flags: vk::ShaderStageFlags::COMPUTE,
+        offset: 0,
+        size: kernel.push_constant_bytes,
+    }];
+    let push = if kernel.push_constant_bytes == 0 { &[][..] } else { &push[..] };
+    let info = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets).push_constant_ranges(push);
+    // SAFETY: the set layout lives; size is a multiple of four within the limit (check_limits).
+    unsafe { device.raw().create_pipeline_layout(&info, None) }.named("vkCreatePipelineLayout")
+}
+
+fn create_pipeline(
+    device: &Device,
+    kernel: &Kernel,
+    layout: vk::PipelineLayout,
+    constants: &Constants,
+    cache: vk::PipelineCache,
+) -> Result<vk::Pipeline> {
+    let info = vk::ShaderModuleCreateInfo::default().code(kernel.spirv);
+    // SAFETY: the words are glslang's output for Vulkan 1.1, which every device here has.
+    let module = unsafe { device.raw().create_shader_module(&info, None) }.named("vkCreateShaderModule")?;
+    device.name_object(module, kernel.name);
+    let specialization = vk::SpecializationInfo::default().map_entries(&constants.entries).data(&constants.data);
+    let stage = vk::PipelineShaderStageCreateInfo::default()
+        .stage(vk::ShaderStageFlags::COMPUTE)
+        .module(module)
+        .name(c"main")
+        .specialization_info(&specialization);
+    let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout)];
+    // SAFETY: module and layout live and were made of the same reflection; each entry lies inside the data.
+    let result = unsafe { device.raw().create_compute_pipelines(cache, &info, None) };
+    // SAFETY: a pipeline doesn't need its module once it is made.
+    unsafe { device.raw().destroy_shader_module(module, None) };
+    let call = "vkCreateComputePipelines";
+    let made = result.map_err(|(_, result)| vulkan(call, result))?;
+    made.first().copied().ok_or_else(|| misuse(call, kernel, "no pipeline came back"))
+}

@@ -1,0 +1,262 @@
+//! Records work into a command buffer, ours or a host's.
+
+use super::buffer::{BufferRef, Keep};
+use super::descriptors::DescriptorSet;
+use super::device::Device;
+use super::pipeline::Pipeline;
+use super::result::misuse;
+use super::timestamps::TimestampPool;
+use crate::{Error, Result};
+use ash::vk;
+use std::ffi::CString;
+
+/// Records into a command buffer. Never allocates device memory, submits or waits.
+///
+/// Nothing is ordered by itself: between work and what depends on it belongs a [`barrier`](Self::barrier).
+pub struct Recorder<'a> {
+    device: Device,
+    raw: vk::CommandBuffer,
+    /// What our own command buffer must keep alive; a host does so itself.
+    keep: Option<&'a mut Vec<Keep>>,
+}
+
+impl Recorder<'static> {
+    /// Records into a host's command buffer.
+    ///
+    /// # Safety
+    /// - The command buffer is of this device, of a queue family that computes, in the recording state, outside a
+    ///   render pass, and no other thread uses it or its pool meanwhile.
+    /// - Every pipeline, descriptor set, timestamp pool and buffer recorded is of this device and is kept until the
+    ///   command buffer has been executed for the last time or thrown away.
+    pub unsafe fn from_raw(device: &Device, raw: vk::CommandBuffer) -> Self {
+        Self { device: device.clone(), raw, keep: None }
+    }
+}
+
+impl<'a> Recorder<'a> {
+    /// Records into a command buffer of ours, which keeps what is recorded.
+    ///
+    /// # Safety
+    /// As for [`from_raw`](Recorder::from_raw), but for what `keep` keeps.
+    pub(super) unsafe fn keeping(device: &Device, raw: vk::CommandBuffer, keep: &'a mut Vec<Keep>) -> Self {
+        Self { device: device.clone(), raw, keep: Some(keep) }
+    }
+
+    /// The command buffer.
+    pub fn raw(&self) -> vk::CommandBuffer {
+        self.raw
+    }
+
+    /// The device.
+    pub fn device(&self) -> &Device {
+        &self.device
+    }
+
+    /// Runs a kernel over `groups` workgroups. With none along an axis, nothing is recorded.
+    ///
+    /// An error where the set is of another kernel, the push constants have another size than the kernel's, or there
+    /// are more workgroups than the device allows.
+    pub fn dispatch(&mut self, pipeline: &Pipeline, set: &DescriptorSet, push: &[u8], groups: [u32; 3]) -> Result<()> {
+        for (axis, (&needed, limit)) in groups.iter().zip(self.device.limits().max_workgroup_count).enumerate() {
+            if needed > limit {
+                return Err(Error::Limit {
+                    what: format!("kernel `{}` along {}", pipeline.kernel().name, ["x", "y", "z"][axis]),
+                    needed: needed.into(),
+                    unit: "workgroups",
+                    limit_name: "maxComputeWorkGroupCount",
+                    limit: limit.into(),
+                    mend: "render a smaller image, fewer triangles or fewer cameras at once".to_string(),
+                });
+            }
+        }
+        self.check(pipeline, set, push)?;
+        if groups.contains(&0) {
+            return Ok(());
+        }
+        self.bind(pipeline, set, push);
+        // SAFETY: pipeline, set and push constants are bound; the counts are within the limits.
+        unsafe { self.device.raw().cmd_dispatch(self.raw, groups[0], groups[1], groups[2]) };
+        Ok(())
+    }
+
+    /// Runs a kernel over as many workgroups as three words at an offset in a buffer say when it executes. They must be
+    /// within the device's limits, which nobody can check here.
+    pub fn dispatch_indirect(
+        &mut self,
+        pipeline: &Pipeline,
+        set: &DescriptorSet,
+        push: &[u8],
+        buffer: &BufferRef,
+        offset: u64,
+    ) -> Result<()> {
+        self.check(pipeline, set, push)?;
+        check_range("vkCmdDispatchIndirect", buffer, offset, 12)?;
+        self.bind(pipeline, set, push);
+        self.keep(&buffer.keep);
+        // SAFETY: pipeline, set and push constants are bound; the arguments lie inside the buffer, aligned.
+        unsafe { self.device.raw().cmd_dispatch_indirect(self.raw, buffer.raw(), buffer.offset() + offset) };
+        Ok(())
+    }
+
+    /// Fills `size` bytes at an offset with a word. Both are multiples of four.
+    pub fn fill(&mut self, buffer: &BufferRef, offset: u64, size: u64, value: u32) -> Result<()> {
+        check_range("vkCmdFillBuffer", buffer, offset, size)?;
+        if size > 0 {
+            self.keep(&buffer.keep);
+            let offset = buffer.offset() + offset;
+            // SAFETY: the range lies inside the buffer, aligned, and is not empty.
+            unsafe { self.device.raw().cmd_fill_buffer(self.raw, buffer.raw(), offset, size, value) };
+        }
+        Ok(())
+    }
+
+    /// Copies `size` bytes. All three numbers are multiples of four; the ranges don't overlap.
+    pub fn copy(
+        &mut self,
+        source: &BufferRef,
+        source_offset: u64,
+        target: &BufferRef,
+        target_offset: u64,
+        size: u64,
+    ) -> Result<()> {
+        let call = "vkCmdCopyBuffer";
+        check_range(call, source, source_offset, size)?;
+        check_range(call, target, target_offset, size)?;
+        let region = vk::BufferCopy {
+            src_offset: source.offset() + source_offset,
+            dst_offset: target.offset() + target_offset,
+            size,
+        };
+        let overlaps = region.src_offset.abs_diff(region.dst_offset) < size;
+        if source.raw() == target.raw() && overlaps {
+            return Err(Error::Vulkan { call, result: "source and target overlap".to_string() });
+        }
+        if size > 0 {
+            self.keep(&source.keep);
+            self.keep(&target.keep);
+            // SAFETY: both ranges lie inside their buffers, don't overlap and are not empty.
+            unsafe { self.device.raw().cmd_copy_buffer(self.raw, source.raw(), target.raw(), &[region]) };
+        }
+        Ok(())
+    }
+
+    /// Everything recorded so far is done, and its writes are visible, before any kernel, copy, fill or indirect
+    /// dispatch recorded from now on starts.
+    pub fn barrier(&mut self) {
+        use vk::{AccessFlags as A, PipelineStageFlags as S};
+        // DRAW_INDIRECT before as well: arguments may be overwritten next.
+        let stages = S::COMPUTE_SHADER | S::TRANSFER | S::DRAW_INDIRECT;
+        // Texel reads are SHADER_READ.
+        let reads = A::SHADER_READ | A::TRANSFER_READ | A::INDIRECT_COMMAND_READ | A::UNIFORM_READ;
+        let writes = A::SHADER_WRITE | A::TRANSFER_WRITE;
+        self.memory_barrier((stages, writes), (stages, reads | writes));
+    }
+
+    /// Everything recorded so far is visible to the host once the command buffer has been waited for.
+    pub fn barrier_to_host(&mut self) {
+        use vk::{AccessFlags as A, PipelineStageFlags as S};
+        let from = (S::COMPUTE_SHADER | S::TRANSFER, A::SHADER_WRITE | A::TRANSFER_WRITE);
+        self.memory_barrier(from, (S::HOST, A::HOST_READ));
+    }
+
+    /// Begins a named section for graphics debuggers. Sections nest.
+    pub fn begin_label(&mut self, name: &str) {
+        if let (Some(debug_utils), Ok(name)) = (self.device.debug_utils(), CString::new(name)) {
+            let label = vk::DebugUtilsLabelEXT::default().label_name(&name);
+            // SAFETY: the extension is enabled, the command buffer records.
+            unsafe { debug_utils.cmd_begin_debug_utils_label(self.raw, &label) };
+        }
+    }
+
+    /// Ends the section begun last.
+    pub fn end_label(&mut self) {
+        if let Some(debug_utils) = self.device.debug_utils() {
+            // SAFETY: the extension is enabled, the command buffer records. Without a section it is invalid use that
+            // drivers ignore and the validation layer reports.
+            unsafe { debug_utils.cmd_end_debug_utils_label(self.raw) };
+        }
+    }
+
+    /// Makes a pool's timestamps ready to be written. Belongs before the first.
+    pub fn reset_timestamps(&mut self, pool: &TimestampPool) {
+        self.keep(&Some(pool.0.clone() as Keep));
+        // SAFETY: the range is the whole pool, which is kept.
+        unsafe { self.device.raw().cmd_reset_query_pool(self.raw, pool.0.raw(), 0, pool.count()) };
+    }
+
+    /// Writes a timestamp when all that was recorded so far is done.
+    pub fn timestamp(&mut self, pool: &TimestampPool, index: u32) -> Result<()> {
+        if index >= pool.count() {
+            let result = format!("timestamp {index} of {}", pool.count());
+            return Err(Error::Vulkan { call: "vkCmdWriteTimestamp", result });
+        }
+        self.keep(&Some(pool.0.clone() as Keep));
+        let stage = vk::PipelineStageFlags::BOTTOM_OF_PIPE;
+        // SAFETY: the query is one of the pool's, which is kept, and a pool exists only where timestamps are supported.
+        unsafe { self.device.raw().cmd_write_timestamp(self.raw, stage, pool.0.raw(), index) };
+        Ok(())
+    }
+
+    fn memory_barrier(
+        &mut self,
+        (from, writes): (vk::PipelineStageFlags, vk::AccessFlags),
+        (to, accesses): (vk::PipelineStageFlags, vk::AccessFlags),
+    ) {
+        let barrier = [vk::MemoryBarrier::default().src_access_mask(writes).dst_access_mask(accesses)];
+        let none = vk::DependencyFlags::empty();
+        // SAFETY: every stage named is one of a compute queue; each access belongs to one of the stages.
+        unsafe { self.device.raw().cmd_pipeline_barrier(self.raw, from, to, none, &barrier, &[], &[]) };
+    }
+
+    /// Pipeline, set and push constants belong together and to this device.
+    fn check(&self, pipeline: &Pipeline, set: &DescriptorSet, push: &[u8]) -> Result<()> {
+        let (call, kernel, device) = ("vkCmdDispatch", pipeline.kernel(), self.device.raw().handle());
+        if !std::ptr::eq(kernel, set.kernel()) {
+            return Err(misuse(call, kernel, &format!("the descriptor set is of kernel `{}`", set.kernel().name)));
+        }
+        if push.len() != kernel.push_constant_bytes as usize {
+            let (given, wanted) = (push.len(), kernel.push_constant_bytes);
+            return Err(misuse(call, kernel, &format!("{given} bytes of push constants given, it has {wanted}")));
+        }
+        let ours = [pipeline.inner().device(), set.inner().device()].iter().all(|d| d.raw().handle() == device);
+        if ours { Ok(()) } else { Err(misuse(call, kernel, "pipeline or descriptor set is of another device")) }
+    }
+
+    fn bind(&mut self, pipeline: &Pipeline, set: &DescriptorSet, push: &[u8]) {
+        self.keep(&Some(pipeline.inner().clone() as Keep));
+        self.keep(&Some(set.inner().clone() as Keep));
+        let (device, layout, point) = (self.device.raw(), pipeline.inner().layout(), vk::PipelineBindPoint::COMPUTE);
+        // SAFETY: `check` has been called: all are of this device and of one kernel, so the layouts agree, and the push
+        // constants fill the layout's range. They are kept here, or by the host (`from_raw`).
+        unsafe {
+            device.cmd_bind_pipeline(self.raw, point, pipeline.inner().raw());
+            device.cmd_bind_descriptor_sets(self.raw, point, layout, 0, &[set.inner().raw()], &[]);
+            if !push.is_empty() {
+                device.cmd_push_constants(self.raw, layout, vk::ShaderStageFlags::COMPUTE, 0, push);
+            }
+        }
+    }
+
+    fn keep(&mut self, what: &Option<Keep>) {
+        if let (Some(keep), Some(what)) = (&mut self.keep, what) {
+            keep.push(what.clone());
+        }
+    }
+}
+
+impl std::fmt::Debug for Recorder<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Recorder({:?})", self.raw)
+    }
+}
+
+/// The bytes lie inside the buffer's part and are aligned to four.
+fn check_range(call: &'static str, buffer: &BufferRef, offset: u64, size: u64) -> Result<()> {
+    let inside = offset.checked_add(size).is_some_and(|end| end <= buffer.range());
+    let aligned = (buffer.offset() + offset).is_multiple_of(4) && size.is_multiple_of(4);
+    if inside && aligned {
+        return Ok(());
+    }
+    let why = if inside { "are not aligned to four".to_string() } else { format!("lie outside {buffer:?}") };
+    Err(Error::Vulkan { call, result: format!("bytes {offset} and {size} more {why}") })
+}

@@ -1,0 +1,68 @@
+//! From VkResult and gpu-allocator's errors to [`Error`].
+
+use super::kernel::Kernel;
+use crate::Error;
+use ash::vk;
+use gpu_allocator::AllocationError;
+
+/// Turns a failed Vulkan call into an error that names it.
+pub(super) trait Named<T> {
+    /// The value, or [`Error::Vulkan`] with the call and the VkResult's name.
+    fn named(self, call: &'static str) -> Result<T, Error>;
+}
+
+impl<T> Named<T> for Result<T, vk::Result> {
+    fn named(self, call: &'static str) -> Result<T, Error> {
+        self.map_err(|result| vulkan(call, result))
+    }
+}
+
+/// [`Error::Vulkan`], or [`Error::OutOfMemory`] for the two results that say so. The result is named as the
+/// specification names it, with the reason behind where a user can do something about it.
+pub(super) fn vulkan(call: &'static str, result: vk::Result) -> Error {
+    let name = match result {
+        vk::Result::ERROR_OUT_OF_HOST_MEMORY | vk::Result::ERROR_OUT_OF_DEVICE_MEMORY => {
+            return Error::OutOfMemory {
+                what: call.to_string(),
+                bytes: 0,
+                mend: format!("VK_{result:?}: free memory or make the frame smaller"),
+            };
+        }
+        vk::Result::ERROR_DEVICE_LOST => {
+            "VK_ERROR_DEVICE_LOST: the driver reset the device (a frame that ran too long, a driver fault); \
+             make a new one"
+                .to_string()
+        }
+        vk::Result::ERROR_INCOMPATIBLE_DRIVER => "VK_ERROR_INCOMPATIBLE_DRIVER: no driver is installed".to_string(),
+        other => format!("VK_{other:?}"),
+    };
+    Error::Vulkan { call, result: name }
+}
+
+/// gpu-allocator's error for the buffer `name` of `bytes` bytes.
+pub(super) fn allocation(name: &str, bytes: u64, error: &AllocationError) -> Error {
+    match error {
+        AllocationError::OutOfMemory => out_of_memory(name, bytes),
+        // gpu-allocator maps only the device's; the host's reaches us as text.
+        AllocationError::Internal(text) if text.contains("OUT_OF_HOST_MEMORY") => out_of_memory(name, bytes),
+        other => Error::Vulkan { call: "vkAllocateMemory", result: format!("{other} (buffer `{name}`)") },
+    }
+}
+
+fn out_of_memory(name: &str, bytes: u64) -> Error {
+    Error::OutOfMemory {
+        what: format!("buffer `{name}`"),
+        bytes,
+        mend: "free device memory, or render a smaller image, fewer triangles or fewer cameras at once".to_string(),
+    }
+}
+
+/// A kernel was used in a way that its interface does not have: `call` is the Vulkan call it was meant for.
+pub(super) fn misuse(call: &'static str, kernel: &Kernel, what: &str) -> Error {
+    misuse_of(call, &format!("kernel `{}`: {what}", kernel.name))
+}
+
+/// The same where no kernel is concerned.
+pub(super) fn misuse_of(call: &'static str, what: &str) -> Error {
+    Error::Vulkan { call, result: what.to_string() }
+}

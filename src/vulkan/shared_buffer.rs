@@ -1,0 +1,84 @@
+//! A device buffer that the host fills or reads: mapped where possible, else with a twin in the host's memory.
+
+use super::buffer::{Buffer, BufferDesc, BufferRef, Location};
+use super::context::Context;
+use super::recorder::Recorder;
+use crate::Result;
+use ash::vk;
+
+/// A device buffer that the host writes before, or reads after, the work on it.
+///
+/// Where the device's memory is the host's own (software, integrated), the host reaches it directly, and
+/// [`record_upload`](Self::record_upload) and [`record_download`](Self::record_download) record nothing. Elsewhere they
+/// copy between the buffer and its twin; barriers around them are the caller's.
+#[derive(Debug)]
+pub struct SharedBuffer {
+    device: Buffer,
+    twin: Option<Buffer>,
+}
+
+impl SharedBuffer {
+    /// A buffer for the host to write. `desc.location` has no say.
+    pub fn for_upload(context: &Context, desc: &BufferDesc<'_>) -> Result<Self> {
+        Self::new(context, desc, Location::Upload)
+    }
+
+    /// A buffer for the host to read. `desc.location` has no say.
+    pub fn for_download(context: &Context, desc: &BufferDesc<'_>) -> Result<Self> {
+        Self::new(context, desc, Location::Readback)
+    }
+
+    fn new(context: &Context, desc: &BufferDesc<'_>, location: Location) -> Result<Self> {
+        let device = Buffer::new(context, &BufferDesc { location: Location::DeviceMapped, ..*desc })?;
+        if device.is_mapped() {
+            return Ok(Self { device, twin: None });
+        }
+        let name = format!("{} (host)", desc.name);
+        let usage = vk::BufferUsageFlags::empty();
+        let twin = Buffer::new(context, &BufferDesc { name: &name, size: desc.size, usage, location, texels: None })?;
+        Ok(Self { device, twin: Some(twin) })
+    }
+
+    /// The device's buffer as a whole.
+    pub fn whole(&self) -> &BufferRef {
+        self.device.whole()
+    }
+
+    /// The device's buffer.
+    pub fn buffer(&self) -> &Buffer {
+        &self.device
+    }
+
+    /// There is no twin, so nothing is ever copied.
+    pub fn is_direct(&self) -> bool {
+        self.twin.is_none()
+    }
+
+    /// Writes bytes at an offset, for the next upload.
+    pub fn write(&mut self, offset: u64, bytes: &[u8]) -> Result<()> {
+        self.twin.as_mut().unwrap_or(&mut self.device).write(offset, bytes)
+    }
+
+    /// Reads bytes at an offset, as of the last download.
+    pub fn read(&self, offset: u64, bytes: &mut [u8]) -> Result<()> {
+        self.twin.as_ref().unwrap_or(&self.device).read(offset, bytes)
+    }
+
+    /// Copies what the host wrote to the device, if it is not there already. A [`Recorder::barrier`] must follow
+    /// before a kernel reads it.
+    pub fn record_upload(&self, recorder: &mut Recorder<'_>) -> Result<()> {
+        match &self.twin {
+            Some(twin) => recorder.copy(twin.whole(), 0, self.whole(), 0, twin.size()),
+            None => Ok(()),
+        }
+    }
+
+    /// Copies what the device wrote to where the host reads it, if it is not there already. A [`Recorder::barrier`]
+    /// must lie between the kernels and this, a [`Recorder::barrier_to_host`] behind it.
+    pub fn record_download(&self, recorder: &mut Recorder<'_>) -> Result<()> {
+        match &self.twin {
+            Some(twin) => recorder.copy(self.whole(), 0, twin.whole(), 0, twin.size()),
+            None => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,78 @@
+//! Times on the device.
+
+use super::device::Device;
+use super::result::Named;
+use crate::Result;
+use ash::vk;
+use std::sync::Arc;
+
+/// A row of timestamps that a command buffer writes and the host reads once it has been executed.
+#[derive(Clone)]
+pub struct TimestampPool(pub(super) Arc<Inner>);
+
+pub(super) struct Inner {
+    device: Device,
+    raw: vk::QueryPool,
+    count: u32,
+    /// The bits of a timestamp that count; it wraps around.
+    mask: u64,
+}
+
+impl TimestampPool {
+    /// Makes room for `count` timestamps, written on queues of this family. None where the device can't tell the time.
+    pub fn new(device: &Device, queue_family: u32, count: u32) -> Result<Option<Self>> {
+        // SAFETY: the physical device is the instance's.
+        let families =
+            unsafe { device.instance().get_physical_device_queue_family_properties(device.physical_device()) };
+        let bits = families.get(queue_family as usize).map_or(0, |family| family.timestamp_valid_bits);
+        if bits == 0 || device.limits().timestamp_period <= 0.0 {
+            return Ok(None);
+        }
+        let count = count.max(1);
+        let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(count);
+        // SAFETY: a plain creation; `Inner` destroys it.
+        let raw = unsafe { device.raw().create_query_pool(&info, None) }.named("vkCreateQueryPool")?;
+        device.name_object(raw, "softras timestamps");
+        let mask = u64::MAX >> 64u32.saturating_sub(bits);
+        Ok(Some(Self(Arc::new(Inner { device: device.clone(), raw, count, mask }))))
+    }
+
+    /// How many there is room for.
+    pub fn count(&self) -> u32 {
+        self.0.count
+    }
+
+    /// The first `count` timestamps in milliseconds since the first one. All of them must have been written and
+    /// executed, else VK_NOT_READY is the error.
+    pub fn read(&self, count: u32) -> Result<Vec<f64>> {
+        let Inner { device, raw, mask, .. } = &*self.0;
+        let mut ticks = vec![0u64; count.min(self.0.count) as usize];
+        if ticks.is_empty() {
+            return Ok(Vec::new());
+        }
+        // SAFETY: the pool lives and has as many queries as `ticks` has places.
+        unsafe { device.raw().get_query_pool_results(*raw, 0, &mut ticks, vk::QueryResultFlags::TYPE_64) }
+            .named("vkGetQueryPoolResults")?;
+        let period = f64::from(device.limits().timestamp_period) * 1e-6;
+        Ok(ticks.iter().map(|t| (t.wrapping_sub(ticks[0]) & mask) as f64 * period).collect())
+    }
+}
+
+impl std::fmt::Debug for TimestampPool {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "TimestampPool({})", self.0.count)
+    }
+}
+
+impl Inner {
+    pub(super) fn raw(&self) -> vk::QueryPool {
+        self.raw
+    }
+}
+
+impl Drop for Inner {
+    fn drop(&mut self) {
+        // SAFETY: the pool is ours; what recorded it kept this Inner until the device was done.
+        unsafe { self.device.raw().destroy_query_pool(self.raw, None) };
+    }
+}
