@@ -128,3 +128,8 @@ const uint PARTIAL_COLOR_TEXELS = 3u;
 const uint PARTIAL_COORDINATE_TEXELS = 2u;
 // Texels (vec4) that corner normals add to a partial gradient.
 const uint PARTIAL_NORMAL_TEXELS = 3u;
+
+// Invocations in a workgroup of the self test.
+const uint SELFTEST_LOCAL_SIZE = 64u;
+// What the self test adds where nothing else is asked for.
+const float SELFTEST_OFFSET = 0.5;
