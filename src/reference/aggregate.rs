@@ -1,8 +1,9 @@
 //! From a pixel's fragments to its values.
 
+use super::GradientMode;
 use super::fragment::{Coverage, Fragment, Knobs};
 use super::real::{Real, add, scale};
-use crate::scene::{Background, ColorAggregation, SilhouetteAggregation};
+use crate::scene::{Background, ColorAggregation, Parity, SilhouetteAggregation};
 
 /// One pixel of every image.
 #[derive(Clone, Copy, Debug)]
@@ -48,7 +49,7 @@ pub fn aggregate<R: Real>(
     triangles: usize,
 ) -> Pixel<R> {
     let settings = knobs.settings;
-    let silhouette = silhouette(settings.silhouette, fragments, triangles);
+    let silhouette = silhouette(knobs, fragments, triangles);
     let sums = weighted_sums(fragments, &shares.fragments);
     let seen = fragments.iter().any(|f| f.surface.is_some()) && shares.background.value() < 1.0;
     let composite = settings.background == Background::Composite && seen;
@@ -78,16 +79,17 @@ fn weighted_sums<R: Real>(fragments: &[Fragment<R>], weights: &[R]) -> Pixel<R> 
     })
 }
 
-fn silhouette<R: Real>(mode: SilhouetteAggregation, fragments: &[Fragment<R>], triangles: usize) -> R {
+fn silhouette<R: Real>(knobs: &Knobs<'_, R>, fragments: &[Fragment<R>], triangles: usize) -> R {
+    let damped = knobs.mode == GradientMode::Paper && knobs.settings.parity == Parity::Official;
     let coverages = fragments.iter().map(|f| f.coverage);
-    match mode {
+    match knobs.settings.silhouette {
         SilhouetteAggregation::Product => {
             // log Π (1 - D) = -Σ softplus(x); certain cover leaves nothing.
             let mut opacity = R::zero();
             for coverage in coverages {
                 match coverage {
                     Coverage::Certain => return R::one(),
-                    Coverage::Soft(x) => opacity = opacity + x.softplus(),
+                    Coverage::Soft(x) => opacity = opacity + if damped { damped_softplus(x) } else { x.softplus() },
                 }
             }
             -(-opacity).exp_m1()
@@ -107,6 +109,12 @@ fn silhouette<R: Real>(mode: SilhouetteAggregation, fragments: &[Fragment<R>], t
             if covered.any(|c| c) { R::one() } else { R::zero() }
         }
     }
+}
+
+/// softplus with the official code's derivative: D (1 - D) / max(1 - D, 1e-6) in place of D.
+fn damped_softplus<R: Real>(x: R) -> R {
+    let (d, rest) = (x.value().logistic(), (-x.value()).logistic());
+    x.unary(x.value().softplus(), d * rest / rest.max(1e-6))
 }
 
 /// The fragments' shares of the colour; under [`Background::Composite`] the background has one only where nothing is seen.

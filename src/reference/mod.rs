@@ -41,8 +41,9 @@ pub enum GradientMode {
     #[default]
     Exact,
     /// Eq. 4 alone: the clipped barycentrics b̂ are constants of the pixel, so that colour, depth and normal depend on
-    /// the vertices through D, z and the corners' own values. Under [`crate::scene::Parity::Official`] fragments
-    /// outside [near, far] get no gradient from the silhouette that counts them. That is the official gradient.
+    /// the vertices through D, z and the corners' own values. Under [`crate::scene::Parity::Official`] this is the
+    /// official gradient: fragments outside [near, far] get none from the silhouette that counts them, and the
+    /// silhouette's is damped where 1 - D < 1e-6.
     Paper,
 }
 
