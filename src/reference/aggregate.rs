@@ -1,0 +1,171 @@
+//! From a pixel's fragments to its values.
+
+use super::GradientMode;
+use super::fragment::{Coverage, Fragment, Knobs};
+use super::real::{Real, add, scale};
+use crate::scene::{Background, ColorAggregation, Parity, SilhouetteAggregation};
+
+/// One pixel of every image.
+#[derive(Clone, Copy, Debug)]
+pub struct Pixel<R> {
+    /// I.
+    pub color: [R; 3],
+    /// A.
+    pub silhouette: R,
+    /// Σ w z.
+    pub depth: R,
+    /// Σ w n.
+    pub normal: [R; 3],
+}
+
+/// Who makes the colour of a pixel.
+pub struct Shares<R> {
+    /// One share per fragment, 0 for those not seen; with the background's they sum to 1.
+    pub fragments: Vec<R>,
+    /// What is left to the background before any compositing.
+    pub background: R,
+}
+
+impl<R: Copy> Pixel<R> {
+    /// All numbers, in declaration order.
+    pub fn scalars(&self) -> [R; 8] {
+        let ([r, g, b], [nx, ny, nz]) = (self.color, self.normal);
+        [r, g, b, self.silhouette, self.depth, nx, ny, nz]
+    }
+}
+
+impl Pixel<f64> {
+    /// Whether every number is 0.
+    pub fn is_zero(&self) -> bool {
+        self.scalars().iter().all(|&x| x == 0.0)
+    }
+}
+
+/// Aggregates the fragments of a pixel, in triangle order, of a mesh of `triangles`; their shares are [`shares`].
+pub fn aggregate<R: Real>(
+    knobs: &Knobs<'_, R>,
+    fragments: &[Fragment<R>],
+    shares: &Shares<R>,
+    triangles: usize,
+) -> Pixel<R> {
+    let settings = knobs.settings;
+    let silhouette = silhouette(knobs, fragments, triangles);
+    let sums = weighted_sums(fragments, &shares.fragments);
+    let seen = fragments.iter().any(|f| f.surface.is_some()) && shares.background.value() < 1.0;
+    let composite = settings.background == Background::Composite && seen;
+    let factor = if composite { silhouette } else { R::one() };
+    let background = if composite { R::one() - silhouette } else { shares.background };
+    // A hard image's depth and normal are those of the surface itself, whatever the outline does to its colour.
+    let hard = settings.color == ColorAggregation::Hard;
+    let surface_factor = if hard { R::one() } else { factor };
+    Pixel {
+        color: add(scale(sums.color, factor), scale(knobs.background, background)),
+        silhouette,
+        depth: sums.depth * surface_factor,
+        normal: scale(sums.normal, surface_factor),
+    }
+}
+
+fn weighted_sums<R: Real>(fragments: &[Fragment<R>], weights: &[R]) -> Pixel<R> {
+    let zero = R::zero();
+    let start = Pixel { color: [zero; 3], silhouette: zero, depth: zero, normal: [zero; 3] };
+    fragments.iter().zip(weights).fold(start, |mut sum, (fragment, &weight)| {
+        if let Some(point) = &fragment.surface {
+            sum.color = add(sum.color, scale(point.color, weight));
+            sum.depth = sum.depth + point.z * weight;
+            sum.normal = add(sum.normal, scale(point.normal, weight));
+        }
+        sum
+    })
+}
+
+fn silhouette<R: Real>(knobs: &Knobs<'_, R>, fragments: &[Fragment<R>], triangles: usize) -> R {
+    let damped = knobs.mode == GradientMode::Paper && knobs.settings.parity == Parity::Official;
+    let coverages = fragments.iter().map(|f| f.coverage);
+    match knobs.settings.silhouette {
+        SilhouetteAggregation::Product => {
+            // log Π (1 - D) = -Σ softplus(x); certain cover leaves nothing.
+            let mut opacity = R::zero();
+            for coverage in coverages {
+                match coverage {
+                    Coverage::Certain => return R::one(),
+                    Coverage::Soft(x) => opacity = opacity + if damped { damped_softplus(x) } else { x.softplus() },
+                }
+            }
+            -(-opacity).exp_m1()
+        }
+        SilhouetteAggregation::Sum => {
+            let sum = coverages.fold(R::zero(), |sum, coverage| match coverage {
+                Coverage::Certain => sum.shift(1.0),
+                Coverage::Soft(x) => sum + x.logistic(),
+            });
+            sum.scale(1.0 / triangles.max(1) as f64)
+        }
+        SilhouetteAggregation::Hard => {
+            let mut covered = coverages.map(|coverage| match coverage {
+                Coverage::Certain => true,
+                Coverage::Soft(x) => x.value() > 0.0,
+            });
+            if covered.any(|c| c) { R::one() } else { R::zero() }
+        }
+    }
+}
+
+/// softplus with the official code's derivative: D (1 - D) / max(1 - D, 1e-6) in place of D.
+fn damped_softplus<R: Real>(x: R) -> R {
+    let (d, rest) = (x.value().logistic(), (-x.value()).logistic());
+    x.unary(x.value().softplus(), d * rest / rest.max(1e-6))
+}
+
+/// The fragments' shares of the colour; under [`Background::Composite`] the background has one only where nothing is seen.
+pub fn shares<R: Real>(knobs: &Knobs<'_, R>, fragments: &[Fragment<R>]) -> Shares<R> {
+    match knobs.settings.color {
+        ColorAggregation::Softmax => softmax(knobs, fragments),
+        ColorAggregation::Hard => {
+            let nearest = nearest(fragments);
+            let one_at = |i| if nearest == Some(i) { R::one() } else { R::zero() };
+            Shares {
+                fragments: (0..fragments.len()).map(one_at).collect(),
+                background: if nearest.is_none() { R::one() } else { R::zero() },
+            }
+        }
+    }
+}
+
+/// The nearest fragment that covers the pixel's centre; the first of equals.
+fn nearest<R: Real>(fragments: &[Fragment<R>]) -> Option<usize> {
+    let covering = fragments.iter().enumerate().filter(|(_, f)| f.inside);
+    let depths = covering.filter_map(|(i, f)| f.surface.map(|point| (i, point.z.value())));
+    depths.reduce(|best, next| if next.1 < best.1 { next } else { best }).map(|(i, _)| i)
+}
+
+/// w ∝ D exp(ζ / γ), by scores s = log D + ζ / γ less their maximum.
+fn softmax<R: Real>(knobs: &Knobs<'_, R>, fragments: &[Fragment<R>]) -> Shares<R> {
+    let settings = knobs.settings;
+    let scores: Vec<Option<R>> = fragments.iter().map(|f| score(knobs, f)).collect();
+    let background = match settings.background {
+        Background::Weighted => Some(knobs.background_score / knobs.gamma),
+        Background::Composite => None,
+    };
+    let values = scores.iter().chain([&background]).flatten().map(|s| s.value());
+    let maximum = values.fold(f64::NEG_INFINITY, f64::max);
+    if maximum == f64::NEG_INFINITY {
+        return Shares { fragments: vec![R::zero(); fragments.len()], background: R::one() };
+    }
+    let exponential = |score: Option<R>| score.map_or(R::zero(), |s| s.shift(-maximum).exp());
+    let terms: Vec<R> = scores.into_iter().map(exponential).collect();
+    let background = exponential(background);
+    let total = terms.iter().fold(background, |sum, &term| sum + term);
+    Shares { fragments: terms.into_iter().map(|term| term / total).collect(), background: background / total }
+}
+
+fn score<R: Real>(knobs: &Knobs<'_, R>, fragment: &Fragment<R>) -> Option<R> {
+    let point = fragment.surface.as_ref()?;
+    let (near, far) = (knobs.settings.near, knobs.settings.far);
+    let zeta = (-point.z).shift(far).scale(1.0 / (far - near));
+    let nearness = zeta / knobs.gamma;
+    Some(match fragment.coverage {
+        Coverage::Certain => nearness,
+        Coverage::Soft(x) => nearness - (-x).softplus(),
+    })
+}

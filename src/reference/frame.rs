@@ -1,0 +1,131 @@
+//! Images, pixel by pixel.
+
+use super::aggregate::{Pixel, aggregate, shares};
+use super::candidates::{Candidates, pixel_centre};
+use super::fragment::{Fragment, Knobs, coverage, fragment};
+use super::geometry::{Location, locate};
+use super::margin::Margin;
+use super::parameters::{MeshSlots, Parameters, Values};
+use super::setup::{Piece, pieces};
+use super::{GradientMode, ReferenceFrame, Truncation};
+use crate::scene::{Camera, Mesh, Scene, Settings};
+use rayon::prelude::*;
+
+/// How a pixel finds its pieces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Search {
+    /// All pieces for every pixel.
+    BruteForce,
+    /// Binned by tile; needs [`Truncation::Tau`].
+    Culled,
+}
+
+/// One view, ready for its pixels.
+pub struct View<'a> {
+    /// What is seen.
+    pub mesh: &'a Mesh,
+    /// Where its inputs are.
+    pub slots: &'a MeshSlots,
+    /// All inputs.
+    pub values: Values<'a>,
+    /// The settings.
+    pub knobs: Knobs<'a, f64>,
+    /// Its triangles, cut and projected.
+    pub pieces: Vec<Piece<f64>>,
+    /// Which pieces each pixel looks at.
+    pub candidates: Candidates,
+}
+
+impl<'a> View<'a> {
+    /// Transforms, cuts and bins what `view` sees.
+    pub fn new(
+        scene: &'a Scene,
+        cameras: &[Camera],
+        settings: &'a Settings,
+        truncation: Truncation,
+        search: Search,
+        parameters: &'a Parameters,
+        view: usize,
+    ) -> Self {
+        let values = Values(parameters.values());
+        let knobs = Knobs::load(settings, truncation, GradientMode::Exact, parameters, &values);
+        let pieces = pieces(scene, cameras, settings, parameters, view, &values);
+        let candidates = match search {
+            Search::BruteForce => Candidates::all(pieces.len()),
+            Search::Culled => Candidates::culled(settings, knobs.support, &pieces),
+        };
+        let mesh = scene.mesh_of_view(view);
+        Self { mesh: &scene.meshes[mesh], slots: &parameters.layout().meshes[mesh], values, knobs, pieces, candidates }
+    }
+
+    /// A pixel's values and margin.
+    fn pixel(&self, row: usize, column: usize) -> (Pixel<f64>, f64) {
+        let knobs = &self.knobs;
+        let centre = pixel_centre(knobs.settings, row, column);
+        let mut margin = Margin::new();
+        let mut fragments: Vec<Fragment<f64>> = Vec::new();
+        let mut origins: Vec<(&Piece<f64>, Location<f64>)> = Vec::new();
+        for &i in self.candidates.of(row, column) {
+            let piece = &self.pieces[i as usize];
+            let location = locate(&piece.screen(), centre);
+            margin.pair(knobs, piece, &location, centre);
+            if coverage(knobs, piece, &location, centre).is_none() {
+                continue;
+            }
+            margin.depth(knobs, piece, &location);
+            if let Some(fragment) = fragment(knobs, self.mesh, self.slots, &self.values, piece, &location, centre) {
+                fragments.push(fragment);
+                origins.push((piece, location));
+            }
+        }
+        let shares = shares(knobs, &fragments);
+        for ((fragment, (piece, location)), &share) in fragments.iter().zip(&origins).zip(&shares.fragments) {
+            if let Some(point) = &fragment.surface {
+                margin.seen(knobs, self.mesh.appearance(), piece, location, point, share);
+            }
+        }
+        (aggregate(knobs, &fragments, &shares, self.mesh.triangles().len()), margin.value())
+    }
+}
+
+/// Renders all views at the given inputs.
+pub fn frame(
+    scene: &Scene,
+    cameras: &[Camera],
+    settings: &Settings,
+    truncation: Truncation,
+    search: Search,
+    parameters: &Parameters,
+) -> ReferenceFrame {
+    let (batch, height, width) = (cameras.len(), settings.height as usize, settings.width as usize);
+    let (color, silhouette, depth, normal, margin) = Default::default();
+    let mut frame = ReferenceFrame { batch, height, width, color, silhouette, depth, normal, margin };
+    for index in 0..batch {
+        let view = View::new(scene, cameras, settings, truncation, search, parameters, index);
+        let rows = (0..height).into_par_iter();
+        let rows = rows.map(|row| (0..width).map(|column| view.pixel(row, column)).collect::<Vec<_>>());
+        for (pixel, margin) in rows.collect::<Vec<_>>().into_iter().flatten() {
+            frame.push(settings, &pixel, margin);
+        }
+    }
+    frame
+}
+
+impl ReferenceFrame {
+    fn push(&mut self, settings: &Settings, pixel: &Pixel<f64>, margin: f64) {
+        let outputs = settings.outputs;
+        if outputs.color {
+            self.color.extend(pixel.color);
+        }
+        if outputs.silhouette {
+            self.silhouette.push(pixel.silhouette);
+        }
+        if outputs.depth {
+            self.depth.push(pixel.depth);
+        }
+        if outputs.normal {
+            self.normal.extend(pixel.normal);
+        }
+        self.margin.push(margin);
+    }
+}

@@ -1,0 +1,57 @@
+//! What colours a fragment besides its corners: surface cells and image textures.
+
+use super::parameters::{MeshSlots, Source};
+use super::real::{Real, lerp};
+use crate::scene::{Appearance, Texture, Wrap};
+
+/// The colour at a point of a triangle: `original` are the barycentrics in the uncut triangle, `uv` its coordinates.
+pub fn sample<S: Source>(
+    source: &S,
+    slots: &MeshSlots,
+    appearance: &Appearance,
+    triangle: usize,
+    original: [S::R; 3],
+    uv: [S::R; 2],
+) -> [S::R; 3] {
+    match appearance {
+        Appearance::Uniform(_) | Appearance::VertexColors(_) => [S::R::one(); 3],
+        Appearance::Surface { resolution, .. } => {
+            let r = *resolution as usize;
+            let texel = triangle * r * r + surface_cell(*resolution, original.map(Real::value));
+            source.row(slots.surface.start + 3 * texel)
+        }
+        Appearance::Textured { textures, texture_of_triangle, .. } => {
+            let index = texture_of_triangle.get(triangle).map_or(0, |&i| i as usize);
+            bilinear(source, slots.textures[index].start, &textures[index], uv)
+        }
+    }
+}
+
+/// The cell of a surface texture of R × R cells at barycentrics b.
+///
+/// The official test (b₀ + b₁) R - x - y ≤ 1 is asked of b₂ instead: b₂ R ≥ R - 1 - x - y. It is the same, but outside
+/// the edge b₂ = 0, where every clipped fragment lies exactly on a border of cells, rounding cannot choose.
+pub fn surface_cell(resolution: u32, b: [f64; 3]) -> usize {
+    let size = f64::from(resolution);
+    let last = size - 1.0;
+    let [x, y] = [b[0], b[1]].map(|b| (b * size).floor().clamp(0.0, last));
+    let cell = if b[2] * size >= last - x - y { y * size + x } else { (last - y) * size + last - x };
+    cell as usize
+}
+
+fn bilinear<S: Source>(source: &S, start: usize, texture: &Texture, [u, v]: [S::R; 2]) -> [S::R; 3] {
+    let (width, height) = (f64::from(texture.width()), f64::from(texture.height()));
+    let x = u.scale(width).shift(-0.5);
+    let y = v.scale(-height).shift(height - 0.5);
+    let (left, top) = (x.value().floor(), y.value().floor());
+    let wrap = |i: f64, size: f64| match texture.wrap() {
+        Wrap::Repeat => i.rem_euclid(size),
+        Wrap::Clamp => i.clamp(0.0, size - 1.0),
+    };
+    let texel = |dx: f64, dy: f64| {
+        let index = wrap(top + dy, height) * width + wrap(left + dx, width);
+        source.row::<3>(start + 3 * index as usize)
+    };
+    let (tx, ty) = (x.shift(-left), y.shift(-top));
+    lerp(lerp(texel(0.0, 0.0), texel(1.0, 0.0), tx), lerp(texel(0.0, 1.0), texel(1.0, 1.0), tx), ty)
+}
