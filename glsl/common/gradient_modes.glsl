@@ -11,19 +11,19 @@ const bool UP_COLOR = (UPSTREAM & OUTPUT_COLOR) != 0u;
 const bool UP_SILHOUETTE = (UPSTREAM & OUTPUT_SILHOUETTE) != 0u;
 const bool UP_DEPTH = (UPSTREAM & OUTPUT_DEPTH) != 0u;
 const bool UP_NORMAL = (UPSTREAM & OUTPUT_NORMAL) != 0u;
-const bool UP_SHADED = UP_COLOR || UP_DEPTH || UP_NORMAL;
+const bool UP_SHADED = (UPSTREAM & (OUTPUT_COLOR | OUTPUT_DEPTH | OUTPUT_NORMAL)) != 0u;
 // The composite background makes every image depend on the silhouette.
-const bool UP_ALPHA = UP_SILHOUETTE || (COMPOSITE && UP_SHADED);
+const bool UP_ALPHA = (uint(UP_SILHOUETTE) | uint(COMPOSITE) * uint(UP_SHADED)) != 0u;
 
 const bool GRAD_GEOMETRY = (GRADIENTS & GRADIENT_GEOMETRY) != 0u;
-const bool GRAD_COLOR = (GRADIENTS & GRADIENT_COLOR) != 0u && UP_COLOR;
-const bool GRAD_COORDINATE = (GRADIENTS & GRADIENT_COORDINATE) != 0u && UP_COLOR;
+const bool GRAD_COLOR = uint((GRADIENTS & GRADIENT_COLOR) != 0u) * uint(UP_COLOR) != 0u;
+const bool GRAD_COORDINATE = uint((GRADIENTS & GRADIENT_COORDINATE) != 0u) * uint(UP_COLOR) != 0u;
 const bool GRAD_SCALARS = (GRADIENTS & GRADIENT_SCALARS) != 0u;
-const bool GRAD_NORMAL = (GRADIENTS & GRADIENT_NORMAL) != 0u && UP_NORMAL;
+const bool GRAD_NORMAL = uint((GRADIENTS & GRADIENT_NORMAL) != 0u) * uint(UP_NORMAL) != 0u;
 
 const int PARTIAL_COLOR_AT = int(PARTIAL_TEXELS);
-const int PARTIAL_COORDINATE_AT = PARTIAL_COLOR_AT + (GRAD_COLOR ? int(PARTIAL_COLOR_TEXELS) : 0);
-const int PARTIAL_NORMAL_AT = PARTIAL_COORDINATE_AT + (GRAD_COORDINATE ? int(PARTIAL_COORDINATE_TEXELS) : 0);
-const int PARTIAL_STRIDE = PARTIAL_NORMAL_AT + (GRAD_NORMAL ? int(PARTIAL_NORMAL_TEXELS) : 0);
+const int PARTIAL_COORDINATE_AT = PARTIAL_COLOR_AT + int(GRAD_COLOR) * int(PARTIAL_COLOR_TEXELS);
+const int PARTIAL_NORMAL_AT = PARTIAL_COORDINATE_AT + int(GRAD_COORDINATE) * int(PARTIAL_COORDINATE_TEXELS);
+const int PARTIAL_STRIDE = PARTIAL_NORMAL_AT + int(GRAD_NORMAL) * int(PARTIAL_NORMAL_TEXELS);
 // Texels of a pixel's entry of `pixel_gradients`: colour and silhouette; weights; and the normal's where there is one.
-const int PIXEL_STRIDE = UP_SHADED ? (UP_NORMAL ? 3 : 2) : 1;
+const int PIXEL_STRIDE = 1 + int(UP_SHADED) + int(UP_NORMAL);

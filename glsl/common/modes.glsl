@@ -16,16 +16,16 @@ layout(constant_id = 13) const bool FRONT_ONLY = false;
 layout(constant_id = 14) const bool CLOCKWISE_FRONT = false;
 layout(constant_id = 15) const bool OFFICIAL = false;
 
+// In constants, choices and logic are sums and products: glslang makes branches of ?:, && and ||, outside any function.
+
 // Anything that needs a depth order.
 const bool SHADED = (OUTPUTS & (OUTPUT_COLOR | OUTPUT_DEPTH | OUTPUT_NORMAL)) != 0u;
 const bool WANT_COLOR = (OUTPUTS & OUTPUT_COLOR) != 0u;
 const bool WANT_DEPTH = (OUTPUTS & OUTPUT_DEPTH) != 0u;
 const bool WANT_NORMAL = (OUTPUTS & OUTPUT_NORMAL) != 0u;
 // The composite background is blended by the silhouette, asked for or not.
-const bool WANT_SILHOUETTE = (OUTPUTS & OUTPUT_SILHOUETTE) != 0u || (COMPOSITE && SHADED);
+const bool WANT_SILHOUETTE = ((OUTPUTS & OUTPUT_SILHOUETTE) | uint(COMPOSITE) * uint(SHADED)) != 0u;
 // The shading record holds the depth too, so a silhouette with a far plane needs it.
-const bool WANT_SHADING = SHADED || DEPTH_RANGE != DEPTH_RANGE_INSIDE;
-const bool WANT_NORMALS_IN_RECORD = WANT_NORMAL;
-const int SHADING_STRIDE = int(SHADING_TEXELS) + (SAMPLING != SAMPLING_NONE ? int(SHADING_COORDINATE_TEXELS) : 0)
-    + (WANT_NORMAL ? int(SHADING_NORMAL_TEXELS) : 0);
-const int SHADING_NORMAL_AT = int(SHADING_TEXELS) + (SAMPLING != SAMPLING_NONE ? int(SHADING_COORDINATE_TEXELS) : 0);
+const bool WANT_SHADING = (uint(SHADED) | DEPTH_RANGE) != 0u;
+const int SHADING_NORMAL_AT = int(SHADING_TEXELS) + int(SAMPLING != SAMPLING_NONE) * int(SHADING_COORDINATE_TEXELS);
+const int SHADING_STRIDE = SHADING_NORMAL_AT + int(WANT_NORMAL) * int(SHADING_NORMAL_TEXELS);
