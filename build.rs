@@ -76,6 +76,7 @@ fn kernel(name: &str, source: &Path, words: usize, r: &Reflection) -> String {
     let spirv = format!("{{ static WORDS: [u32; {words}] = words(include_bytes!(\"{name}.spv\")); &WORDS }}");
     _ = writeln!(rust, "    name: {name:?},\n    spirv: {spirv},");
     _ = writeln!(rust, "    local_size: {:?},\n    local_size_ids: {:?},", r.local_size, r.local_size_ids);
+    _ = writeln!(rust, "    capabilities: &{:?},\n    shared_bytes: {},", r.capabilities, r.shared_bytes);
     rust.push_str("    bindings: &[\n");
     for b in &r.bindings {
         let (name, kind) = (&b.name, b.kind);

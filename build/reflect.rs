@@ -46,6 +46,10 @@ pub struct Specialization {
 
 /// All that a kernel's SPIR-V says about its interface.
 pub struct Reflection {
+    /// What the module asks of a device, by SPIR-V's names.
+    pub capabilities: Vec<String>,
+    /// Bytes of `shared` variables, specialization constants at their defaults.
+    pub shared_bytes: u32,
     pub local_size: [u32; 3],
     pub local_size_ids: [Option<u32>; 3],
     pub bindings: Vec<Binding>,
@@ -59,7 +63,7 @@ enum Type {
     Int { bytes: u32, signed: bool },
     Float { bytes: u32 },
     Vector { component: u32, count: u32 },
-    Matrix { columns: u32 },
+    Matrix { column: u32, columns: u32 },
     Image { sampled: u32, dim: u32, texel: u32 },
     SampledImage { image: u32 },
     Array { element: u32, length: u32 },
@@ -71,6 +75,7 @@ enum Type {
 /// Storage classes.
 const UNIFORM_CONSTANT: u32 = 0;
 const UNIFORM: u32 = 2;
+const WORKGROUP: u32 = 4;
 const PUSH_CONSTANT: u32 = 9;
 const STORAGE_BUFFER: u32 = 12;
 /// Decorations.
@@ -101,6 +106,7 @@ struct Module {
     composites: HashMap<u32, Vec<u32>>,
     /// (id, pointer type, storage class) of each global variable.
     variables: Vec<(u32, u32, u32)>,
+    capabilities: Vec<u32>,
     local_size: [u32; 3],
 }
 
@@ -110,12 +116,14 @@ pub fn reflect(words: &[u32]) -> Result<Reflection, String> {
     let mut bindings = Vec::new();
     let mut push_members = Vec::new();
     let mut structs = Vec::new();
+    let mut shared_bytes = 0;
     for &(id, pointer, storage) in &module.variables {
         let Some(Type::Pointer { pointee, .. }) = module.types.get(&pointer) else {
             return Err(format!("variable %{id} is of no pointer type"));
         };
         match storage {
             PUSH_CONSTANT => push_members = module.members(*pointee)?,
+            WORKGROUP => shared_bytes += module.bare_size(*pointee)?,
             UNIFORM_CONSTANT | UNIFORM | STORAGE_BUFFER => {
                 bindings.push(module.binding(id, *pointee, storage)?);
                 if storage != UNIFORM_CONSTANT {
@@ -131,6 +139,8 @@ pub fn reflect(words: &[u32]) -> Result<Reflection, String> {
     }
     let (local_size, local_size_ids) = module.local_size();
     Ok(Reflection {
+        capabilities: module.capabilities.iter().map(|&c| capability(c)).collect(),
+        shared_bytes,
         local_size,
         local_size_ids,
         bindings,
@@ -138,6 +148,33 @@ pub fn reflect(words: &[u32]) -> Result<Reflection, String> {
         specialization: module.specialization()?,
         structs,
     })
+}
+
+/// A capability's name, as far as a compute kernel is likely to have it.
+fn capability(number: u32) -> String {
+    let name = match number {
+        0 => "Matrix",
+        1 => "Shader",
+        9 => "Float16",
+        10 => "Float64",
+        11 => "Int64",
+        12 => "Int64Atomics",
+        22 => "Int16",
+        39 => "Int8",
+        46 => "SampledBuffer",
+        47 => "ImageBuffer",
+        50 => "ImageQuery",
+        61 => "GroupNonUniform",
+        62 => "GroupNonUniformVote",
+        63 => "GroupNonUniformArithmetic",
+        64 => "GroupNonUniformBallot",
+        65 => "GroupNonUniformShuffle",
+        66 => "GroupNonUniformShuffleRelative",
+        67 => "GroupNonUniformClustered",
+        68 => "GroupNonUniformQuad",
+        _ => return format!("Capability{number}"),
+    };
+    name.to_string()
 }
 
 /// A literal string of an instruction: UTF-8, ended by a zero byte.
@@ -166,6 +203,7 @@ impl Module {
 
     fn instruction(&mut self, opcode: u32, o: &[u32]) {
         match (opcode, o) {
+            (17, [capability]) => self.capabilities.push(*capability),
             (5, [id, name @ ..]) => _ = self.names.insert(*id, text(name)),
             (6, [id, member, name @ ..]) => _ = self.member_names.insert((*id, *member), text(name)),
             // OpExecutionMode LocalSize
@@ -176,7 +214,9 @@ impl Module {
             (23, [id, component, count]) => {
                 _ = self.types.insert(*id, Type::Vector { component: *component, count: *count })
             }
-            (24, [id, _, columns]) => _ = self.types.insert(*id, Type::Matrix { columns: *columns }),
+            (24, [id, column, columns]) => {
+                _ = self.types.insert(*id, Type::Matrix { column: *column, columns: *columns })
+            }
             (25, [id, texel, dim, _, _, _, sampled, ..]) => {
                 _ = self.types.insert(*id, Type::Image { sampled: *sampled, dim: *dim, texel: *texel })
             }
@@ -257,7 +297,7 @@ impl Module {
             Type::Bool => 4,
             Type::Int { bytes, .. } | Type::Float { bytes } => *bytes,
             Type::Vector { component, count } => self.size(*component, None)? * count,
-            Type::Matrix { columns } => matrix_stride.ok_or(format!("matrix type %{id} has no stride"))? * columns,
+            Type::Matrix { columns, .. } => matrix_stride.ok_or(format!("matrix type %{id} has no stride"))? * columns,
             Type::Array { element, length } => {
                 let count = self.constants.get(length).ok_or("an array's length is no constant")?.1;
                 let stride = self.decoration(id, ARRAY_STRIDE);
@@ -267,6 +307,18 @@ impl Module {
             Type::Struct { .. } => self.members(id)?.iter().map(|m| m.offset + m.size).max().unwrap_or(0),
             Type::Pointer { storage, .. } => return Err(format!("a pointer (class {storage}) inside a record")),
             Type::Image { .. } | Type::SampledImage { .. } => return Err("an image inside a record".to_string()),
+        })
+    }
+
+    /// Bytes of a type without a layout, as `shared` variables have none.
+    fn bare_size(&self, id: u32) -> Result<u32, String> {
+        Ok(match self.ty(id)? {
+            Type::Array { element, length } => {
+                self.bare_size(*element)? * self.constants.get(length).map_or(1, |constant| constant.1)
+            }
+            Type::Struct { members } => members.iter().map(|&m| self.bare_size(m)).sum::<Result<_, _>>()?,
+            Type::Matrix { column, columns } => self.size(*column, None)? * columns,
+            _ => self.size(id, None)?,
         })
     }
 

@@ -104,6 +104,25 @@ pub struct Subgroups {
     pub arithmetic: bool,
     /// subgroupShuffle, subgroupShuffleXor.
     pub shuffle: bool,
+    /// subgroupShuffleUp, subgroupShuffleDown.
+    pub shuffle_relative: bool,
+    /// subgroupClusteredAdd, ...
+    pub clustered: bool,
+}
+
+impl Subgroups {
+    /// The device has what a SPIR-V capability of this name stands for. True for what is no subgroup operation.
+    pub fn has(&self, capability: &str) -> bool {
+        match capability {
+            "GroupNonUniformVote" => self.vote,
+            "GroupNonUniformBallot" => self.ballot,
+            "GroupNonUniformArithmetic" => self.arithmetic,
+            "GroupNonUniformShuffle" => self.shuffle,
+            "GroupNonUniformShuffleRelative" => self.shuffle_relative,
+            "GroupNonUniformClustered" => self.clustered,
+            _ => true,
+        }
+    }
 }
 
 impl Limits {
@@ -146,6 +165,8 @@ impl Limits {
                 ballot: has(vk::SubgroupFeatureFlags::BALLOT),
                 arithmetic: has(vk::SubgroupFeatureFlags::ARITHMETIC),
                 shuffle: has(vk::SubgroupFeatureFlags::SHUFFLE),
+                shuffle_relative: has(vk::SubgroupFeatureFlags::SHUFFLE_RELATIVE),
+                clustered: has(vk::SubgroupFeatureFlags::CLUSTERED),
             },
         }
     }

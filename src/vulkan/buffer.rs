@@ -115,6 +115,8 @@ struct Inner {
     view: vk::BufferView,
     /// Null until memory is bound.
     allocation: Allocation,
+    /// The host may use the mapping. gpu-allocator maps whatever can be, but what one device maps, another does not.
+    host: bool,
     name: String,
     size: u64,
     usage: vk::BufferUsageFlags,
@@ -153,6 +155,7 @@ impl Buffer {
             raw,
             view: vk::BufferView::null(),
             allocation: Allocation::default(),
+            host: false,
             name: desc.name.to_string(),
             size,
             usage,
@@ -308,6 +311,11 @@ impl Inner {
         // SAFETY: the buffer was just made.
         let mut requirements = unsafe { device.get_buffer_memory_requirements(self.raw) };
         let direct = requirements.memory_type_bits & self.shared.direct_types;
+        self.host = match location {
+            Location::Device => false,
+            Location::DeviceMapped => direct != 0,
+            Location::Upload | Location::Readback => true,
+        };
         let location = match location {
             Location::DeviceMapped if direct != 0 => {
                 requirements.memory_type_bits = direct;
@@ -335,7 +343,7 @@ impl Inner {
     /// The mapping, if the host may use it without flushing.
     fn mapped(&self) -> Option<std::ptr::NonNull<u8>> {
         let coherent = self.allocation.memory_properties().contains(vk::MemoryPropertyFlags::HOST_COHERENT);
-        self.allocation.mapped_ptr().filter(|_| coherent).map(std::ptr::NonNull::cast)
+        self.allocation.mapped_ptr().filter(|_| self.host && coherent).map(std::ptr::NonNull::cast)
     }
 }
 

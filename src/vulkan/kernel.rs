@@ -11,6 +11,11 @@ pub struct Kernel {
     pub local_size: [u32; 3],
     /// The specialization constants that set the local size, where there are such.
     pub local_size_ids: [Option<u32>; 3],
+    /// What it asks of a device, by SPIR-V's names (`GroupNonUniformShuffle`). `Shader`, `SampledBuffer` and
+    /// `GroupNonUniform` are there on every device of Vulkan 1.1.
+    pub capabilities: &'static [&'static str],
+    /// Bytes of its `shared` variables, specialization constants at their defaults.
+    pub shared_bytes: u32,
     /// The descriptors of set 0, in the order of their binding numbers.
     pub bindings: &'static [Binding],
     /// Size of the push constants in bytes, a multiple of four.

@@ -25,7 +25,7 @@ impl Pipeline {
     /// Compiles a kernel. Each specialization constant that is not named keeps its default.
     ///
     /// An error where a name is unknown or its value of another type, or where the device's limits don't allow the
-    /// kernel's workgroup or push constants.
+    /// kernel's workgroup, shared memory, push constants or subgroup operations.
     pub fn new(
         device: &Device,
         kernel: &'static Kernel,
@@ -170,6 +170,12 @@ fn check_limits(device: &Device, kernel: &Kernel, local_size: [u32; 3]) -> Resul
         let (what, mend) = (format!("kernel `{}`: {what}", kernel.name), "use another device".to_string());
         Err(Error::Limit { what, needed, unit, limit_name, limit, mend })
     };
+    if let Some(capability) = kernel.capabilities.iter().find(|c| !limits.subgroups.has(c)) {
+        let what = format!("kernel `{}` asks for {capability}, which the device lacks", kernel.name);
+        return Err(Error::NoDevice { what, mend: "use another device".to_string() });
+    }
+    let bytes = kernel.shared_bytes.into();
+    check("its shared memory", bytes, "bytes", "maxComputeSharedMemorySize", limits.max_shared_memory.into())?;
     let bytes = kernel.push_constant_bytes.into();
     check("its push constants", bytes, "bytes", "maxPushConstantsSize", limits.max_push_constants.into())?;
     let invocations = local_size.iter().map(|&n| u64::from(n)).product();
