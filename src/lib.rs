@@ -3,6 +3,8 @@
 pub mod buffers;
 pub mod error;
 pub mod image;
+#[cfg(feature = "obj")]
+pub mod obj;
 pub mod pack;
 pub mod passes;
 pub mod plan;
