@@ -12,6 +12,7 @@ pub mod plan;
 pub mod reference;
 pub mod renderer;
 pub mod scene;
+pub mod shapes;
 pub mod vulkan;
 
 pub use error::{Error, Result};

@@ -7,6 +7,7 @@ use softras::{
     Error, Mesh,
     obj::{LoadOptions, Loaded, load, write_obj},
     scene::{Appearance, Texture, Wrap},
+    shapes,
 };
 use std::{fs, path::Path};
 use tempfile::TempDir;
@@ -502,6 +503,13 @@ fn writing_and_reading_gives_the_mesh_back() {
         Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle: vec![0, 1, 0] },
     ] {
         assert_round_trip(&mesh.clone().with_appearance(appearance).unwrap());
+    }
+}
+
+#[test]
+fn the_project_s_own_meshes_survive_a_file() {
+    for name in shapes::NAMES {
+        assert_round_trip(&shapes::by_name(name).unwrap());
     }
 }
 
