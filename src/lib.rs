@@ -3,6 +3,8 @@
 pub mod buffers;
 pub mod error;
 pub mod image;
+#[cfg(feature = "obj")]
+pub mod obj;
 pub mod pack;
 pub mod passes;
 pub mod plan;
@@ -10,6 +12,7 @@ pub mod plan;
 pub mod reference;
 pub mod renderer;
 pub mod scene;
+pub mod shapes;
 pub mod vulkan;
 
 pub use error::{Error, Result};

@@ -1,0 +1,30 @@
+//! Cameras and settings as JSON.
+
+use serde_json::{Value, json};
+use softras::{Projection, Settings};
+
+/// Every field under its own name, and what follows from them.
+pub fn settings(s: &Settings) -> Value {
+    let lower = |mode: &dyn std::fmt::Debug| format!("{mode:?}").to_lowercase();
+    json!({
+        "width": s.width, "height": s.height,
+        "sigma": s.sigma, "blur_pixels": s.blur_pixels(), "gamma": s.gamma, "epsilon": s.epsilon, "tau": s.tau,
+        "near": s.near, "far": s.far,
+        "color": lower(&s.color), "silhouette": lower(&s.silhouette), "distance": lower(&s.distance),
+        "background": lower(&s.background), "background_color": s.background_color,
+        "faces": lower(&s.faces), "interpolation": lower(&s.interpolation), "parity": lower(&s.parity),
+    })
+}
+
+/// A projection with its numbers.
+pub fn projection(projection: &Projection) -> Value {
+    match *projection {
+        Projection::Perspective { fov_y } => json!({ "kind": "perspective", "fov_y_degrees": fov_y.to_degrees() }),
+        Projection::Orthographic { half_height } => json!({ "kind": "orthographic", "half_height": half_height }),
+        Projection::Pinhole { fx, fy, cx, cy } => json!({ "kind": "pinhole", "fx": fx, "fy": fy, "cx": cx, "cy": cy }),
+        Projection::Official { distortion, original_size } => {
+            json!({ "kind": "official", "distortion": distortion, "original_size": original_size })
+        }
+        Projection::Screen => json!({ "kind": "screen" }),
+    }
+}

@@ -1,0 +1,252 @@
+//! `softras eval`: numpy arrays in, numpy arrays out, for those who compare or call us from another language.
+
+mod keys;
+mod screen;
+mod world;
+
+use super::npz::{self, Archive, Data};
+use super::progress::Progress;
+use super::{Failure, describe, files, note, say};
+use clap::{Args, ValueEnum};
+use serde_json::json;
+use softras::reference::{self, ReferenceFrame, Truncation};
+use softras::{Camera, Error, Frame, Image, Renderer, Scene, Settings, scene};
+use std::path::PathBuf;
+use std::time::Instant;
+
+const KEYS: &str = "\
+A scene in SCREEN SPACE, by the official renderer's names:
+  face_vertices  [B, F, 3, 3]   x, y (the image spans [-1, 1], y up) and view depth of each corner
+  textures       [B, F, 3, 3]   RGB of each corner (opt_texture_type 'vertex'), or
+                 [B, F, R², 3]  RGB cells ('surface')
+  opt_image_size  opt_background_color  opt_near  opt_far  opt_fill_back  opt_eps  opt_sigma_val
+  opt_gamma_val  opt_dist_eps  opt_texture_type  opt_dist_func (euclidean, barycentric, hard)
+  opt_aggr_func_rgb (softmax, hard)  opt_aggr_func_alpha (prod, sum, hard)
+and out comes
+  soft_colors    [B, 4, H, W]   RGB and alpha, row 0 at the top
+
+A scene in WORLD SPACE:
+  vertices       [V, 3] or [B, V, 3]
+  triangles      [F, 3], counter-clockwise seen from outside
+  colors         [3], [V, 3] or [F, 3]: for all, per vertex, per triangle (with colors_per 'vertex'
+                 or 'triangle' where V = F); [B, V, 3] or [B, F, 3] with [B, V, 3] vertices
+  view           [4, 4] or [B, 4, 4]: world to view; x right, y up, z forward
+  fov_y (radians), or half_height, or fx fy cx cy (pixels): numbers or [B]
+  width height sigma gamma epsilon tau near far color silhouette distance background
+  background_color faces front_face interpolation: the settings, as the library names them
+  ambient_color  ambient_intensity  light_directions [L, 3]  light_colors [L, 3]
+  light_intensities [L]  shading
+  outputs        any of color, silhouette, depth, normal [default: color, silhouette]
+and out come
+  color [B, H, W, 3]  silhouette [B, H, W]  depth [B, H, W]  normal [B, H, W, 3]
+
+Arrays may be float, int, bool or text, in C or Fortran order, stored or deflated. Keys that mean
+nothing here are named in a note. Results are float32, with --device reference float64.
+
+Examples:
+  softras eval scene.npz -o image.npz
+  softras eval official.npz -o image.npz --parity official
+  softras eval scene.npz -o truth.npz --device reference";
+
+/// Render the scene of a numpy archive
+#[derive(Args, Debug)]
+#[command(after_help = KEYS)]
+pub struct EvalArgs {
+    /// The scene, as numpy.savez or numpy.savez_compressed writes it
+    pub scene: PathBuf,
+    /// The archive to write
+    #[arg(short, long = "out", value_name = "FILE.npz")]
+    pub out: PathBuf,
+    /// model: softras' own rules. official: the official code's image, quirks and all; in screen space front
+    /// faces are clockwise and the options rounded to float32, as there
+    #[arg(long, value_enum, default_value = "model")]
+    pub parity: Parity,
+    /// The Vulkan device: its index or a part of its name; or `reference`, the brute-force f64 statement of the model
+    #[arg(long, value_name = "DEVICE")]
+    pub device: Option<String>,
+    /// Print one JSON object: device, sizes, settings, milliseconds of every stage
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// [`scene::Parity`] on the command line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Parity {
+    Model,
+    Official,
+}
+
+impl From<Parity> for scene::Parity {
+    fn from(parity: Parity) -> Self {
+        match parity {
+            Parity::Model => Self::Model,
+            Parity::Official => Self::Official,
+        }
+    }
+}
+
+/// What a file asks for.
+struct Job {
+    scene: Scene,
+    cameras: Vec<Camera>,
+    settings: Settings,
+    layout: Layout,
+}
+
+/// How the results are laid out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Layout {
+    /// `soft_colors` [B, 4, H, W].
+    Screen,
+    /// An array per output, channels last.
+    World,
+}
+
+/// Runs the command.
+pub fn run(args: &EvalArgs) -> Result<(), Failure> {
+    files::judge_writable(&args.out)?;
+    let start = Instant::now();
+    let archive = Archive::open(&args.scene)?;
+    let job = if archive.has("face_vertices") {
+        screen::read(&archive, args.parity)?
+    } else {
+        world::read(&archive, args.parity)?
+    };
+    let unknown = archive.unasked();
+    if !unknown.is_empty() {
+        note(&format!("{}: keys that were not used: {}", args.scene.display(), unknown.join(", ")));
+    }
+    let spinner = Progress::spinner("rendering");
+    let (device, results, timings) = render(args, &job)?;
+    drop(spinner);
+    let arrays: Vec<_> = results.iter().map(|(key, shape, values)| (*key, shape.clone(), values.data())).collect();
+    npz::write(&args.out, &arrays)?;
+    if args.json {
+        let shapes: serde_json::Map<_, _> = results.iter().map(|(k, s, _)| (k.to_string(), json!(s))).collect();
+        let object = json!({
+            "device": device, "views": job.cameras.len(), "settings": describe::settings(&job.settings),
+            "triangles": job.scene.meshes.iter().map(|m| m.triangles().len()).collect::<Vec<_>>(),
+            "timings": timings, "total_milliseconds": start.elapsed().as_secs_f64() * 1e3,
+            "path": args.out.display().to_string(), "arrays": shapes, "unused_keys": unknown,
+        });
+        return say(&object.to_string());
+    }
+    let list: Vec<_> = results.iter().map(|(key, shape, _)| format!("{key} {shape:?}")).collect();
+    say(&format!("{}: {}", args.out.display(), list.join(", ")))
+}
+
+/// Values of either precision.
+enum Floats {
+    F32(Vec<f32>),
+    F64(Vec<f64>),
+}
+
+impl Floats {
+    fn data(&self) -> Data<'_> {
+        match self {
+            Self::F32(values) => Data::F32(values),
+            Self::F64(values) => Data::F64(values),
+        }
+    }
+}
+
+type Arrays = Vec<(&'static str, Vec<usize>, Floats)>;
+
+/// Renders on the device that was asked for: its name, the arrays, the stages' times.
+fn render(args: &EvalArgs, job: &Job) -> Result<(String, Arrays, Vec<serde_json::Value>), Failure> {
+    if args.device.as_deref() == Some("reference") {
+        let frame = reference::render(&job.scene, &job.cameras, &job.settings, Truncation::Tau)?;
+        let arrays = lay_out(job, &ReferenceImages(&frame), Floats::F64)?;
+        return Ok(("reference".into(), arrays, Vec::new()));
+    }
+    let mut renderer = match &args.device {
+        Some(selector) => Renderer::with_device(selector)?,
+        None => Renderer::new()?,
+    };
+    let frame = renderer.render(&job.scene, &job.cameras, &job.settings)?;
+    let times = frame.timings().iter().map(|t| json!({ "stage": t.stage, "milliseconds": t.milliseconds }));
+    let arrays = lay_out(job, &DeviceImages(&frame), Floats::F32)?;
+    Ok((renderer.device_name().into(), arrays, times.collect()))
+}
+
+/// The four images of a frame of either kind.
+trait Images<T> {
+    fn color(&self) -> Option<&[T]>;
+    fn silhouette(&self) -> Option<&[T]>;
+    fn depth(&self) -> Option<&[T]>;
+    fn normal(&self) -> Option<&[T]>;
+}
+
+struct DeviceImages<'a>(&'a Frame);
+struct ReferenceImages<'a>(&'a ReferenceFrame);
+
+impl Images<f32> for DeviceImages<'_> {
+    fn color(&self) -> Option<&[f32]> {
+        self.0.color().map(values)
+    }
+    fn silhouette(&self) -> Option<&[f32]> {
+        self.0.silhouette().map(values)
+    }
+    fn depth(&self) -> Option<&[f32]> {
+        self.0.depth().map(values)
+    }
+    fn normal(&self) -> Option<&[f32]> {
+        self.0.normal().map(values)
+    }
+}
+
+fn values(image: &Image) -> &[f32] {
+    &image.data
+}
+
+impl Images<f64> for ReferenceImages<'_> {
+    fn color(&self) -> Option<&[f64]> {
+        Some(&self.0.color)
+    }
+    fn silhouette(&self) -> Option<&[f64]> {
+        Some(&self.0.silhouette)
+    }
+    fn depth(&self) -> Option<&[f64]> {
+        Some(&self.0.depth)
+    }
+    fn normal(&self) -> Option<&[f64]> {
+        Some(&self.0.normal)
+    }
+}
+
+fn lay_out<T: Copy>(job: &Job, images: &impl Images<T>, wrap: fn(Vec<T>) -> Floats) -> Result<Arrays, Error> {
+    let (b, h, w) = (job.cameras.len(), job.settings.height as usize, job.settings.width as usize);
+    let judged = |key: &'static str, values: Option<&[T]>, channels: usize| match values {
+        Some(values) if values.len() == b * h * w * channels => Ok(values.to_vec()),
+        _ => Err(Error::Scene {
+            what: format!("the frame's {key} image is missing or has another size"),
+            mend: "this is a mistake in softras: please report it".into(),
+        }),
+    };
+    if job.layout == Layout::Screen {
+        let color = judged("color", images.color(), 3)?;
+        let alpha = judged("silhouette", images.silhouette(), 1)?;
+        let mut planes = Vec::with_capacity(b * 4 * h * w);
+        for view in 0..b {
+            let pixels = view * h * w..(view + 1) * h * w;
+            (0..3).for_each(|channel| planes.extend(pixels.clone().map(|i| color[3 * i + channel])));
+            planes.extend_from_slice(&alpha[pixels]);
+        }
+        return Ok(vec![("soft_colors", vec![b, 4, h, w], wrap(planes))]);
+    }
+    let asked = job.settings.outputs;
+    let mut arrays = Vec::new();
+    if asked.color {
+        arrays.push(("color", vec![b, h, w, 3], wrap(judged("color", images.color(), 3)?)));
+    }
+    if asked.silhouette {
+        arrays.push(("silhouette", vec![b, h, w], wrap(judged("silhouette", images.silhouette(), 1)?)));
+    }
+    if asked.depth {
+        arrays.push(("depth", vec![b, h, w], wrap(judged("depth", images.depth(), 1)?)));
+    }
+    if asked.normal {
+        arrays.push(("normal", vec![b, h, w, 3], wrap(judged("normal", images.normal(), 3)?)));
+    }
+    Ok(arrays)
+}

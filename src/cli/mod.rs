@@ -1,0 +1,77 @@
+//! The command line: arguments in, files and sentences out.
+
+mod color;
+mod describe;
+mod devices;
+mod eval;
+mod files;
+mod mesh;
+mod npz;
+mod parse;
+mod progress;
+mod render;
+
+use clap::{Parser, Subcommand};
+use std::io::Write;
+
+const ABOUT: &str = "\
+Differentiable soft mesh rasterization (SoftRas) on any Vulkan device.
+
+Exit codes: 0 done; 1 could not be done, and one line says why and how to mend it;
+2 the arguments make no sense.";
+
+/// The `softras` command.
+#[derive(Debug, Parser)]
+#[command(name = "softras", version, about = "Soft mesh rasterization on any Vulkan device", long_about = ABOUT)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// What there is to do.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    Render(Box<render::args::RenderArgs>),
+    Eval(eval::EvalArgs),
+    Devices(devices::DevicesArgs),
+    Mesh(mesh::MeshArgs),
+}
+
+/// Why a command did not do what was asked.
+#[derive(Debug)]
+pub enum Failure {
+    /// The arguments make no sense together.
+    Usage(String),
+    /// Anything else.
+    Error(softras::Error),
+    /// Nobody reads our output any more.
+    Closed,
+}
+
+impl From<softras::Error> for Failure {
+    fn from(e: softras::Error) -> Self {
+        Self::Error(e)
+    }
+}
+
+/// Runs a command.
+pub fn run(cli: &Cli) -> Result<(), Failure> {
+    match &cli.command {
+        Command::Render(args) => render::run(args),
+        Command::Eval(args) => eval::run(args),
+        Command::Devices(args) => devices::run(args),
+        Command::Mesh(args) => mesh::run(args),
+    }
+}
+
+/// Prints a line for the user.
+fn say(line: &str) -> Result<(), Failure> {
+    writeln!(std::io::stdout(), "{line}").map_err(|_| Failure::Closed)
+}
+
+/// Tells of something that did not stop the work.
+fn note(text: &str) {
+    // With stderr closed there is nobody left to tell.
+    let _ = writeln!(std::io::stderr(), "note: {text}");
+}

@@ -1,0 +1,221 @@
+//! Texts from the command line into values; clap prints the errors with the option's name before them.
+
+use super::color;
+
+/// `x,y,z`.
+pub fn triple(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Result<Vec<f64>, String> = text.split(',').map(number).collect();
+    match numbers?[..] {
+        [x, y, z] => Ok([x, y, z]),
+        ref other => Err(format!("{} numbers, three are expected, as in 1,0.5,-2", other.len())),
+    }
+}
+
+/// A finite number.
+pub fn number(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(x) if x.is_finite() => Ok(x),
+        _ => Err(format!("{text:?} is not a finite number")),
+    }
+}
+
+/// A finite number above 0.
+pub fn positive(text: &str) -> Result<f64, String> {
+    number(text).and_then(|x| if x > 0.0 { Ok(x) } else { Err(format!("{x} is not above 0")) })
+}
+
+/// A vertical angle of view in degrees.
+pub fn angle_of_view(text: &str) -> Result<f64, String> {
+    positive(text).and_then(|x| if x < 179.0 { Ok(x) } else { Err("use degrees below 179".into()) })
+}
+
+/// An elevation in degrees.
+pub fn elevation(text: &str) -> Result<f64, String> {
+    number(text).and_then(|x| if x.abs() <= 90.0 { Ok(x) } else { Err("use -90 to 90 degrees".into()) })
+}
+
+/// `256` or `640x480`: width and height.
+pub fn size(text: &str) -> Result<(u32, u32), String> {
+    let side = |side: &str| match side.trim().parse::<u32>() {
+        Ok(n) if (1..=softras::Settings::MAX_SIZE).contains(&n) => Ok(n),
+        _ => Err(format!("{side:?} is not a side of 1 to {} pixels", softras::Settings::MAX_SIZE)),
+    };
+    match text.split_once(['x', 'X', '×']) {
+        Some((width, height)) => Ok((side(width)?, side(height)?)),
+        None => side(text).map(|n| (n, n)),
+    }
+}
+
+/// A colour as it was written.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Rgb {
+    /// As the renderer's own numbers.
+    Numbers([f64; 3]),
+    /// As the bytes of a picture file, from 0 to 1.
+    Bytes([f64; 3]),
+}
+
+impl Rgb {
+    /// In the renderer's numbers: bytes are decoded by the curve that pictures are written with.
+    pub fn numbers(self, curve: color::Curve) -> [f64; 3] {
+        match self {
+            Self::Numbers(numbers) => numbers,
+            Self::Bytes(bytes) => bytes.map(|byte| curve.decode(byte)),
+        }
+    }
+}
+
+/// `r,g,b` in the renderer's numbers, or `#rrggbb` or `#rgb` as the web has it.
+pub fn rgb(text: &str) -> Result<Rgb, String> {
+    let Some(hex) = text.strip_prefix('#') else { return triple(text).map(Rgb::Numbers) };
+    let digits: Option<Vec<u32>> = hex.chars().map(|c| c.to_digit(16)).collect();
+    let bytes = match digits.as_deref() {
+        Some(&[r, g, b]) => [r * 17, g * 17, b * 17],
+        Some(&[a, b, c, d, e, f]) => [a * 16 + b, c * 16 + d, e * 16 + f],
+        _ => return Err("use #rrggbb or #rgb".into()),
+    };
+    Ok(Rgb::Bytes(bytes.map(|byte| f64::from(byte) / 255.0)))
+}
+
+/// `fit`, or half the image's height in world units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum HalfHeight {
+    /// As large as the mesh needs.
+    Fit,
+    /// World units.
+    Given(f64),
+}
+
+/// Parses [`HalfHeight`].
+pub fn half_height(text: &str) -> Result<HalfHeight, String> {
+    if text == "fit" { Ok(HalfHeight::Fit) } else { positive(text).map(HalfHeight::Given) }
+}
+
+/// One `--light`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Light {
+    /// Towards the light, world space.
+    pub direction: [f64; 3],
+    /// Factor on the colour.
+    pub intensity: f64,
+    /// Its colour.
+    pub color: Rgb,
+}
+
+/// `x,y,z[:intensity[:r,g,b]]`.
+pub fn light(text: &str) -> Result<Light, String> {
+    let mut parts = text.split(':');
+    let direction = triple(parts.next().unwrap_or_default())?;
+    let intensity = parts.next().map_or(Ok(1.0), number)?;
+    let color = parts.next().map_or(Ok(Rgb::Numbers([1.0; 3])), rgb)?;
+    match parts.next() {
+        None => Ok(Light { direction, intensity, color }),
+        Some(_) => Err("use x,y,z[:intensity[:r,g,b]]".into()),
+    }
+}
+
+/// The setting that a sweep changes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Swept {
+    /// Settings::sigma.
+    Sigma,
+    /// Settings::gamma.
+    Gamma,
+    /// Settings::tau.
+    Tau,
+    /// Sigma by its blur radius in pixels.
+    Blur,
+}
+
+/// One `--sweep`: `steps` values from `from` to `to`, evenly spaced in their logarithm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sweep {
+    /// What changes.
+    pub swept: Swept,
+    /// The first value.
+    pub from: f64,
+    /// The last value.
+    pub to: f64,
+    /// How many values, where given.
+    pub steps: Option<usize>,
+}
+
+impl Swept {
+    /// As it is written on the command line and on a contact sheet.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Sigma => "sigma",
+            Self::Gamma => "gamma",
+            Self::Tau => "tau",
+            Self::Blur => "blur",
+        }
+    }
+}
+
+impl Sweep {
+    /// The values, `default_steps` of them unless a number was given.
+    pub fn values(&self, default_steps: usize) -> Vec<f64> {
+        let steps = self.steps.unwrap_or(default_steps);
+        let ratio = (self.to / self.from).ln();
+        let at = |i: usize| self.from * (ratio * i as f64 / (steps - 1) as f64).exp();
+        (0..steps).map(|i| if i + 1 == steps { self.to } else { at(i) }).collect()
+    }
+}
+
+/// `sigma=1e-5..1e-2[:steps]`.
+pub fn sweep(text: &str) -> Result<Sweep, String> {
+    let usage = || "use sigma=1e-5..1e-2 or sigma=1e-5..1e-2:12 (or gamma=, tau=, blur=)".to_string();
+    let (name, range) = text.split_once('=').ok_or_else(usage)?;
+    let all = [Swept::Sigma, Swept::Gamma, Swept::Tau, Swept::Blur];
+    let swept = all.into_iter().find(|s| s.name() == name.trim()).ok_or_else(usage)?;
+    let (range, steps) = match range.split_once(':') {
+        Some((range, steps)) => (range, Some(count(steps)?)),
+        None => (range, None),
+    };
+    let (from, to) = range.split_once("..").ok_or_else(usage)?;
+    Ok(Sweep { swept, from: positive(from)?, to: positive(to)?, steps })
+}
+
+/// A number of frames.
+pub fn count(text: &str) -> Result<usize, String> {
+    match text.trim().parse() {
+        Ok(n @ 2..=1000) => Ok(n),
+        _ => Err(format!("{text:?} is not a number of frames from 2 to 1000")),
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_are_read() {
+        assert_eq!(triple("1, -2,3e-1").unwrap(), [1.0, -2.0, 0.3]);
+        assert_eq!(size("256").unwrap(), (256, 256));
+        assert_eq!(size("640x480").unwrap(), (640, 480));
+        assert_eq!(rgb("#fff").unwrap(), Rgb::Bytes([1.0; 3]));
+        assert!((rgb("#808080").unwrap().numbers(color::Curve::Srgb)[1] - 0.2158605).abs() < 1e-6);
+        assert!((rgb("#808080").unwrap().numbers(color::Curve::Raw)[1] - 0.5019608).abs() < 1e-6);
+        let white = Rgb::Numbers([1.0; 3]);
+        assert_eq!(light("0,1,0:0.5").unwrap(), Light { direction: [0.0, 1.0, 0.0], intensity: 0.5, color: white });
+        assert_eq!(half_height("fit").unwrap(), HalfHeight::Fit);
+    }
+
+    #[test]
+    fn sweeps_are_spaced_by_their_logarithm() {
+        let values = sweep("sigma=1e-5..1e-2:4").unwrap().values(9);
+        let expected = [1e-5, 1e-4, 1e-3, 1e-2];
+        assert!(values.iter().zip(expected).all(|(a, b)| (a / b - 1.0).abs() < 1e-12), "{values:?}");
+        assert_eq!(sweep("gamma=1e-2..1e-5").unwrap().values(9).len(), 9);
+    }
+
+    #[test]
+    fn nonsense_is_refused() {
+        assert!(triple("1,2").is_err() && triple("1,2,nan").is_err());
+        assert!(size("0").is_err() && size("20000").is_err() && size("3x").is_err());
+        assert!(rgb("#12345").is_err() && rgb("#é").is_err() && light("1,2,3:4:5,6,7:8").is_err());
+        assert!(sweep("sigma=0..1").is_err() && sweep("width=1..2").is_err() && sweep("sigma=1..2:1").is_err());
+        assert!(positive("-1").is_err() && angle_of_view("180").is_err() && elevation("91").is_err());
+    }
+}

@@ -1,0 +1,158 @@
+//! `softras render`: a mesh file in, pictures out.
+
+mod animation;
+pub mod args;
+mod formats;
+mod framing;
+mod gif;
+mod look;
+mod picture;
+mod report;
+mod sheet;
+
+use super::progress::Progress;
+use super::{Failure, files, note};
+use args::{Output, RenderArgs};
+use formats::Format;
+use framing::{Bounds, View};
+use picture::Shot;
+use report::{Report, Written};
+use softras::obj::LoadOptions;
+use softras::{Mesh, Renderer, Scene};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Runs the command.
+pub fn run(args: &RenderArgs) -> Result<(), Failure> {
+    let targets = targets(args)?;
+    let samples = samples(args, &targets)?;
+    let start = Instant::now();
+    let options = LoadOptions { srgb: !args.look.raw, allow_outside: args.allow_outside };
+    let loaded = softras::obj::load(&args.mesh, &options)?;
+    let mut notes = loaded.notes;
+    let mut stage = Stage::new(args, loaded.mesh, samples)?;
+    if stage.view(0.0).misses(stage.bounds) {
+        notes.push("the mesh lies wholly outside the depths that this camera draws".into());
+    }
+    notes.iter().for_each(|text| note(text));
+    let mut report = Report::new(&stage, notes);
+    if args.turntable.is_some() || args.sweep.is_some() {
+        animation::run(&mut stage, &targets, &mut report)?;
+    } else {
+        let spinner = Progress::spinner("rendering");
+        let shot = stage.shoot(0.0, None)?;
+        drop(spinner);
+        report.add(&shot);
+        for target in &targets {
+            let meaning = formats::write(&target.path, target.format, &shot, target.output)?;
+            report.wrote(Written::still(target, meaning));
+        }
+    }
+    report.print(args.json, start.elapsed())
+}
+
+/// One file to write.
+#[derive(Debug)]
+struct Target {
+    path: PathBuf,
+    format: Format,
+    output: Output,
+}
+
+/// Every output into every file; with several outputs each file's name gains the output's.
+fn targets(args: &RenderArgs) -> Result<Vec<Target>, Failure> {
+    let mut outputs = args.output.clone();
+    outputs.dedup();
+    let animated = args.turntable.is_some() || args.sweep.is_some();
+    let mut targets: Vec<Target> = Vec::new();
+    for out in &args.out {
+        let format = Format::of(out);
+        let format = match (format, animated) {
+            (Some(format @ (Format::Png | Format::Gif)), true) => format,
+            (Some(format @ (Format::Png | Format::Exr | Format::Npy)), false) => format,
+            (Some(Format::Gif), false) => {
+                let what = "is for several frames: add --turntable N or --sweep, or write .png, .exr or .npy";
+                return Err(Failure::Usage(format!("--out {}: .gif {what}", out.display())));
+            }
+            (_, true) => {
+                let what = "a turntable or a sweep is written as .gif, or as a .png contact sheet";
+                return Err(Failure::Usage(format!("--out {}: {what}", out.display())));
+            }
+            (None, false) => {
+                let what = "the file's ending must be .png, .exr or .npy";
+                return Err(Failure::Usage(format!("--out {}: {what}", out.display())));
+            }
+        };
+        for &output in &outputs {
+            let path = if outputs.len() > 1 { named(out, output) } else { out.clone() };
+            files::judge_writable(&path)?;
+            if targets.iter().any(|t| t.path == path) {
+                return Err(Failure::Usage(format!("--out {}: would be written twice", path.display())));
+            }
+            targets.push(Target { path, format, output });
+        }
+    }
+    Ok(targets)
+}
+
+/// How many samples a pixel has along each side.
+fn samples(args: &RenderArgs, targets: &[Target]) -> Result<u32, Failure> {
+    let floats = targets.iter().any(|t| matches!(t.format, Format::Exr | Format::Npy));
+    let asked_soft = args.look.sigma.is_some() || args.look.blur.is_some() || args.sweep.is_some();
+    let side = args.look.size.0.max(args.look.size.1);
+    let most = softras::Settings::MAX_SIZE / side;
+    match args.look.samples {
+        Some(n) if n > 1 && floats => {
+            Err(Failure::Usage(format!("--samples {n}: .exr and .npy hold the model's own values, one a pixel")))
+        }
+        Some(n) if n > most => {
+            let what = "pixels a side are more than the 16384 that a frame may have";
+            Err(Failure::Usage(format!("--samples {n}: {} {what}", n * side)))
+        }
+        Some(n) => Ok(n),
+        None if floats || asked_soft => Ok(1),
+        None => Ok(most.clamp(1, 3)),
+    }
+}
+
+/// `folder/name.png` to `folder/name_depth.png`.
+fn named(path: &Path, output: Output) -> PathBuf {
+    let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+    let ending = path.extension().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+    path.with_file_name(format!("{stem}_{}.{ending}", output.name()))
+}
+
+/// The mesh, the renderer, and what the arguments say about every frame.
+struct Stage<'a> {
+    args: &'a RenderArgs,
+    bounds: Bounds,
+    scene: Scene,
+    renderer: Renderer,
+    samples: u32,
+}
+
+impl<'a> Stage<'a> {
+    fn new(args: &'a RenderArgs, mesh: Mesh, samples: u32) -> Result<Self, Failure> {
+        let renderer = match &args.device {
+            Some(selector) => Renderer::with_device(selector)?,
+            None => Renderer::new()?,
+        };
+        Ok(Self { args, bounds: Bounds::of(&mesh), scene: Scene::new(mesh), renderer, samples })
+    }
+
+    fn view(&self, turn: f64) -> View {
+        let (width, height) = self.args.look.size;
+        View::new(&self.args.camera, self.bounds, f64::from(width) / f64::from(height), turn)
+    }
+
+    /// Renders one frame, `turn` degrees around, with a sweep's step.
+    fn shoot(&mut self, turn: f64, step: Option<animation::Step>) -> Result<Shot, Failure> {
+        let args = self.args;
+        let view = self.view(turn);
+        let settings = look::settings(&args.look, &args.modes, &view, &args.output, self.samples, step);
+        let (curve, transparent) = (args.look.curve(), args.look.background.is_none());
+        self.scene.lights = framing::lights(&args.light, curve, &view)?;
+        let frame = self.renderer.render(&self.scene, &[view.camera()?], &settings)?;
+        Ok(Shot { frame, view, settings, samples: self.samples as usize, curve, transparent })
+    }
+}

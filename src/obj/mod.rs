@@ -1,0 +1,67 @@
+//! Wavefront OBJ files with their MTL materials and textures, read and written.
+//!
+//! A vertex of the mesh is a `v` of the file, at the same place in the order: meshes are fitted and compared vertex by
+//! vertex. All objects and groups become one mesh. What a file says and softras does not draw is told in
+//! [`Loaded::notes`]; only names, smoothing groups and reflection parameters (`Ka`, `Ks`, `illum`, bump maps, ..) go
+//! without a word.
+
+mod appearance;
+mod geometry;
+mod material;
+mod polygon;
+mod scan;
+mod statement;
+mod texture;
+mod write;
+
+pub use write::write_obj;
+
+use crate::{error::Result, scene::Mesh};
+use std::path::Path;
+
+/// How a file is read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LoadOptions {
+    /// Decode textures from sRGB to linear. Off, a texel is its value / 255, as in the official renderer.
+    pub srgb: bool,
+    /// Allow materials and textures outside the mesh's folder. Off, a mesh from elsewhere cannot make softras read
+    /// other files.
+    pub allow_outside: bool,
+}
+
+/// A mesh and what was not kept of its file.
+#[derive(Clone, Debug)]
+pub struct Loaded {
+    /// The mesh.
+    pub mesh: Mesh,
+    /// What the file says and the mesh does not, each with its line.
+    pub notes: Vec<String>,
+}
+
+/// Reads an OBJ file, its materials and its textures.
+///
+/// Polygons are cut into triangles. The appearance is, first of these that applies: [`Textured`] when a face has a
+/// `map_Kd` and UVs (other faces get a 1×1 image of their `Kd`), [`VertexColors`] from `v x y z r g b`, [`Surface`]
+/// with one cell per triangle from several `Kd`, else [`Uniform`]. A face without a material is white.
+///
+/// # Errors
+/// [`Error::Io`] when the file cannot be read; [`Error::File`] with the line for anything malformed: a number that is
+/// none or not finite, an index out of range, a face of fewer than three corners, no faces at all, a texture that is
+/// missing, not an image, over 16384 pixels a side or outside the folder.
+///
+/// [`Textured`]: crate::scene::Appearance::Textured
+/// [`VertexColors`]: crate::scene::Appearance::VertexColors
+/// [`Surface`]: crate::scene::Appearance::Surface
+/// [`Uniform`]: crate::scene::Appearance::Uniform
+/// [`Error::Io`]: crate::Error::Io
+/// [`Error::File`]: crate::Error::File
+pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
+    let mut notes = Vec::new();
+    let text = statement::read_text(path)?;
+    let scan = scan::scan(path, &text, &mut notes)?;
+    drop(text);
+    let mut geometry = geometry::read(path, &scan, &mut notes)?;
+    let appearance = appearance::appearance(path, &scan, &mut geometry, options, &mut notes)?;
+    let mesh = Mesh::new(geometry.positions, geometry.triangles)?.with_appearance(appearance)?;
+    Ok(Loaded { mesh, notes })
+}

@@ -1,0 +1,68 @@
+//! Text files as OBJ and MTL have them: one statement a line, with line numbers.
+
+use crate::error::{Error, Result};
+use std::{borrow::Cow, fs, path::Path};
+
+/// Larger files are refused: their lines and vertices would not fit 32-bit numbers.
+const MAX_BYTES: u64 = 1 << 32;
+
+/// Reads a whole text file; bytes that are not UTF-8 (names in an old code page) become replacement characters.
+pub(super) fn read_text(path: &Path) -> Result<String> {
+    let io = |source| Error::Io { path: path.into(), source };
+    let refuse = |what: &str, mend: &str| {
+        Err(Error::File { path: path.into(), line: None, what: what.into(), mend: mend.into() })
+    };
+    let metadata = fs::metadata(path).map_err(io)?;
+    if !metadata.is_file() {
+        return refuse("not a regular file", "give the path of a file");
+    }
+    if metadata.len() > MAX_BYTES {
+        return refuse("larger than 4 GiB", "split or simplify the mesh");
+    }
+    let bytes = fs::read(path).map_err(io)?;
+    if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
+        return refuse("UTF-16 text", "save the file as UTF-8");
+    }
+    let text = bytes.strip_prefix(&[0xef, 0xbb, 0xbf]).unwrap_or(&bytes);
+    Ok(String::from_utf8_lossy(text).into_owned())
+}
+
+/// One statement: a line with its continuations, neither blank nor a comment.
+pub(super) struct Statement<'a> {
+    /// The line on which it starts, counted from 1.
+    pub line: usize,
+    body: Cow<'a, str>,
+}
+
+impl Statement<'_> {
+    /// The first word.
+    pub fn keyword(&self) -> &str {
+        self.body.split_whitespace().next().unwrap_or_default()
+    }
+
+    /// Everything after the first word, trimmed: names may hold spaces.
+    pub fn rest(&self) -> &str {
+        self.body.split_once(char::is_whitespace).map_or("", |(_, rest)| rest.trim())
+    }
+
+    /// The words after the first, up to a comment.
+    pub fn words(&self) -> impl Iterator<Item = &str> {
+        self.body.split_whitespace().skip(1).take_while(|word| !word.starts_with('#'))
+    }
+}
+
+/// The statements of a text with any line ends, lines that end in `\` joined with the next.
+pub(super) fn statements(text: &str) -> impl Iterator<Item = Statement<'_>> {
+    let line_end = if text.contains('\n') { '\n' } else { '\r' };
+    let mut lines = text.split(line_end).zip(1..);
+    std::iter::from_fn(move || {
+        let (first, line) = lines.next()?;
+        let mut body = Cow::Borrowed(first.trim());
+        while let Some(head) = body.strip_suffix('\\') {
+            let Some((next, _)) = lines.next() else { break };
+            body = Cow::Owned(format!("{head} {}", next.trim()));
+        }
+        Some(Statement { line, body })
+    })
+    .filter(|statement| !statement.body.is_empty() && !statement.body.starts_with('#'))
+}

@@ -1,0 +1,62 @@
+//! Image files as textures.
+
+use super::material::{Map, judge_inside, locate};
+use crate::{
+    error::{Error, Result},
+    scene::Texture,
+};
+use image::{DynamicImage, ImageReader, Limits};
+use std::path::Path;
+
+/// The largest side of an image.
+const MAX_SIDE: u32 = 16384;
+
+/// Decodes the image that a material names.
+///
+/// # Errors
+/// [`Error::File`] naming the MTL file and line, for an image that is missing, outside the mesh's folder, too large or
+/// not an image.
+pub(super) fn read(obj: &Path, map: &Map, options: &super::LoadOptions, notes: &mut Vec<String>) -> Result<Texture> {
+    let path = locate(&map.mtl, &map.name);
+    let refuse = |what: String, mend: String| Error::File { path: map.mtl.clone(), line: Some(map.line), what, mend };
+    judge_inside(obj, &path, options.allow_outside).map_err(|(what, mend)| refuse(what, mend))?;
+    let shown = path.display();
+    if !path.is_file() {
+        let mend = "put the image there or remove the map_Kd line".into();
+        return Err(refuse(format!("texture {shown} not found"), mend));
+    }
+    let undecodable = |error: image::ImageError| {
+        let mend = format!("use a PNG or JPEG of at most {MAX_SIDE}×{MAX_SIDE} pixels");
+        refuse(format!("texture {shown}: {error}"), mend)
+    };
+    let unreadable = |error| undecodable(image::ImageError::IoError(error));
+    // The content tells the format; the name may lie.
+    let mut reader = ImageReader::open(&path).and_then(ImageReader::with_guessed_format).map_err(unreadable)?;
+    let mut limits = Limits::default();
+    limits.max_image_width = Some(MAX_SIDE);
+    limits.max_image_height = Some(MAX_SIDE);
+    reader.limits(limits);
+    let image = reader.decode().map_err(undecodable)?;
+    let has_alpha = image.color().has_alpha();
+    if has_alpha && image.to_rgba8().pixels().any(|pixel| pixel.0[3] != 255) {
+        notes.push(format!("texture {shown}: transparency is not drawn"));
+    }
+    let (width, height) = (image.width(), image.height());
+    let texels = texels(image, options.srgb);
+    Texture::new(width, height, texels, map.wrap)
+}
+
+/// The texels as value / 255 (or / 65535), which `into_rgb32f` misses by a rounding for grey images.
+fn texels(image: DynamicImage, srgb: bool) -> Vec<[f32; 3]> {
+    let value = |x: f32| if srgb { linear_from_srgb(x) } else { x };
+    match image.color().bytes_per_pixel() / image.color().channel_count() {
+        1 => image.into_rgb8().pixels().map(|p| p.0.map(|x| value(f32::from(x) / 255.0))).collect(),
+        2 => image.into_rgb16().pixels().map(|p| p.0.map(|x| value(f32::from(x) / 65535.0))).collect(),
+        _ => image.into_rgb32f().pixels().map(|p| p.0.map(value)).collect(),
+    }
+}
+
+/// IEC 61966-2-1.
+fn linear_from_srgb(x: f32) -> f32 {
+    if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
+}

@@ -1,0 +1,181 @@
+//! Meshes as OBJ, MTL and PNG files.
+
+use crate::{
+    error::{Error, Result},
+    scene::{Appearance, Mesh, Texture, Wrap},
+};
+use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+use std::{
+    ffi::OsString,
+    fmt::Write,
+    fs,
+    path::{Path, PathBuf},
+};
+
+/// Writes a mesh that [`load`](super::load) reads back equal: numbers keep all their digits.
+///
+/// Vertex colours go into the `v` lines, other colours into `NAME.mtl`, textures into `NAME.png` (or `NAME_0.png`,
+/// `NAME_1.png`, ..): 8 bits a channel where that is exact, else 16. Each file appears whole or not at all. Returns the
+/// files written, the OBJ file last.
+///
+/// # Errors
+/// [`Error::Io`]; [`Error::Mesh`] for what these formats cannot hold: surface textures of more than one cell, texels
+/// outside [0, 1].
+pub fn write_obj(mesh: &Mesh, path: &Path) -> Result<Vec<PathBuf>> {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let mut files = Vec::new();
+    let materials = materials(mesh, &stem)?;
+    for (name, texture) in &materials.images {
+        files.push((path.with_file_name(name), png(texture)?));
+    }
+    let mut mtllib = None;
+    if !materials.mtl.is_empty() {
+        let name = format!("{stem}.mtl");
+        files.push((path.with_file_name(&name), materials.mtl.into_bytes()));
+        mtllib = Some(name);
+    }
+    files.push((path.into(), obj(mesh, mtllib.as_deref(), &materials.of_triangle).into_bytes()));
+    files.into_iter().map(|(path, bytes)| write_whole(&path, &bytes).map(|()| path)).collect()
+}
+
+/// The MTL file, its images, and which material each triangle has (`m0`, `m1`, ..; empty without materials).
+#[derive(Default)]
+struct Materials<'a> {
+    mtl: String,
+    images: Vec<(String, &'a Texture)>,
+    of_triangle: Vec<u32>,
+}
+
+impl Materials<'_> {
+    fn add_color(&mut self, index: usize, [r, g, b]: [f32; 3]) {
+        // Writing to a String cannot fail, here and below.
+        let _ = writeln!(self.mtl, "newmtl m{index}\nKd {r} {g} {b}");
+    }
+}
+
+fn materials<'a>(mesh: &'a Mesh, stem: &str) -> Result<Materials<'a>> {
+    let mut materials = Materials::default();
+    let triangles = mesh.triangles().len();
+    match mesh.appearance() {
+        Appearance::VertexColors(_) => {}
+        Appearance::Uniform(color) if *color == [1.0; 3] => {}
+        Appearance::Uniform(color) => {
+            materials.add_color(0, *color);
+            materials.of_triangle = vec![0; triangles];
+        }
+        Appearance::Surface { resolution: 1, texels } => {
+            let mut index_of = std::collections::HashMap::new();
+            for color in texels {
+                let next = index_of.len();
+                let index = *index_of.entry(color.map(f32::to_bits)).or_insert(next);
+                if index == next {
+                    materials.add_color(index, *color);
+                }
+                materials.of_triangle.push(index as u32);
+            }
+        }
+        Appearance::Surface { resolution, .. } => {
+            return Err(Error::Mesh {
+                what: format!("surface texture of resolution {resolution}"),
+                place: "appearance".into(),
+                mend: "OBJ files hold one colour per face: use resolution 1, vertex colours or an image".into(),
+            });
+        }
+        Appearance::Textured { textures, texture_of_triangle, .. } => {
+            for (i, texture) in textures.iter().enumerate() {
+                let name = if textures.len() == 1 { format!("{stem}.png") } else { format!("{stem}_{i}.png") };
+                let clamp = if texture.wrap() == Wrap::Clamp { "-clamp on " } else { "" };
+                // A name that starts with `-` would read as an option.
+                let here = if name.starts_with('-') { "./" } else { "" };
+                let _ = writeln!(materials.mtl, "newmtl m{i}\nmap_Kd {clamp}{here}{name}");
+                materials.images.push((name, texture));
+            }
+            materials.of_triangle = texture_of_triangle.clone();
+            // Empty when there is only one.
+            materials.of_triangle.resize(triangles, 0);
+        }
+    }
+    Ok(materials)
+}
+
+fn obj(mesh: &Mesh, mtllib: Option<&str>, material_of_triangle: &[u32]) -> String {
+    let mut text = String::from("# softras\n");
+    if let Some(name) = mtllib {
+        let _ = writeln!(text, "mtllib {name}");
+    }
+    for (i, [x, y, z]) in mesh.positions().iter().enumerate() {
+        let _ = match mesh.appearance() {
+            Appearance::VertexColors(colors) => {
+                let [r, g, b] = colors[i];
+                writeln!(text, "v {x} {y} {z} {r} {g} {b}")
+            }
+            _ => writeln!(text, "v {x} {y} {z}"),
+        };
+    }
+    let mut uv_triangles = None;
+    if let Appearance::Textured { uvs, uv_triangles: triangles, .. } = mesh.appearance() {
+        for [u, v] in uvs {
+            let _ = writeln!(text, "vt {u} {v}");
+        }
+        uv_triangles = Some(triangles);
+    }
+    let mut current = None;
+    for (t, triangle) in mesh.triangles().iter().enumerate() {
+        let material = material_of_triangle.get(t);
+        if material != current {
+            let _ = writeln!(text, "usemtl m{}", material.copied().unwrap_or_default());
+            current = material;
+        }
+        let [a, b, c] = triangle.map(|i| u64::from(i) + 1);
+        let _ = match uv_triangles {
+            Some(uvs) => {
+                let [i, j, k] = uvs[t].map(|i| u64::from(i) + 1);
+                writeln!(text, "f {a}/{i} {b}/{j} {c}/{k}")
+            }
+            None => writeln!(text, "f {a} {b} {c}"),
+        };
+    }
+    text
+}
+
+/// 8 bits a channel where every texel is a whole number of 255ths, else 16.
+fn png(texture: &Texture) -> Result<Vec<u8>> {
+    let values = texture.texels().as_flattened();
+    if let Some(value) = values.iter().find(|value| !(0.0..=1.0).contains(*value)) {
+        return Err(Error::Mesh {
+            what: format!("texel value {value}"),
+            place: "texture".into(),
+            mend: "PNG files hold 0 to 1: clamp it first".into(),
+        });
+    }
+    let is_8_bit = values.iter().all(|value| (value * 255.0).round() / 255.0 == *value);
+    let (bytes, color): (Vec<u8>, _) = if is_8_bit {
+        (values.iter().map(|value| (value * 255.0).round() as u8).collect(), ExtendedColorType::Rgb8)
+    } else {
+        let wide = values.iter().map(|value| (value * 65535.0).round() as u16);
+        (wide.flat_map(u16::to_ne_bytes).collect(), ExtendedColorType::Rgb16)
+    };
+    let mut file = Vec::new();
+    match PngEncoder::new(&mut file).write_image(&bytes, texture.width(), texture.height(), color) {
+        Ok(()) => Ok(file),
+        Err(error) => Err(Error::Mesh {
+            what: error.to_string(),
+            place: "texture".into(),
+            mend: "the PNG encoder refuses this image: try a smaller one".into(),
+        }),
+    }
+}
+
+/// Writes beside the file and renames, so that no reader meets half a file.
+fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
+    let mut name = OsString::from(".");
+    name.push(path.file_name().unwrap_or_default());
+    name.push(format!(".{}.tmp", std::process::id()));
+    let part = path.with_file_name(name);
+    let written = fs::write(&part, bytes).and_then(|()| fs::rename(&part, path));
+    written.map_err(|source| {
+        // What is left of it is of no use; the first error is the one to tell.
+        let _ = fs::remove_file(&part);
+        Error::Io { path: path.into(), source }
+    })
+}
