@@ -126,17 +126,18 @@ void add_shaded(inout Pixel p, Fragment f, Corner c, vec3 b, float inverse_sum, 
         p.depth = p.depth * keep_old + weight * (c.depth.z / frame.score_high) * depth.ratio;
     }
     vec3 share = b * (weight * inverse_sum);
+    // Perspective-correct: z / z_k = (z / z_0) (z_0 / z_k).
+    vec3 correction = PERSPECTIVE_CORRECT ? depth.ratio * vec3(1.0, 1.0 + c.depth.x, 1.0 + c.depth.y) : vec3(1.0);
+    share = PERSPECTIVE_CORRECT ? share * correction : share;
     if (WANT_NORMAL) {
         p.normal = p.normal * keep_old + c.normal * share;
     }
     if (WANT_COLOR) {
-        // Perspective-correct: z / z_k = (z / z_0) (z_0 / z_k).
-        vec3 correction = PERSPECTIVE_CORRECT ? depth.ratio * vec3(1.0, 1.0 + c.depth.x, 1.0 + c.depth.y) : vec3(1.0);
-        vec3 color = c.color * (PERSPECTIVE_CORRECT ? share * correction : share);
+        vec3 color = c.color * share;
         if (SAMPLING != SAMPLING_NONE) {
             vec3 at = b * inverse_sum;
             at = PERSPECTIVE_CORRECT ? at * correction : at;
-            color *= sample_texture(c.texture_index, c.triangle, c.coordinate * at);
+            color *= sample_texture(c.texture_index, c.triangle, c.coordinate, at);
         }
         p.color = p.color * keep_old + color;
     }
@@ -189,7 +190,8 @@ void write_pixel(Pixel p, int view, int triangle_count, ivec2 where) {
     vec3 background = vec3(frame.background_red, frame.background_green, frame.background_blue);
     bool covered = p.sum > 0.0;
     float inverse = covered ? 1.0 / p.sum : 0.0;
-    float blend = COMPOSITE ? alpha : 1.0;
+    // The hard mode's depth and normal are those of a surface, not of a mixture.
+    float blend = COMPOSITE && COLOR_MODE == COLOR_SOFTMAX ? alpha : 1.0;
     if (WANT_COLOR) {
         vec3 mixed = covered ? p.color * inverse : background;
         vec3 rgb = COMPOSITE ? (covered ? mixed * alpha + background * (1.0 - alpha) : background) : mixed;

@@ -21,7 +21,7 @@ pub struct MeshTables {
     pub uv_indices: Vec<u32>,
     /// The entry of `textures` of every triangle of a mesh with several.
     pub triangle_textures: Vec<u32>,
-    /// First texel, width, height, kind.
+    /// First texel, width, height, kind; of surface cells: first texel, resolution, number of texels, kind.
     pub textures: Vec<[u32; 4]>,
     /// r, g, b, 0.
     pub texels: Vec<[f32; 4]>,
@@ -123,7 +123,8 @@ impl MeshTables {
                 self.colors.extend([1.0; 3]);
                 self.sampling.surface = true;
                 layout.texture_base = -1 - self.textures.len() as i32;
-                self.textures.push([self.texels.len() as u32, *resolution, *resolution, c::TEXTURE_SURFACE]);
+                let count = texels.len() as u32;
+                self.textures.push([self.texels.len() as u32, *resolution, count, c::TEXTURE_SURFACE]);
                 self.texels.extend(texels.iter().map(|t| [t[0], t[1], t[2], 0.0]));
             }
             Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle } => {

@@ -1,12 +1,29 @@
-// Texture lookup. An entry of `textures` is (first texel, width, height, kind).
+// Texture lookup. An entry of `textures` is (first texel, width, height, kind); of a surface (first texel, resolution,
+// texels of all triangles, kind).
 
-// The official surface cell of barycentrics (b0, b1): two triangles of cells make R² of them.
-int surface_cell(vec2 b, int resolution) {
-    vec2 scaled = b * float(resolution);
-    ivec2 cell = clamp(ivec2(floor(scaled)), ivec2(0), ivec2(resolution - 1));
-    bool lower = scaled.x + scaled.y - float(cell.x + cell.y) <= 1.0;
+// The official surface cell of barycentrics b: two triangles of cells make R² of them. The official lower half,
+// R b0 - x + R b1 - y <= 1, is said by b2, which is exactly 0 beyond the edge opposite corner 2 where that sum is 1 but
+// for rounding.
+int surface_cell(vec3 b, int resolution) {
+    vec3 scaled = b * float(resolution);
+    ivec2 cell = ivec2(floor(scaled.xy));
+    if (OFFICIAL && max(cell.x, cell.y) == resolution) {
+        // The official lookup of a corner leaves its row: the next one's first cell, or the next triangle's.
+        return cell.y * resolution + cell.x;
+    }
+    cell = clamp(cell, ivec2(0), ivec2(resolution - 1));
+    bool lower = scaled.z >= float(resolution - 1 - cell.x - cell.y);
     ivec2 c = lower ? cell : ivec2(resolution - 1) - cell;
     return c.y * resolution + c.x;
+}
+
+// The original triangle's barycentrics from corner mixtures' first two and a piece's own.
+vec3 surface_barycentrics(mat3x2 coordinate, vec3 b) {
+    vec3 third = vec3(1.0) - vec3(coordinate[0].x, coordinate[1].x, coordinate[2].x)
+               - vec3(coordinate[0].y, coordinate[1].y, coordinate[2].y);
+    // The bound of clipped_barycentrics stands for 0.
+    vec3 exact = vec3(greaterThan(b, vec3(1e-19))) * b;
+    return vec3(coordinate * exact, dot(max(third, vec3(0.0)), exact));
 }
 
 ivec2 wrapped(ivec2 texel, ivec2 size, bool repeat) {
@@ -40,18 +57,20 @@ Footprint footprint_of(uvec4 entry, vec2 uv) {
     return Footprint(texel, vec4((1.0 - t.x) * (1.0 - t.y), t.x * (1.0 - t.y), (1.0 - t.x) * t.y, t.x * t.y));
 }
 
-vec3 sample_texture(int index, int triangle, vec2 coordinate) {
+// The colour at a fragment: `coordinate` are the corners' texture coordinates, `b` its barycentrics.
+vec3 sample_texture(int index, int triangle, mat3x2 coordinate, vec3 b) {
     uvec4 entry = texelFetch(textures, index);
     vec3 color = vec3(1.0);
     if ((SAMPLING & SAMPLING_IMAGE) != 0u && entry.w != TEXTURE_SURFACE) {
-        Footprint f = footprint_of(entry, coordinate);
+        Footprint f = footprint_of(entry, coordinate * b);
         color = texelFetch(texels, f.texel.x).rgb * f.weight.x + texelFetch(texels, f.texel.y).rgb * f.weight.y
               + texelFetch(texels, f.texel.z).rgb * f.weight.z + texelFetch(texels, f.texel.w).rgb * f.weight.w;
     }
     if ((SAMPLING & SAMPLING_SURFACE) != 0u && entry.w == TEXTURE_SURFACE) {
         int resolution = int(entry.y);
-        int cell = surface_cell(coordinate, resolution);
-        color = texelFetch(texels, int(entry.x) + triangle * resolution * resolution + cell).rgb;
+        int cell = surface_cell(surface_barycentrics(coordinate, b), resolution);
+        int texel = min(triangle * resolution * resolution + cell, int(entry.z) - 1);
+        color = texelFetch(texels, int(entry.x) + texel).rgb;
     }
     return color;
 }

@@ -191,7 +191,8 @@ fn surface_point<S: Source>(
     if settings.outputs.color {
         let original = blend(weights, corners.map(|c| c.original));
         let uv = blend(weights, corners.map(|c| c.uv));
-        let texel = sample(source, slots, mesh.appearance(), piece.triangle, original, uv);
+        let texel =
+            sample(source, slots, mesh.appearance(), piece.triangle, original, uv, settings.parity == Parity::Official);
         point.color = multiply(blend(weights, corners.map(|c| c.tint)), texel);
     }
     if settings.outputs.normal {

@@ -12,12 +12,14 @@ pub fn sample<S: Source>(
     triangle: usize,
     original: [S::R; 3],
     uv: [S::R; 2],
+    official: bool,
 ) -> [S::R; 3] {
     match appearance {
         Appearance::Uniform(_) | Appearance::VertexColors(_) => [S::R::one(); 3],
-        Appearance::Surface { resolution, .. } => {
+        Appearance::Surface { resolution, texels } => {
             let r = *resolution as usize;
-            let texel = triangle * r * r + surface_cell(*resolution, original.map(Real::value));
+            let cell = surface_cell(*resolution, original.map(Real::value), official);
+            let texel = (triangle * r * r + cell).min(texels.len() - 1);
             source.row(slots.surface.start + 3 * texel)
         }
         Appearance::Textured { textures, texture_of_triangle, .. } => {
@@ -31,8 +33,13 @@ pub fn sample<S: Source>(
 ///
 /// The official test (b₀ + b₁) R - x - y ≤ 1 is asked of b₂ instead: b₂ R ≥ R - 1 - x - y. It is the same, but outside
 /// the edge b₂ = 0, where every clipped fragment lies exactly on a border of cells, rounding cannot choose.
-pub fn surface_cell(resolution: u32, b: [f64; 3]) -> usize {
+///
+/// The official lookup of a corner itself (b₀ or b₁ exactly 1) leaves its row, or its triangle.
+pub fn surface_cell(resolution: u32, b: [f64; 3], official: bool) -> usize {
     let size = f64::from(resolution);
+    if official && b[0].max(b[1]) == 1.0 {
+        return if b[0] == 1.0 { resolution as usize } else { (resolution * resolution) as usize };
+    }
     let last = size - 1.0;
     let [x, y] = [b[0], b[1]].map(|b| (b * size).floor().clamp(0.0, last));
     let cell = if b[2] * size >= last - x - y { y * size + x } else { (last - y) * size + last - x };
