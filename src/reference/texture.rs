@@ -20,7 +20,9 @@ pub fn sample<S: Source>(
             let r = *resolution as usize;
             let cell = surface_cell(*resolution, original.map(Real::value), official);
             let texel = (triangle * r * r + cell).min(texels.len() - 1);
-            source.row(slots.surface.start + 3 * texel)
+            let color = source.row::<3>(slots.surface.start + 3 * texel);
+            // The official backward pass gives a triangle's own cells gradients, none else.
+            if cell < r * r { color } else { color.map(Real::detach) }
         }
         Appearance::Textured { textures, texture_of_triangle, .. } => {
             let index = texture_of_triangle.get(triangle).map_or(0, |&i| i as usize);
