@@ -1,10 +1,11 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Bin, coarse: each bin's bitmap becomes its list of slots in ascending order, and each entry gets a mask of the 64
-// tiles of the bin that the triangle may touch.
-// One workgroup a bin, views along y; each lane compacts a run of words, so that the order is the bitmap's. The place of
-// a list in memory comes from an atomic counter and may differ between runs; its content and order do not.
-// Reads `bin_bits`, `boxes` and `geometry`; writes `bin_ranges`, `coarse_slots`, `coarse_masks` and `status`.
+// Bin, coarse: each bin's bitmap becomes its list of slots in ascending order, and the entries' masks of the 64 tiles that
+// they may touch, 32 entries at a time, become a word a tile of the entries that may touch it.
+// One workgroup a bin, views along y. First each lane compacts a run of words, so that the order is the bitmap's; then
+// each takes blocks of 32 entries. The place of a list in memory comes from an atomic counter and may differ between
+// runs; its content and order do not.
+// Reads `bin_bits`, `boxes` and `geometry`; writes `bin_ranges`, `coarse_slots`, `coarse_words` and `status`.
 
 layout(local_size_x_id = 0) in;
 
@@ -14,7 +15,7 @@ layout(set = 0, binding = 2) uniform isamplerBuffer boxes;
 layout(set = 0, binding = 3) uniform samplerBuffer geometry;
 layout(set = 0, binding = 4, std430) writeonly buffer BinRanges { uvec2 bin_ranges[]; };
 layout(set = 0, binding = 5, std430) buffer CoarseSlots { uint coarse_slots[]; };
-layout(set = 0, binding = 6, std430) writeonly buffer CoarseMasks { uvec2 coarse_masks[]; };
+layout(set = 0, binding = 6, std430) writeonly buffer CoarseWords { uint coarse_words[]; };
 layout(set = 0, binding = 7, std430) buffer Status { uint status[]; };
 
 #include "common/constants.glsl"
@@ -79,6 +80,45 @@ uvec2 tile_mask(int slot, ivec2 bin) {
     return mask;
 }
 
+// One step of the transposition of a 32×32 bit matrix (Warren, Hacker's Delight, 7-3): swaps blocks of `width` bits.
+void swap_blocks(inout uint a[WORD_BITS], int width, uint mask) {
+    for (int i = 0; i < int(WORD_BITS) / 2; ++i) {
+        int k = ((i & ~(width - 1)) << 1) | (i & (width - 1));
+        uint t = ((a[k] >> uint(width)) ^ a[k + width]) & mask;
+        a[k + width] ^= t;
+        a[k] ^= t << uint(width);
+    }
+}
+
+// Bit j of word i becomes bit i of word j.
+void transpose(inout uint a[WORD_BITS]) {
+    swap_blocks(a, 16, 0x0000ffffu);
+    swap_blocks(a, 8, 0x00ff00ffu);
+    swap_blocks(a, 4, 0x0f0f0f0fu);
+    swap_blocks(a, 2, 0x33333333u);
+    swap_blocks(a, 1, 0x55555555u);
+}
+
+void write_words(uint first, uint last, ivec2 bin) {
+    uint low[WORD_BITS];
+    uint high[WORD_BITS];
+    for (uint i = 0u; i < WORD_BITS; ++i) {
+        // Behind the last entry stands the last one again, and is masked out.
+        uvec2 mask = tile_mask(int(coarse_slots[min(first + i, last)]), bin);
+        mask = first + i > last ? uvec2(0u) : mask;
+        low[i] = mask.x;
+        high[i] = mask.y;
+    }
+    transpose(low);
+    transpose(high);
+    // 64 words for 32 entries.
+    uint to = 2u * first;
+    for (uint i = 0u; i < WORD_BITS; ++i) {
+        coarse_words[to + i] = low[i];
+        coarse_words[to + WORD_BITS + i] = high[i];
+    }
+}
+
 void main() {
     int view = int(gl_WorkGroupID.y);
     int bin = int(gl_WorkGroupID.x);
@@ -102,12 +142,13 @@ void main() {
         before += l < lane ? counts[l] : 0u;
         total += counts[l];
     }
+    uint padded = (total + WORD_BITS - 1u) / WORD_BITS * WORD_BITS;
     if (lane == 0) {
-        list_start = total == 0u ? 0u : atomicAdd(status[STATUS_COARSE_NEEDED], total);
+        list_start = total == 0u ? 0u : atomicAdd(status[STATUS_COARSE_NEEDED], padded);
     }
     barrier();
     uint start = list_start;
-    bool fits = start + total <= frame.coarse_capacity;
+    bool fits = start + padded <= frame.coarse_capacity;
     if (lane == 0) {
         // A list that does not fit is left out whole and the status says what was needed: the frame is then not valid.
         bin_ranges[shape.bin_base + bin] = uvec2(start, fits ? total : 0u);
@@ -128,7 +169,7 @@ void main() {
     barrier();
     int bins_x = int(frame.bins_x);
     ivec2 where = ivec2(bin % bins_x, bin / bins_x);
-    for (uint i = start + uint(lane); i < start + total; i += uint(lanes)) {
-        coarse_masks[i] = tile_mask(int(coarse_slots[i]), where);
+    for (uint i = start + uint(lane) * WORD_BITS; i < start + total; i += uint(lanes) * WORD_BITS) {
+        write_words(i, start + total - 1u, where);
     }
 }

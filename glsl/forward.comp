@@ -112,7 +112,7 @@ void add_shaded(inout Pixel p, Fragment f, Corner c, vec3 b, float inverse_sum, 
     if (COLOR_MODE == COLOR_SOFTMAX) {
         float e = exp2(-abs(difference));
         keep_old = nearer ? e : 1.0;
-        weight = (kept ? f.probability : 0.0) * (nearer ? 1.0 : e);
+        weight = (DEPTH_RANGE == DEPTH_RANGE_OFFICIAL && !kept ? 0.0 : f.probability) * (nearer ? 1.0 : e);
     } else {
         float lowest = min(f.height.x, min(f.height.y, f.height.z));
         nearer = nearer && lowest >= -HARD_EDGE_PIXELS * scale;

@@ -114,7 +114,7 @@ pub struct BufferSizes {
     pub bin_bits: u64,
     pub bin_ranges: u64,
     pub coarse_slots: u64,
-    pub coarse_masks: u64,
+    pub coarse_words: u64,
     pub tile_ranges: u64,
     pub tile_slots: u64,
     pub status: u64,
@@ -129,10 +129,10 @@ impl BufferSizes {
     /// All of them together.
     pub fn total(&self) -> u64 {
         let BufferSizes { vertices, vertex_shading, geometry, shading, boxes, bin_bits, bin_ranges, .. } = *self;
-        let BufferSizes { coarse_slots, coarse_masks, tile_ranges, tile_slots, status, .. } = *self;
+        let BufferSizes { coarse_slots, coarse_words, tile_ranges, tile_slots, status, .. } = *self;
         let BufferSizes { color, silhouette, depths, normals, saved, .. } = *self;
         let records = vertices + vertex_shading + geometry + shading + boxes;
-        let lists = bin_bits + bin_ranges + coarse_slots + coarse_masks + tile_ranges + tile_slots + status;
+        let lists = bin_bits + bin_ranges + coarse_slots + coarse_words + tile_ranges + tile_slots + status;
         records + lists + color + silhouette + depths + normals + saved
     }
 }
@@ -176,6 +176,8 @@ pub struct PlanInput<'a> {
     pub sampling: Sampling,
     /// How the depths lie to near and far.
     pub depth_span: DepthSpan,
+    /// Some camera distorts.
+    pub distorted: bool,
     /// Room for lists; see [`Capacity::estimate`].
     pub capacity: Capacity,
     /// Keep what backward needs.
@@ -215,7 +217,8 @@ impl Capacity {
         let (tiles, bins) = (w * h / 32.0 + 2.0, w * h / 2048.0 + 2.0);
         let entries = |x: f64| x.min(f64::from(1 << 24)) as u32 + 1024;
         Self {
-            coarse: entries(lists((c::BIN_WIDTH, c::BIN_HEIGHT), bins)),
+            // Every bin's list is rounded up to whole words.
+            coarse: entries(lists((c::BIN_WIDTH, c::BIN_HEIGHT), bins) + bins * views.len() as f64 * 32.0),
             list: entries(lists((c::TILE_WIDTH, c::TILE_HEIGHT), tiles)),
         }
     }
@@ -346,6 +349,7 @@ fn modes_of(input: &PlanInput) -> Vec<(&'static str, u32)> {
         ("FRONT_ONLY", u32::from(s.faces == Faces::Front)),
         ("CLOCKWISE_FRONT", u32::from(s.front_face == FrontFace::Clockwise)),
         ("OFFICIAL", u32::from(official)),
+        ("DISTORTED", u32::from(input.distorted)),
     ]
 }
 
@@ -459,8 +463,6 @@ fn sizes_of(input: &PlanInput, frame: &FramePush, t: &Totals) -> BufferSizes {
         + u32::from(outputs.normal) * c::SHADING_NORMAL_TEXELS;
     let when = |on: bool, size: u64| if on { size } else { 0 };
     let texels = |count: u64, each: u32| bytes(count * u64::from(each), 16);
-    // The fine stage reads masks 32 at a time, past the last one.
-    let padded = u64::from(frame.coarse_capacity) + u64::from(c::WORD_BITS);
     BufferSizes {
         vertices: texels(t.vertices, c::VERTEX_TEXELS),
         vertex_shading: when(mode("SMOOTH") != 0, texels(t.vertices, c::VERTEX_SHADING_TEXELS)),
@@ -469,8 +471,8 @@ fn sizes_of(input: &PlanInput, frame: &FramePush, t: &Totals) -> BufferSizes {
         boxes: texels(t.slots, 1),
         bin_bits: bytes(t.words, 4),
         bin_ranges: bytes(t.bins, 8),
-        coarse_slots: bytes(padded, 4),
-        coarse_masks: bytes(padded, 8),
+        coarse_slots: bytes(u64::from(frame.coarse_capacity), 4),
+        coarse_words: bytes(u64::from(frame.coarse_capacity), 8),
         tile_ranges: bytes(t.tiles, 8),
         tile_slots: bytes(u64::from(frame.list_capacity), 4),
         status: bytes(u64::from(c::STATUS_WORDS), 4),

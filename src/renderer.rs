@@ -7,7 +7,7 @@ use crate::image::Image;
 use crate::pack::{MeshTables, camera_texels, light_texels};
 use crate::passes::{self, FORWARD_STAGES, FORWARD_TIMESTAMPS, ForwardStages};
 use crate::plan::{Capacity, DepthSpan, Plan, PlanInput, ViewSize};
-use crate::scene::{Camera, Outputs, Scene, Settings, Shading};
+use crate::scene::{Camera, Outputs, Projection, Scene, Settings, Shading};
 use crate::vulkan::{CacheFolder, CommandBuffer, Context, ContextOptions, DeviceInfo, DeviceKind, TimestampPool};
 use std::collections::HashMap;
 
@@ -119,6 +119,7 @@ impl Renderer {
             device: options.device.clone(),
             validation: options.validation,
             cache: options.cache.clone(),
+            ..ContextOptions::default()
         })?;
         // A software device's subgroups have eight lanes, and its shared memory is slow: one subgroup a tile.
         let usual = if context.info().kind == DeviceKind::Software { 8 } else { 32 };
@@ -179,6 +180,7 @@ impl Renderer {
         let depth_span = cameras.iter().enumerate().fold(inside, |span, (view, camera)| {
             span.or(DepthSpan::of(bounds[scene.mesh_of_view(view)], camera, settings))
         });
+        let distorted = cameras.iter().any(|c| matches!(c.projection(), Projection::Official { .. }));
         let mut capacity = self.capacity.unwrap_or_else(|| Capacity::estimate(settings, &views));
         loop {
             let plan = Plan::new(&PlanInput {
@@ -187,6 +189,7 @@ impl Renderer {
                 lights: &scene.lights,
                 sampling: tables.sampling,
                 depth_span,
+                distorted,
                 capacity,
                 save: false,
             })?;

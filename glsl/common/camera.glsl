@@ -62,7 +62,7 @@ void to_pixels(int view, ViewPoint v, out vec2 column, out vec2 row) {
         x = bounded(df_div(x, z));
         y = bounded(df_div(y, z));
     }
-    if (kind == PROJECTION_OFFICIAL) {
+    if (DISTORTED && kind == PROJECTION_OFFICIAL) {
         distort(at, x, y);
     }
     column = bounded(df_add(df_mul(a.zw, x), b.zw));

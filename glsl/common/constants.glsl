@@ -98,8 +98,10 @@ const uint STATUS_COARSE_NEEDED = 0u;
 const uint STATUS_LIST_NEEDED = 1u;
 // Word of `status`: not 0 when a value that is not finite was met.
 const uint STATUS_NOT_FINITE = 2u;
-// Word of `status`: the longest tile list.
+// Word of `status`: the longest tile list, where one is longer than LONG_LIST.
 const uint STATUS_LONGEST_LIST = 3u;
+// Entries of a tile's list from which its length is reported.
+const uint LONG_LIST = 16384u;
 // Words of `status`.
 const uint STATUS_WORDS = 4u;
 

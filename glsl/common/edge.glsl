@@ -20,18 +20,21 @@ struct Edges {
     bool finite;
 };
 
-// A line through `middle` with the unit direction `along`; `side` picks which of its sides is inside.
-vec4 line_record(vec2 along, float side, vec2 middle_x, vec2 middle_y) {
+// The line through a and b, whose cross product is `cross_ab`; `side` picks which of its sides is inside. The
+// distance of the origin is that cross product over the length: for an edge that begins and ends far outside the image,
+// the one form in which rounding is relative to what is seen.
+vec4 line_record(vec2 a, vec2 b, vec2 along, float size, float cross_ab, float side) {
     vec2 n = side * vec2(-along.y, along.x);
-    float c = -df_add(df_mul(middle_x, n.x), df_mul(middle_y, n.y)).x;
-    float g = -df_sub(df_mul(middle_x, n.y), df_mul(middle_y, n.x)).x;
+    vec2 middle = 0.5 * (a + b);
+    float c = size > 0.0 ? side * cross_ab / size : -dot(n, a);
+    float g = n.x * middle.y - n.y * middle.x;
     return vec4(n, c, g) * frame.scale;
 }
 
 // A triangle without area is its longest edge. That edge keeps its place; the other two become its end points, with
 // lines across it whose distances, times the inverse heights, are the barycentrics of the nearest point, and which
 // are never both positive, so that nothing is inside.
-void flatten_to_segment(inout Edges e, int longest, vec2 along, float size, vec2 x[3], vec2 y[3]) {
+void flatten_to_segment(inout Edges e, int longest, vec2 along, float size) {
     int a = longest == 2 ? 0 : longest + 1;
     int b = a == 2 ? 0 : a + 1;
     e.degenerate = true;
@@ -40,8 +43,8 @@ void flatten_to_segment(inout Edges e, int longest, vec2 along, float size, vec2
     e.inverse_height = vec3(0.0);
     // The line at corner a, whose edge is opposite corner b, measures b's share.
     vec2 across = vec2(-along.y, along.x);
-    e.line[b] = line_record(across, 1.0, x[a], y[a]);
-    e.line[a] = line_record(across, -1.0, x[b], y[b]);
+    e.line[b] = line_record(e.corner[a], e.corner[a], across, 0.0, 0.0, 1.0);
+    e.line[a] = line_record(e.corner[b], e.corner[b], across, 0.0, 0.0, -1.0);
     float inverse = size > 0.0 ? -1.0 / (size * frame.scale) : 0.0;
     e.inverse_height[b] = inverse;
     e.inverse_height[a] = inverse;
@@ -65,19 +68,20 @@ Edges edges_of(vec2 column[3], vec2 row[3]) {
         y[k] = df_sub(row[k], vec2(e.origin.y, 0.0));
         e.corner[k] = vec2(x[k].x, y[k].x);
     }
-    vec2 dx[3];
-    vec2 dy[3];
+    // Edge k's cross product p_a × p_b; their sum is twice the area.
+    vec2 side[3];
+    vec2 cross_ab[3];
     vec3 size;
     for (int k = 0; k < 3; ++k) {
         int a = k == 2 ? 0 : k + 1;
         int b = a == 2 ? 0 : a + 1;
-        dx[k] = df_sub(x[b], x[a]);
-        dy[k] = df_sub(y[b], y[a]);
-        float largest = max(abs(dx[k].x), abs(dy[k].x));
-        vec2 ratio = vec2(dx[k].x, dy[k].x) / (largest > 0.0 ? largest : 1.0);
+        side[k] = vec2(df_sub(x[b], x[a]).x, df_sub(y[b], y[a]).x);
+        cross_ab[k] = df_sub(df_mul(x[a], y[b]), df_mul(y[a], x[b]));
+        float largest = max(abs(side[k].x), abs(side[k].y));
+        vec2 ratio = side[k] / (largest > 0.0 ? largest : 1.0);
         size[k] = largest * sqrt(dot(ratio, ratio));
     }
-    float area = df_sub(df_mul(dx[2], dy[0]), df_mul(dy[2], dx[0])).x;
+    float area = df_add(df_add(cross_ab[0], cross_ab[1]), cross_ab[2]).x;
     e.finite = abs(area) < 1e30;
     e.orientation = area < 0.0 ? -1.0 : 1.0;
     int longest = size.x >= size.y ? (size.x >= size.z ? 0 : 2) : (size.y >= size.z ? 1 : 2);
@@ -86,16 +90,14 @@ Edges edges_of(vec2 column[3], vec2 row[3]) {
         int a = k == 2 ? 0 : k + 1;
         int b = a == 2 ? 0 : a + 1;
         // An edge of no length is a point: any direction serves.
-        vec2 along = size[k] > 0.0 ? vec2(dx[k].x, dy[k].x) / size[k] : vec2(1.0, 0.0);
-        vec2 middle_x = df_mul(df_add(x[a], x[b]), 0.5);
-        vec2 middle_y = df_mul(df_add(y[a], y[b]), 0.5);
-        e.line[k] = line_record(along, e.orientation, middle_x, middle_y);
+        vec2 along = size[k] > 0.0 ? side[k] / size[k] : vec2(1.0, 0.0);
+        e.line[k] = line_record(e.corner[a], e.corner[b], along, size[k], cross_ab[k].x, e.orientation);
         e.half_length[k] = 0.5 * size[k] * frame.scale;
         e.inverse_height[k] = size[k] / (max(abs(area), 1e-30) * frame.scale);
     }
     if (e.degenerate) {
-        vec2 along = size[longest] > 0.0 ? vec2(dx[longest].x, dy[longest].x) / size[longest] : vec2(1.0, 0.0);
-        flatten_to_segment(e, longest, along, size[longest], x, y);
+        vec2 along = size[longest] > 0.0 ? side[longest] / size[longest] : vec2(1.0, 0.0);
+        flatten_to_segment(e, longest, along, size[longest]);
     }
     return e;
 }

@@ -18,6 +18,15 @@ Triangle triangle_of(int slot) {
                     vec3(head.zw, tail.x), tail.yzw);
 }
 
+// One instruction each, where min and max, which must mind NaN, are three on a software device.
+float lesser(float a, float b) {
+    return a < b ? a : b;
+}
+
+float greater(float a, float b) {
+    return a > b ? a : b;
+}
+
 struct Fragment {
     // D, and its complement computed without cancellation.
     float probability;
@@ -31,7 +40,7 @@ struct Fragment {
 // Squared distance to a segment: off its line, and beyond its ends along it.
 float segment_distance(vec4 line, float half_length, float height, vec2 q) {
     float along = line.y * q.x - line.x * q.y + line.w;
-    float beyond = max(abs(along) - half_length, 0.0);
+    float beyond = greater(abs(along) - half_length, 0.0);
     return height * height + beyond * beyond;
 }
 
@@ -42,7 +51,7 @@ Fragment fragment_at(Triangle t, vec2 q, float radius_squared, float scale) {
     Fragment f;
     f.height = vec3(t.line0.x * q.x + t.line0.y * q.y + t.line0.z, t.line1.x * q.x + t.line1.y * q.y + t.line1.z,
                     t.line2.x * q.x + t.line2.y * q.y + t.line2.z);
-    float lowest = min(f.height.x, min(f.height.y, f.height.z));
+    float lowest = lesser(f.height.x, lesser(f.height.y, f.height.z));
     if (DISTANCE == DISTANCE_HARD) {
         f.kept = lowest >= -HARD_EDGE_PIXELS * scale;
         f.probability = f.kept ? 1.0 : 0.0;
@@ -55,7 +64,7 @@ Fragment fragment_at(Triangle t, vec2 q, float radius_squared, float scale) {
         float d0 = segment_distance(t.line0, t.half_length.x, f.height.x, q);
         float d1 = segment_distance(t.line1, t.half_length.y, f.height.y, q);
         float d2 = segment_distance(t.line2, t.half_length.z, f.height.z, q);
-        squared = min(d0, min(d1, d2));
+        squared = lesser(d0, lesser(d1, d2));
         inside = lowest > 0.0;
     } else {
         vec3 b = f.height * t.inverse_height;
@@ -64,19 +73,21 @@ Fragment fragment_at(Triangle t, vec2 q, float radius_squared, float scale) {
         inside = least > 0.0;
     }
     // exp2 of the negative distance serves both signs: sigmoid(x) = 1 / (1 + e), sigmoid(-x) = e / (1 + e).
-    float e = exp2(-squared);
+    // Without a pair e is 0: D is 0 and its complement 1.
+    f.kept = inside || squared < radius_squared;
+    float e = f.kept ? exp2(-squared) : 0.0;
     float major = 1.0 / (1.0 + e);
     float minor = e * major;
-    f.kept = inside || squared < radius_squared;
-    f.probability = f.kept ? (inside ? major : minor) : 0.0;
-    f.complement = f.kept ? (inside ? minor : major) : 1.0;
+    f.probability = inside ? major : minor;
+    f.complement = inside ? minor : major;
     return f;
 }
 
 // Clipped barycentrics, not yet divided by their sum. The lower bound stands for 0 and keeps the sum above it for
 // triangles so thin that rounding puts a pixel outside all three edges.
 vec3 clipped_barycentrics(Triangle t, vec3 height) {
-    return clamp(height * t.inverse_height, vec3(1e-20), vec3(1.0));
+    vec3 b = height * t.inverse_height;
+    return vec3(lesser(greater(b.x, 1e-20), 1.0), lesser(greater(b.y, 1e-20), 1.0), lesser(greater(b.z, 1e-20), 1.0));
 }
 
 struct Depth {

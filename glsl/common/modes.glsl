@@ -15,6 +15,7 @@ layout(constant_id = 12) const bool LIT = false;
 layout(constant_id = 13) const bool FRONT_ONLY = false;
 layout(constant_id = 14) const bool CLOCKWISE_FRONT = false;
 layout(constant_id = 15) const bool OFFICIAL = false;
+layout(constant_id = 16) const bool DISTORTED = false;
 
 // In constants, choices and logic are sums and products: glslang makes branches of ?:, && and ||, outside any function.
 

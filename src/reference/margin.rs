@@ -2,8 +2,8 @@
 //!
 //! The image is continuous in its inputs but for a few places, where a kernel's rounding may fall on the other side.
 //! The margin of a pixel is the smallest over its pairs of
-//! - |d² / r² - 1| outside a triangle, r the culling radius (barycentric distance: |m² / (σ ln(1/τ - 1)) - 1|, and under
-//!   official parity |e / r - 1| for a pixel e outside the triangle's box);
+//! - |d² / r² - 1| outside a triangle, r the culling radius (barycentric distance: m² / (σ ln(1/τ - 1)) for d² / r², under
+//!   official parity the larger of that and e / r for a pixel e outside the triangle's box);
 //! - |z / far - 1|, under official parity |z / near - 1| too, for the pairs that are not dropped;
 //! - with a hard colour, silhouette or distance, the distance to the triangle's border in pixels;
 //! - with a hard colour, (z₂ - z₁) / z₁ of the two nearest covering triangles;
@@ -45,11 +45,10 @@ impl Margin {
         match (settings.distance, location.barycentrics) {
             (Distance::Euclidean, _) if !location.inside => self.limit(location.distance2 / knobs.support - 1.0),
             (Distance::Barycentric, Some(b)) if !location.inside => {
-                self.limit(smallest(b).powi(2) / knobs.support - 1.0);
-                let excess = box_excess(&piece.screen(), pixel);
-                if settings.parity == Parity::Official && excess > 0.0 {
-                    self.limit(excess / knobs.support.sqrt() - 1.0);
-                }
+                let cut = smallest(b).powi(2) / knobs.support;
+                let boxed = box_excess(&piece.screen(), pixel) / knobs.support.sqrt();
+                // Dropped by either: a jump needs the worse of the two to change its mind.
+                self.limit(if settings.parity == Parity::Official { cut.max(boxed) } else { cut } - 1.0);
             }
             _ => {}
         }

@@ -17,6 +17,8 @@ mod project;
 mod real;
 mod setup;
 mod tape;
+#[cfg(all(test, feature = "cli"))]
+mod tests;
 mod texture;
 
 pub use parameters::{Parameters, ReferenceGradients};

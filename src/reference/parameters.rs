@@ -9,6 +9,8 @@ use crate::scene::{Appearance, Camera, Projection, Scene, Settings};
 use std::ops::Range;
 
 /// Values, or derivatives, of all differentiable inputs of a frame.
+///
+/// Meshes, views, textures and lights count from 0 as in the scene; like a slice's, an index beyond them panics.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters {
     values: Vec<f64>,
