@@ -25,7 +25,7 @@ With the composite background depth and normals, too, are multiplied by alpha in
 
 /// Render a Wavefront OBJ file.
 #[derive(Args, Debug)]
-#[command(after_help = EXAMPLES)]
+#[command(after_help = EXAMPLES, allow_negative_numbers = true)]
 pub struct RenderArgs {
     /// The mesh, with its .mtl and textures beside it
     pub mesh: PathBuf,

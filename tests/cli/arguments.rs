@@ -1,0 +1,87 @@
+//! Help, exit codes, and the commands without pictures.
+
+use super::{fails, softras, succeeds};
+use std::fs;
+
+#[test]
+fn every_command_has_help_with_examples() {
+    let folder = tempfile::tempdir().unwrap();
+    let all = succeeds(folder.path(), &["--help"]);
+    for command in ["render", "eval", "devices", "mesh"] {
+        assert!(all.contains(command), "{all}");
+        assert!(succeeds(folder.path(), &[command, "--help"]).contains("Examples:"), "{command}");
+    }
+    assert_eq!(succeeds(folder.path(), &["--version"]).trim(), concat!("softras ", env!("CARGO_PKG_VERSION")));
+    assert_eq!(softras(folder.path(), &[]).status.code(), Some(2));
+}
+
+#[test]
+fn senseless_arguments_exit_with_2_and_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let render = |extra: &[&str], parts: &[&str]| {
+        let arguments = [&["render", "a.obj", "-o", "a.png"], extra].concat();
+        fails(folder.path(), &arguments, 2, parts);
+    };
+    render(&["--size", "0"], &["--size", "16384"]);
+    render(&["--size", "12by4"], &["--size", "12by4"]);
+    render(&["--eye", "1,2"], &["--eye", "three are expected"]);
+    render(&["--light", "1,2,3:bright"], &["--light", "bright"]);
+    render(&["--background", "#12"], &["--background", "#rrggbb"]);
+    render(&["--fov", "180"], &["--fov", "179"]);
+    render(&["--sigma", "-1"], &["--sigma"]);
+    render(&["--sigma", "1e-4", "--blur", "2"], &["--sigma", "--blur"]);
+    render(&["--eye", "1,2,3", "--azimuth", "4"], &["--eye", "--azimuth"]);
+    render(&["--sweep", "width=1..2"], &["--sweep", "sigma=1e-5..1e-2"]);
+    render(&["--turntable", "1"], &["--turntable", "2 to 1000"]);
+    render(&["-o", "a.png"], &["a.png", "twice"]);
+    render(&["--samples", "2", "-o", "a.npy"], &["--samples 2", "model's own values"]);
+    render(&["--size", "16000", "--samples", "2"], &["--samples 2", "16384"]);
+    fails(folder.path(), &["render", "a.obj"], 2, &["--out"]);
+    fails(folder.path(), &["render", "a.obj", "-o", "a.tiff"], 2, &["a.tiff", ".png, .exr or .npy"]);
+    fails(folder.path(), &["render", "a.obj", "-o", "a"], 2, &["ending"]);
+    fails(folder.path(), &["render", "a.obj", "-o", "a.gif"], 2, &["a.gif", "--turntable"]);
+    fails(folder.path(), &["render", "a.obj", "-o", "a.exr", "--turntable", "4"], 2, &["a.exr", ".gif"]);
+    fails(folder.path(), &["mesh", "teapot", "-o", "a.obj"], 2, &["teapot", "torus"]);
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn what_cannot_be_done_exits_with_1_and_names_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let broken = "v 0 0 0\nv 1 0 0\nv 0 oops 0\nf 1 2 3\n";
+    fs::write(folder.path().join("broken.obj"), broken).unwrap();
+    fails(folder.path(), &["render", "none.obj", "-o", "a.png"], 1, &["none.obj"]);
+    fails(folder.path(), &["render", "broken.obj", "-o", "a.png"], 1, &["broken.obj:3", "oops"]);
+    fails(folder.path(), &["render", "broken.obj", "-o", "no/a.png"], 1, &["no", "folder"]);
+    fails(folder.path(), &["eval", "none.npz", "-o", "b.npz"], 1, &["none.npz"]);
+    fails(folder.path(), &["eval", "broken.obj", "-o", "b.npz"], 1, &["broken.obj", "numpy.savez"]);
+    fails(folder.path(), &["eval", ".", "-o", "b.npz"], 1, &["."]);
+    fails(folder.path(), &["mesh", "cube", "-o", "no/a.obj"], 1, &["no", "folder"]);
+    succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
+    let device = ["render", "cube.obj", "-o", "a.png", "--device", "a device that nobody has"];
+    fails(folder.path(), &device, 1, &["a device that nobody has"]);
+    assert!(!folder.path().join("a.png").exists());
+}
+
+#[test]
+fn own_meshes_come_back_from_their_files() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in softras::shapes::NAMES {
+        let file = format!("{name}.obj");
+        let said = succeeds(folder.path(), &["mesh", name, "-o", &file]);
+        let expected = softras::shapes::by_name(name).unwrap();
+        assert!(said.contains(&format!("{} triangles", expected.triangles().len())), "{said}");
+        let loaded = softras::obj::load(&folder.path().join(file), &softras::obj::LoadOptions::default()).unwrap();
+        assert_eq!(loaded.mesh, expected, "{name}");
+    }
+}
+
+#[test]
+fn devices_are_listed_for_people_and_programs() {
+    let folder = tempfile::tempdir().unwrap();
+    let json: serde_json::Value = serde_json::from_str(&succeeds(folder.path(), &["devices", "--json"])).unwrap();
+    let text = succeeds(folder.path(), &["devices"]);
+    for device in json.as_array().unwrap() {
+        assert!(text.contains(device["name"].as_str().unwrap()), "{text}");
+    }
+}

@@ -1,0 +1,196 @@
+//! `softras render`.
+
+use super::succeeds;
+use exr::prelude::ReadChannels;
+use exr::prelude::{ReadLayers, ReadSpecificChannel};
+use image::RgbaImage;
+use std::fs;
+use std::path::Path;
+
+/// A red triangle on the right, a blue one on the left, a green one above; all face +z.
+const COMPASS: &str = "\
+v 0.3 -0.2 0 1 0 0\nv 1 -0.2 0 1 0 0\nv 0.65 0.3 0 1 0 0\n\
+v -1 -0.2 0 0 0 1\nv -0.3 -0.2 0 0 0 1\nv -0.65 0.3 0 0 0 1\n\
+v -0.3 0.4 0 0 1 0\nv 0.3 0.4 0 0 1 0\nv 0 1 0 0 1 0\n\
+f 1 2 3\nf 4 5 6\nf 7 8 9\n";
+const FRONT: [&str; 6] = ["--azimuth", "180", "--elevation", "0", "--unlit", "--size"];
+
+fn compass() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("compass.obj"), COMPASS).unwrap();
+    folder
+}
+
+fn render(folder: &Path, out: &str, extra: &[&str]) -> String {
+    let said = succeeds(folder, &[&["render", "compass.obj", "-o", out], extra].concat());
+    let left_over = fs::read_dir(folder).unwrap().any(|f| f.unwrap().path().extension().is_some_and(|e| e == "part"));
+    assert!(!left_over);
+    said
+}
+
+fn picture(path: &Path) -> RgbaImage {
+    image::open(path).unwrap().into_rgba8()
+}
+
+/// The mean column and row, as parts of the picture, of the pixels that are mostly one channel.
+fn place(picture: &RgbaImage, channel: usize) -> (f64, f64) {
+    let (mut column, mut row, mut count) = (0.0, 0.0, 0.0);
+    for (x, y, pixel) in picture.enumerate_pixels() {
+        let others = (0..3).filter(|k| *k != channel).map(|k| pixel.0[k]).max().unwrap();
+        if pixel.0[3] > 128 && pixel.0[channel] > 200 && others < 50 {
+            (column, row, count) = (column + f64::from(x), row + f64::from(y), count + 1.0);
+        }
+    }
+    assert!(count > 20.0, "channel {channel} is nowhere");
+    (column / count / f64::from(picture.width()), row / count / f64::from(picture.height()))
+}
+
+#[test]
+fn pictures_are_not_mirrored_and_have_their_top_row_first() {
+    let folder = compass();
+    render(folder.path(), "a.png", &[&FRONT[..], &["96x64"]].concat());
+    let picture = picture(&folder.path().join("a.png"));
+    assert_eq!(picture.dimensions(), (96, 64));
+    let [red, green, blue] = [0, 1, 2].map(|channel| place(&picture, channel));
+    assert!(red.0 > 0.55 && blue.0 < 0.45 && (green.0 - 0.5).abs() < 0.05, "{red:?} {green:?} {blue:?}");
+    assert!(green.1 < red.1 && green.1 < blue.1, "{red:?} {green:?} {blue:?}");
+}
+
+#[test]
+fn without_background_a_picture_is_transparent_and_with_one_it_is_opaque() {
+    let folder = compass();
+    render(folder.path(), "clear.png", &[&FRONT[..], &["64"]].concat());
+    let clear = picture(&folder.path().join("clear.png"));
+    assert_eq!(clear.get_pixel(0, 0).0[3], 0);
+    // Straight alpha: where a triangle half covers a pixel its colour is still full.
+    let edges: Vec<_> = clear.pixels().filter(|p| (30..200).contains(&p.0[3])).collect();
+    assert!(edges.len() > 10 && edges.iter().all(|p| *p.0[..3].iter().max().unwrap() > 200), "{edges:?}");
+    render(folder.path(), "solid.png", &[&FRONT[..], &["64", "--background", "#336699"]].concat());
+    let solid = picture(&folder.path().join("solid.png"));
+    assert_eq!(image::open(folder.path().join("solid.png")).unwrap().color(), image::ColorType::Rgb8);
+    assert_eq!(solid.get_pixel(0, 0).0, [0x33, 0x66, 0x99, 255]);
+    // A mesh's number becomes the byte of the curve it is written with.
+    render(folder.path(), "raw.png", &[&FRONT[..], &["64", "--background", "0.5,0.5,0.5", "--raw"]].concat());
+    assert_eq!(picture(&folder.path().join("raw.png")).get_pixel(0, 0).0, [128, 128, 128, 255]);
+}
+
+#[test]
+fn exr_and_npy_hold_the_same_numbers() {
+    let folder = compass();
+    let outputs = ["24x16", "--output", "color,depth,silhouette,normal", "-o", "a.npy"];
+    let said = render(folder.path(), "a.exr", &[&FRONT[..], &outputs].concat());
+    assert_eq!(said.lines().count(), 8, "{said}");
+    let npy = |name: &str| {
+        let bytes = fs::read(folder.path().join(name)).unwrap();
+        let array = npyz::NpyFile::new(&bytes[..]).unwrap();
+        (array.shape().to_vec(), array.into_vec::<f32>().unwrap())
+    };
+    let (shape, color) = npy("a_color.npy");
+    assert_eq!(shape, [16, 24, 4]);
+    let exr = exr::prelude::read_first_rgba_layer_from_file(
+        folder.path().join("a_color.exr"),
+        |size, _| vec![[0f32; 4]; size.area()],
+        |pixels, at, (r, g, b, a): (f32, f32, f32, f32)| pixels[at.1 * 24 + at.0] = [r, g, b, a],
+    );
+    assert_eq!(exr.unwrap().layer_data.channel_data.pixels.concat(), color);
+    let (shape, depth) = npy("a_depth.npy");
+    assert_eq!(shape, [16, 24, 1]);
+    let z = exr::prelude::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .specific_channels()
+        .required("Z")
+        .collect_pixels(
+            |size, _| vec![0f32; size.area()],
+            |pixels: &mut Vec<f32>, at, (z,): (f32,)| pixels[at.1 * 24 + at.0] = z,
+        )
+        .first_valid_layer()
+        .all_attributes()
+        .from_file(folder.path().join("a_depth.exr"));
+    assert_eq!(z.unwrap().layer_data.channel_data.pixels, depth);
+    assert_eq!(npy("a_silhouette.npy").0, [16, 24, 1]);
+    // Every triangle faces +z, and the silhouette multiplies its normal.
+    let (normal, alpha) = (npy("a_normal.npy").1, npy("a_silhouette.npy").1);
+    let worst = normal.chunks_exact(3).zip(&alpha).map(|(n, a)| (n[2] - a).abs().max(n[0].abs())).fold(0.0, f32::max);
+    assert!(worst < 1e-3, "{worst}");
+}
+
+#[test]
+fn depth_and_normal_pictures_are_for_the_eye() {
+    let folder = compass();
+    let said = render(folder.path(), "a.png", &[&FRONT[..], &["48", "--output", "depth,normal,silhouette"]].concat());
+    assert!(said.contains("a_depth.png") && said.contains("white is depth"), "{said}");
+    let normal = picture(&folder.path().join("a_normal.png"));
+    let facing = normal.pixels().filter(|p| p.0[3] > 250).collect::<Vec<_>>();
+    assert!(!facing.is_empty());
+    assert!(facing.iter().all(|p| p.0[0].abs_diff(128) < 3 && p.0[1].abs_diff(128) < 3 && p.0[2] > 252), "{facing:?}");
+    assert!(picture(&folder.path().join("a_silhouette.png")).pixels().all(|p| p.0[3] == 255 && p.0[0] == p.0[1]));
+}
+
+#[test]
+fn a_mesh_in_millimetres_far_away_is_framed_as_well() {
+    let folder = compass();
+    let moved = COMPASS.lines().map(|line| match line.strip_prefix("v ") {
+        Some(rest) => {
+            let v: Vec<f64> = rest.split(' ').map(|x| x.parse().unwrap()).collect();
+            let [x, y, z] = [v[0] * 800.0 + 3000.0, v[1] * 800.0 - 500.0, v[2] * 800.0 + 100.0];
+            format!("v {x} {y} {z} {} {} {}\n", v[3], v[4], v[5])
+        }
+        None => format!("{line}\n"),
+    });
+    fs::write(folder.path().join("moved.obj"), moved.collect::<String>()).unwrap();
+    succeeds(folder.path(), &["render", "compass.obj", "-o", "a.png", "--size", "64"]);
+    succeeds(folder.path(), &["render", "moved.obj", "-o", "b.png", "--size", "64"]);
+    let (a, b) = (picture(&folder.path().join("a.png")), picture(&folder.path().join("b.png")));
+    let different = a.pixels().zip(b.pixels()).filter(|(a, b)| a.0.iter().zip(b.0).any(|(a, b)| a.abs_diff(b) > 4));
+    assert!(different.count() < 8);
+    assert!(a.pixels().filter(|p| p.0[3] > 128).count() > 200);
+}
+
+#[test]
+fn turntables_and_sweeps() {
+    let folder = compass();
+    let frames = |name: &str| {
+        let mut decoder =
+            gif::DecodeOptions::new().read_info(fs::File::open(folder.path().join(name)).unwrap()).unwrap();
+        let mut delays = Vec::new();
+        while let Some(frame) = decoder.read_next_frame().unwrap() {
+            delays.push(frame.delay);
+        }
+        assert_eq!((decoder.width(), decoder.height()), (40, 30));
+        assert_eq!(decoder.repeat(), gif::Repeat::Infinite);
+        delays
+    };
+    render(folder.path(), "turn.gif", &["--turntable", "5", "--size", "40x30"]);
+    assert_eq!(frames("turn.gif"), [50; 5]);
+    let said = render(folder.path(), "sweep.gif", &["--sweep", "sigma=1e-5..1e-2:4", "--size", "40x30", "-o", "s.png"]);
+    assert!(said.contains("1.000e-5, 1.000e-4, 1.000e-3, 1.000e-2"), "{said}");
+    assert_eq!(frames("sweep.gif").len(), 6, "there and back");
+    let sheet = picture(&folder.path().join("s.png"));
+    assert!(sheet.width() > 80 && sheet.height() > 60 && sheet.pixels().all(|p| p.0[3] == 255));
+}
+
+#[test]
+fn programs_get_json() {
+    let folder = compass();
+    let json = render(folder.path(), "a.png", &["--json", "--size", "32", "--samples", "2", "--gamma", "1e-3"]);
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(json["settings"]["width"], 64);
+    assert_eq!(json["settings"]["gamma"], 1e-3);
+    assert_eq!(json["samples"], 2);
+    assert_eq!(json["mesh"]["triangles"], 3);
+    assert_eq!(json["files"][0]["path"], "a.png");
+    assert!(json["device"].as_str().is_some_and(|d| !d.is_empty()));
+    assert!(json["total_milliseconds"].as_f64().unwrap() > 0.0);
+    assert!(json["timings"].as_array().unwrap().iter().all(|t| t["stage"].is_string()));
+}
+
+#[test]
+fn a_camera_that_looks_away_is_told_of() {
+    let folder = compass();
+    let away = ["render", "compass.obj", "-o", "a.png", "--size", "16", "--eye", "0,0,5", "--target", "0,0,9"];
+    let output = super::softras(folder.path(), &away);
+    assert!(output.status.success());
+    assert!(String::from_utf8_lossy(&output.stderr).contains("note: the mesh lies wholly outside"));
+    assert!(picture(&folder.path().join("a.png")).pixels().all(|p| p.0[3] == 0));
+}
