@@ -107,8 +107,9 @@ pub struct LookArgs {
     /// Pixels: a side, or WIDTHxHEIGHT
     #[arg(long, value_name = "SIZE", value_parser = parse::size, default_value = "256")]
     pub size: (u32, u32),
-    /// Render N×N pixels for each pixel of the picture and average them [default: 3 for a smooth picture; 1 with
-    /// --sigma, --blur or --sweep, and for .exr and .npy, which hold the model's own values]
+    /// Render N×N pixels for each pixel of the picture and average them [default: 3 for a smooth picture, or
+    /// what the device can hold; 1 with --sigma, --blur or --sweep, and for .exr and .npy, which hold the model's own
+    /// values]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8))]
     pub samples: Option<u32>,
     /// Softness of edges, screen units² (1 = half the image's height) [default: a blur of 1.23 rendered pixels, which

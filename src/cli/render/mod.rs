@@ -18,7 +18,7 @@ use framing::{Bounds, View};
 use picture::Shot;
 use report::{Report, Written};
 use softras::obj::LoadOptions;
-use softras::{Mesh, Renderer, Scene};
+use softras::{Error, Mesh, Renderer, Scene};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -145,8 +145,22 @@ impl<'a> Stage<'a> {
         View::new(&self.args.camera, self.bounds, f64::from(width) / f64::from(height), turn)
     }
 
-    /// Renders one frame, `turn` degrees around, with a sweep's step.
+    /// Renders one frame, `turn` degrees around, with a sweep's step; with fewer samples than the usual ones where
+    /// the device cannot hold so large a frame and nobody asked for a number.
     fn shoot(&mut self, turn: f64, step: Option<animation::Step>) -> Result<Shot, Failure> {
+        loop {
+            match self.try_shoot(turn, step) {
+                Err(Failure::Error(Error::Limit { .. } | Error::OutOfMemory { .. }))
+                    if self.args.look.samples.is_none() && self.samples > 1 =>
+                {
+                    self.samples -= 1;
+                }
+                result => return result,
+            }
+        }
+    }
+
+    fn try_shoot(&mut self, turn: f64, step: Option<animation::Step>) -> Result<Shot, Failure> {
         let args = self.args;
         let view = self.view(turn);
         let settings = look::settings(&args.look, &args.modes, &view, &args.output, self.samples, step);

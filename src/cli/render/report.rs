@@ -36,7 +36,7 @@ pub struct Report {
     triangles: usize,
     notes: Vec<String>,
     frames: usize,
-    samples: u32,
+    samples: usize,
     first: Value,
     timings: Vec<(&'static str, f64)>,
     sweep: Option<(&'static str, Vec<f64>)>,
@@ -54,7 +54,7 @@ impl Report {
             triangles: mesh.triangles().len(),
             notes,
             frames: 0,
-            samples: stage.samples,
+            samples: 0,
             first: Value::Null,
             timings: Vec::new(),
             sweep: stage.args.sweep.map(|s| (s.swept.name(), Vec::new())),
@@ -73,6 +73,7 @@ impl Report {
             self.first = json!({ "camera": camera, "settings": describe::settings(s) });
         }
         self.frames += 1;
+        self.samples = shot.samples;
         for time in shot.frame.timings() {
             match self.timings.iter_mut().find(|(stage, _)| *stage == time.stage) {
                 Some((_, sum)) => *sum += time.milliseconds,
