@@ -2,6 +2,7 @@
 
 pub mod buffers;
 pub mod error;
+pub mod gradients;
 pub mod image;
 #[cfg(feature = "obj")]
 pub mod obj;
@@ -16,6 +17,7 @@ pub mod shapes;
 pub mod vulkan;
 
 pub use error::{Error, Result};
+pub use gradients::{GradientMode, Gradients, ImageGradient, Wanted};
 pub use image::Image;
 pub use renderer::{Frame, Renderer, RendererOptions};
 pub use scene::{Camera, Lights, Mesh, Projection, Scene, Settings};

@@ -3,6 +3,7 @@
 use crate::buffers::{self, BufferSet, Role};
 use crate::constants as c;
 use crate::error::{Error, Result};
+use crate::gradients::{Gradients, ImageGradient, Wanted};
 use crate::image::Image;
 use crate::pack::{MeshTables, camera_texels, light_texels};
 use crate::passes::{self, FORWARD_STAGES, FORWARD_TIMESTAMPS, ForwardStages};
@@ -191,7 +192,7 @@ impl Renderer {
                 depth_span,
                 distorted,
                 capacity,
-                save: false,
+                save: settings.save,
             })?;
             self.upload(scene, cameras, settings, &tables, &plan)?;
             self.prepare(&plan)?;
@@ -354,6 +355,16 @@ impl Renderer {
             frame.normal = Some(image(3, rgb(&floats("normals", 4 * pixels)?)));
         }
         Ok(frame)
+    }
+
+    /// dL by whatever is wanted, from dL by the frame's images.
+    ///
+    /// # Errors
+    /// [`Error::Backward`] for a frame rendered without [`Settings::save`], one that is not this renderer's latest, or
+    /// an upstream gradient that does not fit it; otherwise as [`Renderer::render`].
+    pub fn backward(&mut self, frame: &Frame, upstream: &ImageGradient, wanted: &Wanted) -> Result<Gradients> {
+        let _ = (frame, upstream, wanted);
+        Err(Error::Backward { what: "not built yet".into(), mend: "soon".into() })
     }
 
     fn timings(&self) -> Result<Vec<StageTime>> {

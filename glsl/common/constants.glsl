@@ -102,8 +102,10 @@ const uint STATUS_NOT_FINITE = 2u;
 const uint STATUS_LONGEST_LIST = 3u;
 // Entries of a tile's list from which its length is reported.
 const uint LONG_LIST = 16384u;
+// Word of `status`: cells that large boxes need beyond their first.
+const uint STATUS_CELLS_NEEDED = 4u;
 // Words of `status`.
-const uint STATUS_WORDS = 4u;
+const uint STATUS_WORDS = 5u;
 
 // Bits of GRADIENTS: what backward is asked for. Positions, the camera, and all that lies behind them.
 const uint GRADIENT_GEOMETRY = 1u;

@@ -33,4 +33,10 @@ layout(push_constant) uniform Frame {
     float background_green;
     float background_blue;
     uint light_count;
+    // Record slots of all views, and room for cells beyond each slot's first.
+    uint slot_count;
+    uint cell_capacity;
+    uint view_count;
+    // Fixed-point units of a texel's gradient.
+    float texel_scale;
 } frame;

@@ -31,3 +31,16 @@ Shape shape_of(int view) {
     ivec4 d = ivec4(texelFetch(view_shapes, at + 3));
     return Shape(a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w, c.x, c.y, c.z, c.w != 0, d.x, d.y, d.z, d.w);
 }
+
+// The view that a record slot belongs to: views' slots follow each other. Bisection, for batches of many views.
+int view_of(int slot) {
+    int low = 0;
+    int high = int(frame.view_count) - 1;
+    while (low < high) {
+        int middle = (low + high + 1) / 2;
+        bool after = int(texelFetch(view_shapes, middle * int(SHAPE_TEXELS) + 1).y) <= slot;
+        low = after ? middle : low;
+        high = after ? high : middle - 1;
+    }
+    return low;
+}

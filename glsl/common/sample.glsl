@@ -74,3 +74,22 @@ vec3 sample_texture(int index, int triangle, mat3x2 coordinate, vec3 b) {
     }
     return color;
 }
+
+// The same with its derivatives by u and v; a surface's cells have none.
+vec3 sample_with_slope(int index, int triangle, mat3x2 coordinate, vec3 b, out mat2x3 slope) {
+    slope = mat2x3(0.0);
+    uvec4 entry = texelFetch(textures, index);
+    if ((SAMPLING & SAMPLING_IMAGE) == 0u || entry.w == TEXTURE_SURFACE) {
+        return sample_texture(index, triangle, coordinate, b);
+    }
+    Footprint f = footprint_of(entry, coordinate * b);
+    vec3 c0 = texelFetch(texels, f.texel.x).rgb;
+    vec3 c1 = texelFetch(texels, f.texel.y).rgb;
+    vec3 c2 = texelFetch(texels, f.texel.z).rgb;
+    vec3 c3 = texelFetch(texels, f.texel.w).rgb;
+    float tx = f.weight.y + f.weight.w;
+    float ty = f.weight.z + f.weight.w;
+    slope[0] = float(entry.y) * ((1.0 - ty) * (c1 - c0) + ty * (c3 - c2));
+    slope[1] = -float(entry.z) * ((1.0 - tx) * (c2 - c0) + tx * (c3 - c1));
+    return c0 * f.weight.x + c1 * f.weight.y + c2 * f.weight.z + c3 * f.weight.w;
+}

@@ -132,22 +132,21 @@ impl Camera {
         if !view.iter().flatten().all(|x| x.abs() <= 1e12) {
             return bad("view", view, "use finite entries within ±1e12");
         }
+        let within = |values: &[f64], low: f64| values.iter().all(|x| (low..=1e9).contains(x));
         match projection {
-            Projection::Perspective { fov_y } if !(1e-6..=3.14159).contains(&fov_y) => {
-                return bad("fov_y", fov_y, "use radians above 1e-6 and below π");
+            Projection::Perspective { fov_y } if !(1e-6..std::f64::consts::PI - 1e-6).contains(&fov_y) => {
+                bad("fov_y", fov_y, "use radians above 1e-6 and below π")
             }
-            Projection::Orthographic { half_height } if !(1e-9..=1e9).contains(&half_height) => {
-                return bad("half_height", half_height, "use 1e-9 to 1e9 world units");
+            Projection::Orthographic { half_height } if !within(&[half_height], 1e-9) => {
+                bad("half_height", half_height, "use 1e-9 to 1e9 world units")
             }
-            Projection::Pinhole { fx, fy, cx, cy }
-                if !([fx, fy].iter().all(|f| (1e-6..=1e9).contains(f)) && [cx, cy].iter().all(|c| c.abs() <= 1e9)) =>
-            {
-                return bad("fx, fy, cx, cy", (fx, fy, cx, cy), "use pixels, focal lengths above 0");
+            Projection::Pinhole { fx, fy, cx, cy } if !within(&[fx, fy], 1e-6) || !within(&[cx, cy], -1e9) => {
+                bad("fx, fy, cx, cy", (fx, fy, cx, cy), "use pixels, focal lengths above 0")
             }
             Projection::Official { distortion, original_size }
-                if !((1e-6..=1e9).contains(&original_size) && distortion.iter().all(|d| d.abs() <= 1e9)) =>
+                if !within(&[original_size], 1e-6) || !within(&distortion, -1e9) =>
             {
-                return bad("distortion, original_size", (distortion, original_size), "use finite, size above 0");
+                bad("distortion, original_size", (distortion, original_size), "use finite, size above 0")
             }
             _ => Ok(Self { view, projection }),
         }
@@ -165,6 +164,7 @@ impl Camera {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 

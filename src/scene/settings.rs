@@ -139,6 +139,8 @@ pub struct Settings {
     pub interpolation: Interpolation,
     /// Model or official quirks.
     pub parity: Parity,
+    /// Keep what backward needs: 16 bytes a pixel. Without it a frame is for looking at only.
+    pub save: bool,
 }
 
 impl Default for Settings {
@@ -162,6 +164,7 @@ impl Default for Settings {
             front_face: FrontFace::CounterClockwise,
             interpolation: Interpolation::Affine,
             parity: Parity::Model,
+            save: false,
         }
     }
 }

@@ -1,0 +1,198 @@
+//! What goes into backward and what comes out of it.
+
+use crate::error::{Error, Result};
+use crate::image::Image;
+use crate::scene::Outputs;
+
+/// dL/dimage of any of a frame's images; each has the shape of the image itself.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ImageGradient {
+    /// `[batch, height, width, 3]`.
+    pub color: Option<Image>,
+    /// `[batch, height, width, 1]`.
+    pub silhouette: Option<Image>,
+    /// `[batch, height, width, 1]`, loss per world unit.
+    pub depth: Option<Image>,
+    /// `[batch, height, width, 3]`.
+    pub normal: Option<Image>,
+}
+
+impl ImageGradient {
+    /// The gradient of a loss of the colour alone.
+    pub fn color(image: Image) -> Self {
+        Self { color: Some(image), ..Self::default() }
+    }
+
+    /// The gradient of a loss of the silhouette alone.
+    pub fn silhouette(image: Image) -> Self {
+        Self { silhouette: Some(image), ..Self::default() }
+    }
+
+    /// Which images have one.
+    pub fn outputs(&self) -> Outputs {
+        Outputs {
+            color: self.color.is_some(),
+            silhouette: self.silhouette.is_some(),
+            depth: self.depth.is_some(),
+            normal: self.normal.is_some(),
+        }
+    }
+
+    /// Checks that every image is finite, of the frame's shape, and was rendered.
+    ///
+    /// # Errors
+    /// [`Error::Backward`] naming the image.
+    pub fn judge(&self, rendered: Outputs, batch: usize, height: usize, width: usize) -> Result<()> {
+        let images = [
+            ("color", &self.color, rendered.color, 3),
+            ("silhouette", &self.silhouette, rendered.silhouette, 1),
+            ("depth", &self.depth, rendered.depth, 1),
+            ("normal", &self.normal, rendered.normal, 3),
+        ];
+        let bad = |what: String, mend: &str| Err(Error::Backward { what, mend: mend.into() });
+        if images.iter().all(|(_, image, ..)| image.is_none()) {
+            return bad("no image has an upstream gradient".into(), "give dL/dimage of at least one rendered image");
+        }
+        for (name, image, was_rendered, channels) in images {
+            let Some(image) = image else { continue };
+            if !was_rendered {
+                return bad(format!("the frame has no {name} image"), "ask for it in Settings::outputs");
+            }
+            let shape = [image.batch, image.height, image.width, image.channels];
+            let expected = [batch, height, width, channels];
+            if shape != expected || image.data.len() != expected.iter().product::<usize>() {
+                let what = format!("the {name} gradient has shape {shape:?}, the image {expected:?}");
+                return bad(what, "give one value for each of the image's");
+            }
+            if let Some(i) = image.data.iter().position(|x| !x.is_finite()) {
+                let what = format!("the {name} gradient is {} at value {i}", image.data[i]);
+                return bad(what, "every value must be a finite number");
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Which path the gradient takes through a fragment.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum GradientMode {
+    /// The derivative of what is drawn, barycentrics included.
+    #[default]
+    Exact,
+    /// Eq. 4 alone, as the official code: barycentrics held constant.
+    Paper,
+}
+
+/// What to differentiate by; what is not asked for is not computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Wanted {
+    /// Vertex positions.
+    pub positions: bool,
+    /// Vertex colours, or a mesh's one colour.
+    pub colors: bool,
+    /// Surface cells and texture texels.
+    pub texels: bool,
+    /// Texture coordinates.
+    pub uvs: bool,
+    /// View transform and projection.
+    pub camera: bool,
+    /// Ambient and directional lights.
+    pub lights: bool,
+    /// Background colour and score.
+    pub background: bool,
+    /// σ and γ.
+    pub scalars: bool,
+    /// Exact, or eq. 4 alone.
+    pub mode: GradientMode,
+}
+
+impl Wanted {
+    /// Nothing yet: switch on what is wanted.
+    pub const NOTHING: Self = Self {
+        positions: false,
+        colors: false,
+        texels: false,
+        uvs: false,
+        camera: false,
+        lights: false,
+        background: false,
+        scalars: false,
+        mode: GradientMode::Exact,
+    };
+
+    /// Everything there is.
+    pub const ALL: Self = Self {
+        positions: true,
+        colors: true,
+        texels: true,
+        uvs: true,
+        camera: true,
+        lights: true,
+        background: true,
+        scalars: true,
+        mode: GradientMode::Exact,
+    };
+}
+
+impl Default for Wanted {
+    /// Positions, exactly.
+    fn default() -> Self {
+        Self { positions: true, ..Self::NOTHING }
+    }
+}
+
+/// dL by what one mesh is made of, summed over all views of it. Empty where it was not asked for or does not apply.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MeshGradients {
+    /// By each vertex's `[x, y, z]`: loss per world unit (per screen unit under [`crate::Projection::Screen`]).
+    pub positions: Vec<[f32; 3]>,
+    /// By each vertex's colour; one entry for a mesh of one colour.
+    pub colors: Vec<[f32; 3]>,
+    /// By each surface texel, in the appearance's order.
+    pub surface_texels: Vec<[f32; 3]>,
+    /// By each texture's texels, row 0 at the top.
+    pub texture_texels: Vec<Vec<[f32; 3]>>,
+    /// By each UV pair.
+    pub uvs: Vec<[f32; 2]>,
+}
+
+/// dL by one view's camera.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CameraGradient {
+    /// By ξ = (v, ω) where the view transform V becomes exp(ξ) V: view-space points move by ω × p + v. Loss per world
+    /// unit, and per radian. Zero under [`crate::Projection::Screen`].
+    pub twist: [f64; 6],
+    /// By the projection's parameters in the order of its fields: fov_y (per radian); half_height; fx, fy, cx, cy (per
+    /// pixel); empty (zeros) for the others.
+    pub projection: [f64; 4],
+}
+
+/// dL by the lights.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LightGradients {
+    /// By the ambient colour.
+    pub ambient_color: [f64; 3],
+    /// By the ambient intensity.
+    pub ambient_intensity: f64,
+    /// By each directional light: direction (as given, not normalised), colour, intensity.
+    pub directional: Vec<([f64; 3], [f64; 3], f64)>,
+}
+
+/// What backward computed.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Gradients {
+    /// One for each mesh of the scene.
+    pub meshes: Vec<MeshGradients>,
+    /// One for each camera; empty unless asked for.
+    pub cameras: Vec<CameraGradient>,
+    /// `None` unless asked for.
+    pub lights: Option<LightGradients>,
+    /// By the background colour; zero unless asked for.
+    pub background_color: [f64; 3],
+    /// By ε; zero unless asked for.
+    pub epsilon: f64,
+    /// By σ (per screen unit²); zero unless asked for.
+    pub sigma: f64,
+    /// By γ; zero unless asked for.
+    pub gamma: f64,
+}
