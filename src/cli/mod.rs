@@ -5,6 +5,7 @@ mod describe;
 mod devices;
 mod eval;
 mod files;
+mod gradients;
 mod mesh;
 mod npz;
 mod parse;

@@ -1,16 +1,19 @@
 //! `softras eval`: numpy arrays in, numpy arrays out, for those who compare or call us from another language.
 
+mod derivatives;
 mod keys;
 mod screen;
+mod upstream;
 mod world;
 
+use super::gradients::{self, Mode};
 use super::npz::{self, Archive, Data};
 use super::progress::Progress;
 use super::{Failure, describe, files, note, say};
 use clap::{Args, ValueEnum};
 use serde_json::json;
-use softras::reference::{self, ReferenceFrame, Truncation};
-use softras::{Camera, Error, Frame, Image, Renderer, Scene, Settings, scene};
+use softras::reference::{self, ReferenceFrame, ReferenceGradients, Truncation};
+use softras::{Camera, Error, Frame, Image, ImageGradient, Renderer, Scene, Settings, Wanted, scene};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -40,12 +43,30 @@ A scene in WORLD SPACE:
 and out come
   color [B, H, W, 3]  silhouette [B, H, W]  depth [B, H, W]  normal [B, H, W, 3]
 
+GRADIENTS, with --gradient. In screen space the file also has
+  grad_soft_colors       [B, 4, H, W]: dL/dsoft_colors of a loss L
+and out come, beside soft_colors,
+  grad_face_vertices     [B, F, 3, 3]
+  grad_textures          as textures; only where the file has them
+In world space it has one or more of
+  grad_color [B, H, W, 3]  grad_silhouette [B, H, W]  grad_depth [B, H, W]  grad_normal [B, H, W, 3]
+each for an image among the outputs, and out come, beside the images,
+  grad_vertices          as vertices, summed over the views of each mesh
+  grad_colors            as colors, summed over what shares them; [3] without colors
+  grad_view              [B, 6]: by (v, w), where view-space points move by w x p + v: per world
+                         unit and per radian
+  grad_projection        [B, 1] by fov_y (per radian) or half_height; [B, 4] by fx, fy, cx, cy
+  grad_ambient_color [3]  grad_ambient_intensity []  grad_light_directions [L, 3]
+  grad_light_colors [L, 3]  grad_light_intensities [L]
+  grad_background_color [3]  grad_sigma []  grad_gamma []  grad_epsilon []
+
 Arrays may be float, int, bool or text, in C or Fortran order, stored or deflated. Keys that mean
 nothing here are named in a note. Results are float32, with --device reference float64.
 
 Examples:
   softras eval scene.npz -o image.npz
   softras eval official.npz -o image.npz --parity official
+  softras eval official.npz -o gradients.npz --parity official --gradient paper
   softras eval scene.npz -o truth.npz --device reference";
 
 /// Render the scene of a numpy archive
@@ -61,6 +82,9 @@ pub struct EvalArgs {
     /// faces are clockwise and the options rounded to float32, as there
     #[arg(long, value_enum, default_value = "model")]
     pub parity: Parity,
+    /// Also differentiate a loss, given by its derivatives by the images
+    #[arg(long, value_enum, value_name = "MODE")]
+    pub gradient: Option<Mode>,
     /// The Vulkan device: its index or a part of its name; or `reference`, the brute-force f64 statement of the model
     #[arg(long, value_name = "DEVICE")]
     pub device: Option<String>,
@@ -68,6 +92,9 @@ pub struct EvalArgs {
     #[arg(long)]
     pub json: bool,
 }
+
+/// The name by which `--device` means the judge.
+const REFERENCE: &str = "reference";
 
 /// [`scene::Parity`] on the command line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -112,13 +139,23 @@ pub fn run(args: &EvalArgs) -> Result<(), Failure> {
     } else {
         world::read(&archive, args.parity)?
     };
+    let wish = match args.gradient {
+        Some(mode) => Some(Wish { mode, upstream: upstream::read(&archive, &job)? }),
+        None => None,
+    };
     let unknown = archive.unasked();
     if !unknown.is_empty() {
         note(&format!("{}: keys that were not used: {}", args.scene.display(), unknown.join(", ")));
     }
     let spinner = Progress::spinner("rendering");
-    let (device, results, timings) = render(args, &job)?;
+    let Results { device, arrays: mut results, timings, gradient } = render(args, &job, wish.as_ref())?;
     drop(spinner);
+    if let Some(gradient) = gradient {
+        let single = |values: Vec<f64>| Floats::F32(values.into_iter().map(|x| x as f32).collect());
+        let wrap = if device == REFERENCE { Floats::F64 } else { single };
+        let named = derivatives::arrays(&archive, &job, &gradient)?;
+        results.extend(named.into_iter().map(|(key, shape, values)| (key, shape, wrap(values))));
+    }
     let arrays: Vec<_> = results.iter().map(|(key, shape, values)| (*key, shape.clone(), values.data())).collect();
     npz::write(&args.out, &arrays)?;
     if args.json {
@@ -152,21 +189,56 @@ impl Floats {
 
 type Arrays = Vec<(&'static str, Vec<usize>, Floats)>;
 
-/// Renders on the device that was asked for: its name, the arrays, the stages' times.
-fn render(args: &EvalArgs, job: &Job) -> Result<(String, Arrays, Vec<serde_json::Value>), Failure> {
-    if args.device.as_deref() == Some("reference") {
-        let frame = reference::render(&job.scene, &job.cameras, &job.settings, Truncation::Tau)?;
+/// What `--gradient` asks for.
+struct Wish {
+    mode: Mode,
+    upstream: ImageGradient,
+}
+
+/// What a device made of a job.
+struct Results {
+    device: String,
+    arrays: Arrays,
+    timings: Vec<serde_json::Value>,
+    gradient: Option<ReferenceGradients>,
+}
+
+/// Renders, and differentiates, on the device that was asked for.
+fn render(args: &EvalArgs, job: &Job, wish: Option<&Wish>) -> Result<Results, Error> {
+    let Job { scene, cameras, settings, .. } = job;
+    if args.device.as_deref() == Some(REFERENCE) {
+        let frame = reference::render(scene, cameras, settings, Truncation::Tau)?;
         let arrays = lay_out(job, &ReferenceImages(&frame), Floats::F64)?;
-        return Ok(("reference".into(), arrays, Vec::new()));
+        let differentiate = |wish: &Wish| {
+            let upstream = gradients::upstream(&wish.upstream);
+            reference::gradient(scene, cameras, settings, &upstream, wish.mode.into())
+        };
+        let gradient = wish.map(differentiate).transpose()?;
+        return Ok(Results { device: REFERENCE.into(), arrays, timings: Vec::new(), gradient });
     }
     let mut renderer = match &args.device {
         Some(selector) => Renderer::with_device(selector)?,
         None => Renderer::new()?,
     };
-    let frame = renderer.render(&job.scene, &job.cameras, &job.settings)?;
+    let settings = &Settings { save: wish.is_some(), ..settings.clone() };
+    let frame = renderer.render(scene, cameras, settings)?;
     let times = frame.timings().iter().map(|t| json!({ "stage": t.stage, "milliseconds": t.milliseconds }));
-    let arrays = lay_out(job, &DeviceImages(&frame), Floats::F32)?;
-    Ok((renderer.device_name().into(), arrays, times.collect()))
+    let (timings, arrays) = (times.collect(), lay_out(job, &DeviceImages(&frame), Floats::F32)?);
+    let differentiate = |wish: &Wish| {
+        let gradients = renderer.backward(&frame, &wish.upstream, &wanted(job.layout, wish.mode))?;
+        gradients::as_parameters(&gradients, scene, cameras, settings)
+    };
+    let gradient = wish.map(differentiate).transpose()?;
+    Ok(Results { device: renderer.device_name().into(), arrays, timings, gradient })
+}
+
+/// What the layout has a key for.
+fn wanted(layout: Layout, mode: Mode) -> Wanted {
+    let mode = mode.into();
+    match layout {
+        Layout::Screen => Wanted { positions: true, colors: true, texels: true, mode, ..Wanted::NOTHING },
+        Layout::World => Wanted { uvs: false, mode, ..Wanted::ALL },
+    }
 }
 
 /// The four images of a frame of either kind.
