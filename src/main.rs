@@ -18,6 +18,7 @@ fn main() -> ExitCode {
             let _ = writeln!(std::io::stderr(), "error: {error}");
             ExitCode::FAILURE
         }
+        Err(Failure::Told) => ExitCode::FAILURE,
         // The reader of our output has gone, as `head` does when it has seen enough.
         Err(Failure::Closed) => ExitCode::SUCCESS,
     }

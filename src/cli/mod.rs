@@ -1,5 +1,6 @@
 //! The command line: arguments in, files and sentences out.
 
+mod check;
 mod color;
 mod describe;
 mod devices;
@@ -35,6 +36,7 @@ pub struct Cli {
 pub enum Command {
     Render(Box<render::args::RenderArgs>),
     Eval(eval::EvalArgs),
+    Check(check::CheckArgs),
     Devices(devices::DevicesArgs),
     Mesh(mesh::MeshArgs),
 }
@@ -46,6 +48,8 @@ pub enum Failure {
     Usage(String),
     /// Anything else.
     Error(softras::Error),
+    /// What there is to say has been said.
+    Told,
     /// Nobody reads our output any more.
     Closed,
 }
@@ -61,6 +65,7 @@ pub fn run(cli: &Cli) -> Result<(), Failure> {
     match &cli.command {
         Command::Render(args) => render::run(args),
         Command::Eval(args) => eval::run(args),
+        Command::Check(args) => check::run(args),
         Command::Devices(args) => devices::run(args),
         Command::Mesh(args) => mesh::run(args),
     }

@@ -1,0 +1,107 @@
+//! `softras check`: does this device compute what the model says?
+
+mod compare;
+mod scenes;
+
+use super::{Failure, say};
+use clap::Args;
+use compare::{Findings, GRADIENT_TOLERANCE, GRADIENTS, IMAGE_TOLERANCE, IMAGES, compare};
+use scenes::Case;
+use serde_json::{Value, json};
+use softras::Renderer;
+use std::time::Instant;
+
+/// Test a device: render and differentiate small scenes, and compare with the model in f64
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Each row is a scene. Images: the largest error of any value, outside the few pixels that lie within
+1e-4 of a jump of the model. Gradients: |device - f64| / |f64|, of a random loss of all images, by
+vertices, colours, texels, texture coordinates, camera (pose and projection), lights, background
+(colour and epsilon) and scalars (sigma and gamma); `-` where a scene has none. `same`: whether a
+second run gave the same bits. The last line is PASS or FAIL; the exit code 0 or 1.
+
+Examples:
+  softras check
+  softras check --device llvmpipe
+  softras check --json > check.json")]
+pub struct CheckArgs {
+    /// The Vulkan device: its index or a part of its name, as `softras devices` lists them [default: the best one]
+    #[arg(long, value_name = "DEVICE")]
+    pub device: Option<String>,
+    /// Print one JSON object
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Runs the command.
+pub fn run(args: &CheckArgs) -> Result<(), Failure> {
+    let start = Instant::now();
+    let mut renderer = match &args.device {
+        Some(selector) => Renderer::with_device(selector)?,
+        None => Renderer::new()?,
+    };
+    let cases = scenes::all()?;
+    if !args.json {
+        header(&renderer)?;
+    }
+    let (mut passed, mut rows) = (0, Vec::new());
+    for case in &cases {
+        let result = compare(&mut renderer, case);
+        let pass = result.as_ref().is_ok_and(Findings::pass);
+        passed += usize::from(pass);
+        if args.json {
+            rows.push(as_json(case, &result, pass));
+        } else {
+            say(&row(case, &result, pass))?;
+        }
+    }
+    let (all, seconds) = (cases.len(), start.elapsed().as_secs_f64());
+    if args.json {
+        let info = renderer.device_info();
+        let (major, minor, patch) = info.api_version;
+        let object = json!({
+            "device": info.name, "kind": info.kind.to_string(), "driver": info.driver,
+            "driver_version": info.driver_version, "api_version": format!("{major}.{minor}.{patch}"),
+            "tolerances": { "image": IMAGE_TOLERANCE, "gradient": GRADIENT_TOLERANCE },
+            "scenes": rows, "passed": passed, "pass": passed == all, "seconds": seconds,
+        });
+        say(&object.to_string())?;
+    } else {
+        let verdict = if passed == all { "PASS" } else { "FAIL" };
+        say(&format!("{verdict}: {passed} of {all} scenes as the model says, in {seconds:.1} s"))?;
+    }
+    if passed == all { Ok(()) } else { Err(Failure::Told) }
+}
+
+fn header(renderer: &Renderer) -> Result<(), Failure> {
+    let info = renderer.device_info();
+    say(&format!("{} ({}, {} {})", info.name, info.kind, info.driver, info.driver_version))?;
+    say(&format!("{:12} {:24} {:40}", "", "| images, largest error", "| gradients, relative error"))?;
+    let columns: String = IMAGES.iter().chain(&GRADIENTS).map(|name| format!(" {name:>6}")).collect();
+    say(&format!("{:11}{columns}  same", "scene"))
+}
+
+fn row(case: &Case, result: &softras::Result<Findings>, pass: bool) -> String {
+    let mark = if pass { "" } else { "  <- FAIL" };
+    match result {
+        Err(error) => format!("{:11} {error}{mark}", case.name),
+        Ok(findings) => {
+            let cell = |error: &Option<f64>| error.map_or(format!(" {:>6}", "-"), |error| format!(" {error:>6.0e}"));
+            let cells: String = findings.images.iter().chain(&findings.gradients).map(cell).collect();
+            format!("{:11}{cells}  {:4}{mark}", case.name, if findings.repeats { "yes" } else { "NO" })
+        }
+    }
+}
+
+fn as_json(case: &Case, result: &softras::Result<Findings>, pass: bool) -> Value {
+    let named = |names: &[&str], errors: &[Option<f64>]| -> Value {
+        names.iter().zip(errors).map(|(name, error)| (name.trim_end_matches('.').to_string(), json!(error))).collect()
+    };
+    match result {
+        Err(error) => json!({ "scene": case.name, "about": case.about, "pass": pass, "error": error.to_string() }),
+        Ok(findings) => json!({
+            "scene": case.name, "about": case.about, "pass": pass, "repeats": findings.repeats,
+            "images": named(&IMAGES, &findings.images), "gradients": named(&GRADIENTS, &findings.gradients),
+        }),
+    }
+}
