@@ -6,6 +6,7 @@ mod describe;
 mod devices;
 mod eval;
 mod files;
+mod grad;
 mod gradients;
 mod mesh;
 mod npz;
@@ -37,6 +38,7 @@ pub enum Command {
     Render(Box<render::args::RenderArgs>),
     Eval(eval::EvalArgs),
     Check(check::CheckArgs),
+    Grad(Box<grad::args::GradArgs>),
     Devices(devices::DevicesArgs),
     Mesh(mesh::MeshArgs),
 }
@@ -65,6 +67,7 @@ pub fn run(cli: &Cli) -> Result<(), Failure> {
     match &cli.command {
         Command::Render(args) => render::run(args),
         Command::Eval(args) => eval::run(args),
+        Command::Grad(args) => grad::run(args),
         Command::Check(args) => check::run(args),
         Command::Devices(args) => devices::run(args),
         Command::Mesh(args) => mesh::run(args),

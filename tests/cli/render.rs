@@ -188,7 +188,7 @@ fn programs_get_json() {
 #[test]
 fn a_camera_that_looks_away_is_told_of() {
     let folder = compass();
-    let away = ["render", "compass.obj", "-o", "a.png", "--size", "16", "--eye", "0,0,5", "--target", "0,0,9"];
+    let away = ["render", "compass.obj", "-o", "a.png", "--size", "16", "--eye", "0,0,5", "--look-at", "0,0,9"];
     let output = super::softras(folder.path(), &away);
     assert!(output.status.success());
     assert!(String::from_utf8_lossy(&output.stderr).contains("note: the mesh lies wholly outside"));

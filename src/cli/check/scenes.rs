@@ -49,8 +49,8 @@ fn camera(distance: f64, projection: Projection) -> Result<Camera> {
 /// Soft enough that every pixel sees many triangles.
 fn soft() -> Settings {
     Settings {
-        width: 56,
-        height: 48,
+        width: 40,
+        height: 36,
         sigma: 1e-3,
         gamma: 1e-2,
         epsilon: 0.6,
@@ -61,7 +61,7 @@ fn soft() -> Settings {
 }
 
 fn ring() -> Result<Mesh> {
-    torus(0.7, 0.3, 20, 10)
+    torus(0.7, 0.3, 16, 8)
 }
 
 fn softmax_cases() -> Result<Vec<Case>> {
@@ -92,7 +92,7 @@ fn appearance_cases() -> Result<Vec<Case>> {
     smooth.scene.lights = lights(Shading::Smooth);
     let mut flat = case("flat", "flat light, a calibrated camera", ring()?, lit)?;
     flat.scene.lights = lights(Shading::Flat);
-    flat.cameras = vec![camera(4.0, Projection::Pinhole { fx: 71.0, fy: 76.0, cx: 26.5, cy: 25.0 })?];
+    flat.cameras = vec![camera(4.0, Projection::Pinhole { fx: 55.0, fy: 58.0, cx: 19.0, cy: 18.5 })?];
     Ok(vec![
         case("textured", "image texture, correct in perspective", textured()?, perspective)?,
         case("surface", "cells on every triangle", cells()?, soft())?,

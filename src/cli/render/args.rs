@@ -70,7 +70,7 @@ pub struct CameraArgs {
           conflicts_with_all = ["distance", "elevation", "azimuth"])]
     pub eye: Option<[f64; 3]>,
     /// The point looked at [default: the centre of the mesh's box]
-    #[arg(long, value_name = "X,Y,Z", value_parser = parse::triple, allow_hyphen_values = true)]
+    #[arg(long = "look-at", value_name = "X,Y,Z", value_parser = parse::triple, allow_hyphen_values = true)]
     pub target: Option<[f64; 3]>,
     /// The vertical axis: up in the picture, and what azimuth, elevation and the turntable go by (0,0,1 for z-up files)
     #[arg(long, value_name = "X,Y,Z", value_parser = parse::triple, allow_hyphen_values = true, default_value = "0,1,0")]

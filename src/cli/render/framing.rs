@@ -238,7 +238,7 @@ mod tests {
         let bounds = Bounds { center: DVec3::ZERO, radius: 1.0 };
         let inside = View::new(&camera_args(&["--eye", "0,0,0.1"]), bounds, 1.0, 0.0);
         assert!(inside.near > 0.0 && inside.far > inside.near && !inside.misses(bounds));
-        let away = View::new(&camera_args(&["--eye", "0,0,5", "--target", "0,0,9"]), bounds, 1.0, 0.0);
+        let away = View::new(&camera_args(&["--eye", "0,0,5", "--look-at", "0,0,9"]), bounds, 1.0, 0.0);
         assert!(away.far > away.near && away.misses(bounds));
     }
 }

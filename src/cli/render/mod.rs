@@ -2,13 +2,13 @@
 
 mod animation;
 pub mod args;
-mod formats;
-mod framing;
+pub mod formats;
+pub mod framing;
 mod gif;
-mod look;
-mod picture;
+pub mod look;
+pub mod picture;
 mod report;
-mod sheet;
+pub mod sheet;
 
 use super::progress::Progress;
 use super::{Failure, files, note};

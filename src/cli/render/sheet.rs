@@ -36,7 +36,8 @@ fn ink([r, g, b]: [u8; 3]) -> [u8; 4] {
     if bright { [40, 40, 40, 255] } else { [230, 230, 230, 255] }
 }
 
-fn text_width(text: &str, scale: usize) -> usize {
+/// Pixels that a text takes at a scale.
+pub fn text_width(text: &str, scale: usize) -> usize {
     6 * scale * text.chars().count()
 }
 
@@ -44,7 +45,8 @@ fn label_width(frames: &[(Picture, String)], scale: usize) -> usize {
     frames.iter().map(|(_, label)| text_width(label, scale)).max().unwrap_or(0)
 }
 
-fn write_text(sheet: &mut Picture, text: &str, left: usize, top: usize, scale: usize, ink: [u8; 4]) {
+/// Writes a text; each of the letters' pixels becomes `scale × scale`.
+pub fn write_text(sheet: &mut Picture, text: &str, left: usize, top: usize, scale: usize, ink: [u8; 4]) {
     for (i, letter) in text.chars().enumerate() {
         for (r, row) in glyph(letter).iter().enumerate() {
             for c in (0..5).filter(|c| row >> (4 - c) & 1 == 1) {
@@ -71,18 +73,26 @@ fn glyph(letter: char) -> [u8; 7] {
         '.' => [0, 0, 0, 0, 0, 12, 12],
         '-' => [0, 0, 0, 31, 0, 0, 0],
         '=' => [0, 0, 31, 0, 31, 0, 0],
+        '|' => [4, 4, 4, 4, 4, 4, 4],
         'a' => [0, 0, 14, 1, 15, 17, 15],
         'b' => [16, 16, 22, 25, 17, 17, 30],
+        'c' => [0, 0, 14, 16, 16, 17, 14],
+        'd' => [1, 1, 13, 19, 17, 17, 15],
         'e' => [0, 0, 14, 17, 31, 16, 14],
         'g' => [0, 15, 17, 17, 15, 1, 14],
         'h' => [16, 16, 22, 25, 17, 17, 17],
         'i' => [4, 0, 12, 4, 4, 4, 14],
         'l' => [12, 4, 4, 4, 4, 4, 14],
         'm' => [0, 0, 26, 21, 21, 17, 17],
+        'n' => [0, 0, 22, 25, 17, 17, 17],
+        'o' => [0, 0, 14, 17, 17, 17, 14],
+        'p' => [0, 0, 30, 17, 30, 16, 16],
         'r' => [0, 0, 22, 25, 16, 16, 16],
         's' => [0, 0, 14, 16, 14, 1, 30],
         't' => [8, 8, 28, 8, 8, 9, 6],
         'u' => [0, 0, 17, 17, 17, 19, 13],
+        'v' => [0, 0, 17, 17, 17, 10, 4],
+        'w' => [0, 0, 17, 17, 21, 21, 10],
         'z' => [0, 0, 31, 2, 4, 8, 31],
         _ => [0; 7],
     }
@@ -94,7 +104,11 @@ mod tests {
 
     #[test]
     fn every_label_that_is_written_has_its_letters() {
-        assert!("sigma=1.23e-5 gamma tau blur azimuth=067890".chars().all(|c| c == ' ' || glyph(c) != [0; 7]));
+        assert!(
+            "sigma=1.23e-5 gamma tau blur azimuth=067890 loss render target downhill seen occluded -gradient"
+                .chars()
+                .all(|c| c == ' ' || glyph(c) != [0; 7])
+        );
     }
 
     #[test]

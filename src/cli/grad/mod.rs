@@ -1,0 +1,106 @@
+//! `softras grad`: what a loss against a target image wants the vertices to do, as a picture.
+
+pub mod args;
+mod arrows;
+mod canvas;
+mod engine;
+mod panels;
+mod target;
+
+use super::progress::Progress;
+use super::render::framing::{self, Bounds, View};
+use super::render::{formats, look};
+use super::{Failure, describe, files, note, say};
+use args::GradArgs;
+use engine::Engine;
+use panels::Sheet;
+use serde_json::json;
+use softras::obj::LoadOptions;
+use softras::{Scene, Settings};
+use std::path::Path;
+use std::time::Instant;
+use target::{Loss, Target};
+
+/// Runs the command.
+pub fn run(args: &GradArgs) -> Result<(), Failure> {
+    if !args.out.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png")) {
+        return Err(Failure::Usage(format!("--out {}: the file's ending must be .png", args.out.display())));
+    }
+    files::judge_writable(&args.out)?;
+    let start = Instant::now();
+    let curve = if args.soft.raw { super::color::Curve::Raw } else { super::color::Curve::Srgb };
+    let target = Target::read(&args.target_image, curve, args.soft.background.numbers(curve))?;
+    let loaded =
+        softras::obj::load(&args.mesh, &LoadOptions { srgb: !args.soft.raw, allow_outside: args.allow_outside })?;
+    loaded.notes.iter().for_each(|text| note(text));
+    let bounds = Bounds::of(&loaded.mesh);
+    let view = View::new(&args.camera, bounds, target.width as f64 / target.height as f64, 0.0);
+    if view.misses(bounds) {
+        note("the mesh lies wholly outside the depths that this camera draws");
+    }
+    let scene = Scene::new(loaded.mesh).with_lights(framing::lights(&args.light, curve, &view)?);
+    let settings = settings(args, &view, &target);
+    let mut engine = Engine::open(args.device.as_deref())?;
+    let spinner = Progress::spinner("differentiating");
+    let mut loss = Loss::default();
+    let (images, gradient) = engine.differentiate(&scene, view.camera()?, &settings, args.gradient, |images| {
+        let (measured, upstream) = target.loss(images);
+        loss = measured;
+        Ok(upstream)
+    })?;
+    let sharp = Settings { gamma: 1e-4, ..settings.clone() }.with_blur_pixels(1.23);
+    let depth = engine.depth(&scene, view.camera()?, &sharp)?;
+    let gradient = gradient.positions(0);
+    let pulls = arrows::pulls(&scene.meshes[0], gradient, &view, [target.width, target.height], &depth)?;
+    let sheet = Sheet { color: &images.color, target: &target, loss: &loss, pulls: &pulls, curve };
+    let (picture, arrows) = sheet.draw();
+    formats::write_png(&args.out, &picture)?;
+    drop(spinner);
+    let report = Report { device: engine.name(), loss: &loss, gradient, arrows, path: &args.out };
+    if args.json { say(&report.json(&view, &settings, start).to_string()) } else { say(&report.text()) }
+}
+
+fn settings(args: &GradArgs, view: &View, target: &Target) -> Settings {
+    let look = args.soft.look((target.width as u32, target.height as u32));
+    look::settings(&look, &args.modes, view, &[super::render::args::Output::Color], 1, None)
+}
+
+/// What the command says when it is done.
+struct Report<'a> {
+    device: &'a str,
+    loss: &'a Loss,
+    gradient: &'a [f64],
+    arrows: usize,
+    path: &'a Path,
+}
+
+impl Report<'_> {
+    fn norm(&self) -> f64 {
+        self.gradient.iter().map(|g| g * g).sum::<f64>().sqrt()
+    }
+
+    fn text(&self) -> String {
+        let Loss { color, silhouette, .. } = self.loss;
+        format!(
+            "{}: loss {:.6e} (colour {color:.3e}, silhouette {silhouette:.3e}), gradient norm {:.6e} over {} vertices",
+            self.path.display(),
+            self.loss.total(),
+            self.norm(),
+            self.gradient.len() / 3,
+        )
+    }
+
+    fn json(&self, view: &View, settings: &Settings, start: Instant) -> serde_json::Value {
+        let camera = json!({
+            "eye": view.eye.to_array(), "target": view.target.to_array(), "up": view.up.to_array(),
+            "projection": describe::projection(&view.projection),
+        });
+        json!({
+            "device": self.device, "path": self.path.display().to_string(),
+            "loss": self.loss.total(), "color_loss": self.loss.color, "silhouette_loss": self.loss.silhouette,
+            "gradient_norm": self.norm(), "vertices": self.gradient.len() / 3, "arrows": self.arrows,
+            "camera": camera, "settings": describe::settings(settings),
+            "total_milliseconds": start.elapsed().as_secs_f64() * 1e3,
+        })
+    }
+}
