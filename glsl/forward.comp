@@ -5,7 +5,8 @@
 // One workgroup a tile of 8×4 pixels, each lane 32 / lanes of them; tiles are taken even ones first, since a driver that
 // gives each core one contiguous half of the workgroups would else leave one idle.
 // Reads `tile_ranges`, `tile_slots` and the records; writes the images, and for backward `saved`: the log2 weight
-// that the softmax is relative to (whole part and rest), its inverse sum, and the transmittance.
+// that the softmax is relative to (whole part and rest; of the hard mode the slot), its inverse sum, and the
+// transmittance.
 
 layout(local_size_x_id = 0) in;
 
@@ -43,6 +44,8 @@ struct Pixel {
     vec3 color;
     float depth;
     vec3 normal;
+    // The hard modes' nearest slot.
+    int nearest;
 };
 
 Pixel background_pixel() {
@@ -55,6 +58,7 @@ Pixel background_pixel() {
     p.color = entry ? vec3(frame.background_red, frame.background_green, frame.background_blue) : vec3(0.0);
     p.depth = 0.0;
     p.normal = vec3(0.0);
+    p.nearest = 0;
     return p;
 }
 
@@ -69,7 +73,7 @@ void add_silhouette(inout Pixel p, Fragment f) {
 }
 
 // Adds one fragment to the softmax; in the hard mode it replaces the pixel when it is nearer and covers it.
-void add_shaded(inout Pixel p, Fragment f, Corner c, vec3 b, float inverse_sum, Depth depth, bool kept, float scale) {
+void add_shaded(inout Pixel p, int slot, Fragment f, Corner c, vec3 b, float inverse_sum, Depth depth, bool kept, float scale) {
     float difference = (c.whole - p.whole) + (depth.weight - p.rest);
     bool nearer = kept && difference > 0.0;
     float keep_old = 1.0;
@@ -82,6 +86,7 @@ void add_shaded(inout Pixel p, Fragment f, Corner c, vec3 b, float inverse_sum, 
         float lowest = min(f.height.x, min(f.height.y, f.height.z));
         nearer = nearer && lowest >= -HARD_EDGE_PIXELS * scale;
         keep_old = nearer ? 0.0 : 1.0;
+        p.nearest = nearer ? slot : p.nearest;
         weight = nearer ? 1.0 : 0.0;
     }
     p.whole = nearer ? c.whole : p.whole;
@@ -141,7 +146,7 @@ void gather(int slot, vec2 first, inout Pixel pixels[PIXELS], float radius_squar
             add_silhouette(pixels[i], f);
         }
         if (SHADED) {
-            add_shaded(pixels[i], f, c, b, 1.0 / sum, depth, shaded, scale);
+            add_shaded(pixels[i], slot, f, c, b, 1.0 / sum, depth, shaded, scale);
         }
     }
 }
@@ -171,7 +176,10 @@ void write_pixel(Pixel p, int view, int triangle_count, ivec2 where) {
         normals[at] = vec4(p.normal * (inverse * blend), 0.0);
     }
     if (SAVE) {
-        saved[at] = vec4(p.whole, p.rest, inverse, p.silhouette);
+        // Of the hard mode backward needs the slot, in two floats that hold it exactly.
+        bool hard = COLOR_MODE == COLOR_HARD;
+        vec2 reference = hard ? vec2(p.nearest >> 12, p.nearest & 4095) : vec2(p.whole, p.rest);
+        saved[at] = vec4(reference, inverse, p.silhouette);
     }
 }
 
