@@ -1,5 +1,7 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
+#extension GL_KHR_shader_subgroup_basic : require
+#extension GL_KHR_shader_subgroup_shuffle : require
 // Forward: every pixel gathers over its tile's triangles in ascending order: silhouette as a product of complements,
 // colour, depth and normal as a softmax by depth with a running maximum.
 // One workgroup a tile of 8×4 pixels, each lane 32 / lanes of them; tiles are taken even ones first, since a driver that
@@ -68,34 +70,44 @@ void add_silhouette(inout Pixel p, Fragment f) {
     }
 }
 
-// Adds one fragment to the softmax; in the hard mode it replaces the pixel when it is nearer and covers it.
-void add_shaded(inout Pixel p, Fragment f, Corner c, vec3 b, float inverse_sum, Depth depth, bool kept, float scale) {
+// What a fragment weighs in its pixel, relative to the largest weight so far, and what becomes of the sums before it.
+struct Share {
+    float weight;
+    float keep_old;
+};
+
+// Moves the softmax on to one more fragment; in the hard mode that replaces the pixel when it is nearer and covers it.
+Share add_weight(inout Pixel p, Fragment f, Corner c, Depth depth, bool kept, float scale) {
     float difference = (c.whole - p.whole) + (depth.weight - p.rest);
     bool nearer = kept && difference > 0.0;
-    float keep_old = 1.0;
-    float weight;
+    Share share;
     if (COLOR_MODE == COLOR_SOFTMAX) {
         float e = exp2(-abs(difference));
-        keep_old = nearer ? e : 1.0;
-        weight = (DEPTH_RANGE == DEPTH_RANGE_OFFICIAL && !kept ? 0.0 : f.probability) * (nearer ? 1.0 : e);
+        share.keep_old = nearer ? e : 1.0;
+        share.weight = (DEPTH_RANGE == DEPTH_RANGE_OFFICIAL && !kept ? 0.0 : f.probability) * (nearer ? 1.0 : e);
     } else {
         float lowest = min(f.height.x, min(f.height.y, f.height.z));
         nearer = nearer && lowest >= -HARD_EDGE_PIXELS * scale;
-        keep_old = nearer ? 0.0 : 1.0;
-        weight = nearer ? 1.0 : 0.0;
+        share.keep_old = nearer ? 0.0 : 1.0;
+        share.weight = nearer ? 1.0 : 0.0;
     }
     p.whole = nearer ? c.whole : p.whole;
     p.rest = nearer ? depth.weight : p.rest;
-    p.sum = p.sum * keep_old + weight;
+    p.sum = p.sum * share.keep_old + share.weight;
+    return share;
+}
+
+// Adds what a fragment shows.
+void add_shaded(inout Pixel p, Share s, Corner c, vec3 b, float inverse_sum, Depth depth) {
     if (WANT_DEPTH) {
-        p.depth = p.depth * keep_old + weight * (c.depth.z / frame.score_high) * depth.ratio;
+        p.depth = p.depth * s.keep_old + s.weight * (c.depth.z / frame.score_high) * depth.ratio;
     }
-    vec3 share = b * (weight * inverse_sum);
+    vec3 share = b * (s.weight * inverse_sum);
     // Perspective-correct: z / z_k = (z / z_0) (z_0 / z_k).
     vec3 correction = PERSPECTIVE_CORRECT ? depth.ratio * vec3(1.0, 1.0 + c.depth.x, 1.0 + c.depth.y) : vec3(1.0);
     share = PERSPECTIVE_CORRECT ? share * correction : share;
     if (WANT_NORMAL) {
-        p.normal = p.normal * keep_old + c.normal * share;
+        p.normal = p.normal * s.keep_old + c.normal * share;
     }
     if (WANT_COLOR) {
         vec3 color = c.color * share;
@@ -104,44 +116,102 @@ void add_shaded(inout Pixel p, Fragment f, Corner c, vec3 b, float inverse_sum, 
             at = PERSPECTIVE_CORRECT ? at * correction : at;
             color *= sample_texture(c.texture_index, c.triangle, c.coordinate, at);
         }
-        p.color = p.color * keep_old + color;
+        p.color = p.color * s.keep_old + color;
     }
 }
 
+// Whether the lanes read a record's texels between them and pass them on. Eight lanes are meant for software devices, and
+// are one subgroup there: a fetch is eight reads even where all lanes want the same texel, and a shuffle from a known
+// lane one instruction. Fixed when the pipeline is made: there a branch runs both ways.
+bool reads_together() {
+    return gl_WorkGroupSize.x == 8u;
+}
+
+Triangle shared_triangle_of(int slot) {
+    if (!reads_together()) {
+        return triangle_of(slot);
+    }
+    int mine = min(int(gl_SubgroupInvocationID), int(GEOMETRY_TEXELS) - 1);
+    vec4 own = texelFetch(geometry, slot * int(GEOMETRY_TEXELS) + mine);
+    vec4 record[GEOMETRY_TEXELS];
+    for (uint i = 0u; i < GEOMETRY_TEXELS; ++i) {
+        record[i] = subgroupShuffle(own, i);
+    }
+    return triangle_from(record);
+}
+
+Corner shared_corner_of(int slot) {
+    if (!reads_together()) {
+        return corner_of(slot);
+    }
+    // Textures and normals together make a record of nine texels: the ninth is read by all.
+    int mine = min(int(gl_SubgroupInvocationID), SHADING_STRIDE - 1);
+    vec4 own = texelFetch(shading, slot * SHADING_STRIDE + mine);
+    vec4 record[SHADING_MOST];
+    for (int i = 0; i < SHADING_STRIDE; ++i) {
+        record[i] = i < 8 ? subgroupShuffle(own, uint(i)) : texelFetch(shading, slot * SHADING_STRIDE + i);
+    }
+    return corner_from(record);
+}
+
+// Whether a fragment takes part in the shaded images; beyond far it does not in the silhouette either.
+bool judge_depth(inout Fragment f, Corner c, Depth depth, float inverse_score) {
+    bool shaded = f.kept;
+    if (DEPTH_RANGE != DEPTH_RANGE_INSIDE) {
+        float z = c.depth.z * inverse_score * depth.ratio;
+        shaded = shaded && z <= frame.far_high;
+        if (DEPTH_RANGE == DEPTH_RANGE_OFFICIAL) {
+            shaded = shaded && z >= frame.near_high;
+        } else {
+            f.probability = shaded ? f.probability : 0.0;
+            f.complement = shaded ? f.complement : 1.0;
+        }
+    }
+    return shaded;
+}
+
+// Adds a triangle to all of a lane's pixels: step by step rather than pixel by pixel, so that the long chains of dependent
+// operations of several pixels run side by side.
 void gather(int slot, vec2 first, inout Pixel pixels[PIXELS], float radius_squared, float scale, float inverse_score) {
-    Triangle t = triangle_of(slot);
+    Triangle t = shared_triangle_of(slot);
     Corner c;
     if (WANT_SHADING) {
-        c = corner_of(slot);
+        c = shared_corner_of(slot);
     }
+    Place places[PIXELS];
     for (int i = 0; i < PIXELS; ++i) {
         int index = i * int(gl_WorkGroupSize.x);
         vec2 q = first + vec2(index % int(TILE_WIDTH), index / int(TILE_WIDTH)) - t.origin;
-        Fragment f = fragment_at(t, q, radius_squared, scale);
-        bool shaded = f.kept;
-        vec3 b;
-        float sum;
-        Depth depth;
-        if (WANT_SHADING) {
-            b = clipped_barycentrics(t, f.height);
-            sum = b.x + b.y + b.z;
-            depth = depth_at(c.depth, b, sum);
+        places[i] = place_at(t, q, radius_squared, scale);
+    }
+    Fragment fragments[PIXELS];
+    for (int i = 0; i < PIXELS; ++i) {
+        fragments[i] = fragment_of(places[i]);
+    }
+    vec3 b[PIXELS];
+    float sum[PIXELS];
+    Depth depth[PIXELS];
+    if (WANT_SHADING) {
+        for (int i = 0; i < PIXELS; ++i) {
+            b[i] = clipped_barycentrics(t, fragments[i].height);
+            sum[i] = b[i].x + b[i].y + b[i].z;
+            depth[i] = depth_at(c.depth, b[i], sum[i]);
         }
-        if (DEPTH_RANGE != DEPTH_RANGE_INSIDE) {
-            float z = c.depth.z * inverse_score * depth.ratio;
-            shaded = shaded && z <= frame.far_high;
-            if (DEPTH_RANGE == DEPTH_RANGE_OFFICIAL) {
-                shaded = shaded && z >= frame.near_high;
-            } else {
-                f.probability = shaded ? f.probability : 0.0;
-                f.complement = shaded ? f.complement : 1.0;
-            }
-        }
+    }
+    bool shaded[PIXELS];
+    for (int i = 0; i < PIXELS; ++i) {
+        shaded[i] = judge_depth(fragments[i], c, depth[i], inverse_score);
         if (WANT_SILHOUETTE) {
-            add_silhouette(pixels[i], f);
+            add_silhouette(pixels[i], fragments[i]);
         }
-        if (SHADED) {
-            add_shaded(pixels[i], f, c, b, 1.0 / sum, depth, shaded, scale);
+    }
+    if (SHADED) {
+        Share shares[PIXELS];
+        for (int i = 0; i < PIXELS; ++i) {
+            shares[i] = add_weight(pixels[i], fragments[i], c, depth[i], shaded[i], scale);
+        }
+        for (int i = 0; i < PIXELS; ++i) {
+            add_shaded(pixels[i], shares[i], c, b[i], 1.0 / sum[i], depth[i]);
         }
     }
 }
@@ -196,9 +266,14 @@ void main() {
     float scale = frame.scale;
     float inverse_score = 1.0 / frame.score_high;
     vec2 first = vec2(mine);
+    int begin = int(range.x);
     int end = int(range.x + range.y);
-    for (int i = int(range.x); i < end; ++i) {
-        gather(int(texelFetch(tile_slots, i).x), first, pixels, radius_squared, scale, inverse_score);
+    // One slot ahead, so that its fetch does not wait for the one before.
+    int next = begin < end ? int(texelFetch(tile_slots, begin).x) : 0;
+    for (int i = begin; i < end; ++i) {
+        int slot = next;
+        next = int(texelFetch(tile_slots, min(i + 1, end - 1)).x);
+        gather(slot, first, pixels, radius_squared, scale, inverse_score);
     }
     int triangle_count = shape_of(view).triangle_count;
     for (int i = 0; i < PIXELS; ++i) {
