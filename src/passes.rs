@@ -33,9 +33,13 @@ pub const FORWARD_TIMESTAMPS: u32 = 6;
 /// The stages' names, as their kernels'.
 pub const FORWARD_STAGES: [&str; 5] = ["vertex", "triangle", "bin_coarse", "bin_fine", "forward"];
 
-/// The kernels of the forward stages, in order.
-pub fn forward_kernels() -> [&'static Kernel; 5] {
-    [&kernels::VERTEX, &kernels::TRIANGLE, &kernels::BIN_COARSE, &kernels::BIN_FINE, &kernels::FORWARD]
+/// The kernels of the forward stages, in order. Where a tile's eight lanes are one subgroup that can shuffle, they read
+/// records together.
+pub fn forward_kernels(device: &Device, lanes: u32) -> [&'static Kernel; 5] {
+    let subgroups = &device.limits().subgroups;
+    let together = lanes == 8 && subgroups.shuffle && subgroups.size >= 8;
+    let forward = if together { &kernels::FORWARD_SUBGROUP } else { &kernels::FORWARD };
+    [&kernels::VERTEX, &kernels::TRIANGLE, &kernels::BIN_COARSE, &kernels::BIN_FINE, forward]
 }
 
 /// A kernel's pipeline with a plan's modes; `lanes` is its workgroup where that is a mode too.
@@ -91,7 +95,7 @@ impl ForwardStages {
         pipelines: [Pipeline; 5],
         find: &dyn Fn(&str) -> Option<&'a BufferRef>,
     ) -> Result<Self> {
-        let pool = DescriptorPool::new(device, &forward_kernels())?;
+        let pool = DescriptorPool::new(device, &pipelines.each_ref().map(Pipeline::kernel))?;
         let [vertex, triangle, bin_coarse, bin_fine, forward] = pipelines;
         Ok(Self {
             vertex: bind(&pool, vertex, find)?,

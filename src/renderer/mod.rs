@@ -324,7 +324,7 @@ impl Renderer {
         let (device, lanes) = (self.context.device(), self.lanes);
         let cache = Some(self.context.pipeline_cache());
         let made = std::thread::scope(|scope| {
-            let threads = passes::forward_kernels()
+            let threads = passes::forward_kernels(device, lanes)
                 .map(|kernel| scope.spawn(move || passes::pipeline(device, kernel, &plan.modes, lanes, cache)));
             threads.map(|thread| match thread.join() {
                 Ok(pipeline) => pipeline,
