@@ -4,7 +4,8 @@
 // radius, and the triangle's bit in the bitmap of every bin that it touches.
 // One invocation a triangle, views along y. A triangle that crosses the near plane becomes one or two pieces: the first
 // in its own slot, the second `triangle_count` slots later, so that the order of slots never depends on timing.
-// Reads `vertices`, the mesh and the lights; writes `geometry`, `shading`, `boxes`, `bin_bits` and `status`.
+// Reads `vertices`, the mesh and the lights; writes `geometry`, `shading`, `boxes`, `bin_bits` and `status`, and for
+// backward `cell_ranges` and `cells`: the cells of a large box beyond its first.
 
 layout(local_size_x = 64) in;
 
@@ -24,6 +25,8 @@ layout(set = 0, binding = 12, std430) writeonly buffer Shading { vec4 shading[];
 layout(set = 0, binding = 13, std430) writeonly buffer Boxes { ivec4 boxes[]; };
 layout(set = 0, binding = 14, std430) buffer BinBits { uint bin_bits[]; };
 layout(set = 0, binding = 15, std430) buffer Status { uint status[]; };
+layout(set = 0, binding = 16, std430) writeonly buffer CellRanges { uvec2 cell_ranges[]; };
+layout(set = 0, binding = 17, std430) writeonly buffer Cells { uvec2 cells[]; };
 
 #include "common/constants.glsl"
 #include "common/modes.glsl"
@@ -126,6 +129,19 @@ vec4 depth_record(Corners c, out float whole) {
     return vec4(df_sub(c.z[0], c.z[1]).x / z1, df_sub(c.z[0], c.z[2]).x / z2, c.z[0].x * k.x, rest);
 }
 
+// Backward walks a box cell by cell; the first is the slot's own. Where the others lie in `cells` comes from an atomic
+// counter; their order within the triangle, in which they are summed, does not depend on it.
+void write_cells(int slot, ivec4 box) {
+    ivec2 count = (box.zw - box.xy) / ivec2(CELL_WIDTH, CELL_HEIGHT) + 1;
+    uint more = uint(count.x * count.y) - 1u;
+    uint start = more == 0u ? 0u : atomicAdd(status[STATUS_CELLS_NEEDED], more);
+    bool fits = start + more <= frame.cell_capacity;
+    cell_ranges[slot] = uvec2(start, fits ? more : 0u);
+    for (uint i = 0u; i < (fits ? more : 0u); ++i) {
+        cells[start + i] = uvec2(uint(slot), i + 1u);
+    }
+}
+
 // Marks the triangle in every bin that its grown shape may touch.
 void mark_bins(Shape shape, int slot_in_view, ivec4 box, Edges e) {
     ivec4 bins = box / ivec4(BIN_WIDTH, BIN_HEIGHT, BIN_WIDTH, BIN_HEIGHT);
@@ -172,6 +188,9 @@ void emit(Shape shape, int triangle, int slot_in_view, Corners c) {
         write_shading(shape, triangle, slot, c, depth, hidden ? -3e38 : whole);
     }
     mark_bins(shape, slot_in_view, box, e);
+    if (SAVE) {
+        write_cells(slot, box);
+    }
 }
 
 // Sutherland-Hodgman against z = near, corner 0 first; a fourth corner makes a second piece (0, 2, 3).

@@ -28,13 +28,14 @@ vec3 position_of(Shape shape, int vertex) {
     return vec3(texelFetch(positions, at).x, texelFetch(positions, at + 1).x, texelFetch(positions, at + 2).x);
 }
 
-// `adjacency` from the mesh's base: vertex_count + 1 offsets, then triangle numbers.
+// `adjacency` from the mesh's base: vertex_count + 1 offsets, then its corners,
+// each as four times the triangle plus the corner.
 vec3 smooth_normal(Shape shape, int vertex) {
     int at = shape.adjacency_base + vertex;
     int end = int(texelFetch(adjacency, at + 1).x);
     vec3 sum = vec3(0.0);
     for (int i = int(texelFetch(adjacency, at).x); i < end; ++i) {
-        int triangle = int(texelFetch(adjacency, i).x);
+        int triangle = int(texelFetch(adjacency, i).x) >> 2;
         int corner = 3 * (shape.triangle_base + triangle);
         vec3 p0 = position_of(shape, int(texelFetch(indices, corner).x));
         vec3 p1 = position_of(shape, int(texelFetch(indices, corner + 1).x));

@@ -31,7 +31,7 @@ const fn slot(name: &'static str, format: TexelFormat, role: Role) -> Slot {
 }
 
 /// Every buffer of a forward frame.
-pub const FORWARD: [Slot; 29] = [
+pub const FORWARD: [Slot; 31] = [
     slot("view_shapes", TexelFormat::Uint4, Role::Input),
     slot("view_cameras", TexelFormat::Float4, Role::Input),
     slot("positions", TexelFormat::Float, Role::Input),
@@ -61,6 +61,28 @@ pub const FORWARD: [Slot; 29] = [
     slot("depths", TexelFormat::Float, Role::Output),
     slot("normals", TexelFormat::Float4, Role::Output),
     slot("saved", TexelFormat::Float4, Role::Workspace),
+    slot("cell_ranges", TexelFormat::Uint2, Role::Workspace),
+    slot("cells", TexelFormat::Uint2, Role::Workspace),
+];
+
+/// Every buffer that a backward pass adds.
+pub const BACKWARD: [Slot; 15] = [
+    slot("upstream_color", TexelFormat::Float4, Role::Input),
+    slot("upstream_silhouette", TexelFormat::Float, Role::Input),
+    slot("upstream_depths", TexelFormat::Float, Role::Input),
+    slot("upstream_normals", TexelFormat::Float4, Role::Input),
+    slot("pixel_gradients", TexelFormat::Float4, Role::Workspace),
+    slot("pixel_sums", TexelFormat::Float4, Role::Workspace),
+    slot("partials", TexelFormat::Float4, Role::Workspace),
+    slot("corner_lights", TexelFormat::Float4, Role::Workspace),
+    slot("light_records", TexelFormat::Float4, Role::Workspace),
+    slot("area_gradients", TexelFormat::Float4, Role::Workspace),
+    slot("view_sums", TexelFormat::Float4, Role::Workspace),
+    slot("corner_gradients", TexelFormat::Float4, Role::Output),
+    slot("vertex_gradients", TexelFormat::Float4, Role::Output),
+    slot("texel_sums", TexelFormat::Uint, Role::Output),
+    // Three texels for each view, then for each light, then for the pixels.
+    slot("totals", TexelFormat::Float4, Role::Output),
 ];
 
 /// Bytes that a plan gives to a buffer that the device fills.
@@ -83,6 +105,8 @@ pub fn planned_size(sizes: &BufferSizes, name: &str) -> u64 {
         "depths" => sizes.depths,
         "normals" => sizes.normals,
         "saved" => sizes.saved,
+        "cell_ranges" => sizes.cell_ranges,
+        "cells" => sizes.cells,
         _ => 0,
     }
 }
@@ -156,10 +180,10 @@ impl BufferSet {
         Ok(true)
     }
 
-    /// Every buffer that the host and the device share, with its role.
-    pub fn shared(&self) -> impl Iterator<Item = (Role, &SharedBuffer)> {
+    /// Every buffer that the host and the device share.
+    pub fn shared(&self) -> impl Iterator<Item = (Slot, &SharedBuffer)> {
         self.owned.iter().filter_map(|(slot, owned)| match owned {
-            Owned::Shared(buffer) => Some((slot.role, buffer)),
+            Owned::Shared(buffer) => Some((*slot, buffer)),
             Owned::Device(_) => None,
         })
     }

@@ -1,5 +1,6 @@
 //! softras: a differentiable soft mesh rasterizer (Liu et al., "Soft Rasterizer", ICCV 2019) as a Vulkan compute backend.
 
+pub mod backward_plan;
 pub mod buffers;
 pub mod error;
 pub mod gradients;

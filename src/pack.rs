@@ -3,6 +3,7 @@
 use crate::constants as c;
 use crate::plan::{Plan, Sampling, split};
 use crate::scene::{Appearance, Camera, Lights, Mesh, Projection, Scene, Settings, Texture, Wrap};
+use std::ops::Range;
 
 /// The meshes of a scene, one after the other, as flat arrays.
 #[derive(Debug, Default)]
@@ -11,7 +12,8 @@ pub struct MeshTables {
     pub positions: Vec<f32>,
     /// Three vertex numbers (within the mesh) of every triangle.
     pub indices: Vec<u32>,
-    /// Per mesh: vertices + 1 absolute offsets, then each vertex's triangles in ascending order.
+    /// Per mesh: vertices + 1 absolute offsets, then each vertex's corners in ascending order, each
+    /// as four times its triangle plus its number there.
     pub adjacency: Vec<u32>,
     /// r, g, b: one colour for a mesh, or one a vertex.
     pub colors: Vec<f32>,
@@ -27,8 +29,33 @@ pub struct MeshTables {
     pub texels: Vec<[f32; 4]>,
     /// Where each mesh lies in these.
     pub layouts: Vec<MeshLayout>,
+    /// What each mesh's gradients are by.
+    pub appearances: Vec<Appearances>,
     /// Which kinds of texture there are.
     pub sampling: Sampling,
+}
+
+/// What colours a mesh, as far as gradients need to know.
+#[derive(Clone, Debug)]
+pub enum Appearances {
+    /// One colour.
+    Uniform,
+    /// One colour a vertex.
+    Vertices,
+    /// Surface cells.
+    Surface {
+        /// Their texels.
+        texels: Range<usize>,
+    },
+    /// Images.
+    Textured {
+        /// Each image's texels.
+        textures: Vec<Range<usize>>,
+        /// UV pairs.
+        uvs: usize,
+        /// Each triangle's three.
+        uv_triangles: Vec<[u32; 3]>,
+    },
 }
 
 /// Where one mesh lies in [`MeshTables`].
@@ -46,6 +73,13 @@ pub struct MeshLayout {
     pub vertices: u32,
     /// Triangles of the mesh.
     pub triangles: u32,
+}
+
+impl MeshLayout {
+    /// Its vertices among all.
+    pub fn vertex_range(&self) -> Range<usize> {
+        self.vertex_base as usize..(self.vertex_base + self.vertices) as usize
+    }
 }
 
 impl MeshTables {
@@ -104,9 +138,9 @@ impl MeshTables {
         }
         self.adjacency.resize(next as usize, 0);
         for (t, triangle) in mesh.triangles().iter().enumerate() {
-            for &v in triangle {
+            for (corner, &v) in triangle.iter().enumerate() {
                 let place = &mut ends[v as usize];
-                self.adjacency[*place as usize] = t as u32;
+                self.adjacency[*place as usize] = 4 * t as u32 + corner as u32;
                 *place += 1;
             }
         }
@@ -114,10 +148,14 @@ impl MeshTables {
 
     fn push_appearance(&mut self, mesh: &Mesh, layout: &mut MeshLayout) {
         match mesh.appearance() {
-            Appearance::Uniform(color) => self.colors.extend(color),
+            Appearance::Uniform(color) => {
+                self.colors.extend(color);
+                self.appearances.push(Appearances::Uniform);
+            }
             Appearance::VertexColors(colors) => {
                 layout.uniform_color = false;
                 self.colors.extend(colors.iter().flatten());
+                self.appearances.push(Appearances::Vertices);
             }
             Appearance::Surface { resolution, texels } => {
                 self.colors.extend([1.0; 3]);
@@ -125,7 +163,9 @@ impl MeshTables {
                 layout.texture_base = -1 - self.textures.len() as i32;
                 let count = texels.len() as u32;
                 self.textures.push([self.texels.len() as u32, *resolution, count, c::TEXTURE_SURFACE]);
+                let first = self.texels.len();
                 self.texels.extend(texels.iter().map(|t| [t[0], t[1], t[2], 0.0]));
+                self.appearances.push(Appearances::Surface { texels: first..self.texels.len() });
             }
             Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle } => {
                 self.colors.extend([1.0; 3]);
@@ -141,20 +181,22 @@ impl MeshTables {
                     layout.texture_base = self.triangle_textures.len() as i32;
                     self.triangle_textures.extend(texture_of_triangle.iter().map(|t| first + t));
                 }
-                for texture in textures {
-                    self.push_texture(texture);
-                }
+                let ranges = textures.iter().map(|texture| self.push_texture(texture)).collect();
+                let uv_triangles = uv_triangles.clone();
+                self.appearances.push(Appearances::Textured { textures: ranges, uvs: uvs.len(), uv_triangles });
             }
         }
     }
 
-    fn push_texture(&mut self, texture: &Texture) {
+    fn push_texture(&mut self, texture: &Texture) -> Range<usize> {
+        let first = self.texels.len();
         let kind = match texture.wrap() {
             Wrap::Repeat => c::TEXTURE_REPEAT,
             Wrap::Clamp => c::TEXTURE_CLAMP,
         };
         self.textures.push([self.texels.len() as u32, texture.width(), texture.height(), kind]);
         self.texels.extend(texture.texels().iter().map(|t| [t[0], t[1], t[2], 0.0]));
+        first..self.texels.len()
     }
 
     /// The `view_shapes` table: each view's mesh and its share of the frame's buffers (`glsl/common/mesh.glsl`).

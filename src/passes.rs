@@ -1,7 +1,9 @@
 //! The frame, read top to bottom.
 
 use crate::Result;
+use crate::backward_plan::BackwardPlan;
 use crate::buffers::buffer_of_binding;
+use crate::constants as c;
 use crate::error::Error;
 use crate::plan::Plan;
 use crate::vulkan::{
@@ -31,22 +33,26 @@ pub const FORWARD_TIMESTAMPS: u32 = 6;
 /// The stages' names, as their kernels'.
 pub const FORWARD_STAGES: [&str; 5] = ["vertex", "triangle", "bin_coarse", "bin_fine", "forward"];
 
-/// The kernels of the forward stages, in order.
-pub fn forward_kernels() -> [&'static Kernel; 5] {
-    [&kernels::VERTEX, &kernels::TRIANGLE, &kernels::BIN_COARSE, &kernels::BIN_FINE, &kernels::FORWARD]
+/// The kernels of the forward stages, in order. Where a tile's eight lanes are one subgroup that can shuffle, they read
+/// records together.
+pub fn forward_kernels(device: &Device, lanes: u32) -> [&'static Kernel; 5] {
+    let subgroups = &device.limits().subgroups;
+    let together = lanes == 8 && subgroups.shuffle && subgroups.size >= 8;
+    let forward = if together { &kernels::FORWARD_SUBGROUP } else { &kernels::FORWARD };
+    [&kernels::VERTEX, &kernels::TRIANGLE, &kernels::BIN_COARSE, &kernels::BIN_FINE, forward]
 }
 
-/// A kernel's pipeline with the plan's modes.
+/// A kernel's pipeline with a plan's modes; `lanes` is its workgroup where that is a mode too.
 pub fn pipeline(
     device: &Device,
     kernel: &'static Kernel,
-    plan: &Plan,
+    modes: &[(&'static str, u32)],
     lanes: u32,
     cache: Option<&PipelineCache>,
 ) -> Result<Pipeline> {
     let mut values = Vec::new();
     for constant in kernel.specialization {
-        let Some((_, value)) = plan.modes.iter().find(|(name, _)| *name == constant.name) else {
+        let Some((_, value)) = modes.iter().find(|(name, _)| *name == constant.name) else {
             if constant.name == "local_size_x" {
                 values.push((constant.name, SpecValue::Uint(lanes)));
             }
@@ -89,7 +95,7 @@ impl ForwardStages {
         pipelines: [Pipeline; 5],
         find: &dyn Fn(&str) -> Option<&'a BufferRef>,
     ) -> Result<Self> {
-        let pool = DescriptorPool::new(device, &forward_kernels())?;
+        let pool = DescriptorPool::new(device, &pipelines.each_ref().map(Pipeline::kernel))?;
         let [vertex, triangle, bin_coarse, bin_fine, forward] = pipelines;
         Ok(Self {
             vertex: bind(&pool, vertex, find)?,
@@ -139,6 +145,115 @@ pub fn record_forward(
         recorder.dispatch(&stage.pipeline, &stage.set, push, groups)?;
         recorder.barrier();
         recorder.end_label();
+        stamp(recorder, times, i as u32 + 1)?;
+    }
+    recorder.end_label();
+    Ok(())
+}
+
+/// The backward stages, in the order in which they run; `reduce` once for views, lights and pixels each.
+pub struct BackwardStages {
+    stages: [Stage; 8],
+}
+
+/// The kernels of the backward stages, in order.
+pub fn backward_kernels() -> [&'static Kernel; 8] {
+    [
+        &kernels::PIXEL_GRAD,
+        &kernels::BACKWARD,
+        &kernels::TRIANGLE_GRAD,
+        &kernels::VERTEX_NORMAL_GRAD,
+        &kernels::VERTEX_GRAD,
+        &kernels::REDUCE,
+        &kernels::REDUCE,
+        &kernels::REDUCE,
+    ]
+}
+
+/// The stages' names in timings.
+pub const BACKWARD_STAGES: [&str; 8] = [
+    "pixel_grad",
+    "backward",
+    "triangle_grad",
+    "vertex_normal_grad",
+    "vertex_grad",
+    "reduce_views",
+    "reduce_lights",
+    "reduce_pixels",
+];
+
+/// Timestamps that a backward pass writes.
+pub const BACKWARD_TIMESTAMPS: u32 = 9;
+
+/// The mode of the reduction that a stage is, and the buffer whose rows it sums.
+pub fn reduction_of(stage: usize) -> (u32, &'static str) {
+    match BACKWARD_STAGES[stage] {
+        "reduce_lights" => (c::REDUCTION_LIGHTS, "light_records"),
+        "reduce_pixels" => (c::REDUCTION_PIXELS, "pixel_sums"),
+        _ => (c::REDUCTION_VIEWS, "view_sums"),
+    }
+}
+
+impl BackwardStages {
+    /// Binds the backward pipelines, in the order of [`backward_kernels`].
+    pub fn new<'a>(
+        device: &Device,
+        pipelines: [Pipeline; 8],
+        find: &dyn Fn(&str) -> Option<&'a BufferRef>,
+    ) -> Result<Self> {
+        let pool = DescriptorPool::new(device, &backward_kernels())?;
+        let mut stages = Vec::with_capacity(8);
+        for (i, pipeline) in pipelines.into_iter().enumerate() {
+            let rows = reduction_of(i).1;
+            stages.push(bind(&pool, pipeline, &|name| find(if name == "rows" { rows } else { name }))?);
+        }
+        let made: Result<[Stage; 8], _> = stages.try_into();
+        made.map(|stages| Self { stages })
+            .map_err(|_| Error::Vulkan { call: "descriptor binding", result: "a backward stage is missing".into() })
+    }
+}
+
+/// One backward pass after its forward frame: every stage after the one before, a global barrier between them.
+///
+/// Before: the frame's workspace, images and `saved` are as [`record_forward`] left them, and the upstream gradients are
+/// visible to compute shaders. After: the gradients were written by compute shaders.
+pub fn record_backward(
+    recorder: &mut Recorder<'_>,
+    plan: &BackwardPlan,
+    stages: &BackwardStages,
+    texel_sums: &BufferRef,
+    times: Option<&TimestampPool>,
+) -> Result<()> {
+    let g = &plan.groups;
+    let groups = [
+        g.pixel_grad,
+        g.backward,
+        g.triangle_grad,
+        g.vertex_normal_grad,
+        g.vertex_grad,
+        g.reduce_views,
+        g.reduce_lights,
+        g.reduce_pixels,
+    ];
+    let lights_first = plan.frame.view_count;
+    let pixels_first = lights_first + plan.frame.light_count + 1;
+    recorder.begin_label("softras backward");
+    recorder.fill(texel_sums, 0, plan.sizes.texel_sums, 0)?;
+    recorder.barrier();
+    stamp(recorder, times, 0)?;
+    for (i, (stage, groups)) in stages.stages.iter().zip(groups).enumerate() {
+        let mut frame = plan.frame;
+        (frame.reduce_first, frame.reduce_rows) = match BACKWARD_STAGES[i] {
+            "reduce_lights" => (lights_first, plan.light_rows),
+            "reduce_pixels" => (pixels_first, plan.pixel_rows),
+            _ => (0, 0),
+        };
+        if !groups.contains(&0) {
+            recorder.begin_label(BACKWARD_STAGES[i]);
+            recorder.dispatch(&stage.pipeline, &stage.set, bytemuck::bytes_of(&frame), groups)?;
+            recorder.barrier();
+            recorder.end_label();
+        }
         stamp(recorder, times, i as u32 + 1)?;
     }
     recorder.end_label();

@@ -4,7 +4,8 @@
 //! mesh), P pixels over all views, B bins (64×32 pixels) and T tiles (8×4 pixels) over all views, C and L the capacities
 //! of the bins' and the tiles' lists, Q the texels of a shading record (4; +2 with textures, +3 with normals):
 //!
-//! `32 V + (32 V smooth) + 96 S + 16 Q S + B S/8 + 8 B + 12 C + 8 T + 4 L + 16 P colour + 4 P depth + 16 P normal`
+//! `32 V + (32 V smooth) + 96 S + 16 Q S + B S/8 + 8 B + 12 C + 8 T + 4 L + 16 P colour + 4 P depth + 16 P normal`,
+//! and for backward `16 P + 8 S` and 8 a cell (64×32 pixels) that a box has beyond its first
 //!
 //! Nothing grows with pixels × triangles.
 
@@ -45,9 +46,16 @@ pub struct FramePush {
     pub background_green: f32,
     pub background_blue: f32,
     pub light_count: u32,
+    pub slot_count: u32,
+    pub cell_capacity: u32,
+    pub view_count: u32,
+    pub mesh_count: u32,
+    pub reduce_rows: u32,
+    pub reduce_first: u32,
+    pub texel_scale: f32,
 }
 
-const _: () = assert!(size_of::<FramePush>() == 100, "one field per member of the push constant block");
+const _: () = assert!(size_of::<FramePush>() == 128, "one field per member of the push constant block");
 
 /// How the depths of a frame's meshes lie to its near and far planes; unknown is `true`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,6 +91,8 @@ pub struct Capacity {
     pub coarse: u32,
     /// Entries of all tiles' lists together.
     pub list: u32,
+    /// Cells that large boxes have beyond their first, for backward.
+    pub cells: u32,
 }
 
 /// Where one view's share of the buffers begins.
@@ -123,6 +133,8 @@ pub struct BufferSizes {
     pub depths: u64,
     pub normals: u64,
     pub saved: u64,
+    pub cell_ranges: u64,
+    pub cells: u64,
 }
 
 impl BufferSizes {
@@ -130,10 +142,10 @@ impl BufferSizes {
     pub fn total(&self) -> u64 {
         let BufferSizes { vertices, vertex_shading, geometry, shading, boxes, bin_bits, bin_ranges, .. } = *self;
         let BufferSizes { coarse_slots, coarse_words, tile_ranges, tile_slots, status, .. } = *self;
-        let BufferSizes { color, silhouette, depths, normals, saved, .. } = *self;
+        let BufferSizes { color, silhouette, depths, normals, saved, cell_ranges, cells, .. } = *self;
         let records = vertices + vertex_shading + geometry + shading + boxes;
         let lists = bin_bits + bin_ranges + coarse_slots + coarse_words + tile_ranges + tile_slots + status;
-        records + lists + color + silhouette + depths + normals + saved
+        records + lists + color + silhouette + depths + normals + saved + cell_ranges + cells
     }
 }
 
@@ -150,6 +162,8 @@ pub struct Plan {
     pub sizes: BufferSizes,
     /// Workgroups of each stage.
     pub groups: Groups,
+    /// Vertices, slots and pixels of all views together.
+    pub totals: Totals,
 }
 
 /// Workgroups of each stage.
@@ -170,6 +184,8 @@ pub struct PlanInput<'a> {
     pub settings: &'a Settings,
     /// What each view sees, in order.
     pub views: &'a [ViewSize],
+    /// How many meshes there are: one seen by every view, or one for each.
+    pub meshes: u32,
     /// The lights, judged.
     pub lights: &'a Lights,
     /// What colours the meshes.
@@ -191,14 +207,18 @@ pub fn split(x: f64) -> (f32, f32) {
 }
 
 /// ⌈bytes / 4⌉ · 4, at least 16: no buffer that is used is empty.
-fn bytes(count: u64, each: u64) -> u64 {
+pub(crate) fn bytes(count: u64, each: u64) -> u64 {
     (count * each).next_multiple_of(16).max(16)
 }
 
 impl Capacity {
     /// The larger of both, list by list.
     pub fn max(self, other: Self) -> Self {
-        Self { coarse: self.coarse.max(other.coarse), list: self.list.max(other.list) }
+        Self {
+            coarse: self.coarse.max(other.coarse),
+            list: self.list.max(other.list),
+            cells: self.cells.max(other.cells),
+        }
     }
 
     /// Room that usual meshes need, from the mean triangle that would cover each image once; the status word tells when
@@ -220,6 +240,7 @@ impl Capacity {
             // Every bin's list is rounded up to whole words.
             coarse: entries(lists((c::BIN_WIDTH, c::BIN_HEIGHT), bins) + bins * views.len() as f64 * 32.0),
             list: entries(lists((c::TILE_WIDTH, c::TILE_HEIGHT), tiles)),
+            cells: 1024,
         }
     }
 }
@@ -367,9 +388,13 @@ impl Plan {
         let mut frame = push_of(input.settings);
         frame.coarse_capacity = input.capacity.coarse;
         frame.list_capacity = input.capacity.list;
+        frame.cell_capacity = if input.save { input.capacity.cells } else { 0 };
+        frame.view_count = input.views.len() as u32;
+        frame.mesh_count = input.meshes;
         frame.light_count = input.lights.directional.len() as u32;
         let modes = modes_of(input);
         let (views, totals) = ranges_of(input, &frame)?;
+        frame.slot_count = totals.slots as u32;
         let sizes = sizes_of(input, &frame, &totals);
         let most = |f: fn(&ViewSize) -> u32| input.views.iter().map(f).max().unwrap_or(0);
         let count = input.views.len() as u32;
@@ -383,7 +408,7 @@ impl Plan {
             bin_fine: bins,
             forward: [tiles.min(c::FORWARD_ROW), count, tiles.div_ceil(c::FORWARD_ROW)],
         };
-        Ok(Self { frame, modes, views, sizes, groups })
+        Ok(Self { frame, modes, views, sizes, groups, totals })
     }
 
     /// A specialization constant's value.
@@ -397,19 +422,22 @@ impl Plan {
     }
 }
 
-struct Totals {
-    vertices: u64,
-    slots: u64,
-    bins: u64,
-    words: u64,
-    tiles: u64,
-    pixels: u64,
+/// Counts over all views of a frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[allow(missing_docs)] // Named after what is counted.
+pub struct Totals {
+    pub vertices: u64,
+    pub slots: u64,
+    pub bins: u64,
+    pub words: u64,
+    pub tiles: u64,
+    pub pixels: u64,
 }
 
 fn ranges_of(input: &PlanInput, frame: &FramePush) -> Result<(Vec<ViewRange>, Totals)> {
     let pieces = if clips(input) { 2 } else { 1 };
     let bins = u64::from(frame.bins_x) * u64::from(frame.bins_y);
-    let mut t = Totals { vertices: 0, slots: 0, bins: 0, words: 0, tiles: 0, pixels: 0 };
+    let mut t = Totals::default();
     let mut views = Vec::with_capacity(input.views.len());
     for size in input.views {
         let slots = u64::from(size.triangles) * pieces;
@@ -481,5 +509,7 @@ fn sizes_of(input: &PlanInput, frame: &FramePush, t: &Totals) -> BufferSizes {
         depths: when(outputs.depth, bytes(t.pixels, 4)),
         normals: when(outputs.normal, bytes(t.pixels, 16)),
         saved: when(input.save, bytes(t.pixels, 16)),
+        cell_ranges: when(input.save, bytes(t.slots, 8)),
+        cells: when(input.save, bytes(u64::from(frame.cell_capacity), 8)),
     }
 }

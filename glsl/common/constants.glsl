@@ -14,6 +14,8 @@ const uint BIN_HEIGHT = 32u;
 const uint FORWARD_ROW = 32768u;
 // Invocations of a workgroup of the vertex and triangle stages.
 const uint LINEAR_GROUP = 64u;
+// Invocations of a workgroup of backward where each walks a triangle of its own.
+const uint ITEM_GROUP = 8u;
 // Triangles whose bits share one word of a bin's bitmap.
 const uint WORD_BITS = 32u;
 
@@ -119,6 +121,20 @@ const uint GRADIENT_TEXEL = 8u;
 const uint GRADIENT_SCALARS = 16u;
 // Corner normals, of the normal image.
 const uint GRADIENT_NORMAL = 32u;
+
+// Camera.
+const uint GRADIENT_VIEW = 64u;
+// Lights.
+const uint GRADIENT_LIGHTS = 128u;
+// Background colour and score.
+const uint GRADIENT_BACKGROUND = 256u;
+
+// REDUCTION: each view's triangles.
+const uint REDUCTION_VIEWS = 0u;
+// REDUCTION: each light's vertices or triangles.
+const uint REDUCTION_LIGHTS = 1u;
+// REDUCTION: all pixels.
+const uint REDUCTION_PIXELS = 2u;
 
 // Pixels of a cell: a larger box is walked in several cells, by several invocations.
 const uint CELL_WIDTH = 64u;

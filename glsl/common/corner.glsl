@@ -1,3 +1,6 @@
+// Texels of the longest shading record; SHADING_STRIDE of them are used.
+const int SHADING_MOST = int(SHADING_TEXELS + SHADING_COORDINATE_TEXELS + SHADING_NORMAL_TEXELS);
+
 // A triangle's corner values as they lie in its shading record.
 struct Corner {
     vec4 depth;
@@ -9,27 +12,31 @@ struct Corner {
     mat3 normal;
 };
 
-Corner corner_of(int slot) {
+Corner corner_from(vec4 record[SHADING_MOST]) {
     Corner c;
-    int at = slot * SHADING_STRIDE;
-    c.depth = texelFetch(shading, at);
-    vec4 a = texelFetch(shading, at + 1);
-    vec4 b = texelFetch(shading, at + 2);
-    vec4 d = texelFetch(shading, at + 3);
-    c.whole = a.w;
-    c.color = mat3(a.rgb, b.rgb, vec3(b.w, d.xy));
+    c.depth = record[0];
+    c.whole = record[1].w;
+    c.color = mat3(record[1].rgb, record[2].rgb, vec3(record[2].w, record[3].xy));
     if (SAMPLING != SAMPLING_NONE) {
-        vec4 e = texelFetch(shading, at + 4);
-        vec4 f = texelFetch(shading, at + 5);
+        vec4 e = record[4];
+        vec4 f = record[5];
         c.coordinate = mat3x2(e.xy, e.zw, f.xy);
         c.texture_index = int(f.z);
         c.triangle = int(f.w);
     }
     if (WANT_NORMAL) {
-        vec4 e = texelFetch(shading, at + SHADING_NORMAL_AT);
-        vec4 f = texelFetch(shading, at + SHADING_NORMAL_AT + 1);
-        vec4 g = texelFetch(shading, at + SHADING_NORMAL_AT + 2);
+        vec4 e = record[SHADING_NORMAL_AT];
+        vec4 f = record[SHADING_NORMAL_AT + 1];
+        vec4 g = record[SHADING_NORMAL_AT + 2];
         c.normal = mat3(e.xyz, f.xyz, vec3(f.w, g.xy));
     }
     return c;
+}
+
+Corner corner_of(int slot) {
+    vec4 record[SHADING_MOST];
+    for (int i = 0; i < SHADING_STRIDE; ++i) {
+        record[i] = texelFetch(shading, slot * SHADING_STRIDE + i);
+    }
+    return corner_from(record);
 }

@@ -10,12 +10,18 @@ struct Triangle {
     vec3 inverse_height;
 };
 
+Triangle triangle_from(vec4 record[GEOMETRY_TEXELS]) {
+    vec4 head = record[0];
+    vec4 tail = record[4];
+    return Triangle(head.xy, record[1], record[2], record[3], vec3(head.zw, tail.x), tail.yzw);
+}
+
 Triangle triangle_of(int slot) {
-    int at = slot * int(GEOMETRY_TEXELS);
-    vec4 head = texelFetch(geometry, at);
-    vec4 tail = texelFetch(geometry, at + 4);
-    return Triangle(head.xy, texelFetch(geometry, at + 1), texelFetch(geometry, at + 2), texelFetch(geometry, at + 3),
-                    vec3(head.zw, tail.x), tail.yzw);
+    vec4 record[GEOMETRY_TEXELS];
+    for (int i = 0; i < int(GEOMETRY_TEXELS); ++i) {
+        record[i] = texelFetch(geometry, slot * int(GEOMETRY_TEXELS) + i);
+    }
+    return triangle_from(record);
 }
 
 // One instruction each, where min and max, which must mind NaN, are three on a software device.
@@ -47,40 +53,63 @@ float segment_distance(vec4 line, float half_length, float height, vec2 q) {
 // Pixels within this distance of an edge count as covered in the hard modes, so that rounding opens no holes.
 const float HARD_EDGE_PIXELS = 1e-5;
 
-Fragment fragment_at(Triangle t, vec2 q, float radius_squared, float scale) {
-    Fragment f;
-    f.height = vec3(t.line0.x * q.x + t.line0.y * q.y + t.line0.z, t.line1.x * q.x + t.line1.y * q.y + t.line1.z,
+// Where a pixel lies to a triangle: all of a fragment but its exponential.
+struct Place {
+    vec3 height;
+    // Squared distance in units in which exp2 of its negative is the sigmoid's term; 0 with the hard distance.
+    float squared;
+    bool inside;
+    bool kept;
+};
+
+Place place_at(Triangle t, vec2 q, float radius_squared, float scale) {
+    Place p;
+    p.height = vec3(t.line0.x * q.x + t.line0.y * q.y + t.line0.z, t.line1.x * q.x + t.line1.y * q.y + t.line1.z,
                     t.line2.x * q.x + t.line2.y * q.y + t.line2.z);
-    float lowest = lesser(f.height.x, lesser(f.height.y, f.height.z));
+    float lowest = lesser(p.height.x, lesser(p.height.y, p.height.z));
+    p.squared = 0.0;
     if (DISTANCE == DISTANCE_HARD) {
-        f.kept = lowest >= -HARD_EDGE_PIXELS * scale;
+        p.inside = lowest >= -HARD_EDGE_PIXELS * scale;
+        p.kept = p.inside;
+        return p;
+    }
+    if (DISTANCE == DISTANCE_EUCLIDEAN) {
+        float d0 = segment_distance(t.line0, t.half_length.x, p.height.x, q);
+        float d1 = segment_distance(t.line1, t.half_length.y, p.height.y, q);
+        float d2 = segment_distance(t.line2, t.half_length.z, p.height.z, q);
+        p.squared = lesser(d0, lesser(d1, d2));
+        p.inside = lowest > 0.0;
+    } else {
+        vec3 b = p.height * t.inverse_height;
+        float least = min(b.x, min(b.y, b.z));
+        p.squared = least * least * frame.barycentric_scale;
+        p.inside = least > 0.0;
+    }
+    p.kept = p.inside || p.squared < radius_squared;
+    return p;
+}
+
+Fragment fragment_of(Place p) {
+    Fragment f;
+    f.height = p.height;
+    f.kept = p.kept;
+    if (DISTANCE == DISTANCE_HARD) {
         f.probability = f.kept ? 1.0 : 0.0;
         f.complement = 1.0 - f.probability;
         return f;
     }
-    float squared;
-    bool inside;
-    if (DISTANCE == DISTANCE_EUCLIDEAN) {
-        float d0 = segment_distance(t.line0, t.half_length.x, f.height.x, q);
-        float d1 = segment_distance(t.line1, t.half_length.y, f.height.y, q);
-        float d2 = segment_distance(t.line2, t.half_length.z, f.height.z, q);
-        squared = lesser(d0, lesser(d1, d2));
-        inside = lowest > 0.0;
-    } else {
-        vec3 b = f.height * t.inverse_height;
-        float least = min(b.x, min(b.y, b.z));
-        squared = least * least * frame.barycentric_scale;
-        inside = least > 0.0;
-    }
     // exp2 of the negative distance serves both signs: sigmoid(x) = 1 / (1 + e), sigmoid(-x) = e / (1 + e).
     // Without a pair e is 0: D is 0 and its complement 1.
-    f.kept = inside || squared < radius_squared;
-    float e = f.kept ? exp2(-squared) : 0.0;
+    float e = p.kept ? exp2(-p.squared) : 0.0;
     float major = 1.0 / (1.0 + e);
     float minor = e * major;
-    f.probability = inside ? major : minor;
-    f.complement = inside ? minor : major;
+    f.probability = p.inside ? major : minor;
+    f.complement = p.inside ? minor : major;
     return f;
+}
+
+Fragment fragment_at(Triangle t, vec2 q, float radius_squared, float scale) {
+    return fragment_of(place_at(t, q, radius_squared, scale));
 }
 
 // Clipped barycentrics, not yet divided by their sum. The lower bound stands for 0 and keeps the sum above it for

@@ -37,6 +37,11 @@ layout(push_constant) uniform Frame {
     uint slot_count;
     uint cell_capacity;
     uint view_count;
+    uint mesh_count;
+    // Rows that `reduce` sums where they are not a view's triangles.
+    uint reduce_rows;
+    // First entry of `totals` that `reduce` writes.
+    uint reduce_first;
     // Fixed-point units of a texel's gradient.
     float texel_scale;
 } frame;

@@ -27,3 +27,8 @@ const int PARTIAL_NORMAL_AT = PARTIAL_COORDINATE_AT + int(GRAD_COORDINATE) * int
 const int PARTIAL_STRIDE = PARTIAL_NORMAL_AT + int(GRAD_NORMAL) * int(PARTIAL_NORMAL_TEXELS);
 // Texels of a pixel's entry of `pixel_gradients`: colour and silhouette; weights; and the normal's where there is one.
 const int PIXEL_STRIDE = 1 + int(UP_SHADED) + int(UP_NORMAL);
+// By the camera or by sigma and gamma: what is summed over a whole view.
+const bool GRAD_VIEW = (GRADIENTS & (GRADIENT_VIEW | GRADIENT_SCALARS)) != 0u;
+const bool GRAD_LIGHTS = (GRADIENTS & GRADIENT_LIGHTS) != 0u;
+const bool GRAD_BACKGROUND = (GRADIENTS & (GRADIENT_BACKGROUND | GRADIENT_SCALARS)) != 0u;
+const int CORNER_STRIDE = 3 + 3 * int(GRAD_COLOR) + 2 * int(GRAD_COORDINATE);

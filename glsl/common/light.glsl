@@ -11,6 +11,18 @@ vec3 light_on(vec3 normal) {
     return sum;
 }
 
+// dL/dnormal from dL/dlight.
+vec3 light_gradient(vec3 normal, vec3 by_light) {
+    vec3 sum = vec3(0.0);
+    uint count = frame.light_count;
+    for (uint i = 0u; i < count; ++i) {
+        vec3 direction = texelFetch(lights, int(1u + 2u * i)).xyz;
+        vec3 color = texelFetch(lights, int(2u + 2u * i)).rgb;
+        sum += direction * (dot(normal, direction) > 0.0 ? dot(color, by_light) : 0.0);
+    }
+    return sum;
+}
+
 // Unit vector along v, or zero: scaled by its largest component first, so that no square overflows or vanishes.
 vec3 unit_or_zero(vec3 v) {
     vec3 a = abs(v);

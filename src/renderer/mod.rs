@@ -1,9 +1,10 @@
 //! The simple API: a renderer that owns its device.
 
-use crate::buffers::{self, BufferSet, Role};
+mod backward;
+
+use crate::buffers::{self, BufferSet, Role, Slot};
 use crate::constants as c;
 use crate::error::{Error, Result};
-use crate::gradients::{Gradients, ImageGradient, Wanted};
 use crate::image::Image;
 use crate::pack::{MeshTables, camera_texels, light_texels};
 use crate::passes::{self, FORWARD_STAGES, FORWARD_TIMESTAMPS, ForwardStages};
@@ -46,6 +47,8 @@ pub struct Frame {
     depth: Option<Image>,
     normal: Option<Image>,
     timings: Vec<StageTime>,
+    /// Which of its renderer's frames it is, where that kept what backward needs.
+    saved: Option<u64>,
 }
 
 impl Frame {
@@ -80,6 +83,10 @@ pub struct Renderer {
     // Dropped before the context, which they need.
     stages: HashMap<Vec<(&'static str, u32)>, [crate::vulkan::Pipeline; 5]>,
     recorded: Option<(Plan, ForwardStages)>,
+    backward: backward::State,
+    /// The latest frame, if it was saved.
+    saved: Option<backward::Saved>,
+    frames: u64,
     commands: CommandBuffer,
     times: Option<TimestampPool>,
     buffers: BufferSet,
@@ -132,6 +139,9 @@ impl Renderer {
         Ok(Self {
             stages: HashMap::new(),
             recorded: None,
+            backward: backward::State::new(&context)?,
+            saved: None,
+            frames: 0,
             commands: CommandBuffer::new(&context, "softras frame")?,
             times: TimestampPool::new(context.device(), context.queue_family(), FORWARD_TIMESTAMPS)?,
             buffers: BufferSet::default(),
@@ -171,7 +181,9 @@ impl Renderer {
         scene.judge(cameras)?;
         settings.judge()?;
         let smooth = scene.lights.shading == Shading::Smooth;
-        let tables = MeshTables::new(scene, smooth);
+        self.frames += 1;
+        self.saved = None;
+        let tables = MeshTables::new(scene, smooth || settings.save);
         let views: Vec<ViewSize> = (0..cameras.len())
             .map(|view| tables.layouts[scene.mesh_of_view(view)])
             .map(|mesh| ViewSize { vertices: mesh.vertices, triangles: mesh.triangles })
@@ -187,6 +199,7 @@ impl Renderer {
             let plan = Plan::new(&PlanInput {
                 settings,
                 views: &views,
+                meshes: scene.meshes.len() as u32,
                 lights: &scene.lights,
                 sampling: tables.sampling,
                 depth_span,
@@ -202,7 +215,18 @@ impl Renderer {
                 None => {
                     // The next frame of this kind starts with what this one needed.
                     self.capacity = Some(self.capacity.map_or(capacity, |c| c.max(capacity)));
-                    return self.download(cameras.len(), settings);
+                    let frame = self.download(cameras.len(), settings)?;
+                    if settings.save {
+                        self.saved = Some(backward::Saved {
+                            id: self.frames,
+                            plan,
+                            tables,
+                            cameras: cameras.to_vec(),
+                            settings: settings.clone(),
+                            lights: scene.lights.clone(),
+                        });
+                    }
+                    return Ok(frame);
                 }
             }
         }
@@ -245,6 +269,7 @@ impl Renderer {
         }
         if renewed {
             self.recorded = None;
+            self.backward.forget();
         }
         Ok(())
     }
@@ -269,20 +294,21 @@ impl Renderer {
         let status = buffers.get("status").ok_or_else(|| missing("status"))?;
         let bits = buffers.get("bin_bits").ok_or_else(|| missing("bin_bits"))?;
         let times = self.times.as_ref();
+        let is_forward = |slot: Slot| buffers::FORWARD.iter().any(|f| f.name == slot.name);
         self.recorded = None;
         self.commands.record(|recorder| {
             if let Some(times) = times {
                 recorder.reset_timestamps(times);
             }
-            for (role, buffer) in buffers.shared() {
-                if role == Role::Input {
+            for (slot, buffer) in buffers.shared() {
+                if slot.role == Role::Input && is_forward(slot) {
                     buffer.record_upload(recorder)?;
                 }
             }
             recorder.barrier();
             passes::record_forward(recorder, plan, &stages, status, bits, times)?;
-            for (role, buffer) in buffers.shared() {
-                if role == Role::Output {
+            for (slot, buffer) in buffers.shared() {
+                if slot.role == Role::Output && is_forward(slot) {
                     buffer.record_download(recorder)?;
                 }
             }
@@ -298,8 +324,8 @@ impl Renderer {
         let (device, lanes) = (self.context.device(), self.lanes);
         let cache = Some(self.context.pipeline_cache());
         let made = std::thread::scope(|scope| {
-            let threads = passes::forward_kernels()
-                .map(|kernel| scope.spawn(move || passes::pipeline(device, kernel, plan, lanes, cache)));
+            let threads = passes::forward_kernels(device, lanes)
+                .map(|kernel| scope.spawn(move || passes::pipeline(device, kernel, &plan.modes, lanes, cache)));
             threads.map(|thread| match thread.join() {
                 Ok(pipeline) => pipeline,
                 Err(panic) => std::panic::resume_unwind(panic),
@@ -319,12 +345,17 @@ impl Renderer {
         }
         let coarse = status[c::STATUS_COARSE_NEEDED as usize];
         let list = status[c::STATUS_LIST_NEEDED as usize];
-        if coarse <= had.coarse && list <= had.list {
+        let cells = status[c::STATUS_CELLS_NEEDED as usize];
+        if coarse <= had.coarse && list <= had.list && cells <= had.cells {
             return Ok(None);
         }
         // A quarter more than was needed, so that a mesh in motion does not grow its lists every frame.
         let room = |needed: u32, had: u32| if needed > had { needed.saturating_add(needed / 4) } else { had };
-        Ok(Some(Capacity { coarse: room(coarse, had.coarse), list: room(list, had.list) }))
+        Ok(Some(Capacity {
+            coarse: room(coarse, had.coarse),
+            list: room(list, had.list),
+            cells: room(cells, had.cells),
+        }))
     }
 
     fn download(&self, batch: usize, settings: &Settings) -> Result<Frame> {
@@ -338,7 +369,9 @@ impl Renderer {
             Ok(data)
         };
         let rgb = |texels: &[f32]| texels.chunks_exact(4).flat_map(|t| [t[0], t[1], t[2]]).collect::<Vec<f32>>();
-        let mut frame = Frame { color: None, silhouette: None, depth: None, normal: None, timings: self.timings()? };
+        let mut frame =
+            Frame { color: None, silhouette: None, depth: None, normal: None, timings: self.timings()?, saved: None };
+        frame.saved = settings.save.then_some(self.frames);
         if color {
             let texels = floats("color", 4 * pixels)?;
             frame.color = Some(image(3, rgb(&texels)));
@@ -355,16 +388,6 @@ impl Renderer {
             frame.normal = Some(image(3, rgb(&floats("normals", 4 * pixels)?)));
         }
         Ok(frame)
-    }
-
-    /// dL by whatever is wanted, from dL by the frame's images.
-    ///
-    /// # Errors
-    /// [`Error::Backward`] for a frame rendered without [`Settings::save`], one that is not this renderer's latest, or
-    /// an upstream gradient that does not fit it; otherwise as [`Renderer::render`].
-    pub fn backward(&mut self, frame: &Frame, upstream: &ImageGradient, wanted: &Wanted) -> Result<Gradients> {
-        let _ = (frame, upstream, wanted);
-        Err(Error::Backward { what: "not built yet".into(), mend: "soon".into() })
     }
 
     fn timings(&self) -> Result<Vec<StageTime>> {

@@ -1,0 +1,80 @@
+#version 450
+#extension GL_GOOGLE_include_directive : require
+// Reduce: sums of rows in a fixed order: of `view_sums` over each view's triangles, of `light_records` over all of them
+// and each light, of `pixel_sums` over all pixels. REDUCTION says which.
+// One workgroup a sum (along x: a view, a light, or nothing); every lane sums each 64th row, and the lanes' sums are
+// added pairwise. Writes `totals`, three texels each, the ambient light before the others.
+
+layout(local_size_x = 64) in;
+
+layout(set = 0, binding = 0) uniform usamplerBuffer view_shapes;
+layout(set = 0, binding = 1) uniform samplerBuffer lights;
+layout(set = 0, binding = 2) uniform samplerBuffer rows;
+layout(set = 0, binding = 3, std430) writeonly buffer Totals { vec4 totals[]; };
+
+layout(constant_id = 30) const uint REDUCTION = 0;
+
+#include "common/constants.glsl"
+#include "common/frame.glsl"
+#include "common/mesh.glsl"
+
+shared vec4 lane_sums[3 * 64];
+
+// A row's share of a light's gradient: by direction and by colour; of the ambient light's by colour.
+void light_row(int row, int light, out vec4 a, out vec4 b) {
+    vec3 by_light = texelFetch(rows, 2 * row).rgb;
+    vec3 normal = texelFetch(rows, 2 * row + 1).xyz;
+    vec3 direction = texelFetch(lights, light == 0 ? 0 : 2 * light - 1).xyz;
+    vec3 color = texelFetch(lights, light == 0 ? 0 : 2 * light).rgb;
+    float cosine = dot(normal, direction);
+    a = light == 0 ? vec4(0.0) : vec4(cosine > 0.0 ? normal * dot(color, by_light) : vec3(0.0), 0.0);
+    b = vec4(light == 0 ? by_light : by_light * max(cosine, 0.0), 0.0);
+}
+
+void main() {
+    int group = int(gl_WorkGroupID.x);
+    int lane = int(gl_LocalInvocationID.x);
+    int first = 0;
+    int count = int(frame.reduce_rows);
+    if (REDUCTION == REDUCTION_VIEWS) {
+        Shape shape = shape_of(group);
+        first = shape.slot_base;
+        count = shape.triangle_count;
+    }
+    vec4 a = vec4(0.0);
+    vec4 b = vec4(0.0);
+    vec4 c = vec4(0.0);
+    for (int i = lane; i < count; i += 64) {
+        int row = first + i;
+        if (REDUCTION == REDUCTION_LIGHTS) {
+            vec4 by_direction;
+            vec4 by_color;
+            light_row(row, group, by_direction, by_color);
+            a += by_direction;
+            b += by_color;
+        } else if (REDUCTION == REDUCTION_PIXELS) {
+            a += texelFetch(rows, 2 * row);
+            b += texelFetch(rows, 2 * row + 1);
+        } else {
+            a += texelFetch(rows, 3 * row);
+            b += texelFetch(rows, 3 * row + 1);
+            c += texelFetch(rows, 3 * row + 2);
+        }
+    }
+    lane_sums[3 * lane] = a;
+    lane_sums[3 * lane + 1] = b;
+    lane_sums[3 * lane + 2] = c;
+    for (int width = 32; width > 0; width /= 2) {
+        barrier();
+        if (lane < width) {
+            for (int k = 0; k < 3; ++k) {
+                lane_sums[3 * lane + k] += lane_sums[3 * (lane + width) + k];
+            }
+        }
+    }
+    if (lane == 0) {
+        for (int k = 0; k < 3; ++k) {
+            totals[3 * (group + int(frame.reduce_first)) + k] = lane_sums[k];
+        }
+    }
+}

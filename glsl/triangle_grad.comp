@@ -1,0 +1,225 @@
+#version 450
+#extension GL_GOOGLE_include_directive : require
+// Triangle gradient: what backward summed for a triangle's pieces, by its three corners: through near clipping and the
+// projection to world space, through light to the corners' colours and the face's normal; and its share of what the view
+// as a whole is differentiated by.
+// One invocation a triangle, views along y. Reads `partials` and the mesh; writes `corner_gradients` (three world-space
+// positions, three colours, two texels of coordinates), `corner_lights` (light and normal of every corner, smooth),
+// `light_records` (light and normal of the face, flat) and `view_sums` (twist, projection, sigma, gamma).
+
+layout(local_size_x = 64) in;
+
+layout(set = 0, binding = 0) uniform usamplerBuffer view_shapes;
+layout(set = 0, binding = 1) uniform samplerBuffer view_cameras;
+layout(set = 0, binding = 2) uniform samplerBuffer positions;
+layout(set = 0, binding = 3) uniform usamplerBuffer indices;
+layout(set = 0, binding = 4) uniform samplerBuffer vertex_shading;
+layout(set = 0, binding = 5) uniform samplerBuffer lights;
+layout(set = 0, binding = 6) uniform samplerBuffer colors;
+layout(set = 0, binding = 7) uniform samplerBuffer uvs;
+layout(set = 0, binding = 8) uniform usamplerBuffer uv_indices;
+layout(set = 0, binding = 9) uniform isamplerBuffer boxes;
+layout(set = 0, binding = 10) uniform usamplerBuffer cell_ranges;
+layout(set = 0, binding = 11) uniform samplerBuffer partials;
+layout(set = 0, binding = 12, std430) writeonly buffer CornerGradients { vec4 corner_gradients[]; };
+layout(set = 0, binding = 13, std430) writeonly buffer CornerLights { vec4 corner_lights[]; };
+layout(set = 0, binding = 14, std430) writeonly buffer LightRecords { vec4 light_records[]; };
+layout(set = 0, binding = 15, std430) writeonly buffer ViewSums { vec4 view_sums[]; };
+
+#include "common/constants.glsl"
+#include "common/modes.glsl"
+#include "common/gradient_modes.glsl"
+#include "common/frame.glsl"
+#include "common/mesh.glsl"
+#include "common/light.glsl"
+#include "common/partial.glsl"
+#include "common/project_gradient.glsl"
+
+// What the corners of the uncut triangle are, and what L is by them.
+struct Corners {
+    vec3 point[3];
+    mat3 base;
+    mat3 light;
+    mat3x2 coordinate;
+    mat3 normal;
+    vec3 by_point[3];
+    mat3 by_color;
+    mat3x2 by_coordinate;
+    mat3 by_normal;
+    vec3 twist_shift;
+    vec3 twist_turn;
+    vec4 by_projection;
+    vec2 scalars;
+};
+
+vec3 position_of(Shape shape, int vertex) {
+    int at = 3 * (shape.vertex_base + vertex);
+    return vec3(texelFetch(positions, at).x, texelFetch(positions, at + 1).x, texelFetch(positions, at + 2).x);
+}
+
+Corners corners_of(Shape shape, View camera, int triangle, ivec3 v, vec3 face_normal) {
+    Corners c;
+    for (int k = 0; k < 3; ++k) {
+        c.point[k] = view_point(camera, position_of(shape, v[k]));
+        int at = shape.color_base + (shape.uniform_color ? 0 : 3 * v[k]);
+        c.base[k] = vec3(texelFetch(colors, at).x, texelFetch(colors, at + 1).x, texelFetch(colors, at + 2).x);
+        c.light[k] = LIT ? light_on(face_normal) : vec3(1.0);
+        c.normal[k] = face_normal;
+        c.coordinate[k] = vec2(k == 0 ? 1.0 : 0.0, k == 1 ? 1.0 : 0.0);
+        if (SMOOTH) {
+            int shaded = int(VERTEX_SHADING_TEXELS) * (shape.screen_base + v[k]);
+            c.light[k] = texelFetch(vertex_shading, shaded).rgb;
+            c.normal[k] = texelFetch(vertex_shading, shaded + 1).xyz;
+        }
+        if (SAMPLING != SAMPLING_NONE && shape.uv_base >= 0) {
+            int uv = shape.uv_base + 2 * int(texelFetch(uv_indices, shape.uv_index_base + 3 * triangle + k).x);
+            c.coordinate[k] = vec2(texelFetch(uvs, uv).x, texelFetch(uvs, uv + 1).x);
+        }
+        c.by_point[k] = vec3(0.0);
+    }
+    c.by_color = mat3(0.0);
+    c.by_coordinate = mat3x2(0.0);
+    c.by_normal = mat3(0.0);
+    c.twist_shift = vec3(0.0);
+    c.twist_turn = vec3(0.0);
+    c.by_projection = vec4(0.0);
+    c.scalars = vec2(0.0);
+    return c;
+}
+
+// One corner of a piece: original corner k itself, or the point at share t on the way from corner k to corner l, where
+// the near plane cuts that edge.
+void add_corner(View camera, inout Corners c, Partial p, int i, int k, int l, float near) {
+    float from = c.point[k].z - near;
+    float to = c.point[l].z - near;
+    float t = k == l ? 0.0 : from / (from - to);
+    vec3 point = c.point[k] + t * (c.point[l] - c.point[k]);
+    vec4 by_projection;
+    vec3 by_point = project_gradient(camera, point, p.pixel[i], p.depth[i], by_projection);
+    c.by_projection += by_projection;
+    c.by_point[k] += (1.0 - t) * by_point;
+    c.by_point[l] += t * by_point;
+    c.by_color[k] += (1.0 - t) * p.color[i];
+    c.by_color[l] += t * p.color[i];
+    c.by_coordinate[k] += (1.0 - t) * p.coordinate[i];
+    c.by_coordinate[l] += t * p.coordinate[i];
+    c.by_normal[k] += (1.0 - t) * p.normal[i];
+    c.by_normal[l] += t * p.normal[i];
+    if (k != l) {
+        float by_t = dot(by_point, c.point[l] - c.point[k])
+                   + dot(p.color[i], c.base[l] * c.light[l] - c.base[k] * c.light[k])
+                   + dot(p.coordinate[i], c.coordinate[l] - c.coordinate[k])
+                   + dot(p.normal[i], c.normal[l] - c.normal[k]);
+        float inverse = 1.0 / ((from - to) * (from - to));
+        c.by_point[k].z -= by_t * to * inverse;
+        c.by_point[l].z += by_t * from * inverse;
+    }
+}
+
+// The pieces' corners in the order of triangle.comp's clipping.
+void add_pieces(View camera, Shape shape, int triangle, inout Corners c) {
+    float near = frame.near_high;
+    ivec2 corner[4];
+    int count = 0;
+    for (int k = 0; k < 3; ++k) {
+        int l = k == 2 ? 0 : k + 1;
+        bool inside = c.point[k].z >= near || OFFICIAL;
+        if (inside) {
+            corner[count] = ivec2(k, k);
+            ++count;
+        }
+        if (inside != (c.point[l].z >= near || OFFICIAL)) {
+            corner[count] = ivec2(k, l);
+            ++count;
+        }
+    }
+    for (int piece = 0; piece < (NEAR_CLIP ? 2 : 1); ++piece) {
+        if (count < 3 + piece) {
+            break;
+        }
+        Partial p = partial_of(shape.slot_base + triangle + piece * shape.triangle_count);
+        for (int i = 0; i < 3; ++i) {
+            ivec2 which = corner[i == 0 ? 0 : i + piece];
+            add_corner(camera, c, p, i, which.x, which.y, near);
+        }
+        c.scalars += p.scalars;
+    }
+}
+
+// dL/d(unnormalised normal) from dL/d(unit normal).
+vec3 by_area(vec3 area, vec3 by_normal) {
+    float size = length(area);
+    vec3 n = size > 0.0 ? area / size : vec3(0.0);
+    return size > 0.0 ? (by_normal - n * dot(n, by_normal)) / size : vec3(0.0);
+}
+
+void main() {
+    int view = int(gl_WorkGroupID.y);
+    int triangle = int(gl_GlobalInvocationID.x);
+    Shape shape = shape_of(view);
+    if (triangle >= shape.triangle_count) {
+        return;
+    }
+    int at = 3 * (shape.triangle_base + triangle);
+    ivec3 v = ivec3(texelFetch(indices, at).x, texelFetch(indices, at + 1).x, texelFetch(indices, at + 2).x);
+    vec3 p0 = position_of(shape, v.x);
+    vec3 edge1 = position_of(shape, v.y) - p0;
+    vec3 edge2 = position_of(shape, v.z) - p0;
+    vec3 area = cross(edge1, edge2);
+    vec3 face_normal = unit_or_zero(area);
+    View camera = view_record(view);
+    Corners c = corners_of(shape, camera, triangle, v, face_normal);
+    int slot = shape.slot_base + triangle;
+    add_pieces(camera, shape, triangle, c);
+    int to = slot * CORNER_STRIDE;
+    vec3 by_world[3];
+    vec3 by_light = vec3(0.0);
+    for (int k = 0; k < 3; ++k) {
+        c.twist_shift += c.by_point[k];
+        c.twist_turn += cross(c.point[k], c.by_point[k]);
+        by_world[k] = world_gradient(camera, c.point[k], c.by_point[k]);
+        by_light += c.by_color[k] * c.base[k];
+    }
+    if (!SMOOTH && (LIT || UP_NORMAL)) {
+        vec3 by_normal = c.by_normal[0] + c.by_normal[1] + c.by_normal[2];
+        if (LIT) {
+            by_normal += light_gradient(face_normal, by_light);
+        }
+        vec3 by_cross = by_area(area, by_normal);
+        vec3 by_edge1 = cross(edge2, by_cross);
+        vec3 by_edge2 = cross(by_cross, edge1);
+        by_world[0] -= by_edge1 + by_edge2;
+        by_world[1] += by_edge1;
+        by_world[2] += by_edge2;
+    }
+    for (int k = 0; k < 3; ++k) {
+        corner_gradients[to + k] = vec4(by_world[k], 0.0);
+        if (GRAD_COLOR) {
+            corner_gradients[to + 3 + k] = vec4(c.by_color[k] * c.light[k], 0.0);
+        }
+        if (SMOOTH) {
+            int light_at = 2 * (3 * slot + k);
+            corner_lights[light_at] = vec4(c.by_color[k] * c.base[k], 0.0);
+            corner_lights[light_at + 1] = vec4(c.by_normal[k], 0.0);
+        }
+    }
+    if (GRAD_COORDINATE) {
+        corner_gradients[to + CORNER_STRIDE - 2] = vec4(c.by_coordinate[0], c.by_coordinate[1]);
+        corner_gradients[to + CORNER_STRIDE - 1] = vec4(c.by_coordinate[2], 0.0, 0.0);
+    }
+    if (GRAD_LIGHTS && !SMOOTH) {
+        light_records[2 * slot] = vec4(by_light, 0.0);
+        light_records[2 * slot + 1] = vec4(face_normal, 0.0);
+        if (NEAR_CLIP) {
+            // All rows are summed, the second pieces' too.
+            light_records[2 * (slot + shape.triangle_count)] = vec4(0.0);
+            light_records[2 * (slot + shape.triangle_count) + 1] = vec4(0.0);
+        }
+    }
+    if (GRAD_VIEW) {
+        bool fixed_view = camera.kind == PROJECTION_SCREEN;
+        view_sums[3 * slot] = fixed_view ? vec4(0.0) : vec4(c.twist_shift, c.twist_turn.x);
+        view_sums[3 * slot + 1] = fixed_view ? vec4(0.0) : vec4(c.twist_turn.yz, c.by_projection.xy);
+        view_sums[3 * slot + 2] = vec4(fixed_view ? vec2(0.0) : c.by_projection.zw, c.scalars);
+    }
+}

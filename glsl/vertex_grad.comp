@@ -1,0 +1,74 @@
+#version 450
+#extension GL_GOOGLE_include_directive : require
+// Vertex gradient: every vertex of every mesh gathers from the corners that are it, over all views of its mesh, in the
+// order of views and of the adjacency: no atomics, so the same bits always.
+// One invocation a vertex, meshes along y. Reads `corner_gradients` and `area_gradients`; writes `vertex_gradients`:
+// position, then colour.
+
+layout(local_size_x = 64) in;
+
+layout(set = 0, binding = 0) uniform usamplerBuffer view_shapes;
+layout(set = 0, binding = 1) uniform samplerBuffer positions;
+layout(set = 0, binding = 2) uniform usamplerBuffer indices;
+layout(set = 0, binding = 3) uniform usamplerBuffer adjacency;
+layout(set = 0, binding = 4) uniform samplerBuffer corner_gradients;
+layout(set = 0, binding = 5) uniform samplerBuffer area_gradients;
+layout(set = 0, binding = 6, std430) writeonly buffer VertexGradients { vec4 vertex_gradients[]; };
+
+#include "common/constants.glsl"
+#include "common/modes.glsl"
+#include "common/gradient_modes.glsl"
+#include "common/frame.glsl"
+#include "common/mesh.glsl"
+
+vec3 position_of(Shape shape, int vertex) {
+    int at = 3 * (shape.vertex_base + vertex);
+    return vec3(texelFetch(positions, at).x, texelFetch(positions, at + 1).x, texelFetch(positions, at + 2).x);
+}
+
+// What a triangle's corner gets through the smooth normals of its three vertices, each a sum of area vectors.
+vec3 through_normals(Shape shape, int triangle, int corner) {
+    int at = 3 * (shape.triangle_base + triangle);
+    ivec3 v = ivec3(texelFetch(indices, at).x, texelFetch(indices, at + 1).x, texelFetch(indices, at + 2).x);
+    vec3 by_area = texelFetch(area_gradients, shape.screen_base + v.x).xyz
+                 + texelFetch(area_gradients, shape.screen_base + v.y).xyz
+                 + texelFetch(area_gradients, shape.screen_base + v.z).xyz;
+    // The area vector e × f with e, f from any corner to the next two is the same; its derivative by that corner is
+    // that by the edge opposite.
+    int next = corner == 2 ? 0 : corner + 1;
+    int last = next == 2 ? 0 : next + 1;
+    vec3 opposite = position_of(shape, v[last]) - position_of(shape, v[next]);
+    return cross(by_area, opposite);
+}
+
+void main() {
+    int mesh = int(gl_WorkGroupID.y);
+    int vertex = int(gl_GlobalInvocationID.x);
+    // One mesh is seen by all views, several by one each.
+    int first = frame.mesh_count == 1u ? 0 : mesh;
+    int last = frame.mesh_count == 1u ? int(frame.view_count) - 1 : mesh;
+    if (vertex >= shape_of(first).vertex_count) {
+        return;
+    }
+    vec3 position = vec3(0.0);
+    vec3 color = vec3(0.0);
+    for (int view = first; view <= last; ++view) {
+        Shape shape = shape_of(view);
+        int at = shape.adjacency_base + vertex;
+        int end = int(texelFetch(adjacency, at + 1).x);
+        for (int i = int(texelFetch(adjacency, at).x); i < end; ++i) {
+            int corner = int(texelFetch(adjacency, i).x);
+            int from = (shape.slot_base + (corner >> 2)) * CORNER_STRIDE + (corner & 3);
+            position += texelFetch(corner_gradients, from).xyz;
+            if (GRAD_COLOR) {
+                color += texelFetch(corner_gradients, from + 3).rgb;
+            }
+            if (SMOOTH) {
+                position += through_normals(shape, corner >> 2, corner & 3);
+            }
+        }
+    }
+    int to = 2 * (shape_of(first).vertex_base + vertex);
+    vertex_gradients[to] = vec4(position, 0.0);
+    vertex_gradients[to + 1] = vec4(color, 0.0);
+}

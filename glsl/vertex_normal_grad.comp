@@ -1,0 +1,65 @@
+#version 450
+#extension GL_GOOGLE_include_directive : require
+// Vertex normal gradient, with smooth shading only: what every corner at a vertex gives to its light and normal, summed
+// in the order of the adjacency, by the vertex's unnormalised normal.
+// One invocation a vertex of a view, views along y. Reads `corner_lights` and the mesh; writes `area_gradients`
+// (dL/d of the sum of area vectors) and `light_records` (light's gradient and normal).
+
+layout(local_size_x = 64) in;
+
+layout(set = 0, binding = 0) uniform usamplerBuffer view_shapes;
+layout(set = 0, binding = 1) uniform samplerBuffer positions;
+layout(set = 0, binding = 2) uniform usamplerBuffer indices;
+layout(set = 0, binding = 3) uniform usamplerBuffer adjacency;
+layout(set = 0, binding = 4) uniform samplerBuffer lights;
+layout(set = 0, binding = 5) uniform samplerBuffer corner_lights;
+layout(set = 0, binding = 6, std430) writeonly buffer AreaGradients { vec4 area_gradients[]; };
+layout(set = 0, binding = 7, std430) writeonly buffer LightRecords { vec4 light_records[]; };
+
+#include "common/constants.glsl"
+#include "common/modes.glsl"
+#include "common/gradient_modes.glsl"
+#include "common/frame.glsl"
+#include "common/mesh.glsl"
+#include "common/light.glsl"
+
+vec3 position_of(Shape shape, int vertex) {
+    int at = 3 * (shape.vertex_base + vertex);
+    return vec3(texelFetch(positions, at).x, texelFetch(positions, at + 1).x, texelFetch(positions, at + 2).x);
+}
+
+void main() {
+    int view = int(gl_WorkGroupID.y);
+    int vertex = int(gl_GlobalInvocationID.x);
+    Shape shape = shape_of(view);
+    if (vertex >= shape.vertex_count) {
+        return;
+    }
+    vec3 area = vec3(0.0);
+    vec3 by_light = vec3(0.0);
+    vec3 by_normal = vec3(0.0);
+    int at = shape.adjacency_base + vertex;
+    int end = int(texelFetch(adjacency, at + 1).x);
+    for (int i = int(texelFetch(adjacency, at).x); i < end; ++i) {
+        int corner = int(texelFetch(adjacency, i).x);
+        int triangle = corner >> 2;
+        int first = 3 * (shape.triangle_base + triangle);
+        vec3 p0 = position_of(shape, int(texelFetch(indices, first).x));
+        vec3 p1 = position_of(shape, int(texelFetch(indices, first + 1).x));
+        vec3 p2 = position_of(shape, int(texelFetch(indices, first + 2).x));
+        area += cross(p1 - p0, p2 - p0);
+        int light_at = 2 * (3 * (shape.slot_base + triangle) + (corner & 3));
+        by_light += texelFetch(corner_lights, light_at).rgb;
+        by_normal += texelFetch(corner_lights, light_at + 1).xyz;
+    }
+    vec3 normal = unit_or_zero(area);
+    float size = length(area);
+    vec3 by_unit = by_normal + (LIT ? light_gradient(normal, by_light) : vec3(0.0));
+    vec3 by_area = size > 0.0 ? (by_unit - normal * dot(normal, by_unit)) / size : vec3(0.0);
+    int to = shape.screen_base + vertex;
+    area_gradients[to] = vec4(by_area, 0.0);
+    if (GRAD_LIGHTS) {
+        light_records[2 * to] = vec4(by_light, 0.0);
+        light_records[2 * to + 1] = vec4(normal, 0.0);
+    }
+}

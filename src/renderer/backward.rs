@@ -1,0 +1,404 @@
+//! Backward on the simple API: from dL/dimages to dL by what made them.
+
+use super::{Frame, Renderer, StageTime};
+use crate::backward_plan::{BackwardInput, BackwardPlan};
+use crate::buffers::{self, Role};
+use crate::constants as c;
+use crate::error::{Error, Result};
+use crate::gradients::{CameraGradient, Gradients, ImageGradient, LightGradients, MeshGradients, Wanted};
+use crate::image::Image;
+use crate::pack::{Appearances, MeshTables};
+use crate::passes::{self, BACKWARD_STAGES, BACKWARD_TIMESTAMPS, BackwardStages};
+use crate::plan::Plan;
+use crate::scene::{Background, Camera, Lights, Parity, Projection, Settings};
+use crate::vulkan::{CommandBuffer, Context, Pipeline, TimestampPool};
+use std::collections::HashMap;
+
+/// What a saved frame was made of; its buffers are the renderer's.
+pub(super) struct Saved {
+    pub id: u64,
+    pub plan: Plan,
+    pub tables: MeshTables,
+    pub cameras: Vec<Camera>,
+    pub settings: Settings,
+    pub lights: Lights,
+}
+
+/// What backward keeps from pass to pass.
+pub(super) struct State {
+    stages: HashMap<Vec<(&'static str, u32)>, [Pipeline; 8]>,
+    recorded: Option<(BackwardPlan, BackwardStages)>,
+    commands: CommandBuffer,
+    times: Option<TimestampPool>,
+}
+
+impl State {
+    pub(super) fn new(context: &Context) -> Result<Self> {
+        Ok(Self {
+            stages: HashMap::new(),
+            recorded: None,
+            commands: CommandBuffer::new(context, "softras backward")?,
+            times: TimestampPool::new(context.device(), context.queue_family(), BACKWARD_TIMESTAMPS)?,
+        })
+    }
+
+    /// Buffers were renewed: descriptors must be written again.
+    pub(super) fn forget(&mut self) {
+        self.recorded = None;
+    }
+}
+
+fn stale<T>(what: &str, mend: &str) -> Result<T> {
+    Err(Error::Backward { what: what.into(), mend: mend.into() })
+}
+
+impl Renderer {
+    /// dL by whatever is wanted, from dL by the frame's images.
+    ///
+    /// The frame must be this renderer's latest one, rendered with [`Settings::save`]. It can be differentiated any number
+    /// of times. Gradients of a mesh are summed over its views. The same input gives the same bits.
+    ///
+    /// # Errors
+    /// [`Error::Backward`] for a frame rendered without [`Settings::save`], one that is not the latest, or an upstream
+    /// gradient that does not fit it; otherwise as [`Renderer::render`].
+    pub fn backward(&mut self, frame: &Frame, upstream: &ImageGradient, wanted: &Wanted) -> Result<Gradients> {
+        let Some(id) = frame.saved else {
+            return stale("the frame was rendered for looking at only", "render it with Settings::save = true");
+        };
+        let Some(saved) = self.saved.take() else {
+            return stale("the frame's saved state is gone", "differentiate a frame before rendering the next");
+        };
+        let result = if saved.id == id {
+            self.backward_saved(&saved, upstream, wanted)
+        } else {
+            stale("the renderer has rendered another frame since", "differentiate a frame before rendering the next")
+        };
+        self.saved = Some(saved);
+        result
+    }
+
+    /// Device time of every stage of the latest backward pass, in order; 0 for a stage that was not needed.
+    ///
+    /// # Errors
+    /// [`Error::Vulkan`] without a backward pass before.
+    pub fn backward_timings(&self) -> Result<Vec<StageTime>> {
+        let Some(times) = &self.backward.times else {
+            return Ok(Vec::new());
+        };
+        let stamps = times.read(BACKWARD_TIMESTAMPS)?;
+        let spans = stamps.windows(2).map(|pair| pair[1] - pair[0]);
+        Ok(BACKWARD_STAGES.iter().zip(spans).map(|(&stage, milliseconds)| StageTime { stage, milliseconds }).collect())
+    }
+
+    fn backward_saved(&mut self, saved: &Saved, upstream: &ImageGradient, wanted: &Wanted) -> Result<Gradients> {
+        let s = &saved.settings;
+        let batch = saved.cameras.len();
+        upstream.judge(s.outputs, batch, s.height as usize, s.width as usize)?;
+        let layouts = &saved.tables.layouts;
+        let texel_scale = texel_scale(saved, upstream);
+        let plan = BackwardPlan::new(&BackwardInput {
+            forward: &saved.plan,
+            upstream: upstream.outputs(),
+            wanted,
+            lit: !saved.lights.is_unlit(),
+            vertices: saved.tables.positions.len() as u64 / 3,
+            largest_mesh: layouts.iter().map(|m| m.vertices).max().unwrap_or(0),
+            texels: saved.tables.texels.len() as u64,
+            texel_scale,
+            item_lanes: if self.lanes == 32 { 32 } else { 1 },
+        });
+        let mut renewed = false;
+        for slot in buffers::BACKWARD {
+            renewed |= self.buffers.reserve(&self.context, slot, plan.sizes.of(slot.name))?;
+        }
+        if renewed {
+            self.backward.forget();
+        }
+        self.write_upstream(upstream)?;
+        self.prepare_backward(&plan, wanted)?;
+        self.backward.commands.submit_and_wait()?;
+        self.gather(saved, &plan, wanted)
+    }
+
+    fn write_upstream(&mut self, upstream: &ImageGradient) -> Result<()> {
+        let alpha = upstream.silhouette.as_ref();
+        if let Some(color) = &upstream.color {
+            let mut texels = Vec::with_capacity(color.data.len() / 3 * 4);
+            for (i, rgb) in color.data.chunks_exact(3).enumerate() {
+                texels.extend_from_slice(&[rgb[0], rgb[1], rgb[2], alpha.map_or(0.0, |a| a.data[i])]);
+            }
+            self.buffers.write("upstream_color", bytemuck::cast_slice(&texels))?;
+        } else if let Some(alpha) = alpha {
+            self.buffers.write("upstream_silhouette", bytemuck::cast_slice(&alpha.data))?;
+        }
+        if let Some(depth) = &upstream.depth {
+            self.buffers.write("upstream_depths", bytemuck::cast_slice(&depth.data))?;
+        }
+        if let Some(normal) = &upstream.normal {
+            let texels: Vec<[f32; 4]> = normal.data.chunks_exact(3).map(|n| [n[0], n[1], n[2], 0.0]).collect();
+            self.buffers.write("upstream_normals", bytemuck::cast_slice(&texels))?;
+        }
+        Ok(())
+    }
+
+    /// Records the pass's commands, unless they are recorded already.
+    fn prepare_backward(&mut self, plan: &BackwardPlan, wanted: &Wanted) -> Result<()> {
+        if self.backward.recorded.as_ref().is_some_and(|(recorded, _)| recorded == plan) {
+            return Ok(());
+        }
+        let pipelines = match self.backward.stages.get(&plan.modes) {
+            Some(pipelines) => pipelines.clone(),
+            None => {
+                let made = self.compile_backward(plan)?;
+                self.backward.stages.insert(plan.modes.clone(), made.clone());
+                made
+            }
+        };
+        let buffers = &self.buffers;
+        let stages = BackwardStages::new(self.context.device(), pipelines, &|name| buffers.get(name))?;
+        let Some(texel_sums) = buffers.get("texel_sums") else {
+            return stale("no buffer texel_sums", "report this");
+        };
+        let times = self.backward.times.as_ref();
+        self.backward.recorded = None;
+        self.backward.commands.record(|recorder| {
+            if let Some(times) = times {
+                recorder.reset_timestamps(times);
+            }
+            for (slot, buffer) in buffers.shared() {
+                if slot.role == Role::Input && slot.name.starts_with("upstream") {
+                    buffer.record_upload(recorder)?;
+                }
+            }
+            recorder.barrier();
+            passes::record_backward(recorder, plan, &stages, texel_sums, times)?;
+            for (slot, buffer) in buffers.shared() {
+                let read = match slot.name {
+                    "corner_gradients" => wanted.uvs,
+                    "texel_sums" => wanted.texels,
+                    "vertex_gradients" => wanted.positions || wanted.colors,
+                    "totals" => true,
+                    _ => false,
+                };
+                if read {
+                    buffer.record_download(recorder)?;
+                }
+            }
+            recorder.barrier_to_host();
+            Ok(())
+        })?;
+        self.backward.recorded = Some((plan.clone(), stages));
+        Ok(())
+    }
+
+    /// The backward pipelines of a plan, made side by side.
+    fn compile_backward(&self, plan: &BackwardPlan) -> Result<[Pipeline; 8]> {
+        let device = self.context.device();
+        let cache = Some(self.context.pipeline_cache());
+        let lanes = if self.lanes == 32 { 32 } else { c::ITEM_GROUP };
+        let made = std::thread::scope(|scope| {
+            let mut threads = Vec::with_capacity(8);
+            for (i, kernel) in passes::backward_kernels().into_iter().enumerate() {
+                let mut modes = plan.modes.clone();
+                modes.push(("REDUCTION", passes::reduction_of(i).0));
+                threads.push(scope.spawn(move || passes::pipeline(device, kernel, &modes, lanes, cache)));
+            }
+            let join = |thread: std::thread::ScopedJoinHandle<'_, Result<Pipeline>>| match thread.join() {
+                Ok(pipeline) => pipeline,
+                Err(panic) => std::panic::resume_unwind(panic),
+            };
+            threads.into_iter().map(join).collect::<Result<Vec<_>>>()
+        })?;
+        made.try_into().map_err(|_| Error::Vulkan {
+            call: "vkCreateComputePipelines",
+            result: "a backward pipeline is missing".into(),
+        })
+    }
+
+    fn floats(&self, name: &str, count: usize) -> Result<Vec<f32>> {
+        let mut data = vec![0.0f32; count];
+        self.buffers.read(name, bytemuck::cast_slice_mut(&mut data))?;
+        Ok(data)
+    }
+
+    fn gather(&self, saved: &Saved, plan: &BackwardPlan, wanted: &Wanted) -> Result<Gradients> {
+        let mut gradients = Gradients { meshes: self.gather_meshes(saved, plan, wanted)?, ..Gradients::default() };
+        let views = saved.cameras.len();
+        let totals = self.floats("totals", 12 * (views + saved.lights.directional.len() + 2))?;
+        let row = |i: usize| &totals[12 * i..12 * (i + 1)];
+        if wanted.camera {
+            gradients.cameras =
+                saved.cameras.iter().enumerate().map(|(i, camera)| camera_gradient(camera, row(i), saved)).collect();
+        }
+        if wanted.lights && plan.groups.reduce_lights[0] > 0 {
+            let rows: Vec<&[f32]> = (0..=saved.lights.directional.len()).map(|i| row(views + i)).collect();
+            gradients.lights = Some(light_gradients(&saved.lights, &rows));
+        } else if wanted.lights {
+            let directional = vec![([0.0; 3], [0.0; 3], 0.0); saved.lights.directional.len()];
+            gradients.lights = Some(LightGradients { directional, ..LightGradients::default() });
+        }
+        let pixels = row(views + saved.lights.directional.len() + 1).iter().map(|&x| f64::from(x)).collect::<Vec<_>>();
+        let s = &saved.settings;
+        if wanted.background {
+            gradients.background_color = [pixels[0], pixels[1], pixels[2]];
+            // The official code's background score is twice epsilon.
+            let factor = if s.parity == Parity::Official { 2.0 } else { 1.0 };
+            let weighted = s.background == Background::Weighted;
+            gradients.epsilon = if weighted { pixels[3] / s.gamma * factor } else { 0.0 };
+        }
+        if wanted.scalars {
+            let sum = |k: usize| (0..views).map(|view| f64::from(row(view)[k])).sum::<f64>();
+            // x = ±d²/σ, and log weights are depth scores over γ.
+            gradients.sigma = -sum(10) / s.sigma;
+            gradients.gamma = -(sum(11) + pixels[4]) * std::f64::consts::LN_2 / s.gamma;
+        }
+        Ok(gradients)
+    }
+
+    fn gather_meshes(&self, saved: &Saved, plan: &BackwardPlan, wanted: &Wanted) -> Result<Vec<MeshGradients>> {
+        let tables = &saved.tables;
+        let needs_vertices = wanted.positions || wanted.colors;
+        let vertices =
+            if needs_vertices { self.floats("vertex_gradients", 8 * tables.positions.len() / 3)? } else { Vec::new() };
+        let texels = if wanted.texels { self.texel_gradients(tables, plan)? } else { Vec::new() };
+        let corners = if wanted.uvs && plan.sizes.corner_gradients > 0 {
+            self.floats("corner_gradients", plan.sizes.corner_gradients as usize / 4)?
+        } else {
+            Vec::new()
+        };
+        let mut meshes = Vec::with_capacity(tables.layouts.len());
+        for (m, layout) in tables.layouts.iter().enumerate() {
+            let range = layout.vertex_range();
+            let rows = vertices.get(8 * range.start..8 * range.end).unwrap_or_default();
+            let mut mesh = MeshGradients::default();
+            if wanted.positions {
+                mesh.positions = rows.chunks_exact(8).map(|r| [r[0], r[1], r[2]]).collect();
+            }
+            if wanted.colors {
+                mesh.colors = match &tables.appearances[m] {
+                    Appearances::Vertices => rows.chunks_exact(8).map(|r| [r[4], r[5], r[6]]).collect(),
+                    Appearances::Uniform => vec![sum_colors(rows)],
+                    _ => Vec::new(),
+                };
+            }
+            match &tables.appearances[m] {
+                Appearances::Surface { texels: range } if wanted.texels => {
+                    mesh.surface_texels = texels[range.clone()].to_vec();
+                }
+                Appearances::Textured { textures, uvs, uv_triangles } => {
+                    if wanted.texels {
+                        mesh.texture_texels = textures.iter().map(|range| texels[range.clone()].to_vec()).collect();
+                    }
+                    if wanted.uvs {
+                        mesh.uvs = uv_gradients(saved, plan, m, *uvs, uv_triangles, &corners);
+                    }
+                }
+                _ => {}
+            }
+            meshes.push(mesh);
+        }
+        Ok(meshes)
+    }
+
+    /// The texels' fixed-point sums as floats.
+    fn texel_gradients(&self, tables: &MeshTables, plan: &BackwardPlan) -> Result<Vec<[f32; 3]>> {
+        if plan.sizes.texel_sums == 0 {
+            return Ok(vec![[0.0; 3]; tables.texels.len()]);
+        }
+        let mut words = vec![[0u32; 2]; 3 * tables.texels.len()];
+        self.buffers.read("texel_sums", bytemuck::cast_slice_mut(&mut words))?;
+        let scale = 1.0 / f64::from(plan.frame.texel_scale);
+        let value = |[low, high]: [u32; 2]| ((i64::from(high as i32) << 32 | i64::from(low)) as f64 * scale) as f32;
+        Ok(words.chunks_exact(3).map(|c| [value(c[0]), value(c[1]), value(c[2])]).collect())
+    }
+}
+
+fn sum_colors(rows: &[f32]) -> [f32; 3] {
+    let mut sum = [0.0f64; 3];
+    for row in rows.chunks_exact(8) {
+        for (channel, total) in sum.iter_mut().enumerate() {
+            *total += f64::from(row[4 + channel]);
+        }
+    }
+    sum.map(|x| x as f32)
+}
+
+/// A power of two that turns the largest sum a texel can have into some 2⁶¹ units, so that the units are as fine as 64
+/// bits allow. Powers of two lose nothing.
+fn texel_scale(saved: &Saved, upstream: &ImageGradient) -> f32 {
+    let largest = |image: &Image| image.data.iter().fold(0.0f64, |m, &x| m.max(f64::from(x.abs())));
+    let color = upstream.color.as_ref().map_or(0.0, largest);
+    let lights = &saved.lights;
+    let ambient: f64 = lights.ambient_color.iter().map(|x| (x * lights.ambient_intensity).abs()).sum();
+    let directional =
+        lights.directional.iter().map(|l| l.color.iter().map(|x| (x * l.intensity).abs()).sum::<f64>()).sum::<f64>();
+    // A pixel's weights sum to at most one, and a texel's share of each to at most one; perspective correction at most
+    // doubles them between near and far corners of equal sign, and a factor of eight is to spare.
+    let most = 16.0 * saved.plan.totals.pixels as f64 * color * (ambient + directional);
+    if most > 0.0 { ((61.0 - most.log2().ceil()).clamp(-100.0, 100.0)).exp2() as f32 } else { 1.0 }
+}
+
+fn uv_gradients(
+    saved: &Saved,
+    plan: &BackwardPlan,
+    mesh: usize,
+    uvs: usize,
+    uv_triangles: &[[u32; 3]],
+    corners: &[f32],
+) -> Vec<[f32; 2]> {
+    let mut sums = vec![[0.0f64; 2]; uvs];
+    let stride = plan.corner_stride() as usize;
+    let one = saved.tables.layouts.len() == 1;
+    let views = if one { 0..saved.cameras.len() } else { mesh..mesh + 1 };
+    if plan.has(c::GRADIENT_COORDINATE) {
+        for view in views {
+            let first = saved.plan.views[view].slot_base as usize;
+            for (t, triangle) in uv_triangles.iter().enumerate() {
+                let at = 4 * ((first + t) * stride + stride - 2);
+                for (corner, &uv) in triangle.iter().enumerate() {
+                    sums[uv as usize][0] += f64::from(corners[at + 2 * corner]);
+                    sums[uv as usize][1] += f64::from(corners[at + 2 * corner + 1]);
+                }
+            }
+        }
+    }
+    sums.into_iter().map(|[u, v]| [u as f32, v as f32]).collect()
+}
+
+/// From a view's sums: twist, then dL by the two scales and two offsets that map projected units to pixels.
+fn camera_gradient(camera: &Camera, row: &[f32], saved: &Saved) -> CameraGradient {
+    let row: Vec<f64> = row.iter().map(|&x| f64::from(x)).collect();
+    let [sx, sy, ox, oy] = [row[6], row[7], row[8], row[9]];
+    let half_height = f64::from(saved.settings.height) / 2.0;
+    let projection = match *camera.projection() {
+        Projection::Perspective { fov_y } => {
+            // Scales ±f with f = (height / 2) / tan(fov / 2).
+            let slope = -half_height / 2.0 / (fov_y / 2.0).sin().powi(2);
+            [(sx - sy) * slope, 0.0, 0.0, 0.0]
+        }
+        Projection::Orthographic { half_height: size } => [-(sx - sy) * half_height / (size * size), 0.0, 0.0, 0.0],
+        Projection::Pinhole { .. } => [sx, -sy, ox, oy],
+        Projection::Official { .. } | Projection::Screen => [0.0; 4],
+    };
+    CameraGradient { twist: [row[0], row[1], row[2], row[3], row[4], row[5]], projection }
+}
+
+/// From the lights' sums: by each unit direction and by each colour times intensity, the ambient light first.
+fn light_gradients(lights: &Lights, rows: &[&[f32]]) -> LightGradients {
+    let three = |row: &[f32], at: usize| [row[at], row[at + 1], row[at + 2]].map(f64::from);
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let by_ambient = three(rows[0], 4);
+    let directional = lights.directional.iter().zip(&rows[1..]).map(|(light, row)| {
+        let (by_unit, by_rgb) = (three(row, 0), three(row, 4));
+        let length = dot(light.direction, light.direction).sqrt();
+        let unit = light.direction.map(|x| x / length);
+        let along = dot(unit, by_unit);
+        let direction = [0, 1, 2].map(|k| (by_unit[k] - along * unit[k]) / length);
+        (direction, by_rgb.map(|x| x * light.intensity), dot(by_rgb, light.color))
+    });
+    LightGradients {
+        ambient_color: by_ambient.map(|x| x * lights.ambient_intensity),
+        ambient_intensity: dot(by_ambient, lights.ambient_color),
+        directional: directional.collect(),
+    }
+}
