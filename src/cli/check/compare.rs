@@ -8,9 +8,7 @@ use softras::{Frame, Image, ImageGradient, Renderer, Result, Settings, Wanted};
 /// Pixels nearer to a jump of the model than this may fall on its other side.
 const MARGIN: f64 = 1e-4;
 /// The most that a value of an image may be off: parts of a colour, world units of depth.
-pub const IMAGE_TOLERANCE: f64 = 1e-3;
-/// The most that a gradient may be off, |ours - judge's| / |judge's|.
-pub const GRADIENT_TOLERANCE: f64 = 1e-2;
+pub const IMAGE_TOLERANCE: f64 = 1e-4;
 
 /// The images, as the columns of the table name them.
 pub const IMAGES: [&str; 4] = ["color", "silh.", "depth", "normal"];
@@ -29,10 +27,10 @@ pub struct Findings {
 
 impl Findings {
     /// Whether all is as it must be.
-    pub fn pass(&self) -> bool {
+    pub fn pass(&self, gradient_tolerance: f64) -> bool {
         // A comparison with NaN is false.
         let within = |errors: &[Option<f64>], most: f64| errors.iter().flatten().all(|error| *error <= most);
-        self.repeats && within(&self.images, IMAGE_TOLERANCE) && within(&self.gradients, GRADIENT_TOLERANCE)
+        self.repeats && within(&self.images, IMAGE_TOLERANCE) && within(&self.gradients, gradient_tolerance)
     }
 }
 
@@ -155,9 +153,9 @@ mod tests {
     #[test]
     fn anything_wrong_fails() {
         let good = || Findings { images: [Some(1e-5), None, None, None], gradients: [Some(1e-4); 8], repeats: true };
-        assert!(good().pass());
-        assert!(!Findings { repeats: false, ..good() }.pass());
-        assert!(!Findings { images: [Some(f64::NAN); 4], ..good() }.pass());
-        assert!(!Findings { gradients: [Some(0.5); 8], ..good() }.pass());
+        assert!(good().pass(1e-3));
+        assert!(!Findings { repeats: false, ..good() }.pass(1e-3));
+        assert!(!Findings { images: [Some(f64::NAN); 4], ..good() }.pass(1e-3));
+        assert!(!Findings { gradients: [Some(0.5); 8], ..good() }.pass(1e-3));
     }
 }
