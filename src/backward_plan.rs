@@ -108,8 +108,6 @@ pub struct BackwardInput<'a> {
     pub texels: u64,
     /// Fixed-point units of a texel's gradient.
     pub texel_scale: f32,
-    /// Invocations that share a triangle: 1, or those of a workgroup.
-    pub item_lanes: u32,
 }
 
 fn bit(on: bool, bit: u32) -> u32 {
@@ -171,7 +169,6 @@ impl BackwardPlan {
             ("UPSTREAM", upstream_bits(input.upstream)),
             ("GRADIENTS", gradients),
             ("PAPER", u32::from(input.wanted.mode == GradientMode::Paper)),
-            ("ITEM_LANES", input.item_lanes),
         ]);
         let smooth = forward.mode("SMOOTH") != 0;
         let sum_pixels = has(c::GRADIENT_BACKGROUND) || has(c::GRADIENT_SCALARS);
@@ -231,14 +228,13 @@ fn groups_of(input: &BackwardInput, gradients: u32, smooth: bool, sum_views: boo
     let linear = |n: u32, y: u32| [n.div_ceil(c::LINEAR_GROUP), y, 1];
     let pixels = u64::from(forward.frame.width) * u64::from(forward.frame.height);
     let items = forward.totals.slots + u64::from(forward.frame.cell_capacity);
-    let local = if input.item_lanes == 1 { u64::from(c::ITEM_GROUP) } else { 1 };
     // What backward alone computes, or is needed by what follows it.
     let triangles = gradients & !c::GRADIENT_BACKGROUND != 0;
     let vertices = input.wanted.positions || input.wanted.colors;
     let corners = gradients & !(c::GRADIENT_BACKGROUND | c::GRADIENT_TEXEL) != 0;
     BackwardGroups {
         pixel_grad: rows_of(pixels.div_ceil(u64::from(c::LINEAR_GROUP)), views),
-        backward: when(triangles, rows_of(items.div_ceil(local), 1)),
+        backward: when(triangles, rows_of(items, 1)),
         triangle_grad: when(corners, forward.groups.triangle),
         vertex_normal_grad: when(corners && smooth, forward.groups.vertex),
         vertex_grad: when(vertices, linear(input.largest_mesh, forward.frame.mesh_count)),

@@ -33,12 +33,16 @@ pub const FORWARD_TIMESTAMPS: u32 = 6;
 /// The stages' names, as their kernels'.
 pub const FORWARD_STAGES: [&str; 5] = ["vertex", "triangle", "bin_coarse", "bin_fine", "forward"];
 
+/// Whether a workgroup of `lanes` is one subgroup that can shuffle.
+fn reads_together(device: &Device, lanes: u32) -> bool {
+    let subgroups = &device.limits().subgroups;
+    lanes == 8 && subgroups.shuffle && subgroups.size >= 8
+}
+
 /// The kernels of the forward stages, in order. Where a tile's eight lanes are one subgroup that can shuffle, they read
 /// records together.
 pub fn forward_kernels(device: &Device, lanes: u32) -> [&'static Kernel; 5] {
-    let subgroups = &device.limits().subgroups;
-    let together = lanes == 8 && subgroups.shuffle && subgroups.size >= 8;
-    let forward = if together { &kernels::FORWARD_SUBGROUP } else { &kernels::FORWARD };
+    let forward = if reads_together(device, lanes) { &kernels::FORWARD_SUBGROUP } else { &kernels::FORWARD };
     [&kernels::VERTEX, &kernels::TRIANGLE, &kernels::BIN_COARSE, &kernels::BIN_FINE, forward]
 }
 
@@ -157,10 +161,11 @@ pub struct BackwardStages {
 }
 
 /// The kernels of the backward stages, in order.
-pub fn backward_kernels() -> [&'static Kernel; 8] {
+pub fn backward_kernels(device: &Device, lanes: u32) -> [&'static Kernel; 8] {
+    let backward = if reads_together(device, lanes) { &kernels::BACKWARD_SUBGROUP } else { &kernels::BACKWARD };
     [
         &kernels::PIXEL_GRAD,
-        &kernels::BACKWARD,
+        backward,
         &kernels::TRIANGLE_GRAD,
         &kernels::VERTEX_NORMAL_GRAD,
         &kernels::VERTEX_GRAD,
@@ -201,7 +206,7 @@ impl BackwardStages {
         pipelines: [Pipeline; 8],
         find: &dyn Fn(&str) -> Option<&'a BufferRef>,
     ) -> Result<Self> {
-        let pool = DescriptorPool::new(device, &backward_kernels())?;
+        let pool = DescriptorPool::new(device, &pipelines.each_ref().map(Pipeline::kernel))?;
         let mut stages = Vec::with_capacity(8);
         for (i, pipeline) in pipelines.into_iter().enumerate() {
             let rows = reduction_of(i).1;

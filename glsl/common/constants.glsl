@@ -14,8 +14,6 @@ const uint BIN_HEIGHT = 32u;
 const uint FORWARD_ROW = 32768u;
 // Invocations of a workgroup of the vertex and triangle stages.
 const uint LINEAR_GROUP = 64u;
-// Invocations of a workgroup of backward where each walks a triangle of its own.
-const uint ITEM_GROUP = 8u;
 // Triangles whose bits share one word of a bin's bitmap.
 const uint WORD_BITS = 32u;
 

@@ -105,7 +105,6 @@ impl Renderer {
             largest_mesh: layouts.iter().map(|m| m.vertices).max().unwrap_or(0),
             texels: saved.tables.texels.len() as u64,
             texel_scale,
-            item_lanes: if self.lanes == 32 { 32 } else { 1 },
         });
         let mut renewed = false;
         for slot in buffers::BACKWARD {
@@ -195,10 +194,10 @@ impl Renderer {
     fn compile_backward(&self, plan: &BackwardPlan) -> Result<[Pipeline; 8]> {
         let device = self.context.device();
         let cache = Some(self.context.pipeline_cache());
-        let lanes = if self.lanes == 32 { 32 } else { c::ITEM_GROUP };
+        let lanes = self.lanes;
         let made = std::thread::scope(|scope| {
             let mut threads = Vec::with_capacity(8);
-            for (i, kernel) in passes::backward_kernels().into_iter().enumerate() {
+            for (i, kernel) in passes::backward_kernels(device, lanes).into_iter().enumerate() {
                 let mut modes = plan.modes.clone();
                 modes.push(("REDUCTION", passes::reduction_of(i).0));
                 threads.push(scope.spawn(move || passes::pipeline(device, kernel, &modes, lanes, cache)));
