@@ -7,7 +7,7 @@ use std::fs;
 fn every_command_has_help_with_examples() {
     let folder = tempfile::tempdir().unwrap();
     let all = succeeds(folder.path(), &["--help"]);
-    for command in ["render", "eval", "devices", "mesh"] {
+    for command in ["render", "eval", "grad", "check", "devices", "mesh"] {
         assert!(all.contains(command), "{all}");
         assert!(succeeds(folder.path(), &[command, "--help"]).contains("Examples:"), "{command}");
     }

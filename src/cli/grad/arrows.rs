@@ -10,9 +10,9 @@ use softras::{Mesh, Projection, Result};
 /// A vertex this part of the depth range behind what is seen there is occluded.
 const OCCLUDED: f64 = 0.03;
 /// Cells of the grid that thins the arrows out, in pixels of the panel.
-const CELL: f64 = 17.0;
+const CELL: f64 = 27.0;
 /// The longest arrow, in parts of the panel's smaller side.
-const LONGEST: f64 = 0.13;
+const LONGEST: f64 = 0.14;
 /// Steps above this quantile are drawn as long as this one.
 const QUANTILE: f64 = 0.99;
 /// Shorter arrows have no direction to show.
@@ -88,14 +88,18 @@ pub fn pulls(mesh: &Mesh, gradient: &[f64], view: &View, size: [usize; 2], depth
         let small = 1e-5 * reach;
         let (moved, _) = projector.project(position + small * direction)?;
         let step = [0, 1].map(|k| (moved[k] - at[k]) / small * length);
-        let pixel = at[1] as usize * width + at[0] as usize;
-        let occluded = inside && depth.silhouette[pixel] > 0.5 && {
-            let seen = depth.depth[pixel] / depth.silhouette[pixel];
-            z > seen + OCCLUDED * (view.far - view.near)
-        };
+        let occluded = inside && hidden(at, z - OCCLUDED * (view.far - view.near), size, depth);
         inside.then_some(Pull { at, step, occluded })
     };
     Ok(used.into_iter().filter_map(pull).collect())
+}
+
+/// Whether all pixels around a place show something nearer; around a place on an outline some show what is behind.
+fn hidden(at: Point, z: f64, [width, height]: [usize; 2], depth: &Images) -> bool {
+    let around = |x: f64, side: usize| (x as usize).saturating_sub(1)..(x as usize + 2).min(side);
+    let pixels = around(at[1], height).flat_map(|row| around(at[0], width).map(move |column| row * width + column));
+    // Depth is a mean over what is seen, times the silhouette.
+    pixels.into_iter().all(|i| depth.silhouette[i] > 0.5 && depth.depth[i] / depth.silhouette[i] < z)
 }
 
 /// The strongest seen and the strongest occluded vertex of every cell of the panel, occluded and weak ones first.
@@ -123,7 +127,7 @@ pub fn draw(panel: &mut Picture, pulls: &[Pull], scale: f64) -> usize {
     sizes.sort_by(f64::total_cmp);
     let Some(&largest) = sizes.get((sizes.len() as f64 * QUANTILE) as usize).or(sizes.last()) else { return 0 };
     let longest = LONGEST * panel.width.min(panel.height) as f64;
-    let line = (panel.width.min(panel.height) as f64 / 240.0).clamp(1.0, 3.0);
+    let line = (panel.width.min(panel.height) as f64 / 190.0).clamp(1.0, 4.0);
     let mut drawn = 0;
     for pull in thinned(pulls, scale, panel.width as f64) {
         let part = (pull.size() / largest).min(1.0).sqrt();
@@ -135,7 +139,7 @@ pub fn draw(panel: &mut Picture, pulls: &[Pull], scale: f64) -> usize {
             continue;
         }
         let to = [0, 1].map(|k| from[k] + length * pull.step[k] / pull.size());
-        canvas::arrow(panel, &Arrow { from, to, width: line * (0.6 + 0.6 * part), color });
+        canvas::arrow(panel, &Arrow { from, to, width: line * (0.65 + 0.5 * part), color });
         drawn += 1;
     }
     drawn
@@ -144,6 +148,13 @@ pub fn draw(panel: &mut Picture, pulls: &[Pull], scale: f64) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn on_an_outline_nothing_is_hidden() {
+        let depth = Images { color: Vec::new(), silhouette: vec![1.0, 1.0, 1.0, 0.0], depth: vec![2.0, 2.0, 2.0, 0.0] };
+        let hidden = |x: f64, z: f64| super::hidden([x, 0.5], z, [4, 1], &depth);
+        assert!(hidden(0.5, 3.0) && hidden(1.5, 3.0) && !hidden(1.5, 2.0) && !hidden(2.5, 3.0));
+    }
 
     #[test]
     fn every_cell_keeps_its_strongest_of_each_kind() {

@@ -76,9 +76,9 @@ fn head(arrow: &Arrow) -> Option<([Point; 3], Point)> {
     }
     let direction = [way[0] / length, way[1] / length];
     let side = [-direction[1], direction[0]];
-    let size = (3.2 * arrow.width).min(0.6 * length);
+    let size = (4.0 * arrow.width).min(0.6 * length);
     let base = along(arrow.to, direction, -size);
-    let half = 0.55 * size;
+    let half = 0.5 * size;
     Some(([arrow.to, along(base, side, half), along(base, side, -half)], base))
 }
 
