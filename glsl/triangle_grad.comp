@@ -31,6 +31,7 @@ layout(set = 0, binding = 15, std430) writeonly buffer ViewSums { vec4 view_sums
 #include "common/gradient_modes.glsl"
 #include "common/frame.glsl"
 #include "common/mesh.glsl"
+#include "common/position.glsl"
 #include "common/light.glsl"
 #include "common/partial.glsl"
 #include "common/project_gradient.glsl"
@@ -51,11 +52,6 @@ struct Corners {
     vec4 by_projection;
     vec2 scalars;
 };
-
-vec3 position_of(Shape shape, int vertex) {
-    int at = 3 * (shape.vertex_base + vertex);
-    return vec3(texelFetch(positions, at).x, texelFetch(positions, at + 1).x, texelFetch(positions, at + 2).x);
-}
 
 Corners corners_of(Shape shape, View camera, int triangle, ivec3 v, vec3 face_normal) {
     Corners c;
@@ -160,8 +156,7 @@ void main() {
     if (triangle >= shape.triangle_count) {
         return;
     }
-    int at = 3 * (shape.triangle_base + triangle);
-    ivec3 v = ivec3(texelFetch(indices, at).x, texelFetch(indices, at + 1).x, texelFetch(indices, at + 2).x);
+    ivec3 v = triangle_vertices(shape, triangle);
     vec3 p0 = position_of(shape, v.x);
     vec3 edge1 = position_of(shape, v.y) - p0;
     vec3 edge2 = position_of(shape, v.z) - p0;
