@@ -31,10 +31,9 @@
 //!
 //! # Where things are
 //! [`scene`] is what is drawn, judged once; [`renderer`] draws it and differentiates; [`reference`] is the f64 judge of
-//! both. Below them, [`plan`] and [`backward_plan`] turn sizes into buffers and dispatches, [`passes`] records a frame,
+//! both. Below them, [`plan`] turns sizes into buffers and dispatches, [`passes`] records a frame,
 //! and [`vulkan`] is the only module with `unsafe`.
 
-pub mod backward_plan;
 pub mod buffers;
 pub mod error;
 pub mod gradients;

@@ -1,7 +1,6 @@
 //! Backward on the simple API: from dL/dimages to dL by what made them.
 
 use super::{Frame, Renderer, StageTime};
-use crate::backward_plan::{BackwardInput, BackwardPlan};
 use crate::buffers::{self, Role};
 use crate::constants as c;
 use crate::error::{Error, Result};
@@ -10,6 +9,7 @@ use crate::image::Image;
 use crate::pack::{Appearances, MeshTables};
 use crate::passes::{self, BACKWARD_STAGES, BACKWARD_TIMESTAMPS, BackwardStages};
 use crate::plan::Plan;
+use crate::plan::{BackwardInput, BackwardPlan};
 use crate::scene::{Background, Camera, Lights, Parity, Projection, Settings};
 use crate::vulkan::{CommandBuffer, Context, Pipeline, TimestampPool};
 use std::collections::HashMap;
