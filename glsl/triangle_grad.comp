@@ -112,6 +112,15 @@ void add_corner(View camera, inout Corners c, Partial p, int i, int k, int l, fl
     }
 }
 
+// A triangle that no near plane cuts: its corners are its own.
+void add_whole(View camera, Shape shape, int triangle, inout Corners c) {
+    Partial p = partial_of(shape.slot_base + triangle);
+    for (int k = 0; k < 3; ++k) {
+        add_corner(camera, c, p, k, k, k, 0.0);
+    }
+    c.scalars = p.scalars;
+}
+
 // The pieces' corners in the order of triangle.comp's clipping.
 void add_pieces(View camera, Shape shape, int triangle, inout Corners c) {
     float near = frame.near_high;
@@ -119,17 +128,17 @@ void add_pieces(View camera, Shape shape, int triangle, inout Corners c) {
     int count = 0;
     for (int k = 0; k < 3; ++k) {
         int l = k == 2 ? 0 : k + 1;
-        bool inside = c.point[k].z >= near || OFFICIAL;
+        bool inside = c.point[k].z >= near;
         if (inside) {
             corner[count] = ivec2(k, k);
             ++count;
         }
-        if (inside != (c.point[l].z >= near || OFFICIAL)) {
+        if (inside != (c.point[l].z >= near)) {
             corner[count] = ivec2(k, l);
             ++count;
         }
     }
-    for (int piece = 0; piece < (NEAR_CLIP ? 2 : 1); ++piece) {
+    for (int piece = 0; piece < 2; ++piece) {
         if (count < 3 + piece) {
             break;
         }
@@ -165,7 +174,11 @@ void main() {
     View camera = view_record(view);
     Corners c = corners_of(shape, camera, triangle, v, face_normal);
     int slot = shape.slot_base + triangle;
-    add_pieces(camera, shape, triangle, c);
+    if (NEAR_CLIP) {
+        add_pieces(camera, shape, triangle, c);
+    } else {
+        add_whole(camera, shape, triangle, c);
+    }
     int to = slot * CORNER_STRIDE;
     vec3 by_world[3];
     vec3 by_light = vec3(0.0);
