@@ -32,6 +32,7 @@ layout(set = 0, binding = 17, std430) writeonly buffer Cells { uvec2 cells[]; };
 #include "common/modes.glsl"
 #include "common/frame.glsl"
 #include "common/mesh.glsl"
+#include "common/position.glsl"
 #include "common/df64.glsl"
 #include "common/camera.glsl"
 #include "common/light.glsl"
@@ -44,16 +45,6 @@ struct Corners {
     vec2 z[3];
     vec3 mixture[3];
 };
-
-ivec3 triangle_vertices(Shape shape, int triangle) {
-    int at = 3 * (shape.triangle_base + triangle);
-    return ivec3(texelFetch(indices, at).x, texelFetch(indices, at + 1).x, texelFetch(indices, at + 2).x);
-}
-
-vec3 position_of(Shape shape, int vertex) {
-    int at = 3 * (shape.vertex_base + vertex);
-    return vec3(texelFetch(positions, at).x, texelFetch(positions, at + 1).x, texelFetch(positions, at + 2).x);
-}
 
 void skip_slot(int slot) {
     boxes[slot] = ivec4(0, 0, -1, -1);
@@ -72,8 +63,7 @@ void write_shading(Shape shape, int triangle, int slot, Corners c, vec4 depth, f
             normal[k] = texelFetch(vertex_shading, at + 1).xyz;
         }
     } else if (LIT || WANT_NORMAL) {
-        vec3 p0 = position_of(shape, v.x);
-        vec3 n = unit_or_zero(cross(position_of(shape, v.y) - p0, position_of(shape, v.z) - p0));
+        vec3 n = unit_or_zero(area_vector(shape, v));
         normal[0] = normal[1] = normal[2] = n;
         light[0] = light[1] = light[2] = light_on(n);
     }

@@ -31,6 +31,7 @@ layout(set = 0, binding = 15, std430) writeonly buffer ViewSums { vec4 view_sums
 #include "common/gradient_modes.glsl"
 #include "common/frame.glsl"
 #include "common/mesh.glsl"
+#include "common/position.glsl"
 #include "common/light.glsl"
 #include "common/partial.glsl"
 #include "common/project_gradient.glsl"
@@ -51,11 +52,6 @@ struct Corners {
     vec4 by_projection;
     vec2 scalars;
 };
-
-vec3 position_of(Shape shape, int vertex) {
-    int at = 3 * (shape.vertex_base + vertex);
-    return vec3(texelFetch(positions, at).x, texelFetch(positions, at + 1).x, texelFetch(positions, at + 2).x);
-}
 
 Corners corners_of(Shape shape, View camera, int triangle, ivec3 v, vec3 face_normal) {
     Corners c;
@@ -116,6 +112,15 @@ void add_corner(View camera, inout Corners c, Partial p, int i, int k, int l, fl
     }
 }
 
+// A triangle that no near plane cuts: its corners are its own.
+void add_whole(View camera, Shape shape, int triangle, inout Corners c) {
+    Partial p = partial_of(shape.slot_base + triangle);
+    for (int k = 0; k < 3; ++k) {
+        add_corner(camera, c, p, k, k, k, 0.0);
+    }
+    c.scalars = p.scalars;
+}
+
 // The pieces' corners in the order of triangle.comp's clipping.
 void add_pieces(View camera, Shape shape, int triangle, inout Corners c) {
     float near = frame.near_high;
@@ -123,17 +128,17 @@ void add_pieces(View camera, Shape shape, int triangle, inout Corners c) {
     int count = 0;
     for (int k = 0; k < 3; ++k) {
         int l = k == 2 ? 0 : k + 1;
-        bool inside = c.point[k].z >= near || OFFICIAL;
+        bool inside = c.point[k].z >= near;
         if (inside) {
             corner[count] = ivec2(k, k);
             ++count;
         }
-        if (inside != (c.point[l].z >= near || OFFICIAL)) {
+        if (inside != (c.point[l].z >= near)) {
             corner[count] = ivec2(k, l);
             ++count;
         }
     }
-    for (int piece = 0; piece < (NEAR_CLIP ? 2 : 1); ++piece) {
+    for (int piece = 0; piece < 2; ++piece) {
         if (count < 3 + piece) {
             break;
         }
@@ -160,8 +165,7 @@ void main() {
     if (triangle >= shape.triangle_count) {
         return;
     }
-    int at = 3 * (shape.triangle_base + triangle);
-    ivec3 v = ivec3(texelFetch(indices, at).x, texelFetch(indices, at + 1).x, texelFetch(indices, at + 2).x);
+    ivec3 v = triangle_vertices(shape, triangle);
     vec3 p0 = position_of(shape, v.x);
     vec3 edge1 = position_of(shape, v.y) - p0;
     vec3 edge2 = position_of(shape, v.z) - p0;
@@ -170,7 +174,11 @@ void main() {
     View camera = view_record(view);
     Corners c = corners_of(shape, camera, triangle, v, face_normal);
     int slot = shape.slot_base + triangle;
-    add_pieces(camera, shape, triangle, c);
+    if (NEAR_CLIP) {
+        add_pieces(camera, shape, triangle, c);
+    } else {
+        add_whole(camera, shape, triangle, c);
+    }
     int to = slot * CORNER_STRIDE;
     vec3 by_world[3];
     vec3 by_light = vec3(0.0);

@@ -19,14 +19,10 @@ layout(set = 0, binding = 7, std430) writeonly buffer VertexShading { vec4 verte
 #include "common/modes.glsl"
 #include "common/frame.glsl"
 #include "common/mesh.glsl"
+#include "common/position.glsl"
 #include "common/df64.glsl"
 #include "common/camera.glsl"
 #include "common/light.glsl"
-
-vec3 position_of(Shape shape, int vertex) {
-    int at = 3 * (shape.vertex_base + vertex);
-    return vec3(texelFetch(positions, at).x, texelFetch(positions, at + 1).x, texelFetch(positions, at + 2).x);
-}
 
 // `adjacency` from the mesh's base: vertex_count + 1 offsets, then its corners,
 // each as four times the triangle plus the corner.
@@ -36,11 +32,7 @@ vec3 smooth_normal(Shape shape, int vertex) {
     vec3 sum = vec3(0.0);
     for (int i = int(texelFetch(adjacency, at).x); i < end; ++i) {
         int triangle = int(texelFetch(adjacency, i).x) >> 2;
-        int corner = 3 * (shape.triangle_base + triangle);
-        vec3 p0 = position_of(shape, int(texelFetch(indices, corner).x));
-        vec3 p1 = position_of(shape, int(texelFetch(indices, corner + 1).x));
-        vec3 p2 = position_of(shape, int(texelFetch(indices, corner + 2).x));
-        sum += cross(p1 - p0, p2 - p0);
+        sum += area_vector(shape, triangle_vertices(shape, triangle));
     }
     return unit_or_zero(sum);
 }

@@ -20,16 +20,11 @@ layout(set = 0, binding = 6, std430) writeonly buffer VertexGradients { vec4 ver
 #include "common/gradient_modes.glsl"
 #include "common/frame.glsl"
 #include "common/mesh.glsl"
-
-vec3 position_of(Shape shape, int vertex) {
-    int at = 3 * (shape.vertex_base + vertex);
-    return vec3(texelFetch(positions, at).x, texelFetch(positions, at + 1).x, texelFetch(positions, at + 2).x);
-}
+#include "common/position.glsl"
 
 // What a triangle's corner gets through the smooth normals of its three vertices, each a sum of area vectors.
 vec3 through_normals(Shape shape, int triangle, int corner) {
-    int at = 3 * (shape.triangle_base + triangle);
-    ivec3 v = ivec3(texelFetch(indices, at).x, texelFetch(indices, at + 1).x, texelFetch(indices, at + 2).x);
+    ivec3 v = triangle_vertices(shape, triangle);
     vec3 by_area = texelFetch(area_gradients, shape.screen_base + v.x).xyz
                  + texelFetch(area_gradients, shape.screen_base + v.y).xyz
                  + texelFetch(area_gradients, shape.screen_base + v.z).xyz;

@@ -21,12 +21,8 @@ layout(set = 0, binding = 7, std430) writeonly buffer LightRecords { vec4 light_
 #include "common/gradient_modes.glsl"
 #include "common/frame.glsl"
 #include "common/mesh.glsl"
+#include "common/position.glsl"
 #include "common/light.glsl"
-
-vec3 position_of(Shape shape, int vertex) {
-    int at = 3 * (shape.vertex_base + vertex);
-    return vec3(texelFetch(positions, at).x, texelFetch(positions, at + 1).x, texelFetch(positions, at + 2).x);
-}
 
 void main() {
     int view = int(gl_WorkGroupID.y);
@@ -43,11 +39,7 @@ void main() {
     for (int i = int(texelFetch(adjacency, at).x); i < end; ++i) {
         int corner = int(texelFetch(adjacency, i).x);
         int triangle = corner >> 2;
-        int first = 3 * (shape.triangle_base + triangle);
-        vec3 p0 = position_of(shape, int(texelFetch(indices, first).x));
-        vec3 p1 = position_of(shape, int(texelFetch(indices, first + 1).x));
-        vec3 p2 = position_of(shape, int(texelFetch(indices, first + 2).x));
-        area += cross(p1 - p0, p2 - p0);
+        area += area_vector(shape, triangle_vertices(shape, triangle));
         int light_at = 2 * (3 * (shape.slot_base + triangle) + (corner & 3));
         by_light += texelFetch(corner_lights, light_at).rgb;
         by_normal += texelFetch(corner_lights, light_at + 1).xyz;

@@ -1,10 +1,10 @@
 //! The frame, read top to bottom.
 
 use crate::Result;
-use crate::backward_plan::BackwardPlan;
 use crate::buffers::buffer_of_binding;
 use crate::constants as c;
 use crate::error::Error;
+use crate::plan::BackwardPlan;
 use crate::plan::Plan;
 use crate::vulkan::{
     BufferRef, DescriptorPool, DescriptorSet, Device, Kernel, Pipeline, PipelineCache, Recorder, SpecValue,

@@ -1,7 +1,6 @@
 //! Backward on the simple API: from dL/dimages to dL by what made them.
 
-use super::{Frame, Renderer, StageTime};
-use crate::backward_plan::{BackwardInput, BackwardPlan};
+use super::{Frame, MOST_MODES, Renderer, StageTime};
 use crate::buffers::{self, Role};
 use crate::constants as c;
 use crate::error::{Error, Result};
@@ -10,6 +9,7 @@ use crate::image::Image;
 use crate::pack::{Appearances, MeshTables};
 use crate::passes::{self, BACKWARD_STAGES, BACKWARD_TIMESTAMPS, BackwardStages};
 use crate::plan::Plan;
+use crate::plan::{BackwardInput, BackwardPlan};
 use crate::scene::{Background, Camera, Lights, Parity, Projection, Settings};
 use crate::vulkan::{CommandBuffer, Context, Pipeline, TimestampPool};
 use std::collections::HashMap;
@@ -149,6 +149,9 @@ impl Renderer {
             Some(pipelines) => pipelines.clone(),
             None => {
                 let made = self.compile_backward(plan)?;
+                if self.backward.stages.len() >= MOST_MODES {
+                    self.backward.stages.clear();
+                }
                 self.backward.stages.insert(plan.modes.clone(), made.clone());
                 made
             }

@@ -8,9 +8,11 @@
 //!
 //! Nothing grows with pixels × triangles.
 
+use super::sizes::bytes;
+use super::{FramePush, Plan};
 use crate::constants as c;
 use crate::gradients::{GradientMode, Wanted};
-use crate::plan::{FramePush, Plan, bytes};
+
 use crate::scene::Outputs;
 
 /// Bytes of every buffer that a backward pass fills; 0 where it needs none.

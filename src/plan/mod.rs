@@ -1,0 +1,205 @@
+//! From shapes and settings to buffer sizes, dispatch counts and the numbers of a frame: pure, no Vulkan.
+//!
+//! Memory, in bytes, with V vertices and S slots over all views (a slot is a triangle; two where the near plane cuts the
+//! mesh), P pixels over all views, B bins (64×32 pixels) and T tiles (8×4 pixels) over all views, C and L the capacities
+//! of the bins' and the tiles' lists, Q the texels of a shading record (4; +2 with textures, +3 with normals):
+//!
+//! `32 V + (32 V smooth) + 96 S + 16 Q S + B S/8 + 8 B + 12 C + 8 T + 4 L + 16 P colour + 4 P depth + 16 P normal`,
+//! and for backward `16 P + 8 S` and 8 a cell (64×32 pixels) that a box has beyond its first
+//!
+//! Nothing grows with pixels × triangles.
+
+mod backward;
+mod capacity;
+mod frame;
+mod modes;
+mod sizes;
+
+pub use backward::{BackwardGroups, BackwardInput, BackwardPlan, BackwardSizes};
+pub use capacity::Capacity;
+pub use frame::{FramePush, split};
+pub use modes::{DepthSpan, Sampling};
+pub use sizes::BufferSizes;
+
+use crate::constants as c;
+use crate::error::{Error, Result};
+use crate::scene::{Lights, Settings};
+use modes::{clips, modes_of};
+
+/// The size of what one view sees.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ViewSize {
+    /// Vertices of its mesh.
+    pub vertices: u32,
+    /// Triangles of its mesh.
+    pub triangles: u32,
+}
+
+/// Where one view's share of the buffers begins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ViewRange {
+    /// First transformed vertex.
+    pub screen_base: u32,
+    /// First record slot.
+    pub slot_base: u32,
+    /// First bin.
+    pub bin_base: u32,
+    /// First word of the bins' bitmaps.
+    pub word_base: u32,
+    /// Record slots.
+    pub slots: u32,
+    /// Bitmap words of a bin.
+    pub words: u32,
+}
+
+/// Everything that a frame's recording needs to know.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// The push constants.
+    pub frame: FramePush,
+    /// Specialization constants by name.
+    pub modes: Vec<(&'static str, u32)>,
+    /// Each view's share of the buffers.
+    pub views: Vec<ViewRange>,
+    /// Bytes of every buffer.
+    pub sizes: BufferSizes,
+    /// Workgroups of each stage.
+    pub groups: Groups,
+    /// Vertices, slots and pixels of all views together.
+    pub totals: Totals,
+}
+
+/// Workgroups of each stage.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs)] // Named as the stages.
+pub struct Groups {
+    pub vertex: [u32; 3],
+    pub triangle: [u32; 3],
+    pub bin_coarse: [u32; 3],
+    pub bin_fine: [u32; 3],
+    pub forward: [u32; 3],
+}
+
+/// What a plan is made from.
+#[derive(Clone, Debug)]
+pub struct PlanInput<'a> {
+    /// The frame's settings, judged.
+    pub settings: &'a Settings,
+    /// What each view sees, in order.
+    pub views: &'a [ViewSize],
+    /// How many meshes there are: one seen by every view, or one for each.
+    pub meshes: u32,
+    /// The lights, judged.
+    pub lights: &'a Lights,
+    /// What colours the meshes.
+    pub sampling: Sampling,
+    /// How the depths lie to near and far.
+    pub depth_span: DepthSpan,
+    /// Some camera distorts.
+    pub distorted: bool,
+    /// Room for lists; see [`Capacity::estimate`].
+    pub capacity: Capacity,
+    /// Keep what backward needs.
+    pub save: bool,
+}
+
+impl Plan {
+    /// Sizes, counts and numbers of a frame.
+    ///
+    /// # Errors
+    /// [`Error::Limit`] where a count outgrows what the kernels' 32-bit indices can address.
+    pub fn new(input: &PlanInput) -> Result<Self> {
+        let mut frame = frame::push_of(input.settings);
+        frame.coarse_capacity = input.capacity.coarse;
+        frame.list_capacity = input.capacity.list;
+        frame.cell_capacity = if input.save { input.capacity.cells } else { 0 };
+        frame.view_count = input.views.len() as u32;
+        frame.mesh_count = input.meshes;
+        frame.light_count = input.lights.directional.len() as u32;
+        let modes = modes_of(input);
+        let (views, totals) = ranges_of(input, &frame)?;
+        frame.slot_count = totals.slots as u32;
+        let sizes = sizes::sizes_of(input, &frame, &totals);
+        let most = |f: fn(&ViewSize) -> u32| input.views.iter().map(f).max().unwrap_or(0);
+        let count = input.views.len() as u32;
+        let linear = |n: u32| [n.div_ceil(c::LINEAR_GROUP), count, 1];
+        let tiles = frame.tiles_x * frame.tiles_y;
+        let bins = [frame.bins_x * frame.bins_y, count, 1];
+        let groups = Groups {
+            vertex: linear(most(|v| v.vertices)),
+            triangle: linear(most(|v| v.triangles)),
+            bin_coarse: bins,
+            bin_fine: bins,
+            forward: [tiles.min(c::FORWARD_ROW), count, tiles.div_ceil(c::FORWARD_ROW)],
+        };
+        Ok(Self { frame, modes, views, sizes, groups, totals })
+    }
+
+    /// A specialization constant's value.
+    pub fn mode(&self, name: &str) -> u32 {
+        self.modes.iter().find(|(n, _)| *n == name).map_or(0, |(_, value)| *value)
+    }
+
+    /// Whether a shading record is made: for colour, depth or normals, or to tell fragments beyond far.
+    pub fn shaded(&self) -> bool {
+        self.mode("OUTPUTS") & !c::OUTPUT_SILHOUETTE != 0 || self.mode("DEPTH_RANGE") != c::DEPTH_RANGE_INSIDE
+    }
+}
+
+/// Counts over all views of a frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[allow(missing_docs)] // Named after what is counted.
+pub struct Totals {
+    pub vertices: u64,
+    pub slots: u64,
+    pub bins: u64,
+    pub words: u64,
+    pub tiles: u64,
+    pub pixels: u64,
+}
+
+fn ranges_of(input: &PlanInput, frame: &FramePush) -> Result<(Vec<ViewRange>, Totals)> {
+    let pieces = if clips(input) { 2 } else { 1 };
+    let bins = u64::from(frame.bins_x) * u64::from(frame.bins_y);
+    let mut t = Totals::default();
+    let mut views = Vec::with_capacity(input.views.len());
+    for size in input.views {
+        let slots = u64::from(size.triangles) * pieces;
+        let words = slots.div_ceil(u64::from(c::WORD_BITS));
+        views.push(ViewRange {
+            screen_base: t.vertices as u32,
+            slot_base: t.slots as u32,
+            bin_base: t.bins as u32,
+            word_base: t.words as u32,
+            slots: slots as u32,
+            words: words as u32,
+        });
+        t.vertices += u64::from(size.vertices);
+        t.slots += slots;
+        t.bins += bins;
+        t.words += words * bins;
+        t.tiles += u64::from(frame.tiles_x) * u64::from(frame.tiles_y);
+        t.pixels += u64::from(frame.width) * u64::from(frame.height);
+    }
+    // Kernels index texels with i32; the widest record has 9.
+    let index = |what: &str, needed: u64, mend: &str| -> Result<()> {
+        let limit = i32::MAX as u64;
+        if needed <= limit {
+            return Ok(());
+        }
+        let (what, mend) = (what.to_owned(), mend.to_owned());
+        Err(Error::Limit { what, needed, unit: "elements", limit_name: "32-bit index", limit, mend })
+    };
+    index("the triangle records of all views", 9 * t.slots, "render fewer views or triangles in one frame")?;
+    index("the vertices of all views", 3 * t.vertices, "render fewer views in one frame")?;
+    index("the images of all views", t.pixels, "render fewer views in one frame, or smaller images")?;
+    index("the bins' bitmaps", t.words, "render fewer views in one frame, or smaller images")?;
+    let triangles = input.views.iter().map(|v| u64::from(v.triangles)).max().unwrap_or(0);
+    if triangles > 1 << 22 {
+        let mend = "split the mesh: a float and one row of workgroups must be able to count its triangles".into();
+        let what = "one mesh".into();
+        let limit_name = "triangles of a mesh";
+        return Err(Error::Limit { what, needed: triangles, unit: "triangles", limit_name, limit: 1 << 22, mend });
+    }
+    Ok((views, t))
+}
