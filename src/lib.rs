@@ -30,7 +30,7 @@
 //! image is its top. Images are not mirrored.
 //!
 //! # Where things are
-//! [`scene`] is what is drawn, judged once; [`renderer`] draws it and differentiates; [`reference`] is the f64 judge of
+//! [`scene`] is what is drawn, judged once; [`renderer`] draws it and differentiates; [`mod@reference`] is the f64 judge of
 //! both. Below them, [`plan`] turns sizes into buffers and dispatches, [`passes`] records a frame,
 //! and [`vulkan`] is the only module with `unsafe`.
 

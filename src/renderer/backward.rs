@@ -1,6 +1,6 @@
 //! Backward on the simple API: from dL/dimages to dL by what made them.
 
-use super::{Frame, Renderer, StageTime};
+use super::{Frame, MOST_MODES, Renderer, StageTime};
 use crate::buffers::{self, Role};
 use crate::constants as c;
 use crate::error::{Error, Result};
@@ -149,6 +149,9 @@ impl Renderer {
             Some(pipelines) => pipelines.clone(),
             None => {
                 let made = self.compile_backward(plan)?;
+                if self.backward.stages.len() >= MOST_MODES {
+                    self.backward.stages.clear();
+                }
                 self.backward.stages.insert(plan.modes.clone(), made.clone());
                 made
             }

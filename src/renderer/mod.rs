@@ -13,6 +13,9 @@ use crate::scene::{Camera, Outputs, Projection, Scene, Settings, Shading};
 use crate::vulkan::{CacheFolder, CommandBuffer, Context, ContextOptions, DeviceInfo, DeviceKind, TimestampPool};
 use std::collections::HashMap;
 
+/// Sets of modes whose pipelines are kept: each costs a driver some megabytes, and few programs need more than two.
+const MOST_MODES: usize = 16;
+
 /// What a stage took on the device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StageTime {
@@ -284,6 +287,9 @@ impl Renderer {
             Some(pipelines) => pipelines.clone(),
             None => {
                 let made = self.compile(plan)?;
+                if self.stages.len() >= MOST_MODES {
+                    self.stages.clear();
+                }
                 self.stages.insert(plan.modes.clone(), made.clone());
                 made
             }
