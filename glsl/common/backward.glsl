@@ -55,10 +55,12 @@ struct Ends {
 // t = start + slope · (distance along the edge from its midpoint) runs from 0 at an edge's first corner to 1 at its
 // second. The end lines of a segment without area are corners themselves: t is 0 or 1 throughout.
 Ends ends_of(Triangle t) {
-    float orientation = t.line0.x * t.line1.y - t.line0.y * t.line1.x < 0.0 ? -1.0 : 1.0;
     Ends e;
     e.start = vec3(0.5);
     bvec3 flat_line = lessThan(t.inverse_height, vec3(0.0));
+    // The lines of a segment do not tell; it has the positive one.
+    bool turned = t.line0.x * t.line1.y - t.line0.y * t.line1.x < 0.0 && !any(flat_line);
+    float orientation = turned ? -1.0 : 1.0;
     for (int k = 0; k < 3; ++k) {
         int before = k == 0 ? 2 : k - 1;
         e.start[k] = flat_line[k] ? (flat_line[before] ? 1.0 : 0.0) : 0.5;
@@ -109,6 +111,20 @@ void barycentric_gradient(Triangle t, vec3 height, vec3 share, float inverse_sum
     s.corner[0] -= b.x * h;
     s.corner[1] -= b.y * h;
     s.corner[2] -= b.z * h;
+    bvec3 flat_line = lessThan(t.inverse_height, vec3(0.0));
+    if (any(flat_line)) {
+        // The nearest point of a segment is where its normal meets it, which turns with it: ∂t/∂p_b has the distance
+        // over the squared length across the segment too.
+        vec4 line = !flat_line.x ? t.line0 : (!flat_line.y ? t.line1 : t.line2);
+        float distance = !flat_line.x ? height.x : (!flat_line.y ? height.y : height.z);
+        float half_length = !flat_line.x ? t.half_length.x : (!flat_line.y ? t.half_length.y : t.half_length.z);
+        vec3 side = !flat_line.x ? vec3(0.0, -1.0, 1.0) : (!flat_line.y ? vec3(1.0, 0.0, -1.0) : vec3(-1.0, 1.0, 0.0));
+        vec3 by = vec3(free0 ? by_clipped.x : 0.0, free1 ? by_clipped.y : 0.0, free2 ? by_clipped.z : 0.0);
+        vec2 turn = line.xy * (0.25 * distance * dot(by, side) / max(half_length * half_length, 1e-30));
+        s.corner[0] += side.x * turn;
+        s.corner[1] += side.y * turn;
+        s.corner[2] += side.z * turn;
+    }
 }
 
 // Adds to a 64-bit fixed-point number, low word first: integers add to the same bits in any order.

@@ -13,7 +13,7 @@ struct Edges {
     vec3 inverse_height;
     // Corners relative to the origin, pixels.
     vec2 corner[3];
-    // Sign of the area with rows downwards: negative is counter-clockwise to the eye.
+    // Sign of the area with rows downwards: negative is counter-clockwise to the eye. Positive without area.
     float orientation;
     // No area: the record describes a segment or a point.
     bool degenerate;
@@ -83,9 +83,9 @@ Edges edges_of(vec2 column[3], vec2 row[3]) {
     }
     float area = df_add(df_add(cross_ab[0], cross_ab[1]), cross_ab[2]).x;
     e.finite = abs(area) < 1e30;
-    e.orientation = area < 0.0 ? -1.0 : 1.0;
     int longest = size.x >= size.y ? (size.x >= size.z ? 0 : 2) : (size.y >= size.z ? 1 : 2);
     e.degenerate = abs(area) <= 1e-10 * size[longest] * size[longest];
+    e.orientation = area < 0.0 && !e.degenerate ? -1.0 : 1.0;
     for (int k = 0; k < 3; ++k) {
         int a = k == 2 ? 0 : k + 1;
         int b = a == 2 ? 0 : a + 1;

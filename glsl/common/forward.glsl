@@ -131,6 +131,8 @@ bool judge_depth(inout Fragment f, Corner c, Depth depth, float inverse_score) {
         shaded = shaded && z <= frame.far_high;
         if (DEPTH_RANGE == DEPTH_RANGE_OFFICIAL) {
             shaded = shaded && z >= frame.near_high;
+            // Back faces that only the silhouette counts: triangle.comp gave them no weight.
+            shaded = shaded && (!FRONT_ONLY || c.whole > -1e38);
         } else {
             f.probability = shaded ? f.probability : 0.0;
             f.complement = shaded ? f.complement : 1.0;
