@@ -13,6 +13,10 @@ use crate::scene::{Camera, Outputs, Projection, Scene, Settings, Shading};
 use crate::vulkan::{CacheFolder, CommandBuffer, Context, ContextOptions, DeviceInfo, DeviceKind, TimestampPool};
 use std::collections::HashMap;
 
+/// The longest list of triangles that a software device walks: Mesa before 23 ends an invocation's loops after 65535 passes
+/// in all, without an error, and a hole in the image is worse than one.
+const SOFTWARE_LONGEST_LIST: u32 = 60_000;
+
 /// Sets of modes whose pipelines are kept: each costs a driver some megabytes, and few programs need more than two.
 const MOST_MODES: usize = 16;
 
@@ -348,6 +352,17 @@ impl Renderer {
         if status[c::STATUS_NOT_FINITE as usize] != 0 {
             let mend = "bring positions and camera to a scale within 1e15, and near above 1e-6".into();
             return Err(Error::NotFinite { stage: "triangle", mend });
+        }
+        let longest = status[c::STATUS_LONGEST_LIST as usize];
+        if self.context.info().kind == DeviceKind::Software && longest > SOFTWARE_LONGEST_LIST {
+            return Err(Error::Limit {
+                what: "one tile of 8×4 pixels".into(),
+                needed: longest.into(),
+                unit: "triangles near it",
+                limit_name: "passes of a loop on a software driver",
+                limit: SOFTWARE_LONGEST_LIST.into(),
+                mend: "render larger, nearer or with a smaller sigma, or simplify the mesh".into(),
+            });
         }
         let coarse = status[c::STATUS_COARSE_NEEDED as usize];
         let list = status[c::STATUS_LIST_NEEDED as usize];

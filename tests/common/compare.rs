@@ -1,0 +1,153 @@
+//! Comparing what the kernels made with what the judge says.
+
+use super::tolerance::Tolerance;
+use softras::{Frame, Image, reference::ReferenceFrame};
+
+/// What a comparison found.
+#[derive(Clone, Debug)]
+pub struct Report {
+    /// The largest error of the pixels that count, in units of the tolerance.
+    pub worst: f64,
+    /// Where it is and what it is.
+    pub place: String,
+    /// Share of the pixels that were left out, since the model jumps there.
+    pub left_out: f64,
+}
+
+/// One image against the judge's, value by value: |actual - judge| ≤ tolerance · max(1, |judge|).
+///
+/// Pixels whose `margin` is below the tolerance's may fall on the other side of a jump of the model and are left out,
+/// but no more than its share of them.
+///
+/// # Errors
+/// What is wrong: the shape, a value that is not finite, the worst pixel, or too many pixels left out.
+pub fn compare(
+    name: &str,
+    actual: &Image,
+    judge: &[f64],
+    margin: &[f64],
+    tolerance: &Tolerance,
+) -> Result<Report, String> {
+    let channels = actual.channels;
+    let pixels = actual.batch * actual.height * actual.width;
+    if [actual.data.len(), judge.len()] != [pixels * channels; 2] || margin.len() != pixels {
+        let [a, b, c] = [actual.data.len(), judge.len(), margin.len()];
+        return Err(format!("{name}: {a} values, {b} of the judge's and {c} margins for {pixels} pixels"));
+    }
+    let place = |i: usize| {
+        let (pixel, channel) = (i / channels, i % channels);
+        let (view, row, column) =
+            (pixel / (actual.height * actual.width), pixel / actual.width % actual.height, pixel % actual.width);
+        let (is, should) = (actual.data[i], judge[i]);
+        let error = f64::from(is) - should;
+        let margin = margin[pixel];
+        format!(
+            "{name}: view {view}, row {row}, column {column}, channel {channel} is {is}, should be {should} (off by \
+             {error:e}, margin {margin:e})"
+        )
+    };
+    let (mut worst, mut at) = (0.0, 0);
+    for (i, (&is, &should)) in actual.data.iter().zip(judge).enumerate() {
+        if !is.is_finite() || !should.is_finite() {
+            return Err(place(i));
+        }
+        let error = (f64::from(is) - should).abs() / (tolerance.value * should.abs().max(1.0));
+        if margin[i / channels] >= tolerance.margin && error > worst {
+            (worst, at) = (error, i);
+        }
+    }
+    let left_out = margin.iter().filter(|&&m| m < tolerance.margin).count() as f64 / pixels.max(1) as f64;
+    if left_out > tolerance.left_out {
+        return Err(format!(
+            "{name}: {left_out} of the pixels lie at a jump of the model, at most {} may",
+            tolerance.left_out
+        ));
+    }
+    let place = if pixels == 0 { format!("{name}: no pixels") } else { place(at) };
+    if worst > 1.0 { Err(place) } else { Ok(Report { worst, place, left_out }) }
+}
+
+/// Every image that the frame has, and that it has those which the judge has.
+///
+/// # Errors
+/// As [`compare`].
+pub fn compare_frames(actual: &Frame, judge: &ReferenceFrame, tolerance: &Tolerance) -> Result<Report, String> {
+    let mut worst = Report { worst: 0.0, place: String::new(), left_out: 0.0 };
+    for (name, image, expected) in [
+        ("color", actual.color(), &judge.color),
+        ("silhouette", actual.silhouette(), &judge.silhouette),
+        ("depth", actual.depth(), &judge.depth),
+        ("normal", actual.normal(), &judge.normal),
+    ] {
+        let Some(image) = image else {
+            if expected.is_empty() {
+                continue;
+            }
+            return Err(format!("{name}: asked for and not there"));
+        };
+        let report = compare(name, image, expected, &judge.margin, tolerance)?;
+        if report.worst >= worst.worst {
+            worst = report;
+        }
+    }
+    Ok(worst)
+}
+
+/// Every value of every image the same bits.
+///
+/// # Errors
+/// The first image that differs and in how many values.
+pub fn same_bits(a: &Frame, b: &Frame) -> Result<(), String> {
+    for (name, a, b) in images(a, b) {
+        let (Some(a), Some(b)) = (a, b) else {
+            if a.is_some() != b.is_some() {
+                return Err(format!("{name}: only one of the frames has it"));
+            }
+            continue;
+        };
+        same_image_bits(name, a, b)?;
+    }
+    Ok(())
+}
+
+/// Every value the same bits.
+///
+/// # Errors
+/// In how many values they differ, and the first.
+pub fn same_image_bits(name: &str, a: &Image, b: &Image) -> Result<(), String> {
+    if (a.batch, a.height, a.width, a.channels, a.data.len()) != (b.batch, b.height, b.width, b.channels, b.data.len())
+    {
+        return Err(format!("{name}: different shapes"));
+    }
+    let mut differing = a.data.iter().zip(&b.data).enumerate().filter(|(_, (a, b))| a.to_bits() != b.to_bits());
+    match differing.next() {
+        None => Ok(()),
+        Some((i, (x, y))) => {
+            Err(format!("{name}: {} values differ, the first is value {i}, {x} and {y}", 1 + differing.count()))
+        }
+    }
+}
+
+/// Both frames' images by name.
+pub fn images<'a>(a: &'a Frame, b: &'a Frame) -> [(&'static str, Option<&'a Image>, Option<&'a Image>); 4] {
+    [
+        ("color", a.color(), b.color()),
+        ("silhouette", a.silhouette(), b.silhouette()),
+        ("depth", a.depth(), b.depth()),
+        ("normal", a.normal(), b.normal()),
+    ]
+}
+
+/// One view of a batch as a batch of its own.
+pub fn view_of(image: &Image, view: usize) -> Image {
+    Image { batch: 1, data: image.view(view).to_vec(), ..*image }
+}
+
+/// The image with its columns in reverse.
+pub fn mirrored(image: &Image) -> Image {
+    let mut data = Vec::with_capacity(image.data.len());
+    for row in image.data.chunks_exact(image.width * image.channels) {
+        row.chunks_exact(image.channels).rev().for_each(|pixel| data.extend(pixel));
+    }
+    Image { data, ..*image }
+}
