@@ -281,14 +281,12 @@ fn texture_seams() {
             texture_of_triangle: vec![0, 0],
         };
         let mesh = mesh.clone().with_appearance(appearance).unwrap();
-        for far in [10.0] {
-            let settings = Settings { far, epsilon: 0.0, ..settings(32, 32) };
-            let case = made_case(Scene::new(mesh.clone()), vec![Camera::screen()], settings);
-            let gradients = assert_agrees(&mut renderer, &case);
-            let size = norm(&gradients.meshes[0].uvs[5].map(f64::from));
-            assert!(size > 1e-3, "{wrap:?}: the second UV of a vertex has the gradient {size:e}");
-            assert!(gradients.meshes[0].texture_texels[1] == [[0.0; 3]], "an image that no triangle shows");
-        }
+        let settings = Settings { far: 10.0, epsilon: 0.0, ..settings(32, 32) };
+        let case = made_case(Scene::new(mesh.clone()), vec![Camera::screen()], settings);
+        let gradients = assert_agrees(&mut renderer, &case);
+        let size = norm(&gradients.meshes[0].uvs[5].map(f64::from));
+        assert!(size > 1e-3, "{wrap:?}: the second UV of a vertex has the gradient {size:e}");
+        assert!(gradients.meshes[0].texture_texels[1] == [[0.0; 3]], "an image that no triangle shows");
     }
 }
 
