@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use glam::DMat4;
-use softras::reference::{ReferenceFrame, Truncation, render, render_culled};
+use softras::reference::{ReferenceFrame, Truncation, pairs, render, render_culled, render_untruncated};
 use softras::scene::{
     Appearance, Background, Camera, ColorAggregation, DirectionalLight, Distance, Faces, FrontFace, Interpolation,
     Lights, Mesh, Outputs, Parity, Projection, Scene, Settings, Shading, SilhouetteAggregation, Texture, Wrap,
@@ -517,6 +517,67 @@ fn culling_changes_nothing() {
         }
     }
     assert_eq!(checked, 36);
+}
+
+/// A smaller γ and σ leave fewer pairs that weigh anything, larger ones all of them.
+#[test]
+fn leaving_out_what_weighs_nothing_changes_nothing() {
+    let mut random = Random(11);
+    let scene = random_scene(&mut random, 60);
+    let base = Settings { width: 37, height: 26, near: 0.8, far: 5.0, outputs: ALL, ..Settings::default() };
+    for (sigma, gamma) in [(1e-5, 1e-4), (1e-4, 1e-2), (1e-3, 1e-2), (0.1, 1.0)] {
+        for (background, epsilon) in
+            [(Background::Weighted, 1e-3), (Background::Weighted, 0.7), (Background::Composite, 0.0)]
+        {
+            for parity in [Parity::Model, Parity::Official] {
+                for faces in [Faces::Both, Faces::Front] {
+                    for distance in [Distance::Euclidean, Distance::Barycentric] {
+                        let settings =
+                            Settings { sigma, gamma, background, epsilon, parity, faces, distance, ..base.clone() };
+                        let camera = [Camera::screen()];
+                        let mut all = render(&scene, &camera, &settings, Truncation::None).unwrap();
+                        let few = render_untruncated(&scene, &camera, &settings).unwrap();
+                        // A margin is a pixel's nearness to any pair's jump, those that weigh nothing included.
+                        all.margin.clone_from(&few.margin);
+                        // Depths reach 5, and 60 triangles lose 1e-16 each.
+                        let worst = difference(&all, &few);
+                        assert!(worst < 1e-12, "{worst:e} for {settings:?}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn untruncated_images_are_not_truncated_ones() {
+    let scene = random_scene(&mut Random(11), 60);
+    let settings = Settings { width: 37, height: 26, near: 0.8, sigma: 1e-3, outputs: ALL, ..Settings::default() };
+    let untruncated = render_untruncated(&scene, &[Camera::screen()], &settings).unwrap();
+    assert!(difference(&untruncated, &culled(&scene, &settings)) > 1e-3);
+}
+
+/// Two pixels a unit: a triangle that covers 10 centres, and one that its radius adds to beyond each side.
+#[test]
+fn pairs_are_counted() {
+    let corners = [[-1.0, -1.0, 2.0], [1.0, -1.0, 2.0], [-1.0, 1.0, 2.0]];
+    let scene = colored(&corners, &[[1.0; 3]; 3]);
+    let count = |blur: f64| {
+        let settings = Settings { width: 8, height: 4, ..Settings::default() }.with_blur_pixels(blur);
+        let pairs = pairs(&scene, &[Camera::screen()], &settings).unwrap();
+        (pairs.pieces, pairs.total(), pairs.needed, pairs.boxed)
+    };
+    // The slanted edge runs through the centres of its four pixels, which count as inside.
+    let (pieces, total, needed, boxed) = count(1e-3);
+    assert_eq!((pieces, total, boxed), (1, 10, 16));
+    assert_eq!(needed[..8], [0, 0, 1, 0, 0, 0, 0, 0]);
+    assert_eq!(needed[24..], [0, 0, 1, 1, 1, 1, 0, 0]);
+    // 0.6 pixels beyond the left side lies the next column, at 0.5, for all four rows; and beyond the slanted side
+    // none, at 0.71.
+    assert_eq!(count(0.6).1, 14);
+    // 0.8 reaches those too, one beside each of the four.
+    assert_eq!(count(0.8).1, 14 + 4);
+    assert_eq!(count(0.8).3, 24);
 }
 
 #[test]

@@ -1,13 +1,18 @@
-//! Which pieces a pixel must look at: all of them, or those whose grown box meets its tile.
+//! Which pieces a pixel must look at: all of them, those whose grown box meets its tile, or those that can weigh there.
 
-use super::geometry::doubled_area;
-use super::real::sub;
+use super::fragment::Knobs;
+use super::geometry::{doubled_area, locate};
+use super::real::{Real, sub};
 use super::setup::Piece;
-use crate::scene::{Distance, Settings};
+use crate::scene::{Background, Distance, Faces, Settings};
+use rayon::prelude::*;
 use std::ops::Range;
 
 /// Pixels along a tile's side.
 const TILE: usize = 8;
+
+/// e^-38 < 1e-16: what weighs less than this beside another pair is nothing to an f64.
+const NOTHING: f64 = 38.0;
 
 /// Lists of pieces, in piece order, for square tiles of pixels.
 #[derive(Debug)]
@@ -47,9 +52,68 @@ impl Candidates {
         Self { tile: TILE, columns, lists }
     }
 
+    /// Without truncation, those that some pixel of the tile could notice: D may be above 1e-16, or the softmax weight
+    /// that of the heaviest piece times 1e-16.
+    ///
+    /// The signed distance to a triangle changes by at most the way walked, so its value at the tile's centre bounds x
+    /// over the tile, and the corners bound ζ. A piece is left out when its largest possible score
+    /// log D + ζ / γ stays [`NOTHING`] below another's least.
+    pub fn of_weight(knobs: &Knobs<'_, f64>, pieces: &[Piece<f64>]) -> Self {
+        let settings = knobs.settings;
+        if settings.distance != Distance::Euclidean {
+            return Self::all(pieces.len());
+        }
+        let tiles = |size: u32| (size as usize).div_ceil(TILE);
+        let (rows, columns) = (tiles(settings.height), tiles(settings.width));
+        let background = match settings.background {
+            Background::Weighted => knobs.background_score / knobs.gamma,
+            Background::Composite => f64::NEG_INFINITY,
+        };
+        let scores: Vec<Scores> = pieces.iter().map(|piece| Scores::of(knobs, piece)).collect();
+        let list = |tile: usize| {
+            let first = pixel_centre(settings, tile / columns * TILE, tile % columns * TILE);
+            let half = (TILE - 1) as f64 / f64::from(settings.height);
+            let centre = [first[0] + half, first[1] - half];
+            // To the tile's corners, and a little for rounding.
+            let reach = half * std::f64::consts::SQRT_2 * (1.0 + 1e-9);
+            let bounds: Vec<[f64; 3]> =
+                pieces.iter().zip(&scores).map(|(piece, scores)| scores.over(knobs, piece, centre, reach)).collect();
+            let least = bounds.iter().map(|b| b[1]).fold(background, f64::max);
+            let counts = |b: &[f64; 3]| b[0] > -NOTHING || b[2] > least - NOTHING;
+            (0u32..).zip(&bounds).filter(|(_, b)| counts(b)).map(|(i, _)| i).collect()
+        };
+        Self { tile: TILE, columns, lists: (0..rows * columns).into_par_iter().map(list).collect() }
+    }
+
     /// The pieces for a pixel.
     pub fn of(&self, row: usize, column: usize) -> &[u32] {
         &self.lists[row / self.tile * self.columns + column / self.tile]
+    }
+}
+
+/// The depth part of a piece's scores, ζ / γ, over all of it: least and largest.
+struct Scores([f64; 2]);
+
+impl Scores {
+    fn of(knobs: &Knobs<'_, f64>, piece: &Piece<f64>) -> Self {
+        let (near, far) = (knobs.settings.near, knobs.settings.far);
+        let score = |z: f64| (far - z) / (far - near) / knobs.gamma;
+        let z = piece.corners.map(|c| c.z);
+        let (nearest, farthest) = (z[0].min(z[1]).min(z[2]), z[0].max(z[1]).max(z[2]));
+        // What may be left out of the softmax outweighs nothing: fragments outside the depth range, and the back faces
+        // that only the official silhouette counts.
+        let shown = piece.front || knobs.settings.faces == Faces::Both;
+        let least = if shown && nearest >= near && farthest <= far { score(farthest) } else { f64::NEG_INFINITY };
+        Self([least, score(nearest.max(near))])
+    }
+
+    /// Over the pixels within `reach` of `centre`: the largest log D, and the least and the largest log D + ζ / γ.
+    fn over(&self, knobs: &Knobs<'_, f64>, piece: &Piece<f64>, centre: [f64; 2], reach: f64) -> [f64; 3] {
+        let location = locate(&piece.screen(), centre);
+        let outside = if location.inside { -location.distance2.sqrt() } else { location.distance2.sqrt() };
+        let log_d = |d: f64| -(d * d.abs() / knobs.sigma).softplus();
+        let (most, fewest) = (log_d(outside - reach), log_d(outside + reach));
+        [most, fewest + self.0[0], most + self.0[1]]
     }
 }
 

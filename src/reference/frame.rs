@@ -16,7 +16,7 @@ use rayon::prelude::*;
 pub enum Search {
     /// All pieces for every pixel.
     BruteForce,
-    /// Binned by tile; needs [`Truncation::Tau`].
+    /// Binned by tile.
     Culled,
 }
 
@@ -50,9 +50,10 @@ impl<'a> View<'a> {
         let values = Values(parameters.values());
         let knobs = Knobs::load(settings, truncation, GradientMode::Exact, parameters, &values);
         let pieces = pieces(scene, cameras, settings, parameters, view, &values);
-        let candidates = match search {
-            Search::BruteForce => Candidates::all(pieces.len()),
-            Search::Culled => Candidates::culled(settings, knobs.support, &pieces),
+        let candidates = match (search, truncation) {
+            (Search::BruteForce, _) => Candidates::all(pieces.len()),
+            (Search::Culled, Truncation::Tau) => Candidates::culled(settings, knobs.support, &pieces),
+            (Search::Culled, Truncation::None) => Candidates::of_weight(&knobs, &pieces),
         };
         let mesh = scene.mesh_of_view(view);
         Self { mesh: &scene.meshes[mesh], slots: &parameters.layout().meshes[mesh], values, knobs, pieces, candidates }
