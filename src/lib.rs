@@ -31,13 +31,15 @@
 //!
 //! # Where things are
 //! [`scene`] is what is drawn, judged once; [`renderer`] draws it and differentiates; [`mod@reference`] is the f64 judge of
-//! both. Below them, [`plan`] turns sizes into buffers and dispatches, [`passes`] records a frame,
+//! both; `measure` says what a frame costs and must cost. Below them, [`plan`] turns sizes into buffers and dispatches, [`passes`] records a frame,
 //! and [`vulkan`] is the only module with `unsafe`.
 
 pub mod buffers;
 pub mod error;
 pub mod gradients;
 pub mod image;
+#[cfg(feature = "reference")]
+pub mod measure;
 #[cfg(feature = "obj")]
 pub mod obj;
 pub mod pack;
@@ -53,6 +55,6 @@ pub mod vulkan;
 pub use error::{Error, Result};
 pub use gradients::{GradientMode, Gradients, ImageGradient, Wanted};
 pub use image::Image;
-pub use renderer::{Frame, Renderer, RendererOptions};
+pub use renderer::{Frame, FrameCounts, Renderer, RendererOptions};
 pub use scene::{Camera, Lights, Mesh, Projection, Scene, Settings};
 pub use vulkan::constants;

@@ -1,5 +1,6 @@
 //! The command line: arguments in, files and sentences out.
 
+mod bench;
 mod check;
 mod color;
 mod describe;
@@ -38,6 +39,7 @@ pub enum Command {
     Render(Box<render::args::RenderArgs>),
     Eval(eval::EvalArgs),
     Check(check::CheckArgs),
+    Bench(Box<bench::args::BenchArgs>),
     Grad(Box<grad::args::GradArgs>),
     Devices(devices::DevicesArgs),
     Mesh(mesh::MeshArgs),
@@ -69,6 +71,7 @@ pub fn run(cli: &Cli) -> Result<(), Failure> {
         Command::Eval(args) => eval::run(args),
         Command::Grad(args) => grad::run(args),
         Command::Check(args) => check::run(args),
+        Command::Bench(args) => bench::run(args),
         Command::Devices(args) => devices::run(args),
         Command::Mesh(args) => mesh::run(args),
     }

@@ -29,6 +29,15 @@ pub struct StageTime {
     pub milliseconds: f64,
 }
 
+/// What the device counted while it made a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FrameCounts {
+    /// Entries of all tiles' lists.
+    pub list_entries: u64,
+    /// (pixel, triangle) pairs that the forward stage evaluated: every pixel of a tile against every entry of its list.
+    pub forward_pairs: u64,
+}
+
 /// How to open a renderer.
 #[derive(Clone, Debug, Default)]
 pub struct RendererOptions {
@@ -176,6 +185,17 @@ impl Renderer {
     /// Bytes of device memory that the renderer holds.
     pub fn device_bytes(&self) -> u64 {
         self.buffers.bytes()
+    }
+
+    /// Counts of the latest frame, for measuring.
+    ///
+    /// # Errors
+    /// [`Error::Vulkan`] before the first frame.
+    pub fn frame_counts(&self) -> Result<FrameCounts> {
+        let mut status = [0u32; c::STATUS_WORDS as usize];
+        self.buffers.read("status", bytemuck::cast_slice_mut(&mut status))?;
+        let list_entries = u64::from(status[c::STATUS_LIST_NEEDED as usize]);
+        Ok(FrameCounts { list_entries, forward_pairs: list_entries * u64::from(c::TILE_WIDTH * c::TILE_HEIGHT) })
     }
 
     /// Renders what every camera sees, all in one submission.

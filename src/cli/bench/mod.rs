@@ -1,0 +1,105 @@
+//! `softras bench`: what frames cost here, next to what they must cost, and how exact they are.
+
+pub mod args;
+mod machine;
+mod rows;
+
+use super::progress::Progress;
+use super::{Failure, files, note, say};
+use args::BenchArgs;
+use machine::Machine;
+use rows::{Job, Judged, Row, measure, rows};
+use serde_json::Value;
+use softras::measure::{peak_flops, subject};
+use softras::obj::LoadOptions;
+use softras::{Camera, Mesh, Renderer, Scene, shapes};
+
+/// Runs the command.
+pub fn run(args: &BenchArgs) -> Result<(), Failure> {
+    if let Some(path) = &args.json {
+        files::judge_writable(path)?;
+    }
+    for size in args.sizes() {
+        args.settings(size).judge()?;
+    }
+    let meshes = meshes(args)?;
+    let mut renderer = match &args.device {
+        Some(selector) => Renderer::with_device(selector)?,
+        None => Renderer::new()?,
+    };
+    let machine = Machine::of(&renderer, peak_flops(Some(&renderer.device_info().index.to_string()))?);
+    for line in machine.lines() {
+        say(&line)?;
+    }
+    let s = args.settings(256);
+    say(&format!(
+        "sigma {:e}, gamma {:e}, tau {:e}, background {:?}; medians of {} runs, milliseconds",
+        s.sigma,
+        s.gamma,
+        s.tau,
+        s.background,
+        args.repeats()
+    ))?;
+    say(&Row::head())?;
+    let cameras = cameras(args.batch)?;
+    let mut all = Vec::new();
+    for (name, mesh) in &meshes {
+        let scene = subject::scene(mesh)?;
+        for size in args.sizes() {
+            all.extend(size_rows(args, &mut renderer, &machine, name, &scene, &cameras, size)?);
+        }
+    }
+    if let Some(path) = &args.json {
+        let list = Value::Array(all.iter().map(Row::json).collect());
+        files::write_whole(path, format!("{list:#}\n").as_bytes())?;
+    }
+    Ok(())
+}
+
+/// All modes at one size, printed as they come.
+fn size_rows(
+    args: &BenchArgs,
+    renderer: &mut Renderer,
+    machine: &Machine,
+    name: &str,
+    scene: &Scene,
+    cameras: &[Camera],
+    size: u32,
+) -> Result<Vec<Row>, Failure> {
+    let mut all = Vec::new();
+    for mode in args.measured_modes() {
+        let settings = mode.of(&args.settings(size));
+        let job = Job { name, scene, cameras, settings, mode, repeats: args.repeats() };
+        let spinner = Progress::spinner(&format!("{name} {size} {}", mode.name()));
+        let judged = if args.no_errors { None } else { Some(Judged::of(&job)?) };
+        let found = measure(renderer, &job, judged.as_ref())?;
+        drop(spinner);
+        let rows = rows(&job, &found, machine);
+        rows.iter().try_for_each(|row| say(&row.text()))?;
+        all.extend(rows);
+    }
+    Ok(all)
+}
+
+/// The mesh asked for, or softras' own.
+fn meshes(args: &BenchArgs) -> Result<Vec<(String, Mesh)>, Failure> {
+    if let Some(path) = &args.mesh {
+        let loaded = softras::obj::load(path, &LoadOptions::default())?;
+        loaded.notes.iter().for_each(|text| note(text));
+        let name = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+        return Ok(vec![(name, loaded.mesh)]);
+    }
+    let mut meshes = vec![("fish".to_string(), shapes::fish()?)];
+    if !args.quick {
+        for subdivisions in [3, 5] {
+            meshes.push((format!("icosphere{subdivisions}"), shapes::icosphere(subdivisions)?));
+        }
+    }
+    Ok(meshes)
+}
+
+/// Views evenly around the vertical axis.
+fn cameras(count: u32) -> Result<Vec<Camera>, Failure> {
+    let camera = |i: u32| subject::camera(360.0 * f64::from(i) / f64::from(count));
+    Ok((0..count).map(camera).collect::<softras::Result<_>>()?)
+}

@@ -1,0 +1,233 @@
+//! One scene, size and mode measured: three rows, one a pass.
+
+use super::machine::Machine;
+use crate::cli::describe;
+use serde_json::{Map, Value, json};
+use softras::measure::error::{self, ImageError};
+use softras::measure::time::{Times, times, upstream};
+use softras::measure::{Mode, floor};
+use softras::reference::{self, Pairs, ReferenceFrame};
+use softras::renderer::StageTime;
+use softras::{Camera, Renderer, Result, Scene, Settings};
+
+/// Pairs up to which the judge differentiates: some seconds.
+const GRADIENT_PAIRS: u64 = 400_000;
+
+/// What is measured.
+pub struct Job<'a> {
+    pub name: &'a str,
+    pub scene: &'a Scene,
+    pub cameras: &'a [Camera],
+    /// Those of the mode.
+    pub settings: Settings,
+    pub mode: Mode,
+    pub repeats: usize,
+}
+
+/// The judge's images of a job, or none where errors were not asked for.
+pub struct Judged {
+    pub same_tau: ReferenceFrame,
+    pub untruncated: ReferenceFrame,
+}
+
+impl Judged {
+    /// Both images of the f64 model.
+    pub fn of(job: &Job<'_>) -> Result<Self> {
+        Ok(Self {
+            same_tau: reference::render_culled(job.scene, job.cameras, &job.settings)?,
+            untruncated: reference::render_untruncated(job.scene, job.cameras, &job.settings)?,
+        })
+    }
+}
+
+/// What was found.
+pub struct Measured {
+    pub times: Times,
+    pub pairs: Pairs,
+    /// Pairs that the forward stage evaluated.
+    pub forward_pairs: u64,
+    /// Against the judge at the same τ, and without truncation.
+    pub errors: Option<[ImageError; 2]>,
+    pub gradient_error: Option<f64>,
+}
+
+/// Measures a job.
+///
+/// # Errors
+/// As [`Renderer::render`] and [`Renderer::backward`].
+pub fn measure(renderer: &mut Renderer, job: &Job<'_>, judged: Option<&Judged>) -> Result<Measured> {
+    let pairs = reference::pairs(job.scene, job.cameras, &job.settings)?;
+    let times = times(renderer, job.scene, job.cameras, &job.settings, job.mode, job.repeats)?;
+    let saved = Settings { save: true, ..job.settings.clone() };
+    let frame = renderer.render(job.scene, job.cameras, &saved)?;
+    let forward_pairs = renderer.frame_counts()?.forward_pairs;
+    let errors = judged.map(|judged| {
+        let same = error::images(&frame, &judged.same_tau, Some(&judged.same_tau.margin));
+        [same, error::images(&frame, &judged.untruncated, None)]
+    });
+    let gradient_error = if judged.is_some() && pairs.total() <= GRADIENT_PAIRS {
+        let upstream = upstream(job.mode, job.cameras.len(), &job.settings);
+        let gradients = renderer.backward(&frame, &upstream, &job.mode.wanted())?;
+        Some(error::gradient(&gradients, job.scene, job.cameras, &job.settings, job.mode)?)
+    } else {
+        None
+    };
+    Ok(Measured { times, pairs, forward_pairs, errors, gradient_error })
+}
+
+/// One pass of a job.
+pub struct Row {
+    pub scene: String,
+    pub faces: usize,
+    pub size: u32,
+    pub mode: &'static str,
+    pub pass: &'static str,
+    pub median: f64,
+    pub device: f64,
+    pub floor: f64,
+    pub needed: u64,
+    pub evaluated: u64,
+    pub error: Option<f64>,
+    pub untruncated: Option<f64>,
+    stages: Vec<StageTime>,
+    common: Map<String, Value>,
+}
+
+/// The three rows of a job.
+pub fn rows(job: &Job<'_>, found: &Measured, machine: &Machine) -> Vec<Row> {
+    let (times, needed) = (&found.times, found.pairs.total());
+    let forward_floor = floor::milliseconds(needed, floor::forward_operations(job.mode), machine.peak);
+    let backward_floor = floor::milliseconds(needed, floor::backward_operations(job.mode), machine.peak);
+    let image = found.errors.map(|e| e[0].most);
+    let untruncated = found.errors.map(|e| e[1].most);
+    let boxed = found.pairs.boxed;
+    let both = [&times.forward_stages[..], &times.backward_stages[..]].concat();
+    let row = |pass, median, floor, needed, evaluated, error, untruncated, stages: &[StageTime]| Row {
+        scene: job.name.to_string(),
+        faces: job.scene.meshes.iter().map(|mesh| mesh.triangles().len()).sum(),
+        size: job.settings.height,
+        mode: job.mode.name(),
+        pass,
+        median,
+        device: stages.iter().map(|t| t.milliseconds).sum(),
+        floor,
+        needed,
+        evaluated,
+        error,
+        untruncated,
+        stages: stages.to_vec(),
+        common: common(job, found, machine),
+    };
+    vec![
+        row(
+            "forward",
+            times.forward,
+            forward_floor,
+            needed,
+            found.forward_pairs,
+            image,
+            untruncated,
+            &times.forward_stages,
+        ),
+        row(
+            "backward",
+            times.backward,
+            backward_floor,
+            needed,
+            boxed,
+            found.gradient_error,
+            None,
+            &times.backward_stages,
+        ),
+        row(
+            "frame",
+            times.frame,
+            forward_floor + backward_floor,
+            2 * needed,
+            found.forward_pairs + boxed,
+            image,
+            untruncated,
+            &both,
+        ),
+    ]
+}
+
+/// What makes two rows comparable.
+fn common(job: &Job<'_>, found: &Measured, machine: &Machine) -> Map<String, Value> {
+    let s = &job.settings;
+    let mut fields = Map::new();
+    let mut put = |key: &str, value: Value| _ = fields.insert(key.to_string(), value);
+    put("views", json!(job.cameras.len()));
+    put("repeats", json!(found.times.repeats));
+    put("sigma", json!(s.sigma));
+    put("gamma", json!(s.gamma));
+    put("tau", json!(s.tau));
+    put("settings", describe::settings(s));
+    put("rms_error", json!(found.errors.map(|e| e[0].rms)));
+    put("rms_error_untruncated", json!(found.errors.map(|e| e[1].rms)));
+    if let Value::Object(machine) = machine.json() {
+        fields.extend(machine);
+    }
+    fields
+}
+
+impl Row {
+    /// All of it.
+    pub fn json(&self) -> Value {
+        let stages: Map<String, Value> =
+            self.stages.iter().map(|t| (t.stage.to_string(), json!(t.milliseconds))).collect();
+        let mut fields = Map::new();
+        let own = json!({
+            "scene": self.scene, "faces": self.faces, "size": self.size, "mode": self.mode, "pass": self.pass,
+            "median_ms": self.median, "device_ms": self.device, "floor_ms": self.floor,
+            "pairs_needed": self.needed, "pairs_evaluated": self.evaluated,
+            "max_error": self.error, "max_error_untruncated": self.untruncated, "stages_ms": stages,
+        });
+        if let Value::Object(own) = own {
+            fields.extend(own);
+        }
+        fields.extend(self.common.clone());
+        Value::Object(fields)
+    }
+
+    /// The heads of [`Row::text`]'s columns.
+    pub fn head() -> String {
+        format!(
+            "{:12} {:>7} {:>5} {:16} {:8} {:>9} {:>9} {:>9} {:>7} {:>9} {:>10} {:>9} {:>9}",
+            "scene",
+            "faces",
+            "size",
+            "mode",
+            "pass",
+            "median",
+            "device",
+            "floor",
+            "x floor",
+            "needed",
+            "evaluated",
+            "error",
+            "untrunc."
+        )
+    }
+
+    /// A line of the table.
+    pub fn text(&self) -> String {
+        let error = |error: Option<f64>| error.map_or("-".to_string(), |e| format!("{e:.1e}"));
+        format!(
+            "{:12} {:>7} {:>5} {:16} {:8} {:>9.3} {:>9.3} {:>9.3} {:>7.1} {:>9} {:>10} {:>9} {:>9}",
+            self.scene,
+            self.faces,
+            self.size,
+            self.mode,
+            self.pass,
+            self.median,
+            self.device,
+            self.floor,
+            self.median / self.floor,
+            self.needed,
+            self.evaluated,
+            error(self.error),
+            error(self.untruncated),
+        )
+    }
+}

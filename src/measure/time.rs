@@ -1,0 +1,116 @@
+//! How long a frame takes.
+
+use super::Mode;
+use crate::renderer::StageTime;
+use crate::{Camera, Image, ImageGradient, Renderer, Result, Scene, Settings};
+use std::time::Instant;
+
+/// Median milliseconds of a frame's passes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Times {
+    /// A frame for looking at only: `render` with nothing kept for backward.
+    pub forward: f64,
+    /// `backward` of a saved frame.
+    pub backward: f64,
+    /// `render` with [`Settings::save`] and `backward`, one after the other.
+    pub frame: f64,
+    /// Device time of the stages of a frame for looking at; empty where the device cannot tell.
+    pub forward_stages: Vec<StageTime>,
+    /// Device time of the stages of backward.
+    pub backward_stages: Vec<StageTime>,
+    /// How often each was run.
+    pub repeats: usize,
+}
+
+/// Weights of all images' values, the same every time.
+pub fn upstream(mode: Mode, batch: usize, settings: &Settings) -> ImageGradient {
+    let (height, width) = (settings.height as usize, settings.width as usize);
+    let weights = |channels: usize| Image {
+        batch,
+        height,
+        width,
+        channels,
+        data: (0..batch * height * width * channels).map(|i| (i * 7919 % 1000) as f32 / 1000.0 - 0.5).collect(),
+    };
+    let outputs = mode.outputs();
+    ImageGradient {
+        color: outputs.color.then(|| weights(3)),
+        silhouette: outputs.silhouette.then(|| weights(1)),
+        depth: outputs.depth.then(|| weights(1)),
+        normal: outputs.normal.then(|| weights(3)),
+    }
+}
+
+/// Renders and differentiates `repeats` times, after once to warm up. `settings` are those of [`Mode::of`].
+///
+/// # Errors
+/// As [`Renderer::render`] and [`Renderer::backward`].
+pub fn times(
+    renderer: &mut Renderer,
+    scene: &Scene,
+    cameras: &[Camera],
+    settings: &Settings,
+    mode: Mode,
+    repeats: usize,
+) -> Result<Times> {
+    let look = Settings { save: false, ..settings.clone() };
+    let save = Settings { save: true, ..settings.clone() };
+    let (upstream, wanted) = (upstream(mode, cameras.len(), settings), mode.wanted());
+    let (mut forward, mut backward, mut both) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut forward_stages, mut backward_stages) = (Vec::new(), Vec::new());
+    let repeats = repeats.max(1);
+    for run in 0..=repeats {
+        let start = Instant::now();
+        let frame = renderer.render(scene, cameras, &look)?;
+        let looked = start.elapsed();
+        let stages = frame.timings().to_vec();
+        let start = Instant::now();
+        let frame = renderer.render(scene, cameras, &save)?;
+        let middle = Instant::now();
+        renderer.backward(&frame, &upstream, &wanted)?;
+        let end = Instant::now();
+        // The first run compiles kernels and makes buffers.
+        if run > 0 {
+            forward.push(looked.as_secs_f64() * 1e3);
+            backward.push((end - middle).as_secs_f64() * 1e3);
+            both.push((end - start).as_secs_f64() * 1e3);
+            forward_stages.push(stages);
+            backward_stages.push(renderer.backward_timings()?);
+        }
+    }
+    Ok(Times {
+        forward: median(forward),
+        backward: median(backward),
+        frame: median(both),
+        forward_stages: medians(&forward_stages),
+        backward_stages: medians(&backward_stages),
+        repeats,
+    })
+}
+
+/// The middle value, NaN of none.
+pub fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+/// Stage by stage.
+fn medians(runs: &[Vec<StageTime>]) -> Vec<StageTime> {
+    let stages = runs.first().map_or(&[][..], Vec::as_slice).iter().enumerate();
+    let of = |i: usize| median(runs.iter().filter_map(|run| run.get(i)).map(|t| t.milliseconds).collect());
+    stages.map(|(i, first)| StageTime { stage: first.stage, milliseconds: of(i) }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn medians_are_stage_by_stage() {
+        let run = |a: f64, b: f64| vec![("a", a), ("b", b)].into_iter();
+        let run = |a, b| run(a, b).map(|(stage, milliseconds)| StageTime { stage, milliseconds }).collect::<Vec<_>>();
+        let all = medians(&[run(1.0, 9.0), run(3.0, 7.0), run(2.0, 100.0)]);
+        assert_eq!(all, run(2.0, 9.0));
+        assert!(median(Vec::new()).is_nan());
+    }
+}
