@@ -68,8 +68,3 @@ pub fn backward_operations(mode: Mode) -> f64 {
         Mode::Hard => COVERED + PLACE + CORNER_GRADIENT + PLACE_GRADIENT,
     }
 }
-
-/// Milliseconds that so many pairs of so many operations take at a peak of operations a second.
-pub fn milliseconds(pairs: u64, operations: f64, peak: f64) -> f64 {
-    pairs as f64 * operations / peak * 1e3
-}

@@ -18,6 +18,8 @@ pub struct Times {
     pub forward_stages: Vec<StageTime>,
     /// Device time of the stages of backward.
     pub backward_stages: Vec<StageTime>,
+    /// Device time of the stages of a frame that keeps what backward needs, and of backward.
+    pub frame_stages: Vec<StageTime>,
     /// How often each was run.
     pub repeats: usize,
 }
@@ -57,7 +59,7 @@ pub fn times(
     let save = Settings { save: true, ..settings.clone() };
     let (upstream, wanted) = (upstream(mode, cameras.len(), settings), mode.wanted());
     let (mut forward, mut backward, mut both) = (Vec::new(), Vec::new(), Vec::new());
-    let (mut forward_stages, mut backward_stages) = (Vec::new(), Vec::new());
+    let (mut forward_stages, mut backward_stages, mut frame_stages) = (Vec::new(), Vec::new(), Vec::new());
     let repeats = repeats.max(1);
     for run in 0..=repeats {
         let start = Instant::now();
@@ -75,7 +77,9 @@ pub fn times(
             backward.push((end - middle).as_secs_f64() * 1e3);
             both.push((end - start).as_secs_f64() * 1e3);
             forward_stages.push(stages);
-            backward_stages.push(renderer.backward_timings()?);
+            let stages = renderer.backward_timings()?;
+            frame_stages.push([frame.timings(), &stages].concat());
+            backward_stages.push(stages);
         }
     }
     Ok(Times {
@@ -84,6 +88,7 @@ pub fn times(
         frame: median(both),
         forward_stages: medians(&forward_stages),
         backward_stages: medians(&backward_stages),
+        frame_stages: medians(&frame_stages),
         repeats,
     })
 }

@@ -51,14 +51,7 @@ impl Machine {
     pub fn lines(&self) -> [String; 2] {
         let commit = self.commit.as_ref().map(|c| format!(", commit {c}")).unwrap_or_default();
         [
-            format!(
-                "{} ({}, {}), {} host threads, {:.1} GFLOP/s measured",
-                self.device,
-                self.kind,
-                self.driver,
-                self.threads,
-                self.peak / 1e9
-            ),
+            format!("{} ({}, {}), {} host threads", self.device, self.kind, self.driver, self.threads),
             format!("softras {}{commit}, kernels {}", self.version, self.kernels),
         ]
     }

@@ -11,7 +11,7 @@ use softras::renderer::StageTime;
 use softras::{Camera, Renderer, Result, Scene, Settings};
 
 /// Pairs up to which the judge differentiates: some seconds.
-const GRADIENT_PAIRS: u64 = 400_000;
+const GRADIENT_PAIRS: u64 = 3_000_000;
 
 /// What is measured.
 pub struct Job<'a> {
@@ -84,7 +84,8 @@ pub struct Row {
     pub pass: &'static str,
     pub median: f64,
     pub device: f64,
-    pub floor: f64,
+    /// Least operations of all needed pairs.
+    pub operations: f64,
     pub needed: u64,
     pub evaluated: u64,
     pub error: Option<f64>,
@@ -94,15 +95,14 @@ pub struct Row {
 }
 
 /// The three rows of a job.
-pub fn rows(job: &Job<'_>, found: &Measured, machine: &Machine) -> Vec<Row> {
+pub fn rows(job: &Job<'_>, found: &Measured) -> Vec<Row> {
     let (times, needed) = (&found.times, found.pairs.total());
-    let forward_floor = floor::milliseconds(needed, floor::forward_operations(job.mode), machine.peak);
-    let backward_floor = floor::milliseconds(needed, floor::backward_operations(job.mode), machine.peak);
+    let forward_work = needed as f64 * floor::forward_operations(job.mode);
+    let backward_work = needed as f64 * floor::backward_operations(job.mode);
     let image = found.errors.map(|e| e[0].most);
     let untruncated = found.errors.map(|e| e[1].most);
     let boxed = found.pairs.boxed;
-    let both = [&times.forward_stages[..], &times.backward_stages[..]].concat();
-    let row = |pass, median, floor, needed, evaluated, error, untruncated, stages: &[StageTime]| Row {
+    let row = |pass, median, operations, needed, evaluated, error, untruncated, stages: &[StageTime]| Row {
         scene: job.name.to_string(),
         faces: job.scene.meshes.iter().map(|mesh| mesh.triangles().len()).sum(),
         size: job.settings.height,
@@ -110,19 +110,19 @@ pub fn rows(job: &Job<'_>, found: &Measured, machine: &Machine) -> Vec<Row> {
         pass,
         median,
         device: stages.iter().map(|t| t.milliseconds).sum(),
-        floor,
+        operations,
         needed,
         evaluated,
         error,
         untruncated,
         stages: stages.to_vec(),
-        common: common(job, found, machine),
+        common: common(job, found),
     };
     vec![
         row(
             "forward",
             times.forward,
-            forward_floor,
+            forward_work,
             needed,
             found.forward_pairs,
             image,
@@ -132,7 +132,7 @@ pub fn rows(job: &Job<'_>, found: &Measured, machine: &Machine) -> Vec<Row> {
         row(
             "backward",
             times.backward,
-            backward_floor,
+            backward_work,
             needed,
             boxed,
             found.gradient_error,
@@ -142,18 +142,18 @@ pub fn rows(job: &Job<'_>, found: &Measured, machine: &Machine) -> Vec<Row> {
         row(
             "frame",
             times.frame,
-            forward_floor + backward_floor,
+            forward_work + backward_work,
             2 * needed,
             found.forward_pairs + boxed,
             image,
             untruncated,
-            &both,
+            &times.frame_stages,
         ),
     ]
 }
 
 /// What makes two rows comparable.
-fn common(job: &Job<'_>, found: &Measured, machine: &Machine) -> Map<String, Value> {
+fn common(job: &Job<'_>, found: &Measured) -> Map<String, Value> {
     let s = &job.settings;
     let mut fields = Map::new();
     let mut put = |key: &str, value: Value| _ = fields.insert(key.to_string(), value);
@@ -165,26 +165,30 @@ fn common(job: &Job<'_>, found: &Measured, machine: &Machine) -> Map<String, Val
     put("settings", describe::settings(s));
     put("rms_error", json!(found.errors.map(|e| e[0].rms)));
     put("rms_error_untruncated", json!(found.errors.map(|e| e[1].rms)));
-    if let Value::Object(machine) = machine.json() {
-        fields.extend(machine);
-    }
     fields
 }
 
 impl Row {
-    /// All of it.
-    pub fn json(&self) -> Value {
+    /// The least milliseconds that the work can take at a peak of operations a second.
+    pub fn floor(&self, peak: f64) -> f64 {
+        self.operations / peak * 1e3
+    }
+
+    /// All of it, and where it was measured.
+    pub fn json(&self, machine: &Machine) -> Value {
         let stages: Map<String, Value> =
             self.stages.iter().map(|t| (t.stage.to_string(), json!(t.milliseconds))).collect();
         let mut fields = Map::new();
         let own = json!({
             "scene": self.scene, "faces": self.faces, "size": self.size, "mode": self.mode, "pass": self.pass,
-            "median_ms": self.median, "device_ms": self.device, "floor_ms": self.floor,
+            "median_ms": self.median, "device_ms": self.device, "floor_ms": self.floor(machine.peak),
             "pairs_needed": self.needed, "pairs_evaluated": self.evaluated,
             "max_error": self.error, "max_error_untruncated": self.untruncated, "stages_ms": stages,
         });
-        if let Value::Object(own) = own {
-            fields.extend(own);
+        for part in [own, machine.json()] {
+            if let Value::Object(part) = part {
+                fields.extend(part);
+            }
         }
         fields.extend(self.common.clone());
         Value::Object(fields)
@@ -211,7 +215,8 @@ impl Row {
     }
 
     /// A line of the table.
-    pub fn text(&self) -> String {
+    pub fn text(&self, peak: f64) -> String {
+        let floor = self.floor(peak);
         let error = |error: Option<f64>| error.map_or("-".to_string(), |e| format!("{e:.1e}"));
         format!(
             "{:12} {:>7} {:>5} {:16} {:8} {:>9.3} {:>9.3} {:>9.3} {:>7.1} {:>9} {:>10} {:>9} {:>9}",
@@ -222,8 +227,8 @@ impl Row {
             self.pass,
             self.median,
             self.device,
-            self.floor,
-            self.median / self.floor,
+            floor,
+            self.median / floor,
             self.needed,
             self.evaluated,
             error(self.error),
