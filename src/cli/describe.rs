@@ -9,6 +9,7 @@ pub fn settings(s: &Settings) -> Value {
     json!({
         "width": s.width, "height": s.height,
         "sigma": s.sigma, "blur_pixels": s.blur_pixels(), "gamma": s.gamma, "epsilon": s.epsilon, "tau": s.tau,
+        "support": lower(&s.support),
         "near": s.near, "far": s.far,
         "color": lower(&s.color), "silhouette": lower(&s.silhouette), "distance": lower(&s.distance),
         "background": lower(&s.background), "background_color": s.background_color,

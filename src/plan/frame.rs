@@ -51,10 +51,9 @@ pub fn split(x: f64) -> (f32, f32) {
 }
 
 /// The frame's numbers from its settings; capacities and counts are filled in by [`Plan::new`].
-pub(super) fn push_of(settings: &Settings) -> FramePush {
+pub(super) fn push_of(settings: &Settings, cutoff: f64) -> FramePush {
     let log2e = std::f64::consts::LOG2_E;
     let half_height = f64::from(settings.height) / 2.0;
-    let cutoff = settings.cutoff();
     let score = log2e / ((settings.far - settings.near) * settings.gamma);
     let epsilon = settings.epsilon * if settings.parity == Parity::Official { 2.0 } else { 1.0 };
     let background = (epsilon * log2e / settings.gamma).clamp(-1e30, 1e30);
@@ -75,7 +74,7 @@ pub(super) fn push_of(settings: &Settings) -> FramePush {
         bins_y: settings.height.div_ceil(c::BIN_HEIGHT),
         scale: ((log2e / settings.sigma).sqrt() / half_height) as f32,
         radius_squared,
-        radius_pixels: if euclidean { settings.blur_pixels() as f32 } else { 0.0 },
+        radius_pixels: if euclidean { ((settings.sigma * cutoff).sqrt() * half_height) as f32 } else { 0.0 },
         barycentric_scale: (log2e / settings.sigma) as f32,
         barycentric_radius: (settings.sigma * cutoff).sqrt() as f32,
         near_high,

@@ -85,6 +85,8 @@ pub struct Groups {
 pub struct PlanInput<'a> {
     /// The frame's settings, judged.
     pub settings: &'a Settings,
+    /// The culling radius squared in units of σ, from [`Settings::cutoff_of`].
+    pub cutoff: f64,
     /// What each view sees, in order.
     pub views: &'a [ViewSize],
     /// How many meshes there are: one seen by every view, or one for each.
@@ -109,7 +111,7 @@ impl Plan {
     /// # Errors
     /// [`Error::Limit`] where a count outgrows what the kernels' 32-bit indices can address.
     pub fn new(input: &PlanInput) -> Result<Self> {
-        let mut frame = frame::push_of(input.settings);
+        let mut frame = frame::push_of(input.settings, input.cutoff);
         frame.coarse_capacity = input.capacity.coarse;
         frame.list_capacity = input.capacity.list;
         frame.cell_capacity = if input.save { input.capacity.cells } else { 0 };

@@ -1,11 +1,11 @@
 //! One pixel against one piece: whether the pair counts, and its distance, depth, colour and normal.
 
+use super::GradientMode;
 use super::geometry::Location;
 use super::parameters::{MeshSlots, Parameters, Source};
 use super::real::{Real, blend, dot, multiply};
 use super::setup::Piece;
 use super::texture::sample;
-use super::{GradientMode, Truncation};
 use crate::scene::{Distance, Faces, Interpolation, Mesh, Parity, Settings};
 
 /// The settings as a pixel needs them, with their differentiable numbers.
@@ -28,10 +28,10 @@ pub struct Knobs<'a, R> {
 }
 
 impl<'a, R: Real> Knobs<'a, R> {
-    /// Reads the settings.
+    /// Reads the settings; `support` is [`Self::support`].
     pub fn load<S: Source<R = R>>(
         settings: &'a Settings,
-        truncation: Truncation,
+        support: f64,
         mode: GradientMode,
         parameters: &Parameters,
         source: &S,
@@ -47,10 +47,7 @@ impl<'a, R: Real> Knobs<'a, R> {
                 Parity::Official => epsilon.scale(2.0),
             },
             background: source.row(start),
-            support: match truncation {
-                Truncation::Tau => sigma.value() * settings.cutoff(),
-                Truncation::None => f64::INFINITY,
-            },
+            support,
             mode,
         }
     }

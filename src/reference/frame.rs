@@ -48,7 +48,11 @@ impl<'a> View<'a> {
         view: usize,
     ) -> Self {
         let values = Values(parameters.values());
-        let knobs = Knobs::load(settings, truncation, GradientMode::Exact, parameters, &values);
+        let support = match truncation {
+            Truncation::Tau => parameters.sigma() * settings.cutoff_of(scene, cameras),
+            Truncation::None => f64::INFINITY,
+        };
+        let knobs = Knobs::load(settings, support, GradientMode::Exact, parameters, &values);
         let pieces = pieces(scene, cameras, settings, parameters, view, &values);
         let candidates = match (search, truncation) {
             (Search::BruteForce, _) => Candidates::all(pieces.len()),

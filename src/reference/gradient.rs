@@ -84,7 +84,7 @@ fn pixel(
 ) {
     tape::clear();
     let source = Leaves(parameters.values());
-    let knobs = Knobs::load(view.knobs.settings, Truncation::Tau, mode, parameters, &source);
+    let knobs = Knobs::load(view.knobs.settings, view.knobs.support, mode, parameters, &source);
     let centre = pixel_centre(knobs.settings, row, column);
     let fragments = view.candidates.of(row, column).iter().filter_map(|&i| {
         let piece = &view.pieces[i as usize];

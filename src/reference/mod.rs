@@ -32,7 +32,7 @@ use frame::Search;
 /// Which pairs the judge leaves out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Truncation {
-    /// Pairs outside their triangle with D < τ, as the kernels do.
+    /// Pairs outside their triangle with D < τ, or those that [`crate::scene::Support`] says, as the kernels do.
     Tau,
     /// None: the untruncated model.
     None,

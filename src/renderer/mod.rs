@@ -20,6 +20,26 @@ const SOFTWARE_LONGEST_LIST: u32 = 60_000;
 /// Sets of modes whose pipelines are kept: each costs a driver some megabytes, and few programs need more than two.
 const MOST_MODES: usize = 16;
 
+/// The farthest that a support may reach, in units of σ: the kernels hold D as a single-precision number, and exp(-70) is as
+/// small as it may be with digits to spare for what it is multiplied with.
+const FARTHEST: f64 = 70.0;
+
+/// The cut-off of a frame, if the kernels can hold it.
+fn reach_of(scene: &Scene, cameras: &[Camera], settings: &Settings) -> Result<f64> {
+    let cutoff = settings.cutoff_of(scene, cameras);
+    if cutoff <= FARTHEST {
+        return Ok(cutoff);
+    }
+    Err(Error::Settings {
+        field: "support",
+        value: format!("guaranteed, where D falls to exp(-{cutoff:.0})"),
+        mend: format!(
+            "the kernels follow D down to exp(-{FARTHEST}): use a larger gamma, bring near and far close around the scene, \
+             use the composite background, or support probability"
+        ),
+    })
+}
+
 /// What a stage took on the device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StageTime {
@@ -221,10 +241,12 @@ impl Renderer {
             span.or(DepthSpan::of(bounds[scene.mesh_of_view(view)], camera, settings))
         });
         let distorted = cameras.iter().any(|c| matches!(c.projection(), Projection::Official { .. }));
+        let cutoff = reach_of(scene, cameras, settings)?;
         let mut capacity = self.capacity.unwrap_or_else(|| Capacity::estimate(settings, &views));
         loop {
             let plan = Plan::new(&PlanInput {
                 settings,
+                cutoff,
                 views: &views,
                 meshes: scene.meshes.len() as u32,
                 lights: &scene.lights,

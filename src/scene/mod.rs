@@ -4,6 +4,7 @@ mod camera;
 mod light;
 mod mesh;
 mod settings;
+mod support;
 mod texture;
 
 pub use camera::{Camera, Projection};
@@ -13,6 +14,7 @@ pub use settings::{
     Background, ColorAggregation, Distance, Faces, FrontFace, Interpolation, Outputs, Parity, Settings,
     SilhouetteAggregation,
 };
+pub use support::Support;
 pub use texture::{Texture, Wrap};
 
 use crate::error::{Error, Result};

@@ -1,5 +1,6 @@
 //! The knobs of a frame; the defaults are the official renderer's.
 
+use super::Support;
 use crate::error::{Error, Result};
 
 /// Which images a frame makes; what is not asked for costs nothing.
@@ -115,6 +116,8 @@ pub struct Settings {
     pub epsilon: f64,
     /// A pair outside its triangle with D < τ is dropped; in (0, ½).
     pub tau: f64,
+    /// Whether τ bounds the error of the silhouette alone or of every image.
+    pub support: Support,
     /// Nearest view depth, above 0; triangles are cut there.
     pub near: f64,
     /// Farthest view depth; fragments beyond take no part.
@@ -152,6 +155,7 @@ impl Default for Settings {
             gamma: 1e-4,
             epsilon: 1e-3,
             tau: 1e-4,
+            support: Support::Probability,
             near: 1.0,
             far: 100.0,
             outputs: Outputs { color: true, silhouette: true, depth: false, normal: false },
@@ -224,6 +228,7 @@ impl Settings {
             "outputs",
             "none".into(),
             "ask for at least one of color, silhouette, depth, normal",
-        )
+        )?;
+        self.judge_support()
     }
 }

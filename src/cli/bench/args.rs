@@ -48,6 +48,9 @@ pub struct BenchArgs {
     /// The influence below which a triangle is left out
     #[arg(long, value_parser = parse::positive, default_value_t = 1e-4)]
     pub tau: f64,
+    /// probability: tau bounds the silhouette's error, as elsewhere; guaranteed: every image's
+    #[arg(long, value_enum, default_value = "probability")]
+    pub support: crate::cli::render::args::Support,
     /// weighted: as the paper, one more entry of the softmax; composite: colour fades with the silhouette
     #[arg(long, value_enum, default_value = "weighted")]
     pub background_mode: crate::cli::render::args::BackgroundMode,
@@ -132,6 +135,7 @@ impl BenchArgs {
             sigma: self.sigma,
             gamma: self.gamma,
             tau: self.tau,
+            support: self.support.into(),
             background: self.background_mode.into(),
             ..measure::subject::settings(size)
         }

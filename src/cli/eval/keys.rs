@@ -2,7 +2,7 @@
 
 use crate::cli::npz::{Archive, Array};
 use softras::scene::{
-    Background, ColorAggregation, Distance, Faces, FrontFace, Interpolation, Shading, SilhouetteAggregation,
+    Background, ColorAggregation, Distance, Faces, FrontFace, Interpolation, Shading, SilhouetteAggregation, Support,
 };
 use softras::{Error, Result};
 
@@ -21,6 +21,7 @@ pub const BACKGROUND: &[(&str, Background)] =
 pub const FACES: &[(&str, Faces)] = &[("both", Faces::Both), ("front", Faces::Front)];
 pub const FRONT_FACE: &[(&str, FrontFace)] =
     &[("counterclockwise", FrontFace::CounterClockwise), ("clockwise", FrontFace::Clockwise)];
+pub const SUPPORT: &[(&str, Support)] = &[("probability", Support::Probability), ("guaranteed", Support::Guaranteed)];
 pub const INTERPOLATION: &[(&str, Interpolation)] =
     &[("affine", Interpolation::Affine), ("perspective", Interpolation::Perspective)];
 pub const SHADING: &[(&str, Shading)] = &[("flat", Shading::Flat), ("smooth", Shading::Smooth)];

@@ -35,8 +35,8 @@ A scene in WORLD SPACE:
                  or 'triangle' where V = F); [B, V, 3] or [B, F, 3] with [B, V, 3] vertices
   view           [4, 4] or [B, 4, 4]: world to view; x right, y up, z forward
   fov_y (radians), or half_height, or fx fy cx cy (pixels): numbers or [B]
-  width height sigma gamma epsilon tau near far color silhouette distance background
-  background_color faces front_face interpolation: the settings, as the library names them
+  width height sigma gamma epsilon tau support near far color silhouette distance
+  background background_color faces front_face interpolation: the settings, as the library names them
   ambient_color  ambient_intensity  light_directions [L, 3]  light_colors [L, 3]
   light_intensities [L]  shading
   outputs        any of color, silhouette, depth, normal [default: color, silhouette]

@@ -31,6 +31,7 @@ fn settings(archive: &Archive) -> Result<Settings> {
     set(&mut s.gamma, archive.number("gamma")?);
     set(&mut s.epsilon, archive.number("epsilon")?);
     set(&mut s.tau, archive.number("tau")?);
+    set(&mut s.support, archive.choice("support", keys::SUPPORT)?);
     set(&mut s.near, archive.number("near")?);
     set(&mut s.far, archive.number("far")?);
     set(&mut s.color, archive.choice("color", keys::COLOR)?);

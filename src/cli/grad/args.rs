@@ -2,7 +2,7 @@
 
 use crate::cli::gradients::Mode;
 use crate::cli::parse;
-use crate::cli::render::args::{BackgroundMode, CameraArgs, LightArgs, LookArgs, ModeArgs};
+use crate::cli::render::args::{BackgroundMode, CameraArgs, LightArgs, LookArgs, ModeArgs, Support};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -94,6 +94,7 @@ impl SoftArgs {
             gamma: self.gamma,
             epsilon: 1e-3,
             tau: self.tau,
+            support: Support::Probability,
             background: Some(self.background),
             background_mode: BackgroundMode::Composite,
             raw: self.raw,

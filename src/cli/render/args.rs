@@ -128,6 +128,9 @@ pub struct LookArgs {
     /// The influence below which a triangle is left out
     #[arg(long, value_parser = parse::positive, default_value_t = 1e-4)]
     pub tau: f64,
+    /// probability: tau bounds the silhouette's error, as elsewhere; guaranteed: every image's, and triangles reach farther
+    #[arg(long, value_enum, default_value = "probability")]
+    pub support: Support,
     /// r,g,b (linear light, 0 to 1) or #rrggbb [default: transparent; white in .gif files and contact sheets]
     #[arg(long, value_name = "COLOUR", value_parser = parse::rgb)]
     pub background: Option<parse::Rgb>,
@@ -230,6 +233,7 @@ macro_rules! mode {
 }
 
 mode!(BackgroundMode => Background { Weighted => Weighted, Composite => Composite });
+mode!(Support => Support { Probability => Probability, Guaranteed => Guaranteed });
 mode!(Shading => Shading { Flat => Flat, Smooth => Smooth });
 mode!(Faces => Faces { Both => Both, Front => Front });
 mode!(ColorMode => ColorAggregation { Softmax => Softmax, Hard => Hard });

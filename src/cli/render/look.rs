@@ -29,6 +29,7 @@ pub fn settings(
         gamma: look.gamma,
         epsilon: look.epsilon,
         tau: look.tau,
+        support: look.support.into(),
         near: view.near,
         far: view.far,
         outputs: outputs(wanted),
