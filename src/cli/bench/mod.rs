@@ -2,7 +2,9 @@
 
 pub mod args;
 mod machine;
+mod plots;
 mod rows;
+mod sweep;
 
 use super::progress::Progress;
 use super::{Failure, files, note, say};
@@ -12,7 +14,8 @@ use rows::{Job, Judged, Row, measure, rows};
 use serde_json::Value;
 use softras::measure::{peak_flops, subject};
 use softras::obj::LoadOptions;
-use softras::{Camera, Mesh, Renderer, Scene, shapes};
+use softras::{Camera, Error, Mesh, Renderer, Scene, shapes};
+use std::path::Path;
 
 /// Runs the command.
 pub fn run(args: &BenchArgs) -> Result<(), Failure> {
@@ -21,6 +24,10 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     }
     for size in args.sizes() {
         args.settings(size).judge()?;
+    }
+    if let Some(folder) = &args.plots {
+        let io = |source| Error::Io { path: folder.clone(), source };
+        std::fs::create_dir_all(folder).map_err(io)?;
     }
     let meshes = meshes(args)?;
     let mut renderer = match &args.device {
@@ -57,7 +64,46 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
         let list = Value::Array(all.iter().map(|row| row.json(&machine)).collect());
         files::write_whole(path, format!("{list:#}\n").as_bytes())?;
     }
-    Ok(())
+    match (&args.plots, meshes.first()) {
+        (Some(folder), Some((name, mesh))) => pictures(args, folder, &mut renderer, &machine, (name, mesh), &all),
+        _ => Ok(()),
+    }
+}
+
+/// Measures what the pictures show beside the rows, prints it, and draws.
+fn pictures(
+    args: &BenchArgs,
+    folder: &Path,
+    renderer: &mut Renderer,
+    machine: &Machine,
+    (name, mesh): (&str, &Mesh),
+    all: &[Row],
+) -> Result<(), Failure> {
+    let size = args.sizes().into_iter().filter(|size| *size <= 256).max().unwrap_or(256);
+    let spinner = Progress::spinner("measuring for the plots");
+    let curves = sweep::front(args, renderer, &subject::scene(mesh)?, &cameras(1)?, size)?;
+    let growths = sweep::growth(args, renderer, mesh)?;
+    drop(spinner);
+    let s = sweep::front_settings(args, size);
+    say(&format!(
+        "run time against error: {name}, {size} pixels, sigma {:e}, gamma {:e}, near {:.3}, far {:.3}, background {:?}",
+        s.sigma, s.gamma, s.near, s.far, s.background
+    ))?;
+    for curve in &curves {
+        for p in &curve.points {
+            say(&format!("  {:12} tau {:7.0e} {:9.3} ms  error {:.1e}", curve.name, p.tau, p.milliseconds, p.error))?;
+        }
+    }
+    say("growth of the time of a frame (256 pixels, but for pixels)")?;
+    for growth in &growths {
+        let points: Vec<_> = growth.points.iter().map(|p| format!("{:e}: {:.2} ms", p.0, p.1)).collect();
+        say(&format!("  {:18} exponent {:5.2}  {}", growth.name, growth.exponent(), points.join(", ")))?;
+    }
+    let caption = |what: &str| format!("{what}: {name} on {}", machine.device);
+    plots::front(&folder.join("front.svg"), &caption("run time against error"), &curves)?;
+    plots::growth(&folder.join("growth.svg"), &caption("growth"), &growths)?;
+    plots::stages(&folder.join("stages.svg"), &caption("a frame, forward and backward"), all)?;
+    say(&format!("{}: front.svg, growth.svg, stages.svg", folder.display()))
 }
 
 /// All modes at one size, printed as they come.

@@ -194,6 +194,19 @@ impl Row {
         Value::Object(fields)
     }
 
+    /// The device's times.
+    pub fn stages(&self) -> &[StageTime] {
+        &self.stages
+    }
+
+    /// From where to where the `index`th of the named stages goes in a bar of all of them, milliseconds; the last is
+    /// what is left of the wall time.
+    pub fn span(&self, names: &[String], index: usize) -> (f64, f64) {
+        let time = |name: &String| self.stages.iter().filter(|t| t.stage == *name).map(|t| t.milliseconds).sum::<f64>();
+        let start: f64 = names[..index].iter().map(time).sum();
+        if index + 1 == names.len() { (start, self.median.max(start)) } else { (start, start + time(&names[index])) }
+    }
+
     /// The heads of [`Row::text`]'s columns.
     pub fn head() -> String {
         format!(
