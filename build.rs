@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    for watched in ["build.rs", "build", "glsl"] {
+    for watched in ["build.rs", "build", "glsl", "benches/naive"] {
         println!("cargo::rerun-if-changed={watched}");
     }
     println!("cargo::rerun-if-env-changed=VULKAN_SDK");
@@ -32,9 +32,17 @@ fn run() -> Result<(), String> {
     write(&out.join("constants.rs"), &rust)?;
 
     let compiler = compile::Compiler::find()?;
+    kernels(&compiler, Path::new("glsl"), &out, "kernels.rs")?;
+    // What only the benches run; the library does not contain it.
+    let benches = Path::new("benches/naive");
+    if benches.is_dir() { kernels(&compiler, benches, &out, "bench_kernels.rs") } else { Ok(()) }
+}
+
+/// Compiles a folder's kernels and writes their statics into a file of Rust.
+fn kernels(compiler: &compile::Compiler, folder: &Path, out: &Path, file: &str) -> Result<(), String> {
     let mut kernels = String::new();
     let mut names = Vec::new();
-    for source in sources()? {
+    for source in sources(folder)? {
         let name = source.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let spirv = out.join(format!("{name}.spv"));
         let compiled = compiler.compile(&source, Path::new("glsl"), &spirv)?;
@@ -49,7 +57,7 @@ fn run() -> Result<(), String> {
     }
     let all: String = names.iter().map(|name| format!("&{name}, ")).collect();
     _ = writeln!(kernels, "/// Every kernel, by name.\npub static ALL: &[&Kernel] = &[{all}];");
-    write(&out.join("kernels.rs"), &kernels)
+    write(&out.join(file), &kernels)
 }
 
 fn read(path: &Path) -> Result<String, String> {
@@ -61,8 +69,8 @@ fn write(path: &Path, text: &str) -> Result<(), String> {
 }
 
 /// The kernels, sorted so that the output does not depend on the file system.
-fn sources() -> Result<Vec<PathBuf>, String> {
-    let entries = std::fs::read_dir("glsl").map_err(|e| format!("glsl: {e}"))?;
+fn sources(folder: &Path) -> Result<Vec<PathBuf>, String> {
+    let entries = std::fs::read_dir(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     let mut found: Vec<PathBuf> =
         entries.flatten().map(|e| e.path()).filter(|p| p.extension().is_some_and(|e| e == "comp")).collect();
     found.sort();

@@ -11,6 +11,7 @@ pub mod floor;
 mod mode;
 mod peak;
 pub mod subject;
+pub mod sweep;
 pub mod time;
 
 pub use mode::Mode;

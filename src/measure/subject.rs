@@ -44,6 +44,14 @@ pub fn camera(azimuth: f64) -> Result<Camera> {
     Camera::from_angles(DISTANCE, ELEVATION, azimuth, Projection::Perspective { fov_y: FOV.to_radians() })
 }
 
+/// Views evenly around the vertical axis.
+///
+/// # Errors
+/// None.
+pub fn cameras(count: u32) -> Result<Vec<Camera>> {
+    (0..count).map(|i| camera(360.0 * f64::from(i) / f64::from(count))).collect()
+}
+
 /// σ = γ = 1e-4, else the official renderer's settings, for a square image.
 pub fn settings(size: u32) -> Settings {
     Settings { width: size, height: size, sigma: 1e-4, gamma: 1e-4, ..Settings::default() }

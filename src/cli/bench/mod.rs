@@ -4,7 +4,6 @@ pub mod args;
 mod machine;
 mod plots;
 mod rows;
-mod sweep;
 
 use super::progress::Progress;
 use super::{Failure, files, note, say};
@@ -12,7 +11,7 @@ use args::BenchArgs;
 use machine::Machine;
 use rows::{Job, Judged, Row, measure, rows};
 use serde_json::Value;
-use softras::measure::{peak_flops, subject};
+use softras::measure::{peak_flops, subject, sweep};
 use softras::obj::LoadOptions;
 use softras::{Camera, Error, Mesh, Renderer, Scene, shapes};
 use std::path::Path;
@@ -49,7 +48,7 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
         args.repeats()
     ))?;
     say(&Row::head())?;
-    let cameras = cameras(args.batch)?;
+    let cameras = subject::cameras(args.batch)?;
     let mut all = Vec::new();
     for (name, mesh) in &meshes {
         let scene = subject::scene(mesh)?;
@@ -81,10 +80,10 @@ fn pictures(
 ) -> Result<(), Failure> {
     let size = args.sizes().into_iter().filter(|size| *size <= 256).max().unwrap_or(256);
     let spinner = Progress::spinner("measuring for the plots");
-    let curves = sweep::front(args, renderer, &subject::scene(mesh)?, &cameras(1)?, size)?;
-    let growths = sweep::growth(args, renderer, mesh)?;
+    let s = sweep::front_settings(&args.settings(size));
+    let curves = sweep::front(renderer, &subject::scene(mesh)?, &subject::cameras(1)?, &s, args.repeats())?;
+    let growths = sweep::growth(renderer, mesh, &args.settings(256), args.repeats(), false)?;
     drop(spinner);
-    let s = sweep::front_settings(args, size);
     say(&format!(
         "run time against error: {name}, {size} pixels, sigma {:e}, gamma {:e}, near {:.3}, far {:.3}, background {:?}",
         s.sigma, s.gamma, s.near, s.far, s.background
@@ -146,10 +145,4 @@ fn meshes(args: &BenchArgs) -> Result<Vec<(String, Mesh)>, Failure> {
         }
     }
     Ok(meshes)
-}
-
-/// Views evenly around the vertical axis.
-fn cameras(count: u32) -> Result<Vec<Camera>, Failure> {
-    let camera = |i: u32| subject::camera(360.0 * f64::from(i) / f64::from(count));
-    Ok((0..count).map(camera).collect::<softras::Result<_>>()?)
 }

@@ -1,9 +1,9 @@
 //! Pictures of a run: the front of run time against error, growth, and where the time goes.
 
 use super::rows::Row;
-use super::sweep::{Curve, Growth};
 use plotters::coord::combinators::IntoLogRange;
 use plotters::prelude::*;
+use softras::measure::sweep::{Curve, Growth};
 use softras::{Error, Result};
 use std::path::Path;
 
@@ -55,7 +55,7 @@ fn curves(path: &Path, title: &str, axes: [&str; 2], all: &[(String, Vec<(f64, f
             .y_label_area_size(66)
             .build_cartesian_2d(x, y)?;
         let plain =
-            |value: &f64| if *value >= 0.01 && *value < 1e5 { format!("{value}") } else { format!("{value:e}") };
+            |value: &f64| if *value >= 0.01 && *value < 1e5 { format!("{value}") } else { format!("{value:.0e}") };
         chart
             .configure_mesh()
             .x_desc(axes[0])
@@ -84,8 +84,10 @@ fn curves(path: &Path, title: &str, axes: [&str; 2], all: &[(String, Vec<(f64, f
 /// # Errors
 /// [`Error::Io`].
 pub fn front(path: &Path, title: &str, all: &[Curve]) -> Result<()> {
-    let series: Vec<_> =
-        all.iter().map(|c| (c.name.clone(), c.points.iter().map(|p| (p.milliseconds, p.error)).collect())).collect();
+    let series: Vec<_> = all
+        .iter()
+        .map(|c| (c.name.to_string(), c.points.iter().map(|p| (p.milliseconds, p.error)).collect()))
+        .collect();
     curves(path, title, ["milliseconds, forward and backward", "largest error against the untruncated model"], &series)
 }
 

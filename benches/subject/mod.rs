@@ -1,0 +1,21 @@
+//! What the benches look at.
+
+use softras::{Mesh, shapes};
+use std::path::Path;
+
+/// A mesh of `../shared/meshes` where it is to be had, else the crate's own fish.
+pub fn mesh(name: &str) -> (String, Mesh) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../shared/meshes/{name}.obj"));
+    match softras::obj::load(&path, &softras::obj::LoadOptions::default()) {
+        Ok(loaded) => (name.to_string(), loaded.mesh),
+        Err(_) => {
+            println!("{name} is not there: the fish instead");
+            ("fish".to_string(), shapes::by_name("fish").expect("the crate's own mesh"))
+        }
+    }
+}
+
+/// Whether the arguments ask for it: `cargo bench --bench frame -- full`.
+pub fn asked(word: &str) -> bool {
+    std::env::args().any(|argument| argument == word)
+}
