@@ -87,11 +87,14 @@ def deodr_scene(path, size, views, silhouette):
 
     def frame():
         for camera in cameras:
-            scene.clear_gradients()
             image = scene.render(camera)
+            scene.clear_gradients()
             scene.render_backward(upstream)
         return image
 
+    covered = float((frame() != 0).any(axis=2).mean())
+    if not 0.05 < covered < 0.9:
+        sys.exit(f"deodr covers {covered:.2f} of the image of {path}: not the scene that softras sees")
     return frame
 
 
