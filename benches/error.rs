@@ -22,8 +22,8 @@ fn main() {
         let settings = front_settings(&settings(size));
         println!("{size} pixels, sigma {:e}, gamma {:e}", settings.sigma, settings.gamma);
         println!("{:>12} {:>8} {:>10} {:>10} {:>10}", "", "tau", "forward", "frame", "error");
-        let exact = reference::render_untruncated(&scene, &[camera.clone()], &settings).expect("images");
-        let curves = front(&mut renderer, &scene, &[camera.clone()], &settings, 15).expect("frames");
+        let exact = reference::render_untruncated(&scene, &[camera], &settings).expect("images");
+        let curves = front(&mut renderer, &scene, &[camera], &settings, 15).expect("frames");
         for curve in &curves {
             for p in &curve.points {
                 let (forward, frame) = (p.forward, p.milliseconds);

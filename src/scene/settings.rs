@@ -102,6 +102,21 @@ pub enum Parity {
 }
 
 /// Everything about a frame that is neither mesh, camera nor light.
+///
+/// # Choosing σ, γ and τ in pixels
+/// - **σ** is how far a triangle reaches beyond its edge: D falls below τ at √(σ ln(1/τ - 1)) screen units, which are
+///   half the image's height. With τ = 1e-4 that is r = 1.52 H √σ pixels: at H = 256, σ = 1e-5 reaches 1.2 pixels (a picture),
+///   1e-4 reaches 3.9 (fitting, near the end), 1e-3 reaches 12 (fitting, far from it). An outline pulls on nothing that
+///   lies farther away than r, so begin with r as large as what is to be moved and shrink it. Work grows with the area
+///   of the grown triangles: hardly with r while r is small against a triangle, as r² beyond. The same σ is twice the
+///   pixels in an image of twice the height: [`Settings::with_blur_pixels`] keeps the pixels.
+/// - **γ** is the difference of depth, as a share of far - near, at which the nearer of two triangles outweighs the other
+///   e times: γ (far - near) world units. Something a tenth of the object's thickness gives hidden parts a gradient;
+///   a hundredth is a picture with opaque surfaces. Near and far close around the object make γ mean the same for
+///   every scene; with the official near 1 and far 100, γ = 1e-4 is 0.01 world units.
+/// - **τ** is what may be lost: an image's value changes by at most τ for each triangle dropped there, and the radius only
+///   with the root of its logarithm: τ = 1e-3 makes r 13 % smaller than 1e-4, 1e-6 22 % larger. That holds of the
+///   silhouette with any [`Support`], of every image with [`Support::Guaranteed`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
     /// Image width in pixels, 1 to 16384.
