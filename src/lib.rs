@@ -42,6 +42,7 @@ pub mod image;
 pub mod obj;
 pub mod pack;
 pub mod passes;
+pub mod pipelines;
 pub mod plan;
 #[cfg(feature = "reference")]
 pub mod reference;

@@ -7,8 +7,7 @@ use crate::error::Error;
 use crate::plan::BackwardPlan;
 use crate::plan::Plan;
 use crate::vulkan::{
-    BufferRef, DescriptorPool, DescriptorSet, Device, Kernel, Pipeline, PipelineCache, Recorder, SpecValue,
-    TimestampPool, kernels,
+    BufferRef, DescriptorPool, DescriptorSet, Device, Kernel, Pipeline, Recorder, TimestampPool, kernels,
 };
 
 /// A stage ready to be recorded: its pipeline, specialised for a plan, and its descriptors.
@@ -44,31 +43,6 @@ fn reads_together(device: &Device, lanes: u32) -> bool {
 pub fn forward_kernels(device: &Device, lanes: u32) -> [&'static Kernel; 5] {
     let forward = if reads_together(device, lanes) { &kernels::FORWARD_SUBGROUP } else { &kernels::FORWARD };
     [&kernels::VERTEX, &kernels::TRIANGLE, &kernels::BIN_COARSE, &kernels::BIN_FINE, forward]
-}
-
-/// A kernel's pipeline with a plan's modes; `lanes` is its workgroup where that is a mode too.
-pub fn pipeline(
-    device: &Device,
-    kernel: &'static Kernel,
-    modes: &[(&'static str, u32)],
-    lanes: u32,
-    cache: Option<&PipelineCache>,
-) -> Result<Pipeline> {
-    let mut values = Vec::new();
-    for constant in kernel.specialization {
-        let Some((_, value)) = modes.iter().find(|(name, _)| *name == constant.name) else {
-            if constant.name == "local_size_x" {
-                values.push((constant.name, SpecValue::Uint(lanes)));
-            }
-            continue;
-        };
-        let typed = match constant.default {
-            SpecValue::Bool(_) => SpecValue::Bool(*value != 0),
-            _ => SpecValue::Uint(*value),
-        };
-        values.push((constant.name, typed));
-    }
-    Pipeline::new(device, kernel, &values, cache)
 }
 
 /// Binds a pipeline to buffers found by the names of its bindings.
