@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::gradients::{CameraGradient, Gradients, ImageGradient, LightGradients, MeshGradients, Wanted};
 use crate::image::Image;
 use crate::pack::{Appearances, MeshTables};
-use crate::passes::{self, BACKWARD_STAGES, BACKWARD_TIMESTAMPS, BackwardStages};
+use crate::passes::{self, BACKWARD_COUNT, BACKWARD_STAGES, BACKWARD_TIMESTAMPS, BackwardStages};
 use crate::pipelines::Request;
 use crate::plan::Plan;
 use crate::plan::{BackwardInput, BackwardPlan};
@@ -144,8 +144,8 @@ impl Renderer {
             return Ok(());
         }
         let lanes = self.lanes;
-        let modes: [_; 8] = std::array::from_fn(|stage| {
-            let reduction = ("REDUCTION", passes::reduction_of(stage).0);
+        let modes: [_; BACKWARD_COUNT] = std::array::from_fn(|stage| {
+            let reduction = ("REDUCTION", passes::reduction_of(stage));
             plan.modes.iter().copied().chain([reduction]).collect::<Vec<_>>()
         });
         let kernels = passes::backward_kernels(self.context.device(), lanes);
@@ -153,8 +153,8 @@ impl Renderer {
         let pipelines = self.pipelines.get(&self.context, requests)?;
         let buffers = &self.buffers;
         let stages = BackwardStages::new(self.context.device(), pipelines, &|name| buffers.get(name))?;
-        let Some(texel_sums) = buffers.get("texel_sums") else {
-            return stale("no buffer texel_sums", "report this");
+        let (Some(texel_sums), Some(item_counts)) = (buffers.get("texel_sums"), buffers.get("item_counts")) else {
+            return stale("no buffer texel_sums or item_counts", "report this");
         };
         let times = self.backward.times.as_ref();
         self.backward.recorded = None;
@@ -168,7 +168,7 @@ impl Renderer {
                 }
             }
             recorder.barrier();
-            passes::record_backward(recorder, plan, &stages, texel_sums, times)?;
+            passes::record_backward(recorder, plan, &stages, texel_sums, item_counts, times)?;
             for (slot, buffer) in buffers.shared() {
                 let read = match slot.name {
                     "corner_gradients" => wanted.uvs,
