@@ -3,7 +3,7 @@
 //!
 //! Only what glslang emits for a compute kernel is understood; anything else is an error that names it.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 
 /// What a binding holds, as the name of a variant of `BindingKind` in the library.
 pub type Kind = &'static str;
@@ -103,6 +103,11 @@ struct Module {
     /// Value of each scalar constant, specialization constants with their default.
     constants: HashMap<u32, (u32, u32)>,
     spec_constants: Vec<u32>,
+    /// The operands of each constant computed from others.
+    computed: HashMap<u32, Vec<u32>>,
+    /// Ids that code or an array's length names.
+    used: HashSet<u32>,
+    in_code: bool,
     composites: HashMap<u32, Vec<u32>>,
     /// (id, pointer type, storage class) of each global variable.
     variables: Vec<(u32, u32, u32)>,
@@ -202,6 +207,11 @@ impl Module {
     }
 
     fn instruction(&mut self, opcode: u32, o: &[u32]) {
+        // From the first OpFunction on all is code. A literal among the operands may look like an id: harmless.
+        self.in_code |= opcode == 54;
+        if self.in_code {
+            self.used.extend(o);
+        }
         match (opcode, o) {
             (17, [capability]) => self.capabilities.push(*capability),
             (5, [id, name @ ..]) => _ = self.names.insert(*id, text(name)),
@@ -222,6 +232,7 @@ impl Module {
             }
             (27, [id, image]) => _ = self.types.insert(*id, Type::SampledImage { image: *image }),
             (28, [id, element, length]) => {
+                self.used.insert(*length);
                 _ = self.types.insert(*id, Type::Array { element: *element, length: *length })
             }
             (29, [id, element]) => _ = self.types.insert(*id, Type::RuntimeArray { element: *element }),
@@ -236,7 +247,12 @@ impl Module {
                 self.constants.insert(*id, (*ty, value));
                 self.spec_constants.push(*id);
             }
-            (44 | 51, [_, id, parts @ ..]) => _ = self.composites.insert(*id, parts.to_vec()),
+            // OpSpecConstantOp
+            (52, [_, id, _, operands @ ..]) => _ = self.computed.insert(*id, operands.to_vec()),
+            (44 | 51, [_, id, parts @ ..]) => {
+                self.used.extend(parts);
+                _ = self.composites.insert(*id, parts.to_vec())
+            }
             (59, [ty, id, storage, ..]) => self.variables.push((*id, *ty, *storage)),
             (71, [id, decoration, value @ ..]) => {
                 _ = self.decorations.insert((*id, *decoration), value.first().copied().unwrap_or(0))
@@ -375,10 +391,23 @@ impl Module {
         (size, ids)
     }
 
+    /// The constants that code depends on: what it names, and what that was computed from.
+    fn live(&self) -> HashSet<u32> {
+        let mut open: Vec<u32> = self.used.iter().copied().collect();
+        let mut live = self.used.clone();
+        while let Some(id) = open.pop() {
+            open.extend(self.computed.get(&id).into_iter().flatten().filter(|&&operand| live.insert(operand)));
+        }
+        live
+    }
+
+    /// What a pipeline can be specialised by. Constants that only the includes know are left out: a pipeline is then the
+    /// same for all their values.
     fn specialization(&self) -> Result<Vec<Specialization>, String> {
+        let live = self.live();
         // glslang may emit local_size_x_id's constant twice: keyed by id, the named one wins.
         let mut found: BTreeMap<u32, Specialization> = BTreeMap::new();
-        for constant in &self.spec_constants {
+        for constant in self.spec_constants.iter().filter(|constant| live.contains(constant)) {
             let Some(id) = self.decoration(*constant, SPEC_ID) else { continue };
             let axis = self.workgroup_size().and_then(|parts| parts.iter().position(|part| part == constant));
             let name = match axis {

@@ -74,7 +74,7 @@ void main() {
     }
     if (lane == 0) {
         for (int k = 0; k < 3; ++k) {
-            totals[3 * (group + int(frame.reduce_first)) + k] = lane_sums[k];
+            totals[3 * (group + int(frame.first)) + k] = lane_sums[k];
         }
     }
 }

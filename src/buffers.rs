@@ -31,7 +31,7 @@ const fn slot(name: &'static str, format: TexelFormat, role: Role) -> Slot {
 }
 
 /// Every buffer of a forward frame.
-pub const FORWARD: [Slot; 31] = [
+pub const FORWARD: [Slot; 32] = [
     slot("view_shapes", TexelFormat::Uint4, Role::Input),
     slot("view_cameras", TexelFormat::Float4, Role::Input),
     slot("positions", TexelFormat::Float, Role::Input),
@@ -61,18 +61,22 @@ pub const FORWARD: [Slot; 31] = [
     slot("depths", TexelFormat::Float, Role::Output),
     slot("normals", TexelFormat::Float4, Role::Output),
     slot("saved", TexelFormat::Float4, Role::Workspace),
+    slot("tile_bounds", TexelFormat::Float2, Role::Workspace),
     slot("cell_ranges", TexelFormat::Uint2, Role::Workspace),
     slot("cells", TexelFormat::Uint2, Role::Workspace),
 ];
 
 /// Every buffer that a backward pass adds.
-pub const BACKWARD: [Slot; 15] = [
+pub const BACKWARD: [Slot; 18] = [
     slot("upstream_color", TexelFormat::Float4, Role::Input),
     slot("upstream_silhouette", TexelFormat::Float, Role::Input),
     slot("upstream_depths", TexelFormat::Float, Role::Input),
     slot("upstream_normals", TexelFormat::Float4, Role::Input),
     slot("pixel_gradients", TexelFormat::Float4, Role::Workspace),
     slot("pixel_sums", TexelFormat::Float4, Role::Workspace),
+    slot("shown_items", TexelFormat::Uint, Role::Workspace),
+    slot("outline_items", TexelFormat::Uint, Role::Workspace),
+    slot("item_counts", TexelFormat::Uint, Role::Workspace),
     slot("partials", TexelFormat::Float4, Role::Workspace),
     slot("corner_lights", TexelFormat::Float4, Role::Workspace),
     slot("light_records", TexelFormat::Float4, Role::Workspace),
@@ -105,6 +109,7 @@ pub fn planned_size(sizes: &BufferSizes, name: &str) -> u64 {
         "depths" => sizes.depths,
         "normals" => sizes.normals,
         "saved" => sizes.saved,
+        "tile_bounds" => sizes.tile_bounds,
         "cell_ranges" => sizes.cell_ranges,
         "cells" => sizes.cells,
         _ => 0,
@@ -165,7 +170,7 @@ impl BufferSet {
         let desc = BufferDesc {
             name: slot.name,
             size,
-            usage: vk::BufferUsageFlags::STORAGE_BUFFER,
+            usage: vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::INDIRECT_BUFFER,
             location: Location::Device,
             texels: Some(slot.format),
         };

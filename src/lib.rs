@@ -44,6 +44,7 @@ pub mod measure;
 pub mod obj;
 pub mod pack;
 pub mod passes;
+pub mod pipelines;
 pub mod plan;
 #[cfg(feature = "reference")]
 pub mod reference;

@@ -4,11 +4,9 @@ use crate::Result;
 use crate::buffers::buffer_of_binding;
 use crate::constants as c;
 use crate::error::Error;
-use crate::plan::BackwardPlan;
-use crate::plan::Plan;
+use crate::plan::{BackwardPlan, FramePush, Plan};
 use crate::vulkan::{
-    BufferRef, DescriptorPool, DescriptorSet, Device, Kernel, Pipeline, PipelineCache, Recorder, SpecValue,
-    TimestampPool, kernels,
+    BufferRef, DescriptorPool, DescriptorSet, Device, Kernel, Pipeline, Recorder, TimestampPool, kernels,
 };
 
 /// A stage ready to be recorded: its pipeline, specialised for a plan, and its descriptors.
@@ -44,31 +42,6 @@ fn reads_together(device: &Device, lanes: u32) -> bool {
 pub fn forward_kernels(device: &Device, lanes: u32) -> [&'static Kernel; 5] {
     let forward = if reads_together(device, lanes) { &kernels::FORWARD_SUBGROUP } else { &kernels::FORWARD };
     [&kernels::VERTEX, &kernels::TRIANGLE, &kernels::BIN_COARSE, &kernels::BIN_FINE, forward]
-}
-
-/// A kernel's pipeline with a plan's modes; `lanes` is its workgroup where that is a mode too.
-pub fn pipeline(
-    device: &Device,
-    kernel: &'static Kernel,
-    modes: &[(&'static str, u32)],
-    lanes: u32,
-    cache: Option<&PipelineCache>,
-) -> Result<Pipeline> {
-    let mut values = Vec::new();
-    for constant in kernel.specialization {
-        let Some((_, value)) = modes.iter().find(|(name, _)| *name == constant.name) else {
-            if constant.name == "local_size_x" {
-                values.push((constant.name, SpecValue::Uint(lanes)));
-            }
-            continue;
-        };
-        let typed = match constant.default {
-            SpecValue::Bool(_) => SpecValue::Bool(*value != 0),
-            _ => SpecValue::Uint(*value),
-        };
-        values.push((constant.name, typed));
-    }
-    Pipeline::new(device, kernel, &values, cache)
 }
 
 /// Binds a pipeline to buffers found by the names of its bindings.
@@ -155,17 +128,26 @@ pub fn record_forward(
     Ok(())
 }
 
+/// Stages of a backward pass.
+pub const BACKWARD_COUNT: usize = 10;
+
 /// The backward stages, in the order in which they run; `reduce` once for views, lights and pixels each.
 pub struct BackwardStages {
-    stages: [Stage; 8],
+    stages: [Stage; BACKWARD_COUNT],
 }
 
 /// The kernels of the backward stages, in order.
-pub fn backward_kernels(device: &Device, lanes: u32) -> [&'static Kernel; 8] {
-    let backward = if reads_together(device, lanes) { &kernels::BACKWARD_SUBGROUP } else { &kernels::BACKWARD };
+pub fn backward_kernels(device: &Device, lanes: u32) -> [&'static Kernel; BACKWARD_COUNT] {
+    let (backward, outline) = if reads_together(device, lanes) {
+        (&kernels::BACKWARD_SUBGROUP, &kernels::BACKWARD_OUTLINE_SUBGROUP)
+    } else {
+        (&kernels::BACKWARD, &kernels::BACKWARD_OUTLINE)
+    };
     [
         &kernels::PIXEL_GRAD,
+        &kernels::BACKWARD_CULL,
         backward,
+        outline,
         &kernels::TRIANGLE_GRAD,
         &kernels::VERTEX_NORMAL_GRAD,
         &kernels::VERTEX_GRAD,
@@ -176,9 +158,11 @@ pub fn backward_kernels(device: &Device, lanes: u32) -> [&'static Kernel; 8] {
 }
 
 /// The stages' names in timings.
-pub const BACKWARD_STAGES: [&str; 8] = [
+pub const BACKWARD_STAGES: [&str; BACKWARD_COUNT] = [
     "pixel_grad",
+    "backward_cull",
     "backward",
+    "backward_outline",
     "triangle_grad",
     "vertex_normal_grad",
     "vertex_grad",
@@ -188,14 +172,26 @@ pub const BACKWARD_STAGES: [&str; 8] = [
 ];
 
 /// Timestamps that a backward pass writes.
-pub const BACKWARD_TIMESTAMPS: u32 = 9;
+pub const BACKWARD_TIMESTAMPS: u32 = BACKWARD_COUNT as u32 + 1;
 
-/// The mode of the reduction that a stage is, and the buffer whose rows it sums.
-pub fn reduction_of(stage: usize) -> (u32, &'static str) {
+/// The mode of the reduction that a stage is.
+pub fn reduction_of(stage: usize) -> u32 {
     match BACKWARD_STAGES[stage] {
-        "reduce_lights" => (c::REDUCTION_LIGHTS, "light_records"),
-        "reduce_pixels" => (c::REDUCTION_PIXELS, "pixel_sums"),
-        _ => (c::REDUCTION_VIEWS, "view_sums"),
+        "reduce_lights" => c::REDUCTION_LIGHTS,
+        "reduce_pixels" => c::REDUCTION_PIXELS,
+        _ => c::REDUCTION_VIEWS,
+    }
+}
+
+/// The buffer that a stage binds by a name: what several stages do to one buffer each has one name in their kernel.
+fn buffer_of_stage(stage: usize, name: &str) -> &str {
+    match (name, BACKWARD_STAGES[stage]) {
+        ("items", "backward") => "shown_items",
+        ("items", _) => "outline_items",
+        ("rows", "reduce_lights") => "light_records",
+        ("rows", "reduce_pixels") => "pixel_sums",
+        ("rows", _) => "view_sums",
+        _ => name,
     }
 }
 
@@ -203,19 +199,70 @@ impl BackwardStages {
     /// Binds the backward pipelines, in the order of [`backward_kernels`].
     pub fn new<'a>(
         device: &Device,
-        pipelines: [Pipeline; 8],
+        pipelines: [Pipeline; BACKWARD_COUNT],
         find: &dyn Fn(&str) -> Option<&'a BufferRef>,
     ) -> Result<Self> {
         let pool = DescriptorPool::new(device, &pipelines.each_ref().map(Pipeline::kernel))?;
-        let mut stages = Vec::with_capacity(8);
+        let mut stages = Vec::with_capacity(BACKWARD_COUNT);
         for (i, pipeline) in pipelines.into_iter().enumerate() {
-            let rows = reduction_of(i).1;
-            stages.push(bind(&pool, pipeline, &|name| find(if name == "rows" { rows } else { name }))?);
+            stages.push(bind(&pool, pipeline, &|name| find(buffer_of_stage(i, name)))?);
         }
-        let made: Result<[Stage; 8], _> = stages.try_into();
+        let made: Result<[Stage; BACKWARD_COUNT], _> = stages.try_into();
         made.map(|stages| Self { stages })
             .map_err(|_| Error::Vulkan { call: "descriptor binding", result: "a backward stage is missing".into() })
     }
+}
+
+/// The workgroups of a stage; of the two that walk lists only the device knows them.
+fn groups_of(plan: &BackwardPlan, stage: &str) -> [u32; 3] {
+    let g = &plan.groups;
+    match stage {
+        "pixel_grad" => g.pixel_grad,
+        "backward_cull" => g.backward_cull,
+        "triangle_grad" => g.triangle_grad,
+        "vertex_normal_grad" => g.vertex_normal_grad,
+        "vertex_grad" => g.vertex_grad,
+        "reduce_views" => g.reduce_views,
+        "reduce_lights" => g.reduce_lights,
+        _ => g.reduce_pixels,
+    }
+}
+
+/// Which of backward_cull's lists a stage walks.
+fn list_of(stage: &str) -> Option<u32> {
+    match stage {
+        "backward" => Some(c::ITEMS_SHOWN),
+        "backward_outline" => Some(c::ITEMS_OUTLINE),
+        _ => None,
+    }
+}
+
+/// Every row of one of backward_cull's lists.
+fn record_items(
+    recorder: &mut Recorder<'_>,
+    plan: &BackwardPlan,
+    stage: &Stage,
+    list: u32,
+    item_counts: &BufferRef,
+) -> Result<()> {
+    for row in 0..plan.item_rows {
+        let frame = FramePush { first: row * c::FORWARD_ROW, ..plan.frame };
+        let at = 4 * u64::from(row * c::ITEM_COUNT_WORDS + list);
+        recorder.dispatch_indirect(&stage.pipeline, &stage.set, bytemuck::bytes_of(&frame), item_counts, at)?;
+    }
+    Ok(())
+}
+
+/// The lists are empty: no workgroups along x, one along y and z.
+fn empty_lists(recorder: &mut Recorder<'_>, plan: &BackwardPlan, item_counts: &BufferRef) -> Result<()> {
+    recorder.fill(item_counts, 0, plan.sizes.item_counts, 1)?;
+    recorder.barrier();
+    for row in 0..plan.item_rows {
+        for list in [c::ITEMS_SHOWN, c::ITEMS_OUTLINE] {
+            recorder.fill(item_counts, 4 * u64::from(row * c::ITEM_COUNT_WORDS + list), 4, 0)?;
+        }
+    }
+    Ok(())
 }
 
 /// One backward pass after its forward frame: every stage after the one before, a global barrier between them.
@@ -227,35 +274,32 @@ pub fn record_backward(
     plan: &BackwardPlan,
     stages: &BackwardStages,
     texel_sums: &BufferRef,
+    item_counts: &BufferRef,
     times: Option<&TimestampPool>,
 ) -> Result<()> {
-    let g = &plan.groups;
-    let groups = [
-        g.pixel_grad,
-        g.backward,
-        g.triangle_grad,
-        g.vertex_normal_grad,
-        g.vertex_grad,
-        g.reduce_views,
-        g.reduce_lights,
-        g.reduce_pixels,
-    ];
     let lights_first = plan.frame.view_count;
     let pixels_first = lights_first + plan.frame.light_count + 1;
     recorder.begin_label("softras backward");
     recorder.fill(texel_sums, 0, plan.sizes.texel_sums, 0)?;
+    empty_lists(recorder, plan, item_counts)?;
     recorder.barrier();
     stamp(recorder, times, 0)?;
-    for (i, (stage, groups)) in stages.stages.iter().zip(groups).enumerate() {
+    for (i, stage) in stages.stages.iter().enumerate() {
+        let name = BACKWARD_STAGES[i];
         let mut frame = plan.frame;
-        (frame.reduce_first, frame.reduce_rows) = match BACKWARD_STAGES[i] {
+        (frame.first, frame.reduce_rows) = match name {
             "reduce_lights" => (lights_first, plan.light_rows),
             "reduce_pixels" => (pixels_first, plan.pixel_rows),
             _ => (0, 0),
         };
-        if !groups.contains(&0) {
-            recorder.begin_label(BACKWARD_STAGES[i]);
-            recorder.dispatch(&stage.pipeline, &stage.set, bytemuck::bytes_of(&frame), groups)?;
+        let list = list_of(name);
+        let groups = groups_of(plan, name);
+        if list.is_some() || !groups.contains(&0) {
+            recorder.begin_label(name);
+            match list {
+                Some(list) => record_items(recorder, plan, stage, list, item_counts)?,
+                None => recorder.dispatch(&stage.pipeline, &stage.set, bytemuck::bytes_of(&frame), groups)?,
+            }
             recorder.barrier();
             recorder.end_label();
         }

@@ -43,7 +43,7 @@ fn rust_members() -> Vec<(&'static str, usize)> {
         view_count,
         mesh_count,
         reduce_rows,
-        reduce_first,
+        first,
         texel_scale,
     ]
 }
@@ -83,14 +83,16 @@ fn every_binding_has_a_buffer_of_its_element() {
     for kernel in kernels() {
         for binding in kernel.bindings {
             let name = buffer_of_binding(binding.name);
-            if name == "rows" {
-                // reduce.comp's input is one of three buffers, chosen when its stage is bound.
+            if name == "rows" || name == "items" {
+                // One of several buffers, chosen when the stage is bound.
                 continue;
             }
             let slot = FORWARD.iter().chain(&BACKWARD).find(|slot| slot.name == name);
             let slot = slot.unwrap_or_else(|| panic!("{}: no buffer {name}", kernel.name));
             let fits = match binding.kind {
-                BindingKind::UniformTexelBufferFloat => matches!(slot.format, TexelFormat::Float | TexelFormat::Float4),
+                BindingKind::UniformTexelBufferFloat => {
+                    matches!(slot.format, TexelFormat::Float | TexelFormat::Float2 | TexelFormat::Float4)
+                }
                 BindingKind::UniformTexelBufferUint => {
                     matches!(slot.format, TexelFormat::Uint | TexelFormat::Uint2 | TexelFormat::Uint4)
                 }

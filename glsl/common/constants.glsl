@@ -134,6 +134,13 @@ const uint REDUCTION_LIGHTS = 1u;
 // REDUCTION: all pixels.
 const uint REDUCTION_PIXELS = 2u;
 
+// First of the three words of `item_counts` that are the workgroups of a row of items which show.
+const uint ITEMS_SHOWN = 0u;
+// First of those of items that show in the silhouette alone.
+const uint ITEMS_OUTLINE = 3u;
+// Words of `item_counts` for each row of FORWARD_ROW items.
+const uint ITEM_COUNT_WORDS = 6u;
+
 // Pixels of a cell: a larger box is walked in several cells, by several invocations.
 const uint CELL_WIDTH = 64u;
 // Height of a cell.

@@ -4,7 +4,7 @@
 // gives each core one contiguous half of the workgroups would else leave one idle.
 // Reads `tile_ranges`, `tile_slots` and the records; writes the images, and for backward `saved`: the log2 weight
 // that the softmax is relative to (whole part and rest; of the hard mode the slot), its inverse sum, and the
-// transmittance.
+// transmittance; and `tile_bounds`: the smallest log2 sum of a tile's pixels and their largest transmittance.
 
 
 layout(local_size_x_id = 0) in;
@@ -21,6 +21,7 @@ layout(set = 0, binding = 8, std430) writeonly buffer Silhouette { float silhoue
 layout(set = 0, binding = 9, std430) writeonly buffer Depths { float depths[]; };
 layout(set = 0, binding = 10, std430) writeonly buffer Normals { vec4 normals[]; };
 layout(set = 0, binding = 11, std430) writeonly buffer Saved { vec4 saved[]; };
+layout(set = 0, binding = 12, std430) writeonly buffer TileBounds { vec2 tile_bounds[]; };
 
 #include "common/constants.glsl"
 #include "common/modes.glsl"
@@ -30,6 +31,7 @@ layout(set = 0, binding = 11, std430) writeonly buffer Saved { vec4 saved[]; };
 #include "common/sample.glsl"
 #include "common/corner.glsl"
 #include "common/shared_records.glsl"
+#include "common/lanes.glsl"
 
 const int TILE_PIXELS = int(TILE_WIDTH * TILE_HEIGHT);
 const int PIXELS = TILE_PIXELS / int(gl_WorkGroupSize.x);
@@ -219,6 +221,15 @@ void write_pixel(Pixel p, int view, int triangle_count, ivec2 where) {
     }
 }
 
+// What backward may leave out in this tile: a triangle whose every weight is far below the smallest sum shows in none of
+// its pixels, and where next to nothing is seen through a tile no triangle moves its silhouette.
+vec2 bounds_of(Pixel p) {
+    float log_sum = p.sum > 0.0 ? p.whole + (p.rest + log2(p.sum)) : -3e38;
+    // Of the hard mode, and without colour, nothing is known of weights.
+    bool known = SHADED && COLOR_MODE == COLOR_SOFTMAX;
+    return vec2(known ? log_sum : -3e38, SILHOUETTE_MODE == SILHOUETTE_PRODUCT ? p.silhouette : 1.0);
+}
+
 void main() {
     int view = int(gl_WorkGroupID.y);
     uint tiles = frame.tiles_x * frame.tiles_y;
@@ -250,11 +261,21 @@ void main() {
         gather(slot, first, pixels, radius_squared, scale, inverse_score);
     }
     int triangle_count = shape_of(view).triangle_count;
+    vec2 bounds = vec2(3e38, 0.0);
     for (int i = 0; i < PIXELS; ++i) {
         int index = i * int(gl_WorkGroupSize.x);
         ivec2 where = mine + ivec2(index % int(TILE_WIDTH), index / int(TILE_WIDTH));
         if (where.x < int(frame.width) && where.y < int(frame.height)) {
             write_pixel(pixels[i], view, triangle_count, where);
+            vec2 own = bounds_of(pixels[i]);
+            bounds = vec2(min(bounds.x, own.x), max(bounds.y, own.y));
+        }
+    }
+    if (SAVE) {
+        // As one minimum.
+        vec2 least = least_of_lanes(vec2(bounds.x, -bounds.y));
+        if (lane == 0) {
+            tile_bounds[uint(view) * tiles + tile] = vec2(least.x, -least.y);
         }
     }
 }

@@ -44,8 +44,7 @@ struct Fragment {
 };
 
 // Squared distance to a segment: off its line, and beyond its ends along it.
-float segment_distance(vec4 line, float half_length, float height, vec2 q) {
-    float along = line.y * q.x - line.x * q.y + line.w;
+float segment_distance(float along, float half_length, float height) {
     float beyond = greater(abs(along) - half_length, 0.0);
     return height * height + beyond * beyond;
 }
@@ -56,6 +55,9 @@ const float HARD_EDGE_PIXELS = 1e-5;
 // Where a pixel lies to a triangle: all of a fragment but its exponential.
 struct Place {
     vec3 height;
+    // Of the euclidean distance: how far along each edge from its midpoint, and the squared distance to each.
+    vec3 along;
+    vec3 to_edge;
     // Squared distance in units in which exp2 of its negative is the sigmoid's term; 0 with the hard distance.
     float squared;
     bool inside;
@@ -74,10 +76,12 @@ Place place_at(Triangle t, vec2 q, float radius_squared, float scale) {
         return p;
     }
     if (DISTANCE == DISTANCE_EUCLIDEAN) {
-        float d0 = segment_distance(t.line0, t.half_length.x, p.height.x, q);
-        float d1 = segment_distance(t.line1, t.half_length.y, p.height.y, q);
-        float d2 = segment_distance(t.line2, t.half_length.z, p.height.z, q);
-        p.squared = lesser(d0, lesser(d1, d2));
+        p.along = vec3(t.line0.y * q.x - t.line0.x * q.y + t.line0.w, t.line1.y * q.x - t.line1.x * q.y + t.line1.w,
+                       t.line2.y * q.x - t.line2.x * q.y + t.line2.w);
+        p.to_edge = vec3(segment_distance(p.along.x, t.half_length.x, p.height.x),
+                         segment_distance(p.along.y, t.half_length.y, p.height.y),
+                         segment_distance(p.along.z, t.half_length.z, p.height.z));
+        p.squared = lesser(p.to_edge.x, lesser(p.to_edge.y, p.to_edge.z));
         p.inside = lowest > 0.0;
     } else {
         vec3 b = p.height * t.inverse_height;

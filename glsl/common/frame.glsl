@@ -40,8 +40,8 @@ layout(push_constant) uniform Frame {
     uint mesh_count;
     // Rows that `reduce` sums where they are not a view's triangles.
     uint reduce_rows;
-    // First entry of `totals` that `reduce` writes.
-    uint reduce_first;
+    // First entry of `totals` that `reduce` writes; first place of the row of items that `backward` walks.
+    uint first;
     // Fixed-point units of a texel's gradient.
     float texel_scale;
 } frame;

@@ -3,7 +3,7 @@
 //! Memory, in bytes, beyond the forward frame's, with the letters of [`crate::plan`], I = S + cells beyond the first, and
 //! Q the texels of a partial gradient (3; +3 for colours, +2 for UVs, +3 for normals):
 //!
-//! `16 (1 + shaded + normal) P + 16 Q I + 16 (3 + 3 colours + 2 UVs) S + 32 V`, and where asked for `32 P` background,
+//! `16 (1 + shaded + normal) P + (16 Q + 8) I + 16 (3 + 3 colours + 2 UVs) S + 32 V`, and where asked for `32 P` background,
 //! `48 S` camera, σ and γ, `32 S` or `32 V` lights, `96 S + 16 V` smooth shading, `24` a texel.
 //!
 //! Nothing grows with pixels × triangles.
@@ -25,6 +25,9 @@ pub struct BackwardSizes {
     pub upstream_normals: u64,
     pub pixel_gradients: u64,
     pub pixel_sums: u64,
+    pub shown_items: u64,
+    pub outline_items: u64,
+    pub item_counts: u64,
     pub partials: u64,
     pub corner_gradients: u64,
     pub corner_lights: u64,
@@ -46,6 +49,9 @@ impl BackwardSizes {
             "upstream_normals" => self.upstream_normals,
             "pixel_gradients" => self.pixel_gradients,
             "pixel_sums" => self.pixel_sums,
+            "shown_items" => self.shown_items,
+            "outline_items" => self.outline_items,
+            "item_counts" => self.item_counts,
             "partials" => self.partials,
             "corner_gradients" => self.corner_gradients,
             "corner_lights" => self.corner_lights,
@@ -65,7 +71,7 @@ impl BackwardSizes {
 #[allow(missing_docs)] // Named as the stages.
 pub struct BackwardGroups {
     pub pixel_grad: [u32; 3],
-    pub backward: [u32; 3],
+    pub backward_cull: [u32; 3],
     pub triangle_grad: [u32; 3],
     pub vertex_normal_grad: [u32; 3],
     pub vertex_grad: [u32; 3],
@@ -85,6 +91,8 @@ pub struct BackwardPlan {
     pub sizes: BackwardSizes,
     /// Workgroups of each stage.
     pub groups: BackwardGroups,
+    /// Rows of FORWARD_ROW items, each with an indirect dispatch of its own; 0 where nothing but pixels is summed.
+    pub item_rows: u32,
     /// Rows of the light and pixel reductions.
     pub light_rows: u32,
     /// Rows of the pixel reduction.
@@ -176,15 +184,23 @@ impl BackwardPlan {
         let sum_pixels = has(c::GRADIENT_BACKGROUND) || has(c::GRADIENT_SCALARS);
         let sum_views = has(c::GRADIENT_VIEW) || has(c::GRADIENT_SCALARS);
         let light_rows = if smooth { forward.totals.vertices } else { forward.totals.slots };
+        // What backward alone computes, or is needed by what follows it.
+        let triangles = gradients & !c::GRADIENT_BACKGROUND != 0;
         Self {
             frame,
             modes,
             sizes: sizes_of(input, gradients, smooth),
             groups: groups_of(input, gradients, smooth, sum_views, sum_pixels),
+            item_rows: if triangles { item_rows(input) as u32 } else { 0 },
             light_rows: light_rows as u32,
             pixel_rows: forward.totals.pixels as u32,
         }
     }
+}
+
+fn item_rows(input: &BackwardInput) -> u64 {
+    let items = input.forward.totals.slots + u64::from(input.forward.frame.cell_capacity);
+    items.div_ceil(u64::from(c::FORWARD_ROW))
 }
 
 fn sizes_of(input: &BackwardInput, gradients: u32, smooth: bool) -> BackwardSizes {
@@ -210,6 +226,9 @@ fn sizes_of(input: &BackwardInput, gradients: u32, smooth: bool) -> BackwardSize
         upstream_normals: when(up.normal, bytes(t.pixels, 16)),
         pixel_gradients: bytes(t.pixels * (1 + u64::from(shaded) + u64::from(up.normal)), 16),
         pixel_sums: when(has(c::GRADIENT_BACKGROUND) || has(c::GRADIENT_SCALARS), bytes(t.pixels, 32)),
+        shown_items: bytes(items, 4),
+        outline_items: bytes(items, 4),
+        item_counts: bytes(item_rows(input) * u64::from(c::ITEM_COUNT_WORDS), 4),
         partials: bytes(items * partial, 16),
         corner_gradients: bytes(t.slots * corner, 16),
         corner_lights: when(smooth, bytes(t.slots, 96)),
@@ -230,13 +249,12 @@ fn groups_of(input: &BackwardInput, gradients: u32, smooth: bool, sum_views: boo
     let linear = |n: u32, y: u32| [n.div_ceil(c::LINEAR_GROUP), y, 1];
     let pixels = u64::from(forward.frame.width) * u64::from(forward.frame.height);
     let items = forward.totals.slots + u64::from(forward.frame.cell_capacity);
-    // What backward alone computes, or is needed by what follows it.
     let triangles = gradients & !c::GRADIENT_BACKGROUND != 0;
     let vertices = input.wanted.positions || input.wanted.colors;
     let corners = gradients & !(c::GRADIENT_BACKGROUND | c::GRADIENT_TEXEL) != 0;
     BackwardGroups {
         pixel_grad: rows_of(pixels.div_ceil(u64::from(c::LINEAR_GROUP)), views),
-        backward: when(triangles, rows_of(items, 1)),
+        backward_cull: when(triangles, rows_of(items.div_ceil(u64::from(c::LINEAR_GROUP)), 1)),
         triangle_grad: when(corners, forward.groups.triangle),
         vertex_normal_grad: when(corners && smooth, forward.groups.vertex),
         vertex_grad: when(vertices, linear(input.largest_mesh, forward.frame.mesh_count)),

@@ -38,7 +38,7 @@ pub struct FramePush {
     pub view_count: u32,
     pub mesh_count: u32,
     pub reduce_rows: u32,
-    pub reduce_first: u32,
+    pub first: u32,
     pub texel_scale: f32,
 }
 

@@ -25,6 +25,7 @@ pub struct BufferSizes {
     pub depths: u64,
     pub normals: u64,
     pub saved: u64,
+    pub tile_bounds: u64,
     pub cell_ranges: u64,
     pub cells: u64,
 }
@@ -34,10 +35,10 @@ impl BufferSizes {
     pub fn total(&self) -> u64 {
         let BufferSizes { vertices, vertex_shading, geometry, shading, boxes, bin_bits, bin_ranges, .. } = *self;
         let BufferSizes { coarse_slots, coarse_words, tile_ranges, tile_slots, status, .. } = *self;
-        let BufferSizes { color, silhouette, depths, normals, saved, cell_ranges, cells, .. } = *self;
+        let BufferSizes { color, silhouette, depths, normals, saved, tile_bounds, cell_ranges, cells, .. } = *self;
         let records = vertices + vertex_shading + geometry + shading + boxes;
         let lists = bin_bits + bin_ranges + coarse_slots + coarse_words + tile_ranges + tile_slots + status;
-        records + lists + color + silhouette + depths + normals + saved + cell_ranges + cells
+        records + lists + color + silhouette + depths + normals + saved + tile_bounds + cell_ranges + cells
     }
 }
 
@@ -75,6 +76,7 @@ pub(super) fn sizes_of(input: &PlanInput, frame: &FramePush, t: &Totals) -> Buff
         depths: when(outputs.depth, bytes(t.pixels, 4)),
         normals: when(outputs.normal, bytes(t.pixels, 16)),
         saved: when(input.save, bytes(t.pixels, 16)),
+        tile_bounds: when(input.save, bytes(t.tiles, 8)),
         cell_ranges: when(input.save, bytes(t.slots, 8)),
         cells: when(input.save, bytes(u64::from(frame.cell_capacity), 8)),
     }

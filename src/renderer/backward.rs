@@ -1,18 +1,18 @@
 //! Backward on the simple API: from dL/dimages to dL by what made them.
 
-use super::{Frame, MOST_MODES, Renderer, StageTime};
+use super::{Frame, Renderer, StageTime};
 use crate::buffers::{self, Role};
 use crate::constants as c;
 use crate::error::{Error, Result};
 use crate::gradients::{CameraGradient, Gradients, ImageGradient, LightGradients, MeshGradients, Wanted};
 use crate::image::Image;
 use crate::pack::{Appearances, MeshTables};
-use crate::passes::{self, BACKWARD_STAGES, BACKWARD_TIMESTAMPS, BackwardStages};
+use crate::passes::{self, BACKWARD_COUNT, BACKWARD_STAGES, BACKWARD_TIMESTAMPS, BackwardStages};
+use crate::pipelines::Request;
 use crate::plan::Plan;
 use crate::plan::{BackwardInput, BackwardPlan};
 use crate::scene::{Background, Camera, Lights, Parity, Projection, Settings};
-use crate::vulkan::{CommandBuffer, Context, Pipeline, TimestampPool};
-use std::collections::HashMap;
+use crate::vulkan::{CommandBuffer, Context, TimestampPool};
 
 /// What a saved frame was made of; its buffers are the renderer's.
 pub(super) struct Saved {
@@ -26,7 +26,6 @@ pub(super) struct Saved {
 
 /// What backward keeps from pass to pass.
 pub(super) struct State {
-    stages: HashMap<Vec<(&'static str, u32)>, [Pipeline; 8]>,
     recorded: Option<(BackwardPlan, BackwardStages)>,
     commands: CommandBuffer,
     times: Option<TimestampPool>,
@@ -35,7 +34,6 @@ pub(super) struct State {
 impl State {
     pub(super) fn new(context: &Context) -> Result<Self> {
         Ok(Self {
-            stages: HashMap::new(),
             recorded: None,
             commands: CommandBuffer::new(context, "softras backward")?,
             times: TimestampPool::new(context.device(), context.queue_family(), BACKWARD_TIMESTAMPS)?,
@@ -145,21 +143,18 @@ impl Renderer {
         if self.backward.recorded.as_ref().is_some_and(|(recorded, _)| recorded == plan) {
             return Ok(());
         }
-        let pipelines = match self.backward.stages.get(&plan.modes) {
-            Some(pipelines) => pipelines.clone(),
-            None => {
-                let made = self.compile_backward(plan)?;
-                if self.backward.stages.len() >= MOST_MODES {
-                    self.backward.stages.clear();
-                }
-                self.backward.stages.insert(plan.modes.clone(), made.clone());
-                made
-            }
-        };
+        let lanes = self.lanes;
+        let modes: [_; BACKWARD_COUNT] = std::array::from_fn(|stage| {
+            let reduction = ("REDUCTION", passes::reduction_of(stage));
+            plan.modes.iter().copied().chain([reduction]).collect::<Vec<_>>()
+        });
+        let kernels = passes::backward_kernels(self.context.device(), lanes);
+        let requests = std::array::from_fn(|i| Request { kernel: kernels[i], modes: &modes[i], lanes });
+        let pipelines = self.pipelines.get(&self.context, requests)?;
         let buffers = &self.buffers;
         let stages = BackwardStages::new(self.context.device(), pipelines, &|name| buffers.get(name))?;
-        let Some(texel_sums) = buffers.get("texel_sums") else {
-            return stale("no buffer texel_sums", "report this");
+        let (Some(texel_sums), Some(item_counts)) = (buffers.get("texel_sums"), buffers.get("item_counts")) else {
+            return stale("no buffer texel_sums or item_counts", "report this");
         };
         let times = self.backward.times.as_ref();
         self.backward.recorded = None;
@@ -173,7 +168,7 @@ impl Renderer {
                 }
             }
             recorder.barrier();
-            passes::record_backward(recorder, plan, &stages, texel_sums, times)?;
+            passes::record_backward(recorder, plan, &stages, texel_sums, item_counts, times)?;
             for (slot, buffer) in buffers.shared() {
                 let read = match slot.name {
                     "corner_gradients" => wanted.uvs,
@@ -191,30 +186,6 @@ impl Renderer {
         })?;
         self.backward.recorded = Some((plan.clone(), stages));
         Ok(())
-    }
-
-    /// The backward pipelines of a plan, made side by side.
-    fn compile_backward(&self, plan: &BackwardPlan) -> Result<[Pipeline; 8]> {
-        let device = self.context.device();
-        let cache = Some(self.context.pipeline_cache());
-        let lanes = self.lanes;
-        let made = std::thread::scope(|scope| {
-            let mut threads = Vec::with_capacity(8);
-            for (i, kernel) in passes::backward_kernels(device, lanes).into_iter().enumerate() {
-                let mut modes = plan.modes.clone();
-                modes.push(("REDUCTION", passes::reduction_of(i).0));
-                threads.push(scope.spawn(move || passes::pipeline(device, kernel, &modes, lanes, cache)));
-            }
-            let join = |thread: std::thread::ScopedJoinHandle<'_, Result<Pipeline>>| match thread.join() {
-                Ok(pipeline) => pipeline,
-                Err(panic) => std::panic::resume_unwind(panic),
-            };
-            threads.into_iter().map(join).collect::<Result<Vec<_>>>()
-        })?;
-        made.try_into().map_err(|_| Error::Vulkan {
-            call: "vkCreateComputePipelines",
-            result: "a backward pipeline is missing".into(),
-        })
     }
 
     fn floats(&self, name: &str, count: usize) -> Result<Vec<f32>> {

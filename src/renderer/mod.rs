@@ -8,17 +8,14 @@ use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::pack::{MeshTables, camera_texels, light_texels};
 use crate::passes::{self, FORWARD_STAGES, FORWARD_TIMESTAMPS, ForwardStages};
+use crate::pipelines::{Pipelines, Request};
 use crate::plan::{Capacity, DepthSpan, Plan, PlanInput, ViewSize};
 use crate::scene::{Camera, Outputs, Projection, Scene, Settings, Shading};
 use crate::vulkan::{CacheFolder, CommandBuffer, Context, ContextOptions, DeviceInfo, DeviceKind, TimestampPool};
-use std::collections::HashMap;
 
 /// The longest list of triangles that a software device walks: Mesa before 23 ends an invocation's loops after 65535 passes
 /// in all, without an error, and a hole in the image is worse than one.
 const SOFTWARE_LONGEST_LIST: u32 = 60_000;
-
-/// Sets of modes whose pipelines are kept: each costs a driver some megabytes, and few programs need more than two.
-const MOST_MODES: usize = 16;
 
 /// The farthest that a support may reach, in units of σ: the kernels hold D as a single-precision number, and exp(-70) is as
 /// small as it may be with digits to spare for what it is multiplied with.
@@ -117,7 +114,7 @@ impl Frame {
 /// A device and everything that a frame needs on it, kept from frame to frame.
 pub struct Renderer {
     // Dropped before the context, which they need.
-    stages: HashMap<Vec<(&'static str, u32)>, [crate::vulkan::Pipeline; 5]>,
+    pipelines: Pipelines,
     recorded: Option<(Plan, ForwardStages)>,
     backward: backward::State,
     /// The latest frame, if it was saved.
@@ -173,7 +170,7 @@ impl Renderer {
             return Err(Error::Settings { field: "lanes", value: lanes.to_string(), mend });
         }
         Ok(Self {
-            stages: HashMap::new(),
+            pipelines: Pipelines::default(),
             recorded: None,
             backward: backward::State::new(&context)?,
             saved: None,
@@ -329,17 +326,10 @@ impl Renderer {
             return Ok(());
         }
         let device = self.context.device().clone();
-        let pipelines = match self.stages.get(&plan.modes) {
-            Some(pipelines) => pipelines.clone(),
-            None => {
-                let made = self.compile(plan)?;
-                if self.stages.len() >= MOST_MODES {
-                    self.stages.clear();
-                }
-                self.stages.insert(plan.modes.clone(), made.clone());
-                made
-            }
-        };
+        let modes = &plan.modes;
+        let lanes = self.lanes;
+        let requests = passes::forward_kernels(&device, lanes).map(|kernel| Request { kernel, modes, lanes });
+        let pipelines = self.pipelines.get(&self.context, requests)?;
         let buffers = &self.buffers;
         let stages = ForwardStages::new(&device, pipelines, &|name| buffers.get(name))?;
         let missing = |name: &str| Error::Vulkan { call: "descriptor binding", result: format!("no buffer {name}") };
@@ -369,22 +359,6 @@ impl Renderer {
         })?;
         self.recorded = Some((plan.clone(), stages));
         Ok(())
-    }
-
-    /// The forward pipelines of a plan, made side by side.
-    fn compile(&self, plan: &Plan) -> Result<[crate::vulkan::Pipeline; 5]> {
-        let (device, lanes) = (self.context.device(), self.lanes);
-        let cache = Some(self.context.pipeline_cache());
-        let made = std::thread::scope(|scope| {
-            let threads = passes::forward_kernels(device, lanes)
-                .map(|kernel| scope.spawn(move || passes::pipeline(device, kernel, &plan.modes, lanes, cache)));
-            threads.map(|thread| match thread.join() {
-                Ok(pipeline) => pipeline,
-                Err(panic) => std::panic::resume_unwind(panic),
-            })
-        });
-        let [a, b, c, d, e] = made;
-        Ok([a?, b?, c?, d?, e?])
     }
 
     /// What the frame's lists needed, when that was more than there was room for.

@@ -1,0 +1,99 @@
+#version 450
+#extension GL_GOOGLE_include_directive : require
+// Backward, cull: which items have anything to do with the upstream gradients. A triangle whose largest weight is next to
+// nothing in every tile of its box shows in none of the shaded images and moves the silhouette alone; where that is
+// saturated too, it moves nothing.
+// One invocation an item. Reads `boxes`, `cells`, the records and `tile_bounds`; writes the lists `shown_items` and
+// `outline_items`, their lengths as workgroups of indirect dispatches, `item_counts`, and the `partials` of items on
+// neither. The lists' order does not matter: every item has its own place in `partials`.
+
+layout(local_size_x = 64) in;
+
+layout(set = 0, binding = 0) uniform isamplerBuffer boxes;
+layout(set = 0, binding = 1) uniform usamplerBuffer cells;
+layout(set = 0, binding = 2) uniform samplerBuffer shading;
+layout(set = 0, binding = 3) uniform samplerBuffer tile_bounds;
+layout(set = 0, binding = 4) uniform usamplerBuffer status;
+layout(set = 0, binding = 5) uniform usamplerBuffer view_shapes;
+layout(set = 0, binding = 6, std430) writeonly buffer ShownItems { uint shown_items[]; };
+layout(set = 0, binding = 7, std430) writeonly buffer OutlineItems { uint outline_items[]; };
+layout(set = 0, binding = 8, std430) buffer ItemCounts { uint item_counts[]; };
+layout(set = 0, binding = 9, std430) writeonly buffer Partials { vec4 partials[]; };
+
+#include "common/constants.glsl"
+#include "common/modes.glsl"
+#include "common/gradient_modes.glsl"
+#include "common/frame.glsl"
+#include "common/mesh.glsl"
+#include "common/item.glsl"
+
+// log2 of what is next to nothing: half a unit in the last place of an f32 near 1.
+const float NEXT_TO_NOTHING = -24.0;
+
+// The largest log2 weight that a pixel of the triangle may have: a corner's, with D = 1.
+float largest_weight(int slot) {
+    vec4 depth = texelFetch(shading, slot * SHADING_STRIDE);
+    vec2 corners = depth.z * depth.xy / (1.0 + depth.xy);
+    float whole = texelFetch(shading, slot * SHADING_STRIDE + 1).w;
+    return whole + (depth.w + max(0.0, max(corners.x, corners.y)));
+}
+
+// The least log sum and the largest transmittance of the tiles that the pixels lie in.
+vec2 bounds_of(ivec4 pixels, int view) {
+    ivec2 tile = ivec2(TILE_WIDTH, TILE_HEIGHT);
+    int stride = int(frame.tiles_x);
+    ivec2 at = pixels.xy / tile;
+    ivec2 last = pixels.zw / tile;
+    int across = last.x - at.x + 1;
+    int row = (view * int(frame.tiles_y) + at.y) * stride + at.x;
+    int count = across * (last.y - at.y + 1);
+    int x = 0;
+    vec2 bounds = vec2(3e38, 0.0);
+    // Row by row in one loop.
+    do {
+        vec2 own = texelFetch(tile_bounds, row + x).xy;
+        bounds = vec2(own.x < bounds.x ? own.x : bounds.x, own.y > bounds.y ? own.y : bounds.y);
+        ++x;
+        row = x == across ? row + stride : row;
+        x = x == across ? 0 : x;
+        --count;
+    } while (count > 0);
+    return bounds;
+}
+
+// Each row of FORWARD_ROW items has a list of its own, so that its length is a number of workgroups along one axis.
+uint place_on_list(uint item, uint list) {
+    uint row = item / FORWARD_ROW;
+    return row * FORWARD_ROW + atomicAdd(item_counts[row * ITEM_COUNT_WORDS + list], 1u);
+}
+
+void main() {
+    uint item = gl_WorkGroupID.z * FORWARD_ROW * LINEAR_GROUP + gl_GlobalInvocationID.x;
+    uint extra = min(texelFetch(status, int(STATUS_CELLS_NEEDED)).x, frame.cell_capacity);
+    if (item >= frame.slot_count + extra) {
+        return;
+    }
+    ivec2 part = slot_and_cell(int(item));
+    ivec4 box = texelFetch(boxes, part.x);
+    if (box.x > box.z || box.y > box.w) {
+        return;
+    }
+    bool shows = UP_SHADED;
+    bool outlines = UP_ALPHA;
+    if (COLOR_MODE == COLOR_SOFTMAX || !UP_SHADED) {
+        vec2 bounds = bounds_of(item_pixels(box, part.y), view_of(part.x));
+        // Room for the rounding of large logarithms.
+        float margin = 1.0 + 1e-6 * abs(bounds.x);
+        shows = UP_SHADED && !(largest_weight(part.x) + margin < bounds.x + NEXT_TO_NOTHING);
+        outlines = UP_ALPHA && bounds.y > exp2(NEXT_TO_NOTHING);
+    }
+    if (shows) {
+        shown_items[place_on_list(item, ITEMS_SHOWN)] = item;
+    } else if (outlines) {
+        outline_items[place_on_list(item, ITEMS_OUTLINE)] = item;
+    } else {
+        for (int i = 0; i < PARTIAL_STRIDE; ++i) {
+            partials[int(item) * PARTIAL_STRIDE + i] = vec4(0.0);
+        }
+    }
+}

@@ -1,0 +1,43 @@
+// What all lanes of a workgroup make together, in a fixed order.
+
+#ifndef SUBGROUP_RECORDS
+shared vec4 lane_values[gl_WorkGroupSize.x];
+#endif
+
+// The sum over the lanes; lane 0 has it.
+vec4 sum_of_lanes(vec4 value) {
+#ifdef SUBGROUP_RECORDS
+    value += subgroupShuffleXor(value, 4u);
+    value += subgroupShuffleXor(value, 2u);
+    return value + subgroupShuffleXor(value, 1u);
+#else
+    uint lane = gl_LocalInvocationID.x;
+    barrier();
+    lane_values[lane] = value;
+    for (uint width = gl_WorkGroupSize.x / 2u; width > 0u; width /= 2u) {
+        barrier();
+        if (lane < width) {
+            lane_values[lane] += lane_values[lane + width];
+        }
+    }
+    return lane_values[0];
+#endif
+}
+
+// The least over the lanes; all have it.
+vec2 least_of_lanes(vec2 value) {
+#ifdef SUBGROUP_RECORDS
+    value = min(value, subgroupShuffleXor(value, 4u));
+    value = min(value, subgroupShuffleXor(value, 2u));
+    return min(value, subgroupShuffleXor(value, 1u));
+#else
+    uint lane = gl_LocalInvocationID.x;
+    barrier();
+    lane_values[lane].xy = value;
+    barrier();
+    for (uint i = 0u; i < gl_WorkGroupSize.x; ++i) {
+        value = min(value, lane_values[i].xy);
+    }
+    return value;
+#endif
+}

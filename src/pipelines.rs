@@ -1,0 +1,89 @@
+//! Pipelines, made when a frame first needs them and kept for the next.
+
+use crate::error::{Error, Result};
+use crate::vulkan::{Context, Kernel, Pipeline, SpecValue};
+
+/// Pipelines kept: each costs a driver up to some megabytes, and few programs need more than two sets of modes.
+const MOST_PIPELINES: usize = 128;
+
+/// Names and values of the modes that a kernel knows.
+type Values = Vec<(&'static str, SpecValue)>;
+
+/// What one stage runs: a kernel, and the modes of the whole frame by their names in GLSL.
+pub struct Request<'a> {
+    /// The kernel.
+    pub kernel: &'static Kernel,
+    /// The frame's modes; those that the kernel does not know are no matter.
+    pub modes: &'a [(&'static str, u32)],
+    /// Invocations in its workgroup, where that is a mode too.
+    pub lanes: u32,
+}
+
+impl Request<'_> {
+    fn values(&self) -> Values {
+        let typed = |default: SpecValue, value: u32| match default {
+            SpecValue::Bool(_) => SpecValue::Bool(value != 0),
+            _ => SpecValue::Uint(value),
+        };
+        let known = self.kernel.specialization.iter().filter_map(|constant| {
+            let given = self.modes.iter().find(|(name, _)| *name == constant.name).map(|(_, value)| *value);
+            let value = given.or_else(|| (constant.name == "local_size_x").then_some(self.lanes))?;
+            Some((constant.name, typed(constant.default, value)))
+        });
+        known.collect()
+    }
+}
+
+/// The pipelines made so far, each for the values of the modes that its kernel depends on.
+#[derive(Debug, Default)]
+pub struct Pipelines {
+    made: Vec<(&'static str, Values, Pipeline)>,
+}
+
+impl Pipelines {
+    fn find(&self, kernel: &Kernel, values: &Values) -> Option<&Pipeline> {
+        self.made.iter().find(|(name, v, _)| *name == kernel.name && v == values).map(|(_, _, pipeline)| pipeline)
+    }
+
+    /// A pipeline for every request, in order; those that are new are made side by side.
+    ///
+    /// # Errors
+    /// [`crate::Error::Vulkan`], [`crate::Error::Limit`] when one cannot be made.
+    pub fn get<const N: usize>(&mut self, context: &Context, requests: [Request<'_>; N]) -> Result<[Pipeline; N]> {
+        let wanted = requests.map(|request| (request.kernel, request.values()));
+        let mut pipelines = Vec::with_capacity(N);
+        for made in self.find_or_make(context, &wanted) {
+            pipelines.push(made?);
+        }
+        for ((kernel, values), pipeline) in wanted.iter().zip(&pipelines) {
+            if self.find(kernel, values).is_none() {
+                if self.made.len() == MOST_PIPELINES {
+                    self.made.remove(0);
+                }
+                self.made.push((kernel.name, values.clone(), pipeline.clone()));
+            }
+        }
+        let missing = |_| Error::Vulkan { call: "vkCreateComputePipelines", result: "a pipeline is missing".into() };
+        pipelines.try_into().map_err(missing)
+    }
+
+    fn find_or_make(&self, context: &Context, wanted: &[(&'static Kernel, Values)]) -> Vec<Result<Pipeline>> {
+        let cache = Some(context.pipeline_cache());
+        let find_or_make = |kernel: &'static Kernel, values: &Values| match self.find(kernel, values) {
+            Some(made) => Ok(made.clone()),
+            None => Pipeline::new(context.device(), kernel, values, cache),
+        };
+        if wanted.iter().all(|(kernel, values)| self.find(kernel, values).is_some()) {
+            return wanted.iter().map(|(kernel, values)| find_or_make(kernel, values)).collect();
+        }
+        std::thread::scope(|scope| {
+            let threads: Vec<_> =
+                wanted.iter().map(|(kernel, values)| scope.spawn(move || find_or_make(kernel, values))).collect();
+            let join = |thread: std::thread::ScopedJoinHandle<'_, Result<Pipeline>>| match thread.join() {
+                Ok(pipeline) => pipeline,
+                Err(panic) => std::panic::resume_unwind(panic),
+            };
+            threads.into_iter().map(join).collect()
+        })
+    }
+}
