@@ -16,7 +16,8 @@ median   milliseconds that a user of the library waits, upload and download incl
          keeps what backward needs, and backward
 device   milliseconds of the stages by the device's own clock
 floor    pairs needed x the least operations that a pair takes / the device's measured peak
-pairs    (pixel, triangle) pairs: needed, those that the model keeps; evaluated, those computed
+pairs    (pixel, triangle) pairs: needed, those that the model keeps; evaluated, those computed (of
+         backward the pixels of all triangles' boxes, of which it may skip whole ones)
 error    the largest error of any value against the model in f64 at the same tau, outside the few
          pixels that lie within 1e-4 of a jump of the model; of backward, |device - f64| / |f64| of the
          gradient (only where the f64 side takes seconds); untruncated: against the model without tau
