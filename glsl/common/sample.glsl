@@ -69,8 +69,11 @@ vec3 sample_texture(int index, int triangle, mat3x2 coordinate, vec3 b) {
     if ((SAMPLING & SAMPLING_SURFACE) != 0u && entry.w == TEXTURE_SURFACE) {
         int resolution = int(entry.y);
         int cell = surface_cell(surface_barycentrics(coordinate, b), resolution);
-        int texel = min(triangle * resolution * resolution + cell, int(entry.z) - 1);
-        color = texelFetch(texels, int(entry.x) + texel).rgb;
+        int texel = triangle * resolution * resolution + cell;
+        int last = int(entry.z) - 1;
+        color = texelFetch(texels, int(entry.x) + min(texel, last)).rgb;
+        // Behind the last triangle's the official lookup finds nothing.
+        color = texel > last ? vec3(0.0) : color;
     }
     return color;
 }

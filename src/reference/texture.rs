@@ -19,7 +19,11 @@ pub fn sample<S: Source>(
         Appearance::Surface { resolution, texels } => {
             let r = *resolution as usize;
             let cell = surface_cell(*resolution, original.map(Real::value), official);
-            let texel = (triangle * r * r + cell).min(texels.len() - 1);
+            let texel = triangle * r * r + cell;
+            if texel >= texels.len() {
+                // Behind the last triangle's the official lookup finds nothing.
+                return [S::R::zero(); 3];
+            }
             let color = source.row::<3>(slots.surface.start + 3 * texel);
             // The official backward pass gives a triangle's own cells gradients, none else.
             if cell < r * r { color } else { color.map(Real::detach) }
