@@ -31,8 +31,8 @@
 //!
 //! # Where things are
 //! [`scene`] is what is drawn, judged once; [`renderer`] draws it and differentiates; [`mod@reference`] is the f64 judge of
-//! both; `measure` says what a frame costs and must cost. Below them, [`plan`] turns sizes into buffers and dispatches, [`passes`] records a frame,
-//! and [`vulkan`] is the only module with `unsafe`.
+//! both; `measure` says what a frame costs and must cost. Below them, [`plan`] turns sizes into buffers and dispatches,
+//! [`passes`] records a frame, and [`vulkan`] is the only module with `unsafe`.
 
 pub mod buffers;
 pub mod error;
@@ -54,6 +54,8 @@ pub mod shapes;
 pub mod vulkan;
 
 pub use error::{Error, Result};
+/// Vectors and matrices, as cameras take them.
+pub use glam;
 pub use gradients::{GradientMode, Gradients, ImageGradient, Wanted};
 pub use image::Image;
 pub use renderer::{Frame, FrameCounts, Renderer, RendererOptions};
