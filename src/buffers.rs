@@ -1,6 +1,6 @@
 //! The buffers of a frame by name: who fills them, and how the kernels read them.
 
-use crate::Result;
+use crate::error::{Error, Result};
 use crate::plan::BufferSizes;
 use crate::vulkan::{Buffer, BufferDesc, BufferRef, Context, Location, SharedBuffer, TexelFormat, vk};
 
@@ -128,6 +128,10 @@ pub fn buffer_of_binding(binding: &str) -> String {
     name
 }
 
+fn missing(name: &str) -> Error {
+    Error::Vulkan { call: "buffer access", result: format!("there is no buffer `{name}` that the host reaches") }
+}
+
 /// One buffer of our own.
 #[derive(Debug)]
 enum Owned {
@@ -204,6 +208,30 @@ impl BufferSet {
             }
         }
         Ok(())
+    }
+
+    /// The first `count` floats of an output, where they are.
+    ///
+    /// # Errors
+    /// When it is not that large, or is no shared buffer.
+    pub fn floats(&self, name: &str, count: usize) -> Result<&[f32]> {
+        match self.find(name) {
+            Some(Owned::Shared(buffer)) => Ok(bytemuck::cast_slice(buffer.bytes(4 * count as u64)?)),
+            _ => Err(missing(name)),
+        }
+    }
+
+    /// The first `count` floats of an input, to be filled where they are.
+    ///
+    /// # Errors
+    /// As [`floats`](Self::floats).
+    pub fn floats_mut(&mut self, name: &str, count: usize) -> Result<&mut [f32]> {
+        for (slot, owned) in &mut self.owned {
+            if let (true, Owned::Shared(buffer)) = (slot.name == name, owned) {
+                return Ok(bytemuck::cast_slice_mut(buffer.bytes_mut(4 * count as u64)?));
+            }
+        }
+        Err(missing(name))
     }
 
     /// Reads an output from its start.

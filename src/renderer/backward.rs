@@ -120,11 +120,14 @@ impl Renderer {
     fn write_upstream(&mut self, upstream: &ImageGradient) -> Result<()> {
         let alpha = upstream.silhouette.as_ref();
         if let Some(color) = &upstream.color {
-            let mut texels = Vec::with_capacity(color.data.len() / 3 * 4);
-            for (i, rgb) in color.data.chunks_exact(3).enumerate() {
-                texels.extend_from_slice(&[rgb[0], rgb[1], rgb[2], alpha.map_or(0.0, |a| a.data[i])]);
+            let pixels = color.data.len() / 3;
+            let texels = self.buffers.floats_mut("upstream_color", 4 * pixels)?;
+            for (to, from) in texels.chunks_exact_mut(4).zip(color.data.chunks_exact(3)) {
+                to[..3].copy_from_slice(from);
             }
-            self.buffers.write("upstream_color", bytemuck::cast_slice(&texels))?;
+            for (i, to) in texels.chunks_exact_mut(4).enumerate() {
+                to[3] = alpha.map_or(0.0, |a| a.data[i]);
+            }
         } else if let Some(alpha) = alpha {
             self.buffers.write("upstream_silhouette", bytemuck::cast_slice(&alpha.data))?;
         }
@@ -132,8 +135,10 @@ impl Renderer {
             self.buffers.write("upstream_depths", bytemuck::cast_slice(&depth.data))?;
         }
         if let Some(normal) = &upstream.normal {
-            let texels: Vec<[f32; 4]> = normal.data.chunks_exact(3).map(|n| [n[0], n[1], n[2], 0.0]).collect();
-            self.buffers.write("upstream_normals", bytemuck::cast_slice(&texels))?;
+            let texels = self.buffers.floats_mut("upstream_normals", normal.data.len() / 3 * 4)?;
+            for (to, from) in texels.chunks_exact_mut(4).zip(normal.data.chunks_exact(3)) {
+                to[..3].copy_from_slice(from);
+            }
         }
         Ok(())
     }

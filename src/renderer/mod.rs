@@ -400,29 +400,24 @@ impl Renderer {
         let (height, width) = (settings.height as usize, settings.width as usize);
         let pixels = batch * height * width;
         let image = |channels: usize, data: Vec<f32>| Image { batch, height, width, channels, data };
-        let floats = |name: &str, count: usize| -> Result<Vec<f32>> {
-            let mut data = vec![0.0f32; count];
-            self.buffers.read(name, bytemuck::cast_slice_mut(&mut data))?;
-            Ok(data)
-        };
-        let rgb = |texels: &[f32]| texels.chunks_exact(4).flat_map(|t| [t[0], t[1], t[2]]).collect::<Vec<f32>>();
+        let floats = |name: &str, count: usize| self.buffers.floats(name, count);
         let mut frame =
             Frame { color: None, silhouette: None, depth: None, normal: None, timings: self.timings()?, saved: None };
         frame.saved = settings.save.then_some(self.frames);
         if color {
             let texels = floats("color", 4 * pixels)?;
-            frame.color = Some(image(3, rgb(&texels)));
+            frame.color = Some(image(3, rgb_of(texels)));
             if silhouette {
                 frame.silhouette = Some(image(1, texels.chunks_exact(4).map(|t| t[3]).collect()));
             }
         } else if silhouette {
-            frame.silhouette = Some(image(1, floats("silhouette", pixels)?));
+            frame.silhouette = Some(image(1, floats("silhouette", pixels)?.to_vec()));
         }
         if depth {
-            frame.depth = Some(image(1, floats("depths", pixels)?));
+            frame.depth = Some(image(1, floats("depths", pixels)?.to_vec()));
         }
         if normal {
-            frame.normal = Some(image(3, rgb(&floats("normals", 4 * pixels)?)));
+            frame.normal = Some(image(3, rgb_of(floats("normals", 4 * pixels)?)));
         }
         Ok(frame)
     }
@@ -435,4 +430,13 @@ impl Renderer {
         let spans = stamps.windows(2).map(|pair| pair[1] - pair[0]);
         Ok(FORWARD_STAGES.iter().zip(spans).map(|(&stage, milliseconds)| StageTime { stage, milliseconds }).collect())
     }
+}
+
+/// The first three of every four floats.
+fn rgb_of(texels: &[f32]) -> Vec<f32> {
+    let mut rgb = vec![0.0; texels.len() / 4 * 3];
+    for (to, from) in rgb.chunks_exact_mut(3).zip(texels.chunks_exact(4)) {
+        to.copy_from_slice(&from[..3]);
+    }
+    rgb
 }

@@ -226,6 +226,20 @@ impl Buffer {
         Ok(())
     }
 
+    /// Bytes at an offset where they are, as [`read`](Self::read) would copy them.
+    pub fn bytes(&self, offset: u64, range: u64) -> Result<&[u8]> {
+        let source = self.address(offset, range)?;
+        // SAFETY: as in `read`: inside a mapping that lives as long as `self`, and host writers need `&mut self`.
+        Ok(unsafe { std::slice::from_raw_parts(source, range as usize) })
+    }
+
+    /// Bytes at an offset, to be filled where they are. Visible to what is submitted from now on.
+    pub fn bytes_mut(&mut self, offset: u64, range: u64) -> Result<&mut [u8]> {
+        let target = self.address(offset, range)?;
+        // SAFETY: as in `write`; a mapping's bytes are some bytes to the host, whoever wrote them.
+        Ok(unsafe { std::slice::from_raw_parts_mut(target, range as usize) })
+    }
+
     /// The mapped address of a range that lies inside the buffer.
     fn address(&self, offset: u64, range: u64) -> Result<*mut u8> {
         self.check(offset, range)?;

@@ -64,6 +64,16 @@ impl SharedBuffer {
         self.twin.as_ref().unwrap_or(&self.device).read(offset, bytes)
     }
 
+    /// Bytes from the start where they are, as of the last download.
+    pub fn bytes(&self, range: u64) -> Result<&[u8]> {
+        self.twin.as_ref().unwrap_or(&self.device).bytes(0, range)
+    }
+
+    /// Bytes from the start, to be filled where they are for the next upload.
+    pub fn bytes_mut(&mut self, range: u64) -> Result<&mut [u8]> {
+        self.twin.as_mut().unwrap_or(&mut self.device).bytes_mut(0, range)
+    }
+
     /// Copies what the host wrote to the device, if it is not there already. A [`Recorder::barrier`] must follow
     /// before a kernel reads it.
     pub fn record_upload(&self, recorder: &mut Recorder<'_>) -> Result<()> {
