@@ -6,8 +6,10 @@ mod describe;
 mod devices;
 mod eval;
 mod files;
+mod fit;
 mod grad;
 mod gradients;
+mod iou;
 mod mesh;
 mod npz;
 mod parse;
@@ -41,6 +43,8 @@ pub enum Command {
     Grad(Box<grad::args::GradArgs>),
     Devices(devices::DevicesArgs),
     Mesh(mesh::MeshArgs),
+    Fit(Box<fit::args::FitArgs>),
+    Iou(iou::IouArgs),
 }
 
 /// Why a command did not do what was asked.
@@ -71,6 +75,8 @@ pub fn run(cli: &Cli) -> Result<(), Failure> {
         Command::Check(args) => check::run(args),
         Command::Devices(args) => devices::run(args),
         Command::Mesh(args) => mesh::run(args),
+        Command::Fit(args) => fit::run(args),
+        Command::Iou(args) => iou::run(args),
     }
 }
 

@@ -4,6 +4,7 @@
 //! - [`regularizer`]: what keeps a mesh a surface, on its [`topology`].
 //! - [`optimizer`], [`smoothing`], [`schedule`]: how parameters follow their gradients.
 //! - [`shape`]: all of it together, a mesh deformed until its images are the targets.
+//! - [`voxel`]: how much of two solids is common.
 //!
 //! Everything here runs on the host in f64, in a fixed order, so that the same input gives the same bits; images are
 //! rendered and differentiated through [`crate::Renderer`].
@@ -15,6 +16,7 @@ pub mod schedule;
 pub mod shape;
 pub mod smoothing;
 pub mod topology;
+pub mod voxel;
 
 use crate::error::{Error, Result};
 
