@@ -13,6 +13,7 @@ mod iou;
 mod mesh;
 mod npz;
 mod parse;
+mod pose;
 mod progress;
 mod render;
 
@@ -45,6 +46,7 @@ pub enum Command {
     Mesh(mesh::MeshArgs),
     Fit(Box<fit::args::FitArgs>),
     Iou(iou::IouArgs),
+    Pose(Box<pose::args::PoseArgs>),
 }
 
 /// Why a command did not do what was asked.
@@ -77,6 +79,7 @@ pub fn run(cli: &Cli) -> Result<(), Failure> {
         Command::Mesh(args) => mesh::run(args),
         Command::Fit(args) => fit::run(args),
         Command::Iou(args) => iou::run(args),
+        Command::Pose(args) => pose::run(args),
     }
 }
 

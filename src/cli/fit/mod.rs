@@ -7,7 +7,7 @@ mod film;
 mod plot;
 mod report;
 mod setup;
-mod targets;
+pub mod targets;
 
 use super::progress::Progress;
 use super::{Failure, files, note};

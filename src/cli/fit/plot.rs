@@ -40,7 +40,7 @@ fn plot(losses: &[(usize, f64)]) -> Picture {
         let label = format!("{step:.0}");
         write_text(&mut picture, &label, x(step) as usize - text_width(&label, 1) / 2, HEIGHT - BOTTOM + 8, 1, INK);
     }
-    write_text(&mut picture, "loss by step", LEFT, HEIGHT - 12, 1, INK);
+    write_text(&mut picture, "loss", LEFT, HEIGHT - 12, 1, INK);
     for pair in positive.windows(2) {
         canvas::line(&mut picture, [x(pair[0].0), y(pair[0].1)], [x(pair[1].0), y(pair[1].1)], 1.6, LINE);
     }

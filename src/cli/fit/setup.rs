@@ -80,6 +80,8 @@ impl Setup {
             gamma: self.gamma.at_step(step, self.iterations),
             near: self.depths.0,
             far: self.depths.1,
+            // A near triangle must not drop out of the colour while it still outweighs those behind it.
+            tau: if self.options.fit_colors { 1e-6 } else { Settings::default().tau },
             background: Background::Composite,
             interpolation: Interpolation::Perspective,
             ..Settings::default()
