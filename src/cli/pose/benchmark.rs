@@ -38,12 +38,15 @@ fn methods(args: &PoseArgs) -> Vec<Method> {
         ..plain.clone()
     };
     let method = |name, options, starts| Method { name, options, starts };
+    let starts = args.starts as usize;
     vec![
-        method("hard, image-space finite differences", hard, 1),
-        method("soft, no schedule", plain, 1),
+        method("hard, image-space finite differences", hard.clone(), 1),
+        method("soft, no schedule", plain.clone(), 1),
         method("soft, sigma-gamma schedule", scheduled, 1),
         method("soft, sigma-gamma schedule, coarse to fine", base.clone(), 1),
-        method("the same from several starts", base, args.starts as usize),
+        method("hard, several starts", hard, starts),
+        method("soft, no schedule, several starts", plain, starts),
+        method("soft, scheduled, coarse to fine, several", base, starts),
     ]
 }
 

@@ -16,7 +16,8 @@ const CELL: usize = 4;
 /// Poses rendered at once.
 const BATCH: usize = 244;
 /// σ and γ of the two panels.
-const PANELS: [(&str, (f64, f64)); 2] = [("sigma=1e-6 gamma=1e-3", (1e-6, 1e-3)), ("sigma=1e-1 gamma=1", (1e-1, 1.0))];
+const PANELS: [(&str, (f64, f64)); 2] =
+    [("sigma=1e-6 gamma=1e-3", (1e-6, 1e-3)), ("sigma=1e-2 gamma=1e-1", (1e-2, 1e-1))];
 
 /// Writes both panels: the pose turned by -180 to 180 degrees about the vertical axis (across) and about the horizontal
 /// one (up), dark where the loss is least.

@@ -71,7 +71,7 @@ fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) 
     let reach = view.far - view.near;
     let (near, far) = ((view.near - 0.2 * reach).max(0.2 * view.near), view.far + 0.2 * reach);
     let settings = Settings { width: width as u32, height: height as u32, near, far, ..Settings::default() };
-    let translation_rate = if args.no_translation { 0.0 } else { 0.3 * bounds.radius };
+    let translation_rate = if args.no_translation { 0.0 } else { 0.15 * bounds.radius };
     let options = PoseOptions { iterations: args.iterations as usize, translation_rate, ..PoseOptions::default() };
     let starts = rotations(args.starts as usize).into_iter().map(|rotation| Pose { rotation, ..Pose::IDENTITY });
     let scene = Scene::new(mesh.clone());
