@@ -11,9 +11,9 @@ use softras::{Camera, Lights, Mesh, Renderer, Result, Scene, Settings};
 use std::path::Path;
 
 /// Frames at most.
-const FRAMES: usize = 48;
+const FRAMES: usize = 32;
 /// Rows of a frame.
-const HEIGHT: u32 = 192;
+const HEIGHT: u32 = 128;
 const SAMPLES: u32 = 2;
 /// Hundredths of a second that a frame stays, and the last one.
 const DELAY: u16 = 8;
