@@ -123,7 +123,7 @@ fn a_pose_is_found_from_a_picture() {
         serde_json::from_str(&succeeds(folder.path(), &pose.split_whitespace().collect::<Vec<_>>())).unwrap();
     assert!(report["loss"].as_f64().unwrap() < 0.02 && report["confidence"].as_f64().unwrap() > 0.5, "{report}");
     // Seen from where the fit looked from, the posed cube is the target again.
-    let look = "grad posed.obj --target target.png -o grad.png --json --blur 2 --gamma 0.01";
+    let look = "grad posed.obj --target target.png -o grad.png --json --blur 2 --gamma 0.01 --unlit";
     let near: Value =
         serde_json::from_str(&succeeds(folder.path(), &look.split_whitespace().collect::<Vec<_>>())).unwrap();
     let far = look.replace("posed", "cube");

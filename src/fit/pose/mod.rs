@@ -74,7 +74,7 @@ impl Default for PoseOptions {
     fn default() -> Self {
         Self {
             iterations: 150,
-            sigma: Schedule::Exponential { from: 1e-3, to: 1e-4 },
+            sigma: Schedule::Exponential { from: 1e-3, to: 1e-5 },
             gamma: Schedule::Exponential { from: 1e-1, to: 3e-2 },
             coarseness: Schedule::Exponential { from: 0.5, to: 0.01 },
             rate: Schedule::Exponential { from: 0.15, to: 0.005 },
