@@ -124,6 +124,14 @@ pub enum Error {
         /// How to mend it.
         mend: String,
     },
+    /// A fit cannot be set up from what it was given.
+    #[error("fit: {what}: {mend}")]
+    Fit {
+        /// What is wrong.
+        what: String,
+        /// How to mend it.
+        mend: String,
+    },
     /// A Vulkan call failed.
     #[error("Vulkan: {call} failed: {result}")]
     Vulkan {

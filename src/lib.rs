@@ -31,11 +31,13 @@
 //!
 //! # Where things are
 //! [`scene`] is what is drawn, judged once; [`renderer`] draws it and differentiates; [`mod@reference`] is the f64 judge of
-//! both; `measure` says what a frame costs and must cost. Below them, [`plan`] turns sizes into buffers and dispatches,
-//! [`passes`] records a frame, and [`vulkan`] is the only module with `unsafe`.
+//! both; [`fit`] turns gradients into shape, colour and pose; `measure` says what a frame costs and must cost. Below them,
+//! [`plan`] turns sizes into buffers and dispatches, [`passes`] records a frame, and [`vulkan`] is the only module with
+//! `unsafe`.
 
 pub mod buffers;
 pub mod error;
+pub mod fit;
 pub mod gradients;
 pub mod image;
 #[cfg(feature = "reference")]

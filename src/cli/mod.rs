@@ -7,11 +7,14 @@ mod describe;
 mod devices;
 mod eval;
 mod files;
+mod fit;
 mod grad;
 mod gradients;
+mod iou;
 mod mesh;
 mod npz;
 mod parse;
+mod pose;
 mod progress;
 mod render;
 
@@ -43,6 +46,9 @@ pub enum Command {
     Grad(Box<grad::args::GradArgs>),
     Devices(devices::DevicesArgs),
     Mesh(mesh::MeshArgs),
+    Fit(Box<fit::args::FitArgs>),
+    Iou(iou::IouArgs),
+    Pose(Box<pose::args::PoseArgs>),
 }
 
 /// Why a command did not do what was asked.
@@ -74,6 +80,9 @@ pub fn run(cli: &Cli) -> Result<(), Failure> {
         Command::Bench(args) => bench::run(args),
         Command::Devices(args) => devices::run(args),
         Command::Mesh(args) => mesh::run(args),
+        Command::Fit(args) => fit::run(args),
+        Command::Iou(args) => iou::run(args),
+        Command::Pose(args) => pose::run(args),
     }
 }
 

@@ -26,11 +26,22 @@ impl Progress {
 
     /// For a number of frames.
     pub fn frames(count: usize) -> Self {
+        Self::counted("frame", count)
+    }
+
+    /// For a number of things of the same kind; a message may stand beside the bar.
+    pub fn counted(what: &str, count: usize) -> Self {
         let bar = ProgressBar::with_draw_target(Some(count as u64), ProgressDrawTarget::hidden());
-        if let Ok(style) = ProgressStyle::with_template("frame {pos}/{len} {wide_bar} {eta} left") {
+        let template = format!("{what} {{pos}}/{{len}} {{msg}} {{wide_bar}} {{eta}} left");
+        if let Ok(style) = ProgressStyle::with_template(&template) {
             bar.set_style(style);
         }
         Self { bar, start: Instant::now() }
+    }
+
+    /// What stands beside the bar.
+    pub fn tell(&self, message: String) {
+        self.bar.set_message(message);
     }
 
     /// One frame is done.

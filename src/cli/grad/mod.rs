@@ -2,7 +2,7 @@
 
 pub mod args;
 mod arrows;
-mod canvas;
+pub mod canvas;
 mod engine;
 mod panels;
 mod target;

@@ -4,7 +4,7 @@ mod animation;
 pub mod args;
 pub mod formats;
 pub mod framing;
-mod gif;
+pub mod gif;
 pub mod look;
 pub mod picture;
 mod report;

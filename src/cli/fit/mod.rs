@@ -1,0 +1,151 @@
+//! `softras fit`: images in, a mesh out.
+
+pub mod args;
+mod cameras;
+mod checkpoint;
+mod film;
+mod plot;
+mod report;
+mod setup;
+pub mod targets;
+
+use super::progress::Progress;
+use super::{Failure, files, note};
+use args::FitArgs;
+use film::Film;
+use report::{Log, Scores};
+use setup::Setup;
+use softras::fit::shape::ShapeFit;
+use softras::obj::LoadOptions;
+use softras::{Mesh, Renderer};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+use targets::Views;
+
+/// Steps between two checkpoints.
+const CHECKPOINT_STEPS: usize = 100;
+/// How meshes are read: textures decoded to linear light.
+const LOAD: LoadOptions = LoadOptions { srgb: true, allow_outside: false };
+
+/// Runs the command.
+pub fn run(args: &FitArgs) -> Result<(), Failure> {
+    let files = &args.files;
+    for path in
+        [Some(&args.out), files.json.as_ref(), files.plot.as_ref(), files.gif.as_ref(), files.checkpoint.as_ref()]
+            .into_iter()
+            .flatten()
+    {
+        files::judge_writable(path)?;
+    }
+    let mut renderer = match &args.device {
+        Some(device) => Renderer::with_device(device)?,
+        None => Renderer::new()?,
+    };
+    let views = Views::read(args, &mut renderer)?;
+    let setup = Setup::new(args, &views)?;
+    let mut work = Work::begin(args, &setup, &views)?;
+    work.run(args, &setup, &views, &mut renderer)?;
+    let (best, _) = work.best.take().unwrap_or_else(|| (work.fit.mesh().clone(), 0));
+    let scores = Scores::of(&best, &setup, &views, &mut renderer)?;
+    softras::obj::write_obj(&best, &args.out)?;
+    if let Some(path) = &files.checkpoint {
+        checkpoint::write(path, &work.fit, work.next)?;
+    }
+    if let Some(path) = &files.gif {
+        work.film.write(path)?;
+    }
+    if let Some(path) = &files.plot {
+        plot::write(path, &work.log.losses())?;
+    }
+    if let Some(path) = &files.json {
+        let report = work.log.json(args, &setup, &scores, renderer.device_name(), &best);
+        files::write_whole(path, report.to_string().as_bytes())?;
+    }
+    report::tell(args, &work.log, &scores, &best)
+}
+
+/// A fit in progress and what is kept of its course.
+struct Work {
+    fit: ShapeFit,
+    /// The step to be taken next.
+    next: usize,
+    log: Log,
+    film: Film,
+    /// The mesh of least loss, and that of which step it is.
+    best: Option<(Mesh, usize)>,
+    least: f64,
+}
+
+impl Work {
+    /// From the template, or from a checkpoint.
+    fn begin(args: &FitArgs, setup: &Setup, views: &Views) -> Result<Self, Failure> {
+        let mut fit = ShapeFit::new(setup.template.clone(), softras::Lights::unlit(), setup.options.clone())?;
+        let mut next = 0;
+        if let Some(path) = args.files.checkpoint.as_ref().filter(|path| args.files.resume && path.exists()) {
+            let (step, state) = checkpoint::read(path)?;
+            for _ in setup.subdivide_at.iter().filter(|&&at| at < step) {
+                fit = fit.subdivided()?;
+            }
+            fit.restore(state)?;
+            next = step;
+            note(&format!("going on from step {step} of {}", path.display()));
+        }
+        let film = Film::new(args.files.gif.is_some(), setup, views);
+        Ok(Self { fit, next, log: Log::default(), film, best: None, least: f64::INFINITY })
+    }
+
+    /// All steps, or those until Ctrl-C.
+    fn run(&mut self, args: &FitArgs, setup: &Setup, views: &Views, renderer: &mut Renderer) -> Result<(), Failure> {
+        let stop = interrupted()?;
+        let progress = Progress::counted("step", setup.iterations);
+        let targets = targets::every(&views.targets, setup.stride);
+        (0..self.next).for_each(|_| progress.step());
+        while self.next < setup.iterations {
+            if stop.load(Ordering::Relaxed) {
+                note(&format!("interrupted before step {}: this is the best so far", self.next));
+                break;
+            }
+            let step = self.next;
+            if setup.subdivide_at.contains(&step) {
+                self.fit = self.fit.subdivided()?;
+            }
+            self.film.shoot(step, self.fit.mesh(), setup, renderer)?;
+            let before = self.fit.mesh().clone();
+            let start = Instant::now();
+            let (rate, color_rate) = (setup.rate.at_step(step, setup.iterations), setup.color_rate(step));
+            let found = self.fit.step(renderer, &setup.settings(step), &targets, rate, color_rate)?;
+            progress.tell(format!("loss {:.5}", found.loss));
+            progress.step();
+            if found.loss < self.least {
+                (self.best, self.least) = (Some((before, step)), found.loss);
+            }
+            self.log.add(step, found, start.elapsed().as_secs_f64());
+            self.next += 1;
+            if let Some(path) = args.files.checkpoint.as_ref().filter(|_| self.next.is_multiple_of(CHECKPOINT_STEPS)) {
+                checkpoint::write(path, &self.fit, self.next)?;
+            }
+        }
+        self.film.last(self.fit.mesh(), setup, renderer)?;
+        Ok(())
+    }
+}
+
+/// A flag that Ctrl-C raises.
+fn interrupted() -> Result<Arc<AtomicBool>, Failure> {
+    let flag = Arc::new(AtomicBool::new(false));
+    let raised = flag.clone();
+    // A second Ctrl-C must end even a step that hangs.
+    let handler = move || {
+        if raised.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+    };
+    match ctrlc::set_handler(handler) {
+        Ok(()) => Ok(flag),
+        Err(e) => {
+            Err(softras::Error::Fit { what: format!("Ctrl-C cannot be caught ({e})"), mend: "report this".into() }
+                .into())
+        }
+    }
+}

@@ -1,0 +1,157 @@
+//! What a fit came to.
+
+use super::args::FitArgs;
+use super::setup::Setup;
+use super::targets::Views;
+use crate::cli::{Failure, say};
+use glam::DVec3;
+use serde_json::{Value, json};
+use softras::fit::image_loss::{ImageLoss, mask_iou};
+use softras::fit::regularizer::Regularizer;
+use softras::fit::shape::Step;
+use softras::fit::topology::Topology;
+use softras::fit::voxel;
+use softras::scene::{Outputs, SilhouetteAggregation};
+use softras::{Mesh, Renderer, Result, Scene, Settings};
+
+/// Voxels along a side of the 3D IoU, as the SoftRas paper's.
+const VOXELS: usize = 32;
+
+/// Every step taken.
+#[derive(Default)]
+pub struct Log {
+    steps: Vec<(usize, Step, f64)>,
+}
+
+impl Log {
+    /// A step and the seconds it took.
+    pub fn add(&mut self, step: usize, found: Step, seconds: f64) {
+        self.steps.push((step, found, seconds));
+    }
+
+    /// Step and loss.
+    pub fn losses(&self) -> Vec<(usize, f64)> {
+        self.steps.iter().map(|(step, found, _)| (*step, found.loss)).collect()
+    }
+
+    /// The median of a step's seconds, the first one apart, which compiles kernels; `None` without steps.
+    pub fn seconds(&self) -> Option<f64> {
+        let mut seconds: Vec<f64> = self.steps.iter().map(|s| s.2).collect();
+        if seconds.len() > 1 {
+            seconds.remove(0);
+        }
+        seconds.sort_by(f64::total_cmp);
+        seconds.get(seconds.len() / 2).copied()
+    }
+
+    /// Everything, for programs.
+    pub fn json(&self, args: &FitArgs, setup: &Setup, scores: &Scores, device: &str, mesh: &Mesh) -> Value {
+        let each = |value: fn(&Step) -> f64| self.steps.iter().map(|(_, s, _)| value(s)).collect::<Vec<f64>>();
+        let names = setup.options.regularizers.iter().map(|(r, weight)| json!({ "name": name(*r), "weight": weight }));
+        let penalties: Vec<_> = self.steps.iter().map(|(_, s, _)| &s.regularizers).collect();
+        json!({
+            "device": device,
+            "preset": format!("{:?}", args.method.preset).to_lowercase(),
+            "vertices": mesh.positions().len(),
+            "triangles": mesh.triangles().len(),
+            "views": scores.masks.len(),
+            "view_stride": setup.stride,
+            "first_step": self.steps.first().map_or(0, |s| s.0),
+            "loss": each(|s| s.loss),
+            "silhouette_loss": each(|s| s.silhouette),
+            "color_loss": each(|s| s.color),
+            "regularizers": names.collect::<Vec<_>>(),
+            "regularizer_values": penalties,
+            "seconds": self.steps.iter().map(|s| s.2).collect::<Vec<_>>(),
+            "seconds_per_iteration": self.seconds(),
+            "final": {
+                "mask_iou": { "per_view": scores.masks, "mean": mean(&scores.masks), "mean_of_fitted": scores.fitted },
+                "soft_iou": scores.soft,
+                "official_loss": scores.official,
+                "iou_3d": scores.solid,
+            },
+        })
+    }
+}
+
+fn name(regularizer: Regularizer) -> &'static str {
+    match regularizer {
+        Regularizer::Laplacian => "laplacian",
+        Regularizer::Flatten => "flatten",
+        Regularizer::EdgeLength { .. } => "edge_length",
+        Regularizer::NormalConsistency => "normals",
+    }
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+/// How good a mesh is.
+pub struct Scores {
+    /// IoU of the masks of every view, also of those that were not fitted.
+    masks: Vec<f64>,
+    /// Its mean over the views that were.
+    fitted: f64,
+    /// The mean over all views of the soft silhouettes' IoU at sigma 1e-4.
+    soft: f64,
+    /// What the official demo would call the loss of this mesh on the fitted views.
+    official: f64,
+    /// With the mesh that the views were made from.
+    solid: Option<f64>,
+}
+
+impl Scores {
+    /// Of a mesh, over all views.
+    pub fn of(mesh: &Mesh, setup: &Setup, views: &Views, renderer: &mut Renderer) -> Result<Self> {
+        let targets = &views.targets;
+        let (height, width) = targets.size()?;
+        let outputs = Outputs { color: false, silhouette: true, depth: false, normal: false };
+        let settings = Settings { height: height as u32, width: width as u32, outputs, ..setup.settings(0) };
+        let hard = Settings { silhouette: SilhouetteAggregation::Hard, sigma: 1e-7, ..settings.clone() };
+        let scene = Scene::new(mesh.clone());
+        let Some(target) = &targets.silhouette else {
+            return Ok(Self { masks: Vec::new(), fitted: 0.0, soft: 0.0, official: 0.0, solid: None });
+        };
+        let frame = renderer.render(&scene, &targets.cameras, &hard)?;
+        let masks = frame.silhouette().map(|image| mask_iou(image, target)).transpose()?.unwrap_or_default();
+        let soft_iou = |renderer: &mut Renderer, stride: usize| -> Result<f64> {
+            let some = super::targets::every(targets, stride);
+            let settings = Settings { sigma: 1e-4, ..settings.clone() };
+            let frame = renderer.render(&scene, &some.cameras, &settings)?;
+            match (frame.silhouette(), &some.silhouette) {
+                (Some(image), Some(target)) => Ok(1.0 - ImageLoss::NegativeIou.evaluate(image, target, None)?.value),
+                _ => Ok(0.0),
+            }
+        };
+        let fitted: Vec<f64> = masks.iter().step_by(setup.stride).copied().collect();
+        let official = 1.0 - soft_iou(renderer, setup.stride)? + official_penalty(mesh)?;
+        let soft = soft_iou(renderer, 1)?;
+        let solid = views.truth.as_ref().map(|truth| voxel::iou(mesh, truth, VOXELS)).transpose()?;
+        Ok(Self { fitted: mean(&fitted), masks, soft, official, solid })
+    }
+}
+
+/// The official demo's regularisers with its weights.
+fn official_penalty(mesh: &Mesh) -> Result<f64> {
+    let positions: Vec<DVec3> = mesh.positions().iter().map(|p| DVec3::from(p.map(f64::from))).collect();
+    let topology = Topology::new(positions.len(), mesh.triangles())?;
+    let mut unused = vec![DVec3::ZERO; positions.len()];
+    let laplacian = Regularizer::Laplacian.add(&topology, &positions, 0.0, &mut unused)?;
+    let flatten = Regularizer::Flatten.add(&topology, &positions, 0.0, &mut unused)?;
+    Ok(0.03 * laplacian + 0.0003 * flatten)
+}
+
+/// Says what there is to say.
+pub fn tell(args: &FitArgs, log: &Log, scores: &Scores, mesh: &Mesh) -> Result<(), Failure> {
+    let (vertices, triangles) = (mesh.positions().len(), mesh.triangles().len());
+    let least = log.losses().iter().map(|l| l.1).fold(f64::INFINITY, f64::min);
+    let time = log.seconds().map_or(String::new(), |s| format!(", {:.1} ms a step", s * 1e3));
+    let solid = scores.solid.map_or(String::new(), |iou| format!(", 3D IoU {iou:.4}"));
+    say(&format!(
+        "{}: {vertices} vertices, {triangles} triangles; loss {least:.5}, mask IoU {:.4} over {} views{solid}{time}",
+        args.out.display(),
+        mean(&scores.masks),
+        scores.masks.len(),
+    ))
+}

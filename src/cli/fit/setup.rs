@@ -1,0 +1,143 @@
+//! The arguments as a template, options and schedules.
+
+use super::args::{FitArgs, Preset};
+use super::targets::Views;
+use crate::cli::Failure;
+use softras::fit::image_loss::ImageLoss;
+use softras::fit::optimizer::Method;
+use softras::fit::regularizer::Regularizer;
+use softras::fit::schedule::Schedule;
+use softras::fit::shape::{Parametrization, ShapeOptions};
+use softras::scene::{Appearance, Background, Interpolation};
+use softras::{Mesh, Settings, shapes};
+use std::path::Path;
+
+/// The sphere's radius as a part of what the cameras see around its centre.
+const SPHERE: f64 = 0.65;
+
+/// Everything about a fit that does not change while it runs.
+pub struct Setup {
+    /// What it begins with.
+    pub template: Mesh,
+    /// How it is fitted.
+    pub options: ShapeOptions,
+    /// Steps.
+    pub iterations: usize,
+    /// Every so-manieth view is used.
+    pub stride: usize,
+    /// Steps before which the mesh is subdivided.
+    pub subdivide_at: Vec<usize>,
+    /// Length of a step.
+    pub rate: Schedule,
+    colors: Schedule,
+    sigma: Schedule,
+    gamma: Schedule,
+    depths: (f64, f64),
+}
+
+impl Setup {
+    /// As the arguments say.
+    pub fn new(args: &FitArgs, views: &Views) -> Result<Self, Failure> {
+        let method = &args.method;
+        let official = method.preset == Preset::Official;
+        let subdivide_at: Vec<usize> = method.subdivide_at.iter().map(|&at| at as usize).collect();
+        if official && args.files.resume && !subdivide_at.is_empty() {
+            let what = "--resume: the official parametrisation cannot be taken up after --subdivide-at";
+            return Err(Failure::Usage(what.into()));
+        }
+        let stride = args.view_stride as usize;
+        let range = |given: Option<(f64, f64)>, default: (f64, f64)| {
+            let (from, to) = given.unwrap_or(default);
+            if from == to { Schedule::Constant(from) } else { Schedule::Exponential { from, to } }
+        };
+        let default = if official { ((0.01, 0.01), (1e-4, 1e-4)) } else { ((0.03, 0.005), (1e-4, 1e-5)) };
+        // Vertices move by the rate in world units: as far as the thing is large.
+        let unit = if official { 1.0 } else { views.bounds.radius / REFERENCE_RADIUS };
+        let (from, to) = method.rate.unwrap_or((default.0.0 * unit, default.0.1 * unit));
+        Ok(Self {
+            template: template(args, views)?,
+            options: options(args, official),
+            iterations: method.iterations as usize,
+            stride,
+            subdivide_at,
+            rate: range(Some((from, to)), (from, to)),
+            colors: range(method.color_rate, (0.03, 0.005)),
+            sigma: range(method.sigma, default.1),
+            gamma: range(method.gamma, (3e-2, 3e-3)),
+            depths: if official { (1.0, 100.0) } else { views.depths },
+        })
+    }
+
+    /// Length of a step of the colours.
+    pub fn color_rate(&self, step: usize) -> f64 {
+        self.colors.at_step(step, self.iterations)
+    }
+
+    /// How a step is rendered, but for its size.
+    pub fn settings(&self, step: usize) -> Settings {
+        Settings {
+            sigma: self.sigma.at_step(step, self.iterations),
+            gamma: self.gamma.at_step(step, self.iterations),
+            near: self.depths.0,
+            far: self.depths.1,
+            // A near triangle must not drop out of the colour while it still outweighs those behind it.
+            tau: if self.options.fit_colors { 1e-6 } else { Settings::default().tau },
+            background: Background::Composite,
+            interpolation: Interpolation::Perspective,
+            ..Settings::default()
+        }
+    }
+}
+
+/// What the cameras of the official data see around the origin; rates are for things of this size.
+const REFERENCE_RADIUS: f64 = 0.732;
+
+fn options(args: &FitArgs, official: bool) -> ShapeOptions {
+    let method = &args.method;
+    let mut options = ShapeOptions::official();
+    let mut weights =
+        [(Regularizer::Laplacian, 0.03), (Regularizer::Flatten, 3e-4), (Regularizer::NormalConsistency, 0.0)];
+    if !official {
+        options.parametrization = Parametrization::Smoothed { lambda: method.smoothing.unwrap_or(5.0) };
+        options.method = Method::UniformAdam { betas: [0.9, 0.999], epsilon: 1e-8 };
+        (weights[0].1, weights[1].1) = (0.01, 3e-5);
+    } else if let Some(lambda) = method.smoothing {
+        options.parametrization = Parametrization::Smoothed { lambda };
+    }
+    let given = [method.laplacian, method.flatten, method.normals];
+    weights.iter_mut().zip(given).for_each(|(weight, given)| weight.1 = given.unwrap_or(weight.1));
+    options.regularizers = weights.into_iter().filter(|(_, weight)| *weight > 0.0).collect();
+    options.samples = method.samples.unwrap_or(1) as usize;
+    options.color = (ImageLoss::L1, method.color_weight);
+    options.fit_colors = args.color;
+    options
+}
+
+/// The mesh to begin with, where the cameras look.
+fn template(args: &FitArgs, views: &Views) -> Result<Mesh, Failure> {
+    let official = args.method.preset == Preset::Official;
+    let mesh = match args.template.as_str() {
+        "sphere" => {
+            let (center, radius) = (views.bounds.center.to_array(), SPHERE * views.bounds.radius);
+            let (center, radius) = if official { ([0.0; 3], 1.0) } else { (center, radius) };
+            placed(&shapes::icosphere(args.subdivisions)?, |p, k| f64::from(p) * radius + center[k])?
+        }
+        path => softras::obj::load(Path::new(path), &super::LOAD)?.mesh,
+    };
+    let mesh = if official { placed(&mesh, |p, _| 0.5 * f64::from(p))? } else { mesh };
+    let textured = matches!(mesh.appearance(), Appearance::Textured { .. });
+    if textured && !args.method.subdivide_at.is_empty() {
+        return Err(Failure::Usage("--subdivide-at: a textured template cannot be subdivided".into()));
+    }
+    let colors = vec![[0.5; 3]; mesh.positions().len()];
+    Ok(match args.color {
+        true if textured => mesh,
+        true => mesh.with_appearance(Appearance::VertexColors(colors))?,
+        false => mesh.with_appearance(Appearance::Uniform([0.8; 3]))?,
+    })
+}
+
+fn placed(mesh: &Mesh, place: impl Fn(f32, usize) -> f64) -> Result<Mesh, Failure> {
+    let positions = mesh.positions().iter().map(|p| [0, 1, 2].map(|k| place(p[k], k) as f32)).collect();
+    Ok(Mesh::new(positions, mesh.triangles().to_vec())?.with_appearance(mesh.appearance().clone())?)
+}

@@ -1,0 +1,144 @@
+//! `softras pose`: a mesh and a picture in, rotation and translation out.
+
+pub mod args;
+mod benchmark;
+mod landscape;
+
+use super::fit::targets;
+use super::render::framing::{Bounds, View};
+use super::{Failure, files, say};
+use args::PoseArgs;
+use serde_json::json;
+use softras::fit::pose::{Pose, PoseFit, PoseOptions, rotations};
+use softras::obj::LoadOptions;
+use softras::{Image, Mesh, Renderer, Result, Scene, Settings};
+
+/// Poses this far from the best one are other answers, degrees.
+const OTHER: f64 = 10.0;
+/// Softness in which poses are judged in the end.
+const SHARP: (f64, f64) = (1e-5, 1e-3);
+
+/// Runs the command.
+pub fn run(args: &PoseArgs) -> Result<(), Failure> {
+    for path in args.out.iter().chain(&args.landscape) {
+        files::judge_writable(path)?;
+    }
+    let mut renderer = match &args.device {
+        Some(device) => Renderer::with_device(device)?,
+        None => Renderer::new()?,
+    };
+    match (&args.mesh, &args.image) {
+        (Some(mesh), Some(image)) => {
+            let (width, height, pixels) = targets::read_picture(image)?;
+            let mesh = softras::obj::load(mesh, &LoadOptions { srgb: true, allow_outside: false })?.mesh;
+            find(args, &mesh, &Target::new(width, height, &pixels), &mut renderer)
+        }
+        _ => benchmark::run(args, &mut renderer),
+    }
+}
+
+/// One picture.
+struct Target {
+    color: Image,
+    silhouette: Image,
+}
+
+impl Target {
+    /// From linear colour on black, and alpha.
+    fn new(width: usize, height: usize, pixels: &[[f64; 4]]) -> Self {
+        let image = |channels: std::ops::Range<usize>| Image {
+            batch: 1,
+            height,
+            width,
+            channels: channels.len(),
+            data: pixels.iter().flat_map(|p| p[channels.clone()].iter().map(|&x| x as f32)).collect(),
+        };
+        Self { color: image(0..3), silhouette: image(3..4) }
+    }
+
+    /// The same for each of several poses.
+    fn repeated(&self, count: usize) -> (Image, Image) {
+        let one = |image: &Image| Image { batch: count, data: image.data.repeat(count), ..*image };
+        (one(&self.color), one(&self.silhouette))
+    }
+}
+
+fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) -> Result<(), Failure> {
+    let bounds = Bounds::of(mesh);
+    let (height, width) = (target.color.height, target.color.width);
+    let view = View::new(&args.camera, bounds, width as f64 / height as f64, 0.0);
+    // Room for a mesh that is moved.
+    let reach = view.far - view.near;
+    let (near, far) = ((view.near - 0.2 * reach).max(0.2 * view.near), view.far + 0.2 * reach);
+    let settings = Settings { width: width as u32, height: height as u32, near, far, ..Settings::default() };
+    let translation_rate = if args.no_translation { 0.0 } else { 0.15 * bounds.radius };
+    let options = PoseOptions { iterations: args.iterations as usize, translation_rate, ..PoseOptions::default() };
+    let starts = rotations(args.starts as usize).into_iter().map(|rotation| Pose { rotation, ..Pose::IDENTITY });
+    let scene = Scene::new(mesh.clone());
+    let mut fit = PoseFit::new(scene, view.camera()?, bounds.center, settings, options, starts.collect())?;
+    let (color, silhouette) = target.repeated(args.starts as usize);
+    let progress = super::progress::Progress::counted("step", args.iterations as usize);
+    for _ in 0..args.iterations {
+        fit.step(renderer, &color, &silhouette)?;
+        progress.step();
+    }
+    drop(progress);
+    let losses = fit.losses(renderer, fit.poses(), SHARP, &color, &silhouette)?;
+    let Some((best, loss)) = least(fit.poses(), &losses, |_| true) else { return Err(Failure::Told) };
+    let other = least(fit.poses(), &losses, |pose| pose.degrees_to(&best) > OTHER);
+    let confidence = other.map_or(1.0, |(_, other)| (1.0 - loss / other.max(1e-12)).clamp(0.0, 1.0));
+    let agreeing = fit.poses().iter().filter(|pose| pose.degrees_to(&best) <= OTHER).count();
+    if let Some(path) = &args.out {
+        softras::obj::write_obj(&posed(mesh, &best, bounds)?, path)?;
+    }
+    if let Some(path) = &args.landscape {
+        landscape::write(path, &fit, &best, target, renderer)?;
+    }
+    tell(args, &best, loss, confidence, agreeing)
+}
+
+/// The pose of least loss among some.
+fn least(poses: &[Pose], losses: &[f64], among: impl Fn(&Pose) -> bool) -> Option<(Pose, f64)> {
+    let pairs = poses.iter().copied().zip(losses.iter().copied()).filter(|(pose, _)| among(pose));
+    pairs.min_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+fn posed(mesh: &Mesh, pose: &Pose, bounds: Bounds) -> Result<Mesh> {
+    let place = |p: &[f32; 3]| {
+        let from = glam::DVec3::from(p.map(f64::from)) - bounds.center;
+        (pose.rotation * from + bounds.center + pose.translation).as_vec3().to_array()
+    };
+    let mut posed = mesh.clone();
+    posed.set_positions(mesh.positions().iter().map(place).collect())?;
+    Ok(posed)
+}
+
+fn tell(args: &PoseArgs, pose: &Pose, loss: f64, confidence: f64, agreeing: usize) -> Result<(), Failure> {
+    let (axis, angle) = pose.rotation.to_axis_angle();
+    let translation = pose.translation.to_array();
+    if args.json {
+        let report = json!({
+            "quaternion_xyzw": pose.rotation.to_array(),
+            "axis": axis.to_array(),
+            "degrees": angle.to_degrees(),
+            "translation": translation,
+            "loss": loss,
+            "confidence": confidence,
+            "starts": args.starts,
+            "starts_that_agree": agreeing,
+        });
+        return say(&report.to_string());
+    }
+    say(&format!(
+        "turned by {:.2} degrees about ({:.4}, {:.4}, {:.4}), moved by ({:.4}, {:.4}, {:.4}); loss {loss:.6}, confidence \
+         {confidence:.3}, {agreeing} of {} starts agree",
+        angle.to_degrees(),
+        axis.x,
+        axis.y,
+        axis.z,
+        translation[0],
+        translation[1],
+        translation[2],
+        args.starts,
+    ))
+}

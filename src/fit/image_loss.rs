@@ -1,0 +1,223 @@
+//! Losses on images, each with its value and its gradient by every value of the prediction.
+//!
+//! Sums are f64 and run over the values in their order, so a loss is the same on every machine.
+
+use super::bad;
+use crate::error::Result;
+use crate::image::Image;
+
+/// Keeps the IoU of two empty silhouettes finite; the official code's number.
+const IOU_EPSILON: f64 = 1e-6;
+
+/// A loss and how it changes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Valued {
+    /// The loss.
+    pub value: f64,
+    /// dL/dprediction, of the prediction's shape.
+    pub gradient: Image,
+}
+
+/// How a prediction P is held against a target T, with a weight w for every pixel (1 unless given).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ImageLoss {
+    /// The mean over views of 1 - Σ w P T / (Σ w (P + T - P T) + 1e-6), as the official code has it. For silhouettes.
+    NegativeIou,
+    /// Σ w |P - T| / Σ w; the gradient of a value that fits exactly is 0.
+    L1,
+    /// Σ w (P - T)² / Σ w.
+    L2,
+    /// Σ w h(P - T) / Σ w with h(d) = d²/2 up to |d| = δ and δ (|d| - δ/2) beyond (Huber 1964).
+    Huber {
+        /// δ, above 0: where the square ends.
+        delta: f64,
+    },
+}
+
+impl ImageLoss {
+    /// The loss and its gradient. `weights` has the prediction's shape or one channel; 0 masks a pixel out.
+    ///
+    /// # Errors
+    /// [`crate::Error::Fit`] when shapes differ, a weight is negative or not finite, all are 0, or δ is not above 0.
+    pub fn evaluate(self, prediction: &Image, target: &Image, weights: Option<&Image>) -> Result<Valued> {
+        judge(prediction, target, weights)?;
+        let weight = Weight::new(prediction, weights);
+        let penalty: fn(f64, f64) -> (f64, f64) = match self {
+            Self::NegativeIou => return Ok(negative_iou(prediction, target, &weight)),
+            Self::L1 => |d, _| (d.abs(), if d == 0.0 { 0.0 } else { d.signum() }),
+            Self::L2 => |d, _| (d * d, 2.0 * d),
+            Self::Huber { delta } if delta > 0.0 && delta.is_finite() => |d, delta| match d.abs() <= delta {
+                true => (0.5 * d * d, d),
+                false => (delta * (d.abs() - 0.5 * delta), delta * d.signum()),
+            },
+            Self::Huber { delta } => return bad(format!("a Huber loss with delta {delta}"), "use a delta above 0"),
+        };
+        let delta = if let Self::Huber { delta } = self { delta } else { 0.0 };
+        let total: f64 = (0..prediction.data.len()).map(|i| weight.at(i)).sum();
+        if total <= 0.0 {
+            return bad("no pixel has a weight above 0", "leave some pixels in the mask");
+        }
+        let mut value = 0.0;
+        let pairs = prediction.data.iter().zip(&target.data).enumerate();
+        let data = pairs.map(|(i, (&p, &t))| {
+            let (penalty, slope) = penalty(f64::from(p) - f64::from(t), delta);
+            let share = weight.at(i) / total;
+            value += share * penalty;
+            (share * slope) as f32
+        });
+        let data = data.collect();
+        Ok(Valued { value, gradient: Image { data, ..shape_of(prediction) } })
+    }
+
+    /// The mean of the loss over `levels` resolutions, each half the one before: a shape that is far from its target
+    /// meets it first in the coarse ones.
+    ///
+    /// A coarse pixel is the mean of the up to 2×2 fine ones under it.
+    ///
+    /// # Errors
+    /// As [`ImageLoss::evaluate`]; [`crate::Error::Fit`] for no level at all.
+    pub fn multi_scale(
+        self,
+        prediction: &Image,
+        target: &Image,
+        weights: Option<&Image>,
+        levels: usize,
+    ) -> Result<Valued> {
+        if levels == 0 {
+            return bad("a loss over 0 resolutions", "use at least 1");
+        }
+        let mut loss = self.evaluate(prediction, target, weights)?;
+        if levels > 1 {
+            let coarse_weights = weights.map(|w| pooled(w, 2)).transpose()?;
+            let (coarse, coarse_target) = (pooled(prediction, 2)?, pooled(target, 2)?);
+            let rest = self.multi_scale(&coarse, &coarse_target, coarse_weights.as_ref(), levels - 1)?;
+            let share = 1.0 / levels as f64;
+            let rest_share = 1.0 - share;
+            loss.value = share * loss.value + rest_share * rest.value;
+            loss.gradient.data.iter_mut().for_each(|g| *g *= share as f32);
+            add_pooled_gradient(&mut loss.gradient, &rest.gradient, 2, rest_share);
+        }
+        Ok(loss)
+    }
+}
+
+/// The intersection over union of each view's masks, where a mask is what lies above ½; 1 where both are empty.
+///
+/// # Errors
+/// [`crate::Error::Fit`] when the shapes differ.
+pub fn mask_iou(prediction: &Image, target: &Image) -> Result<Vec<f64>> {
+    judge(prediction, target, None)?;
+    let one = |view: usize| {
+        let (mut both, mut either) = (0u32, 0u32);
+        for (&p, &t) in prediction.view(view).iter().zip(target.view(view)) {
+            both += u32::from(p > 0.5 && t > 0.5);
+            either += u32::from(p > 0.5 || t > 0.5);
+        }
+        if either == 0 { 1.0 } else { f64::from(both) / f64::from(either) }
+    };
+    Ok((0..prediction.batch).map(one).collect())
+}
+
+fn judge(prediction: &Image, target: &Image, weights: Option<&Image>) -> Result<()> {
+    let shape = |i: &Image| [i.batch, i.height, i.width, i.channels];
+    let expected = shape(prediction);
+    let whole = |i: &Image| i.data.len() == shape(i).iter().product::<usize>();
+    if shape(target) != expected || !whole(target) || !whole(prediction) || prediction.data.is_empty() {
+        let what = format!("a prediction of shape {expected:?} and a target of shape {:?}", shape(target));
+        return bad(what, "both must be [views, height, width, channels] of the same size, at least one value");
+    }
+    let Some(weights) = weights else { return Ok(()) };
+    if shape(weights)[..3] != expected[..3]
+        || !whole(weights)
+        || (weights.channels != 1 && weights.channels != prediction.channels)
+    {
+        let what = format!("weights of shape {:?} for images of shape {expected:?}", shape(weights));
+        return bad(what, "give one weight a pixel, or one a value");
+    }
+    match weights.data.iter().position(|w| !(w.is_finite() && *w >= 0.0)) {
+        Some(i) => bad(format!("weight {} at value {i}", weights.data[i]), "weights must be finite and not negative"),
+        None => Ok(()),
+    }
+}
+
+/// The weight of a value by its place in the prediction.
+struct Weight<'a> {
+    data: Option<&'a [f32]>,
+    values_per_weight: usize,
+}
+
+impl<'a> Weight<'a> {
+    fn new(prediction: &Image, weights: Option<&'a Image>) -> Self {
+        let channels = weights.map_or(1, |w| w.channels);
+        Self { data: weights.map(|w| &w.data[..]), values_per_weight: prediction.channels / channels.max(1) }
+    }
+
+    fn at(&self, i: usize) -> f64 {
+        self.data.map_or(1.0, |w| f64::from(w[i / self.values_per_weight]))
+    }
+}
+
+fn shape_of(image: &Image) -> Image {
+    Image { data: Vec::new(), ..*image }
+}
+
+fn negative_iou(prediction: &Image, target: &Image, weight: &Weight<'_>) -> Valued {
+    let views = prediction.batch as f64;
+    let mut value = 0.0;
+    let mut data = Vec::with_capacity(prediction.data.len());
+    for view in 0..prediction.batch {
+        let (p, t) = (prediction.view(view), target.view(view));
+        let first = view * p.len();
+        let (mut both, mut either) = (0.0, IOU_EPSILON);
+        for (i, (&p, &t)) in p.iter().zip(t).enumerate() {
+            let (w, p, t) = (weight.at(first + i), f64::from(p), f64::from(t));
+            both += w * p * t;
+            either += w * (p + t - p * t);
+        }
+        value += (1.0 - both / either) / views;
+        // d(both / either) = (T either - both (1 - T)) / either².
+        let slope_of = |w: f64, t: f64| -w * (t * either - both * (1.0 - t)) / (either * either * views);
+        data.extend(t.iter().enumerate().map(|(i, &t)| slope_of(weight.at(first + i), f64::from(t)) as f32));
+    }
+    Valued { value, gradient: Image { data, ..shape_of(prediction) } }
+}
+
+/// An image `factor` times smaller, sides rounded up: a pixel is the mean of the up to factor² fine ones under it.
+///
+/// # Errors
+/// [`crate::Error::Fit`] for a factor of 0.
+pub fn pooled(image: &Image, factor: usize) -> Result<Image> {
+    if factor == 0 {
+        return bad("pixels pooled by a factor of 0", "use 1 or more");
+    }
+    let mut coarse =
+        Image { height: image.height.div_ceil(factor), width: image.width.div_ceil(factor), ..shape_of(image) };
+    let mut data = vec![0.0; coarse.batch * coarse.height * coarse.width * coarse.channels];
+    each_pair(image, &coarse, factor, |fine, at, share| data[at] += image.data[fine] * share);
+    coarse.data = data;
+    Ok(coarse)
+}
+
+/// The transpose of [`pooled`], times `scale`: what a gradient by the coarse image adds to that by the fine one.
+pub fn add_pooled_gradient(fine: &mut Image, coarse: &Image, factor: usize, scale: f64) {
+    let shape = shape_of(fine);
+    let data = &mut fine.data;
+    each_pair(&shape, coarse, factor, |at, from, share| {
+        data[at] += (scale * f64::from(coarse.data[from])) as f32 * share
+    });
+}
+
+/// Every value of a fine image, with the coarse value that it is part of and its share there.
+fn each_pair(fine: &Image, coarse: &Image, factor: usize, mut visit: impl FnMut(usize, usize, f32)) {
+    let channels = fine.channels;
+    for row in 0..fine.batch * fine.height {
+        let (view, r) = (row / fine.height, row % fine.height);
+        let rows = factor.min(fine.height - r / factor * factor);
+        for column in 0..fine.width {
+            let columns = factor.min(fine.width - column / factor * factor);
+            let from = (row * fine.width + column) * channels;
+            let to = ((view * coarse.height + r / factor) * coarse.width + column / factor) * channels;
+            (0..channels).for_each(|k| visit(from + k, to + k, 1.0 / (rows * columns) as f32));
+        }
+    }
+}

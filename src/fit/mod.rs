@@ -1,0 +1,27 @@
+//! Shape, colour and pose from images: what the gradients are for.
+//!
+//! - [`image_loss`]: how far images are from their targets, value and gradient.
+//! - [`regularizer`]: what keeps a mesh a surface, on its [`topology`].
+//! - [`optimizer`], [`smoothing`], [`schedule`]: how parameters follow their gradients.
+//! - [`shape`]: all of it together, a mesh deformed until its images are the targets.
+//! - [`pose`]: where a rigid mesh is, from one image.
+//! - [`voxel`]: how much of two solids is common.
+//!
+//! Everything here runs on the host in f64, in a fixed order, so that the same input gives the same bits; images are
+//! rendered and differentiated through [`crate::Renderer`].
+
+pub mod image_loss;
+pub mod optimizer;
+pub mod pose;
+pub mod regularizer;
+pub mod schedule;
+pub mod shape;
+pub mod smoothing;
+pub mod topology;
+pub mod voxel;
+
+use crate::error::{Error, Result};
+
+fn bad<T>(what: impl Into<String>, mend: &str) -> Result<T> {
+    Err(Error::Fit { what: what.into(), mend: mend.into() })
+}

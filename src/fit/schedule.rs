@@ -1,0 +1,47 @@
+//! How a number changes in the course of a fit: σ, γ, τ, the rate.
+
+/// A number as a function of progress, 0 at the first step and 1 at the last.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Schedule {
+    /// The same throughout.
+    Constant(f64),
+    /// From one number to another in even steps.
+    Linear {
+        /// At progress 0.
+        from: f64,
+        /// At progress 1.
+        to: f64,
+    },
+    /// From one number to another by the same factor every step; both above 0.
+    Exponential {
+        /// At progress 0.
+        from: f64,
+        /// At progress 1.
+        to: f64,
+    },
+    /// Along half a cosine: slowly at both ends.
+    Cosine {
+        /// At progress 0.
+        from: f64,
+        /// At progress 1.
+        to: f64,
+    },
+}
+
+impl Schedule {
+    /// The number at a progress, which is taken into [0, 1].
+    pub fn at(self, progress: f64) -> f64 {
+        let t = progress.clamp(0.0, 1.0);
+        match self {
+            Self::Constant(value) => value,
+            Self::Linear { from, to } => from + t * (to - from),
+            Self::Exponential { from, to } => from * (to / from).powf(t),
+            Self::Cosine { from, to } => to + (from - to) * (0.5 + 0.5 * (std::f64::consts::PI * t).cos()),
+        }
+    }
+
+    /// The number at a step of so many.
+    pub fn at_step(self, step: usize, steps: usize) -> f64 {
+        self.at(step as f64 / steps.saturating_sub(1).max(1) as f64)
+    }
+}

@@ -1,0 +1,57 @@
+//! A mesh's colours as numbers that an optimiser moves.
+
+use crate::error::Result;
+use crate::gradients::{MeshGradients, Wanted};
+use crate::scene::{Appearance, Mesh, Texture};
+
+/// The colours of an appearance, one after the other.
+pub fn values(appearance: &Appearance) -> Vec<f64> {
+    let flat = |colors: &[[f32; 3]]| colors.as_flattened().iter().map(|&x| f64::from(x)).collect::<Vec<f64>>();
+    match appearance {
+        Appearance::Uniform(color) => flat(&[*color]),
+        Appearance::VertexColors(colors) => flat(colors),
+        Appearance::Surface { texels, .. } => flat(texels),
+        Appearance::Textured { textures, .. } => textures.iter().flat_map(|t| flat(t.texels())).collect(),
+    }
+}
+
+/// The mesh in other colours, kept within [0, 1].
+pub fn recolored(mesh: &Mesh, values: &[f64]) -> Result<Mesh> {
+    let mut colors = values.chunks_exact(3).map(|c| [c[0], c[1], c[2]].map(|x| x.clamp(0.0, 1.0) as f32));
+    let mut take = |count: usize| colors.by_ref().take(count).collect::<Vec<[f32; 3]>>();
+    let appearance = match mesh.appearance() {
+        Appearance::Uniform(old) => Appearance::Uniform(take(1).first().copied().unwrap_or(*old)),
+        Appearance::VertexColors(old) => Appearance::VertexColors(take(old.len())),
+        Appearance::Surface { resolution, texels } => {
+            Appearance::Surface { resolution: *resolution, texels: take(texels.len()) }
+        }
+        Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle } => {
+            let one = |t: &Texture| Texture::new(t.width(), t.height(), take(t.texels().len()), t.wrap());
+            Appearance::Textured {
+                uvs: uvs.clone(),
+                uv_triangles: uv_triangles.clone(),
+                textures: textures.iter().map(one).collect::<Result<_>>()?,
+                texture_of_triangle: texture_of_triangle.clone(),
+            }
+        }
+    };
+    mesh.clone().with_appearance(appearance)
+}
+
+/// dL by the same numbers.
+pub fn gradient(appearance: &Appearance, gradients: &MeshGradients) -> Vec<f64> {
+    let flat = |colors: &[[f32; 3]]| colors.as_flattened().iter().map(|&x| f64::from(x)).collect::<Vec<f64>>();
+    match appearance {
+        Appearance::Uniform(_) | Appearance::VertexColors(_) => flat(&gradients.colors),
+        Appearance::Surface { .. } => flat(&gradients.surface_texels),
+        Appearance::Textured { .. } => gradients.texture_texels.iter().flat_map(|t| flat(t)).collect(),
+    }
+}
+
+/// What backward has to give for it.
+pub fn wanted(appearance: &Appearance, wanted: Wanted) -> Wanted {
+    match appearance {
+        Appearance::Uniform(_) | Appearance::VertexColors(_) => Wanted { colors: true, ..wanted },
+        Appearance::Surface { .. } | Appearance::Textured { .. } => Wanted { texels: true, ..wanted },
+    }
+}

@@ -1,0 +1,348 @@
+//! A mesh deformed, and coloured, until its images are the targets.
+
+mod colors;
+mod parametrization;
+
+pub use parametrization::Parametrization;
+
+use super::bad;
+use super::image_loss::{self, ImageLoss};
+use super::optimizer::{Method, Optimizer};
+use super::regularizer::Regularizer;
+use super::topology::Topology;
+use crate::error::Result;
+use crate::gradients::{ImageGradient, Wanted};
+use crate::image::Image;
+use crate::renderer::Renderer;
+use crate::scene::{Appearance, Camera, Lights, Mesh, Scene, Settings};
+use glam::DVec3;
+use parametrization::Parameters;
+
+/// What the images are to become; at least one of silhouette and colour.
+#[derive(Clone, Debug, Default)]
+pub struct Targets {
+    /// One for each view.
+    pub cameras: Vec<Camera>,
+    /// `[views, height, width, 1]`.
+    pub silhouette: Option<Image>,
+    /// `[views, height, width, 3]`, linear, on the settings' background colour.
+    pub color: Option<Image>,
+}
+
+impl Targets {
+    /// Height and width of the targets.
+    ///
+    /// # Errors
+    /// [`crate::Error::Fit`] without any image, or when the images do not go with the cameras and each other.
+    pub fn size(&self) -> Result<(usize, usize)> {
+        let shape = |image: &Image| [image.batch, image.height, image.width];
+        let images = [(&self.silhouette, 1), (&self.color, 3)];
+        let mut shapes = images.iter().filter_map(|(image, channels)| image.as_ref().map(|i| (i, *channels)));
+        let Some((first, _)) = shapes.clone().next() else {
+            return bad("targets without an image", "give silhouettes, colours or both");
+        };
+        let right = |(image, channels): (&Image, usize)| {
+            shape(image) == shape(first) && image.channels == channels && image.batch == self.cameras.len()
+        };
+        if !shapes.all(right) || first.batch == 0 {
+            let what = format!("images of shape {:?} for {} cameras", shape(first), self.cameras.len());
+            return bad(what, "give one image of the same size for each camera, 1 channel of silhouette, 3 of colour");
+        }
+        Ok((first.height, first.width))
+    }
+}
+
+/// How a shape is fitted.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ShapeOptions {
+    /// What the optimiser moves.
+    pub parametrization: Parametrization,
+    /// How it moves it.
+    pub method: Method,
+    /// The loss of the silhouettes and its weight.
+    pub silhouette: (ImageLoss, f64),
+    /// The loss of the colours and its weight.
+    pub color: (ImageLoss, f64),
+    /// Penalties with their weights.
+    pub regularizers: Vec<(Regularizer, f64)>,
+    /// Resolutions that image losses are averaged over, see [`ImageLoss::multi_scale`].
+    pub levels: usize,
+    /// Pixels rendered for each of the target's along each side, whose mean is compared: 2 or more for targets with
+    /// smooth (antialiased) outlines.
+    pub samples: usize,
+    /// Whether vertices move.
+    pub fit_positions: bool,
+    /// Whether the mesh's colours (vertex colours or texels) are fitted too.
+    pub fit_colors: bool,
+}
+
+impl ShapeOptions {
+    /// The official demo's: logit displacements, 1 - IoU, 0.03 Laplacian, 0.0003 flatten, Adam with betas 0.5 and 0.99
+    /// (at a rate of 0.01).
+    pub fn official() -> Self {
+        Self {
+            parametrization: Parametrization::Logit,
+            method: Method::Adam { betas: [0.5, 0.99], epsilon: 1e-8 },
+            silhouette: (ImageLoss::NegativeIou, 1.0),
+            color: (ImageLoss::L1, 1.0),
+            regularizers: vec![(Regularizer::Laplacian, 0.03), (Regularizer::Flatten, 0.0003)],
+            levels: 1,
+            samples: 1,
+            fit_positions: true,
+            fit_colors: false,
+        }
+    }
+}
+
+/// What a step found before it moved.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Step {
+    /// Everything weighed and added.
+    pub loss: f64,
+    /// The silhouettes' loss, not weighed; 0 without.
+    pub silhouette: f64,
+    /// The colours' loss, not weighed; 0 without.
+    pub color: f64,
+    /// The penalties, not weighed, in the options' order.
+    pub regularizers: Vec<f64>,
+}
+
+/// A fit in progress.
+#[derive(Clone, Debug)]
+pub struct ShapeFit {
+    options: ShapeOptions,
+    topology: Topology,
+    scene: Scene,
+    parameters: Parameters,
+    values: Vec<f64>,
+    optimizer: Optimizer,
+    color_values: Vec<f64>,
+    color_optimizer: Optimizer,
+}
+
+impl ShapeFit {
+    /// Begins with a template, seen under some lights.
+    ///
+    /// # Errors
+    /// [`crate::Error::Fit`] for a template that the parametrisation cannot take, or no resolution or sample at all.
+    pub fn new(template: Mesh, lights: Lights, options: ShapeOptions) -> Result<Self> {
+        if options.levels == 0 || options.samples == 0 {
+            return bad("a fit over 0 resolutions or samples", "use at least 1");
+        }
+        let topology = Topology::new(template.positions().len(), template.triangles())?;
+        let positions: Vec<DVec3> = template.positions().iter().map(|p| DVec3::from(p.map(f64::from))).collect();
+        let (parameters, values) = Parameters::new(options.parametrization, &topology, &positions)?;
+        let color_values = if options.fit_colors { colors::values(template.appearance()) } else { Vec::new() };
+        Ok(Self {
+            topology,
+            scene: Scene::new(template).with_lights(lights),
+            parameters,
+            optimizer: Optimizer::new(options.method, values.len()),
+            values,
+            color_optimizer: Optimizer::new(Method::ADAM, color_values.len()),
+            color_values,
+            options,
+        })
+    }
+
+    /// The mesh as it is now.
+    pub fn mesh(&self) -> &Mesh {
+        &self.scene.meshes[0]
+    }
+
+    /// The scene that is rendered.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// The mesh's edges and neighbours.
+    pub fn topology(&self) -> &Topology {
+        &self.topology
+    }
+
+    /// How it is fitted.
+    pub fn options(&self) -> &ShapeOptions {
+        &self.options
+    }
+
+    /// Renders the targets' views, compares, and moves vertices by `rate` and colours by `color_rate`.
+    ///
+    /// Size, outputs and `save` of the settings are the fit's own business.
+    ///
+    /// # Errors
+    /// [`crate::Error::Fit`] for targets that do not fit together; otherwise as [`Renderer::render`] and
+    /// [`Renderer::backward`].
+    pub fn step(
+        &mut self,
+        renderer: &mut Renderer,
+        settings: &Settings,
+        targets: &Targets,
+        rate: f64,
+        color_rate: f64,
+    ) -> Result<Step> {
+        let size = targets.size()?;
+        let mut settings = self.settings(settings, size);
+        settings.outputs.color = targets.color.is_some();
+        settings.outputs.silhouette = targets.silhouette.is_some();
+        settings.save = true;
+        let frame = renderer.render(&self.scene, &targets.cameras, &settings)?;
+        let mut upstream = ImageGradient::default();
+        let (silhouette, gradient) =
+            self.compare(frame.silhouette(), targets.silhouette.as_ref(), self.options.silhouette)?;
+        upstream.silhouette = gradient;
+        let (color, gradient) = self.compare(frame.color(), targets.color.as_ref(), self.options.color)?;
+        upstream.color = gradient;
+        let appearance = self.mesh().appearance();
+        let mut wanted = Wanted { positions: self.options.fit_positions, ..Wanted::NOTHING };
+        if self.options.fit_colors {
+            wanted = colors::wanted(appearance, wanted);
+        }
+        let gradients = renderer.backward(&frame, &upstream, &wanted)?;
+        let by_colors = self.options.fit_colors.then(|| colors::gradient(appearance, &gradients.meshes[0]));
+        let regularizers = self.move_vertices(&gradients.meshes[0].positions, rate)?;
+        if let Some(gradient) = by_colors {
+            self.move_colors(&gradient, color_rate)?;
+        }
+        let penalties: f64 = self.options.regularizers.iter().zip(&regularizers).map(|((_, w), r)| w * r).sum();
+        let loss = self.options.silhouette.1 * silhouette + self.options.color.1 * color + penalties;
+        Ok(Step { loss, silhouette, color, regularizers })
+    }
+
+    /// The settings with the size that the fit renders at.
+    fn settings(&self, settings: &Settings, (height, width): (usize, usize)) -> Settings {
+        let side = |side: usize| u32::try_from(side * self.options.samples).unwrap_or(u32::MAX);
+        Settings { width: side(width), height: side(height), ..settings.clone() }
+    }
+
+    /// The loss of one image and its weighed gradient by what was rendered.
+    fn compare(
+        &self,
+        rendered: Option<&Image>,
+        target: Option<&Image>,
+        (loss, weight): (ImageLoss, f64),
+    ) -> Result<(f64, Option<Image>)> {
+        let (Some(rendered), Some(target)) = (rendered, target) else { return Ok((0.0, None)) };
+        let samples = self.options.samples;
+        let mut valued = if samples == 1 {
+            loss.multi_scale(rendered, target, None, self.options.levels)?
+        } else {
+            let coarse = image_loss::pooled(rendered, samples)?;
+            let valued = loss.multi_scale(&coarse, target, None, self.options.levels)?;
+            let mut gradient = Image { data: vec![0.0; rendered.data.len()], ..valued.gradient };
+            (gradient.height, gradient.width) = (rendered.height, rendered.width);
+            let coarse_gradient = Image { data: valued.gradient.data, ..coarse };
+            image_loss::add_pooled_gradient(&mut gradient, &coarse_gradient, samples, 1.0);
+            image_loss::Valued { value: valued.value, gradient }
+        };
+        if weight != 1.0 {
+            valued.gradient.data.iter_mut().for_each(|g| *g *= weight as f32);
+        }
+        Ok((valued.value, Some(valued.gradient)))
+    }
+
+    /// Adds the penalties' gradients and moves the vertices; the penalties come back.
+    fn move_vertices(&mut self, gradient: &[[f32; 3]], rate: f64) -> Result<Vec<f64>> {
+        if !self.options.fit_positions {
+            return Ok(vec![0.0; self.options.regularizers.len()]);
+        }
+        let positions = self.parameters.positions(&self.values)?;
+        let mut gradient: Vec<DVec3> = gradient.iter().map(|g| DVec3::from(g.map(f64::from))).collect();
+        let mut penalties = Vec::with_capacity(self.options.regularizers.len());
+        for (regularizer, weight) in &self.options.regularizers {
+            penalties.push(regularizer.add(&self.topology, &positions, *weight, &mut gradient)?);
+        }
+        let gradient = self.parameters.pull(&self.values, gradient)?;
+        self.optimizer.step(&mut self.values, &gradient, rate);
+        self.place()?;
+        Ok(penalties)
+    }
+
+    /// Puts the mesh where the parameters say.
+    fn place(&mut self) -> Result<()> {
+        let positions = self.parameters.positions(&self.values)?;
+        self.scene.meshes[0].set_positions(positions.iter().map(|p| p.as_vec3().to_array()).collect())
+    }
+
+    fn move_colors(&mut self, gradient: &[f64], rate: f64) -> Result<()> {
+        self.color_optimizer.step(&mut self.color_values, gradient, rate);
+        self.color_values.iter_mut().for_each(|x| *x = x.clamp(0.0, 1.0));
+        self.scene.meshes[0] = colors::recolored(self.mesh(), &self.color_values)?;
+        Ok(())
+    }
+
+    /// What the fit would resume from: all parameters and what the optimisers remember.
+    pub fn state(&self) -> State {
+        let (steps, first, second) = self.optimizer.state();
+        let (color_steps, color_first, color_second) = self.color_optimizer.state();
+        State {
+            values: self.values.clone(),
+            optimizer: (steps, first.to_vec(), second.to_vec()),
+            color_values: self.color_values.clone(),
+            color_optimizer: (color_steps, color_first.to_vec(), color_second.to_vec()),
+        }
+    }
+
+    /// Takes up a saved state.
+    ///
+    /// # Errors
+    /// [`crate::Error::Fit`] when it is of another mesh or other options.
+    pub fn restore(&mut self, state: State) -> Result<()> {
+        let fits = state.values.len() == self.values.len()
+            && state.color_values.len() == self.color_values.len()
+            && state.values.iter().chain(&state.color_values).all(|x| x.is_finite())
+            && self.optimizer.restore(state.optimizer.0, &state.optimizer.1, &state.optimizer.2)
+            && self.color_optimizer.restore(
+                state.color_optimizer.0,
+                &state.color_optimizer.1,
+                &state.color_optimizer.2,
+            );
+        if !fits {
+            return bad("a saved state of another fit", "resume with the template and the options it was begun with");
+        }
+        (self.values, self.color_values) = (state.values, state.color_values);
+        self.place()?;
+        if self.options.fit_colors {
+            self.scene.meshes[0] = colors::recolored(self.mesh(), &self.color_values)?;
+        }
+        Ok(())
+    }
+
+    /// The same fit on a mesh of four times the triangles, its optimiser afresh.
+    ///
+    /// # Errors
+    /// [`crate::Error::Fit`] for a mesh with surface cells or textures.
+    pub fn subdivided(&self) -> Result<Self> {
+        let mesh = subdivided(self.mesh(), &self.topology)?;
+        Self::new(mesh, self.scene.lights.clone(), self.options.clone())
+    }
+}
+
+/// What a fit resumes from.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct State {
+    /// The shape's parameters.
+    pub values: Vec<f64>,
+    /// Steps taken, mean of the gradient, mean of its square.
+    pub optimizer: (i32, Vec<f64>, Vec<f64>),
+    /// The colours.
+    pub color_values: Vec<f64>,
+    /// The same of the colours.
+    pub color_optimizer: (i32, Vec<f64>, Vec<f64>),
+}
+
+/// The mesh with every triangle cut into four at the middles of its edges.
+fn subdivided(mesh: &Mesh, topology: &Topology) -> Result<Mesh> {
+    let between = |values: &[[f32; 3]]| {
+        let middle = |&[a, b]: &[u32; 2]| {
+            let (a, b) = (values[a as usize], values[b as usize]);
+            [0, 1, 2].map(|k| 0.5 * (a[k] + b[k]))
+        };
+        values.iter().copied().chain(topology.edges().iter().map(middle)).collect::<Vec<[f32; 3]>>()
+    };
+    let appearance = match mesh.appearance() {
+        Appearance::Uniform(color) => Appearance::Uniform(*color),
+        Appearance::VertexColors(colors) => Appearance::VertexColors(between(colors)),
+        _ => return bad("a textured mesh to subdivide", "use one colour or vertex colours"),
+    };
+    Mesh::new(between(mesh.positions()), topology.subdivided())?.with_appearance(appearance)
+}

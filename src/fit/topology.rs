@@ -1,0 +1,115 @@
+//! Which vertices and triangles of a mesh are neighbours.
+
+use super::bad;
+use crate::error::Result;
+use std::collections::BTreeMap;
+
+/// Two triangles that share an edge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Flap {
+    /// The edge, lower vertex first.
+    pub edge: [u32; 2],
+    /// The third vertex of each of the two triangles.
+    pub opposite: [u32; 2],
+    /// The two triangles.
+    pub triangles: [u32; 2],
+    /// Whether the official flatten loss sees it: it lists only the first two edges of every face.
+    pub official: bool,
+}
+
+/// A mesh's edges, neighbours and flaps, in an order that follows from the triangles alone.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Topology {
+    vertices: usize,
+    triangles: Vec<[u32; 3]>,
+    edges: Vec<[u32; 2]>,
+    flaps: Vec<Flap>,
+    first_neighbor: Vec<u32>,
+    neighbors: Vec<u32>,
+}
+
+impl Topology {
+    /// Of triangles over so many vertices. An edge of three or more triangles makes a flap of its first two.
+    ///
+    /// # Errors
+    /// [`crate::Error::Fit`] for an index out of range.
+    pub fn new(vertices: usize, triangles: &[[u32; 3]]) -> Result<Self> {
+        if let Some(t) = triangles.iter().position(|t| t.iter().any(|&i| i as usize >= vertices)) {
+            let what = format!("triangle {t} is {:?} but there are {vertices} vertices", triangles[t]);
+            return bad(what, "indices count from 0");
+        }
+        // Per edge: the triangles at it with their third vertices, and whether the official list has it.
+        let mut at_edge: BTreeMap<[u32; 2], (Vec<[u32; 2]>, bool)> = BTreeMap::new();
+        for (t, &[a, b, c]) in triangles.iter().enumerate() {
+            for (i, (from, to, opposite)) in [(a, b, c), (b, c, a), (c, a, b)].into_iter().enumerate() {
+                if from != to {
+                    let (sides, official) = at_edge.entry([from.min(to), from.max(to)]).or_default();
+                    sides.push([t as u32, opposite]);
+                    *official |= i < 2;
+                }
+            }
+        }
+        let edges: Vec<[u32; 2]> = at_edge.keys().copied().collect();
+        let flap = |(&edge, (sides, official)): (&[u32; 2], &(Vec<[u32; 2]>, bool))| match sides[..] {
+            [[t, a], [u, b], ..] => Some(Flap { edge, opposite: [a, b], triangles: [t, u], official: *official }),
+            _ => None,
+        };
+        let flaps = at_edge.iter().filter_map(flap).collect();
+        let (first_neighbor, neighbors) = neighbors(vertices, &edges);
+        Ok(Self { vertices, triangles: triangles.to_vec(), edges, flaps, first_neighbor, neighbors })
+    }
+
+    /// The number of vertices.
+    pub fn vertices(&self) -> usize {
+        self.vertices
+    }
+
+    /// The triangles.
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
+    /// Every edge once, lower vertex first, sorted.
+    pub fn edges(&self) -> &[[u32; 2]] {
+        &self.edges
+    }
+
+    /// Pairs of triangles that share an edge, in the order of the edges.
+    pub fn flaps(&self) -> &[Flap] {
+        &self.flaps
+    }
+
+    /// The vertices that share an edge with one, in rising order; none beyond the mesh.
+    pub fn neighbors(&self, vertex: usize) -> &[u32] {
+        match (self.first_neighbor.get(vertex), self.first_neighbor.get(vertex + 1)) {
+            (Some(&from), Some(&to)) => &self.neighbors[from as usize..to as usize],
+            _ => &[],
+        }
+    }
+
+    /// The mesh with every triangle cut into four: a vertex in the middle of each edge, after the old ones in the order
+    /// of [`Topology::edges`].
+    pub fn subdivided(&self) -> Vec<[u32; 3]> {
+        let middle = |a: u32, b: u32| {
+            let at = self.edges.binary_search(&[a.min(b), a.max(b)]);
+            // An edge from a vertex to itself has its middle there.
+            at.map_or(a, |at| (self.vertices + at) as u32)
+        };
+        let four = |&[a, b, c]: &[u32; 3]| {
+            let [ab, bc, ca] = [middle(a, b), middle(b, c), middle(c, a)];
+            [[a, ab, ca], [b, bc, ab], [c, ca, bc], [ab, bc, ca]]
+        };
+        self.triangles.iter().flat_map(four).collect()
+    }
+}
+
+fn neighbors(vertices: usize, edges: &[[u32; 2]]) -> (Vec<u32>, Vec<u32>) {
+    let mut both: Vec<[u32; 2]> = edges.iter().flat_map(|&[a, b]| [[a, b], [b, a]]).collect();
+    both.sort_unstable();
+    let mut first = vec![0; vertices + 1];
+    both.iter().for_each(|&[a, _]| first[a as usize + 1] += 1);
+    for i in 0..vertices {
+        first[i + 1] += first[i];
+    }
+    (first, both.into_iter().map(|[_, b]| b).collect())
+}

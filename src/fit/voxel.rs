@@ -1,0 +1,177 @@
+//! Solids as voxels, and the intersection over union of two of them.
+//!
+//! A voxel is inside where its centre is. That is decided by six rays from it, along the axes both ways: a ray says
+//! inside when the triangles that it leaves through and those that it enters through do not cancel (so where closed
+//! parts overlap is inside, too), and more than three of the six have to say so. For a closed mesh all agree; one with
+//! small holes is still a solid, since most rays miss them; an open sheet has no inside.
+
+use super::bad;
+use crate::error::Result;
+use crate::scene::Mesh;
+use std::collections::HashMap;
+
+/// The most voxels along a side.
+pub const MAX_RESOLUTION: usize = 512;
+/// Rays start this part of a voxel beside its centre, so that they do not run along faces that lie on the grid.
+const ASIDE: [f64; 3] = [1.237e-5, -2.618e-5, 3.141e-5];
+/// The grid reaches this much further than the meshes, as a part of their size.
+const MARGIN: f64 = 1e-3;
+
+/// A cube of voxels.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Voxels {
+    resolution: usize,
+    low: [f64; 3],
+    side: f64,
+    inside: Vec<bool>,
+}
+
+impl Voxels {
+    /// Of a mesh, within the cube from `low` of that side, in world units.
+    ///
+    /// # Errors
+    /// [`crate::Error::Fit`] for a resolution outside 1 to [`MAX_RESOLUTION`] or a side that is not above 0.
+    pub fn new(mesh: &Mesh, low: [f64; 3], side: f64, resolution: usize) -> Result<Self> {
+        if !(1..=MAX_RESOLUTION).contains(&resolution) {
+            return bad(format!("{resolution} voxels a side"), "use 1 to 512");
+        }
+        if !(side > 0.0 && side.is_finite() && low.iter().all(|x| x.is_finite())) {
+            return bad(format!("a cube of side {side} from {low:?}"), "use a finite side above 0");
+        }
+        let mut votes = vec![0u8; resolution.pow(3)];
+        let grid = Grid { low, step: side / resolution as f64, resolution };
+        (0..3).for_each(|axis| grid.vote(mesh, axis, &mut votes));
+        Ok(Self { resolution, low, side, inside: votes.into_iter().map(|votes| votes > 3).collect() })
+    }
+
+    /// Voxels along a side.
+    pub fn resolution(&self) -> usize {
+        self.resolution
+    }
+
+    /// For each voxel whether it is inside: x runs fastest, then y, then z.
+    pub fn inside(&self) -> &[bool] {
+        &self.inside
+    }
+
+    /// In world units³.
+    pub fn volume(&self) -> f64 {
+        let voxel = (self.side / self.resolution as f64).powi(3);
+        self.inside.iter().filter(|&&inside| inside).count() as f64 * voxel
+    }
+}
+
+/// Voxels of the intersection over voxels of the union, on a grid of `resolution` a side around both meshes; 1 where
+/// neither has any.
+///
+/// # Errors
+/// [`crate::Error::Fit`] for a resolution outside 1 to [`MAX_RESOLUTION`].
+pub fn iou(a: &Mesh, b: &Mesh, resolution: usize) -> Result<f64> {
+    let (low, side) = cube_around(&[a, b]);
+    let [a, b] = [Voxels::new(a, low, side, resolution)?, Voxels::new(b, low, side, resolution)?];
+    let count = |keep: fn(bool, bool) -> bool| a.inside.iter().zip(&b.inside).filter(|(a, b)| keep(**a, **b)).count();
+    let (both, either) = (count(|a, b| a && b), count(|a, b| a || b));
+    Ok(if either == 0 { 1.0 } else { both as f64 / either as f64 })
+}
+
+/// Whether every edge has as many triangles one way as the other: the mesh bounds a solid.
+pub fn is_closed(mesh: &Mesh) -> bool {
+    let mut turns: HashMap<[u32; 2], i32> = HashMap::new();
+    for &[a, b, c] in mesh.triangles() {
+        for (from, to) in [(a, b), (b, c), (c, a)] {
+            *turns.entry([from.min(to), from.max(to)]).or_default() += if from < to { 1 } else { -1 };
+        }
+    }
+    turns.values().all(|&turns| turns == 0)
+}
+
+/// The smallest cube around the meshes' boxes and a little more: its lowest corner and its side.
+pub fn cube_around(meshes: &[&Mesh]) -> ([f64; 3], f64) {
+    let boxes: Vec<_> = meshes.iter().filter_map(|m| m.bounds()).collect();
+    let reach = |axis: usize| {
+        let low = boxes.iter().map(|(low, _)| f64::from(low[axis])).fold(f64::INFINITY, f64::min);
+        let high = boxes.iter().map(|(_, high)| f64::from(high[axis])).fold(f64::NEG_INFINITY, f64::max);
+        if low <= high { (low, high) } else { (0.0, 0.0) }
+    };
+    let reaches = [0, 1, 2].map(reach);
+    let side = reaches.iter().map(|(low, high)| high - low).fold(1e-30, f64::max) * (1.0 + MARGIN);
+    (reaches.map(|(low, high)| (low + high - side) / 2.0), side)
+}
+
+struct Grid {
+    low: [f64; 3],
+    step: f64,
+    resolution: usize,
+}
+
+impl Grid {
+    /// A voxel's centre along an axis.
+    fn center(&self, axis: usize, i: usize) -> f64 {
+        self.low[axis] + (i as f64 + 0.5 + ASIDE[axis]) * self.step
+    }
+
+    /// Lets the two rays along an axis vote for every voxel.
+    fn vote(&self, mesh: &Mesh, axis: usize, votes: &mut [u8]) {
+        let n = self.resolution;
+        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+        // Per column of voxels the places where its line crosses a triangle, and whether it enters or leaves.
+        let mut crossings: Vec<Vec<(f64, i32)>> = vec![Vec::new(); n * n];
+        for triangle in mesh.triangles() {
+            let corners = triangle.map(|i| mesh.positions()[i as usize].map(f64::from));
+            let [us, vs] = [u, v].map(|axis| self.range(axis, corners.map(|c| c[axis])));
+            for j in vs {
+                for i in us.clone() {
+                    let at = [self.center(u, i), self.center(v, j)];
+                    crossings[j * n + i].extend(crossing(&corners, [axis, u, v], at));
+                }
+            }
+        }
+        let strides = [1, n, n * n];
+        for (column, crossings) in crossings.iter_mut().enumerate() {
+            crossings.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let whole: i32 = crossings.iter().map(|(_, sign)| sign).sum();
+            let (mut before, mut passed) = (0, 0);
+            for k in 0..n {
+                let center = self.center(axis, k);
+                while passed < crossings.len() && crossings[passed].0 < center {
+                    before += crossings[passed].1;
+                    passed += 1;
+                }
+                let at = k * strides[axis] + column % n * strides[u] + column / n * strides[v];
+                votes[at] += u8::from(before != 0) + u8::from(whole - before != 0);
+            }
+        }
+    }
+
+    /// The voxels whose centres may lie between the corners along an axis.
+    fn range(&self, axis: usize, corners: [f64; 3]) -> std::ops::Range<usize> {
+        let place = |x: f64| ((x - self.low[axis]) / self.step - 0.5).clamp(-1.0, self.resolution as f64);
+        let low = place(corners.iter().copied().fold(f64::INFINITY, f64::min)).floor().max(0.0) as usize;
+        let high = place(corners.iter().copied().fold(f64::NEG_INFINITY, f64::max)).ceil() + 1.0;
+        low..(high.max(0.0) as usize).min(self.resolution)
+    }
+}
+
+/// Where the line along `axis` at `[u, v]` meets a triangle, and +1 or -1 by the side it comes from. A line on an edge
+/// that two triangles share meets exactly one of them.
+fn crossing(corners: &[[f64; 3]; 3], [axis, u, v]: [usize; 3], at: [f64; 2]) -> Option<(f64, i32)> {
+    // The same two corners give the same number whichever comes first, but for its sign.
+    let beside = |a: &[f64; 3], b: &[f64; 3]| {
+        let turned = (a[u], a[v]) > (b[u], b[v]);
+        let (a, b) = if turned { (b, a) } else { (a, b) };
+        let side = (b[u] - a[u]) * (at[1] - a[v]) - (b[v] - a[v]) * (at[0] - a[u]);
+        let side = if side == 0.0 { f64::MIN_POSITIVE } else { side };
+        if turned { -side } else { side }
+    };
+    let [a, b, c] = corners;
+    let sides = [beside(b, c), beside(c, a), beside(a, b)];
+    let sign = if sides.iter().all(|s| *s > 0.0) {
+        1
+    } else if sides.iter().all(|s| *s < 0.0) {
+        -1
+    } else {
+        return None;
+    };
+    let place = (sides[0] * a[axis] + sides[1] * b[axis] + sides[2] * c[axis]) / sides.iter().sum::<f64>();
+    Some((place, sign))
+}

@@ -1,0 +1,152 @@
+//! `softras fit`, `iou` and `pose` from outside: files in, files and figures out.
+#![cfg(feature = "cli")]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+use serde_json::Value;
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn softras(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_softras")).current_dir(folder).args(arguments).output().unwrap()
+}
+
+#[track_caller]
+fn succeeds(folder: &Path, arguments: &[&str]) -> String {
+    let output = softras(folder, arguments);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {errors}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+#[track_caller]
+fn fails(folder: &Path, arguments: &[&str], code: i32, part: &str) {
+    let output = softras(folder, arguments);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {errors}");
+    assert!(errors.contains(part) && !errors.contains("panicked"), "{arguments:?}: no {part:?} in {errors}");
+}
+
+fn json(path: &Path) -> Value {
+    serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
+}
+
+fn numbers(value: &Value) -> Vec<f64> {
+    value.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
+}
+
+#[test]
+fn a_shape_is_fitted_to_views_of_a_mesh() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    succeeds(folder.path(), &["mesh", "torus", "-o", "torus.obj"]);
+    let fit = "fit --from torus.obj --views 6 --size 32 --iterations 40 --subdivisions 2 --color -o out.obj --json log.json \
+               --plot loss.png --gif fit.gif";
+    let told = succeeds(folder.path(), &fit.split_whitespace().collect::<Vec<_>>());
+    assert!(told.contains("162 vertices") && told.contains("3D IoU"), "{told}");
+    let log = json(&at("log.json"));
+    let losses = numbers(&log["loss"]);
+    assert_eq!(losses.len(), 40);
+    assert!(losses[39] < 0.6 * losses[0], "{losses:?}");
+    assert_eq!(numbers(&log["final"]["mask_iou"]["per_view"]).len(), 6);
+    let mean = log["final"]["mask_iou"]["mean"].as_f64().unwrap();
+    assert!(mean > 0.6, "{mean}");
+    assert!(log["seconds_per_iteration"].as_f64().unwrap() > 0.0);
+    // What was written is what was scored, and it has colours.
+    let iou: f64 = succeeds(folder.path(), &["iou", "out.obj", "torus.obj"]).trim().parse().unwrap();
+    assert!((iou - log["final"]["iou_3d"].as_f64().unwrap()).abs() < 1e-3, "{iou}");
+    let text = std::fs::read_to_string(at("out.obj")).unwrap();
+    assert!(
+        text.lines().any(|line| line.starts_with("v ") && line.split_whitespace().count() == 7),
+        "no vertex colours"
+    );
+    assert!(std::fs::read(at("loss.png")).unwrap().starts_with(b"\x89PNG"));
+    assert!(std::fs::read(at("fit.gif")).unwrap().starts_with(b"GIF89a"));
+}
+
+#[test]
+fn a_fit_goes_on_where_it_was_left() {
+    let folder = tempfile::tempdir().unwrap();
+    succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
+    let fit = |iterations: &str, out: &str, extra: &[&str]| {
+        let mut arguments =
+            "fit --from cube.obj --views 3 --size 24 --subdivisions 1 --sigma 1e-3 --rate 0.01 --iterations"
+                .split_whitespace()
+                .collect::<Vec<_>>();
+        arguments.extend([iterations, "-o", out]);
+        arguments.extend(extra);
+        succeeds(folder.path(), &arguments);
+        std::fs::read_to_string(folder.path().join(out)).unwrap()
+    };
+    let whole = fit("12", "whole.obj", &[]);
+    let half = fit("6", "half.obj", &["--checkpoint", "fit.npz"]);
+    let resumed = fit("12", "resumed.obj", &["--checkpoint", "fit.npz", "--resume"]);
+    let vertices = |text: &str| text.lines().filter(|l| l.starts_with("v ")).map(str::to_owned).collect::<Vec<_>>();
+    assert_eq!(vertices(&whole), vertices(&resumed));
+    assert_ne!(vertices(&whole), vertices(&half));
+    let other = "fit --from cube.obj --views 3 --size 24 --subdivisions 2 -o x.obj --checkpoint fit.npz --resume";
+    fails(folder.path(), &other.split_whitespace().collect::<Vec<_>>(), 1, "saved state of another fit");
+}
+
+#[test]
+fn pictures_and_cameras_are_read_from_a_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    succeeds(folder.path(), &["mesh", "torus", "-o", "torus.obj"]);
+    std::fs::create_dir(folder.path().join("photos")).unwrap();
+    let mut cameras = Vec::new();
+    for azimuth in [0, 90, 200] {
+        let (file, azimuth) = (format!("{azimuth}.png"), azimuth.to_string());
+        let out = format!("photos/{file}");
+        let render = ["render", "torus.obj", "--size", "32", "--unlit", "--distance", "4.5", "--elevation", "10"];
+        succeeds(folder.path(), &[&render[..], &["--azimuth", &azimuth, "-o", &out]].concat());
+        cameras.push(format!("{{\"file\": \"{file}\", \"distance\": 4.5, \"elevation\": 10, \"azimuth\": {azimuth}}}"));
+    }
+    let list = folder.path().join("photos/cameras.json");
+    std::fs::write(&list, format!("[{}]", cameras.join(", "))).unwrap();
+    let fit = "fit --views photos --iterations 40 --subdivisions 2 -o out.obj --json log.json";
+    succeeds(folder.path(), &fit.split_whitespace().collect::<Vec<_>>());
+    let log = json(&folder.path().join("log.json"));
+    let mean = log["final"]["mask_iou"]["mean"].as_f64().unwrap();
+    assert!(mean > 0.6, "{mean}");
+    std::fs::write(&list, "[{\"file\": \"0.png\"}]").unwrap();
+    fails(folder.path(), &fit.split_whitespace().collect::<Vec<_>>(), 1, "camera 0 says not where it is");
+    fails(folder.path(), &["fit", "--views", "nothing.npy", "-o", "out.obj"], 2, "--cameras");
+}
+
+#[test]
+fn a_pose_is_found_from_a_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
+    let render = "render cube.obj -o target.png --unlit --size 32 --azimuth 250 --elevation -10";
+    succeeds(folder.path(), &render.split_whitespace().collect::<Vec<_>>());
+    let pose = "pose --mesh cube.obj --image target.png --json -o posed.obj";
+    let report: Value =
+        serde_json::from_str(&succeeds(folder.path(), &pose.split_whitespace().collect::<Vec<_>>())).unwrap();
+    assert!(report["loss"].as_f64().unwrap() < 0.02 && report["confidence"].as_f64().unwrap() > 0.5, "{report}");
+    // Seen from where the fit looked from, the posed cube is the target again.
+    let look = "grad posed.obj --target target.png -o grad.png --json --blur 2 --gamma 0.01 --unlit";
+    let near: Value =
+        serde_json::from_str(&succeeds(folder.path(), &look.split_whitespace().collect::<Vec<_>>())).unwrap();
+    let far = look.replace("posed", "cube");
+    let far: Value =
+        serde_json::from_str(&succeeds(folder.path(), &far.split_whitespace().collect::<Vec<_>>())).unwrap();
+    let [near, far] = [near, far].map(|report| report["loss"].as_f64().unwrap());
+    assert!(near < 0.3 * far, "{near} against {far} unposed");
+}
+
+#[test]
+fn the_benchmark_reports_every_method_and_draws_its_landscape() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = "pose --benchmark --trials 3 --starts 4 --iterations 20 --json";
+    let report: Value =
+        serde_json::from_str(&succeeds(folder.path(), &run.split_whitespace().collect::<Vec<_>>())).unwrap();
+    let methods = report["methods"].as_array().unwrap();
+    assert_eq!(methods.len(), 8);
+    assert!(methods.iter().all(|m| (0.0..=180.0).contains(&m["median_degrees"].as_f64().unwrap())), "{report}");
+    let fails_with = |arguments: &str, part: &str| {
+        fails(folder.path(), &arguments.split_whitespace().collect::<Vec<_>>(), 2, part);
+    };
+    fails_with("pose --mesh x.obj", "--image");
+    fails_with("pose --benchmark --mesh x.obj", "cannot be used with");
+    fails_with("iou a.obj b.obj --resolution 0", "--resolution");
+    fails_with("fit --from x.obj --views many -o out.obj", "number of views");
+}
