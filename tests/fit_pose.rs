@@ -18,6 +18,7 @@ const DEFAULT: Settings = Settings {
     gamma: 1e-5,
     epsilon: 1e-3,
     tau: 1e-8,
+    support: softras::scene::Support::Probability,
     near: 1.0,
     far: 100.0,
     outputs: softras::scene::Outputs { color: true, silhouette: true, depth: false, normal: false },
