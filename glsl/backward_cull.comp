@@ -15,8 +15,8 @@ layout(set = 0, binding = 2) uniform samplerBuffer shading;
 layout(set = 0, binding = 3) uniform samplerBuffer tile_bounds;
 layout(set = 0, binding = 4) uniform usamplerBuffer status;
 layout(set = 0, binding = 5) uniform usamplerBuffer view_shapes;
-layout(set = 0, binding = 6, std430) writeonly buffer ShownItems { uint shown_items[]; };
-layout(set = 0, binding = 7, std430) writeonly buffer OutlineItems { uint outline_items[]; };
+layout(set = 0, binding = 6, std430) writeonly buffer ShownItems { uvec4 shown_items[]; };
+layout(set = 0, binding = 7, std430) writeonly buffer OutlineItems { uvec4 outline_items[]; };
 layout(set = 0, binding = 8, std430) buffer ItemCounts { uint item_counts[]; };
 layout(set = 0, binding = 9, std430) writeonly buffer Partials { vec4 partials[]; };
 
@@ -39,13 +39,13 @@ float largest_weight(int slot) {
 }
 
 // The least log sum and the largest transmittance of the tiles that the pixels lie in.
-vec2 bounds_of(ivec4 pixels, int view) {
+vec2 bounds_of(Item item) {
     ivec2 tile = ivec2(TILE_WIDTH, TILE_HEIGHT);
     int stride = int(frame.tiles_x);
-    ivec2 at = pixels.xy / tile;
-    ivec2 last = pixels.zw / tile;
+    ivec2 at = item.first / tile;
+    ivec2 last = (item.first + item.size - 1) / tile;
     int across = last.x - at.x + 1;
-    int row = (view * int(frame.tiles_y) + at.y) * stride + at.x;
+    int row = (item.view * int(frame.tiles_y) + at.y) * stride + at.x;
     int count = across * (last.y - at.y + 1);
     int x = 0;
     vec2 bounds = vec2(3e38, 0.0);
@@ -62,38 +62,42 @@ vec2 bounds_of(ivec4 pixels, int view) {
 }
 
 // Each row of FORWARD_ROW items has a list of its own, so that its length is a number of workgroups along one axis.
-uint place_on_list(uint item, uint list) {
-    uint row = item / FORWARD_ROW;
+uint place_on_list(uint index, uint list) {
+    uint row = index / FORWARD_ROW;
     return row * FORWARD_ROW + atomicAdd(item_counts[row * ITEM_COUNT_WORDS + list], 1u);
 }
 
 void main() {
-    uint item = gl_WorkGroupID.z * FORWARD_ROW * LINEAR_GROUP + gl_GlobalInvocationID.x;
+    uint index = gl_WorkGroupID.z * FORWARD_ROW * LINEAR_GROUP + gl_GlobalInvocationID.x;
+    uint slots = frame.slot_count;
     uint extra = min(texelFetch(status, int(STATUS_CELLS_NEEDED)).x, frame.cell_capacity);
-    if (item >= frame.slot_count + extra) {
+    if (index >= slots + extra) {
         return;
     }
-    ivec2 part = slot_and_cell(int(item));
-    ivec4 box = texelFetch(boxes, part.x);
+    uvec2 part = index < slots ? uvec2(index, 0u) : texelFetch(cells, int(index - slots)).xy;
+    int slot = int(part.x);
+    ivec4 box = texelFetch(boxes, slot);
     if (box.x > box.z || box.y > box.w) {
         return;
     }
+    // Slots lie in the order of the views.
+    Item item = item_of(int(index), slot, int(part.y), view_of(slot), box);
     bool shows = UP_SHADED;
     bool outlines = UP_ALPHA;
     if (COLOR_MODE == COLOR_SOFTMAX || !UP_SHADED) {
-        vec2 bounds = bounds_of(item_pixels(box, part.y), view_of(part.x));
+        vec2 bounds = bounds_of(item);
         // Room for the rounding of large logarithms.
         float margin = 1.0 + 1e-6 * abs(bounds.x);
-        shows = UP_SHADED && !(largest_weight(part.x) + margin < bounds.x + NEXT_TO_NOTHING);
+        shows = UP_SHADED && !(largest_weight(slot) + margin < bounds.x + NEXT_TO_NOTHING);
         outlines = UP_ALPHA && bounds.y > exp2(NEXT_TO_NOTHING);
     }
     if (shows) {
-        shown_items[place_on_list(item, ITEMS_SHOWN)] = item;
+        shown_items[place_on_list(index, ITEMS_SHOWN)] = packed(item);
     } else if (outlines) {
-        outline_items[place_on_list(item, ITEMS_OUTLINE)] = item;
+        outline_items[place_on_list(index, ITEMS_OUTLINE)] = packed(item);
     } else {
         for (int i = 0; i < PARTIAL_STRIDE; ++i) {
-            partials[int(item) * PARTIAL_STRIDE + i] = vec4(0.0);
+            partials[int(index) * PARTIAL_STRIDE + i] = vec4(0.0);
         }
     }
 }

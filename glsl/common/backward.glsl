@@ -2,27 +2,23 @@
 // depth), corner colours, texture coordinates and normals, and by sigma and gamma. No atomics, so the same bits always.
 // One workgroup an item of backward_cull's list (item.glsl), its lanes taking the pixels in turn. The lanes' sums are added
 // in a fixed order.
-// Reads the records, `boxes`, `cells` and `pixel_gradients`; writes `partials`. See triangle_grad.comp for what follows.
+// Reads the records and `pixel_gradients`; writes `partials`. See triangle_grad.comp for what follows.
 
 layout(local_size_x_id = 0) in;
 
-layout(set = 0, binding = 0) uniform usamplerBuffer view_shapes;
-layout(set = 0, binding = 1) uniform isamplerBuffer boxes;
-layout(set = 0, binding = 2) uniform usamplerBuffer cells;
-layout(set = 0, binding = 3) uniform samplerBuffer geometry;
-layout(set = 0, binding = 4) uniform samplerBuffer shading;
-layout(set = 0, binding = 5) uniform usamplerBuffer textures;
-layout(set = 0, binding = 6) uniform samplerBuffer texels;
-layout(set = 0, binding = 7) uniform samplerBuffer pixel_gradients;
-layout(set = 0, binding = 8, std430) writeonly buffer Partials { vec4 partials[]; };
-layout(set = 0, binding = 9, std430) buffer TexelSums { uint texel_sums[]; };
-layout(set = 0, binding = 10) uniform usamplerBuffer items;
+layout(set = 0, binding = 0) uniform usamplerBuffer items;
+layout(set = 0, binding = 1) uniform samplerBuffer geometry;
+layout(set = 0, binding = 2) uniform samplerBuffer shading;
+layout(set = 0, binding = 3) uniform usamplerBuffer textures;
+layout(set = 0, binding = 4) uniform samplerBuffer texels;
+layout(set = 0, binding = 5) uniform samplerBuffer pixel_gradients;
+layout(set = 0, binding = 6, std430) writeonly buffer Partials { vec4 partials[]; };
+layout(set = 0, binding = 7, std430) buffer TexelSums { uint texel_sums[]; };
 
 #include "common/constants.glsl"
 #include "common/modes.glsl"
 #include "common/gradient_modes.glsl"
 #include "common/frame.glsl"
-#include "common/mesh.glsl"
 #include "common/fragment.glsl"
 #include "common/sample.glsl"
 #include "common/corner.glsl"
@@ -46,8 +42,8 @@ const int STEP = PAIRS * int(gl_WorkGroupSize.x);
 
 // The pixels of an item, row by row.
 struct Walk {
-    // First and last column and row.
-    ivec4 pixels;
+    // First column and row.
+    ivec2 first;
     int count;
     int width;
     float inverse_width;
@@ -69,7 +65,7 @@ struct Pair {
 Pair pair_at(Walk w, int index, vec2 origin) {
     int at = min(index, w.count - 1);
     int y = int((float(at) + 0.5) * w.inverse_width);
-    ivec2 where = w.pixels.xy + ivec2(at - y * w.width, y);
+    ivec2 where = w.first + ivec2(at - y * w.width, y);
     return Pair(vec2(where) - origin, (w.image + where.y) * w.image_width + where.x, index < w.count);
 }
 
@@ -276,14 +272,10 @@ void write_sums(Sums s, Corner c, bool writes, int item) {
 
 void main() {
     int lane = int(gl_LocalInvocationID.x);
-    int item = int(texelFetch(items, int(frame.first + gl_WorkGroupID.x)).x);
-    ivec2 part = slot_and_cell(item);
-    int slot = part.x;
-    ivec4 pixels = item_pixels(texelFetch(boxes, slot), part.y);
-    ivec2 size = pixels.zw - pixels.xy + 1;
-    // Slots lie in the order of the views.
-    int image = view_of(slot) * int(frame.height);
-    Walk walk = Walk(pixels, size.x * size.y, size.x, 1.0 / float(size.x), image, int(frame.width));
+    Item item = unpacked(texelFetch(items, int(frame.first + gl_WorkGroupID.x)));
+    int slot = item.slot;
+    Walk walk = Walk(item.first, item.size.x * item.size.y, item.size.x, 1.0 / float(item.size.x),
+                     item.view * int(frame.height), int(frame.width));
     Triangle t = shared_triangle_of(slot);
     Ends ends = ends_of(t);
     Corner c;
@@ -304,5 +296,5 @@ void main() {
         --turns;
     } while (turns > 0);
     add_turn(t, ends, s);
-    write_sums(s, c, lane == 0, item);
+    write_sums(s, c, lane == 0, item.index);
 }

@@ -3,7 +3,7 @@
 //! Memory, in bytes, beyond the forward frame's, with the letters of [`crate::plan`], I = S + cells beyond the first, and
 //! Q the texels of a partial gradient (3; +3 for colours, +2 for UVs, +3 for normals):
 //!
-//! `16 (1 + shaded + normal) P + (16 Q + 8) I + 16 (3 + 3 colours + 2 UVs) S + 32 V`, and where asked for `32 P` background,
+//! `16 (1 + shaded + normal) P + (16 Q + 32) I + 16 (3 + 3 colours + 2 UVs) S + 32 V`, and where asked for `32 P` background,
 //! `48 S` camera, σ and γ, `32 S` or `32 V` lights, `96 S + 16 V` smooth shading, `24` a texel.
 //!
 //! Nothing grows with pixels × triangles.
@@ -226,8 +226,8 @@ fn sizes_of(input: &BackwardInput, gradients: u32, smooth: bool) -> BackwardSize
         upstream_normals: when(up.normal, bytes(t.pixels, 16)),
         pixel_gradients: bytes(t.pixels * (1 + u64::from(shaded) + u64::from(up.normal)), 16),
         pixel_sums: when(has(c::GRADIENT_BACKGROUND) || has(c::GRADIENT_SCALARS), bytes(t.pixels, 32)),
-        shown_items: bytes(items, 4),
-        outline_items: bytes(items, 4),
+        shown_items: bytes(items, 16),
+        outline_items: bytes(items, 16),
         item_counts: bytes(item_rows(input) * u64::from(c::ITEM_COUNT_WORDS), 4),
         partials: bytes(items * partial, 16),
         corner_gradients: bytes(t.slots * corner, 16),

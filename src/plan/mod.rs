@@ -192,6 +192,11 @@ fn ranges_of(input: &PlanInput, frame: &FramePush) -> Result<(Vec<ViewRange>, To
         let (what, mend) = (what.to_owned(), mend.to_owned());
         Err(Error::Limit { what, needed, unit: "elements", limit_name: "32-bit index", limit, mend })
     };
+    if input.views.len() > 1 << 18 {
+        let (what, limit_name) = ("one frame".into(), "views of a frame");
+        let (needed, mend) = (input.views.len() as u64, "render them in several frames".into());
+        return Err(Error::Limit { what, needed, unit: "views", limit_name, limit: 1 << 18, mend });
+    }
     index("the triangle records of all views", 9 * t.slots, "render fewer views or triangles in one frame")?;
     index("the vertices of all views", 3 * t.vertices, "render fewer views in one frame")?;
     index("the images of all views", t.pixels, "render fewer views in one frame, or smaller images")?;
