@@ -125,6 +125,12 @@ ivec4 grown_box(Edges e) {
             high = max(high, grown);
         }
     }
+    if (DISTANCE == DISTANCE_BARYCENTRIC && OFFICIAL) {
+        // The official code drops what lies outside the box grown by the Euclidean radius, whatever the distance.
+        vec2 radius = vec2(frame.radius_pixels);
+        low = max(low, min(e.corner[0], min(e.corner[1], e.corner[2])) - radius);
+        high = min(high, max(e.corner[0], max(e.corner[1], e.corner[2])) + radius);
+    }
     // A hundredth of a pixel covers the rounding of these sums; the fragment's own test is exact.
     vec2 margin = vec2(grow + 0.01);
     vec2 bound = vec2(frame.width, frame.height);

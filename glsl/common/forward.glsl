@@ -22,6 +22,7 @@ layout(set = 0, binding = 9, std430) writeonly buffer Depths { float depths[]; }
 layout(set = 0, binding = 10, std430) writeonly buffer Normals { vec4 normals[]; };
 layout(set = 0, binding = 11, std430) writeonly buffer Saved { vec4 saved[]; };
 layout(set = 0, binding = 12, std430) writeonly buffer TileBounds { vec2 tile_bounds[]; };
+layout(set = 0, binding = 13) uniform isamplerBuffer boxes;
 
 #include "common/constants.glsl"
 #include "common/modes.glsl"
@@ -156,6 +157,11 @@ void gather(int slot, vec2 first, inout Pixel pixels[PIXELS], float radius_squar
         int index = i * int(gl_WorkGroupSize.x);
         vec2 q = first + vec2(index % int(TILE_WIDTH), index / int(TILE_WIDTH)) - t.origin;
         places[i] = place_at(t, q, radius_squared, scale);
+        if (DISTANCE == DISTANCE_BARYCENTRIC && OFFICIAL) {
+            ivec4 box = texelFetch(boxes, slot);
+            ivec2 pixel = ivec2(q + t.origin);
+            places[i].kept = places[i].kept && pixel == clamp(pixel, box.xy, box.zw);
+        }
     }
     Fragment fragments[PIXELS];
     for (int i = 0; i < PIXELS; ++i) {

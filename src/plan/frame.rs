@@ -60,7 +60,6 @@ pub(super) fn push_of(settings: &Settings, cutoff: f64) -> FramePush {
     let background_whole = background.round() as f32;
     let ((near_high, near_low), (far_high, far_low)) = (split(settings.near), split(settings.far));
     let (score_high, score_low) = split(score);
-    let euclidean = settings.distance == Distance::Euclidean;
     let hard = settings.distance == Distance::Hard;
     // Both soft distances are in units of log2 weights, so the same cut-off serves them.
     let radius_squared = if hard { 0.0 } else { (cutoff * log2e) as f32 };
@@ -74,7 +73,7 @@ pub(super) fn push_of(settings: &Settings, cutoff: f64) -> FramePush {
         bins_y: settings.height.div_ceil(c::BIN_HEIGHT),
         scale: ((log2e / settings.sigma).sqrt() / half_height) as f32,
         radius_squared,
-        radius_pixels: if euclidean { ((settings.sigma * cutoff).sqrt() * half_height) as f32 } else { 0.0 },
+        radius_pixels: if hard { 0.0 } else { ((settings.sigma * cutoff).sqrt() * half_height) as f32 },
         barycentric_scale: (log2e / settings.sigma) as f32,
         barycentric_radius: (settings.sigma * cutoff).sqrt() as f32,
         near_high,
