@@ -26,14 +26,19 @@ impl Progress {
 
     /// For a number of frames.
     pub fn frames(count: usize) -> Self {
-        let bar = ProgressBar::with_draw_target(Some(count as u64), ProgressDrawTarget::hidden());
-        if let Ok(style) = ProgressStyle::with_template("frame {pos}/{len} {wide_bar} {eta} left") {
+        Self::counted("frame", count as u64)
+    }
+
+    /// For a number of something.
+    pub fn counted(what: &str, count: u64) -> Self {
+        let bar = ProgressBar::with_draw_target(Some(count), ProgressDrawTarget::hidden());
+        if let Ok(style) = ProgressStyle::with_template(&format!("{what} {{pos}}/{{len}} {{wide_bar}} {{eta}} left")) {
             bar.set_style(style);
         }
         Self { bar, start: Instant::now() }
     }
 
-    /// One frame is done.
+    /// One of them is done.
     pub fn step(&self) {
         if self.bar.is_hidden() && self.start.elapsed() > PATIENCE {
             self.bar.set_draw_target(ProgressDrawTarget::stderr());
