@@ -83,9 +83,18 @@ Corners corners_of(Shape shape, View camera, int triangle, ivec3 v, vec3 face_no
     return c;
 }
 
+bool is_nothing(Partial p, int i) {
+    vec3 sum = abs(p.color[i]) + abs(p.normal[i]) + vec3(abs(p.pixel[i]) + abs(p.coordinate[i]), abs(p.depth[i]));
+    return sum == vec3(0.0);
+}
+
 // One corner of a piece: original corner k itself, or the point at share t on the way from corner k to corner l, where
 // the near plane cuts that edge.
 void add_corner(View camera, inout Corners c, Partial p, int i, int k, int l, float near) {
+    // What no pixel depends on has no gradient, wherever it lies: on the camera's plane, say, where there is no projection.
+    if (is_nothing(p, i)) {
+        return;
+    }
     float from = c.point[k].z - near;
     float to = c.point[l].z - near;
     float t = k == l ? 0.0 : from / (from - to);

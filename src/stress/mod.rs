@@ -11,6 +11,7 @@ mod form;
 mod promise;
 mod random;
 mod run;
+mod shrink;
 mod soup;
 
 pub use draw::{Case, at, case};

@@ -7,7 +7,7 @@ use super::progress::Progress;
 use super::{Failure, files, say};
 use clap::Args;
 use serde_json::json;
-use softras::stress::{FORMS, Stress};
+use softras::stress::{FORMS, Stress, case};
 use softras::{Error, RendererOptions, Result};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -51,6 +51,9 @@ pub struct StressArgs {
     /// Draw the error of images over the sigma-gamma plane
     #[arg(long, value_name = "FILE.svg")]
     map: Option<PathBuf>,
+    /// Print the least scene that still shows the first finding
+    #[arg(long)]
+    shrink: bool,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
@@ -72,8 +75,10 @@ pub fn run(args: &StressArgs) -> std::result::Result<(), Failure> {
     // A panic is a finding and is told of as one.
     std::panic::set_hook(Box::new(|_| {}));
     let tally = at_length(args, &options, stress);
-    let _ = std::panic::take_hook();
     let tally = tally?;
+    let least = if args.shrink { tally.first() } else { None };
+    let least = least.map(|(seed, kind)| shrunk(&options, seed, args.forms, kind)).transpose()?;
+    let _ = std::panic::take_hook();
     let seconds = start.elapsed().as_secs_f64();
     if args.json {
         let mut object = tally.json();
@@ -86,6 +91,7 @@ pub fn run(args: &StressArgs) -> std::result::Result<(), Failure> {
     } else {
         say(&format!("{device}; {} scenes from seed {}, {:.0} s", args.cases, args.seed, seconds))?;
         tally.lines().iter().try_for_each(|line| say(line))?;
+        least.iter().try_for_each(|case| say(case))?;
     }
     if let Some(path) = &args.map {
         map::draw(path, &mut Stress::new(&options)?)?;
@@ -94,6 +100,15 @@ pub fn run(args: &StressArgs) -> std::result::Result<(), Failure> {
         }
     }
     if tally.is_clean() { Ok(()) } else { Err(Failure::Told) }
+}
+
+/// The least scene with that finding, for people.
+fn shrunk(options: &RendererOptions, seed: u64, forms: u64, kind: &str) -> Result<String> {
+    let mut stress = Stress::new(options)?;
+    let case = stress.shrink(&case(seed, forms as usize)?, kind)?;
+    let findings = stress.run(&case)?.findings;
+    let texts = findings.iter().map(|finding| format!("{}: {}\n", finding.kind, finding.what)).collect::<String>();
+    Ok(format!("{texts}{case:#?}"))
 }
 
 /// All cases, by several renderers; the order in which they end does not matter to the tally.

@@ -82,6 +82,11 @@ impl Tally {
         self.found.is_empty()
     }
 
+    /// The first finding's seed and kind.
+    pub fn first(&self) -> Option<(u64, &'static str)> {
+        self.findings.first().map(|(seed, finding)| (*seed, finding.kind))
+    }
+
     /// Share of the cases without a promise whose images are off by more.
     fn beyond(&self, error: f64) -> f64 {
         self.unpromised.iter().filter(|e| **e > error).count() as f64 / self.unpromised.len().max(1) as f64
