@@ -133,6 +133,7 @@ struct Depth {
 // 1/z = Σ b̂/z_k, kept relative to corner 0. `record` is triangle.comp's depth record; b is not divided by its sum.
 Depth depth_at(vec4 record, vec3 b, float sum) {
     float excess = b.y * record.x + b.z * record.y;
-    float inverse = 1.0 / (sum + excess);
+    // Where corner 0 is nearer than the fragment by more than a float tells apart, rounding leaves nothing or less.
+    float inverse = 1.0 / greater(sum + excess, 1e-12);
     return Depth(sum * inverse, record.z * excess * inverse + record.w);
 }
