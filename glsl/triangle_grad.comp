@@ -99,6 +99,8 @@ void add_corner(View camera, inout Corners c, Partial p, int i, int k, int l, fl
     float to = c.point[l].z - near;
     float t = k == l ? 0.0 : from / (from - to);
     vec3 point = c.point[k] + t * (c.point[l] - c.point[k]);
+    // On the plane exactly, however long the edge.
+    point.z = k == l ? point.z : near;
     vec4 by_projection;
     vec3 by_point = project_gradient(camera, point, p.pixel[i], p.depth[i], by_projection);
     c.by_projection += by_projection;

@@ -135,5 +135,5 @@ Depth depth_at(vec4 record, vec3 b, float sum) {
     float excess = b.y * record.x + b.z * record.y;
     // Where corner 0 is nearer than the fragment by more than a float tells apart, rounding leaves nothing or less.
     float inverse = 1.0 / greater(sum + excess, 1e-12);
-    return Depth(sum * inverse, record.z * excess * inverse + record.w);
+    return Depth(sum * inverse, record.z * (excess * inverse) + record.w);
 }

@@ -38,7 +38,8 @@ pub fn case(seed: u64, forms: usize) -> Result<Case> {
     if random.chance(0.5) { tame(seed, random, form) } else { wild(seed, random, form) }
 }
 
-/// The same scene as any other seed's tame case, with this σ and γ: for the map of errors. Of the paper's modes.
+/// A seed's case within the promise, but with this σ and γ: for the map of errors. All images, lit, over
+/// the composite background.
 ///
 /// # Errors
 /// As [`case`].
@@ -77,8 +78,10 @@ fn tame(seed: u64, random: &mut Random, form: &Form) -> Result<Case> {
         Promise::Bounds
     } else if soup.thin {
         Promise::Silhouette
-    } else {
+    } else if soup.kinked {
         Promise::Images
+    } else {
+        Promise::Gradients
     };
     finish(seed, random, form, soup.mesh()?, camera, settings, promise, 1.0)
 }
@@ -122,7 +125,8 @@ fn finish(
     promise: Promise,
     brightest: f32,
 ) -> Result<Case> {
-    let mesh = form.appearance(random, mesh, brightest)?;
+    let farthest = if promise == Promise::Bounds { random.choose(&[1.0, 2.0, 1e4]) } else { 2.0 };
+    let mesh = form.appearance(random, mesh, brightest, farthest)?;
     let scene = Scene::new(mesh).with_lights(form.lights(random));
     Ok(Case { seed, promise, scene, cameras: vec![camera], settings, gradient: form.gradient })
 }

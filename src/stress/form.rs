@@ -98,8 +98,8 @@ impl Form {
         self.faces == Faces::Both && self.distance == Distance::Euclidean && self.parity == Parity::Model
     }
 
-    /// The mesh with its colours, each channel within [0, `brightest`].
-    pub fn appearance(&self, random: &mut Random, mesh: Mesh, brightest: f32) -> Result<Mesh> {
+    /// The mesh with its colours, each channel within [0, `brightest`], and UVs of at most `farthest`.
+    pub fn appearance(&self, random: &mut Random, mesh: Mesh, brightest: f32, farthest: f64) -> Result<Mesh> {
         let (vertices, triangles) = (mesh.positions().len(), mesh.triangles().len());
         let mut color = |random: &mut Random| random.color().map(|c| c * brightest);
         let appearance = match self.look {
@@ -110,7 +110,7 @@ impl Form {
                 let cells = triangles * (resolution * resolution) as usize;
                 Appearance::Surface { resolution, texels: (0..cells).map(|_| color(random)).collect() }
             }
-            Look::Images => images(random, triangles, &mut color)?,
+            Look::Images => images(random, triangles, farthest, &mut color)?,
         };
         mesh.with_appearance(appearance)
     }
@@ -131,12 +131,12 @@ impl Form {
 fn images(
     random: &mut Random,
     triangles: usize,
+    farthest: f64,
     color: &mut impl FnMut(&mut Random) -> [f32; 3],
 ) -> Result<Appearance> {
     let (width, height) = (random.log_range(1.0, 9.0) as u32, random.log_range(1.0, 9.0) as u32);
     let texels = (0..width * height).map(|_| color(random)).collect();
     let textures = vec![Texture::new(width, height, texels, random.choose(&[Wrap::Repeat, Wrap::Clamp]))?];
-    let farthest = random.choose(&[1.0, 2.0, 1e4]);
     let uvs = (0..7).map(|_| [(); 2].map(|()| random.range(-farthest, farthest) as f32)).collect();
     let uv_triangles = (0..triangles).map(|_| [(); 3].map(|()| random.below(7) as u32)).collect();
     Ok(Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle: Vec::new() })

@@ -18,8 +18,10 @@ pub enum Promise {
     Bounds,
     /// And the silhouette's error.
     Silhouette,
-    /// And every image's and gradient's error.
+    /// And every image's error.
     Images,
+    /// And every gradient's error.
+    Gradients,
 }
 
 /// Pixels with a smaller [`ReferenceFrame::margin`] do not count: the model jumps there within the kernels' rounding.

@@ -21,6 +21,8 @@ pub(super) struct Soup {
     triangles: Vec<[u32; 3]>,
     /// Some triangle is so thin that f32 barycentrics say little.
     pub thin: bool,
+    /// Some derivative has two sides: where corners are one point, or a pixel's centre lies on an edge.
+    pub kinked: bool,
 }
 
 impl Soup {
@@ -43,14 +45,17 @@ impl Soup {
 
 /// `count` triangles; tame ones lie between near and far and within a few units.
 pub(super) fn soup(random: &mut Random, settings: &Settings, place: Place, count: usize, tame: bool) -> Soup {
-    let mut soup = Soup { positions: Vec::new(), triangles: Vec::new(), thin: false };
+    let mut soup = Soup { positions: Vec::new(), triangles: Vec::new(), thin: false, kinked: false };
     // All of a scene at one scale, or each triangle at its own.
     let scale = if tame || random.chance(0.6) { 1.0 } else { random.log_range(1e-20, 1e20) };
     let mixed = !tame && random.chance(0.2);
     for _ in 0..count {
         let plain = plain(random, settings, place);
         let corners = match random.below(if tame { 9 } else { 16 }) {
-            0 => degenerate(random, plain, tame),
+            0 => {
+                soup.kinked = true;
+                degenerate(random, plain, tame)
+            }
             1 => {
                 soup.thin = true;
                 needle(random, plain, tame)
@@ -64,7 +69,10 @@ pub(super) fn soup(random: &mut Random, settings: &Settings, place: Place, count
             // In the plane of the last, and through the middle of the last.
             3 => soup.last().map_or(plain, |last| last.map(|p| p + (last[1] - last[0]) * 0.25)),
             4 => soup.last().map_or(plain, |last| piercing(random, last)),
-            5 if place == Place::Screen => plain.map(|p| on_grid(random, settings, p)),
+            5 if place == Place::Screen => {
+                soup.kinked = true;
+                plain.map(|p| on_grid(random, settings, p))
+            }
             9 => plain.map(|p| p * random.log_range(1.0, 1e20)),
             10 => plain.map(|p| p * random.log_range(1e-45, 1.0)),
             11 => special_depth(random, settings, plain),
