@@ -110,6 +110,8 @@ void write_shading(Shape shape, int triangle, int slot, Corners c, vec4 depth, f
 // Bounds that keep what follows from depth finite; what is seen comes nowhere near them.
 const float FARTHEST_WEIGHT = 1e30;
 const float FARTHEST_RATIO = 1e18;
+// 2⁻²⁴, what a float tells from 1.
+const float LEAST_NEARNESS = 5.9604645e-8;
 
 // Depth relative to corner 0: (z0/z1 - 1, z0/z2 - 1, z0 in log2 weights, fraction of corner 0's log2 weight). The whole
 // part of that weight goes apart: two of them are subtracted exactly, however small gamma is.
@@ -125,6 +127,8 @@ vec4 depth_record(Corners c, out float whole) {
     float z2 = c.z[2].x == 0.0 ? 1e-20 : c.z[2].x;
     vec2 excess = vec2(df_sub(c.z[0], c.z[1]).x / z1, df_sub(c.z[0], c.z[2]).x / z2);
     excess = clamp(excess, -FARTHEST_RATIO, FARTHEST_RATIO);
+    // z0 / zk is never 0, since shares are divided by it.
+    excess = mix(excess, vec2(LEAST_NEARNESS - 1.0), lessThan(abs(1.0 + excess), vec2(LEAST_NEARNESS)));
     return vec4(excess, clamp(z0 * k.x, -FARTHEST_WEIGHT, FARTHEST_WEIGHT), rest);
 }
 

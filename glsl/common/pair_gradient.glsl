@@ -182,7 +182,7 @@ vec3 color_gradient(Corner c, vec3 mixed, vec3 by_color, float weight, out float
     return by_light * c.color + by_coordinate_mixed;
 }
 
-// z_0 / z_k of each corner.
+// z_0 / z_k of each corner; triangle.comp keeps it from 0.
 vec3 nearness(Corner c) {
     return vec3(1.0, 1.0 + c.depth.x, 1.0 + c.depth.y);
 }

@@ -65,7 +65,9 @@ vec3 project_gradient(View v, vec3 p, vec2 by_pixel, float by_depth, out vec4 by
 // dL/d(what the mesh holds) from dL/d(view-space point).
 vec3 world_gradient(View v, vec3 p, vec3 by_view) {
     // Screen vertices (x, y, z) stand for the point (x z, y z, z).
-    return v.kind == PROJECTION_SCREEN
-        ? vec3(by_view.xy * p.z, by_view.z + dot(by_view.xy, p.xy) / p.z)
-        : by_view * v.rotation;
+    if (v.kind != PROJECTION_SCREEN) {
+        return by_view * v.rotation;
+    }
+    bool held = by_view.xy == vec2(0.0);
+    return held ? vec3(0.0, 0.0, by_view.z) : vec3(by_view.xy * p.z, by_view.z + dot(by_view.xy, p.xy / p.z));
 }
