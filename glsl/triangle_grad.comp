@@ -200,7 +200,7 @@ void main() {
         if (c.by_point[k] != vec3(0.0)) {
             c.twist_shift += c.by_point[k];
             c.twist_turn += cross(c.point[k], c.by_point[k]);
-            by_world[k] = world_gradient(camera, c.point[k], c.by_point[k]);
+            by_world[k] = world_gradient(camera, position_of(shape, v[k]), c.by_point[k]);
         }
         by_light += c.by_color[k] * c.base[k];
     }
@@ -209,8 +209,9 @@ void main() {
         if (LIT) {
             by_normal += light_gradient(face_normal, by_light);
         }
-        // Of the edges as they are: the normal does not change with their size.
-        vec3 by_cross = by_area(area, by_normal) / (size > 1e-37 ? size : 1.0);
+        // Of the edges as they are: the normal does not change with their size. Edges so small that the quotient leaves a
+        // float are a point.
+        vec3 by_cross = size > 1e-30 ? by_area(area, by_normal) / size : vec3(0.0);
         vec3 by_edge1 = cross(edge2, by_cross);
         vec3 by_edge2 = cross(by_cross, edge1);
         by_world[0] -= by_edge1 + by_edge2;

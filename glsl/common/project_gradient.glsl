@@ -62,12 +62,10 @@ vec3 project_gradient(View v, vec3 p, vec2 by_pixel, float by_depth, out vec4 by
     return vec3(by / z, by_depth - (flat_projection ? 0.0 : dot(by, q) / z));
 }
 
-// dL/d(what the mesh holds) from dL/d(view-space point).
+// dL/d(what the mesh holds) from dL/d(view-space point); `p` is what it holds.
 vec3 world_gradient(View v, vec3 p, vec3 by_view) {
     // Screen vertices (x, y, z) stand for the point (x z, y z, z).
-    if (v.kind != PROJECTION_SCREEN) {
-        return by_view * v.rotation;
-    }
-    bool held = by_view.xy == vec2(0.0);
-    return held ? vec3(0.0, 0.0, by_view.z) : vec3(by_view.xy * p.z, by_view.z + dot(by_view.xy, p.xy / p.z));
+    return v.kind == PROJECTION_SCREEN
+        ? vec3(by_view.xy * p.z, by_view.z + dot(by_view.xy, p.xy))
+        : by_view * v.rotation;
 }
