@@ -63,7 +63,7 @@ void write_shading(Shape shape, int triangle, int slot, Corners c, vec4 depth, f
             normal[k] = texelFetch(vertex_shading, at + 1).xyz;
         }
     } else if (LIT || WANT_NORMAL) {
-        vec3 n = unit_or_zero(area_vector(shape, v));
+        vec3 n = unit_or_zero(normal_direction(shape, v));
         normal[0] = normal[1] = normal[2] = n;
         light[0] = light[1] = light[2] = light_on(n);
     }
@@ -107,16 +107,29 @@ void write_shading(Shape shape, int triangle, int slot, Corners c, vec4 depth, f
     }
 }
 
+// Bounds that keep what follows from depth finite; what is seen comes nowhere near them.
+const float FARTHEST_WEIGHT = 1e30;
+const float FARTHEST_RATIO = 1e18;
+// 2⁻²⁴, what a float tells from 1.
+const float LEAST_NEARNESS = 5.9604645e-8;
+
 // Depth relative to corner 0: (z0/z1 - 1, z0/z2 - 1, z0 in log2 weights, fraction of corner 0's log2 weight). The whole
 // part of that weight goes apart: two of them are subtracted exactly, however small gamma is.
 vec4 depth_record(Corners c, out float whole) {
     vec2 k = vec2(frame.score_high, frame.score_low);
     vec2 weight = df_mul(df_sub(vec2(frame.far_high, frame.far_low), c.z[0]), k);
-    whole = floor(weight.x + 0.5);
-    float rest = (weight.x - whole) + weight.y;
-    float z1 = c.z[1].x == 0.0 ? 1e-30 : c.z[1].x;
-    float z2 = c.z[2].x == 0.0 ? 1e-30 : c.z[2].x;
-    return vec4(df_sub(c.z[0], c.z[1]).x / z1, df_sub(c.z[0], c.z[2]).x / z2, c.z[0].x * k.x, rest);
+    // Of a corner so far from near and far that its weight leaves a float nothing is seen.
+    bool holds = abs(weight.x) < FARTHEST_WEIGHT;
+    whole = holds ? floor(weight.x + 0.5) : (c.z[0].x < 0.0 ? FARTHEST_WEIGHT : -FARTHEST_WEIGHT);
+    float rest = holds ? (weight.x - whole) + weight.y : 0.0;
+    float z0 = c.z[0].x == 0.0 ? 1e-20 : c.z[0].x;
+    float z1 = c.z[1].x == 0.0 ? 1e-20 : c.z[1].x;
+    float z2 = c.z[2].x == 0.0 ? 1e-20 : c.z[2].x;
+    vec2 excess = vec2(df_sub(c.z[0], c.z[1]).x / z1, df_sub(c.z[0], c.z[2]).x / z2);
+    excess = clamp(excess, -FARTHEST_RATIO, FARTHEST_RATIO);
+    // z0 / zk is never 0, since shares are divided by it.
+    excess = mix(excess, vec2(LEAST_NEARNESS - 1.0), lessThan(abs(1.0 + excess), vec2(LEAST_NEARNESS)));
+    return vec4(excess, clamp(z0 * k.x, -FARTHEST_WEIGHT, FARTHEST_WEIGHT), rest);
 }
 
 // Backward walks a box cell by cell; the first is the slot's own. Where the others lie in `cells` comes from an atomic

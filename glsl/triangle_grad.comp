@@ -83,13 +83,24 @@ Corners corners_of(Shape shape, View camera, int triangle, ivec3 v, vec3 face_no
     return c;
 }
 
+bool is_nothing(Partial p, int i) {
+    vec3 sum = abs(p.color[i]) + abs(p.normal[i]) + vec3(abs(p.pixel[i]) + abs(p.coordinate[i]), abs(p.depth[i]));
+    return sum == vec3(0.0);
+}
+
 // One corner of a piece: original corner k itself, or the point at share t on the way from corner k to corner l, where
 // the near plane cuts that edge.
 void add_corner(View camera, inout Corners c, Partial p, int i, int k, int l, float near) {
+    // What no pixel depends on has no gradient, wherever it lies: on the camera's plane, say, where there is no projection.
+    if (is_nothing(p, i)) {
+        return;
+    }
     float from = c.point[k].z - near;
     float to = c.point[l].z - near;
     float t = k == l ? 0.0 : from / (from - to);
     vec3 point = c.point[k] + t * (c.point[l] - c.point[k]);
+    // On the plane exactly, however long the edge.
+    point.z = k == l ? point.z : near;
     vec4 by_projection;
     vec3 by_point = project_gradient(camera, point, p.pixel[i], p.depth[i], by_projection);
     c.by_projection += by_projection;
@@ -106,9 +117,9 @@ void add_corner(View camera, inout Corners c, Partial p, int i, int k, int l, fl
                    + dot(p.color[i], c.base[l] * c.light[l] - c.base[k] * c.light[k])
                    + dot(p.coordinate[i], c.coordinate[l] - c.coordinate[k])
                    + dot(p.normal[i], c.normal[l] - c.normal[k]);
-        float inverse = 1.0 / ((from - to) * (from - to));
-        c.by_point[k].z -= by_t * to * inverse;
-        c.by_point[l].z += by_t * from * inverse;
+        // The quotients first: squares of depths may leave a float.
+        c.by_point[k].z -= by_t * (to / (from - to)) / (from - to);
+        c.by_point[l].z += by_t * t / (from - to);
     }
 }
 
@@ -153,9 +164,10 @@ void add_pieces(View camera, Shape shape, int triangle, inout Corners c) {
 
 // dL/d(unnormalised normal) from dL/d(unit normal).
 vec3 by_area(vec3 area, vec3 by_normal) {
+    // Of edges of size 1: less is a segment, whose normal is noise.
     float size = length(area);
-    vec3 n = size > 0.0 ? area / size : vec3(0.0);
-    return size > 0.0 ? (by_normal - n * dot(n, by_normal)) / size : vec3(0.0);
+    vec3 n = size > 1e-18 ? area / size : vec3(0.0);
+    return size > 1e-18 ? (by_normal - n * dot(n, by_normal)) / size : vec3(0.0);
 }
 
 void main() {
@@ -166,9 +178,10 @@ void main() {
         return;
     }
     ivec3 v = triangle_vertices(shape, triangle);
-    vec3 p0 = position_of(shape, v.x);
-    vec3 edge1 = position_of(shape, v.y) - p0;
-    vec3 edge2 = position_of(shape, v.z) - p0;
+    vec3 edge1;
+    vec3 edge2;
+    float size;
+    unit_edges(position_of(shape, v.x), position_of(shape, v.y), position_of(shape, v.z), edge1, edge2, size);
     vec3 area = cross(edge1, edge2);
     vec3 face_normal = unit_or_zero(area);
     View camera = view_record(view);
@@ -183,9 +196,12 @@ void main() {
     vec3 by_world[3];
     vec3 by_light = vec3(0.0);
     for (int k = 0; k < 3; ++k) {
-        c.twist_shift += c.by_point[k];
-        c.twist_turn += cross(c.point[k], c.by_point[k]);
-        by_world[k] = world_gradient(camera, c.point[k], c.by_point[k]);
+        by_world[k] = vec3(0.0);
+        if (c.by_point[k] != vec3(0.0)) {
+            c.twist_shift += c.by_point[k];
+            c.twist_turn += cross(c.point[k], c.by_point[k]);
+            by_world[k] = world_gradient(camera, position_of(shape, v[k]), c.by_point[k]);
+        }
         by_light += c.by_color[k] * c.base[k];
     }
     if (!SMOOTH && (LIT || UP_NORMAL)) {
@@ -193,7 +209,9 @@ void main() {
         if (LIT) {
             by_normal += light_gradient(face_normal, by_light);
         }
-        vec3 by_cross = by_area(area, by_normal);
+        // Of the edges as they are: the normal does not change with their size. Edges so small that the quotient leaves a
+        // float are a point.
+        vec3 by_cross = size > 1e-30 ? by_area(area, by_normal) / size : vec3(0.0);
         vec3 by_edge1 = cross(edge2, by_cross);
         vec3 by_edge2 = cross(by_cross, edge1);
         by_world[0] -= by_edge1 + by_edge2;

@@ -47,7 +47,8 @@ void main() {
     vec3 normal = unit_or_zero(area);
     float size = length(area);
     vec3 by_unit = by_normal + (LIT ? light_gradient(normal, by_light) : vec3(0.0));
-    vec3 by_area = size > 0.0 ? (by_unit - normal * dot(normal, by_unit)) / size : vec3(0.0);
+    // Areas that leave a float, either way, have no direction to turn.
+    vec3 by_area = size > 1e-30 && size < 1e30 ? (by_unit - normal * dot(normal, by_unit)) / size : vec3(0.0);
     int to = shape.screen_base + vertex;
     area_gradients[to] = vec4(by_area, 0.0);
     if (GRAD_LIGHTS) {

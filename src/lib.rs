@@ -31,9 +31,9 @@
 //!
 //! # Where things are
 //! [`scene`] is what is drawn, judged once; [`renderer`] draws it and differentiates; [`mod@reference`] is the f64 judge of
-//! both; [`fit`] turns gradients into shape, colour and pose; `measure` says what a frame costs and must cost. Below them,
-//! [`plan`] turns sizes into buffers and dispatches, [`passes`] records a frame, and [`vulkan`] is the only module with
-//! `unsafe`.
+//! both; [`fit`] turns gradients into shape, colour and pose; `measure` says what a frame costs and must cost; `stress`
+//! draws scenes to break it. Below them, [`plan`] turns sizes into buffers and dispatches, [`passes`] records a frame, and
+//! [`vulkan`] is the only module with `unsafe`.
 
 pub mod buffers;
 pub mod error;
@@ -53,6 +53,8 @@ pub mod reference;
 pub mod renderer;
 pub mod scene;
 pub mod shapes;
+#[cfg(feature = "reference")]
+pub mod stress;
 pub mod vulkan;
 
 pub use error::{Error, Result};

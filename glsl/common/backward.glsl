@@ -135,7 +135,8 @@ void add_pairs(int slot, Walk walk, int index, Triangle t, Ends ends, Corner c, 
         float relative[PAIRS];
         float weight[PAIRS];
         for (int i = 0; i < PAIRS; ++i) {
-            relative[i] = (c.whole - weights[i].x) + (depth[i].weight - weights[i].y);
+            // Finite, so that what weighs nothing gives nothing.
+            relative[i] = between((c.whole - weights[i].x) + (depth[i].weight - weights[i].y), 1e30);
             // Beyond 2¹⁰⁰ only what takes no part lies, with D = 0.
             weight[i] = (shaded[i] ? f[i].probability : 0.0) * exp2(lesser(relative[i], 100.0));
             if (COLOR_MODE == COLOR_HARD) {

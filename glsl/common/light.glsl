@@ -23,11 +23,13 @@ vec3 light_gradient(vec3 normal, vec3 by_light) {
     return sum;
 }
 
-// Unit vector along v, or zero: scaled by its largest component first, so that no square overflows or vanishes.
+// Unit vector along v, or zero where v is or is not finite: scaled by its largest component first, so that no square
+// overflows or vanishes.
 vec3 unit_or_zero(vec3 v) {
     vec3 a = abs(v);
     float largest = max(a.x, max(a.y, a.z));
-    vec3 w = v / (largest > 0.0 ? largest : 1.0);
+    bool has_direction = largest > 0.0 && a.x + a.y + a.z < 3e38;
+    vec3 w = v / (has_direction ? largest : 1.0);
     float squared = dot(w, w);
-    return largest > 0.0 ? w * inversesqrt(squared) : vec3(0.0);
+    return has_direction ? w * inversesqrt(squared) : vec3(0.0);
 }

@@ -144,7 +144,8 @@ void barycentric_distance_gradient(Triangle t, vec3 height, float by_x, inout Su
     vec4 line = first ? t.line0 : (second ? t.line1 : t.line2);
     float inverse = first ? t.inverse_height.x : (second ? t.inverse_height.y : t.inverse_height.z);
     const float LN2 = 0.69314718056;
-    vec2 pull = line.xy * (inverse * 2.0 * abs(least) * frame.barycentric_scale * LN2 * by_x);
+    // What gets nothing gives nothing, however far off it is.
+    vec2 pull = by_x == 0.0 ? vec2(0.0) : line.xy * (inverse * 2.0 * abs(least) * frame.barycentric_scale * LN2 * by_x);
     s.corner[0] -= b.x * pull;
     s.corner[1] -= b.y * pull;
     s.corner[2] -= b.z * pull;
@@ -181,7 +182,7 @@ vec3 color_gradient(Corner c, vec3 mixed, vec3 by_color, float weight, out float
     return by_light * c.color + by_coordinate_mixed;
 }
 
-// z_0 / z_k of each corner.
+// z_0 / z_k of each corner; triangle.comp keeps it from 0.
 vec3 nearness(Corner c) {
     return vec3(1.0, 1.0 + c.depth.x, 1.0 + c.depth.y);
 }

@@ -10,6 +10,26 @@ ivec3 triangle_vertices(Shape shape, int triangle) {
     return ivec3(texelFetch(indices, at).x, texelFetch(indices, at + 1).x, texelFetch(indices, at + 2).x);
 }
 
+// Edges in units of their largest component, whose product neither overflows nor vanishes; `size` is that component.
+void unit_edges(vec3 p0, vec3 p1, vec3 p2, out vec3 edge1, out vec3 edge2, out float size) {
+    edge1 = p1 - p0;
+    edge2 = p2 - p0;
+    vec3 largest = max(abs(edge1), abs(edge2));
+    size = max(largest.x, max(largest.y, largest.z));
+    float inverse = size > 1e-37 ? 1.0 / size : 0.0;
+    edge1 *= inverse;
+    edge2 *= inverse;
+}
+
+// Along the triangle's normal, of any length.
+vec3 normal_direction(Shape shape, ivec3 v) {
+    vec3 edge1;
+    vec3 edge2;
+    float size;
+    unit_edges(position_of(shape, v.x), position_of(shape, v.y), position_of(shape, v.z), edge1, edge2, size);
+    return cross(edge1, edge2);
+}
+
 // Twice the triangle's area along its normal.
 vec3 area_vector(Shape shape, ivec3 v) {
     vec3 p0 = position_of(shape, v.x);

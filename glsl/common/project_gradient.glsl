@@ -41,12 +41,19 @@ vec2 distort_gradient(View v, vec2 q, vec2 by, out vec2 distorted) {
     return from_radial + tangential;
 }
 
+// As camera.glsl's FARTHEST_PIXEL, to which it holds projected units too.
+const float FARTHEST_SHOWN = 1e12;
+
 // dL/d(view-space point), and dL by the four numbers that map projected units to pixels (two scales, two offsets).
 vec3 project_gradient(View v, vec3 p, vec2 by_pixel, float by_depth, out vec4 by_projection) {
     vec2 by = by_pixel * v.scale;
     bool flat_projection = v.kind == PROJECTION_ORTHOGRAPHIC;
     float z = flat_projection ? 1.0 : p.z + (v.kind == PROJECTION_OFFICIAL ? 1e-5 : 0.0);
     vec2 q = p.xy / z;
+    // camera.glsl holds what is farther off where it is.
+    bvec2 held = greaterThanEqual(abs(q), vec2(FARTHEST_SHOWN));
+    by = vec2(held.x ? 0.0 : by.x, held.y ? 0.0 : by.y);
+    q = clamp(q, -FARTHEST_SHOWN, FARTHEST_SHOWN);
     vec2 shown = q;
     if (DISTORTED && v.kind == PROJECTION_OFFICIAL) {
         by = distort_gradient(v, q, by, shown);
@@ -55,10 +62,10 @@ vec3 project_gradient(View v, vec3 p, vec2 by_pixel, float by_depth, out vec4 by
     return vec3(by / z, by_depth - (flat_projection ? 0.0 : dot(by, q) / z));
 }
 
-// dL/d(what the mesh holds) from dL/d(view-space point).
+// dL/d(what the mesh holds) from dL/d(view-space point); `p` is what it holds.
 vec3 world_gradient(View v, vec3 p, vec3 by_view) {
     // Screen vertices (x, y, z) stand for the point (x z, y z, z).
     return v.kind == PROJECTION_SCREEN
-        ? vec3(by_view.xy * p.z, by_view.z + dot(by_view.xy, p.xy) / p.z)
+        ? vec3(by_view.xy * p.z, by_view.z + dot(by_view.xy, p.xy))
         : by_view * v.rotation;
 }

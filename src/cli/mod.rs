@@ -17,6 +17,7 @@ mod parse;
 mod pose;
 mod progress;
 mod render;
+mod stress;
 
 use clap::{Parser, Subcommand};
 use std::io::Write;
@@ -42,6 +43,7 @@ pub enum Command {
     Render(Box<render::args::RenderArgs>),
     Eval(eval::EvalArgs),
     Check(check::CheckArgs),
+    Stress(stress::StressArgs),
     Bench(Box<bench::args::BenchArgs>),
     Grad(Box<grad::args::GradArgs>),
     Devices(devices::DevicesArgs),
@@ -77,6 +79,7 @@ pub fn run(cli: &Cli) -> Result<(), Failure> {
         Command::Eval(args) => eval::run(args),
         Command::Grad(args) => grad::run(args),
         Command::Check(args) => check::run(args),
+        Command::Stress(args) => stress::run(args),
         Command::Bench(args) => bench::run(args),
         Command::Devices(args) => devices::run(args),
         Command::Mesh(args) => mesh::run(args),

@@ -1,0 +1,141 @@
+//! `softras stress`: scenes drawn to hurt, and what comes of them.
+
+mod map;
+mod tally;
+
+use super::progress::Progress;
+use super::{Failure, files, say};
+use clap::Args;
+use serde_json::json;
+use softras::stress::{FORMS, Stress, case};
+use softras::{Error, RendererOptions, Result};
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+use tally::Tally;
+
+/// Try to break a device and this crate: random scenes drawn to hurt, with a report
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Half of the scenes lie where accuracy is promised, with triangles that have no area, are thin, doubled,
+coincident or through each other; the other half lie anywhere: coordinates from 1e-40 to 1e20, sigma from
+1e-12 to 10, gamma from 1e-10 to 10, near and far equal, swapped or enormous, images from 1x1 to 1x4096.
+Each is rendered and differentiated twice. It may be refused with an error that says why. Else every
+value must be finite and in its range, both runs must have the same bits, and where it is promised
+images and gradients must be those of the model in f64. Whatever is not so is printed with its seed,
+and the exit code is 1.
+
+Examples:
+  softras stress --cases 20000 --seed 1
+  softras stress --cases 1 --seed 4711            # one scene again
+  softras stress --cases 0 --map accuracy.svg     # error over the sigma-gamma plane")]
+pub struct StressArgs {
+    /// How many scenes
+    #[arg(long, value_name = "N", default_value_t = 1000)]
+    cases: u64,
+    /// The seed of the first scene; the others' follow
+    #[arg(long, value_name = "S", default_value_t = 1)]
+    seed: u64,
+    /// How many combinations of modes to draw from: each costs some seconds of compiling
+    #[arg(long, value_name = "N", default_value_t = FORMS as u64, value_parser = clap::value_parser!(u64).range(1..=FORMS as u64))]
+    forms: u64,
+    /// Renderers that work at the same time
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u64).range(1..=64))]
+    jobs: u64,
+    /// Run under the Vulkan validation layers; whatever they say is a finding
+    #[arg(long)]
+    validation: bool,
+    /// The Vulkan device: its index or a part of its name, as `softras devices` lists them [default: the best one]
+    #[arg(long, value_name = "DEVICE")]
+    device: Option<String>,
+    /// Draw the error of images over the sigma-gamma plane
+    #[arg(long, value_name = "FILE.svg")]
+    map: Option<PathBuf>,
+    /// Print the least scene that still shows the first finding
+    #[arg(long)]
+    shrink: bool,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command.
+pub fn run(args: &StressArgs) -> std::result::Result<(), Failure> {
+    if let Some(path) = &args.map {
+        if path.extension().is_none_or(|extension| extension != "svg") {
+            return Err(Failure::Usage(format!("--map {}: the map is an .svg file", path.display())));
+        }
+        files::judge_writable(path)?;
+    }
+    let start = Instant::now();
+    let options =
+        RendererOptions { device: args.device.clone(), validation: args.validation, ..RendererOptions::default() };
+    let mut stress = Stress::new(&options)?;
+    let device = stress.renderer().device_name().to_string();
+    // A panic is a finding and is told of as one.
+    std::panic::set_hook(Box::new(|_| {}));
+    let tally = at_length(args, &options, stress);
+    let tally = tally?;
+    let least = if args.shrink { tally.first() } else { None };
+    let least = least.map(|(seed, kind)| shrunk(&options, seed, args.forms, kind)).transpose()?;
+    let _ = std::panic::take_hook();
+    let seconds = start.elapsed().as_secs_f64();
+    if args.json {
+        let mut object = tally.json();
+        object["device"] = json!(device);
+        object["seed"] = json!(args.seed);
+        object["forms"] = json!(args.forms);
+        object["validation"] = json!(args.validation);
+        object["seconds"] = json!(seconds);
+        say(&format!("{object:#}"))?;
+    } else {
+        say(&format!("{device}; {} scenes from seed {}, {:.0} s", args.cases, args.seed, seconds))?;
+        tally.lines().iter().try_for_each(|line| say(line))?;
+        least.iter().try_for_each(|case| say(case))?;
+    }
+    if let Some(path) = &args.map {
+        map::draw(path, &mut Stress::new(&options)?)?;
+        if !args.json {
+            say(&format!("{}: the map of errors", path.display()))?;
+        }
+    }
+    if tally.is_clean() { Ok(()) } else { Err(Failure::Told) }
+}
+
+/// The least scene with that finding, for people.
+fn shrunk(options: &RendererOptions, seed: u64, forms: u64, kind: &str) -> Result<String> {
+    let mut stress = Stress::new(options)?;
+    let case = stress.shrink(&case(seed, forms as usize)?, kind)?;
+    let findings = stress.run(&case)?.findings;
+    let texts = findings.iter().map(|finding| format!("{}: {}\n", finding.kind, finding.what)).collect::<String>();
+    Ok(format!("{texts}{case:#?}"))
+}
+
+/// All cases, by several renderers; the order in which they end does not matter to the tally.
+fn at_length(args: &StressArgs, options: &RendererOptions, first: Stress) -> Result<Tally> {
+    let next = AtomicU64::new(0);
+    let progress = Progress::counted("scene", args.cases as usize);
+    let work = |mut stress: Stress| -> Result<Tally> {
+        let mut tally = Tally::default();
+        loop {
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            if index >= args.cases {
+                return Ok(tally);
+            }
+            let seed = args.seed.wrapping_add(index);
+            tally.add(seed, &stress.seed(seed, args.forms as usize)?);
+            progress.step();
+        }
+    };
+    std::thread::scope(|scope| {
+        let work = &work;
+        let others: Vec<_> =
+            (1..args.jobs.min(args.cases)).map(|_| scope.spawn(move || work(Stress::new(options)?))).collect();
+        let mut all = work(first)?;
+        for other in others {
+            let lost = |_| Error::Vulkan { call: "softras stress", result: "a worker ended in a panic".into() };
+            all.merge(other.join().map_err(lost)??);
+        }
+        Ok(all)
+    })
+}

@@ -1,0 +1,197 @@
+//! Scenes from a seed, drawn to hurt.
+
+use super::form::{FORMS, Form, TABLE};
+use super::promise::Promise;
+use super::random::Random;
+use super::soup::{Place, soup};
+use crate::scene::{Parity, Support};
+use crate::{Camera, GradientMode, Mesh, Projection, Result, Scene, Settings};
+use glam::{DMat4, DVec3};
+
+/// All there is to render and differentiate, and the seed that gave it.
+#[derive(Clone, Debug)]
+pub struct Case {
+    /// What [`case`] was called with.
+    pub seed: u64,
+    /// What is promised of it.
+    pub promise: Promise,
+    /// The meshes and lights.
+    pub scene: Scene,
+    /// One camera.
+    pub cameras: Vec<Camera>,
+    /// The settings, not judged yet: some are such as must be refused.
+    pub settings: Settings,
+    /// Which gradient.
+    pub gradient: GradientMode,
+}
+
+/// The case of a seed, of one of the first `forms` combinations of modes (1 to [`FORMS`]).
+///
+/// Every other seed draws from where the accuracy promise holds, the others from all there is: coordinates from 1e-40 to
+/// 1e20, every range of the settings to its ends and beyond, near and far equal or swapped.
+///
+/// # Errors
+/// What judges meshes and cameras says of it; that is a case's right outcome too.
+pub fn case(seed: u64, forms: usize) -> Result<Case> {
+    let random = &mut Random::new(seed);
+    let form = &TABLE[random.below(forms.clamp(1, FORMS))];
+    if random.chance(0.5) { tame(seed, random, form) } else { wild(seed, random, form) }
+}
+
+/// A seed's case within the promise, but with this σ and γ: for the map of errors. All images, lit, over
+/// the composite background.
+///
+/// # Errors
+/// As [`case`].
+pub fn at(seed: u64, sigma: f64, gamma: f64) -> Result<Case> {
+    let mut case = tame(seed, &mut Random::new(seed), &TABLE[1])?;
+    case.settings.sigma = sigma;
+    case.settings.gamma = gamma;
+    Ok(case)
+}
+
+/// Within the promise: f32 positions of a few units between near and far.
+fn tame(seed: u64, random: &mut Random, form: &Form) -> Result<Case> {
+    let (near, far) = (random.range(0.1, 1.0), random.log_range(10.0, 200.0));
+    let gamma = random.log_range(1e-5, 1.0).max(1e-4 / (far - near));
+    let settings = form.settings(Settings {
+        width: random.log_range(1.0, 40.0) as u32,
+        height: random.log_range(4.0, 40.0) as u32,
+        sigma: random.log_range(1e-6, 1e-2),
+        gamma: if form.support == Support::Guaranteed { gamma.max(0.05) } else { gamma },
+        epsilon: random.choose(&[1e-3, 0.0, 0.9, -0.5]),
+        tau: random.log_range(1e-6, 1e-1),
+        near,
+        far,
+        background_color: random.color().map(f64::from),
+        ..Settings::default()
+    });
+    let camera = if random.chance(0.4) {
+        Camera::screen()
+    } else {
+        Camera::look_at(random.direction() * 4.0, random.direction() * 0.3, random.direction(), plain_lens(random))?
+    };
+    let place = if *camera.projection() == Projection::Screen { Place::Screen } else { Place::World };
+    let count = random.log_range(1.0, 40.0) as usize;
+    let soup = soup(random, &settings, place, count, true);
+    let promise = if !form.is_smooth() {
+        Promise::Bounds
+    } else if soup.thin {
+        Promise::Silhouette
+    } else if soup.kinked {
+        Promise::Images
+    } else {
+        Promise::Gradients
+    };
+    finish(seed, random, form, soup.mesh()?, camera, settings, promise, 1.0)
+}
+
+/// Anywhere at all.
+fn wild(seed: u64, random: &mut Random, form: &Form) -> Result<Case> {
+    let (width, height) = size(random);
+    let (near, far) = depths(random);
+    let settings = form.settings(Settings {
+        width,
+        height,
+        sigma: random.log_range(1e-12, 10.0),
+        gamma: random.log_range(1e-10, 10.0),
+        epsilon: if random.chance(0.5) { random.range(-1.0, 1.0) } else { random.choose(&[-1.0, 0.0, 1e-3, 1.0]) },
+        tau: random.log_range(1e-12, 0.4),
+        near,
+        far,
+        background_color: random.color().map(f64::from),
+        ..Settings::default()
+    });
+    let (camera, place) = camera(random, &settings)?;
+    let count = match random.below(60) {
+        0 => 0,
+        1 => 1500,
+        2..=4 => 300,
+        _ => random.log_range(1.0, 40.0) as usize,
+    };
+    let soup = soup(random, &settings, place, count, false);
+    let brightest = if random.chance(0.05) { random.log_range(1e-40, 3e38) as f32 } else { 1.0 };
+    finish(seed, random, form, soup.mesh()?, camera, settings, Promise::Bounds, brightest)
+}
+
+#[allow(clippy::too_many_arguments)] // Everything that a case is made of.
+fn finish(
+    seed: u64,
+    random: &mut Random,
+    form: &Form,
+    mesh: Mesh,
+    camera: Camera,
+    settings: Settings,
+    promise: Promise,
+    brightest: f32,
+) -> Result<Case> {
+    let farthest = if promise == Promise::Bounds { random.choose(&[1.0, 2.0, 1e4]) } else { 2.0 };
+    let mesh = form.appearance(random, mesh, brightest, farthest)?;
+    let scene = Scene::new(mesh).with_lights(form.lights(random));
+    Ok(Case { seed, promise, scene, cameras: vec![camera], settings, gradient: form.gradient })
+}
+
+fn size(random: &mut Random) -> (u32, u32) {
+    match random.below(40) {
+        0 => (1, 4096),
+        1 => (4096, 1),
+        2 => (1, 1),
+        3 => (random.choose(&[63, 64, 65]), random.choose(&[31, 32, 33])),
+        _ => (random.log_range(1.0, 24.0) as u32, random.log_range(1.0, 24.0) as u32),
+    }
+}
+
+/// Near and far.
+fn depths(random: &mut Random) -> (f64, f64) {
+    let plain = (random.range(0.1, 2.0), random.log_range(3.0, 200.0));
+    match random.below(20) {
+        0 => (plain.0, plain.0),
+        1 => (plain.1, plain.0),
+        2 => (1e-6, 1e12),
+        3 => (1e9, 1e12),
+        4 => (plain.0, plain.0 * (1.0 + 2e-6)),
+        5 => (random.log_range(1e-7, 1e9), random.log_range(1e-6, 1e13)),
+        _ => plain,
+    }
+}
+
+fn plain_lens(random: &mut Random) -> Projection {
+    if random.chance(0.7) {
+        Projection::Perspective { fov_y: random.range(0.3, 1.5) }
+    } else {
+        Projection::Orthographic { half_height: random.log_range(0.5, 4.0) }
+    }
+}
+
+/// A camera and where triangles are to be put for it.
+fn camera(random: &mut Random, settings: &Settings) -> Result<(Camera, Place)> {
+    let (width, height) = (f64::from(settings.width), f64::from(settings.height));
+    // The official camera's own projection is a mode: it stays with the official parity's forms.
+    let lenses = if settings.parity == Parity::Official { 5 } else { 4 };
+    let lens = match random.below(lenses) {
+        0 => return Ok((Camera::screen(), Place::Screen)),
+        1 => Projection::Perspective { fov_y: random.choose(&[1e-5, 0.5, 1.5, 3.1415]) },
+        2 => Projection::Orthographic { half_height: random.log_range(1e-9, 1e9) },
+        3 => Projection::Pinhole {
+            fx: height * random.log_range(1e-3, 1e3),
+            fy: height * random.log_range(1e-3, 1e3),
+            cx: width * random.range(-2.0, 3.0),
+            cy: height * random.range(-2.0, 3.0),
+        },
+        _ => {
+            let distortion = [(); 5].map(|()| random.range(-1e-3, 1e-3));
+            let original_size = random.log_range(1.0, 1000.0);
+            let (x, z) = (original_size, original_size / 2.0);
+            let rows = [[x, 0.0, z, 0.0], [0.0, x, z, 0.0], [0.0, 0.0, 1.0, 0.0]];
+            return Ok((Camera::official(rows, distortion, original_size)?, Place::View));
+        }
+    };
+    if random.chance(0.5) {
+        return Ok((Camera::from_matrix(DMat4::IDENTITY, lens)?, Place::View));
+    }
+    let distance = if random.chance(0.7) { 4.0 } else { random.log_range(1e-12, 1e13) };
+    let eye = random.direction() * distance;
+    // Straight from above is refused: (0, 1, 0) is then no up.
+    let eye = if random.chance(0.02) { DVec3::Y } else { eye };
+    Ok((Camera::look_at(eye, DVec3::ZERO, DVec3::Y, lens)?, Place::World))
+}

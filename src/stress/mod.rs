@@ -1,0 +1,21 @@
+//! Scenes drawn to hurt, and what must hold of every one of them: for `softras stress` and the tests.
+//!
+//! [`case`] draws a scene from a seed: triangles without area, thin, doubled, coincident, interpenetrating, huge, with
+//! corners on pixel centres, on the camera's plane and behind it; every setting over its whole range and beyond.
+//! [`Stress::run`] renders and differentiates it twice. It is refused with a typed error, or: every value is finite and in
+//! its range, both runs have the same bits, and inside the region of [`Promise`] images and gradients are the f64
+//! judge's within the tolerance.
+
+mod draw;
+mod form;
+mod promise;
+mod random;
+mod run;
+mod shrink;
+mod soup;
+
+pub use draw::{Case, at, case};
+pub use form::FORMS;
+pub use promise::{Promise, image_error};
+pub use random::Random;
+pub use run::{Finding, Outcome, Stress};

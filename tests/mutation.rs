@@ -1,0 +1,228 @@
+//! Files that something has happened to: OBJ, MTL, PNG and NPZ files, mutated. Never a panic, never a file from outside the
+//! mesh's folder, always a mesh whose numbers are sound or an error that names the file.
+#![cfg(feature = "obj")]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+mod common;
+
+use common::random::Random;
+use softras::{
+    Error, Mesh,
+    obj::{LoadOptions, load, write_obj},
+    scene::{Appearance, Texture, Wrap},
+    shapes,
+};
+use std::{fs, panic, path::Path};
+
+/// A colour that only the image outside the mesh's folder has.
+const SECRET: [u8; 3] = [250, 3, 77];
+
+/// `SOFTRAS_CASES` runs more of them.
+fn cases(usual: u64) -> u64 {
+    std::env::var("SOFTRAS_CASES").ok().and_then(|text| text.parse().ok()).unwrap_or(usual)
+}
+
+fn is_number(byte: u8) -> bool {
+    byte.is_ascii_digit() || b"+-.eE".contains(&byte)
+}
+
+/// Where a random number of the text is, if there is one near.
+fn a_number(random: &mut Random, bytes: &[u8]) -> Option<std::ops::Range<usize>> {
+    let from = random.below(bytes.len().max(1));
+    let start = from + bytes.get(from..)?.iter().position(|b| b.is_ascii_digit())?;
+    let end = start + bytes[start..].iter().position(|b| !is_number(*b)).unwrap_or(bytes.len() - start);
+    Some(start..end)
+}
+
+/// One thing that happens to a file.
+fn mutate(random: &mut Random, bytes: &mut Vec<u8>) {
+    let at = random.below(bytes.len().max(1)).min(bytes.len());
+    let end = (at + random.log_range(1.0, 300.0) as usize).min(bytes.len());
+    match random.below(9) {
+        0 if !bytes.is_empty() => bytes[at.min(end - 1)] ^= 1 << random.below(8),
+        1 => bytes.truncate(at),
+        2 => drop(bytes.drain(at..end)),
+        3 => {
+            let again = bytes[at..end].to_vec();
+            bytes.splice(at..at, again);
+        }
+        4 => drop(bytes.splice(at..end, (0..end - at).map(|_| random.bits() as u8))),
+        5..=7 => {
+            let numbers: [&[u8]; 14] = [
+                b"0",
+                b"-1",
+                b"nan",
+                b"inf",
+                b"-inf",
+                b"1e39",
+                b"1e-46",
+                b"4294967296",
+                b"-9223372036854775808",
+                b"99999999999999999999",
+                b"2147483648",
+                b"1/",
+                b"//",
+                b"0x10",
+            ];
+            let place = a_number(random, bytes).unwrap_or(at..at);
+            bytes.splice(place, random.choose(&numbers).iter().copied());
+        }
+        _ => {
+            let texts: [&[u8]; 14] = [
+                b"\nf 1 2 3\n",
+                b"\nf 1 1 1\n",
+                b"\nf -1 -2 -3 -4 -5\n",
+                b"\nmtllib mesh.obj\n",
+                b"\nmtllib ../mesh.mtl\n",
+                b"\nmap_Kd ../secret.png\n",
+                b"\nmap_Kd mesh.mtl\n",
+                b"\nmap_Kd inside/../../secret.png\n",
+                b"\nKd 0.5\n",
+                b"\nmap_Kd -o 1 -s 2 mesh.png\n",
+                b"\nv 1 2\n",
+                b"\\\n",
+                b"\nmtllib mesh.mtl mesh.mtl\n",
+                b"\xff\xfe\0",
+            ];
+            bytes.splice(at..at, random.choose(&texts).iter().copied());
+        }
+    }
+}
+
+/// A mesh with two images, some quads, and a file for each.
+fn originals(folder: &Path) -> Vec<(String, Vec<u8>)> {
+    let sphere = shapes::icosphere(1).unwrap();
+    let uvs = sphere.positions().iter().map(|p| [p[0], p[1]]).collect();
+    let texels = |seed: u32| (0..20).map(|i| [((i * 7 + seed) % 11) as f32 / 255.0; 3]).collect();
+    let textures = [1, 2].map(|seed| Texture::new(5, 4, texels(seed), Wrap::Repeat).unwrap()).to_vec();
+    let appearance = Appearance::Textured {
+        uvs,
+        uv_triangles: sphere.triangles().to_vec(),
+        textures,
+        texture_of_triangle: (0..sphere.triangles().len() as u32).map(|t| t % 2).collect(),
+    };
+    write_obj(&sphere.with_appearance(appearance).unwrap(), &folder.join("mesh.obj")).unwrap();
+    let obj = folder.join("mesh.obj");
+    let quads = "o two\nusemtl m0\nf -1/-1 -2/-2 -3/-3 -4/-4\ng x\nf 1/1/1 2/2/1 3/3/1 # a comment\nf 4 5 6\\\n 7\n";
+    fs::write(&obj, fs::read_to_string(&obj).unwrap() + quads).unwrap();
+    let names = ["mesh.obj", "mesh.mtl", "mesh_0.png", "mesh_1.png"];
+    names.map(|name| (name.to_string(), fs::read(folder.join(name)).unwrap())).to_vec()
+}
+
+/// That nothing is in a mesh that its constructor or the folder's rule forbids.
+fn judge(mesh: &Mesh) -> Result<(), String> {
+    let sound = Mesh::new(mesh.positions().to_vec(), mesh.triangles().to_vec())
+        .and_then(|again| again.with_appearance(mesh.appearance().clone()));
+    sound.map_err(|error| error.to_string())?;
+    let Appearance::Textured { textures, .. } = mesh.appearance() else { return Ok(()) };
+    let secret = |texel: &[f32; 3]| texel.map(|x| (x * 255.0).round() as u8) == SECRET;
+    if textures.iter().any(|texture| texture.texels().iter().any(secret)) {
+        return Err("a texture from outside the mesh's folder".into());
+    }
+    Ok(())
+}
+
+#[test]
+fn a_secret_texel_is_seen() {
+    let texel = SECRET.map(|x| f32::from(x) / 255.0);
+    let appearance = Appearance::Textured {
+        uvs: vec![[0.0; 2]],
+        uv_triangles: vec![[0; 3]],
+        textures: vec![Texture::new(1, 1, vec![texel], Wrap::Clamp).unwrap()],
+        texture_of_triangle: Vec::new(),
+    };
+    let mesh = Mesh::new(vec![[0.0; 3]; 3], vec![[0, 1, 2]]).unwrap().with_appearance(appearance).unwrap();
+    assert!(judge(&mesh).is_err() && judge(&shapes::cube().unwrap()).is_ok());
+}
+
+#[test]
+fn mutated_meshes_are_read_or_refused() {
+    let parent = tempfile::tempdir().unwrap();
+    let folder = parent.path().join("inside");
+    fs::create_dir(&folder).unwrap();
+    image::RgbImage::from_pixel(1, 1, image::Rgb(SECRET)).save(parent.path().join("secret.png")).unwrap();
+    let files = originals(&folder);
+    let size: usize = files.iter().map(|(_, bytes)| bytes.len()).sum();
+    // Colours as they are in the file, so that the secret one is known again.
+    let options = LoadOptions { srgb: false, ..LoadOptions::default() };
+    let (mut read, mut refused) = (0, 0);
+    let before = peak_memory();
+    for seed in 0..cases(3000) {
+        let random = &mut Random::new(seed);
+        // The OBJ file in most cases, else one of the others.
+        let changed = random.choose(&[0, 0, 0, 1, 1, 2]);
+        let (name, original) = &files[changed];
+        let mut bytes = original.clone();
+        (0..random.choose(&[1, 1, 2, 5])).for_each(|_| mutate(random, &mut bytes));
+        fs::write(folder.join(name), &bytes).unwrap();
+        match panic::catch_unwind(|| load(&folder.join("mesh.obj"), &options)) {
+            Err(_) => panic!("seed {seed}: a panic"),
+            Ok(Ok(loaded)) => {
+                judge(&loaded.mesh).unwrap_or_else(|what| panic!("seed {seed}: {what}"));
+                read += 1;
+            }
+            Ok(Err(Error::File { path, .. })) => {
+                assert!(path.starts_with(&folder), "seed {seed}: {}", path.display());
+                refused += 1;
+            }
+            Ok(Err(other)) => panic!("seed {seed}: neither read nor refused as a file: {other}"),
+        }
+        fs::write(folder.join(name), original).unwrap();
+    }
+    assert!(read > 0 && refused > 0, "{read} read, {refused} refused");
+    if let (Some(before), Some(after)) = (before, peak_memory()) {
+        let grown = after.saturating_sub(before);
+        println!("{read} read, {refused} refused; peak memory grew by {grown} KiB for files of {} KiB", size / 1024);
+        assert!(grown < 256 * 1024, "{grown} KiB for files of {size} bytes");
+    }
+}
+
+/// The most memory that this process ever had, KiB, where the system tells.
+fn peak_memory() -> Option<u64> {
+    let status = fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
+    line.split_whitespace().nth(1)?.parse().ok()
+}
+
+/// Through the command, by the judge: no device is opened.
+#[cfg(feature = "cli")]
+#[test]
+fn mutated_archives_are_read_or_refused() {
+    use npyz::WriterBuilder;
+    use std::process::Command;
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("scene.npz");
+    let mut archive = npyz::npz::NpzWriter::create(&scene).unwrap();
+    let vertices: [f32; 9] = [-0.5, -0.5, 3.0, 0.6, -0.4, 3.5, 0.1, 0.7, 4.0];
+    let mut put = |name: &str, shape: &[u64], values: &[f32]| {
+        let array = archive.array(name, Default::default()).unwrap();
+        let mut array = array.default_dtype().shape(shape).begin_nd().unwrap();
+        array.extend(values.iter().copied()).unwrap();
+        array.finish().unwrap();
+    };
+    put("face_vertices", &[1, 1, 3, 3], &vertices);
+    put("textures", &[1, 1, 1, 3], &[0.2, 0.4, 0.6]);
+    put("opt_image_size", &[], &[8.0]);
+    drop(archive);
+    let original = fs::read(&scene).unwrap();
+    let run = |bytes: &[u8]| {
+        fs::write(&scene, bytes).unwrap();
+        let arguments = ["eval", "scene.npz", "-o", "image.npz", "--device", "reference"];
+        Command::new(env!("CARGO_BIN_EXE_softras")).current_dir(folder.path()).args(arguments).output().unwrap()
+    };
+    let whole = run(&original);
+    assert_eq!(whole.status.code(), Some(0), "{}", String::from_utf8_lossy(&whole.stderr));
+    let mut refused = 0;
+    for seed in 0..cases(60).min(5000) {
+        let random = &mut Random::new(seed);
+        let mut bytes = original.clone();
+        mutate(random, &mut bytes);
+        let output = run(&bytes);
+        let errors = String::from_utf8_lossy(&output.stderr);
+        let told = output.status.code() == Some(1) && errors.contains("error: ");
+        assert!(output.status.code() == Some(0) || told, "seed {seed}: {:?} {errors}", output.status);
+        assert!(!errors.contains("panicked"), "seed {seed}: {errors}");
+        refused += u32::from(told);
+    }
+    assert!(refused > 0);
+}

@@ -1,0 +1,66 @@
+//! Some hundred scenes drawn to hurt: `softras stress`, short. Every one is refused with a typed error, or is finite, in
+//! range, the same again, and where it is promised what the model in f64 says.
+#![cfg(feature = "reference")]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+use softras::RendererOptions;
+use softras::stress::{FORMS, Promise, Stress, case};
+
+/// The combinations of modes that time allows to compile here; all of them run in `softras stress`.
+const COMPILED: usize = 3;
+
+fn stress() -> Stress {
+    let validation = std::env::var("SOFTRAS_VALIDATION").map_or(true, |value| value != "0");
+    Stress::new(&RendererOptions { validation, ..RendererOptions::default() }).expect("a Vulkan device")
+}
+
+/// `SOFTRAS_CASES` runs more of them.
+fn cases(usual: u64) -> u64 {
+    std::env::var("SOFTRAS_CASES").ok().and_then(|text| text.parse().ok()).unwrap_or(usual)
+}
+
+#[test]
+fn nothing_breaks_it() {
+    let mut stress = stress();
+    let (mut drawn, mut refused, mut images, mut gradients) = (0, 0, 0, 0);
+    for seed in 0..cases(300) {
+        let outcome = stress.seed(seed, COMPILED).unwrap();
+        assert_eq!(outcome.findings, [], "seed {seed} of {COMPILED} forms");
+        drawn += 1;
+        refused += u32::from(outcome.refused.is_some());
+        images += u32::from(outcome.image_error.is_some());
+        gradients += u32::from(outcome.gradient_error.is_some());
+    }
+    // A suite that refuses or spares everything would find nothing either.
+    assert!(refused * 4 < drawn && images * 4 > drawn && gradients > 0, "{refused}, {images}, {gradients} of {drawn}");
+}
+
+/// A settings' value that must be refused, and one that must not.
+#[test]
+fn what_cannot_work_is_refused_by_kind() {
+    let mut stress = stress();
+    let mut case = (0..).find_map(|seed| case(seed, 1).ok().filter(|c| c.promise == Promise::Images)).unwrap();
+    assert_eq!(stress.run(&case).unwrap().refused, None);
+    case.settings.far = case.settings.near;
+    assert_eq!(stress.run(&case).unwrap().refused, Some("settings"));
+}
+
+/// An image that is not the case's is a finding: the promise is not of air.
+#[test]
+fn a_wrong_scene_is_far_from_the_judge() {
+    let mut stress = stress();
+    let case = (0..).find_map(|seed| case(seed, 1).ok().filter(|c| c.promise == Promise::Images)).unwrap();
+    let frame = stress.renderer().render(&case.scene, &case.cameras, &case.settings).unwrap();
+    assert!(softras::stress::image_error(&frame, &case).unwrap() < 1e-3);
+    let mut other = case.clone();
+    other.settings.background_color = case.settings.background_color.map(|c| 1.0 - c);
+    assert!(softras::stress::image_error(&frame, &other).unwrap() > 1e-3);
+}
+
+#[test]
+fn the_same_seed_is_the_same_case() {
+    for seed in 0..200 {
+        let text = |forms| format!("{:?}", case(seed, forms));
+        assert_eq!(text(FORMS), text(FORMS));
+    }
+}
