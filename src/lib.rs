@@ -44,6 +44,7 @@ pub mod pack;
 pub mod passes;
 pub mod pipelines;
 pub mod plan;
+pub mod rasterizer;
 #[cfg(feature = "reference")]
 pub mod reference;
 pub mod renderer;
@@ -54,6 +55,7 @@ pub mod vulkan;
 pub use error::{Error, Result};
 pub use gradients::{GradientMode, Gradients, ImageGradient, Wanted};
 pub use image::Image;
+pub use rasterizer::Rasterizer;
 pub use renderer::{Frame, Renderer, RendererOptions};
 pub use scene::{Camera, Lights, Mesh, Projection, Scene, Settings};
 pub use vulkan::constants;
