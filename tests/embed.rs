@@ -390,6 +390,15 @@ fn what_does_not_fit_is_an_error_that_names_it() {
     assert_silent(engine);
 }
 
+/// Each may be moved to and shared with another thread.
+#[test]
+fn everything_is_send_and_sync() {
+    fn assert<T: Send + Sync>() {}
+    assert::<Rasterizer>();
+    assert::<(FramePlan, FrameBindings)>();
+    assert::<(GradientPlan, softras::rasterizer::GradientBindings)>();
+}
+
 /// Two rasterizers on one device, each recorded by a thread of its own, dropped before and after their bindings.
 #[test]
 fn threads_record_side_by_side() {

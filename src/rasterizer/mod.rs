@@ -1,4 +1,136 @@
-//! The embedded API: a host's device, a host's command buffer, a host's memory.
+//! The embedded API: softras on a host's device, in a host's command buffer, with a host's memory.
+//!
+//! An engine that has its own `VkDevice` gives softras the handles and buffers, and softras records. It owns no memory, no
+//! queue and no command buffer; it submits nothing and waits for nothing. [`Renderer`](crate::Renderer) is built on this
+//! module and on nothing else for recording, so both give the same bits.
+//!
+//! # In ten lines
+//! ```no_run
+//! use softras::rasterizer::{Arena, Differentiate, Inputs, Rasterizer, Shape, Status, requirements};
+//! use softras::vulkan::{HostDevice, vk};
+//! use softras::{Camera, Scene, Settings, Wanted};
+//!
+//! # struct Memory; impl Memory { fn write(&self, _: u64, _: &[u8]) {} fn status(&self, _: u64) -> [u8; Status::BYTES] { [0; Status::BYTES] } }
+//! # fn make_buffer(_: u64, _: vk::BufferUsageFlags) -> (vk::Buffer, Memory) { (vk::Buffer::null(), Memory) }
+//! # fn submit_and_wait_some_day() {}
+//! # unsafe fn host(
+//! #     host: HostDevice, scene: Scene, cameras: Vec<Camera>, settings: Settings, commands: vk::CommandBuffer,
+//! # ) -> softras::Result<()> { unsafe {
+//! // Once: is the physical device good enough, and the rasterizer on the device.
+//! requirements().judge(&host)?;
+//! let rasterizer = Rasterizer::new(&host)?;
+//!
+//! // Once for each frame in flight: what it takes, the memory, the bindings. Needs Settings::save for gradients.
+//! let plan = rasterizer.plan(&Shape::of(&scene, &cameras, &settings)?, &settings)?;
+//! let wanted = Differentiate { upstream: settings.outputs, wanted: Wanted::default(), largest_upstream: 1.0 };
+//! let gradient_plan = rasterizer.plan_backward(&plan, &wanted)?;
+//! let (arena, gradient_arena) = (Arena::of(plan.buffers()), Arena::of(gradient_plan.buffers()));
+//! let (buffer, memory) = make_buffer(arena.size, arena.usage); // yours: a VkBuffer with mapped memory bound to it
+//! let (gradient_buffer, _) = make_buffer(gradient_arena.size, gradient_arena.usage);
+//! let forward = rasterizer.bind(&plan, &arena.refs(buffer))?;
+//! let backward = rasterizer.bind_backward(&gradient_plan, &forward, &gradient_arena.refs(gradient_buffer))?;
+//!
+//! // The scene, and later what changes of it, before the frame is submitted.
+//! for (name, bytes) in Inputs::new(&scene, &cameras, &settings, &plan).all() {
+//!     if let Some((offset, _)) = arena.part(name) {
+//!         memory.write(offset, bytes);
+//!     }
+//! }
+//!
+//! // Every frame, into your command buffer.
+//! rasterizer.record_forward(commands, &plan, &forward)?;
+//! // ... your loss kernel reads `color` and writes `upstream_color` ...
+//! rasterizer.record_backward(commands, &gradient_plan, &backward)?;
+//! // ... your optimiser reads `vertex_gradients` and writes `positions` ...
+//! submit_and_wait_some_day();
+//!
+//! // When you know that the frame is done: was it whole?
+//! let status = Status::from_bytes(&memory.status(arena.part("status").map_or(0, |(offset, _)| offset)));
+//! if let Some(capacity) = status.judge(&plan)? {
+//!     // Set Shape::capacity to it, plan and bind anew.
+//! #   let _ = capacity;
+//! }
+//! # Ok(()) } }
+//! ```
+//! `examples/embed_ash.rs` is a whole engine: two frames in flight, kernels of its own between softras' passes, softras'
+//! image in a VkImage with the engine's triangles on top. `examples/embed_wgpu.rs` does it with a device of wgpu's.
+//!
+//! # What the device needs
+//! [`requirements`] says it before there is a device: Vulkan 1.1, no feature, no extension, a queue that computes, limits
+//! that nearly every device exceeds. Subgroup shuffles and VK_EXT_debug_utils are used where they are there. What a frame
+//! needs of maxStorageBufferRange and maxTexelBufferElements depends on its size: [`FramePlan::new`] is pure and takes
+//! the limits of the description that [`Requirements::judge`] returns.
+//!
+//! # Buffers
+//! [`FramePlan::buffers`] and [`GradientPlan::buffers`] list them: name, bytes, alignment, usage, format, and who fills
+//! them ([`Role`](crate::buffers::Role)), which tells where their memory had best lie. Every buffer may be a part of a
+//! larger one ([`BufferRef`]); [`Arena`] lays many in one. A buffer that is read as texels gets a view of exactly its part.
+//! Buffers are of one queue family at a time: ownership is the host's to transfer.
+//!
+//! The host fills the inputs. [`Inputs`] has the bytes of a [`Scene`](crate::Scene); a host that has its data on the device
+//! lays it out so itself:
+//!
+//! | buffer | element | content |
+//! | --- | --- | --- |
+//! | `positions` | 3 floats | every vertex of every mesh, packed: a vertex buffer of stride 12 as it is |
+//! | `indices` | 3 words | every triangle, by vertices counted from its mesh's first: an index buffer of u32 as it is |
+//! | `colors` | 3 floats | one for a mesh of one colour, else one a vertex |
+//! | `adjacency` | words | corners by vertex, see [`MeshTables`](crate::pack::MeshTables::adjacency); changes with `indices` only |
+//! | `view_cameras` | 11 vec4 | [`camera_texels`](crate::pack::camera_texels), one a view |
+//! | `lights` | vec4 | [`light_texels`](crate::pack::light_texels) |
+//! | `view_shapes` | 4 uvec4 | [`MeshTables::view_shapes`](crate::pack::MeshTables::view_shapes); changes with the plan only |
+//! | `uvs`, `uv_indices`, `triangle_textures`, `textures`, `texels` | | see [`MeshTables`](crate::pack::MeshTables) |
+//! | `upstream_color` | vec4 | dL/dr, dL/dg, dL/db, dL/dsilhouette of every pixel |
+//! | `upstream_silhouette` | float | without an upstream colour |
+//! | `upstream_depths`, `upstream_normals` | float, vec4 | |
+//!
+//! Vertices of another stride, or indices of 16 bits, must be copied into this layout first.
+//!
+//! Outputs are the images ([`FramePlan::image_copy`] has their layout and copies them to a VkImage), `status`
+//! ([`Status`]), and the gradients:
+//!
+//! | buffer | element | content |
+//! | --- | --- | --- |
+//! | `vertex_gradients` | 2 vec4 a vertex, as in `positions` | dL/dx, dL/dy, dL/dz, 0; dL/dr, dL/dg, dL/db, 0 |
+//! | `texel_sums` | 3 × 64 bits a texel, as in `texels` | signed sums in units of 1 / [`GradientPlan::texel_scale`] |
+//! | `corner_gradients`, `totals` | vec4 | triangles' corners (UVs), views, lights, background: as [`Renderer::backward`](crate::Renderer::backward) gathers them |
+//!
+//! Everything else is workspace: it need not be initialised, holds nothing between frames, and a frame clobbers all of it.
+//! A backward pass reads what its forward frame left in the workspace, so that must not be recorded again, with the same
+//! bindings, before it.
+//!
+//! # Synchronisation
+//! Each call begins with a barrier that waits for all compute, copies, fills and indirect reads submitted before it to the
+//! same queue, and ends with one that makes its writes visible to all compute, copies and indirect reads that follow. So:
+//!
+//! | who, before or after | what the host adds |
+//! | --- | --- |
+//! | a compute shader or a copy on the same queue writes inputs, or reads outputs | nothing |
+//! | the CPU writes mapped inputs before vkQueueSubmit | nothing but a flush where memory is not coherent |
+//! | the CPU reads mapped outputs after the fence | after: COMPUTE_SHADER + TRANSFER, SHADER_WRITE + TRANSFER_WRITE → HOST, HOST_READ |
+//! | a graphics stage reads outputs or inputs (vertex or index buffer) | after: COMPUTE_SHADER, SHADER_WRITE → that stage and access; and before the next frame writes them: that stage → COMPUTE_SHADER, execution only |
+//! | a graphics stage writes inputs | before: that stage and access → COMPUTE_SHADER, SHADER_READ |
+//! | another queue | a semaphore, and a transfer of queue family ownership for exclusive buffers |
+//!
+//! softras uses no image, so no layout is its concern: [`FramePlan::image_copy`] is for a vkCmdCopyBufferToImage of the
+//! host's, and layouts before and after are the host's. It leaves the command buffer with another compute pipeline, other
+//! compute descriptor set 0 and push constants bound; graphics state is untouched. It records no event, no query, no
+//! render pass.
+//!
+//! Several frames in flight need bindings and workspaces of their own; they may share inputs that nothing writes. With one
+//! queue, even inputs that its own kernels write may be shared.
+//!
+//! # Threads and lifetimes
+//! [`Rasterizer`], plans and bindings are `Send` and `Sync`, and every method takes `&self`. Threads may plan, bind and
+//! record at once, each into a command buffer whose pool no other thread uses; compiling makes others that compile wait.
+//!
+//! Plans are plain data. Bindings keep their kernels alive: a rasterizer may be dropped before what it bound. Bindings are
+//! dropped, and buffers destroyed, when the last command buffer that they were recorded into has been executed or thrown
+//! away; the pipeline cache, the device and the instance when rasterizers and bindings are gone. A call that fails has made
+//! nothing that stays.
+//!
+//! Recording takes a few microseconds and no heap allocation. Planning is plain arithmetic; binding makes descriptor sets
+//! and buffer views, and compiles where [`Rasterizer::prepare`] has not.
 
 mod arena;
 mod bindings;

@@ -3,6 +3,8 @@
 mod backward;
 
 use crate::buffers::{self, BufferSet, Role, Slot};
+#[cfg(doc)]
+use crate::error::Error;
 use crate::error::Result;
 use crate::image::Image;
 use crate::passes::{FORWARD_STAGES, FORWARD_TIMESTAMPS};
