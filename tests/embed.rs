@@ -14,7 +14,7 @@ use common::{renderer, tolerance};
 use embed_ash::engine::{Buffer, Engine};
 use gpu_allocator::MemoryLocation;
 use softras::rasterizer::{
-    Arena, BufferRef, Differentiate, FrameBindings, FramePlan, GradientPlan, Inputs, Rasterizer, Shape, Status,
+    Arena, BufferRef, Differentiate, FrameBindings, FramePlan, Gather, GradientPlan, Inputs, Rasterizer, Shape, Status,
     requirements,
 };
 use softras::scene::Outputs;
@@ -387,6 +387,71 @@ fn what_does_not_fit_is_an_error_that_names_it() {
         Differentiate { upstream: case.settings.outputs, wanted: Wanted::default(), largest_upstream: 1.0 };
     assert!(matches!(rasterizer.plan_backward(&unsaved, &differentiate), Err(Error::Backward { .. })));
     drop((host, rasterizer));
+    assert_silent(engine);
+}
+
+/// A host's interleaved vertices and 16-bit indices give the image of the packed ones, bit by bit.
+#[test]
+fn interleaved_vertices_and_short_indices_are_gathered() {
+    let engine = engine();
+    let rasterizer = rasterizer(&engine);
+    let mut case = random_case(2, Kind::Plain);
+    case.scene = softras::Scene::new(softras::shapes::torus(0.6, 0.3, 12, 7).unwrap());
+    case.cameras.truncate(1);
+    let host = Host::new(&engine, &rasterizer, &case);
+    forward(&engine, &rasterizer, &host);
+    let expected = images(&case, &host);
+    assert!(expected[0].1.iter().any(|&x| x != expected[0].1[0]), "an empty image");
+    drop(host);
+
+    let mesh = &case.scene.meshes[0];
+    // Normal, position, UV.
+    let vertices: Vec<[f32; 8]> =
+        mesh.positions().iter().map(|p| [9.0, 9.0, 9.0, p[0], p[1], p[2], 7.0, 7.0]).collect();
+    let indices: Vec<u16> = mesh.triangles().iter().flatten().map(|&i| i as u16).collect();
+    let usage = vk::BufferUsageFlags::STORAGE_BUFFER;
+    let source = |bytes: &[u8]| {
+        let size = bytes.len().next_multiple_of(4) as u64;
+        let mut buffer = engine.buffer(size, usage, MemoryLocation::CpuToGpu).unwrap();
+        buffer.write(0, bytes);
+        buffer
+    };
+    let sources = [source(bytemuck::cast_slice(&vertices)), source(bytemuck::cast_slice(&indices))];
+    let mut host = Host::new(&engine, &rasterizer, &case);
+    let targets = ["positions", "indices"].map(|name| {
+        let (offset, range) = host.arena.part(name).unwrap();
+        host.buffer.bytes_mut()[offset as usize..][..range as usize].fill(0);
+        BufferRef { buffer: host.buffer.raw, offset, range }
+    });
+    let bind = |i: usize| {
+        let source: &Buffer = &sources[i];
+        let source = BufferRef { buffer: source.raw, offset: 0, range: source.size };
+        unsafe { rasterizer.bind_gather(source, targets[i]) }.unwrap()
+    };
+    let bindings = [bind(0), bind(1)];
+    let positions = Gather::Positions { stride: 32, offset: 12 };
+    let count = [vertices.len() as u32, indices.len() as u32];
+    submit(&engine, |commands| unsafe {
+        // Some of them, then all: gathering again overwrites.
+        let half = count[1] / 3 / 2 * 6;
+        rasterizer.record_gather(commands, &bindings[0], positions, count[0], 0).unwrap();
+        rasterizer.record_gather(commands, &bindings[1], Gather::Indices16 { base: 0 }, half, 0).unwrap();
+        rasterizer.record_gather(commands, &bindings[1], Gather::Indices16 { base: 0 }, count[1], 0).unwrap();
+        rasterizer.record_forward(commands, &host.plan, &host.bindings).unwrap();
+    });
+    assert_eq!(images(&case, &host), expected);
+
+    submit(&engine, |commands| unsafe {
+        let record = |i: usize, gather, count, first| {
+            error(rasterizer.record_gather(commands, &bindings[i], gather, count, first))
+        };
+        assert!(record(0, positions, count[0] + 1, 0).contains("source"));
+        assert!(record(0, positions, count[0], 1).contains("target"));
+        assert!(record(1, Gather::Indices32 { base: 0 }, count[1], 0).contains("source"));
+        assert!(record(0, Gather::Positions { stride: 10, offset: 0 }, 1, 0).contains("multiples of four"));
+        assert_eq!(record(0, positions, 0, 0), "no error");
+    });
+    drop((bindings, host, sources, rasterizer));
     assert_silent(engine);
 }
 

@@ -84,7 +84,8 @@
 //! | `upstream_silhouette` | float | without an upstream colour |
 //! | `upstream_depths`, `upstream_normals` | float, vec4 | |
 //!
-//! Vertices of another stride, or indices of 16 bits, must be copied into this layout first.
+//! Vertices of another stride, and indices of 16 bits, stay as they are in the host's buffers:
+//! [`Rasterizer::record_gather`] copies them into this layout on the device, in the frames in which they change.
 //!
 //! Outputs are the images ([`FramePlan::image_copy`] has their layout and copies them to a VkImage), `status`
 //! ([`Status`]), and the gradients:
@@ -134,6 +135,7 @@
 
 mod arena;
 mod bindings;
+mod gather;
 mod inputs;
 mod plan;
 mod requirements;
@@ -142,6 +144,7 @@ mod status;
 
 pub use arena::Arena;
 pub use bindings::{BufferRef, FrameBindings, GradientBindings};
+pub use gather::{Gather, GatherBindings};
 pub use inputs::Inputs;
 pub use plan::{BufferRequirement, Differentiate, FramePlan, GradientPlan};
 pub use requirements::{Requirements, requirements};
