@@ -2,16 +2,19 @@
 
 use crate::error::{Error, Result};
 use crate::plan::BufferSizes;
-use crate::vulkan::{Buffer, BufferDesc, BufferRef, Context, Location, SharedBuffer, TexelFormat, vk};
+use crate::rasterizer::{BufferRequirement, Parts};
+use crate::vulkan::{Buffer, BufferDesc, BufferPart, Context, Location, SharedBuffer, TexelFormat, kernels, vk};
+use std::sync::OnceLock;
 
-/// Who fills a buffer.
+/// Who fills a buffer, and with that where its memory had best lie.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
-    /// The host, before the frame.
+    /// The host, before the frame: device-local memory that is copied into or, where the device's memory is the host's own,
+    /// mapped. A host's kernels may fill it as well.
     Input,
-    /// One stage for the next.
+    /// One stage for the next: device-local memory, never mapped. Its content means nothing outside a frame.
     Workspace,
-    /// The kernels, for the host.
+    /// The kernels, for the host: device-local memory that is copied from, or mapped as above.
     Output,
 }
 
@@ -29,6 +32,12 @@ pub struct Slot {
 const fn slot(name: &'static str, format: TexelFormat, role: Role) -> Slot {
     Slot { name, format, role }
 }
+
+/// Bound wherever a kernel has a binding that a frame does not use.
+pub const UNUSED: Slot = slot("unused", TexelFormat::Float, Role::Workspace);
+
+/// Bytes of [`UNUSED`]: one texel of any format.
+pub const UNUSED_SIZE: u64 = 16;
 
 /// Every buffer of a forward frame.
 pub const FORWARD: [Slot; 32] = [
@@ -116,6 +125,30 @@ pub fn planned_size(sizes: &BufferSizes, name: &str) -> u64 {
     }
 }
 
+/// How softras uses a buffer, from what the kernels bind.
+pub fn usage_of(name: &str) -> vk::BufferUsageFlags {
+    type Usages = Vec<(String, vk::BufferUsageFlags)>;
+    static USAGES: OnceLock<Usages> = OnceLock::new();
+    let usages = USAGES.get_or_init(|| {
+        let bindings = kernels::ALL.iter().flat_map(|kernel| kernel.bindings);
+        bindings.map(|b| (buffer_of_binding(b.name), b.kind.buffer_usage())).collect()
+    });
+    use vk::BufferUsageFlags as U;
+    let by_us = match name {
+        "status" | "bin_bits" | "texel_sums" => U::TRANSFER_DST,
+        "item_counts" => U::TRANSFER_DST | U::INDIRECT_BUFFER,
+        "unused" => U::STORAGE_BUFFER | U::UNIFORM_TEXEL_BUFFER,
+        _ => U::empty(),
+    };
+    // What several stages do to one buffer each has one name in their kernel (`passes::buffer_of_stage`).
+    let shared = match name {
+        "shown_items" | "outline_items" => "items",
+        "light_records" | "pixel_sums" | "view_sums" => "rows",
+        _ => name,
+    };
+    usages.iter().filter(|(n, _)| n == name || n == shared).fold(by_us, |all, (_, usage)| all | *usage)
+}
+
 /// The name of a buffer from that of a binding: `bin_ranges`, or the block `BinRanges`.
 pub fn buffer_of_binding(binding: &str) -> String {
     let mut name = String::with_capacity(binding.len() + 2);
@@ -147,7 +180,7 @@ pub struct BufferSet {
 
 impl BufferSet {
     /// A buffer's reference for descriptors.
-    pub fn get(&self, name: &str) -> Option<&BufferRef> {
+    pub fn get(&self, name: &str) -> Option<&BufferPart> {
         self.find(name).map(|owned| match owned {
             Owned::Shared(buffer) => buffer.whole(),
             Owned::Device(buffer) => buffer.whole(),
@@ -243,6 +276,24 @@ impl BufferSet {
             Some(Owned::Shared(buffer)) => buffer.read(0, bytes),
             _ => Ok(()),
         }
+    }
+
+    /// What a plan's kernels bind, for buffers that were all reserved.
+    pub(crate) fn parts(&self, required: &[BufferRequirement]) -> Result<Parts> {
+        let mut parts = Parts::default();
+        for requirement in required {
+            match self.find(requirement.name) {
+                Some(Owned::Device(buffer)) if requirement.name == UNUSED.name => {
+                    for format in TexelFormat::ALL {
+                        parts.unused.push((format, buffer.texel_part(0, UNUSED_SIZE, format)?));
+                    }
+                }
+                Some(Owned::Device(buffer)) => parts.named.push((requirement.name, buffer.whole().clone())),
+                Some(Owned::Shared(buffer)) => parts.named.push((requirement.name, buffer.whole().clone())),
+                None => {}
+            }
+        }
+        Ok(parts)
     }
 
     /// Bytes of device memory held.

@@ -132,6 +132,14 @@ pub enum Error {
         /// How to mend it.
         mend: String,
     },
+    /// An embedding host's handles, buffers or plans do not fit together.
+    #[error("host: {what}: {mend}")]
+    Host {
+        /// What does not fit.
+        what: String,
+        /// How to mend it.
+        mend: String,
+    },
     /// A Vulkan call failed.
     #[error("Vulkan: {call} failed: {result}")]
     Vulkan {

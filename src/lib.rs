@@ -48,6 +48,7 @@ pub mod pack;
 pub mod passes;
 pub mod pipelines;
 pub mod plan;
+pub mod rasterizer;
 #[cfg(feature = "reference")]
 pub mod reference;
 pub mod renderer;
@@ -62,6 +63,7 @@ pub use error::{Error, Result};
 pub use glam;
 pub use gradients::{GradientMode, Gradients, ImageGradient, Wanted};
 pub use image::Image;
+pub use rasterizer::Rasterizer;
 pub use renderer::{Frame, FrameCounts, Renderer, RendererOptions};
 pub use scene::{Camera, Lights, Mesh, Projection, Scene, Settings};
 pub use vulkan::constants;

@@ -6,7 +6,7 @@ use crate::constants as c;
 use crate::error::Error;
 use crate::plan::{BackwardPlan, FramePush, Plan};
 use crate::vulkan::{
-    BufferRef, DescriptorPool, DescriptorSet, Device, Kernel, Pipeline, Recorder, TimestampPool, kernels,
+    BufferPart, DescriptorPool, DescriptorSet, Device, Kernel, Pipeline, Recorder, TimestampPool, kernels,
 };
 
 /// A stage ready to be recorded: its pipeline, specialised for a plan, and its descriptors.
@@ -48,7 +48,7 @@ pub fn forward_kernels(device: &Device, lanes: u32) -> [&'static Kernel; 5] {
 pub fn bind<'a>(
     pool: &DescriptorPool,
     pipeline: Pipeline,
-    find: &dyn Fn(&str) -> Option<&'a BufferRef>,
+    find: &dyn Fn(&str) -> Option<&'a BufferPart>,
 ) -> Result<Stage> {
     let mut buffers = Vec::new();
     for binding in pipeline.kernel().bindings {
@@ -70,7 +70,7 @@ impl ForwardStages {
     pub fn new<'a>(
         device: &Device,
         pipelines: [Pipeline; 5],
-        find: &dyn Fn(&str) -> Option<&'a BufferRef>,
+        find: &dyn Fn(&str) -> Option<&'a BufferPart>,
     ) -> Result<Self> {
         let pool = DescriptorPool::new(device, &pipelines.each_ref().map(Pipeline::kernel))?;
         let [vertex, triangle, bin_coarse, bin_fine, forward] = pipelines;
@@ -94,14 +94,14 @@ fn stamp(recorder: &mut Recorder<'_>, pool: Option<&TimestampPool>, index: u32) 
 
 /// One forward frame: every stage after the one before, a global barrier between them.
 ///
-/// Before: the inputs are visible to compute shaders, and no one uses the workspace or the outputs any more.
-/// After: the outputs were written by compute shaders; a barrier to whatever reads them is the caller's.
+/// It begins with a barrier behind all compute, copies and fills before it, and ends with one before all that follow, so
+/// that what other stages and queues do to the buffers is all that the caller must order.
 pub fn record_forward(
     recorder: &mut Recorder<'_>,
     plan: &Plan,
     stages: &ForwardStages,
-    status: &BufferRef,
-    bin_bits: &BufferRef,
+    status: &BufferPart,
+    bin_bits: &BufferPart,
     times: Option<&TimestampPool>,
 ) -> Result<()> {
     let push = bytemuck::bytes_of(&plan.frame);
@@ -113,6 +113,7 @@ pub fn record_forward(
         (&stages.forward, plan.groups.forward),
     ];
     recorder.begin_label("softras forward");
+    recorder.barrier();
     recorder.fill(status, 0, plan.sizes.status, 0)?;
     recorder.fill(bin_bits, 0, plan.sizes.bin_bits, 0)?;
     recorder.barrier();
@@ -200,7 +201,7 @@ impl BackwardStages {
     pub fn new<'a>(
         device: &Device,
         pipelines: [Pipeline; BACKWARD_COUNT],
-        find: &dyn Fn(&str) -> Option<&'a BufferRef>,
+        find: &dyn Fn(&str) -> Option<&'a BufferPart>,
     ) -> Result<Self> {
         let pool = DescriptorPool::new(device, &pipelines.each_ref().map(Pipeline::kernel))?;
         let mut stages = Vec::with_capacity(BACKWARD_COUNT);
@@ -243,7 +244,7 @@ fn record_items(
     plan: &BackwardPlan,
     stage: &Stage,
     list: u32,
-    item_counts: &BufferRef,
+    item_counts: &BufferPart,
 ) -> Result<()> {
     for row in 0..plan.item_rows {
         let frame = FramePush { first: row * c::FORWARD_ROW, ..plan.frame };
@@ -254,7 +255,7 @@ fn record_items(
 }
 
 /// The lists are empty: no workgroups along x, one along y and z.
-fn empty_lists(recorder: &mut Recorder<'_>, plan: &BackwardPlan, item_counts: &BufferRef) -> Result<()> {
+fn empty_lists(recorder: &mut Recorder<'_>, plan: &BackwardPlan, item_counts: &BufferPart) -> Result<()> {
     recorder.fill(item_counts, 0, plan.sizes.item_counts, 1)?;
     recorder.barrier();
     for row in 0..plan.item_rows {
@@ -267,19 +268,20 @@ fn empty_lists(recorder: &mut Recorder<'_>, plan: &BackwardPlan, item_counts: &B
 
 /// One backward pass after its forward frame: every stage after the one before, a global barrier between them.
 ///
-/// Before: the frame's workspace, images and `saved` are as [`record_forward`] left them, and the upstream gradients are
-/// visible to compute shaders. After: the gradients were written by compute shaders.
+/// The frame's workspace, images and `saved` are as [`record_forward`] left them. Begins and ends with barriers as that
+/// does.
 pub fn record_backward(
     recorder: &mut Recorder<'_>,
     plan: &BackwardPlan,
     stages: &BackwardStages,
-    texel_sums: &BufferRef,
-    item_counts: &BufferRef,
+    texel_sums: &BufferPart,
+    item_counts: &BufferPart,
     times: Option<&TimestampPool>,
 ) -> Result<()> {
     let lights_first = plan.frame.view_count;
     let pixels_first = lights_first + plan.frame.light_count + 1;
     recorder.begin_label("softras backward");
+    recorder.barrier();
     recorder.fill(texel_sums, 0, plan.sizes.texel_sums, 0)?;
     empty_lists(recorder, plan, item_counts)?;
     recorder.barrier();

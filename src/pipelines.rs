@@ -1,7 +1,7 @@
 //! Pipelines, made when a frame first needs them and kept for the next.
 
 use crate::error::{Error, Result};
-use crate::vulkan::{Context, Kernel, Pipeline, SpecValue};
+use crate::vulkan::{Device, Kernel, Pipeline, PipelineCache, SpecValue};
 
 /// Pipelines kept: each costs a driver up to some megabytes, and few programs need more than two sets of modes.
 const MOST_PIPELINES: usize = 128;
@@ -49,10 +49,15 @@ impl Pipelines {
     ///
     /// # Errors
     /// [`crate::Error::Vulkan`], [`crate::Error::Limit`] when one cannot be made.
-    pub fn get<const N: usize>(&mut self, context: &Context, requests: [Request<'_>; N]) -> Result<[Pipeline; N]> {
+    pub fn get<const N: usize>(
+        &mut self,
+        device: &Device,
+        cache: Option<&PipelineCache>,
+        requests: [Request<'_>; N],
+    ) -> Result<[Pipeline; N]> {
         let wanted = requests.map(|request| (request.kernel, request.values()));
         let mut pipelines = Vec::with_capacity(N);
-        for made in self.find_or_make(context, &wanted) {
+        for made in self.find_or_make(device, cache, &wanted) {
             pipelines.push(made?);
         }
         for ((kernel, values), pipeline) in wanted.iter().zip(&pipelines) {
@@ -67,11 +72,15 @@ impl Pipelines {
         pipelines.try_into().map_err(missing)
     }
 
-    fn find_or_make(&self, context: &Context, wanted: &[(&'static Kernel, Values)]) -> Vec<Result<Pipeline>> {
-        let cache = Some(context.pipeline_cache());
+    fn find_or_make(
+        &self,
+        device: &Device,
+        cache: Option<&PipelineCache>,
+        wanted: &[(&'static Kernel, Values)],
+    ) -> Vec<Result<Pipeline>> {
         let find_or_make = |kernel: &'static Kernel, values: &Values| match self.find(kernel, values) {
             Some(made) => Ok(made.clone()),
-            None => Pipeline::new(context.device(), kernel, values, cache),
+            None => Pipeline::new(device, kernel, values, cache),
         };
         if wanted.iter().all(|(kernel, values)| self.find(kernel, values).is_some()) {
             return wanted.iter().map(|(kernel, values)| find_or_make(kernel, values)).collect();

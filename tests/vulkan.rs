@@ -3,7 +3,7 @@
 
 use softras::Error;
 use softras::vulkan::{
-    BindingKind, Buffer, BufferDesc, BufferRef, CacheFolder, CommandBuffer, Context, ContextOptions, DescriptorPool,
+    BindingKind, Buffer, BufferDesc, BufferPart, CacheFolder, CommandBuffer, Context, ContextOptions, DescriptorPool,
     DescriptorSet, Device, HostDevice, Location, Member, Pipeline, Recorder, SharedBuffer, SpecValue, TexelFormat,
     TimestampPool, constants, kernels, vk,
 };
@@ -353,7 +353,7 @@ fn misuse_is_an_error_that_names_it() -> Outcome {
     let large = pipeline(&[("local_size_x", (1u32 << 20).into())]);
     assert!(matches!(large, Err(Error::Limit { needed: 0x10_0000, .. })), "{large:?}");
 
-    let bind = |buffers: &[(&str, &BufferRef)]| {
+    let bind = |buffers: &[(&str, &BufferPart)]| {
         DescriptorPool::new(device, &[&kernels::SELFTEST]).and_then(|pool| pool.bind(&test.pipeline, buffers))
     };
     let (texels, indices, records) = (test.texels.whole(), test.indices.whole(), test.records.whole());
@@ -456,13 +456,10 @@ fn a_host_records_with_its_own_device() -> Outcome {
     let functions = host.device();
     // SAFETY: opening the loader.
     let entry = unsafe { ash::Entry::load() }?;
-    let handles = HostDevice {
-        get_instance_proc_addr: entry.static_fn().get_instance_proc_addr,
-        instance: functions.instance().handle(),
-        physical_device: functions.physical_device(),
-        device: functions.raw().handle(),
-        debug_utils: true,
-    };
+    let (instance, device) = (functions.instance().handle(), functions.raw().handle());
+    let get_instance_proc_addr = entry.static_fn().get_instance_proc_addr;
+    let mut handles = HostDevice::new(get_instance_proc_addr, instance, functions.physical_device(), device);
+    handles.debug_utils = true;
     // SAFETY: the handles are the context's, which outlives the device; validation needs debug_utils.
     let device = unsafe { Device::from_host(&handles) }?;
     assert_eq!(device.limits(), functions.limits());
@@ -470,7 +467,7 @@ fn a_host_records_with_its_own_device() -> Outcome {
     let pipeline = Pipeline::new(&device, &kernels::SELFTEST, &specialization, None)?;
     let pool = DescriptorPool::new(&device, &[&kernels::SELFTEST])?;
     // SAFETY: the buffers are the test's, which outlive the set.
-    let raw = |b: &BufferRef| unsafe { BufferRef::from_raw(b.raw(), b.offset(), b.range(), b.view()) };
+    let raw = |b: &BufferPart| unsafe { BufferPart::from_raw(b.raw(), b.offset(), b.range(), b.view()) };
     let (texels, indices, records) = (raw(test.texels.whole()), raw(test.indices.whole()), raw(test.records.whole()));
     // SAFETY: the buffer is of this device, has the usage and outlives the view.
     let texels = unsafe { texels.with_view(&device, TexelFormat::Float4, "the host's texels") }?;

@@ -5,7 +5,7 @@ use crate::constants as c;
 use crate::scene::Settings;
 
 /// Entries of the bins' and of the tiles' lists that memory is set aside for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Capacity {
     /// Entries of all bins' lists together.
     pub coarse: u32,

@@ -7,17 +7,15 @@ use crate::error::{Error, Result};
 use crate::gradients::{CameraGradient, Gradients, ImageGradient, LightGradients, MeshGradients, Wanted};
 use crate::image::Image;
 use crate::pack::{Appearances, MeshTables};
-use crate::passes::{self, BACKWARD_COUNT, BACKWARD_STAGES, BACKWARD_TIMESTAMPS, BackwardStages};
-use crate::pipelines::Request;
-use crate::plan::Plan;
-use crate::plan::{BackwardInput, BackwardPlan};
+use crate::passes::{BACKWARD_STAGES, BACKWARD_TIMESTAMPS};
+use crate::rasterizer::{Differentiate, FramePlan, GradientBindings, GradientPlan};
 use crate::scene::{Background, Camera, Lights, Parity, Projection, Settings};
 use crate::vulkan::{CommandBuffer, Context, TimestampPool};
 
 /// What a saved frame was made of; its buffers are the renderer's.
 pub(super) struct Saved {
     pub id: u64,
-    pub plan: Plan,
+    pub plan: FramePlan,
     pub tables: MeshTables,
     pub cameras: Vec<Camera>,
     pub settings: Settings,
@@ -26,7 +24,7 @@ pub(super) struct Saved {
 
 /// What backward keeps from pass to pass.
 pub(super) struct State {
-    recorded: Option<(BackwardPlan, BackwardStages)>,
+    recorded: Option<(GradientPlan, GradientBindings)>,
     commands: CommandBuffer,
     times: Option<TimestampPool>,
 }
@@ -92,21 +90,20 @@ impl Renderer {
         let s = &saved.settings;
         let batch = saved.cameras.len();
         upstream.judge(s.outputs, batch, s.height as usize, s.width as usize)?;
-        let layouts = &saved.tables.layouts;
-        let texel_scale = texel_scale(saved, upstream);
-        let plan = BackwardPlan::new(&BackwardInput {
-            forward: &saved.plan,
-            upstream: upstream.outputs(),
-            wanted,
-            lit: !saved.lights.is_unlit(),
-            vertices: saved.tables.positions.len() as u64 / 3,
-            largest_mesh: layouts.iter().map(|m| m.vertices).max().unwrap_or(0),
-            texels: saved.tables.texels.len() as u64,
-            texel_scale,
-        });
+        let largest = |image: &Image| image.data.iter().fold(0.0f64, |m, &x| m.max(f64::from(x.abs())));
+        let plan = self.rasterizer.plan_backward(
+            &saved.plan,
+            &Differentiate {
+                upstream: upstream.outputs(),
+                wanted: *wanted,
+                largest_upstream: upstream.color.as_ref().map_or(0.0, largest),
+            },
+        )?;
         let mut renewed = false;
         for slot in buffers::BACKWARD {
-            renewed |= self.buffers.reserve(&self.context, slot, plan.sizes.of(slot.name))?;
+            if let Some(requirement) = plan.buffer(slot.name) {
+                renewed |= self.buffers.reserve(&self.context, slot, requirement.size)?;
+            }
         }
         if renewed {
             self.backward.forget();
@@ -144,23 +141,16 @@ impl Renderer {
     }
 
     /// Records the pass's commands, unless they are recorded already.
-    fn prepare_backward(&mut self, plan: &BackwardPlan, wanted: &Wanted) -> Result<()> {
+    fn prepare_backward(&mut self, plan: &GradientPlan, wanted: &Wanted) -> Result<()> {
         if self.backward.recorded.as_ref().is_some_and(|(recorded, _)| recorded == plan) {
             return Ok(());
         }
-        let lanes = self.lanes;
-        let modes: [_; BACKWARD_COUNT] = std::array::from_fn(|stage| {
-            let reduction = ("REDUCTION", passes::reduction_of(stage));
-            plan.modes.iter().copied().chain([reduction]).collect::<Vec<_>>()
-        });
-        let kernels = passes::backward_kernels(self.context.device(), lanes);
-        let requests = std::array::from_fn(|i| Request { kernel: kernels[i], modes: &modes[i], lanes });
-        let pipelines = self.pipelines.get(&self.context, requests)?;
-        let buffers = &self.buffers;
-        let stages = BackwardStages::new(self.context.device(), pipelines, &|name| buffers.get(name))?;
-        let (Some(texel_sums), Some(item_counts)) = (buffers.get("texel_sums"), buffers.get("item_counts")) else {
-            return stale("no buffer texel_sums or item_counts", "report this");
+        let Some((_, frame)) = &self.recorded else {
+            return stale("the frame's commands are gone", "render it again");
         };
+        let parts = self.buffers.parts(plan.buffers())?;
+        let bindings = self.rasterizer.bind_backward_parts(plan, &parts, frame)?;
+        let (rasterizer, buffers) = (&self.rasterizer, &self.buffers);
         let times = self.backward.times.as_ref();
         self.backward.recorded = None;
         self.backward.commands.record(|recorder| {
@@ -168,12 +158,11 @@ impl Renderer {
                 recorder.reset_timestamps(times);
             }
             for (slot, buffer) in buffers.shared() {
-                if slot.role == Role::Input && slot.name.starts_with("upstream") {
+                if slot.role == Role::Input && plan.buffer(slot.name).is_some() {
                     buffer.record_upload(recorder)?;
                 }
             }
-            recorder.barrier();
-            passes::record_backward(recorder, plan, &stages, texel_sums, item_counts, times)?;
+            rasterizer.backward(recorder, plan, &bindings, times)?;
             for (slot, buffer) in buffers.shared() {
                 let read = match slot.name {
                     "corner_gradients" => wanted.uvs,
@@ -189,7 +178,7 @@ impl Renderer {
             recorder.barrier_to_host();
             Ok(())
         })?;
-        self.backward.recorded = Some((plan.clone(), stages));
+        self.backward.recorded = Some((plan.clone(), bindings));
         Ok(())
     }
 
@@ -199,7 +188,7 @@ impl Renderer {
         Ok(data)
     }
 
-    fn gather(&self, saved: &Saved, plan: &BackwardPlan, wanted: &Wanted) -> Result<Gradients> {
+    fn gather(&self, saved: &Saved, plan: &GradientPlan, wanted: &Wanted) -> Result<Gradients> {
         let mut gradients = Gradients { meshes: self.gather_meshes(saved, plan, wanted)?, ..Gradients::default() };
         let views = saved.cameras.len();
         let totals = self.floats("totals", 12 * (views + saved.lights.directional.len() + 2))?;
@@ -208,7 +197,7 @@ impl Renderer {
             gradients.cameras =
                 saved.cameras.iter().enumerate().map(|(i, camera)| camera_gradient(camera, row(i), saved)).collect();
         }
-        if wanted.lights && plan.groups.reduce_lights[0] > 0 {
+        if wanted.lights && plan.plan.groups.reduce_lights[0] > 0 {
             let rows: Vec<&[f32]> = (0..=saved.lights.directional.len()).map(|i| row(views + i)).collect();
             gradients.lights = Some(light_gradients(&saved.lights, &rows));
         } else if wanted.lights {
@@ -233,14 +222,14 @@ impl Renderer {
         Ok(gradients)
     }
 
-    fn gather_meshes(&self, saved: &Saved, plan: &BackwardPlan, wanted: &Wanted) -> Result<Vec<MeshGradients>> {
+    fn gather_meshes(&self, saved: &Saved, plan: &GradientPlan, wanted: &Wanted) -> Result<Vec<MeshGradients>> {
         let tables = &saved.tables;
         let needs_vertices = wanted.positions || wanted.colors;
         let vertices =
             if needs_vertices { self.floats("vertex_gradients", 8 * tables.positions.len() / 3)? } else { Vec::new() };
         let texels = if wanted.texels { self.texel_gradients(tables, plan)? } else { Vec::new() };
-        let corners = if wanted.uvs && plan.sizes.corner_gradients > 0 {
-            self.floats("corner_gradients", plan.sizes.corner_gradients as usize / 4)?
+        let corners = if wanted.uvs && plan.plan.sizes.corner_gradients > 0 {
+            self.floats("corner_gradients", plan.plan.sizes.corner_gradients as usize / 4)?
         } else {
             Vec::new()
         };
@@ -279,13 +268,13 @@ impl Renderer {
     }
 
     /// The texels' fixed-point sums as floats.
-    fn texel_gradients(&self, tables: &MeshTables, plan: &BackwardPlan) -> Result<Vec<[f32; 3]>> {
-        if plan.sizes.texel_sums == 0 {
+    fn texel_gradients(&self, tables: &MeshTables, plan: &GradientPlan) -> Result<Vec<[f32; 3]>> {
+        if plan.plan.sizes.texel_sums == 0 {
             return Ok(vec![[0.0; 3]; tables.texels.len()]);
         }
         let mut words = vec![[0u32; 2]; 3 * tables.texels.len()];
         self.buffers.read("texel_sums", bytemuck::cast_slice_mut(&mut words))?;
-        let scale = 1.0 / f64::from(plan.frame.texel_scale);
+        let scale = 1.0 / f64::from(plan.texel_scale());
         let value = |[low, high]: [u32; 2]| ((i64::from(high as i32) << 32 | i64::from(low)) as f64 * scale) as f32;
         Ok(words.chunks_exact(3).map(|c| [value(c[0]), value(c[1]), value(c[2])]).collect())
     }
@@ -301,36 +290,21 @@ fn sum_colors(rows: &[f32]) -> [f32; 3] {
     sum.map(|x| x as f32)
 }
 
-/// A power of two that turns the largest sum a texel can have into some 2⁶¹ units, so that the units are as fine as 64
-/// bits allow. Powers of two lose nothing.
-fn texel_scale(saved: &Saved, upstream: &ImageGradient) -> f32 {
-    let largest = |image: &Image| image.data.iter().fold(0.0f64, |m, &x| m.max(f64::from(x.abs())));
-    let color = upstream.color.as_ref().map_or(0.0, largest);
-    let lights = &saved.lights;
-    let ambient: f64 = lights.ambient_color.iter().map(|x| (x * lights.ambient_intensity).abs()).sum();
-    let directional =
-        lights.directional.iter().map(|l| l.color.iter().map(|x| (x * l.intensity).abs()).sum::<f64>()).sum::<f64>();
-    // A pixel's weights sum to at most one, and a texel's share of each to at most one; perspective correction at most
-    // doubles them between near and far corners of equal sign, and a factor of eight is to spare.
-    let most = 16.0 * saved.plan.totals.pixels as f64 * color * (ambient + directional);
-    if most > 0.0 { ((61.0 - most.log2().ceil()).clamp(-100.0, 100.0)).exp2() as f32 } else { 1.0 }
-}
-
 fn uv_gradients(
     saved: &Saved,
-    plan: &BackwardPlan,
+    plan: &GradientPlan,
     mesh: usize,
     uvs: usize,
     uv_triangles: &[[u32; 3]],
     corners: &[f32],
 ) -> Vec<[f32; 2]> {
     let mut sums = vec![[0.0f64; 2]; uvs];
-    let stride = plan.corner_stride() as usize;
+    let stride = plan.plan.corner_stride() as usize;
     let one = saved.tables.layouts.len() == 1;
     let views = if one { 0..saved.cameras.len() } else { mesh..mesh + 1 };
-    if plan.has(c::GRADIENT_COORDINATE) {
+    if plan.plan.has(c::GRADIENT_COORDINATE) {
         for view in views {
-            let first = saved.plan.views[view].slot_base as usize;
+            let first = saved.plan.plan.views[view].slot_base as usize;
             for (t, triangle) in uv_triangles.iter().enumerate() {
                 let at = 4 * ((first + t) * stride + stride - 2);
                 for (corner, &uv) in triangle.iter().enumerate() {

@@ -4,38 +4,15 @@ mod backward;
 
 use crate::buffers::{self, BufferSet, Role, Slot};
 use crate::constants as c;
-use crate::error::{Error, Result};
+#[cfg(doc)]
+use crate::error::Error;
+use crate::error::Result;
 use crate::image::Image;
-use crate::pack::{MeshTables, camera_texels, light_texels};
-use crate::passes::{self, FORWARD_STAGES, FORWARD_TIMESTAMPS, ForwardStages};
-use crate::pipelines::{Pipelines, Request};
-use crate::plan::{Capacity, DepthSpan, Plan, PlanInput, ViewSize};
-use crate::scene::{Camera, Outputs, Projection, Scene, Settings, Shading};
-use crate::vulkan::{CacheFolder, CommandBuffer, Context, ContextOptions, DeviceInfo, DeviceKind, TimestampPool};
-
-/// The longest list of triangles that a software device walks: Mesa before 23 ends an invocation's loops after 65535 passes
-/// in all, without an error, and a hole in the image is worse than one.
-const SOFTWARE_LONGEST_LIST: u32 = 60_000;
-
-/// The farthest that a support may reach, in units of σ: the kernels hold D as a single-precision number, and exp(-70) is as
-/// small as it may be with digits to spare for what it is multiplied with.
-const FARTHEST: f64 = 70.0;
-
-/// The cut-off of a frame, if the kernels can hold it.
-fn reach_of(scene: &Scene, cameras: &[Camera], settings: &Settings) -> Result<f64> {
-    let cutoff = settings.cutoff_of(scene, cameras);
-    if cutoff <= FARTHEST {
-        return Ok(cutoff);
-    }
-    Err(Error::Settings {
-        field: "support",
-        value: format!("guaranteed, where D falls to exp(-{cutoff:.0})"),
-        mend: format!(
-            "the kernels follow D down to exp(-{FARTHEST}): use a larger gamma, bring near and far close around the scene, \
-             use the composite background, or support probability"
-        ),
-    })
-}
+use crate::passes::{FORWARD_STAGES, FORWARD_TIMESTAMPS};
+use crate::plan::Capacity;
+use crate::rasterizer::{FrameBindings, FramePlan, Inputs, Rasterizer, Shape, Status};
+use crate::scene::{Camera, Outputs, Scene, Settings};
+use crate::vulkan::{CacheFolder, CommandBuffer, Context, ContextOptions, DeviceInfo, TimestampPool};
 
 /// What a stage took on the device.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -114,8 +91,8 @@ impl Frame {
 /// A device and everything that a frame needs on it, kept from frame to frame.
 pub struct Renderer {
     // Dropped before the context, which they need.
-    pipelines: Pipelines,
-    recorded: Option<(Plan, ForwardStages)>,
+    rasterizer: Rasterizer,
+    recorded: Option<(FramePlan, FrameBindings)>,
     backward: backward::State,
     /// The latest frame, if it was saved.
     saved: Option<backward::Saved>,
@@ -124,13 +101,12 @@ pub struct Renderer {
     times: Option<TimestampPool>,
     buffers: BufferSet,
     capacity: Option<Capacity>,
-    lanes: u32,
     context: Context,
 }
 
 impl std::fmt::Debug for Renderer {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Renderer").field("device", &self.device_name()).field("lanes", &self.lanes).finish()
+        f.debug_struct("Renderer").field("device", &self.device_name()).finish_non_exhaustive()
     }
 }
 
@@ -162,15 +138,12 @@ impl Renderer {
             cache: options.cache.clone(),
             ..ContextOptions::default()
         })?;
-        // A software device's subgroups have eight lanes, and its shared memory is slow: one subgroup a tile.
-        let usual = if context.info().kind == DeviceKind::Software { 8 } else { 32 };
-        let lanes = options.lanes.unwrap_or(usual);
-        if !(lanes.is_power_of_two() && lanes <= c::TILE_WIDTH * c::TILE_HEIGHT) {
-            let mend = "use a power of two from 1 to 32".into();
-            return Err(Error::Settings { field: "lanes", value: lanes.to_string(), mend });
+        let mut rasterizer = Rasterizer::on(context.device(), Some(context.pipeline_cache().clone()));
+        if let Some(lanes) = options.lanes {
+            rasterizer = rasterizer.with_lanes(lanes)?;
         }
         Ok(Self {
-            pipelines: Pipelines::default(),
+            rasterizer,
             recorded: None,
             backward: backward::State::new(&context)?,
             saved: None,
@@ -179,7 +152,6 @@ impl Renderer {
             times: TimestampPool::new(context.device(), context.queue_family(), FORWARD_TIMESTAMPS)?,
             buffers: BufferSet::default(),
             capacity: options.capacity,
-            lanes,
             context,
         })
     }
@@ -222,95 +194,46 @@ impl Renderer {
     /// [`Error::OutOfMemory`] for what the device cannot hold; [`Error::NotFinite`] when its arithmetic overflowed;
     /// [`Error::Vulkan`].
     pub fn render(&mut self, scene: &Scene, cameras: &[Camera], settings: &Settings) -> Result<Frame> {
-        scene.judge(cameras)?;
-        settings.judge()?;
-        let smooth = scene.lights.shading == Shading::Smooth;
+        let mut shape = Shape::of(scene, cameras, settings)?;
         self.frames += 1;
         self.saved = None;
-        let tables = MeshTables::new(scene, smooth || settings.save);
-        let views: Vec<ViewSize> = (0..cameras.len())
-            .map(|view| tables.layouts[scene.mesh_of_view(view)])
-            .map(|mesh| ViewSize { vertices: mesh.vertices, triangles: mesh.triangles })
-            .collect();
-        let bounds: Vec<_> = scene.meshes.iter().map(crate::Mesh::bounds).collect();
-        let inside = DepthSpan { crosses_near: false, crosses_far: false };
-        let depth_span = cameras.iter().enumerate().fold(inside, |span, (view, camera)| {
-            span.or(DepthSpan::of(bounds[scene.mesh_of_view(view)], camera, settings))
-        });
-        let distorted = cameras.iter().any(|c| matches!(c.projection(), Projection::Official { .. }));
-        let cutoff = reach_of(scene, cameras, settings)?;
-        let mut capacity = self.capacity.unwrap_or_else(|| Capacity::estimate(settings, &views));
+        shape.capacity = self.capacity;
         loop {
-            let plan = Plan::new(&PlanInput {
-                settings,
-                cutoff,
-                views: &views,
-                meshes: scene.meshes.len() as u32,
-                lights: &scene.lights,
-                sampling: tables.sampling,
-                depth_span,
-                distorted,
-                capacity,
-                save: settings.save,
-            })?;
-            self.upload(scene, cameras, settings, &tables, &plan)?;
+            let plan = self.rasterizer.plan(&shape, settings)?;
+            let inputs = Inputs::new(scene, cameras, settings, &plan);
+            self.upload(&inputs, &plan)?;
             self.prepare(&plan)?;
             self.commands.submit_and_wait()?;
-            match self.needed(capacity)? {
-                Some(more) => capacity = more,
-                None => {
-                    // The next frame of this kind starts with what this one needed.
-                    self.capacity = Some(self.capacity.map_or(capacity, |c| c.max(capacity)));
-                    let frame = self.download(cameras.len(), settings)?;
-                    if settings.save {
-                        self.saved = Some(backward::Saved {
-                            id: self.frames,
-                            plan,
-                            tables,
-                            cameras: cameras.to_vec(),
-                            settings: settings.clone(),
-                            lights: scene.lights.clone(),
-                        });
-                    }
-                    return Ok(frame);
-                }
+            if let Some(more) = self.status()?.judge(&plan)? {
+                shape.capacity = Some(more);
+                continue;
             }
+            // The next frame of this kind starts with what this one needed.
+            self.capacity = Some(self.capacity.map_or(plan.capacity(), |c| c.max(plan.capacity())));
+            let frame = self.download(cameras.len(), settings)?;
+            if settings.save {
+                self.saved = Some(backward::Saved {
+                    id: self.frames,
+                    plan,
+                    tables: inputs.tables,
+                    cameras: cameras.to_vec(),
+                    settings: settings.clone(),
+                    lights: scene.lights.clone(),
+                });
+            }
+            return Ok(frame);
         }
     }
 
     /// Makes room for the plan's buffers and writes the inputs.
-    fn upload(
-        &mut self,
-        scene: &Scene,
-        cameras: &[Camera],
-        settings: &Settings,
-        tables: &MeshTables,
-        plan: &Plan,
-    ) -> Result<()> {
-        let shapes = tables.view_shapes(scene, plan);
-        let cameras: Vec<_> = cameras.iter().map(|camera| camera_texels(camera, settings)).collect();
-        let lights = light_texels(&scene.lights);
-        let inputs: [(&str, &[u8]); 12] = [
-            ("view_shapes", bytemuck::cast_slice(&shapes)),
-            ("view_cameras", bytemuck::cast_slice(&cameras)),
-            ("positions", bytemuck::cast_slice(&tables.positions)),
-            ("indices", bytemuck::cast_slice(&tables.indices)),
-            ("adjacency", bytemuck::cast_slice(&tables.adjacency)),
-            ("lights", bytemuck::cast_slice(&lights)),
-            ("colors", bytemuck::cast_slice(&tables.colors)),
-            ("uvs", bytemuck::cast_slice(&tables.uvs)),
-            ("uv_indices", bytemuck::cast_slice(&tables.uv_indices)),
-            ("triangle_textures", bytemuck::cast_slice(&tables.triangle_textures)),
-            ("textures", bytemuck::cast_slice(&tables.textures)),
-            ("texels", bytemuck::cast_slice(&tables.texels)),
-        ];
+    fn upload(&mut self, inputs: &Inputs, plan: &FramePlan) -> Result<()> {
         let mut renewed = false;
-        for slot in buffers::FORWARD {
-            let input = inputs.iter().find(|(name, _)| *name == slot.name);
-            let size = input.map_or_else(|| buffers::planned_size(&plan.sizes, slot.name), |(_, b)| b.len() as u64);
-            renewed |= self.buffers.reserve(&self.context, slot, size)?;
+        for slot in buffers::FORWARD.into_iter().chain([buffers::UNUSED]) {
+            if let Some(requirement) = plan.buffer(slot.name) {
+                renewed |= self.buffers.reserve(&self.context, slot, requirement.size)?;
+            }
         }
-        for (name, bytes) in inputs {
+        for (name, bytes) in inputs.all() {
             self.buffers.write(name, bytes)?;
         }
         if renewed {
@@ -321,78 +244,42 @@ impl Renderer {
     }
 
     /// Records the frame's commands, unless they are recorded already.
-    fn prepare(&mut self, plan: &Plan) -> Result<()> {
-        if self.recorded.as_ref().is_some_and(|(recorded, _)| recorded == plan) {
+    fn prepare(&mut self, plan: &FramePlan) -> Result<()> {
+        // What a plan records follows from its sizes and numbers; what it was made of may differ.
+        let same = |(recorded, _): &(FramePlan, FrameBindings)| recorded.plan == plan.plan;
+        if self.recorded.as_ref().is_some_and(same) {
             return Ok(());
         }
-        let device = self.context.device().clone();
-        let modes = &plan.modes;
-        let lanes = self.lanes;
-        let requests = passes::forward_kernels(&device, lanes).map(|kernel| Request { kernel, modes, lanes });
-        let pipelines = self.pipelines.get(&self.context, requests)?;
-        let buffers = &self.buffers;
-        let stages = ForwardStages::new(&device, pipelines, &|name| buffers.get(name))?;
-        let missing = |name: &str| Error::Vulkan { call: "descriptor binding", result: format!("no buffer {name}") };
-        let status = buffers.get("status").ok_or_else(|| missing("status"))?;
-        let bits = buffers.get("bin_bits").ok_or_else(|| missing("bin_bits"))?;
-        let times = self.times.as_ref();
-        let is_forward = |slot: Slot| buffers::FORWARD.iter().any(|f| f.name == slot.name);
+        let bindings = self.rasterizer.bind_parts(plan, self.buffers.parts(plan.buffers())?)?;
+        let (rasterizer, buffers, times) = (&self.rasterizer, &self.buffers, self.times.as_ref());
+        let is_bound = |slot: Slot, role: Role| slot.role == role && plan.buffer(slot.name).is_some();
         self.recorded = None;
         self.commands.record(|recorder| {
             if let Some(times) = times {
                 recorder.reset_timestamps(times);
             }
             for (slot, buffer) in buffers.shared() {
-                if slot.role == Role::Input && is_forward(slot) {
+                if is_bound(slot, Role::Input) {
                     buffer.record_upload(recorder)?;
                 }
             }
-            recorder.barrier();
-            passes::record_forward(recorder, plan, &stages, status, bits, times)?;
+            rasterizer.forward(recorder, plan, &bindings, times)?;
             for (slot, buffer) in buffers.shared() {
-                if slot.role == Role::Output && is_forward(slot) {
+                if is_bound(slot, Role::Output) {
                     buffer.record_download(recorder)?;
                 }
             }
             recorder.barrier_to_host();
             Ok(())
         })?;
-        self.recorded = Some((plan.clone(), stages));
+        self.recorded = Some((plan.clone(), bindings));
         Ok(())
     }
 
-    /// What the frame's lists needed, when that was more than there was room for.
-    fn needed(&self, had: Capacity) -> Result<Option<Capacity>> {
-        let mut status = [0u32; c::STATUS_WORDS as usize];
-        self.buffers.read("status", bytemuck::cast_slice_mut(&mut status))?;
-        if status[c::STATUS_NOT_FINITE as usize] != 0 {
-            let mend = "bring positions and camera to a scale within 1e15, and near above 1e-6".into();
-            return Err(Error::NotFinite { stage: "triangle", mend });
-        }
-        let longest = status[c::STATUS_LONGEST_LIST as usize];
-        if self.context.info().kind == DeviceKind::Software && longest > SOFTWARE_LONGEST_LIST {
-            return Err(Error::Limit {
-                what: "one tile of 8×4 pixels".into(),
-                needed: longest.into(),
-                unit: "triangles near it",
-                limit_name: "passes of a loop on a software driver",
-                limit: SOFTWARE_LONGEST_LIST.into(),
-                mend: "render larger, nearer or with a smaller sigma, or simplify the mesh".into(),
-            });
-        }
-        let coarse = status[c::STATUS_COARSE_NEEDED as usize];
-        let list = status[c::STATUS_LIST_NEEDED as usize];
-        let cells = status[c::STATUS_CELLS_NEEDED as usize];
-        if coarse <= had.coarse && list <= had.list && cells <= had.cells {
-            return Ok(None);
-        }
-        // A quarter more than was needed, so that a mesh in motion does not grow its lists every frame.
-        let room = |needed: u32, had: u32| if needed > had { needed.saturating_add(needed / 4) } else { had };
-        Ok(Some(Capacity {
-            coarse: room(coarse, had.coarse),
-            list: room(list, had.list),
-            cells: room(cells, had.cells),
-        }))
+    fn status(&self) -> Result<Status> {
+        let mut status = [0; Status::BYTES];
+        self.buffers.read("status", &mut status)?;
+        Ok(Status::from_bytes(&status))
     }
 
     fn download(&self, batch: usize, settings: &Settings) -> Result<Frame> {

@@ -42,6 +42,19 @@ pub enum DeviceKind {
     Other,
 }
 
+impl DeviceKind {
+    /// From what Vulkan calls it.
+    pub(super) fn of(kind: vk::PhysicalDeviceType) -> Self {
+        match kind {
+            vk::PhysicalDeviceType::DISCRETE_GPU => Self::Discrete,
+            vk::PhysicalDeviceType::INTEGRATED_GPU => Self::Integrated,
+            vk::PhysicalDeviceType::VIRTUAL_GPU => Self::Virtual,
+            vk::PhysicalDeviceType::CPU => Self::Software,
+            _ => Self::Other,
+        }
+    }
+}
+
 impl std::fmt::Display for DeviceKind {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
@@ -77,6 +90,8 @@ pub struct Limits {
     pub max_push_constants: u32,
     /// maxPerStageDescriptorStorageBuffers.
     pub max_storage_buffers: u32,
+    /// maxPerStageDescriptorSampledImages, against which texel buffers count.
+    pub max_texel_buffers: u32,
     /// minStorageBufferOffsetAlignment in bytes.
     pub storage_offset_alignment: u64,
     /// minUniformBufferOffsetAlignment in bytes.
@@ -154,6 +169,7 @@ impl Limits {
             max_shared_memory: limits.max_compute_shared_memory_size,
             max_push_constants: limits.max_push_constants_size,
             max_storage_buffers: limits.max_per_stage_descriptor_storage_buffers,
+            max_texel_buffers: limits.max_per_stage_descriptor_sampled_images,
             storage_offset_alignment: limits.min_storage_buffer_offset_alignment,
             uniform_offset_alignment: limits.min_uniform_buffer_offset_alignment,
             texel_offset_alignment: limits.min_texel_buffer_offset_alignment,
@@ -188,12 +204,18 @@ pub(super) fn list(instance: &Instance) -> Result<Vec<Adapter>> {
         Err(vk::Result::ERROR_INITIALIZATION_FAILED | vk::Result::ERROR_INCOMPATIBLE_DRIVER) => Vec::new(),
         other => other.named("vkEnumeratePhysicalDevices")?,
     };
-    Ok(found.into_iter().enumerate().map(|(index, physical)| describe(instance, index, physical)).collect())
+    // SAFETY: the handles come from this instance, which is of Vulkan 1.1.
+    let describe = |(index, physical)| unsafe { describe(&instance.raw, index, physical) };
+    Ok(found.into_iter().enumerate().map(describe).collect())
 }
 
-fn describe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> Adapter {
-    // SAFETY: the handle comes from this instance.
-    let properties = unsafe { instance.raw.get_physical_device_properties(physical) };
+/// What a physical device is and whether it serves.
+///
+/// # Safety
+/// The handle comes from this instance, which is of Vulkan 1.1.
+pub(super) unsafe fn describe(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevice) -> Adapter {
+    // SAFETY: the caller's promise.
+    let properties = unsafe { instance.get_physical_device_properties(physical) };
     let version = properties.api_version;
     let is_1_1 = version >= vk::API_VERSION_1_1;
     let queue_family = compute_family(instance, physical);
@@ -212,13 +234,7 @@ fn describe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> 
         info: DeviceInfo {
             index,
             name,
-            kind: match properties.device_type {
-                vk::PhysicalDeviceType::DISCRETE_GPU => DeviceKind::Discrete,
-                vk::PhysicalDeviceType::INTEGRATED_GPU => DeviceKind::Integrated,
-                vk::PhysicalDeviceType::VIRTUAL_GPU => DeviceKind::Virtual,
-                vk::PhysicalDeviceType::CPU => DeviceKind::Software,
-                _ => DeviceKind::Other,
-            },
+            kind: DeviceKind::of(properties.device_type),
             driver,
             driver_version,
             api_version: (
@@ -228,7 +244,7 @@ fn describe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> 
             ),
             // SAFETY: the handle comes from this instance, which is of Vulkan 1.1; a device of 1.0 is never used, and
             // the loader answers the 1.1 query for it all the same.
-            limits: unsafe { Limits::query(&instance.raw, physical) },
+            limits: unsafe { Limits::query(instance, physical) },
             suitable,
         },
     }
@@ -236,7 +252,7 @@ fn describe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> 
 
 /// The driver's name and version; VkPhysicalDeviceDriverProperties came with 1.2.
 fn driver(
-    instance: &Instance,
+    instance: &ash::Instance,
     physical: vk::PhysicalDevice,
     properties: &vk::PhysicalDeviceProperties,
 ) -> (String, String) {
@@ -246,7 +262,7 @@ fn driver(
     let mut driver = vk::PhysicalDeviceDriverProperties::default();
     let mut chain = vk::PhysicalDeviceProperties2::default().push_next(&mut driver);
     // SAFETY: the handle comes from this instance, and the device knows the chained structure.
-    unsafe { instance.raw.get_physical_device_properties2(physical, &mut chain) };
+    unsafe { instance.get_physical_device_properties2(physical, &mut chain) };
     let text = |text: &[std::ffi::c_char]| {
         let bytes: Vec<u8> = text.iter().map(|&c| c.to_ne_bytes()[0]).collect();
         CStr::from_bytes_until_nul(&bytes).map_or(String::new(), |c| c.to_string_lossy().into_owned())
@@ -255,9 +271,9 @@ fn driver(
 }
 
 /// A family that computes: one that also draws is the device's main one, whose timestamps and priority we want.
-fn compute_family(instance: &Instance, physical: vk::PhysicalDevice) -> Option<u32> {
+fn compute_family(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Option<u32> {
     // SAFETY: the handle comes from this instance.
-    let families = unsafe { instance.raw.get_physical_device_queue_family_properties(physical) };
+    let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
     let computes = |f: &vk::QueueFamilyProperties| f.queue_flags.contains(vk::QueueFlags::COMPUTE) && f.queue_count > 0;
     let draws = |f: &vk::QueueFamilyProperties| f.queue_flags.contains(vk::QueueFlags::GRAPHICS);
     let all = || (0u32..).zip(&families).filter(|(_, f)| computes(f));

@@ -1,5 +1,6 @@
 //! Buffers of our own, and references to a part of any buffer.
 
+use super::adapter::Limits;
 use super::context::{Context, Shared};
 use super::device::Device;
 use super::result::{Named, allocation};
@@ -49,6 +50,10 @@ pub enum TexelFormat {
 }
 
 impl TexelFormat {
+    /// All of them.
+    pub const ALL: [Self; 8] =
+        [Self::Float, Self::Float2, Self::Float4, Self::Uint, Self::Uint2, Self::Uint4, Self::Int, Self::Int4];
+
     /// As Vulkan calls it.
     pub fn format(self) -> vk::Format {
         match self {
@@ -105,7 +110,7 @@ impl Default for BufferDesc<'_> {
 #[derive(Debug)]
 pub struct Buffer {
     inner: Arc<Inner>,
-    whole: BufferRef,
+    whole: BufferPart,
 }
 
 struct Inner {
@@ -125,7 +130,7 @@ struct Inner {
 /// A part of a buffer, ours or a host's, to bind or to copy. Keeps a buffer of ours alive; of a host's it knows only
 /// the handles.
 #[derive(Clone)]
-pub struct BufferRef {
+pub struct BufferPart {
     raw: vk::Buffer,
     offset: u64,
     range: u64,
@@ -146,7 +151,7 @@ impl Buffer {
         if desc.texels.is_some() {
             usage |= vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER;
         }
-        check_limits(device, desc, size)?;
+        desc.judge(device.limits())?;
         let info = vk::BufferCreateInfo::default().size(size).usage(usage).sharing_mode(vk::SharingMode::EXCLUSIVE);
         // SAFETY: a plain creation; `Inner` destroys it, on errors below as well.
         let raw = unsafe { device.raw().create_buffer(&info, None) }.named("vkCreateBuffer")?;
@@ -168,23 +173,23 @@ impl Buffer {
         }
         let inner = Arc::new(inner);
         let view = desc.texels.map(|_| inner.view);
-        let whole = BufferRef { raw, offset: 0, range: size, view, keep: Some(inner.clone()) };
+        let whole = BufferPart { raw, offset: 0, range: size, view, keep: Some(inner.clone()) };
         Ok(Self { inner, whole })
     }
 
     /// The buffer as a whole.
-    pub fn whole(&self) -> &BufferRef {
+    pub fn whole(&self) -> &BufferPart {
         &self.whole
     }
 
     /// A part of it, without a texel view.
-    pub fn part(&self, offset: u64, range: u64) -> Result<BufferRef> {
+    pub fn part(&self, offset: u64, range: u64) -> Result<BufferPart> {
         self.check(offset, range)?;
-        Ok(BufferRef { raw: self.inner.raw, offset, range, view: None, keep: Some(self.inner.clone()) })
+        Ok(BufferPart { raw: self.inner.raw, offset, range, view: None, keep: Some(self.inner.clone()) })
     }
 
     /// A part of it with a texel view of its own. The buffer must have been made with `texels` or the usage.
-    pub fn texel_part(&self, offset: u64, range: u64, format: TexelFormat) -> Result<BufferRef> {
+    pub fn texel_part(&self, offset: u64, range: u64, format: TexelFormat) -> Result<BufferPart> {
         self.check(offset, range)?;
         if !self.inner.usage.contains(vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER) {
             return Err(self.misuse("it was made without the usage UNIFORM_TEXEL_BUFFER"));
@@ -261,7 +266,7 @@ impl Buffer {
     }
 }
 
-impl BufferRef {
+impl BufferPart {
     /// A part of a host's buffer, with a texel view of just that part if the kernel reads it as texels.
     ///
     /// # Safety
@@ -283,7 +288,7 @@ impl BufferRef {
             let result = format!("`{name}`: offset {offset} or size {range} is misaligned ({alignment}, {format:?})");
             return Err(Error::Vulkan { call: "vkCreateBufferView", result });
         }
-        check_texels(device, name, self.range, format)?;
+        check_texels(device.limits(), name, self.range, format)?;
         // SAFETY: the caller's promise, and the checks above.
         let view = unsafe { create_view(device, self.raw, self.offset, self.range, format, name) }?;
         let owner = View { device: device.clone(), view, _buffer: self.keep.clone() };
@@ -311,10 +316,10 @@ impl BufferRef {
     }
 }
 
-impl std::fmt::Debug for BufferRef {
+impl std::fmt::Debug for BufferPart {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { raw, offset, range, view, .. } = self;
-        write!(f, "BufferRef({raw:?}, {offset}..+{range}, {view:?})")
+        write!(f, "BufferPart({raw:?}, {offset}..+{range}, {view:?})")
     }
 }
 
@@ -366,7 +371,7 @@ impl Drop for Inner {
         let device = self.shared.device.raw();
         // SAFETY: the device is done with both: whatever recorded them kept this Inner until then. Null is ignored.
         unsafe {
-            device.destroy_buffer_view(self.view, None);
+            device.destroy_buffer_view(self.view, self.shared.device.callbacks());
             device.destroy_buffer(self.raw, None);
         }
         let allocation = std::mem::take(&mut self.allocation);
@@ -394,7 +399,7 @@ struct View {
 impl Drop for View {
     fn drop(&mut self) {
         // SAFETY: the device is done with it: whatever recorded it kept this View until then.
-        unsafe { self.device.raw().destroy_buffer_view(self.view, None) };
+        unsafe { self.device.raw().destroy_buffer_view(self.view, self.device.callbacks()) };
     }
 }
 
@@ -410,30 +415,35 @@ unsafe fn create_view(
 ) -> Result<vk::BufferView> {
     let info = vk::BufferViewCreateInfo::default().buffer(buffer).format(format.format()).offset(offset).range(range);
     // SAFETY: the caller's promise; every device reads these formats as uniform texels.
-    let view = unsafe { device.raw().create_buffer_view(&info, None) }.named("vkCreateBufferView")?;
+    let view = unsafe { device.raw().create_buffer_view(&info, device.callbacks()) }.named("vkCreateBufferView")?;
     device.name_object(view, name);
     Ok(view)
 }
 
-fn check_texels(device: &Device, name: &str, range: u64, format: TexelFormat) -> Result<()> {
-    let (needed, limit) = (range / format.bytes(), device.limits().max_texel_buffer_elements);
-    limit_error(name, needed, "texels", "maxTexelBufferElements", limit)
+fn check_texels(limits: &Limits, name: &str, range: u64, format: TexelFormat) -> Result<()> {
+    let needed = range / format.bytes();
+    limit_error(name, needed, "texels", "maxTexelBufferElements", limits.max_texel_buffer_elements)
 }
 
-fn check_limits(device: &Device, desc: &BufferDesc<'_>, size: u64) -> Result<()> {
-    let limits = device.limits();
-    if desc.usage.contains(vk::BufferUsageFlags::STORAGE_BUFFER) {
-        let limit = limits.max_storage_buffer_range;
-        limit_error(desc.name, size, "bytes", "maxStorageBufferRange", limit)?;
+impl BufferDesc<'_> {
+    /// Checks that a device of these limits can bind such a buffer as a whole, in the ways that its usage and texels say,
+    /// and allocate it in one piece.
+    ///
+    /// # Errors
+    /// [`Error::Limit`] naming the buffer and the limit.
+    pub fn judge(&self, limits: &Limits) -> Result<()> {
+        let size = self.size.max(1).next_multiple_of(16);
+        if self.usage.contains(vk::BufferUsageFlags::STORAGE_BUFFER) {
+            limit_error(self.name, size, "bytes", "maxStorageBufferRange", limits.max_storage_buffer_range)?;
+        }
+        if self.usage.contains(vk::BufferUsageFlags::UNIFORM_BUFFER) {
+            limit_error(self.name, size, "bytes", "maxUniformBufferRange", limits.max_uniform_buffer_range)?;
+        }
+        if let Some(texels) = self.texels {
+            check_texels(limits, self.name, size, texels)?;
+        }
+        limit_error(self.name, size, "bytes", "maxMemoryAllocationSize", limits.max_memory_allocation_size)
     }
-    if desc.usage.contains(vk::BufferUsageFlags::UNIFORM_BUFFER) {
-        let limit = limits.max_uniform_buffer_range;
-        limit_error(desc.name, size, "bytes", "maxUniformBufferRange", limit)?;
-    }
-    if let Some(texels) = desc.texels {
-        check_texels(device, desc.name, size, texels)?;
-    }
-    limit_error(desc.name, size, "bytes", "maxMemoryAllocationSize", limits.max_memory_allocation_size)
 }
 
 pub(super) fn limit_error(

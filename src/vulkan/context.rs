@@ -74,8 +74,9 @@ impl Context {
         // A suitable device has such a family.
         let queue_family = adapter.queue_family.unwrap_or(0);
         // SAFETY: device and family were listed by this instance.
-        let device = unsafe { Device::create(instance, adapter.physical, queue_family, adapter.info.limits) }
-            .named("vkCreateDevice")?;
+        let device =
+            unsafe { Device::create(instance, adapter.physical, queue_family, adapter.info.limits, adapter.info.kind) }
+                .named("vkCreateDevice")?;
         device.name_object(device.raw().handle(), "softras");
         let allocator = allocator(&device)?;
         // SAFETY: the device was made with one queue of this family.

@@ -1,6 +1,6 @@
 //! Descriptor sets, bound by name.
 
-use super::buffer::{BufferRef, Keep, limit_error};
+use super::buffer::{BufferPart, Keep, limit_error};
 use super::device::Device;
 use super::kernel::{Binding, BindingKind, Kernel};
 use super::pipeline::{self, Pipeline};
@@ -51,7 +51,8 @@ impl DescriptorPool {
         let sets = kernels.len().max(1) as u32;
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(sets).pool_sizes(&sizes);
         // SAFETY: the info's pointers live until the call returns; no count is zero.
-        let raw = unsafe { device.raw().create_descriptor_pool(&info, None) }.named("vkCreateDescriptorPool")?;
+        let raw = unsafe { device.raw().create_descriptor_pool(&info, device.callbacks()) }
+            .named("vkCreateDescriptorPool")?;
         device.name_object(raw, "softras");
         Ok(Self(Arc::new(Pool { device: device.clone(), raw, lock: Mutex::new(()) })))
     }
@@ -59,7 +60,7 @@ impl DescriptorPool {
     /// Binds buffers to the kernel's bindings by their names: each exactly once, none else.
     ///
     /// The set also serves every other pipeline of the same kernel.
-    pub fn bind(&self, pipeline: &Pipeline, buffers: &[(&str, &BufferRef)]) -> Result<DescriptorSet> {
+    pub fn bind(&self, pipeline: &Pipeline, buffers: &[(&str, &BufferPart)]) -> Result<DescriptorSet> {
         let kernel = pipeline.kernel();
         let device = &self.0.device;
         if pipeline.inner().device().raw().handle() != device.raw().handle() {
@@ -72,7 +73,7 @@ impl DescriptorPool {
         let raw = self.0.allocate(pipeline.inner().set_layout())?;
         device.name_object(raw, kernel.name);
         // SAFETY: the set was just allocated with this kernel's layout; what it points to is kept below, or the host's
-        // promise (`BufferRef::from_raw`).
+        // promise (`BufferPart::from_raw`).
         unsafe { write(device, raw, &matched) };
         let keeps = matched.iter().filter_map(|(_, buffer)| buffer.keep.clone()).collect();
         let (pool, layout) = (self.0.clone(), pipeline.inner().clone());
@@ -127,15 +128,15 @@ impl Pool {
 impl Drop for Pool {
     fn drop(&mut self) {
         // SAFETY: every set holds the pool, and what recorded a set held the set; so the device is done with all.
-        unsafe { self.device.raw().destroy_descriptor_pool(self.raw, None) };
+        unsafe { self.device.raw().destroy_descriptor_pool(self.raw, self.device.callbacks()) };
     }
 }
 
 /// Each binding with its buffer, or an error that names what is missing, unknown or given twice.
 fn match_names<'a>(
     kernel: &'static Kernel,
-    buffers: &[(&str, &'a BufferRef)],
-) -> Result<Vec<(&'static Binding, &'a BufferRef)>> {
+    buffers: &[(&str, &'a BufferPart)],
+) -> Result<Vec<(&'static Binding, &'a BufferPart)>> {
     if let Some((name, _)) = buffers.iter().find(|(name, _)| kernel.binding(name).is_none()) {
         let known: Vec<_> = kernel.bindings.iter().map(|b| b.name).collect();
         return Err(misuse(CALL, kernel, &format!("there is no binding `{name}`, only {}", known.join(", "))));
@@ -152,7 +153,7 @@ fn match_names<'a>(
 }
 
 /// The device can bind this part of a buffer in this way.
-fn check(device: &Device, kernel: &Kernel, binding: &Binding, buffer: &BufferRef) -> Result<()> {
+fn check(device: &Device, kernel: &Kernel, binding: &Binding, buffer: &BufferPart) -> Result<()> {
     let limits = device.limits();
     let fail = |what: &str| Err(misuse(CALL, kernel, &format!("binding `{}`: {what}", binding.name)));
     let (alignment, limit, limit_name) = match binding.kind {
@@ -177,7 +178,7 @@ fn check(device: &Device, kernel: &Kernel, binding: &Binding, buffer: &BufferRef
 
 /// # Safety
 /// The set is of the layout with these bindings and not in use; the buffers live as long as it is used.
-unsafe fn write(device: &Device, set: vk::DescriptorSet, matched: &[(&Binding, &BufferRef)]) {
+unsafe fn write(device: &Device, set: vk::DescriptorSet, matched: &[(&Binding, &BufferPart)]) {
     let infos: Vec<_> = matched
         .iter()
         .map(|(_, b)| [vk::DescriptorBufferInfo { buffer: b.raw(), offset: b.offset(), range: b.range() }])

@@ -1,27 +1,12 @@
 //! The device as pipelines, descriptors and recording see it: ours or a host's.
 
-use super::adapter::Limits;
+use super::adapter::{DeviceKind, Limits};
+use super::host::{Callbacks, HostDevice};
 use super::instance::Instance;
 use crate::{Error, Result};
 use ash::{ext::debug_utils, vk};
 use std::ffi::CString;
 use std::sync::Arc;
-
-/// The raw handles of a host's device. Any ash version, or none, can fill it in: handles through
-/// `vk::Handle::from_raw(handle.as_raw())`.
-#[derive(Clone, Copy)]
-pub struct HostDevice {
-    /// vkGetInstanceProcAddr of the loader that made the instance.
-    pub get_instance_proc_addr: vk::PFN_vkGetInstanceProcAddr,
-    /// The instance, made for Vulkan 1.1 or later.
-    pub instance: vk::Instance,
-    /// The physical device, of Vulkan 1.1 or later.
-    pub physical_device: vk::PhysicalDevice,
-    /// The device. No feature and no extension need be enabled.
-    pub device: vk::Device,
-    /// VK_EXT_debug_utils is enabled on the instance: objects get names and passes labels.
-    pub debug_utils: bool,
-}
 
 /// A Vulkan device: functions, limits, debug names. Cheap to clone. Of a host's device it destroys nothing.
 #[derive(Clone)]
@@ -35,6 +20,9 @@ struct Inner {
     physical: vk::PhysicalDevice,
     debug_utils: Option<debug_utils::Device>,
     limits: Limits,
+    kind: DeviceKind,
+    /// The host's allocation callbacks; none on a device of ours.
+    callbacks: Callbacks,
     /// The instance, if the device is ours to destroy. Dropped behind the device.
     owned: Option<Instance>,
 }
@@ -44,7 +32,8 @@ impl Device {
     ///
     /// # Safety
     /// - The handles are valid, belong together, and were made as their fields say.
-    /// - They stay valid until this device, its clones, and everything made with them are dropped.
+    /// - They stay valid until this device, its clones, and everything made with them are dropped; the allocation
+    ///   callbacks, and what they point to, as well. Any thread may call the callbacks, several at once.
     pub unsafe fn from_host(host: &HostDevice) -> Result<Self> {
         let static_fn = ash::StaticFn { get_instance_proc_addr: host.get_instance_proc_addr };
         // SAFETY: the handles are valid (the caller's promise).
@@ -54,8 +43,8 @@ impl Device {
             (instance, raw)
         };
         // SAFETY: the handles are valid (the caller's promise).
-        let version = unsafe { instance.get_physical_device_properties(host.physical_device) }.api_version;
-        if version < vk::API_VERSION_1_1 {
+        let properties = unsafe { instance.get_physical_device_properties(host.physical_device) };
+        if properties.api_version < vk::API_VERSION_1_1 {
             return Err(Error::NoDevice {
                 what: "the host's device has Vulkan 1.0 only".to_string(),
                 mend: "softras needs Vulkan 1.1".to_string(),
@@ -64,8 +53,11 @@ impl Device {
         // SAFETY: both belong together and are of Vulkan 1.1.
         let limits = unsafe { Limits::query(&instance, host.physical_device) };
         let debug_utils = host.debug_utils.then(|| debug_utils::Device::new(&instance, &raw));
-        let physical = host.physical_device;
-        Ok(Self { inner: Arc::new(Inner { raw, instance, physical, debug_utils, limits, owned: None }) })
+        let (physical, kind) = (host.physical_device, DeviceKind::of(properties.device_type));
+        // SAFETY: the caller's promise.
+        let callbacks = unsafe { Callbacks::new(host.allocation_callbacks) };
+        let inner = Inner { raw, instance, physical, debug_utils, limits, kind, callbacks, owned: None };
+        Ok(Self { inner: Arc::new(inner) })
     }
 
     /// Makes a device with one queue of the family.
@@ -77,6 +69,7 @@ impl Device {
         physical: vk::PhysicalDevice,
         queue_family: u32,
         limits: Limits,
+        kind: DeviceKind,
     ) -> Result<Self, vk::Result> {
         let priorities = [1.0];
         let queues =
@@ -92,14 +85,25 @@ impl Device {
         let raw = unsafe { instance.raw.create_device(physical, &info, None) }?;
         let debug_utils = instance.debug_utils.then(|| debug_utils::Device::new(&instance.raw, &raw));
         let functions = instance.raw.clone();
-        Ok(Self {
-            inner: Arc::new(Inner { raw, instance: functions, physical, debug_utils, limits, owned: Some(instance) }),
-        })
+        let callbacks = Callbacks::default();
+        let owned = Some(instance);
+        let inner = Inner { raw, instance: functions, physical, debug_utils, limits, kind, callbacks, owned };
+        Ok(Self { inner: Arc::new(inner) })
     }
 
     /// What the device allows.
     pub fn limits(&self) -> &Limits {
         &self.inner.limits
+    }
+
+    /// How it is built.
+    pub fn kind(&self) -> DeviceKind {
+        self.inner.kind
+    }
+
+    /// What to create and destroy its objects with.
+    pub(super) fn callbacks(&self) -> Option<&vk::AllocationCallbacks<'static>> {
+        self.inner.callbacks.get()
     }
 
     /// The device's functions, for hosts that record beside us. The handle is valid as long as this device lives.

@@ -8,7 +8,7 @@
 //! - [`Context`] owns a device of its own, and with it comes what a host does for itself: [`Buffer`] and
 //!   [`SharedBuffer`], [`CommandBuffer`] with submission and waiting, a pipeline cache on disk, validation.
 //!
-//! Objects keep alive what they need: a [`BufferRef`] its buffer, a [`DescriptorSet`] its buffers and pool, a
+//! Objects keep alive what they need: a [`BufferPart`] its buffer, a [`DescriptorSet`] its buffers and pool, a
 //! [`CommandBuffer`] all that it recorded, and all of them the device. So they may be dropped in any order. Raw handles
 //! enter through `unsafe` functions only, which say what the host must keep alive.
 
@@ -19,6 +19,7 @@ mod command;
 mod context;
 mod descriptors;
 mod device;
+mod host;
 mod instance;
 mod kernel;
 mod pipeline;
@@ -29,12 +30,13 @@ mod timestamps;
 mod validation;
 
 pub use adapter::{DeviceInfo, DeviceKind, Limits, Subgroups};
-pub use buffer::{Buffer, BufferDesc, BufferRef, Location, TexelFormat};
+pub use buffer::{Buffer, BufferDesc, BufferPart, Location, TexelFormat};
 pub use cache::PipelineCache;
 pub use command::CommandBuffer;
 pub use context::{CacheFolder, Context, ContextOptions};
 pub use descriptors::{DescriptorPool, DescriptorSet};
-pub use device::{Device, HostDevice};
+pub use device::Device;
+pub use host::HostDevice;
 pub use kernel::{Binding, BindingKind, Kernel, Member, SpecValue, Specialization, Struct, constants, kernels};
 pub use pipeline::Pipeline;
 pub use recorder::Recorder;

@@ -94,18 +94,31 @@ impl Inner {
 
 impl Drop for Inner {
     fn drop(&mut self) {
-        let device = self.device.raw();
+        let (device, callbacks) = (self.device.raw(), self.device.callbacks());
         // SAFETY: all three are ours; what recorded or bound them kept this Inner until the device was done. Null is
         // ignored.
         unsafe {
-            device.destroy_pipeline(self.raw, None);
-            device.destroy_pipeline_layout(self.layout, None);
-            device.destroy_descriptor_set_layout(self.set_layout, None);
+            device.destroy_pipeline(self.raw, callbacks);
+            device.destroy_pipeline_layout(self.layout, callbacks);
+            device.destroy_descriptor_set_layout(self.set_layout, callbacks);
         }
     }
 }
 
 impl BindingKind {
+    /// The usage that a buffer must have to be bound; none for an image.
+    pub fn buffer_usage(self) -> vk::BufferUsageFlags {
+        match self {
+            Self::StorageBuffer => vk::BufferUsageFlags::STORAGE_BUFFER,
+            Self::UniformBuffer => vk::BufferUsageFlags::UNIFORM_BUFFER,
+            Self::UniformTexelBufferFloat | Self::UniformTexelBufferInt | Self::UniformTexelBufferUint => {
+                vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER
+            }
+            Self::StorageTexelBuffer => vk::BufferUsageFlags::STORAGE_TEXEL_BUFFER,
+            Self::StorageImage => vk::BufferUsageFlags::empty(),
+        }
+    }
+
     /// As Vulkan calls it.
     pub(super) fn descriptor_type(self) -> vk::DescriptorType {
         match self {
@@ -184,6 +197,10 @@ fn check_limits(device: &Device, kernel: &Kernel, local_size: [u32; 3]) -> Resul
     let buffers = kernel.bindings.iter().filter(|b| b.kind == BindingKind::StorageBuffer).count() as u64;
     let limit = limits.max_storage_buffers.into();
     check("its set", buffers, "storage buffers", "maxPerStageDescriptorStorageBuffers", limit)?;
+    let is_texels = |kind: BindingKind| kind.descriptor_type() == vk::DescriptorType::UNIFORM_TEXEL_BUFFER;
+    let buffers = kernel.bindings.iter().filter(|b| is_texels(b.kind)).count() as u64;
+    let limit = limits.max_texel_buffers.into();
+    check("its set", buffers, "texel buffers", "maxPerStageDescriptorSampledImages", limit)?;
     local_size.iter().zip(limits.max_workgroup_size).try_for_each(|(&size, limit)| {
         check("its workgroup along an axis", size.into(), "invocations", "maxComputeWorkGroupSize", limit.into())
     })
@@ -203,7 +220,7 @@ fn create_set_layout(device: &Device, kernel: &Kernel) -> Result<vk::DescriptorS
         .collect();
     let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
     // SAFETY: binding numbers are distinct (build.rs); the info's pointers live until the call returns.
-    unsafe { device.raw().create_descriptor_set_layout(&info, None) }.named("vkCreateDescriptorSetLayout")
+    unsafe { device.raw().create_descriptor_set_layout(&info, device.callbacks()) }.named("vkCreateDescriptorSetLayout")
 }
 
 fn create_layout(device: &Device, kernel: &Kernel, set: vk::DescriptorSetLayout) -> Result<vk::PipelineLayout> {
@@ -216,7 +233,7 @@ fn create_layout(device: &Device, kernel: &Kernel, set: vk::DescriptorSetLayout)
     let push = if kernel.push_constant_bytes == 0 { &[][..] } else { &push[..] };
     let info = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets).push_constant_ranges(push);
     // SAFETY: the set layout lives; size is a multiple of four within the limit (check_limits).
-    unsafe { device.raw().create_pipeline_layout(&info, None) }.named("vkCreatePipelineLayout")
+    unsafe { device.raw().create_pipeline_layout(&info, device.callbacks()) }.named("vkCreatePipelineLayout")
 }
 
 fn create_pipeline(
@@ -228,7 +245,8 @@ fn create_pipeline(
 ) -> Result<vk::Pipeline> {
     let info = vk::ShaderModuleCreateInfo::default().code(kernel.spirv);
     // SAFETY: the words are glslang's output for Vulkan 1.1, which every device here has.
-    let module = unsafe { device.raw().create_shader_module(&info, None) }.named("vkCreateShaderModule")?;
+    let module =
+        unsafe { device.raw().create_shader_module(&info, device.callbacks()) }.named("vkCreateShaderModule")?;
     device.name_object(module, kernel.name);
     let specialization = vk::SpecializationInfo::default().map_entries(&constants.entries).data(&constants.data);
     let stage = vk::PipelineShaderStageCreateInfo::default()
@@ -238,9 +256,9 @@ fn create_pipeline(
         .specialization_info(&specialization);
     let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout)];
     // SAFETY: module and layout live and were made of the same reflection; each entry lies inside the data.
-    let result = unsafe { device.raw().create_compute_pipelines(cache, &info, None) };
+    let result = unsafe { device.raw().create_compute_pipelines(cache, &info, device.callbacks()) };
     // SAFETY: a pipeline doesn't need its module once it is made.
-    unsafe { device.raw().destroy_shader_module(module, None) };
+    unsafe { device.raw().destroy_shader_module(module, device.callbacks()) };
     let call = "vkCreateComputePipelines";
     let made = result.map_err(|(_, result)| vulkan(call, result))?;
     made.first().copied().ok_or_else(|| misuse(call, kernel, "no pipeline came back"))

@@ -1,6 +1,6 @@
 //! Records work into a command buffer, ours or a host's.
 
-use super::buffer::{BufferRef, Keep};
+use super::buffer::{BufferPart, Keep};
 use super::descriptors::DescriptorSet;
 use super::device::Device;
 use super::pipeline::Pipeline;
@@ -8,7 +8,10 @@ use super::result::misuse;
 use super::timestamps::TimestampPool;
 use crate::{Error, Result};
 use ash::vk;
-use std::ffi::CString;
+use std::ffi::CStr;
+
+/// Bytes of a label that are shown.
+const LONGEST_LABEL: usize = 63;
 
 /// Records into a command buffer. Never allocates device memory, submits or waits.
 ///
@@ -86,7 +89,7 @@ impl<'a> Recorder<'a> {
         pipeline: &Pipeline,
         set: &DescriptorSet,
         push: &[u8],
-        buffer: &BufferRef,
+        buffer: &BufferPart,
         offset: u64,
     ) -> Result<()> {
         self.check(pipeline, set, push)?;
@@ -99,7 +102,7 @@ impl<'a> Recorder<'a> {
     }
 
     /// Fills `size` bytes at an offset with a word. Both are multiples of four.
-    pub fn fill(&mut self, buffer: &BufferRef, offset: u64, size: u64, value: u32) -> Result<()> {
+    pub fn fill(&mut self, buffer: &BufferPart, offset: u64, size: u64, value: u32) -> Result<()> {
         check_range("vkCmdFillBuffer", buffer, offset, size)?;
         if size > 0 {
             self.keep(&buffer.keep);
@@ -113,9 +116,9 @@ impl<'a> Recorder<'a> {
     /// Copies `size` bytes. All three numbers are multiples of four; the ranges don't overlap.
     pub fn copy(
         &mut self,
-        source: &BufferRef,
+        source: &BufferPart,
         source_offset: u64,
-        target: &BufferRef,
+        target: &BufferPart,
         target_offset: u64,
         size: u64,
     ) -> Result<()> {
@@ -161,8 +164,13 @@ impl<'a> Recorder<'a> {
 
     /// Begins a named section for graphics debuggers. Sections nest.
     pub fn begin_label(&mut self, name: &str) {
-        if let (Some(debug_utils), Ok(name)) = (self.device.debug_utils(), CString::new(name)) {
-            let label = vk::DebugUtilsLabelEXT::default().label_name(&name);
+        let Some(debug_utils) = self.device.debug_utils() else { return };
+        // No CString: recording does not allocate.
+        let mut text = [0; LONGEST_LABEL + 1];
+        let length = name.len().min(LONGEST_LABEL);
+        text[..length].copy_from_slice(&name.as_bytes()[..length]);
+        if let Ok(name) = CStr::from_bytes_until_nul(&text) {
+            let label = vk::DebugUtilsLabelEXT::default().label_name(name);
             // SAFETY: the extension is enabled, the command buffer records.
             unsafe { debug_utils.cmd_begin_debug_utils_label(self.raw, &label) };
         }
@@ -251,7 +259,7 @@ impl std::fmt::Debug for Recorder<'_> {
 }
 
 /// The bytes lie inside the buffer's part and are aligned to four.
-fn check_range(call: &'static str, buffer: &BufferRef, offset: u64, size: u64) -> Result<()> {
+fn check_range(call: &'static str, buffer: &BufferPart, offset: u64, size: u64) -> Result<()> {
     let inside = offset.checked_add(size).is_some_and(|end| end <= buffer.range());
     let aligned = (buffer.offset() + offset).is_multiple_of(4) && size.is_multiple_of(4);
     if inside && aligned {

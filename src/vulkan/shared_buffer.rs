@@ -1,6 +1,6 @@
 //! A device buffer that the host fills or reads: mapped where possible, else with a twin in the host's memory.
 
-use super::buffer::{Buffer, BufferDesc, BufferRef, Location};
+use super::buffer::{Buffer, BufferDesc, BufferPart, Location};
 use super::context::Context;
 use super::recorder::Recorder;
 use crate::Result;
@@ -40,7 +40,7 @@ impl SharedBuffer {
     }
 
     /// The device's buffer as a whole.
-    pub fn whole(&self) -> &BufferRef {
+    pub fn whole(&self) -> &BufferPart {
         self.device.whole()
     }
 

@@ -31,7 +31,7 @@ impl TimestampPool {
         let count = count.max(1);
         let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(count);
         // SAFETY: a plain creation; `Inner` destroys it.
-        let raw = unsafe { device.raw().create_query_pool(&info, None) }.named("vkCreateQueryPool")?;
+        let raw = unsafe { device.raw().create_query_pool(&info, device.callbacks()) }.named("vkCreateQueryPool")?;
         device.name_object(raw, "softras timestamps");
         let mask = u64::MAX >> 64u32.saturating_sub(bits);
         Ok(Some(Self(Arc::new(Inner { device: device.clone(), raw, count, mask }))))
@@ -73,6 +73,6 @@ impl Inner {
 impl Drop for Inner {
     fn drop(&mut self) {
         // SAFETY: the pool is ours; what recorded it kept this Inner until the device was done.
-        unsafe { self.device.raw().destroy_query_pool(self.raw, None) };
+        unsafe { self.device.raw().destroy_query_pool(self.raw, self.device.callbacks()) };
     }
 }

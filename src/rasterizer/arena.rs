@@ -1,0 +1,44 @@
+//! Many buffers in one: the simplest way to own a plan's memory.
+
+use super::bindings::BufferRef;
+use super::plan::BufferRequirement;
+use crate::vulkan::vk;
+
+/// Where each of several required buffers lies within one VkBuffer.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Arena {
+    /// Bytes of the VkBuffer.
+    pub size: u64,
+    /// Its usage: what the buffers need, and transfer in both directions.
+    pub usage: vk::BufferUsageFlags,
+    /// Name, offset and bytes of each buffer.
+    pub parts: Vec<(&'static str, u64, u64)>,
+}
+
+impl Arena {
+    /// Lays buffers one after the other, each aligned. Memory bound at an offset that the device's own
+    /// VkMemoryRequirements allow keeps them aligned.
+    pub fn of<'a>(buffers: impl IntoIterator<Item = &'a BufferRequirement>) -> Self {
+        let mut arena =
+            Self { usage: vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST, ..Self::default() };
+        for requirement in buffers {
+            let offset = arena.size.next_multiple_of(requirement.alignment);
+            // Whole texels, so that a view of the part can cover it.
+            let size = requirement.size.next_multiple_of(requirement.format.bytes());
+            arena.parts.push((requirement.name, offset, size));
+            arena.usage |= requirement.usage;
+            arena.size = offset + size;
+        }
+        arena
+    }
+
+    /// The parts of the VkBuffer that was made of it, to be bound.
+    pub fn refs(&self, buffer: vk::Buffer) -> Vec<(&'static str, BufferRef)> {
+        self.parts.iter().map(|&(name, offset, range)| (name, BufferRef { buffer, offset, range })).collect()
+    }
+
+    /// Where one of them lies: offset and bytes.
+    pub fn part(&self, name: &str) -> Option<(u64, u64)> {
+        self.parts.iter().find(|(n, ..)| *n == name).map(|&(_, offset, size)| (offset, size))
+    }
+}

@@ -1,0 +1,81 @@
+//! What softras asks of a device, before there is one.
+
+use crate::error::{Error, Result};
+use crate::vulkan::{BindingKind, DeviceInfo, HostDevice, Kernel, kernels, vk};
+
+/// What a device must have, and what is used where it is there.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Requirements {
+    /// Of instance and device: Vulkan 1.1.
+    pub api_version: u32,
+    /// Of the queue that executes the command buffers.
+    pub queue_flags: vk::QueueFlags,
+    /// Enabled device features: none.
+    pub features: &'static [&'static str],
+    /// Enabled extensions: none.
+    pub extensions: &'static [&'static str],
+    /// Limits by their Vulkan names, each at least this.
+    pub limits: Vec<(&'static str, u64)>,
+    /// What makes it better where it is there, and never need be.
+    pub optional: &'static [(&'static str, &'static str)],
+}
+
+/// What softras asks of any device.
+pub fn requirements() -> Requirements {
+    let most = |f: &dyn Fn(&Kernel) -> u64| kernels::ALL.iter().map(|k| f(k)).max().unwrap_or(0);
+    let bound = |kind: fn(BindingKind) -> bool| most(&|k| k.bindings.iter().filter(|b| kind(b.kind)).count() as u64);
+    let is_texels = |kind: BindingKind| kind.buffer_usage() == vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER;
+    Requirements {
+        api_version: vk::API_VERSION_1_1,
+        queue_flags: vk::QueueFlags::COMPUTE,
+        features: &[],
+        extensions: &[],
+        limits: vec![
+            ("maxPushConstantsSize", most(&|k| k.push_constant_bytes.into())),
+            ("maxPerStageDescriptorStorageBuffers", bound(|kind| kind == BindingKind::StorageBuffer)),
+            ("maxPerStageDescriptorSampledImages", bound(is_texels)),
+            ("maxComputeSharedMemorySize", most(&|k| k.shared_bytes.into())),
+            ("maxComputeWorkGroupInvocations", most(&|k| k.local_size.iter().map(|&n| u64::from(n)).product())),
+        ],
+        optional: &[
+            ("subgroup shuffle in compute", "a tile's lanes read records together"),
+            ("VK_EXT_debug_utils", "names and labels in graphics debuggers"),
+            ("timestamps", "Renderer's timings; an embedding host times itself"),
+        ],
+    }
+}
+
+impl Requirements {
+    /// Judges a physical device before a device is made of it. `host.device` may be null.
+    ///
+    /// What a frame needs of maxStorageBufferRange and maxTexelBufferElements depends on its size:
+    /// [`FramePlan::new`](super::FramePlan::new) tells from the limits of the returned description.
+    ///
+    /// # Errors
+    /// [`Error::NoDevice`] saying what is missing.
+    ///
+    /// # Safety
+    /// As for [`HostDevice::describe`].
+    pub unsafe fn judge(&self, host: &HostDevice) -> Result<DeviceInfo> {
+        // SAFETY: the caller's promise.
+        let info = unsafe { host.describe() }?;
+        let fail = |what: String| Err(Error::NoDevice { what, mend: "choose another physical device".into() });
+        if let Err(reason) = &info.suitable {
+            return fail(format!("{}: {reason}", info.name));
+        }
+        let limits = &info.limits;
+        for &(name, needed) in &self.limits {
+            let limit: u64 = match name {
+                "maxPushConstantsSize" => limits.max_push_constants.into(),
+                "maxPerStageDescriptorStorageBuffers" => limits.max_storage_buffers.into(),
+                "maxPerStageDescriptorSampledImages" => limits.max_texel_buffers.into(),
+                "maxComputeSharedMemorySize" => limits.max_shared_memory.into(),
+                _ => limits.max_workgroup_invocations.into(),
+            };
+            if limit < needed {
+                return fail(format!("{}: {name} is {limit}, softras needs {needed}", info.name));
+            }
+        }
+        Ok(info)
+    }
+}

@@ -1,0 +1,70 @@
+//! Ten thousand frames leave memory as it was. Alone in its process, whose memory it measures.
+// A host's half of a contract of raw handles.
+#![allow(unsafe_code, clippy::undocumented_unsafe_blocks, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+#![cfg(target_os = "linux")]
+
+#[path = "../examples/engine/mod.rs"]
+mod engine;
+
+use engine::Engine;
+use gpu_allocator::MemoryLocation;
+use softras::rasterizer::{Arena, Differentiate, Inputs, Rasterizer, Shape};
+use softras::{Camera, Projection, Scene, Settings, Wanted, shapes};
+
+/// Bytes of this process that are in memory.
+fn resident() -> u64 {
+    let text = std::fs::read_to_string("/proc/self/statm").unwrap();
+    4096 * text.split_whitespace().nth(1).and_then(|pages| pages.parse::<u64>().ok()).unwrap()
+}
+
+const SLACK: u64 = 4 << 20;
+
+/// Forward and backward, bound anew every hundredth frame.
+#[test]
+fn ten_thousand_frames_leak_nothing() {
+    let before = resident();
+    let block = std::hint::black_box(vec![1u8; 2 * SLACK as usize]);
+    assert!(resident() > before + SLACK, "a leak would not be seen");
+    drop(block);
+
+    let engine = Engine::new(false).unwrap();
+    let rasterizer = unsafe { Rasterizer::new(&engine.host_device()) }.unwrap();
+    let scene = Scene::new(shapes::cube().unwrap());
+    let cameras = [Camera::from_angles(3.0, 20.0, 30.0, Projection::Perspective { fov_y: 1.0 }).unwrap()];
+    let settings = Settings { width: 16, height: 16, sigma: 1e-3, save: true, ..Settings::default() };
+    let frame = engine.commands().unwrap();
+    let mut settled = 0;
+    for hundred in 0..100 {
+        let plan = rasterizer.plan(&Shape::of(&scene, &cameras, &settings).unwrap(), &settings).unwrap();
+        let differentiate =
+            Differentiate { upstream: settings.outputs, wanted: Wanted::default(), largest_upstream: 1.0 };
+        let gradient_plan = rasterizer.plan_backward(&plan, &differentiate).unwrap();
+        let (arena, gradient_arena) = (Arena::of(plan.buffers()), Arena::of(gradient_plan.buffers()));
+        let buffer = |arena: &Arena| engine.buffer(arena.size, arena.usage, MemoryLocation::CpuToGpu).unwrap();
+        let (mut one, mut two) = (buffer(&arena), buffer(&gradient_arena));
+        two.bytes_mut().fill(0);
+        for (name, bytes) in Inputs::new(&scene, &cameras, &settings, &plan).all() {
+            if let Some((offset, _)) = arena.part(name) {
+                one.write(offset, bytes);
+            }
+        }
+        let forward = unsafe { rasterizer.bind(&plan, &arena.refs(one.raw)) }.unwrap();
+        let backward =
+            unsafe { rasterizer.bind_backward(&gradient_plan, &forward, &gradient_arena.refs(two.raw)) }.unwrap();
+        for _ in 0..100 {
+            let commands = frame.begin().unwrap();
+            unsafe {
+                rasterizer.record_forward(commands, &plan, &forward).unwrap();
+                rasterizer.record_backward(commands, &gradient_plan, &backward).unwrap();
+            }
+            engine.submit(&frame).unwrap();
+        }
+        frame.wait().unwrap();
+        if hundred == 9 {
+            settled = resident();
+        }
+    }
+    let end = resident();
+    println!("resident after 1,000 frames {} KiB, after 10,000 {} KiB", settled >> 10, end >> 10);
+    assert!(end < settled + SLACK, "{settled} bytes grew to {end}");
+}

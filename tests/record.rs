@@ -1,0 +1,83 @@
+//! Recording a frame and its gradients takes no heap allocation at all.
+// A global allocator that counts, and a host's half of a contract of raw handles.
+#![allow(unsafe_code, clippy::undocumented_unsafe_blocks, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+#[path = "../examples/engine/mod.rs"]
+mod engine;
+
+use engine::Engine;
+use gpu_allocator::MemoryLocation;
+use softras::rasterizer::{Arena, Differentiate, Rasterizer, Shape};
+use softras::{Camera, Lights, Projection, Scene, Settings, Wanted, shapes};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+struct Counting;
+
+thread_local! {
+    static COUNT: Cell<u64> = const { Cell::new(0) };
+}
+
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        // A thread that is ending has no counter any more.
+        _ = COUNT.try_with(|count| count.set(count.get() + 1));
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(at, layout) };
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// Allocations by this thread while `work` runs.
+fn allocations(work: impl FnOnce()) -> u64 {
+    let before = COUNT.get();
+    work();
+    COUNT.get() - before
+}
+
+#[test]
+fn an_allocation_is_counted() {
+    assert_eq!(allocations(|| drop(std::hint::black_box(Box::new(1)))), 1);
+    assert_eq!(allocations(|| drop(std::hint::black_box(vec![1; 10].clone()))), 2);
+}
+
+#[test]
+fn recording_allocates_nothing() {
+    // Validation turns debug labels on.
+    for validation in [false, true] {
+        let engine = Engine::new(validation).unwrap();
+        let rasterizer = unsafe { Rasterizer::new(&engine.host_device()) }.unwrap();
+        let scene = Scene::new(shapes::icosphere(2).unwrap()).with_lights(Lights::official());
+        let cameras =
+            [0.0, 90.0].map(|a| Camera::from_angles(3.0, 20.0, a, Projection::Perspective { fov_y: 1.0 }).unwrap());
+        let settings = Settings { sigma: 1e-4, save: true, ..Settings::default() };
+        let plan = rasterizer.plan(&Shape::of(&scene, &cameras, &settings).unwrap(), &settings).unwrap();
+        let differentiate = Differentiate { upstream: settings.outputs, wanted: Wanted::ALL, largest_upstream: 1.0 };
+        let gradient_plan = rasterizer.plan_backward(&plan, &differentiate).unwrap();
+        let arena = Arena::of(plan.buffers());
+        let gradient_arena = Arena::of(gradient_plan.buffers());
+        let buffer = |arena: &Arena| engine.buffer(arena.size, arena.usage, MemoryLocation::GpuOnly).unwrap();
+        let buffers = [buffer(&arena), buffer(&gradient_arena)];
+        let forward = unsafe { rasterizer.bind(&plan, &arena.refs(buffers[0].raw)) }.unwrap();
+        let backward =
+            unsafe { rasterizer.bind_backward(&gradient_plan, &forward, &gradient_arena.refs(buffers[1].raw)) };
+        let backward = backward.unwrap();
+        let frame = engine.commands().unwrap();
+        let commands = frame.begin().unwrap();
+        let count = allocations(|| {
+            for _ in 0..10 {
+                unsafe { rasterizer.record_forward(commands, &plan, &forward) }.unwrap();
+                unsafe { rasterizer.record_backward(commands, &gradient_plan, &backward) }.unwrap();
+            }
+        });
+        assert_eq!(count, 0, "validation {validation}");
+        let log = engine.log();
+        drop((frame, forward, backward, buffers, rasterizer, engine));
+        assert_eq!(*log.lock().unwrap(), Vec::<String>::new());
+    }
+}
