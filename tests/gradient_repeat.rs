@@ -140,7 +140,7 @@ fn batch_of_one_mesh_sums_over_views() {
         let all = backward(&mut renderer, &case, &upstream, &Wanted::ALL).unwrap();
         let mut sum = vec![0.0; 3 * all.meshes[0].positions.len()];
         for view in 0..3 {
-            let alone = Case { cameras: vec![case.cameras[view].clone()], ..case.clone() };
+            let alone = Case { cameras: vec![case.cameras[view]], ..case.clone() };
             let own = backward(&mut renderer, &alone, &of_view(&upstream, view), &Wanted::ALL).unwrap();
             let positions = own.meshes[0].positions.as_flattened();
             sum.iter_mut().zip(positions).for_each(|(sum, &x)| *sum += f64::from(x));

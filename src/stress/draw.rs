@@ -168,6 +168,7 @@ fn plain_lens(random: &mut Random) -> Projection {
 }
 
 /// A camera and where triangles are to be put for it.
+#[allow(clippy::approx_constant)] // Nearly a half turn, the widest angle of view; not π.
 fn camera(random: &mut Random, settings: &Settings) -> Result<(Camera, Place)> {
     let (width, height) = (f64::from(settings.width), f64::from(settings.height));
     // The official camera's own projection is a mode: it stays with the official parity's forms.
