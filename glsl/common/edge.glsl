@@ -84,7 +84,9 @@ Edges edges_of(vec2 column[3], vec2 row[3]) {
     float area = df_add(df_add(cross_ab[0], cross_ab[1]), cross_ab[2]).x;
     e.finite = abs(area) < 1e30;
     int longest = size.x >= size.y ? (size.x >= size.z ? 0 : 2) : (size.y >= size.z ? 1 : 2);
-    e.degenerate = abs(area) <= 1e-10 * size[longest] * size[longest];
+    // What is less than this of a pixel is a point: quotients by its size would leave a float.
+    float extent = size[longest] > 1e-12 ? size[longest] : 0.0;
+    e.degenerate = abs(area) <= 1e-10 * extent * extent || extent == 0.0;
     e.orientation = area < 0.0 && !e.degenerate ? -1.0 : 1.0;
     for (int k = 0; k < 3; ++k) {
         int a = k == 2 ? 0 : k + 1;
@@ -96,8 +98,8 @@ Edges edges_of(vec2 column[3], vec2 row[3]) {
         e.inverse_height[k] = size[k] / (max(abs(area), 1e-30) * frame.scale);
     }
     if (e.degenerate) {
-        vec2 along = size[longest] > 0.0 ? side[longest] / size[longest] : vec2(1.0, 0.0);
-        flatten_to_segment(e, longest, along, size[longest]);
+        vec2 along = extent > 0.0 ? side[longest] / extent : vec2(1.0, 0.0);
+        flatten_to_segment(e, longest, along, extent);
     }
     return e;
 }

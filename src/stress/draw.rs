@@ -44,7 +44,11 @@ pub fn case(seed: u64, forms: usize) -> Result<Case> {
 /// # Errors
 /// As [`case`].
 pub fn at(seed: u64, sigma: f64, gamma: f64) -> Result<Case> {
-    let mut case = tame(seed, &mut Random::new(seed), &TABLE[1])?;
+    // Some scenes are of a few triangles only, which say little.
+    let full = |case: &Result<Case>| case.as_ref().is_ok_and(|c| c.scene.meshes[0].triangles().len() >= 12);
+    let draws = (0..100).map(|i| tame(seed, &mut Random::new(seed + 1000 * i), &TABLE[1]));
+    let mut case = draws.into_iter().find(full).unwrap_or_else(|| tame(seed, &mut Random::new(seed), &TABLE[1]))?;
+    (case.settings.width, case.settings.height) = (48, 48);
     case.settings.sigma = sigma;
     case.settings.gamma = gamma;
     Ok(case)
@@ -164,6 +168,7 @@ fn plain_lens(random: &mut Random) -> Projection {
 }
 
 /// A camera and where triangles are to be put for it.
+#[allow(clippy::approx_constant)] // Nearly a half turn, the widest angle of view; not π.
 fn camera(random: &mut Random, settings: &Settings) -> Result<(Camera, Place)> {
     let (width, height) = (f64::from(settings.width), f64::from(settings.height));
     // The official camera's own projection is a mode: it stays with the official parity's forms.

@@ -1,0 +1,104 @@
+//! What `softras stress` has found, each as the least scene that showed it and named after what it was.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+mod common;
+
+use common::{gradient::all_finite, renderer};
+use glam::{DMat4, DVec3};
+use softras::{
+    Camera, Image, ImageGradient, Lights, Mesh, Projection, Scene, Settings, Wanted,
+    scene::{Background, Interpolation, Outputs, Shading},
+};
+
+const ALL: Outputs = Outputs { color: true, silhouette: true, depth: true, normal: true };
+
+fn settings(near: f64, far: f64) -> Settings {
+    Settings {
+        width: 9,
+        height: 7,
+        near,
+        far,
+        sigma: 0.5,
+        gamma: 1e-3,
+        outputs: ALL,
+        save: true,
+        ..Settings::default()
+    }
+}
+
+/// Renders and differentiates one triangle; everything must be finite.
+#[track_caller]
+fn stays_finite(corners: [[f32; 3]; 3], camera: Camera, settings: &Settings, lights: Lights) {
+    let mut renderer = renderer();
+    let scene = Scene::new(Mesh::new(corners.to_vec(), vec![[0, 1, 2]]).unwrap()).with_lights(lights);
+    let frame = renderer.render(&scene, &[camera], settings).unwrap();
+    let weights = |image: Option<&Image>| {
+        let image = image.unwrap();
+        assert!(image.data.iter().all(|x| x.is_finite()), "{:?}", image.data);
+        Some(Image { data: (0..image.data.len()).map(|i| 1.0 - (i % 5) as f32 / 2.0).collect(), ..image.clone() })
+    };
+    let upstream = ImageGradient {
+        color: weights(frame.color()),
+        silhouette: weights(frame.silhouette()),
+        depth: weights(frame.depth()),
+        normal: weights(frame.normal()),
+    };
+    all_finite(&renderer.backward(&frame, &upstream, &Wanted::ALL).unwrap()).unwrap();
+}
+
+fn forward(projection: Projection) -> Camera {
+    Camera::from_matrix(DMat4::IDENTITY, projection).unwrap()
+}
+
+#[test]
+fn a_corner_on_the_cameras_plane_has_no_projection_but_a_gradient() {
+    let corners = [[0.3, -0.46, 0.0], [0.4, -0.45, 4.66], [0.2, 0.46, 4.65]];
+    stays_finite(corners, Camera::screen(), &settings(0.3, 12.0), Lights::unlit());
+    stays_finite(corners, forward(Projection::Perspective { fov_y: 1.0 }), &settings(0.3, 12.0), Lights::unlit());
+}
+
+#[test]
+fn a_corner_that_is_too_far_for_a_float_has_a_depth() {
+    let corners = [
+        [-1.2815745, 3.9675534, 4.448739],
+        [-1.1978017, 3.9624503, 4.4357204],
+        [-1.6502427e10, 5.3734453e10, 6.085457e10],
+    ];
+    let settings = Settings { gamma: 2.47e-7, background: Background::Composite, sigma: 5.77, ..settings(0.25, 6.68) };
+    stays_finite(corners, forward(Projection::Perspective { fov_y: 0.5 }), &settings, Lights::official());
+}
+
+#[test]
+fn a_corner_that_is_too_far_for_a_float_has_a_perspective_share() {
+    let corners = [
+        [0.38258088, -0.04122674, 2.8811927],
+        [0.24629705, 0.5093896, 2.909239],
+        [-4.2301643e14, 3.7866327e15, 2.21979e16],
+    ];
+    let settings = Settings { interpolation: Interpolation::Perspective, ..settings(0.23, 3.5) };
+    let lights = Lights { shading: Shading::Smooth, ..Lights::official() };
+    stays_finite(corners, Camera::screen(), &settings, lights);
+}
+
+#[test]
+fn a_triangle_of_1e25_units_has_a_normal() {
+    let corners = [[-1e25, -1e25, -1e25], [1e25, -1e25, 1e25], [-1e25, -1e25, 1e25]];
+    stays_finite(corners, Camera::screen(), &settings(0.1, 3.0), Lights::official());
+}
+
+#[test]
+fn a_triangle_of_1e_minus_19_units_is_a_point() {
+    let corners = [
+        [-2.5655717e-24, 1.9074816e-24, -4.6438147e-24],
+        [-5.869678e-23, -6.893295e-23, 6.860664e-23],
+        [-7.436202e-19, 9.199819e-19, -3.1333266e-19],
+    ];
+    let lens = Projection::Perspective { fov_y: 0.5 };
+    let camera = Camera::look_at(DVec3::new(1.3, -3.6, -1.1), DVec3::ZERO, DVec3::Y, lens).unwrap();
+    stays_finite(
+        corners,
+        camera,
+        &Settings { sigma: 3e-11, width: 1, height: 15, ..settings(2.0, 32.0) },
+        Lights::unlit(),
+    );
+}
