@@ -30,9 +30,10 @@
 //! image is its top. Images are not mirrored.
 //!
 //! # Where things are
-//! [`scene`] is what is drawn, judged once; [`renderer`] draws it and differentiates; [`mod@reference`] is the f64 judge of
-//! both. Below them, [`plan`] turns sizes into buffers and dispatches, [`passes`] records a frame,
-//! and [`vulkan`] is the only module with `unsafe`.
+//! [`scene`] is what is drawn, judged once; [`renderer`] draws it and differentiates on a device of its own;
+//! [`rasterizer`] does so on a host's; [`mod@reference`] is the f64 judge of both. Below them, [`plan`] turns sizes into
+//! buffers and dispatches, [`passes`] records a frame, and [`vulkan`] is the only module that calls Vulkan; all `unsafe` is
+//! there, but for the host's promises that [`rasterizer`] passes on.
 
 pub mod buffers;
 pub mod error;
