@@ -30,10 +30,10 @@
 //! image is its top. Images are not mirrored.
 //!
 //! # Where things are
-//! [`scene`] is what is drawn, judged once; [`renderer`] draws it and differentiates; [`mod@reference`] is the f64 judge of
 //! both; [`fit`] turns gradients into shape, colour and pose; `measure` says what a frame costs and must cost; `stress`
-//! draws scenes to break it. Below them, [`plan`] turns sizes into buffers and dispatches, [`passes`] records a frame, and
-//! [`vulkan`] is the only module with `unsafe`.
+//! draws scenes to break it. Below them, [`rasterizer`] is the same for an engine with a device of its own, and what
+//! [`renderer`] is built on; [`plan`] turns sizes into buffers and dispatches, [`passes`] records a frame, and [`vulkan`]
+//! is where `unsafe` lives.
 
 pub mod buffers;
 pub mod error;

@@ -329,7 +329,9 @@ fn handles_may_be_plain_numbers() {
     let host = engine.host_device();
     let function = host.get_instance_proc_addr as *const c_void;
     let [instance, physical, device] = [host.instance.as_raw(), host.physical_device.as_raw(), host.device.as_raw()];
-    let raw = unsafe { HostDevice::from_raw(function, instance, physical, device) }.unwrap();
+    let mut raw = unsafe { HostDevice::from_raw(function, instance, physical, device) }.unwrap();
+    // And the host's own pipeline cache, which stays the host's.
+    raw.pipeline_cache = unsafe { engine.device().create_pipeline_cache(&Default::default(), None) }.unwrap();
     let rasterizer = unsafe { Rasterizer::new(&raw) }.unwrap();
     let case = random_case(0, Kind::Plain);
     let host = Host::new(&engine, &rasterizer, &case);
@@ -340,6 +342,8 @@ fn handles_may_be_plain_numbers() {
     let null = error(unsafe { HostDevice::from_raw(function, instance, physical, 0) });
     assert!(null.contains("null"), "{null}");
     drop((host, rasterizer));
+    assert!(unsafe { engine.device().get_pipeline_cache_data(raw.pipeline_cache) }.is_ok());
+    unsafe { engine.device().destroy_pipeline_cache(raw.pipeline_cache, None) };
     assert_silent(engine);
 }
 
@@ -565,7 +569,8 @@ unsafe extern "system" fn reallocate(
 #[test]
 fn running_out_of_memory_anywhere_leaves_nothing() {
     let engine = engine();
-    let case = random_case(0, Kind::Plain);
+    let mut case = random_case(0, Kind::Plain);
+    case.settings.save = true;
     let memory = Memory { live: AtomicI64::new(0), left: AtomicI64::new(i64::MAX) };
     let callbacks = vk::AllocationCallbacks {
         p_user_data: (&raw const memory).cast_mut().cast(),
@@ -577,12 +582,17 @@ fn running_out_of_memory_anywhere_leaves_nothing() {
     let host = HostDevice { allocation_callbacks: Some(callbacks), ..engine.host_device() };
     let shape = Shape::of(&case.scene, &case.cameras, &case.settings).unwrap();
     let plan = rasterizer(&engine).plan(&shape, &case.settings).unwrap();
-    let arena = Arena::of(plan.buffers());
-    let buffer = engine.buffer(arena.size, arena.usage, MemoryLocation::GpuToCpu).unwrap();
+    let differentiate =
+        Differentiate { upstream: case.settings.outputs, wanted: Wanted::default(), largest_upstream: 1.0 };
+    let gradient_plan = rasterizer(&engine).plan_backward(&plan, &differentiate).unwrap();
+    let arenas = [Arena::of(plan.buffers()), Arena::of(gradient_plan.buffers())];
+    let buffers = arenas.each_ref().map(|a| engine.buffer(a.size, a.usage, MemoryLocation::GpuToCpu).unwrap());
+    let refs = [0, 1].map(|i| arenas[i].refs(buffers[i].raw));
     let bind = |allowed: i64| {
         memory.left.store(allowed, Ordering::Relaxed);
         let rasterizer = unsafe { Rasterizer::new(&host) }?;
-        unsafe { rasterizer.bind(&plan, &arena.refs(buffer.raw)) }.map(drop)
+        let forward = unsafe { rasterizer.bind(&plan, &refs[0]) }?;
+        unsafe { rasterizer.bind_backward(&gradient_plan, &forward, &refs[1]) }.map(drop)
     };
     let mut failures = 0;
     loop {
@@ -597,6 +607,6 @@ fn running_out_of_memory_anywhere_leaves_nothing() {
     println!("{failures} allocations failed in turn");
     assert!(failures > 20, "the callbacks were hardly used: {failures}");
     assert_eq!(memory.live.load(Ordering::Relaxed), 0);
-    drop(buffer);
+    drop(buffers);
     assert_silent(engine);
 }
