@@ -196,3 +196,56 @@ pub struct Gradients {
     /// By γ; zero unless asked for.
     pub gamma: f64,
 }
+
+impl Gradients {
+    /// What is not a finite number, by the name of its field.
+    pub(crate) fn not_finite(&self) -> Option<&'static str> {
+        let rows = |rows: &[[f32; 3]]| rows.as_flattened().iter().all(|x| x.is_finite());
+        let doubles = |values: &[f64]| values.iter().all(|x| x.is_finite());
+        for mesh in &self.meshes {
+            let fields = [
+                ("positions", rows(&mesh.positions)),
+                ("colors", rows(&mesh.colors)),
+                ("surface_texels", rows(&mesh.surface_texels)),
+                ("texture_texels", mesh.texture_texels.iter().all(|texels| rows(texels))),
+                ("uvs", mesh.uvs.as_flattened().iter().all(|x| x.is_finite())),
+            ];
+            if let Some((name, _)) = fields.into_iter().find(|(_, finite)| !finite) {
+                return Some(name);
+            }
+        }
+        let lights = self.lights.iter().all(|lights| {
+            let mut directional = lights.directional.iter();
+            doubles(&lights.ambient_color)
+                && lights.ambient_intensity.is_finite()
+                && directional.all(|(way, color, intensity)| doubles(way) && doubles(color) && intensity.is_finite())
+        });
+        let fields = [
+            ("cameras", self.cameras.iter().all(|c| doubles(&c.twist) && doubles(&c.projection))),
+            ("lights", lights),
+            ("background_color", doubles(&self.background_color)),
+            ("epsilon, sigma or gamma", doubles(&[self.epsilon, self.sigma, self.gamma])),
+        ];
+        fields.into_iter().find(|(_, finite)| !finite).map(|(name, _)| name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_not_finite_is_named() {
+        let mesh = MeshGradients { positions: vec![[0.0; 3]; 2], uvs: vec![[0.5; 2]], ..MeshGradients::default() };
+        let good = Gradients { meshes: vec![mesh], cameras: vec![CameraGradient::default()], ..Gradients::default() };
+        assert_eq!(good.not_finite(), None);
+        let mut bad = good.clone();
+        bad.meshes[0].positions[1][2] = f32::NAN;
+        assert_eq!(bad.not_finite(), Some("positions"));
+        let mut bad = good.clone();
+        bad.cameras[0].twist[4] = f64::INFINITY;
+        assert_eq!(bad.not_finite(), Some("cameras"));
+        let bad = Gradients { gamma: f64::NAN, ..good };
+        assert_eq!(bad.not_finite(), Some("epsilon, sigma or gamma"));
+    }
+}

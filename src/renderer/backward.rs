@@ -56,7 +56,8 @@ impl Renderer {
     ///
     /// # Errors
     /// [`Error::Backward`] for a frame rendered without [`Settings::save`], one that is not the latest, or an upstream
-    /// gradient that does not fit it; otherwise as [`Renderer::render`].
+    /// gradient that does not fit it; [`Error::NotFinite`] where single precision cannot hold the gradient; otherwise as
+    /// [`Renderer::render`].
     pub fn backward(&mut self, frame: &Frame, upstream: &ImageGradient, wanted: &Wanted) -> Result<Gradients> {
         let Some(id) = frame.saved else {
             return stale("the frame was rendered for looking at only", "render it with Settings::save = true");
@@ -219,7 +220,15 @@ impl Renderer {
             gradients.sigma = -sum(10) / s.sigma;
             gradients.gamma = -(sum(11) + pixels[4]) * std::f64::consts::LN_2 / s.gamma;
         }
-        Ok(gradients)
+        match gradients.not_finite() {
+            None => Ok(gradients),
+            Some(field) => Err(Error::NotFinite {
+                stage: "backward",
+                mend: format!(
+                    "the gradient by {field} overflowed: bring the scene to a scale within 1e6 of the camera's"
+                ),
+            }),
+        }
     }
 
     fn gather_meshes(&self, saved: &Saved, plan: &GradientPlan, wanted: &Wanted) -> Result<Vec<MeshGradients>> {
