@@ -65,6 +65,15 @@ fn random_scenes_through_near_and_far() {
     assert_random_cases_agree(Kind::Clipped, 15);
 }
 
+/// The official code drops what lies outside the box grown by the Euclidean radius. In this scene, of barycentric distances
+/// with a tau of 0.08, some triangles would reach beyond it.
+#[test]
+fn official_box_ends_barycentric_support() {
+    let case = random_case(74, Kind::Modes);
+    assert_eq!((case.settings.distance, case.settings.parity), (Distance::Barycentric, Parity::Official));
+    agreement(&mut renderer(), &case).unwrap();
+}
+
 /// Each mode alone, on one scene, so that a broken one is named.
 #[test]
 fn every_mode_alone() {
