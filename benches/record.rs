@@ -17,7 +17,7 @@ const RUNS: usize = 2000;
 
 fn main() {
     let engine = Engine::new(false).expect("a Vulkan device");
-    let rasterizer = unsafe { Rasterizer::new(&engine.host_device()) }.expect("a rasterizer");
+    let rasterizer = Rasterizer::new(&engine.host_device()).expect("a rasterizer");
     let scene = Scene::new(shapes::icosphere(4).expect("a mesh"));
     let cameras = [Camera::from_angles(3.0, 20.0, 30.0, Projection::Perspective { fov_y: 1.0 }).expect("a camera")];
     let settings = Settings { sigma: 1e-4, save: true, ..Settings::default() };
@@ -32,17 +32,19 @@ fn main() {
         let (arena, gradient_arena) = (Arena::of(plan.buffers()), Arena::of(gradient_plan.buffers()));
         let buffer = |arena: &Arena| engine.buffer(arena.size, arena.usage, MemoryLocation::GpuOnly).expect("memory");
         let (one, two) = (buffer(&arena), buffer(&gradient_arena));
-        let forward = unsafe { rasterizer.bind(&plan, &arena.refs(one.raw)) }.expect("bindings");
-        let backward =
-            unsafe { rasterizer.bind_backward(&gradient_plan, &forward, &gradient_arena.refs(two.raw)) }.expect("more");
+        let forward = rasterizer.bind(&plan, &arena.refs(&one.whole()).expect("parts")).expect("bindings");
+        let backward = rasterizer
+            .bind_backward(&gradient_plan, &forward, &gradient_arena.refs(&two.whole()).expect("parts"))
+            .expect("more");
         let frame = engine.commands().expect("a command buffer");
         let mut times: [Vec<f64>; 3] = Default::default();
         for _ in 0..RUNS {
-            let commands = frame.begin().expect("a command buffer");
+            frame.begin().expect("a command buffer");
+            let mut commands = frame.host();
             let start = Instant::now();
-            unsafe { rasterizer.record_forward(commands, &plan, &forward) }.expect("recorded");
+            rasterizer.record_forward(&mut commands, &plan, &forward).expect("recorded");
             let middle = Instant::now();
-            unsafe { rasterizer.record_backward(commands, &gradient_plan, &backward) }.expect("recorded");
+            rasterizer.record_backward(&mut commands, &gradient_plan, &backward).expect("recorded");
             let end = Instant::now();
             for (times, span) in times.iter_mut().zip([middle - start, end - middle, end - start]) {
                 times.push(span.as_secs_f64() * 1e6);

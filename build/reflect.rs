@@ -64,7 +64,7 @@ enum Type {
     Float { bytes: u32 },
     Vector { component: u32, count: u32 },
     Matrix { column: u32, columns: u32 },
-    Image { sampled: u32, dim: u32, texel: u32 },
+    Image { sampled: u32, dim: u32, texel: u32, format: u32 },
     SampledImage { image: u32 },
     Array { element: u32, length: u32 },
     RuntimeArray { element: u32 },
@@ -90,6 +90,8 @@ const DESCRIPTOR_SET: u32 = 34;
 const OFFSET: u32 = 35;
 /// The built-in variable gl_WorkGroupSize.
 const WORKGROUP_SIZE: u32 = 25;
+/// Image dimension 2D.
+const DIM_2D: u32 = 1;
 /// Image dimension Buffer: a texel buffer.
 const DIM_BUFFER: u32 = 5;
 
@@ -227,8 +229,8 @@ impl Module {
             (24, [id, column, columns]) => {
                 _ = self.types.insert(*id, Type::Matrix { column: *column, columns: *columns })
             }
-            (25, [id, texel, dim, _, _, _, sampled, ..]) => {
-                _ = self.types.insert(*id, Type::Image { sampled: *sampled, dim: *dim, texel: *texel })
+            (25, [id, texel, dim, _, _, _, sampled, format, ..]) => {
+                _ = self.types.insert(*id, Type::Image { sampled: *sampled, dim: *dim, texel: *texel, format: *format })
             }
             (27, [id, image]) => _ = self.types.insert(*id, Type::SampledImage { image: *image }),
             (28, [id, element, length]) => {
@@ -291,14 +293,17 @@ impl Module {
             Type::Struct { .. } if storage == STORAGE_BUFFER => "StorageBuffer",
             Type::Struct { .. } if self.decoration(pointee, BUFFER_BLOCK).is_some() => "StorageBuffer",
             Type::Struct { .. } => "UniformBuffer",
-            Type::Image { dim: DIM_BUFFER, sampled: 1, texel } => match self.ty(*texel)? {
+            Type::Image { dim: DIM_BUFFER, sampled: 1, texel, .. } => match self.ty(*texel)? {
                 Type::Int { signed: true, .. } => "UniformTexelBufferInt",
                 Type::Int { .. } => "UniformTexelBufferUint",
                 _ => "UniformTexelBufferFloat",
             },
             Type::Image { dim: DIM_BUFFER, .. } => "StorageTexelBuffer",
-            Type::Image { sampled: 2, .. } => "StorageImage",
-            _ => return Err(format!("`{name}`: only buffers, texel buffers and storage images can be bound")),
+            Type::Image { dim: DIM_2D, sampled: 2, format: 1, .. } => "StorageImage(ImageFormat::Rgba32Float)",
+            Type::Image { dim: DIM_2D, sampled: 2, format: 2, .. } => "StorageImage(ImageFormat::Rgba16Float)",
+            Type::Image { dim: DIM_2D, sampled: 2, format: 3, .. } => "StorageImage(ImageFormat::R32Float)",
+            Type::Image { dim: DIM_2D, sampled: 2, format: 4, .. } => "StorageImage(ImageFormat::Rgba8Unorm)",
+            _ => return Err(format!("`{name}`: only buffers, texel buffers and images of four formats can be bound")),
         };
         // A `readonly` block carries the decoration on the variable or on each member.
         let readonly = self.decoration(id, NON_WRITABLE).is_some()

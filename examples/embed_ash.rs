@@ -140,11 +140,10 @@ fn settings() -> Settings {
 pub fn run(path: Option<&Path>, validation: bool) -> Outcome<Report> {
     let engine = Engine::new(validation)?;
     let log = engine.log();
-    let host = engine.host_device();
     // Could be asked before there is a device.
-    let about = unsafe { requirements().judge(&host) }?;
+    let about = requirements().judge(&engine.host_adapter())?;
     println!("softras on {}", about.name);
-    let rasterizer = unsafe { Rasterizer::new(&host) }?;
+    let rasterizer = Rasterizer::new(&engine.host_device())?;
 
     let camera = Camera::look_at(4.0 * DVec3::Z, DVec3::ZERO, DVec3::Y, Projection::Perspective { fov_y: 0.6 })?;
     let goal = target(&engine, &rasterizer, &camera)?;
@@ -186,10 +185,11 @@ fn record(
 ) -> Outcome<()> {
     use vk::{AccessFlags as A, ImageLayout as L, PipelineStageFlags as S};
     let device = engine.device();
-    unsafe { rasterizer.record_forward(commands, &shared.plan, &flight.forward) }?;
+    let mut host = flight.commands.host();
+    rasterizer.record_forward(&mut host, &shared.plan, &flight.forward)?;
     // softras' own barriers order compute and copies before and after it; so none is needed around these kernels.
     shared.loss.dispatch(commands, flight.loss, (SIZE * SIZE).div_ceil(64));
-    unsafe { rasterizer.record_backward(commands, &shared.gradient_plan, &flight.backward) }?;
+    rasterizer.record_backward(&mut host, &shared.gradient_plan, &flight.backward)?;
     shared.adam.dispatch(commands, flight.adam, 1);
 
     // softras' image into the engine's.
@@ -198,7 +198,7 @@ fn record(
     let copy = shared.plan.image_copy("color", 0, &flight.color).ok_or("no colour")?;
     unsafe {
         let layout = L::TRANSFER_DST_OPTIMAL;
-        device.cmd_copy_buffer_to_image(commands, flight.color.buffer, flight.image.raw, layout, &[copy]);
+        device.cmd_copy_buffer_to_image(commands, flight.color.raw(), flight.image.raw, layout, &[copy]);
     }
     // The engine's own triangles from the vertices that Adam just moved.
     let moved =
@@ -212,8 +212,7 @@ fn record(
 
     // For the host to look at.
     image(L::COLOR_ATTACHMENT_OPTIMAL, L::TRANSFER_SRC_OPTIMAL, drawn, (S::TRANSFER, A::TRANSFER_READ));
-    let at = BufferRef { buffer: flight.picture.raw, offset: 0, range: flight.picture.size };
-    let copy = shared.plan.image_copy("color", 0, &at).ok_or("no colour")?;
+    let copy = shared.plan.image_copy("color", 0, &flight.picture.whole()).ok_or("no colour")?;
     unsafe {
         let layout = L::TRANSFER_SRC_OPTIMAL;
         device.cmd_copy_image_to_buffer(commands, flight.image.raw, layout, flight.picture.raw, &[copy]);
@@ -295,20 +294,18 @@ impl Flight {
         let workspace = engine.buffer(arena.size, arena.usage, MemoryLocation::GpuOnly)?;
         let needed = shared.plan.buffer("status").ok_or("no status")?;
         let status = engine.buffer(needed.size, needed.usage, MemoryLocation::GpuToCpu)?;
-        let refs = arena.refs(workspace.raw);
+        let refs = arena.refs(&workspace.whole())?;
         let part = |name: &str| refs.iter().find(|(n, _)| *n == name).map(|(_, at)| *at).ok_or("no such buffer");
 
         let of_gradients = |name: &str| shared.gradient_plan.buffer(name).is_some();
-        let mut buffers = shared.inputs_arena.refs(shared.inputs.raw);
+        let mut buffers = shared.inputs_arena.refs(&shared.inputs.whole())?;
         buffers.extend(refs.iter().filter(|(name, _)| !of_gradients(name)));
-        for (name, buffer) in [("positions", &shared.positions), ("status", &status)] {
-            buffers.push((name, BufferRef { buffer: buffer.raw, offset: 0, range: buffer.size }));
-        }
-        let forward = unsafe { rasterizer.bind(&shared.plan, &buffers) }?;
+        buffers.extend([("positions", shared.positions.whole()), ("status", status.whole())]);
+        let forward = rasterizer.bind(&shared.plan, &buffers)?;
         let buffers: Vec<_> = refs.iter().copied().filter(|(name, _)| of_gradients(name)).collect();
-        let backward = unsafe { rasterizer.bind_backward(&shared.gradient_plan, &forward, &buffers) }?;
+        let backward = rasterizer.bind_backward(&shared.gradient_plan, &forward, &buffers)?;
 
-        let triple = |at: BufferRef| (at.buffer, at.offset, at.range);
+        let triple = |at: BufferRef| (at.raw(), at.offset(), at.range());
         let whole = |buffer: &Buffer| (buffer.raw, 0, buffer.size);
         let (color, upstream) = (part("color")?, part("upstream_color")?);
         let loss = shared.loss.bind(&[triple(color), whole(&shared.goal), triple(upstream)])?;
@@ -340,14 +337,14 @@ fn target(engine: &Engine, rasterizer: &Rasterizer, camera: &Camera) -> Outcome<
     for &(name, offset, _) in &arena.parts {
         buffer.write(offset, inputs.get(name).unwrap_or_default());
     }
-    let bindings = unsafe { rasterizer.bind(&plan, &arena.refs(buffer.raw)) }?;
+    let bindings = rasterizer.bind(&plan, &arena.refs(&buffer.whole())?)?;
     let (offset, size) = arena.part("color").ok_or("no colour")?;
     let usage = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::TRANSFER_DST;
     let goal = engine.buffer(size, usage, MemoryLocation::GpuOnly)?;
     let flight = engine.commands()?;
     let commands = flight.begin()?;
+    rasterizer.record_forward(&mut flight.host(), &plan, &bindings)?;
     unsafe {
-        rasterizer.record_forward(commands, &plan, &bindings)?;
         let copy = [vk::BufferCopy { src_offset: offset, dst_offset: 0, size }];
         engine.device().cmd_copy_buffer(commands, buffer.raw, goal.raw, &copy);
     }

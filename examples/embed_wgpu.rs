@@ -7,9 +7,11 @@
 
 use ash::vk;
 use glam::DVec3;
-use softras::rasterizer::{Arena, FrameBindings, FramePlan, Inputs, Rasterizer, Shape, Status, requirements};
+use softras::rasterizer::{
+    Arena, BufferRef, FrameBindings, FramePlan, HostAdapter, HostCommands, HostDevice, Inputs, Rasterizer, Shape,
+    Status, requirements,
+};
 use softras::scene::{Appearance, Background};
-use softras::vulkan::HostDevice;
 use softras::{Camera, Lights, Projection, Scene, Settings, shapes};
 use std::path::Path;
 use wgpu::hal::api::Vulkan;
@@ -98,15 +100,19 @@ impl Drop for Memory {
 }
 
 /// What softras needs of wgpu's device, and the functions to make buffers with.
-fn host_device(device: &wgpu::Device) -> Outcome<(HostDevice, ash::Instance, ash::Device)> {
+fn host_device(device: &wgpu::Device) -> Outcome<(HostAdapter, HostDevice, ash::Instance, ash::Device)> {
     // SAFETY: the guard is dropped at once, the handles are not destroyed.
     let hal = unsafe { device.as_hal::<Vulkan>() }.ok_or("the device is not Vulkan's")?;
     let shared = hal.shared_instance();
     let instance = shared.raw_instance();
     let get_instance_proc_addr = shared.entry().static_fn().get_instance_proc_addr;
     let physical = hal.raw_physical_device();
-    let host = HostDevice::new(get_instance_proc_addr, instance.handle(), physical, hal.raw_device().handle());
-    Ok((host, instance.clone(), hal.raw_device().clone()))
+    // SAFETY: the handles are wgpu's, whose device outlives the rasterizer.
+    let (adapter, host) = unsafe {
+        let adapter = HostAdapter::new(get_instance_proc_addr, instance.handle(), physical);
+        (adapter, HostDevice::new(adapter, hal.raw_device().handle()))
+    };
+    Ok((adapter, host, instance.clone(), hal.raw_device().clone()))
 }
 
 fn scene() -> softras::Result<(Scene, Camera, Settings)> {
@@ -128,23 +134,21 @@ pub fn run(path: Option<&Path>, validation: bool) -> Outcome<Vec<u8>> {
     let adapter = wait(instance.request_adapter(&wgpu::RequestAdapterOptions::default()))?;
     let (device, queue) = wait(adapter.request_device(&wgpu::DeviceDescriptor::default()))?;
 
-    let (host, raw_instance, raw_device) = host_device(&device)?;
-    // SAFETY: the handles are wgpu's, whose device outlives the rasterizer.
-    let rasterizer = unsafe {
-        requirements().judge(&host)?;
-        Rasterizer::new(&host)?
-    };
+    let (host_adapter, host, raw_instance, raw_device) = host_device(&device)?;
+    requirements().judge(&host_adapter)?;
+    let rasterizer = Rasterizer::new(&host)?;
     let (scene, camera, settings) = scene()?;
     let cameras = [camera];
     let plan = rasterizer.plan(&Shape::of(&scene, &cameras, &settings)?, &settings)?;
     let arena = Arena::of(plan.buffers());
-    let mut memory = Memory::new(&raw_instance, host.physical_device, &raw_device, &arena)?;
+    let mut memory = Memory::new(&raw_instance, host_adapter.physical_device(), &raw_device, &arena)?;
     let inputs = Inputs::new(&scene, &cameras, &settings, &plan);
     for &(name, offset, _) in &arena.parts {
         memory.write(offset, inputs.get(name).unwrap_or_default());
     }
-    // SAFETY: the buffer is of this device, has the arena's usage, and outlives the bindings.
-    let bindings = unsafe { rasterizer.bind(&plan, &arena.refs(memory.buffer)) }?;
+    // SAFETY: the buffer is of this device, has the arena's size and usage, and outlives the bindings.
+    let buffer = unsafe { BufferRef::new(memory.buffer, arena.size, arena.usage) };
+    let bindings = rasterizer.bind(&plan, &arena.refs(&buffer)?)?;
 
     let picture = draw(&device, &queue, &rasterizer, (&plan, &bindings), (&memory, &arena))?;
     let at = arena.part("status").ok_or("no status")?.0 as usize;
@@ -176,8 +180,8 @@ fn draw(
     // until the queue has been waited for below.
     unsafe {
         softras.as_hal_mut::<Vulkan, _, Outcome<()>>(|encoder| {
-            let commands = encoder.ok_or("the encoder is not Vulkan's")?.raw_handle();
-            Ok(rasterizer.record_forward(commands, plan, bindings)?)
+            let mut commands = HostCommands::new(encoder.ok_or("the encoder is not Vulkan's")?.raw_handle());
+            Ok(rasterizer.record_forward(&mut commands, plan, bindings)?)
         })?;
     }
 

@@ -32,7 +32,8 @@ vec3 smooth_normal(Shape shape, int vertex) {
     vec3 sum = vec3(0.0);
     for (int i = int(texelFetch(adjacency, at).x); i < end; ++i) {
         int triangle = int(texelFetch(adjacency, i).x) >> 2;
-        sum += area_vector(shape, triangle_vertices(shape, triangle));
+        // Corners ascend; a count that only the device knew may leave the last ones out.
+        sum += triangle < shape.triangle_count ? area_vector(shape, triangle_vertices(shape, triangle)) : vec3(0.0);
     }
     return unit_or_zero(sum);
 }

@@ -59,7 +59,8 @@ void main() {
                 color += texelFetch(corner_gradients, from + 3).rgb;
             }
             if (SMOOTH) {
-                position += through_normals(shape, corner >> 2, corner & 3);
+                bool live = corner >> 2 < shape.triangle_count;
+                position += live ? through_normals(shape, corner >> 2, corner & 3) : vec3(0.0);
             }
         }
     }

@@ -39,10 +39,11 @@ void main() {
     for (int i = int(texelFetch(adjacency, at).x); i < end; ++i) {
         int corner = int(texelFetch(adjacency, i).x);
         int triangle = corner >> 2;
-        area += area_vector(shape, triangle_vertices(shape, triangle));
         int light_at = 2 * (3 * (shape.slot_base + triangle) + (corner & 3));
-        by_light += texelFetch(corner_lights, light_at).rgb;
-        by_normal += texelFetch(corner_lights, light_at + 1).xyz;
+        bool live = triangle < shape.triangle_count;
+        area += live ? area_vector(shape, triangle_vertices(shape, triangle)) : vec3(0.0);
+        by_light += live ? texelFetch(corner_lights, light_at).rgb : vec3(0.0);
+        by_normal += live ? texelFetch(corner_lights, light_at + 1).xyz : vec3(0.0);
     }
     vec3 normal = unit_or_zero(area);
     float size = length(area);

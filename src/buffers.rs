@@ -136,6 +136,11 @@ pub fn usage_of(name: &str) -> vk::BufferUsageFlags {
     use vk::BufferUsageFlags as U;
     let by_us = match name {
         "status" | "bin_bits" | "texel_sums" => U::TRANSFER_DST,
+        // Cleared where only the device knows how many triangles there are.
+        "corner_gradients" | "light_records" => U::TRANSFER_DST,
+        // Written from a host's geometry, and stored into a host's images.
+        "positions" | "colors" => U::STORAGE_BUFFER,
+        "color" | "silhouette" | "depths" | "normals" => U::UNIFORM_TEXEL_BUFFER,
         "item_counts" => U::TRANSFER_DST | U::INDIRECT_BUFFER,
         "unused" => U::STORAGE_BUFFER | U::UNIFORM_TEXEL_BUFFER,
         _ => U::empty(),

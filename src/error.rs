@@ -140,6 +140,14 @@ pub enum Error {
         /// How to mend it.
         mend: String,
     },
+    /// The driver reset the device; nothing made on it can be used any more, but all of it can be dropped.
+    #[error("{call}: the driver reset the device (a frame that ran too long, a driver fault): {mend}")]
+    DeviceLost {
+        /// The call that reported it.
+        call: &'static str,
+        /// How to go on.
+        mend: String,
+    },
     /// A Vulkan call failed.
     #[error("Vulkan: {call} failed: {result}")]
     Vulkan {

@@ -35,6 +35,8 @@
 //! [`renderer`] is built on; [`plan`] turns sizes into buffers and dispatches, [`passes`] records a frame, and [`vulkan`]
 //! is where `unsafe` lives.
 
+#![deny(unsafe_code)]
+
 pub mod buffers;
 pub mod error;
 pub mod fit;
@@ -56,6 +58,7 @@ pub mod scene;
 pub mod shapes;
 #[cfg(feature = "reference")]
 pub mod stress;
+#[allow(unsafe_code)]
 pub mod vulkan;
 
 pub use error::{Error, Result};

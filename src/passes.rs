@@ -16,6 +16,18 @@ pub struct Stage {
     set: DescriptorSet,
 }
 
+impl Stage {
+    /// A pipeline with a set of its kernel.
+    pub(crate) fn new(pipeline: Pipeline, set: DescriptorSet) -> Self {
+        Self { pipeline, set }
+    }
+
+    /// Runs it.
+    pub(crate) fn record(&self, recorder: &mut Recorder<'_>, push: &[u8], groups: [u32; 3]) -> Result<()> {
+        recorder.dispatch(&self.pipeline, &self.set, push, groups)
+    }
+}
+
 /// The forward stages, in the order in which they run.
 pub struct ForwardStages {
     vertex: Stage,

@@ -6,108 +6,20 @@
 mod common;
 #[path = "../examples/embed_ash.rs"]
 mod embed_ash;
+mod host;
 
 use ash::vk;
 use common::gradient::{random_upstream, same_gradient_bits};
-use common::scenes::{Case, Kind, random_case};
+use common::scenes::{Kind, random_case};
 use common::{renderer, tolerance};
-use embed_ash::engine::{Buffer, Engine};
-use gpu_allocator::MemoryLocation;
+use host::{Host, Messages, assert_silent, difference, engine, error, forward, images, rasterizer, submit};
 use softras::rasterizer::{
-    Arena, BufferRef, Differentiate, FrameBindings, FramePlan, Gather, GradientPlan, Inputs, Rasterizer, Shape, Status,
-    requirements,
+    BufferRef, Differentiate, FrameBindings, FramePlan, GradientPlan, HostAdapter, HostCommands, HostDevice,
+    Rasterizer, Shape, requirements,
 };
-use softras::scene::Outputs;
-use softras::vulkan::{HostDevice, vk::Handle};
-use softras::{Error, ImageGradient, Wanted};
+use softras::vulkan::vk::Handle;
+use softras::{Error, Wanted};
 use std::ffi::c_void;
-use std::sync::atomic::{AtomicI64, Ordering};
-
-type Messages = Vec<String>;
-
-fn engine() -> Engine {
-    Engine::new(true).expect("a Vulkan device with validation")
-}
-
-/// The engine goes; the layers must have had nothing to say, leaks included.
-fn assert_silent(engine: Engine) {
-    let log = engine.log();
-    drop(engine);
-    assert_eq!(*log.lock().unwrap(), Messages::new());
-}
-
-fn rasterizer(engine: &Engine) -> Rasterizer {
-    unsafe { Rasterizer::new(&engine.host_device()) }.expect("a rasterizer")
-}
-
-fn error<T>(result: softras::Result<T>) -> String {
-    result.map_or_else(|e| e.to_string(), |_| "no error".to_string())
-}
-
-/// A case's frame with every buffer in one, mapped.
-struct Host {
-    plan: FramePlan,
-    arena: Arena,
-    buffer: Buffer,
-    bindings: FrameBindings,
-}
-
-impl Host {
-    fn new(engine: &Engine, rasterizer: &Rasterizer, case: &Case) -> Self {
-        let shape = Shape::of(&case.scene, &case.cameras, &case.settings).unwrap();
-        Self::of_shape(engine, rasterizer, case, &shape)
-    }
-
-    fn of_shape(engine: &Engine, rasterizer: &Rasterizer, case: &Case, shape: &Shape) -> Self {
-        let plan = rasterizer.plan(shape, &case.settings).unwrap();
-        let arena = Arena::of(plan.buffers());
-        let mut buffer = engine.buffer(arena.size, arena.usage, MemoryLocation::GpuToCpu).unwrap();
-        // What the device does not write itself must not matter.
-        buffer.bytes_mut().fill(0xcd);
-        let inputs = Inputs::new(&case.scene, &case.cameras, &case.settings, &plan);
-        for (name, bytes) in inputs.all() {
-            match arena.part(name) {
-                Some((offset, size)) => {
-                    assert_eq!(plan.buffer(name).unwrap().size, bytes.len() as u64, "{name}: {case:?}");
-                    assert!(size >= bytes.len() as u64);
-                    buffer.write(offset, bytes);
-                }
-                None => assert!(bytes.is_empty(), "{name} has bytes and no buffer"),
-            }
-        }
-        let bindings = unsafe { rasterizer.bind(&plan, &arena.refs(buffer.raw)) }.unwrap();
-        Self { plan, arena, buffer, bindings }
-    }
-
-    fn floats(&self, name: &str) -> Vec<f32> {
-        let (offset, size) = self.arena.part(name).unwrap();
-        self.buffer.floats(offset, size as usize / 4)
-    }
-
-    fn status(&self) -> Status {
-        let (offset, _) = self.arena.part("status").unwrap();
-        let bytes = &self.buffer.bytes()[offset as usize..];
-        Status::from_bytes(bytes.first_chunk().unwrap())
-    }
-}
-
-fn submit(engine: &Engine, record: impl FnOnce(vk::CommandBuffer)) {
-    let frame = engine.commands().unwrap();
-    let commands = frame.begin().unwrap();
-    record(commands);
-    let barrier = [vk::MemoryBarrier::default()
-        .src_access_mask(vk::AccessFlags::SHADER_WRITE | vk::AccessFlags::TRANSFER_WRITE)
-        .dst_access_mask(vk::AccessFlags::HOST_READ)];
-    let from = vk::PipelineStageFlags::COMPUTE_SHADER | vk::PipelineStageFlags::TRANSFER;
-    let (to, none) = (vk::PipelineStageFlags::HOST, vk::DependencyFlags::empty());
-    unsafe { engine.device().cmd_pipeline_barrier(commands, from, to, none, &barrier, &[], &[]) };
-    engine.submit(&frame).unwrap();
-    frame.wait().unwrap();
-}
-
-fn forward(engine: &Engine, rasterizer: &Rasterizer, host: &Host) {
-    submit(engine, |commands| unsafe { rasterizer.record_forward(commands, &host.plan, &host.bindings) }.unwrap());
-}
 
 #[test]
 fn the_example_fits_its_vertex_and_draws_its_own() {
@@ -127,37 +39,6 @@ fn the_example_fits_its_vertex_and_draws_its_own() {
     let decoder = png::Decoder::new(std::io::BufReader::new(std::fs::File::open(path).unwrap()));
     let info = decoder.read_info().unwrap();
     assert_eq!((info.info().width as usize, info.info().height as usize), (size, size));
-}
-
-/// Images as the simple API packs them.
-fn images(case: &Case, host: &Host) -> Vec<(&'static str, Vec<f32>)> {
-    let Outputs { color, silhouette, depth, normal } = case.settings.outputs;
-    let rgb = |texels: &[f32]| texels.chunks_exact(4).flat_map(|t| [t[0], t[1], t[2]]).collect::<Vec<_>>();
-    let pixels = case.cameras.len() * (case.settings.width * case.settings.height) as usize;
-    let mut images = Vec::new();
-    if color {
-        let texels = host.floats("color");
-        images.push(("color", rgb(&texels[..4 * pixels])));
-        if silhouette {
-            images.push(("silhouette", texels.chunks_exact(4).map(|t| t[3]).take(pixels).collect()));
-        }
-    } else if silhouette {
-        images.push(("silhouette", host.floats("silhouette")[..pixels].to_vec()));
-    }
-    if depth {
-        images.push(("depth", host.floats("depths")[..pixels].to_vec()));
-    }
-    if normal {
-        images.push(("normal", rgb(&host.floats("normals")[..4 * pixels])));
-    }
-    images
-}
-
-/// The first value whose bits differ.
-fn difference(a: &[f32], b: &[f32]) -> Option<usize> {
-    let equal = a.len() == b.len();
-    let at = a.iter().zip(b).position(|(a, b)| a.to_bits() != b.to_bits());
-    at.or_else(|| (!equal).then_some(a.len().min(b.len())))
 }
 
 #[test]
@@ -202,26 +83,6 @@ fn images_are_the_simple_apis_bit_by_bit() {
     assert_silent(engine);
 }
 
-/// Upstream gradients as the kernels read them.
-fn upstream_bytes(upstream: &ImageGradient) -> Vec<(&'static str, Vec<f32>)> {
-    let mut buffers = Vec::new();
-    let alpha = upstream.silhouette.as_ref();
-    if let Some(color) = &upstream.color {
-        let texel = |(i, c): (usize, &[f32])| [c[0], c[1], c[2], alpha.map_or(0.0, |a| a.data[i])];
-        buffers.push(("upstream_color", color.data.chunks_exact(3).enumerate().flat_map(texel).collect()));
-    } else if let Some(alpha) = alpha {
-        buffers.push(("upstream_silhouette", alpha.data.clone()));
-    }
-    if let Some(depth) = &upstream.depth {
-        buffers.push(("upstream_depths", depth.data.clone()));
-    }
-    if let Some(normal) = &upstream.normal {
-        let texels = normal.data.chunks_exact(3).flat_map(|n| [n[0], n[1], n[2], 0.0]);
-        buffers.push(("upstream_normals", texels.collect()));
-    }
-    buffers
-}
-
 #[test]
 fn gradients_are_the_simple_apis_bit_by_bit() {
     let engine = engine();
@@ -246,9 +107,10 @@ fn gradients_are_the_simple_apis_bit_by_bit() {
         }
         let differentiate = Differentiate { upstream: upstream.outputs(), wanted, largest_upstream: 1.0 };
         let plan = rasterizer.plan_backward(&host.plan, &differentiate).unwrap();
-        let (arena, buffer) = gradient_buffer(&engine, &plan, &upstream);
-        let bindings = unsafe { rasterizer.bind_backward(&plan, &host.bindings, &arena.refs(buffer.raw)) }.unwrap();
-        submit(&engine, |commands| unsafe { rasterizer.record_backward(commands, &plan, &bindings) }.unwrap());
+        let (arena, buffer) = host::gradient_buffer(&engine, &plan, &upstream);
+        let refs = arena.refs(&buffer.whole()).unwrap();
+        let bindings = rasterizer.bind_backward(&plan, &host.bindings, &refs).unwrap();
+        submit(&engine, |commands| rasterizer.record_backward(commands, &plan, &bindings).unwrap());
         let (offset, size) = arena.part("vertex_gradients").unwrap();
         let rows = buffer.floats(offset, size as usize / 4);
         let made: Vec<f32> = rows.chunks_exact(8).flat_map(|r| [r[0], r[1], r[2]]).collect();
@@ -258,16 +120,6 @@ fn gradients_are_the_simple_apis_bit_by_bit() {
     }
     drop(rasterizer);
     assert_silent(engine);
-}
-
-fn gradient_buffer(engine: &Engine, plan: &GradientPlan, upstream: &ImageGradient) -> (Arena, Buffer) {
-    let arena = Arena::of(plan.buffers());
-    let mut buffer = engine.buffer(arena.size, arena.usage, MemoryLocation::GpuToCpu).unwrap();
-    buffer.bytes_mut().fill(0xcd);
-    for (name, values) in upstream_bytes(upstream) {
-        buffer.write(arena.part(name).unwrap().0, bytemuck::cast_slice(&values));
-    }
-    (arena, buffer)
 }
 
 /// Room that is too small is told, not hidden.
@@ -300,10 +152,8 @@ fn the_status_tells_what_room_the_lists_needed() {
 #[test]
 fn requirements_are_known_before_there_is_a_device() {
     let engine = engine();
-    let host = engine.host_device();
-    let before = HostDevice { device: vk::Device::null(), ..host };
     let needed = requirements();
-    let info = unsafe { needed.judge(&before) }.unwrap();
+    let info = needed.judge(&engine.host_adapter()).unwrap();
     assert!(info.suitable.is_ok() && !info.name.is_empty());
     assert_eq!((needed.features, needed.extensions), (&[][..], &[][..]));
     // What every Vulkan 1.1 device guarantees, but for storage buffers in a stage, of which some have four.
@@ -313,7 +163,7 @@ fn requirements_are_known_before_there_is_a_device() {
     }
     let mut impossible = requirements();
     impossible.limits[0].1 = 1 << 40;
-    let message = error(unsafe { impossible.judge(&before) });
+    let message = error(impossible.judge(&engine.host_adapter()));
     assert!(message.contains("maxPushConstantsSize"), "{message}");
     // A plan needs no device either.
     let case = random_case(0, Kind::Plain);
@@ -326,24 +176,37 @@ fn requirements_are_known_before_there_is_a_device() {
 #[test]
 fn handles_may_be_plain_numbers() {
     let engine = engine();
-    let host = engine.host_device();
-    let function = host.get_instance_proc_addr as *const c_void;
-    let [instance, physical, device] = [host.instance.as_raw(), host.physical_device.as_raw(), host.device.as_raw()];
-    let mut raw = unsafe { HostDevice::from_raw(function, instance, physical, device) }.unwrap();
+    let core = engine.core();
+    let function = core.get_instance_proc_addr() as *const c_void;
+    let [instance, physical] = [core.instance.handle().as_raw(), core.physical.as_raw()];
+    let adapter = unsafe { HostAdapter::from_raw(function, instance, physical) }.unwrap();
+    let device = unsafe { HostDevice::from_raw(adapter, engine.device().handle().as_raw()) }.unwrap();
     // And the host's own pipeline cache, which stays the host's.
-    raw.pipeline_cache = unsafe { engine.device().create_pipeline_cache(&Default::default(), None) }.unwrap();
-    let rasterizer = unsafe { Rasterizer::new(&raw) }.unwrap();
+    let cache = unsafe { engine.device().create_pipeline_cache(&Default::default(), None) }.unwrap();
+    let rasterizer = Rasterizer::new(&unsafe { device.with_pipeline_cache(cache) }).unwrap();
     let case = random_case(0, Kind::Plain);
-    let host = Host::new(&engine, &rasterizer, &case);
-    forward(&engine, &rasterizer, &host);
+    let mut host = Host::new(&engine, &rasterizer, &case);
+    let whole = host.buffer.whole();
+    let raw = unsafe { BufferRef::from_raw(whole.raw().as_raw(), whole.range(), whole.usage().as_raw()) };
+    assert_eq!(raw, whole);
+    host.bindings = rasterizer.bind(&host.plan, &host.arena.refs(&raw).unwrap()).unwrap();
+    submit(&engine, |commands| {
+        let mut commands = unsafe { HostCommands::from_raw(commands.raw().as_raw()) };
+        rasterizer.record_forward(&mut commands, &host.plan, &host.bindings).unwrap();
+    });
     assert!(!host.status().not_finite);
-    let null = error(unsafe { HostDevice::from_raw(std::ptr::null(), instance, physical, device) });
-    assert!(null.contains("null"), "{null}");
-    let null = error(unsafe { HostDevice::from_raw(function, instance, physical, 0) });
-    assert!(null.contains("null"), "{null}");
+    let nulls = [(std::ptr::null(), instance, physical), (function, 0, physical), (function, instance, 0)];
+    for (function, instance, physical) in nulls {
+        let null = error(unsafe { HostAdapter::from_raw(function, instance, physical) });
+        assert!(null.contains("null"), "{null}");
+    }
+    let null = error(unsafe { HostDevice::from_raw(adapter, 0) });
+    assert!(null.contains("the device is null"), "{null}");
+    let null = error(Rasterizer::new(&unsafe { HostDevice::new(adapter, vk::Device::null()) }));
+    assert!(null.contains("the device is null"), "{null}");
     drop((host, rasterizer));
-    assert!(unsafe { engine.device().get_pipeline_cache_data(raw.pipeline_cache) }.is_ok());
-    unsafe { engine.device().destroy_pipeline_cache(raw.pipeline_cache, None) };
+    assert!(unsafe { engine.device().get_pipeline_cache_data(cache) }.is_ok());
+    unsafe { engine.device().destroy_pipeline_cache(cache, None) };
     assert_silent(engine);
 }
 
@@ -353,11 +216,12 @@ fn what_does_not_fit_is_an_error_that_names_it() {
     let rasterizer = rasterizer(&engine);
     let case = random_case(0, Kind::Plain);
     let host = Host::new(&engine, &rasterizer, &case);
-    let refs = host.arena.refs(host.buffer.raw);
-    let bind = |refs: &[(&str, BufferRef)]| error(unsafe { rasterizer.bind(&host.plan, refs) });
-    let changed = |name: &str, change: &dyn Fn(&mut BufferRef)| {
+    let refs = host.arena.refs(&host.buffer.whole()).unwrap();
+    let bind = |refs: &[(&str, BufferRef)]| error(rasterizer.bind(&host.plan, refs));
+    let changed = |name: &str, change: &dyn Fn(BufferRef) -> BufferRef| {
         let mut refs = refs.clone();
-        change(&mut refs.iter_mut().find(|(n, _)| *n == name).unwrap().1);
+        let at = &mut refs.iter_mut().find(|(n, _)| *n == name).unwrap().1;
+        *at = change(*at);
         bind(&refs)
     };
     assert_eq!(bind(&refs), "no error");
@@ -367,12 +231,18 @@ fn what_does_not_fit_is_an_error_that_names_it() {
     assert!(unknown.contains("`pixels`"), "{unknown}");
     let twice = bind(&[&refs[..], &refs[..1]].concat());
     assert!(twice.contains("twice"), "{twice}");
-    let small = changed("positions", &|at| at.range -= 4);
+    let small = changed("positions", &|at| at.part(0, at.range() - 4).unwrap());
     assert!(small.contains("positions") && small.contains("needs"), "{small}");
-    let crooked = changed("geometry", &|at| at.offset += 4);
+    let whole = host.buffer.whole();
+    let crooked = changed("geometry", &|at| whole.part(at.offset() + 4, whole.range() - at.offset() - 4).unwrap());
     assert!(crooked.contains("geometry") && crooked.contains("multiple"), "{crooked}");
-    let null = changed("boxes", &|at| at.buffer = vk::Buffer::null());
+    let null = changed("boxes", &|at| unsafe { BufferRef::new(vk::Buffer::null(), at.range(), at.usage()) });
     assert!(null.contains("boxes") && null.contains("null"), "{null}");
+    let useless = changed("boxes", &|_| unsafe {
+        BufferRef::new(whole.raw(), whole.range(), vk::BufferUsageFlags::TRANSFER_DST)
+    });
+    assert!(useless.contains("boxes") && useless.contains("STORAGE_BUFFER"), "{useless}");
+    assert!(error(whole.part(16, whole.range())).contains("outside"));
 
     // A plan of another size or other kernels is not recorded with these bindings.
     let shape = Shape::of(&case.scene, &case.cameras, &case.settings).unwrap();
@@ -394,71 +264,6 @@ fn what_does_not_fit_is_an_error_that_names_it() {
     assert_silent(engine);
 }
 
-/// A host's interleaved vertices and 16-bit indices give the image of the packed ones, bit by bit.
-#[test]
-fn interleaved_vertices_and_short_indices_are_gathered() {
-    let engine = engine();
-    let rasterizer = rasterizer(&engine);
-    let mut case = random_case(2, Kind::Plain);
-    case.scene = softras::Scene::new(softras::shapes::torus(0.6, 0.3, 12, 7).unwrap());
-    case.cameras.truncate(1);
-    let host = Host::new(&engine, &rasterizer, &case);
-    forward(&engine, &rasterizer, &host);
-    let expected = images(&case, &host);
-    assert!(expected[0].1.iter().any(|&x| x != expected[0].1[0]), "an empty image");
-    drop(host);
-
-    let mesh = &case.scene.meshes[0];
-    // Normal, position, UV.
-    let vertices: Vec<[f32; 8]> =
-        mesh.positions().iter().map(|p| [9.0, 9.0, 9.0, p[0], p[1], p[2], 7.0, 7.0]).collect();
-    let indices: Vec<u16> = mesh.triangles().iter().flatten().map(|&i| i as u16).collect();
-    let usage = vk::BufferUsageFlags::STORAGE_BUFFER;
-    let source = |bytes: &[u8]| {
-        let size = bytes.len().next_multiple_of(4) as u64;
-        let mut buffer = engine.buffer(size, usage, MemoryLocation::CpuToGpu).unwrap();
-        buffer.write(0, bytes);
-        buffer
-    };
-    let sources = [source(bytemuck::cast_slice(&vertices)), source(bytemuck::cast_slice(&indices))];
-    let mut host = Host::new(&engine, &rasterizer, &case);
-    let targets = ["positions", "indices"].map(|name| {
-        let (offset, range) = host.arena.part(name).unwrap();
-        host.buffer.bytes_mut()[offset as usize..][..range as usize].fill(0);
-        BufferRef { buffer: host.buffer.raw, offset, range }
-    });
-    let bind = |i: usize| {
-        let source: &Buffer = &sources[i];
-        let source = BufferRef { buffer: source.raw, offset: 0, range: source.size };
-        unsafe { rasterizer.bind_gather(source, targets[i]) }.unwrap()
-    };
-    let bindings = [bind(0), bind(1)];
-    let positions = Gather::Positions { stride: 32, offset: 12 };
-    let count = [vertices.len() as u32, indices.len() as u32];
-    submit(&engine, |commands| unsafe {
-        // Some of them, then all: gathering again overwrites.
-        let half = count[1] / 3 / 2 * 6;
-        rasterizer.record_gather(commands, &bindings[0], positions, count[0], 0).unwrap();
-        rasterizer.record_gather(commands, &bindings[1], Gather::Indices16 { base: 0 }, half, 0).unwrap();
-        rasterizer.record_gather(commands, &bindings[1], Gather::Indices16 { base: 0 }, count[1], 0).unwrap();
-        rasterizer.record_forward(commands, &host.plan, &host.bindings).unwrap();
-    });
-    assert_eq!(images(&case, &host), expected);
-
-    submit(&engine, |commands| unsafe {
-        let record = |i: usize, gather, count, first| {
-            error(rasterizer.record_gather(commands, &bindings[i], gather, count, first))
-        };
-        assert!(record(0, positions, count[0] + 1, 0).contains("source"));
-        assert!(record(0, positions, count[0], 1).contains("target"));
-        assert!(record(1, Gather::Indices32 { base: 0 }, count[1], 0).contains("source"));
-        assert!(record(0, Gather::Positions { stride: 10, offset: 0 }, 1, 0).contains("multiples of four"));
-        assert_eq!(record(0, positions, 0, 0), "no error");
-    });
-    drop((bindings, host, sources, rasterizer));
-    assert_silent(engine);
-}
-
 /// Each may be moved to and shared with another thread.
 #[test]
 fn everything_is_send_and_sync() {
@@ -466,147 +271,4 @@ fn everything_is_send_and_sync() {
     assert::<Rasterizer>();
     assert::<(FramePlan, FrameBindings)>();
     assert::<(GradientPlan, softras::rasterizer::GradientBindings)>();
-}
-
-/// Two rasterizers on one device, each recorded by a thread of its own, dropped before and after their bindings.
-#[test]
-fn threads_record_side_by_side() {
-    let engine = engine();
-    let rasterizers = [rasterizer(&engine), rasterizer(&engine)];
-    let case = random_case(4, Kind::Plain);
-    let hosts = [0, 1, 2, 3].map(|i| Host::new(&engine, &rasterizers[i % 2], &case));
-    let frames = [0, 1, 2, 3].map(|_| engine.commands().unwrap());
-    std::thread::scope(|scope| {
-        for (i, (frame, host)) in frames.iter().zip(&hosts).enumerate() {
-            let rasterizer = &rasterizers[i % 2];
-            scope.spawn(move || {
-                let commands = frame.begin().unwrap();
-                for _ in 0..20 {
-                    unsafe { rasterizer.record_forward(commands, &host.plan, &host.bindings) }.unwrap();
-                }
-            });
-        }
-    });
-    // The kernels live as long as what was bound to them.
-    drop(rasterizers);
-    for frame in &frames {
-        engine.submit(frame).unwrap();
-    }
-    engine.wait_idle().unwrap();
-    let expected = images(&case, &hosts[0]);
-    for host in &hosts[1..] {
-        assert_eq!(images(&case, host), expected);
-    }
-    drop(frames);
-    drop(hosts);
-    assert_silent(engine);
-}
-
-/// Host memory as a foreign allocator gives it: counted, and refused after a number of calls.
-struct Memory {
-    live: AtomicI64,
-    left: AtomicI64,
-}
-
-/// The size and the alignment go before each block, so that it can be freed and moved.
-const HEADER: usize = 64;
-
-fn layout(size: usize, alignment: usize) -> std::alloc::Layout {
-    std::alloc::Layout::from_size_align(size + HEADER, alignment.max(HEADER)).unwrap()
-}
-
-unsafe extern "system" fn allocate(
-    user: *mut c_void,
-    size: usize,
-    alignment: usize,
-    _: vk::SystemAllocationScope,
-) -> *mut c_void {
-    let memory = unsafe { &*user.cast::<Memory>() };
-    if size == 0 || memory.left.fetch_sub(1, Ordering::Relaxed) <= 0 {
-        return std::ptr::null_mut();
-    }
-    memory.live.fetch_add(1, Ordering::Relaxed);
-    unsafe {
-        let block = std::alloc::alloc(layout(size, alignment));
-        block.cast::<[usize; 2]>().write([size, alignment]);
-        block.add(HEADER).cast()
-    }
-}
-
-unsafe extern "system" fn free(user: *mut c_void, at: *mut c_void) {
-    if at.is_null() {
-        return;
-    }
-    unsafe {
-        (*user.cast::<Memory>()).live.fetch_sub(1, Ordering::Relaxed);
-        let block = at.cast::<u8>().sub(HEADER);
-        let [size, alignment] = block.cast::<[usize; 2]>().read();
-        std::alloc::dealloc(block, layout(size, alignment));
-    }
-}
-
-unsafe extern "system" fn reallocate(
-    user: *mut c_void,
-    at: *mut c_void,
-    size: usize,
-    alignment: usize,
-    scope: vk::SystemAllocationScope,
-) -> *mut c_void {
-    unsafe {
-        let new = if size == 0 { std::ptr::null_mut() } else { allocate(user, size, alignment, scope) };
-        if !at.is_null() && (size == 0 || !new.is_null()) {
-            let [old, _] = at.cast::<u8>().sub(HEADER).cast::<[usize; 2]>().read();
-            if !new.is_null() {
-                std::ptr::copy_nonoverlapping(at.cast::<u8>(), new.cast(), old.min(size));
-            }
-            free(user, at);
-        }
-        new
-    }
-}
-
-/// Each allocation in turn fails: an error, and nothing is left behind. Then all succeed.
-#[test]
-fn running_out_of_memory_anywhere_leaves_nothing() {
-    let engine = engine();
-    let mut case = random_case(0, Kind::Plain);
-    case.settings.save = true;
-    let memory = Memory { live: AtomicI64::new(0), left: AtomicI64::new(i64::MAX) };
-    let callbacks = vk::AllocationCallbacks {
-        p_user_data: (&raw const memory).cast_mut().cast(),
-        pfn_allocation: Some(allocate),
-        pfn_reallocation: Some(reallocate),
-        pfn_free: Some(free),
-        ..Default::default()
-    };
-    let host = HostDevice { allocation_callbacks: Some(callbacks), ..engine.host_device() };
-    let shape = Shape::of(&case.scene, &case.cameras, &case.settings).unwrap();
-    let plan = rasterizer(&engine).plan(&shape, &case.settings).unwrap();
-    let differentiate =
-        Differentiate { upstream: case.settings.outputs, wanted: Wanted::default(), largest_upstream: 1.0 };
-    let gradient_plan = rasterizer(&engine).plan_backward(&plan, &differentiate).unwrap();
-    let arenas = [Arena::of(plan.buffers()), Arena::of(gradient_plan.buffers())];
-    let buffers = arenas.each_ref().map(|a| engine.buffer(a.size, a.usage, MemoryLocation::GpuToCpu).unwrap());
-    let refs = [0, 1].map(|i| arenas[i].refs(buffers[i].raw));
-    let bind = |allowed: i64| {
-        memory.left.store(allowed, Ordering::Relaxed);
-        let rasterizer = unsafe { Rasterizer::new(&host) }?;
-        let forward = unsafe { rasterizer.bind(&plan, &refs[0]) }?;
-        unsafe { rasterizer.bind_backward(&gradient_plan, &forward, &refs[1]) }.map(drop)
-    };
-    let mut failures = 0;
-    loop {
-        match bind(failures) {
-            Err(Error::OutOfMemory { .. }) => failures += 1,
-            Err(other) => panic!("allocation {failures}: {other}"),
-            Ok(()) => break,
-        }
-        assert_eq!(memory.live.load(Ordering::Relaxed), 0, "allocation {failures}");
-        assert!(failures < 10_000);
-    }
-    println!("{failures} allocations failed in turn");
-    assert!(failures > 20, "the callbacks were hardly used: {failures}");
-    assert_eq!(memory.live.load(Ordering::Relaxed), 0);
-    drop(buffers);
-    assert_silent(engine);
 }

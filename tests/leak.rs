@@ -28,7 +28,7 @@ fn ten_thousand_frames_leak_nothing() {
     drop(block);
 
     let engine = Engine::new(false).unwrap();
-    let rasterizer = unsafe { Rasterizer::new(&engine.host_device()) }.unwrap();
+    let rasterizer = Rasterizer::new(&engine.host_device()).unwrap();
     let scene = Scene::new(shapes::cube().unwrap());
     let cameras = [Camera::from_angles(3.0, 20.0, 30.0, Projection::Perspective { fov_y: 1.0 }).unwrap()];
     let settings = Settings { width: 16, height: 16, sigma: 1e-3, save: true, ..Settings::default() };
@@ -48,15 +48,14 @@ fn ten_thousand_frames_leak_nothing() {
                 one.write(offset, bytes);
             }
         }
-        let forward = unsafe { rasterizer.bind(&plan, &arena.refs(one.raw)) }.unwrap();
+        let forward = rasterizer.bind(&plan, &arena.refs(&one.whole()).unwrap()).unwrap();
         let backward =
-            unsafe { rasterizer.bind_backward(&gradient_plan, &forward, &gradient_arena.refs(two.raw)) }.unwrap();
+            rasterizer.bind_backward(&gradient_plan, &forward, &gradient_arena.refs(&two.whole()).unwrap()).unwrap();
         for _ in 0..100 {
-            let commands = frame.begin().unwrap();
-            unsafe {
-                rasterizer.record_forward(commands, &plan, &forward).unwrap();
-                rasterizer.record_backward(commands, &gradient_plan, &backward).unwrap();
-            }
+            frame.begin().unwrap();
+            let mut commands = frame.host();
+            rasterizer.record_forward(&mut commands, &plan, &forward).unwrap();
+            rasterizer.record_backward(&mut commands, &gradient_plan, &backward).unwrap();
             engine.submit(&frame).unwrap();
         }
         frame.wait().unwrap();

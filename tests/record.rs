@@ -51,7 +51,7 @@ fn recording_allocates_nothing() {
     // Validation turns debug labels on.
     for validation in [false, true] {
         let engine = Engine::new(validation).unwrap();
-        let rasterizer = unsafe { Rasterizer::new(&engine.host_device()) }.unwrap();
+        let rasterizer = Rasterizer::new(&engine.host_device()).unwrap();
         let scene = Scene::new(shapes::icosphere(2).unwrap()).with_lights(Lights::official());
         let cameras =
             [0.0, 90.0].map(|a| Camera::from_angles(3.0, 20.0, a, Projection::Perspective { fov_y: 1.0 }).unwrap());
@@ -63,16 +63,17 @@ fn recording_allocates_nothing() {
         let gradient_arena = Arena::of(gradient_plan.buffers());
         let buffer = |arena: &Arena| engine.buffer(arena.size, arena.usage, MemoryLocation::GpuOnly).unwrap();
         let buffers = [buffer(&arena), buffer(&gradient_arena)];
-        let forward = unsafe { rasterizer.bind(&plan, &arena.refs(buffers[0].raw)) }.unwrap();
+        let forward = rasterizer.bind(&plan, &arena.refs(&buffers[0].whole()).unwrap()).unwrap();
         let backward =
-            unsafe { rasterizer.bind_backward(&gradient_plan, &forward, &gradient_arena.refs(buffers[1].raw)) };
+            rasterizer.bind_backward(&gradient_plan, &forward, &gradient_arena.refs(&buffers[1].whole()).unwrap());
         let backward = backward.unwrap();
         let frame = engine.commands().unwrap();
-        let commands = frame.begin().unwrap();
+        frame.begin().unwrap();
+        let mut commands = frame.host();
         let count = allocations(|| {
             for _ in 0..10 {
-                unsafe { rasterizer.record_forward(commands, &plan, &forward) }.unwrap();
-                unsafe { rasterizer.record_backward(commands, &gradient_plan, &backward) }.unwrap();
+                rasterizer.record_forward(&mut commands, &plan, &forward).unwrap();
+                rasterizer.record_backward(&mut commands, &gradient_plan, &backward).unwrap();
             }
         });
         assert_eq!(count, 0, "validation {validation}");

@@ -1,114 +1,14 @@
 //! The Vulkan folder by itself: a small kernel runs end to end with nothing said by the validation layer, reflection
 //! knows the layouts, misuse and limits are errors, and objects may be dropped in any order.
 
-use softras::Error;
+mod selftest;
+
+use selftest::{COUNT, LOCAL, Outcome, PUSH, Record, SelfTest, context, error, texel};
 use softras::vulkan::{
-    BindingKind, Buffer, BufferDesc, BufferPart, CacheFolder, CommandBuffer, Context, ContextOptions, DescriptorPool,
-    DescriptorSet, Device, HostDevice, Location, Member, Pipeline, Recorder, SharedBuffer, SpecValue, TexelFormat,
-    TimestampPool, constants, kernels, vk,
+    BindingKind, Buffer, BufferDesc, BufferPart, BufferRef, CacheFolder, CommandBuffer, Context, ContextOptions,
+    DescriptorPool, Device, HostAdapter, HostCommands, HostDevice, Location, Member, Pipeline, Recorder, SharedBuffer,
+    SpecValue, TexelFormat, TimestampPool, constants, kernels, vk,
 };
-
-type Outcome = Result<(), Box<dyn std::error::Error>>;
-
-const COUNT: u32 = 1000;
-const LOCAL: u32 = constants::SELFTEST_LOCAL_SIZE;
-
-/// The record of glsl/selftest.comp.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
-struct Record {
-    value: [f32; 4],
-    index: u32,
-    tag: i32,
-    parts: [f32; 3],
-    padding: u32,
-    pair: [u32; 2],
-}
-
-/// The push constants of glsl/selftest.comp.
-#[repr(C)]
-#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-struct Push {
-    scale: f32,
-    count: u32,
-    offset: [f32; 2],
-}
-
-const PUSH: Push = Push { scale: 2.0, count: COUNT, offset: [0.25, -0.75] };
-
-fn context() -> softras::Result<Context> {
-    Context::new(&ContextOptions { validation: true, cache: CacheFolder::Nowhere, ..Default::default() })
-}
-
-fn error<T>(result: softras::Result<T>) -> String {
-    result.map_or_else(|e| e.to_string(), |_| "no error".to_string())
-}
-
-/// Buffers, pipeline and set of the self test.
-struct SelfTest {
-    texels: SharedBuffer,
-    indices: SharedBuffer,
-    records: SharedBuffer,
-    pipeline: Pipeline,
-    set: DescriptorSet,
-}
-
-impl SelfTest {
-    fn new(context: &Context) -> softras::Result<Self> {
-        let buffer =
-            |name, size, texels| BufferDesc { name, size: u64::from(COUNT) * size, texels, ..Default::default() };
-        let mut texels = SharedBuffer::for_upload(context, &buffer("texels", 16, Some(TexelFormat::Float4)))?;
-        let mut indices = SharedBuffer::for_upload(context, &buffer("indices", 4, Some(TexelFormat::Uint)))?;
-        let records = SharedBuffer::for_download(context, &buffer("records", 48, None))?;
-        let values: Vec<[f32; 4]> = (0..COUNT).map(texel).collect();
-        let order: Vec<u32> = (0..COUNT).map(|i| COUNT - 1 - i).collect();
-        texels.write(0, bytemuck::cast_slice(&values))?;
-        indices.write(0, bytemuck::cast_slice(&order))?;
-        let specialization = [("local_size_x", LOCAL.into()), ("TAG", (-3).into()), ("FACTOR", 4.5.into())];
-        let cache = Some(context.pipeline_cache());
-        let pipeline = Pipeline::new(context.device(), &kernels::SELFTEST, &specialization, cache)?;
-        let pool = DescriptorPool::new(context.device(), &[&kernels::SELFTEST])?;
-        let parts = [("texels", texels.whole()), ("indices", indices.whole()), ("Records", records.whole())];
-        let set = pool.bind(&pipeline, &parts)?;
-        Ok(Self { texels, indices, records, pipeline, set })
-    }
-
-    fn record(&self, recorder: &mut Recorder<'_>) -> softras::Result<()> {
-        recorder.begin_label("self test");
-        self.texels.record_upload(recorder)?;
-        self.indices.record_upload(recorder)?;
-        recorder.barrier();
-        let groups = [COUNT.div_ceil(LOCAL), 1, 1];
-        recorder.dispatch(&self.pipeline, &self.set, bytemuck::bytes_of(&PUSH), groups)?;
-        recorder.barrier();
-        self.records.record_download(recorder)?;
-        recorder.barrier_to_host();
-        recorder.end_label();
-        Ok(())
-    }
-
-    fn assert_result(&self) -> softras::Result<()> {
-        let mut records = vec![bytemuck::Zeroable::zeroed(); COUNT as usize];
-        self.records.read(0, bytemuck::cast_slice_mut::<Record, u8>(&mut records))?;
-        for (i, record) in (0..).zip(records) {
-            let index = COUNT - 1 - i;
-            let expected = Record {
-                value: texel(index).map(|v| PUSH.scale * v + constants::SELFTEST_OFFSET),
-                index,
-                tag: -3,
-                parts: [4.5, 0.25, -0.75],
-                padding: record.padding,
-                pair: [i, COUNT],
-            };
-            assert_eq!(record, expected, "record {i}");
-        }
-        Ok(())
-    }
-}
-
-fn texel(i: u32) -> [f32; 4] {
-    [i as f32, 0.5 * i as f32, -(i as f32), 1.0]
-}
 
 #[test]
 fn a_kernel_runs_end_to_end() -> Outcome {
@@ -266,28 +166,6 @@ fn reflection_knows_the_interface() {
 }
 
 #[test]
-fn devices_are_listed_and_selected() -> Outcome {
-    let devices = Context::devices()?;
-    let first = devices.first().ok_or("no device")?;
-    assert!(first.limits.max_workgroup_invocations >= 128 && first.limits.subgroups.size > 0, "{first:?}");
-    for selector in [first.index.to_string(), first.name.to_uppercase()] {
-        let options = ContextOptions { device: Some(selector), cache: CacheFolder::Nowhere, ..Default::default() };
-        assert_eq!(Context::new(&options)?.info().index, first.index);
-    }
-    for selector in ["no such device", "4000000000"] {
-        let options = ContextOptions { device: Some(selector.to_string()), ..Default::default() };
-        match Context::new(&options) {
-            Err(Error::NoDevice { what, mend }) => {
-                assert!(what.contains(selector), "{what}");
-                assert!(devices.iter().all(|d| mend.contains(&d.name)), "{mend}");
-            }
-            other => return Err(format!("not NoDevice: {other:?}").into()),
-        }
-    }
-    Ok(())
-}
-
-#[test]
 fn two_contexts_work_at_once() -> Outcome {
     let run = || -> softras::Result<Vec<String>> {
         let context = context()?;
@@ -341,86 +219,6 @@ fn a_missing_barrier_is_reported() -> Outcome {
 }
 
 #[test]
-fn misuse_is_an_error_that_names_it() -> Outcome {
-    let context = context()?;
-    let device = context.device();
-    let test = SelfTest::new(&context)?;
-    let pipeline = |constants: &[(&str, SpecValue)]| Pipeline::new(device, &kernels::SELFTEST, constants, None);
-    let unknown = error(pipeline(&[("SIZE", 1u32.into())]));
-    assert!(unknown.contains("selftest") && unknown.contains("`SIZE`") && unknown.contains("FACTOR"), "{unknown}");
-    let mistyped = error(pipeline(&[("TAG", 1u32.into())]));
-    assert!(mistyped.contains("`TAG`") && mistyped.contains("Int"), "{mistyped}");
-    let large = pipeline(&[("local_size_x", (1u32 << 20).into())]);
-    assert!(matches!(large, Err(Error::Limit { needed: 0x10_0000, .. })), "{large:?}");
-
-    let bind = |buffers: &[(&str, &BufferPart)]| {
-        DescriptorPool::new(device, &[&kernels::SELFTEST]).and_then(|pool| pool.bind(&test.pipeline, buffers))
-    };
-    let (texels, indices, records) = (test.texels.whole(), test.indices.whole(), test.records.whole());
-    let missing = error(bind(&[("texels", texels), ("indices", indices)]));
-    assert!(missing.contains("`Records` has no buffer"), "{missing}");
-    let all = [("texels", texels), ("indices", indices), ("Records", records)];
-    let extra = error(bind(&[&all[..], &[("pixels", texels)]].concat()));
-    assert!(extra.contains("no binding `pixels`"), "{extra}");
-    let twice = error(bind(&[&all[..], &all[..1]].concat()));
-    assert!(twice.contains("`texels` is given twice"), "{twice}");
-    let viewless = error(bind(&[("texels", records), ("indices", indices), ("Records", records)]));
-    assert!(viewless.contains("no texel view"), "{viewless}");
-
-    let mut commands = CommandBuffer::new(&context, "misuse")?;
-    assert!(error(commands.submit_and_wait()).contains("nothing was recorded"));
-    let push = bytemuck::bytes_of(&PUSH);
-    let mut recording = |work: &dyn Fn(&mut Recorder<'_>) -> softras::Result<()>| error(commands.record(|r| work(r)));
-    let short = recording(&|r| r.dispatch(&test.pipeline, &test.set, &push[..12], [1; 3]));
-    assert!(short.contains("12 bytes") && short.contains("16"), "{short}");
-    let many = recording(&|r| r.dispatch(&test.pipeline, &test.set, push, [1, u32::MAX, 1]));
-    assert!(many.contains("maxComputeWorkGroupCount"), "{many}");
-    let outside = recording(&|r| r.fill(records, records.range() - 4, 8, 0));
-    assert!(outside.contains("outside"), "{outside}");
-    let crooked = recording(&|r| r.copy(records, 2, texels, 0, 4));
-    assert!(crooked.contains("aligned"), "{crooked}");
-    let onto_itself = recording(&|r| r.copy(records, 0, records, 4, 8));
-    assert!(onto_itself.contains("overlap"), "{onto_itself}");
-    assert_eq!(recording(&|r| r.dispatch(&test.pipeline, &test.set, push, [0, 1, 1])), "no error");
-
-    let other = self::context()?;
-    let foreign = SelfTest::new(&other)?;
-    let foreign = recording(&|r| r.dispatch(&foreign.pipeline, &foreign.set, push, [1; 3]));
-    assert!(foreign.contains("another device"), "{foreign}");
-    let buffer = test.records.buffer();
-    assert!(error(buffer.part(8, u64::MAX)).contains("outside"));
-    assert!(error(buffer.texel_part(0, 16, TexelFormat::Uint)).contains("UNIFORM_TEXEL_BUFFER"));
-    assert_eq!(context.validation_messages(), Vec::<String>::new());
-    Ok(())
-}
-
-#[test]
-fn limits_and_memory_are_errors() -> Outcome {
-    let context = context()?;
-    let limits = *context.device().limits();
-    let size = limits.max_storage_buffer_range + 16;
-    let large = Buffer::new(&context, &BufferDesc { name: "large", size, ..Default::default() });
-    match large {
-        Err(Error::Limit { what, limit_name: "maxStorageBufferRange", .. }) => assert!(what.contains("large")),
-        other => return Err(format!("not a limit: {other:?}").into()),
-    }
-    let (usage, texels) = (vk::BufferUsageFlags::empty(), Some(TexelFormat::Float));
-    let size = 4 * (limits.max_texel_buffer_elements + 4);
-    let texels = Buffer::new(&context, &BufferDesc { name: "texels", size, usage, texels, ..Default::default() });
-    assert!(matches!(texels, Err(Error::Limit { limit_name: "maxTexelBufferElements", .. })), "{texels:?}");
-    // More than the heap holds.
-    let size = limits.max_memory_allocation_size;
-    if size > limits.device_heap {
-        let huge = Buffer::new(&context, &BufferDesc { name: "huge", size, usage, ..Default::default() });
-        assert!(matches!(huge, Err(Error::OutOfMemory { .. } | Error::Limit { .. })), "{huge:?}");
-    }
-    // Nothing is as good as sixteen bytes.
-    assert_eq!(Buffer::new(&context, &BufferDesc { size: 0, ..Default::default() })?.size(), 16);
-    assert_eq!(context.validation_messages(), Vec::<String>::new());
-    Ok(())
-}
-
-#[test]
 fn the_pipeline_cache_is_kept_on_disk() -> Outcome {
     let folder = tempfile::tempdir()?;
     let cache = CacheFolder::At(folder.path().join("deep/cache"));
@@ -458,26 +256,33 @@ fn a_host_records_with_its_own_device() -> Outcome {
     let entry = unsafe { ash::Entry::load() }?;
     let (instance, device) = (functions.instance().handle(), functions.raw().handle());
     let get_instance_proc_addr = entry.static_fn().get_instance_proc_addr;
-    let mut handles = HostDevice::new(get_instance_proc_addr, instance, functions.physical_device(), device);
-    handles.debug_utils = true;
     // SAFETY: the handles are the context's, which outlives the device; validation needs debug_utils.
-    let device = unsafe { Device::from_host(&handles) }?;
+    let handles = unsafe {
+        let adapter = HostAdapter::new(get_instance_proc_addr, instance, functions.physical_device());
+        HostDevice::new(adapter, device).with_debug_utils()
+    };
+    let device = Device::from_host(&handles)?;
     assert_eq!(device.limits(), functions.limits());
     let specialization = [("local_size_x", LOCAL.into()), ("TAG", (-3).into()), ("FACTOR", 4.5.into())];
     let pipeline = Pipeline::new(&device, &kernels::SELFTEST, &specialization, None)?;
     let pool = DescriptorPool::new(&device, &[&kernels::SELFTEST])?;
     // SAFETY: the buffers are the test's, which outlive the set.
-    let raw = |b: &BufferPart| unsafe { BufferPart::from_raw(b.raw(), b.offset(), b.range(), b.view()) };
-    let (texels, indices, records) = (raw(test.texels.whole()), raw(test.indices.whole()), raw(test.records.whole()));
-    // SAFETY: the buffer is of this device, has the usage and outlives the view.
-    let texels = unsafe { texels.with_view(&device, TexelFormat::Float4, "the host's texels") }?;
+    let raw = |b: &BufferPart| unsafe { BufferRef::new(b.raw(), b.range(), b.usage()) };
+    let (texels, indices) = (raw(test.texels.whole()), raw(test.indices.whole()));
+    let records = BufferPart::of_host(&raw(test.records.whole()));
+    let texels_of = |at, format, name| BufferPart::texels_of_host(&device, at, format, name);
+    let texels = texels_of(&texels, TexelFormat::Float4, "the host's texels")?;
+    let indices = texels_of(&indices, TexelFormat::Uint, "the host's indices")?;
+    let useless = error(texels_of(&raw(test.records.whole()), TexelFormat::Uint, "records"));
+    assert!(useless.contains("UNIFORM_TEXEL_BUFFER"), "{useless}");
     let set = pool.bind(&pipeline, &[("texels", &texels), ("indices", &indices), ("Records", &records)])?;
     let mut commands = CommandBuffer::new(&host, "host")?;
     commands.record(|recorder| {
         test.texels.record_upload(recorder)?;
         test.indices.record_upload(recorder)?;
         // SAFETY: the command buffer records; pipeline and set live to the end of the test.
-        let mut ours = unsafe { Recorder::from_raw(&device, recorder.raw()) };
+        let mut commands = unsafe { HostCommands::new(recorder.raw()) };
+        let mut ours = Recorder::on_host(&device, &mut commands);
         ours.barrier();
         let groups = [COUNT.div_ceil(LOCAL), 1, 1];
         ours.dispatch(&pipeline, &set, bytemuck::bytes_of(&PUSH), groups)?;
@@ -489,7 +294,7 @@ fn a_host_records_with_its_own_device() -> Outcome {
     commands.submit_and_wait()?;
     test.assert_result()?;
     drop(commands);
-    drop((set, pool, pipeline, texels, device));
+    drop((set, pool, pipeline, texels, indices, device));
     // The host's device still works.
     let mut commands = CommandBuffer::new(&host, "after")?;
     commands.record(|recorder| test.record(recorder))?;

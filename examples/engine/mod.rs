@@ -11,7 +11,7 @@ pub use shader::{Compute, Overlay};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
-use softras::vulkan::HostDevice;
+use softras::rasterizer::{BufferRef, HostAdapter, HostCommands, HostDevice};
 use std::ffi::{CStr, c_void};
 use std::sync::{Arc, Mutex};
 
@@ -41,6 +41,7 @@ pub struct Core {
 pub struct Buffer {
     pub raw: vk::Buffer,
     pub size: u64,
+    pub usage: vk::BufferUsageFlags,
     allocation: Option<Allocation>,
     core: Arc<Core>,
 }
@@ -105,13 +106,16 @@ impl Engine {
         Ok(Self { core, queue, family })
     }
 
+    /// The physical device as softras takes it, which needs no device yet.
+    pub fn host_adapter(&self) -> HostAdapter {
+        let Core { instance, physical, .. } = &*self.core;
+        unsafe { HostAdapter::new(self.core.get_instance_proc_addr(), instance.handle(), *physical) }
+    }
+
     /// All that softras needs to know of this engine.
     pub fn host_device(&self) -> HostDevice {
-        let Core { entry, instance, physical, device, messenger, .. } = &*self.core;
-        let get_instance_proc_addr = entry.static_fn().get_instance_proc_addr;
-        let mut host = HostDevice::new(get_instance_proc_addr, instance.handle(), *physical, device.handle());
-        host.debug_utils = messenger.is_some();
-        host
+        let host = unsafe { HostDevice::new(self.host_adapter(), self.core.device.handle()) };
+        if self.core.messenger.is_some() { unsafe { host.with_debug_utils() } } else { host }
     }
 
     /// What the validation layer said; readable when the engine is gone.
@@ -131,7 +135,7 @@ impl Engine {
         let core = self.core.clone();
         let info = vk::BufferCreateInfo::default().size(size).usage(usage);
         let raw = unsafe { core.device.create_buffer(&info, None) }?;
-        let mut made = Buffer { raw, size, allocation: None, core };
+        let mut made = Buffer { raw, size, usage, allocation: None, core };
         let requirements = unsafe { made.core.device.get_buffer_memory_requirements(raw) };
         let allocation = made.core.allocate(requirements, location, true)?;
         unsafe { made.core.device.bind_buffer_memory(raw, allocation.memory(), allocation.offset()) }?;
@@ -216,12 +220,22 @@ impl Commands {
         Ok(self.raw)
     }
 
+    /// The begun command buffer as softras takes it. What is recorded must be kept until it has been waited for.
+    pub fn host(&self) -> HostCommands {
+        unsafe { HostCommands::new(self.raw) }
+    }
+
     pub fn wait(&self) -> Outcome<()> {
         Ok(unsafe { self.core.device.wait_for_fences(&[self.fence], true, u64::MAX) }?)
     }
 }
 
 impl Buffer {
+    /// The buffer as softras takes it. It must outlive what it is bound to.
+    pub fn whole(&self) -> BufferRef {
+        unsafe { BufferRef::new(self.raw, self.size, self.usage) }
+    }
+
     /// The mapped bytes of a buffer in the host's memory.
     pub fn bytes(&self) -> &[u8] {
         self.allocation.as_ref().and_then(Allocation::mapped_slice).unwrap_or_default()
@@ -243,6 +257,10 @@ impl Buffer {
 }
 
 impl Core {
+    pub fn get_instance_proc_addr(&self) -> vk::PFN_vkGetInstanceProcAddr {
+        self.entry.static_fn().get_instance_proc_addr
+    }
+
     fn allocate(
         &self,
         requirements: vk::MemoryRequirements,

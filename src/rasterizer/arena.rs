@@ -1,8 +1,8 @@
 //! Many buffers in one: the simplest way to own a plan's memory.
 
-use super::bindings::BufferRef;
 use super::plan::BufferRequirement;
-use crate::vulkan::vk;
+use crate::error::Result;
+use crate::vulkan::{BufferRef, vk};
 
 /// Where each of several required buffers lies within one VkBuffer.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -32,9 +32,13 @@ impl Arena {
         arena
     }
 
-    /// The parts of the VkBuffer that was made of it, to be bound.
-    pub fn refs(&self, buffer: vk::Buffer) -> Vec<(&'static str, BufferRef)> {
-        self.parts.iter().map(|&(name, offset, range)| (name, BufferRef { buffer, offset, range })).collect()
+    /// The parts of the buffer that was made of it, to be bound.
+    ///
+    /// # Errors
+    /// [`crate::Error::Host`] for a buffer that is smaller than [`size`](Self::size).
+    pub fn refs(&self, buffer: &BufferRef) -> Result<Vec<(&'static str, BufferRef)>> {
+        let part = |&(name, offset, range): &(_, u64, u64)| Ok((name, buffer.part(offset, range)?));
+        self.parts.iter().map(part).collect()
     }
 
     /// Where one of them lies: offset and bytes.

@@ -4,25 +4,7 @@ use super::plan::{BufferRequirement, FRAME_SLOTS, FramePlan, GRADIENT_SLOTS, Gra
 use crate::buffers::{BACKWARD, FORWARD, UNUSED, UNUSED_SIZE};
 use crate::error::{Error, Result};
 use crate::passes::{BACKWARD_COUNT, BackwardStages, ForwardStages};
-use crate::vulkan::{BufferPart, Device, Pipeline, TexelFormat, vk};
-
-/// A part of a host's buffer.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct BufferRef {
-    /// The buffer, with memory bound to it.
-    pub buffer: vk::Buffer,
-    /// Bytes from its start, a multiple of [`BufferRequirement::alignment`].
-    pub offset: u64,
-    /// Bytes, at least [`BufferRequirement::size`].
-    pub range: u64,
-}
-
-impl BufferRef {
-    /// From a VkBuffer as a plain number.
-    pub fn from_raw(buffer: u64, offset: u64, range: u64) -> Self {
-        Self { buffer: vk::Handle::from_raw(buffer), offset, range }
-    }
-}
+use crate::vulkan::{BufferPart, BufferRef, Device, Pipeline, TexelFormat, vk};
 
 /// One frame's buffers bound to the forward kernels: descriptor sets, buffer views and pipelines. Two frames in flight take
 /// two of them with buffers of their own; inputs that nobody writes may be shared.
@@ -45,6 +27,9 @@ pub struct GradientBindings {
     pub(super) stages: BackwardStages,
     pub(super) texel_sums: BufferPart,
     pub(super) item_counts: BufferPart,
+    pub(super) vertex_gradients: BufferPart,
+    /// What is cleared first where only the device knows how many triangles there are.
+    pub(super) cleared: Vec<BufferPart>,
     modes: Vec<(&'static str, u32)>,
     ranges: [u64; GRADIENT_SLOTS],
 }
@@ -77,10 +62,7 @@ impl Parts {
     }
 
     /// The host's buffers, each checked against what is required of it.
-    ///
-    /// # Safety
-    /// The buffers are of this device, have memory and the usages required, and outlive what is made of the parts.
-    pub(super) unsafe fn from_host(
+    pub(super) fn from_host(
         device: &Device,
         required: &[BufferRequirement],
         given: &[(&str, BufferRef)],
@@ -100,19 +82,16 @@ impl Parts {
             };
             judge(requirement, at)?;
             // Whole texels only: a view cannot end within one.
-            let range = at.range - at.range % requirement.format.bytes();
-            // SAFETY: the caller's promise.
-            let part = unsafe { BufferPart::from_raw(at.buffer, at.offset, range, None) };
-            // SAFETY: the caller's promise.
-            let view = |format| unsafe { part.with_view(device, format, requirement.name) };
+            let at = at.part(0, at.range() - at.range() % requirement.format.bytes())?;
+            let texels = |format| BufferPart::texels_of_host(device, &at, format, requirement.name);
             if requirement.name == UNUSED.name {
                 for format in TexelFormat::ALL {
-                    parts.unused.push((format, view(format)?));
+                    parts.unused.push((format, texels(format)?));
                 }
             } else if requirement.usage.contains(vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER) {
-                parts.named.push((requirement.name, view(requirement.format)?));
+                parts.named.push((requirement.name, texels(requirement.format)?));
             } else {
-                parts.named.push((requirement.name, part));
+                parts.named.push((requirement.name, BufferPart::of_host(&at)));
             }
         }
         Ok(parts)
@@ -131,17 +110,21 @@ fn host_error<T>(what: String, mend: &str) -> Result<T> {
 }
 
 fn judge(requirement: &BufferRequirement, at: &BufferRef) -> Result<()> {
-    let BufferRequirement { name, size, alignment, .. } = requirement;
-    let range = if requirement.name == UNUSED.name && at.range > UNUSED_SIZE { UNUSED_SIZE } else { at.range };
-    if vk::Handle::is_null(at.buffer) {
+    let BufferRequirement { name, size, alignment, usage, .. } = requirement;
+    let range = if requirement.name == UNUSED.name { at.range().min(UNUSED_SIZE) } else { at.range() };
+    if vk::Handle::is_null(at.raw()) {
         return host_error(format!("buffer `{name}` is null"), "give a buffer with memory bound to it");
     }
     if range < *size {
         return host_error(format!("buffer `{name}` has {range} bytes, the plan needs {size}"), "give as many");
     }
-    if !at.offset.is_multiple_of(*alignment) {
-        let what = format!("buffer `{name}` lies at {}, no multiple of {alignment}", at.offset);
+    if !at.offset().is_multiple_of(*alignment) {
+        let what = format!("buffer `{name}` lies at {}, no multiple of {alignment}", at.offset());
         return host_error(what, "align it as the plan says");
+    }
+    if !at.usage().contains(*usage) {
+        let what = format!("buffer `{name}` was made for {:?}, the plan needs {usage:?}", at.usage());
+        return host_error(what, "make it with the usages that the plan lists");
     }
     Ok(())
 }
@@ -184,6 +167,11 @@ impl FrameBindings {
         })
     }
 
+    /// One of the frame's buffers.
+    pub(super) fn array(&self, name: &str) -> Result<&BufferPart> {
+        self.parts.get(name)
+    }
+
     /// Whether a plan can be recorded with it. Allocates nothing unless it cannot.
     ///
     /// # Errors
@@ -207,6 +195,8 @@ impl GradientBindings {
             stages: BackwardStages::new(device, pipelines, &find)?,
             texel_sums: get("texel_sums")?,
             item_counts: get("item_counts")?,
+            vertex_gradients: get("vertex_gradients")?,
+            cleared: ["corner_gradients", "light_records"].iter().filter_map(|n| parts.named(n).cloned()).collect(),
             modes: plan.plan.modes.clone(),
             ranges: ranges_of(plan.buffers(), parts),
         })

@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::gradients::Wanted;
 use crate::plan::{BackwardInput, BackwardPlan, Capacity, Plan, PlanInput};
 use crate::scene::{Lights, Outputs, Settings};
-use crate::vulkan::{BufferDesc, DeviceKind, Limits, Location, TexelFormat, vk};
+use crate::vulkan::{BufferDesc, BufferRef, DeviceKind, Limits, Location, TexelFormat, vk};
 
 /// The longest list of triangles that a software device walks: Mesa before 23 ends an invocation's loops after 65535 passes
 /// in all, without an error, and a hole in the image is worse than one.
@@ -69,6 +69,8 @@ pub struct GradientPlan {
     buffers: Vec<BufferRequirement>,
     /// Bytes by slot.
     pub(super) sizes: [u64; GRADIENT_SLOTS],
+    /// As the frame's shape.
+    pub(super) device_counts: bool,
 }
 
 fn requirement(limits: &Limits, place: usize, slot: &Slot, size: u64) -> Result<BufferRequirement> {
@@ -184,7 +186,7 @@ impl FramePlan {
     /// | `normals` | R32G32B32A32_SFLOAT | Σ w n, world space, and 0 |
     ///
     /// Rows are packed, row 0 at the top. The image is in TRANSFER_DST_OPTIMAL or GENERAL, its layout the host's.
-    pub fn image_copy(&self, name: &str, view: u32, at: &super::BufferRef) -> Option<vk::BufferImageCopy> {
+    pub fn image_copy(&self, name: &str, view: u32, at: &BufferRef) -> Option<vk::BufferImageCopy> {
         let texel = match name {
             "color" | "normals" => 16,
             "silhouette" | "depths" => 4,
@@ -200,10 +202,24 @@ impl FramePlan {
             .base_array_layer(0)
             .layer_count(1);
         let copy = vk::BufferImageCopy::default()
-            .buffer_offset(at.offset + u64::from(view) * u64::from(width) * u64::from(height) * texel)
+            .buffer_offset(at.offset() + u64::from(view) * u64::from(width) * u64::from(height) * texel)
             .image_subresource(subresource)
             .image_extent(vk::Extent3D { width, height, depth: 1 });
         Some(copy)
+    }
+
+    /// Width and height of its images.
+    pub fn image_size(&self) -> (u32, u32) {
+        (self.plan.frame.width, self.plan.frame.height)
+    }
+
+    /// How many views it has.
+    pub fn views(&self) -> u32 {
+        self.shape.views
+    }
+
+    pub(super) fn has_silhouette(&self) -> bool {
+        self.plan.mode("OUTPUTS") & crate::constants::OUTPUT_SILHOUETTE != 0
     }
 
     /// The room it has for lists.
@@ -249,7 +265,7 @@ impl GradientPlan {
             texel_scale: texel_scale(&frame.plan, &shape.lights, differentiate.largest_upstream),
         });
         let (buffers, sizes) = requirements(&frame.limits, BACKWARD.into_iter(), |slot| plan.sizes.of(slot.name))?;
-        Ok(Self { plan, buffers, sizes })
+        Ok(Self { plan, buffers, sizes, device_counts: shape.device_counts })
     }
 
     /// The buffers to give to [`Rasterizer::bind_backward`](super::Rasterizer::bind_backward) beyond the frame's.

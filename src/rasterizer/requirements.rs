@@ -1,7 +1,7 @@
 //! What softras asks of a device, before there is one.
 
 use crate::error::{Error, Result};
-use crate::vulkan::{BindingKind, DeviceInfo, HostDevice, Kernel, kernels, vk};
+use crate::vulkan::{BindingKind, DeviceInfo, HostAdapter, Kernel, kernels, vk};
 
 /// What a device must have, and what is used where it is there.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -46,19 +46,15 @@ pub fn requirements() -> Requirements {
 }
 
 impl Requirements {
-    /// Judges a physical device before a device is made of it. `host.device` may be null.
+    /// Judges a physical device before a device is made of it.
     ///
     /// What a frame needs of maxStorageBufferRange and maxTexelBufferElements depends on its size:
     /// [`FramePlan::new`](super::FramePlan::new) tells from the limits of the returned description.
     ///
     /// # Errors
-    /// [`Error::NoDevice`] saying what is missing.
-    ///
-    /// # Safety
-    /// As for [`HostDevice::describe`].
-    pub unsafe fn judge(&self, host: &HostDevice) -> Result<DeviceInfo> {
-        // SAFETY: the caller's promise.
-        let info = unsafe { host.describe() }?;
+    /// [`Error::NoDevice`] saying what is missing; [`Error::Host`] for null handles.
+    pub fn judge(&self, host: &HostAdapter) -> Result<DeviceInfo> {
+        let info = host.describe()?;
         let fail = |what: String| Err(Error::NoDevice { what, mend: "choose another physical device".into() });
         if let Err(reason) = &info.suitable {
             return fail(format!("{}: {reason}", info.name));

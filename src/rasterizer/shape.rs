@@ -28,6 +28,9 @@ pub struct Shape {
     /// Room for lists whose length only the device finds out; `None`: estimated. After a frame its
     /// [`Status`](super::Status) tells what it needed.
     pub capacity: Option<Capacity>,
+    /// Only the device knows how many of the triangles are drawn; those of the meshes are the most there may be. See
+    /// [`Counts`](super::Counts).
+    pub device_counts: bool,
 }
 
 /// The counts of one mesh.
@@ -124,6 +127,7 @@ impl Shape {
             cutoff: settings.cutoff_of(scene, cameras),
             distorted: cameras.iter().any(|c| matches!(c.projection(), Projection::Official { .. })),
             capacity: None,
+            device_counts: false,
         })
     }
 

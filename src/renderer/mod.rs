@@ -12,7 +12,7 @@ use crate::passes::{FORWARD_STAGES, FORWARD_TIMESTAMPS};
 use crate::plan::Capacity;
 use crate::rasterizer::{FrameBindings, FramePlan, Inputs, Rasterizer, Shape, Status};
 use crate::scene::{Camera, Outputs, Scene, Settings};
-use crate::vulkan::{CacheFolder, CommandBuffer, Context, ContextOptions, DeviceInfo, TimestampPool};
+use crate::vulkan::{CacheFolder, CommandBuffer, Context, ContextOptions, DeviceInfo, Loader, TimestampPool};
 
 /// What a stage took on the device.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,6 +47,8 @@ pub struct RendererOptions {
     pub capacity: Option<Capacity>,
     /// Where compiled kernels are kept between runs.
     pub cache: CacheFolder,
+    /// The Vulkan loader; `None`: the system's.
+    pub loader: Option<Loader>,
 }
 
 /// One rendered batch.
@@ -136,6 +138,7 @@ impl Renderer {
             device: options.device.clone(),
             validation: options.validation,
             cache: options.cache.clone(),
+            loader: options.loader,
             ..ContextOptions::default()
         })?;
         let mut rasterizer = Rasterizer::on(context.device(), Some(context.pipeline_cache().clone()));

@@ -2,6 +2,7 @@
 
 use super::context::CacheFolder;
 use super::device::Device;
+use super::host::HostDevice;
 use super::result::Named;
 use crate::Result;
 use ash::vk;
@@ -27,12 +28,11 @@ struct Inner {
 }
 
 impl PipelineCache {
-    /// A host's cache, which stays the host's to save and to destroy.
-    ///
-    /// # Safety
-    /// The handle is of this device, valid as long as this cache lives, and needs no external synchronisation.
-    pub unsafe fn from_host(device: &Device, raw: vk::PipelineCache) -> Self {
-        Self(Arc::new(Inner { device: device.clone(), raw, owned: false, file: None, loaded: 0 }))
+    /// A host's cache, which stays the host's to save and to destroy; none where the host gives none.
+    pub fn of_host(device: &Device, host: &HostDevice) -> Option<Self> {
+        let raw = host.pipeline_cache;
+        let inner = || Inner { device: device.clone(), raw, owned: false, file: None, loaded: 0 };
+        (raw != vk::PipelineCache::null()).then(|| Self(Arc::new(inner())))
     }
 
     /// A cache of ours, filled from the folder's file for this device and driver.

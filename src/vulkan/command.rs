@@ -1,6 +1,6 @@
 //! Command buffers of our own: recorded once, submitted as often as wanted.
 
-use super::buffer::Keep;
+use super::buffer_part::Keep;
 use super::context::{Context, Shared};
 use super::recorder::Recorder;
 use super::result::{Named, misuse_of};

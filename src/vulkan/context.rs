@@ -3,6 +3,7 @@
 use super::adapter::{self, DeviceInfo};
 use super::cache::PipelineCache;
 use super::device::Device;
+use super::host::Loader;
 use super::instance::Instance;
 use super::result::{Named, allocation};
 use super::validation::ValidationLog;
@@ -27,6 +28,8 @@ pub struct ContextOptions {
     pub staging: bool,
     /// Where compiled kernels are kept for the next process.
     pub cache: CacheFolder,
+    /// The Vulkan loader; `None`: the system's.
+    pub loader: Option<Loader>,
 }
 
 /// Where compiled kernels are kept.
@@ -67,7 +70,7 @@ pub(super) struct Shared {
 impl Context {
     /// Opens a device.
     pub fn new(options: &ContextOptions) -> Result<Self> {
-        let instance = Instance::new(options.validation || validation_by_environment())?;
+        let instance = Instance::new(options.loader, options.validation || validation_by_environment())?;
         let environment = std::env::var("SOFTRAS_DEVICE").ok();
         let selector = options.device.as_deref().or(environment.as_deref());
         let adapter = adapter::select(adapter::list(&instance)?, selector)?;
@@ -95,7 +98,7 @@ impl Context {
 
     /// All devices there are, suitable or not.
     pub fn devices() -> Result<Vec<DeviceInfo>> {
-        let instance = Instance::new(false)?;
+        let instance = Instance::new(None, false)?;
         Ok(adapter::list(&instance)?.into_iter().map(|a| a.info).collect())
     }
 

@@ -1,7 +1,9 @@
 //! Descriptor sets, bound by name.
 
-use super::buffer::{BufferPart, Keep, limit_error};
+use super::buffer_desc::limit_error;
+use super::buffer_part::{BufferPart, Keep};
 use super::device::Device;
+use super::host_memory::ImageRef;
 use super::kernel::{Binding, BindingKind, Kernel};
 use super::pipeline::{self, Pipeline};
 use super::result::{Named, misuse};
@@ -61,24 +63,55 @@ impl DescriptorPool {
     ///
     /// The set also serves every other pipeline of the same kernel.
     pub fn bind(&self, pipeline: &Pipeline, buffers: &[(&str, &BufferPart)]) -> Result<DescriptorSet> {
+        let resources: Vec<_> = buffers.iter().map(|&(name, buffer)| (name, Resource::Buffer(buffer))).collect();
+        self.bind_resources(pipeline, &resources)
+    }
+
+    /// The same for a kernel that stores to an image.
+    pub fn bind_with_image(
+        &self,
+        pipeline: &Pipeline,
+        buffers: &[(&str, &BufferPart)],
+        image: (&str, &ImageRef),
+    ) -> Result<DescriptorSet> {
+        let buffers = buffers.iter().map(|&(name, buffer)| (name, Resource::Buffer(buffer)));
+        let resources: Vec<_> = buffers.chain([(image.0, Resource::Image(image.1))]).collect();
+        self.bind_resources(pipeline, &resources)
+    }
+
+    fn bind_resources(&self, pipeline: &Pipeline, resources: &[(&str, Resource<'_>)]) -> Result<DescriptorSet> {
         let kernel = pipeline.kernel();
         let device = &self.0.device;
         if pipeline.inner().device().raw().handle() != device.raw().handle() {
             return Err(misuse(CALL, kernel, "pipeline and descriptor pool are of different devices"));
         }
-        let matched = match_names(kernel, buffers)?;
-        for (binding, buffer) in &matched {
-            check(device, kernel, binding, buffer)?;
+        let matched = match_names(kernel, resources)?;
+        for (binding, resource) in &matched {
+            match resource {
+                Resource::Buffer(buffer) => check_buffer(device, kernel, binding, buffer)?,
+                Resource::Image(image) => check_image(kernel, binding, image)?,
+            }
         }
         let raw = self.0.allocate(pipeline.inner().set_layout())?;
         device.name_object(raw, kernel.name);
-        // SAFETY: the set was just allocated with this kernel's layout; what it points to is kept below, or the host's
-        // promise (`BufferPart::from_raw`).
+        // SAFETY: the set was just allocated with this kernel's layout; what it points to is kept below, or by the host
+        // (`BufferRef::new`, `ImageRef::new`).
         unsafe { write(device, raw, &matched) };
-        let keeps = matched.iter().filter_map(|(_, buffer)| buffer.keep.clone()).collect();
+        let keep = |resource: &Resource<'_>| match resource {
+            Resource::Buffer(buffer) => buffer.keep.clone(),
+            Resource::Image(_) => None,
+        };
+        let keeps = matched.iter().filter_map(|(_, resource)| keep(resource)).collect();
         let (pool, layout) = (self.0.clone(), pipeline.inner().clone());
         Ok(DescriptorSet(Arc::new(Set { raw, kernel, pool, _layout: layout, _buffers: keeps })))
     }
+}
+
+/// What a binding is given.
+#[derive(Clone, Copy)]
+enum Resource<'a> {
+    Buffer(&'a BufferPart),
+    Image(&'a ImageRef),
 }
 
 impl DescriptorSet {
@@ -132,19 +165,19 @@ impl Drop for Pool {
     }
 }
 
-/// Each binding with its buffer, or an error that names what is missing, unknown or given twice.
+/// Each binding with its resource, or an error that names what is missing, unknown or given twice.
 fn match_names<'a>(
     kernel: &'static Kernel,
-    buffers: &[(&str, &'a BufferPart)],
-) -> Result<Vec<(&'static Binding, &'a BufferPart)>> {
-    if let Some((name, _)) = buffers.iter().find(|(name, _)| kernel.binding(name).is_none()) {
+    resources: &[(&str, Resource<'a>)],
+) -> Result<Vec<(&'static Binding, Resource<'a>)>> {
+    if let Some((name, _)) = resources.iter().find(|(name, _)| kernel.binding(name).is_none()) {
         let known: Vec<_> = kernel.bindings.iter().map(|b| b.name).collect();
         return Err(misuse(CALL, kernel, &format!("there is no binding `{name}`, only {}", known.join(", "))));
     }
     let find = |binding: &'static Binding| {
-        let mut given = buffers.iter().filter(|(name, _)| *name == binding.name);
+        let mut given = resources.iter().filter(|(name, _)| *name == binding.name);
         match (given.next(), given.next()) {
-            (Some((_, buffer)), None) => Ok((binding, *buffer)),
+            (Some((_, resource)), None) => Ok((binding, *resource)),
             (None, _) => Err(misuse(CALL, kernel, &format!("binding `{}` has no buffer", binding.name))),
             _ => Err(misuse(CALL, kernel, &format!("binding `{}` is given twice", binding.name))),
         }
@@ -153,7 +186,7 @@ fn match_names<'a>(
 }
 
 /// The device can bind this part of a buffer in this way.
-fn check(device: &Device, kernel: &Kernel, binding: &Binding, buffer: &BufferPart) -> Result<()> {
+fn check_buffer(device: &Device, kernel: &Kernel, binding: &Binding, buffer: &BufferPart) -> Result<()> {
     let limits = device.limits();
     let fail = |what: &str| Err(misuse(CALL, kernel, &format!("binding `{}`: {what}", binding.name)));
     let (alignment, limit, limit_name) = match binding.kind {
@@ -163,10 +196,13 @@ fn check(device: &Device, kernel: &Kernel, binding: &Binding, buffer: &BufferPar
         BindingKind::UniformBuffer => {
             (limits.uniform_offset_alignment, limits.max_uniform_buffer_range, "maxUniformBufferRange")
         }
-        BindingKind::StorageImage => return fail("storage images cannot be bound"),
+        BindingKind::StorageImage(_) => return fail("it is an image, and was given a buffer"),
         _ if buffer.view().is_none() => return fail("it is read as texels, and the buffer has no texel view"),
         _ => return Ok(()),
     };
+    if !buffer.usage().contains(binding.kind.buffer_usage()) {
+        return fail(&format!("the buffer was made without the usage {:?}", binding.kind.buffer_usage()));
+    }
     if !buffer.offset().is_multiple_of(alignment.max(1)) {
         return fail(&format!("offset {} is no multiple of the device's {alignment}", buffer.offset()));
     }
@@ -176,28 +212,61 @@ fn check(device: &Device, kernel: &Kernel, binding: &Binding, buffer: &BufferPar
     limit_error(binding.name, buffer.range(), "bytes", limit_name, limit)
 }
 
+/// The image is what the kernel stores to.
+fn check_image(kernel: &Kernel, binding: &Binding, image: &ImageRef) -> Result<()> {
+    let fail = |what: String| Err(misuse(CALL, kernel, &format!("binding `{}`: {what}", binding.name)));
+    match binding.kind {
+        _ if image.raw() == vk::ImageView::null() => fail("the image view is null".into()),
+        BindingKind::StorageImage(format) if format == image.format() => Ok(()),
+        BindingKind::StorageImage(format) => fail(format!("the image is {:?}, not {format:?}", image.format())),
+        _ => fail("it is a buffer, and was given an image".into()),
+    }
+}
+
+/// What one descriptor points to.
+#[derive(Clone, Copy, Default)]
+struct Info {
+    buffer: [vk::DescriptorBufferInfo; 1],
+    view: [vk::BufferView; 1],
+    image: [vk::DescriptorImageInfo; 1],
+}
+
+impl Info {
+    fn of(resource: &Resource<'_>) -> Self {
+        match resource {
+            Resource::Buffer(b) => Self {
+                buffer: [vk::DescriptorBufferInfo { buffer: b.raw(), offset: b.offset(), range: b.range() }],
+                view: [b.view().unwrap_or_default()],
+                ..Self::default()
+            },
+            Resource::Image(image) => {
+                let (image_view, image_layout) = (image.raw(), vk::ImageLayout::GENERAL);
+                let image = [vk::DescriptorImageInfo { image_view, image_layout, ..Default::default() }];
+                Self { image, ..Self::default() }
+            }
+        }
+    }
+}
+
 /// # Safety
-/// The set is of the layout with these bindings and not in use; the buffers live as long as it is used.
-unsafe fn write(device: &Device, set: vk::DescriptorSet, matched: &[(&Binding, &BufferPart)]) {
-    let infos: Vec<_> = matched
-        .iter()
-        .map(|(_, b)| [vk::DescriptorBufferInfo { buffer: b.raw(), offset: b.offset(), range: b.range() }])
-        .collect();
-    let views: Vec<_> = matched.iter().map(|(_, b)| [b.view().unwrap_or_default()]).collect();
+/// The set is of the layout with these bindings and not in use; buffers and images live as long as it is used.
+unsafe fn write(device: &Device, set: vk::DescriptorSet, matched: &[(&Binding, Resource<'_>)]) {
+    let infos: Vec<_> = matched.iter().map(|(_, resource)| Info::of(resource)).collect();
     let writes: Vec<_> = matched
         .iter()
-        .zip(infos.iter().zip(&views))
-        .map(|((binding, _), (info, view))| {
+        .zip(&infos)
+        .map(|((binding, _), info)| {
             let write = vk::WriteDescriptorSet::default()
                 .dst_set(set)
                 .dst_binding(binding.binding)
                 .descriptor_type(binding.kind.descriptor_type());
             match binding.kind {
-                BindingKind::StorageBuffer | BindingKind::UniformBuffer => write.buffer_info(info),
-                _ => write.texel_buffer_view(view),
+                BindingKind::StorageBuffer | BindingKind::UniformBuffer => write.buffer_info(&info.buffer),
+                BindingKind::StorageImage(_) => write.image_info(&info.image),
+                _ => write.texel_buffer_view(&info.view),
             }
         })
         .collect();
-    // SAFETY: the caller's promise; `infos` and `views` live until the call returns.
+    // SAFETY: the caller's promise; `infos` live until the call returns.
     unsafe { device.raw().update_descriptor_sets(&writes, &[]) };
 }

@@ -30,20 +30,13 @@ struct Inner {
 impl Device {
     /// Takes a host's device.
     ///
-    /// # Safety
-    /// - The handles are valid, belong together, and were made as their fields say.
-    /// - They stay valid until this device, its clones, and everything made with them are dropped; the allocation
-    ///   callbacks, and what they point to, as well. Any thread may call the callbacks, several at once.
-    pub unsafe fn from_host(host: &HostDevice) -> Result<Self> {
-        let static_fn = ash::StaticFn { get_instance_proc_addr: host.get_instance_proc_addr };
-        // SAFETY: the handles are valid (the caller's promise).
-        let (instance, raw) = unsafe {
-            let instance = ash::Instance::load(&static_fn, host.instance);
-            let raw = ash::Device::load(instance.fp_v1_0(), host.device);
-            (instance, raw)
-        };
-        // SAFETY: the handles are valid (the caller's promise).
-        let properties = unsafe { instance.get_physical_device_properties(host.physical_device) };
+    /// # Errors
+    /// [`Error::NoDevice`] for a device of Vulkan 1.0, [`Error::Host`] for null handles.
+    pub fn from_host(host: &HostDevice) -> Result<Self> {
+        let (instance, raw) = host.functions()?;
+        let physical = host.adapter.physical_device();
+        // SAFETY: the handles are valid (the promise of `HostAdapter::new`).
+        let properties = unsafe { instance.get_physical_device_properties(physical) };
         if properties.api_version < vk::API_VERSION_1_1 {
             return Err(Error::NoDevice {
                 what: "the host's device has Vulkan 1.0 only".to_string(),
@@ -51,10 +44,10 @@ impl Device {
             });
         }
         // SAFETY: both belong together and are of Vulkan 1.1.
-        let limits = unsafe { Limits::query(&instance, host.physical_device) };
+        let limits = unsafe { Limits::query(&instance, physical) };
         let debug_utils = host.debug_utils.then(|| debug_utils::Device::new(&instance, &raw));
-        let (physical, kind) = (host.physical_device, DeviceKind::of(properties.device_type));
-        // SAFETY: the caller's promise.
+        let kind = DeviceKind::of(properties.device_type);
+        // SAFETY: the promise of `HostDevice::with_allocation_callbacks`.
         let callbacks = unsafe { Callbacks::new(host.allocation_callbacks) };
         let inner = Inner { raw, instance, physical, debug_utils, limits, kind, callbacks, owned: None };
         Ok(Self { inner: Arc::new(inner) })

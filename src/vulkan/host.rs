@@ -1,115 +1,225 @@
 //! A host's handles, as they cross the border.
 
 use super::adapter::{self, DeviceInfo};
-use super::result::misuse_of;
 use crate::{Error, Result};
 use ash::vk::{self, Handle};
 use std::ffi::c_void;
 
-/// The raw handles of a host's device.
-///
-/// A host on this crate's ash fills in the fields; one on another ash, or on none, calls
-/// [`from_raw`](Self::from_raw) with the handles as numbers.
-#[derive(Clone, Copy)]
-pub struct HostDevice {
-    /// vkGetInstanceProcAddr of the loader that made the instance.
-    pub get_instance_proc_addr: vk::PFN_vkGetInstanceProcAddr,
-    /// The instance, made for Vulkan 1.1 or later.
-    pub instance: vk::Instance,
-    /// The physical device, of Vulkan 1.1 or later.
-    pub physical_device: vk::PhysicalDevice,
-    /// The device. No feature and no extension need be enabled.
-    pub device: vk::Device,
-    /// VK_EXT_debug_utils is enabled on the instance: objects get names and passes labels. Usually false.
-    pub debug_utils: bool,
-    /// Where compiled kernels are kept; null for none. The host's to fill, to save and to destroy. It must have been
-    /// made without EXTERNALLY_SYNCHRONIZED.
-    pub pipeline_cache: vk::PipelineCache,
-    /// What every object is created and destroyed with.
-    pub allocation_callbacks: Option<vk::AllocationCallbacks<'static>>,
+/// A Vulkan loader other than the system's: one that is linked in, or an engine's own.
+#[derive(Clone, Copy, Debug)]
+pub struct Loader(vk::PFN_vkGetInstanceProcAddr);
+
+impl Loader {
+    /// By its vkGetInstanceProcAddr.
+    ///
+    /// # Safety
+    /// It is that function, and can be called, as all that it returns, for the rest of the process.
+    pub unsafe fn new(get_instance_proc_addr: vk::PFN_vkGetInstanceProcAddr) -> Self {
+        Self(get_instance_proc_addr)
+    }
+
+    pub(super) fn entry(self) -> ash::Entry {
+        // SAFETY: the promise of `new`.
+        unsafe { ash::Entry::from_static_fn(ash::StaticFn { get_instance_proc_addr: self.0 }) }
+    }
 }
 
-impl HostDevice {
-    /// The handles that every host has; no debug names, no pipeline cache, no allocation callbacks.
-    pub fn new(
+/// A host's physical device: all that it takes to ask whether it is good enough, before there is a device.
+#[derive(Clone, Copy)]
+pub struct HostAdapter {
+    get_instance_proc_addr: vk::PFN_vkGetInstanceProcAddr,
+    instance: vk::Instance,
+    physical_device: vk::PhysicalDevice,
+}
+
+impl HostAdapter {
+    /// From vkGetInstanceProcAddr of the loader that made the instance, the instance, and the physical device.
+    ///
+    /// # Safety
+    /// - The handles are valid and belong together; the instance was made for Vulkan 1.1 or later.
+    /// - They stay valid until everything made of this is dropped.
+    pub unsafe fn new(
         get_instance_proc_addr: vk::PFN_vkGetInstanceProcAddr,
         instance: vk::Instance,
         physical_device: vk::PhysicalDevice,
-        device: vk::Device,
     ) -> Self {
-        Self {
-            get_instance_proc_addr,
-            instance,
-            physical_device,
-            device,
-            debug_utils: false,
-            pipeline_cache: vk::PipelineCache::null(),
-            allocation_callbacks: None,
-        }
+        Self { get_instance_proc_addr, instance, physical_device }
     }
 
-    /// The same from plain numbers: a dispatchable handle is its pointer, as `Handle::as_raw` of any ash gives it.
+    /// The same from plain numbers, for a host on another ash or on none: a dispatchable handle is its pointer, as
+    /// `Handle::as_raw` of any ash gives it.
     ///
     /// # Errors
     /// [`Error::Host`] where one of them is null.
     ///
     /// # Safety
-    /// `get_instance_proc_addr` is the address of vkGetInstanceProcAddr.
-    pub unsafe fn from_raw(
-        get_instance_proc_addr: *const c_void,
-        instance: u64,
-        physical_device: u64,
-        device: u64,
-    ) -> Result<Self> {
-        let handles = [instance, physical_device, device];
-        if get_instance_proc_addr.is_null() || handles.contains(&0) {
-            return Err(Error::Host {
-                what: "a handle of the device is null".into(),
-                mend: "give vkGetInstanceProcAddr, the instance, the physical device and the device".into(),
-            });
+    /// As for [`new`](Self::new); `get_instance_proc_addr` is the address of vkGetInstanceProcAddr.
+    pub unsafe fn from_raw(get_instance_proc_addr: *const c_void, instance: u64, physical_device: u64) -> Result<Self> {
+        if get_instance_proc_addr.is_null() || instance == 0 || physical_device == 0 {
+            return null("vkGetInstanceProcAddr, the instance or the physical device");
         }
         // SAFETY: it is not null, and that function (the caller's promise).
         let function =
             unsafe { std::mem::transmute::<*const c_void, vk::PFN_vkGetInstanceProcAddr>(get_instance_proc_addr) };
-        Ok(Self::new(
-            function,
-            vk::Instance::from_raw(instance),
-            vk::PhysicalDevice::from_raw(physical_device),
-            vk::Device::from_raw(device),
-        ))
+        let (instance, physical) = (vk::Instance::from_raw(instance), vk::PhysicalDevice::from_raw(physical_device));
+        // SAFETY: the caller's promise.
+        Ok(unsafe { Self::new(function, instance, physical) })
     }
 
-    /// Asks a physical device what it can do, before there is a device: `device` and what follows it are not looked at
-    /// and may be null.
+    /// What the physical device can do.
     ///
     /// # Errors
-    /// [`Error::Vulkan`] where the loader has no instance functions.
-    ///
-    /// # Safety
-    /// Instance and physical device are valid, belong together, and the instance was made for Vulkan 1.1 or later.
-    pub unsafe fn describe(&self) -> Result<DeviceInfo> {
+    /// [`Error::Host`] where a handle is null.
+    pub fn describe(&self) -> Result<DeviceInfo> {
+        let instance = self.functions()?;
+        // SAFETY: the promise of `new`.
+        Ok(unsafe { adapter::describe(&instance, 0, self.physical_device) }.info)
+    }
+
+    /// The instance's functions.
+    pub(super) fn functions(&self) -> Result<ash::Instance> {
         if self.instance.is_null() || self.physical_device.is_null() {
-            return Err(misuse_of("vkGetPhysicalDeviceProperties", "instance or physical device is null"));
+            return null("the instance or the physical device");
         }
         let static_fn = ash::StaticFn { get_instance_proc_addr: self.get_instance_proc_addr };
+        // SAFETY: the promise of `new`.
+        Ok(unsafe { ash::Instance::load(&static_fn, self.instance) })
+    }
+
+    /// The physical device.
+    pub fn physical_device(&self) -> vk::PhysicalDevice {
+        self.physical_device
+    }
+}
+
+fn null<T>(what: &str) -> Result<T> {
+    Err(Error::Host { what: format!("{what} is null"), mend: "give handles that were made".into() })
+}
+
+/// A host's device, and what softras may use with it.
+#[derive(Clone, Copy)]
+pub struct HostDevice {
+    pub(super) adapter: HostAdapter,
+    pub(super) device: vk::Device,
+    pub(super) debug_utils: bool,
+    pub(super) pipeline_cache: vk::PipelineCache,
+    pub(super) allocation_callbacks: Option<vk::AllocationCallbacks<'static>>,
+}
+
+impl HostDevice {
+    /// A device of this adapter, of which no feature and no extension need be enabled.
+    ///
+    /// # Safety
+    /// - The device was made of the adapter's physical device, with a queue of a family that computes.
+    /// - It stays valid until every [`Device`](super::Device), rasterizer and binding made with it is dropped.
+    pub unsafe fn new(adapter: HostAdapter, device: vk::Device) -> Self {
+        let pipeline_cache = vk::PipelineCache::null();
+        Self { adapter, device, debug_utils: false, pipeline_cache, allocation_callbacks: None }
+    }
+
+    /// The same from a plain number.
+    ///
+    /// # Errors
+    /// [`Error::Host`] where it is null.
+    ///
+    /// # Safety
+    /// As for [`new`](Self::new).
+    pub unsafe fn from_raw(adapter: HostAdapter, device: u64) -> Result<Self> {
+        if device == 0 {
+            return null("the device");
+        }
         // SAFETY: the caller's promise.
-        let instance = unsafe { ash::Instance::load(&static_fn, self.instance) };
-        // SAFETY: the caller's promise.
-        Ok(unsafe { adapter::describe(&instance, 0, self.physical_device) }.info)
+        Ok(unsafe { Self::new(adapter, vk::Device::from_raw(device)) })
+    }
+
+    /// Gives objects names, and passes labels, for graphics debuggers and validation messages.
+    ///
+    /// # Safety
+    /// VK_EXT_debug_utils is enabled on the instance.
+    pub unsafe fn with_debug_utils(self) -> Self {
+        Self { debug_utils: true, ..self }
+    }
+
+    /// Where compiled kernels are kept. The cache is the host's to fill, to save and to destroy.
+    ///
+    /// # Safety
+    /// It is of this device, was made without EXTERNALLY_SYNCHRONIZED, and stays valid as long as the device must.
+    pub unsafe fn with_pipeline_cache(self, pipeline_cache: vk::PipelineCache) -> Self {
+        Self { pipeline_cache, ..self }
+    }
+
+    /// What every object is created and destroyed with.
+    ///
+    /// # Safety
+    /// The functions, and what they are given to work on, stay valid as long as the device must. Any thread that calls
+    /// softras may call them, several at once.
+    pub unsafe fn with_allocation_callbacks(self, callbacks: vk::AllocationCallbacks<'static>) -> Self {
+        Self { allocation_callbacks: Some(callbacks), ..self }
+    }
+
+    /// The functions of instance and device.
+    pub(super) fn functions(&self) -> Result<(ash::Instance, ash::Device)> {
+        let instance = self.adapter.functions()?;
+        if self.device.is_null() {
+            return null("the device");
+        }
+        // SAFETY: the device is the instance's (the promise of `new`).
+        let device = unsafe { ash::Device::load(instance.fp_v1_0(), self.device) };
+        Ok((instance, device))
+    }
+}
+
+impl std::fmt::Debug for HostAdapter {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "HostAdapter({:?}, {:?})", self.instance, self.physical_device)
     }
 }
 
 impl std::fmt::Debug for HostDevice {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { instance, physical_device, device, debug_utils, pipeline_cache, .. } = self;
+        let Self { adapter, device, debug_utils, pipeline_cache, .. } = self;
         f.debug_struct("HostDevice")
-            .field("instance", instance)
-            .field("physical_device", physical_device)
+            .field("adapter", adapter)
             .field("device", device)
             .field("debug_utils", debug_utils)
             .field("pipeline_cache", pipeline_cache)
             .field("allocation_callbacks", &self.allocation_callbacks.is_some())
             .finish()
+    }
+}
+
+/// A host's command buffer while it records.
+#[derive(Debug)]
+pub struct HostCommands {
+    raw: vk::CommandBuffer,
+}
+
+impl HostCommands {
+    /// A command buffer to record into, for as long as this value is used.
+    ///
+    /// # Safety
+    /// - It is of the device that is used with it, of a queue family that computes, in the recording state, and outside a
+    ///   render pass.
+    /// - No other thread uses it or its pool during a call that records into it.
+    /// - All that is recorded into it (bindings, and the buffers and images bound) is kept until it has been executed for
+    ///   the last time or thrown away.
+    /// - When it executes, inputs hold what their tables say (indices within range), and buffers and images are
+    ///   synchronised as the documentation of [`rasterizer`](crate::rasterizer) says.
+    pub unsafe fn new(raw: vk::CommandBuffer) -> Self {
+        Self { raw }
+    }
+
+    /// The same from a plain number.
+    ///
+    /// # Safety
+    /// As for [`new`](Self::new).
+    pub unsafe fn from_raw(raw: u64) -> Self {
+        Self { raw: vk::CommandBuffer::from_raw(raw) }
+    }
+
+    /// The command buffer.
+    pub fn raw(&self) -> vk::CommandBuffer {
+        self.raw
     }
 }
 

@@ -1,5 +1,6 @@
 //! The Vulkan loader and an instance with what is there of debug names and validation.
 
+use super::host::Loader;
 use super::result::Named;
 use super::validation::{Messenger, ValidationLog};
 use crate::{Error, Result};
@@ -37,9 +38,12 @@ pub(super) struct Instance {
 }
 
 impl Instance {
-    /// Makes an instance for Vulkan 1.1. With `validation`, the validation layer must be installed.
-    pub(super) fn new(validation: bool) -> Result<Self> {
-        let entry = entry()?;
+    /// Makes an instance for Vulkan 1.1, by this loader or the system's. With `validation`, the validation layer must be installed.
+    pub(super) fn new(loader: Option<Loader>, validation: bool) -> Result<Self> {
+        let entry = &match loader {
+            Some(loader) => loader.entry(),
+            None => entry()?.clone(),
+        };
         let extensions = extensions(entry, None)?;
         let debug_utils = extensions.iter().any(|e| e == ash::ext::debug_utils::NAME);
         let portability = extensions.iter().any(|e| e == ash::khr::portability_enumeration::NAME);

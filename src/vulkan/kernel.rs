@@ -1,5 +1,7 @@
 //! What `build.rs` reads out of each kernel's SPIR-V, and the kernels themselves.
 
+use super::host_memory::ImageFormat;
+
 /// A compute kernel: its SPIR-V and all that the SPIR-V says about its interface.
 #[derive(Debug)]
 pub struct Kernel {
@@ -68,8 +70,8 @@ pub enum BindingKind {
     UniformTexelBufferUint,
     /// `imageBuffer`.
     StorageTexelBuffer,
-    /// `image2D` and its like. Reflected, but no descriptor set can hold one yet.
-    StorageImage,
+    /// `image2D` of this format.
+    StorageImage(ImageFormat),
 }
 
 /// One member of a record or of the push constants.
@@ -165,7 +167,7 @@ impl From<f32> for SpecValue {
 
 /// One static for each file of `glsl/*.comp`, in capitals: `glsl/forward.comp` is `FORWARD`.
 pub mod kernels {
-    use super::{Binding, BindingKind, Kernel, Member, SpecValue, Specialization, Struct};
+    use super::{Binding, BindingKind, ImageFormat, Kernel, Member, SpecValue, Specialization, Struct};
 
     /// A SPIR-V file as words, at compile time, so that no alignment has to be trusted.
     const fn words<const N: usize>(bytes: &[u8]) -> [u32; N] {

@@ -9,17 +9,21 @@
 //!   [`SharedBuffer`], [`CommandBuffer`] with submission and waiting, a pipeline cache on disk, validation.
 //!
 //! Objects keep alive what they need: a [`BufferPart`] its buffer, a [`DescriptorSet`] its buffers and pool, a
-//! [`CommandBuffer`] all that it recorded, and all of them the device. So they may be dropped in any order. Raw handles
-//! enter through `unsafe` functions only, which say what the host must keep alive.
+//! [`CommandBuffer`] all that it recorded, and all of them the device. So they may be dropped in any order. A host's raw
+//! handles enter through the `unsafe` constructors of [`HostAdapter`], [`HostDevice`], [`HostCommands`], [`BufferRef`] and
+//! [`ImageRef`] alone, which say what the host must keep alive; all that takes these is safe.
 
 mod adapter;
 mod buffer;
+mod buffer_desc;
+mod buffer_part;
 mod cache;
 mod command;
 mod context;
 mod descriptors;
 mod device;
 mod host;
+mod host_memory;
 mod instance;
 mod kernel;
 mod pipeline;
@@ -30,13 +34,16 @@ mod timestamps;
 mod validation;
 
 pub use adapter::{DeviceInfo, DeviceKind, Limits, Subgroups};
-pub use buffer::{Buffer, BufferDesc, BufferPart, Location, TexelFormat};
+pub use buffer::Buffer;
+pub use buffer_desc::{BufferDesc, Location, TexelFormat};
+pub use buffer_part::BufferPart;
 pub use cache::PipelineCache;
 pub use command::CommandBuffer;
 pub use context::{CacheFolder, Context, ContextOptions};
 pub use descriptors::{DescriptorPool, DescriptorSet};
 pub use device::Device;
-pub use host::HostDevice;
+pub use host::{HostAdapter, HostCommands, HostDevice, Loader};
+pub use host_memory::{BufferRef, ImageFormat, ImageRef};
 pub use kernel::{Binding, BindingKind, Kernel, Member, SpecValue, Specialization, Struct, constants, kernels};
 pub use pipeline::Pipeline;
 pub use recorder::Recorder;

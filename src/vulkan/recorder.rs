@@ -1,8 +1,9 @@
 //! Records work into a command buffer, ours or a host's.
 
-use super::buffer::{BufferPart, Keep};
+use super::buffer_part::{BufferPart, Keep};
 use super::descriptors::DescriptorSet;
 use super::device::Device;
+use super::host::HostCommands;
 use super::pipeline::Pipeline;
 use super::result::misuse;
 use super::timestamps::TimestampPool;
@@ -25,14 +26,8 @@ pub struct Recorder<'a> {
 
 impl Recorder<'static> {
     /// Records into a host's command buffer.
-    ///
-    /// # Safety
-    /// - The command buffer is of this device, of a queue family that computes, in the recording state, outside a
-    ///   render pass, and no other thread uses it or its pool meanwhile.
-    /// - Every pipeline, descriptor set, timestamp pool and buffer recorded is of this device and is kept until the
-    ///   command buffer has been executed for the last time or thrown away.
-    pub unsafe fn from_raw(device: &Device, raw: vk::CommandBuffer) -> Self {
-        Self { device: device.clone(), raw, keep: None }
+    pub fn on_host(device: &Device, commands: &mut HostCommands) -> Self {
+        Self { device: device.clone(), raw: commands.raw(), keep: None }
     }
 }
 
@@ -40,7 +35,7 @@ impl<'a> Recorder<'a> {
     /// Records into a command buffer of ours, which keeps what is recorded.
     ///
     /// # Safety
-    /// As for [`from_raw`](Recorder::from_raw), but for what `keep` keeps.
+    /// As for [`HostCommands::new`], but for what `keep` keeps.
     pub(super) unsafe fn keeping(device: &Device, raw: vk::CommandBuffer, keep: &'a mut Vec<Keep>) -> Self {
         Self { device: device.clone(), raw, keep: Some(keep) }
     }
@@ -93,7 +88,7 @@ impl<'a> Recorder<'a> {
         offset: u64,
     ) -> Result<()> {
         self.check(pipeline, set, push)?;
-        check_range("vkCmdDispatchIndirect", buffer, offset, 12)?;
+        check_range("vkCmdDispatchIndirect", buffer, offset, 12, vk::BufferUsageFlags::INDIRECT_BUFFER)?;
         self.bind(pipeline, set, push);
         self.keep(&buffer.keep);
         // SAFETY: pipeline, set and push constants are bound; the arguments lie inside the buffer, aligned.
@@ -103,7 +98,7 @@ impl<'a> Recorder<'a> {
 
     /// Fills `size` bytes at an offset with a word. Both are multiples of four.
     pub fn fill(&mut self, buffer: &BufferPart, offset: u64, size: u64, value: u32) -> Result<()> {
-        check_range("vkCmdFillBuffer", buffer, offset, size)?;
+        check_range("vkCmdFillBuffer", buffer, offset, size, vk::BufferUsageFlags::TRANSFER_DST)?;
         if size > 0 {
             self.keep(&buffer.keep);
             let offset = buffer.offset() + offset;
@@ -123,8 +118,8 @@ impl<'a> Recorder<'a> {
         size: u64,
     ) -> Result<()> {
         let call = "vkCmdCopyBuffer";
-        check_range(call, source, source_offset, size)?;
-        check_range(call, target, target_offset, size)?;
+        check_range(call, source, source_offset, size, vk::BufferUsageFlags::TRANSFER_SRC)?;
+        check_range(call, target, target_offset, size, vk::BufferUsageFlags::TRANSFER_DST)?;
         let region = vk::BufferCopy {
             src_offset: source.offset() + source_offset,
             dst_offset: target.offset() + target_offset,
@@ -235,7 +230,7 @@ impl<'a> Recorder<'a> {
         self.keep(&Some(set.inner().clone() as Keep));
         let (device, layout, point) = (self.device.raw(), pipeline.inner().layout(), vk::PipelineBindPoint::COMPUTE);
         // SAFETY: `check` has been called: all are of this device and of one kernel, so the layouts agree, and the push
-        // constants fill the layout's range. They are kept here, or by the host (`from_raw`).
+        // constants fill the layout's range. They are kept here, or by the host (`HostCommands::new`).
         unsafe {
             device.cmd_bind_pipeline(self.raw, point, pipeline.inner().raw());
             device.cmd_bind_descriptor_sets(self.raw, point, layout, 0, &[set.inner().raw()], &[]);
@@ -258,13 +253,23 @@ impl std::fmt::Debug for Recorder<'_> {
     }
 }
 
-/// The bytes lie inside the buffer's part and are aligned to four.
-fn check_range(call: &'static str, buffer: &BufferPart, offset: u64, size: u64) -> Result<()> {
+/// The bytes lie inside the buffer's part and are aligned to four, and the buffer was made for this use.
+fn check_range(
+    call: &'static str,
+    buffer: &BufferPart,
+    offset: u64,
+    size: u64,
+    usage: vk::BufferUsageFlags,
+) -> Result<()> {
     let inside = offset.checked_add(size).is_some_and(|end| end <= buffer.range());
     let aligned = (buffer.offset() + offset).is_multiple_of(4) && size.is_multiple_of(4);
-    if inside && aligned {
+    if inside && aligned && buffer.usage().contains(usage) {
         return Ok(());
     }
-    let why = if inside { "are not aligned to four".to_string() } else { format!("lie outside {buffer:?}") };
+    let why = match (inside, aligned) {
+        (false, _) => format!("lie outside {buffer:?}"),
+        (true, false) => "are not aligned to four".to_string(),
+        _ => format!("are of a buffer made without the usage {usage:?}"),
+    };
     Err(Error::Vulkan { call, result: format!("bytes {offset} and {size} more {why}") })
 }

@@ -17,7 +17,7 @@ impl<T> Named<T> for Result<T, vk::Result> {
     }
 }
 
-/// [`Error::Vulkan`], or [`Error::OutOfMemory`] for the two results that say so. The result is named as the
+/// [`Error::Vulkan`], or [`Error::OutOfMemory`] and [`Error::DeviceLost`] for the results that say so. The result is named as the
 /// specification names it, with the reason behind where a user can do something about it.
 pub(super) fn vulkan(call: &'static str, result: vk::Result) -> Error {
     let name = match result {
@@ -29,9 +29,10 @@ pub(super) fn vulkan(call: &'static str, result: vk::Result) -> Error {
             };
         }
         vk::Result::ERROR_DEVICE_LOST => {
-            "VK_ERROR_DEVICE_LOST: the driver reset the device (a frame that ran too long, a driver fault); \
-             make a new one"
-                .to_string()
+            return Error::DeviceLost {
+                call,
+                mend: "VK_ERROR_DEVICE_LOST: drop what was made and make it anew".into(),
+            };
         }
         vk::Result::ERROR_INCOMPATIBLE_DRIVER => "VK_ERROR_INCOMPATIBLE_DRIVER: no driver is installed".to_string(),
         other => format!("VK_{other:?}"),
@@ -45,6 +46,9 @@ pub(super) fn allocation(name: &str, bytes: u64, error: &AllocationError) -> Err
         AllocationError::OutOfMemory => out_of_memory(name, bytes),
         // gpu-allocator maps only the device's; the host's reaches us as text.
         AllocationError::Internal(text) if text.contains("OUT_OF_HOST_MEMORY") => out_of_memory(name, bytes),
+        AllocationError::Internal(text) if text.contains("DEVICE_LOST") => {
+            vulkan("vkAllocateMemory", vk::Result::ERROR_DEVICE_LOST)
+        }
         other => Error::Vulkan { call: "vkAllocateMemory", result: format!("{other} (buffer `{name}`)") },
     }
 }

@@ -1,6 +1,8 @@
 //! A device buffer that the host fills or reads: mapped where possible, else with a twin in the host's memory.
 
-use super::buffer::{Buffer, BufferDesc, BufferPart, Location};
+use super::buffer::Buffer;
+use super::buffer_desc::{BufferDesc, Location};
+use super::buffer_part::BufferPart;
 use super::context::Context;
 use super::recorder::Recorder;
 use crate::Result;

@@ -1,0 +1,138 @@
+//! What a buffer is to be: its memory, its texels, its usages, judged against a device's limits.
+
+use super::adapter::Limits;
+use crate::{Error, Result};
+use ash::vk;
+
+/// Where a buffer's memory lies.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Location {
+    /// With the device.
+    #[default]
+    Device,
+    /// With the device; mapped where the device's memory is the host's own, as [`Buffer::is_mapped`] tells.
+    DeviceMapped,
+    /// With the host, for it to write.
+    Upload,
+    /// With the host, for it to read.
+    Readback,
+}
+
+/// What a texel buffer's elements are. Every Vulkan device can read each of these.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum TexelFormat {
+    /// R32_SFLOAT.
+    Float,
+    /// R32G32_SFLOAT.
+    Float2,
+    /// R32G32B32A32_SFLOAT.
+    Float4,
+    /// R32_UINT.
+    Uint,
+    /// R32G32_UINT.
+    Uint2,
+    /// R32G32B32A32_UINT.
+    Uint4,
+    /// R32_SINT.
+    Int,
+    /// R32G32B32A32_SINT.
+    Int4,
+}
+
+impl TexelFormat {
+    /// All of them.
+    pub const ALL: [Self; 8] =
+        [Self::Float, Self::Float2, Self::Float4, Self::Uint, Self::Uint2, Self::Uint4, Self::Int, Self::Int4];
+
+    /// As Vulkan calls it.
+    pub fn format(self) -> vk::Format {
+        match self {
+            Self::Float => vk::Format::R32_SFLOAT,
+            Self::Float2 => vk::Format::R32G32_SFLOAT,
+            Self::Float4 => vk::Format::R32G32B32A32_SFLOAT,
+            Self::Uint => vk::Format::R32_UINT,
+            Self::Uint2 => vk::Format::R32G32_UINT,
+            Self::Uint4 => vk::Format::R32G32B32A32_UINT,
+            Self::Int => vk::Format::R32_SINT,
+            Self::Int4 => vk::Format::R32G32B32A32_SINT,
+        }
+    }
+
+    /// Bytes of one element.
+    pub fn bytes(self) -> u64 {
+        match self {
+            Self::Float | Self::Uint | Self::Int => 4,
+            Self::Float2 | Self::Uint2 => 8,
+            Self::Float4 | Self::Uint4 | Self::Int4 => 16,
+        }
+    }
+}
+
+/// What a buffer is to be.
+#[derive(Clone, Copy, Debug)]
+pub struct BufferDesc<'a> {
+    /// Its name in errors, validation messages and debuggers.
+    pub name: &'a str,
+    /// Its size in bytes. Rounded up to a multiple of 16, at least 16, so that an empty buffer can still be bound.
+    pub size: u64,
+    /// Usages beyond transfer in both directions, and uniform texels where `texels` is given.
+    pub usage: vk::BufferUsageFlags,
+    /// Where its memory lies.
+    pub location: Location,
+    /// The texel view of the whole buffer, if there is to be one.
+    pub texels: Option<TexelFormat>,
+}
+
+impl Default for BufferDesc<'_> {
+    /// An unnamed storage buffer with the device.
+    fn default() -> Self {
+        Self {
+            name: "buffer",
+            size: 0,
+            usage: vk::BufferUsageFlags::STORAGE_BUFFER,
+            location: Location::Device,
+            texels: None,
+        }
+    }
+}
+
+pub(super) fn check_texels(limits: &Limits, name: &str, range: u64, format: TexelFormat) -> Result<()> {
+    let needed = range / format.bytes();
+    limit_error(name, needed, "texels", "maxTexelBufferElements", limits.max_texel_buffer_elements)
+}
+
+impl BufferDesc<'_> {
+    /// Checks that a device of these limits can bind such a buffer as a whole, in the ways that its usage and texels say,
+    /// and allocate it in one piece.
+    ///
+    /// # Errors
+    /// [`Error::Limit`] naming the buffer and the limit.
+    pub fn judge(&self, limits: &Limits) -> Result<()> {
+        let size = self.size.max(1).next_multiple_of(16);
+        if self.usage.contains(vk::BufferUsageFlags::STORAGE_BUFFER) {
+            limit_error(self.name, size, "bytes", "maxStorageBufferRange", limits.max_storage_buffer_range)?;
+        }
+        if self.usage.contains(vk::BufferUsageFlags::UNIFORM_BUFFER) {
+            limit_error(self.name, size, "bytes", "maxUniformBufferRange", limits.max_uniform_buffer_range)?;
+        }
+        if let Some(texels) = self.texels {
+            check_texels(limits, self.name, size, texels)?;
+        }
+        limit_error(self.name, size, "bytes", "maxMemoryAllocationSize", limits.max_memory_allocation_size)
+    }
+}
+
+pub(super) fn limit_error(
+    name: &str,
+    needed: u64,
+    unit: &'static str,
+    limit_name: &'static str,
+    limit: u64,
+) -> Result<()> {
+    if needed <= limit {
+        return Ok(());
+    }
+    let what = format!("buffer `{name}`");
+    let mend = "render a smaller image, fewer triangles or fewer cameras at once".to_string();
+    Err(Error::Limit { what, needed, unit, limit_name, limit, mend })
+}

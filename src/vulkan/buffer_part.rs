@@ -1,0 +1,130 @@
+//! References to a part of any buffer, ours or a host's.
+
+use super::buffer_desc::{TexelFormat, check_texels};
+use super::device::Device;
+use super::host_memory::BufferRef;
+use super::result::Named;
+use crate::{Error, Result};
+use ash::vk;
+use std::any::Any;
+use std::sync::Arc;
+
+const CALL: &str = "vkCreateBufferView";
+
+/// Something that must live on until the device is done with it.
+pub(super) type Keep = Arc<dyn Any + Send + Sync>;
+
+/// A part of a buffer, ours or a host's, to bind or to copy. Keeps a buffer of ours alive; of a host's it knows only
+/// the handles.
+#[derive(Clone)]
+pub struct BufferPart {
+    pub(super) raw: vk::Buffer,
+    pub(super) offset: u64,
+    pub(super) range: u64,
+    pub(super) usage: vk::BufferUsageFlags,
+    pub(super) view: Option<vk::BufferView>,
+    pub(super) keep: Option<Keep>,
+}
+
+impl BufferPart {
+    /// A part of a host's buffer, without a texel view.
+    pub fn of_host(at: &BufferRef) -> Self {
+        let (raw, offset, range, usage) = (at.raw(), at.offset(), at.range(), at.usage());
+        Self { raw, offset, range, usage, view: None, keep: None }
+    }
+
+    /// A part of a host's buffer with a texel view of just that part, destroyed with the last clone of what is returned.
+    ///
+    /// # Errors
+    /// [`Error::Vulkan`] for a buffer without the usage UNIFORM_TEXEL_BUFFER, and for a part that is misaligned;
+    /// [`Error::Limit`] for one of more texels than maxTexelBufferElements.
+    pub fn texels_of_host(device: &Device, at: &BufferRef, format: TexelFormat, name: &str) -> Result<Self> {
+        if !at.usage().contains(vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER) {
+            let result = format!("`{name}` was made without the usage UNIFORM_TEXEL_BUFFER");
+            return Err(Error::Vulkan { call: CALL, result });
+        }
+        // SAFETY: the usage was checked, all else is the promise of `BufferRef::new`.
+        unsafe { Self::of_host(at).with_view(device, format, name) }
+    }
+
+    /// The same part with a texel view of its own, destroyed with the last clone of the returned reference.
+    ///
+    /// # Safety
+    /// The buffer is of this device, has the usage UNIFORM_TEXEL_BUFFER and bound memory, and outlives the view.
+    pub(super) unsafe fn with_view(&self, device: &Device, format: TexelFormat, name: &str) -> Result<Self> {
+        let alignment = device.limits().texel_offset_alignment.max(1);
+        if !self.offset.is_multiple_of(alignment) || !self.range.is_multiple_of(format.bytes()) {
+            let (offset, range) = (self.offset, self.range);
+            let result = format!("`{name}`: offset {offset} or size {range} is misaligned ({alignment}, {format:?})");
+            return Err(Error::Vulkan { call: CALL, result });
+        }
+        check_texels(device.limits(), name, self.range, format)?;
+        // SAFETY: the caller's promise, and the checks above.
+        let view = unsafe { create_view(device, self.raw, self.offset, self.range, format, name) }?;
+        let owner = View { device: device.clone(), view, _buffer: self.keep.clone() };
+        Ok(Self { view: Some(view), keep: Some(Arc::new(owner)), ..*self })
+    }
+
+    /// The buffer.
+    pub fn raw(&self) -> vk::Buffer {
+        self.raw
+    }
+
+    /// Bytes from the buffer's start.
+    pub fn offset(&self) -> u64 {
+        self.offset
+    }
+
+    /// Size in bytes.
+    pub fn range(&self) -> u64 {
+        self.range
+    }
+
+    /// What the buffer was made for.
+    pub fn usage(&self) -> vk::BufferUsageFlags {
+        self.usage
+    }
+
+    /// The texel view.
+    pub fn view(&self) -> Option<vk::BufferView> {
+        self.view
+    }
+}
+
+impl std::fmt::Debug for BufferPart {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { raw, offset, range, view, .. } = self;
+        write!(f, "BufferPart({raw:?}, {offset}..+{range}, {view:?})")
+    }
+}
+
+/// A texel view apart from its buffer's.
+struct View {
+    device: Device,
+    view: vk::BufferView,
+    _buffer: Option<Keep>,
+}
+
+impl Drop for View {
+    fn drop(&mut self) {
+        // SAFETY: the device is done with it: whatever recorded it kept this View until then.
+        unsafe { self.device.raw().destroy_buffer_view(self.view, self.device.callbacks()) };
+    }
+}
+
+/// # Safety
+/// The buffer has the usage UNIFORM_TEXEL_BUFFER and bound memory; the part lies inside it.
+pub(super) unsafe fn create_view(
+    device: &Device,
+    buffer: vk::Buffer,
+    offset: u64,
+    range: u64,
+    format: TexelFormat,
+    name: &str,
+) -> Result<vk::BufferView> {
+    let info = vk::BufferViewCreateInfo::default().buffer(buffer).format(format.format()).offset(offset).range(range);
+    // SAFETY: the caller's promise; every device reads these formats as uniform texels.
+    let view = unsafe { device.raw().create_buffer_view(&info, device.callbacks()) }.named(CALL)?;
+    device.name_object(view, name);
+    Ok(view)
+}

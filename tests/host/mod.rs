@@ -1,0 +1,166 @@
+//! What the tests of the embedded API share: the examples' engine, a frame in its memory, a submission.
+// A host's half of a contract of raw handles. Not every test needs every part.
+#![allow(unsafe_code, dead_code, clippy::undocumented_unsafe_blocks)]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+#[path = "../../examples/engine/mod.rs"]
+pub mod engine;
+pub mod memory;
+pub mod shim;
+
+use crate::common::scenes::Case;
+use ash::vk;
+use engine::{Buffer, Engine};
+use gpu_allocator::MemoryLocation;
+use softras::ImageGradient;
+use softras::rasterizer::{
+    Arena, FrameBindings, FramePlan, GradientPlan, HostCommands, Inputs, Rasterizer, Shape, Status,
+};
+use softras::scene::Outputs;
+
+pub type Messages = Vec<String>;
+
+pub fn engine() -> Engine {
+    Engine::new(true).expect("a Vulkan device with validation")
+}
+
+/// The engine goes; the layers must have had nothing to say, leaks included.
+pub fn assert_silent(engine: Engine) {
+    let log = engine.log();
+    drop(engine);
+    assert_eq!(*log.lock().unwrap(), Messages::new());
+}
+
+pub fn rasterizer(engine: &Engine) -> Rasterizer {
+    Rasterizer::new(&engine.host_device()).expect("a rasterizer")
+}
+
+pub fn error<T>(result: softras::Result<T>) -> String {
+    result.map_or_else(|e| e.to_string(), |_| "no error".to_string())
+}
+
+/// A case's frame with every buffer in one, mapped.
+pub struct Host {
+    pub plan: FramePlan,
+    pub arena: Arena,
+    pub buffer: Buffer,
+    pub bindings: FrameBindings,
+}
+
+impl Host {
+    pub fn new(engine: &Engine, rasterizer: &Rasterizer, case: &Case) -> Self {
+        let shape = Shape::of(&case.scene, &case.cameras, &case.settings).unwrap();
+        Self::of_shape(engine, rasterizer, case, &shape)
+    }
+
+    pub fn of_shape(engine: &Engine, rasterizer: &Rasterizer, case: &Case, shape: &Shape) -> Self {
+        let plan = rasterizer.plan(shape, &case.settings).unwrap();
+        let arena = Arena::of(plan.buffers());
+        let mut buffer = engine.buffer(arena.size, arena.usage, MemoryLocation::GpuToCpu).unwrap();
+        // What the device does not write itself must not matter.
+        buffer.bytes_mut().fill(0xcd);
+        let inputs = Inputs::new(&case.scene, &case.cameras, &case.settings, &plan);
+        for (name, bytes) in inputs.all() {
+            match arena.part(name) {
+                Some((offset, size)) => {
+                    assert_eq!(plan.buffer(name).unwrap().size, bytes.len() as u64, "{name}: {case:?}");
+                    assert!(size >= bytes.len() as u64);
+                    buffer.write(offset, bytes);
+                }
+                None => assert!(bytes.is_empty(), "{name} has bytes and no buffer"),
+            }
+        }
+        let bindings = rasterizer.bind(&plan, &arena.refs(&buffer.whole()).unwrap()).unwrap();
+        Self { plan, arena, buffer, bindings }
+    }
+
+    pub fn floats(&self, name: &str) -> Vec<f32> {
+        let (offset, size) = self.arena.part(name).unwrap();
+        self.buffer.floats(offset, size as usize / 4)
+    }
+
+    pub fn status(&self) -> Status {
+        let (offset, _) = self.arena.part("status").unwrap();
+        let bytes = &self.buffer.bytes()[offset as usize..];
+        Status::from_bytes(bytes.first_chunk().unwrap())
+    }
+}
+
+pub fn submit(engine: &Engine, record: impl FnOnce(&mut HostCommands)) {
+    let frame = engine.commands().unwrap();
+    let commands = frame.begin().unwrap();
+    record(&mut frame.host());
+    let barrier = [vk::MemoryBarrier::default()
+        .src_access_mask(vk::AccessFlags::SHADER_WRITE | vk::AccessFlags::TRANSFER_WRITE)
+        .dst_access_mask(vk::AccessFlags::HOST_READ)];
+    let from = vk::PipelineStageFlags::COMPUTE_SHADER | vk::PipelineStageFlags::TRANSFER;
+    let (to, none) = (vk::PipelineStageFlags::HOST, vk::DependencyFlags::empty());
+    unsafe { engine.device().cmd_pipeline_barrier(commands, from, to, none, &barrier, &[], &[]) };
+    engine.submit(&frame).unwrap();
+    frame.wait().unwrap();
+}
+
+pub fn forward(engine: &Engine, rasterizer: &Rasterizer, host: &Host) {
+    submit(engine, |commands| rasterizer.record_forward(commands, &host.plan, &host.bindings).unwrap());
+}
+
+/// Images as the simple API packs them.
+pub fn images(case: &Case, host: &Host) -> Vec<(&'static str, Vec<f32>)> {
+    let Outputs { color, silhouette, depth, normal } = case.settings.outputs;
+    let rgb = |texels: &[f32]| texels.chunks_exact(4).flat_map(|t| [t[0], t[1], t[2]]).collect::<Vec<_>>();
+    let pixels = case.cameras.len() * (case.settings.width * case.settings.height) as usize;
+    let mut images = Vec::new();
+    if color {
+        let texels = host.floats("color");
+        images.push(("color", rgb(&texels[..4 * pixels])));
+        if silhouette {
+            images.push(("silhouette", texels.chunks_exact(4).map(|t| t[3]).take(pixels).collect()));
+        }
+    } else if silhouette {
+        images.push(("silhouette", host.floats("silhouette")[..pixels].to_vec()));
+    }
+    if depth {
+        images.push(("depth", host.floats("depths")[..pixels].to_vec()));
+    }
+    if normal {
+        images.push(("normal", rgb(&host.floats("normals")[..4 * pixels])));
+    }
+    images
+}
+
+/// The first value whose bits differ.
+pub fn difference(a: &[f32], b: &[f32]) -> Option<usize> {
+    let equal = a.len() == b.len();
+    let at = a.iter().zip(b).position(|(a, b)| a.to_bits() != b.to_bits());
+    at.or_else(|| (!equal).then_some(a.len().min(b.len())))
+}
+
+/// Upstream gradients as the kernels read them.
+pub fn upstream_bytes(upstream: &ImageGradient) -> Vec<(&'static str, Vec<f32>)> {
+    let mut buffers = Vec::new();
+    let alpha = upstream.silhouette.as_ref();
+    if let Some(color) = &upstream.color {
+        let texel = |(i, c): (usize, &[f32])| [c[0], c[1], c[2], alpha.map_or(0.0, |a| a.data[i])];
+        buffers.push(("upstream_color", color.data.chunks_exact(3).enumerate().flat_map(texel).collect()));
+    } else if let Some(alpha) = alpha {
+        buffers.push(("upstream_silhouette", alpha.data.clone()));
+    }
+    if let Some(depth) = &upstream.depth {
+        buffers.push(("upstream_depths", depth.data.clone()));
+    }
+    if let Some(normal) = &upstream.normal {
+        let texels = normal.data.chunks_exact(3).flat_map(|n| [n[0], n[1], n[2], 0.0]);
+        buffers.push(("upstream_normals", texels.collect()));
+    }
+    buffers
+}
+
+pub fn gradient_buffer(engine: &Engine, plan: &GradientPlan, upstream: &ImageGradient) -> (Arena, Buffer) {
+    let arena = Arena::of(plan.buffers());
+    let mut buffer = engine.buffer(arena.size, arena.usage, MemoryLocation::GpuToCpu).unwrap();
+    buffer.bytes_mut().fill(0xcd);
+    for (name, values) in upstream_bytes(upstream) {
+        buffer.write(arena.part(name).unwrap().0, bytemuck::cast_slice(&values));
+    }
+    (arena, buffer)
+}
