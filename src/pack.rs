@@ -215,7 +215,7 @@ impl MeshTables {
                 range.slots,
                 range.words,
                 m.color_base,
-                u32::from(m.uniform_color),
+                u32::from(m.uniform_color) * c::SHAPE_UNIFORM_COLOR,
                 m.uv_base as u32,
                 m.uv_index_base as u32,
                 m.texture_base as u32,
