@@ -84,10 +84,9 @@ impl Frame {
         let mut frame = Self { color: None, silhouette: None, depth: None, normal: None, timings, saved };
         if outputs.color {
             let texels = texels("color")?;
-            frame.color = image(3, rgb_of(texels));
-            if outputs.silhouette {
-                frame.silhouette = image(1, texels.iter().map(|t| t[3]).collect());
-            }
+            let (rgb, alpha) = split(texels, outputs.silhouette);
+            frame.color = image(3, rgb);
+            frame.silhouette = alpha.and_then(|alpha| image(1, alpha));
         } else if outputs.silhouette {
             frame.silhouette = image(1, buffers.floats("silhouette", pixels)?.to_vec());
         }
@@ -95,13 +94,23 @@ impl Frame {
             frame.depth = image(1, buffers.floats("depths", pixels)?.to_vec());
         }
         if outputs.normal {
-            frame.normal = image(3, rgb_of(texels("normals")?));
+            frame.normal = image(3, split(texels("normals")?, false).0);
         }
         Ok(frame)
     }
 }
 
-/// The first three of every four floats.
-fn rgb_of(texels: &[[f32; 4]]) -> Vec<f32> {
-    texels.iter().map(|&[r, g, b, _]| [r, g, b]).collect::<Vec<_>>().into_flattened()
+/// The first three of every four floats, and the fourths where they are wanted.
+fn split(texels: &[[f32; 4]], fourth: bool) -> (Vec<f32>, Option<Vec<f32>>) {
+    // Texels that the first level of cache holds, so that they come from the device's memory once.
+    const AT_ONCE: usize = 1024;
+    let mut first = Vec::with_capacity(texels.len());
+    let mut fourths = fourth.then(|| Vec::with_capacity(texels.len()));
+    for part in texels.chunks(AT_ONCE) {
+        first.extend(part.iter().map(|&[x, y, z, _]| [x, y, z]));
+        if let Some(fourths) = &mut fourths {
+            fourths.extend(part.iter().map(|&[.., w]| w));
+        }
+    }
+    (first.into_flattened(), fourths)
 }
