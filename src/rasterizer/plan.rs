@@ -206,6 +206,11 @@ impl FramePlan {
         Some(copy)
     }
 
+    /// Whether it was made for this shape, so that with the same settings it need not be made again.
+    pub(crate) fn is_of(&self, shape: &Shape) -> bool {
+        self.shape == *shape
+    }
+
     /// The room it has for lists.
     pub fn capacity(&self) -> Capacity {
         self.capacity
