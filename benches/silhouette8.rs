@@ -37,10 +37,8 @@ fn main() {
     task.tell(&mesh, &times.step, &mut renderer);
     let part = |name: &str, values: &[f64]| println!("    {name:<32} {:>7.2} ms", median(&values[20..]));
     part("forward, wall", &times.forward);
-    part("  of it on the device", &times.forward_device);
     part("loss", &times.loss);
     part("backward, wall", &times.backward);
-    part("  of it on the device", &times.backward_device);
     part("regularisers, optimiser", &times.host);
     println!("smoothed parameters, sigma from 1e-4 to 3e-6:");
     let (mesh, steps) = task.fit_smoothly(&mut renderer);
@@ -51,10 +49,8 @@ fn main() {
 struct Times {
     step: Vec<f64>,
     forward: Vec<f64>,
-    forward_device: Vec<f64>,
     loss: Vec<f64>,
     backward: Vec<f64>,
-    backward_device: Vec<f64>,
     host: Vec<f64>,
 }
 
@@ -120,8 +116,6 @@ impl Task {
             scene.meshes[0].set_positions(positions).expect("finite positions");
             lap(&mut times.host);
             times.step.push(start.elapsed().as_secs_f64() * 1e3);
-            times.forward_device.push(frame.timings().iter().map(|t| t.milliseconds).sum());
-            times.backward_device.push(renderer.backward_timings().unwrap().iter().map(|t| t.milliseconds).sum());
         }
         scene.meshes.remove(0)
     }

@@ -2,7 +2,12 @@
 #extension GL_GOOGLE_include_directive : require
 // Bin, fine: a bin's words become one list of slots a tile, in the same ascending order.
 // One workgroup a bin, views along y, one lane a tile: each counts the bits of its words, then writes their slots.
-// Reads `bin_ranges`, `coarse_slots` and `coarse_words`; writes `tile_ranges`, `tile_slots` and `status`.
+// A tile with a list becomes one of the `tile_items` that forward walks: its view, its number there, and where its slots
+// begin and how many there are; `tile_counts` has the items' number as workgroups of indirect dispatches. Their order does
+// not matter. A tile without shows the background: what forward would write there is written here, unless the frame before
+// left it there.
+// Reads `bin_ranges`, `coarse_slots` and `coarse_words`; writes `tile_items`, `tile_counts`, `tile_slots` and `status`; of
+// empty tiles the images, `saved` and `tile_bounds`, and of all, in `tile_marks`, whether they are.
 
 layout(local_size_x = 64) in;
 
@@ -10,44 +15,50 @@ layout(set = 0, binding = 0) uniform usamplerBuffer view_shapes;
 layout(set = 0, binding = 1) uniform usamplerBuffer bin_ranges;
 layout(set = 0, binding = 2) uniform usamplerBuffer coarse_slots;
 layout(set = 0, binding = 3) uniform usamplerBuffer coarse_words;
-layout(set = 0, binding = 4, std430) writeonly buffer TileRanges { uvec2 tile_ranges[]; };
+layout(set = 0, binding = 4, std430) writeonly buffer TileItems { uvec4 tile_items[]; };
 layout(set = 0, binding = 5, std430) writeonly buffer TileSlots { uint tile_slots[]; };
 layout(set = 0, binding = 6, std430) buffer Status { uint status[]; };
+layout(set = 0, binding = 7, std430) buffer TileCounts { uint tile_counts[]; };
+layout(set = 0, binding = 8, std430) buffer TileMarks { uint tile_marks[]; };
+layout(set = 0, binding = 9, std430) writeonly buffer Color { vec4 color[]; };
+layout(set = 0, binding = 10, std430) writeonly buffer Silhouette { float silhouette[]; };
+layout(set = 0, binding = 11, std430) writeonly buffer Depths { float depths[]; };
+layout(set = 0, binding = 12, std430) writeonly buffer Normals { vec4 normals[]; };
+layout(set = 0, binding = 13, std430) writeonly buffer Saved { vec4 saved[]; };
+layout(set = 0, binding = 14, std430) writeonly buffer TileBounds { vec2 tile_bounds[]; };
 
 #include "common/constants.glsl"
+#include "common/modes.glsl"
 #include "common/frame.glsl"
 #include "common/mesh.glsl"
+#include "common/pixel.glsl"
+#include "common/images.glsl"
 
-void main() {
-    int view = int(gl_WorkGroupID.y);
-    int bin = int(gl_WorkGroupID.x);
-    uint lane = gl_LocalInvocationID.x;
-    Shape shape = shape_of(view);
-    uvec2 range = texelFetch(bin_ranges, shape.bin_base + bin).xy;
-    int first = int(range.x);
-    int entries = int(range.y);
-    // 64 words, one a tile, for every 32 entries.
-    int words = 2 * first + int(lane);
-    uint count = 0u;
-    for (int i = 0; i < entries; i += int(WORD_BITS)) {
-        count += uint(bitCount(texelFetch(coarse_words, words + 2 * i).x));
+const uint TILE_PIXELS = TILE_WIDTH * TILE_HEIGHT;
+// Tiles that the workgroup's lanes cover at a time, a pixel each.
+const uint TILES_AT_ONCE = gl_WorkGroupSize.x / TILE_PIXELS;
+
+// The tiles of the bin that must be given the background, as bits.
+shared uint empty_tiles[2];
+
+// The workgroups of every row's dispatch; along x they were filled with 0 before the frame.
+void begin_rows() {
+    uint rows = (frame.view_count * frame.tiles_x * frame.tiles_y + FORWARD_ROW - 1u) / FORWARD_ROW;
+    for (uint row = 0u; row < rows; ++row) {
+        tile_counts[row * DISPATCH_WORDS + 1u] = 1u;
+        tile_counts[row * DISPATCH_WORDS + 2u] = 1u;
     }
-    uint tile_x = uint(bin) % frame.bins_x * BIN_TILES + lane % BIN_TILES;
-    uint tile_y = uint(bin) / frame.bins_x * BIN_TILES + lane / BIN_TILES;
-    if (tile_x >= frame.tiles_x || tile_y >= frame.tiles_y) {
-        return;
-    }
-    uint next = count == 0u ? 0u : atomicAdd(status[STATUS_LIST_NEEDED], count);
-    bool fits = next + count <= frame.list_capacity;
-    uint tile = (uint(view) * frame.tiles_y + tile_y) * frame.tiles_x + tile_x;
-    // Left out whole when it does not fit, as in bin_coarse.
-    tile_ranges[tile] = uvec2(next, fits ? count : 0u);
-    if (!fits || count == 0u) {
-        return;
-    }
-    if (count > LONG_LIST) {
-        atomicMax(status[STATUS_LONGEST_LIST], count);
-    }
+}
+
+// Puts a tile on the list of those that forward walks.
+void add_item(uvec4 item) {
+    uint place = atomicAdd(status[STATUS_FILLED_TILES], 1u);
+    tile_items[place] = item;
+    atomicAdd(tile_counts[place / FORWARD_ROW * DISPATCH_WORDS], 1u);
+}
+
+// One tile's list: which slots its words say, from `next` on.
+void write_list(uint next, int first, int entries, int words) {
     for (int i = 0; i < entries; i += int(WORD_BITS)) {
         uint word = texelFetch(coarse_words, words + 2 * i).x;
         while (word != 0u) {
@@ -56,4 +67,75 @@ void main() {
             ++next;
         }
     }
+}
+
+// All lanes together, so that neighbours write neighbouring pixels.
+void write_background(int view, uvec2 bin) {
+    uvec2 empty = uvec2(empty_tiles[0], empty_tiles[1]);
+    uint lane = gl_LocalInvocationID.x;
+    uvec2 pixel = uvec2(lane % TILE_WIDTH, lane % TILE_PIXELS / TILE_WIDTH);
+    Pixel p = background_pixel();
+    for (uint i = 0u; i < BIN_TILES * BIN_TILES; i += TILES_AT_ONCE) {
+        uint tile = i + lane / TILE_PIXELS;
+        bool is_empty = (((tile < 32u ? empty.x : empty.y) >> (tile % 32u)) & 1u) != 0u;
+        uvec2 where = (bin * BIN_TILES + uvec2(tile % BIN_TILES, tile / BIN_TILES)) * uvec2(TILE_WIDTH, TILE_HEIGHT);
+        where += pixel;
+        if (is_empty && where.x < frame.width && where.y < frame.height) {
+            int to = place_of(view, ivec2(where));
+            write_images(p, to, 1);
+            if (SAVE) {
+                saved[to] = kept_of(p);
+            }
+        }
+    }
+}
+
+void main() {
+    int view = int(gl_WorkGroupID.y);
+    uint index = gl_WorkGroupID.x;
+    uint lane = gl_LocalInvocationID.x;
+    Shape shape = shape_of(view);
+    uvec2 range = texelFetch(bin_ranges, shape.bin_base + int(index)).xy;
+    int first = int(range.x);
+    int entries = int(range.y);
+    if (lane < 2u) {
+        empty_tiles[lane] = 0u;
+    }
+    if (lane == 0u && index == 0u && view == 0) {
+        begin_rows();
+    }
+    barrier();
+    // 64 words, one a tile, for every 32 entries.
+    int words = 2 * first + int(lane);
+    uint count = 0u;
+    for (int i = 0; i < entries; i += int(WORD_BITS)) {
+        count += uint(bitCount(texelFetch(coarse_words, words + 2 * i).x));
+    }
+    uvec2 bin = uvec2(index % frame.bins_x, index / frame.bins_x);
+    uvec2 at = bin * BIN_TILES + uvec2(lane % BIN_TILES, lane / BIN_TILES);
+    bool exists = at.x < frame.tiles_x && at.y < frame.tiles_y;
+    count = exists ? count : 0u;
+    uint next = count == 0u ? 0u : atomicAdd(status[STATUS_LIST_NEEDED], count);
+    // Left out whole when it does not fit, as in bin_coarse.
+    count = next + count <= frame.list_capacity ? count : 0u;
+    if (exists) {
+        uint tile_in_view = at.y * frame.tiles_x + at.x;
+        uint tile = uint(view) * frame.tiles_x * frame.tiles_y + tile_in_view;
+        bool is_kept = shape.background_kept && tile_marks[tile] == MARK_BACKGROUND;
+        tile_marks[tile] = count == 0u ? MARK_BACKGROUND : 0u;
+        if (count > 0u) {
+            add_item(uvec4(uint(view), tile_in_view, next, count));
+        } else if (!is_kept) {
+            atomicOr(empty_tiles[lane / 32u], 1u << (lane % 32u));
+            if (SAVE) {
+                tile_bounds[tile] = bounds_of(background_pixel());
+            }
+        }
+        if (count > LONG_LIST) {
+            atomicMax(status[STATUS_LONGEST_LIST], count);
+        }
+    }
+    barrier();
+    write_background(view, bin);
+    write_list(next, first, count == 0u ? 0 : entries, words);
 }

@@ -40,7 +40,7 @@ pub const UNUSED: Slot = slot("unused", TexelFormat::Float, Role::Workspace);
 pub const UNUSED_SIZE: u64 = 16;
 
 /// Every buffer of a forward frame.
-pub const FORWARD: [Slot; 32] = [
+pub const FORWARD: [Slot; 34] = [
     slot("view_shapes", TexelFormat::Uint4, Role::Input),
     slot("view_cameras", TexelFormat::Float4, Role::Input),
     slot("positions", TexelFormat::Float, Role::Input),
@@ -62,7 +62,9 @@ pub const FORWARD: [Slot; 32] = [
     slot("bin_ranges", TexelFormat::Uint2, Role::Workspace),
     slot("coarse_slots", TexelFormat::Uint, Role::Workspace),
     slot("coarse_words", TexelFormat::Uint, Role::Workspace),
-    slot("tile_ranges", TexelFormat::Uint2, Role::Workspace),
+    slot("tile_items", TexelFormat::Uint4, Role::Workspace),
+    slot("tile_counts", TexelFormat::Uint, Role::Workspace),
+    slot("tile_marks", TexelFormat::Uint, Role::Workspace),
     slot("tile_slots", TexelFormat::Uint, Role::Workspace),
     slot("status", TexelFormat::Uint, Role::Output),
     slot("color", TexelFormat::Float4, Role::Output),
@@ -110,8 +112,10 @@ pub fn planned_size(sizes: &BufferSizes, name: &str) -> u64 {
         "bin_ranges" => sizes.bin_ranges,
         "coarse_slots" => sizes.coarse_slots,
         "coarse_words" => sizes.coarse_words,
-        "tile_ranges" => sizes.tile_ranges,
         "tile_slots" => sizes.tile_slots,
+        "tile_items" => sizes.tile_items,
+        "tile_counts" => sizes.tile_counts,
+        "tile_marks" => sizes.tile_marks,
         "status" => sizes.status,
         "color" => sizes.color,
         "silhouette" => sizes.silhouette,
@@ -141,7 +145,7 @@ pub fn usage_of(name: &str) -> vk::BufferUsageFlags {
         // Written from a host's geometry, and stored into a host's images.
         "positions" | "colors" => U::STORAGE_BUFFER,
         "color" | "silhouette" | "depths" | "normals" => U::UNIFORM_TEXEL_BUFFER,
-        "item_counts" => U::TRANSFER_DST | U::INDIRECT_BUFFER,
+        "item_counts" | "tile_counts" => U::TRANSFER_DST | U::INDIRECT_BUFFER,
         "unused" => U::STORAGE_BUFFER | U::UNIFORM_TEXEL_BUFFER,
         _ => U::empty(),
     };

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::image::Image;
-use crate::scene::Outputs;
+use crate::scene::{Outputs, first_not_finite};
 
 /// dL/dimage of any of a frame's images; each has the shape of the image itself.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -64,7 +64,7 @@ impl ImageGradient {
                 let what = format!("the {name} gradient has shape {shape:?}, the image {expected:?}");
                 return bad(what, "give one value for each of the image's");
             }
-            if let Some(i) = image.data.iter().position(|x| !x.is_finite()) {
+            if let Some(i) = first_not_finite(&image.data) {
                 let what = format!("the {name} gradient is {} at value {i}", image.data[i]);
                 return bad(what, "every value must be a finite number");
             }
@@ -200,7 +200,7 @@ pub struct Gradients {
 impl Gradients {
     /// What is not a finite number, by the name of its field.
     pub(crate) fn not_finite(&self) -> Option<&'static str> {
-        let rows = |rows: &[[f32; 3]]| rows.as_flattened().iter().all(|x| x.is_finite());
+        let rows = |rows: &[[f32; 3]]| first_not_finite(rows.as_flattened()).is_none();
         let doubles = |values: &[f64]| values.iter().all(|x| x.is_finite());
         for mesh in &self.meshes {
             let fields = [
@@ -208,7 +208,7 @@ impl Gradients {
                 ("colors", rows(&mesh.colors)),
                 ("surface_texels", rows(&mesh.surface_texels)),
                 ("texture_texels", mesh.texture_texels.iter().all(|texels| rows(texels))),
-                ("uvs", mesh.uvs.as_flattened().iter().all(|x| x.is_finite())),
+                ("uvs", first_not_finite(mesh.uvs.as_flattened()).is_none()),
             ];
             if let Some((name, _)) = fields.into_iter().find(|(_, finite)| !finite) {
                 return Some(name);

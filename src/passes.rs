@@ -104,6 +104,23 @@ fn stamp(recorder: &mut Recorder<'_>, pool: Option<&TimestampPool>, index: u32) 
     }
 }
 
+/// Every row of a list that the device made: `counts` has `stride` words a row, its arguments `offset` words into them.
+fn record_rows(
+    recorder: &mut Recorder<'_>,
+    frame: &FramePush,
+    stage: &Stage,
+    rows: u32,
+    counts: &BufferPart,
+    (stride, offset): (u32, u32),
+) -> Result<()> {
+    for row in 0..rows {
+        let frame = FramePush { first: row * c::FORWARD_ROW, ..*frame };
+        let at = 4 * u64::from(row * stride + offset);
+        recorder.dispatch_indirect(&stage.pipeline, &stage.set, bytemuck::bytes_of(&frame), counts, at)?;
+    }
+    Ok(())
+}
+
 /// One forward frame: every stage after the one before, a global barrier between them.
 ///
 /// It begins with a barrier behind all compute, copies and fills before it, and ends with one before all that follow, so
@@ -114,25 +131,31 @@ pub fn record_forward(
     stages: &ForwardStages,
     status: &BufferPart,
     bin_bits: &BufferPart,
+    tile_counts: &BufferPart,
     times: Option<&TimestampPool>,
 ) -> Result<()> {
-    let push = bytemuck::bytes_of(&plan.frame);
+    let groups = &plan.groups;
     let steps = [
-        (&stages.vertex, plan.groups.vertex),
-        (&stages.triangle, plan.groups.triangle),
-        (&stages.bin_coarse, plan.groups.bin_coarse),
-        (&stages.bin_fine, plan.groups.bin_fine),
-        (&stages.forward, plan.groups.forward),
+        (&stages.vertex, Some(groups.vertex)),
+        (&stages.triangle, Some(groups.triangle)),
+        (&stages.bin_coarse, Some(groups.bin_coarse)),
+        (&stages.bin_fine, Some(groups.bin_fine)),
+        (&stages.forward, None),
     ];
+    let rows = plan.totals.tile_rows() as u32;
     recorder.begin_label("softras forward");
     recorder.barrier();
     recorder.fill(status, 0, plan.sizes.status, 0)?;
     recorder.fill(bin_bits, 0, plan.sizes.bin_bits, 0)?;
+    recorder.fill(tile_counts, 0, plan.sizes.tile_counts, 0)?;
     recorder.barrier();
     stamp(recorder, times, 0)?;
     for (i, (stage, groups)) in steps.into_iter().enumerate() {
         recorder.begin_label(stage.pipeline.kernel().name);
-        recorder.dispatch(&stage.pipeline, &stage.set, push, groups)?;
+        match groups {
+            Some(groups) => recorder.dispatch(&stage.pipeline, &stage.set, bytemuck::bytes_of(&plan.frame), groups)?,
+            None => record_rows(recorder, &plan.frame, stage, rows, tile_counts, (c::DISPATCH_WORDS, 0))?,
+        }
         recorder.barrier();
         recorder.end_label();
         stamp(recorder, times, i as u32 + 1)?;
@@ -250,22 +273,6 @@ fn list_of(stage: &str) -> Option<u32> {
     }
 }
 
-/// Every row of one of backward_cull's lists.
-fn record_items(
-    recorder: &mut Recorder<'_>,
-    plan: &BackwardPlan,
-    stage: &Stage,
-    list: u32,
-    item_counts: &BufferPart,
-) -> Result<()> {
-    for row in 0..plan.item_rows {
-        let frame = FramePush { first: row * c::FORWARD_ROW, ..plan.frame };
-        let at = 4 * u64::from(row * c::ITEM_COUNT_WORDS + list);
-        recorder.dispatch_indirect(&stage.pipeline, &stage.set, bytemuck::bytes_of(&frame), item_counts, at)?;
-    }
-    Ok(())
-}
-
 /// The lists are empty: no workgroups along x, one along y and z.
 fn empty_lists(recorder: &mut Recorder<'_>, plan: &BackwardPlan, item_counts: &BufferPart) -> Result<()> {
     recorder.fill(item_counts, 0, plan.sizes.item_counts, 1)?;
@@ -311,7 +318,10 @@ pub fn record_backward(
         if list.is_some() || !groups.contains(&0) {
             recorder.begin_label(name);
             match list {
-                Some(list) => record_items(recorder, plan, stage, list, item_counts)?,
+                Some(list) => {
+                    let place = (c::ITEM_COUNT_WORDS, list);
+                    record_rows(recorder, &plan.frame, stage, plan.item_rows, item_counts, place)?;
+                }
                 None => recorder.dispatch(&stage.pipeline, &stage.set, bytemuck::bytes_of(&frame), groups)?,
             }
             recorder.barrier();

@@ -113,7 +113,8 @@ proptest! {
         prop_assert!(covers(plan.groups.vertex, c::LINEAR_GROUP, vertices.into()));
         prop_assert!(covers(plan.groups.triangle, c::LINEAR_GROUP, most.into()));
         let tiles = u64::from(width.div_ceil(c::TILE_WIDTH)) * u64::from(height.div_ceil(c::TILE_HEIGHT));
-        prop_assert!(covers(plan.groups.forward, 1, tiles));
+        prop_assert_eq!(plan.totals.tiles, tiles * plan.views.len() as u64);
+        prop_assert!(plan.totals.tile_rows() * u64::from(c::FORWARD_ROW) >= plan.totals.tiles);
         let bins = u64::from(width.div_ceil(c::BIN_WIDTH)) * u64::from(height.div_ceil(c::BIN_HEIGHT));
         prop_assert!(covers(plan.groups.bin_fine, 1, bins));
         // Shares of the views follow each other without a gap or an overlap.

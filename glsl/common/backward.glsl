@@ -277,11 +277,12 @@ void main() {
     int slot = item.slot;
     Walk walk = Walk(item.first, item.size.x * item.size.y, item.size.x, 1.0 / float(item.size.x),
                      item.view * int(frame.height), int(frame.width));
-    Triangle t = shared_triangle_of(slot);
+    Fetched own = fetch_record(slot);
+    Triangle t = shared_triangle_of(own);
     Ends ends = ends_of(t);
     Corner c;
     if (WANT_SHADING) {
-        c = shared_corner_of(slot);
+        c = shared_corner_of(own);
     }
     float radius_squared = frame.radius_squared;
     float scale = frame.scale;

@@ -10,13 +10,22 @@ const uint BIN_TILES = 8u;
 const uint BIN_WIDTH = 64u;
 // Height of a bin in pixels.
 const uint BIN_HEIGHT = 32u;
-// Workgroups of forward along x; more go along z, since 65535 is all that a device must offer.
+// Workgroups of one indirect dispatch, since 65535 is all that a device must offer; more go in further rows.
 const uint FORWARD_ROW = 32768u;
 // Invocations of a workgroup of the vertex and triangle stages.
 const uint LINEAR_GROUP = 64u;
+// Words of the arguments of one indirect dispatch: its workgroups along x, y and z.
+const uint DISPATCH_WORDS = 3u;
 // Triangles whose bits share one word of a bin's bitmap.
 const uint WORD_BITS = 32u;
 
+// In `tile_marks`: the tile's pixels hold the background.
+const uint MARK_BACKGROUND = 1u;
+
+// Flags of an entry of `view_shapes`: one colour for the whole mesh.
+const uint SHAPE_UNIFORM_COLOR = 1u;
+// Where `tile_marks` say that a tile holds the background, it does: nobody else wrote to the images since.
+const uint SHAPE_BACKGROUND_KEPT = 2u;
 // Texels (uvec4) of one entry of `view_shapes`.
 const uint SHAPE_TEXELS = 4u;
 // Texels (vec4) of one entry of `view_cameras`.
@@ -104,8 +113,10 @@ const uint STATUS_LONGEST_LIST = 3u;
 const uint LONG_LIST = 16384u;
 // Word of `status`: cells that large boxes need beyond their first.
 const uint STATUS_CELLS_NEEDED = 4u;
+// Tiles that have a list.
+const uint STATUS_FILLED_TILES = 5u;
 // Words of `status`.
-const uint STATUS_WORDS = 5u;
+const uint STATUS_WORDS = 6u;
 
 // Bits of GRADIENTS: what backward is asked for. Positions, the camera, and all that lies behind them.
 const uint GRADIENT_GEOMETRY = 1u;

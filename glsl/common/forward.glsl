@@ -1,16 +1,14 @@
 // Forward: every pixel gathers over its tile's triangles in ascending order: silhouette as a product of complements,
 // colour, depth and normal as a softmax by depth with a running maximum.
-// One workgroup a tile of 8×4 pixels, each lane 32 / lanes of them; tiles are taken even ones first, since a driver that
-// gives each core one contiguous half of the workgroups would else leave one idle.
-// Reads `tile_ranges`, `tile_slots` and the records; writes the images, and for backward `saved`: the log2 weight
-// that the softmax is relative to (whole part and rest; of the hard mode the slot), its inverse sum, and the
-// transmittance; and `tile_bounds`: the smallest log2 sum of a tile's pixels and their largest transmittance.
+// One workgroup a tile of 8×4 pixels that has a list, each lane 32 / lanes of them; what nothing is near is bin_fine's.
+// Reads `tile_items`, `tile_slots` and the records; writes the images, and for backward `saved`, what
+// pixel.glsl keeps of a pixel, and `tile_bounds`.
 
 
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0) uniform usamplerBuffer view_shapes;
-layout(set = 0, binding = 1) uniform usamplerBuffer tile_ranges;
+layout(set = 0, binding = 1) uniform usamplerBuffer tile_items;
 layout(set = 0, binding = 2) uniform usamplerBuffer tile_slots;
 layout(set = 0, binding = 3) uniform samplerBuffer geometry;
 layout(set = 0, binding = 4) uniform samplerBuffer shading;
@@ -33,37 +31,11 @@ layout(set = 0, binding = 13) uniform isamplerBuffer boxes;
 #include "common/corner.glsl"
 #include "common/shared_records.glsl"
 #include "common/lanes.glsl"
+#include "common/pixel.glsl"
+#include "common/images.glsl"
 
 const int TILE_PIXELS = int(TILE_WIDTH * TILE_HEIGHT);
 const int PIXELS = TILE_PIXELS / int(gl_WorkGroupSize.x);
-
-struct Pixel {
-    // Π(1 - D); or Σ D; or 1 where any D > 1/2, as SILHOUETTE_MODE says.
-    float silhouette;
-    // The largest log2 depth weight so far, as whole part and rest, and sums relative to it.
-    float whole;
-    float rest;
-    float sum;
-    vec3 color;
-    float depth;
-    vec3 normal;
-    // The hard modes' nearest slot.
-    int nearest;
-};
-
-Pixel background_pixel() {
-    Pixel p;
-    p.silhouette = SILHOUETTE_MODE == SILHOUETTE_PRODUCT ? 1.0 : 0.0;
-    bool entry = !COMPOSITE && COLOR_MODE == COLOR_SOFTMAX;
-    p.whole = entry ? frame.background_whole : -3e38;
-    p.rest = entry ? frame.background_rest : 0.0;
-    p.sum = entry ? 1.0 : 0.0;
-    p.color = entry ? vec3(frame.background_red, frame.background_green, frame.background_blue) : vec3(0.0);
-    p.depth = 0.0;
-    p.normal = vec3(0.0);
-    p.nearest = 0;
-    return p;
-}
 
 void add_silhouette(inout Pixel p, Fragment f) {
     if (SILHOUETTE_MODE == SILHOUETTE_PRODUCT) {
@@ -146,11 +118,11 @@ bool judge_depth(inout Fragment f, Corner c, Depth depth, float inverse_score) {
 
 // Adds a triangle to all of a lane's pixels: step by step rather than pixel by pixel, so that the long chains of dependent
 // operations of several pixels run side by side.
-void gather(int slot, vec2 first, inout Pixel pixels[PIXELS], float radius_squared, float scale, float inverse_score) {
-    Triangle t = shared_triangle_of(slot);
+void gather(Fetched own, vec2 first, inout Pixel pixels[PIXELS], float radius_squared, float scale, float inverse_score) {
+    Triangle t = shared_triangle_of(own);
     Corner c;
     if (WANT_SHADING) {
-        c = shared_corner_of(slot);
+        c = shared_corner_of(own);
     }
     Place places[PIXELS];
     for (int i = 0; i < PIXELS; ++i) {
@@ -158,7 +130,7 @@ void gather(int slot, vec2 first, inout Pixel pixels[PIXELS], float radius_squar
         vec2 q = first + vec2(index % int(TILE_WIDTH), index / int(TILE_WIDTH)) - t.origin;
         places[i] = place_at(t, q, radius_squared, scale);
         if (DISTANCE == DISTANCE_BARYCENTRIC && OFFICIAL) {
-            ivec4 box = texelFetch(boxes, slot);
+            ivec4 box = texelFetch(boxes, own.slot);
             ivec2 pixel = ivec2(q + t.origin);
             places[i].kept = places[i].kept && pixel == clamp(pixel, box.xy, box.zw);
         }
@@ -187,7 +159,7 @@ void gather(int slot, vec2 first, inout Pixel pixels[PIXELS], float radius_squar
     if (SHADED) {
         Share shares[PIXELS];
         for (int i = 0; i < PIXELS; ++i) {
-            shares[i] = add_weight(pixels[i], slot, fragments[i], c, depth[i], shaded[i], scale);
+            shares[i] = add_weight(pixels[i], own.slot, fragments[i], c, depth[i], shaded[i], scale);
         }
         for (int i = 0; i < PIXELS; ++i) {
             add_shaded(pixels[i], shares[i], c, b[i], 1.0 / sum[i], depth[i]);
@@ -195,59 +167,12 @@ void gather(int slot, vec2 first, inout Pixel pixels[PIXELS], float radius_squar
     }
 }
 
-void write_pixel(Pixel p, int view, int triangle_count, ivec2 where) {
-    int at = (view * int(frame.height) + where.y) * int(frame.width) + where.x;
-    float alpha = SILHOUETTE_MODE == SILHOUETTE_PRODUCT ? 1.0 - p.silhouette : p.silhouette;
-    if (SILHOUETTE_MODE == SILHOUETTE_SUM) {
-        alpha /= float(max(triangle_count, 1));
-    }
-    vec3 background = vec3(frame.background_red, frame.background_green, frame.background_blue);
-    bool covered = p.sum > 0.0;
-    float inverse = covered ? 1.0 / p.sum : 0.0;
-    // The hard mode's depth and normal are those of a surface, not of a mixture.
-    float blend = COMPOSITE && COLOR_MODE == COLOR_SOFTMAX ? alpha : 1.0;
-    if (WANT_COLOR) {
-        vec3 mixed = covered ? p.color * inverse : background;
-        vec3 rgb = COMPOSITE ? (covered ? mixed * alpha + background * (1.0 - alpha) : background) : mixed;
-        color[at] = vec4(rgb, (OUTPUTS & OUTPUT_SILHOUETTE) != 0u ? alpha : 1.0);
-    } else if ((OUTPUTS & OUTPUT_SILHOUETTE) != 0u) {
-        silhouette[at] = alpha;
-    }
-    if (WANT_DEPTH) {
-        depths[at] = p.depth * inverse * blend;
-    }
-    if (WANT_NORMAL) {
-        normals[at] = vec4(p.normal * (inverse * blend), 0.0);
-    }
-    if (SAVE) {
-        // Of the hard mode backward needs the slot, in two floats that hold it exactly.
-        bool hard = COLOR_MODE == COLOR_HARD;
-        vec2 reference = hard ? vec2(p.nearest >> 12, p.nearest & 4095) : vec2(p.whole, p.rest);
-        saved[at] = vec4(reference, inverse, p.silhouette);
-    }
-}
-
-// What backward may leave out in this tile: a triangle whose every weight is far below the smallest sum shows in none of
-// its pixels, and where next to nothing is seen through a tile no triangle moves its silhouette.
-vec2 bounds_of(Pixel p) {
-    float log_sum = p.sum > 0.0 ? p.whole + (p.rest + log2(p.sum)) : -3e38;
-    // Of the hard mode, and without colour, nothing is known of weights.
-    bool known = SHADED && COLOR_MODE == COLOR_SOFTMAX;
-    return vec2(known ? log_sum : -3e38, SILHOUETTE_MODE == SILHOUETTE_PRODUCT ? p.silhouette : 1.0);
-}
-
 void main() {
-    int view = int(gl_WorkGroupID.y);
-    uint tiles = frame.tiles_x * frame.tiles_y;
-    uint even = (tiles + 1u) / 2u;
-    uint order = gl_WorkGroupID.z * FORWARD_ROW + gl_WorkGroupID.x;
-    if (order >= tiles) {
-        return;
-    }
-    uint tile = order < even ? 2u * order : 2u * (order - even) + 1u;
-    uvec2 range = texelFetch(tile_ranges, int(uint(view) * tiles + tile)).xy;
+    ivec4 item = ivec4(texelFetch(tile_items, int(frame.first + gl_WorkGroupID.x)));
+    int view = item.x;
+    int tile = item.y;
     int lane = int(gl_LocalInvocationID.x);
-    ivec2 corner = ivec2(tile % frame.tiles_x, tile / frame.tiles_x) * ivec2(TILE_WIDTH, TILE_HEIGHT);
+    ivec2 corner = ivec2(tile % int(frame.tiles_x), tile / int(frame.tiles_x)) * ivec2(TILE_WIDTH, TILE_HEIGHT);
     ivec2 mine = corner + ivec2(lane % int(TILE_WIDTH), lane / int(TILE_WIDTH));
     Pixel pixels[PIXELS];
     for (int i = 0; i < PIXELS; ++i) {
@@ -257,22 +182,29 @@ void main() {
     float scale = frame.scale;
     float inverse_score = 1.0 / frame.score_high;
     vec2 first = vec2(mine);
-    int begin = int(range.x);
-    int end = int(range.x + range.y);
-    // One slot ahead, so that its fetch does not wait for the one before.
-    int next = begin < end ? int(texelFetch(tile_slots, begin).x) : 0;
-    for (int i = begin; i < end; ++i) {
-        int slot = next;
-        next = int(texelFetch(tile_slots, min(i + 1, end - 1)).x);
-        gather(slot, first, pixels, radius_squared, scale, inverse_score);
-    }
+    int at = item.z;
+    int last = item.z + item.w - 1;
+    // No list is empty. The slots are read two triangles ahead and the records one, since a large mesh's are far away.
+    Fetched next = fetch_record(int(texelFetch(tile_slots, at).x));
+    int after = int(texelFetch(tile_slots, min(at + 1, last)).x);
+    do {
+        Fetched own = next;
+        next = fetch_record(after);
+        after = int(texelFetch(tile_slots, min(at + 2, last)).x);
+        gather(own, first, pixels, radius_squared, scale, inverse_score);
+        ++at;
+    } while (at <= last);
     int triangle_count = shape_of(view).triangle_count;
     vec2 bounds = vec2(3e38, 0.0);
     for (int i = 0; i < PIXELS; ++i) {
         int index = i * int(gl_WorkGroupSize.x);
         ivec2 where = mine + ivec2(index % int(TILE_WIDTH), index / int(TILE_WIDTH));
         if (where.x < int(frame.width) && where.y < int(frame.height)) {
-            write_pixel(pixels[i], view, triangle_count, where);
+            int to = place_of(view, where);
+            write_images(pixels[i], to, triangle_count);
+            if (SAVE) {
+                saved[to] = kept_of(pixels[i]);
+            }
             vec2 own = bounds_of(pixels[i]);
             bounds = vec2(min(bounds.x, own.x), max(bounds.y, own.y));
         }
@@ -281,7 +213,7 @@ void main() {
         // As one minimum.
         vec2 least = least_of_lanes(vec2(bounds.x, -bounds.y));
         if (lane == 0) {
-            tile_bounds[uint(view) * tiles + tile] = vec2(least.x, -least.y);
+            tile_bounds[view * int(frame.tiles_x * frame.tiles_y) + tile] = vec2(least.x, -least.y);
         }
     }
 }

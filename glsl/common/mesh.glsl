@@ -16,6 +16,8 @@ struct Shape {
     // First float of the mesh's colours; one colour for all when `uniform_color`.
     int color_base;
     bool uniform_color;
+    // Whether empty tiles that `tile_marks` says hold the background need not be written.
+    bool background_kept;
     // Texture coordinates: first float, first index, first index of `texture_of_triangle`; -1 for none.
     int uv_base;
     int uv_index_base;
@@ -29,7 +31,8 @@ Shape shape_of(int view) {
     ivec4 b = ivec4(texelFetch(view_shapes, at + 1));
     ivec4 c = ivec4(texelFetch(view_shapes, at + 2));
     ivec4 d = ivec4(texelFetch(view_shapes, at + 3));
-    return Shape(a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w, c.x, c.y, c.z, c.w != 0, d.x, d.y, d.z, d.w);
+    return Shape(a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w, c.x, c.y, c.z, (uint(c.w) & SHAPE_UNIFORM_COLOR) != 0u,
+                 (uint(c.w) & SHAPE_BACKGROUND_KEPT) != 0u, d.x, d.y, d.z, d.w);
 }
 
 // The view that a record slot belongs to: views' slots follow each other. Bisection, for batches of many views.

@@ -77,7 +77,6 @@ pub struct Groups {
     pub triangle: [u32; 3],
     pub bin_coarse: [u32; 3],
     pub bin_fine: [u32; 3],
-    pub forward: [u32; 3],
 }
 
 /// What a plan is made from.
@@ -125,14 +124,12 @@ impl Plan {
         let most = |f: fn(&ViewSize) -> u32| input.views.iter().map(f).max().unwrap_or(0);
         let count = input.views.len() as u32;
         let linear = |n: u32| [n.div_ceil(c::LINEAR_GROUP), count, 1];
-        let tiles = frame.tiles_x * frame.tiles_y;
         let bins = [frame.bins_x * frame.bins_y, count, 1];
         let groups = Groups {
             vertex: linear(most(|v| v.vertices)),
             triangle: linear(most(|v| v.triangles)),
             bin_coarse: bins,
             bin_fine: bins,
-            forward: [tiles.min(c::FORWARD_ROW), count, tiles.div_ceil(c::FORWARD_ROW)],
         };
         Ok(Self { frame, modes, views, sizes, groups, totals })
     }
@@ -158,6 +155,13 @@ pub struct Totals {
     pub words: u64,
     pub tiles: u64,
     pub pixels: u64,
+}
+
+impl Totals {
+    /// Rows of FORWARD_ROW tiles, each with an indirect dispatch of its own.
+    pub fn tile_rows(&self) -> u64 {
+        self.tiles.div_ceil(u64::from(c::FORWARD_ROW))
+    }
 }
 
 fn ranges_of(input: &PlanInput, frame: &FramePush) -> Result<(Vec<ViewRange>, Totals)> {

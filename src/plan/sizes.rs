@@ -17,8 +17,10 @@ pub struct BufferSizes {
     pub bin_ranges: u64,
     pub coarse_slots: u64,
     pub coarse_words: u64,
-    pub tile_ranges: u64,
     pub tile_slots: u64,
+    pub tile_items: u64,
+    pub tile_counts: u64,
+    pub tile_marks: u64,
     pub status: u64,
     pub color: u64,
     pub silhouette: u64,
@@ -34,11 +36,13 @@ impl BufferSizes {
     /// All of them together.
     pub fn total(&self) -> u64 {
         let BufferSizes { vertices, vertex_shading, geometry, shading, boxes, bin_bits, bin_ranges, .. } = *self;
-        let BufferSizes { coarse_slots, coarse_words, tile_ranges, tile_slots, status, .. } = *self;
+        let BufferSizes { coarse_slots, coarse_words, tile_slots, status, .. } = *self;
+        let BufferSizes { tile_items, tile_counts, tile_marks, .. } = *self;
         let BufferSizes { color, silhouette, depths, normals, saved, tile_bounds, cell_ranges, cells, .. } = *self;
         let records = vertices + vertex_shading + geometry + shading + boxes;
-        let lists = bin_bits + bin_ranges + coarse_slots + coarse_words + tile_ranges + tile_slots + status;
-        records + lists + color + silhouette + depths + normals + saved + tile_bounds + cell_ranges + cells
+        let lists = bin_bits + bin_ranges + coarse_slots + coarse_words + tile_slots + status;
+        let tiles = tile_items + tile_counts + tile_marks;
+        records + lists + tiles + color + silhouette + depths + normals + saved + tile_bounds + cell_ranges + cells
     }
 }
 
@@ -68,8 +72,10 @@ pub(super) fn sizes_of(input: &PlanInput, frame: &FramePush, t: &Totals) -> Buff
         bin_ranges: bytes(t.bins, 8),
         coarse_slots: bytes(u64::from(frame.coarse_capacity), 4),
         coarse_words: bytes(u64::from(frame.coarse_capacity), 8),
-        tile_ranges: bytes(t.tiles, 8),
         tile_slots: bytes(u64::from(frame.list_capacity), 4),
+        tile_items: bytes(t.tiles, 16),
+        tile_counts: bytes(t.tile_rows() * u64::from(c::DISPATCH_WORDS), 4),
+        tile_marks: bytes(t.tiles, 4),
         status: bytes(u64::from(c::STATUS_WORDS), 4),
         color: when(outputs.color, bytes(t.pixels, 16)),
         silhouette: when(outputs.silhouette && !outputs.color, bytes(t.pixels, 4)),

@@ -15,6 +15,7 @@ pub struct FrameBindings {
     pub(super) stages: ForwardStages,
     pub(super) status: BufferPart,
     pub(super) bin_bits: BufferPart,
+    pub(super) tile_counts: BufferPart,
     /// The modes of the plan that it was made for.
     modes: Vec<(&'static str, u32)>,
     /// Bytes bound, by slot.
@@ -161,6 +162,7 @@ impl FrameBindings {
             stages,
             status: parts.get("status")?.clone(),
             bin_bits: parts.get("bin_bits")?.clone(),
+            tile_counts: parts.get("tile_counts")?.clone(),
             modes: plan.plan.modes.clone(),
             ranges: ranges_of(plan.buffers(), &parts),
             parts,

@@ -1,18 +1,22 @@
 //! The bytes of a frame's inputs, for a host to write into its own memory.
 
 use super::plan::FramePlan;
+use super::shape::MeshShape;
 use crate::constants as c;
-use crate::pack::{MeshTables, camera_texels, light_texels};
+use crate::pack::{Changes, MeshTables, camera_texels, light_texels};
 use crate::scene::{Camera, Scene, Settings, Shading};
 
 /// The inputs of a frame as the kernels read them, from a scene that the host has in its memory.
 ///
-/// What changes from frame to frame can be written alone: `view_cameras` ([`camera_texels`]), `lights`
-/// ([`light_texels`]), `positions` (x, y, z of every vertex of every mesh, tightly packed floats), `colors`.
-#[derive(Debug)]
+/// What changes from frame to frame can be written alone, as [`update`](Self::update) tells it: in an optimisation of shape
+/// that is `positions`.
+#[derive(Debug, Default)]
 pub struct Inputs {
     /// The meshes.
     pub tables: MeshTables,
+    /// The counts and kinds of the meshes laid out.
+    meshes: Vec<MeshShape>,
+    adjacent: bool,
     shapes: Vec<[u32; 4 * c::SHAPE_TEXELS as usize]>,
     cameras: Vec<[[f32; 4]; c::CAMERA_TEXELS as usize]>,
     lights: Vec<[f32; 4]>,
@@ -21,13 +25,28 @@ pub struct Inputs {
 impl Inputs {
     /// Lays out what a scene's frame reads. The plan is one of this scene's [`Shape`](super::Shape).
     pub fn new(scene: &Scene, cameras: &[Camera], settings: &Settings, plan: &FramePlan) -> Self {
-        let tables = MeshTables::new(scene, scene.lights.shading == Shading::Smooth || settings.save);
-        Self {
-            shapes: tables.view_shapes(scene, &plan.plan),
-            cameras: cameras.iter().map(|camera| camera_texels(camera, settings)).collect(),
-            lights: light_texels(&scene.lights),
-            tables,
-        }
+        let mut inputs = Self::default();
+        inputs.update(scene, cameras, settings, plan);
+        inputs
+    }
+
+    /// Lays out what the next frame reads, and tells which inputs are not those of the last one, bit for bit. Unchanged
+    /// topology, UVs and textures are only looked at; [`Texture`](crate::scene::Texture)s that are clones not even that.
+    pub fn update(&mut self, scene: &Scene, cameras: &[Camera], settings: &Settings, plan: &FramePlan) -> Changes {
+        let adjacency = scene.lights.shading == Shading::Smooth || settings.save;
+        let fits = self.meshes == plan.shape.meshes && (self.adjacent || !adjacency);
+        let mut changes = if fits { self.tables.update(scene) } else { None }.unwrap_or_else(|| {
+            self.adjacent = adjacency;
+            self.meshes.clone_from(&plan.shape.meshes);
+            self.tables = MeshTables::new(scene, adjacency);
+            Changes::ALL
+        });
+        let shapes = self.tables.view_shapes(scene, &plan.plan);
+        let cameras = cameras.iter().map(|camera| camera_texels(camera, settings)).collect();
+        changes.note("view_shapes", renew(&mut self.shapes, shapes));
+        changes.note("view_cameras", renew(&mut self.cameras, cameras));
+        changes.note("lights", renew(&mut self.lights, light_texels(&scene.lights)));
+        changes
     }
 
     /// Every input's name and bytes; empty for one that the frame does not need.
@@ -53,4 +72,11 @@ impl Inputs {
     pub fn get(&self, name: &str) -> Option<&[u8]> {
         self.all().into_iter().find(|(n, _)| *n == name).map(|(_, bytes)| bytes)
     }
+}
+
+/// Whether the new values are others, bit for bit.
+fn renew<T: bytemuck::NoUninit>(old: &mut Vec<T>, new: Vec<T>) -> bool {
+    let differs = bytemuck::cast_slice::<T, u8>(old) != bytemuck::cast_slice::<T, u8>(&new);
+    *old = new;
+    differs
 }

@@ -191,8 +191,8 @@ impl Rasterizer {
         times: Option<&TimestampPool>,
     ) -> Result<()> {
         bindings.fits(plan)?;
-        let FrameBindings { stages, status, bin_bits, .. } = bindings;
-        passes::record_forward(recorder, &plan.plan, stages, status, bin_bits, times)
+        let FrameBindings { stages, status, bin_bits, tile_counts, .. } = bindings;
+        passes::record_forward(recorder, &plan.plan, stages, status, bin_bits, tile_counts, times)
     }
 
     pub(crate) fn backward(

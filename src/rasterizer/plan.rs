@@ -222,6 +222,11 @@ impl FramePlan {
         self.plan.mode("OUTPUTS") & crate::constants::OUTPUT_SILHOUETTE != 0
     }
 
+    /// Whether it was made for this shape, so that with the same settings it need not be made again.
+    pub(crate) fn is_of(&self, shape: &Shape) -> bool {
+        self.shape == *shape
+    }
+
     /// The room it has for lists.
     pub fn capacity(&self) -> Capacity {
         self.capacity

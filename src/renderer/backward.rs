@@ -6,17 +6,18 @@ use crate::constants as c;
 use crate::error::{Error, Result};
 use crate::gradients::{CameraGradient, Gradients, ImageGradient, LightGradients, MeshGradients, Wanted};
 use crate::image::Image;
-use crate::pack::{Appearances, MeshTables};
+use crate::pack::Appearances;
 use crate::passes::{BACKWARD_STAGES, BACKWARD_TIMESTAMPS};
 use crate::rasterizer::{Differentiate, FramePlan, GradientBindings, GradientPlan};
 use crate::scene::{Background, Camera, Lights, Parity, Projection, Settings};
 use crate::vulkan::{CommandBuffer, Context, TimestampPool};
+use std::ops::Range;
+use std::sync::Arc;
 
-/// What a saved frame was made of; its buffers are the renderer's.
+/// What a saved frame was made of; its buffers and tables are the renderer's.
 pub(super) struct Saved {
     pub id: u64,
-    pub plan: FramePlan,
-    pub tables: MeshTables,
+    pub plan: Arc<FramePlan>,
     pub cameras: Vec<Camera>,
     pub settings: Settings,
     pub lights: Lights,
@@ -24,7 +25,9 @@ pub(super) struct Saved {
 
 /// What backward keeps from pass to pass.
 pub(super) struct State {
-    recorded: Option<(GradientPlan, GradientBindings)>,
+    /// The latest plan, and what it was made for.
+    planned: Option<(Arc<FramePlan>, Differentiate, Arc<GradientPlan>)>,
+    recorded: Option<(Arc<GradientPlan>, GradientBindings)>,
     commands: CommandBuffer,
     times: Option<TimestampPool>,
 }
@@ -32,6 +35,7 @@ pub(super) struct State {
 impl State {
     pub(super) fn new(context: &Context) -> Result<Self> {
         Ok(Self {
+            planned: None,
             recorded: None,
             commands: CommandBuffer::new(context, "softras backward")?,
             times: TimestampPool::new(context.device(), context.queue_family(), BACKWARD_TIMESTAMPS)?,
@@ -74,12 +78,13 @@ impl Renderer {
         result
     }
 
-    /// Device time of every stage of the latest backward pass, in order; 0 for a stage that was not needed.
+    /// Device time of every stage of the latest backward pass, in order; 0 for a stage that was not needed. Empty unless
+    /// [`Renderer::time_stages`] asked for it, or where the queue has no timestamps.
     ///
     /// # Errors
     /// [`Error::Vulkan`] without a backward pass before.
     pub fn backward_timings(&self) -> Result<Vec<StageTime>> {
-        let Some(times) = &self.backward.times else {
+        let Some(times) = self.backward.times.as_ref().filter(|_| self.timed) else {
             return Ok(Vec::new());
         };
         let stamps = times.read(BACKWARD_TIMESTAMPS)?;
@@ -91,23 +96,15 @@ impl Renderer {
         let s = &saved.settings;
         let batch = saved.cameras.len();
         upstream.judge(s.outputs, batch, s.height as usize, s.width as usize)?;
-        let largest = |image: &Image| image.data.iter().fold(0.0f64, |m, &x| m.max(f64::from(x.abs())));
-        let plan = self.rasterizer.plan_backward(
-            &saved.plan,
-            &Differentiate {
-                upstream: upstream.outputs(),
-                wanted: *wanted,
-                largest_upstream: upstream.color.as_ref().map_or(0.0, largest),
-            },
-        )?;
-        let mut renewed = false;
+        let plan = self.plan_backward(&saved.plan, upstream, wanted)?;
         for slot in buffers::BACKWARD {
             if let Some(requirement) = plan.buffer(slot.name) {
-                renewed |= self.buffers.reserve(&self.context, slot, requirement.size)?;
+                let reserved = self.buffers.reserve(&self.context, slot, requirement.size);
+                if !matches!(reserved, Ok(false)) {
+                    self.backward.forget();
+                }
+                reserved?;
             }
-        }
-        if renewed {
-            self.backward.forget();
         }
         self.write_upstream(upstream)?;
         self.prepare_backward(&plan, wanted)?;
@@ -115,16 +112,42 @@ impl Renderer {
         self.gather(saved, &plan, wanted)
     }
 
+    /// The last plan where nothing that it depends on has changed.
+    fn plan_backward(
+        &mut self,
+        frame: &Arc<FramePlan>,
+        upstream: &ImageGradient,
+        wanted: &Wanted,
+    ) -> Result<Arc<GradientPlan>> {
+        let largest = |image: &Image| f64::from(image.data.iter().fold(0.0f32, |m, &x| m.max(x.abs())));
+        let differentiate = Differentiate {
+            upstream: upstream.outputs(),
+            wanted: *wanted,
+            largest_upstream: upstream.color.as_ref().filter(|_| wanted.texels).map_or(0.0, largest),
+        };
+        if let Some((planned_for, d, plan)) = &self.backward.planned
+            && *d == differentiate
+            && (Arc::ptr_eq(planned_for, frame) || planned_for == frame)
+        {
+            return Ok(plan.clone());
+        }
+        let plan = Arc::new(self.rasterizer.plan_backward(frame, &differentiate)?);
+        self.backward.planned = Some((frame.clone(), differentiate, plan.clone()));
+        Ok(plan)
+    }
+
     fn write_upstream(&mut self, upstream: &ImageGradient) -> Result<()> {
         let alpha = upstream.silhouette.as_ref();
         if let Some(color) = &upstream.color {
-            let pixels = color.data.len() / 3;
-            let texels = self.buffers.floats_mut("upstream_color", 4 * pixels)?;
-            for (to, from) in texels.chunks_exact_mut(4).zip(color.data.chunks_exact(3)) {
-                to[..3].copy_from_slice(from);
-            }
-            for (i, to) in texels.chunks_exact_mut(4).enumerate() {
-                to[3] = alpha.map_or(0.0, |a| a.data[i]);
+            let pixels = color.data.as_chunks::<3>().0;
+            let texels = self.buffers.floats_mut("upstream_color", 4 * pixels.len())?.as_chunks_mut::<4>().0;
+            match alpha {
+                Some(alpha) => {
+                    for ((to, &[r, g, b]), &a) in texels.iter_mut().zip(pixels).zip(&alpha.data) {
+                        *to = [r, g, b, a];
+                    }
+                }
+                None => write_texels(texels, pixels),
             }
         } else if let Some(alpha) = alpha {
             self.buffers.write("upstream_silhouette", bytemuck::cast_slice(&alpha.data))?;
@@ -133,17 +156,18 @@ impl Renderer {
             self.buffers.write("upstream_depths", bytemuck::cast_slice(&depth.data))?;
         }
         if let Some(normal) = &upstream.normal {
-            let texels = self.buffers.floats_mut("upstream_normals", normal.data.len() / 3 * 4)?;
-            for (to, from) in texels.chunks_exact_mut(4).zip(normal.data.chunks_exact(3)) {
-                to[..3].copy_from_slice(from);
-            }
+            let pixels = normal.data.as_chunks::<3>().0;
+            let texels = self.buffers.floats_mut("upstream_normals", 4 * pixels.len())?;
+            write_texels(texels.as_chunks_mut::<4>().0, pixels);
         }
         Ok(())
     }
 
     /// Records the pass's commands, unless they are recorded already.
-    fn prepare_backward(&mut self, plan: &GradientPlan, wanted: &Wanted) -> Result<()> {
-        if self.backward.recorded.as_ref().is_some_and(|(recorded, _)| recorded == plan) {
+    fn prepare_backward(&mut self, plan: &Arc<GradientPlan>, wanted: &Wanted) -> Result<()> {
+        let same =
+            |(recorded, _): &(Arc<GradientPlan>, GradientBindings)| Arc::ptr_eq(recorded, plan) || recorded == plan;
+        if self.backward.recorded.as_ref().is_some_and(same) {
             return Ok(());
         }
         let Some((_, frame)) = &self.recorded else {
@@ -152,7 +176,7 @@ impl Renderer {
         let parts = self.buffers.parts(plan.buffers())?;
         let bindings = self.rasterizer.bind_backward_parts(plan, &parts, frame)?;
         let (rasterizer, buffers) = (&self.rasterizer, &self.buffers);
-        let times = self.backward.times.as_ref();
+        let times = self.backward.times.as_ref().filter(|_| self.timed);
         self.backward.recorded = None;
         self.backward.commands.record(|recorder| {
             if let Some(times) = times {
@@ -183,16 +207,10 @@ impl Renderer {
         Ok(())
     }
 
-    fn floats(&self, name: &str, count: usize) -> Result<Vec<f32>> {
-        let mut data = vec![0.0f32; count];
-        self.buffers.read(name, bytemuck::cast_slice_mut(&mut data))?;
-        Ok(data)
-    }
-
     fn gather(&self, saved: &Saved, plan: &GradientPlan, wanted: &Wanted) -> Result<Gradients> {
         let mut gradients = Gradients { meshes: self.gather_meshes(saved, plan, wanted)?, ..Gradients::default() };
         let views = saved.cameras.len();
-        let totals = self.floats("totals", 12 * (views + saved.lights.directional.len() + 2))?;
+        let totals = self.buffers.floats("totals", 12 * (views + saved.lights.directional.len() + 2))?;
         let row = |i: usize| &totals[12 * i..12 * (i + 1)];
         if wanted.camera {
             gradients.cameras =
@@ -232,41 +250,47 @@ impl Renderer {
     }
 
     fn gather_meshes(&self, saved: &Saved, plan: &GradientPlan, wanted: &Wanted) -> Result<Vec<MeshGradients>> {
-        let tables = &saved.tables;
-        let needs_vertices = wanted.positions || wanted.colors;
-        let vertices =
-            if needs_vertices { self.floats("vertex_gradients", 8 * tables.positions.len() / 3)? } else { Vec::new() };
-        let texels = if wanted.texels { self.texel_gradients(tables, plan)? } else { Vec::new() };
-        let corners = if wanted.uvs && plan.plan.sizes.corner_gradients > 0 {
-            self.floats("corner_gradients", plan.plan.sizes.corner_gradients as usize / 4)?
+        let tables = &self.inputs.tables;
+        let vertices: &[[f32; 8]] = if wanted.positions || wanted.colors {
+            self.buffers.floats("vertex_gradients", 8 * tables.positions.len() / 3)?.as_chunks().0
         } else {
-            Vec::new()
+            &[]
         };
+        let corners = if wanted.uvs && plan.plan.has(c::GRADIENT_COORDINATE) {
+            self.buffers.floats("corner_gradients", plan.plan.sizes.corner_gradients as usize / 4)?
+        } else {
+            &[]
+        };
+        let texels = |range: &Range<usize>| self.texel_gradients(range.clone(), plan);
         let mut meshes = Vec::with_capacity(tables.layouts.len());
         for (m, layout) in tables.layouts.iter().enumerate() {
             let range = layout.vertex_range();
-            let rows = vertices.get(8 * range.start..8 * range.end).unwrap_or_default();
+            let rows = vertices.get(range).unwrap_or_default();
             let mut mesh = MeshGradients::default();
             if wanted.positions {
-                mesh.positions = rows.chunks_exact(8).map(|r| [r[0], r[1], r[2]]).collect();
+                mesh.positions = rows.iter().map(|r| [r[0], r[1], r[2]]).collect();
             }
             if wanted.colors {
                 mesh.colors = match &tables.appearances[m] {
-                    Appearances::Vertices => rows.chunks_exact(8).map(|r| [r[4], r[5], r[6]]).collect(),
+                    Appearances::Vertices => rows.iter().map(|r| [r[4], r[5], r[6]]).collect(),
                     Appearances::Uniform => vec![sum_colors(rows)],
                     _ => Vec::new(),
                 };
             }
             match &tables.appearances[m] {
                 Appearances::Surface { texels: range } if wanted.texels => {
-                    mesh.surface_texels = texels[range.clone()].to_vec();
+                    mesh.surface_texels = texels(range)?;
                 }
-                Appearances::Textured { textures, uvs, uv_triangles } => {
+                Appearances::Textured { textures, uvs, uv_triangles, .. } => {
                     if wanted.texels {
-                        mesh.texture_texels = textures.iter().map(|range| texels[range.clone()].to_vec()).collect();
+                        mesh.texture_texels = textures.iter().map(texels).collect::<Result<_>>()?;
                     }
                     if wanted.uvs {
-                        mesh.uvs = uv_gradients(saved, plan, m, *uvs, uv_triangles, &corners);
+                        let triangles = tables.uv_indices[uv_triangles.clone()].as_chunks().0;
+                        // One mesh is seen by every view.
+                        let one = tables.layouts.len() == 1;
+                        let views = if one { 0..saved.cameras.len() } else { m..m + 1 };
+                        mesh.uvs = uv_gradients(saved, plan, views, *uvs, triangles, corners);
                     }
                 }
                 _ => {}
@@ -276,22 +300,30 @@ impl Renderer {
         Ok(meshes)
     }
 
-    /// The texels' fixed-point sums as floats.
-    fn texel_gradients(&self, tables: &MeshTables, plan: &GradientPlan) -> Result<Vec<[f32; 3]>> {
+    /// Some texels' fixed-point sums as floats.
+    fn texel_gradients(&self, range: Range<usize>, plan: &GradientPlan) -> Result<Vec<[f32; 3]>> {
         if plan.plan.sizes.texel_sums == 0 {
-            return Ok(vec![[0.0; 3]; tables.texels.len()]);
+            return Ok(vec![[0.0; 3]; range.len()]);
         }
-        let mut words = vec![[0u32; 2]; 3 * tables.texels.len()];
-        self.buffers.read("texel_sums", bytemuck::cast_slice_mut(&mut words))?;
+        // Two words a number, three numbers a texel.
+        let words: &[u32] = bytemuck::cast_slice(self.buffers.floats("texel_sums", 6 * range.end)?);
         let scale = 1.0 / f64::from(plan.texel_scale());
-        let value = |[low, high]: [u32; 2]| ((i64::from(high as i32) << 32 | i64::from(low)) as f64 * scale) as f32;
-        Ok(words.chunks_exact(3).map(|c| [value(c[0]), value(c[1]), value(c[2])]).collect())
+        let value = |low: u32, high: u32| ((i64::from(high as i32) << 32 | i64::from(low)) as f64 * scale) as f32;
+        let sums = words[6 * range.start..].as_chunks::<6>().0;
+        Ok(sums.iter().map(|&[r, r1, g, g1, b, b1]| [value(r, r1), value(g, g1), value(b, b1)]).collect())
     }
 }
 
-fn sum_colors(rows: &[f32]) -> [f32; 3] {
+/// Three floats of every four; the fourth is not read.
+fn write_texels(texels: &mut [[f32; 4]], pixels: &[[f32; 3]]) {
+    for (to, &[x, y, z]) in texels.iter_mut().zip(pixels) {
+        *to = [x, y, z, 0.0];
+    }
+}
+
+fn sum_colors(rows: &[[f32; 8]]) -> [f32; 3] {
     let mut sum = [0.0f64; 3];
-    for row in rows.chunks_exact(8) {
+    for row in rows {
         for (channel, total) in sum.iter_mut().enumerate() {
             *total += f64::from(row[4 + channel]);
         }
@@ -299,26 +331,25 @@ fn sum_colors(rows: &[f32]) -> [f32; 3] {
     sum.map(|x| x as f32)
 }
 
+/// Each UV pair's share of the corners that name it, over views.
 fn uv_gradients(
     saved: &Saved,
     plan: &GradientPlan,
-    mesh: usize,
+    views: Range<usize>,
     uvs: usize,
     uv_triangles: &[[u32; 3]],
     corners: &[f32],
 ) -> Vec<[f32; 2]> {
     let mut sums = vec![[0.0f64; 2]; uvs];
     let stride = plan.plan.corner_stride() as usize;
-    let one = saved.tables.layouts.len() == 1;
-    let views = if one { 0..saved.cameras.len() } else { mesh..mesh + 1 };
     if plan.plan.has(c::GRADIENT_COORDINATE) {
         for view in views {
             let first = saved.plan.plan.views[view].slot_base as usize;
-            for (t, triangle) in uv_triangles.iter().enumerate() {
-                let at = 4 * ((first + t) * stride + stride - 2);
-                for (corner, &uv) in triangle.iter().enumerate() {
-                    sums[uv as usize][0] += f64::from(corners[at + 2 * corner]);
-                    sums[uv as usize][1] += f64::from(corners[at + 2 * corner + 1]);
+            let rows = corners[4 * first * stride..].chunks_exact(4 * stride);
+            for (triangle, row) in uv_triangles.iter().zip(rows) {
+                for (&uv, by_corner) in triangle.iter().zip(row[4 * (stride - 2)..].chunks_exact(2)) {
+                    sums[uv as usize][0] += f64::from(by_corner[0]);
+                    sums[uv as usize][1] += f64::from(by_corner[1]);
                 }
             }
         }

@@ -1,36 +1,23 @@
 //! The simple API: a renderer that owns its device.
 
 mod backward;
+mod frame;
+mod upload;
+
+pub use frame::{Frame, FrameCounts, StageTime};
 
 use crate::buffers::{self, BufferSet, Role, Slot};
 use crate::constants as c;
 #[cfg(doc)]
 use crate::error::Error;
 use crate::error::Result;
-use crate::image::Image;
 use crate::passes::{FORWARD_STAGES, FORWARD_TIMESTAMPS};
 use crate::plan::Capacity;
 use crate::rasterizer::{FrameBindings, FramePlan, Inputs, Rasterizer, Shape, Status};
-use crate::scene::{Camera, Outputs, Scene, Settings};
+use crate::scene::{Camera, Scene, Settings};
 use crate::vulkan::{CacheFolder, CommandBuffer, Context, ContextOptions, DeviceInfo, Loader, TimestampPool};
-
-/// What a stage took on the device.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct StageTime {
-    /// The stage's name, as its GLSL file's.
-    pub stage: &'static str,
-    /// Milliseconds on the device.
-    pub milliseconds: f64,
-}
-
-/// What the device counted while it made a frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct FrameCounts {
-    /// Entries of all tiles' lists.
-    pub list_entries: u64,
-    /// (pixel, triangle) pairs that the forward stage evaluated: every pixel of a tile against every entry of its list.
-    pub forward_pairs: u64,
-}
+use std::sync::Arc;
+use upload::Uploads;
 
 /// How to open a renderer.
 #[derive(Clone, Debug, Default)]
@@ -45,62 +32,30 @@ pub struct RendererOptions {
     pub lanes: Option<u32>,
     /// Room for list entries to begin with, for tests of growing; `None`: estimated.
     pub capacity: Option<Capacity>,
+    /// Copy between host and device even where their memory is shared, as a discrete GPU must; for tests.
+    pub staging: bool,
     /// Where compiled kernels are kept between runs.
     pub cache: CacheFolder,
     /// The Vulkan loader; `None`: the system's.
     pub loader: Option<Loader>,
 }
 
-/// One rendered batch.
-#[derive(Clone, Debug)]
-pub struct Frame {
-    color: Option<Image>,
-    silhouette: Option<Image>,
-    depth: Option<Image>,
-    normal: Option<Image>,
-    timings: Vec<StageTime>,
-    /// Which of its renderer's frames it is, where that kept what backward needs.
-    saved: Option<u64>,
-}
-
-impl Frame {
-    /// RGB, linear, `[batch, height, width, 3]`; `None` unless [`Outputs`] asked for it.
-    pub fn color(&self) -> Option<&Image> {
-        self.color.as_ref()
-    }
-
-    /// The silhouette in [0, 1], `[batch, height, width, 1]`; `None` unless asked for.
-    pub fn silhouette(&self) -> Option<&Image> {
-        self.silhouette.as_ref()
-    }
-
-    /// Σ w z in world units, `[batch, height, width, 1]`, 0 where nothing is near; `None` unless asked for.
-    pub fn depth(&self) -> Option<&Image> {
-        self.depth.as_ref()
-    }
-
-    /// Σ w n in world space, `[batch, height, width, 3]`; `None` unless asked for.
-    pub fn normal(&self) -> Option<&Image> {
-        self.normal.as_ref()
-    }
-
-    /// Device time of every stage, in the order in which they ran; empty when the queue has no timestamps.
-    pub fn timings(&self) -> &[StageTime] {
-        &self.timings
-    }
-}
-
 /// A device and everything that a frame needs on it, kept from frame to frame.
 pub struct Renderer {
     // Dropped before the context, which they need.
     rasterizer: Rasterizer,
-    recorded: Option<(FramePlan, FrameBindings)>,
+    /// The latest plan, and what it was made for besides its shape.
+    planned: Option<(Settings, Arc<FramePlan>)>,
+    recorded: Option<(Arc<FramePlan>, FrameBindings)>,
     backward: backward::State,
     /// The latest frame, if it was saved.
     saved: Option<backward::Saved>,
     frames: u64,
     commands: CommandBuffer,
     times: Option<TimestampPool>,
+    timed: bool,
+    inputs: Inputs,
+    uploads: Uploads,
     buffers: BufferSet,
     capacity: Option<Capacity>,
     context: Context,
@@ -137,6 +92,7 @@ impl Renderer {
         let context = Context::new(&ContextOptions {
             device: options.device.clone(),
             validation: options.validation,
+            staging: options.staging,
             cache: options.cache.clone(),
             loader: options.loader,
             ..ContextOptions::default()
@@ -147,12 +103,16 @@ impl Renderer {
         }
         Ok(Self {
             rasterizer,
+            planned: None,
             recorded: None,
             backward: backward::State::new(&context)?,
             saved: None,
             frames: 0,
             commands: CommandBuffer::new(&context, "softras frame")?,
             times: TimestampPool::new(context.device(), context.queue_family(), FORWARD_TIMESTAMPS)?,
+            timed: false,
+            inputs: Inputs::default(),
+            uploads: Uploads::new(&context)?,
             buffers: BufferSet::default(),
             capacity: options.capacity,
             context,
@@ -179,18 +139,32 @@ impl Renderer {
         self.buffers.bytes()
     }
 
+    /// Whether frames from now on tell the device times of their stages ([`Frame::timings`],
+    /// [`Renderer::backward_timings`]). Off at first: each stage then waits for a timestamp of the one before.
+    pub fn time_stages(&mut self, on: bool) {
+        if self.timed != on {
+            self.timed = on;
+            self.forget();
+        }
+    }
+
     /// Counts of the latest frame, for measuring.
     ///
     /// # Errors
     /// [`Error::Vulkan`] before the first frame.
     pub fn frame_counts(&self) -> Result<FrameCounts> {
-        let mut status = [0u32; c::STATUS_WORDS as usize];
-        self.buffers.read("status", bytemuck::cast_slice_mut(&mut status))?;
-        let list_entries = u64::from(status[c::STATUS_LIST_NEEDED as usize]);
-        Ok(FrameCounts { list_entries, forward_pairs: list_entries * u64::from(c::TILE_WIDTH * c::TILE_HEIGHT) })
+        let needed = self.status()?.needed;
+        Ok(FrameCounts {
+            list_entries: needed.list.into(),
+            forward_pairs: u64::from(needed.list) * u64::from(c::TILE_WIDTH * c::TILE_HEIGHT),
+            uploaded_bytes: self.uploads.bytes,
+        })
     }
 
     /// Renders what every camera sees, all in one submission.
+    ///
+    /// Made to be called in a loop: of a scene that is nearly the last one only what differs is uploaded, and with counts,
+    /// settings and modes that are the last ones' nothing is recorded or allocated on the device.
     ///
     /// # Errors
     /// [`Error::Scene`], [`Error::Light`], [`Error::Settings`] for input that cannot be rendered; [`Error::Limit`],
@@ -200,71 +174,103 @@ impl Renderer {
         let mut shape = Shape::of(scene, cameras, settings)?;
         self.frames += 1;
         self.saved = None;
+        self.uploads.bytes = 0;
         shape.capacity = self.capacity;
         loop {
-            let plan = self.rasterizer.plan(&shape, settings)?;
-            let inputs = Inputs::new(scene, cameras, settings, &plan);
-            self.upload(&inputs, &plan)?;
+            let plan = self.plan(&shape, settings)?;
+            self.make_room(&plan)?;
+            self.write_inputs(scene, cameras, settings, &plan)?;
             self.prepare(&plan)?;
-            self.commands.submit_and_wait()?;
+            self.uploads.record(&self.buffers)?;
+            self.commands.submit_and_wait_after(self.uploads.commands())?;
+            self.uploads.done();
             if let Some(more) = self.status()?.judge(&plan)? {
                 shape.capacity = Some(more);
                 continue;
             }
             // The next frame of this kind starts with what this one needed.
             self.capacity = Some(self.capacity.map_or(plan.capacity(), |c| c.max(plan.capacity())));
-            let frame = self.download(cameras.len(), settings)?;
-            if settings.save {
-                self.saved = Some(backward::Saved {
-                    id: self.frames,
-                    plan,
-                    tables: inputs.tables,
-                    cameras: cameras.to_vec(),
-                    settings: settings.clone(),
-                    lights: scene.lights.clone(),
-                });
-            }
+            let saved = settings.save.then_some(self.frames);
+            let frame = Frame::download(&self.buffers, cameras.len(), settings, self.timings()?, saved)?;
+            self.saved = saved.map(|id| backward::Saved {
+                id,
+                plan,
+                cameras: cameras.to_vec(),
+                settings: settings.clone(),
+                lights: scene.lights.clone(),
+            });
             return Ok(frame);
         }
     }
 
-    /// Makes room for the plan's buffers and writes the inputs.
-    fn upload(&mut self, inputs: &Inputs, plan: &FramePlan) -> Result<()> {
-        let mut renewed = false;
+    /// The last plan where nothing that it depends on has changed.
+    fn plan(&mut self, shape: &Shape, settings: &Settings) -> Result<Arc<FramePlan>> {
+        if let Some((planned_for, plan)) = &self.planned
+            && planned_for == settings
+            && plan.is_of(shape)
+        {
+            return Ok(plan.clone());
+        }
+        let plan = Arc::new(self.rasterizer.plan(shape, settings)?);
+        self.planned = Some((settings.clone(), plan.clone()));
+        Ok(plan)
+    }
+
+    /// Makes room for the plan's buffers.
+    fn make_room(&mut self, plan: &FramePlan) -> Result<()> {
         for slot in buffers::FORWARD.into_iter().chain([buffers::UNUSED]) {
             if let Some(requirement) = plan.buffer(slot.name) {
-                renewed |= self.buffers.reserve(&self.context, slot, requirement.size)?;
+                self.reserve(slot, requirement.size)?;
             }
         }
-        for (name, bytes) in inputs.all() {
-            self.buffers.write(name, bytes)?;
+        Ok(())
+    }
+
+    /// Room for one buffer. Where it is a new one, or there is none now, what was recorded with the old one is void.
+    fn reserve(&mut self, slot: Slot, size: u64) -> Result<()> {
+        let reserved = self.buffers.reserve(&self.context, slot, size);
+        if !matches!(reserved, Ok(false)) {
+            self.uploads.stale.note(slot.name, true);
+            self.forget();
         }
-        if renewed {
-            self.recorded = None;
-            self.backward.forget();
+        reserved.map(drop)
+    }
+
+    /// Everything must be recorded anew.
+    fn forget(&mut self) {
+        self.recorded = None;
+        self.backward.forget();
+        self.uploads.forget();
+    }
+
+    /// Writes the inputs that are not on the device already.
+    fn write_inputs(&mut self, scene: &Scene, cameras: &[Camera], settings: &Settings, plan: &FramePlan) -> Result<()> {
+        self.uploads.stale = self.uploads.stale.or(self.inputs.update(scene, cameras, settings, plan));
+        for (name, bytes) in self.inputs.all() {
+            if self.uploads.stale.has(name) && plan.buffer(name).is_some() {
+                self.buffers.write(name, bytes)?;
+                self.uploads.wrote(name, bytes.len());
+            }
         }
         Ok(())
     }
 
     /// Records the frame's commands, unless they are recorded already.
-    fn prepare(&mut self, plan: &FramePlan) -> Result<()> {
+    fn prepare(&mut self, plan: &Arc<FramePlan>) -> Result<()> {
         // What a plan records follows from its sizes and numbers; what it was made of may differ.
-        let same = |(recorded, _): &(FramePlan, FrameBindings)| recorded.plan == plan.plan;
+        let same =
+            |(recorded, _): &(Arc<FramePlan>, FrameBindings)| Arc::ptr_eq(recorded, plan) || recorded.plan == plan.plan;
         if self.recorded.as_ref().is_some_and(same) {
             return Ok(());
         }
-        let bindings = self.rasterizer.bind_parts(plan, self.buffers.parts(plan.buffers())?)?;
-        let (rasterizer, buffers, times) = (&self.rasterizer, &self.buffers, self.times.as_ref());
-        let is_bound = |slot: Slot, role: Role| slot.role == role && plan.buffer(slot.name).is_some();
         self.recorded = None;
+        let bindings = self.rasterizer.bind_parts(plan, self.buffers.parts(plan.buffers())?)?;
+        let (rasterizer, buffers) = (&self.rasterizer, &self.buffers);
+        let times = self.times.as_ref().filter(|_| self.timed);
+        let is_bound = |slot: Slot, role: Role| slot.role == role && plan.buffer(slot.name).is_some();
         self.commands.record(|recorder| {
             if let Some(times) = times {
                 recorder.reset_timestamps(times);
-            }
-            for (slot, buffer) in buffers.shared() {
-                if is_bound(slot, Role::Input) {
-                    buffer.record_upload(recorder)?;
-                }
             }
             rasterizer.forward(recorder, plan, &bindings, times)?;
             for (slot, buffer) in buffers.shared() {
@@ -285,48 +291,12 @@ impl Renderer {
         Ok(Status::from_bytes(&status))
     }
 
-    fn download(&self, batch: usize, settings: &Settings) -> Result<Frame> {
-        let Outputs { color, silhouette, depth, normal } = settings.outputs;
-        let (height, width) = (settings.height as usize, settings.width as usize);
-        let pixels = batch * height * width;
-        let image = |channels: usize, data: Vec<f32>| Image { batch, height, width, channels, data };
-        let floats = |name: &str, count: usize| self.buffers.floats(name, count);
-        let mut frame =
-            Frame { color: None, silhouette: None, depth: None, normal: None, timings: self.timings()?, saved: None };
-        frame.saved = settings.save.then_some(self.frames);
-        if color {
-            let texels = floats("color", 4 * pixels)?;
-            frame.color = Some(image(3, rgb_of(texels)));
-            if silhouette {
-                frame.silhouette = Some(image(1, texels.chunks_exact(4).map(|t| t[3]).collect()));
-            }
-        } else if silhouette {
-            frame.silhouette = Some(image(1, floats("silhouette", pixels)?.to_vec()));
-        }
-        if depth {
-            frame.depth = Some(image(1, floats("depths", pixels)?.to_vec()));
-        }
-        if normal {
-            frame.normal = Some(image(3, rgb_of(floats("normals", 4 * pixels)?)));
-        }
-        Ok(frame)
-    }
-
     fn timings(&self) -> Result<Vec<StageTime>> {
-        let Some(times) = &self.times else {
+        let Some(times) = self.times.as_ref().filter(|_| self.timed) else {
             return Ok(Vec::new());
         };
         let stamps = times.read(FORWARD_TIMESTAMPS)?;
         let spans = stamps.windows(2).map(|pair| pair[1] - pair[0]);
         Ok(FORWARD_STAGES.iter().zip(spans).map(|(&stage, milliseconds)| StageTime { stage, milliseconds }).collect())
     }
-}
-
-/// The first three of every four floats.
-fn rgb_of(texels: &[f32]) -> Vec<f32> {
-    let mut rgb = vec![0.0; texels.len() / 4 * 3];
-    for (to, from) in rgb.chunks_exact_mut(3).zip(texels.chunks_exact(4)) {
-        to.copy_from_slice(&from[..3]);
-    }
-    rgb
 }

@@ -9,6 +9,7 @@ mod texture;
 
 pub use camera::{Camera, Projection};
 pub use light::{DirectionalLight, Lights, Shading};
+pub(crate) use mesh::first_not_finite;
 pub use mesh::{Appearance, Mesh};
 pub use settings::{
     Background, ColorAggregation, Distance, Faces, FrontFace, Interpolation, Outputs, Parity, Settings,

@@ -1,6 +1,7 @@
 //! An image texture, sampled bilinearly at UV coordinates.
 
 use crate::error::{Error, Result};
+use std::sync::Arc;
 
 /// What lies outside the unit square of UV space.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -12,12 +13,13 @@ pub enum Wrap {
     Clamp,
 }
 
-/// An RGB image: `texels[row][column]`, row 0 at the top (v = 1), linear values.
+/// An RGB image: `texels[row][column]`, row 0 at the top (v = 1), linear values. Clones share the texels, by which a renderer
+/// tells without a look that they are the ones it has.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Texture {
     width: u32,
     height: u32,
-    texels: Vec<[f32; 3]>,
+    texels: Arc<Vec<[f32; 3]>>,
     wrap: Wrap,
 }
 
@@ -44,7 +46,7 @@ impl Texture {
                 mend: "use finite values".into(),
             });
         }
-        Ok(Self { width, height, texels, wrap })
+        Ok(Self { width, height, texels: Arc::new(texels), wrap })
     }
 
     /// Width in texels.
@@ -60,6 +62,11 @@ impl Texture {
     /// The texels, row-major, row 0 at the top.
     pub fn texels(&self) -> &[[f32; 3]] {
         &self.texels
+    }
+
+    /// One is a clone of the other, as far as texels go.
+    pub(crate) fn shares_texels(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.texels, &other.texels)
     }
 
     /// What lies outside the unit square.

@@ -83,16 +83,22 @@ impl CommandBuffer {
 
     /// Executes what was recorded and waits for it. Can be repeated.
     pub fn submit_and_wait(&mut self) -> Result<()> {
+        self.submit_and_wait_after(None)
+    }
+
+    /// The same with another command buffer's work before it, in one submission.
+    pub fn submit_and_wait_after(&mut self, before: Option<&Self>) -> Result<()> {
         self.settle()?;
-        if self.state != State::Recorded {
+        if self.state != State::Recorded || before.is_some_and(|b| b.state != State::Recorded) {
             return Err(misuse_of("vkQueueSubmit", "nothing was recorded"));
         }
         let device = self.shared.device.raw();
-        let buffers = [self.raw];
-        let submits = [vk::SubmitInfo::default().command_buffers(&buffers)];
+        let buffers = [before.map_or(self.raw, |b| b.raw), self.raw];
+        let buffers = &buffers[usize::from(before.is_none())..];
+        let submits = [vk::SubmitInfo::default().command_buffers(buffers)];
         {
             let queue = self.shared.queue.lock().unwrap_or_else(PoisonError::into_inner);
-            // SAFETY: the buffer is recorded and not in use, the fence unsignalled; the lock guards the queue.
+            // SAFETY: the buffers are recorded and not in use, the fence unsignalled; the lock guards the queue.
             unsafe { device.queue_submit(*queue, &submits, self.fence) }.named("vkQueueSubmit")?;
         }
         self.state = State::Pending;

@@ -220,6 +220,7 @@ fn render(args: &EvalArgs, job: &Job, wish: Option<&Wish>) -> Result<Results, Er
         Some(selector) => Renderer::with_device(selector)?,
         None => Renderer::new()?,
     };
+    renderer.time_stages(true);
     let settings = &Settings { save: wish.is_some(), ..settings.clone() };
     let frame = renderer.render(scene, cameras, settings)?;
     let times = frame.timings().iter().map(|t| json!({ "stage": t.stage, "milliseconds": t.milliseconds }));

@@ -133,10 +133,11 @@ struct Stage<'a> {
 
 impl<'a> Stage<'a> {
     fn new(args: &'a RenderArgs, mesh: Mesh, samples: u32) -> Result<Self, Failure> {
-        let renderer = match &args.device {
+        let mut renderer = match &args.device {
             Some(selector) => Renderer::with_device(selector)?,
             None => Renderer::new()?,
         };
+        renderer.time_stages(true);
         Ok(Self { args, bounds: Bounds::of(&mesh), scene: Scene::new(mesh), renderer, samples })
     }
 

@@ -1,5 +1,9 @@
 //! Scenes, cameras and lights as the tables that the kernels read.
 
+mod update;
+
+pub use update::Changes;
+
 use crate::constants as c;
 use crate::plan::{Plan, Sampling, split};
 use crate::scene::{Appearance, Camera, Lights, Mesh, Projection, Scene, Settings, Texture, Wrap};
@@ -33,6 +37,8 @@ pub struct MeshTables {
     pub appearances: Vec<Appearances>,
     /// Which kinds of texture there are.
     pub sampling: Sampling,
+    /// The images laid out, by which unchanged ones are told without looking at their texels.
+    images: Vec<Texture>,
 }
 
 /// What colours a mesh, as far as gradients need to know.
@@ -49,12 +55,14 @@ pub enum Appearances {
     },
     /// Images.
     Textured {
+        /// The first's place in [`MeshTables::textures`].
+        first: u32,
         /// Each image's texels.
         textures: Vec<Range<usize>>,
         /// UV pairs.
         uvs: usize,
-        /// Each triangle's three.
-        uv_triangles: Vec<[u32; 3]>,
+        /// Each triangle's three, among [`MeshTables::uv_indices`].
+        uv_triangles: Range<usize>,
     },
 }
 
@@ -83,7 +91,7 @@ impl MeshLayout {
 }
 
 impl MeshTables {
-    /// Lays out a scene's meshes; `adjacency` only where smooth shading needs it.
+    /// Lays out a scene's meshes; `adjacency` only where gradients or smooth shading need it.
     pub fn new(scene: &Scene, adjacency: bool) -> Self {
         let mut tables = Self::default();
         let plain = |a: &Appearance| matches!(a, Appearance::Uniform(_) | Appearance::VertexColors(_));
@@ -173,7 +181,9 @@ impl MeshTables {
                 layout.uv_base = self.uvs.len() as i32;
                 layout.uv_index_base = self.uv_indices.len() as i32;
                 self.uvs.extend(uvs.iter().flatten());
+                let first = self.uv_indices.len();
                 self.uv_indices.extend(uv_triangles.iter().flatten());
+                let uv_triangles = first..self.uv_indices.len();
                 let first = self.textures.len() as u32;
                 if texture_of_triangle.is_empty() {
                     layout.texture_base = -1 - first as i32;
@@ -182,20 +192,16 @@ impl MeshTables {
                     self.triangle_textures.extend(texture_of_triangle.iter().map(|t| first + t));
                 }
                 let ranges = textures.iter().map(|texture| self.push_texture(texture)).collect();
-                let uv_triangles = uv_triangles.clone();
-                self.appearances.push(Appearances::Textured { textures: ranges, uvs: uvs.len(), uv_triangles });
+                self.appearances.push(Appearances::Textured { first, textures: ranges, uvs: uvs.len(), uv_triangles });
             }
         }
     }
 
     fn push_texture(&mut self, texture: &Texture) -> Range<usize> {
         let first = self.texels.len();
-        let kind = match texture.wrap() {
-            Wrap::Repeat => c::TEXTURE_REPEAT,
-            Wrap::Clamp => c::TEXTURE_CLAMP,
-        };
-        self.textures.push([self.texels.len() as u32, texture.width(), texture.height(), kind]);
+        self.textures.push([self.texels.len() as u32, texture.width(), texture.height(), kind_of(texture)]);
         self.texels.extend(texture.texels().iter().map(|t| [t[0], t[1], t[2], 0.0]));
+        self.images.push(texture.clone());
         first..self.texels.len()
     }
 
@@ -215,7 +221,7 @@ impl MeshTables {
                 range.slots,
                 range.words,
                 m.color_base,
-                u32::from(m.uniform_color),
+                u32::from(m.uniform_color) * c::SHAPE_UNIFORM_COLOR,
                 m.uv_base as u32,
                 m.uv_index_base as u32,
                 m.texture_base as u32,
@@ -223,6 +229,13 @@ impl MeshTables {
             ]
         };
         plan.views.iter().enumerate().map(entry).collect()
+    }
+}
+
+fn kind_of(texture: &Texture) -> u32 {
+    match texture.wrap() {
+        Wrap::Repeat => c::TEXTURE_REPEAT,
+        Wrap::Clamp => c::TEXTURE_CLAMP,
     }
 }
 

@@ -1,0 +1,30 @@
+// A pixel's place in the images, and what it shows there.
+
+int place_of(int view, ivec2 where) {
+    return (view * int(frame.height) + where.y) * int(frame.width) + where.x;
+}
+
+void write_images(Pixel p, int at, int triangle_count) {
+    float alpha = SILHOUETTE_MODE == SILHOUETTE_PRODUCT ? 1.0 - p.silhouette : p.silhouette;
+    if (SILHOUETTE_MODE == SILHOUETTE_SUM) {
+        alpha /= float(max(triangle_count, 1));
+    }
+    vec3 background = vec3(frame.background_red, frame.background_green, frame.background_blue);
+    bool covered = p.sum > 0.0;
+    float inverse = covered ? 1.0 / p.sum : 0.0;
+    // The hard mode's depth and normal are those of a surface, not of a mixture.
+    float blend = COMPOSITE && COLOR_MODE == COLOR_SOFTMAX ? alpha : 1.0;
+    if (WANT_COLOR) {
+        vec3 mixed = covered ? p.color * inverse : background;
+        vec3 rgb = COMPOSITE ? (covered ? mixed * alpha + background * (1.0 - alpha) : background) : mixed;
+        color[at] = vec4(rgb, (OUTPUTS & OUTPUT_SILHOUETTE) != 0u ? alpha : 1.0);
+    } else if ((OUTPUTS & OUTPUT_SILHOUETTE) != 0u) {
+        silhouette[at] = alpha;
+    }
+    if (WANT_DEPTH) {
+        depths[at] = p.depth * inverse * blend;
+    }
+    if (WANT_NORMAL) {
+        normals[at] = vec4(p.normal * (inverse * blend), 0.0);
+    }
+}

@@ -1,0 +1,116 @@
+//! A rendered batch, as the host gets it.
+
+use crate::buffers::BufferSet;
+use crate::error::Result;
+use crate::image::Image;
+#[cfg(doc)]
+use crate::scene::Outputs;
+use crate::scene::Settings;
+
+/// What a stage took on the device.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StageTime {
+    /// The stage's name, as its GLSL file's.
+    pub stage: &'static str,
+    /// Milliseconds on the device.
+    pub milliseconds: f64,
+}
+
+/// What the device counted while it made a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FrameCounts {
+    /// Entries of all tiles' lists.
+    pub list_entries: u64,
+    /// (pixel, triangle) pairs that the forward stage evaluated: every pixel of a tile against every entry of its list.
+    pub forward_pairs: u64,
+    /// Bytes of inputs that it uploaded: of what was on the device already, none.
+    pub uploaded_bytes: u64,
+}
+
+/// One rendered batch.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    color: Option<Image>,
+    silhouette: Option<Image>,
+    depth: Option<Image>,
+    normal: Option<Image>,
+    timings: Vec<StageTime>,
+    /// Which of its renderer's frames it is, where that kept what backward needs.
+    pub(super) saved: Option<u64>,
+}
+
+impl Frame {
+    /// RGB, linear, `[batch, height, width, 3]`; `None` unless [`Outputs`] asked for it.
+    pub fn color(&self) -> Option<&Image> {
+        self.color.as_ref()
+    }
+
+    /// The silhouette in [0, 1], `[batch, height, width, 1]`; `None` unless asked for.
+    pub fn silhouette(&self) -> Option<&Image> {
+        self.silhouette.as_ref()
+    }
+
+    /// Σ w z in world units, `[batch, height, width, 1]`, 0 where nothing is near; `None` unless asked for.
+    pub fn depth(&self) -> Option<&Image> {
+        self.depth.as_ref()
+    }
+
+    /// Σ w n in world space, `[batch, height, width, 3]`; `None` unless asked for.
+    pub fn normal(&self) -> Option<&Image> {
+        self.normal.as_ref()
+    }
+
+    /// Device time of every stage, in the order in which they ran; empty unless [`Renderer::time_stages`] asked for it, or
+    /// where the queue has no timestamps.
+    pub fn timings(&self) -> &[StageTime] {
+        &self.timings
+    }
+}
+
+impl Frame {
+    /// Copies what the settings ask for out of the images' buffers.
+    pub(super) fn download(
+        buffers: &BufferSet,
+        batch: usize,
+        settings: &Settings,
+        timings: Vec<StageTime>,
+        saved: Option<u64>,
+    ) -> Result<Self> {
+        let outputs = settings.outputs;
+        let (height, width) = (settings.height as usize, settings.width as usize);
+        let pixels = batch * height * width;
+        let image = |channels: usize, data: Vec<f32>| Some(Image { batch, height, width, channels, data });
+        let texels = |name: &str| buffers.floats(name, 4 * pixels).map(|floats| floats.as_chunks::<4>().0);
+        let mut frame = Self { color: None, silhouette: None, depth: None, normal: None, timings, saved };
+        if outputs.color {
+            let texels = texels("color")?;
+            let (rgb, alpha) = split(texels, outputs.silhouette);
+            frame.color = image(3, rgb);
+            frame.silhouette = alpha.and_then(|alpha| image(1, alpha));
+        } else if outputs.silhouette {
+            frame.silhouette = image(1, buffers.floats("silhouette", pixels)?.to_vec());
+        }
+        if outputs.depth {
+            frame.depth = image(1, buffers.floats("depths", pixels)?.to_vec());
+        }
+        if outputs.normal {
+            frame.normal = image(3, split(texels("normals")?, false).0);
+        }
+        Ok(frame)
+    }
+}
+
+/// The first three of every four floats, and the fourths where they are wanted.
+fn split(texels: &[[f32; 4]], fourth: bool) -> (Vec<f32>, Option<Vec<f32>>) {
+    // Texels that the first level of cache holds, so that they come from the device's memory once.
+    const AT_ONCE: usize = 1024;
+    let mut first = Vec::with_capacity(texels.len());
+    let mut fourths = fourth.then(|| Vec::with_capacity(texels.len()));
+    for part in texels.chunks(AT_ONCE) {
+        first.extend(part.iter().map(|&[x, y, z, _]| [x, y, z]));
+        if let Some(fourths) = &mut fourths {
+            fourths.extend(part.iter().map(|&[.., w]| w));
+        }
+    }
+    (first.into_flattened(), fourths)
+}
