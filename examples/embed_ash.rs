@@ -2,7 +2,7 @@
 //!
 //! Every frame records, into one command buffer: softras' forward pass over the engine's own vertex and index buffers; the
 //! engine's loss kernel, which compares with a target; softras' backward pass; the engine's Adam kernel, which moves a
-//! vertex; a copy of softras' image into the engine's VkImage; and the engine's own triangles, drawn on top of it.
+//! vertex; softras' image, stored into the engine's VkImage; and the engine's own triangles, drawn on top of it.
 //!
 //! `cargo run --example embed_ash [PICTURE.png]`
 // An example of raw Vulkan has no other way: see examples/engine/mod.rs.
@@ -16,8 +16,8 @@ use engine::{Buffer, Commands, Compute, Engine, Image, Outcome, Overlay};
 use glam::DVec3;
 use gpu_allocator::MemoryLocation;
 use softras::rasterizer::{
-    Arena, BufferRef, Differentiate, FrameBindings, FramePlan, GradientBindings, GradientPlan, Inputs, Rasterizer,
-    Shape, Status, requirements,
+    Arena, BufferRef, Differentiate, FrameBindings, FrameImage, FramePlan, GradientBindings, GradientPlan,
+    ImageBindings, ImageFormat, ImageRef, Inputs, Rasterizer, Shape, Status, requirements,
 };
 use softras::scene::{Appearance, Background, Outputs};
 use softras::{Camera, Mesh, Projection, Scene, Settings, Wanted};
@@ -92,13 +92,13 @@ pub struct Report {
 struct Flight {
     commands: Commands,
     workspace: Buffer,
-    color: BufferRef,
     status: Buffer,
     forward: FrameBindings,
     backward: GradientBindings,
     loss: vk::DescriptorSet,
     adam: vk::DescriptorSet,
     image: Image,
+    stored: ImageBindings,
     framebuffer: vk::Framebuffer,
     picture: Buffer,
 }
@@ -192,21 +192,18 @@ fn record(
     rasterizer.record_backward(&mut host, &shared.gradient_plan, &flight.backward)?;
     shared.adam.dispatch(commands, flight.adam, 1);
 
-    // softras' image into the engine's.
+    // softras' image straight into the engine's.
     let image = |from, to, source, target| image_barrier(device, commands, flight.image.raw, from, to, source, target);
-    image(L::UNDEFINED, L::TRANSFER_DST_OPTIMAL, (S::TRANSFER, A::empty()), (S::TRANSFER, A::TRANSFER_WRITE));
-    let copy = shared.plan.image_copy("color", 0, &flight.color).ok_or("no colour")?;
-    unsafe {
-        let layout = L::TRANSFER_DST_OPTIMAL;
-        device.cmd_copy_buffer_to_image(commands, flight.color.raw(), flight.image.raw, layout, &[copy]);
-    }
+    let stored = (S::COMPUTE_SHADER, A::SHADER_WRITE);
+    image(L::UNDEFINED, L::GENERAL, (S::TRANSFER, A::empty()), stored);
+    rasterizer.record_image(&mut host, &flight.stored)?;
     // The engine's own triangles from the vertices that Adam just moved.
     let moved =
         [vk::MemoryBarrier::default().src_access_mask(A::SHADER_WRITE).dst_access_mask(A::VERTEX_ATTRIBUTE_READ)];
     let none = vk::DependencyFlags::empty();
     unsafe { device.cmd_pipeline_barrier(commands, S::COMPUTE_SHADER, S::VERTEX_INPUT, none, &moved, &[], &[]) };
     let drawn = (S::COLOR_ATTACHMENT_OUTPUT, A::COLOR_ATTACHMENT_READ | A::COLOR_ATTACHMENT_WRITE);
-    image(L::TRANSFER_DST_OPTIMAL, L::COLOR_ATTACHMENT_OPTIMAL, (S::TRANSFER, A::TRANSFER_WRITE), drawn);
+    image(L::GENERAL, L::COLOR_ATTACHMENT_OPTIMAL, stored, drawn);
     let indices = shared.inputs_arena.part("indices").ok_or("no indices")?.0;
     shared.overlay.draw(commands, flight.framebuffer, (shared.positions.raw, 0), (shared.inputs.raw, indices, 6));
 
@@ -312,11 +309,14 @@ impl Flight {
         let gradients = triple(part("vertex_gradients")?);
         let adam = shared.adam.bind(&[gradients, whole(&shared.positions), whole(&shared.state)])?;
         let image = engine.image(SIZE, SIZE)?;
+        let target = unsafe { ImageRef::new(image.view, ImageFormat::Rgba32Float, SIZE, SIZE) };
+        let color = FrameImage::Color { srgb: false };
+        let stored = rasterizer.bind_image(&shared.plan, &forward, color, 0, &target)?;
         let framebuffer = shared.overlay.framebuffer(&image)?;
         let size = u64::from(16 * SIZE * SIZE);
         let picture = engine.buffer(size, vk::BufferUsageFlags::TRANSFER_DST, MemoryLocation::GpuToCpu)?;
         let commands = engine.commands()?;
-        Ok(Self { commands, workspace, color, status, forward, backward, loss, adam, image, framebuffer, picture })
+        Ok(Self { commands, workspace, status, forward, backward, loss, adam, image, stored, framebuffer, picture })
     }
 
     /// What the last frame says; the room it needs, if it had too little.

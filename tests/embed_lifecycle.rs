@@ -44,7 +44,12 @@ impl Planned {
         Self { plan, gradient_plan, _buffers: buffers, refs }
     }
 
-    /// Everything that softras makes, and its end.
+    /// What softras makes for a frame, and its end.
+    fn make_forward(&self, host: &HostDevice) -> softras::Result<()> {
+        Rasterizer::new(host)?.bind(&self.plan, &self.refs[0]).map(drop)
+    }
+
+    /// The same with its gradients.
     fn make(&self, host: &HostDevice) -> softras::Result<()> {
         let rasterizer = Rasterizer::new(host)?;
         let forward = rasterizer.bind(&self.plan, &self.refs[0])?;
@@ -76,9 +81,11 @@ fn running_out_of_host_memory_anywhere_leaves_nothing() {
     let planned = Planned::new(&engine, &saved_case());
     let memory = Memory::new();
     let host = unsafe { engine.host_device().with_allocation_callbacks(memory.callbacks()) };
-    let failures = fail_in_turn(|n| memory.allow(n), || memory.live(), || planned.make(&host));
-    println!("{failures} allocations failed in turn");
-    assert!(failures > 20, "the callbacks were hardly used: {failures}");
+    // Of a frame each, of its gradients as well each ninth: compiling takes its time.
+    let frame = fail_in_turn(|n| memory.allow(n), || memory.live(), || planned.make_forward(&host));
+    let all = fail_in_turn(|n| memory.allow(9 * n), || memory.live(), || planned.make(&host));
+    println!("{frame} and {all} allocations failed in turn");
+    assert!(frame > 20 && all > 5, "the callbacks were hardly used: {frame} {all}");
     drop(planned);
     assert_silent(engine);
 }
@@ -99,9 +106,10 @@ fn each_object_that_cannot_be_made_leaves_nothing() {
     let engine = engine();
     let planned = Planned::new(&engine, &saved_case());
     let host = shimmed(&engine);
-    let failures = fail_in_turn(shim::allow, shim::live, || planned.make(&host));
-    println!("{failures} calls failed in turn");
-    assert!(failures > 60, "the loader was hardly used: {failures}");
+    let frame = fail_in_turn(shim::allow, shim::live, || planned.make_forward(&host));
+    let all = fail_in_turn(|n| shim::allow(9 * n), shim::live, || planned.make(&host));
+    println!("{frame} and {all} calls failed in turn");
+    assert!(frame > 30 && all > 8, "the loader was hardly used: {frame} {all}");
     shim::allow_all();
     // Softras allocates no device memory on a host's device.
     shim::allow_memory(0);
@@ -129,11 +137,11 @@ fn the_simple_api_gives_everything_back_too() {
     let mut case = saved_case();
     case.settings.outputs.silhouette = true;
     let make = || simple(RendererOptions::default()).and_then(|mut r| frame_and_gradients(&mut r, &case).map(drop));
-    // Of device memory each, of the other calls each seventh.
+    // Of device memory each, of the other calls each 23rd.
     let memory = fail_in_turn(shim::allow_memory, shim::live, make);
-    let calls = fail_in_turn(|n| shim::allow(7 * n), shim::live, make);
+    let calls = fail_in_turn(|n| shim::allow(23 * n), shim::live, make);
     println!("{memory} allocations, {calls} calls failed in turn");
-    assert!(memory >= 2 && calls > 10, "{memory} {calls}");
+    assert!(memory >= 2 && calls > 3, "{memory} {calls}");
 }
 
 /// A renderer whose memory ran out in the middle goes on when there is some again, with the same bits.
@@ -145,7 +153,7 @@ fn a_renderer_goes_on_after_memory_ran_out() {
     let mut renderer = simple(RendererOptions::default()).unwrap();
     let expected = frame_and_gradients(&mut renderer, &case).unwrap();
     drop(renderer);
-    for calls in [1, 5, 20, 50, 70, 90, 110] {
+    for calls in [1, 20, 50, 90] {
         let mut renderer = simple(RendererOptions::default()).unwrap();
         shim::allow(calls);
         let failed = frame_and_gradients(&mut renderer, &case);

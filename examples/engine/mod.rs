@@ -19,6 +19,9 @@ pub type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
 type Log = Mutex<Vec<String>>;
 
+/// The one best practice that is not followed: validation takes extensions for debugging.
+const ACCEPTED: &str = "BestPractices-vkCreateInstance-specialuse-extension-debugging";
+
 /// The device and all that is needed to use it.
 pub struct Engine {
     core: Arc<Core>,
@@ -63,15 +66,24 @@ pub struct Commands {
 }
 
 impl Engine {
-    /// Opens the first device with a queue that draws and computes; with `validation`, under the validation layer and its
-    /// synchronisation checks.
+    /// Opens the first device with a queue that draws and computes; with `validation`, under the validation layer with its
+    /// checks of synchronisation and best practices.
     pub fn new(validation: bool) -> Outcome<Self> {
+        Self::with_extensions(validation, &[])
+    }
+
+    /// The same with extensions of the device.
+    pub fn with_extensions(validation: bool, extensions: &[&CStr]) -> Outcome<Self> {
+        let device_extensions: Vec<_> = extensions.iter().map(|name| name.as_ptr()).collect();
         let entry = unsafe { ash::Entry::load() }?;
         let log = Arc::new(Log::default());
         let application = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_1);
         let layers = [c"VK_LAYER_KHRONOS_validation".as_ptr()];
         let extensions = [ash::ext::debug_utils::NAME.as_ptr(), ash::ext::validation_features::NAME.as_ptr()];
-        let checks = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
+        let checks = [
+            vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION,
+            vk::ValidationFeatureEnableEXT::BEST_PRACTICES,
+        ];
         let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&checks);
         let mut messenger_info = messenger_info(&log);
         let mut info = vk::InstanceCreateInfo::default().application_info(&application);
@@ -90,7 +102,8 @@ impl Engine {
         let (physical, family) = choose(&instance)?;
         let priorities = [1.0];
         let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&priorities)];
-        let info = vk::DeviceCreateInfo::default().queue_create_infos(&queues);
+        let info =
+            vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_extension_names(&device_extensions);
         let device = unsafe { instance.create_device(physical, &info, None) }?;
         let queue = unsafe { device.get_device_queue(family, 0) };
         let allocator = Allocator::new(&AllocatorCreateDesc {
@@ -143,21 +156,23 @@ impl Engine {
         Ok(made)
     }
 
-    /// An RGBA float image to copy into, to draw on and to copy from.
+    /// An RGBA float image to store into, to draw on and to copy from.
     pub fn image(&self, width: u32, height: u32) -> Outcome<Image> {
+        let usage = vk::ImageUsageFlags::STORAGE | vk::ImageUsageFlags::TRANSFER_SRC;
+        let usage = usage | vk::ImageUsageFlags::TRANSFER_DST | vk::ImageUsageFlags::COLOR_ATTACHMENT;
+        self.image_of(vk::Format::R32G32B32A32_SFLOAT, (width, height), usage)
+    }
+
+    pub fn image_of(&self, format: vk::Format, size: (u32, u32), usage: vk::ImageUsageFlags) -> Outcome<Image> {
         let core = self.core.clone();
         let info = vk::ImageCreateInfo::default()
             .image_type(vk::ImageType::TYPE_2D)
-            .format(vk::Format::R32G32B32A32_SFLOAT)
-            .extent(vk::Extent3D { width, height, depth: 1 })
+            .format(format)
+            .extent(vk::Extent3D { width: size.0, height: size.1, depth: 1 })
             .mip_levels(1)
             .array_layers(1)
             .samples(vk::SampleCountFlags::TYPE_1)
-            .usage(
-                vk::ImageUsageFlags::TRANSFER_DST
-                    | vk::ImageUsageFlags::TRANSFER_SRC
-                    | vk::ImageUsageFlags::COLOR_ATTACHMENT,
-            );
+            .usage(usage);
         let raw = unsafe { core.device.create_image(&info, None) }?;
         let mut made = Image { raw, view: vk::ImageView::null(), allocation: None, core };
         let requirements = unsafe { made.core.device.get_image_memory_requirements(raw) };
@@ -167,7 +182,7 @@ impl Engine {
         let info = vk::ImageViewCreateInfo::default()
             .image(raw)
             .view_type(vk::ImageViewType::TYPE_2D)
-            .format(vk::Format::R32G32B32A32_SFLOAT)
+            .format(format)
             .subresource_range(color_range());
         made.view = unsafe { made.core.device.create_image_view(&info, None) }?;
         Ok(made)
@@ -341,7 +356,7 @@ fn messenger_info(log: &Arc<Log>) -> vk::DebugUtilsMessengerCreateInfoEXT<'stati
     use vk::DebugUtilsMessageSeverityFlagsEXT as Severity;
     vk::DebugUtilsMessengerCreateInfoEXT::default()
         .message_severity(Severity::WARNING | Severity::ERROR)
-        .message_type(vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION)
+        .message_type(vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION | vk::DebugUtilsMessageTypeFlagsEXT::PERFORMANCE)
         .pfn_user_callback(Some(note))
         .user_data(Arc::as_ptr(log).cast_mut().cast())
 }
@@ -353,6 +368,9 @@ unsafe extern "system" fn note(
     log: *mut c_void,
 ) -> vk::Bool32 {
     let text = unsafe { CStr::from_ptr((*data).p_message) }.to_string_lossy().into_owned();
+    if text.contains(ACCEPTED) {
+        return vk::FALSE;
+    }
     eprintln!("{text}");
     if let Ok(mut log) = unsafe { &*log.cast::<Log>() }.lock() {
         log.push(text);

@@ -3,6 +3,7 @@
 mod arena;
 mod bindings;
 mod counts;
+mod decode;
 mod geometry;
 mod inputs;
 mod place;
@@ -15,6 +16,7 @@ mod store;
 pub use arena::Arena;
 pub use bindings::{FrameBindings, GradientBindings};
 pub use counts::{CountBindings, Counts};
+pub use decode::Decoder;
 pub use geometry::{Draw, Geometry, IndexFormat, Layout};
 pub use inputs::Inputs;
 pub use place::{GeometryBindings, GeometryBuffers, GeometryGradientBindings, GeometryGradients};

@@ -227,6 +227,34 @@ impl FramePlan {
         self.shape == *shape
     }
 
+    /// What the buffer `view_shapes` holds: each view's mesh, and its share of the frame's buffers
+    /// (`glsl/common/mesh.glsl`). For hosts whose scene is on the device alone; [`Inputs`](super::Inputs) has it too.
+    pub fn view_shapes(&self) -> Vec<[u32; 4 * crate::constants::SHAPE_TEXELS as usize]> {
+        let meshes = self.shape.mesh_entries(self.buffer("adjacency").is_some());
+        let entry = |(view, range): (usize, &crate::plan::ViewRange)| {
+            let m = meshes[if meshes.len() == 1 { 0 } else { view }];
+            [
+                m.vertex,
+                m.vertices,
+                m.triangle,
+                m.triangles,
+                range.screen_base,
+                range.slot_base,
+                range.bin_base,
+                range.word_base,
+                range.slots,
+                range.words,
+                m.color,
+                m.uniform,
+                m.uv,
+                m.uv_index,
+                m.texture,
+                m.adjacency,
+            ]
+        };
+        self.plan.views.iter().enumerate().map(entry).collect()
+    }
+
     /// The room it has for lists.
     pub fn capacity(&self) -> Capacity {
         self.capacity

@@ -106,6 +106,22 @@ impl MeshShape {
     }
 }
 
+/// Where one mesh lies in the tables, and how large it is.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct MeshEntry {
+    pub vertex: u32,
+    pub vertices: u32,
+    pub triangle: u32,
+    pub triangles: u32,
+    pub color: u32,
+    pub uniform: u32,
+    pub uv: u32,
+    pub uv_index: u32,
+    pub texture: u32,
+    pub triangle_texture: u32,
+    pub adjacency: u32,
+}
+
 impl Shape {
     /// The shape of a scene as cameras see it, judged.
     ///
@@ -161,6 +177,45 @@ impl Shape {
 
     fn is_sampled(&self) -> bool {
         !self.meshes.iter().all(MeshShape::is_plain)
+    }
+
+    /// What of each mesh goes into the entries of `view_shapes`, but for its views' shares of the frame: places in the
+    /// tables where meshes follow each other.
+    pub(super) fn mesh_entries(&self, adjacency: bool) -> Vec<MeshEntry> {
+        let mut next = MeshEntry { texture: u32::from(self.is_sampled()), ..MeshEntry::default() };
+        let mut entries = Vec::with_capacity(self.meshes.len());
+        for mesh in &self.meshes {
+            let (vertices, triangles) = (mesh.vertices, mesh.triangles);
+            let mut entry = MeshEntry { vertices, triangles, uniform: 1, ..next };
+            (entry.uv, entry.uv_index, entry.texture) = (u32::MAX, u32::MAX, u32::MAX);
+            let mut colors = 3;
+            match &mesh.appearance {
+                AppearanceShape::Uniform => {}
+                AppearanceShape::VertexColors => {
+                    entry.uniform = 0;
+                    colors = 3 * vertices;
+                }
+                AppearanceShape::Surface { .. } => {
+                    // An entry of `textures` for all triangles, as -1 minus its number.
+                    entry.texture = !next.texture;
+                    next.texture += 1;
+                }
+                AppearanceShape::Textured { uvs, textures, of_triangle } => {
+                    (entry.uv, entry.uv_index) = (next.uv, next.uv_index);
+                    entry.texture = if *of_triangle { next.triangle_texture } else { !next.texture };
+                    next.triangle_texture += if *of_triangle { triangles } else { 0 };
+                    next.texture += textures.len() as u32;
+                    next.uv += 2 * uvs;
+                    next.uv_index += 3 * triangles;
+                }
+            }
+            next.vertex += vertices;
+            next.triangle += triangles;
+            next.color += colors;
+            next.adjacency += if adjacency { vertices + 1 + 3 * triangles } else { 0 };
+            entries.push(entry);
+        }
+        entries
     }
 
     /// Bytes of an input; 0 where the frame needs none, `None` for what is no input of a forward frame.

@@ -22,7 +22,7 @@ pub struct ContextOptions {
     /// An index, or part of a name in any case. None: what SOFTRAS_DEVICE says, else the best one: discrete before
     /// integrated before virtual before software.
     pub device: Option<String>,
-    /// Run under the validation layer with its synchronization checks. SOFTRAS_VALIDATION=1 turns it on as well.
+    /// Run under the validation layer with its checks of synchronization and best practices. SOFTRAS_VALIDATION=1 turns it on as well.
     pub validation: bool,
     /// Copy between host and device even where the memory is shared, as a discrete GPU must. For tests.
     pub staging: bool,

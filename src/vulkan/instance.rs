@@ -74,7 +74,10 @@ impl Instance {
             .application_info(&application)
             .enabled_layer_names(&layers)
             .enabled_extension_names(&enabled);
-        let checks = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
+        let checks = [
+            vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION,
+            vk::ValidationFeatureEnableEXT::BEST_PRACTICES,
+        ];
         let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&checks);
         let mut messenger_info = log.create_info();
         if validation {

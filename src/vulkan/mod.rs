@@ -22,6 +22,8 @@ mod command;
 mod context;
 mod descriptors;
 mod device;
+#[cfg(all(feature = "external", unix))]
+mod external;
 mod host;
 mod host_memory;
 mod instance;
@@ -42,6 +44,8 @@ pub use command::CommandBuffer;
 pub use context::{CacheFolder, Context, ContextOptions};
 pub use descriptors::{DescriptorPool, DescriptorSet};
 pub use device::Device;
+#[cfg(all(feature = "external", unix))]
+pub use external::{External, ExternalBuffer, ExternalSemaphore, ExternalSupport};
 pub use host::{HostAdapter, HostCommands, HostDevice, Loader};
 pub use host_memory::{BufferRef, ImageFormat, ImageRef};
 pub use kernel::{Binding, BindingKind, Kernel, Member, SpecValue, Specialization, Struct, constants, kernels};

@@ -5,6 +5,10 @@ use std::ffi::{CStr, c_void};
 use std::io::Write;
 use std::sync::{Arc, Mutex, PoisonError};
 
+/// Best practices that are not followed, each with the reason.
+const ACCEPTED: [(&str, &str); 1] =
+    [("BestPractices-vkCreateInstance-specialuse-extension-debugging", "validation takes extensions for debugging")];
+
 /// The messages of the validation layer. Cheap to clone; lives on after its [`Context`](super::Context), so that what
 /// destroying a device reports can still be read.
 #[derive(Clone, Debug, Default)]
@@ -61,7 +65,7 @@ impl Drop for Messenger {
 /// Keeps validation messages, prints all. Must not unwind into the layer.
 unsafe extern "system" fn callback(
     severity: vk::DebugUtilsMessageSeverityFlagsEXT,
-    kind: vk::DebugUtilsMessageTypeFlagsEXT,
+    _kind: vk::DebugUtilsMessageTypeFlagsEXT,
     data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
     user_data: *mut c_void,
 ) -> vk::Bool32 {
@@ -73,13 +77,14 @@ unsafe extern "system" fn callback(
         let text = (*data).p_message;
         if text.is_null() { String::new() } else { CStr::from_ptr(text).to_string_lossy().into_owned() }
     };
+    if ACCEPTED.iter().any(|(id, _)| text.contains(id)) {
+        return vk::FALSE;
+    }
     let word = if severity.contains(vk::DebugUtilsMessageSeverityFlagsEXT::ERROR) { "error" } else { "warning" };
     let message = format!("validation {word}: {text}");
     _ = writeln!(std::io::stderr(), "{message}");
-    if kind.contains(vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION) {
-        // SAFETY: user_data leads into the Arc of a ValidationLog, which outlives messenger and instance.
-        let log = unsafe { &*user_data.cast::<Mutex<Vec<String>>>() };
-        log.lock().unwrap_or_else(PoisonError::into_inner).push(message);
-    }
+    // SAFETY: user_data leads into the Arc of a ValidationLog, which outlives messenger and instance.
+    let log = unsafe { &*user_data.cast::<Mutex<Vec<String>>>() };
+    log.lock().unwrap_or_else(PoisonError::into_inner).push(message);
     vk::FALSE
 }

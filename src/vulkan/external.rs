@@ -1,0 +1,307 @@
+//! Memory and semaphores that another device, process or API shares, as file descriptors; where the driver cannot, bytes
+//! that the host copies.
+
+use super::device::Device;
+use super::host::HostAdapter;
+use super::result::{Named, misuse_of};
+use crate::{Error, Result};
+use ash::{khr, vk};
+use std::ffi::CStr;
+use std::os::fd::{FromRawFd, IntoRawFd, OwnedFd};
+
+const MEMORY: vk::ExternalMemoryHandleTypeFlags = vk::ExternalMemoryHandleTypeFlags::OPAQUE_FD;
+const SEMAPHORE: vk::ExternalSemaphoreHandleTypeFlags = vk::ExternalSemaphoreHandleTypeFlags::OPAQUE_FD;
+
+/// What a physical device can share through file descriptors. The host's device must have the extensions enabled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ExternalSupport {
+    /// Memory of buffers, by VK_KHR_external_memory_fd.
+    pub memory: bool,
+    /// Semaphores, by VK_KHR_external_semaphore_fd.
+    pub semaphores: bool,
+}
+
+impl ExternalSupport {
+    /// Asks a physical device, for buffers of this usage.
+    ///
+    /// # Errors
+    /// [`Error::Host`] for null handles; [`Error::Vulkan`].
+    pub fn of(host: &HostAdapter, usage: vk::BufferUsageFlags) -> Result<Self> {
+        let (instance, physical) = (host.functions()?, host.physical_device());
+        // SAFETY: the handles are valid (the promise of `HostAdapter::new`).
+        let offered = unsafe { instance.enumerate_device_extension_properties(physical) }
+            .named("vkEnumerateDeviceExtensionProperties")?;
+        let has = |name: &CStr| offered.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
+        let info = vk::PhysicalDeviceExternalBufferInfo::default().usage(usage).handle_type(MEMORY);
+        let mut memory = vk::ExternalBufferProperties::default();
+        // SAFETY: as above; the query is of Vulkan 1.1.
+        unsafe { instance.get_physical_device_external_buffer_properties(physical, &info, &mut memory) };
+        let info = vk::PhysicalDeviceExternalSemaphoreInfo::default().handle_type(SEMAPHORE);
+        let mut semaphore = vk::ExternalSemaphoreProperties::default();
+        // SAFETY: as above.
+        unsafe { instance.get_physical_device_external_semaphore_properties(physical, &info, &mut semaphore) };
+        use vk::{ExternalMemoryFeatureFlags as M, ExternalSemaphoreFeatureFlags as S};
+        let features = memory.external_memory_properties.external_memory_features;
+        let both = S::EXPORTABLE | S::IMPORTABLE;
+        Ok(Self {
+            memory: has(khr::external_memory_fd::NAME) && features.contains(M::EXPORTABLE | M::IMPORTABLE),
+            semaphores: has(khr::external_semaphore_fd::NAME) && semaphore.external_semaphore_features.contains(both),
+        })
+    }
+}
+
+/// An error unless the device knows a function of an extension, so that it is never called where it is not.
+fn enabled(device: &Device, function: &CStr, extension: &CStr) -> Result<()> {
+    let instance = device.instance();
+    // SAFETY: the device is the instance's, the name ends with a zero byte.
+    if unsafe { instance.get_device_proc_addr(device.raw().handle(), function.as_ptr()) }.is_some() {
+        return Ok(());
+    }
+    Err(Error::Host {
+        what: format!("the device was made without {}", extension.to_string_lossy()),
+        mend: "enable it where ExternalSupport says that it is there".into(),
+    })
+}
+
+/// What crosses from one device to another.
+#[derive(Debug)]
+pub enum External {
+    /// The memory itself: exported once, it shows whatever is written.
+    Memory(OwnedFd),
+    /// What it held, where memory cannot be shared: to be exported anew after each frame.
+    Bytes(Vec<u8>),
+}
+
+/// A buffer with memory of its own that can be given to another device of the same driver.
+#[derive(Debug)]
+pub struct ExternalBuffer {
+    device: Device,
+    raw: vk::Buffer,
+    memory: vk::DeviceMemory,
+    size: u64,
+    usage: vk::BufferUsageFlags,
+    shared: bool,
+}
+
+impl ExternalBuffer {
+    /// A buffer to share: through a file descriptor with [`ExternalSupport::memory`] (the device must have
+    /// VK_KHR_external_memory_fd enabled), else by copies of the host's.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`], [`Error::Vulkan`].
+    pub fn new(device: &Device, size: u64, usage: vk::BufferUsageFlags, support: ExternalSupport) -> Result<Self> {
+        Self::make(device, size, usage, support.memory, None)
+    }
+
+    /// A buffer of the same size and usage as the exported one, of the same memory or with the same bytes.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new); [`Error::Host`] for more or fewer bytes than `size`.
+    pub fn import(device: &Device, size: u64, usage: vk::BufferUsageFlags, external: External) -> Result<Self> {
+        match external {
+            External::Memory(fd) => Self::make(device, size, usage, true, Some(fd)),
+            External::Bytes(bytes) if bytes.len() as u64 == size => {
+                let made = Self::make(device, size, usage, false, None)?;
+                made.mapped(|at| at.copy_from_slice(&bytes))?;
+                Ok(made)
+            }
+            External::Bytes(bytes) => Err(Error::Host {
+                what: format!("{} bytes for a buffer of {size}", bytes.len()),
+                mend: "import with the size of the exported buffer".into(),
+            }),
+        }
+    }
+
+    fn make(
+        device: &Device,
+        size: u64,
+        usage: vk::BufferUsageFlags,
+        shared: bool,
+        fd: Option<OwnedFd>,
+    ) -> Result<Self> {
+        if shared {
+            enabled(device, c"vkGetMemoryFdKHR", khr::external_memory_fd::NAME)?;
+        }
+        let mut external = vk::ExternalMemoryBufferCreateInfo::default().handle_types(MEMORY);
+        let mut info = vk::BufferCreateInfo::default().size(size).usage(usage);
+        if shared {
+            info = info.push_next(&mut external);
+        }
+        // SAFETY: a plain creation; `Drop` destroys it, on errors below as well.
+        let raw = unsafe { device.raw().create_buffer(&info, device.callbacks()) }.named("vkCreateBuffer")?;
+        let memory = vk::DeviceMemory::null();
+        let mut made = Self { device: device.clone(), raw, memory, size, usage, shared };
+        device.name_object(raw, "softras external");
+        made.allocate(fd)?;
+        // SAFETY: the memory was made for this buffer, and is bound once.
+        unsafe { device.raw().bind_buffer_memory(raw, made.memory, 0) }.named("vkBindBufferMemory")?;
+        Ok(made)
+    }
+
+    fn allocate(&mut self, fd: Option<OwnedFd>) -> Result<()> {
+        let device = &self.device;
+        // SAFETY: buffer and physical device live.
+        let (needed, types) = unsafe {
+            let needed = device.raw().get_buffer_memory_requirements(self.raw);
+            (needed, device.instance().get_physical_device_memory_properties(device.physical_device()))
+        };
+        use vk::MemoryPropertyFlags as P;
+        let wanted = if self.shared { P::DEVICE_LOCAL } else { P::HOST_VISIBLE | P::HOST_COHERENT };
+        let fits = |(i, t): &(u32, &vk::MemoryType)| {
+            needed.memory_type_bits >> i & 1 == 1 && t.property_flags.contains(wanted)
+        };
+        let call = "vkAllocateMemory";
+        let Some((index, _)) = (0..).zip(types.memory_types_as_slice()).find(fits) else {
+            return Err(misuse_of(call, "no memory type fits an external buffer"));
+        };
+        // Memory of its own: some drivers share no other.
+        let mut dedicated = vk::MemoryDedicatedAllocateInfo::default().buffer(self.raw);
+        let mut export = vk::ExportMemoryAllocateInfo::default().handle_types(MEMORY);
+        let fd = fd.map(IntoRawFd::into_raw_fd);
+        let mut import = vk::ImportMemoryFdInfoKHR::default().handle_type(MEMORY).fd(fd.unwrap_or(-1));
+        let mut info = vk::MemoryAllocateInfo::default().allocation_size(needed.size).memory_type_index(index);
+        info = match (self.shared, fd) {
+            (false, _) => info,
+            (true, None) => info.push_next(&mut dedicated).push_next(&mut export),
+            (true, Some(_)) => info.push_next(&mut dedicated).push_next(&mut import),
+        };
+        // SAFETY: the infos live until the call returns; the descriptor is the caller's to give, and the driver's if the
+        // call succeeds.
+        let made = unsafe { device.raw().allocate_memory(&info, device.callbacks()) };
+        if let (Err(_), Some(fd)) = (&made, fd) {
+            // SAFETY: it was an OwnedFd, which the driver has not taken.
+            drop(unsafe { OwnedFd::from_raw_fd(fd) });
+        }
+        self.memory = made.named(call)?;
+        Ok(())
+    }
+
+    /// For another device to [`import`](Self::import), once what was written has been executed.
+    ///
+    /// # Errors
+    /// [`Error::Vulkan`].
+    pub fn export(&self) -> Result<External> {
+        if !self.shared {
+            let mut bytes = vec![0; self.size as usize];
+            self.mapped(|at| bytes.copy_from_slice(at))?;
+            return Ok(External::Bytes(bytes));
+        }
+        let functions = khr::external_memory_fd::Device::new(self.device.instance(), self.device.raw());
+        let info = vk::MemoryGetFdInfoKHR::default().memory(self.memory).handle_type(MEMORY);
+        // SAFETY: the memory was allocated for export of this type (or imported with it).
+        let fd = unsafe { functions.get_memory_fd(&info) }.named("vkGetMemoryFdKHR")?;
+        // SAFETY: a new descriptor, which is ours.
+        Ok(External::Memory(unsafe { OwnedFd::from_raw_fd(fd) }))
+    }
+
+    /// Works on the bytes of a buffer that the host reaches.
+    fn mapped(&self, work: impl FnOnce(&mut [u8])) -> Result<()> {
+        let (device, none) = (self.device.raw(), vk::MemoryMapFlags::empty());
+        // SAFETY: such memory is host-visible and coherent (`allocate`), and is unmapped again below.
+        let at = unsafe { device.map_memory(self.memory, 0, vk::WHOLE_SIZE, none) }.named("vkMapMemory")?;
+        // SAFETY: the mapping has at least the buffer's bytes, and nobody else has a slice of it.
+        work(unsafe { std::slice::from_raw_parts_mut(at.cast::<u8>(), self.size as usize) });
+        // SAFETY: it was mapped above.
+        unsafe { device.unmap_memory(self.memory) };
+        Ok(())
+    }
+
+    /// The buffer: for a [`BufferRef`](super::BufferRef), which must not outlive it.
+    pub fn raw(&self) -> vk::Buffer {
+        self.raw
+    }
+
+    /// Bytes.
+    pub fn size(&self) -> u64 {
+        self.size
+    }
+
+    /// What it was made for.
+    pub fn usage(&self) -> vk::BufferUsageFlags {
+        self.usage
+    }
+}
+
+impl Drop for ExternalBuffer {
+    fn drop(&mut self) {
+        let (device, callbacks) = (self.device.raw(), self.device.callbacks());
+        // SAFETY: both are ours; the host keeps this as long as the device uses them (`raw`). Null is ignored.
+        unsafe {
+            device.destroy_buffer(self.raw, callbacks);
+            device.free_memory(self.memory, callbacks);
+        }
+    }
+}
+
+/// A semaphore that another device can wait for, or signal.
+#[derive(Debug)]
+pub struct ExternalSemaphore {
+    device: Device,
+    raw: vk::Semaphore,
+}
+
+impl ExternalSemaphore {
+    /// A binary semaphore to share. The device must have VK_KHR_external_semaphore_fd enabled.
+    ///
+    /// # Errors
+    /// [`Error::NoDevice`] without [`ExternalSupport::semaphores`]: wait for a fence on the host instead.
+    pub fn new(device: &Device, support: ExternalSupport) -> Result<Self> {
+        if !support.semaphores {
+            return Err(Error::NoDevice {
+                what: "the driver shares no semaphores".into(),
+                mend: "wait for a fence on the host between the two devices".into(),
+            });
+        }
+        enabled(device, c"vkGetSemaphoreFdKHR", khr::external_semaphore_fd::NAME)?;
+        let mut export = vk::ExportSemaphoreCreateInfo::default().handle_types(SEMAPHORE);
+        let info = vk::SemaphoreCreateInfo::default().push_next(&mut export);
+        // SAFETY: the info's pointers live until the call returns; `Drop` destroys it.
+        let raw = unsafe { device.raw().create_semaphore(&info, device.callbacks()) }.named("vkCreateSemaphore")?;
+        device.name_object(raw, "softras external");
+        Ok(Self { device: device.clone(), raw })
+    }
+
+    /// A semaphore of this device that stands for the exported one.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new); [`Error::Vulkan`].
+    pub fn import(device: &Device, support: ExternalSupport, fd: OwnedFd) -> Result<Self> {
+        let made = Self::new(device, support)?;
+        let functions = khr::external_semaphore_fd::Device::new(device.instance(), device.raw());
+        let fd = fd.into_raw_fd();
+        let info = vk::ImportSemaphoreFdInfoKHR::default().semaphore(made.raw).handle_type(SEMAPHORE).fd(fd);
+        // SAFETY: the semaphore was just made; the descriptor is the driver's if the call succeeds.
+        let result = unsafe { functions.import_semaphore_fd(&info) };
+        if result.is_err() {
+            // SAFETY: it was an OwnedFd, which the driver has not taken.
+            drop(unsafe { OwnedFd::from_raw_fd(fd) });
+        }
+        result.named("vkImportSemaphoreFdKHR")?;
+        Ok(made)
+    }
+
+    /// For another device to [`import`](Self::import).
+    ///
+    /// # Errors
+    /// [`Error::Vulkan`].
+    pub fn export(&self) -> Result<OwnedFd> {
+        let functions = khr::external_semaphore_fd::Device::new(self.device.instance(), self.device.raw());
+        let info = vk::SemaphoreGetFdInfoKHR::default().semaphore(self.raw).handle_type(SEMAPHORE);
+        // SAFETY: the semaphore was made for export of this type.
+        let fd = unsafe { functions.get_semaphore_fd(&info) }.named("vkGetSemaphoreFdKHR")?;
+        // SAFETY: a new descriptor, which is ours.
+        Ok(unsafe { OwnedFd::from_raw_fd(fd) })
+    }
+
+    /// The semaphore.
+    pub fn raw(&self) -> vk::Semaphore {
+        self.raw
+    }
+}
+
+impl Drop for ExternalSemaphore {
+    fn drop(&mut self) {
+        // SAFETY: it is ours; the host keeps this as long as the device uses it (`raw`).
+        unsafe { self.device.raw().destroy_semaphore(self.raw, self.device.callbacks()) };
+    }
+}
