@@ -19,8 +19,12 @@ pub type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
 type Log = Mutex<Vec<String>>;
 
-/// The one best practice that is not followed: validation takes extensions for debugging.
-const ACCEPTED: &str = "BestPractices-vkCreateInstance-specialuse-extension-debugging";
+/// The best practices that are not followed, each with the reason.
+const ACCEPTED: [(&str, &str); 3] = [
+    ("BestPractices-vkCreateInstance-specialuse-extension-debugging", "validation takes extensions for debugging"),
+    ("BestPractices-vkAllocateMemory-small-allocation", "memory that is shared is one buffer's alone"),
+    ("BestPractices-vkBindMemory-small-dedicated-allocation", "the same"),
+];
 
 /// The device and all that is needed to use it.
 pub struct Engine {
@@ -368,7 +372,7 @@ unsafe extern "system" fn note(
     log: *mut c_void,
 ) -> vk::Bool32 {
     let text = unsafe { CStr::from_ptr((*data).p_message) }.to_string_lossy().into_owned();
-    if text.contains(ACCEPTED) {
+    if ACCEPTED.iter().any(|(id, _)| text.contains(id)) {
         return vk::FALSE;
     }
     eprintln!("{text}");

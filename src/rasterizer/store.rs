@@ -21,7 +21,7 @@ pub enum FrameImage {
     Silhouette,
     /// Σ w z in world units. Into one channel.
     Depth,
-    /// Σ w n in world space, and 0. Into four channels.
+    /// Σ w n in world space, and 0. Into four channels of floats; of bytes, what is below 0 is lost.
     Normal,
 }
 

@@ -1,4 +1,5 @@
 //! Host memory as a foreign allocator gives it: counted, and refused after a number of calls.
+#![allow(dead_code)]
 
 use ash::vk;
 use std::ffi::c_void;
