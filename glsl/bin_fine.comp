@@ -35,8 +35,6 @@ layout(set = 0, binding = 14, std430) writeonly buffer TileBounds { vec2 tile_bo
 #include "common/images.glsl"
 
 const uint TILE_PIXELS = TILE_WIDTH * TILE_HEIGHT;
-// Tiles that the workgroup's lanes cover at a time, a pixel each.
-const uint TILES_AT_ONCE = gl_WorkGroupSize.x / TILE_PIXELS;
 
 // The tiles of the bin that must be given the background, as bits.
 shared uint empty_tiles[2];
@@ -69,24 +67,25 @@ void write_list(uint next, int first, int entries, int words) {
     }
 }
 
-// All lanes together, so that neighbours write neighbouring pixels.
-void write_background(int view, uvec2 bin) {
-    uvec2 empty = uvec2(empty_tiles[0], empty_tiles[1]);
+// All lanes together, so that neighbours write neighbouring pixels: half of them one tile, half the next.
+void write_background(int view, uvec2 bin, uint first, uint tiles) {
     uint lane = gl_LocalInvocationID.x;
     uvec2 pixel = uvec2(lane % TILE_WIDTH, lane % TILE_PIXELS / TILE_WIDTH);
     Pixel p = background_pixel();
-    for (uint i = 0u; i < BIN_TILES * BIN_TILES; i += TILES_AT_ONCE) {
-        uint tile = i + lane / TILE_PIXELS;
-        bool is_empty = (((tile < 32u ? empty.x : empty.y) >> (tile % 32u)) & 1u) != 0u;
+    while (tiles != 0u) {
+        uint rest = tiles & (tiles - 1u);
+        uint mine = lane < TILE_PIXELS ? tiles : rest;
+        uint tile = first + uint(findLSB(mine));
         uvec2 where = (bin * BIN_TILES + uvec2(tile % BIN_TILES, tile / BIN_TILES)) * uvec2(TILE_WIDTH, TILE_HEIGHT);
         where += pixel;
-        if (is_empty && where.x < frame.width && where.y < frame.height) {
+        if (mine != 0u && where.x < frame.width && where.y < frame.height) {
             int to = place_of(view, ivec2(where));
             write_images(p, to, 1);
             if (SAVE) {
                 saved[to] = kept_of(p);
             }
         }
+        tiles = rest & (rest - 1u);
     }
 }
 
@@ -136,6 +135,7 @@ void main() {
         }
     }
     barrier();
-    write_background(view, bin);
+    write_background(view, bin, 0u, empty_tiles[0]);
+    write_background(view, bin, 32u, empty_tiles[1]);
     write_list(next, first, count == 0u ? 0 : entries, words);
 }
