@@ -1,9 +1,9 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Bin, fine: a bin's words become one list of slots a tile, in the same ascending order.
+// Bin, fine: a bin's words become one list of slots a tile, in the same ascending order, but those that face away last.
 // One workgroup a bin, views along y, one lane a tile: each counts the bits of its words, then writes their slots.
-// A tile with a list becomes one of the `tile_items` that forward walks: its view, its number there, and where its slots
-// begin and how many there are; `tile_counts` has the items' number as workgroups of indirect dispatches. Their order does
+// A tile with a list becomes one of the `tile_items` that forward walks: its number among all views', where its slots
+// begin, how many of them face the viewer, and how many there are; `tile_counts` has the items' number as workgroups of indirect dispatches. Their order does
 // not matter. A tile without shows the background: what forward would write there is written here, unless the frame before
 // left it there.
 // Reads `bin_ranges`, `coarse_slots` and `coarse_words`; writes `tile_items`, `tile_counts`, `tile_slots` and `status`; of
@@ -55,14 +55,34 @@ void add_item(uvec4 item) {
     atomicAdd(tile_counts[place / FORWARD_ROW * DISPATCH_WORDS], 1u);
 }
 
-// One tile's list: which slots its words say, from `next` on.
-void write_list(uint next, int first, int entries, int words) {
-    for (int i = 0; i < entries; i += int(WORD_BITS)) {
-        uint word = texelFetch(coarse_words, words + 2 * i).x;
+// How many entries a tile's words hold, and how many of them face the viewer. Of each block there are 64 words, one a tile,
+// and the one of those that face away.
+uvec2 count_entries(int words, int blocks) {
+    uint lane = gl_LocalInvocationID.x;
+    uvec2 count = uvec2(0u);
+    for (int i = 0; i < blocks; ++i) {
+        int at = words + i * int(BLOCK_WORDS);
+        uint word = texelFetch(coarse_words, at + int(lane)).x;
+        uint away = texelFetch(coarse_words, at + int(BLOCK_WORDS) - 1).x;
+        count += uvec2(bitCount(word & ~away), bitCount(word));
+    }
+    return count;
+}
+
+// One tile's list, from `next` on and, of what faces away, from `next_away`.
+void write_list(uint next, uint next_away, int first, int words, int blocks) {
+    uint lane = gl_LocalInvocationID.x;
+    for (int i = 0; i < blocks; ++i) {
+        int at = words + i * int(BLOCK_WORDS);
+        uint word = texelFetch(coarse_words, at + int(lane)).x;
+        uint away = texelFetch(coarse_words, at + int(BLOCK_WORDS) - 1).x;
         while (word != 0u) {
-            tile_slots[next] = texelFetch(coarse_slots, first + i + findLSB(word)).x;
+            int bit = findLSB(word);
+            uint is_away = (away >> uint(bit)) & 1u;
+            tile_slots[is_away == 0u ? next : next_away] = texelFetch(coarse_slots, first + i * int(WORD_BITS) + bit).x;
             word &= word - 1u;
-            ++next;
+            next += 1u - is_away;
+            next_away += is_away;
         }
     }
 }
@@ -104,12 +124,10 @@ void main() {
         begin_rows();
     }
     barrier();
-    // 64 words, one a tile, for every 32 entries.
-    int words = 2 * first + int(lane);
-    uint count = 0u;
-    for (int i = 0; i < entries; i += int(WORD_BITS)) {
-        count += uint(bitCount(texelFetch(coarse_words, words + 2 * i).x));
-    }
+    int words = first / int(WORD_BITS) * int(BLOCK_WORDS);
+    int blocks = (entries + int(WORD_BITS) - 1) / int(WORD_BITS);
+    uvec2 found = count_entries(words, blocks);
+    uint count = found.y;
     uvec2 bin = uvec2(index % frame.bins_x, index / frame.bins_x);
     uvec2 at = bin * BIN_TILES + uvec2(lane % BIN_TILES, lane / BIN_TILES);
     bool exists = at.x < frame.tiles_x && at.y < frame.tiles_y;
@@ -118,12 +136,11 @@ void main() {
     // Left out whole when it does not fit, as in bin_coarse.
     count = next + count <= frame.list_capacity ? count : 0u;
     if (exists) {
-        uint tile_in_view = at.y * frame.tiles_x + at.x;
-        uint tile = uint(view) * frame.tiles_x * frame.tiles_y + tile_in_view;
+        uint tile = (uint(view) * frame.tiles_y + at.y) * frame.tiles_x + at.x;
         bool is_kept = shape.background_kept && tile_marks[tile] == MARK_BACKGROUND;
         tile_marks[tile] = count == 0u ? MARK_BACKGROUND : 0u;
         if (count > 0u) {
-            add_item(uvec4(uint(view), tile_in_view, next, count));
+            add_item(uvec4(tile, next, found.x, count));
         } else if (!is_kept) {
             atomicOr(empty_tiles[lane / 32u], 1u << (lane % 32u));
             if (SAVE) {
@@ -137,5 +154,5 @@ void main() {
     barrier();
     write_background(view, bin, 0u, empty_tiles[0]);
     write_background(view, bin, 32u, empty_tiles[1]);
-    write_list(next, first, count == 0u ? 0 : entries, words);
+    write_list(next, next + found.x, first, words, count == 0u ? 0 : blocks);
 }

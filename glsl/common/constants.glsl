@@ -18,6 +18,8 @@ const uint LINEAR_GROUP = 64u;
 const uint DISPATCH_WORDS = 3u;
 // Triangles whose bits share one word of a bin's bitmap.
 const uint WORD_BITS = 32u;
+// Words of a block of WORD_BITS entries of a bin's list: which of them may touch each tile, and which face away.
+const uint BLOCK_WORDS = 65u;
 
 // In `tile_marks`: the tile's pixels hold the background.
 const uint MARK_BACKGROUND = 1u;

@@ -71,7 +71,7 @@ pub(super) fn sizes_of(input: &PlanInput, frame: &FramePush, t: &Totals) -> Buff
         bin_bits: bytes(t.words, 4),
         bin_ranges: bytes(t.bins, 8),
         coarse_slots: bytes(u64::from(frame.coarse_capacity), 4),
-        coarse_words: bytes(u64::from(frame.coarse_capacity), 8),
+        coarse_words: bytes(u64::from(frame.coarse_capacity.div_ceil(c::WORD_BITS)), 4 * u64::from(c::BLOCK_WORDS)),
         tile_slots: bytes(u64::from(frame.list_capacity), 4),
         tile_items: bytes(t.tiles, 16),
         tile_counts: bytes(t.tile_rows() * u64::from(c::DISPATCH_WORDS), 4),
