@@ -1,7 +1,7 @@
 // Forward: every pixel gathers over its tile's triangles in the list's order: silhouette as a product of complements,
 // colour, depth and normal as a softmax by depth with a running maximum. What those before hide in all of the tile counts
 // in the silhouette alone, and where nothing is seen through the tile not at all.
-// One workgroup a tile of 8×4 pixels that has a list, each lane 32 / lanes of them; what nothing is near is bin_fine's.
+// One workgroup a tile of 8×4 pixels that has a list, each lane 32 / lanes of them; the others are background's.
 // Reads `tile_items`, `tile_slots` and the records; writes the images, and for backward `saved`, what
 // pixel.glsl keeps of a pixel, and `tile_bounds`.
 
@@ -270,25 +270,22 @@ void gather_list(int from, int facing_end, int end, Lane lane, inout Pixel pixel
 
 void main() {
     ivec4 item = ivec4(texelFetch(tile_items, int(frame.first + gl_WorkGroupID.x)));
-    int tiles = int(frame.tiles_x * frame.tiles_y);
-    int view = item.x / tiles;
-    int tile = item.x - view * tiles;
+    TilePlace tile = tile_place(item.x);
     int lane = int(gl_LocalInvocationID.x);
-    ivec2 corner = ivec2(tile % int(frame.tiles_x), tile / int(frame.tiles_x)) * ivec2(TILE_WIDTH, TILE_HEIGHT);
-    ivec2 mine = corner + ivec2(lane % int(TILE_WIDTH), lane / int(TILE_WIDTH));
+    ivec2 mine = tile.corner + ivec2(lane % int(TILE_WIDTH), lane / int(TILE_WIDTH));
     Pixel pixels[PIXELS];
     for (int i = 0; i < PIXELS; ++i) {
         pixels[i] = background_pixel();
     }
     Lane constant = Lane(vec2(mine), frame.radius_squared, frame.scale, 1.0 / frame.score_high);
     gather_list(item.y, item.y + item.z, item.y + item.w, constant, pixels);
-    int triangle_count = shape_of(view).triangle_count;
+    int triangle_count = shape_of(tile.view).triangle_count;
     vec2 bounds = vec2(3e38, 0.0);
     for (int i = 0; i < PIXELS; ++i) {
         int index = i * int(gl_WorkGroupSize.x);
         ivec2 where = mine + ivec2(index % int(TILE_WIDTH), index / int(TILE_WIDTH));
         if (where.x < int(frame.width) && where.y < int(frame.height)) {
-            int to = place_of(view, where);
+            int to = place_of(tile.view, where);
             write_images(pixels[i], to, triangle_count);
             if (SAVE) {
                 saved[to] = kept_of(pixels[i]);
