@@ -1,8 +1,11 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Bin, fine: a bin's words become one list of slots a tile, in the same ascending order.
+// Bin, fine: a bin's words become one list of slots a tile, in the same ascending order; and of the tiles that have one, a
+// list for forward to walk.
 // One workgroup a bin, views along y, one lane a tile: each counts the bits of its words, then writes their slots.
-// Reads `bin_ranges`, `coarse_slots` and `coarse_words`; writes `tile_ranges`, `tile_slots` and `status`.
+// Reads `bin_ranges`, `coarse_slots` and `coarse_words`; writes `tile_slots`, `status`, `tile_items` (view, tile, and where
+// its slots begin and how many there are) and its lengths as workgroups of indirect dispatches, `tile_counts`. The order of
+// the items does not matter: every tile has its own pixels.
 
 layout(local_size_x = 64) in;
 
@@ -10,9 +13,10 @@ layout(set = 0, binding = 0) uniform usamplerBuffer view_shapes;
 layout(set = 0, binding = 1) uniform usamplerBuffer bin_ranges;
 layout(set = 0, binding = 2) uniform usamplerBuffer coarse_slots;
 layout(set = 0, binding = 3) uniform usamplerBuffer coarse_words;
-layout(set = 0, binding = 4, std430) writeonly buffer TileRanges { uvec2 tile_ranges[]; };
+layout(set = 0, binding = 4, std430) writeonly buffer TileItems { uvec4 tile_items[]; };
 layout(set = 0, binding = 5, std430) writeonly buffer TileSlots { uint tile_slots[]; };
 layout(set = 0, binding = 6, std430) buffer Status { uint status[]; };
+layout(set = 0, binding = 7, std430) buffer TileCounts { uint tile_counts[]; };
 
 #include "common/constants.glsl"
 #include "common/frame.glsl"
@@ -39,12 +43,15 @@ void main() {
     }
     uint next = count == 0u ? 0u : atomicAdd(status[STATUS_LIST_NEEDED], count);
     bool fits = next + count <= frame.list_capacity;
-    uint tile = (uint(view) * frame.tiles_y + tile_y) * frame.tiles_x + tile_x;
     // Left out whole when it does not fit, as in bin_coarse.
-    tile_ranges[tile] = uvec2(next, fits ? count : 0u);
     if (!fits || count == 0u) {
         return;
     }
+    uint tile = tile_y * frame.tiles_x + tile_x;
+    // Each row of FORWARD_ROW tiles has a list of its own, so that its length is a number of workgroups along one axis.
+    uint row = (uint(view) * frame.tiles_x * frame.tiles_y + tile) / FORWARD_ROW;
+    uint place = row * FORWARD_ROW + atomicAdd(tile_counts[row * TILE_COUNT_WORDS], 1u);
+    tile_items[place] = uvec4(uint(view), tile, next, count);
     if (count > LONG_LIST) {
         atomicMax(status[STATUS_LONGEST_LIST], count);
     }

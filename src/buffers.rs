@@ -40,7 +40,7 @@ pub const UNUSED: Slot = slot("unused", TexelFormat::Float, Role::Workspace);
 pub const UNUSED_SIZE: u64 = 16;
 
 /// Every buffer of a forward frame.
-pub const FORWARD: [Slot; 32] = [
+pub const FORWARD: [Slot; 33] = [
     slot("view_shapes", TexelFormat::Uint4, Role::Input),
     slot("view_cameras", TexelFormat::Float4, Role::Input),
     slot("positions", TexelFormat::Float, Role::Input),
@@ -62,7 +62,8 @@ pub const FORWARD: [Slot; 32] = [
     slot("bin_ranges", TexelFormat::Uint2, Role::Workspace),
     slot("coarse_slots", TexelFormat::Uint, Role::Workspace),
     slot("coarse_words", TexelFormat::Uint, Role::Workspace),
-    slot("tile_ranges", TexelFormat::Uint2, Role::Workspace),
+    slot("tile_items", TexelFormat::Uint4, Role::Workspace),
+    slot("tile_counts", TexelFormat::Uint, Role::Workspace),
     slot("tile_slots", TexelFormat::Uint, Role::Workspace),
     slot("status", TexelFormat::Uint, Role::Output),
     slot("color", TexelFormat::Float4, Role::Output),
@@ -110,7 +111,8 @@ pub fn planned_size(sizes: &BufferSizes, name: &str) -> u64 {
         "bin_ranges" => sizes.bin_ranges,
         "coarse_slots" => sizes.coarse_slots,
         "coarse_words" => sizes.coarse_words,
-        "tile_ranges" => sizes.tile_ranges,
+        "tile_items" => sizes.tile_items,
+        "tile_counts" => sizes.tile_counts,
         "tile_slots" => sizes.tile_slots,
         "status" => sizes.status,
         "color" => sizes.color,
@@ -135,8 +137,12 @@ pub fn usage_of(name: &str) -> vk::BufferUsageFlags {
     });
     use vk::BufferUsageFlags as U;
     let by_us = match name {
-        "status" | "bin_bits" | "texel_sums" => U::TRANSFER_DST,
-        "item_counts" => U::TRANSFER_DST | U::INDIRECT_BUFFER,
+        "status" => U::TRANSFER_DST,
+        "tile_counts" | "item_counts" => U::TRANSFER_DST | U::INDIRECT_BUFFER,
+        // Written with a pattern, which is copied within the buffer (`passes::blank`).
+        "bin_bits" | "texel_sums" | "color" | "silhouette" | "depths" | "normals" | "saved" | "tile_bounds" => {
+            U::TRANSFER_SRC | U::TRANSFER_DST
+        }
         "unused" => U::STORAGE_BUFFER | U::UNIFORM_TEXEL_BUFFER,
         _ => U::empty(),
     };

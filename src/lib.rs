@@ -35,6 +35,7 @@
 //! [`renderer`] is built on; [`plan`] turns sizes into buffers and dispatches, [`passes`] records a frame, and [`vulkan`]
 //! is where `unsafe` lives.
 
+mod blank;
 pub mod buffers;
 pub mod error;
 pub mod fit;

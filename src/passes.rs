@@ -1,6 +1,7 @@
 //! The frame, read top to bottom.
 
 use crate::Result;
+use crate::blank::{self, Blank};
 use crate::buffers::buffer_of_binding;
 use crate::constants as c;
 use crate::error::Error;
@@ -92,40 +93,85 @@ fn stamp(recorder: &mut Recorder<'_>, pool: Option<&TimestampPool>, index: u32) 
     }
 }
 
-/// One forward frame: every stage after the one before, a global barrier between them.
+/// One forward frame: every stage after the one before, a global barrier between them. Without triangles, and for tiles
+/// without any, images are the background that they begin as.
 ///
 /// It begins with a barrier behind all compute, copies and fills before it, and ends with one before all that follow, so
 /// that what other stages and queues do to the buffers is all that the caller must order.
-pub fn record_forward(
+pub fn record_forward<'a>(
     recorder: &mut Recorder<'_>,
     plan: &Plan,
     stages: &ForwardStages,
-    status: &BufferPart,
-    bin_bits: &BufferPart,
+    find: &dyn Fn(&str) -> Result<&'a BufferPart>,
     times: Option<&TimestampPool>,
 ) -> Result<()> {
     let push = bytemuck::bytes_of(&plan.frame);
+    recorder.begin_label("softras forward");
+    recorder.barrier();
+    recorder.fill(find("status")?, 0, plan.sizes.status, 0)?;
+    let mut images: [Option<Blank<'_>>; 6] = [const { None }; 6];
+    for (image, (name, size, pattern)) in images.iter_mut().zip(blank::of_forward(plan)) {
+        if size > 0 {
+            *image = Some(Blank::begin(recorder, find(name)?, size, pattern)?);
+        }
+    }
+    if plan.totals.slots == 0 {
+        stamp(recorder, times, 0)?;
+        while images.iter().flatten().any(|image| !image.is_whole()) {
+            recorder.barrier();
+            images.iter_mut().flatten().try_for_each(|image| image.grow(recorder))?;
+        }
+        recorder.barrier();
+        (1..FORWARD_TIMESTAMPS).try_for_each(|index| stamp(recorder, times, index))?;
+        recorder.end_label();
+        return Ok(());
+    }
+    let mut bins = Blank::begin(recorder, find("bin_bits")?, plan.sizes.bin_bits, [0; 4])?;
+    no_workgroups(recorder, find("tile_counts")?, plan.tile_rows * c::TILE_COUNT_WORDS / 3)?;
+    recorder.barrier();
+    stamp(recorder, times, 0)?;
     let steps = [
         (&stages.vertex, plan.groups.vertex),
         (&stages.triangle, plan.groups.triangle),
         (&stages.bin_coarse, plan.groups.bin_coarse),
         (&stages.bin_fine, plan.groups.bin_fine),
-        (&stages.forward, plan.groups.forward),
     ];
-    recorder.begin_label("softras forward");
-    recorder.barrier();
-    recorder.fill(status, 0, plan.sizes.status, 0)?;
-    recorder.fill(bin_bits, 0, plan.sizes.bin_bits, 0)?;
-    recorder.barrier();
-    stamp(recorder, times, 0)?;
     for (i, (stage, groups)) in steps.into_iter().enumerate() {
         recorder.begin_label(stage.pipeline.kernel().name);
+        // Triangles are the first to mark bins, forward to draw.
+        bins.finish(recorder)?;
+        let last = i + 1 == 4;
+        for image in images.iter_mut().flatten() {
+            if last { image.finish(recorder) } else { image.grow(recorder) }?;
+        }
         recorder.dispatch(&stage.pipeline, &stage.set, push, groups)?;
         recorder.barrier();
         recorder.end_label();
         stamp(recorder, times, i as u32 + 1)?;
     }
+    recorder.begin_label(stages.forward.pipeline.kernel().name);
+    let counts = find("tile_counts")?;
+    for row in 0..plan.tile_rows {
+        let Stage { pipeline, set } = &stages.forward;
+        let frame = FramePush { first: row * c::FORWARD_ROW, ..plan.frame };
+        let at = 4 * u64::from(row * c::TILE_COUNT_WORDS);
+        recorder.dispatch_indirect(pipeline, set, bytemuck::bytes_of(&frame), counts, at)?;
+    }
+    recorder.barrier();
     recorder.end_label();
+    stamp(recorder, times, FORWARD_TIMESTAMPS - 1)?;
+    recorder.end_label();
+    Ok(())
+}
+
+/// Writes the arguments of `count` indirect dispatches: no workgroups along x yet, one along y and z.
+fn no_workgroups(recorder: &mut Recorder<'_>, counts: &BufferPart, count: u32) -> Result<()> {
+    const AT_ONCE: u32 = 256;
+    let arguments = [[0u32, 1, 1]; AT_ONCE as usize];
+    for first in (0..count).step_by(AT_ONCE as usize) {
+        let part = &arguments[..AT_ONCE.min(count - first) as usize];
+        recorder.update(counts, 12 * u64::from(first), bytemuck::cast_slice(part))?;
+    }
     Ok(())
 }
 
@@ -254,18 +300,6 @@ fn record_items(
     Ok(())
 }
 
-/// The lists are empty: no workgroups along x, one along y and z.
-fn empty_lists(recorder: &mut Recorder<'_>, plan: &BackwardPlan, item_counts: &BufferPart) -> Result<()> {
-    recorder.fill(item_counts, 0, plan.sizes.item_counts, 1)?;
-    recorder.barrier();
-    for row in 0..plan.item_rows {
-        for list in [c::ITEMS_SHOWN, c::ITEMS_OUTLINE] {
-            recorder.fill(item_counts, 4 * u64::from(row * c::ITEM_COUNT_WORDS + list), 4, 0)?;
-        }
-    }
-    Ok(())
-}
-
 /// One backward pass after its forward frame: every stage after the one before, a global barrier between them.
 ///
 /// The frame's workspace, images and `saved` are as [`record_forward`] left them. Begins and ends with barriers as that
@@ -282,12 +316,19 @@ pub fn record_backward(
     let pixels_first = lights_first + plan.frame.light_count + 1;
     recorder.begin_label("softras backward");
     recorder.barrier();
-    recorder.fill(texel_sums, 0, plan.sizes.texel_sums, 0)?;
-    empty_lists(recorder, plan, item_counts)?;
+    let mut texels = Blank::begin(recorder, texel_sums, plan.sizes.texel_sums, [0; 4])?;
+    // The shown and the outlined items of each row.
+    no_workgroups(recorder, item_counts, plan.item_rows * c::ITEM_COUNT_WORDS / 3)?;
     recorder.barrier();
     stamp(recorder, times, 0)?;
     for (i, stage) in stages.stages.iter().enumerate() {
         let name = BACKWARD_STAGES[i];
+        match name {
+            "pixel_grad" => texels.grow(recorder)?,
+            // The next is the first that adds to them.
+            "backward_cull" => texels.finish(recorder)?,
+            _ => {}
+        }
         let mut frame = plan.frame;
         (frame.first, frame.reduce_rows) = match name {
             "reduce_lights" => (lights_first, plan.light_rows),
@@ -296,7 +337,8 @@ pub fn record_backward(
         };
         let list = list_of(name);
         let groups = groups_of(plan, name);
-        if list.is_some() || !groups.contains(&0) {
+        let runs = if list.is_some() { plan.item_rows > 0 && plan.walks(name) } else { !groups.contains(&0) };
+        if runs {
             recorder.begin_label(name);
             match list {
                 Some(list) => record_items(recorder, plan, stage, list, item_counts)?,

@@ -113,7 +113,8 @@ proptest! {
         prop_assert!(covers(plan.groups.vertex, c::LINEAR_GROUP, vertices.into()));
         prop_assert!(covers(plan.groups.triangle, c::LINEAR_GROUP, most.into()));
         let tiles = u64::from(width.div_ceil(c::TILE_WIDTH)) * u64::from(height.div_ceil(c::TILE_HEIGHT));
-        prop_assert!(covers(plan.groups.forward, 1, tiles));
+        prop_assert!(u64::from(plan.tile_rows * c::FORWARD_ROW) >= tiles * views.len() as u64);
+        prop_assert!(plan.sizes.tile_items >= 16 * tiles * views.len() as u64);
         let bins = u64::from(width.div_ceil(c::BIN_WIDTH)) * u64::from(height.div_ceil(c::BIN_HEIGHT));
         prop_assert!(covers(plan.groups.bin_fine, 1, bins));
         // Shares of the views follow each other without a gap or an overlap.

@@ -134,6 +134,8 @@ const uint REDUCTION_LIGHTS = 1u;
 // REDUCTION: all pixels.
 const uint REDUCTION_PIXELS = 2u;
 
+// Words of `tile_counts` for each row of FORWARD_ROW tiles: workgroups along three axes.
+const uint TILE_COUNT_WORDS = 3u;
 // First of the three words of `item_counts` that are the workgroups of a row of items which show.
 const uint ITEMS_SHOWN = 0u;
 // First of those of items that show in the silhouette alone.

@@ -1,8 +1,9 @@
 // Forward: every pixel gathers over its tile's triangles in ascending order: silhouette as a product of complements,
 // colour, depth and normal as a softmax by depth with a running maximum.
-// One workgroup a tile of 8×4 pixels, each lane 32 / lanes of them; tiles are taken even ones first, since a driver that
-// gives each core one contiguous half of the workgroups would else leave one idle.
-// Reads `tile_ranges`, `tile_slots` and the records; writes the images, and for backward `saved`: the log2 weight
+// One workgroup a tile of 8×4 pixels that some triangle may touch, each lane 32 / lanes of them; the others' pixels are
+// background already. Tiles are taken even ones first, since a driver that gives each core one contiguous half of the
+// workgroups would else leave one idle.
+// Reads `tile_items`, `tile_slots` and the records; writes the images, and for backward `saved`: the log2 weight
 // that the softmax is relative to (whole part and rest; of the hard mode the slot), its inverse sum, and the
 // transmittance; and `tile_bounds`: the smallest log2 sum of a tile's pixels and their largest transmittance.
 
@@ -10,7 +11,7 @@
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0) uniform usamplerBuffer view_shapes;
-layout(set = 0, binding = 1) uniform usamplerBuffer tile_ranges;
+layout(set = 0, binding = 1) uniform usamplerBuffer tile_items;
 layout(set = 0, binding = 2) uniform usamplerBuffer tile_slots;
 layout(set = 0, binding = 3) uniform samplerBuffer geometry;
 layout(set = 0, binding = 4) uniform samplerBuffer shading;
@@ -237,15 +238,12 @@ vec2 bounds_of(Pixel p) {
 }
 
 void main() {
-    int view = int(gl_WorkGroupID.y);
-    uint tiles = frame.tiles_x * frame.tiles_y;
-    uint even = (tiles + 1u) / 2u;
-    uint order = gl_WorkGroupID.z * FORWARD_ROW + gl_WorkGroupID.x;
-    if (order >= tiles) {
-        return;
-    }
-    uint tile = order < even ? 2u * order : 2u * (order - even) + 1u;
-    uvec2 range = texelFetch(tile_ranges, int(uint(view) * tiles + tile)).xy;
+    uint order = gl_WorkGroupID.x;
+    uint even = (gl_NumWorkGroups.x + 1u) / 2u;
+    uvec4 item = texelFetch(tile_items, int(frame.first + (order < even ? 2u * order : 2u * (order - even) + 1u)));
+    int view = int(item.x);
+    uint tile = item.y;
+    uvec2 range = item.zw;
     int lane = int(gl_LocalInvocationID.x);
     ivec2 corner = ivec2(tile % frame.tiles_x, tile / frame.tiles_x) * ivec2(TILE_WIDTH, TILE_HEIGHT);
     ivec2 mine = corner + ivec2(lane % int(TILE_WIDTH), lane / int(TILE_WIDTH));
@@ -281,7 +279,7 @@ void main() {
         // As one minimum.
         vec2 least = least_of_lanes(vec2(bounds.x, -bounds.y));
         if (lane == 0) {
-            tile_bounds[uint(view) * tiles + tile] = vec2(least.x, -least.y);
+            tile_bounds[uint(view) * frame.tiles_x * frame.tiles_y + tile] = vec2(least.x, -least.y);
         }
     }
 }

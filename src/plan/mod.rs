@@ -4,7 +4,7 @@
 //! mesh), P pixels over all views, B bins (64×32 pixels) and T tiles (8×4 pixels) over all views, C and L the capacities
 //! of the bins' and the tiles' lists, Q the texels of a shading record (4; +2 with textures, +3 with normals):
 //!
-//! `32 V + (32 V smooth) + 96 S + 16 Q S + B S/8 + 8 B + 12 C + 8 T + 4 L + 16 P colour + 4 P depth + 16 P normal`,
+//! `32 V + (32 V smooth) + 96 S + 16 Q S + B S/8 + 8 B + 12 C + 16 T + 4 L + 16 P colour + 4 P depth + 16 P normal`,
 //! and for backward `16 P + 8 S` and 8 a cell (64×32 pixels) that a box has beyond its first
 //!
 //! Nothing grows with pixels × triangles.
@@ -65,6 +65,8 @@ pub struct Plan {
     pub sizes: BufferSizes,
     /// Workgroups of each stage.
     pub groups: Groups,
+    /// Rows of FORWARD_ROW tiles, each with an indirect dispatch of its own.
+    pub tile_rows: u32,
     /// Vertices, slots and pixels of all views together.
     pub totals: Totals,
 }
@@ -77,7 +79,6 @@ pub struct Groups {
     pub triangle: [u32; 3],
     pub bin_coarse: [u32; 3],
     pub bin_fine: [u32; 3],
-    pub forward: [u32; 3],
 }
 
 /// What a plan is made from.
@@ -125,16 +126,15 @@ impl Plan {
         let most = |f: fn(&ViewSize) -> u32| input.views.iter().map(f).max().unwrap_or(0);
         let count = input.views.len() as u32;
         let linear = |n: u32| [n.div_ceil(c::LINEAR_GROUP), count, 1];
-        let tiles = frame.tiles_x * frame.tiles_y;
         let bins = [frame.bins_x * frame.bins_y, count, 1];
         let groups = Groups {
             vertex: linear(most(|v| v.vertices)),
             triangle: linear(most(|v| v.triangles)),
             bin_coarse: bins,
             bin_fine: bins,
-            forward: [tiles.min(c::FORWARD_ROW), count, tiles.div_ceil(c::FORWARD_ROW)],
         };
-        Ok(Self { frame, modes, views, sizes, groups, totals })
+        let tile_rows = sizes::tile_rows(&totals) as u32;
+        Ok(Self { frame, modes, views, sizes, groups, tile_rows, totals })
     }
 
     /// A specialization constant's value.

@@ -17,7 +17,8 @@ pub struct BufferSizes {
     pub bin_ranges: u64,
     pub coarse_slots: u64,
     pub coarse_words: u64,
-    pub tile_ranges: u64,
+    pub tile_items: u64,
+    pub tile_counts: u64,
     pub tile_slots: u64,
     pub status: u64,
     pub color: u64,
@@ -34,10 +35,11 @@ impl BufferSizes {
     /// All of them together.
     pub fn total(&self) -> u64 {
         let BufferSizes { vertices, vertex_shading, geometry, shading, boxes, bin_bits, bin_ranges, .. } = *self;
-        let BufferSizes { coarse_slots, coarse_words, tile_ranges, tile_slots, status, .. } = *self;
+        let BufferSizes { coarse_slots, coarse_words, tile_items, tile_counts, tile_slots, status, .. } = *self;
         let BufferSizes { color, silhouette, depths, normals, saved, tile_bounds, cell_ranges, cells, .. } = *self;
         let records = vertices + vertex_shading + geometry + shading + boxes;
-        let lists = bin_bits + bin_ranges + coarse_slots + coarse_words + tile_ranges + tile_slots + status;
+        let lists =
+            bin_bits + bin_ranges + coarse_slots + coarse_words + tile_items + tile_counts + tile_slots + status;
         records + lists + color + silhouette + depths + normals + saved + tile_bounds + cell_ranges + cells
     }
 }
@@ -45,6 +47,11 @@ impl BufferSizes {
 /// A multiple of 16, at least 16: no buffer that is used is empty.
 pub(super) fn bytes(count: u64, each: u64) -> u64 {
     (count * each).next_multiple_of(16).max(16)
+}
+
+/// Rows of tiles that forward walks.
+pub(super) fn tile_rows(t: &Totals) -> u64 {
+    t.tiles.div_ceil(u64::from(c::FORWARD_ROW))
 }
 
 pub(super) fn sizes_of(input: &PlanInput, frame: &FramePush, t: &Totals) -> BufferSizes {
@@ -68,7 +75,8 @@ pub(super) fn sizes_of(input: &PlanInput, frame: &FramePush, t: &Totals) -> Buff
         bin_ranges: bytes(t.bins, 8),
         coarse_slots: bytes(u64::from(frame.coarse_capacity), 4),
         coarse_words: bytes(u64::from(frame.coarse_capacity), 8),
-        tile_ranges: bytes(t.tiles, 8),
+        tile_items: bytes(t.tiles, 16),
+        tile_counts: bytes(tile_rows(t) * u64::from(c::TILE_COUNT_WORDS), 4),
         tile_slots: bytes(u64::from(frame.list_capacity), 4),
         status: bytes(u64::from(c::STATUS_WORDS), 4),
         color: when(outputs.color, bytes(t.pixels, 16)),

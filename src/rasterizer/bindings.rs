@@ -31,8 +31,6 @@ impl BufferRef {
 /// thrown away; then drop it, in any order with its [`Rasterizer`](super::Rasterizer), but before the device.
 pub struct FrameBindings {
     pub(super) stages: ForwardStages,
-    pub(super) status: BufferPart,
-    pub(super) bin_bits: BufferPart,
     /// The modes of the plan that it was made for.
     modes: Vec<(&'static str, u32)>,
     /// Bytes bound, by slot.
@@ -72,7 +70,8 @@ impl Parts {
         self.named(name).or_else(|| self.unused(slot()?.format))
     }
 
-    fn get(&self, name: &str) -> Result<&BufferPart> {
+    /// One of the frame's own.
+    pub(super) fn get(&self, name: &str) -> Result<&BufferPart> {
         self.named(name).ok_or_else(|| missing(name))
     }
 
@@ -174,14 +173,7 @@ fn fits(sizes: &[u64], ranges: &[u64], same_modes: bool) -> Result<()> {
 impl FrameBindings {
     pub(super) fn new(device: &Device, pipelines: [Pipeline; 5], plan: &FramePlan, parts: Parts) -> Result<Self> {
         let stages = ForwardStages::new(device, pipelines, &|name| parts.find(name))?;
-        Ok(Self {
-            stages,
-            status: parts.get("status")?.clone(),
-            bin_bits: parts.get("bin_bits")?.clone(),
-            modes: plan.plan.modes.clone(),
-            ranges: ranges_of(plan.buffers(), &parts),
-            parts,
-        })
+        Ok(Self { stages, modes: plan.plan.modes.clone(), ranges: ranges_of(plan.buffers(), &parts), parts })
     }
 
     /// Whether a plan can be recorded with it. Allocates nothing unless it cannot.

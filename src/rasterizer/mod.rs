@@ -350,8 +350,7 @@ impl Rasterizer {
         times: Option<&TimestampPool>,
     ) -> Result<()> {
         bindings.fits(plan)?;
-        let FrameBindings { stages, status, bin_bits, .. } = bindings;
-        passes::record_forward(recorder, &plan.plan, stages, status, bin_bits, times)
+        passes::record_forward(recorder, &plan.plan, &bindings.stages, &|name| bindings.parts.get(name), times)
     }
 
     pub(crate) fn backward(
