@@ -28,15 +28,6 @@ layout(set = 0, binding = 9, std430) writeonly buffer TileBounds { vec2 tile_bou
 #include "common/mesh.glsl"
 #include "common/pixel.glsl"
 
-// The workgroups of every row's dispatches along y and z; along x they were filled with 0 before the frame.
-void begin_rows() {
-    uint rows = (frame.view_count * frame.tiles_x * frame.tiles_y + FORWARD_ROW - 1u) / FORWARD_ROW;
-    for (uint i = 0u; i < rows * TILE_COUNT_WORDS; i += 3u) {
-        tile_counts[i + 1u] = 1u;
-        tile_counts[i + 2u] = 1u;
-    }
-}
-
 // Puts a tile on the `place`th place of one of the lists; that of empty tiles comes after the other's room.
 void add_item(uint list, uint place, uvec4 item) {
     uint tiles = frame.view_count * frame.tiles_x * frame.tiles_y;
@@ -84,9 +75,6 @@ void main() {
     uvec2 range = texelFetch(bin_ranges, shape.bin_base + int(index)).xy;
     int first = int(range.x);
     int entries = int(range.y);
-    if (lane == 0u && index == 0u && view == 0) {
-        begin_rows();
-    }
     int words = first / int(WORD_BITS) * int(BLOCK_WORDS);
     int blocks = (entries + int(WORD_BITS) - 1) / int(WORD_BITS);
     uvec2 found = count_entries(words, blocks);

@@ -139,7 +139,8 @@ pub fn usage_of(name: &str) -> vk::BufferUsageFlags {
     });
     use vk::BufferUsageFlags as U;
     let by_us = match name {
-        "status" | "bin_bits" | "texel_sums" => U::TRANSFER_DST,
+        "status" => U::TRANSFER_DST,
+        "bin_bits" | "texel_sums" => U::TRANSFER_SRC | U::TRANSFER_DST,
         "item_counts" | "tile_counts" => U::TRANSFER_DST | U::INDIRECT_BUFFER,
         "unused" => U::STORAGE_BUFFER | U::UNIFORM_TEXEL_BUFFER,
         _ => U::empty(),

@@ -125,6 +125,34 @@ fn tile_list<'a>(plan: &Plan, counts: &'a BufferPart, offset: u32) -> List<'a> {
     List { rows: plan.totals.tile_rows() as u32, first, counts, stride: c::TILE_COUNT_WORDS, offset }
 }
 
+/// Fills a buffer with 0. What is large is filled in part and copied behind itself: vkCmdFillBuffer takes lavapipe some
+/// nanoseconds for each four bytes, a copy far less.
+fn clear(recorder: &mut Recorder<'_>, buffer: &BufferPart, size: u64) -> Result<()> {
+    const LARGE: u64 = 1 << 18;
+    const PARTS: u64 = 32;
+    if size < LARGE {
+        return recorder.fill(buffer, 0, size, 0);
+    }
+    let part = size.div_ceil(PARTS).next_multiple_of(16);
+    recorder.fill(buffer, 0, part, 0)?;
+    recorder.barrier();
+    for at in (part..size).step_by(part as usize) {
+        recorder.copy(buffer, 0, buffer, at, part.min(size - at))?;
+    }
+    Ok(())
+}
+
+/// Writes the arguments of `count` indirect dispatches: no workgroups along x yet, one along y and z.
+fn no_workgroups(recorder: &mut Recorder<'_>, counts: &BufferPart, count: u64) -> Result<()> {
+    const AT_ONCE: u64 = 256;
+    let arguments = [[0u32, 1, 1]; AT_ONCE as usize];
+    for first in (0..count).step_by(AT_ONCE as usize) {
+        let part = &arguments[..AT_ONCE.min(count - first) as usize];
+        recorder.update(counts, 12 * first, bytemuck::cast_slice(part))?;
+    }
+    Ok(())
+}
+
 /// One forward frame: every stage after the one before, a global barrier between them.
 ///
 /// It begins with a barrier behind all compute, copies and fills before it, and ends with one before all that follow, so
@@ -154,13 +182,15 @@ pub fn record_forward(
     recorder.begin_label("softras forward");
     recorder.barrier();
     recorder.fill(status, 0, plan.sizes.status, 0)?;
-    recorder.fill(bin_bits, 0, plan.sizes.bin_bits, 0)?;
-    recorder.fill(tile_counts, 0, plan.sizes.tile_counts, 0)?;
+    no_workgroups(recorder, tile_counts, plan.totals.tile_rows() * u64::from(c::TILE_COUNT_WORDS) / 3)?;
+    clear(recorder, bin_bits, plan.sizes.bin_bits)?;
     recorder.barrier();
     stamp(recorder, times, 0)?;
     for (i, (stage, groups)) in steps.into_iter().enumerate() {
         recorder.begin_label(stage.pipeline.kernel().name);
         match groups {
+            // Of a scene without triangles.
+            Groups::Of(groups) if groups.contains(&0) => {}
             Groups::Of(groups) => {
                 recorder.dispatch(&stage.pipeline, &stage.set, bytemuck::bytes_of(&plan.frame), groups)?;
             }
@@ -283,18 +313,6 @@ fn list_of(stage: &str) -> Option<u32> {
     }
 }
 
-/// The lists are empty: no workgroups along x, one along y and z.
-fn empty_lists(recorder: &mut Recorder<'_>, plan: &BackwardPlan, item_counts: &BufferPart) -> Result<()> {
-    recorder.fill(item_counts, 0, plan.sizes.item_counts, 1)?;
-    recorder.barrier();
-    for row in 0..plan.item_rows {
-        for list in [c::ITEMS_SHOWN, c::ITEMS_OUTLINE] {
-            recorder.fill(item_counts, 4 * u64::from(row * c::ITEM_COUNT_WORDS + list), 4, 0)?;
-        }
-    }
-    Ok(())
-}
-
 /// One backward pass after its forward frame: every stage after the one before, a global barrier between them.
 ///
 /// The frame's workspace, images and `saved` are as [`record_forward`] left them. Begins and ends with barriers as that
@@ -311,8 +329,9 @@ pub fn record_backward(
     let pixels_first = lights_first + plan.frame.light_count + 1;
     recorder.begin_label("softras backward");
     recorder.barrier();
-    recorder.fill(texel_sums, 0, plan.sizes.texel_sums, 0)?;
-    empty_lists(recorder, plan, item_counts)?;
+    // The shown and the outlined items of each row.
+    no_workgroups(recorder, item_counts, u64::from(plan.item_rows * c::ITEM_COUNT_WORDS / 3))?;
+    clear(recorder, texel_sums, plan.sizes.texel_sums)?;
     recorder.barrier();
     stamp(recorder, times, 0)?;
     for (i, stage) in stages.stages.iter().enumerate() {
@@ -325,7 +344,8 @@ pub fn record_backward(
         };
         let list = list_of(name);
         let groups = groups_of(plan, name);
-        if list.is_some() || !groups.contains(&0) {
+        let runs = if list.is_some() { plan.item_rows > 0 && plan.walks(name) } else { !groups.contains(&0) };
+        if runs {
             recorder.begin_label(name);
             match list {
                 Some(list) => {
