@@ -26,17 +26,7 @@ layout(set = 0, binding = 9, std430) writeonly buffer Partials { vec4 partials[]
 #include "common/frame.glsl"
 #include "common/mesh.glsl"
 #include "common/item.glsl"
-
-// log2 of what is next to nothing: half a unit in the last place of an f32 near 1.
-const float NEXT_TO_NOTHING = -24.0;
-
-// The largest log2 weight that a pixel of the triangle may have: a corner's, with D = 1.
-float largest_weight(int slot) {
-    vec4 depth = texelFetch(shading, slot * SHADING_STRIDE);
-    vec2 corners = depth.z * depth.xy / (1.0 + depth.xy);
-    float whole = texelFetch(shading, slot * SHADING_STRIDE + 1).w;
-    return whole + (depth.w + max(0.0, max(corners.x, corners.y)));
-}
+#include "common/hidden.glsl"
 
 // The least log sum and the largest transmittance of the tiles that the pixels lie in.
 vec2 bounds_of(Item item) {
@@ -86,9 +76,7 @@ void main() {
     bool outlines = UP_ALPHA;
     if (COLOR_MODE == COLOR_SOFTMAX || !UP_SHADED) {
         vec2 bounds = bounds_of(item);
-        // Room for the rounding of large logarithms.
-        float margin = 1.0 + 1e-6 * abs(bounds.x);
-        shows = UP_SHADED && !(largest_weight(slot) + margin < bounds.x + NEXT_TO_NOTHING);
+        shows = UP_SHADED && !is_hidden(largest_weight(slot), bounds.x);
         outlines = UP_ALPHA && bounds.y > exp2(NEXT_TO_NOTHING);
     }
     if (shows) {

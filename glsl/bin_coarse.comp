@@ -1,7 +1,8 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 // Bin, coarse: each bin's bitmap becomes its list of slots in ascending order, and the entries' masks of the 64 tiles that
-// they may touch, 32 entries at a time, become a word a tile of the entries that may touch it.
+// they may touch, 32 entries at a time, become a word a tile of the entries that may touch it; a last word says which of
+// them face away.
 // One workgroup a bin, views along y. First each lane compacts a run of words, so that the order is the bitmap's; then
 // each takes blocks of 32 entries. The place of a list in memory comes from an atomic counter and may differ between
 // runs; its content and order do not.
@@ -42,7 +43,13 @@ uint row_mask(vec3 at_first, vec3 per_row, vec3 inverse, float y, int first, int
     return low > high ? 0u : ((2u << uint(high)) - 1u) & ~((1u << uint(low)) - 1u);
 }
 
-uvec2 tile_mask(int slot, ivec2 bin) {
+// Bit by bit which tiles an entry may touch, and whether it faces away.
+struct Mask {
+    uvec2 tiles;
+    bool away;
+};
+
+Mask tile_mask(int slot, ivec2 bin) {
     int at = slot * int(GEOMETRY_TEXELS);
     vec2 origin = texelFetch(geometry, at).xy;
     vec4 last_texel = texelFetch(geometry, at + 4);
@@ -55,8 +62,10 @@ uvec2 tile_mask(int slot, ivec2 bin) {
     vec3 at_first;
     vec3 per_row;
     vec3 inverse;
+    vec2 normal[3];
     for (int k = 0; k < 3; ++k) {
         vec4 line = texelFetch(geometry, at + 1 + k);
+        normal[k] = line.xy;
         float reach = sqrt(frame.radius_squared);
         if (DISTANCE == DISTANCE_BARYCENTRIC) {
             reach = frame.barycentric_radius / last_texel[k + 1];
@@ -77,7 +86,9 @@ uvec2 tile_mask(int slot, ivec2 bin) {
         bits = row < first.y || row > last.y ? 0u : bits;
         mask[row / 4] |= bits << uint(8 * (row % 4));
     }
-    return mask;
+    // The edges' inner normals turn as the corners do.
+    bool counterclockwise = normal[0].x * normal[1].y - normal[0].y * normal[1].x < 0.0;
+    return Mask(mask, counterclockwise == CLOCKWISE_FRONT);
 }
 
 // One step of the transposition of a 32×32 bit matrix (Warren, Hacker's Delight, 7-3): swaps blocks of `width` bits.
@@ -102,21 +113,23 @@ void transpose(inout uint a[WORD_BITS]) {
 void write_words(uint first, uint last, ivec2 bin) {
     uint low[WORD_BITS];
     uint high[WORD_BITS];
+    uint away = 0u;
     for (uint i = 0u; i < WORD_BITS; ++i) {
         // Behind the last entry stands the last one again, and is masked out.
-        uvec2 mask = tile_mask(int(coarse_slots[min(first + i, last)]), bin);
-        mask = first + i > last ? uvec2(0u) : mask;
-        low[i] = mask.x;
-        high[i] = mask.y;
+        Mask mask = tile_mask(int(coarse_slots[min(first + i, last)]), bin);
+        mask.tiles = first + i > last ? uvec2(0u) : mask.tiles;
+        low[i] = mask.tiles.x;
+        high[i] = mask.tiles.y;
+        away |= PARTED && mask.away ? 1u << i : 0u;
     }
     transpose(low);
     transpose(high);
-    // 64 words for 32 entries.
-    uint to = 2u * first;
+    uint to = first / WORD_BITS * BLOCK_WORDS;
     for (uint i = 0u; i < WORD_BITS; ++i) {
         coarse_words[to + i] = low[i];
         coarse_words[to + WORD_BITS + i] = high[i];
     }
+    coarse_words[to + 2u * WORD_BITS] = away;
 }
 
 void main() {

@@ -1,13 +1,13 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Bin, fine: a bin's words become one list of slots a tile, in the same ascending order.
+// Bin, fine: a bin's words become one list of slots a tile, in the same ascending order, but those that face away last.
 // One workgroup a bin, views along y, one lane a tile: each counts the bits of its words, then writes their slots.
-// A tile with a list becomes one of the `tile_items` that forward walks: its view, its number there, and where its slots
-// begin and how many there are; `tile_counts` has the items' number as workgroups of indirect dispatches. Their order does
-// not matter. A tile without shows the background: what forward would write there is written here, unless the frame before
-// left it there.
-// Reads `bin_ranges`, `coarse_slots` and `coarse_words`; writes `tile_items`, `tile_counts`, `tile_slots` and `status`; of
-// empty tiles the images, `saved` and `tile_bounds`, and of all, in `tile_marks`, whether they are.
+// A tile with a list becomes one of the `tile_items` that forward walks: its number among all views', where its slots
+// begin, how many of them face the viewer, and how many there are. A tile without becomes one that is given the background,
+// unless the frame before left it there; `tile_marks` say where it did. `tile_counts` has the items' numbers as workgroups
+// of indirect dispatches. Their order does not matter.
+// Reads `bin_ranges`, `coarse_slots` and `coarse_words`; writes `tile_items`, `tile_counts`, `tile_slots`, `tile_marks`,
+// `status` and, of empty tiles, `tile_bounds`.
 
 layout(local_size_x = 64) in;
 
@@ -20,72 +20,49 @@ layout(set = 0, binding = 5, std430) writeonly buffer TileSlots { uint tile_slot
 layout(set = 0, binding = 6, std430) buffer Status { uint status[]; };
 layout(set = 0, binding = 7, std430) buffer TileCounts { uint tile_counts[]; };
 layout(set = 0, binding = 8, std430) buffer TileMarks { uint tile_marks[]; };
-layout(set = 0, binding = 9, std430) writeonly buffer Color { vec4 color[]; };
-layout(set = 0, binding = 10, std430) writeonly buffer Silhouette { float silhouette[]; };
-layout(set = 0, binding = 11, std430) writeonly buffer Depths { float depths[]; };
-layout(set = 0, binding = 12, std430) writeonly buffer Normals { vec4 normals[]; };
-layout(set = 0, binding = 13, std430) writeonly buffer Saved { vec4 saved[]; };
-layout(set = 0, binding = 14, std430) writeonly buffer TileBounds { vec2 tile_bounds[]; };
+layout(set = 0, binding = 9, std430) writeonly buffer TileBounds { vec2 tile_bounds[]; };
 
 #include "common/constants.glsl"
 #include "common/modes.glsl"
 #include "common/frame.glsl"
 #include "common/mesh.glsl"
 #include "common/pixel.glsl"
-#include "common/images.glsl"
 
-const uint TILE_PIXELS = TILE_WIDTH * TILE_HEIGHT;
-// Tiles that the workgroup's lanes cover at a time, a pixel each.
-const uint TILES_AT_ONCE = gl_WorkGroupSize.x / TILE_PIXELS;
-
-// The tiles of the bin that must be given the background, as bits.
-shared uint empty_tiles[2];
-
-// The workgroups of every row's dispatch; along x they were filled with 0 before the frame.
-void begin_rows() {
-    uint rows = (frame.view_count * frame.tiles_x * frame.tiles_y + FORWARD_ROW - 1u) / FORWARD_ROW;
-    for (uint row = 0u; row < rows; ++row) {
-        tile_counts[row * DISPATCH_WORDS + 1u] = 1u;
-        tile_counts[row * DISPATCH_WORDS + 2u] = 1u;
-    }
+// Puts a tile on the `place`th place of one of the lists; that of empty tiles comes after the other's room.
+void add_item(uint list, uint place, uvec4 item) {
+    uint tiles = frame.view_count * frame.tiles_x * frame.tiles_y;
+    tile_items[(list == TILES_FILLED ? 0u : tiles) + place] = item;
+    atomicAdd(tile_counts[place / FORWARD_ROW * TILE_COUNT_WORDS + list], 1u);
 }
 
-// Puts a tile on the list of those that forward walks.
-void add_item(uvec4 item) {
-    uint place = atomicAdd(status[STATUS_FILLED_TILES], 1u);
-    tile_items[place] = item;
-    atomicAdd(tile_counts[place / FORWARD_ROW * DISPATCH_WORDS], 1u);
-}
-
-// One tile's list: which slots its words say, from `next` on.
-void write_list(uint next, int first, int entries, int words) {
-    for (int i = 0; i < entries; i += int(WORD_BITS)) {
-        uint word = texelFetch(coarse_words, words + 2 * i).x;
-        while (word != 0u) {
-            tile_slots[next] = texelFetch(coarse_slots, first + i + findLSB(word)).x;
-            word &= word - 1u;
-            ++next;
-        }
-    }
-}
-
-// All lanes together, so that neighbours write neighbouring pixels.
-void write_background(int view, uvec2 bin) {
-    uvec2 empty = uvec2(empty_tiles[0], empty_tiles[1]);
+// How many entries a tile's words hold, and how many of them face the viewer. Of each block there are 64 words, one a tile,
+// and the one of those that face away.
+uvec2 count_entries(int words, int blocks) {
     uint lane = gl_LocalInvocationID.x;
-    uvec2 pixel = uvec2(lane % TILE_WIDTH, lane % TILE_PIXELS / TILE_WIDTH);
-    Pixel p = background_pixel();
-    for (uint i = 0u; i < BIN_TILES * BIN_TILES; i += TILES_AT_ONCE) {
-        uint tile = i + lane / TILE_PIXELS;
-        bool is_empty = (((tile < 32u ? empty.x : empty.y) >> (tile % 32u)) & 1u) != 0u;
-        uvec2 where = (bin * BIN_TILES + uvec2(tile % BIN_TILES, tile / BIN_TILES)) * uvec2(TILE_WIDTH, TILE_HEIGHT);
-        where += pixel;
-        if (is_empty && where.x < frame.width && where.y < frame.height) {
-            int to = place_of(view, ivec2(where));
-            write_images(p, to, 1);
-            if (SAVE) {
-                saved[to] = kept_of(p);
-            }
+    uvec2 count = uvec2(0u);
+    for (int i = 0; i < blocks; ++i) {
+        int at = words + i * int(BLOCK_WORDS);
+        uint word = texelFetch(coarse_words, at + int(lane)).x;
+        uint away = texelFetch(coarse_words, at + int(BLOCK_WORDS) - 1).x;
+        count += uvec2(bitCount(word & ~away), bitCount(word));
+    }
+    return count;
+}
+
+// One tile's list, from `next` on and, of what faces away, from `next_away`.
+void write_list(uint next, uint next_away, int first, int words, int blocks) {
+    uint lane = gl_LocalInvocationID.x;
+    for (int i = 0; i < blocks; ++i) {
+        int at = words + i * int(BLOCK_WORDS);
+        uint word = texelFetch(coarse_words, at + int(lane)).x;
+        uint away = texelFetch(coarse_words, at + int(BLOCK_WORDS) - 1).x;
+        while (word != 0u) {
+            int bit = findLSB(word);
+            uint is_away = (away >> uint(bit)) & 1u;
+            tile_slots[is_away == 0u ? next : next_away] = texelFetch(coarse_slots, first + i * int(WORD_BITS) + bit).x;
+            word &= word - 1u;
+            next += 1u - is_away;
+            next_away += is_away;
         }
     }
 }
@@ -98,19 +75,10 @@ void main() {
     uvec2 range = texelFetch(bin_ranges, shape.bin_base + int(index)).xy;
     int first = int(range.x);
     int entries = int(range.y);
-    if (lane < 2u) {
-        empty_tiles[lane] = 0u;
-    }
-    if (lane == 0u && index == 0u && view == 0) {
-        begin_rows();
-    }
-    barrier();
-    // 64 words, one a tile, for every 32 entries.
-    int words = 2 * first + int(lane);
-    uint count = 0u;
-    for (int i = 0; i < entries; i += int(WORD_BITS)) {
-        count += uint(bitCount(texelFetch(coarse_words, words + 2 * i).x));
-    }
+    int words = first / int(WORD_BITS) * int(BLOCK_WORDS);
+    int blocks = (entries + int(WORD_BITS) - 1) / int(WORD_BITS);
+    uvec2 found = count_entries(words, blocks);
+    uint count = found.y;
     uvec2 bin = uvec2(index % frame.bins_x, index / frame.bins_x);
     uvec2 at = bin * BIN_TILES + uvec2(lane % BIN_TILES, lane / BIN_TILES);
     bool exists = at.x < frame.tiles_x && at.y < frame.tiles_y;
@@ -119,14 +87,13 @@ void main() {
     // Left out whole when it does not fit, as in bin_coarse.
     count = next + count <= frame.list_capacity ? count : 0u;
     if (exists) {
-        uint tile_in_view = at.y * frame.tiles_x + at.x;
-        uint tile = uint(view) * frame.tiles_x * frame.tiles_y + tile_in_view;
+        uint tile = (uint(view) * frame.tiles_y + at.y) * frame.tiles_x + at.x;
         bool is_kept = shape.background_kept && tile_marks[tile] == MARK_BACKGROUND;
         tile_marks[tile] = count == 0u ? MARK_BACKGROUND : 0u;
         if (count > 0u) {
-            add_item(uvec4(uint(view), tile_in_view, next, count));
+            add_item(TILES_FILLED, atomicAdd(status[STATUS_FILLED_TILES], 1u), uvec4(tile, next, found.x, count));
         } else if (!is_kept) {
-            atomicOr(empty_tiles[lane / 32u], 1u << (lane % 32u));
+            add_item(TILES_EMPTY, atomicAdd(status[STATUS_EMPTY_TILES], 1u), uvec4(tile, 0u, 0u, 0u));
             if (SAVE) {
                 tile_bounds[tile] = bounds_of(background_pixel());
             }
@@ -135,7 +102,5 @@ void main() {
             atomicMax(status[STATUS_LONGEST_LIST], count);
         }
     }
-    barrier();
-    write_background(view, bin);
-    write_list(next, first, count == 0u ? 0 : entries, words);
+    write_list(next, next + found.x, first, words, count == 0u ? 0 : blocks);
 }

@@ -50,6 +50,12 @@ void skip_slot(int slot) {
     boxes[slot] = ivec4(0, 0, -1, -1);
 }
 
+// The largest log2 weight that a pixel of the triangle may have: a corner's, with D = 1.
+float largest_weight(vec4 depth, float whole) {
+    vec2 corners = depth.z * depth.xy / (1.0 + depth.xy);
+    return whole + (depth.w + max(0.0, max(corners.x, corners.y)));
+}
+
 // Corner colours, texture coordinates and normals, each mixed as the piece's corners are.
 void write_shading(Shape shape, int triangle, int slot, Corners c, vec4 depth, float score) {
     ivec3 v = triangle_vertices(shape, triangle);
@@ -80,7 +86,7 @@ void write_shading(Shape shape, int triangle, int slot, Corners c, vec4 depth, f
     shading[to] = depth;
     shading[to + 1] = vec4(c0, score);
     shading[to + 2] = vec4(c1, c2.r);
-    shading[to + 3] = vec4(c2.gb, 0.0, 0.0);
+    shading[to + 3] = vec4(c2.gb, largest_weight(depth, score), 0.0);
     if (SAMPLING != SAMPLING_NONE) {
         // Surface cells are found by barycentrics, images by their UV.
         mat3x2 coordinate = mat3x2(1.0, 0.0, 0.0, 1.0, 0.0, 0.0);

@@ -139,7 +139,8 @@ pub fn usage_of(name: &str) -> vk::BufferUsageFlags {
     });
     use vk::BufferUsageFlags as U;
     let by_us = match name {
-        "status" | "bin_bits" | "texel_sums" => U::TRANSFER_DST,
+        "status" => U::TRANSFER_DST,
+        "bin_bits" | "texel_sums" => U::TRANSFER_SRC | U::TRANSFER_DST,
         // Cleared where only the device knows how many triangles there are.
         "corner_gradients" | "light_records" => U::TRANSFER_DST,
         // Written from a host's geometry, and stored into a host's images.

@@ -34,14 +34,19 @@ pub struct ForwardStages {
     triangle: Stage,
     bin_coarse: Stage,
     bin_fine: Stage,
+    background: Stage,
     forward: Stage,
 }
 
+/// Stages of a forward frame.
+pub const FORWARD_COUNT: usize = 6;
+
 /// Timestamps that a forward frame writes: before the first stage and after each.
-pub const FORWARD_TIMESTAMPS: u32 = 6;
+pub const FORWARD_TIMESTAMPS: u32 = FORWARD_COUNT as u32 + 1;
 
 /// The stages' names, as their kernels'.
-pub const FORWARD_STAGES: [&str; 5] = ["vertex", "triangle", "bin_coarse", "bin_fine", "forward"];
+pub const FORWARD_STAGES: [&str; FORWARD_COUNT] =
+    ["vertex", "triangle", "bin_coarse", "bin_fine", "background", "forward"];
 
 /// Whether a workgroup of `lanes` is one subgroup that can shuffle.
 fn reads_together(device: &Device, lanes: u32) -> bool {
@@ -51,9 +56,9 @@ fn reads_together(device: &Device, lanes: u32) -> bool {
 
 /// The kernels of the forward stages, in order. Where a tile's eight lanes are one subgroup that can shuffle, they read
 /// records together.
-pub fn forward_kernels(device: &Device, lanes: u32) -> [&'static Kernel; 5] {
+pub fn forward_kernels(device: &Device, lanes: u32) -> [&'static Kernel; FORWARD_COUNT] {
     let forward = if reads_together(device, lanes) { &kernels::FORWARD_SUBGROUP } else { &kernels::FORWARD };
-    [&kernels::VERTEX, &kernels::TRIANGLE, &kernels::BIN_COARSE, &kernels::BIN_FINE, forward]
+    [&kernels::VERTEX, &kernels::TRIANGLE, &kernels::BIN_COARSE, &kernels::BIN_FINE, &kernels::BACKGROUND, forward]
 }
 
 /// Binds a pipeline to buffers found by the names of its bindings.
@@ -81,16 +86,17 @@ impl ForwardStages {
     /// Binds the forward pipelines, in the order of [`forward_kernels`].
     pub fn new<'a>(
         device: &Device,
-        pipelines: [Pipeline; 5],
+        pipelines: [Pipeline; FORWARD_COUNT],
         find: &dyn Fn(&str) -> Option<&'a BufferPart>,
     ) -> Result<Self> {
         let pool = DescriptorPool::new(device, &pipelines.each_ref().map(Pipeline::kernel))?;
-        let [vertex, triangle, bin_coarse, bin_fine, forward] = pipelines;
+        let [vertex, triangle, bin_coarse, bin_fine, background, forward] = pipelines;
         Ok(Self {
             vertex: bind(&pool, vertex, find)?,
             triangle: bind(&pool, triangle, find)?,
             bin_coarse: bind(&pool, bin_coarse, find)?,
             bin_fine: bind(&pool, bin_fine, find)?,
+            background: bind(&pool, background, find)?,
             forward: bind(&pool, forward, find)?,
         })
     }
@@ -104,19 +110,57 @@ fn stamp(recorder: &mut Recorder<'_>, pool: Option<&TimestampPool>, index: u32) 
     }
 }
 
-/// Every row of a list that the device made: `counts` has `stride` words a row, its arguments `offset` words into them.
-fn record_rows(
-    recorder: &mut Recorder<'_>,
-    frame: &FramePush,
-    stage: &Stage,
+/// A list that the device makes, in rows of FORWARD_ROW entries.
+struct List<'a> {
     rows: u32,
-    counts: &BufferPart,
-    (stride, offset): (u32, u32),
-) -> Result<()> {
-    for row in 0..rows {
-        let frame = FramePush { first: row * c::FORWARD_ROW, ..*frame };
-        let at = 4 * u64::from(row * stride + offset);
-        recorder.dispatch_indirect(&stage.pipeline, &stage.set, bytemuck::bytes_of(&frame), counts, at)?;
+    /// The first entry of the first row.
+    first: u32,
+    /// The rows' dispatch arguments, each `stride` words after the one before, the first after `offset` words.
+    counts: &'a BufferPart,
+    stride: u32,
+    offset: u32,
+}
+
+/// Every row of a list, by a dispatch of its own.
+fn record_rows(recorder: &mut Recorder<'_>, frame: &FramePush, stage: &Stage, list: &List) -> Result<()> {
+    for row in 0..list.rows {
+        let frame = FramePush { first: list.first + row * c::FORWARD_ROW, ..*frame };
+        let at = 4 * u64::from(row * list.stride + list.offset);
+        recorder.dispatch_indirect(&stage.pipeline, &stage.set, bytemuck::bytes_of(&frame), list.counts, at)?;
+    }
+    Ok(())
+}
+
+/// The tiles that background or forward walk; those of the former lie behind the latter's room.
+fn tile_list<'a>(plan: &Plan, counts: &'a BufferPart, offset: u32) -> List<'a> {
+    let first = if offset == c::TILES_EMPTY { plan.totals.tiles as u32 } else { 0 };
+    List { rows: plan.totals.tile_rows() as u32, first, counts, stride: c::TILE_COUNT_WORDS, offset }
+}
+
+/// Fills a buffer with 0. What is large is filled in part and copied behind itself: vkCmdFillBuffer takes lavapipe some
+/// nanoseconds for each four bytes, a copy far less.
+fn clear(recorder: &mut Recorder<'_>, buffer: &BufferPart, size: u64) -> Result<()> {
+    const LARGE: u64 = 1 << 18;
+    const PARTS: u64 = 32;
+    if size < LARGE {
+        return recorder.fill(buffer, 0, size, 0);
+    }
+    let part = size.div_ceil(PARTS).next_multiple_of(16);
+    recorder.fill(buffer, 0, part, 0)?;
+    recorder.barrier();
+    for at in (part..size).step_by(part as usize) {
+        recorder.copy(buffer, 0, buffer, at, part.min(size - at))?;
+    }
+    Ok(())
+}
+
+/// Writes the arguments of `count` indirect dispatches: no workgroups along x yet, one along y and z.
+fn no_workgroups(recorder: &mut Recorder<'_>, counts: &BufferPart, count: u64) -> Result<()> {
+    const AT_ONCE: u64 = 256;
+    let arguments = [[0u32, 1, 1]; AT_ONCE as usize];
+    for first in (0..count).step_by(AT_ONCE as usize) {
+        let part = &arguments[..AT_ONCE.min(count - first) as usize];
+        recorder.update(counts, 12 * first, bytemuck::cast_slice(part))?;
     }
     Ok(())
 }
@@ -134,27 +178,35 @@ pub fn record_forward(
     tile_counts: &BufferPart,
     times: Option<&TimestampPool>,
 ) -> Result<()> {
-    let groups = &plan.groups;
+    enum Groups<'a> {
+        Of([u32; 3]),
+        On(List<'a>),
+    }
+    let of = |list| Groups::On(tile_list(plan, tile_counts, list));
     let steps = [
-        (&stages.vertex, Some(groups.vertex)),
-        (&stages.triangle, Some(groups.triangle)),
-        (&stages.bin_coarse, Some(groups.bin_coarse)),
-        (&stages.bin_fine, Some(groups.bin_fine)),
-        (&stages.forward, None),
+        (&stages.vertex, Groups::Of(plan.groups.vertex)),
+        (&stages.triangle, Groups::Of(plan.groups.triangle)),
+        (&stages.bin_coarse, Groups::Of(plan.groups.bin_coarse)),
+        (&stages.bin_fine, Groups::Of(plan.groups.bin_fine)),
+        (&stages.background, of(c::TILES_EMPTY)),
+        (&stages.forward, of(c::TILES_FILLED)),
     ];
-    let rows = plan.totals.tile_rows() as u32;
     recorder.begin_label("softras forward");
     recorder.barrier();
     recorder.fill(status, 0, plan.sizes.status, 0)?;
-    recorder.fill(bin_bits, 0, plan.sizes.bin_bits, 0)?;
-    recorder.fill(tile_counts, 0, plan.sizes.tile_counts, 0)?;
+    no_workgroups(recorder, tile_counts, plan.totals.tile_rows() * u64::from(c::TILE_COUNT_WORDS) / 3)?;
+    clear(recorder, bin_bits, plan.sizes.bin_bits)?;
     recorder.barrier();
     stamp(recorder, times, 0)?;
     for (i, (stage, groups)) in steps.into_iter().enumerate() {
         recorder.begin_label(stage.pipeline.kernel().name);
         match groups {
-            Some(groups) => recorder.dispatch(&stage.pipeline, &stage.set, bytemuck::bytes_of(&plan.frame), groups)?,
-            None => record_rows(recorder, &plan.frame, stage, rows, tile_counts, (c::DISPATCH_WORDS, 0))?,
+            // Of a scene without triangles.
+            Groups::Of(groups) if groups.contains(&0) => {}
+            Groups::Of(groups) => {
+                recorder.dispatch(&stage.pipeline, &stage.set, bytemuck::bytes_of(&plan.frame), groups)?;
+            }
+            Groups::On(list) => record_rows(recorder, &plan.frame, stage, &list)?,
         }
         recorder.barrier();
         recorder.end_label();
@@ -273,18 +325,6 @@ fn list_of(stage: &str) -> Option<u32> {
     }
 }
 
-/// The lists are empty: no workgroups along x, one along y and z.
-fn empty_lists(recorder: &mut Recorder<'_>, plan: &BackwardPlan, item_counts: &BufferPart) -> Result<()> {
-    recorder.fill(item_counts, 0, plan.sizes.item_counts, 1)?;
-    recorder.barrier();
-    for row in 0..plan.item_rows {
-        for list in [c::ITEMS_SHOWN, c::ITEMS_OUTLINE] {
-            recorder.fill(item_counts, 4 * u64::from(row * c::ITEM_COUNT_WORDS + list), 4, 0)?;
-        }
-    }
-    Ok(())
-}
-
 /// One backward pass after its forward frame: every stage after the one before, a global barrier between them.
 ///
 /// The frame's workspace, images and `saved` are as [`record_forward`] left them. Begins and ends with barriers as that
@@ -301,8 +341,9 @@ pub fn record_backward(
     let pixels_first = lights_first + plan.frame.light_count + 1;
     recorder.begin_label("softras backward");
     recorder.barrier();
-    recorder.fill(texel_sums, 0, plan.sizes.texel_sums, 0)?;
-    empty_lists(recorder, plan, item_counts)?;
+    // The shown and the outlined items of each row.
+    no_workgroups(recorder, item_counts, u64::from(plan.item_rows * c::ITEM_COUNT_WORDS / 3))?;
+    clear(recorder, texel_sums, plan.sizes.texel_sums)?;
     recorder.barrier();
     stamp(recorder, times, 0)?;
     for (i, stage) in stages.stages.iter().enumerate() {
@@ -315,12 +356,14 @@ pub fn record_backward(
         };
         let list = list_of(name);
         let groups = groups_of(plan, name);
-        if list.is_some() || !groups.contains(&0) {
+        let runs = if list.is_some() { plan.item_rows > 0 && plan.walks(name) } else { !groups.contains(&0) };
+        if runs {
             recorder.begin_label(name);
             match list {
                 Some(list) => {
-                    let place = (c::ITEM_COUNT_WORDS, list);
-                    record_rows(recorder, &plan.frame, stage, plan.item_rows, item_counts, place)?;
+                    let (rows, stride) = (plan.item_rows, c::ITEM_COUNT_WORDS);
+                    let list = List { rows, first: 0, counts: item_counts, stride, offset: list };
+                    record_rows(recorder, &plan.frame, stage, &list)?;
                 }
                 None => recorder.dispatch(&stage.pipeline, &stage.set, bytemuck::bytes_of(&frame), groups)?,
             }

@@ -43,13 +43,20 @@ fn a_quick_run_gives_rows_that_can_be_compared() {
     let folder = tempfile::tempdir().unwrap();
     let mesh = softras(folder.path(), &["mesh", "torus", "-o", "torus.obj"]);
     assert!(mesh.status.success());
-    let arguments = ["bench", "torus.obj", "--quick", "--modes", "silhouette,color+silhouette,depth,hard", "--json"];
+    let arguments = [
+        "bench",
+        "torus.obj",
+        "--quick",
+        "--modes",
+        "color+silhouette,silhouette,depth,hard,to-colors,to-camera",
+        "--json",
+    ];
     let output = softras(folder.path(), &[&arguments[..], &["rows.json"]].concat());
     let errors = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(0), "{errors}");
     let rows: Value = serde_json::from_slice(&std::fs::read(folder.path().join("rows.json")).unwrap()).unwrap();
     let rows = rows.as_array().unwrap();
-    assert_eq!(rows.len(), 12);
+    assert_eq!(rows.len(), 18);
     for row in rows {
         assert_eq!(fault(row), None, "{row}");
         assert_eq!((row["scene"].as_str(), row["faces"].as_u64()), (Some("torus"), Some(4096)));
@@ -59,13 +66,15 @@ fn a_quick_run_gives_rows_that_can_be_compared() {
         for (key, value) in [("sigma", 1e-4), ("gamma", 1e-4), ("tau", 1e-4)] {
             assert_eq!(row[key].as_f64(), Some(value));
         }
+        let share = row["of_full"].as_f64();
+        assert_eq!(share.is_some_and(|share| share > 0.0), row["mode"] != "color+silhouette", "{row}");
         let stages = row["stages_ms"].as_object().unwrap();
         assert_eq!(stages.contains_key("backward"), row["pass"] != "forward", "{row}");
         assert_eq!(stages.contains_key("forward"), row["pass"] != "backward", "{row}");
     }
     // The table has the same rows under its heads.
     let text = String::from_utf8(output.stdout).unwrap();
-    assert_eq!(text.lines().filter(|line| line.starts_with("torus ")).count(), 12, "{text}");
+    assert_eq!(text.lines().filter(|line| line.starts_with("torus ")).count(), 18, "{text}");
     assert!(text.contains("GFLOP/s"), "{text}");
     // What is asked for in the frame's pairs is the same whatever is drawn from them.
     let needed = |mode: &str| rows.iter().find(|row| row["mode"] == mode).map(|row| row["pairs_needed"].clone());

@@ -134,7 +134,7 @@ fn plan(settings: &Settings, views: &[ViewSize], crosses_near: bool) -> softras:
         sampling: Sampling::default(),
         depth_span: DepthSpan { crosses_near, crosses_far: false },
         distorted: false,
-        capacity: Capacity::estimate(settings, views),
+        capacity: Capacity::estimate(settings, settings.cutoff(), views),
         save: true,
     })
 }

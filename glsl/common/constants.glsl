@@ -14,10 +14,16 @@ const uint BIN_HEIGHT = 32u;
 const uint FORWARD_ROW = 32768u;
 // Invocations of a workgroup of the vertex and triangle stages.
 const uint LINEAR_GROUP = 64u;
-// Words of the arguments of one indirect dispatch: its workgroups along x, y and z.
-const uint DISPATCH_WORDS = 3u;
+// First of the three words of `tile_counts` that are the workgroups of a row of tiles which have a list.
+const uint TILES_FILLED = 0u;
+// First of those of tiles that must be given the background.
+const uint TILES_EMPTY = 3u;
+// Words of `tile_counts` for each row of FORWARD_ROW tiles.
+const uint TILE_COUNT_WORDS = 6u;
 // Triangles whose bits share one word of a bin's bitmap.
 const uint WORD_BITS = 32u;
+// Words of a block of WORD_BITS entries of a bin's list: which of them may touch each tile, and which face away.
+const uint BLOCK_WORDS = 65u;
 
 // In `tile_marks`: the tile's pixels hold the background.
 const uint MARK_BACKGROUND = 1u;
@@ -115,8 +121,10 @@ const uint LONG_LIST = 16384u;
 const uint STATUS_CELLS_NEEDED = 4u;
 // Tiles that have a list.
 const uint STATUS_FILLED_TILES = 5u;
+// Tiles that were given the background.
+const uint STATUS_EMPTY_TILES = 6u;
 // Words of `status`.
-const uint STATUS_WORDS = 6u;
+const uint STATUS_WORDS = 7u;
 
 // Bits of GRADIENTS: what backward is asked for. Positions, the camera, and all that lies behind them.
 const uint GRADIENT_GEOMETRY = 1u;

@@ -1,6 +1,7 @@
-// Forward: every pixel gathers over its tile's triangles in ascending order: silhouette as a product of complements,
-// colour, depth and normal as a softmax by depth with a running maximum.
-// One workgroup a tile of 8×4 pixels that has a list, each lane 32 / lanes of them; what nothing is near is bin_fine's.
+// Forward: every pixel gathers over its tile's triangles in the list's order: silhouette as a product of complements,
+// colour, depth and normal as a softmax by depth with a running maximum. What those before hide in all of the tile counts
+// in the silhouette alone, and where nothing is seen through the tile not at all.
+// One workgroup a tile of 8×4 pixels that has a list, each lane 32 / lanes of them; the others are background's.
 // Reads `tile_items`, `tile_slots` and the records; writes the images, and for backward `saved`, what
 // pixel.glsl keeps of a pixel, and `tile_bounds`.
 
@@ -32,6 +33,7 @@ layout(set = 0, binding = 13) uniform isamplerBuffer boxes;
 #include "common/shared_records.glsl"
 #include "common/lanes.glsl"
 #include "common/pixel.glsl"
+#include "common/hidden.glsl"
 #include "common/images.glsl"
 
 const int TILE_PIXELS = int(TILE_WIDTH * TILE_HEIGHT);
@@ -116,25 +118,49 @@ bool judge_depth(inout Fragment f, Corner c, Depth depth, float inverse_score) {
     return shaded;
 }
 
+// What is the same for all of a lane's pairs. Push constants read in a loop are gathers on a software device.
+struct Lane {
+    vec2 first;
+    float radius_squared;
+    float scale;
+    float inverse_score;
+};
+
+// Where a triangle lies to each of a lane's pixels; unless `live`, to none.
+void find_places(Fetched own, bool live, Triangle t, Lane lane, out Place places[PIXELS]) {
+    for (int i = 0; i < PIXELS; ++i) {
+        int index = i * int(gl_WorkGroupSize.x);
+        vec2 pixel = lane.first + vec2(index % int(TILE_WIDTH), index / int(TILE_WIDTH));
+        places[i] = place_at(t, pixel - t.origin, lane.radius_squared, lane.scale);
+        if (DISTANCE == DISTANCE_BARYCENTRIC && OFFICIAL) {
+            ivec4 box = texelFetch(boxes, own.slot);
+            places[i].kept = places[i].kept && ivec2(pixel) == clamp(ivec2(pixel), box.xy, box.zw);
+        }
+        places[i].inside = places[i].inside && live;
+        places[i].kept = places[i].kept && live;
+    }
+}
+
+// Adds a triangle to the silhouettes of a lane's pixels.
+void gather_silhouette(Fetched own, bool live, Lane lane, inout Pixel pixels[PIXELS]) {
+    Triangle t = shared_triangle_of(own);
+    Place places[PIXELS];
+    find_places(own, live, t, lane, places);
+    for (int i = 0; i < PIXELS; ++i) {
+        add_silhouette(pixels[i], fragment_of(places[i]));
+    }
+}
+
 // Adds a triangle to all of a lane's pixels: step by step rather than pixel by pixel, so that the long chains of dependent
 // operations of several pixels run side by side.
-void gather(Fetched own, vec2 first, inout Pixel pixels[PIXELS], float radius_squared, float scale, float inverse_score) {
+void gather(Fetched own, bool live, Lane lane, inout Pixel pixels[PIXELS]) {
     Triangle t = shared_triangle_of(own);
     Corner c;
     if (WANT_SHADING) {
         c = shared_corner_of(own);
     }
     Place places[PIXELS];
-    for (int i = 0; i < PIXELS; ++i) {
-        int index = i * int(gl_WorkGroupSize.x);
-        vec2 q = first + vec2(index % int(TILE_WIDTH), index / int(TILE_WIDTH)) - t.origin;
-        places[i] = place_at(t, q, radius_squared, scale);
-        if (DISTANCE == DISTANCE_BARYCENTRIC && OFFICIAL) {
-            ivec4 box = texelFetch(boxes, own.slot);
-            ivec2 pixel = ivec2(q + t.origin);
-            places[i].kept = places[i].kept && pixel == clamp(pixel, box.xy, box.zw);
-        }
-    }
+    find_places(own, live, t, lane, places);
     Fragment fragments[PIXELS];
     for (int i = 0; i < PIXELS; ++i) {
         fragments[i] = fragment_of(places[i]);
@@ -151,7 +177,7 @@ void gather(Fetched own, vec2 first, inout Pixel pixels[PIXELS], float radius_sq
     }
     bool shaded[PIXELS];
     for (int i = 0; i < PIXELS; ++i) {
-        shaded[i] = judge_depth(fragments[i], c, depth[i], inverse_score);
+        shaded[i] = judge_depth(fragments[i], c, depth[i], lane.inverse_score);
         if (WANT_SILHOUETTE) {
             add_silhouette(pixels[i], fragments[i]);
         }
@@ -159,7 +185,7 @@ void gather(Fetched own, vec2 first, inout Pixel pixels[PIXELS], float radius_sq
     if (SHADED) {
         Share shares[PIXELS];
         for (int i = 0; i < PIXELS; ++i) {
-            shares[i] = add_weight(pixels[i], own.slot, fragments[i], c, depth[i], shaded[i], scale);
+            shares[i] = add_weight(pixels[i], own.slot, fragments[i], c, depth[i], shaded[i], lane.scale);
         }
         for (int i = 0; i < PIXELS; ++i) {
             add_shaded(pixels[i], shares[i], c, b[i], 1.0 / sum[i], depth[i]);
@@ -167,40 +193,99 @@ void gather(Fetched own, vec2 first, inout Pixel pixels[PIXELS], float radius_sq
     }
 }
 
+// The least log sum and the largest transmittance of all lanes' pixels.
+vec2 bounds_of_tile(Pixel pixels[PIXELS]) {
+    // As one minimum.
+    vec2 least = vec2(3e38);
+    for (int i = 0; i < PIXELS; ++i) {
+        vec2 own = bounds_of(pixels[i]);
+        least = vec2(lesser(least.x, own.x), lesser(least.y, -own.y));
+    }
+    least = least_of_lanes(least);
+    return vec2(least.x, -least.y);
+}
+
+// Which of the list's entries from `from` on may show beside sums of at least `least`, as bits.
+uint shown_of(int from, int end, float least) {
+    uint shown = 0u;
+    for (uint i = 0u; i < WORD_BITS; i += gl_WorkGroupSize.x) {
+        uint bit = i + gl_LocalInvocationID.x;
+        int at = min(from + int(bit), end - 1);
+        shown |= is_hidden(largest_weight(int(texelFetch(tile_slots, at).x)), least) ? 0u : 1u << bit;
+    }
+    return bits_of_lanes(shown);
+}
+
+// The entry of the lowest bit, or of the first where there is none.
+int slot_of_lowest(int from, uint bits) {
+    return int(texelFetch(tile_slots, from + max(findLSB(bits), 0)).x);
+}
+
+// Both walk the entries of a word's bits, reading a record ahead, since those of a large mesh are far away. They ask at the
+// end, since a software device runs the body of a loop that asks first once more than it must; without a bit they add
+// nothing, once.
+void gather_shown(int from, uint bits, Lane lane, inout Pixel pixels[PIXELS]) {
+    bool live = bits != 0u;
+    Fetched next = fetch_record(slot_of_lowest(from, bits));
+    do {
+        Fetched own = next;
+        bits &= bits - 1u;
+        next = fetch_record(slot_of_lowest(from, bits));
+        gather(own, live, lane, pixels);
+    } while (bits != 0u);
+}
+
+void gather_hidden(int from, uint bits, Lane lane, inout Pixel pixels[PIXELS]) {
+    bool live = bits != 0u;
+    Fetched next = fetch_record(slot_of_lowest(from, bits));
+    do {
+        Fetched own = next;
+        bits &= bits - 1u;
+        next = fetch_record(slot_of_lowest(from, bits));
+        gather_silhouette(own, live, lane, pixels);
+    } while (bits != 0u);
+}
+
+// A list word by word, since what is hidden depends on what came before; what faces the viewer fills words of its own.
+void gather_list(int from, int facing_end, int end, Lane lane, inout Pixel pixels[PIXELS]) {
+    // All that is hidden together is next to nothing.
+    float share = log2(float(end - from));
+    do {
+        int stop = min(from + int(WORD_BITS), from < facing_end ? facing_end : end);
+        uint all = 0xffffffffu >> uint(from + int(WORD_BITS) - stop);
+        vec2 bounds = bounds_of_tile(pixels);
+        bool saturated = !WANT_SILHOUETTE || bounds.y <= exp2(NEXT_TO_NOTHING);
+        uint shown = all;
+        // What the silhouette counts of a triangle that crosses the far plane needs its depths.
+        if (PARTED && (DEPTH_RANGE != DEPTH_RANGE_FAR || saturated)) {
+            shown &= shown_of(from, stop, bounds.x - share);
+        }
+        gather_shown(from, shown, lane, pixels);
+        if (PARTED && WANT_SILHOUETTE) {
+            gather_hidden(from, saturated ? 0u : all & ~shown, lane, pixels);
+        }
+        from = !SHADED && saturated ? end : stop;
+    } while (from < end);
+}
+
 void main() {
     ivec4 item = ivec4(texelFetch(tile_items, int(frame.first + gl_WorkGroupID.x)));
-    int view = item.x;
-    int tile = item.y;
+    TilePlace tile = tile_place(item.x);
     int lane = int(gl_LocalInvocationID.x);
-    ivec2 corner = ivec2(tile % int(frame.tiles_x), tile / int(frame.tiles_x)) * ivec2(TILE_WIDTH, TILE_HEIGHT);
-    ivec2 mine = corner + ivec2(lane % int(TILE_WIDTH), lane / int(TILE_WIDTH));
+    ivec2 mine = tile.corner + ivec2(lane % int(TILE_WIDTH), lane / int(TILE_WIDTH));
     Pixel pixels[PIXELS];
     for (int i = 0; i < PIXELS; ++i) {
         pixels[i] = background_pixel();
     }
-    float radius_squared = frame.radius_squared;
-    float scale = frame.scale;
-    float inverse_score = 1.0 / frame.score_high;
-    vec2 first = vec2(mine);
-    int at = item.z;
-    int last = item.z + item.w - 1;
-    // No list is empty. The slots are read two triangles ahead and the records one, since a large mesh's are far away.
-    Fetched next = fetch_record(int(texelFetch(tile_slots, at).x));
-    int after = int(texelFetch(tile_slots, min(at + 1, last)).x);
-    do {
-        Fetched own = next;
-        next = fetch_record(after);
-        after = int(texelFetch(tile_slots, min(at + 2, last)).x);
-        gather(own, first, pixels, radius_squared, scale, inverse_score);
-        ++at;
-    } while (at <= last);
-    int triangle_count = shape_of(view).triangle_count;
+    Lane constant = Lane(vec2(mine), frame.radius_squared, frame.scale, 1.0 / frame.score_high);
+    gather_list(item.y, item.y + item.z, item.y + item.w, constant, pixels);
+    int triangle_count = shape_of(tile.view).triangle_count;
     vec2 bounds = vec2(3e38, 0.0);
     for (int i = 0; i < PIXELS; ++i) {
         int index = i * int(gl_WorkGroupSize.x);
         ivec2 where = mine + ivec2(index % int(TILE_WIDTH), index / int(TILE_WIDTH));
         if (where.x < int(frame.width) && where.y < int(frame.height)) {
-            int to = place_of(view, where);
+            int to = place_of(tile.view, where);
             write_images(pixels[i], to, triangle_count);
             if (SAVE) {
                 saved[to] = kept_of(pixels[i]);
@@ -213,7 +298,7 @@ void main() {
         // As one minimum.
         vec2 least = least_of_lanes(vec2(bounds.x, -bounds.y));
         if (lane == 0) {
-            tile_bounds[view * int(frame.tiles_x * frame.tiles_y) + tile] = vec2(least.x, -least.y);
+            tile_bounds[item.x] = vec2(least.x, -least.y);
         }
     }
 }

@@ -40,7 +40,8 @@ layout(push_constant) uniform Frame {
     uint mesh_count;
     // Rows that `reduce` sums where they are not a view's triangles.
     uint reduce_rows;
-    // First entry of `totals` that `reduce` writes; first place of the row of items that `backward` walks.
+    // First entry of `totals` that `reduce` writes; first place of the row of items that `background`,
+    // `forward` and `backward` walk.
     uint first;
     // Fixed-point units of a texel's gradient.
     float texel_scale;

@@ -1,4 +1,19 @@
-// A pixel's place in the images, and what it shows there.
+// A tile's and a pixel's place in the images, and what it shows there.
+
+struct TilePlace {
+    int view;
+    // Its first column and row.
+    ivec2 corner;
+};
+
+// Of a tile's number among all views'.
+TilePlace tile_place(int number) {
+    int tiles = int(frame.tiles_x * frame.tiles_y);
+    int view = number / tiles;
+    int tile = number - view * tiles;
+    int row = tile / int(frame.tiles_x);
+    return TilePlace(view, ivec2(tile - row * int(frame.tiles_x), row) * ivec2(TILE_WIDTH, TILE_HEIGHT));
+}
 
 int place_of(int view, ivec2 where) {
     return (view * int(frame.height) + where.y) * int(frame.width) + where.x;

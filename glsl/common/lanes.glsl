@@ -2,6 +2,7 @@
 
 #ifndef SUBGROUP_RECORDS
 shared vec4 lane_values[gl_WorkGroupSize.x];
+shared uint lane_bits[gl_WorkGroupSize.x];
 #endif
 
 // The sum over the lanes; lane 0 has it.
@@ -37,6 +38,23 @@ vec2 least_of_lanes(vec2 value) {
     barrier();
     for (uint i = 0u; i < gl_WorkGroupSize.x; ++i) {
         value = min(value, lane_values[i].xy);
+    }
+    return value;
+#endif
+}
+
+// The bits that any lane has; all lanes have them.
+uint bits_of_lanes(uint value) {
+#ifdef SUBGROUP_RECORDS
+    value |= subgroupShuffleXor(value, 4u);
+    value |= subgroupShuffleXor(value, 2u);
+    return value | subgroupShuffleXor(value, 1u);
+#else
+    barrier();
+    lane_bits[gl_LocalInvocationID.x] = value;
+    barrier();
+    for (uint i = 0u; i < gl_WorkGroupSize.x; ++i) {
+        value |= lane_bits[i];
     }
     return value;
 #endif

@@ -28,5 +28,8 @@ const bool WANT_NORMAL = (OUTPUTS & OUTPUT_NORMAL) != 0u;
 const bool WANT_SILHOUETTE = ((OUTPUTS & OUTPUT_SILHOUETTE) | uint(COMPOSITE) * uint(SHADED)) != 0u;
 // The shading record holds the depth too, so a silhouette with a far plane needs it.
 const bool WANT_SHADING = (uint(SHADED) | DEPTH_RANGE) != 0u;
+// Whether triangles that face the viewer come before those that face away in the tiles' lists, since they mostly hide
+// them. The hard mode keeps one order: of equally near triangles the first one counts.
+const bool PARTED = uint(SHADED) * uint(COLOR_MODE == COLOR_SOFTMAX) != 0u;
 const int SHADING_NORMAL_AT = int(SHADING_TEXELS) + int(SAMPLING != SAMPLING_NONE) * int(SHADING_COORDINATE_TEXELS);
 const int SHADING_STRIDE = SHADING_NORMAL_AT + int(WANT_NORMAL) * int(SHADING_NORMAL_TEXELS);

@@ -55,7 +55,7 @@ fn one(image: &Image, expected: &[f64], margin: Option<&[f64]>) -> (f64, f64, us
     })
 }
 
-/// |ours - judge| / |judge| of the gradient to vertex positions, and colours where the mode has them, for the upstream
+/// |ours - judge| / |judge| of the gradient by what the mode is differentiated by ([`Mode::wanted`]), for the upstream
 /// gradient of [`super::time::times`]. The judge takes about 20 µs a pair.
 ///
 /// # Errors
@@ -76,6 +76,12 @@ pub fn gradient(ours: &Gradients, scene: &Scene, cameras: &[Camera], settings: &
         let pairs = mesh.positions.as_flattened().iter().zip(judge.positions(index));
         for (&ours, judge) in pairs.chain(mesh.colors.as_flattened().iter().zip(colors)) {
             error += (f64::from(ours) - judge).powi(2);
+            norm += judge * judge;
+        }
+    }
+    for (view, camera) in ours.cameras.iter().enumerate() {
+        for (ours, judge) in camera.twist.iter().zip(judge.twist(view)) {
+            error += (ours - judge).powi(2);
             norm += judge * judge;
         }
     }

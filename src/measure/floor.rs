@@ -31,7 +31,9 @@ const COVERED: f64 = 2.0 + 12.0 + 3.0 + 2.0;
 const PRODUCT_GRADIENT: f64 = 2.0;
 /// dL/dd² 1; offset from the nearest point 4; the two ends' shares 3, their products 4, sums 4; the edge's choice 3.
 const DISTANCE_GRADIENT: f64 = 19.0;
-/// Weight relative to the pixel's sum 4; dL/dx = w (1 - D) (g·C - v) 4; dL/dζ 2.
+/// Weight relative to the pixel's sum.
+const RELATIVE_WEIGHT: f64 = 4.0;
+/// The same 4; dL/dx = w (1 - D) (g·C - v) 4; dL/dζ 2.
 const SOFTMAX_GRADIENT: f64 = 10.0;
 /// g·C by corners 3 × 5, their mixture 5, less the pixel's value 1.
 const THREE_CHANNELS_VALUE: f64 = 21.0;
@@ -48,13 +50,13 @@ pub fn forward_operations(mode: Mode) -> f64 {
     match mode {
         Mode::Silhouette => pair + PRODUCT,
         Mode::Color | Mode::Normal => pair + PLACE + SOFTMAX + THREE_CHANNELS,
-        Mode::ColorSilhouette => pair + PRODUCT + PLACE + SOFTMAX + THREE_CHANNELS,
+        Mode::ColorSilhouette | Mode::ToColors | Mode::ToCamera => pair + PRODUCT + PLACE + SOFTMAX + THREE_CHANNELS,
         Mode::Depth => pair + PLACE + SOFTMAX + ONE_CHANNEL,
         Mode::Hard => COVERED + PLACE,
     }
 }
 
-/// Least operations of a pair in the gradient by positions, and by corner colours where the mode has colours.
+/// Least operations of a pair in the gradient by what the mode is differentiated by ([`Mode::wanted`]).
 pub fn backward_operations(mode: Mode) -> f64 {
     let pair = DISTANCE + PROBABILITY;
     let soft = pair + DISTANCE_GRADIENT + PLACE + SOFTMAX_GRADIENT + PLACE_GRADIENT;
@@ -63,6 +65,8 @@ pub fn backward_operations(mode: Mode) -> f64 {
         Mode::Color => soft + THREE_CHANNELS_VALUE + CORNER_GRADIENT,
         Mode::ColorSilhouette => soft + PRODUCT_GRADIENT + THREE_CHANNELS_VALUE + CORNER_GRADIENT,
         Mode::Normal => soft + THREE_CHANNELS_VALUE + CORNER_GRADIENT,
+        Mode::ToColors => pair + PLACE + RELATIVE_WEIGHT + CORNER_GRADIENT,
+        Mode::ToCamera => soft + PRODUCT_GRADIENT + THREE_CHANNELS_VALUE,
         Mode::Depth => soft + ONE_CHANNEL_VALUE,
         // Only the nearest triangle of a pixel has a gradient, by its colours and through its barycentrics.
         Mode::Hard => COVERED + PLACE + CORNER_GRADIENT + PLACE_GRADIENT,

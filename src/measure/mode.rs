@@ -18,12 +18,24 @@ pub enum Mode {
     Normal,
     /// Colour and silhouette of a plain z-buffer: nearest covering triangle, nothing soft.
     Hard,
+    /// Colour and silhouette, differentiated by the colours alone.
+    ToColors,
+    /// Colour and silhouette, differentiated by the camera alone.
+    ToCamera,
 }
 
 impl Mode {
-    /// All of them.
-    pub const ALL: [Self; 6] =
-        [Self::Color, Self::Silhouette, Self::ColorSilhouette, Self::Depth, Self::Normal, Self::Hard];
+    /// All of them, the one that the others are compared with first.
+    pub const ALL: [Self; 8] = [
+        Self::ColorSilhouette,
+        Self::Color,
+        Self::Silhouette,
+        Self::Depth,
+        Self::Normal,
+        Self::Hard,
+        Self::ToColors,
+        Self::ToCamera,
+    ];
 
     /// As in tables and on the command line.
     pub fn name(self) -> &'static str {
@@ -34,14 +46,17 @@ impl Mode {
             Self::Depth => "depth",
             Self::Normal => "normal",
             Self::Hard => "hard",
+            Self::ToColors => "to-colors",
+            Self::ToCamera => "to-camera",
         }
     }
 
     /// The images of a frame of this mode.
     pub fn outputs(self) -> Outputs {
+        let both = matches!(self, Self::ColorSilhouette | Self::Hard | Self::ToColors | Self::ToCamera);
         Outputs {
-            color: matches!(self, Self::Color | Self::ColorSilhouette | Self::Hard),
-            silhouette: matches!(self, Self::Silhouette | Self::ColorSilhouette | Self::Hard),
+            color: both || self == Self::Color,
+            silhouette: both || self == Self::Silhouette,
             depth: self == Self::Depth,
             normal: self == Self::Normal,
         }
@@ -61,9 +76,14 @@ impl Mode {
         }
     }
 
-    /// What a frame of this mode is differentiated by: vertex positions, and colours where there are any.
+    /// What a frame of this mode is differentiated by: vertex positions, and colours where there are any, unless it says
+    /// otherwise.
     pub fn wanted(self) -> Wanted {
-        Wanted { positions: true, colors: self.outputs().color, ..Wanted::NOTHING }
+        match self {
+            Self::ToColors => Wanted { colors: true, ..Wanted::NOTHING },
+            Self::ToCamera => Wanted { camera: true, ..Wanted::NOTHING },
+            _ => Wanted { positions: true, colors: self.outputs().color, ..Wanted::NOTHING },
+        }
     }
 }
 
@@ -73,7 +93,7 @@ mod tests {
 
     #[test]
     fn outputs_are_those_named() {
-        for mode in Mode::ALL.into_iter().filter(|mode| *mode != Mode::Hard) {
+        for mode in Mode::ALL.into_iter().take(5) {
             let o = mode.outputs();
             let names = [(o.color, "color"), (o.silhouette, "silhouette"), (o.depth, "depth"), (o.normal, "normal")];
             let made: Vec<_> = names.into_iter().filter(|(on, _)| *on).map(|(_, name)| name).collect();

@@ -206,7 +206,14 @@ impl MeshTables {
     }
 
     /// The `view_shapes` table: each view's mesh and its share of the frame's buffers (`glsl/common/mesh.glsl`).
-    pub fn view_shapes(&self, scene: &Scene, plan: &Plan) -> Vec<[u32; 4 * c::SHAPE_TEXELS as usize]> {
+    /// `background_kept` as in [`Inputs`](crate::rasterizer::Inputs).
+    pub fn view_shapes(
+        &self,
+        scene: &Scene,
+        plan: &Plan,
+        background_kept: bool,
+    ) -> Vec<[u32; 4 * c::SHAPE_TEXELS as usize]> {
+        let kept = u32::from(background_kept) * c::SHAPE_BACKGROUND_KEPT;
         let entry = |(view, range): (usize, &crate::plan::ViewRange)| {
             let m = self.layouts[scene.mesh_of_view(view)];
             [
@@ -221,7 +228,7 @@ impl MeshTables {
                 range.slots,
                 range.words,
                 m.color_base,
-                u32::from(m.uniform_color) * c::SHAPE_UNIFORM_COLOR,
+                u32::from(m.uniform_color) * c::SHAPE_UNIFORM_COLOR + kept,
                 m.uv_base as u32,
                 m.uv_index_base as u32,
                 m.texture_base as u32,

@@ -160,6 +160,15 @@ impl BackwardPlan {
         self.modes.iter().any(|(name, value)| *name == "GRADIENTS" && value & flag != 0)
     }
 
+    /// Whether one of the two stages that walk items ever has any: one those that show in a shaded image, the other those
+    /// that move the silhouette.
+    pub fn walks(&self, stage: &str) -> bool {
+        let mode = |name: &str| self.modes.iter().find(|(n, _)| *n == name).map_or(0, |(_, value)| *value);
+        let shaded = mode("UPSTREAM") & !c::OUTPUT_SILHOUETTE != 0;
+        let outlines = mode("UPSTREAM") & c::OUTPUT_SILHOUETTE != 0 || (shaded && mode("COMPOSITE") != 0);
+        if stage == "backward_outline" { outlines } else { shaded }
+    }
+
     /// Texels of one triangle in `corner_gradients`.
     pub fn corner_stride(&self) -> u32 {
         3 + 3 * u32::from(self.has(c::GRADIENT_COLOR)) + 2 * u32::from(self.has(c::GRADIENT_COORDINATE))
@@ -185,7 +194,7 @@ impl BackwardPlan {
         let sum_views = has(c::GRADIENT_VIEW) || has(c::GRADIENT_SCALARS);
         let light_rows = if smooth { forward.totals.vertices } else { forward.totals.slots };
         // What backward alone computes, or is needed by what follows it.
-        let triangles = gradients & !c::GRADIENT_BACKGROUND != 0;
+        let triangles = gradients & !c::GRADIENT_BACKGROUND != 0 && forward.totals.slots > 0;
         Self {
             frame,
             modes,
@@ -236,7 +245,7 @@ fn sizes_of(input: &BackwardInput, gradients: u32, smooth: bool) -> BackwardSize
         area_gradients: when(smooth, bytes(t.vertices, 16)),
         view_sums: when(has(c::GRADIENT_VIEW) || has(c::GRADIENT_SCALARS), bytes(t.slots, 48)),
         vertex_gradients: bytes(input.vertices, 32),
-        texel_sums: when(has(c::GRADIENT_TEXEL), bytes(input.texels, 24)),
+        texel_sums: when(has(c::GRADIENT_TEXEL) && t.slots > 0, bytes(input.texels, 24)),
         totals: bytes(sums, 48),
     }
 }
@@ -249,11 +258,11 @@ fn groups_of(input: &BackwardInput, gradients: u32, smooth: bool, sum_views: boo
     let linear = |n: u32, y: u32| [n.div_ceil(c::LINEAR_GROUP), y, 1];
     let pixels = u64::from(forward.frame.width) * u64::from(forward.frame.height);
     let items = forward.totals.slots + u64::from(forward.frame.cell_capacity);
-    let triangles = gradients & !c::GRADIENT_BACKGROUND != 0;
+    let triangles = gradients & !c::GRADIENT_BACKGROUND != 0 && forward.totals.slots > 0;
     let vertices = input.wanted.positions || input.wanted.colors;
     let corners = gradients & !(c::GRADIENT_BACKGROUND | c::GRADIENT_TEXEL) != 0;
     BackwardGroups {
-        pixel_grad: rows_of(pixels.div_ceil(u64::from(c::LINEAR_GROUP)), views),
+        pixel_grad: when(triangles || sum_pixels, rows_of(pixels.div_ceil(u64::from(c::LINEAR_GROUP)), views)),
         backward_cull: when(triangles, rows_of(items.div_ceil(u64::from(c::LINEAR_GROUP)), 1)),
         triangle_grad: when(corners, forward.groups.triangle),
         vertex_normal_grad: when(corners && smooth, forward.groups.vertex),

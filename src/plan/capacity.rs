@@ -2,7 +2,7 @@
 
 use super::ViewSize;
 use crate::constants as c;
-use crate::scene::Settings;
+use crate::scene::{Distance, Settings};
 
 /// Entries of the bins' and of the tiles' lists that memory is set aside for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -26,10 +26,12 @@ impl Capacity {
     }
 
     /// Room that usual meshes need, from the mean triangle that would cover each image once; the status word tells when
-    /// it was not enough.
-    pub fn estimate(settings: &Settings, views: &[ViewSize]) -> Self {
+    /// it was not enough. `cutoff` is the radius of support as in [`Settings::cutoff_of`].
+    pub fn estimate(settings: &Settings, cutoff: f64, views: &[ViewSize]) -> Self {
         let (w, h) = (f64::from(settings.width), f64::from(settings.height));
-        let blur = 2.0 * settings.blur_pixels().min(w + h);
+        let hard = settings.distance == Distance::Hard;
+        let radius = if hard { 0.0 } else { (settings.sigma * cutoff).sqrt() * h / 2.0 };
+        let blur = 2.0 * radius.min(w + h);
         let lists = |tile: (u32, u32), most: f64| -> f64 {
             let each = views.iter().filter(|v| v.triangles > 0).map(|v| {
                 let side = (2.0 * w * h / f64::from(v.triangles)).sqrt() + blur;

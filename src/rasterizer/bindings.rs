@@ -3,7 +3,7 @@
 use super::plan::{BufferRequirement, FRAME_SLOTS, FramePlan, GRADIENT_SLOTS, GradientPlan};
 use crate::buffers::{BACKWARD, FORWARD, UNUSED, UNUSED_SIZE};
 use crate::error::{Error, Result};
-use crate::passes::{BACKWARD_COUNT, BackwardStages, ForwardStages};
+use crate::passes::{self, BACKWARD_COUNT, BackwardStages, ForwardStages};
 use crate::vulkan::{BufferPart, BufferRef, Device, Pipeline, TexelFormat, vk};
 
 /// One frame's buffers bound to the forward kernels: descriptor sets, buffer views and pipelines. Two frames in flight take
@@ -156,7 +156,12 @@ fn fits(sizes: &[u64], ranges: &[u64], same_modes: bool) -> Result<()> {
 }
 
 impl FrameBindings {
-    pub(super) fn new(device: &Device, pipelines: [Pipeline; 5], plan: &FramePlan, parts: Parts) -> Result<Self> {
+    pub(super) fn new(
+        device: &Device,
+        pipelines: [Pipeline; passes::FORWARD_COUNT],
+        plan: &FramePlan,
+        parts: Parts,
+    ) -> Result<Self> {
         let stages = ForwardStages::new(device, pipelines, &|name| parts.find(name))?;
         Ok(Self {
             stages,

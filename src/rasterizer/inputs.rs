@@ -14,6 +14,9 @@ use crate::scene::{Camera, Scene, Settings, Shading};
 pub struct Inputs {
     /// The meshes.
     pub tables: MeshTables,
+    /// Whether the images, `saved`, `tile_bounds` and `tile_marks` are as the last frame of the very same plan left them, so
+    /// that what it found empty, and still is, need not be written again. False unless the caller knows.
+    pub background_kept: bool,
     /// The counts and kinds of the meshes laid out.
     meshes: Vec<MeshShape>,
     adjacent: bool,
@@ -41,7 +44,7 @@ impl Inputs {
             self.tables = MeshTables::new(scene, adjacency);
             Changes::ALL
         });
-        let shapes = self.tables.view_shapes(scene, &plan.plan);
+        let shapes = self.tables.view_shapes(scene, &plan.plan, self.background_kept);
         let cameras = cameras.iter().map(|camera| camera_texels(camera, settings)).collect();
         changes.note("view_shapes", renew(&mut self.shapes, shapes));
         changes.note("view_cameras", renew(&mut self.cameras, cameras));

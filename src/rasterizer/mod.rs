@@ -215,7 +215,7 @@ impl Rasterizer {
         passes::record_backward(recorder, &plan.plan, stages, texel_sums, item_counts, times)
     }
 
-    fn forward_pipelines(&self, plan: &FramePlan) -> Result<[Pipeline; 5]> {
+    fn forward_pipelines(&self, plan: &FramePlan) -> Result<[Pipeline; passes::FORWARD_COUNT]> {
         let (lanes, modes) = (self.lanes, &plan.plan.modes);
         let kernels = passes::forward_kernels(&self.device, lanes);
         self.pipelines(kernels.map(|kernel| Request { kernel, modes, lanes }))

@@ -143,7 +143,7 @@ impl FramePlan {
         settings.judge()?;
         judge(shape)?;
         let views = shape.view_sizes();
-        let capacity = shape.capacity.unwrap_or_else(|| Capacity::estimate(settings, &views));
+        let capacity = shape.capacity.unwrap_or_else(|| Capacity::estimate(settings, shape.cutoff, &views));
         let plan = Plan::new(&PlanInput {
             settings,
             cutoff: shape.cutoff,

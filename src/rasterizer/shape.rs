@@ -186,7 +186,7 @@ impl Shape {
         let mut entries = Vec::with_capacity(self.meshes.len());
         for mesh in &self.meshes {
             let (vertices, triangles) = (mesh.vertices, mesh.triangles);
-            let mut entry = MeshEntry { vertices, triangles, uniform: 1, ..next };
+            let mut entry = MeshEntry { vertices, triangles, uniform: c::SHAPE_UNIFORM_COLOR, ..next };
             (entry.uv, entry.uv_index, entry.texture) = (u32::MAX, u32::MAX, u32::MAX);
             let mut colors = 3;
             match &mesh.appearance {

@@ -51,6 +51,8 @@ pub struct Renderer {
     /// The latest frame, if it was saved.
     saved: Option<backward::Saved>,
     frames: u64,
+    /// The commands as recorded have made a frame, and nothing since.
+    finished: bool,
     commands: CommandBuffer,
     times: Option<TimestampPool>,
     timed: bool,
@@ -108,6 +110,7 @@ impl Renderer {
             backward: backward::State::new(&context)?,
             saved: None,
             frames: 0,
+            finished: false,
             commands: CommandBuffer::new(&context, "softras frame")?,
             times: TimestampPool::new(context.device(), context.queue_family(), FORWARD_TIMESTAMPS)?,
             timed: false,
@@ -188,6 +191,7 @@ impl Renderer {
                 shape.capacity = Some(more);
                 continue;
             }
+            self.finished = true;
             // The next frame of this kind starts with what this one needed.
             self.capacity = Some(self.capacity.map_or(plan.capacity(), |c| c.max(plan.capacity())));
             let saved = settings.save.then_some(self.frames);
@@ -244,7 +248,15 @@ impl Renderer {
     }
 
     /// Writes the inputs that are not on the device already.
-    fn write_inputs(&mut self, scene: &Scene, cameras: &[Camera], settings: &Settings, plan: &FramePlan) -> Result<()> {
+    fn write_inputs(
+        &mut self,
+        scene: &Scene,
+        cameras: &[Camera],
+        settings: &Settings,
+        plan: &Arc<FramePlan>,
+    ) -> Result<()> {
+        // Nobody but the frame writes to its buffers, and none that failed left them half written.
+        self.inputs.background_kept = std::mem::take(&mut self.finished) && self.is_recorded(plan);
         self.uploads.stale = self.uploads.stale.or(self.inputs.update(scene, cameras, settings, plan));
         for (name, bytes) in self.inputs.all() {
             if self.uploads.stale.has(name) && plan.buffer(name).is_some() {
@@ -255,12 +267,17 @@ impl Renderer {
         Ok(())
     }
 
-    /// Records the frame's commands, unless they are recorded already.
-    fn prepare(&mut self, plan: &Arc<FramePlan>) -> Result<()> {
-        // What a plan records follows from its sizes and numbers; what it was made of may differ.
+    /// Whether the commands are the plan's. What it records follows from its sizes and numbers; what it was made of may
+    /// differ.
+    fn is_recorded(&self, plan: &Arc<FramePlan>) -> bool {
         let same =
             |(recorded, _): &(Arc<FramePlan>, FrameBindings)| Arc::ptr_eq(recorded, plan) || recorded.plan == plan.plan;
-        if self.recorded.as_ref().is_some_and(same) {
+        self.recorded.as_ref().is_some_and(same)
+    }
+
+    /// Records the frame's commands, unless they are recorded already.
+    fn prepare(&mut self, plan: &Arc<FramePlan>) -> Result<()> {
+        if self.is_recorded(plan) {
             return Ok(());
         }
         self.recorded = None;

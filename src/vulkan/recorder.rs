@@ -108,6 +108,22 @@ impl<'a> Recorder<'a> {
         Ok(())
     }
 
+    /// Writes bytes that the command buffer holds: at most 65536, their number and the offset multiples of four.
+    pub fn update(&mut self, buffer: &BufferPart, offset: u64, bytes: &[u8]) -> Result<()> {
+        const MOST: usize = 65536;
+        let call = "vkCmdUpdateBuffer";
+        check_range(call, buffer, offset, bytes.len() as u64, vk::BufferUsageFlags::TRANSFER_DST)?;
+        if bytes.len() > MOST {
+            return Err(Error::Vulkan { call, result: format!("{} bytes, it takes {MOST}", bytes.len()) });
+        }
+        if !bytes.is_empty() {
+            self.keep(&buffer.keep);
+            // SAFETY: the range lies inside the buffer, aligned, is not empty and not too long.
+            unsafe { self.device.raw().cmd_update_buffer(self.raw, buffer.raw(), buffer.offset() + offset, bytes) };
+        }
+        Ok(())
+    }
+
     /// Copies `size` bytes. All three numbers are multiples of four; the ranges don't overlap.
     pub fn copy(
         &mut self,

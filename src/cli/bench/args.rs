@@ -14,6 +14,7 @@ Without a mesh: softras' own fish, and icospheres of 1280 and 20480 triangles.
 median   milliseconds that a user of the library waits, upload and download included. forward: a frame
          for looking at; backward: the gradient to vertex positions and colours; frame: a frame that
          keeps what backward needs, and backward
+of full  median / that of the same pass of color+silhouette: what a mode saves by not doing the rest
 device   milliseconds of the stages by the device's own clock
 floor    pairs needed x the least operations that a pair takes / the device's measured peak
 pairs    (pixel, triangle) pairs: needed, those that the model keeps; evaluated, those computed (of
@@ -91,6 +92,10 @@ pub enum Mode {
     Normal,
     /// A plain z-buffer's colour and silhouette
     Hard,
+    /// Colour and silhouette, the gradient to vertex colours alone
+    ToColors,
+    /// Colour and silhouette, the gradient to the camera alone
+    ToCamera,
 }
 
 impl From<Mode> for measure::Mode {
@@ -102,6 +107,8 @@ impl From<Mode> for measure::Mode {
             Mode::Depth => Self::Depth,
             Mode::Normal => Self::Normal,
             Mode::Hard => Self::Hard,
+            Mode::ToColors => Self::ToColors,
+            Mode::ToCamera => Self::ToCamera,
         }
     }
 }

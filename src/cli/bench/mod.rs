@@ -11,7 +11,7 @@ use args::BenchArgs;
 use machine::Machine;
 use rows::{Job, Judged, Row, measure, rows};
 use serde_json::Value;
-use softras::measure::{peak_flops, subject, sweep};
+use softras::measure::{Mode, peak_flops, subject, sweep};
 use softras::obj::LoadOptions;
 use softras::{Camera, Error, Mesh, Renderer, Scene, shapes};
 use std::path::Path;
@@ -115,7 +115,7 @@ fn size_rows(
     cameras: &[Camera],
     size: u32,
 ) -> Result<Vec<Row>, Failure> {
-    let mut all = Vec::new();
+    let mut all: Vec<Row> = Vec::new();
     for mode in args.measured_modes() {
         let settings = mode.of(&args.settings(size));
         let job = Job { name, scene, cameras, settings, mode, repeats: args.repeats() };
@@ -123,7 +123,11 @@ fn size_rows(
         let judged = if args.no_errors { None } else { Some(Judged::of(&job)?) };
         let found = measure(renderer, &job, judged.as_ref())?;
         drop(spinner);
-        let rows = rows(&job, &found);
+        let mut rows = rows(&job, &found);
+        for row in &mut rows {
+            let full = all.iter().find(|full| full.mode == Mode::ColorSilhouette.name() && full.pass == row.pass);
+            row.of_full = full.map(|full| row.median / full.median);
+        }
         rows.iter().try_for_each(|row| say(&row.text(peak)))?;
         all.extend(rows);
     }

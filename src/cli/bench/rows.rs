@@ -83,6 +83,8 @@ pub struct Row {
     pub mode: &'static str,
     pub pass: &'static str,
     pub median: f64,
+    /// The median over that of the same pass of colour and silhouette, where that was measured.
+    pub of_full: Option<f64>,
     pub device: f64,
     /// Least operations of all needed pairs.
     pub operations: f64,
@@ -109,6 +111,7 @@ pub fn rows(job: &Job<'_>, found: &Measured) -> Vec<Row> {
         mode: job.mode.name(),
         pass,
         median,
+        of_full: None,
         device: stages.iter().map(|t| t.milliseconds).sum(),
         operations,
         needed,
@@ -181,7 +184,7 @@ impl Row {
         let mut fields = Map::new();
         let own = json!({
             "scene": self.scene, "faces": self.faces, "size": self.size, "mode": self.mode, "pass": self.pass,
-            "median_ms": self.median, "device_ms": self.device, "floor_ms": self.floor(machine.peak),
+            "median_ms": self.median, "of_full": self.of_full, "device_ms": self.device, "floor_ms": self.floor(machine.peak),
             "pairs_needed": self.needed, "pairs_evaluated": self.evaluated,
             "max_error": self.error, "max_error_untruncated": self.untruncated, "stages_ms": stages,
         });
@@ -210,13 +213,14 @@ impl Row {
     /// The heads of [`Row::text`]'s columns.
     pub fn head() -> String {
         format!(
-            "{:12} {:>7} {:>5} {:16} {:8} {:>9} {:>9} {:>9} {:>7} {:>9} {:>10} {:>9} {:>9}",
+            "{:12} {:>7} {:>5} {:16} {:8} {:>9} {:>7} {:>9} {:>9} {:>7} {:>9} {:>10} {:>9} {:>9}",
             "scene",
             "faces",
             "size",
             "mode",
             "pass",
             "median",
+            "of full",
             "device",
             "floor",
             "x floor",
@@ -232,13 +236,14 @@ impl Row {
         let floor = self.floor(peak);
         let error = |error: Option<f64>| error.map_or("-".to_string(), |e| format!("{e:.1e}"));
         format!(
-            "{:12} {:>7} {:>5} {:16} {:8} {:>9.3} {:>9.3} {:>9.3} {:>7.1} {:>9} {:>10} {:>9} {:>9}",
+            "{:12} {:>7} {:>5} {:16} {:8} {:>9.3} {:>7} {:>9.3} {:>9.3} {:>7.1} {:>9} {:>10} {:>9} {:>9}",
             self.scene,
             self.faces,
             self.size,
             self.mode,
             self.pass,
             self.median,
+            self.of_full.map_or("-".to_string(), |share| format!("{share:.2}")),
             self.device,
             floor,
             self.median / floor,
