@@ -138,3 +138,31 @@ fn plan(settings: &Settings, views: &[ViewSize], crosses_near: bool) -> softras:
         save: true,
     })
 }
+
+/// A frame that keeps nothing for backward has none of the buffers that backward reads, and nothing else changes.
+#[test]
+fn frames_for_looking_at_have_no_buffers_for_gradients() {
+    let views = [ViewSize { vertices: 100, triangles: 200 }; 2];
+    let settings = Settings::default();
+    let sizes_of = |save: bool| {
+        let lights = Lights::unlit();
+        let input = PlanInput {
+            settings: &settings,
+            cutoff: settings.cutoff(),
+            views: &views,
+            meshes: 1,
+            lights: &lights,
+            sampling: Sampling::default(),
+            depth_span: DepthSpan { crosses_near: false, crosses_far: false },
+            distorted: false,
+            capacity: Capacity::estimate(&settings, settings.cutoff(), &views),
+            save,
+        };
+        Plan::new(&input).unwrap().sizes
+    };
+    let (look, save) = (sizes_of(false), sizes_of(true));
+    assert_eq!([look.saved, look.tile_bounds, look.cell_ranges, look.cells], [0; 4]);
+    assert!([save.saved, save.tile_bounds, save.cell_ranges, save.cells].iter().all(|&size| size > 0));
+    let kept = save.saved + save.tile_bounds + save.cell_ranges + save.cells;
+    assert_eq!(look.total() + kept, save.total());
+}

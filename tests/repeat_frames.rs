@@ -139,7 +139,8 @@ fn step(renderer: &mut Renderer, state: &State, seed: u64) -> (Frame, Gradients)
     (frame, gradients)
 }
 
-/// Random changes one after the other; every step as a renderer that knows of none has it.
+/// Random changes one after the other; every third step as a renderer that knows of none has it (what is not taken over
+/// stays so, and a new renderer takes a second).
 fn steps_are_as_fresh(seed: u64, steps: usize, options: &RendererOptions) {
     let random = &mut Random::new(seed);
     let mut state = start(random);
@@ -157,6 +158,9 @@ fn steps_are_as_fresh(seed: u64, steps: usize, options: &RendererOptions) {
             kept.render(&state.scene, &state.cameras, &look).unwrap();
         }
         let (frame, gradients) = step(&mut kept, &state, seed);
+        if i % 3 != 1 && i + 1 < steps {
+            continue;
+        }
         let (true_frame, true_gradients) = step(&mut renderer(), &state, seed);
         let what = format!("seed {seed}, step {i}, changes {kinds:?}");
         same_bits(&frame, &true_frame).unwrap_or_else(|e| panic!("{what}: {e}"));
@@ -227,4 +231,28 @@ fn only_what_changed_is_uploaded() {
         assert_eq!(uploaded(&state), all, "another topology");
         assert_eq!(uploaded(&state), 0);
     }
+}
+
+/// Frames for looking at hold no memory for gradients, and gradients by little no more than they need.
+#[test]
+fn what_is_not_asked_for_has_no_buffer() {
+    let random = &mut Random::new(6);
+    let state = start(random);
+    let bytes = |save: bool, wanted: Option<Wanted>| {
+        let mut renderer = renderer();
+        let settings = Settings { save, ..state.settings.clone() };
+        let frame = renderer.render(&state.scene, &state.cameras, &settings).unwrap();
+        if let Some(wanted) = wanted {
+            renderer.backward(&frame, &upstream(&state, 6), &wanted).unwrap();
+        }
+        renderer.device_bytes()
+    };
+    let pixels = 2 * 20 * 13;
+    let (look, saved) = (bytes(false, None), bytes(true, None));
+    assert!(saved >= look + 16 * pixels, "{look} {saved}");
+    let of = |wanted: Wanted| bytes(true, Some(wanted));
+    let (camera, colors) = (Wanted { camera: true, ..Wanted::NOTHING }, Wanted { colors: true, ..Wanted::NOTHING });
+    let all = of(Wanted::ALL);
+    assert!(saved < of(camera) && of(camera) < all, "{saved} {} {all}", of(camera));
+    assert!(saved < of(colors) && of(colors) < all, "{saved} {} {all}", of(colors));
 }

@@ -228,6 +228,7 @@ fn sizes_of(input: &BackwardInput, gradients: u32, smooth: bool) -> BackwardSize
     let lights = u64::from(input.forward.frame.light_count) + 1;
     let sums = u64::from(input.forward.frame.view_count) + lights + 1;
     let light_rows = if smooth { t.vertices } else { t.slots };
+    let composite = shaded && input.forward.mode("COMPOSITE") != 0;
     BackwardSizes {
         upstream_color: when(up.color, bytes(t.pixels, 16)),
         upstream_silhouette: when(up.silhouette && !up.color, bytes(t.pixels, 4)),
@@ -235,8 +236,8 @@ fn sizes_of(input: &BackwardInput, gradients: u32, smooth: bool) -> BackwardSize
         upstream_normals: when(up.normal, bytes(t.pixels, 16)),
         pixel_gradients: bytes(t.pixels * (1 + u64::from(shaded) + u64::from(up.normal)), 16),
         pixel_sums: when(has(c::GRADIENT_BACKGROUND) || has(c::GRADIENT_SCALARS), bytes(t.pixels, 32)),
-        shown_items: bytes(items, 16),
-        outline_items: bytes(items, 16),
+        shown_items: when(shaded, bytes(items, 16)),
+        outline_items: when(up.silhouette || composite, bytes(items, 16)),
         item_counts: bytes(item_rows(input) * u64::from(c::ITEM_COUNT_WORDS), 4),
         partials: bytes(items * partial, 16),
         corner_gradients: bytes(t.slots * corner, 16),
@@ -244,7 +245,7 @@ fn sizes_of(input: &BackwardInput, gradients: u32, smooth: bool) -> BackwardSize
         light_records: when(has(c::GRADIENT_LIGHTS), bytes(light_rows, 32)),
         area_gradients: when(smooth, bytes(t.vertices, 16)),
         view_sums: when(has(c::GRADIENT_VIEW) || has(c::GRADIENT_SCALARS), bytes(t.slots, 48)),
-        vertex_gradients: bytes(input.vertices, 32),
+        vertex_gradients: when(input.wanted.positions || input.wanted.colors, bytes(input.vertices, 32)),
         texel_sums: when(has(c::GRADIENT_TEXEL) && t.slots > 0, bytes(input.texels, 24)),
         totals: bytes(sums, 48),
     }
