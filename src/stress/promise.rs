@@ -87,6 +87,27 @@ pub(super) fn upstream(case: &Case, margin: Option<&[f64]>) -> ImageGradient {
     }
 }
 
+/// [`upstream`] of cases that are one batch.
+pub(super) fn upstream_of(cases: &[Case]) -> ImageGradient {
+    let mut all = cases.iter().map(|case| upstream(case, None));
+    let mut sum = all.next().unwrap_or_default();
+    for next in all {
+        let ImageGradient { color, silhouette, depth, normal } = next;
+        append(&mut sum.color, color);
+        append(&mut sum.silhouette, silhouette);
+        append(&mut sum.depth, depth);
+        append(&mut sum.normal, normal);
+    }
+    sum
+}
+
+fn append(to: &mut Option<Image>, image: Option<Image>) {
+    if let (Some(to), Some(image)) = (to, image) {
+        to.batch += image.batch;
+        to.data.extend(image.data);
+    }
+}
+
 /// The worst gradient's name and |ours - judge| / |judge|, where a gradient that cancelled by chance is held to a tenth of
 /// its usual size over other signs of the weights, and one that is nothing to a thousandth of the weights in its unit.
 ///

@@ -1,8 +1,8 @@
 //! Triangles that hurt: without area, thin, doubled, coincident, through each other, huge, on pixel centres and borders.
 
 use super::random::Random;
-use crate::{Mesh, Result, Settings};
-use glam::DVec3;
+use crate::{Mesh, Result, Settings, shapes};
+use glam::{DQuat, DVec3};
 
 /// Where triangles are put so that the camera sees some of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,6 +29,33 @@ impl Soup {
     /// As a mesh.
     pub fn mesh(self) -> Result<Mesh> {
         Mesh::new(self.positions, self.triangles)
+    }
+
+    /// One of the library's shapes where the camera looks, its vertices moved a little: so that it is a surface whose
+    /// triangles share their corners, yet none is like another. Some are seen from their edge, as thin ones.
+    pub fn add_surface(&mut self, random: &mut Random, settings: &Settings, place: Place) -> Result<()> {
+        let shape = match random.below(4) {
+            0 => shapes::fish(),
+            1 => shapes::torus(0.7, 0.3, 8 + random.below(50) as u32, 8 + random.below(30) as u32),
+            2 => shapes::icosphere(4),
+            _ => shapes::icosphere(3),
+        }?;
+        let corners = plain(random, settings, place);
+        let (centre, reach) = match place {
+            Place::World => (DVec3::ZERO, DVec3::ONE),
+            Place::View => (corners[0], DVec3::new(corners[0].z, corners[0].z, 0.1)),
+            Place::Screen => (corners[0], DVec3::new(1.0, 1.0, 0.1)),
+        };
+        let turn = DQuat::from_axis_angle(random.direction(), random.range(0.0, 6.0));
+        let size = random.range(0.3, 1.2);
+        self.thin = true;
+        let first = self.positions.len() as u32;
+        for p in shape.positions() {
+            let p = turn * DVec3::from(p.map(f64::from)) * size + random.direction() * 0.002;
+            self.positions.push((centre + p * reach).as_vec3().to_array());
+        }
+        self.triangles.extend(shape.triangles().iter().map(|t| t.map(|i| first + i)));
+        Ok(())
     }
 
     fn push(&mut self, corners: [DVec3; 3]) {
