@@ -109,9 +109,9 @@ pub(super) fn soup(random: &mut Random, settings: &Settings, place: Place, count
             _ => plain,
         };
         let scale = if mixed { random.log_range(1e-20, 1e20) } else { scale };
-        // Beyond a float there is only what the mesh's judge refuses, once in a while.
-        let limit = if random.chance(1e-3) { 1e39 } else { 1e25 };
-        soup.push(corners.map(|p| (p * scale).clamp(DVec3::splat(-limit), DVec3::splat(limit))));
+        // What the mesh's judge refuses, once in a while.
+        let limit = DVec3::splat(if random.chance(1e-3) { 1e39 } else { Mesh::FARTHEST.into() });
+        soup.push(corners.map(|p| (p * scale).clamp(-limit, limit)));
     }
     soup
 }
