@@ -1,5 +1,6 @@
 //! `softras stress`: scenes drawn to hurt, and what comes of them.
 
+mod load;
 mod map;
 mod tally;
 
@@ -30,6 +31,7 @@ Examples:
   softras stress --cases 1 --seed 4711            # one scene again
   softras stress --cases 1000000 --batch 64       # many scenes fast: 64 in one submission
   softras stress --cases 10000 --realistic
+  softras stress --cases 0 --load 100000          # frames in a row, with flat memory
   softras stress --cases 0 --map accuracy.svg     # error over the sigma-gamma plane")]
 pub struct StressArgs {
     /// How many scenes
@@ -60,6 +62,9 @@ pub struct StressArgs {
     /// Draw the error of images over the sigma-gamma plane
     #[arg(long, value_name = "FILE.svg")]
     map: Option<PathBuf>,
+    /// Render and differentiate so many small frames in a row, shared by --jobs renderers; memory must not grow
+    #[arg(long, value_name = "FRAMES", value_parser = clap::value_parser!(u64).range(1..))]
+    load: Option<u64>,
     /// Print the least scene that still shows the first finding
     #[arg(long)]
     shrink: bool,
@@ -85,6 +90,7 @@ pub fn run(args: &StressArgs) -> std::result::Result<(), Failure> {
     let start = Instant::now();
     let options =
         RendererOptions { device: args.device.clone(), validation: args.validation, ..RendererOptions::default() };
+    let load = args.load.map(|frames| load::run(frames, args.jobs, &options)).transpose()?;
     let mut stress = Stress::new(&options)?;
     let device = stress.renderer().device_name().to_string();
     // A panic is a finding and is told of as one.
@@ -104,8 +110,12 @@ pub fn run(args: &StressArgs) -> std::result::Result<(), Failure> {
         object["realistic"] = json!(args.realistic);
         object["validation"] = json!(args.validation);
         object["seconds"] = json!(seconds);
+        if let Some(load) = &load {
+            object["load"] = load.json();
+        }
         say(&format!("{object:#}"))?;
     } else {
+        load.iter().try_for_each(|load| say(&load.line()))?;
         say(&format!("{device}; {} scenes from seed {}, {:.0} s", args.cases, args.seed, seconds))?;
         tally.lines().iter().try_for_each(|line| say(line))?;
         least.iter().try_for_each(|case| say(case))?;
@@ -116,7 +126,7 @@ pub fn run(args: &StressArgs) -> std::result::Result<(), Failure> {
             say(&format!("{}: the map of errors", path.display()))?;
         }
     }
-    if tally.is_clean() { Ok(()) } else { Err(Failure::Told) }
+    if tally.is_clean() && load.is_none_or(|load| load.is_flat()) { Ok(()) } else { Err(Failure::Told) }
 }
 
 /// The least scene with that finding, for people.
