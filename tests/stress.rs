@@ -4,7 +4,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use softras::RendererOptions;
-use softras::stress::{Kind, Promise, Stress, case};
+use softras::stress::{Kind, Promise, Stress, batch, case};
 
 /// The combinations of modes that time allows to compile here; all of them run in `softras stress`.
 const COMPILED: Kind = Kind { forms: 3, realistic: false };
@@ -65,4 +65,31 @@ fn the_same_seed_is_the_same_case() {
         let text = || format!("{:?}", case(seed, Kind::default()));
         assert_eq!(text(), text());
     }
+}
+
+/// Scenes that broke a promise which said too much: a depth composited from far away, a triangle that a pixel's centre made
+/// thin, and a gradient of next to nothing at σ = 1.3e-6.
+#[test]
+fn what_was_promised_too_much_is_not() {
+    let mut stress = stress();
+    for seed in [893, 1799, 104124] {
+        assert_eq!(stress.seed(seed, Kind::default()).unwrap().findings, [], "seed {seed}");
+    }
+}
+
+/// A batch finds what its scenes find by themselves.
+#[test]
+fn batches_are_held_to_the_same() {
+    let mut stress = stress();
+    let (mut all, mut refused) = (0, 0);
+    for seed in (0..320).step_by(16) {
+        let outcomes = stress.batch(seed, ONE, 16).unwrap();
+        assert!(outcomes.iter().all(|outcome| outcome.findings.is_empty()), "seed {seed}: {outcomes:?}");
+        all += outcomes.len();
+        refused += outcomes.iter().filter(|outcome| outcome.refused.is_some()).count();
+        let first = case(seed, ONE).map(|case| format!("{:?}", case.scene.meshes));
+        let drawn = batch(seed, ONE, 16).remove(0).map(|case| format!("{:?}", case.scene.meshes));
+        assert_eq!(first.ok(), drawn.ok());
+    }
+    assert!(all == 320 && refused < 160, "{refused} of {all}");
 }

@@ -1,7 +1,7 @@
 //! One case on the device, and what must hold of it.
 
 use super::draw::{Case, Kind};
-use super::promise::{self, GRADIENT, Promise};
+use super::promise::{self, Promise};
 use crate::error::{Error, Result};
 use crate::reference::render_culled;
 use crate::scene::{Appearance, Lights, Parity};
@@ -235,7 +235,7 @@ fn images(case: &Case, frame: &Frame, outcome: &mut Outcome) -> Option<Vec<f64>>
     if values.into_iter().flatten().any(|x| !x.is_finite()) {
         outcome.find("judge", "a value of the f64 judge's image is not finite");
     }
-    let [silhouette, all] = promise::errors(frame, &judge);
+    let [silhouette, all] = promise::errors(frame, &judge, &case.settings);
     let promised = match case.promise {
         Promise::Bounds => {
             outcome.unpromised_error = Some(all);
@@ -277,7 +277,7 @@ fn gradients(renderer: &mut Renderer, case: &Case, frame: &Frame, margin: Option
         match promise::gradient_error(case, &upstream, &first) {
             Ok((name, error)) => {
                 outcome.gradient_error = Some(error);
-                if error.is_nan() || error > GRADIENT {
+                if error.is_nan() || error > promise::gradient_tolerance(case) {
                     outcome.find("gradient", format!("by {name} is off by {error:.1e} of its norm"));
                 }
             }

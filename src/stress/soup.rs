@@ -112,8 +112,17 @@ pub(super) fn soup(random: &mut Random, settings: &Settings, place: Place, count
         // What the mesh's judge refuses, once in a while.
         let limit = DVec3::splat(if random.chance(1e-3) { 1e39 } else { Mesh::FARTHEST.into() });
         soup.push(corners.map(|p| (p * scale).clamp(-limit, limit)));
+        soup.thin |= tame && soup.last().is_some_and(|corners| is_thin(corners, place));
     }
     soup
+}
+
+/// Whether a triangle with an area is lower than a hundredth of its longest edge, which barycentrics are divided by.
+fn is_thin(corners: [DVec3; 3], place: Place) -> bool {
+    let [a, b, c] = corners.map(|p| if place == Place::World { p } else { p.with_z(0.0) });
+    let longest = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
+    let area = (b - a).cross(c - a).length();
+    area > 1e-9 * longest && area < 1e-2 * longest
 }
 
 /// An everyday triangle where the camera looks.
@@ -181,4 +190,16 @@ fn special_depth(random: &mut Random, settings: &Settings, mut corners: [DVec3; 
         corner.z = around * random.choose(&[0.0, 1e-40, -1e-40, settings.near, settings.far, -settings.near, 1e-12]);
     }
     corners
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thin_is_what_is_low_and_not_flat() {
+        let triangle = |height: f64| [DVec3::ZERO, DVec3::new(0.5, height, 3.0 * height), DVec3::X];
+        assert!(is_thin(triangle(5e-3), Place::Screen) && !is_thin(triangle(5e-3), Place::World));
+        assert!(!is_thin(triangle(0.0), Place::Screen) && !is_thin(triangle(0.5), Place::Screen));
+    }
 }
