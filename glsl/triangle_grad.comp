@@ -209,9 +209,9 @@ void main() {
         if (LIT) {
             by_normal += light_gradient(face_normal, by_light);
         }
-        // Of the edges as they are: the normal does not change with their size. Edges so small that the quotient leaves a
-        // float are a point.
-        vec3 by_cross = size > 1e-30 ? by_area(area, by_normal) / size : vec3(0.0);
+        // Of the edges as they are: the normal does not change with their size. A triangle so low that the quotient leaves a
+        // float is a point.
+        vec3 by_cross = length(area) * size > 1e-30 ? by_area(area, by_normal) / size : vec3(0.0);
         vec3 by_edge1 = cross(edge2, by_cross);
         vec3 by_edge2 = cross(by_cross, edge1);
         by_world[0] -= by_edge1 + by_edge2;

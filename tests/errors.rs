@@ -7,7 +7,8 @@ mod common;
 use common::renderer;
 use glam::{DMat4, DVec3};
 use softras::{
-    Camera, Error, Lights, Mesh, Projection, Renderer, RendererOptions, Result, Scene, Settings,
+    Camera, Error, Image, ImageGradient, Lights, Mesh, Projection, Renderer, RendererOptions, Result, Scene, Settings,
+    Wanted,
     obj::{LoadOptions, load, write_obj},
     reference::{GradientMode, Upstream, gradient},
     scene::{Appearance, DirectionalLight, Outputs, Texture, Wrap},
@@ -152,13 +153,18 @@ fn devices() {
 #[test]
 fn numbers_beyond_arithmetic() {
     let mut renderer = renderer();
-    let far_away = Mesh::new(vec![[3e38, 0.0, 0.0], [0.0, 3e38, 0.0], [0.0, 0.0, 3e38]], vec![[0, 1, 2]]).unwrap();
-    let camera = Camera::from_angles(3.0, 0.0, 0.0, Projection::Orthographic { half_height: 1e-9 }).unwrap();
-    let settings = Settings { width: 8, height: 8, ..Settings::default() };
+    let far_away = Mesh::new(vec![[3e38, 0.0, 0.0], [0.0, 3e38, 0.0], [0.0, 0.0, 3e38]], vec![[0, 1, 2]]);
+    assert!(matches!(assert_says(far_away, &["vertex 0", "1e25", "scale"]), Error::Mesh { .. }));
+    // An upstream gradient that is finite, of which the gradients are not.
+    let settings = Settings { width: 8, height: 8, sigma: 1e-3, save: true, ..Settings::default() };
+    let scene = Scene::new(triangle());
+    let frame = renderer.render(&scene, &[camera()], &settings).unwrap();
+    let silhouette = frame.silhouette().map(|image| Image { data: vec![3e38; image.data.len()], ..image.clone() });
+    let upstream = ImageGradient { silhouette, ..ImageGradient::default() };
     let error =
-        assert_says(renderer.render(&Scene::new(far_away), &[camera], &settings), &["not finite", "stage", "scale"]);
+        assert_says(renderer.backward(&frame, &upstream, &Wanted::ALL), &["not finite", "backward", "overflow"]);
     assert!(matches!(error, Error::NotFinite { .. }));
-    renderer.render(&Scene::new(triangle()), &[self::camera()], &settings).unwrap();
+    renderer.render(&scene, &[camera()], &settings).unwrap();
 }
 
 /// More pixels than any device can address are refused before anything is set aside, and the renderer goes on.

@@ -3,16 +3,33 @@
 #![cfg(feature = "obj")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-mod common;
+#[allow(dead_code)]
+#[path = "../src/stress/random.rs"]
+mod random;
 
-use common::random::Random;
+use peak_alloc::PeakAlloc;
+use random::Random;
 use softras::{
     Error, Mesh,
     obj::{LoadOptions, load, write_obj},
     scene::{Appearance, Texture, Wrap},
     shapes,
 };
-use std::{fs, panic, path::Path};
+use std::{
+    fs, panic,
+    path::Path,
+    sync::{Mutex, PoisonError},
+};
+
+/// Counts what is allocated.
+#[global_allocator]
+static MEMORY: PeakAlloc = PeakAlloc;
+
+/// Reading a mesh takes at most so many bytes for each byte of its files, besides [`SLACK`]: a triangle of a few
+/// characters is some thirty numbers in memory, most of them twice while they are put together.
+const MULTIPLE: usize = 40;
+/// What an image decoder sets aside whatever the image, and what other tests of this process allocate meanwhile.
+const SLACK: usize = 512 << 10;
 
 /// A colour that only the image outside the mesh's folder has.
 const SECRET: [u8; 3] = [250, 3, 77];
@@ -142,11 +159,9 @@ fn mutated_meshes_are_read_or_refused() {
     fs::create_dir(&folder).unwrap();
     image::RgbImage::from_pixel(1, 1, image::Rgb(SECRET)).save(parent.path().join("secret.png")).unwrap();
     let files = originals(&folder);
-    let size: usize = files.iter().map(|(_, bytes)| bytes.len()).sum();
     // Colours as they are in the file, so that the secret one is known again.
     let options = LoadOptions { srgb: false, ..LoadOptions::default() };
-    let (mut read, mut refused) = (0, 0);
-    let before = peak_memory();
+    let (mut read, mut refused, mut largest) = (0, 0, 0f64);
     for seed in 0..cases(3000) {
         let random = &mut Random::new(seed);
         // The OBJ file in most cases, else one of the others.
@@ -155,7 +170,11 @@ fn mutated_meshes_are_read_or_refused() {
         let mut bytes = original.clone();
         (0..random.choose(&[1, 1, 2, 5])).for_each(|_| mutate(random, &mut bytes));
         fs::write(folder.join(name), &bytes).unwrap();
-        match panic::catch_unwind(|| load(&folder.join("mesh.obj"), &options)) {
+        let size = files.iter().map(|(_, bytes)| bytes.len()).sum::<usize>() - original.len() + bytes.len();
+        let (outcome, peak) = peak_of(|| panic::catch_unwind(|| load(&folder.join("mesh.obj"), &options)));
+        assert!(peak <= SLACK + MULTIPLE * size, "seed {seed}: {peak} bytes for files of {size}");
+        largest = largest.max(peak as f64 / size as f64);
+        match outcome {
             Err(_) => panic!("seed {seed}: a panic"),
             Ok(Ok(loaded)) => {
                 judge(&loaded.mesh).unwrap_or_else(|what| panic!("seed {seed}: {what}"));
@@ -170,18 +189,56 @@ fn mutated_meshes_are_read_or_refused() {
         fs::write(folder.join(name), original).unwrap();
     }
     assert!(read > 0 && refused > 0, "{read} read, {refused} refused");
-    if let (Some(before), Some(after)) = (before, peak_memory()) {
-        let grown = after.saturating_sub(before);
-        println!("{read} read, {refused} refused; peak memory grew by {grown} KiB for files of {} KiB", size / 1024);
-        assert!(grown < 256 * 1024, "{grown} KiB for files of {size} bytes");
-    }
+    println!("{read} read, {refused} refused; peak memory at most {largest:.1} times the files");
 }
 
-/// The most memory that this process ever had, KiB, where the system tells.
-fn peak_memory() -> Option<u64> {
-    let status = fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
-    line.split_whitespace().nth(1)?.parse().ok()
+/// What comes of work, and the most memory that was allocated meanwhile beyond what was before. One at a time.
+fn peak_of<T>(work: impl FnOnce() -> T) -> (T, usize) {
+    static ALONE: Mutex<()> = Mutex::new(());
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let before = MEMORY.current_usage();
+    MEMORY.reset_peak_usage();
+    let outcome = work();
+    (outcome, MEMORY.peak_usage().saturating_sub(before))
+}
+
+#[test]
+fn an_allocation_is_seen() {
+    let (_, peak) = peak_of(|| vec![1u8; 8 * SLACK].len());
+    assert!(peak >= 8 * SLACK, "{peak}");
+}
+
+/// Files of a megabyte that say little, often: time and memory grow as the file does.
+#[test]
+fn long_files_take_no_more_than_their_size() {
+    let folder = tempfile::tempdir().unwrap();
+    let (obj, mtl) = (folder.path().join("mesh.obj"), folder.path().join("mesh.mtl"));
+    let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    let times = |text: &str, count: usize| text.repeat(count);
+    let materials: String = (0..60_000).map(|i| format!("newmtl m{i}\nKd 1 0 0\n")).collect();
+    let uses: String = (0..60_000).map(|i| format!("usemtl m{i}\nf 1 2 3\n")).collect();
+    fs::write(&mtl, materials).unwrap();
+    let texts = [
+        ("continuations", format!("{triangle}f 1 2 3 {}\n", times("\\\n", 500_000))),
+        ("the same library", format!("{triangle}{}", times("mtllib mesh.mtl\n", 60_000))),
+        ("many materials", format!("mtllib mesh.mtl\n{triangle}{uses}")),
+        ("unknown words", format!("{triangle}{}", times("what is this\n", 80_000))),
+        ("one polygon", format!("{triangle}f{}\n", times(" 1 2 3", 160_000))),
+        ("one number", format!("{triangle}v {} 0 0\n", times("1", 1_000_000))),
+        ("triangles", format!("{triangle}{}", times("f 1 2 3\n", 120_000))),
+        ("vertices", format!("{triangle}{}", times("v 1 2 3\n", 120_000))),
+        ("missing libraries", format!("{triangle}{}", times("mtllib a b c\n", 80_000))),
+    ];
+    for (name, text) in texts {
+        fs::write(&obj, &text).unwrap();
+        let size = text.len() + fs::metadata(&mtl).unwrap().len() as usize;
+        let start = std::time::Instant::now();
+        let (outcome, peak) = peak_of(|| load(&obj, &LoadOptions::default()));
+        let seconds = start.elapsed().as_secs_f64();
+        println!("{name}: {:.1} times {size} bytes, {seconds:.2} s, {}", peak as f64 / size as f64, outcome.is_ok());
+        assert!(peak <= SLACK + MULTIPLE * size, "{name}: {peak} bytes for files of {size}");
+        assert!(seconds < 30.0, "{name}: {seconds} s");
+    }
 }
 
 /// Through the command, by the judge: no device is opened.

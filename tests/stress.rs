@@ -4,10 +4,12 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use softras::RendererOptions;
-use softras::stress::{FORMS, Promise, Stress, case};
+use softras::stress::{Kind, Promise, Stress, batch, case};
 
 /// The combinations of modes that time allows to compile here; all of them run in `softras stress`.
-const COMPILED: usize = 3;
+const COMPILED: Kind = Kind { forms: 3, realistic: false };
+
+const ONE: Kind = Kind { forms: 1, ..COMPILED };
 
 fn stress() -> Stress {
     let validation = std::env::var("SOFTRAS_VALIDATION").map_or(true, |value| value != "0");
@@ -25,7 +27,7 @@ fn nothing_breaks_it() {
     let (mut drawn, mut refused, mut images, mut gradients) = (0, 0, 0, 0);
     for seed in 0..cases(300) {
         let outcome = stress.seed(seed, COMPILED).unwrap();
-        assert_eq!(outcome.findings, [], "seed {seed} of {COMPILED} forms");
+        assert_eq!(outcome.findings, [], "seed {seed} of {COMPILED:?}");
         drawn += 1;
         refused += u32::from(outcome.refused.is_some());
         images += u32::from(outcome.image_error.is_some());
@@ -39,7 +41,7 @@ fn nothing_breaks_it() {
 #[test]
 fn what_cannot_work_is_refused_by_kind() {
     let mut stress = stress();
-    let mut case = (0..).find_map(|seed| case(seed, 1).ok().filter(|c| c.promise == Promise::Images)).unwrap();
+    let mut case = (0..).find_map(|seed| case(seed, ONE).ok().filter(|c| c.promise == Promise::Images)).unwrap();
     assert_eq!(stress.run(&case).unwrap().refused, None);
     case.settings.far = case.settings.near;
     assert_eq!(stress.run(&case).unwrap().refused, Some("settings"));
@@ -49,7 +51,7 @@ fn what_cannot_work_is_refused_by_kind() {
 #[test]
 fn a_wrong_scene_is_far_from_the_judge() {
     let mut stress = stress();
-    let case = (0..).find_map(|seed| case(seed, 1).ok().filter(|c| c.promise == Promise::Images)).unwrap();
+    let case = (0..).find_map(|seed| case(seed, ONE).ok().filter(|c| c.promise == Promise::Images)).unwrap();
     let frame = stress.renderer().render(&case.scene, &case.cameras, &case.settings).unwrap();
     assert!(softras::stress::image_error(&frame, &case).unwrap() < 1e-3);
     let mut other = case.clone();
@@ -60,7 +62,34 @@ fn a_wrong_scene_is_far_from_the_judge() {
 #[test]
 fn the_same_seed_is_the_same_case() {
     for seed in 0..200 {
-        let text = |forms| format!("{:?}", case(seed, forms));
-        assert_eq!(text(FORMS), text(FORMS));
+        let text = || format!("{:?}", case(seed, Kind::default()));
+        assert_eq!(text(), text());
     }
+}
+
+/// Scenes that broke a promise which said too much: a depth composited from far away, a triangle that a pixel's centre made
+/// thin, and a gradient of next to nothing at σ = 1.3e-6.
+#[test]
+fn what_was_promised_too_much_is_not() {
+    let mut stress = stress();
+    for seed in [893, 1799, 104124] {
+        assert_eq!(stress.seed(seed, Kind::default()).unwrap().findings, [], "seed {seed}");
+    }
+}
+
+/// A batch finds what its scenes find by themselves.
+#[test]
+fn batches_are_held_to_the_same() {
+    let mut stress = stress();
+    let (mut all, mut refused) = (0, 0);
+    for seed in (0..320).step_by(16) {
+        let outcomes = stress.batch(seed, ONE, 16).unwrap();
+        assert!(outcomes.iter().all(|outcome| outcome.findings.is_empty()), "seed {seed}: {outcomes:?}");
+        all += outcomes.len();
+        refused += outcomes.iter().filter(|outcome| outcome.refused.is_some()).count();
+        let first = case(seed, ONE).map(|case| format!("{:?}", case.scene.meshes));
+        let drawn = batch(seed, ONE, 16).remove(0).map(|case| format!("{:?}", case.scene.meshes));
+        assert_eq!(first.ok(), drawn.ok());
+    }
+    assert!(all == 320 && refused < 160, "{refused} of {all}");
 }

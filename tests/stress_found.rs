@@ -7,10 +7,11 @@ use common::{gradient::all_finite, renderer};
 use glam::{DMat4, DVec3};
 use softras::{
     Camera, Image, ImageGradient, Lights, Mesh, Projection, Scene, Settings, Wanted,
-    scene::{Background, Interpolation, Outputs, Shading},
+    scene::{Background, Distance, Interpolation, Outputs, Parity, Shading},
 };
 
 const ALL: Outputs = Outputs { color: true, silhouette: true, depth: true, normal: true };
+const USUAL: Outputs = Outputs { color: true, silhouette: true, depth: false, normal: false };
 
 fn settings(near: f64, far: f64) -> Settings {
     Settings {
@@ -33,10 +34,11 @@ fn stays_finite(corners: [[f32; 3]; 3], camera: Camera, settings: &Settings, lig
     let scene = Scene::new(Mesh::new(corners.to_vec(), vec![[0, 1, 2]]).unwrap()).with_lights(lights);
     let frame = renderer.render(&scene, &[camera], settings).unwrap();
     let weights = |image: Option<&Image>| {
-        let image = image.unwrap();
+        let image = image?;
         assert!(image.data.iter().all(|x| x.is_finite()), "{:?}", image.data);
         Some(Image { data: (0..image.data.len()).map(|i| 1.0 - (i % 5) as f32 / 2.0).collect(), ..image.clone() })
     };
+    assert!(frame.color().is_some() && frame.silhouette().is_some());
     let upstream = ImageGradient {
         color: weights(frame.color()),
         silhouette: weights(frame.silhouette()),
@@ -101,4 +103,38 @@ fn a_triangle_of_1e_minus_19_units_is_a_point() {
         &Settings { sigma: 3e-11, width: 1, height: 15, ..settings(2.0, 32.0) },
         Lights::unlit(),
     );
+}
+
+#[test]
+fn a_thin_triangle_of_1e_minus_25_units_has_a_normal_or_none() {
+    let corners = [[0.0; 3], [-4.15e-43, 8.72e-43, 1.93e-43], [-4.0439854e-26, 1.3425836e-25, 4.3080218e-26]];
+    let lens = Projection::Perspective { fov_y: 1e-5 };
+    let camera = Camera::look_at(DVec3::new(0.4, -0.9, -3.8), DVec3::ZERO, DVec3::Y, lens).unwrap();
+    let settings = Settings { width: 23, height: 1, background: Background::Composite, ..settings(1.2, 28.0) };
+    stays_finite(corners, camera, &settings, Lights::official());
+    let corners = [[-4.86e-41, 4.67e-41, -1.81e-40], [-1.780645e-30, 1.7893159e-30, -7.8972186e-30], [0.0; 3]];
+    stays_finite(corners, camera, &settings, Lights::official());
+}
+
+/// Nothing is cut at near there, so that such a corner shows.
+#[test]
+fn official_parity_differentiates_a_corner_on_the_cameras_plane() {
+    let settings =
+        Settings { distance: Distance::Barycentric, parity: Parity::Official, outputs: USUAL, ..settings(0.51, 3.2) };
+    for depth in [0.0, -1e-40] {
+        let corners =
+            [[0.29966474, 0.5024282, 0.51049775], [-0.4182276, 0.67499167, depth], [-0.8085267, 0.253066, 2.3]];
+        stays_finite(corners, Camera::screen(), &settings, Lights::unlit());
+        let lens = forward(Projection::Perspective { fov_y: 1.0 });
+        stays_finite(corners, lens, &settings, Lights::unlit());
+        stays_finite([corners[0], [0.0, 0.0, depth], corners[2]], lens, &settings, Lights::unlit());
+    }
+}
+
+#[test]
+fn a_vertex_beyond_what_f32_can_project_is_refused_where_it_is() {
+    let mesh = |x| Mesh::new(vec![[0.0; 3], [1.0, x, 0.0], [0.0, 1.0, 2.0]], vec![[0, 1, 2]]);
+    assert!(mesh(-Mesh::FARTHEST).is_ok());
+    let refused = mesh(8e30).unwrap_err().to_string();
+    assert!(refused.contains("vertex 1") && refused.contains("1e25"), "{refused}");
 }

@@ -21,9 +21,15 @@ View view_record(int view) {
     return View(rotation, vec3(x.w, y.w, z.w), uint(a.x), vec2(a.z, b.x), at);
 }
 
+// The official parity cuts nothing at near, so that a corner on the camera's plane may show. There is no dividing by
+// its depth; so near to the plane the projection is as far away as it gets.
+float from_plane(float z) {
+    return abs(z) < 1e-20 ? 1e-20 : z;
+}
+
 vec3 view_point(View v, vec3 p) {
     vec3 q = v.rotation * p + v.translation;
-    return v.kind == PROJECTION_SCREEN ? vec3(q.xy * q.z, q.z) : q;
+    return v.kind == PROJECTION_SCREEN ? vec3(q.xy * from_plane(q.z), from_plane(q.z)) : q;
 }
 
 // dL/d(undistorted x, y) from dL/d(distorted); `distorted` are their values.
@@ -48,7 +54,7 @@ const float FARTHEST_SHOWN = 1e12;
 vec3 project_gradient(View v, vec3 p, vec2 by_pixel, float by_depth, out vec4 by_projection) {
     vec2 by = by_pixel * v.scale;
     bool flat_projection = v.kind == PROJECTION_ORTHOGRAPHIC;
-    float z = flat_projection ? 1.0 : p.z + (v.kind == PROJECTION_OFFICIAL ? 1e-5 : 0.0);
+    float z = flat_projection ? 1.0 : from_plane(p.z + (v.kind == PROJECTION_OFFICIAL ? 1e-5 : 0.0));
     vec2 q = p.xy / z;
     // camera.glsl holds what is farther off where it is.
     bvec2 held = greaterThanEqual(abs(q), vec2(FARTHEST_SHOWN));
@@ -66,6 +72,6 @@ vec3 project_gradient(View v, vec3 p, vec2 by_pixel, float by_depth, out vec4 by
 vec3 world_gradient(View v, vec3 p, vec3 by_view) {
     // Screen vertices (x, y, z) stand for the point (x z, y z, z).
     return v.kind == PROJECTION_SCREEN
-        ? vec3(by_view.xy * p.z, by_view.z + dot(by_view.xy, p.xy))
+        ? vec3(by_view.xy * from_plane(p.z), by_view.z + dot(by_view.xy, p.xy))
         : by_view * v.rotation;
 }

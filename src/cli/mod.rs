@@ -18,6 +18,7 @@ mod pose;
 mod progress;
 mod render;
 mod stress;
+mod svg;
 
 use clap::{Parser, Subcommand};
 use std::io::Write;

@@ -3,7 +3,7 @@
 use super::{
     LoadOptions,
     geometry::Geometry,
-    material::{self, Material},
+    material::{self, Material, Materials},
     scan::Scan,
     texture,
 };
@@ -63,9 +63,9 @@ fn color(material: Option<&Material>) -> [f32; 3] {
 }
 
 /// For each name that `usemtl` says, its material.
-fn find_used<'a>(scan: &Scan, library: &'a [Material], notes: &mut Vec<String>) -> Vec<Option<&'a Material>> {
+fn find_used<'a>(scan: &Scan, library: &'a Materials, notes: &mut Vec<String>) -> Vec<Option<&'a Material>> {
     let mut find = |(name, line): &(String, usize)| {
-        let material = library.iter().find(|material| material.name == *name);
+        let material = library.find(name);
         match material {
             None => {
                 let place = if scan.libraries.is_empty() { "the file names no mtllib" } else { "in no MTL file" };
@@ -112,7 +112,8 @@ fn textured(
                 let index = match material.and_then(|m| m.map.as_ref()).filter(|_| face.has_uvs) {
                     Some(map) => {
                         let key = Key::File(material::locate(&map.mtl, &map.name), map.wrap);
-                        textures.find_or(key, || texture::read(obj, map, options, notes))?
+                        let room = textures.room();
+                        textures.find_or(key, || texture::read(obj, map, options, room, notes))?
                     }
                     None => {
                         let color = color(*material);
@@ -153,6 +154,12 @@ struct Textures {
 }
 
 impl Textures {
+    /// Texels that there may still be.
+    fn room(&self) -> u64 {
+        let used = self.images.iter().map(|image| image.texels().len() as u64).sum();
+        texture::MAX_TEXELS.saturating_sub(used)
+    }
+
     fn find_or(&mut self, key: Key, make: impl FnOnce() -> Result<Texture>) -> Result<u32> {
         let index = match self.keys.iter().position(|k| *k == key) {
             Some(index) => index,

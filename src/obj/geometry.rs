@@ -4,7 +4,10 @@ use super::{
     polygon,
     scan::{Face, Scan},
 };
-use crate::error::{Error, Result};
+use crate::{
+    error::{Error, Result},
+    scene::Mesh,
+};
 use std::{
     fmt::Write,
     io::{self, BufRead, Read},
@@ -42,8 +45,8 @@ pub(super) fn read(path: &Path, scan: &Scan, notes: &mut Vec<String>) -> Result<
         }
     };
     let positions = triples(&mesh.positions);
-    if let Some(i) = positions.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
-        let what = format!("vertex {:?} is not finite", positions[i]);
+    if let Some(i) = positions.iter().position(|p| !p.iter().all(|x| x.abs() <= Mesh::FARTHEST)) {
+        let what = format!("vertex {:?} is not within ±{:e}", positions[i], Mesh::FARTHEST);
         return file_error(line_of(scan, "v ", i), what, "remove or repair it");
     }
     let uvs: Vec<[f32; 2]> = mesh.texcoords.chunks_exact(2).map(|uv| [uv[0], uv[1]]).collect();

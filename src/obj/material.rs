@@ -7,12 +7,36 @@ use crate::{
     error::{Error, Result},
     scene::Wrap,
 };
+use std::collections::{HashMap, HashSet};
 use std::path::{Component, Path, PathBuf};
+
+/// All `newmtl` blocks of all files, and the first of each name.
+#[derive(Default)]
+pub(super) struct Materials {
+    all: Vec<Material>,
+    by_name: HashMap<String, usize>,
+}
+
+impl Materials {
+    /// Adds one without a colour; false where the name has been given already.
+    fn begin(&mut self, name: &str) -> bool {
+        let is_new = !self.by_name.contains_key(name);
+        if is_new {
+            self.by_name.insert(name.into(), self.all.len());
+        }
+        self.all.push(Material::default());
+        is_new
+    }
+
+    /// The first of that name.
+    pub fn find(&self, name: &str) -> Option<&Material> {
+        self.by_name.get(name).map(|&at| &self.all[at])
+    }
+}
 
 /// A `newmtl` block.
 #[derive(Default)]
 pub(super) struct Material {
-    pub name: String,
     /// `Kd`; white when there is none.
     pub color: Option<[f32; 3]>,
     pub map: Option<Map>,
@@ -38,8 +62,10 @@ pub(super) fn read_libraries(
     libraries: &[(String, usize)],
     allow_outside: bool,
     notes: &mut Vec<String>,
-) -> Result<Vec<Material>> {
-    let mut materials = Vec::new();
+) -> Result<Materials> {
+    let mut materials = Materials::default();
+    // A file that is named again has nothing new, and would let a few bytes stand for very many.
+    let mut known = HashSet::new();
     for (names, line) in libraries {
         // One name with spaces, or several names.
         let whole = [names.trim_matches('"')];
@@ -59,13 +85,15 @@ pub(super) fn read_libraries(
                 what,
                 mend,
             })?;
-            read_library(&mtl, &mut materials, notes)?;
+            if known.insert(mtl.canonicalize().unwrap_or_else(|_| mtl.clone())) {
+                read_library(&mtl, &mut materials, notes)?;
+            }
         }
     }
     Ok(materials)
 }
 
-fn read_library(mtl: &Path, materials: &mut Vec<Material>, notes: &mut Vec<String>) -> Result<()> {
+fn read_library(mtl: &Path, materials: &mut Materials, notes: &mut Vec<String>) -> Result<()> {
     let text = read_text(mtl)?;
     let shown = mtl.file_name().unwrap_or_default().to_string_lossy();
     for statement in statements(&text) {
@@ -79,10 +107,9 @@ fn read_library(mtl: &Path, materials: &mut Vec<Material>, notes: &mut Vec<Strin
             if name.is_empty() {
                 return refuse("material without a name".into(), "write `newmtl NAME`");
             }
-            if materials.iter().any(|material| material.name == name) {
+            if !materials.begin(name) {
                 note(&format!("material {name:?} is defined again: the first one counts"));
             }
-            materials.push(Material { name: name.into(), ..Material::default() });
             continue;
         }
         let is_map = keyword.eq_ignore_ascii_case("map_Kd");
@@ -90,7 +117,7 @@ fn read_library(mtl: &Path, materials: &mut Vec<Material>, notes: &mut Vec<Strin
             note_transparency(&statement, note);
             continue;
         }
-        let Some(material) = materials.last_mut() else {
+        let Some(material) = materials.all.last_mut() else {
             return refuse(format!("{keyword} before any material"), "write `newmtl NAME` first");
         };
         if is_map {

@@ -47,7 +47,7 @@ pub struct Loaded {
 /// # Errors
 /// [`Error::Io`] when the file cannot be read; [`Error::File`] with the line for anything malformed: a number that is
 /// none or not finite, an index out of range, a face of fewer than three corners, no faces at all, a texture that is
-/// missing, not an image, over 16384 pixels a side or outside the folder.
+/// missing, not an image, over 16384 pixels a side or outside the folder, or textures of over 2²⁷ pixels in all.
 ///
 /// [`Textured`]: crate::scene::Appearance::Textured
 /// [`VertexColors`]: crate::scene::Appearance::VertexColors

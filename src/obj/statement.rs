@@ -60,7 +60,13 @@ pub(super) fn statements(text: &str) -> impl Iterator<Item = Statement<'_>> {
         let mut body = Cow::Borrowed(first.trim());
         while let Some(head) = body.strip_suffix('\\') {
             let Some((next, _)) = lines.next() else { break };
-            body = Cow::Owned(format!("{head} {}", next.trim()));
+            // Appended in place: a file may be one long chain of continuations.
+            let length = head.len();
+            let mut joined = body.into_owned();
+            joined.truncate(length);
+            joined.push(' ');
+            joined.push_str(next.trim());
+            body = Cow::Owned(joined);
         }
         Some(Statement { line, body })
     })

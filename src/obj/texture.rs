@@ -5,18 +5,27 @@ use crate::{
     error::{Error, Result},
     scene::Texture,
 };
-use image::{DynamicImage, ImageReader, Limits};
+use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
 use std::path::Path;
 
 /// The largest side of an image.
 const MAX_SIDE: u32 = 16384;
 
+/// The most texels of all images of a mesh: 1.5 GiB. A file of some kilobytes may claim more than that.
+pub(super) const MAX_TEXELS: u64 = 1 << 27;
+
 /// Decodes the image that a material names.
 ///
 /// # Errors
-/// [`Error::File`] naming the MTL file and line, for an image that is missing, outside the mesh's folder, too large or
-/// not an image.
-pub(super) fn read(obj: &Path, map: &Map, options: &super::LoadOptions, notes: &mut Vec<String>) -> Result<Texture> {
+/// [`Error::File`] naming the MTL file and line, for an image that is missing, outside the mesh's folder, of more than
+/// `room` texels or not an image.
+pub(super) fn read(
+    obj: &Path,
+    map: &Map,
+    options: &super::LoadOptions,
+    room: u64,
+    notes: &mut Vec<String>,
+) -> Result<Texture> {
     let path = locate(&map.mtl, &map.name);
     let refuse = |what: String, mend: String| Error::File { path: map.mtl.clone(), line: Some(map.line), what, mend };
     judge_inside(obj, &path, options.allow_outside).map_err(|(what, mend)| refuse(what, mend))?;
@@ -35,13 +44,19 @@ pub(super) fn read(obj: &Path, map: &Map, options: &super::LoadOptions, notes: &
     let mut limits = Limits::default();
     limits.max_image_width = Some(MAX_SIDE);
     limits.max_image_height = Some(MAX_SIDE);
-    reader.limits(limits);
-    let image = reader.decode().map_err(undecodable)?;
+    reader.limits(limits.clone());
+    let mut decoder = reader.into_decoder().map_err(undecodable)?;
+    let (width, height) = decoder.dimensions();
+    if u64::from(width) * u64::from(height) > room {
+        let what = format!("texture {shown}: {width}×{height} pixels are more than the {room} that are left for it");
+        return Err(refuse(what, format!("scale the images down to {MAX_TEXELS} pixels in all")));
+    }
+    limits.reserve(decoder.total_bytes()).and_then(|()| decoder.set_limits(limits)).map_err(undecodable)?;
+    let image = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
     let has_alpha = image.color().has_alpha();
     if has_alpha && image.to_rgba8().pixels().any(|pixel| pixel.0[3] != 255) {
         notes.push(format!("texture {shown}: transparency is not drawn"));
     }
-    let (width, height) = (image.width(), image.height());
     let texels = texels(image, options.srgb);
     Texture::new(width, height, texels, map.wrap)
 }

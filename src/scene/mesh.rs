@@ -66,6 +66,18 @@ pub(crate) fn first_not_finite(values: &[f32]) -> Option<usize> {
     values[16 * place..].iter().position(bad).map(|at| 16 * place + at)
 }
 
+fn judge_positions(positions: &[[f32; 3]]) -> Result<()> {
+    judge_finite(positions, "position", "vertex")?;
+    match positions.iter().position(|p| p.iter().any(|x| x.abs() > Mesh::FARTHEST)) {
+        Some(i) => mesh_error(
+            format!("position {:?} is beyond ±{:e}", positions[i], Mesh::FARTHEST),
+            format!("vertex {i}"),
+            "scale the scene down: its products would leave single precision",
+        ),
+        None => Ok(()),
+    }
+}
+
 fn judge_count(what: &str, got: usize, expected: usize) -> Result<()> {
     if got == expected {
         return Ok(());
@@ -87,14 +99,18 @@ fn judge_indices(triangles: &[[u32; 3]], count: usize, what: &str) -> Result<()>
 }
 
 impl Mesh {
+    /// The largest coordinate of a vertex, world units: what the kernels can rotate, clip and project without leaving single
+    /// precision.
+    pub const FARTHEST: f32 = 1e25;
+
     /// A white mesh.
     ///
     /// `positions` are `[x, y, z]` in world units, `triangles` index them from 0.
     ///
     /// # Errors
-    /// [`Error::Mesh`] for a position that is not finite or an index out of range.
+    /// [`Error::Mesh`] for a position that is not finite or beyond ±[`Mesh::FARTHEST`], or an index out of range.
     pub fn new(positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>) -> Result<Self> {
-        judge_finite(&positions, "position", "vertex")?;
+        judge_positions(&positions)?;
         judge_indices(&triangles, positions.len(), "vertex")?;
         let mut used = vec![false; positions.len()];
         triangles.iter().flatten().for_each(|&vertex| used[vertex as usize] = true);
@@ -159,10 +175,10 @@ impl Mesh {
     /// Moves the vertices, keeping triangles and appearance: the step of an optimisation loop.
     ///
     /// # Errors
-    /// [`Error::Mesh`] when the count differs or a position is not finite; the mesh is then unchanged.
+    /// [`Error::Mesh`] when the count differs or a position is not finite or beyond ±[`Mesh::FARTHEST`]; the mesh is then unchanged.
     pub fn set_positions(&mut self, positions: Vec<[f32; 3]>) -> Result<()> {
         judge_count("positions", positions.len(), self.positions.len())?;
-        judge_finite(&positions, "position", "vertex")?;
+        judge_positions(&positions)?;
         self.positions = positions;
         Ok(())
     }

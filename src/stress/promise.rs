@@ -3,12 +3,13 @@
 //! Everywhere: values in range, the same bits again. Where f32 carries it, and the tests' own tolerances say so: images
 //! within 2e-5 of the f64 model for σ ≥ 1e-5, that times √(1e-5/σ) below, where positions are a few units, lie between
 //! near and far, and γ (far - near) ≥ 1e-4 world units. A triangle's silhouette keeps that promise however thin it is;
-//! colour, depth and normals do where no triangle is thin, since barycentrics are distances over heights.
+//! colour, depth and normals do where no triangle is thin, since barycentrics are distances over heights. Gradients are within
+//! 1e-3 of their norm, times the same factor.
 
 use super::draw::Case;
 use super::random::Random;
 use crate::reference::{self, ReferenceFrame, ReferenceGradients, Upstream, gradient, render_culled};
-use crate::scene::{Appearance, Outputs};
+use crate::scene::{Appearance, Background, Outputs, Settings};
 use crate::{Frame, GradientMode, Gradients, Image, ImageGradient, Result};
 
 /// What is promised of a case.
@@ -28,34 +29,55 @@ pub enum Promise {
 const MARGIN: f64 = 1e-4;
 /// The same for gradients.
 const GRADIENT_MARGIN: f64 = 1e-3;
-/// The most that a gradient may be off, as a share of its L2 norm.
-pub(super) const GRADIENT: f64 = 1e-3;
+/// The most that a gradient may be off, as a share of its L2 norm, for σ ≥ 1e-5.
+const GRADIENT: f64 = 1e-3;
+
+/// How much more than usual rounding counts: a distance's is that of the corners, and x = d²/σ has 1/√σ of it.
+fn sharpness(case: &Case) -> f64 {
+    (1e-5 / case.settings.sigma).sqrt().max(1.0)
+}
 
 /// The most that an image's value may be off, in units of max(1, |value|).
 pub(super) fn tolerance(case: &Case) -> f64 {
-    2e-5 * (1e-5 / case.settings.sigma).sqrt().max(1.0)
+    2e-5 * sharpness(case)
+}
+
+/// The most that a gradient may be off, as a share of its L2 norm.
+pub(super) fn gradient_tolerance(case: &Case) -> f64 {
+    GRADIENT * sharpness(case)
 }
 
 /// The largest error of an image, in units of max(1, |value|).
 fn worst(image: Option<&Image>, expected: &[f64], margin: &[f64]) -> f64 {
+    worst_in(image, expected, margin, |_| 1.0)
+}
+
+/// The same in units of max(`unit` of the value's index, |value|).
+fn worst_in(image: Option<&Image>, expected: &[f64], margin: &[f64], unit: impl Fn(usize) -> f64) -> f64 {
     let Some(image) = image else { return 0.0 };
     if image.data.len() != expected.len() {
         return f64::INFINITY;
     }
     let pairs = image.data.iter().zip(expected).enumerate();
     let counted = pairs.filter(|(i, _)| margin.get(i / image.channels).is_some_and(|m| *m >= MARGIN));
-    counted.fold(0.0, |worst, (_, (&is, should))| {
-        let error = (f64::from(is) - should).abs() / should.abs().max(1.0);
+    counted.fold(0.0, |worst, (i, (&is, should))| {
+        let error = (f64::from(is) - should).abs() / should.abs().max(unit(i));
         if error.is_nan() { f64::INFINITY } else { error.max(worst) }
     })
 }
 
 /// The largest error of the silhouette, and of any image.
-pub(super) fn errors(frame: &Frame, judge: &ReferenceFrame) -> [f64; 2] {
+pub(super) fn errors(frame: &Frame, judge: &ReferenceFrame, settings: &Settings) -> [f64; 2] {
     let silhouette = worst(frame.silhouette(), &judge.silhouette, &judge.margin);
-    let others = [(frame.color(), &judge.color), (frame.depth(), &judge.depth), (frame.normal(), &judge.normal)];
+    let others = [(frame.color(), &judge.color), (frame.normal(), &judge.normal)];
     let all = others.map(|(image, expected)| worst(image, expected, &judge.margin));
-    [silhouette, all.into_iter().fold(silhouette, f64::max)]
+    // Composited, a depth is the silhouette times that of what is seen, which is its unit.
+    let shown = |i: usize| match settings.background {
+        Background::Composite => judge.depth[i] / judge.silhouette.get(i).copied().unwrap_or(1.0).max(1e-6),
+        Background::Weighted => 1.0,
+    };
+    let depth = worst_in(frame.depth(), &judge.depth, &judge.margin, |i| shown(i).max(1.0));
+    [silhouette, all.into_iter().fold(silhouette.max(depth), f64::max)]
 }
 
 /// The largest error of any image of a frame against the judge, in units of max(1, |value|).
@@ -63,7 +85,7 @@ pub(super) fn errors(frame: &Frame, judge: &ReferenceFrame) -> [f64; 2] {
 /// # Errors
 /// As [`reference::render`].
 pub fn image_error(frame: &Frame, case: &Case) -> Result<f64> {
-    Ok(errors(frame, &render_culled(&case.scene, &case.cameras, &case.settings)?)[1])
+    Ok(errors(frame, &render_culled(&case.scene, &case.cameras, &case.settings)?, &case.settings)[1])
 }
 
 /// A random weight in [-1, 1) for every value of the images; 0 where the margin is too small.
@@ -87,6 +109,27 @@ pub(super) fn upstream(case: &Case, margin: Option<&[f64]>) -> ImageGradient {
     }
 }
 
+/// [`upstream`] of cases that are one batch.
+pub(super) fn upstream_of(cases: &[Case]) -> ImageGradient {
+    let mut all = cases.iter().map(|case| upstream(case, None));
+    let mut sum = all.next().unwrap_or_default();
+    for next in all {
+        let ImageGradient { color, silhouette, depth, normal } = next;
+        append(&mut sum.color, color);
+        append(&mut sum.silhouette, silhouette);
+        append(&mut sum.depth, depth);
+        append(&mut sum.normal, normal);
+    }
+    sum
+}
+
+fn append(to: &mut Option<Image>, image: Option<Image>) {
+    if let (Some(to), Some(image)) = (to, image) {
+        to.batch += image.batch;
+        to.data.extend(image.data);
+    }
+}
+
 /// The worst gradient's name and |ours - judge| / |judge|, where a gradient that cancelled by chance is held to a tenth of
 /// its usual size over other signs of the weights, and one that is nothing to a thousandth of the weights in its unit.
 ///
@@ -97,7 +140,7 @@ pub(super) fn gradient_error(case: &Case, upstream: &ImageGradient, ours: &Gradi
     let groups = groups(case, ours, &judge);
     let strict = groups.iter().map(|(name, ours, judge)| (*name, relative(ours, judge, 0.0)));
     let worst = most(strict);
-    if worst.1 <= GRADIENT {
+    if worst.1 <= gradient_tolerance(case) {
         return Ok(worst);
     }
     let mut usual = vec![0.0; groups.len()];
@@ -217,6 +260,7 @@ mod tests {
         let image = |data: Vec<f32>| Image { batch: 1, height: 1, width: data.len(), channels: 1, data };
         assert_eq!(worst(Some(&image(vec![0.5, 0.25])), &[0.5, 0.75], &[1.0; 2]), 0.5);
         assert_eq!(worst(Some(&image(vec![0.5, 0.25])), &[0.5, 0.75], &[1.0, 1e-6]), 0.0);
+        assert_eq!(worst_in(Some(&image(vec![0.5, 0.25])), &[0.5, 0.75], &[1.0; 2], |i| 2.0 * i as f64), 0.25);
         assert_eq!(worst(Some(&image(vec![f32::NAN])), &[0.5], &[1.0]), f64::INFINITY);
         assert_eq!(worst(Some(&image(vec![0.5])), &[], &[1.0]), f64::INFINITY);
         assert_eq!(relative(&[1.0, 0.0], &[0.0, 1.0], 0.0), 2f64.sqrt());

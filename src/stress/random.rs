@@ -48,6 +48,13 @@ impl Random {
         self.range(0.0, 1.0) < probability
     }
 
+    /// Any order of them, each as likely as every other.
+    pub fn shuffle<T>(&mut self, items: &mut [T]) {
+        for i in (1..items.len()).rev() {
+            items.swap(i, self.below(i + 1));
+        }
+    }
+
     /// RGB in [0, 1).
     pub fn color(&mut self) -> [f32; 3] {
         [(); 3].map(|()| self.range(0.0, 1.0) as f32)

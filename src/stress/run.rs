@@ -1,11 +1,11 @@
 //! One case on the device, and what must hold of it.
 
-use super::draw::Case;
-use super::promise::{self, GRADIENT, Promise};
+use super::draw::{Case, Kind};
+use super::promise::{self, Promise};
 use crate::error::{Error, Result};
 use crate::reference::render_culled;
 use crate::scene::{Appearance, Lights, Parity};
-use crate::{Frame, Gradients, Image, Renderer, RendererOptions, Wanted};
+use crate::{Camera, Frame, Gradients, Image, Renderer, RendererOptions, Scene, Settings, Wanted};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// Something that must not be.
@@ -59,12 +59,54 @@ impl Stress {
     ///
     /// # Errors
     /// When the device cannot be opened again after a panic.
-    pub fn seed(&mut self, seed: u64, forms: usize) -> Result<Outcome> {
-        match catch_unwind(|| super::case(seed, forms)) {
+    pub fn seed(&mut self, seed: u64, kind: Kind) -> Result<Outcome> {
+        match catch_unwind(|| super::case(seed, kind)) {
             Ok(Ok(case)) => self.run(&case),
             Ok(Err(error)) => Ok(refused(&error)),
             Err(panic) => Ok(panicked(&*panic)),
         }
+    }
+
+    /// Draws and runs the cases of a seed; see [`super::batch`]. All are rendered and differentiated twice as one batch, and
+    /// one of them is run by itself, against the judge as well. Where the batch is refused each is run by itself.
+    ///
+    /// # Errors
+    /// As [`Stress::seed`].
+    pub fn batch(&mut self, seed: u64, kind: Kind, count: usize) -> Result<Vec<Outcome>> {
+        let drawn = match catch_unwind(|| super::batch(seed, kind, count)) {
+            Ok(drawn) => drawn,
+            Err(panic) => return Ok(vec![panicked(&*panic)]),
+        };
+        let (mut cases, mut outcomes) = (Vec::new(), Vec::new());
+        for case in drawn {
+            match case {
+                Ok(case) => cases.push(case),
+                Err(error) => outcomes.push(refused(&error)),
+            }
+        }
+        if !cases.is_empty() {
+            outcomes.extend(self.together(&cases)?);
+        }
+        Ok(outcomes)
+    }
+
+    /// Runs cases of the same settings as one batch, or both halves of one that is refused.
+    fn together(&mut self, cases: &[Case]) -> Result<Vec<Outcome>> {
+        let outcome = self.caught(|renderer| judge_batch(renderer, cases))?;
+        if outcome.refused.is_some() && cases.len() > 1 {
+            if cases[0].settings.judge().is_err() {
+                return Ok(vec![outcome; cases.len()]);
+            }
+            let (low, high) = cases.split_at(cases.len() / 2);
+            let low = self.together(low)?;
+            return Ok(low.into_iter().chain(self.together(high)?).collect());
+        }
+        // One of them in full, another one of every batch.
+        let alone = self.run(&cases[(cases[0].seed / 64) as usize % cases.len()])?;
+        let findings = outcome.findings.into_iter().chain(alone.findings.iter().cloned()).collect();
+        let mut outcomes = vec![Outcome::default(); cases.len() - 1];
+        outcomes.push(Outcome { findings, ..alone });
+        Ok(outcomes)
     }
 
     /// Runs a case; a panic is a finding.
@@ -72,8 +114,13 @@ impl Stress {
     /// # Errors
     /// When the device cannot be opened again after a panic.
     pub fn run(&mut self, case: &Case) -> Result<Outcome> {
+        self.caught(|renderer| judge(renderer, case))
+    }
+
+    /// What work with the renderer makes of a case; panics and what the validation layers say are findings.
+    fn caught(&mut self, work: impl FnOnce(&mut Renderer) -> Outcome) -> Result<Outcome> {
         let renderer = &mut self.renderer;
-        let mut outcome = match catch_unwind(AssertUnwindSafe(|| judge(renderer, case))) {
+        let mut outcome = match catch_unwind(AssertUnwindSafe(|| work(renderer))) {
             Ok(outcome) => outcome,
             Err(panic) => {
                 // What is left of that renderer is anyone's guess.
@@ -127,10 +174,48 @@ fn judge(renderer: &mut Renderer, case: &Case) -> Outcome {
         Err(error) => return refused(&error),
     };
     let mut outcome = Outcome::default();
-    bounds(case, &first, &mut outcome);
+    bounds(&first, &case.settings, &[color_hull(case)], &mut outcome);
     let margin = images(case, &first, &mut outcome);
     gradients(renderer, case, &first, margin.as_deref(), &mut outcome);
     outcome
+}
+
+/// All cases as one batch, twice.
+fn judge_batch(renderer: &mut Renderer, cases: &[Case]) -> Outcome {
+    let Some(one) = cases.first() else { return Outcome::default() };
+    let scene = Scene {
+        meshes: cases.iter().flat_map(|case| case.scene.meshes.clone()).collect(),
+        lights: one.scene.lights.clone(),
+    };
+    let cameras: Vec<Camera> = cases.iter().flat_map(|case| case.cameras.clone()).collect();
+    let upstream = promise::upstream_of(cases);
+    let wanted = Wanted { mode: one.gradient, ..Wanted::ALL };
+    let mut twice = || {
+        let frame = renderer.render(&scene, &cameras, &one.settings)?;
+        let gradients = renderer.backward(&frame, &upstream, &wanted)?;
+        Ok((frame, gradients))
+    };
+    let ((frame, gradients), (again, gradients_again)) = match twice().and_then(|first| Ok((first, twice()?))) {
+        Ok(both) => both,
+        Err(error) => return refused(&error),
+    };
+    let mut outcome = Outcome::default();
+    let hulls: Vec<Hull> = cases.iter().map(color_hull).collect();
+    bounds(&frame, &one.settings, &hulls, &mut outcome);
+    same_bits(&frame, &again, &gradients, &gradients_again, &mut outcome);
+    if let Some(name) = not_finite(&gradients) {
+        outcome.find("not finite", format!("the batch's gradient by {name}"));
+    }
+    outcome
+}
+
+fn same_bits(a: &Frame, b: &Frame, gradients_a: &Gradients, gradients_b: &Gradients, outcome: &mut Outcome) {
+    if !bits(a).eq(bits(b)) {
+        outcome.find("bits", "a second frame differs");
+    }
+    if !gradient_bits(gradients_a).eq(gradient_bits(gradients_b)) {
+        outcome.find("bits", "a second gradient differs");
+    }
 }
 
 /// The images against the judge's; its margin comes back.
@@ -150,7 +235,7 @@ fn images(case: &Case, frame: &Frame, outcome: &mut Outcome) -> Option<Vec<f64>>
     if values.into_iter().flatten().any(|x| !x.is_finite()) {
         outcome.find("judge", "a value of the f64 judge's image is not finite");
     }
-    let [silhouette, all] = promise::errors(frame, &judge);
+    let [silhouette, all] = promise::errors(frame, &judge, &case.settings);
     let promised = match case.promise {
         Promise::Bounds => {
             outcome.unpromised_error = Some(all);
@@ -185,21 +270,14 @@ fn gradients(renderer: &mut Renderer, case: &Case, frame: &Frame, margin: Option
         .render(&case.scene, &case.cameras, &case.settings)
         .and_then(|frame| renderer.backward(&frame, &upstream, &wanted).map(|gradients| (frame, gradients)));
     match again {
-        Ok((again, gradients)) => {
-            if bits(frame) != bits(&again) {
-                outcome.find("bits", "a second frame differs");
-            }
-            if gradient_bits(&first) != gradient_bits(&gradients) {
-                outcome.find("bits", "a second gradient differs");
-            }
-        }
+        Ok((again, gradients)) => same_bits(frame, &again, &first, &gradients, outcome),
         Err(error) => outcome.find("bits", format!("a second run fails: {error}")),
     }
     if case.promise == Promise::Gradients && case.seed.is_multiple_of(3) {
         match promise::gradient_error(case, &upstream, &first) {
             Ok((name, error)) => {
                 outcome.gradient_error = Some(error);
-                if error.is_nan() || error > GRADIENT {
+                if error.is_nan() || error > promise::gradient_tolerance(case) {
                     outcome.find("gradient", format!("by {name} is off by {error:.1e} of its norm"));
                 }
             }
@@ -208,18 +286,17 @@ fn gradients(renderer: &mut Renderer, case: &Case, frame: &Frame, margin: Option
     }
 }
 
-/// Every value finite and in its range: colours within the hull of the scene's, silhouettes in [0, 1], depths in [0, far],
+/// Of each channel the least and the most there can be.
+type Hull = [[f64; 2]; 3];
+
+/// Every value finite and in its range: colours within each view's hull, silhouettes in [0, 1], depths in [0, far],
 /// normals no longer than 1.
-fn bounds(case: &Case, frame: &Frame, outcome: &mut Outcome) {
-    let settings = &case.settings;
-    let hull = color_hull(case);
-    let far = [0.0, settings.far];
-    let unit = [-1.0, 1.0];
+fn bounds(frame: &Frame, settings: &Settings, hulls: &[Hull], outcome: &mut Outcome) {
     for (name, image, ranges) in [
-        ("color", frame.color(), hull),
-        ("silhouette", frame.silhouette(), [[0.0, 1.0]; 3]),
-        ("depth", frame.depth(), [far; 3]),
-        ("normal", frame.normal(), [unit; 3]),
+        ("color", frame.color(), hulls),
+        ("silhouette", frame.silhouette(), &[[[0.0, 1.0]; 3]]),
+        ("depth", frame.depth(), &[[[0.0, settings.far]; 3]]),
+        ("normal", frame.normal(), &[[[-1.0, 1.0]; 3]]),
     ] {
         let Some(image) = image else { continue };
         if let Some(i) = image.data.iter().position(|x| !x.is_finite()) {
@@ -230,17 +307,22 @@ fn bounds(case: &Case, frame: &Frame, outcome: &mut Outcome) {
     }
 }
 
-/// The first value that is not in its channel's range, which rounding may exceed where `rounded`.
-fn outside(image: &Image, ranges: [[f64; 2]; 3], rounded: bool) -> Option<(usize, [f64; 2])> {
-    let values = image.data.iter().enumerate();
-    values.map(|(i, x)| (i, f64::from(*x), ranges[i % image.channels])).find_map(|(i, x, [low, high])| {
-        let slack = if rounded { 1e-5 * low.abs().max(high.abs()) } else { 0.0 };
-        (x < low - slack || x > high + slack).then_some((i, [low, high]))
-    })
+/// The first value that is not in its channel's range, of each view or of all, which rounding may exceed where `rounded`.
+fn outside(image: &Image, hulls: &[Hull], rounded: bool) -> Option<(usize, [f64; 2])> {
+    let size = (image.data.len() / hulls.len()).max(1);
+    for ((view, values), hull) in image.data.chunks(size).enumerate().zip(hulls) {
+        for (i, (&x, [low, high])) in values.iter().zip(hull.iter().take(image.channels).cycle()).enumerate() {
+            let slack = if rounded { 1e-5 * low.abs().max(high.abs()) } else { 0.0 };
+            if f64::from(x) < low - slack || f64::from(x) > high + slack {
+                return Some((view * size + i, [*low, *high]));
+            }
+        }
+    }
+    None
 }
 
 /// For each channel the least and the most of the background and of all colours under all lights.
-fn color_hull(case: &Case) -> [[f64; 2]; 3] {
+fn color_hull(case: &Case) -> Hull {
     let colors: Vec<[f32; 3]> = case.scene.meshes.iter().flat_map(|mesh| colors_of(mesh.appearance())).collect();
     std::array::from_fn(|channel| {
         let light = light_hull(&case.scene.lights, channel);
@@ -268,9 +350,9 @@ fn light_hull(lights: &Lights, channel: usize) -> [f64; 2] {
     [ambient, ambient + direct]
 }
 
-fn bits(frame: &Frame) -> Vec<u32> {
+fn bits(frame: &Frame) -> impl Iterator<Item = u32> {
     let images = [frame.color(), frame.silhouette(), frame.depth(), frame.normal()];
-    images.into_iter().flatten().flat_map(|image| image.data.iter().map(|x| x.to_bits())).collect()
+    images.into_iter().flatten().flat_map(|image| image.data.iter().map(|x| x.to_bits()))
 }
 
 /// The single-precision gradients by name.
@@ -315,9 +397,9 @@ fn not_finite(gradients: &Gradients) -> Option<String> {
     array.or_else(|| numbers(gradients).into_iter().find(|(_, x)| !x.is_finite()).map(|(n, x)| format!("{n} is {x}")))
 }
 
-fn gradient_bits(gradients: &Gradients) -> Vec<u64> {
+fn gradient_bits(gradients: &Gradients) -> impl Iterator<Item = u64> {
     let arrays = arrays(gradients).into_iter().flat_map(|(_, values)| values.iter().map(|x| x.to_bits().into()));
-    arrays.chain(numbers(gradients).into_iter().map(|(_, x)| x.to_bits())).collect()
+    arrays.chain(numbers(gradients).into_iter().map(|(_, x)| x.to_bits()))
 }
 
 #[cfg(test)]
@@ -327,10 +409,13 @@ mod tests {
     #[test]
     fn values_out_of_range_are_found() {
         let image = |data: Vec<f32>| Image { batch: 1, height: 1, width: data.len(), channels: 1, data };
-        assert_eq!(outside(&image(vec![0.0, 1.0]), [[0.0, 1.0]; 3], false), None);
-        assert_eq!(outside(&image(vec![0.0, 1.0000001]), [[0.0, 1.0]; 3], false), Some((1, [0.0, 1.0])));
-        assert_eq!(outside(&image(vec![-1e-7]), [[0.0, 1.0]; 3], true), None);
-        assert_eq!(outside(&image(vec![1.1]), [[0.0, 1.0]; 3], true), Some((0, [0.0, 1.0])));
+        assert_eq!(outside(&image(vec![0.0, 1.0]), &[[[0.0, 1.0]; 3]], false), None);
+        assert_eq!(outside(&image(vec![0.0, 1.0000001]), &[[[0.0, 1.0]; 3]], false), Some((1, [0.0, 1.0])));
+        assert_eq!(outside(&image(vec![-1e-7]), &[[[0.0, 1.0]; 3]], true), None);
+        let (narrow, wide) = ([[0.0, 1.0]; 3], [[0.0, 2.0]; 3]);
+        assert_eq!(outside(&image(vec![1.0, 1.5, 1.5, 1.5]), &[narrow, wide], true), Some((1, [0.0, 1.0])));
+        assert_eq!(outside(&image(vec![1.0, 1.0, 1.5, 1.5]), &[narrow, wide], true), None);
+        assert_eq!(outside(&image(vec![1.1]), &[[[0.0, 1.0]; 3]], true), Some((0, [0.0, 1.0])));
     }
 
     #[test]
@@ -340,9 +425,9 @@ mod tests {
         gradients.sigma = f64::NAN;
         assert!(not_finite(&gradients).is_some_and(|text| text.contains("sigma")));
         gradients.sigma = 0.0;
-        let same = gradient_bits(&gradients);
+        let same = gradients.clone();
         gradients.gamma = -0.0;
-        assert_ne!(gradient_bits(&gradients), same);
+        assert!(!gradient_bits(&gradients).eq(gradient_bits(&same)) && gradient_bits(&same).eq(gradient_bits(&same)));
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! Triangles that hurt: without area, thin, doubled, coincident, through each other, huge, on pixel centres and borders.
 
 use super::random::Random;
-use crate::{Mesh, Result, Settings};
-use glam::DVec3;
+use crate::{Mesh, Result, Settings, shapes};
+use glam::{DQuat, DVec3};
 
 /// Where triangles are put so that the camera sees some of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,6 +29,33 @@ impl Soup {
     /// As a mesh.
     pub fn mesh(self) -> Result<Mesh> {
         Mesh::new(self.positions, self.triangles)
+    }
+
+    /// One of the library's shapes where the camera looks, its vertices moved a little: so that it is a surface whose
+    /// triangles share their corners, yet none is like another. Some are seen from their edge, as thin ones.
+    pub fn add_surface(&mut self, random: &mut Random, settings: &Settings, place: Place) -> Result<()> {
+        let shape = match random.below(4) {
+            0 => shapes::fish(),
+            1 => shapes::torus(0.7, 0.3, 8 + random.below(50) as u32, 8 + random.below(30) as u32),
+            2 => shapes::icosphere(4),
+            _ => shapes::icosphere(3),
+        }?;
+        let corners = plain(random, settings, place);
+        let (centre, reach) = match place {
+            Place::World => (DVec3::ZERO, DVec3::ONE),
+            Place::View => (corners[0], DVec3::new(corners[0].z, corners[0].z, 0.1)),
+            Place::Screen => (corners[0], DVec3::new(1.0, 1.0, 0.1)),
+        };
+        let turn = DQuat::from_axis_angle(random.direction(), random.range(0.0, 6.0));
+        let size = random.range(0.3, 1.2);
+        self.thin = true;
+        let first = self.positions.len() as u32;
+        for p in shape.positions() {
+            let p = turn * DVec3::from(p.map(f64::from)) * size + random.direction() * 0.002;
+            self.positions.push((centre + p * reach).as_vec3().to_array());
+        }
+        self.triangles.extend(shape.triangles().iter().map(|t| t.map(|i| first + i)));
+        Ok(())
     }
 
     fn push(&mut self, corners: [DVec3; 3]) {
@@ -82,11 +109,20 @@ pub(super) fn soup(random: &mut Random, settings: &Settings, place: Place, count
             _ => plain,
         };
         let scale = if mixed { random.log_range(1e-20, 1e20) } else { scale };
-        // Beyond a float there is only what the mesh's judge refuses, once in a while.
-        let limit = if random.chance(1e-3) { 1e39 } else { 1e25 };
-        soup.push(corners.map(|p| (p * scale).clamp(DVec3::splat(-limit), DVec3::splat(limit))));
+        // What the mesh's judge refuses, once in a while.
+        let limit = DVec3::splat(if random.chance(1e-3) { 1e39 } else { Mesh::FARTHEST.into() });
+        soup.push(corners.map(|p| (p * scale).clamp(-limit, limit)));
+        soup.thin |= tame && soup.last().is_some_and(|corners| is_thin(corners, place));
     }
     soup
+}
+
+/// Whether a triangle with an area is lower than a hundredth of its longest edge, which barycentrics are divided by.
+fn is_thin(corners: [DVec3; 3], place: Place) -> bool {
+    let [a, b, c] = corners.map(|p| if place == Place::World { p } else { p.with_z(0.0) });
+    let longest = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
+    let area = (b - a).cross(c - a).length();
+    area > 1e-9 * longest && area < 1e-2 * longest
 }
 
 /// An everyday triangle where the camera looks.
@@ -154,4 +190,16 @@ fn special_depth(random: &mut Random, settings: &Settings, mut corners: [DVec3; 
         corner.z = around * random.choose(&[0.0, 1e-40, -1e-40, settings.near, settings.far, -settings.near, 1e-12]);
     }
     corners
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thin_is_what_is_low_and_not_flat() {
+        let triangle = |height: f64| [DVec3::ZERO, DVec3::new(0.5, height, 3.0 * height), DVec3::X];
+        assert!(is_thin(triangle(5e-3), Place::Screen) && !is_thin(triangle(5e-3), Place::World));
+        assert!(!is_thin(triangle(0.0), Place::Screen) && !is_thin(triangle(0.5), Place::Screen));
+    }
 }

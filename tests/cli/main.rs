@@ -4,6 +4,7 @@
 
 mod arguments;
 mod eval;
+mod killed;
 mod numpy;
 mod render;
 

@@ -1,10 +1,11 @@
 //! Pictures of a run: the front of run time against error, growth, and where the time goes.
 
 use super::rows::Row;
+use crate::cli::svg;
 use plotters::coord::combinators::IntoLogRange;
 use plotters::prelude::*;
+use softras::Result;
 use softras::measure::sweep::{Curve, Growth};
-use softras::{Error, Result};
 use std::path::Path;
 
 const SIZE: (u32, u32) = (900, 560);
@@ -18,10 +19,6 @@ const COLORS: [RGBColor; 8] = [
     RGBColor(127, 127, 127),
     RGBColor(188, 189, 34),
 ];
-
-fn fault(path: &Path, error: impl std::fmt::Display) -> Error {
-    Error::Io { path: path.into(), source: std::io::Error::other(error.to_string()) }
-}
 
 /// The least and the largest of positive numbers, with some room; 0.1 to 10 of none.
 fn room(values: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
@@ -40,15 +37,14 @@ fn room(values: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
 /// Curves of positive points on two logarithmic axes.
 ///
 /// # Errors
-/// [`Error::Io`].
+/// [`softras::Error::Io`].
 fn curves(path: &Path, title: &str, axes: [&str; 2], all: &[(String, Vec<(f64, f64)>)]) -> Result<()> {
-    let draw = || -> std::result::Result<(), Box<dyn std::error::Error>> {
-        let root = SVGBackend::new(path, SIZE).into_drawing_area();
+    svg::write(path, SIZE, |root| {
         root.fill(&WHITE)?;
         let points = || all.iter().flat_map(|(_, points)| points.iter());
         let x = room(points().map(|p| p.0)).log_scale();
         let y = room(points().map(|p| p.1)).log_scale();
-        let mut chart = ChartBuilder::on(&root)
+        let mut chart = ChartBuilder::on(root)
             .caption(title, ("sans-serif", 18))
             .margin(14)
             .x_label_area_size(46)
@@ -73,16 +69,14 @@ fn curves(path: &Path, title: &str, axes: [&str; 2], all: &[(String, Vec<(f64, f
             chart.draw_series(points.iter().map(|&point| Circle::new(point, 3, color.filled())))?;
         }
         chart.configure_series_labels().background_style(WHITE.mix(0.8)).border_style(BLACK.mix(0.3)).draw()?;
-        root.present()?;
         Ok(())
-    };
-    draw().map_err(|error| fault(path, error))
+    })
 }
 
 /// Run time against error as τ changes.
 ///
 /// # Errors
-/// [`Error::Io`].
+/// [`softras::Error::Io`].
 pub fn front(path: &Path, title: &str, all: &[Curve]) -> Result<()> {
     let series: Vec<_> = all
         .iter()
@@ -94,7 +88,7 @@ pub fn front(path: &Path, title: &str, all: &[Curve]) -> Result<()> {
 /// Time against something, with the fitted exponents in the names.
 ///
 /// # Errors
-/// [`Error::Io`].
+/// [`softras::Error::Io`].
 pub fn growth(path: &Path, title: &str, all: &[Growth]) -> Result<()> {
     let name = |g: &Growth| format!("{}: time ~ x^{:.2}", g.name, g.exponent());
     // Everything relative to its first point, so that all fit one picture.
@@ -109,15 +103,14 @@ pub fn growth(path: &Path, title: &str, all: &[Growth]) -> Result<()> {
 /// Each frame row's stages as a stacked bar.
 ///
 /// # Errors
-/// [`Error::Io`].
+/// [`softras::Error::Io`].
 pub fn stages(path: &Path, title: &str, rows: &[Row]) -> Result<()> {
     let rows: Vec<&Row> = rows.iter().filter(|row| row.pass == "frame").collect();
-    let draw = || -> std::result::Result<(), Box<dyn std::error::Error>> {
-        let height = 110 + 26 * rows.len() as u32;
-        let root = SVGBackend::new(path, (SIZE.0, height.max(300))).into_drawing_area();
+    let height = 110 + 26 * rows.len() as u32;
+    svg::write(path, (SIZE.0, height.max(300)), |root| {
         root.fill(&WHITE)?;
         let most = rows.iter().map(|row| row.median).fold(0.0, f64::max).max(1e-3);
-        let mut chart = ChartBuilder::on(&root)
+        let mut chart = ChartBuilder::on(root)
             .caption(title, ("sans-serif", 18))
             .margin(14)
             .x_label_area_size(40)
@@ -150,10 +143,8 @@ pub fn stages(path: &Path, title: &str, rows: &[Row]) -> Result<()> {
                 .legend(move |(x, y)| Rectangle::new([(x, y - 5), (x + 12, y + 5)], shade.filled()));
         }
         chart.configure_series_labels().background_style(WHITE.mix(0.8)).border_style(BLACK.mix(0.3)).draw()?;
-        root.present()?;
         Ok(())
-    };
-    draw().map_err(|error| fault(path, error))
+    })
 }
 
 /// The stages that take more than a hundredth of some row, in order, and the host's share at last.

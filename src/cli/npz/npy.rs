@@ -42,6 +42,9 @@ struct Header {
     shape: Vec<usize>,
 }
 
+/// The most values of one array: 4 GiB of numbers. A few bytes may claim more, and packed ones may even hold it.
+const MAX_VALUES: usize = 1 << 29;
+
 /// Reads one array.
 ///
 /// # Errors
@@ -53,6 +56,10 @@ pub fn read(mut source: impl Read) -> Result<Array, String> {
     let (Some(count), Some(bytes)) = (count, bytes) else {
         return Err(format!("shape {:?} is larger than memory", header.shape));
     };
+    // Texts of no characters need no bytes: there would be no end to them.
+    if count > MAX_VALUES || (header.size == 0 && count > 1) {
+        return Err(format!("shape {:?} is of more than {MAX_VALUES} values", header.shape));
+    }
     let mut data = Vec::new();
     source.take(bytes as u64).read_to_end(&mut data).map_err(|e| format!("its data cannot be read ({e})"))?;
     if data.len() != bytes {
@@ -283,6 +290,11 @@ mod tests {
         assert!(bad.contains("324 bytes") && bad.contains("has 8"), "{bad}");
         let huge = "{'descr': '<f8', 'fortran_order': False, 'shape': (18446744073709551615, 9), }";
         assert!(refused(huge, &[]).contains("larger than memory"));
+        // In 64 bits numbers and texts without bytes may be as many as one likes.
+        for descr in ["<U0", "|S0", "|u1"] {
+            let many = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': (1000000000000000,), }}");
+            assert!(refused(&many, &[]).contains("more than"), "{descr}");
+        }
         assert!(refused("{'descr': '|O', 'fortran_order': False, 'shape': (), }", &[]).contains("not supported"));
         assert!(refused("{'descr': [('a', '<f4')], 'fortran_order': False, 'shape': ()}", &[]).contains("structured"));
         assert!(refused("{'descr': '<é', 'fortran_order': False, 'shape': (-1,)}", &[]).contains("not supported"));

@@ -1,9 +1,9 @@
 //! The error of images over the σ-γ plane.
 
-use crate::cli::progress::Progress;
+use crate::cli::{progress::Progress, svg};
 use plotters::prelude::*;
+use softras::Result;
 use softras::stress::{Stress, at, image_error};
-use softras::{Error, Result};
 use std::path::Path;
 
 /// Scenes of each place of the plane.
@@ -20,7 +20,7 @@ const TOP: i32 = 50;
 /// pixels at a jump of the model.
 ///
 /// # Errors
-/// Those of the device; [`Error::Io`].
+/// Those of the device; [`softras::Error::Io`].
 pub fn draw(path: &Path, stress: &mut Stress) -> Result<()> {
     let progress = Progress::counted("place", SIGMA.count() * GAMMA.count());
     let mut cells = Vec::new();
@@ -36,10 +36,16 @@ pub fn draw(path: &Path, stress: &mut Stress) -> Result<()> {
             progress.step();
         }
     }
-    picture(path, &cells).map_err(|error| {
-        let source = std::io::Error::other(error.to_string());
-        Error::Io { path: path.into(), source }
-    })
+    let size = ((LEFT + columns() * CELL + 20) as u32, (TOP + rows() * CELL + 70) as u32);
+    svg::write(path, size, |area| picture(area, &cells))
+}
+
+fn columns() -> i32 {
+    SIGMA.count() as i32
+}
+
+fn rows() -> i32 {
+    GAMMA.count() as i32
 }
 
 /// From white for 1e-7 over yellow and red to black for 1.
@@ -52,10 +58,8 @@ fn shade(error: f64) -> RGBColor {
     RGBColor(mix(0), mix(1), mix(2))
 }
 
-fn picture(path: &Path, cells: &[(i32, i32, f64)]) -> std::result::Result<(), Box<dyn std::error::Error>> {
-    let (columns, rows) = (SIGMA.count() as i32, GAMMA.count() as i32);
-    let size = ((LEFT + columns * CELL + 20) as u32, (TOP + rows * CELL + 70) as u32);
-    let root = SVGBackend::new(path, size).into_drawing_area();
+fn picture(root: &svg::Area<'_>, cells: &[(i32, i32, f64)]) -> std::result::Result<(), Box<dyn std::error::Error>> {
+    let (columns, rows) = (columns(), rows());
     root.fill(&WHITE)?;
     let text = |size: i32| ("sans-serif", size).into_font();
     let title = "largest error of any value against the model in f64";
@@ -76,7 +80,6 @@ fn picture(path: &Path, cells: &[(i32, i32, f64)]) -> std::result::Result<(), Bo
     }
     root.draw(&Text::new("sigma", (LEFT + columns * CELL / 2 - 20, TOP + rows * CELL + 36), text(15)))?;
     root.draw(&Text::new("gamma", (8, TOP + rows * CELL / 2), text(15)))?;
-    root.present()?;
     Ok(())
 }
 

@@ -1,5 +1,6 @@
 //! `softras stress`: scenes drawn to hurt, and what comes of them.
 
+mod load;
 mod map;
 mod tally;
 
@@ -7,7 +8,7 @@ use super::progress::Progress;
 use super::{Failure, files, say};
 use clap::Args;
 use serde_json::json;
-use softras::stress::{FORMS, Stress, case};
+use softras::stress::{FORMS, Kind, Stress, batch};
 use softras::{Error, RendererOptions, Result};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -28,6 +29,9 @@ and the exit code is 1.
 Examples:
   softras stress --cases 20000 --seed 1
   softras stress --cases 1 --seed 4711            # one scene again
+  softras stress --cases 1000000 --batch 64       # many scenes fast: 64 in one submission
+  softras stress --cases 10000 --realistic
+  softras stress --cases 0 --load 100000          # frames in a row, with flat memory
   softras stress --cases 0 --map accuracy.svg     # error over the sigma-gamma plane")]
 pub struct StressArgs {
     /// How many scenes
@@ -39,6 +43,13 @@ pub struct StressArgs {
     /// How many combinations of modes to draw from: each costs some seconds of compiling
     #[arg(long, value_name = "N", default_value_t = FORMS as u64, value_parser = clap::value_parser!(u64).range(1..=FORMS as u64))]
     forms: u64,
+    /// Scenes of one size and settings that are rendered as one batch. They are held to less: finite, in range and the
+    /// same bits again; one of each batch is run by itself, as all are without this
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1024))]
+    batch: u64,
+    /// Images of 64 to 512 pixels a side and meshes of up to 6000 triangles
+    #[arg(long)]
+    realistic: bool,
     /// Renderers that work at the same time
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u64).range(1..=64))]
     jobs: u64,
@@ -51,12 +62,21 @@ pub struct StressArgs {
     /// Draw the error of images over the sigma-gamma plane
     #[arg(long, value_name = "FILE.svg")]
     map: Option<PathBuf>,
+    /// Render and differentiate so many small frames in a row, shared by --jobs renderers; memory must not grow
+    #[arg(long, value_name = "FRAMES", value_parser = clap::value_parser!(u64).range(1..))]
+    load: Option<u64>,
     /// Print the least scene that still shows the first finding
     #[arg(long)]
     shrink: bool,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
+}
+
+impl StressArgs {
+    fn kind(&self) -> Kind {
+        Kind { forms: self.forms as usize, realistic: self.realistic }
+    }
 }
 
 /// Runs the command.
@@ -70,6 +90,7 @@ pub fn run(args: &StressArgs) -> std::result::Result<(), Failure> {
     let start = Instant::now();
     let options =
         RendererOptions { device: args.device.clone(), validation: args.validation, ..RendererOptions::default() };
+    let load = args.load.map(|frames| load::run(frames, args.jobs, &options)).transpose()?;
     let mut stress = Stress::new(&options)?;
     let device = stress.renderer().device_name().to_string();
     // A panic is a finding and is told of as one.
@@ -77,7 +98,7 @@ pub fn run(args: &StressArgs) -> std::result::Result<(), Failure> {
     let tally = at_length(args, &options, stress);
     let tally = tally?;
     let least = if args.shrink { tally.first() } else { None };
-    let least = least.map(|(seed, kind)| shrunk(&options, seed, args.forms, kind)).transpose()?;
+    let least = least.map(|(seed, kind)| shrunk(&options, args, seed, kind)).transpose()?;
     let _ = std::panic::take_hook();
     let seconds = start.elapsed().as_secs_f64();
     if args.json {
@@ -85,10 +106,16 @@ pub fn run(args: &StressArgs) -> std::result::Result<(), Failure> {
         object["device"] = json!(device);
         object["seed"] = json!(args.seed);
         object["forms"] = json!(args.forms);
+        object["batch"] = json!(args.batch);
+        object["realistic"] = json!(args.realistic);
         object["validation"] = json!(args.validation);
         object["seconds"] = json!(seconds);
+        if let Some(load) = &load {
+            object["load"] = load.json();
+        }
         say(&format!("{object:#}"))?;
     } else {
+        load.iter().try_for_each(|load| say(&load.line()))?;
         say(&format!("{device}; {} scenes from seed {}, {:.0} s", args.cases, args.seed, seconds))?;
         tally.lines().iter().try_for_each(|line| say(line))?;
         least.iter().try_for_each(|case| say(case))?;
@@ -99,16 +126,22 @@ pub fn run(args: &StressArgs) -> std::result::Result<(), Failure> {
             say(&format!("{}: the map of errors", path.display()))?;
         }
     }
-    if tally.is_clean() { Ok(()) } else { Err(Failure::Told) }
+    if tally.is_clean() && load.is_none_or(|load| load.is_flat()) { Ok(()) } else { Err(Failure::Told) }
 }
 
 /// The least scene with that finding, for people.
-fn shrunk(options: &RendererOptions, seed: u64, forms: u64, kind: &str) -> Result<String> {
+fn shrunk(options: &RendererOptions, args: &StressArgs, seed: u64, kind: &str) -> Result<String> {
     let mut stress = Stress::new(options)?;
-    let case = stress.shrink(&case(seed, forms as usize)?, kind)?;
-    let findings = stress.run(&case)?.findings;
-    let texts = findings.iter().map(|finding| format!("{}: {}\n", finding.kind, finding.what)).collect::<String>();
-    Ok(format!("{texts}{case:#?}"))
+    for case in batch(seed, args.kind(), args.batch as usize).into_iter().flatten() {
+        if !stress.run(&case)?.findings.iter().any(|finding| finding.kind == kind) {
+            continue;
+        }
+        let case = stress.shrink(&case, kind)?;
+        let findings = stress.run(&case)?.findings;
+        let texts = findings.iter().map(|finding| format!("{}: {}\n", finding.kind, finding.what)).collect::<String>();
+        return Ok(format!("{texts}{case:#?}"));
+    }
+    Ok(format!("seed {seed}: no scene of the batch shows it by itself"))
 }
 
 /// All cases, by several renderers; the order in which they end does not matter to the tally.
@@ -118,13 +151,19 @@ fn at_length(args: &StressArgs, options: &RendererOptions, first: Stress) -> Res
     let work = |mut stress: Stress| -> Result<Tally> {
         let mut tally = Tally::default();
         loop {
-            let index = next.fetch_add(1, Ordering::Relaxed);
+            let index = next.fetch_add(args.batch, Ordering::Relaxed);
             if index >= args.cases {
                 return Ok(tally);
             }
             let seed = args.seed.wrapping_add(index);
-            tally.add(seed, &stress.seed(seed, args.forms as usize)?);
-            progress.step();
+            let count = args.batch.min(args.cases - index);
+            if args.batch == 1 {
+                tally.add(seed, &stress.seed(seed, args.kind())?);
+            } else {
+                let outcomes = stress.batch(seed, args.kind(), count as usize)?;
+                outcomes.iter().for_each(|outcome| tally.add(seed, outcome));
+            }
+            (0..count).for_each(|_| progress.step());
         }
     };
     std::thread::scope(|scope| {

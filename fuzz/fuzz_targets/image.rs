@@ -1,0 +1,14 @@
+//! Any bytes as the texture of a mesh.
+#![no_main]
+
+mod folder;
+
+use libfuzzer_sys::fuzz_target;
+
+const MESH: &[u8] = b"mtllib mesh.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n";
+
+fuzz_target!(|bytes: &[u8]| {
+    folder::file("mesh.png", bytes);
+    folder::file("mesh.mtl", b"newmtl m\nmap_Kd mesh.png\n");
+    let _ = softras::obj::load(&folder::file("mesh.obj", MESH), &Default::default());
+});

@@ -1,0 +1,28 @@
+//! Vector pictures as files.
+
+use super::files;
+use plotters::coord::Shift;
+use plotters::prelude::*;
+use softras::{Error, Result};
+use std::path::Path;
+
+/// Where a picture is drawn.
+pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+
+/// Draws a picture of that many pixels and writes it, whole or not at all.
+///
+/// # Errors
+/// [`Error::Io`], also for what the drawing says.
+pub fn write(
+    path: &Path,
+    size: (u32, u32),
+    draw: impl FnOnce(&Area<'_>) -> std::result::Result<(), Box<dyn std::error::Error>>,
+) -> Result<()> {
+    let mut text = String::new();
+    {
+        let area = SVGBackend::with_string(&mut text, size).into_drawing_area();
+        let drawn = draw(&area).and_then(|()| Ok(area.present()?));
+        drawn.map_err(|e| Error::Io { path: path.into(), source: std::io::Error::other(e.to_string()) })?;
+    }
+    files::write_whole(path, text.as_bytes())
+}

@@ -1,0 +1,134 @@
+//! The malformed files of `tests/corpus`, which the fuzz targets begin with too: each is read or refused as its name says
+//! (`read_..`, `refused_..`, `refused_line4_..`), without a panic, with the file and where it has lines the line, and in little
+//! memory whatever it claims.
+#![cfg(feature = "obj")]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+use peak_alloc::PeakAlloc;
+use softras::{
+    Error,
+    obj::{LoadOptions, load},
+};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+#[cfg(feature = "cli")]
+#[allow(dead_code)] // What only the command needs.
+#[path = "../src/cli/npz/npy.rs"]
+mod npy;
+
+/// Counts what is allocated.
+#[global_allocator]
+static MEMORY: PeakAlloc = PeakAlloc;
+
+/// More than any of these small files may take, whatever it claims to be.
+const MOST: usize = 8 << 20;
+
+const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n";
+
+/// The files of a kind, in order.
+fn files(kind: &str) -> Vec<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/corpus").join(kind);
+    let mut files: Vec<_> = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    files.sort();
+    assert!(files.len() >= 10, "{}", folder.display());
+    files
+}
+
+/// What a file's name promises: refused or not, and on which line.
+fn promised(path: &Path) -> Option<Option<usize>> {
+    let name = path.file_stem().unwrap().to_str().unwrap();
+    let rest = name.strip_prefix("refused_")?;
+    let line = rest.strip_prefix("line").map(|rest| rest.chars().take_while(char::is_ascii_digit).collect::<String>());
+    Some(line.map(|digits| digits.parse().unwrap()))
+}
+
+/// What came of a file: its error's path and line.
+type Outcome = Result<(), (PathBuf, Option<usize>)>;
+
+fn outcome<T>(result: softras::Result<T>) -> Outcome {
+    match result {
+        Ok(_) => Ok(()),
+        Err(Error::File { path, line, .. }) => Err((path, line)),
+        Err(Error::Io { path, .. }) => Err((path, None)),
+        Err(other) => panic!("an error of no file: {other}"),
+    }
+}
+
+/// Reads all files of a kind, by themselves in a folder of their own, and holds what comes to what their names say.
+fn check(kind: &str, named: &str, read: impl Fn(&Path) -> Outcome) {
+    for file in files(kind) {
+        let shown = file.display();
+        let parent = tempfile::tempdir().unwrap();
+        let folder = parent.path().join(kind);
+        fs::create_dir(&folder).unwrap();
+        let copy = folder.join(file.file_name().unwrap());
+        fs::copy(&file, &copy).unwrap();
+        // What must not be read from a file within the folder.
+        fs::write(parent.path().join("outside.mtl"), "newmtl m\n").unwrap();
+        let before = MEMORY.current_usage();
+        MEMORY.reset_peak_usage();
+        let outcome = read(&copy);
+        let peak = MEMORY.peak_usage().saturating_sub(before);
+        assert!(peak < MOST, "{shown} takes {peak} bytes");
+        match (promised(&file), outcome) {
+            (None, Ok(())) => {}
+            (Some(line), Err((path, told))) => {
+                let where_it_is = if named.is_empty() { copy } else { folder.join(named) };
+                assert_eq!((path, told), (where_it_is, line.or(told)), "{shown}");
+            }
+            (promised, outcome) => panic!("{shown}: promised {promised:?}, came {outcome:?}"),
+        }
+    }
+}
+
+/// One after the other: the memory of one must not be taken for another's.
+#[test]
+fn malformed_files_are_read_or_refused_as_their_names_say() {
+    let options = LoadOptions::default();
+    check("obj", "", |path| outcome(load(path, &options)));
+    check("mtl", "", |path| {
+        let obj = path.with_file_name("mesh.obj");
+        fs::write(&obj, format!("mtllib {}\n{TRIANGLE}", path.file_name().unwrap().to_str().unwrap())).unwrap();
+        outcome(load(&obj, &options))
+    });
+    check("image", "mesh.mtl", |path| {
+        let obj = path.with_file_name("mesh.obj");
+        let mtl = format!("newmtl m\nmap_Kd {}\n", path.file_name().unwrap().to_str().unwrap());
+        fs::write(path.with_file_name("mesh.mtl"), mtl).unwrap();
+        fs::write(&obj, format!("mtllib mesh.mtl\n{TRIANGLE}")).unwrap();
+        outcome(load(&obj, &options))
+    });
+    #[cfg(feature = "cli")]
+    check("npy", "", |path| npy::read(&fs::read(path).unwrap()[..]).map(drop).map_err(|_| (path.into(), None)));
+}
+
+#[test]
+fn names_say_what_is_promised() {
+    assert_eq!(promised(Path::new("x/read_it.obj")), None);
+    assert_eq!(promised(Path::new("x/refused_it.obj")), Some(None));
+    assert_eq!(promised(Path::new("x/refused_line12_it.obj")), Some(Some(12)));
+}
+
+/// Through `softras fit`, which reads them; they are refused before anything is rendered.
+#[cfg(feature = "cli")]
+#[test]
+fn malformed_cameras_are_refused() {
+    for file in files("cameras") {
+        let folder = tempfile::tempdir().unwrap();
+        fs::copy(&file, folder.path().join("cameras.json")).unwrap();
+        image::RgbaImage::new(4, 4).save(folder.path().join("a.png")).unwrap();
+        let output = std::process::Command::new(env!("CARGO_BIN_EXE_softras"))
+            .args(["fit", "--views", folder.path().to_str().unwrap(), "-o", "never.obj"])
+            .current_dir(folder.path())
+            .output()
+            .unwrap();
+        let errors = String::from_utf8_lossy(&output.stderr);
+        let shown = file.display();
+        assert_eq!(output.status.code(), Some(1), "{shown}: {errors}");
+        assert!(errors.contains("error: ") && !errors.contains("panicked"), "{shown}: {errors}");
+        assert!(!folder.path().join("never.obj").exists(), "{shown}");
+    }
+}

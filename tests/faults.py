@@ -1,0 +1,135 @@
+"""Plants faults into a copy of the tree, one by one, and runs the tests that should catch each.
+
+    python3 tests/faults.py                  # all, some minutes each
+    python3 tests/faults.py --only sign clip # those whose name has one of the words
+    python3 tests/faults.py --target DIR     # with a target folder that has the dependencies compiled
+    python3 tests/faults.py --trust          # without running the tests on the whole tree first
+
+Prints a row for each; the exit code is 1 where a fault survives.
+"""
+
+import argparse
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+FRAGMENT, FORWARD = "glsl/common/fragment.glsl", "glsl/common/forward.glsl"
+PAIR, BACKWARD = "glsl/common/pair_gradient.glsl", "glsl/common/backward.glsl"
+
+# What is broken, where, the text, what stands there instead, and the tests that should see it (a file and a filter).
+FAULTS = [
+    ("sign of a vertex's pull", PAIR, "vec2 pull = -2.0 * by_squared", "vec2 pull = 2.0 * by_squared",
+     [("gradient_hazards", "")]),
+    ("clamp of barycentrics left out", FRAGMENT, "return vec3(lesser(greater(b.x, 1e-20), 1.0),",
+     "return vec3(greater(b.x, 1e-20),", [("forward", "random_scenes")]),
+    ("last triangle of a tile missing", FORWARD, "for (int i = begin; i < end; ++i) {\n        int slot",
+     "for (int i = begin; i < end - 1; ++i) {\n        int slot", [("pixels", "")]),
+    ("tile lists one tile short", "glsl/bin_coarse.comp", "high = inverse[k] < 0.0 ? high : min(high, to);",
+     "high = inverse[k] < 0.0 ? high : min(high, to - 1);", [("properties_images", "bins")]),
+    ("bins one short", "glsl/triangle.comp", "for (int x = bins.x; x <= bins.z; ++x)",
+     "for (int x = bins.x; x < max(bins.z, 1); ++x)", [("properties_images", "bins")]),
+    ("barrier between stages dropped", "src/passes.rs",
+     "recorder.dispatch(&stage.pipeline, &stage.set, push, groups)?;\n        recorder.barrier();",
+     "recorder.dispatch(&stage.pipeline, &stage.set, push, groups)?;", [("pixels", "")]),
+    ("barrier of a sum dropped", "glsl/reduce.comp", "        barrier();\n        if (lane < width)",
+     "        if (lane < width)", [("gradient_repeat", ""), ("gradient", "random_scenes")]),
+    ("clipped at the wrong plane", "glsl/triangle.comp", "    vec2 near = vec2(frame.near_high, frame.near_low);\n    ViewPoint",
+     "    vec2 near = vec2(1.05 * frame.near_high, 0.0);\n    ViewPoint", [("properties_images", "near")]),
+    ("u and v swapped", "glsl/common/sample.glsl", "vec2 at = vec2(folded.x, 1.0 - folded.y)",
+     "vec2 at = vec2(folded.y, 1.0 - folded.x)", [("pixels", "textures")]),
+    ("gamma missing in a gradient", BACKWARD, "- by_weight * frame.score_high * LN2", "- by_weight * LN2",
+     [("gradient", "random_scenes")]),
+    ("stale bits of the frame before", "src/passes.rs", "    recorder.fill(bin_bits, 0, plan.sizes.bin_bits, 0)?;\n",
+     "    let _ = bin_bits;\n", [("invariance", "trace"), ("invariance", "twenty")]),
+    ("half of a sum's lanes lost", "glsl/reduce.comp", "for (int width = 32;", "for (int width = 16;",
+     [("gradient", "random_scenes")]),
+    ("composite background by alpha", FORWARD, "background * (1.0 - alpha)", "background * alpha",
+     [("forward", "every_mode")]),
+    ("farther triangles weigh more", FORWARD, "(c.whole - p.whole)", "(p.whole - c.whole)", [("pixels", "")]),
+    ("light from behind", "glsl/common/light.glsl", "sum += color * max(dot(normal, direction), 0.0);",
+     "sum += color * abs(dot(normal, direction));", [("pixels", "light")]),
+    ("carry of texel sums dropped", PAIR, "high + (old + low < old ? 1u : 0u)", "high",
+     [("gradient", "appearance")]),
+    ("a large box's first cell twice", "glsl/triangle.comp", "uvec2(uint(slot), i + 1u)", "uvec2(uint(slot), i)",
+     [("gradient_repeat", "huge")]),
+    ("front faces by the wrong turn", "glsl/triangle.comp", "(e.orientation < 0.0) != CLOCKWISE_FRONT",
+     "(e.orientation > 0.0) != CLOCKWISE_FRONT", [("pixels", "back_faces")]),
+    ("pixel centres half a pixel off", FORWARD, "    vec2 first = vec2(mine);", "    vec2 first = vec2(mine) + 0.5;",
+     [("pixels", "")]),
+    ("radius of another tau", "src/scene/settings.rs", "(1.0 / self.tau - 1.0).ln()", "(0.5 / self.tau - 1.0).ln()",
+     [("support", ""), ("pixels", "")]),
+]
+
+
+def run(command, folder, target, limit):
+    environment = dict(os.environ, CARGO_TARGET_DIR=str(target))
+    try:
+        return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=limit)
+    except subprocess.TimeoutExpired:
+        return None
+
+
+def cargo(test, arguments):
+    return ["cargo", "test", "-q", "--no-default-features", "--features", "reference", "--test", test, *arguments]
+
+
+def caught_by(folder, target, tests, patient):
+    """The first test that fails, "" where all pass, or why that is not known."""
+    for test, name in tests:
+        built = run(cargo(test, ["--no-run"]), folder, target, 1800)
+        if built is None or built.returncode != 0:
+            return "does not compile: " + (built.stderr[-500:] if built else "")
+        # Frames that never end are caught too.
+        ran = run(cargo(test, ["--", name]), folder, target, patient)
+        if ran is None:
+            return f"{test}: does not end"
+        if ran.returncode != 0:
+            failed = [line.split()[1] for line in ran.stdout.splitlines() if line.startswith("---- ")]
+            return f"{test}: {', '.join(failed[:3]) or 'crashes'}"
+    return ""
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--only", nargs="*", default=[])
+    parser.add_argument("--target", type=pathlib.Path)
+    parser.add_argument("--trust", action="store_true", help="do not run the tests without a fault first")
+    parser.add_argument("--patience", type=int, default=600, help="seconds for one test")
+    arguments = parser.parse_args()
+    chosen = [f for f in FAULTS if not arguments.only or any(word in f[0] for word in arguments.only)]
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = pathlib.Path(scratch) / "softras"
+        files = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+        for name in files.splitlines():
+            if (ROOT / name).is_file():
+                (folder / name).parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy2(ROOT / name, folder / name)
+        target = arguments.target or folder / "target"
+        # Whole, none of these tests may fail: else they would catch anything.
+        whole = [] if arguments.trust else sorted({test for fault in chosen for test in fault[4]})
+        failing = caught_by(folder, target, whole, arguments.patience)
+        if failing:
+            sys.exit(f"without a fault: {failing}")
+        survivors = 0
+        for what, name, old, new, tests in chosen:
+            path = folder / name
+            text = path.read_text()
+            if text.count(old) != 1:
+                sys.exit(f"{what}: {name} has not one {old!r}")
+            path.write_text(text.replace(old, new))
+            start = time.monotonic()
+            outcome = caught_by(folder, target, tests, arguments.patience)
+            path.write_text(text)
+            survivors += outcome == ""
+            print(f"{what:34} {outcome or 'SURVIVES':70} {time.monotonic() - start:5.0f} s", flush=True)
+    print(f"{len(chosen)} planted, {len(chosen) - survivors} caught")
+    sys.exit(survivors > 0)
+
+
+if __name__ == "__main__":
+    main()

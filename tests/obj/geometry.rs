@@ -1,0 +1,97 @@
+//! Vertices, faces and polygons as the file has them.
+
+use super::*;
+
+#[test]
+fn vertices_keep_the_order_of_the_file_across_groups_and_materials() {
+    let text = "v 0 0 0\nv 9 9 9\nv 1 0 0\nv 0 1 0\nv 0 0 1\n\
+                o first\ng a\nf 5 4 3\no second\nusemtl x\nf 1 3 4\ng third\nf -5 -1 -2\n";
+    let mesh = load_text(text).unwrap().mesh;
+    assert_eq!(mesh.positions()[1], [9.0; 3], "a vertex that no face uses stays");
+    assert_eq!(mesh.positions().len(), 5);
+    assert_eq!(mesh.triangles(), [[4, 3, 2], [0, 2, 3], [0, 4, 3]]);
+}
+
+#[test]
+fn negative_indices_count_back_from_their_own_line_and_faces_may_come_first() {
+    let mesh = quiet("f 1 2 3\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\nv 2 2 2\nf -3 -2 -1\n");
+    assert_eq!(mesh.triangles(), [[0, 1, 2], [0, 1, 2], [1, 2, 3]]);
+}
+
+#[test]
+fn every_way_to_write_a_text_file_reads_the_same() {
+    let expected = quiet(format!("{TRIANGLE}f 1 2 3\n"));
+    let spellings: [&[u8]; 9] = [
+        b"v 0 0 0\r\nv 1 0 0\r\nv 0 1 0\r\nf 1 2 3\r\n",
+        b"v 0 0 0\rv 1 0 0\rv 0 1 0\rf 1 2 3\r",
+        b"\xef\xbb\xbfv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3",
+        b"\tv\t0\t0\t0\n  v 1 0 0  \nv 0 1 0\n\nf\t1\t2\t3\t",
+        b"v 0 0 \\\n0\nv 1 0 0\nv 0 1 0\nf 1 \\\r\n2 \\\n 3\n",
+        b"#comment\nv 0 0 0 # comment\nv 1 0 0 #c\nv 0 1 0\nf 1 2 3 # v 1 2 3\n###\n",
+        b"o caf\xe9\nv 0e0 -0 +0\nv 1.0 0. .0\nv 0 10e-1 0\nf 1 2 3\n",
+        b"v 0 0 0 1\nv 1 0 0 1.0\nv 0 1 0\nf 1// 2// 3//\n",
+        b"s off\nvt 0.5\nvt 0 1 0\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\ng\n",
+    ];
+    for text in spellings {
+        let loaded = load_text(text).unwrap_or_else(|e| panic!("{e}\n{}", String::from_utf8_lossy(text)));
+        assert_eq!(loaded.mesh, expected, "{}", String::from_utf8_lossy(text));
+    }
+}
+
+#[test]
+fn polygons_are_cut_in_their_plane() {
+    let quad = quiet("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n");
+    assert_eq!(quad.triangles(), [[0, 1, 2], [0, 2, 3]]);
+    // Concave at vertex 4: a fan from vertex 1 would leave the polygon.
+    let arrow = quiet("v 0 0 0\nv 0 4 0\nv 0 4 4\nv 0 2 1\nv 0 0 4\nf 1 2 3 4 5\n");
+    let area = |t: &[u32; 3]| {
+        let [a, b, c] = t.map(|i| glam::Vec3::from(arrow.positions()[i as usize]));
+        (b - a).cross(c - a).x / 2.0
+    };
+    assert_eq!(arrow.triangles().len(), 3);
+    assert!(arrow.triangles().iter().all(|t| area(t) > 0.0));
+    assert_eq!(arrow.triangles().iter().map(area).sum::<f32>(), 10.0);
+    let bow_tie = load_text("v 0 0 0\nv 1 1 0\nv 1 0 0\nv 0 1 0\nf 1 2 3 4\n").unwrap();
+    assert_eq!(bow_tie.mesh.triangles().len(), 2);
+    assert_note(&bow_tie.notes, &["line 5", "cross themselves", "1 in all"]);
+}
+
+#[test]
+fn degenerate_triangles_stay() {
+    let mesh = quiet(format!("{TRIANGLE}v 2 0 0\nf 1 1 2\nf 1 2 4\n"));
+    assert_eq!(mesh.triangles(), [[0, 0, 1], [0, 1, 3]]);
+}
+
+#[test]
+fn vertex_colours_belong_to_their_vertices() {
+    let mesh = quiet("v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 0.25\nf 3 2 1\n");
+    let expected = vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.25]];
+    assert_eq!(mesh.appearance(), &Appearance::VertexColors(expected));
+    // tobj would give the third vertex's colour to the first.
+    let partly = load_text("v 0 0 0\nv 1 0 0\nv 0 1 0 0 0 1\nf 1 2 3\n").unwrap();
+    let expected = vec![[1.0; 3], [1.0; 3], [0.0, 0.0, 1.0]];
+    assert_eq!(partly.mesh.appearance(), &Appearance::VertexColors(expected));
+    assert_note(&partly.notes, &["line 1 and 1 more", "white"]);
+}
+
+#[test]
+fn a_fourth_coordinate_divides() {
+    let loaded = load_text("v 0 0 0\nv 2 4 6 2\nv 0 1 0\nf 1 2 3\n").unwrap();
+    assert_eq!(loaded.mesh.positions()[1], [1.0, 2.0, 3.0]);
+    assert_note(&loaded.notes, &["line 2", "w divides"]);
+}
+
+#[test]
+fn what_is_not_drawn_is_noted_once() {
+    let text = format!(
+        "{TRIANGLE}vn 0 0 1\nvn 0 1 0\nvt 0 0\nl 1 2\np 1\ncurv 0 1 1 2\nwobble 3\nf 1//1 2//1 3//2\nf 1/1/9 2/1/9 3/1/9\n"
+    );
+    let notes = load_text(text).unwrap().notes;
+    assert_eq!(notes.len(), 6, "{notes:#?}");
+    assert_note(&notes, &["line 4 and 1 more", "normals are computed"]);
+    assert_note(&notes, &["line 7", "lines"]);
+    assert_note(&notes, &["line 8", "points"]);
+    assert_note(&notes, &["line 9", "free-form"]);
+    assert_note(&notes, &["line 10", "wobble"]);
+    assert_note(&notes, &["texture coordinates are not kept"]);
+}
