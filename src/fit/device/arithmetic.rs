@@ -68,10 +68,9 @@ pub fn flushed(x: f32) -> f32 {
 pub fn group_sum<const N: usize>(mut lanes: [[f32; N]; GROUP]) -> [f32; N] {
     let mut width = GROUP / 2;
     while width > 0 {
-        for lane in 0..width {
-            for k in 0..N {
-                lanes[lane][k] += lanes[lane + width][k];
-            }
+        let (low, high) = lanes.split_at_mut(width);
+        for (sum, other) in low.iter_mut().zip(&*high) {
+            sum.iter_mut().zip(other).for_each(|(a, b)| *a += b);
         }
         width /= 2;
     }

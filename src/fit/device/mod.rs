@@ -84,6 +84,7 @@ pub struct DeviceFit {
     best: Option<(f64, usize)>,
     confirmed: usize,
     submitted: usize,
+    repeated: usize,
     capacity: Option<Capacity>,
     guard: Option<Guard>,
     /// Steps that the optimisers have been given, those before this fit among them.
@@ -142,6 +143,7 @@ impl DeviceFit {
             best: None,
             confirmed: 0,
             submitted: 0,
+            repeated: 0,
             capacity: None,
             guard: None,
             device: context.device().raw().handle(),
@@ -208,6 +210,12 @@ impl DeviceFit {
         let mut shape = self.shape.clone();
         shape.show(self.memory.vectors("best_positions", count)?, &colors)?;
         Ok(Some((shape.mesh().clone(), step)))
+    }
+
+    /// Steps that were submitted again so far: those that the device skipped because a frame before them had too little
+    /// room, or a vertex had left the box that frames were planned for.
+    pub fn repeated(&self) -> usize {
+        self.repeated
     }
 
     /// Records a step and hands it to the queue.
@@ -320,6 +328,7 @@ impl DeviceFit {
             let Some((row, record)) = self.confirm(submitted.len())? else { return Ok(()) };
             self.recover(&record)?;
             for step in submitted.into_iter().skip(row) {
+                self.repeated += 1;
                 self.submit(renderer, step)?;
             }
         }

@@ -114,12 +114,12 @@ pub fn unsupported(fit: &ShapeFit) -> Option<String> {
             return Some(format!("{regularizer:?} is there twice"));
         }
     }
-    if let Parametrization::Smoothed { lambda } = options.parametrization {
-        if Chebyshev::new(lambda, fit.topology()).is_none() {
-            return Some(format!("a smoothing of λ = {lambda} takes the host's exact solution"));
+    match options.parametrization {
+        Parametrization::Smoothed { lambda } if Chebyshev::new(lambda, fit.topology()).is_none() => {
+            Some(format!("a smoothing of λ = {lambda} takes the host's exact solution"))
         }
+        _ => None,
     }
-    None
 }
 
 /// Why a step with these settings cannot run on the device.
@@ -160,7 +160,7 @@ impl Chebyshev {
         let root = f64::sqrt(high / low);
         let quotient = (root - 1.0) / (root + 1.0);
         let steps = if quotient > 0.0 { (SMOOTHING_ERROR / 2.0).ln() / quotient.ln() } else { 1.0 };
-        if !(steps <= MOST_ITERATES as f64) {
+        if steps.is_nan() || steps > MOST_ITERATES as f64 {
             return None;
         }
         let steps = (steps.ceil() as usize).max(1).next_multiple_of(2);
