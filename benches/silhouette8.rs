@@ -8,6 +8,7 @@
 
 use glam::DVec3;
 use npyz::npz::NpzArchive;
+use softras::fit::device::DeviceFit;
 use softras::fit::image_loss::{ImageLoss, mask_iou};
 use softras::fit::optimizer::{Method, Optimizer};
 use softras::fit::regularizer::{Regularizer, laplacian_coordinates};
@@ -40,9 +41,15 @@ fn main() {
     part("loss", &times.loss);
     part("backward, wall", &times.backward);
     part("regularisers, optimiser", &times.host);
-    println!("smoothed parameters, sigma from 1e-4 to 3e-6:");
-    let (mesh, steps) = task.fit_smoothly(&mut renderer);
-    task.tell(&mesh, &steps, &mut renderer);
+    let rows = [("from 1e-4 to 3e-6", 0.03 * SIGMA), ("1e-4", SIGMA)];
+    for (name, last) in rows {
+        println!("smoothed parameters, sigma {name}, steps on the host:");
+        let (mesh, steps) = task.fit_smoothly(last, &mut renderer);
+        task.tell(&mesh, &steps, &mut renderer);
+        println!("the same, whole steps on the device (a step's time is a tenth of ten's):");
+        let (mesh, steps) = task.fit_on_device(last, &mut renderer);
+        task.tell(&mesh, &steps, &mut renderer);
+    }
 }
 
 #[derive(Default)]
@@ -122,26 +129,51 @@ impl Task {
 
     /// Smoothed parameters, 1 - IoU, a shrinking step, and a σ that shrinks too: at 1e-4 many triangles near an outline
     /// together cover what none of them does, so a hard mask of the same mesh is 5 % smaller than the soft one.
-    fn fit_smoothly(&self, renderer: &mut Renderer) -> (Mesh, Vec<f64>) {
+    fn fit_smoothly(&self, last_sigma: f64, renderer: &mut Renderer) -> (Mesh, Vec<f64>) {
+        let (mut fit, targets) = self.smooth_fit();
+        let mut times = Vec::new();
+        for step in 0..STEPS {
+            let start = Instant::now();
+            let (settings, rate) = Self::smooth_step(step, last_sigma);
+            fit.step(renderer, &settings, &targets, rate, 0.0).expect("a step");
+            times.push(start.elapsed().as_secs_f64() * 1e3);
+        }
+        (fit.mesh().clone(), times)
+    }
+
+    fn fit_on_device(&self, last_sigma: f64, renderer: &mut Renderer) -> (Mesh, Vec<f64>) {
+        let (fit, targets) = self.smooth_fit();
+        let mut fit = DeviceFit::new(renderer, fit, &targets, None).expect("a fit");
+        let mut times = Vec::new();
+        for ten in 0..STEPS / 10 {
+            let start = Instant::now();
+            for step in 10 * ten..10 * ten + 10 {
+                let (settings, rate) = Self::smooth_step(step, last_sigma);
+                fit.step(renderer, &settings, rate, 0.0).expect("a step");
+            }
+            assert_eq!(fit.found(renderer).expect("losses").len(), 10);
+            times.extend([start.elapsed().as_secs_f64() * 1e2; 10]);
+        }
+        (fit.shape(renderer).expect("a shape").mesh().clone(), times)
+    }
+
+    fn smooth_fit(&self) -> (ShapeFit, Targets) {
         let options = ShapeOptions {
             parametrization: Parametrization::Smoothed { lambda: 1.0 },
             method: Method::UniformAdam { betas: [0.9, 0.999], epsilon: 1e-8 },
             regularizers: vec![(Regularizer::Laplacian, 0.001)],
             ..ShapeOptions::official()
         };
-        let mut fit = ShapeFit::new(self.start.clone(), Lights::unlit(), options).expect("a fit");
+        let fit = ShapeFit::new(self.start.clone(), Lights::unlit(), options).expect("a fit");
         let silhouette = Some(self.targets.clone());
-        let targets = Targets { cameras: self.cameras.clone(), silhouette, color: None };
+        (fit, Targets { cameras: self.cameras.clone(), silhouette, color: None })
+    }
+
+    /// Settings and rate of a step.
+    fn smooth_step(step: usize, last_sigma: f64) -> (Settings, f64) {
         let rate = Schedule::Exponential { from: 0.03, to: 0.005 };
-        let sigma = Schedule::Exponential { from: SIGMA, to: 0.03 * SIGMA };
-        let mut times = Vec::new();
-        for step in 0..STEPS {
-            let start = Instant::now();
-            let settings = Settings { sigma: sigma.at_step(step, STEPS), ..Self::settings() };
-            fit.step(renderer, &settings, &targets, rate.at_step(step, STEPS), 0.0).expect("a step");
-            times.push(start.elapsed().as_secs_f64() * 1e3);
-        }
-        (fit.mesh().clone(), times)
+        let sigma = Schedule::Exponential { from: SIGMA, to: last_sigma };
+        (Settings { sigma: sigma.at_step(step, STEPS), ..Self::settings() }, rate.at_step(step, STEPS))
     }
 
     fn tell(&self, mesh: &Mesh, steps: &[f64], renderer: &mut Renderer) {

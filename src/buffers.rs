@@ -306,6 +306,14 @@ impl BufferSet {
         Ok(parts)
     }
 
+    /// The buffer that is bound where a frame has none.
+    pub(crate) fn unused(&self) -> Option<&Buffer> {
+        match self.find(UNUSED.name) {
+            Some(Owned::Device(buffer)) => Some(buffer),
+            _ => None,
+        }
+    }
+
     /// Bytes of device memory held.
     pub fn bytes(&self) -> u64 {
         let size = |owned: &Owned| match owned {

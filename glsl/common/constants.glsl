@@ -177,3 +177,60 @@ const uint PARTIAL_NORMAL_TEXELS = 3u;
 const uint SELFTEST_LOCAL_SIZE = 64u;
 // What the self test adds where nothing else is asked for.
 const float SELFTEST_OFFSET = 0.5;
+
+// Invocations in a workgroup of the fitting kernels, which sum in this width.
+const uint FIT_GROUP = 64u;
+// Pixels that an invocation of image_loss sums.
+const uint LOSS_PIXELS = 16u;
+// SILHOUETTE_LOSS, COLOR_LOSS: there is no such image.
+const uint LOSS_NONE = 0u;
+// 1 - intersection over union.
+const uint LOSS_IOU = 1u;
+// Absolute differences.
+const uint LOSS_L1 = 2u;
+// Squared differences.
+const uint LOSS_L2 = 3u;
+// Huber's function of differences.
+const uint LOSS_HUBER = 4u;
+// Keeps the IoU of two empty silhouettes finite.
+const float LOSS_IOU_EPSILON = 1e-6;
+
+// METHOD: gradient descent with momentum.
+const uint METHOD_SGD = 0u;
+// Adam.
+const uint METHOD_ADAM = 1u;
+// Adam with one pace for all parameters.
+const uint METHOD_UNIFORM = 2u;
+
+// Of a flap's first word: the official flatten loss sees it.
+const uint FLAP_OFFICIAL = 0x80000000u;
+// Its first triangle winds along the edge; else against it.
+const uint FLAP_FIRST_ALONG = 0x40000000u;
+// Its second triangle winds along the edge.
+const uint FLAP_SECOND_ALONG = 0x20000000u;
+// The vertex.
+const uint FLAP_VERTEX = 0x1fffffffu;
+
+// Words of `fit_state`. Why no further step is taken, 0 while steps are.
+const uint FIT_HALTED = 0u;
+// This step is to be taken.
+const uint FIT_APPLY = 1u;
+// This step's loss is the least so far.
+const uint FIT_BETTER = 2u;
+// The least loss so far, a float's bits.
+const uint FIT_LEAST = 3u;
+// Words of the whole.
+const uint FIT_STATE_WORDS = 4u;
+// FIT_HALTED: a frame's lists had too little room, or it met a value that is not finite.
+const uint HALT_FRAME = 1u;
+// FIT_HALTED: a vertex left the box that the frame was planned for.
+const uint HALT_OUTSIDE = 2u;
+
+// Words of a step's record.
+const uint RECORD_WORDS = 16u;
+// Of a record: the first of the four regularisers' values; the loss, the silhouettes' and the colours' lie before it.
+const uint RECORD_PENALTIES = 3u;
+// Of a record: FIT_HALTED as the step found it.
+const uint RECORD_HALTED = 7u;
+// Of a record: the frame's status.
+const uint RECORD_STATUS = 8u;

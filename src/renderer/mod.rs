@@ -131,6 +131,11 @@ impl Renderer {
         self.context.info()
     }
 
+    /// The device, its memory and its queue, for what shares them.
+    pub(crate) fn context(&self) -> &Context {
+        &self.context
+    }
+
     /// What the validation layers have said so far; empty without validation.
     pub fn validation_messages(&self) -> Vec<String> {
         self.context.validation_messages()

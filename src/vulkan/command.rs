@@ -24,7 +24,7 @@ enum State {
     Empty,
     /// Recorded, and not in use by the device.
     Recorded,
-    /// Submitted, and waiting for it failed: the device may still be at it.
+    /// Submitted: the device may still be at it.
     Pending,
 }
 
@@ -88,6 +88,16 @@ impl CommandBuffer {
 
     /// The same with another command buffer's work before it, in one submission.
     pub fn submit_and_wait_after(&mut self, before: Option<&Self>) -> Result<()> {
+        self.submit_after(before)?;
+        self.settle()
+    }
+
+    /// Has what was recorded executed and does not wait, unless it still is from the last time.
+    pub fn submit(&mut self) -> Result<()> {
+        self.submit_after(None)
+    }
+
+    fn submit_after(&mut self, before: Option<&Self>) -> Result<()> {
         self.settle()?;
         if self.state != State::Recorded || before.is_some_and(|b| b.state != State::Recorded) {
             return Err(misuse_of("vkQueueSubmit", "nothing was recorded"));
@@ -102,11 +112,11 @@ impl CommandBuffer {
             unsafe { device.queue_submit(*queue, &submits, self.fence) }.named("vkQueueSubmit")?;
         }
         self.state = State::Pending;
-        self.settle()
+        Ok(())
     }
 
     /// Waits for what is pending, if anything is.
-    fn settle(&mut self) -> Result<()> {
+    pub fn settle(&mut self) -> Result<()> {
         if self.state != State::Pending {
             return Ok(());
         }

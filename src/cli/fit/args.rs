@@ -114,6 +114,9 @@ pub struct MethodArgs {
     /// Weight of the colours' loss against the silhouettes'
     #[arg(long, value_name = "WEIGHT", value_parser = weight, default_value_t = 3.0)]
     pub color_weight: f64,
+    /// Take the steps on the host in double precision, where otherwise the device takes them as a whole
+    #[arg(long)]
+    pub host: bool,
     /// Cut every triangle into four before these steps (several by commas)
     #[arg(long, value_name = "STEP", value_delimiter = ',')]
     pub subdivide_at: Vec<u32>,

@@ -53,9 +53,9 @@ impl Film {
         }
     }
 
-    /// Keeps a frame of a step, if it is one of those shown.
-    pub fn shoot(&mut self, step: usize, mesh: &Mesh, setup: &Setup, renderer: &mut Renderer) -> Result<()> {
-        if self.frames.is_some() && step.is_multiple_of(self.every) { self.last(mesh, setup, renderer) } else { Ok(()) }
+    /// Whether a step's mesh is to be shown.
+    pub fn shows(&self, step: usize) -> bool {
+        self.frames.is_some() && step.is_multiple_of(self.every)
     }
 
     /// Keeps a frame.

@@ -3,6 +3,7 @@
 pub mod args;
 mod cameras;
 mod checkpoint;
+mod engine;
 mod film;
 mod plot;
 mod report;
@@ -12,19 +13,22 @@ pub mod targets;
 use super::progress::Progress;
 use super::{Failure, files, note};
 use args::FitArgs;
+use engine::Engine;
 use film::Film;
 use report::{Log, Scores};
 use setup::Setup;
 use softras::fit::shape::ShapeFit;
+use softras::fit::shape::Targets;
 use softras::obj::LoadOptions;
 use softras::{Mesh, Renderer};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
 use targets::Views;
 
 /// Steps between two checkpoints.
 const CHECKPOINT_STEPS: usize = 100;
+/// Steps that the device may be ahead of what is told of them.
+const AHEAD: usize = 10;
 /// How meshes are read: textures decoded to linear light.
 const LOAD: LoadOptions = LoadOptions { srgb: true, allow_outside: false };
 
@@ -44,13 +48,17 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     };
     let views = Views::read(args, &mut renderer)?;
     let setup = Setup::new(args, &views)?;
-    let mut work = Work::begin(args, &setup, &views)?;
-    work.run(args, &setup, &views, &mut renderer)?;
-    let (best, _) = work.best.take().unwrap_or_else(|| (work.fit.mesh().clone(), 0));
+    let targets = targets::every(&views.targets, setup.stride);
+    let mut work = Work::begin(args, &setup, &views, &targets, &mut renderer)?;
+    work.run(args, &setup, &targets, &mut renderer)?;
+    let best = match work.best.take() {
+        Some((best, _)) => best,
+        None => work.engine.shape(&mut renderer)?.mesh().clone(),
+    };
     let scores = Scores::of(&best, &setup, &views, &mut renderer)?;
     softras::obj::write_obj(&best, &args.out)?;
     if let Some(path) = &files.checkpoint {
-        checkpoint::write(path, &work.fit, work.next)?;
+        checkpoint::write(path, work.engine.shape(&mut renderer)?, work.next)?;
     }
     if let Some(path) = &files.gif {
         work.film.write(path)?;
@@ -59,7 +67,7 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
         plot::write(path, &work.log.losses())?;
     }
     if let Some(path) = &files.json {
-        let report = work.log.json(args, &setup, &scores, renderer.device_name(), &best);
+        let report = work.log.json(args, &setup, &scores, (renderer.device_name(), work.engine.reason()), &best);
         files::write_whole(path, report.to_string().as_bytes())?;
     }
     report::tell(args, &work.log, &scores, &best)
@@ -67,19 +75,26 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
 
 /// A fit in progress and what is kept of its course.
 struct Work {
-    fit: ShapeFit,
+    engine: Engine,
     /// The step to be taken next.
     next: usize,
+    /// The engine's first step.
+    first: usize,
     log: Log,
     film: Film,
     /// The mesh of least loss, and that of which step it is.
     best: Option<(Mesh, usize)>,
-    least: f64,
 }
 
 impl Work {
     /// From the template, or from a checkpoint.
-    fn begin(args: &FitArgs, setup: &Setup, views: &Views) -> Result<Self, Failure> {
+    fn begin(
+        args: &FitArgs,
+        setup: &Setup,
+        views: &Views,
+        targets: &Targets,
+        renderer: &mut Renderer,
+    ) -> Result<Self, Failure> {
         let mut fit = ShapeFit::new(setup.template.clone(), softras::Lights::unlit(), setup.options.clone())?;
         let mut next = 0;
         if let Some(path) = args.files.checkpoint.as_ref().filter(|path| args.files.resume && path.exists()) {
@@ -92,14 +107,20 @@ impl Work {
             note(&format!("going on from step {step} of {}", path.display()));
         }
         let film = Film::new(args.files.gif.is_some(), setup, views);
-        Ok(Self { fit, next, log: Log::default(), film, best: None, least: f64::INFINITY })
+        let engine = Engine::new(fit, targets, &setup.settings(next), args.method.host, renderer)?;
+        Ok(Self { engine, next, first: next, log: Log::default(), film, best: None })
     }
 
     /// All steps, or those until Ctrl-C.
-    fn run(&mut self, args: &FitArgs, setup: &Setup, views: &Views, renderer: &mut Renderer) -> Result<(), Failure> {
+    fn run(
+        &mut self,
+        args: &FitArgs,
+        setup: &Setup,
+        targets: &Targets,
+        renderer: &mut Renderer,
+    ) -> Result<(), Failure> {
         let stop = interrupted()?;
         let progress = Progress::counted("step", setup.iterations);
-        let targets = targets::every(&views.targets, setup.stride);
         (0..self.next).for_each(|_| progress.step());
         while self.next < setup.iterations {
             if stop.load(Ordering::Relaxed) {
@@ -108,25 +129,53 @@ impl Work {
             }
             let step = self.next;
             if setup.subdivide_at.contains(&step) {
-                self.fit = self.fit.subdivided()?;
+                self.collect(&progress, renderer)?;
+                self.keep_best(renderer)?;
+                let finer = self.engine.shape(renderer)?.subdivided()?;
+                self.engine = Engine::new(finer, targets, &setup.settings(step), args.method.host, renderer)?;
+                self.first = step;
             }
-            self.film.shoot(step, self.fit.mesh(), setup, renderer)?;
-            let before = self.fit.mesh().clone();
-            let start = Instant::now();
-            let (rate, color_rate) = (setup.rate.at_step(step, setup.iterations), setup.color_rate(step));
-            let found = self.fit.step(renderer, &setup.settings(step), &targets, rate, color_rate)?;
-            progress.tell(format!("loss {:.5}", found.loss));
-            progress.step();
-            if found.loss < self.least {
-                (self.best, self.least) = (Some((before, step)), found.loss);
+            if self.film.shows(step) {
+                self.collect(&progress, renderer)?;
+                let mesh = self.engine.shape(renderer)?.mesh().clone();
+                self.film.last(&mesh, setup, renderer)?;
             }
-            self.log.add(step, found, start.elapsed().as_secs_f64());
+            let rates = (setup.rate.at_step(step, setup.iterations), setup.color_rate(step));
+            self.engine.step(renderer, &setup.settings(step), targets, rates)?;
             self.next += 1;
+            if self.next.is_multiple_of(AHEAD) || self.next == setup.iterations {
+                self.collect(&progress, renderer)?;
+            }
             if let Some(path) = args.files.checkpoint.as_ref().filter(|_| self.next.is_multiple_of(CHECKPOINT_STEPS)) {
-                checkpoint::write(path, &self.fit, self.next)?;
+                checkpoint::write(path, self.engine.shape(renderer)?, self.next)?;
             }
         }
-        self.film.last(self.fit.mesh(), setup, renderer)?;
+        self.collect(&progress, renderer)?;
+        self.keep_best(renderer)?;
+        let mesh = self.engine.shape(renderer)?.mesh().clone();
+        self.film.last(&mesh, setup, renderer)?;
+        Ok(())
+    }
+
+    /// Logs what the engine found since it was last asked.
+    fn collect(&mut self, progress: &Progress, renderer: &mut Renderer) -> Result<(), Failure> {
+        let found = self.engine.found(renderer)?;
+        let from = self.next - found.len();
+        for (i, (found, seconds)) in found.into_iter().enumerate() {
+            progress.tell(format!("loss {:.5}", found.loss));
+            progress.step();
+            self.log.add(from + i, found, seconds);
+        }
+        Ok(())
+    }
+
+    /// Takes the engine's best mesh where it is better than those before.
+    fn keep_best(&mut self, renderer: &mut Renderer) -> Result<(), Failure> {
+        let Some((mesh, step)) = self.engine.best(renderer)? else { return Ok(()) };
+        let step = self.first + step;
+        if self.best.as_ref().is_none_or(|(_, best)| self.log.loss(step) < self.log.loss(*best)) {
+            self.best = Some((mesh, step));
+        }
         Ok(())
     }
 }

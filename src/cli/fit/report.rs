@@ -29,28 +29,39 @@ impl Log {
         self.steps.push((step, found, seconds));
     }
 
+    /// The loss of a step; infinite where it was not taken.
+    pub fn loss(&self, step: usize) -> f64 {
+        self.steps.iter().find(|s| s.0 == step).map_or(f64::INFINITY, |s| s.1.loss)
+    }
+
     /// Step and loss.
     pub fn losses(&self) -> Vec<(usize, f64)> {
         self.steps.iter().map(|(step, found, _)| (*step, found.loss)).collect()
     }
 
-    /// The median of a step's seconds, the first one apart, which compiles kernels; `None` without steps.
+    /// The median of a step's seconds; `None` without steps.
     pub fn seconds(&self) -> Option<f64> {
         let mut seconds: Vec<f64> = self.steps.iter().map(|s| s.2).collect();
-        if seconds.len() > 1 {
-            seconds.remove(0);
-        }
         seconds.sort_by(f64::total_cmp);
         seconds.get(seconds.len() / 2).copied()
     }
 
-    /// Everything, for programs.
-    pub fn json(&self, args: &FitArgs, setup: &Setup, scores: &Scores, device: &str, mesh: &Mesh) -> Value {
+    /// Everything, for programs. Beside the device's name: why the steps were the host's, if they were.
+    pub fn json(
+        &self,
+        args: &FitArgs,
+        setup: &Setup,
+        scores: &Scores,
+        (device, host): (&str, Option<&str>),
+        mesh: &Mesh,
+    ) -> Value {
         let each = |value: fn(&Step) -> f64| self.steps.iter().map(|(_, s, _)| value(s)).collect::<Vec<f64>>();
         let names = setup.options.regularizers.iter().map(|(r, weight)| json!({ "name": name(*r), "weight": weight }));
         let penalties: Vec<_> = self.steps.iter().map(|(_, s, _)| &s.regularizers).collect();
         json!({
             "device": device,
+            "steps_on": if host.is_some() { "host" } else { "device" },
+            "host_reason": host,
             "preset": format!("{:?}", args.method.preset).to_lowercase(),
             "vertices": mesh.positions().len(),
             "triangles": mesh.triangles().len(),

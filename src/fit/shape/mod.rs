@@ -307,6 +307,34 @@ impl ShapeFit {
         Ok(())
     }
 
+    /// The template of the logit parametrisation; `None` with another.
+    pub(in crate::fit) fn logit_template(&self) -> Option<&[DVec3]> {
+        match &self.parameters {
+            Parameters::Logit { template } => Some(template),
+            _ => None,
+        }
+    }
+
+    /// The parameters that put the vertices where they are given, but for the logit parametrisation.
+    pub(in crate::fit) fn values_at(&self, positions: &[[f32; 3]]) -> Result<Vec<f64>> {
+        let positions: Vec<DVec3> = positions.iter().map(|p| DVec3::from(p.map(f64::from))).collect();
+        let values = match &self.parameters {
+            Parameters::Smoothed(smoothing) => smoothing.undo(&positions)?,
+            _ => positions,
+        };
+        Ok(values.into_iter().flat_map(|v| v.to_array()).collect())
+    }
+
+    /// Shows the mesh with these vertices, and with these colours if they are fitted, which the parameters do not follow.
+    pub(in crate::fit) fn show(&mut self, positions: Vec<[f32; 3]>, colors: &[[f32; 3]]) -> Result<()> {
+        self.scene.meshes[0].set_positions(positions)?;
+        if self.options.fit_colors {
+            let values: Vec<f64> = colors.as_flattened().iter().map(|&x| f64::from(x)).collect();
+            self.scene.meshes[0] = colors::recolored(self.mesh(), &values)?;
+        }
+        Ok(())
+    }
+
     /// The same fit on a mesh of four times the triangles, its optimiser afresh.
     ///
     /// # Errors

@@ -1,0 +1,372 @@
+//! The fit's own stages: bound to their buffers, and recorded between and behind the rasterizer's passes.
+
+use super::arithmetic::Rates;
+use super::host::{edge_scale, edge_share};
+use super::memory::Memory;
+use super::plan::FitPlan;
+use crate::buffers::buffer_of_binding;
+use crate::constants as c;
+use crate::error::{Error, Result};
+use crate::pipelines::{Pipelines, Request};
+use crate::plan::Capacity;
+use crate::rasterizer::Parts;
+use crate::vulkan::{
+    BindingKind, BufferPart, Context, DescriptorPool, DescriptorSet, Kernel, Pipeline, Recorder, TexelFormat, kernels,
+};
+
+/// Kernels, some of them twice in different modes.
+const COUNT: usize = 15;
+
+/// A kernel bound to its buffers.
+struct Stage {
+    pipeline: Pipeline,
+    set: DescriptorSet,
+}
+
+/// All stages of a step.
+pub struct Stages {
+    /// From the rendered image, and from `pyramid`.
+    pool: [Stage; 2],
+    image_loss: [Stage; 2],
+    loss_sum: Stage,
+    image_upstream: Stage,
+    regularize_vertices: Stage,
+    regularize_flaps: Stage,
+    loss_record: Stage,
+    shape_gradient: Stage,
+    /// Of gradients and of steps; each for the steps that count from 0 and those between.
+    smooth: [[Stage; 2]; 2],
+    centre_total: Stage,
+    largest_square: Stage,
+    squares: Stage,
+    optimizer: Stage,
+    position_step: Stage,
+    color_step: Stage,
+}
+
+/// What changes from step to step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Numbers {
+    pub rates: Rates,
+    pub color_rates: Rates,
+    /// The frame's room for lists, and the longest list it can walk.
+    pub capacity: Capacity,
+    pub longest_list: u32,
+    /// Of `records`.
+    pub row: u32,
+    /// The box that vertices must not leave.
+    pub bounds: [[f32; 3]; 2],
+}
+
+type Modes = Vec<(&'static str, u32)>;
+
+/// Kernels and modes, in the order of [`Stages::new`].
+fn requests(plan: &FitPlan) -> [(&'static Kernel, Modes); COUNT] {
+    let color = ("FIT_COLOR", u32::from(plan.has_color));
+    let losses = vec![
+        color,
+        ("SILHOUETTE_LOSS", plan.silhouette.code),
+        ("COLOR_LOSS", plan.color.code),
+        ("FIT_MASKED", u32::from(plan.masked)),
+    ];
+    let edges = ("EDGES", u32::from(plan.has_penalty(2)));
+    let logit = ("LOGIT", u32::from(plan.logit));
+    let method = ("METHOD", plan.method_code());
+    let gradient =
+        vec![("LAPLACIAN", u32::from(plan.has_penalty(0))), edges, ("FLAPS", u32::from(plan.flap_penalties())), logit];
+    let flaps = vec![("FLATTEN", u32::from(plan.has_penalty(1))), ("NORMALS", u32::from(plan.has_penalty(3)))];
+    [
+        (&kernels::LOSS_POOL, vec![color]),
+        (&kernels::IMAGE_LOSS, losses.clone()),
+        (&kernels::LOSS_SUM, vec![]),
+        (&kernels::IMAGE_UPSTREAM, losses.clone()),
+        (&kernels::REGULARIZE_VERTICES, vec![edges]),
+        (&kernels::REGULARIZE_FLAPS, flaps),
+        (&kernels::LOSS_RECORD, losses),
+        (&kernels::SHAPE_GRADIENT, gradient),
+        (&kernels::SMOOTH, vec![]),
+        (&kernels::STEP_TOTALS, vec![("LARGEST", 0)]),
+        (&kernels::STEP_TOTALS, vec![("LARGEST", 1)]),
+        (&kernels::OPTIMIZER, vec![method, logit, ("SQUARES", 1)]),
+        (&kernels::OPTIMIZER, vec![method, logit, ("SQUARES", 0)]),
+        (&kernels::POSITION_STEP, vec![logit]),
+        (&kernels::COLOR_STEP, vec![]),
+    ]
+}
+
+/// The buffer that a binding is, where the stage does not say another.
+fn buffer_of<'a>(plan: &FitPlan, binding: &'a str) -> &'a str {
+    match binding {
+        "rendered" if plan.has_color => "color",
+        "rendered" => "silhouette",
+        "upstream" if plan.has_color => "upstream_color",
+        "upstream" => "upstream_silhouette",
+        "frame_status" => "status",
+        "image_gradients" => "vertex_gradients",
+        "new_positions" => "positions",
+        "new_colors" => "colors",
+        "new_parameters" => "parameters",
+        "new_moments" => "moments",
+        "new_color_moments" => "color_moments",
+        other => other,
+    }
+}
+
+/// Binds kernels to buffers by name.
+struct Binder<'a> {
+    plan: &'a FitPlan,
+    memory: &'a Memory,
+    unused: Parts,
+    pool: DescriptorPool,
+}
+
+impl Binder<'_> {
+    /// `named` says which buffers the bindings are that are not the same in every stage of the kernel.
+    fn stage(&self, pipeline: &Pipeline, named: &[(&str, &str)]) -> Result<Stage> {
+        let mut parts = Vec::new();
+        for binding in pipeline.kernel().bindings {
+            let name = buffer_of_binding(binding.name);
+            let given = named.iter().find(|(n, _)| *n == name).map(|(_, buffer)| *buffer);
+            let buffer = given.unwrap_or_else(|| buffer_of(self.plan, &name));
+            parts.push((binding.name, self.find(buffer, binding.kind)?));
+        }
+        let set = self.pool.bind(pipeline, &parts)?;
+        Ok(Stage { pipeline: pipeline.clone(), set })
+    }
+
+    /// A buffer, or the unused bytes where the fit has none of that name.
+    fn find(&self, name: &str, kind: BindingKind) -> Result<&BufferPart> {
+        let format = if kind == BindingKind::UniformTexelBufferUint { TexelFormat::Uint } else { TexelFormat::Float };
+        let unused = || self.unused.unused.iter().find(|(f, _)| *f == format).map(|(_, part)| part);
+        self.memory.set.get(name).or_else(unused).ok_or_else(|| Error::Vulkan {
+            call: "vkUpdateDescriptorSets",
+            result: format!("there is no buffer `{name}`"),
+        })
+    }
+}
+
+impl Stages {
+    /// Binds all stages to buffers that were all made.
+    ///
+    /// # Errors
+    /// [`Error::Vulkan`], [`Error::Limit`].
+    pub fn new(context: &Context, pipelines: &mut Pipelines, plan: &FitPlan, memory: &Memory) -> Result<Self> {
+        let requested = requests(plan);
+        let request = |i: usize| Request { kernel: requested[i].0, modes: &requested[i].1, lanes: c::FIT_GROUP };
+        let made: [Pipeline; COUNT] =
+            pipelines.get(context.device(), Some(context.pipeline_cache()), std::array::from_fn(request))?;
+        let mut sets: Vec<&'static Kernel> = made.iter().map(Pipeline::kernel).collect();
+        sets.extend([&kernels::LOSS_POOL, &kernels::IMAGE_LOSS, &kernels::SMOOTH, &kernels::SMOOTH, &kernels::SMOOTH]);
+        let pool = DescriptorPool::new(context.device(), &sets)?;
+        let unused = memory.unused_parts()?;
+        let binder = Binder { plan, memory, unused, pool };
+        let [pool, loss, loss_sum, upstream, vertices, flaps, record, gradient, smooth, centre, largest, ..] = &made;
+        let [.., squares, optimizer, position_step, colors] = &made;
+        let image = buffer_of(plan, "rendered");
+        let smoothing = |rough: &'static str| -> Result<[Stage; 2]> {
+            let step = |newer: &'static str, target: &'static str| {
+                let named = [("rough", rough), ("newer", newer), ("older", target), ("smoothed", target)];
+                binder.stage(smooth, &named)
+            };
+            Ok([step("smooth_odd", "smooth_even")?, step("smooth_even", "smooth_odd")?])
+        };
+        // The last of an even number of steps counted from 0 writes there.
+        let smoothed = plan.smoothing.is_some();
+        let gradients = if smoothed { "smooth_odd" } else { "shape_gradients" };
+        let changes = if smoothed { "smooth_odd" } else { "steps" };
+        Ok(Self {
+            pool: [binder.stage(pool, &[("finer", image)])?, binder.stage(pool, &[("finer", "pyramid")])?],
+            image_loss: [
+                binder.stage(loss, &[("predicted", image)])?,
+                binder.stage(loss, &[("predicted", "pyramid")])?,
+            ],
+            loss_sum: binder.stage(loss_sum, &[])?,
+            image_upstream: binder.stage(upstream, &[])?,
+            regularize_vertices: binder.stage(vertices, &[])?,
+            regularize_flaps: binder.stage(flaps, &[])?,
+            loss_record: binder.stage(record, &[])?,
+            shape_gradient: binder.stage(gradient, &[])?,
+            smooth: [smoothing("shape_gradients")?, smoothing("steps")?],
+            centre_total: binder.stage(centre, &[("parts", "centre_partials")])?,
+            largest_square: binder.stage(largest, &[("parts", "square_partials")])?,
+            squares: binder.stage(squares, &[("gradients", gradients)])?,
+            optimizer: binder.stage(optimizer, &[("gradients", gradients)])?,
+            position_step: binder.stage(position_step, &[("changes", changes)])?,
+            color_step: binder.stage(colors, &[])?,
+        })
+    }
+
+    /// Between forward and backward: losses, their derivatives by the images, the regularisers, the record.
+    ///
+    /// # Errors
+    /// [`Error::Limit`] for more workgroups than the device allows.
+    pub fn record_loss(&self, recorder: &mut Recorder<'_>, plan: &FitPlan, numbers: &Numbers) -> Result<()> {
+        recorder.begin_label("softras loss");
+        self.record_pyramid(recorder, plan)?;
+        for level in &plan.levels {
+            let stage = &self.image_loss[usize::from(level.pyramid_first.is_some())];
+            let push = [
+                level.pyramid_first.unwrap_or(0),
+                level.target_first,
+                level.width * level.height,
+                level.partial_first,
+                plan.silhouette.delta.to_bits(),
+                plan.color.delta.to_bits(),
+            ];
+            stage.record(recorder, &push, [level.blocks, plan.views, 1])?;
+        }
+        self.record_regularizers(recorder, plan)?;
+        recorder.barrier();
+        for (i, level) in plan.levels.iter().enumerate() {
+            let push = [level.partial_first, level.blocks, i as u32 * plan.views];
+            self.loss_sum.record(recorder, &push, [plan.views, 1, 1])?;
+        }
+        recorder.barrier();
+        let deltas = [plan.silhouette.delta, plan.color.delta].map(f32::to_bits);
+        let levels = plan.levels.len() as u32;
+        let push = [plan.width, plan.height, plan.views, plan.samples, levels, deltas[0], deltas[1]];
+        self.image_upstream.record(recorder, &push, pixels(plan.width * plan.height * plan.views))?;
+        self.record_record(recorder, plan, numbers)?;
+        recorder.end_label();
+        Ok(())
+    }
+
+    /// Every level that is not the rendered image, each from the next finer.
+    fn record_pyramid(&self, recorder: &mut Recorder<'_>, plan: &FitPlan) -> Result<()> {
+        let (mut width, mut height, mut factor, mut from) = (plan.width, plan.height, plan.samples, None);
+        for level in &plan.levels {
+            if let Some(first) = level.pyramid_first {
+                let count = level.width * level.height * plan.views;
+                let push = [from.unwrap_or(0), width, height, first, level.width, level.height, factor, count];
+                self.pool[usize::from(from.is_some())].record(recorder, &push, pixels(count))?;
+                recorder.barrier();
+                from = Some(first);
+            }
+            (width, height, factor) = (level.width, level.height, 2);
+        }
+        Ok(())
+    }
+
+    fn record_regularizers(&self, recorder: &mut Recorder<'_>, plan: &FitPlan) -> Result<()> {
+        if plan.vertex_penalties() {
+            let push = [plan.vertices, plan.edge_target.to_bits(), edge_scale(plan).to_bits()];
+            self.regularize_vertices.record(recorder, &push, linear(plan.vertices))?;
+        }
+        if plan.flap_penalties() && plan.flaps > 0 {
+            let push = [plan.flaps, plan.flatten_weight.to_bits(), plan.normal_weight.to_bits()];
+            self.regularize_flaps.record(recorder, &push, linear(plan.flaps))?;
+        }
+        Ok(())
+    }
+
+    fn record_record(&self, recorder: &mut Recorder<'_>, plan: &FitPlan, numbers: &Numbers) -> Result<()> {
+        let when = |on: bool, count: u32| if on { count } else { 0 };
+        let weights = [
+            plan.silhouette.weight,
+            plan.color.weight,
+            plan.laplacian_weight,
+            plan.flatten_weight,
+            plan.edge_weight,
+            plan.normal_weight,
+            edge_share(plan),
+        ]
+        .map(f32::to_bits);
+        let Capacity { coarse, list, cells } = numbers.capacity;
+        let mut push = [0; 16];
+        push[..4].copy_from_slice(&[
+            plan.views,
+            plan.levels.len() as u32,
+            when(plan.vertex_penalties(), plan.vertices),
+            when(plan.flap_penalties(), plan.flaps),
+        ]);
+        push[4..11].copy_from_slice(&weights);
+        push[11..].copy_from_slice(&[coarse, list, cells, numbers.longest_list, numbers.row]);
+        self.loss_record.record(recorder, &push, [1, 1, 1])
+    }
+
+    /// Behind backward: the step.
+    ///
+    /// # Errors
+    /// As [`record_loss`](Self::record_loss).
+    pub fn record_step(&self, recorder: &mut Recorder<'_>, plan: &FitPlan, numbers: &Numbers) -> Result<()> {
+        recorder.begin_label("softras step");
+        let rows = plan.rows();
+        let push = [plan.vertices, (2.0 * plan.laplacian_weight).to_bits()];
+        self.shape_gradient.record(recorder, &push, linear(plan.vertices))?;
+        if plan.fit_colors {
+            self.color_step.record(
+                recorder,
+                &rates_push(plan.vertices, &numbers.color_rates),
+                linear(plan.vertices),
+            )?;
+        }
+        recorder.barrier();
+        if plan.logit {
+            self.centre_total.record(recorder, &[linear(plan.vertices)[0]], [1, 1, 1])?;
+            recorder.barrier();
+        }
+        self.record_smoothing(recorder, plan, 0)?;
+        let push = rates_push(rows, &numbers.rates);
+        if plan.method_code() == c::METHOD_UNIFORM {
+            self.squares.record(recorder, &push, linear(rows))?;
+            recorder.barrier();
+            self.largest_square.record(recorder, &[linear(rows)[0]], [1, 1, 1])?;
+            recorder.barrier();
+        }
+        self.optimizer.record(recorder, &push, linear(rows))?;
+        recorder.barrier();
+        self.record_smoothing(recorder, plan, 1)?;
+        let mut push = [plan.vertices; 7];
+        for (to, from) in push[1..].iter_mut().zip(numbers.bounds.as_flattened()) {
+            *to = from.to_bits();
+        }
+        self.position_step.record(recorder, &push, linear(plan.vertices))?;
+        recorder.barrier();
+        recorder.end_label();
+        Ok(())
+    }
+
+    /// Of gradients (0) or steps (1), where there is a smoothing.
+    fn record_smoothing(&self, recorder: &mut Recorder<'_>, plan: &FitPlan, of: usize) -> Result<()> {
+        let Some(smoothing) = &plan.smoothing else { return Ok(()) };
+        for (i, omega) in smoothing.omegas.iter().enumerate() {
+            let numbers = [smoothing.lambda, *omega, smoothing.relaxation].map(f32::to_bits);
+            let push = [plan.vertices, i as u32, numbers[0], numbers[1], numbers[2]];
+            self.smooth[of][i % 2].record(recorder, &push, linear(plan.vertices))?;
+            recorder.barrier();
+        }
+        Ok(())
+    }
+}
+
+impl Stage {
+    fn record(&self, recorder: &mut Recorder<'_>, push: &[u32], groups: [u32; 3]) -> Result<()> {
+        recorder.begin_label(self.pipeline.kernel().name);
+        recorder.dispatch(&self.pipeline, &self.set, bytemuck::cast_slice(push), groups)?;
+        recorder.end_label();
+        Ok(())
+    }
+}
+
+fn rates_push(rows: u32, rates: &Rates) -> [u32; 9] {
+    let mut push = [rows; 9];
+    push[1..].copy_from_slice(bytemuck::cast_slice(std::slice::from_ref(rates)));
+    push
+}
+
+/// Workgroups for so many invocations.
+fn linear(count: u32) -> [u32; 3] {
+    [count.div_ceil(c::FIT_GROUP), 1, 1]
+}
+
+/// The same for counts that may exceed one row.
+fn pixels(count: u32) -> [u32; 3] {
+    let groups = count.div_ceil(c::FIT_GROUP);
+    [groups.min(c::FORWARD_ROW), groups.div_ceil(c::FORWARD_ROW), 1]
+}
+
+impl std::fmt::Debug for Stages {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Stages").finish_non_exhaustive()
+    }
+}
