@@ -4,12 +4,13 @@
 //! - [`regularizer`]: what keeps a mesh a surface, on its [`topology`].
 //! - [`optimizer`], [`smoothing`], [`schedule`]: how parameters follow their gradients.
 //! - [`shape`]: all of it together, a mesh deformed until its images are the targets.
-//! - [`pose`]: where a rigid mesh is, from one image.
+//! - [`pose`]: where a rigid mesh is, from one image; [`articulated`]: how a jointed figure stands.
 //! - [`voxel`]: how much of two solids is common.
 //!
 //! Everything here runs on the host in f64, in a fixed order, so that the same input gives the same bits; images are
 //! rendered and differentiated through [`crate::Renderer`].
 
+pub mod articulated;
 pub mod image_loss;
 pub mod optimizer;
 pub mod pose;
