@@ -24,8 +24,8 @@ struct Method {
     starts: usize,
 }
 
-fn methods(args: &PoseArgs) -> Vec<Method> {
-    let base = PoseOptions { iterations: args.iterations as usize, ..PoseOptions::default() };
+/// The same fit with a softness that stays, and with a hard renderer's gradients.
+pub fn baselines(base: &PoseOptions) -> [(&'static str, PoseOptions); 2] {
     let plain = PoseOptions {
         sigma: Schedule::Constant(1e-4),
         gamma: Schedule::Constant(1e-2),
@@ -33,6 +33,12 @@ fn methods(args: &PoseArgs) -> Vec<Method> {
         ..base.clone()
     };
     let hard = PoseOptions { differentiation: Differentiation::ImageFlow, ..plain.clone() };
+    [("soft, no schedule", plain), ("hard, image-space finite differences", hard)]
+}
+
+fn methods(args: &PoseArgs) -> Vec<Method> {
+    let base = PoseOptions { iterations: args.iterations as usize, ..PoseOptions::default() };
+    let [(_, plain), (_, hard)] = baselines(&base);
     let scheduled = PoseOptions {
         sigma: Schedule::Exponential { from: 1e-2, to: 1e-4 },
         gamma: Schedule::Exponential { from: 3e-1, to: 1e-2 },

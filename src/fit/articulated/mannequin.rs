@@ -51,8 +51,8 @@ const HIP: [f64; 2] = [0.14, -0.18];
 const ELBOW: f64 = 0.10;
 const KNEE: f64 = -0.58;
 
-/// A doll of 1.95 units' height that stands upright about the origin and looks towards +z, arms hanging down: 1752
-/// triangles, 10 bones of 22 angles. "left" is its own left, at +x.
+/// A doll of 2 units' height that stands upright about the origin and looks towards +z, arms hanging down: 1120
+/// triangles, 10 bones of 19 angles. "left" is its own left, at +x.
 ///
 /// Positive angles about the first axis of shoulders and hips (x) swing a limb back, those about the second (z) swing it
 /// towards +x; a shoulder's third (y) twists the arm. Elbows and knees bend about x, back for positive angles.
