@@ -10,6 +10,9 @@ use serde_json::{Value, json};
 use softras::Renderer;
 use softras::fit::shape::ShapeFit;
 
+/// What is left out, how, and whether there is anything to leave out.
+type Without = (&'static str, fn(&mut Setup), bool);
+
 /// What a baseline came to.
 pub struct Baseline {
     name: &'static str,
@@ -30,7 +33,7 @@ impl Baseline {
 
 /// Fits without the schedule of sigma and gamma, without regularisers, and, where colours are fitted, without them.
 pub fn run(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Vec<Baseline>, Failure> {
-    let without: [(&'static str, fn(&mut Setup), bool); 3] = [
+    let without: [Without; 3] = [
         ("the schedule", Setup::hold_softness, true),
         ("regularisers", |setup| setup.options.regularizers.clear(), true),
         ("colours", |setup| setup.options.fit_colors = false, args.color),
