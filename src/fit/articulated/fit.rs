@@ -59,8 +59,8 @@ impl Default for FigureOptions {
             rate: Schedule::Exponential { from: 0.04, to: 0.006 },
             shift_rate: 0.1,
             length_rate: 0.0,
-            weights: [1.0, 1.0],
-            stiffness: 1e-3,
+            weights: [1.0, 0.3],
+            stiffness: 3e-3,
             sight: Sight::Soft,
         }
     }
