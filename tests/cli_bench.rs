@@ -2,17 +2,16 @@
 #![cfg(feature = "cli")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+#[allow(dead_code, reason = "shared with the other tests of the command line")]
+#[path = "cli/command.rs"]
+mod command;
+
+use command::softras;
 use serde_json::Value;
-use std::path::Path;
-use std::process::{Command, Output};
 
 /// The promise of `softras check` to a device.
 const IMAGE_ERROR: f64 = 1e-4;
 const GRADIENT_ERROR: f64 = 1e-3;
-
-fn softras(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_softras")).current_dir(folder).args(arguments).output().unwrap()
-}
 
 /// What is wrong with a row, if anything is.
 fn fault(row: &Value) -> Option<String> {

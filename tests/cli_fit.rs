@@ -2,29 +2,13 @@
 #![cfg(feature = "cli")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+#[allow(dead_code, reason = "shared with the other tests of the command line")]
+#[path = "cli/command.rs"]
+mod command;
+
+use command::{fails, succeeds};
 use serde_json::Value;
 use std::path::Path;
-use std::process::{Command, Output};
-
-fn softras(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_softras")).current_dir(folder).args(arguments).output().unwrap()
-}
-
-#[track_caller]
-fn succeeds(folder: &Path, arguments: &[&str]) -> String {
-    let output = softras(folder, arguments);
-    let errors = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {errors}");
-    String::from_utf8(output.stdout).unwrap()
-}
-
-#[track_caller]
-fn fails(folder: &Path, arguments: &[&str], code: i32, part: &str) {
-    let output = softras(folder, arguments);
-    let errors = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {errors}");
-    assert!(errors.contains(part) && !errors.contains("panicked"), "{arguments:?}: no {part:?} in {errors}");
-}
 
 fn json(path: &Path) -> Value {
     serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
@@ -40,7 +24,7 @@ fn a_shape_is_fitted_to_views_of_a_mesh() {
     let at = |name: &str| folder.path().join(name);
     succeeds(folder.path(), &["mesh", "torus", "-o", "torus.obj"]);
     let fit = "fit --from torus.obj --views 6 --size 32 --iterations 40 --subdivisions 2 --color -o out.obj --json log.json \
-               --plot loss.png --gif fit.gif";
+               --plot loss.png --gif fit.gif --baselines";
     let told = succeeds(folder.path(), &fit.split_whitespace().collect::<Vec<_>>());
     assert!(told.contains("162 vertices") && told.contains("3D IoU"), "{told}");
     let log = json(&at("log.json"));
@@ -51,6 +35,11 @@ fn a_shape_is_fitted_to_views_of_a_mesh() {
     let mean = log["final"]["mask_iou"]["mean"].as_f64().unwrap();
     assert!(mean > 0.6, "{mean}");
     assert!(log["seconds_per_iteration"].as_f64().unwrap() > 0.0);
+    let baselines = log["baselines"].as_array().unwrap();
+    let without: Vec<&str> = baselines.iter().map(|b| b["without"].as_str().unwrap()).collect();
+    assert_eq!(without, ["the schedule", "regularisers", "colours"]);
+    assert!(baselines.iter().all(|b| b["final"]["mask_iou"]["mean"].as_f64().unwrap() > 0.3), "{baselines:?}");
+    assert!(told.lines().count() == 4 && told.contains("without regularisers: mask IoU"), "{told}");
     // What was written is what was scored, and it has colours.
     let iou: f64 = succeeds(folder.path(), &["iou", "out.obj", "torus.obj"]).trim().parse().unwrap();
     assert!((iou - log["final"]["iou_3d"].as_f64().unwrap()).abs() < 1e-3, "{iou}");
@@ -84,7 +73,7 @@ fn a_fit_goes_on_where_it_was_left() {
     assert_eq!(vertices(&whole), vertices(&resumed));
     assert_ne!(vertices(&whole), vertices(&half));
     let other = "fit --from cube.obj --views 3 --size 24 --subdivisions 2 -o x.obj --checkpoint fit.npz --resume";
-    fails(folder.path(), &other.split_whitespace().collect::<Vec<_>>(), 1, "saved state of another fit");
+    fails(folder.path(), &other.split_whitespace().collect::<Vec<_>>(), 1, &["saved state of another fit"]);
 }
 
 #[test]
@@ -108,8 +97,8 @@ fn pictures_and_cameras_are_read_from_a_folder() {
     let mean = log["final"]["mask_iou"]["mean"].as_f64().unwrap();
     assert!(mean > 0.6, "{mean}");
     std::fs::write(&list, "[{\"file\": \"0.png\"}]").unwrap();
-    fails(folder.path(), &fit.split_whitespace().collect::<Vec<_>>(), 1, "camera 0 says not where it is");
-    fails(folder.path(), &["fit", "--views", "nothing.npy", "-o", "out.obj"], 2, "--cameras");
+    fails(folder.path(), &fit.split_whitespace().collect::<Vec<_>>(), 1, &["camera 0 says not where it is"]);
+    fails(folder.path(), &["fit", "--views", "nothing.npy", "-o", "out.obj"], 2, &["--cameras"]);
 }
 
 #[test]
@@ -118,10 +107,14 @@ fn a_pose_is_found_from_a_picture() {
     succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
     let render = "render cube.obj -o target.png --unlit --size 32 --azimuth 250 --elevation -10";
     succeeds(folder.path(), &render.split_whitespace().collect::<Vec<_>>());
-    let pose = "pose --mesh cube.obj --image target.png --json -o posed.obj";
+    let pose = "pose --mesh cube.obj --image target.png --json --baselines -o posed.obj";
     let report: Value =
         serde_json::from_str(&succeeds(folder.path(), &pose.split_whitespace().collect::<Vec<_>>())).unwrap();
     assert!(report["loss"].as_f64().unwrap() < 0.02 && report["confidence"].as_f64().unwrap() > 0.5, "{report}");
+    let baselines = report["baselines"].as_array().unwrap();
+    assert_eq!(baselines.len(), 2);
+    let least = 0.9 * report["loss"].as_f64().unwrap();
+    assert!(baselines.iter().all(|b| b["loss"].as_f64().unwrap() >= least), "{report}");
     // Seen from where the fit looked from, the posed cube is the target again.
     let look = "grad posed.obj --target target.png -o grad.png --json --blur 2 --gamma 0.01 --unlit";
     let near: Value =
@@ -143,10 +136,29 @@ fn the_benchmark_reports_every_method_and_draws_its_landscape() {
     assert_eq!(methods.len(), 8);
     assert!(methods.iter().all(|m| (0.0..=180.0).contains(&m["median_degrees"].as_f64().unwrap())), "{report}");
     let fails_with = |arguments: &str, part: &str| {
-        fails(folder.path(), &arguments.split_whitespace().collect::<Vec<_>>(), 2, part);
+        fails(folder.path(), &arguments.split_whitespace().collect::<Vec<_>>(), 2, &[part]);
     };
     fails_with("pose --mesh x.obj", "--image");
     fails_with("pose --benchmark --mesh x.obj", "cannot be used with");
     fails_with("iou a.obj b.obj --resolution 0", "--resolution");
     fails_with("fit --from x.obj --views many -o out.obj", "number of views");
+}
+
+#[test]
+fn a_hidden_arm_is_reported_with_its_baselines() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = "articulate --trials 1 --iterations 3 --json -o occluded.png --obj posed.obj";
+    let report: Value =
+        serde_json::from_str(&succeeds(folder.path(), &run.split_whitespace().collect::<Vec<_>>())).unwrap();
+    let methods = report["methods"].as_array().unwrap();
+    let names: Vec<&str> = methods.iter().map(|m| m["method"].as_str().unwrap()).collect();
+    assert_eq!(names, ["no optimisation", "visible only", "soft, silhouette only", "soft, no schedule", "soft"]);
+    // Three steps cannot take it far from where it begins.
+    let begins = numbers(&methods[0]["hidden_joint_degrees"])[0];
+    assert!((34.0..40.0).contains(&begins), "{begins}");
+    assert!(methods.iter().all(|m| (numbers(&m["hidden_joint_degrees"])[0] - begins).abs() < 15.0), "{report}");
+    assert!(numbers(&report["limb_seen_in_target"])[0] > 0.0);
+    assert!(std::fs::read(folder.path().join("occluded.png")).unwrap().starts_with(b"\x89PNG"));
+    assert!(std::fs::read_to_string(folder.path().join("posed.obj")).unwrap().lines().any(|l| l.starts_with("f ")));
+    fails(folder.path(), &["articulate", "--size", "8"], 2, &["--size"]);
 }

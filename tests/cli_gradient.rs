@@ -3,37 +3,15 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 #[allow(dead_code, reason = "shared with the other tests of the command line")]
+#[path = "cli/command.rs"]
+mod command;
+#[allow(dead_code, reason = "shared with the other tests of the command line")]
 #[path = "cli/numpy.rs"]
 mod numpy;
 
+use command::{fails, softras, succeeds};
 use numpy::Npz;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
-
-fn softras(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_softras")).current_dir(folder).args(arguments).output().unwrap()
-}
-
-/// Runs the command, which must do what was asked; what it printed comes back.
-#[track_caller]
-fn succeeds(folder: &Path, arguments: &[&str]) -> String {
-    let output = softras(folder, arguments);
-    let errors = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {errors}");
-    String::from_utf8(output.stdout).unwrap()
-}
-
-/// Runs the command, which must fail with the exit code and a text that has all the parts.
-#[track_caller]
-fn fails(folder: &Path, arguments: &[&str], code: i32, parts: &[&str]) {
-    let output = softras(folder, arguments);
-    let errors = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {errors}");
-    assert!(errors.contains("error: ") && !errors.contains("panicked"), "{arguments:?}: {errors}");
-    for part in parts {
-        assert!(errors.contains(part), "{arguments:?}: no {part:?} in {errors}");
-    }
-}
 
 fn norm(values: impl Iterator<Item = f64>) -> f64 {
     values.map(|v| v * v).sum::<f64>().sqrt()

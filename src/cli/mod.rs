@@ -1,5 +1,6 @@
 //! The command line: arguments in, files and sentences out.
 
+mod articulate;
 mod bench;
 mod check;
 mod color;
@@ -16,6 +17,7 @@ mod npz;
 mod parse;
 mod pose;
 mod progress;
+mod random;
 mod render;
 mod stress;
 mod svg;
@@ -52,6 +54,7 @@ pub enum Command {
     Fit(Box<fit::args::FitArgs>),
     Iou(iou::IouArgs),
     Pose(Box<pose::args::PoseArgs>),
+    Articulate(articulate::args::ArticulateArgs),
 }
 
 /// Why a command did not do what was asked.
@@ -87,6 +90,7 @@ pub fn run(cli: &Cli) -> Result<(), Failure> {
         Command::Fit(args) => fit::run(args),
         Command::Iou(args) => iou::run(args),
         Command::Pose(args) => pose::run(args),
+        Command::Articulate(args) => articulate::run(args),
     }
 }
 

@@ -5,12 +5,13 @@
 //! - [`optimizer`], [`smoothing`], [`schedule`]: how parameters follow their gradients.
 //! - [`shape`]: all of it together, a mesh deformed until its images are the targets.
 //! - [`device`]: the same with every step as a whole on the device, in single precision.
-//! - [`pose`]: where a rigid mesh is, from one image.
+//! - [`pose`]: where a rigid mesh is, from one image; [`articulated`]: how a jointed figure stands.
 //! - [`voxel`]: how much of two solids is common.
 //!
 //! Everything but [`device`] runs on the host in f64, in a fixed order, so that the same input gives the same bits; images
 //! are rendered and differentiated through [`crate::Renderer`].
 
+pub mod articulated;
 pub mod device;
 pub mod image_loss;
 pub mod optimizer;

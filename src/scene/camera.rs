@@ -1,7 +1,8 @@
 //! Cameras: a 3×4 view transform into view space, and a projection onto the screen.
 //!
 //! View space has x right, y up and depth z growing forward. Screen space has y in [-1, 1] up and x in [-a, a] to the
-//! right, a = width / height. No constructor mirrors the image; a view matrix of negative determinant does.
+//! right, a = width / height. View space is left-handed and world space right-handed, so the matrix between them has a
+//! negative determinant: that of every constructor here does. A view matrix of positive determinant mirrors the image.
 
 use crate::error::{Error, Result};
 use glam::{DMat4, DVec3, DVec4};

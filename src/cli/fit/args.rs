@@ -120,6 +120,9 @@ pub struct MethodArgs {
     /// Cut every triangle into four before these steps (several by commas)
     #[arg(long, value_name = "STEP", value_delimiter = ',')]
     pub subdivide_at: Vec<u32>,
+    /// Fit again without the schedule, without regularisers and (with --color) without colours, and report these too
+    #[arg(long)]
+    pub baselines: bool,
 }
 
 /// What else is written.

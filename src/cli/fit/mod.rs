@@ -1,6 +1,7 @@
 //! `softras fit`: images in, a mesh out.
 
 pub mod args;
+mod baselines;
 mod cameras;
 mod checkpoint;
 mod engine;
@@ -66,11 +67,14 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     if let Some(path) = &files.plot {
         plot::write(path, &work.log.losses())?;
     }
+    let baselines = if args.method.baselines { baselines::run(args, &views, &mut renderer)? } else { Vec::new() };
     if let Some(path) = &files.json {
-        let report = work.log.json(args, &setup, &scores, (renderer.device_name(), work.engine.reason()), &best);
+        let mut report = work.log.json(args, &setup, &scores, (renderer.device_name(), work.engine.reason()), &best);
+        report["baselines"] = baselines.iter().map(baselines::Baseline::json).collect();
         files::write_whole(path, report.to_string().as_bytes())?;
     }
-    report::tell(args, &work.log, &scores, &best)
+    report::tell(args, &work.log, &scores, &best)?;
+    baselines.iter().try_for_each(|baseline| super::say(&baseline.sentence()))
 }
 
 /// A fit in progress and what is kept of its course.

@@ -75,12 +75,7 @@ impl Log {
             "regularizer_values": penalties,
             "seconds": self.steps.iter().map(|s| s.2).collect::<Vec<_>>(),
             "seconds_per_iteration": self.seconds(),
-            "final": {
-                "mask_iou": { "per_view": scores.masks, "mean": mean(&scores.masks), "mean_of_fitted": scores.fitted },
-                "soft_iou": scores.soft,
-                "official_loss": scores.official,
-                "iou_3d": scores.solid,
-            },
+            "final": scores.json(),
         })
     }
 }
@@ -143,6 +138,24 @@ impl Scores {
     }
 }
 
+impl Scores {
+    /// For programs.
+    pub fn json(&self) -> Value {
+        json!({
+            "mask_iou": { "per_view": self.masks, "mean": mean(&self.masks), "mean_of_fitted": self.fitted },
+            "soft_iou": self.soft,
+            "official_loss": self.official,
+            "iou_3d": self.solid,
+        })
+    }
+
+    /// For people.
+    pub fn sentence(&self) -> String {
+        let solid = self.solid.map_or(String::new(), |iou| format!(", 3D IoU {iou:.4}"));
+        format!("mask IoU {:.4} over {} views{solid}", mean(&self.masks), self.masks.len())
+    }
+}
+
 /// The official demo's regularisers with its weights.
 fn official_penalty(mesh: &Mesh) -> Result<f64> {
     let positions: Vec<DVec3> = mesh.positions().iter().map(|p| DVec3::from(p.map(f64::from))).collect();
@@ -158,11 +171,9 @@ pub fn tell(args: &FitArgs, log: &Log, scores: &Scores, mesh: &Mesh) -> Result<(
     let (vertices, triangles) = (mesh.positions().len(), mesh.triangles().len());
     let least = log.losses().iter().map(|l| l.1).fold(f64::INFINITY, f64::min);
     let time = log.seconds().map_or(String::new(), |s| format!(", {:.1} ms a step", s * 1e3));
-    let solid = scores.solid.map_or(String::new(), |iou| format!(", 3D IoU {iou:.4}"));
     say(&format!(
-        "{}: {vertices} vertices, {triangles} triangles; loss {least:.5}, mask IoU {:.4} over {} views{solid}{time}",
+        "{}: {vertices} vertices, {triangles} triangles; loss {least:.5}, {}{time}",
         args.out.display(),
-        mean(&scores.masks),
-        scores.masks.len(),
+        scores.sentence(),
     ))
 }

@@ -68,6 +68,12 @@ impl Setup {
         })
     }
 
+    /// σ and γ stay what they are at the last step.
+    pub fn hold_softness(&mut self) {
+        self.sigma = Schedule::Constant(self.sigma.at(1.0));
+        self.gamma = Schedule::Constant(self.gamma.at(1.0));
+    }
+
     /// Length of a step of the colours.
     pub fn color_rate(&self, step: usize) -> f64 {
         self.colors.at_step(step, self.iterations)

@@ -40,6 +40,9 @@ pub struct PoseArgs {
     /// Leave the mesh in its place: fit the rotation only
     #[arg(long)]
     pub no_translation: bool,
+    /// Fit without the schedule and with a hard renderer's gradients too, from the same starts, and report their losses
+    #[arg(long, conflicts_with = "benchmark")]
+    pub baselines: bool,
     /// A picture of the loss over two angles about the pose, sharp beside blurred
     #[arg(long, value_name = "FILE.png")]
     pub landscape: Option<PathBuf>,

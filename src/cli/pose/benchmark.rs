@@ -1,8 +1,9 @@
 //! The rigid pose experiment of the SoftRas paper: a cube with a colour on each face, turned at random.
 
 use super::{PoseArgs, SHARP, Target, landscape, least};
+use crate::cli::random::Random;
 use crate::cli::{Failure, say};
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 use serde_json::json;
 use softras::fit::pose::{Differentiation, Pose, PoseFit, PoseOptions, rotations};
 use softras::fit::schedule::Schedule;
@@ -23,8 +24,8 @@ struct Method {
     starts: usize,
 }
 
-fn methods(args: &PoseArgs) -> Vec<Method> {
-    let base = PoseOptions { iterations: args.iterations as usize, ..PoseOptions::default() };
+/// The same fit with a softness that stays, and with a hard renderer's gradients.
+pub fn baselines(base: &PoseOptions) -> [(&'static str, PoseOptions); 2] {
     let plain = PoseOptions {
         sigma: Schedule::Constant(1e-4),
         gamma: Schedule::Constant(1e-2),
@@ -32,6 +33,12 @@ fn methods(args: &PoseArgs) -> Vec<Method> {
         ..base.clone()
     };
     let hard = PoseOptions { differentiation: Differentiation::ImageFlow, ..plain.clone() };
+    [("soft, no schedule", plain), ("hard, image-space finite differences", hard)]
+}
+
+fn methods(args: &PoseArgs) -> Vec<Method> {
+    let base = PoseOptions { iterations: args.iterations as usize, ..PoseOptions::default() };
+    let [(_, plain), (_, hard)] = baselines(&base);
     let scheduled = PoseOptions {
         sigma: Schedule::Exponential { from: 1e-2, to: 1e-4 },
         gamma: Schedule::Exponential { from: 3e-1, to: 1e-2 },
@@ -53,7 +60,7 @@ fn methods(args: &PoseArgs) -> Vec<Method> {
 /// Runs the benchmark.
 pub fn run(args: &PoseArgs, renderer: &mut Renderer) -> Result<(), Failure> {
     let trials = args.trials as usize;
-    let mut random = Random(args.seed);
+    let mut random = Random::new(args.seed);
     let mut pose = || Pose { rotation: random.rotation(), ..Pose::IDENTITY };
     let pairs: Vec<[Pose; 2]> = (0..trials).map(|_| [pose(), pose()]).collect();
     let (truth, start): (Vec<Pose>, Vec<Pose>) = pairs.into_iter().map(|[a, b]| (a, b)).unzip();
@@ -185,26 +192,5 @@ impl Bench {
             found.extend(each.filter_map(|(poses, losses)| least(poses, losses, |_| true)).map(|(pose, _)| pose));
         }
         Ok(found)
-    }
-}
-
-/// SplitMix64 (Steele et al. 2014): the same trials everywhere.
-struct Random(u64);
-
-impl Random {
-    /// In [0, 1).
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    /// Evenly among all rotations (Shoemake 1992).
-    fn rotation(&mut self) -> DQuat {
-        let [u, a, b] = [self.next(), std::f64::consts::TAU * self.next(), std::f64::consts::TAU * self.next()];
-        let (r, q) = ((1.0 - u).sqrt(), u.sqrt());
-        DQuat::from_xyzw(r * a.sin(), r * a.cos(), q * b.sin(), q * b.cos())
     }
 }

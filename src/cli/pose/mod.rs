@@ -73,16 +73,19 @@ fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) 
     let settings = Settings { width: width as u32, height: height as u32, near, far, ..Settings::default() };
     let translation_rate = if args.no_translation { 0.0 } else { 0.15 * bounds.radius };
     let options = PoseOptions { iterations: args.iterations as usize, translation_rate, ..PoseOptions::default() };
-    let starts = rotations(args.starts as usize).into_iter().map(|rotation| Pose { rotation, ..Pose::IDENTITY });
-    let scene = Scene::new(mesh.clone());
-    let mut fit = PoseFit::new(scene, view.camera()?, bounds.center, settings, options, starts.collect())?;
     let (color, silhouette) = target.repeated(args.starts as usize);
-    let progress = super::progress::Progress::counted("step", args.iterations as usize);
-    for _ in 0..args.iterations {
-        fit.step(renderer, &color, &silhouette)?;
-        progress.step();
-    }
-    drop(progress);
+    let fitted = |options: PoseOptions, renderer: &mut Renderer| -> Result<PoseFit> {
+        let starts = rotations(args.starts as usize).into_iter().map(|rotation| Pose { rotation, ..Pose::IDENTITY });
+        let scene = Scene::new(mesh.clone());
+        let mut fit = PoseFit::new(scene, view.camera()?, bounds.center, settings.clone(), options, starts.collect())?;
+        let progress = super::progress::Progress::counted("step", args.iterations as usize);
+        for _ in 0..args.iterations {
+            fit.step(renderer, &color, &silhouette)?;
+            progress.step();
+        }
+        Ok(fit)
+    };
+    let fit = fitted(options.clone(), renderer)?;
     let losses = fit.losses(renderer, fit.poses(), SHARP, &color, &silhouette)?;
     let Some((best, loss)) = least(fit.poses(), &losses, |_| true) else { return Err(Failure::Told) };
     let other = least(fit.poses(), &losses, |pose| pose.degrees_to(&best) > OTHER);
@@ -94,7 +97,41 @@ fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) 
     if let Some(path) = &args.landscape {
         landscape::write(path, &fit, &best, target, renderer)?;
     }
-    tell(args, &best, loss, confidence, agreeing)
+    let mut baselines = Vec::new();
+    for (name, options) in benchmark::baselines(&options).into_iter().filter(|_| args.baselines) {
+        let fit = fitted(options, renderer)?;
+        // Judged as the pose itself is, whatever the baseline was fitted with.
+        let soft = PoseFit::new(
+            Scene::new(mesh.clone()),
+            view.camera()?,
+            bounds.center,
+            settings.clone(),
+            PoseOptions::default(),
+            fit.poses().to_vec(),
+        )?;
+        let losses = soft.losses(renderer, fit.poses(), SHARP, &color, &silhouette)?;
+        if let Some((pose, loss)) = least(fit.poses(), &losses, |_| true) {
+            baselines.push(Baseline { name, loss, degrees: pose.degrees_to(&best) });
+        }
+    }
+    tell(args, &Answer { pose: best, loss, confidence, agreeing, baselines })
+}
+
+/// What was found.
+struct Answer {
+    pose: Pose,
+    loss: f64,
+    confidence: f64,
+    agreeing: usize,
+    baselines: Vec<Baseline>,
+}
+
+/// What another way found.
+struct Baseline {
+    name: &'static str,
+    loss: f64,
+    /// From the answer.
+    degrees: f64,
 }
 
 /// The pose of least loss among some.
@@ -113,7 +150,8 @@ fn posed(mesh: &Mesh, pose: &Pose, bounds: Bounds) -> Result<Mesh> {
     Ok(posed)
 }
 
-fn tell(args: &PoseArgs, pose: &Pose, loss: f64, confidence: f64, agreeing: usize) -> Result<(), Failure> {
+fn tell(args: &PoseArgs, answer: &Answer) -> Result<(), Failure> {
+    let Answer { pose, loss, confidence, agreeing, baselines } = answer;
     let (axis, angle) = pose.rotation.to_axis_angle();
     let translation = pose.translation.to_array();
     if args.json {
@@ -126,6 +164,10 @@ fn tell(args: &PoseArgs, pose: &Pose, loss: f64, confidence: f64, agreeing: usiz
             "confidence": confidence,
             "starts": args.starts,
             "starts_that_agree": agreeing,
+            "baselines": baselines
+                .iter()
+                .map(|b| json!({ "method": b.name, "loss": b.loss, "degrees_from_the_answer": b.degrees }))
+                .collect::<Vec<_>>(),
         });
         return say(&report.to_string());
     }
@@ -140,5 +182,8 @@ fn tell(args: &PoseArgs, pose: &Pose, loss: f64, confidence: f64, agreeing: usiz
         translation[1],
         translation[2],
         args.starts,
-    ))
+    ))?;
+    baselines
+        .iter()
+        .try_for_each(|b| say(&format!("{}: loss {:.6}, {:.2} degrees from this", b.name, b.loss, b.degrees)))
 }

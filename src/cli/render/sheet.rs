@@ -79,9 +79,11 @@ fn glyph(letter: char) -> [u8; 7] {
         'c' => [0, 0, 14, 16, 16, 17, 14],
         'd' => [1, 1, 13, 19, 17, 17, 15],
         'e' => [0, 0, 14, 17, 31, 16, 14],
+        'f' => [6, 9, 8, 28, 8, 8, 8],
         'g' => [0, 15, 17, 17, 15, 1, 14],
         'h' => [16, 16, 22, 25, 17, 17, 17],
         'i' => [4, 0, 12, 4, 4, 4, 14],
+        'k' => [16, 16, 18, 20, 24, 20, 18],
         'l' => [12, 4, 4, 4, 4, 4, 14],
         'm' => [0, 0, 26, 21, 21, 17, 17],
         'n' => [0, 0, 22, 25, 17, 17, 17],
@@ -93,6 +95,8 @@ fn glyph(letter: char) -> [u8; 7] {
         'u' => [0, 0, 17, 17, 17, 19, 13],
         'v' => [0, 0, 17, 17, 17, 10, 4],
         'w' => [0, 0, 17, 17, 21, 21, 10],
+        'x' => [0, 0, 17, 10, 4, 10, 17],
+        'y' => [0, 0, 17, 17, 15, 1, 14],
         'z' => [0, 0, 31, 2, 4, 8, 31],
         _ => [0; 7],
     }
@@ -105,7 +109,7 @@ mod tests {
     #[test]
     fn every_label_that_is_written_has_its_letters() {
         assert!(
-            "sigma=1.23e-5 gamma tau blur azimuth=067890 loss render target downhill seen occluded -gradient"
+            "sigma=1.23e-5 gamma tau blur azimuth=067890 loss render target downhill seen occluded -gradient fixed key"
                 .chars()
                 .all(|c| c == ' ' || glyph(c) != [0; 7])
         );

@@ -197,7 +197,7 @@ impl PoseFit {
         let frame = renderer.render(&self.scene, &cameras, &self.settings_at(self.step))?;
         let part = self.options.coarseness.at_step(self.step, self.options.iterations);
         let pooling = (part * f64::from(self.settings.height)).round().max(1.0) as usize;
-        let (losses, upstream) = compare(&frame, color, silhouette, pooling)?;
+        let (losses, upstream) = compare(&frame, color, silhouette, pooling, [1.0; 2])?;
         let twists: Vec<[f64; 6]> = match self.options.differentiation {
             Differentiation::Soft => {
                 let wanted = Wanted { camera: true, ..Wanted::NOTHING };
@@ -223,7 +223,8 @@ impl PoseFit {
     ) -> Result<Vec<f64>> {
         let cameras = poses.iter().map(|pose| self.posed_camera(pose)).collect::<Result<Vec<_>>>()?;
         let settings = Settings { sigma, gamma, save: false, ..self.settings_at(0) };
-        compare(&renderer.render(&self.scene, &cameras, &settings)?, color, silhouette, 1).map(|(losses, _)| losses)
+        let frame = renderer.render(&self.scene, &cameras, &settings)?;
+        compare(&frame, color, silhouette, 1, [1.0; 2]).map(|(losses, _)| losses)
     }
 
     /// From dL/dtwist of a view to dL by turn and shift of its pose.
@@ -238,13 +239,20 @@ impl PoseFit {
     }
 }
 
-/// Each view's loss, and the gradient of their sum, by means of `pooling` × `pooling` pixels.
-fn compare(frame: &Frame, color: &Image, silhouette: &Image, pooling: usize) -> Result<(Vec<f64>, ImageGradient)> {
+/// Each view's loss, and the gradient of their sum: squared differences of colour and silhouette, weighed and added, in
+/// means of `pooling` × `pooling` pixels.
+pub(in crate::fit) fn compare(
+    frame: &Frame,
+    color: &Image,
+    silhouette: &Image,
+    pooling: usize,
+    weights: [f64; 2],
+) -> Result<(Vec<f64>, ImageGradient)> {
     let (Some(our_color), Some(our_silhouette)) = (frame.color(), frame.silhouette()) else {
         return bad("a frame without colour or silhouette", "ask for both");
     };
     let mut losses = vec![0.0; our_color.batch];
-    let mut one = |ours: &Image, target: &Image| {
+    let mut one = |ours: &Image, target: &Image, weight: f64| {
         let shape = |i: &Image| [i.batch, i.height, i.width, i.channels];
         if shape(ours) != shape(target) || ours.data.len() != target.data.len() {
             let what = format!("a target of shape {:?} for images of shape {:?}", shape(target), shape(ours));
@@ -256,8 +264,8 @@ fn compare(frame: &Frame, color: &Image, silhouette: &Image, pooling: usize) -> 
         let size = coarse.height * coarse.width;
         for (i, d) in coarse.data.iter_mut().enumerate() {
             let wide = f64::from(*d);
-            losses[i / (size * ours.channels)] += wide * wide / size as f64;
-            *d = (2.0 * wide / size as f64) as f32;
+            losses[i / (size * ours.channels)] += weight * wide * wide / size as f64;
+            *d = (2.0 * weight * wide / size as f64) as f32;
         }
         if pooling == 1 {
             return Ok(coarse);
@@ -266,8 +274,8 @@ fn compare(frame: &Frame, color: &Image, silhouette: &Image, pooling: usize) -> 
         add_pooled_gradient(&mut gradient, &coarse, pooling, 1.0);
         Ok(gradient)
     };
-    let color = Some(one(our_color, color)?);
-    let silhouette = Some(one(our_silhouette, silhouette)?);
+    let color = Some(one(our_color, color, weights[0])?);
+    let silhouette = Some(one(our_silhouette, silhouette, weights[1])?);
     Ok((losses, ImageGradient { color, silhouette, ..ImageGradient::default() }))
 }
 

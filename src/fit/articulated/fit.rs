@@ -1,0 +1,255 @@
+//! A figure's pose from one image.
+
+use super::{Figure, SkeletonPose, visible_triangles};
+use crate::error::Result;
+use crate::fit::bad;
+use crate::fit::optimizer::{Method, Optimizer};
+use crate::fit::pose::compare;
+use crate::fit::schedule::Schedule;
+use crate::gradients::{ImageGradient, Wanted};
+use crate::image::Image;
+use crate::renderer::{Frame, Renderer};
+use crate::scene::{Appearance, Background, Camera, Mesh, Outputs, Scene, Settings};
+use glam::DVec3;
+
+/// Which triangles may pull at the pose.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Sight {
+    /// All that weigh in the soft image, hidden ones too.
+    #[default]
+    Soft,
+    /// Only those that a hard rasterization shows: the baseline that hidden ones are held against.
+    VisibleOnly,
+}
+
+/// How a figure is fitted.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FigureOptions {
+    /// Steps.
+    pub iterations: usize,
+    /// Softness of edges.
+    pub sigma: Schedule,
+    /// Softness of the depth order, in units of far - near.
+    pub gamma: Schedule,
+    /// The image is compared in squares of one pixel, of two by two and so on: side of the largest ones, as a part of the
+    /// image's height.
+    pub coarseness: Schedule,
+    /// Length of a step of every angle, radians.
+    pub rate: Schedule,
+    /// Length of a step of the shift, world units, as a part of that; 0 keeps the figure in its place.
+    pub shift_rate: f64,
+    /// Length of a step of the bones' lengths as a part of that; 0 keeps them.
+    pub length_rate: f64,
+    /// Weights of the mean squared differences of colour and of silhouette.
+    pub weights: [f64; 2],
+    /// Weight of half the sum of the squares of how far the angles have gone from where they began, radians²: what the
+    /// image does not tell stays.
+    pub stiffness: f64,
+    /// Which triangles pull.
+    pub sight: Sight,
+}
+
+impl Default for FigureOptions {
+    fn default() -> Self {
+        Self {
+            iterations: 200,
+            sigma: Schedule::Exponential { from: 4e-3, to: 3e-5 },
+            gamma: Schedule::Exponential { from: 3e-1, to: 2e-2 },
+            coarseness: Schedule::Constant(0.02),
+            rate: Schedule::Exponential { from: 0.04, to: 0.006 },
+            shift_rate: 0.1,
+            length_rate: 0.0,
+            weights: [1.0, 0.3],
+            stiffness: 3e-3,
+            sight: Sight::Soft,
+        }
+    }
+}
+
+/// A figure whose pose is being fitted.
+#[derive(Clone, Debug)]
+pub struct FigureFit {
+    figure: Figure,
+    camera: Camera,
+    settings: Settings,
+    options: FigureOptions,
+    start: SkeletonPose,
+    pose: SkeletonPose,
+    angles: Optimizer,
+    shift: Optimizer,
+    lengths: Optimizer,
+    step: usize,
+}
+
+impl FigureFit {
+    /// Begins at a pose. Of the settings size, depths and background colour count.
+    ///
+    /// # Errors
+    /// [`crate::Error::Fit`] for a pose of another skeleton, one that is not finite, or a figure whose colours are no
+    /// vertex colours.
+    pub fn new(
+        figure: Figure,
+        camera: Camera,
+        settings: Settings,
+        options: FigureOptions,
+        pose: SkeletonPose,
+    ) -> Result<Self> {
+        figure.skeleton().judge(&pose)?;
+        if !matches!(figure.mesh().appearance(), Appearance::VertexColors(_)) {
+            return bad("a figure without vertex colours", "give Appearance::VertexColors");
+        }
+        // Angles that nothing in the image tells must not be moved by rounding: ε is a part of a usual gradient.
+        let method = Method::Adam { betas: [0.8, 0.95], epsilon: 3e-4 };
+        Ok(Self {
+            angles: Optimizer::new(method, pose.angles.len()),
+            shift: Optimizer::new(method, 3),
+            lengths: Optimizer::new(method, pose.lengths.len()),
+            figure,
+            camera,
+            settings,
+            options,
+            start: pose.clone(),
+            pose,
+            step: 0,
+        })
+    }
+
+    /// The pose as it is now.
+    pub fn pose(&self) -> &SkeletonPose {
+        &self.pose
+    }
+
+    /// The figure.
+    pub fn figure(&self) -> &Figure {
+        &self.figure
+    }
+
+    /// How the present step is rendered.
+    pub fn settings(&self) -> Settings {
+        let (step, steps) = (self.step, self.options.iterations);
+        Settings {
+            sigma: self.options.sigma.at_step(step, steps),
+            gamma: self.options.gamma.at_step(step, steps),
+            // As for rigid poses: a triangle that is dropped while it outweighs others makes the colour jump.
+            tau: self.settings.tau.min(1e-6),
+            background: Background::Composite,
+            outputs: Outputs { color: true, silhouette: true, depth: false, normal: false },
+            save: true,
+            ..self.settings.clone()
+        }
+    }
+
+    /// Renders the pose, compares it with an image of one view, and moves it; the loss before the move comes back.
+    ///
+    /// # Errors
+    /// [`crate::Error::Fit`] for targets of another size; otherwise as [`Renderer::render`] and [`Renderer::backward`].
+    pub fn step(&mut self, renderer: &mut Renderer, color: &Image, silhouette: &Image) -> Result<f64> {
+        let (loss, gradient) = self.differentiate(renderer, color, silhouette)?;
+        let rate = self.options.rate.at_step(self.step, self.options.iterations);
+        self.angles.step(&mut self.pose.angles, &gradient.angles, rate);
+        if self.options.shift_rate > 0.0 {
+            let mut shift = self.pose.shift.to_array();
+            self.shift.step(&mut shift, &gradient.shift.to_array(), rate * self.options.shift_rate);
+            self.pose.shift = DVec3::from_array(shift);
+        }
+        if self.options.length_rate > 0.0 {
+            self.lengths.step(&mut self.pose.lengths, &gradient.lengths, rate * self.options.length_rate);
+            self.pose.lengths.iter_mut().for_each(|length| *length = length.clamp(0.3, 3.0));
+        }
+        self.step += 1;
+        Ok(loss)
+    }
+
+    /// The loss of the pose and its gradient.
+    ///
+    /// # Errors
+    /// As [`FigureFit::step`].
+    pub fn differentiate(
+        &self,
+        renderer: &mut Renderer,
+        color: &Image,
+        silhouette: &Image,
+    ) -> Result<(f64, SkeletonPose)> {
+        let settings = self.settings();
+        let mesh = self.figure.posed(&self.pose)?;
+        let (mesh, visible) = match self.options.sight {
+            Sight::Soft => (mesh, None),
+            Sight::VisibleOnly => {
+                let visible = visible_triangles(renderer, &mesh, &self.camera, &settings)?;
+                (apart(&mesh)?, Some(visible))
+            }
+        };
+        let frame = renderer.render(&Scene::new(mesh), &[self.camera], &settings)?;
+        let part = self.options.coarseness.at_step(self.step, self.options.iterations);
+        let coarsest = (part * f64::from(settings.height)).round().max(1.0) as usize;
+        let (mut loss, upstream) = compare_levels(&frame, color, silhouette, coarsest, self.options.weights)?;
+        let by_corner = self.by_position(renderer, &frame, &upstream)?;
+        let by_vertex = match visible {
+            None => by_corner,
+            Some(visible) => self.gathered(&by_corner, &visible),
+        };
+        let mut gradient = self.figure.pull(&self.pose, &by_vertex)?;
+        let stiffness = self.options.stiffness;
+        for ((slope, now), start) in gradient.angles.iter_mut().zip(&self.pose.angles).zip(&self.start.angles) {
+            *slope += stiffness * (now - start);
+            loss += 0.5 * stiffness * (now - start).powi(2);
+        }
+        Ok((loss, gradient))
+    }
+
+    fn by_position(&self, renderer: &mut Renderer, frame: &Frame, upstream: &ImageGradient) -> Result<Vec<DVec3>> {
+        let gradients = renderer.backward(frame, upstream, &Wanted::default())?;
+        let positions = gradients.meshes.first().map_or(&[][..], |mesh| &mesh.positions);
+        Ok(positions.iter().map(|g| DVec3::from(g.map(f64::from))).collect())
+    }
+
+    /// By vertex from by corner of every triangle, those of the visible ones alone.
+    fn gathered(&self, by_corner: &[DVec3], visible: &[bool]) -> Vec<DVec3> {
+        let mut by_vertex = vec![DVec3::ZERO; self.figure.mesh().positions().len()];
+        let corners = self.figure.mesh().triangles().iter().zip(by_corner.chunks_exact(3)).zip(visible);
+        for ((triangle, gradients), _) in corners.filter(|(_, visible)| **visible) {
+            triangle.iter().zip(gradients).for_each(|(&i, g)| by_vertex[i as usize] += *g);
+        }
+        by_vertex
+    }
+}
+
+/// The loss of one view and its gradient, over squares of 1, 2, 4, ... pixels up to the coarsest.
+///
+/// Fine levels hold what is near its place, coarse ones reach what is not. A level counts by the side of its squares: what
+/// a small thing far away costs falls with the square of that side, what it costs all together with the side then.
+fn compare_levels(
+    frame: &Frame,
+    color: &Image,
+    silhouette: &Image,
+    coarsest: usize,
+    weights: [f64; 2],
+) -> Result<(f64, ImageGradient)> {
+    let sides = || std::iter::successors(Some(1), |side| Some(2 * side)).take_while(|side| *side <= coarsest);
+    let total: usize = sides().sum();
+    let mut sum = (0.0, ImageGradient::default());
+    for side in sides() {
+        let share = side as f64 / total as f64;
+        let (losses, gradient) = compare(frame, color, silhouette, side, weights.map(|weight| weight * share))?;
+        sum.0 += losses.iter().sum::<f64>();
+        for (all, one) in [(&mut sum.1.color, gradient.color), (&mut sum.1.silhouette, gradient.silhouette)] {
+            match (all.as_mut(), one) {
+                (Some(all), Some(one)) => all.data.iter_mut().zip(&one.data).for_each(|(a, b)| *a += b),
+                (None, one) => *all = one,
+                (Some(_), None) => {}
+            }
+        }
+    }
+    Ok(sum)
+}
+
+/// The same mesh, each triangle with corners of its own.
+fn apart(mesh: &Mesh) -> Result<Mesh> {
+    let each = |values: &[[f32; 3]]| mesh.triangles().iter().flatten().map(|&i| values[i as usize]).collect::<Vec<_>>();
+    let triangles = (0..mesh.triangles().len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+    let apart = Mesh::new(each(mesh.positions()), triangles)?;
+    match mesh.appearance() {
+        Appearance::VertexColors(colors) => apart.with_appearance(Appearance::VertexColors(each(colors))),
+        other => apart.with_appearance(other.clone()),
+    }
+}

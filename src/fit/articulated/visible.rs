@@ -1,0 +1,44 @@
+//! Which triangles a hard renderer would draw.
+
+use crate::error::Result;
+use crate::fit::bad;
+use crate::renderer::Renderer;
+use crate::scene::{Appearance, Camera, ColorAggregation, Mesh, Outputs, Scene, Settings};
+
+/// Numbers up to here, and sums of barycentric parts of them, round to themselves in f32.
+const MOST: usize = 1 << 20;
+
+/// For each triangle whether a hard rasterization of the settings' size shows it at the centre of a pixel or more.
+///
+/// # Errors
+/// [`crate::Error::Fit`] for over a million triangles; otherwise as [`Renderer::render`].
+pub fn visible_triangles(
+    renderer: &mut Renderer,
+    mesh: &Mesh,
+    camera: &Camera,
+    settings: &Settings,
+) -> Result<Vec<bool>> {
+    let count = mesh.triangles().len();
+    if count > MOST {
+        return bad(format!("{count} triangles to be told apart"), "use at most 1048576");
+    }
+    // Every triangle in a colour of its own: its number, counted from 1.
+    let texels = (1..=count).map(|t| [t as f32, 0.0, 0.0]).collect();
+    let numbered = mesh.clone().with_appearance(Appearance::Surface { resolution: 1, texels })?;
+    let settings = Settings {
+        color: ColorAggregation::Hard,
+        sigma: 1e-7,
+        background_color: [0.0; 3],
+        outputs: Outputs { color: true, silhouette: false, depth: false, normal: false },
+        save: false,
+        ..settings.clone()
+    };
+    let frame = renderer.render(&Scene::new(numbered), &[*camera], &settings)?;
+    let mut visible = vec![false; count];
+    for number in frame.color().iter().flat_map(|image| image.data.iter().step_by(3)) {
+        if let Some(seen) = (number.round() as usize).checked_sub(1).and_then(|t| visible.get_mut(t)) {
+            *seen = true;
+        }
+    }
+    Ok(visible)
+}
