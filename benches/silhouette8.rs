@@ -52,14 +52,6 @@ fn main() {
         let (mesh, steps) = task.fit_on_device(last, &mut renderer);
         task.tell(&mesh, &steps, &mut renderer);
     }
-    println!("sigma 1e-4, squares, targets corrected every ten steps by what the blur adds, on the device:");
-    for rate in [0.01, 0.03] {
-        for lambda in [1.0, 5.0] {
-            let (mesh, steps) = task.fit_corrected(rate, lambda, &mut renderer);
-            println!("rate {rate} lambda {lambda}");
-            task.tell(&mesh, &steps, &mut renderer);
-        }
-    }
 }
 
 #[derive(Default)]
@@ -169,35 +161,6 @@ impl Task {
             times.extend([start.elapsed().as_secs_f64() * 1e2; 10]);
         }
         (fit.shape(renderer).expect("a shape").mesh().clone(), times)
-    }
-
-    fn fit_corrected(&self, rate: f64, lambda: f64, renderer: &mut Renderer) -> (Mesh, Vec<f64>) {
-        let (fit, mut targets) = self.smooth_fit();
-        let options = ShapeOptions {
-            silhouette: (ImageLoss::L2, 8.0),
-            parametrization: Parametrization::Smoothed { lambda },
-            ..fit.options().clone()
-        };
-        let mut fit = ShapeFit::new(self.start.clone(), Lights::unlit(), options).expect("a fit");
-        let mut times = Vec::new();
-        for ten in 0..STEPS / 10 {
-            let start = Instant::now();
-            let [soft, hard] = [SilhouetteAggregation::Product, SilhouetteAggregation::Hard].map(|silhouette| {
-                let settings = Settings { silhouette, ..Self::settings() };
-                let frame = renderer.render(fit.scene(), &self.cameras, &settings).expect("a frame");
-                frame.silhouette().expect("a silhouette").data.clone()
-            });
-            let corrected = self.targets.data.iter().zip(soft.iter().zip(&hard)).map(|(t, (s, h))| t + s - h);
-            targets.silhouette = Some(Image { data: corrected.collect(), ..self.targets.clone() });
-            let mut device = DeviceFit::new(renderer, fit.clone(), &targets, None).expect("a fit");
-            for step in 10 * ten..10 * ten + 10 {
-                let rate = Schedule::Exponential { from: rate, to: 0.2 * rate }.at_step(step, STEPS);
-                device.step(renderer, &Self::settings(), rate, 0.0).expect("a step");
-            }
-            fit = device.shape(renderer).expect("a shape").clone();
-            times.extend([start.elapsed().as_secs_f64() * 1e2; 10]);
-        }
-        (fit.mesh().clone(), times)
     }
 
     fn smooth_fit(&self) -> (ShapeFit, Targets) {
