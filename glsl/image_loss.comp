@@ -1,6 +1,6 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Image loss: what rendered images lack of their targets, summed over 1024 pixels of a view: of the silhouette and of the
+// Image loss: what rendered images lack of their targets, summed over 4096 pixels of a view: of the silhouette and of the
 // colours, the weighed differences, or intersection and union.
 // One workgroup a block of pixels (along x) of a view (along y). Reads the rendered image or a part of `pyramid`, the
 // targets and the mask; writes `loss_partials`.

@@ -2,7 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 // Image upstream: the derivative of the image losses by every rendered value, through every resolution that they are
 // averaged over.
-// One invocation a rendered pixel of any view. Reads the rendered image, `pyramid`, targets, mask and `loss_sums`; writes
+// One invocation a rendered pixel: columns along x, rows along y, views along z, for dividing integers is slow. Reads the rendered image, `pyramid`, targets, mask and `loss_sums`; writes
 // `upstream_color` or `upstream_silhouette`.
 
 layout(local_size_x = 64) in;
@@ -19,6 +19,9 @@ layout(set = 0, binding = 6, std430) writeonly buffer Upstream { float upstream[
 #include "common/fit.glsl"
 #include "common/loss.glsl"
 
+// One level, and that is the rendered image.
+layout(constant_id = 4) const bool PLAIN = false;
+
 layout(push_constant) uniform Push {
     uint width;
     uint height;
@@ -31,32 +34,31 @@ layout(push_constant) uniform Push {
 } push;
 
 void main() {
-    uint i = (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * gl_WorkGroupSize.x + gl_LocalInvocationID.x;
     uint width = push.width;
     uint height = push.height;
     uint views = push.views;
-    if (i >= width * height * views) {
+    uint column = gl_GlobalInvocationID.x;
+    uint row = gl_WorkGroupID.y;
+    uint view = gl_WorkGroupID.z;
+    if (column >= width) {
         return;
     }
-    uint row = i / width;
-    uint column = i - row * width;
-    uint view = row / height;
-    row -= view * height;
+    uint i = (view * height + row) * width + column;
     uint factor = push.samples;
     uint pyramid_first = 0u;
     uint target_first = 0u;
     precise float share = 1.0;
     precise vec4 sum = vec4(0.0);
     for (uint level = 0u; level < push.levels; ++level) {
-        uint coarse_row = row / factor;
-        uint coarse_column = column / factor;
+        uint coarse_row = PLAIN ? row : row / factor;
+        uint coarse_column = PLAIN ? column : column / factor;
         uint rows = min(factor, height - coarse_row * factor);
         uint columns = min(factor, width - coarse_column * factor);
         share = share * (1.0 / float(rows * columns));
         row = coarse_row;
         column = coarse_column;
-        width = (width + factor - 1u) / factor;
-        height = (height + factor - 1u) / factor;
+        width = PLAIN ? width : (width + factor - 1u) / factor;
+        height = PLAIN ? height : (height + factor - 1u) / factor;
         uint at = (view * height + row) * width + column;
         bool is_rendered = factor == 1u;
         int from = int(is_rendered ? at : pyramid_first + at);

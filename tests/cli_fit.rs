@@ -40,6 +40,7 @@ fn a_shape_is_fitted_to_views_of_a_mesh() {
     assert_eq!(without, ["the schedule", "regularisers", "colours"]);
     assert!(baselines.iter().all(|b| b["final"]["mask_iou"]["mean"].as_f64().unwrap() > 0.3), "{baselines:?}");
     assert!(told.lines().count() == 4 && told.contains("without regularisers: mask IoU"), "{told}");
+    assert_eq!((log["steps_on"].as_str(), log["host_reason"].as_str()), (Some("device"), None));
     // What was written is what was scored, and it has colours.
     let iou: f64 = succeeds(folder.path(), &["iou", "out.obj", "torus.obj"]).trim().parse().unwrap();
     assert!((iou - log["final"]["iou_3d"].as_f64().unwrap()).abs() < 1e-3, "{iou}");
@@ -74,6 +75,31 @@ fn a_fit_goes_on_where_it_was_left() {
     assert_ne!(vertices(&whole), vertices(&half));
     let other = "fit --from cube.obj --views 3 --size 24 --subdivisions 2 -o x.obj --checkpoint fit.npz --resume";
     fails(folder.path(), &other.split_whitespace().collect::<Vec<_>>(), 1, &["saved state of another fit"]);
+}
+
+#[test]
+fn device_and_host_take_the_same_steps() {
+    let folder = tempfile::tempdir().unwrap();
+    succeeds(folder.path(), &["mesh", "torus", "-o", "torus.obj"]);
+    let run = |extra: &[&str]| {
+        let fit = "fit --from torus.obj --views 3 --size 24 --preset official --iterations 23 -o out.obj \
+                   --json log.json";
+        let output = softras(folder.path(), &[&fit.split_whitespace().collect::<Vec<_>>()[..], extra].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+        (json(&folder.path().join("log.json")), String::from_utf8(output.stderr).unwrap())
+    };
+    let (device, _) = run(&["--subdivisions", "1"]);
+    let (host, _) = run(&["--subdivisions", "1", "--host"]);
+    assert_eq!([&device["steps_on"], &host["steps_on"]], ["device", "host"]);
+    assert_eq!(host["host_reason"], "--host");
+    let (device, host) = (numbers(&device["loss"]), numbers(&host["loss"]));
+    assert_eq!([device.len(), host.len()], [23; 2]);
+    let differs = |(a, b): (&f64, &f64)| (a - b).abs() > 1e-4 * b;
+    assert!(!device.iter().zip(&host).any(differs), "{device:?} or {host:?}");
+    // What the device cannot do is done on the host, and said.
+    let (log, said) = run(&["--smoothing", "1000", "--subdivisions", "4"]);
+    assert_eq!(log["steps_on"], "host");
+    assert!(said.contains("steps are taken on the host: a smoothing of"), "{said}");
 }
 
 #[test]

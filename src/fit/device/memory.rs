@@ -52,6 +52,7 @@ fn own(plan: &FitPlan, tables: &Tables) -> Vec<(Slot, u64)> {
         slot("loss_weights", Float, Input, bytes(tables.weights.len())),
         slot("loss_scales", Float4, Input, vec4(plan.levels.len() as u64)),
         slot("logit_template", Float4, Input, bytes(4 * tables.logit_template.len())),
+        slot("inverse_entries", Float, Input, bytes(tables.inverse.len())),
         slot("parameters", Float4, Output, vec4(rows)),
         slot("moments", Float4, Output, vec4(2 * rows)),
         slot("color_moments", Float4, Output, vec4(if plan.fit_colors { 2 * vertices } else { 1 })),
@@ -90,6 +91,7 @@ impl Memory {
         self.set.write("loss_targets", bytemuck::cast_slice(&tables.targets))?;
         self.set.write("loss_weights", bytemuck::cast_slice(&tables.weights))?;
         self.set.write("loss_scales", bytemuck::cast_slice(&scales))?;
+        self.set.write("inverse_entries", bytemuck::cast_slice(&tables.inverse))?;
         self.set.write("logit_template", bytemuck::cast_slice(&tables.logit_template))
     }
 

@@ -9,8 +9,9 @@
 //! device's +, -, ×, ÷ and √ round as IEEE 754 says. It is the place for a loss of your own. [`ShapeFit`] is the same
 //! method in double precision, and what both are held against.
 //!
-//! Smoothed parameters ([`Parametrization::Smoothed`](super::shape::Parametrization)) are solved for by a fixed number of
-//! Chebyshev's iterations, to 1 %: a linear, symmetric map, so its own transpose, and a parametrisation in its own right.
+//! Smoothed parameters ([`Parametrization::Smoothed`](super::shape::Parametrization)) of up to 1536 vertices go through the
+//! whole inverse of their matrix. Beyond, they are solved for by a fixed number of Chebyshev's iterations, to 1 %: a linear,
+//! symmetric map, so its own transpose, and a parametrisation in its own right.
 
 mod arithmetic;
 mod guard;
@@ -44,7 +45,7 @@ use plan::FitPlan;
 use stages::{Numbers, Stages};
 
 /// The kernels of this module: those of a frame have other push constants.
-pub const KERNELS: [&str; 13] = [
+pub const KERNELS: [&str; 14] = [
     "loss_pool",
     "image_loss",
     "loss_sum",
@@ -54,6 +55,7 @@ pub const KERNELS: [&str; 13] = [
     "loss_record",
     "shape_gradient",
     "smooth",
+    "smooth_dense",
     "step_totals",
     "optimizer",
     "position_step",

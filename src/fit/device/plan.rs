@@ -10,9 +10,12 @@ use crate::fit::shape::{Parametrization, ShapeFit, Targets};
 use crate::fit::topology::Topology;
 use crate::image::Image;
 use crate::scene::{Appearance, Outputs, Settings, Support};
+use glam::DVec3;
 
 use super::arithmetic::Rates;
 
+/// Vertices up to which smoothing takes all entries of the inverse: in one dispatch, where the iteration takes dozens.
+const MOST_DENSE: usize = 1536;
 /// Steps of the smoothing's iteration at most; a λ that takes more is for the host's exact solution.
 const MOST_ITERATES: usize = 96;
 /// How far the smoothing may be from the exact one, relative to what is smoothed.
@@ -53,6 +56,15 @@ pub struct Chebyshev {
     pub omegas: Vec<f32>,
 }
 
+/// How smoothed parameters become positions.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Smoother {
+    /// By all entries of the inverse.
+    Dense,
+    /// By iteration.
+    Iterated(Chebyshev),
+}
+
 /// The sizes and numbers of a fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FitPlan {
@@ -78,7 +90,7 @@ pub struct FitPlan {
     /// For each of the options' regularisers where its value stands in a record.
     pub penalties: Vec<usize>,
     pub logit: bool,
-    pub smoothing: Option<Chebyshev>,
+    pub smoothing: Option<Smoother>,
     pub method: Method,
     pub fit_colors: bool,
 }
@@ -97,6 +109,8 @@ pub struct Tables {
     pub weights: Vec<f32>,
     /// (1 - |v|) / |v| with v's sign; empty but for the logit parametrisation.
     pub logit_template: Vec<[f32; 4]>,
+    /// (I + λ L)⁻¹, row by row; empty but for [`Smoother::Dense`].
+    pub inverse: Vec<f32>,
 }
 
 /// Why a fit cannot run on the device; `None` where it can.
@@ -115,7 +129,7 @@ pub fn unsupported(fit: &ShapeFit) -> Option<String> {
         }
     }
     match options.parametrization {
-        Parametrization::Smoothed { lambda } if Chebyshev::new(lambda, fit.topology()).is_none() => {
+        Parametrization::Smoothed { lambda } if Smoother::new(lambda, fit.topology()).is_none() => {
             Some(format!("a smoothing of λ = {lambda} takes the host's exact solution"))
         }
         _ => None,
@@ -143,6 +157,16 @@ impl LossKind {
     /// What the sums of all views are divided by.
     fn divisor(&self, total: f64, views: f64) -> f64 {
         if self.code == c::LOSS_IOU { views } else { total }
+    }
+}
+
+impl Smoother {
+    /// `None` where only the host's exact solution will do.
+    fn new(lambda: f64, topology: &Topology) -> Option<Self> {
+        if topology.vertices() <= MOST_DENSE {
+            return Some(Self::Dense);
+        }
+        Chebyshev::new(lambda, topology).map(Self::Iterated)
     }
 }
 
@@ -200,7 +224,7 @@ impl FitPlan {
             _ => None,
         });
         let smoothing = match options.parametrization {
-            Parametrization::Smoothed { lambda } => Chebyshev::new(lambda, topology),
+            Parametrization::Smoothed { lambda } => Smoother::new(lambda, topology),
             _ => None,
         };
         let mut plan = Self {
@@ -229,6 +253,9 @@ impl FitPlan {
         };
         let mut tables = Tables::of(topology);
         plan.add_levels(&mut tables, targets, weights, options.levels)?;
+        if plan.smoothing == Some(Smoother::Dense) {
+            tables.inverse = inverse(fit)?;
+        }
         if plan.logit {
             tables.logit_template = logit_template(fit)?;
         }
@@ -369,6 +396,28 @@ fn place_of(regularizer: Regularizer) -> usize {
         Regularizer::EdgeLength { .. } => 2,
         Regularizer::NormalConsistency => 3,
     }
+}
+
+/// All entries of the inverse of a fit's smoothing, three columns at a time.
+fn inverse(fit: &ShapeFit) -> Result<Vec<f32>> {
+    let Some(smoothing) = fit.smoothing() else { return bad("no smoothing", "use the smoothed parametrisation") };
+    let vertices = fit.topology().vertices();
+    let mut inverse = vec![0.0; vertices * vertices];
+    for first in (0..vertices).step_by(3) {
+        let axes = [DVec3::X, DVec3::Y, DVec3::Z];
+        let mut columns = vec![DVec3::ZERO; vertices];
+        axes.iter().zip(first..vertices).for_each(|(axis, column)| columns[column] = *axis);
+        smoothing.apply(&mut columns)?;
+        for (row, entries) in columns.iter().enumerate() {
+            let entries = entries.to_array().into_iter().zip(first..vertices);
+            // The matrix is symmetric, its solution only nearly: the lower half is the one.
+            entries.filter(|(_, column)| *column <= row).for_each(|(entry, column)| {
+                inverse[row * vertices + column] = entry as f32;
+                inverse[column * vertices + row] = entry as f32;
+            });
+        }
+    }
+    Ok(inverse)
 }
 
 fn judge_weights(targets: &Targets, weights: Option<&Image>) -> Result<()> {

@@ -3,7 +3,7 @@
 use super::arithmetic::Rates;
 use super::host::{edge_scale, edge_share};
 use super::memory::Memory;
-use super::plan::FitPlan;
+use super::plan::{FitPlan, Smoother};
 use crate::buffers::buffer_of_binding;
 use crate::constants as c;
 use crate::error::{Error, Result};
@@ -15,7 +15,7 @@ use crate::vulkan::{
 };
 
 /// Kernels, some of them twice in different modes.
-const COUNT: usize = 15;
+const COUNT: usize = 16;
 
 /// A kernel bound to its buffers.
 struct Stage {
@@ -36,6 +36,7 @@ pub struct Stages {
     shape_gradient: Stage,
     /// Of gradients and of steps; each for the steps that count from 0 and those between.
     smooth: [[Stage; 2]; 2],
+    smooth_dense: [Stage; 2],
     centre_total: Stage,
     largest_square: Stage,
     squares: Stage,
@@ -69,6 +70,8 @@ fn requests(plan: &FitPlan) -> [(&'static Kernel, Modes); COUNT] {
         ("COLOR_LOSS", plan.color.code),
         ("FIT_MASKED", u32::from(plan.masked)),
     ];
+    let plain = ("PLAIN", u32::from(plan.samples == 1 && plan.levels.len() == 1));
+    let upstream = losses.iter().copied().chain([plain]).collect();
     let edges = ("EDGES", u32::from(plan.has_penalty(2)));
     let logit = ("LOGIT", u32::from(plan.logit));
     let method = ("METHOD", plan.method_code());
@@ -79,7 +82,7 @@ fn requests(plan: &FitPlan) -> [(&'static Kernel, Modes); COUNT] {
         (&kernels::LOSS_POOL, vec![color]),
         (&kernels::IMAGE_LOSS, losses.clone()),
         (&kernels::LOSS_SUM, vec![]),
-        (&kernels::IMAGE_UPSTREAM, losses.clone()),
+        (&kernels::IMAGE_UPSTREAM, upstream),
         (&kernels::REGULARIZE_VERTICES, vec![edges]),
         (&kernels::REGULARIZE_FLAPS, flaps),
         (&kernels::LOSS_RECORD, losses),
@@ -91,6 +94,7 @@ fn requests(plan: &FitPlan) -> [(&'static Kernel, Modes); COUNT] {
         (&kernels::OPTIMIZER, vec![method, logit, ("SQUARES", 0)]),
         (&kernels::POSITION_STEP, vec![logit]),
         (&kernels::COLOR_STEP, vec![]),
+        (&kernels::SMOOTH_DENSE, vec![]),
     ]
 }
 
@@ -157,11 +161,12 @@ impl Stages {
             pipelines.get(context.device(), Some(context.pipeline_cache()), std::array::from_fn(request))?;
         let mut sets: Vec<&'static Kernel> = made.iter().map(Pipeline::kernel).collect();
         sets.extend([&kernels::LOSS_POOL, &kernels::IMAGE_LOSS, &kernels::SMOOTH, &kernels::SMOOTH, &kernels::SMOOTH]);
+        sets.push(&kernels::SMOOTH_DENSE);
         let pool = DescriptorPool::new(context.device(), &sets)?;
         let unused = memory.unused_parts()?;
         let binder = Binder { plan, memory, unused, pool };
         let [pool, loss, loss_sum, upstream, vertices, flaps, record, gradient, smooth, centre, largest, ..] = &made;
-        let [.., squares, optimizer, position_step, colors] = &made;
+        let [.., squares, optimizer, position_step, colors, dense] = &made;
         let image = buffer_of(plan, "rendered");
         let smoothing = |rough: &'static str| -> Result<[Stage; 2]> {
             let step = |newer: &'static str, target: &'static str| {
@@ -187,6 +192,10 @@ impl Stages {
             loss_record: binder.stage(record, &[])?,
             shape_gradient: binder.stage(gradient, &[])?,
             smooth: [smoothing("shape_gradients")?, smoothing("steps")?],
+            smooth_dense: [
+                binder.stage(dense, &[("rough", "shape_gradients"), ("smoothed", "smooth_odd")])?,
+                binder.stage(dense, &[("rough", "steps"), ("smoothed", "smooth_odd")])?,
+            ],
             centre_total: binder.stage(centre, &[("parts", "centre_partials")])?,
             largest_square: binder.stage(largest, &[("parts", "square_partials")])?,
             squares: binder.stage(squares, &[("gradients", gradients)])?,
@@ -225,7 +234,8 @@ impl Stages {
         let deltas = [plan.silhouette.delta, plan.color.delta].map(f32::to_bits);
         let levels = plan.levels.len() as u32;
         let push = [plan.width, plan.height, plan.views, plan.samples, levels, deltas[0], deltas[1]];
-        self.image_upstream.record(recorder, &push, pixels(plan.width * plan.height * plan.views))?;
+        let groups = [plan.width.div_ceil(c::FIT_GROUP), plan.height, plan.views];
+        self.image_upstream.record(recorder, &push, groups)?;
         self.record_record(recorder, plan, numbers)?;
         recorder.end_label();
         Ok(())
@@ -328,7 +338,15 @@ impl Stages {
 
     /// Of gradients (0) or steps (1), where there is a smoothing.
     fn record_smoothing(&self, recorder: &mut Recorder<'_>, plan: &FitPlan, of: usize) -> Result<()> {
-        let Some(smoothing) = &plan.smoothing else { return Ok(()) };
+        let smoothing = match &plan.smoothing {
+            None => return Ok(()),
+            Some(Smoother::Dense) => {
+                self.smooth_dense[of].record(recorder, &[plan.vertices], linear(plan.vertices))?;
+                recorder.barrier();
+                return Ok(());
+            }
+            Some(Smoother::Iterated(smoothing)) => smoothing,
+        };
         for (i, omega) in smoothing.omegas.iter().enumerate() {
             let numbers = [smoothing.lambda, *omega, smoothing.relaxation].map(f32::to_bits);
             let push = [plan.vertices, i as u32, numbers[0], numbers[1], numbers[2]];

@@ -9,6 +9,7 @@ use super::bad;
 use super::image_loss::{self, ImageLoss};
 use super::optimizer::{Method, Optimizer};
 use super::regularizer::Regularizer;
+use super::smoothing::Smoothing;
 use super::topology::Topology;
 use crate::error::Result;
 use crate::gradients::{ImageGradient, Wanted};
@@ -311,6 +312,14 @@ impl ShapeFit {
     pub(in crate::fit) fn logit_template(&self) -> Option<&[DVec3]> {
         match &self.parameters {
             Parameters::Logit { template } => Some(template),
+            _ => None,
+        }
+    }
+
+    /// The smoothing of the smoothed parametrisation; `None` with another.
+    pub(in crate::fit) fn smoothing(&self) -> Option<&Smoothing> {
+        match &self.parameters {
+            Parameters::Smoothed(smoothing) => Some(smoothing),
             _ => None,
         }
     }

@@ -4,7 +4,7 @@ use super::FitState;
 use crate::fit::device::arithmetic::{
     GROUP, Rates, Vec3, adam_step, add, group_sum, logit_of, next_first, next_second, scale, strided_sum, sub, tangent,
 };
-use crate::fit::device::plan::{Chebyshev, FitPlan, Tables};
+use crate::fit::device::plan::{Chebyshev, FitPlan, Smoother, Tables};
 use crate::fit::optimizer::Method;
 
 /// One step against dL by the vertices.
@@ -16,7 +16,7 @@ pub fn advance(plan: &FitPlan, tables: &Tables, state: &mut FitState, mut gradie
         gradient.push(centre);
     }
     if let Some(smoothing) = &plan.smoothing {
-        gradient = smoothed(smoothing, &tables.neighbors, &gradient);
+        gradient = smoothed(smoothing, tables, &gradient);
     }
     let mut changes = optimized(plan.method, &mut state.moments, &gradient, &rates);
     if plan.logit {
@@ -25,7 +25,7 @@ pub fn advance(plan: &FitPlan, tables: &Tables, state: &mut FitState, mut gradie
         return;
     }
     if let Some(smoothing) = &plan.smoothing {
-        changes = smoothed(smoothing, &tables.neighbors, &changes);
+        changes = smoothed(smoothing, tables, &changes);
     }
     state.positions.iter_mut().zip(&changes).for_each(|(p, change)| *p = sub(*p, *change));
 }
@@ -85,8 +85,20 @@ fn optimized(method: Method, moments: &mut [[Vec3; 2]], gradient: &[Vec3], rates
     moments.iter_mut().zip(gradient).map(one).collect()
 }
 
+fn smoothed(smoothing: &Smoother, tables: &Tables, rough: &[Vec3]) -> Vec<Vec3> {
+    match smoothing {
+        Smoother::Iterated(chebyshev) => iterated(chebyshev, &tables.neighbors, rough),
+        Smoother::Dense => {
+            let row = |entries: &[f32]| {
+                entries.iter().zip(rough).fold([0.0; 3], |sum, (entry, vector)| add(sum, scale(*entry, *vector)))
+            };
+            tables.inverse.chunks_exact(rough.len().max(1)).map(row).collect()
+        }
+    }
+}
+
 /// Chebyshev's iteration, all its steps.
-pub fn smoothed(smoothing: &Chebyshev, neighbors: &[u32], rough: &[Vec3]) -> Vec<Vec3> {
+fn iterated(smoothing: &Chebyshev, neighbors: &[u32], rough: &[Vec3]) -> Vec<Vec3> {
     let (mut newer, mut older) = (vec![[0.0; 3]; rough.len()], vec![[0.0; 3]; rough.len()]);
     for (iterates, omega) in smoothing.omegas.iter().enumerate() {
         let one = |i: usize| {
