@@ -6,7 +6,7 @@
 #[path = "cli/command.rs"]
 mod command;
 
-use command::{fails, succeeds};
+use command::{fails, softras, succeeds};
 use serde_json::Value;
 use std::path::Path;
 

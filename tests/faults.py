@@ -63,6 +63,21 @@ FAULTS = [
      [("pixels", "")]),
     ("radius of another tau", "src/scene/settings.rs", "(1.0 / self.tau - 1.0).ln()", "(0.5 / self.tau - 1.0).ln()",
      [("support", ""), ("pixels", "")]),
+    # Of the Rust side, where the tests need no device.
+    ("mesh: an index of the count", "src/scene/mesh.rs", "i as usize >= count", "i as usize > count",
+     [("properties", "meshes")]),
+    ("settings: near may be far", "src/scene/settings.rs", "self.far >= self.near * (1.0 + 1e-6)",
+     "self.far >= self.near", [("properties", "settings"), ("errors", "scenes_lights")]),
+    ("plan: one workgroup short", "src/plan/mod.rs", "n.div_ceil(c::LINEAR_GROUP)", "(n / c::LINEAR_GROUP)",
+     [("properties", "plans")]),
+    ("plan: views on top of each other", "src/plan/mod.rs", "slot_base: t.slots as u32", "slot_base: 0",
+     [("properties", "plans")]),
+    ("plan: no room for second pieces", "src/plan/mod.rs", "if clips(input) { 2 } else { 1 }",
+     "if clips(input) { 1 } else { 1 }", [("properties", "plans")]),
+    ("plan: twice what 32 bits index", "src/plan/mod.rs", "if needed <= limit {", "if needed <= 2 * limit {",
+     [("properties", "plans")]),
+    ("support: tau twice", "src/scene/support.rs", "Background::Composite => self.tau / 2.0",
+     "Background::Composite => self.tau", [("support", "")]),
 ]
 
 

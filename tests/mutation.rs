@@ -21,6 +21,11 @@ use std::{
     sync::{Mutex, PoisonError},
 };
 
+#[cfg(feature = "cli")]
+#[allow(dead_code)] // What only the command needs.
+#[path = "../src/cli/npz/npy.rs"]
+mod npy;
+
 /// Counts what is allocated.
 #[global_allocator]
 static MEMORY: PeakAlloc = PeakAlloc;
@@ -239,6 +244,40 @@ fn long_files_take_no_more_than_their_size() {
         assert!(peak <= SLACK + MULTIPLE * size, "{name}: {peak} bytes for files of {size}");
         assert!(seconds < 30.0, "{name}: {seconds} s");
     }
+}
+
+/// Arrays, in the reader itself: as many values as the shape says, or a sentence.
+#[cfg(feature = "cli")]
+#[test]
+fn mutated_arrays_are_read_or_refused() {
+    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/corpus/npy");
+    let mut names: Vec<_> = fs::read_dir(&corpus).unwrap().map(|entry| entry.unwrap().path()).collect();
+    names.sort();
+    let files: Vec<Vec<u8>> = names.iter().map(|path| fs::read(path).unwrap()).collect();
+    let (mut read, mut refused) = (0, 0);
+    for seed in 0..cases(20_000) {
+        let random = &mut Random::new(seed);
+        let mut bytes = files[random.below(files.len())].clone();
+        (0..random.choose(&[1, 1, 2, 5])).for_each(|_| mutate(random, &mut bytes));
+        let (outcome, peak) = peak_of(|| panic::catch_unwind(|| npy::read(&bytes[..])));
+        assert!(peak <= SLACK + MULTIPLE * bytes.len(), "seed {seed}: {peak} bytes for {}", bytes.len());
+        match outcome.unwrap_or_else(|_| panic!("seed {seed}: a panic")) {
+            Ok(array) => {
+                let count = match &array.values {
+                    npy::Values::Numbers(values) => values.len(),
+                    npy::Values::Texts(values) => values.len(),
+                };
+                assert_eq!(count, array.shape.iter().product::<usize>(), "seed {seed}");
+                read += 1;
+            }
+            Err(what) => {
+                assert!(!what.is_empty());
+                refused += 1;
+            }
+        }
+    }
+    println!("{read} arrays read, {refused} refused");
+    assert!(read > 0 && refused > 0);
 }
 
 /// Through the command, by the judge: no device is opened.

@@ -116,8 +116,10 @@ pub fn run(args: &StressArgs) -> std::result::Result<(), Failure> {
         say(&format!("{object:#}"))?;
     } else {
         load.iter().try_for_each(|load| say(&load.line()))?;
-        say(&format!("{device}; {} scenes from seed {}, {:.0} s", args.cases, args.seed, seconds))?;
-        tally.lines().iter().try_for_each(|line| say(line))?;
+        if args.cases > 0 {
+            say(&format!("{device}; {} scenes from seed {}, {:.0} s", args.cases, args.seed, seconds))?;
+            tally.lines().iter().try_for_each(|line| say(line))?;
+        }
         least.iter().try_for_each(|case| say(case))?;
     }
     if let Some(path) = &args.map {
