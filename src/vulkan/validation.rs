@@ -6,8 +6,10 @@ use std::io::Write;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Best practices that are not followed, each with the reason.
-const ACCEPTED: [(&str, &str); 1] =
-    [("BestPractices-vkCreateInstance-specialuse-extension-debugging", "validation takes extensions for debugging")];
+const ACCEPTED: [(&str, &str); 2] = [
+    ("BestPractices-vkCreateInstance-specialuse-extension-debugging", "validation takes extensions for debugging"),
+    ("BestPractices-Error-Result", "a call that fails is an error that we return"),
+];
 
 /// The messages of the validation layer. Cheap to clone; lives on after its [`Context`](super::Context), so that what
 /// destroying a device reports can still be read.
