@@ -255,14 +255,14 @@ impl FramePlan {
         self.plan.views.iter().enumerate().map(entry).collect()
     }
 
-    /// The longest list of triangles that the device can walk.
-    pub(crate) fn longest_list(&self) -> u32 {
-        self.longest_list
-    }
-
     /// The room it has for lists.
     pub fn capacity(&self) -> Capacity {
         self.capacity
+    }
+
+    /// The longest list of triangles that the device can walk.
+    pub(crate) fn longest_list(&self) -> u32 {
+        self.longest_list
     }
 }
 
