@@ -97,7 +97,6 @@ impl Renderer {
             staging: options.staging,
             cache: options.cache.clone(),
             loader: options.loader,
-            ..ContextOptions::default()
         })?;
         let mut rasterizer = Rasterizer::on(context.device(), Some(context.pipeline_cache().clone()));
         if let Some(lanes) = options.lanes {
