@@ -2,6 +2,8 @@
 //! was made freed whatever happens.
 // The host's half of a contract of raw handles.
 #![allow(unsafe_code, clippy::undocumented_unsafe_blocks, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+// The example brings the engine along, as the tests' host does.
+#![allow(clippy::duplicate_mod)]
 
 mod common;
 #[path = "../examples/embed_ash.rs"]
