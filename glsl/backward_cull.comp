@@ -42,7 +42,8 @@ vec2 bounds_of(Item item) {
     // Row by row in one loop.
     do {
         vec2 own = texelFetch(tile_bounds, row + x).xy;
-        bounds = vec2(own.x < bounds.x ? own.x : bounds.x, own.y > bounds.y ? own.y : bounds.y);
+        bool mine = count > 0;
+        bounds = vec2(mine && own.x < bounds.x ? own.x : bounds.x, mine && own.y > bounds.y ? own.y : bounds.y);
         ++x;
         row = x == across ? row + stride : row;
         x = x == across ? 0 : x;

@@ -93,3 +93,12 @@ fn batches_are_held_to_the_same() {
     }
     assert!(all == 320 && refused < 160, "{refused} of {all}");
 }
+
+/// Many cells, whose order is an atomic counter's: invocations beside each other left the walk over their tiles at different
+/// times and went on to read others' bounds, so that what was left out hung on the order.
+#[test]
+fn what_backward_leaves_out_does_not_hang_on_the_order_of_cells() {
+    let outcomes = stress().batch(1_987_776, Kind::default(), 64).unwrap();
+    let bits: Vec<_> = outcomes.iter().flat_map(|outcome| &outcome.findings).filter(|f| f.kind == "bits").collect();
+    assert!(bits.is_empty() && outcomes.iter().filter(|outcome| outcome.refused.is_none()).count() > 32, "{bits:?}");
+}

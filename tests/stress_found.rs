@@ -7,7 +7,7 @@ use common::{gradient::all_finite, renderer};
 use glam::{DMat4, DVec3};
 use softras::{
     Camera, Image, ImageGradient, Lights, Mesh, Projection, Scene, Settings, Wanted,
-    scene::{Background, Distance, Interpolation, Outputs, Parity, Shading},
+    scene::{Appearance, Background, Distance, Interpolation, Outputs, Parity, Shading},
 };
 
 const ALL: Outputs = Outputs { color: true, silhouette: true, depth: true, normal: true };
@@ -137,4 +137,12 @@ fn a_vertex_beyond_what_f32_can_project_is_refused_where_it_is() {
     assert!(mesh(-Mesh::FARTHEST).is_ok());
     let refused = mesh(8e30).unwrap_err().to_string();
     assert!(refused.contains("vertex 1") && refused.contains("1e25"), "{refused}");
+}
+
+#[test]
+fn colours_whose_sum_leaves_a_float_are_refused() {
+    let mesh = || Mesh::new(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 2.0]], vec![[0, 1, 2]]).unwrap();
+    assert!(mesh().with_appearance(Appearance::Uniform([Mesh::BRIGHTEST; 3])).is_ok());
+    let refused = mesh().with_appearance(Appearance::VertexColors(vec![[1.0; 3], [2.6e38; 3], [0.0; 3]])).unwrap_err();
+    assert!(refused.to_string().contains("vertex 1"), "{refused}");
 }

@@ -66,6 +66,18 @@ pub(crate) fn first_not_finite(values: &[f32]) -> Option<usize> {
     values[16 * place..].iter().position(bad).map(|at| 16 * place + at)
 }
 
+fn judge_colors(colors: &[[f32; 3]], what: &str, element: &str) -> Result<()> {
+    judge_finite(colors, what, element)?;
+    match colors.iter().position(|c| c.iter().any(|x| x.abs() > Mesh::BRIGHTEST)) {
+        Some(i) => mesh_error(
+            format!("{what} {:?} is beyond ±{:e}", colors[i], Mesh::BRIGHTEST),
+            format!("{element} {i}"),
+            "scale colours down: sums of them would leave single precision",
+        ),
+        None => Ok(()),
+    }
+}
+
 fn judge_positions(positions: &[[f32; 3]]) -> Result<()> {
     judge_finite(positions, "position", "vertex")?;
     match positions.iter().position(|p| p.iter().any(|x| x.abs() > Mesh::FARTHEST)) {
@@ -103,6 +115,9 @@ impl Mesh {
     /// precision.
     pub const FARTHEST: f32 = 1e25;
 
+    /// The largest value of a colour's channel: a pixel sums those of all triangles before it divides by their weights.
+    pub const BRIGHTEST: f32 = 1e30;
+
     /// A white mesh.
     ///
     /// `positions` are `[x, y, z]` in world units, `triangles` index them from 0.
@@ -121,13 +136,14 @@ impl Mesh {
     /// The same mesh with another appearance.
     ///
     /// # Errors
-    /// [`Error::Mesh`] when counts do not fit the mesh, an index is out of range or a value is not finite.
+    /// [`Error::Mesh`] when counts do not fit the mesh, an index is out of range, a value is not finite or a
+    /// colour beyond ±[`Mesh::BRIGHTEST`].
     pub fn with_appearance(mut self, appearance: Appearance) -> Result<Self> {
         match &appearance {
-            Appearance::Uniform(color) => judge_finite(&[*color], "colour", "uniform colour")?,
+            Appearance::Uniform(color) => judge_colors(&[*color], "colour", "uniform colour")?,
             Appearance::VertexColors(colors) => {
                 judge_count("vertex colours", colors.len(), self.positions.len())?;
-                judge_finite(colors, "colour", "vertex")?;
+                judge_colors(colors, "colour", "vertex")?;
             }
             Appearance::Surface { resolution, texels } => {
                 if !(1..=1024).contains(resolution) {
@@ -139,7 +155,7 @@ impl Mesh {
                 }
                 let cells = (*resolution as usize).pow(2);
                 judge_count("surface texels", texels.len(), self.triangles.len() * cells)?;
-                judge_finite(texels, "surface texel", "texel")?;
+                judge_colors(texels, "surface texel", "texel")?;
             }
             Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle } => {
                 judge_count("UV triangles", uv_triangles.len(), self.triangles.len())?;

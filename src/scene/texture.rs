@@ -1,5 +1,6 @@
 //! An image texture, sampled bilinearly at UV coordinates.
 
+use super::mesh::Mesh;
 use crate::error::{Error, Result};
 use std::sync::Arc;
 
@@ -29,7 +30,8 @@ impl Texture {
     /// Texel (r, c) is centred at u = (c + ½) / width, v = 1 - (r + ½) / height, as OBJ files mean it.
     ///
     /// # Errors
-    /// [`Error::Mesh`] when a side is 0, the count does not fit, or a texel is not finite.
+    /// [`Error::Mesh`] when a side is 0, the count does not fit, or a texel is not finite or beyond
+    /// ±[`Mesh::BRIGHTEST`].
     pub fn new(width: u32, height: u32, texels: Vec<[f32; 3]>, wrap: Wrap) -> Result<Self> {
         let expected = u64::from(width) * u64::from(height);
         if expected == 0 || texels.len() as u64 != expected {
@@ -39,11 +41,11 @@ impl Texture {
                 mend: "give width × height texels, at least one".into(),
             });
         }
-        if let Some(i) = texels.iter().position(|t| !t.iter().all(|x| x.is_finite())) {
+        if let Some(i) = texels.iter().position(|t| !t.iter().all(|x| x.abs() <= Mesh::BRIGHTEST)) {
             return Err(Error::Mesh {
-                what: format!("texel {:?} is not finite", texels[i]),
+                what: format!("texel {:?} is not within ±{:e}", texels[i], Mesh::BRIGHTEST),
                 place: format!("texture row {}, column {}", i / width as usize, i % width as usize),
-                mend: "use finite values".into(),
+                mend: "use finite values that are no larger".into(),
             });
         }
         Ok(Self { width, height, texels: Arc::new(texels), wrap })
