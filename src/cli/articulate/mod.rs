@@ -159,7 +159,7 @@ fn tell(args: &ArticulateArgs, rows: &[Row], seen: &[f64], device: &str) -> Resu
         });
         let whole = json!({
             "trials": args.trials, "seed": args.seed, "iterations": args.iterations, "size": args.size,
-            "hidden_joint": HIDDEN, "limb_seen_at_start": 0.0, "limb_seen_in_target": seen, "device": device,
+            "hidden_joint": HIDDEN, "limb_seen_in_target": seen, "device": device,
             "methods": each.collect::<Vec<_>>(),
         });
         return say(&whole.to_string());
