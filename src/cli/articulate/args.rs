@@ -11,8 +11,7 @@ triangles that a hard rasterization does not show left out.
 
 Examples:
   softras articulate -o occluded.png
-  softras articulate --trials 20 --json
-  softras articulate --lengths --obj posed.obj";
+  softras articulate --trials 20 --json";
 
 /// Fit the pose of a jointed figure to one picture, an arm of it hidden behind its back
 #[derive(Args, Debug)]
@@ -36,9 +35,6 @@ pub struct ArticulateArgs {
     /// Side of the picture that is fitted, pixels
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(16..=1024), default_value_t = 64)]
     pub size: u32,
-    /// Other lengths of the bones too, up to 8 percent, to be found with the angles
-    #[arg(long)]
-    pub lengths: bool,
     /// Print one JSON object
     #[arg(long)]
     pub json: bool,

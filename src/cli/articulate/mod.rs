@@ -37,7 +37,7 @@ pub fn run(args: &ArticulateArgs) -> Result<(), Failure> {
     let mut seen = Vec::new();
     let progress = Progress::counted("fit", args.trials as usize * methods.len());
     for index in 0..args.trials {
-        let Some(trial) = stage.draw(args, &mut random, &mut renderer)? else {
+        let Some(trial) = stage.draw(&mut random, &mut renderer)? else {
             let what = "no pose was drawn in which the arm is hidden at first and not quite at last";
             return Err(Error::Fit { what: what.into(), mend: "use another seed or more pixels".into() }.into());
         };
@@ -65,22 +65,18 @@ struct Row {
     hidden: Vec<f64>,
     /// The mean of all other joints.
     others: Vec<f64>,
-    /// The mean error of the bones' lengths, parts of them.
-    lengths: Vec<f64>,
     seconds: f64,
 }
 
 impl Row {
     fn new(name: &'static str) -> Self {
-        Self { name, hidden: Vec::new(), others: Vec::new(), lengths: Vec::new(), seconds: 0.0 }
+        Self { name, hidden: Vec::new(), others: Vec::new(), seconds: 0.0 }
     }
 
     fn add(&mut self, stage: &Stage, trial: &Trial, found: &Found) {
         let [hidden, others] = stage.errors(&found.pose, &trial.truth);
         self.hidden.push(hidden);
         self.others.push(others);
-        let pairs = found.pose.lengths.iter().zip(&trial.truth.lengths);
-        self.lengths.push(mean(&pairs.map(|(a, b)| (a - b).abs()).collect::<Vec<_>>()));
         self.seconds += found.seconds;
     }
 }
@@ -158,12 +154,12 @@ fn tell(args: &ArticulateArgs, rows: &[Row], seen: &[f64], device: &str) -> Resu
                 "method": row.name, "hidden_joint_degrees": row.hidden, "median_degrees": median(&row.hidden),
                 "mean_degrees": mean(&row.hidden), "within_10_degrees": count(row, |e| e <= 10.0),
                 "beyond_30_degrees": count(row, |e| e > 30.0), "other_joints_mean_degrees": mean(&row.others),
-                "lengths_mean_error": args.lengths.then(|| mean(&row.lengths)), "seconds": row.seconds,
+                "seconds": row.seconds,
             })
         });
         let whole = json!({
             "trials": args.trials, "seed": args.seed, "iterations": args.iterations, "size": args.size,
-            "hidden_joint": HIDDEN, "limb_seen_at_start": 0.0, "limb_seen_in_target": seen, "device": device,
+            "hidden_joint": HIDDEN, "limb_seen_in_target": seen, "device": device,
             "methods": each.collect::<Vec<_>>(),
         });
         return say(&whole.to_string());

@@ -28,8 +28,7 @@ pub struct Method {
 
 /// The baselines first.
 pub fn methods(args: &ArticulateArgs) -> Vec<Method> {
-    let length_rate = if args.lengths { 0.2 } else { 0.0 };
-    let soft = FigureOptions { iterations: args.iterations as usize, length_rate, ..FigureOptions::default() };
+    let soft = FigureOptions { iterations: args.iterations as usize, ..FigureOptions::default() };
     let visible = FigureOptions { sight: Sight::VisibleOnly, ..soft.clone() };
     let silhouette = FigureOptions { weights: [0.0, 1.0], ..soft.clone() };
     let constant = FigureOptions {
@@ -122,9 +121,9 @@ impl Stage {
 
     /// The next trial: drawn again until the limb is wholly hidden at the start, and neither wholly hidden nor wholly
     /// seen in the target; `None` where no draw is.
-    pub fn draw(&self, args: &ArticulateArgs, random: &mut Random, renderer: &mut Renderer) -> Result<Option<Trial>> {
+    pub fn draw(&self, random: &mut Random, renderer: &mut Renderer) -> Result<Option<Trial>> {
         for _ in 0..DRAWS {
-            let (truth, start) = self.poses(args, random);
+            let (truth, start) = self.poses(random);
             let seen = self.seen(renderer, &truth)?;
             if !(LEAST_SEEN..MOST_SEEN).contains(&seen) || self.seen(renderer, &start)? > 0.0 {
                 continue;
@@ -139,7 +138,7 @@ impl Stage {
     }
 
     /// Target and start, which lies within 7 degrees of it in every angle but the hidden elbow.
-    fn poses(&self, args: &ArticulateArgs, random: &mut Random) -> (SkeletonPose, SkeletonPose) {
+    fn poses(&self, random: &mut Random) -> (SkeletonPose, SkeletonPose) {
         let skeleton = self.figure.skeleton();
         let (mut truth, mut start) = (skeleton.rest(), skeleton.rest());
         // Middle and spread of every angle in degrees, as `mannequin` lists them.
@@ -165,9 +164,6 @@ impl Stage {
         }
         let mut within = |part: f64| random.range(-part, part);
         start.shift = 0.03 * DVec3::new(within(1.0), within(1.0), 0.0);
-        if args.lengths {
-            truth.lengths.iter_mut().for_each(|length| *length += within(0.08));
-        }
         (truth, start)
     }
 
