@@ -102,3 +102,14 @@ fn what_backward_leaves_out_does_not_hang_on_the_order_of_cells() {
     let bits: Vec<_> = outcomes.iter().flat_map(|outcome| &outcome.findings).filter(|f| f.kind == "bits").collect();
     assert!(bits.is_empty() && outcomes.iter().filter(|outcome| outcome.refused.is_none()).count() > 32, "{bits:?}");
 }
+
+/// Of a triangle so thin that rounding puts a pixel outside all three edges, what perspective mixes must still be a mean: its
+/// colour was 1e-9 of what it is.
+#[test]
+fn perspective_shares_of_a_thin_triangle_add_up_to_1() {
+    let mut stress = stress();
+    for seed in [1_021_120, 1_820_032] {
+        let outcomes = stress.batch(seed, Kind::default(), 64).unwrap();
+        assert!(outcomes.iter().all(|outcome| outcome.findings.is_empty()), "{outcomes:?}");
+    }
+}

@@ -135,6 +135,6 @@ Depth depth_at(vec4 record, vec3 b, float sum) {
     float excess = b.y * record.x + b.z * record.y;
     // Σ b̂ z_0/z_k as the shares of a perspective mixture have it, so that these add up to 1 however far a corner is. Only
     // before the viewer's plane can it be less than the bound; nothing is seen there.
-    float inverse = 1.0 / greater(b.x + b.y * (1.0 + record.x) + b.z * (1.0 + record.y), 1e-12);
+    float inverse = 1.0 / greater(b.x + b.y * (1.0 + record.x) + b.z * (1.0 + record.y), 1e-12 * sum);
     return Depth(sum * inverse, record.z * (excess * inverse) + record.w);
 }
