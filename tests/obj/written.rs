@@ -79,11 +79,11 @@ fn what_obj_files_cannot_hold_is_refused() {
 /// The shared meshes are too large for the repository; their numbers are those of their README.
 #[test]
 fn real_meshes_have_their_counts() {
-    let folder = ["../shared/meshes", "/work/shared/meshes"].map(Path::new).into_iter().find(|folder| folder.is_dir());
-    let Some(folder) = folder else {
+    let folder = Path::new("../shared/meshes");
+    if !folder.is_dir() {
         println!("SKIPPED: no ../shared/meshes");
         return;
-    };
+    }
     for (name, vertices, triangles) in [
         ("spot", 2930, 5856),
         ("bunny", 35947, 69451),
