@@ -60,7 +60,7 @@ impl Frame {
         self.normal.as_ref()
     }
 
-    /// Device time of every stage, in the order in which they ran; empty unless [`Renderer::time_stages`] asked for it, or
+    /// Device time of every stage, in the order in which they ran; empty unless [`Renderer::time_stages`](crate::Renderer::time_stages) asked for it, or
     /// where the queue has no timestamps.
     pub fn timings(&self) -> &[StageTime] {
         &self.timings

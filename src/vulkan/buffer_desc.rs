@@ -10,7 +10,7 @@ pub enum Location {
     /// With the device.
     #[default]
     Device,
-    /// With the device; mapped where the device's memory is the host's own, as [`Buffer::is_mapped`] tells.
+    /// With the device; mapped where the device's memory is the host's own, as [`Buffer::is_mapped`](super::Buffer::is_mapped) tells.
     DeviceMapped,
     /// With the host, for it to write.
     Upload,
