@@ -316,23 +316,6 @@ fn misfits(engine: &Engine, rasterizer: &Rasterizer, engines: &Engines, case: &C
     assert!(bind(&|_, g| g.first_triangle = 1).contains("`indices`"));
 }
 
-/// Each layout of a scene in the tables is also known from its shape alone.
-#[test]
-fn view_shapes_follow_from_the_shape() {
-    let rasterizer_engine = engine();
-    let rasterizer = rasterizer(&rasterizer_engine);
-    for seed in 0..40 {
-        let mut case = random_case(seed, [Kind::Plain, Kind::Modes, Kind::Clipped][seed as usize % 3]);
-        case.settings.save = seed % 2 == 0;
-        let shape = Shape::of(&case.scene, &case.cameras, &case.settings).unwrap();
-        let plan = rasterizer.plan(&shape, &case.settings).unwrap();
-        let inputs = Inputs::new(&case.scene, &case.cameras, &case.settings, &plan);
-        assert_eq!(bytemuck::cast_slice::<_, u8>(&plan.view_shapes()), inputs.get("view_shapes").unwrap(), "{case:?}");
-    }
-    drop(rasterizer);
-    assert_silent(rasterizer_engine);
-}
-
 /// The first triangles of a mesh.
 fn first_triangles(case: &Case, count: usize) -> Scene {
     let mesh = &case.scene.meshes[0];

@@ -193,7 +193,8 @@ void gather(Fetched own, bool live, Lane lane, inout Pixel pixels[PIXELS]) {
     }
 }
 
-// The least log sum and the largest transmittance of all lanes' pixels.
+// The least log sum and the largest transmittance of all lanes' pixels; of those beyond the image's border too, which can
+// only make it skip less.
 vec2 bounds_of_tile(Pixel pixels[PIXELS]) {
     // As one minimum.
     vec2 least = vec2(3e38);
@@ -221,28 +222,21 @@ int slot_of_lowest(int from, uint bits) {
     return int(texelFetch(tile_slots, from + max(findLSB(bits), 0)).x);
 }
 
-// Both walk the entries of a word's bits, reading a record ahead, since those of a large mesh are far away. They ask at the
-// end, since a software device runs the body of a loop that asks first once more than it must; without a bit they add
-// nothing, once.
-void gather_shown(int from, uint bits, Lane lane, inout Pixel pixels[PIXELS]) {
+// Walks the entries of a word's bits, reading a record ahead, since those of a large mesh are far away. It asks at the end,
+// since a software device runs the body of a loop that asks first once more than it must; without a bit it adds nothing,
+// once. `shows` is a constant of the call: what does not show counts in the silhouette alone.
+void gather_word(int from, uint bits, bool shows, Lane lane, inout Pixel pixels[PIXELS]) {
     bool live = bits != 0u;
     Fetched next = fetch_record(slot_of_lowest(from, bits));
     do {
         Fetched own = next;
         bits &= bits - 1u;
         next = fetch_record(slot_of_lowest(from, bits));
-        gather(own, live, lane, pixels);
-    } while (bits != 0u);
-}
-
-void gather_hidden(int from, uint bits, Lane lane, inout Pixel pixels[PIXELS]) {
-    bool live = bits != 0u;
-    Fetched next = fetch_record(slot_of_lowest(from, bits));
-    do {
-        Fetched own = next;
-        bits &= bits - 1u;
-        next = fetch_record(slot_of_lowest(from, bits));
-        gather_silhouette(own, live, lane, pixels);
+        if (shows) {
+            gather(own, live, lane, pixels);
+        } else {
+            gather_silhouette(own, live, lane, pixels);
+        }
     } while (bits != 0u);
 }
 
@@ -260,9 +254,9 @@ void gather_list(int from, int facing_end, int end, Lane lane, inout Pixel pixel
         if (PARTED && (DEPTH_RANGE != DEPTH_RANGE_FAR || saturated)) {
             shown &= shown_of(from, stop, bounds.x - share);
         }
-        gather_shown(from, shown, lane, pixels);
+        gather_word(from, shown, true, lane, pixels);
         if (PARTED && WANT_SILHOUETTE) {
-            gather_hidden(from, saturated ? 0u : all & ~shown, lane, pixels);
+            gather_word(from, saturated ? 0u : all & ~shown, false, lane, pixels);
         }
         from = !SHADED && saturated ? end : stop;
     } while (from < end);
@@ -280,7 +274,6 @@ void main() {
     Lane constant = Lane(vec2(mine), frame.radius_squared, frame.scale, 1.0 / frame.score_high);
     gather_list(item.y, item.y + item.z, item.y + item.w, constant, pixels);
     int triangle_count = shape_of(tile.view).triangle_count;
-    vec2 bounds = vec2(3e38, 0.0);
     for (int i = 0; i < PIXELS; ++i) {
         int index = i * int(gl_WorkGroupSize.x);
         ivec2 where = mine + ivec2(index % int(TILE_WIDTH), index / int(TILE_WIDTH));
@@ -290,15 +283,12 @@ void main() {
             if (SAVE) {
                 saved[to] = kept_of(pixels[i]);
             }
-            vec2 own = bounds_of(pixels[i]);
-            bounds = vec2(min(bounds.x, own.x), max(bounds.y, own.y));
         }
     }
     if (SAVE) {
-        // As one minimum.
-        vec2 least = least_of_lanes(vec2(bounds.x, -bounds.y));
+        vec2 bounds = bounds_of_tile(pixels);
         if (lane == 0) {
-            tile_bounds[item.x] = vec2(least.x, -least.y);
+            tile_bounds[item.x] = bounds;
         }
     }
 }

@@ -5,7 +5,7 @@ mod update;
 pub use update::Changes;
 
 use crate::constants as c;
-use crate::plan::{Plan, Sampling, split};
+use crate::plan::{Sampling, split};
 use crate::scene::{Appearance, Camera, Lights, Mesh, Projection, Scene, Settings, Texture, Wrap};
 use std::ops::Range;
 
@@ -70,8 +70,6 @@ pub enum Appearances {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct MeshLayout {
     vertex_base: u32,
-    triangle_base: u32,
-    adjacency_base: u32,
     color_base: u32,
     uniform_color: bool,
     uv_base: i32,
@@ -110,8 +108,6 @@ impl MeshTables {
     fn push(&mut self, mesh: &Mesh, adjacency: bool) {
         let mut layout = MeshLayout {
             vertex_base: self.positions.len() as u32 / 3,
-            triangle_base: self.indices.len() as u32 / 3,
-            adjacency_base: self.adjacency.len() as u32,
             color_base: self.colors.len() as u32,
             uniform_color: true,
             uv_base: -1,
@@ -203,39 +199,6 @@ impl MeshTables {
         self.texels.extend(texture.texels().iter().map(|t| [t[0], t[1], t[2], 0.0]));
         self.images.push(texture.clone());
         first..self.texels.len()
-    }
-
-    /// The `view_shapes` table: each view's mesh and its share of the frame's buffers (`glsl/common/mesh.glsl`).
-    /// `background_kept` as in [`Inputs`](crate::rasterizer::Inputs).
-    pub fn view_shapes(
-        &self,
-        scene: &Scene,
-        plan: &Plan,
-        background_kept: bool,
-    ) -> Vec<[u32; 4 * c::SHAPE_TEXELS as usize]> {
-        let kept = u32::from(background_kept) * c::SHAPE_BACKGROUND_KEPT;
-        let entry = |(view, range): (usize, &crate::plan::ViewRange)| {
-            let m = self.layouts[scene.mesh_of_view(view)];
-            [
-                m.vertex_base,
-                m.vertices,
-                m.triangle_base,
-                m.triangles,
-                range.screen_base,
-                range.slot_base,
-                range.bin_base,
-                range.word_base,
-                range.slots,
-                range.words,
-                m.color_base,
-                u32::from(m.uniform_color) * c::SHAPE_UNIFORM_COLOR + kept,
-                m.uv_base as u32,
-                m.uv_index_base as u32,
-                m.texture_base as u32,
-                m.adjacency_base,
-            ]
-        };
-        plan.views.iter().enumerate().map(entry).collect()
     }
 }
 

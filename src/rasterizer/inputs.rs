@@ -25,6 +25,9 @@ pub struct Inputs {
     lights: Vec<[f32; 4]>,
 }
 
+/// The word of an entry of `view_shapes` that holds the SHAPE_ flags.
+const SHAPE_FLAGS: usize = 11;
+
 impl Inputs {
     /// Lays out what a scene's frame reads. The plan is one of this scene's [`Shape`](super::Shape).
     pub fn new(scene: &Scene, cameras: &[Camera], settings: &Settings, plan: &FramePlan) -> Self {
@@ -44,7 +47,10 @@ impl Inputs {
             self.tables = MeshTables::new(scene, adjacency);
             Changes::ALL
         });
-        let shapes = self.tables.view_shapes(scene, &plan.plan, self.background_kept);
+        let mut shapes = plan.view_shapes();
+        if self.background_kept {
+            shapes.iter_mut().for_each(|shape| shape[SHAPE_FLAGS] |= c::SHAPE_BACKGROUND_KEPT);
+        }
         let cameras = cameras.iter().map(|camera| camera_texels(camera, settings)).collect();
         changes.note("view_shapes", renew(&mut self.shapes, shapes));
         changes.note("view_cameras", renew(&mut self.cameras, cameras));

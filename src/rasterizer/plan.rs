@@ -228,7 +228,7 @@ impl FramePlan {
     }
 
     /// What the buffer `view_shapes` holds: each view's mesh, and its share of the frame's buffers
-    /// (`glsl/common/mesh.glsl`). For hosts whose scene is on the device alone; [`Inputs`](super::Inputs) has it too.
+    /// (`glsl/common/mesh.glsl`).
     pub fn view_shapes(&self) -> Vec<[u32; 4 * crate::constants::SHAPE_TEXELS as usize]> {
         let meshes = self.shape.mesh_entries(self.buffer("adjacency").is_some());
         let entry = |(view, range): (usize, &crate::plan::ViewRange)| {
