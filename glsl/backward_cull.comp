@@ -28,6 +28,9 @@ layout(set = 0, binding = 9, std430) writeonly buffer Partials { vec4 partials[]
 #include "common/item.glsl"
 #include "common/hidden.glsl"
 
+// Of the workgroups that walk small items.
+layout(constant_id = 24) const uint LANES = 8u;
+
 // The least log sum and the largest transmittance of the tiles that the pixels lie in.
 vec2 bounds_of(Item item) {
     ivec2 tile = ivec2(TILE_WIDTH, TILE_HEIGHT);
@@ -52,10 +55,17 @@ vec2 bounds_of(Item item) {
     return bounds;
 }
 
-// Each row of FORWARD_ROW items has a list of its own, so that its length is a number of workgroups along one axis.
-uint place_on_list(uint index, uint list) {
+// Each row of FORWARD_ROW items has lists of its own, so that their lengths are numbers of workgroups along one axis. Small
+// items come from the row's end on, a workgroup for every LANES of them.
+uint place_on_list(uint index, uint list, bool small) {
     uint row = index / FORWARD_ROW;
-    return row * FORWARD_ROW + atomicAdd(item_counts[row * ITEM_COUNT_WORDS + list], 1u);
+    uint counts = row * ITEM_COUNT_WORDS + list;
+    uint place = atomicAdd(item_counts[counts + (small ? ITEMS_SMALL_NUMBER : 0u)], 1u);
+    if (small && place % LANES == 0u) {
+        atomicAdd(item_counts[counts + ITEMS_SMALL], 1u);
+    }
+    uint end = min((row + 1u) * FORWARD_ROW, frame.slot_count + frame.cell_capacity);
+    return small ? end - 1u - place : row * FORWARD_ROW + place;
 }
 
 void main() {
@@ -80,10 +90,11 @@ void main() {
         shows = UP_SHADED && !is_hidden(largest_weight(slot), bounds.x);
         outlines = UP_ALPHA && bounds.y > exp2(NEXT_TO_NOTHING);
     }
+    bool small = uint(item.size.x * item.size.y) <= SMALL_PIXELS;
     if (shows) {
-        shown_items[place_on_list(index, ITEMS_SHOWN)] = packed(item);
+        shown_items[place_on_list(index, ITEMS_SHOWN, small)] = packed(item);
     } else if (outlines) {
-        outline_items[place_on_list(index, ITEMS_OUTLINE)] = packed(item);
+        outline_items[place_on_list(index, ITEMS_OUTLINE, small)] = packed(item);
     } else {
         for (int i = 0; i < PARTIAL_STRIDE; ++i) {
             partials[int(index) * PARTIAL_STRIDE + i] = vec4(0.0);

@@ -217,7 +217,7 @@ pub fn record_forward(
 }
 
 /// Stages of a backward pass.
-pub const BACKWARD_COUNT: usize = 10;
+pub const BACKWARD_COUNT: usize = 12;
 
 /// The backward stages, in the order in which they run; `reduce` once for views, lights and pixels each.
 pub struct BackwardStages {
@@ -235,6 +235,8 @@ pub fn backward_kernels(device: &Device, lanes: u32) -> [&'static Kernel; BACKWA
         &kernels::PIXEL_GRAD,
         &kernels::BACKWARD_CULL,
         backward,
+        backward,
+        outline,
         outline,
         &kernels::TRIANGLE_GRAD,
         &kernels::VERTEX_NORMAL_GRAD,
@@ -250,7 +252,9 @@ pub const BACKWARD_STAGES: [&str; BACKWARD_COUNT] = [
     "pixel_grad",
     "backward_cull",
     "backward",
+    "backward_small",
     "backward_outline",
+    "backward_outline_small",
     "triangle_grad",
     "vertex_normal_grad",
     "vertex_grad",
@@ -274,7 +278,7 @@ pub fn reduction_of(stage: usize) -> u32 {
 /// The buffer that a stage binds by a name: what several stages do to one buffer each has one name in their kernel.
 fn buffer_of_stage(stage: usize, name: &str) -> &str {
     match (name, BACKWARD_STAGES[stage]) {
-        ("items", "backward") => "shown_items",
+        ("items", "backward" | "backward_small") => "shown_items",
         ("items", _) => "outline_items",
         ("rows", "reduce_lights") => "light_records",
         ("rows", "reduce_pixels") => "pixel_sums",
@@ -320,7 +324,9 @@ fn groups_of(plan: &BackwardPlan, stage: &str) -> [u32; 3] {
 fn list_of(stage: &str) -> Option<u32> {
     match stage {
         "backward" => Some(c::ITEMS_SHOWN),
+        "backward_small" => Some(c::ITEMS_SHOWN + c::ITEMS_SMALL),
         "backward_outline" => Some(c::ITEMS_OUTLINE),
+        "backward_outline_small" => Some(c::ITEMS_OUTLINE + c::ITEMS_SMALL),
         _ => None,
     }
 }

@@ -1,8 +1,8 @@
 // Backward: every triangle gathers, over the pixels of its box, the derivative of the loss by its corners (pixels and
 // depth), corner colours, texture coordinates and normals, and by sigma and gamma. No atomics, so the same bits always.
 // One workgroup an item of backward_cull's list (item.glsl), its lanes taking the pixels in turn. The lanes' sums are added
-// in a fixed order.
-// Reads the records and `pixel_gradients`; writes `partials`. See triangle_grad.comp for what follows.
+// in a fixed order. Of small items, which are less work than reading their record and adding up the lanes, one each lane.
+// Reads the items, the records and `pixel_gradients`; writes `partials`. See triangle_grad.comp for what follows.
 
 layout(local_size_x_id = 0) in;
 
@@ -14,6 +14,7 @@ layout(set = 0, binding = 4) uniform samplerBuffer texels;
 layout(set = 0, binding = 5) uniform samplerBuffer pixel_gradients;
 layout(set = 0, binding = 6, std430) writeonly buffer Partials { vec4 partials[]; };
 layout(set = 0, binding = 7, std430) buffer TexelSums { uint texel_sums[]; };
+layout(set = 0, binding = 8) uniform usamplerBuffer item_counts;
 
 #include "common/constants.glsl"
 #include "common/modes.glsl"
@@ -38,7 +39,9 @@ const bool SHOWS = UP_SHADED;
 // operations run side by side.
 const int PAIRS = 2;
 
-const int STEP = PAIRS * int(gl_WorkGroupSize.x);
+// Lanes that walk an item.
+const int WALKERS = SMALL ? 1 : int(gl_WorkGroupSize.x);
+const int STEP = PAIRS * WALKERS;
 
 // The pixels of an item, row by row.
 struct Walk {
@@ -79,7 +82,7 @@ void add_pairs(int slot, Walk walk, int index, Triangle t, Ends ends, Corner c, 
                float inverse_score, inout Sums s) {
     Pair pairs[PAIRS];
     for (int i = 0; i < PAIRS; ++i) {
-        pairs[i] = pair_at(walk, index + i * int(gl_WorkGroupSize.x), t.origin);
+        pairs[i] = pair_at(walk, index + i * WALKERS, t.origin);
     }
     const float LN2 = 0.69314718056;
     vec4 entry[PAIRS];
@@ -242,7 +245,7 @@ void add_turn(Triangle t, Ends ends, inout Sums s) {
 }
 
 void put(bool writes, int at, vec4 value) {
-    vec4 sum = sum_of_lanes(value);
+    vec4 sum = SMALL ? value : sum_of_lanes(value);
     if (writes) {
         partials[at] = sum;
     }
@@ -271,19 +274,44 @@ void write_sums(Sums s, Corner c, bool writes, int item) {
     }
 }
 
+// The row's items lie at its front, small ones at its end, last first. Behind the last that a lane may have it stands again.
+int place_of_item(out bool exists) {
+    int first = int(frame.first);
+    exists = true;
+    if (!SMALL) {
+        return first + int(gl_WorkGroupID.x);
+    }
+    int row = first / int(FORWARD_ROW);
+    int list = int(SHOWS ? ITEMS_SHOWN : ITEMS_OUTLINE) + int(ITEMS_SMALL_NUMBER);
+    int number = int(texelFetch(item_counts, row * int(ITEM_COUNT_WORDS) + list).x);
+    int end = min(first + int(FORWARD_ROW), int(frame.slot_count + frame.cell_capacity));
+    int mine = int(gl_GlobalInvocationID.x);
+    exists = mine < number;
+    return end - 1 - min(mine, number - 1);
+}
+
 void main() {
-    int lane = int(gl_LocalInvocationID.x);
-    Item item = unpacked(texelFetch(items, int(frame.first + gl_WorkGroupID.x)));
+    int lane = SMALL ? 0 : int(gl_LocalInvocationID.x);
+    bool exists;
+    Item item = unpacked(texelFetch(items, place_of_item(exists)));
     int slot = item.slot;
     Walk walk = Walk(item.first, item.size.x * item.size.y, item.size.x, 1.0 / float(item.size.x),
                      item.view * int(frame.height), int(frame.width));
-    Fetched own = fetch_record(slot);
-    Triangle t = shared_triangle_of(own);
-    Ends ends = ends_of(t);
+    Triangle t;
     Corner c;
-    if (WANT_SHADING) {
-        c = shared_corner_of(own);
+    if (SMALL) {
+        t = triangle_of(slot);
+        if (WANT_SHADING) {
+            c = corner_of(slot);
+        }
+    } else {
+        Fetched own = fetch_record(slot);
+        t = shared_triangle_of(own);
+        if (WANT_SHADING) {
+            c = shared_corner_of(own);
+        }
     }
+    Ends ends = ends_of(t);
     float radius_squared = frame.radius_squared;
     float scale = frame.scale;
     float inverse_score = 1.0 / frame.score_high;
@@ -291,12 +319,14 @@ void main() {
     // No item is empty, and a software device runs the body of a loop that asks first once more than it must. All lanes
     // take as many turns as the first: Mesa 22.3 lets a lane that has left such a loop go on in the body's branches.
     int turns = (walk.count + STEP - 1) / STEP;
-    int index = lane;
+    turns = SMALL ? most_of_lanes(turns) : turns;
+    // A lane without an item takes none of the pixels.
+    int index = exists ? lane : walk.count;
     do {
         add_pairs(slot, walk, index, t, ends, c, radius_squared, scale, inverse_score, s);
         index += STEP;
         --turns;
     } while (turns > 0);
     add_turn(t, ends, s);
-    write_sums(s, c, lane == 0, item.index);
+    write_sums(s, c, exists && lane == 0, item.index);
 }

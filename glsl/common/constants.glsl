@@ -157,8 +157,14 @@ const uint REDUCTION_PIXELS = 2u;
 const uint ITEMS_SHOWN = 0u;
 // First of those of items that show in the silhouette alone.
 const uint ITEMS_OUTLINE = 3u;
+// From a list's words to those of its small items.
+const uint ITEMS_SMALL = 6u;
+// From a list's words to the number of its small items.
+const uint ITEMS_SMALL_NUMBER = 12u;
 // Words of `item_counts` for each row of FORWARD_ROW items.
-const uint ITEM_COUNT_WORDS = 6u;
+const uint ITEM_COUNT_WORDS = 18u;
+// Pixels up to which an item is small: one lane walks it by itself.
+const uint SMALL_PIXELS = 64u;
 
 // Pixels of a cell: a larger box is walked in several cells, by several invocations.
 const uint CELL_WIDTH = 64u;

@@ -6,6 +6,8 @@ layout(constant_id = 20) const uint UPSTREAM = 3;
 layout(constant_id = 21) const uint GRADIENTS = 3;
 // Barycentrics held constant, as in eq. 4 alone.
 layout(constant_id = 22) const bool PAPER = false;
+// Small items, one for each lane.
+layout(constant_id = 23) const bool SMALL = false;
 
 const bool UP_COLOR = (UPSTREAM & OUTPUT_COLOR) != 0u;
 const bool UP_SILHOUETTE = (UPSTREAM & OUTPUT_SILHOUETTE) != 0u;

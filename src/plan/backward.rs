@@ -166,7 +166,7 @@ impl BackwardPlan {
         let mode = |name: &str| self.modes.iter().find(|(n, _)| *n == name).map_or(0, |(_, value)| *value);
         let shaded = mode("UPSTREAM") & !c::OUTPUT_SILHOUETTE != 0;
         let outlines = mode("UPSTREAM") & c::OUTPUT_SILHOUETTE != 0 || (shaded && mode("COMPOSITE") != 0);
-        if stage == "backward_outline" { outlines } else { shaded }
+        if stage.starts_with("backward_outline") { outlines } else { shaded }
     }
 
     /// Texels of one triangle in `corner_gradients`.

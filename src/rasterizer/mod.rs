@@ -224,8 +224,9 @@ impl Rasterizer {
     fn backward_pipelines(&self, plan: &GradientPlan) -> Result<[Pipeline; BACKWARD_COUNT]> {
         let lanes = self.lanes;
         let modes: [_; BACKWARD_COUNT] = std::array::from_fn(|stage| {
-            let reduction = ("REDUCTION", passes::reduction_of(stage));
-            plan.plan.modes.iter().copied().chain([reduction]).collect::<Vec<_>>()
+            let small = ("SMALL", u32::from(passes::BACKWARD_STAGES[stage].ends_with("_small")));
+            let own = [("REDUCTION", passes::reduction_of(stage)), small, ("LANES", lanes)];
+            plan.plan.modes.iter().copied().chain(own).collect::<Vec<_>>()
         });
         let kernels = passes::backward_kernels(&self.device, lanes);
         self.pipelines(std::array::from_fn(|i| Request { kernel: kernels[i], modes: &modes[i], lanes }))
