@@ -80,10 +80,11 @@ Mask tile_mask(int slot, ivec2 bin) {
         inverse[k] = -1.0 / (nx * float(TILE_WIDTH));
     }
     uvec2 mask = uvec2(0u);
-    for (int row = first.y; row <= last.y; ++row) {
+    for (int row = 0; row < int(BIN_TILES); ++row) {
         float y = centre.y + float(row * int(TILE_HEIGHT));
-        uint bits = row_mask(at_first, per_row, inverse, y, first.x, last.x) << uint(8 * (row % 4));
-        mask |= uvec2(row < 4 ? bits : 0u, row < 4 ? 0u : bits);
+        uint bits = row_mask(at_first, per_row, inverse, y, first.x, last.x);
+        bits = row < first.y || row > last.y ? 0u : bits;
+        mask[row / 4] |= bits << uint(8 * (row % 4));
     }
     // The edges' inner normals turn as the corners do.
     bool counterclockwise = normal[0].x * normal[1].y - normal[0].y * normal[1].x < 0.0;

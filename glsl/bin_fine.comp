@@ -49,8 +49,10 @@ uvec2 count_entries(int words, int blocks) {
     return count;
 }
 
-// One tile's list, from `next` on and, of what faces away, from `next_away`.
-void write_list(uint next, uint next_away, int first, int words, int blocks) {
+// One tile's list, from `next` on and, of what faces away, from `next_away`. Returns whether it is whole: Mesa 22.3 ends
+// loops after 65535 passes in all.
+bool write_list(uint next, uint next_away, uint end, int first, int words, int blocks) {
+    uint facing_end = next_away;
     uint lane = gl_LocalInvocationID.x;
     for (int i = 0; i < blocks; ++i) {
         int at = words + i * int(BLOCK_WORDS);
@@ -65,6 +67,7 @@ void write_list(uint next, uint next_away, int first, int words, int blocks) {
             next_away += is_away;
         }
     }
+    return next == facing_end && next_away == end;
 }
 
 void main() {
@@ -102,5 +105,8 @@ void main() {
             atomicMax(status[STATUS_LONGEST_LIST], count);
         }
     }
-    write_list(next, next + found.x, first, words, count == 0u ? 0 : blocks);
+    bool whole = write_list(next, next + found.x, next + count, first, words, count == 0u ? 0 : blocks);
+    if (count > 0u && !whole) {
+        atomicMax(status[STATUS_LONGEST_LIST], range.y);
+    }
 }

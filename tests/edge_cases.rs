@@ -16,7 +16,7 @@ use glam::DVec3;
 use softras::{
     Camera, Frame, Lights, Mesh, Projection, Renderer, Scene, Settings,
     reference::{ReferenceFrame, render_culled},
-    scene::{Appearance, Background, ColorAggregation, Distance, Outputs, SilhouetteAggregation},
+    scene::{Appearance, Background, ColorAggregation, Distance, Outputs},
     shapes,
 };
 
@@ -205,44 +205,6 @@ fn an_empty_mesh_has_company() {
     let image = frame.silhouette().unwrap();
     let sums = [0, 1, 2].map(|view| image.view(view).iter().sum::<f32>());
     assert!(sums[0] == 0.0 && sums[1] > 50.0 && sums[2] == 0.0, "{sums:?}");
-}
-
-/// Triangles about the centre of pixel (7, 8) of a 16×16 image, which some half of them cover.
-fn crowd(count: usize) -> (Scene, Settings) {
-    let random = &mut Random::new(3);
-    let corners: Vec<_> = (0..count)
-        .map(|i| {
-            let (x, y) = (0.0525 + random.range(-0.02, 0.02) as f32, 0.0525 + random.range(-0.02, 0.02) as f32);
-            let z = 2.0 + 10.0 * i as f32 / count as f32;
-            [[x, y, z], [x + 0.03, y, z], [x, y + 0.03, z]]
-        })
-        .collect();
-    let settings = Settings { silhouette: SilhouetteAggregation::Sum, sigma: 1e-5, ..small(16, 16) };
-    (Scene::new(triangles(&corners)), settings)
-}
-
-#[test]
-fn a_tile_holds_fifty_thousand_triangles() {
-    let (scene, settings) = crowd(50_000);
-    let (frame, judge) = against_judge_within(&mut renderer(), &scene, Camera::screen(), &settings, &tolerance::CROWD);
-    let total: f64 = judge.silhouette.iter().sum::<f64>() * 50_000.0;
-    assert!(total > 15_000.0, "the triangles are seen {total} times");
-    let sum: f64 = frame.silhouette().unwrap().data.iter().map(|&x| f64::from(x)).sum::<f64>() * 50_000.0;
-    assert!((sum / total - 1.0).abs() < 1e-4, "{sum} of {total}");
-}
-
-/// Loops on lavapipe 22.3.6 silently end after 65535 passes: an error there, never a hole.
-#[test]
-fn a_crowd_that_a_software_device_cannot_walk_is_an_error() {
-    let (scene, settings) = crowd(70_000);
-    let mut renderer = renderer();
-    let result = renderer.render(&scene, &[Camera::screen()], &settings);
-    if renderer.device_info().kind == softras::vulkan::DeviceKind::Software {
-        let error = result.unwrap_err().to_string();
-        assert!(error.contains("one tile") && error.contains("60000"), "{error}");
-    } else {
-        result.unwrap();
-    }
 }
 
 #[test]

@@ -113,7 +113,8 @@ const uint STATUS_COARSE_NEEDED = 0u;
 const uint STATUS_LIST_NEEDED = 1u;
 // Word of `status`: not 0 when a value that is not finite was met.
 const uint STATUS_NOT_FINITE = 2u;
-// Word of `status`: the longest tile list, where one is longer than LONG_LIST.
+// Word of `status`: the longest tile list, where one is longer than LONG_LIST; and of a bin whose lists a software device
+// could not write, all its entries.
 const uint STATUS_LONGEST_LIST = 3u;
 // Entries of a tile's list from which its length is reported.
 const uint LONG_LIST = 16384u;

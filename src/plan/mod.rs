@@ -117,8 +117,9 @@ impl Plan {
         frame.view_count = input.views.len() as u32;
         frame.mesh_count = input.meshes;
         frame.light_count = input.lights.directional.len() as u32;
-        let modes = modes_of(input);
         let (views, totals) = ranges_of(input, &frame)?;
+        let mut modes = modes_of(input);
+        modes.push(("COARSE_LANES", coarse_lanes(&views)));
         frame.slot_count = totals.slots as u32;
         let sizes = sizes::sizes_of(input, &frame, &totals);
         let most = |f: fn(&ViewSize) -> u32| input.views.iter().map(f).max().unwrap_or(0);
@@ -143,6 +144,18 @@ impl Plan {
     pub fn shaded(&self) -> bool {
         self.mode("OUTPUTS") & !c::OUTPUT_SILHOUETTE != 0 || self.mode("DEPTH_RANGE") != c::DEPTH_RANGE_INSIDE
     }
+}
+
+/// Slots for each of bin_coarse's lanes. It takes some two passes of a loop for each of a bin's entries, and a software
+/// driver that ends loops after 65535 passes would lose the rest of a bin that has many.
+const SLOTS_A_LANE: u32 = 1 << 14;
+/// What every device can do.
+const MOST_LANES: u32 = 128;
+
+/// Lanes of bin_coarse, at least.
+fn coarse_lanes(views: &[ViewRange]) -> u32 {
+    let most = views.iter().map(|v| v.slots).max().unwrap_or(0);
+    most.div_ceil(SLOTS_A_LANE).next_power_of_two().min(MOST_LANES)
 }
 
 /// Counts over all views of a frame.

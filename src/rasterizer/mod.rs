@@ -34,7 +34,7 @@ use crate::error::{Error, Result};
 use crate::passes::{self, BACKWARD_COUNT};
 use crate::pipelines::{Pipelines, Request};
 use crate::scene::Settings;
-use crate::vulkan::{Device, DeviceKind, Pipeline, PipelineCache, Recorder, TimestampPool};
+use crate::vulkan::{Device, DeviceKind, Kernel, Pipeline, PipelineCache, Recorder, TimestampPool};
 use std::sync::{Mutex, PoisonError};
 
 /// softras on a device: its kernels, and how to record them. Owns no memory, no queue and no command buffer.
@@ -217,8 +217,10 @@ impl Rasterizer {
 
     fn forward_pipelines(&self, plan: &FramePlan) -> Result<[Pipeline; passes::FORWARD_COUNT]> {
         let (lanes, modes) = (self.lanes, &plan.plan.modes);
+        let coarse_lanes = lanes.max(plan.plan.mode("COARSE_LANES"));
         let kernels = passes::forward_kernels(&self.device, lanes);
-        self.pipelines(kernels.map(|kernel| Request { kernel, modes, lanes }))
+        let lanes_of = |kernel: &Kernel| if kernel.name == "bin_coarse" { coarse_lanes } else { lanes };
+        self.pipelines(kernels.map(|kernel| Request { kernel, modes, lanes: lanes_of(kernel) }))
     }
 
     fn backward_pipelines(&self, plan: &GradientPlan) -> Result<[Pipeline; BACKWARD_COUNT]> {

@@ -5,11 +5,11 @@ use crate::buffers::{self, BACKWARD, FORWARD, Role, Slot, UNUSED, UNUSED_SIZE};
 use crate::error::{Error, Result};
 use crate::gradients::Wanted;
 use crate::plan::{BackwardInput, BackwardPlan, Capacity, Plan, PlanInput};
-use crate::scene::{Lights, Outputs, Settings};
+use crate::scene::{Lights, Outputs, Settings, Shading};
 use crate::vulkan::{BufferDesc, BufferRef, DeviceKind, Limits, Location, TexelFormat, vk};
 
-/// The longest list of triangles that a software device walks: Mesa before 23 ends an invocation's loops after 65535 passes
-/// in all, without an error, and a hole in the image is worse than one.
+/// The longest list that a software device walks: Mesa before 23 ends an invocation's loops after 65535 passes in all,
+/// without an error, and a hole in the image is worse than one.
 const SOFTWARE_LONGEST_LIST: u32 = 60_000;
 
 /// A buffer that a frame needs.
@@ -100,6 +100,23 @@ fn requirements<const N: usize>(
     Ok((needed, sizes))
 }
 
+/// Whether a kernel can sum over each vertex's corners, in so many views one after the other.
+fn judge_corners(shape: &Shape, views: u32, longest_list: u32) -> Result<()> {
+    let most = shape.meshes.iter().map(|m| m.most_corners).max().unwrap_or(0);
+    let needed = (u64::from(most) + 1) * u64::from(views);
+    if needed <= longest_list.into() {
+        return Ok(());
+    }
+    Err(Error::Limit {
+        what: format!("one vertex of {most} triangle corners, in {views} views,"),
+        needed,
+        unit: "terms of a sum",
+        limit_name: "passes of a loop on a software driver",
+        limit: longest_list.into(),
+        mend: "split the vertex, or render fewer views at once".into(),
+    })
+}
+
 /// The farthest that a support may reach, in units of σ: the kernels hold D as a single-precision number, and exp(-70) is as
 /// small as it may be with digits to spare for what it is multiplied with.
 const FARTHEST: f64 = 70.0;
@@ -163,6 +180,9 @@ impl FramePlan {
             _ => buffers::planned_size(&plan.sizes, slot.name),
         })?;
         let longest_list = if kind == DeviceKind::Software { SOFTWARE_LONGEST_LIST } else { u32::MAX };
+        if shape.lights.shading == Shading::Smooth {
+            judge_corners(shape, 1, longest_list)?;
+        }
         Ok(Self { plan, shape: shape.clone(), buffers, sizes, longest_list, capacity, limits: *limits })
     }
 
@@ -292,6 +312,10 @@ impl GradientPlan {
             return fail("an upstream gradient is of an image that the frame does not have", "ask for it in outputs");
         }
         let shape = &frame.shape;
+        if differentiate.wanted.positions || differentiate.wanted.colors {
+            let views = if shape.meshes.len() == 1 { shape.views } else { 1 };
+            judge_corners(shape, views, frame.longest_list)?;
+        }
         let plan = BackwardPlan::new(&BackwardInput {
             forward: &frame.plan,
             upstream: up,

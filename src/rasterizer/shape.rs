@@ -40,6 +40,9 @@ pub struct MeshShape {
     pub vertices: u32,
     /// Its triangles.
     pub triangles: u32,
+    /// The most of its triangles' corners that share a vertex. Sums over them are what a software device may refuse
+    /// ([`crate::Error::Limit`]); too small a number, and there it may lose some.
+    pub most_corners: u32,
     /// What colours it.
     pub appearance: AppearanceShape,
 }
@@ -80,7 +83,8 @@ impl MeshShape {
                 of_triangle: !texture_of_triangle.is_empty(),
             },
         };
-        Self { vertices: mesh.positions().len() as u32, triangles: mesh.triangles().len() as u32, appearance }
+        let (vertices, triangles) = (mesh.positions().len() as u32, mesh.triangles().len() as u32);
+        Self { vertices, triangles, most_corners: mesh.most_corners(), appearance }
     }
 
     fn is_plain(&self) -> bool {

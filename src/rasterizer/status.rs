@@ -50,7 +50,7 @@ impl Status {
         }
         if self.longest_list > plan.longest_list {
             return Err(Error::Limit {
-                what: "one tile of 8×4 pixels".into(),
+                what: "one tile of 8×4 pixels, or bin of 64×32,".into(),
                 needed: self.longest_list.into(),
                 unit: "triangles near it",
                 limit_name: "passes of a loop on a software driver",

@@ -40,6 +40,8 @@ pub struct Mesh {
     appearance: Appearance,
     /// Every vertex is some triangle's.
     all_used: bool,
+    /// The most corners that share a vertex.
+    most_corners: u32,
 }
 
 fn mesh_error<T>(what: String, place: String, mend: &str) -> Result<T> {
@@ -127,10 +129,11 @@ impl Mesh {
     pub fn new(positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>) -> Result<Self> {
         judge_positions(&positions)?;
         judge_indices(&triangles, positions.len(), "vertex")?;
-        let mut used = vec![false; positions.len()];
-        triangles.iter().flatten().for_each(|&vertex| used[vertex as usize] = true);
-        let all_used = used.into_iter().all(|used| used);
-        Ok(Self { positions, triangles, appearance: Appearance::Uniform([1.0; 3]), all_used })
+        let mut corners = vec![0u32; positions.len()];
+        triangles.iter().flatten().for_each(|&vertex| corners[vertex as usize] += 1);
+        let all_used = corners.iter().all(|&n| n > 0);
+        let most_corners = corners.into_iter().max().unwrap_or(0);
+        Ok(Self { positions, triangles, appearance: Appearance::Uniform([1.0; 3]), all_used, most_corners })
     }
 
     /// The same mesh with another appearance.
@@ -202,6 +205,11 @@ impl Mesh {
     /// Vertex positions, `[x, y, z]` in world units.
     pub fn positions(&self) -> &[[f32; 3]] {
         &self.positions
+    }
+
+    /// The most triangle corners that share a vertex.
+    pub(crate) fn most_corners(&self) -> u32 {
+        self.most_corners
     }
 
     /// Vertex indices of each triangle.
