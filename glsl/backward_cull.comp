@@ -90,7 +90,7 @@ void main() {
         shows = UP_SHADED && !is_hidden(largest_weight(slot), bounds.x);
         outlines = UP_ALPHA && bounds.y > exp2(NEXT_TO_NOTHING);
     }
-    bool small = uint(item.size.x * item.size.y) <= SMALL_PIXELS;
+    bool small = uint(item.size.x * item.size.y) * LANES <= SMALL_WORK;
     if (shows) {
         shown_items[place_on_list(index, ITEMS_SHOWN, small)] = packed(item);
     } else if (outlines) {

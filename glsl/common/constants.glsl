@@ -164,8 +164,9 @@ const uint ITEMS_SMALL = 6u;
 const uint ITEMS_SMALL_NUMBER = 12u;
 // Words of `item_counts` for each row of FORWARD_ROW items.
 const uint ITEM_COUNT_WORDS = 18u;
-// Pixels up to which an item is small: one lane walks it by itself.
-const uint SMALL_PIXELS = 64u;
+// Pixels of a small item, which one lane walks by itself, times the lanes of a workgroup: 256 pixels where eight lanes are
+// all there are, 64 where other lanes would stand idle meanwhile.
+const uint SMALL_WORK = 2048u;
 
 // Pixels of a cell: a larger box is walked in several cells, by several invocations.
 const uint CELL_WIDTH = 64u;
