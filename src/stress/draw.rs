@@ -107,9 +107,19 @@ struct View {
     promise: Promise,
 }
 
+/// Which combination of modes the cases of a seed have, 0 to [`FORMS`] - 1: seeds of one form after another need few kernels
+/// at a time.
+pub fn form(seed: u64, kind: Kind) -> usize {
+    form_of(&mut Random::new(seed), kind)
+}
+
+fn form_of(random: &mut Random, kind: Kind) -> usize {
+    random.below(kind.forms.clamp(1, FORMS))
+}
+
 fn draw(seed: u64, kind: Kind) -> Draw {
     let mut random = Random::new(seed);
-    let form = &TABLE[random.below(kind.forms.clamp(1, FORMS))];
+    let form = &TABLE[form_of(&mut random, kind)];
     let make = if random.chance(0.5) { Draw::tame } else { Draw::wild };
     make(random, form, kind.realistic)
 }
