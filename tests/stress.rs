@@ -3,8 +3,10 @@
 #![cfg(feature = "reference")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-use softras::RendererOptions;
-use softras::stress::{Kind, Promise, Stress, batch, case};
+use glam::DMat4;
+use softras::scene::{Distance, SilhouetteAggregation};
+use softras::stress::{Case, Kind, Promise, Stress, batch, case};
+use softras::{Camera, GradientMode, Mesh, Projection, RendererOptions, Scene, Settings};
 
 /// The combinations of modes that time allows to compile here; all of them run in `softras stress`.
 const COMPILED: Kind = Kind { forms: 3, realistic: false };
@@ -74,6 +76,52 @@ fn what_was_promised_too_much_is_not() {
     let mut stress = stress();
     for seed in [893, 1799, 104124] {
         assert_eq!(stress.seed(seed, Kind::default()).unwrap().findings, [], "seed {seed}");
+    }
+}
+
+/// Composited colours of a triangle that no pixel has more than 1e-7 of: A = 1 - Π(1 - D) has no more digits there, and 1 % of
+/// such a gradient was promised too much.
+#[test]
+fn a_composited_gradient_of_next_to_nothing_has_the_digits_of_its_silhouette() {
+    let outcomes = stress().batch(1_357_376, Kind::default(), 64).unwrap();
+    assert!(outcomes.iter().all(|outcome| outcome.findings.is_empty()), "{outcomes:?}");
+    assert!(outcomes.iter().any(|outcome| outcome.gradient_error.is_some()));
+}
+
+/// A triangle of which near cuts off one corner: what is left are two pieces, and a pixel in the one is near the other too.
+#[test]
+fn the_pieces_of_a_cut_triangle_add_up_to_no_more_than_it() {
+    let mut stress = stress();
+    let positions = vec![[-1.5, -1.0, 3.0], [1.5, -0.9, 2.0], [0.1, 0.8, 0.5]];
+    for distance in [Distance::Barycentric, Distance::Euclidean] {
+        let settings = Settings {
+            width: 24,
+            height: 24,
+            sigma: 1e-2,
+            gamma: 0.1,
+            near: 1.0,
+            far: 10.0,
+            silhouette: SilhouetteAggregation::Sum,
+            distance,
+            save: true,
+            ..Settings::default()
+        };
+        let lens = Projection::Perspective { fov_y: 1.5 };
+        let case = Case {
+            seed: 0,
+            promise: Promise::Gradients,
+            scene: Scene::new(Mesh::new(positions.clone(), vec![[0, 1, 2]]).unwrap()),
+            cameras: vec![Camera::from_matrix(DMat4::IDENTITY, lens).unwrap()],
+            settings,
+            gradient: GradientMode::Exact,
+        };
+        let outcome = stress.run(&case).unwrap();
+        assert_eq!(outcome.findings, [], "{distance:?}");
+        assert!(outcome.image_error.is_some() && outcome.gradient_error.is_some());
+        let frame = stress.renderer().render(&case.scene, &case.cameras, &case.settings).unwrap();
+        let silhouette = &frame.silhouette().unwrap().data;
+        let cut = silhouette.iter().filter(|&&x| x == 1.0).count();
+        assert!(cut > 0, "{distance:?}: no pixel lies on both");
     }
 }
 
