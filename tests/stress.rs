@@ -3,8 +3,8 @@
 #![cfg(feature = "reference")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-use glam::DMat4;
-use softras::scene::{Distance, SilhouetteAggregation};
+use glam::{DMat4, DVec3};
+use softras::scene::{Distance, Outputs, SilhouetteAggregation};
 use softras::stress::{Case, Kind, Promise, Stress, batch, case};
 use softras::{Camera, GradientMode, Mesh, Projection, RendererOptions, Scene, Settings};
 
@@ -88,11 +88,25 @@ fn a_composited_gradient_of_next_to_nothing_has_the_digits_of_its_silhouette() {
     assert!(outcomes.iter().any(|outcome| outcome.gradient_error.is_some()));
 }
 
+/// One triangle whose images and gradients are held to the judge's.
+fn judged(positions: [[f32; 3]; 3], camera: Camera, settings: Settings) -> Case {
+    let scene = Scene::new(Mesh::new(positions.to_vec(), vec![[0, 1, 2]]).unwrap());
+    let (promise, gradient) = (Promise::Gradients, GradientMode::Exact);
+    Case { seed: 0, promise, scene, cameras: vec![camera], settings, gradient }
+}
+
+#[track_caller]
+fn keeps_its_promise(stress: &mut Stress, case: &Case) {
+    let outcome = stress.run(case).unwrap();
+    assert_eq!(outcome.findings, [], "{:?}", case.settings);
+    assert!(outcome.image_error.is_some() && outcome.gradient_error.is_some());
+}
+
 /// A triangle of which near cuts off one corner: what is left are two pieces, and a pixel in the one is near the other too.
 #[test]
 fn the_pieces_of_a_cut_triangle_add_up_to_no_more_than_it() {
     let mut stress = stress();
-    let positions = vec![[-1.5, -1.0, 3.0], [1.5, -0.9, 2.0], [0.1, 0.8, 0.5]];
+    let camera = Camera::from_matrix(DMat4::IDENTITY, Projection::Perspective { fov_y: 1.5 }).unwrap();
     for distance in [Distance::Barycentric, Distance::Euclidean] {
         let settings = Settings {
             width: 24,
@@ -106,22 +120,37 @@ fn the_pieces_of_a_cut_triangle_add_up_to_no_more_than_it() {
             save: true,
             ..Settings::default()
         };
-        let lens = Projection::Perspective { fov_y: 1.5 };
-        let case = Case {
-            seed: 0,
-            promise: Promise::Gradients,
-            scene: Scene::new(Mesh::new(positions.clone(), vec![[0, 1, 2]]).unwrap()),
-            cameras: vec![Camera::from_matrix(DMat4::IDENTITY, lens).unwrap()],
-            settings,
-            gradient: GradientMode::Exact,
-        };
-        let outcome = stress.run(&case).unwrap();
-        assert_eq!(outcome.findings, [], "{distance:?}");
-        assert!(outcome.image_error.is_some() && outcome.gradient_error.is_some());
+        let case = judged([[-1.5, -1.0, 3.0], [1.5, -0.9, 2.0], [0.1, 0.8, 0.5]], camera.clone(), settings);
+        keeps_its_promise(&mut stress, &case);
         let frame = stress.renderer().render(&case.scene, &case.cameras, &case.settings).unwrap();
         let silhouette = &frame.silhouette().unwrap().data;
-        let cut = silhouette.iter().filter(|&&x| x == 1.0).count();
-        assert!(cut > 0, "{distance:?}: no pixel lies on both");
+        assert!(silhouette.iter().all(|&x| x <= 1.0) && silhouette.contains(&1.0), "{distance:?}: {silhouette:?}");
+    }
+}
+
+/// Far from the origin a depth has fewer digits in single precision than near has. Forward asks in two floats whether a corner
+/// is cut, and backward must find the same: it took pieces for what was whole, and gradients were 2 % off.
+#[test]
+fn a_corner_that_near_just_leaves_is_whole_in_backward_too() {
+    let mut stress = stress();
+    let lens = Projection::Perspective { fov_y: 0.9 };
+    let centre = DVec3::new(31.0, -17.0, 23.0);
+    let camera = Camera::look_at(centre + DVec3::new(1.1, 0.7, -2.3), centre, DVec3::Y, lens).unwrap();
+    let positions = [[31.31, -16.78, 22.17], [30.45, -17.35, 23.4], [31.6, -17.5, 23.3]];
+    let depth =
+        camera.view()[2].iter().zip(positions[0].map(f64::from).iter().chain([&1.0])).map(|(a, b)| a * b).sum::<f64>();
+    for share in [-5e-8, -2e-8, 1e-5] {
+        let settings = Settings {
+            width: 40,
+            height: 32,
+            sigma: 1e-2,
+            near: depth * (1.0 + share),
+            far: 10.0,
+            outputs: Outputs { color: false, silhouette: true, depth: false, normal: false },
+            save: true,
+            ..Settings::default()
+        };
+        keeps_its_promise(&mut stress, &judged(positions, camera.clone(), settings));
     }
 }
 
