@@ -106,19 +106,21 @@ void add_corner(View camera, inout Corners c, Partial p, int i, int k, int l, fl
     float from = c.beyond_near[k];
     float to = c.beyond_near[l];
     float t = k == l ? 0.0 : from / (from - to);
-    vec3 point = c.point[k] + t * (c.point[l] - c.point[k]);
+    // 1 - t, which of an edge far longer than what is left of it has no digits as a difference.
+    float rest = k == l ? 1.0 : -to / (from - to);
+    vec3 point = rest * c.point[k] + t * c.point[l];
     // On the plane exactly, however long the edge.
     point.z = k == l ? point.z : near;
     vec4 by_projection;
     vec3 by_point = project_gradient(camera, point, p.pixel[i], p.depth[i], by_projection);
     c.by_projection += by_projection;
-    c.by_point[k] += (1.0 - t) * by_point;
+    c.by_point[k] += rest * by_point;
     c.by_point[l] += t * by_point;
-    c.by_color[k] += (1.0 - t) * p.color[i];
+    c.by_color[k] += rest * p.color[i];
     c.by_color[l] += t * p.color[i];
-    c.by_coordinate[k] += (1.0 - t) * p.coordinate[i];
+    c.by_coordinate[k] += rest * p.coordinate[i];
     c.by_coordinate[l] += t * p.coordinate[i];
-    c.by_normal[k] += (1.0 - t) * p.normal[i];
+    c.by_normal[k] += rest * p.normal[i];
     c.by_normal[l] += t * p.normal[i];
     if (k != l) {
         float by_t = dot(by_point, c.point[l] - c.point[k])
@@ -126,7 +128,7 @@ void add_corner(View camera, inout Corners c, Partial p, int i, int k, int l, fl
                    + dot(p.coordinate[i], c.coordinate[l] - c.coordinate[k])
                    + dot(p.normal[i], c.normal[l] - c.normal[k]);
         // The quotients first: squares of depths may leave a float.
-        c.by_point[k].z -= by_t * (to / (from - to)) / (from - to);
+        c.by_point[k].z += by_t * rest / (from - to);
         c.by_point[l].z += by_t * t / (from - to);
     }
 }

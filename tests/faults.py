@@ -2,7 +2,8 @@
 
     python3 tests/faults.py                  # all, some minutes each
     python3 tests/faults.py --only sign clip # those whose name has one of the words
-    python3 tests/faults.py --target DIR     # with a target folder that has the dependencies compiled
+    python3 tests/faults.py --target DIR     # with a target folder that has the dependencies compiled and that nothing
+                                             # else builds into: cargo takes the copy for the tree itself
     python3 tests/faults.py --trust          # without running the tests on the whole tree first
 
 Prints a row for each; the exit code is 1 where a fault survives.
@@ -12,6 +13,7 @@ import argparse
 import os
 import pathlib
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -93,9 +95,15 @@ FAULTS = [
 
 def run(command, folder, target, limit):
     environment = dict(os.environ, CARGO_TARGET_DIR=str(target))
+    process = subprocess.Popen(command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                               text=True, start_new_session=True)
     try:
-        return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=limit)
+        out, errors = process.communicate(timeout=limit)
+        return subprocess.CompletedProcess(command, process.returncode, out, errors)
     except subprocess.TimeoutExpired:
+        # The test itself too, not cargo alone.
+        os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
         return None
 
 
