@@ -61,7 +61,7 @@ void main() {
     if (COMPOSITE && UP_SHADED) {
         float alpha = SILHOUETTE_MODE == SILHOUETTE_PRODUCT ? 1.0 - kept.w : kept.w;
         if (SILHOUETTE_MODE == SILHOUETTE_SUM) {
-            alpha /= float(max(shape_of(view).triangle_count, 1));
+            alpha = min(alpha / float(max(shape_of(view).triangle_count, 1)), 1.0);
         }
         // dI/dA = mixture - background = (I - background) / A; where A vanishes nothing is drawn.
         up_alpha += alpha > 0.0 ? value / alpha : 0.0;
@@ -70,12 +70,14 @@ void main() {
         mixing = alpha;
     }
     float unblended_mixing = COLOR_MODE == COLOR_SOFTMAX ? mixing : 1.0;
-    // ∂A/∂x_j = (1 - A) D_j for the product; D_j (1 - D_j) / n for the sum; 0 for the hard silhouette.
+    // ∂A/∂x_j = (1 - A) D_j for the product; D_j (1 - D_j) / n for the sum, 0 where that is cut off at 1; 0 for the hard
+    // silhouette.
     float alpha_factor = 0.0;
     if (SILHOUETTE_MODE == SILHOUETTE_PRODUCT) {
         alpha_factor = up_alpha * kept.w;
     } else if (SILHOUETTE_MODE == SILHOUETTE_SUM) {
-        alpha_factor = up_alpha / float(max(shape_of(view).triangle_count, 1));
+        float count = float(max(shape_of(view).triangle_count, 1));
+        alpha_factor = kept.w > count ? 0.0 : up_alpha / count;
     }
     int to = at * PIXEL_STRIDE;
     pixel_gradients[to] = vec4(up_color.rgb * mixing, alpha_factor);

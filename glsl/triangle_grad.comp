@@ -3,7 +3,7 @@
 // Triangle gradient: what backward summed for a triangle's pieces, by its three corners: through near clipping and the
 // projection to world space, through light to the corners' colours and the face's normal; and its share of what the view
 // as a whole is differentiated by.
-// One invocation a triangle, views along y. Reads `partials` and the mesh; writes `corner_gradients` (three world-space
+// One invocation a triangle, views along y. Reads `partials`, `vertices` and the mesh; writes `corner_gradients` (three world-space
 // positions, three colours, two texels of coordinates), `corner_lights` (light and normal of every corner, smooth),
 // `light_records` (light and normal of the face, flat) and `view_sums` (twist, projection, sigma, gamma).
 
@@ -21,10 +21,11 @@ layout(set = 0, binding = 8) uniform usamplerBuffer uv_indices;
 layout(set = 0, binding = 9) uniform isamplerBuffer boxes;
 layout(set = 0, binding = 10) uniform usamplerBuffer cell_ranges;
 layout(set = 0, binding = 11) uniform samplerBuffer partials;
-layout(set = 0, binding = 12, std430) writeonly buffer CornerGradients { vec4 corner_gradients[]; };
-layout(set = 0, binding = 13, std430) writeonly buffer CornerLights { vec4 corner_lights[]; };
-layout(set = 0, binding = 14, std430) writeonly buffer LightRecords { vec4 light_records[]; };
-layout(set = 0, binding = 15, std430) writeonly buffer ViewSums { vec4 view_sums[]; };
+layout(set = 0, binding = 12) uniform samplerBuffer vertices;
+layout(set = 0, binding = 13, std430) writeonly buffer CornerGradients { vec4 corner_gradients[]; };
+layout(set = 0, binding = 14, std430) writeonly buffer CornerLights { vec4 corner_lights[]; };
+layout(set = 0, binding = 15, std430) writeonly buffer LightRecords { vec4 light_records[]; };
+layout(set = 0, binding = 16, std430) writeonly buffer ViewSums { vec4 view_sums[]; };
 
 #include "common/constants.glsl"
 #include "common/modes.glsl"
@@ -32,6 +33,7 @@ layout(set = 0, binding = 15, std430) writeonly buffer ViewSums { vec4 view_sums
 #include "common/frame.glsl"
 #include "common/mesh.glsl"
 #include "common/position.glsl"
+#include "common/df64.glsl"
 #include "common/light.glsl"
 #include "common/partial.glsl"
 #include "common/project_gradient.glsl"
@@ -39,6 +41,8 @@ layout(set = 0, binding = 15, std430) writeonly buffer ViewSums { vec4 view_sums
 // What the corners of the uncut triangle are, and what L is by them.
 struct Corners {
     vec3 point[3];
+    // How far behind the near plane each is, as forward decided by.
+    vec3 beyond_near;
     mat3 base;
     mat3 light;
     mat3x2 coordinate;
@@ -57,6 +61,10 @@ Corners corners_of(Shape shape, View camera, int triangle, ivec3 v, vec3 face_no
     Corners c;
     for (int k = 0; k < 3; ++k) {
         c.point[k] = view_point(camera, position_of(shape, v[k]));
+        if (NEAR_CLIP) {
+            vec2 z = texelFetch(vertices, int(VERTEX_TEXELS) * (shape.screen_base + v[k]) + 1).xy;
+            c.beyond_near[k] = df_sub(z, vec2(frame.near_high, frame.near_low)).x;
+        }
         int at = shape.color_base + (shape.uniform_color ? 0 : 3 * v[k]);
         c.base[k] = vec3(texelFetch(colors, at).x, texelFetch(colors, at + 1).x, texelFetch(colors, at + 2).x);
         c.light[k] = LIT ? light_on(face_normal) : vec3(1.0);
@@ -95,22 +103,24 @@ void add_corner(View camera, inout Corners c, Partial p, int i, int k, int l, fl
     if (is_nothing(p, i)) {
         return;
     }
-    float from = c.point[k].z - near;
-    float to = c.point[l].z - near;
+    float from = c.beyond_near[k];
+    float to = c.beyond_near[l];
     float t = k == l ? 0.0 : from / (from - to);
-    vec3 point = c.point[k] + t * (c.point[l] - c.point[k]);
+    // 1 - t, which of an edge far longer than what is left of it has no digits as a difference.
+    float rest = k == l ? 1.0 : -to / (from - to);
+    vec3 point = rest * c.point[k] + t * c.point[l];
     // On the plane exactly, however long the edge.
     point.z = k == l ? point.z : near;
     vec4 by_projection;
     vec3 by_point = project_gradient(camera, point, p.pixel[i], p.depth[i], by_projection);
     c.by_projection += by_projection;
-    c.by_point[k] += (1.0 - t) * by_point;
+    c.by_point[k] += rest * by_point;
     c.by_point[l] += t * by_point;
-    c.by_color[k] += (1.0 - t) * p.color[i];
+    c.by_color[k] += rest * p.color[i];
     c.by_color[l] += t * p.color[i];
-    c.by_coordinate[k] += (1.0 - t) * p.coordinate[i];
+    c.by_coordinate[k] += rest * p.coordinate[i];
     c.by_coordinate[l] += t * p.coordinate[i];
-    c.by_normal[k] += (1.0 - t) * p.normal[i];
+    c.by_normal[k] += rest * p.normal[i];
     c.by_normal[l] += t * p.normal[i];
     if (k != l) {
         float by_t = dot(by_point, c.point[l] - c.point[k])
@@ -118,7 +128,7 @@ void add_corner(View camera, inout Corners c, Partial p, int i, int k, int l, fl
                    + dot(p.coordinate[i], c.coordinate[l] - c.coordinate[k])
                    + dot(p.normal[i], c.normal[l] - c.normal[k]);
         // The quotients first: squares of depths may leave a float.
-        c.by_point[k].z -= by_t * (to / (from - to)) / (from - to);
+        c.by_point[k].z += by_t * rest / (from - to);
         c.by_point[l].z += by_t * t / (from - to);
     }
 }
@@ -139,12 +149,12 @@ void add_pieces(View camera, Shape shape, int triangle, inout Corners c) {
     int count = 0;
     for (int k = 0; k < 3; ++k) {
         int l = k == 2 ? 0 : k + 1;
-        bool inside = c.point[k].z >= near;
+        bool inside = c.beyond_near[k] >= 0.0;
         if (inside) {
             corner[count] = ivec2(k, k);
             ++count;
         }
-        if (inside != (c.point[l].z >= near)) {
+        if (inside != (c.beyond_near[l] >= 0.0)) {
             corner[count] = ivec2(k, l);
             ++count;
         }

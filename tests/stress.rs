@@ -3,8 +3,10 @@
 #![cfg(feature = "reference")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-use softras::RendererOptions;
-use softras::stress::{Kind, Promise, Stress, batch, case};
+use glam::{DMat4, DVec3};
+use softras::scene::{Distance, Outputs, SilhouetteAggregation};
+use softras::stress::{Case, Kind, Promise, Stress, batch, case};
+use softras::{Camera, GradientMode, Mesh, Projection, RendererOptions, Scene, Settings};
 
 /// The combinations of modes that time allows to compile here; all of them run in `softras stress`.
 const COMPILED: Kind = Kind { forms: 3, realistic: false };
@@ -74,6 +76,96 @@ fn what_was_promised_too_much_is_not() {
     let mut stress = stress();
     for seed in [893, 1799, 104124] {
         assert_eq!(stress.seed(seed, Kind::default()).unwrap().findings, [], "seed {seed}");
+    }
+}
+
+/// Composited colours of a triangle that no pixel has more than 1e-7 of: A = 1 - Π(1 - D) has no more digits there, and 1 % of
+/// such a gradient was promised too much.
+#[test]
+fn a_composited_gradient_of_next_to_nothing_has_the_digits_of_its_silhouette() {
+    let outcomes = stress().batch(1_357_376, Kind::default(), 64).unwrap();
+    assert!(outcomes.iter().all(|outcome| outcome.findings.is_empty()), "{outcomes:?}");
+    assert!(outcomes.iter().any(|outcome| outcome.gradient_error.is_some()));
+}
+
+/// One triangle whose images and gradients are held to the judge's.
+fn judged(positions: [[f32; 3]; 3], camera: Camera, settings: Settings) -> Case {
+    let scene = Scene::new(Mesh::new(positions.to_vec(), vec![[0, 1, 2]]).unwrap());
+    let (promise, gradient) = (Promise::Gradients, GradientMode::Exact);
+    Case { seed: 0, promise, scene, cameras: vec![camera], settings, gradient }
+}
+
+#[track_caller]
+fn keeps_its_promise(stress: &mut Stress, case: &Case) {
+    let outcome = stress.run(case).unwrap();
+    assert_eq!(outcome.findings, [], "{:?}", case.settings);
+    assert!(outcome.image_error.is_some() && outcome.gradient_error.is_some());
+}
+
+/// A triangle of which near cuts off one corner: what is left are two pieces, and a pixel in the one is near the other too.
+#[test]
+fn the_pieces_of_a_cut_triangle_add_up_to_no_more_than_it() {
+    let mut stress = stress();
+    let camera = Camera::from_matrix(DMat4::IDENTITY, Projection::Perspective { fov_y: 1.5 }).unwrap();
+    for distance in [Distance::Barycentric, Distance::Euclidean] {
+        let settings = Settings {
+            width: 24,
+            height: 24,
+            sigma: 1e-2,
+            gamma: 0.1,
+            near: 1.0,
+            far: 10.0,
+            silhouette: SilhouetteAggregation::Sum,
+            distance,
+            save: true,
+            ..Settings::default()
+        };
+        let case = judged([[-1.5, -1.0, 3.0], [1.5, -0.9, 2.0], [0.1, 0.8, 0.5]], camera.clone(), settings);
+        keeps_its_promise(&mut stress, &case);
+        let frame = stress.renderer().render(&case.scene, &case.cameras, &case.settings).unwrap();
+        let silhouette = &frame.silhouette().unwrap().data;
+        assert!(silhouette.iter().all(|&x| x <= 1.0) && silhouette.contains(&1.0), "{distance:?}: {silhouette:?}");
+    }
+}
+
+/// Far from the origin a depth has fewer digits in single precision than near has. Forward asks in two floats whether a corner
+/// is cut, and backward must find the same: it took pieces for what was whole, and gradients were 2 % off.
+#[test]
+fn a_corner_that_near_just_leaves_is_whole_in_backward_too() {
+    let mut stress = stress();
+    let lens = Projection::Perspective { fov_y: 0.9 };
+    let centre = DVec3::new(31.0, -17.0, 23.0);
+    let camera = Camera::look_at(centre + DVec3::new(1.1, 0.7, -2.3), centre, DVec3::Y, lens).unwrap();
+    let positions = [[31.31, -16.78, 22.17], [30.45, -17.35, 23.4], [31.6, -17.5, 23.3]];
+    let depth =
+        camera.view()[2].iter().zip(positions[0].map(f64::from).iter().chain([&1.0])).map(|(a, b)| a * b).sum::<f64>();
+    for share in [-5e-8, -2e-8, 1e-5] {
+        let settings = Settings {
+            width: 40,
+            height: 32,
+            sigma: 1e-2,
+            near: depth * (1.0 + share),
+            far: 10.0,
+            outputs: Outputs { color: false, silhouette: true, depth: false, normal: false },
+            save: true,
+            ..Settings::default()
+        };
+        keeps_its_promise(&mut stress, &judged(positions, camera.clone(), settings));
+    }
+}
+
+/// An edge so long that a point of it is far off in single precision meets near where near is.
+#[test]
+fn a_long_edge_is_cut_at_near() {
+    let mut stress = stress();
+    let camera = Camera::from_matrix(DMat4::IDENTITY, Projection::Perspective { fov_y: 1.2 }).unwrap();
+    let outputs = Outputs { color: true, silhouette: true, depth: true, normal: false };
+    for behind in [-10.0, -1e8] {
+        let positions = [[0.3, -0.4, 2.0], [-0.4, 0.3, 1.5], [0.1, 0.6, behind]];
+        let (near, far, width, height) = (0.5, 10.0, 24, 20);
+        let settings =
+            Settings { width, height, sigma: 1e-2, gamma: 0.1, near, far, outputs, save: true, ..Settings::default() };
+        keeps_its_promise(&mut stress, &judged(positions, camera.clone(), settings));
     }
 }
 

@@ -116,6 +116,61 @@ fn a_thin_triangle_of_1e_minus_25_units_has_a_normal_or_none() {
     stays_finite(corners, camera, &settings, Lights::official());
 }
 
+/// Squares of such depths leave a float.
+#[test]
+fn an_edge_of_1e22_units_is_cut_at_near() {
+    let corners = [[0.3, -0.4, 2.0], [-0.4, 0.3, 1.5], [0.1, 0.6, -1e22]];
+    stays_finite(corners, forward(Projection::Perspective { fov_y: 1.2 }), &settings(0.5, 10.0), Lights::unlit());
+    let corners = [corners[2], corners[0], corners[1]];
+    stays_finite(corners, forward(Projection::Perspective { fov_y: 1.2 }), &settings(0.5, 10.0), Lights::unlit());
+}
+
+/// Beyond 1e12 of an image's half height a corner is held where it is: whatever it does sideways changes nothing.
+#[test]
+fn a_corner_that_is_held_at_the_farthest_pixel_pulls_on_nothing() {
+    let mut renderer = renderer();
+    let mesh = Mesh::new(vec![[1e10, 2e-6, 1e-5], [-0.2, -0.3, 1.0], [-0.3, 0.4, 1.2]], vec![[0, 1, 2]]).unwrap();
+    let colors = Appearance::VertexColors(vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+    let mesh = mesh.with_appearance(colors).unwrap();
+    let settings = Settings { gamma: 0.1, outputs: USUAL, ..settings(1e-6, 10.0) };
+    let camera = forward(Projection::Perspective { fov_y: 1.0 });
+    let frame = renderer.render(&Scene::new(mesh), &[camera], &settings).unwrap();
+    let weights = frame.color().map(|image| Image {
+        data: (0..image.data.len()).map(|i| 1.0 - (i % 5) as f32 / 2.0).collect(),
+        ..image.clone()
+    });
+    let upstream = ImageGradient { color: weights, ..ImageGradient::default() };
+    let gradients = renderer.backward(&frame, &upstream, &Wanted::ALL).unwrap();
+    all_finite(&gradients).unwrap();
+    let by = &gradients.meshes[0].positions;
+    assert!(by[0][0] == 0.0 && by[0][1] != 0.0, "{by:?}");
+}
+
+/// At γ = 1e-10 a unit in the last place of a depth is a thousand powers of two of weight: the nearer one is all that shows.
+#[test]
+fn a_tiny_gamma_tells_neighbouring_floats_apart() {
+    let mut renderer = renderer();
+    let behind = 1.0 + f32::EPSILON;
+    let (near, far) = (0.5, 2.5);
+    for (first, second) in [(1.0, behind), (behind, 1.0)] {
+        let at = |z: f32| [[-3.0, -3.0, z], [3.0, -3.0, z], [0.0, 3.0, z]];
+        let colors = |color: [f32; 3]| [color; 3];
+        let mesh = Mesh::new([at(first), at(second)].concat(), vec![[0, 1, 2], [3, 4, 5]]).unwrap();
+        let mesh = mesh
+            .with_appearance(Appearance::VertexColors([colors([first, 0.0, 0.0]), colors([0.0, second, 0.0])].concat()))
+            .unwrap();
+        let settings = Settings { gamma: 1e-10, sigma: 1e-4, outputs: USUAL, ..settings(near, far) };
+        let frame = renderer.render(&Scene::new(mesh), &[Camera::screen()], &settings).unwrap();
+        let nearer = if first == 1.0 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
+        let color = frame.color().unwrap();
+        let middle = 3 * (color.height / 2 * color.width + color.width / 2);
+        assert_eq!(color.data[middle..middle + 3], nearer, "{first} before {second}");
+        let ones = |image: &Image| Image { data: vec![1.0; image.data.len()], ..image.clone() };
+        let upstream = ImageGradient { color: Some(ones(color)), ..ImageGradient::default() };
+        all_finite(&renderer.backward(&frame, &upstream, &Wanted::ALL).unwrap()).unwrap();
+    }
+}
+
 /// Nothing is cut at near there, so that such a corner shows.
 #[test]
 fn official_parity_differentiates_a_corner_on_the_cameras_plane() {

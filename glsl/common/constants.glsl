@@ -65,7 +65,7 @@ const uint COLOR_HARD = 1u;
 
 // SILHOUETTE_MODE: 1 - product of complements, eq. 5.
 const uint SILHOUETTE_PRODUCT = 0u;
-// SILHOUETTE_MODE: sum of D over the number of triangles.
+// SILHOUETTE_MODE: sum of D over the number of triangles, at most 1.
 const uint SILHOUETTE_SUM = 1u;
 // SILHOUETTE_MODE: 1 where any D > 1/2.
 const uint SILHOUETTE_HARD = 2u;

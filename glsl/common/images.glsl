@@ -22,7 +22,8 @@ int place_of(int view, ivec2 where) {
 void write_images(Pixel p, int at, int triangle_count) {
     float alpha = SILHOUETTE_MODE == SILHOUETTE_PRODUCT ? 1.0 - p.silhouette : p.silhouette;
     if (SILHOUETTE_MODE == SILHOUETTE_SUM) {
-        alpha /= float(max(triangle_count, 1));
+        // Along their seam the two pieces of a triangle that near cuts may add up to more than it.
+        alpha = min(alpha / float(max(triangle_count, 1)), 1.0);
     }
     vec3 background = vec3(frame.background_red, frame.background_green, frame.background_blue);
     bool covered = p.sum > 0.0;

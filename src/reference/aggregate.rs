@@ -99,7 +99,9 @@ fn silhouette<R: Real>(knobs: &Knobs<'_, R>, fragments: &[Fragment<R>], triangle
                 Coverage::Certain => sum.shift(1.0),
                 Coverage::Soft(x) => sum + x.logistic(),
             });
-            sum.scale(1.0 / triangles.max(1) as f64)
+            // Along their seam the two pieces of a triangle that near cuts may add up to more than it.
+            let mean = sum.scale(1.0 / triangles.max(1) as f64);
+            if mean.value() > 1.0 { R::one() } else { mean }
         }
         SilhouetteAggregation::Hard => {
             let mut covered = coverages.map(|coverage| match coverage {

@@ -32,7 +32,8 @@ pub enum SilhouetteAggregation {
     /// 1 - Π(1 - D) (eq. 5).
     #[default]
     Product,
-    /// Σ D / number of the mesh's triangles (the official "sum").
+    /// Σ D / number of the mesh's triangles (the official "sum"), at most 1: of a triangle that the near plane cuts in two,
+    /// both pieces count.
     Sum,
     /// 1 where any D > ½, else 0.
     Hard,

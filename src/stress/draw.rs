@@ -30,8 +30,8 @@ pub struct Case {
 pub struct Kind {
     /// How many of the combinations of modes, 1 to [`FORMS`].
     pub forms: usize,
-    /// Meshes as they are used, with hundreds to thousands of triangles, in images of 64 to 512 pixels a side, and some
-    /// triangles drawn to hurt among them; else a few triangles in images of about ten pixels.
+    /// Meshes as they are used, with hundreds to thousands of triangles, in images of 64 to 512 pixels a side with σ up to
+    /// 1e-2, and some triangles drawn to hurt among them; else a few triangles in images of about ten pixels.
     pub realistic: bool,
 }
 
@@ -107,9 +107,19 @@ struct View {
     promise: Promise,
 }
 
+/// Which combination of modes the cases of a seed have, 0 to [`FORMS`] - 1: seeds of one form after another need few kernels
+/// at a time.
+pub fn form(seed: u64, kind: Kind) -> usize {
+    form_of(&mut Random::new(seed), kind)
+}
+
+fn form_of(random: &mut Random, kind: Kind) -> usize {
+    random.below(kind.forms.clamp(1, FORMS))
+}
+
 fn draw(seed: u64, kind: Kind) -> Draw {
     let mut random = Random::new(seed);
-    let form = &TABLE[random.below(kind.forms.clamp(1, FORMS))];
+    let form = &TABLE[form_of(&mut random, kind)];
     let make = if random.chance(0.5) { Draw::tame } else { Draw::wild };
     make(random, form, kind.realistic)
 }
@@ -145,7 +155,8 @@ impl Draw {
         let settings = form.settings(Settings {
             width,
             height,
-            sigma: random.log_range(1e-12, 10.0),
+            // Beyond, every triangle of a mesh is near every pixel: seconds a scene, for what small scenes show too.
+            sigma: random.log_range(1e-12, if realistic { 1e-2 } else { 10.0 }),
             gamma: random.log_range(1e-10, 10.0),
             epsilon: if random.chance(0.5) { random.range(-1.0, 1.0) } else { random.choose(&[-1.0, 0.0, 1e-3, 1.0]) },
             tau: random.log_range(1e-12, 0.4),

@@ -14,7 +14,7 @@ mod run;
 mod shrink;
 mod soup;
 
-pub use draw::{Case, Kind, at, batch, case};
+pub use draw::{Case, Kind, at, batch, case, form};
 pub use form::FORMS;
 pub use promise::{Promise, image_error};
 pub use random::Random;

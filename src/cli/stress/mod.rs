@@ -8,10 +8,10 @@ use super::progress::Progress;
 use super::{Failure, files, say};
 use clap::Args;
 use serde_json::json;
-use softras::stress::{FORMS, Kind, Stress, batch};
+use softras::stress::{FORMS, Kind, Stress, batch, form};
 use softras::{Error, RendererOptions, Result};
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 use tally::Tally;
 
@@ -146,19 +146,27 @@ fn shrunk(options: &RendererOptions, args: &StressArgs, seed: u64, kind: &str) -
     Ok(format!("seed {seed}: no scene of the batch shows it by itself"))
 }
 
+/// Where the batches begin, those of the same modes after each other: compiling a form's kernels takes longer than a
+/// hundred batches, and a renderer keeps those of one or two.
+fn order(args: &StressArgs) -> Vec<u64> {
+    let mut starts: Vec<u64> = (0..args.cases).step_by(args.batch as usize).collect();
+    starts.sort_by_cached_key(|start| form(args.seed.wrapping_add(*start), args.kind()));
+    starts
+}
+
 /// All cases, by several renderers; the order in which they end does not matter to the tally.
 fn at_length(args: &StressArgs, options: &RendererOptions, first: Stress) -> Result<Tally> {
-    let next = AtomicU64::new(0);
+    let next = AtomicUsize::new(0);
+    let starts = order(args);
     let progress = Progress::counted("scene", args.cases as usize);
     let work = |mut stress: Stress| -> Result<Tally> {
         let mut tally = Tally::default();
         loop {
-            let index = next.fetch_add(args.batch, Ordering::Relaxed);
-            if index >= args.cases {
+            let Some(&start) = starts.get(next.fetch_add(1, Ordering::Relaxed)) else {
                 return Ok(tally);
-            }
-            let seed = args.seed.wrapping_add(index);
-            let count = args.batch.min(args.cases - index);
+            };
+            let seed = args.seed.wrapping_add(start);
+            let count = args.batch.min(args.cases - start);
             if args.batch == 1 {
                 tally.add(seed, &stress.seed(seed, args.kind())?);
             } else {
