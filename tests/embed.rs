@@ -14,13 +14,15 @@ use ash::vk;
 use common::gradient::{random_upstream, same_gradient_bits};
 use common::scenes::{Kind, random_case};
 use common::{renderer, tolerance};
-use host::{Host, Messages, assert_silent, difference, engine, error, forward, images, rasterizer, submit};
+use host::{Backward, Host, Messages, assert_silent, difference, engine, error, forward, images, rasterizer, submit};
+use softras::plan::{Capacity, DepthSpan};
 use softras::rasterizer::{
-    BufferRef, Differentiate, FrameBindings, FramePlan, GradientPlan, HostAdapter, HostCommands, HostDevice,
-    Rasterizer, Shape, requirements,
+    AppearanceShape, Arena, BufferRef, Differentiate, FrameBindings, FramePlan, GradientPlan, HostAdapter,
+    HostCommands, HostDevice, MeshShape, Rasterizer, Shape, requirements,
 };
 use softras::vulkan::vk::Handle;
-use softras::{Error, Wanted};
+use softras::vulkan::{Device, DeviceKind, Limits};
+use softras::{Error, Lights, Wanted};
 use std::ffi::c_void;
 
 #[test]
@@ -59,15 +61,7 @@ fn images_are_the_simple_apis_bit_by_bit() {
     for seed in 0..12 {
         let case = random_case(seed, [Kind::Plain, Kind::Modes, Kind::Clipped][seed as usize % 3]);
         let frame = simple.render(&case.scene, &case.cameras, &case.settings).unwrap();
-        let mut host = Host::new(&engine, &rasterizer, &case);
-        forward(&engine, &rasterizer, &host);
-        if let Some(capacity) = host.status().judge(&host.plan).unwrap() {
-            let mut shape = Shape::of(&case.scene, &case.cameras, &case.settings).unwrap();
-            shape.capacity = Some(capacity);
-            host = Host::of_shape(&engine, &rasterizer, &case, &shape);
-            forward(&engine, &rasterizer, &host);
-            assert_eq!(host.status().judge(&host.plan).unwrap(), None);
-        }
+        let host = Host::whole_frame(&engine, &rasterizer, &case);
         let made = images(&case, &host);
         let expected = [
             ("color", frame.color()),
@@ -85,6 +79,7 @@ fn images_are_the_simple_apis_bit_by_bit() {
     assert_silent(engine);
 }
 
+/// Raw, and decoded; what is not there to decode is named.
 #[test]
 fn gradients_are_the_simple_apis_bit_by_bit() {
     let engine = engine();
@@ -94,31 +89,27 @@ fn gradients_are_the_simple_apis_bit_by_bit() {
         let mut case = random_case(seed, Kind::Plain);
         case.settings.save = true;
         let upstream = random_upstream(&case, case.settings.outputs, &tolerance::GRADIENT);
-        let wanted = Wanted { colors: true, ..Wanted::default() };
         let frame = simple.render(&case.scene, &case.cameras, &case.settings).unwrap();
-        let expected = simple.backward(&frame, &upstream, &wanted).unwrap();
+        let expected = simple.backward(&frame, &upstream, &Wanted::ALL).unwrap();
         assert_eq!(same_gradient_bits(&expected, &expected), Ok(()));
 
-        let mut shape = Shape::of(&case.scene, &case.cameras, &case.settings).unwrap();
-        let mut host = Host::of_shape(&engine, &rasterizer, &case, &shape);
-        forward(&engine, &rasterizer, &host);
-        if let Some(capacity) = host.status().judge(&host.plan).unwrap() {
-            shape.capacity = Some(capacity);
-            host = Host::of_shape(&engine, &rasterizer, &case, &shape);
-            forward(&engine, &rasterizer, &host);
-        }
-        let differentiate = Differentiate { upstream: upstream.outputs(), wanted, largest_upstream: 1.0 };
-        let plan = rasterizer.plan_backward(&host.plan, &differentiate).unwrap();
-        let (arena, buffer) = host::gradient_buffer(&engine, &plan, &upstream);
-        let refs = arena.refs(&buffer.whole()).unwrap();
-        let bindings = rasterizer.bind_backward(&plan, &host.bindings, &refs).unwrap();
-        submit(&engine, |commands| rasterizer.record_backward(commands, &plan, &bindings).unwrap());
-        let (offset, size) = arena.part("vertex_gradients").unwrap();
-        let rows = buffer.floats(offset, size as usize / 4);
-        let made: Vec<f32> = rows.chunks_exact(8).flat_map(|r| [r[0], r[1], r[2]]).collect();
+        let host = Host::whole_frame(&engine, &rasterizer, &case);
+        let backward = Backward::new(&engine, &rasterizer, &host, &upstream, Wanted::ALL);
+        submit(&engine, |commands| backward.record(&rasterizer, commands));
+        let made = backward.decode(&host, &case, &case.scene);
+        assert_eq!(same_gradient_bits(&expected, &made), Ok(()), "{case:?}");
+        let rows: &[f32] = bytemuck::cast_slice(backward.part("vertex_gradients").unwrap());
+        let raw: Vec<f32> = rows.chunks_exact(8).flat_map(|r| [r[0], r[1], r[2]]).collect();
         let positions: Vec<f32> = expected.meshes.iter().flat_map(|m| m.positions.iter().flatten().copied()).collect();
-        assert_eq!(difference(&made[..positions.len()], &positions), None, "{case:?}");
+        assert_eq!(difference(&raw[..positions.len()], &positions), None, "{case:?}");
         assert!(positions.iter().any(|&x| x != 0.0), "nothing to compare: {case:?}");
+
+        let none = backward.decode_cut(&host, &case, &case.scene, |_| None);
+        assert!(error(none).contains("no bytes of"));
+        let short = backward.decode_cut(&host, &case, &case.scene, |bytes| Some(&bytes[..8]));
+        assert!(error(short).contains("has 8 bytes"));
+        let crooked = backward.decode_cut(&host, &case, &case.scene, |bytes| Some(&bytes[1..]));
+        assert!(error(crooked).contains("bytes"));
     }
     drop(rasterizer);
     assert_silent(engine);
@@ -131,7 +122,7 @@ fn the_status_tells_what_room_the_lists_needed() {
     let rasterizer = rasterizer(&engine);
     let case = random_case(1, Kind::Plain);
     let mut shape = Shape::of(&case.scene, &case.cameras, &case.settings).unwrap();
-    shape.capacity = Some(softras::plan::Capacity { coarse: 1, list: 1, cells: 1 });
+    shape.capacity = Some(Capacity { coarse: 1, list: 1, cells: 1 });
     let small = Host::of_shape(&engine, &rasterizer, &case, &shape);
     forward(&engine, &rasterizer, &small);
     let mut needed = small.status().judge(&small.plan).unwrap().expect("more room");
@@ -264,6 +255,64 @@ fn what_does_not_fit_is_an_error_that_names_it() {
     assert!(matches!(rasterizer.plan_backward(&unsaved, &differentiate), Err(Error::Backward { .. })));
     drop((host, rasterizer));
     assert_silent(engine);
+}
+
+/// Whatever counts a host asks for, a plan is made or refused; none is too large to be counted.
+#[test]
+fn counts_of_any_size_are_planned_or_refused() {
+    let random = &mut common::random::Random::new(7);
+    let limits = *Device::from_host(&engine().host_device()).unwrap().limits();
+    let unlimited = Limits {
+        max_storage_buffer_range: u64::MAX,
+        max_texel_buffer_elements: u64::MAX,
+        max_memory_allocation_size: u64::MAX,
+        ..limits
+    };
+    let (mut made, mut refused) = (0, 0);
+    for _ in 0..20_000 {
+        let mut count = || random.choose(&[0, 1, 2, 3, 100, 70_000, 1 << 20, (1 << 31) - 1, 1 << 31, u32::MAX]);
+        let appearances = [
+            AppearanceShape::Uniform,
+            AppearanceShape::VertexColors,
+            AppearanceShape::Surface { resolution: count() },
+            AppearanceShape::Textured {
+                uvs: count(),
+                textures: vec![(count(), count()), (count(), count())],
+                of_triangle: count() > 2,
+            },
+        ];
+        let meshes = (0..count().min(3)).map(|_| MeshShape {
+            vertices: count(),
+            triangles: count(),
+            most_corners: count(),
+            appearance: appearances[count() as usize % 4].clone(),
+        });
+        let meshes: Vec<_> = meshes.collect();
+        let views = if meshes.len() == 1 { count() } else { meshes.len() as u32 };
+        let capacity = (count() > 2).then(|| Capacity { coarse: count(), list: count(), cells: count() });
+        let depth_span = DepthSpan { crosses_near: count() > 2, crosses_far: count() > 2 };
+        let (lights, device_counts) = (Lights::official(), count() > 2);
+        let shape = Shape { meshes, views, lights, depth_span, distorted: false, cutoff: 9.0, capacity, device_counts };
+        let sizes = [1, 8, 640, 16384];
+        let (width, height) = (sizes[count() as usize % 4], sizes[count() as usize % 4]);
+        let settings = softras::Settings { width, height, save: count() > 2, ..Default::default() };
+        for limits in [&limits, &unlimited] {
+            let Ok(plan) = FramePlan::new(limits, DeviceKind::Discrete, &shape, &settings) else {
+                refused += 1;
+                continue;
+            };
+            made += 1;
+            assert_eq!(plan.view_shapes().len(), views as usize);
+            let differentiate =
+                Differentiate { upstream: settings.outputs, wanted: Wanted::ALL, largest_upstream: 1.0 };
+            if settings.save
+                && let Ok(gradients) = GradientPlan::new(&plan, &differentiate)
+            {
+                assert!(Arena::of(plan.buffers().iter().chain(gradients.buffers())).size > 0);
+            }
+        }
+    }
+    assert!(made > 100 && refused > 1000, "{made} made, {refused} refused");
 }
 
 /// Each may be moved to and shared with another thread.

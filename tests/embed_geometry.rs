@@ -1,5 +1,5 @@
-//! A host's own geometry: interleaved vertices, short and long indices, instances with transforms, counts that only the
-//! device knows. Images and gradients are the simple API's, bit by bit.
+//! A host's own geometry: interleaved vertices, short and long indices, instances with transforms. Images and gradients
+//! are the simple API's, bit by bit.
 // The host's half of a contract of raw handles.
 #![allow(unsafe_code, clippy::undocumented_unsafe_blocks, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 // Indices are what the formulas have, and what is no number counts as off.
@@ -14,14 +14,13 @@ use common::scenes::{Case, Kind, random_case};
 use common::{renderer, tolerance};
 use gpu_allocator::MemoryLocation;
 use host::engine::{Buffer, Engine};
-use host::{Host, assert_silent, difference, engine, error, forward, images, rasterizer, submit};
+use host::{Backward, Host, assert_silent, difference, engine, error, images, rasterizer, submit};
 use softras::gradients::MeshGradients;
 use softras::rasterizer::{
-    BufferRef, Counts, Decoder, Differentiate, Draw, Geometry, GeometryBuffers, GeometryGradients, IndexFormat, Inputs,
-    Layout, Rasterizer, Shape,
+    BufferRef, Draw, Geometry, GeometryBuffers, GeometryGradients, IndexFormat, Layout, Rasterizer,
 };
-use softras::scene::{Appearance, Outputs};
-use softras::{Camera, ImageGradient, Lights, Mesh, Projection, Scene, Wanted, shapes};
+use softras::scene::Appearance;
+use softras::{Camera, Lights, Mesh, Projection, Scene, Wanted, shapes};
 
 type Transform = [[f32; 4]; 3];
 
@@ -236,10 +235,7 @@ fn a_hosts_instances_are_rendered_and_differentiated_where_they_lie() {
             transforms: Some((transforms.whole(), TRANSFORM)),
         };
         let bound = rasterizer.bind_geometry(&geometry, &buffers, &host.bindings).unwrap();
-        let differentiate = Differentiate { upstream: upstream.outputs(), wanted, largest_upstream: 1.0 };
-        let plan = rasterizer.plan_backward(&host.plan, &differentiate).unwrap();
-        let (arena, memory) = host::gradient_buffer(&engine, &plan, &upstream);
-        let backward = rasterizer.bind_backward(&plan, &host.bindings, &arena.refs(&memory.whole()).unwrap()).unwrap();
+        let backward = Backward::new(&engine, &rasterizer, &host, &upstream, wanted);
         let back = [
             storage(&engine, &vec![0xcd; VERTEX as usize * engines.vertices().len()]),
             storage(&engine, &vec![0xcd; 64 * 5]),
@@ -249,12 +245,12 @@ fn a_hosts_instances_are_rendered_and_differentiated_where_they_lie() {
             colors: Some((back[0].whole(), COLOR)),
             transforms: Some((back[1].whole(), TRANSFORM)),
         };
-        let gradients = rasterizer.bind_geometry_gradients(&bound, &targets, &backward).unwrap();
+        let gradients = rasterizer.bind_geometry_gradients(&bound, &targets, &backward.bindings).unwrap();
         submit(&engine, |commands| {
             rasterizer.record_indices(commands, &bound).unwrap();
             rasterizer.record_vertices(commands, &bound).unwrap();
             rasterizer.record_forward(commands, &host.plan, &host.bindings).unwrap();
-            rasterizer.record_backward(commands, &plan, &backward).unwrap();
+            backward.record(&rasterizer, commands);
             rasterizer.record_geometry_gradients(commands, &gradients).unwrap();
         });
         assert_eq!(host.status().judge(&host.plan).unwrap(), None);
@@ -262,9 +258,8 @@ fn a_hosts_instances_are_rendered_and_differentiated_where_they_lie() {
         assert_eq!(difference(&made[0].1, &frame.color().unwrap().data), None, "{format:?}");
         assert_eq!(difference(&made[1].1, &frame.silhouette().unwrap().data), None, "{format:?}");
         let placed = &expected.meshes[0];
-        let rows = memory.floats(arena.part("vertex_gradients").unwrap().0, 8 * placed.positions.len());
-        let positions: Vec<f32> = rows.chunks_exact(8).flat_map(|r| [r[0], r[1], r[2]]).collect();
-        assert_eq!(difference(&positions, placed.positions.as_flattened()), None, "{format:?}");
+        let decoded = backward.decode(&host, &case, &case.scene);
+        assert_eq!(same_gradient_bits(&expected, &decoded), Ok(()), "{format:?}");
 
         let due = Expected::new(&engines, placed);
         let words = back[0].floats(0, 10 * engines.vertices().len());
@@ -314,143 +309,27 @@ fn misfits(engine: &Engine, rasterizer: &Rasterizer, engines: &Engines, case: &C
     assert!(bind(&|b, _| b.draws = vertices).contains("UNIFORM_TEXEL_BUFFER"));
     assert!(bind(&|_, g| g.first_vertex = 1).contains("`positions`"));
     assert!(bind(&|_, g| g.first_triangle = 1).contains("`indices`"));
-}
+    let null = unsafe { BufferRef::new(vk::Buffer::null(), vertices.range(), vertices.usage()) };
+    assert!(bind(&|b, _| b.positions.0 = null).contains("is null"));
 
-/// The first triangles of a mesh.
-fn first_triangles(case: &Case, count: usize) -> Scene {
-    let mesh = &case.scene.meshes[0];
-    let fewer = Mesh::new(mesh.positions().to_vec(), mesh.triangles()[..count].to_vec()).unwrap();
-    let fewer = fewer.with_appearance(mesh.appearance().clone()).unwrap();
-    Scene { meshes: vec![fewer], ..case.scene.clone() }
-}
-
-/// A count that only the device knows draws what a mesh of so many triangles draws, gradients included.
-#[test]
-fn a_count_that_only_the_device_knows_is_drawn() {
-    let engine = engine();
-    let rasterizer = rasterizer(&engine);
-    let mut simple = renderer();
-    // Whole, and cut by the near plane. Of two views the flat light's rows lie, and are summed, in another order.
-    let kinds = [(3.0, Lights::official(), 1), (1.2, Lights::official(), 2), (3.0, smooth(), 2)];
-    for (distance, lights, views) in kinds {
-        let mut case = random_case(2, Kind::Plain);
-        let mesh = shapes::icosphere(2).unwrap();
-        let colors = (0..mesh.positions().len()).map(Engines::color).collect();
-        let mesh = mesh.with_appearance(Appearance::VertexColors(colors)).unwrap();
-        case.scene = Scene::new(mesh).with_lights(lights);
-        let camera = |a| Camera::from_angles(distance, 20.0, a, Projection::Perspective { fov_y: 0.8 }).unwrap();
-        case.cameras = vec![camera(10.0), camera(130.0)];
-        case.cameras.truncate(views);
-        let outputs = Outputs { color: true, silhouette: true, depth: true, normal: true };
-        case.settings =
-            softras::Settings { width: 40, height: 32, sigma: 1e-3, save: true, outputs, ..Default::default() };
-        let mut shape = Shape::of(&case.scene, &case.cameras, &case.settings).unwrap();
-        shape.device_counts = true;
-        let host = Host::of_shape(&engine, &rasterizer, &case, &shape);
-        let upstream = random_upstream(&case, outputs, &tolerance::GRADIENT);
-        let wanted = Wanted { uvs: false, texels: false, lights: views == 1, ..Wanted::ALL };
-        let differentiate = Differentiate { upstream: upstream.outputs(), wanted, largest_upstream: 1.0 };
-        let plan = rasterizer.plan_backward(&host.plan, &differentiate).unwrap();
-        let (arena, memory) = host::gradient_buffer(&engine, &plan, &upstream);
-        let backward = rasterizer.bind_backward(&plan, &host.bindings, &arena.refs(&memory.whole()).unwrap()).unwrap();
-        let mut word = storage(&engine, &[0; 16]);
-        let at = word.whole().part(0, 4).unwrap();
-        let bind = |of_indices| {
-            let counts = Counts { buffer: at, stride: 4, of_indices };
-            rasterizer.bind_counts(&host.plan, &host.bindings, &counts).unwrap()
-        };
-        // More than there is first, so that the frames of fewer find what they must not look at.
-        for (count, of_indices) in [(1000, false), (600, true), (57, false), (320, false)] {
-            word.write(0, bytemuck::bytes_of(&(count as u32)));
-            let counts = bind(of_indices);
-            submit(&engine, |commands| {
-                rasterizer.record_counts(commands, &counts).unwrap();
-                rasterizer.record_forward(commands, &host.plan, &host.bindings).unwrap();
-                rasterizer.record_backward(commands, &plan, &backward).unwrap();
-            });
-            assert_eq!(host.status().judge(&host.plan).unwrap(), None);
-            let live = if of_indices { count / 3 } else { count }.min(320);
-            let scene = first_triangles(&case, live);
-            let frame = simple.render(&scene, &case.cameras, &case.settings).unwrap();
-            let due = [frame.color(), frame.silhouette(), frame.depth(), frame.normal()];
-            for ((name, image), due) in images(&case, &host).iter().zip(due) {
-                assert_eq!(difference(image, &due.unwrap().data), None, "{name} of {live}");
-            }
-            let due = simple.backward(&frame, &upstream, &wanted).unwrap();
-            let tables = &Inputs::new(&scene, &case.cameras, &case.settings, &host.plan).tables;
-            let decoder = Decoder {
-                frame: &host.plan,
-                plan: &plan,
-                wanted: &wanted,
-                tables,
-                cameras: &case.cameras,
-                settings: &case.settings,
-                lights: &case.scene.lights,
-            };
-            let part = |name: &str| arena.part(name).map(|(at, size)| &memory.bytes()[at as usize..][..size as usize]);
-            let made = decoder.decode(part).unwrap();
-            assert_eq!(same_gradient_bits(&due, &made), Ok(()), "{live} at {distance}");
-        }
-        let misfit = |counts| error(rasterizer.bind_counts(&host.plan, &host.bindings, &counts));
-        assert!(misfit(Counts { buffer: at, stride: 3, of_indices: false }).contains("multiple of four"));
-        let plain = Host::new(&engine, &rasterizer, &case);
-        let counts = Counts { buffer: at, stride: 4, of_indices: false };
-        let unplanned = error(rasterizer.bind_counts(&plain.plan, &plain.bindings, &counts));
-        assert!(unplanned.contains("device_counts"), "{unplanned}");
-        forward(&engine, &rasterizer, &plain);
-    }
-    drop(rasterizer);
-    assert_silent(engine);
-}
-
-fn smooth() -> Lights {
-    Lights { shading: softras::scene::Shading::Smooth, ..Lights::official() }
-}
-
-/// What the pass's buffers hold is the simple API's gradients, and what is not there is named.
-#[test]
-fn gradients_are_decoded() {
-    let engine = engine();
-    let rasterizer = rasterizer(&engine);
-    let mut simple = renderer();
-    for seed in 40..46 {
-        let mut case = random_case(seed, Kind::Plain);
-        case.settings.save = true;
-        let upstream: ImageGradient = random_upstream(&case, case.settings.outputs, &tolerance::GRADIENT);
-        let frame = simple.render(&case.scene, &case.cameras, &case.settings).unwrap();
-        let wanted = Wanted::ALL;
-        let due = simple.backward(&frame, &upstream, &wanted).unwrap();
-        let mut shape = Shape::of(&case.scene, &case.cameras, &case.settings).unwrap();
-        let mut host = Host::of_shape(&engine, &rasterizer, &case, &shape);
-        forward(&engine, &rasterizer, &host);
-        while let Some(capacity) = host.status().judge(&host.plan).unwrap() {
-            shape.capacity = Some(capacity);
-            host = Host::of_shape(&engine, &rasterizer, &case, &shape);
-            forward(&engine, &rasterizer, &host);
-        }
-        let color = upstream.color.iter().flat_map(|image| &image.data);
-        let largest_upstream = color.fold(0.0f64, |m, &x| m.max(f64::from(x.abs())));
-        let differentiate = Differentiate { upstream: upstream.outputs(), wanted, largest_upstream };
-        let plan = rasterizer.plan_backward(&host.plan, &differentiate).unwrap();
-        let (arena, memory) = host::gradient_buffer(&engine, &plan, &upstream);
-        let backward = rasterizer.bind_backward(&plan, &host.bindings, &arena.refs(&memory.whole()).unwrap()).unwrap();
-        submit(&engine, |commands| rasterizer.record_backward(commands, &plan, &backward).unwrap());
-        let tables = &Inputs::new(&case.scene, &case.cameras, &case.settings, &host.plan).tables;
-        let decoder = Decoder {
-            frame: &host.plan,
-            plan: &plan,
-            wanted: &wanted,
-            tables,
-            cameras: &case.cameras,
-            settings: &case.settings,
-            lights: &case.scene.lights,
-        };
-        let part = |name: &str| arena.part(name).map(|(at, size)| &memory.bytes()[at as usize..][..size as usize]);
-        assert_eq!(same_gradient_bits(&due, &decoder.decode(part).unwrap()), Ok(()), "{case:?}");
-        assert!(error(decoder.decode(|_| None)).contains("no bytes of"));
-        assert!(error(decoder.decode(|name| part(name).map(|bytes| &bytes[..8]))).contains("has 8 bytes"));
-        assert!(error(decoder.decode(|name| part(name).map(|bytes| &bytes[1..]))).contains("bytes"));
-    }
-    drop(rasterizer);
-    assert_silent(engine);
+    // Gradients that the pass does not compute, or of other geometry than the frame's.
+    let bound = rasterizer.bind_geometry(&geometry, &good, &host.bindings).unwrap();
+    let upstream = random_upstream(case, case.settings.outputs, &tolerance::GRADIENT);
+    let none = GeometryGradients::default();
+    let bind = |wanted, gradients, case| {
+        let host = Host::new(engine, rasterizer, case);
+        let backward = Backward::new(engine, rasterizer, &host, &upstream, wanted);
+        error(rasterizer.bind_geometry_gradients(&bound, &gradients, &backward.bindings))
+    };
+    let positions = GeometryGradients { positions: Some((vertices, POSITION)), ..none };
+    let transforms = GeometryGradients { transforms: Some((transforms, TRANSFORM)), ..none };
+    let colors = GeometryGradients { colors: Some((vertices, COLOR)), ..none };
+    let by_color = Wanted { colors: true, ..Wanted::NOTHING };
+    assert_eq!(bind(Wanted::default(), positions, case), "no error");
+    assert_eq!(bind(Wanted { camera: true, ..Wanted::NOTHING }, none, case), "no error");
+    assert!(bind(Wanted::default(), colors, case).contains("Wanted::colors"));
+    assert!(bind(by_color, positions, case).contains("Wanted::positions"));
+    assert!(bind(by_color, transforms, case).contains("Wanted::positions"));
+    let smaller = Case { scene: Scene::new(shapes::cube().unwrap()), ..case.clone() };
+    assert!(bind(Wanted::default(), positions, &smaller).contains("`vertex_gradients`"));
 }

@@ -6,13 +6,15 @@
 mod common;
 mod host;
 
+use ash::vk;
 use common::scenes::{Case, Kind, random_case};
 use gpu_allocator::MemoryLocation;
 use host::engine::{Buffer, Engine};
 use host::memory::Memory;
-use host::{Host, assert_silent, engine, images, rasterizer, shim};
+use host::{Backward, Host, assert_silent, engine, images, rasterizer, shim, submit};
 use softras::rasterizer::{
-    Arena, BufferRef, Differentiate, FramePlan, GradientPlan, HostAdapter, HostDevice, Rasterizer, Shape,
+    Arena, BufferRef, Counts, Differentiate, Draw, FrameImage, FramePlan, Geometry, GeometryBuffers, GeometryGradients,
+    GradientPlan, HostAdapter, HostCommands, HostDevice, ImageFormat, ImageRef, Layout, Rasterizer, Shape,
 };
 use softras::vulkan::CacheFolder;
 use softras::{Error, ImageGradient, Renderer, RendererOptions, Wanted};
@@ -218,4 +220,132 @@ fn threads_record_side_by_side() {
     drop(frames);
     drop(hosts);
     assert_silent(engine);
+}
+
+/// What records with bindings of its own, by the name of what they are.
+type Recording<'a> = (&'static str, Box<dyn Fn(&mut HostCommands) + 'a>);
+
+/// A host's buffers that everything there is to bind is bound to.
+struct Bound {
+    host: Host,
+    backward: Backward,
+    geometry: Geometry,
+    draws: Buffer,
+    vertices: Buffer,
+    gradients: Buffer,
+    image: host::engine::Image,
+    image_size: (u32, u32),
+}
+
+impl Bound {
+    fn new(engine: &Engine, rasterizer: &Rasterizer) -> Self {
+        let mut case = saved_case();
+        case.scene = softras::Scene::new(softras::shapes::cube().unwrap());
+        case.cameras.truncate(1);
+        case.settings.outputs.color = true;
+        let mut shape = Shape::of(&case.scene, &case.cameras, &case.settings).unwrap();
+        shape.device_counts = true;
+        let host = Host::of_shape(engine, rasterizer, &case, &shape);
+        let size = (case.settings.width, case.settings.height);
+        let image = softras::Image {
+            batch: 1,
+            height: size.1 as usize,
+            width: size.0 as usize,
+            channels: 3,
+            data: vec![1e-3; (3 * size.0 * size.1) as usize],
+        };
+        let upstream = ImageGradient { color: Some(image), ..Default::default() };
+        let backward = Backward::new(engine, rasterizer, &host, &upstream, Wanted::default());
+        let vertices = case.scene.meshes[0].positions();
+        let draw = Draw { vertices: vertices.len() as u32, triangles: 12, instances: 1, ..Draw::default() };
+        let geometry = Geometry::new(vec![draw]).unwrap();
+        let buffer = |bytes: &[u8], usage| {
+            let mut buffer = engine.buffer(bytes.len() as u64, usage, MemoryLocation::CpuToGpu).unwrap();
+            buffer.write(0, bytes);
+            buffer
+        };
+        let (storage, texels) = (vk::BufferUsageFlags::STORAGE_BUFFER, vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER);
+        Self {
+            draws: buffer(bytemuck::cast_slice(&geometry.table()), texels),
+            vertices: buffer(bytemuck::cast_slice(vertices), storage),
+            gradients: buffer(&vec![0; 12 * vertices.len()], storage),
+            image: engine.image(size.0, size.1).unwrap(),
+            image_size: size,
+            host,
+            backward,
+            geometry,
+        }
+    }
+
+    /// Everything bound once more by one rasterizer, to be recorded by another. Not the image, whose layout is no matter
+    /// here, but whose binding is.
+    fn recordings<'a>(&'a self, binds: &Rasterizer, records: &'a Rasterizer) -> Vec<Recording<'a>> {
+        let Self { host, backward, geometry, draws, vertices, gradients, image, image_size } = self;
+        let frame = binds.bind(&host.plan, &host.arena.refs(&host.buffer.whole()).unwrap()).unwrap();
+        let refs = backward.arena.refs(&backward.buffer.whole()).unwrap();
+        let pass = binds.bind_backward(&backward.plan, &frame, &refs).unwrap();
+        let counts = Counts { buffer: vertices.whole(), stride: 4, of_indices: false };
+        let counts = binds.bind_counts(&host.plan, &frame, &counts).unwrap();
+        let packed = Layout { stride: 12, offset: 0 };
+        let positions = (vertices.whole(), packed);
+        let buffers =
+            GeometryBuffers { draws: draws.whole(), positions, colors: None, indices: None, transforms: None };
+        let placed = binds.bind_geometry(geometry, &buffers, &frame).unwrap();
+        let back = GeometryGradients { positions: Some((gradients.whole(), packed)), ..Default::default() };
+        let back = binds.bind_geometry_gradients(&placed, &back, &pass).unwrap();
+        let (width, height) = *image_size;
+        let target = unsafe { ImageRef::new(image.view, ImageFormat::Rgba32Float, width, height) };
+        let stored = binds.bind_image(&host.plan, &frame, FrameImage::Color { srgb: false }, 0, &target).unwrap();
+        vec![
+            ("counts", Box::new(move |c| records.record_counts(c, &counts).unwrap())),
+            ("geometry", Box::new(move |c| records.record_vertices(c, &placed).unwrap())),
+            ("frame", Box::new(move |c| records.record_forward(c, &host.plan, &frame).unwrap())),
+            ("pass", Box::new(move |c| records.record_backward(c, &backward.plan, &pass).unwrap())),
+            ("gradients", Box::new(move |c| records.record_geometry_gradients(c, &back).unwrap())),
+            ("image", Box::new(move |c| records.record_image(c, &stored).unwrap())),
+        ]
+    }
+}
+
+/// Any of them may go first, and the rasterizer that bound them before them; what is left still records.
+#[test]
+fn bindings_may_be_dropped_in_any_order() {
+    let _guard = shim::lock();
+    let engine = engine();
+    let shimmed = shimmed(&engine);
+    let bound = Bound::new(&engine, &rasterizer(&engine));
+    let records = Rasterizer::new(&shimmed).unwrap();
+    assert_eq!(shim::live(), 0);
+    to_general(&engine, &bound.image);
+    for first in 0..6 {
+        let binds = Rasterizer::new(&shimmed).unwrap();
+        let mut left = bound.recordings(&binds, &records);
+        // Half of the times the rasterizer goes last.
+        let kept = (first % 2 == 0).then_some(binds);
+        left.rotate_left(first);
+        while !left.is_empty() {
+            submit(&engine, |commands| left.iter().for_each(|(_, record)| record(commands)));
+            let (name, _) = left.remove(0);
+            println!("{name} is gone, {} objects live", shim::live());
+        }
+        assert_eq!(shim::live() > 0, kept.is_some(), "a rasterizer keeps its kernels");
+        drop(kept);
+        assert_eq!(shim::live(), 0, "{:?}", shim::objects());
+    }
+    assert!(shim::objects().values().all(|[made, destroyed]| made == destroyed), "{:?}", shim::objects());
+    drop((records, bound));
+    assert_silent(engine);
+}
+
+fn to_general(engine: &Engine, image: &host::engine::Image) {
+    submit(engine, |commands| {
+        let barrier = [vk::ImageMemoryBarrier::default()
+            .image(image.raw)
+            .subresource_range(host::engine::color_range())
+            .new_layout(vk::ImageLayout::GENERAL)
+            .dst_access_mask(vk::AccessFlags::SHADER_WRITE)];
+        let (from, to) = (vk::PipelineStageFlags::TOP_OF_PIPE, vk::PipelineStageFlags::COMPUTE_SHADER);
+        let none = vk::DependencyFlags::empty();
+        unsafe { engine.device().cmd_pipeline_barrier(commands.raw(), from, to, none, &[], &[], &barrier) };
+    });
 }

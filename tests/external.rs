@@ -12,6 +12,7 @@ use host::engine::Engine;
 use host::{Host, assert_silent, error, forward, rasterizer, submit};
 use softras::Error;
 use softras::vulkan::{Device, External, ExternalBuffer, ExternalSemaphore, ExternalSupport};
+use std::os::fd::OwnedFd;
 
 const USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
     vk::BufferUsageFlags::TRANSFER_DST.as_raw() | vk::BufferUsageFlags::TRANSFER_SRC.as_raw(),
@@ -23,6 +24,11 @@ fn copy(engine: &Engine, from: (vk::Buffer, u64), to: vk::Buffer, size: u64) {
         let region = [vk::BufferCopy { src_offset: from.1, dst_offset: 0, size }];
         unsafe { engine.device().cmd_copy_buffer(commands.raw(), from.0, to, &region) };
     });
+}
+
+/// One that the driver never sees.
+fn any_descriptor() -> OwnedFd {
+    std::fs::File::open("/dev/null").unwrap().into()
 }
 
 /// softras' image of one device, in a buffer of another.
@@ -54,7 +60,7 @@ fn another_device_sees_the_image() {
         copy(&engines[0], (host.buffer.raw, offset), ours.raw(), size);
         let exported = ours.export().unwrap();
         assert_eq!(matches!(exported, External::Memory(_)), support.memory);
-        let theirs = ExternalBuffer::import(&devices[1], size, USAGE, exported).unwrap();
+        let theirs = unsafe { ExternalBuffer::import(&devices[1], size, USAGE, exported) }.unwrap();
         let read = |buffer: vk::Buffer| {
             let location = gpu_allocator::MemoryLocation::GpuToCpu;
             let back = engines[1].buffer(size, vk::BufferUsageFlags::TRANSFER_DST, location).unwrap();
@@ -71,17 +77,20 @@ fn another_device_sees_the_image() {
         });
         let seen = read(theirs.raw());
         assert!(if support.memory { seen.iter().all(|&byte| byte == 7) } else { seen == expected });
-        let again = ExternalBuffer::import(&devices[1], size, USAGE, ours.export().unwrap()).unwrap();
+        let again = unsafe { ExternalBuffer::import(&devices[1], size, USAGE, ours.export().unwrap()) }.unwrap();
         assert!(read(again.raw()).iter().all(|&byte| byte == 7));
-        let short = error(ExternalBuffer::import(&devices[1], size, USAGE, External::Bytes(vec![0; 3])));
+        let short = error(unsafe { ExternalBuffer::import(&devices[1], size, USAGE, External::Bytes(vec![0; 3])) });
         assert!(short.contains("3 bytes"), "{short}");
 
         let semaphore = ExternalSemaphore::new(&devices[0], support);
         if support.semaphores {
             let fd = semaphore.unwrap().export().unwrap();
-            ExternalSemaphore::import(&devices[1], support, fd).unwrap();
+            unsafe { ExternalSemaphore::import(&devices[1], support, fd) }.unwrap();
         } else {
             assert!(matches!(semaphore, Err(Error::NoDevice { .. })));
+            let refused = unsafe { ExternalSemaphore::import(&devices[1], support, any_descriptor()) };
+            let refused = error(refused);
+            assert!(refused.contains("shares no semaphores") && refused.contains("fence"), "{refused}");
         }
         drop((theirs, again, ours, host, rasterizer, devices));
         for engine in engines {
@@ -95,6 +104,10 @@ fn another_device_sees_the_image() {
     assert!(missing.contains("VK_KHR_external_memory_fd"), "{missing}");
     let missing = error(ExternalSemaphore::new(&device, claimed));
     assert!(missing.contains("VK_KHR_external_semaphore_fd"), "{missing}");
+    let missing = error(unsafe { ExternalSemaphore::import(&device, claimed, any_descriptor()) });
+    assert!(missing.contains("VK_KHR_external_semaphore_fd"), "{missing}");
+    let nothing = error(ExternalBuffer::new(&device, 0, USAGE, ExternalSupport { memory: false, semaphores: false }));
+    assert!(nothing.contains("no bytes"), "{nothing}");
     drop(device);
     assert_silent(plain);
 }

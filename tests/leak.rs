@@ -1,14 +1,17 @@
-//! Ten thousand frames leave memory as it was. Alone in its process, whose memory it measures.
+//! Ten thousand frames leave memory as it was, and every object that was made for them destroyed. Alone in its process,
+//! whose memory it measures.
 // A host's half of a contract of raw handles.
 #![allow(unsafe_code, clippy::undocumented_unsafe_blocks, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 #![cfg(target_os = "linux")]
 
 #[path = "../examples/engine/mod.rs"]
 mod engine;
+#[path = "host/shim/mod.rs"]
+mod shim;
 
 use engine::Engine;
 use gpu_allocator::MemoryLocation;
-use softras::rasterizer::{Arena, Differentiate, Inputs, Rasterizer, Shape};
+use softras::rasterizer::{Arena, Differentiate, HostAdapter, HostDevice, Inputs, Rasterizer, Shape};
 use softras::{Camera, Projection, Scene, Settings, Wanted, shapes};
 
 /// Bytes of this process that are in memory.
@@ -28,7 +31,13 @@ fn ten_thousand_frames_leak_nothing() {
     drop(block);
 
     let engine = Engine::new(false).unwrap();
-    let rasterizer = Rasterizer::new(&engine.host_device()).unwrap();
+    let _guard = shim::lock();
+    let core = engine.core();
+    let host = unsafe {
+        let adapter = HostAdapter::new(shim::function(), core.instance.handle(), core.physical);
+        HostDevice::new(adapter, core.device.handle())
+    };
+    let rasterizer = Rasterizer::new(&host).unwrap();
     let scene = Scene::new(shapes::cube().unwrap());
     let cameras = [Camera::from_angles(3.0, 20.0, 30.0, Projection::Perspective { fov_y: 1.0 }).unwrap()];
     let settings = Settings { width: 16, height: 16, sigma: 1e-3, save: true, ..Settings::default() };
@@ -51,6 +60,7 @@ fn ten_thousand_frames_leak_nothing() {
         let forward = rasterizer.bind(&plan, &arena.refs(&one.whole()).unwrap()).unwrap();
         let backward =
             rasterizer.bind_backward(&gradient_plan, &forward, &gradient_arena.refs(&two.whole()).unwrap()).unwrap();
+        let bound = shim::objects();
         for _ in 0..100 {
             frame.begin().unwrap();
             let mut commands = frame.host();
@@ -59,6 +69,7 @@ fn ten_thousand_frames_leak_nothing() {
             engine.submit(&frame).unwrap();
         }
         frame.wait().unwrap();
+        assert_eq!(shim::objects(), bound, "recording made something");
         if hundred == 9 {
             settled = resident();
         }
@@ -66,4 +77,11 @@ fn ten_thousand_frames_leak_nothing() {
     let end = resident();
     println!("resident after 1,000 frames {} KiB, after 10,000 {} KiB", settled >> 10, end >> 10);
     assert!(end < settled + SLACK, "{settled} bytes grew to {end}");
+    drop((frame, rasterizer));
+    let objects = shim::objects();
+    println!("made and destroyed: {objects:?}");
+    // Kernels are compiled once, all else is bound a hundred times.
+    let made = |kind: &str| objects.get(kind).map_or(0, |[made, _]| *made);
+    assert!(made("BufferView") > 1000 && made("DescriptorPool") == 200 && made("Pipeline") > 10, "{objects:?}");
+    assert!(objects.values().all(|[made, destroyed]| made == destroyed), "{objects:?}");
 }

@@ -74,11 +74,20 @@ impl Engine {
     /// Opens the first device with a queue that draws and computes; with `validation`, under the validation layer with its
     /// checks of synchronisation and best practices.
     pub fn new(validation: bool) -> Outcome<Self> {
-        Self::with_extensions(validation, &[])
+        Self::open(validation, &[], false)
     }
 
     /// The same with extensions of the device.
     pub fn with_extensions(validation: bool, extensions: &[&CStr]) -> Outcome<Self> {
+        Self::open(validation, extensions, false)
+    }
+
+    /// The same with every feature that Vulkan 1.0 knows and the device has.
+    pub fn with_features(validation: bool) -> Outcome<Self> {
+        Self::open(validation, &[], true)
+    }
+
+    fn open(validation: bool, extensions: &[&CStr], features: bool) -> Outcome<Self> {
         let device_extensions: Vec<_> = extensions.iter().map(|name| name.as_ptr()).collect();
         let entry = unsafe { ash::Entry::load() }?;
         let log = Arc::new(Log::default());
@@ -89,12 +98,12 @@ impl Engine {
             vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION,
             vk::ValidationFeatureEnableEXT::BEST_PRACTICES,
         ];
-        let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&checks);
+        let mut enables = vk::ValidationFeaturesEXT::default().enabled_validation_features(&checks);
         let mut messenger_info = messenger_info(&log);
         let mut info = vk::InstanceCreateInfo::default().application_info(&application);
         if validation {
             info = info.enabled_layer_names(&layers).enabled_extension_names(&extensions);
-            info = info.push_next(&mut features).push_next(&mut messenger_info);
+            info = info.push_next(&mut enables).push_next(&mut messenger_info);
         }
         let instance = unsafe { entry.create_instance(&info, None) }?;
         let messenger = if validation {
@@ -107,8 +116,12 @@ impl Engine {
         let (physical, family) = choose(&instance)?;
         let priorities = [1.0];
         let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&priorities)];
-        let info =
-            vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_extension_names(&device_extensions);
+        let all = unsafe { instance.get_physical_device_features(physical) };
+        let enabled = if features { all } else { vk::PhysicalDeviceFeatures::default() };
+        let info = vk::DeviceCreateInfo::default()
+            .queue_create_infos(&queues)
+            .enabled_extension_names(&device_extensions)
+            .enabled_features(&enabled);
         let device = unsafe { instance.create_device(physical, &info, None) }?;
         let queue = unsafe { device.get_device_queue(family, 0) };
         let allocator = Allocator::new(&AllocatorCreateDesc {

@@ -177,7 +177,19 @@ impl Totals {
     }
 }
 
+/// An error for more views than a frame may have.
+pub(crate) fn judge_views(needed: u64) -> Result<()> {
+    const MOST: u64 = 1 << 18;
+    if needed <= MOST {
+        return Ok(());
+    }
+    let (what, limit_name) = ("one frame".into(), "views of a frame");
+    let mend = "render them in several frames".into();
+    Err(Error::Limit { what, needed, unit: "views", limit_name, limit: MOST, mend })
+}
+
 fn ranges_of(input: &PlanInput, frame: &FramePush) -> Result<(Vec<ViewRange>, Totals)> {
+    judge_views(input.views.len() as u64)?;
     let pieces = if clips(input) { 2 } else { 1 };
     let bins = u64::from(frame.bins_x) * u64::from(frame.bins_y);
     let mut t = Totals::default();
@@ -209,11 +221,6 @@ fn ranges_of(input: &PlanInput, frame: &FramePush) -> Result<(Vec<ViewRange>, To
         let (what, mend) = (what.to_owned(), mend.to_owned());
         Err(Error::Limit { what, needed, unit: "elements", limit_name: "32-bit index", limit, mend })
     };
-    if input.views.len() > 1 << 18 {
-        let (what, limit_name) = ("one frame".into(), "views of a frame");
-        let (needed, mend) = (input.views.len() as u64, "render them in several frames".into());
-        return Err(Error::Limit { what, needed, unit: "views", limit_name, limit: 1 << 18, mend });
-    }
     index("the triangle records of all views", 9 * t.slots, "render fewer views or triangles in one frame")?;
     index("the vertices of all views", 3 * t.vertices, "render fewer views in one frame")?;
     index("the images of all views", t.pixels, "render fewer views in one frame, or smaller images")?;

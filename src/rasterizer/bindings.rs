@@ -3,6 +3,7 @@
 use super::plan::{BufferRequirement, FRAME_SLOTS, FramePlan, GRADIENT_SLOTS, GradientPlan};
 use crate::buffers::{BACKWARD, FORWARD, UNUSED, UNUSED_SIZE};
 use crate::error::{Error, Result};
+use crate::gradients::Wanted;
 use crate::passes::{self, BACKWARD_COUNT, BackwardStages, ForwardStages};
 use crate::vulkan::{BufferPart, BufferRef, Device, Pipeline, TexelFormat, vk};
 
@@ -29,10 +30,12 @@ pub struct GradientBindings {
     pub(super) texel_sums: BufferPart,
     pub(super) item_counts: BufferPart,
     pub(super) vertex_gradients: BufferPart,
+    pub(super) wanted: Wanted,
     /// What is cleared first where only the device knows how many triangles there are.
     pub(super) cleared: Vec<BufferPart>,
     modes: Vec<(&'static str, u32)>,
     ranges: [u64; GRADIENT_SLOTS],
+    frame_ranges: [u64; FRAME_SLOTS],
 }
 
 /// Buffers by name, and what is bound where a frame has none.
@@ -203,9 +206,11 @@ impl GradientBindings {
             texel_sums: get("texel_sums")?,
             item_counts: get("item_counts")?,
             vertex_gradients: get("vertex_gradients")?,
+            wanted: plan.wanted,
             cleared: ["corner_gradients", "light_records"].iter().filter_map(|n| parts.named(n).cloned()).collect(),
             modes: plan.plan.modes.clone(),
             ranges: ranges_of(plan.buffers(), parts),
+            frame_ranges: frame.ranges,
         })
     }
 
@@ -214,7 +219,8 @@ impl GradientBindings {
     /// # Errors
     /// [`Error::Host`] saying what is too small or otherwise compiled.
     pub fn fits(&self, plan: &GradientPlan) -> Result<()> {
-        fits(&plan.sizes, &self.ranges, plan.plan.modes == self.modes)
+        fits(&plan.frame_sizes, &self.frame_ranges, plan.plan.modes == self.modes)?;
+        fits(&plan.sizes, &self.ranges, true)
     }
 }
 

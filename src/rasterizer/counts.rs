@@ -36,12 +36,14 @@ struct Push {
 }
 
 impl Rasterizer {
-    /// Binds counts to a frame that was planned with [`Shape::device_counts`](super::Shape::device_counts).
+    /// Binds counts to a frame that was planned with [`Shape::device_counts`](super::Shape::device_counts). They serve frames
+    /// of this plan; for one of another shape, bind them anew.
     ///
     /// # Errors
-    /// [`Error::Host`] for a frame planned otherwise, or counts that lie outside their buffer; otherwise as
+    /// [`Error::Host`] for a frame planned otherwise or bound for less, or counts that lie outside their buffer; otherwise as
     /// [`prepare`](Self::prepare).
     pub fn bind_counts(&self, plan: &FramePlan, frame: &FrameBindings, counts: &Counts) -> Result<CountBindings> {
+        frame.fits(plan)?;
         let misfit = |what: String, mend: &str| Err(Error::Host { what, mend: mend.into() });
         if !plan.shape.device_counts {
             return misfit("the frame was planned with counts known".into(), "set Shape::device_counts");

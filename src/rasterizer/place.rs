@@ -4,6 +4,7 @@ use super::Rasterizer;
 use super::bindings::{FrameBindings, GradientBindings};
 use super::geometry::{Geometry, IndexFormat, Layout, linear_groups, rows_of};
 use crate::error::{Error, Result};
+use crate::gradients::Wanted;
 use crate::passes::Stage;
 use crate::pipelines::Request;
 use crate::vulkan::{BufferPart, BufferRef, DescriptorPool, HostCommands, Kernel, Recorder, TexelFormat, kernels};
@@ -27,7 +28,7 @@ pub struct GeometryBuffers {
 }
 
 /// Where a host wants the gradients of its geometry, in layouts of its own; what is `None` is not computed.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct GeometryGradients {
     /// dL/dx, dL/dy, dL/dz of each vertex that a draw reads, summed over its instances in their order.
     pub positions: Option<(BufferRef, Layout)>,
@@ -192,14 +193,21 @@ impl Rasterizer {
     /// Binds the arrays that the gradients of a host's geometry go into.
     ///
     /// # Errors
-    /// As [`bind_geometry`](Self::bind_geometry); [`Error::Host`] for transforms' gradients of geometry without any.
+    /// As [`bind_geometry`](Self::bind_geometry); [`Error::Host`] for transforms' gradients of geometry without any, and for
+    /// gradients that the pass was not planned for.
     pub fn bind_geometry_gradients(
         &self,
         geometry: &GeometryBindings,
         gradients: &GeometryGradients,
         backward: &GradientBindings,
     ) -> Result<GeometryGradientBindings> {
+        judge_wanted(gradients, backward.wanted)?;
         let mut steps = Vec::new();
+        if *gradients == GeometryGradients::default() {
+            return Ok(GeometryGradientBindings { steps });
+        }
+        let placed = u64::from(geometry.geometry.first_vertex) + u64::from(geometry.geometry.vertices());
+        judge_target("vertex_gradients", &backward.vertex_gradients, 32 * placed)?;
         if geometry.geometry.vertices() > 0 {
             for (select, target) in (0..).zip([&gradients.positions, &gradients.colors]) {
                 if let Some(target) = target {
@@ -320,6 +328,20 @@ impl Rasterizer {
         recorder.end_label();
         Ok(())
     }
+}
+
+/// Nothing is asked for that the backward pass does not compute.
+fn judge_wanted(gradients: &GeometryGradients, wanted: Wanted) -> Result<()> {
+    let by_position = gradients.positions.is_some() || gradients.transforms.is_some();
+    for (asked, planned, name) in
+        [(by_position, wanted.positions, "positions"), (gradients.colors.is_some(), wanted.colors, "colors")]
+    {
+        if asked && !planned {
+            let what = format!("the backward pass does not differentiate by {name}");
+            return misfit(what, &format!("plan it with Wanted::{name} in Differentiate::wanted"));
+        }
+    }
+    Ok(())
 }
 
 /// A frame's array has room for what is placed.

@@ -4,7 +4,7 @@ use super::shape::Shape;
 use crate::buffers::{self, BACKWARD, FORWARD, Role, Slot, UNUSED, UNUSED_SIZE};
 use crate::error::{Error, Result};
 use crate::gradients::Wanted;
-use crate::plan::{BackwardInput, BackwardPlan, Capacity, Plan, PlanInput};
+use crate::plan::{BackwardInput, BackwardPlan, Capacity, Plan, PlanInput, judge_views};
 use crate::scene::{Lights, Outputs, Settings, Shading};
 use crate::vulkan::{BufferDesc, BufferRef, DeviceKind, Limits, Location, TexelFormat, vk};
 
@@ -69,6 +69,9 @@ pub struct GradientPlan {
     buffers: Vec<BufferRequirement>,
     /// Bytes by slot.
     pub(super) sizes: [u64; GRADIENT_SLOTS],
+    /// Bytes of the frame's buffers by slot.
+    pub(super) frame_sizes: [u64; FRAME_SLOTS],
+    pub(super) wanted: Wanted,
     /// As the frame's shape.
     pub(super) device_counts: bool,
 }
@@ -123,6 +126,7 @@ const FARTHEST: f64 = 70.0;
 
 /// Counts and reaches that the kernels can rely on.
 fn judge(shape: &Shape) -> Result<()> {
+    judge_views(shape.views.into())?;
     let fail = |what: String, mend: &str| Err(Error::Scene { what, mend: mend.into() });
     let (meshes, views) = (shape.meshes.len(), shape.views as usize);
     if meshes == 0 || views == 0 || (meshes != 1 && meshes != views) {
@@ -131,9 +135,10 @@ fn judge(shape: &Shape) -> Result<()> {
     }
     let vertices = shape.vertices();
     let triangles: u64 = shape.meshes.iter().map(|m| u64::from(m.triangles)).sum();
-    let most = [3 * vertices, 3 * triangles, shape.texels(), vertices + 3 * triangles + meshes as u64];
+    let (uvs, texels) = (shape.uvs(), shape.texels());
+    let most = [3 * vertices, 3 * triangles, 2 * uvs, texels, vertices + 3 * triangles + meshes as u64];
     if most.iter().any(|&count| count > i32::MAX as u64) {
-        let what = format!("{vertices} vertices, {triangles} triangles and {} texels", shape.texels());
+        let what = format!("{vertices} vertices, {triangles} triangles, {uvs} UV pairs and {texels} texels");
         return fail(what, "render fewer meshes or smaller textures at once: kernels index with 32 bits");
     }
     if !(shape.cutoff > 0.0 && shape.cutoff <= FARTHEST) {
@@ -327,7 +332,8 @@ impl GradientPlan {
             texel_scale: texel_scale(&frame.plan, &shape.lights, differentiate.largest_upstream),
         });
         let (buffers, sizes) = requirements(&frame.limits, BACKWARD.into_iter(), |slot| plan.sizes.of(slot.name))?;
-        Ok(Self { plan, buffers, sizes, device_counts: shape.device_counts })
+        let (frame_sizes, device_counts) = (frame.sizes, shape.device_counts);
+        Ok(Self { plan, buffers, sizes, frame_sizes, wanted: differentiate.wanted, device_counts })
     }
 
     /// The buffers to give to [`Rasterizer::bind_backward`](super::Rasterizer::bind_backward) beyond the frame's.

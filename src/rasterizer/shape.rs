@@ -101,13 +101,20 @@ impl MeshShape {
 
     fn texels(&self) -> u64 {
         match &self.appearance {
-            AppearanceShape::Surface { resolution } => u64::from(self.triangles) * u64::from(*resolution).pow(2),
+            AppearanceShape::Surface { resolution } => {
+                u64::from(self.triangles).saturating_mul(u64::from(*resolution).pow(2))
+            }
             AppearanceShape::Textured { textures, .. } => {
-                textures.iter().map(|&(width, height)| u64::from(width) * u64::from(height)).sum()
+                sum(textures.iter().map(|&(width, height)| u64::from(width) * u64::from(height)))
             }
             _ => 0,
         }
     }
+}
+
+/// A host's counts may be anything until the plan has judged their sum.
+fn sum(counts: impl Iterator<Item = u64>) -> u64 {
+    counts.fold(0, u64::saturating_add)
 }
 
 /// Where one mesh lies in the tables, and how large it is.
@@ -174,9 +181,18 @@ impl Shape {
         self.meshes.iter().map(|m| u64::from(m.vertices)).sum()
     }
 
+    /// UV pairs of all meshes.
+    pub(super) fn uvs(&self) -> u64 {
+        let uvs = |mesh: &MeshShape| match mesh.appearance {
+            AppearanceShape::Textured { uvs, .. } => uvs.into(),
+            _ => 0,
+        };
+        self.meshes.iter().map(uvs).sum()
+    }
+
     /// Texels of all meshes, the white one for plain meshes among them.
     pub(super) fn texels(&self) -> u64 {
-        u64::from(self.is_sampled()) + self.meshes.iter().map(MeshShape::texels).sum::<u64>()
+        sum(self.meshes.iter().map(MeshShape::texels)).saturating_add(self.is_sampled().into())
     }
 
     fn is_sampled(&self) -> bool {

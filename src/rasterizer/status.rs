@@ -12,7 +12,7 @@ pub struct Status {
     pub needed: Capacity,
     /// A vertex or a triangle was not finite on the screen.
     pub not_finite: bool,
-    /// Triangles near the tile with the most of them.
+    /// Triangles near the tile with the most of them, where that is more than 16384; else 0.
     pub longest_list: u32,
 }
 

@@ -77,10 +77,10 @@ impl FrameImage {
 }
 
 impl Rasterizer {
-    /// Binds one view of an image of a frame to a host's storage image of its size.
+    /// Binds one view of an image of a frame to a host's storage image of its size. It serves frames of this plan's size.
     ///
     /// # Errors
-    /// [`Error::Host`] for an image that the frame does not have, a view that there is not, another size, or a format with
+    /// [`Error::Host`] for a plan that the frame was not bound for, an image that the frame does not have, a view that there is not, another size, or a format with
     /// another number of channels; otherwise as [`prepare`](Self::prepare).
     pub fn bind_image(
         &self,
@@ -90,6 +90,7 @@ impl Rasterizer {
         view: u32,
         target: &ImageRef,
     ) -> Result<ImageBindings> {
+        frame.fits(plan)?;
         let (name, component) = image.place(plan);
         let (width, height) = plan.image_size();
         if plan.buffer(name).is_none() || (image == FrameImage::Silhouette && !plan.has_silhouette()) {

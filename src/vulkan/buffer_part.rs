@@ -43,6 +43,9 @@ impl BufferPart {
             let result = format!("`{name}` was made without the usage UNIFORM_TEXEL_BUFFER");
             return Err(Error::Vulkan { call: CALL, result });
         }
+        if at.raw() == vk::Buffer::null() {
+            return Err(Error::Vulkan { call: CALL, result: format!("`{name}` is null") });
+        }
         // SAFETY: the usage was checked, all else is the promise of `BufferRef::new`.
         unsafe { Self::of_host(at).with_view(device, format, name) }
     }

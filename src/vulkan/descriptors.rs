@@ -189,6 +189,9 @@ fn match_names<'a>(
 fn check_buffer(device: &Device, kernel: &Kernel, binding: &Binding, buffer: &BufferPart) -> Result<()> {
     let limits = device.limits();
     let fail = |what: &str| Err(misuse(CALL, kernel, &format!("binding `{}`: {what}", binding.name)));
+    if buffer.raw() == vk::Buffer::null() {
+        return fail("the buffer is null");
+    }
     let (alignment, limit, limit_name) = match binding.kind {
         BindingKind::StorageBuffer => {
             (limits.storage_offset_alignment, limits.max_storage_buffer_range, "maxStorageBufferRange")

@@ -88,7 +88,7 @@ impl ExternalBuffer {
     /// VK_KHR_external_memory_fd enabled), else by copies of the host's.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`], [`Error::Vulkan`].
+    /// [`Error::OutOfMemory`], [`Error::Vulkan`]; [`Error::Host`] for no bytes, or a device without the extension.
     pub fn new(device: &Device, size: u64, usage: vk::BufferUsageFlags, support: ExternalSupport) -> Result<Self> {
         Self::make(device, size, usage, support.memory, None)
     }
@@ -97,7 +97,11 @@ impl ExternalBuffer {
     ///
     /// # Errors
     /// As [`new`](Self::new); [`Error::Host`] for more or fewer bytes than `size`.
-    pub fn import(device: &Device, size: u64, usage: vk::BufferUsageFlags, external: External) -> Result<Self> {
+    ///
+    /// # Safety
+    /// [`External::Memory`] was [exported](Self::export) by a buffer of this size and usage, of a device of the same physical
+    /// device and driver.
+    pub unsafe fn import(device: &Device, size: u64, usage: vk::BufferUsageFlags, external: External) -> Result<Self> {
         match external {
             External::Memory(fd) => Self::make(device, size, usage, true, Some(fd)),
             External::Bytes(bytes) if bytes.len() as u64 == size => {
@@ -119,6 +123,10 @@ impl ExternalBuffer {
         shared: bool,
         fd: Option<OwnedFd>,
     ) -> Result<Self> {
+        if size == 0 {
+            let (what, mend) = ("a buffer of no bytes".into(), "ask for at least one".into());
+            return Err(Error::Host { what, mend });
+        }
         if shared {
             enabled(device, c"vkGetMemoryFdKHR", khr::external_memory_fd::NAME)?;
         }
@@ -165,8 +173,8 @@ impl ExternalBuffer {
             (true, None) => info.push_next(&mut dedicated).push_next(&mut export),
             (true, Some(_)) => info.push_next(&mut dedicated).push_next(&mut import),
         };
-        // SAFETY: the infos live until the call returns; the descriptor is the caller's to give, and the driver's if the
-        // call succeeds.
+        // SAFETY: the infos live until the call returns; the descriptor is one of such memory (the promise of `import`), and
+        // the driver's if the call succeeds.
         let made = unsafe { device.raw().allocate_memory(&info, device.callbacks()) };
         if let (Err(_), Some(fd)) = (&made, fd) {
             // SAFETY: it was an OwnedFd, which the driver has not taken.
@@ -265,12 +273,16 @@ impl ExternalSemaphore {
     ///
     /// # Errors
     /// As [`new`](Self::new); [`Error::Vulkan`].
-    pub fn import(device: &Device, support: ExternalSupport, fd: OwnedFd) -> Result<Self> {
+    ///
+    /// # Safety
+    /// The descriptor was [exported](Self::export) by a semaphore of a device of the same physical device and driver.
+    pub unsafe fn import(device: &Device, support: ExternalSupport, fd: OwnedFd) -> Result<Self> {
         let made = Self::new(device, support)?;
         let functions = khr::external_semaphore_fd::Device::new(device.instance(), device.raw());
         let fd = fd.into_raw_fd();
         let info = vk::ImportSemaphoreFdInfoKHR::default().semaphore(made.raw).handle_type(SEMAPHORE).fd(fd);
-        // SAFETY: the semaphore was just made; the descriptor is the driver's if the call succeeds.
+        // SAFETY: the semaphore was just made; the descriptor is one of a semaphore's (the caller's promise), and the driver's
+        // if the call succeeds.
         let result = unsafe { functions.import_semaphore_fd(&info) };
         if result.is_err() {
             // SAFETY: it was an OwnedFd, which the driver has not taken.

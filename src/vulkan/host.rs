@@ -203,8 +203,9 @@ impl HostCommands {
     /// - No other thread uses it or its pool during a call that records into it.
     /// - All that is recorded into it (bindings, and the buffers and images bound) is kept until it has been executed for
     ///   the last time or thrown away.
-    /// - When it executes, inputs hold what their tables say (indices within range), and buffers and images are
-    ///   synchronised as the documentation of [`rasterizer`](crate::rasterizer) says.
+    /// - When it executes, inputs hold what their tables say (indices within range), a backward pass follows the forward
+    ///   frame that its plan was made of, and buffers and images are synchronised as the documentation of
+    ///   [`rasterizer`](crate::rasterizer) says.
     pub unsafe fn new(raw: vk::CommandBuffer) -> Self {
         Self { raw }
     }

@@ -278,7 +278,7 @@ fn check_range(
     usage: vk::BufferUsageFlags,
 ) -> Result<()> {
     let inside = offset.checked_add(size).is_some_and(|end| end <= buffer.range());
-    let aligned = (buffer.offset() + offset).is_multiple_of(4) && size.is_multiple_of(4);
+    let aligned = buffer.offset().wrapping_add(offset).is_multiple_of(4) && size.is_multiple_of(4);
     if inside && aligned && buffer.usage().contains(usage) {
         return Ok(());
     }

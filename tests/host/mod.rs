@@ -12,11 +12,12 @@ use crate::common::scenes::Case;
 use ash::vk;
 use engine::{Buffer, Engine};
 use gpu_allocator::MemoryLocation;
-use softras::ImageGradient;
 use softras::rasterizer::{
-    Arena, FrameBindings, FramePlan, GradientPlan, HostCommands, Inputs, Rasterizer, Shape, Status,
+    Arena, Decoder, Differentiate, FrameBindings, FramePlan, GradientBindings, GradientPlan, HostCommands, Inputs,
+    Rasterizer, Shape, Status,
 };
 use softras::scene::Outputs;
+use softras::{Gradients, ImageGradient, Scene, Wanted};
 
 pub type Messages = Vec<String>;
 
@@ -72,6 +73,19 @@ impl Host {
         }
         let bindings = rasterizer.bind(&plan, &arena.refs(&buffer.whole()).unwrap()).unwrap();
         Self { plan, arena, buffer, bindings }
+    }
+
+    /// A frame, executed, whose lists have had room.
+    pub fn whole_frame(engine: &Engine, rasterizer: &Rasterizer, case: &Case) -> Self {
+        let mut shape = Shape::of(&case.scene, &case.cameras, &case.settings).unwrap();
+        loop {
+            let host = Self::of_shape(engine, rasterizer, case, &shape);
+            forward(engine, rasterizer, &host);
+            match host.status().judge(&host.plan).unwrap() {
+                None => return host,
+                capacity => shape.capacity = capacity,
+            }
+        }
     }
 
     pub fn floats(&self, name: &str) -> Vec<f32> {
@@ -155,12 +169,68 @@ pub fn upstream_bytes(upstream: &ImageGradient) -> Vec<(&'static str, Vec<f32>)>
     buffers
 }
 
-pub fn gradient_buffer(engine: &Engine, plan: &GradientPlan, upstream: &ImageGradient) -> (Arena, Buffer) {
-    let arena = Arena::of(plan.buffers());
-    let mut buffer = engine.buffer(arena.size, arena.usage, MemoryLocation::GpuToCpu).unwrap();
-    buffer.bytes_mut().fill(0xcd);
-    for (name, values) in upstream_bytes(upstream) {
-        buffer.write(arena.part(name).unwrap().0, bytemuck::cast_slice(&values));
+/// A backward pass of a frame, its own buffers in one, mapped.
+pub struct Backward {
+    pub plan: GradientPlan,
+    pub arena: Arena,
+    pub buffer: Buffer,
+    pub bindings: GradientBindings,
+    pub wanted: Wanted,
+}
+
+impl Backward {
+    pub fn new(
+        engine: &Engine,
+        rasterizer: &Rasterizer,
+        host: &Host,
+        upstream: &ImageGradient,
+        wanted: Wanted,
+    ) -> Self {
+        let color = upstream.color.iter().flat_map(|image| &image.data);
+        let largest_upstream = color.fold(0.0f64, |m, &x| m.max(f64::from(x.abs())));
+        let differentiate = Differentiate { upstream: upstream.outputs(), wanted, largest_upstream };
+        let plan = rasterizer.plan_backward(&host.plan, &differentiate).unwrap();
+        let arena = Arena::of(plan.buffers());
+        let mut buffer = engine.buffer(arena.size, arena.usage, MemoryLocation::GpuToCpu).unwrap();
+        buffer.bytes_mut().fill(0xcd);
+        for (name, values) in upstream_bytes(upstream) {
+            buffer.write(arena.part(name).unwrap().0, bytemuck::cast_slice(&values));
+        }
+        let refs = arena.refs(&buffer.whole()).unwrap();
+        let bindings = rasterizer.bind_backward(&plan, &host.bindings, &refs).unwrap();
+        Self { plan, arena, buffer, bindings, wanted }
     }
-    (arena, buffer)
+
+    pub fn record(&self, rasterizer: &Rasterizer, commands: &mut HostCommands) {
+        rasterizer.record_backward(commands, &self.plan, &self.bindings).unwrap();
+    }
+
+    /// The bytes of one of its buffers.
+    pub fn part(&self, name: &str) -> Option<&[u8]> {
+        self.arena.part(name).map(|(at, size)| &self.buffer.bytes()[at as usize..][..size as usize])
+    }
+
+    /// What it computed, of a scene that is the case's but for its meshes, from what `cut` leaves of each buffer's bytes.
+    pub fn decode_cut<'a>(
+        &'a self,
+        host: &Host,
+        case: &Case,
+        scene: &Scene,
+        cut: impl Fn(&'a [u8]) -> Option<&'a [u8]>,
+    ) -> softras::Result<Gradients> {
+        let decoder = Decoder {
+            frame: &host.plan,
+            plan: &self.plan,
+            wanted: &self.wanted,
+            tables: &Inputs::new(scene, &case.cameras, &case.settings, &host.plan).tables,
+            cameras: &case.cameras,
+            settings: &case.settings,
+            lights: &scene.lights,
+        };
+        decoder.decode(|name| cut(self.part(name)?))
+    }
+
+    pub fn decode(&self, host: &Host, case: &Case, scene: &Scene) -> Gradients {
+        self.decode_cut(host, case, scene, Some).unwrap()
+    }
 }

@@ -1,14 +1,25 @@
-//! A loader between softras and the driver: it counts every object that is made and destroyed, and makes the nth call
-//! that makes or allocates something fail. Its state is the process's: one test at a time ([`lock`]).
+//! A loader between softras and the driver: it counts every object that is made and destroyed, makes the nth call that
+//! makes or allocates something fail, and shows the physical device otherwise than it is ([`adapter`]). Its state is the
+//! process's: one test at a time ([`lock`]).
 
+// Not every test needs every part.
+#![allow(dead_code)]
+
+pub mod adapter;
+
+use adapter::{
+    vkCmdPipelineBarrier, vkCreateDevice, vkGetDeviceQueue, vkGetPhysicalDeviceProperties2,
+    vkGetPhysicalDeviceQueueFamilyProperties,
+};
 use ash::vk;
 use softras::vulkan::Loader;
+use std::collections::BTreeMap;
 use std::ffi::{CStr, c_char};
 use std::sync::atomic::{AtomicI64, AtomicUsize, Ordering::Relaxed};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
-/// Objects that were made and not destroyed.
-static LIVE: AtomicI64 = AtomicI64::new(0);
+/// How many objects of each kind were made, and how many destroyed.
+static OBJECTS: Mutex<BTreeMap<&str, [i64; 2]>> = Mutex::new(BTreeMap::new());
 /// Making calls that still succeed.
 static LEFT: AtomicI64 = AtomicI64::new(i64::MAX);
 /// vkAllocateMemory calls that still succeed.
@@ -20,13 +31,30 @@ static SUBMITS_LEFT: AtomicI64 = AtomicI64::new(i64::MAX);
 pub fn lock() -> MutexGuard<'static, ()> {
     static LOCK: Mutex<()> = Mutex::new(());
     let guard = LOCK.lock().unwrap_or_else(PoisonError::into_inner);
-    LIVE.store(0, Relaxed);
+    counts().clear();
     allow_all();
+    adapter::show_all();
     guard
 }
 
+fn counts() -> MutexGuard<'static, BTreeMap<&'static str, [i64; 2]>> {
+    OBJECTS.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// How many objects of each kind were made, and how many destroyed.
+pub fn objects() -> BTreeMap<&'static str, [i64; 2]> {
+    counts().clone()
+}
+
+/// Objects that were made and not destroyed.
 pub fn live() -> i64 {
-    LIVE.load(Relaxed)
+    counts().values().map(|[made, destroyed]| made - destroyed).sum()
+}
+
+fn count(kind: &'static str, made: i64, destroyed: i64) {
+    let mut counts = counts();
+    let count = counts.entry(kind).or_default();
+    *count = [count[0] + made, count[1] + destroyed];
 }
 
 /// So many more calls that make something succeed, memory among them.
@@ -95,6 +123,8 @@ functions! {
     vkFreeMemory vkDestroyBuffer vkDestroyBufferView vkDestroyDescriptorSetLayout vkDestroyDescriptorPool
     vkDestroyPipelineLayout vkDestroyShaderModule vkDestroyPipeline vkDestroyPipelineCache vkDestroyCommandPool
     vkDestroyFence vkDestroyQueryPool
+    vkCreateDevice vkGetPhysicalDeviceQueueFamilyProperties vkGetPhysicalDeviceProperties2 vkGetDeviceQueue
+    vkCmdPipelineBarrier
 }
 
 /// Makes one object: counted, or refused.
@@ -118,7 +148,7 @@ macro_rules! makes {
             }
             let real = unsafe { std::mem::transmute::<usize, Real>(real::$name.load(Relaxed)) };
             let result = unsafe { real(device, info, callbacks, object) };
-            LIVE.fetch_add(i64::from(result == vk::Result::SUCCESS), Relaxed);
+            count(stringify!($object), i64::from(result == vk::Result::SUCCESS), 0);
             result
         }
     };
@@ -136,7 +166,7 @@ macro_rules! destroys {
             type Real = unsafe extern "system" fn(vk::Device, vk::$object, *const vk::AllocationCallbacks<'_>);
             let real = unsafe { std::mem::transmute::<usize, Real>(real::$name.load(Relaxed)) };
             unsafe { real(device, object, callbacks) };
-            LIVE.fetch_sub(i64::from(object != vk::$object::null()), Relaxed);
+            count(stringify!($object), 0, i64::from(object != vk::$object::null()));
         }
     };
 }
@@ -149,7 +179,6 @@ makes!(vkCreateDescriptorPool: DescriptorPoolCreateInfo -> DescriptorPool);
 makes!(vkCreatePipelineLayout: PipelineLayoutCreateInfo -> PipelineLayout);
 makes!(vkCreateShaderModule: ShaderModuleCreateInfo -> ShaderModule);
 makes!(vkCreatePipelineCache: PipelineCacheCreateInfo -> PipelineCache);
-makes!(vkCreateCommandPool: CommandPoolCreateInfo -> CommandPool);
 makes!(vkCreateFence: FenceCreateInfo -> Fence);
 makes!(vkCreateQueryPool: QueryPoolCreateInfo -> QueryPool);
 destroys!(vkFreeMemory: DeviceMemory);
@@ -164,6 +193,26 @@ destroys!(vkDestroyPipelineCache: PipelineCache);
 destroys!(vkDestroyCommandPool: CommandPool);
 destroys!(vkDestroyFence: Fence);
 destroys!(vkDestroyQueryPool: QueryPool);
+
+/// Of the family that the driver knows it by.
+#[allow(non_snake_case)]
+unsafe extern "system" fn vkCreateCommandPool(
+    device: vk::Device,
+    info: *const vk::CommandPoolCreateInfo<'_>,
+    callbacks: *const vk::AllocationCallbacks<'_>,
+    pool: *mut vk::CommandPool,
+) -> vk::Result {
+    if let Some(result) = refused("vkCreateCommandPool") {
+        return result;
+    }
+    let mut info = unsafe { *info };
+    info.queue_family_index = adapter::real_family(info.queue_family_index);
+    let real = real::vkCreateCommandPool.load(Relaxed);
+    let real = unsafe { std::mem::transmute::<usize, vk::PFN_vkCreateCommandPool>(real) };
+    let result = unsafe { real(device, &raw const info, callbacks, pool) };
+    count("CommandPool", i64::from(result == vk::Result::SUCCESS), 0);
+    result
+}
 
 #[allow(non_snake_case)]
 unsafe extern "system" fn vkCreateComputePipelines(
@@ -183,7 +232,7 @@ unsafe extern "system" fn vkCreateComputePipelines(
     let real = real::vkCreateComputePipelines.load(Relaxed);
     let real = unsafe { std::mem::transmute::<usize, vk::PFN_vkCreateComputePipelines>(real) };
     let result = unsafe { real(device, cache, count, infos, callbacks, pipelines) };
-    LIVE.fetch_add(if result == vk::Result::SUCCESS { i64::from(count) } else { 0 }, Relaxed);
+    self::count("Pipeline", if result == vk::Result::SUCCESS { i64::from(count) } else { 0 }, 0);
     result
 }
 
@@ -250,7 +299,8 @@ unsafe extern "system" fn vkGetDeviceProcAddr(device: vk::Device, name: *const c
         vkCreatePipelineCache vkCreateCommandPool vkCreateFence vkCreateQueryPool vkAllocateDescriptorSets
         vkAllocateCommandBuffers vkFreeMemory vkDestroyBuffer vkDestroyBufferView vkDestroyDescriptorSetLayout
         vkDestroyDescriptorPool vkDestroyPipelineLayout vkDestroyShaderModule vkDestroyPipeline
-        vkDestroyPipelineCache vkDestroyCommandPool vkDestroyFence vkDestroyQueryPool
+        vkDestroyPipelineCache vkDestroyCommandPool vkDestroyFence vkDestroyQueryPool vkGetDeviceQueue
+        vkCmdPipelineBarrier
     ])
 }
 
@@ -260,5 +310,7 @@ unsafe extern "system" fn get_instance_proc_addr(
 ) -> vk::PFN_vkVoidFunction {
     let given = unsafe { (entry().static_fn().get_instance_proc_addr)(instance, name) };
     let name = unsafe { CStr::from_ptr(name) }.to_str().unwrap_or_default();
-    stand_before!(given, name, [vkGetDeviceProcAddr])
+    stand_before!(given, name, [
+        vkGetDeviceProcAddr vkCreateDevice vkGetPhysicalDeviceQueueFamilyProperties vkGetPhysicalDeviceProperties2
+    ])
 }
