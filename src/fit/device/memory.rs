@@ -2,7 +2,8 @@
 
 use super::arithmetic::{GROUP, Vec3};
 use super::host::FitState;
-use super::plan::{FitPlan, Tables};
+use super::plan::FitPlan;
+use super::tables::Tables;
 use crate::buffers::{BACKWARD, BufferSet, FORWARD, Role, Slot, UNUSED, UNUSED_SIZE};
 use crate::constants as c;
 use crate::error::Result;

@@ -18,7 +18,9 @@ mod guard;
 mod host;
 mod memory;
 mod plan;
+mod smoother;
 mod stages;
+mod tables;
 
 pub use host::HostFit;
 pub use plan::{unsupported, unsupported_settings};

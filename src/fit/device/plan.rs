@@ -7,19 +7,12 @@ use crate::fit::image_loss::{ImageLoss, pooled};
 use crate::fit::optimizer::Method;
 use crate::fit::regularizer::Regularizer;
 use crate::fit::shape::{Parametrization, ShapeFit, Targets};
-use crate::fit::topology::Topology;
 use crate::image::Image;
 use crate::scene::{Appearance, Outputs, Settings, Support};
-use glam::DVec3;
 
 use super::arithmetic::Rates;
-
-/// Vertices up to which smoothing takes all entries of the inverse: in one dispatch, where the iteration takes dozens.
-const MOST_DENSE: usize = 1536;
-/// Steps of the smoothing's iteration at most; a λ that takes more is for the host's exact solution.
-const MOST_ITERATES: usize = 96;
-/// How far the smoothing may be from the exact one, relative to what is smoothed.
-const SMOOTHING_ERROR: f64 = 1e-2;
+use super::smoother::{Smoother, inverse};
+use super::tables::{Tables, logit_template};
 
 /// A loss as the kernels have it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -45,24 +38,6 @@ pub struct Level {
     pub blocks: u32,
     /// Of value and gradient, of silhouette and colour: see `loss_scales`.
     pub scales: [f32; 4],
-}
-
-/// Chebyshev's iteration for a mesh and a λ.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Chebyshev {
-    pub lambda: f32,
-    pub relaxation: f32,
-    /// ω of every step; an even number of them.
-    pub omegas: Vec<f32>,
-}
-
-/// How smoothed parameters become positions.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Smoother {
-    /// By all entries of the inverse.
-    Dense,
-    /// By iteration.
-    Iterated(Chebyshev),
 }
 
 /// The sizes and numbers of a fit.
@@ -93,24 +68,6 @@ pub struct FitPlan {
     pub smoothing: Option<Smoother>,
     pub method: Method,
     pub fit_colors: bool,
-}
-
-/// The tables that the kernels read, written once.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Tables {
-    /// vertices + 1 places, then neighbours.
-    pub neighbors: Vec<u32>,
-    pub flaps: Vec<[u32; 4]>,
-    /// vertices + 1 places, then 4 × flap + corner.
-    pub flap_corners: Vec<u32>,
-    /// All levels: one value a pixel, or four with colours.
-    pub targets: Vec<f32>,
-    /// All levels; empty without a mask.
-    pub weights: Vec<f32>,
-    /// (1 - |v|) / |v| with v's sign; empty but for the logit parametrisation.
-    pub logit_template: Vec<[f32; 4]>,
-    /// (I + λ L)⁻¹, row by row; empty but for [`Smoother::Dense`].
-    pub inverse: Vec<f32>,
 }
 
 /// Why a fit cannot run on the device; `None` where it can.
@@ -157,49 +114,6 @@ impl LossKind {
     /// What the sums of all views are divided by.
     fn divisor(&self, total: f64, views: f64) -> f64 {
         if self.code == c::LOSS_IOU { views } else { total }
-    }
-}
-
-impl Smoother {
-    /// `None` where only the host's exact solution will do.
-    fn new(lambda: f64, topology: &Topology) -> Option<Self> {
-        if topology.vertices() <= MOST_DENSE {
-            return Some(Self::Dense);
-        }
-        Chebyshev::new(lambda, topology).map(Self::Iterated)
-    }
-}
-
-impl Chebyshev {
-    /// `None` for a λ out of range or one that takes too many steps.
-    pub fn new(lambda: f64, topology: &Topology) -> Option<Self> {
-        if !(0.0..=1e9).contains(&lambda) {
-            return None;
-        }
-        let degree = |i: u32| topology.neighbors(i as usize).len();
-        // No eigenvalue of L is larger than the degrees of some edge's ends together (Anderson and Morley 1985).
-        let most = topology.edges().iter().map(|&[a, b]| degree(a) + degree(b)).max().unwrap_or(0);
-        let (low, high) = (1.0, 1.0 + lambda * most as f64);
-        let (middle, half) = (0.5 * (high + low), 0.5 * (high - low));
-        let root = f64::sqrt(high / low);
-        let quotient = (root - 1.0) / (root + 1.0);
-        let steps = if quotient > 0.0 { (SMOOTHING_ERROR / 2.0).ln() / quotient.ln() } else { 1.0 };
-        if steps.is_nan() || steps > MOST_ITERATES as f64 {
-            return None;
-        }
-        let steps = (steps.ceil() as usize).max(1).next_multiple_of(2);
-        let square = (half / middle).powi(2);
-        let mut omega = 1.0;
-        let mut omegas = Vec::with_capacity(steps);
-        for step in 0..steps {
-            omega = match step {
-                0 => 1.0,
-                1 => 2.0 / (2.0 - square),
-                _ => 4.0 / (4.0 - square * omega),
-            };
-            omegas.push(omega as f32);
-        }
-        Some(Self { lambda: lambda as f32, relaxation: (1.0 / middle) as f32, omegas })
     }
 }
 
@@ -398,28 +312,6 @@ fn place_of(regularizer: Regularizer) -> usize {
     }
 }
 
-/// All entries of the inverse of a fit's smoothing, three columns at a time.
-fn inverse(fit: &ShapeFit) -> Result<Vec<f32>> {
-    let Some(smoothing) = fit.smoothing() else { return bad("no smoothing", "use the smoothed parametrisation") };
-    let vertices = fit.topology().vertices();
-    let mut inverse = vec![0.0; vertices * vertices];
-    for first in (0..vertices).step_by(3) {
-        let axes = [DVec3::X, DVec3::Y, DVec3::Z];
-        let mut columns = vec![DVec3::ZERO; vertices];
-        axes.iter().zip(first..vertices).for_each(|(axis, column)| columns[column] = *axis);
-        smoothing.apply(&mut columns)?;
-        for (row, entries) in columns.iter().enumerate() {
-            let entries = entries.to_array().into_iter().zip(first..vertices);
-            // The matrix is symmetric, its solution only nearly: the lower half is the one.
-            entries.filter(|(_, column)| *column <= row).for_each(|(entry, column)| {
-                inverse[row * vertices + column] = entry as f32;
-                inverse[column * vertices + row] = entry as f32;
-            });
-        }
-    }
-    Ok(inverse)
-}
-
 fn judge_weights(targets: &Targets, weights: Option<&Image>) -> Result<()> {
     let Some(weights) = weights else { return Ok(()) };
     let (height, width) = targets.size()?;
@@ -432,64 +324,4 @@ fn judge_weights(targets: &Targets, weights: Option<&Image>) -> Result<()> {
         return bad("weights that are negative, not finite or all 0", "use 0 for what does not count, 1 for what does");
     }
     Ok(())
-}
-
-fn logit_template(fit: &ShapeFit) -> Result<Vec<[f32; 4]>> {
-    let Some(template) = fit.logit_template() else { return bad("no template", "use the logit parametrisation") };
-    let odds = |v: f64| if v == 0.0 { 0.0 } else { ((1.0 - v.abs()) / v.abs()).copysign(v) as f32 };
-    Ok(template.iter().map(|v| [odds(v.x), odds(v.y), odds(v.z), 0.0]).collect())
-}
-
-impl Tables {
-    fn of(topology: &Topology) -> Self {
-        let vertices = topology.vertices();
-        let mut corners = vec![Vec::new(); vertices];
-        let mut flaps = Vec::with_capacity(topology.flaps().len());
-        for (f, flap) in topology.flaps().iter().enumerate() {
-            let [a, b] = flap.edge;
-            let along = |t: u32| {
-                let [i, j, k] = topology.triangles()[t as usize];
-                [[i, j], [j, k], [k, i]].contains(&[a, b])
-            };
-            let bit = |on: bool, bit: u32| if on { bit } else { 0 };
-            let bits = bit(flap.official, c::FLAP_OFFICIAL)
-                | bit(along(flap.triangles[0]), c::FLAP_FIRST_ALONG)
-                | bit(along(flap.triangles[1]), c::FLAP_SECOND_ALONG);
-            let vertices = [a, b, flap.opposite[0], flap.opposite[1]];
-            for (corner, &v) in vertices.iter().enumerate() {
-                corners[v as usize].push(4 * f as u32 + corner as u32);
-            }
-            flaps.push([a | bits, b, vertices[2], vertices[3]]);
-        }
-        let neighbors: Vec<Vec<u32>> = (0..vertices).map(|i| topology.neighbors(i).to_vec()).collect();
-        Self { neighbors: rows(&neighbors), flaps, flap_corners: rows(&corners), ..Self::default() }
-    }
-
-    fn target_pixels(&self, has_color: bool) -> u32 {
-        (self.targets.len() / if has_color { 4 } else { 1 }) as u32
-    }
-
-    fn push_targets(&mut self, silhouette: Option<&Image>, color: Option<&Image>) {
-        match color {
-            Some(color) => {
-                for (i, rgb) in color.data.chunks_exact(3).enumerate() {
-                    self.targets.extend(rgb);
-                    self.targets.push(silhouette.map_or(0.0, |s| s.data[i]));
-                }
-            }
-            None => self.targets.extend(silhouette.iter().flat_map(|s| &s.data)),
-        }
-    }
-}
-
-/// Rows of different lengths as one array: where each begins, counted from the array's start, and where the last ends.
-fn rows(rows: &[Vec<u32>]) -> Vec<u32> {
-    let mut next = rows.len() as u32 + 1;
-    let mut flat = vec![next];
-    for row in rows {
-        next += row.len() as u32;
-        flat.push(next);
-    }
-    flat.extend(rows.iter().flatten());
-    flat
 }

@@ -3,7 +3,8 @@
 use super::arithmetic::Rates;
 use super::host::{edge_scale, edge_share};
 use super::memory::Memory;
-use super::plan::{FitPlan, Smoother};
+use super::plan::FitPlan;
+use super::smoother::Smoother;
 use crate::buffers::buffer_of_binding;
 use crate::constants as c;
 use crate::error::{Error, Result};

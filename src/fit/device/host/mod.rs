@@ -8,7 +8,8 @@ mod steps;
 pub use regularizers::{edge_scale, edge_share};
 
 use super::arithmetic::{Vec3, value_of};
-use super::plan::{FitPlan, Tables};
+use super::plan::FitPlan;
+use super::tables::Tables;
 use crate::error::Result;
 use crate::fit::bad;
 use crate::fit::shape::{ShapeFit, State, Step, Targets};

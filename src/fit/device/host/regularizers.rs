@@ -2,7 +2,8 @@
 
 use crate::constants as c;
 use crate::fit::device::arithmetic::{Vec3, add, cross, dot, length, over, scale, strided_sum, sub};
-use crate::fit::device::plan::{FitPlan, Tables};
+use crate::fit::device::plan::FitPlan;
+use crate::fit::device::tables::Tables;
 
 /// As the kernels have them: the small numbers of the official code, and the shortest normal.
 const EPSILON: f32 = 1e-6;

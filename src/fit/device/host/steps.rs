@@ -4,7 +4,9 @@ use super::FitState;
 use crate::fit::device::arithmetic::{
     GROUP, Rates, Vec3, adam_step, add, group_sum, logit_of, next_first, next_second, scale, strided_sum, sub, tangent,
 };
-use crate::fit::device::plan::{Chebyshev, FitPlan, Smoother, Tables};
+use crate::fit::device::plan::FitPlan;
+use crate::fit::device::smoother::{Chebyshev, Smoother};
+use crate::fit::device::tables::Tables;
 use crate::fit::optimizer::Method;
 
 /// One step against dL by the vertices.
