@@ -2,10 +2,10 @@
 #extension GL_GOOGLE_include_directive : require
 // Place, transform gradient: dL by the three rows of four numbers that move an instance: of row r, the sum over its
 // vertices of dL/dposition[r] times (x, y, z, 1).
-// One workgroup an instance; every lane sums each 64th vertex, and the lanes' sums are added pairwise, so the order is
+// One workgroup an instance; every lane sums each 128th vertex, and the lanes' sums are added pairwise, so the order is
 // always the same. Reads `draws`, the host's vertices and `vertex_gradients`; writes twelve floats an instance.
 
-layout(local_size_x = 64) in;
+layout(local_size_x = 128) in;
 
 layout(set = 0, binding = 0) uniform usamplerBuffer draws;
 layout(set = 0, binding = 1) uniform samplerBuffer vertex_gradients;
@@ -15,7 +15,10 @@ layout(set = 0, binding = 3, std430) writeonly buffer Target { float target[]; }
 #include "common/draws.glsl"
 #include "common/geometry_push.glsl"
 
-shared vec4 lane_sums[3 * 64];
+// As in reduce.comp: enough lanes that no loop takes 65535 passes.
+const int LANES = 128;
+
+shared vec4 lane_sums[3 * LANES];
 
 void main() {
     int instance = int(gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x);
@@ -28,7 +31,7 @@ void main() {
     vec4 rows[3] = vec4[3](vec4(0.0), vec4(0.0), vec4(0.0));
     uint stride = push.stride;
     uint offset = push.offset;
-    for (int v = lane; v < draw.vertices; v += 64) {
+    for (int v = lane; v < draw.vertices; v += LANES) {
         vec3 g = texelFetch(vertex_gradients, 2 * (placed + v)).xyz;
         uint from = uint(draw.first_vertex + v) * stride + offset;
         vec4 p = vec4(source[from], source[from + 1u], source[from + 2u], 1.0);
@@ -39,7 +42,7 @@ void main() {
     for (int r = 0; r < 3; ++r) {
         lane_sums[3 * lane + r] = rows[r];
     }
-    for (int width = 32; width > 0; width /= 2) {
+    for (int width = LANES / 2; width > 0; width /= 2) {
         barrier();
         if (lane < width) {
             for (int r = 0; r < 3; ++r) {

@@ -2,10 +2,10 @@
 #extension GL_GOOGLE_include_directive : require
 // Reduce: sums of rows in a fixed order: of `view_sums` over each view's triangles, of `light_records` over all of them
 // and each light, of `pixel_sums` over all pixels. REDUCTION says which.
-// One workgroup a sum (along x: a view, a light, or nothing); every lane sums each 64th row, and the lanes' sums are
+// One workgroup a sum (along x: a view, a light, or nothing); every lane sums each 128th row, and the lanes' sums are
 // added pairwise. Writes `totals`, three texels each, the ambient light before the others.
 
-layout(local_size_x = 64) in;
+layout(local_size_x = 128) in;
 
 layout(set = 0, binding = 0) uniform usamplerBuffer view_shapes;
 layout(set = 0, binding = 1) uniform samplerBuffer lights;
@@ -18,7 +18,10 @@ layout(constant_id = 30) const uint REDUCTION = 0;
 #include "common/frame.glsl"
 #include "common/mesh.glsl"
 
-shared vec4 lane_sums[3 * 64];
+// As many as every device has: on Mesa 22.3, which ends loops after 65535 passes, these hold eight million rows.
+const int LANES = 128;
+
+shared vec4 lane_sums[3 * LANES];
 
 // A row's share of a light's gradient: by direction and by colour; of the ambient light's by colour.
 void light_row(int row, int light, out vec4 a, out vec4 b) {
@@ -44,7 +47,7 @@ void main() {
     vec4 a = vec4(0.0);
     vec4 b = vec4(0.0);
     vec4 c = vec4(0.0);
-    for (int i = lane; i < count; i += 64) {
+    for (int i = lane; i < count; i += LANES) {
         int row = first + i;
         if (REDUCTION == REDUCTION_LIGHTS) {
             vec4 by_direction;
@@ -64,7 +67,7 @@ void main() {
     lane_sums[3 * lane] = a;
     lane_sums[3 * lane + 1] = b;
     lane_sums[3 * lane + 2] = c;
-    for (int width = 32; width > 0; width /= 2) {
+    for (int width = LANES / 2; width > 0; width /= 2) {
         barrier();
         if (lane < width) {
             for (int k = 0; k < 3; ++k) {

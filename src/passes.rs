@@ -121,11 +121,15 @@ struct List<'a> {
     offset: u32,
 }
 
-/// Every row of a list, by a dispatch of its own.
+/// Every row of a list, by a dispatch of its own. They touch nothing in common, but what a frame does not need is bound to
+/// one buffer for reading and for writing, which validation takes for a hazard without barriers between them.
 fn record_rows(recorder: &mut Recorder<'_>, frame: &FramePush, stage: &Stage, list: &List) -> Result<()> {
     for row in 0..list.rows {
         let frame = FramePush { first: list.first + row * c::FORWARD_ROW, ..*frame };
         let at = 4 * u64::from(row * list.stride + list.offset);
+        if row > 0 {
+            recorder.barrier();
+        }
         recorder.dispatch_indirect(&stage.pipeline, &stage.set, bytemuck::bytes_of(&frame), list.counts, at)?;
     }
     Ok(())

@@ -9,7 +9,7 @@ use common::{compare::compare_frames, random::Random, renderer, scenes::random_a
 use softras::{
     Camera, Error, ImageGradient, Mesh, Renderer, Scene, Settings, Wanted,
     reference::render_culled,
-    scene::{Outputs, SilhouetteAggregation},
+    scene::{Appearance, Outputs, SilhouetteAggregation},
 };
 
 const ALL: Outputs = Outputs { color: true, silhouette: true, depth: true, normal: true };
@@ -146,4 +146,28 @@ fn a_vertex_of_too_many_triangles_is_an_error() {
         let error = many.unwrap_err().to_string();
         assert!(error.contains("700 triangle corners, in 90 views"), "{error}");
     }
+}
+
+/// The loop that sums pixels: what each of four million gives to the background is what each shows of it.
+#[test]
+fn a_background_of_four_million_pixels_is_summed_to_the_end() {
+    let mesh = triangles(&[[[-0.7, -0.6, 2.0], [0.8, -0.5, 2.0], [0.1, 0.7, 2.0]]]);
+    let black = mesh.with_appearance(Appearance::Uniform([0.0; 3])).unwrap();
+    let settings = Settings {
+        background_color: [1.0; 3],
+        outputs: Outputs { color: true, silhouette: false, depth: false, normal: false },
+        save: true,
+        sigma: 1e-5,
+        ..small(2048, 2048)
+    };
+    let mut renderer = renderer();
+    let frame = renderer.render(&Scene::new(black), &[Camera::screen()], &settings).unwrap();
+    let color = frame.color().unwrap();
+    let shown: f64 = color.data.iter().step_by(3).map(|&x| f64::from(x)).sum();
+    let mut ones = color.clone();
+    ones.data.fill(1.0);
+    let wanted = Wanted { background: true, ..Wanted::NOTHING };
+    let gradients = renderer.backward(&frame, &ImageGradient::color(ones), &wanted).unwrap();
+    let off = (gradients.background_color[0] / shown - 1.0).abs();
+    assert!(shown > 3e6 && off < 1e-6, "{:?} should be {shown}", gradients.background_color);
 }

@@ -14,6 +14,9 @@ use super::arithmetic::Rates;
 use super::smoother::{Smoother, inverse};
 use super::tables::{Tables, logit_template};
 
+/// Vertices and inner edges that one workgroup sums at most: Mesa before 23 ends an invocation's loops after 65535 passes.
+const MOST_SUMMED: usize = 60_000 * c::FIT_GROUP as usize;
+
 /// A loss as the kernels have it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LossKind {
@@ -84,6 +87,10 @@ pub fn unsupported(fit: &ShapeFit) -> Option<String> {
         if options.regularizers[..i].iter().any(|(r, _)| kind(r) == kind(regularizer)) {
             return Some(format!("{regularizer:?} is there twice"));
         }
+    }
+    let (vertices, flaps) = (fit.topology().vertices(), fit.topology().flaps().len());
+    if vertices + flaps > MOST_SUMMED {
+        return Some(format!("{vertices} vertices and {flaps} inner edges are more than one workgroup sums"));
     }
     match options.parametrization {
         Parametrization::Smoothed { lambda } if Smoother::new(lambda, fit.topology()).is_none() => {
