@@ -74,6 +74,17 @@ pub enum Preset {
     Official,
 }
 
+/// A loss of silhouettes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum LossArg {
+    /// 1 - intersection over union
+    Iou,
+    /// Mean absolute difference
+    L1,
+    /// Mean squared difference
+    L2,
+}
+
 /// How it is fitted.
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Method")]
@@ -99,6 +110,9 @@ pub struct MethodArgs {
     /// Pixels rendered for each of the target's along each side
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8))]
     pub samples: Option<u32>,
+    /// How silhouettes are held against their targets: 1 - IoU, mean absolute or mean squared difference
+    #[arg(long, value_enum, default_value = "iou")]
+    pub loss: LossArg,
     /// How much steps are smoothed over the surface: (I + λ L)⁻¹ [default: 10; the official preset has none]
     #[arg(long, value_name = "LAMBDA", value_parser = parse::positive)]
     pub smoothing: Option<f64>,

@@ -99,6 +99,8 @@ pub struct Scores {
     masks: Vec<f64>,
     /// Its mean over the views that were.
     fitted: f64,
+    /// IoU of the masks of every view, where a mask is what is more than half covered.
+    covered: Vec<f64>,
     /// The mean over all views of the soft silhouettes' IoU at sigma 1e-4.
     soft: f64,
     /// What the official demo would call the loss of this mesh on the fitted views.
@@ -117,10 +119,20 @@ impl Scores {
         let hard = Settings { silhouette: SilhouetteAggregation::Hard, sigma: 1e-7, ..settings.clone() };
         let scene = Scene::new(mesh.clone());
         let Some(target) = &targets.silhouette else {
-            return Ok(Self { masks: Vec::new(), fitted: 0.0, soft: 0.0, official: 0.0, solid: None });
+            return Ok(Self { masks: Vec::new(), fitted: 0.0, covered: Vec::new(), soft: 0.0, official: 0.0, solid: None });
         };
         let frame = renderer.render(&scene, &targets.cameras, &hard)?;
         let masks = frame.silhouette().map(|image| mask_iou(image, target)).transpose()?.unwrap_or_default();
+        let mut covered = Vec::new();
+        for (view, camera) in targets.cameras.iter().enumerate() {
+            let fine = Settings { height: hard.height * 8, width: hard.width * 8, ..hard.clone() };
+            let frame = renderer.render(&scene, &[camera.clone()], &fine)?;
+            if let Some(image) = frame.silhouette() {
+                let coarse = softras::fit::image_loss::pooled(image, 8)?;
+                let one = softras::Image { batch: 1, data: target.view(view).to_vec(), ..*target };
+                covered.extend(mask_iou(&coarse, &one)?);
+            }
+        }
         let soft_iou = |renderer: &mut Renderer, stride: usize| -> Result<f64> {
             let some = super::targets::every(targets, stride);
             let settings = Settings { sigma: 1e-4, ..settings.clone() };
@@ -134,7 +146,7 @@ impl Scores {
         let official = 1.0 - soft_iou(renderer, setup.stride)? + official_penalty(mesh)?;
         let soft = soft_iou(renderer, 1)?;
         let solid = views.truth.as_ref().map(|truth| voxel::iou(mesh, truth, VOXELS)).transpose()?;
-        Ok(Self { fitted: mean(&fitted), masks, soft, official, solid })
+        Ok(Self { fitted: mean(&fitted), masks, covered, soft, official, solid })
     }
 }
 
@@ -143,6 +155,7 @@ impl Scores {
     pub fn json(&self) -> Value {
         json!({
             "mask_iou": { "per_view": self.masks, "mean": mean(&self.masks), "mean_of_fitted": self.fitted },
+            "covered_iou": { "per_view": self.covered, "mean": mean(&self.covered) },
             "soft_iou": self.soft,
             "official_loss": self.official,
             "iou_3d": self.solid,

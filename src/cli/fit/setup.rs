@@ -1,6 +1,6 @@
 //! The arguments as a template, options and schedules.
 
-use super::args::{FitArgs, Preset};
+use super::args::{FitArgs, LossArg, Preset};
 use super::targets::Views;
 use crate::cli::Failure;
 use softras::fit::image_loss::ImageLoss;
@@ -98,6 +98,9 @@ impl Setup {
 /// What the cameras of the official data see around the origin; rates are for things of this size.
 const REFERENCE_RADIUS: f64 = 0.732;
 
+/// Silhouettes cover some such part of the image, so that mean differences are as large as 1 - IoU.
+const L1_WEIGHT: f64 = 10.0;
+
 fn options(args: &FitArgs, official: bool) -> ShapeOptions {
     let method = &args.method;
     let mut options = ShapeOptions::official();
@@ -114,6 +117,11 @@ fn options(args: &FitArgs, official: bool) -> ShapeOptions {
     weights.iter_mut().zip(given).for_each(|(weight, given)| weight.1 = given.unwrap_or(weight.1));
     options.regularizers = weights.into_iter().filter(|(_, weight)| *weight > 0.0).collect();
     options.samples = method.samples.unwrap_or(1) as usize;
+    options.silhouette = match method.loss {
+        LossArg::Iou => (ImageLoss::NegativeIou, 1.0),
+        LossArg::L1 => (ImageLoss::L1, L1_WEIGHT),
+        LossArg::L2 => (ImageLoss::L2, L1_WEIGHT),
+    };
     options.color = (ImageLoss::L1, method.color_weight);
     options.fit_colors = args.color;
     options
