@@ -22,6 +22,8 @@ struct Method {
     options: PoseOptions,
     /// Poses to begin at for each trial: its own, and others spread around it.
     starts: usize,
+    /// Plain differences of colour, as in the paper.
+    plain: bool,
 }
 
 /// The same fit with a softness that stays, and with a hard renderer's gradients.
@@ -39,21 +41,21 @@ pub fn baselines(base: &PoseOptions) -> [(&'static str, PoseOptions); 2] {
 fn methods(args: &PoseArgs) -> Vec<Method> {
     let base = PoseOptions { iterations: args.iterations as usize, ..PoseOptions::default() };
     let [(_, plain), (_, hard)] = baselines(&base);
-    let scheduled = PoseOptions {
-        sigma: Schedule::Exponential { from: 1e-1, to: 1e-4 },
-        gamma: base.gamma,
-        ..plain.clone()
-    };
-    let method = |name, options, starts| Method { name, options, starts };
+    let scheduled =
+        PoseOptions { sigma: Schedule::Exponential { from: 1e-1, to: 1e-4 }, gamma: base.gamma, ..plain.clone() };
+    let method = |name, options: &PoseOptions, starts, plain| Method { name, options: options.clone(), starts, plain };
     let starts = args.starts as usize;
     vec![
-        method("hard, image-space finite differences", hard.clone(), 1),
-        method("soft, no schedule", plain.clone(), 1),
-        method("soft, sigma-gamma schedule", scheduled, 1),
-        method("soft, sigma-gamma schedule, coarse to fine", base.clone(), 1),
-        method("hard, several starts", hard, starts),
-        method("soft, no schedule, several starts", plain, starts),
-        method("soft, scheduled, coarse to fine, several", base, starts),
+        method("hard, image-space finite differences", &hard, 1, true),
+        method("soft, no schedule", &plain, 1, true),
+        method("soft, sigma-gamma schedule", &scheduled, 1, true),
+        method("soft, sigma-gamma schedule, coarse to fine", &base, 1, true),
+        method("hard, whitened colours", &hard, 1, false),
+        method("soft, no schedule, whitened colours", &plain, 1, false),
+        method("soft, scheduled, coarse to fine, whitened", &base, 1, false),
+        method("hard, whitened, several starts", &hard, starts, false),
+        method("soft, no schedule, whitened, several", &plain, starts, false),
+        method("soft, scheduled, to fine, whitened, several", &base, starts, false),
     ]
 }
 
@@ -178,6 +180,7 @@ impl Bench {
                 ..*image
             };
             let target = PoseTarget::new(repeat(&self.color), repeat(&self.silhouette))?;
+            let target = if method.plain { target.plain() } else { target };
             let mut fit = self.fit(&method.options, poses)?;
             for _ in 0..method.options.iterations {
                 fit.step(renderer, &target)?;

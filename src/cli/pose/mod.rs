@@ -4,6 +4,7 @@ pub mod args;
 mod benchmark;
 mod landscape;
 
+use super::color::encoded;
 use super::fit::targets;
 use super::render::framing::{Bounds, View};
 use super::{Failure, files, say};
@@ -77,6 +78,8 @@ fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) 
     let translation_rate = if args.no_translation { 0.0 } else { 0.15 * bounds.radius };
     let options = PoseOptions { iterations: args.iterations as usize, translation_rate, ..PoseOptions::default() };
     let repeated = target.repeated(args.starts as usize)?;
+    // Plain squared differences tell people and programs more.
+    let judged = repeated.clone().plain();
     let fitted = |options: PoseOptions, renderer: &mut Renderer| -> Result<PoseFit> {
         let starts = rotations(args.starts as usize).into_iter().map(|rotation| Pose { rotation, ..Pose::IDENTITY });
         let scene = Scene::new(mesh.clone());
@@ -89,13 +92,13 @@ fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) 
         Ok(fit)
     };
     let fit = fitted(options.clone(), renderer)?;
-    let losses = fit.losses(renderer, fit.poses(), SHARP, &repeated)?;
+    let losses = fit.losses(renderer, fit.poses(), SHARP, &judged)?;
     let Some((best, loss)) = least(fit.poses(), &losses, |_| true) else { return Err(Failure::Told) };
     let other = least(fit.poses(), &losses, |pose| pose.degrees_to(&best) > OTHER);
     let confidence = other.map_or(1.0, |(_, other)| (1.0 - loss / other.max(1e-12)).clamp(0.0, 1.0));
     let agreeing = fit.poses().iter().filter(|pose| pose.degrees_to(&best) <= OTHER).count();
     if let Some(path) = &args.out {
-        softras::obj::write_obj(&posed(mesh, &best, bounds)?, path)?;
+        softras::obj::write_obj(&encoded(&posed(mesh, &best, bounds)?)?, path)?;
     }
     if let Some(path) = &args.landscape {
         landscape::write(path, &fit, &best, target, renderer)?;
@@ -112,7 +115,7 @@ fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) 
             PoseOptions::default(),
             fit.poses().to_vec(),
         )?;
-        let losses = soft.losses(renderer, fit.poses(), SHARP, &repeated)?;
+        let losses = soft.losses(renderer, fit.poses(), SHARP, &judged)?;
         if let Some((pose, loss)) = least(fit.poses(), &losses, |_| true) {
             baselines.push(Baseline { name, loss, degrees: pose.degrees_to(&best) });
         }

@@ -38,7 +38,7 @@ pub struct FigureOptions {
     pub shift_rate: f64,
     /// Length of a step of the bones' lengths as a part of that; 0 keeps them.
     pub length_rate: f64,
-    /// Weights of the mean squared differences of colour and of silhouette.
+    /// Weights of colour and of silhouette in the loss of [`PoseTarget`].
     pub weights: [f64; 2],
     /// Weight of half the sum of the squares of how far the angles have gone from where they began, radians²: what the
     /// image does not tell stays.
@@ -50,15 +50,15 @@ pub struct FigureOptions {
 impl Default for FigureOptions {
     fn default() -> Self {
         Self {
-            iterations: 200,
+            iterations: 300,
             sigma: Schedule::Exponential { from: 4e-3, to: 3e-5 },
-            gamma: Schedule::Exponential { from: 3e-1, to: 2e-2 },
-            blur: Schedule::Constant(0.0),
-            rate: Schedule::Exponential { from: 0.04, to: 0.006 },
+            gamma: Schedule::Exponential { from: 3e-1, to: 3e-2 },
+            blur: Schedule::Exponential { from: 0.1, to: 0.003 },
+            rate: Schedule::Exponential { from: 0.04, to: 0.003 },
             shift_rate: 0.1,
             length_rate: 0.0,
-            weights: [1.0, 0.3],
-            stiffness: 3e-3,
+            weights: [1.0, 3.0],
+            stiffness: 1e-3,
             sight: Sight::Soft,
         }
     }
@@ -162,11 +162,7 @@ impl FigureFit {
     ///
     /// # Errors
     /// As [`FigureFit::step`].
-    pub fn differentiate(
-        &self,
-        renderer: &mut Renderer,
-        target: &PoseTarget,
-    ) -> Result<(f64, SkeletonPose)> {
+    pub fn differentiate(&self, renderer: &mut Renderer, target: &PoseTarget) -> Result<(f64, SkeletonPose)> {
         let settings = self.settings();
         let mesh = self.figure.posed(&self.pose)?;
         let (mesh, visible) = match self.options.sight {

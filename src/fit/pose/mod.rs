@@ -61,8 +61,9 @@ pub struct PoseOptions {
     /// Standard deviation of the Gaussian that blurs what is compared, as a part of the image's height. A blurred image has
     /// fewer hollows still in its loss.
     pub blur: Schedule,
-    /// Weights of colour and of silhouette in the loss of [`PoseTarget`].
-    pub weights: [f64; 2],
+    /// Weight of the silhouette in the loss of [`PoseTarget`], that of the colour being 1: little at first, when the outline
+    /// of many a wrong rotation fits, more at last, when it says best how far away the mesh is.
+    pub silhouette: Schedule,
     /// Length of a step of the rotation, radians.
     pub rate: Schedule,
     /// Length of a step of the translation as a part of that; 0 keeps the mesh in its place.
@@ -79,7 +80,7 @@ impl Default for PoseOptions {
             sigma: Schedule::Exponential { from: 3e-3, to: 3e-5 },
             gamma: Schedule::Exponential { from: 1.0, to: 3e-2 },
             blur: Schedule::Exponential { from: 0.15, to: 0.01 },
-            weights: [1.0, 0.03],
+            silhouette: Schedule::Exponential { from: 0.03, to: 1.0 },
             rate: Schedule::Exponential { from: 0.3, to: 0.01 },
             translation_rate: 0.0,
             differentiation: Differentiation::Soft,
@@ -164,7 +165,7 @@ impl PoseFit {
     }
 
     /// Renders all poses with the softness of the present step, compares and moves each; the loss of each before it
-    /// moved comes back: the mean over pixels of the squared differences of colour and silhouette.
+    /// moved comes back, as [`PoseTarget`] says.
     ///
     /// # Errors
     /// [`crate::Error::Fit`] for targets that are not one for each pose; otherwise as [`Renderer::render`] and
@@ -191,15 +192,12 @@ impl PoseFit {
     ///
     /// # Errors
     /// As [`PoseFit::step`].
-    pub fn differentiate(
-        &self,
-        renderer: &mut Renderer,
-        target: &PoseTarget,
-    ) -> Result<(Vec<f64>, Vec<[DVec3; 2]>)> {
+    pub fn differentiate(&self, renderer: &mut Renderer, target: &PoseTarget) -> Result<(Vec<f64>, Vec<[DVec3; 2]>)> {
         let cameras = self.poses.iter().map(|pose| self.posed_camera(pose)).collect::<Result<Vec<_>>>()?;
         let frame = renderer.render(&self.scene, &cameras, &self.settings_at(self.step))?;
         let blur = self.options.blur.at_step(self.step, self.options.iterations) * f64::from(self.settings.height);
-        let (losses, upstream) = target.compare(&frame, blur, self.options.weights)?;
+        let silhouette = self.options.silhouette.at_step(self.step, self.options.iterations);
+        let (losses, upstream) = target.compare(&frame, blur, [1.0, silhouette])?;
         let twists: Vec<[f64; 6]> = match self.options.differentiation {
             Differentiation::Soft => {
                 let wanted = Wanted { camera: true, ..Wanted::NOTHING };
@@ -225,7 +223,7 @@ impl PoseFit {
         let cameras = poses.iter().map(|pose| self.posed_camera(pose)).collect::<Result<Vec<_>>>()?;
         let settings = Settings { sigma, gamma, save: false, ..self.settings_at(0) };
         let frame = renderer.render(&self.scene, &cameras, &settings)?;
-        target.compare(&frame, 0.0, self.options.weights).map(|(losses, _)| losses)
+        target.compare(&frame, 0.0, [1.0; 2]).map(|(losses, _)| losses)
     }
 
     /// From dL/dtwist of a view to dL by turn and shift of its pose.

@@ -71,10 +71,8 @@ impl PoseTarget {
             let what = format!("a target of shape {:?} for images of shape {:?}", shape(&self.color), shape(color));
             return bad(what, "give one target for each pose");
         }
-        let difference = |a: &Image, b: &Image| Image {
-            data: a.data.iter().zip(&b.data).map(|(a, b)| a - b).collect(),
-            ..*a
-        };
+        let difference =
+            |a: &Image, b: &Image| Image { data: a.data.iter().zip(&b.data).map(|(a, b)| a - b).collect(), ..*a };
         let (mut by_color, mut by_silhouette) =
             (difference(color, &self.color), difference(silhouette, &self.silhouette));
         let pixels = color.height * color.width;
