@@ -27,7 +27,7 @@ const DEFAULT: Settings = Settings {
     distance: softras::scene::Distance::Euclidean,
     background: Background::Composite,
     background_color: [0.0; 3],
-    faces: softras::scene::Faces::Both,
+    faces: softras::scene::Faces::Front,
     front_face: softras::scene::FrontFace::CounterClockwise,
     interpolation: softras::scene::Interpolation::Affine,
     parity: softras::scene::Parity::Model,
@@ -35,10 +35,15 @@ const DEFAULT: Settings = Settings {
 };
 
 fn begin(options: PoseOptions, poses: Vec<Pose>) -> PoseFit {
+    begin_seeing(softras::scene::Faces::Front, options, poses)
+}
+
+fn begin_seeing(faces: softras::scene::Faces, options: PoseOptions, poses: Vec<Pose>) -> PoseFit {
+    let settings = Settings { faces, ..SETTINGS };
     let projection = Projection::Perspective { fov_y: 30f64.to_radians() };
     let eye = DVec3::new(1.0, 2.0, 4.5);
     let camera = Camera::look_at(eye, DVec3::new(0.1, 0.0, 0.0), DVec3::Y, projection).unwrap();
-    PoseFit::new(Scene::new(shapes::cube().unwrap()), camera, DVec3::ZERO, SETTINGS, options, poses).unwrap()
+    PoseFit::new(Scene::new(shapes::cube().unwrap()), camera, DVec3::ZERO, settings, options, poses).unwrap()
 }
 
 /// The cube as it looks in some poses.
@@ -58,6 +63,7 @@ fn random_pose(random: &mut Random, degrees: f64, shift: f64) -> Pose {
 /// The largest difference between the pose's gradient and central differences of the loss, in parts of the gradient;
 /// `sign` turns the shift's gradient around.
 fn gradient_error(seed: u64, sign: f64, blur: f64) -> f64 {
+    let both = softras::scene::Faces::Both;
     let softness = (3e-3, 1e-1);
     let options = PoseOptions {
         sigma: Schedule::Constant(softness.0),
@@ -68,14 +74,14 @@ fn gradient_error(seed: u64, sign: f64, blur: f64) -> f64 {
     let mut random = Random::new(seed);
     let (truth, pose) = (random_pose(&mut random, 50.0, 0.1), random_pose(&mut random, 120.0, 0.1));
     let mut renderer = common::renderer();
-    let fit = begin(options.clone(), vec![pose]);
+    let fit = begin_seeing(both, options.clone(), vec![pose]);
     let target = targets(&fit, &mut renderer, &[truth]);
     let (_, gradients) = fit.differentiate(&mut renderer, &target).unwrap();
     let [by_turn, by_shift] = gradients[0];
     let mut loss = |turn: DVec3, shift: DVec3| {
         let rotation = DQuat::from_scaled_axis(turn) * pose.rotation;
         let moved = Pose { rotation, translation: pose.translation + shift };
-        begin(options.clone(), vec![moved]).differentiate(&mut renderer, &target).unwrap().0[0]
+        begin_seeing(both, options.clone(), vec![moved]).differentiate(&mut renderer, &target).unwrap().0[0]
     };
     let h = 2e-3;
     let mut worst = 0.0f64;
@@ -142,14 +148,10 @@ fn a_single_start_finds_a_cube_by_whitened_colours_and_a_schedule() {
     let truth: Vec<Pose> = far.iter().map(pose).collect();
     let start: Vec<Pose> = (0..24).map(|i| pose(&far[(i * 7 + 5) % 24])).collect();
     let mut renderer = common::renderer();
-    let settings = Settings { faces: softras::scene::Faces::Front, ..SETTINGS };
     let mut found = |plain: bool, options: PoseOptions| {
-        let like = begin(options.clone(), start.clone());
-        let target = targets(&like, &mut renderer, &truth);
+        let mut fit = begin(options, start.clone());
+        let target = targets(&fit, &mut renderer, &truth);
         let target = if plain { target.plain() } else { target };
-        let camera = like.posed_camera(&Pose::IDENTITY).unwrap();
-        let scene = Scene::new(shapes::cube().unwrap());
-        let mut fit = PoseFit::new(scene, camera, DVec3::ZERO, settings.clone(), options, start.clone()).unwrap();
         (0..150).for_each(|_| drop(fit.step(&mut renderer, &target).unwrap()));
         fit.poses().iter().zip(&truth).filter(|(a, b)| a.degrees_to(b) < 5.0).count()
     };

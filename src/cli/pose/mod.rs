@@ -73,10 +73,13 @@ fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) 
     // Room for a mesh that is moved.
     let reach = view.far - view.near;
     let (near, far) = ((view.near - 0.2 * reach).max(0.2 * view.near), view.far + 0.2 * reach);
-    let faces = if is_solid(mesh) { Faces::Front } else { Faces::Both };
+    let (faces, base) = match is_solid(mesh) {
+        true => (Faces::Front, PoseOptions::default()),
+        false => (Faces::Both, PoseOptions::both_sides()),
+    };
     let settings = Settings { width: width as u32, height: height as u32, near, far, faces, ..Settings::default() };
     let translation_rate = if args.no_translation { 0.0 } else { 0.15 * bounds.radius };
-    let options = PoseOptions { iterations: args.iterations as usize, translation_rate, ..PoseOptions::default() };
+    let options = PoseOptions { iterations: args.iterations as usize, translation_rate, ..base };
     let repeated = target.repeated(args.starts as usize)?;
     // Plain squared differences tell people and programs more.
     let judged = repeated.clone().plain();

@@ -73,7 +73,8 @@ pub struct PoseOptions {
 }
 
 impl Default for PoseOptions {
-    /// From an image blurred beyond recognition to its pixels, in 150 steps; the mesh stays in its place.
+    /// From an image blurred beyond recognition to its pixels, in 150 steps; the mesh stays in its place. For closed meshes,
+    /// of which front faces alone are drawn.
     fn default() -> Self {
         Self {
             iterations: 150,
@@ -84,6 +85,18 @@ impl Default for PoseOptions {
             rate: Schedule::Exponential { from: 0.3, to: 0.01 },
             translation_rate: 0.0,
             differentiation: Differentiation::Soft,
+        }
+    }
+}
+
+impl PoseOptions {
+    /// For meshes that are seen from both sides: γ begins where what is behind does not shine through.
+    pub fn both_sides() -> Self {
+        Self {
+            sigma: Schedule::Exponential { from: 1e-3, to: 1e-5 },
+            gamma: Schedule::Exponential { from: 1e-1, to: 3e-2 },
+            rate: Schedule::Exponential { from: 0.15, to: 0.005 },
+            ..Self::default()
         }
     }
 }
