@@ -127,13 +127,13 @@ mod tests {
     #[test]
     fn a_soft_target_is_one_half_or_more_inside_alone() {
         let image = mask(32, |r, c| (8..24).contains(&r) && (8..24).contains(&c));
-        let single = soft_target(&image, 1e-3, 1.0).unwrap();
-        let closed = soft_target(&image, 1e-3, CLOSED).unwrap();
+        let single = soft_target(&image, 4e-3, 1.0).unwrap();
+        let closed = soft_target(&image, 4e-3, CLOSED).unwrap();
         for ((one, two), hard) in single.data.iter().zip(&closed.data).zip(&image.data) {
             assert_eq!(*one > 0.5, *hard > 0.5);
             assert!((f64::from(*two) - (1.0 - (1.0 - f64::from(*one)).powi(2))).abs() < 1e-6);
         }
-        assert!(closed.data[8 * 32 + 7] > 0.5 && closed.data[0] < 1e-6, "a closed surface's outline is too large");
+        assert!(closed.data[12 * 32 + 7] > 0.5 && closed.data[0] < 1e-6, "a closed surface's outline is too large");
     }
 
     #[test]
