@@ -14,6 +14,7 @@ use softras::fit::optimizer::{Method, Optimizer};
 use softras::fit::regularizer::{Regularizer, laplacian_coordinates};
 use softras::fit::schedule::Schedule;
 use softras::fit::shape::{Parametrization, ShapeFit, ShapeOptions, Targets};
+use softras::fit::soft_target::{CLOSED, soft_target};
 use softras::fit::topology::Topology;
 use softras::scene::{Outputs, SilhouetteAggregation};
 use softras::{Camera, Image, ImageGradient, Lights, Mesh, Projection, Renderer, Scene, Settings, Wanted};
@@ -34,20 +35,26 @@ fn main() {
     println!("8 views of 128², {} triangles, on {}", task.topology.triangles().len(), renderer.device_name());
     println!("the task's own regularisers and optimiser, sigma 1e-4:");
     let mut times = Times::default();
-    let mesh = task.fit(&mut renderer, &mut times);
+    let mesh = task.fit(&task.targets, &mut renderer, &mut times);
     task.tell(&mesh, &times.step, &mut renderer);
     let part = |name: &str, values: &[f64]| println!("    {name:<32} {:>7.2} ms", median(&values[20..]));
     part("forward, wall", &times.forward);
     part("loss", &times.loss);
     part("backward, wall", &times.backward);
     part("regularisers, optimiser", &times.host);
-    let rows = [("from 1e-4 to 3e-6", 0.03 * SIGMA), ("1e-4", SIGMA)];
-    for (name, last) in rows {
+    let soft = soft_target(&task.targets, SIGMA, CLOSED).expect("soft targets");
+    println!("the same, sigma 1e-4, against targets as soft as a closed surface:");
+    let mut times = Times::default();
+    let mesh = task.fit(&soft, &mut renderer, &mut times);
+    task.tell(&mesh, &times.step, &mut renderer);
+    let hard = &task.targets;
+    let rows = [("from 1e-4 to 3e-6", 0.03 * SIGMA, hard), ("1e-4", SIGMA, hard), ("1e-4, soft targets", SIGMA, &soft)];
+    for (name, last, targets) in rows {
         println!("smoothed parameters, sigma {name}, steps on the host:");
-        let (mesh, steps) = task.fit_smoothly(last, &mut renderer);
+        let (mesh, steps) = task.fit_smoothly(last, targets, &mut renderer);
         task.tell(&mesh, &steps, &mut renderer);
         println!("the same, whole steps on the device (a step's time is a tenth of ten's):");
-        let (mesh, steps) = task.fit_on_device(last, &mut renderer);
+        let (mesh, steps) = task.fit_on_device(last, targets, &mut renderer);
         task.tell(&mesh, &steps, &mut renderer);
     }
 }
@@ -96,7 +103,7 @@ impl Task {
         Settings { width: 128, height: 128, near: 0.1, far: 10.0, sigma: SIGMA, outputs, ..Settings::default() }
     }
 
-    fn fit(&self, renderer: &mut Renderer, times: &mut Times) -> Mesh {
+    fn fit(&self, targets: &Image, renderer: &mut Renderer, times: &mut Times) -> Mesh {
         let settings = Settings { save: true, ..Self::settings() };
         let mut scene = Scene::new(self.start.clone());
         let mut values: Vec<f64> = self.start.positions().as_flattened().iter().map(|&x| f64::from(x)).collect();
@@ -111,7 +118,7 @@ impl Task {
             let frame = renderer.render(&scene, &self.cameras, &settings).expect("a frame");
             lap(&mut times.forward);
             // The task's loss is the sum over views of the mean over pixels.
-            let mut loss = ImageLoss::L2.evaluate(frame.silhouette().unwrap(), &self.targets, None).unwrap();
+            let mut loss = ImageLoss::L2.evaluate(frame.silhouette().unwrap(), targets, None).unwrap();
             loss.gradient.data.iter_mut().for_each(|g| *g *= 8.0);
             lap(&mut times.loss);
             let upstream = ImageGradient::silhouette(loss.gradient);
@@ -128,9 +135,10 @@ impl Task {
     }
 
     /// Smoothed parameters, 1 - IoU, a shrinking step, and a σ that shrinks too: at 1e-4 many triangles near an outline
-    /// together cover what none of them does, so a hard mask of the same mesh is 5 % smaller than the soft one.
-    fn fit_smoothly(&self, last_sigma: f64, renderer: &mut Renderer) -> (Mesh, Vec<f64>) {
-        let (mut fit, targets) = self.smooth_fit();
+    /// together cover what none of them does, so a hard mask of the same mesh is 5 % smaller than the soft one. Targets made
+    /// soft in the same way take that away at its root.
+    fn fit_smoothly(&self, last_sigma: f64, targets: &Image, renderer: &mut Renderer) -> (Mesh, Vec<f64>) {
+        let (mut fit, targets) = self.smooth_fit(targets);
         let mut times = Vec::new();
         for step in 0..STEPS {
             let start = Instant::now();
@@ -141,8 +149,8 @@ impl Task {
         (fit.mesh().clone(), times)
     }
 
-    fn fit_on_device(&self, last_sigma: f64, renderer: &mut Renderer) -> (Mesh, Vec<f64>) {
-        let (fit, targets) = self.smooth_fit();
+    fn fit_on_device(&self, last_sigma: f64, targets: &Image, renderer: &mut Renderer) -> (Mesh, Vec<f64>) {
+        let (fit, targets) = self.smooth_fit(targets);
         let mut fit = DeviceFit::new(renderer, fit, &targets, None).expect("a fit");
         let mut times = Vec::new();
         for ten in 0..STEPS / 10 {
@@ -157,7 +165,7 @@ impl Task {
         (fit.shape(renderer).expect("a shape").mesh().clone(), times)
     }
 
-    fn smooth_fit(&self) -> (ShapeFit, Targets) {
+    fn smooth_fit(&self, targets: &Image) -> (ShapeFit, Targets) {
         let options = ShapeOptions {
             parametrization: Parametrization::Smoothed { lambda: 1.0 },
             method: Method::UniformAdam { betas: [0.9, 0.999], epsilon: 1e-8 },
@@ -165,7 +173,7 @@ impl Task {
             ..ShapeOptions::official()
         };
         let fit = ShapeFit::new(self.start.clone(), Lights::unlit(), options).expect("a fit");
-        let silhouette = Some(self.targets.clone());
+        let silhouette = Some(targets.clone());
         (fit, Targets { cameras: self.cameras.clone(), silhouette, color: None })
     }
 

@@ -37,9 +37,9 @@ fn a_shape_is_fitted_to_views_of_a_mesh() {
     assert!(log["seconds_per_iteration"].as_f64().unwrap() > 0.0);
     let baselines = log["baselines"].as_array().unwrap();
     let without: Vec<&str> = baselines.iter().map(|b| b["without"].as_str().unwrap()).collect();
-    assert_eq!(without, ["the schedule", "regularisers", "colours"]);
+    assert_eq!(without, ["the schedule", "softness", "regularisers", "colours"]);
     assert!(baselines.iter().all(|b| b["final"]["mask_iou"]["mean"].as_f64().unwrap() > 0.3), "{baselines:?}");
-    assert!(told.lines().count() == 4 && told.contains("without regularisers: mask IoU"), "{told}");
+    assert!(told.lines().count() == 5 && told.contains("without regularisers: mask IoU"), "{told}");
     assert_eq!((log["steps_on"].as_str(), log["host_reason"].as_str()), (Some("device"), None));
     // What was written is what was scored, and it has colours.
     let iou: f64 = succeeds(folder.path(), &["iou", "out.obj", "torus.obj"]).trim().parse().unwrap();
@@ -117,14 +117,66 @@ fn pictures_and_cameras_are_read_from_a_folder() {
     }
     let list = folder.path().join("photos/cameras.json");
     std::fs::write(&list, format!("[{}]", cameras.join(", "))).unwrap();
-    let fit = "fit --views photos --iterations 40 --subdivisions 2 -o out.obj --json log.json";
-    succeeds(folder.path(), &fit.split_whitespace().collect::<Vec<_>>());
+    let fit = "fit --views photos --subdivisions 2 -o out.obj --json log.json";
+    succeeds(folder.path(), &[&fit.split_whitespace().collect::<Vec<_>>()[..], &["--iterations", "40"]].concat());
     let log = json(&folder.path().join("log.json"));
     let mean = log["final"]["mask_iou"]["mean"].as_f64().unwrap();
     assert!(mean > 0.6, "{mean}");
+    // A picture outside the folder is read only where that is allowed.
+    std::fs::rename(folder.path().join("photos/0.png"), folder.path().join("0.png")).unwrap();
+    let outside = cameras[0].replace("0.png", "../0.png");
+    std::fs::write(&list, format!("[{outside}, {}]", cameras[1])).unwrap();
+    let arguments: Vec<&str> = fit.split_whitespace().collect();
+    fails(folder.path(), &arguments, 1, &["0.png", "outside the folder of views", "--allow-outside"]);
+    succeeds(folder.path(), &[&arguments[..], &["--allow-outside", "--iterations", "1"]].concat());
     std::fs::write(&list, "[{\"file\": \"0.png\"}]").unwrap();
     fails(folder.path(), &fit.split_whitespace().collect::<Vec<_>>(), 1, &["camera 0 says not where it is"]);
     fails(folder.path(), &["fit", "--views", "nothing.npy", "-o", "out.obj"], 2, &["--cameras"]);
+}
+
+#[test]
+fn a_texture_is_fitted_and_rendered() {
+    const SIDE: u32 = 8;
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let corner = |i: usize| [i & 1, i >> 1 & 1, i >> 2 & 1].map(|bit| if bit == 1 { 1.0 } else { -1.0 });
+    let mut obj: String = (0..8)
+        .map(|i| {
+            let [x, y, z] = corner(i);
+            format!("v {x} {y} {z}\n")
+        })
+        .collect();
+    obj += "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl m\n";
+    for ring in [[2, 4, 8, 6], [1, 5, 7, 3], [3, 7, 8, 4], [1, 2, 6, 5], [5, 6, 8, 7], [1, 3, 4, 2]] {
+        obj += &format!("f {}/1 {}/2 {}/3 {}/4\n", ring[0], ring[1], ring[2], ring[3]);
+    }
+    let paint = |name: &str, color: &dyn Fn(u32, u32) -> [u8; 3]| {
+        image::RgbImage::from_fn(SIDE, SIDE, |x, y| image::Rgb(color(x, y))).save(at(&format!("{name}.png"))).unwrap();
+        std::fs::write(at(&format!("{name}.mtl")), format!("newmtl m\nmap_Kd {name}.png\n")).unwrap();
+        std::fs::write(at(&format!("{name}.obj")), format!("mtllib {name}.mtl\n{obj}")).unwrap();
+    };
+    let painted =
+        |x: u32, y: u32| [(30 * x) as u8, if x / 2 % 2 == y / 2 % 2 { 210 } else { 60 }, (250 - 25 * y) as u8];
+    paint("painted", &painted);
+    paint("grey", &|_, _| [120; 3]);
+    let fit = "fit --from painted.obj --template grey.obj --texture --views 14 --size 64 --iterations 150 -o found.obj";
+    succeeds(folder.path(), &fit.split_whitespace().collect::<Vec<_>>());
+    // Texture, silhouette and picture: all are those of the mesh that the views were made from.
+    let difference = |a: &str, b: &str| {
+        let [a, b] = [a, b].map(|name| image::open(at(name)).unwrap().into_rgb8());
+        let sum: u32 = a.as_raw().iter().zip(b.as_raw()).map(|(a, b)| u32::from(a.abs_diff(*b))).sum();
+        f64::from(sum) / a.as_raw().len() as f64
+    };
+    let (found, before) = (difference("found.png", "painted.png"), difference("grey.png", "painted.png"));
+    assert!(found < 8.0 && before > 50.0, "{found} of {before} before, in 255");
+    for name in ["painted", "found", "grey"] {
+        let look = format!("render {name}.obj -o {name}_seen.png --size 64 --unlit --azimuth 40 --elevation 25");
+        succeeds(folder.path(), &look.split_whitespace().collect::<Vec<_>>());
+    }
+    let seen = difference("found_seen.png", "painted_seen.png");
+    assert!(seen < 0.2 * difference("grey_seen.png", "painted_seen.png"), "{seen}");
+    let plain = "fit --from painted.obj --texture -o x.obj --views 2";
+    fails(folder.path(), &plain.split_whitespace().collect::<Vec<_>>(), 2, &["--texture", "textured mesh"]);
 }
 
 #[test]
@@ -159,7 +211,7 @@ fn the_benchmark_reports_every_method_and_draws_its_landscape() {
     let report: Value =
         serde_json::from_str(&succeeds(folder.path(), &run.split_whitespace().collect::<Vec<_>>())).unwrap();
     let methods = report["methods"].as_array().unwrap();
-    assert_eq!(methods.len(), 8);
+    assert_eq!(methods.len(), 11);
     assert!(methods.iter().all(|m| (0.0..=180.0).contains(&m["median_degrees"].as_f64().unwrap())), "{report}");
     let fails_with = |arguments: &str, part: &str| {
         fails(folder.path(), &arguments.split_whitespace().collect::<Vec<_>>(), 2, &[part]);

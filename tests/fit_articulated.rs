@@ -8,8 +8,9 @@ use glam::DVec3;
 use softras::fit::articulated::{
     Bone, Figure, FigureFit, FigureOptions, Sight, Skeleton, SkeletonPose, mannequin, visible_triangles,
 };
+use softras::fit::pose::PoseTarget;
 use softras::fit::schedule::Schedule;
-use softras::{Camera, Image, Mesh, Projection, Renderer, Scene, Settings};
+use softras::{Camera, Mesh, Projection, Renderer, Scene, Settings};
 use std::collections::HashSet;
 
 fn random_pose(figure: &Figure, seed: u64, spread: f64) -> SkeletonPose {
@@ -131,11 +132,11 @@ fn stage() -> (Camera, Settings) {
     (camera, Settings { width: 64, height: 64, near: 4.0, far: 6.0, ..Settings::default() })
 }
 
-fn look(renderer: &mut Renderer, figure: &Figure, pose: &SkeletonPose) -> (Image, Image) {
+fn look(renderer: &mut Renderer, figure: &Figure, pose: &SkeletonPose) -> PoseTarget {
     let (camera, settings) = stage();
     let settings = Settings { sigma: 1e-7, gamma: 1e-5, background: softras::scene::Background::Composite, ..settings };
     let frame = renderer.render(&Scene::new(figure.posed(pose).unwrap()), &[camera], &settings).unwrap();
-    (frame.color().unwrap().clone(), frame.silhouette().unwrap().clone())
+    PoseTarget::new(frame.color().unwrap().clone(), frame.silhouette().unwrap().clone()).unwrap()
 }
 
 /// The left arm behind the back, its elbow bent by some degrees.
@@ -180,14 +181,14 @@ fn a_hidden_forearm_is_found_by_soft_gradients_alone() {
     let (camera, settings) = stage();
     let mut renderer = common::renderer();
     let (truth, start) = (behind_the_back(&figure, 58.0), behind_the_back(&figure, 95.0));
-    let (color, silhouette) = look(&mut renderer, &figure, &truth);
+    let target = look(&mut renderer, &figure, &truth);
     let forearm = figure.skeleton().find("left forearm").unwrap();
     let mut error = |sight: Sight| {
-        let options = FigureOptions { iterations: 100, sight, ..FigureOptions::default() };
+        let options = FigureOptions { iterations: 150, sight, ..FigureOptions::default() };
         let iterations = options.iterations;
         let mut fit = FigureFit::new(figure.clone(), camera, settings.clone(), options, start.clone()).unwrap();
         for _ in 0..iterations {
-            fit.step(&mut renderer, &color, &silhouette).unwrap();
+            fit.step(&mut renderer, &target).unwrap();
         }
         figure.skeleton().degrees_between(fit.pose(), &truth, forearm)
     };
@@ -200,13 +201,13 @@ fn gradient_error(seed: u64, factor: f64) -> f64 {
     let figure = mannequin().unwrap();
     let (camera, settings) = stage();
     let mut renderer = common::renderer();
-    let (color, silhouette) = look(&mut renderer, &figure, &random_pose(&figure, seed, 0.3));
+    let target = look(&mut renderer, &figure, &random_pose(&figure, seed, 0.3));
     let options =
         FigureOptions { sigma: Schedule::Constant(3e-3), gamma: Schedule::Constant(3e-1), ..FigureOptions::default() };
     let pose = random_pose(&figure, seed + 7, 0.3);
     let mut at = |pose: SkeletonPose| {
         let fit = FigureFit::new(figure.clone(), camera, settings.clone(), options.clone(), pose).unwrap();
-        fit.differentiate(&mut renderer, &color, &silhouette).unwrap()
+        fit.differentiate(&mut renderer, &target).unwrap()
     };
     let gradient = at(pose.clone()).1.angles;
     let length = gradient.iter().map(|g| g * g).sum::<f64>().sqrt();

@@ -7,7 +7,9 @@ mod common;
 use common::random::Random;
 use glam::DVec3;
 use softras::Image;
-use softras::fit::image_loss::{ImageLoss, Valued, add_pooled_gradient, mask_iou, pooled};
+use softras::fit::image_loss::{
+    ImageLoss, Valued, add_blurred_gradient, add_pooled_gradient, blurred, mask_iou, pooled,
+};
 use softras::fit::regularizer::Regularizer;
 use softras::fit::topology::Topology;
 use softras::shapes;
@@ -204,4 +206,38 @@ fn a_topology_knows_its_edges_and_subdivides() {
     let finer = Topology::new(42 + 120, &topology.subdivided()).unwrap();
     assert_eq!((finer.triangles().len(), finer.edges().len(), finer.flaps().len()), (320, 480, 480));
     assert!(Topology::new(3, &[[0, 1, 3]]).is_err());
+}
+
+#[test]
+fn the_transpose_of_a_blur_is_its_transpose() {
+    let mut random = Random::new(9);
+    let mut image = |height: usize, width: usize| Image {
+        batch: 2,
+        height,
+        width,
+        channels: 3,
+        data: (0..2 * height * width * 3).map(|_| random.range(-1.0, 1.0) as f32).collect(),
+    };
+    let dot = |a: &Image, b: &Image| a.data.iter().zip(&b.data).map(|(a, b)| f64::from(a * b)).sum::<f64>();
+    let mut error = |deviation: f64, back: f64| {
+        let fine = image(13, 17);
+        let soft = blurred(&fine, deviation).unwrap();
+        let by_soft = image(soft.height, soft.width);
+        let mut by_fine = Image { data: vec![0.0; fine.data.len()], ..fine };
+        add_blurred_gradient(&mut by_fine, &by_soft, back).unwrap();
+        (dot(&soft, &by_soft) - dot(&fine, &by_fine)).abs()
+    };
+    for deviation in [0.0, 0.7, 2.0, 7.5] {
+        assert!(error(deviation, deviation) < 1e-4, "at {deviation}");
+    }
+    assert!(error(2.0, 0.7) > 1e-2, "another blur is not seen");
+    // A point spreads as far as it is told to, and nothing of it is lost.
+    let mut point = Image { batch: 1, height: 41, width: 41, channels: 1, data: vec![0.0; 41 * 41] };
+    point.data[20 * 41 + 20] = 1.0;
+    let soft = blurred(&point, 2.5).unwrap();
+    let moment = |power: i32| -> f64 {
+        soft.data.iter().enumerate().map(|(i, x)| f64::from(*x) * ((i % 41) as f64 - 20.0).powi(power)).sum()
+    };
+    assert!((moment(0) - 1.0).abs() < 1e-5 && (moment(2).sqrt() - 2.5).abs() < 0.05, "{} {}", moment(0), moment(2));
+    assert!(blurred(&point, f64::NAN).is_err_and(|e| e.to_string().contains("blur")));
 }

@@ -5,7 +5,7 @@ mod common;
 
 use common::random::Random;
 use glam::{DQuat, DVec3};
-use softras::fit::pose::{Differentiation, Pose, PoseFit, PoseOptions, rotations};
+use softras::fit::pose::{Differentiation, Pose, PoseFit, PoseOptions, PoseTarget, rotations};
 use softras::fit::schedule::Schedule;
 use softras::scene::Background;
 use softras::{Camera, Image, Projection, Renderer, Scene, Settings, shapes};
@@ -27,7 +27,7 @@ const DEFAULT: Settings = Settings {
     distance: softras::scene::Distance::Euclidean,
     background: Background::Composite,
     background_color: [0.0; 3],
-    faces: softras::scene::Faces::Both,
+    faces: softras::scene::Faces::Front,
     front_face: softras::scene::FrontFace::CounterClockwise,
     interpolation: softras::scene::Interpolation::Affine,
     parity: softras::scene::Parity::Model,
@@ -35,17 +35,22 @@ const DEFAULT: Settings = Settings {
 };
 
 fn begin(options: PoseOptions, poses: Vec<Pose>) -> PoseFit {
+    begin_seeing(softras::scene::Faces::Front, options, poses)
+}
+
+fn begin_seeing(faces: softras::scene::Faces, options: PoseOptions, poses: Vec<Pose>) -> PoseFit {
+    let settings = Settings { faces, ..SETTINGS };
     let projection = Projection::Perspective { fov_y: 30f64.to_radians() };
     let eye = DVec3::new(1.0, 2.0, 4.5);
     let camera = Camera::look_at(eye, DVec3::new(0.1, 0.0, 0.0), DVec3::Y, projection).unwrap();
-    PoseFit::new(Scene::new(shapes::cube().unwrap()), camera, DVec3::ZERO, SETTINGS, options, poses).unwrap()
+    PoseFit::new(Scene::new(shapes::cube().unwrap()), camera, DVec3::ZERO, settings, options, poses).unwrap()
 }
 
 /// The cube as it looks in some poses.
-fn targets(fit: &PoseFit, renderer: &mut Renderer, poses: &[Pose]) -> (Image, Image) {
+fn targets(fit: &PoseFit, renderer: &mut Renderer, poses: &[Pose]) -> PoseTarget {
     let cameras: Vec<Camera> = poses.iter().map(|pose| fit.posed_camera(pose).unwrap()).collect();
     let frame = renderer.render(&Scene::new(shapes::cube().unwrap()), &cameras, &SETTINGS).unwrap();
-    (frame.color().unwrap().clone(), frame.silhouette().unwrap().clone())
+    PoseTarget::new(frame.color().unwrap().clone(), frame.silhouette().unwrap().clone()).unwrap()
 }
 
 fn random_pose(random: &mut Random, degrees: f64, shift: f64) -> Pose {
@@ -57,25 +62,26 @@ fn random_pose(random: &mut Random, degrees: f64, shift: f64) -> Pose {
 
 /// The largest difference between the pose's gradient and central differences of the loss, in parts of the gradient;
 /// `sign` turns the shift's gradient around.
-fn gradient_error(seed: u64, sign: f64) -> f64 {
+fn gradient_error(seed: u64, sign: f64, blur: f64) -> f64 {
+    let both = softras::scene::Faces::Both;
     let softness = (3e-3, 1e-1);
     let options = PoseOptions {
         sigma: Schedule::Constant(softness.0),
         gamma: Schedule::Constant(softness.1),
-        coarseness: Schedule::Constant(0.0),
+        blur: Schedule::Constant(blur),
         ..PoseOptions::default()
     };
     let mut random = Random::new(seed);
     let (truth, pose) = (random_pose(&mut random, 50.0, 0.1), random_pose(&mut random, 120.0, 0.1));
     let mut renderer = common::renderer();
-    let fit = begin(options, vec![pose]);
-    let (color, silhouette) = targets(&fit, &mut renderer, &[truth]);
-    let (_, gradients) = fit.differentiate(&mut renderer, &color, &silhouette).unwrap();
+    let fit = begin_seeing(both, options.clone(), vec![pose]);
+    let target = targets(&fit, &mut renderer, &[truth]);
+    let (_, gradients) = fit.differentiate(&mut renderer, &target).unwrap();
     let [by_turn, by_shift] = gradients[0];
     let mut loss = |turn: DVec3, shift: DVec3| {
         let rotation = DQuat::from_scaled_axis(turn) * pose.rotation;
         let moved = Pose { rotation, translation: pose.translation + shift };
-        fit.losses(&mut renderer, &[moved], softness, &color, &silhouette).unwrap()[0]
+        begin_seeing(both, options.clone(), vec![moved]).differentiate(&mut renderer, &target).unwrap().0[0]
     };
     let h = 2e-3;
     let mut worst = 0.0f64;
@@ -91,13 +97,15 @@ fn gradient_error(seed: u64, sign: f64) -> f64 {
 #[test]
 fn the_gradient_of_a_pose_is_that_of_its_loss() {
     // The middle one of several poses: where a face is seen from its edge, the model itself jumps.
-    let median = |sign: f64| {
-        let mut errors: Vec<f64> = (1..6).map(|seed| gradient_error(seed, sign)).collect();
+    let median = |sign: f64, blur: f64| {
+        let mut errors: Vec<f64> = (1..6).map(|seed| gradient_error(seed, sign, blur)).collect();
         errors.sort_by(f64::total_cmp);
         errors[2]
     };
-    assert!(median(1.0) < 0.02, "{}", median(1.0));
-    assert!(median(-1.0) > 0.5, "a wrong sign is not seen");
+    for blur in [0.0, 0.02, 0.15] {
+        assert!(median(1.0, blur) < 0.02, "{} at {blur}", median(1.0, blur));
+    }
+    assert!(median(-1.0, 0.0) > 0.5, "a wrong sign is not seen");
 }
 
 #[test]
@@ -110,9 +118,9 @@ fn a_cube_a_little_turned_is_found() {
     let mut renderer = common::renderer();
     let options = PoseOptions { iterations: 80, translation_rate: 0.3, ..PoseOptions::default() };
     let mut fit = begin(options, start.clone());
-    let (color, silhouette) = targets(&fit, &mut renderer, &truth);
+    let target = targets(&fit, &mut renderer, &truth);
     for _ in 0..80 {
-        fit.step(&mut renderer, &color, &silhouette).unwrap();
+        fit.step(&mut renderer, &target).unwrap();
     }
     let errors: Vec<f64> = fit.poses().iter().zip(&truth).map(|(a, b)| a.degrees_to(b)).collect();
     let shifts: Vec<f64> = fit.poses().iter().zip(&truth).map(|(a, b)| a.translation.distance(b.translation)).collect();
@@ -128,9 +136,49 @@ fn the_hard_images_flow_points_downhill() {
     let options = PoseOptions { differentiation: Differentiation::ImageFlow, ..PoseOptions::default() };
     let fit = begin(options, vec![shifted]);
     let mut renderer = common::renderer();
-    let (color, silhouette) = targets(&fit, &mut renderer, &[Pose::IDENTITY]);
-    let (losses, gradients) = fit.differentiate(&mut renderer, &color, &silhouette).unwrap();
+    let target = targets(&fit, &mut renderer, &[Pose::IDENTITY]);
+    let (losses, gradients) = fit.differentiate(&mut renderer, &target).unwrap();
     assert!(losses[0] > 0.0 && gradients[0][1].x > 0.0, "{gradients:?}");
+}
+
+#[test]
+fn a_single_start_finds_a_cube_by_whitened_colours_and_a_schedule() {
+    let far = rotations(24);
+    let pose = |rotation: &DQuat| Pose { rotation: *rotation, ..Pose::IDENTITY };
+    let truth: Vec<Pose> = far.iter().map(pose).collect();
+    let start: Vec<Pose> = (0..24).map(|i| pose(&far[(i * 7 + 5) % 24])).collect();
+    let mut renderer = common::renderer();
+    let mut found = |plain: bool, options: PoseOptions| {
+        let mut fit = begin(options, start.clone());
+        let target = targets(&fit, &mut renderer, &truth);
+        let target = if plain { target.plain() } else { target };
+        (0..150).for_each(|_| drop(fit.step(&mut renderer, &target).unwrap()));
+        fit.poses().iter().zip(&truth).filter(|(a, b)| a.degrees_to(b) < 5.0).count()
+    };
+    let constant = PoseOptions {
+        sigma: Schedule::Constant(1e-4),
+        gamma: Schedule::Constant(3e-2),
+        blur: Schedule::Constant(0.0),
+        ..PoseOptions::default()
+    };
+    let (scheduled, constant) = (found(false, PoseOptions::default()), found(true, constant));
+    let before = start.iter().zip(&truth).filter(|(a, b)| a.degrees_to(b) < 30.0).count();
+    assert!(scheduled >= 10 && constant <= 6 && before <= 2, "{scheduled}, {constant} plain, {before} before");
+}
+
+#[test]
+fn targets_are_judged() {
+    let image = |channels: usize, batch: usize| Image {
+        batch,
+        height: 2,
+        width: 2,
+        channels,
+        data: vec![0.5; 4 * channels * batch],
+    };
+    assert!(PoseTarget::new(image(3, 1), image(1, 1)).is_ok());
+    for (color, silhouette) in [(image(3, 2), image(1, 1)), (image(1, 1), image(1, 1)), (image(3, 0), image(1, 0))] {
+        assert!(PoseTarget::new(color, silhouette).is_err_and(|e| e.to_string().contains("one size for each pose")));
+    }
 }
 
 #[test]

@@ -1,5 +1,8 @@
 //! Between the renderer's numbers and the bytes of a picture file.
 
+use softras::scene::{Appearance, Texture};
+use softras::{Mesh, Result};
+
 /// How a number becomes a byte.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Curve {
@@ -29,4 +32,21 @@ impl Curve {
             Self::Srgb => ((x + 0.055) / 1.055).powf(2.4),
         }
     }
+}
+
+/// A mesh with its textures as pictures have them, in sRGB and 256 steps: what was read as linear light is written so.
+pub fn encoded(mesh: &Mesh) -> Result<Mesh> {
+    let Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle } = mesh.appearance() else {
+        return Ok(mesh.clone());
+    };
+    let byte = |x: f32| ((Curve::Srgb.encode(f64::from(x)) * 255.0).round() / 255.0) as f32;
+    let one = |t: &Texture| {
+        Texture::new(t.width(), t.height(), t.texels().iter().map(|texel| texel.map(byte)).collect(), t.wrap())
+    };
+    mesh.clone().with_appearance(Appearance::Textured {
+        uvs: uvs.clone(),
+        uv_triangles: uv_triangles.clone(),
+        textures: textures.iter().map(one).collect::<Result<_>>()?,
+        texture_of_triangle: texture_of_triangle.clone(),
+    })
 }

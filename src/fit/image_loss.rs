@@ -207,6 +207,74 @@ pub fn add_pooled_gradient(fine: &mut Image, coarse: &Image, factor: usize, scal
     });
 }
 
+/// An image blurred by a Gaussian of a standard deviation in pixels, black beyond its edges. Where the blur is wide it is a
+/// smaller image, the mean of squares of pixels first: see [`blur_factor`].
+///
+/// # Errors
+/// [`crate::Error::Fit`] for a standard deviation that is negative or not finite.
+pub fn blurred(image: &Image, deviation: f64) -> Result<Image> {
+    let factor = blur_factor(deviation)?;
+    let mut coarse = if factor > 1 { pooled(image, factor)? } else { image.clone() };
+    gaussian(&mut coarse, deviation / factor as f64);
+    Ok(coarse)
+}
+
+/// The transpose of [`blurred`]: adds to the gradient by the fine image what comes of that by the blurred one.
+///
+/// # Errors
+/// As [`blurred`].
+pub fn add_blurred_gradient(fine: &mut Image, coarse: &Image, deviation: f64) -> Result<()> {
+    let factor = blur_factor(deviation)?;
+    let mut coarse = coarse.clone();
+    // The Gaussian is symmetric, and what lies beyond the edges has no part in it: its own transpose.
+    gaussian(&mut coarse, deviation / factor as f64);
+    add_pooled_gradient(fine, &coarse, factor, 1.0);
+    Ok(())
+}
+
+/// Side of the squares that a blur of a standard deviation in pixels takes the mean of first: a third of it.
+///
+/// # Errors
+/// As [`blurred`].
+pub fn blur_factor(deviation: f64) -> Result<usize> {
+    if !(deviation.is_finite() && deviation >= 0.0) {
+        return bad(format!("a blur of {deviation} pixels"), "use 0 or more");
+    }
+    Ok((deviation / 3.0).max(1.0) as usize)
+}
+
+/// Below this a Gaussian's other pixels weigh nothing (pixels).
+const LEAST_BLUR: f64 = 0.2;
+
+fn gaussian(image: &mut Image, deviation: f64) {
+    if deviation < LEAST_BLUR {
+        return;
+    }
+    let reach = (3.0 * deviation).ceil() as usize;
+    let weight = |i: usize| (-0.5 * (i as f64 / deviation).powi(2)).exp();
+    let total = weight(0) + 2.0 * (1..=reach).map(weight).sum::<f64>();
+    let kernel: Vec<f32> = (0..=reach).map(|i| (weight(i) / total) as f32).collect();
+    let row = image.width * image.channels;
+    for line in image.data.chunks_exact_mut(row) {
+        let source = line.to_vec();
+        convolve(&source, line, image.channels, &kernel);
+    }
+    for view in image.data.chunks_exact_mut(row * image.height) {
+        let source = view.to_vec();
+        convolve(&source, view, row, &kernel);
+    }
+}
+
+/// to[i] = Σ kernel[|j|] from[i + j stride], where that is in the line.
+fn convolve(from: &[f32], to: &mut [f32], stride: usize, kernel: &[f32]) {
+    to.iter_mut().zip(from).for_each(|(to, from)| *to = kernel[0] * from);
+    for (j, weight) in kernel.iter().enumerate().skip(1).take_while(|(j, _)| j * stride < from.len()) {
+        let shift = j * stride;
+        to.iter_mut().zip(&from[shift..]).for_each(|(to, from)| *to += weight * from);
+        to[shift..].iter_mut().zip(from).for_each(|(to, from)| *to += weight * from);
+    }
+}
+
 /// Every value of a fine image, with the coarse value that it is part of and its share there.
 fn each_pair(fine: &Image, coarse: &Image, factor: usize, mut visit: impl FnMut(usize, usize, f32)) {
     let channels = fine.channels;

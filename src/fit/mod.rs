@@ -1,6 +1,7 @@
 //! Shape, colour and pose from images: what the gradients are for.
 //!
 //! - [`image_loss`]: how far images are from their targets, value and gradient.
+//! - [`soft_target`]: masks made as soft as what is held against them.
 //! - [`regularizer`]: what keeps a mesh a surface, on its [`topology`].
 //! - [`optimizer`], [`smoothing`], [`schedule`]: how parameters follow their gradients.
 //! - [`shape`]: all of it together, a mesh deformed until its images are the targets.
@@ -20,6 +21,7 @@ pub mod regularizer;
 pub mod schedule;
 pub mod shape;
 pub mod smoothing;
+pub mod soft_target;
 pub mod topology;
 pub mod voxel;
 

@@ -4,9 +4,10 @@ use super::args::ArticulateArgs;
 use crate::cli::random::Random;
 use glam::DVec3;
 use softras::fit::articulated::{Figure, FigureFit, FigureOptions, Sight, SkeletonPose, visible_triangles};
+use softras::fit::pose::PoseTarget;
 use softras::fit::schedule::Schedule;
 use softras::scene::Background;
-use softras::{Camera, Frame, Image, Mesh, Projection, Renderer, Result, Scene, Settings};
+use softras::{Camera, Frame, Mesh, Projection, Renderer, Result, Scene, Settings};
 use std::time::Instant;
 
 /// The joint that is hidden, and the bones that it carries.
@@ -34,7 +35,7 @@ pub fn methods(args: &ArticulateArgs) -> Vec<Method> {
     let constant = FigureOptions {
         sigma: Schedule::Constant(1e-4),
         gamma: Schedule::Constant(1e-2),
-        coarseness: Schedule::Constant(0.0),
+        blur: Schedule::Constant(0.0),
         ..soft.clone()
     };
     let method = |name, options| Method { name, options };
@@ -64,8 +65,7 @@ pub struct Trial {
     pub start: SkeletonPose,
     /// The part of the limb's triangles that the target shows.
     pub seen: f64,
-    color: Image,
-    silhouette: Image,
+    target: PoseTarget,
 }
 
 /// What a method came to.
@@ -131,7 +131,8 @@ impl Stage {
             let size = (self.settings.width, self.settings.height);
             let frame = self.look(renderer, &self.figure.posed(&truth)?, false, size)?;
             if let (Some(color), Some(silhouette)) = (frame.color(), frame.silhouette()) {
-                return Ok(Some(Trial { truth, start, seen, color: color.clone(), silhouette: silhouette.clone() }));
+                let target = PoseTarget::new(color.clone(), silhouette.clone())?;
+                return Ok(Some(Trial { truth, start, seen, target }));
             }
         }
         Ok(None)
@@ -173,7 +174,7 @@ impl Stage {
         let (figure, start) = (self.figure.clone(), trial.start.clone());
         let mut fit = FigureFit::new(figure, self.camera, self.settings.clone(), method.options.clone(), start)?;
         for _ in 0..method.options.iterations {
-            fit.step(renderer, &trial.color, &trial.silhouette)?;
+            fit.step(renderer, &trial.target)?;
         }
         Ok(Found { pose: fit.pose().clone(), seconds: before.elapsed().as_secs_f64() })
     }

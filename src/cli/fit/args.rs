@@ -9,6 +9,7 @@ Examples:
   softras fit --views views.npy --cameras cameras.npy -o shape.obj --json log.json
   softras fit --views photos -o shape.obj --color --gif fit.gif --plot loss.png
   softras fit --from spot.obj --views 24 --size 128 --color -o fitted.obj
+  softras fit --from spot.obj --template grey_spot.obj --texture -o textured.obj
 
 Views and cameras:
   IMAGES.npy   [N, 4, H, W] or [N, H, W, 4] (RGBA; alpha is the silhouette), [N, H, W] (silhouettes); bytes or
@@ -56,6 +57,12 @@ pub struct FitArgs {
     /// Fit the colours too: the template's texels where it has a texture, else a colour for each vertex
     #[arg(long)]
     pub color: bool,
+    /// Fit the template's texture alone: its vertices stay where they are
+    #[arg(long, conflicts_with = "subdivide_at")]
+    pub texture: bool,
+    /// Read the pictures that cameras.json names from outside its folder too
+    #[arg(long)]
+    pub allow_outside: bool,
     #[command(flatten)]
     pub method: MethodArgs,
     #[command(flatten)]
@@ -63,6 +70,13 @@ pub struct FitArgs {
     /// The Vulkan device: its index or a part of its name [default: the best one]
     #[arg(long, value_name = "DEVICE")]
     pub device: Option<String>,
+}
+
+impl FitArgs {
+    /// Whether colours are fitted.
+    pub fn colored(&self) -> bool {
+        self.color || self.texture
+    }
 }
 
 /// A set of defaults.
@@ -120,7 +134,8 @@ pub struct MethodArgs {
     /// Cut every triangle into four before these steps (several by commas)
     #[arg(long, value_name = "STEP", value_delimiter = ',')]
     pub subdivide_at: Vec<u32>,
-    /// Fit again without the schedule, without regularisers and (with --color) without colours, and report these too
+    /// Fit again without the schedule, without softness (sigma 1e-7), without regularisers and (with --color) without
+    /// colours, and report these too
     #[arg(long)]
     pub baselines: bool,
 }

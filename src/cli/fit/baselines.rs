@@ -31,12 +31,13 @@ impl Baseline {
     }
 }
 
-/// Fits without the schedule of sigma and gamma, without regularisers, and, where colours are fitted, without them.
+/// Fits without the schedule of sigma and gamma, without softness, without regularisers, and, where colours are fitted, without them.
 pub fn run(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Vec<Baseline>, Failure> {
-    let without: [Without; 3] = [
+    let without: [Without; 4] = [
         ("the schedule", Setup::hold_softness, true),
-        ("regularisers", |setup| setup.options.regularizers.clear(), true),
-        ("colours", |setup| setup.options.fit_colors = false, args.color),
+        ("softness", Setup::harden, true),
+        ("regularisers", |setup| setup.options.regularizers.clear(), !args.texture),
+        ("colours", |setup| setup.options.fit_colors = false, args.color && !args.texture),
     ];
     let mut found = Vec::new();
     for (name, change, _) in without.into_iter().filter(|(.., applies)| *applies) {

@@ -11,6 +11,7 @@ mod report;
 mod setup;
 pub mod targets;
 
+use super::color::encoded;
 use super::progress::Progress;
 use super::{Failure, files, note};
 use args::FitArgs;
@@ -57,7 +58,7 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
         None => work.engine.shape(&mut renderer)?.mesh().clone(),
     };
     let scores = Scores::of(&best, &setup, &views, &mut renderer)?;
-    softras::obj::write_obj(&best, &args.out)?;
+    softras::obj::write_obj(&encoded(&best)?, &args.out)?;
     if let Some(path) = &files.checkpoint {
         checkpoint::write(path, work.engine.shape(&mut renderer)?, work.next)?;
     }

@@ -15,6 +15,9 @@ use std::path::Path;
 /// The sphere's radius as a part of what the cameras see around its centre.
 const SPHERE: f64 = 0.65;
 
+/// Softness of edges without softness: a thousandth of a screen unit is far below a pixel.
+const HARD_SIGMA: f64 = 1e-7;
+
 /// Everything about a fit that does not change while it runs.
 pub struct Setup {
     /// What it begins with.
@@ -74,6 +77,12 @@ impl Setup {
         self.gamma = Schedule::Constant(self.gamma.at(1.0));
     }
 
+    /// Edges as hard as single precision likes them: a gradient only where a pixel's centre is on an edge.
+    pub fn harden(&mut self) {
+        self.hold_softness();
+        self.sigma = Schedule::Constant(HARD_SIGMA);
+    }
+
     /// Length of a step of the colours.
     pub fn color_rate(&self, step: usize) -> f64 {
         self.colors.at_step(step, self.iterations)
@@ -115,7 +124,7 @@ fn options(args: &FitArgs, official: bool) -> ShapeOptions {
     options.regularizers = weights.into_iter().filter(|(_, weight)| *weight > 0.0).collect();
     options.samples = method.samples.unwrap_or(1) as usize;
     options.color = (ImageLoss::L1, method.color_weight);
-    options.fit_colors = args.color;
+    (options.fit_colors, options.fit_positions) = (args.colored(), !args.texture);
     options
 }
 
@@ -132,11 +141,14 @@ fn template(args: &FitArgs, views: &Views) -> Result<Mesh, Failure> {
     };
     let mesh = if official { placed(&mesh, |p, _| 0.5 * f64::from(p))? } else { mesh };
     let textured = matches!(mesh.appearance(), Appearance::Textured { .. });
+    if args.texture && !textured {
+        return Err(Failure::Usage("--texture: give a textured mesh as --template".into()));
+    }
     if textured && !args.method.subdivide_at.is_empty() {
         return Err(Failure::Usage("--subdivide-at: a textured template cannot be subdivided".into()));
     }
     let colors = vec![[0.5; 3]; mesh.positions().len()];
-    Ok(match args.color {
+    Ok(match args.colored() {
         true if textured => mesh,
         true => mesh.with_appearance(Appearance::VertexColors(colors))?,
         false => mesh.with_appearance(Appearance::Uniform([0.8; 3]))?,

@@ -61,7 +61,7 @@ impl Views {
             far: depths.1,
             background: Background::Composite,
             interpolation: Interpolation::Perspective,
-            outputs: Outputs { color: args.color, silhouette: true, depth: false, normal: false },
+            outputs: Outputs { color: args.colored(), silhouette: true, depth: false, normal: false },
             ..Settings::default()
         };
         let frame = renderer.render(&Scene::new(mesh.clone()), &cameras, &settings)?;
@@ -156,7 +156,7 @@ fn targets(args: &FitArgs, cameras: Vec<Camera>, [batch, height, width]: [usize;
         channels: channels.len(),
         data: pixels.iter().flat_map(|p| p[channels.clone()].iter().map(|&x| x as f32)).collect(),
     };
-    Targets { cameras, silhouette: Some(image(3..4)), color: args.color.then(|| image(0..3)) }
+    Targets { cameras, silhouette: Some(image(3..4)), color: args.colored().then(|| image(0..3)) }
 }
 
 /// PNG files and what cameras.json says about them.
@@ -176,6 +176,7 @@ fn folder(args: &FitArgs, path: &Path) -> Result<Targets, Failure> {
             return Err(fault(&list, format!("camera {i} has no \"file\""), "name its PNG file")?);
         };
         let file = path.join(name);
+        judge_inside(path, &file, args.allow_outside)?;
         let (width, height, image) = read_picture(&file)?;
         if *size.get_or_insert((width, height)) != (width, height) {
             let what = format!("is {width}×{height} pixels, others are not");
@@ -185,6 +186,15 @@ fn folder(args: &FitArgs, path: &Path) -> Result<Targets, Failure> {
     }
     let (width, height) = size.unwrap_or_default();
     Ok(targets(args, cameras, [entries.len(), height, width], &pixels))
+}
+
+/// Cameras from elsewhere must not make softras read what they please.
+fn judge_inside(folder: &Path, file: &Path, allowed: bool) -> Result<()> {
+    let real = |path: &Path| path.canonicalize().map_err(|source| Error::Io { path: path.into(), source });
+    if allowed || real(file)?.starts_with(real(folder)?) {
+        return Ok(());
+    }
+    fault(file, "lies outside the folder of views", "move it into the folder, or use --allow-outside")
 }
 
 /// Width, height and linear pixels of a picture file.

@@ -46,7 +46,8 @@ pub struct PoseArgs {
     /// A picture of the loss over two angles about the pose, sharp beside blurred
     #[arg(long, value_name = "FILE.png")]
     pub landscape: Option<PathBuf>,
-    /// The coloured cube of the SoftRas paper: seeded rotations to find, by four ways and a baseline
+    /// The coloured cube of the SoftRas paper: seeded rotations to find, with plain and with whitened colours, from one
+    /// start and from several
     #[arg(long, conflicts_with_all = ["mesh", "image"])]
     pub benchmark: bool,
     /// Rotations of the benchmark

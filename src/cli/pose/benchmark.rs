@@ -5,9 +5,9 @@ use crate::cli::random::Random;
 use crate::cli::{Failure, say};
 use glam::DVec3;
 use serde_json::json;
-use softras::fit::pose::{Differentiation, Pose, PoseFit, PoseOptions, rotations};
+use softras::fit::pose::{Differentiation, Pose, PoseFit, PoseOptions, PoseTarget, rotations};
 use softras::fit::schedule::Schedule;
-use softras::scene::Background;
+use softras::scene::{Background, Faces};
 use softras::{Camera, Image, Projection, Renderer, Result, Scene, Settings, shapes};
 use std::time::Instant;
 
@@ -22,14 +22,16 @@ struct Method {
     options: PoseOptions,
     /// Poses to begin at for each trial: its own, and others spread around it.
     starts: usize,
+    /// Plain differences of colour, as in the paper.
+    plain: bool,
 }
 
 /// The same fit with a softness that stays, and with a hard renderer's gradients.
 pub fn baselines(base: &PoseOptions) -> [(&'static str, PoseOptions); 2] {
     let plain = PoseOptions {
         sigma: Schedule::Constant(1e-4),
-        gamma: Schedule::Constant(1e-2),
-        coarseness: Schedule::Constant(0.0),
+        gamma: Schedule::Constant(3e-2),
+        blur: Schedule::Constant(0.0),
         ..base.clone()
     };
     let hard = PoseOptions { differentiation: Differentiation::ImageFlow, ..plain.clone() };
@@ -39,21 +41,21 @@ pub fn baselines(base: &PoseOptions) -> [(&'static str, PoseOptions); 2] {
 fn methods(args: &PoseArgs) -> Vec<Method> {
     let base = PoseOptions { iterations: args.iterations as usize, ..PoseOptions::default() };
     let [(_, plain), (_, hard)] = baselines(&base);
-    let scheduled = PoseOptions {
-        sigma: Schedule::Exponential { from: 1e-2, to: 1e-4 },
-        gamma: Schedule::Exponential { from: 3e-1, to: 1e-2 },
-        ..plain.clone()
-    };
-    let method = |name, options, starts| Method { name, options, starts };
+    let scheduled =
+        PoseOptions { sigma: Schedule::Exponential { from: 1e-1, to: 1e-4 }, gamma: base.gamma, ..plain.clone() };
+    let method = |name, options: &PoseOptions, starts, plain| Method { name, options: options.clone(), starts, plain };
     let starts = args.starts as usize;
     vec![
-        method("hard, image-space finite differences", hard.clone(), 1),
-        method("soft, no schedule", plain.clone(), 1),
-        method("soft, sigma-gamma schedule", scheduled, 1),
-        method("soft, sigma-gamma schedule, coarse to fine", base.clone(), 1),
-        method("hard, several starts", hard, starts),
-        method("soft, no schedule, several starts", plain, starts),
-        method("soft, scheduled, coarse to fine, several", base, starts),
+        method("hard, image-space finite differences", &hard, 1, true),
+        method("soft, no schedule", &plain, 1, true),
+        method("soft, sigma-gamma schedule", &scheduled, 1, true),
+        method("soft, sigma-gamma schedule, coarse to fine", &base, 1, true),
+        method("hard, whitened colours", &hard, 1, false),
+        method("soft, no schedule, whitened colours", &plain, 1, false),
+        method("soft, scheduled, coarse to fine, whitened", &base, 1, false),
+        method("hard, whitened, several starts", &hard, starts, false),
+        method("soft, no schedule, whitened, several", &plain, starts, false),
+        method("soft, scheduled, to fine, whitened, several", &base, starts, false),
     ]
 }
 
@@ -130,7 +132,7 @@ impl Bench {
         let projection = Projection::Perspective { fov_y: 30f64.to_radians() };
         let camera = Camera::look_at(DVec3::new(0.0, 0.0, DISTANCE), DVec3::ZERO, DVec3::Y, projection)?;
         let (near, far) = (DISTANCE - 1.2, DISTANCE + 1.2);
-        let settings = Settings { width: SIZE, height: SIZE, near, far, ..Settings::default() };
+        let settings = Settings { width: SIZE, height: SIZE, near, far, faces: Faces::Front, ..Settings::default() };
         let scene = Scene::new(shapes::cube()?);
         let empty = Image { batch: 0, height: 0, width: 0, channels: 1, data: Vec::new() };
         let mut bench = Self { scene, camera, settings, color: empty.clone(), silhouette: empty };
@@ -177,14 +179,15 @@ impl Bench {
                     .collect(),
                 ..*image
             };
-            let (color, silhouette) = (repeat(&self.color), repeat(&self.silhouette));
+            let target = PoseTarget::new(repeat(&self.color), repeat(&self.silhouette))?;
+            let target = if method.plain { target.plain() } else { target };
             let mut fit = self.fit(&method.options, poses)?;
             for _ in 0..method.options.iterations {
-                fit.step(renderer, &color, &silhouette)?;
+                fit.step(renderer, &target)?;
             }
             let soft = method.options.differentiation == Differentiation::Soft;
             let losses = if method.starts > 1 || soft {
-                fit.losses(renderer, fit.poses(), SHARP, &color, &silhouette)?
+                fit.losses(renderer, fit.poses(), SHARP, &target)?
             } else {
                 vec![0.0; fit.poses().len()]
             };

@@ -32,8 +32,7 @@ pub fn write(path: &Path, fit: &PoseFit, about: &Pose, target: &Target, renderer
     for (label, softness) in PANELS {
         let mut losses = Vec::with_capacity(poses.len());
         for some in poses.chunks(BATCH) {
-            let (color, silhouette) = target.repeated(some.len());
-            losses.extend(fit.losses(renderer, some, softness, &color, &silhouette)?);
+            losses.extend(fit.losses(renderer, some, softness, &target.repeated(some.len())?)?);
         }
         panels.push((panel(&losses), label.to_string()));
     }

@@ -4,13 +4,16 @@ pub mod args;
 mod benchmark;
 mod landscape;
 
+use super::color::encoded;
 use super::fit::targets;
 use super::render::framing::{Bounds, View};
 use super::{Failure, files, say};
 use args::PoseArgs;
 use serde_json::json;
-use softras::fit::pose::{Pose, PoseFit, PoseOptions, rotations};
+use softras::fit::pose::{Pose, PoseFit, PoseOptions, PoseTarget, rotations};
+use softras::fit::voxel;
 use softras::obj::LoadOptions;
+use softras::scene::Faces;
 use softras::{Image, Mesh, Renderer, Result, Scene, Settings};
 
 /// Poses this far from the best one are other answers, degrees.
@@ -57,9 +60,9 @@ impl Target {
     }
 
     /// The same for each of several poses.
-    fn repeated(&self, count: usize) -> (Image, Image) {
+    fn repeated(&self, count: usize) -> Result<PoseTarget> {
         let one = |image: &Image| Image { batch: count, data: image.data.repeat(count), ..*image };
-        (one(&self.color), one(&self.silhouette))
+        PoseTarget::new(one(&self.color), one(&self.silhouette))
     }
 }
 
@@ -70,29 +73,35 @@ fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) 
     // Room for a mesh that is moved.
     let reach = view.far - view.near;
     let (near, far) = ((view.near - 0.2 * reach).max(0.2 * view.near), view.far + 0.2 * reach);
-    let settings = Settings { width: width as u32, height: height as u32, near, far, ..Settings::default() };
+    let (faces, base) = match is_solid(mesh) {
+        true => (Faces::Front, PoseOptions::default()),
+        false => (Faces::Both, PoseOptions::both_sides()),
+    };
+    let settings = Settings { width: width as u32, height: height as u32, near, far, faces, ..Settings::default() };
     let translation_rate = if args.no_translation { 0.0 } else { 0.15 * bounds.radius };
-    let options = PoseOptions { iterations: args.iterations as usize, translation_rate, ..PoseOptions::default() };
-    let (color, silhouette) = target.repeated(args.starts as usize);
+    let options = PoseOptions { iterations: args.iterations as usize, translation_rate, ..base };
+    let repeated = target.repeated(args.starts as usize)?;
+    // Plain squared differences tell people and programs more.
+    let judged = repeated.clone().plain();
     let fitted = |options: PoseOptions, renderer: &mut Renderer| -> Result<PoseFit> {
         let starts = rotations(args.starts as usize).into_iter().map(|rotation| Pose { rotation, ..Pose::IDENTITY });
         let scene = Scene::new(mesh.clone());
         let mut fit = PoseFit::new(scene, view.camera()?, bounds.center, settings.clone(), options, starts.collect())?;
         let progress = super::progress::Progress::counted("step", args.iterations as usize);
         for _ in 0..args.iterations {
-            fit.step(renderer, &color, &silhouette)?;
+            fit.step(renderer, &repeated)?;
             progress.step();
         }
         Ok(fit)
     };
     let fit = fitted(options.clone(), renderer)?;
-    let losses = fit.losses(renderer, fit.poses(), SHARP, &color, &silhouette)?;
+    let losses = fit.losses(renderer, fit.poses(), SHARP, &judged)?;
     let Some((best, loss)) = least(fit.poses(), &losses, |_| true) else { return Err(Failure::Told) };
     let other = least(fit.poses(), &losses, |pose| pose.degrees_to(&best) > OTHER);
     let confidence = other.map_or(1.0, |(_, other)| (1.0 - loss / other.max(1e-12)).clamp(0.0, 1.0));
     let agreeing = fit.poses().iter().filter(|pose| pose.degrees_to(&best) <= OTHER).count();
     if let Some(path) = &args.out {
-        softras::obj::write_obj(&posed(mesh, &best, bounds)?, path)?;
+        softras::obj::write_obj(&encoded(&posed(mesh, &best, bounds)?)?, path)?;
     }
     if let Some(path) = &args.landscape {
         landscape::write(path, &fit, &best, target, renderer)?;
@@ -109,7 +118,7 @@ fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) 
             PoseOptions::default(),
             fit.poses().to_vec(),
         )?;
-        let losses = soft.losses(renderer, fit.poses(), SHARP, &color, &silhouette)?;
+        let losses = soft.losses(renderer, fit.poses(), SHARP, &judged)?;
         if let Some((pose, loss)) = least(fit.poses(), &losses, |_| true) {
             baselines.push(Baseline { name, loss, degrees: pose.degrees_to(&best) });
         }
@@ -138,6 +147,13 @@ struct Baseline {
 fn least(poses: &[Pose], losses: &[f64], among: impl Fn(&Pose) -> bool) -> Option<(Pose, f64)> {
     let pairs = poses.iter().copied().zip(losses.iter().copied()).filter(|(pose, _)| among(pose));
     pairs.min_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+/// Whether a mesh is closed and its triangles face outwards, so that none is seen from behind.
+fn is_solid(mesh: &Mesh) -> bool {
+    let corner = |i: u32| glam::DVec3::from(mesh.positions()[i as usize].map(f64::from));
+    let volume: f64 = mesh.triangles().iter().map(|t| corner(t[0]).dot(corner(t[1]).cross(corner(t[2])))).sum();
+    voxel::is_closed(mesh) && volume > 0.0
 }
 
 fn posed(mesh: &Mesh, pose: &Pose, bounds: Bounds) -> Result<Mesh> {

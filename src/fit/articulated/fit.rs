@@ -4,10 +4,9 @@ use super::{Figure, SkeletonPose, visible_triangles};
 use crate::error::Result;
 use crate::fit::bad;
 use crate::fit::optimizer::{Method, Optimizer};
-use crate::fit::pose::compare;
+use crate::fit::pose::PoseTarget;
 use crate::fit::schedule::Schedule;
 use crate::gradients::{ImageGradient, Wanted};
-use crate::image::Image;
 use crate::renderer::{Frame, Renderer};
 use crate::scene::{Appearance, Background, Camera, Mesh, Outputs, Scene, Settings};
 use glam::DVec3;
@@ -31,16 +30,15 @@ pub struct FigureOptions {
     pub sigma: Schedule,
     /// Softness of the depth order, in units of far - near.
     pub gamma: Schedule,
-    /// The image is compared in squares of one pixel, of two by two and so on: side of the largest ones, as a part of the
-    /// image's height.
-    pub coarseness: Schedule,
+    /// Standard deviation of the Gaussian that blurs what is compared, as a part of the image's height.
+    pub blur: Schedule,
     /// Length of a step of every angle, radians.
     pub rate: Schedule,
     /// Length of a step of the shift, world units, as a part of that; 0 keeps the figure in its place.
     pub shift_rate: f64,
     /// Length of a step of the bones' lengths as a part of that; 0 keeps them.
     pub length_rate: f64,
-    /// Weights of the mean squared differences of colour and of silhouette.
+    /// Weights of colour and of silhouette in the loss of [`PoseTarget`].
     pub weights: [f64; 2],
     /// Weight of half the sum of the squares of how far the angles have gone from where they began, radians²: what the
     /// image does not tell stays.
@@ -52,15 +50,15 @@ pub struct FigureOptions {
 impl Default for FigureOptions {
     fn default() -> Self {
         Self {
-            iterations: 200,
+            iterations: 300,
             sigma: Schedule::Exponential { from: 4e-3, to: 3e-5 },
-            gamma: Schedule::Exponential { from: 3e-1, to: 2e-2 },
-            coarseness: Schedule::Constant(0.02),
-            rate: Schedule::Exponential { from: 0.04, to: 0.006 },
+            gamma: Schedule::Exponential { from: 3e-1, to: 3e-2 },
+            blur: Schedule::Exponential { from: 0.1, to: 0.003 },
+            rate: Schedule::Exponential { from: 0.04, to: 0.003 },
             shift_rate: 0.1,
             length_rate: 0.0,
-            weights: [1.0, 0.3],
-            stiffness: 3e-3,
+            weights: [1.0, 3.0],
+            stiffness: 1e-3,
             sight: Sight::Soft,
         }
     }
@@ -143,8 +141,8 @@ impl FigureFit {
     ///
     /// # Errors
     /// [`crate::Error::Fit`] for targets of another size; otherwise as [`Renderer::render`] and [`Renderer::backward`].
-    pub fn step(&mut self, renderer: &mut Renderer, color: &Image, silhouette: &Image) -> Result<f64> {
-        let (loss, gradient) = self.differentiate(renderer, color, silhouette)?;
+    pub fn step(&mut self, renderer: &mut Renderer, target: &PoseTarget) -> Result<f64> {
+        let (loss, gradient) = self.differentiate(renderer, target)?;
         let rate = self.options.rate.at_step(self.step, self.options.iterations);
         self.angles.step(&mut self.pose.angles, &gradient.angles, rate);
         if self.options.shift_rate > 0.0 {
@@ -164,12 +162,7 @@ impl FigureFit {
     ///
     /// # Errors
     /// As [`FigureFit::step`].
-    pub fn differentiate(
-        &self,
-        renderer: &mut Renderer,
-        color: &Image,
-        silhouette: &Image,
-    ) -> Result<(f64, SkeletonPose)> {
+    pub fn differentiate(&self, renderer: &mut Renderer, target: &PoseTarget) -> Result<(f64, SkeletonPose)> {
         let settings = self.settings();
         let mesh = self.figure.posed(&self.pose)?;
         let (mesh, visible) = match self.options.sight {
@@ -180,9 +173,9 @@ impl FigureFit {
             }
         };
         let frame = renderer.render(&Scene::new(mesh), &[self.camera], &settings)?;
-        let part = self.options.coarseness.at_step(self.step, self.options.iterations);
-        let coarsest = (part * f64::from(settings.height)).round().max(1.0) as usize;
-        let (mut loss, upstream) = compare_levels(&frame, color, silhouette, coarsest, self.options.weights)?;
+        let blur = self.options.blur.at_step(self.step, self.options.iterations) * f64::from(settings.height);
+        let (losses, upstream) = target.compare(&frame, blur, self.options.weights)?;
+        let mut loss: f64 = losses.iter().sum();
         let by_corner = self.by_position(renderer, &frame, &upstream)?;
         let by_vertex = match visible {
             None => by_corner,
@@ -212,35 +205,6 @@ impl FigureFit {
         }
         by_vertex
     }
-}
-
-/// The loss of one view and its gradient, over squares of 1, 2, 4, ... pixels up to the coarsest.
-///
-/// Fine levels hold what is near its place, coarse ones reach what is not. A level counts by the side of its squares: what
-/// a small thing far away costs falls with the square of that side, what it costs all together with the side then.
-fn compare_levels(
-    frame: &Frame,
-    color: &Image,
-    silhouette: &Image,
-    coarsest: usize,
-    weights: [f64; 2],
-) -> Result<(f64, ImageGradient)> {
-    let sides = || std::iter::successors(Some(1), |side| Some(2 * side)).take_while(|side| *side <= coarsest);
-    let total: usize = sides().sum();
-    let mut sum = (0.0, ImageGradient::default());
-    for side in sides() {
-        let share = side as f64 / total as f64;
-        let (losses, gradient) = compare(frame, color, silhouette, side, weights.map(|weight| weight * share))?;
-        sum.0 += losses.iter().sum::<f64>();
-        for (all, one) in [(&mut sum.1.color, gradient.color), (&mut sum.1.silhouette, gradient.silhouette)] {
-            match (all.as_mut(), one) {
-                (Some(all), Some(one)) => all.data.iter_mut().zip(&one.data).for_each(|(a, b)| *a += b),
-                (None, one) => *all = one,
-                (Some(_), None) => {}
-            }
-        }
-    }
-    Ok(sum)
 }
 
 /// The same mesh, each triangle with corners of its own.

@@ -5,17 +5,17 @@
 //! has them, turn with the mesh; images are best compared unlit.
 
 mod flow;
+mod target;
 
 pub use flow::flow_gradient;
+pub use target::PoseTarget;
 
 use super::bad;
-use super::image_loss::{add_pooled_gradient, pooled};
 use super::optimizer::{Method, Optimizer};
 use super::schedule::Schedule;
 use crate::error::Result;
-use crate::gradients::{ImageGradient, Wanted};
-use crate::image::Image;
-use crate::renderer::{Frame, Renderer};
+use crate::gradients::Wanted;
+use crate::renderer::Renderer;
 use crate::scene::{Background, Camera, ColorAggregation, Outputs, Scene, Settings, SilhouetteAggregation};
 use glam::{DMat3, DMat4, DQuat, DVec3};
 
@@ -58,9 +58,12 @@ pub struct PoseOptions {
     pub sigma: Schedule,
     /// Softness of the depth order.
     pub gamma: Schedule,
-    /// Side of the squares whose means are compared, as a part of the image's height; below a pixel every pixel is
-    /// compared. A coarse image has fewer hollows still in its loss.
-    pub coarseness: Schedule,
+    /// Standard deviation of the Gaussian that blurs what is compared, as a part of the image's height. A blurred image has
+    /// fewer hollows still in its loss.
+    pub blur: Schedule,
+    /// Weight of the silhouette in the loss of [`PoseTarget`], that of the colour being 1: little at first, when the outline
+    /// of many a wrong rotation fits, more at last, when it says best how far away the mesh is.
+    pub silhouette: Schedule,
     /// Length of a step of the rotation, radians.
     pub rate: Schedule,
     /// Length of a step of the translation as a part of that; 0 keeps the mesh in its place.
@@ -70,16 +73,30 @@ pub struct PoseOptions {
 }
 
 impl Default for PoseOptions {
-    /// From quarters of the image to its pixels, in 150 steps; the mesh stays in its place.
+    /// From an image blurred beyond recognition to its pixels, in 150 steps; the mesh stays in its place. For closed meshes,
+    /// of which front faces alone are drawn.
     fn default() -> Self {
         Self {
             iterations: 150,
-            sigma: Schedule::Exponential { from: 1e-3, to: 1e-5 },
-            gamma: Schedule::Exponential { from: 1e-1, to: 3e-2 },
-            coarseness: Schedule::Exponential { from: 0.5, to: 0.01 },
-            rate: Schedule::Exponential { from: 0.15, to: 0.005 },
+            sigma: Schedule::Exponential { from: 3e-3, to: 3e-5 },
+            gamma: Schedule::Exponential { from: 1.0, to: 3e-2 },
+            blur: Schedule::Exponential { from: 0.15, to: 0.01 },
+            silhouette: Schedule::Exponential { from: 0.03, to: 1.0 },
+            rate: Schedule::Exponential { from: 0.3, to: 0.01 },
             translation_rate: 0.0,
             differentiation: Differentiation::Soft,
+        }
+    }
+}
+
+impl PoseOptions {
+    /// For meshes that are seen from both sides: γ begins where what is behind does not shine through.
+    pub fn both_sides() -> Self {
+        Self {
+            sigma: Schedule::Exponential { from: 1e-3, to: 1e-5 },
+            gamma: Schedule::Exponential { from: 1e-1, to: 3e-2 },
+            rate: Schedule::Exponential { from: 0.15, to: 0.005 },
+            ..Self::default()
         }
     }
 }
@@ -98,8 +115,9 @@ pub struct PoseFit {
 }
 
 impl PoseFit {
-    /// Begins at some poses of a scene of one mesh, seen by one camera. Of the settings size, depths and background
-    /// colour count; `center` is what rotations turn about.
+    /// Begins at some poses of a scene of one mesh, seen by one camera. Of the settings size, depths and which faces are
+    /// drawn count; `center` is what rotations turn about. A closed mesh is best seen by its front faces alone: then γ may
+    /// begin so large that no face hides another, and its back does not shine through.
     ///
     /// # Errors
     /// [`crate::Error::Fit`] without poses or with several meshes.
@@ -160,13 +178,13 @@ impl PoseFit {
     }
 
     /// Renders all poses with the softness of the present step, compares and moves each; the loss of each before it
-    /// moved comes back: the mean over pixels of the squared differences of colour and silhouette.
+    /// moved comes back, as [`PoseTarget`] says.
     ///
     /// # Errors
     /// [`crate::Error::Fit`] for targets that are not one for each pose; otherwise as [`Renderer::render`] and
     /// [`Renderer::backward`].
-    pub fn step(&mut self, renderer: &mut Renderer, color: &Image, silhouette: &Image) -> Result<Vec<f64>> {
-        let (losses, gradients) = self.differentiate(renderer, color, silhouette)?;
+    pub fn step(&mut self, renderer: &mut Renderer, target: &PoseTarget) -> Result<Vec<f64>> {
+        let (losses, gradients) = self.differentiate(renderer, target)?;
         let rate = self.options.rate.at_step(self.step, self.options.iterations);
         for (i, [by_turn, by_shift]) in gradients.into_iter().enumerate() {
             let (mut turn, mut shift) = ([0.0; 3], [0.0; 3]);
@@ -187,17 +205,12 @@ impl PoseFit {
     ///
     /// # Errors
     /// As [`PoseFit::step`].
-    pub fn differentiate(
-        &self,
-        renderer: &mut Renderer,
-        color: &Image,
-        silhouette: &Image,
-    ) -> Result<(Vec<f64>, Vec<[DVec3; 2]>)> {
+    pub fn differentiate(&self, renderer: &mut Renderer, target: &PoseTarget) -> Result<(Vec<f64>, Vec<[DVec3; 2]>)> {
         let cameras = self.poses.iter().map(|pose| self.posed_camera(pose)).collect::<Result<Vec<_>>>()?;
         let frame = renderer.render(&self.scene, &cameras, &self.settings_at(self.step))?;
-        let part = self.options.coarseness.at_step(self.step, self.options.iterations);
-        let pooling = (part * f64::from(self.settings.height)).round().max(1.0) as usize;
-        let (losses, upstream) = compare(&frame, color, silhouette, pooling, [1.0; 2])?;
+        let blur = self.options.blur.at_step(self.step, self.options.iterations) * f64::from(self.settings.height);
+        let silhouette = self.options.silhouette.at_step(self.step, self.options.iterations);
+        let (losses, upstream) = target.compare(&frame, blur, [1.0, silhouette])?;
         let twists: Vec<[f64; 6]> = match self.options.differentiation {
             Differentiation::Soft => {
                 let wanted = Wanted { camera: true, ..Wanted::NOTHING };
@@ -218,13 +231,12 @@ impl PoseFit {
         renderer: &mut Renderer,
         poses: &[Pose],
         (sigma, gamma): (f64, f64),
-        color: &Image,
-        silhouette: &Image,
+        target: &PoseTarget,
     ) -> Result<Vec<f64>> {
         let cameras = poses.iter().map(|pose| self.posed_camera(pose)).collect::<Result<Vec<_>>>()?;
         let settings = Settings { sigma, gamma, save: false, ..self.settings_at(0) };
         let frame = renderer.render(&self.scene, &cameras, &settings)?;
-        compare(&frame, color, silhouette, 1, [1.0; 2]).map(|(losses, _)| losses)
+        target.compare(&frame, 0.0, [1.0; 2]).map(|(losses, _)| losses)
     }
 
     /// From dL/dtwist of a view to dL by turn and shift of its pose.
@@ -237,46 +249,6 @@ impl PoseFit {
         let by_w = axes.determinant().signum() * (axes.transpose() * (by_w + by_v.cross(center)));
         [by_w, axes.transpose() * by_v]
     }
-}
-
-/// Each view's loss, and the gradient of their sum: squared differences of colour and silhouette, weighed and added, in
-/// means of `pooling` × `pooling` pixels.
-pub(in crate::fit) fn compare(
-    frame: &Frame,
-    color: &Image,
-    silhouette: &Image,
-    pooling: usize,
-    weights: [f64; 2],
-) -> Result<(Vec<f64>, ImageGradient)> {
-    let (Some(our_color), Some(our_silhouette)) = (frame.color(), frame.silhouette()) else {
-        return bad("a frame without colour or silhouette", "ask for both");
-    };
-    let mut losses = vec![0.0; our_color.batch];
-    let mut one = |ours: &Image, target: &Image, weight: f64| {
-        let shape = |i: &Image| [i.batch, i.height, i.width, i.channels];
-        if shape(ours) != shape(target) || ours.data.len() != target.data.len() {
-            let what = format!("a target of shape {:?} for images of shape {:?}", shape(target), shape(ours));
-            return bad(what, "give one target for each pose");
-        }
-        let mut difference = ours.clone();
-        difference.data.iter_mut().zip(&target.data).for_each(|(p, t)| *p -= t);
-        let mut coarse = if pooling > 1 { pooled(&difference, pooling)? } else { difference };
-        let size = coarse.height * coarse.width;
-        for (i, d) in coarse.data.iter_mut().enumerate() {
-            let wide = f64::from(*d);
-            losses[i / (size * ours.channels)] += weight * wide * wide / size as f64;
-            *d = (2.0 * weight * wide / size as f64) as f32;
-        }
-        if pooling == 1 {
-            return Ok(coarse);
-        }
-        let mut gradient = Image { data: vec![0.0; ours.data.len()], ..*ours };
-        add_pooled_gradient(&mut gradient, &coarse, pooling, 1.0);
-        Ok(gradient)
-    };
-    let color = Some(one(our_color, color, weights[0])?);
-    let silhouette = Some(one(our_silhouette, silhouette, weights[1])?);
-    Ok((losses, ImageGradient { color, silhouette, ..ImageGradient::default() }))
 }
 
 /// `count` rotations far from each other: the super-Fibonacci spiral (Alexa 2022).

@@ -1,0 +1,127 @@
+//! The image that a pose is to explain, and how far another is from it.
+
+use crate::error::Result;
+use crate::fit::bad;
+use crate::fit::image_loss::{add_blurred_gradient, blurred};
+use crate::gradients::ImageGradient;
+use crate::image::Image;
+use crate::renderer::Frame;
+use glam::{DMat3, DVec3};
+
+/// Added to the variance of colours: what differs by less than a tenth is no colour to go by.
+const LEAST_VARIANCE: f64 = 0.01;
+
+/// Images to be explained, one for each pose.
+///
+/// The loss of a view is the mean over pixels of w₀ eᵀ M e + w₁ f², all differences blurred: f of the silhouettes A, and
+/// e = ΔC - μ ΔA of the colours C, which are on black, where μ is the mean colour of the target's object and M the inverse
+/// of its colours' covariance (and a little more). So the outline, which looks much the same from many sides, tells
+/// nothing by colour that the silhouette does not tell, and all directions of colour count alike. An object of one colour
+/// has the silhouette alone.
+#[derive(Clone, Debug)]
+pub struct PoseTarget {
+    color: Image,
+    silhouette: Image,
+    metrics: Vec<Metric>,
+}
+
+/// How differences of colour count.
+#[derive(Clone, Copy, Debug)]
+struct Metric {
+    mean: DVec3,
+    inverse: DMat3,
+}
+
+impl PoseTarget {
+    /// From colours on black, `[poses, height, width, 3]`, and silhouettes, `[poses, height, width, 1]`.
+    ///
+    /// # Errors
+    /// [`crate::Error::Fit`] for images of other shapes.
+    pub fn new(color: Image, silhouette: Image) -> Result<Self> {
+        let shape = |i: &Image| [i.batch, i.height, i.width];
+        let whole = |i: &Image, channels: usize| {
+            i.channels == channels && i.data.len() == i.batch * i.height * i.width * channels && !i.data.is_empty()
+        };
+        if shape(&color) != shape(&silhouette) || !whole(&color, 3) || !whole(&silhouette, 1) {
+            let what = format!("a target of shapes {:?} and {:?}", shape(&color), shape(&silhouette));
+            return bad(what, "give colours and silhouettes of one size for each pose");
+        }
+        let metrics = (0..color.batch).map(|view| Metric::of(color.view(view), silhouette.view(view))).collect();
+        Ok(Self { color, silhouette, metrics })
+    }
+
+    /// The same images with plain differences of colour: μ = 0, M = 1.
+    pub fn plain(self) -> Self {
+        let metrics = vec![Metric { mean: DVec3::ZERO, inverse: DMat3::IDENTITY }; self.metrics.len()];
+        Self { metrics, ..self }
+    }
+
+    /// Each view's loss, and the gradient of their sum by what was rendered. `blur` is the standard deviation in pixels.
+    pub(in crate::fit) fn compare(
+        &self,
+        frame: &Frame,
+        blur: f64,
+        weights: [f64; 2],
+    ) -> Result<(Vec<f64>, ImageGradient)> {
+        let (Some(color), Some(silhouette)) = (frame.color(), frame.silhouette()) else {
+            return bad("a frame without colour or silhouette", "ask for both");
+        };
+        let shape = |i: &Image| [i.batch, i.height, i.width, i.channels];
+        if shape(color) != shape(&self.color) {
+            let what = format!("a target of shape {:?} for images of shape {:?}", shape(&self.color), shape(color));
+            return bad(what, "give one target for each pose");
+        }
+        let difference =
+            |a: &Image, b: &Image| Image { data: a.data.iter().zip(&b.data).map(|(a, b)| a - b).collect(), ..*a };
+        let (mut by_color, mut by_silhouette) =
+            (difference(color, &self.color), difference(silhouette, &self.silhouette));
+        let pixels = color.height * color.width;
+        for (i, (e, f)) in by_color.data.chunks_exact_mut(3).zip(&by_silhouette.data).enumerate() {
+            let mean = self.metrics[i / pixels].mean;
+            (0..3).for_each(|k| e[k] -= (mean[k] * f64::from(*f)) as f32);
+        }
+        (by_color, by_silhouette) = (blurred(&by_color, blur)?, blurred(&by_silhouette, blur)?);
+        let mut losses = vec![0.0; color.batch];
+        let coarse = by_color.height * by_color.width;
+        let [by_e, by_f] = weights.map(|weight| weight / coarse as f64);
+        for (i, (e, f)) in by_color.data.chunks_exact_mut(3).zip(&mut by_silhouette.data).enumerate() {
+            let wide = DVec3::new(f64::from(e[0]), f64::from(e[1]), f64::from(e[2]));
+            let slope = by_e * (self.metrics[i / coarse].inverse * wide);
+            losses[i / coarse] += slope.dot(wide) + by_f * f64::from(*f) * f64::from(*f);
+            (0..3).for_each(|k| e[k] = (2.0 * slope[k]) as f32);
+            *f *= (2.0 * by_f) as f32;
+        }
+        let fine = |image: &Image, gradient: &Image| -> Result<Image> {
+            let mut fine = Image { data: vec![0.0; image.data.len()], ..*image };
+            add_blurred_gradient(&mut fine, gradient, blur)?;
+            Ok(fine)
+        };
+        let (by_color, mut by_silhouette) = (fine(color, &by_color)?, fine(silhouette, &by_silhouette)?);
+        for (i, (e, f)) in by_color.data.chunks_exact(3).zip(&mut by_silhouette.data).enumerate() {
+            let mean = self.metrics[i / pixels].mean;
+            *f -= (0..3).map(|k| mean[k] * f64::from(e[k])).sum::<f64>() as f32;
+        }
+        let gradient =
+            ImageGradient { color: Some(by_color), silhouette: Some(by_silhouette), ..ImageGradient::default() };
+        Ok((losses, gradient))
+    }
+}
+
+impl Metric {
+    /// Of colours on black and coverage.
+    fn of(color: &[f32], silhouette: &[f32]) -> Self {
+        let pixels = || {
+            color.chunks_exact(3).zip(silhouette).filter(|(_, a)| **a > 0.5).map(|(c, a)| {
+                let a = f64::from(*a);
+                DVec3::new(f64::from(c[0]), f64::from(c[1]), f64::from(c[2])) / a
+            })
+        };
+        let count = (pixels().count() as f64).max(1.0);
+        let mean = pixels().sum::<DVec3>() / count;
+        let square = |d: DVec3| DMat3::from_cols(d * d.x, d * d.y, d * d.z);
+        let sum = pixels().fold(DMat3::ZERO, |sum, c| sum + square(c - mean));
+        let covariance = sum * count.recip() + DMat3::from_diagonal(DVec3::splat(LEAST_VARIANCE));
+        // Symmetric, every eigenvalue at least `LEAST_VARIANCE`.
+        Self { mean, inverse: covariance.inverse() }
+    }
+}
