@@ -120,7 +120,7 @@ fn the_pieces_of_a_cut_triangle_add_up_to_no_more_than_it() {
             save: true,
             ..Settings::default()
         };
-        let case = judged([[-1.5, -1.0, 3.0], [1.5, -0.9, 2.0], [0.1, 0.8, 0.5]], camera.clone(), settings);
+        let case = judged([[-1.5, -1.0, 3.0], [1.5, -0.9, 2.0], [0.1, 0.8, 0.5]], camera, settings);
         keeps_its_promise(&mut stress, &case);
         let frame = stress.renderer().render(&case.scene, &case.cameras, &case.settings).unwrap();
         let silhouette = &frame.silhouette().unwrap().data;
@@ -150,7 +150,7 @@ fn a_corner_that_near_just_leaves_is_whole_in_backward_too() {
             save: true,
             ..Settings::default()
         };
-        keeps_its_promise(&mut stress, &judged(positions, camera.clone(), settings));
+        keeps_its_promise(&mut stress, &judged(positions, camera, settings));
     }
 }
 
@@ -165,7 +165,7 @@ fn a_long_edge_is_cut_at_near() {
         let (near, far, width, height) = (0.5, 10.0, 24, 20);
         let settings =
             Settings { width, height, sigma: 1e-2, gamma: 0.1, near, far, outputs, save: true, ..Settings::default() };
-        keeps_its_promise(&mut stress, &judged(positions, camera.clone(), settings));
+        keeps_its_promise(&mut stress, &judged(positions, camera, settings));
     }
 }
 
