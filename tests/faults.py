@@ -67,7 +67,7 @@ FAULTS = [
      [("support", ""), ("pixels", "")]),
     ("background left where triangles were", "glsl/bin_fine.comp",
      "shape.background_kept && tile_marks[tile] == MARK_BACKGROUND", "shape.background_kept",
-     [("invariance", "trace"), ("repeat_frames", "fresh")]),
+     [("stress_found", "has_left")]),
     ("an eighth is next to nothing", "glsl/common/hidden.glsl", "NEXT_TO_NOTHING = -24.0", "NEXT_TO_NOTHING = -3.0",
      [("forward", "random_scenes")]),
     ("both pieces of a cut triangle in full", "glsl/common/images.glsl",

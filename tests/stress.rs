@@ -169,6 +169,17 @@ fn a_long_edge_is_cut_at_near() {
     }
 }
 
+/// Distances are rounded as corners are, and those of a wide image lie further out than 1: 4e-5 at σ = 7e-6.
+#[test]
+fn a_wide_image_is_promised_what_its_corners_are_rounded_to() {
+    let kind = Kind { realistic: true, ..Kind::default() };
+    let case = batch(3_004_720, kind, 8).remove(4).unwrap();
+    assert!(case.settings.width > 2 * case.settings.height && case.promise == Promise::Silhouette);
+    let outcome = stress().run(&case).unwrap();
+    assert_eq!(outcome.findings, []);
+    assert!(outcome.image_error.is_some_and(|error| error > 0.3), "{outcome:?}");
+}
+
 /// A batch finds what its scenes find by themselves.
 #[test]
 fn batches_are_held_to_the_same() {

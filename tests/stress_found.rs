@@ -171,6 +171,26 @@ fn a_tiny_gamma_tells_neighbouring_floats_apart() {
     }
 }
 
+/// Frames of one kind leave the background where it is from the one before, but not what a triangle has left there.
+#[test]
+fn a_tile_that_a_triangle_has_left_shows_the_background() {
+    let mut renderer = renderer();
+    let outputs = Outputs { color: true, silhouette: true, depth: false, normal: false };
+    let settings = Settings { width: 64, height: 64, sigma: 1e-6, outputs, ..settings(0.5, 3.0) };
+    let at = |x: f32| vec![[x - 0.1, -0.1, 1.0], [x + 0.1, -0.1, 1.0], [x, 0.1, 1.0]];
+    for frame in 0..6 {
+        let place = [-0.7, 0.7, 0.0][frame % 3];
+        let scene = Scene::new(Mesh::new(at(place), vec![[0, 1, 2]]).unwrap());
+        let image = renderer.render(&scene, &[Camera::screen()], &settings).unwrap();
+        let silhouette = image.silhouette().unwrap();
+        for (i, &shown) in silhouette.data.iter().enumerate() {
+            let x = ((2 * (i % 64) + 1) as f32 - 64.0) / 64.0;
+            assert!(shown == 0.0 || (x - place).abs() < 0.2, "frame {frame}: {shown} at x = {x}, none is near");
+        }
+        assert!(silhouette.data.iter().any(|&shown| shown > 0.99));
+    }
+}
+
 /// Nothing is cut at near there, so that such a corner shows.
 #[test]
 fn official_parity_differentiates_a_corner_on_the_cameras_plane() {

@@ -1,11 +1,11 @@
 //! What is promised of a case, and how its error is measured.
 //!
 //! Everywhere: values in range, the same bits again. Where f32 carries it, and the tests' own tolerances say so: images
-//! within 2e-5 of the f64 model for σ ≥ 1e-5, that times √(1e-5/σ) below, where positions are a few units, lie between
-//! near and far, and γ (far - near) ≥ 1e-4 world units. A triangle's silhouette keeps that promise however thin it is;
-//! colour, depth and normals do where no triangle is thin, since barycentrics are distances over heights. Gradients are within
-//! 1e-3 of their norm, times the same factor; composited, those by colours are within 6e-8 of the upstream weights where that
-//! is more, which is the last bit of a silhouette.
+//! within 2e-5 of the f64 model for σ ≥ 1e-5, that times √(1e-5/σ) below and times width / height of a wide image, where
+//! positions are a few units, lie between near and far, and γ (far - near) ≥ 1e-4 world units. A triangle's silhouette keeps
+//! that promise however thin it is; colour, depth and normals do where no triangle is thin, since barycentrics are distances
+//! over heights. Gradients are within 1e-3 of their norm, times √(1e-5/σ) too; composited, those by colours are within 6e-8 of
+//! the upstream weights where that is more, which is the last bit of a silhouette.
 
 use super::draw::Case;
 use super::random::Random;
@@ -38,9 +38,10 @@ fn sharpness(case: &Case) -> f64 {
     (1e-5 / case.settings.sigma).sqrt().max(1.0)
 }
 
-/// The most that an image's value may be off, in units of max(1, |value|).
+/// The most that an image's value may be off, in units of max(1, |value|). Corners lie as far out as the image is wide.
 pub(super) fn tolerance(case: &Case) -> f64 {
-    2e-5 * sharpness(case)
+    let aspect = f64::from(case.settings.width) / f64::from(case.settings.height);
+    2e-5 * sharpness(case) * aspect.max(1.0)
 }
 
 /// The most that a gradient may be off, as a share of its L2 norm.
