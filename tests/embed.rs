@@ -12,7 +12,7 @@ mod host;
 
 use ash::vk;
 use common::gradient::{random_upstream, same_gradient_bits};
-use common::scenes::{Kind, random_case};
+use common::scenes::{Case, Kind, random_case};
 use common::{renderer, tolerance};
 use host::{Backward, Host, Messages, assert_silent, difference, engine, error, forward, images, rasterizer, submit};
 use softras::plan::{Capacity, DepthSpan};
@@ -22,7 +22,7 @@ use softras::rasterizer::{
 };
 use softras::vulkan::vk::Handle;
 use softras::vulkan::{Device, DeviceKind, Limits};
-use softras::{Error, Lights, Wanted};
+use softras::{Error, Lights, Scene, Wanted};
 use std::ffi::c_void;
 
 #[test]
@@ -110,6 +110,12 @@ fn gradients_are_the_simple_apis_bit_by_bit() {
         assert!(error(short).contains("has 8 bytes"));
         let crooked = backward.decode_cut(&host, &case, &case.scene, |bytes| Some(&bytes[1..]));
         assert!(error(crooked).contains("bytes"));
+        let other = Case { cameras: case.cameras.repeat(2), ..case.clone() };
+        let cameras = backward.decode_cut(&host, &other, &case.scene, Some);
+        assert!(error(cameras).contains("the cameras"));
+        let other = Scene::batch(case.scene.meshes.iter().map(|_| softras::shapes::cube().unwrap()).collect());
+        let meshes = backward.decode_cut(&host, &case, &other, Some);
+        assert!(error(meshes).contains("the meshes"));
     }
     drop(rasterizer);
     assert_silent(engine);
