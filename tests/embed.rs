@@ -259,6 +259,20 @@ fn what_does_not_fit_is_an_error_that_names_it() {
     let differentiate =
         Differentiate { upstream: case.settings.outputs, wanted: Wanted::default(), largest_upstream: 1.0 };
     assert!(matches!(rasterizer.plan_backward(&unsaved, &differentiate), Err(Error::Backward { .. })));
+
+    // Nor is a backward pass of a frame with more room than was bound, though its own buffers are no larger.
+    let mut saved = case.clone();
+    saved.settings.save = true;
+    let frame = Host::new(&engine, &rasterizer, &saved);
+    let upstream = random_upstream(&saved, saved.settings.outputs, &tolerance::GRADIENT);
+    let backward = Backward::new(&engine, &rasterizer, &frame, &upstream, Wanted::default());
+    let capacity = frame.plan.capacity();
+    let capacity = Some(Capacity { list: 2 * capacity.list, ..capacity });
+    let roomier = rasterizer.plan(&Shape { capacity, ..shape.clone() }, &saved.settings).unwrap();
+    let roomier = rasterizer.plan_backward(&roomier, &differentiate).unwrap();
+    assert!(backward.bindings.fits(&backward.plan).is_ok());
+    assert!(error(backward.bindings.fits(&roomier)).contains("is bound where"));
+    drop((backward, frame));
     drop((host, rasterizer));
     assert_silent(engine);
 }
