@@ -12,7 +12,7 @@ mod host;
 
 use ash::vk;
 use common::gradient::{random_upstream, same_gradient_bits};
-use common::scenes::{Kind, random_case};
+use common::scenes::{Case, Kind, random_case};
 use common::{renderer, tolerance};
 use host::{Backward, Host, Messages, assert_silent, difference, engine, error, forward, images, rasterizer, submit};
 use softras::plan::{Capacity, DepthSpan};
@@ -22,7 +22,7 @@ use softras::rasterizer::{
 };
 use softras::vulkan::vk::Handle;
 use softras::vulkan::{Device, DeviceKind, Limits};
-use softras::{Error, Lights, Wanted};
+use softras::{Error, Lights, Scene, Wanted};
 use std::ffi::c_void;
 
 #[test]
@@ -110,6 +110,12 @@ fn gradients_are_the_simple_apis_bit_by_bit() {
         assert!(error(short).contains("has 8 bytes"));
         let crooked = backward.decode_cut(&host, &case, &case.scene, |bytes| Some(&bytes[1..]));
         assert!(error(crooked).contains("bytes"));
+        let other = Case { cameras: case.cameras.repeat(2), ..case.clone() };
+        let cameras = backward.decode_cut(&host, &other, &case.scene, Some);
+        assert!(error(cameras).contains("the cameras"));
+        let other = Scene::batch(case.scene.meshes.iter().map(|_| softras::shapes::cube().unwrap()).collect());
+        let meshes = backward.decode_cut(&host, &case, &other, Some);
+        assert!(error(meshes).contains("the meshes"));
     }
     drop(rasterizer);
     assert_silent(engine);
@@ -253,6 +259,20 @@ fn what_does_not_fit_is_an_error_that_names_it() {
     let differentiate =
         Differentiate { upstream: case.settings.outputs, wanted: Wanted::default(), largest_upstream: 1.0 };
     assert!(matches!(rasterizer.plan_backward(&unsaved, &differentiate), Err(Error::Backward { .. })));
+
+    // Nor is a backward pass of a frame with more room than was bound, though its own buffers are no larger.
+    let mut saved = case.clone();
+    saved.settings.save = true;
+    let frame = Host::new(&engine, &rasterizer, &saved);
+    let upstream = random_upstream(&saved, saved.settings.outputs, &tolerance::GRADIENT);
+    let backward = Backward::new(&engine, &rasterizer, &frame, &upstream, Wanted::default());
+    let capacity = frame.plan.capacity();
+    let capacity = Some(Capacity { list: 2 * capacity.list, ..capacity });
+    let roomier = rasterizer.plan(&Shape { capacity, ..shape.clone() }, &saved.settings).unwrap();
+    let roomier = rasterizer.plan_backward(&roomier, &differentiate).unwrap();
+    assert!(backward.bindings.fits(&backward.plan).is_ok());
+    assert!(error(backward.bindings.fits(&roomier)).contains("is bound where"));
+    drop((backward, frame));
     drop((host, rasterizer));
     assert_silent(engine);
 }

@@ -309,6 +309,15 @@ fn misfits(engine: &Engine, rasterizer: &Rasterizer, engines: &Engines, case: &C
     assert!(bind(&|b, _| b.draws = vertices).contains("UNIFORM_TEXEL_BUFFER"));
     assert!(bind(&|_, g| g.first_vertex = 1).contains("`positions`"));
     assert!(bind(&|_, g| g.first_triangle = 1).contains("`indices`"));
+    // A table need not end the buffer, and of no draws there is none.
+    let of_draws = |count: usize, bytes| {
+        bind(&|b, g| {
+            *g = Geometry::new(g.draws()[..count].to_vec()).unwrap();
+            b.draws = draws.part(0, bytes).unwrap();
+        })
+    };
+    assert_eq!((of_draws(1, 36), of_draws(0, 0)), ("no error".into(), "no error".into()));
+    assert!(of_draws(2, 36).contains("draws"));
     let null = unsafe { BufferRef::new(vk::Buffer::null(), vertices.range(), vertices.usage()) };
     assert!(bind(&|b, _| b.positions.0 = null).contains("is null"));
 

@@ -171,6 +171,12 @@ fn images_that_do_not_fit_are_errors() {
     assert!(bind(FrameImage::Silhouette, host.plan.views(), &target).contains("no view"));
     assert!(bind(FrameImage::Silhouette, 0, &small_target).contains("(36, 21)"));
     assert!(bind(FrameImage::Silhouette, 0, &four_target).contains("channels"));
+    let mut larger = case.clone();
+    larger.settings.height *= 4;
+    let larger = Host::new(&engine, &rasterizer, &larger);
+    let unbound = rasterizer.bind_image(&larger.plan, &host.bindings, FrameImage::Silhouette, 0, &target);
+    assert!(error(unbound).contains("is bound where"));
+    drop(larger);
     let null = unsafe { ImageRef::from_raw(0, ImageFormat::R32Float, 37, 21) };
     assert!(bind(FrameImage::Silhouette, 0, &null).contains("null"));
     drop((kept, small, four, host, rasterizer));

@@ -1,10 +1,11 @@
 //! From a backward pass's buffers to [`Gradients`].
 
 use super::plan::{FramePlan, GradientPlan};
+use super::shape::MeshShape;
 use crate::constants as c;
 use crate::error::{Error, Result};
 use crate::gradients::{CameraGradient, Gradients, LightGradients, MeshGradients, Wanted};
-use crate::pack::{Appearances, MeshTables};
+use crate::pack::{Appearances, MeshLayout, MeshTables};
 use crate::scene::{Background, Camera, Lights, Parity, Projection, Settings};
 use std::ops::Range;
 
@@ -36,9 +37,11 @@ impl Decoder<'_> {
     /// addresses that are multiples of 4. Those that the plan does not have are not asked for.
     ///
     /// # Errors
-    /// [`Error::Host`] for a buffer that is missing, too short or misaligned; [`Error::NotFinite`] where single precision
+    /// [`Error::Host`] for a buffer that is missing, too short or misaligned, and for plans, meshes, cameras or lights that
+    /// do not belong together; [`Error::NotFinite`] where single precision
     /// cannot hold the gradient.
     pub fn decode<'b>(&'b self, bytes: impl Fn(&str) -> Option<&'b [u8]> + 'b) -> Result<Gradients> {
+        self.judge()?;
         self.decode_floats(&|name, count| {
             let fail = |what: String| Err(Error::Host { what, mend: "give the bytes of the whole buffer".into() });
             match bytes(name).map(|bytes| (bytes.len(), bytes.get(..4 * count).map(bytemuck::try_cast_slice))) {
@@ -48,6 +51,29 @@ impl Decoder<'_> {
                 Some((_, Some(Ok(floats)))) => Ok(floats),
             }
         })
+    }
+
+    /// What is decoded with is what was planned with; of triangles there may be fewer.
+    fn judge(&self) -> Result<()> {
+        let (shape, frame) = (&self.frame.shape, &self.plan.plan.frame);
+        let mesh = |(layout, shape): (&MeshLayout, &MeshShape)| {
+            layout.vertices == shape.vertices && layout.triangles <= shape.triangles
+        };
+        let layouts = &self.tables.layouts;
+        let belongs = [
+            (self.plan.frame_sizes == self.frame.sizes, "the frame's plan"),
+            (self.plan.wanted == *self.wanted, "what is wanted"),
+            (layouts.len() == shape.meshes.len() && layouts.iter().zip(&shape.meshes).all(mesh), "the meshes"),
+            (self.cameras.len() == frame.view_count as usize, "the cameras"),
+            (self.lights.directional.len() == frame.light_count as usize, "the lights"),
+        ];
+        match belongs.iter().find(|(belongs, _)| !belongs) {
+            None => Ok(()),
+            Some((_, name)) => Err(Error::Host {
+                what: format!("the backward pass was planned with others than {name} given"),
+                mend: "decode with what the pass was planned with".into(),
+            }),
+        }
     }
 
     pub(crate) fn decode_floats(&self, floats: Floats<'_>) -> Result<Gradients> {

@@ -128,8 +128,15 @@ impl Rasterizer {
         buffers: &GeometryBuffers,
         frame: &FrameBindings,
     ) -> Result<GeometryBindings> {
-        judge_bytes("draws", &buffers.draws, 32 * geometry.draws().len() as u64)?;
-        let draws = BufferPart::texels_of_host(&self.device, &buffers.draws, TexelFormat::Uint4, "draws")?;
+        let table = 32 * geometry.draws().len() as u64;
+        judge_bytes("draws", &buffers.draws, table)?;
+        let table = buffers.draws.part(0, table)?;
+        // Of no draws nothing is recorded.
+        let draws = if geometry.draws().is_empty() {
+            BufferPart::of_host(&table)
+        } else {
+            BufferPart::texels_of_host(&self.device, &table, TexelFormat::Uint4, "draws")?
+        };
         let geometry = geometry.clone();
         let mut made = GeometryBindings { geometry, buffers: *buffers, draws, vertices: Vec::new(), indices: None };
         if made.geometry.vertices() > 0 {

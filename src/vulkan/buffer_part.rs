@@ -61,6 +61,9 @@ impl BufferPart {
             let result = format!("`{name}`: offset {offset} or size {range} is misaligned ({alignment}, {format:?})");
             return Err(Error::Vulkan { call: CALL, result });
         }
+        if self.range == 0 {
+            return Err(Error::Vulkan { call: CALL, result: format!("`{name}` is empty") });
+        }
         check_texels(device.limits(), name, self.range, format)?;
         // SAFETY: the caller's promise, and the checks above.
         let view = unsafe { create_view(device, self.raw, self.offset, self.range, format, name) }?;
