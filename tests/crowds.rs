@@ -5,25 +5,18 @@
 
 mod common;
 
-use common::{compare::compare_frames, random::Random, renderer, scenes::random_appearance, tolerance};
+use common::{
+    compare::compare_frames,
+    random::Random,
+    renderer,
+    scenes::{small, triangles},
+    tolerance,
+};
 use softras::{
     Camera, Error, ImageGradient, Mesh, Renderer, Scene, Settings, Wanted,
     reference::render_culled,
     scene::{Appearance, Outputs, SilhouetteAggregation},
 };
-
-const ALL: Outputs = Outputs { color: true, silhouette: true, depth: true, normal: true };
-
-fn small(width: u32, height: u32) -> Settings {
-    Settings { width, height, outputs: ALL, sigma: 1e-4, gamma: 1e-2, far: 20.0, ..Settings::default() }
-}
-
-fn triangles(corners: &[[[f32; 3]; 3]]) -> Mesh {
-    let indices = (0..corners.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
-    let mesh = Mesh::new(corners.concat(), indices).unwrap();
-    let appearance = random_appearance(&mut Random::new(corners.len() as u64), &mesh);
-    mesh.with_appearance(appearance).unwrap()
-}
 
 fn is_software(renderer: &Renderer) -> bool {
     renderer.device_info().kind == softras::vulkan::DeviceKind::Software

@@ -8,8 +8,7 @@ use common::{
     compare::compare_frames,
     random::Random,
     renderer,
-    scenes::Kind,
-    scenes::{random_appearance, soup},
+    scenes::{Kind, small, soup, triangles},
     tolerance::{self, Tolerance},
 };
 use glam::DVec3;
@@ -19,8 +18,6 @@ use softras::{
     scene::{Appearance, Background, ColorAggregation, Distance, Outputs},
     shapes,
 };
-
-const ALL: Outputs = Outputs { color: true, silhouette: true, depth: true, normal: true };
 
 #[track_caller]
 fn against_judge(
@@ -44,17 +41,6 @@ fn against_judge_within(
     let judge = render_culled(scene, &[camera], settings).unwrap();
     compare_frames(&frame, &judge, tolerance).unwrap_or_else(|e| panic!("{e}\n{settings:?}"));
     (frame, judge)
-}
-
-fn small(width: u32, height: u32) -> Settings {
-    Settings { width, height, outputs: ALL, sigma: 1e-4, gamma: 1e-2, far: 20.0, ..Settings::default() }
-}
-
-fn triangles(corners: &[[[f32; 3]; 3]]) -> Mesh {
-    let indices = (0..corners.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
-    let mesh = Mesh::new(corners.concat(), indices).unwrap();
-    let appearance = random_appearance(&mut Random::new(corners.len() as u64), &mesh);
-    mesh.with_appearance(appearance).unwrap()
 }
 
 /// The official kernels are off by more than 0.01 in D for 72 % of such fragments.

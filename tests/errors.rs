@@ -104,7 +104,7 @@ fn scenes_lights_and_settings() {
 
     let none = Outputs { color: false, silhouette: false, depth: false, normal: false };
     type Change = fn(&mut Settings);
-    let wrong: [(&str, &str, Change); 8] = [
+    let wrong: [(&str, &str, Change); 9] = [
         ("width = 0", "1 to 16384", |s| s.width = 0),
         ("height = 16385", "1 to 16384", |s| s.height = 16385),
         ("sigma = -1", "1e-12", |s| s.sigma = -1.0),
@@ -112,6 +112,8 @@ fn scenes_lights_and_settings() {
         ("tau = 0.5", "0.4", |s| s.tau = 0.5),
         ("near = 0", "1e-6", |s| s.near = 0.0),
         ("far = 1", "beyond near", |s| s.far = 1.0),
+        // f32 could not tell it from near.
+        ("far = 1.0000005", "beyond near", |s| s.far = 1.0000005),
         ("background_color", "1e6", |s| s.background_color[2] = f64::INFINITY),
     ];
     for (what, mend, change) in wrong {

@@ -77,9 +77,9 @@ FAULTS = [
      [("stress", "pieces")]),
     # Of the Rust side, where the tests need no device.
     ("mesh: an index of the count", "src/scene/mesh.rs", "i as usize >= count", "i as usize > count",
-     [("properties", "meshes")]),
+     [("errors", "meshes")]),
     ("settings: near may be far", "src/scene/settings.rs", "self.far >= self.near * (1.0 + 1e-6)",
-     "self.far >= self.near", [("properties", "settings"), ("errors", "scenes_lights")]),
+     "self.far >= self.near", [("errors", "scenes_lights")]),
     ("plan: one workgroup short", "src/plan/mod.rs", "n.div_ceil(c::LINEAR_GROUP)", "(n / c::LINEAR_GROUP)",
      [("properties", "plans")]),
     ("plan: views on top of each other", "src/plan/mod.rs", "slot_base: t.slots as u32", "slot_base: 0",

@@ -319,7 +319,7 @@ void main() {
     // No item is empty, and a software device runs the body of a loop that asks first once more than it must. All lanes
     // take as many turns as the first: Mesa 22.3 lets a lane that has left such a loop go on in the body's branches.
     int turns = (walk.count + STEP - 1) / STEP;
-    turns = SMALL ? most_of_lanes(turns) : turns;
+    turns = SMALL ? -int(least_of_lanes(vec2(-turns)).x) : turns;
     // A lane without an item takes none of the pixels.
     int index = exists ? lane : walk.count;
     do {

@@ -59,20 +59,3 @@ uint bits_of_lanes(uint value) {
     return value;
 #endif
 }
-
-// The largest over the lanes; all have it.
-int most_of_lanes(int value) {
-#ifdef SUBGROUP_RECORDS
-    value = max(value, subgroupShuffleXor(value, 4u));
-    value = max(value, subgroupShuffleXor(value, 2u));
-    return max(value, subgroupShuffleXor(value, 1u));
-#else
-    barrier();
-    lane_bits[gl_LocalInvocationID.x] = uint(value);
-    barrier();
-    for (uint i = 0u; i < gl_WorkGroupSize.x; ++i) {
-        value = max(value, int(lane_bits[i]));
-    }
-    return value;
-#endif
-}

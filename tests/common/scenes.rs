@@ -262,3 +262,17 @@ pub fn screen_soup(random: &mut Random, settings: &Settings, kind: Kind) -> Mesh
     }
     Mesh::new(positions, (0..count as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect()).unwrap()
 }
+
+/// Triangles of these corners, coloured one way or another.
+pub fn triangles(corners: &[[[f32; 3]; 3]]) -> Mesh {
+    let indices = (0..corners.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+    let mesh = Mesh::new(corners.concat(), indices).unwrap();
+    let appearance = random_appearance(&mut Random::new(corners.len() as u64), &mesh);
+    mesh.with_appearance(appearance).unwrap()
+}
+
+/// Every image, small.
+pub fn small(width: u32, height: u32) -> Settings {
+    let outputs = Outputs { color: true, silhouette: true, depth: true, normal: true };
+    Settings { width, height, outputs, sigma: 1e-4, gamma: 1e-2, far: 20.0, ..Settings::default() }
+}
