@@ -335,6 +335,36 @@ fn counts_of_any_size_are_planned_or_refused() {
     assert!(made > 100 && refused > 1000, "{made} made, {refused} refused");
 }
 
+/// Kernels index texels with 32 bits, the sign one of them.
+#[test]
+fn records_beyond_32_bits_are_refused() {
+    let limits = *Device::from_host(&engine().host_device()).unwrap().limits();
+    let (ranges, elements) = (u64::MAX, u64::MAX);
+    let limits = Limits { max_storage_buffer_range: ranges, max_texel_buffer_elements: elements, ..limits };
+    let limits = Limits { max_memory_allocation_size: u64::MAX, ..limits };
+    let plan = |views: u32| {
+        let mesh =
+            MeshShape { vertices: 3, triangles: 4_000_000, most_corners: 3, appearance: AppearanceShape::Uniform };
+        let depth_span = DepthSpan { crosses_near: false, crosses_far: false };
+        let (meshes, lights) = (vec![mesh], Lights::unlit());
+        let shape = Shape {
+            meshes,
+            views,
+            lights,
+            depth_span,
+            distorted: false,
+            cutoff: 9.0,
+            capacity: None,
+            device_counts: false,
+        };
+        FramePlan::new(&limits, DeviceKind::Discrete, &shape, &softras::Settings::default())
+    };
+    // Nine texels a triangle: 36 million a view.
+    assert!(plan(59).is_ok());
+    let error = plan(60).unwrap_err().to_string();
+    assert!(error.contains("32-bit index") && error.contains("2160000000"), "{error}");
+}
+
 /// Each may be moved to and shared with another thread.
 #[test]
 fn everything_is_send_and_sync() {

@@ -87,7 +87,7 @@ FAULTS = [
     ("plan: no room for second pieces", "src/plan/mod.rs", "if clips(input) { 2 } else { 1 }",
      "if clips(input) { 1 } else { 1 }", [("properties", "plans")]),
     ("plan: twice what 32 bits index", "src/plan/mod.rs", "if needed <= limit {", "if needed <= 2 * limit {",
-     [("properties", "plans")]),
+     [("embed", "records_beyond")]),
     ("support: tau twice", "src/scene/support.rs", "Background::Composite => self.tau / 2.0",
      "Background::Composite => self.tau", [("support", "")]),
 ]
