@@ -139,6 +139,24 @@ impl Geometry {
     ///
     /// Vertices that an index beyond its draw's names are left out.
     pub fn adjacency(&self, before: u32, index: impl Fn(usize) -> u32) -> Vec<u32> {
+        let rows = self.corners_of_vertices(index);
+        let mut next = before + rows.len() as u32 + 1;
+        let mut adjacency = vec![next];
+        for row in &rows {
+            next += row.len() as u32;
+            adjacency.push(next);
+        }
+        adjacency.extend(rows.into_iter().flatten());
+        adjacency
+    }
+
+    /// [`MeshShape::most_corners`](super::MeshShape::most_corners) of that mesh.
+    pub fn most_corners(&self, index: impl Fn(usize) -> u32) -> u32 {
+        self.corners_of_vertices(index).iter().map(Vec::len).max().unwrap_or(0) as u32
+    }
+
+    /// Of each placed vertex its corners: four times the triangle plus the corner.
+    fn corners_of_vertices(&self, index: impl Fn(usize) -> u32) -> Vec<Vec<u32>> {
         let mut rows: Vec<Vec<u32>> = vec![Vec::new(); self.vertices() as usize];
         let mut triangle = 0;
         for (draw, row) in self.draws.iter().zip(self.table()) {
@@ -155,14 +173,7 @@ impl Geometry {
                 }
             }
         }
-        let mut next = before + rows.len() as u32 + 1;
-        let mut adjacency = vec![next];
-        for row in &rows {
-            next += row.len() as u32;
-            adjacency.push(next);
-        }
-        adjacency.extend(rows.into_iter().flatten());
-        adjacency
+        rows
     }
 }
 
@@ -216,5 +227,6 @@ mod tests {
         let mut made = geometry(2).adjacency(0, |i| indices[i]);
         made.extend(geometry(3).adjacency(made.len() as u32, |i| indices[i]));
         assert_eq!(made, expected);
+        assert_eq!(geometry(3).most_corners(|i| indices[i]), 2);
     }
 }
