@@ -58,7 +58,7 @@ FAULTS = [
     ("carry of texel sums dropped", PAIR, "high + (old + low < old ? 1u : 0u)", "high",
      [("gradient", "appearance")]),
     ("a large box's first cell twice", "glsl/triangle.comp", "uvec2(uint(slot), i + 1u)", "uvec2(uint(slot), i)",
-     [("gradient_repeat", "huge")]),
+     [("gradient_hazards", "saturated")]),
     ("front faces by the wrong turn", "glsl/triangle.comp", "(e.orientation < 0.0) != CLOCKWISE_FRONT",
      "(e.orientation > 0.0) != CLOCKWISE_FRONT", [("pixels", "back_faces")]),
     ("pixel centres half a pixel off", FORWARD, "Lane(vec2(mine), ", "Lane(vec2(mine) + 0.5, ",
