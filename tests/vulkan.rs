@@ -167,8 +167,9 @@ fn reflection_knows_the_interface() {
 
 #[test]
 fn two_contexts_work_at_once() -> Outcome {
-    let run = || -> softras::Result<Vec<String>> {
-        let context = context()?;
+    // Both are there before any works: the validation layers crash otherwise.
+    let contexts = [context()?, context()?];
+    let run = |context: Context| -> softras::Result<Context> {
         let test = SelfTest::new(&context)?;
         let mut commands = CommandBuffer::new(&context, "one of two")?;
         commands.record(|recorder| test.record(recorder))?;
@@ -176,11 +177,15 @@ fn two_contexts_work_at_once() -> Outcome {
             commands.submit_and_wait()?;
         }
         test.assert_result()?;
-        Ok(context.validation_messages())
+        Ok(context)
     };
-    let both = std::thread::scope(|scope| [scope.spawn(run), scope.spawn(run)].map(|thread| thread.join()));
+    let run = &run;
+    let both = std::thread::scope(|scope| {
+        contexts.map(|context| scope.spawn(move || run(context))).map(|thread| thread.join())
+    });
     for one in both {
-        assert_eq!(one.map_err(|_| "a thread panicked")??, Vec::<String>::new());
+        let context = one.map_err(|_| "a thread panicked")??;
+        assert_eq!(context.validation_messages(), Vec::<String>::new());
     }
     Ok(())
 }

@@ -25,7 +25,9 @@ pub struct RendererOptions {
     /// A device's index, or part of its name in any case. `None`: what `SOFTRAS_DEVICE` says, else the best one: a
     /// discrete GPU before an integrated one before a software one.
     pub device: Option<String>,
-    /// Run under the Vulkan validation layers with synchronization checks; `SOFTRAS_VALIDATION=1` does too.
+    /// Run under the Vulkan validation layers with synchronization checks; `SOFTRAS_VALIDATION=1` does too. The layers
+    /// (seen in 1.3.239) may crash where one thread opens or drops a device while another renders: with validation,
+    /// open all renderers first.
     pub validation: bool,
     /// Invocations that share a tile, 1 to 32, a power of two; `None`: 8 on software devices, 32 elsewhere. The
     /// images do not depend on it.

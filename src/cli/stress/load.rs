@@ -78,14 +78,18 @@ pub fn run(frames: u64, renderers: u64, options: &RendererOptions) -> Result<Loa
     let each = |renderer: u64| frames / renderers + u64::from(renderer < frames % renderers);
     let mut load = Load { frames, renderers, seconds: 0.0, resident: None, device: (0, 0) };
     let mut settled = None;
+    // All devices are there before any renders, and go when none does: the validation layers crash otherwise.
+    let mut first = Renderer::with_options(options)?;
+    let mut others = (1..renderers).map(|_| Renderer::with_options(options)).collect::<Result<Vec<_>>>()?;
     std::thread::scope(|scope| {
         let progress = &progress;
         let others: Vec<_> = (1..renderers)
-            .map(|r| scope.spawn(move || work(each(r), options, || progress.step(), |_, _| ())))
+            .zip(&mut others)
+            .map(|(r, other)| scope.spawn(move || work(each(r), other, || progress.step(), |_, _| ())))
             .collect();
         let first = work(
             each(0),
-            options,
+            &mut first,
             || progress.step(),
             |frame, renderer| {
                 if frame < SETTLED {
@@ -104,8 +108,7 @@ pub fn run(frames: u64, renderers: u64, options: &RendererOptions) -> Result<Loa
     Ok(load)
 }
 
-fn work(frames: u64, options: &RendererOptions, step: impl Fn(), mut seen: impl FnMut(u64, &Renderer)) -> Result<()> {
-    let mut renderer = Renderer::with_options(options)?;
+fn work(frames: u64, renderer: &mut Renderer, step: impl Fn(), mut seen: impl FnMut(u64, &Renderer)) -> Result<()> {
     let scene = Scene::new(shapes::icosphere(2)?);
     for frame in 0..frames {
         let angle = frame as f64 * 0.1;
@@ -122,7 +125,7 @@ fn work(frames: u64, options: &RendererOptions, step: impl Fn(), mut seen: impl 
             ..ImageGradient::default()
         };
         renderer.backward(&image, &upstream, &Wanted::ALL)?;
-        seen(frame, &renderer);
+        seen(frame, renderer);
         step();
     }
     Ok(())

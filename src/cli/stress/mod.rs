@@ -91,12 +91,13 @@ pub fn run(args: &StressArgs) -> std::result::Result<(), Failure> {
     let options =
         RendererOptions { device: args.device.clone(), validation: args.validation, ..RendererOptions::default() };
     let load = args.load.map(|frames| load::run(frames, args.jobs, &options)).transpose()?;
-    let mut stress = Stress::new(&options)?;
-    let device = stress.renderer().device_name().to_string();
+    // All devices are there before any renders, and go when none does: the validation layers crash otherwise.
+    let mut stresses =
+        (0..args.jobs.min(args.cases).max(1)).map(|_| Stress::new(&options)).collect::<Result<Vec<_>>>()?;
+    let device = stresses[0].renderer().device_name().to_string();
     // A panic is a finding and is told of as one.
     std::panic::set_hook(Box::new(|_| {}));
-    let tally = at_length(args, &options, stress);
-    let tally = tally?;
+    let tally = at_length(args, stresses)?;
     let least = if args.shrink { tally.first() } else { None };
     let least = least.map(|(seed, kind)| shrunk(&options, args, seed, kind)).transpose()?;
     let _ = std::panic::take_hook();
@@ -155,11 +156,11 @@ fn order(args: &StressArgs) -> Vec<u64> {
 }
 
 /// All cases, by several renderers; the order in which they end does not matter to the tally.
-fn at_length(args: &StressArgs, options: &RendererOptions, first: Stress) -> Result<Tally> {
+fn at_length(args: &StressArgs, mut stresses: Vec<Stress>) -> Result<Tally> {
     let next = AtomicUsize::new(0);
     let starts = order(args);
     let progress = Progress::counted("scene", args.cases as usize);
-    let work = |mut stress: Stress| -> Result<Tally> {
+    let work = |stress: &mut Stress| -> Result<Tally> {
         let mut tally = Tally::default();
         loop {
             let Some(&start) = starts.get(next.fetch_add(1, Ordering::Relaxed)) else {
@@ -178,12 +179,11 @@ fn at_length(args: &StressArgs, options: &RendererOptions, first: Stress) -> Res
     };
     std::thread::scope(|scope| {
         let work = &work;
-        let others: Vec<_> =
-            (1..args.jobs.min(args.cases)).map(|_| scope.spawn(move || work(Stress::new(options)?))).collect();
-        let mut all = work(first)?;
-        for other in others {
+        let workers: Vec<_> = stresses.iter_mut().map(|stress| scope.spawn(move || work(stress))).collect();
+        let mut all = Tally::default();
+        for worker in workers {
             let lost = |_| Error::Vulkan { call: "softras stress", result: "a worker ended in a panic".into() };
-            all.merge(other.join().map_err(lost)??);
+            all.merge(worker.join().map_err(lost)??);
         }
         Ok(all)
     })
