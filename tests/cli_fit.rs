@@ -67,12 +67,18 @@ fn a_fit_goes_on_where_it_was_left() {
         succeeds(folder.path(), &arguments);
         std::fs::read_to_string(folder.path().join(out)).unwrap()
     };
-    let whole = fit("12", "whole.obj", &[]);
-    let half = fit("6", "half.obj", &["--checkpoint", "fit.npz"]);
-    let resumed = fit("12", "resumed.obj", &["--checkpoint", "fit.npz", "--resume"]);
     let vertices = |text: &str| text.lines().filter(|l| l.starts_with("v ")).map(str::to_owned).collect::<Vec<_>>();
-    assert_eq!(vertices(&whole), vertices(&resumed));
-    assert_ne!(vertices(&whole), vertices(&half));
+    for (other, count) in [(&[][..], 42..=42), (&["--remesh-at", "4", "--edge", "3", "--masks"], 80..=140)] {
+        let checkpoint = [other, &["--checkpoint", "fit.npz"]].concat();
+        let whole = fit("12", "whole.obj", other);
+        let half = fit("6", "half.obj", &checkpoint);
+        let resumed = fit("12", "resumed.obj", &[&checkpoint[..], &["--resume"]].concat());
+        assert_eq!(vertices(&whole), vertices(&resumed));
+        assert_ne!(vertices(&whole), vertices(&half));
+        assert!(count.contains(&vertices(&whole).len()), "{} vertices", vertices(&whole).len());
+        std::fs::remove_file(folder.path().join("fit.npz")).unwrap();
+    }
+    fit("6", "half.obj", &["--checkpoint", "fit.npz"]);
     let other = "fit --from cube.obj --views 3 --size 24 --subdivisions 2 -o x.obj --checkpoint fit.npz --resume";
     fails(folder.path(), &other.split_whitespace().collect::<Vec<_>>(), 1, &["saved state of another fit"]);
 }
@@ -96,6 +102,11 @@ fn device_and_host_take_the_same_steps() {
     assert_eq!([device.len(), host.len()], [23; 2]);
     let differs = |(a, b): (&f64, &f64)| (a - b).abs() > 1e-4 * b;
     assert!(!device.iter().zip(&host).any(differs), "{device:?} or {host:?}");
+    // Other losses, and masks in place of grey outlines, are other numbers.
+    let first = |extra: &[&str]| numbers(&run(&[&["--subdivisions", "1"], extra].concat()).0["silhouette_loss"])[0];
+    let losses = [&[][..], &["--masks"], &["--loss", "l1"], &["--loss", "l2"]].map(first);
+    let told_apart = |i: usize| losses[..i].iter().all(|other| (other - losses[i]).abs() > 1e-3);
+    assert!((1..4).all(told_apart) && losses[3] < losses[2], "{losses:?}");
     // What the device cannot do is done on the host, and said.
     let (log, said) = run(&["--smoothing", "1000", "--subdivisions", "4"]);
     assert_eq!(log["steps_on"], "host");

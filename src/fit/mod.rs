@@ -4,6 +4,7 @@
 //! - [`soft_target`]: masks made as soft as what is held against them.
 //! - [`regularizer`]: what keeps a mesh a surface, on its [`topology`].
 //! - [`optimizer`], [`smoothing`], [`schedule`]: how parameters follow their gradients.
+//! - [`remesh`]: even triangles where a fit has stretched them.
 //! - [`shape`]: all of it together, a mesh deformed until its images are the targets.
 //! - [`device`]: the same with every step as a whole on the device, in single precision.
 //! - [`pose`]: where a rigid mesh is, from one image; [`articulated`]: how a jointed figure stands.
@@ -18,6 +19,7 @@ pub mod image_loss;
 pub mod optimizer;
 pub mod pose;
 pub mod regularizer;
+pub mod remesh;
 pub mod schedule;
 pub mod shape;
 pub mod smoothing;

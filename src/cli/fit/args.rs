@@ -2,6 +2,7 @@
 
 use crate::cli::parse;
 use clap::{Args, ValueEnum};
+use softras::fit::image_loss::ImageLoss;
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
@@ -88,6 +89,28 @@ pub enum Preset {
     Official,
 }
 
+/// How far silhouettes are from their targets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Loss {
+    /// 1 - IoU, each view's: for masks
+    Iou,
+    /// The mean difference
+    L1,
+    /// The mean square difference: for targets with smooth outlines, with --samples 2 or more
+    L2,
+}
+
+impl Loss {
+    /// The loss itself.
+    pub fn image_loss(self) -> ImageLoss {
+        match self {
+            Self::Iou => ImageLoss::NegativeIou,
+            Self::L1 => ImageLoss::L1,
+            Self::L2 => ImageLoss::L2,
+        }
+    }
+}
+
 /// How it is fitted.
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Method")]
@@ -110,6 +133,12 @@ pub struct MethodArgs {
     /// Softness of the depth order, in units of far - near, for colours
     #[arg(long, value_name = "GAMMA", value_parser = range)]
     pub gamma: Option<(f64, f64)>,
+    /// What compares silhouettes with their targets
+    #[arg(long, value_enum, default_value = "iou")]
+    pub loss: Loss,
+    /// Take the silhouettes as masks: pixels above a half count as 1, the others as 0
+    #[arg(long, conflicts_with = "samples")]
+    pub masks: bool,
     /// Pixels rendered for each of the target's along each side
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8))]
     pub samples: Option<u32>,
@@ -134,6 +163,12 @@ pub struct MethodArgs {
     /// Cut every triangle into four before these steps (several by commas)
     #[arg(long, value_name = "STEP", value_delimiter = ',')]
     pub subdivide_at: Vec<u32>,
+    /// Make even triangles of the mesh before these steps (several by commas)
+    #[arg(long, value_name = "STEP", value_delimiter = ',', conflicts_with = "texture")]
+    pub remesh_at: Vec<u32>,
+    /// How long the edges of --remesh-at are, in pixels of the images: 1.5 or, from the first step to the last, 2..1
+    #[arg(long, value_name = "PIXELS", value_parser = range, default_value = "1.5", requires = "remesh_at")]
+    pub edge: (f64, f64),
     /// Fit again without the schedule, without softness (sigma 1e-7), without regularisers and (with --color) without
     /// colours, and report these too
     #[arg(long)]

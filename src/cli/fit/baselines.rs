@@ -43,7 +43,7 @@ pub fn run(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Vec
     for (name, change, _) in without.into_iter().filter(|(.., applies)| *applies) {
         let mut setup = Setup::new(args, views)?;
         change(&mut setup);
-        let mut targets = targets::every(&views.targets, setup.stride);
+        let mut targets = targets::fitted(args, &views.targets);
         if !setup.options.fit_colors {
             targets.color = None;
         }
@@ -51,8 +51,8 @@ pub fn run(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Vec
         let progress = Progress::counted("step", setup.iterations);
         progress.tell(format!("without {name}"));
         for step in 0..setup.iterations {
-            if setup.subdivide_at.contains(&step) {
-                fit = fit.subdivided()?;
+            if setup.remakes(step) {
+                fit = setup.remade(&fit, step)?;
             }
             let (rate, color_rate) = (setup.rate.at_step(step, setup.iterations), setup.color_rate(step));
             fit.step(renderer, &setup.settings(step), &targets, rate, color_rate)?;

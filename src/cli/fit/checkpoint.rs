@@ -1,15 +1,17 @@
 //! A fit put aside in an .npz file.
 
 use crate::cli::npz::{self, Archive, Data};
-use softras::Result;
 use softras::fit::shape::{ShapeFit, State};
+use softras::{Mesh, Result};
 use std::path::Path;
 
 /// Writes a fit whose next step is `step`.
 pub fn write(path: &Path, fit: &ShapeFit, step: usize) -> Result<()> {
     let state = fit.state();
     let steps = [step as f64, f64::from(state.optimizer.0), f64::from(state.color_optimizer.0)];
-    let arrays: [(&str, &[f64]); 7] = [
+    let positions: Vec<f64> = fit.mesh().positions().as_flattened().iter().map(|&x| x.into()).collect();
+    let triangles: Vec<f64> = fit.mesh().triangles().as_flattened().iter().map(|&i| i.into()).collect();
+    let arrays: [(&str, &[f64]); 9] = [
         ("steps", &steps),
         ("values", &state.values),
         ("mean", &state.optimizer.1),
@@ -17,13 +19,15 @@ pub fn write(path: &Path, fit: &ShapeFit, step: usize) -> Result<()> {
         ("colors", &state.color_values),
         ("color_mean", &state.color_optimizer.1),
         ("color_square", &state.color_optimizer.2),
+        ("positions", &positions),
+        ("triangles", &triangles),
     ];
     let entries: Vec<_> = arrays.iter().map(|(key, data)| (*key, vec![data.len()], Data::F64(data))).collect();
     npz::write(path, &entries)
 }
 
-/// The next step and the state.
-pub fn read(path: &Path) -> Result<(usize, State)> {
+/// The next step, the mesh and the state.
+pub fn read(path: &Path) -> Result<(usize, Mesh, State)> {
     let archive = Archive::open(path)?;
     let numbers = |key: &str| -> Result<Vec<f64>> {
         let array = archive.require(key, "give a file that `softras fit --checkpoint` wrote")?;
@@ -39,5 +43,10 @@ pub fn read(path: &Path) -> Result<(usize, State)> {
         color_values: numbers("colors")?,
         color_optimizer: (color_taken as i32, numbers("color_mean")?, numbers("color_square")?),
     };
-    Ok((next as usize, state))
+    // A number that is no index becomes one that Mesh refuses.
+    let [positions, triangles] = [numbers("positions")?, numbers("triangles")?];
+    let positions = positions.as_chunks().0.iter().map(|p: &[f64; 3]| p.map(|x| x as f32)).collect();
+    let index = |x: f64| if x >= 0.0 && x.fract() == 0.0 { x as u32 } else { u32::MAX };
+    let mesh = Mesh::new(positions, triangles.as_chunks().0.iter().map(|t: &[f64; 3]| t.map(index)).collect())?;
+    Ok((next as usize, mesh, state))
 }

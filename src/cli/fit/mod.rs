@@ -50,12 +50,19 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     };
     let views = Views::read(args, &mut renderer)?;
     let setup = Setup::new(args, &views)?;
-    let targets = targets::every(&views.targets, setup.stride);
+    let targets = targets::fitted(args, &views.targets);
     let mut work = Work::begin(args, &setup, &views, &targets, &mut renderer)?;
-    work.run(args, &setup, &targets, &mut renderer)?;
-    let best = match work.best.take() {
-        Some((best, _)) => best,
-        None => work.engine.shape(&mut renderer)?.mesh().clone(),
+    let ended = work.run(args, &setup, &targets, &mut renderer);
+    let best = match (work.best.take(), ended) {
+        (Some((best, _)), Ok(())) => best,
+        (None, Ok(())) => work.engine.shape(&mut renderer)?.mesh().clone(),
+        (None, Err(failure)) => return Err(failure),
+        // What was found by then is not lost.
+        (Some((best, step)), Err(failure)) => {
+            softras::obj::write_obj(&encoded(&best)?, &args.out)?;
+            note(&format!("{} is the best mesh before the error, of step {step}", args.out.display()));
+            return Err(failure);
+        }
     };
     let scores = Scores::of(&best, &setup, &views, &mut renderer)?;
     softras::obj::write_obj(&encoded(&best)?, &args.out)?;
@@ -100,13 +107,11 @@ impl Work {
         targets: &Targets,
         renderer: &mut Renderer,
     ) -> Result<Self, Failure> {
-        let mut fit = ShapeFit::new(setup.template.clone(), softras::Lights::unlit(), setup.options.clone())?;
-        let mut next = 0;
+        let begin = |mesh: Mesh| ShapeFit::new(mesh, softras::Lights::unlit(), setup.options.clone());
+        let (mut fit, mut next) = (begin(setup.template.clone())?, 0);
         if let Some(path) = args.files.checkpoint.as_ref().filter(|path| args.files.resume && path.exists()) {
-            let (step, state) = checkpoint::read(path)?;
-            for _ in setup.subdivide_at.iter().filter(|&&at| at < step) {
-                fit = fit.subdivided()?;
-            }
+            let (step, mesh, state) = checkpoint::read(path)?;
+            fit = begin(setup.resumed(step, mesh)?)?;
             fit.restore(state)?;
             next = step;
             note(&format!("going on from step {step} of {}", path.display()));
@@ -133,11 +138,11 @@ impl Work {
                 break;
             }
             let step = self.next;
-            if setup.subdivide_at.contains(&step) {
+            if setup.remakes(step) {
                 self.collect(&progress, renderer)?;
                 self.keep_best(renderer)?;
-                let finer = self.engine.shape(renderer)?.subdivided()?;
-                self.engine = Engine::new(finer, targets, &setup.settings(step), args.method.host, renderer)?;
+                let fit = setup.remade(self.engine.shape(renderer)?, step)?;
+                self.engine = Engine::new(fit, targets, &setup.settings(step), args.method.host, renderer)?;
                 self.first = step;
             }
             if self.film.shows(step) {

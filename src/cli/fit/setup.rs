@@ -7,8 +7,9 @@ use softras::fit::image_loss::ImageLoss;
 use softras::fit::optimizer::Method;
 use softras::fit::regularizer::Regularizer;
 use softras::fit::schedule::Schedule;
-use softras::fit::shape::{Parametrization, ShapeOptions};
-use softras::scene::{Appearance, Background, Interpolation};
+use softras::fit::shape::{Parametrization, ShapeFit, ShapeOptions};
+use softras::fit::voxel;
+use softras::scene::{Appearance, Background, Faces, Interpolation};
 use softras::{Mesh, Settings, shapes};
 use std::path::Path;
 
@@ -28,14 +29,17 @@ pub struct Setup {
     pub iterations: usize,
     /// Every so-manieth view is used.
     pub stride: usize,
-    /// Steps before which the mesh is subdivided.
-    pub subdivide_at: Vec<usize>,
+    subdivide_at: Vec<usize>,
+    remesh_at: Vec<usize>,
+    /// Edges of a mesh made even, world units.
+    edge: Schedule,
     /// Length of a step.
     pub rate: Schedule,
     colors: Schedule,
     sigma: Schedule,
     gamma: Schedule,
     depths: (f64, f64),
+    faces: Faces,
 }
 
 impl Setup {
@@ -43,11 +47,13 @@ impl Setup {
     pub fn new(args: &FitArgs, views: &Views) -> Result<Self, Failure> {
         let method = &args.method;
         let official = method.preset == Preset::Official;
-        let subdivide_at: Vec<usize> = method.subdivide_at.iter().map(|&at| at as usize).collect();
-        if official && args.files.resume && !subdivide_at.is_empty() {
-            let what = "--resume: the official parametrisation cannot be taken up after --subdivide-at";
+        let steps = |given: &[u32]| given.iter().map(|&at| at as usize).collect::<Vec<usize>>();
+        let (subdivide_at, remesh_at) = (steps(&method.subdivide_at), steps(&method.remesh_at));
+        if official && args.files.resume && !(subdivide_at.is_empty() && remesh_at.is_empty()) {
+            let what = "--resume: the official parametrisation cannot be taken up after --subdivide-at or --remesh-at";
             return Err(Failure::Usage(what.into()));
         }
+        let pixel = 2.0 * views.bounds.radius / views.targets.size()?.0 as f64;
         let stride = args.view_stride as usize;
         let range = |given: Option<(f64, f64)>, default: (f64, f64)| {
             let (from, to) = given.unwrap_or(default);
@@ -57,18 +63,50 @@ impl Setup {
         // Vertices move by the rate in world units: as far as the thing is large.
         let unit = if official { 1.0 } else { views.bounds.radius / REFERENCE_RADIUS };
         let (from, to) = method.rate.unwrap_or((default.0.0 * unit, default.0.1 * unit));
+        let template = template(args, views)?;
+        // Every ray through a closed surface meets as many front faces as back faces: the silhouette is the same by half of
+        // them, and with one triangle on either side of an outline, not two, a soft one is no larger than a sharp one.
+        let one_side = !official && !args.colored() && voxel::is_closed(&template);
         Ok(Self {
-            template: template(args, views)?,
+            template,
+            faces: if one_side { Faces::Front } else { Faces::Both },
             options: options(args, official),
             iterations: method.iterations as usize,
             stride,
             subdivide_at,
+            remesh_at,
+            edge: range(Some((method.edge.0 * pixel, method.edge.1 * pixel)), (pixel, pixel)),
             rate: range(Some((from, to)), (from, to)),
             colors: range(method.color_rate, (0.03, 0.005)),
             sigma: range(method.sigma, default.1),
             gamma: range(method.gamma, (3e-2, 3e-3)),
             depths: if official { (1.0, 100.0) } else { views.depths },
         })
+    }
+
+    /// Whether a step begins with another mesh.
+    pub fn remakes(&self, step: usize) -> bool {
+        self.subdivide_at.contains(&step) || self.remesh_at.contains(&step)
+    }
+
+    /// The fit on the mesh that a step begins with.
+    pub fn remade(&self, fit: &ShapeFit, step: usize) -> Result<ShapeFit, Failure> {
+        let edge = self.edge.at_step(step, self.iterations);
+        let fit = if self.remesh_at.contains(&step) { fit.remeshed(edge)? } else { fit.clone() };
+        Ok(if self.subdivide_at.contains(&step) { fit.subdivided()? } else { fit })
+    }
+
+    /// Where a fit goes on: the template, unless it was remade before that step.
+    pub fn resumed(&self, step: usize, mesh: Mesh) -> Result<Mesh, Failure> {
+        if !(0..step).any(|before| self.remakes(before)) {
+            return Ok(self.template.clone());
+        }
+        let appearance = match self.template.appearance() {
+            // The colours are the state's.
+            Appearance::VertexColors(_) => Appearance::VertexColors(vec![[0.5; 3]; mesh.positions().len()]),
+            other => other.clone(),
+        };
+        Ok(mesh.with_appearance(appearance)?)
     }
 
     /// σ and γ stay what they are at the last step.
@@ -99,6 +137,7 @@ impl Setup {
             tau: if self.options.fit_colors { 1e-6 } else { Settings::default().tau },
             background: Background::Composite,
             interpolation: Interpolation::Perspective,
+            faces: self.faces,
             ..Settings::default()
         }
     }
@@ -123,6 +162,7 @@ fn options(args: &FitArgs, official: bool) -> ShapeOptions {
     weights.iter_mut().zip(given).for_each(|(weight, given)| weight.1 = given.unwrap_or(weight.1));
     options.regularizers = weights.into_iter().filter(|(_, weight)| *weight > 0.0).collect();
     options.samples = method.samples.unwrap_or(1) as usize;
+    options.silhouette.0 = method.loss.image_loss();
     options.color = (ImageLoss::L1, method.color_weight);
     (options.fit_colors, options.fit_positions) = (args.colored(), !args.texture);
     options
@@ -144,8 +184,9 @@ fn template(args: &FitArgs, views: &Views) -> Result<Mesh, Failure> {
     if args.texture && !textured {
         return Err(Failure::Usage("--texture: give a textured mesh as --template".into()));
     }
-    if textured && !args.method.subdivide_at.is_empty() {
-        return Err(Failure::Usage("--subdivide-at: a textured template cannot be subdivided".into()));
+    if textured && !(args.method.subdivide_at.is_empty() && args.method.remesh_at.is_empty()) {
+        let what = "--subdivide-at, --remesh-at: the triangles of a textured template stay what they are";
+        return Err(Failure::Usage(what.into()));
     }
     let colors = vec![[0.5; 3]; mesh.positions().len()];
     Ok(match args.colored() {

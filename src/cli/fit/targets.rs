@@ -14,6 +14,15 @@ use softras::{Camera, Error, Image, Mesh, Renderer, Result, Scene, Settings};
 use std::fs::File;
 use std::path::Path;
 
+/// What a fit is held against: every so-manieth view, its silhouette as a mask where that is asked for.
+pub fn fitted(args: &FitArgs, targets: &Targets) -> Targets {
+    let mut some = every(targets, args.view_stride as usize);
+    if let Some(silhouette) = some.silhouette.as_mut().filter(|_| args.method.masks) {
+        silhouette.data.iter_mut().for_each(|x| *x = f32::from(*x > 0.5));
+    }
+    some
+}
+
 /// Samples along each side of a pixel of the images that `--from` makes.
 const SAMPLES: u32 = 3;
 

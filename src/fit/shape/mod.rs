@@ -9,6 +9,7 @@ use super::bad;
 use super::image_loss::{self, ImageLoss};
 use super::optimizer::{Method, Optimizer};
 use super::regularizer::Regularizer;
+use super::remesh::remeshed;
 use super::smoothing::Smoothing;
 use super::topology::Topology;
 use crate::error::Result;
@@ -349,7 +350,18 @@ impl ShapeFit {
     /// # Errors
     /// [`crate::Error::Fit`] for a mesh with surface cells or textures.
     pub fn subdivided(&self) -> Result<Self> {
-        let mesh = subdivided(self.mesh(), &self.topology)?;
+        self.on(subdivided(self.mesh(), &self.topology)?)
+    }
+
+    /// The same fit on a mesh of even triangles, their edges about so long (world units), its optimiser afresh.
+    ///
+    /// # Errors
+    /// Those of [`remeshed`].
+    pub fn remeshed(&self, edge_length: f64) -> Result<Self> {
+        self.on(remeshed(self.mesh(), edge_length)?)
+    }
+
+    fn on(&self, mesh: Mesh) -> Result<Self> {
         Self::new(mesh, self.scene.lights.clone(), self.options.clone())
     }
 }
