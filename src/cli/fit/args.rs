@@ -1,6 +1,7 @@
 //! What `softras fit` takes.
 
 use crate::cli::parse;
+use crate::cli::render::args::Faces;
 use clap::{Args, ValueEnum};
 use softras::fit::image_loss::ImageLoss;
 use std::path::PathBuf;
@@ -139,6 +140,9 @@ pub struct MethodArgs {
     /// Take the silhouettes as masks: pixels above a half count as 1, the others as 0
     #[arg(long, conflicts_with = "samples")]
     pub masks: bool,
+    /// Which triangles are drawn: the front ones of a closed surface have the same silhouette, less enlarged by softness
+    #[arg(long, value_enum, default_value = "both")]
+    pub faces: Faces,
     /// Pixels rendered for each of the target's along each side
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8))]
     pub samples: Option<u32>,

@@ -8,7 +8,6 @@ use softras::fit::optimizer::Method;
 use softras::fit::regularizer::Regularizer;
 use softras::fit::schedule::Schedule;
 use softras::fit::shape::{Parametrization, ShapeFit, ShapeOptions};
-use softras::fit::voxel;
 use softras::scene::{Appearance, Background, Faces, Interpolation};
 use softras::{Mesh, Settings, shapes};
 use std::path::Path;
@@ -63,13 +62,9 @@ impl Setup {
         // Vertices move by the rate in world units: as far as the thing is large.
         let unit = if official { 1.0 } else { views.bounds.radius / REFERENCE_RADIUS };
         let (from, to) = method.rate.unwrap_or((default.0.0 * unit, default.0.1 * unit));
-        let template = template(args, views)?;
-        // Every ray through a closed surface meets as many front faces as back faces: the silhouette is the same by half of
-        // them, and with one triangle on either side of an outline, not two, a soft one is no larger than a sharp one.
-        let one_side = !official && !args.colored() && voxel::is_closed(&template);
         Ok(Self {
-            template,
-            faces: if one_side { Faces::Front } else { Faces::Both },
+            template: template(args, views)?,
+            faces: method.faces.into(),
             options: options(args, official),
             iterations: method.iterations as usize,
             stride,
