@@ -146,7 +146,7 @@ pub struct MethodArgs {
     /// Pixels rendered for each of the target's along each side
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8))]
     pub samples: Option<u32>,
-    /// How much steps are smoothed over the surface: (I + λ L)⁻¹ [default: 10; the official preset has none]
+    /// How much steps are smoothed over the surface: (I + λ L)⁻¹ [default: 5; the official preset has none]
     #[arg(long, value_name = "LAMBDA", value_parser = parse::positive)]
     pub smoothing: Option<f64>,
     /// Weight of the Laplacian regulariser
