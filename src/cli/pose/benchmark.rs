@@ -75,7 +75,7 @@ pub fn run(args: &PoseArgs, renderer: &mut Renderer) -> Result<(), Failure> {
         rows.push((method.name, method.starts, before.elapsed().as_secs_f64(), errors(&found)));
     }
     if let Some(path) = &args.landscape {
-        let fit = bench.fit(&PoseOptions::default(), vec![truth[0]])?;
+        let fit = bench.fit_seeing(Faces::Both, &PoseOptions::default(), vec![truth[0]])?;
         landscape::write(path, &fit, &truth[0], &bench.target(0), renderer)?;
     }
     let report: Vec<_> = rows
@@ -147,7 +147,12 @@ impl Bench {
     }
 
     fn fit(&self, options: &PoseOptions, poses: Vec<Pose>) -> Result<PoseFit> {
-        PoseFit::new(self.scene.clone(), self.camera, DVec3::ZERO, self.settings.clone(), options.clone(), poses)
+        self.fit_seeing(self.settings.faces, options, poses)
+    }
+
+    fn fit_seeing(&self, faces: Faces, options: &PoseOptions, poses: Vec<Pose>) -> Result<PoseFit> {
+        let settings = Settings { faces, ..self.settings.clone() };
+        PoseFit::new(self.scene.clone(), self.camera, DVec3::ZERO, settings, options.clone(), poses)
     }
 
     /// The picture of a trial.
