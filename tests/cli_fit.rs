@@ -250,6 +250,20 @@ fn the_benchmark_reports_every_method_and_draws_its_landscape() {
 }
 
 #[test]
+fn a_hidden_elbow_is_found_by_soft_gradients_and_the_rest_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let report: Value =
+        serde_json::from_str(&succeeds(folder.path(), &["articulate", "--trials", "2", "--seed", "11", "--json"]))
+            .unwrap();
+    let of = |name: &str| report["methods"].as_array().unwrap().iter().find(|m| m["method"] == name).unwrap().clone();
+    let [start, visible, soft] = ["no optimisation", "visible only", "soft"].map(of);
+    assert!(numbers(&soft["hidden_joint_degrees"]).iter().all(|e| *e < 10.0), "{soft}");
+    assert!(numbers(&visible["hidden_joint_degrees"]).iter().all(|e| *e > 20.0), "{visible}");
+    let others = |method: &Value| method["other_joints_mean_degrees"].as_f64().unwrap();
+    assert!(others(&soft) < others(&start), "{soft} from {start}");
+}
+
+#[test]
 fn a_hidden_arm_is_reported_with_its_baselines() {
     let folder = tempfile::tempdir().unwrap();
     let run = "articulate --trials 1 --iterations 3 --json -o occluded.png --obj posed.obj";
