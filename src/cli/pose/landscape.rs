@@ -17,10 +17,12 @@ const CELL: usize = 4;
 const BATCH: usize = 244;
 /// σ and γ of the two panels.
 const PANELS: [(&str, (f64, f64)); 2] =
-    [("sigma=1e-6 gamma=1e-3", (1e-6, 1e-3)), ("sigma=1e-2 gamma=1e-1", (1e-2, 1e-1))];
+    [("sigma=1e-6 gamma=1e-3", (1e-6, 1e-3)), ("sigma=1e-2 gamma=3e-1", (1e-2, 3e-1))];
 
 /// Writes both panels: the pose turned by -180 to 180 degrees about the vertical axis (across) and about the horizontal
-/// one (up), dark where the loss is least.
+/// one (up), dark where the loss of plain colours is least.
+///
+/// The fit should see faces from both sides: one that is dropped as it turns away is a step in the loss, blurred or not.
 pub fn write(path: &Path, fit: &PoseFit, about: &Pose, target: &Target, renderer: &mut Renderer) -> Result<()> {
     let degrees = |i: usize| 360.0 * i as f64 / (GRID - 1) as f64 - 180.0;
     let pose = |i: usize| {
@@ -32,7 +34,7 @@ pub fn write(path: &Path, fit: &PoseFit, about: &Pose, target: &Target, renderer
     for (label, softness) in PANELS {
         let mut losses = Vec::with_capacity(poses.len());
         for some in poses.chunks(BATCH) {
-            losses.extend(fit.losses(renderer, some, softness, &target.repeated(some.len())?)?);
+            losses.extend(fit.losses(renderer, some, softness, &target.repeated(some.len())?.plain())?);
         }
         panels.push((panel(&losses), label.to_string()));
     }

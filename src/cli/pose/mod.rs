@@ -104,6 +104,9 @@ fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) 
         softras::obj::write_obj(&encoded(&posed(mesh, &best, bounds)?)?, path)?;
     }
     if let Some(path) = &args.landscape {
+        let seen = Settings { faces: Faces::Both, ..settings.clone() };
+        let scene = Scene::new(mesh.clone());
+        let fit = PoseFit::new(scene, view.camera()?, bounds.center, seen, options.clone(), vec![best])?;
         landscape::write(path, &fit, &best, target, renderer)?;
     }
     let mut baselines = Vec::new();

@@ -7,7 +7,7 @@
 mod flow;
 mod target;
 
-pub use flow::flow_gradient;
+pub use flow::{flow_by_vertex, flow_gradient};
 pub use target::PoseTarget;
 
 use super::bad;
