@@ -81,20 +81,18 @@ fn hard(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Option
     let name = "hard, image-space differences";
     let mut setup = Setup::new(args, views)?;
     setup.options.fit_colors = false;
-    let targets = Targets { color: None, ..targets::every(&views.targets, setup.stride) };
+    let targets = Targets { color: None, ..targets::fitted(args, &views.targets) };
     let shape = ShapeFit::new(setup.template.clone(), softras::Lights::unlit(), setup.options.clone())?;
     let perspective = |camera: &softras::Camera| matches!(camera.projection(), Projection::Perspective { .. });
-    if args.texture || targets.silhouette.is_none() || !targets.cameras.iter().all(perspective) {
-        return Ok(None);
-    }
-    if unsupported(&shape).is_some() {
+    let possible = targets.silhouette.is_some() && targets.cameras.iter().all(perspective);
+    if args.texture || !possible || unsupported(&shape).is_some() {
         return Ok(None);
     }
     let mut fit = HostFit::new(shape, &targets, None)?;
     let progress = begun(name, &setup);
     for step in 0..setup.iterations {
-        if setup.subdivide_at.contains(&step) {
-            fit = HostFit::new(fit.into_shape()?.subdivided()?, &targets, None)?;
+        if setup.remakes(step) {
+            fit = HostFit::new(setup.remade(&fit.into_shape()?, step)?, &targets, None)?;
         }
         let by_vertex = hard_gradient(fit.mesh(), &setup, &targets, renderer)?;
         let mesh = MeshGradients { positions: by_vertex, ..MeshGradients::default() };
