@@ -104,6 +104,14 @@ fn image_losses_have_the_values_of_their_formulas() {
     assert!((value(ImageLoss::L1, Some(&mask)) - 2.0 * 0.25 / 4.0).abs() < 1e-12);
     assert_eq!(mask_iou(&p, &t).unwrap(), [0.5]);
     assert_eq!(mask_iou(&of(&[0.0]), &of(&[0.2])).unwrap(), [1.0]);
+    // One half is not above one half.
+    assert_eq!(mask_iou(&of(&[0.5, 1.0, 1.0]), &of(&[1.0, 0.5, 1.0])).unwrap(), [1.0 / 3.0]);
+    // Over two resolutions the mean of both: pairs of pixels are (0.75, 0.125) and (1, 0).
+    let two = ImageLoss::L1.multi_scale(&p, &t, None, 2).unwrap().value;
+    assert!((two - 0.5 * (0.75 / 4.0 + 0.375 / 2.0)).abs() < 1e-6, "{two}");
+    let three = ImageLoss::L2.multi_scale(&p, &t, None, 3).unwrap().value;
+    let expected = ((0.25 + 0.0625) / 4.0 + (0.0625 + 0.125 * 0.125) / 2.0 + 0.0625 * 0.0625) / 3.0;
+    assert!((three - expected).abs() < 1e-6, "{three} for {expected}");
 }
 
 #[test]
@@ -137,6 +145,33 @@ fn pooling_and_its_transpose_are_adjoint() {
         assert!((dot(&coarse, &weights) - dot(&fine, &pulled)).abs() < 1e-5, "factor {factor}");
         let whole: f64 = coarse.data.iter().map(|&x| f64::from(x)).sum();
         assert!(whole > 0.0 && coarse.width == 7usize.div_ceil(factor));
+        // Every coarse pixel is the mean of the fine ones under it, fewer at the lower and right edges.
+        for (at, pixel) in coarse.data.chunks_exact(3).enumerate() {
+            let (row, column) = (at / coarse.width % coarse.height, at % coarse.width);
+            let view = at / (coarse.width * coarse.height);
+            let rows = factor * row..(factor * (row + 1)).min(fine.height);
+            let columns = factor * column..(factor * (column + 1)).min(fine.width);
+            let under = rows.flat_map(|r| columns.clone().map(move |c| (r, c)));
+            let red: Vec<f32> = under.map(|(r, c)| fine.pixel(view, r, c)[0]).collect();
+            let mean = red.iter().sum::<f32>() / red.len() as f32;
+            assert!((pixel[0] - mean).abs() < 1e-6, "factor {factor}, pixel {at}: {} for {mean}", pixel[0]);
+        }
+    }
+}
+
+/// A blur takes every view and channel for itself.
+#[test]
+fn channels_and_views_do_not_mix() {
+    let mut random = Random::new(21);
+    let whole = image(&mut random, 3);
+    for deviation in [0.9, 1.7] {
+        let soft = blurred(&whole, deviation).unwrap();
+        for (view, channel) in [(0, 0), (0, 2), (1, 1)] {
+            let data = whole.view(view).iter().skip(channel).step_by(3).copied().collect();
+            let alone = blurred(&Image { batch: 1, channels: 1, data, ..whole }, deviation).unwrap();
+            let part: Vec<f32> = soft.view(view).iter().skip(channel).step_by(3).copied().collect();
+            assert_eq!(part, alone.data, "view {view}, channel {channel}");
+        }
     }
 }
 
@@ -192,6 +227,9 @@ fn regularizers_have_the_values_of_their_formulas() {
     // Offsets of -(1, 1, 1) / 3, (3, -1, -1) / 3, (-1, 2, 0) / 2 and (-1, 0, 2) / 2.
     let laplacian = 3.0 / 9.0 + 11.0 / 9.0 + 2.0 * 5.0 / 4.0;
     assert!((value(Regularizer::Laplacian, &corners) - laplacian).abs() < 1e-12);
+    // A triangle without area has no say beside one that has: here the second is a line.
+    let line = [corners[0], corners[1], corners[2], DVec3::new(2.0, 0.0, 0.0)];
+    assert_eq!(value(Regularizer::NormalConsistency, &line), 0.0);
     // Collapsed to a point nothing is infinite.
     REGULARIZERS.iter().for_each(|r| assert!(value(*r, &[DVec3::ONE; 4]).is_finite()));
     assert!(Regularizer::Laplacian.add(&topology, &corners[..3], 1.0, &mut [DVec3::ZERO; 4]).is_err());
@@ -206,6 +244,10 @@ fn a_topology_knows_its_edges_and_subdivides() {
     let finer = Topology::new(42 + 120, &topology.subdivided()).unwrap();
     assert_eq!((finer.triangles().len(), finer.edges().len(), finer.flaps().len()), (320, 480, 480));
     assert!(Topology::new(3, &[[0, 1, 3]]).is_err());
+    // The official list has the first two edges of each face: of three flaps around a corner, not that which is twice last.
+    let fan = Topology::new(4, &[[1, 2, 0], [2, 3, 0], [0, 3, 1]]).unwrap();
+    let official: Vec<_> = fan.flaps().iter().map(|flap| (flap.edge, flap.official)).collect();
+    assert_eq!(official, [([0, 1], false), ([0, 2], true), ([0, 3], true)]);
 }
 
 #[test]
