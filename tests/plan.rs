@@ -5,7 +5,9 @@
 use glam::DVec3;
 use softras::buffers::BACKWARD;
 use softras::constants as c;
-use softras::plan::{BackwardInput, BackwardPlan, Capacity, DepthSpan, Plan, PlanInput, Sampling, ViewSize, split};
+use softras::plan::{
+    BackwardGroups, BackwardInput, BackwardPlan, Capacity, DepthSpan, Plan, PlanInput, Sampling, ViewSize, split,
+};
 use softras::scene::{Background, Distance, Outputs, Parity, Shading};
 use softras::{Camera, Lights, Projection, Settings, Wanted};
 
@@ -57,9 +59,18 @@ fn a_frame_takes_the_memory_of_the_formula() {
             save,
             ..input(&settings, &views, &lights)
         });
-        let sizes = plan.unwrap().sizes;
+        let plan = plan.unwrap();
+        let sizes = plan.sizes;
         let (v, s) = (1600, if clips { 6400 } else { 3200 });
         let shaded = color || depth || normal || far;
+        let bits = [
+            (color, c::OUTPUT_COLOR),
+            (silhouette, c::OUTPUT_SILHOUETTE),
+            (depth, c::OUTPUT_DEPTH),
+            (normal, c::OUTPUT_NORMAL),
+        ];
+        assert_eq!(plan.mode("OUTPUTS"), bits.iter().map(|&(on, bit)| if on { bit } else { 0 }).sum::<u32>());
+        assert_eq!((plan.shaded(), plan.mode("SMOOTH") == 1), (shaded, bit(4)));
         let q = 4 + when(bit(5) || bit(6), 2) + when(normal, 3);
         let records = 32 * v + when(bit(4), 32 * v) + 96 * s + when(shaded, 16 * q * s);
         // Each view has half of the slots.
@@ -136,7 +147,26 @@ fn a_backward_pass_takes_the_memory_of_the_formula() {
         assert_eq!(plan.has(c::GRADIENT_GEOMETRY), wanted.positions || wanted.camera);
         let anything =
             plan.modes.iter().any(|&(name, bits)| name == "GRADIENTS" && bits & !c::GRADIENT_BACKGROUND != 0);
+        let skipped = c::GRADIENT_BACKGROUND | c::GRADIENT_TEXEL;
+        let corners = plan.modes.iter().any(|&(name, bits)| name == "GRADIENTS" && bits & !skipped != 0);
         assert_eq!(plan.item_rows, u32::from(anything));
+        let groups = |on: bool, groups: [u32; 3]| if on { groups } else { [0; 3] };
+        let items_groups = (items as u32).div_ceil(c::LINEAR_GROUP);
+        let (sums, by_corners) = (wanted.background || wanted.scalars, anything && corners);
+        let expected = BackwardGroups {
+            pixel_grad: groups(anything || sums, [256 * 128 / c::LINEAR_GROUP, 2, 1]),
+            backward_cull: groups(anything, [items_groups, 1, 1]),
+            triangle_grad: groups(by_corners, forward.groups.triangle),
+            vertex_normal_grad: groups(by_corners && bit(5), forward.groups.vertex),
+            vertex_grad: groups(wanted.positions || wanted.colors, [13, 1, 1]),
+            reduce_views: groups(wanted.camera || wanted.scalars, [2, 1, 1]),
+            reduce_lights: groups(upstream.color && wanted.lights, [2, 1, 1]),
+            reduce_pixels: groups(sums, [1, 1, 1]),
+        };
+        assert_eq!(plan.groups, expected, "case {case}: {upstream:?} {wanted:?}");
+        let mode =
+            |name: &str| plan.modes.iter().filter(|(n, _)| *n == name).map(|(_, value)| *value).collect::<Vec<_>>();
+        assert_eq!((mode("LIT"), mode("PAPER")), (vec![u32::from(lit || wanted.lights)], vec![0]));
         assert_eq!(u64::from(plan.light_rows), if bit(5) { v } else { s });
     }
 }
@@ -191,6 +221,41 @@ fn views_follow_each_other() {
     let settings = Settings { parity: Parity::Official, ..settings };
     let plan = Plan::new(&PlanInput { depth_span: crosses, ..input(&settings, &views, &lights) }).unwrap();
     assert_eq!(plan.totals.slots, 43 + 1600);
+}
+
+/// What depths can do to an image, and what the official code does.
+#[test]
+fn depth_ranges_are_those_of_the_parity() {
+    let lights = Lights::unlit();
+    let range = |parity, bits: u32, crosses_far| {
+        let settings = Settings { parity, outputs: outputs(bits), ..Settings::default() };
+        let depth_span = DepthSpan { crosses_near: false, crosses_far };
+        Plan::new(&PlanInput { depth_span, ..input(&settings, &[VIEW], &lights) }).unwrap().mode("DEPTH_RANGE")
+    };
+    for bits in 1..16 {
+        let official = if bits == 2 { c::DEPTH_RANGE_INSIDE } else { c::DEPTH_RANGE_OFFICIAL };
+        assert_eq!([false, true].map(|far| range(Parity::Official, bits, far)), [official; 2]);
+        let expected = [c::DEPTH_RANGE_INSIDE, c::DEPTH_RANGE_FAR];
+        assert_eq!([false, true].map(|far| range(Parity::Model, bits, far)), expected);
+    }
+}
+
+/// More workgroups than a row holds go on in further rows.
+#[test]
+fn workgroups_go_on_in_rows() {
+    let (settings, lights) = (Settings { width: 16384, height: 16384, ..Settings::default() }, Lights::unlit());
+    let forward = Plan::new(&input(&settings, &[VIEW], &lights)).unwrap();
+    let plan = BackwardPlan::new(&BackwardInput {
+        forward: &forward,
+        upstream: outputs(2),
+        wanted: &Wanted::default(),
+        lit: false,
+        vertices: 800,
+        largest_mesh: 800,
+        texels: 0,
+        texel_scale: 1.0,
+    });
+    assert_eq!(plan.groups.pixel_grad, [c::FORWARD_ROW, 1, (1 << 28) / c::LINEAR_GROUP / c::FORWARD_ROW]);
 }
 
 #[test]
