@@ -106,6 +106,18 @@ fn image_losses_have_the_values_of_their_formulas() {
     assert_eq!(mask_iou(&of(&[0.0]), &of(&[0.2])).unwrap(), [1.0]);
     // One half is not above one half.
     assert_eq!(mask_iou(&of(&[0.5, 1.0, 1.0]), &of(&[1.0, 0.5, 1.0])).unwrap(), [1.0 / 3.0]);
+    assert_eq!(mask_iou(&of(&[0.5, 1.0, 0.0]), &of(&[0.0, 1.0, 0.5])).unwrap(), [1.0]);
+    // Each view and each value has its own weight.
+    let views = |data: &[f32]| Image { batch: 2, height: 1, width: 2, channels: 1, data: data.to_vec() };
+    let (half, ones) = (views(&[0.5; 4]), views(&[1.0; 4]));
+    let valued = ImageLoss::NegativeIou.evaluate(&half, &ones, Some(&views(&[1.0, 1.0, 0.0, 3.0]))).unwrap();
+    assert!((valued.value - (0.5 * (1.0 - 1.0 / 2.000_001) + 0.5 * (1.0 - 1.5 / 3.000_001))).abs() < 1e-9);
+    assert_eq!((valued.gradient.data[2], valued.gradient.data[0] < 0.0), (0.0, true));
+    let rgb = |data: &[f32]| Image { batch: 1, height: 1, width: 2, channels: 3, data: data.to_vec() };
+    let (zero, steps) = (rgb(&[0.0; 6]), rgb(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]));
+    let weights = rgb(&[0.0, 0.0, 1.0, 0.0, 2.0, 1.0]);
+    let weighted = ImageLoss::L1.evaluate(&steps, &zero, Some(&weights)).unwrap().value;
+    assert!((weighted - (3.0 + 2.0 * 5.0 + 6.0) / 4.0).abs() < 1e-9, "{weighted}");
     // Over two resolutions the mean of both: pairs of pixels are (0.75, 0.125) and (1, 0).
     let two = ImageLoss::L1.multi_scale(&p, &t, None, 2).unwrap().value;
     assert!((two - 0.5 * (0.75 / 4.0 + 0.375 / 2.0)).abs() < 1e-6, "{two}");
@@ -126,6 +138,9 @@ fn what_does_not_fit_is_refused() {
     assert!(message(ImageLoss::L2, Some(&masked)).contains("mask"));
     let negative = Image { data: vec![-1.0; one.data.len()], ..one.clone() };
     assert!(message(ImageLoss::NegativeIou, Some(&negative)).contains("not negative"));
+    let short = Image { data: one.data[1..].to_vec(), ..one.clone() };
+    assert!(ImageLoss::L2.evaluate(&short, &one, None).is_err() && ImageLoss::L2.evaluate(&one, &short, None).is_err());
+    assert!([-1.0, f64::INFINITY].into_iter().all(|deviation| blurred(&one, deviation).is_err()));
     assert!(ImageLoss::L2.multi_scale(&one, &one, None, 0).is_err() && pooled(&one, 0).is_err());
 }
 

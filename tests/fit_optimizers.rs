@@ -65,6 +65,7 @@ fn a_saved_optimizer_goes_on_as_if_nothing_had_happened() {
     let (steps, mean, square) = first.state();
     let mut second = Optimizer::new(Method::ADAM, 2);
     assert!(second.restore(steps, mean, square) && !second.restore(1, &[0.0; 3], &[0.0; 3]));
+    assert!(!second.restore(1, &[0.0; 2], &[0.0; 3]) && !second.restore(1, &[0.0; 3], &[0.0; 2]));
     (5..10).for_each(|i| second.step(&mut y, &gradient(i), 0.1));
     assert_eq!(x, y);
     second.reset();
@@ -74,12 +75,12 @@ fn a_saved_optimizer_goes_on_as_if_nothing_had_happened() {
 #[test]
 fn schedules_go_from_one_end_to_the_other() {
     for (schedule, middle) in [
-        (Schedule::Linear { from: 1.0, to: 4.0 }, 2.5),
-        (Schedule::Exponential { from: 1.0, to: 4.0 }, 2.0),
-        (Schedule::Cosine { from: 1.0, to: 4.0 }, 2.5),
+        (Schedule::Linear { from: 2.0, to: 8.0 }, 5.0),
+        (Schedule::Exponential { from: 2.0, to: 8.0 }, 4.0),
+        (Schedule::Cosine { from: 2.0, to: 8.0 }, 5.0),
     ] {
         let at = [-1.0, 0.0, 0.5, 1.0, 2.0].map(|t| schedule.at(t));
-        let expected = [1.0, 1.0, middle, 4.0, 4.0];
+        let expected = [2.0, 2.0, middle, 8.0, 8.0];
         assert!(at.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{schedule:?}: {at:?}");
         assert!((schedule.at_step(2, 5) - middle).abs() < 1e-12);
         assert_eq!([schedule.at_step(0, 1), schedule.at_step(0, 5), schedule.at_step(4, 5)], [at[1], at[1], at[3]]);

@@ -106,5 +106,8 @@ fn half_the_rays_make_no_inside() {
     let (low, side) = cube_around(&[&cube]);
     assert_eq!(Voxels::new(&open, low, side, 16).unwrap().volume(), 0.0);
     // The grid reaches beyond what it is around, on all sides.
+    let flat = Mesh::new(vec![[0.0, 0.0, 5.0], [1.0, 0.0, 5.0], [0.0, 1.0, 5.0]], vec![[0, 1, 2]]).unwrap();
+    let ([.., bottom], height) = cube_around(&[&flat]);
+    assert!(bottom < 5.0 && bottom + height > 5.0, "{bottom} {height}");
     assert!(low.iter().all(|x| (-0.61..-0.6).contains(x)) && (1.2..1.22).contains(&side), "{low:?} {side}");
 }

@@ -9,7 +9,7 @@ use softras::plan::{
     BackwardGroups, BackwardInput, BackwardPlan, Capacity, DepthSpan, Plan, PlanInput, Sampling, ViewSize, split,
 };
 use softras::scene::{Background, Distance, Outputs, Parity, Shading};
-use softras::{Camera, Lights, Projection, Settings, Wanted};
+use softras::{Camera, Error, Lights, Projection, Settings, Wanted};
 
 const INSIDE: DepthSpan = DepthSpan { crosses_near: false, crosses_far: false };
 /// Multiples of all that sizes are rounded to, so that the formulas hold to the byte.
@@ -199,6 +199,9 @@ fn plans_end_where_indices_do() {
         assert!(fits(&fitting, size), "{} views of {:?}", fitting.len(), fitting.last());
         assert!(!fits(&beyond, size), "{} views of {:?}", beyond.len(), beyond.last());
     }
+    let (settings, lights) = (Settings::default(), Lights::unlit());
+    let error = Plan::new(&input(&settings, &[view(3, (1 << 22) + 1)], &lights)).unwrap_err();
+    assert!(matches!(error, Error::Limit { needed: 4_194_305, limit: 4_194_304, .. }), "{error}");
 }
 
 /// What a view's share of the buffers is, with all else before it.
@@ -256,6 +259,34 @@ fn workgroups_go_on_in_rows() {
         texel_scale: 1.0,
     });
     assert_eq!(plan.groups.pixel_grad, [c::FORWARD_ROW, 1, (1 << 28) / c::LINEAR_GROUP / c::FORWARD_ROW]);
+    // 2048 × 4096 tiles in 256 rows; three texels for the view, the ambient light and the pixels each.
+    assert_eq!((forward.sizes.tile_counts, plan.sizes.totals), (256 * 24, 3 * 48));
+}
+
+/// Rows of items for all triangles and cells, and nothing at all where there is no triangle.
+#[test]
+fn backward_passes_of_many_triangles_and_of_none() {
+    let (settings, lights) = (Settings::default(), Lights::unlit());
+    let of = |triangles: u32| {
+        let views = [ViewSize { vertices: 3, triangles }];
+        let forward = Plan::new(&input(&settings, &views, &lights)).unwrap();
+        BackwardPlan::new(&BackwardInput {
+            forward: &forward,
+            upstream: outputs(1),
+            wanted: &Wanted { texels: true, ..Wanted::default() },
+            lit: false,
+            vertices: 3,
+            largest_mesh: 3,
+            texels: 64,
+            texel_scale: 1.0,
+        })
+    };
+    // 160 cells beyond two full rows.
+    let many = of(2 * c::FORWARD_ROW);
+    assert_eq!((many.item_rows, many.sizes.item_counts), (3, (3u64 * 18 * 4).next_multiple_of(16)));
+    assert_eq!((of(2 * c::FORWARD_ROW - 160).item_rows, many.sizes.texel_sums), (2, 24 * 64));
+    let none = of(0);
+    assert_eq!((none.item_rows, none.sizes.texel_sums, none.groups.backward_cull), (0, 0, [0; 3]));
 }
 
 #[test]
@@ -283,6 +314,10 @@ fn capacities_by_hand() {
     let soft = Settings { distance: Distance::Euclidean, ..hard.clone() }.with_blur_pixels(4.0);
     let blurred = Capacity::estimate(&soft, soft.cutoff(), &views(256));
     assert!(blurred.coarse.abs_diff(256 * 15 / 8 + 384 + 1024) <= 1 && blurred.list.abs_diff(256 * 15 + 1024) <= 1);
+    // A blur over all of a square image: every triangle in every tile and bin.
+    let square = Settings { width: 64, sigma: 10.0, ..soft.clone() };
+    let wide = Capacity::estimate(&square, square.cutoff(), &views(10));
+    assert_eq!((wide.coarse, wide.list), (10 * 4 + 4 * 2 * 32 + 1024, 10 * 130 + 1024));
     let crowd = Capacity::estimate(&soft, soft.cutoff(), &views(1 << 30));
     assert_eq!((crowd.coarse, crowd.list), ((1 << 24) + 1024, (1 << 24) + 1024));
     let (a, b) = (Capacity { coarse: 1, list: 5, cells: 3 }, Capacity { coarse: 2, list: 4, cells: 6 });

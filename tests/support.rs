@@ -262,6 +262,9 @@ fn cutoffs_by_hand() {
     let away = Scene::new(mesh(-3.0, -5.0).unwrap());
     close(cutoff(&composite, &away, &[behind]), ln7 + 0.2 / 0.5);
     close(cutoff(&settings, &away, &[behind]), plain + (0.75 - 0.3) / 0.5);
+    // A screen's depths are the vertices' own, whatever the view transform beside it.
+    let turned = Camera::look_direction(eye, glam::DVec3::NEG_Z, glam::DVec3::Y, softras::Projection::Screen).unwrap();
+    close(cutoff(&settings, &scene, &[turned]), plain + (0.9 - 0.3) / 0.5);
     // Of several views the one that reaches farthest.
     let batch = Scene::batch(vec![mesh(8.0, 9.0).unwrap(), mesh(2.0, 4.0).unwrap()]);
     close(cutoff(&settings, &batch, &[Camera::screen(); 2]), plain + (0.9 - 0.3) / 0.5);
