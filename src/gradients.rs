@@ -245,6 +245,17 @@ mod tests {
         let mut bad = good.clone();
         bad.cameras[0].twist[4] = f64::INFINITY;
         assert_eq!(bad.not_finite(), Some("cameras"));
+        let light = |way: f64, color: f64, intensity: f64, ambient: f64, ambient_intensity: f64| LightGradients {
+            ambient_color: [0.0, ambient, 0.0],
+            ambient_intensity,
+            directional: vec![([0.0; 3], [0.0; 3], 0.0), ([way, 0.0, 0.0], [0.0, 0.0, color], intensity)],
+        };
+        for i in 0..5 {
+            let at = |k: usize| if k == i { f64::NAN } else { 0.5 };
+            let bad = Gradients { lights: Some(light(at(0), at(1), at(2), at(3), at(4))), ..good.clone() };
+            assert_eq!(bad.not_finite(), Some("lights"), "{i}");
+        }
+        assert_eq!(Gradients { lights: Some(light(0.5, 0.5, 0.5, 0.5, 0.5)), ..good.clone() }.not_finite(), None);
         let bad = Gradients { gamma: f64::NAN, ..good };
         assert_eq!(bad.not_finite(), Some("epsilon, sigma or gamma"));
     }

@@ -131,6 +131,136 @@ fn scenes_lights_and_settings() {
     render(&scene, 1, &settings).unwrap();
 }
 
+/// What is wrong with a judge that should take the numbers from `low` to `high`: an end that it refuses, or the next float
+/// beyond, an infinity or a NaN that it takes.
+fn range_error(low: f32, high: f32, taken: impl Fn(f32) -> bool) -> Option<f32> {
+    let refused = [low, high].into_iter().find(|x| !taken(*x));
+    let beyond = [low.next_down(), high.next_up(), f32::NEG_INFINITY, f32::INFINITY, f32::NAN];
+    refused.or(beyond.into_iter().find(|x| taken(*x)))
+}
+
+/// The same in double precision.
+fn wide_range_error(low: f64, high: f64, taken: impl Fn(f64) -> bool) -> Option<f64> {
+    let refused = [low, high].into_iter().find(|x| !taken(*x));
+    let beyond = [low.next_down(), high.next_up(), f64::NEG_INFINITY, f64::INFINITY, f64::NAN];
+    refused.or(beyond.into_iter().find(|x| taken(*x)))
+}
+
+#[test]
+fn a_range_that_ends_elsewhere_is_noticed() {
+    assert_eq!(range_error(1.0, 2.0, |x| (1.0..=2.0).contains(&x)), None);
+    assert_eq!(range_error(1.0, 2.0, |x| x > 1.0 && x <= 2.0), Some(1.0));
+    assert_eq!(range_error(1.0, 2.0, |x| (1.0..2.1).contains(&x)), Some(2f32.next_up()));
+    assert!(range_error(1.0, 2.0, |x: f32| x.is_nan() || (1.0..=2.0).contains(&x)).is_some_and(f32::is_nan));
+    assert_eq!(wide_range_error(1.0, 2.0, |x| (1.0..=2.0).contains(&x)), None);
+    assert_eq!(wide_range_error(1.0, 2.0, |x| (1.0..2.0).contains(&x)), Some(2.0));
+    assert_eq!(wide_range_error(1.0, 2.0, |x| (0.9..=2.0).contains(&x)), Some(1f64.next_down()));
+}
+
+#[test]
+fn settings_end_where_they_say() {
+    type Set = fn(&mut Settings, f64);
+    let ranges: [(&str, f64, f64, Set); 7] = [
+        ("sigma", 1e-12, 1e3, |s, x| s.sigma = x),
+        ("gamma", 1e-10, 1e6, |s, x| s.gamma = x),
+        ("epsilon", -1e3, 1e3, |s, x| s.epsilon = x),
+        ("tau", 1e-12, 0.4, |s, x| s.tau = x),
+        ("near", 1e-6, 1e9, |s, x| (s.near, s.far) = (x, 1e12)),
+        ("far", 2.0 * (1.0 + 1e-6), 1e12, |s, x| (s.near, s.far) = (2.0, x)),
+        ("background_color", -1e6, 1e6, |s, x| s.background_color[1] = x),
+    ];
+    for (name, low, high, set) in ranges {
+        let taken = |x: f64| {
+            let mut settings = Settings::default();
+            set(&mut settings, x);
+            settings.judge().is_ok()
+        };
+        assert_eq!(wide_range_error(low, high, taken), None, "{name}");
+    }
+}
+
+#[test]
+fn lights_end_where_they_say() {
+    type Set = fn(&mut Lights, f64);
+    let sets: [(&str, Set); 4] = [
+        ("ambient_color", |l, x| l.ambient_color[2] = x),
+        ("ambient_intensity", |l, x| l.ambient_intensity = x),
+        ("color", |l, x| l.directional[0].color[1] = x),
+        ("intensity", |l, x| l.directional[0].intensity = x),
+    ];
+    for (name, set) in sets {
+        let taken = |x: f64| {
+            let mut lights = Lights::official();
+            set(&mut lights, x);
+            lights.judge().is_ok()
+        };
+        assert_eq!(wide_range_error(-1e6, 1e6, taken), None, "{name}");
+    }
+    let many = |count: usize| Lights { directional: vec![Lights::official().directional[0]; count], ..Lights::unlit() };
+    many(Lights::MAX_DIRECTIONAL).judge().unwrap();
+    assert_says(many(Lights::MAX_DIRECTIONAL + 1).judge(), &["directional.len() = 65", "64"]);
+}
+
+#[test]
+fn cameras_end_where_they_say() {
+    let taken = |projection| Camera::from_angles(2.0, 0.0, 0.0, projection).is_ok();
+    let matrix = |x: f64| Camera::from_matrix(DMat4::from_translation(DVec3::new(0.0, x, 0.0)), PERSPECTIVE).is_ok();
+    assert_eq!(wide_range_error(-1e12, 1e12, matrix), None, "view");
+    let below_pi = (std::f64::consts::PI - 1e-6).next_down();
+    assert_eq!(wide_range_error(1e-6, below_pi, |fov_y| taken(Projection::Perspective { fov_y })), None, "fov_y");
+    let orthographic = |half_height| taken(Projection::Orthographic { half_height });
+    assert_eq!(wide_range_error(1e-9, 1e9, orthographic), None, "half_height");
+    let pinhole = |[fx, fy, cx, cy]: [f64; 4]| taken(Projection::Pinhole { fx, fy, cx, cy });
+    assert_eq!(wide_range_error(1e-6, 1e9, |x| pinhole([x, 1.0, 0.0, 0.0])), None, "fx");
+    assert_eq!(wide_range_error(1e-6, 1e9, |x| pinhole([1.0, x, 0.0, 0.0])), None, "fy");
+    assert_eq!(wide_range_error(-1e9, 1e9, |x| pinhole([1.0, 1.0, x, 0.0])), None, "cx");
+    assert_eq!(wide_range_error(-1e9, 1e9, |x| pinhole([1.0, 1.0, 0.0, x])), None, "cy");
+    let official =
+        |k, original_size| taken(Projection::Official { distortion: [0.0, 0.0, k, 0.0, 0.0], original_size });
+    assert_eq!(wide_range_error(-1e9, 1e9, |x| official(x, 256.0)), None, "distortion");
+    assert_eq!(wide_range_error(1e-6, 1e9, |x| official(0.0, x)), None, "original_size");
+}
+
+#[test]
+fn meshes_end_where_they_say() {
+    let position = |x: f32| Mesh::new(vec![[0.0, x, 0.0]], vec![]).is_ok();
+    assert_eq!(range_error(-Mesh::FARTHEST, Mesh::FARTHEST, position), None, "position");
+    let color = |x: f32| triangle().with_appearance(Appearance::Uniform([0.0, 0.0, x])).is_ok();
+    assert_eq!(range_error(-Mesh::BRIGHTEST, Mesh::BRIGHTEST, color), None, "colour");
+    let texture = |x: f32| Texture::new(1, 2, vec![[0.0; 3], [0.0, x, 0.0]], Wrap::Clamp).is_ok();
+    assert_eq!(range_error(-Mesh::BRIGHTEST, Mesh::BRIGHTEST, texture), None, "texel");
+    let uv = |x: f32| {
+        let textures = vec![Texture::new(1, 1, vec![[0.5; 3]], Wrap::Repeat).unwrap()];
+        let uv_triangles = vec![[0; 3]];
+        let uvs = vec![[0.5, x]];
+        let appearance = Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle: vec![] };
+        triangle().with_appearance(appearance).is_ok()
+    };
+    assert_eq!(range_error(-1e4, 1e4, uv), None, "UV");
+}
+
+/// dL/dimage must be of a rendered image, of its shape and finite.
+#[test]
+fn upstream_gradients() {
+    let image =
+        |channels: usize, count: usize| Image { batch: 2, height: 3, width: 4, channels, data: vec![0.5; count] };
+    let rendered = Outputs { color: true, silhouette: true, depth: false, normal: false };
+    let judge = |gradient: &ImageGradient| gradient.judge(rendered, 2, 3, 4);
+    let (color, silhouette) = (ImageGradient::color(image(3, 72)), ImageGradient::silhouette(image(1, 24)));
+    let both = ImageGradient { silhouette: silhouette.silhouette.clone(), ..color.clone() };
+    [&color, &silhouette, &both].into_iter().for_each(|good| judge(good).unwrap());
+    assert_says(judge(&ImageGradient::default()), &["no image", "at least one"]);
+    let depth = ImageGradient { depth: Some(image(1, 24)), ..color };
+    assert_says(judge(&depth), &["no depth image", "Settings::outputs"]);
+    // The shape of another frame, and a shape that its values do not fill.
+    assert_says(both.judge(rendered, 2, 4, 3), &["color gradient has shape [2, 3, 4, 3]", "[2, 4, 3, 3]"]);
+    assert_says(judge(&ImageGradient::color(image(1, 24))), &["[2, 3, 4, 1]", "[2, 3, 4, 3]"]);
+    assert_says(judge(&ImageGradient::silhouette(image(1, 23))), &["the silhouette gradient"]);
+    let mut infinite = both;
+    infinite.silhouette.as_mut().unwrap().data[7] = f32::INFINITY;
+    assert_says(judge(&infinite), &["silhouette gradient is inf at value 7", "finite"]);
+}
+
 #[test]
 fn files() {
     let error =

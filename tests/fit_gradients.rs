@@ -104,6 +104,26 @@ fn image_losses_have_the_values_of_their_formulas() {
     assert!((value(ImageLoss::L1, Some(&mask)) - 2.0 * 0.25 / 4.0).abs() < 1e-12);
     assert_eq!(mask_iou(&p, &t).unwrap(), [0.5]);
     assert_eq!(mask_iou(&of(&[0.0]), &of(&[0.2])).unwrap(), [1.0]);
+    // One half is not above one half.
+    assert_eq!(mask_iou(&of(&[0.5, 1.0, 1.0]), &of(&[1.0, 0.5, 1.0])).unwrap(), [1.0 / 3.0]);
+    assert_eq!(mask_iou(&of(&[0.5, 1.0, 0.0]), &of(&[0.0, 1.0, 0.5])).unwrap(), [1.0]);
+    // Each view and each value has its own weight.
+    let views = |data: &[f32]| Image { batch: 2, height: 1, width: 2, channels: 1, data: data.to_vec() };
+    let (half, ones) = (views(&[0.5; 4]), views(&[1.0; 4]));
+    let valued = ImageLoss::NegativeIou.evaluate(&half, &ones, Some(&views(&[1.0, 1.0, 0.0, 3.0]))).unwrap();
+    assert!((valued.value - (0.5 * (1.0 - 1.0 / 2.000_001) + 0.5 * (1.0 - 1.5 / 3.000_001))).abs() < 1e-9);
+    assert_eq!((valued.gradient.data[2], valued.gradient.data[0] < 0.0), (0.0, true));
+    let rgb = |data: &[f32]| Image { batch: 1, height: 1, width: 2, channels: 3, data: data.to_vec() };
+    let (zero, steps) = (rgb(&[0.0; 6]), rgb(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]));
+    let weights = rgb(&[0.0, 0.0, 1.0, 0.0, 2.0, 1.0]);
+    let weighted = ImageLoss::L1.evaluate(&steps, &zero, Some(&weights)).unwrap().value;
+    assert!((weighted - (3.0 + 2.0 * 5.0 + 6.0) / 4.0).abs() < 1e-9, "{weighted}");
+    // Over two resolutions the mean of both: pairs of pixels are (0.75, 0.125) and (1, 0).
+    let two = ImageLoss::L1.multi_scale(&p, &t, None, 2).unwrap().value;
+    assert!((two - 0.5 * (0.75 / 4.0 + 0.375 / 2.0)).abs() < 1e-6, "{two}");
+    let three = ImageLoss::L2.multi_scale(&p, &t, None, 3).unwrap().value;
+    let expected = ((0.25 + 0.0625) / 4.0 + (0.0625 + 0.125 * 0.125) / 2.0 + 0.0625 * 0.0625) / 3.0;
+    assert!((three - expected).abs() < 1e-6, "{three} for {expected}");
 }
 
 #[test]
@@ -118,6 +138,9 @@ fn what_does_not_fit_is_refused() {
     assert!(message(ImageLoss::L2, Some(&masked)).contains("mask"));
     let negative = Image { data: vec![-1.0; one.data.len()], ..one.clone() };
     assert!(message(ImageLoss::NegativeIou, Some(&negative)).contains("not negative"));
+    let short = Image { data: one.data[1..].to_vec(), ..one.clone() };
+    assert!(ImageLoss::L2.evaluate(&short, &one, None).is_err() && ImageLoss::L2.evaluate(&one, &short, None).is_err());
+    assert!([-1.0, f64::INFINITY].into_iter().all(|deviation| blurred(&one, deviation).is_err()));
     assert!(ImageLoss::L2.multi_scale(&one, &one, None, 0).is_err() && pooled(&one, 0).is_err());
 }
 
@@ -137,6 +160,33 @@ fn pooling_and_its_transpose_are_adjoint() {
         assert!((dot(&coarse, &weights) - dot(&fine, &pulled)).abs() < 1e-5, "factor {factor}");
         let whole: f64 = coarse.data.iter().map(|&x| f64::from(x)).sum();
         assert!(whole > 0.0 && coarse.width == 7usize.div_ceil(factor));
+        // Every coarse pixel is the mean of the fine ones under it, fewer at the lower and right edges.
+        for (at, pixel) in coarse.data.chunks_exact(3).enumerate() {
+            let (row, column) = (at / coarse.width % coarse.height, at % coarse.width);
+            let view = at / (coarse.width * coarse.height);
+            let rows = factor * row..(factor * (row + 1)).min(fine.height);
+            let columns = factor * column..(factor * (column + 1)).min(fine.width);
+            let under = rows.flat_map(|r| columns.clone().map(move |c| (r, c)));
+            let red: Vec<f32> = under.map(|(r, c)| fine.pixel(view, r, c)[0]).collect();
+            let mean = red.iter().sum::<f32>() / red.len() as f32;
+            assert!((pixel[0] - mean).abs() < 1e-6, "factor {factor}, pixel {at}: {} for {mean}", pixel[0]);
+        }
+    }
+}
+
+/// A blur takes every view and channel for itself.
+#[test]
+fn channels_and_views_do_not_mix() {
+    let mut random = Random::new(21);
+    let whole = image(&mut random, 3);
+    for deviation in [0.9, 1.7] {
+        let soft = blurred(&whole, deviation).unwrap();
+        for (view, channel) in [(0, 0), (0, 2), (1, 1)] {
+            let data = whole.view(view).iter().skip(channel).step_by(3).copied().collect();
+            let alone = blurred(&Image { batch: 1, channels: 1, data, ..whole }, deviation).unwrap();
+            let part: Vec<f32> = soft.view(view).iter().skip(channel).step_by(3).copied().collect();
+            assert_eq!(part, alone.data, "view {view}, channel {channel}");
+        }
     }
 }
 
@@ -192,6 +242,9 @@ fn regularizers_have_the_values_of_their_formulas() {
     // Offsets of -(1, 1, 1) / 3, (3, -1, -1) / 3, (-1, 2, 0) / 2 and (-1, 0, 2) / 2.
     let laplacian = 3.0 / 9.0 + 11.0 / 9.0 + 2.0 * 5.0 / 4.0;
     assert!((value(Regularizer::Laplacian, &corners) - laplacian).abs() < 1e-12);
+    // A triangle without area has no say beside one that has: here the second is a line.
+    let line = [corners[0], corners[1], corners[2], DVec3::new(2.0, 0.0, 0.0)];
+    assert_eq!(value(Regularizer::NormalConsistency, &line), 0.0);
     // Collapsed to a point nothing is infinite.
     REGULARIZERS.iter().for_each(|r| assert!(value(*r, &[DVec3::ONE; 4]).is_finite()));
     assert!(Regularizer::Laplacian.add(&topology, &corners[..3], 1.0, &mut [DVec3::ZERO; 4]).is_err());
@@ -206,6 +259,10 @@ fn a_topology_knows_its_edges_and_subdivides() {
     let finer = Topology::new(42 + 120, &topology.subdivided()).unwrap();
     assert_eq!((finer.triangles().len(), finer.edges().len(), finer.flaps().len()), (320, 480, 480));
     assert!(Topology::new(3, &[[0, 1, 3]]).is_err());
+    // The official list has the first two edges of each face: of three flaps around a corner, not that which is twice last.
+    let fan = Topology::new(4, &[[1, 2, 0], [2, 3, 0], [0, 3, 1]]).unwrap();
+    let official: Vec<_> = fan.flaps().iter().map(|flap| (flap.edge, flap.official)).collect();
+    assert_eq!(official, [([0, 1], false), ([0, 2], true), ([0, 3], true)]);
 }
 
 #[test]

@@ -42,6 +42,12 @@ fn steps_are_those_of_the_formulas() {
     let mut uniform = Optimizer::new(Method::UniformAdam { betas: [0.9, 0.999], epsilon: 0.0 }, 2);
     uniform.step(&mut x, &[3.0, -4.0], 0.1);
     assert!((x[0] + 0.075).abs() < 1e-9 && (x[1] - 0.1).abs() < 1e-9, "{x:?}");
+    // ε is added to the root: where it is as large, half a step.
+    for method in [Method::ADAM, Method::UniformAdam { betas: [0.9, 0.999], epsilon: 1e-8 }] {
+        let mut x = [0.0];
+        Optimizer::new(method, 1).step(&mut x, &[1e-8], 0.1);
+        assert!((x[0] + 0.05).abs() < 1e-9, "{method:?}: {x:?}");
+    }
     let mut x = [0.0];
     let mut sgd = Optimizer::new(Method::Sgd { momentum: 0.5 }, 1);
     sgd.step(&mut x, &[1.0], 0.1);
@@ -59,6 +65,7 @@ fn a_saved_optimizer_goes_on_as_if_nothing_had_happened() {
     let (steps, mean, square) = first.state();
     let mut second = Optimizer::new(Method::ADAM, 2);
     assert!(second.restore(steps, mean, square) && !second.restore(1, &[0.0; 3], &[0.0; 3]));
+    assert!(!second.restore(1, &[0.0; 2], &[0.0; 3]) && !second.restore(1, &[0.0; 3], &[0.0; 2]));
     (5..10).for_each(|i| second.step(&mut y, &gradient(i), 0.1));
     assert_eq!(x, y);
     second.reset();
@@ -68,13 +75,14 @@ fn a_saved_optimizer_goes_on_as_if_nothing_had_happened() {
 #[test]
 fn schedules_go_from_one_end_to_the_other() {
     for (schedule, middle) in [
-        (Schedule::Linear { from: 1.0, to: 4.0 }, 2.5),
-        (Schedule::Exponential { from: 1.0, to: 4.0 }, 2.0),
-        (Schedule::Cosine { from: 1.0, to: 4.0 }, 2.5),
+        (Schedule::Linear { from: 2.0, to: 8.0 }, 5.0),
+        (Schedule::Exponential { from: 2.0, to: 8.0 }, 4.0),
+        (Schedule::Cosine { from: 2.0, to: 8.0 }, 5.0),
     ] {
         let at = [-1.0, 0.0, 0.5, 1.0, 2.0].map(|t| schedule.at(t));
-        let expected = [1.0, 1.0, middle, 4.0, 4.0];
+        let expected = [2.0, 2.0, middle, 8.0, 8.0];
         assert!(at.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{schedule:?}: {at:?}");
+        assert!((schedule.at_step(2, 5) - middle).abs() < 1e-12);
         assert_eq!([schedule.at_step(0, 1), schedule.at_step(0, 5), schedule.at_step(4, 5)], [at[1], at[1], at[3]]);
     }
     assert_eq!(Schedule::Constant(3.0).at(0.7), 3.0);
@@ -88,6 +96,7 @@ fn smoothing_solves_its_system() {
     let mut positions: Vec<DVec3> = mesh.positions().iter().map(|p| DVec3::from(p.map(f64::from))).collect();
     positions.push(DVec3::new(3.0, 4.0, 5.0));
     let smoothing = Smoothing::new(&topology, 19.0).unwrap();
+    assert_eq!(smoothing.lambda(), 19.0);
     let mut solved = smoothing.undo(&positions).unwrap();
     let distance = |a: &[DVec3], b: &[DVec3]| a.iter().zip(b).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
     assert!(distance(&solved, &positions) > 0.1, "a smoothing of 19 does something");

@@ -87,5 +87,27 @@ fn a_sheet_has_no_inside_and_nonsense_is_refused() {
     let sheet = Mesh::new(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.3]], vec![[0, 1, 2]]).unwrap();
     assert!(close(1.0 + volume(&sheet, 32), 1.0, 1e-9));
     assert_eq!(iou(&sheet, &Mesh::new(Vec::new(), Vec::new()).unwrap(), 8).unwrap(), 1.0);
-    assert!(iou(&sheet, &sheet, 0).is_err() && Voxels::new(&sheet, [0.0; 3], f64::NAN, 8).is_err());
+    assert!(iou(&sheet, &sheet, 0).is_err());
+    let cube = |side: f64, low: f64| Voxels::new(&sheet, [0.0, low, 0.0], side, 8).is_ok();
+    assert!(cube(1.0, 0.0) && !cube(0.0, 0.0) && !cube(f64::NAN, 0.0) && !cube(f64::INFINITY, 0.0));
+    assert!(!cube(1.0, f64::NAN) && !cube(1.0, f64::INFINITY));
+}
+
+#[test]
+fn half_the_rays_make_no_inside() {
+    // A box without three faces that meet: along each axis one of two rays leaves through a face.
+    let cube = shapes::cube().unwrap();
+    let kept = |t: &&[u32; 3]| {
+        let corners = t.map(|i| cube.positions()[i as usize]);
+        (0..3).any(|axis| corners.iter().all(|p| p[axis] < -0.5))
+    };
+    let open = Mesh::new(cube.positions().to_vec(), cube.triangles().iter().filter(kept).copied().collect()).unwrap();
+    assert_eq!(open.triangles().len(), 6);
+    let (low, side) = cube_around(&[&cube]);
+    assert_eq!(Voxels::new(&open, low, side, 16).unwrap().volume(), 0.0);
+    // The grid reaches beyond what it is around, on all sides.
+    let flat = Mesh::new(vec![[0.0, 0.0, 5.0], [1.0, 0.0, 5.0], [0.0, 1.0, 5.0]], vec![[0, 1, 2]]).unwrap();
+    let ([.., bottom], height) = cube_around(&[&flat]);
+    assert!(bottom < 5.0 && bottom + height > 5.0, "{bottom} {height}");
+    assert!(low.iter().all(|x| (-0.61..-0.6).contains(x)) && (1.2..1.22).contains(&side), "{low:?} {side}");
 }

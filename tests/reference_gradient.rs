@@ -364,3 +364,39 @@ fn a_loss_without_images_has_no_gradient_and_wrong_sizes_are_refused() {
     let other = Parameters::new(&Scene::new(mesh()), &case.cameras, &case.settings);
     assert!(render_at(&case.scene, &case.cameras, &case.settings, &other).is_err());
 }
+
+/// What a scene is made of stands where it is asked for.
+#[test]
+fn parameters_are_named_after_what_they_hold() {
+    let (lights, settings) = (lights(Shading::Flat), settings());
+    let scene = Scene::new(mesh()).with_lights(lights.clone());
+    let p = Parameters::new(&scene, &[camera(FOV)], &settings);
+    assert_eq!((p.ambient_color(), p.ambient_intensity()), (&lights.ambient_color[..], 0.4));
+    for (i, light) in lights.directional.iter().enumerate() {
+        assert_eq!((p.light_direction(i), p.light_color(i)), (&light.direction[..], &light.color[..]));
+        assert_eq!(p.light_intensity(i), light.intensity);
+    }
+    assert_eq!((p.background(), p.projection(0)), (&settings.background_color[..], &[0.8][..]));
+    assert_eq!((p.sigma(), p.gamma(), p.epsilon()), (settings.sigma, settings.gamma, settings.epsilon));
+}
+
+/// The official silhouette's gradient is smaller by (1 - D) / 1e-6 where 1 - D is below 1e-6, and elsewhere the model's.
+#[test]
+fn official_gradients_are_damped_deep_inside() {
+    let settings = Settings { width: 1, height: 1, sigma: 0.01, ..Settings::default() };
+    let slope = |inside: f64, parity| {
+        // An edge so far below the pixel that x = d² / σ is what is asked for.
+        let below = -(inside * 0.01).sqrt() as f32;
+        let mesh = Mesh::new(vec![[-9.0, below, 2.0], [9.0, below, 2.0], [0.0, 9.0, 2.0]], vec![[0, 1, 2]]).unwrap();
+        let upstream = Upstream { d_silhouette: Some(vec![1.0]), ..Upstream::default() };
+        let settings = Settings { parity, ..settings.clone() };
+        let scene = Scene::new(mesh);
+        gradient(&scene, &[Camera::screen()], &settings, &upstream, GradientMode::Paper).unwrap().positions(0)[1]
+    };
+    for inside in [2.0, 12.0, 15.0, 20.0] {
+        let ratio = slope(inside, Parity::Official) / slope(inside, Parity::Model);
+        // (1 - D) / D in the place of 1 - D: their D / D is the official code's own.
+        let expected = ((-inside).exp() / 1e-6).min(1.0);
+        assert!((ratio / expected - 1.0).abs() < 1e-4, "{ratio} for {expected} at {inside}");
+    }
+}

@@ -225,3 +225,70 @@ fn the_radius_grows_only_where_depth_mixes() {
     let weighted = Settings { background: Background::Weighted, epsilon: 0.5, ..s.clone() };
     assert!((cutoff(&weighted) / (s.cutoff() + 0.25 / s.gamma) - 1.0).abs() < 1e-8);
 }
+
+/// The radius of support by hand: depths of 2 and 4 between near 1 and far 11 are scores of 0.9 and 0.7.
+#[test]
+fn cutoffs_by_hand() {
+    let mesh =
+        |near: f32, far: f32| Mesh::new(vec![[0.0, 0.0, near], [1.0, 0.0, far], [0.0, 1.0, near]], vec![[0, 1, 2]]);
+    let scene = Scene::new(mesh(2.0, 4.0).unwrap());
+    let settings = Settings {
+        tau: 0.25,
+        epsilon: 0.3,
+        gamma: 0.5,
+        near: 1.0,
+        far: 11.0,
+        support: Support::Guaranteed,
+        ..Settings::default()
+    };
+    let cutoff = |settings: &Settings, scene: &Scene, cameras: &[Camera]| settings.cutoff_of(scene, cameras);
+    let close = |a: f64, b: f64| assert!((a - b).abs() < 1e-8, "{a} instead of {b}");
+    let screen = [Camera::screen()];
+    let (plain, ln7) = (3f64.ln(), 7f64.ln());
+    close(settings.cutoff(), plain);
+    close(cutoff(&settings, &scene, &screen), plain + (0.9 - 0.3) / 0.5);
+    let composite = Settings { background: Background::Composite, ..settings.clone() };
+    close(cutoff(&composite, &scene, &screen), ln7 + (0.9 - 0.7) / 0.5);
+    // Beyond near and far counts as there; what no camera sees does not count.
+    close(cutoff(&composite, &Scene::new(mesh(0.5, 60.0).unwrap()), &screen), ln7 + 1.0 / 0.5);
+    close(cutoff(&settings, &Scene::new(mesh(12.0, 60.0).unwrap()), &screen), plain);
+    close(cutoff(&settings, &Scene::new(mesh(-12.0, 0.9).unwrap()), &screen), plain);
+    // Never below that of the silhouette.
+    close(cutoff(&Settings { epsilon: 5.0, ..settings.clone() }, &scene, &screen), plain);
+    // Through a camera half a unit closer, looking along -z from 0: depths of 3.5 and 5.5 at z = -3 and -5.
+    let eye = glam::DVec3::new(0.0, 0.0, 0.5);
+    let projection = softras::Projection::Perspective { fov_y: 0.5 };
+    let behind = Camera::look_direction(eye, glam::DVec3::NEG_Z, glam::DVec3::Y, projection).unwrap();
+    let away = Scene::new(mesh(-3.0, -5.0).unwrap());
+    close(cutoff(&composite, &away, &[behind]), ln7 + 0.2 / 0.5);
+    close(cutoff(&settings, &away, &[behind]), plain + (0.75 - 0.3) / 0.5);
+    // A screen's depths are the vertices' own, whatever the view transform beside it.
+    let turned = Camera::look_direction(eye, glam::DVec3::NEG_Z, glam::DVec3::Y, softras::Projection::Screen).unwrap();
+    close(cutoff(&settings, &scene, &[turned]), plain + (0.9 - 0.3) / 0.5);
+    // Of several views the one that reaches farthest.
+    let batch = Scene::batch(vec![mesh(8.0, 9.0).unwrap(), mesh(2.0, 4.0).unwrap()]);
+    close(cutoff(&settings, &batch, &[Camera::screen(); 2]), plain + (0.9 - 0.3) / 0.5);
+    // Nothing more where no image is mixed by depth.
+    let silhouette = Outputs { color: false, silhouette: true, depth: false, normal: false };
+    for same in [
+        Settings { support: Support::Probability, ..settings.clone() },
+        Settings { color: ColorAggregation::Hard, ..settings.clone() },
+        Settings { outputs: silhouette, ..settings.clone() },
+    ] {
+        close(cutoff(&same, &scene, &screen), plain);
+    }
+    for outputs in [Outputs { depth: true, ..silhouette }, Outputs { normal: true, ..silhouette }] {
+        close(cutoff(&Settings { outputs, ..settings.clone() }, &scene, &screen), plain + (0.9 - 0.3) / 0.5);
+    }
+}
+
+/// D is τ where the support ends, and a blur of so many pixels ends there.
+#[test]
+fn a_blur_ends_where_d_is_tau() {
+    for (tau, pixels, height) in [(0.3, 3.0, 64), (1e-4, 0.7, 256)] {
+        let settings = Settings { tau, height, ..Settings::default() }.with_blur_pixels(pixels);
+        let distance = pixels * 2.0 / f64::from(height);
+        let d = 1.0 / (1.0 + (distance * distance / settings.sigma).exp());
+        assert!((d / tau - 1.0).abs() < 1e-9 && (settings.blur_pixels() - pixels).abs() < 1e-9, "{d}");
+    }
+}

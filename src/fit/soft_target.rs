@@ -143,6 +143,10 @@ mod tests {
             assert!(soft.data.iter().all(|x| *x == f32::from(u8::from(all))), "{:?}", soft.data);
         }
         assert!(soft_target(&mask(4, |_, _| true), 0.0, 2.0).is_err_and(|e| e.to_string().contains("sigma 0")));
+        assert!(soft_target(&mask(4, |_, _| true), 1e-4, 0.0).is_err_and(|e| e.to_string().contains("0 sheets")));
+        // One half is not above one half.
+        let half = Image { data: vec![0.5; 16], ..mask(4, |_, _| true) };
+        assert!(signed_distance(&half).unwrap().data.iter().all(|x| *x == f32::NEG_INFINITY));
         let colored = Image { channels: 3, ..mask(4, |_, _| true) };
         assert!(signed_distance(&colored).is_err_and(|e| e.to_string().contains("one channel")));
     }

@@ -1,11 +1,12 @@
 //! From shapes and settings to buffer sizes, dispatch counts and the numbers of a frame: pure, no Vulkan.
 //!
 //! Memory, in bytes, with V vertices and S slots over all views (a slot is a triangle; two where the near plane cuts the
-//! mesh), P pixels over all views, B bins (64×32 pixels) and T tiles (8×4 pixels) over all views, C and L the capacities
-//! of the bins' and the tiles' lists, Q the texels of a shading record (4; +2 with textures, +3 with normals):
+//! mesh), P pixels over all views, B bins (64×32 pixels) of a view and N over all views, T tiles (8×4 pixels) over all views,
+//! C and L the capacities of the bins' and the tiles' lists, Q the texels of a shading record (4; +2 with textures, +3 with
+//! normals):
 //!
-//! `32 V + (32 V smooth) + 96 S + 16 Q S + B S/8 + 8 B + 12 C + 36 T + 4 L + 16 P colour + 4 P depth + 16 P normal`,
-//! and for backward `16 P + 8 S` and 8 a cell (64×32 pixels) that a box has beyond its first
+//! `32 V + (32 V smooth) + 96 S + 16 Q S + B S/8 + 8 N + 12⅛ C + 36 T + 4 L + 16 P colour, or 4 P silhouette alone, + 4 P depth
+//! + 16 P normal`, and for backward `16 P + 8 T + 8 S` and 8 a cell (64×32 pixels) that a box has beyond its first
 //!
 //! Nothing grows with pixels × triangles.
 

@@ -207,8 +207,49 @@ mod tests {
         assert_eq!(geometry.table(), expected);
         assert_eq!((geometry.vertices(), geometry.triangles(), geometry.instances()), (18, 8, 5));
         assert_eq!((geometry.source_vertices(), geometry.source_indices()), ((0, 9), 15));
+        // What is not drawn is not read.
+        let hidden = Geometry::new(vec![draw(5, 4, 9, 2, 3), draw(1, 30, 900, 10, 0)]).unwrap();
+        assert_eq!((hidden.source_vertices(), hidden.source_indices()), ((5, 9), 15));
         assert!(matches!(Geometry::new(vec![draw(0, 1, 0, 1, 60_001)]), Err(Error::Limit { .. })));
         assert!(matches!(Geometry::new(vec![draw(0, u32::MAX, 0, 1, 1)]), Err(Error::Limit { .. })));
+    }
+
+    /// Every count ends where a signed index of 32 bits does, draws and instances at 60000.
+    #[test]
+    fn geometry_ends_where_indices_do() {
+        let fits = |draw: Draw| Geometry::new(vec![Draw { instances: draw.instances.max(1), ..draw }]).is_ok();
+        let (most, none) = (i32::MAX as u32, Draw::default());
+        for (last, beyond) in [
+            (Draw { instances: 59_999, ..none }, Draw { instances: 60_000, ..none }),
+            (Draw { vertices: most / 3, ..none }, Draw { vertices: most / 3 + 1, ..none }),
+            (
+                Draw { vertices: most / 21, instances: 7, ..none },
+                Draw { vertices: most / 21 + 1, instances: 7, ..none },
+            ),
+            (
+                Draw { triangles: most / 21, instances: 7, ..none },
+                Draw { triangles: most / 21 + 1, instances: 7, ..none },
+            ),
+            (
+                Draw { first_vertex: most - 4, vertices: 4, ..none },
+                Draw { first_vertex: most - 4, vertices: 5, ..none },
+            ),
+            (
+                Draw { first_index: most - 6, triangles: 2, ..none },
+                Draw { first_index: most - 5, triangles: 2, ..none },
+            ),
+        ] {
+            assert!(fits(last), "{last:?}");
+            assert!(!fits(beyond), "{beyond:?}");
+        }
+        assert_eq!([IndexFormat::Uint16, IndexFormat::Uint32].map(IndexFormat::bits), [16, 32]);
+    }
+
+    #[test]
+    fn rows_of_workgroups_cover_every_element() {
+        assert_eq!(linear_groups(1), [1, 1, 1]);
+        assert_eq!(linear_groups(c::LINEAR_GROUP * c::FORWARD_ROW), [c::FORWARD_ROW, 1, 1]);
+        assert_eq!(linear_groups(c::LINEAR_GROUP * c::FORWARD_ROW + 1), [c::FORWARD_ROW, 2, 1]);
     }
 
     #[test]
@@ -228,5 +269,7 @@ mod tests {
         made.extend(geometry(3).adjacency(made.len() as u32, |i| indices[i]));
         assert_eq!(made, expected);
         assert_eq!(geometry(3).most_corners(|i| indices[i]), 2);
+        // An index of no vertex of its draw is none of the next instance's first.
+        assert_eq!(geometry(2).most_corners(|i| [0, 1, 2, 4, 4, 3][i]), 1);
     }
 }

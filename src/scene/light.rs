@@ -96,3 +96,23 @@ impl Default for Lights {
         Self::unlit()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_light_that_is_one_everywhere_is_none() {
+        let ambient = |color: [f64; 3], ambient_intensity: f64| Lights {
+            ambient_color: color,
+            ambient_intensity,
+            ..Lights::default()
+        };
+        assert!(Lights::unlit().is_unlit() && ambient([0.5; 3], 2.0).is_unlit());
+        assert!(!ambient([1.0, 1.0, 0.9], 1.0).is_unlit() && !ambient([0.5; 3], 1.5).is_unlit());
+        let official = Lights::official();
+        // From above all of it, from the side the ambient half.
+        assert_eq!((official.ambient_intensity, official.directional[0].intensity), (0.5, 0.5));
+        assert!(!official.is_unlit() && !Lights { directional: official.directional, ..Lights::unlit() }.is_unlit());
+    }
+}

@@ -262,4 +262,11 @@ mod tests {
         assert_eq!(Mesh::new(with_another.clone(), vec![[2, 0, 1]]).ok().and_then(|m| m.bounds()), around);
         assert_eq!(Mesh::new(with_another, Vec::new()).ok().and_then(|m| m.bounds()), None);
     }
+
+    #[test]
+    fn the_most_corners_of_a_vertex_are_counted() {
+        let most = |triangles: &[[u32; 3]]| Mesh::new(vec![[0.0; 3]; 6], triangles.to_vec()).map(|m| m.most_corners());
+        assert_eq!([most(&[]).ok(), most(&[[1, 2, 3]]).ok()], [Some(0), Some(1)]);
+        assert_eq!(most(&[[0, 1, 2], [2, 1, 3], [4, 2, 2], [5, 4, 3]]).ok(), Some(4));
+    }
 }

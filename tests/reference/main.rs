@@ -4,6 +4,7 @@
 
 mod by_hand;
 mod culling;
+mod details;
 mod projection;
 
 use glam::DMat4;
