@@ -234,6 +234,17 @@ fn the_benchmark_reports_every_method_and_draws_its_landscape() {
     let methods = report["methods"].as_array().unwrap();
     assert_eq!(methods.len(), 11);
     assert!(methods.iter().all(|m| (0.0..=180.0).contains(&m["median_degrees"].as_f64().unwrap())), "{report}");
+    // What the schedule, the blur and long first steps are for, with the paper's plain colours.
+    let run = "pose --benchmark --trials 20 --starts 1 --seed 101 --json";
+    let report: Value =
+        serde_json::from_str(&succeeds(folder.path(), &run.split_whitespace().collect::<Vec<_>>())).unwrap();
+    let within = |name: &str| {
+        let methods = report["methods"].as_array().unwrap();
+        methods.iter().find(|m| m["method"] == name).unwrap()["within_5_degrees"].as_u64().unwrap()
+    };
+    let hard = within("hard, image-space finite differences");
+    let soft = within("soft, sigma-gamma schedule, coarse to fine");
+    assert!(soft >= 11 && soft > hard + 3, "{report}");
     // The loss over two angles: ragged where it is sharp, smooth where it is soft.
     let run = "pose --benchmark --trials 1 --starts 1 --iterations 1 --landscape landscape.png";
     succeeds(folder.path(), &run.split_whitespace().collect::<Vec<_>>());
@@ -247,6 +258,20 @@ fn the_benchmark_reports_every_method_and_draws_its_landscape() {
     fails_with("pose --benchmark --mesh x.obj", "cannot be used with");
     fails_with("iou a.obj b.obj --resolution 0", "--resolution");
     fails_with("fit --from x.obj --views many -o out.obj", "number of views");
+}
+
+#[test]
+fn a_hidden_elbow_is_found_by_soft_gradients_and_the_rest_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let report: Value =
+        serde_json::from_str(&succeeds(folder.path(), &["articulate", "--trials", "2", "--seed", "11", "--json"]))
+            .unwrap();
+    let of = |name: &str| report["methods"].as_array().unwrap().iter().find(|m| m["method"] == name).unwrap().clone();
+    let [start, visible, soft] = ["no optimisation", "visible only", "soft"].map(of);
+    assert!(numbers(&soft["hidden_joint_degrees"]).iter().all(|e| *e < 10.0), "{soft}");
+    assert!(numbers(&visible["hidden_joint_degrees"]).iter().all(|e| *e > 20.0), "{visible}");
+    let others = |method: &Value| method["other_joints_mean_degrees"].as_f64().unwrap();
+    assert!(others(&soft) < others(&start), "{soft} from {start}");
 }
 
 #[test]

@@ -51,14 +51,15 @@ impl Default for FigureOptions {
     fn default() -> Self {
         Self {
             iterations: 300,
-            sigma: Schedule::Exponential { from: 4e-3, to: 3e-5 },
-            gamma: Schedule::Exponential { from: 3e-1, to: 3e-2 },
-            blur: Schedule::Exponential { from: 0.1, to: 0.003 },
+            sigma: Schedule::Exponential { from: 3e-4, to: 3e-6 },
+            // Held: what is hidden must still be felt when the outline says exactly where it is.
+            gamma: Schedule::Constant(1e-1),
+            blur: Schedule::Exponential { from: 0.03, to: 0.003 },
             rate: Schedule::Exponential { from: 0.04, to: 0.003 },
             shift_rate: 0.1,
             length_rate: 0.0,
-            weights: [1.0, 3.0],
-            stiffness: 1e-3,
+            weights: [1.0, 20.0],
+            stiffness: 3e-3,
             sight: Sight::Soft,
         }
     }
