@@ -245,6 +245,17 @@ fn the_benchmark_reports_every_method_and_draws_its_landscape() {
     let methods = report["methods"].as_array().unwrap();
     assert_eq!(methods.len(), 11);
     assert!(methods.iter().all(|m| (0.0..=180.0).contains(&m["median_degrees"].as_f64().unwrap())), "{report}");
+    // What the schedule, the blur and long first steps are for, with the paper's plain colours.
+    let run = "pose --benchmark --trials 20 --starts 1 --seed 101 --json";
+    let report: Value =
+        serde_json::from_str(&succeeds(folder.path(), &run.split_whitespace().collect::<Vec<_>>())).unwrap();
+    let within = |name: &str| {
+        let methods = report["methods"].as_array().unwrap();
+        methods.iter().find(|m| m["method"] == name).unwrap()["within_5_degrees"].as_u64().unwrap()
+    };
+    let hard = within("hard, image-space finite differences");
+    let soft = within("soft, sigma-gamma schedule, coarse to fine");
+    assert!(soft >= 11 && soft > hard + 3, "{report}");
     // The loss over two angles: ragged where it is sharp, smooth where it is soft.
     let run = "pose --benchmark --trials 1 --starts 1 --iterations 1 --landscape landscape.png";
     succeeds(folder.path(), &run.split_whitespace().collect::<Vec<_>>());
