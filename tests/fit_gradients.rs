@@ -136,6 +136,9 @@ fn what_does_not_fit_is_refused() {
     assert!(message(ImageLoss::L2, Some(&three)).contains("one weight a pixel"));
     let masked = Image { data: vec![0.0; one.data.len()], ..one.clone() };
     assert!(message(ImageLoss::L2, Some(&masked)).contains("mask"));
+    assert!(
+        message(ImageLoss::L2, Some(&Image { data: masked.data[1..].to_vec(), ..one.clone() })).contains("one weight")
+    );
     let negative = Image { data: vec![-1.0; one.data.len()], ..one.clone() };
     assert!(message(ImageLoss::NegativeIou, Some(&negative)).contains("not negative"));
     let short = Image { data: one.data[1..].to_vec(), ..one.clone() };

@@ -16,9 +16,9 @@ use common::{
 };
 use glam::DVec3;
 use softras::{
-    Camera, Error, GradientMode, Gradients, ImageGradient, Lights, Mesh, Projection, RendererOptions, Scene, Settings,
-    Wanted,
-    scene::{Appearance, Outputs},
+    Camera, Error, GradientMode, Gradients, Image, ImageGradient, Lights, Mesh, Projection, RendererOptions, Scene,
+    Settings, Wanted,
+    scene::{Appearance, Outputs, Texture, Wrap},
     shapes,
 };
 
@@ -251,6 +251,33 @@ fn assert_refused(result: Result<Gradients, Error>, what: &str) {
         }
         other => panic!("{other:?} instead of a refusal: {what}"),
     }
+}
+
+/// What gradients are summed into begins at zero in every pass, also where it is so large that it is cleared in parts.
+#[test]
+fn a_large_texture_gets_the_same_gradient_again() {
+    let side = 151;
+    let texture = Texture::new(side, side, vec![[0.5; 3]; (side * side) as usize], Wrap::Clamp).unwrap();
+    let (uvs, corners) = ([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]], vec![[0, 1, 2], [0, 2, 3]]);
+    let positions = uvs.map(|[u, v]: [f32; 2]| [2.0 * u - 1.0, 2.0 * v - 1.0, 2.0]).to_vec();
+    let appearance = Appearance::Textured {
+        uvs: uvs.to_vec(),
+        uv_triangles: corners.clone(),
+        textures: vec![texture],
+        texture_of_triangle: Vec::new(),
+    };
+    let scene = Scene::new(Mesh::new(positions, corners).unwrap().with_appearance(appearance).unwrap());
+    let mut renderer = renderer();
+    let frame = renderer.render(&scene, &[Camera::screen()], &settings(32)).unwrap();
+    let ones = frame.color().map(|image| Image { data: vec![1.0; image.data.len()], ..image.clone() }).unwrap();
+    let wanted = Wanted { texels: true, ..Wanted::NOTHING };
+    let mut gradient = || renderer.backward(&frame, &ImageGradient::color(ones.clone()), &wanted).unwrap();
+    let (first, again) = (gradient(), gradient());
+    assert_eq!(first, again);
+    // Every row of pixels reaches two rows of texels, so that none of the parts stays as it was.
+    let texels = &first.meshes[0].texture_texels[0];
+    let touched = texels.chunks(side as usize).filter(|row| row.iter().flatten().any(|x| *x != 0.0)).count();
+    assert!(touched >= 60, "{touched} rows of texels");
 }
 
 #[test]
