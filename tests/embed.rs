@@ -160,10 +160,23 @@ fn requirements_are_known_before_there_is_a_device() {
     for ((name, limit), minimum) in needed.limits.iter().zip(minima) {
         assert!(*limit <= minimum, "{name}: {limit}");
     }
-    let mut impossible = requirements();
-    impossible.limits[0].1 = 1 << 40;
-    let message = error(impossible.judge(&engine.host_adapter()));
-    assert!(message.contains("maxPushConstantsSize"), "{message}");
+    // Each limit is held against its own: one more than the device has is too much, and what it has is not.
+    let has = |name: &str| match name {
+        "maxPushConstantsSize" => info.limits.max_push_constants,
+        "maxPerStageDescriptorStorageBuffers" => info.limits.max_storage_buffers,
+        "maxPerStageDescriptorSampledImages" => info.limits.max_texel_buffers,
+        "maxComputeSharedMemorySize" => info.limits.max_shared_memory,
+        "maxComputeWorkGroupInvocations" => info.limits.max_workgroup_invocations,
+        other => panic!("{other}"),
+    };
+    for (i, (name, _)) in needed.limits.iter().enumerate() {
+        let mut most = requirements();
+        most.limits[i].1 = has(name).into();
+        most.judge(&engine.host_adapter()).unwrap();
+        most.limits[i].1 += 1;
+        let message = error(most.judge(&engine.host_adapter()));
+        assert!(message.contains(&format!("{name} is {}", has(name))), "{message}");
+    }
     // A plan needs no device either.
     let case = random_case(0, Kind::Plain);
     let shape = Shape::of(&case.scene, &case.cameras, &case.settings).unwrap();

@@ -109,6 +109,40 @@ fn a_count_that_only_the_device_knows_is_drawn() {
     assert_silent(engine);
 }
 
+#[test]
+fn counts_of_several_meshes_lie_a_stride_apart() {
+    let engine = engine();
+    let rasterizer = rasterizer(&engine);
+    let mut case = case(3.0, Lights::official(), 2);
+    case.scene.meshes.push(case.scene.meshes[0].clone());
+    let mut shape = Shape::of(&case.scene, &case.cameras, &case.settings).unwrap();
+    shape.device_counts = true;
+    let host = Host::of_shape(&engine, &rasterizer, &case, &shape);
+    let mut words = engine.buffer(16, vk::BufferUsageFlags::STORAGE_BUFFER, MemoryLocation::CpuToGpu).unwrap();
+    // The words between are not counts.
+    words.write(0, bytemuck::bytes_of(&[57u32, 9, 9, 200]));
+    let bind = |bytes| {
+        let counts = Counts { buffer: words.whole().part(0, bytes).unwrap(), stride: 12, of_indices: false };
+        rasterizer.bind_counts(&host.plan, &host.bindings, &counts)
+    };
+    let message = error(bind(12));
+    assert!(message.contains("2 counts 12 bytes apart in 12 bytes"), "{message}");
+    let counts = bind(16).unwrap();
+    submit(&engine, |commands| {
+        rasterizer.record_counts(commands, &counts).unwrap();
+        rasterizer.record_forward(commands, &host.plan, &host.bindings).unwrap();
+    });
+    let mut scene = first_triangles(&case, 57);
+    scene.meshes.extend(first_triangles(&case, 200).meshes);
+    let frame = renderer().render(&scene, &case.cameras, &case.settings).unwrap();
+    let due = [frame.color(), frame.silhouette(), frame.depth(), frame.normal()];
+    for ((name, image), due) in images(&case, &host).iter().zip(due) {
+        assert_eq!(difference(image, &due.unwrap().data), None, "{name}");
+    }
+    drop((host, rasterizer));
+    assert_silent(engine);
+}
+
 /// One of two frames in flight: what it does not share.
 struct Flight {
     commands: Commands,

@@ -106,16 +106,19 @@ pub fn growth(path: &Path, title: &str, all: &[Growth]) -> Result<()> {
 /// [`softras::Error::Io`].
 pub fn stages(path: &Path, title: &str, rows: &[Row]) -> Result<()> {
     let rows: Vec<&Row> = rows.iter().filter(|row| row.pass == "frame").collect();
-    let height = 110 + 26 * rows.len() as u32;
+    let names = stage_names(&rows);
+    // Room for the bars, and for the names beside them.
+    let height = (110 + 26 * rows.len()).max(110 + 16 * names.len()) as u32;
     svg::write(path, (SIZE.0, height.max(300)), |root| {
         root.fill(&WHITE)?;
-        let most = rows.iter().map(|row| row.median).fold(0.0, f64::max).max(1e-3);
+        let end = |row: &&Row| row.span(&names, names.len() - 1).1;
+        let most = rows.iter().map(end).fold(1e-3, f64::max);
         let mut chart = ChartBuilder::on(root)
             .caption(title, ("sans-serif", 18))
             .margin(14)
             .x_label_area_size(40)
             .y_label_area_size(240)
-            .build_cartesian_2d(0.0..most * 1.25, (0..rows.len()).into_segmented())?;
+            .build_cartesian_2d(0.0..most * 1.45, (0..rows.len()).into_segmented())?;
         let label = |at: &SegmentValue<usize>| match at {
             SegmentValue::CenterOf(i) => {
                 rows.get(*i).map_or(String::new(), |r| format!("{} {} {}", r.scene, r.size, r.mode))
@@ -129,10 +132,9 @@ pub fn stages(path: &Path, title: &str, rows: &[Row]) -> Result<()> {
             .y_labels(rows.len().max(1))
             .y_label_formatter(&label)
             .draw()?;
-        let names = stage_names(&rows);
         for (k, name) in names.iter().enumerate() {
             let color = if *name == "host" { RGBColor(200, 200, 200) } else { COLORS[k % 6] };
-            let shade = if k < 6 || *name == "host" { color.to_rgba() } else { color.mix(0.5) };
+            let shade = if *name == "host" { color.to_rgba() } else { color.mix([1.0, 0.55, 0.25][k / 6 % 3]) };
             let bar = |(i, row): (usize, &&Row)| {
                 let (start, end) = row.span(&names, k);
                 Rectangle::new([(start, SegmentValue::Exact(i)), (end, SegmentValue::Exact(i + 1))], shade.filled())
