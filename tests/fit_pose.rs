@@ -174,6 +174,8 @@ fn hard_sphere(radius: f32, shift: f32) -> (Vec<DVec3>, Vec<DVec3>, Vec<[f64; 6]
     let upstream = ImageGradient::silhouette(ImageLoss::NegativeIou.evaluate(is, wanted, None).unwrap().gradient);
     let by_vertex = flow_by_vertex(&mut renderer, &frame, &upstream, &cameras).unwrap();
     assert!(flow_by_vertex(&mut renderer, &frame, &upstream, &cameras[..1]).is_err());
+    let smaller = Image { width: 1, data: vec![0.0; 2 * is.height], ..is.clone() };
+    assert!(flow_gradient(&frame, &ImageGradient::silhouette(smaller), &cameras[0]).is_err());
     // One angle of view for both.
     let twists = flow_gradient(&frame, &upstream, &cameras[0]).unwrap();
     (positions, by_vertex.iter().map(|g| DVec3::from(g.map(f64::from))).collect(), twists, cameras)

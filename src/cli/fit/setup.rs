@@ -93,7 +93,7 @@ impl Setup {
 
     /// Where a fit goes on: the template, unless it was remade before that step.
     pub fn resumed(&self, step: usize, mesh: Mesh) -> Result<Mesh, Failure> {
-        if !(0..step).any(|before| self.remakes(before)) {
+        if !self.subdivide_at.iter().chain(&self.remesh_at).any(|&at| at < step) {
             return Ok(self.template.clone());
         }
         let appearance = match self.template.appearance() {

@@ -15,7 +15,8 @@ use glam::{DMat3, DVec3};
 /// dL by each view's twist (v, ω), as [`crate::gradients::CameraGradient::twist`].
 ///
 /// # Errors
-/// [`crate::Error::Fit`] for a frame without depth or a camera without perspective.
+/// [`crate::Error::Fit`] for a frame without depth, gradients of another shape than its images, or a camera without
+/// perspective.
 pub fn flow_gradient(frame: &Frame, upstream: &ImageGradient, camera: &Camera) -> Result<Vec<[f64; 6]>> {
     let flow = Flow::new(frame, upstream)?;
     let slope = slope(camera)?;
@@ -34,8 +35,8 @@ pub fn flow_gradient(frame: &Frame, upstream: &ImageGradient, camera: &Camera) -
 /// with depth, and saved for backward.
 ///
 /// # Errors
-/// [`crate::Error::Fit`] for a frame without depth, a camera without perspective, or cameras that are not the frame's;
-/// otherwise as [`Renderer::backward`].
+/// [`crate::Error::Fit`] for a frame without depth, gradients of another shape than its images, a camera without
+/// perspective, or cameras that are not the frame's; otherwise as [`Renderer::backward`].
 pub fn flow_by_vertex(
     renderer: &mut Renderer,
     frame: &Frame,
@@ -84,7 +85,11 @@ impl<'a> Flow<'a> {
             return bad("a frame without depth", "ask for it in Settings::outputs");
         };
         let pairs = [(frame.color(), &upstream.color), (frame.silhouette(), &upstream.silhouette)];
-        let images = pairs.into_iter().filter_map(|(image, gradient)| image.zip(gradient.as_ref())).collect();
+        let images: Vec<_> = pairs.into_iter().filter_map(|(image, gradient)| image.zip(gradient.as_ref())).collect();
+        let shape = |image: &Image| ([image.batch, image.height, image.width, image.channels], image.data.len());
+        if images.iter().any(|(image, gradient)| shape(image) != shape(gradient)) {
+            return bad("gradients of another shape than the frame's images", "give one number for each of theirs");
+        }
         Ok(Self { depth, images })
     }
 
