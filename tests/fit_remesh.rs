@@ -27,6 +27,12 @@ fn euler(mesh: &Mesh) -> i64 {
     mesh.positions().len() as i64 - topology.edges().len() as i64 + mesh.triangles().len() as i64
 }
 
+/// What a closed mesh holds, below 0 where it is inside out.
+fn volume(mesh: &Mesh) -> f64 {
+    let six = |t: &[u32; 3]| point(mesh, t[0]).dot(point(mesh, t[1]).cross(point(mesh, t[2])));
+    mesh.triangles().iter().map(six).sum::<f64>() / 6.0
+}
+
 /// A sphere drawn out to a needle, as fits do it: long edges along it, short ones around.
 fn stretched() -> Mesh {
     let sphere = shapes::icosphere(3).unwrap();
@@ -67,12 +73,28 @@ fn the_surface_stays() {
         let common = iou(&mesh, &even, 64).unwrap();
         assert!(common > least, "{common}");
         // None lies on its face: normals point outward as they did.
-        let volume = |mesh: &Mesh| {
-            let six = |t: &[u32; 3]| point(mesh, t[0]).dot(point(mesh, t[1]).cross(point(mesh, t[2])));
-            mesh.triangles().iter().map(six).sum::<f64>() / 6.0
-        };
         assert!((volume(&even) / volume(&mesh) - 1.0).abs() < 0.1, "{} of {}", volume(&even), volume(&mesh));
         assert_eq!(remeshed(&mesh, length).unwrap(), even, "another mesh the second time");
+    }
+}
+
+/// Edges longer than the tube of a torus is around, and than a plate is thick, make nothing but a torus and a plate of it.
+#[test]
+fn handles_and_thin_plates_outlive_long_edges() {
+    let plate = cube().positions().iter().map(|p| [p[0], p[1], 0.05 * p[2]]).collect();
+    let plate = remeshed(&Mesh::new(plate, cube().triangles().to_vec()).unwrap(), 0.02).unwrap();
+    let torus = shapes::torus(0.7, 0.1, 96, 24).unwrap();
+    for (mesh, length, kept) in [(torus, 0.7, 0.0), (plate.clone(), 0.08, 0.8), (plate, 0.3, 0.1)] {
+        let even = remeshed(&mesh, length).unwrap();
+        let topology = Topology::new(even.positions().len(), even.triangles()).unwrap();
+        assert!(even.triangles().len() * 2 < mesh.triangles().len(), "{length}: {}", even.triangles().len());
+        assert!(is_closed(&even) && euler(&even) == euler(&mesh), "{length}: {}", euler(&even));
+        assert_eq!(
+            2 * topology.edges().len(),
+            3 * even.triangles().len(),
+            "{length}: an edge of more than two triangles"
+        );
+        assert!(volume(&even) > kept * volume(&mesh), "{length}: {} of {}", volume(&even), volume(&mesh));
     }
 }
 
