@@ -139,6 +139,8 @@ fn what_cannot_be_remeshed_is_refused() {
     }
     let painted = remeshed(&shapes::cube().unwrap(), 0.5);
     assert!(matches!(&painted, Err(Error::Fit { what, .. }) if what.contains("textured")), "{painted:?}");
+    let needle = Mesh::new(vec![[0.0; 3], [1e9, 0.0, 0.0], [2e9, 0.0, 0.0]], vec![[0, 1, 2]]).unwrap();
+    assert!(matches!(remeshed(&needle, 0.1), Err(Error::Fit { .. })), "no area, but no end of edges");
     // Nothing at all stays nothing.
     let empty = Mesh::new(Vec::new(), Vec::new()).unwrap();
     assert_eq!(remeshed(&empty, 0.5).unwrap().triangles().len(), 0);

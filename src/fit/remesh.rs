@@ -34,7 +34,9 @@ const HALVINGS: usize = 30;
 /// ```
 pub fn remeshed(mesh: &Mesh, edge_length: f64) -> Result<Mesh> {
     let mut surface = Surface::of(mesh)?;
-    let wanted = surface.area() / (0.25 * 3f64.sqrt() * edge_length * edge_length);
+    // Triangles without area are cut up along their edges too.
+    let around: f64 = surface.edges().iter().map(|(length, _)| length).sum();
+    let wanted = surface.area() / (0.25 * 3f64.sqrt() * edge_length * edge_length) + around / edge_length;
     if !(edge_length > 0.0 && wanted < MOST_TRIANGLES) {
         let what = format!("triangles with edges of {edge_length}: some {wanted:.3e} of them");
         return bad(what, "use a length above 0 that makes at most 4 million triangles");
