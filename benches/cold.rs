@@ -5,11 +5,11 @@
 //! driver's where it has one: lavapipe keeps its code in Mesa's shader cache). Three of each, medians.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-use softras::measure::Mode;
-use softras::measure::subject::{camera, scene, settings};
-use softras::measure::time::{median, upstream};
-use softras::vulkan::CacheFolder;
+use softras::internals::vulkan::CacheFolder;
 use softras::{Renderer, RendererOptions, Settings, shapes};
+use softras_cli::measure::Mode;
+use softras_cli::measure::subject::{camera, scene, settings};
+use softras_cli::measure::time::{median, upstream};
 use std::path::Path;
 use std::process::Command;
 use std::time::Instant;

@@ -8,9 +8,9 @@
 mod naive;
 mod subject;
 
-use softras::measure::subject::{camera, scene, settings};
-use softras::measure::sweep::{front, front_settings};
 use softras::{Renderer, Settings, reference};
+use softras_cli::measure::subject::{camera, scene, settings};
+use softras_cli::measure::sweep::{front, front_settings};
 
 fn main() {
     let mut renderer = Renderer::new().expect("a Vulkan device");
@@ -34,7 +34,7 @@ fn main() {
         let (time, image) = naive::render(&scene, &camera, &fine, 2).expect("a frame");
         let error = naive::error(&image, &exact, fine.outputs);
         println!("{:>12} {:>8.0e} {time:>10.2} {:>10} {error:>10.1e}", "naive", fine.tau, "-");
-        let better = |c: &softras::measure::sweep::Curve| {
+        let better = |c: &softras_cli::measure::sweep::Curve| {
             c.points.iter().filter(|p| p.error <= error).map(|p| p.forward).fold(f64::INFINITY, f64::min)
         };
         let best = curves.iter().map(better).fold(f64::INFINITY, f64::min);

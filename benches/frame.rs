@@ -8,10 +8,10 @@
 
 mod subject;
 
-use softras::measure::subject::{cameras, scene, settings};
-use softras::measure::time::times;
-use softras::measure::{Mode, floor, peak_flops};
 use softras::{Error, Mesh, Renderer, Settings, reference, shapes};
+use softras_cli::measure::subject::{cameras, scene, settings};
+use softras_cli::measure::time::times;
+use softras_cli::measure::{Mode, floor, peak_flops};
 
 fn main() {
     let mut renderer = Renderer::new().expect("a Vulkan device");

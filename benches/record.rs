@@ -9,7 +9,7 @@ mod engine;
 
 use engine::Engine;
 use gpu_allocator::MemoryLocation;
-use softras::rasterizer::{Arena, Differentiate, Rasterizer, Shape};
+use softras::embed::{Arena, Differentiate, Rasterizer, Shape};
 use softras::{Camera, Projection, Scene, Settings, Wanted, shapes};
 use std::time::Instant;
 

@@ -15,7 +15,7 @@ use ash::vk;
 use engine::{Buffer, Commands, Compute, Engine, Image, Outcome, Overlay};
 use glam::DVec3;
 use gpu_allocator::MemoryLocation;
-use softras::rasterizer::{
+use softras::embed::{
     Arena, BufferRef, Differentiate, FrameBindings, FrameImage, FramePlan, GradientBindings, GradientPlan,
     ImageBindings, ImageFormat, ImageRef, Inputs, Rasterizer, Shape, Status, requirements,
 };
@@ -320,7 +320,7 @@ impl Flight {
     }
 
     /// What the last frame says; the room it needs, if it had too little.
-    fn status(&self, plan: &FramePlan) -> Outcome<Option<softras::plan::Capacity>> {
+    fn status(&self, plan: &FramePlan) -> Outcome<Option<softras::internals::plan::Capacity>> {
         let bytes = self.status.bytes().first_chunk::<{ Status::BYTES }>().ok_or("no status")?;
         Ok(Status::from_bytes(bytes).judge(plan)?)
     }

@@ -7,7 +7,7 @@
 
 use ash::vk;
 use glam::DVec3;
-use softras::rasterizer::{
+use softras::embed::{
     Arena, BufferRef, FrameBindings, FramePlan, HostAdapter, HostCommands, HostDevice, Inputs, Rasterizer, Shape,
     Status, requirements,
 };

@@ -30,43 +30,46 @@
 //! image is its top. Images are not mirrored.
 //!
 //! # Where things are
-//! both; [`fit`] turns gradients into shape, colour and pose; `measure` says what a frame costs and must cost; `stress`
-//! draws scenes to break it. Below them, [`rasterizer`] is the same for an engine with a device of its own, and what
-//! [`renderer`] is built on; [`plan`] turns sizes into buffers and dispatches, [`passes`] records a frame, and [`vulkan`]
-//! is where `unsafe` lives.
+//! - [`Renderer`] opens a device, renders scenes and differentiates the images. [`Scene`], [`Mesh`], [`Camera`],
+//!   [`Lights`] and [`Settings`] describe what it renders; [`Frame`], [`Image`] and [`Gradients`] are what comes back.
+//! - [`shapes`] makes meshes, [`obj`] reads and writes them.
+//! - [`fit`] turns gradients into shape, colour and pose.
+//! - [`embed`] records the same frames into an engine's own command buffers, with the engine's own device and memory.
+//! - `reference`, behind the feature of that name, computes images and gradients in f64 by brute force. The kernels are
+//!   checked against it.
 
 #![deny(unsafe_code)]
 
-pub mod buffers;
-pub mod error;
+pub mod embed;
+mod error;
+#[cfg(feature = "fit")]
 pub mod fit;
-pub mod gradients;
-pub mod image;
-#[cfg(feature = "reference")]
-pub mod measure;
+mod frame;
+mod gradients;
+mod image;
+#[doc(hidden)]
+pub mod internals;
 #[cfg(feature = "obj")]
 pub mod obj;
-pub mod pack;
-pub mod passes;
-pub mod pipelines;
-pub mod plan;
-pub mod rasterizer;
 #[cfg(feature = "reference")]
 pub mod reference;
-pub mod renderer;
+#[cfg(feature = "renderer")]
+mod renderer;
 pub mod scene;
 pub mod shapes;
-#[cfg(feature = "reference")]
-pub mod stress;
 #[allow(unsafe_code)]
-pub mod vulkan;
+mod vulkan;
 
 pub use error::{Error, Result};
 /// Vectors and matrices, as cameras take them.
 pub use glam;
-pub use gradients::{GradientMode, Gradients, ImageGradient, Wanted};
+pub use gradients::{CameraGradient, GradientMode, Gradients, ImageGradient, LightGradients, MeshGradients, Wanted};
 pub use image::Image;
-pub use rasterizer::Rasterizer;
-pub use renderer::{Frame, FrameCounts, Renderer, RendererOptions};
+#[cfg(feature = "renderer")]
+pub use renderer::{Frame, FrameCounts, Renderer, RendererOptions, StageTime};
 pub use scene::{Camera, Lights, Mesh, Projection, Scene, Settings};
-pub use vulkan::constants;
+#[cfg(feature = "renderer")]
+pub use vulkan::CacheFolder;
+pub use vulkan::{DeviceInfo, DeviceKind, Limits, Loader, Subgroups};
+
+use vulkan::constants;

@@ -14,11 +14,6 @@ use std::{
     path::{Path, PathBuf},
 };
 
-#[cfg(feature = "cli")]
-#[allow(dead_code)] // What only the command needs.
-#[path = "../src/cli/npz/npy.rs"]
-mod npy;
-
 /// Counts what is allocated.
 #[global_allocator]
 static MEMORY: PeakAlloc = PeakAlloc;
@@ -101,8 +96,6 @@ fn malformed_files_are_read_or_refused_as_their_names_say() {
         fs::write(&obj, format!("mtllib mesh.mtl\n{TRIANGLE}")).unwrap();
         outcome(load(&obj, &options))
     });
-    #[cfg(feature = "cli")]
-    check("npy", "", |path| npy::read(&fs::read(path).unwrap()[..]).map(drop).map_err(|_| (path.into(), None)));
 }
 
 #[test]
@@ -110,25 +103,4 @@ fn names_say_what_is_promised() {
     assert_eq!(promised(Path::new("x/read_it.obj")), None);
     assert_eq!(promised(Path::new("x/refused_it.obj")), Some(None));
     assert_eq!(promised(Path::new("x/refused_line12_it.obj")), Some(Some(12)));
-}
-
-/// Through `softras fit`, which reads them; they are refused before anything is rendered.
-#[cfg(feature = "cli")]
-#[test]
-fn malformed_cameras_are_refused() {
-    for file in files("cameras") {
-        let folder = tempfile::tempdir().unwrap();
-        fs::copy(&file, folder.path().join("cameras.json")).unwrap();
-        image::RgbaImage::new(4, 4).save(folder.path().join("a.png")).unwrap();
-        let output = std::process::Command::new(env!("CARGO_BIN_EXE_softras"))
-            .args(["fit", "--views", folder.path().to_str().unwrap(), "-o", "never.obj"])
-            .current_dir(folder.path())
-            .output()
-            .unwrap();
-        let errors = String::from_utf8_lossy(&output.stderr);
-        let shown = file.display();
-        assert_eq!(output.status.code(), Some(1), "{shown}: {errors}");
-        assert!(errors.contains("error: ") && !errors.contains("panicked"), "{shown}: {errors}");
-        assert!(!folder.path().join("never.obj").exists(), "{shown}");
-    }
 }

@@ -19,7 +19,7 @@ use softras::{
 };
 
 fn is_software(renderer: &Renderer) -> bool {
-    renderer.device_info().kind == softras::vulkan::DeviceKind::Software
+    renderer.device_info().kind == softras::internals::vulkan::DeviceKind::Software
 }
 
 /// Triangles about the centre of pixel (7, 8) of a 16×16 image, which some half of them cover.

@@ -15,13 +15,13 @@ use common::gradient::{random_upstream, same_gradient_bits};
 use common::scenes::{Case, Kind, random_case};
 use common::{renderer, tolerance};
 use host::{Backward, Host, Messages, assert_silent, difference, engine, error, forward, images, rasterizer, submit};
-use softras::plan::{Capacity, DepthSpan};
-use softras::rasterizer::{
+use softras::embed::{
     AppearanceShape, Arena, BufferRef, Differentiate, FrameBindings, FramePlan, GradientPlan, HostAdapter,
     HostCommands, HostDevice, MeshShape, Rasterizer, Shape, requirements,
 };
-use softras::vulkan::vk::Handle;
-use softras::vulkan::{Device, DeviceKind, Limits};
+use softras::internals::plan::{Capacity, DepthSpan};
+use softras::internals::vulkan::vk::Handle;
+use softras::internals::vulkan::{Device, DeviceKind, Limits};
 use softras::{Error, Lights, Scene, Wanted};
 use std::ffi::c_void;
 
@@ -384,5 +384,5 @@ fn everything_is_send_and_sync() {
     fn assert<T: Send + Sync>() {}
     assert::<Rasterizer>();
     assert::<(FramePlan, FrameBindings)>();
-    assert::<(GradientPlan, softras::rasterizer::GradientBindings)>();
+    assert::<(GradientPlan, softras::embed::GradientBindings)>();
 }

@@ -13,8 +13,8 @@ use common::tolerance;
 use host::engine::Engine;
 use host::{Backward, Host, Messages, assert_silent, difference, engine, error, images, shim, submit};
 use shim::adapter;
-use softras::rasterizer::{HostAdapter, HostDevice, Rasterizer, requirements};
-use softras::vulkan::{CacheFolder, Device};
+use softras::embed::{HostAdapter, HostDevice, Rasterizer, requirements};
+use softras::internals::vulkan::{CacheFolder, Device};
 use softras::{Error, Gradients, Image, ImageGradient, Renderer, RendererOptions, Wanted};
 
 type Outcome = (Vec<(&'static str, Vec<f32>)>, Gradients);

@@ -15,10 +15,8 @@ use common::{renderer, tolerance};
 use gpu_allocator::MemoryLocation;
 use host::engine::{Buffer, Engine};
 use host::{Backward, Host, assert_silent, difference, engine, error, images, rasterizer, submit};
-use softras::gradients::MeshGradients;
-use softras::rasterizer::{
-    BufferRef, Draw, Geometry, GeometryBuffers, GeometryGradients, IndexFormat, Layout, Rasterizer,
-};
+use softras::MeshGradients;
+use softras::embed::{BufferRef, Draw, Geometry, GeometryBuffers, GeometryGradients, IndexFormat, Layout, Rasterizer};
 use softras::scene::Appearance;
 use softras::{Camera, Lights, Mesh, Projection, Scene, Wanted, shapes};
 

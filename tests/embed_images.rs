@@ -12,7 +12,7 @@ use common::scenes::{Case, Kind, random_case};
 use gpu_allocator::MemoryLocation;
 use host::engine::{Buffer, Engine, Image, color_range};
 use host::{Host, assert_silent, engine, error, forward, rasterizer, submit};
-use softras::rasterizer::{FrameImage, HostCommands, ImageFormat, ImageRef};
+use softras::embed::{FrameImage, HostCommands, ImageFormat, ImageRef};
 use softras::scene::Outputs;
 
 fn image(engine: &Engine, format: ImageFormat, size: (u32, u32)) -> (Image, ImageRef) {

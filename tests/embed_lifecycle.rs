@@ -12,11 +12,11 @@ use gpu_allocator::MemoryLocation;
 use host::engine::{Buffer, Engine};
 use host::memory::Memory;
 use host::{Backward, Host, assert_silent, engine, images, rasterizer, shim, submit};
-use softras::rasterizer::{
+use softras::embed::{
     Arena, BufferRef, Counts, Differentiate, Draw, FrameImage, FramePlan, Geometry, GeometryBuffers, GeometryGradients,
     GradientPlan, HostAdapter, HostCommands, HostDevice, ImageFormat, ImageRef, Layout, Rasterizer, Shape,
 };
-use softras::vulkan::CacheFolder;
+use softras::internals::vulkan::CacheFolder;
 use softras::{Error, ImageGradient, Renderer, RendererOptions, Wanted};
 
 /// A frame with gradients: its plans, and memory for them.

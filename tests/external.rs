@@ -11,7 +11,7 @@ use common::scenes::{Kind, random_case};
 use host::engine::Engine;
 use host::{Host, assert_silent, error, forward, rasterizer, submit};
 use softras::Error;
-use softras::vulkan::{Device, External, ExternalBuffer, ExternalSemaphore, ExternalSupport};
+use softras::internals::vulkan::{Device, External, ExternalBuffer, ExternalSemaphore, ExternalSupport};
 use std::os::fd::OwnedFd;
 
 const USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(

@@ -5,12 +5,12 @@ mod common;
 
 use common::random::Random;
 use glam::{DQuat, DVec3};
+use softras::ImageGradient;
 use softras::fit::image_loss::ImageLoss;
 use softras::fit::pose::{
     Differentiation, Pose, PoseFit, PoseOptions, PoseTarget, flow_by_vertex, flow_gradient, rotations,
 };
 use softras::fit::schedule::Schedule;
-use softras::gradients::ImageGradient;
 use softras::scene::{Appearance, Background, ColorAggregation, Outputs, SilhouetteAggregation};
 use softras::{Camera, Image, Projection, Renderer, Scene, Settings, shapes};
 

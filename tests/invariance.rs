@@ -15,7 +15,7 @@ use common::{
 use glam::DVec3;
 use softras::{
     Camera, Frame, Mesh, Projection, RendererOptions, Scene, Settings,
-    plan::Capacity,
+    internals::plan::Capacity,
     reference::render_culled,
     scene::{Appearance, Outputs},
     shapes,

@@ -2,9 +2,9 @@
 //! finds a buffer of the element that the kernel reads.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-use softras::buffers::{BACKWARD, FORWARD, buffer_of_binding};
-use softras::plan::FramePush;
-use softras::vulkan::{BindingKind, Kernel, TexelFormat, kernels};
+use softras::internals::buffers::{BACKWARD, FORWARD, buffer_of_binding};
+use softras::internals::plan::FramePush;
+use softras::internals::vulkan::{BindingKind, Kernel, TexelFormat, kernels};
 use std::mem::offset_of;
 
 /// Name and offset of every field of the Rust mirror.

@@ -11,7 +11,7 @@ mod shim;
 
 use engine::Engine;
 use gpu_allocator::MemoryLocation;
-use softras::rasterizer::{Arena, Differentiate, HostAdapter, HostDevice, Inputs, Rasterizer, Shape};
+use softras::embed::{Arena, Differentiate, HostAdapter, HostDevice, Inputs, Rasterizer, Shape};
 use softras::{Camera, Projection, Scene, Settings, Wanted, shapes};
 
 /// Bytes of this process that are in memory.

@@ -3,28 +3,23 @@
 #![cfg(feature = "obj")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-#[allow(dead_code)]
-#[path = "../src/stress/random.rs"]
-mod random;
+#[path = "common/mutate.rs"]
+mod mutate;
 
+use mutate::{cases, mutate};
 use peak_alloc::PeakAlloc;
-use random::Random;
 use softras::{
     Error, Mesh,
     obj::{LoadOptions, load, write_obj},
     scene::{Appearance, Texture, Wrap},
     shapes,
 };
+use softras_cli::stress::Random;
 use std::{
     fs, panic,
     path::Path,
     sync::{Mutex, PoisonError},
 };
-
-#[cfg(feature = "cli")]
-#[allow(dead_code)] // What only the command needs.
-#[path = "../src/cli/npz/npy.rs"]
-mod npy;
 
 /// Counts what is allocated.
 #[global_allocator]
@@ -38,78 +33,6 @@ const SLACK: usize = 512 << 10;
 
 /// A colour that only the image outside the mesh's folder has.
 const SECRET: [u8; 3] = [250, 3, 77];
-
-/// `SOFTRAS_CASES` runs more of them.
-fn cases(usual: u64) -> u64 {
-    std::env::var("SOFTRAS_CASES").ok().and_then(|text| text.parse().ok()).unwrap_or(usual)
-}
-
-fn is_number(byte: u8) -> bool {
-    byte.is_ascii_digit() || b"+-.eE".contains(&byte)
-}
-
-/// Where a random number of the text is, if there is one near.
-fn a_number(random: &mut Random, bytes: &[u8]) -> Option<std::ops::Range<usize>> {
-    let from = random.below(bytes.len().max(1));
-    let start = from + bytes.get(from..)?.iter().position(|b| b.is_ascii_digit())?;
-    let end = start + bytes[start..].iter().position(|b| !is_number(*b)).unwrap_or(bytes.len() - start);
-    Some(start..end)
-}
-
-/// One thing that happens to a file.
-fn mutate(random: &mut Random, bytes: &mut Vec<u8>) {
-    let at = random.below(bytes.len().max(1)).min(bytes.len());
-    let end = (at + random.log_range(1.0, 300.0) as usize).min(bytes.len());
-    match random.below(9) {
-        0 if !bytes.is_empty() => bytes[at.min(end - 1)] ^= 1 << random.below(8),
-        1 => bytes.truncate(at),
-        2 => drop(bytes.drain(at..end)),
-        3 => {
-            let again = bytes[at..end].to_vec();
-            bytes.splice(at..at, again);
-        }
-        4 => drop(bytes.splice(at..end, (0..end - at).map(|_| random.bits() as u8))),
-        5..=7 => {
-            let numbers: [&[u8]; 14] = [
-                b"0",
-                b"-1",
-                b"nan",
-                b"inf",
-                b"-inf",
-                b"1e39",
-                b"1e-46",
-                b"4294967296",
-                b"-9223372036854775808",
-                b"99999999999999999999",
-                b"2147483648",
-                b"1/",
-                b"//",
-                b"0x10",
-            ];
-            let place = a_number(random, bytes).unwrap_or(at..at);
-            bytes.splice(place, random.choose(&numbers).iter().copied());
-        }
-        _ => {
-            let texts: [&[u8]; 14] = [
-                b"\nf 1 2 3\n",
-                b"\nf 1 1 1\n",
-                b"\nf -1 -2 -3 -4 -5\n",
-                b"\nmtllib mesh.obj\n",
-                b"\nmtllib ../mesh.mtl\n",
-                b"\nmap_Kd ../secret.png\n",
-                b"\nmap_Kd mesh.mtl\n",
-                b"\nmap_Kd inside/../../secret.png\n",
-                b"\nKd 0.5\n",
-                b"\nmap_Kd -o 1 -s 2 mesh.png\n",
-                b"\nv 1 2\n",
-                b"\\\n",
-                b"\nmtllib mesh.mtl mesh.mtl\n",
-                b"\xff\xfe\0",
-            ];
-            bytes.splice(at..at, random.choose(&texts).iter().copied());
-        }
-    }
-}
 
 /// A mesh with two images, some quads, and a file for each.
 fn originals(folder: &Path) -> Vec<(String, Vec<u8>)> {
@@ -244,81 +167,4 @@ fn long_files_take_no_more_than_their_size() {
         assert!(peak <= SLACK + MULTIPLE * size, "{name}: {peak} bytes for files of {size}");
         assert!(seconds < 30.0, "{name}: {seconds} s");
     }
-}
-
-/// Arrays, in the reader itself: as many values as the shape says, or a sentence.
-#[cfg(feature = "cli")]
-#[test]
-fn mutated_arrays_are_read_or_refused() {
-    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/corpus/npy");
-    let mut names: Vec<_> = fs::read_dir(&corpus).unwrap().map(|entry| entry.unwrap().path()).collect();
-    names.sort();
-    let files: Vec<Vec<u8>> = names.iter().map(|path| fs::read(path).unwrap()).collect();
-    let (mut read, mut refused) = (0, 0);
-    for seed in 0..cases(20_000) {
-        let random = &mut Random::new(seed);
-        let mut bytes = files[random.below(files.len())].clone();
-        (0..random.choose(&[1, 1, 2, 5])).for_each(|_| mutate(random, &mut bytes));
-        let (outcome, peak) = peak_of(|| panic::catch_unwind(|| npy::read(&bytes[..])));
-        assert!(peak <= SLACK + MULTIPLE * bytes.len(), "seed {seed}: {peak} bytes for {}", bytes.len());
-        match outcome.unwrap_or_else(|_| panic!("seed {seed}: a panic")) {
-            Ok(array) => {
-                let count = match &array.values {
-                    npy::Values::Numbers(values) => values.len(),
-                    npy::Values::Texts(values) => values.len(),
-                };
-                assert_eq!(count, array.shape.iter().product::<usize>(), "seed {seed}");
-                read += 1;
-            }
-            Err(what) => {
-                assert!(!what.is_empty());
-                refused += 1;
-            }
-        }
-    }
-    println!("{read} arrays read, {refused} refused");
-    assert!(read > 0 && refused > 0);
-}
-
-/// Through the command, by the judge: no device is opened.
-#[cfg(feature = "cli")]
-#[test]
-fn mutated_archives_are_read_or_refused() {
-    use npyz::WriterBuilder;
-    use std::process::Command;
-    let folder = tempfile::tempdir().unwrap();
-    let scene = folder.path().join("scene.npz");
-    let mut archive = npyz::npz::NpzWriter::create(&scene).unwrap();
-    let vertices: [f32; 9] = [-0.5, -0.5, 3.0, 0.6, -0.4, 3.5, 0.1, 0.7, 4.0];
-    let mut put = |name: &str, shape: &[u64], values: &[f32]| {
-        let array = archive.array(name, Default::default()).unwrap();
-        let mut array = array.default_dtype().shape(shape).begin_nd().unwrap();
-        array.extend(values.iter().copied()).unwrap();
-        array.finish().unwrap();
-    };
-    put("face_vertices", &[1, 1, 3, 3], &vertices);
-    put("textures", &[1, 1, 1, 3], &[0.2, 0.4, 0.6]);
-    put("opt_image_size", &[], &[8.0]);
-    drop(archive);
-    let original = fs::read(&scene).unwrap();
-    let run = |bytes: &[u8]| {
-        fs::write(&scene, bytes).unwrap();
-        let arguments = ["eval", "scene.npz", "-o", "image.npz", "--device", "reference"];
-        Command::new(env!("CARGO_BIN_EXE_softras")).current_dir(folder.path()).args(arguments).output().unwrap()
-    };
-    let whole = run(&original);
-    assert_eq!(whole.status.code(), Some(0), "{}", String::from_utf8_lossy(&whole.stderr));
-    let mut refused = 0;
-    for seed in 0..cases(60).min(5000) {
-        let random = &mut Random::new(seed);
-        let mut bytes = original.clone();
-        mutate(random, &mut bytes);
-        let output = run(&bytes);
-        let errors = String::from_utf8_lossy(&output.stderr);
-        let told = output.status.code() == Some(1) && errors.contains("error: ");
-        assert!(output.status.code() == Some(0) || told, "seed {seed}: {:?} {errors}", output.status);
-        assert!(!errors.contains("panicked"), "seed {seed}: {errors}");
-        refused += u32::from(told);
-    }
-    assert!(refused > 0);
 }

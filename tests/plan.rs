@@ -3,9 +3,9 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use glam::DVec3;
-use softras::buffers::BACKWARD;
-use softras::constants as c;
-use softras::plan::{
+use softras::internals::buffers::BACKWARD;
+use softras::internals::constants as c;
+use softras::internals::plan::{
     BackwardGroups, BackwardInput, BackwardPlan, Capacity, DepthSpan, Plan, PlanInput, Sampling, ViewSize, split,
 };
 use softras::scene::{Background, Distance, Outputs, Parity, Shading};
@@ -356,7 +356,7 @@ fn numbers_are_those_of_the_settings() {
         exact(both(high, low), expected);
     }
     close(f.background_whole, (0.7 * log2e / 0.3).round());
-    let background = |f: softras::plan::FramePush| both(f.background_whole, f.background_rest);
+    let background = |f: softras::internals::plan::FramePush| both(f.background_whole, f.background_rest);
     assert!((background(f) - 0.7 * log2e / 0.3).abs() < 1e-7);
     let official = numbers(&Settings { parity: Parity::Official, ..settings.clone() });
     assert!((background(official) - 1.4 * log2e / 0.3).abs() < 1e-7);

@@ -4,9 +4,10 @@
 use glam::DVec3;
 use proptest::prelude::*;
 use softras::{
-    Camera, Image, Lights, Mesh, Projection, Settings, constants as c,
+    Camera, Image, Lights, Mesh, Projection, Settings,
     fit::image_loss::ImageLoss,
-    plan::{Capacity, DepthSpan, Plan, PlanInput, Sampling, ViewSize},
+    internals::constants as c,
+    internals::plan::{Capacity, DepthSpan, Plan, PlanInput, Sampling, ViewSize},
     scene::Outputs,
 };
 

@@ -7,7 +7,7 @@ mod engine;
 
 use engine::Engine;
 use gpu_allocator::MemoryLocation;
-use softras::rasterizer::{Arena, Differentiate, Rasterizer, Shape};
+use softras::embed::{Arena, Differentiate, Rasterizer, Shape};
 use softras::{Camera, Lights, Projection, Scene, Settings, Wanted, shapes};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;

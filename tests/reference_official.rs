@@ -1,7 +1,7 @@
 //! The judge against outputs of the official SoftRas kernels (run in float64), which lie beside the repository.
 //!
 //! Without `../shared/reference` every test here passes without testing anything, and says so.
-#![cfg(all(feature = "reference", feature = "cli"))]
+#![cfg(feature = "reference")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use softras::reference::{GradientMode, ReferenceFrame, Truncation, Upstream, gradient, render, render_culled};

@@ -4,7 +4,7 @@
 mod selftest;
 
 use selftest::{COUNT, LOCAL, Outcome, PUSH, Record, SelfTest, context, error, texel};
-use softras::vulkan::{
+use softras::internals::vulkan::{
     BindingKind, Buffer, BufferDesc, BufferPart, BufferRef, CacheFolder, CommandBuffer, Context, ContextOptions,
     DescriptorPool, Device, HostAdapter, HostCommands, HostDevice, Location, Member, Pipeline, Recorder, SharedBuffer,
     SpecValue, TexelFormat, TimestampPool, constants, kernels, vk,

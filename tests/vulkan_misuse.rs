@@ -4,7 +4,7 @@ mod selftest;
 
 use selftest::{Outcome, PUSH, SelfTest, context, error};
 use softras::Error;
-use softras::vulkan::{
+use softras::internals::vulkan::{
     Buffer, BufferDesc, BufferPart, CacheFolder, CommandBuffer, Context, ContextOptions, DescriptorPool, Pipeline,
     Recorder, SpecValue, TexelFormat, kernels, vk,
 };

@@ -1,18 +1,18 @@
 //! The baseline: every pixel over every face, as the official code does it.
 
-use softras::measure::time::median;
-use softras::scene::{Appearance, Background, Outputs};
-use softras::vulkan::{
+use softras::internals::vulkan::{
     BufferDesc, CommandBuffer, Context, ContextOptions, DescriptorPool, Pipeline, SharedBuffer, TexelFormat,
 };
+use softras::scene::{Appearance, Background, Outputs};
 use softras::{Camera, Projection, Scene, Settings};
+use softras_cli::measure::time::median;
 use std::time::Instant;
 
 /// The kernel, compiled by the build script beside the library's. The file has a table of all kernels and is ready for
 /// modes, neither of which this kernel needs.
 #[allow(dead_code, unused_imports)]
 mod kernel {
-    use softras::vulkan::{Binding, BindingKind, Kernel, Member, SpecValue, Specialization, Struct};
+    use softras::internals::vulkan::{Binding, BindingKind, Kernel, Member, SpecValue, Specialization, Struct};
 
     const fn words<const N: usize>(bytes: &[u8]) -> [u32; N] {
         let mut words = [0; N];

@@ -11,7 +11,7 @@ pub use shader::{Compute, Overlay};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
-use softras::rasterizer::{BufferRef, HostAdapter, HostCommands, HostDevice};
+use softras::embed::{BufferRef, HostAdapter, HostCommands, HostDevice};
 use std::ffi::{CStr, c_void};
 use std::sync::{Arc, Mutex};
 

@@ -18,7 +18,7 @@ mod project;
 mod real;
 mod setup;
 mod tape;
-#[cfg(all(test, feature = "cli"))]
+#[cfg(test)]
 mod tests;
 mod texture;
 

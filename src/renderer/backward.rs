@@ -1,12 +1,12 @@
 //! Backward on the simple API: from dL/dimages to dL by what made them.
 
 use super::{Frame, Renderer, StageTime};
-use crate::buffers::{self, Role};
+use crate::embed::{Decoder, Differentiate, FramePlan, GradientBindings, GradientPlan};
 use crate::error::{Error, Result};
+use crate::frame::buffers::{self, Role};
+use crate::frame::passes::{BACKWARD_STAGES, BACKWARD_TIMESTAMPS};
 use crate::gradients::{Gradients, ImageGradient, Wanted};
 use crate::image::Image;
-use crate::passes::{BACKWARD_STAGES, BACKWARD_TIMESTAMPS};
-use crate::rasterizer::{Decoder, Differentiate, FramePlan, GradientBindings, GradientPlan};
 use crate::scene::{Camera, Lights, Settings};
 use crate::vulkan::{CommandBuffer, Context, TimestampPool};
 use std::sync::Arc;

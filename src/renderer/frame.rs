@@ -1,7 +1,7 @@
 //! A rendered batch, as the host gets it.
 
-use crate::buffers::BufferSet;
 use crate::error::Result;
+use crate::frame::buffers::BufferSet;
 use crate::image::Image;
 #[cfg(doc)]
 use crate::scene::Outputs;

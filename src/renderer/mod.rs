@@ -6,14 +6,14 @@ mod upload;
 
 pub use frame::{Frame, FrameCounts, StageTime};
 
-use crate::buffers::{self, BufferSet, Role, Slot};
 use crate::constants as c;
+use crate::embed::{FrameBindings, FramePlan, Inputs, Rasterizer, Shape, Status};
 #[cfg(doc)]
 use crate::error::Error;
 use crate::error::Result;
-use crate::passes::{FORWARD_STAGES, FORWARD_TIMESTAMPS};
-use crate::plan::Capacity;
-use crate::rasterizer::{FrameBindings, FramePlan, Inputs, Rasterizer, Shape, Status};
+use crate::frame::buffers::{self, BufferSet, Role, Slot};
+use crate::frame::passes::{FORWARD_STAGES, FORWARD_TIMESTAMPS};
+use crate::frame::plan::Capacity;
 use crate::scene::{Camera, Scene, Settings};
 use crate::vulkan::{CacheFolder, CommandBuffer, Context, ContextOptions, DeviceInfo, Loader, TimestampPool};
 use std::sync::Arc;

@@ -1,8 +1,8 @@
 //! Which inputs are on the device, and the commands that bring the others there where its memory is not the host's.
 
-use crate::buffers::BufferSet;
 use crate::error::Result;
-use crate::pack::Changes;
+use crate::frame::buffers::BufferSet;
+use crate::frame::pack::Changes;
 use crate::vulkan::{CommandBuffer, Context};
 
 /// What is to be uploaded before a frame.

@@ -205,7 +205,7 @@ impl HostCommands {
     ///   the last time or thrown away.
     /// - When it executes, inputs hold what their tables say (indices within range), a backward pass follows the forward
     ///   frame that its plan was made of, and buffers and images are synchronised as the documentation of
-    ///   [`rasterizer`](crate::rasterizer) says.
+    ///   [`rasterizer`](crate::embed) says.
     pub unsafe fn new(raw: vk::CommandBuffer) -> Self {
         Self { raw }
     }

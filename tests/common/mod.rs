@@ -5,7 +5,7 @@ pub mod blame;
 pub mod compare;
 pub mod gradient;
 // The generator of `softras::stress`, for builds without that too.
-#[path = "../../src/stress/random.rs"]
+#[path = "../../crates/softras-cli/src/stress/random.rs"]
 pub mod random;
 pub mod scenes;
 pub mod tolerance;

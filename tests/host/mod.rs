@@ -12,7 +12,7 @@ use crate::common::scenes::Case;
 use ash::vk;
 use engine::{Buffer, Engine};
 use gpu_allocator::MemoryLocation;
-use softras::rasterizer::{
+use softras::embed::{
     Arena, Decoder, Differentiate, FrameBindings, FramePlan, GradientBindings, GradientPlan, HostCommands, Inputs,
     Rasterizer, Shape, Status,
 };

@@ -1,7 +1,7 @@
 //! glsl/selftest.comp with its buffers: what the tests of the Vulkan folder run.
 #![allow(dead_code)]
 
-use softras::vulkan::{
+use softras::internals::vulkan::{
     BufferDesc, CacheFolder, Context, ContextOptions, DescriptorPool, DescriptorSet, Pipeline, Recorder, SharedBuffer,
     TexelFormat, constants, kernels,
 };

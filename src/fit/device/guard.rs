@@ -2,7 +2,7 @@
 //! takes other kernels, and only the device knows where its vertices are.
 
 use crate::error::{Error, Result};
-use crate::plan::DepthSpan;
+use crate::frame::plan::DepthSpan;
 use crate::scene::{Camera, Settings};
 
 /// How many times larger than the mesh's own box is tried, in turn.

@@ -4,10 +4,10 @@ use super::arithmetic::{GROUP, Vec3};
 use super::host::FitState;
 use super::plan::FitPlan;
 use super::tables::Tables;
-use crate::buffers::{BACKWARD, BufferSet, FORWARD, Role, Slot, UNUSED, UNUSED_SIZE};
 use crate::constants as c;
+use crate::embed::{FramePlan, GradientPlan, Inputs, Parts};
 use crate::error::Result;
-use crate::rasterizer::{FramePlan, GradientPlan, Inputs, Parts};
+use crate::frame::buffers::{BACKWARD, BufferSet, FORWARD, Role, Slot, UNUSED, UNUSED_SIZE};
 use crate::vulkan::{Context, Recorder, TexelFormat};
 
 /// Steps whose records are kept until the host has read them.

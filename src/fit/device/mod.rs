@@ -28,15 +28,15 @@ pub use plan::{unsupported, unsupported_settings};
 use super::bad;
 use super::shape::{ShapeFit, Step, Targets};
 use crate::constants as c;
-use crate::error::Result;
-use crate::gradients::Wanted;
-use crate::image::Image;
-use crate::pipelines::Pipelines;
-use crate::plan::Capacity;
-use crate::rasterizer::{
+use crate::embed::{
     Differentiate, FrameBindings, FramePlan, GradientBindings, GradientPlan, Inputs, MeshShape, Rasterizer, Shape,
     Status,
 };
+use crate::error::Result;
+use crate::frame::pipelines::Pipelines;
+use crate::frame::plan::Capacity;
+use crate::gradients::Wanted;
+use crate::image::Image;
 use crate::renderer::Renderer;
 use crate::scene::{Camera, Mesh, Projection, Settings};
 use crate::vulkan::{CommandBuffer, vk};

@@ -5,12 +5,12 @@ use super::host::{edge_scale, edge_share};
 use super::memory::Memory;
 use super::plan::FitPlan;
 use super::smoother::Smoother;
-use crate::buffers::buffer_of_binding;
 use crate::constants as c;
+use crate::embed::Parts;
 use crate::error::{Error, Result};
-use crate::pipelines::{Pipelines, Request};
-use crate::plan::Capacity;
-use crate::rasterizer::Parts;
+use crate::frame::buffers::buffer_of_binding;
+use crate::frame::pipelines::{Pipelines, Request};
+use crate::frame::plan::Capacity;
 use crate::vulkan::{
     BindingKind, BufferPart, Context, DescriptorPool, DescriptorSet, Kernel, Pipeline, Recorder, TexelFormat, kernels,
 };

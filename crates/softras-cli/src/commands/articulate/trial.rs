@@ -1,0 +1,192 @@
+//! A pose to find, a pose to begin at, and the ways from one to the other.
+
+use super::args::ArticulateArgs;
+use crate::commands::random::Random;
+use glam::DVec3;
+use softras::fit::articulated::{Figure, FigureFit, FigureOptions, Sight, SkeletonPose, visible_triangles};
+use softras::fit::pose::PoseTarget;
+use softras::fit::schedule::Schedule;
+use softras::scene::Background;
+use softras::{Camera, Frame, Mesh, Projection, Renderer, Result, Scene, Settings};
+use std::time::Instant;
+
+/// The joint that is hidden, and the bones that it carries.
+pub const HIDDEN: &str = "left forearm";
+const DISTANCE: f64 = 5.0;
+/// Draws until the limb is hidden at the start and not quite at the target.
+const DRAWS: usize = 500;
+/// The parts of the limb's triangles that a target may show.
+const LEAST_SEEN: f64 = 0.03;
+const MOST_SEEN: f64 = 0.3;
+
+/// One way of fitting.
+pub struct Method {
+    /// What it is called.
+    pub name: &'static str,
+    /// Its options.
+    pub options: FigureOptions,
+}
+
+/// The baselines first.
+pub fn methods(args: &ArticulateArgs) -> Vec<Method> {
+    let soft = FigureOptions { iterations: args.iterations as usize, ..FigureOptions::default() };
+    let visible = FigureOptions { sight: Sight::VisibleOnly, ..soft.clone() };
+    let silhouette = FigureOptions { weights: [0.0, soft.weights[1]], ..soft.clone() };
+    // The same gamma; of three sigmas the best on other seeds.
+    let constant = FigureOptions { sigma: Schedule::Constant(1e-4), blur: Schedule::Constant(0.0), ..soft.clone() };
+    let method = |name, options| Method { name, options };
+    vec![
+        method("visible only", visible),
+        method("soft, silhouette only", silhouette),
+        method("soft, no schedule", constant),
+        method("soft", soft),
+    ]
+}
+
+/// The figure, who looks at it, and in how many pixels.
+pub struct Stage {
+    /// What is posed.
+    pub figure: Figure,
+    /// From the front.
+    pub camera: Camera,
+    /// Size and depths.
+    pub settings: Settings,
+}
+
+/// One pose to find.
+pub struct Trial {
+    /// What is to be found.
+    pub truth: SkeletonPose,
+    /// Where the fits begin.
+    pub start: SkeletonPose,
+    /// The part of the limb's triangles that the target shows.
+    pub seen: f64,
+    target: PoseTarget,
+}
+
+/// What a method came to.
+pub struct Found {
+    /// The pose.
+    pub pose: SkeletonPose,
+    /// The whole fit.
+    pub seconds: f64,
+}
+
+impl Stage {
+    /// The mannequin seen by a camera that is as high as its chest.
+    pub fn new(size: u32) -> Result<Self> {
+        let settings =
+            Settings { width: size, height: size, near: DISTANCE - 1.0, far: DISTANCE + 1.0, ..Settings::default() };
+        Ok(Self { figure: softras::fit::articulated::mannequin()?, camera: camera(1.0)?, settings })
+    }
+
+    /// What the camera, or one behind the figure, sees of a mesh, sharply.
+    pub fn look(
+        &self,
+        renderer: &mut Renderer,
+        mesh: &Mesh,
+        behind: bool,
+        (width, height): (u32, u32),
+    ) -> Result<Frame> {
+        let camera = if behind { camera(-1.0)? } else { self.camera };
+        let settings = Settings {
+            width,
+            height,
+            sigma: 1e-7,
+            gamma: 1e-5,
+            background: Background::Composite,
+            ..self.settings.clone()
+        };
+        renderer.render(&Scene::new(mesh.clone()), &[camera], &settings)
+    }
+
+    /// The parts of the hidden joint's triangles that are seen in a pose.
+    fn seen(&self, renderer: &mut Renderer, pose: &SkeletonPose) -> Result<f64> {
+        let mesh = self.figure.posed(pose)?;
+        let visible = visible_triangles(renderer, &mesh, &self.camera, &self.settings)?;
+        let limb = self.figure.skeleton().find(HIDDEN);
+        let bones = self.figure.bone_of_triangle();
+        let (mut seen, mut all) = (0, 0);
+        for (bone, visible) in bones.into_iter().zip(visible) {
+            if Some(bone) == limb {
+                (seen, all) = (seen + usize::from(visible), all + 1);
+            }
+        }
+        Ok(seen as f64 / f64::from(all.max(1)))
+    }
+
+    /// The next trial: drawn again until the limb is wholly hidden at the start, and neither wholly hidden nor wholly
+    /// seen in the target; `None` where no draw is.
+    pub fn draw(&self, random: &mut Random, renderer: &mut Renderer) -> Result<Option<Trial>> {
+        for _ in 0..DRAWS {
+            let (truth, start) = self.poses(random);
+            let seen = self.seen(renderer, &truth)?;
+            if !(LEAST_SEEN..MOST_SEEN).contains(&seen) || self.seen(renderer, &start)? > 0.0 {
+                continue;
+            }
+            let size = (self.settings.width, self.settings.height);
+            let frame = self.look(renderer, &self.figure.posed(&truth)?, false, size)?;
+            if let (Some(color), Some(silhouette)) = (frame.color(), frame.silhouette()) {
+                let target = PoseTarget::new(color.clone(), silhouette.clone())?;
+                return Ok(Some(Trial { truth, start, seen, target }));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Target and start, which lies within 7 degrees of it in every angle but the hidden elbow.
+    fn poses(&self, random: &mut Random) -> (SkeletonPose, SkeletonPose) {
+        let skeleton = self.figure.skeleton();
+        let (mut truth, mut start) = (skeleton.rest(), skeleton.rest());
+        // Middle and spread of every angle in degrees, as `mannequin` lists them.
+        let ranges: [&[(f64, f64)]; 10] = [
+            &[(0.0, 6.0), (0.0, 10.0), (0.0, 6.0)],
+            &[(0.0, 12.0), (0.0, 12.0)],
+            &[(0.0, 15.0), (-50.0, 25.0), (-80.0, 10.0)],
+            &[(45.0, 25.0)],
+            &[(36.0, 5.0), (-32.0, 4.0), (90.0, 8.0)],
+            &[(58.0, 8.0)],
+            &[(-10.0, 15.0), (-14.0, 8.0)],
+            &[(15.0, 15.0)],
+            &[(-10.0, 15.0), (14.0, 8.0)],
+            &[(15.0, 15.0)],
+        ];
+        let hidden = skeleton.find(HIDDEN).map_or(0..0, |bone| skeleton.angles_of(bone));
+        for (i, &(middle, spread)) in ranges.into_iter().flatten().enumerate() {
+            let angle = middle + random.range(-spread, spread);
+            // The elbow begins bent further: the hand is higher up behind the back.
+            let away = if hidden.contains(&i) { random.range(34.0, 40.0) } else { random.range(-7.0, 7.0) };
+            truth.angles[i] = angle.to_radians();
+            start.angles[i] = (angle + away).to_radians();
+        }
+        let mut within = |part: f64| random.range(-part, part);
+        start.shift = 0.03 * DVec3::new(within(1.0), within(1.0), 0.0);
+        (truth, start)
+    }
+
+    /// Fits a trial in one way.
+    pub fn fit(&self, trial: &Trial, method: &Method, renderer: &mut Renderer) -> Result<Found> {
+        let before = Instant::now();
+        let (figure, start) = (self.figure.clone(), trial.start.clone());
+        let mut fit = FigureFit::new(figure, self.camera, self.settings.clone(), method.options.clone(), start)?;
+        for _ in 0..method.options.iterations {
+            fit.step(renderer, &trial.target)?;
+        }
+        Ok(Found { pose: fit.pose().clone(), seconds: before.elapsed().as_secs_f64() })
+    }
+
+    /// Degrees by which the hidden joint is wrong, and the mean over all others.
+    pub fn errors(&self, pose: &SkeletonPose, truth: &SkeletonPose) -> [f64; 2] {
+        let skeleton = self.figure.skeleton();
+        let hidden = skeleton.find(HIDDEN).unwrap_or(0);
+        let of =
+            |bone: usize| skeleton.direction(pose, bone).angle_between(skeleton.direction(truth, bone)).to_degrees();
+        let others: Vec<f64> = (0..skeleton.bones().len()).filter(|&bone| bone != hidden).map(of).collect();
+        [skeleton.degrees_between(pose, truth, hidden), others.iter().sum::<f64>() / others.len().max(1) as f64]
+    }
+}
+
+fn camera(side: f64) -> Result<Camera> {
+    let projection = Projection::Perspective { fov_y: 27f64.to_radians() };
+    Camera::look_at(DVec3::new(0.0, 0.25, side * DISTANCE), DVec3::new(0.0, 0.0, 0.0), DVec3::Y, projection)
+}

@@ -1,0 +1,151 @@
+//! What `softras bench` takes.
+
+use crate::commands::parse;
+use clap::{Args, ValueEnum};
+use softras_cli::measure;
+use std::path::PathBuf;
+
+/// Measure this device: run time, floor, pairs and error by size and mode
+#[derive(Args, Debug)]
+#[command(after_help = "\
+The mesh is centred, scaled to 70 % of the image's height and seen from distance 2.732, elevation 30°.
+Without a mesh: softras' own fish, and icospheres of 1280 and 20480 triangles.
+
+median   milliseconds that a user of the library waits, upload and download included. forward: a frame
+         for looking at; backward: the gradient to vertex positions and colours; frame: a frame that
+         keeps what backward needs, and backward
+of full  median / that of the same pass of color+silhouette: what a mode saves by not doing the rest
+device   milliseconds of the stages by the device's own clock
+floor    pairs needed x the least operations that a pair takes / the device's measured peak
+pairs    (pixel, triangle) pairs: needed, those that the model keeps; evaluated, those computed (of
+         backward the pixels of all triangles' boxes, of which it may skip whole ones)
+error    the largest error of any value against the model in f64 at the same tau, outside the few
+         pixels that lie within 1e-4 of a jump of the model; of backward, |device - f64| / |f64| of the
+         gradient (only where the f64 side takes seconds); untruncated: against the model without tau
+
+Machines are noisy: compare within one run.
+
+Examples:
+  softras bench --quick
+  softras bench bunny.obj --size 256,512 --modes color+silhouette --json bunny.json
+  softras bench --plots plots")]
+pub struct BenchArgs {
+    /// A Wavefront OBJ file
+    pub mesh: Option<PathBuf>,
+    /// Sides of the square images, pixels [default: 64,256,512; with --quick 64]
+    #[arg(long, value_name = "PIXELS", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..=16384))]
+    pub size: Vec<u32>,
+    /// What to render [default: all; with --quick color+silhouette and silhouette]
+    #[arg(long, value_enum, value_delimiter = ',')]
+    pub modes: Vec<Mode>,
+    /// Views a frame, around the mesh
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096), default_value_t = 1)]
+    pub batch: u32,
+    /// Softness of edges, screen units² (1 = half the image's height)
+    #[arg(long, value_parser = parse::positive, default_value_t = 1e-4)]
+    pub sigma: f64,
+    /// Softness of the depth order, in units of far - near
+    #[arg(long, value_parser = parse::positive, default_value_t = 1e-4)]
+    pub gamma: f64,
+    /// The influence below which a triangle is left out
+    #[arg(long, value_parser = parse::positive, default_value_t = 1e-4)]
+    pub tau: f64,
+    /// probability: tau bounds the silhouette's error, as elsewhere; guaranteed: every image's
+    #[arg(long, value_enum, default_value = "probability")]
+    pub support: crate::commands::render::args::Support,
+    /// weighted: as the paper, one more entry of the softmax; composite: colour fades with the silhouette
+    #[arg(long, value_enum, default_value = "weighted")]
+    pub background_mode: crate::commands::render::args::BackgroundMode,
+    /// How often each frame is timed [default: 20; with --quick 5]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10000))]
+    pub repeats: Option<u32>,
+    /// Seconds rather than minutes: one mesh, one size, two modes, few repeats
+    #[arg(long)]
+    pub quick: bool,
+    /// Leave out the errors, which the f64 model takes seconds for where images or meshes are large
+    #[arg(long)]
+    pub no_errors: bool,
+    /// Write the rows as one JSON list
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    /// Write pictures (.svg) into this folder: run time against error, growth, stages. Takes some minutes more
+    #[arg(long, value_name = "DIR")]
+    pub plots: Option<PathBuf>,
+    /// The Vulkan device: its index or a part of its name, as `softras devices` lists them [default: the best one]
+    #[arg(long, value_name = "DEVICE")]
+    pub device: Option<String>,
+}
+
+/// [`measure::Mode`] on the command line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Mode {
+    /// Colour alone
+    Color,
+    /// Silhouette alone
+    Silhouette,
+    /// Both
+    #[value(name = "color+silhouette")]
+    ColorSilhouette,
+    /// Depth alone
+    Depth,
+    /// Normals alone
+    Normal,
+    /// A plain z-buffer's colour and silhouette
+    Hard,
+    /// Colour and silhouette, the gradient to vertex colours alone
+    ToColors,
+    /// Colour and silhouette, the gradient to the camera alone
+    ToCamera,
+}
+
+impl From<Mode> for measure::Mode {
+    fn from(mode: Mode) -> Self {
+        match mode {
+            Mode::Color => Self::Color,
+            Mode::Silhouette => Self::Silhouette,
+            Mode::ColorSilhouette => Self::ColorSilhouette,
+            Mode::Depth => Self::Depth,
+            Mode::Normal => Self::Normal,
+            Mode::Hard => Self::Hard,
+            Mode::ToColors => Self::ToColors,
+            Mode::ToCamera => Self::ToCamera,
+        }
+    }
+}
+
+impl BenchArgs {
+    /// Sides of the images.
+    pub fn sizes(&self) -> Vec<u32> {
+        match (&self.size[..], self.quick) {
+            ([], true) => vec![64],
+            ([], false) => vec![64, 256, 512],
+            (sizes, _) => sizes.to_vec(),
+        }
+    }
+
+    /// What to render.
+    pub fn measured_modes(&self) -> Vec<measure::Mode> {
+        match (&self.modes[..], self.quick) {
+            ([], true) => vec![measure::Mode::ColorSilhouette, measure::Mode::Silhouette],
+            ([], false) => measure::Mode::ALL.to_vec(),
+            (modes, _) => modes.iter().map(|&mode| mode.into()).collect(),
+        }
+    }
+
+    /// How often each frame is timed.
+    pub fn repeats(&self) -> usize {
+        self.repeats.unwrap_or(if self.quick { 5 } else { 20 }) as usize
+    }
+
+    /// The settings of a frame but for its mode.
+    pub fn settings(&self, size: u32) -> softras::Settings {
+        softras::Settings {
+            sigma: self.sigma,
+            gamma: self.gamma,
+            tau: self.tau,
+            support: self.support.into(),
+            background: self.background_mode.into(),
+            ..measure::subject::settings(size)
+        }
+    }
+}

@@ -1,0 +1,84 @@
+//! Where and with what was measured, so that two runs can be compared.
+
+use serde_json::{Value, json};
+use softras::Renderer;
+use softras::internals::vulkan::kernels;
+use std::path::Path;
+use std::process::Command;
+
+/// Device, driver and program of a run.
+#[derive(Clone, Debug)]
+pub struct Machine {
+    pub device: String,
+    pub kind: String,
+    pub driver: String,
+    pub version: &'static str,
+    /// Of the checkout that the program lies in, with a + where files were changed since; none for an installed one.
+    pub commit: Option<String>,
+    /// A hash of the compiled kernels: equal where the same GPU code ran.
+    pub kernels: String,
+    pub threads: usize,
+    /// Measured peak, operations a second.
+    pub peak: f64,
+}
+
+impl Machine {
+    /// Of an open device and its measured peak.
+    pub fn of(renderer: &Renderer, peak: f64) -> Self {
+        let info = renderer.device_info();
+        Self {
+            device: info.name.clone(),
+            kind: info.kind.to_string(),
+            driver: format!("{} {}", info.driver, info.driver_version),
+            version: env!("CARGO_PKG_VERSION"),
+            commit: commit(),
+            kernels: hash(),
+            threads: std::thread::available_parallelism().map_or(1, usize::from),
+            peak,
+        }
+    }
+
+    /// The fields that every row carries.
+    pub fn json(&self) -> Value {
+        json!({
+            "device": self.device, "device_kind": self.kind, "driver": self.driver, "version": self.version,
+            "commit": self.commit, "kernels": self.kernels, "host_threads": self.threads,
+            "peak_gflops": self.peak / 1e9,
+        })
+    }
+
+    /// The lines above the table.
+    pub fn lines(&self) -> [String; 2] {
+        let commit = self.commit.as_ref().map(|c| format!(", commit {c}")).unwrap_or_default();
+        [
+            format!("{} ({}, {}), {} host threads", self.device, self.kind, self.driver, self.threads),
+            format!("softras {}{commit}, kernels {}", self.version, self.kernels),
+        ]
+    }
+}
+
+/// FNV-1a over all kernels' words.
+fn hash() -> String {
+    let words = kernels::ALL.iter().flat_map(|kernel| kernel.spirv);
+    let bytes = words.flat_map(|word| word.to_le_bytes());
+    let hash = bytes.fold(0xcbf2_9ce4_8422_2325u64, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3));
+    format!("{hash:016x}")
+}
+
+/// The checkout's commit, where the program was built in one and git is there to ask.
+fn commit() -> Option<String> {
+    let program = std::env::current_exe().ok()?;
+    let root = program.ancestors().find(|folder| is_ours(folder))?;
+    let git = |arguments: &[&str]| {
+        let output = Command::new("git").arg("-C").arg(root).args(arguments).output().ok()?;
+        output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim().to_string())
+    };
+    let commit = git(&["rev-parse", "--short=12", "HEAD"])?;
+    let changed = git(&["status", "--porcelain", "--untracked-files=no"]).is_some_and(|changes| !changes.is_empty());
+    Some(commit + if changed { "+" } else { "" })
+}
+
+fn is_ours(folder: &Path) -> bool {
+    let manifest = std::fs::read_to_string(folder.join("Cargo.toml"));
+    manifest.is_ok_and(|text| text.lines().any(|line| line.trim() == "name = \"softras\""))
+}

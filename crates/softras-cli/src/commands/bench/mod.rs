@@ -1,0 +1,152 @@
+//! `softras bench`: what frames cost here, next to what they must cost, and how exact they are.
+
+pub mod args;
+mod machine;
+mod plots;
+mod rows;
+
+use super::progress::Progress;
+use super::{Failure, files, note, say};
+use args::BenchArgs;
+use machine::Machine;
+use rows::{Job, Judged, Row, measure, rows};
+use serde_json::Value;
+use softras::obj::LoadOptions;
+use softras::{Camera, Error, Mesh, Renderer, Scene, shapes};
+use softras_cli::measure::{Mode, peak_flops, subject, sweep};
+use std::path::Path;
+
+/// Runs the command.
+pub fn run(args: &BenchArgs) -> Result<(), Failure> {
+    if let Some(path) = &args.json {
+        files::judge_writable(path)?;
+    }
+    for size in args.sizes() {
+        args.settings(size).judge()?;
+    }
+    if let Some(folder) = &args.plots {
+        let io = |source| Error::Io { path: folder.clone(), source };
+        std::fs::create_dir_all(folder).map_err(io)?;
+    }
+    let meshes = meshes(args)?;
+    let mut renderer = match &args.device {
+        Some(selector) => Renderer::with_device(selector)?,
+        None => Renderer::new()?,
+    };
+    let index = renderer.device_info().index.to_string();
+    let mut machine = Machine::of(&renderer, peak_flops(Some(&index))?);
+    for line in machine.lines() {
+        say(&line)?;
+    }
+    let s = args.settings(256);
+    say(&format!(
+        "sigma {:e}, gamma {:e}, tau {:e}, background {:?}; medians of {} runs, milliseconds",
+        s.sigma,
+        s.gamma,
+        s.tau,
+        s.background,
+        args.repeats()
+    ))?;
+    say(&Row::head())?;
+    let cameras = subject::cameras(args.batch)?;
+    let mut all = Vec::new();
+    for (name, mesh) in &meshes {
+        let scene = subject::scene(mesh)?;
+        for size in args.sizes() {
+            // Whoever else uses the machine makes the peak look lower, never higher.
+            machine.peak = machine.peak.max(peak_flops(Some(&index))?);
+            all.extend(size_rows(args, &mut renderer, machine.peak, name, &scene, &cameras, size)?);
+        }
+    }
+    say(&format!("peak, the best of all samples: {:.1} GFLOP/s", machine.peak / 1e9))?;
+    if let Some(path) = &args.json {
+        let list = Value::Array(all.iter().map(|row| row.json(&machine)).collect());
+        files::write_whole(path, format!("{list:#}\n").as_bytes())?;
+    }
+    match (&args.plots, meshes.first()) {
+        (Some(folder), Some((name, mesh))) => pictures(args, folder, &mut renderer, &machine, (name, mesh), &all),
+        _ => Ok(()),
+    }
+}
+
+/// Measures what the pictures show beside the rows, prints it, and draws.
+fn pictures(
+    args: &BenchArgs,
+    folder: &Path,
+    renderer: &mut Renderer,
+    machine: &Machine,
+    (name, mesh): (&str, &Mesh),
+    all: &[Row],
+) -> Result<(), Failure> {
+    let size = args.sizes().into_iter().filter(|size| *size <= 256).max().unwrap_or(256);
+    let spinner = Progress::spinner("measuring for the plots");
+    let s = sweep::front_settings(&args.settings(size));
+    let curves = sweep::front(renderer, &subject::scene(mesh)?, &subject::cameras(1)?, &s, args.repeats())?;
+    let growths = sweep::growth(renderer, mesh, &args.settings(256), args.repeats(), false)?;
+    drop(spinner);
+    say(&format!(
+        "run time against error: {name}, {size} pixels, sigma {:e}, gamma {:e}, near {:.3}, far {:.3}, background {:?}",
+        s.sigma, s.gamma, s.near, s.far, s.background
+    ))?;
+    for curve in &curves {
+        for p in &curve.points {
+            say(&format!("  {:12} tau {:7.0e} {:9.3} ms  error {:.1e}", curve.name, p.tau, p.milliseconds, p.error))?;
+        }
+    }
+    say("growth of the time of a frame (256 pixels, but for pixels)")?;
+    for growth in &growths {
+        let points: Vec<_> = growth.points.iter().map(|p| format!("{:e}: {:.2} ms", p.0, p.1)).collect();
+        say(&format!("  {:18} exponent {:5.2}  {}", growth.name, growth.exponent(), points.join(", ")))?;
+    }
+    let caption = |what: &str| format!("{what}: {name} on {}", machine.device);
+    plots::front(&folder.join("front.svg"), &caption("run time against error"), &curves)?;
+    plots::growth(&folder.join("growth.svg"), &caption("growth"), &growths)?;
+    plots::stages(&folder.join("stages.svg"), &caption("a frame, forward and backward"), all)?;
+    say(&format!("{}: front.svg, growth.svg, stages.svg", folder.display()))
+}
+
+/// All modes at one size, printed as they come.
+fn size_rows(
+    args: &BenchArgs,
+    renderer: &mut Renderer,
+    peak: f64,
+    name: &str,
+    scene: &Scene,
+    cameras: &[Camera],
+    size: u32,
+) -> Result<Vec<Row>, Failure> {
+    let mut all: Vec<Row> = Vec::new();
+    for mode in args.measured_modes() {
+        let settings = mode.of(&args.settings(size));
+        let job = Job { name, scene, cameras, settings, mode, repeats: args.repeats() };
+        let spinner = Progress::spinner(&format!("{name} {size} {}", mode.name()));
+        let judged = if args.no_errors { None } else { Some(Judged::of(&job)?) };
+        let found = measure(renderer, &job, judged.as_ref())?;
+        drop(spinner);
+        let mut rows = rows(&job, &found);
+        for row in &mut rows {
+            let full = all.iter().find(|full| full.mode == Mode::ColorSilhouette.name() && full.pass == row.pass);
+            row.of_full = full.map(|full| row.median / full.median);
+        }
+        rows.iter().try_for_each(|row| say(&row.text(peak)))?;
+        all.extend(rows);
+    }
+    Ok(all)
+}
+
+/// The mesh asked for, or softras' own.
+fn meshes(args: &BenchArgs) -> Result<Vec<(String, Mesh)>, Failure> {
+    if let Some(path) = &args.mesh {
+        let loaded = softras::obj::load(path, &LoadOptions::default())?;
+        loaded.notes.iter().for_each(|text| note(text));
+        let name = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+        return Ok(vec![(name, loaded.mesh)]);
+    }
+    let mut meshes = vec![("fish".to_string(), shapes::fish()?)];
+    if !args.quick {
+        for subdivisions in [3, 5] {
+            meshes.push((format!("icosphere{subdivisions}"), shapes::icosphere(subdivisions)?));
+        }
+    }
+    Ok(meshes)
+}

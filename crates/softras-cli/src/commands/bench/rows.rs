@@ -1,0 +1,256 @@
+//! One scene, size and mode measured: three rows, one a pass.
+
+use super::machine::Machine;
+use crate::commands::describe;
+use serde_json::{Map, Value, json};
+use softras::StageTime;
+use softras::reference::{self, Pairs, ReferenceFrame};
+use softras::{Camera, Renderer, Result, Scene, Settings};
+use softras_cli::measure::error::{self, ImageError};
+use softras_cli::measure::time::{Times, times, upstream};
+use softras_cli::measure::{Mode, floor};
+
+/// Pairs up to which the judge differentiates: some seconds.
+const GRADIENT_PAIRS: u64 = 3_000_000;
+
+/// What is measured.
+pub struct Job<'a> {
+    pub name: &'a str,
+    pub scene: &'a Scene,
+    pub cameras: &'a [Camera],
+    /// Those of the mode.
+    pub settings: Settings,
+    pub mode: Mode,
+    pub repeats: usize,
+}
+
+/// The judge's images of a job, or none where errors were not asked for.
+pub struct Judged {
+    pub same_tau: ReferenceFrame,
+    pub untruncated: ReferenceFrame,
+}
+
+impl Judged {
+    /// Both images of the f64 model.
+    pub fn of(job: &Job<'_>) -> Result<Self> {
+        Ok(Self {
+            same_tau: reference::render_culled(job.scene, job.cameras, &job.settings)?,
+            untruncated: reference::render_untruncated(job.scene, job.cameras, &job.settings)?,
+        })
+    }
+}
+
+/// What was found.
+pub struct Measured {
+    pub times: Times,
+    pub pairs: Pairs,
+    /// Pairs that the forward stage evaluated.
+    pub forward_pairs: u64,
+    /// Against the judge at the same τ, and without truncation.
+    pub errors: Option<[ImageError; 2]>,
+    pub gradient_error: Option<f64>,
+}
+
+/// Measures a job.
+///
+/// # Errors
+/// As [`Renderer::render`] and [`Renderer::backward`].
+pub fn measure(renderer: &mut Renderer, job: &Job<'_>, judged: Option<&Judged>) -> Result<Measured> {
+    let pairs = reference::pairs(job.scene, job.cameras, &job.settings)?;
+    let times = times(renderer, job.scene, job.cameras, &job.settings, job.mode, job.repeats)?;
+    let saved = Settings { save: true, ..job.settings.clone() };
+    let frame = renderer.render(job.scene, job.cameras, &saved)?;
+    let forward_pairs = renderer.frame_counts()?.forward_pairs;
+    let errors = judged.map(|judged| {
+        let same = error::images(&frame, &judged.same_tau, Some(&judged.same_tau.margin));
+        [same, error::images(&frame, &judged.untruncated, None)]
+    });
+    let gradient_error = if judged.is_some() && pairs.total() <= GRADIENT_PAIRS {
+        let upstream = upstream(job.mode, job.cameras.len(), &job.settings);
+        let gradients = renderer.backward(&frame, &upstream, &job.mode.wanted())?;
+        Some(error::gradient(&gradients, job.scene, job.cameras, &job.settings, job.mode)?)
+    } else {
+        None
+    };
+    Ok(Measured { times, pairs, forward_pairs, errors, gradient_error })
+}
+
+/// One pass of a job.
+pub struct Row {
+    pub scene: String,
+    pub faces: usize,
+    pub size: u32,
+    pub mode: &'static str,
+    pub pass: &'static str,
+    pub median: f64,
+    /// The median over that of the same pass of colour and silhouette, where that was measured.
+    pub of_full: Option<f64>,
+    pub device: f64,
+    /// Least operations of all needed pairs.
+    pub operations: f64,
+    pub needed: u64,
+    pub evaluated: u64,
+    pub error: Option<f64>,
+    pub untruncated: Option<f64>,
+    stages: Vec<StageTime>,
+    common: Map<String, Value>,
+}
+
+/// The three rows of a job.
+pub fn rows(job: &Job<'_>, found: &Measured) -> Vec<Row> {
+    let (times, needed) = (&found.times, found.pairs.total());
+    let forward_work = needed as f64 * floor::forward_operations(job.mode);
+    let backward_work = needed as f64 * floor::backward_operations(job.mode);
+    let image = found.errors.map(|e| e[0].most);
+    let untruncated = found.errors.map(|e| e[1].most);
+    let boxed = found.pairs.boxed;
+    let row = |pass, median, operations, needed, evaluated, error, untruncated, stages: &[StageTime]| Row {
+        scene: job.name.to_string(),
+        faces: job.scene.meshes.iter().map(|mesh| mesh.triangles().len()).sum(),
+        size: job.settings.height,
+        mode: job.mode.name(),
+        pass,
+        median,
+        of_full: None,
+        device: stages.iter().map(|t| t.milliseconds).sum(),
+        operations,
+        needed,
+        evaluated,
+        error,
+        untruncated,
+        stages: stages.to_vec(),
+        common: common(job, found),
+    };
+    vec![
+        row(
+            "forward",
+            times.forward,
+            forward_work,
+            needed,
+            found.forward_pairs,
+            image,
+            untruncated,
+            &times.forward_stages,
+        ),
+        row(
+            "backward",
+            times.backward,
+            backward_work,
+            needed,
+            boxed,
+            found.gradient_error,
+            None,
+            &times.backward_stages,
+        ),
+        row(
+            "frame",
+            times.frame,
+            forward_work + backward_work,
+            2 * needed,
+            found.forward_pairs + boxed,
+            image,
+            untruncated,
+            &times.frame_stages,
+        ),
+    ]
+}
+
+/// What makes two rows comparable.
+fn common(job: &Job<'_>, found: &Measured) -> Map<String, Value> {
+    let s = &job.settings;
+    let mut fields = Map::new();
+    let mut put = |key: &str, value: Value| _ = fields.insert(key.to_string(), value);
+    put("views", json!(job.cameras.len()));
+    put("repeats", json!(found.times.repeats));
+    put("sigma", json!(s.sigma));
+    put("gamma", json!(s.gamma));
+    put("tau", json!(s.tau));
+    put("settings", describe::settings(s));
+    put("rms_error", json!(found.errors.map(|e| e[0].rms)));
+    put("rms_error_untruncated", json!(found.errors.map(|e| e[1].rms)));
+    fields
+}
+
+impl Row {
+    /// The least milliseconds that the work can take at a peak of operations a second.
+    pub fn floor(&self, peak: f64) -> f64 {
+        self.operations / peak * 1e3
+    }
+
+    /// All of it, and where it was measured.
+    pub fn json(&self, machine: &Machine) -> Value {
+        let stages: Map<String, Value> =
+            self.stages.iter().map(|t| (t.stage.to_string(), json!(t.milliseconds))).collect();
+        let mut fields = Map::new();
+        let own = json!({
+            "scene": self.scene, "faces": self.faces, "size": self.size, "mode": self.mode, "pass": self.pass,
+            "median_ms": self.median, "of_full": self.of_full, "device_ms": self.device, "floor_ms": self.floor(machine.peak),
+            "pairs_needed": self.needed, "pairs_evaluated": self.evaluated,
+            "max_error": self.error, "max_error_untruncated": self.untruncated, "stages_ms": stages,
+        });
+        for part in [own, machine.json()] {
+            if let Value::Object(part) = part {
+                fields.extend(part);
+            }
+        }
+        fields.extend(self.common.clone());
+        Value::Object(fields)
+    }
+
+    /// The device's times.
+    pub fn stages(&self) -> &[StageTime] {
+        &self.stages
+    }
+
+    /// From where to where the `index`th of the named stages goes in a bar of all of them, milliseconds; the last is
+    /// what is left of the wall time.
+    pub fn span(&self, names: &[String], index: usize) -> (f64, f64) {
+        let time = |name: &String| self.stages.iter().filter(|t| t.stage == *name).map(|t| t.milliseconds).sum::<f64>();
+        let start: f64 = names[..index].iter().map(time).sum();
+        if index + 1 == names.len() { (start, self.median.max(start)) } else { (start, start + time(&names[index])) }
+    }
+
+    /// The heads of [`Row::text`]'s columns.
+    pub fn head() -> String {
+        format!(
+            "{:12} {:>7} {:>5} {:16} {:8} {:>9} {:>7} {:>9} {:>9} {:>7} {:>9} {:>10} {:>9} {:>9}",
+            "scene",
+            "faces",
+            "size",
+            "mode",
+            "pass",
+            "median",
+            "of full",
+            "device",
+            "floor",
+            "x floor",
+            "needed",
+            "evaluated",
+            "error",
+            "untrunc."
+        )
+    }
+
+    /// A line of the table.
+    pub fn text(&self, peak: f64) -> String {
+        let floor = self.floor(peak);
+        let error = |error: Option<f64>| error.map_or("-".to_string(), |e| format!("{e:.1e}"));
+        format!(
+            "{:12} {:>7} {:>5} {:16} {:8} {:>9.3} {:>7} {:>9.3} {:>9.3} {:>7.1} {:>9} {:>10} {:>9} {:>9}",
+            self.scene,
+            self.faces,
+            self.size,
+            self.mode,
+            self.pass,
+            self.median,
+            self.of_full.map_or("-".to_string(), |share| format!("{share:.2}")),
+            self.device,
+            floor,
+            self.median / floor,
+            self.needed,
+            self.evaluated,
+            error(self.error),
+            error(self.untruncated),
+        )
+    }
+}

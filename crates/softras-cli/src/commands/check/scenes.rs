@@ -1,0 +1,143 @@
+//! The scenes of `softras check`: small, made here, each for one part of the model.
+
+use crate::commands::gradients::Mode;
+use glam::DVec3;
+use softras::scene::{
+    Appearance, Background, ColorAggregation, DirectionalLight, Distance, Faces, Interpolation, Outputs, Shading,
+    SilhouetteAggregation, Texture, Wrap,
+};
+use softras::shapes::{cube, icosphere, torus};
+use softras::{Camera, Lights, Mesh, Projection, Result, Scene, Settings};
+
+/// One scene, rendered and differentiated.
+pub struct Case {
+    /// A word for the table.
+    pub name: &'static str,
+    /// What it is there for.
+    pub about: &'static str,
+    /// What is seen.
+    pub scene: Scene,
+    /// By whom.
+    pub cameras: Vec<Camera>,
+    /// How.
+    pub settings: Settings,
+    /// Which gradient.
+    pub mode: Mode,
+    /// The most that a gradient may be off, |device - f64| / |f64|.
+    pub gradient_tolerance: f64,
+}
+
+const FOV: Projection = Projection::Perspective { fov_y: 0.6 };
+
+/// All of them.
+///
+/// # Errors
+/// None that depend on the device.
+pub fn all() -> Result<Vec<Case>> {
+    Ok([softmax_cases()?, mode_cases()?, appearance_cases()?, hard_places()?].into_iter().flatten().collect())
+}
+
+fn case(name: &'static str, about: &'static str, mesh: Mesh, settings: Settings) -> Result<Case> {
+    let cameras = vec![camera(4.0, FOV)?];
+    Ok(Case { name, about, scene: Scene::new(mesh), cameras, settings, mode: Mode::Exact, gradient_tolerance: 1e-3 })
+}
+
+/// From a little above, so that no edge runs along the pixels' rows.
+fn camera(distance: f64, projection: Projection) -> Result<Camera> {
+    let eye = distance * DVec3::new(0.47, 0.31, 0.83).normalize();
+    Camera::look_at(eye, DVec3::new(0.03, -0.02, 0.01), DVec3::Y, projection)
+}
+
+/// Soft enough that every pixel sees many triangles.
+fn soft() -> Settings {
+    Settings {
+        width: 40,
+        height: 36,
+        sigma: 1e-3,
+        gamma: 1e-2,
+        epsilon: 0.6,
+        far: 10.0,
+        background_color: [0.2, 0.3, 0.4],
+        ..Settings::default()
+    }
+}
+
+fn ring() -> Result<Mesh> {
+    torus(0.7, 0.3, 16, 8)
+}
+
+fn softmax_cases() -> Result<Vec<Case>> {
+    let composite = Settings { background: Background::Composite, ..soft() };
+    Ok(vec![
+        case("softmax", "the paper's model", ring()?, soft())?,
+        Case { mode: Mode::Paper, ..case("paper", "the gradient of the paper's eq. 4", ring()?, soft())? },
+        case("composite", "colour that fades with the silhouette", ring()?, composite)?,
+    ])
+}
+
+fn mode_cases() -> Result<Vec<Case>> {
+    let hard = Settings { color: ColorAggregation::Hard, ..soft() };
+    let sum = Settings { silhouette: SilhouetteAggregation::Sum, faces: Faces::Front, ..soft() };
+    let mut sum = case("sum", "summed silhouette, front faces, flat light, a calibrated camera", ring()?, sum)?;
+    sum.scene.lights = lights(Shading::Flat);
+    sum.cameras = vec![camera(4.0, Projection::Pinhole { fx: 55.0, fy: 58.0, cx: 19.0, cy: 18.5 })?];
+    let barycentric = Settings { distance: Distance::Barycentric, ..soft() };
+    Ok(vec![
+        case("hard", "the nearest triangle's colour", ring()?, hard)?,
+        sum,
+        case("barycentric", "barycentric distance, cells of colour on every triangle", cells()?, barycentric)?,
+    ])
+}
+
+fn appearance_cases() -> Result<Vec<Case>> {
+    let perspective = Settings { interpolation: Interpolation::Perspective, ..soft() };
+    let outputs = Outputs { color: true, silhouette: true, depth: true, normal: true };
+    let all = Settings { outputs, background: Background::Composite, ..soft() };
+    let mut smooth = case("smooth", "smooth light, depth and normals", icosphere(1)?, all)?;
+    smooth.scene.lights = lights(Shading::Smooth);
+    Ok(vec![case("textured", "image texture, correct in perspective", textured()?, perspective)?, smooth])
+}
+
+fn hard_places() -> Result<Vec<Case>> {
+    let near = Settings { near: 0.9, sigma: 1e-4, gamma: 1e-3, ..soft() };
+    let mut clipped = case("near", "triangles cut by the near plane", ring()?, near)?;
+    clipped.cameras = vec![camera(1.2, Projection::Perspective { fov_y: 1.2 })?];
+    let mut batch = case("batch", "two meshes, two cameras", ring()?, soft())?;
+    batch.scene = Scene::batch(vec![ring()?, icosphere(1)?]);
+    batch.cameras = vec![camera(3.5, FOV)?, camera(4.0, Projection::Orthographic { half_height: 1.2 })?];
+    let sharp = Settings { sigma: 1e-7, gamma: 1e-6, background: Background::Composite, ..soft() };
+    let sharp = case("sharp", "tiny sigma and gamma", ring()?, sharp)?;
+    // An edge is a hundredth of a pixel wide there: what float32 can say of a place on it is worth two digits.
+    Ok(vec![clipped, batch, Case { gradient_tolerance: 1e-2, ..sharp }])
+}
+
+fn lights(shading: Shading) -> Lights {
+    let light = |direction, color, intensity| DirectionalLight { direction, color, intensity };
+    let directional = vec![light([0.4, 0.6, 0.7], [0.9, 0.8, 0.6], 0.7), light([-0.8, 0.1, 0.3], [0.3, 0.5, 0.9], 0.4)];
+    Lights { ambient_color: [0.9, 0.8, 0.7], ambient_intensity: 0.3, directional, shading }
+}
+
+/// A ring with a smooth picture around it; the corners are the UVs' too.
+fn textured() -> Result<Mesh> {
+    const SIDE: u32 = 16;
+    let wave = |i: u32, turns: f64| 0.5 + 0.4 * (f64::from(i) / f64::from(SIDE) * turns * std::f64::consts::TAU).sin();
+    let texel = |i: u32| [wave(i % SIDE, 1.0), wave(i / SIDE, 2.0), wave(i % SIDE + i / SIDE, 1.0)].map(|x| x as f32);
+    let texture = Texture::new(SIDE, SIDE, (0..SIDE * SIDE).map(texel).collect(), Wrap::Repeat)?;
+    let mesh = ring()?;
+    let uv = |p: &[f32; 3]| [1.3 * p[0] + 0.4 * p[2], 1.1 * p[1] - 0.5 * p[2]];
+    let appearance = Appearance::Textured {
+        uvs: mesh.positions().iter().map(uv).collect(),
+        uv_triangles: mesh.triangles().to_vec(),
+        textures: vec![texture],
+        texture_of_triangle: Vec::new(),
+    };
+    mesh.with_appearance(appearance)
+}
+
+/// A cube with nine cells of their own colours on every triangle.
+fn cells() -> Result<Mesh> {
+    let mesh = cube()?;
+    let level = |i: u32, step: u32| ((i * step) % 17) as f32 / 16.0;
+    let texels = (0..9 * mesh.triangles().len() as u32).map(|i| [level(i, 5), level(i, 7), level(i, 11)]).collect();
+    mesh.with_appearance(Appearance::Surface { resolution: 3, texels })
+}

@@ -1,0 +1,80 @@
+//! `softras devices`: which Vulkan devices there are and what they can do.
+
+use super::{Failure, say};
+use clap::Args;
+use serde_json::{Value, json};
+use softras::internals::vulkan::{Context, DeviceInfo, Limits};
+
+/// List the Vulkan devices and what each can do
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Every --device takes an index or a part of a name of this list; without it SOFTRAS_DEVICE does,
+and without that the best device is taken.
+
+Examples:
+  softras devices
+  softras render bunny.obj -o bunny.png --device 1
+  SOFTRAS_DEVICE=llvmpipe softras render bunny.obj -o bunny.png")]
+pub struct DevicesArgs {
+    /// Print one JSON array
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Runs the command.
+pub fn run(args: &DevicesArgs) -> Result<(), Failure> {
+    let devices = Context::devices()?;
+    if args.json {
+        return say(&Value::Array(devices.iter().map(as_json).collect()).to_string());
+    }
+    devices.iter().try_for_each(|device| say(&as_text(device)))
+}
+
+fn version((major, minor, patch): (u32, u32, u32)) -> String {
+    format!("{major}.{minor}.{patch}")
+}
+
+fn as_text(device: &DeviceInfo) -> String {
+    let Limits { device_heap, max_storage_buffer_range, max_texel_buffer_elements, subgroups, .. } = device.limits;
+    let usable = match &device.suitable {
+        Ok(()) => "usable".to_string(),
+        Err(why) => format!("NOT usable: {why}"),
+    };
+    let mib = |bytes: u64| bytes >> 20;
+    format!(
+        "{}: {} ({}, Vulkan {}, {} {})\n   {usable}; memory {} MiB, storage buffers to {} MiB, texel buffers to {} Mi \
+         elements, subgroups of {}",
+        device.index,
+        device.name,
+        device.kind,
+        version(device.api_version),
+        device.driver,
+        device.driver_version,
+        mib(device_heap),
+        mib(max_storage_buffer_range),
+        mib(max_texel_buffer_elements),
+        subgroups.size,
+    )
+}
+
+fn as_json(device: &DeviceInfo) -> Value {
+    let limits = &device.limits;
+    json!({
+        "index": device.index,
+        "name": device.name,
+        "kind": device.kind.to_string(),
+        "driver": device.driver,
+        "driver_version": device.driver_version,
+        "api_version": version(device.api_version),
+        "usable": device.suitable.is_ok(),
+        "why_not": device.suitable.as_ref().err(),
+        "memory_bytes": limits.device_heap,
+        "max_storage_buffer_range": limits.max_storage_buffer_range,
+        "max_texel_buffer_elements": limits.max_texel_buffer_elements,
+        "max_memory_allocation_size": limits.max_memory_allocation_size,
+        "max_workgroup_invocations": limits.max_workgroup_invocations,
+        "max_shared_memory": limits.max_shared_memory,
+        "timestamp_period_nanoseconds": limits.timestamp_period,
+        "subgroup_size": limits.subgroups.size,
+    })
+}

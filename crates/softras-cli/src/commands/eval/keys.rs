@@ -1,0 +1,78 @@
+//! Arrays of known shape out of an archive, and the names of the modes in it.
+
+use crate::commands::npz::{Archive, Array};
+use softras::scene::{
+    Background, ColorAggregation, Distance, Faces, FrontFace, Interpolation, Shading, SilhouetteAggregation, Support,
+};
+use softras::{Error, Result};
+
+pub const COLOR: &[(&str, ColorAggregation)] =
+    &[("softmax", ColorAggregation::Softmax), ("hard", ColorAggregation::Hard)];
+pub const SILHOUETTE: &[(&str, SilhouetteAggregation)] = &[
+    ("product", SilhouetteAggregation::Product),
+    ("prod", SilhouetteAggregation::Product),
+    ("sum", SilhouetteAggregation::Sum),
+    ("hard", SilhouetteAggregation::Hard),
+];
+pub const DISTANCE: &[(&str, Distance)] =
+    &[("euclidean", Distance::Euclidean), ("barycentric", Distance::Barycentric), ("hard", Distance::Hard)];
+pub const BACKGROUND: &[(&str, Background)] =
+    &[("weighted", Background::Weighted), ("composite", Background::Composite)];
+pub const FACES: &[(&str, Faces)] = &[("both", Faces::Both), ("front", Faces::Front)];
+pub const FRONT_FACE: &[(&str, FrontFace)] =
+    &[("counterclockwise", FrontFace::CounterClockwise), ("clockwise", FrontFace::Clockwise)];
+pub const SUPPORT: &[(&str, Support)] = &[("probability", Support::Probability), ("guaranteed", Support::Guaranteed)];
+pub const INTERPOLATION: &[(&str, Interpolation)] =
+    &[("affine", Interpolation::Affine), ("perspective", Interpolation::Perspective)];
+pub const SHADING: &[(&str, Shading)] = &[("flat", Shading::Flat), ("smooth", Shading::Smooth)];
+
+/// The key's error for a shape that is not the expected one.
+pub fn misshapen(archive: &Archive, key: &str, array: &Array, expected: &str) -> Error {
+    archive.fault(key, &format!("has shape {:?}", array.shape), &format!("expected {expected}"))
+}
+
+/// Rows of N values, all finite, as f32; the array's shape has been judged.
+pub fn rows<const N: usize>(archive: &Archive, key: &str, array: &Array) -> Result<Vec<[f32; N]>> {
+    let numbers = archive.numbers(key, array)?;
+    if let Some(i) = numbers.iter().position(|x| !(*x as f32).is_finite()) {
+        let what = format!("{key}{:?} is {}", place(i, &array.shape), numbers[i]);
+        return Err(archive.fault(key, &what, "every value must be a finite float32"));
+    }
+    let row = |row: &[f64]| {
+        let mut values = [0.0; N];
+        values.iter_mut().zip(row).for_each(|(value, x)| *value = *x as f32);
+        values
+    };
+    Ok(numbers.chunks_exact(N).map(row).collect())
+}
+
+/// Where element i is, by the indices of every axis.
+fn place(mut i: usize, shape: &[usize]) -> Vec<usize> {
+    let mut indices: Vec<usize> = shape.iter().rev().map(|&side| (i % side, i /= side).0).collect();
+    indices.reverse();
+    indices
+}
+
+/// A whole number from 1 to a limit that images have.
+pub fn pixels(archive: &Archive, key: &str, number: f64) -> Result<u32> {
+    if number.fract() == 0.0 && (1.0..=f64::from(softras::Settings::MAX_SIZE)).contains(&number) {
+        return Ok(number as u32);
+    }
+    Err(archive.fault(key, &format!("is {number}"), "a whole number of pixels from 1 to 16384 is expected"))
+}
+
+/// Sets a field from a key, if the file has it.
+pub fn set<T>(field: &mut T, value: Option<T>) {
+    if let Some(value) = value {
+        *field = value;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn places_are_by_axis() {
+        assert_eq!(super::place(7, &[2, 2, 3]), [1, 0, 1]);
+        assert_eq!(super::place(0, &[]), [0usize; 0]);
+    }
+}

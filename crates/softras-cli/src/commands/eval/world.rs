@@ -1,0 +1,216 @@
+//! Scenes with vertices in the world, cameras, lights and settings by their names in the library.
+
+use super::keys::{self, set};
+use super::{Job, Layout, Parity};
+use crate::commands::npz::{Archive, Array, Values};
+use glam::{DMat4, DVec4};
+use softras::scene::{Appearance, DirectionalLight, Outputs};
+use softras::{Camera, Error, Lights, Mesh, Projection, Result, Scene, Settings};
+
+/// Reads such a scene.
+///
+/// # Errors
+/// [`Error::File`] naming the key, what it holds and what was expected.
+pub fn read(archive: &Archive, parity: Parity) -> Result<Job> {
+    let settings = Settings { parity: parity.into(), ..settings(archive)? };
+    let meshes = meshes(archive)?;
+    let cameras = cameras(archive, meshes.len())?;
+    let lights = lights(archive)?;
+    let scene = if meshes.len() == 1 { Scene { meshes, lights } } else { Scene::batch(meshes).with_lights(lights) };
+    Ok(Job { scene, cameras, settings, layout: Layout::World })
+}
+
+fn settings(archive: &Archive) -> Result<Settings> {
+    let mut s = Settings::default();
+    for (key, field) in [("width", &mut s.width), ("height", &mut s.height)] {
+        if let Some(number) = archive.number(key)? {
+            *field = keys::pixels(archive, key, number)?;
+        }
+    }
+    set(&mut s.sigma, archive.number("sigma")?);
+    set(&mut s.gamma, archive.number("gamma")?);
+    set(&mut s.epsilon, archive.number("epsilon")?);
+    set(&mut s.tau, archive.number("tau")?);
+    set(&mut s.support, archive.choice("support", keys::SUPPORT)?);
+    set(&mut s.near, archive.number("near")?);
+    set(&mut s.far, archive.number("far")?);
+    set(&mut s.color, archive.choice("color", keys::COLOR)?);
+    set(&mut s.silhouette, archive.choice("silhouette", keys::SILHOUETTE)?);
+    set(&mut s.distance, archive.choice("distance", keys::DISTANCE)?);
+    set(&mut s.background, archive.choice("background", keys::BACKGROUND)?);
+    set(&mut s.background_color, archive.triple("background_color")?);
+    set(&mut s.faces, archive.choice("faces", keys::FACES)?);
+    set(&mut s.front_face, archive.choice("front_face", keys::FRONT_FACE)?);
+    set(&mut s.interpolation, archive.choice("interpolation", keys::INTERPOLATION)?);
+    set(&mut s.outputs, outputs(archive)?);
+    s.judge().map(|()| s)
+}
+
+/// `outputs`: texts, each one name or several with commas between.
+fn outputs(archive: &Archive) -> Result<Option<Outputs>> {
+    let key = "outputs";
+    let Some(array) = archive.get(key)? else { return Ok(None) };
+    let Values::Texts(texts) = &array.values else {
+        return Err(archive.fault(key, &format!("is {}", array.dtype), "texts are expected, as ['color', 'depth']"));
+    };
+    let mut wanted = Outputs { color: false, silhouette: false, depth: false, normal: false };
+    for name in texts.iter().flat_map(|t| t.split(',')).map(str::trim) {
+        match name {
+            "color" => wanted.color = true,
+            "silhouette" => wanted.silhouette = true,
+            "depth" => wanted.depth = true,
+            "normal" => wanted.normal = true,
+            _ => return Err(archive.fault(key, &format!("asks for {name:?}"), "use color, silhouette, depth, normal")),
+        }
+    }
+    Ok(Some(wanted))
+}
+
+fn meshes(archive: &Archive) -> Result<Vec<Mesh>> {
+    let key = "vertices";
+    let expected = "expected [V, 3] or [B, V, 3] (or face_vertices for a scene in screen space)";
+    let array = archive.require(key, expected)?;
+    let (batch, count) = match array.shape[..] {
+        [count, 3] => (None, count),
+        [batch, count, 3] if batch > 0 => (Some(batch), count),
+        _ => return Err(keys::misshapen(archive, key, array, "[V, 3] or [B, V, 3]")),
+    };
+    let positions = keys::rows::<3>(archive, key, array)?;
+    let triangles = triangles(archive, count)?;
+    let entries = batch.unwrap_or(1);
+    let mut meshes = Vec::with_capacity(entries);
+    for b in 0..entries {
+        let named = |e: Error| archive.fault(key, &format!("entry {b} of the batch: {e}"), "see above");
+        let mesh = Mesh::new(positions[b * count..(b + 1) * count].to_vec(), triangles.clone()).map_err(named)?;
+        let appearance = appearance(archive, b, batch, count, triangles.len())?;
+        meshes.push(mesh.with_appearance(appearance).map_err(named)?);
+    }
+    Ok(meshes)
+}
+
+fn triangles(archive: &Archive, count: usize) -> Result<Vec<[u32; 3]>> {
+    let key = "triangles";
+    let array = archive.require(key, "expected [F, 3], indices from 0")?;
+    let [_, 3] = array.shape[..] else { return Err(keys::misshapen(archive, key, array, "[F, 3]")) };
+    let numbers = archive.numbers(key, array)?;
+    let outside = |i: &f64| !(i.fract() == 0.0 && (0.0..count as f64).contains(i));
+    if let Some(at) = numbers.iter().position(outside) {
+        let what = format!("triangles[{}, {}] is {}", at / 3, at % 3, numbers[at]);
+        return Err(archive.fault(key, &what, &format!("an index from 0 to below {count}, the number of vertices")));
+    }
+    Ok(numbers.chunks_exact(3).map(|t| [t[0] as u32, t[1] as u32, t[2] as u32]).collect())
+}
+
+/// `colors` of entry `b`: per mesh, vertex or triangle by its shape; white without it.
+fn appearance(archive: &Archive, b: usize, batch: Option<usize>, vertices: usize, faces: usize) -> Result<Appearance> {
+    let key = "colors";
+    let per_triangle = archive.choice("colors_per", &[("vertex", false), ("triangle", true)])?;
+    let Some(array) = archive.get(key)? else { return Ok(Appearance::Uniform([1.0; 3])) };
+    let (count, skip) = match (&array.shape[..], batch) {
+        ([3], _) => (None, 0),
+        (&[n, 3], _) => (Some(n), 0),
+        (&[batch, n, 3], Some(expected)) if batch == expected => (Some(n), b * n),
+        _ => return Err(misfit(archive, array, vertices, faces)),
+    };
+    let colors = keys::rows::<3>(archive, key, array)?;
+    let Some(count) = count else { return Ok(Appearance::Uniform(colors[0])) };
+    let colors = colors[skip..skip + count].to_vec();
+    match per_triangle.unwrap_or(count != vertices) {
+        false if count == vertices => Ok(Appearance::VertexColors(colors)),
+        true if count == faces => Ok(Appearance::Surface { resolution: 1, texels: colors }),
+        _ => Err(misfit(archive, array, vertices, faces)),
+    }
+}
+
+fn misfit(archive: &Archive, array: &Array, vertices: usize, faces: usize) -> Error {
+    let expected = format!("[3], [{vertices}, 3] (per vertex) or [{faces}, 3] (per triangle)");
+    keys::misshapen(archive, "colors", array, &expected)
+}
+
+fn cameras(archive: &Archive, meshes: usize) -> Result<Vec<Camera>> {
+    let key = "view";
+    let array = archive.require(key, "expected [4, 4] or [B, 4, 4], world to view, z forward")?;
+    let views = match array.shape[..] {
+        [4, 4] => 1,
+        [views, 4, 4] if views > 0 => views,
+        _ => return Err(keys::misshapen(archive, key, array, "[4, 4] or [B, 4, 4]")),
+    };
+    let batch = views.max(meshes);
+    if (views != 1 && views != batch) || (meshes != 1 && meshes != batch) {
+        return Err(keys::misshapen(archive, key, array, &format!("[4, 4] or [{meshes}, 4, 4], as vertices has")));
+    }
+    let numbers = archive.numbers(key, array)?;
+    let projections = projections(archive, batch)?;
+    let camera = |(b, projection): (usize, Projection)| {
+        let m = &numbers[if views == 1 { 0 } else { 16 * b }..][..16];
+        let row = |i: usize| DVec4::new(m[4 * i], m[4 * i + 1], m[4 * i + 2], m[4 * i + 3]);
+        let matrix = DMat4::from_cols(row(0), row(1), row(2), row(3)).transpose();
+        let named = |e: Error| archive.fault(key, &format!("view {b}: {e}"), "view x right, y up, z forward");
+        Camera::from_matrix(matrix, projection).map_err(named)
+    };
+    projections.into_iter().enumerate().map(camera).collect()
+}
+
+/// One projection a view, from the one kind of keys that the file must have.
+fn projections(archive: &Archive, batch: usize) -> Result<Vec<Projection>> {
+    let has = ["fov_y", "half_height", "fx"].map(|key| archive.has(key));
+    if has.iter().filter(|h| **h).count() != 1 {
+        let what = if has.contains(&true) { "more than one kind of projection" } else { "no projection" };
+        return Err(archive.fault("fov_y", what, "give fov_y (radians), or half_height, or fx, fy, cx and cy"));
+    }
+    let each = |key: &str| per_view(archive, key, batch);
+    if has[0] {
+        return Ok(each("fov_y")?.into_iter().map(|fov_y| Projection::Perspective { fov_y }).collect());
+    }
+    if has[1] {
+        let wrap = |half_height| Projection::Orthographic { half_height };
+        return Ok(each("half_height")?.into_iter().map(wrap).collect());
+    }
+    let (fx, fy, cx, cy) = (each("fx")?, each("fy")?, each("cx")?, each("cy")?);
+    Ok((0..batch).map(|b| Projection::Pinhole { fx: fx[b], fy: fy[b], cx: cx[b], cy: cy[b] }).collect())
+}
+
+/// A number for all views, or one for each.
+fn per_view(archive: &Archive, key: &str, batch: usize) -> Result<Vec<f64>> {
+    let array = archive.require(key, "a number, or one per view, is expected")?;
+    let numbers = archive.numbers(key, array)?;
+    match numbers.len() {
+        1 => Ok(vec![numbers[0]; batch]),
+        n if n == batch => Ok(numbers.to_vec()),
+        _ => Err(keys::misshapen(archive, key, array, &format!("a number or [{batch}]"))),
+    }
+}
+
+fn lights(archive: &Archive) -> Result<Lights> {
+    let mut lights = Lights::unlit();
+    set(&mut lights.ambient_color, archive.triple("ambient_color")?);
+    set(&mut lights.ambient_intensity, archive.number("ambient_intensity")?);
+    set(&mut lights.shading, archive.choice("shading", keys::SHADING)?);
+    let key = "light_directions";
+    let directions = triples(archive, key, None)?.unwrap_or_default();
+    let count = directions.len();
+    let colors = triples(archive, "light_colors", Some(count))?.unwrap_or_else(|| vec![[1.0; 3]; count]);
+    let intensities = match archive.has("light_intensities") {
+        true => per_view(archive, "light_intensities", count)?,
+        false => vec![1.0; count],
+    };
+    let all = directions.into_iter().zip(colors).zip(intensities);
+    lights.directional =
+        all.map(|((direction, color), intensity)| DirectionalLight { direction, color, intensity }).collect();
+    lights.judge().map_err(|e| archive.fault(key, &e.to_string(), "see above"))?;
+    Ok(lights)
+}
+
+/// `[L, 3]`, or `[3]` for a single one; as many as `count` where it is given.
+fn triples(archive: &Archive, key: &str, count: Option<usize>) -> Result<Option<Vec<[f64; 3]>>> {
+    let Some(array) = archive.get(key)? else { return Ok(None) };
+    let rows = match array.shape[..] {
+        [3] => 1,
+        [rows, 3] => rows,
+        _ => return Err(keys::misshapen(archive, key, array, "[L, 3]")),
+    };
+    if count.is_some_and(|count| count != rows) {
+        return Err(keys::misshapen(archive, key, array, &format!("[{}, 3], as light_directions", count.unwrap_or(0))));
+    }
+    Ok(Some(archive.numbers(key, array)?.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect()))
+}

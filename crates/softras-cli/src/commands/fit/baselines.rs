@@ -1,0 +1,127 @@
+//! The same fit less one thing each, and with a hard renderer: what the things are worth.
+
+use super::args::FitArgs;
+use super::report::Scores;
+use super::setup::Setup;
+use super::targets::{self, Views};
+use crate::commands::Failure;
+use crate::commands::progress::Progress;
+use serde_json::{Value, json};
+use softras::fit::device::{HostFit, unsupported};
+use softras::fit::pose::flow_by_vertex;
+use softras::fit::shape::{ShapeFit, Targets};
+use softras::scene::{Appearance, ColorAggregation, Outputs, SilhouetteAggregation};
+use softras::{Gradients, ImageGradient, MeshGradients};
+use softras::{Mesh, Projection, Renderer, Result, Scene, Settings};
+
+/// What is left out, how, and whether there is anything to leave out.
+type Without = (&'static str, fn(&mut Setup), bool);
+
+/// What a baseline came to.
+pub struct Baseline {
+    name: &'static str,
+    scores: Scores,
+}
+
+impl Baseline {
+    /// For programs.
+    pub fn json(&self) -> Value {
+        json!({ "method": self.name, "final": self.scores.json() })
+    }
+
+    /// For people.
+    pub fn sentence(&self) -> String {
+        format!("{}: {}", self.name, self.scores.sentence())
+    }
+}
+
+/// Fits without the schedule of sigma and gamma, without softness, without regularisers, where colours are fitted without
+/// them, and last, where the cameras have perspective, silhouettes with the gradients of a hard renderer.
+pub fn run(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Vec<Baseline>, Failure> {
+    let without: [Without; 4] = [
+        ("without the schedule", Setup::hold_softness, true),
+        ("without softness", Setup::harden, true),
+        ("without regularisers", |setup| setup.options.regularizers.clear(), !args.texture),
+        ("without colours", |setup| setup.options.fit_colors = false, args.color && !args.texture),
+    ];
+    let mut found = Vec::new();
+    for (name, change, _) in without.into_iter().filter(|(.., applies)| *applies) {
+        let mut setup = Setup::new(args, views)?;
+        change(&mut setup);
+        let mut targets = targets::fitted(args, &views.targets);
+        if !setup.options.fit_colors {
+            targets.color = None;
+        }
+        let mut fit = ShapeFit::new(setup.template.clone(), softras::Lights::unlit(), setup.options.clone())?;
+        let progress = begun(name, &setup);
+        for step in 0..setup.iterations {
+            if setup.remakes(step) {
+                fit = setup.remade(&fit, step)?;
+            }
+            let (rate, color_rate) = (setup.rate.at_step(step, setup.iterations), setup.color_rate(step));
+            fit.step(renderer, &setup.settings(step), &targets, rate, color_rate)?;
+            progress.step();
+        }
+        drop(progress);
+        found.push(Baseline { name, scores: Scores::of(fit.mesh(), &setup, views, renderer)? });
+    }
+    found.extend(hard(args, views, renderer)?);
+    Ok(found)
+}
+
+fn begun(name: &str, setup: &Setup) -> Progress {
+    let progress = Progress::counted("step", setup.iterations);
+    progress.tell(name.into());
+    progress
+}
+
+/// Silhouettes alone, rendered hard, their gradients by differences between pixels ([`flow_by_vertex`]); `None` where
+/// there is no silhouette to fit or it cannot be done.
+fn hard(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Option<Baseline>, Failure> {
+    let name = "hard, image-space differences";
+    let mut setup = Setup::new(args, views)?;
+    setup.options.fit_colors = false;
+    let targets = Targets { color: None, ..targets::fitted(args, &views.targets) };
+    let shape = ShapeFit::new(setup.template.clone(), softras::Lights::unlit(), setup.options.clone())?;
+    let perspective = |camera: &softras::Camera| matches!(camera.projection(), Projection::Perspective { .. });
+    let possible = targets.silhouette.is_some() && targets.cameras.iter().all(perspective);
+    if args.texture || !possible || unsupported(&shape).is_some() {
+        return Ok(None);
+    }
+    let mut fit = HostFit::new(shape, &targets, None)?;
+    let progress = begun(name, &setup);
+    for step in 0..setup.iterations {
+        if setup.remakes(step) {
+            fit = HostFit::new(setup.remade(&fit.into_shape()?, step)?, &targets, None)?;
+        }
+        let by_vertex = hard_gradient(fit.mesh(), &setup, &targets, renderer)?;
+        let mesh = MeshGradients { positions: by_vertex, ..MeshGradients::default() };
+        let gradients = Gradients { meshes: vec![mesh], ..Gradients::default() };
+        fit.advance(&gradients, setup.rate.at_step(step, setup.iterations), 0.0)?;
+        progress.step();
+    }
+    drop(progress);
+    Ok(Some(Baseline { name, scores: Scores::of(fit.mesh(), &setup, views, renderer)? }))
+}
+
+/// dL by every vertex for the silhouettes' loss, the mesh rendered hard.
+fn hard_gradient(mesh: &Mesh, setup: &Setup, targets: &Targets, renderer: &mut Renderer) -> Result<Vec<[f32; 3]>> {
+    let (height, width) = targets.size()?;
+    let settings = Settings {
+        width: width as u32,
+        height: height as u32,
+        color: ColorAggregation::Hard,
+        silhouette: SilhouetteAggregation::Hard,
+        outputs: Outputs { color: true, silhouette: true, depth: true, normal: false },
+        save: true,
+        ..setup.settings(0)
+    };
+    let colors = vec![[0.0; 3]; mesh.positions().len()];
+    let colored = mesh.clone().with_appearance(Appearance::VertexColors(colors))?;
+    let frame = renderer.render(&Scene::new(colored), &targets.cameras, &settings)?;
+    let (Some(rendered), Some(target)) = (frame.silhouette(), &targets.silhouette) else { return Ok(Vec::new()) };
+    let (loss, weight) = setup.options.silhouette;
+    let mut gradient = loss.evaluate(rendered, target, None)?.gradient;
+    gradient.data.iter_mut().for_each(|g| *g *= weight as f32);
+    flow_by_vertex(renderer, &frame, &ImageGradient::silhouette(gradient), &targets.cameras)
+}

@@ -1,0 +1,120 @@
+//! Where images were taken from.
+
+use super::targets::{direction, read_array};
+use crate::commands::render::framing::Bounds;
+use glam::{DMat3, DMat4, DVec3};
+use serde_json::Value;
+use softras::{Camera, Error, Projection, Result};
+use std::path::Path;
+
+/// The part of the image's half that a mesh's bounding sphere fills.
+const FILL: f64 = 0.9;
+
+fn fault<T>(path: &Path, what: String, mend: &str) -> Result<T> {
+    Err(Error::File { path: path.into(), line: None, what, mend: mend.into() })
+}
+
+fn perspective(fov: f64) -> Projection {
+    Projection::Perspective { fov_y: fov.to_radians() }
+}
+
+/// Cameras all around a mesh.
+pub fn around(bounds: Bounds, count: usize, fov: f64) -> Result<Vec<Camera>> {
+    let distance = bounds.radius / (FILL * (fov.to_radians() / 2.0).tan()).atan().sin();
+    let one = |i: usize| {
+        let eye = bounds.center + distance * direction(i, count);
+        Camera::look_at(eye, bounds.center, DVec3::Y, perspective(fov))
+    };
+    (0..count).map(one).collect()
+}
+
+/// From a numpy array: angles of the official data, or matrices.
+pub fn read(path: &Path, fov: f64) -> Result<Vec<Camera>> {
+    let (shape, values, _) = read_array(path)?;
+    match shape[..] {
+        [_, 3] => values.chunks_exact(3).map(|c| official([c[0], c[1], c[2]], fov)).collect(),
+        [_, 4, 4] => {
+            let matrix = |m: &[f64]| DMat4::from_cols_slice(m).transpose();
+            values.chunks_exact(16).map(|m| Camera::from_matrix(matrix(m), perspective(fov))).collect()
+        }
+        _ => fault(path, format!("has shape {shape:?}"), "use [N, 3] (distance, elevation, azimuth) or [N, 4, 4]"),
+    }
+}
+
+/// The official renderer's camera, whose images are mirrored.
+fn official([distance, elevation, azimuth]: [f64; 3], fov: f64) -> Result<Camera> {
+    let straight = Camera::from_angles(distance, elevation, azimuth, perspective(fov))?;
+    let [right, up, forward] = *straight.view();
+    let rows = [right.map(|x| -x), up, forward, [0.0, 0.0, 0.0, 1.0]];
+    Camera::from_matrix(DMat4::from_cols_array_2d(&rows).transpose(), perspective(fov))
+}
+
+/// One entry of cameras.json.
+pub fn of_json(path: &Path, index: usize, entry: &Value, fov: f64) -> Result<Camera> {
+    let number = |key: &str| entry[key].as_f64();
+    let triple = |key: &str| match entry[key].as_array().map(Vec::as_slice) {
+        Some([x, y, z]) => Some(DVec3::new(x.as_f64()?, y.as_f64()?, z.as_f64()?)),
+        _ => None,
+    };
+    let projection = perspective(number("fov").unwrap_or(fov));
+    let target = triple("target").unwrap_or(DVec3::ZERO);
+    if let Some(eye) = triple("eye") {
+        return Camera::look_at(eye, target, triple("up").unwrap_or(DVec3::Y), projection);
+    }
+    match (number("distance"), number("elevation"), number("azimuth")) {
+        (Some(distance), Some(elevation), Some(azimuth)) => {
+            Camera::from_angles(distance, elevation, azimuth, projection)
+        }
+        _ => {
+            fault(path, format!("camera {index} says not where it is"), "give eye, or distance, elevation and azimuth")
+        }
+    }
+}
+
+fn rows(camera: &Camera) -> ([DVec3; 3], DVec3) {
+    let view = camera.view();
+    let axes = [0, 1, 2].map(|i| DVec3::new(view[i][0], view[i][1], view[i][2]));
+    let offset = DVec3::new(view[0][3], view[1][3], view[2][3]);
+    (axes, offset)
+}
+
+/// View depth of a point.
+fn depth(camera: &Camera, point: DVec3) -> f64 {
+    let (axes, offset) = rows(camera);
+    axes[2].dot(point) + offset.z
+}
+
+/// Where all cameras look: the point nearest to their axes, and how much around it the tightest of them sees.
+pub fn seen(cameras: &[Camera], (height, width): (usize, usize)) -> Bounds {
+    let (mut matrix, mut vector) = (DMat3::ZERO, DVec3::ZERO);
+    for camera in cameras {
+        let (axes, offset) = rows(camera);
+        let inverse = DMat3::from_cols(axes[0], axes[1], axes[2]);
+        let eye = -(inverse * offset);
+        // Off the axis by one unit costs one, along it nothing; where that does not decide, the origin's side wins.
+        let across = DMat3::IDENTITY - outer(axes[2]);
+        matrix += across + DMat3::from_diagonal(DVec3::splat(1e-9));
+        vector += across * eye;
+    }
+    let center = if matrix.determinant().abs() > 1e-12 { matrix.inverse() * vector } else { DVec3::ZERO };
+    let aspect = (width as f64 / height as f64).min(1.0);
+    let half = |camera: &Camera| match *camera.projection() {
+        Projection::Perspective { fov_y } => depth(camera, center) * (fov_y / 2.0).tan() * aspect,
+        Projection::Orthographic { half_height } => half_height * aspect,
+        _ => depth(camera, center),
+    };
+    let radius = cameras.iter().map(half).filter(|r| *r > 0.0).fold(f64::INFINITY, f64::min);
+    Bounds { center, radius: if radius.is_finite() { radius } else { 1.0 } }
+}
+
+fn outer(v: DVec3) -> DMat3 {
+    DMat3::from_cols(v * v.x, v * v.y, v * v.z)
+}
+
+/// Near and far for all cameras: half as much again as the bounds.
+pub fn depths(cameras: &[Camera], bounds: Bounds) -> (f64, f64) {
+    let centers: Vec<f64> = cameras.iter().map(|c| depth(c, bounds.center)).collect();
+    let farthest = centers.iter().copied().fold(0.0, f64::max) + 1.5 * bounds.radius;
+    let nearest = centers.iter().copied().fold(f64::INFINITY, f64::min) - 1.5 * bounds.radius;
+    (nearest.max(0.02 * farthest), farthest)
+}

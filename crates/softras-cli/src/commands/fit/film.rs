@@ -1,0 +1,122 @@
+//! The fit as an animation: the target on the left, the mesh on the right.
+
+use super::setup::Setup;
+use super::targets::Views;
+use crate::commands::color::Curve;
+use crate::commands::render::gif;
+use crate::commands::render::picture::Picture;
+use softras::fit::image_loss::pooled;
+use softras::scene::{Background, DirectionalLight, Outputs, Shading};
+use softras::{Camera, Lights, Mesh, Renderer, Result, Scene, Settings};
+use std::path::Path;
+
+/// Frames at most.
+const FRAMES: usize = 32;
+/// Rows of a frame.
+const HEIGHT: u32 = 128;
+const SAMPLES: u32 = 2;
+/// Hundredths of a second that a frame stays, and the last one.
+const DELAY: u16 = 8;
+const LAST: usize = 15;
+
+/// Frames so far; none when no film was asked for.
+pub struct Film {
+    frames: Option<Vec<Picture>>,
+    every: usize,
+    camera: Option<Camera>,
+    target: Picture,
+    size: (u32, u32),
+}
+
+impl Film {
+    /// From the view in which the target is largest.
+    pub fn new(wanted: bool, setup: &Setup, views: &Views) -> Self {
+        let t = &views.targets;
+        let area = |view: &usize| t.silhouette.as_ref().map_or(0.0, |s| s.view(*view).iter().sum::<f32>());
+        let view = (0..t.cameras.len()).max_by(|a, b| area(a).total_cmp(&area(b))).unwrap_or(0);
+        let shape = t.silhouette.as_ref().map_or((1, 1), |s| (s.height, s.width));
+        let size = ((HEIGHT as usize * shape.1 / shape.0.max(1)).max(1) as u32, HEIGHT);
+        let target = match (&t.color, &t.silhouette) {
+            (Some(color), Some(alpha)) => picture(color.view(view), alpha.view(view), shape),
+            (None, Some(alpha)) => {
+                let grey: Vec<f32> = alpha.view(view).iter().flat_map(|a| [0.2 * a; 3]).collect();
+                picture(&grey, alpha.view(view), shape)
+            }
+            _ => Picture::filled(1, 1, [255; 4]),
+        };
+        Self {
+            frames: wanted.then(Vec::new),
+            every: setup.iterations.div_ceil(FRAMES),
+            camera: t.cameras.get(view).copied(),
+            target: enlarged(&target, size),
+            size,
+        }
+    }
+
+    /// Whether a step's mesh is to be shown.
+    pub fn shows(&self, step: usize) -> bool {
+        self.frames.is_some() && step.is_multiple_of(self.every)
+    }
+
+    /// Keeps a frame.
+    pub fn last(&mut self, mesh: &Mesh, setup: &Setup, renderer: &mut Renderer) -> Result<()> {
+        let (Some(frames), Some(camera)) = (&mut self.frames, self.camera) else { return Ok(()) };
+        let settings = Settings {
+            width: self.size.0 * SAMPLES,
+            height: self.size.1 * SAMPLES,
+            sigma: 1e-7,
+            gamma: 1e-5,
+            background: Background::Composite,
+            outputs: Outputs { color: true, silhouette: true, depth: false, normal: false },
+            ..setup.settings(0)
+        };
+        let lights = if setup.options.fit_colors { Lights::unlit() } else { lights(&camera) };
+        let frame = renderer.render(&Scene::new(mesh.clone()).with_lights(lights), &[camera], &settings)?;
+        let (Some(color), Some(alpha)) = (frame.color(), frame.silhouette()) else { return Ok(()) };
+        let [color, alpha] = [pooled(color, SAMPLES as usize)?, pooled(alpha, SAMPLES as usize)?];
+        let shown = picture(&color.data, &alpha.data, (self.size.1 as usize, self.size.0 as usize));
+        let mut both = Picture::filled(2 * shown.width, shown.height, [255; 4]);
+        both.paste(&self.target, 0, 0);
+        both.paste(&shown, shown.width, 0);
+        frames.push(both);
+        Ok(())
+    }
+
+    /// Writes the film, its last frame held.
+    pub fn write(mut self, path: &Path) -> Result<()> {
+        let mut frames = self.frames.take().unwrap_or_default();
+        if let Some(last) = frames.last().cloned() {
+            frames.extend(std::iter::repeat_n(last, LAST));
+        }
+        gif::write(path, &frames, DELAY)
+    }
+}
+
+/// From the camera's upper left, and a little from everywhere.
+fn lights(camera: &Camera) -> Lights {
+    let view = camera.view();
+    let direction = [0, 1, 2].map(|k| -0.5 * view[0][k] + 0.7 * view[1][k] - 0.7 * view[2][k]);
+    Lights {
+        ambient_color: [1.0; 3],
+        ambient_intensity: 0.15,
+        directional: vec![DirectionalLight { direction, color: [1.0; 3], intensity: 0.7 }],
+        shading: Shading::Flat,
+    }
+}
+
+/// Premultiplied linear colours on white.
+fn picture(color: &[f32], alpha: &[f32], (height, width): (usize, usize)) -> Picture {
+    let byte = |c: f32, a: f32| (Curve::Srgb.encode(f64::from(c + 1.0 - a)) * 255.0).round() as u8;
+    let pixel = |(c, &a): (&[f32], &f32)| [byte(c[0], a), byte(c[1], a), byte(c[2], a), 255];
+    Picture { width, height, pixels: color.chunks_exact(3).zip(alpha).map(pixel).collect() }
+}
+
+/// Larger by repeating pixels.
+fn enlarged(picture: &Picture, (width, height): (u32, u32)) -> Picture {
+    let (width, height) = (width as usize, height as usize);
+    let at = |i: usize| {
+        let (row, column) = (i / width * picture.height / height, i % width * picture.width / width);
+        picture.pixels[row * picture.width + column]
+    };
+    Picture { width, height, pixels: (0..width * height).map(at).collect() }
+}

@@ -1,0 +1,242 @@
+//! What a fit came to.
+
+use super::args::FitArgs;
+use super::setup::Setup;
+use super::targets::Views;
+use crate::commands::{Failure, say};
+use glam::DVec3;
+use serde_json::{Value, json};
+use softras::fit::image_loss::{ImageLoss, mask_iou, pooled};
+use softras::fit::regularizer::Regularizer;
+use softras::fit::shape::{Step, Targets};
+use softras::fit::topology::Topology;
+use softras::fit::voxel;
+use softras::scene::{Outputs, SilhouetteAggregation};
+use softras::{Camera, Image, Mesh, Renderer, Result, Scene, Settings};
+
+/// Voxels along a side of the 3D IoU, as the SoftRas paper's.
+const VOXELS: usize = 32;
+
+/// Every step taken.
+#[derive(Default)]
+pub struct Log {
+    steps: Vec<(usize, Step, f64)>,
+}
+
+impl Log {
+    /// A step and the seconds it took.
+    pub fn add(&mut self, step: usize, found: Step, seconds: f64) {
+        self.steps.push((step, found, seconds));
+    }
+
+    /// The loss of a step; infinite where it was not taken.
+    pub fn loss(&self, step: usize) -> f64 {
+        self.steps.iter().find(|s| s.0 == step).map_or(f64::INFINITY, |s| s.1.loss)
+    }
+
+    /// Step and loss.
+    pub fn losses(&self) -> Vec<(usize, f64)> {
+        self.steps.iter().map(|(step, found, _)| (*step, found.loss)).collect()
+    }
+
+    /// The median of a step's seconds; `None` without steps.
+    pub fn seconds(&self) -> Option<f64> {
+        let mut seconds: Vec<f64> = self.steps.iter().map(|s| s.2).collect();
+        seconds.sort_by(f64::total_cmp);
+        seconds.get(seconds.len() / 2).copied()
+    }
+
+    /// Everything, for programs. Beside the device's name: why the steps were the host's, if they were.
+    pub fn json(
+        &self,
+        args: &FitArgs,
+        setup: &Setup,
+        scores: &Scores,
+        (device, host): (&str, Option<&str>),
+        mesh: &Mesh,
+    ) -> Value {
+        let each = |value: fn(&Step) -> f64| self.steps.iter().map(|(_, s, _)| value(s)).collect::<Vec<f64>>();
+        let names = setup.options.regularizers.iter().map(|(r, weight)| json!({ "name": name(*r), "weight": weight }));
+        let penalties: Vec<_> = self.steps.iter().map(|(_, s, _)| &s.regularizers).collect();
+        json!({
+            "device": device,
+            "steps_on": if host.is_some() { "host" } else { "device" },
+            "host_reason": host,
+            "preset": format!("{:?}", args.method.preset).to_lowercase(),
+            "vertices": mesh.positions().len(),
+            "triangles": mesh.triangles().len(),
+            "views": scores.masks.len(),
+            "view_stride": setup.stride,
+            "first_step": self.steps.first().map_or(0, |s| s.0),
+            "loss": each(|s| s.loss),
+            "silhouette_loss": each(|s| s.silhouette),
+            "color_loss": each(|s| s.color),
+            "regularizers": names.collect::<Vec<_>>(),
+            "regularizer_values": penalties,
+            "seconds": self.steps.iter().map(|s| s.2).collect::<Vec<_>>(),
+            "seconds_per_iteration": self.seconds(),
+            "final": scores.json(),
+        })
+    }
+}
+
+fn name(regularizer: Regularizer) -> &'static str {
+    match regularizer {
+        Regularizer::Laplacian => "laplacian",
+        Regularizer::Flatten => "flatten",
+        Regularizer::EdgeLength { .. } => "edge_length",
+        Regularizer::NormalConsistency => "normals",
+    }
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+/// How good a mesh is.
+#[derive(Default)]
+pub struct Scores {
+    /// IoU of the masks of every view, also of those that were not fitted: pixels whose centre the mesh covers, against
+    /// pixels of the target above ½.
+    masks: Vec<f64>,
+    /// Its mean over the views that were.
+    fitted: f64,
+    /// The same of pixels that the mesh covers by more than half, by 8 × 8 samples.
+    covered: Vec<f64>,
+    /// The mean over all views of the soft silhouettes' IoU at sigma 1e-4.
+    soft: f64,
+    /// The mean of the most that any image whatever could have of it: below 1 where targets are grey.
+    most: f64,
+    /// What the official demo would call the loss of this mesh on the fitted views.
+    official: f64,
+    /// With the mesh that the views were made from.
+    solid: Option<f64>,
+}
+
+impl Scores {
+    /// Of a mesh, over all views.
+    pub fn of(mesh: &Mesh, setup: &Setup, views: &Views, renderer: &mut Renderer) -> Result<Self> {
+        let targets = &views.targets;
+        let (height, width) = targets.size()?;
+        let outputs = Outputs { color: false, silhouette: true, depth: false, normal: false };
+        let settings = Settings { height: height as u32, width: width as u32, outputs, ..setup.settings(0) };
+        let hard = Settings { silhouette: SilhouetteAggregation::Hard, sigma: 1e-7, ..settings.clone() };
+        let scene = Scene::new(mesh.clone());
+        let Some(target) = &targets.silhouette else {
+            return Ok(Self::default());
+        };
+        let frame = renderer.render(&scene, &targets.cameras, &hard)?;
+        let masks = frame.silhouette().map(|image| mask_iou(image, target)).transpose()?.unwrap_or_default();
+        let covered = covered(&scene, targets, &hard, renderer)?;
+        let bounds: Vec<f64> = (0..target.batch).map(|view| most_iou(target.view(view))).collect();
+        let soft_iou = |renderer: &mut Renderer, stride: usize| -> Result<f64> {
+            let some = super::targets::every(targets, stride);
+            let settings = Settings { sigma: 1e-4, ..settings.clone() };
+            let frame = renderer.render(&scene, &some.cameras, &settings)?;
+            match (frame.silhouette(), &some.silhouette) {
+                (Some(image), Some(target)) => Ok(1.0 - ImageLoss::NegativeIou.evaluate(image, target, None)?.value),
+                _ => Ok(0.0),
+            }
+        };
+        let fitted: Vec<f64> = masks.iter().step_by(setup.stride).copied().collect();
+        let official = 1.0 - soft_iou(renderer, setup.stride)? + official_penalty(mesh)?;
+        let soft = soft_iou(renderer, 1)?;
+        let solid = views.truth.as_ref().map(|truth| voxel::iou(mesh, truth, VOXELS)).transpose()?;
+        Ok(Self { fitted: mean(&fitted), masks, covered, soft, most: mean(&bounds), official, solid })
+    }
+}
+
+/// Samples along each side of a pixel that tell how much of it is covered.
+const SAMPLES: u32 = 8;
+
+/// IoU of every view's pixels that a mesh covers by more than half.
+fn covered(scene: &Scene, targets: &Targets, hard: &Settings, renderer: &mut Renderer) -> Result<Vec<f64>> {
+    let Some(target) = &targets.silhouette else { return Ok(Vec::new()) };
+    let fine = Settings { height: hard.height * SAMPLES, width: hard.width * SAMPLES, ..hard.clone() };
+    let one = |(view, camera): (usize, &Camera)| {
+        let frame = renderer.render(scene, &[*camera], &fine)?;
+        let target = Image { batch: 1, data: target.view(view).to_vec(), ..*target };
+        let Some(image) = frame.silhouette() else { return Ok(0.0) };
+        Ok(mean(&mask_iou(&pooled(image, SAMPLES as usize)?, &target)?))
+    };
+    targets.cameras.iter().enumerate().map(one).collect()
+}
+
+/// The most soft IoU Σ P T / Σ (P + T - P T) that any P in [0, 1] has with a target. It is linear in every pixel of P over
+/// and under the line, so a P of 0 and 1 has it, 1 where T is largest.
+fn most_iou(target: &[f32]) -> f64 {
+    let mut values: Vec<f64> = target.iter().map(|t| f64::from(*t)).collect();
+    values.sort_by(|a, b| b.total_cmp(a));
+    let all: f64 = values.iter().sum();
+    if all <= 0.0 {
+        return 1.0;
+    }
+    let (mut both, mut most) = (0.0, 0.0f64);
+    for (count, value) in values.into_iter().enumerate() {
+        both += value;
+        most = most.max(both / ((count + 1) as f64 + all - both));
+    }
+    most
+}
+
+impl Scores {
+    /// For programs.
+    pub fn json(&self) -> Value {
+        json!({
+            "mask_iou": { "per_view": self.masks, "mean": mean(&self.masks), "mean_of_fitted": self.fitted },
+            "covered_mask_iou": { "per_view": self.covered, "mean": mean(&self.covered) },
+            "soft_iou": self.soft,
+            "most_soft_iou": self.most,
+            "official_loss": self.official,
+            "iou_3d": self.solid,
+        })
+    }
+
+    /// For people.
+    pub fn sentence(&self) -> String {
+        let solid = self.solid.map_or(String::new(), |iou| format!(", 3D IoU {iou:.4}"));
+        format!("mask IoU {:.4} over {} views{solid}", mean(&self.masks), self.masks.len())
+    }
+}
+
+/// The official demo's regularisers with its weights.
+fn official_penalty(mesh: &Mesh) -> Result<f64> {
+    let positions: Vec<DVec3> = mesh.positions().iter().map(|p| DVec3::from(p.map(f64::from))).collect();
+    let topology = Topology::new(positions.len(), mesh.triangles())?;
+    let mut unused = vec![DVec3::ZERO; positions.len()];
+    let laplacian = Regularizer::Laplacian.add(&topology, &positions, 0.0, &mut unused)?;
+    let flatten = Regularizer::Flatten.add(&topology, &positions, 0.0, &mut unused)?;
+    Ok(0.03 * laplacian + 0.0003 * flatten)
+}
+
+/// Says what there is to say.
+pub fn tell(args: &FitArgs, log: &Log, scores: &Scores, mesh: &Mesh) -> Result<(), Failure> {
+    let (vertices, triangles) = (mesh.positions().len(), mesh.triangles().len());
+    let least = log.losses().iter().map(|l| l.1).fold(f64::INFINITY, f64::min);
+    let time = log.seconds().map_or(String::new(), |s| format!(", {:.1} ms a step", s * 1e3));
+    say(&format!(
+        "{}: {vertices} vertices, {triangles} triangles; loss {least:.5}, {}{time}",
+        args.out.display(),
+        scores.sentence(),
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_image_overlaps_a_grey_target_more_than_this() {
+        assert_eq!(most_iou(&[0.0, 1.0, 1.0, 0.0]), 1.0);
+        assert_eq!(most_iou(&[0.0; 4]), 1.0);
+        let target = [0.9f32, 0.5, 0.3, 0.1];
+        let iou = |p: [f64; 4]| {
+            let pairs = || p.iter().zip(target.map(f64::from));
+            pairs().map(|(p, t)| p * t).sum::<f64>() / pairs().map(|(p, t)| p + t - p * t).sum::<f64>()
+        };
+        let grid = |i: usize| [0, 1, 2, 3].map(|k| (i / 5usize.pow(k) % 5) as f64 / 4.0);
+        let best = (0..625).map(|i| iou(grid(i))).fold(0.0, f64::max);
+        assert!((most_iou(&target) - best).abs() < 1e-12, "{best}");
+        assert!(iou(target.map(f64::from)) < best - 0.05, "the target itself is not the best");
+    }
+}

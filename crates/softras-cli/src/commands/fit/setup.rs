@@ -1,0 +1,197 @@
+//! The arguments as a template, options and schedules.
+
+use super::args::{FitArgs, Preset};
+use super::targets::Views;
+use crate::commands::Failure;
+use softras::fit::image_loss::ImageLoss;
+use softras::fit::optimizer::Method;
+use softras::fit::regularizer::Regularizer;
+use softras::fit::schedule::Schedule;
+use softras::fit::shape::{Parametrization, ShapeFit, ShapeOptions};
+use softras::scene::{Appearance, Background, Faces, Interpolation};
+use softras::{Mesh, Settings, shapes};
+use std::path::Path;
+
+/// The sphere's radius as a part of what the cameras see around its centre.
+const SPHERE: f64 = 0.65;
+
+/// Softness of edges without softness: a thousandth of a screen unit is far below a pixel.
+const HARD_SIGMA: f64 = 1e-7;
+
+/// Everything about a fit that does not change while it runs.
+pub struct Setup {
+    /// What it begins with.
+    pub template: Mesh,
+    /// How it is fitted.
+    pub options: ShapeOptions,
+    /// Steps.
+    pub iterations: usize,
+    /// Every so-manieth view is used.
+    pub stride: usize,
+    subdivide_at: Vec<usize>,
+    remesh_at: Vec<usize>,
+    /// Edges of a mesh made even, world units.
+    edge: Schedule,
+    /// Length of a step.
+    pub rate: Schedule,
+    colors: Schedule,
+    sigma: Schedule,
+    gamma: Schedule,
+    depths: (f64, f64),
+    faces: Faces,
+}
+
+impl Setup {
+    /// As the arguments say.
+    pub fn new(args: &FitArgs, views: &Views) -> Result<Self, Failure> {
+        let method = &args.method;
+        let official = method.preset == Preset::Official;
+        let steps = |given: &[u32]| given.iter().map(|&at| at as usize).collect::<Vec<usize>>();
+        let (subdivide_at, remesh_at) = (steps(&method.subdivide_at), steps(&method.remesh_at));
+        if official && args.files.resume && !(subdivide_at.is_empty() && remesh_at.is_empty()) {
+            let what = "--resume: the official parametrisation cannot be taken up after --subdivide-at or --remesh-at";
+            return Err(Failure::Usage(what.into()));
+        }
+        let pixel = 2.0 * views.bounds.radius / views.targets.size()?.0 as f64;
+        let stride = args.view_stride as usize;
+        let range = |given: Option<(f64, f64)>, default: (f64, f64)| {
+            let (from, to) = given.unwrap_or(default);
+            if from == to { Schedule::Constant(from) } else { Schedule::Exponential { from, to } }
+        };
+        let default = if official { ((0.01, 0.01), (1e-4, 1e-4)) } else { ((0.03, 0.005), (1e-4, 1e-5)) };
+        // Vertices move by the rate in world units: as far as the thing is large.
+        let unit = if official { 1.0 } else { views.bounds.radius / REFERENCE_RADIUS };
+        let (from, to) = method.rate.unwrap_or((default.0.0 * unit, default.0.1 * unit));
+        Ok(Self {
+            template: template(args, views)?,
+            faces: method.faces.into(),
+            options: options(args, official),
+            iterations: method.iterations as usize,
+            stride,
+            subdivide_at,
+            remesh_at,
+            edge: range(Some((method.edge.0 * pixel, method.edge.1 * pixel)), (pixel, pixel)),
+            rate: range(Some((from, to)), (from, to)),
+            colors: range(method.color_rate, (0.03, 0.005)),
+            sigma: range(method.sigma, default.1),
+            gamma: range(method.gamma, (3e-2, 3e-3)),
+            depths: if official { (1.0, 100.0) } else { views.depths },
+        })
+    }
+
+    /// Whether a step begins with another mesh.
+    pub fn remakes(&self, step: usize) -> bool {
+        self.subdivide_at.contains(&step) || self.remesh_at.contains(&step)
+    }
+
+    /// The fit on the mesh that a step begins with.
+    pub fn remade(&self, fit: &ShapeFit, step: usize) -> Result<ShapeFit, Failure> {
+        let edge = self.edge.at_step(step, self.iterations);
+        let fit = if self.remesh_at.contains(&step) { fit.remeshed(edge)? } else { fit.clone() };
+        Ok(if self.subdivide_at.contains(&step) { fit.subdivided()? } else { fit })
+    }
+
+    /// Where a fit goes on: the template, unless it was remade before that step.
+    pub fn resumed(&self, step: usize, mesh: Mesh) -> Result<Mesh, Failure> {
+        if !self.subdivide_at.iter().chain(&self.remesh_at).any(|&at| at < step) {
+            return Ok(self.template.clone());
+        }
+        let appearance = match self.template.appearance() {
+            // The colours are the state's.
+            Appearance::VertexColors(_) => Appearance::VertexColors(vec![[0.5; 3]; mesh.positions().len()]),
+            other => other.clone(),
+        };
+        Ok(mesh.with_appearance(appearance)?)
+    }
+
+    /// σ and γ stay what they are at the last step.
+    pub fn hold_softness(&mut self) {
+        self.sigma = Schedule::Constant(self.sigma.at(1.0));
+        self.gamma = Schedule::Constant(self.gamma.at(1.0));
+    }
+
+    /// Edges as hard as single precision likes them: a gradient only where a pixel's centre is on an edge.
+    pub fn harden(&mut self) {
+        self.hold_softness();
+        self.sigma = Schedule::Constant(HARD_SIGMA);
+    }
+
+    /// Length of a step of the colours.
+    pub fn color_rate(&self, step: usize) -> f64 {
+        self.colors.at_step(step, self.iterations)
+    }
+
+    /// How a step is rendered, but for its size.
+    pub fn settings(&self, step: usize) -> Settings {
+        Settings {
+            sigma: self.sigma.at_step(step, self.iterations),
+            gamma: self.gamma.at_step(step, self.iterations),
+            near: self.depths.0,
+            far: self.depths.1,
+            // A near triangle must not drop out of the colour while it still outweighs those behind it.
+            tau: if self.options.fit_colors { 1e-6 } else { Settings::default().tau },
+            background: Background::Composite,
+            interpolation: Interpolation::Perspective,
+            faces: self.faces,
+            ..Settings::default()
+        }
+    }
+}
+
+/// What the cameras of the official data see around the origin; rates are for things of this size.
+const REFERENCE_RADIUS: f64 = 0.732;
+
+fn options(args: &FitArgs, official: bool) -> ShapeOptions {
+    let method = &args.method;
+    let mut options = ShapeOptions::official();
+    let mut weights =
+        [(Regularizer::Laplacian, 0.03), (Regularizer::Flatten, 3e-4), (Regularizer::NormalConsistency, 0.0)];
+    if !official {
+        options.parametrization = Parametrization::Smoothed { lambda: method.smoothing.unwrap_or(5.0) };
+        options.method = Method::UniformAdam { betas: [0.9, 0.999], epsilon: 1e-8 };
+        (weights[0].1, weights[1].1) = (0.01, 3e-5);
+    } else if let Some(lambda) = method.smoothing {
+        options.parametrization = Parametrization::Smoothed { lambda };
+    }
+    let given = [method.laplacian, method.flatten, method.normals];
+    weights.iter_mut().zip(given).for_each(|(weight, given)| weight.1 = given.unwrap_or(weight.1));
+    options.regularizers = weights.into_iter().filter(|(_, weight)| *weight > 0.0).collect();
+    options.samples = method.samples.unwrap_or(1) as usize;
+    options.silhouette.0 = method.loss.image_loss();
+    options.color = (ImageLoss::L1, method.color_weight);
+    (options.fit_colors, options.fit_positions) = (args.colored(), !args.texture);
+    options
+}
+
+/// The mesh to begin with, where the cameras look.
+fn template(args: &FitArgs, views: &Views) -> Result<Mesh, Failure> {
+    let official = args.method.preset == Preset::Official;
+    let mesh = match args.template.as_str() {
+        "sphere" => {
+            let (center, radius) = (views.bounds.center.to_array(), SPHERE * views.bounds.radius);
+            let (center, radius) = if official { ([0.0; 3], 1.0) } else { (center, radius) };
+            placed(&shapes::icosphere(args.subdivisions)?, |p, k| f64::from(p) * radius + center[k])?
+        }
+        path => softras::obj::load(Path::new(path), &super::LOAD)?.mesh,
+    };
+    let mesh = if official { placed(&mesh, |p, _| 0.5 * f64::from(p))? } else { mesh };
+    let textured = matches!(mesh.appearance(), Appearance::Textured { .. });
+    if args.texture && !textured {
+        return Err(Failure::Usage("--texture: give a textured mesh as --template".into()));
+    }
+    if textured && !(args.method.subdivide_at.is_empty() && args.method.remesh_at.is_empty()) {
+        let what = "--subdivide-at, --remesh-at: the triangles of a textured template stay what they are";
+        return Err(Failure::Usage(what.into()));
+    }
+    let colors = vec![[0.5; 3]; mesh.positions().len()];
+    Ok(match args.colored() {
+        true if textured => mesh,
+        true => mesh.with_appearance(Appearance::VertexColors(colors))?,
+        false => mesh.with_appearance(Appearance::Uniform([0.8; 3]))?,
+    })
+}
+
+fn placed(mesh: &Mesh, place: impl Fn(f32, usize) -> f64) -> Result<Mesh, Failure> {
+    let positions = mesh.positions().iter().map(|p| [0, 1, 2].map(|k| place(p[k], k) as f32)).collect();
+    Ok(Mesh::new(positions, mesh.triangles().to_vec())?.with_appearance(mesh.appearance().clone())?)
+}

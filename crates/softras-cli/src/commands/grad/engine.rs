@@ -1,0 +1,100 @@
+//! Images and their gradient, by a device or by the judge.
+
+use crate::commands::gradients::{self, Mode};
+use softras::reference::{self, Parameters};
+use softras::scene::Outputs;
+use softras::{Camera, Error, Image, ImageGradient, Renderer, Result, Scene, Settings, Wanted};
+
+/// Who computes.
+pub enum Engine {
+    /// The f64 statement of the model.
+    Reference,
+    /// A Vulkan device.
+    Device(Box<Renderer>),
+}
+
+/// The images of one view; empty where not asked for.
+pub struct Images {
+    /// `[H, W, 3]`.
+    pub color: Vec<f64>,
+    /// `[H, W]`.
+    pub silhouette: Vec<f64>,
+    /// `[H, W]`.
+    pub depth: Vec<f64>,
+}
+
+impl Engine {
+    /// As `--device` says.
+    ///
+    /// # Errors
+    /// As [`Renderer::with_device`].
+    pub fn open(device: Option<&str>) -> Result<Self> {
+        Ok(match device {
+            Some("reference") => Self::Reference,
+            Some(selector) => Self::Device(Box::new(Renderer::with_device(selector)?)),
+            None => Self::Device(Box::new(Renderer::new()?)),
+        })
+    }
+
+    /// The device's name.
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Reference => "reference",
+            Self::Device(renderer) => renderer.device_name(),
+        }
+    }
+
+    /// Depth and silhouette of one view.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`].
+    pub fn depth(&mut self, scene: &Scene, camera: Camera, settings: &Settings) -> Result<Images> {
+        let outputs = Outputs { color: false, silhouette: true, depth: true, normal: false };
+        let settings = Settings { outputs, save: false, ..settings.clone() };
+        match self {
+            Self::Reference => Ok(of_reference(reference::render_culled(scene, &[camera], &settings)?)),
+            Self::Device(renderer) => Ok(of_device(&renderer.render(scene, &[camera], &settings)?)),
+        }
+    }
+
+    /// Colour and silhouette of one view, and the derivatives of a loss of them by the vertices; `loss` gives its
+    /// derivatives by the images.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`] and [`Renderer::backward`], and whatever `loss` says.
+    pub fn differentiate(
+        &mut self,
+        scene: &Scene,
+        camera: Camera,
+        settings: &Settings,
+        mode: Mode,
+        loss: impl FnOnce(&Images) -> Result<ImageGradient, Error>,
+    ) -> Result<(Images, Parameters)> {
+        let outputs = Outputs { color: true, silhouette: true, depth: false, normal: false };
+        let settings = Settings { outputs, save: true, ..settings.clone() };
+        match self {
+            Self::Reference => {
+                let images = of_reference(reference::render_culled(scene, &[camera], &settings)?);
+                let upstream = gradients::upstream(&loss(&images)?);
+                let gradient = reference::gradient(scene, &[camera], &settings, &upstream, mode.into())?;
+                Ok((images, gradient))
+            }
+            Self::Device(renderer) => {
+                let frame = renderer.render(scene, &[camera], &settings)?;
+                let images = of_device(&frame);
+                let wanted = Wanted { positions: true, mode: mode.into(), ..Wanted::NOTHING };
+                let gradient = renderer.backward(&frame, &loss(&images)?, &wanted)?;
+                Ok((images, gradients::as_parameters(&gradient, scene, &[camera], &settings)?))
+            }
+        }
+    }
+}
+
+fn of_reference(frame: reference::ReferenceFrame) -> Images {
+    Images { color: frame.color, silhouette: frame.silhouette, depth: frame.depth }
+}
+
+fn of_device(frame: &softras::Frame) -> Images {
+    let exact = |image: Option<&Image>| image.map_or(Vec::new(), |i| i.data.iter().copied().map(f64::from).collect());
+    Images { color: exact(frame.color()), silhouette: exact(frame.silhouette()), depth: exact(frame.depth()) }
+}

@@ -1,0 +1,120 @@
+//! Turntables and sweeps, as GIF files or contact sheets.
+
+use super::args::Output;
+use super::formats::{self, Format};
+use super::picture::{Picture, Shot};
+use super::report::{Report, Written};
+use super::{Failure, Stage, Target, gif, sheet};
+use crate::commands::parse::Swept;
+use crate::commands::progress::Progress;
+
+/// What a sweep changes and its value in one frame.
+pub type Step = (Swept, f64);
+
+const SWEEP_FRAMES: usize = 24;
+const SWEEP_CELLS: usize = 8;
+
+/// One frame to be rendered: degrees around, a sweep's step, and its label.
+struct Moment {
+    turn: f64,
+    step: Option<Step>,
+    label: String,
+}
+
+/// Renders all frames once and writes them into every target.
+pub fn run(stage: &mut Stage<'_>, targets: &[Target], report: &mut Report) -> Result<(), Failure> {
+    let moments = moments(stage, targets);
+    let mut frames: Vec<Vec<Picture>> = targets.iter().map(|_| Vec::new()).collect();
+    let progress = Progress::frames(moments.len());
+    for moment in &moments {
+        let shot = stage.shoot(moment.turn, moment.step)?;
+        for (target, frames) in targets.iter().zip(&mut frames) {
+            frames.push(picture(&shot, target.output)?.flattened(ground(stage)));
+        }
+        report.add(&shot);
+        progress.step();
+    }
+    drop(progress);
+    report.values(moments.iter().filter_map(|m| m.step.map(|(_, value)| value)).collect());
+    for (target, frames) in targets.iter().zip(frames) {
+        let count = frames.len();
+        match target.format {
+            Format::Gif => gif::write(&target.path, &looped(frames, stage), delay(stage, count))?,
+            _ => {
+                let labels = moments.iter().map(|m| m.label.clone());
+                let cells: Vec<_> = frames.into_iter().zip(labels).collect();
+                formats::write_png(&target.path, &sheet::sheet(&cells, ground(stage)))?;
+            }
+        }
+        report.wrote(Written::frames(target, count));
+    }
+    Ok(())
+}
+
+fn moments(stage: &Stage<'_>, targets: &[Target]) -> Vec<Moment> {
+    if let Some(sweep) = stage.args.sweep {
+        let gif = targets.iter().any(|t| t.format == Format::Gif);
+        let values = sweep.values(if gif { SWEEP_FRAMES } else { SWEEP_CELLS });
+        let label = |value: f64| format!("{}={}", sweep.swept.name(), short(value));
+        return values
+            .into_iter()
+            .map(|value| Moment { turn: 0.0, step: Some((sweep.swept, value)), label: label(value) })
+            .collect();
+    }
+    let count = stage.args.turntable.unwrap_or(1);
+    let turn = |i: usize| 360.0 * i as f64 / count as f64;
+    let azimuth = stage.args.camera.azimuth;
+    let label = |turn: f64| format!("azimuth={}", ((azimuth + turn).rem_euclid(360.0) * 10.0).round() / 10.0);
+    (0..count).map(|i| Moment { turn: turn(i), step: None, label: label(turn(i)) }).collect()
+}
+
+/// Two or three digits: 1e-4, 2.15e-3, 0.5, 12.
+fn short(value: f64) -> String {
+    let plain = (0.01..10_000.0).contains(&value);
+    let digits = format!("{value:.2e}");
+    let Some((mantissa, exponent)) = digits.split_once('e') else { return digits };
+    let mantissa = mantissa.trim_end_matches('0').trim_end_matches('.');
+    match (plain, format!("{mantissa}e{exponent}").parse::<f64>()) {
+        (true, Ok(rounded)) => rounded.to_string(),
+        _ => format!("{mantissa}e{exponent}"),
+    }
+}
+
+/// Depth is shown between near and far, which stay, so that its greys do not jump from frame to frame.
+fn picture(shot: &Shot, output: Output) -> Result<Picture, Failure> {
+    let depths = (shot.settings.near, shot.settings.far);
+    Ok(shot.picture(output, Some(depths))?)
+}
+
+/// What is behind a GIF or a contact sheet, which have no transparency: white unless a background is given.
+fn ground(stage: &Stage<'_>) -> [u8; 3] {
+    let look = &stage.args.look;
+    let numbers = look.background.map_or([1.0; 3], |b| b.numbers(look.curve()));
+    numbers.map(|c| (look.curve().encode(c) * 255.0).round() as u8)
+}
+
+/// A turntable ends where it began; a sweep goes there and back.
+fn looped(mut frames: Vec<Picture>, stage: &Stage<'_>) -> Vec<Picture> {
+    if stage.args.sweep.is_some() && frames.len() > 2 {
+        let back: Vec<_> = frames[1..frames.len() - 1].iter().rev().cloned().collect();
+        frames.extend(back);
+    }
+    frames
+}
+
+/// Hundredths of a second a frame: a turn takes about four seconds, a sweep about two each way.
+fn delay(stage: &Stage<'_>, count: usize) -> u16 {
+    let whole = if stage.args.sweep.is_some() { 200 } else { 400 };
+    (whole / count).clamp(3, 50) as u16
+}
+
+#[cfg(test)]
+mod tests {
+    use super::short;
+
+    #[test]
+    fn labels_are_short() {
+        let labels: Vec<_> = [1e-4, 2.154e-3, 0.5, 12.0, 1.0 / 3.0, 1e-5].map(short).into();
+        assert_eq!(labels, ["1e-4", "2.15e-3", "0.5", "12", "0.333", "1e-5"]);
+    }
+}

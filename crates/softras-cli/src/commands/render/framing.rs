@@ -1,0 +1,244 @@
+//! Where the camera stands when nobody says, and the light that comes with it.
+
+use super::args::{CameraArgs, LightArgs};
+use crate::commands::color::Curve;
+use crate::commands::parse::HalfHeight;
+use glam::{DQuat, DVec3};
+use softras::scene::DirectionalLight;
+use softras::{Camera, Lights, Mesh, Projection, Result};
+
+/// The part of the image's smaller side that the mesh's bounding sphere fills.
+const FILL: f64 = 0.85;
+/// Near and far lie this many radii before and behind the mesh's centre: a little more than the sphere.
+const DEPTH_MARGIN: f64 = 1.05;
+/// Near is at least this part of far, for a camera within the sphere.
+const NEAREST: f64 = 1e-3;
+
+/// A sphere around a mesh.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// The centre of the box around the triangles.
+    pub center: DVec3,
+    /// From the centre to the farthest vertex in use; 1 for a mesh without extent.
+    pub radius: f64,
+}
+
+impl Bounds {
+    /// The sphere around the vertices that triangles use.
+    pub fn of(mesh: &Mesh) -> Self {
+        let Some((low, high)) = mesh.bounds() else { return Self { center: DVec3::ZERO, radius: 1.0 } };
+        let point = |p: [f32; 3]| DVec3::from_array(p.map(f64::from));
+        let center = (point(low) + point(high)) / 2.0;
+        let used = mesh.triangles().iter().flatten().map(|&i| point(mesh.positions()[i as usize]));
+        let radius = used.map(|p| p.distance(center)).fold(0.0, f64::max);
+        Self { center, radius: if radius > 0.0 { radius } else { 1.0 } }
+    }
+}
+
+/// A camera in words, before it becomes a matrix.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    /// The camera's position.
+    pub eye: DVec3,
+    /// The point looked at.
+    pub target: DVec3,
+    /// Up in the picture.
+    pub up: DVec3,
+    /// The projection.
+    pub projection: Projection,
+    /// Nearest depth drawn.
+    pub near: f64,
+    /// Farthest depth drawn.
+    pub far: f64,
+}
+
+impl View {
+    /// The view that the arguments ask for, `turn` degrees further around the vertical axis through the target.
+    pub fn new(args: &CameraArgs, bounds: Bounds, aspect: f64, turn: f64) -> Self {
+        let target = args.target.map_or(bounds.center, DVec3::from);
+        let screen_radius = FILL * aspect.min(1.0);
+        let projection = match args.orthographic {
+            None => Projection::Perspective { fov_y: args.fov.to_radians() },
+            Some(HalfHeight::Given(half_height)) => Projection::Orthographic { half_height },
+            Some(HalfHeight::Fit) => Projection::Orthographic { half_height: bounds.radius / screen_radius },
+        };
+        // The sphere's outline on the screen, f · tan(asin(R / d)), is to be the screen radius.
+        let slope = match projection {
+            Projection::Perspective { fov_y } => screen_radius * (fov_y / 2.0).tan(),
+            _ => screen_radius * 15f64.to_radians().tan(),
+        };
+        let distance = args.distance.unwrap_or_else(|| bounds.radius / slope.atan().sin());
+        let (eye, up) = match args.eye {
+            Some(eye) => {
+                // A growing azimuth turns against the right hand around up.
+                let axis = upright(DVec3::from(args.up)) * DVec3::Y;
+                let turn = DQuat::from_axis_angle(axis, -turn.to_radians());
+                (target + turn * (DVec3::from(eye) - target), DVec3::from(args.up))
+            }
+            None => orbit(args, target, distance, turn),
+        };
+        let (near, far) = depth_range(args, bounds, eye, target);
+        Self { eye, target, up, projection, near, far }
+    }
+
+    /// The camera.
+    ///
+    /// # Errors
+    /// As [`Camera::look_at`].
+    pub fn camera(&self) -> Result<Camera> {
+        Camera::look_at(self.eye, self.target, self.up, self.projection)
+    }
+
+    /// Whether the mesh lies behind the camera, or wholly before near or beyond far.
+    pub fn misses(&self, bounds: Bounds) -> bool {
+        let depth = (bounds.center - self.eye).dot((self.target - self.eye).normalize_or_zero());
+        depth + bounds.radius < self.near || depth - bounds.radius > self.far
+    }
+}
+
+/// From a frame whose vertical axis is y to the one whose vertical axis is `up`, which has a length.
+fn upright(up: DVec3) -> DQuat {
+    DQuat::from_rotation_arc(DVec3::Y, up.try_normalize().unwrap_or(DVec3::Y))
+}
+
+/// The eye on its sphere around the target, as [`Camera::from_angles`] has it but around any vertical axis, and an up
+/// that exists at the poles too.
+fn orbit(args: &CameraArgs, target: DVec3, distance: f64, turn: f64) -> (DVec3, DVec3) {
+    let (e, a) = (args.elevation.to_radians(), (args.azimuth + turn).to_radians());
+    let rotation = upright(DVec3::from(args.up));
+    let outward = rotation * DVec3::new(a.sin(), 0.0, -a.cos());
+    let up = rotation * DVec3::Y;
+    let direction = e.cos() * outward + e.sin() * up;
+    let at_pole = up.cross(direction).length() < 1e-6;
+    (target + distance * direction, if at_pole { -e.sin().signum() * outward } else { up })
+}
+
+fn depth_range(args: &CameraArgs, bounds: Bounds, eye: DVec3, target: DVec3) -> (f64, f64) {
+    let depth = (bounds.center - eye).dot((target - eye).normalize_or_zero());
+    let reach = DEPTH_MARGIN * bounds.radius;
+    let far = args.far.unwrap_or_else(|| {
+        let sphere = depth + reach;
+        let least = args.near.unwrap_or(0.0) + bounds.radius * NEAREST;
+        if sphere > least { sphere } else { least + 2.0 * reach }
+    });
+    let near = args.near.unwrap_or_else(|| (depth - reach).max(far * NEAREST));
+    (near, far)
+}
+
+/// The lights that the arguments ask for, as this view's camera sees them.
+///
+/// The default rig, in camera axes (right, up, towards the viewer): ambient 0.12, a key light of 0.65 from
+/// (-0.5, 0.7, 0.7) and a fill light of 0.15 from (0.9, 0.1, 0.4).
+///
+/// # Errors
+/// As [`Camera::look_at`].
+pub fn lights(args: &LightArgs, curve: Curve, view: &View) -> Result<Lights> {
+    let shading = args.shading.into();
+    if args.unlit {
+        return Ok(Lights { shading, ..Lights::unlit() });
+    }
+    let camera = view.camera()?;
+    let [right, up, forward] = camera.view().map(|row| DVec3::new(row[0], row[1], row[2]));
+    let rig = |x: f64, y: f64, z: f64, intensity: f64| DirectionalLight {
+        direction: (x * right + y * up - z * forward).to_array(),
+        color: [1.0; 3],
+        intensity,
+    };
+    let given = |light: &crate::commands::parse::Light| DirectionalLight {
+        direction: light.direction,
+        color: light.color.numbers(curve),
+        intensity: light.intensity,
+    };
+    let directional = if args.light.is_empty() {
+        vec![rig(-0.5, 0.7, 0.7, 0.65), rig(0.9, 0.1, 0.4, 0.15)]
+    } else {
+        args.light.iter().map(given).collect()
+    };
+    let ambient_color = args.ambient.unwrap_or([0.12; 3]);
+    Ok(Lights { ambient_color, ambient_intensity: 1.0, directional, shading })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::commands::{Cli, Command};
+    use clap::Parser;
+
+    fn camera_args(extra: &[&str]) -> CameraArgs {
+        let line = ["softras", "render", "a.obj", "-o", "a.png"].iter().chain(extra);
+        match Cli::try_parse_from(line).unwrap().command {
+            Command::Render(args) => args.camera,
+            _ => unreachable!(),
+        }
+    }
+
+    fn screen_radius(view: &View, bounds: Bounds) -> f64 {
+        let distance = view.eye.distance(bounds.center);
+        match view.projection {
+            Projection::Perspective { fov_y } => (bounds.radius / distance).asin().tan() / (fov_y / 2.0).tan(),
+            Projection::Orthographic { half_height } => bounds.radius / half_height,
+            _ => f64::NAN,
+        }
+    }
+
+    #[test]
+    fn the_sphere_fills_85_percent_wherever_the_mesh_is() {
+        let bounds = Bounds { center: DVec3::new(100.0, -20.0, 700.0), radius: 250.0 };
+        let ways: [&[&str]; 4] = [
+            &[],
+            &["--fov", "90", "--elevation", "-30"],
+            &["--orthographic", "fit"],
+            &["--up", "0,0,1", "--azimuth", "-170"],
+        ];
+        for extra in ways {
+            for aspect in [0.5, 1.0, 2.0] {
+                let view = View::new(&camera_args(extra), bounds, aspect, 40.0);
+                let expected = 0.85 * aspect.min(1.0);
+                assert!((screen_radius(&view, bounds) - expected).abs() < 1e-9, "{extra:?} {aspect} {view:?}");
+                assert!(view.near > 0.0 && view.near < view.eye.distance(bounds.center) - bounds.radius);
+                assert!((view.far - view.eye.distance(bounds.center) - 1.05 * bounds.radius).abs() < 1e-6);
+            }
+        }
+    }
+
+    #[test]
+    fn the_poles_have_an_up() {
+        let bounds = Bounds { center: DVec3::ZERO, radius: 1.0 };
+        for elevation in ["90", "-90"] {
+            let view = View::new(&camera_args(&["--elevation", elevation, "--azimuth", "30"]), bounds, 1.0, 0.0);
+            assert!(view.camera().is_ok());
+        }
+    }
+
+    #[test]
+    fn a_turn_is_an_azimuth_for_both_kinds_of_camera() {
+        let bounds = Bounds { center: DVec3::new(1.0, 2.0, 3.0), radius: 1.0 };
+        let orbit = View::new(&camera_args(&[]), bounds, 1.0, 0.0);
+        let eye = format!("{},{},{}", orbit.eye.x, orbit.eye.y, orbit.eye.z);
+        let by_angle = View::new(&camera_args(&[]), bounds, 1.0, 70.0);
+        let by_eye = View::new(&camera_args(&["--eye", &eye]), bounds, 1.0, 70.0);
+        assert!(by_angle.eye.distance(by_eye.eye) < 1e-9, "{by_angle:?} {by_eye:?}");
+        let azimuth = View::new(&camera_args(&["--azimuth", "215"]), bounds, 1.0, 0.0);
+        assert!(by_angle.eye.distance(azimuth.eye) < 1e-9);
+    }
+
+    #[test]
+    fn angles_are_the_librarys() {
+        let bounds = Bounds { center: DVec3::ZERO, radius: 1.0 };
+        let view = View::new(&camera_args(&["--azimuth", "40", "--elevation", "30"]), bounds, 1.0, 0.0);
+        let library = Camera::from_angles(view.eye.length(), 30.0, 40.0, view.projection).unwrap();
+        let ours = view.camera().unwrap();
+        let pairs = ours.view().as_flattened().iter().zip(library.view().as_flattened());
+        assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-9));
+    }
+
+    #[test]
+    fn a_camera_within_the_mesh_has_a_near_plane_and_one_that_looks_away_is_noticed() {
+        let bounds = Bounds { center: DVec3::ZERO, radius: 1.0 };
+        let inside = View::new(&camera_args(&["--eye", "0,0,0.1"]), bounds, 1.0, 0.0);
+        assert!(inside.near > 0.0 && inside.far > inside.near && !inside.misses(bounds));
+        let away = View::new(&camera_args(&["--eye", "0,0,5", "--look-at", "0,0,9"]), bounds, 1.0, 0.0);
+        assert!(away.far > away.near && away.misses(bounds));
+    }
+}

@@ -1,0 +1,69 @@
+//! The arguments as [`Settings`].
+
+use super::args::{LookArgs, ModeArgs, Output};
+use super::framing::View;
+use crate::commands::parse::Swept;
+use softras::Settings;
+use softras::scene::Outputs;
+
+/// Sigma of the default picture of [`DEFAULT_HEIGHT`] rows.
+const DEFAULT_SIGMA: f64 = 1e-5;
+const DEFAULT_HEIGHT: f64 = 256.0;
+
+/// The settings of one frame; `step` is what a sweep changes and its value there.
+pub fn settings(
+    look: &LookArgs,
+    modes: &ModeArgs,
+    view: &View,
+    wanted: &[Output],
+    samples: u32,
+    step: Option<(Swept, f64)>,
+) -> Settings {
+    let (width, height) = (look.size.0 * samples, look.size.1 * samples);
+    // Sigma is in units of the image's height: the same number of blurred pixels takes less of it in larger images.
+    let scaled = DEFAULT_SIGMA * (DEFAULT_HEIGHT / f64::from(height)).powi(2);
+    let mut settings = Settings {
+        width,
+        height,
+        sigma: look.sigma.unwrap_or(scaled),
+        gamma: look.gamma,
+        epsilon: look.epsilon,
+        tau: look.tau,
+        support: look.support.into(),
+        near: view.near,
+        far: view.far,
+        outputs: outputs(wanted),
+        color: modes.color_mode.into(),
+        silhouette: modes.silhouette_mode.into(),
+        distance: modes.distance_mode.into(),
+        background: look.background_mode.into(),
+        background_color: look.background.map_or([0.0; 3], |b| b.numbers(look.curve())),
+        faces: modes.faces.into(),
+        interpolation: modes.interpolation.into(),
+        ..Settings::default()
+    };
+    // A blur is asked for in pixels of the picture.
+    let rendered = f64::from(samples);
+    let mut blur = look.blur;
+    match step {
+        Some((Swept::Sigma, value)) => (settings.sigma, blur) = (value, None),
+        Some((Swept::Gamma, value)) => settings.gamma = value,
+        Some((Swept::Tau, value)) => settings.tau = value,
+        Some((Swept::Blur, value)) => blur = Some(value),
+        None => {}
+    }
+    match blur {
+        Some(pixels) => settings.with_blur_pixels(pixels * rendered),
+        None => settings,
+    }
+}
+
+/// The silhouette is always made: it is the alpha of every picture.
+fn outputs(wanted: &[Output]) -> Outputs {
+    Outputs {
+        color: wanted.contains(&Output::Color),
+        silhouette: true,
+        depth: wanted.contains(&Output::Depth),
+        normal: wanted.contains(&Output::Normal),
+    }
+}

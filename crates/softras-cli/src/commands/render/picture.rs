@@ -1,0 +1,235 @@
+//! From the renderer's float images to what a person looks at and to what a program reads.
+
+use super::args::Output;
+use super::framing::View;
+use crate::commands::color::Curve;
+use softras::scene::{Background, ColorAggregation};
+use softras::{Frame, Image, Result, Settings};
+
+/// One rendered frame and how it was made.
+#[derive(Debug)]
+pub struct Shot {
+    /// The images.
+    pub frame: Frame,
+    /// The camera.
+    pub view: View,
+    /// The settings.
+    pub settings: Settings,
+    /// How numbers become bytes.
+    pub curve: Curve,
+    /// The picture has one pixel for each `samples × samples` of the frame's.
+    pub samples: usize,
+    /// Whether no background was asked for: colour then comes with alpha.
+    pub transparent: bool,
+}
+
+/// 8-bit RGBA, straight alpha, row 0 at the top.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Picture {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// `height × width` pixels.
+    pub pixels: Vec<[u8; 4]>,
+}
+
+/// Floats as they are: `data[(row · width + column) · channels + channel]`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Floats {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// 1, 3 or 4.
+    pub channels: usize,
+    /// The values.
+    pub data: Vec<f32>,
+}
+
+impl Shot {
+    fn image(&self, output: Output) -> Result<&Image> {
+        let image = match output {
+            Output::Color => self.frame.color(),
+            Output::Silhouette => self.frame.silhouette(),
+            Output::Depth => self.frame.depth(),
+            Output::Normal => self.frame.normal(),
+        };
+        image.ok_or_else(|| softras::Error::Scene {
+            what: format!("the frame has no {} image", output.name()),
+            mend: "this is a mistake in softras: please report it".into(),
+        })
+    }
+
+    /// Whether an output's values are multiplied by alpha already, as the composite background's model has them.
+    fn premultiplied(&self, output: Output) -> bool {
+        let composite = self.settings.background == Background::Composite;
+        composite && (output == Output::Color || self.settings.color == ColorAggregation::Softmax)
+    }
+
+    /// The least and greatest depth where the mesh covers at least half a pixel; `None` where it covers nothing.
+    pub fn depth_range(&self) -> Result<Option<(f64, f64)>> {
+        let (depth, alpha) = (self.image(Output::Depth)?, self.image(Output::Silhouette)?);
+        let premultiplied = self.premultiplied(Output::Depth);
+        let straight = |(z, a): (&f32, &f32)| f64::from(if premultiplied { z / a } else { *z });
+        let covered = depth.data.iter().zip(&alpha.data).filter(|(z, a)| **a >= 0.5 && **z > 0.0).map(straight);
+        let (low, high) = covered.fold((f64::INFINITY, 0.0f64), |(low, high), z| (low.min(z), high.max(z)));
+        Ok((low <= high).then_some((low, high)))
+    }
+
+    /// The picture of one output; `depths` are the depths shown white and black.
+    pub fn picture(&self, output: Output, depths: Option<(f64, f64)>) -> Result<Picture> {
+        let (image, alpha) = (self.image(output)?, self.image(Output::Silhouette)?);
+        let (width, height) = (image.width / self.samples, image.height / self.samples);
+        let axes = self.view.camera()?.view().map(|row| [row[0], row[1], row[2]]);
+        let pixels = (0..width * height).map(|i| {
+            let mean = self.mean(output, image, alpha, (i / width, i % width));
+            match output {
+                Output::Color => self.color_pixel(&mean),
+                Output::Silhouette => [byte(mean.alpha), byte(mean.alpha), byte(mean.alpha), 255],
+                Output::Depth => depth_pixel(mean.straight[0], mean.alpha, depths),
+                Output::Normal => normal_pixel(mean.straight, mean.alpha, axes),
+            }
+        });
+        let pixels = pixels.collect();
+        Ok(Picture { width, height, pixels })
+    }
+
+    /// Averages the samples of one pixel of the picture.
+    fn mean(&self, output: Output, image: &Image, alpha: &Image, (row, column): (usize, usize)) -> Mean {
+        let n = self.samples;
+        let premultiplied = self.premultiplied(output);
+        let (mut plain, mut weighted, mut coverage) = ([0.0; 3], [0.0; 3], 0.0);
+        for sample in 0..n * n {
+            let (r, c) = (row * n + sample / n, column * n + sample % n);
+            let a = f64::from(alpha.pixel(0, r, c)[0]);
+            for (k, &value) in image.pixel(0, r, c).iter().take(3).enumerate() {
+                plain[k] += f64::from(value);
+                weighted[k] += f64::from(value) * if premultiplied { 1.0 } else { a };
+            }
+            coverage += a;
+        }
+        let count = (n * n) as f64;
+        let straight = weighted.map(|v| v / coverage.max(1e-9));
+        Mean { plain: plain.map(|v| v / count), straight, alpha: coverage / count }
+    }
+
+    /// Straight alpha when transparent. With a background, which the model has mixed in, the mean as it is.
+    fn color_pixel(&self, mean: &Mean) -> [u8; 4] {
+        let (color, alpha) = if self.transparent { (mean.straight, byte(mean.alpha)) } else { (mean.plain, 255) };
+        let [r, g, b] = color.map(|c| byte(self.curve.encode(c)));
+        [r, g, b, alpha]
+    }
+
+    /// One output as floats. Colour without a background is RGBA, premultiplied with the composite background.
+    pub fn floats(&self, output: Output) -> Result<Floats> {
+        let image = self.image(output)?;
+        let with_alpha = output == Output::Color && self.transparent;
+        let data = if with_alpha {
+            let alpha = self.image(Output::Silhouette)?.view(0);
+            image.view(0).chunks_exact(3).zip(alpha).flat_map(|(c, &a)| [c[0], c[1], c[2], a]).collect()
+        } else {
+            image.view(0).to_vec()
+        };
+        let channels = if with_alpha { 4 } else { image.channels };
+        Ok(Floats { width: image.width, height: image.height, channels, data })
+    }
+}
+
+/// The samples of one pixel of a picture.
+struct Mean {
+    /// Their mean.
+    plain: [f64; 3],
+    /// Their mean, each weighted by its alpha.
+    straight: [f64; 3],
+    /// Their mean alpha.
+    alpha: f64,
+}
+
+/// (n + 1) / 2 in camera axes: right, up, towards the viewer; `axes` are the camera's right, up and forward.
+fn normal_pixel(world: [f64; 3], alpha: f64, axes: [[f64; 3]; 3]) -> [u8; 4] {
+    let [x, y, z] = axes.map(|axis| (0..3).map(|k| axis[k] * world[k]).sum::<f64>());
+    let length = (x * x + y * y + z * z).sqrt().max(1e-12);
+    let [r, g, b] = [x, y, -z].map(|n| byte(n / length / 2.0 + 0.5));
+    [r, g, b, byte(alpha)]
+}
+
+/// Near is white, far is black.
+fn depth_pixel(z: f64, alpha: f64, depths: Option<(f64, f64)>) -> [u8; 4] {
+    let (low, high) = depths.unwrap_or((0.0, 0.0));
+    let grey = if high > low { byte((high - z) / (high - low)) } else { 255 };
+    [grey, grey, grey, byte(alpha)]
+}
+
+fn byte(x: f64) -> u8 {
+    (x.clamp(0.0, 1.0) * 255.0).round() as u8
+}
+
+impl Picture {
+    /// A picture of one colour.
+    pub fn filled(width: usize, height: usize, pixel: [u8; 4]) -> Self {
+        Self { width, height, pixels: vec![pixel; width * height] }
+    }
+
+    /// The same picture on an opaque ground.
+    pub fn flattened(mut self, ground: [u8; 3]) -> Self {
+        for pixel in &mut self.pixels {
+            let a = u32::from(pixel[3]);
+            for (value, under) in pixel.iter_mut().zip(ground) {
+                *value = ((u32::from(*value) * a + u32::from(under) * (255 - a) + 127) / 255) as u8;
+            }
+            pixel[3] = 255;
+        }
+        self
+    }
+
+    /// Whether every pixel is opaque.
+    pub fn is_opaque(&self) -> bool {
+        self.pixels.iter().all(|p| p[3] == 255)
+    }
+
+    /// Copies a picture into this one, its upper left corner at the given column and row; what sticks out is cut.
+    pub fn paste(&mut self, other: &Self, column: usize, row: usize) {
+        for r in 0..other.height.min(self.height.saturating_sub(row)) {
+            let columns = other.width.min(self.width.saturating_sub(column));
+            let from = &other.pixels[r * other.width..][..columns];
+            self.pixels[(row + r) * self.width + column..][..columns].copy_from_slice(from);
+        }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn flattening_mixes_by_alpha() {
+        let picture = Picture { width: 3, height: 1, pixels: vec![[10, 20, 30, 255], [0, 0, 0, 0], [255, 0, 0, 128]] };
+        let flat = picture.flattened([255; 3]);
+        assert_eq!(flat.pixels, vec![[10, 20, 30, 255], [255, 255, 255, 255], [255, 127, 127, 255]]);
+    }
+
+    #[test]
+    fn pasting_cuts_what_sticks_out() {
+        let mut ground = Picture::filled(3, 2, [0; 4]);
+        ground.paste(&Picture::filled(2, 2, [9; 4]), 2, 1);
+        assert_eq!(ground.pixels.iter().filter(|p| p[0] == 9).count(), 1);
+        assert_eq!(ground.pixels[5], [9; 4]);
+        ground.paste(&Picture::filled(2, 2, [9; 4]), 7, 7);
+    }
+
+    #[test]
+    fn depth_is_white_near_and_black_far() {
+        assert_eq!(depth_pixel(2.0, 1.0, Some((2.0, 4.0))), [255; 4]);
+        assert_eq!(depth_pixel(4.0, 0.5, Some((2.0, 4.0))), [0, 0, 0, 128]);
+        assert_eq!(depth_pixel(2.0, 1.0, None), [255; 4]);
+    }
+
+    #[test]
+    fn a_normal_towards_the_viewer_is_blue() {
+        let axes = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]];
+        assert_eq!(normal_pixel([0.2, 0.0, 0.0], 1.0, axes), [128, 128, 255, 255]);
+        assert_eq!(normal_pixel([0.0, 0.0, 2.0], 0.0, axes), [255, 128, 128, 0]);
+    }
+}

@@ -1,0 +1,132 @@
+//! What the command says when it is done, to people or to programs.
+
+use super::picture::Shot;
+use super::{Failure, Stage, Target};
+use crate::commands::{describe, say};
+use serde_json::{Value, json};
+use std::time::Duration;
+
+/// A file that was written.
+#[derive(Debug)]
+pub struct Written {
+    path: String,
+    output: &'static str,
+    frames: usize,
+    meaning: Option<String>,
+}
+
+impl Written {
+    /// A single picture, and what its values mean.
+    pub fn still(target: &Target, meaning: Option<String>) -> Self {
+        Self { path: target.path.display().to_string(), output: target.output.name(), frames: 1, meaning }
+    }
+
+    /// An animation or a contact sheet.
+    pub fn frames(target: &Target, frames: usize) -> Self {
+        Self { frames, ..Self::still(target, None) }
+    }
+}
+
+/// What is gathered while frames are made.
+#[derive(Debug)]
+pub struct Report {
+    device: String,
+    mesh: String,
+    vertices: usize,
+    triangles: usize,
+    notes: Vec<String>,
+    frames: usize,
+    samples: usize,
+    first: Value,
+    timings: Vec<(&'static str, f64)>,
+    sweep: Option<(&'static str, Vec<f64>)>,
+    written: Vec<Written>,
+}
+
+impl Report {
+    /// A report on what is on the stage.
+    pub fn new(stage: &Stage<'_>, notes: Vec<String>) -> Self {
+        let mesh = &stage.scene.meshes[0];
+        Self {
+            device: stage.renderer.device_name().into(),
+            mesh: stage.args.mesh.display().to_string(),
+            vertices: mesh.positions().len(),
+            triangles: mesh.triangles().len(),
+            notes,
+            frames: 0,
+            samples: 0,
+            first: Value::Null,
+            timings: Vec::new(),
+            sweep: stage.args.sweep.map(|s| (s.swept.name(), Vec::new())),
+            written: Vec::new(),
+        }
+    }
+
+    /// Counts a frame and adds up its stages' times; camera and settings are the first frame's.
+    pub fn add(&mut self, shot: &Shot) {
+        if self.frames == 0 {
+            let (view, s) = (&shot.view, &shot.settings);
+            let camera = json!({
+                "eye": view.eye.to_array(), "target": view.target.to_array(), "up": view.up.to_array(),
+                "projection": describe::projection(&view.projection),
+            });
+            self.first = json!({ "camera": camera, "settings": describe::settings(s) });
+        }
+        self.frames += 1;
+        self.samples = shot.samples;
+        for time in shot.frame.timings() {
+            match self.timings.iter_mut().find(|(stage, _)| *stage == time.stage) {
+                Some((_, sum)) => *sum += time.milliseconds,
+                None => self.timings.push((time.stage, time.milliseconds)),
+            }
+        }
+    }
+
+    /// The values that a sweep went through.
+    pub fn values(&mut self, values: Vec<f64>) {
+        if let Some((_, all)) = &mut self.sweep {
+            *all = values;
+        }
+    }
+
+    /// A file is there.
+    pub fn wrote(&mut self, written: Written) {
+        self.written.push(written);
+    }
+
+    /// Prints what was written, or everything as JSON.
+    pub fn print(&self, as_json: bool, total: Duration) -> Result<(), Failure> {
+        if as_json {
+            return say(&self.json(total).to_string());
+        }
+        if let Some((name, values)) = &self.sweep {
+            let values: Vec<_> = values.iter().map(|v| format!("{v:.3e}")).collect();
+            say(&format!("{name}: {}", values.join(", ")))?;
+        }
+        for file in &self.written {
+            let frames = if file.frames > 1 { format!(", {} frames", file.frames) } else { String::new() };
+            let meaning = file.meaning.as_ref().map(|m| format!("; {m}")).unwrap_or_default();
+            say(&format!("{}: {}{frames}{meaning}", file.path, file.output))?;
+        }
+        Ok(())
+    }
+
+    fn json(&self, total: Duration) -> Value {
+        let file = |f: &Written| json!({ "path": f.path, "output": f.output, "frames": f.frames, "note": f.meaning });
+        let stages: Vec<_> = self.timings.iter().map(|(s, ms)| json!({ "stage": s, "milliseconds": ms })).collect();
+        json!({
+            "device": self.device,
+            "mesh": { "path": self.mesh, "vertices": self.vertices, "triangles": self.triangles },
+            "frames": self.frames,
+            "samples": self.samples,
+            "camera": self.first["camera"],
+            "settings": self.first["settings"],
+            "sweep": self.sweep.as_ref().map(|(name, values)| json!({ "name": name, "values": values })),
+            "timings": stages,
+            "device_milliseconds": self.timings.iter().map(|(_, ms)| ms).sum::<f64>(),
+            "total_milliseconds": total.as_secs_f64() * 1e3,
+            "files": self.written.iter().map(file).collect::<Vec<_>>(),
+            "notes": self.notes,
+        })
+    }
+}

@@ -1,0 +1,190 @@
+//! `softras stress`: scenes drawn to hurt, and what comes of them.
+
+mod load;
+mod map;
+mod tally;
+
+use super::progress::Progress;
+use super::{Failure, files, say};
+use clap::Args;
+use serde_json::json;
+use softras::{Error, RendererOptions, Result};
+use softras_cli::stress::{FORMS, Kind, Stress, batch, form};
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
+use tally::Tally;
+
+/// Try to break a device and this crate: random scenes drawn to hurt, with a report
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Half of the scenes lie where accuracy is promised, with triangles that have no area, are thin, doubled,
+coincident or through each other; the other half lie anywhere: coordinates from 1e-40 to 1e20, sigma from
+1e-12 to 10, gamma from 1e-10 to 10, near and far equal, swapped or enormous, images from 1x1 to 1x4096.
+Each is rendered and differentiated twice. It may be refused with an error that says why. Else every
+value must be finite and in its range, both runs must have the same bits, and where it is promised
+images and gradients must be those of the model in f64. Whatever is not so is printed with its seed,
+and the exit code is 1.
+
+Examples:
+  softras stress --cases 20000 --seed 1
+  softras stress --cases 1 --seed 4711            # one scene again
+  softras stress --cases 1000000 --batch 64       # many scenes fast: 64 in one submission
+  softras stress --cases 10000 --realistic
+  softras stress --cases 0 --load 100000          # frames in a row, with flat memory
+  softras stress --cases 0 --map accuracy.svg     # error over the sigma-gamma plane")]
+pub struct StressArgs {
+    /// How many scenes
+    #[arg(long, value_name = "N", default_value_t = 1000)]
+    cases: u64,
+    /// The seed of the first scene; the others' follow
+    #[arg(long, value_name = "S", default_value_t = 1)]
+    seed: u64,
+    /// How many combinations of modes to draw from: each costs some seconds of compiling
+    #[arg(long, value_name = "N", default_value_t = FORMS as u64, value_parser = clap::value_parser!(u64).range(1..=FORMS as u64))]
+    forms: u64,
+    /// Scenes of one size and settings that are rendered as one batch. They are held to less: finite, in range and the
+    /// same bits again; one of each batch is run by itself, as all are without this
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1024))]
+    batch: u64,
+    /// Images of 64 to 512 pixels a side and meshes of up to 6000 triangles
+    #[arg(long)]
+    realistic: bool,
+    /// Renderers that work at the same time
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u64).range(1..=64))]
+    jobs: u64,
+    /// Run under the Vulkan validation layers; whatever they say is a finding
+    #[arg(long)]
+    validation: bool,
+    /// The Vulkan device: its index or a part of its name, as `softras devices` lists them [default: the best one]
+    #[arg(long, value_name = "DEVICE")]
+    device: Option<String>,
+    /// Draw the error of images over the sigma-gamma plane
+    #[arg(long, value_name = "FILE.svg")]
+    map: Option<PathBuf>,
+    /// Render and differentiate so many small frames in a row, shared by --jobs renderers; memory must not grow
+    #[arg(long, value_name = "FRAMES", value_parser = clap::value_parser!(u64).range(1..))]
+    load: Option<u64>,
+    /// Print the least scene that still shows the first finding
+    #[arg(long)]
+    shrink: bool,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+impl StressArgs {
+    fn kind(&self) -> Kind {
+        Kind { forms: self.forms as usize, realistic: self.realistic }
+    }
+}
+
+/// Runs the command.
+pub fn run(args: &StressArgs) -> std::result::Result<(), Failure> {
+    if let Some(path) = &args.map {
+        if path.extension().is_none_or(|extension| extension != "svg") {
+            return Err(Failure::Usage(format!("--map {}: the map is an .svg file", path.display())));
+        }
+        files::judge_writable(path)?;
+    }
+    let start = Instant::now();
+    let options =
+        RendererOptions { device: args.device.clone(), validation: args.validation, ..RendererOptions::default() };
+    let load = args.load.map(|frames| load::run(frames, args.jobs, &options)).transpose()?;
+    // All devices are there before any renders, and go when none does: the validation layers crash otherwise.
+    let mut stresses =
+        (0..args.jobs.min(args.cases).max(1)).map(|_| Stress::new(&options)).collect::<Result<Vec<_>>>()?;
+    let device = stresses[0].renderer().device_name().to_string();
+    // A panic is a finding and is told of as one.
+    std::panic::set_hook(Box::new(|_| {}));
+    let tally = at_length(args, stresses)?;
+    let least = if args.shrink { tally.first() } else { None };
+    let least = least.map(|(seed, kind)| shrunk(&options, args, seed, kind)).transpose()?;
+    let _ = std::panic::take_hook();
+    let seconds = start.elapsed().as_secs_f64();
+    if args.json {
+        let mut object = tally.json();
+        object["device"] = json!(device);
+        object["seed"] = json!(args.seed);
+        object["forms"] = json!(args.forms);
+        object["batch"] = json!(args.batch);
+        object["realistic"] = json!(args.realistic);
+        object["validation"] = json!(args.validation);
+        object["seconds"] = json!(seconds);
+        if let Some(load) = &load {
+            object["load"] = load.json();
+        }
+        say(&format!("{object:#}"))?;
+    } else {
+        load.iter().try_for_each(|load| say(&load.line()))?;
+        if args.cases > 0 {
+            say(&format!("{device}; {} scenes from seed {}, {:.0} s", args.cases, args.seed, seconds))?;
+            tally.lines().iter().try_for_each(|line| say(line))?;
+        }
+        least.iter().try_for_each(|case| say(case))?;
+    }
+    if let Some(path) = &args.map {
+        map::draw(path, &mut Stress::new(&options)?)?;
+        if !args.json {
+            say(&format!("{}: the map of errors", path.display()))?;
+        }
+    }
+    if tally.is_clean() && load.is_none_or(|load| load.is_flat()) { Ok(()) } else { Err(Failure::Told) }
+}
+
+/// The least scene with that finding, for people.
+fn shrunk(options: &RendererOptions, args: &StressArgs, seed: u64, kind: &str) -> Result<String> {
+    let mut stress = Stress::new(options)?;
+    for case in batch(seed, args.kind(), args.batch as usize).into_iter().flatten() {
+        if !stress.run(&case)?.findings.iter().any(|finding| finding.kind == kind) {
+            continue;
+        }
+        let case = stress.shrink(&case, kind)?;
+        let findings = stress.run(&case)?.findings;
+        let texts = findings.iter().map(|finding| format!("{}: {}\n", finding.kind, finding.what)).collect::<String>();
+        return Ok(format!("{texts}{case:#?}"));
+    }
+    Ok(format!("seed {seed}: no scene of the batch shows it by itself"))
+}
+
+/// Where the batches begin, those of the same modes after each other: compiling a form's kernels takes longer than a
+/// hundred batches, and a renderer keeps those of one or two.
+fn order(args: &StressArgs) -> Vec<u64> {
+    let mut starts: Vec<u64> = (0..args.cases).step_by(args.batch as usize).collect();
+    starts.sort_by_cached_key(|start| form(args.seed.wrapping_add(*start), args.kind()));
+    starts
+}
+
+/// All cases, by several renderers; the order in which they end does not matter to the tally.
+fn at_length(args: &StressArgs, mut stresses: Vec<Stress>) -> Result<Tally> {
+    let next = AtomicUsize::new(0);
+    let starts = order(args);
+    let progress = Progress::counted("scene", args.cases as usize);
+    let work = |stress: &mut Stress| -> Result<Tally> {
+        let mut tally = Tally::default();
+        loop {
+            let Some(&start) = starts.get(next.fetch_add(1, Ordering::Relaxed)) else {
+                return Ok(tally);
+            };
+            let seed = args.seed.wrapping_add(start);
+            let count = args.batch.min(args.cases - start);
+            if args.batch == 1 {
+                tally.add(seed, &stress.seed(seed, args.kind())?);
+            } else {
+                let outcomes = stress.batch(seed, args.kind(), count as usize)?;
+                outcomes.iter().for_each(|outcome| tally.add(seed, outcome));
+            }
+            (0..count).for_each(|_| progress.step());
+        }
+    };
+    std::thread::scope(|scope| {
+        let work = &work;
+        let workers: Vec<_> = stresses.iter_mut().map(|stress| scope.spawn(move || work(stress))).collect();
+        let mut all = Tally::default();
+        for worker in workers {
+            let lost = |_| Error::Vulkan { call: "softras stress", result: "a worker ended in a panic".into() };
+            all.merge(worker.join().map_err(lost)??);
+        }
+        Ok(all)
+    })
+}

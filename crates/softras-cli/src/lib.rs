@@ -1,0 +1,7 @@
+//! What the `softras` command measures and tests with, for its own benchmarks and tests as well.
+//!
+//! [`measure`] times frames and holds them against their floor and their error; [`stress`] draws random scenes and checks
+//! what softras promises of any scene.
+
+pub mod measure;
+pub mod stress;

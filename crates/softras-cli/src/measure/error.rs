@@ -1,0 +1,105 @@
+//! How far a frame is from the f64 judge.
+
+use super::Mode;
+use super::time::upstream;
+use softras::reference::{self, GradientMode, ReferenceFrame, Upstream};
+use softras::{Camera, Frame, Gradients, Image, Result, Scene, Settings};
+
+/// Pixels nearer to a jump of the model than this ([`ReferenceFrame::margin`]) are left out: there a kernel's rounding
+/// may fall on the other side.
+pub const MARGIN: f64 = 1e-4;
+
+/// The largest errors of a frame's images.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ImageError {
+    /// Of any value of any image.
+    pub most: f64,
+    /// Of colour alone; 0 without a colour image.
+    pub color: f64,
+    /// Of the silhouette alone; 0 without one.
+    pub silhouette: f64,
+    /// Root of the mean square over all values.
+    pub rms: f64,
+}
+
+/// The largest difference of any value; infinite where one is not a number or the sizes differ. `margin` leaves out
+/// pixels below [`MARGIN`].
+pub fn images(frame: &Frame, judge: &ReferenceFrame, margin: Option<&[f64]>) -> ImageError {
+    let parts = [
+        (frame.color(), &judge.color),
+        (frame.silhouette(), &judge.silhouette),
+        (frame.depth(), &judge.depth),
+        (frame.normal(), &judge.normal),
+    ];
+    let each = parts.map(|(image, expected)| image.map_or((0.0, 0.0, 0), |image| one(image, expected, margin)));
+    let (square, count) = each.iter().fold((0.0, 0), |(sum, n), e| (sum + e.1, n + e.2));
+    ImageError {
+        most: each.iter().fold(0.0, |most, e| e.0.max(most)),
+        color: each[0].0,
+        silhouette: each[1].0,
+        rms: (square / count.max(1) as f64).sqrt(),
+    }
+}
+
+/// Largest difference, sum of squares, and how many values counted.
+fn one(image: &Image, expected: &[f64], margin: Option<&[f64]>) -> (f64, f64, usize) {
+    if image.data.len() != expected.len() {
+        return (f64::INFINITY, f64::INFINITY, 1);
+    }
+    let counts = |i: usize| margin.is_none_or(|m| m.get(i / image.channels).is_some_and(|&m| m >= MARGIN));
+    let pairs = image.data.iter().zip(expected).enumerate().filter(|(i, _)| counts(*i));
+    pairs.fold((0.0, 0.0, 0), |(most, sum, n), (_, (&ours, judge))| {
+        let d = (f64::from(ours) - judge).abs();
+        let d = if d.is_nan() { f64::INFINITY } else { d };
+        (d.max(most), sum + d * d, n + 1)
+    })
+}
+
+/// |ours - judge| / |judge| of the gradient by what the mode is differentiated by ([`Mode::wanted`]), for the upstream
+/// gradient of [`super::time::times`]. The judge takes about 20 µs a pair.
+///
+/// # Errors
+/// As [`reference::gradient`].
+pub fn gradient(ours: &Gradients, scene: &Scene, cameras: &[Camera], settings: &Settings, mode: Mode) -> Result<f64> {
+    let images = upstream(mode, cameras.len(), settings);
+    let wide = |image: &Option<Image>| image.as_ref().map(|i| i.data.iter().map(|&x| f64::from(x)).collect());
+    let upstream = Upstream {
+        d_color: wide(&images.color),
+        d_silhouette: wide(&images.silhouette),
+        d_depth: wide(&images.depth),
+        d_normal: wide(&images.normal),
+    };
+    let judge = reference::gradient(scene, cameras, settings, &upstream, GradientMode::Exact)?;
+    let (mut error, mut norm) = (0.0, 0.0);
+    for (index, mesh) in ours.meshes.iter().enumerate() {
+        let colors = if mode.wanted().colors { judge.colors(index) } else { &[] };
+        let pairs = mesh.positions.as_flattened().iter().zip(judge.positions(index));
+        for (&ours, judge) in pairs.chain(mesh.colors.as_flattened().iter().zip(colors)) {
+            error += (f64::from(ours) - judge).powi(2);
+            norm += judge * judge;
+        }
+    }
+    for (view, camera) in ours.cameras.iter().enumerate() {
+        for (ours, judge) in camera.twist.iter().zip(judge.twist(view)) {
+            error += (ours - judge).powi(2);
+            norm += judge * judge;
+        }
+    }
+    let relative = (error / norm).sqrt();
+    // Nothing to differentiate by, and nothing came back.
+    Ok(if error == 0.0 { 0.0 } else { relative })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wrong_image_is_far_off() {
+        let image = |data: Vec<f32>| Image { batch: 1, height: 1, width: data.len(), channels: 1, data };
+        assert_eq!(one(&image(vec![0.5, 0.25]), &[0.5, 0.75], None), (0.5, 0.25, 2));
+        assert_eq!(one(&image(vec![0.5, 0.25]), &[0.5, 0.75], Some(&[1.0, 1e-5])), (0.0, 0.0, 1));
+        assert_eq!(one(&image(vec![f32::NAN]), &[0.5], None).0, f64::INFINITY);
+        assert_eq!(one(&image(vec![0.5]), &[], None).0, f64::INFINITY);
+    }
+}

@@ -1,0 +1,18 @@
+//! What a frame costs, what it must cost, and how far it is off: for `softras bench` and the benches.
+//!
+//! The scene is that of published comparisons: a mesh at distance 2.732, elevation 30°, 30° of view, filling 70 % of the
+//! image's height ([`subject`]). Times are medians of wall time as a user of [`Renderer`](softras::Renderer) waits for
+//! it, upload and download included, next to the device's own times of the stages ([`time`]). The floor is the work that
+//! no renderer of this model can avoid, over the rate that the device was measured to reach ([`floor`], [`peak_flops`]).
+//! Errors are against the f64 judge ([`error`]).
+
+pub mod error;
+pub mod floor;
+mod mode;
+mod peak;
+pub mod subject;
+pub mod sweep;
+pub mod time;
+
+pub use mode::Mode;
+pub use peak::peak_flops;

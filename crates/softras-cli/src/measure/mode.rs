@@ -1,0 +1,103 @@
+//! The kinds of frame that are measured.
+
+use softras::scene::{ColorAggregation, Distance, Outputs, SilhouetteAggregation};
+use softras::{Settings, Wanted};
+
+/// Which images a measured frame makes, and how.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// Colour alone.
+    Color,
+    /// The silhouette alone.
+    Silhouette,
+    /// Both, as the official renderer makes them.
+    ColorSilhouette,
+    /// Depth alone.
+    Depth,
+    /// Normals alone.
+    Normal,
+    /// Colour and silhouette of a plain z-buffer: nearest covering triangle, nothing soft.
+    Hard,
+    /// Colour and silhouette, differentiated by the colours alone.
+    ToColors,
+    /// Colour and silhouette, differentiated by the camera alone.
+    ToCamera,
+}
+
+impl Mode {
+    /// All of them, the one that the others are compared with first.
+    pub const ALL: [Self; 8] = [
+        Self::ColorSilhouette,
+        Self::Color,
+        Self::Silhouette,
+        Self::Depth,
+        Self::Normal,
+        Self::Hard,
+        Self::ToColors,
+        Self::ToCamera,
+    ];
+
+    /// As in tables and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Color => "color",
+            Self::Silhouette => "silhouette",
+            Self::ColorSilhouette => "color+silhouette",
+            Self::Depth => "depth",
+            Self::Normal => "normal",
+            Self::Hard => "hard",
+            Self::ToColors => "to-colors",
+            Self::ToCamera => "to-camera",
+        }
+    }
+
+    /// The images of a frame of this mode.
+    pub fn outputs(self) -> Outputs {
+        let both = matches!(self, Self::ColorSilhouette | Self::Hard | Self::ToColors | Self::ToCamera);
+        Outputs {
+            color: both || self == Self::Color,
+            silhouette: both || self == Self::Silhouette,
+            depth: self == Self::Depth,
+            normal: self == Self::Normal,
+        }
+    }
+
+    /// The settings with this mode's images.
+    pub fn of(self, settings: &Settings) -> Settings {
+        let settings = Settings { outputs: self.outputs(), ..settings.clone() };
+        match self {
+            Self::Hard => Settings {
+                color: ColorAggregation::Hard,
+                silhouette: SilhouetteAggregation::Hard,
+                distance: Distance::Hard,
+                ..settings
+            },
+            _ => settings,
+        }
+    }
+
+    /// What a frame of this mode is differentiated by: vertex positions, and colours where there are any, unless it says
+    /// otherwise.
+    pub fn wanted(self) -> Wanted {
+        match self {
+            Self::ToColors => Wanted { colors: true, ..Wanted::NOTHING },
+            Self::ToCamera => Wanted { camera: true, ..Wanted::NOTHING },
+            _ => Wanted { positions: true, colors: self.outputs().color, ..Wanted::NOTHING },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn outputs_are_those_named() {
+        for mode in Mode::ALL.into_iter().take(5) {
+            let o = mode.outputs();
+            let names = [(o.color, "color"), (o.silhouette, "silhouette"), (o.depth, "depth"), (o.normal, "normal")];
+            let made: Vec<_> = names.into_iter().filter(|(on, _)| *on).map(|(_, name)| name).collect();
+            assert_eq!(made.join("+"), mode.name());
+        }
+    }
+}

@@ -1,0 +1,140 @@
+//! How long a frame takes.
+
+use super::Mode;
+use softras::StageTime;
+use softras::{Camera, Image, ImageGradient, Renderer, Result, Scene, Settings};
+use std::time::Instant;
+
+/// Median milliseconds of a frame's passes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Times {
+    /// A frame for looking at only: `render` with nothing kept for backward.
+    pub forward: f64,
+    /// `backward` of a saved frame.
+    pub backward: f64,
+    /// `render` with [`Settings::save`] and `backward`, one after the other.
+    pub frame: f64,
+    /// Device time of the stages of a frame for looking at; empty where the device cannot tell.
+    pub forward_stages: Vec<StageTime>,
+    /// Device time of the stages of backward.
+    pub backward_stages: Vec<StageTime>,
+    /// Device time of the stages of a frame that keeps what backward needs, and of backward.
+    pub frame_stages: Vec<StageTime>,
+    /// How often each was run.
+    pub repeats: usize,
+}
+
+/// Weights of all images' values, the same every time.
+pub fn upstream(mode: Mode, batch: usize, settings: &Settings) -> ImageGradient {
+    let (height, width) = (settings.height as usize, settings.width as usize);
+    let weights = |channels: usize| Image {
+        batch,
+        height,
+        width,
+        channels,
+        data: (0..batch * height * width * channels).map(|i| (i * 7919 % 1000) as f32 / 1000.0 - 0.5).collect(),
+    };
+    let outputs = mode.outputs();
+    ImageGradient {
+        color: outputs.color.then(|| weights(3)),
+        silhouette: outputs.silhouette.then(|| weights(1)),
+        depth: outputs.depth.then(|| weights(1)),
+        normal: outputs.normal.then(|| weights(3)),
+    }
+}
+
+/// Renders and differentiates `repeats` times each, after once to warm up. `settings` are those of [`Mode::of`]. As in an
+/// optimisation every frame's vertices lie elsewhere than the last one's, if by a millionth. The stages are timed in frames of
+/// their own, since timing them takes time.
+///
+/// # Errors
+/// As [`Renderer::render`] and [`Renderer::backward`].
+pub fn times(
+    renderer: &mut Renderer,
+    scene: &Scene,
+    cameras: &[Camera],
+    settings: &Settings,
+    mode: Mode,
+    repeats: usize,
+) -> Result<Times> {
+    let look = Settings { save: false, ..settings.clone() };
+    let save = Settings { save: true, ..settings.clone() };
+    let (upstream, wanted) = (upstream(mode, cameras.len(), settings), mode.wanted());
+    let scenes = [scene.clone(), nudged(scene)?];
+    let milliseconds = |start: Instant| start.elapsed().as_secs_f64() * 1e3;
+    let repeats = repeats.max(1);
+    let (mut forward, mut backward, mut frames) = (Vec::new(), Vec::new(), Vec::new());
+    // The first run compiles kernels and makes buffers.
+    for run in 0..=repeats {
+        let start = Instant::now();
+        renderer.render(&scenes[run % 2], cameras, &look)?;
+        forward.push(milliseconds(start));
+    }
+    for run in 0..=repeats {
+        let start = Instant::now();
+        let frame = renderer.render(&scenes[run % 2], cameras, &save)?;
+        let middle = Instant::now();
+        renderer.backward(&frame, &upstream, &wanted)?;
+        backward.push(milliseconds(middle));
+        frames.push(milliseconds(start));
+    }
+    let [forward, backward, frame] = [forward, backward, frames].map(|times| median(times[1..].to_vec()));
+    let (mut forward_stages, mut backward_stages, mut frame_stages) = (Vec::new(), Vec::new(), Vec::new());
+    renderer.time_stages(true);
+    for run in 0..=repeats.div_ceil(2) {
+        forward_stages.push(renderer.render(&scenes[run % 2], cameras, &look)?.timings().to_vec());
+    }
+    for run in 0..=repeats.div_ceil(2) {
+        let frame = renderer.render(&scenes[run % 2], cameras, &save)?;
+        renderer.backward(&frame, &upstream, &wanted)?;
+        let stages = renderer.backward_timings()?;
+        frame_stages.push([frame.timings(), &stages].concat());
+        backward_stages.push(stages);
+    }
+    renderer.time_stages(false);
+    Ok(Times {
+        forward,
+        backward,
+        frame,
+        forward_stages: medians(&forward_stages[1..]),
+        backward_stages: medians(&backward_stages[1..]),
+        frame_stages: medians(&frame_stages[1..]),
+        repeats,
+    })
+}
+
+/// The scene with every vertex a millionth farther out.
+fn nudged(scene: &Scene) -> Result<Scene> {
+    let mut scene = scene.clone();
+    for mesh in &mut scene.meshes {
+        mesh.set_positions(mesh.positions().iter().map(|p| p.map(|x| x * (1.0 + 1e-6))).collect())?;
+    }
+    Ok(scene)
+}
+
+/// The middle value, NaN of none.
+pub fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+/// Stage by stage.
+fn medians(runs: &[Vec<StageTime>]) -> Vec<StageTime> {
+    let stages = runs.first().map_or(&[][..], Vec::as_slice).iter().enumerate();
+    let of = |i: usize| median(runs.iter().filter_map(|run| run.get(i)).map(|t| t.milliseconds).collect());
+    stages.map(|(i, first)| StageTime { stage: first.stage, milliseconds: of(i) }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn medians_are_stage_by_stage() {
+        let run = |a: f64, b: f64| vec![("a", a), ("b", b)].into_iter();
+        let run = |a, b| run(a, b).map(|(stage, milliseconds)| StageTime { stage, milliseconds }).collect::<Vec<_>>();
+        let all = medians(&[run(1.0, 9.0), run(3.0, 7.0), run(2.0, 100.0)]);
+        assert_eq!(all, run(2.0, 9.0));
+        assert!(median(Vec::new()).is_nan());
+    }
+}

@@ -1,0 +1,311 @@
+//! Scenes from a seed, drawn to hurt.
+
+use super::form::{FORMS, Form, TABLE};
+use super::promise::Promise;
+use super::random::Random;
+use super::soup::{Place, Soup, soup};
+use glam::{DMat4, DVec3};
+use softras::scene::{Lights, Parity, Support};
+use softras::{Camera, GradientMode, Mesh, Projection, Result, Scene, Settings};
+
+/// All there is to render and differentiate, and the seed that gave it.
+#[derive(Clone, Debug)]
+pub struct Case {
+    /// What [`case`] was called with.
+    pub seed: u64,
+    /// What is promised of it.
+    pub promise: Promise,
+    /// The meshes and lights.
+    pub scene: Scene,
+    /// One camera.
+    pub cameras: Vec<Camera>,
+    /// The settings, not judged yet: some are such as must be refused.
+    pub settings: Settings,
+    /// Which gradient.
+    pub gradient: GradientMode,
+}
+
+/// Which scenes are drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Kind {
+    /// How many of the combinations of modes, 1 to [`FORMS`].
+    pub forms: usize,
+    /// Meshes as they are used, with hundreds to thousands of triangles, in images of 64 to 512 pixels a side with σ up to
+    /// 1e-2, and some triangles drawn to hurt among them; else a few triangles in images of about ten pixels.
+    pub realistic: bool,
+}
+
+impl Default for Kind {
+    fn default() -> Self {
+        Self { forms: FORMS, realistic: false }
+    }
+}
+
+/// The case of a seed.
+///
+/// Every other seed draws from where the accuracy promise holds, the others from all there is: coordinates from 1e-40 to
+/// 1e20, every range of the settings to its ends and beyond, near and far equal or swapped.
+///
+/// # Errors
+/// What judges meshes and cameras says of it; that is a case's right outcome too.
+pub fn case(seed: u64, kind: Kind) -> Result<Case> {
+    draw(seed, kind).finish(seed)
+}
+
+/// `count` cases of a seed with the same settings and lights, to be rendered as one batch. The first is [`case`]'s.
+///
+/// # Errors
+/// Of each what [`case`] says.
+pub fn batch(seed: u64, kind: Kind, count: usize) -> Vec<Result<Case>> {
+    let mut draw = draw(seed, kind);
+    if count > 1 {
+        draw.settings.width = draw.settings.width.min(LONGEST);
+        draw.settings.height = draw.settings.height.min(LONGEST);
+    }
+    let views: Vec<_> = (0..count).map(|_| draw.view()).collect();
+    let lights = draw.form.lights(&mut draw.random);
+    let seeds = (0..).map(|view| seed.wrapping_add(view));
+    views.into_iter().zip(seeds).map(|(view, seed)| Ok(draw.case(seed, view?, lights.clone()))).collect()
+}
+
+/// A seed's case within the promise, but with this σ and γ: for the map of errors. All images, lit, over
+/// the composite background.
+///
+/// # Errors
+/// As [`case`].
+pub fn at(seed: u64, sigma: f64, gamma: f64) -> Result<Case> {
+    // Some scenes are of a few triangles only, which say little.
+    let full = |case: &Result<Case>| case.as_ref().is_ok_and(|c| c.scene.meshes[0].triangles().len() >= 12);
+    let drawn = |i: u64| Draw::tame(Random::new(seed + 1000 * i), &TABLE[1], false).finish(seed);
+    let mut case = (0..100).map(drawn).find(full).unwrap_or_else(|| drawn(0))?;
+    (case.settings.width, case.settings.height) = (48, 48);
+    case.settings.sigma = sigma;
+    case.settings.gamma = gamma;
+    Ok(case)
+}
+
+/// Most meshes have no more triangles than this, so that few of their pixels are alike.
+const USUAL: usize = 40;
+/// The longest side of a batch's images, which are many.
+const LONGEST: u32 = 512;
+
+/// What the cases of a batch share, and the numbers that draw the rest.
+struct Draw {
+    random: Random,
+    form: &'static Form,
+    settings: Settings,
+    /// The most triangles of a mesh.
+    most: usize,
+    tame: bool,
+    realistic: bool,
+}
+
+/// What a case has for itself.
+struct View {
+    mesh: Mesh,
+    camera: Camera,
+    promise: Promise,
+}
+
+/// Which combination of modes the cases of a seed have, 0 to [`FORMS`] - 1: seeds of one form after another need few kernels
+/// at a time.
+pub fn form(seed: u64, kind: Kind) -> usize {
+    form_of(&mut Random::new(seed), kind)
+}
+
+fn form_of(random: &mut Random, kind: Kind) -> usize {
+    random.below(kind.forms.clamp(1, FORMS))
+}
+
+fn draw(seed: u64, kind: Kind) -> Draw {
+    let mut random = Random::new(seed);
+    let form = &TABLE[form_of(&mut random, kind)];
+    let make = if random.chance(0.5) { Draw::tame } else { Draw::wild };
+    make(random, form, kind.realistic)
+}
+
+impl Draw {
+    /// Within the promise: f32 positions of a few units between near and far.
+    fn tame(mut random: Random, form: &'static Form, realistic: bool) -> Self {
+        let (near, far) = (random.range(0.1, 1.0), random.log_range(10.0, 200.0));
+        let gamma = random.log_range(1e-5, 1.0).max(1e-4 / (far - near));
+        let mut settings = form.settings(Settings {
+            width: random.log_range(1.0, 40.0) as u32,
+            height: random.log_range(4.0, 40.0) as u32,
+            sigma: random.log_range(1e-6, 1e-2),
+            gamma: if form.support == Support::Guaranteed { gamma.max(0.05) } else { gamma },
+            epsilon: random.choose(&[1e-3, 0.0, 0.9, -0.5]),
+            tau: random.log_range(1e-6, 1e-1),
+            near,
+            far,
+            background_color: random.color().map(f64::from),
+            ..Settings::default()
+        });
+        if realistic {
+            (settings.width, settings.height) = realistic_size(&mut random);
+            settings.sigma = random.log_range(1e-6, 1e-3);
+        }
+        Self { random, form, settings, most: USUAL, tame: true, realistic }
+    }
+
+    /// Anywhere at all.
+    fn wild(mut random: Random, form: &'static Form, realistic: bool) -> Self {
+        let (width, height) = if realistic { realistic_size(&mut random) } else { size(&mut random) };
+        let (near, far) = depths(&mut random);
+        let settings = form.settings(Settings {
+            width,
+            height,
+            // Beyond, every triangle of a mesh is near every pixel: seconds a scene, for what small scenes show too.
+            sigma: random.log_range(1e-12, if realistic { 1e-2 } else { 10.0 }),
+            gamma: random.log_range(1e-10, 10.0),
+            epsilon: if random.chance(0.5) { random.range(-1.0, 1.0) } else { random.choose(&[-1.0, 0.0, 1e-3, 1.0]) },
+            tau: random.log_range(1e-12, 0.4),
+            near,
+            far,
+            background_color: random.color().map(f64::from),
+            ..Settings::default()
+        });
+        let most = match random.below(60) {
+            0 => 0,
+            1 => 1500,
+            2..=4 => 300,
+            _ => USUAL,
+        };
+        Self { random, form, settings, most, tame: false, realistic }
+    }
+
+    /// A mesh and a camera.
+    fn view(&mut self) -> Result<View> {
+        if self.tame { self.tame_view() } else { self.wild_view() }
+    }
+
+    fn tame_view(&mut self) -> Result<View> {
+        let random = &mut self.random;
+        let camera = if random.chance(0.4) {
+            Camera::screen()
+        } else {
+            Camera::look_at(random.direction() * 4.0, random.direction() * 0.3, random.direction(), plain_lens(random))?
+        };
+        let place = if *camera.projection() == Projection::Screen { Place::Screen } else { Place::World };
+        let soup = self.soup(place)?;
+        let promise = if !self.form.is_smooth() {
+            Promise::Bounds
+        } else if soup.thin {
+            Promise::Silhouette
+        } else if soup.kinked {
+            Promise::Images
+        } else {
+            Promise::Gradients
+        };
+        self.with_appearance(soup.mesh()?, camera, promise, 1.0)
+    }
+
+    fn wild_view(&mut self) -> Result<View> {
+        let (camera, place) = camera(&mut self.random, &self.settings)?;
+        let soup = self.soup(place)?;
+        let random = &mut self.random;
+        let brightest = if random.chance(0.05) { random.log_range(1e-40, 3e38) as f32 } else { 1.0 };
+        self.with_appearance(soup.mesh()?, camera, Promise::Bounds, brightest)
+    }
+
+    fn soup(&mut self, place: Place) -> Result<Soup> {
+        let most = self.most as f64;
+        let least = if self.most > USUAL { most / 2.0 } else { 1.0 };
+        let count = if self.most == 0 { 0 } else { self.random.log_range(least, most) as usize };
+        let mut soup = soup(&mut self.random, &self.settings, place, count, self.tame);
+        if self.realistic {
+            soup.add_surface(&mut self.random, &self.settings, place)?;
+        }
+        Ok(soup)
+    }
+
+    fn with_appearance(&mut self, mesh: Mesh, camera: Camera, promise: Promise, brightest: f32) -> Result<View> {
+        let random = &mut self.random;
+        let farthest = if promise == Promise::Bounds { random.choose(&[1.0, 2.0, 1e4]) } else { 2.0 };
+        Ok(View { mesh: self.form.appearance(random, mesh, brightest, farthest)?, camera, promise })
+    }
+
+    fn case(&self, seed: u64, view: View, lights: Lights) -> Case {
+        let View { mesh, camera, promise } = view;
+        let scene = Scene::new(mesh).with_lights(lights);
+        let gradient = self.form.gradient;
+        Case { seed, promise, scene, cameras: vec![camera], settings: self.settings.clone(), gradient }
+    }
+
+    /// The only case of a seed.
+    fn finish(mut self, seed: u64) -> Result<Case> {
+        let view = self.view()?;
+        let lights = self.form.lights(&mut self.random);
+        Ok(self.case(seed, view, lights))
+    }
+}
+
+fn realistic_size(random: &mut Random) -> (u32, u32) {
+    (random.log_range(64.0, 512.0) as u32, random.log_range(64.0, 512.0) as u32)
+}
+
+fn size(random: &mut Random) -> (u32, u32) {
+    match random.below(40) {
+        0 => (1, 4096),
+        1 => (4096, 1),
+        2 => (1, 1),
+        3 => (random.choose(&[63, 64, 65]), random.choose(&[31, 32, 33])),
+        _ => (random.log_range(1.0, 24.0) as u32, random.log_range(1.0, 24.0) as u32),
+    }
+}
+
+/// Near and far.
+fn depths(random: &mut Random) -> (f64, f64) {
+    let plain = (random.range(0.1, 2.0), random.log_range(3.0, 200.0));
+    match random.below(20) {
+        0 => (plain.0, plain.0),
+        1 => (plain.1, plain.0),
+        2 => (1e-6, 1e12),
+        3 => (1e9, 1e12),
+        4 => (plain.0, plain.0 * (1.0 + 2e-6)),
+        5 => (random.log_range(1e-7, 1e9), random.log_range(1e-6, 1e13)),
+        _ => plain,
+    }
+}
+
+fn plain_lens(random: &mut Random) -> Projection {
+    if random.chance(0.7) {
+        Projection::Perspective { fov_y: random.range(0.3, 1.5) }
+    } else {
+        Projection::Orthographic { half_height: random.log_range(0.5, 4.0) }
+    }
+}
+
+/// A camera and where triangles are to be put for it.
+#[allow(clippy::approx_constant)] // Nearly a half turn, the widest angle of view; not π.
+fn camera(random: &mut Random, settings: &Settings) -> Result<(Camera, Place)> {
+    let (width, height) = (f64::from(settings.width), f64::from(settings.height));
+    // The official camera's own projection is a mode: it stays with the official parity's forms.
+    let lenses = if settings.parity == Parity::Official { 5 } else { 4 };
+    let lens = match random.below(lenses) {
+        0 => return Ok((Camera::screen(), Place::Screen)),
+        1 => Projection::Perspective { fov_y: random.choose(&[1e-5, 0.5, 1.5, 3.1415]) },
+        2 => Projection::Orthographic { half_height: random.log_range(1e-9, 1e9) },
+        3 => Projection::Pinhole {
+            fx: height * random.log_range(1e-3, 1e3),
+            fy: height * random.log_range(1e-3, 1e3),
+            cx: width * random.range(-2.0, 3.0),
+            cy: height * random.range(-2.0, 3.0),
+        },
+        _ => {
+            let distortion = [(); 5].map(|()| random.range(-1e-3, 1e-3));
+            let original_size = random.log_range(1.0, 1000.0);
+            let (x, z) = (original_size, original_size / 2.0);
+            let rows = [[x, 0.0, z, 0.0], [0.0, x, z, 0.0], [0.0, 0.0, 1.0, 0.0]];
+            return Ok((Camera::official(rows, distortion, original_size)?, Place::View));
+        }
+    };
+    if random.chance(0.5) {
+        return Ok((Camera::from_matrix(DMat4::IDENTITY, lens)?, Place::View));
+    }
+    let distance = if random.chance(0.7) { 4.0 } else { random.log_range(1e-12, 1e13) };
+    let eye = random.direction() * distance;
+    // Straight from above is refused: (0, 1, 0) is then no up.
+    let eye = if random.chance(0.02) { DVec3::Y } else { eye };
+    Ok((Camera::look_at(eye, DVec3::ZERO, DVec3::Y, lens)?, Place::World))
+}

@@ -1,0 +1,143 @@
+//! The combinations of modes that cases are drawn from: few, since each is compiled for itself.
+
+use super::random::Random;
+use softras::scene::{
+    Appearance, Background, ColorAggregation, DirectionalLight, Distance, Faces, Interpolation, Lights, Mesh, Outputs,
+    Parity, Settings, Shading, SilhouetteAggregation, Support, Texture, Wrap,
+};
+use softras::{GradientMode, Result};
+
+const ALL: Outputs = Outputs { color: true, silhouette: true, depth: true, normal: true };
+const USUAL: Outputs = Outputs { color: true, silhouette: true, depth: false, normal: false };
+const SILHOUETTE: Outputs = Outputs { color: false, silhouette: true, depth: false, normal: false };
+
+/// What colours the meshes of a form.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Look {
+    Uniform,
+    Vertices,
+    Surface,
+    Images,
+}
+
+/// One combination of modes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Form {
+    look: Look,
+    lit: Option<Shading>,
+    pub gradient: GradientMode,
+    outputs: Outputs,
+    color: ColorAggregation,
+    silhouette: SilhouetteAggregation,
+    distance: Distance,
+    background: Background,
+    faces: Faces,
+    interpolation: Interpolation,
+    parity: Parity,
+    pub support: Support,
+}
+
+const PAPER: Form = Form {
+    look: Look::Vertices,
+    lit: None,
+    gradient: GradientMode::Exact,
+    outputs: USUAL,
+    color: ColorAggregation::Softmax,
+    silhouette: SilhouetteAggregation::Product,
+    distance: Distance::Euclidean,
+    background: Background::Weighted,
+    faces: Faces::Both,
+    interpolation: Interpolation::Affine,
+    parity: Parity::Model,
+    support: Support::Probability,
+};
+
+/// How many combinations there are.
+pub const FORMS: usize = 10;
+
+/// From the most to the least used.
+pub(super) const TABLE: [Form; FORMS] = [
+    PAPER,
+    Form { look: Look::Uniform, lit: Some(Shading::Flat), outputs: ALL, background: Background::Composite, ..PAPER },
+    Form { look: Look::Uniform, outputs: SILHOUETTE, ..PAPER },
+    Form {
+        look: Look::Images,
+        lit: Some(Shading::Smooth),
+        outputs: ALL,
+        interpolation: Interpolation::Perspective,
+        ..PAPER
+    },
+    Form { look: Look::Surface, color: ColorAggregation::Hard, faces: Faces::Front, outputs: ALL, ..PAPER },
+    Form { distance: Distance::Barycentric, silhouette: SilhouetteAggregation::Sum, outputs: ALL, ..PAPER },
+    Form { distance: Distance::Hard, silhouette: SilhouetteAggregation::Hard, ..PAPER },
+    Form { look: Look::Surface, parity: Parity::Official, gradient: GradientMode::Paper, ..PAPER },
+    Form { background: Background::Composite, support: Support::Guaranteed, outputs: ALL, ..PAPER },
+    Form { parity: Parity::Official, distance: Distance::Barycentric, gradient: GradientMode::Paper, ..PAPER },
+];
+
+impl Form {
+    /// The settings with this form's modes.
+    pub fn settings(&self, numbers: Settings) -> Settings {
+        Settings {
+            outputs: self.outputs,
+            color: self.color,
+            silhouette: self.silhouette,
+            distance: self.distance,
+            background: self.background,
+            faces: self.faces,
+            interpolation: self.interpolation,
+            parity: self.parity,
+            support: self.support,
+            save: true,
+            ..numbers
+        }
+    }
+
+    /// Whether the model jumps where the judge's margin does not say: a triangle that turns its back.
+    pub fn is_smooth(&self) -> bool {
+        self.faces == Faces::Both && self.distance == Distance::Euclidean && self.parity == Parity::Model
+    }
+
+    /// The mesh with its colours, each channel within [0, `brightest`], and UVs of at most `farthest`.
+    pub fn appearance(&self, random: &mut Random, mesh: Mesh, brightest: f32, farthest: f64) -> Result<Mesh> {
+        let (vertices, triangles) = (mesh.positions().len(), mesh.triangles().len());
+        let mut color = |random: &mut Random| random.color().map(|c| c * brightest);
+        let appearance = match self.look {
+            Look::Uniform => Appearance::Uniform(color(random)),
+            Look::Vertices => Appearance::VertexColors((0..vertices).map(|_| color(random)).collect()),
+            Look::Surface => {
+                let resolution = random.choose(&[1u32, 3, 5]);
+                let cells = triangles * (resolution * resolution) as usize;
+                Appearance::Surface { resolution, texels: (0..cells).map(|_| color(random)).collect() }
+            }
+            Look::Images => images(random, triangles, farthest, &mut color)?,
+        };
+        mesh.with_appearance(appearance)
+    }
+
+    /// Its lights.
+    pub fn lights(&self, random: &mut Random) -> Lights {
+        let Some(shading) = self.lit else { return Lights::unlit() };
+        let directional = (0..2).map(|_| DirectionalLight {
+            direction: (random.direction() * random.log_range(1e-9, 1e9)).to_array(),
+            color: random.color().map(f64::from),
+            intensity: random.range(0.0, 0.6),
+        });
+        let directional = directional.collect();
+        Lights { ambient_color: random.color().map(f64::from), ambient_intensity: 0.5, directional, shading }
+    }
+}
+
+fn images(
+    random: &mut Random,
+    triangles: usize,
+    farthest: f64,
+    color: &mut impl FnMut(&mut Random) -> [f32; 3],
+) -> Result<Appearance> {
+    let (width, height) = (random.log_range(1.0, 9.0) as u32, random.log_range(1.0, 9.0) as u32);
+    let texels = (0..width * height).map(|_| color(random)).collect();
+    let textures = vec![Texture::new(width, height, texels, random.choose(&[Wrap::Repeat, Wrap::Clamp]))?];
+    let uvs = (0..7).map(|_| [(); 2].map(|()| random.range(-farthest, farthest) as f32)).collect();
+    let uv_triangles = (0..triangles).map(|_| [(); 3].map(|()| random.below(7) as u32)).collect();
+    Ok(Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle: Vec::new() })
+}

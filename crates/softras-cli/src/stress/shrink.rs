@@ -1,0 +1,80 @@
+//! The least scene that still shows a finding.
+
+use super::draw::Case;
+use super::run::Stress;
+use softras::Result;
+use softras::scene::Appearance;
+use softras::{Mesh, Scene};
+
+/// The mesh with only these of its triangles, and only their vertices.
+fn part_of(mesh: &Mesh, kept: &[usize]) -> Result<Mesh> {
+    let mut vertices: Vec<u32> = kept.iter().flat_map(|&t| mesh.triangles()[t]).collect();
+    vertices.sort_unstable();
+    vertices.dedup();
+    let place = |v: u32| vertices.partition_point(|&other| other < v) as u32;
+    let triangles = kept.iter().map(|&t| mesh.triangles()[t].map(place)).collect();
+    let positions = vertices.iter().map(|&v| mesh.positions()[v as usize]).collect();
+    let appearance = match mesh.appearance() {
+        Appearance::Uniform(color) => Appearance::Uniform(*color),
+        Appearance::VertexColors(colors) => {
+            Appearance::VertexColors(vertices.iter().map(|&v| colors[v as usize]).collect())
+        }
+        Appearance::Surface { resolution, texels } => {
+            let cells = (*resolution as usize).pow(2);
+            let of = |t: &usize| texels[t * cells..(t + 1) * cells].to_vec();
+            Appearance::Surface { resolution: *resolution, texels: kept.iter().flat_map(of).collect() }
+        }
+        Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle } => Appearance::Textured {
+            uvs: uvs.clone(),
+            uv_triangles: kept.iter().map(|&t| uv_triangles[t]).collect(),
+            textures: textures.clone(),
+            texture_of_triangle: kept.iter().filter_map(|&t| texture_of_triangle.get(t).copied()).collect(),
+        },
+    };
+    Mesh::new(positions, triangles)?.with_appearance(appearance)
+}
+
+impl Stress {
+    /// Leaves out triangles, halves first and one by one at last, as long as the case still has a finding of that kind.
+    ///
+    /// # Errors
+    /// As [`Stress::run`].
+    pub fn shrink(&mut self, case: &Case, kind: &str) -> Result<Case> {
+        let mut best = case.clone();
+        let count = |case: &Case| case.scene.meshes.first().map_or(0, |mesh| mesh.triangles().len());
+        let mut size = count(&best);
+        while size > 0 {
+            let mut first = 0;
+            while first < count(&best) {
+                let kept: Vec<usize> = (0..count(&best)).filter(|t| !(first..first + size).contains(t)).collect();
+                let mesh = part_of(&best.scene.meshes[0], &kept)?;
+                let scene = Scene::new(mesh).with_lights(best.scene.lights.clone());
+                let smaller = Case { scene, ..best.clone() };
+                if self.run(&smaller)?.findings.iter().any(|finding| finding.kind == kind) {
+                    best = smaller;
+                } else {
+                    first += size;
+                }
+            }
+            size /= 2;
+        }
+        Ok(best)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_part_keeps_what_its_triangles_are_made_of() -> Result<()> {
+        let positions = (0..6).map(|i| [i as f32, 0.0, 1.0]).collect();
+        let mesh = Mesh::new(positions, vec![[0, 1, 2], [5, 3, 1]])?;
+        let colors = (0..6).map(|i| [i as f32; 3]).collect();
+        let part = part_of(&mesh.with_appearance(Appearance::VertexColors(colors))?, &[1])?;
+        assert_eq!(part.triangles(), [[2, 1, 0]]);
+        assert_eq!(part.positions(), [[1.0, 0.0, 1.0], [3.0, 0.0, 1.0], [5.0, 0.0, 1.0]]);
+        assert_eq!(*part.appearance(), Appearance::VertexColors(vec![[1.0; 3], [3.0; 3], [5.0; 3]]));
+        Ok(())
+    }
+}

@@ -1,0 +1,11 @@
+//! The `softras` command from outside: arguments, exit codes, files.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+mod arguments;
+mod command;
+mod eval;
+mod killed;
+mod numpy;
+mod render;
+
+use command::{fails, softras, succeeds};

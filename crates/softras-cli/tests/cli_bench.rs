@@ -1,0 +1,115 @@
+//! `softras bench`, from outside.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+#[allow(dead_code, reason = "shared with the other tests of the command line")]
+#[path = "cli/command.rs"]
+mod command;
+
+use command::softras;
+use serde_json::Value;
+
+/// The promise of `softras check` to a device.
+const IMAGE_ERROR: f64 = 1e-4;
+const GRADIENT_ERROR: f64 = 1e-3;
+
+/// What is wrong with a row, if anything is.
+fn fault(row: &Value) -> Option<String> {
+    let number = |key: &str| row[key].as_f64().filter(|x| x.is_finite());
+    let (pass, mode) = (row["pass"].as_str()?, row["mode"].as_str()?);
+    for key in ["median_ms", "device_ms", "floor_ms", "pairs_needed", "pairs_evaluated", "faces", "size"] {
+        match number(key) {
+            Some(x) if x > 0.0 => {}
+            _ => return Some(format!("{pass} {mode}: {key} is {}", row[key])),
+        }
+    }
+    let most = if pass == "backward" { GRADIENT_ERROR } else { IMAGE_ERROR };
+    match number("max_error") {
+        Some(x) if x <= most => {}
+        _ => return Some(format!("{pass} {mode}: max_error is {}", row["max_error"])),
+    }
+    if row["pairs_evaluated"].as_u64() < row["pairs_needed"].as_u64() {
+        return Some(format!("{pass} {mode}: fewer pairs evaluated than needed"));
+    }
+    if number("median_ms") < number("floor_ms") {
+        return Some(format!("{pass} {mode}: faster than its floor"));
+    }
+    None
+}
+
+#[test]
+fn a_quick_run_gives_rows_that_can_be_compared() {
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = softras(folder.path(), &["mesh", "torus", "-o", "torus.obj"]);
+    assert!(mesh.status.success());
+    let arguments = [
+        "bench",
+        "torus.obj",
+        "--quick",
+        "--modes",
+        "color+silhouette,silhouette,depth,hard,to-colors,to-camera",
+        "--json",
+    ];
+    let output = softras(folder.path(), &[&arguments[..], &["rows.json"]].concat());
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{errors}");
+    let rows: Value = serde_json::from_slice(&std::fs::read(folder.path().join("rows.json")).unwrap()).unwrap();
+    let rows = rows.as_array().unwrap();
+    assert_eq!(rows.len(), 18);
+    for row in rows {
+        assert_eq!(fault(row), None, "{row}");
+        assert_eq!((row["scene"].as_str(), row["faces"].as_u64()), (Some("torus"), Some(4096)));
+        for key in ["device", "driver", "version", "kernels"] {
+            assert!(row[key].as_str().is_some_and(|text| !text.is_empty()), "{key}: {row}");
+        }
+        for (key, value) in [("sigma", 1e-4), ("gamma", 1e-4), ("tau", 1e-4)] {
+            assert_eq!(row[key].as_f64(), Some(value));
+        }
+        let share = row["of_full"].as_f64();
+        assert_eq!(share.is_some_and(|share| share > 0.0), row["mode"] != "color+silhouette", "{row}");
+        let stages = row["stages_ms"].as_object().unwrap();
+        assert_eq!(stages.contains_key("backward"), row["pass"] != "forward", "{row}");
+        assert_eq!(stages.contains_key("forward"), row["pass"] != "backward", "{row}");
+    }
+    // The table has the same rows under its heads.
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(text.lines().filter(|line| line.starts_with("torus ")).count(), 18, "{text}");
+    assert!(text.contains("GFLOP/s"), "{text}");
+    // What is asked for in the frame's pairs is the same whatever is drawn from them.
+    let needed = |mode: &str| rows.iter().find(|row| row["mode"] == mode).map(|row| row["pairs_needed"].clone());
+    assert_eq!(needed("color+silhouette"), needed("silhouette"));
+    assert!(needed("hard").unwrap().as_u64() < needed("silhouette").unwrap().as_u64());
+}
+
+#[test]
+fn wrong_rows_are_seen() {
+    let good = serde_json::json!({
+        "pass": "forward", "mode": "color", "median_ms": 2.0, "device_ms": 1.0, "floor_ms": 0.5, "pairs_needed": 10,
+        "pairs_evaluated": 20, "faces": 5, "size": 64, "max_error": 1e-6,
+    });
+    assert_eq!(fault(&good), None);
+    for (key, value) in [("median_ms", 0.0), ("median_ms", 0.1), ("max_error", 0.1), ("pairs_evaluated", 9.0)] {
+        let mut row = good.clone();
+        row[key] = if key == "pairs_evaluated" { (value as u64).into() } else { value.into() };
+        assert!(fault(&row).is_some(), "{key} = {value}");
+    }
+    let mut row = good.clone();
+    row["max_error"] = Value::Null;
+    assert!(fault(&row).is_some());
+}
+
+#[test]
+fn nonsense_is_refused_before_any_work() {
+    let folder = tempfile::tempdir().unwrap();
+    for (arguments, code, part) in [
+        (&["bench", "--size", "0"][..], 2, "--size"),
+        (&["bench", "--modes", "hazy"][..], 2, "color+silhouette"),
+        (&["bench", "--tau", "0.6"][..], 1, "tau"),
+        (&["bench", "--json", "nowhere/rows.json"][..], 1, "folder"),
+        (&["bench", "missing.obj"][..], 1, "missing.obj"),
+    ] {
+        let output = softras(folder.path(), arguments);
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}: {errors}");
+        assert!(errors.contains(part) && !errors.contains("panicked"), "{arguments:?}: {errors}");
+    }
+}

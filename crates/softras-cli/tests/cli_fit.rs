@@ -1,0 +1,304 @@
+//! `softras fit`, `iou` and `pose` from outside: files in, files and figures out.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+#[allow(dead_code, reason = "shared with the other tests of the command line")]
+#[path = "cli/command.rs"]
+mod command;
+
+use command::{fails, softras, succeeds};
+use serde_json::Value;
+use std::path::Path;
+
+fn json(path: &Path) -> Value {
+    serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
+}
+
+fn numbers(value: &Value) -> Vec<f64> {
+    value.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
+}
+
+#[test]
+fn a_shape_is_fitted_to_views_of_a_mesh() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    succeeds(folder.path(), &["mesh", "torus", "-o", "torus.obj"]);
+    let fit = "fit --from torus.obj --views 6 --size 32 --iterations 40 --subdivisions 2 --color -o out.obj --json log.json \
+               --plot loss.png --gif fit.gif --baselines";
+    let told = succeeds(folder.path(), &fit.split_whitespace().collect::<Vec<_>>());
+    assert!(told.contains("162 vertices") && told.contains("3D IoU"), "{told}");
+    let log = json(&at("log.json"));
+    let losses = numbers(&log["loss"]);
+    assert_eq!(losses.len(), 40);
+    assert!(losses[39] < 0.6 * losses[0], "{losses:?}");
+    assert_eq!(numbers(&log["final"]["mask_iou"]["per_view"]).len(), 6);
+    let mean = log["final"]["mask_iou"]["mean"].as_f64().unwrap();
+    assert!(mean > 0.6, "{mean}");
+    assert!(log["seconds_per_iteration"].as_f64().unwrap() > 0.0);
+    let baselines = log["baselines"].as_array().unwrap();
+    let methods: Vec<&str> = baselines.iter().map(|b| b["method"].as_str().unwrap()).collect();
+    let without = ["without the schedule", "without softness", "without regularisers", "without colours"];
+    assert_eq!(methods, [&without[..], &["hard, image-space differences"]].concat());
+    assert!(baselines.iter().all(|b| b["final"]["mask_iou"]["mean"].as_f64().unwrap() > 0.3), "{baselines:?}");
+    assert!(told.lines().count() == 6 && told.contains("without regularisers: mask IoU"), "{told}");
+    assert_eq!((log["steps_on"].as_str(), log["host_reason"].as_str()), (Some("device"), None));
+    // What was written is what was scored, and it has colours.
+    let iou: f64 = succeeds(folder.path(), &["iou", "out.obj", "torus.obj"]).trim().parse().unwrap();
+    assert!((iou - log["final"]["iou_3d"].as_f64().unwrap()).abs() < 1e-3, "{iou}");
+    let text = std::fs::read_to_string(at("out.obj")).unwrap();
+    assert!(
+        text.lines().any(|line| line.starts_with("v ") && line.split_whitespace().count() == 7),
+        "no vertex colours"
+    );
+    assert!(std::fs::read(at("loss.png")).unwrap().starts_with(b"\x89PNG"));
+    assert!(std::fs::read(at("fit.gif")).unwrap().starts_with(b"GIF89a"));
+}
+
+#[test]
+fn a_fit_goes_on_where_it_was_left() {
+    let folder = tempfile::tempdir().unwrap();
+    succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
+    let fit = |iterations: &str, out: &str, extra: &[&str]| {
+        let mut arguments =
+            "fit --from cube.obj --views 3 --size 24 --subdivisions 1 --sigma 1e-3 --rate 0.01 --iterations"
+                .split_whitespace()
+                .collect::<Vec<_>>();
+        arguments.extend([iterations, "-o", out]);
+        arguments.extend(extra);
+        succeeds(folder.path(), &arguments);
+        std::fs::read_to_string(folder.path().join(out)).unwrap()
+    };
+    let vertices = |text: &str| text.lines().filter(|l| l.starts_with("v ")).map(str::to_owned).collect::<Vec<_>>();
+    for (other, count) in [(&[][..], 42..=42), (&["--remesh-at", "4", "--edge", "3", "--masks"], 80..=140)] {
+        let checkpoint = [other, &["--checkpoint", "fit.npz"]].concat();
+        let whole = fit("12", "whole.obj", other);
+        let half = fit("6", "half.obj", &checkpoint);
+        let resumed = fit("12", "resumed.obj", &[&checkpoint[..], &["--resume"]].concat());
+        assert_eq!(vertices(&whole), vertices(&resumed));
+        assert_ne!(vertices(&whole), vertices(&half));
+        assert!(count.contains(&vertices(&whole).len()), "{} vertices", vertices(&whole).len());
+        std::fs::remove_file(folder.path().join("fit.npz")).unwrap();
+    }
+    fit("6", "half.obj", &["--checkpoint", "fit.npz"]);
+    let other = "fit --from cube.obj --views 3 --size 24 --subdivisions 2 -o x.obj --checkpoint fit.npz --resume";
+    fails(folder.path(), &other.split_whitespace().collect::<Vec<_>>(), 1, &["saved state of another fit"]);
+}
+
+#[test]
+fn device_and_host_take_the_same_steps() {
+    let folder = tempfile::tempdir().unwrap();
+    succeeds(folder.path(), &["mesh", "torus", "-o", "torus.obj"]);
+    let run = |extra: &[&str]| {
+        let fit = "fit --from torus.obj --views 3 --size 24 --preset official --iterations 23 -o out.obj \
+                   --json log.json";
+        let output = softras(folder.path(), &[&fit.split_whitespace().collect::<Vec<_>>()[..], extra].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+        (json(&folder.path().join("log.json")), String::from_utf8(output.stderr).unwrap())
+    };
+    let (device, _) = run(&["--subdivisions", "1"]);
+    let (host, _) = run(&["--subdivisions", "1", "--host"]);
+    assert_eq!([&device["steps_on"], &host["steps_on"]], ["device", "host"]);
+    assert_eq!(host["host_reason"], "--host");
+    let (device, host) = (numbers(&device["loss"]), numbers(&host["loss"]));
+    assert_eq!([device.len(), host.len()], [23; 2]);
+    let differs = |(a, b): (&f64, &f64)| (a - b).abs() > 1e-4 * b;
+    assert!(!device.iter().zip(&host).any(differs), "{device:?} or {host:?}");
+    // Other losses, and masks in place of grey outlines, are other numbers.
+    let first = |extra: &[&str]| numbers(&run(&[&["--subdivisions", "1"], extra].concat()).0["silhouette_loss"])[0];
+    let losses = [&[][..], &["--masks"], &["--loss", "l1"], &["--loss", "l2"]].map(first);
+    let told_apart = |i: usize| losses[..i].iter().all(|other| (other - losses[i]).abs() > 1e-3);
+    assert!((1..4).all(told_apart) && losses[3] < losses[2], "{losses:?}");
+    // What the device cannot do is done on the host, and said.
+    let (log, said) = run(&["--smoothing", "1000", "--subdivisions", "4"]);
+    assert_eq!(log["steps_on"], "host");
+    assert!(said.contains("steps are taken on the host: a smoothing of"), "{said}");
+}
+
+#[test]
+fn pictures_and_cameras_are_read_from_a_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    succeeds(folder.path(), &["mesh", "torus", "-o", "torus.obj"]);
+    std::fs::create_dir(folder.path().join("photos")).unwrap();
+    let mut cameras = Vec::new();
+    for azimuth in [0, 90, 200] {
+        let (file, azimuth) = (format!("{azimuth}.png"), azimuth.to_string());
+        let out = format!("photos/{file}");
+        let render = ["render", "torus.obj", "--size", "32", "--unlit", "--distance", "4.5", "--elevation", "10"];
+        succeeds(folder.path(), &[&render[..], &["--azimuth", &azimuth, "-o", &out]].concat());
+        cameras.push(format!("{{\"file\": \"{file}\", \"distance\": 4.5, \"elevation\": 10, \"azimuth\": {azimuth}}}"));
+    }
+    let list = folder.path().join("photos/cameras.json");
+    std::fs::write(&list, format!("[{}]", cameras.join(", "))).unwrap();
+    let fit = "fit --views photos --subdivisions 2 -o out.obj --json log.json";
+    succeeds(folder.path(), &[&fit.split_whitespace().collect::<Vec<_>>()[..], &["--iterations", "40"]].concat());
+    let log = json(&folder.path().join("log.json"));
+    let mean = log["final"]["mask_iou"]["mean"].as_f64().unwrap();
+    assert!(mean > 0.6, "{mean}");
+    // A picture outside the folder is read only where that is allowed.
+    std::fs::rename(folder.path().join("photos/0.png"), folder.path().join("0.png")).unwrap();
+    let outside = cameras[0].replace("0.png", "../0.png");
+    std::fs::write(&list, format!("[{outside}, {}]", cameras[1])).unwrap();
+    let arguments: Vec<&str> = fit.split_whitespace().collect();
+    fails(folder.path(), &arguments, 1, &["0.png", "outside the folder of views", "--allow-outside"]);
+    succeeds(folder.path(), &[&arguments[..], &["--allow-outside", "--iterations", "1"]].concat());
+    std::fs::write(&list, "[{\"file\": \"0.png\"}]").unwrap();
+    fails(folder.path(), &fit.split_whitespace().collect::<Vec<_>>(), 1, &["camera 0 says not where it is"]);
+    fails(folder.path(), &["fit", "--views", "nothing.npy", "-o", "out.obj"], 2, &["--cameras"]);
+}
+
+#[test]
+fn a_texture_is_fitted_and_rendered() {
+    const SIDE: u32 = 8;
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let corner = |i: usize| [i & 1, i >> 1 & 1, i >> 2 & 1].map(|bit| if bit == 1 { 1.0 } else { -1.0 });
+    let mut obj: String = (0..8)
+        .map(|i| {
+            let [x, y, z] = corner(i);
+            format!("v {x} {y} {z}\n")
+        })
+        .collect();
+    obj += "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl m\n";
+    for ring in [[2, 4, 8, 6], [1, 5, 7, 3], [3, 7, 8, 4], [1, 2, 6, 5], [5, 6, 8, 7], [1, 3, 4, 2]] {
+        obj += &format!("f {}/1 {}/2 {}/3 {}/4\n", ring[0], ring[1], ring[2], ring[3]);
+    }
+    let paint = |name: &str, color: &dyn Fn(u32, u32) -> [u8; 3]| {
+        image::RgbImage::from_fn(SIDE, SIDE, |x, y| image::Rgb(color(x, y))).save(at(&format!("{name}.png"))).unwrap();
+        std::fs::write(at(&format!("{name}.mtl")), format!("newmtl m\nmap_Kd {name}.png\n")).unwrap();
+        std::fs::write(at(&format!("{name}.obj")), format!("mtllib {name}.mtl\n{obj}")).unwrap();
+    };
+    let painted =
+        |x: u32, y: u32| [(30 * x) as u8, if x / 2 % 2 == y / 2 % 2 { 210 } else { 60 }, (250 - 25 * y) as u8];
+    paint("painted", &painted);
+    paint("grey", &|_, _| [120; 3]);
+    let fit = "fit --from painted.obj --template grey.obj --texture --views 14 --size 64 --iterations 150 -o found.obj";
+    succeeds(folder.path(), &fit.split_whitespace().collect::<Vec<_>>());
+    // Texture, silhouette and picture: all are those of the mesh that the views were made from.
+    let difference = |a: &str, b: &str| {
+        let [a, b] = [a, b].map(|name| image::open(at(name)).unwrap().into_rgb8());
+        let sum: u32 = a.as_raw().iter().zip(b.as_raw()).map(|(a, b)| u32::from(a.abs_diff(*b))).sum();
+        f64::from(sum) / a.as_raw().len() as f64
+    };
+    let (found, before) = (difference("found.png", "painted.png"), difference("grey.png", "painted.png"));
+    assert!(found < 8.0 && before > 50.0, "{found} of {before} before, in 255");
+    for name in ["painted", "found", "grey"] {
+        let look = format!("render {name}.obj -o {name}_seen.png --size 64 --unlit --azimuth 40 --elevation 25");
+        succeeds(folder.path(), &look.split_whitespace().collect::<Vec<_>>());
+    }
+    let seen = difference("found_seen.png", "painted_seen.png");
+    assert!(seen < 0.2 * difference("grey_seen.png", "painted_seen.png"), "{seen}");
+    let plain = "fit --from painted.obj --texture -o x.obj --views 2";
+    fails(folder.path(), &plain.split_whitespace().collect::<Vec<_>>(), 2, &["--texture", "textured mesh"]);
+}
+
+#[test]
+fn a_pose_is_found_from_a_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
+    let render = "render cube.obj -o target.png --unlit --size 32 --azimuth 250 --elevation -10";
+    succeeds(folder.path(), &render.split_whitespace().collect::<Vec<_>>());
+    let pose = "pose --mesh cube.obj --image target.png --json --baselines -o posed.obj";
+    let report: Value =
+        serde_json::from_str(&succeeds(folder.path(), &pose.split_whitespace().collect::<Vec<_>>())).unwrap();
+    assert!(report["loss"].as_f64().unwrap() < 0.02 && report["confidence"].as_f64().unwrap() > 0.5, "{report}");
+    let baselines = report["baselines"].as_array().unwrap();
+    assert_eq!(baselines.len(), 2);
+    let least = 0.9 * report["loss"].as_f64().unwrap();
+    assert!(baselines.iter().all(|b| b["loss"].as_f64().unwrap() >= least), "{report}");
+    // Seen from where the fit looked from, the posed cube is the target again.
+    let look = "grad posed.obj --target target.png -o grad.png --json --blur 2 --gamma 0.01 --unlit";
+    let near: Value =
+        serde_json::from_str(&succeeds(folder.path(), &look.split_whitespace().collect::<Vec<_>>())).unwrap();
+    let far = look.replace("posed", "cube");
+    let far: Value =
+        serde_json::from_str(&succeeds(folder.path(), &far.split_whitespace().collect::<Vec<_>>())).unwrap();
+    let [near, far] = [near, far].map(|report| report["loss"].as_f64().unwrap());
+    assert!(near < 0.3 * far, "{near} against {far} unposed");
+}
+
+/// The mean over a landscape's cells of how far each is from the mean of those left and right, above and below of it, in
+/// parts of white: large where there are steps.
+fn roughness(picture: &image::RgbImage, panel: u32) -> f64 {
+    const CELLS: u32 = 61;
+    const CELL: u32 = 4;
+    const MARGIN: u32 = 6;
+    let value = |column: u32, row: u32| {
+        let (x, y) = (MARGIN + panel * (CELLS * CELL + MARGIN) + column * CELL, MARGIN + row * CELL);
+        picture.get_pixel(x, y).0.map(f64::from).iter().sum::<f64>() / 765.0
+    };
+    let bend = |column: u32, row: u32| {
+        let (across, up) =
+            (value(column - 1, row) + value(column + 1, row), value(column, row - 1) + value(column, row + 1));
+        (value(column, row) - 0.25 * (across + up)).abs()
+    };
+    let inner = 1..CELLS - 1;
+    let all: Vec<f64> = inner.clone().flat_map(|row| inner.clone().map(move |column| bend(column, row))).collect();
+    all.iter().sum::<f64>() / all.len() as f64
+}
+
+#[test]
+fn the_benchmark_reports_every_method_and_draws_its_landscape() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = "pose --benchmark --trials 3 --starts 4 --iterations 20 --json";
+    let report: Value =
+        serde_json::from_str(&succeeds(folder.path(), &run.split_whitespace().collect::<Vec<_>>())).unwrap();
+    let methods = report["methods"].as_array().unwrap();
+    assert_eq!(methods.len(), 11);
+    assert!(methods.iter().all(|m| (0.0..=180.0).contains(&m["median_degrees"].as_f64().unwrap())), "{report}");
+    // What the schedule, the blur and long first steps are for, with the paper's plain colours.
+    let run = "pose --benchmark --trials 20 --starts 1 --seed 101 --json";
+    let report: Value =
+        serde_json::from_str(&succeeds(folder.path(), &run.split_whitespace().collect::<Vec<_>>())).unwrap();
+    let within = |name: &str| {
+        let methods = report["methods"].as_array().unwrap();
+        methods.iter().find(|m| m["method"] == name).unwrap()["within_5_degrees"].as_u64().unwrap()
+    };
+    let hard = within("hard, image-space finite differences");
+    let soft = within("soft, sigma-gamma schedule, coarse to fine");
+    assert!(soft >= 11 && soft > hard + 3, "{report}");
+    // The loss over two angles: ragged where it is sharp, smooth where it is soft.
+    let run = "pose --benchmark --trials 1 --starts 1 --iterations 1 --landscape landscape.png";
+    succeeds(folder.path(), &run.split_whitespace().collect::<Vec<_>>());
+    let picture = image::open(folder.path().join("landscape.png")).unwrap().into_rgb8();
+    let [sharp, soft] = [0, 1].map(|panel| roughness(&picture, panel));
+    assert!(soft < 0.6 * sharp, "{soft} beside {sharp}");
+    let fails_with = |arguments: &str, part: &str| {
+        fails(folder.path(), &arguments.split_whitespace().collect::<Vec<_>>(), 2, &[part]);
+    };
+    fails_with("pose --mesh x.obj", "--image");
+    fails_with("pose --benchmark --mesh x.obj", "cannot be used with");
+    fails_with("iou a.obj b.obj --resolution 0", "--resolution");
+    fails_with("fit --from x.obj --views many -o out.obj", "number of views");
+}
+
+#[test]
+fn a_hidden_elbow_is_found_by_soft_gradients_and_the_rest_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let report: Value =
+        serde_json::from_str(&succeeds(folder.path(), &["articulate", "--trials", "2", "--seed", "11", "--json"]))
+            .unwrap();
+    let of = |name: &str| report["methods"].as_array().unwrap().iter().find(|m| m["method"] == name).unwrap().clone();
+    let [start, visible, soft] = ["no optimisation", "visible only", "soft"].map(of);
+    assert!(numbers(&soft["hidden_joint_degrees"]).iter().all(|e| *e < 10.0), "{soft}");
+    assert!(numbers(&visible["hidden_joint_degrees"]).iter().all(|e| *e > 20.0), "{visible}");
+    let others = |method: &Value| method["other_joints_mean_degrees"].as_f64().unwrap();
+    assert!(others(&soft) < others(&start), "{soft} from {start}");
+}
+
+#[test]
+fn a_hidden_arm_is_reported_with_its_baselines() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = "articulate --trials 1 --iterations 3 --json -o occluded.png --obj posed.obj";
+    let report: Value =
+        serde_json::from_str(&succeeds(folder.path(), &run.split_whitespace().collect::<Vec<_>>())).unwrap();
+    let methods = report["methods"].as_array().unwrap();
+    let names: Vec<&str> = methods.iter().map(|m| m["method"].as_str().unwrap()).collect();
+    assert_eq!(names, ["no optimisation", "visible only", "soft, silhouette only", "soft, no schedule", "soft"]);
+    // Three steps cannot take it far from where it begins.
+    let begins = numbers(&methods[0]["hidden_joint_degrees"])[0];
+    assert!((34.0..40.0).contains(&begins), "{begins}");
+    assert!(methods.iter().all(|m| (numbers(&m["hidden_joint_degrees"])[0] - begins).abs() < 15.0), "{report}");
+    assert!(numbers(&report["limb_seen_in_target"])[0] > 0.0);
+    assert!(std::fs::read(folder.path().join("occluded.png")).unwrap().starts_with(b"\x89PNG"));
+    assert!(std::fs::read_to_string(folder.path().join("posed.obj")).unwrap().lines().any(|l| l.starts_with("f ")));
+    fails(folder.path(), &["articulate", "--size", "8"], 2, &["--size"]);
+}

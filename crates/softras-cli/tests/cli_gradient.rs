@@ -1,0 +1,344 @@
+//! The commands that differentiate, from outside: `eval --gradient`, `check`, `grad`.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+#[allow(dead_code, reason = "shared with the other tests of the command line")]
+#[path = "cli/command.rs"]
+mod command;
+#[allow(dead_code, reason = "shared with the other tests of the command line")]
+#[path = "cli/numpy.rs"]
+mod numpy;
+
+use command::{fails, softras, succeeds};
+use numpy::Npz;
+use std::path::{Path, PathBuf};
+
+fn norm(values: impl Iterator<Item = f64>) -> f64 {
+    values.map(|v| v * v).sum::<f64>().sqrt()
+}
+
+/// |a - b| / |b|; infinite where either is not a number or lengths differ.
+fn relative(a: &[f64], b: &[f64]) -> f64 {
+    let difference = norm(a.iter().zip(b).map(|(a, b)| a - b));
+    if a.len() == b.len() && difference.is_finite() { difference / norm(b.iter().copied()) } else { f64::INFINITY }
+}
+
+/// The median over the faces that have a gradient of |a - b| / |b|.
+fn median_face(a: &[f64], b: &[f64]) -> f64 {
+    let faces = a.chunks(9).zip(b.chunks(9)).filter(|(_, b)| b.iter().any(|x| *x != 0.0));
+    let mut errors: Vec<f64> = faces.map(|(a, b)| relative(a, b)).collect();
+    errors.sort_by(f64::total_cmp);
+    errors[errors.len() / 2]
+}
+
+#[test]
+fn comparisons_fail_on_wrong_answers() {
+    let right: Vec<f64> = (0..27).map(f64::from).collect();
+    let wrong: Vec<f64> = right.iter().map(|x| 1.01 * x).collect();
+    assert_eq!(median_face(&right, &right), 0.0);
+    assert!((relative(&wrong, &right) - 0.01).abs() < 1e-12 && (median_face(&wrong, &right) - 0.01).abs() < 1e-12);
+    assert_eq!(relative(&[f64::NAN], &[1.0]), f64::INFINITY);
+    assert_eq!(relative(&[1.0], &[]), f64::INFINITY);
+}
+
+/// The recorded cases whose gradient says something: in the surface case the official lookup of cells is undecided.
+fn official_cases() -> Vec<PathBuf> {
+    let reference = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/reference");
+    let Ok(files) = std::fs::read_dir(&reference) else {
+        println!("SKIPPED: {} is not there, nothing was tested", reference.display());
+        return Vec::new();
+    };
+    let files = files.map(|f| f.unwrap().path()).filter(|f| f.extension().is_some_and(|e| e == "npz"));
+    let has_gradient = |f: &PathBuf| numpy::keys(f).contains(&"grad_face_vertices_f32".to_string());
+    let mut cases: Vec<_> = files.filter(has_gradient).filter(|f| !f.to_string_lossy().contains("surface")).collect();
+    cases.sort();
+    assert!(cases.len() >= 10, "{cases:?}");
+    cases
+}
+
+#[test]
+fn the_reference_gives_the_official_gradients() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out.npz");
+    for case in official_cases().iter().filter(|f| !f.to_string_lossy().contains("spot")) {
+        let scene = case.to_str().unwrap();
+        let arguments = ["eval", scene, "-o", "out.npz", "--parity", "official", "--gradient", "paper"];
+        let output = softras(folder.path(), &[&arguments[..], &["--device", "reference"]].concat());
+        assert!(output.status.success() && output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+        for key in ["grad_face_vertices", "grad_textures"] {
+            let (shape, ours) = numpy::read::<f64>(&out, key);
+            let (expected_shape, official) = numpy::read::<f64>(case, key);
+            assert_eq!(shape, expected_shape, "{scene}: {key}");
+            let error = relative(&ours, &official);
+            assert!(error < 1e-8, "{scene}: {key} {error:e}");
+        }
+    }
+}
+
+#[test]
+fn the_device_is_as_near_the_official_gradients_as_the_official_float32() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out.npz");
+    for case in official_cases() {
+        let scene = case.to_str().unwrap();
+        succeeds(folder.path(), &["eval", scene, "-o", "out.npz", "--parity", "official", "--gradient", "paper"]);
+        let single = |path: &Path, key: &str| -> Vec<f64> {
+            numpy::read::<f32>(path, key).1.into_iter().map(f64::from).collect()
+        };
+        let (_, official) = numpy::read::<f64>(&case, "grad_face_vertices");
+        let ours = single(&out, "grad_face_vertices");
+        let median = median_face(&ours, &official);
+        let whole = relative(&ours, &official);
+        let theirs = relative(&single(&case, "grad_face_vertices_f32"), &official);
+        println!("{scene}: median face {median:.1e}, whole {whole:.1e}, official float32 {theirs:.1e}");
+        assert!(median < 1e-3, "{scene}: median face {median:e}");
+        assert!(whole <= theirs, "{scene}: {whole:e}, the official float32 run {theirs:e}");
+        let textures = relative(&single(&out, "grad_textures"), &numpy::read::<f64>(&case, "grad_textures").1);
+        assert!(textures < 1e-3, "{scene}: textures {textures:e}");
+    }
+}
+
+const VIEWS: usize = 2;
+const HEIGHT: usize = 12;
+const WIDTH: usize = 20;
+
+fn numbers(count: usize) -> Vec<f64> {
+    (0..count).map(|i| ((i * 37 + 11) % 64) as f64 / 32.0 - 1.0).collect()
+}
+
+/// A lit square of two triangles in two views, at a distance from which its edges are in the image.
+fn world_of(outputs: &str, vertices: &[f64], sigma: f64, shift: f64) -> Npz {
+    let view = |x: f64| [1.0, 0.0, 0.0, x, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 4.0, 0.0, 0.0, 0.0, 1.0];
+    Npz::stored()
+        .f64("vertices", &[4, 3], vertices)
+        .i64("triangles", &[2, 3], &[0, 1, 2, 0, 2, 3])
+        .f64("colors", &[2, 3], &[1.0, 0.2, 0.1, 0.1, 0.3, 1.0])
+        .f64("view", &[2, 4, 4], &[view(shift), view(0.5)].concat())
+        .f64("fov_y", &[2], &[0.8, 0.7])
+        .i64("width", &[], &[WIDTH as i64])
+        .i64("height", &[], &[HEIGHT as i64])
+        .f64("sigma", &[], &[sigma])
+        .f64("gamma", &[], &[1e-2])
+        .text("background", "composite")
+        .f64("ambient_intensity", &[], &[0.4])
+        .f64("light_directions", &[1, 3], &[0.0, 1.0, 1.0])
+        .text("outputs", outputs)
+}
+
+fn world(vertices: &[f64], sigma: f64, shift: f64) -> Npz {
+    world_of("color,silhouette,depth,normal", vertices, sigma, shift)
+}
+
+const SQUARE: [f64; 12] = [-0.8, -0.7, 0.0, 0.7, -0.8, 0.1, 0.75, 0.7, 0.3, -0.7, 0.8, 0.0];
+
+fn with_upstream(npz: Npz) -> Npz {
+    let images = [VIEWS, HEIGHT, WIDTH];
+    let pixels = images.iter().product::<usize>();
+    npz.f64("grad_color", &[VIEWS, HEIGHT, WIDTH, 3], &numbers(3 * pixels))
+        .f64("grad_silhouette", &images, &numbers(pixels))
+        .f64("grad_depth", &images, &numbers(pixels))
+        .f64("grad_normal", &[VIEWS, HEIGHT, WIDTH, 3], &numbers(3 * pixels))
+}
+
+const DERIVATIVES: [(&str, &[usize]); 13] = [
+    ("grad_vertices", &[4, 3]),
+    ("grad_colors", &[2, 3]),
+    ("grad_view", &[2, 6]),
+    ("grad_projection", &[2, 1]),
+    ("grad_ambient_color", &[3]),
+    ("grad_ambient_intensity", &[]),
+    ("grad_light_directions", &[1, 3]),
+    ("grad_light_colors", &[1, 3]),
+    ("grad_light_intensities", &[1]),
+    ("grad_background_color", &[3]),
+    ("grad_sigma", &[]),
+    ("grad_gamma", &[]),
+    ("grad_epsilon", &[]),
+];
+
+/// Σ upstream · image of a scene, by the judge.
+fn loss(folder: &Path, npz: Npz) -> f64 {
+    npz.write(&folder.join("moved.npz"));
+    succeeds(folder, &["eval", "moved.npz", "-o", "images.npz", "--device", "reference"]);
+    let image = |key| numpy::read::<f64>(&folder.join("images.npz"), key).1;
+    let dot = |image: Vec<f64>| image.iter().zip(numbers(image.len())).map(|(a, b)| a * b).sum::<f64>();
+    ["color", "silhouette", "depth", "normal"].into_iter().map(|key| dot(image(key))).sum()
+}
+
+#[test]
+fn world_gradients_are_the_derivatives_of_the_world_images() {
+    let folder = tempfile::tempdir().unwrap();
+    let sigma = 1e-2;
+    with_upstream(world(&SQUARE, sigma, 0.0)).write(&folder.path().join("world.npz"));
+    succeeds(folder.path(), &["eval", "world.npz", "-o", "out.npz", "--gradient", "exact", "--device", "reference"]);
+    let read = |key: &str| numpy::read::<f64>(&folder.path().join("out.npz"), key);
+    for (key, shape) in DERIVATIVES {
+        let (ours, values) = read(key);
+        assert_eq!(ours, shape, "{key}");
+        let nothing = key == "grad_epsilon";
+        assert_eq!(values.iter().all(|v| *v == 0.0), nothing, "{key}: {values:?}");
+    }
+    // Vertices are float32: steps that they hold exactly.
+    let step = 1.0 / 1024.0;
+    let moved = |i: usize, step: f64| {
+        let mut vertices = SQUARE.map(|x| f64::from(x as f32));
+        vertices[i] += step;
+        loss(folder.path(), world(&vertices, sigma, 0.0))
+    };
+    let close = |what: &str, ours: f64, expected: f64| {
+        assert!((ours - expected).abs() < 0.02 * expected.abs() + 0.05, "{what}: {ours} for {expected}");
+    };
+    for i in [0, 4, 8] {
+        close("vertex", read("grad_vertices").1[i], (moved(i, step) - moved(i, -step)) / (2.0 * step));
+    }
+    let h = 1e-4;
+    let by_sigma = |h: f64| loss(folder.path(), world(&SQUARE, sigma + h * sigma, 0.0));
+    close("sigma", read("grad_sigma").1[0] * sigma, (by_sigma(h) - by_sigma(-h)) / (2.0 * h));
+    let by_shift = |h: f64| loss(folder.path(), world(&SQUARE, sigma, h));
+    close("view", read("grad_view").1[0], (by_shift(h) - by_shift(-h)) / (2.0 * h));
+}
+
+#[test]
+fn the_device_gives_the_references_world_gradients() {
+    let folder = tempfile::tempdir().unwrap();
+    with_upstream(world(&SQUARE, 1e-2, 0.0)).write(&folder.path().join("world.npz"));
+    for mode in ["exact", "paper"] {
+        let truth = ["eval", "world.npz", "-o", "truth.npz", "--gradient", mode, "--device", "reference"];
+        succeeds(folder.path(), &truth);
+        succeeds(folder.path(), &["eval", "world.npz", "-o", "device.npz", "--gradient", mode]);
+        for (key, _) in DERIVATIVES {
+            let (shape, ours) = numpy::read::<f32>(&folder.path().join("device.npz"), key);
+            let (expected_shape, expected) = numpy::read::<f64>(&folder.path().join("truth.npz"), key);
+            assert_eq!(shape, expected_shape, "{mode} {key}");
+            let ours: Vec<f64> = ours.into_iter().map(f64::from).collect();
+            let error =
+                if expected.iter().all(|e| *e == 0.0) { norm(ours.into_iter()) } else { relative(&ours, &expected) };
+            assert!(error < 1e-3, "{mode} {key}: {error:e}");
+        }
+    }
+}
+
+#[test]
+fn missing_and_misshapen_upstream_gradients_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = |npz: Npz, parts: &[&str]| {
+        npz.write(&folder.path().join("scene.npz"));
+        let arguments = ["eval", "scene.npz", "-o", "out.npz", "--gradient", "exact", "--device", "reference"];
+        fails(folder.path(), &arguments, 1, &[&["scene.npz"], parts].concat());
+        assert!(!folder.path().join("out.npz").exists());
+    };
+    let screen = || Npz::stored().f64("face_vertices", &[1, 1, 3, 3], &[0.5; 9]).i64("opt_image_size", &[], &[4]);
+    refused(screen(), &["`grad_soft_colors`", "missing", "[1, 4, 4, 4]"]);
+    let shaped = screen().f64("grad_soft_colors", &[1, 3, 4, 4], &[0.0; 48]);
+    refused(shaped, &["`grad_soft_colors`", "[1, 3, 4, 4]", "[1, 4, 4, 4]"]);
+    let mut values = [0.0; 64];
+    values[21] = f64::NAN;
+    refused(screen().f64("grad_soft_colors", &[1, 4, 4, 4], &values), &["grad_soft_colors[0, 1, 1, 1] is NaN"]);
+    let world = || world(&SQUARE, 1e-2, 0.0);
+    refused(world(), &["`grad_color`", "missing", "grad_depth"]);
+    let images = [VIEWS, HEIGHT, WIDTH];
+    refused(world().f64("grad_color", &images, &numbers(480)), &["`grad_color`", "[2, 12, 20]", "[2, 12, 20, 3]"]);
+    refused(world().text("grad_depth", "deep"), &["`grad_depth`"]);
+    let few = world_of("color", &SQUARE, 1e-2, 0.0).f64("grad_silhouette", &images, &numbers(480));
+    refused(few, &["`grad_silhouette`", "not among the outputs", "`outputs`"]);
+}
+
+#[test]
+fn check_passes_here() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = succeeds(folder.path(), &["check"]);
+    let verdict = text.lines().last().unwrap();
+    assert!(verdict.starts_with("PASS: ") && text.lines().count() > 12 && !text.contains("FAIL"), "{text}");
+    let json: serde_json::Value = serde_json::from_str(&succeeds(folder.path(), &["check", "--json"])).unwrap();
+    assert_eq!(json["pass"], true);
+    let scenes = json["scenes"].as_array().unwrap();
+    assert!(scenes.len() > 9 && scenes.iter().all(|scene| scene["repeats"] == true), "{json}");
+    // Every kind of image and of gradient is compared somewhere.
+    for (kind, names) in [
+        ("images", &["color", "silh", "depth", "normal"][..]),
+        ("gradients", &["vertex", "color", "texel", "uv", "camera", "light", "backgr", "scalar"]),
+    ] {
+        for name in names {
+            assert!(scenes.iter().any(|scene| scene[kind][name].is_f64()), "{kind} {name}: {json}");
+        }
+    }
+    fails(folder.path(), &["check", "--device", "a device that nobody has"], 1, &["a device that nobody has"]);
+}
+
+/// An octahedron, and the same further right as a target.
+fn octahedra(folder: &Path) {
+    let octahedron = |x: f64| {
+        let vertices = [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]];
+        let lines = vertices.map(|[i, j, k]| format!("v {} {} {}\n", x + f64::from(i), j, k));
+        let faces = [[1, 3, 5], [3, 2, 5], [2, 4, 5], [4, 1, 5], [3, 1, 6], [2, 3, 6], [4, 2, 6], [1, 4, 6]];
+        lines.concat() + &faces.map(|[a, b, c]| format!("f {a} {b} {c}\n")).concat()
+    };
+    std::fs::write(folder.join("mesh.obj"), octahedron(0.0)).unwrap();
+    std::fs::write(folder.join("moved.obj"), octahedron(0.3)).unwrap();
+    let arguments = ["render", "moved.obj", "-o", "target.png", "--size", "72x48", "--unlit"];
+    succeeds(folder, &[&arguments[..], &CAMERA].concat());
+}
+
+/// From +z, so that +x is on the right.
+const CAMERA: [&str; 4] = ["--eye", "0,0,9", "--look-at", "0,0,0"];
+
+#[test]
+fn grad_draws_four_panels_and_says_the_loss() {
+    let folder = tempfile::tempdir().unwrap();
+    octahedra(folder.path());
+    let grad = |extra: &[&str]| {
+        let arguments = ["grad", "mesh.obj", "--target", "target.png", "-o", "grad.png", "--unlit"];
+        succeeds(folder.path(), &[&arguments[..], &CAMERA, extra].concat())
+    };
+    let said = grad(&[]);
+    assert!(said.starts_with("grad.png: loss ") && said.contains("gradient norm "), "{said}");
+    let picture = image::open(folder.path().join("grad.png")).unwrap().into_rgb8();
+    assert!(picture.width() > 4 * 72 * 5 && picture.height() > 48 * 5, "{:?}", picture.dimensions());
+    let orange =
+        picture.enumerate_pixels().filter(|(x, y, p)| p.0 == [255, 176, 46] && 4 * x > 3 * picture.width() && *y < 400);
+    assert!(orange.count() > 50, "arrows");
+    let number = |json: &str, key: &str| -> f64 {
+        serde_json::from_str::<serde_json::Value>(json).unwrap()[key]
+            .as_f64()
+            .unwrap_or_else(|| panic!("{key}: {json}"))
+    };
+    let (device, truth) = (grad(&["--json"]), grad(&["--json", "--device", "reference"]));
+    for key in ["loss", "color_loss", "silhouette_loss", "gradient_norm"] {
+        let (ours, expected) = (number(&device, key), number(&truth, key));
+        assert!((ours / expected - 1.0).abs() < 1e-3, "{key}: {ours} for {expected}");
+    }
+    assert!(number(&device, "arrows") >= 4.0 && number(&device, "loss") > 0.01);
+    // Nearer to the target there is less loss.
+    let arguments =
+        ["grad", "moved.obj", "--target", "target.png", "-o", "b.png", "--unlit", "--blur", "1.5", "--json"];
+    let near = succeeds(folder.path(), &[&arguments[..], &CAMERA].concat());
+    assert!(number(&near, "loss") < 0.1 * number(&device, "loss"), "{near}");
+}
+
+#[test]
+fn a_target_without_alpha_is_a_silhouette_by_its_brightness() {
+    let folder = tempfile::tempdir().unwrap();
+    octahedra(folder.path());
+    let opaque = image::open(folder.path().join("target.png")).unwrap().into_rgba8();
+    let covered = |p: &image::Rgba<u8>| if p.0[3] > 127 { image::Rgb([255; 3]) } else { image::Rgb([0; 3]) };
+    image::RgbImage::from_fn(72, 48, |x, y| covered(opaque.get_pixel(x, y)))
+        .save(folder.path().join("rgb.png"))
+        .unwrap();
+    let loss = |target: &str| {
+        let arguments = ["grad", "moved.obj", "--target", target, "-o", "b.png", "--unlit", "--blur", "1.5", "--json"];
+        let said = succeeds(folder.path(), &[&arguments[..], &CAMERA].concat());
+        serde_json::from_str::<serde_json::Value>(&said).unwrap()["silhouette_loss"].as_f64().unwrap()
+    };
+    assert!(loss("rgb.png") < 0.02 && loss("target.png") < 0.02, "{} {}", loss("rgb.png"), loss("target.png"));
+}
+
+#[test]
+fn grad_names_what_it_cannot_use() {
+    let folder = tempfile::tempdir().unwrap();
+    octahedra(folder.path());
+    fails(folder.path(), &["grad", "mesh.obj", "-o", "a.png"], 2, &["--target"]);
+    fails(folder.path(), &["grad", "mesh.obj", "--target", "target.png", "-o", "a.gif"], 2, &["a.gif", ".png"]);
+    fails(folder.path(), &["grad", "mesh.obj", "--target", "mesh.obj", "-o", "a.png"], 1, &["mesh.obj", "picture"]);
+    fails(folder.path(), &["grad", "mesh.obj", "--target", "none.png", "-o", "a.png"], 1, &["none.png"]);
+    fails(folder.path(), &["grad", "none.obj", "--target", "target.png", "-o", "a.png"], 1, &["none.obj"]);
+    assert!(!folder.path().join("a.png").exists());
+}

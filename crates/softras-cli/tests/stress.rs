@@ -1,0 +1,217 @@
+//! Some hundred scenes drawn to hurt: `softras stress`, short. Every one is refused with a typed error, or is finite, in
+//! range, the same again, and where it is promised what the model in f64 says.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+use glam::{DMat4, DVec3};
+use softras::scene::{Distance, Outputs, SilhouetteAggregation};
+use softras::{Camera, GradientMode, Mesh, Projection, RendererOptions, Scene, Settings};
+use softras_cli::stress::{Case, Kind, Promise, Stress, batch, case};
+
+/// The combinations of modes that time allows to compile here; all of them run in `softras stress`.
+const COMPILED: Kind = Kind { forms: 3, realistic: false };
+
+const ONE: Kind = Kind { forms: 1, ..COMPILED };
+
+fn stress() -> Stress {
+    let validation = std::env::var("SOFTRAS_VALIDATION").map_or(true, |value| value != "0");
+    Stress::new(&RendererOptions { validation, ..RendererOptions::default() }).expect("a Vulkan device")
+}
+
+/// `SOFTRAS_CASES` runs more of them.
+fn cases(usual: u64) -> u64 {
+    std::env::var("SOFTRAS_CASES").ok().and_then(|text| text.parse().ok()).unwrap_or(usual)
+}
+
+#[test]
+fn nothing_breaks_it() {
+    let mut stress = stress();
+    let (mut drawn, mut refused, mut images, mut gradients) = (0, 0, 0, 0);
+    for seed in 0..cases(300) {
+        let outcome = stress.seed(seed, COMPILED).unwrap();
+        assert_eq!(outcome.findings, [], "seed {seed} of {COMPILED:?}");
+        drawn += 1;
+        refused += u32::from(outcome.refused.is_some());
+        images += u32::from(outcome.image_error.is_some());
+        gradients += u32::from(outcome.gradient_error.is_some());
+    }
+    // A suite that refuses or spares everything would find nothing either.
+    assert!(refused * 4 < drawn && images * 4 > drawn && gradients > 0, "{refused}, {images}, {gradients} of {drawn}");
+}
+
+/// A settings' value that must be refused, and one that must not.
+#[test]
+fn what_cannot_work_is_refused_by_kind() {
+    let mut stress = stress();
+    let mut case = (0..).find_map(|seed| case(seed, ONE).ok().filter(|c| c.promise == Promise::Images)).unwrap();
+    assert_eq!(stress.run(&case).unwrap().refused, None);
+    case.settings.far = case.settings.near;
+    assert_eq!(stress.run(&case).unwrap().refused, Some("settings"));
+}
+
+/// An image that is not the case's is a finding: the promise is not of air.
+#[test]
+fn a_wrong_scene_is_far_from_the_judge() {
+    let mut stress = stress();
+    let case = (0..).find_map(|seed| case(seed, ONE).ok().filter(|c| c.promise == Promise::Images)).unwrap();
+    let frame = stress.renderer().render(&case.scene, &case.cameras, &case.settings).unwrap();
+    assert!(softras_cli::stress::image_error(&frame, &case).unwrap() < 1e-3);
+    let mut other = case.clone();
+    other.settings.background_color = case.settings.background_color.map(|c| 1.0 - c);
+    assert!(softras_cli::stress::image_error(&frame, &other).unwrap() > 1e-3);
+}
+
+#[test]
+fn the_same_seed_is_the_same_case() {
+    for seed in 0..200 {
+        let text = || format!("{:?}", case(seed, Kind::default()));
+        assert_eq!(text(), text());
+    }
+}
+
+/// Scenes that broke a promise which said too much: a depth composited from far away, a triangle that a pixel's centre made
+/// thin, and a gradient of next to nothing at σ = 1.3e-6.
+#[test]
+fn what_was_promised_too_much_is_not() {
+    let mut stress = stress();
+    for seed in [893, 1799, 104124] {
+        assert_eq!(stress.seed(seed, Kind::default()).unwrap().findings, [], "seed {seed}");
+    }
+}
+
+/// Composited colours of a triangle that no pixel has more than 1e-7 of: A = 1 - Π(1 - D) has no more digits there, and 1 % of
+/// such a gradient was promised too much.
+#[test]
+fn a_composited_gradient_of_next_to_nothing_has_the_digits_of_its_silhouette() {
+    let outcomes = stress().batch(1_357_376, Kind::default(), 64).unwrap();
+    assert!(outcomes.iter().all(|outcome| outcome.findings.is_empty()), "{outcomes:?}");
+    assert!(outcomes.iter().any(|outcome| outcome.gradient_error.is_some()));
+}
+
+/// One triangle whose images and gradients are held to the judge's.
+fn judged(positions: [[f32; 3]; 3], camera: Camera, settings: Settings) -> Case {
+    let scene = Scene::new(Mesh::new(positions.to_vec(), vec![[0, 1, 2]]).unwrap());
+    let (promise, gradient) = (Promise::Gradients, GradientMode::Exact);
+    Case { seed: 0, promise, scene, cameras: vec![camera], settings, gradient }
+}
+
+#[track_caller]
+fn keeps_its_promise(stress: &mut Stress, case: &Case) {
+    let outcome = stress.run(case).unwrap();
+    assert_eq!(outcome.findings, [], "{:?}", case.settings);
+    assert!(outcome.image_error.is_some() && outcome.gradient_error.is_some());
+}
+
+/// A triangle of which near cuts off one corner: what is left are two pieces, and a pixel in the one is near the other too.
+#[test]
+fn the_pieces_of_a_cut_triangle_add_up_to_no_more_than_it() {
+    let mut stress = stress();
+    let camera = Camera::from_matrix(DMat4::IDENTITY, Projection::Perspective { fov_y: 1.5 }).unwrap();
+    for distance in [Distance::Barycentric, Distance::Euclidean] {
+        let settings = Settings {
+            width: 24,
+            height: 24,
+            sigma: 1e-2,
+            gamma: 0.1,
+            near: 1.0,
+            far: 10.0,
+            silhouette: SilhouetteAggregation::Sum,
+            distance,
+            save: true,
+            ..Settings::default()
+        };
+        let case = judged([[-1.5, -1.0, 3.0], [1.5, -0.9, 2.0], [0.1, 0.8, 0.5]], camera, settings);
+        keeps_its_promise(&mut stress, &case);
+        let frame = stress.renderer().render(&case.scene, &case.cameras, &case.settings).unwrap();
+        let silhouette = &frame.silhouette().unwrap().data;
+        assert!(silhouette.iter().all(|&x| x <= 1.0) && silhouette.contains(&1.0), "{distance:?}: {silhouette:?}");
+    }
+}
+
+/// Far from the origin a depth has fewer digits in single precision than near has. Forward asks in two floats whether a corner
+/// is cut, and backward must find the same: it took pieces for what was whole, and gradients were 2 % off.
+#[test]
+fn a_corner_that_near_just_leaves_is_whole_in_backward_too() {
+    let mut stress = stress();
+    let lens = Projection::Perspective { fov_y: 0.9 };
+    let centre = DVec3::new(31.0, -17.0, 23.0);
+    let camera = Camera::look_at(centre + DVec3::new(1.1, 0.7, -2.3), centre, DVec3::Y, lens).unwrap();
+    let positions = [[31.31, -16.78, 22.17], [30.45, -17.35, 23.4], [31.6, -17.5, 23.3]];
+    let depth =
+        camera.view()[2].iter().zip(positions[0].map(f64::from).iter().chain([&1.0])).map(|(a, b)| a * b).sum::<f64>();
+    for share in [-5e-8, -2e-8, 1e-5] {
+        let settings = Settings {
+            width: 40,
+            height: 32,
+            sigma: 1e-2,
+            near: depth * (1.0 + share),
+            far: 10.0,
+            outputs: Outputs { color: false, silhouette: true, depth: false, normal: false },
+            save: true,
+            ..Settings::default()
+        };
+        keeps_its_promise(&mut stress, &judged(positions, camera, settings));
+    }
+}
+
+/// An edge so long that a point of it is far off in single precision meets near where near is.
+#[test]
+fn a_long_edge_is_cut_at_near() {
+    let mut stress = stress();
+    let camera = Camera::from_matrix(DMat4::IDENTITY, Projection::Perspective { fov_y: 1.2 }).unwrap();
+    let outputs = Outputs { color: true, silhouette: true, depth: true, normal: false };
+    for behind in [-10.0, -1e8] {
+        let positions = [[0.3, -0.4, 2.0], [-0.4, 0.3, 1.5], [0.1, 0.6, behind]];
+        let (near, far, width, height) = (0.5, 10.0, 24, 20);
+        let settings =
+            Settings { width, height, sigma: 1e-2, gamma: 0.1, near, far, outputs, save: true, ..Settings::default() };
+        keeps_its_promise(&mut stress, &judged(positions, camera, settings));
+    }
+}
+
+/// Distances are rounded as corners are, and those of a wide image lie further out than 1: 4e-5 at σ = 7e-6.
+#[test]
+fn a_wide_image_is_promised_what_its_corners_are_rounded_to() {
+    let kind = Kind { realistic: true, ..Kind::default() };
+    let case = batch(3_004_720, kind, 8).remove(4).unwrap();
+    assert!(case.settings.width > 2 * case.settings.height && case.promise == Promise::Silhouette);
+    let outcome = stress().run(&case).unwrap();
+    assert_eq!(outcome.findings, []);
+    assert!(outcome.image_error.is_some_and(|error| error > 0.3), "{outcome:?}");
+}
+
+/// A batch finds what its scenes find by themselves.
+#[test]
+fn batches_are_held_to_the_same() {
+    let mut stress = stress();
+    let (mut all, mut refused) = (0, 0);
+    for seed in (0..320).step_by(16) {
+        let outcomes = stress.batch(seed, ONE, 16).unwrap();
+        assert!(outcomes.iter().all(|outcome| outcome.findings.is_empty()), "seed {seed}: {outcomes:?}");
+        all += outcomes.len();
+        refused += outcomes.iter().filter(|outcome| outcome.refused.is_some()).count();
+        let first = case(seed, ONE).map(|case| format!("{:?}", case.scene.meshes));
+        let drawn = batch(seed, ONE, 16).remove(0).map(|case| format!("{:?}", case.scene.meshes));
+        assert_eq!(first.ok(), drawn.ok());
+    }
+    assert!(all == 320 && refused < 160, "{refused} of {all}");
+}
+
+/// Many cells, whose order is an atomic counter's: invocations beside each other left the walk over their tiles at different
+/// times and went on to read others' bounds, so that what was left out hung on the order.
+#[test]
+fn what_backward_leaves_out_does_not_hang_on_the_order_of_cells() {
+    let outcomes = stress().batch(1_987_776, Kind::default(), 64).unwrap();
+    let bits: Vec<_> = outcomes.iter().flat_map(|outcome| &outcome.findings).filter(|f| f.kind == "bits").collect();
+    assert!(bits.is_empty() && outcomes.iter().filter(|outcome| outcome.refused.is_none()).count() > 32, "{bits:?}");
+}
+
+/// Of a triangle so thin that rounding puts a pixel outside all three edges, what perspective mixes must still be a mean: its
+/// colour was 1e-9 of what it is.
+#[test]
+fn perspective_shares_of_a_thin_triangle_add_up_to_1() {
+    let mut stress = stress();
+    for seed in [1_021_120, 1_820_032] {
+        let outcomes = stress.batch(seed, Kind::default(), 64).unwrap();
+        assert!(outcomes.iter().all(|outcome| outcome.findings.is_empty()), "{outcomes:?}");
+    }
+}

@@ -1,0 +1,254 @@
+//! From a backward pass's buffers to [`Gradients`].
+
+use super::plan::{FramePlan, GradientPlan};
+use super::shape::MeshShape;
+use crate::constants as c;
+use crate::error::{Error, Result};
+use crate::frame::pack::{Appearances, MeshLayout, MeshTables};
+use crate::gradients::{CameraGradient, Gradients, LightGradients, MeshGradients, Wanted};
+use crate::scene::{Background, Camera, Lights, Parity, Projection, Settings};
+use std::ops::Range;
+
+/// What a backward pass was made of, as its buffers are read with it.
+#[derive(Clone, Copy, Debug)]
+pub struct Decoder<'a> {
+    /// The frame's plan.
+    pub frame: &'a FramePlan,
+    /// The pass's plan.
+    pub plan: &'a GradientPlan,
+    /// What it was planned for.
+    pub wanted: &'a Wanted,
+    /// The frame's meshes: [`Inputs::tables`](super::Inputs::tables).
+    pub tables: &'a MeshTables,
+    /// The frame's cameras.
+    pub cameras: &'a [Camera],
+    /// The frame's settings.
+    pub settings: &'a Settings,
+    /// The scene's lights.
+    pub lights: &'a Lights,
+}
+
+/// The first so many floats of a buffer by its name.
+type Floats<'a> = &'a dyn Fn(&str, usize) -> Result<&'a [f32]>;
+
+impl Decoder<'_> {
+    /// What [`Renderer::backward`](crate::Renderer::backward) returns, from the bytes of the buffers `totals`,
+    /// `vertex_gradients`, `texel_sums` and `corner_gradients`, once the pass has been executed; the bytes begin at
+    /// addresses that are multiples of 4. Those that the plan does not have are not asked for.
+    ///
+    /// # Errors
+    /// [`Error::Host`] for a buffer that is missing, too short or misaligned, and for plans, meshes, cameras or lights that
+    /// do not belong together; [`Error::NotFinite`] where single precision
+    /// cannot hold the gradient.
+    pub fn decode<'b>(&'b self, bytes: impl Fn(&str) -> Option<&'b [u8]> + 'b) -> Result<Gradients> {
+        self.judge()?;
+        self.decode_floats(&|name, count| {
+            let fail = |what: String| Err(Error::Host { what, mend: "give the bytes of the whole buffer".into() });
+            match bytes(name).map(|bytes| (bytes.len(), bytes.get(..4 * count).map(bytemuck::try_cast_slice))) {
+                None => fail(format!("there are no bytes of `{name}`")),
+                Some((length, None)) => fail(format!("`{name}` has {length} bytes, its gradients {}", 4 * count)),
+                Some((_, Some(Err(error)))) => fail(format!("the bytes of `{name}`: {error}")),
+                Some((_, Some(Ok(floats)))) => Ok(floats),
+            }
+        })
+    }
+
+    /// What is decoded with is what was planned with; of triangles there may be fewer.
+    fn judge(&self) -> Result<()> {
+        let (shape, frame) = (&self.frame.shape, &self.plan.plan.frame);
+        let mesh = |(layout, shape): (&MeshLayout, &MeshShape)| {
+            layout.vertices == shape.vertices && layout.triangles <= shape.triangles
+        };
+        let layouts = &self.tables.layouts;
+        let belongs = [
+            (self.plan.frame_sizes == self.frame.sizes, "the frame's plan"),
+            (self.plan.wanted == *self.wanted, "what is wanted"),
+            (layouts.len() == shape.meshes.len() && layouts.iter().zip(&shape.meshes).all(mesh), "the meshes"),
+            (self.cameras.len() == frame.view_count as usize, "the cameras"),
+            (self.lights.directional.len() == frame.light_count as usize, "the lights"),
+        ];
+        match belongs.iter().find(|(belongs, _)| !belongs) {
+            None => Ok(()),
+            Some((_, name)) => Err(Error::Host {
+                what: format!("the backward pass was planned with others than {name} given"),
+                mend: "decode with what the pass was planned with".into(),
+            }),
+        }
+    }
+
+    pub(crate) fn decode_floats(&self, floats: Floats<'_>) -> Result<Gradients> {
+        let Self { plan, wanted, cameras, settings: s, lights, .. } = self;
+        let mut gradients = Gradients { meshes: self.meshes(floats)?, ..Gradients::default() };
+        let views = cameras.len();
+        let totals = floats("totals", 12 * (views + lights.directional.len() + 2))?;
+        let row = |i: usize| &totals[12 * i..12 * (i + 1)];
+        if wanted.camera {
+            let height = f64::from(s.height);
+            let gradient = |(i, camera)| camera_gradient(camera, row(i), height);
+            gradients.cameras = cameras.iter().enumerate().map(gradient).collect();
+        }
+        if wanted.lights && plan.plan.groups.reduce_lights[0] > 0 {
+            let rows: Vec<&[f32]> = (0..=lights.directional.len()).map(|i| row(views + i)).collect();
+            gradients.lights = Some(light_gradients(lights, &rows));
+        } else if wanted.lights {
+            let directional = vec![([0.0; 3], [0.0; 3], 0.0); lights.directional.len()];
+            gradients.lights = Some(LightGradients { directional, ..LightGradients::default() });
+        }
+        let pixels = row(views + lights.directional.len() + 1).iter().map(|&x| f64::from(x)).collect::<Vec<_>>();
+        if wanted.background {
+            gradients.background_color = [pixels[0], pixels[1], pixels[2]];
+            // The official code's background score is twice epsilon.
+            let factor = if s.parity == Parity::Official { 2.0 } else { 1.0 };
+            let weighted = s.background == Background::Weighted;
+            gradients.epsilon = if weighted { pixels[3] / s.gamma * factor } else { 0.0 };
+        }
+        if wanted.scalars {
+            let sum = |k: usize| (0..views).map(|view| f64::from(row(view)[k])).sum::<f64>();
+            // x = ±d²/σ, and log weights are depth scores over γ.
+            gradients.sigma = -sum(10) / s.sigma;
+            gradients.gamma = -(sum(11) + pixels[4]) * std::f64::consts::LN_2 / s.gamma;
+        }
+        match gradients.not_finite() {
+            None => Ok(gradients),
+            Some(field) => Err(Error::NotFinite {
+                stage: "backward",
+                mend: format!(
+                    "the gradient by {field} overflowed: bring the scene to a scale within 1e6 of the camera's"
+                ),
+            }),
+        }
+    }
+
+    fn meshes(&self, floats: Floats<'_>) -> Result<Vec<MeshGradients>> {
+        let Self { plan, wanted, tables, .. } = self;
+        let vertices: &[[f32; 8]] = if wanted.positions || wanted.colors {
+            floats("vertex_gradients", 8 * tables.positions.len() / 3)?.as_chunks().0
+        } else {
+            &[]
+        };
+        let corners = if wanted.uvs && plan.plan.has(c::GRADIENT_COORDINATE) {
+            floats("corner_gradients", plan.plan.sizes.corner_gradients as usize / 4)?
+        } else {
+            &[]
+        };
+        let texels = |range: &Range<usize>| self.texels(range.clone(), floats);
+        let mut meshes = Vec::with_capacity(tables.layouts.len());
+        for (m, layout) in tables.layouts.iter().enumerate() {
+            let range = layout.vertex_range();
+            let rows = vertices.get(range).unwrap_or_default();
+            let mut mesh = MeshGradients::default();
+            if wanted.positions {
+                mesh.positions = rows.iter().map(|r| [r[0], r[1], r[2]]).collect();
+            }
+            if wanted.colors {
+                mesh.colors = match &tables.appearances[m] {
+                    Appearances::Vertices => rows.iter().map(|r| [r[4], r[5], r[6]]).collect(),
+                    Appearances::Uniform => vec![sum_colors(rows)],
+                    _ => Vec::new(),
+                };
+            }
+            match &tables.appearances[m] {
+                Appearances::Surface { texels: range } if wanted.texels => {
+                    mesh.surface_texels = texels(range)?;
+                }
+                Appearances::Textured { textures, uvs, uv_triangles, .. } => {
+                    if wanted.texels {
+                        mesh.texture_texels = textures.iter().map(texels).collect::<Result<_>>()?;
+                    }
+                    if wanted.uvs {
+                        let triangles = tables.uv_indices[uv_triangles.clone()].as_chunks().0;
+                        // One mesh is seen by every view.
+                        let one = tables.layouts.len() == 1;
+                        let views = if one { 0..self.cameras.len() } else { m..m + 1 };
+                        mesh.uvs = self.uvs(views, *uvs, triangles, corners);
+                    }
+                }
+                _ => {}
+            }
+            meshes.push(mesh);
+        }
+        Ok(meshes)
+    }
+
+    /// Some texels' fixed-point sums as floats.
+    fn texels(&self, range: Range<usize>, floats: Floats<'_>) -> Result<Vec<[f32; 3]>> {
+        let plan = self.plan;
+        if plan.plan.sizes.texel_sums == 0 {
+            return Ok(vec![[0.0; 3]; range.len()]);
+        }
+        // Two words a number, three numbers a texel.
+        let words: &[u32] = bytemuck::cast_slice(floats("texel_sums", 6 * range.end)?);
+        let scale = 1.0 / f64::from(plan.texel_scale());
+        let value = |low: u32, high: u32| ((i64::from(high as i32) << 32 | i64::from(low)) as f64 * scale) as f32;
+        let sums = words[6 * range.start..].as_chunks::<6>().0;
+        Ok(sums.iter().map(|&[r, r1, g, g1, b, b1]| [value(r, r1), value(g, g1), value(b, b1)]).collect())
+    }
+
+    /// Each UV pair's share of the corners that name it, over views.
+    fn uvs(&self, views: Range<usize>, uvs: usize, uv_triangles: &[[u32; 3]], corners: &[f32]) -> Vec<[f32; 2]> {
+        let plan = self.plan;
+        let mut sums = vec![[0.0f64; 2]; uvs];
+        let stride = plan.plan.corner_stride() as usize;
+        if plan.plan.has(c::GRADIENT_COORDINATE) {
+            for view in views {
+                let first = self.frame.plan.views[view].slot_base as usize;
+                let rows = corners[4 * first * stride..].chunks_exact(4 * stride);
+                for (triangle, row) in uv_triangles.iter().zip(rows) {
+                    for (&uv, by_corner) in triangle.iter().zip(row[4 * (stride - 2)..].chunks_exact(2)) {
+                        sums[uv as usize][0] += f64::from(by_corner[0]);
+                        sums[uv as usize][1] += f64::from(by_corner[1]);
+                    }
+                }
+            }
+        }
+        sums.into_iter().map(|[u, v]| [u as f32, v as f32]).collect()
+    }
+}
+
+fn sum_colors(rows: &[[f32; 8]]) -> [f32; 3] {
+    let mut sum = [0.0f64; 3];
+    for row in rows {
+        for (channel, total) in sum.iter_mut().enumerate() {
+            *total += f64::from(row[4 + channel]);
+        }
+    }
+    sum.map(|x| x as f32)
+}
+
+/// From a view's sums: twist, then dL by the two scales and two offsets that map projected units to pixels.
+fn camera_gradient(camera: &Camera, row: &[f32], height: f64) -> CameraGradient {
+    let row: Vec<f64> = row.iter().map(|&x| f64::from(x)).collect();
+    let [sx, sy, ox, oy] = [row[6], row[7], row[8], row[9]];
+    let half_height = height / 2.0;
+    let projection = match *camera.projection() {
+        Projection::Perspective { fov_y } => {
+            // Scales ±f with f = (height / 2) / tan(fov / 2).
+            let slope = -half_height / 2.0 / (fov_y / 2.0).sin().powi(2);
+            [(sx - sy) * slope, 0.0, 0.0, 0.0]
+        }
+        Projection::Orthographic { half_height: size } => [-(sx - sy) * half_height / (size * size), 0.0, 0.0, 0.0],
+        Projection::Pinhole { .. } => [sx, -sy, ox, oy],
+        Projection::Official { .. } | Projection::Screen => [0.0; 4],
+    };
+    CameraGradient { twist: [row[0], row[1], row[2], row[3], row[4], row[5]], projection }
+}
+
+/// From the lights' sums: by each unit direction and by each colour times intensity, the ambient light first.
+fn light_gradients(lights: &Lights, rows: &[&[f32]]) -> LightGradients {
+    let three = |row: &[f32], at: usize| [row[at], row[at + 1], row[at + 2]].map(f64::from);
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let by_ambient = three(rows[0], 4);
+    let directional = lights.directional.iter().zip(&rows[1..]).map(|(light, row)| {
+        let (by_unit, by_rgb) = (three(row, 0), three(row, 4));
+        let length = dot(light.direction, light.direction).sqrt();
+        let unit = light.direction.map(|x| x / length);
+        let along = dot(unit, by_unit);
+        let direction = [0, 1, 2].map(|k| (by_unit[k] - along * unit[k]) / length);
+        (direction, by_rgb.map(|x| x * light.intensity), dot(by_rgb, light.color))
+    });
+    LightGradients {
+        ambient_color: by_ambient.map(|x| x * lights.ambient_intensity),
+        ambient_intensity: dot(by_ambient, lights.ambient_color),
+        directional: directional.collect(),
+    }
+}

@@ -1,0 +1,275 @@
+//! A host's geometry as it lies in its own buffers: interleaved vertices, 16- or 32-bit indices, instances.
+
+use crate::constants as c;
+use crate::error::{Error, Result};
+
+/// What one draw of a host draws, as VkDrawIndexedIndirectCommand has it, and how many vertices it reads.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Draw {
+    /// The vertex that index 0 stands for.
+    pub first_vertex: u32,
+    /// Vertices: all indices are below it.
+    pub vertices: u32,
+    /// The first index.
+    pub first_index: u32,
+    /// Triangles, three indices each.
+    pub triangles: u32,
+    /// How often it is drawn, each time with the next transform.
+    pub instances: u32,
+}
+
+/// How the elements of a host's array lie, in bytes; both are multiples of 4.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Layout {
+    /// From one element to the next.
+    pub stride: u32,
+    /// From an element's start to what is read or written of it.
+    pub offset: u32,
+}
+
+/// What an index is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum IndexFormat {
+    /// 16 bits.
+    Uint16,
+    /// 32 bits.
+    Uint32,
+}
+
+impl IndexFormat {
+    pub(super) fn bits(self) -> u32 {
+        match self {
+            Self::Uint16 => 16,
+            Self::Uint32 => 32,
+        }
+    }
+}
+
+/// The draws that make one mesh of a frame, or a part of one: its vertices are those of the draws, in order, each draw's
+/// once for each of its instances; so are its triangles.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Geometry {
+    draws: Vec<Draw>,
+    /// Where it begins in the frame's `positions`, in vertices; 0 unless other geometry or other meshes come before.
+    pub first_vertex: u32,
+    /// The same in the frame's `indices`, in triangles.
+    pub first_triangle: u32,
+    /// Vertices of the same mesh before it; indices count from the mesh's first.
+    pub mesh_vertex: u32,
+}
+
+/// The most draws and instances together: a kernel's loop over both must end on Mesa before 23, which stops loops after
+/// 65535 passes without an error.
+const MOST: u64 = 60_000;
+
+impl Geometry {
+    /// Geometry at the beginning of the frame's arrays.
+    ///
+    /// # Errors
+    /// [`Error::Limit`] for more placed vertices or corners than kernels can index, or more than 60000 draws and
+    /// instances together.
+    pub fn new(draws: Vec<Draw>) -> Result<Self> {
+        let sum = |each: fn(&Draw) -> u64| draws.iter().map(each).fold(0u64, u64::saturating_add);
+        let limit = |what: &str, needed: u64, unit: &'static str, limit: u64| {
+            let (what, limit_name) = (what.to_owned(), "what kernels count to");
+            let mend = "spread them over several geometries".into();
+            if needed <= limit { Ok(()) } else { Err(Error::Limit { what, needed, unit, limit_name, limit, mend }) }
+        };
+        limit("a geometry", draws.len() as u64 + sum(|d| d.instances.into()), "draws and instances", MOST)?;
+        let elements = i32::MAX as u64;
+        let placed = |count: u32, d: &Draw| u64::from(count) * u64::from(d.instances);
+        limit("a geometry", 3 * draws.iter().map(|d| placed(d.vertices, d)).sum::<u64>(), "coordinates", elements)?;
+        limit("a geometry", 3 * draws.iter().map(|d| placed(d.triangles, d)).sum::<u64>(), "corners", elements)?;
+        let end = |first: u32, count: u64| u64::from(first) + count;
+        let last = draws.iter().map(|d| end(d.first_vertex, d.vertices.into())).max().unwrap_or(0);
+        limit("a host's vertex buffer", last, "vertices", elements)?;
+        let last = draws.iter().map(|d| end(d.first_index, 3 * u64::from(d.triangles))).max().unwrap_or(0);
+        limit("a host's index buffer", last, "indices", elements)?;
+        Ok(Self { draws, ..Self::default() })
+    }
+
+    /// The draws.
+    pub fn draws(&self) -> &[Draw] {
+        &self.draws
+    }
+
+    /// Vertices that it places.
+    pub fn vertices(&self) -> u32 {
+        self.draws.iter().map(|d| d.vertices * d.instances).sum()
+    }
+
+    /// Triangles that it places.
+    pub fn triangles(&self) -> u32 {
+        self.draws.iter().map(|d| d.triangles * d.instances).sum()
+    }
+
+    /// Instances, one transform each.
+    pub fn instances(&self) -> u32 {
+        self.draws.iter().map(|d| d.instances).sum()
+    }
+
+    /// The vertices of the host's buffer that draws read: the first, and one behind the last.
+    pub(super) fn source_vertices(&self) -> (u32, u32) {
+        let drawn = || self.draws.iter().filter(|d| d.instances > 0);
+        let first = drawn().map(|d| d.first_vertex).min().unwrap_or(0);
+        (first, drawn().map(|d| d.first_vertex + d.vertices).max().unwrap_or(0))
+    }
+
+    /// One behind the last index that draws read.
+    pub(super) fn source_indices(&self) -> u64 {
+        let drawn = self.draws.iter().filter(|d| d.instances > 0);
+        drawn.map(|d| u64::from(d.first_index) + 3 * u64::from(d.triangles)).max().unwrap_or(0)
+    }
+
+    /// What the buffer [`GeometryBuffers::draws`](super::GeometryBuffers::draws) holds: `glsl/common/draws.glsl`.
+    pub fn table(&self) -> Vec<[u32; 8]> {
+        let (mut vertex, mut instance, mut triangle) = (0, 0, 0);
+        let row = |d: &Draw| {
+            let row = [vertex, d.vertices, d.first_vertex, instance, triangle, d.triangles, d.first_index, d.instances];
+            vertex += d.vertices * d.instances;
+            triangle += d.triangles * d.instances;
+            instance += d.instances;
+            row
+        };
+        self.draws.iter().map(row).collect()
+    }
+
+    /// The frame's `adjacency` of a mesh that is this geometry alone, `before` words behind the adjacency of the meshes
+    /// before it: it depends on the indices alone. `index` gives those of the host's index buffer by their number.
+    ///
+    /// Vertices that an index beyond its draw's names are left out.
+    pub fn adjacency(&self, before: u32, index: impl Fn(usize) -> u32) -> Vec<u32> {
+        let rows = self.corners_of_vertices(index);
+        let mut next = before + rows.len() as u32 + 1;
+        let mut adjacency = vec![next];
+        for row in &rows {
+            next += row.len() as u32;
+            adjacency.push(next);
+        }
+        adjacency.extend(rows.into_iter().flatten());
+        adjacency
+    }
+
+    /// [`MeshShape::most_corners`](super::MeshShape::most_corners) of that mesh.
+    pub fn most_corners(&self, index: impl Fn(usize) -> u32) -> u32 {
+        self.corners_of_vertices(index).iter().map(Vec::len).max().unwrap_or(0) as u32
+    }
+
+    /// Of each placed vertex its corners: four times the triangle plus the corner.
+    fn corners_of_vertices(&self, index: impl Fn(usize) -> u32) -> Vec<Vec<u32>> {
+        let mut rows: Vec<Vec<u32>> = vec![Vec::new(); self.vertices() as usize];
+        let mut triangle = 0;
+        for (draw, row) in self.draws.iter().zip(self.table()) {
+            for instance in 0..draw.instances {
+                let base = row[0] + instance * draw.vertices;
+                for t in 0..draw.triangles {
+                    for corner in 0..3 {
+                        let vertex = index((draw.first_index + 3 * t + corner) as usize);
+                        if vertex < draw.vertices {
+                            rows[(base + vertex) as usize].push(4 * triangle + corner);
+                        }
+                    }
+                    triangle += 1;
+                }
+            }
+        }
+        rows
+    }
+}
+
+/// Workgroups of a row of 64 invocations for a count of elements.
+pub(super) fn linear_groups(count: u32) -> [u32; 3] {
+    rows_of(count.div_ceil(c::LINEAR_GROUP))
+}
+
+/// Workgroups in rows, since one row may be too long.
+pub(super) fn rows_of(groups: u32) -> [u32; 3] {
+    [groups.min(c::FORWARD_ROW), groups.div_ceil(c::FORWARD_ROW), 1]
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::{Mesh, Scene, frame::pack::MeshTables};
+
+    #[test]
+    fn the_table_counts_what_was_placed_before() {
+        let draw = |first_vertex, vertices, first_index, triangles, instances| Draw {
+            first_vertex,
+            vertices,
+            first_index,
+            triangles,
+            instances,
+        };
+        let geometry = Geometry::new(vec![draw(5, 4, 9, 2, 3), draw(0, 3, 0, 1, 0), draw(0, 3, 0, 1, 2)]).unwrap();
+        let expected = vec![[0, 4, 5, 0, 0, 2, 9, 3], [12, 3, 0, 3, 6, 1, 0, 0], [12, 3, 0, 3, 6, 1, 0, 2]];
+        assert_eq!(geometry.table(), expected);
+        assert_eq!((geometry.vertices(), geometry.triangles(), geometry.instances()), (18, 8, 5));
+        assert_eq!((geometry.source_vertices(), geometry.source_indices()), ((0, 9), 15));
+        // What is not drawn is not read.
+        let hidden = Geometry::new(vec![draw(5, 4, 9, 2, 3), draw(1, 30, 900, 10, 0)]).unwrap();
+        assert_eq!((hidden.source_vertices(), hidden.source_indices()), ((5, 9), 15));
+        assert!(matches!(Geometry::new(vec![draw(0, 1, 0, 1, 60_001)]), Err(Error::Limit { .. })));
+        assert!(matches!(Geometry::new(vec![draw(0, u32::MAX, 0, 1, 1)]), Err(Error::Limit { .. })));
+    }
+
+    /// Every count ends where a signed index of 32 bits does, draws and instances at 60000.
+    #[test]
+    fn geometry_ends_where_indices_do() {
+        let fits = |draw: Draw| Geometry::new(vec![Draw { instances: draw.instances.max(1), ..draw }]).is_ok();
+        let (most, none) = (i32::MAX as u32, Draw::default());
+        for (last, beyond) in [
+            (Draw { instances: 59_999, ..none }, Draw { instances: 60_000, ..none }),
+            (Draw { vertices: most / 3, ..none }, Draw { vertices: most / 3 + 1, ..none }),
+            (
+                Draw { vertices: most / 21, instances: 7, ..none },
+                Draw { vertices: most / 21 + 1, instances: 7, ..none },
+            ),
+            (
+                Draw { triangles: most / 21, instances: 7, ..none },
+                Draw { triangles: most / 21 + 1, instances: 7, ..none },
+            ),
+            (
+                Draw { first_vertex: most - 4, vertices: 4, ..none },
+                Draw { first_vertex: most - 4, vertices: 5, ..none },
+            ),
+            (
+                Draw { first_index: most - 6, triangles: 2, ..none },
+                Draw { first_index: most - 5, triangles: 2, ..none },
+            ),
+        ] {
+            assert!(fits(last), "{last:?}");
+            assert!(!fits(beyond), "{beyond:?}");
+        }
+        assert_eq!([IndexFormat::Uint16, IndexFormat::Uint32].map(IndexFormat::bits), [16, 32]);
+    }
+
+    #[test]
+    fn rows_of_workgroups_cover_every_element() {
+        assert_eq!(linear_groups(1), [1, 1, 1]);
+        assert_eq!(linear_groups(c::LINEAR_GROUP * c::FORWARD_ROW), [c::FORWARD_ROW, 1, 1]);
+        assert_eq!(linear_groups(c::LINEAR_GROUP * c::FORWARD_ROW + 1), [c::FORWARD_ROW, 2, 1]);
+    }
+
+    #[test]
+    fn the_adjacency_is_that_of_the_mesh_it_stands_for() {
+        let indices = [0u32, 1, 2, 2, 1, 3];
+        let mesh = |copies: u32| {
+            let triangles =
+                (0..copies).flat_map(|k| [[4 * k, 4 * k + 1, 4 * k + 2], [4 * k + 2, 4 * k + 1, 4 * k + 3]]);
+            Mesh::new(vec![[0.0; 3]; 4 * copies as usize], triangles.collect()).unwrap()
+        };
+        let scene = Scene { meshes: vec![mesh(2), mesh(3)], ..Scene::new(mesh(1)) };
+        let expected = MeshTables::new(&scene, true).adjacency;
+        let geometry = |instances| {
+            Geometry::new(vec![Draw { first_vertex: 0, vertices: 4, first_index: 0, triangles: 2, instances }]).unwrap()
+        };
+        let mut made = geometry(2).adjacency(0, |i| indices[i]);
+        made.extend(geometry(3).adjacency(made.len() as u32, |i| indices[i]));
+        assert_eq!(made, expected);
+        assert_eq!(geometry(3).most_corners(|i| indices[i]), 2);
+        // An index of no vertex of its draw is none of the next instance's first.
+        assert_eq!(geometry(2).most_corners(|i| [0, 1, 2, 4, 4, 3][i]), 1);
+    }
+}

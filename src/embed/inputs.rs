@@ -1,0 +1,91 @@
+//! The bytes of a frame's inputs, for a host to write into its own memory.
+
+use super::plan::FramePlan;
+use super::shape::MeshShape;
+use crate::constants as c;
+use crate::frame::pack::{Changes, MeshTables, camera_texels, light_texels};
+use crate::scene::{Camera, Scene, Settings, Shading};
+
+/// The inputs of a frame as the kernels read them, from a scene that the host has in its memory.
+///
+/// What changes from frame to frame can be written alone, as [`update`](Self::update) tells it: in an optimisation of shape
+/// that is `positions`.
+#[derive(Debug, Default)]
+pub struct Inputs {
+    /// The meshes.
+    pub tables: MeshTables,
+    /// Whether the images, `saved`, `tile_bounds` and `tile_marks` are as the last frame of the very same plan left them, so
+    /// that what it found empty, and still is, need not be written again. False unless the caller knows.
+    pub background_kept: bool,
+    /// The counts and kinds of the meshes laid out.
+    meshes: Vec<MeshShape>,
+    adjacent: bool,
+    shapes: Vec<[u32; 4 * c::SHAPE_TEXELS as usize]>,
+    cameras: Vec<[[f32; 4]; c::CAMERA_TEXELS as usize]>,
+    lights: Vec<[f32; 4]>,
+}
+
+/// The word of an entry of `view_shapes` that holds the SHAPE_ flags.
+const SHAPE_FLAGS: usize = 11;
+
+impl Inputs {
+    /// Lays out what a scene's frame reads. The plan is one of this scene's [`Shape`](super::Shape).
+    pub fn new(scene: &Scene, cameras: &[Camera], settings: &Settings, plan: &FramePlan) -> Self {
+        let mut inputs = Self::default();
+        inputs.update(scene, cameras, settings, plan);
+        inputs
+    }
+
+    /// Lays out what the next frame reads, and tells which inputs are not those of the last one, bit for bit. Unchanged
+    /// topology, UVs and textures are only looked at; [`Texture`](crate::scene::Texture)s that are clones not even that.
+    pub fn update(&mut self, scene: &Scene, cameras: &[Camera], settings: &Settings, plan: &FramePlan) -> Changes {
+        let adjacency = scene.lights.shading == Shading::Smooth || settings.save;
+        let fits = self.meshes == plan.shape.meshes && (self.adjacent || !adjacency);
+        let mut changes = if fits { self.tables.update(scene) } else { None }.unwrap_or_else(|| {
+            self.adjacent = adjacency;
+            self.meshes.clone_from(&plan.shape.meshes);
+            self.tables = MeshTables::new(scene, adjacency);
+            Changes::ALL
+        });
+        let mut shapes = plan.view_shapes();
+        if self.background_kept {
+            shapes.iter_mut().for_each(|shape| shape[SHAPE_FLAGS] |= c::SHAPE_BACKGROUND_KEPT);
+        }
+        let cameras = cameras.iter().map(|camera| camera_texels(camera, settings)).collect();
+        changes.note("view_shapes", renew(&mut self.shapes, shapes));
+        changes.note("view_cameras", renew(&mut self.cameras, cameras));
+        changes.note("lights", renew(&mut self.lights, light_texels(&scene.lights)));
+        changes
+    }
+
+    /// Every input's name and bytes; empty for one that the frame does not need.
+    pub fn all(&self) -> [(&'static str, &[u8]); 12] {
+        let tables = &self.tables;
+        [
+            ("view_shapes", bytemuck::cast_slice(&self.shapes)),
+            ("view_cameras", bytemuck::cast_slice(&self.cameras)),
+            ("positions", bytemuck::cast_slice(&tables.positions)),
+            ("indices", bytemuck::cast_slice(&tables.indices)),
+            ("adjacency", bytemuck::cast_slice(&tables.adjacency)),
+            ("lights", bytemuck::cast_slice(&self.lights)),
+            ("colors", bytemuck::cast_slice(&tables.colors)),
+            ("uvs", bytemuck::cast_slice(&tables.uvs)),
+            ("uv_indices", bytemuck::cast_slice(&tables.uv_indices)),
+            ("triangle_textures", bytemuck::cast_slice(&tables.triangle_textures)),
+            ("textures", bytemuck::cast_slice(&tables.textures)),
+            ("texels", bytemuck::cast_slice(&tables.texels)),
+        ]
+    }
+
+    /// One input's bytes.
+    pub fn get(&self, name: &str) -> Option<&[u8]> {
+        self.all().into_iter().find(|(n, _)| *n == name).map(|(_, bytes)| bytes)
+    }
+}
+
+/// Whether the new values are others, bit for bit.
+fn renew<T: bytemuck::NoUninit>(old: &mut Vec<T>, new: Vec<T>) -> bool {
+    let differs = bytemuck::cast_slice::<T, u8>(old) != bytemuck::cast_slice::<T, u8>(&new);
+    *old = new;
+    differs
+}

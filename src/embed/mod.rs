@@ -1,0 +1,241 @@
+#![doc = include_str!("guide.md")]
+
+mod arena;
+mod bindings;
+mod counts;
+mod decode;
+mod geometry;
+mod inputs;
+mod place;
+mod plan;
+mod requirements;
+mod shape;
+mod status;
+mod store;
+
+pub use arena::Arena;
+pub use bindings::{FrameBindings, GradientBindings};
+pub use counts::{CountBindings, Counts};
+pub use decode::Decoder;
+pub use geometry::{Draw, Geometry, IndexFormat, Layout};
+pub use inputs::Inputs;
+pub use place::{GeometryBindings, GeometryBuffers, GeometryGradientBindings, GeometryGradients};
+pub use plan::{BufferRequirement, Differentiate, FramePlan, GradientPlan};
+pub use requirements::{Requirements, requirements};
+pub use shape::{AppearanceShape, MeshShape, Shape};
+pub use status::Status;
+pub use store::{FrameImage, ImageBindings};
+
+pub use crate::vulkan::{BufferRef, HostAdapter, HostCommands, HostDevice, ImageFormat, ImageRef};
+pub(crate) use bindings::Parts;
+
+use crate::constants as c;
+use crate::error::{Error, Result};
+use crate::frame::passes::{self, BACKWARD_COUNT};
+use crate::frame::pipelines::{Pipelines, Request};
+use crate::scene::Settings;
+use crate::vulkan::{Device, DeviceKind, Kernel, Pipeline, PipelineCache, Recorder, TimestampPool};
+use std::sync::{Mutex, PoisonError};
+
+/// softras on a device: its kernels, and how to record them. Owns no memory, no queue and no command buffer.
+///
+/// It may be shared between threads; see the module's documentation.
+pub struct Rasterizer {
+    device: Device,
+    cache: Option<PipelineCache>,
+    pipelines: Mutex<Pipelines>,
+    lanes: u32,
+}
+
+impl std::fmt::Debug for Rasterizer {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Rasterizer").field("device", &self.device).field("lanes", &self.lanes).finish_non_exhaustive()
+    }
+}
+
+impl Rasterizer {
+    /// softras on a host's device. Compiles nothing yet: the first plan that is bound, or
+    /// [`prepare`](Self::prepare)d, does.
+    ///
+    /// # Errors
+    /// [`Error::NoDevice`] for a device of Vulkan 1.0; [`Error::Host`] for null handles.
+    pub fn new(host: &HostDevice) -> Result<Self> {
+        let device = Device::from_host(host)?;
+        Ok(Self::on(&device, PipelineCache::of_host(&device, host)))
+    }
+
+    /// softras on a device of either kind.
+    pub(crate) fn on(device: &Device, cache: Option<PipelineCache>) -> Self {
+        // A software device's subgroups have eight lanes, and its shared memory is slow: one subgroup a tile.
+        let lanes = if device.kind() == DeviceKind::Software { 8 } else { 32 };
+        Self { device: device.clone(), cache, pipelines: Mutex::default(), lanes }
+    }
+
+    /// The same with another number of invocations that share a tile, 1 to 32, a power of two; by default 8 on software
+    /// devices, 32 elsewhere. The images do not depend on it.
+    ///
+    /// # Errors
+    /// [`Error::Settings`] for another number.
+    pub fn with_lanes(mut self, lanes: u32) -> Result<Self> {
+        if !(lanes.is_power_of_two() && lanes <= c::TILE_WIDTH * c::TILE_HEIGHT) {
+            let mend = "use a power of two from 1 to 32".into();
+            return Err(Error::Settings { field: "lanes", value: lanes.to_string(), mend });
+        }
+        self.lanes = lanes;
+        Ok(self)
+    }
+
+    /// What a frame of this shape takes. Pure: [`FramePlan::new`] with this device's limits.
+    ///
+    /// # Errors
+    /// As [`FramePlan::new`].
+    pub fn plan(&self, shape: &Shape, settings: &Settings) -> Result<FramePlan> {
+        FramePlan::new(self.device.limits(), self.device.kind(), shape, settings)
+    }
+
+    /// What the gradients of a planned frame take. Pure: [`GradientPlan::new`].
+    ///
+    /// # Errors
+    /// As [`GradientPlan::new`].
+    pub fn plan_backward(&self, frame: &FramePlan, differentiate: &Differentiate) -> Result<GradientPlan> {
+        GradientPlan::new(frame, differentiate)
+    }
+
+    /// Compiles a plan's kernels unless that was done: some hundred milliseconds that a loading screen can hide. Kernels
+    /// are compiled side by side on threads that end with the call.
+    ///
+    /// # Errors
+    /// [`Error::Vulkan`], [`Error::Limit`], [`Error::OutOfMemory`].
+    pub fn prepare(&self, plan: &FramePlan) -> Result<()> {
+        self.forward_pipelines(plan).map(drop)
+    }
+
+    /// The same for gradients.
+    ///
+    /// # Errors
+    /// As [`prepare`](Self::prepare).
+    pub fn prepare_backward(&self, plan: &GradientPlan) -> Result<()> {
+        self.backward_pipelines(plan).map(drop)
+    }
+
+    /// Binds a frame's buffers: `(name, part)` for each of [`FramePlan::buffers`]. Done once, not every frame.
+    ///
+    /// # Errors
+    /// [`Error::Host`] naming a buffer that is missing, unknown, too small, misaligned or made for other uses; otherwise
+    /// as [`prepare`](Self::prepare).
+    pub fn bind(&self, plan: &FramePlan, buffers: &[(&str, BufferRef)]) -> Result<FrameBindings> {
+        self.bind_parts(plan, Parts::from_host(&self.device, plan.buffers(), buffers)?)
+    }
+
+    /// Binds the buffers of a backward pass: `(name, part)` for each of [`GradientPlan::buffers`]; the frame's come from
+    /// its own bindings, whose buffers these bindings need too.
+    ///
+    /// # Errors
+    /// As [`bind`](Self::bind).
+    pub fn bind_backward(
+        &self,
+        plan: &GradientPlan,
+        frame: &FrameBindings,
+        buffers: &[(&str, BufferRef)],
+    ) -> Result<GradientBindings> {
+        let parts = Parts::from_host(&self.device, plan.buffers(), buffers)?;
+        self.bind_backward_parts(plan, &parts, frame)
+    }
+
+    /// Records a frame. Allocates, maps, submits and waits for nothing.
+    ///
+    /// The plan may be another than the one that was bound, if [`FrameBindings::fits`] says so: another σ, γ, background
+    /// colour or, within the bytes bound, another mesh.
+    ///
+    /// # Errors
+    /// [`Error::Host`] where the plan does not fit the bindings, [`Error::Limit`] for more workgroups than the device
+    /// allows. What was recorded up to then is harmless, but no frame.
+    pub fn record_forward(
+        &self,
+        commands: &mut HostCommands,
+        plan: &FramePlan,
+        bindings: &FrameBindings,
+    ) -> Result<()> {
+        self.forward(&mut Recorder::on_host(&self.device, commands), plan, bindings, None)
+    }
+
+    /// Records the gradients of the frame that was last recorded with the same buffers.
+    ///
+    /// # Errors
+    /// As [`record_forward`](Self::record_forward).
+    pub fn record_backward(
+        &self,
+        commands: &mut HostCommands,
+        plan: &GradientPlan,
+        bindings: &GradientBindings,
+    ) -> Result<()> {
+        self.backward(&mut Recorder::on_host(&self.device, commands), plan, bindings, None)
+    }
+
+    pub(crate) fn bind_parts(&self, plan: &FramePlan, parts: Parts) -> Result<FrameBindings> {
+        FrameBindings::new(&self.device, self.forward_pipelines(plan)?, plan, parts)
+    }
+
+    pub(crate) fn bind_backward_parts(
+        &self,
+        plan: &GradientPlan,
+        parts: &Parts,
+        frame: &FrameBindings,
+    ) -> Result<GradientBindings> {
+        GradientBindings::new(&self.device, self.backward_pipelines(plan)?, plan, parts, frame)
+    }
+
+    pub(crate) fn forward(
+        &self,
+        recorder: &mut Recorder<'_>,
+        plan: &FramePlan,
+        bindings: &FrameBindings,
+        times: Option<&TimestampPool>,
+    ) -> Result<()> {
+        bindings.fits(plan)?;
+        let FrameBindings { stages, status, bin_bits, tile_counts, .. } = bindings;
+        passes::record_forward(recorder, &plan.plan, stages, status, bin_bits, tile_counts, times)
+    }
+
+    pub(crate) fn backward(
+        &self,
+        recorder: &mut Recorder<'_>,
+        plan: &GradientPlan,
+        bindings: &GradientBindings,
+        times: Option<&TimestampPool>,
+    ) -> Result<()> {
+        bindings.fits(plan)?;
+        let GradientBindings { stages, texel_sums, item_counts, cleared, .. } = bindings;
+        if plan.device_counts {
+            recorder.barrier();
+            for part in cleared {
+                recorder.fill(part, 0, part.range() / 4 * 4, 0)?;
+            }
+        }
+        passes::record_backward(recorder, &plan.plan, stages, texel_sums, item_counts, times)
+    }
+
+    fn forward_pipelines(&self, plan: &FramePlan) -> Result<[Pipeline; passes::FORWARD_COUNT]> {
+        let (lanes, modes) = (self.lanes, &plan.plan.modes);
+        let coarse_lanes = lanes.max(plan.plan.mode("COARSE_LANES"));
+        let kernels = passes::forward_kernels(&self.device, lanes);
+        let lanes_of = |kernel: &Kernel| if kernel.name == "bin_coarse" { coarse_lanes } else { lanes };
+        self.pipelines(kernels.map(|kernel| Request { kernel, modes, lanes: lanes_of(kernel) }))
+    }
+
+    fn backward_pipelines(&self, plan: &GradientPlan) -> Result<[Pipeline; BACKWARD_COUNT]> {
+        let lanes = self.lanes;
+        let modes: [_; BACKWARD_COUNT] = std::array::from_fn(|stage| {
+            let small = ("SMALL", u32::from(passes::BACKWARD_STAGES[stage].ends_with("_small")));
+            let own = [("REDUCTION", passes::reduction_of(stage)), small, ("LANES", lanes)];
+            plan.plan.modes.iter().copied().chain(own).collect::<Vec<_>>()
+        });
+        let kernels = passes::backward_kernels(&self.device, lanes);
+        self.pipelines(std::array::from_fn(|i| Request { kernel: kernels[i], modes: &modes[i], lanes }))
+    }
+
+    fn pipelines<const N: usize>(&self, requests: [Request<'_>; N]) -> Result<[Pipeline; N]> {
+        let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        pipelines.get(&self.device, self.cache.as_ref(), requests)
+    }
+}

@@ -1,0 +1,404 @@
+//! Recording a host's geometry into a frame's arrays, and its gradients back into the host's.
+
+use super::Rasterizer;
+use super::bindings::{FrameBindings, GradientBindings};
+use super::geometry::{Geometry, IndexFormat, Layout, linear_groups, rows_of};
+use crate::error::{Error, Result};
+use crate::frame::passes::Stage;
+use crate::frame::pipelines::Request;
+use crate::gradients::Wanted;
+use crate::vulkan::{BufferPart, BufferRef, DescriptorPool, HostCommands, Kernel, Recorder, TexelFormat, kernels};
+
+/// Where a host's geometry lies. Every buffer but `draws` has the usage STORAGE_BUFFER, and begins at a multiple of
+/// minStorageBufferOffsetAlignment.
+#[derive(Clone, Copy, Debug)]
+pub struct GeometryBuffers {
+    /// [`Geometry::table`], of usage UNIFORM_TEXEL_BUFFER, at a multiple of minTexelBufferOffsetAlignment.
+    pub draws: BufferRef,
+    /// Vertices: x, y, z as floats.
+    pub positions: (BufferRef, Layout),
+    /// r, g, b as floats for each vertex, in the same vertices' order; `None` where the frame's `colors` are filled
+    /// otherwise.
+    pub colors: Option<(BufferRef, Layout)>,
+    /// Indices; `None` where the frame's are filled otherwise.
+    pub indices: Option<(BufferRef, IndexFormat)>,
+    /// One for each instance: three rows of four floats that take (x, y, z, 1) to the world, as VkTransformMatrixKHR;
+    /// `None` where vertices are in the world already.
+    pub transforms: Option<(BufferRef, Layout)>,
+}
+
+/// Where a host wants the gradients of its geometry, in layouts of its own; what is `None` is not computed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct GeometryGradients {
+    /// dL/dx, dL/dy, dL/dz of each vertex that a draw reads, summed over its instances in their order.
+    pub positions: Option<(BufferRef, Layout)>,
+    /// dL/dr, dL/dg, dL/db of each, likewise.
+    pub colors: Option<(BufferRef, Layout)>,
+    /// dL by each number of each transform.
+    pub transforms: Option<(BufferRef, Layout)>,
+}
+
+/// The numbers of `glsl/common/geometry_push.glsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
+struct Push {
+    count: u32,
+    draws: u32,
+    first: u32,
+    base: u32,
+    stride: u32,
+    offset: u32,
+    transform_stride: u32,
+    transform_offset: u32,
+    select: u32,
+}
+
+/// A stage with its numbers.
+struct Step {
+    stage: Stage,
+    push: Push,
+    groups: [u32; 3],
+}
+
+/// A host's geometry bound to a frame. To be kept as [`FrameBindings`].
+pub struct GeometryBindings {
+    geometry: Geometry,
+    buffers: GeometryBuffers,
+    draws: BufferPart,
+    vertices: Vec<Step>,
+    indices: Option<Step>,
+}
+
+/// The gradients of a host's geometry bound to a backward pass. To be kept as [`GradientBindings`].
+pub struct GeometryGradientBindings {
+    steps: Vec<Step>,
+}
+
+fn misfit<T>(what: String, mend: &str) -> Result<T> {
+    Err(Error::Host { what, mend: mend.into() })
+}
+
+/// The words of a layout whose last of `count` elements of `words` words each lies inside a buffer.
+fn layout_words(name: &str, (at, layout): &(BufferRef, Layout), count: u32, words: u64) -> Result<(u32, u32)> {
+    let Layout { stride, offset } = *layout;
+    if stride % 4 != 0 || offset % 4 != 0 || u64::from(stride) < 4 * words {
+        return misfit(
+            format!("{name} of {stride} bytes each, read at {offset}"),
+            "use multiples of four, and a stride of at least what is read",
+        );
+    }
+    let last = u64::from(count.saturating_sub(1)) * u64::from(stride) + u64::from(offset) + 4 * words;
+    judge_bytes(name, at, if count == 0 { 0 } else { last })?;
+    Ok((stride / 4, offset / 4))
+}
+
+fn judge_bytes(name: &str, at: &BufferRef, needed: u64) -> Result<()> {
+    // Kernels count words with 32 bits.
+    if needed > at.range() || needed > 4 * u64::from(u32::MAX) {
+        return misfit(format!("{name} has {} bytes, the draws need {needed}", at.range()), "bind a larger part");
+    }
+    Ok(())
+}
+
+impl GeometryBindings {
+    /// The numbers that every stage has.
+    fn push(&self, count: u32) -> Push {
+        Push { count, draws: self.geometry.draws().len() as u32, first: self.geometry.first_vertex, ..Push::default() }
+    }
+
+    /// The same with a vertex array's layout, and with the transforms' where there are such.
+    fn vertex_push(&self, count: u32, (stride, offset): (u32, u32)) -> Result<Push> {
+        let (transform_stride, transform_offset) = match &self.buffers.transforms {
+            Some(transforms) => layout_words("transforms", transforms, self.geometry.instances(), 12)?,
+            None => (0, 0),
+        };
+        Ok(Push { stride, offset, transform_stride, transform_offset, ..self.push(count) })
+    }
+}
+
+impl Rasterizer {
+    /// Binds a host's vertices, indices and transforms, and the frame's arrays that they go into.
+    ///
+    /// # Errors
+    /// [`Error::Host`] where draws reach beyond a buffer, a layout is no multiple of four, or the frame has fewer vertices or
+    /// triangles; [`Error::Vulkan`] for a misaligned offset or a missing usage; [`Error::Limit`].
+    pub fn bind_geometry(
+        &self,
+        geometry: &Geometry,
+        buffers: &GeometryBuffers,
+        frame: &FrameBindings,
+    ) -> Result<GeometryBindings> {
+        let table = 32 * geometry.draws().len() as u64;
+        judge_bytes("draws", &buffers.draws, table)?;
+        let table = buffers.draws.part(0, table)?;
+        // Of no draws nothing is recorded.
+        let draws = if geometry.draws().is_empty() {
+            BufferPart::of_host(&table)
+        } else {
+            BufferPart::texels_of_host(&self.device, &table, TexelFormat::Uint4, "draws")?
+        };
+        let geometry = geometry.clone();
+        let mut made = GeometryBindings { geometry, buffers: *buffers, draws, vertices: Vec::new(), indices: None };
+        if made.geometry.vertices() > 0 {
+            let positions = self.place(&made, &buffers.positions, "positions", frame)?;
+            made.vertices.push(positions);
+            if let Some(colors) = &buffers.colors {
+                let colors = self.place(&made, colors, "colors", frame)?;
+                made.vertices.push(colors);
+            }
+        }
+        if let (Some((at, format)), true) = (&buffers.indices, made.geometry.triangles() > 0) {
+            made.indices = Some(self.place_indices(&made, at, *format, frame)?);
+        }
+        Ok(made)
+    }
+
+    /// The stage that fills `positions` or `colors`.
+    fn place(
+        &self,
+        made: &GeometryBindings,
+        source: &(BufferRef, Layout),
+        name: &'static str,
+        frame: &FrameBindings,
+    ) -> Result<Step> {
+        let geometry = &made.geometry;
+        let count = geometry.vertices();
+        let words = layout_words(name, source, geometry.source_vertices().1, 3)?;
+        let push = made.vertex_push(count, words)?;
+        let target = frame.array(name)?;
+        judge_target(name, target, 12 * (u64::from(geometry.first_vertex) + u64::from(count)))?;
+        let moved = made.buffers.transforms.as_ref().filter(|_| name == "positions");
+        let source = BufferPart::of_host(&source.0);
+        let transforms = moved.map_or_else(|| source.clone(), |(at, _)| BufferPart::of_host(at));
+        let buffers = [("draws", &made.draws), ("Vertices", &source), ("Transforms", &transforms), ("Target", target)];
+        let modes = [("TRANSFORMED", u32::from(moved.is_some()))];
+        Ok(Step { stage: self.stage(&kernels::PLACE, &modes, &buffers)?, push, groups: linear_groups(count) })
+    }
+
+    /// The stage that fills `indices`.
+    fn place_indices(
+        &self,
+        made: &GeometryBindings,
+        at: &BufferRef,
+        format: IndexFormat,
+        frame: &FrameBindings,
+    ) -> Result<Step> {
+        let geometry = &made.geometry;
+        let bytes = geometry.source_indices() * u64::from(format.bits() / 8);
+        // Whole words are read.
+        judge_bytes("indices", at, bytes.next_multiple_of(4))?;
+        let target = frame.array("indices")?;
+        let triangles = geometry.triangles();
+        judge_target("indices", target, 12 * (u64::from(geometry.first_triangle) + u64::from(triangles)))?;
+        let (first, base, select) = (geometry.first_triangle, geometry.mesh_vertex, format.bits());
+        let push = Push { first, base, select, ..made.push(3 * triangles) };
+        let buffers = [("draws", &made.draws), ("Indices", &BufferPart::of_host(at)), ("Target", target)];
+        let stage = self.stage(&kernels::PLACE_INDICES, &[], &buffers)?;
+        Ok(Step { stage, push, groups: linear_groups(3 * triangles) })
+    }
+
+    /// Binds the arrays that the gradients of a host's geometry go into.
+    ///
+    /// # Errors
+    /// As [`bind_geometry`](Self::bind_geometry); [`Error::Host`] for transforms' gradients of geometry without any, and for
+    /// gradients that the pass was not planned for.
+    pub fn bind_geometry_gradients(
+        &self,
+        geometry: &GeometryBindings,
+        gradients: &GeometryGradients,
+        backward: &GradientBindings,
+    ) -> Result<GeometryGradientBindings> {
+        judge_wanted(gradients, backward.wanted)?;
+        let mut steps = Vec::new();
+        if *gradients == GeometryGradients::default() {
+            return Ok(GeometryGradientBindings { steps });
+        }
+        let placed = u64::from(geometry.geometry.first_vertex) + u64::from(geometry.geometry.vertices());
+        judge_target("vertex_gradients", &backward.vertex_gradients, 32 * placed)?;
+        if geometry.geometry.vertices() > 0 {
+            for (select, target) in (0..).zip([&gradients.positions, &gradients.colors]) {
+                if let Some(target) = target {
+                    steps.push(self.place_vertex_grad(geometry, target, select, backward)?);
+                }
+            }
+        }
+        match (&gradients.transforms, &geometry.buffers.transforms) {
+            (None, _) => {}
+            (Some(_), None) => {
+                return misfit("there are no transforms to differentiate by".into(), "bind the geometry with some");
+            }
+            (Some(target), Some(_)) if geometry.geometry.instances() > 0 => {
+                steps.push(self.place_transform_grad(geometry, target, backward)?);
+            }
+            _ => {}
+        }
+        Ok(GeometryGradientBindings { steps })
+    }
+
+    fn place_vertex_grad(
+        &self,
+        made: &GeometryBindings,
+        target: &(BufferRef, Layout),
+        select: u32,
+        backward: &GradientBindings,
+    ) -> Result<Step> {
+        let (first, end) = made.geometry.source_vertices();
+        let words = layout_words("the gradients", target, end, 3)?;
+        let push = Push { base: first, select, ..made.vertex_push(end - first, words)? };
+        let moved = made.buffers.transforms.as_ref().filter(|_| select == 0);
+        let target = BufferPart::of_host(&target.0);
+        let transforms = BufferPart::of_host(moved.map_or(&made.buffers.positions.0, |(at, _)| at));
+        let buffers = [
+            ("draws", &made.draws),
+            ("vertex_gradients", &backward.vertex_gradients),
+            ("Transforms", &transforms),
+            ("Target", &target),
+        ];
+        let modes = [("TRANSFORMED", u32::from(moved.is_some()))];
+        let stage = self.stage(&kernels::PLACE_VERTEX_GRAD, &modes, &buffers)?;
+        Ok(Step { stage, push, groups: linear_groups(end - first) })
+    }
+
+    fn place_transform_grad(
+        &self,
+        made: &GeometryBindings,
+        target: &(BufferRef, Layout),
+        backward: &GradientBindings,
+    ) -> Result<Step> {
+        let instances = made.geometry.instances();
+        let end = made.geometry.source_vertices().1;
+        let (stride, offset) = layout_words("positions", &made.buffers.positions, end, 3)?;
+        let (transform_stride, transform_offset) = layout_words("the transforms' gradients", target, instances, 12)?;
+        let push = Push { stride, offset, transform_stride, transform_offset, ..made.push(instances) };
+        let target = BufferPart::of_host(&target.0);
+        let buffers = [
+            ("draws", &made.draws),
+            ("vertex_gradients", &backward.vertex_gradients),
+            ("Vertices", &BufferPart::of_host(&made.buffers.positions.0)),
+            ("Target", &target),
+        ];
+        let stage = self.stage(&kernels::PLACE_TRANSFORM_GRAD, &[], &buffers)?;
+        Ok(Step { stage, push, groups: rows_of(instances) })
+    }
+
+    /// A kernel bound to buffers by the names of its bindings.
+    pub(super) fn stage(
+        &self,
+        kernel: &'static Kernel,
+        modes: &[(&'static str, u32)],
+        buffers: &[(&str, &BufferPart)],
+    ) -> Result<Stage> {
+        let [pipeline] = self.pipelines([Request { kernel, modes, lanes: self.lanes }])?;
+        let set = DescriptorPool::new(&self.device, &[kernel])?.bind(&pipeline, buffers)?;
+        Ok(Stage::new(pipeline, set))
+    }
+
+    /// Records the placing of vertices (and colours): before [`record_forward`](Self::record_forward), in any frame in which
+    /// vertices or transforms changed. Begins and ends with barriers as that does.
+    ///
+    /// # Errors
+    /// [`Error::Limit`] for more workgroups than the device allows.
+    pub fn record_vertices(&self, commands: &mut HostCommands, bindings: &GeometryBindings) -> Result<()> {
+        self.record_steps(commands, "softras vertices", &bindings.vertices)
+    }
+
+    /// The same of indices, in any frame in which they changed. The frame's `adjacency` depends on them
+    /// ([`Geometry::adjacency`]).
+    ///
+    /// # Errors
+    /// As [`record_vertices`](Self::record_vertices).
+    pub fn record_indices(&self, commands: &mut HostCommands, bindings: &GeometryBindings) -> Result<()> {
+        self.record_steps(commands, "softras indices", bindings.indices.as_slice())
+    }
+
+    /// Records the way of the gradients back into the host's layouts: behind
+    /// [`record_backward`](Self::record_backward). Begins and ends with barriers as that does.
+    ///
+    /// # Errors
+    /// As [`record_vertices`](Self::record_vertices).
+    pub fn record_geometry_gradients(
+        &self,
+        commands: &mut HostCommands,
+        bindings: &GeometryGradientBindings,
+    ) -> Result<()> {
+        self.record_steps(commands, "softras geometry gradients", &bindings.steps)
+    }
+
+    fn record_steps(&self, commands: &mut HostCommands, label: &str, steps: &[Step]) -> Result<()> {
+        let mut recorder = Recorder::on_host(&self.device, commands);
+        recorder.begin_label(label);
+        recorder.barrier();
+        for Step { stage, push, groups } in steps {
+            stage.record(&mut recorder, bytemuck::bytes_of(push), *groups)?;
+        }
+        recorder.barrier();
+        recorder.end_label();
+        Ok(())
+    }
+}
+
+/// Nothing is asked for that the backward pass does not compute.
+fn judge_wanted(gradients: &GeometryGradients, wanted: Wanted) -> Result<()> {
+    let by_position = gradients.positions.is_some() || gradients.transforms.is_some();
+    for (asked, planned, name) in
+        [(by_position, wanted.positions, "positions"), (gradients.colors.is_some(), wanted.colors, "colors")]
+    {
+        if asked && !planned {
+            let what = format!("the backward pass does not differentiate by {name}");
+            return misfit(what, &format!("plan it with Wanted::{name} in Differentiate::wanted"));
+        }
+    }
+    Ok(())
+}
+
+/// A frame's array has room for what is placed.
+fn judge_target(name: &str, target: &BufferPart, needed: u64) -> Result<()> {
+    if needed > target.range() {
+        let what = format!("the frame's `{name}` has {} bytes, the draws fill {needed}", target.range());
+        return misfit(what, "plan the frame with a shape of as many vertices and triangles");
+    }
+    Ok(())
+}
+
+impl std::fmt::Debug for GeometryBindings {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("GeometryBindings").field("geometry", &self.geometry).finish_non_exhaustive()
+    }
+}
+
+impl std::fmt::Debug for GeometryGradientBindings {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("GeometryGradientBindings").field("stages", &self.steps.len()).finish()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Push, kernels};
+    use std::mem::offset_of;
+
+    #[test]
+    fn the_push_constants_lie_as_the_kernels_have_them() {
+        let mirror = [
+            ("count", offset_of!(Push, count)),
+            ("draws", offset_of!(Push, draws)),
+            ("first", offset_of!(Push, first)),
+            ("base", offset_of!(Push, base)),
+            ("stride", offset_of!(Push, stride)),
+            ("offset", offset_of!(Push, offset)),
+            ("transform_stride", offset_of!(Push, transform_stride)),
+            ("transform_offset", offset_of!(Push, transform_offset)),
+            ("select", offset_of!(Push, select)),
+        ];
+        for kernel in
+            [&kernels::PLACE, &kernels::PLACE_INDICES, &kernels::PLACE_VERTEX_GRAD, &kernels::PLACE_TRANSFORM_GRAD]
+        {
+            let found: Vec<_> = kernel.push_members.iter().map(|m| (m.name, m.offset as usize)).collect();
+            assert_eq!(found, mirror, "{}", kernel.name);
+        }
+        // The last has a workgroup an instance, whatever its size.
+        for kernel in [&kernels::PLACE, &kernels::PLACE_INDICES, &kernels::PLACE_VERTEX_GRAD] {
+            assert_eq!(kernel.local_size, [crate::constants::LINEAR_GROUP, 1, 1]);
+        }
+    }
+}

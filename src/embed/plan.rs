@@ -1,0 +1,365 @@
+//! What a frame and its gradients take: pure, so that a host can ask before it owns a byte.
+
+use super::shape::Shape;
+use crate::error::{Error, Result};
+use crate::frame::buffers::{self, BACKWARD, FORWARD, Role, Slot, UNUSED, UNUSED_SIZE};
+use crate::frame::plan::{BackwardInput, BackwardPlan, Capacity, Plan, PlanInput, judge_views};
+use crate::gradients::Wanted;
+use crate::scene::{Lights, Outputs, Settings, Shading};
+use crate::vulkan::{BufferDesc, BufferRef, DeviceKind, Limits, Location, TexelFormat, vk};
+
+/// The longest list that a software device walks: Mesa before 23 ends an invocation's loops after 65535 passes in all,
+/// without an error, and a hole in the image is worse than one.
+const SOFTWARE_LONGEST_LIST: u32 = 60_000;
+
+/// A buffer that a frame needs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BufferRequirement {
+    /// By which it is given.
+    pub name: &'static str,
+    /// Bytes, at least; never 0.
+    pub size: u64,
+    /// What its offset in the VkBuffer must be a multiple of.
+    pub alignment: u64,
+    /// How softras uses it. What the host does with it (a copy into an input, one from an output) is to be added.
+    pub usage: vk::BufferUsageFlags,
+    /// What an element is to the kernels that read it.
+    pub format: TexelFormat,
+    /// Who fills it, and with that where its memory had best lie.
+    pub role: Role,
+    /// Its place among the slots of its pass.
+    pub(super) slot: usize,
+}
+
+/// Places in a table of a forward frame's buffers.
+pub(super) const FRAME_SLOTS: usize = FORWARD.len() + 1;
+/// Places in a table of a backward pass's buffers.
+pub(super) const GRADIENT_SLOTS: usize = BACKWARD.len();
+
+/// Everything that recording a forward frame needs to know. Made by [`Rasterizer::plan`](super::Rasterizer::plan).
+#[derive(Clone, Debug, PartialEq)]
+pub struct FramePlan {
+    pub(crate) plan: Plan,
+    pub(super) shape: Shape,
+    buffers: Vec<BufferRequirement>,
+    /// Bytes by slot.
+    pub(super) sizes: [u64; FRAME_SLOTS],
+    pub(super) longest_list: u32,
+    pub(super) capacity: Capacity,
+    limits: Limits,
+}
+
+/// What to differentiate a frame by.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Differentiate {
+    /// The images that have an upstream gradient; at least one, and each rendered.
+    pub upstream: Outputs,
+    /// By what.
+    pub wanted: Wanted,
+    /// A bound of |dL/dcolour| of any channel of any pixel, for [`Wanted::texels`] alone, whose sums are in fixed point: a
+    /// sum beyond the bound wraps around, and one far below it is coarse. Ignored without texels.
+    pub largest_upstream: f64,
+}
+
+/// Everything that recording a backward pass needs to know. Made by
+/// [`Rasterizer::plan_backward`](super::Rasterizer::plan_backward).
+#[derive(Clone, Debug, PartialEq)]
+pub struct GradientPlan {
+    pub(crate) plan: BackwardPlan,
+    buffers: Vec<BufferRequirement>,
+    /// Bytes by slot.
+    pub(super) sizes: [u64; GRADIENT_SLOTS],
+    /// Bytes of the frame's buffers by slot.
+    pub(super) frame_sizes: [u64; FRAME_SLOTS],
+    pub(super) wanted: Wanted,
+    /// As the frame's shape.
+    pub(super) device_counts: bool,
+}
+
+fn requirement(limits: &Limits, place: usize, slot: &Slot, size: u64) -> Result<BufferRequirement> {
+    let usage = buffers::usage_of(slot.name);
+    let texels = usage.contains(vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER).then_some(slot.format);
+    BufferDesc { name: slot.name, size, usage, location: Location::Device, texels }.judge(limits)?;
+    // Sixteen: a whole texel, and what copying to an image asks for.
+    let alignment = limits.storage_offset_alignment.max(limits.texel_offset_alignment).max(16);
+    let Slot { name, format, role } = *slot;
+    Ok(BufferRequirement { name, size, alignment, usage, format, role, slot: place })
+}
+
+/// The requirements of every slot that is not empty, and all sizes by slot.
+fn requirements<const N: usize>(
+    limits: &Limits,
+    slots: impl Iterator<Item = Slot>,
+    size: impl Fn(&Slot) -> u64,
+) -> Result<(Vec<BufferRequirement>, [u64; N])> {
+    let mut sizes = [0; N];
+    let mut needed = Vec::with_capacity(N);
+    for ((place, slot), bytes) in slots.enumerate().zip(&mut sizes) {
+        *bytes = size(&slot);
+        if *bytes > 0 {
+            needed.push(requirement(limits, place, &slot, *bytes)?);
+        }
+    }
+    Ok((needed, sizes))
+}
+
+/// Whether a kernel can sum over each vertex's corners, in so many views one after the other.
+fn judge_corners(shape: &Shape, views: u32, longest_list: u32) -> Result<()> {
+    let most = shape.meshes.iter().map(|m| m.most_corners).max().unwrap_or(0);
+    let needed = (u64::from(most) + 1) * u64::from(views);
+    if needed <= longest_list.into() {
+        return Ok(());
+    }
+    Err(Error::Limit {
+        what: format!("one vertex of {most} triangle corners, in {views} views,"),
+        needed,
+        unit: "terms of a sum",
+        limit_name: "passes of a loop on a software driver",
+        limit: longest_list.into(),
+        mend: "split the vertex, or render fewer views at once".into(),
+    })
+}
+
+/// The farthest that a support may reach, in units of σ: the kernels hold D as a single-precision number, and exp(-70) is as
+/// small as it may be with digits to spare for what it is multiplied with.
+const FARTHEST: f64 = 70.0;
+
+/// Counts and reaches that the kernels can rely on.
+fn judge(shape: &Shape) -> Result<()> {
+    judge_views(shape.views.into())?;
+    let fail = |what: String, mend: &str| Err(Error::Scene { what, mend: mend.into() });
+    let (meshes, views) = (shape.meshes.len(), shape.views as usize);
+    if meshes == 0 || views == 0 || (meshes != 1 && meshes != views) {
+        let mend = "give one mesh with any number of views, or one view per mesh";
+        return fail(format!("{meshes} meshes but {views} views"), mend);
+    }
+    let vertices = shape.vertices();
+    let triangles: u64 = shape.meshes.iter().map(|m| u64::from(m.triangles)).sum();
+    let (uvs, texels) = (shape.uvs(), shape.texels());
+    let most = [3 * vertices, 3 * triangles, 2 * uvs, texels, vertices + 3 * triangles + meshes as u64];
+    if most.iter().any(|&count| count > i32::MAX as u64) {
+        let what = format!("{vertices} vertices, {triangles} triangles, {uvs} UV pairs and {texels} texels");
+        return fail(what, "render fewer meshes or smaller textures at once: kernels index with 32 bits");
+    }
+    if !(shape.cutoff > 0.0 && shape.cutoff <= FARTHEST) {
+        let cutoff = shape.cutoff;
+        return Err(Error::Settings {
+            field: "support",
+            value: format!("one where D falls to exp(-{cutoff:.0})"),
+            mend: format!(
+                "the kernels follow D down to exp(-{FARTHEST}): use a larger gamma, bring near and far close around the \
+                 scene, use the composite background, or support probability"
+            ),
+        });
+    }
+    shape.lights.judge()
+}
+
+impl FramePlan {
+    /// A frame of this shape and these settings on a device of these limits. Needs no device.
+    ///
+    /// # Errors
+    /// [`Error::Scene`], [`Error::Settings`], [`Error::Light`] for what cannot be rendered, [`Error::Limit`] for what this
+    /// device cannot hold.
+    pub fn new(limits: &Limits, kind: DeviceKind, shape: &Shape, settings: &Settings) -> Result<Self> {
+        settings.judge()?;
+        judge(shape)?;
+        let views = shape.view_sizes();
+        let capacity = shape.capacity.unwrap_or_else(|| Capacity::estimate(settings, shape.cutoff, &views));
+        let plan = Plan::new(&PlanInput {
+            settings,
+            cutoff: shape.cutoff,
+            views: &views,
+            meshes: shape.meshes.len() as u32,
+            lights: &shape.lights,
+            sampling: shape.sampling(),
+            depth_span: shape.depth_span,
+            distorted: shape.distorted,
+            capacity,
+            save: settings.save,
+        })?;
+        let slots = FORWARD.into_iter().chain([UNUSED]);
+        let (buffers, sizes) = requirements(limits, slots, |slot| match slot.role {
+            Role::Input => shape.input_size(slot, settings.save).unwrap_or(0),
+            _ if slot.name == UNUSED.name => UNUSED_SIZE,
+            _ => buffers::planned_size(&plan.sizes, slot.name),
+        })?;
+        let longest_list = if kind == DeviceKind::Software { SOFTWARE_LONGEST_LIST } else { u32::MAX };
+        if shape.lights.shading == Shading::Smooth {
+            judge_corners(shape, 1, longest_list)?;
+        }
+        Ok(Self { plan, shape: shape.clone(), buffers, sizes, longest_list, capacity, limits: *limits })
+    }
+
+    /// The buffers to give to [`Rasterizer::bind`](super::Rasterizer::bind), in no particular order.
+    pub fn buffers(&self) -> &[BufferRequirement] {
+        &self.buffers
+    }
+
+    /// One of them; `None` where the frame has no such buffer (`color` without [`Outputs::color`]).
+    pub fn buffer(&self, name: &str) -> Option<&BufferRequirement> {
+        self.buffers.iter().find(|b| b.name == name)
+    }
+
+    /// How one view of an image lies in its buffer, for vkCmdCopyBufferToImage. `at` is where the buffer was bound.
+    ///
+    /// | buffer | format of the image | texel |
+    /// | --- | --- | --- |
+    /// | `color` | R32G32B32A32_SFLOAT | linear r, g, b, silhouette |
+    /// | `silhouette` | R32_SFLOAT | only where colour is not asked for |
+    /// | `depths` | R32_SFLOAT | Σ w z in world units |
+    /// | `normals` | R32G32B32A32_SFLOAT | Σ w n, world space, and 0 |
+    ///
+    /// Rows are packed, row 0 at the top. The image is in TRANSFER_DST_OPTIMAL or GENERAL, its layout the host's.
+    pub fn image_copy(&self, name: &str, view: u32, at: &BufferRef) -> Option<vk::BufferImageCopy> {
+        let texel = match name {
+            "color" | "normals" => 16,
+            "silhouette" | "depths" => 4,
+            _ => return None,
+        };
+        if self.buffer(name).is_none() || view >= self.shape.views {
+            return None;
+        }
+        let (width, height) = (self.plan.frame.width, self.plan.frame.height);
+        let subresource = vk::ImageSubresourceLayers::default()
+            .aspect_mask(vk::ImageAspectFlags::COLOR)
+            .mip_level(0)
+            .base_array_layer(0)
+            .layer_count(1);
+        let copy = vk::BufferImageCopy::default()
+            .buffer_offset(at.offset() + u64::from(view) * u64::from(width) * u64::from(height) * texel)
+            .image_subresource(subresource)
+            .image_extent(vk::Extent3D { width, height, depth: 1 });
+        Some(copy)
+    }
+
+    /// Width and height of its images.
+    pub fn image_size(&self) -> (u32, u32) {
+        (self.plan.frame.width, self.plan.frame.height)
+    }
+
+    /// How many views it has.
+    pub fn views(&self) -> u32 {
+        self.shape.views
+    }
+
+    pub(super) fn has_silhouette(&self) -> bool {
+        self.plan.mode("OUTPUTS") & crate::constants::OUTPUT_SILHOUETTE != 0
+    }
+
+    /// Whether it was made for this shape, so that with the same settings it need not be made again.
+    pub(crate) fn is_of(&self, shape: &Shape) -> bool {
+        self.shape == *shape
+    }
+
+    /// What the buffer `view_shapes` holds: each view's mesh, and its share of the frame's buffers
+    /// (`glsl/common/mesh.glsl`).
+    pub fn view_shapes(&self) -> Vec<[u32; 4 * crate::constants::SHAPE_TEXELS as usize]> {
+        let meshes = self.shape.mesh_entries(self.buffer("adjacency").is_some());
+        let entry = |(view, range): (usize, &crate::frame::plan::ViewRange)| {
+            let m = meshes[if meshes.len() == 1 { 0 } else { view }];
+            [
+                m.vertex,
+                m.vertices,
+                m.triangle,
+                m.triangles,
+                range.screen_base,
+                range.slot_base,
+                range.bin_base,
+                range.word_base,
+                range.slots,
+                range.words,
+                m.color,
+                m.uniform,
+                m.uv,
+                m.uv_index,
+                m.texture,
+                m.adjacency,
+            ]
+        };
+        self.plan.views.iter().enumerate().map(entry).collect()
+    }
+
+    /// The room it has for lists.
+    pub fn capacity(&self) -> Capacity {
+        self.capacity
+    }
+
+    /// The longest list of triangles that the device can walk.
+    pub(crate) fn longest_list(&self) -> u32 {
+        self.longest_list
+    }
+}
+
+impl GradientPlan {
+    /// The gradients of a frame. Needs no device.
+    ///
+    /// # Errors
+    /// [`Error::Backward`] for a frame that does not save, or images that it does not render; [`Error::Limit`].
+    pub fn new(frame: &FramePlan, differentiate: &Differentiate) -> Result<Self> {
+        let fail = |what: &str, mend: &str| Err(Error::Backward { what: what.into(), mend: mend.into() });
+        if frame.plan.mode("SAVE") == 0 {
+            return fail("the frame keeps nothing for it", "plan it with Settings::save = true");
+        }
+        let up = differentiate.upstream;
+        let rendered = frame.plan.mode("OUTPUTS");
+        use crate::constants as c;
+        let images = [
+            (up.color, c::OUTPUT_COLOR),
+            (up.silhouette, c::OUTPUT_SILHOUETTE),
+            (up.depth, c::OUTPUT_DEPTH),
+            (up.normal, c::OUTPUT_NORMAL),
+        ];
+        if !images.iter().any(|(given, _)| *given) {
+            return fail("no image has an upstream gradient", "give dL/dimage of at least one rendered image");
+        }
+        if images.iter().any(|(given, bit)| *given && rendered & bit == 0) {
+            return fail("an upstream gradient is of an image that the frame does not have", "ask for it in outputs");
+        }
+        let shape = &frame.shape;
+        if differentiate.wanted.positions || differentiate.wanted.colors {
+            let views = if shape.meshes.len() == 1 { shape.views } else { 1 };
+            judge_corners(shape, views, frame.longest_list)?;
+        }
+        let plan = BackwardPlan::new(&BackwardInput {
+            forward: &frame.plan,
+            upstream: up,
+            wanted: &differentiate.wanted,
+            lit: !shape.lights.is_unlit(),
+            vertices: shape.vertices(),
+            largest_mesh: shape.meshes.iter().map(|m| m.vertices).max().unwrap_or(0),
+            texels: shape.texels(),
+            texel_scale: texel_scale(&frame.plan, &shape.lights, differentiate.largest_upstream),
+        });
+        let (buffers, sizes) = requirements(&frame.limits, BACKWARD.into_iter(), |slot| plan.sizes.of(slot.name))?;
+        let (frame_sizes, device_counts) = (frame.sizes, shape.device_counts);
+        Ok(Self { plan, buffers, sizes, frame_sizes, wanted: differentiate.wanted, device_counts })
+    }
+
+    /// The buffers to give to [`Rasterizer::bind_backward`](super::Rasterizer::bind_backward) beyond the frame's.
+    pub fn buffers(&self) -> &[BufferRequirement] {
+        &self.buffers
+    }
+
+    /// One of them.
+    pub fn buffer(&self, name: &str) -> Option<&BufferRequirement> {
+        self.buffers.iter().find(|b| b.name == name)
+    }
+
+    /// What one unit of a 64-bit sum in `texel_sums` is worth: the gradient is the sum, signed, divided by this.
+    pub fn texel_scale(&self) -> f32 {
+        self.plan.frame.texel_scale
+    }
+}
+
+/// A power of two that turns the largest sum a texel can have into some 2⁶¹ units, so that the units are as fine as 64
+/// bits allow. Powers of two lose nothing.
+fn texel_scale(plan: &Plan, lights: &Lights, largest_upstream: f64) -> f32 {
+    let ambient: f64 = lights.ambient_color.iter().map(|x| (x * lights.ambient_intensity).abs()).sum();
+    let directional =
+        lights.directional.iter().map(|l| l.color.iter().map(|x| (x * l.intensity).abs()).sum::<f64>()).sum::<f64>();
+    // A pixel's weights sum to at most one, and a texel's share of each to at most one; perspective correction at most
+    // doubles them between near and far corners of equal sign, and a factor of eight is to spare.
+    let most = 16.0 * plan.totals.pixels as f64 * largest_upstream * (ambient + directional);
+    if most > 0.0 { ((61.0 - most.log2().ceil()).clamp(-100.0, 100.0)).exp2() as f32 } else { 1.0 }
+}

@@ -1,0 +1,174 @@
+//! Tables of a scene that is nearly the last one: what differs is taken over and told of, so that it alone is uploaded.
+
+use super::{Appearances, MeshTables, kind_of};
+use crate::scene::{Appearance, Mesh, Scene};
+
+/// Names of a frame's inputs, in the order of [`Inputs::all`](crate::embed::Inputs::all).
+pub(crate) const INPUTS: [&str; 12] = [
+    "view_shapes",
+    "view_cameras",
+    "positions",
+    "indices",
+    "adjacency",
+    "lights",
+    "colors",
+    "uvs",
+    "uv_indices",
+    "triangle_textures",
+    "textures",
+    "texels",
+];
+
+/// Some of a frame's inputs: those that are not what they were.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Changes(u16);
+
+impl Changes {
+    /// Every input.
+    pub const ALL: Self = Self((1 << INPUTS.len()) - 1);
+
+    /// None of them.
+    pub fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// Whether an input is one of them.
+    pub fn has(self, name: &str) -> bool {
+        self.0 & Self::bit(name) != 0
+    }
+
+    /// Adds an input if it differs.
+    pub(crate) fn note(&mut self, name: &str, differs: bool) {
+        self.0 |= if differs { Self::bit(name) } else { 0 };
+    }
+
+    /// Those of either.
+    pub(crate) fn or(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+
+    /// Those that are not among others.
+    pub(crate) fn without(self, other: Self) -> Self {
+        Self(self.0 & !other.0)
+    }
+
+    fn bit(name: &str) -> u16 {
+        INPUTS.iter().position(|input| *input == name).map_or(0, |place| 1 << place)
+    }
+}
+
+/// Writes what is not there yet, bit for bit; whether anything was.
+pub(crate) fn overwrite<T: bytemuck::NoUninit>(to: &mut [T], from: &[T]) -> bool {
+    let differs = bytemuck::cast_slice::<T, u8>(to) != bytemuck::cast_slice::<T, u8>(from);
+    if differs {
+        to.copy_from_slice(from);
+    }
+    differs
+}
+
+fn overwrite_texels(to: &mut [[f32; 4]], from: &[[f32; 3]]) -> bool {
+    let mut differs = false;
+    for (to, from) in to.iter_mut().zip(from) {
+        let bits = |rgb: &[f32]| [rgb[0].to_bits(), rgb[1].to_bits(), rgb[2].to_bits()];
+        differs |= bits(to) != bits(from);
+        to[..3].copy_from_slice(from);
+    }
+    differs
+}
+
+impl MeshTables {
+    /// Takes over the values of a scene whose meshes have the very counts and kinds of those laid out, and tells which
+    /// tables differed. `None` where triangles are others: then the scene is to be laid out anew.
+    pub(crate) fn update(&mut self, scene: &Scene) -> Option<Changes> {
+        let mut rest = &self.indices[..];
+        let same = |mesh: &Mesh| {
+            let triangles = mesh.triangles().as_flattened();
+            let (own, others) = rest.split_at(triangles.len());
+            rest = others;
+            own == triangles
+        };
+        if !scene.meshes.iter().all(same) {
+            return None;
+        }
+        let mut changes = Changes::default();
+        let mut image = 0;
+        for (m, mesh) in scene.meshes.iter().enumerate() {
+            let layout = self.layouts[m];
+            let vertices = layout.vertex_range();
+            let positions = &mut self.positions[3 * vertices.start..3 * vertices.end];
+            changes.note("positions", overwrite(positions, mesh.positions().as_flattened()));
+            let colors = match mesh.appearance() {
+                Appearance::Uniform(color) => &color[..],
+                Appearance::VertexColors(colors) => colors.as_flattened(),
+                _ => &[],
+            };
+            let first = layout.color_base as usize;
+            changes.note("colors", overwrite(&mut self.colors[first..first + colors.len()], colors));
+            changes = changes.or(self.update_texture(mesh.appearance(), m, &mut image));
+        }
+        Some(changes)
+    }
+
+    /// The same of a mesh's texture, `image` counting all meshes' images.
+    fn update_texture(&mut self, appearance: &Appearance, mesh: usize, image: &mut usize) -> Changes {
+        let mut changes = Changes::default();
+        match (appearance, &self.appearances[mesh]) {
+            (Appearance::Surface { texels, .. }, Appearances::Surface { texels: range }) => {
+                changes.note("texels", overwrite_texels(&mut self.texels[range.clone()], texels));
+            }
+            (
+                Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle },
+                Appearances::Textured { first, textures: ranges, uv_triangles: indices, .. },
+            ) => {
+                let layout = self.layouts[mesh];
+                let (at, uvs) = (layout.uv_base as usize, uvs.as_flattened());
+                changes.note("uvs", overwrite(&mut self.uvs[at..at + uvs.len()], uvs));
+                let indices = &mut self.uv_indices[indices.clone()];
+                changes.note("uv_indices", overwrite(indices, uv_triangles.as_flattened()));
+                let names = self.triangle_textures.iter_mut().skip(layout.texture_base.max(0) as usize);
+                for (name, texture) in names.zip(texture_of_triangle) {
+                    changes.note("triangle_textures", *name != first + texture);
+                    *name = first + texture;
+                }
+                let entries = &mut self.textures[*first as usize..];
+                for ((texture, range), entry) in textures.iter().zip(ranges).zip(entries) {
+                    changes.note("textures", entry[3] != kind_of(texture));
+                    entry[3] = kind_of(texture);
+                    let known = &mut self.images[*image];
+                    if !known.shares_texels(texture) {
+                        changes.note("texels", overwrite_texels(&mut self.texels[range.clone()], texture.texels()));
+                        *known = texture.clone();
+                    }
+                    *image += 1;
+                }
+            }
+            _ => {}
+        }
+        changes
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn changes_are_a_set_of_names() {
+        let mut changes = Changes::default();
+        changes.note("positions", false);
+        assert!(changes.is_empty());
+        changes.note("positions", true);
+        assert!(changes.has("positions") && !changes.has("indices") && !changes.has("no input"));
+        assert!(INPUTS.iter().all(|name| Changes::ALL.has(name)));
+        assert_eq!(Changes::ALL.without(changes).or(changes), Changes::ALL);
+    }
+
+    #[test]
+    fn zeros_of_either_sign_differ() {
+        let mut values = [0.0f32, 1.0];
+        assert!(!overwrite(&mut values, &[0.0, 1.0]));
+        assert!(overwrite(&mut values, &[-0.0, 1.0]));
+        assert!(overwrite_texels(&mut [[0.0; 4]], &[[0.0, -0.0, 0.0]]));
+        assert!(!overwrite_texels(&mut [[0.0; 4]], &[[0.0; 3]]));
+    }
+}
