@@ -1,58 +1,58 @@
-//! The crate's one error type: what is wrong, where, and how to mend it.
+//! The crate's one error type: what is wrong, where, and how to fix it.
 
 use std::path::PathBuf;
 
-/// Everything that can go wrong, each variant naming the thing, the place and the mend.
+/// Everything that can go wrong, each variant naming the thing, the place and the fix.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// A mesh's data is inconsistent or not finite.
-    #[error("mesh: {what} at {place}: {mend}")]
+    #[error("mesh: {what} at {place}: {fix}")]
     Mesh {
         /// What is wrong ("position is not finite").
         what: String,
         /// Where it is ("vertex 17", "triangle 3, corner 1").
         place: String,
-        /// How to mend it.
-        mend: String,
+        /// How to fix it.
+        fix: String,
     },
     /// A camera cannot be made from these numbers.
-    #[error("camera: {field} = {value}: {mend}")]
+    #[error("camera: {field} = {value}: {fix}")]
     Camera {
         /// The field that is wrong.
         field: &'static str,
         /// The value it has.
         value: String,
-        /// How to mend it.
-        mend: String,
+        /// How to fix it.
+        fix: String,
     },
     /// A light's field is out of range.
-    #[error("light: {field} = {value}: {mend}")]
+    #[error("light: {field} = {value}: {fix}")]
     Light {
         /// The field that is wrong.
         field: String,
         /// The value it has.
         value: String,
-        /// How to mend it.
-        mend: String,
+        /// How to fix it.
+        fix: String,
     },
     /// A setting is out of range.
-    #[error("settings: {field} = {value}: {mend}")]
+    #[error("settings: {field} = {value}: {fix}")]
     Settings {
         /// The field that is wrong.
         field: &'static str,
         /// The value it has.
         value: String,
         /// The range it must be in, and why.
-        mend: String,
+        fix: String,
     },
     /// A scene and its cameras do not fit together.
-    #[error("scene: {what}: {mend}")]
+    #[error("scene: {what}: {fix}")]
     Scene {
         /// What is wrong.
         what: String,
-        /// How to mend it.
-        mend: String,
+        /// How to fix it.
+        fix: String,
     },
     /// A file cannot be read or written.
     #[error("{path}: {source}", path = path.display())]
@@ -63,7 +63,7 @@ pub enum Error {
         source: std::io::Error,
     },
     /// A file's content is malformed.
-    #[error("{path}{at}: {what}: {mend}", path = path.display(), at = line.map_or(String::new(), |l| format!(":{l}")))]
+    #[error("{path}{at}: {what}: {fix}", path = path.display(), at = line.map_or(String::new(), |l| format!(":{l}")))]
     File {
         /// The file.
         path: PathBuf,
@@ -71,19 +71,19 @@ pub enum Error {
         line: Option<usize>,
         /// What is wrong.
         what: String,
-        /// How to mend it.
-        mend: String,
+        /// How to fix it.
+        fix: String,
     },
     /// No Vulkan loader, driver or suitable device.
-    #[error("no usable Vulkan device: {what}: {mend}")]
+    #[error("no usable Vulkan device: {what}: {fix}")]
     NoDevice {
         /// What was looked for and not found.
         what: String,
-        /// How to mend it.
-        mend: String,
+        /// How to fix it.
+        fix: String,
     },
     /// The frame needs more than a limit of the device allows.
-    #[error("{what} needs {needed} {unit}, the device's limit {limit_name} is {limit}: {mend}")]
+    #[error("{what} needs {needed} {unit}, the device's limit {limit_name} is {limit}: {fix}")]
     Limit {
         /// The thing that is too large.
         what: String,
@@ -95,58 +95,58 @@ pub enum Error {
         limit_name: &'static str,
         /// The limit's value.
         limit: u64,
-        /// How to mend it.
-        mend: String,
+        /// How to fix it.
+        fix: String,
     },
     /// Memory ran out.
-    #[error("out of memory for {what} ({bytes} bytes): {mend}")]
+    #[error("out of memory for {what} ({bytes} bytes): {fix}")]
     OutOfMemory {
         /// The buffer that could not be had.
         what: String,
         /// Its size.
         bytes: u64,
-        /// How to mend it.
-        mend: String,
+        /// How to fix it.
+        fix: String,
     },
     /// The device met a value that is not finite, born in its own arithmetic.
-    #[error("the device met a value that is not finite in stage {stage}: {mend}")]
+    #[error("the device met a value that is not finite in stage {stage}: {fix}")]
     NotFinite {
         /// The stage that saw it.
         stage: &'static str,
-        /// How to mend it.
-        mend: String,
+        /// How to fix it.
+        fix: String,
     },
     /// A gradient was asked of a frame that did not keep what it takes.
-    #[error("backward: {what}: {mend}")]
+    #[error("backward: {what}: {fix}")]
     Backward {
         /// What is missing.
         what: String,
-        /// How to mend it.
-        mend: String,
+        /// How to fix it.
+        fix: String,
     },
     /// A fit cannot be set up from what it was given.
-    #[error("fit: {what}: {mend}")]
+    #[error("fit: {what}: {fix}")]
     Fit {
         /// What is wrong.
         what: String,
-        /// How to mend it.
-        mend: String,
+        /// How to fix it.
+        fix: String,
     },
     /// An embedding host's handles, buffers or plans do not fit together.
-    #[error("host: {what}: {mend}")]
+    #[error("host: {what}: {fix}")]
     Host {
         /// What does not fit.
         what: String,
-        /// How to mend it.
-        mend: String,
+        /// How to fix it.
+        fix: String,
     },
     /// The driver reset the device; nothing made on it can be used any more, but all of it can be dropped.
-    #[error("{call}: the driver reset the device (a frame that ran too long, a driver fault): {mend}")]
+    #[error("{call}: the driver reset the device (a frame that ran too long, a driver fault): {fix}")]
     DeviceLost {
         /// The call that reported it.
         call: &'static str,
         /// How to go on.
-        mend: String,
+        fix: String,
     },
     /// A Vulkan call failed.
     #[error("Vulkan: {call} failed: {result}")]

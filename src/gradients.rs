@@ -49,7 +49,7 @@ impl ImageGradient {
             ("depth", &self.depth, rendered.depth, 1),
             ("normal", &self.normal, rendered.normal, 3),
         ];
-        let bad = |what: String, mend: &str| Err(Error::Backward { what, mend: mend.into() });
+        let bad = |what: String, fix: &str| Err(Error::Backward { what, fix: fix.into() });
         if images.iter().all(|(_, image, ..)| image.is_none()) {
             return bad("no image has an upstream gradient".into(), "give dL/dimage of at least one rendered image");
         }

@@ -1,4 +1,4 @@
-//! Every kind of error is reached, and its text names the thing, the place and the mend.
+//! Every kind of error is reached, and its text names the thing, the place and the fix.
 #![cfg(all(feature = "reference", feature = "obj"))]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
@@ -116,10 +116,10 @@ fn scenes_lights_and_settings() {
         ("far = 1.0000005", "beyond near", |s| s.far = 1.0000005),
         ("background_color", "1e6", |s| s.background_color[2] = f64::INFINITY),
     ];
-    for (what, mend, change) in wrong {
+    for (what, fix, change) in wrong {
         let mut settings = settings.clone();
         change(&mut settings);
-        let error = assert_says(render(&scene, 1, &settings), &["settings", what, mend]);
+        let error = assert_says(render(&scene, 1, &settings), &["settings", what, fix]);
         assert!(matches!(error, Error::Settings { .. }));
     }
     assert_says(
@@ -269,7 +269,7 @@ fn files() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("mesh.obj");
     std::fs::write(&path, "v 0 0 0\nf 1 2 3\n").unwrap();
-    let error = assert_says(load(&path, &LoadOptions::default()), &["mesh.obj:2: ", "index 2", "mend the index"]);
+    let error = assert_says(load(&path, &LoadOptions::default()), &["mesh.obj:2: ", "index 2", "fix the index"]);
     assert!(matches!(error, Error::File { line: Some(2), .. }));
     assert_says(write_obj(&triangle(), &folder.path().join("no/mesh.obj")), &["no/mesh.obj"]);
 }

@@ -21,9 +21,9 @@ fn devices_are_listed_and_selected() -> Outcome {
     for selector in ["no such device", "4000000000"] {
         let options = ContextOptions { device: Some(selector.to_string()), ..Default::default() };
         match Context::new(&options) {
-            Err(Error::NoDevice { what, mend }) => {
+            Err(Error::NoDevice { what, fix }) => {
                 assert!(what.contains(selector), "{what}");
-                assert!(devices.iter().all(|d| mend.contains(&d.name)), "{mend}");
+                assert!(devices.iter().all(|d| fix.contains(&d.name)), "{fix}");
             }
             other => return Err(format!("not NoDevice: {other:?}").into()),
         }

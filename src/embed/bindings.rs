@@ -105,12 +105,12 @@ impl Parts {
 fn missing(name: &str) -> Error {
     Error::Host {
         what: format!("there is no buffer `{name}`"),
-        mend: "give every buffer of the plan's buffers()".into(),
+        fix: "give every buffer of the plan's buffers()".into(),
     }
 }
 
-fn host_error<T>(what: String, mend: &str) -> Result<T> {
-    Err(Error::Host { what, mend: mend.into() })
+fn host_error<T>(what: String, fix: &str) -> Result<T> {
+    Err(Error::Host { what, fix: fix.into() })
 }
 
 fn judge(requirement: &BufferRequirement, at: &BufferRef) -> Result<()> {
@@ -146,8 +146,8 @@ fn ranges_of<const N: usize>(required: &[BufferRequirement], parts: &Parts) -> [
 /// A plan may be recorded with what was bound for another if it needs no more and compiles to the same kernels.
 fn fits(sizes: &[u64], ranges: &[u64], same_modes: bool) -> Result<()> {
     if !same_modes {
-        let mend = "bind buffers for this plan: outputs, modes, lights or depth span are others";
-        return host_error("the bindings were made for other kernels than the plan's".into(), mend);
+        let fix = "bind buffers for this plan: outputs, modes, lights or depth span are others";
+        return host_error("the bindings were made for other kernels than the plan's".into(), fix);
     }
     match sizes.iter().zip(ranges).find(|(size, range)| size > range) {
         Some((size, range)) => {

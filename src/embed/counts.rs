@@ -44,7 +44,7 @@ impl Rasterizer {
     /// [`prepare`](Self::prepare).
     pub fn bind_counts(&self, plan: &FramePlan, frame: &FrameBindings, counts: &Counts) -> Result<CountBindings> {
         frame.fits(plan)?;
-        let misfit = |what: String, mend: &str| Err(Error::Host { what, mend: mend.into() });
+        let misfit = |what: String, fix: &str| Err(Error::Host { what, fix: fix.into() });
         if !plan.shape.device_counts {
             return misfit("the frame was planned with counts known".into(), "set Shape::device_counts");
         }

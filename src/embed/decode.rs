@@ -43,7 +43,7 @@ impl Decoder<'_> {
     pub fn decode<'b>(&'b self, bytes: impl Fn(&str) -> Option<&'b [u8]> + 'b) -> Result<Gradients> {
         self.judge()?;
         self.decode_floats(&|name, count| {
-            let fail = |what: String| Err(Error::Host { what, mend: "give the bytes of the whole buffer".into() });
+            let fail = |what: String| Err(Error::Host { what, fix: "give the bytes of the whole buffer".into() });
             match bytes(name).map(|bytes| (bytes.len(), bytes.get(..4 * count).map(bytemuck::try_cast_slice))) {
                 None => fail(format!("there are no bytes of `{name}`")),
                 Some((length, None)) => fail(format!("`{name}` has {length} bytes, its gradients {}", 4 * count)),
@@ -71,7 +71,7 @@ impl Decoder<'_> {
             None => Ok(()),
             Some((_, name)) => Err(Error::Host {
                 what: format!("the backward pass was planned with others than {name} given"),
-                mend: "decode with what the pass was planned with".into(),
+                fix: "decode with what the pass was planned with".into(),
             }),
         }
     }
@@ -112,7 +112,7 @@ impl Decoder<'_> {
             None => Ok(gradients),
             Some(field) => Err(Error::NotFinite {
                 stage: "backward",
-                mend: format!(
+                fix: format!(
                     "the gradient by {field} overflowed: bring the scene to a scale within 1e6 of the camera's"
                 ),
             }),

@@ -72,8 +72,8 @@ impl Geometry {
         let sum = |each: fn(&Draw) -> u64| draws.iter().map(each).fold(0u64, u64::saturating_add);
         let limit = |what: &str, needed: u64, unit: &'static str, limit: u64| {
             let (what, limit_name) = (what.to_owned(), "what kernels count to");
-            let mend = "spread them over several geometries".into();
-            if needed <= limit { Ok(()) } else { Err(Error::Limit { what, needed, unit, limit_name, limit, mend }) }
+            let fix = "spread them over several geometries".into();
+            if needed <= limit { Ok(()) } else { Err(Error::Limit { what, needed, unit, limit_name, limit, fix }) }
         };
         limit("a geometry", draws.len() as u64 + sum(|d| d.instances.into()), "draws and instances", MOST)?;
         let elements = i32::MAX as u64;

@@ -78,8 +78,8 @@ impl Rasterizer {
     /// [`Error::Settings`] for another number.
     pub fn with_lanes(mut self, lanes: u32) -> Result<Self> {
         if !(lanes.is_power_of_two() && lanes <= c::TILE_WIDTH * c::TILE_HEIGHT) {
-            let mend = "use a power of two from 1 to 32".into();
-            return Err(Error::Settings { field: "lanes", value: lanes.to_string(), mend });
+            let fix = "use a power of two from 1 to 32".into();
+            return Err(Error::Settings { field: "lanes", value: lanes.to_string(), fix });
         }
         self.lanes = lanes;
         Ok(self)

@@ -74,8 +74,8 @@ pub struct GeometryGradientBindings {
     steps: Vec<Step>,
 }
 
-fn misfit<T>(what: String, mend: &str) -> Result<T> {
-    Err(Error::Host { what, mend: mend.into() })
+fn misfit<T>(what: String, fix: &str) -> Result<T> {
+    Err(Error::Host { what, fix: fix.into() })
 }
 
 /// The words of a layout whose last of `count` elements of `words` words each lies inside a buffer.

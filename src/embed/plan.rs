@@ -116,7 +116,7 @@ fn judge_corners(shape: &Shape, views: u32, longest_list: u32) -> Result<()> {
         unit: "terms of a sum",
         limit_name: "passes of a loop on a software driver",
         limit: longest_list.into(),
-        mend: "split the vertex, or render fewer views at once".into(),
+        fix: "split the vertex, or render fewer views at once".into(),
     })
 }
 
@@ -127,11 +127,11 @@ const FARTHEST: f64 = 70.0;
 /// Counts and reaches that the kernels can rely on.
 fn judge(shape: &Shape) -> Result<()> {
     judge_views(shape.views.into())?;
-    let fail = |what: String, mend: &str| Err(Error::Scene { what, mend: mend.into() });
+    let fail = |what: String, fix: &str| Err(Error::Scene { what, fix: fix.into() });
     let (meshes, views) = (shape.meshes.len(), shape.views as usize);
     if meshes == 0 || views == 0 || (meshes != 1 && meshes != views) {
-        let mend = "give one mesh with any number of views, or one view per mesh";
-        return fail(format!("{meshes} meshes but {views} views"), mend);
+        let fix = "give one mesh with any number of views, or one view per mesh";
+        return fail(format!("{meshes} meshes but {views} views"), fix);
     }
     let vertices = shape.vertices();
     let triangles: u64 = shape.meshes.iter().map(|m| u64::from(m.triangles)).sum();
@@ -146,7 +146,7 @@ fn judge(shape: &Shape) -> Result<()> {
         return Err(Error::Settings {
             field: "support",
             value: format!("one where D falls to exp(-{cutoff:.0})"),
-            mend: format!(
+            fix: format!(
                 "the kernels follow D down to exp(-{FARTHEST}): use a larger gamma, bring near and far close around the \
                  scene, use the composite background, or support probability"
             ),
@@ -297,7 +297,7 @@ impl GradientPlan {
     /// # Errors
     /// [`Error::Backward`] for a frame that does not save, or images that it does not render; [`Error::Limit`].
     pub fn new(frame: &FramePlan, differentiate: &Differentiate) -> Result<Self> {
-        let fail = |what: &str, mend: &str| Err(Error::Backward { what: what.into(), mend: mend.into() });
+        let fail = |what: &str, fix: &str| Err(Error::Backward { what: what.into(), fix: fix.into() });
         if frame.plan.mode("SAVE") == 0 {
             return fail("the frame keeps nothing for it", "plan it with Settings::save = true");
         }

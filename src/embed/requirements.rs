@@ -55,7 +55,7 @@ impl Requirements {
     /// [`Error::NoDevice`] saying what is missing; [`Error::Host`] for null handles.
     pub fn judge(&self, host: &HostAdapter) -> Result<DeviceInfo> {
         let info = host.describe()?;
-        let fail = |what: String| Err(Error::NoDevice { what, mend: "choose another physical device".into() });
+        let fail = |what: String| Err(Error::NoDevice { what, fix: "choose another physical device".into() });
         if let Err(reason) = &info.suitable {
             return fail(format!("{}: {reason}", info.name));
         }

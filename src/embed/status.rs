@@ -45,8 +45,8 @@ impl Status {
     /// so long a list.
     pub fn judge(&self, plan: &FramePlan) -> Result<Option<Capacity>> {
         if self.not_finite {
-            let mend = "bring positions and camera to a scale within 1e15, and near above 1e-6".into();
-            return Err(Error::NotFinite { stage: "triangle", mend });
+            let fix = "bring positions and camera to a scale within 1e15, and near above 1e-6".into();
+            return Err(Error::NotFinite { stage: "triangle", fix });
         }
         if self.longest_list > plan.longest_list {
             return Err(Error::Limit {
@@ -55,7 +55,7 @@ impl Status {
                 unit: "triangles near it",
                 limit_name: "passes of a loop on a software driver",
                 limit: plan.longest_list.into(),
-                mend: "render larger, nearer or with a smaller sigma, or simplify the mesh".into(),
+                fix: "render larger, nearer or with a smaller sigma, or simplify the mesh".into(),
             });
         }
         let (needed, had) = (self.needed, plan.capacity);

@@ -45,8 +45,8 @@ struct Push {
 /// Pixels of a workgroup along each axis.
 const GROUP: u32 = 8;
 
-fn misfit<T>(what: String, mend: &str) -> Result<T> {
-    Err(Error::Host { what, mend: mend.into() })
+fn misfit<T>(what: String, fix: &str) -> Result<T> {
+    Err(Error::Host { what, fix: fix.into() })
 }
 
 fn kernel_of(format: ImageFormat) -> &'static Kernel {

@@ -29,6 +29,6 @@ pub mod voxel;
 
 use crate::error::{Error, Result};
 
-fn bad<T>(what: impl Into<String>, mend: &str) -> Result<T> {
-    Err(Error::Fit { what: what.into(), mend: mend.into() })
+fn bad<T>(what: impl Into<String>, fix: &str) -> Result<T> {
+    Err(Error::Fit { what: what.into(), fix: fix.into() })
 }

@@ -73,7 +73,7 @@ pub fn bind<'a>(
         let Some(buffer) = find(&name) else {
             return Err(Error::Scene {
                 what: format!("kernel `{}` needs a buffer `{name}`", pipeline.kernel().name),
-                mend: "give every buffer that the plan lists".into(),
+                fix: "give every buffer that the plan lists".into(),
             });
         };
         buffers.push((binding.name, buffer));

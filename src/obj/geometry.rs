@@ -33,8 +33,8 @@ pub(super) struct Geometry {
 /// # Errors
 /// [`Error::File`] with the line of a number that is none or not finite, or of a polygon too large to cut.
 pub(super) fn read(path: &Path, scan: &Scan, notes: &mut Vec<String>) -> Result<Geometry> {
-    let file_error = |line: usize, what: String, mend: &str| {
-        Err(Error::File { path: path.into(), line: Some(line), what, mend: mend.into() })
+    let file_error = |line: usize, what: String, fix: &str| {
+        Err(Error::File { path: path.into(), line: Some(line), what, fix: fix.into() })
     };
     let mesh = match parse(scan) {
         Ok(mesh) => mesh,

@@ -79,11 +79,11 @@ pub(super) fn read_libraries(
                 notes.push(format!("line {line}: material file {file:?} not found: its materials are white"));
                 continue;
             }
-            judge_inside(obj, &mtl, allow_outside).map_err(|(what, mend)| Error::File {
+            judge_inside(obj, &mtl, allow_outside).map_err(|(what, fix)| Error::File {
                 path: obj.into(),
                 line: Some(*line),
                 what,
-                mend,
+                fix,
             })?;
             if known.insert(mtl.canonicalize().unwrap_or_else(|_| mtl.clone())) {
                 read_library(&mtl, &mut materials, notes)?;
@@ -99,7 +99,7 @@ fn read_library(mtl: &Path, materials: &mut Materials, notes: &mut Vec<String>) 
     for statement in statements(&text) {
         let line = statement.line;
         let refuse =
-            |what: String, mend: &str| Err(Error::File { path: mtl.into(), line: Some(line), what, mend: mend.into() });
+            |what: String, fix: &str| Err(Error::File { path: mtl.into(), line: Some(line), what, fix: fix.into() });
         let mut note = |text: &str| notes.push(format!("{shown}:{line}: {text}"));
         let keyword = statement.keyword();
         if keyword == "newmtl" {

@@ -69,7 +69,7 @@ impl Ignored {
     }
 }
 
-/// What is wrong and how to mend it.
+/// What is wrong and how to fix it.
 type Verdict<T = ()> = std::result::Result<T, (String, &'static str)>;
 
 /// Judges every statement.
@@ -80,11 +80,11 @@ pub(super) fn scan(path: &Path, text: &str, notes: &mut Vec<String>) -> Result<S
     let totals = count(text);
     let mut scanner = Scanner { scan: Scan { totals, ..Scan::default() }, ..Scanner::default() };
     for statement in statements(text) {
-        scanner.statement(&statement).map_err(|(what, mend)| Error::File {
+        scanner.statement(&statement).map_err(|(what, fix)| Error::File {
             path: path.into(),
             line: Some(statement.line),
             what,
-            mend: mend.into(),
+            fix: fix.into(),
         })?;
     }
     notes.extend(scanner.ignored.notes());
@@ -94,7 +94,7 @@ pub(super) fn scan(path: &Path, text: &str, notes: &mut Vec<String>) -> Result<S
             path: path.into(),
             line: None,
             what: format!("no faces ({} vertices)", totals.vertices),
-            mend: "softras draws triangles: give a mesh with `f` statements".into(),
+            fix: "softras draws triangles: give a mesh with `f` statements".into(),
         });
     }
     Ok(scan)
@@ -275,7 +275,7 @@ fn judge_index(what: &str, word: &str, so_far: usize, total: usize) -> Verdict {
         0 => Err((format!("{what} index 0"), "indices count from 1, or from -1 backwards")),
         _ if index.unsigned_abs() > count as u64 => {
             let lack = if index < 0 { " before it" } else { "" };
-            Err((format!("{what} index {index} but there are {count}{lack}"), "mend the index or add what it names"))
+            Err((format!("{what} index {index} but there are {count}{lack}"), "fix the index or add what it names"))
         }
         _ => Ok(()),
     }

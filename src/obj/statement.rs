@@ -9,9 +9,8 @@ const MAX_BYTES: u64 = 1 << 32;
 /// Reads a whole text file; bytes that are not UTF-8 (names in an old code page) become replacement characters.
 pub(super) fn read_text(path: &Path) -> Result<String> {
     let io = |source| Error::Io { path: path.into(), source };
-    let refuse = |what: &str, mend: &str| {
-        Err(Error::File { path: path.into(), line: None, what: what.into(), mend: mend.into() })
-    };
+    let refuse =
+        |what: &str, fix: &str| Err(Error::File { path: path.into(), line: None, what: what.into(), fix: fix.into() });
     let metadata = fs::metadata(path).map_err(io)?;
     if !metadata.is_file() {
         return refuse("not a regular file", "give the path of a file");

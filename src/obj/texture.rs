@@ -27,16 +27,16 @@ pub(super) fn read(
     notes: &mut Vec<String>,
 ) -> Result<Texture> {
     let path = locate(&map.mtl, &map.name);
-    let refuse = |what: String, mend: String| Error::File { path: map.mtl.clone(), line: Some(map.line), what, mend };
-    judge_inside(obj, &path, options.allow_outside).map_err(|(what, mend)| refuse(what, mend))?;
+    let refuse = |what: String, fix: String| Error::File { path: map.mtl.clone(), line: Some(map.line), what, fix };
+    judge_inside(obj, &path, options.allow_outside).map_err(|(what, fix)| refuse(what, fix))?;
     let shown = path.display();
     if !path.is_file() {
-        let mend = "put the image there or remove the map_Kd line".into();
-        return Err(refuse(format!("texture {shown} not found"), mend));
+        let fix = "put the image there or remove the map_Kd line".into();
+        return Err(refuse(format!("texture {shown} not found"), fix));
     }
     let undecodable = |error: image::ImageError| {
-        let mend = format!("use a PNG or JPEG of at most {MAX_SIDE}×{MAX_SIDE} pixels");
-        refuse(format!("texture {shown}: {error}"), mend)
+        let fix = format!("use a PNG or JPEG of at most {MAX_SIDE}×{MAX_SIDE} pixels");
+        refuse(format!("texture {shown}: {error}"), fix)
     };
     let unreadable = |error| undecodable(image::ImageError::IoError(error));
     // The content tells the format; the name may lie.

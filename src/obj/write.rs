@@ -78,7 +78,7 @@ fn materials<'a>(mesh: &'a Mesh, stem: &str) -> Result<Materials<'a>> {
             return Err(Error::Mesh {
                 what: format!("surface texture of resolution {resolution}"),
                 place: "appearance".into(),
-                mend: "OBJ files hold one colour per face: use resolution 1, vertex colours or an image".into(),
+                fix: "OBJ files hold one colour per face: use resolution 1, vertex colours or an image".into(),
             });
         }
         Appearance::Textured { textures, texture_of_triangle, .. } => {
@@ -145,7 +145,7 @@ fn png(texture: &Texture) -> Result<Vec<u8>> {
         return Err(Error::Mesh {
             what: format!("texel value {value}"),
             place: "texture".into(),
-            mend: "PNG files hold 0 to 1: clamp it first".into(),
+            fix: "PNG files hold 0 to 1: clamp it first".into(),
         });
     }
     let is_8_bit = values.iter().all(|value| (value * 255.0).round() / 255.0 == *value);
@@ -161,7 +161,7 @@ fn png(texture: &Texture) -> Result<Vec<u8>> {
         Err(error) => Err(Error::Mesh {
             what: error.to_string(),
             place: "texture".into(),
-            mend: "the PNG encoder refuses this image: try a smaller one".into(),
+            fix: "the PNG encoder refuses this image: try a smaller one".into(),
         }),
     }
 }

@@ -140,7 +140,7 @@ pub fn render_at(
     if !parameters.fits(scene, cameras, settings) {
         return Err(Error::Scene {
             what: format!("{} parameters of another scene", parameters.values().len()),
-            mend: "make them with Parameters::new for these meshes, cameras and lights".into(),
+            fix: "make them with Parameters::new for these meshes, cameras and lights".into(),
         });
     }
     Ok(frame::frame(scene, cameras, settings, Truncation::Tau, Search::Culled, parameters))
@@ -171,7 +171,7 @@ pub fn gradient(
         {
             return Err(Error::Backward {
                 what: format!("{name} has {} values, the frame {}", image.len(), pixels * channels),
-                mend: "give batch × height × width × channels values".into(),
+                fix: "give batch × height × width × channels values".into(),
             });
         }
     }

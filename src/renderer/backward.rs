@@ -45,8 +45,8 @@ impl State {
     }
 }
 
-fn stale<T>(what: &str, mend: &str) -> Result<T> {
-    Err(Error::Backward { what: what.into(), mend: mend.into() })
+fn stale<T>(what: &str, fix: &str) -> Result<T> {
+    Err(Error::Backward { what: what.into(), fix: fix.into() })
 }
 
 impl Renderer {

@@ -51,8 +51,8 @@ pub struct Camera {
     projection: Projection,
 }
 
-fn bad<T>(field: &'static str, value: impl std::fmt::Debug, mend: &str) -> Result<T> {
-    Err(Error::Camera { field, value: format!("{value:?}"), mend: mend.into() })
+fn bad<T>(field: &'static str, value: impl std::fmt::Debug, fix: &str) -> Result<T> {
+    Err(Error::Camera { field, value: format!("{value:?}"), fix: fix.into() })
 }
 
 impl Camera {

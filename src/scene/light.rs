@@ -66,7 +66,7 @@ impl Lights {
     /// # Errors
     /// [`Error::Light`] for a value that is not finite, a direction of length 0, or too many lights.
     pub fn judge(&self) -> Result<()> {
-        let bad = |field: String, value: String, mend: &str| Err(Error::Light { field, value, mend: mend.into() });
+        let bad = |field: String, value: String, fix: &str| Err(Error::Light { field, value, fix: fix.into() });
         if self.directional.len() > Self::MAX_DIRECTIONAL {
             let n = self.directional.len().to_string();
             return bad("directional.len()".into(), n, "at most 64 directional lights are supported");

@@ -44,8 +44,8 @@ pub struct Mesh {
     most_corners: u32,
 }
 
-fn mesh_error<T>(what: String, place: String, mend: &str) -> Result<T> {
-    Err(Error::Mesh { what, place, mend: mend.into() })
+fn mesh_error<T>(what: String, place: String, fix: &str) -> Result<T> {
+    Err(Error::Mesh { what, place, fix: fix.into() })
 }
 
 fn judge_finite<const N: usize>(values: &[[f32; N]], what: &str, element: &str) -> Result<()> {

@@ -63,13 +63,13 @@ impl Scene {
         if m == 0 || c == 0 {
             return Err(Error::Scene {
                 what: format!("{m} meshes and {c} cameras"),
-                mend: "a frame needs at least one of each (a mesh may have no triangles)".into(),
+                fix: "a frame needs at least one of each (a mesh may have no triangles)".into(),
             });
         }
         if m != 1 && m != c {
             return Err(Error::Scene {
                 what: format!("{m} meshes but {c} cameras"),
-                mend: "give one mesh with any number of cameras, or one camera per mesh".into(),
+                fix: "give one mesh with any number of cameras, or one camera per mesh".into(),
             });
         }
         self.lights.judge()

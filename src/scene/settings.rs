@@ -217,8 +217,8 @@ impl Settings {
     /// # Errors
     /// [`Error::Settings`] naming the field, its value and its range.
     pub fn judge(&self) -> Result<()> {
-        let check = |ok: bool, field: &'static str, value: String, mend: &str| {
-            if ok { Ok(()) } else { Err(Error::Settings { field, value, mend: mend.into() }) }
+        let check = |ok: bool, field: &'static str, value: String, fix: &str| {
+            if ok { Ok(()) } else { Err(Error::Settings { field, value, fix: fix.into() }) }
         };
         let size = 1..=Self::MAX_SIZE;
         check(size.contains(&self.width), "width", self.width.to_string(), "use 1 to 16384 pixels")?;

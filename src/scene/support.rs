@@ -76,7 +76,7 @@ impl Settings {
             return Err(Error::Settings {
                 field: "support",
                 value: "guaranteed".into(),
-                mend: "the official code's silhouette counts triangles that its colour does not: use parity model, or \
+                fix: "the official code's silhouette counts triangles that its colour does not: use parity model, or \
                        support probability"
                     .into(),
             });

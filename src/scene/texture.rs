@@ -38,14 +38,14 @@ impl Texture {
             return Err(Error::Mesh {
                 what: format!("{} texels for {width}×{height}", texels.len()),
                 place: "texture".into(),
-                mend: "give width × height texels, at least one".into(),
+                fix: "give width × height texels, at least one".into(),
             });
         }
         if let Some(i) = texels.iter().position(|t| !t.iter().all(|x| x.abs() <= Mesh::BRIGHTEST)) {
             return Err(Error::Mesh {
                 what: format!("texel {:?} is not within ±{:e}", texels[i], Mesh::BRIGHTEST),
                 place: format!("texture row {}, column {}", i / width as usize, i % width as usize),
-                mend: "use finite values that are no larger".into(),
+                fix: "use finite values that are no larger".into(),
             });
         }
         Ok(Self { width, height, texels: Arc::new(texels), wrap })

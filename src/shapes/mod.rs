@@ -28,8 +28,8 @@ pub fn by_name(name: &str) -> Result<Mesh> {
     }
 }
 
-fn shape_error<T>(what: String, mend: String) -> Result<T> {
-    Err(Error::Mesh { what, place: "shapes".into(), mend })
+fn shape_error<T>(what: String, fix: String) -> Result<T> {
+    Err(Error::Mesh { what, place: "shapes".into(), fix })
 }
 
 /// A cube of side 1.2, 12 triangles, with another colour on each face: red and cyan at +x and -x, green and magenta at

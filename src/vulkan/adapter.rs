@@ -291,7 +291,7 @@ pub(super) fn select(adapters: Vec<Adapter>, selector: Option<&str>) -> Result<A
             } else {
                 format!("of {listing}: none is suitable")
             },
-            mend: "install a driver with Vulkan 1.1, or the software device \
+            fix: "install a driver with Vulkan 1.1, or the software device \
                    (Debian, Ubuntu: apt install mesa-vulkan-drivers)"
                 .to_string(),
         });
@@ -314,7 +314,7 @@ pub(super) fn select(adapters: Vec<Adapter>, selector: Option<&str>) -> Result<A
     };
     best.filter(|a| a.info.suitable.is_ok()).ok_or_else(|| Error::NoDevice {
         what,
-        mend: if listing.is_empty() {
+        fix: if listing.is_empty() {
             "there is no device: install a driver with Vulkan 1.1".to_string()
         } else {
             format!("choose one by number or by part of its name: {listing}")

@@ -133,6 +133,6 @@ pub(super) fn limit_error(
         return Ok(());
     }
     let what = format!("buffer `{name}`");
-    let mend = "render a smaller image, fewer triangles or fewer cameras at once".to_string();
-    Err(Error::Limit { what, needed, unit, limit_name, limit, mend })
+    let fix = "render a smaller image, fewer triangles or fewer cameras at once".to_string();
+    Err(Error::Limit { what, needed, unit, limit_name, limit, fix })
 }

@@ -40,7 +40,7 @@ impl Device {
         if properties.api_version < vk::API_VERSION_1_1 {
             return Err(Error::NoDevice {
                 what: "the host's device has Vulkan 1.0 only".to_string(),
-                mend: "softras needs Vulkan 1.1".to_string(),
+                fix: "softras needs Vulkan 1.1".to_string(),
             });
         }
         // SAFETY: both belong together and are of Vulkan 1.1.

@@ -59,7 +59,7 @@ fn enabled(device: &Device, function: &CStr, extension: &CStr) -> Result<()> {
     }
     Err(Error::Host {
         what: format!("the device was made without {}", extension.to_string_lossy()),
-        mend: "enable it where ExternalSupport says that it is there".into(),
+        fix: "enable it where ExternalSupport says that it is there".into(),
     })
 }
 
@@ -111,7 +111,7 @@ impl ExternalBuffer {
             }
             External::Bytes(bytes) => Err(Error::Host {
                 what: format!("{} bytes for a buffer of {size}", bytes.len()),
-                mend: "import with the size of the exported buffer".into(),
+                fix: "import with the size of the exported buffer".into(),
             }),
         }
     }
@@ -124,8 +124,8 @@ impl ExternalBuffer {
         fd: Option<OwnedFd>,
     ) -> Result<Self> {
         if size == 0 {
-            let (what, mend) = ("a buffer of no bytes".into(), "ask for at least one".into());
-            return Err(Error::Host { what, mend });
+            let (what, fix) = ("a buffer of no bytes".into(), "ask for at least one".into());
+            return Err(Error::Host { what, fix });
         }
         if shared {
             enabled(device, c"vkGetMemoryFdKHR", khr::external_memory_fd::NAME)?;
@@ -257,7 +257,7 @@ impl ExternalSemaphore {
         if !support.semaphores {
             return Err(Error::NoDevice {
                 what: "the driver shares no semaphores".into(),
-                mend: "wait for a fence on the host between the two devices".into(),
+                fix: "wait for a fence on the host between the two devices".into(),
             });
         }
         enabled(device, c"vkGetSemaphoreFdKHR", khr::external_semaphore_fd::NAME)?;

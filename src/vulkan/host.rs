@@ -93,7 +93,7 @@ impl HostAdapter {
 }
 
 fn null<T>(what: &str) -> Result<T> {
-    Err(Error::Host { what: format!("{what} is null"), mend: "give handles that were made".into() })
+    Err(Error::Host { what: format!("{what} is null"), fix: "give handles that were made".into() })
 }
 
 /// A host's device, and what softras may use with it.

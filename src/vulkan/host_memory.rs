@@ -43,7 +43,7 @@ impl BufferRef {
         }
         Err(Error::Host {
             what: format!("bytes {offset} and {range} more lie outside a buffer's {}", self.range),
-            mend: "give a part that lies inside".into(),
+            fix: "give a part that lies inside".into(),
         })
     }
 

@@ -19,7 +19,7 @@ pub(super) fn entry() -> Result<&'static ash::Entry> {
     // SAFETY: opening the Vulkan loader runs its initialisers, which it is made for.
     let entry = unsafe { ash::Entry::load() }.map_err(|e| Error::NoDevice {
         what: format!("the Vulkan loader cannot be opened ({e})"),
-        mend: "install a graphics driver with Vulkan, or the software device \
+        fix: "install a graphics driver with Vulkan, or the software device \
                (Debian, Ubuntu: apt install libvulkan1 mesa-vulkan-drivers)"
             .to_string(),
     })?;
@@ -129,7 +129,7 @@ fn require_validation(entry: &ash::Entry, debug_utils: bool) -> Result<()> {
     }
     Err(Error::NoDevice {
         what: "validation was asked for, but VK_LAYER_KHRONOS_validation is not installed".to_string(),
-        mend: "install it (Debian, Ubuntu: apt install vulkan-validationlayers), or unset SOFTRAS_VALIDATION"
+        fix: "install it (Debian, Ubuntu: apt install vulkan-validationlayers), or unset SOFTRAS_VALIDATION"
             .to_string(),
     })
 }

@@ -180,12 +180,12 @@ fn check_limits(device: &Device, kernel: &Kernel, local_size: [u32; 3]) -> Resul
         if needed <= limit {
             return Ok(());
         }
-        let (what, mend) = (format!("kernel `{}`: {what}", kernel.name), "use another device".to_string());
-        Err(Error::Limit { what, needed, unit, limit_name, limit, mend })
+        let (what, fix) = (format!("kernel `{}`: {what}", kernel.name), "use another device".to_string());
+        Err(Error::Limit { what, needed, unit, limit_name, limit, fix })
     };
     if let Some(capability) = kernel.capabilities.iter().find(|c| !limits.subgroups.has(c)) {
         let what = format!("kernel `{}` asks for {capability}, which the device lacks", kernel.name);
-        return Err(Error::NoDevice { what, mend: "use another device".to_string() });
+        return Err(Error::NoDevice { what, fix: "use another device".to_string() });
     }
     let bytes = kernel.shared_bytes.into();
     check("its shared memory", bytes, "bytes", "maxComputeSharedMemorySize", limits.max_shared_memory.into())?;

@@ -63,7 +63,7 @@ impl<'a> Recorder<'a> {
                     unit: "workgroups",
                     limit_name: "maxComputeWorkGroupCount",
                     limit: limit.into(),
-                    mend: "render a smaller image, fewer triangles or fewer cameras at once".to_string(),
+                    fix: "render a smaller image, fewer triangles or fewer cameras at once".to_string(),
                 });
             }
         }

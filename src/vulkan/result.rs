@@ -25,14 +25,11 @@ pub(super) fn vulkan(call: &'static str, result: vk::Result) -> Error {
             return Error::OutOfMemory {
                 what: call.to_string(),
                 bytes: 0,
-                mend: format!("VK_{result:?}: free memory or make the frame smaller"),
+                fix: format!("VK_{result:?}: free memory or make the frame smaller"),
             };
         }
         vk::Result::ERROR_DEVICE_LOST => {
-            return Error::DeviceLost {
-                call,
-                mend: "VK_ERROR_DEVICE_LOST: drop what was made and make it anew".into(),
-            };
+            return Error::DeviceLost { call, fix: "VK_ERROR_DEVICE_LOST: drop what was made and make it anew".into() };
         }
         vk::Result::ERROR_INCOMPATIBLE_DRIVER => "VK_ERROR_INCOMPATIBLE_DRIVER: no driver is installed".to_string(),
         other => format!("VK_{other:?}"),
@@ -57,7 +54,7 @@ fn out_of_memory(name: &str, bytes: u64) -> Error {
     Error::OutOfMemory {
         what: format!("buffer `{name}`"),
         bytes,
-        mend: "free device memory, or render a smaller image, fewer triangles or fewer cameras at once".to_string(),
+        fix: "free device memory, or render a smaller image, fewer triangles or fewer cameras at once".to_string(),
     }
 }
 

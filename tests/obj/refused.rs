@@ -7,11 +7,11 @@ type Refused = (&'static str, Option<usize>, &'static [&'static str]);
 
 #[track_caller]
 fn assert_refused(error: Error, name: &str, line: Option<usize>, words: &[&str]) {
-    let Error::File { path, line: at, what, mend } = &error else { panic!("not Error::File: {error:?}") };
+    let Error::File { path, line: at, what, fix } = &error else { panic!("not Error::File: {error:?}") };
     assert_eq!(*at, line, "{error}");
     assert_eq!(path.file_name().unwrap(), name, "{error}");
     assert!(words.iter().all(|word| what.contains(word)), "{words:?} not all in {what:?}");
-    assert!(mend.len() > 5, "{error}");
+    assert!(fix.len() > 5, "{error}");
     let place = line.map_or(format!("{name}: "), |line| format!("{name}:{line}: "));
     assert!(error.to_string().contains(&place), "{error}");
 }
@@ -104,7 +104,7 @@ fn malformed_materials_are_refused_with_their_line() {
 fn broken_and_huge_images_are_refused() {
     let whole = one_pixel_png([1, 2, 3]);
     let mut huge = whole.clone();
-    // The width in the IHDR chunk, which its checksum (here mended) covers.
+    // The width in the IHDR chunk, which its checksum (here corrected) covers.
     huge[16..20].copy_from_slice(&20_000u32.to_be_bytes());
     let crc = crc32(&huge[12..29]);
     huge[29..33].copy_from_slice(&crc.to_be_bytes());

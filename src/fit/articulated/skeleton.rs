@@ -143,8 +143,8 @@ impl Skeleton {
         let finite = pose.shift.is_finite() && pose.angles.iter().chain(&pose.lengths).all(|x| x.is_finite());
         if !finite || counts != [rest.angles.len(), rest.lengths.len()] {
             let what = format!("a pose of {counts:?} angles and lengths, finite: {finite}");
-            let mend = format!("give {} finite angles and {} lengths", rest.angles.len(), rest.lengths.len());
-            return bad(what, &mend);
+            let fix = format!("give {} finite angles and {} lengths", rest.angles.len(), rest.lengths.len());
+            return bad(what, &fix);
         }
         Ok(())
     }

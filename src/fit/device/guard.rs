@@ -26,8 +26,8 @@ impl Guard {
     /// [`Error::NotFinite`] where one is no finite number.
     pub fn new(positions: &[[f32; 3]], cameras: &[Camera], settings: &Settings) -> Result<Self> {
         if positions.as_flattened().iter().any(|x| x.is_nan() || x.abs() >= EVERYWHERE) {
-            let mend = "take shorter steps (rate), or weigh the regularisers less".into();
-            return Err(Error::NotFinite { stage: "optimizer", mend });
+            let fix = "take shorter steps (rate), or weigh the regularisers less".into();
+            return Err(Error::NotFinite { stage: "optimizer", fix });
         }
         let planes = [settings.near, settings.far];
         let span_of = |bounds: [[f32; 3]; 2]| {

@@ -185,8 +185,8 @@ pub(crate) fn judge_views(needed: u64) -> Result<()> {
         return Ok(());
     }
     let (what, limit_name) = ("one frame".into(), "views of a frame");
-    let mend = "render them in several frames".into();
-    Err(Error::Limit { what, needed, unit: "views", limit_name, limit: MOST, mend })
+    let fix = "render them in several frames".into();
+    Err(Error::Limit { what, needed, unit: "views", limit_name, limit: MOST, fix })
 }
 
 fn ranges_of(input: &PlanInput, frame: &FramePush) -> Result<(Vec<ViewRange>, Totals)> {
@@ -214,13 +214,13 @@ fn ranges_of(input: &PlanInput, frame: &FramePush) -> Result<(Vec<ViewRange>, To
         t.pixels += u64::from(frame.width) * u64::from(frame.height);
     }
     // Kernels index texels with i32; the widest record has 9.
-    let index = |what: &str, needed: u64, mend: &str| -> Result<()> {
+    let index = |what: &str, needed: u64, fix: &str| -> Result<()> {
         let limit = i32::MAX as u64;
         if needed <= limit {
             return Ok(());
         }
-        let (what, mend) = (what.to_owned(), mend.to_owned());
-        Err(Error::Limit { what, needed, unit: "elements", limit_name: "32-bit index", limit, mend })
+        let (what, fix) = (what.to_owned(), fix.to_owned());
+        Err(Error::Limit { what, needed, unit: "elements", limit_name: "32-bit index", limit, fix })
     };
     index("the triangle records of all views", 9 * t.slots, "render fewer views or triangles in one frame")?;
     index("the vertices of all views", 3 * t.vertices, "render fewer views in one frame")?;
@@ -228,10 +228,10 @@ fn ranges_of(input: &PlanInput, frame: &FramePush) -> Result<(Vec<ViewRange>, To
     index("the bins' bitmaps", t.words, "render fewer views in one frame, or smaller images")?;
     let triangles = input.views.iter().map(|v| u64::from(v.triangles)).max().unwrap_or(0);
     if triangles > 1 << 22 {
-        let mend = "split the mesh: a float and one row of workgroups must be able to count its triangles".into();
+        let fix = "split the mesh: a float and one row of workgroups must be able to count its triangles".into();
         let what = "one mesh".into();
         let limit_name = "triangles of a mesh";
-        return Err(Error::Limit { what, needed: triangles, unit: "triangles", limit_name, limit: 1 << 22, mend });
+        return Err(Error::Limit { what, needed: triangles, unit: "triangles", limit_name, limit: 1 << 22, fix });
     }
     Ok((views, t))
 }

@@ -114,6 +114,6 @@ fn judge_count(count: usize, expected: usize) -> Result<()> {
     }
     Err(Error::Backward {
         what: format!("a gradient of {count} values came back for an input of {expected}"),
-        mend: "this is a mistake in softras: please report it".into(),
+        fix: "this is a mistake in softras: please report it".into(),
     })
 }

@@ -28,7 +28,7 @@ use std::io::Write;
 const ABOUT: &str = "\
 Differentiable soft mesh rasterization (SoftRas) on any Vulkan device.
 
-Exit codes: 0 done; 1 could not be done, and one line says why and how to mend it;
+Exit codes: 0 done; 1 could not be done, and one line says why and how to fix it;
 2 the arguments make no sense.";
 
 /// The `softras` command.

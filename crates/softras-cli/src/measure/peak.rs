@@ -71,8 +71,8 @@ pub fn peak_flops(device: Option<&str>) -> Result<f64> {
     let mut first = [0.0f32];
     results.read(0, bytemuck::cast_slice_mut(&mut first))?;
     if !(best.is_finite() && best > 0.0 && first[0].is_finite()) {
-        let mend = "update the device's driver".into();
-        return Err(Error::NotFinite { stage: "peak", mend });
+        let fix = "update the device's driver".into();
+        return Err(Error::NotFinite { stage: "peak", fix });
     }
     Ok(best)
 }

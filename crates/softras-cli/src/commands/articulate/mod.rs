@@ -39,7 +39,7 @@ pub fn run(args: &ArticulateArgs) -> Result<(), Failure> {
     for index in 0..args.trials {
         let Some(trial) = stage.draw(&mut random, &mut renderer)? else {
             let what = "no pose was drawn in which the arm is hidden at first and not quite at last";
-            return Err(Error::Fit { what: what.into(), mend: "use another seed or more pixels".into() }.into());
+            return Err(Error::Fit { what: what.into(), fix: "use another seed or more pixels".into() }.into());
         };
         seen.push(trial.seen);
         rows[0].add(&stage, &trial, &Found { pose: trial.start.clone(), seconds: 0.0 });

@@ -293,7 +293,7 @@ fn lay_out<T: Copy>(job: &Job, images: &impl Images<T>, wrap: fn(Vec<T>) -> Floa
         Some(values) if values.len() == b * h * w * channels => Ok(values.to_vec()),
         _ => Err(Error::Scene {
             what: format!("the frame's {key} image is missing or has another size"),
-            mend: "this is a mistake in softras: please report it".into(),
+            fix: "this is a mistake in softras: please report it".into(),
         }),
     };
     if job.layout == Layout::Screen {

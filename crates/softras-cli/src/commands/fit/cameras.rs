@@ -10,8 +10,8 @@ use std::path::Path;
 /// The part of the image's half that a mesh's bounding sphere fills.
 const FILL: f64 = 0.9;
 
-fn fault<T>(path: &Path, what: String, mend: &str) -> Result<T> {
-    Err(Error::File { path: path.into(), line: None, what, mend: mend.into() })
+fn fault<T>(path: &Path, what: String, fix: &str) -> Result<T> {
+    Err(Error::File { path: path.into(), line: None, what, fix: fix.into() })
 }
 
 fn perspective(fov: f64) -> Projection {

@@ -203,7 +203,7 @@ fn interrupted() -> Result<Arc<AtomicBool>, Failure> {
     match ctrlc::set_handler(handler) {
         Ok(()) => Ok(flag),
         Err(e) => {
-            Err(softras::Error::Fit { what: format!("Ctrl-C cannot be caught ({e})"), mend: "report this".into() }
+            Err(softras::Error::Fit { what: format!("Ctrl-C cannot be caught ({e})"), fix: "report this".into() }
                 .into())
         }
     }

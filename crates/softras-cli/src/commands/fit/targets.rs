@@ -95,8 +95,8 @@ pub fn every(targets: &Targets, stride: usize) -> Targets {
     }
 }
 
-fn fault<T>(path: &Path, what: impl Into<String>, mend: &str) -> Result<T> {
-    Err(Error::File { path: path.into(), line: None, what: what.into(), mend: mend.into() })
+fn fault<T>(path: &Path, what: impl Into<String>, fix: &str) -> Result<T> {
+    Err(Error::File { path: path.into(), line: None, what: what.into(), fix: fix.into() })
 }
 
 /// A .npy file.

@@ -42,8 +42,7 @@ impl Target {
     /// [`Error::Io`] and [`Error::File`] for a file that is no picture or larger than an image may be.
     pub fn read(path: &Path, curve: Curve, background: [f64; 3]) -> Result<Self> {
         let bytes = std::fs::read(path).map_err(|source| Error::Io { path: path.into(), source })?;
-        let fault =
-            |what: String, mend: &str| Error::File { path: path.into(), line: None, what, mend: mend.to_string() };
+        let fault = |what: String, fix: &str| Error::File { path: path.into(), line: None, what, fix: fix.to_string() };
         let picture = image::load_from_memory(&bytes)
             .map_err(|e| fault(format!("not a readable picture ({e})"), "give a .png file"))?
             .into_rgba8();

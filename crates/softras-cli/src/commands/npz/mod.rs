@@ -33,7 +33,7 @@ impl Archive {
             path: path.into(),
             line: None,
             what: format!("not a readable .npz archive ({e})"),
-            mend: "write it with numpy.savez or numpy.savez_compressed".into(),
+            fix: "write it with numpy.savez or numpy.savez_compressed".into(),
         };
         let mut zip = zip::ZipArchive::new(BufReader::new(file)).map_err(broken)?;
         let mut arrays = BTreeMap::new();
@@ -47,9 +47,9 @@ impl Archive {
     }
 
     /// An error that names this file and the key.
-    pub fn fault(&self, key: &str, what: &str, mend: &str) -> Error {
+    pub fn fault(&self, key: &str, what: &str, fix: &str) -> Error {
         let what = format!("key `{key}`: {what}");
-        Error::File { path: self.path.clone(), line: None, what, mend: mend.into() }
+        Error::File { path: self.path.clone(), line: None, what, fix: fix.into() }
     }
 
     /// Whether the file has the key.

@@ -57,7 +57,7 @@ impl Shot {
         };
         image.ok_or_else(|| softras::Error::Scene {
             what: format!("the frame has no {} image", output.name()),
-            mend: "this is a mistake in softras: please report it".into(),
+            fix: "this is a mistake in softras: please report it".into(),
         })
     }
 
