@@ -23,53 +23,54 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 FRAGMENT, FORWARD = "glsl/common/fragment.glsl", "glsl/common/forward.glsl"
 PAIR, BACKWARD = "glsl/common/pair_gradient.glsl", "glsl/common/backward.glsl"
 
-# What is broken, where, the text, what stands there instead, and the tests that should see it (a file and a filter).
+# What is broken, where, the text, what stands there instead, and the tests that should see it (a test binary and
+# a filter by name).
 FAULTS = [
     ("sign of a vertex's pull", PAIR, "vec2 pull = -2.0 * by_squared", "vec2 pull = 2.0 * by_squared",
-     [("gradient_hazards", "")]),
+     [("gradient", "hazards::")]),
     ("clamp of barycentrics left out", FRAGMENT, "return vec3(lesser(greater(b.x, 1e-20), 1.0),",
-     "return vec3(greater(b.x, 1e-20),", [("forward", "random_scenes")]),
+     "return vec3(greater(b.x, 1e-20),", [("render", "forward::random_scenes")]),
     ("last triangle of a tile missing", FORWARD, "uint all = 0xffffffffu >> uint(from + int(WORD_BITS) - stop);",
-     "uint all = (0xffffffffu >> uint(from + int(WORD_BITS) - stop)) >> (stop == end ? 1u : 0u);", [("pixels", "")]),
+     "uint all = (0xffffffffu >> uint(from + int(WORD_BITS) - stop)) >> (stop == end ? 1u : 0u);", [("render", "pixels::")]),
     ("tile lists one tile short", "glsl/bin_coarse.comp", "high = inverse[k] < 0.0 ? high : min(high, to);",
-     "high = inverse[k] < 0.0 ? high : min(high, to - 1);", [("properties_images", "bins")]),
+     "high = inverse[k] < 0.0 ? high : min(high, to - 1);", [("render", "properties_images::bins")]),
     ("bins one short", "glsl/triangle.comp", "for (int x = bins.x; x <= bins.z; ++x)",
-     "for (int x = bins.x; x < max(bins.z, 1); ++x)", [("properties_images", "bins")]),
+     "for (int x = bins.x; x < max(bins.z, 1); ++x)", [("render", "properties_images::bins")]),
     ("barrier between stages dropped", "src/passes.rs",
      "        recorder.barrier();\n        recorder.end_label();\n        stamp(recorder, times, i as u32 + 1)?;",
-     "        recorder.end_label();\n        stamp(recorder, times, i as u32 + 1)?;", [("pixels", "")]),
+     "        recorder.end_label();\n        stamp(recorder, times, i as u32 + 1)?;", [("render", "pixels::")]),
     ("barrier of a sum dropped", "glsl/reduce.comp", "        barrier();\n        if (lane < width)",
-     "        if (lane < width)", [("gradient_repeat", ""), ("gradient", "random_scenes")]),
+     "        if (lane < width)", [("gradient", "repeat::"), ("gradient", "agreement::random_scenes")]),
     ("clipped at the wrong plane", "glsl/triangle.comp", "    vec2 near = vec2(frame.near_high, frame.near_low);\n    ViewPoint",
-     "    vec2 near = vec2(1.05 * frame.near_high, 0.0);\n    ViewPoint", [("properties_images", "near")]),
+     "    vec2 near = vec2(1.05 * frame.near_high, 0.0);\n    ViewPoint", [("render", "properties_images::what_near_cuts")]),
     ("u and v swapped", "glsl/common/sample.glsl", "vec2 at = vec2(folded.x, 1.0 - folded.y)",
-     "vec2 at = vec2(folded.y, 1.0 - folded.x)", [("pixels", "textures")]),
+     "vec2 at = vec2(folded.y, 1.0 - folded.x)", [("render", "pixels::textures")]),
     ("gamma missing in a gradient", BACKWARD, "- by_weight * frame.score_high * LN2", "- by_weight * LN2",
-     [("gradient", "random_scenes")]),
+     [("gradient", "agreement::random_scenes")]),
     ("stale bits of the frame before", "src/passes.rs", "    clear(recorder, bin_bits, plan.sizes.bin_bits)?;\n",
-     "    let _ = bin_bits;\n", [("invariance", "trace"), ("invariance", "twenty")]),
+     "    let _ = bin_bits;\n", [("render", "invariance::what_was_rendered_before"), ("render", "invariance::twenty")]),
     ("half of a sum's lanes lost", "glsl/reduce.comp", "for (int width = 32;", "for (int width = 16;",
-     [("gradient", "random_scenes")]),
+     [("gradient", "agreement::random_scenes")]),
     ("composite background by alpha", "glsl/common/images.glsl", "background * (1.0 - alpha)", "background * alpha",
-     [("forward", "every_mode")]),
-    ("farther triangles weigh more", FORWARD, "(c.whole - p.whole)", "(p.whole - c.whole)", [("pixels", "")]),
+     [("render", "forward::every_mode")]),
+    ("farther triangles weigh more", FORWARD, "(c.whole - p.whole)", "(p.whole - c.whole)", [("render", "pixels::")]),
     ("light from behind", "glsl/common/light.glsl", "sum += color * max(dot(normal, direction), 0.0);",
-     "sum += color * abs(dot(normal, direction));", [("pixels", "light")]),
+     "sum += color * abs(dot(normal, direction));", [("render", "pixels::light")]),
     ("carry of texel sums dropped", PAIR, "high + (old + low < old ? 1u : 0u)", "high",
-     [("gradient", "appearance")]),
+     [("gradient", "agreement::every_appearance")]),
     ("a large box's first cell twice", "glsl/triangle.comp", "uvec2(uint(slot), i + 1u)", "uvec2(uint(slot), i)",
-     [("gradient_hazards", "saturated")]),
+     [("gradient", "hazards::saturated")]),
     ("front faces by the wrong turn", "glsl/triangle.comp", "(e.orientation < 0.0) != CLOCKWISE_FRONT",
-     "(e.orientation > 0.0) != CLOCKWISE_FRONT", [("pixels", "back_faces")]),
+     "(e.orientation > 0.0) != CLOCKWISE_FRONT", [("render", "pixels::back_faces")]),
     ("pixel centres half a pixel off", FORWARD, "Lane(vec2(mine), ", "Lane(vec2(mine) + 0.5, ",
-     [("pixels", "")]),
+     [("render", "pixels::")]),
     ("radius of another tau", "src/scene/settings.rs", "(1.0 / self.tau - 1.0).ln()", "(0.5 / self.tau - 1.0).ln()",
-     [("support", ""), ("pixels", "")]),
+     [("render", "support::"), ("render", "pixels::")]),
     ("background left where triangles were", "glsl/bin_fine.comp",
      "shape.background_kept && tile_marks[tile] == MARK_BACKGROUND", "shape.background_kept",
      [("stress_found", "has_left")]),
     ("an eighth is next to nothing", "glsl/common/hidden.glsl", "NEXT_TO_NOTHING = -24.0", "NEXT_TO_NOTHING = -3.0",
-     [("forward", "random_scenes")]),
+     [("render", "forward::random_scenes")]),
     ("both pieces of a cut triangle in full", "glsl/common/images.glsl",
      "alpha = min(alpha / float(max(triangle_count, 1)), 1.0);", "alpha = alpha / float(max(triangle_count, 1));",
      [("stress", "pieces")]),
@@ -77,19 +78,19 @@ FAULTS = [
      [("stress", "pieces")]),
     # Of the Rust side, where the tests need no device.
     ("mesh: an index of the count", "src/scene/mesh.rs", "i as usize >= count", "i as usize > count",
-     [("errors", "meshes")]),
+     [("robustness", "errors::meshes")]),
     ("settings: near may be far", "src/scene/settings.rs", "self.far >= self.near * (1.0 + 1e-6)",
-     "self.far >= self.near", [("errors", "scenes_lights")]),
+     "self.far >= self.near", [("robustness", "errors::scenes_lights")]),
     ("plan: one workgroup short", "src/plan/mod.rs", "n.div_ceil(c::LINEAR_GROUP)", "(n / c::LINEAR_GROUP)",
-     [("properties", "plans")]),
+     [("internals", "properties::plans")]),
     ("plan: views on top of each other", "src/plan/mod.rs", "slot_base: t.slots as u32", "slot_base: 0",
-     [("properties", "plans")]),
+     [("internals", "properties::plans")]),
     ("plan: no room for second pieces", "src/plan/mod.rs", "if clips(input) { 2 } else { 1 }",
-     "if clips(input) { 1 } else { 1 }", [("properties", "plans")]),
+     "if clips(input) { 1 } else { 1 }", [("internals", "properties::plans")]),
     ("plan: twice what 32 bits index", "src/plan/mod.rs", "if needed <= limit {", "if needed <= 2 * limit {",
-     [("embed", "records_beyond")]),
+     [("embed", "ash_example::records_beyond")]),
     ("support: tau twice", "src/scene/support.rs", "Background::Composite => self.tau / 2.0",
-     "Background::Composite => self.tau", [("support", "")]),
+     "Background::Composite => self.tau", [("render", "support::")]),
 ]
 
 
@@ -121,6 +122,8 @@ def caught_by(folder, target, tests, patient):
         ran = run(cargo(test, ["--", name]), folder, target, patient)
         if ran is None:
             return f"{test}: does not end"
+        if "running 0 tests" in ran.stdout:
+            sys.exit(f"{test} has no test named like {name!r}")
         if ran.returncode != 0:
             failed = [line.split()[1] for line in ran.stdout.splitlines() if line.startswith("---- ")]
             return f"{test}: {', '.join(failed[:3]) or 'crashes'}"

@@ -5,6 +5,8 @@
 mod by_hand;
 mod culling;
 mod details;
+mod differences;
+mod official;
 mod projection;
 
 use glam::DMat4;

@@ -1,0 +1,179 @@
+//! softras' images straight into a host's storage images.
+// Indices are what the formulas have, and what is no number counts as off.
+#![allow(clippy::needless_range_loop, clippy::neg_cmp_op_on_partial_ord)]
+
+use crate::common::scenes::{Case, Kind, random_case};
+use crate::host::engine::{Buffer, Engine, Image, color_range};
+use crate::host::{Host, assert_silent, engine, error, forward, rasterizer, submit};
+use ash::vk;
+use gpu_allocator::MemoryLocation;
+use softras::embed::{FrameImage, HostCommands, ImageFormat, ImageRef};
+use softras::scene::Outputs;
+
+fn image(engine: &Engine, format: ImageFormat, size: (u32, u32)) -> (Image, ImageRef) {
+    let usage = vk::ImageUsageFlags::STORAGE | vk::ImageUsageFlags::TRANSFER_SRC;
+    let image = engine.image_of(format.format(), size, usage).unwrap();
+    let target = unsafe { ImageRef::new(image.view, format, size.0, size.1) };
+    (image, target)
+}
+
+fn barrier(engine: &Engine, commands: &HostCommands, image: &Image, to: vk::ImageLayout) {
+    use vk::{AccessFlags as A, ImageLayout as L, PipelineStageFlags as S};
+    let general = to == L::GENERAL;
+    let (from, source) = if general { (L::UNDEFINED, A::empty()) } else { (L::GENERAL, A::SHADER_WRITE) };
+    let barrier = [vk::ImageMemoryBarrier::default()
+        .image(image.raw)
+        .subresource_range(color_range())
+        .old_layout(from)
+        .new_layout(to)
+        .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+        .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+        .src_access_mask(source)
+        .dst_access_mask(if general { A::SHADER_WRITE } else { A::TRANSFER_READ })];
+    let (from, to) = if general { (S::TOP_OF_PIPE, S::COMPUTE_SHADER) } else { (S::COMPUTE_SHADER, S::TRANSFER) };
+    let none = vk::DependencyFlags::empty();
+    unsafe { engine.device().cmd_pipeline_barrier(commands.raw(), from, to, none, &[], &[], &barrier) };
+}
+
+/// The texels' bytes, packed, after the storing of one view.
+fn stored(engine: &Engine, host: &Host, what: FrameImage, view: u32, format: ImageFormat) -> Vec<u8> {
+    let rasterizer = rasterizer(engine);
+    let (width, height) = host.plan.image_size();
+    let (image, target) = image(engine, format, (width, height));
+    let bound = rasterizer.bind_image(&host.plan, &host.bindings, what, view, &target).unwrap();
+    let texel = [16, 8, 4, 4][[
+        ImageFormat::Rgba32Float,
+        ImageFormat::Rgba16Float,
+        ImageFormat::Rgba8Unorm,
+        ImageFormat::R32Float,
+    ]
+    .iter()
+    .position(|f| *f == format)
+    .unwrap()];
+    let size = texel * u64::from(width * height);
+    let back: Buffer = engine.buffer(size, vk::BufferUsageFlags::TRANSFER_DST, MemoryLocation::GpuToCpu).unwrap();
+    submit(engine, |commands| {
+        barrier(engine, commands, &image, vk::ImageLayout::GENERAL);
+        rasterizer.record_image(commands, &bound).unwrap();
+        barrier(engine, commands, &image, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
+        let mut copy = host.plan.image_copy(image_buffer(host), 0, &back.whole()).unwrap();
+        copy.buffer_offset = 0;
+        let layout = vk::ImageLayout::TRANSFER_SRC_OPTIMAL;
+        unsafe { engine.device().cmd_copy_image_to_buffer(commands.raw(), image.raw, layout, back.raw, &[copy]) };
+    });
+    back.bytes()[..size as usize].to_vec()
+}
+
+/// Some image that the frame has, for the extent of a copy.
+fn image_buffer(host: &Host) -> &'static str {
+    ["color", "silhouette"].into_iter().find(|name| host.plan.buffer(name).is_some()).unwrap()
+}
+
+fn case(outputs: Outputs) -> Case {
+    let mut case = random_case(20, Kind::Plain);
+    let mesh = softras::shapes::torus(0.7, 0.3, 12, 7).unwrap();
+    case.scene = softras::Scene::new(mesh).with_lights(softras::Lights::official());
+    let projection = softras::Projection::Perspective { fov_y: 0.8 };
+    case.cameras = [10.0, 80.0].map(|angle| softras::Camera::from_angles(3.0, 40.0, angle, projection).unwrap()).into();
+    case.settings = softras::Settings { sigma: 1e-4, outputs, ..Default::default() };
+    // No multiple of a workgroup.
+    (case.settings.width, case.settings.height) = (37, 21);
+    case
+}
+
+fn half(bits: [u8; 2]) -> f64 {
+    let bits = u16::from_le_bytes(bits);
+    let (exponent, fraction) = (i32::from(bits >> 10 & 31), f64::from(bits & 1023) / 1024.0);
+    let size = if exponent == 0 { fraction * 2f64.powi(-14) } else { (1.0 + fraction) * 2f64.powi(exponent - 15) };
+    if bits >> 15 == 1 { -size } else { size }
+}
+
+/// As sRGB encodes.
+fn srgb(x: f32) -> f64 {
+    let x = f64::from(x).clamp(0.0, 1.0);
+    if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// The first value that is farther than `absolute` plus `relative` of it.
+fn far(made: &[f64], due: &[f64], absolute: f64, relative: f64) -> Option<usize> {
+    assert_eq!(made.len(), due.len());
+    made.iter().zip(due).position(|(a, b)| !((a - b).abs() <= absolute + relative * b.abs()))
+}
+
+#[test]
+fn a_far_value_is_noticed() {
+    assert_eq!(far(&[1.0, 2.0], &[1.0, 2.01], 0.0, 0.01), None);
+    assert_eq!(far(&[1.0, 2.0], &[1.0, 2.03], 0.0, 0.01), Some(1));
+    assert_eq!(far(&[f64::NAN], &[0.0], 1.0, 0.0), Some(0));
+    assert_eq!((half([0x00, 0x3c]), half([0x00, 0xc0]), half([1, 0])), (1.0, -2.0, 2f64.powi(-24)));
+}
+
+#[test]
+fn images_are_stored_as_they_are() {
+    let engine = engine();
+    let rasterizer = rasterizer(&engine);
+    let case = case(Outputs { color: true, silhouette: true, depth: true, normal: true });
+    let host = Host::new(&engine, &rasterizer, &case);
+    forward(&engine, &rasterizer, &host);
+    let pixels = 37 * 21;
+    for view in 0..host.plan.views() {
+        let part = |name: &str, channels: usize| {
+            host.floats(name)[view as usize * pixels * channels..][..pixels * channels].to_vec()
+        };
+        let (color, depth, normal) = (part("color", 4), part("depths", 1), part("normals", 4));
+        let alpha: Vec<f32> = color.iter().skip(3).step_by(4).copied().collect();
+        assert!(alpha.iter().any(|&a| a > 0.1), "an empty image");
+        let plain = FrameImage::Color { srgb: false };
+        let floats = |what, format| stored(&engine, &host, what, view, format);
+        use ImageFormat::{R32Float, Rgba8Unorm, Rgba16Float, Rgba32Float};
+        assert_eq!(floats(plain, Rgba32Float), bytemuck::cast_slice::<f32, u8>(&color));
+        assert_eq!(floats(FrameImage::Normal, Rgba32Float), bytemuck::cast_slice::<f32, u8>(&normal));
+        assert_eq!(floats(FrameImage::Silhouette, R32Float), bytemuck::cast_slice::<f32, u8>(&alpha));
+        assert_eq!(floats(FrameImage::Depth, R32Float), bytemuck::cast_slice::<f32, u8>(&depth));
+        // Eleven bits of a half, eight of a byte.
+        let halves: Vec<f64> = floats(plain, Rgba16Float).chunks_exact(2).map(|b| half([b[0], b[1]])).collect();
+        let due: Vec<f64> = color.iter().map(|&x| f64::from(x)).collect();
+        assert_eq!(far(&halves, &due, 1e-7, 1.0 / 1024.0), None);
+        let bytes = |what| -> Vec<f64> { floats(what, Rgba8Unorm).iter().map(|&b| f64::from(b) / 255.0).collect() };
+        let due: Vec<f64> = due.iter().map(|x| x.clamp(0.0, 1.0)).collect();
+        assert_eq!(far(&bytes(plain), &due, 0.51 / 255.0, 0.0), None);
+        let encoded = |(i, &x): (usize, &f32)| if i % 4 == 3 { f64::from(x) } else { srgb(x) };
+        let due: Vec<f64> = color.iter().enumerate().map(encoded).collect();
+        assert_eq!(far(&bytes(FrameImage::Color { srgb: true }), &due, 0.52 / 255.0, 0.0), None);
+    }
+    drop((host, rasterizer));
+    assert_silent(engine);
+}
+
+/// A silhouette alone lies in a buffer of its own; what is not there, or does not fit, is named.
+#[test]
+fn images_that_do_not_fit_are_errors() {
+    let engine = engine();
+    let rasterizer = rasterizer(&engine);
+    let case = case(Outputs { color: false, silhouette: true, depth: false, normal: false });
+    let host = Host::new(&engine, &rasterizer, &case);
+    forward(&engine, &rasterizer, &host);
+    let silhouette = stored(&engine, &host, FrameImage::Silhouette, 0, ImageFormat::R32Float);
+    assert_eq!(silhouette, bytemuck::cast_slice::<f32, u8>(&host.floats("silhouette")[..37 * 21]));
+
+    let (kept, target) = image(&engine, ImageFormat::R32Float, (37, 21));
+    let (small, small_target) = image(&engine, ImageFormat::R32Float, (36, 21));
+    let (four, four_target) = image(&engine, ImageFormat::Rgba32Float, (37, 21));
+    let bind = |what, view, target| error(rasterizer.bind_image(&host.plan, &host.bindings, what, view, target));
+    assert_eq!(bind(FrameImage::Silhouette, 0, &target), "no error");
+    assert!(bind(FrameImage::Depth, 0, &target).contains("no image Depth"));
+    assert!(bind(FrameImage::Color { srgb: false }, 0, &four_target).contains("no image Color"));
+    assert!(bind(FrameImage::Silhouette, host.plan.views(), &target).contains("no view"));
+    assert!(bind(FrameImage::Silhouette, 0, &small_target).contains("(36, 21)"));
+    assert!(bind(FrameImage::Silhouette, 0, &four_target).contains("channels"));
+    let mut larger = case.clone();
+    larger.settings.height *= 4;
+    let larger = Host::new(&engine, &rasterizer, &larger);
+    let unbound = rasterizer.bind_image(&larger.plan, &host.bindings, FrameImage::Silhouette, 0, &target);
+    assert!(error(unbound).contains("is bound where"));
+    drop(larger);
+    let null = unsafe { ImageRef::from_raw(0, ImageFormat::R32Float, 37, 21) };
+    assert!(bind(FrameImage::Silhouette, 0, &null).contains("null"));
+    drop((kept, small, four, host, rasterizer));
+    assert_silent(engine);
+}

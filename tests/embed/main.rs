@@ -1,0 +1,19 @@
+//! The embedding API in the hands of a host: the example engine, a host's own geometry and images, wgpu, and other devices.
+#![cfg(all(feature = "reference", feature = "renderer"))]
+// Tests play the host's half of a contract of raw handles.
+#![allow(unsafe_code, clippy::undocumented_unsafe_blocks, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+// The example brings the engine along, and so does the tests' host.
+#![allow(clippy::duplicate_mod)]
+
+mod ash_example;
+#[path = "../common/mod.rs"]
+mod common;
+mod counts;
+mod devices;
+mod external;
+mod geometry;
+#[path = "../host/mod.rs"]
+mod host;
+mod images;
+mod lifecycle;
+mod wgpu_example;

@@ -1,0 +1,13 @@
+//! Fitting: losses, regularisers, optimisers, remeshing, voxels, poses and jointed figures.
+#![cfg(feature = "reference")]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+mod articulated;
+#[path = "../common/mod.rs"]
+mod common;
+mod device;
+mod gradients;
+mod optimizers;
+mod pose;
+mod remesh;
+mod voxels;

@@ -1,0 +1,243 @@
+//! The second promise: every gradient of every scene in every mode is what the f64 judge says, within 1e-4 of its norm.
+//!
+//! `SOFTRAS_CASES=1000` runs that many random scenes of each kind instead of the usual few.
+
+use crate::common::{
+    gradient::{ALL_OUTPUTS, Table, all_finite, backward, check, random_upstream, small_case},
+    random::Random,
+    renderer,
+    scenes::{Case, Kind, random_appearance},
+    tolerance::GRADIENT,
+};
+use softras::{
+    GradientMode, Lights, Projection, Renderer, Wanted,
+    scene::{
+        Background, ColorAggregation, Distance, Faces, Interpolation, Outputs, Parity, Shading, SilhouetteAggregation,
+    },
+};
+
+const MODES: [GradientMode; 2] = [GradientMode::Exact, GradientMode::Paper];
+
+fn first_case() -> u64 {
+    std::env::var("SOFTRAS_FIRST").map_or(0, |seed| seed.parse().expect("SOFTRAS_FIRST is a number"))
+}
+
+fn case_count(usual: u64) -> u64 {
+    std::env::var("SOFTRAS_CASES").map_or(usual, |count| count.parse().expect("SOFTRAS_CASES is a number"))
+}
+
+/// Some of the images that the case renders, at least one.
+fn random_images(case: &Case) -> Outputs {
+    let random = &mut Random::new(case.seed ^ 0x1ace);
+    let rendered = case.settings.outputs;
+    let mut some = |rendered: bool| rendered && random.chance(0.7);
+    let images = Outputs {
+        color: some(rendered.color),
+        silhouette: some(rendered.silhouette),
+        depth: some(rendered.depth),
+        normal: some(rendered.normal),
+    };
+    let none = Outputs { color: false, silhouette: false, depth: false, normal: false };
+    if images == none { rendered } else { images }
+}
+
+fn add(renderer: &mut Renderer, case: &Case, table: &mut Table, failures: &mut Vec<String>) {
+    let images = random_images(case);
+    let upstream = random_upstream(case, images, &GRADIENT);
+    for mode in MODES {
+        match check(renderer, case, &upstream, mode, &GRADIENT) {
+            Ok(errors) => table.add(mode, case.seed, &errors),
+            Err(error) => failures.push(format!("{error}\nupstream of {images:?}\n{case:?}")),
+        }
+    }
+}
+
+fn assert_random_cases_agree(kind: Kind, usual: u64) {
+    let (mut renderer, mut table, mut failures) = (renderer(), Table::default(), Vec::new());
+    for seed in first_case()..first_case() + case_count(usual) {
+        add(&mut renderer, &small_case(seed, kind), &mut table, &mut failures);
+    }
+    println!("{kind:?}\n{table}");
+    assert!(failures.is_empty(), "{} failures\n{}", failures.len(), failures.join("\n"));
+    table.verdict(&GRADIENT).unwrap();
+}
+
+#[test]
+fn random_scenes() {
+    assert_random_cases_agree(Kind::Plain, 10);
+}
+
+#[test]
+fn random_scenes_in_all_modes() {
+    assert_random_cases_agree(Kind::Modes, 12);
+}
+
+#[test]
+fn random_scenes_through_near_and_far() {
+    assert_random_cases_agree(Kind::Clipped, 10);
+}
+
+/// Changes a case into one of a mode.
+type Change = fn(&mut Case);
+
+const EACH_MODE: [(&str, Change); 16] = [
+    ("the paper's", |_| {}),
+    ("composite", |c| c.settings.background = Background::Composite),
+    ("hard colour", |c| c.settings.color = ColorAggregation::Hard),
+    ("sum", |c| c.settings.silhouette = SilhouetteAggregation::Sum),
+    ("hard silhouette", |c| c.settings.silhouette = SilhouetteAggregation::Hard),
+    ("barycentric", |c| c.settings.distance = Distance::Barycentric),
+    ("hard distance", |c| c.settings.distance = Distance::Hard),
+    ("front faces", |c| c.settings.faces = Faces::Front),
+    ("perspective-correct", |c| c.settings.interpolation = Interpolation::Perspective),
+    ("official", |c| c.settings.parity = Parity::Official),
+    ("smooth", |c| c.scene.lights.shading = Shading::Smooth),
+    ("unlit", |c| c.scene.lights = Lights::unlit()),
+    ("hard composite", |c| {
+        (c.settings.color, c.settings.background) = (ColorAggregation::Hard, Background::Composite);
+    }),
+    ("sum composite", |c| {
+        (c.settings.silhouette, c.settings.background) = (SilhouetteAggregation::Sum, Background::Composite);
+    }),
+    ("hard official front faces", |c| {
+        (c.settings.color, c.settings.parity, c.settings.faces) =
+            (ColorAggregation::Hard, Parity::Official, Faces::Front);
+    }),
+    ("composite official front faces", |c| {
+        (c.settings.background, c.settings.parity, c.settings.faces) =
+            (Background::Composite, Parity::Official, Faces::Front);
+    }),
+];
+
+/// One camera before one blob or soup whose colours are textures, lit, every image asked for.
+fn mode_base(seed: u64) -> Case {
+    let seeds = (seed..).map(|seed| small_case(seed, Kind::Plain));
+    let usable = |case: &Case| {
+        case.cameras.len() == 1
+            && case.scene.meshes[0].triangles().len() > 20
+            && matches!(case.cameras[0].projection(), Projection::Perspective { .. })
+            && !case.scene.lights.directional.is_empty()
+    };
+    let mut case = seeds.into_iter().find(usable).unwrap();
+    case.settings.outputs = ALL_OUTPUTS;
+    case.settings.background = Background::Weighted;
+    (case.settings.sigma, case.settings.gamma, case.settings.epsilon) = (1e-3, 1e-2, 0.9);
+    case
+}
+
+/// Each mode alone, for each image alone, on one scene, so that a broken one is named.
+#[test]
+fn every_mode_alone() {
+    let mut renderer = renderer();
+    let base = mode_base(11);
+    let none = Outputs { color: false, silhouette: false, depth: false, normal: false };
+    let images = [
+        ("colour", Outputs { color: true, ..none }),
+        ("silhouette", Outputs { silhouette: true, ..none }),
+        ("depth", Outputs { depth: true, ..none }),
+        ("normal", Outputs { normal: true, ..none }),
+        ("everything", ALL_OUTPUTS),
+    ];
+    let mut failures = Vec::new();
+    for (name, change) in EACH_MODE {
+        let mut case = base.clone();
+        change(&mut case);
+        for (image, outputs) in images {
+            let upstream = random_upstream(&case, outputs, &GRADIENT);
+            for mode in MODES {
+                if let Err(error) = check(&mut renderer, &case, &upstream, mode, &GRADIENT) {
+                    failures.push(format!("{name}, upstream of {image}: {error}"));
+                }
+            }
+        }
+    }
+    assert!(failures.is_empty(), "{}\n{base:?}", failures.join("\n"));
+}
+
+/// Every kind of colour, under flat and smooth light.
+#[test]
+fn every_appearance_alone() {
+    let mut renderer = renderer();
+    let base = mode_base(40);
+    let mut failures = Vec::new();
+    for seed in 0..10 {
+        for shading in [Shading::Flat, Shading::Smooth] {
+            let mut case = base.clone();
+            case.seed = seed;
+            case.scene.lights.shading = shading;
+            let mesh = case.scene.meshes.remove(0);
+            let appearance = random_appearance(&mut Random::new(seed), &mesh);
+            case.scene.meshes.push(mesh.with_appearance(appearance).unwrap());
+            let upstream = random_upstream(&case, ALL_OUTPUTS, &GRADIENT);
+            for mode in MODES {
+                if let Err(error) = check(&mut renderer, &case, &upstream, mode, &GRADIENT) {
+                    failures.push(format!("{shading:?}: {error}\n{case:?}"));
+                }
+            }
+        }
+    }
+    assert!(failures.is_empty(), "{}", failures.join("\n"));
+}
+
+/// The corners of the (σ, γ) plane and beyond, in every mode: whatever else, finite.
+#[test]
+fn nothing_is_infinite_down_to_sigma_and_gamma_of_1e_minus_8() {
+    let mut renderer = renderer();
+    let base = mode_base(70);
+    let mut failures = Vec::new();
+    for (name, change) in EACH_MODE {
+        for (sigma, gamma) in [(1e-8, 1e-8), (1e-8, 1.0), (1e-2, 1e-8), (1e-6, 1e-5), (1e-2, 1e-5), (1.0, 1.0)] {
+            let mut case = base.clone();
+            change(&mut case);
+            (case.settings.sigma, case.settings.gamma) = (sigma, gamma);
+            let upstream = random_upstream(&case, ALL_OUTPUTS, &GRADIENT);
+            for mode in MODES {
+                let found = backward(&mut renderer, &case, &upstream, &Wanted { mode, ..Wanted::ALL });
+                if let Err(error) = found.and_then(|gradients| all_finite(&gradients)) {
+                    failures.push(format!("{name}, {mode:?}, sigma {sigma:e}, gamma {gamma:e}: {error}"));
+                }
+            }
+        }
+    }
+    assert!(failures.is_empty(), "{}\n{base:?}", failures.join("\n"));
+}
+
+/// What is not wanted is not there, and what is wanted does not depend on the rest.
+#[test]
+fn wanted_is_what_comes() {
+    let mut renderer = renderer();
+    let mut case = mode_base(11);
+    let mesh = case.scene.meshes.remove(0);
+    // 3 textures.
+    let seeds = (0..).map(|seed| random_appearance(&mut Random::new(seed), &mesh));
+    let textured = seeds.into_iter().find(|a| matches!(a, softras::scene::Appearance::Textured { .. })).unwrap();
+    case.scene.meshes.push(mesh.with_appearance(textured).unwrap());
+    let upstream = random_upstream(&case, ALL_OUTPUTS, &GRADIENT);
+    let all = backward(&mut renderer, &case, &upstream, &Wanted::ALL).unwrap();
+    let nothing = Wanted::NOTHING;
+    let single: [(&str, Wanted); 7] = [
+        ("positions", Wanted { positions: true, ..nothing }),
+        ("texels", Wanted { texels: true, ..nothing }),
+        ("uvs", Wanted { uvs: true, ..nothing }),
+        ("camera", Wanted { camera: true, ..nothing }),
+        ("lights", Wanted { lights: true, ..nothing }),
+        ("background", Wanted { background: true, ..nothing }),
+        ("scalars", Wanted { scalars: true, ..nothing }),
+    ];
+    for (name, wanted) in single {
+        let some = backward(&mut renderer, &case, &upstream, &wanted).unwrap();
+        let mesh = &some.meshes[0];
+        assert_eq!(mesh.positions.is_empty(), !wanted.positions, "{name}");
+        assert_eq!(mesh.texture_texels.is_empty(), !wanted.texels, "{name}");
+        assert_eq!(mesh.uvs.is_empty(), !wanted.uvs, "{name}");
+        assert_eq!(some.cameras.is_empty(), !wanted.camera, "{name}");
+        assert_eq!(some.lights.is_none(), !wanted.lights, "{name}");
+        assert_eq!((some.background_color, some.epsilon) == ([0.0; 3], 0.0), !wanted.background, "{name}");
+        assert_eq!((some.sigma, some.gamma) == (0.0, 0.0), !wanted.scalars, "{name}");
+        for ((got, ours), (_, expected)) in crate::common::gradient::matching(&some, &all) {
+            let group = crate::common::gradient::Group { name: got, ours, judge: expected };
+            let error = crate::common::gradient::relative_error(&group, 0.0).unwrap();
+            assert!(error < 1e-6, "{name} alone changes {got} by {error:e}\n{case:?}");
+        }
+    }
+}

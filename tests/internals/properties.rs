@@ -1,0 +1,198 @@
+//! What holds of every scene, camera and plan, whatever the numbers: proptest shrinks what does not.
+
+use glam::DVec3;
+use proptest::prelude::*;
+use softras::{
+    Camera, Image, Lights, Mesh, Projection, Settings,
+    fit::image_loss::ImageLoss,
+    internals::constants as c,
+    internals::plan::{Capacity, DepthSpan, Plan, PlanInput, Sampling, ViewSize},
+    scene::Outputs,
+};
+
+/// Any float there is, and more often a usual one.
+fn float() -> impl Strategy<Value = f32> {
+    prop_oneof![2 => -10f32..10.0, 1 => any::<f32>(), 1 => Just(f32::NAN), 1 => Just(f32::INFINITY)]
+}
+
+fn double() -> impl Strategy<Value = f64> {
+    prop_oneof![3 => -10f64..10.0, 1 => any::<f64>(), 1 => Just(f64::NAN)]
+}
+
+/// A camera's view-space place of a world point.
+fn seen(camera: &Camera, p: DVec3) -> DVec3 {
+    DVec3::from_array(camera.view().map(|r| r[0] * p.x + r[1] * p.y + r[2] * p.z + r[3]))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// A mesh is refused exactly where a value is not finite or too large, or an index names no vertex.
+    #[test]
+    fn meshes_are_judged(
+        positions in prop::collection::vec([float(), float(), float()], 0..6),
+        triangles in prop::collection::vec([0u32..7, 0u32..7, 0u32..7], 0..6),
+    ) {
+        let finite = positions.iter().flatten().all(|x| x.abs() <= Mesh::FARTHEST);
+        let inside = triangles.iter().flatten().all(|&i| (i as usize) < positions.len());
+        prop_assert_eq!(Mesh::new(positions, triangles).is_ok(), finite && inside);
+    }
+
+    /// Settings that are not refused leave nothing unbounded: every number that kernels get is finite.
+    #[test]
+    fn judged_settings_make_finite_plans(
+        sigma in -12.1f64..3.1, gamma in -10.1f64..6.1, tau in -12.1f64..0.0, epsilon in double(), near in -6.1f64..9.1,
+        beyond in -6.1f64..6.0, width in 0u32..17000, height in 0u32..17000,
+    ) {
+        // Powers of ten, a little beyond what is allowed.
+        let [sigma, gamma, tau, near] = [sigma, gamma, tau, near].map(|power| 10f64.powf(power));
+        let far = near * (1.0 + 10f64.powf(beyond));
+        let settings = Settings { width, height, epsilon, sigma, gamma, tau, near, far, ..Settings::default() };
+        if settings.judge().is_err() {
+            return Ok(());
+        }
+        let plan = plan(&settings, &[ViewSize { vertices: 3, triangles: 1 }], true).unwrap();
+        let f = plan.frame;
+        let numbers = [
+            f.scale, f.radius_squared, f.radius_pixels, f.barycentric_scale, f.barycentric_radius, f.near_high, f.far_high,
+            f.score_high, f.background_whole, f.background_rest,
+        ];
+        prop_assert!(numbers.iter().all(|x| x.is_finite()), "{numbers:?} of {settings:?}");
+        prop_assert!(f.scale > 0.0 && f.radius_squared > 0.0 && f.score_high > 0.0, "{settings:?}");
+    }
+
+    /// A camera that is not refused is a rigid motion that keeps its target before it, in the middle.
+    #[test]
+    fn cameras_look_at_their_targets(
+        eye in [double(), double(), double()], target in [double(), double(), double()],
+        up in [double(), double(), double()], fov_y in 0.01f64..3.0,
+    ) {
+        let (eye, target, up) = (DVec3::from(eye), DVec3::from(target), DVec3::from(up));
+        let Ok(camera) = Camera::look_at(eye, target, up, Projection::Perspective { fov_y }) else { return Ok(()) };
+        let (distance, size) = ((target - eye).length(), eye.length().max(target.length()).max(1.0));
+        let p = seen(&camera, target);
+        prop_assert!((p - DVec3::new(0.0, 0.0, distance)).length() <= 1e-12 * size, "{p} at {distance}");
+        prop_assert!(seen(&camera, eye).length() <= 1e-12 * size);
+        let rows = camera.view().map(|r| DVec3::new(r[0], r[1], r[2]));
+        // x right, y up, z forward: not mirrored is x × y = -z.
+        prop_assert!((rows[0].cross(rows[1]) + rows[2]).length() < 1e-9, "{rows:?}");
+    }
+
+    /// Every loss is finite and not negative, 0 where both images are one, and its gradient is downhill.
+    #[test]
+    fn losses_are_distances(
+        pixels in prop::collection::vec((0f32..=1.0, 0f32..=1.0, 0f32..3.0), 1..40), kind in 0usize..4,
+    ) {
+        let image = |data: Vec<f32>| Image { batch: 1, height: 1, width: data.len(), channels: 1, data };
+        let prediction = image(pixels.iter().map(|p| p.0).collect());
+        let target = image(pixels.iter().map(|p| p.1).collect());
+        let weights = image(pixels.iter().map(|p| p.2).collect());
+        let huber = ImageLoss::Huber { delta: 0.2 };
+        let loss = [ImageLoss::NegativeIou, ImageLoss::L1, ImageLoss::L2, huber][kind];
+        let Ok(valued) = loss.evaluate(&prediction, &target, Some(&weights)) else {
+            prop_assert!(weights.data.iter().all(|w| *w == 0.0));
+            return Ok(());
+        };
+        prop_assert!(valued.value.is_finite() && valued.value >= 0.0, "{}", valued.value);
+        prop_assert!(valued.gradient.data.iter().all(|g| g.is_finite()));
+        let same = loss.evaluate(&target, &target, Some(&weights)).unwrap().value;
+        // The IoU of what is half covered with itself is below 1.
+        prop_assert!(kind == 0 || same == 0.0, "{same}");
+        // Convex ones lie above their tangent; the other falls along it.
+        let differences = prediction.data.iter().zip(&target.data).map(|(p, t)| f64::from(p - t));
+        let along: f64 = valued.gradient.data.iter().zip(differences).map(|(g, d)| f64::from(*g) * d).sum();
+        prop_assert!(kind == 0 || along >= valued.value - 1e-6, "{along} of {}", valued.value);
+        let moved = prediction.data.iter().zip(&valued.gradient.data).map(|(p, g)| p - 1e-3 * g);
+        let lower = loss.evaluate(&image(moved.collect()), &target, Some(&weights)).unwrap().value;
+        prop_assert!(kind != 0 || lower <= valued.value + 1e-6, "{lower} from {}", valued.value);
+    }
+
+    /// Sizes hold what the counts say, in 64 bits, and workgroups cover every vertex, triangle, bin and tile.
+    #[test]
+    fn plans_cover_everything(
+        sizes in prop::collection::vec((0u32..5_000_000, 0u32..5_000_000), 1..5),
+        width in 1u32..=Settings::MAX_SIZE, height in 1u32..=Settings::MAX_SIZE, outputs in 1u32..16, crosses in any::<bool>(),
+    ) {
+        let bit = |i: u32| outputs >> i & 1 == 1;
+        let outputs = Outputs { color: bit(0), silhouette: bit(1), depth: bit(2), normal: bit(3) };
+        let settings = Settings { width, height, outputs, ..Settings::default() };
+        let views: Vec<_> = sizes.iter().map(|&(vertices, triangles)| ViewSize { vertices, triangles }).collect();
+        let most = views.iter().map(|v| v.triangles).max().unwrap();
+        let Ok(plan) = plan(&settings, &views, crosses) else {
+            let (limit, pieces) = (i32::MAX as u64, 1 + u64::from(crosses));
+            let sum = |f: &dyn Fn(&ViewSize) -> u64| views.iter().map(f).sum::<u64>();
+            let bins = u64::from(width.div_ceil(c::BIN_WIDTH)) * u64::from(height.div_ceil(c::BIN_HEIGHT));
+            let words = |v: &ViewSize| (u64::from(v.triangles) * pieces).div_ceil(c::WORD_BITS.into()) * bins;
+            let records = sum(&|v| 9 * pieces * u64::from(v.triangles));
+            let vertices = sum(&|v| 3 * u64::from(v.vertices));
+            let pixels = views.len() as u64 * u64::from(width) * u64::from(height);
+            let beyond = [records, vertices, pixels, sum(&words)].iter().any(|needed| *needed > limit);
+            prop_assert!(most > 1 << 22 || beyond, "refused for nothing");
+            return Ok(());
+        };
+        let pieces = if crosses { 2 } else { 1 };
+        let slots: u64 = views.iter().map(|v| pieces * u64::from(v.triangles)).sum();
+        let pixels = views.len() as u64 * u64::from(width) * u64::from(height);
+        prop_assert_eq!((plan.totals.slots, plan.totals.pixels), (slots, pixels));
+        prop_assert!(plan.sizes.geometry >= slots * 16 * u64::from(c::GEOMETRY_TEXELS));
+        prop_assert!(plan.sizes.boxes >= slots * 16 && plan.sizes.total() >= plan.sizes.geometry);
+        let covers = |[x, y, z]: [u32; 3], each: u32, needed: u64| {
+            u64::from(x) * u64::from(z) * u64::from(each) >= needed && y as usize == views.len()
+        };
+        let vertices = views.iter().map(|v| v.vertices).max().unwrap();
+        prop_assert!(covers(plan.groups.vertex, c::LINEAR_GROUP, vertices.into()));
+        prop_assert!(covers(plan.groups.triangle, c::LINEAR_GROUP, most.into()));
+        let tiles = u64::from(width.div_ceil(c::TILE_WIDTH)) * u64::from(height.div_ceil(c::TILE_HEIGHT));
+        prop_assert_eq!(plan.totals.tiles, tiles * plan.views.len() as u64);
+        prop_assert!(plan.totals.tile_rows() * u64::from(c::FORWARD_ROW) >= plan.totals.tiles);
+        let bins = u64::from(width.div_ceil(c::BIN_WIDTH)) * u64::from(height.div_ceil(c::BIN_HEIGHT));
+        prop_assert!(covers(plan.groups.bin_fine, 1, bins));
+        // Shares of the views follow each other without a gap or an overlap.
+        for pair in plan.views.windows(2) {
+            prop_assert_eq!(pair[0].slot_base + pair[0].slots, pair[1].slot_base);
+        }
+    }
+}
+
+fn plan(settings: &Settings, views: &[ViewSize], crosses_near: bool) -> softras::Result<Plan> {
+    Plan::new(&PlanInput {
+        settings,
+        cutoff: settings.cutoff(),
+        views,
+        meshes: 1,
+        lights: &Lights::unlit(),
+        sampling: Sampling::default(),
+        depth_span: DepthSpan { crosses_near, crosses_far: false },
+        distorted: false,
+        capacity: Capacity::estimate(settings, settings.cutoff(), views),
+        save: true,
+    })
+}
+
+/// A frame that keeps nothing for backward has none of the buffers that backward reads, and nothing else changes.
+#[test]
+fn frames_for_looking_at_have_no_buffers_for_gradients() {
+    let views = [ViewSize { vertices: 100, triangles: 200 }; 2];
+    let settings = Settings::default();
+    let sizes_of = |save: bool| {
+        let lights = Lights::unlit();
+        let input = PlanInput {
+            settings: &settings,
+            cutoff: settings.cutoff(),
+            views: &views,
+            meshes: 1,
+            lights: &lights,
+            sampling: Sampling::default(),
+            depth_span: DepthSpan { crosses_near: false, crosses_far: false },
+            distorted: false,
+            capacity: Capacity::estimate(&settings, settings.cutoff(), &views),
+            save,
+        };
+        Plan::new(&input).unwrap().sizes
+    };
+    let (look, save) = (sizes_of(false), sizes_of(true));
+    assert_eq!([look.saved, look.tile_bounds, look.cell_ranges, look.cells], [0; 4]);
+    assert!([save.saved, save.tile_bounds, save.cell_ranges, save.cells].iter().all(|&size| size > 0));
+    let kept = save.saved + save.tile_bounds + save.cell_ranges + save.cells;
+    assert_eq!(look.total() + kept, save.total());
+}

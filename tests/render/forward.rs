@@ -1,0 +1,156 @@
+//! The main promise: every image of every scene in every mode is what the f64 judge says, within 2e-5.
+//!
+//! `SOFTRAS_CASES=1000` runs that many random scenes of each kind instead of the usual few.
+
+use crate::common::{
+    compare::compare_frames,
+    renderer,
+    scenes::{Case, Kind, random_case},
+    tolerance,
+};
+use softras::{
+    Renderer,
+    reference::{Truncation, render, render_culled},
+    scene::{Background, ColorAggregation, Distance, Faces, Interpolation, Outputs, Parity, SilhouetteAggregation},
+};
+
+fn case_count(usual: u64) -> u64 {
+    std::env::var("SOFTRAS_CASES").map_or(usual, |count| count.parse().expect("SOFTRAS_CASES is a number"))
+}
+
+/// The largest error in units of the tolerance, or what is wrong, with the case.
+fn agreement(renderer: &mut Renderer, case: &Case) -> Result<f64, String> {
+    let frame = renderer.render(&case.scene, &case.cameras, &case.settings).map_err(|e| format!("{e}\n{case:?}"))?;
+    let judge = render_culled(&case.scene, &case.cameras, &case.settings).unwrap();
+    match compare_frames(&frame, &judge, &tolerance::of(case)) {
+        Ok(report) => Ok(report.worst),
+        Err(error) => Err(format!("{error}\n{case:?}")),
+    }
+}
+
+fn assert_random_cases_agree(kind: Kind, usual: u64) {
+    let mut renderer = renderer();
+    let (mut worst, mut failures): (f64, Vec<(u64, String)>) = (0.0, Vec::new());
+    for seed in 0..case_count(usual) {
+        match agreement(&mut renderer, &random_case(seed, kind)) {
+            Ok(error) => worst = worst.max(error),
+            Err(error) => failures.push((seed, error)),
+        }
+    }
+    println!("{kind:?}: the largest error is {worst:.3} of the tolerance");
+    if let Some((_, first)) = failures.first() {
+        panic!(
+            "{kind:?}: seeds {:?} disagree, the first in\n{first}",
+            failures.iter().map(|f| f.0).collect::<Vec<_>>()
+        );
+    }
+}
+
+#[test]
+fn random_scenes() {
+    assert_random_cases_agree(Kind::Plain, 15);
+}
+
+#[test]
+fn random_scenes_in_all_modes() {
+    assert_random_cases_agree(Kind::Modes, 15);
+}
+
+#[test]
+fn random_scenes_through_near_and_far() {
+    assert_random_cases_agree(Kind::Clipped, 15);
+}
+
+/// The official code drops what lies outside the box grown by the Euclidean radius. In this scene, of barycentric distances
+/// with a tau of 0.08, some triangles would reach beyond it.
+#[test]
+fn official_box_ends_barycentric_support() {
+    let case = random_case(74, Kind::Modes);
+    assert_eq!((case.settings.distance, case.settings.parity), (Distance::Barycentric, Parity::Official));
+    agreement(&mut renderer(), &case).unwrap();
+}
+
+/// Each mode alone, on one scene, so that a broken one is named.
+#[test]
+fn every_mode_alone() {
+    let mut renderer = renderer();
+    let mut base = random_case(16, Kind::Plain);
+    base.settings.outputs = Outputs { color: true, silhouette: true, depth: true, normal: true };
+    base.settings.background = Background::Weighted;
+    type Change = fn(&mut Case);
+    let modes: [(&str, Change); 14] = [
+        ("the paper's", |_| {}),
+        ("composite", |c| c.settings.background = Background::Composite),
+        ("hard colour", |c| c.settings.color = ColorAggregation::Hard),
+        ("sum", |c| c.settings.silhouette = SilhouetteAggregation::Sum),
+        ("hard silhouette", |c| c.settings.silhouette = SilhouetteAggregation::Hard),
+        ("barycentric", |c| c.settings.distance = Distance::Barycentric),
+        ("hard distance", |c| c.settings.distance = Distance::Hard),
+        ("front faces", |c| c.settings.faces = Faces::Front),
+        ("perspective-correct", |c| c.settings.interpolation = Interpolation::Perspective),
+        ("official", |c| c.settings.parity = Parity::Official),
+        ("official front faces", |c| {
+            (c.settings.parity, c.settings.faces) = (Parity::Official, Faces::Front);
+        }),
+        ("hard composite", |c| {
+            (c.settings.color, c.settings.background) = (ColorAggregation::Hard, Background::Composite);
+        }),
+        ("hard official front faces", |c| {
+            (c.settings.color, c.settings.parity, c.settings.faces) =
+                (ColorAggregation::Hard, Parity::Official, Faces::Front);
+        }),
+        ("composite official front faces", |c| {
+            (c.settings.background, c.settings.parity, c.settings.faces) =
+                (Background::Composite, Parity::Official, Faces::Front);
+        }),
+    ];
+    let mut failures = Vec::new();
+    for (name, change) in modes {
+        let mut case = base.clone();
+        change(&mut case);
+        if let Err(error) = agreement(&mut renderer, &case) {
+            failures.push(format!("{name}: {error}"));
+        }
+    }
+    assert!(failures.is_empty(), "{}", failures.join("\n"));
+}
+
+/// What is not asked for is not made, and what is made does not depend on it.
+#[test]
+fn outputs_are_those_asked_for() {
+    let mut renderer = renderer();
+    let case = random_case(3, Kind::Plain);
+    for bits in 1..16u32 {
+        let [color, silhouette, depth, normal] = [0, 1, 2, 3].map(|bit| bits >> bit & 1 == 1);
+        let mut case = case.clone();
+        case.settings.outputs = Outputs { color, silhouette, depth, normal };
+        agreement(&mut renderer, &case).unwrap_or_else(|e| panic!("{e}"));
+        let frame = renderer.render(&case.scene, &case.cameras, &case.settings).unwrap();
+        let made = [frame.color(), frame.silhouette(), frame.depth(), frame.normal()].map(|image| image.is_some());
+        assert_eq!(made, [color, silhouette, depth, normal]);
+        let (batch, size) = (case.cameras.len(), (case.settings.height as usize, case.settings.width as usize));
+        for (image, channels) in [(frame.color(), 3), (frame.silhouette(), 1), (frame.depth(), 1), (frame.normal(), 3)]
+        {
+            let Some(image) = image else { continue };
+            assert_eq!((image.batch, (image.height, image.width), image.channels), (batch, size, channels));
+        }
+    }
+}
+
+/// The judge's own binning, which the other tests rely on, against its brute force, and how little τ leaves out.
+#[test]
+fn tau_bounds_what_is_left_out() {
+    let mut case = random_case(8, Kind::Plain);
+    case.settings.tau = 1e-4;
+    case.settings.gamma = 0.1;
+    case.settings.outputs = Outputs { color: true, silhouette: true, depth: false, normal: false };
+    let judge = |truncation| render(&case.scene, &case.cameras, &case.settings, truncation).unwrap();
+    let (cut, whole) = (judge(Truncation::Tau), judge(Truncation::None));
+    let culled = render_culled(&case.scene, &case.cameras, &case.settings).unwrap();
+    assert_eq!(culled.color, cut.color);
+    assert_eq!(culled.silhouette, cut.silhouette);
+    let triangles = case.scene.meshes.iter().map(|mesh| mesh.triangles().len()).max().unwrap();
+    let bound = 1.0 - (1.0 - case.settings.tau).powi(triangles as i32);
+    let errors = cut.silhouette.iter().zip(&whole.silhouette).map(|(a, b)| b - a);
+    assert!(errors.clone().all(|e| (0.0..=bound).contains(&e)), "{:?}", errors.fold(0.0, f64::max));
+}

@@ -1,0 +1,224 @@
+//! What must not change an image: its company in a batch, the order of triangles, the lanes, the room for lists, what
+//! was rendered before, and the day; and what must mirror it: a mirror.
+
+use crate::common::{
+    compare::{compare, images, mirrored, same_bits, same_image_bits, view_of},
+    random::Random,
+    renderer, renderer_with,
+    scenes::{Case, Kind, blob, random_appearance, random_case, random_lights, random_settings},
+    tolerance,
+};
+use glam::DVec3;
+use softras::{
+    Camera, Frame, Mesh, Projection, RendererOptions, Scene, Settings,
+    internals::plan::Capacity,
+    reference::render_culled,
+    scene::{Appearance, Outputs},
+    shapes,
+};
+
+const ALL: Outputs = Outputs { color: true, silhouette: true, depth: true, normal: true };
+
+#[track_caller]
+fn render(renderer: &mut softras::Renderer, case: &Case) -> Frame {
+    renderer.render(&case.scene, &case.cameras, &case.settings).unwrap_or_else(|e| panic!("{e}\n{case:?}"))
+}
+
+/// `a` against `b` up to the tolerance, but for pixels at a jump of the judge's model.
+#[track_caller]
+fn assert_close(a: &Frame, b: &Frame, case: &Case) {
+    let judge = render_culled(&case.scene, &case.cameras, &case.settings).unwrap();
+    for (name, a, b) in images(a, b) {
+        let (Some(a), Some(b)) = (a, b) else { continue };
+        let b: Vec<f64> = b.data.iter().map(|&x| f64::from(x)).collect();
+        compare(name, a, &b, &judge.margin, &tolerance::SAME_SCENE).unwrap_or_else(|e| panic!("{e}\n{case:?}"));
+    }
+}
+
+/// A blob in front of a camera on the plane x = 0, and both mirrored in that plane.
+fn mirror_pair(seed: u64) -> [Case; 2] {
+    let random = &mut Random::new(seed);
+    let settings = Settings { width: 70, height: 50, outputs: ALL, ..random_settings(random, Kind::Plain) };
+    let mesh = blob(random);
+    let appearance = match random_appearance(random, &mesh) {
+        // Its cells do not turn with the winding.
+        Appearance::Surface { .. } => Appearance::Uniform([0.3, 0.6, 0.9]),
+        appearance => appearance,
+    };
+    let lights = random_lights(random);
+    let projection = Projection::Perspective { fov_y: 0.6 };
+    let camera = Camera::look_at(DVec3::new(0.0, 2.0, 4.0), DVec3::ZERO, DVec3::Y, projection).unwrap();
+    // The winding turns with the mirror, or the normals would point inwards.
+    let turn = |triangles: &[[u32; 3]]| triangles.iter().map(|&[a, b, c]| [a, c, b]).collect::<Vec<_>>();
+    let positions = mesh.positions().iter().map(|&[x, y, z]| [-x, y, z]).collect();
+    let other = Mesh::new(positions, turn(mesh.triangles())).unwrap();
+    let mut turned = appearance.clone();
+    if let Appearance::Textured { uv_triangles, .. } = &mut turned {
+        *uv_triangles = turn(uv_triangles);
+    }
+    let mesh = mesh.with_appearance(appearance).unwrap();
+    let other = other.with_appearance(turned).unwrap();
+    let mut mirrored_lights = lights.clone();
+    mirrored_lights.directional.iter_mut().for_each(|light| light.direction[0] *= -1.0);
+    [(mesh, lights), (other, mirrored_lights)].map(|(mesh, lights)| Case {
+        seed,
+        kind: Kind::Plain,
+        scene: Scene::new(mesh).with_lights(lights),
+        cameras: vec![camera],
+        settings: settings.clone(),
+    })
+}
+
+#[test]
+fn a_mirrored_scene_gives_the_mirrored_image() {
+    let mut renderer = renderer();
+    for seed in 0..6 {
+        let [case, other] = mirror_pair(seed);
+        let (frame, other) = (render(&mut renderer, &case), render(&mut renderer, &other));
+        let judge = render_culled(&case.scene, &case.cameras, &case.settings).unwrap();
+        for (name, image, other) in images(&frame, &other) {
+            let mut back = mirrored(other.unwrap());
+            if name == "normal" {
+                back.data.chunks_exact_mut(3).for_each(|normal| normal[0] *= -1.0);
+            }
+            let back: Vec<f64> = back.data.iter().map(|&x| f64::from(x)).collect();
+            let result = compare(name, image.unwrap(), &back, &judge.margin, &tolerance::SAME_SCENE);
+            result.unwrap_or_else(|e| panic!("{e}\n{case:?}"));
+        }
+    }
+}
+
+#[test]
+fn the_viewer_s_right_is_the_image_s_right() {
+    // From +z the viewer's right is +x.
+    let projection = Projection::Perspective { fov_y: 1.0 };
+    let camera = Camera::look_at(DVec3::Z * 4.0, DVec3::ZERO, DVec3::Y, projection).unwrap();
+    let triangle = vec![[0.5, 0.5, 0.0], [1.0, 0.5, 0.0], [0.5, 1.0, 0.0]];
+    let scene = Scene::new(Mesh::new(triangle, vec![[0, 1, 2]]).unwrap());
+    let settings = Settings { width: 32, height: 32, ..Settings::default() };
+    let frame = renderer().render(&scene, &[camera], &settings).unwrap();
+    let image = frame.silhouette().unwrap();
+    for (row, column, expected) in [(11, 20, 1.0), (11, 11, 0.0), (20, 20, 0.0), (20, 11, 0.0)] {
+        assert_eq!(image.pixel(0, row, column), [expected], "row {row}, column {column}");
+    }
+}
+
+/// Whether every view alone is rendered by the very kernels that render the batch. They are specialised by what colours
+/// some mesh and by whether some view is cut; another specialisation may round the last bit otherwise.
+fn is_of_one_kind(case: &Case) -> bool {
+    let kind = |mesh: &Mesh| match mesh.appearance() {
+        Appearance::Uniform(_) | Appearance::VertexColors(_) => 0,
+        Appearance::Surface { .. } => 1,
+        Appearance::Textured { .. } => 2,
+    };
+    case.kind != Kind::Clipped && case.scene.meshes.iter().all(|mesh| kind(mesh) == kind(&case.scene.meshes[0]))
+}
+
+#[test]
+fn a_batch_is_its_views() {
+    let mut renderer = renderer();
+    // Batches of one mesh and of several, of several kinds and of one.
+    let mut seen = [[0; 2]; 2];
+    for seed in 0..150 {
+        let case = random_case(seed, [Kind::Plain, Kind::Modes, Kind::Clipped][seed as usize % 3]);
+        let exact = is_of_one_kind(&case);
+        let count = &mut seen[usize::from(case.scene.meshes.len() > 1)][usize::from(exact)];
+        if case.cameras.len() < 2 || *count == 4 {
+            continue;
+        }
+        *count += 1;
+        let batch = render(&mut renderer, &case);
+        for (view, &camera) in case.cameras.iter().enumerate() {
+            let mesh = case.scene.meshes[case.scene.mesh_of_view(view)].clone();
+            let scene = Scene { meshes: vec![mesh], ..case.scene.clone() };
+            let single = render(&mut renderer, &Case { scene, cameras: vec![camera], ..case.clone() });
+            for (name, batch, single) in images(&batch, &single) {
+                let (Some(batch), Some(single)) = (batch, single) else { continue };
+                let batch = view_of(batch, view);
+                let same = same_image_bits(name, &batch, single);
+                let difference = batch.data.iter().zip(&single.data).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+                let close = !exact && difference <= tolerance::OTHER_KERNEL;
+                assert!(same.is_ok() || close, "view {view}: {same:?}, by at most {difference:e}\n{case:?}");
+            }
+        }
+    }
+    assert_eq!(seen, [[4; 2]; 2]);
+}
+
+#[test]
+fn the_order_of_triangles_does_not_matter() {
+    let mut renderer = renderer();
+    for seed in 0..6 {
+        let mut case = random_case(seed, Kind::Plain);
+        // Colours that go with the vertices go with any order of triangles.
+        for mesh in &mut case.scene.meshes {
+            let random = &mut Random::new(seed);
+            let colors = mesh.positions().iter().map(|_| random.color()).collect();
+            *mesh = mesh.clone().with_appearance(Appearance::VertexColors(colors)).unwrap();
+        }
+        let mut shuffled = case.clone();
+        for mesh in &mut shuffled.scene.meshes {
+            let mut triangles = mesh.triangles().to_vec();
+            Random::new(seed + 99).shuffle(&mut triangles);
+            *mesh = Mesh::new(mesh.positions().to_vec(), triangles)
+                .unwrap()
+                .with_appearance(mesh.appearance().clone())
+                .unwrap();
+        }
+        assert_close(&render(&mut renderer, &case), &render(&mut renderer, &shuffled), &case);
+    }
+}
+
+#[test]
+fn lanes_do_not_change_a_bit() {
+    let mut renderers: Vec<_> = [1, 4, 8, 32]
+        .map(|lanes| renderer_with(RendererOptions { lanes: Some(lanes), ..RendererOptions::default() }))
+        .into();
+    for (seed, kind) in [(1, Kind::Plain), (2, Kind::Modes), (3, Kind::Clipped)] {
+        let case = random_case(seed, kind);
+        let frames: Vec<Frame> = renderers.iter_mut().map(|renderer| render(renderer, &case)).collect();
+        for frame in &frames[1..] {
+            same_bits(&frames[0], frame).unwrap_or_else(|e| panic!("{e}\n{case:?}"));
+        }
+    }
+}
+
+#[test]
+fn twenty_repeats_are_the_same_bits() {
+    let case = random_case(12, Kind::Plain);
+    let mut renderer_a = renderer();
+    let first = render(&mut renderer_a, &case);
+    for repeat in 0..20 {
+        same_bits(&first, &render(&mut renderer_a, &case)).unwrap_or_else(|e| panic!("repeat {repeat}: {e}"));
+    }
+    same_bits(&first, &render(&mut renderer(), &case)).expect("another renderer");
+}
+
+#[test]
+fn what_was_rendered_before_leaves_no_trace() {
+    let mut used = renderer();
+    let small = random_case(5, Kind::Plain);
+    let fresh = render(&mut used, &small);
+    for seed in 20..26 {
+        render(&mut used, &random_case(seed, [Kind::Plain, Kind::Clipped][seed as usize % 2]));
+        same_bits(&fresh, &render(&mut used, &small)).unwrap_or_else(|e| panic!("after seed {seed}: {e}"));
+    }
+}
+
+/// A scene whose lists outgrow the room they begin with comes out whole.
+#[test]
+fn lists_grow_until_all_fits() {
+    let scene = Scene::new(shapes::icosphere(3).unwrap());
+    let projection = Projection::Perspective { fov_y: 0.5 };
+    let cameras = [0.0, 120.0].map(|azimuth| Camera::from_angles(4.0, 20.0, azimuth, projection).unwrap());
+    let settings = Settings { width: 200, height: 90, outputs: ALL, ..Settings::default() }.with_blur_pixels(6.0);
+    let expected = renderer().render(&scene, &cameras, &settings).unwrap();
+    for (coarse, list) in [(1, 1), (1, 1 << 20), (1 << 20, 1)] {
+        let capacity = Capacity { coarse, list, cells: 1 };
+        let mut renderer = renderer_with(RendererOptions { capacity: Some(capacity), ..RendererOptions::default() });
+        for repeat in 0..2 {
+            let frame = renderer.render(&scene, &cameras, &settings).unwrap();
+            same_bits(&expected, &frame).unwrap_or_else(|e| panic!("{capacity:?}, repeat {repeat}: {e}"));
+        }
+    }
+}

@@ -1,0 +1,254 @@
+//! A renderer keeps what it knows from frame to frame; what it makes of the next must not depend on that.
+
+use crate::common::{
+    compare::same_bits,
+    gradient::{ALL_OUTPUTS, same_gradient_bits},
+    random::Random,
+    renderer, renderer_with,
+    scenes::{random_appearance, random_texture},
+};
+use glam::DVec3;
+use softras::{
+    Camera, Frame, Gradients, Image, ImageGradient, Lights, Mesh, Projection, Renderer, RendererOptions, Scene,
+    Settings, Wanted,
+    scene::{Appearance, Background, Outputs},
+    shapes,
+};
+
+/// What a loop has in its hands from step to step.
+#[derive(Clone)]
+struct State {
+    scene: Scene,
+    cameras: Vec<Camera>,
+    settings: Settings,
+    wanted: Wanted,
+}
+
+fn camera(eye: [f64; 3]) -> Camera {
+    let projection = Projection::Perspective { fov_y: 0.8 };
+    Camera::look_at(DVec3::from_array(eye), DVec3::ZERO, DVec3::Y, projection).unwrap()
+}
+
+fn start(random: &mut Random) -> State {
+    let settings = Settings {
+        width: 20,
+        height: 13,
+        sigma: 1e-3,
+        gamma: 1e-2,
+        far: 10.0,
+        outputs: ALL_OUTPUTS,
+        save: true,
+        ..Settings::default()
+    };
+    let cameras = vec![camera([0.4, 0.7, 3.1]), camera([-2.9, 0.3, 0.8])];
+    let meshes = vec![mesh(random), mesh(random)];
+    State { scene: Scene::batch(meshes), cameras, settings, wanted: Wanted::ALL }
+}
+
+fn mesh(random: &mut Random) -> Mesh {
+    let mesh = shapes::icosphere(random.below(2) as u32).unwrap();
+    let appearance = random_appearance(random, &mesh);
+    mesh.with_appearance(appearance).unwrap()
+}
+
+/// The same mesh with some values, not counts, of its appearance changed.
+fn recolored(random: &mut Random, mesh: &Mesh) -> Mesh {
+    let mut appearance = mesh.appearance().clone();
+    match &mut appearance {
+        Appearance::Uniform(color) => *color = random.color(),
+        Appearance::VertexColors(colors) => *colors.last_mut().unwrap() = random.color(),
+        Appearance::Surface { texels, .. } => *texels.last_mut().unwrap() = random.color(),
+        Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle } => match random.below(5) {
+            0 => uvs[0] = [random.range(-1.0, 2.0) as f32, 0.25],
+            1 => uv_triangles[0].rotate_left(1),
+            2 => *textures.last_mut().unwrap() = random_texture(random),
+            3 if textures.len() > 1 => texture_of_triangle[0] = (texture_of_triangle[0] + 1) % textures.len() as u32,
+            _ => {
+                let old = &textures[0];
+                let mut texels = old.texels().to_vec();
+                *texels.last_mut().unwrap() = random.color();
+                textures[0] = softras::scene::Texture::new(old.width(), old.height(), texels, old.wrap()).unwrap();
+            }
+        },
+    }
+    let plain = Mesh::new(mesh.positions().to_vec(), mesh.triangles().to_vec()).unwrap();
+    plain.with_appearance(appearance).unwrap()
+}
+
+/// Counts of kinds of change; the last is none.
+const CHANGES: usize = 14;
+
+fn change(state: &mut State, kind: usize, random: &mut Random) {
+    let which = random.below(state.scene.meshes.len());
+    let mesh_of = &mut state.scene.meshes[which];
+    match kind {
+        0 => {
+            let mut positions = mesh_of.positions().to_vec();
+            positions.last_mut().unwrap()[2] += 0.01;
+            mesh_of.set_positions(positions).unwrap();
+        }
+        1..=3 => *mesh_of = recolored(random, mesh_of),
+        4 => *state.cameras.last_mut().unwrap() = camera([1.1, -2.3, random.range(1.0, 2.0)]),
+        5 => {
+            // Another way around the same triangles, with other corners' colours.
+            let mut triangles = mesh_of.triangles().to_vec();
+            triangles[0].swap(0, 1);
+            let appearance = mesh_of.appearance().clone();
+            *mesh_of = Mesh::new(mesh_of.positions().to_vec(), triangles).unwrap().with_appearance(appearance).unwrap();
+        }
+        6 => *mesh_of = mesh(random),
+        7 => state.settings.sigma = random.log_range(1e-4, 1e-2),
+        8 => state.settings.background_color = random.color().map(f64::from),
+        9 => {
+            state.settings.background = random.choose(&[Background::Weighted, Background::Composite]);
+            state.settings.width = random.choose(&[20, 33]);
+        }
+        10 => state.scene.lights = if random.chance(0.5) { Lights::official() } else { Lights::unlit() },
+        11 => state.scene.lights.ambient_intensity = random.range(0.1, 1.0),
+        12 => {
+            state.settings.outputs.depth ^= true;
+            state.wanted.texels ^= true;
+        }
+        _ => {}
+    }
+}
+
+fn upstream(state: &State, seed: u64) -> ImageGradient {
+    let random = &mut Random::new(seed);
+    let (batch, height, width) = (state.cameras.len(), state.settings.height as usize, state.settings.width as usize);
+    let mut image = |wanted: bool, channels: usize| {
+        let data = (0..batch * height * width * channels).map(|_| random.range(-1.0, 1.0) as f32).collect();
+        wanted.then_some(Image { batch, height, width, channels, data })
+    };
+    let Outputs { color, silhouette, depth, normal } = state.settings.outputs;
+    ImageGradient {
+        color: image(color, 3),
+        silhouette: image(silhouette, 1),
+        depth: image(depth, 1),
+        normal: image(normal, 3),
+    }
+}
+
+fn step(renderer: &mut Renderer, state: &State, seed: u64) -> (Frame, Gradients) {
+    let frame = renderer.render(&state.scene, &state.cameras, &state.settings).unwrap();
+    let gradients = renderer.backward(&frame, &upstream(state, seed), &state.wanted).unwrap();
+    (frame, gradients)
+}
+
+/// Random changes one after the other; every third step as a renderer that knows of none has it (what is not taken over
+/// stays so, and a new renderer takes a second).
+fn steps_are_as_fresh(seed: u64, steps: usize, options: &RendererOptions) {
+    let random = &mut Random::new(seed);
+    let mut state = start(random);
+    let mut kept = renderer_with(options.clone());
+    step(&mut kept, &state, seed);
+    for i in 0..steps {
+        let mut kinds = vec![i % CHANGES];
+        while random.chance(0.3) {
+            kinds.push(random.below(CHANGES));
+        }
+        kinds.iter().for_each(|&kind| change(&mut state, kind, random));
+        if random.chance(0.3) {
+            // A look in between, which keeps nothing for backward.
+            let look = Settings { save: false, ..state.settings.clone() };
+            kept.render(&state.scene, &state.cameras, &look).unwrap();
+        }
+        let (frame, gradients) = step(&mut kept, &state, seed);
+        if i % 3 != 1 && i + 1 < steps {
+            continue;
+        }
+        let (true_frame, true_gradients) = step(&mut renderer(), &state, seed);
+        let what = format!("seed {seed}, step {i}, changes {kinds:?}");
+        same_bits(&frame, &true_frame).unwrap_or_else(|e| panic!("{what}: {e}"));
+        same_gradient_bits(&gradients, &true_gradients).unwrap_or_else(|e| panic!("{what}: {e}"));
+    }
+}
+
+#[test]
+fn a_frame_after_any_change_is_a_fresh_renderers() {
+    steps_are_as_fresh(1, CHANGES, &RendererOptions::default());
+}
+
+#[test]
+fn so_it_is_where_memory_is_not_shared() {
+    steps_are_as_fresh(3, CHANGES, &RendererOptions { staging: true, ..RendererOptions::default() });
+}
+
+/// The changes are ones that images show: a comparison of what is the same anyway would find nothing.
+#[test]
+fn a_change_that_is_not_uploaded_would_show() {
+    let random = &mut Random::new(4);
+    let mut state = start(random);
+    let mut renderer = renderer();
+    let mut unseen = Vec::new();
+    for kind in 0..CHANGES - 1 {
+        let seen = (0..20).any(|_| {
+            let before = step(&mut renderer, &state, 4);
+            change(&mut state, kind, random);
+            let after = step(&mut renderer, &state, 4);
+            same_bits(&before.0, &after.0).is_err() || same_gradient_bits(&before.1, &after.1).is_err()
+        });
+        if !seen {
+            unseen.push(kind);
+        }
+    }
+    assert_eq!(unseen, [0; 0]);
+}
+
+#[test]
+fn only_what_changed_is_uploaded() {
+    for staging in [false, true] {
+        let random = &mut Random::new(5);
+        let mut state = start(random);
+        let mut renderer = renderer_with(RendererOptions { staging, ..RendererOptions::default() });
+        let mut uploaded = |state: &State| {
+            step(&mut renderer, state, 5);
+            renderer.frame_counts().unwrap().uploaded_bytes
+        };
+        let all = uploaded(&state);
+        let vertices: usize = state.scene.meshes.iter().map(|mesh| mesh.positions().len()).sum();
+        assert!(all > 12 * vertices as u64, "{all} bytes");
+        // Each view's flag that the background is kept, once commands made a frame.
+        let kept = 2 * 64;
+        assert_eq!(uploaded(&state), kept, "the very same scene");
+        assert_eq!(uploaded(&state), 0, "the very same scene");
+        // A clone is the same, and so is one with values of its own.
+        assert_eq!(uploaded(&state.clone()), 0);
+        change(&mut state, 0, random);
+        assert_eq!(uploaded(&state), 12 * vertices as u64, "one vertex");
+        change(&mut state, 4, random);
+        let cameras = 2 * 11 * 16;
+        assert_eq!(uploaded(&state), cameras, "one camera");
+        change(&mut state, 7, random);
+        assert_eq!(uploaded(&state), kept, "sigma is no buffer, but the commands are others");
+        change(&mut state, 11, random);
+        assert_eq!(uploaded(&state), 16, "the ambient light, with which the commands are others again");
+        change(&mut state, 5, random);
+        assert_eq!(uploaded(&state), all, "another topology");
+        assert_eq!(uploaded(&state), 0);
+    }
+}
+
+/// Frames for looking at hold no memory for gradients, and gradients by little no more than they need.
+#[test]
+fn what_is_not_asked_for_has_no_buffer() {
+    let random = &mut Random::new(6);
+    let state = start(random);
+    let bytes = |save: bool, wanted: Option<Wanted>| {
+        let mut renderer = renderer();
+        let settings = Settings { save, ..state.settings.clone() };
+        let frame = renderer.render(&state.scene, &state.cameras, &settings).unwrap();
+        if let Some(wanted) = wanted {
+            renderer.backward(&frame, &upstream(&state, 6), &wanted).unwrap();
+        }
+        renderer.device_bytes()
+    };
+    let pixels = 2 * 20 * 13;
+    let (look, saved) = (bytes(false, None), bytes(true, None));
+    assert!(saved >= look + 16 * pixels, "{look} {saved}");
+    let of = |wanted: Wanted| bytes(true, Some(wanted));
+    let (camera, colors) = (Wanted { camera: true, ..Wanted::NOTHING }, Wanted { colors: true, ..Wanted::NOTHING });
+    let all = of(Wanted::ALL);
+    assert!(saved < of(camera) && of(camera) < all, "{saved} {} {all}", of(camera));
+    assert!(saved < of(colors) && of(colors) < all, "{saved} {} {all}", of(colors));
+}

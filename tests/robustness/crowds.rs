@@ -1,0 +1,162 @@
+//! More triangles at one place than a loop of lavapipe's takes: right, or an error. Loops on Mesa 22.3.6 silently end after
+//! 65535 passes.
+
+use crate::common::{
+    compare::compare_frames,
+    random::Random,
+    renderer,
+    scenes::{small, triangles},
+    tolerance,
+};
+use softras::{
+    Camera, Error, ImageGradient, Mesh, Renderer, Scene, Settings, Wanted,
+    reference::render_culled,
+    scene::{Appearance, Outputs, SilhouetteAggregation},
+};
+
+fn is_software(renderer: &Renderer) -> bool {
+    renderer.device_info().kind == softras::internals::vulkan::DeviceKind::Software
+}
+
+/// Triangles about the centre of pixel (7, 8) of a 16×16 image, which some half of them cover.
+fn crowd(count: usize) -> (Scene, Settings) {
+    let random = &mut Random::new(3);
+    let corners: Vec<_> = (0..count)
+        .map(|i| {
+            let (x, y) = (0.0525 + random.range(-0.02, 0.02) as f32, 0.0525 + random.range(-0.02, 0.02) as f32);
+            let z = 2.0 + 10.0 * i as f32 / count as f32;
+            [[x, y, z], [x + 0.03, y, z], [x, y + 0.03, z]]
+        })
+        .collect();
+    let settings = Settings { silhouette: SilhouetteAggregation::Sum, sigma: 1e-5, ..small(16, 16) };
+    (Scene::new(triangles(&corners)), settings)
+}
+
+#[test]
+fn a_tile_holds_fifty_thousand_triangles() {
+    let (scene, settings) = crowd(50_000);
+    let frame = renderer().render(&scene, &[Camera::screen()], &settings).unwrap();
+    let judge = render_culled(&scene, &[Camera::screen()], &settings).unwrap();
+    compare_frames(&frame, &judge, &tolerance::CROWD).unwrap();
+    let total: f64 = judge.silhouette.iter().sum::<f64>() * 50_000.0;
+    assert!(total > 15_000.0, "the triangles are seen {total} times");
+    let sum: f64 = frame.silhouette().unwrap().data.iter().map(|&x| f64::from(x)).sum::<f64>() * 50_000.0;
+    assert!((sum / total - 1.0).abs() < 1e-4, "{sum} of {total}");
+}
+
+/// Loops on lavapipe 22.3.6 silently end after 65535 passes: an error there, never a hole.
+#[test]
+fn a_crowd_that_a_software_device_cannot_walk_is_an_error() {
+    let (scene, settings) = crowd(70_000);
+    let mut renderer = renderer();
+    let result = renderer.render(&scene, &[Camera::screen()], &settings);
+    if is_software(&renderer) {
+        let error = result.unwrap_err().to_string();
+        assert!(error.contains("one tile") && error.contains("60000"), "{error}");
+    } else {
+        result.unwrap();
+    }
+}
+
+/// Triangles of about a pixel each all over one bin of 64×32 pixels.
+fn dust(count: usize) -> Vec<[[f32; 3]; 3]> {
+    let random = &mut Random::new(7);
+    let corners = (0..count).map(|_| {
+        let (x, y) = (random.range(-2.0, 2.0) as f32, random.range(-1.0, 1.0) as f32);
+        [[x, y, 2.0], [x + 0.06, y, 2.0], [x, y + 0.06, 2.0]]
+    });
+    corners.collect()
+}
+
+fn silhouette_sums(renderer: &mut Renderer, corners: &[[[f32; 3]; 3]]) -> softras::Result<Vec<f64>> {
+    let settings = Settings {
+        silhouette: SilhouetteAggregation::Sum,
+        outputs: Outputs { color: false, silhouette: true, depth: false, normal: false },
+        sigma: 1e-5,
+        ..small(64, 32)
+    };
+    let frame = renderer.render(&Scene::new(triangles(corners)), &[Camera::screen()], &settings)?;
+    Ok(frame.silhouette().unwrap().data.iter().map(|&x| f64::from(x) * corners.len() as f64).collect())
+}
+
+/// As the tile's: loops of the kernels that make lists. Nothing of most triangles is on the image, so that few lanes have all
+/// the others.
+#[test]
+fn a_bin_holds_a_hundred_thousand_of_a_million_triangles() {
+    let renderer = &mut renderer();
+    let corners = dust(100_000);
+    let mut scene = corners.clone();
+    scene.resize(1_000_000, [[50.0, 50.0, 2.0], [50.1, 50.0, 2.0], [50.0, 50.1, 2.0]]);
+    let whole = silhouette_sums(renderer, &scene).unwrap();
+    let mut parts = vec![0.0; whole.len()];
+    for part in corners.chunks(20_000) {
+        parts.iter_mut().zip(silhouette_sums(renderer, part).unwrap()).for_each(|(sum, x)| *sum += x);
+    }
+    let worst = whole.iter().zip(&parts).map(|(a, b)| (a / b - 1.0).abs()).fold(0.0, f64::max);
+    let least = parts.iter().copied().fold(f64::INFINITY, f64::min);
+    assert!(least > 5.0 && worst < 1e-4, "at least {least} a pixel, off by {worst}");
+}
+
+#[test]
+fn a_bin_that_a_software_device_cannot_list_is_an_error() {
+    let mut corners = dust(400_000);
+    let row = |c: &[[f32; 3]; 3]| ((c[0][1] + 1.0) * 4.0) as i32;
+    corners.sort_by(|a, b| row(a).cmp(&row(b)).then(a[0][0].total_cmp(&b[0][0])));
+    let mut renderer = renderer();
+    let result = silhouette_sums(&mut renderer, &corners);
+    if is_software(&renderer) {
+        match result.unwrap_err() {
+            Error::Limit { what, needed, .. } => assert!(what.contains("bin of 64×32") && needed > 390_000, "{needed}"),
+            other => panic!("{other}"),
+        }
+    } else {
+        result.unwrap();
+    }
+}
+
+#[test]
+fn a_vertex_of_too_many_triangles_is_an_error() {
+    let mut renderer = renderer();
+    let fan = |count: u32| {
+        let rim = (0..=count).map(|i| (f64::from(i) * std::f64::consts::TAU / f64::from(count)).sin_cos());
+        let positions = std::iter::once([0.0, 0.0, 2.0]).chain(rim.map(|(y, x)| [x as f32, y as f32, 2.0]));
+        Mesh::new(positions.collect(), (1..=count).map(|i| [0, i, i + 1]).collect()).unwrap()
+    };
+    let mut gradients = |count: u32, views: usize| {
+        let settings = Settings { save: true, sigma: 1e-5, ..small(8, 8) };
+        let frame = renderer.render(&Scene::new(fan(count)), &vec![Camera::screen(); views], &settings)?;
+        let upstream = ImageGradient::silhouette(frame.silhouette().unwrap().clone());
+        renderer.backward(&frame, &upstream, &Wanted { positions: true, ..Wanted::NOTHING })
+    };
+    let at_centre = |g: softras::Gradients| g.meshes[0].positions[0][0];
+    assert!(at_centre(gradients(300, 3).unwrap()).is_finite());
+    let many = gradients(700, 90).map(at_centre);
+    if is_software(&renderer) {
+        let error = many.unwrap_err().to_string();
+        assert!(error.contains("700 triangle corners, in 90 views"), "{error}");
+    }
+}
+
+/// The loop that sums pixels: what each of four million gives to the background is what each shows of it.
+#[test]
+fn a_background_of_four_million_pixels_is_summed_to_the_end() {
+    let mesh = triangles(&[[[-0.7, -0.6, 2.0], [0.8, -0.5, 2.0], [0.1, 0.7, 2.0]]]);
+    let black = mesh.with_appearance(Appearance::Uniform([0.0; 3])).unwrap();
+    let settings = Settings {
+        background_color: [1.0; 3],
+        outputs: Outputs { color: true, silhouette: false, depth: false, normal: false },
+        save: true,
+        sigma: 1e-5,
+        ..small(2048, 2048)
+    };
+    let mut renderer = renderer();
+    let frame = renderer.render(&Scene::new(black), &[Camera::screen()], &settings).unwrap();
+    let color = frame.color().unwrap();
+    let shown: f64 = color.data.iter().step_by(3).map(|&x| f64::from(x)).sum();
+    let mut ones = color.clone();
+    ones.data.fill(1.0);
+    let wanted = Wanted { background: true, ..Wanted::NOTHING };
+    let gradients = renderer.backward(&frame, &ImageGradient::color(ones), &wanted).unwrap();
+    let off = (gradients.background_color[0] / shown - 1.0).abs();
+    assert!(shown > 3e6 && off < 1e-6, "{:?} should be {shown}", gradients.background_color);
+}

@@ -1,0 +1,9 @@
+//! Inputs at the edge of what there is: crowds of triangles, degenerate geometry, extreme numbers, and every error.
+#![cfg(feature = "reference")]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+#[path = "../common/mod.rs"]
+mod common;
+mod crowds;
+mod edge_cases;
+mod errors;
