@@ -1,4 +1,4 @@
-//! The embedding API in the hands of a host: the example engine, a host's own geometry and images, wgpu, and other devices.
+//! The embedding API in the hands of a host: the example engine, a host's own geometry and images, and other devices.
 #![cfg(all(feature = "reference", feature = "renderer"))]
 // Tests play the host's half of a contract of raw handles.
 #![allow(unsafe_code, clippy::undocumented_unsafe_blocks, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
@@ -16,4 +16,3 @@ mod geometry;
 mod host;
 mod images;
 mod lifecycle;
-mod wgpu_example;

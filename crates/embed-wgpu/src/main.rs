@@ -1,7 +1,7 @@
 //! softras inside a wgpu engine: the VkDevice comes out of a wgpu device, softras records into a wgpu command encoder, and
 //! wgpu copies its image into a texture that a render pass samples. So would Bevy.
 //!
-//! `cargo run --example embed_wgpu [PICTURE.png]`
+//! `cargo run -p embed-wgpu [PICTURE.png]`
 // Handing raw handles across has no other way; each block is a call whose promise is stated beside it.
 #![allow(unsafe_code, dead_code, missing_docs)]
 
