@@ -8,7 +8,7 @@
 mod naive;
 mod subject;
 
-use softras::{Renderer, Settings, reference};
+use softras::{Renderer, Settings};
 use softras_cli::measure::subject::{camera, scene, settings};
 use softras_cli::measure::sweep::{front, front_settings};
 
@@ -22,7 +22,7 @@ fn main() {
         let settings = front_settings(&settings(size));
         println!("{size} pixels, sigma {:e}, gamma {:e}", settings.sigma, settings.gamma);
         println!("{:>12} {:>8} {:>10} {:>10} {:>10}", "", "tau", "forward", "frame", "error");
-        let exact = reference::render_untruncated(&scene, &[camera], &settings).expect("images");
+        let exact = softras::internals::reference::render_untruncated(&scene, &[camera], &settings).expect("images");
         let curves = front(&mut renderer, &scene, &[camera], &settings, 15).expect("frames");
         for curve in &curves {
             for p in &curve.points {

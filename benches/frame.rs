@@ -8,7 +8,7 @@
 
 mod subject;
 
-use softras::{Error, Mesh, Renderer, Settings, reference, shapes};
+use softras::{Error, Mesh, Renderer, Settings, shapes};
 use softras_cli::measure::subject::{cameras, scene, settings};
 use softras_cli::measure::time::times;
 use softras_cli::measure::{Mode, floor, peak_flops};
@@ -81,7 +81,7 @@ fn row(
         }
         Err(error) => panic!("{error}"),
     };
-    let pairs = reference::pairs(&scene, &cameras, &settings).expect("pairs").total() as f64;
+    let pairs = softras::internals::reference::pairs(&scene, &cameras, &settings).expect("pairs").total() as f64;
     let operations = floor::forward_operations(mode) + floor::backward_operations(mode);
     let least = pairs * operations / peak * 1e3;
     print!(

@@ -8,14 +8,11 @@
 
 use glam::DVec3;
 use npyz::npz::NpzArchive;
-use softras::fit::device::DeviceFit;
-use softras::fit::image_loss::{ImageLoss, mask_iou};
-use softras::fit::optimizer::{Method, Optimizer};
-use softras::fit::regularizer::{Regularizer, laplacian_coordinates};
-use softras::fit::schedule::Schedule;
-use softras::fit::shape::{Parametrization, ShapeFit, ShapeOptions, Targets};
-use softras::fit::soft_target::{CLOSED, soft_target};
-use softras::fit::topology::Topology;
+use softras::fit::{
+    DeviceFit, ImageLoss, Method, Optimizer, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions, Targets,
+    mask_iou, soft_target,
+};
+use softras::internals::fit::{CLOSED, Topology, laplacian_coordinates, regularize};
 use softras::scene::{Outputs, SilhouetteAggregation};
 use softras::{Camera, Image, ImageGradient, Lights, Mesh, Projection, Renderer, Scene, Settings, Wanted};
 use std::path::Path;
@@ -195,7 +192,7 @@ impl Task {
         let gradient: Vec<DVec3> = gradient.iter().map(|g| DVec3::from(g.map(f64::from))).collect();
         let laplacian = laplacian_coordinates(&self.topology, &positions);
         let mut normals = vec![DVec3::ZERO; positions.len()];
-        Regularizer::NormalConsistency.add(&self.topology, &positions, 1.0, &mut normals).unwrap();
+        regularize(Regularizer::NormalConsistency, &self.topology, &positions, 1.0, &mut normals).unwrap();
         let rms = |v: &[DVec3]| (v.iter().map(|x| x.length_squared()).sum::<f64>() / v.len() as f64).sqrt().max(1e-12);
         let (l, n) = (0.15 * rms(&gradient) / rms(&laplacian), 0.4 * rms(&gradient) / rms(&normals));
         let sum = |i: usize| gradient[i] + l * laplacian[i] + n * normals[i];

@@ -42,7 +42,7 @@ impl ImageGradient {
     ///
     /// # Errors
     /// [`Error::Backward`] naming the image.
-    pub fn judge(&self, rendered: Outputs, batch: usize, height: usize, width: usize) -> Result<()> {
+    pub(crate) fn validate(&self, rendered: Outputs, batch: usize, height: usize, width: usize) -> Result<()> {
         let images = [
             ("color", &self.color, rendered.color, 3),
             ("silhouette", &self.silhouette, rendered.silhouette, 1),
@@ -73,13 +73,16 @@ impl ImageGradient {
     }
 }
 
-/// Which path the gradient takes through a fragment.
+/// What the gradient of a fragment, a (pixel, triangle) pair, flows through.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum GradientMode {
-    /// The derivative of what is drawn, barycentrics included.
+    /// Everything: the derivative of the image as it is rendered.
     #[default]
     Exact,
-    /// Eq. 4 alone, as the official code: barycentrics held constant.
+    /// Eq. 4 of the paper alone, as the official code: the clipped barycentrics are constants of the pixel, so that
+    /// colour, depth and normal depend on the vertices only through the coverage D, the depth z and the corners' own
+    /// values. Under [`crate::scene::Parity::Official`] this is the official gradient: fragments outside [near, far] get
+    /// none from the silhouette that counts them, and the silhouette's is damped where 1 - D < 1e-6.
     Paper,
 }
 

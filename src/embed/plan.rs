@@ -152,7 +152,7 @@ fn judge(shape: &Shape) -> Result<()> {
             ),
         });
     }
-    shape.lights.judge()
+    shape.lights.validate()
 }
 
 impl FramePlan {
@@ -162,7 +162,7 @@ impl FramePlan {
     /// [`Error::Scene`], [`Error::Settings`], [`Error::Light`] for what cannot be rendered, [`Error::Limit`] for what this
     /// device cannot hold.
     pub fn new(limits: &Limits, kind: DeviceKind, shape: &Shape, settings: &Settings) -> Result<Self> {
-        settings.judge()?;
+        settings.validate()?;
         judge(shape)?;
         let views = shape.view_sizes();
         let capacity = shape.capacity.unwrap_or_else(|| Capacity::estimate(settings, shape.cutoff, &views));

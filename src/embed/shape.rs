@@ -139,8 +139,8 @@ impl Shape {
     /// # Errors
     /// [`crate::Error::Scene`], [`crate::Error::Light`], [`crate::Error::Settings`].
     pub fn of(scene: &Scene, cameras: &[Camera], settings: &Settings) -> Result<Self> {
-        scene.judge(cameras)?;
-        settings.judge()?;
+        scene.validate(cameras)?;
+        settings.validate()?;
         let bounds: Vec<_> = scene.meshes.iter().map(Mesh::bounds).collect();
         let inside = DepthSpan { crosses_near: false, crosses_far: false };
         let depth_span = cameras.iter().enumerate().fold(inside, |span, (view, camera)| {

@@ -40,7 +40,7 @@ impl ImageLoss {
     /// # Errors
     /// [`crate::Error::Fit`] when shapes differ, a weight is negative or not finite, all are 0, or δ is not above 0.
     pub fn evaluate(self, prediction: &Image, target: &Image, weights: Option<&Image>) -> Result<Valued> {
-        judge(prediction, target, weights)?;
+        validate(prediction, target, weights)?;
         let weight = Weight::new(prediction, weights);
         let penalty: fn(f64, f64) -> (f64, f64) = match self {
             Self::NegativeIou => return Ok(negative_iou(prediction, target, &weight)),
@@ -106,7 +106,7 @@ impl ImageLoss {
 /// # Errors
 /// [`crate::Error::Fit`] when the shapes differ.
 pub fn mask_iou(prediction: &Image, target: &Image) -> Result<Vec<f64>> {
-    judge(prediction, target, None)?;
+    validate(prediction, target, None)?;
     let one = |view: usize| {
         let (mut both, mut either) = (0u32, 0u32);
         for (&p, &t) in prediction.view(view).iter().zip(target.view(view)) {
@@ -118,7 +118,7 @@ pub fn mask_iou(prediction: &Image, target: &Image) -> Result<Vec<f64>> {
     Ok((0..prediction.batch).map(one).collect())
 }
 
-fn judge(prediction: &Image, target: &Image, weights: Option<&Image>) -> Result<()> {
+fn validate(prediction: &Image, target: &Image, weights: Option<&Image>) -> Result<()> {
     let shape = |i: &Image| [i.batch, i.height, i.width, i.channels];
     let expected = shape(prediction);
     let whole = |i: &Image| i.data.len() == shape(i).iter().product::<usize>();

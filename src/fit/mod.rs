@@ -1,31 +1,40 @@
-//! Shape, colour and pose from images: what the gradients are for.
+//! Fitting: a mesh's shape, colours and pose from images, by following the gradients of soft renderings.
 //!
-//! - [`image_loss`]: how far images are from their targets, value and gradient.
-//! - [`soft_target`]: masks made as soft as what is held against them.
-//! - [`regularizer`]: what keeps a mesh a surface, on its [`topology`].
-//! - [`optimizer`], [`smoothing`], [`schedule`]: how parameters follow their gradients.
-//! - [`remesh`]: even triangles where a fit has stretched them.
-//! - [`shape`]: all of it together, a mesh deformed until its images are the targets.
-//! - [`device`]: the same with every step as a whole on the device, in single precision.
-//! - [`pose`]: where a rigid mesh is, from one image; [`articulated`]: how a jointed figure stands.
-//! - [`voxel`]: how much of two solids is common.
+//! - [`ShapeFit`] deforms, and optionally recolours, a template mesh until its renderings match [`Targets`]. What it moves
+//!   is a [`Parametrization`], what it minimises an [`ImageLoss`] plus weighted [`Regularizer`]s, and how it steps a
+//!   [`Method`]. Every step is computed on the host in f64 around [`Renderer::render`](crate::Renderer::render) and
+//!   [`Renderer::backward`](crate::Renderer::backward).
+//! - [`DeviceFit`] runs the same method in single precision on the device, one submission a step and without a wait.
+//!   [`HostFit`] computes the same bits on the host and lets you insert a loss of your own.
+//! - [`PoseFit`] finds the rotation and translation of a rigid mesh from one image, many starting poses at once.
+//! - [`remeshed`] evens out triangles that a fit has stretched, [`soft_target`] softens a hard mask to the silhouette that
+//!   a mesh of that outline renders to, [`mask_iou`] and [`voxel_iou`] measure how good a fit is.
 //!
-//! Everything but [`device`] runs on the host in f64, in a fixed order, so that the same input gives the same bits; images
-//! are rendered and differentiated through [`crate::Renderer`].
+//! Sums run in a fixed order, so the same input gives the same bits.
 
-pub mod articulated;
-pub mod device;
-pub mod image_loss;
-pub mod optimizer;
-pub mod pose;
-pub mod regularizer;
-pub mod remesh;
-pub mod schedule;
-pub mod shape;
-pub mod smoothing;
-pub mod soft_target;
-pub mod topology;
-pub mod voxel;
+pub(crate) mod device;
+pub(crate) mod image_loss;
+mod optimizer;
+pub(crate) mod pose;
+pub(crate) mod regularizer;
+mod remesh;
+mod schedule;
+mod shape;
+pub(crate) mod smoothing;
+pub(crate) mod soft_target;
+pub(crate) mod topology;
+pub(crate) mod voxel;
+
+pub use device::{DeviceFit, HostFit};
+pub use image_loss::{ImageLoss, Valued, mask_iou};
+pub use optimizer::{Method, Optimizer};
+pub use pose::{Differentiation, Pose, PoseFit, PoseOptions, PoseTarget, rotations};
+pub use regularizer::Regularizer;
+pub use remesh::remeshed;
+pub use schedule::Schedule;
+pub use shape::{Parametrization, ShapeFit, ShapeOptions, State, Step, Targets};
+pub use soft_target::soft_target;
+pub use voxel::voxel_iou;
 
 use crate::error::{Error, Result};
 

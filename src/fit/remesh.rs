@@ -28,7 +28,7 @@ const HALVINGS: usize = 30;
 ///
 /// ```
 /// let coarse = softras::shapes::icosphere(1)?;
-/// let fine = softras::fit::remesh::remeshed(&coarse, 0.2)?;
+/// let fine = softras::fit::remeshed(&coarse, 0.2)?;
 /// assert!(fine.triangles().len() > 4 * coarse.triangles().len());
 /// # Ok::<(), softras::Error>(())
 /// ```

@@ -98,7 +98,7 @@ impl Smoothing {
     /// # Errors
     /// [`crate::Error::Fit`] unless there is one vector for each vertex.
     pub fn apply(&self, vectors: &mut [DVec3]) -> Result<()> {
-        self.judge(vectors.len())?;
+        self.validate(vectors.len())?;
         let mut solved: Vec<DVec3> = self.order.iter().map(|&i| vectors[i as usize]).collect();
         for row in 0..solved.len() {
             let (entries, first) = (self.row(row), self.first[row]);
@@ -121,7 +121,7 @@ impl Smoothing {
     /// # Errors
     /// As [`Smoothing::apply`].
     pub fn undo(&self, vectors: &[DVec3]) -> Result<Vec<DVec3>> {
-        self.judge(vectors.len())?;
+        self.validate(vectors.len())?;
         let one = |(i, &x): (usize, &DVec3)| {
             let neighbors = self.topology.neighbors(i);
             let sum: DVec3 = neighbors.iter().map(|&j| vectors[j as usize]).sum();
@@ -130,7 +130,7 @@ impl Smoothing {
         Ok(vectors.iter().enumerate().map(one).collect())
     }
 
-    fn judge(&self, count: usize) -> Result<()> {
+    fn validate(&self, count: usize) -> Result<()> {
         if count == self.order.len() {
             return Ok(());
         }

@@ -66,7 +66,7 @@ impl Voxels {
 ///
 /// # Errors
 /// [`crate::Error::Fit`] for a resolution outside 1 to [`MAX_RESOLUTION`].
-pub fn iou(a: &Mesh, b: &Mesh, resolution: usize) -> Result<f64> {
+pub fn voxel_iou(a: &Mesh, b: &Mesh, resolution: usize) -> Result<f64> {
     let (low, side) = cube_around(&[a, b]);
     let [a, b] = [Voxels::new(a, low, side, resolution)?, Voxels::new(b, low, side, resolution)?];
     let count = |keep: fn(bool, bool) -> bool| a.inside.iter().zip(&b.inside).filter(|(a, b)| keep(**a, **b)).count();

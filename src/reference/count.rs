@@ -33,7 +33,7 @@ impl Pairs {
 /// # Errors
 /// As [`super::render`].
 pub fn pairs(scene: &Scene, cameras: &[Camera], settings: &Settings) -> Result<Pairs> {
-    super::judge(scene, cameras, settings)?;
+    super::validate(scene, cameras, settings)?;
     let parameters = Parameters::new(scene, cameras, settings);
     let mut counts = Pairs { pieces: 0, needed: Vec::new(), boxed: 0 };
     for index in 0..cameras.len() {

@@ -6,7 +6,7 @@
 
 mod aggregate;
 mod candidates;
-mod count;
+pub(crate) mod count;
 mod fragment;
 mod frame;
 mod geometry;
@@ -21,9 +21,12 @@ mod tape;
 #[cfg(test)]
 mod tests;
 mod texture;
+pub(crate) mod variants;
 
-pub use count::{Pairs, pairs};
 pub use parameters::{Parameters, ReferenceGradients};
+
+#[doc(no_inline)]
+pub use crate::gradients::GradientMode;
 
 use crate::error::{Error, Result};
 use crate::scene::{Camera, Scene, Settings};
@@ -36,19 +39,6 @@ pub enum Truncation {
     Tau,
     /// None: the untruncated model.
     None,
-}
-
-/// What a gradient flows through.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum GradientMode {
-    /// Everything: the derivative of the image as it is.
-    #[default]
-    Exact,
-    /// Eq. 4 alone: the clipped barycentrics b̂ are constants of the pixel, so that colour, depth and normal depend on
-    /// the vertices through D, z and the corners' own values. Under [`crate::scene::Parity::Official`] this is the
-    /// official gradient: fragments outside [near, far] get none from the silhouette that counts them, and the
-    /// silhouette's is damped where 1 - D < 1e-6.
-    Paper,
 }
 
 /// The judge's images, row 0 at the top; empty where [`crate::scene::Outputs`] does not ask.
@@ -92,14 +82,14 @@ pub struct Upstream {
 /// Renders by brute force.
 ///
 /// # Errors
-/// As [`Scene::judge`] and [`Settings::judge`].
+/// [`Error::Scene`], [`Error::Camera`], [`Error::Light`] or [`Error::Settings`] for what is out of range.
 pub fn render(
     scene: &Scene,
     cameras: &[Camera],
     settings: &Settings,
     truncation: Truncation,
 ) -> Result<ReferenceFrame> {
-    judge(scene, cameras, settings)?;
+    validate(scene, cameras, settings)?;
     let parameters = Parameters::new(scene, cameras, settings);
     Ok(frame::frame(scene, cameras, settings, truncation, Search::BruteForce, &parameters))
 }
@@ -110,40 +100,8 @@ pub fn render(
 /// # Errors
 /// As [`render`].
 pub fn render_culled(scene: &Scene, cameras: &[Camera], settings: &Settings) -> Result<ReferenceFrame> {
-    judge(scene, cameras, settings)?;
-    render_at(scene, cameras, settings, &Parameters::new(scene, cameras, settings))
-}
-
-/// The image of [`render`] with [`Truncation::None`] to within 1e-16 a triangle, without the pairs whose part of their
-/// pixel is provably below that: 512² pixels of 6000 triangles take seconds. Distances other than
-/// [`crate::scene::Distance::Euclidean`] are not culled.
-///
-/// # Errors
-/// As [`render`].
-pub fn render_untruncated(scene: &Scene, cameras: &[Camera], settings: &Settings) -> Result<ReferenceFrame> {
-    judge(scene, cameras, settings)?;
-    let parameters = Parameters::new(scene, cameras, settings);
-    Ok(frame::frame(scene, cameras, settings, Truncation::None, Search::Culled, &parameters))
-}
-
-/// [`render_culled`] with every input replaced by the values of `parameters`, in f64: for finite differences.
-///
-/// # Errors
-/// As [`render`], and [`Error::Scene`] when the parameters are those of another scene.
-pub fn render_at(
-    scene: &Scene,
-    cameras: &[Camera],
-    settings: &Settings,
-    parameters: &Parameters,
-) -> Result<ReferenceFrame> {
-    judge(scene, cameras, settings)?;
-    if !parameters.fits(scene, cameras, settings) {
-        return Err(Error::Scene {
-            what: format!("{} parameters of another scene", parameters.values().len()),
-            fix: "make them with Parameters::new for these meshes, cameras and lights".into(),
-        });
-    }
-    Ok(frame::frame(scene, cameras, settings, Truncation::Tau, Search::Culled, parameters))
+    validate(scene, cameras, settings)?;
+    variants::render_at(scene, cameras, settings, &Parameters::new(scene, cameras, settings))
 }
 
 /// The gradient of L = Σ upstream · image with respect to every input, at a fixed set of pairs ([`Truncation::Tau`]).
@@ -157,7 +115,7 @@ pub fn gradient(
     upstream: &Upstream,
     mode: GradientMode,
 ) -> Result<ReferenceGradients> {
-    judge(scene, cameras, settings)?;
+    validate(scene, cameras, settings)?;
     let pixels = cameras.len() * settings.height as usize * settings.width as usize;
     let images = [
         ("d_color", &upstream.d_color, 3),
@@ -179,7 +137,7 @@ pub fn gradient(
     Ok(gradient::gradient(scene, cameras, settings, upstream, mode, &parameters))
 }
 
-fn judge(scene: &Scene, cameras: &[Camera], settings: &Settings) -> Result<()> {
-    scene.judge(cameras)?;
-    settings.judge()
+fn validate(scene: &Scene, cameras: &[Camera], settings: &Settings) -> Result<()> {
+    scene.validate(cameras)?;
+    settings.validate()
 }

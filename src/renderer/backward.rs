@@ -92,7 +92,7 @@ impl Renderer {
     fn backward_saved(&mut self, saved: &Saved, upstream: &ImageGradient, wanted: &Wanted) -> Result<Gradients> {
         let s = &saved.settings;
         let batch = saved.cameras.len();
-        upstream.judge(s.outputs, batch, s.height as usize, s.width as usize)?;
+        upstream.validate(s.outputs, batch, s.height as usize, s.width as usize)?;
         let plan = self.plan_backward(&saved.plan, upstream, wanted)?;
         for slot in buffers::BACKWARD {
             if let Some(requirement) = plan.buffer(slot.name) {

@@ -48,7 +48,7 @@ fn mesh_error<T>(what: String, place: String, fix: &str) -> Result<T> {
     Err(Error::Mesh { what, place, fix: fix.into() })
 }
 
-fn judge_finite<const N: usize>(values: &[[f32; N]], what: &str, element: &str) -> Result<()> {
+fn validate_finite<const N: usize>(values: &[[f32; N]], what: &str, element: &str) -> Result<()> {
     match first_not_finite(values.as_flattened()).map(|at| at / N) {
         Some(i) => mesh_error(
             format!("{what} {:?} is not finite", values[i]),
@@ -68,8 +68,8 @@ pub(crate) fn first_not_finite(values: &[f32]) -> Option<usize> {
     values[16 * place..].iter().position(bad).map(|at| 16 * place + at)
 }
 
-fn judge_colors(colors: &[[f32; 3]], what: &str, element: &str) -> Result<()> {
-    judge_finite(colors, what, element)?;
+fn validate_colors(colors: &[[f32; 3]], what: &str, element: &str) -> Result<()> {
+    validate_finite(colors, what, element)?;
     match colors.iter().position(|c| c.iter().any(|x| x.abs() > Mesh::BRIGHTEST)) {
         Some(i) => mesh_error(
             format!("{what} {:?} is beyond ±{:e}", colors[i], Mesh::BRIGHTEST),
@@ -80,8 +80,8 @@ fn judge_colors(colors: &[[f32; 3]], what: &str, element: &str) -> Result<()> {
     }
 }
 
-fn judge_positions(positions: &[[f32; 3]]) -> Result<()> {
-    judge_finite(positions, "position", "vertex")?;
+fn validate_positions(positions: &[[f32; 3]]) -> Result<()> {
+    validate_finite(positions, "position", "vertex")?;
     match positions.iter().position(|p| p.iter().any(|x| x.abs() > Mesh::FARTHEST)) {
         Some(i) => mesh_error(
             format!("position {:?} is beyond ±{:e}", positions[i], Mesh::FARTHEST),
@@ -92,14 +92,14 @@ fn judge_positions(positions: &[[f32; 3]]) -> Result<()> {
     }
 }
 
-fn judge_count(what: &str, got: usize, expected: usize) -> Result<()> {
+fn validate_count(what: &str, got: usize, expected: usize) -> Result<()> {
     if got == expected {
         return Ok(());
     }
     mesh_error(format!("{got} {what}, expected {expected}"), "the whole array".into(), "give exactly that many")
 }
 
-fn judge_indices(triangles: &[[u32; 3]], count: usize, what: &str) -> Result<()> {
+fn validate_indices(triangles: &[[u32; 3]], count: usize, what: &str) -> Result<()> {
     for (t, triangle) in triangles.iter().enumerate() {
         if let Some(c) = triangle.iter().position(|&i| i as usize >= count) {
             return mesh_error(
@@ -127,8 +127,8 @@ impl Mesh {
     /// # Errors
     /// [`Error::Mesh`] for a position that is not finite or beyond ±[`Mesh::FARTHEST`], or an index out of range.
     pub fn new(positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>) -> Result<Self> {
-        judge_positions(&positions)?;
-        judge_indices(&triangles, positions.len(), "vertex")?;
+        validate_positions(&positions)?;
+        validate_indices(&triangles, positions.len(), "vertex")?;
         let mut corners = vec![0u32; positions.len()];
         triangles.iter().flatten().for_each(|&vertex| corners[vertex as usize] += 1);
         let all_used = corners.iter().all(|&n| n > 0);
@@ -143,10 +143,10 @@ impl Mesh {
     /// colour beyond ±[`Mesh::BRIGHTEST`].
     pub fn with_appearance(mut self, appearance: Appearance) -> Result<Self> {
         match &appearance {
-            Appearance::Uniform(color) => judge_colors(&[*color], "colour", "uniform colour")?,
+            Appearance::Uniform(color) => validate_colors(&[*color], "colour", "uniform colour")?,
             Appearance::VertexColors(colors) => {
-                judge_count("vertex colours", colors.len(), self.positions.len())?;
-                judge_colors(colors, "colour", "vertex")?;
+                validate_count("vertex colours", colors.len(), self.positions.len())?;
+                validate_colors(colors, "colour", "vertex")?;
             }
             Appearance::Surface { resolution, texels } => {
                 if !(1..=1024).contains(resolution) {
@@ -157,13 +157,13 @@ impl Mesh {
                     );
                 }
                 let cells = (*resolution as usize).pow(2);
-                judge_count("surface texels", texels.len(), self.triangles.len() * cells)?;
-                judge_colors(texels, "surface texel", "texel")?;
+                validate_count("surface texels", texels.len(), self.triangles.len() * cells)?;
+                validate_colors(texels, "surface texel", "texel")?;
             }
             Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle } => {
-                judge_count("UV triangles", uv_triangles.len(), self.triangles.len())?;
-                judge_indices(uv_triangles, uvs.len(), "UV")?;
-                judge_finite(uvs, "UV", "UV")?;
+                validate_count("UV triangles", uv_triangles.len(), self.triangles.len())?;
+                validate_indices(uv_triangles, uvs.len(), "UV")?;
+                validate_finite(uvs, "UV", "UV")?;
                 if let Some(i) = uvs.iter().position(|uv| uv.iter().any(|x| x.abs() > 1e4)) {
                     return mesh_error(
                         format!("UV {:?} is beyond ±10000", uvs[i]),
@@ -175,7 +175,7 @@ impl Mesh {
                     return mesh_error("no texture".into(), "appearance".into(), "give at least one image");
                 }
                 if !texture_of_triangle.is_empty() {
-                    judge_count("texture indices", texture_of_triangle.len(), self.triangles.len())?;
+                    validate_count("texture indices", texture_of_triangle.len(), self.triangles.len())?;
                     let beyond = texture_of_triangle.iter().position(|&i| i as usize >= textures.len());
                     if let Some(t) = beyond {
                         return mesh_error(
@@ -196,8 +196,8 @@ impl Mesh {
     /// # Errors
     /// [`Error::Mesh`] when the count differs or a position is not finite or beyond ±[`Mesh::FARTHEST`]; the mesh is then unchanged.
     pub fn set_positions(&mut self, positions: Vec<[f32; 3]>) -> Result<()> {
-        judge_count("positions", positions.len(), self.positions.len())?;
-        judge_positions(&positions)?;
+        validate_count("positions", positions.len(), self.positions.len())?;
+        validate_positions(&positions)?;
         self.positions = positions;
         Ok(())
     }

@@ -58,7 +58,7 @@ impl Scene {
     ///
     /// # Errors
     /// [`Error::Scene`] without a mesh or a camera, or when the counts do not pair up; [`Error::Light`] for a bad light.
-    pub fn judge(&self, cameras: &[Camera]) -> Result<()> {
+    pub(crate) fn validate(&self, cameras: &[Camera]) -> Result<()> {
         let (m, c) = (self.meshes.len(), cameras.len());
         if m == 0 || c == 0 {
             return Err(Error::Scene {
@@ -72,6 +72,6 @@ impl Scene {
                 fix: "give one mesh with any number of cameras, or one camera per mesh".into(),
             });
         }
-        self.lights.judge()
+        self.lights.validate()
     }
 }

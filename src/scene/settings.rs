@@ -216,7 +216,7 @@ impl Settings {
     ///
     /// # Errors
     /// [`Error::Settings`] naming the field, its value and its range.
-    pub fn judge(&self) -> Result<()> {
+    pub(crate) fn validate(&self) -> Result<()> {
         let check = |ok: bool, field: &'static str, value: String, fix: &str| {
             if ok { Ok(()) } else { Err(Error::Settings { field, value, fix: fix.into() }) }
         };
@@ -245,6 +245,6 @@ impl Settings {
             "none".into(),
             "ask for at least one of color, silhouette, depth, normal",
         )?;
-        self.judge_support()
+        self.validate_support()
     }
 }

@@ -71,7 +71,7 @@ impl Settings {
     ///
     /// # Errors
     /// [`Error::Settings`] for a guarantee that the official quirks break.
-    pub(super) fn judge_support(&self) -> Result<()> {
+    pub(super) fn validate_support(&self) -> Result<()> {
         if self.support == Support::Guaranteed && self.parity == super::Parity::Official {
             return Err(Error::Settings {
                 field: "support",

@@ -43,13 +43,6 @@ pub fn small_case(seed: u64, kind: Kind) -> Case {
     case
 }
 
-pub fn mode_of(mode: GradientMode) -> reference::GradientMode {
-    match mode {
-        GradientMode::Exact => reference::GradientMode::Exact,
-        GradientMode::Paper => reference::GradientMode::Paper,
-    }
-}
-
 /// A random signed weight for every value of the images, 0 where the model jumps within the kernels' rounding.
 pub fn random_upstream(case: &Case, images: Outputs, tolerance: &GradientTolerance) -> ImageGradient {
     let judge = render_culled(&case.scene, &case.cameras, &case.settings).unwrap();
@@ -100,7 +93,7 @@ pub fn judge_upstream(upstream: &ImageGradient) -> Upstream {
 }
 
 pub fn judge_gradient(case: &Case, upstream: &ImageGradient, mode: GradientMode) -> ReferenceGradients {
-    reference::gradient(&case.scene, &case.cameras, &case.settings, &judge_upstream(upstream), mode_of(mode)).unwrap()
+    reference::gradient(&case.scene, &case.cameras, &case.settings, &judge_upstream(upstream), mode).unwrap()
 }
 
 /// Renders and goes backward.

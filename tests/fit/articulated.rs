@@ -2,12 +2,11 @@
 
 use crate::common::random::Random;
 use glam::DVec3;
-use softras::fit::articulated::{
+use softras::fit::{PoseTarget, Schedule};
+use softras::{Camera, Mesh, Projection, Renderer, Scene, Settings};
+use softras_cli::articulated::{
     Bone, Figure, FigureFit, FigureOptions, Sight, Skeleton, SkeletonPose, mannequin, visible_triangles,
 };
-use softras::fit::pose::PoseTarget;
-use softras::fit::schedule::Schedule;
-use softras::{Camera, Mesh, Projection, Renderer, Scene, Settings};
 use std::collections::HashSet;
 
 fn random_pose(figure: &Figure, seed: u64, spread: f64) -> SkeletonPose {

@@ -1,11 +1,9 @@
 //! Fitting on the device: the same bits as the same method on the host, step for step, and what double precision finds
 //! within a tolerance.
 
-use softras::fit::device::{DeviceFit, HostFit, unsupported};
-use softras::fit::image_loss::ImageLoss;
-use softras::fit::optimizer::Method;
-use softras::fit::regularizer::Regularizer;
-use softras::fit::shape::{Parametrization, ShapeFit, ShapeOptions, Step, Targets};
+use softras::fit::{
+    DeviceFit, HostFit, ImageLoss, Method, Parametrization, Regularizer, ShapeFit, ShapeOptions, Step, Targets,
+};
 use softras::scene::{Appearance, Background, Outputs, Support};
 use softras::{Camera, Image, Lights, Mesh, Projection, Renderer, Scene, Settings, shapes};
 
@@ -289,8 +287,8 @@ fn the_best_mesh_is_kept() {
 fn what_the_device_cannot_do_is_said() {
     let renderer = crate::common::renderer();
     let with = |options: ShapeOptions| ShapeFit::new(template(4), Lights::unlit(), options).unwrap();
-    assert_eq!(unsupported(&with(official())), None);
-    let reason = |options: ShapeOptions| unsupported(&with(options)).unwrap();
+    assert_eq!(DeviceFit::unsupported(&with(official())), None);
+    let reason = |options: ShapeOptions| DeviceFit::unsupported(&with(options)).unwrap();
     assert!(reason(ShapeOptions { fit_positions: false, ..official() }).contains("no vertex moves"));
     let twice = vec![(Regularizer::Laplacian, 1.0), (Regularizer::Laplacian, 2.0)];
     assert!(reason(ShapeOptions { regularizers: twice, ..official() }).contains("twice"));

@@ -3,11 +3,8 @@
 use crate::common::random::Random;
 use glam::DVec3;
 use softras::Image;
-use softras::fit::image_loss::{
-    ImageLoss, Valued, add_blurred_gradient, add_pooled_gradient, blurred, mask_iou, pooled,
-};
-use softras::fit::regularizer::Regularizer;
-use softras::fit::topology::Topology;
+use softras::fit::{ImageLoss, Regularizer, Valued, mask_iou};
+use softras::internals::fit::{Topology, add_blurred_gradient, add_pooled_gradient, blurred, pooled, regularize};
 use softras::shapes;
 
 const LOSSES: [ImageLoss; 4] = [ImageLoss::NegativeIou, ImageLoss::L1, ImageLoss::L2, ImageLoss::Huber { delta: 0.2 }];
@@ -203,13 +200,13 @@ fn surface(seed: u64) -> (Topology, Vec<DVec3>) {
 fn check_regularizer(regularizer: Regularizer, factor: f64) -> Result<(), String> {
     let (topology, positions) = surface(11);
     let mut gradient = vec![DVec3::ZERO; positions.len()];
-    regularizer.add(&topology, &positions, 0.7 * factor, &mut gradient).unwrap();
+    regularize(regularizer, &topology, &positions, 0.7 * factor, &mut gradient).unwrap();
     let flat: Vec<f64> = gradient.iter().flat_map(|g| g.to_array()).collect();
     agrees(&flat, 1e-5, 1e-6, |i, h| {
         let mut moved = positions.clone();
         moved[i / 3][i % 3] += h;
         let mut unused = vec![DVec3::ZERO; moved.len()];
-        0.7 * regularizer.add(&topology, &moved, 0.0, &mut unused).unwrap()
+        0.7 * regularize(regularizer, &topology, &moved, 0.0, &mut unused).unwrap()
     })
 }
 
@@ -228,7 +225,7 @@ fn regularizers_have_the_values_of_their_formulas() {
     let topology = Topology::new(4, &[[0, 1, 2], [1, 0, 3]]).unwrap();
     let value = |regularizer: Regularizer, positions: &[DVec3]| {
         let mut gradient = vec![DVec3::ZERO; 4];
-        let value = regularizer.add(&topology, positions, 1.0, &mut gradient).unwrap();
+        let value = regularize(regularizer, &topology, positions, 1.0, &mut gradient).unwrap();
         assert!(gradient.iter().all(|g| g.is_finite()), "{regularizer:?}: {gradient:?}");
         let sum: DVec3 = gradient.iter().sum();
         assert!(sum.length() < 1e-9, "{regularizer:?}: moving everything changes nothing, but {sum}");
@@ -246,7 +243,7 @@ fn regularizers_have_the_values_of_their_formulas() {
     assert_eq!(value(Regularizer::NormalConsistency, &line), 0.0);
     // Collapsed to a point nothing is infinite.
     REGULARIZERS.iter().for_each(|r| assert!(value(*r, &[DVec3::ONE; 4]).is_finite()));
-    assert!(Regularizer::Laplacian.add(&topology, &corners[..3], 1.0, &mut [DVec3::ZERO; 4]).is_err());
+    assert!(regularize(Regularizer::Laplacian, &topology, &corners[..3], 1.0, &mut [DVec3::ZERO; 4]).is_err());
 }
 
 #[test]

@@ -1,10 +1,8 @@
 //! Optimisers, schedules and the smoothed parametrisation.
 
 use glam::DVec3;
-use softras::fit::optimizer::{Method, Optimizer};
-use softras::fit::schedule::Schedule;
-use softras::fit::smoothing::Smoothing;
-use softras::fit::topology::Topology;
+use softras::fit::{Method, Optimizer, Schedule};
+use softras::internals::fit::{Smoothing, Topology};
 use softras::shapes;
 
 /// Steps until (x - 1)² + 10 (y + 2)² is below 1e-6; `None` after 5000.

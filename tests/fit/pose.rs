@@ -3,11 +3,8 @@
 use crate::common::random::Random;
 use glam::{DQuat, DVec3};
 use softras::ImageGradient;
-use softras::fit::image_loss::ImageLoss;
-use softras::fit::pose::{
-    Differentiation, Pose, PoseFit, PoseOptions, PoseTarget, flow_by_vertex, flow_gradient, rotations,
-};
-use softras::fit::schedule::Schedule;
+use softras::fit::{Differentiation, ImageLoss, Pose, PoseFit, PoseOptions, PoseTarget, Schedule, rotations};
+use softras::internals::fit::{flow_by_vertex, flow_gradient};
 use softras::scene::{Appearance, Background, ColorAggregation, Outputs, SilhouetteAggregation};
 use softras::{Camera, Image, Projection, Renderer, Scene, Settings, shapes};
 

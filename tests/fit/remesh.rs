@@ -1,9 +1,8 @@
 //! Even triangles: as long as asked for, on the surface that there was.
 
 use glam::DVec3;
-use softras::fit::remesh::remeshed;
-use softras::fit::topology::Topology;
-use softras::fit::voxel::{iou, is_closed};
+use softras::fit::{remeshed, voxel_iou};
+use softras::internals::fit::{Topology, is_closed};
 use softras::scene::Appearance;
 use softras::{Error, Mesh, shapes};
 
@@ -69,7 +68,7 @@ fn the_surface_stays() {
     for (mesh, length, least) in [(stretched(), 0.1, 0.95), (torus, 0.06, 0.95), (cube(), 0.1, 0.9)] {
         let even = remeshed(&mesh, length).unwrap();
         assert!(is_closed(&even) && euler(&even) == euler(&mesh), "{} and {}", euler(&even), euler(&mesh));
-        let common = iou(&mesh, &even, 64).unwrap();
+        let common = voxel_iou(&mesh, &even, 64).unwrap();
         assert!(common > least, "{common}");
         // None lies on its face: normals point outward as they did.
         assert!((volume(&even) / volume(&mesh) - 1.0).abs() < 0.1, "{} of {}", volume(&even), volume(&mesh));

@@ -1,6 +1,7 @@
 //! Solid voxelisation against volumes that are known.
 
-use softras::fit::voxel::{Voxels, cube_around, iou, is_closed};
+use softras::fit::voxel_iou;
+use softras::internals::fit::{Voxels, cube_around, is_closed};
 use softras::{Mesh, shapes};
 
 fn moved(mesh: &Mesh, by: [f32; 3], scale: f32) -> Mesh {
@@ -36,18 +37,18 @@ fn volumes_are_those_of_geometry() {
 #[test]
 fn ious_are_those_of_geometry() {
     let cube = shapes::cube().unwrap();
-    assert_eq!(iou(&cube, &cube, 32).unwrap(), 1.0);
+    assert_eq!(voxel_iou(&cube, &cube, 32).unwrap(), 1.0);
     // Half a side along x: 1/2 common of 3/2.
     let offset = moved(&cube, [0.6, 0.0, 0.0], 1.0);
-    let overlap = iou(&cube, &offset, 60).unwrap();
+    let overlap = voxel_iou(&cube, &offset, 60).unwrap();
     assert!((overlap - 1.0 / 3.0).abs() < 0.02, "{overlap}");
     let ball = shapes::icosphere(4).unwrap();
-    let half = iou(&ball, &moved(&ball, [0.0; 3], 0.8), 96).unwrap();
+    let half = voxel_iou(&ball, &moved(&ball, [0.0; 3], 0.8), 96).unwrap();
     assert!((half - 0.512).abs() < 0.01, "{half}");
     // The cube within the ball: 1.728 of 4 π / 3, less what of its corners (at 1.039) sticks out.
-    let mixed = iou(&cube, &ball, 100).unwrap();
+    let mixed = voxel_iou(&cube, &ball, 100).unwrap();
     assert!((mixed - 0.4125).abs() < 0.005, "{mixed}");
-    assert_eq!(iou(&cube, &moved(&cube, [9.0, 0.0, 0.0], 1.0), 32).unwrap(), 0.0);
+    assert_eq!(voxel_iou(&cube, &moved(&cube, [9.0, 0.0, 0.0], 1.0), 32).unwrap(), 0.0);
 }
 
 #[test]
@@ -66,7 +67,7 @@ fn a_small_hole_or_an_overlap_leaves_a_solid_a_solid() {
     triangles.remove(100);
     let open = Mesh::new(ball.positions().to_vec(), triangles).unwrap();
     assert!(is_closed(&ball) && !is_closed(&open));
-    assert!(iou(&ball, &open, 48).unwrap() > 0.999);
+    assert!(voxel_iou(&ball, &open, 48).unwrap() > 0.999);
     // Two balls in one mesh, half within each other: nothing between them is hollow.
     let other = moved(&ball, [0.5, 0.0, 0.0], 1.0);
     let count = ball.positions().len() as u32;
@@ -85,8 +86,8 @@ fn a_small_hole_or_an_overlap_leaves_a_solid_a_solid() {
 fn a_sheet_has_no_inside_and_nonsense_is_refused() {
     let sheet = Mesh::new(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.3]], vec![[0, 1, 2]]).unwrap();
     assert!(close(1.0 + volume(&sheet, 32), 1.0, 1e-9));
-    assert_eq!(iou(&sheet, &Mesh::new(Vec::new(), Vec::new()).unwrap(), 8).unwrap(), 1.0);
-    assert!(iou(&sheet, &sheet, 0).is_err());
+    assert_eq!(voxel_iou(&sheet, &Mesh::new(Vec::new(), Vec::new()).unwrap(), 8).unwrap(), 1.0);
+    assert!(voxel_iou(&sheet, &sheet, 0).is_err());
     let cube = |side: f64, low: f64| Voxels::new(&sheet, [0.0, low, 0.0], side, 8).is_ok();
     assert!(cube(1.0, 0.0) && !cube(0.0, 0.0) && !cube(f64::NAN, 0.0) && !cube(f64::INFINITY, 0.0));
     assert!(!cube(1.0, f64::NAN) && !cube(1.0, f64::INFINITY));

@@ -58,7 +58,7 @@ fn difference(kernel: &Kernel, mirror: &[(&str, usize)]) -> Option<String> {
 fn kernels() -> impl Iterator<Item = &'static Kernel> {
     let others = ["selftest", "peak", "counts", "place", "store"];
     let is_other = move |k: &&Kernel| {
-        others.iter().any(|other| k.name.starts_with(other)) || softras::fit::device::KERNELS.contains(&k.name)
+        others.iter().any(|other| k.name.starts_with(other)) || softras::internals::fit::KERNELS.contains(&k.name)
     };
     kernels::ALL.iter().copied().filter(move |k| !is_other(k))
 }

@@ -4,7 +4,7 @@ use glam::DVec3;
 use proptest::prelude::*;
 use softras::{
     Camera, Image, Lights, Mesh, Projection, Settings,
-    fit::image_loss::ImageLoss,
+    fit::ImageLoss,
     internals::constants as c,
     internals::plan::{Capacity, DepthSpan, Plan, PlanInput, Sampling, ViewSize},
     scene::Outputs,
@@ -48,7 +48,7 @@ proptest! {
         let [sigma, gamma, tau, near] = [sigma, gamma, tau, near].map(|power| 10f64.powf(power));
         let far = near * (1.0 + 10f64.powf(beyond));
         let settings = Settings { width, height, epsilon, sigma, gamma, tau, near, far, ..Settings::default() };
-        if settings.judge().is_err() {
+        if softras::internals::validate::settings(&settings).is_err() {
             return Ok(());
         }
         let plan = plan(&settings, &[ViewSize { vertices: 3, triangles: 1 }], true).unwrap();

@@ -3,7 +3,8 @@
 //! Pixels within 1e-3 of a jump of the model have no weight in the loss: there a difference is not a derivative.
 
 use glam::{DMat4, DVec3};
-use softras::reference::{GradientMode, Parameters, ReferenceFrame, Upstream, gradient, render_at};
+use softras::internals::reference::render_at;
+use softras::reference::{GradientMode, Parameters, ReferenceFrame, Upstream, gradient};
 use softras::scene::{
     Appearance, Background, Camera, ColorAggregation, DirectionalLight, Distance, Faces, Interpolation, Lights, Mesh,
     Outputs, Parity, Projection, Scene, Settings, Shading, SilhouetteAggregation, Texture, Wrap,

@@ -10,7 +10,8 @@ mod official;
 mod projection;
 
 use glam::DMat4;
-use softras::reference::{ReferenceFrame, Truncation, pairs, render, render_culled, render_untruncated};
+use softras::internals::reference::{pairs, render_untruncated};
+use softras::reference::{ReferenceFrame, Truncation, render, render_culled};
 use softras::scene::{
     Appearance, Background, Camera, ColorAggregation, DirectionalLight, Distance, Faces, FrontFace, Interpolation,
     Lights, Mesh, Outputs, Parity, Projection, Scene, Settings, Shading, SilhouetteAggregation, Texture, Wrap,

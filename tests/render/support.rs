@@ -3,7 +3,8 @@
 use crate::common::random::Random;
 use crate::common::scenes::{Case, Kind, random_case};
 use crate::common::{renderer, tolerance};
-use softras::reference::{ReferenceFrame, Truncation, pairs, render, render_culled};
+use softras::internals::reference::pairs;
+use softras::reference::{ReferenceFrame, Truncation, render, render_culled};
 use softras::scene::{Appearance, Background, ColorAggregation, Outputs, Parity, SilhouetteAggregation, Support};
 use softras::{Camera, Error, Lights, Mesh, Scene, Settings};
 

@@ -3,6 +3,7 @@
 
 use crate::common::renderer;
 use glam::{DMat4, DVec3};
+use softras::internals::validate;
 use softras::{
     Camera, Error, Image, ImageGradient, Lights, Mesh, Projection, Renderer, RendererOptions, Result, Scene, Settings,
     Wanted,
@@ -170,7 +171,7 @@ fn settings_end_where_they_say() {
         let taken = |x: f64| {
             let mut settings = Settings::default();
             set(&mut settings, x);
-            settings.judge().is_ok()
+            validate::settings(&settings).is_ok()
         };
         assert_eq!(wide_range_error(low, high, taken), None, "{name}");
     }
@@ -189,13 +190,13 @@ fn lights_end_where_they_say() {
         let taken = |x: f64| {
             let mut lights = Lights::official();
             set(&mut lights, x);
-            lights.judge().is_ok()
+            validate::lights(&lights).is_ok()
         };
         assert_eq!(wide_range_error(-1e6, 1e6, taken), None, "{name}");
     }
     let many = |count: usize| Lights { directional: vec![Lights::official().directional[0]; count], ..Lights::unlit() };
-    many(Lights::MAX_DIRECTIONAL).judge().unwrap();
-    assert_says(many(Lights::MAX_DIRECTIONAL + 1).judge(), &["directional.len() = 65", "64"]);
+    validate::lights(&many(Lights::MAX_DIRECTIONAL)).unwrap();
+    assert_says(validate::lights(&many(Lights::MAX_DIRECTIONAL + 1)), &["directional.len() = 65", "64"]);
 }
 
 #[test]
@@ -242,20 +243,23 @@ fn upstream_gradients() {
     let image =
         |channels: usize, count: usize| Image { batch: 2, height: 3, width: 4, channels, data: vec![0.5; count] };
     let rendered = Outputs { color: true, silhouette: true, depth: false, normal: false };
-    let judge = |gradient: &ImageGradient| gradient.judge(rendered, 2, 3, 4);
+    let check = |gradient: &ImageGradient| validate::image_gradient(gradient, rendered, 2, 3, 4);
     let (color, silhouette) = (ImageGradient::color(image(3, 72)), ImageGradient::silhouette(image(1, 24)));
     let both = ImageGradient { silhouette: silhouette.silhouette.clone(), ..color.clone() };
-    [&color, &silhouette, &both].into_iter().for_each(|good| judge(good).unwrap());
-    assert_says(judge(&ImageGradient::default()), &["no image", "at least one"]);
+    [&color, &silhouette, &both].into_iter().for_each(|good| check(good).unwrap());
+    assert_says(check(&ImageGradient::default()), &["no image", "at least one"]);
     let depth = ImageGradient { depth: Some(image(1, 24)), ..color };
-    assert_says(judge(&depth), &["no depth image", "Settings::outputs"]);
+    assert_says(check(&depth), &["no depth image", "Settings::outputs"]);
     // The shape of another frame, and a shape that its values do not fill.
-    assert_says(both.judge(rendered, 2, 4, 3), &["color gradient has shape [2, 3, 4, 3]", "[2, 4, 3, 3]"]);
-    assert_says(judge(&ImageGradient::color(image(1, 24))), &["[2, 3, 4, 1]", "[2, 3, 4, 3]"]);
-    assert_says(judge(&ImageGradient::silhouette(image(1, 23))), &["the silhouette gradient"]);
+    assert_says(
+        validate::image_gradient(&both, rendered, 2, 4, 3),
+        &["color gradient has shape [2, 3, 4, 3]", "[2, 4, 3, 3]"],
+    );
+    assert_says(check(&ImageGradient::color(image(1, 24))), &["[2, 3, 4, 1]", "[2, 3, 4, 3]"]);
+    assert_says(check(&ImageGradient::silhouette(image(1, 23))), &["the silhouette gradient"]);
     let mut infinite = both;
     infinite.silhouette.as_mut().unwrap().data[7] = f32::INFINITY;
-    assert_says(judge(&infinite), &["silhouette gradient is inf at value 7", "finite"]);
+    assert_says(check(&infinite), &["silhouette gradient is inf at value 7", "finite"]);
 }
 
 #[test]

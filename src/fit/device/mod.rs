@@ -23,7 +23,6 @@ mod stages;
 mod tables;
 
 pub use host::HostFit;
-pub use plan::{unsupported, unsupported_settings};
 
 use super::bad;
 use super::shape::{ShapeFit, Step, Targets};
@@ -43,7 +42,7 @@ use crate::vulkan::{CommandBuffer, vk};
 use guard::Guard;
 use host::{FitState, step_of};
 use memory::{Memory, ROWS, Upload};
-use plan::FitPlan;
+use plan::{FitPlan, unsupported, unsupported_settings};
 use stages::{Numbers, Stages};
 
 /// The kernels of this module: those of a frame have other push constants.
@@ -120,7 +119,7 @@ impl DeviceFit {
     /// Takes a fit up where it is. `weights` masks pixels out: `[views, height, width, 1]`, of the targets' size.
     ///
     /// # Errors
-    /// [`crate::Error::Fit`] for targets or weights that do not fit together, and for what [`unsupported`] says;
+    /// [`crate::Error::Fit`] for targets or weights that do not fit together, and for what [`DeviceFit::unsupported`] names;
     /// [`crate::Error::Limit`], [`crate::Error::OutOfMemory`], [`crate::Error::Vulkan`].
     pub fn new(renderer: &Renderer, fit: ShapeFit, targets: &Targets, weights: Option<&Image>) -> Result<Self> {
         let (plan, tables) = FitPlan::new(&fit, targets, weights)?;
@@ -154,11 +153,21 @@ impl DeviceFit {
         })
     }
 
+    /// Why a fit cannot run on the device and takes [`ShapeFit::step`] instead; `None` where it can.
+    pub fn unsupported(fit: &ShapeFit) -> Option<String> {
+        unsupported(fit)
+    }
+
+    /// Why a step with these settings cannot run on the device; `None` where it can.
+    pub fn unsupported_settings(settings: &Settings) -> Option<String> {
+        unsupported_settings(settings)
+    }
+
     /// Submits a step and does not wait for it: the targets' views, compared, and vertices moved by `rate`, colours by
     /// `color_rate`. Size, outputs and `save` of the settings are the fit's own business.
     ///
     /// # Errors
-    /// [`crate::Error::Fit`] for settings that [`unsupported_settings`] names, or another renderer than the fit was made
+    /// [`crate::Error::Fit`] for settings that [`DeviceFit::unsupported_settings`] names, or another renderer than the fit was made
     /// with; otherwise, for this step or one before it, as [`Renderer::render`].
     pub fn step(&mut self, renderer: &Renderer, settings: &Settings, rate: f64, color_rate: f64) -> Result<()> {
         if renderer.context().device().raw().handle() != self.device {

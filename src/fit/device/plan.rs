@@ -191,7 +191,7 @@ impl FitPlan {
         levels: usize,
     ) -> Result<()> {
         let mut images = [targets.silhouette.clone(), targets.color.clone(), weights.cloned()];
-        judge_weights(targets, weights)?;
+        validate_weights(targets, weights)?;
         let views = self.views;
         let (mut pyramid, mut partials) = (0, 0);
         for level in 0..levels {
@@ -319,7 +319,7 @@ fn place_of(regularizer: Regularizer) -> usize {
     }
 }
 
-fn judge_weights(targets: &Targets, weights: Option<&Image>) -> Result<()> {
+fn validate_weights(targets: &Targets, weights: Option<&Image>) -> Result<()> {
     let Some(weights) = weights else { return Ok(()) };
     let (height, width) = targets.size()?;
     let expected = [targets.cameras.len(), height, width, 1];

@@ -57,12 +57,7 @@ impl PoseTarget {
     }
 
     /// Each view's loss, and the gradient of their sum by what was rendered. `blur` is the standard deviation in pixels.
-    pub(in crate::fit) fn compare(
-        &self,
-        frame: &Frame,
-        blur: f64,
-        weights: [f64; 2],
-    ) -> Result<(Vec<f64>, ImageGradient)> {
+    pub fn compare(&self, frame: &Frame, blur: f64, weights: [f64; 2]) -> Result<(Vec<f64>, ImageGradient)> {
         let (Some(color), Some(silhouette)) = (frame.color(), frame.silhouette()) else {
             return bad("a frame without colour or silhouette", "ask for both");
         };

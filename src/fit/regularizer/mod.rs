@@ -30,7 +30,13 @@ impl Regularizer {
     ///
     /// # Errors
     /// [`crate::Error::Fit`] when positions or gradient are not one for each of the topology's vertices.
-    pub fn add(self, topology: &Topology, positions: &[DVec3], weight: f64, gradient: &mut [DVec3]) -> Result<f64> {
+    pub(crate) fn add(
+        self,
+        topology: &Topology,
+        positions: &[DVec3],
+        weight: f64,
+        gradient: &mut [DVec3],
+    ) -> Result<f64> {
         let counts = [positions.len(), gradient.len()];
         if counts != [topology.vertices(); 2] {
             let what = format!("{counts:?} positions and gradients for {} vertices", topology.vertices());

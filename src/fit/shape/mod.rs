@@ -158,7 +158,7 @@ impl ShapeFit {
     }
 
     /// The mesh's edges and neighbours.
-    pub fn topology(&self) -> &Topology {
+    pub(crate) fn topology(&self) -> &Topology {
         &self.topology
     }
 

@@ -2,7 +2,7 @@
 
 use clap::ValueEnum;
 use softras::MeshGradients;
-use softras::reference::{self, Parameters, Upstream};
+use softras::reference::{Parameters, Upstream};
 use softras::{Camera, Error, GradientMode, Gradients, Image, ImageGradient, Result, Scene, Settings};
 
 /// [`GradientMode`] on the command line.
@@ -15,15 +15,6 @@ pub enum Mode {
 }
 
 impl From<Mode> for GradientMode {
-    fn from(mode: Mode) -> Self {
-        match mode {
-            Mode::Exact => Self::Exact,
-            Mode::Paper => Self::Paper,
-        }
-    }
-}
-
-impl From<Mode> for reference::GradientMode {
     fn from(mode: Mode) -> Self {
         match mode {
             Mode::Exact => Self::Exact,

@@ -4,7 +4,8 @@ use super::{Failure, note, say};
 use clap::Args;
 use serde_json::json;
 use softras::Mesh;
-use softras::fit::voxel;
+use softras::fit::voxel_iou;
+use softras::internals::fit::{Voxels, cube_around, is_closed};
 use softras::obj::LoadOptions;
 use std::path::{Path, PathBuf};
 
@@ -35,13 +36,13 @@ pub struct IouArgs {
 pub fn run(args: &IouArgs) -> Result<(), Failure> {
     let [a, b] = [load(&args.a)?, load(&args.b)?];
     let resolution = args.resolution as usize;
-    let iou = voxel::iou(&a, &b, resolution)?;
+    let iou = voxel_iou(&a, &b, resolution)?;
     if !args.json {
         return say(&format!("{iou:.6}"));
     }
-    let (low, side) = voxel::cube_around(&[&a, &b]);
-    let volume = |mesh: &Mesh| voxel::Voxels::new(mesh, low, side, resolution).map(|v| v.volume());
-    let closed = [&a, &b].map(voxel::is_closed);
+    let (low, side) = cube_around(&[&a, &b]);
+    let volume = |mesh: &Mesh| Voxels::new(mesh, low, side, resolution).map(|v| v.volume());
+    let closed = [&a, &b].map(is_closed);
     let report =
         json!({ "iou": iou, "volumes": [volume(&a)?, volume(&b)?], "resolution": resolution, "closed": closed });
     say(&report.to_string())
@@ -49,7 +50,7 @@ pub fn run(args: &IouArgs) -> Result<(), Failure> {
 
 fn load(path: &Path) -> Result<Mesh, Failure> {
     let mesh = softras::obj::load(path, &LoadOptions { srgb: false, allow_outside: false })?.mesh;
-    if !voxel::is_closed(&mesh) {
+    if !is_closed(&mesh) {
         note(&format!("{} is not closed: its inside is where most rays say so", path.display()));
     }
     Ok(mesh)

@@ -1,6 +1,6 @@
 //! The least that a frame can cost: pairs needed × least operations a pair ÷ the device's measured peak.
 //!
-//! Pairs needed are those that the model keeps (`reference::pairs`): inside their triangle, or with D ≥ τ. Operations are
+//! Pairs needed are those that the model keeps (`softras::internals::reference::pairs`): inside their triangle, or with D ≥ τ. Operations are
 //! counted on the model's formulas in the cheapest form known for a record that is prepared once a triangle (edges as
 //! unit normal, offset and tangent; inverse heights; reciprocal depths): an addition, multiplication, comparison with
 //! select, minimum or maximum is one, and so are a division and an exponential, although no device does those at that

@@ -3,7 +3,7 @@
 use super::time::times;
 use super::{Mode, error, subject};
 use softras::scene::{Background, Support};
-use softras::{Camera, Error, Mesh, Renderer, Result, Scene, Settings, reference, shapes};
+use softras::{Camera, Error, Mesh, Renderer, Result, Scene, Settings, shapes};
 
 /// One τ of a curve.
 #[derive(Clone, Copy, Debug)]
@@ -54,7 +54,7 @@ pub fn front(
     settings: &Settings,
     repeats: usize,
 ) -> Result<Vec<Curve>> {
-    let exact = reference::render_untruncated(scene, cameras, settings)?;
+    let exact = softras::internals::reference::render_untruncated(scene, cameras, settings)?;
     let mut curves = Vec::new();
     for (support, name) in [(Support::Probability, "probability"), (Support::Guaranteed, "guaranteed")] {
         let mut points = Vec::new();

@@ -9,9 +9,9 @@
 
 use super::draw::Case;
 use super::random::Random;
-use softras::reference::{self, ReferenceFrame, ReferenceGradients, Upstream, gradient, render_culled};
+use softras::reference::{ReferenceFrame, ReferenceGradients, Upstream, gradient, render_culled};
 use softras::scene::{Appearance, Background, Outputs, Settings};
-use softras::{Frame, GradientMode, Gradients, Image, ImageGradient, Result};
+use softras::{Frame, Gradients, Image, ImageGradient, Result};
 
 /// What is promised of a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -167,11 +167,7 @@ fn judged(case: &Case, upstream: &ImageGradient) -> Result<ReferenceGradients> {
         d_depth: wide(&upstream.depth),
         d_normal: wide(&upstream.normal),
     };
-    let mode = match case.gradient {
-        GradientMode::Exact => reference::GradientMode::Exact,
-        GradientMode::Paper => reference::GradientMode::Paper,
-    };
-    gradient(&case.scene, &case.cameras, &case.settings, &upstream, mode)
+    gradient(&case.scene, &case.cameras, &case.settings, &upstream, case.gradient)
 }
 
 type Values = (&'static str, Vec<f64>);

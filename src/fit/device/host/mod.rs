@@ -49,7 +49,7 @@ impl HostFit {
     /// Takes a fit up where it is.
     ///
     /// # Errors
-    /// [`crate::Error::Fit`] for targets or weights that do not fit together, and what [`super::unsupported`] says.
+    /// [`crate::Error::Fit`] for targets or weights that do not fit together, and what [`DeviceFit::unsupported`](super::DeviceFit::unsupported) names.
     pub fn new(fit: ShapeFit, targets: &Targets, weights: Option<&Image>) -> Result<Self> {
         let (plan, tables) = FitPlan::new(&fit, targets, weights)?;
         let state = FitState::of(&fit, &plan, &tables)?;

@@ -12,8 +12,8 @@ use super::render::sheet;
 use super::{Failure, files, say};
 use args::ArticulateArgs;
 use serde_json::json;
-use softras::fit::articulated::SkeletonPose;
 use softras::{Error, Renderer, Result};
+use softras_cli::articulated::SkeletonPose;
 use std::path::Path;
 use trial::{Found, HIDDEN, Method, Stage, Trial};
 
@@ -118,7 +118,7 @@ fn picture(
             let frame =
                 stage.look(renderer, &stage.figure.posed(pose)?, behind, (SAMPLES * PANEL.0, SAMPLES * PANEL.1))?;
             let (Some(color), Some(alpha)) = (frame.color(), frame.silhouette()) else { continue };
-            let pooled = |image| softras::fit::image_loss::pooled(image, SAMPLES as usize);
+            let pooled = |image| softras::internals::fit::pooled(image, SAMPLES as usize);
             let (color, alpha) = (pooled(color)?, pooled(alpha)?);
             let byte = |c: f32, a: f32| (Curve::Srgb.encode(f64::from(c + 1.0 - a)) * 255.0).round() as u8;
             let pixel = |(c, &a): (&[f32], &f32)| [byte(c[0], a), byte(c[1], a), byte(c[2], a), 255];

@@ -3,11 +3,10 @@
 use super::args::ArticulateArgs;
 use crate::commands::random::Random;
 use glam::DVec3;
-use softras::fit::articulated::{Figure, FigureFit, FigureOptions, Sight, SkeletonPose, visible_triangles};
-use softras::fit::pose::PoseTarget;
-use softras::fit::schedule::Schedule;
+use softras::fit::{PoseTarget, Schedule};
 use softras::scene::Background;
 use softras::{Camera, Frame, Mesh, Projection, Renderer, Result, Scene, Settings};
+use softras_cli::articulated::{Figure, FigureFit, FigureOptions, Sight, SkeletonPose, visible_triangles};
 use std::time::Instant;
 
 /// The joint that is hidden, and the bones that it carries.
@@ -77,7 +76,7 @@ impl Stage {
     pub fn new(size: u32) -> Result<Self> {
         let settings =
             Settings { width: size, height: size, near: DISTANCE - 1.0, far: DISTANCE + 1.0, ..Settings::default() };
-        Ok(Self { figure: softras::fit::articulated::mannequin()?, camera: camera(1.0)?, settings })
+        Ok(Self { figure: softras_cli::articulated::mannequin()?, camera: camera(1.0)?, settings })
     }
 
     /// What the camera, or one behind the figure, sees of a mesh, sharply.

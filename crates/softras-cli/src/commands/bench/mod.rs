@@ -22,7 +22,7 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
         files::judge_writable(path)?;
     }
     for size in args.sizes() {
-        args.settings(size).judge()?;
+        softras::internals::validate::settings(&args.settings(size))?;
     }
     if let Some(folder) = &args.plots {
         let io = |source| Error::Io { path: folder.clone(), source };

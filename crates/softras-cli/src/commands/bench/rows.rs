@@ -4,7 +4,8 @@ use super::machine::Machine;
 use crate::commands::describe;
 use serde_json::{Map, Value, json};
 use softras::StageTime;
-use softras::reference::{self, Pairs, ReferenceFrame};
+use softras::internals::reference::Pairs;
+use softras::reference::{self, ReferenceFrame};
 use softras::{Camera, Renderer, Result, Scene, Settings};
 use softras_cli::measure::error::{self, ImageError};
 use softras_cli::measure::time::{Times, times, upstream};
@@ -35,7 +36,7 @@ impl Judged {
     pub fn of(job: &Job<'_>) -> Result<Self> {
         Ok(Self {
             same_tau: reference::render_culled(job.scene, job.cameras, &job.settings)?,
-            untruncated: reference::render_untruncated(job.scene, job.cameras, &job.settings)?,
+            untruncated: softras::internals::reference::render_untruncated(job.scene, job.cameras, &job.settings)?,
         })
     }
 }
@@ -56,7 +57,7 @@ pub struct Measured {
 /// # Errors
 /// As [`Renderer::render`] and [`Renderer::backward`].
 pub fn measure(renderer: &mut Renderer, job: &Job<'_>, judged: Option<&Judged>) -> Result<Measured> {
-    let pairs = reference::pairs(job.scene, job.cameras, &job.settings)?;
+    let pairs = softras::internals::reference::pairs(job.scene, job.cameras, &job.settings)?;
     let times = times(renderer, job.scene, job.cameras, &job.settings, job.mode, job.repeats)?;
     let saved = Settings { save: true, ..job.settings.clone() };
     let frame = renderer.render(job.scene, job.cameras, &saved)?;

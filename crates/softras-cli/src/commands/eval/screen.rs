@@ -68,7 +68,7 @@ fn settings(archive: &Archive, parity: Parity) -> Result<Settings> {
         s.front_face = FrontFace::Clockwise;
         round_as_official(&mut s);
     }
-    s.judge().map(|()| s)
+    softras::internals::validate::settings(&s).map(|()| s)
 }
 
 /// The official kernels take these as float32, and the cut-off ln(1 / dist_eps - 1) rather than dist_eps.

@@ -43,7 +43,7 @@ fn settings(archive: &Archive) -> Result<Settings> {
     set(&mut s.front_face, archive.choice("front_face", keys::FRONT_FACE)?);
     set(&mut s.interpolation, archive.choice("interpolation", keys::INTERPOLATION)?);
     set(&mut s.outputs, outputs(archive)?);
-    s.judge().map(|()| s)
+    softras::internals::validate::settings(&s).map(|()| s)
 }
 
 /// `outputs`: texts, each one name or several with commas between.
@@ -197,7 +197,7 @@ fn lights(archive: &Archive) -> Result<Lights> {
     let all = directions.into_iter().zip(colors).zip(intensities);
     lights.directional =
         all.map(|((direction, color), intensity)| DirectionalLight { direction, color, intensity }).collect();
-    lights.judge().map_err(|e| archive.fault(key, &e.to_string(), "see above"))?;
+    softras::internals::validate::lights(&lights).map_err(|e| archive.fault(key, &e.to_string(), "see above"))?;
     Ok(lights)
 }
 

@@ -3,7 +3,7 @@
 use crate::commands::parse;
 use crate::commands::render::args::Faces;
 use clap::{Args, ValueEnum};
-use softras::fit::image_loss::ImageLoss;
+use softras::fit::ImageLoss;
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\

@@ -7,9 +7,8 @@ use super::targets::{self, Views};
 use crate::commands::Failure;
 use crate::commands::progress::Progress;
 use serde_json::{Value, json};
-use softras::fit::device::{HostFit, unsupported};
-use softras::fit::pose::flow_by_vertex;
-use softras::fit::shape::{ShapeFit, Targets};
+use softras::fit::{DeviceFit, HostFit, ShapeFit, Targets};
+use softras::internals::fit::flow_by_vertex;
 use softras::scene::{Appearance, ColorAggregation, Outputs, SilhouetteAggregation};
 use softras::{Gradients, ImageGradient, MeshGradients};
 use softras::{Mesh, Projection, Renderer, Result, Scene, Settings};
@@ -85,7 +84,7 @@ fn hard(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Option
     let shape = ShapeFit::new(setup.template.clone(), softras::Lights::unlit(), setup.options.clone())?;
     let perspective = |camera: &softras::Camera| matches!(camera.projection(), Projection::Perspective { .. });
     let possible = targets.silhouette.is_some() && targets.cameras.iter().all(perspective);
-    if args.texture || !possible || unsupported(&shape).is_some() {
+    if args.texture || !possible || DeviceFit::unsupported(&shape).is_some() {
         return Ok(None);
     }
     let mut fit = HostFit::new(shape, &targets, None)?;

@@ -1,7 +1,7 @@
 //! A fit put aside in an .npz file.
 
 use crate::commands::npz::{self, Archive, Data};
-use softras::fit::shape::{ShapeFit, State};
+use softras::fit::{ShapeFit, State};
 use softras::{Mesh, Result};
 use std::path::Path;
 

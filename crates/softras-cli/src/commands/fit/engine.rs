@@ -1,8 +1,7 @@
 //! Who takes the steps: the device as a whole, or the host around the device's images.
 
 use crate::commands::note;
-use softras::fit::device::{DeviceFit, unsupported, unsupported_settings};
-use softras::fit::shape::{ShapeFit, Step, Targets};
+use softras::fit::{DeviceFit, ShapeFit, Step, Targets};
 use softras::{Mesh, Renderer, Result, Settings};
 use std::time::Instant;
 
@@ -37,7 +36,7 @@ impl Engine {
     ) -> Result<Self> {
         let reason = match host {
             true => Some("--host".to_owned()),
-            false => unsupported(&fit).or_else(|| unsupported_settings(settings)),
+            false => DeviceFit::unsupported(&fit).or_else(|| DeviceFit::unsupported_settings(settings)),
         };
         let kind = match &reason {
             Some(reason) => {

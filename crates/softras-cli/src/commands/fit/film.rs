@@ -5,7 +5,7 @@ use super::targets::Views;
 use crate::commands::color::Curve;
 use crate::commands::render::gif;
 use crate::commands::render::picture::Picture;
-use softras::fit::image_loss::pooled;
+use softras::internals::fit::pooled;
 use softras::scene::{Background, DirectionalLight, Outputs, Shading};
 use softras::{Camera, Lights, Mesh, Renderer, Result, Scene, Settings};
 use std::path::Path;

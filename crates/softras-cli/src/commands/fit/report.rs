@@ -6,11 +6,9 @@ use super::targets::Views;
 use crate::commands::{Failure, say};
 use glam::DVec3;
 use serde_json::{Value, json};
-use softras::fit::image_loss::{ImageLoss, mask_iou, pooled};
-use softras::fit::regularizer::Regularizer;
-use softras::fit::shape::{Step, Targets};
-use softras::fit::topology::Topology;
-use softras::fit::voxel;
+use softras::fit::voxel_iou;
+use softras::fit::{ImageLoss, Regularizer, Step, Targets, mask_iou};
+use softras::internals::fit::{Topology, pooled, regularize};
 use softras::scene::{Outputs, SilhouetteAggregation};
 use softras::{Camera, Image, Mesh, Renderer, Result, Scene, Settings};
 
@@ -141,7 +139,7 @@ impl Scores {
         let fitted: Vec<f64> = masks.iter().step_by(setup.stride).copied().collect();
         let official = 1.0 - soft_iou(renderer, setup.stride)? + official_penalty(mesh)?;
         let soft = soft_iou(renderer, 1)?;
-        let solid = views.truth.as_ref().map(|truth| voxel::iou(mesh, truth, VOXELS)).transpose()?;
+        let solid = views.truth.as_ref().map(|truth| voxel_iou(mesh, truth, VOXELS)).transpose()?;
         Ok(Self { fitted: mean(&fitted), masks, covered, soft, most: mean(&bounds), official, solid })
     }
 }
@@ -204,8 +202,8 @@ fn official_penalty(mesh: &Mesh) -> Result<f64> {
     let positions: Vec<DVec3> = mesh.positions().iter().map(|p| DVec3::from(p.map(f64::from))).collect();
     let topology = Topology::new(positions.len(), mesh.triangles())?;
     let mut unused = vec![DVec3::ZERO; positions.len()];
-    let laplacian = Regularizer::Laplacian.add(&topology, &positions, 0.0, &mut unused)?;
-    let flatten = Regularizer::Flatten.add(&topology, &positions, 0.0, &mut unused)?;
+    let laplacian = regularize(Regularizer::Laplacian, &topology, &positions, 0.0, &mut unused)?;
+    let flatten = regularize(Regularizer::Flatten, &topology, &positions, 0.0, &mut unused)?;
     Ok(0.03 * laplacian + 0.0003 * flatten)
 }
 

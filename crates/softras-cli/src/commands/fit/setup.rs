@@ -3,11 +3,7 @@
 use super::args::{FitArgs, Preset};
 use super::targets::Views;
 use crate::commands::Failure;
-use softras::fit::image_loss::ImageLoss;
-use softras::fit::optimizer::Method;
-use softras::fit::regularizer::Regularizer;
-use softras::fit::schedule::Schedule;
-use softras::fit::shape::{Parametrization, ShapeFit, ShapeOptions};
+use softras::fit::{ImageLoss, Method, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions};
 use softras::scene::{Appearance, Background, Faces, Interpolation};
 use softras::{Mesh, Settings, shapes};
 use std::path::Path;

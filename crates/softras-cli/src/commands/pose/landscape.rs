@@ -5,7 +5,7 @@ use crate::commands::render::formats;
 use crate::commands::render::picture::Picture;
 use crate::commands::render::sheet;
 use glam::DQuat;
-use softras::fit::pose::{Pose, PoseFit};
+use softras::fit::{Pose, PoseFit};
 use softras::{Renderer, Result};
 use std::path::Path;
 

@@ -10,8 +10,8 @@ use super::render::framing::{Bounds, View};
 use super::{Failure, files, say};
 use args::PoseArgs;
 use serde_json::json;
-use softras::fit::pose::{Pose, PoseFit, PoseOptions, PoseTarget, rotations};
-use softras::fit::voxel;
+use softras::fit::{Pose, PoseFit, PoseOptions, PoseTarget, rotations};
+use softras::internals::fit::is_closed;
 use softras::obj::LoadOptions;
 use softras::scene::Faces;
 use softras::{Image, Mesh, Renderer, Result, Scene, Settings};
@@ -156,7 +156,7 @@ fn least(poses: &[Pose], losses: &[f64], among: impl Fn(&Pose) -> bool) -> Optio
 fn is_solid(mesh: &Mesh) -> bool {
     let corner = |i: u32| glam::DVec3::from(mesh.positions()[i as usize].map(f64::from));
     let volume: f64 = mesh.triangles().iter().map(|t| corner(t[0]).dot(corner(t[1]).cross(corner(t[2])))).sum();
-    voxel::is_closed(mesh) && volume > 0.0
+    is_closed(mesh) && volume > 0.0
 }
 
 fn posed(mesh: &Mesh, pose: &Pose, bounds: Bounds) -> Result<Mesh> {

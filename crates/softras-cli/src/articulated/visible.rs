@@ -1,9 +1,9 @@
 //! Which triangles a hard renderer would draw.
 
-use crate::error::Result;
-use crate::fit::bad;
-use crate::renderer::Renderer;
-use crate::scene::{Appearance, Camera, ColorAggregation, Mesh, Outputs, Scene, Settings};
+use super::bad;
+use softras::Renderer;
+use softras::Result;
+use softras::scene::{Appearance, Camera, ColorAggregation, Mesh, Outputs, Scene, Settings};
 
 /// Numbers up to here, and sums of barycentric parts of them, round to themselves in f32.
 const MOST: usize = 1 << 20;
@@ -11,7 +11,7 @@ const MOST: usize = 1 << 20;
 /// For each triangle whether a hard rasterization of the settings' size shows it at the centre of a pixel or more.
 ///
 /// # Errors
-/// [`crate::Error::Fit`] for over a million triangles; otherwise as [`Renderer::render`].
+/// [`softras::Error::Fit`] for over a million triangles; otherwise as [`Renderer::render`].
 pub fn visible_triangles(
     renderer: &mut Renderer,
     mesh: &Mesh,

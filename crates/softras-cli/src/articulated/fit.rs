@@ -1,15 +1,12 @@
 //! A figure's pose from one image.
 
+use super::bad;
 use super::{Figure, SkeletonPose, visible_triangles};
-use crate::error::Result;
-use crate::fit::bad;
-use crate::fit::optimizer::{Method, Optimizer};
-use crate::fit::pose::PoseTarget;
-use crate::fit::schedule::Schedule;
-use crate::gradients::{ImageGradient, Wanted};
-use crate::renderer::{Frame, Renderer};
-use crate::scene::{Appearance, Background, Camera, Mesh, Outputs, Scene, Settings};
 use glam::DVec3;
+use softras::Result;
+use softras::fit::{Method, Optimizer, PoseTarget, Schedule};
+use softras::scene::{Appearance, Background, Outputs};
+use softras::{Camera, Frame, ImageGradient, Mesh, Renderer, Scene, Settings, Wanted};
 
 /// Which triangles may pull at the pose.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -84,7 +81,7 @@ impl FigureFit {
     /// Begins at a pose. Of the settings size, depths and background colour count.
     ///
     /// # Errors
-    /// [`crate::Error::Fit`] for a pose of another skeleton, one that is not finite, or a figure whose colours are no
+    /// [`softras::Error::Fit`] for a pose of another skeleton, one that is not finite, or a figure whose colours are no
     /// vertex colours.
     pub fn new(
         figure: Figure,
@@ -93,7 +90,7 @@ impl FigureFit {
         options: FigureOptions,
         pose: SkeletonPose,
     ) -> Result<Self> {
-        figure.skeleton().judge(&pose)?;
+        figure.skeleton().validate(&pose)?;
         if !matches!(figure.mesh().appearance(), Appearance::VertexColors(_)) {
             return bad("a figure without vertex colours", "give Appearance::VertexColors");
         }
@@ -141,7 +138,7 @@ impl FigureFit {
     /// Renders the pose, compares it with an image of one view, and moves it; the loss before the move comes back.
     ///
     /// # Errors
-    /// [`crate::Error::Fit`] for targets of another size; otherwise as [`Renderer::render`] and [`Renderer::backward`].
+    /// [`softras::Error::Fit`] for targets of another size; otherwise as [`Renderer::render`] and [`Renderer::backward`].
     pub fn step(&mut self, renderer: &mut Renderer, target: &PoseTarget) -> Result<f64> {
         let (loss, gradient) = self.differentiate(renderer, target)?;
         let rate = self.options.rate.at_step(self.step, self.options.iterations);

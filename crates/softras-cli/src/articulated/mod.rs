@@ -16,11 +16,13 @@ pub use mannequin::mannequin;
 pub use skeleton::{Bone, Skeleton, SkeletonPose};
 pub use visible::visible_triangles;
 
-use super::bad;
-use crate::error::Result;
-use crate::scene::Mesh;
 use glam::DVec3;
 use skeleton::Wrench;
+use softras::{Error, Mesh, Result};
+
+fn bad<T>(what: impl Into<String>, fix: &str) -> Result<T> {
+    Err(Error::Fit { what: what.into(), fix: fix.into() })
+}
 
 /// The bones that carry a vertex, with their weights.
 pub type Weights = Vec<(usize, f64)>;
@@ -38,7 +40,7 @@ impl Figure {
     /// From a mesh at rest, and for each vertex the bones that carry it.
     ///
     /// # Errors
-    /// [`crate::Error::Fit`] unless every vertex has weights of bones that exist, none negative, 1 in all.
+    /// [`softras::Error::Fit`] unless every vertex has weights of bones that exist, none negative, 1 in all.
     pub fn new(mesh: Mesh, skeleton: Skeleton, weights: Vec<Weights>) -> Result<Self> {
         if weights.len() != mesh.positions().len() {
             let what = format!("weights of {} vertices for {}", weights.len(), mesh.positions().len());
@@ -78,9 +80,9 @@ impl Figure {
     /// Where a pose takes every vertex.
     ///
     /// # Errors
-    /// [`crate::Error::Fit`] for a pose of another skeleton, or one that is not finite.
+    /// [`softras::Error::Fit`] for a pose of another skeleton, or one that is not finite.
     pub fn positions(&self, pose: &SkeletonPose) -> Result<Vec<DVec3>> {
-        self.skeleton.judge(pose)?;
+        self.skeleton.validate(pose)?;
         let placed = self.skeleton.place(pose);
         let one = |(p, weights): (&[f32; 3], &Weights)| {
             let at_rest = DVec3::from(p.map(f64::from));
@@ -103,9 +105,9 @@ impl Figure {
     /// dL by a pose, from dL by every vertex.
     ///
     /// # Errors
-    /// As [`Figure::positions`]; [`crate::Error::Fit`] unless there is one gradient for each vertex.
+    /// As [`Figure::positions`]; [`softras::Error::Fit`] unless there is one gradient for each vertex.
     pub fn pull(&self, pose: &SkeletonPose, gradient: &[DVec3]) -> Result<SkeletonPose> {
-        self.skeleton.judge(pose)?;
+        self.skeleton.validate(pose)?;
         if gradient.len() != self.weights.len() {
             let what = format!("{} gradients for {} vertices", gradient.len(), self.weights.len());
             return bad(what, "give one for each vertex");

@@ -1,9 +1,10 @@
 //! A jointed doll: torso, head, two arms and two legs, each a closed tube in colours of its own.
 
 use super::{Bone, Figure, Skeleton, Weights};
-use crate::error::Result;
-use crate::scene::{Appearance, Mesh};
 use glam::DVec3;
+use softras::Mesh;
+use softras::Result;
+use softras::scene::Appearance;
 use std::f64::consts::TAU;
 
 /// Vertices around a tube.

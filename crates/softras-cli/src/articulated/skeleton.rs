@@ -1,8 +1,8 @@
 //! Bones that turn about joints and stretch: forward kinematics and its transpose.
 
-use crate::error::Result;
-use crate::fit::bad;
+use super::bad;
 use glam::{DMat3, DQuat, DVec3};
+use softras::Result;
 
 /// A bone, and the joint at its head that it turns about.
 #[derive(Clone, Debug, PartialEq)]
@@ -76,7 +76,7 @@ impl Skeleton {
     /// Judges the bones.
     ///
     /// # Errors
-    /// [`crate::Error::Fit`] for a parent that is not before its bone, or an axis that is not of length 1.
+    /// [`softras::Error::Fit`] for a parent that is not before its bone, or an axis that is not of length 1.
     pub fn new(bones: Vec<Bone>) -> Result<Self> {
         for (i, bone) in bones.iter().enumerate() {
             if bone.parent.is_some_and(|parent| parent >= i) {
@@ -130,14 +130,14 @@ impl Skeleton {
     /// The unit vector from a bone's head to its tail in a pose; zero beyond the skeleton, or for a pose of another one.
     pub fn direction(&self, pose: &SkeletonPose, bone: usize) -> DVec3 {
         match self.bones.get(bone) {
-            Some(rest) if self.judge(pose).is_ok() => self.place(pose)[bone].rotation * rest.direction(),
+            Some(rest) if self.validate(pose).is_ok() => self.place(pose)[bone].rotation * rest.direction(),
             _ => DVec3::ZERO,
         }
     }
 
     /// # Errors
-    /// [`crate::Error::Fit`] for a pose of another skeleton, or one that is not finite.
-    pub(super) fn judge(&self, pose: &SkeletonPose) -> Result<()> {
+    /// [`softras::Error::Fit`] for a pose of another skeleton, or one that is not finite.
+    pub(super) fn validate(&self, pose: &SkeletonPose) -> Result<()> {
         let rest = self.rest();
         let counts = [pose.angles.len(), pose.lengths.len()];
         let finite = pose.shift.is_finite() && pose.angles.iter().chain(&pose.lengths).all(|x| x.is_finite());
