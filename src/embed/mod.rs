@@ -1,3 +1,5 @@
+//! The embedded API: softras on a host's device, in a host's command buffer, with a host's memory.
+//!
 #![doc = include_str!("guide.md")]
 
 mod arena;
