@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-/// Everything that can go wrong, each variant naming the thing, the place and the fix.
+/// Every error of this crate. Each names what is wrong, where it is, and how to fix it.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -46,7 +46,7 @@ pub enum Error {
         /// The range it must be in, and why.
         fix: String,
     },
-    /// A scene and its cameras do not fit together.
+    /// The numbers of meshes and cameras do not match, or parameters belong to another scene.
     #[error("scene: {what}: {fix}")]
     Scene {
         /// What is wrong.
@@ -74,10 +74,10 @@ pub enum Error {
         /// How to fix it.
         fix: String,
     },
-    /// No Vulkan loader, driver or suitable device.
+    /// There is no Vulkan loader, no driver, or no device with what the kernels need.
     #[error("no usable Vulkan device: {what}: {fix}")]
     NoDevice {
-        /// What was looked for and not found.
+        /// What was looked for.
         what: String,
         /// How to fix it.
         fix: String,
@@ -98,33 +98,34 @@ pub enum Error {
         /// How to fix it.
         fix: String,
     },
-    /// Memory ran out.
+    /// An allocation of host or device memory failed.
     #[error("out of memory for {what} ({bytes} bytes): {fix}")]
     OutOfMemory {
-        /// The buffer that could not be had.
+        /// The buffer that could not be allocated.
         what: String,
-        /// Its size.
+        /// Its size in bytes.
         bytes: u64,
         /// How to fix it.
         fix: String,
     },
-    /// The device met a value that is not finite, born in its own arithmetic.
+    /// The device computed an infinite value or a NaN although all inputs were finite.
     #[error("the device met a value that is not finite in stage {stage}: {fix}")]
     NotFinite {
-        /// The stage that saw it.
+        /// The pipeline stage that found it.
         stage: &'static str,
         /// How to fix it.
         fix: String,
     },
-    /// A gradient was asked of a frame that did not keep what it takes.
+    /// A frame cannot be differentiated as asked: it was not saved for backward, or the upstream gradients do not fit
+    /// it.
     #[error("backward: {what}: {fix}")]
     Backward {
-        /// What is missing.
+        /// What is missing or does not fit.
         what: String,
         /// How to fix it.
         fix: String,
     },
-    /// A fit cannot be set up from what it was given.
+    /// The inputs of a fit are inconsistent or out of range.
     #[error("fit: {what}: {fix}")]
     Fit {
         /// What is wrong.
@@ -132,20 +133,20 @@ pub enum Error {
         /// How to fix it.
         fix: String,
     },
-    /// An embedding host's handles, buffers or plans do not fit together.
+    /// Handles, buffers or plans of an embedding host are unusable or do not belong together.
     #[error("host: {what}: {fix}")]
     Host {
-        /// What does not fit.
+        /// What is wrong.
         what: String,
         /// How to fix it.
         fix: String,
     },
-    /// The driver reset the device; nothing made on it can be used any more, but all of it can be dropped.
+    /// The driver reset the device. Objects made on it can be dropped but not used: make them anew on a new device.
     #[error("{call}: the driver reset the device (a frame that ran too long, a driver fault): {fix}")]
     DeviceLost {
         /// The call that reported it.
         call: &'static str,
-        /// How to go on.
+        /// How to continue.
         fix: String,
     },
     /// A Vulkan call failed.

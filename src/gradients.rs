@@ -1,17 +1,18 @@
-//! What goes into backward and what comes out of it.
+//! The inputs and outputs of the backward pass: upstream gradients, what to differentiate by, and the gradients.
 
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::scene::{Outputs, first_not_finite};
 
-/// dL/dimage of any of a frame's images; each has the shape of the image itself.
+/// The upstream gradient: the derivative dL/dimage of a loss L by the values of a frame's images, computed by the
+/// caller. Each has the shape of the image itself; an image that the loss does not use is `None`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ImageGradient {
     /// `[batch, height, width, 3]`.
     pub color: Option<Image>,
     /// `[batch, height, width, 1]`.
     pub silhouette: Option<Image>,
-    /// `[batch, height, width, 1]`, loss per world unit.
+    /// `[batch, height, width, 1]`, loss per world unit of depth.
     pub depth: Option<Image>,
     /// `[batch, height, width, 3]`.
     pub normal: Option<Image>,
@@ -28,7 +29,7 @@ impl ImageGradient {
         Self { silhouette: Some(image), ..Self::default() }
     }
 
-    /// Which images have one.
+    /// The images that have an upstream gradient.
     pub fn outputs(&self) -> Outputs {
         Outputs {
             color: self.color.is_some(),
@@ -38,7 +39,7 @@ impl ImageGradient {
         }
     }
 
-    /// Checks that every image is finite, of the frame's shape, and was rendered.
+    /// Checks that every upstream gradient is finite, has the frame's shape, and belongs to an image that was rendered.
     ///
     /// # Errors
     /// [`Error::Backward`] naming the image.
@@ -81,36 +82,36 @@ pub enum GradientMode {
     Exact,
     /// Eq. 4 of the paper alone, as the official code: the clipped barycentrics are constants of the pixel, so that
     /// colour, depth and normal depend on the vertices only through the coverage D, the depth z and the corners' own
-    /// values. Under [`crate::scene::Parity::Official`] this is the official gradient: fragments outside [near, far] get
-    /// none from the silhouette that counts them, and the silhouette's is damped where 1 - D < 1e-6.
+    /// values. Under [`crate::scene::Parity::Official`] this is the official gradient: fragments outside [near, far]
+    /// get none from the silhouette that counts them, and the silhouette's is damped where 1 - D < 1e-6.
     Paper,
 }
 
-/// What to differentiate by; what is not asked for is not computed.
+/// The inputs to differentiate by. What is not asked for is not computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Wanted {
     /// Vertex positions.
     pub positions: bool,
     /// Vertex colours, or a mesh's one colour.
     pub colors: bool,
-    /// Surface cells and texture texels.
+    /// Texels of surface cells and of image textures.
     pub texels: bool,
     /// Texture coordinates.
     pub uvs: bool,
-    /// View transform and projection.
+    /// The view transform and the projection's parameters.
     pub camera: bool,
     /// Ambient and directional lights.
     pub lights: bool,
-    /// Background colour and score.
+    /// The background's colour and its softmax score ε.
     pub background: bool,
     /// σ and γ.
     pub scalars: bool,
-    /// Exact, or eq. 4 alone.
+    /// The exact derivative, or that of the paper's eq. 4 alone.
     pub mode: GradientMode,
 }
 
 impl Wanted {
-    /// Nothing yet: switch on what is wanted.
+    /// Nothing: the base to switch single inputs on from.
     pub const NOTHING: Self = Self {
         positions: false,
         colors: false,
@@ -123,7 +124,7 @@ impl Wanted {
         mode: GradientMode::Exact,
     };
 
-    /// Everything there is.
+    /// All inputs.
     pub const ALL: Self = Self {
         positions: true,
         colors: true,
@@ -138,13 +139,14 @@ impl Wanted {
 }
 
 impl Default for Wanted {
-    /// Positions, exactly.
+    /// The exact gradient by vertex positions.
     fn default() -> Self {
         Self { positions: true, ..Self::NOTHING }
     }
 }
 
-/// dL by what one mesh is made of, summed over all views of it. Empty where it was not asked for or does not apply.
+/// The gradient of the loss L by the arrays of one mesh, summed over all views of it. An array is empty where it was
+/// not asked for or the mesh's appearance does not have it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeshGradients {
     /// By each vertex's `[x, y, z]`: loss per world unit (per screen unit under [`crate::Projection::Screen`]).
@@ -159,7 +161,7 @@ pub struct MeshGradients {
     pub uvs: Vec<[f32; 2]>,
 }
 
-/// dL by one view's camera.
+/// The gradient of L by one view's camera.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CameraGradient {
     /// By ξ = (v, ω) where the view transform V becomes exp(ξ) V: view-space points move by ω × p + v. Loss per world
@@ -170,7 +172,7 @@ pub struct CameraGradient {
     pub projection: [f64; 4],
 }
 
-/// dL by the lights.
+/// The gradient of L by the lights.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LightGradients {
     /// By the ambient colour.
@@ -181,7 +183,7 @@ pub struct LightGradients {
     pub directional: Vec<([f64; 3], [f64; 3], f64)>,
 }
 
-/// What backward computed.
+/// The gradients that the backward pass computed.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Gradients {
     /// One for each mesh of the scene.
@@ -201,7 +203,7 @@ pub struct Gradients {
 }
 
 impl Gradients {
-    /// What is not a finite number, by the name of its field.
+    /// The name of the first field that holds a value that is not finite.
     pub(crate) fn not_finite(&self) -> Option<&'static str> {
         let rows = |rows: &[[f32; 3]]| first_not_finite(rows.as_flattened()).is_none();
         let doubles = |values: &[f64]| values.iter().all(|x| x.is_finite());

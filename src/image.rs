@@ -1,4 +1,4 @@
-//! Images as they come back to the host.
+//! Float images in host memory: what a frame returns, and what fits compare it with.
 
 /// A batch of float images: `data[((b · height + row) · width + column) · channels + channel]`, row 0 at the top.
 #[derive(Clone, Debug, PartialEq)]
@@ -16,16 +16,19 @@ pub struct Image {
 }
 
 impl Image {
-    /// The values of one pixel.
+    /// The `channels` values of one pixel.
     ///
     /// # Panics
-    /// Never for coordinates inside the shape; outside it the slice index panics.
+    /// For coordinates outside the image's shape.
     pub fn pixel(&self, view: usize, row: usize, column: usize) -> &[f32] {
         let start = ((view * self.height + row) * self.width + column) * self.channels;
         &self.data[start..start + self.channels]
     }
 
-    /// The values of one view.
+    /// The values of one view, `height × width × channels`.
+    ///
+    /// # Panics
+    /// For a view that is not below `batch`.
     pub fn view(&self, view: usize) -> &[f32] {
         let size = self.height * self.width * self.channels;
         &self.data[view * size..(view + 1) * size]

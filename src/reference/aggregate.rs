@@ -1,4 +1,4 @@
-//! From a pixel's fragments to its values.
+//! Combines a pixel's fragments to its colour, silhouette, depth and normal.
 
 use super::GradientMode;
 use super::fragment::{Coverage, Fragment, Knobs};
@@ -8,9 +8,9 @@ use crate::scene::{Background, ColorAggregation, Parity, SilhouetteAggregation};
 /// One pixel of every image.
 #[derive(Clone, Copy, Debug)]
 pub struct Pixel<R> {
-    /// I.
+    /// I, RGB.
     pub color: [R; 3],
-    /// A.
+    /// A, in [0, 1].
     pub silhouette: R,
     /// Σ w z.
     pub depth: R,
@@ -18,11 +18,11 @@ pub struct Pixel<R> {
     pub normal: [R; 3],
 }
 
-/// Who makes the colour of a pixel.
+/// The softmax weights of a pixel: how much of its colour comes from each fragment and from the background.
 pub struct Shares<R> {
-    /// One share per fragment, 0 for those not seen; with the background's they sum to 1.
+    /// One weight per fragment, 0 for those without a surface; with the background's they sum to 1.
     pub fragments: Vec<R>,
-    /// What is left to the background before any compositing.
+    /// The background's weight, before any compositing.
     pub background: R,
 }
 
@@ -41,7 +41,8 @@ impl Pixel<f64> {
     }
 }
 
-/// Aggregates the fragments of a pixel, in triangle order, of a mesh of `triangles`; their shares are [`shares`].
+/// Aggregates a pixel's fragments, given in triangle order with their [`shares`]; `triangles` is the mesh's number of
+/// them.
 pub fn aggregate<R: Real>(
     knobs: &Knobs<'_, R>,
     fragments: &[Fragment<R>],
@@ -55,7 +56,7 @@ pub fn aggregate<R: Real>(
     let composite = settings.background == Background::Composite && seen;
     let factor = if composite { silhouette } else { R::one() };
     let background = if composite { R::one() - silhouette } else { shares.background };
-    // A hard image's depth and normal are those of the surface itself, whatever the outline does to its colour.
+    // Compositing fades only the colour of a hard image: its depth and normal stay those of the nearest surface.
     let hard = settings.color == ColorAggregation::Hard;
     let surface_factor = if hard { R::one() } else { factor };
     Pixel {
@@ -84,7 +85,7 @@ fn silhouette<R: Real>(knobs: &Knobs<'_, R>, fragments: &[Fragment<R>], triangle
     let coverages = fragments.iter().map(|f| f.coverage);
     match knobs.settings.silhouette {
         SilhouetteAggregation::Product => {
-            // log Π (1 - D) = -Σ softplus(x); certain cover leaves nothing.
+            // log Π (1 - D) = -Σ softplus(x); the product is 0 where a fragment covers the pixel with certainty.
             let mut opacity = R::zero();
             for coverage in coverages {
                 match coverage {
@@ -99,7 +100,8 @@ fn silhouette<R: Real>(knobs: &Knobs<'_, R>, fragments: &[Fragment<R>], triangle
                 Coverage::Certain => sum.shift(1.0),
                 Coverage::Soft(x) => sum + x.logistic(),
             });
-            // Along their seam the two pieces of a triangle that near cuts may add up to more than it.
+            // The two pieces of a triangle that the near plane cuts overlap softly along their common edge, so their
+            // coverages may add up to more than 1.
             let mean = sum.scale(1.0 / triangles.max(1) as f64);
             if mean.value() > 1.0 { R::one() } else { mean }
         }
@@ -119,7 +121,8 @@ fn damped_softplus<R: Real>(x: R) -> R {
     x.unary(x.value().softplus(), d * rest / rest.max(1e-6))
 }
 
-/// The fragments' shares of the colour; under [`Background::Composite`] the background has one only where nothing is seen.
+/// The weights of a pixel's fragments and background; under [`Background::Composite`] the background has weight only
+/// where no fragment has a surface.
 pub fn shares<R: Real>(knobs: &Knobs<'_, R>, fragments: &[Fragment<R>]) -> Shares<R> {
     match knobs.settings.color {
         ColorAggregation::Softmax => softmax(knobs, fragments),

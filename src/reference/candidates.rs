@@ -1,4 +1,5 @@
-//! Which pieces a pixel must look at: all of them, those whose grown box meets its tile, or those that can weigh there.
+//! Which pieces of triangles a pixel visits: all, those whose support meets its tile, or those whose weight there
+//! matters.
 
 use super::fragment::Knobs;
 use super::geometry::{doubled_area, locate};
@@ -11,7 +12,7 @@ use std::ops::Range;
 /// Pixels along a tile's side.
 const TILE: usize = 8;
 
-/// e^-38 < 1e-16: what weighs less than this beside another pair is nothing to an f64.
+/// e^-38 < 1e-16: a pair whose weight is smaller than another's by this factor does not change an f64 sum.
 const NOTHING: f64 = 38.0;
 
 /// Lists of pieces, in piece order, for square tiles of pixels.
@@ -29,12 +30,12 @@ pub fn pixel_centre(settings: &Settings, row: usize, column: usize) -> [f64; 2] 
 }
 
 impl Candidates {
-    /// Every piece for every pixel.
+    /// Every pixel visits every piece.
     pub fn all(pieces: usize) -> Self {
         Self { tile: usize::MAX, columns: 1, lists: vec![(0..pieces as u32).collect()] }
     }
 
-    /// Those whose support, with as much around it as a margin below 1 can see, meets the tile; `support` is the
+    /// The pieces whose support, grown by what [`super::margin`] looks at around it, meets the tile; `support` is the
     /// squared distance from which pairs are dropped.
     pub fn culled(settings: &Settings, support: f64, pieces: &[Piece<f64>]) -> Self {
         let tiles = |size: u32| (size as usize).div_ceil(TILE);
@@ -52,12 +53,12 @@ impl Candidates {
         Self { tile: TILE, columns, lists }
     }
 
-    /// Without truncation, those that some pixel of the tile could notice: D may be above 1e-16, or the softmax weight
-    /// that of the heaviest piece times 1e-16.
+    /// Without truncation, the pieces that can change a pixel of the tile: those whose D may be above 1e-16, or whose
+    /// softmax weight may be above 1e-16 of the largest.
     ///
-    /// The signed distance to a triangle changes by at most the way walked, so its value at the tile's centre bounds x
-    /// over the tile, and the corners bound ζ. A piece is left out when its largest possible score
-    /// log D + ζ / γ stays [`NOTHING`] below another's least.
+    /// The signed edge distance changes between two points by at most their distance, so its value at the tile's centre
+    /// bounds D over the tile; the corners' depths bound ζ. A piece is left out when its largest possible log weight
+    /// log D + ζ / γ is more than [`NOTHING`] below the smallest possible one of another piece.
     pub fn of_weight(knobs: &Knobs<'_, f64>, pieces: &[Piece<f64>]) -> Self {
         let settings = knobs.settings;
         if settings.distance != Distance::Euclidean {
@@ -74,7 +75,7 @@ impl Candidates {
             let first = pixel_centre(settings, tile / columns * TILE, tile % columns * TILE);
             let half = (TILE - 1) as f64 / f64::from(settings.height);
             let centre = [first[0] + half, first[1] - half];
-            // To the tile's corners, and a little for rounding.
+            // Distance from the centre to the tile's corners, with a little more for rounding.
             let reach = half * std::f64::consts::SQRT_2 * (1.0 + 1e-9);
             let bounds: Vec<[f64; 3]> =
                 pieces.iter().zip(&scores).map(|(piece, scores)| scores.over(knobs, piece, centre, reach)).collect();
@@ -91,7 +92,7 @@ impl Candidates {
     }
 }
 
-/// The depth part of a piece's scores, ζ / γ, over all of it: least and largest.
+/// The least and the largest depth term ζ / γ of a piece's log weight.
 struct Scores([f64; 2]);
 
 impl Scores {
@@ -100,8 +101,8 @@ impl Scores {
         let score = |z: f64| (far - z) / (far - near) / knobs.gamma;
         let z = piece.corners.map(|c| c.z);
         let (nearest, farthest) = (z[0].min(z[1]).min(z[2]), z[0].max(z[1]).max(z[2]));
-        // What may be left out of the softmax outweighs nothing: fragments outside the depth range, and the back faces
-        // that only the official silhouette counts.
+        // A piece with fragments that may not take part in the softmax (outside the depth range, or back faces that
+        // only the official silhouette counts) must not exclude others, so its lower bound is -∞.
         let shown = piece.front || knobs.settings.faces == Faces::Both;
         let least = if shown && nearest >= near && farthest <= far { score(farthest) } else { f64::NEG_INFINITY };
         Self([least, score(nearest.max(near))])
@@ -117,11 +118,11 @@ impl Scores {
     }
 }
 
-/// The box, lowest and highest corner, outside which a pair is dropped and adds nothing to a pixel's margin.
+/// The box, as its lowest and highest corner, outside which pairs are dropped and do not affect a pixel's margin.
 fn support_box(settings: &Settings, support: f64, corners: &[[f64; 2]; 3]) -> [[f64; 2]; 2] {
     // Twice the squared distance of the cut makes |d² / r² - 1| = 1.
     let reach = (2.0 * support).sqrt() * (1.0 + 1e-9);
-    // Hard modes look a pixel far.
+    // In hard modes the margin is measured up to one pixel from the border.
     let pixel = 2.0 / f64::from(settings.height);
     let growth = if settings.distance == Distance::Euclidean { reach.max(pixel) } else { pixel };
     let mut points = corners.to_vec();

@@ -1,4 +1,4 @@
-//! How many (pixel, triangle) pairs a frame is made of, whatever computes it.
+//! Counts the (pixel, triangle) pairs of a frame, which every implementation of the model has to compute.
 
 use super::candidates::pixel_centre;
 use super::fragment::coverage;
@@ -9,7 +9,7 @@ use crate::Result;
 use crate::scene::{Camera, Scene, Settings};
 use rayon::prelude::*;
 
-/// The pairs of a frame; a triangle cut by the near plane into two counts as two.
+/// The pairs of a frame; a triangle that the near plane cuts into two pieces counts as two.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Pairs {
     /// Triangles, or pieces of triangles, of all views.

@@ -1,4 +1,4 @@
-//! One pixel against one piece: whether the pair counts, and its distance, depth, colour and normal.
+//! Evaluates a (pixel, piece) pair: whether it is dropped, its coverage, depth, colour and normal.
 
 use super::GradientMode;
 use super::geometry::Location;
@@ -8,7 +8,7 @@ use super::setup::Piece;
 use super::texture::sample;
 use crate::scene::{Distance, Faces, Interpolation, Mesh, Parity, Settings};
 
-/// The settings as a pixel needs them, with their differentiable numbers.
+/// The settings that a pixel is computed from, the differentiable ones as numbers that may carry derivatives.
 #[derive(Clone, Debug)]
 pub struct Knobs<'a, R> {
     /// Everything that is not differentiable, and which images to make.
@@ -23,7 +23,7 @@ pub struct Knobs<'a, R> {
     pub background: [R; 3],
     /// Squared distance, screen units², from which pairs outside are dropped; infinite without truncation.
     pub support: f64,
-    /// What is held constant.
+    /// Which derivatives are left out.
     pub mode: GradientMode,
 }
 
@@ -53,7 +53,7 @@ impl<'a, R: Real> Knobs<'a, R> {
     }
 }
 
-/// How surely a pair covers its pixel.
+/// The coverage D of a fragment: the probability that its triangle covers the pixel.
 #[derive(Clone, Copy, Debug)]
 pub enum Coverage<R> {
     /// D = 1.
@@ -62,18 +62,18 @@ pub enum Coverage<R> {
     Soft(R),
 }
 
-/// A pair that counts.
+/// A (pixel, piece) pair that is not dropped.
 #[derive(Clone, Copy, Debug)]
 pub struct Fragment<R> {
     /// D.
     pub coverage: Coverage<R>,
     /// The pixel's centre is in the triangle.
     pub inside: bool,
-    /// What colour, depth and normal are made of; `None` for a pair that only counts in the silhouette.
+    /// Depth, colour and normal; `None` for a fragment that counts in the silhouette only.
     pub surface: Option<SurfacePoint<R>>,
 }
 
-/// What is seen of a fragment.
+/// The point of a piece's surface that a fragment shows.
 #[derive(Clone, Copy, Debug)]
 pub struct SurfacePoint<R> {
     /// View depth.
@@ -135,8 +135,8 @@ pub fn depth<R: Real>(piece: &Piece<R>, b: [R; 3]) -> R {
     dot(b, piece.corners.map(|c| c.z.recip())).recip()
 }
 
-/// Whether a fragment at this depth is seen. Under [`Parity::Model`] pieces are cut at the near plane already, and
-/// asking again would let rounding drop the fragments on the cut.
+/// Whether a fragment of depth `z` lies within [near, far]. Under [`Parity::Model`] pieces are clipped at the near
+/// plane beforehand; comparing with near once more would drop fragments on the clipped edge by rounding.
 pub fn in_range(settings: &Settings, z: f64) -> bool {
     match settings.parity {
         Parity::Model => z <= settings.far,
@@ -161,7 +161,7 @@ pub fn fragment<S: Source>(
     let seen = in_range(knobs.settings, z.value());
     let coverage = match (knobs.settings.parity, coverage) {
         (Parity::Model, _) if !seen => return None,
-        // The official backward pass leaves out what its forward pass counts in the silhouette.
+        // The official forward pass counts these in the silhouette, its backward pass gives them no gradient.
         (Parity::Official, Coverage::Soft(x)) if !seen && paper => Coverage::Soft(x.detach()),
         (_, coverage) => coverage,
     };

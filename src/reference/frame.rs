@@ -1,4 +1,4 @@
-//! Images, pixel by pixel.
+//! Renders the reference's images, pixel by pixel.
 
 use super::aggregate::{Pixel, aggregate, shares};
 use super::candidates::{Candidates, pixel_centre};
@@ -14,30 +14,30 @@ use rayon::prelude::*;
 /// How a pixel finds its pieces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Search {
-    /// All pieces for every pixel.
+    /// Every pixel visits every piece.
     BruteForce,
-    /// Binned by tile.
+    /// Every pixel visits the pieces binned to its tile.
     Culled,
 }
 
 /// One view, ready for its pixels.
 pub struct View<'a> {
-    /// What is seen.
+    /// The mesh that the view shows.
     pub mesh: &'a Mesh,
-    /// Where its inputs are.
+    /// Where the mesh's inputs lie in the parameters.
     pub slots: &'a MeshSlots,
     /// All inputs.
     pub values: Values<'a>,
     /// The settings.
     pub knobs: Knobs<'a, f64>,
-    /// Its triangles, cut and projected.
+    /// The mesh's triangles, clipped and projected.
     pub pieces: Vec<Piece<f64>>,
-    /// Which pieces each pixel looks at.
+    /// Which pieces each pixel visits.
     pub candidates: Candidates,
 }
 
 impl<'a> View<'a> {
-    /// Transforms, cuts and bins what `view` sees.
+    /// Transforms, clips and bins the mesh that `view` shows.
     pub fn new(
         scene: &'a Scene,
         cameras: &[Camera],

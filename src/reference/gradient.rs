@@ -1,8 +1,8 @@
-//! The judge's gradient: the same code as its images, run over numbers that record how they were made.
+//! The reference's gradient: the code that renders its images, run over numbers that record their operations.
 //!
-//! Two stages, so that no tape is longer than it must be. Each pixel is taped by itself over the scalars of the pieces
-//! that it sees; their derivatives are summed over all pixels; then the way from the inputs to the pieces is taped once
-//! and seeded with those sums.
+//! Two stages keep the tapes short. First each pixel is recorded on a tape of its own whose leaves are the scalars of
+//! the pieces that it visits, and their derivatives are summed over all pixels. Then the computation of the pieces from
+//! the inputs is recorded once and propagated with those sums as seeds.
 
 use super::aggregate::{Pixel, aggregate, shares};
 use super::candidates::pixel_centre;
@@ -16,7 +16,7 @@ use super::{GradientMode, Truncation, Upstream};
 use crate::scene::{Camera, Outputs, Scene, Settings};
 use rayon::prelude::*;
 
-/// Rows are summed in this many groups, whatever the number of threads, so that sums are the same everywhere.
+/// Rows are summed in this many groups, independent of the number of threads, so that every machine gets the same sums.
 const BANDS: usize = 4;
 
 /// The gradient of L = Σ upstream · image with respect to every input.
@@ -42,7 +42,7 @@ pub fn gradient(
     total
 }
 
-/// ∂L/∂(inputs, then the scalars of each piece) of one view, each for the others held fixed.
+/// ∂L by the inputs, followed by ∂L by the scalars of each piece, of one view; all others held fixed.
 fn pixel_stage(
     view: &View<'_>,
     upstream: &Upstream,
@@ -73,7 +73,7 @@ fn pixel_stage(
     sum
 }
 
-/// Tapes one pixel and adds its derivatives.
+/// Records one pixel on the tape and adds its derivatives to `gradient`.
 fn pixel(
     view: &View<'_>,
     mode: GradientMode,
@@ -88,7 +88,7 @@ fn pixel(
     let centre = pixel_centre(knobs.settings, row, column);
     let fragments = view.candidates.of(row, column).iter().filter_map(|&i| {
         let piece = &view.pieces[i as usize];
-        // Only what counts is worth taping.
+        // Dropped pairs need not be recorded.
         coverage(&view.knobs, piece, &locate(&piece.screen(), centre), centre)?;
         let start = parameters.values().len() + i as usize * Piece::<f64>::SCALARS;
         let piece = piece.map(|value, scalar| tape::leaf(value, start + scalar));
@@ -100,7 +100,7 @@ fn pixel(
     tape::propagate(values.scalars().into_iter().zip(seed.scalars()), gradient);
 }
 
-/// Tapes the way from the inputs to the pieces and pulls the pieces' derivatives back along it.
+/// Records the computation of the pieces from the inputs and propagates the pieces' derivatives to the inputs.
 fn setup_stage(
     scene: &Scene,
     cameras: &[Camera],

@@ -4,7 +4,7 @@ use super::parameters::{Parameters, Source};
 use super::real::{Real, add, cross, dot, multiply, normalize, scale, sub};
 use crate::scene::{Mesh, Shading};
 
-/// The lights whose differentiable numbers are `R`.
+/// The scene's lights as numbers `R` that may carry derivatives.
 pub struct Lamps<R> {
     ambient: [R; 3],
     /// Unit direction, colour · intensity.

@@ -1,16 +1,17 @@
-//! How far a pixel is from a jump of the model.
+//! The margin of a pixel: how far its inputs are from the nearest discontinuity of the model.
 //!
-//! The image is continuous in its inputs but for a few places, where a kernel's rounding may fall on the other side.
-//! The margin of a pixel is the smallest over its pairs of
-//! - |d² / r² - 1| outside a triangle, r the culling radius (barycentric distance: m² / (σ ln(1/τ - 1)) for d² / r², under
-//!   official parity the larger of that and e / r for a pixel e outside the triangle's box);
+//! The image is continuous in its inputs except at a few jumps, where a kernel's rounding may select the other side.
+//! The margin is the smallest over the pixel's pairs of
+//! - |d² / r² - 1| outside a triangle, r the culling radius (barycentric distance: m² / (σ ln(1/τ - 1)) for d² / r²,
+//!   under official parity the larger of that and e / r for a pixel e outside the triangle's box);
 //! - |z / far - 1|, under official parity |z / near - 1| too, for the pairs that are not dropped;
 //! - with a hard colour, silhouette or distance, the distance to the triangle's border in pixels;
 //! - with a hard colour, (z₂ - z₁) / z₁ of the two nearest covering triangles;
-//! - with a surface texture, how far R·b̂ is from a border of cells, for fragments whose share of the colour is above 1e-6;
+//! - with a surface texture, how far R·b̂ is from a border of cells, for fragments whose share of the colour is above
+//!   1e-6;
 //!
-//! and at most 1. Not in it: a triangle that turns its back, crosses the near plane or loses its area, which no pixel
-//! is to blame for, and kinks, where only the derivative jumps.
+//! and at most 1. It does not cover jumps of whole triangles (turning a back face to the camera, crossing the near
+//! plane, degenerating), nor kinks, where only the derivative jumps.
 
 use super::fragment::{Knobs, SurfacePoint, box_excess, depth, smallest};
 use super::geometry::Location;
@@ -18,10 +19,10 @@ use super::real::blend;
 use super::setup::Piece;
 use crate::scene::{Appearance, ColorAggregation, Distance, Interpolation, Parity, SilhouetteAggregation};
 
-/// Below this share of the colour, a texture's jump is not seen.
+/// A fragment with a smaller weight than this shows no jump of its texture.
 const VISIBLE_SHARE: f64 = 1e-6;
 
-/// The margin of one pixel as its pairs come in.
+/// The margin of one pixel, updated pair by pair.
 #[derive(Clone, Copy, Debug)]
 pub struct Margin {
     least: f64,
@@ -30,7 +31,7 @@ pub struct Margin {
 }
 
 impl Margin {
-    /// Of a pixel without pairs.
+    /// The margin of a pixel without pairs.
     pub fn new() -> Self {
         Self { least: 1.0, nearest: [f64::INFINITY; 2] }
     }
@@ -47,7 +48,7 @@ impl Margin {
             (Distance::Barycentric, Some(b)) if !location.inside => {
                 let cut = smallest(b).powi(2) / knobs.support;
                 let boxed = box_excess(&piece.screen(), pixel) / knobs.support.sqrt();
-                // Dropped by either: a jump needs the worse of the two to change its mind.
+                // Either test drops the pair, so the jump lies where the larger of the two crosses 1.
                 self.limit(if settings.parity == Parity::Official { cut.max(boxed) } else { cut } - 1.0);
             }
             _ => {}

@@ -1,8 +1,9 @@
-//! The f64 judge: what the image model says, without Vulkan and sharing no code with the kernels.
+//! The f64 reference: the image model computed on the host, without Vulkan and without code shared with the kernels.
 //!
-//! Brute force over all (pixel, triangle) pairs, or the same pairs binned. All of it is written once over
-//! `real::Real`, so the gradient differentiates the very code that makes the images:
-//! `setup` (transform, light, cut, project) → `geometry` (distance, barycentrics) → `fragment` → `aggregate`.
+//! [`render`] visits all (pixel, triangle) pairs, [`render_culled`] only those of the triangles binned to a pixel's
+//! tile. The code is generic over the number type `real::Real`; run over numbers that record their operations, the same
+//! code that renders gives the gradient. Its stages are `setup` (transform, light, cut, project) → `geometry`
+//! (distance, barycentrics) → `fragment` → `aggregate`.
 
 mod aggregate;
 mod candidates;
@@ -32,16 +33,16 @@ use crate::error::{Error, Result};
 use crate::scene::{Camera, Scene, Settings};
 use frame::Search;
 
-/// Which pairs the judge leaves out.
+/// Which (pixel, triangle) pairs the reference leaves out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Truncation {
-    /// Pairs outside their triangle with D < τ, or those that [`crate::scene::Support`] says, as the kernels do.
+    /// The pairs that the kernels drop: pixels outside the triangle's support, see [`crate::scene::Support`].
     Tau,
-    /// None: the untruncated model.
+    /// No pair: the untruncated model.
     None,
 }
 
-/// The judge's images, row 0 at the top; empty where [`crate::scene::Outputs`] does not ask.
+/// The reference's images, row 0 at the top; an image that [`crate::scene::Outputs`] does not ask for is empty.
 #[derive(Clone, Debug)]
 pub struct ReferenceFrame {
     /// Number of views.
@@ -58,15 +59,16 @@ pub struct ReferenceFrame {
     pub depth: Vec<f64>,
     /// `[batch, height, width, 3]`.
     pub normal: Vec<f64>,
-    /// `[batch, height, width]`: how far the pixel's nearest pair is from a jump of the model, at most 1; kernels may
-    /// fall on the other side where this is within their rounding. The least over the pixel's pairs of
+    /// `[batch, height, width]`: how far the pixel is from the nearest discontinuity of the model, at most 1. Where it
+    /// is within the rounding of a kernel, the kernel may compute the other side of the jump. It is the least over the
+    /// pixel's pairs of
     /// |d²/r² - 1| outside a triangle (r the culling radius), |z/far - 1|, with hard modes the distance to the border
     /// in pixels and the relative gap of the two nearest depths, with surface textures the distance of R·b̂ to a
     /// border of cells.
     pub margin: Vec<f64>,
 }
 
-/// ∂L/∂image of a batch, for those images that the loss looks at.
+/// The upstream gradient ∂L/∂image of a batch; `None` for an image that the loss does not use.
 #[derive(Clone, Debug, Default)]
 pub struct Upstream {
     /// `[batch, height, width, 3]`.
@@ -79,7 +81,7 @@ pub struct Upstream {
     pub d_normal: Option<Vec<f64>>,
 }
 
-/// Renders by brute force.
+/// Renders by visiting every (pixel, triangle) pair.
 ///
 /// # Errors
 /// [`Error::Scene`], [`Error::Camera`], [`Error::Light`] or [`Error::Settings`] for what is out of range.
@@ -94,8 +96,8 @@ pub fn render(
     Ok(frame::frame(scene, cameras, settings, truncation, Search::BruteForce, &parameters))
 }
 
-/// The image of [`render`] with [`Truncation::Tau`], from triangles binned by tile: 256² pixels of 6000 triangles take
-/// well under a second.
+/// Renders what [`render`] does with [`Truncation::Tau`], but visits for each pixel only the triangles binned to its
+/// tile: 256² pixels of 6000 triangles take well under a second.
 ///
 /// # Errors
 /// As [`render`].
@@ -104,7 +106,7 @@ pub fn render_culled(scene: &Scene, cameras: &[Camera], settings: &Settings) -> 
     variants::render_at(scene, cameras, settings, &Parameters::new(scene, cameras, settings))
 }
 
-/// The gradient of L = Σ upstream · image with respect to every input, at a fixed set of pairs ([`Truncation::Tau`]).
+/// The gradient of L = Σ upstream · image by every input, with the set of pairs held fixed ([`Truncation::Tau`]).
 ///
 /// # Errors
 /// As [`render`], and [`Error::Backward`] when an upstream image does not have the frame's size.

@@ -1,7 +1,7 @@
 //! Every number that an image can be differentiated by, in one flat vector.
 //!
-//! The same vector holds values (what the judge renders) and derivatives (what it returns), so that a finite
-//! difference is one changed element.
+//! The same layout holds the values that are rendered and the derivatives that are returned, so that a finite
+//! difference changes one element.
 
 use super::real::Real;
 use super::tape::{self, Var};
@@ -17,10 +17,10 @@ pub struct Parameters {
     layout: Layout,
 }
 
-/// The gradient that the judge returns: one derivative per input.
+/// The gradient that the reference returns: one derivative per input.
 pub type ReferenceGradients = Parameters;
 
-/// Which elements belong to what.
+/// The range of elements of each kind of input.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Layout {
     pub meshes: Vec<MeshSlots>,
@@ -31,7 +31,7 @@ pub(super) struct Layout {
     pub settings: Range<usize>,
 }
 
-/// A mesh's elements; what its appearance does not have is empty.
+/// A mesh's elements; a range is empty where the mesh's appearance has no such input.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct MeshSlots {
     pub positions: Range<usize>,
@@ -48,7 +48,7 @@ pub(super) struct ViewSlots {
     pub projection: Range<usize>,
 }
 
-/// Appends to the vector and remembers where.
+/// Appends inputs to the vector and returns their ranges.
 struct Builder(Vec<f64>);
 
 impl Builder {
@@ -123,12 +123,12 @@ impl Parameters {
         &self.layout
     }
 
-    /// All of them, in the order: meshes, views, lights, background, σ, γ, ε.
+    /// All values, in the order: meshes, views, lights, background, σ, γ, ε.
     pub fn values(&self) -> &[f64] {
         &self.values
     }
 
-    /// All of them, to change.
+    /// All values, mutable, in the same order.
     pub fn values_mut(&mut self) -> &mut [f64] {
         &mut self.values
     }
@@ -218,15 +218,15 @@ impl Parameters {
     }
 }
 
-/// Where the generic code reads its inputs from.
+/// Where the code that is generic over [`Real`] reads its inputs from.
 pub trait Source {
     /// What it computes with.
     type R: Real;
 
-    /// The input in this slot.
+    /// The input at this index of the parameters.
     fn load(&self, slot: usize) -> Self::R;
 
-    /// `N` inputs from this slot on.
+    /// `N` inputs from this index on.
     fn row<const N: usize>(&self, start: usize) -> [Self::R; N] {
         std::array::from_fn(|k| self.load(start + k))
     }

@@ -4,7 +4,7 @@ use super::parameters::{Parameters, Source};
 use super::real::{Real, add, cross, dot};
 use crate::scene::{Camera, Projection, Settings};
 
-/// A camera whose differentiable numbers are `R`.
+/// A camera as numbers `R` that may carry derivatives.
 pub struct Lens<'a, R> {
     camera: &'a Camera,
     /// v, ω.

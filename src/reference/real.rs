@@ -1,4 +1,4 @@
-//! The number that the whole judge is written over: `f64` for images, a taped number for gradients.
+//! The number type that the reference is generic over: `f64` for images, a number recorded on a tape for gradients.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 

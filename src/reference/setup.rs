@@ -1,4 +1,4 @@
-//! From a view's mesh to the pieces that its pixels see: transform, light, cut at the near plane, project.
+//! Computes the pieces that a view's pixels visit from its mesh: transform, light, clip at the near plane, project.
 
 use super::geometry::doubled_area;
 use super::light::{Lamps, corner_normals, tint};
@@ -20,7 +20,7 @@ pub struct Corner<R> {
     pub uv: [R; 2],
     /// Barycentrics in the uncut triangle.
     pub original: [R; 3],
-    /// World-space normal; 0 where nobody needs it.
+    /// World-space normal; 0 where neither lights nor outputs need it.
     pub normal: [R; 3],
 }
 
@@ -41,7 +41,7 @@ impl<R: Real> Corner<R> {
     }
 }
 
-/// A triangle, or what the near plane leaves of one.
+/// A triangle, or a part of one that lies beyond the near plane.
 #[derive(Clone, Copy, Debug)]
 pub struct Piece<R> {
     /// The mesh's triangle that it belongs to.
@@ -61,7 +61,7 @@ impl<R: Real> Piece<R> {
         self.corners.map(|c| c.screen)
     }
 
-    /// The same piece in other numbers; `f` gets a number and its place among the piece's [`Piece::SCALARS`].
+    /// The same piece in other numbers; `f` gets each number and its index among the piece's [`Piece::SCALARS`].
     pub fn map<T: Real>(&self, mut f: impl FnMut(R, usize) -> T) -> Piece<T> {
         let corners = std::array::from_fn(|k| {
             let scalars = self.corners[k].scalars();
@@ -78,14 +78,14 @@ struct Vertex<R> {
     corner: Corner<R>,
 }
 
-/// One view's way from vertices to pieces.
+/// The inputs of one view's pieces.
 struct Setup<'a, R> {
     mesh: &'a Mesh,
     settings: &'a Settings,
     lens: Lens<'a, R>,
     lamps: Lamps<R>,
     world: Vec<[R; 3]>,
-    /// Empty where nobody needs them.
+    /// Normals of each triangle's corners; empty where neither lights nor outputs need them.
     normals: Vec<[[R; 3]; 3]>,
     on_screen: bool,
 }
@@ -125,7 +125,7 @@ impl<R: Real> Setup<'_, R> {
         fan.filter_map(|corners| self.piece(triangle, corners)).collect()
     }
 
-    /// A triangle's corners in view space with everything they carry.
+    /// A triangle's corners in view space with their attributes.
     fn vertices(&self, triangle: usize, colors: &[[R; 3]], uvs: &[[R; 2]]) -> [Vertex<R>; 3] {
         let indices = self.mesh.triangles()[triangle].map(|v| v as usize);
         let normals = self.normals.get(triangle).copied().unwrap_or([[R::zero(); 3]; 3]);
@@ -142,7 +142,7 @@ impl<R: Real> Setup<'_, R> {
         std::array::from_fn(|k| {
             let world = self.world[indices[k]];
             let view = self.lens.to_view(world);
-            // Screen vertices are taken as they are, not multiplied by z and divided again.
+            // Positions given on the screen are used directly: multiplying by z and dividing again would round.
             let screen = if self.on_screen { [world[0], world[1]] } else { self.lens.to_screen(view) };
             let mut original = [R::zero(); 3];
             original[k] = R::one();
@@ -153,7 +153,8 @@ impl<R: Real> Setup<'_, R> {
         })
     }
 
-    /// Sutherland-Hodgman against z ≥ near: the polygon of 0, 3 or 4 corners that is left, corner 0 first if it is.
+    /// Sutherland-Hodgman clipping against z ≥ near. The polygon has 0, 3 or 4 corners and begins with corner 0 if that
+    /// is left.
     fn cut(&self, vertices: &[Vertex<R>; 3]) -> Vec<Corner<R>> {
         let near = self.settings.near;
         let inside = vertices.map(|v| v.view[2].value() >= near);
@@ -170,7 +171,7 @@ impl<R: Real> Setup<'_, R> {
         polygon
     }
 
-    /// Where the edge a b crosses the near plane; everything it carries is linear in view space.
+    /// The point where the edge from a to b crosses the near plane; its attributes are linear in view space.
     fn cut_edge(&self, a: &Vertex<R>, b: &Vertex<R>) -> Corner<R> {
         let near = R::constant(self.settings.near);
         let t = (near - a.view[2]) / (b.view[2] - a.view[2]);
@@ -179,7 +180,7 @@ impl<R: Real> Setup<'_, R> {
         Corner { screen: self.lens.to_screen([x, y, near]), z: near, ..Corner::from_scalars(carried) }
     }
 
-    /// `None` for what can have no image: coordinates that overflow, back faces where they are not drawn.
+    /// `None` for a piece that is not drawn: its coordinates overflow, or it is a culled back face.
     fn piece(&self, triangle: usize, corners: [Corner<R>; 3]) -> Option<Piece<R>> {
         let finite = |c: &Corner<R>| c.screen.iter().chain([&c.z]).all(|x| x.value().is_finite());
         if !corners.iter().all(finite) {

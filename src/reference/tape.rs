@@ -1,6 +1,6 @@
-//! Reverse-mode derivatives: a number that records what it was made of.
+//! Reverse-mode differentiation: a number that records the operations it results from.
 //!
-//! One tape per thread; whoever differentiates clears it, loads leaves, computes, and propagates back.
+//! Each thread has one tape. To differentiate, clear it, load leaves, compute, and propagate.
 
 use super::real::Real;
 use std::cell::RefCell;
@@ -22,7 +22,7 @@ struct Node {
     derivatives: [f64; 2],
 }
 
-/// The operations in the order in which they were done, and which of them are inputs.
+/// The operations in the order of computation, and which of them are inputs.
 #[derive(Default)]
 struct Tape {
     nodes: Vec<Node>,
@@ -35,7 +35,7 @@ thread_local! {
     static TAPE: RefCell<Tape> = RefCell::default();
 }
 
-/// Forgets everything on this thread's tape; numbers made before are then meaningless.
+/// Empties this thread's tape; numbers made before must not be used any more.
 pub fn clear() {
     TAPE.with_borrow_mut(|tape| {
         tape.nodes.clear();
@@ -65,7 +65,7 @@ pub fn propagate(seeds: impl IntoIterator<Item = (Var, f64)>, gradient: &mut [f6
         }
         for (i, node) in nodes.iter().enumerate().rev() {
             let adjoint = adjoints[i];
-            // Skips what does not matter, so that an infinite derivative there cannot make a NaN.
+            // A zero adjoint is skipped: times an infinite derivative it would make a NaN.
             if adjoint != 0.0 {
                 for (parent, derivative) in node.parents.iter().zip(node.derivatives) {
                     if *parent != NONE {

@@ -1,4 +1,4 @@
-//! What colours a fragment besides its corners: surface cells and image textures.
+//! Looks up a fragment's colour in surface cells and image textures.
 
 use super::parameters::{MeshSlots, Source};
 use super::real::{Real, lerp};
@@ -21,11 +21,11 @@ pub fn sample<S: Source>(
             let cell = surface_cell(*resolution, original.map(Real::value), official);
             let texel = triangle * r * r + cell;
             if texel >= texels.len() {
-                // Behind the last triangle's the official lookup finds nothing.
+                // The official lookup may read past the last triangle's cells, where it finds black.
                 return [S::R::zero(); 3];
             }
             let color = source.row::<3>(slots.surface.start + 3 * texel);
-            // The official backward pass gives a triangle's own cells gradients, none else.
+            // The official backward pass gives gradients to the triangle's own cells only.
             if cell < r * r { color } else { color.map(Real::detach) }
         }
         Appearance::Textured { textures, texture_of_triangle, .. } => {
@@ -37,10 +37,11 @@ pub fn sample<S: Source>(
 
 /// The cell of a surface texture of R × R cells at barycentrics b.
 ///
-/// The official test (b₀ + b₁) R - x - y ≤ 1 is asked of b₂ instead: b₂ R ≥ R - 1 - x - y. It is the same, but outside
-/// the edge b₂ = 0, where every clipped fragment lies exactly on a border of cells, rounding cannot choose.
+/// The official test (b₀ + b₁) R - x - y ≤ 1 is written with b₂ as b₂ R ≥ R - 1 - x - y. Both are equal in exact
+/// arithmetic; but fragments clipped to the edge b₂ = 0 lie exactly on a border between cells, where the first form
+/// would depend on rounding.
 ///
-/// The official lookup of a corner itself (b₀ or b₁ exactly 1) leaves its row, or its triangle.
+/// At a corner itself (b₀ or b₁ exactly 1) the official lookup reads beyond the row, or beyond the triangle's cells.
 pub fn surface_cell(resolution: u32, b: [f64; 3], official: bool) -> usize {
     let size = f64::from(resolution);
     if official && b[0].max(b[1]) == 1.0 {

@@ -1,12 +1,12 @@
-//! Renderings of the reference that only tests and measurements ask for: without truncation, and at f64 inputs.
+//! Renderings that only tests and measurements use: without truncation, and at inputs given in f64.
 
 use super::frame::{self, Search};
 use super::{Parameters, ReferenceFrame, Truncation, validate};
 use crate::error::{Error, Result};
 use crate::scene::{Camera, Scene, Settings};
 
-/// The image of [`render`](super::render) with [`Truncation::None`] to within 1e-16 a triangle, without the pairs whose part of their
-/// pixel is provably below that: 512² pixels of 6000 triangles take seconds. Distances other than
+/// The image of [`render`](super::render) with [`Truncation::None`] to within 1e-16 a triangle, without the pairs whose
+/// part of their pixel is proved to be below that: 512² pixels of 6000 triangles take seconds. Distances other than
 /// [`crate::scene::Distance::Euclidean`] are not culled.
 ///
 /// # Errors
@@ -17,7 +17,8 @@ pub fn render_untruncated(scene: &Scene, cameras: &[Camera], settings: &Settings
     Ok(frame::frame(scene, cameras, settings, Truncation::None, Search::Culled, &parameters))
 }
 
-/// [`render_culled`](super::render_culled) with every input replaced by the values of `parameters`, in f64: for finite differences.
+/// [`render_culled`](super::render_culled) with every input replaced by the values of `parameters`, in f64: for finite
+/// differences.
 ///
 /// # Errors
 /// As [`render`](super::render), and [`Error::Scene`] when the parameters are those of another scene.

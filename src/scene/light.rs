@@ -2,10 +2,10 @@
 
 use crate::error::{Error, Result};
 
-/// A light from infinitely far: adds `intensity · color · max(0, n · direction)`.
+/// A light infinitely far away, which adds `intensity · color · max(0, n · direction)` at a point with unit normal n.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DirectionalLight {
-    /// Towards the light, world space; normalised on use.
+    /// From the surface towards the light, world space; normalised on use.
     pub direction: [f64; 3],
     /// RGB.
     pub color: [f64; 3],
@@ -13,7 +13,7 @@ pub struct DirectionalLight {
     pub intensity: f64,
 }
 
-/// Where a normal, and so the light, is computed.
+/// Where normals, and so the light, are computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Shading {
     /// One normal per triangle (the official "surface" light mode).
@@ -24,7 +24,7 @@ pub enum Shading {
     Smooth,
 }
 
-/// The light that falls on a point with normal n: Σ ambient + Σ directional, multiplied into its colour.
+/// The lights of a scene. A point's colour is multiplied by the light at its normal: ambient plus all directional.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lights {
     /// RGB of the ambient light.
@@ -41,7 +41,7 @@ impl Lights {
     /// The most directional lights a scene may have.
     pub const MAX_DIRECTIONAL: usize = 64;
 
-    /// Ambient 1 and nothing else: colours are shown as they are.
+    /// White ambient light of intensity 1 alone, under which colours stay as they are.
     pub fn unlit() -> Self {
         Self { ambient_color: [1.0; 3], ambient_intensity: 1.0, directional: Vec::new(), shading: Shading::Flat }
     }
@@ -111,7 +111,6 @@ mod tests {
         assert!(Lights::unlit().is_unlit() && ambient([0.5; 3], 2.0).is_unlit());
         assert!(!ambient([1.0, 1.0, 0.9], 1.0).is_unlit() && !ambient([0.5; 3], 1.5).is_unlit());
         let official = Lights::official();
-        // From above all of it, from the side the ambient half.
         assert_eq!((official.ambient_intensity, official.directional[0].intensity), (0.5, 0.5));
         assert!(!official.is_unlit() && !Lights { directional: official.directional, ..Lights::unlit() }.is_unlit());
     }

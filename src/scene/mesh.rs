@@ -1,4 +1,4 @@
-//! A triangle mesh and what colours it.
+//! A triangle mesh and its appearance: colours, surface cells or textures.
 
 use super::texture::Texture;
 use crate::error::{Error, Result};
@@ -38,9 +38,9 @@ pub struct Mesh {
     positions: Vec<[f32; 3]>,
     triangles: Vec<[u32; 3]>,
     appearance: Appearance,
-    /// Every vertex is some triangle's.
+    /// Whether every vertex belongs to a triangle.
     all_used: bool,
-    /// The most corners that share a vertex.
+    /// The largest number of triangle corners that share a vertex.
     most_corners: u32,
 }
 
@@ -59,13 +59,13 @@ fn validate_finite<const N: usize>(values: &[[f32; N]], what: &str, element: &st
     }
 }
 
-/// Where the first value is that is not a finite number.
+/// The index of the first value that is infinite or a NaN.
 pub(crate) fn first_not_finite(values: &[f32]) -> Option<usize> {
     // Sixteen at a time without a branch, which compilers turn into vector instructions.
     const INFINITE: u32 = 0x7f80_0000;
     let bad = |x: &f32| x.to_bits() & INFINITE == INFINITE;
-    let place = values.chunks(16).position(|chunk| chunk.iter().fold(false, |any, x| any | bad(x)))?;
-    values[16 * place..].iter().position(bad).map(|at| 16 * place + at)
+    let block = values.chunks(16).position(|chunk| chunk.iter().fold(false, |any, x| any | bad(x)))?;
+    values[16 * block..].iter().position(bad).map(|at| 16 * block + at)
 }
 
 fn validate_colors(colors: &[[f32; 3]], what: &str, element: &str) -> Result<()> {
@@ -74,7 +74,7 @@ fn validate_colors(colors: &[[f32; 3]], what: &str, element: &str) -> Result<()>
         Some(i) => mesh_error(
             format!("{what} {:?} is beyond ±{:e}", colors[i], Mesh::BRIGHTEST),
             format!("{element} {i}"),
-            "scale colours down: sums of them would leave single precision",
+            "scale colours down: their sums would overflow single precision",
         ),
         None => Ok(()),
     }
@@ -86,7 +86,7 @@ fn validate_positions(positions: &[[f32; 3]]) -> Result<()> {
         Some(i) => mesh_error(
             format!("position {:?} is beyond ±{:e}", positions[i], Mesh::FARTHEST),
             format!("vertex {i}"),
-            "scale the scene down: its products would leave single precision",
+            "scale the scene down: products of its coordinates would overflow single precision",
         ),
         None => Ok(()),
     }
@@ -113,11 +113,12 @@ fn validate_indices(triangles: &[[u32; 3]], count: usize, what: &str) -> Result<
 }
 
 impl Mesh {
-    /// The largest coordinate of a vertex, world units: what the kernels can rotate, clip and project without leaving single
-    /// precision.
+    /// The largest coordinate of a vertex in world units: beyond it, rotating, clipping and projecting would overflow
+    /// single precision.
     pub const FARTHEST: f32 = 1e25;
 
-    /// The largest value of a colour's channel: a pixel sums those of all triangles before it divides by their weights.
+    /// The largest value of a colour channel: a pixel sums the weighted colours of all triangles before it divides by
+    /// the sum of weights, and that sum must stay finite.
     pub const BRIGHTEST: f32 = 1e30;
 
     /// A white mesh.
@@ -191,10 +192,11 @@ impl Mesh {
         Ok(self)
     }
 
-    /// Moves the vertices, keeping triangles and appearance: the step of an optimisation loop.
+    /// Replaces the vertex positions and keeps triangles and appearance: the step of an optimisation loop.
     ///
     /// # Errors
-    /// [`Error::Mesh`] when the count differs or a position is not finite or beyond ±[`Mesh::FARTHEST`]; the mesh is then unchanged.
+    /// [`Error::Mesh`] when the count differs or a position is not finite or beyond ±[`Mesh::FARTHEST`]; the mesh is
+    /// then unchanged.
     pub fn set_positions(&mut self, positions: Vec<[f32; 3]>) -> Result<()> {
         validate_count("positions", positions.len(), self.positions.len())?;
         validate_positions(&positions)?;
@@ -207,7 +209,7 @@ impl Mesh {
         &self.positions
     }
 
-    /// The most triangle corners that share a vertex.
+    /// The largest number of triangle corners that share a vertex.
     pub(crate) fn most_corners(&self) -> u32 {
         self.most_corners
     }

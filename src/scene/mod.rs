@@ -1,4 +1,4 @@
-//! What is drawn: plain data, judged once when it is made, without Vulkan.
+//! What is drawn: meshes, cameras, lights and settings as plain data, validated when it is made or rendered.
 
 mod camera;
 mod light;
@@ -43,21 +43,22 @@ impl Scene {
         Self { meshes, lights: Lights::unlit() }
     }
 
-    /// The same meshes under other lights.
+    /// The same meshes under these lights.
     pub fn with_lights(mut self, lights: Lights) -> Self {
         self.lights = lights;
         self
     }
 
-    /// The mesh that the camera at `view` sees.
+    /// Index of the mesh that the camera at `view` sees.
     pub fn mesh_of_view(&self, view: usize) -> usize {
         if self.meshes.len() == 1 { 0 } else { view }
     }
 
-    /// Checks that there is something to draw from and that meshes and cameras pair up.
+    /// Checks the numbers of meshes and cameras, and the lights.
     ///
     /// # Errors
-    /// [`Error::Scene`] without a mesh or a camera, or when the counts do not pair up; [`Error::Light`] for a bad light.
+    /// [`Error::Scene`] without a mesh or a camera, or for several meshes and another number of cameras;
+    /// [`Error::Light`] for a light out of range.
     pub(crate) fn validate(&self, cameras: &[Camera]) -> Result<()> {
         let (m, c) = (self.meshes.len(), cameras.len());
         if m == 0 || c == 0 {

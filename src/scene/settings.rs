@@ -1,14 +1,15 @@
-//! The knobs of a frame; the defaults are the official renderer's.
+//! The settings of a frame; their defaults are those of the official renderer.
 
 use super::Support;
 use crate::error::{Error, Result};
 
-/// Which images a frame makes; what is not asked for costs nothing.
+/// Which images a frame renders; an image that is not asked for costs nothing. D is a fragment's coverage, w its
+/// softmax weight, z its view depth and n its normal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Outputs {
     /// RGB.
     pub color: bool,
-    /// 1 - Π(1 - D), or as [`SilhouetteAggregation`] says.
+    /// The probability that the pixel is covered, 1 - Π(1 - D), unless [`SilhouetteAggregation`] says otherwise.
     pub silhouette: bool,
     /// Σ w z, view depth in world units.
     pub depth: bool,
@@ -32,8 +33,8 @@ pub enum SilhouetteAggregation {
     /// 1 - Π(1 - D) (eq. 5).
     #[default]
     Product,
-    /// Σ D / number of the mesh's triangles (the official "sum"), at most 1: of a triangle that the near plane cuts in two,
-    /// both pieces count.
+    /// Σ D / number of the mesh's triangles (the official "sum"), at most 1: of a triangle that the near plane cuts in
+    /// two, both pieces count.
     Sum,
     /// 1 where any D > ½, else 0.
     Hard,
@@ -91,7 +92,7 @@ pub enum Interpolation {
     Perspective,
 }
 
-/// Whose rules decide where the official code is not its own mathematics.
+/// Which rules apply where the official code differs from the paper's mathematics.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Parity {
     /// This crate's model.
@@ -102,22 +103,26 @@ pub enum Parity {
     Official,
 }
 
-/// Everything about a frame that is neither mesh, camera nor light.
+/// All parameters of a frame besides meshes, cameras and lights.
+///
+/// A *fragment* is a (pixel, triangle) pair. Its coverage D = sigmoid(±d²/σ), d the distance from the pixel's centre to
+/// the triangle's edge, is the probability that the triangle covers the pixel. The *support* of a triangle is where D ≥
+/// τ.
 ///
 /// # Choosing σ, γ and τ in pixels
 /// - **σ** is how far a triangle reaches beyond its edge: D falls below τ at √(σ ln(1/τ - 1)) screen units, which are
-///   half the image's height. With τ = 1e-4 that is r = 1.52 H √σ pixels: at H = 256, σ = 1e-5 reaches 1.2 pixels (a picture),
-///   1e-4 reaches 3.9 (fitting, near the end), 1e-3 reaches 12 (fitting, far from it). An outline pulls on nothing that
-///   lies farther away than r, so begin with r as large as what is to be moved and shrink it. Work grows with the area
-///   of the grown triangles: hardly with r while r is small against a triangle, as r² beyond. The same σ is twice the
-///   pixels in an image of twice the height: [`Settings::with_blur_pixels`] keeps the pixels.
-/// - **γ** is the difference of depth, as a share of far - near, at which the nearer of two triangles outweighs the other
-///   e times: γ (far - near) world units. Something a tenth of the object's thickness gives hidden parts a gradient;
-///   a hundredth is a picture with opaque surfaces. Near and far close around the object make γ mean the same for
-///   every scene; with the official near 1 and far 100, γ = 1e-4 is 0.01 world units.
-/// - **τ** is what may be lost: an image's value changes by at most τ for each triangle dropped there, and the radius only
-///   with the root of its logarithm: τ = 1e-3 makes r 13 % smaller than 1e-4, 1e-6 22 % larger. That holds of the
-///   silhouette with any [`Support`], of every image with [`Support::Guaranteed`].
+///   half the image's height. With τ = 1e-4 that is r = 1.52 H √σ pixels: at H = 256, σ = 1e-5 reaches 1.2 pixels (a
+///   picture), 1e-4 reaches 3.9 (fitting, near the end), 1e-3 reaches 12 (fitting, far from it). Beyond r a triangle
+///   has no gradient, so begin with r as large as the distance that the mesh has to move, and shrink it. Work grows
+///   with the area of the grown triangles: hardly with r while r is small against a triangle, as r² beyond. The same σ
+///   is twice the pixels in an image of twice the height: [`Settings::with_blur_pixels`] keeps the pixels.
+/// - **γ** is the difference of depth, as a share of far - near, at which the nearer of two triangles outweighs the
+///   other e times: γ (far - near) world units. A tenth of the object's thickness gives hidden parts a gradient; a
+///   hundredth renders surfaces as opaque. Near and far close around the object make γ mean the same for every scene;
+///   with the official near 1 and far 100, γ = 1e-4 is 0.01 world units.
+/// - **τ** is the error that truncation may cause: a pixel's value changes by at most τ for each fragment dropped
+///   there. The radius depends on it weakly: τ = 1e-3 makes r 13 % smaller than 1e-4 does, 1e-6 22 % larger. The bound
+///   holds for the silhouette with any [`Support`], for every image with [`Support::Guaranteed`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
     /// Image width in pixels, 1 to 16384.
@@ -130,21 +135,21 @@ pub struct Settings {
     pub gamma: f64,
     /// Depth score of the background in the softmax, [`Background::Weighted`] only.
     pub epsilon: f64,
-    /// A pair outside its triangle with D < τ is dropped; in (0, ½).
+    /// A fragment outside its triangle with D < τ is dropped; in (0, ½).
     pub tau: f64,
     /// Whether τ bounds the error of the silhouette alone or of every image.
     pub support: Support,
     /// Nearest view depth, above 0; triangles are cut there.
     pub near: f64,
-    /// Farthest view depth; fragments beyond take no part.
+    /// Farthest view depth; fragments beyond it are dropped.
     pub far: f64,
-    /// Which images to make.
+    /// Which images to render.
     pub outputs: Outputs,
     /// How triangles become colour (and depth and normal).
     pub color: ColorAggregation,
     /// How triangles become the silhouette.
     pub silhouette: SilhouetteAggregation,
-    /// The distance behind D.
+    /// The distance that D is the sigmoid of.
     pub distance: Distance,
     /// How the background enters the colour.
     pub background: Background,
@@ -156,9 +161,9 @@ pub struct Settings {
     pub front_face: FrontFace,
     /// Affine or perspective-correct colours.
     pub interpolation: Interpolation,
-    /// Model or official quirks.
+    /// The paper's model, or the official code's deviations from it.
     pub parity: Parity,
-    /// Keep what backward needs: 16 bytes a pixel. Without it a frame is for looking at only.
+    /// Keep what the backward pass needs, 16 bytes a pixel; a frame without it cannot be differentiated.
     pub save: bool,
 }
 

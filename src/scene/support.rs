@@ -1,37 +1,38 @@
-//! Where the support of a triangle ends.
+//! The support of a triangle: the distance from which its fragments are dropped.
 
 use super::{Background, Camera, ColorAggregation, Projection, Scene, Settings};
 use crate::error::{Error, Result};
 
-/// What τ promises.
+/// Which images τ bounds the error of.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Support {
-    /// A pair outside its triangle with D < τ is dropped, as by SoftRas and PyTorch3D: d² ≥ σ ln(1/τ - 1). Dropping n
-    /// pairs changes the silhouette by at most n τ. Colour it may change altogether: a dropped triangle that is nearer
-    /// than all others would have won the softmax, however small its D.
+    /// A fragment outside its triangle with D < τ, that is d² ≥ σ ln(1/τ - 1), is dropped, as by SoftRas and PyTorch3D.
+    /// Dropping n fragments changes the silhouette by at most n τ. It may change the colour without bound: a dropped
+    /// triangle that is nearer than all others would have won the softmax, however small its D.
     #[default]
     Probability,
-    /// The same for every image: the radius grows to d² ≥ σ (ln(1/τ - 1) + Δζ/γ), Δζ the most by which a depth score of
-    /// this frame exceeds what else its pixel may show. Dropping n pairs changes no image by more than n τ of its range
-    /// (1 for colours and backgrounds in [0, 1], `far` for depth, 2 for normals). Exact and slower; see
-    /// [`Settings::cutoff_of`] for how far it reaches.
+    /// The error of every image is bounded: fragments are dropped only where d² ≥ σ (ln(1/τ - 1) + Δζ/γ), Δζ the
+    /// largest difference in this frame between a fragment's depth score ζ and that of what the pixel shows without it.
+    /// Dropping n fragments changes no image by more than n τ of its range (1 for colours and backgrounds in [0, 1],
+    /// `far` for depth, 2 for normals). Slower; see [`Settings::cutoff_of`] for the radius.
     Guaranteed,
 }
 
 impl Settings {
-    /// The culling radius squared in units of σ, for what these cameras see: d² ≥ σ · cutoff is dropped.
+    /// The squared culling radius in units of σ for what these cameras see: fragments with d² ≥ σ · cutoff are dropped.
     ///
-    /// [`Support::Probability`]: c(τ) = ln(1/τ - 1) = [`Settings::cutoff`]. [`Support::Guaranteed`], where an image is
-    /// mixed by depth (softmax; hard images and silhouettes are within τ already):
+    /// With [`Support::Probability`] it is c(τ) = ln(1/τ - 1) = [`Settings::cutoff`]. With [`Support::Guaranteed`] and
+    /// images that the softmax mixes by depth (hard images and silhouettes are within τ anyway) it is
     ///
     /// - [`Background::Weighted`]: c(τ) + Δζ/γ with Δζ = max(0, ζ of the nearest vertex - ε). The background is always
-    ///   there, so a dropped pair weighs w ≤ D exp((ζ - ε)/γ), which is below τ.
+    ///   part of the softmax, so a dropped fragment weighs w ≤ D exp((ζ - ε)/γ), which is below τ.
     /// - [`Background::Composite`]: c(τ/2) + Δζ/γ with Δζ the difference of the depth scores of the nearest and the
-    ///   farthest vertex. There A ≤ ΣD, so a dropped pair's part A w' of the mixture is at most D exp(Δζ/γ), below τ/2;
-    ///   the other half is for the change of A.
+    ///   farthest vertex. Since A ≤ ΣD, a dropped fragment's part A w' of the mixture is at most D exp(Δζ/γ), below
+    ///   τ/2; the other half bounds the change of A.
     ///
-    /// Vertices nearer than `near` count as at `near`, those beyond `far` as at `far`. So a radius of r pixels without
-    /// depth grows by the factor √(1 + Δζ / (γ c)): keep near and far close around the scene, and γ large.
+    /// Vertices nearer than `near` count as at `near`, those beyond `far` as at `far`. So the radius
+    /// of [`Support::Probability`] grows by the factor √(1 + Δζ / (γ c)): keep near and far close around the scene, and
+    /// γ large.
     pub fn cutoff_of(&self, scene: &Scene, cameras: &[Camera]) -> f64 {
         let mixed = self.outputs.color || self.outputs.depth || self.outputs.normal;
         if self.support == Support::Probability || !mixed || self.color == ColorAggregation::Hard {
@@ -49,11 +50,12 @@ impl Settings {
             Background::Weighted => self.tau,
             Background::Composite => self.tau / 2.0,
         };
-        // A billionth for rounding.
+        // The factor keeps rounding from making the radius too small.
         (1.0 / tau - 1.0).ln() + most * (1.0 + 1e-9) / self.gamma
     }
 
-    /// ζ of the nearest and of the farthest vertex that a camera sees, cut to [near, far]; none where it sees nothing.
+    /// The depth scores ζ of the nearest and the farthest vertex in a view, clamped to [near, far]; `None` where the
+    /// mesh lies outside that range.
     fn depth_scores(&self, scene: &Scene, view: usize, camera: &Camera) -> Option<[f64; 2]> {
         let row = match camera.projection() {
             Projection::Screen => [0.0, 0.0, 1.0, 0.0],
@@ -70,7 +72,7 @@ impl Settings {
     /// Checks that the support fits the other settings.
     ///
     /// # Errors
-    /// [`Error::Settings`] for a guarantee that the official quirks break.
+    /// [`Error::Settings`] for [`Support::Guaranteed`] under official parity, whose silhouette breaks the bound.
     pub(super) fn validate_support(&self) -> Result<()> {
         if self.support == Support::Guaranteed && self.parity == super::Parity::Official {
             return Err(Error::Settings {

@@ -4,7 +4,7 @@ use super::mesh::Mesh;
 use crate::error::{Error, Result};
 use std::sync::Arc;
 
-/// What lies outside the unit square of UV space.
+/// What a texture shows at UV coordinates outside the unit square.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Wrap {
     /// The image repeats (the OBJ default).
@@ -14,8 +14,8 @@ pub enum Wrap {
     Clamp,
 }
 
-/// An RGB image: `texels[row][column]`, row 0 at the top (v = 1), linear values. Clones share the texels, by which a renderer
-/// tells without a look that they are the ones it has.
+/// An RGB image of linear values: `texels[row][column]`, row 0 at the top (v = 1). Clones share their texels, so a
+/// renderer recognises a texture that it has uploaded already by its address.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Texture {
     width: u32,
@@ -27,7 +27,7 @@ pub struct Texture {
 impl Texture {
     /// A texture from `width × height` RGB texels in row-major order, row 0 at the top.
     ///
-    /// Texel (r, c) is centred at u = (c + ½) / width, v = 1 - (r + ½) / height, as OBJ files mean it.
+    /// Texel (r, c) is centred at u = (c + ½) / width, v = 1 - (r + ½) / height, the convention of OBJ files.
     ///
     /// # Errors
     /// [`Error::Mesh`] when a side is 0, the count does not fit, or a texel is not finite or beyond
@@ -66,12 +66,12 @@ impl Texture {
         &self.texels
     }
 
-    /// One is a clone of the other, as far as texels go.
+    /// Whether both are clones of one texture and share its texels.
     pub(crate) fn shares_texels(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.texels, &other.texels)
     }
 
-    /// What lies outside the unit square.
+    /// What it shows outside the unit square.
     pub fn wrap(&self) -> Wrap {
         self.wrap
     }
