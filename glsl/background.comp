@@ -1,8 +1,8 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Background: the pixels of tiles without a list, as forward would leave them.
-// One workgroup a tile of `tile_items` that is to be given the background, one invocation a pixel; writes the images and
-// `saved`.
+// Background: writes the pixels of tiles without a list as forward would: A = 0 (eq. 5) and I = C_b (eq. 2 with w_b = 1).
+// One workgroup a tile of the row of `tile_items` that begins at frame.first, one invocation a pixel.
+// Reads `tile_items`; writes the images and, for backward, `saved`.
 
 layout(local_size_x = 32) in;
 
@@ -20,13 +20,13 @@ layout(set = 0, binding = 5, std430) writeonly buffer Saved { vec4 saved[]; };
 #include "common/images.glsl"
 
 void main() {
-    int place = int(texelFetch(tile_items, int(frame.first + gl_WorkGroupID.x)).x);
-    TilePlace tile = tile_place(place);
+    int number = int(texelFetch(tile_items, int(frame.first + gl_WorkGroupID.x)).x);
+    TilePlace tile = tile_place(number);
     int lane = int(gl_LocalInvocationID.x);
-    ivec2 where = tile.corner + ivec2(lane % int(TILE_WIDTH), lane / int(TILE_WIDTH));
-    if (where.x < int(frame.width) && where.y < int(frame.height)) {
+    ivec2 pixel = tile.corner + ivec2(lane % int(TILE_WIDTH), lane / int(TILE_WIDTH));
+    if (pixel.x < int(frame.width) && pixel.y < int(frame.height)) {
         Pixel p = background_pixel();
-        int at = place_of(tile.view, where);
+        int at = place_of(tile.view, pixel);
         write_images(p, at, 1);
         if (SAVE) {
             saved[at] = kept_of(p);

@@ -1,11 +1,11 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Backward, cull: which items have anything to do with the upstream gradients. A triangle whose largest weight is next to
-// nothing in every tile of its box shows in none of the shaded images and moves the silhouette alone; where that is
-// saturated too, it moves nothing.
+// Backward, cull: selects the items that the upstream gradients depend on. A triangle whose largest weight is negligible in
+// every tile of its box is visible in no shaded image and contributes to the silhouette only; where that is saturated too,
+// its gradient is 0.
 // One invocation an item. Reads `boxes`, `cells`, the records and `tile_bounds`; writes the lists `shown_items` and
-// `outline_items`, their lengths as workgroups of indirect dispatches, `item_counts`, and the `partials` of items on
-// neither. The lists' order does not matter: every item has its own place in `partials`.
+// `outline_items`, their lengths as workgroups of indirect dispatches in `item_counts`, and zeros to the `partials` of items
+// on neither list. The order of the lists does not matter: every item has its own entry of `partials`.
 
 layout(local_size_x = 64) in;
 
@@ -28,10 +28,10 @@ layout(set = 0, binding = 9, std430) writeonly buffer Partials { vec4 partials[]
 #include "common/item.glsl"
 #include "common/hidden.glsl"
 
-// Of the workgroups that walk small items.
+// Lanes of the workgroups that process small items.
 layout(constant_id = 24) const uint LANES = 8u;
 
-// The least log sum and the largest transmittance of the tiles that the pixels lie in.
+// The least log sum and the largest transmittance of the tiles that the item's pixels lie in.
 vec2 bounds_of(Item item) {
     ivec2 tile = ivec2(TILE_WIDTH, TILE_HEIGHT);
     int stride = int(frame.tiles_x);
@@ -42,7 +42,7 @@ vec2 bounds_of(Item item) {
     int count = across * (last.y - at.y + 1);
     int x = 0;
     vec2 bounds = vec2(3e38, 0.0);
-    // Row by row in one loop.
+    // One loop over the tiles, row by row.
     do {
         vec2 own = texelFetch(tile_bounds, row + x).xy;
         bool mine = count > 0;
@@ -55,8 +55,8 @@ vec2 bounds_of(Item item) {
     return bounds;
 }
 
-// Each row of FORWARD_ROW items has lists of its own, so that their lengths are numbers of workgroups along one axis. Small
-// items come from the row's end on, a workgroup for every LANES of them.
+// Index of an item's entry on a list. Each row of FORWARD_ROW items has lists of its own, so that a length is a number of
+// workgroups along one axis. Small items fill the row from its end, a workgroup for every LANES of them.
 uint place_on_list(uint index, uint list, bool small) {
     uint row = index / FORWARD_ROW;
     uint counts = row * ITEM_COUNT_WORDS + list;
@@ -81,7 +81,7 @@ void main() {
     if (box.x > box.z || box.y > box.w) {
         return;
     }
-    // Slots lie in the order of the views.
+    // view_of relies on it that records lie in the order of the views.
     Item item = item_of(int(index), slot, int(part.y), view_of(slot), box);
     bool shows = UP_SHADED;
     bool outlines = UP_ALPHA;

@@ -1,6 +1,6 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Backward of items that show in the silhouette alone, on any Vulkan 1.1 device.
+// Backward for items that contribute to the silhouette only, on any Vulkan 1.1 device: common/backward.glsl.
 
 #define OUTLINE
 #include "common/backward.glsl"

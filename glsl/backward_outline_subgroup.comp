@@ -2,7 +2,8 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_KHR_shader_subgroup_basic : require
 #extension GL_KHR_shader_subgroup_shuffle : require
-// Backward of items that show in the silhouette alone, where a workgroup of eight is one subgroup and the device can shuffle.
+// Backward for items that contribute to the silhouette only, where a workgroup of eight is one subgroup and the device has
+// shuffles: common/backward.glsl.
 
 #define SUBGROUP_RECORDS
 #define OUTLINE

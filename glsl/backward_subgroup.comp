@@ -2,7 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_KHR_shader_subgroup_basic : require
 #extension GL_KHR_shader_subgroup_shuffle : require
-// Backward, where a workgroup of eight is one subgroup and the device can shuffle.
+// Backward where a workgroup of eight is one subgroup and the device has shuffles: common/backward.glsl.
 
 #define SUBGROUP_RECORDS
 #include "common/backward.glsl"

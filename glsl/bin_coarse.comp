@@ -1,11 +1,11 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Bin, coarse: each bin's bitmap becomes its list of slots in ascending order, and the entries' masks of the 64 tiles that
-// they may touch, 32 entries at a time, become a word a tile of the entries that may touch it; a last word says which of
-// them face away.
-// One workgroup a bin, views along y. First each lane compacts a run of words, so that the order is the bitmap's; then
-// each takes blocks of 32 entries. The place of a list in memory comes from an atomic counter and may differ between
-// runs; its content and order do not.
+// Bin, coarse: turns each bin's bitmap into its list of record indices in ascending order, and the tiles that each entry may
+// touch into masks: 32 entries at a time give one word for each of the 64 tiles, a bit for each entry, and a last word that
+// marks the back faces.
+// One workgroup a bin, views along y. First each lane compacts a run of the bitmap's words, so that the list keeps their
+// order; then each takes blocks of 32 entries. The position of a list in memory comes from an atomic counter and may differ
+// between runs; its content and order do not.
 // Reads `bin_bits`, `boxes` and `geometry`; writes `bin_ranges`, `coarse_slots`, `coarse_words` and `status`.
 
 layout(local_size_x_id = 0) in;
@@ -27,10 +27,10 @@ layout(set = 0, binding = 7, std430) buffer Status { uint status[]; };
 shared uint counts[gl_WorkGroupSize.x];
 shared uint list_start;
 
-// Which tiles of the row whose centre lies at `y` (relative to the origin) a grown triangle may touch: the edges'
-// half-planes cut an interval of columns from it. `lines` are prepared by tile_mask.
+// The mask of tiles, in the row whose centre lies at `y` relative to the origin, that the triangle grown by the culling
+// radius may touch: the interval of columns between the edges' half-planes. tile_mask prepares the first three arguments.
 uint row_mask(vec3 at_first, vec3 per_row, vec3 inverse, float y, int first, int last) {
-    // A thousandth of a tile for rounding.
+    // A thousandth of a tile covers rounding.
     vec3 t = (at_first + per_row * y) * inverse;
     int low = first;
     int high = last;
@@ -43,7 +43,7 @@ uint row_mask(vec3 at_first, vec3 per_row, vec3 inverse, float y, int first, int
     return low > high ? 0u : ((2u << uint(high)) - 1u) & ~((1u << uint(low)) - 1u);
 }
 
-// Bit by bit which tiles an entry may touch, and whether it faces away.
+// The mask of the tiles that an entry may touch, and whether the entry is a back face.
 struct Mask {
     uvec2 tiles;
     bool away;
@@ -71,7 +71,8 @@ Mask tile_mask(int slot, ivec2 bin) {
             reach = frame.barycentric_radius / last_texel[k + 1];
         }
         reach = 1.001 * reach + 0.01 * frame.scale;
-        // A segment's end lines (their inverse heights are not positive) bound nothing; nor does a point's line.
+        // Only true edges bound: not the end lines of a triangle without area, whose inverse height is not positive, nor the
+        // line of a point.
         bool bounds = last_texel[k + 1] > 0.0 && line.z < 1e14;
         float nx = abs(line.x) < 1e-9 * frame.scale ? (line.x < 0.0 ? -1e-9 : 1e-9) * frame.scale : line.x;
         float spread = abs(line.x) * half_size.x + abs(line.y) * half_size.y;
@@ -86,7 +87,7 @@ Mask tile_mask(int slot, ivec2 bin) {
         bits = row < first.y || row > last.y ? 0u : bits;
         mask[row / 4] |= bits << uint(8 * (row % 4));
     }
-    // The edges' inner normals turn as the corners do.
+    // The edges' inner normals have the orientation of the corners.
     bool counterclockwise = normal[0].x * normal[1].y - normal[0].y * normal[1].x < 0.0;
     return Mask(mask, counterclockwise == CLOCKWISE_FRONT);
 }
@@ -110,12 +111,13 @@ void transpose(inout uint a[WORD_BITS]) {
     swap_blocks(a, 1, 0x55555555u);
 }
 
+// The words of a block: masks of entries from masks of tiles, by transposing the bits.
 void write_words(uint first, uint last, ivec2 bin) {
     uint low[WORD_BITS];
     uint high[WORD_BITS];
     uint away = 0u;
     for (uint i = 0u; i < WORD_BITS; ++i) {
-        // Behind the last entry stands the last one again, and is masked out.
+        // Past the last entry the last one is repeated and masked out.
         Mask mask = tile_mask(int(coarse_slots[min(first + i, last)]), bin);
         mask.tiles = first + i > last ? uvec2(0u) : mask.tiles;
         low[i] = mask.tiles.x;
@@ -163,7 +165,7 @@ void main() {
     uint start = list_start;
     bool fits = start + padded <= frame.coarse_capacity;
     if (lane == 0) {
-        // A list that does not fit is left out whole and the status says what was needed: the frame is then not valid.
+        // A list that does not fit is left empty and the status says how much room it needs: the frame is then not valid.
         bin_ranges[shape.bin_base + bin] = uvec2(start, fits ? total : 0u);
     }
     if (!fits) {

@@ -1,13 +1,13 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Bin, fine: a bin's words become one list of slots a tile, in the same ascending order, but those that face away last.
-// One workgroup a bin, views along y, one lane a tile: each counts the bits of its words, then writes their slots.
-// A tile with a list becomes one of the `tile_items` that forward walks: its number among all views', where its slots
-// begin, how many of them face the viewer, and how many there are. A tile without becomes one that is given the background,
-// unless the frame before left it there; `tile_marks` say where it did. `tile_counts` has the items' numbers as workgroups
-// of indirect dispatches. Their order does not matter.
+// Bin, fine: turns a bin's words into one list of record indices for each tile, in the same ascending order but back faces
+// last. One workgroup a bin, views along y, one lane a tile: each counts the bits of its words, then writes their records.
+// A tile with a list becomes an entry of `tile_items`, which forward processes: the tile's number among all views', where
+// its list begins, the number of front faces, and the number of entries. A tile without a list becomes an entry for
+// background.comp, unless the previous frame left the background there, as `tile_marks` say. `tile_counts` holds the numbers
+// of entries as workgroups of indirect dispatches. The order of the entries does not matter.
 // Reads `bin_ranges`, `coarse_slots` and `coarse_words`; writes `tile_items`, `tile_counts`, `tile_slots`, `tile_marks`,
-// `status` and, of empty tiles, `tile_bounds`.
+// `status` and, for empty tiles, `tile_bounds`.
 
 layout(local_size_x = 64) in;
 
@@ -28,15 +28,15 @@ layout(set = 0, binding = 9, std430) writeonly buffer TileBounds { vec2 tile_bou
 #include "common/mesh.glsl"
 #include "common/pixel.glsl"
 
-// Puts a tile on the `place`th place of one of the lists; that of empty tiles comes after the other's room.
+// Writes a tile as entry `place` of one of the lists; the list of empty tiles begins behind the capacity of the other.
 void add_item(uint list, uint place, uvec4 item) {
     uint tiles = frame.view_count * frame.tiles_x * frame.tiles_y;
     tile_items[(list == TILES_FILLED ? 0u : tiles) + place] = item;
     atomicAdd(tile_counts[place / FORWARD_ROW * TILE_COUNT_WORDS + list], 1u);
 }
 
-// How many entries a tile's words hold, and how many of them face the viewer. Of each block there are 64 words, one a tile,
-// and the one of those that face away.
+// The number of front faces and of all entries in a tile's words. A block has 64 words, one a tile, and one that marks the
+// back faces.
 uvec2 count_entries(int words, int blocks) {
     uint lane = gl_LocalInvocationID.x;
     uvec2 count = uvec2(0u);
@@ -49,8 +49,8 @@ uvec2 count_entries(int words, int blocks) {
     return count;
 }
 
-// One tile's list, from `next` on and, of what faces away, from `next_away`. Returns whether it is whole: Mesa 22.3 ends
-// loops after 65535 passes in all.
+// Writes one tile's list: front faces from `next` on, back faces from `next_away` on. Returns whether it is complete: Mesa
+// 22.3 ends nested loops after 65535 passes in total.
 bool write_list(uint next, uint next_away, uint end, int first, int words, int blocks) {
     uint facing_end = next_away;
     uint lane = gl_LocalInvocationID.x;
@@ -87,7 +87,7 @@ void main() {
     bool exists = at.x < frame.tiles_x && at.y < frame.tiles_y;
     count = exists ? count : 0u;
     uint next = count == 0u ? 0u : atomicAdd(status[STATUS_LIST_NEEDED], count);
-    // Left out whole when it does not fit, as in bin_coarse.
+    // A list that does not fit is left empty, as in bin_coarse.
     count = next + count <= frame.list_capacity ? count : 0u;
     if (exists) {
         uint tile = (uint(view) * frame.tiles_y + at.y) * frame.tiles_x + at.x;

@@ -1,9 +1,9 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Colour step: Adam on the colours of vertices, kept within [0, 1], and a copy of what they were if that was the best so
-// far.
-// One invocation a vertex. Reads `colors`, the images' gradients and `color_moments`; writes all but the gradients, and
-// `best_colors`.
+// Colour step: one step of Adam (moments.glsl) on the vertices' colours, clamped to [0, 1]. If this step's loss is the least
+// so far, it first saves the colours that had it.
+// One invocation a vertex. Reads `colors`, `image_gradients`, `color_moments` and `fit_state`; writes `new_colors`,
+// `new_color_moments` and `best_colors`.
 
 layout(local_size_x = 64) in;
 
@@ -20,8 +20,10 @@ layout(set = 0, binding = 6, std430) writeonly buffer BestColors { float best_co
 #include "common/moments.glsl"
 
 layout(push_constant) uniform Push {
+    // Vertices.
     uint rows;
     float rate;
+    // Of the first and second moment: the factors of the old value and of the gradient, and the bias correction.
     float first_decay;
     float first_share;
     float first_bias;

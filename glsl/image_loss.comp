@@ -1,9 +1,9 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Image loss: what rendered images lack of their targets, summed over 4096 pixels of a view: of the silhouette and of the
-// colours, the weighed differences, or intersection and union.
-// One workgroup a block of pixels (along x) of a view (along y). Reads the rendered image or a part of `pyramid`, the
-// targets and the mask; writes `loss_partials`.
+// Image loss: sums the terms of the silhouette's and the colours' losses (loss.glsl) over blocks of 4096 pixels of a view:
+// weighted differences, or intersection and union.
+// One workgroup a block (along x) of a view (along y); an invocation takes every 64th pixel, and the sums are added
+// pairwise. Reads the rendered image or a level of `pyramid`, the targets and the mask; writes `loss_partials`.
 
 layout(local_size_x = 64) in;
 
@@ -18,12 +18,12 @@ layout(set = 0, binding = 3, std430) writeonly buffer LossPartials { vec4 loss_p
 #include "common/loss.glsl"
 
 layout(push_constant) uniform Push {
-    // Pixels before the level's first: of what is predicted, and of targets and weights.
+    // The level's first pixel in `predicted`, and in targets and weights.
     uint predicted_first;
     uint target_first;
-    // Of a view.
+    // Pixels of a view.
     uint pixels;
-    // Of `loss_partials`.
+    // First entry of `loss_partials` to write.
     uint first;
     float silhouette_delta;
     float color_delta;

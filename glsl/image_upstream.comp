@@ -1,9 +1,9 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Image upstream: the derivative of the image losses by every rendered value, through every resolution that they are
-// averaged over.
-// One invocation a rendered pixel: columns along x, rows along y, views along z, for dividing integers is slow. Reads the rendered image, `pyramid`, targets, mask and `loss_sums`; writes
-// `upstream_color` or `upstream_silhouette`.
+// Image upstream: the derivative of the image losses (`slope` in loss.glsl) by every rendered value, through each resolution
+// that the image is averaged to.
+// One invocation a rendered pixel: columns along x, rows along y and views along z, since dividing integers is slow.
+// Reads the rendered image, `pyramid`, targets, mask and `loss_sums`; writes `upstream_color` or `upstream_silhouette`.
 
 layout(local_size_x = 64) in;
 
@@ -19,14 +19,14 @@ layout(set = 0, binding = 6, std430) writeonly buffer Upstream { float upstream[
 #include "common/fit.glsl"
 #include "common/loss.glsl"
 
-// One level, and that is the rendered image.
+// The only level is the rendered image itself.
 layout(constant_id = 4) const bool PLAIN = false;
 
 layout(push_constant) uniform Push {
     uint width;
     uint height;
     uint views;
-    // Rendered pixels for each of the target's along each side.
+    // Rendered pixels per pixel of the target along each axis.
     uint samples;
     uint levels;
     float silhouette_delta;
@@ -47,6 +47,7 @@ void main() {
     uint factor = push.samples;
     uint pyramid_first = 0u;
     uint target_first = 0u;
+    // ∂(a pixel of this level)/∂(the rendered pixel).
     precise float share = 1.0;
     precise vec4 sum = vec4(0.0);
     for (uint level = 0u; level < push.levels; ++level) {

@@ -1,7 +1,7 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Loss pool: a coarser image, each pixel the mean of the up to factor² finer ones under it.
-// One invocation a coarse pixel of any view. Reads the rendered image or the next finer part of `pyramid`; writes a part
+// Loss pool: makes a coarser image, each pixel the mean of the up to factor² finer ones that it covers.
+// One invocation a coarse pixel of any view. Reads the rendered image or the next finer level of `pyramid`; writes a level
 // of `pyramid`, one float a pixel, or four with colours.
 
 layout(local_size_x = 64) in;
@@ -9,12 +9,13 @@ layout(local_size_x = 64) in;
 layout(set = 0, binding = 0) uniform samplerBuffer finer;
 layout(set = 0, binding = 1, std430) writeonly buffer Pyramid { float pyramid[]; };
 
-// Pixels have colours.
+// Images have colours (four channels); otherwise they are silhouettes of one channel.
 layout(constant_id = 0) const bool FIT_COLOR = false;
 
 #include "common/fit.glsl"
 
 layout(push_constant) uniform Push {
+    // First pixel and size of the finer images, then of the coarser ones.
     uint finer_first;
     uint finer_width;
     uint finer_height;
@@ -22,6 +23,7 @@ layout(push_constant) uniform Push {
     uint width;
     uint height;
     uint factor;
+    // Coarse pixels of all views.
     uint count;
 } push;
 

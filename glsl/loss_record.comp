@@ -1,9 +1,9 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Loss record: what a step found, and whether it is taken: not where the frame's lists had too little room, nor after a
-// step that was not, until the host has made room.
-// One workgroup; every lane sums each 64th row, the lanes' sums are added pairwise. Reads `loss_sums`, the regularisers'
-// values and the frame's status; writes `fit_state` and a row of `records`.
+// Loss record: computes the total loss of a step and decides whether the step is taken. It is not taken if the frame's lists
+// had too little room, nor after a step that was not taken, until the host has made room.
+// One workgroup; lane l sums every 64th row from l on, and the lanes' sums are added pairwise. Reads `loss_sums`, the
+// regularisers' values and the frame's status; writes `fit_state` and a row of `records`.
 
 layout(local_size_x = 64) in;
 
@@ -23,7 +23,7 @@ layout(set = 0, binding = 6, std430) writeonly buffer Records { uint records[]; 
 layout(push_constant) uniform Push {
     uint views;
     uint levels;
-    // 0 where no regulariser asks for their values.
+    // Rows of the regularisers' values; 0 without such a regulariser.
     uint vertices;
     uint flaps;
     float silhouette_weight;
@@ -34,20 +34,42 @@ layout(push_constant) uniform Push {
     float normal_weight;
     // 1 / edges.
     float edge_share;
-    // Room in the frame's lists.
+    // Capacities of the frame's lists.
     uint coarse_capacity;
     uint list_capacity;
     uint cell_capacity;
     uint longest_list;
-    // Of `records`.
+    // Row of `records` to write.
     uint row;
 } push;
 
-// A view's part of a loss.
+// A view's term of a loss from its sums: 1 - intersection / union, or the sum of differences.
 precise float value_of(uint kind, vec2 sums, float scale) {
     precise float value = kind == LOSS_IOU ? 1.0 - sums.x / (sums.y + LOSS_IOU_EPSILON) : sums.x;
     value = value * scale;
     return value;
+}
+
+// The weighted sum of all losses and penalties.
+precise float total_of(vec4 loss, vec4 penalty) {
+    precise float total = push.silhouette_weight * loss.x;
+    total = total + push.color_weight * loss.y;
+    total = total + push.laplacian_weight * penalty.x;
+    total = total + push.flatten_weight * penalty.y;
+    total = total + push.edge_weight * penalty.z;
+    total = total + push.normal_weight * penalty.w;
+    return total;
+}
+
+// The values of a step, in the words of a record that come first.
+void write_values(uint at, float total, vec4 loss, vec4 penalty) {
+    records[at] = floatBitsToUint(total);
+    records[at + 1u] = floatBitsToUint(loss.x);
+    records[at + 2u] = floatBitsToUint(loss.y);
+    records[at + RECORD_PENALTIES] = floatBitsToUint(penalty.x);
+    records[at + RECORD_PENALTIES + 1u] = floatBitsToUint(penalty.y);
+    records[at + RECORD_PENALTIES + 2u] = floatBitsToUint(penalty.z);
+    records[at + RECORD_PENALTIES + 3u] = floatBitsToUint(penalty.w);
 }
 
 void main() {
@@ -79,20 +101,15 @@ void main() {
         return;
     }
     penalty.z = penalty.z * push.edge_share;
-    precise float total = push.silhouette_weight * loss.x;
-    total = total + push.color_weight * loss.y;
-    total = total + push.laplacian_weight * penalty.x;
-    total = total + push.flatten_weight * penalty.y;
-    total = total + push.edge_weight * penalty.z;
-    total = total + push.normal_weight * penalty.w;
+    precise float total = total_of(loss, penalty);
     uint coarse = texelFetch(frame_status, int(STATUS_COARSE_NEEDED)).x;
     uint list = texelFetch(frame_status, int(STATUS_LIST_NEEDED)).x;
     uint not_finite = texelFetch(frame_status, int(STATUS_NOT_FINITE)).x;
     uint longest = texelFetch(frame_status, int(STATUS_LONGEST_LIST)).x;
     uint cells = texelFetch(frame_status, int(STATUS_CELLS_NEEDED)).x;
-    bool whole = coarse <= push.coarse_capacity && list <= push.list_capacity && cells <= push.cell_capacity
+    bool valid = coarse <= push.coarse_capacity && list <= push.list_capacity && cells <= push.cell_capacity
         && longest <= push.longest_list && not_finite == 0u;
-    uint halted = fit_state[FIT_HALTED] | (whole ? 0u : HALT_FRAME);
+    uint halted = fit_state[FIT_HALTED] | (valid ? 0u : HALT_FRAME);
     bool apply = halted == 0u;
     float least = uintBitsToFloat(fit_state[FIT_LEAST]);
     bool better = apply && total < least;
@@ -101,13 +118,7 @@ void main() {
     fit_state[FIT_BETTER] = better ? 1u : 0u;
     fit_state[FIT_LEAST] = floatBitsToUint(better ? total : least);
     uint at = push.row * RECORD_WORDS;
-    records[at] = floatBitsToUint(total);
-    records[at + 1u] = floatBitsToUint(loss.x);
-    records[at + 2u] = floatBitsToUint(loss.y);
-    records[at + RECORD_PENALTIES] = floatBitsToUint(penalty.x);
-    records[at + RECORD_PENALTIES + 1u] = floatBitsToUint(penalty.y);
-    records[at + RECORD_PENALTIES + 2u] = floatBitsToUint(penalty.z);
-    records[at + RECORD_PENALTIES + 3u] = floatBitsToUint(penalty.w);
+    write_values(at, total, loss, penalty);
     records[at + RECORD_HALTED] = halted;
     records[at + RECORD_STATUS + STATUS_COARSE_NEEDED] = coarse;
     records[at + RECORD_STATUS + STATUS_LIST_NEEDED] = list;

@@ -1,8 +1,8 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Loss sum: the sums of each view from those of its blocks of pixels.
-// One workgroup a view; every lane sums each 64th block, the lanes' sums are added pairwise. Reads `loss_partials`;
-// writes `loss_sums`.
+// Loss sum: adds the sums of a view's blocks of pixels.
+// One workgroup a view; lane l sums every 64th block from l on, and the lanes' sums are added pairwise. Reads
+// `loss_partials`; writes `loss_sums`.
 
 layout(local_size_x = 64) in;
 
@@ -13,11 +13,11 @@ layout(set = 0, binding = 1, std430) writeonly buffer LossSums { vec4 loss_sums[
 #include "common/fit_sum.glsl"
 
 layout(push_constant) uniform Push {
-    // Of `loss_partials`.
+    // First entry of `loss_partials` to read.
     uint first;
     // Blocks of a view.
     uint blocks;
-    // Of `loss_sums`.
+    // First entry of `loss_sums` to write.
     uint to;
 } push;
 

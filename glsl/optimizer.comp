@@ -1,10 +1,11 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Optimizer: three parameters' moments and their step against the gradient, by SGD with momentum, Adam, or Adam with one
-// pace for all; for the last first the mean squares alone (SQUARES) and their maximum over each workgroup.
-// One invocation a row of three parameters. Reads gradients and `moments`; writes `moments` (two texels a row), `steps`,
-// with the logit parametrisation `parameters`, with SQUARES `square_partials`. A step that is not to be taken
-// (`fit_state`) is 0 and leaves the moments as they are.
+// Optimizer: updates the moments of three parameters and computes their change, by gradient descent with momentum, Adam, or
+// Adam with one step size for all parameters. That last method first runs with SQUARES, which updates the second moments
+// alone and takes their maximum over each workgroup.
+// One invocation a row of three parameters. Reads gradients and `moments`; writes `new_moments` (two texels a row), `steps`,
+// with the logit parametrisation `new_parameters`, and with SQUARES `square_partials`. If `fit_state` says that the step is
+// not taken, the change is 0 and the moments stay.
 
 layout(local_size_x = 64) in;
 
@@ -18,6 +19,7 @@ layout(set = 0, binding = 6, std430) writeonly buffer Steps { vec4 steps[]; };
 layout(set = 0, binding = 7, std430) writeonly buffer NewParameters { vec4 new_parameters[]; };
 layout(set = 0, binding = 8, std430) writeonly buffer SquarePartials { vec4 square_partials[]; };
 
+// METHOD_ kind.
 layout(constant_id = 0) const uint METHOD = 0;
 layout(constant_id = 1) const bool SQUARES = false;
 layout(constant_id = 2) const bool LOGIT = false;
@@ -30,14 +32,14 @@ shared vec4 lane_values[FIT_GROUP];
 #include "common/moments.glsl"
 
 layout(push_constant) uniform Push {
-    // With the logit parametrisation the centre's row is the last.
+    // Rows; with the logit parametrisation the last is the centre.
     uint rows;
     float rate;
-    // Of the mean: decay and 1 less it, or momentum and 1; what it is divided by.
+    // First moment: decay and 1 - decay, or momentum and 1; bias correction, by which it is divided.
     float first_decay;
     float first_share;
     float first_bias;
-    // Of the square.
+    // The same for the second moment.
     float second_decay;
     float second_share;
     float second_bias;
@@ -59,7 +61,7 @@ void main() {
             new_moments[2 * i + 1] = vec4(square, 0.0);
         }
         int lane = int(gl_LocalInvocationID.x);
-        // An invocation beyond the rows has read what another one writes.
+        // An invocation beyond the rows repeats the last row, which another one may have overwritten.
         lane_values[lane] = vec4(inside ? max(max(square.x, square.y), square.z) : 0.0);
         for (int width = int(FIT_GROUP) / 2; width > 0; width /= 2) {
             barrier();
@@ -79,8 +81,8 @@ void main() {
         change = adam_step(mean, second, push.rate, push.first_bias, push.second_bias, push.epsilon);
     } else if (METHOD == METHOD_UNIFORM) {
         precise float root = sqrt(texelFetch(step_totals, 1).x / push.second_bias);
-        precise float pace = push.rate / push.first_bias / (root + push.epsilon);
-        change = pace * mean;
+        precise float step_size = push.rate / push.first_bias / (root + push.epsilon);
+        change = step_size * mean;
     }
     mean = apply ? mean : first;
     change = apply ? change : vec3(0.0);

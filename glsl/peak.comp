@@ -1,7 +1,7 @@
 #version 450
-// Peak: the rate of independent multiply-adds, the most floating point work that this device does through this driver.
-// Each invocation advances twelve numbers, enough that none waits for its last step; the result is written so that no
-// compiler may leave the work out. Reads nothing; writes `results`.
+// Peak: measures the rate of independent multiply-adds, the most floating point work that this device does through this
+// driver. Each invocation advances twelve numbers, enough that none waits for its previous step.
+// One invocation a result. Reads nothing; writes `results`, so that no compiler removes the work.
 
 layout(local_size_x = 64) in;
 

@@ -1,11 +1,11 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Pixel gradient: what every (pixel, triangle) pair of backward needs from its pixel, made once a pixel: the upstream
-// gradient of the mixture, of log(1 - silhouette), and what a fragment's weight is relative to.
-// One invocation a pixel, views along y. Reads the images, `saved` and the upstream gradients; writes
-// `pixel_gradients`: (dL/dmixture rgb, alpha), (weight whole, weight rest, value, dL/ddepth), (dL/dnormal, 0); and what
-// reduce.comp sums over the pixels, `pixel_sums`: (dL/dbackground, dL/ds), (dL/ds times relative weight, 0, 0, 0), s the
-// logarithm of the background's weight.
+// Pixel gradient: what backward needs once a pixel: dL by the mixture Σ w C and by log(1 - A), and the reference that turns
+// a fragment's log weight into w (eq. 3 and 4). For the background's gradients also the pixel's own terms.
+// One invocation a pixel, views along y. Reads the images, `saved` (pixel.glsl) and the upstream gradients. Writes
+// `pixel_gradients`: (dL/dmixture rgb, dL/dlog(1 - A)), (log weight's integer part, its fraction, V, dL/ddepth),
+// (dL/dnormal, 0), with V of shaded_gradient below; and `pixel_sums`, which reduce.comp adds up:
+// (dL/dC_b, dL/ds_b), (dL/ds_b times the relative log2 weight, 0, 0, 0), with s_b = ε/γ the background's log weight.
 
 layout(local_size_x = 64) in;
 
@@ -27,6 +27,91 @@ layout(set = 0, binding = 10, std430) writeonly buffer PixelSums { vec4 pixel_su
 #include "common/frame.glsl"
 #include "common/mesh.glsl"
 
+// Number of triangles by which SILHOUETTE_SUM divides.
+float count_of(int view) {
+    return float(max(shape_of(view).triangle_count, 1));
+}
+
+// dL by the values of a pixel, from the upstream images.
+struct Upstream {
+    // By I, A, the soft depth and the soft normal.
+    vec3 color;
+    float alpha;
+    float depth;
+    vec3 normal;
+};
+
+Upstream upstream_of(int at) {
+    vec4 up_color = UP_COLOR ? texelFetch(upstream_color, at) : vec4(0.0);
+    float up_alpha = UP_SILHOUETTE ? (UP_COLOR ? up_color.a : texelFetch(upstream_silhouette, at).x) : 0.0;
+    float up_depth = UP_DEPTH ? texelFetch(upstream_depths, at).x : 0.0;
+    vec3 up_normal = UP_NORMAL ? texelFetch(upstream_normals, at).xyz : vec3(0.0);
+    return Upstream(up_color.rgb, up_alpha, up_depth, up_normal);
+}
+
+// V = Σ_j w_j v_j with v_j = dL/dI · C_j + dL/ddepth z_j + dL/dnormal · n_j, so that eq. 4 reads ∂L/∂s_j = w_j (v_j - V).
+// With the composite background I = A Σ w C + (1 - A) C_b the product rule adds a term to dL/dA, and V and all v_j gain the
+// factor A, which is returned in `mixing`.
+float shaded_gradient(int at, int view, float aggregate, vec3 background, inout Upstream up, out float mixing) {
+    float value = 0.0;
+    float unblended = 0.0;
+    if (UP_COLOR) {
+        vec3 shown = texelFetch(color, at).rgb;
+        value += dot(up.color, COMPOSITE ? shown - background : shown);
+    }
+    if (UP_DEPTH) {
+        unblended += up.depth * texelFetch(depths, at).x;
+    }
+    if (UP_NORMAL) {
+        unblended += dot(up.normal, texelFetch(normals, at).xyz);
+    }
+    // The hard mode's depth and normal belong to a surface and do not depend on the silhouette.
+    value += COLOR_MODE == COLOR_SOFTMAX ? unblended : 0.0;
+    mixing = 1.0;
+    if (COMPOSITE && UP_SHADED) {
+        float alpha = SILHOUETTE_MODE == SILHOUETTE_PRODUCT ? 1.0 - aggregate : aggregate;
+        if (SILHOUETTE_MODE == SILHOUETTE_SUM) {
+            alpha = min(alpha / count_of(view), 1.0);
+        }
+        // dI/dA = Σ w C - C_b = (I - C_b) / A. Where A is 0 nothing is drawn.
+        up.alpha += alpha > 0.0 ? value / alpha : 0.0;
+        value += UP_COLOR ? alpha * dot(up.color, background) : 0.0;
+        mixing = alpha;
+    }
+    return value;
+}
+
+// dL/dx_j of the silhouette without the fragment's factor (eq. 4): ∂A/∂x_j = (1 - A) D_j for the product of eq. 5;
+// D_j (1 - D_j) / n for the sum, 0 where that is cut off at 1; 0 for the hard silhouette. backward.glsl multiplies by D_j.
+float silhouette_gradient(int view, float aggregate, float up_alpha) {
+    float factor = 0.0;
+    if (SILHOUETTE_MODE == SILHOUETTE_PRODUCT) {
+        factor = up_alpha * aggregate;
+    } else if (SILHOUETTE_MODE == SILHOUETTE_SUM) {
+        float count = count_of(view);
+        factor = aggregate > count ? 0.0 : up_alpha / count;
+    }
+    return factor;
+}
+
+// ∂I/∂C_b = w_b and ∂I/∂s_b = w_b (C_b - I) (eq. 4), w_b being the background's share of the pixel.
+void write_background_gradient(int at, vec4 kept, vec3 background, vec3 up_color, float value, float mixing) {
+    bool entry = !COMPOSITE && COLOR_MODE == COLOR_SOFTMAX;
+    float relative = 0.0;
+    float share = 0.0;
+    if (entry && UP_SHADED) {
+        relative = (frame.background_whole - kept.x) + (frame.background_rest - (kept.y - log2(kept.z)));
+        share = exp2(min(relative, 1.0));
+    } else if (COMPOSITE) {
+        share = kept.z > 0.0 ? 1.0 - mixing : 1.0;
+    } else {
+        share = kept.z > 0.0 ? 0.0 : 1.0;
+    }
+    float by_weight = entry ? share * (dot(up_color, background) - value) : 0.0;
+    pixel_sums[2 * at] = vec4(up_color * share, by_weight);
+    pixel_sums[2 * at + 1] = vec4(by_weight * relative, 0.0, 0.0, 0.0);
+}
+
 void main() {
     int view = int(gl_WorkGroupID.y);
     uint pixels = frame.width * frame.height;
@@ -35,78 +120,29 @@ void main() {
         return;
     }
     int at = int(uint(view) * pixels + pixel);
-    // Whole weight, rest, inverse sum, silhouette aggregate.
+    // Integer part and fraction of the reference log2 weight, inverse sum, silhouette's aggregate.
     vec4 kept = texelFetch(saved, at);
-    vec4 up_color = UP_COLOR ? texelFetch(upstream_color, at) : vec4(0.0);
-    float up_alpha = UP_SILHOUETTE ? (UP_COLOR ? up_color.a : texelFetch(upstream_silhouette, at).x) : 0.0;
-    float up_depth = UP_DEPTH ? texelFetch(upstream_depths, at).x : 0.0;
-    vec3 up_normal = UP_NORMAL ? texelFetch(upstream_normals, at).xyz : vec3(0.0);
-    // The images' part of the chain: I = Σ w v, or with the composite background I = A Σ w v + (1 - A) background.
-    float value = 0.0;
-    float unblended = 0.0;
+    Upstream up = upstream_of(at);
     vec3 background = vec3(frame.background_red, frame.background_green, frame.background_blue);
-    if (UP_COLOR) {
-        vec3 shown = texelFetch(color, at).rgb;
-        value += dot(up_color.rgb, COMPOSITE ? shown - background : shown);
-    }
-    if (UP_DEPTH) {
-        unblended += up_depth * texelFetch(depths, at).x;
-    }
-    if (UP_NORMAL) {
-        unblended += dot(up_normal, texelFetch(normals, at).xyz);
-    }
-    // The hard mode's depth and normal are a surface's, whatever the silhouette.
-    value += COLOR_MODE == COLOR_SOFTMAX ? unblended : 0.0;
-    float mixing = 1.0;
-    if (COMPOSITE && UP_SHADED) {
-        float alpha = SILHOUETTE_MODE == SILHOUETTE_PRODUCT ? 1.0 - kept.w : kept.w;
-        if (SILHOUETTE_MODE == SILHOUETTE_SUM) {
-            alpha = min(alpha / float(max(shape_of(view).triangle_count, 1)), 1.0);
-        }
-        // dI/dA = mixture - background = (I - background) / A; where A vanishes nothing is drawn.
-        up_alpha += alpha > 0.0 ? value / alpha : 0.0;
-        // value stays A Σ w (v - background): what fragments add to it is relative to the background too.
-        value += UP_COLOR ? alpha * dot(up_color.rgb, background) : 0.0;
-        mixing = alpha;
-    }
+    float mixing;
+    float value = shaded_gradient(at, view, kept.w, background, up, mixing);
     float unblended_mixing = COLOR_MODE == COLOR_SOFTMAX ? mixing : 1.0;
-    // ∂A/∂x_j = (1 - A) D_j for the product; D_j (1 - D_j) / n for the sum, 0 where that is cut off at 1; 0 for the hard
-    // silhouette.
-    float alpha_factor = 0.0;
-    if (SILHOUETTE_MODE == SILHOUETTE_PRODUCT) {
-        alpha_factor = up_alpha * kept.w;
-    } else if (SILHOUETTE_MODE == SILHOUETTE_SUM) {
-        float count = float(max(shape_of(view).triangle_count, 1));
-        alpha_factor = kept.w > count ? 0.0 : up_alpha / count;
-    }
     int to = at * PIXEL_STRIDE;
-    pixel_gradients[to] = vec4(up_color.rgb * mixing, alpha_factor);
+    pixel_gradients[to] = vec4(up.color * mixing, silhouette_gradient(view, kept.w, up.alpha));
     if (UP_SHADED) {
-        // w = D exp2(weight - rest') with the inverse sum folded into the rest. An empty pixel weighs nothing.
+        // w_j = D_j exp2(log weight - reference) (eq. 3), with the inverse sum folded into the reference's fraction. In a
+        // pixel without weights every w is 0.
         bool any = kept.z > 0.0;
         vec2 reference = any ? vec2(kept.x, kept.y - log2(kept.z)) : vec2(0.0, 1e30);
         if (COLOR_MODE == COLOR_HARD) {
             reference = any ? kept.xy : vec2(-1.0);
         }
-        pixel_gradients[to + 1] = vec4(reference, value, up_depth * unblended_mixing);
+        pixel_gradients[to + 1] = vec4(reference, value, up.depth * unblended_mixing);
         if (UP_NORMAL) {
-            pixel_gradients[to + 2] = vec4(up_normal * unblended_mixing, 0.0);
+            pixel_gradients[to + 2] = vec4(up.normal * unblended_mixing, 0.0);
         }
     }
     if (GRAD_BACKGROUND) {
-        bool entry = !COMPOSITE && COLOR_MODE == COLOR_SOFTMAX;
-        float relative = 0.0;
-        float share = 0.0;
-        if (entry && UP_SHADED) {
-            relative = (frame.background_whole - kept.x) + (frame.background_rest - (kept.y - log2(kept.z)));
-            share = exp2(min(relative, 1.0));
-        } else if (COMPOSITE) {
-            share = kept.z > 0.0 ? 1.0 - mixing : 1.0;
-        } else {
-            share = kept.z > 0.0 ? 0.0 : 1.0;
-        }
-        float by_weight = entry ? share * (dot(up_color.rgb, background) - value) : 0.0;
-        pixel_sums[2 * at] = vec4(up_color.rgb * share, by_weight);
-        pixel_sums[2 * at + 1] = vec4(by_weight * relative, 0.0, 0.0, 0.0);
+        write_background_gradient(at, kept, background, up.color, value, mixing);
     }
 }

@@ -1,8 +1,9 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Place: the vertices of a host's draws, once for each instance and moved by its transform, into the packed `positions`
-// that the other kernels read; without transforms any three floats, such as colours. One invocation a placed vertex.
-// Reads `draws`, the host's vertices and transforms (three rows of four floats); writes `target`.
+// Place, vertices: copies the vertices of a host's draws, once for each instance and moved by its transform, into the packed
+// `positions` that the other kernels read. Without transforms it copies any three floats, such as colours.
+// One invocation a placed vertex (draws.glsl). Reads `draws`, the host's vertices and transforms (three rows of four
+// floats); writes `target`. Derivatives: place_vertex_grad.comp, place_transform_grad.comp.
 
 layout(local_size_x = 64) in;
 
@@ -16,6 +17,7 @@ layout(constant_id = 0) const bool TRANSFORMED = false;
 #include "common/draws.glsl"
 #include "common/geometry_push.glsl"
 
+// A row of a transform.
 vec4 row_at(uint at) {
     return vec4(transforms[at], transforms[at + 1u], transforms[at + 2u], transforms[at + 3u]);
 }

@@ -1,9 +1,9 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Place, vertex gradient: every vertex of a host's buffer gathers from all that was placed of it, draw by draw and
-// instance by instance, turned back by each transform: no atomics, so the same bits always.
-// One invocation a vertex of the host. Reads `draws`, `vertex_gradients` and the transforms; writes three floats a vertex
-// in the host's own stride.
+// Place, vertex gradient: for each vertex of a host's buffer sums the gradients of its placed copies, draw by draw and
+// instance by instance, each times its transform's transpose. There are no atomics, so the bits are the same on every run.
+// One invocation a vertex of the host. Reads `draws`, `vertex_gradients` and the transforms; writes three floats a vertex to
+// `target` in the host's own stride.
 
 layout(local_size_x = 64) in;
 
@@ -17,7 +17,7 @@ layout(constant_id = 0) const bool TRANSFORMED = false;
 #include "common/draws.glsl"
 #include "common/geometry_push.glsl"
 
-// Of a row all but its translation.
+// A row of a transform without its translation.
 vec3 three_at(uint at) {
     return vec3(transforms[at], transforms[at + 1u], transforms[at + 2u]);
 }

@@ -1,8 +1,9 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Position step: vertices where their parameters say, and a copy of where they were if that was the best so far.
-// One invocation a vertex. Reads `positions` and the steps, or the logit parameters; writes `positions`, `best_positions`,
-// and in `fit_state` whether a vertex left the box that the frame was planned for.
+// Position step: moves the vertices by their changes, or to where the logit parameters put them. If this step's loss is the
+// least so far, it first saves the positions that had it.
+// One invocation a vertex. Reads `positions`, `changes` or `parameters` with `logit_template`, and `fit_state`; writes
+// `new_positions`, `best_positions`, and in `fit_state` whether a vertex left the box that the frame was planned for.
 
 layout(local_size_x = 64) in;
 
@@ -22,6 +23,7 @@ layout(constant_id = 0) const bool LOGIT = false;
 
 layout(push_constant) uniform Push {
     uint vertices;
+    // The box that the frame was planned for.
     float low_x;
     float low_y;
     float low_z;
@@ -56,7 +58,7 @@ void main() {
         best_positions[3 * i + 1] = old.y;
         best_positions[3 * i + 2] = old.z;
     }
-    // Also where it is no number.
+    // False for NaN.
     bool inside = moved.x >= push.low_x && moved.y >= push.low_y && moved.z >= push.low_z
         && moved.x <= push.high_x && moved.y <= push.high_y && moved.z <= push.high_z;
     if (!inside) {

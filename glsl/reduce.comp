@@ -1,9 +1,10 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Reduce: sums of rows in a fixed order: of `view_sums` over each view's triangles, of `light_records` over all of them
-// and each light, of `pixel_sums` over all pixels. REDUCTION says which.
-// One workgroup a sum (along x: a view, a light, or nothing); every lane sums each 128th row, and the lanes' sums are
-// added pairwise. Writes `totals`, three texels each, the ambient light before the others.
+// Reduce: sums rows in a fixed order, as REDUCTION says: `view_sums` over each view's triangles, `light_records` for each
+// light, or `pixel_sums` over all pixels.
+// One workgroup a sum (along x: a view, a light, or one); lane l sums every 128th row from l on, and the lanes' sums are
+// added pairwise. Reads `rows`, the table to sum, and `lights`; writes three texels of `totals` a sum, the ambient light's
+// first.
 
 layout(local_size_x = 128) in;
 
@@ -18,20 +19,21 @@ layout(constant_id = 30) const uint REDUCTION = 0;
 #include "common/frame.glsl"
 #include "common/mesh.glsl"
 
-// As many as every device has: on Mesa 22.3, which ends loops after 65535 passes, these hold eight million rows.
+// As many lanes as every device allows. Mesa 22.3 ends a loop after 65535 passes, so that they sum 8 million rows.
 const int LANES = 128;
 
 shared vec4 lane_sums[3 * LANES];
 
-// A row's share of a light's gradient: by direction and by colour; of the ambient light's by colour.
-void light_row(int row, int light, out vec4 a, out vec4 b) {
+// One row of dL by a light's direction and colour (light_on in light.glsl). Light 0 is the ambient light, which has no
+// direction.
+void light_row(int row, int light, out vec4 by_direction, out vec4 by_color) {
     vec3 by_light = texelFetch(rows, 2 * row).rgb;
     vec3 normal = texelFetch(rows, 2 * row + 1).xyz;
     vec3 direction = texelFetch(lights, light == 0 ? 0 : 2 * light - 1).xyz;
     vec3 color = texelFetch(lights, light == 0 ? 0 : 2 * light).rgb;
     float cosine = dot(normal, direction);
-    a = light == 0 ? vec4(0.0) : vec4(cosine > 0.0 ? normal * dot(color, by_light) : vec3(0.0), 0.0);
-    b = vec4(light == 0 ? by_light : by_light * max(cosine, 0.0), 0.0);
+    by_direction = light == 0 ? vec4(0.0) : vec4(cosine > 0.0 ? normal * dot(color, by_light) : vec3(0.0), 0.0);
+    by_color = vec4(light == 0 ? by_light : by_light * max(cosine, 0.0), 0.0);
 }
 
 void main() {

@@ -1,13 +1,14 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Regularize flaps: the official flatten loss and the consistency of normals, over pairs of triangles that share an edge.
-// One invocation a pair. Reads `positions` and `flaps`; writes `flap_gradients`, four texels: the weighed gradient by the
-// edge's two ends and the two vertices opposite; w of the first is the flatten loss, of the second that of the normals.
+// Regularize flaps: the official flatten loss and the normal consistency loss over flaps, pairs of triangles that share an
+// edge, with their gradients.
+// One invocation a flap. Reads `positions` and `flaps`; writes `flap_gradients`, four texels a flap: the weighted gradients
+// by the edge's two ends and the two opposite vertices. w of the first is the flatten loss, w of the second the normals'.
 
 layout(local_size_x = 64) in;
 
 layout(set = 0, binding = 0) uniform samplerBuffer positions;
-// Vertices of the edge, then opposite; FLAP_ bits in the first.
+// The edge's two vertices, then the two opposite ones; FLAP_ bits in the first.
 layout(set = 0, binding = 1) uniform usamplerBuffer flaps;
 layout(set = 0, binding = 2, std430) writeonly buffer FlapGradients { vec4 flap_gradients[]; };
 
@@ -23,9 +24,9 @@ layout(push_constant) uniform Push {
     float normal_weight;
 } push;
 
-// The small numbers of the official code.
+// Added to denominators and under roots, as in the official code.
 const float EPSILON = 1e-6;
-// A triangle whose normal is shorter has none.
+// A triangle whose area vector is shorter has no normal.
 const float LEAST = 1e-18;
 
 vec3 position_of(int i) {
@@ -33,7 +34,8 @@ vec3 position_of(int i) {
         texelFetch(positions, 3 * i).x, texelFetch(positions, 3 * i + 1).x, texelFetch(positions, 3 * i + 2).x);
 }
 
-// One triangle at the edge, as `fit::regularizer::Flatten` has it.
+// One triangle at the edge, from the edge's first vertex: `wing` goes to the opposite vertex, `across` is its part across
+// the edge, and `size` the length of that part as `fit::regularizer::Flatten` computes it.
 struct Side {
     float edge_square;
     float edge_length;
@@ -58,8 +60,8 @@ Side side_of(vec3 edge, vec3 wing) {
     return Side(edge_square, edge_length, wing_length, cosine, sine, foot, across, size);
 }
 
-// From dL by `across` and `size` to dL by edge and wing.
-void pull(Side side, vec3 edge, vec3 wing, vec3 by_across, float by_size, out vec3 by_edge, out vec3 by_wing) {
+// Derivative of side_of: dL by edge and wing from dL by `across` and `size`.
+void side_gradient(Side side, vec3 edge, vec3 wing, vec3 by_across, float by_size, out vec3 by_edge, out vec3 by_wing) {
     precise float by_foot = -dot3(by_across, edge);
     precise float by_cosine = -(by_size * side.wing_length * side.cosine / side.sine);
     precise float product = side.edge_length * side.wing_length + EPSILON;
@@ -98,19 +100,20 @@ void main() {
         Side two = side_of(edge, wing1);
         precise float lengths = one.size * two.size + EPSILON;
         precise float cosine = dot3(one.across, two.across) / lengths;
+        // The loss is (cos + 1)², 0 where the triangles lie in one plane.
         precise float rise = cosine + 1.0;
         bool counts = (flap.x & FLAP_OFFICIAL) != 0u;
         flatten_value = counts ? rise * rise : 0.0;
         precise float by_dot = counts ? 2.0 * push.flatten_weight * rise / lengths : 0.0;
         precise float by_lengths = -(by_dot * cosine);
-        precise vec3 across0 = by_dot * two.across;
-        precise vec3 across1 = by_dot * one.across;
-        precise float size0 = by_lengths * two.size;
-        precise float size1 = by_lengths * one.size;
+        precise vec3 by_across0 = by_dot * two.across;
+        precise vec3 by_across1 = by_dot * one.across;
+        precise float by_size0 = by_lengths * two.size;
+        precise float by_size1 = by_lengths * one.size;
         vec3 part;
-        pull(one, edge, wing0, across0, size0, part, by_wing0);
+        side_gradient(one, edge, wing0, by_across0, by_size0, part, by_wing0);
         by_edge = by_edge + part;
-        pull(two, edge, wing1, across1, size1, part, by_wing1);
+        side_gradient(two, edge, wing1, by_across1, by_size1, part, by_wing1);
         by_edge = by_edge + part;
     }
     if (NORMALS) {
@@ -126,7 +129,7 @@ void main() {
         precise float cosine = dot3(n, m);
         normal_value = counts ? 1.0 - cosine : 0.0;
         precise float weight = counts ? push.normal_weight : 0.0;
-        // n by its area vector: (I - n nᵀ) / length.
+        // ∂n/∂(area vector) = (I - n nᵀ) / length.
         precise vec3 by_area0 = (weight * sign0) * ((n * cosine - m) / (counts ? size0 : 1.0));
         precise vec3 by_area1 = (weight * sign1) * ((m * cosine - n) / (counts ? size1 : 1.0));
         by_edge = by_edge + cross3(wing0, by_area0);

@@ -1,13 +1,14 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Regularize vertices: the Laplacian and the edge lengths, as a vertex sees them.
-// One invocation a vertex. Reads `positions` and `neighbors`; writes `vertex_penalties`, two texels: (p - mean of the
-// neighbours) / their number and the square of the former; the edges' weighed gradient and squares.
+// Regularize vertices: the terms of the Laplacian and of the edge length regulariser at a vertex.
+// One invocation a vertex. Reads `positions` and `neighbors`; writes `vertex_penalties`, two texels a vertex: the
+// Laplacian's offset (p - mean of the neighbours) over their number and the offset's square; the weighted gradient of the
+// edge lengths and their squared deviations, each edge counted at its lower vertex.
 
 layout(local_size_x = 64) in;
 
 layout(set = 0, binding = 0) uniform samplerBuffer positions;
-// vertices + 1 places, then the neighbours of each vertex in rising order.
+// vertices + 1 offsets, then the neighbours of each vertex in ascending order.
 layout(set = 0, binding = 1) uniform usamplerBuffer neighbors;
 layout(set = 0, binding = 2, std430) writeonly buffer VertexPenalties { vec4 vertex_penalties[]; };
 
@@ -17,7 +18,7 @@ layout(constant_id = 0) const bool EDGES = false;
 
 layout(push_constant) uniform Push {
     uint vertices;
-    // Of an edge.
+    // Wanted length of an edge.
     float target;
     // 2 × weight / edges.
     float edge_scale;
@@ -54,9 +55,9 @@ void main() {
         }
     }
     precise float degree = float(end - first);
-    precise float one = max(degree, 1.0);
-    precise vec3 offset = end > first ? p - sum / one : vec3(0.0);
-    precise vec3 share = offset / one;
+    precise float divisor = max(degree, 1.0);
+    precise vec3 offset = end > first ? p - sum / divisor : vec3(0.0);
+    precise vec3 share = offset / divisor;
     precise float square = dot3(offset, offset);
     precise vec3 edge_gradient = push.edge_scale * edges;
     vertex_penalties[2 * i] = vec4(share, square);

@@ -1,7 +1,8 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Shows that a device runs our kind of kernel: texels in, a storage buffer of records out, push and specialization
-// constants. One invocation an element; `records[i]` = (scale * texel[i] + offset, i, SELFTEST_TAG, i < count).
+// Self test: shows that a device runs kernels of this kind: texels in, a storage buffer of records out, push and
+// specialization constants. One invocation an element. Reads `texels` and `indices`; writes records[i] =
+// (scale · texels[indices[i]] + SELFTEST_OFFSET, indices[i], TAG, (FACTOR, offset), (i, count)) for i < count.
 
 #include "common/constants.glsl"
 

@@ -1,9 +1,9 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Shape gradient: every vertex gathers what the images and the regularisers want of it, in a fixed order, and pulls it
-// to its parameters.
-// One invocation a vertex. Reads the images' gradients, `vertex_penalties`, `flap_gradients`; writes `shape_gradients`, and
-// for the logit parametrisation the workgroups' sums of dL by the centre, `centre_partials`.
+// Shape gradient: adds the gradients of the images and of the regularisers by a vertex's position in a fixed order, and with
+// the logit parametrisation takes them to its parameters.
+// One invocation a vertex. Reads `image_gradients`, `vertex_penalties` and `flap_gradients`; writes `shape_gradients` and,
+// for the logit parametrisation, `centre_partials`, each workgroup's sum of dL/dcentre.
 
 layout(local_size_x = 64) in;
 
@@ -11,7 +11,7 @@ layout(set = 0, binding = 0) uniform samplerBuffer image_gradients;
 layout(set = 0, binding = 1) uniform samplerBuffer vertex_penalties;
 layout(set = 0, binding = 2) uniform samplerBuffer flap_gradients;
 layout(set = 0, binding = 3) uniform usamplerBuffer neighbors;
-// vertices + 1 places, then for each vertex where it stands in `flap_gradients`, in rising order.
+// vertices + 1 offsets, then for each vertex its texels of `flap_gradients`, in ascending order.
 layout(set = 0, binding = 4) uniform usamplerBuffer flap_corners;
 layout(set = 0, binding = 5) uniform samplerBuffer parameters;
 layout(set = 0, binding = 6) uniform samplerBuffer logit_template;
@@ -34,9 +34,11 @@ layout(push_constant) uniform Push {
     float laplacian_scale;
 } push;
 
-precise vec3 gathered(int i) {
+// dL/d(position of vertex i).
+precise vec3 position_gradient(int i) {
     precise vec3 sum = texelFetch(image_gradients, 2 * i).xyz;
     if (LAPLACIAN) {
+        // The Laplacian's transpose: its own offset less the neighbours' shares (regularize_vertices.comp).
         int first = int(texelFetch(neighbors, i).x);
         int end = int(texelFetch(neighbors, i + 1).x);
         precise vec3 offset = texelFetch(vertex_penalties, 2 * i).xyz * float(end - first);
@@ -61,7 +63,7 @@ void main() {
     int vertices = int(push.vertices);
     bool inside = int(gl_GlobalInvocationID.x) < vertices;
     int i = min(int(gl_GlobalInvocationID.x), vertices - 1);
-    precise vec3 gradient = gathered(i);
+    precise vec3 gradient = position_gradient(i);
     if (LOGIT) {
         vec3 shift = centre_shift(texelFetch(parameters, vertices).xyz);
         vec3 displacement = texelFetch(parameters, i).xyz;
@@ -69,6 +71,7 @@ void main() {
         precise vec3 by_centre = vec3(0.0);
         for (int k = 0; k < 3; ++k) {
             Logit at = logit_of(odds[k], displacement[k], shift[k]);
+            // d tanh(c)/dc = 1 - tanh²(c).
             precise float slope = 1.0 - shift[k] * shift[k];
             by_centre[k] = gradient[k] * at.by_shift * slope;
             gradient[k] = gradient[k] * at.by_displacement;

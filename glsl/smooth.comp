@@ -1,9 +1,9 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Smooth: one step of Chebyshev's iteration for (I + λ L) x = b, L the mesh's graph Laplacian: every step the same linear,
-// symmetric map of b, so that a fixed number of them is a smoothing in its own right.
-// x₁ = b / θ; x₊ = ω (x + (b - A x) / θ - x₋) + x₋ (Golub and Varga 1961).
-// One invocation a vertex. Reads b and two iterates, writes the next over the older.
+// Smooth: one step of Chebyshev's iteration for (I + λ L) x = b, with L the mesh's graph Laplacian (Golub and Varga 1961):
+// x₁ = b / θ; x₊ = ω (x + (b - A x) / θ - x₋) + x₋. A fixed number of steps is a linear, symmetric map of b, and so a
+// smoothing of its own even before it converges.
+// One invocation a vertex. Reads b (`rough`) and the two last iterates; writes the next one over the older.
 
 layout(local_size_x = 64) in;
 
@@ -17,7 +17,7 @@ layout(set = 0, binding = 4, std430) writeonly buffer Smoothed { vec4 smoothed[]
 
 layout(push_constant) uniform Push {
     uint vertices;
-    // 0 for the first.
+    // Iterates so far: 0 for the first step.
     uint iterates;
     float lambda;
     float omega;

@@ -1,8 +1,9 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Smooth dense: the whole inverse of I + λ L times vectors, for meshes of so few vertices that one dispatch over all of it
-// takes less than the many of `smooth`.
-// One invocation a vertex; the matrix is symmetric, so neighbouring invocations read neighbouring entries.
+// Smooth, dense: multiplies the full inverse of I + λ L with a vector, for meshes so small that one such dispatch takes less
+// time than the many of `smooth`.
+// One invocation a vertex; the matrix is symmetric, so that neighbouring invocations read neighbouring entries. Reads
+// `rough` and `inverse_entries`; writes `smoothed`.
 
 layout(local_size_x = 64) in;
 

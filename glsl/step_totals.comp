@@ -1,14 +1,15 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Step totals: over the workgroups' parts, the sum of dL by the centre or the largest mean square of a gradient.
-// One workgroup. Reads `parts`; writes a row of `step_totals`.
+// Step totals: combines the workgroups' partial results, which are sums of dL/dcentre or largest second moments.
+// One workgroup; lane l takes every 64th part from l on, and the lanes are combined pairwise. Reads `parts`; writes a row of
+// `step_totals`.
 
 layout(local_size_x = 64) in;
 
 layout(set = 0, binding = 0) uniform samplerBuffer parts;
 layout(set = 0, binding = 1, std430) writeonly buffer StepTotals { vec4 step_totals[]; };
 
-// The largest instead of the sum, into row 1 instead of 0.
+// Takes the largest, into row 1, instead of the sum, into row 0.
 layout(constant_id = 0) const bool LARGEST = false;
 
 #include "common/constants.glsl"

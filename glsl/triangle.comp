@@ -1,11 +1,12 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Triangle: near clipping, the record of all that a (pixel, triangle) pair needs, the pixel box grown by the culling
-// radius, and the triangle's bit in the bitmap of every bin that it touches.
+// Triangle: clips at the near plane, makes the record of all that a (pixel, triangle) pair needs and the pixel box grown by
+// the culling radius, and sets the triangle's bit in the bitmap of every bin that it may touch.
 // One invocation a triangle, views along y. A triangle that crosses the near plane becomes one or two pieces: the first
-// in its own slot, the second `triangle_count` slots later, so that the order of slots never depends on timing.
+// takes the triangle's own record index, the second the one `triangle_count` later, so that the order of records never
+// depends on timing.
 // Reads `vertices`, the mesh and the lights; writes `geometry`, `shading`, `boxes`, `bin_bits` and `status`, and for
-// backward `cell_ranges` and `cells`: the cells of a large box beyond its first.
+// backward `cell_ranges` and `cells`: the cells of a large box beyond its first. Derivatives: triangle_grad.comp.
 
 layout(local_size_x = 64) in;
 
@@ -38,7 +39,7 @@ layout(set = 0, binding = 17, std430) writeonly buffer Cells { uvec2 cells[]; };
 #include "common/light.glsl"
 #include "common/edge.glsl"
 
-// The corners of a triangle or piece: pixels, depth, and each corner as a mixture of the original three.
+// The corners of a triangle or piece: pixel position, depth, and each corner as a mixture of the original three.
 struct Corners {
     vec2 column[3];
     vec2 row[3];
@@ -50,13 +51,13 @@ void skip_slot(int slot) {
     boxes[slot] = ivec4(0, 0, -1, -1);
 }
 
-// The largest log2 weight that a pixel of the triangle may have: a corner's, with D = 1.
+// An upper bound of the triangle's log2 weight (eq. 3) in any pixel: that of a corner with D = 1.
 float largest_weight(vec4 depth, float whole) {
     vec2 corners = depth.z * depth.xy / (1.0 + depth.xy);
     return whole + (depth.w + max(0.0, max(corners.x, corners.y)));
 }
 
-// Corner colours, texture coordinates and normals, each mixed as the piece's corners are.
+// Writes corner colours, texture coordinates and normals, each mixed as the piece's corners are.
 void write_shading(Shape shape, int triangle, int slot, Corners c, vec4 depth, float score) {
     ivec3 v = triangle_vertices(shape, triangle);
     mat3 light = mat3(1.0);
@@ -88,7 +89,7 @@ void write_shading(Shape shape, int triangle, int slot, Corners c, vec4 depth, f
     shading[to + 2] = vec4(c1, c2.r);
     shading[to + 3] = vec4(c2.gb, largest_weight(depth, score), 0.0);
     if (SAMPLING != SAMPLING_NONE) {
-        // Surface cells are found by barycentrics, images by their UV.
+        // A surface is sampled by barycentrics, an image by UV.
         mat3x2 coordinate = mat3x2(1.0, 0.0, 0.0, 1.0, 0.0, 0.0);
         if (shape.uv_base >= 0) {
             for (int k = 0; k < 3; ++k) {
@@ -113,18 +114,19 @@ void write_shading(Shape shape, int triangle, int slot, Corners c, vec4 depth, f
     }
 }
 
-// Bounds that keep what follows from depth finite; what is seen comes nowhere near them.
+// Bounds that keep everything computed from depth finite. Visible triangles stay far within them.
 const float FARTHEST_WEIGHT = 1e30;
 const float FARTHEST_RATIO = 1e18;
-// 2⁻²⁴, what a float tells from 1.
+// 2⁻²⁴, half a unit in the last place of 1.
 const float LEAST_NEARNESS = 5.9604645e-8;
 
-// Depth relative to corner 0: (z0/z1 - 1, z0/z2 - 1, z0 in log2 weights, fraction of corner 0's log2 weight). The whole
-// part of that weight goes apart: two of them are subtracted exactly, however small gamma is.
+// Depth relative to corner 0: (z0/z1 - 1, z0/z2 - 1, z0 in log2 weights, fraction of corner 0's log2 weight), the log weight
+// being ζ/γ of eq. 3. Its integer part is kept apart in `whole`, because the difference of two integers is exact for any
+// gamma.
 vec4 depth_record(Corners c, out float whole) {
     vec2 k = vec2(frame.score_high, frame.score_low);
     vec2 weight = df_mul(df_sub(vec2(frame.far_high, frame.far_low), c.z[0]), k);
-    // Of a corner so far from near and far that its weight leaves a float nothing is seen.
+    // A corner so far away that its weight overflows a float belongs to an invisible triangle.
     bool holds = abs(weight.x) < FARTHEST_WEIGHT;
     whole = holds ? floor(weight.x + 0.5) : (c.z[0].x < 0.0 ? FARTHEST_WEIGHT : -FARTHEST_WEIGHT);
     float rest = holds ? (weight.x - whole) + weight.y : 0.0;
@@ -133,13 +135,13 @@ vec4 depth_record(Corners c, out float whole) {
     float z2 = c.z[2].x == 0.0 ? 1e-20 : c.z[2].x;
     vec2 excess = vec2(df_sub(c.z[0], c.z[1]).x / z1, df_sub(c.z[0], c.z[2]).x / z2);
     excess = clamp(excess, -FARTHEST_RATIO, FARTHEST_RATIO);
-    // z0 / zk is never 0, since shares are divided by it.
+    // z0 / zk must not be 0, because backward divides by it.
     excess = mix(excess, vec2(LEAST_NEARNESS - 1.0), lessThan(abs(1.0 + excess), vec2(LEAST_NEARNESS)));
     return vec4(excess, clamp(z0 * k.x, -FARTHEST_WEIGHT, FARTHEST_WEIGHT), rest);
 }
 
-// Backward walks a box cell by cell; the first is the slot's own. Where the others lie in `cells` comes from an atomic
-// counter; their order within the triangle, in which they are summed, does not depend on it.
+// Backward processes a box cell by cell; the first cell has the record's index. The position of the others in `cells` comes
+// from an atomic counter; their order within the triangle, in which they are summed, does not depend on it.
 void write_cells(int slot, ivec4 box) {
     ivec2 count = (box.zw - box.xy) / ivec2(CELL_WIDTH, CELL_HEIGHT) + 1;
     uint more = uint(count.x * count.y) - 1u;
@@ -151,7 +153,7 @@ void write_cells(int slot, ivec4 box) {
     }
 }
 
-// Marks the triangle in every bin that its grown shape may touch.
+// Sets the triangle's bit in every bin that the triangle grown by the culling radius may touch.
 void mark_bins(Shape shape, int slot_in_view, ivec4 box, Edges e) {
     ivec4 bins = box / ivec4(BIN_WIDTH, BIN_HEIGHT, BIN_WIDTH, BIN_HEIGHT);
     vec2 half_size = 0.5 * vec2(BIN_WIDTH - 1u, BIN_HEIGHT - 1u);
@@ -193,7 +195,7 @@ void emit(Shape shape, int triangle, int slot_in_view, Corners c) {
     if (WANT_SHADING) {
         float whole;
         vec4 depth = depth_record(c, whole);
-        // A back face that still counts in the official silhouette has no weight in its colour.
+        // With official parity a back face contributes to the silhouette but has no weight in the colour.
         write_shading(shape, triangle, slot, c, depth, hidden ? -3e38 : whole);
     }
     mark_bins(shape, slot_in_view, box, e);

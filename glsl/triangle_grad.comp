@@ -1,11 +1,12 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Triangle gradient: what backward summed for a triangle's pieces, by its three corners: through near clipping and the
-// projection to world space, through light to the corners' colours and the face's normal; and its share of what the view
-// as a whole is differentiated by.
-// One invocation a triangle, views along y. Reads `partials`, `vertices` and the mesh; writes `corner_gradients` (three world-space
-// positions, three colours, two texels of coordinates), `corner_lights` (light and normal of every corner, smooth),
-// `light_records` (light and normal of the face, flat) and `view_sums` (twist, projection, sigma, gamma).
+// Triangle gradient: takes the sums of backward for a triangle's records to its three corners: through near clipping and the
+// projection to world space (project_gradient.glsl), and through light to the corners' colours and the face's normal. It
+// also computes the triangle's terms of the gradients by the view as a whole.
+// One invocation a triangle, views along y. Reads `partials`, `vertices` and the mesh; writes `corner_gradients` (three
+// world positions, three colours, two texels of texture coordinates), `corner_lights` (dL/dlight and dL/dnormal of every
+// corner, smooth shading), `light_records` (dL/dlight and the normal of the face, flat shading) and `view_sums` (twist,
+// projection, sigma, gamma).
 
 layout(local_size_x = 64) in;
 
@@ -38,11 +39,13 @@ layout(set = 0, binding = 16, std430) writeonly buffer ViewSums { vec4 view_sums
 #include "common/partial.glsl"
 #include "common/project_gradient.glsl"
 
-// What the corners of the uncut triangle are, and what L is by them.
+// The corners of the triangle before clipping, and the gradients by them.
 struct Corners {
+    // In view space.
     vec3 point[3];
-    // How far behind the near plane each is, as forward decided by.
+    // z - near of each corner, with the precision that forward clips with.
     vec3 beyond_near;
+    // Colour without light, light, texture coordinates and normal, a column a corner.
     mat3 base;
     mat3 light;
     mat3x2 coordinate;
@@ -51,6 +54,8 @@ struct Corners {
     mat3 by_color;
     mat3x2 by_coordinate;
     mat3 by_normal;
+    // dL by a translation and a rotation of the view, by the projection (two scales, two offsets), and the sums of sigma and
+    // gamma (Sums in pair_gradient.glsl).
     vec3 twist_shift;
     vec3 twist_turn;
     vec4 by_projection;
@@ -91,50 +96,51 @@ Corners corners_of(Shape shape, View camera, int triangle, ivec3 v, vec3 face_no
     return c;
 }
 
-bool is_nothing(Partial p, int i) {
+// Whether all gradients by corner i of a record are 0.
+bool is_zero(Partial p, int i) {
     vec3 sum = abs(p.color[i]) + abs(p.normal[i]) + vec3(abs(p.pixel[i]) + abs(p.coordinate[i]), abs(p.depth[i]));
     return sum == vec3(0.0);
 }
 
-// One corner of a piece: original corner k itself, or the point at share t on the way from corner k to corner l, where
-// the near plane cuts that edge.
+// Adds corner i of a piece: original corner k itself (k = l), or the point (1 - t) p_k + t p_l where the near plane cuts the
+// edge from corner k to corner l.
 void add_corner(View camera, inout Corners c, Partial p, int i, int k, int l, float near) {
-    // What no pixel depends on has no gradient, wherever it lies: on the camera's plane, say, where there is no projection.
-    if (is_nothing(p, i)) {
+    // A corner without gradient is skipped, because its projection may not exist: it may lie on the camera's plane.
+    if (is_zero(p, i)) {
         return;
     }
     float from = c.beyond_near[k];
     float to = c.beyond_near[l];
     float t = k == l ? 0.0 : from / (from - to);
-    // 1 - t, which of an edge far longer than what is left of it has no digits as a difference.
-    float rest = k == l ? 1.0 : -to / (from - to);
-    vec3 point = rest * c.point[k] + t * c.point[l];
-    // On the plane exactly, however long the edge.
+    // 1 - t by a quotient: as a difference it has no digits when t is close to 1.
+    float u = k == l ? 1.0 : -to / (from - to);
+    vec3 point = u * c.point[k] + t * c.point[l];
+    // Exactly on the plane, for edges of any length.
     point.z = k == l ? point.z : near;
     vec4 by_projection;
     vec3 by_point = project_gradient(camera, point, p.pixel[i], p.depth[i], by_projection);
     c.by_projection += by_projection;
-    c.by_point[k] += rest * by_point;
+    c.by_point[k] += u * by_point;
     c.by_point[l] += t * by_point;
-    c.by_color[k] += rest * p.color[i];
+    c.by_color[k] += u * p.color[i];
     c.by_color[l] += t * p.color[i];
-    c.by_coordinate[k] += rest * p.coordinate[i];
+    c.by_coordinate[k] += u * p.coordinate[i];
     c.by_coordinate[l] += t * p.coordinate[i];
-    c.by_normal[k] += rest * p.normal[i];
+    c.by_normal[k] += u * p.normal[i];
     c.by_normal[l] += t * p.normal[i];
     if (k != l) {
         float by_t = dot(by_point, c.point[l] - c.point[k])
                    + dot(p.color[i], c.base[l] * c.light[l] - c.base[k] * c.light[k])
                    + dot(p.coordinate[i], c.coordinate[l] - c.coordinate[k])
                    + dot(p.normal[i], c.normal[l] - c.normal[k]);
-        // The quotients first: squares of depths may leave a float.
-        c.by_point[k].z += by_t * rest / (from - to);
+        // ∂t/∂z_k = (1 - t) / (z_k - z_l) and ∂t/∂z_l = t / (z_k - z_l), without squares of depths, which may overflow.
+        c.by_point[k].z += by_t * u / (from - to);
         c.by_point[l].z += by_t * t / (from - to);
     }
 }
 
-// A triangle that no near plane cuts: its corners are its own.
-void add_whole(View camera, Shape shape, int triangle, inout Corners c) {
+// A triangle that is never clipped has one record with its own corners.
+void add_unclipped(View camera, Shape shape, int triangle, inout Corners c) {
     Partial p = partial_of(shape.slot_base + triangle);
     for (int k = 0; k < 3; ++k) {
         add_corner(camera, c, p, k, k, k, 0.0);
@@ -142,7 +148,7 @@ void add_whole(View camera, Shape shape, int triangle, inout Corners c) {
     c.scalars = p.scalars;
 }
 
-// The pieces' corners in the order of triangle.comp's clipping.
+// The pieces of a clipped triangle, their corners in the order of emit_clipped in triangle.comp.
 void add_pieces(View camera, Shape shape, int triangle, inout Corners c) {
     float near = frame.near_high;
     ivec2 corner[4];
@@ -172,12 +178,64 @@ void add_pieces(View camera, Shape shape, int triangle, inout Corners c) {
     }
 }
 
-// dL/d(unnormalised normal) from dL/d(unit normal).
-vec3 by_area(vec3 area, vec3 by_normal) {
-    // Of edges of size 1: less is a segment, whose normal is noise.
+// Derivative of the normalisation n = a / |a|: dL/da = (I - n nᵀ) dL/dn / |a|.
+vec3 area_gradient(vec3 area, vec3 by_normal) {
+    // `area` is made of edges of size 1: a shorter one is a segment's, whose normal is noise.
     float size = length(area);
     vec3 n = size > 1e-18 ? area / size : vec3(0.0);
     return size > 1e-18 ? (by_normal - n * dot(n, by_normal)) / size : vec3(0.0);
+}
+
+// A triangle's edges divided by their largest component `size`, their cross product, and the unit normal.
+struct Face {
+    vec3 edge1;
+    vec3 edge2;
+    float size;
+    vec3 area;
+    vec3 normal;
+};
+
+Face face_of(Shape shape, ivec3 v) {
+    Face f;
+    unit_edges(position_of(shape, v.x), position_of(shape, v.y), position_of(shape, v.z), f.edge1, f.edge2, f.size);
+    f.area = cross(f.edge1, f.edge2);
+    f.normal = unit_or_zero(f.area);
+    return f;
+}
+
+// Flat shading: dL by the face's normal (through light and the normal image), taken to the corners' world positions.
+void add_face_normal(Face face, Corners c, vec3 by_light, inout vec3 by_world[3]) {
+    vec3 by_normal = c.by_normal[0] + c.by_normal[1] + c.by_normal[2];
+    if (LIT) {
+        by_normal += light_gradient(face.normal, by_light);
+    }
+    // The normal does not depend on `size`; the division makes this the gradient by the true edges. A triangle so small that
+    // the quotient would overflow counts as a point.
+    vec3 by_cross = length(face.area) * face.size > 1e-30 ? area_gradient(face.area, by_normal) / face.size : vec3(0.0);
+    vec3 by_edge1 = cross(face.edge2, by_cross);
+    vec3 by_edge2 = cross(by_cross, face.edge1);
+    by_world[0] -= by_edge1 + by_edge2;
+    by_world[1] += by_edge1;
+    by_world[2] += by_edge2;
+}
+
+void write_corners(int record_index, Corners c, vec3 by_world[3]) {
+    int to = record_index * CORNER_STRIDE;
+    for (int k = 0; k < 3; ++k) {
+        corner_gradients[to + k] = vec4(by_world[k], 0.0);
+        if (GRAD_COLOR) {
+            corner_gradients[to + 3 + k] = vec4(c.by_color[k] * c.light[k], 0.0);
+        }
+        if (SMOOTH) {
+            int light_at = 2 * (3 * record_index + k);
+            corner_lights[light_at] = vec4(c.by_color[k] * c.base[k], 0.0);
+            corner_lights[light_at + 1] = vec4(c.by_normal[k], 0.0);
+        }
+    }
+    if (GRAD_COORDINATE) {
+        corner_gradients[to + CORNER_STRIDE - 2] = vec4(c.by_coordinate[0], c.by_coordinate[1]);
+        corner_gradients[to + CORNER_STRIDE - 1] = vec4(c.by_coordinate[2], 0.0, 0.0);
+    }
 }
 
 void main() {
@@ -188,21 +246,15 @@ void main() {
         return;
     }
     ivec3 v = triangle_vertices(shape, triangle);
-    vec3 edge1;
-    vec3 edge2;
-    float size;
-    unit_edges(position_of(shape, v.x), position_of(shape, v.y), position_of(shape, v.z), edge1, edge2, size);
-    vec3 area = cross(edge1, edge2);
-    vec3 face_normal = unit_or_zero(area);
+    Face face = face_of(shape, v);
     View camera = view_record(view);
-    Corners c = corners_of(shape, camera, triangle, v, face_normal);
-    int slot = shape.slot_base + triangle;
+    Corners c = corners_of(shape, camera, triangle, v, face.normal);
+    int record_index = shape.slot_base + triangle;
     if (NEAR_CLIP) {
         add_pieces(camera, shape, triangle, c);
     } else {
-        add_whole(camera, shape, triangle, c);
+        add_unclipped(camera, shape, triangle, c);
     }
-    int to = slot * CORNER_STRIDE;
     vec3 by_world[3];
     vec3 by_light = vec3(0.0);
     for (int k = 0; k < 3; ++k) {
@@ -215,47 +267,22 @@ void main() {
         by_light += c.by_color[k] * c.base[k];
     }
     if (!SMOOTH && (LIT || UP_NORMAL)) {
-        vec3 by_normal = c.by_normal[0] + c.by_normal[1] + c.by_normal[2];
-        if (LIT) {
-            by_normal += light_gradient(face_normal, by_light);
-        }
-        // Of the edges as they are: the normal does not change with their size. A triangle so low that the quotient leaves a
-        // float is a point.
-        vec3 by_cross = length(area) * size > 1e-30 ? by_area(area, by_normal) / size : vec3(0.0);
-        vec3 by_edge1 = cross(edge2, by_cross);
-        vec3 by_edge2 = cross(by_cross, edge1);
-        by_world[0] -= by_edge1 + by_edge2;
-        by_world[1] += by_edge1;
-        by_world[2] += by_edge2;
+        add_face_normal(face, c, by_light, by_world);
     }
-    for (int k = 0; k < 3; ++k) {
-        corner_gradients[to + k] = vec4(by_world[k], 0.0);
-        if (GRAD_COLOR) {
-            corner_gradients[to + 3 + k] = vec4(c.by_color[k] * c.light[k], 0.0);
-        }
-        if (SMOOTH) {
-            int light_at = 2 * (3 * slot + k);
-            corner_lights[light_at] = vec4(c.by_color[k] * c.base[k], 0.0);
-            corner_lights[light_at + 1] = vec4(c.by_normal[k], 0.0);
-        }
-    }
-    if (GRAD_COORDINATE) {
-        corner_gradients[to + CORNER_STRIDE - 2] = vec4(c.by_coordinate[0], c.by_coordinate[1]);
-        corner_gradients[to + CORNER_STRIDE - 1] = vec4(c.by_coordinate[2], 0.0, 0.0);
-    }
+    write_corners(record_index, c, by_world);
     if (GRAD_LIGHTS && !SMOOTH) {
-        light_records[2 * slot] = vec4(by_light, 0.0);
-        light_records[2 * slot + 1] = vec4(face_normal, 0.0);
+        light_records[2 * record_index] = vec4(by_light, 0.0);
+        light_records[2 * record_index + 1] = vec4(face.normal, 0.0);
         if (NEAR_CLIP) {
-            // All rows are summed, the second pieces' too.
-            light_records[2 * (slot + shape.triangle_count)] = vec4(0.0);
-            light_records[2 * (slot + shape.triangle_count) + 1] = vec4(0.0);
+            // reduce.comp sums all rows, those of the second pieces too.
+            light_records[2 * (record_index + shape.triangle_count)] = vec4(0.0);
+            light_records[2 * (record_index + shape.triangle_count) + 1] = vec4(0.0);
         }
     }
     if (GRAD_VIEW) {
         bool fixed_view = camera.kind == PROJECTION_SCREEN;
-        view_sums[3 * slot] = fixed_view ? vec4(0.0) : vec4(c.twist_shift, c.twist_turn.x);
-        view_sums[3 * slot + 1] = fixed_view ? vec4(0.0) : vec4(c.twist_turn.yz, c.by_projection.xy);
-        view_sums[3 * slot + 2] = vec4(fixed_view ? vec2(0.0) : c.by_projection.zw, c.scalars);
+        view_sums[3 * record_index] = fixed_view ? vec4(0.0) : vec4(c.twist_shift, c.twist_turn.x);
+        view_sums[3 * record_index + 1] = fixed_view ? vec4(0.0) : vec4(c.twist_turn.yz, c.by_projection.xy);
+        view_sums[3 * record_index + 2] = vec4(fixed_view ? vec2(0.0) : c.by_projection.zw, c.scalars);
     }
 }

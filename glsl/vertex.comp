@@ -1,8 +1,9 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Vertex: each vertex of each view's mesh to pixel coordinates and view depth, in double floats; with smooth shading
-// also its normal (the normalised sum of its triangles' area vectors) and the light that falls on it.
-// One invocation a vertex, views along y. Reads the mesh and the cameras; writes `vertices` and `vertex_shading`.
+// Vertex: projects each vertex of each view's mesh to pixel coordinates and view depth, in double floats. With smooth
+// shading it also computes the vertex's normal (the normalised sum of its triangles' area vectors) and the light on it.
+// One invocation a vertex, views along y. Reads the mesh and the cameras; writes `vertices` (column and row; depth) and
+// `vertex_shading` (light, normal), which backward reads again. Derivatives: project_gradient.glsl, vertex_normal_grad.comp.
 
 layout(local_size_x = 64) in;
 
@@ -24,7 +25,7 @@ layout(set = 0, binding = 7, std430) writeonly buffer VertexShading { vec4 verte
 #include "common/camera.glsl"
 #include "common/light.glsl"
 
-// `adjacency` from the mesh's base: vertex_count + 1 offsets, then its corners,
+// The unit normal of a vertex. A mesh's `adjacency` is vertex_count + 1 offsets, then the triangle corners at each vertex,
 // each as four times the triangle plus the corner.
 vec3 smooth_normal(Shape shape, int vertex) {
     int at = shape.adjacency_base + vertex;
@@ -32,7 +33,7 @@ vec3 smooth_normal(Shape shape, int vertex) {
     vec3 sum = vec3(0.0);
     for (int i = int(texelFetch(adjacency, at).x); i < end; ++i) {
         int triangle = int(texelFetch(adjacency, i).x) >> 2;
-        // Corners ascend; a count that only the device knew may leave the last ones out.
+        // A triangle count written on the device (counts.comp) may be less than planned.
         sum += triangle < shape.triangle_count ? area_vector(shape, triangle_vertices(shape, triangle)) : vec3(0.0);
     }
     return unit_or_zero(sum);

@@ -1,9 +1,9 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Vertex gradient: every vertex of every mesh gathers from the corners that are it, over all views of its mesh, in the
-// order of views and of the adjacency: no atomics, so the same bits always.
-// One invocation a vertex, meshes along y. Reads `corner_gradients` and `area_gradients`; writes `vertex_gradients`:
-// position, then colour.
+// Vertex gradient: sums the gradients of all triangle corners at a vertex, over all views of its mesh, in the order of views
+// and of the adjacency. There are no atomics, so the bits are the same on every run.
+// One invocation a vertex, meshes along y. Reads `corner_gradients` and, with smooth shading, `area_gradients`; writes
+// `vertex_gradients`: dL/dposition, then dL/dcolour.
 
 layout(local_size_x = 64) in;
 
@@ -22,14 +22,14 @@ layout(set = 0, binding = 6, std430) writeonly buffer VertexGradients { vec4 ver
 #include "common/mesh.glsl"
 #include "common/position.glsl"
 
-// What a triangle's corner gets through the smooth normals of its three vertices, each a sum of area vectors.
+// dL/d(position of a triangle's corner) through the smooth normals of its three vertices, each of which sums area vectors.
 vec3 through_normals(Shape shape, int triangle, int corner) {
     ivec3 v = triangle_vertices(shape, triangle);
     vec3 by_area = texelFetch(area_gradients, shape.screen_base + v.x).xyz
                  + texelFetch(area_gradients, shape.screen_base + v.y).xyz
                  + texelFetch(area_gradients, shape.screen_base + v.z).xyz;
-    // The area vector e × f with e, f from any corner to the next two is the same; its derivative by that corner is
-    // that by the edge opposite.
+    // The area vector is the same cross product seen from each corner; its derivative by a corner is the cross product with
+    // the opposite edge.
     int next = corner == 2 ? 0 : corner + 1;
     int last = next == 2 ? 0 : next + 1;
     vec3 opposite = position_of(shape, v[last]) - position_of(shape, v[next]);
@@ -39,7 +39,7 @@ vec3 through_normals(Shape shape, int triangle, int corner) {
 void main() {
     int mesh = int(gl_WorkGroupID.y);
     int vertex = int(gl_GlobalInvocationID.x);
-    // One mesh is seen by all views, several by one each.
+    // A single mesh is drawn in all views, each of several in its own view.
     int first = frame.mesh_count == 1u ? 0 : mesh;
     int last = frame.mesh_count == 1u ? int(frame.view_count) - 1 : mesh;
     if (vertex >= shape_of(first).vertex_count) {

@@ -1,9 +1,9 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Vertex normal gradient, with smooth shading only: what every corner at a vertex gives to its light and normal, summed
-// in the order of the adjacency, by the vertex's unnormalised normal.
+// Vertex normal gradient, with smooth shading only: sums dL/dlight and dL/dnormal of all corners at a vertex in the order of
+// the adjacency, and takes them through light and normalisation to the sum of area vectors (smooth_normal in vertex.comp).
 // One invocation a vertex of a view, views along y. Reads `corner_lights` and the mesh; writes `area_gradients`
-// (dL/d of the sum of area vectors) and `light_records` (light's gradient and normal).
+// (dL/d(sum of area vectors), for vertex_grad.comp) and `light_records` (dL/dlight, normal, for reduce.comp).
 
 layout(local_size_x = 64) in;
 
@@ -47,8 +47,9 @@ void main() {
     }
     vec3 normal = unit_or_zero(area);
     float size = length(area);
+    // n = a / |a|: dL/da = (I - n nᵀ) dL/dn / |a|.
     vec3 by_unit = by_normal + (LIT ? light_gradient(normal, by_light) : vec3(0.0));
-    // Areas that leave a float, either way, have no direction to turn.
+    // Area vectors whose square leaves the range of a float have no gradient.
     vec3 by_area = size > 1e-30 && size < 1e30 ? (by_unit - normal * dot(normal, by_unit)) / size : vec3(0.0);
     int to = shape.screen_base + vertex;
     area_gradients[to] = vec4(by_area, 0.0);

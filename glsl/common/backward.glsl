@@ -1,8 +1,9 @@
-// Backward: every triangle gathers, over the pixels of its box, the derivative of the loss by its corners (pixels and
-// depth), corner colours, texture coordinates and normals, and by sigma and gamma. No atomics, so the same bits always.
-// One workgroup an item of backward_cull's list (item.glsl), its lanes taking the pixels in turn. The lanes' sums are added
-// in a fixed order. Of small items, which are less work than reading their record and adding up the lanes, one each lane.
-// Reads the items, the records and `pixel_gradients`; writes `partials`. See triangle_grad.comp for what follows.
+// Backward (eq. 4): for every triangle sums over the pixels of its box the derivative of the loss by its corners (pixels and
+// depth), their colours, texture coordinates and normals, and by sigma and gamma. The lanes' sums are added in a fixed order
+// without atomics, so that the bits are the same on every run.
+// One workgroup an item of backward_cull's list (item.glsl), its lanes taking the pixels in turn. A small item, which is
+// less work than reading its record and adding up the lanes, takes one lane alone.
+// Reads the items, the records and `pixel_gradients`; writes `partials`, which triangle_grad.comp reads, and `texel_sums`.
 
 layout(local_size_x_id = 0) in;
 
@@ -29,17 +30,17 @@ layout(set = 0, binding = 8) uniform usamplerBuffer item_counts;
 #include "common/pair_gradient.glsl"
 
 #ifdef OUTLINE
-// The items' triangles show in no image but the silhouette.
+// The items' triangles contribute to the silhouette only.
 const bool SHOWS = false;
 #else
 const bool SHOWS = UP_SHADED;
 #endif
 
-// Pixels that a lane takes at a time: step by step rather than one by one, so that their long chains of dependent
-// operations run side by side.
+// Pixels that a lane takes at a time. Every step runs over all of them before the next step, so that their long chains of
+// dependent operations overlap.
 const int PAIRS = 2;
 
-// Lanes that walk an item.
+// Lanes that share an item.
 const int WALKERS = SMALL ? 1 : int(gl_WorkGroupSize.x);
 const int STEP = PAIRS * WALKERS;
 
@@ -55,13 +56,13 @@ struct Walk {
     int image_width;
 };
 
-// One of them.
+// One pixel of an item.
 struct Pair {
-    // Relative to the record's origin.
+    // Pixel position relative to the record's origin.
     vec2 q;
-    // In `pixel_gradients`.
+    // Index in `pixel_gradients`.
     int pixel;
-    // Whether it is one of the item's.
+    // False past the item's last pixel.
     bool taken;
 };
 
@@ -72,7 +73,7 @@ Pair pair_at(Walk w, int index, vec2 origin) {
     return Pair(vec2(where) - origin, (w.image + where.y) * w.image_width + where.x, index < w.count);
 }
 
-// What takes no part has D = 0, and its complement 1.
+// A fragment outside the depth range has D = 0 and the complement 1.
 void leave_out(inout Fragment f, bool shaded) {
     f.probability = shaded ? f.probability : 0.0;
     f.complement = shaded ? f.complement : 1.0;
@@ -120,13 +121,14 @@ void add_pairs(int slot, Walk walk, int index, Triangle t, Ends ends, Corner c, 
             if (DEPTH_RANGE == DEPTH_RANGE_OFFICIAL) {
                 shaded[i] = shaded[i] && z >= frame.near_high;
             }
-            // The official backward pass gives what its colour leaves out no gradient at all.
+            // The official backward pass gives no gradient to a fragment that its colour leaves out.
             if (DEPTH_RANGE == DEPTH_RANGE_FAR || PAPER) {
                 leave_out(f[i], shaded[i]);
             }
         }
     }
-    // ∂A/∂x without its pixel's factor; x is the signed distance over sigma.
+    // dL/dx through the silhouette (eq. 4: ∂A/∂x_j = (1 - A) D_j), x = ± d² / sigma of eq. 1; pixel_grad.comp made the
+    // pixel's factor entry.a.
     float by_x[PAIRS];
     for (int i = 0; i < PAIRS; ++i) {
         by_x[i] = UP_ALPHA ? entry[i].a * f[i].probability : 0.0;
@@ -138,9 +140,9 @@ void add_pairs(int slot, Walk walk, int index, Triangle t, Ends ends, Corner c, 
         float relative[PAIRS];
         float weight[PAIRS];
         for (int i = 0; i < PAIRS; ++i) {
-            // Finite, so that what weighs nothing gives nothing.
+            // Log2 weight relative to the pixel's sum, kept finite so that a weight of 0 gives a gradient of 0.
             relative[i] = between((c.whole - weights[i].x) + (depth[i].weight - weights[i].y), 1e30);
-            // Beyond 2¹⁰⁰ only what takes no part lies, with D = 0.
+            // w_j of eq. 3. Only dropped fragments, with D = 0, exceed 2¹⁰⁰.
             weight[i] = (shaded[i] ? f[i].probability : 0.0) * exp2(lesser(relative[i], 100.0));
             if (COLOR_MODE == COLOR_HARD) {
                 weight[i] = shaded[i] && vec2(slot >> 12, slot & 4095) == weights[i].xy ? 1.0 : 0.0;
@@ -180,8 +182,8 @@ void add_pairs(int slot, Walk walk, int index, Triangle t, Ends ends, Corner c, 
             }
         }
         for (int i = 0; i < PAIRS; ++i) {
-            // ∂L/∂s = w (v - V), s the logarithm of the weight.
-            // The hard mode has no weight to change.
+            // ∂L/∂s_j = w_j (v_j - V) (eq. 4), s_j = log D_j + ζ_j/γ being the log weight of eq. 3, and ∂s_j/∂x_j = 1 - D_j.
+            // The hard mode has no weights.
             float by_weight = COLOR_MODE == COLOR_SOFTMAX ? weight[i] * (value[i] - weights[i].z) : 0.0;
             by_x[i] += by_weight * f[i].complement;
             if (GRAD_SCALARS) {
@@ -191,7 +193,7 @@ void add_pairs(int slot, Walk walk, int index, Triangle t, Ends ends, Corner c, 
                 float z = c.depth.z * inverse_score * depth[i].ratio;
                 float by_z = (UP_DEPTH ? weight[i] * weights[i].w : 0.0) - by_weight * frame.score_high * LN2;
                 if (PERSPECTIVE_CORRECT) {
-                    // Σ b̂ c z/z_k depends on z itself and on each z_k.
+                    // C = Σ b̂_k c_k z/z_k depends on z and on each z_k.
                     by_z += weight[i] * dot(by_mixed[i], mixed[i]) / z;
                     s.depth -= by_mixed[i] * mixed[i] * (weight[i] * depth[i].ratio / z) / nearness(c);
                 }
@@ -232,8 +234,8 @@ Sums no_sums() {
     return s;
 }
 
-// The nearest point of a segment is where its normal meets it, which turns with it: ∂t/∂p_b has the distance over the
-// squared length across the segment too.
+// For a triangle without area: the nearest point of a segment moves along it when the segment rotates, so that ∂t/∂p_b has a
+// component across the segment, the distance over the squared length.
 void add_turn(Triangle t, Ends ends, inout Sums s) {
     vec3 side = ends_of_segment(lessThan(t.inverse_height, vec3(0.0)));
     vec2 normal = ends.pick.x * t.line0.xy + ends.pick.y * t.line1.xy + ends.pick.z * t.line2.xy;
@@ -274,7 +276,8 @@ void write_sums(Sums s, Corner c, bool writes, int item) {
     }
 }
 
-// The row's items lie at its front, small ones at its end, last first. Behind the last that a lane may have it stands again.
+// Index in `items` of this lane's item. A row holds its items from the front and its small items from the end, in reverse
+// order. A lane past the last small item takes the last one again with `exists` false.
 int place_of_item(out bool exists) {
     int first = int(frame.first);
     exists = true;
@@ -316,11 +319,12 @@ void main() {
     float scale = frame.scale;
     float inverse_score = 1.0 / frame.score_high;
     Sums s = no_sums();
-    // No item is empty, and a software device runs the body of a loop that asks first once more than it must. All lanes
-    // take as many turns as the first: Mesa 22.3 lets a lane that has left such a loop go on in the body's branches.
+    // No item is empty, so that the loop can test its condition at the end, where llvmpipe does not execute the body once
+    // more. All lanes take the same number of turns, the largest: in Mesa 22.3 a lane that has left the loop still takes
+    // branches of its body.
     int turns = (walk.count + STEP - 1) / STEP;
     turns = SMALL ? -int(least_of_lanes(vec2(-turns)).x) : turns;
-    // A lane without an item takes none of the pixels.
+    // A lane without an item starts past its last pixel.
     int index = exists ? lane : walk.count;
     do {
         add_pairs(slot, walk, index, t, ends, c, radius_squared, scale, inverse_score, s);

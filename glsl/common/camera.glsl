@@ -1,4 +1,5 @@
-// From world to view to pixels, in double floats. Needs df64.glsl and the buffers view_cameras and view_shapes.
+// From world space to view space to pixels, in double floats. project_gradient.glsl is the derivative.
+// Needs constants.glsl, modes.glsl, df64.glsl and the buffer `view_cameras`.
 
 // A point in view space, each coordinate a double float.
 struct ViewPoint {
@@ -10,6 +11,7 @@ struct ViewPoint {
 // Beyond this many pixels a vertex is far outside any image; the bound keeps products finite.
 const float FARTHEST_PIXEL = 1e12;
 
+// One row of the view transform, whose high and low parts lie in two texels, times (p, 1).
 vec2 view_row(int at, vec3 p) {
     vec4 high = texelFetch(view_cameras, at);
     vec4 low = texelFetch(view_cameras, at + 1);
@@ -17,6 +19,7 @@ vec2 view_row(int at, vec3 p) {
     return df_add(df_add(sum, df_mul(vec2(high.z, low.z), p.z)), vec2(high.w, low.w));
 }
 
+// A mesh's position in view space. PROJECTION_SCREEN's (x, y, z) stands for the point (x z, y z, z).
 ViewPoint to_view(int view, vec3 p) {
     int at = view * int(CAMERA_TEXELS);
     ViewPoint v = ViewPoint(view_row(at, p), view_row(at + 2, p), view_row(at + 4, p));
@@ -43,6 +46,7 @@ void distort(int at, inout vec2 x, inout vec2 y) {
     y = df_add(df_mul(y, radial), dy);
 }
 
+// A double float clamped to ±FARTHEST_PIXEL.
 vec2 bounded(vec2 a) {
     return abs(a.x) < FARTHEST_PIXEL ? a : vec2(clamp(a.x, -FARTHEST_PIXEL, FARTHEST_PIXEL), 0.0);
 }

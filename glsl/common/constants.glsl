@@ -1,4 +1,4 @@
-// What Rust and GLSL both need to know; build.rs turns every constant here into a Rust one.
+// The constants that Rust and GLSL share; build.rs turns each into a Rust constant, documented by the comment above it.
 
 // Width of a tile in pixels.
 const uint TILE_WIDTH = 8u;
@@ -10,27 +10,28 @@ const uint BIN_TILES = 8u;
 const uint BIN_WIDTH = 64u;
 // Height of a bin in pixels.
 const uint BIN_HEIGHT = 32u;
-// Workgroups of one indirect dispatch, since 65535 is all that a device must offer; more go in further rows.
+// Workgroups of one indirect dispatch: a device need only allow 65535 along an axis, so longer lists take several rows.
 const uint FORWARD_ROW = 32768u;
 // Invocations of a workgroup of the vertex and triangle stages.
 const uint LINEAR_GROUP = 64u;
-// First of the three words of `tile_counts` that are the workgroups of a row of tiles which have a list.
+// Word of `tile_counts` where the three workgroup counts for a row of tiles with a list begin.
 const uint TILES_FILLED = 0u;
-// First of those of tiles that must be given the background.
+// Word of `tile_counts` where the three workgroup counts for a row of tiles that need the background begin.
 const uint TILES_EMPTY = 3u;
 // Words of `tile_counts` for each row of FORWARD_ROW tiles.
 const uint TILE_COUNT_WORDS = 6u;
-// Triangles whose bits share one word of a bin's bitmap.
+// Triangles in one word of a bin's bitmap.
 const uint WORD_BITS = 32u;
-// Words of a block of WORD_BITS entries of a bin's list: which of them may touch each tile, and which face away.
+// Words of a block of WORD_BITS entries of a bin's list: a mask for each tile of the entries that may touch it, and a mask
+// of the back faces.
 const uint BLOCK_WORDS = 65u;
 
-// In `tile_marks`: the tile's pixels hold the background.
+// Value in `tile_marks`: the tile's pixels hold the background.
 const uint MARK_BACKGROUND = 1u;
 
-// Flags of an entry of `view_shapes`: one colour for the whole mesh.
+// Flag of an entry of `view_shapes`: one colour for the whole mesh.
 const uint SHAPE_UNIFORM_COLOR = 1u;
-// Where `tile_marks` say that a tile holds the background, it does: nobody else wrote to the images since.
+// Flag of an entry of `view_shapes`: `tile_marks` are valid, since nothing else has written to the images after them.
 const uint SHAPE_BACKGROUND_KEPT = 2u;
 // Texels (uvec4) of one entry of `view_shapes`.
 const uint SHAPE_TEXELS = 4u;
@@ -49,13 +50,13 @@ const uint SHADING_COORDINATE_TEXELS = 2u;
 // Texels (vec4) that normals add to a shading record.
 const uint SHADING_NORMAL_TEXELS = 3u;
 
-// Bits of OUTPUTS.
+// Bit of OUTPUTS: the colour image.
 const uint OUTPUT_COLOR = 1u;
-// The silhouette image.
+// Bit of OUTPUTS: the silhouette image.
 const uint OUTPUT_SILHOUETTE = 2u;
-// The depth image.
+// Bit of OUTPUTS: the depth image.
 const uint OUTPUT_DEPTH = 4u;
-// The normal image.
+// Bit of OUTPUTS: the normal image.
 const uint OUTPUT_NORMAL = 8u;
 
 // COLOR_MODE: the depth-weighted softmax of eq. 2 and 3.
@@ -70,11 +71,11 @@ const uint SILHOUETTE_SUM = 1u;
 // SILHOUETTE_MODE: 1 where any D > 1/2.
 const uint SILHOUETTE_HARD = 2u;
 
-// DISTANCE: squared distance to the boundary.
+// DISTANCE: squared distance to the boundary, d² of eq. 1.
 const uint DISTANCE_EUCLIDEAN = 0u;
 // DISTANCE: square of the smallest barycentric coordinate.
 const uint DISTANCE_BARYCENTRIC = 1u;
-// DISTANCE: inside or not.
+// DISTANCE: D is 1 inside and 0 outside.
 const uint DISTANCE_HARD = 2u;
 
 // SAMPLING: corner colours only.
@@ -86,159 +87,160 @@ const uint SAMPLING_IMAGE = 2u;
 
 // DEPTH_RANGE: every fragment is known to lie within [near, far].
 const uint DEPTH_RANGE_INSIDE = 0u;
-// DEPTH_RANGE: fragments beyond far take part in nothing.
+// DEPTH_RANGE: fragments beyond far are dropped.
 const uint DEPTH_RANGE_FAR = 1u;
-// DEPTH_RANGE: fragments outside [near, far] count in the silhouette alone, as in the official code.
+// DEPTH_RANGE: fragments outside [near, far] contribute to the silhouette only, as in the official code.
 const uint DEPTH_RANGE_OFFICIAL = 2u;
 
-// Projection kinds: x / z.
+// Projection kind: x / z.
 const uint PROJECTION_PERSPECTIVE = 0u;
-// Projection kind: x whatever the depth.
+// Projection kind: x at every depth.
 const uint PROJECTION_ORTHOGRAPHIC = 1u;
 // Projection kind: x / (z + 1e-5), then distorted.
 const uint PROJECTION_OFFICIAL = 2u;
-// Projection kind: already on the screen.
+// Projection kind: vertices are given on the screen.
 const uint PROJECTION_SCREEN = 3u;
 
-// Kinds of an entry of `textures`: surface cells, looked up without interpolation.
+// Kind of texture: surface cells, looked up without interpolation.
 const uint TEXTURE_SURFACE = 0u;
 // Kind of texture: an image that repeats.
 const uint TEXTURE_REPEAT = 1u;
 // Kind of texture: an image whose border continues.
 const uint TEXTURE_CLAMP = 2u;
 
-// Words of `status`: entries that the bins' lists need.
+// Word of `status`: entries that the bins' lists need.
 const uint STATUS_COARSE_NEEDED = 0u;
 // Word of `status`: entries that the tiles' lists need.
 const uint STATUS_LIST_NEEDED = 1u;
-// Word of `status`: not 0 when a value that is not finite was met.
+// Word of `status`: not 0 when a projected vertex is not finite.
 const uint STATUS_NOT_FINITE = 2u;
-// Word of `status`: the longest tile list, where one is longer than LONG_LIST; and of a bin whose lists a software device
-// could not write, all its entries.
+// Word of `status`: length of the longest tile list if it exceeds LONG_LIST. A bin whose lists a software device failed to
+// write reports the number of its entries here.
 const uint STATUS_LONGEST_LIST = 3u;
-// Entries of a tile's list from which its length is reported.
+// Entries of a tile's list above which its length is reported.
 const uint LONG_LIST = 16384u;
-// Word of `status`: cells that large boxes need beyond their first.
+// Word of `status`: cells that large pixel boxes need beyond their first.
 const uint STATUS_CELLS_NEEDED = 4u;
-// Tiles that have a list.
+// Word of `status`: tiles that have a list.
 const uint STATUS_FILLED_TILES = 5u;
-// Tiles that were given the background.
+// Word of `status`: tiles that received the background.
 const uint STATUS_EMPTY_TILES = 6u;
-// Words of `status`.
+// Number of words of `status`.
 const uint STATUS_WORDS = 7u;
 
-// Bits of GRADIENTS: what backward is asked for. Positions, the camera, and all that lies behind them.
+// Bit of GRADIENTS, the gradients that backward computes: by the vertices' positions on the image, from which those by world
+// positions and the camera follow.
 const uint GRADIENT_GEOMETRY = 1u;
-// Corner colours: vertex colours and lights.
+// Bit of GRADIENTS: by corner colours, from which those by vertex colours and lights follow.
 const uint GRADIENT_COLOR = 2u;
-// Texture coordinates.
+// Bit of GRADIENTS: by texture coordinates.
 const uint GRADIENT_COORDINATE = 4u;
-// Texels of surfaces and images.
+// Bit of GRADIENTS: by the texels of surfaces and images.
 const uint GRADIENT_TEXEL = 8u;
-// Sigma and gamma.
+// Bit of GRADIENTS: by sigma and gamma.
 const uint GRADIENT_SCALARS = 16u;
-// Corner normals, of the normal image.
+// Bit of GRADIENTS: by corner normals, through the normal image.
 const uint GRADIENT_NORMAL = 32u;
-
-// Camera.
+// Bit of GRADIENTS: by the camera.
 const uint GRADIENT_VIEW = 64u;
-// Lights.
+// Bit of GRADIENTS: by the lights.
 const uint GRADIENT_LIGHTS = 128u;
-// Background colour and score.
+// Bit of GRADIENTS: by the background's colour and score ε.
 const uint GRADIENT_BACKGROUND = 256u;
 
-// REDUCTION: each view's triangles.
+// REDUCTION: sums over each view's triangles.
 const uint REDUCTION_VIEWS = 0u;
-// REDUCTION: each light's vertices or triangles.
+// REDUCTION: sums over vertices or triangles, one for each light.
 const uint REDUCTION_LIGHTS = 1u;
-// REDUCTION: all pixels.
+// REDUCTION: sums over all pixels.
 const uint REDUCTION_PIXELS = 2u;
 
-// First of the three words of `item_counts` that are the workgroups of a row of items which show.
+// Word of `item_counts` where the three workgroup counts for a row of items visible in the shaded images begin.
 const uint ITEMS_SHOWN = 0u;
-// First of those of items that show in the silhouette alone.
+// Word of `item_counts` where those of items that contribute to the silhouette only begin.
 const uint ITEMS_OUTLINE = 3u;
-// From a list's words to those of its small items.
+// Offset from a list's workgroup counts to those of its small items.
 const uint ITEMS_SMALL = 6u;
-// From a list's words to the number of its small items.
+// Offset from a list's workgroup counts to the number of its small items.
 const uint ITEMS_SMALL_NUMBER = 12u;
 // Words of `item_counts` for each row of FORWARD_ROW items.
 const uint ITEM_COUNT_WORDS = 18u;
-// Pixels of a small item, which one lane walks by itself, times the lanes of a workgroup: 256 pixels where eight lanes are
-// all there are, 64 where other lanes would stand idle meanwhile.
+// Pixels of the largest small item, which one lane processes alone, times the lanes of a workgroup: 256 pixels with eight
+// lanes, 64 with 32 lanes, the rest of which would wait for the longest item.
 const uint SMALL_WORK = 2048u;
 
-// Pixels of a cell: a larger box is walked in several cells, by several invocations.
+// Width of a cell in pixels: backward splits larger pixel boxes into cells, which run in parallel.
 const uint CELL_WIDTH = 64u;
-// Height of a cell.
+// Height of a cell in pixels.
 const uint CELL_HEIGHT = 32u;
-// Texels (vec4) of a partial gradient before its optional parts.
+// Texels (vec4) of an entry of `partials` without its optional parts.
 const uint PARTIAL_TEXELS = 3u;
-// Texels (vec4) that corner colours add to a partial gradient.
+// Texels (vec4) that corner colours add to an entry of `partials`.
 const uint PARTIAL_COLOR_TEXELS = 3u;
-// Texels (vec4) that texture coordinates add to a partial gradient.
+// Texels (vec4) that texture coordinates add to an entry of `partials`.
 const uint PARTIAL_COORDINATE_TEXELS = 2u;
-// Texels (vec4) that corner normals add to a partial gradient.
+// Texels (vec4) that corner normals add to an entry of `partials`.
 const uint PARTIAL_NORMAL_TEXELS = 3u;
 
 // Invocations in a workgroup of the self test.
 const uint SELFTEST_LOCAL_SIZE = 64u;
-// What the self test adds where nothing else is asked for.
+// The offset that the self test adds by default.
 const float SELFTEST_OFFSET = 0.5;
 
-// Invocations in a workgroup of the fitting kernels, which sum in this width.
+// Invocations in a workgroup of the fitting kernels, and the width of their sums.
 const uint FIT_GROUP = 64u;
 // Pixels that an invocation of image_loss sums: summing over a workgroup costs some 30 us on a software device.
 const uint LOSS_PIXELS = 64u;
-// SILHOUETTE_LOSS, COLOR_LOSS: there is no such image.
+// SILHOUETTE_LOSS, COLOR_LOSS: no loss on this image.
 const uint LOSS_NONE = 0u;
-// 1 - intersection over union.
+// Loss: 1 - intersection over union.
 const uint LOSS_IOU = 1u;
-// Absolute differences.
+// Loss: absolute differences.
 const uint LOSS_L1 = 2u;
-// Squared differences.
+// Loss: squared differences.
 const uint LOSS_L2 = 3u;
-// Huber's function of differences.
+// Loss: Huber's function of differences.
 const uint LOSS_HUBER = 4u;
-// Keeps the IoU of two empty silhouettes finite.
+// Added to the union, so that the IoU of two empty silhouettes is finite.
 const float LOSS_IOU_EPSILON = 1e-6;
 
 // METHOD: gradient descent with momentum.
 const uint METHOD_SGD = 0u;
-// Adam.
+// METHOD: Adam.
 const uint METHOD_ADAM = 1u;
-// Adam with one pace for all parameters.
+// METHOD: Adam with one step size for all parameters.
 const uint METHOD_UNIFORM = 2u;
 
-// Of a flap's first word: the official flatten loss sees it.
+// Flag in the first word of a flap (two triangles that share an edge): the official flatten loss includes it.
 const uint FLAP_OFFICIAL = 0x80000000u;
-// Its first triangle winds along the edge; else against it.
+// Flag in a flap's first word: its first triangle's winding follows the edge; otherwise it opposes it.
 const uint FLAP_FIRST_ALONG = 0x40000000u;
-// Its second triangle winds along the edge.
+// Flag in a flap's first word: its second triangle's winding follows the edge.
 const uint FLAP_SECOND_ALONG = 0x20000000u;
-// The vertex.
+// Mask of the vertex in a flap's first word.
 const uint FLAP_VERTEX = 0x1fffffffu;
 
-// Words of `fit_state`. Why no further step is taken, 0 while steps are.
+// Word of `fit_state`: HALT_ bits that say why no further step is taken; 0 while steps are taken.
 const uint FIT_HALTED = 0u;
-// This step is to be taken.
+// Word of `fit_state`: not 0 when this step is to be taken.
 const uint FIT_APPLY = 1u;
-// This step's loss is the least so far.
+// Word of `fit_state`: not 0 when this step's loss is the least so far.
 const uint FIT_BETTER = 2u;
-// The least loss so far, a float's bits.
+// Word of `fit_state`: the least loss so far, as a float's bits.
 const uint FIT_LEAST = 3u;
-// Words of the whole.
+// Number of words of `fit_state`.
 const uint FIT_STATE_WORDS = 4u;
-// FIT_HALTED: a frame's lists had too little room, or it met a value that is not finite.
+// Bit of FIT_HALTED: a frame's lists had too little room, or a vertex was not finite.
 const uint HALT_FRAME = 1u;
-// FIT_HALTED: a vertex left the box that the frame was planned for.
+// Bit of FIT_HALTED: a vertex left the box that the frame was planned for.
 const uint HALT_OUTSIDE = 2u;
 
-// Words of a step's record.
+// Number of words of a step's record.
 const uint RECORD_WORDS = 16u;
-// Of a record: the first of the four regularisers' values; the loss, the silhouettes' and the colours' lie before it.
+// Word of a step's record: the first of the four regularisers' values. The total loss, the silhouette loss and the colour
+// loss lie before it.
 const uint RECORD_PENALTIES = 3u;
-// Of a record: FIT_HALTED as the step found it.
+// Word of a step's record: FIT_HALTED as the step found it.
 const uint RECORD_HALTED = 7u;
-// Of a record: the frame's status.
+// Word of a step's record: the first of the frame's status.
 const uint RECORD_STATUS = 8u;

@@ -1,12 +1,17 @@
+// A triangle's shading record: depth, colours, texture coordinates and normals of its corners, as triangle.comp writes it.
+// Needs constants.glsl, modes.glsl and the buffer `shading`.
+
 // Texels of the longest shading record; SHADING_STRIDE of them are used.
 const int SHADING_MOST = int(SHADING_TEXELS + SHADING_COORDINATE_TEXELS + SHADING_NORMAL_TEXELS);
 
-// A triangle's corner values as they lie in its shading record.
 struct Corner {
+    // The depth_record of triangle.comp, and the integer part of corner 0's log2 weight.
     vec4 depth;
     float whole;
+    // A column a corner, as with all that follows.
     mat3 color;
     mat3x2 coordinate;
+    // Entry of `textures`, and the triangle's number in its mesh.
     int texture_index;
     int triangle;
     mat3 normal;
@@ -33,10 +38,10 @@ Corner corner_from(vec4 record[SHADING_MOST]) {
     return c;
 }
 
-Corner corner_of(int slot) {
+Corner corner_of(int record_index) {
     vec4 record[SHADING_MOST];
     for (int i = 0; i < SHADING_STRIDE; ++i) {
-        record[i] = texelFetch(shading, slot * SHADING_STRIDE + i);
+        record[i] = texelFetch(shading, record_index * SHADING_STRIDE + i);
     }
     return corner_from(record);
 }

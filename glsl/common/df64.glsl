@@ -1,6 +1,6 @@
-// Sums of two floats (high, low), some 48 bits of mantissa: Dekker 1971, Knuth TAOCP 4.2.2. They keep the positions of
-// small and distant triangles exact relative to each other. `precise` forbids contraction and reassociation, on
-// which every one of these functions rests; no fma, since some drivers round it twice.
+// Double floats: a number as the sum of two floats (high, low), some 48 bits of mantissa (Dekker 1971; Knuth, TAOCP 4.2.2).
+// They keep the positions of small and distant triangles exact relative to each other. Every function rests on `precise`,
+// which forbids contraction and reassociation; none uses fma, which some drivers round twice. Needs nothing.
 
 vec2 quick_two_sum(float a, float b) {
     precise float s = a + b;

@@ -1,12 +1,14 @@
-// A host's draws: which of its vertices, indices and instances make which of the frame's. Needs the buffer draws.
+// A host's draws: which of its vertices, indices and instances make which vertices and triangles of the frame. "Placed"
+// names the frame's copies: every draw's vertices and triangles, once for each of its instances.
+// Needs the buffer `draws`.
 
 struct Draw {
-    // First of the geometry's placed vertices, vertices of one instance, first in the host's buffer, first transform.
+    // First placed vertex, vertices of one instance, their first in the host's buffer, first transform.
     int placed_vertex;
     int vertices;
     int first_vertex;
     int first_instance;
-    // The same of triangles and indices.
+    // First placed triangle, triangles of one instance, their first index in the host's buffer; instances.
     int placed_triangle;
     int triangles;
     int first_index;
@@ -19,14 +21,15 @@ Draw draw_of(int index) {
     return Draw(a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w);
 }
 
-// The last draw that begins at or before a placed vertex (part 0, component 0), a placed triangle (1, 0) or an
-// instance (0, 3). Draws of nothing begin where the next one does, so that they are never the last.
-int draw_at(int place, int count, int part, int component) {
+// The draw that element `number` belongs to: the last of `count` draws that begins at or before it. `part` and `component`
+// select what is numbered: (0, 0) placed vertices, (1, 0) placed triangles, (0, 3) instances. An empty draw begins where
+// the next one does, so that it is never the last.
+int draw_at(int number, int count, int part, int component) {
     int low = 0;
     int high = count - 1;
     while (low < high) {
         int middle = (low + high + 1) / 2;
-        bool after = int(texelFetch(draws, 2 * middle + part)[component]) <= place;
+        bool after = int(texelFetch(draws, 2 * middle + part)[component]) <= number;
         low = after ? middle : low;
         high = after ? high : middle - 1;
     }

@@ -1,28 +1,30 @@
-// The three boundary segments of a triangle on the image, relative to a whole-numbered pixel near the triangle, so that
+// The three edges of a triangle on the image as signed distance functions (d of eq. 1), its pixel box grown by the culling
+// radius, and a conservative test against rectangles. All is relative to a whole-numbered pixel near the triangle, so that
 // a pixel's offset from it is exact and rounding is relative to the triangle's size, not to the image's.
+// Needs constants.glsl, modes.glsl, frame.glsl and df64.glsl.
 
 struct Edges {
     // Whole-numbered pixel (column, row) that everything is relative to.
     vec2 origin;
-    // Edge k lies opposite corner k: (n.x, n.y, c, g). n·q + c is the distance to its line, positive inside;
-    // n.y q.x - n.x q.y + g the distance along it from its midpoint; both times frame.scale.
+    // Edge k lies opposite corner k: (n.x, n.y, c, g). n·q + c is the signed edge distance, positive inside;
+    // n.y q.x - n.x q.y + g is the distance along the edge from its midpoint; both times frame.scale.
     vec4 line[3];
     // Half the edge's length times frame.scale.
     vec3 half_length;
-    // Barycentric k is the distance to edge k's line times this.
+    // Barycentric coordinate k is the signed distance to edge k times this.
     vec3 inverse_height;
     // Corners relative to the origin, pixels.
     vec2 corner[3];
-    // Sign of the area with rows downwards: negative is counter-clockwise to the eye. Positive without area.
+    // Sign of the area with rows downwards: negative is counter-clockwise as seen. Positive without area.
     float orientation;
     // No area: the record describes a segment or a point.
     bool degenerate;
     bool finite;
 };
 
-// The line through a and b, whose cross product is `cross_ab`; `side` picks which of its sides is inside. The
-// distance of the origin is that cross product over the length: for an edge that begins and ends far outside the image,
-// the one form in which rounding is relative to what is seen.
+// The line through a and b, whose cross product is `cross_ab`; the sign `side` selects which of its sides is inside. The
+// distance of the origin is that cross product over the length: for an edge whose ends lie far outside the image, only
+// this form has a rounding error relative to the visible part.
 vec4 line_record(vec2 a, vec2 b, vec2 along, float size, float cross_ab, float side) {
     vec2 n = side * vec2(-along.y, along.x);
     vec2 middle = 0.5 * (a + b);
@@ -31,9 +33,9 @@ vec4 line_record(vec2 a, vec2 b, vec2 along, float size, float cross_ab, float s
     return vec4(n, c, g) * frame.scale;
 }
 
-// A triangle without area is its longest edge. That edge keeps its place; the other two become its end points, with
-// lines across it whose distances, times the inverse heights, are the barycentrics of the nearest point, and which
-// are never both positive, so that nothing is inside.
+// Reduces a triangle without area to its longest edge. That edge keeps its record; the other two become the segment's end
+// points: lines across it, whose signed distances times the inverse heights are the barycentrics of the nearest point.
+// These are never both positive, so that no pixel is inside.
 void flatten_to_segment(inout Edges e, int longest, vec2 along, float size) {
     int a = longest == 2 ? 0 : longest + 1;
     int b = a == 2 ? 0 : a + 1;
@@ -41,7 +43,7 @@ void flatten_to_segment(inout Edges e, int longest, vec2 along, float size) {
     e.half_length = vec3(0.0);
     e.half_length[longest] = 0.5 * size * frame.scale;
     e.inverse_height = vec3(0.0);
-    // The line at corner a, whose edge is opposite corner b, measures b's share.
+    // The line through corner a belongs to the edge opposite corner b and measures b's barycentric coordinate.
     vec2 across = vec2(-along.y, along.x);
     e.line[b] = line_record(e.corner[a], e.corner[a], across, 0.0, 0.0, 1.0);
     e.line[a] = line_record(e.corner[b], e.corner[b], across, 0.0, 0.0, -1.0);
@@ -49,7 +51,7 @@ void flatten_to_segment(inout Edges e, int longest, vec2 along, float size) {
     e.inverse_height[b] = inverse;
     e.inverse_height[a] = inverse;
     if (size == 0.0) {
-        // A point has the barycentrics of its first corner: a line that is everywhere equally far.
+        // A point has the barycentrics of its first corner: its line has the same distance everywhere.
         e.line[0] = vec4(0.0, 0.0, 1e15, 0.0);
         e.inverse_height[0] = 1e-15;
     }
@@ -59,7 +61,7 @@ Edges edges_of(vec2 column[3], vec2 row[3]) {
     Edges e;
     vec2 low = vec2(min(column[0].x, min(column[1].x, column[2].x)), min(row[0].x, min(row[1].x, row[2].x)));
     vec2 high = vec2(max(column[0].x, max(column[1].x, column[2].x)), max(row[0].x, max(row[1].x, row[2].x)));
-    // Kept on the image: of a triangle that reaches far beyond it, the part that is seen must be exact.
+    // Clamped to the image: for a triangle that reaches far beyond it the visible part must be exact.
     e.origin = floor(clamp(0.5 * (low + high), vec2(0.0), vec2(frame.width, frame.height)));
     vec2 x[3];
     vec2 y[3];
@@ -84,14 +86,14 @@ Edges edges_of(vec2 column[3], vec2 row[3]) {
     float area = df_add(df_add(cross_ab[0], cross_ab[1]), cross_ab[2]).x;
     e.finite = abs(area) < 1e30;
     int longest = size.x >= size.y ? (size.x >= size.z ? 0 : 2) : (size.y >= size.z ? 1 : 2);
-    // What is less than this of a pixel is a point: quotients by its size would leave a float.
+    // Shorter than this in pixels is a point: quotients by its size would overflow a float.
     float extent = size[longest] > 1e-12 ? size[longest] : 0.0;
     e.degenerate = abs(area) <= 1e-10 * extent * extent || extent == 0.0;
     e.orientation = area < 0.0 && !e.degenerate ? -1.0 : 1.0;
     for (int k = 0; k < 3; ++k) {
         int a = k == 2 ? 0 : k + 1;
         int b = a == 2 ? 0 : a + 1;
-        // An edge of no length is a point: any direction serves.
+        // An edge of no length is a point, for which any direction is right.
         vec2 along = size[k] > 0.0 ? side[k] / size[k] : vec2(1.0, 0.0);
         e.line[k] = line_record(e.corner[a], e.corner[b], along, size[k], cross_ab[k].x, e.orientation);
         e.half_length[k] = 0.5 * size[k] * frame.scale;
@@ -104,7 +106,7 @@ Edges edges_of(vec2 column[3], vec2 row[3]) {
     return e;
 }
 
-// How far beyond an edge's line, in that line's units, the triangle still counts.
+// The culling radius in the units of edge k's line: how far outside of it the triangle still has fragments.
 float reach_of(Edges e, int k) {
     if (DISTANCE == DISTANCE_EUCLIDEAN) {
         return sqrt(frame.radius_squared);
@@ -112,7 +114,7 @@ float reach_of(Edges e, int k) {
     return DISTANCE == DISTANCE_BARYCENTRIC ? frame.barycentric_radius / e.inverse_height[k] : 0.0;
 }
 
-// Pixels (first column, first row, last column, last row) that may be within reach; empty when last < first.
+// Pixels (first column, first row, last column, last row) that may be within the culling radius; empty when last < first.
 ivec4 grown_box(Edges e) {
     vec2 low = min(e.corner[0], min(e.corner[1], e.corner[2]));
     vec2 high = max(e.corner[0], max(e.corner[1], e.corner[2]));
@@ -133,7 +135,7 @@ ivec4 grown_box(Edges e) {
         low = max(low, min(e.corner[0], min(e.corner[1], e.corner[2])) - radius);
         high = min(high, max(e.corner[0], max(e.corner[1], e.corner[2])) + radius);
     }
-    // A hundredth of a pixel covers the rounding of these sums; the fragment's own test is exact.
+    // A hundredth of a pixel covers the rounding of these sums; place_at makes the exact test.
     vec2 margin = vec2(grow + 0.01);
     vec2 bound = vec2(frame.width, frame.height);
     vec2 first = clamp(ceil(e.origin + low - margin), vec2(0.0), bound);
@@ -141,15 +143,16 @@ ivec4 grown_box(Edges e) {
     return ivec4(first, last);
 }
 
-// Whether the pixels within `half_size` of `centre` (relative to the origin) can be within reach of the triangle.
+// Whether any pixel of the rectangle of `half_size` around `centre` (relative to the origin) may be within the culling
+// radius of the triangle.
 bool may_touch(Edges e, vec2 centre, vec2 half_size) {
     bool touch = true;
     for (int k = 0; k < 3; ++k) {
         vec4 l = e.line[k];
         float nearest = l.x * centre.x + l.y * centre.y + l.z + abs(l.x) * half_size.x + abs(l.y) * half_size.y;
-        // 0.1 % and a hundredth of a pixel for rounding.
+        // 0.1 % and a hundredth of a pixel cover rounding.
         touch = touch && nearest >= -1.001 * reach_of(e, k) - 0.01 * frame.scale;
     }
-    // The end lines of a segment are not edges.
+    // The end lines of a triangle without area are not edges.
     return touch || e.degenerate;
 }

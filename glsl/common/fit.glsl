@@ -1,6 +1,6 @@
-// What the fitting kernels share. `src/fit/device/arithmetic.rs` says the same in Rust, operation by operation, and gives
-// the same bits: every result is `precise`, so that no compiler fuses or reorders, and what Vulkan leaves to the driver
-// (dot, length, exp) is written out.
+// Arithmetic of the fitting kernels. `src/fit/device/arithmetic.rs` repeats it in Rust, operation by operation, with equal
+// bits: every result is `precise`, so that no compiler fuses or reorders, and what Vulkan leaves to the driver (dot, length,
+// exp) is written out. Needs nothing.
 
 precise float dot3(vec3 a, vec3 b) {
     precise float sum = a.x * b.x;
@@ -23,7 +23,7 @@ precise float length3(vec3 a) {
     return root;
 }
 
-// exp(x), x within ±80, to some 1e-7 of itself: 2^n times a polynomial (Cephes, expf).
+// exp(x) for x clamped to ±80, with a relative error of some 1e-7: 2^n times a polynomial (Cephes, expf).
 precise float exponential(float x) {
     precise float bounded = min(max(x, -80.0), 80.0);
     precise float whole = floor(bounded * 1.44269504 + 0.5);
@@ -42,13 +42,14 @@ precise float exponential(float x) {
     return scaled;
 }
 
+// The hyperbolic tangent.
 precise float tangent(float x) {
     precise float e = exponential(2.0 * x);
     precise float t = (e - 1.0) / (e + 1.0);
     return t;
 }
 
-// Numbers that single precision would round to less than its smallest normal one: some devices keep them, some do not.
+// 0 for subnormal numbers, which some devices keep and others flush.
 float flushed(float x) {
     return abs(x) < 1.2e-38 ? 0.0 : x;
 }

@@ -1,4 +1,4 @@
-// The sum over a workgroup of 64, pairwise in one order.
+// The sum over a workgroup of FIT_GROUP invocations, pairwise in one order. Needs constants.glsl.
 
 shared vec4 lane_values[FIT_GROUP];
 

@@ -1,10 +1,9 @@
-// Forward: every pixel gathers over its tile's triangles in the list's order: silhouette as a product of complements,
-// colour, depth and normal as a softmax by depth with a running maximum. What those before hide in all of the tile counts
-// in the silhouette alone, and where nothing is seen through the tile not at all.
-// One workgroup a tile of 8×4 pixels that has a list, each lane 32 / lanes of them; the others are background's.
-// Reads `tile_items`, `tile_slots` and the records; writes the images, and for backward `saved`, what
-// pixel.glsl keeps of a pixel, and `tile_bounds`.
-
+// Forward: every pixel sums over its tile's list, in the list's order: the silhouette as a product of complements (eq. 5),
+// colour, depth and normal as a softmax by depth with a running maximum (eq. 2 and 3). Entries hidden across the whole tile
+// contribute to the silhouette only; if the tile is already saturated they are skipped.
+// One workgroup a tile of 8×4 pixels that has a list, each lane 32 / lanes of them; background.comp writes the other tiles.
+// Reads `tile_items`, `tile_slots` and the records; writes the images and, for backward, `saved` (kept_of in pixel.glsl) and
+// `tile_bounds`.
 
 layout(local_size_x_id = 0) in;
 
@@ -39,6 +38,7 @@ layout(set = 0, binding = 13) uniform isamplerBuffer boxes;
 const int TILE_PIXELS = int(TILE_WIDTH * TILE_HEIGHT);
 const int PIXELS = TILE_PIXELS / int(gl_WorkGroupSize.x);
 
+// The product of eq. 5, or what SILHOUETTE_MODE has in its place.
 void add_silhouette(inout Pixel p, Fragment f) {
     if (SILHOUETTE_MODE == SILHOUETTE_PRODUCT) {
         p.silhouette *= f.complement;
@@ -49,13 +49,15 @@ void add_silhouette(inout Pixel p, Fragment f) {
     }
 }
 
-// What a fragment weighs in its pixel, relative to the largest weight so far, and what becomes of the sums before it.
+// A fragment's weight D exp(ζ/γ) (eq. 3) relative to the largest so far, and the factor that brings the sums before it to
+// the same reference.
 struct Share {
     float weight;
     float keep_old;
 };
 
-// Moves the softmax on to one more fragment; in the hard mode that replaces the pixel when it is nearer and covers it.
+// Adds a fragment to the denominator of eq. 3; `whole` and `rest` are the integer part and the fraction of log weights. In
+// the hard mode the fragment replaces the pixel if it is nearer and covers it.
 Share add_weight(inout Pixel p, int slot, Fragment f, Corner c, Depth depth, bool kept, float scale) {
     float difference = (c.whole - p.whole) + (depth.weight - p.rest);
     bool nearer = kept && difference > 0.0;
@@ -77,7 +79,7 @@ Share add_weight(inout Pixel p, int slot, Fragment f, Corner c, Depth depth, boo
     return share;
 }
 
-// Adds what a fragment shows.
+// Adds a fragment's depth, normal and colour C_j to the sums of eq. 2.
 void add_shaded(inout Pixel p, Share s, Corner c, vec3 b, float inverse_sum, Depth depth) {
     if (WANT_DEPTH) {
         p.depth = p.depth * s.keep_old + s.weight * (c.depth.z / frame.score_high) * depth.ratio;
@@ -100,7 +102,7 @@ void add_shaded(inout Pixel p, Share s, Corner c, vec3 b, float inverse_sum, Dep
     }
 }
 
-// Whether a fragment takes part in the shaded images; beyond far it does not in the silhouette either.
+// Whether a fragment contributes to the shaded images. One beyond far does not contribute to the silhouette either.
 bool judge_depth(inout Fragment f, Corner c, Depth depth, float inverse_score) {
     bool shaded = f.kept;
     if (DEPTH_RANGE != DEPTH_RANGE_INSIDE) {
@@ -108,7 +110,7 @@ bool judge_depth(inout Fragment f, Corner c, Depth depth, float inverse_score) {
         shaded = shaded && z <= frame.far_high;
         if (DEPTH_RANGE == DEPTH_RANGE_OFFICIAL) {
             shaded = shaded && z >= frame.near_high;
-            // Back faces that only the silhouette counts: triangle.comp gave them no weight.
+            // Back faces contribute to the silhouette only: triangle.comp gave them no weight.
             shaded = shaded && (!FRONT_ONLY || c.whole > -1e38);
         } else {
             f.probability = shaded ? f.probability : 0.0;
@@ -118,7 +120,7 @@ bool judge_depth(inout Fragment f, Corner c, Depth depth, float inverse_score) {
     return shaded;
 }
 
-// What is the same for all of a lane's pairs. Push constants read in a loop are gathers on a software device.
+// The values that all pairs of a lane share: on a software device a push constant read in a loop is a gather.
 struct Lane {
     vec2 first;
     float radius_squared;
@@ -126,7 +128,7 @@ struct Lane {
     float inverse_score;
 };
 
-// Where a triangle lies to each of a lane's pixels; unless `live`, to none.
+// The pairs of a triangle with each of a lane's pixels; all are dropped unless `live`.
 void find_places(Fetched own, bool live, Triangle t, Lane lane, out Place places[PIXELS]) {
     for (int i = 0; i < PIXELS; ++i) {
         int index = i * int(gl_WorkGroupSize.x);
@@ -151,8 +153,8 @@ void gather_silhouette(Fetched own, bool live, Lane lane, inout Pixel pixels[PIX
     }
 }
 
-// Adds a triangle to all of a lane's pixels: step by step rather than pixel by pixel, so that the long chains of dependent
-// operations of several pixels run side by side.
+// Adds a triangle to all of a lane's pixels. Every step runs over all pixels before the next step, so that the long chains
+// of dependent operations of several pixels overlap.
 void gather(Fetched own, bool live, Lane lane, inout Pixel pixels[PIXELS]) {
     Triangle t = shared_triangle_of(own);
     Corner c;
@@ -193,10 +195,10 @@ void gather(Fetched own, bool live, Lane lane, inout Pixel pixels[PIXELS]) {
     }
 }
 
-// The least log sum and the largest transmittance of all lanes' pixels; of those beyond the image's border too, which can
-// only make it skip less.
+// The least log sum and the largest transmittance of all lanes' pixels. Pixels beyond the image's border are included; they
+// can only reduce what is skipped.
 vec2 bounds_of_tile(Pixel pixels[PIXELS]) {
-    // As one minimum.
+    // The largest transmittance is found as the minimum of its negative.
     vec2 least = vec2(3e38);
     for (int i = 0; i < PIXELS; ++i) {
         vec2 own = bounds_of(pixels[i]);
@@ -206,7 +208,7 @@ vec2 bounds_of_tile(Pixel pixels[PIXELS]) {
     return vec2(least.x, -least.y);
 }
 
-// Which of the list's entries from `from` on may show beside sums of at least `least`, as bits.
+// The mask of the next WORD_BITS entries from `from` on that are visible beside sums of at least `least`.
 uint shown_of(int from, int end, float least) {
     uint shown = 0u;
     for (uint i = 0u; i < WORD_BITS; i += gl_WorkGroupSize.x) {
@@ -217,14 +219,14 @@ uint shown_of(int from, int end, float least) {
     return bits_of_lanes(shown);
 }
 
-// The entry of the lowest bit, or of the first where there is none.
+// The record index of the lowest bit's entry, or of the first entry if there is no bit.
 int slot_of_lowest(int from, uint bits) {
     return int(texelFetch(tile_slots, from + max(findLSB(bits), 0)).x);
 }
 
-// Walks the entries of a word's bits, reading a record ahead, since those of a large mesh are far away. It asks at the end,
-// since a software device runs the body of a loop that asks first once more than it must; without a bit it adds nothing,
-// once. `shows` is a constant of the call: what does not show counts in the silhouette alone.
+// Adds the entries of a word's bits. It reads one record ahead, because the records of a large mesh miss the cache. The loop
+// tests its condition at the end because llvmpipe executes the body once more when it tests at the start; without a bit it
+// runs once and adds nothing. `shows` is a constant of the call: without it entries contribute to the silhouette only.
 void gather_word(int from, uint bits, bool shows, Lane lane, inout Pixel pixels[PIXELS]) {
     bool live = bits != 0u;
     Fetched next = fetch_record(slot_of_lowest(from, bits));
@@ -240,9 +242,9 @@ void gather_word(int from, uint bits, bool shows, Lane lane, inout Pixel pixels[
     } while (bits != 0u);
 }
 
-// A list word by word, since what is hidden depends on what came before; what faces the viewer fills words of its own.
+// Adds a list word by word, because what is hidden depends on the entries before. Front faces fill words of their own.
 void gather_list(int from, int facing_end, int end, Lane lane, inout Pixel pixels[PIXELS]) {
-    // All that is hidden together is next to nothing.
+    // The share of one entry, so that all hidden entries together are negligible.
     float share = log2(float(end - from));
     do {
         int stop = min(from + int(WORD_BITS), from < facing_end ? facing_end : end);
@@ -250,7 +252,7 @@ void gather_list(int from, int facing_end, int end, Lane lane, inout Pixel pixel
         vec2 bounds = bounds_of_tile(pixels);
         bool saturated = !WANT_SILHOUETTE || bounds.y <= exp2(NEXT_TO_NOTHING);
         uint shown = all;
-        // What the silhouette counts of a triangle that crosses the far plane needs its depths.
+        // The silhouette of a triangle that crosses the far plane depends on its depths, which only `gather` computes.
         if (PARTED && (DEPTH_RANGE != DEPTH_RANGE_FAR || saturated)) {
             shown &= shown_of(from, stop, bounds.x - share);
         }

@@ -1,6 +1,8 @@
-// One (pixel, triangle) pair: distance, probability, barycentrics and depth, as steps 1 to 4 of the image model.
+// One fragment, that is one (pixel, triangle) pair: distance and probability (eq. 1), clipped barycentrics and depth, the
+// inputs of the colour weights (eq. 3). pair_gradient.glsl holds the derivatives.
+// Needs constants.glsl, modes.glsl, frame.glsl and the buffer `geometry`.
 
-// A triangle's record, in registers. See edge.glsl for the lines and triangle.comp for the depth.
+// A triangle's geometry record. edge.glsl defines its members; triangle.comp writes it.
 struct Triangle {
     vec2 origin;
     vec4 line0;
@@ -16,15 +18,15 @@ Triangle triangle_from(vec4 record[GEOMETRY_TEXELS]) {
     return Triangle(head.xy, record[1], record[2], record[3], vec3(head.zw, tail.x), tail.yzw);
 }
 
-Triangle triangle_of(int slot) {
+Triangle triangle_of(int record_index) {
     vec4 record[GEOMETRY_TEXELS];
     for (int i = 0; i < int(GEOMETRY_TEXELS); ++i) {
-        record[i] = texelFetch(geometry, slot * int(GEOMETRY_TEXELS) + i);
+        record[i] = texelFetch(geometry, record_index * int(GEOMETRY_TEXELS) + i);
     }
     return triangle_from(record);
 }
 
-// One instruction each, where min and max, which must mind NaN, are three on a software device.
+// Minimum and maximum without the rules for NaN: one instruction each, where min and max take three on a software device.
 float lesser(float a, float b) {
     return a < b ? a : b;
 }
@@ -34,16 +36,16 @@ float greater(float a, float b) {
 }
 
 struct Fragment {
-    // D, and its complement computed without cancellation.
+    // D of eq. 1, and 1 - D computed without cancellation.
     float probability;
     float complement;
-    // Whether the pair takes part at all.
+    // Whether the pixel lies inside the triangle or within the culling radius. Dropped pairs have D = 0.
     bool kept;
-    // Distances to the three edges' lines, positive inside.
+    // Signed edge distances: to the lines of the three edges, positive inside.
     vec3 height;
 };
 
-// Squared distance to a segment: off its line, and beyond its ends along it.
+// Squared distance to a segment from the signed distance to its line (`height`) and the distance along it from its midpoint.
 float segment_distance(float along, float half_length, float height) {
     float beyond = greater(abs(along) - half_length, 0.0);
     return height * height + beyond * beyond;
@@ -52,18 +54,20 @@ float segment_distance(float along, float half_length, float height) {
 // Pixels within this distance of an edge count as covered in the hard modes, so that rounding opens no holes.
 const float HARD_EDGE_PIXELS = 1e-5;
 
-// Where a pixel lies to a triangle: all of a fragment but its exponential.
+// The geometry of a pair: all of a fragment but its exponential.
 struct Place {
+    // Signed edge distances.
     vec3 height;
-    // Of the euclidean distance: how far along each edge from its midpoint, and the squared distance to each.
+    // For the Euclidean distance: the distance along each edge from its midpoint, and the squared distance to each edge.
     vec3 along;
     vec3 to_edge;
-    // Squared distance in units in which exp2 of its negative is the sigmoid's term; 0 with the hard distance.
+    // |x| log2(e) with x = ± d² / sigma of eq. 1, so that exp2(-squared) = exp(-|x|); 0 with the hard distance.
     float squared;
     bool inside;
     bool kept;
 };
 
+// d² of eq. 1 and its sign. `q` is the pixel relative to the record's origin.
 Place place_at(Triangle t, vec2 q, float radius_squared, float scale) {
     Place p;
     p.height = vec3(t.line0.x * q.x + t.line0.y * q.y + t.line0.z, t.line1.x * q.x + t.line1.y * q.y + t.line1.z,
@@ -84,6 +88,7 @@ Place place_at(Triangle t, vec2 q, float radius_squared, float scale) {
         p.squared = lesser(p.to_edge.x, lesser(p.to_edge.y, p.to_edge.z));
         p.inside = lowest > 0.0;
     } else {
+        // d is the smallest barycentric coordinate.
         vec3 b = p.height * t.inverse_height;
         float least = min(b.x, min(b.y, b.z));
         p.squared = least * least * frame.barycentric_scale;
@@ -93,6 +98,7 @@ Place place_at(Triangle t, vec2 q, float radius_squared, float scale) {
     return p;
 }
 
+// D = 1 / (1 + exp(-x)) (eq. 1).
 Fragment fragment_of(Place p) {
     Fragment f;
     f.height = p.height;
@@ -102,8 +108,8 @@ Fragment fragment_of(Place p) {
         f.complement = 1.0 - f.probability;
         return f;
     }
-    // exp2 of the negative distance serves both signs: sigmoid(x) = 1 / (1 + e), sigmoid(-x) = e / (1 + e).
-    // Without a pair e is 0: D is 0 and its complement 1.
+    // One exponential e = exp(-|x|) serves both signs: sigmoid(|x|) = 1 / (1 + e), sigmoid(-|x|) = e / (1 + e).
+    // A dropped pair has e = 0, so that D is 0 and its complement 1.
     float e = p.kept ? exp2(-p.squared) : 0.0;
     float major = 1.0 / (1.0 + e);
     float minor = e * major;
@@ -116,25 +122,27 @@ Fragment fragment_at(Triangle t, vec2 q, float radius_squared, float scale) {
     return fragment_of(place_at(t, q, radius_squared, scale));
 }
 
-// Clipped barycentrics, not yet divided by their sum. The lower bound stands for 0 and keeps the sum above it for
-// triangles so thin that rounding puts a pixel outside all three edges.
+// clamp(b, 0, 1): b̂ before its division by the sum. The lower bound stands for 0 and keeps the sum positive for triangles
+// so thin that rounding puts a pixel outside all three edges.
 vec3 clipped_barycentrics(Triangle t, vec3 height) {
     vec3 b = height * t.inverse_height;
     return vec3(lesser(greater(b.x, 1e-20), 1.0), lesser(greater(b.y, 1e-20), 1.0), lesser(greater(b.z, 1e-20), 1.0));
 }
 
 struct Depth {
-    // z over corner 0's z.
+    // z / z_0.
     float ratio;
-    // log2 weight beyond the whole part of corner 0's.
+    // log2 exp(ζ/γ), the log weight of eq. 3 without D, less the integer part of corner 0's (`whole` of its record).
     float weight;
 };
 
-// 1/z = Σ b̂/z_k, kept relative to corner 0. `record` is triangle.comp's depth record; b is not divided by its sum.
+// 1/z = Σ b̂_k / z_k relative to corner 0, and the log weight ζ/γ of eq. 3, which is linear in z. `record` is the
+// depth_record of triangle.comp: (z_0/z_1 - 1, z_0/z_2 - 1, z_0 in log2 weight, fraction of corner 0's log weight); `b` is
+// b̂ before its division by `sum`.
 Depth depth_at(vec4 record, vec3 b, float sum) {
     float excess = b.y * record.x + b.z * record.y;
-    // Σ b̂ z_0/z_k as the shares of a perspective mixture have it, so that these add up to 1 however far a corner is. Only
-    // before the viewer's plane can it be less than the bound; nothing is seen there.
+    // Σ b̂_k z_0/z_k from the same terms as the perspective-correct shares, so that the shares add up to 1 however far a
+    // corner is. It is below the bound only behind the camera's plane, where nothing is visible.
     float inverse = 1.0 / greater(b.x + b.y * (1.0 + record.x) + b.z * (1.0 + record.y), 1e-12 * sum);
     return Depth(sum * inverse, record.z * (excess * inverse) + record.w);
 }

@@ -1,9 +1,9 @@
-// The numbers of a frame, the same block for every stage.
+// The numbers of a frame: one push constant block for every stage of the rasterizer (`FramePush` in Rust). Needs nothing.
 
 layout(push_constant) uniform Frame {
     uint width;
     uint height;
-    // Record slots, screen vertices and bins of all views together, for bounds.
+    // Tiles and bins of an image along each axis.
     uint tiles_x;
     uint tiles_y;
     uint bins_x;
@@ -11,38 +11,39 @@ layout(push_constant) uniform Frame {
     // Capacity of the bins' lists and of the tiles' lists, in entries.
     uint coarse_capacity;
     uint list_capacity;
-    // Pixels to units in which exp2(-d²) is the sigmoid's term: sqrt(log2(e) / sigma) · 2 / height.
+    // Factor of distances in pixels that makes exp2(-d²) the exponential of eq. 1: sqrt(log2(e) / sigma) · 2 / height.
     float scale;
-    // The culling radius in those units, squared, and in pixels.
+    // The culling radius: squared in those units, and in pixels.
     float radius_squared;
     float radius_pixels;
     // Barycentric distance: log2(e) / sigma, and the radius in barycentric units.
     float barycentric_scale;
     float barycentric_radius;
+    // The near and far planes as double floats.
     float near_high;
     float near_low;
     float far_high;
     float far_low;
-    // log2(e) / ((far - near) gamma): view depth to log2 weight.
+    // log2(e) / ((far - near) gamma), a double float: view depth to the log2 weight of eq. 3.
     float score_high;
     float score_low;
-    // The background's log2 weight as whole number and rest.
+    // The background's log2 weight log2 exp(ε/γ) (eq. 3) as integer part and fraction.
     float background_whole;
     float background_rest;
     float background_red;
     float background_green;
     float background_blue;
     uint light_count;
-    // Record slots of all views, and room for cells beyond each slot's first.
+    // Record indices of all views, and capacity for the cells beyond each record's first.
     uint slot_count;
     uint cell_capacity;
     uint view_count;
     uint mesh_count;
-    // Rows that `reduce` sums where they are not a view's triangles.
+    // Rows that `reduce` sums when they are not a view's triangles.
     uint reduce_rows;
-    // First entry of `totals` that `reduce` writes; first place of the row of items that `background`,
-    // `forward` and `backward` walk.
+    // First entry of `totals` that `reduce` writes; first entry of the row of items that `background`, `forward` and
+    // `backward` process.
     uint first;
-    // Fixed-point units of a texel's gradient.
+    // Fixed-point units per unit of a texel's gradient.
     float texel_scale;
 } frame;

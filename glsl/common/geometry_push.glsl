@@ -1,20 +1,21 @@
-// The numbers of a host's geometry, the same block for every stage that reads or writes it.
+// The numbers of a host's geometry: one push constant block for every place*.comp kernel. Needs nothing.
 
 layout(push_constant) uniform Push {
-    // Invocations, or workgroups where one does one thing.
+    // Elements: invocations, or workgroups where a workgroup takes one element.
     uint count;
     // Draws in the table.
     uint draws;
-    // First element of the frame's array: vertex or triangle.
+    // First vertex or triangle in the frame's array.
     uint first;
-    // Added to each index: the mesh's vertices before the geometry's.
+    // Added to each index: the number of the mesh's vertices before the placed ones.
     uint base;
-    // Words from one vertex to the next, and before the first; of what is written where that is the host's.
+    // Layout of the host's vertices, or of its gradients where these are written: words from one to the next, and before
+    // the first.
     uint stride;
     uint offset;
-    // The same of transforms.
+    // The same for transforms.
     uint transform_stride;
     uint transform_offset;
-    // Bits of an index, or the first texel of `vertex_gradients` that is read: 0 by positions, 1 by colours.
+    // Bits of an index; or which texel of `vertex_gradients` is read: 0 for positions, 1 for colours.
     uint select;
 } push;

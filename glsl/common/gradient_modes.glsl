@@ -1,12 +1,13 @@
-// What a backward pass computes, fixed when a pipeline is made.
+// Specialization constants of the backward pass: which gradients it computes, and the strides that follow.
+// Needs constants.glsl and modes.glsl.
 
-// OUTPUT_ bits of the images that have an upstream gradient.
+// OUTPUT_ bits of the images that have an upstream gradient dL/dimage.
 layout(constant_id = 20) const uint UPSTREAM = 3;
 // GRADIENT_ bits.
 layout(constant_id = 21) const uint GRADIENTS = 3;
-// Barycentrics held constant, as in eq. 4 alone.
+// Eq. 4 alone: barycentrics are held constant.
 layout(constant_id = 22) const bool PAPER = false;
-// Small items, one for each lane.
+// Every lane takes a small item of its own.
 layout(constant_id = 23) const bool SMALL = false;
 
 const bool UP_COLOR = (UPSTREAM & OUTPUT_COLOR) != 0u;
@@ -14,7 +15,7 @@ const bool UP_SILHOUETTE = (UPSTREAM & OUTPUT_SILHOUETTE) != 0u;
 const bool UP_DEPTH = (UPSTREAM & OUTPUT_DEPTH) != 0u;
 const bool UP_NORMAL = (UPSTREAM & OUTPUT_NORMAL) != 0u;
 const bool UP_SHADED = (UPSTREAM & (OUTPUT_COLOR | OUTPUT_DEPTH | OUTPUT_NORMAL)) != 0u;
-// The composite background makes every image depend on the silhouette.
+// Whether dL/dA is needed: the composite background makes every image depend on the silhouette.
 const bool UP_ALPHA = (uint(UP_SILHOUETTE) | uint(COMPOSITE) * uint(UP_SHADED)) != 0u;
 
 const bool GRAD_GEOMETRY = (GRADIENTS & GRADIENT_GEOMETRY) != 0u;
@@ -23,14 +24,16 @@ const bool GRAD_COORDINATE = uint((GRADIENTS & GRADIENT_COORDINATE) != 0u) * uin
 const bool GRAD_SCALARS = (GRADIENTS & GRADIENT_SCALARS) != 0u;
 const bool GRAD_NORMAL = uint((GRADIENTS & GRADIENT_NORMAL) != 0u) * uint(UP_NORMAL) != 0u;
 
+// Offsets of the optional parts of an entry of `partials`, and its stride, in texels.
 const int PARTIAL_COLOR_AT = int(PARTIAL_TEXELS);
 const int PARTIAL_COORDINATE_AT = PARTIAL_COLOR_AT + int(GRAD_COLOR) * int(PARTIAL_COLOR_TEXELS);
 const int PARTIAL_NORMAL_AT = PARTIAL_COORDINATE_AT + int(GRAD_COORDINATE) * int(PARTIAL_COORDINATE_TEXELS);
 const int PARTIAL_STRIDE = PARTIAL_NORMAL_AT + int(GRAD_NORMAL) * int(PARTIAL_NORMAL_TEXELS);
-// Texels of a pixel's entry of `pixel_gradients`: colour and silhouette; weights; and the normal's where there is one.
+// Texels of an entry of `pixel_gradients` (pixel_grad.comp): one always, one for the shaded images, one for the normal.
 const int PIXEL_STRIDE = 1 + int(UP_SHADED) + int(UP_NORMAL);
-// By the camera or by sigma and gamma: what is summed over a whole view.
+// Gradients by the camera or by sigma and gamma are summed over a whole view.
 const bool GRAD_VIEW = (GRADIENTS & (GRADIENT_VIEW | GRADIENT_SCALARS)) != 0u;
 const bool GRAD_LIGHTS = (GRADIENTS & GRADIENT_LIGHTS) != 0u;
 const bool GRAD_BACKGROUND = (GRADIENTS & (GRADIENT_BACKGROUND | GRADIENT_SCALARS)) != 0u;
+// Texels of a record's entry of `corner_gradients` (triangle_grad.comp).
 const int CORNER_STRIDE = 3 + 3 * int(GRAD_COLOR) + 2 * int(GRAD_COORDINATE);

@@ -1,12 +1,13 @@
-// A tile's and a pixel's place in the images, and what it shows there.
+// Indices of tiles and pixels in the images of all views, and the values that a finished pixel writes (eq. 2 and 5).
+// Needs constants.glsl, modes.glsl, frame.glsl, pixel.glsl and the image buffers.
 
 struct TilePlace {
     int view;
-    // Its first column and row.
+    // First column and row of the tile.
     ivec2 corner;
 };
 
-// Of a tile's number among all views'.
+// The tile with a number among the tiles of all views.
 TilePlace tile_place(int number) {
     int tiles = int(frame.tiles_x * frame.tiles_y);
     int view = number / tiles;
@@ -15,20 +16,23 @@ TilePlace tile_place(int number) {
     return TilePlace(view, ivec2(tile - row * int(frame.tiles_x), row) * ivec2(TILE_WIDTH, TILE_HEIGHT));
 }
 
+// Index of the pixel `where` (column, row) of a view in the image buffers.
 int place_of(int view, ivec2 where) {
     return (view * int(frame.height) + where.y) * int(frame.width) + where.x;
 }
 
+// A = 1 - Π(1 - D) (eq. 5), I = Σ w C + w_b C_b (eq. 2), and soft depth and normal, to index `at`. With the composite
+// background I = A Σ w' C + (1 - A) C_b.
 void write_images(Pixel p, int at, int triangle_count) {
     float alpha = SILHOUETTE_MODE == SILHOUETTE_PRODUCT ? 1.0 - p.silhouette : p.silhouette;
     if (SILHOUETTE_MODE == SILHOUETTE_SUM) {
-        // Along their seam the two pieces of a triangle that near cuts may add up to more than it.
+        // Along their seam the two pieces of a triangle cut by the near plane may add up to more than the triangle.
         alpha = min(alpha / float(max(triangle_count, 1)), 1.0);
     }
     vec3 background = vec3(frame.background_red, frame.background_green, frame.background_blue);
     bool covered = p.sum > 0.0;
     float inverse = covered ? 1.0 / p.sum : 0.0;
-    // The hard mode's depth and normal are those of a surface, not of a mixture.
+    // The hard mode's depth and normal belong to a surface and are not blended.
     float blend = COMPOSITE && COLOR_MODE == COLOR_SOFTMAX ? alpha : 1.0;
     if (WANT_COLOR) {
         vec3 mixed = covered ? p.color * inverse : background;

@@ -1,26 +1,26 @@
-// The items of backward: one for every triangle's box, and where a box is larger than a cell one for every cell, the
-// later ones behind the first items of all slots.
+// The work items of backward: one for each triangle's pixel box, or for each cell of a box larger than a cell. The first
+// cell's item has the record's index; the others follow behind all records. Needs constants.glsl.
 
 struct Item {
-    // Its place in `partials`.
+    // Index of its entry of `partials`, and of the triangle's record.
     int index;
     int slot;
     int view;
-    // First column and row of its pixels, and how many of each: at most a cell.
+    // First column and row of its pixels, and the number of columns and rows: at most a cell.
     ivec2 first;
     ivec2 size;
 };
 
-// The pixels of one cell of a box.
-Item item_of(int index, int slot, int cell, int view, ivec4 box) {
+// The item of one cell of a box.
+Item item_of(int index, int record_index, int cell, int view, ivec4 box) {
     int columns = (box.z - box.x) / int(CELL_WIDTH) + 1;
-    // Exact for counts this small, and a software device divides integers one by one.
+    // Exact for counts this small; a software device divides integers lane by lane.
     int row = int((float(cell) + 0.5) / float(columns));
     ivec2 first = box.xy + ivec2(cell - row * columns, row) * ivec2(CELL_WIDTH, CELL_HEIGHT);
-    return Item(index, slot, view, first, min(box.zw - first + 1, ivec2(CELL_WIDTH, CELL_HEIGHT)));
+    return Item(index, record_index, view, first, min(box.zw - first + 1, ivec2(CELL_WIDTH, CELL_HEIGHT)));
 }
 
-// An item in four words. Columns and rows take 14 bits, views 18 (the plan sees to both), a cell's size 6 and 5.
+// An item in four words. Columns and rows take 14 bits and views 18 (the plan ensures both), a cell's size 6 and 5.
 uvec4 packed(Item i) {
     uvec2 first = uvec2(i.first);
     uvec2 more = uvec2(i.size - 1);

@@ -1,4 +1,5 @@
-// What all lanes of a workgroup make together, in a fixed order.
+// Reductions over the lanes of a workgroup, in a fixed order: with shuffles where SUBGROUP_RECORDS is defined (a workgroup
+// of eight is one subgroup), else through shared memory. Needs the local size.
 
 #ifndef SUBGROUP_RECORDS
 shared vec4 lane_values[gl_WorkGroupSize.x];

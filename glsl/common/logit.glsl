@@ -1,18 +1,20 @@
-// The official demo's parametrisation (`fit::shape::Parametrization::Logit`): with s = 1 / (1 + odds exp(-d)) and the
-// template's sign, a coordinate is sign s (1 - sign t) + t.
+// The official demo's parametrisation of vertices (`fit::shape::Parametrization::Logit`): with s = 1 / (1 + odds exp(-d)), d
+// the displacement, and the sign of the template's coordinate, a coordinate is sign s (1 - sign t) + t. Needs fit.glsl.
 
 struct Logit {
     float position;
+    // Derivatives of the position by d and by t.
     float by_displacement;
     float by_shift;
 };
 
-// t = tanh(c) of the centre.
+// t = tanh(centre).
 vec3 centre_shift(vec3 centre) {
     return vec3(tangent(centre.x), tangent(centre.y), tangent(centre.z));
 }
 
-// `odds` are (1 - |v|) / |v| of the template's coordinate v with its sign; 0 where v is 0, which no displacement moves.
+// `odds` is (1 - |v|) / |v| with the sign of the template's coordinate v. It is 0 where v is 0: no displacement moves such a
+// coordinate.
 Logit logit_of(float odds, float displacement, float shift) {
     precise float side = odds > 0.0 ? 1.0 : odds < 0.0 ? -1.0 : 0.0;
     precise float share = 1.0 / (1.0 + abs(odds) * exponential(-displacement));

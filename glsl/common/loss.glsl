@@ -1,18 +1,20 @@
-// The image losses of `fit::image_loss`, a value beside its derivative.
+// The image losses of `fit::image_loss`, each value beside its derivative. Needs constants.glsl.
 
-// Pixels have colours.
+// Images have colours (four channels); otherwise they are silhouettes of one channel.
 layout(constant_id = 0) const bool FIT_COLOR = false;
+// LOSS_ kinds.
 layout(constant_id = 1) const uint SILHOUETTE_LOSS = 0;
 layout(constant_id = 2) const uint COLOR_LOSS = 0;
 // There is a weight for each pixel.
 layout(constant_id = 3) const bool FIT_MASKED = false;
 
-// Red, green, blue, silhouette.
+// A texel as (red, green, blue, silhouette).
 vec4 channels(vec4 texel) {
     return FIT_COLOR ? texel : vec4(0.0, 0.0, 0.0, texel.x);
 }
 
-// What one value adds to the sums of its view: differences and 0, or intersection and union.
+// The terms that one predicted value p with target t adds to the sums of its view: (difference, 0), or for the IoU
+// (intersection, union).
 precise vec2 terms(uint kind, float p, float t, float weight, float delta) {
     precise float first = 0.0;
     precise float second = 0.0;
@@ -32,7 +34,7 @@ precise vec2 terms(uint kind, float p, float t, float weight, float delta) {
     return vec2(first, second);
 }
 
-// The derivative by p of what its view's sums come to, times the weight and the scale.
+// The derivative of the view's loss by p, times the weight and the scale; `sums` are the view's sums of `terms`.
 precise float slope(uint kind, float p, float t, vec2 sums, float scaled_weight, float delta) {
     precise float result = 0.0;
     precise float d = p - t;

@@ -1,27 +1,31 @@
 // A view's mesh: where its vertices, triangles and colours lie in the shared buffers.
+// Needs constants.glsl, frame.glsl and the buffer `view_shapes`.
 
 struct Shape {
+    // First vertex and triangle in `positions` and `indices`, and their numbers.
     int vertex_base;
     int vertex_count;
     int triangle_base;
     int triangle_count;
-    // First of this view's transformed vertices, record slots, bins and bitmap words.
+    // First of this view's transformed vertices, records, bins and bitmap words.
     int screen_base;
     int slot_base;
     int bin_base;
     int word_base;
-    // Slots (twice the triangles where the near plane may cut them) and bitmap words of a bin.
+    // Records (two a triangle where the near plane may cut it) and bitmap words of a bin.
     int slot_count;
     int word_count;
-    // First float of the mesh's colours; one colour for all when `uniform_color`.
+    // First float of the mesh's colours; `uniform_color` means one colour for the whole mesh.
     int color_base;
     bool uniform_color;
     // Whether empty tiles that `tile_marks` says hold the background need not be written.
     bool background_kept;
-    // Texture coordinates: first float, first index, first index of `texture_of_triangle`; -1 for none.
+    // Texture coordinates: first float and first index, -1 for none. First of the triangles' texture numbers, or -1 less the
+    // one number for all triangles.
     int uv_base;
     int uv_index_base;
     int texture_base;
+    // First offset of the vertices' adjacency.
     int adjacency_base;
 };
 
@@ -35,13 +39,13 @@ Shape shape_of(int view) {
                  (uint(c.w) & SHAPE_BACKGROUND_KEPT) != 0u, d.x, d.y, d.z, d.w);
 }
 
-// The view that a record slot belongs to: views' slots follow each other. Bisection, for batches of many views.
-int view_of(int slot) {
+// The view that a record belongs to: the views' records follow each other. Bisection serves batches of many views.
+int view_of(int record_index) {
     int low = 0;
     int high = int(frame.view_count) - 1;
     while (low < high) {
         int middle = (low + high + 1) / 2;
-        bool after = int(texelFetch(view_shapes, middle * int(SHAPE_TEXELS) + 1).y) <= slot;
+        bool after = int(texelFetch(view_shapes, middle * int(SHAPE_TEXELS) + 1).y) <= record_index;
         low = after ? middle : low;
         high = after ? high : middle - 1;
     }

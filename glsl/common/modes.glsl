@@ -1,4 +1,5 @@
-// What a frame computes, fixed when a pipeline is made, so that what is not asked for is not compiled.
+// Specialization constants of the rasterizer: what a frame computes is fixed when a pipeline is made, so that no code is
+// compiled for what is not asked for. Needs constants.glsl.
 
 layout(constant_id = 1) const uint OUTPUTS = 3;
 layout(constant_id = 2) const uint COLOR_MODE = 0;
@@ -17,19 +18,21 @@ layout(constant_id = 14) const bool CLOCKWISE_FRONT = false;
 layout(constant_id = 15) const bool OFFICIAL = false;
 layout(constant_id = 16) const bool DISTORTED = false;
 
-// In constants, choices and logic are sums and products: glslang makes branches of ?:, && and ||, outside any function.
+// In constant expressions choices and logic are sums and products, because glslang compiles ?:, && and || to branches, which
+// cannot stand outside a function.
 
-// Anything that needs a depth order.
+// Whether any image needs the weights of eq. 3.
 const bool SHADED = (OUTPUTS & (OUTPUT_COLOR | OUTPUT_DEPTH | OUTPUT_NORMAL)) != 0u;
 const bool WANT_COLOR = (OUTPUTS & OUTPUT_COLOR) != 0u;
 const bool WANT_DEPTH = (OUTPUTS & OUTPUT_DEPTH) != 0u;
 const bool WANT_NORMAL = (OUTPUTS & OUTPUT_NORMAL) != 0u;
 // The composite background is blended by the silhouette, asked for or not.
 const bool WANT_SILHOUETTE = ((OUTPUTS & OUTPUT_SILHOUETTE) | uint(COMPOSITE) * uint(SHADED)) != 0u;
-// The shading record holds the depth too, so a silhouette with a far plane needs it.
+// The shading record holds the depth too, so a silhouette with a depth range needs it.
 const bool WANT_SHADING = (uint(SHADED) | DEPTH_RANGE) != 0u;
-// Whether triangles that face the viewer come before those that face away in the tiles' lists, since they mostly hide
-// them. The hard mode keeps one order: of equally near triangles the first one counts.
+// Whether the tile lists hold front faces before back faces, which front faces mostly hide. The hard mode keeps one order,
+// because the first of equally near triangles wins.
 const bool PARTED = uint(SHADED) * uint(COLOR_MODE == COLOR_SOFTMAX) != 0u;
+// Offset of the normals in a shading record, and the stride of the records, in texels.
 const int SHADING_NORMAL_AT = int(SHADING_TEXELS) + int(SAMPLING != SAMPLING_NONE) * int(SHADING_COORDINATE_TEXELS);
 const int SHADING_STRIDE = SHADING_NORMAL_AT + int(WANT_NORMAL) * int(SHADING_NORMAL_TEXELS);

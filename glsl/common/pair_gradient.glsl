@@ -1,31 +1,37 @@
-// The derivatives of one (pixel, triangle) pair, each function the transpose of one of fragment.glsl's or sample.glsl's,
-// summed over a lane's pairs.
+// Backward of one (pixel, triangle) pair (eq. 4): each function is the transpose of one function of fragment.glsl or
+// sample.glsl and adds to a lane's sums. `by_X` is the derivative of the loss by X, X being the name that forward uses.
+// Needs fragment.glsl, sample.glsl, corner.glsl, gradient_modes.glsl and the buffer `texel_sums`.
 
 struct Sums {
     // dL/d(column, row) of each corner, in pixels.
     vec2 corner[3];
-    // Of a triangle without area, dL by its segment's turning.
+    // For a triangle without area: dL by the rotation of its segment.
     float turn;
-    // Σ dL/dz (z/z_0)² b̂, which times (z_0/z_k)² is dL/dz_k.
+    // Σ dL/dz (z/z_0)² b̂_k, which times (z_0/z_k)² is dL/dz_k.
     vec3 depth;
-    // Σ dL/dx x and Σ dL/ds (log2 weight relative to the pixel's).
+    // Σ dL/dx x with x of eq. 1, and Σ dL/ds times the log2 weight relative to the pixel's, with s the log weight of eq. 3.
+    // The host scales their totals by -1/sigma and -log(2)/gamma.
     float sigma;
     float gamma;
+    // dL by the corners' colours, texture coordinates and normals, a column a corner.
     mat3 color;
     mat3x2 coordinate;
     mat3 normal;
 };
 
-// What a triangle's pairs share beyond its record: where along each edge its second end lies; and of a triangle without
-// area which of its lines is the segment's, and how the barycentrics move as that turns (0 for all others).
+// What all pairs of a triangle share beyond its record. ends_of computes it.
 struct Ends {
+    // The edge parameter t = start + slope · (distance along the edge from its midpoint), 0 and 1 at the edge's ends.
     vec3 start;
     vec3 slope;
+    // For a triangle without area: 1 at the line of its segment, and the derivative of the barycentrics by the segment's
+    // rotation. Zero for all others.
     vec3 pick;
     vec3 turn;
 };
 
-// Which corners a segment's line runs between: -1 the first, 1 the second.
+// For a triangle without area: -1 at the first corner of its segment, 1 at the second, 0 at the third. `flat_line` marks
+// the lines across the segment's end points (flatten_to_segment in edge.glsl).
 vec3 ends_of_segment(bvec3 flat_line) {
     if (!any(flat_line)) {
         return vec3(0.0);
@@ -33,13 +39,12 @@ vec3 ends_of_segment(bvec3 flat_line) {
     return !flat_line.x ? vec3(0.0, -1.0, 1.0) : (!flat_line.y ? vec3(1.0, 0.0, -1.0) : vec3(-1.0, 1.0, 0.0));
 }
 
-// t = start + slope · (distance along the edge from its midpoint) runs from 0 at an edge's first corner to 1 at its
-// second. The end lines of a segment without area are corners themselves: t is 0 or 1 throughout.
+// The end lines of a triangle without area stand for corners: there t is 0 or 1 throughout.
 Ends ends_of(Triangle t) {
     Ends e;
     e.start = vec3(0.5);
     bvec3 flat_line = lessThan(t.inverse_height, vec3(0.0));
-    // The lines of a segment do not tell; it has the positive one.
+    // The lines of a triangle without area do not show its orientation; edge.glsl sets it positive.
     bool turned = t.line0.x * t.line1.y - t.line0.y * t.line1.x < 0.0 && !any(flat_line);
     float orientation = turned ? -1.0 : 1.0;
     for (int k = 0; k < 3; ++k) {
@@ -61,7 +66,8 @@ float between(float x, float limit) {
     return lesser(greater(x, -limit), limit);
 }
 
-// d² by the corners: with the nearest boundary point Σ β_k p_k, ∂d²/∂p_k = 2 β_k (nearest point - pixel).
+// Derivative of d² (eq. 1; place_at) by the corners: with the nearest boundary point q = Σ β_k p_k,
+// ∂d²/∂p_k = 2 β_k (q - pixel). `by_squared` is dL/d(Place.squared), ±log(2) times dL/dx.
 void distance_gradient(Triangle t, Ends ends, Place p, float by_squared, inout Sums s) {
     bool first = p.to_edge.x <= p.to_edge.y && p.to_edge.x <= p.to_edge.z;
     bool second = !first && p.to_edge.y <= p.to_edge.z;
@@ -71,6 +77,7 @@ void distance_gradient(Triangle t, Ends ends, Place p, float by_squared, inout S
     float half_length = first ? t.half_length.x : (second ? t.half_length.y : t.half_length.z);
     float start = first ? ends.start.x : (second ? ends.start.y : ends.start.z);
     float slope = first ? ends.slope.x : (second ? ends.slope.y : ends.slope.z);
+    // The nearest point is `on` along the edge; the pixel lies `beyond` past it.
     float on = between(along, half_length);
     float beyond = along - on;
     float u = start + slope * on;
@@ -82,12 +89,13 @@ void distance_gradient(Triangle t, Ends ends, Place p, float by_squared, inout S
     s.corner[2] += beta.z * pull;
 }
 
-// From b̂ = clamp(b) / sum and b's dependence on the corners: ∂b_k/∂p_m = -b_m ∇b_k.
+// Derivative of b̂ = clamp(b, 0, 1) / sum (clipped_barycentrics) by the corners: ∂b_k/∂p_m = -b_m ∇b_k. `share` is b̂ and
+// `by_share` its dL; eq. 4 alone (PAPER) leaves this path out.
 void barycentric_gradient(Triangle t, Ends ends, vec3 height, vec3 share, float inverse_sum, vec3 by_share,
                           inout Sums s) {
     vec3 b = height * t.inverse_height;
     vec3 by_clipped = (by_share - dot(by_share, share)) * inverse_sum;
-    // Where b is clamped nothing moves, however large it has become.
+    // A clamped b has derivative 0, however large it is.
     bool free0 = b.x > 0.0 && b.x < 1.0;
     bool free1 = b.y > 0.0 && b.y < 1.0;
     bool free2 = b.z > 0.0 && b.z < 1.0;
@@ -100,7 +108,7 @@ void barycentric_gradient(Triangle t, Ends ends, vec3 height, vec3 share, float 
     s.turn += dot(height, ends.pick) * dot(by_b, ends.turn);
 }
 
-// Adds to a 64-bit fixed-point number, low word first: integers add to the same bits in any order.
+// Adds to a texel's gradient in 64-bit fixed point (low word first): integer sums have the same bits in any order.
 void add_texel(int texel, vec3 value) {
     for (int channel = 0; channel < 3; ++channel) {
         float scaled = abs(value[channel]) * frame.texel_scale;
@@ -117,13 +125,13 @@ void add_texel(int texel, vec3 value) {
     }
 }
 
-// Gives dL/dsample to the texels that made the sample.
+// Derivative of sample_texture by the texels: adds `by_sample` to those that the sample was made of.
 void scatter_texels(int index, int triangle, mat3x2 coordinate, vec3 b, vec3 by_sample) {
     uvec4 entry = texelFetch(textures, index);
     if (entry.w == TEXTURE_SURFACE) {
         int resolution = int(entry.y);
         int cell = surface_cell(surface_barycentrics(coordinate, b), resolution);
-        // The official backward pass gives a triangle's own cells gradients, none else.
+        // The official backward pass gives gradients to a triangle's own cells only.
         if (cell < resolution * resolution) {
             add_texel(int(entry.x) + triangle * resolution * resolution + cell, by_sample);
         }
@@ -135,7 +143,8 @@ void scatter_texels(int index, int triangle, mat3x2 coordinate, vec3 b, vec3 by_
     }
 }
 
-// Barycentric distance: x = ± m² / sigma with m the smallest barycentric, ∂b_k/∂p_m = -b_m ∇b_k.
+// Derivative of x = ± m² / sigma (eq. 1 with the barycentric distance; m the smallest barycentric coordinate) by the
+// corners: ∂b_k/∂p_m = -b_m ∇b_k.
 void barycentric_distance_gradient(Triangle t, vec3 height, float by_x, inout Sums s) {
     vec3 b = height * t.inverse_height;
     bool first = b.x <= b.y && b.x <= b.z;
@@ -144,15 +153,16 @@ void barycentric_distance_gradient(Triangle t, vec3 height, float by_x, inout Su
     vec4 line = first ? t.line0 : (second ? t.line1 : t.line2);
     float inverse = first ? t.inverse_height.x : (second ? t.inverse_height.y : t.inverse_height.z);
     const float LN2 = 0.69314718056;
-    // What gets nothing gives nothing, however far off it is.
+    // Without a gradient of x the factor is not evaluated: it may be infinite far from the triangle.
     vec2 pull = by_x == 0.0 ? vec2(0.0) : line.xy * (inverse * 2.0 * abs(least) * frame.barycentric_scale * LN2 * by_x);
     s.corner[0] -= b.x * pull;
     s.corner[1] -= b.y * pull;
     s.corner[2] -= b.z * pull;
 }
 
-// The colour path of one pair: by corner colours, texture coordinates and texels. Returns dL/db̂ per corner and the
-// fragment's G · C; `mixed` are b̂, perspective-corrected where asked.
+// Derivative of the fragment's colour C = Σ b̂_k c_k (∂I/∂C_j = w_j in eq. 4) by corner colours, texture coordinates and
+// texels. Returns dL/d`mixed` over the weight; `value` becomes dL/dI · C. `mixed` is b̂, perspective-corrected where asked;
+// `weight` is w_j of eq. 3 and `by_color` is dL/dI.
 vec3 color_gradient(Corner c, vec3 mixed, vec3 by_color, float weight, out float value, inout Sums s) {
     vec3 sampled = vec3(1.0);
     vec3 light = c.color * mixed;
@@ -182,7 +192,7 @@ vec3 color_gradient(Corner c, vec3 mixed, vec3 by_color, float weight, out float
     return by_light * c.color + by_coordinate_mixed;
 }
 
-// z_0 / z_k of each corner; triangle.comp keeps it from 0.
+// z_0 / z_k of each corner; depth_record in triangle.comp keeps it from 0.
 vec3 nearness(Corner c) {
     return vec3(1.0, 1.0 + c.depth.x, 1.0 + c.depth.y);
 }

@@ -1,14 +1,19 @@
-// A triangle's gradient as backward leaves it, summed over the cells of its box in their order.
+// A record's gradient as backward leaves it in `partials`, summed over the cells of its box in their order.
+// Needs constants.glsl, modes.glsl, gradient_modes.glsl, frame.glsl and the buffers `partials`, `boxes` and `cell_ranges`.
 
 struct Partial {
+    // dL/d(column, row) and dL/dz of each corner.
     vec2 pixel[3];
     vec3 depth;
+    // The sums of sigma and gamma (Sums in pair_gradient.glsl).
     vec2 scalars;
+    // dL by each corner's colour, texture coordinates and normal, a column a corner.
     mat3 color;
     mat3x2 coordinate;
     mat3 normal;
 };
 
+// Adds one item's entry, as write_sums in backward.glsl lays it out.
 void add_partial(int item, inout Partial p) {
     int at = item * PARTIAL_STRIDE;
     vec4 a = texelFetch(partials, at);
@@ -35,7 +40,8 @@ void add_partial(int item, inout Partial p) {
     }
 }
 
-Partial partial_of(int slot) {
+// The sum over a record's items; zero where its box is empty, for which backward writes nothing.
+Partial partial_of(int record_index) {
     Partial p;
     p.pixel[0] = p.pixel[1] = p.pixel[2] = vec2(0.0);
     p.depth = vec3(0.0);
@@ -43,14 +49,14 @@ Partial partial_of(int slot) {
     p.color = mat3(0.0);
     p.coordinate = mat3x2(0.0);
     p.normal = mat3(0.0);
-    ivec4 box = texelFetch(boxes, slot);
+    ivec4 box = texelFetch(boxes, record_index);
     if (box.x > box.z || box.y > box.w) {
         return p;
     }
-    add_partial(slot, p);
-    uvec2 more = texelFetch(cell_ranges, slot).xy;
-    for (uint i = 0u; i < more.y; ++i) {
-        add_partial(int(frame.slot_count + more.x + i), p);
+    add_partial(record_index, p);
+    uvec2 cells = texelFetch(cell_ranges, record_index).xy;
+    for (uint i = 0u; i < cells.y; ++i) {
+        add_partial(int(frame.slot_count + cells.x + i), p);
     }
     return p;
 }

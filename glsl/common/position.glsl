@@ -1,4 +1,4 @@
-// A mesh's positions and triangles. Needs the buffers positions and indices.
+// A mesh's positions and triangles. Needs mesh.glsl and the buffers `positions` and `indices`.
 
 vec3 position_of(Shape shape, int vertex) {
     int at = 3 * (shape.vertex_base + vertex);
@@ -10,7 +10,7 @@ ivec3 triangle_vertices(Shape shape, int triangle) {
     return ivec3(texelFetch(indices, at).x, texelFetch(indices, at + 1).x, texelFetch(indices, at + 2).x);
 }
 
-// Edges in units of their largest component, whose product neither overflows nor vanishes; `size` is that component.
+// Two edges divided by their largest component `size`, so that their product neither overflows nor vanishes.
 void unit_edges(vec3 p0, vec3 p1, vec3 p2, out vec3 edge1, out vec3 edge2, out float size) {
     edge1 = p1 - p0;
     edge2 = p2 - p0;
@@ -21,7 +21,7 @@ void unit_edges(vec3 p0, vec3 p1, vec3 p2, out vec3 edge1, out vec3 edge2, out f
     edge2 *= inverse;
 }
 
-// Along the triangle's normal, of any length.
+// A vector of any length along the triangle's normal.
 vec3 normal_direction(Shape shape, ivec3 v) {
     vec3 edge1;
     vec3 edge2;
@@ -30,7 +30,7 @@ vec3 normal_direction(Shape shape, ivec3 v) {
     return cross(edge1, edge2);
 }
 
-// Twice the triangle's area along its normal.
+// The triangle's normal, as long as twice its area.
 vec3 area_vector(Shape shape, ivec3 v) {
     vec3 p0 = position_of(shape, v.x);
     return cross(position_of(shape, v.y) - p0, position_of(shape, v.z) - p0);

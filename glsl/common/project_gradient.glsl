@@ -1,11 +1,16 @@
-// The derivative of camera.glsl: from pixels and depth back to view space and to the projection's parameters.
+// The derivative of camera.glsl: from pixels and depth back to view space, to the mesh's positions and to the projection's
+// parameters. `by_X` is the derivative of the loss by X.
+// Needs constants.glsl, modes.glsl and the buffer `view_cameras`.
 
+// A view's entry of `view_cameras`, in single precision.
 struct View {
     mat3 rotation;
     vec3 translation;
+    // PROJECTION_ kind.
     uint kind;
     // Pixels per projected unit along x and y.
     vec2 scale;
+    // First texel of the entry.
     int at;
 };
 
@@ -21,18 +26,19 @@ View view_record(int view) {
     return View(rotation, vec3(x.w, y.w, z.w), uint(a.x), vec2(a.z, b.x), at);
 }
 
-// The official parity cuts nothing at near, so that a corner on the camera's plane may show. There is no dividing by
-// its depth; so near to the plane the projection is as far away as it gets.
+// A depth to divide by. Official parity does not clip at the near plane, so that a visible triangle may have a corner on the
+// camera's plane; so close to it the projection is clamped anyway.
 float from_plane(float z) {
     return abs(z) < 1e-20 ? 1e-20 : z;
 }
 
+// to_view in single precision.
 vec3 view_point(View v, vec3 p) {
     vec3 q = v.rotation * p + v.translation;
     return v.kind == PROJECTION_SCREEN ? vec3(q.xy * from_plane(q.z), from_plane(q.z)) : q;
 }
 
-// dL/d(undistorted x, y) from dL/d(distorted); `distorted` are their values.
+// Derivative of `distort` by the undistorted x, y; `by` is dL by the distorted ones, whose values it returns as well.
 vec2 distort_gradient(View v, vec2 q, vec2 by, out vec2 distorted) {
     vec4 k = texelFetch(view_cameras, v.at + 9);
     float k3 = texelFetch(view_cameras, v.at + 10).x;
@@ -47,28 +53,29 @@ vec2 distort_gradient(View v, vec2 q, vec2 by, out vec2 distorted) {
     return from_radial + tangential;
 }
 
-// As camera.glsl's FARTHEST_PIXEL, to which it holds projected units too.
+// FARTHEST_PIXEL of camera.glsl, to which that file clamps projected units too.
 const float FARTHEST_SHOWN = 1e12;
 
-// dL/d(view-space point), and dL by the four numbers that map projected units to pixels (two scales, two offsets).
+// Derivative of to_pixels: dL/d(view-space point), and dL by the four numbers that map projected units to pixels (two
+// scales, two offsets).
 vec3 project_gradient(View v, vec3 p, vec2 by_pixel, float by_depth, out vec4 by_projection) {
     vec2 by = by_pixel * v.scale;
     bool flat_projection = v.kind == PROJECTION_ORTHOGRAPHIC;
     float z = flat_projection ? 1.0 : from_plane(p.z + (v.kind == PROJECTION_OFFICIAL ? 1e-5 : 0.0));
     vec2 q = p.xy / z;
-    // camera.glsl holds what is farther off where it is.
-    bvec2 held = greaterThanEqual(abs(q), vec2(FARTHEST_SHOWN));
-    by = vec2(held.x ? 0.0 : by.x, held.y ? 0.0 : by.y);
+    // A clamped projection has derivative 0.
+    bvec2 clamped = greaterThanEqual(abs(q), vec2(FARTHEST_SHOWN));
+    by = vec2(clamped.x ? 0.0 : by.x, clamped.y ? 0.0 : by.y);
     q = clamp(q, -FARTHEST_SHOWN, FARTHEST_SHOWN);
-    vec2 shown = q;
+    vec2 distorted = q;
     if (DISTORTED && v.kind == PROJECTION_OFFICIAL) {
-        by = distort_gradient(v, q, by, shown);
+        by = distort_gradient(v, q, by, distorted);
     }
-    by_projection = vec4(by_pixel * shown, by_pixel);
+    by_projection = vec4(by_pixel * distorted, by_pixel);
     return vec3(by / z, by_depth - (flat_projection ? 0.0 : dot(by, q) / z));
 }
 
-// dL/d(what the mesh holds) from dL/d(view-space point); `p` is what it holds.
+// Derivative of view_point: dL/d(position in the mesh) from dL/d(view-space point); `p` is the position in the mesh.
 vec3 world_gradient(View v, vec3 p, vec3 by_view) {
     // Screen vertices (x, y, z) stand for the point (x z, y z, z).
     return v.kind == PROJECTION_SCREEN

@@ -1,14 +1,15 @@
-// Texture lookup. An entry of `textures` is (first texel, width, height, kind); of a surface (first texel, resolution,
-// texels of all triangles, kind).
+// Texture lookup: the colour c of a fragment, and its derivative by the texture coordinates. An entry of `textures` is
+// (first texel, width, height, kind); of a surface (first texel, resolution, texels of all triangles, kind).
+// Needs constants.glsl, modes.glsl and the buffers `textures` and `texels`.
 
-// The official surface cell of barycentrics b: two triangles of cells make R² of them. The official lower half,
-// R b0 - x + R b1 - y <= 1, is said by b2, which is exactly 0 beyond the edge opposite corner 2 where that sum is 1 but
-// for rounding.
+// The cell of barycentrics b on a surface of resolution R, as the official code numbers the R² cells: a lower and an upper
+// triangle of cells. The official test of the lower half, R b0 - x + R b1 - y <= 1, is made with b2 instead: b2 is exactly 0
+// beyond the edge opposite corner 2, where rounding disturbs the sum.
 int surface_cell(vec3 b, int resolution) {
     vec3 scaled = b * float(resolution);
     ivec2 cell = ivec2(floor(scaled.xy));
     if (OFFICIAL && max(cell.x, cell.y) == resolution) {
-        // The official lookup of a corner leaves its row: the next one's first cell, or the next triangle's.
+        // The official lookup of a corner overruns its row into the first cell of the next row or triangle.
         return cell.y * resolution + cell.x;
     }
     cell = clamp(cell, ivec2(0), ivec2(resolution - 1));
@@ -17,15 +18,17 @@ int surface_cell(vec3 b, int resolution) {
     return c.y * resolution + c.x;
 }
 
-// The original triangle's barycentrics from corner mixtures' first two and a piece's own.
+// Barycentrics in the original triangle from those in a clipped piece; `coordinate` holds the first two barycentrics of the
+// piece's corners.
 vec3 surface_barycentrics(mat3x2 coordinate, vec3 b) {
     vec3 third = vec3(1.0) - vec3(coordinate[0].x, coordinate[1].x, coordinate[2].x)
                - vec3(coordinate[0].y, coordinate[1].y, coordinate[2].y);
-    // The bound of clipped_barycentrics stands for 0.
+    // The lower bound of clipped_barycentrics stands for 0.
     vec3 exact = vec3(greaterThan(b, vec3(1e-19))) * b;
     return vec3(coordinate * exact, dot(max(third, vec3(0.0)), exact));
 }
 
+// Texel coordinates repeated or clamped into the image.
 ivec2 wrapped(ivec2 texel, ivec2 size, bool repeat) {
     ivec2 clamped = clamp(texel, ivec2(0), size - 1);
     ivec2 repeated = texel - size * ivec2(floor(vec2(texel) / vec2(size)));
@@ -41,10 +44,11 @@ struct Footprint {
     vec4 weight;
 };
 
+// The footprint of texture coordinates uv, v upwards; texel centres lie at half-integers.
 Footprint footprint_of(uvec4 entry, vec2 uv) {
     ivec2 size = ivec2(entry.yz);
     bool repeat = entry.w == TEXTURE_REPEAT;
-    // Whole periods go first, so that far UVs keep their fraction.
+    // Whole periods are removed first, so that large UVs keep the precision of their fraction.
     vec2 folded = repeat ? uv - floor(uv) : uv;
     vec2 at = vec2(folded.x, 1.0 - folded.y) * vec2(size) - 0.5;
     at = clamp(at, vec2(-2.0), vec2(size) + 1.0);
@@ -57,7 +61,7 @@ Footprint footprint_of(uvec4 entry, vec2 uv) {
     return Footprint(texel, vec4((1.0 - t.x) * (1.0 - t.y), t.x * (1.0 - t.y), (1.0 - t.x) * t.y, t.x * t.y));
 }
 
-// The colour at a fragment: `coordinate` are the corners' texture coordinates, `b` its barycentrics.
+// The texture's colour at a fragment: `coordinate` holds the corners' texture coordinates, `b` is b̂.
 vec3 sample_texture(int index, int triangle, mat3x2 coordinate, vec3 b) {
     uvec4 entry = texelFetch(textures, index);
     vec3 color = vec3(1.0);
@@ -72,13 +76,13 @@ vec3 sample_texture(int index, int triangle, mat3x2 coordinate, vec3 b) {
         int texel = triangle * resolution * resolution + cell;
         int last = int(entry.z) - 1;
         color = texelFetch(texels, int(entry.x) + min(texel, last)).rgb;
-        // Behind the last triangle's the official lookup finds nothing.
+        // Past the last triangle's cells the official lookup returns black.
         color = texel > last ? vec3(0.0) : color;
     }
     return color;
 }
 
-// The same with its derivatives by u and v; a surface's cells have none.
+// sample_texture with the derivatives by u and v in `slope`, which are 0 for a surface's cells.
 vec3 sample_with_slope(int index, int triangle, mat3x2 coordinate, vec3 b, out mat2x3 slope) {
     slope = mat2x3(0.0);
     uvec4 entry = texelFetch(textures, index);

@@ -1,9 +1,11 @@
-// A record that all lanes of a workgroup want.
+// Reading a triangle's records once for all lanes of a workgroup.
+// Needs fragment.glsl and corner.glsl with their buffers; with SUBGROUP_RECORDS subgroup shuffles.
 
-// With SUBGROUP_RECORDS each lane of a subgroup of at least eight reads one texel of a record and all pass them round: on
-// a software device a fetch is eight reads even where all lanes want the same texel, and a shuffle from a known lane one
-// instruction. What is fetched a triangle ahead is there when it is wanted.
+// With SUBGROUP_RECORDS each lane of a subgroup of at least eight reads one texel of a record, and shuffles pass the texels
+// to all: on a software device a fetch is eight reads even when all lanes fetch the same texel, and a shuffle from a known
+// lane is one instruction. Fetching a triangle ahead hides the latency.
 struct Fetched {
+    // Record index.
     int slot;
 #ifdef SUBGROUP_RECORDS
     vec4 geometry;
@@ -12,13 +14,13 @@ struct Fetched {
 };
 
 #ifdef SUBGROUP_RECORDS
-Fetched fetch_record(int slot) {
+Fetched fetch_record(int record_index) {
     Fetched own;
-    own.slot = slot;
+    own.slot = record_index;
     int lane = int(gl_SubgroupInvocationID);
-    own.geometry = texelFetch(geometry, slot * int(GEOMETRY_TEXELS) + min(lane, int(GEOMETRY_TEXELS) - 1));
+    own.geometry = texelFetch(geometry, record_index * int(GEOMETRY_TEXELS) + min(lane, int(GEOMETRY_TEXELS) - 1));
     if (WANT_SHADING) {
-        own.shading = texelFetch(shading, slot * SHADING_STRIDE + min(lane, SHADING_STRIDE - 1));
+        own.shading = texelFetch(shading, record_index * SHADING_STRIDE + min(lane, SHADING_STRIDE - 1));
     }
     return own;
 }
@@ -34,14 +36,14 @@ Triangle shared_triangle_of(Fetched own) {
 Corner shared_corner_of(Fetched own) {
     vec4 record[SHADING_MOST];
     for (int i = 0; i < SHADING_STRIDE; ++i) {
-        // Textures and normals together make a record of nine texels: the ninth is read by all.
+        // With textures and normals a record has nine texels; every lane reads the ninth.
         record[i] = i < 8 ? subgroupShuffle(own.shading, uint(i)) : texelFetch(shading, own.slot * SHADING_STRIDE + i);
     }
     return corner_from(record);
 }
 #else
-Fetched fetch_record(int slot) {
-    return Fetched(slot);
+Fetched fetch_record(int record_index) {
+    return Fetched(record_index);
 }
 
 Triangle shared_triangle_of(Fetched own) {
