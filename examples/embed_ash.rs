@@ -16,7 +16,7 @@ use engine::{Buffer, Commands, Compute, Engine, Image, Outcome, Overlay};
 use glam::DVec3;
 use gpu_allocator::MemoryLocation;
 use softras::embed::{
-    Arena, BufferRef, Differentiate, FrameBindings, FrameImage, FramePlan, GradientBindings, GradientPlan,
+    Arena, BufferId, BufferRef, Differentiate, FrameBindings, FrameImage, FramePlan, GradientBindings, GradientPlan,
     ImageBindings, ImageFormat, ImageRef, Inputs, Rasterizer, Shape, Status, requirements,
 };
 use softras::scene::{Appearance, Background, Outputs};
@@ -204,12 +204,12 @@ fn record(
     unsafe { device.cmd_pipeline_barrier(commands, S::COMPUTE_SHADER, S::VERTEX_INPUT, none, &moved, &[], &[]) };
     let drawn = (S::COLOR_ATTACHMENT_OUTPUT, A::COLOR_ATTACHMENT_READ | A::COLOR_ATTACHMENT_WRITE);
     image(L::GENERAL, L::COLOR_ATTACHMENT_OPTIMAL, stored, drawn);
-    let indices = shared.inputs_arena.part("indices").ok_or("no indices")?.0;
+    let indices = shared.inputs_arena.part(BufferId::Indices).ok_or("no indices")?.0;
     shared.overlay.draw(commands, flight.framebuffer, (shared.positions.raw, 0), (shared.inputs.raw, indices, 6));
 
     // For the host to look at.
     image(L::COLOR_ATTACHMENT_OPTIMAL, L::TRANSFER_SRC_OPTIMAL, drawn, (S::TRANSFER, A::TRANSFER_READ));
-    let copy = shared.plan.image_copy("color", 0, &flight.picture.whole()).ok_or("no colour")?;
+    let copy = shared.plan.image_copy(BufferId::Color, 0, &flight.picture.whole()).ok_or("no colour")?;
     unsafe {
         let layout = L::TRANSFER_SRC_OPTIMAL;
         device.cmd_copy_image_to_buffer(commands, flight.image.raw, layout, flight.picture.raw, &[copy]);
@@ -255,17 +255,17 @@ impl Shared {
             &Differentiate { upstream: settings.outputs, wanted: Wanted::default(), largest_upstream: 1.0 },
         )?;
         let inputs = Inputs::new(&scene, &cameras, &settings, &plan);
-        let is_arena = |name: &str| name != "positions" && inputs.get(name).is_some();
-        let inputs_arena = Arena::of(plan.buffers().iter().filter(|b| is_arena(b.name)));
+        let is_arena = |id: BufferId| id != BufferId::Positions && inputs.get(id).is_some();
+        let inputs_arena = Arena::of(plan.buffers().iter().filter(|b| is_arena(b.id)));
         let usage = inputs_arena.usage | vk::BufferUsageFlags::INDEX_BUFFER;
         let mut buffer = engine.buffer(inputs_arena.size, usage, MemoryLocation::CpuToGpu)?;
         for &(name, offset, _) in &inputs_arena.parts {
             buffer.write(offset, inputs.get(name).unwrap_or_default());
         }
-        let needed = plan.buffer("positions").ok_or("no positions")?;
+        let needed = plan.buffer(BufferId::Positions).ok_or("no positions")?;
         let usage = needed.usage | vk::BufferUsageFlags::VERTEX_BUFFER | vk::BufferUsageFlags::STORAGE_BUFFER;
         let mut positions = engine.buffer(needed.size, usage, MemoryLocation::CpuToGpu)?;
-        positions.write(0, inputs.get("positions").ok_or("no positions")?);
+        positions.write(0, inputs.get(BufferId::Positions).ok_or("no positions")?);
         let mut state = engine.buffer(32, vk::BufferUsageFlags::STORAGE_BUFFER, MemoryLocation::CpuToGpu)?;
         state.write(0, &[0; 32]);
         Ok(Self {
@@ -285,28 +285,28 @@ impl Shared {
 
 impl Flight {
     fn new(engine: &Engine, rasterizer: &Rasterizer, shared: &Shared) -> Outcome<Self> {
-        let is_shared = |name: &str| name == "positions" || shared.inputs_arena.part(name).is_some();
-        let own = shared.plan.buffers().iter().filter(|b| !is_shared(b.name) && b.name != "status");
+        let is_shared = |id: BufferId| id == BufferId::Positions || shared.inputs_arena.part(id).is_some();
+        let own = shared.plan.buffers().iter().filter(|b| !is_shared(b.id) && b.id != BufferId::Status);
         let arena = Arena::of(own.chain(shared.gradient_plan.buffers()));
         let workspace = engine.buffer(arena.size, arena.usage, MemoryLocation::GpuOnly)?;
-        let needed = shared.plan.buffer("status").ok_or("no status")?;
+        let needed = shared.plan.buffer(BufferId::Status).ok_or("no status")?;
         let status = engine.buffer(needed.size, needed.usage, MemoryLocation::GpuToCpu)?;
         let refs = arena.refs(&workspace.whole())?;
-        let part = |name: &str| refs.iter().find(|(n, _)| *n == name).map(|(_, at)| *at).ok_or("no such buffer");
+        let part = |id: BufferId| refs.iter().find(|(i, _)| *i == id).map(|(_, at)| *at).ok_or("no such buffer");
 
-        let of_gradients = |name: &str| shared.gradient_plan.buffer(name).is_some();
+        let of_gradients = |id: BufferId| shared.gradient_plan.buffer(id).is_some();
         let mut buffers = shared.inputs_arena.refs(&shared.inputs.whole())?;
-        buffers.extend(refs.iter().filter(|(name, _)| !of_gradients(name)));
-        buffers.extend([("positions", shared.positions.whole()), ("status", status.whole())]);
+        buffers.extend(refs.iter().filter(|(id, _)| !of_gradients(*id)));
+        buffers.extend([(BufferId::Positions, shared.positions.whole()), (BufferId::Status, status.whole())]);
         let forward = rasterizer.bind(&shared.plan, &buffers)?;
-        let buffers: Vec<_> = refs.iter().copied().filter(|(name, _)| of_gradients(name)).collect();
+        let buffers: Vec<_> = refs.iter().copied().filter(|(id, _)| of_gradients(*id)).collect();
         let backward = rasterizer.bind_backward(&shared.gradient_plan, &forward, &buffers)?;
 
         let triple = |at: BufferRef| (at.raw(), at.offset(), at.range());
         let whole = |buffer: &Buffer| (buffer.raw, 0, buffer.size);
-        let (color, upstream) = (part("color")?, part("upstream_color")?);
+        let (color, upstream) = (part(BufferId::Color)?, part(BufferId::UpstreamColor)?);
         let loss = shared.loss.bind(&[triple(color), whole(&shared.goal), triple(upstream)])?;
-        let gradients = triple(part("vertex_gradients")?);
+        let gradients = triple(part(BufferId::VertexGradients)?);
         let adam = shared.adam.bind(&[gradients, whole(&shared.positions), whole(&shared.state)])?;
         let image = engine.image(SIZE, SIZE)?;
         let target = unsafe { ImageRef::new(image.view, ImageFormat::Rgba32Float, SIZE, SIZE) };
@@ -338,7 +338,7 @@ fn target(engine: &Engine, rasterizer: &Rasterizer, camera: &Camera) -> Outcome<
         buffer.write(offset, inputs.get(name).unwrap_or_default());
     }
     let bindings = rasterizer.bind(&plan, &arena.refs(&buffer.whole())?)?;
-    let (offset, size) = arena.part("color").ok_or("no colour")?;
+    let (offset, size) = arena.part(BufferId::Color).ok_or("no colour")?;
     let usage = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::TRANSFER_DST;
     let goal = engine.buffer(size, usage, MemoryLocation::GpuOnly)?;
     let flight = engine.commands()?;

@@ -2,6 +2,7 @@
 
 use super::plan::BufferRequirement;
 use crate::error::Result;
+use crate::frame::buffers::BufferId;
 use crate::vulkan::{BufferRef, vk};
 
 /// Where each of several required buffers lies within one VkBuffer.
@@ -11,8 +12,8 @@ pub struct Arena {
     pub size: u64,
     /// Its usage: what the buffers need, and transfer in both directions.
     pub usage: vk::BufferUsageFlags,
-    /// Name, offset and bytes of each buffer.
-    pub parts: Vec<(&'static str, u64, u64)>,
+    /// Id, offset and bytes of each buffer.
+    pub parts: Vec<(BufferId, u64, u64)>,
 }
 
 impl Arena {
@@ -25,7 +26,7 @@ impl Arena {
             let offset = arena.size.next_multiple_of(requirement.alignment);
             // Whole texels, so that a view of the part can cover it.
             let size = requirement.size.next_multiple_of(requirement.format.bytes());
-            arena.parts.push((requirement.name, offset, size));
+            arena.parts.push((requirement.id, offset, size));
             arena.usage |= requirement.usage;
             arena.size = offset + size;
         }
@@ -36,13 +37,13 @@ impl Arena {
     ///
     /// # Errors
     /// [`crate::Error::Host`] for a buffer that is smaller than [`size`](Self::size).
-    pub fn refs(&self, buffer: &BufferRef) -> Result<Vec<(&'static str, BufferRef)>> {
-        let part = |&(name, offset, range): &(_, u64, u64)| Ok((name, buffer.part(offset, range)?));
+    pub fn refs(&self, buffer: &BufferRef) -> Result<Vec<(BufferId, BufferRef)>> {
+        let part = |&(id, offset, range): &(_, u64, u64)| Ok((id, buffer.part(offset, range)?));
         self.parts.iter().map(part).collect()
     }
 
     /// Where one of them lies: offset and bytes.
-    pub fn part(&self, name: &str) -> Option<(u64, u64)> {
-        self.parts.iter().find(|(n, ..)| *n == name).map(|&(_, offset, size)| (offset, size))
+    pub fn part(&self, id: BufferId) -> Option<(u64, u64)> {
+        self.parts.iter().find(|(i, ..)| *i == id).map(|&(_, offset, size)| (offset, size))
     }
 }

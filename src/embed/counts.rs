@@ -5,6 +5,7 @@ use super::bindings::FrameBindings;
 use super::plan::FramePlan;
 use crate::constants as c;
 use crate::error::{Error, Result};
+use crate::frame::buffers::BufferId;
 use crate::frame::passes::Stage;
 use crate::vulkan::{BufferPart, BufferRef, HostCommands, Recorder, kernels};
 
@@ -56,15 +57,18 @@ impl Rasterizer {
             return misfit(what, "use a multiple of four, and bind a larger part");
         }
         let source = BufferPart::of_host(buffer);
-        let buffers =
-            [("Counts", &source), ("ViewShapes", frame.array("view_shapes")?), ("Boxes", frame.array("boxes")?)];
+        let buffers = [
+            ("Counts", &source),
+            ("ViewShapes", frame.array(BufferId::ViewShapes)?),
+            ("Boxes", frame.array(BufferId::Boxes)?),
+        ];
         let stage = self.stage(&kernels::COUNTS, &[], &buffers)?;
         let push = Push {
             stride: if meshes == 1 { 0 } else { stride / 4 },
             divisor: if *of_indices { 3 } else { 1 },
-            pieces: if plan.plan.mode("NEAR_CLIP") != 0 { 2 } else { 1 },
+            pieces: if plan.forward.modes.near_clip != 0 { 2 } else { 1 },
         };
-        let most = plan.plan.views.iter().map(|view| view.slots).max().unwrap_or(0);
+        let most = plan.forward.views.iter().map(|view| view.slots).max().unwrap_or(0);
         Ok(CountBindings { stage, push, groups: [most.div_ceil(c::LINEAR_GROUP), plan.views(), 1] })
     }
 

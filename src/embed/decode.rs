@@ -4,6 +4,7 @@ use super::plan::{FramePlan, GradientPlan};
 use super::shape::MeshShape;
 use crate::constants as c;
 use crate::error::{Error, Result};
+use crate::frame::buffers::BufferId;
 use crate::frame::pack::{Appearances, MeshLayout, MeshTables};
 use crate::gradients::{CameraGradient, Gradients, LightGradients, MeshGradients, Wanted};
 use crate::scene::{Background, Camera, Lights, Parity, Projection, Settings};
@@ -28,26 +29,27 @@ pub struct Decoder<'a> {
     pub lights: &'a Lights,
 }
 
-/// The first so many floats of a buffer by its name.
-type Floats<'a> = &'a dyn Fn(&str, usize) -> Result<&'a [f32]>;
+/// The first so many floats of a buffer by its id.
+type Floats<'a> = &'a dyn Fn(BufferId, usize) -> Result<&'a [f32]>;
 
 impl Decoder<'_> {
-    /// What [`Renderer::backward`](crate::Renderer::backward) returns, from the bytes of the buffers `totals`,
-    /// `vertex_gradients`, `texel_sums` and `corner_gradients`, once the pass has been executed; the bytes begin at
+    /// What [`Renderer::backward`](crate::Renderer::backward) returns, from the bytes of the buffers [`BufferId::Totals`],
+    /// [`VertexGradients`](BufferId::VertexGradients), [`TexelSums`](BufferId::TexelSums) and
+    /// [`CornerGradients`](BufferId::CornerGradients), once the pass has been executed; the bytes begin at
     /// addresses that are multiples of 4. Those that the plan does not have are not asked for.
     ///
     /// # Errors
     /// [`Error::Host`] for a buffer that is missing, too short or misaligned, and for plans, meshes, cameras or lights that
     /// do not belong together; [`Error::NotFinite`] where single precision
     /// cannot hold the gradient.
-    pub fn decode<'b>(&'b self, bytes: impl Fn(&str) -> Option<&'b [u8]> + 'b) -> Result<Gradients> {
+    pub fn decode<'b>(&'b self, bytes: impl Fn(BufferId) -> Option<&'b [u8]> + 'b) -> Result<Gradients> {
         self.judge()?;
-        self.decode_floats(&|name, count| {
+        self.decode_floats(&|id, count| {
             let fail = |what: String| Err(Error::Host { what, fix: "give the bytes of the whole buffer".into() });
-            match bytes(name).map(|bytes| (bytes.len(), bytes.get(..4 * count).map(bytemuck::try_cast_slice))) {
-                None => fail(format!("there are no bytes of `{name}`")),
-                Some((length, None)) => fail(format!("`{name}` has {length} bytes, its gradients {}", 4 * count)),
-                Some((_, Some(Err(error)))) => fail(format!("the bytes of `{name}`: {error}")),
+            match bytes(id).map(|bytes| (bytes.len(), bytes.get(..4 * count).map(bytemuck::try_cast_slice))) {
+                None => fail(format!("there are no bytes of `{id}`")),
+                Some((length, None)) => fail(format!("`{id}` has {length} bytes, its gradients {}", 4 * count)),
+                Some((_, Some(Err(error)))) => fail(format!("the bytes of `{id}`: {error}")),
                 Some((_, Some(Ok(floats)))) => Ok(floats),
             }
         })
@@ -55,13 +57,13 @@ impl Decoder<'_> {
 
     /// What is decoded with is what was planned with; of triangles there may be fewer.
     fn judge(&self) -> Result<()> {
-        let (shape, frame) = (&self.frame.shape, &self.plan.plan.frame);
+        let (shape, frame) = (&self.frame.shape, &self.plan.backward.push);
         let mesh = |(layout, shape): (&MeshLayout, &MeshShape)| {
             layout.vertices == shape.vertices && layout.triangles <= shape.triangles
         };
         let layouts = &self.tables.layouts;
         let belongs = [
-            (self.plan.frame_sizes == self.frame.sizes, "the frame's plan"),
+            (self.plan.frame_sizes == self.frame.forward.sizes, "the frame's plan"),
             (self.plan.wanted == *self.wanted, "what is wanted"),
             (layouts.len() == shape.meshes.len() && layouts.iter().zip(&shape.meshes).all(mesh), "the meshes"),
             (self.cameras.len() == frame.view_count as usize, "the cameras"),
@@ -80,14 +82,14 @@ impl Decoder<'_> {
         let Self { plan, wanted, cameras, settings: s, lights, .. } = self;
         let mut gradients = Gradients { meshes: self.meshes(floats)?, ..Gradients::default() };
         let views = cameras.len();
-        let totals = floats("totals", 12 * (views + lights.directional.len() + 2))?;
+        let totals = floats(BufferId::Totals, 12 * (views + lights.directional.len() + 2))?;
         let row = |i: usize| &totals[12 * i..12 * (i + 1)];
         if wanted.camera {
             let height = f64::from(s.height);
             let gradient = |(i, camera)| camera_gradient(camera, row(i), height);
             gradients.cameras = cameras.iter().enumerate().map(gradient).collect();
         }
-        if wanted.lights && plan.plan.groups.reduce_lights[0] > 0 {
+        if wanted.lights && plan.backward.groups.reduce_lights[0] > 0 {
             let rows: Vec<&[f32]> = (0..=lights.directional.len()).map(|i| row(views + i)).collect();
             gradients.lights = Some(light_gradients(lights, &rows));
         } else if wanted.lights {
@@ -122,12 +124,12 @@ impl Decoder<'_> {
     fn meshes(&self, floats: Floats<'_>) -> Result<Vec<MeshGradients>> {
         let Self { plan, wanted, tables, .. } = self;
         let vertices: &[[f32; 8]] = if wanted.positions || wanted.colors {
-            floats("vertex_gradients", 8 * tables.positions.len() / 3)?.as_chunks().0
+            floats(BufferId::VertexGradients, 8 * tables.positions.len() / 3)?.as_chunks().0
         } else {
             &[]
         };
-        let corners = if wanted.uvs && plan.plan.has(c::GRADIENT_COORDINATE) {
-            floats("corner_gradients", plan.plan.sizes.corner_gradients as usize / 4)?
+        let corners = if wanted.uvs && plan.backward.has(c::GRADIENT_COORDINATE) {
+            floats(BufferId::CornerGradients, plan.backward.sizes[BufferId::CornerGradients] as usize / 4)?
         } else {
             &[]
         };
@@ -173,11 +175,11 @@ impl Decoder<'_> {
     /// Some texels' fixed-point sums as floats.
     fn texels(&self, range: Range<usize>, floats: Floats<'_>) -> Result<Vec<[f32; 3]>> {
         let plan = self.plan;
-        if plan.plan.sizes.texel_sums == 0 {
+        if plan.backward.sizes[BufferId::TexelSums] == 0 {
             return Ok(vec![[0.0; 3]; range.len()]);
         }
         // Two words a number, three numbers a texel.
-        let words: &[u32] = bytemuck::cast_slice(floats("texel_sums", 6 * range.end)?);
+        let words: &[u32] = bytemuck::cast_slice(floats(BufferId::TexelSums, 6 * range.end)?);
         let scale = 1.0 / f64::from(plan.texel_scale());
         let value = |low: u32, high: u32| ((i64::from(high as i32) << 32 | i64::from(low)) as f64 * scale) as f32;
         let sums = words[6 * range.start..].as_chunks::<6>().0;
@@ -188,10 +190,10 @@ impl Decoder<'_> {
     fn uvs(&self, views: Range<usize>, uvs: usize, uv_triangles: &[[u32; 3]], corners: &[f32]) -> Vec<[f32; 2]> {
         let plan = self.plan;
         let mut sums = vec![[0.0f64; 2]; uvs];
-        let stride = plan.plan.corner_stride() as usize;
-        if plan.plan.has(c::GRADIENT_COORDINATE) {
+        let stride = plan.backward.corner_stride() as usize;
+        if plan.backward.has(c::GRADIENT_COORDINATE) {
             for view in views {
-                let first = self.frame.plan.views[view].slot_base as usize;
+                let first = self.frame.forward.views[view].slot_base as usize;
                 let rows = corners[4 * first * stride..].chunks_exact(4 * stride);
                 for (triangle, row) in uv_triangles.iter().zip(rows) {
                     for (&uv, by_corner) in triangle.iter().zip(row[4 * (stride - 2)..].chunks_exact(2)) {

@@ -3,6 +3,7 @@
 use super::plan::FramePlan;
 use super::shape::MeshShape;
 use crate::constants as c;
+use crate::frame::buffers::BufferId;
 use crate::frame::pack::{Changes, MeshTables, camera_texels, light_texels};
 use crate::scene::{Camera, Scene, Settings, Shading};
 
@@ -52,34 +53,34 @@ impl Inputs {
             shapes.iter_mut().for_each(|shape| shape[SHAPE_FLAGS] |= c::SHAPE_BACKGROUND_KEPT);
         }
         let cameras = cameras.iter().map(|camera| camera_texels(camera, settings)).collect();
-        changes.note("view_shapes", renew(&mut self.shapes, shapes));
-        changes.note("view_cameras", renew(&mut self.cameras, cameras));
-        changes.note("lights", renew(&mut self.lights, light_texels(&scene.lights)));
+        changes.note(BufferId::ViewShapes, renew(&mut self.shapes, shapes));
+        changes.note(BufferId::ViewCameras, renew(&mut self.cameras, cameras));
+        changes.note(BufferId::Lights, renew(&mut self.lights, light_texels(&scene.lights)));
         changes
     }
 
-    /// Every input's name and bytes; empty for one that the frame does not need.
-    pub fn all(&self) -> [(&'static str, &[u8]); 12] {
+    /// Every input's id and bytes; empty for one that the frame does not need.
+    pub fn all(&self) -> [(BufferId, &[u8]); 12] {
         let tables = &self.tables;
         [
-            ("view_shapes", bytemuck::cast_slice(&self.shapes)),
-            ("view_cameras", bytemuck::cast_slice(&self.cameras)),
-            ("positions", bytemuck::cast_slice(&tables.positions)),
-            ("indices", bytemuck::cast_slice(&tables.indices)),
-            ("adjacency", bytemuck::cast_slice(&tables.adjacency)),
-            ("lights", bytemuck::cast_slice(&self.lights)),
-            ("colors", bytemuck::cast_slice(&tables.colors)),
-            ("uvs", bytemuck::cast_slice(&tables.uvs)),
-            ("uv_indices", bytemuck::cast_slice(&tables.uv_indices)),
-            ("triangle_textures", bytemuck::cast_slice(&tables.triangle_textures)),
-            ("textures", bytemuck::cast_slice(&tables.textures)),
-            ("texels", bytemuck::cast_slice(&tables.texels)),
+            (BufferId::ViewShapes, bytemuck::cast_slice(&self.shapes)),
+            (BufferId::ViewCameras, bytemuck::cast_slice(&self.cameras)),
+            (BufferId::Positions, bytemuck::cast_slice(&tables.positions)),
+            (BufferId::Indices, bytemuck::cast_slice(&tables.indices)),
+            (BufferId::Adjacency, bytemuck::cast_slice(&tables.adjacency)),
+            (BufferId::Lights, bytemuck::cast_slice(&self.lights)),
+            (BufferId::Colors, bytemuck::cast_slice(&tables.colors)),
+            (BufferId::Uvs, bytemuck::cast_slice(&tables.uvs)),
+            (BufferId::UvIndices, bytemuck::cast_slice(&tables.uv_indices)),
+            (BufferId::TriangleTextures, bytemuck::cast_slice(&tables.triangle_textures)),
+            (BufferId::Textures, bytemuck::cast_slice(&tables.textures)),
+            (BufferId::Texels, bytemuck::cast_slice(&tables.texels)),
         ]
     }
 
-    /// One input's bytes.
-    pub fn get(&self, name: &str) -> Option<&[u8]> {
-        self.all().into_iter().find(|(n, _)| *n == name).map(|(_, bytes)| bytes)
+    /// One input's bytes; `None` for a buffer that is no input of a frame.
+    pub fn get(&self, id: BufferId) -> Option<&[u8]> {
+        self.all().into_iter().find(|(i, _)| *i == id).map(|(_, bytes)| bytes)
     }
 }
 

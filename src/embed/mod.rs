@@ -28,11 +28,12 @@ pub use shape::{AppearanceShape, MeshShape, Shape};
 pub use status::Status;
 pub use store::{FrameImage, ImageBindings};
 
+pub use crate::frame::buffers::{BufferId, Role};
 pub use crate::vulkan::{BufferRef, HostAdapter, HostCommands, HostDevice, ImageFormat, ImageRef};
-pub(crate) use bindings::Parts;
 
 use crate::constants as c;
 use crate::error::{Error, Result};
+use crate::frame::buffers::Parts;
 use crate::frame::passes::{self, BACKWARD_COUNT};
 use crate::frame::pipelines::{Pipelines, Request};
 use crate::scene::Settings;
@@ -120,16 +121,16 @@ impl Rasterizer {
         self.backward_pipelines(plan).map(drop)
     }
 
-    /// Binds a frame's buffers: `(name, part)` for each of [`FramePlan::buffers`]. Done once, not every frame.
+    /// Binds a frame's buffers: `(id, part)` for each of [`FramePlan::buffers`]. Done once, not every frame.
     ///
     /// # Errors
     /// [`Error::Host`] naming a buffer that is missing, unknown, too small, misaligned or made for other uses; otherwise
     /// as [`prepare`](Self::prepare).
-    pub fn bind(&self, plan: &FramePlan, buffers: &[(&str, BufferRef)]) -> Result<FrameBindings> {
-        self.bind_parts(plan, Parts::from_host(&self.device, plan.buffers(), buffers)?)
+    pub fn bind(&self, plan: &FramePlan, buffers: &[(BufferId, BufferRef)]) -> Result<FrameBindings> {
+        self.bind_parts(plan, bindings::parts_of_host(&self.device, plan.buffers(), buffers)?)
     }
 
-    /// Binds the buffers of a backward pass: `(name, part)` for each of [`GradientPlan::buffers`]; the frame's come from
+    /// Binds the buffers of a backward pass: `(id, part)` for each of [`GradientPlan::buffers`]; the frame's come from
     /// its own bindings, whose buffers these bindings need too.
     ///
     /// # Errors
@@ -138,9 +139,9 @@ impl Rasterizer {
         &self,
         plan: &GradientPlan,
         frame: &FrameBindings,
-        buffers: &[(&str, BufferRef)],
+        buffers: &[(BufferId, BufferRef)],
     ) -> Result<GradientBindings> {
-        let parts = Parts::from_host(&self.device, plan.buffers(), buffers)?;
+        let parts = bindings::parts_of_host(&self.device, plan.buffers(), buffers)?;
         self.bind_backward_parts(plan, &parts, frame)
     }
 
@@ -196,7 +197,7 @@ impl Rasterizer {
     ) -> Result<()> {
         bindings.fits(plan)?;
         let FrameBindings { stages, status, bin_bits, tile_counts, .. } = bindings;
-        passes::record_forward(recorder, &plan.plan, stages, status, bin_bits, tile_counts, times)
+        passes::record_forward(recorder, &plan.forward, stages, status, bin_bits, tile_counts, times)
     }
 
     pub(crate) fn backward(
@@ -214,12 +215,12 @@ impl Rasterizer {
                 recorder.fill(part, 0, part.range() / 4 * 4, 0)?;
             }
         }
-        passes::record_backward(recorder, &plan.plan, stages, texel_sums, item_counts, times)
+        passes::record_backward(recorder, &plan.backward, stages, texel_sums, item_counts, times)
     }
 
     fn forward_pipelines(&self, plan: &FramePlan) -> Result<[Pipeline; passes::FORWARD_COUNT]> {
-        let (lanes, modes) = (self.lanes, &plan.plan.modes);
-        let coarse_lanes = lanes.max(plan.plan.mode("COARSE_LANES"));
+        let (lanes, modes) = (self.lanes, &plan.forward.modes.list());
+        let coarse_lanes = lanes.max(plan.forward.coarse_lanes);
         let kernels = passes::forward_kernels(&self.device, lanes);
         let lanes_of = |kernel: &Kernel| if kernel.name == "bin_coarse" { coarse_lanes } else { lanes };
         self.pipelines(kernels.map(|kernel| Request { kernel, modes, lanes: lanes_of(kernel) }))
@@ -230,7 +231,7 @@ impl Rasterizer {
         let modes: [_; BACKWARD_COUNT] = std::array::from_fn(|stage| {
             let small = ("SMALL", u32::from(passes::BACKWARD_STAGES[stage].ends_with("_small")));
             let own = [("REDUCTION", passes::reduction_of(stage)), small, ("LANES", lanes)];
-            plan.plan.modes.iter().copied().chain(own).collect::<Vec<_>>()
+            plan.backward.modes.list().into_iter().chain(own).collect::<Vec<_>>()
         });
         let kernels = passes::backward_kernels(&self.device, lanes);
         self.pipelines(std::array::from_fn(|i| Request { kernel: kernels[i], modes: &modes[i], lanes }))

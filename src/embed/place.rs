@@ -4,6 +4,7 @@ use super::Rasterizer;
 use super::bindings::{FrameBindings, GradientBindings};
 use super::geometry::{Geometry, IndexFormat, Layout, linear_groups, rows_of};
 use crate::error::{Error, Result};
+use crate::frame::buffers::BufferId;
 use crate::frame::passes::Stage;
 use crate::frame::pipelines::Request;
 use crate::gradients::Wanted;
@@ -138,10 +139,10 @@ impl Rasterizer {
         let geometry = geometry.clone();
         let mut made = GeometryBindings { geometry, buffers: *buffers, draws, vertices: Vec::new(), indices: None };
         if made.geometry.vertices() > 0 {
-            let positions = self.place(&made, &buffers.positions, "positions", frame)?;
+            let positions = self.place(&made, &buffers.positions, BufferId::Positions, frame)?;
             made.vertices.push(positions);
             if let Some(colors) = &buffers.colors {
-                let colors = self.place(&made, colors, "colors", frame)?;
+                let colors = self.place(&made, colors, BufferId::Colors, frame)?;
                 made.vertices.push(colors);
             }
         }
@@ -156,16 +157,16 @@ impl Rasterizer {
         &self,
         made: &GeometryBindings,
         source: &(BufferRef, Layout),
-        name: &'static str,
+        id: BufferId,
         frame: &FrameBindings,
     ) -> Result<Step> {
         let geometry = &made.geometry;
         let count = geometry.vertices();
-        let words = layout_words(name, source, geometry.source_vertices().1, 3)?;
+        let words = layout_words(id.name(), source, geometry.source_vertices().1, 3)?;
         let push = made.vertex_push(count, words)?;
-        let target = frame.array(name)?;
-        judge_target(name, target, 12 * (u64::from(geometry.first_vertex) + u64::from(count)))?;
-        let moved = made.buffers.transforms.as_ref().filter(|_| name == "positions");
+        let target = frame.array(id)?;
+        judge_target(id, target, 12 * (u64::from(geometry.first_vertex) + u64::from(count)))?;
+        let moved = made.buffers.transforms.as_ref().filter(|_| id == BufferId::Positions);
         let source = BufferPart::of_host(&source.0);
         let transforms = moved.map_or_else(|| source.clone(), |(at, _)| BufferPart::of_host(at));
         let buffers = [("draws", &made.draws), ("Vertices", &source), ("Transforms", &transforms), ("Target", target)];
@@ -185,9 +186,9 @@ impl Rasterizer {
         let bytes = geometry.source_indices() * u64::from(format.bits() / 8);
         // Whole words are read.
         judge_bytes("indices", at, bytes.next_multiple_of(4))?;
-        let target = frame.array("indices")?;
+        let target = frame.array(BufferId::Indices)?;
         let triangles = geometry.triangles();
-        judge_target("indices", target, 12 * (u64::from(geometry.first_triangle) + u64::from(triangles)))?;
+        judge_target(BufferId::Indices, target, 12 * (u64::from(geometry.first_triangle) + u64::from(triangles)))?;
         let (first, base, select) = (geometry.first_triangle, geometry.mesh_vertex, format.bits());
         let push = Push { first, base, select, ..made.push(3 * triangles) };
         let buffers = [("draws", &made.draws), ("Indices", &BufferPart::of_host(at)), ("Target", target)];
@@ -212,7 +213,7 @@ impl Rasterizer {
             return Ok(GeometryGradientBindings { steps });
         }
         let placed = u64::from(geometry.geometry.first_vertex) + u64::from(geometry.geometry.vertices());
-        judge_target("vertex_gradients", &backward.vertex_gradients, 32 * placed)?;
+        judge_target(BufferId::VertexGradients, &backward.vertex_gradients, 32 * placed)?;
         if geometry.geometry.vertices() > 0 {
             for (select, target) in (0..).zip([&gradients.positions, &gradients.colors]) {
                 if let Some(target) = target {
@@ -350,9 +351,9 @@ fn judge_wanted(gradients: &GeometryGradients, wanted: Wanted) -> Result<()> {
 }
 
 /// A frame's array has room for what is placed.
-fn judge_target(name: &str, target: &BufferPart, needed: u64) -> Result<()> {
+fn judge_target(id: BufferId, target: &BufferPart, needed: u64) -> Result<()> {
     if needed > target.range() {
-        let what = format!("the frame's `{name}` has {} bytes, the draws fill {needed}", target.range());
+        let what = format!("the frame's `{id}` has {} bytes, the draws fill {needed}", target.range());
         return misfit(what, "plan the frame with a shape of as many vertices and triangles");
     }
     Ok(())

@@ -2,8 +2,10 @@
 
 use super::shape::Shape;
 use crate::error::{Error, Result};
-use crate::frame::buffers::{self, BACKWARD, FORWARD, Role, Slot, UNUSED, UNUSED_SIZE};
-use crate::frame::plan::{BackwardInput, BackwardPlan, Capacity, Plan, PlanInput, judge_views};
+#[cfg(feature = "renderer")]
+use crate::frame::buffers::Entry;
+use crate::frame::buffers::{BufferId, Role, Sizes};
+use crate::frame::plan::{BackwardInput, BackwardPlan, Capacity, ForwardPlan, PlanInput, judge_views};
 use crate::gradients::Wanted;
 use crate::scene::{Lights, Outputs, Settings, Shading};
 use crate::vulkan::{BufferDesc, BufferRef, DeviceKind, Limits, Location, TexelFormat, vk};
@@ -16,7 +18,7 @@ const SOFTWARE_LONGEST_LIST: u32 = 60_000;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BufferRequirement {
     /// By which it is given.
-    pub name: &'static str,
+    pub id: BufferId,
     /// Bytes, at least; never 0.
     pub size: u64,
     /// What its offset in the VkBuffer must be a multiple of.
@@ -27,23 +29,14 @@ pub struct BufferRequirement {
     pub format: TexelFormat,
     /// Who fills it, and with that where its memory had best lie.
     pub role: Role,
-    /// Its place among the slots of its pass.
-    pub(super) slot: usize,
 }
-
-/// Places in a table of a forward frame's buffers.
-pub(super) const FRAME_SLOTS: usize = FORWARD.len() + 1;
-/// Places in a table of a backward pass's buffers.
-pub(super) const GRADIENT_SLOTS: usize = BACKWARD.len();
 
 /// Everything that recording a forward frame needs to know. Made by [`Rasterizer::plan`](super::Rasterizer::plan).
 #[derive(Clone, Debug, PartialEq)]
 pub struct FramePlan {
-    pub(crate) plan: Plan,
+    pub(crate) forward: ForwardPlan,
     pub(super) shape: Shape,
     buffers: Vec<BufferRequirement>,
-    /// Bytes by slot.
-    pub(super) sizes: [u64; FRAME_SLOTS],
     pub(super) longest_list: u32,
     pub(super) capacity: Capacity,
     limits: Limits,
@@ -65,42 +58,34 @@ pub struct Differentiate {
 /// [`Rasterizer::plan_backward`](super::Rasterizer::plan_backward).
 #[derive(Clone, Debug, PartialEq)]
 pub struct GradientPlan {
-    pub(crate) plan: BackwardPlan,
+    pub(crate) backward: BackwardPlan,
     buffers: Vec<BufferRequirement>,
-    /// Bytes by slot.
-    pub(super) sizes: [u64; GRADIENT_SLOTS],
-    /// Bytes of the frame's buffers by slot.
-    pub(super) frame_sizes: [u64; FRAME_SLOTS],
+    /// Bytes of the frame's buffers.
+    pub(super) frame_sizes: Sizes,
     pub(super) wanted: Wanted,
     /// As the frame's shape.
     pub(super) device_counts: bool,
 }
 
-fn requirement(limits: &Limits, place: usize, slot: &Slot, size: u64) -> Result<BufferRequirement> {
-    let usage = buffers::usage_of(slot.name);
-    let texels = usage.contains(vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER).then_some(slot.format);
-    BufferDesc { name: slot.name, size, usage, location: Location::Device, texels }.judge(limits)?;
-    // Sixteen: a whole texel, and what copying to an image asks for.
-    let alignment = limits.storage_offset_alignment.max(limits.texel_offset_alignment).max(16);
-    let Slot { name, format, role } = *slot;
-    Ok(BufferRequirement { name, size, alignment, usage, format, role, slot: place })
+#[cfg(feature = "renderer")]
+impl BufferRequirement {
+    /// As a buffer of our own.
+    pub(crate) fn entry(&self) -> Entry<BufferId> {
+        Entry { id: self.id, format: self.format, role: self.role }
+    }
 }
 
-/// The requirements of every slot that is not empty, and all sizes by slot.
-fn requirements<const N: usize>(
-    limits: &Limits,
-    slots: impl Iterator<Item = Slot>,
-    size: impl Fn(&Slot) -> u64,
-) -> Result<(Vec<BufferRequirement>, [u64; N])> {
-    let mut sizes = [0; N];
-    let mut needed = Vec::with_capacity(N);
-    for ((place, slot), bytes) in slots.enumerate().zip(&mut sizes) {
-        *bytes = size(&slot);
-        if *bytes > 0 {
-            needed.push(requirement(limits, place, &slot, *bytes)?);
-        }
-    }
-    Ok((needed, sizes))
+fn requirement(limits: &Limits, id: BufferId, size: u64) -> Result<BufferRequirement> {
+    let (name, format, role, usage) = (id.name(), id.row().format, id.row().role, id.usage());
+    let texels = usage.contains(vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER).then_some(format);
+    BufferDesc { name, size, usage, location: Location::Device, texels }.judge(limits)?;
+    // Sixteen: a whole texel, and what copying to an image asks for.
+    let alignment = limits.storage_offset_alignment.max(limits.texel_offset_alignment).max(16);
+    Ok(BufferRequirement { id, size, alignment, usage, format, role })
+}
+
+fn requirements(limits: &Limits, sizes: &Sizes) -> Result<Vec<BufferRequirement>> {
+    sizes.iter().map(|(id, size)| requirement(limits, id, size)).collect()
 }
 
 /// Whether a kernel can sum over each vertex's corners, in so many views one after the other.
@@ -166,11 +151,11 @@ impl FramePlan {
         judge(shape)?;
         let views = shape.view_sizes();
         let capacity = shape.capacity.unwrap_or_else(|| Capacity::estimate(settings, shape.cutoff, &views));
-        let plan = Plan::new(&PlanInput {
+        let forward = ForwardPlan::new(&PlanInput {
             settings,
             cutoff: shape.cutoff,
             views: &views,
-            meshes: shape.meshes.len() as u32,
+            tables: shape.table_lengths(settings.save || shape.lights.shading == Shading::Smooth),
             lights: &shape.lights,
             sampling: shape.sampling(),
             depth_span: shape.depth_span,
@@ -178,17 +163,12 @@ impl FramePlan {
             capacity,
             save: settings.save,
         })?;
-        let slots = FORWARD.into_iter().chain([UNUSED]);
-        let (buffers, sizes) = requirements(limits, slots, |slot| match slot.role {
-            Role::Input => shape.input_size(slot, settings.save).unwrap_or(0),
-            _ if slot.name == UNUSED.name => UNUSED_SIZE,
-            _ => buffers::planned_size(&plan.sizes, slot.name),
-        })?;
+        let buffers = requirements(limits, &forward.sizes)?;
         let longest_list = if kind == DeviceKind::Software { SOFTWARE_LONGEST_LIST } else { u32::MAX };
         if shape.lights.shading == Shading::Smooth {
             judge_corners(shape, 1, longest_list)?;
         }
-        Ok(Self { plan, shape: shape.clone(), buffers, sizes, longest_list, capacity, limits: *limits })
+        Ok(Self { forward, shape: shape.clone(), buffers, longest_list, capacity, limits: *limits })
     }
 
     /// The buffers to give to [`Rasterizer::bind`](super::Rasterizer::bind), in no particular order.
@@ -196,9 +176,9 @@ impl FramePlan {
         &self.buffers
     }
 
-    /// One of them; `None` where the frame has no such buffer (`color` without [`Outputs::color`]).
-    pub fn buffer(&self, name: &str) -> Option<&BufferRequirement> {
-        self.buffers.iter().find(|b| b.name == name)
+    /// One of them; `None` where the frame has no such buffer ([`BufferId::Color`] without [`Outputs::color`]).
+    pub fn buffer(&self, id: BufferId) -> Option<&BufferRequirement> {
+        self.buffers.iter().find(|b| b.id == id)
     }
 
     /// How one view of an image lies in its buffer, for vkCmdCopyBufferToImage. `at` is where the buffer was bound.
@@ -211,16 +191,16 @@ impl FramePlan {
     /// | `normals` | R32G32B32A32_SFLOAT | Σ w n, world space, and 0 |
     ///
     /// Rows are packed, row 0 at the top. The image is in TRANSFER_DST_OPTIMAL or GENERAL, its layout the host's.
-    pub fn image_copy(&self, name: &str, view: u32, at: &BufferRef) -> Option<vk::BufferImageCopy> {
-        let texel = match name {
-            "color" | "normals" => 16,
-            "silhouette" | "depths" => 4,
+    pub fn image_copy(&self, id: BufferId, view: u32, at: &BufferRef) -> Option<vk::BufferImageCopy> {
+        let texel = match id {
+            BufferId::Color | BufferId::Normals => 16,
+            BufferId::Silhouette | BufferId::Depths => 4,
             _ => return None,
         };
-        if self.buffer(name).is_none() || view >= self.shape.views {
+        if self.buffer(id).is_none() || view >= self.shape.views {
             return None;
         }
-        let (width, height) = (self.plan.frame.width, self.plan.frame.height);
+        let (width, height) = (self.forward.push.width, self.forward.push.height);
         let subresource = vk::ImageSubresourceLayers::default()
             .aspect_mask(vk::ImageAspectFlags::COLOR)
             .mip_level(0)
@@ -235,7 +215,7 @@ impl FramePlan {
 
     /// Width and height of its images.
     pub fn image_size(&self) -> (u32, u32) {
-        (self.plan.frame.width, self.plan.frame.height)
+        (self.forward.push.width, self.forward.push.height)
     }
 
     /// How many views it has.
@@ -244,7 +224,7 @@ impl FramePlan {
     }
 
     pub(super) fn has_silhouette(&self) -> bool {
-        self.plan.mode("OUTPUTS") & crate::constants::OUTPUT_SILHOUETTE != 0
+        self.forward.modes.outputs & crate::constants::OUTPUT_SILHOUETTE != 0
     }
 
     /// Whether it was made for this shape, so that with the same settings it need not be made again.
@@ -255,7 +235,7 @@ impl FramePlan {
     /// What the buffer `view_shapes` holds: each view's mesh, and its share of the frame's buffers
     /// (`glsl/common/mesh.glsl`).
     pub fn view_shapes(&self) -> Vec<[u32; 4 * crate::constants::SHAPE_TEXELS as usize]> {
-        let meshes = self.shape.mesh_entries(self.buffer("adjacency").is_some());
+        let meshes = self.shape.mesh_entries(self.forward.sizes[BufferId::Adjacency] > 0);
         let entry = |(view, range): (usize, &crate::frame::plan::ViewRange)| {
             let m = meshes[if meshes.len() == 1 { 0 } else { view }];
             [
@@ -277,7 +257,7 @@ impl FramePlan {
                 m.adjacency,
             ]
         };
-        self.plan.views.iter().enumerate().map(entry).collect()
+        self.forward.views.iter().enumerate().map(entry).collect()
     }
 
     /// The room it has for lists.
@@ -298,11 +278,11 @@ impl GradientPlan {
     /// [`Error::Backward`] for a frame that does not save, or images that it does not render; [`Error::Limit`].
     pub fn new(frame: &FramePlan, differentiate: &Differentiate) -> Result<Self> {
         let fail = |what: &str, fix: &str| Err(Error::Backward { what: what.into(), fix: fix.into() });
-        if frame.plan.mode("SAVE") == 0 {
+        if frame.forward.modes.save == 0 {
             return fail("the frame keeps nothing for it", "plan it with Settings::save = true");
         }
         let up = differentiate.upstream;
-        let rendered = frame.plan.mode("OUTPUTS");
+        let rendered = frame.forward.modes.outputs;
         use crate::constants as c;
         let images = [
             (up.color, c::OUTPUT_COLOR),
@@ -321,19 +301,19 @@ impl GradientPlan {
             let views = if shape.meshes.len() == 1 { shape.views } else { 1 };
             judge_corners(shape, views, frame.longest_list)?;
         }
-        let plan = BackwardPlan::new(&BackwardInput {
-            forward: &frame.plan,
+        let backward = BackwardPlan::new(&BackwardInput {
+            forward: &frame.forward,
             upstream: up,
             wanted: &differentiate.wanted,
             lit: !shape.lights.is_unlit(),
             vertices: shape.vertices(),
             largest_mesh: shape.meshes.iter().map(|m| m.vertices).max().unwrap_or(0),
             texels: shape.texels(),
-            texel_scale: texel_scale(&frame.plan, &shape.lights, differentiate.largest_upstream),
+            texel_scale: texel_scale(&frame.forward, &shape.lights, differentiate.largest_upstream),
         });
-        let (buffers, sizes) = requirements(&frame.limits, BACKWARD.into_iter(), |slot| plan.sizes.of(slot.name))?;
-        let (frame_sizes, device_counts) = (frame.sizes, shape.device_counts);
-        Ok(Self { plan, buffers, sizes, frame_sizes, wanted: differentiate.wanted, device_counts })
+        let buffers = requirements(&frame.limits, &backward.sizes)?;
+        let (frame_sizes, device_counts) = (frame.forward.sizes, shape.device_counts);
+        Ok(Self { backward, buffers, frame_sizes, wanted: differentiate.wanted, device_counts })
     }
 
     /// The buffers to give to [`Rasterizer::bind_backward`](super::Rasterizer::bind_backward) beyond the frame's.
@@ -342,19 +322,19 @@ impl GradientPlan {
     }
 
     /// One of them.
-    pub fn buffer(&self, name: &str) -> Option<&BufferRequirement> {
-        self.buffers.iter().find(|b| b.name == name)
+    pub fn buffer(&self, id: BufferId) -> Option<&BufferRequirement> {
+        self.buffers.iter().find(|b| b.id == id)
     }
 
     /// What one unit of a 64-bit sum in `texel_sums` is worth: the gradient is the sum, signed, divided by this.
     pub fn texel_scale(&self) -> f32 {
-        self.plan.frame.texel_scale
+        self.backward.push.texel_scale
     }
 }
 
 /// A power of two that turns the largest sum a texel can have into some 2⁶¹ units, so that the units are as fine as 64
 /// bits allow. Powers of two lose nothing.
-fn texel_scale(plan: &Plan, lights: &Lights, largest_upstream: f64) -> f32 {
+fn texel_scale(plan: &ForwardPlan, lights: &Lights, largest_upstream: f64) -> f32 {
     let ambient: f64 = lights.ambient_color.iter().map(|x| (x * lights.ambient_intensity).abs()).sum();
     let directional =
         lights.directional.iter().map(|l| l.color.iter().map(|x| (x * l.intensity).abs()).sum::<f64>()).sum::<f64>();

@@ -2,9 +2,9 @@
 
 use crate::constants as c;
 use crate::error::Result;
-use crate::frame::buffers::{self, Slot};
+use crate::frame::buffers::TableLengths;
 use crate::frame::plan::{Capacity, DepthSpan, Sampling, ViewSize};
-use crate::scene::{Appearance, Camera, Lights, Mesh, Projection, Scene, Settings, Shading};
+use crate::scene::{Appearance, Camera, Lights, Mesh, Projection, Scene, Settings};
 
 /// The shape of what a frame draws, from which its plan is made. [`Shape::of`] takes it from a scene; a host that keeps
 /// its meshes on the device fills it in.
@@ -238,40 +238,31 @@ impl Shape {
         entries
     }
 
-    /// Bytes of an input; 0 where the frame needs none, `None` for what is no input of a forward frame.
-    pub(super) fn input_size(&self, slot: &Slot, save: bool) -> Option<u64> {
-        if !buffers::FORWARD.iter().any(|s| s.name == slot.name) {
-            return None;
-        }
+    /// Elements of the tables of all meshes.
+    pub(super) fn table_lengths(&self, adjacency: bool) -> TableLengths {
         let sum = |each: fn(&MeshShape) -> u64| self.meshes.iter().map(each).sum::<u64>();
-        let textured = |each: fn(&MeshShape, u32, bool) -> u64| -> u64 {
+        let textured = |each: fn(&MeshShape, bool) -> u64| -> u64 {
             let counts = self.meshes.iter().map(|mesh| match &mesh.appearance {
-                AppearanceShape::Textured { uvs, of_triangle, .. } => each(mesh, *uvs, *of_triangle),
+                AppearanceShape::Textured { of_triangle, .. } => each(mesh, *of_triangle),
                 _ => 0,
             });
             counts.sum()
         };
-        let triangles = |m: &MeshShape| u64::from(m.triangles);
-        Some(match slot.name {
-            "view_shapes" => u64::from(self.views) * u64::from(16 * c::SHAPE_TEXELS),
-            "view_cameras" => u64::from(self.views) * u64::from(16 * c::CAMERA_TEXELS),
-            "positions" => 12 * self.vertices(),
-            "indices" => 12 * sum(triangles),
-            "adjacency" if save || self.lights.shading == Shading::Smooth => {
-                4 * sum(|m| u64::from(m.vertices) + 1 + 3 * u64::from(m.triangles))
-            }
-            "adjacency" => 0,
-            "lights" => 16 * (1 + 2 * self.lights.directional.len() as u64),
-            "colors" => sum(|m| match m.appearance {
-                AppearanceShape::VertexColors => 12 * u64::from(m.vertices),
-                _ => 12,
+        let corners = sum(|m| u64::from(m.vertices) + 1 + 3 * u64::from(m.triangles));
+        TableLengths {
+            meshes: self.meshes.len() as u64,
+            vertices: self.vertices(),
+            triangles: sum(|m| u64::from(m.triangles)),
+            adjacency: if adjacency { corners } else { 0 },
+            colors: sum(|m| match m.appearance {
+                AppearanceShape::VertexColors => 3 * u64::from(m.vertices),
+                _ => 3,
             }),
-            "uvs" => 8 * textured(|_, uvs, _| uvs.into()),
-            "uv_indices" => 12 * textured(|mesh, _, _| mesh.triangles.into()),
-            "triangle_textures" => 4 * textured(|mesh, _, named| u64::from(named) * u64::from(mesh.triangles)),
-            "textures" => 16 * (u64::from(self.is_sampled()) + sum(MeshShape::textures)),
-            "texels" => 16 * self.texels(),
-            _ => return None,
-        })
+            uvs: 2 * self.uvs(),
+            uv_indices: 3 * textured(|mesh, _| mesh.triangles.into()),
+            triangle_textures: textured(|mesh, named| u64::from(named) * u64::from(mesh.triangles)),
+            textures: u64::from(self.is_sampled()) + sum(MeshShape::textures),
+            texels: self.texels(),
+        }
     }
 }

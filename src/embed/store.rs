@@ -4,6 +4,7 @@ use super::Rasterizer;
 use super::bindings::FrameBindings;
 use super::plan::FramePlan;
 use crate::error::{Error, Result};
+use crate::frame::buffers::BufferId;
 use crate::frame::passes::Stage;
 use crate::frame::pipelines::Request;
 use crate::vulkan::{DescriptorPool, HostCommands, ImageFormat, ImageRef, Kernel, Recorder, kernels};
@@ -60,14 +61,14 @@ fn kernel_of(format: ImageFormat) -> &'static Kernel {
 
 impl FrameImage {
     /// The buffer that it lies in, and its component there.
-    fn place(self, plan: &FramePlan) -> (&'static str, u32) {
+    fn place(self, plan: &FramePlan) -> (BufferId, u32) {
         match self {
-            Self::Color { .. } => ("color", 0),
+            Self::Color { .. } => (BufferId::Color, 0),
             // With colour the silhouette is its fourth component.
-            Self::Silhouette if plan.buffer("color").is_some() => ("color", 3),
-            Self::Silhouette => ("silhouette", 0),
-            Self::Depth => ("depths", 0),
-            Self::Normal => ("normals", 0),
+            Self::Silhouette if plan.buffer(BufferId::Color).is_some() => (BufferId::Color, 3),
+            Self::Silhouette => (BufferId::Silhouette, 0),
+            Self::Depth => (BufferId::Depths, 0),
+            Self::Normal => (BufferId::Normals, 0),
         }
     }
 
@@ -91,9 +92,9 @@ impl Rasterizer {
         target: &ImageRef,
     ) -> Result<ImageBindings> {
         frame.fits(plan)?;
-        let (name, component) = image.place(plan);
+        let (id, component) = image.place(plan);
         let (width, height) = plan.image_size();
-        if plan.buffer(name).is_none() || (image == FrameImage::Silhouette && !plan.has_silhouette()) {
+        if plan.buffer(id).is_none() || (image == FrameImage::Silhouette && !plan.has_silhouette()) {
             return misfit(format!("the frame has no image {image:?}"), "ask for it in Settings::outputs");
         }
         if view >= plan.views() {
@@ -110,7 +111,7 @@ impl Rasterizer {
         let kernel = kernel_of(target.format());
         let [pipeline] = self.pipelines([Request { kernel, modes: &[], lanes: self.lanes }])?;
         let pool = DescriptorPool::new(&self.device, &[kernel])?;
-        let buffers = [("image_texels", frame.array(name)?)];
+        let buffers = [("image_texels", frame.array(id)?)];
         let stage = Stage::new(pipeline.clone(), pool.bind_with_image(&pipeline, &buffers, ("target", target))?);
         let srgb = u32::from(image == FrameImage::Color { srgb: true });
         Ok(ImageBindings { stage, push: Push { width, height, first: view * width * height, component, srgb } })

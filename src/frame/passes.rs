@@ -3,8 +3,8 @@
 use crate::Result;
 use crate::constants as c;
 use crate::error::Error;
-use crate::frame::buffers::buffer_of_binding;
-use crate::frame::plan::{BackwardPlan, FramePush, Plan};
+use crate::frame::buffers::BufferId;
+use crate::frame::plan::{BackwardPlan, ForwardPlan, FramePush};
 use crate::vulkan::{
     BufferPart, DescriptorPool, DescriptorSet, Device, Kernel, Pipeline, Recorder, TimestampPool, kernels,
 };
@@ -61,19 +61,25 @@ pub fn forward_kernels(device: &Device, lanes: u32) -> [&'static Kernel; FORWARD
     [&kernels::VERTEX, &kernels::TRIANGLE, &kernels::BIN_COARSE, &kernels::BIN_FINE, &kernels::BACKGROUND, forward]
 }
 
-/// Binds a pipeline to buffers found by the names of its bindings.
+/// Binds a pipeline to buffers found by the names of its bindings; `alias` tells the buffers of those that are another in
+/// each stage.
 pub fn bind<'a>(
     pool: &DescriptorPool,
     pipeline: Pipeline,
-    find: &dyn Fn(&str) -> Option<&'a BufferPart>,
+    alias: &dyn Fn(&str) -> Option<BufferId>,
+    find: &dyn Fn(BufferId) -> Option<&'a BufferPart>,
 ) -> Result<Stage> {
     let mut buffers = Vec::new();
     for binding in pipeline.kernel().bindings {
-        let name = buffer_of_binding(binding.name);
-        let Some(buffer) = find(&name) else {
-            return Err(Error::Scene {
-                what: format!("kernel `{}` needs a buffer `{name}`", pipeline.kernel().name),
-                fix: "give every buffer that the plan lists".into(),
+        let kernel = pipeline.kernel().name;
+        let Some(id) = alias(binding.name).or_else(|| BufferId::of_binding(binding.name)) else {
+            let result = format!("the binding `{}` of kernel `{kernel}` is no buffer of the table", binding.name);
+            return Err(Error::Vulkan { call: "vkUpdateDescriptorSets", result });
+        };
+        let Some(buffer) = find(id) else {
+            return Err(Error::Host {
+                what: format!("kernel `{kernel}` needs a buffer `{id}`"),
+                fix: "give every buffer of the plan's buffers()".into(),
             });
         };
         buffers.push((binding.name, buffer));
@@ -87,17 +93,18 @@ impl ForwardStages {
     pub fn new<'a>(
         device: &Device,
         pipelines: [Pipeline; FORWARD_COUNT],
-        find: &dyn Fn(&str) -> Option<&'a BufferPart>,
+        find: &dyn Fn(BufferId) -> Option<&'a BufferPart>,
     ) -> Result<Self> {
         let pool = DescriptorPool::new(device, &pipelines.each_ref().map(Pipeline::kernel))?;
         let [vertex, triangle, bin_coarse, bin_fine, background, forward] = pipelines;
+        let bind = |pipeline| bind(&pool, pipeline, &|_| None, find);
         Ok(Self {
-            vertex: bind(&pool, vertex, find)?,
-            triangle: bind(&pool, triangle, find)?,
-            bin_coarse: bind(&pool, bin_coarse, find)?,
-            bin_fine: bind(&pool, bin_fine, find)?,
-            background: bind(&pool, background, find)?,
-            forward: bind(&pool, forward, find)?,
+            vertex: bind(vertex)?,
+            triangle: bind(triangle)?,
+            bin_coarse: bind(bin_coarse)?,
+            bin_fine: bind(bin_fine)?,
+            background: bind(background)?,
+            forward: bind(forward)?,
         })
     }
 }
@@ -136,7 +143,7 @@ fn record_rows(recorder: &mut Recorder<'_>, frame: &FramePush, stage: &Stage, li
 }
 
 /// The tiles that background or forward walk; those of the former lie behind the latter's room.
-fn tile_list<'a>(plan: &Plan, counts: &'a BufferPart, offset: u32) -> List<'a> {
+fn tile_list<'a>(plan: &ForwardPlan, counts: &'a BufferPart, offset: u32) -> List<'a> {
     let first = if offset == c::TILES_EMPTY { plan.totals.tiles as u32 } else { 0 };
     List { rows: plan.totals.tile_rows() as u32, first, counts, stride: c::TILE_COUNT_WORDS, offset }
 }
@@ -175,7 +182,7 @@ fn no_workgroups(recorder: &mut Recorder<'_>, counts: &BufferPart, count: u64) -
 /// that what other stages and queues do to the buffers is all that the caller must order.
 pub fn record_forward(
     recorder: &mut Recorder<'_>,
-    plan: &Plan,
+    plan: &ForwardPlan,
     stages: &ForwardStages,
     status: &BufferPart,
     bin_bits: &BufferPart,
@@ -197,9 +204,9 @@ pub fn record_forward(
     ];
     recorder.begin_label("softras forward");
     recorder.barrier();
-    recorder.fill(status, 0, plan.sizes.status, 0)?;
+    recorder.fill(status, 0, plan.sizes[BufferId::Status], 0)?;
     no_workgroups(recorder, tile_counts, plan.totals.tile_rows() * u64::from(c::TILE_COUNT_WORDS) / 3)?;
-    clear(recorder, bin_bits, plan.sizes.bin_bits)?;
+    clear(recorder, bin_bits, plan.sizes[BufferId::BinBits])?;
     recorder.barrier();
     stamp(recorder, times, 0)?;
     for (i, (stage, groups)) in steps.into_iter().enumerate() {
@@ -208,9 +215,9 @@ pub fn record_forward(
             // Of a scene without triangles.
             Groups::Of(groups) if groups.contains(&0) => {}
             Groups::Of(groups) => {
-                recorder.dispatch(&stage.pipeline, &stage.set, bytemuck::bytes_of(&plan.frame), groups)?;
+                recorder.dispatch(&stage.pipeline, &stage.set, bytemuck::bytes_of(&plan.push), groups)?;
             }
-            Groups::On(list) => record_rows(recorder, &plan.frame, stage, &list)?,
+            Groups::On(list) => record_rows(recorder, &plan.push, stage, &list)?,
         }
         recorder.barrier();
         recorder.end_label();
@@ -280,14 +287,14 @@ pub fn reduction_of(stage: usize) -> u32 {
 }
 
 /// The buffer that a stage binds by a name: what several stages do to one buffer each has one name in their kernel.
-fn buffer_of_stage(stage: usize, name: &str) -> &str {
-    match (name, BACKWARD_STAGES[stage]) {
-        ("items", "backward" | "backward_small") => "shown_items",
-        ("items", _) => "outline_items",
-        ("rows", "reduce_lights") => "light_records",
-        ("rows", "reduce_pixels") => "pixel_sums",
-        ("rows", _) => "view_sums",
-        _ => name,
+fn buffer_of_stage(stage: usize, binding: &str) -> Option<BufferId> {
+    match (binding, BACKWARD_STAGES[stage]) {
+        ("items", "backward" | "backward_small") => Some(BufferId::ShownItems),
+        ("items", _) => Some(BufferId::OutlineItems),
+        ("rows", "reduce_lights") => Some(BufferId::LightRecords),
+        ("rows", "reduce_pixels") => Some(BufferId::PixelSums),
+        ("rows", _) => Some(BufferId::ViewSums),
+        _ => None,
     }
 }
 
@@ -296,12 +303,12 @@ impl BackwardStages {
     pub fn new<'a>(
         device: &Device,
         pipelines: [Pipeline; BACKWARD_COUNT],
-        find: &dyn Fn(&str) -> Option<&'a BufferPart>,
+        find: &dyn Fn(BufferId) -> Option<&'a BufferPart>,
     ) -> Result<Self> {
         let pool = DescriptorPool::new(device, &pipelines.each_ref().map(Pipeline::kernel))?;
         let mut stages = Vec::with_capacity(BACKWARD_COUNT);
         for (i, pipeline) in pipelines.into_iter().enumerate() {
-            stages.push(bind(&pool, pipeline, &|name| find(buffer_of_stage(i, name)))?);
+            stages.push(bind(&pool, pipeline, &|binding| buffer_of_stage(i, binding), find)?);
         }
         let made: Result<[Stage; BACKWARD_COUNT], _> = stages.try_into();
         made.map(|stages| Self { stages })
@@ -347,18 +354,18 @@ pub fn record_backward(
     item_counts: &BufferPart,
     times: Option<&TimestampPool>,
 ) -> Result<()> {
-    let lights_first = plan.frame.view_count;
-    let pixels_first = lights_first + plan.frame.light_count + 1;
+    let lights_first = plan.push.view_count;
+    let pixels_first = lights_first + plan.push.light_count + 1;
     recorder.begin_label("softras backward");
     recorder.barrier();
     // The shown and the outlined items of each row.
     no_workgroups(recorder, item_counts, u64::from(plan.item_rows * c::ITEM_COUNT_WORDS / 3))?;
-    clear(recorder, texel_sums, plan.sizes.texel_sums)?;
+    clear(recorder, texel_sums, plan.sizes[BufferId::TexelSums])?;
     recorder.barrier();
     stamp(recorder, times, 0)?;
     for (i, stage) in stages.stages.iter().enumerate() {
         let name = BACKWARD_STAGES[i];
-        let mut frame = plan.frame;
+        let mut frame = plan.push;
         (frame.first, frame.reduce_rows) = match name {
             "reduce_lights" => (lights_first, plan.light_rows),
             "reduce_pixels" => (pixels_first, plan.pixel_rows),
@@ -373,7 +380,7 @@ pub fn record_backward(
                 Some(list) => {
                     let (rows, stride) = (plan.item_rows, c::ITEM_COUNT_WORDS);
                     let list = List { rows, first: 0, counts: item_counts, stride, offset: list };
-                    record_rows(recorder, &plan.frame, stage, &list)?;
+                    record_rows(recorder, &plan.push, stage, &list)?;
                 }
                 None => recorder.dispatch(&stage.pipeline, &stage.set, bytemuck::bytes_of(&frame), groups)?,
             }

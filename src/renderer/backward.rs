@@ -3,7 +3,7 @@
 use super::{Frame, Renderer, StageTime};
 use crate::embed::{Decoder, Differentiate, FramePlan, GradientBindings, GradientPlan};
 use crate::error::{Error, Result};
-use crate::frame::buffers::{self, Role};
+use crate::frame::buffers::{BufferId, Role};
 use crate::frame::passes::{BACKWARD_STAGES, BACKWARD_TIMESTAMPS};
 use crate::gradients::{Gradients, ImageGradient, Wanted};
 use crate::image::Image;
@@ -94,14 +94,12 @@ impl Renderer {
         let batch = saved.cameras.len();
         upstream.validate(s.outputs, batch, s.height as usize, s.width as usize)?;
         let plan = self.plan_backward(&saved.plan, upstream, wanted)?;
-        for slot in buffers::BACKWARD {
-            if let Some(requirement) = plan.buffer(slot.name) {
-                let reserved = self.buffers.reserve(&self.context, slot, requirement.size);
-                if !matches!(reserved, Ok(false)) {
-                    self.backward.forget();
-                }
-                reserved?;
+        for needed in plan.buffers() {
+            let reserved = self.buffers.reserve(&self.context, needed.entry(), needed.size);
+            if !matches!(reserved, Ok(false)) {
+                self.backward.forget();
             }
+            reserved?;
         }
         self.write_upstream(upstream)?;
         self.prepare_backward(&plan, wanted)?;
@@ -115,7 +113,7 @@ impl Renderer {
             settings: &saved.settings,
             lights: &saved.lights,
         };
-        decoder.decode_floats(&|name, count| self.buffers.floats(name, count))
+        decoder.decode_floats(&|id, count| self.buffers.floats(id, count))
     }
 
     /// The last plan where nothing that it depends on has changed.
@@ -146,7 +144,7 @@ impl Renderer {
         let alpha = upstream.silhouette.as_ref();
         if let Some(color) = &upstream.color {
             let pixels = color.data.as_chunks::<3>().0;
-            let texels = self.buffers.floats_mut("upstream_color", 4 * pixels.len())?.as_chunks_mut::<4>().0;
+            let texels = self.buffers.floats_mut(BufferId::UpstreamColor, 4 * pixels.len())?.as_chunks_mut::<4>().0;
             match alpha {
                 Some(alpha) => {
                     for ((to, &[r, g, b]), &a) in texels.iter_mut().zip(pixels).zip(&alpha.data) {
@@ -156,14 +154,14 @@ impl Renderer {
                 None => write_texels(texels, pixels),
             }
         } else if let Some(alpha) = alpha {
-            self.buffers.write("upstream_silhouette", bytemuck::cast_slice(&alpha.data))?;
+            self.buffers.write(BufferId::UpstreamSilhouette, bytemuck::cast_slice(&alpha.data))?;
         }
         if let Some(depth) = &upstream.depth {
-            self.buffers.write("upstream_depths", bytemuck::cast_slice(&depth.data))?;
+            self.buffers.write(BufferId::UpstreamDepths, bytemuck::cast_slice(&depth.data))?;
         }
         if let Some(normal) = &upstream.normal {
             let pixels = normal.data.as_chunks::<3>().0;
-            let texels = self.buffers.floats_mut("upstream_normals", 4 * pixels.len())?;
+            let texels = self.buffers.floats_mut(BufferId::UpstreamNormals, 4 * pixels.len())?;
             write_texels(texels.as_chunks_mut::<4>().0, pixels);
         }
         Ok(())
@@ -179,7 +177,7 @@ impl Renderer {
         let Some((_, frame)) = &self.recorded else {
             return stale("the frame's commands are gone", "render it again");
         };
-        let parts = self.buffers.parts(plan.buffers())?;
+        let parts = self.buffers.parts(plan.buffers().iter().map(|b| b.id))?;
         let bindings = self.rasterizer.bind_backward_parts(plan, &parts, frame)?;
         let (rasterizer, buffers) = (&self.rasterizer, &self.buffers);
         let times = self.backward.times.as_ref().filter(|_| self.timed);
@@ -188,18 +186,18 @@ impl Renderer {
             if let Some(times) = times {
                 recorder.reset_timestamps(times);
             }
-            for (slot, buffer) in buffers.shared() {
-                if slot.role == Role::Input && plan.buffer(slot.name).is_some() {
+            for (entry, buffer) in buffers.shared() {
+                if entry.role == Role::Input && plan.buffer(entry.id).is_some() {
                     buffer.record_upload(recorder)?;
                 }
             }
             rasterizer.backward(recorder, plan, &bindings, times)?;
-            for (slot, buffer) in buffers.shared() {
-                let read = match slot.name {
-                    "corner_gradients" => wanted.uvs,
-                    "texel_sums" => wanted.texels,
-                    "vertex_gradients" => wanted.positions || wanted.colors,
-                    "totals" => true,
+            for (entry, buffer) in buffers.shared() {
+                let read = match entry.id {
+                    BufferId::CornerGradients => wanted.uvs,
+                    BufferId::TexelSums => wanted.texels,
+                    BufferId::VertexGradients => wanted.positions || wanted.colors,
+                    BufferId::Totals => true,
                     _ => false,
                 };
                 if read {

@@ -1,7 +1,7 @@
 //! A rendered batch, as the host gets it.
 
 use crate::error::Result;
-use crate::frame::buffers::BufferSet;
+use crate::frame::buffers::{BufferId, BufferSet};
 use crate::image::Image;
 #[cfg(doc)]
 use crate::scene::Outputs;
@@ -80,21 +80,21 @@ impl Frame {
         let (height, width) = (settings.height as usize, settings.width as usize);
         let pixels = batch * height * width;
         let image = |channels: usize, data: Vec<f32>| Some(Image { batch, height, width, channels, data });
-        let texels = |name: &str| buffers.floats(name, 4 * pixels).map(|floats| floats.as_chunks::<4>().0);
+        let texels = |id: BufferId| buffers.floats(id, 4 * pixels).map(|floats| floats.as_chunks::<4>().0);
         let mut frame = Self { color: None, silhouette: None, depth: None, normal: None, timings, saved };
         if outputs.color {
-            let texels = texels("color")?;
+            let texels = texels(BufferId::Color)?;
             let (rgb, alpha) = split(texels, outputs.silhouette);
             frame.color = image(3, rgb);
             frame.silhouette = alpha.and_then(|alpha| image(1, alpha));
         } else if outputs.silhouette {
-            frame.silhouette = image(1, buffers.floats("silhouette", pixels)?.to_vec());
+            frame.silhouette = image(1, buffers.floats(BufferId::Silhouette, pixels)?.to_vec());
         }
         if outputs.depth {
-            frame.depth = image(1, buffers.floats("depths", pixels)?.to_vec());
+            frame.depth = image(1, buffers.floats(BufferId::Depths, pixels)?.to_vec());
         }
         if outputs.normal {
-            frame.normal = image(3, split(texels("normals")?, false).0);
+            frame.normal = image(3, split(texels(BufferId::Normals)?, false).0);
         }
         Ok(frame)
     }

@@ -11,7 +11,7 @@ use crate::embed::{FrameBindings, FramePlan, Inputs, Rasterizer, Shape, Status};
 #[cfg(doc)]
 use crate::error::Error;
 use crate::error::Result;
-use crate::frame::buffers::{self, BufferSet, Role, Slot};
+use crate::frame::buffers::{BufferId, BufferSet, Entry, Role};
 use crate::frame::passes::{FORWARD_STAGES, FORWARD_TIMESTAMPS};
 use crate::frame::plan::Capacity;
 use crate::scene::{Camera, Scene, Settings};
@@ -228,19 +228,14 @@ impl Renderer {
 
     /// Makes room for the plan's buffers.
     fn make_room(&mut self, plan: &FramePlan) -> Result<()> {
-        for slot in buffers::FORWARD.into_iter().chain([buffers::UNUSED]) {
-            if let Some(requirement) = plan.buffer(slot.name) {
-                self.reserve(slot, requirement.size)?;
-            }
-        }
-        Ok(())
+        plan.buffers().iter().try_for_each(|needed| self.reserve(needed.entry(), needed.size))
     }
 
     /// Room for one buffer. Where it is a new one, or there is none now, what was recorded with the old one is void.
-    fn reserve(&mut self, slot: Slot, size: u64) -> Result<()> {
-        let reserved = self.buffers.reserve(&self.context, slot, size);
+    fn reserve(&mut self, entry: Entry<BufferId>, size: u64) -> Result<()> {
+        let reserved = self.buffers.reserve(&self.context, entry, size);
         if !matches!(reserved, Ok(false)) {
-            self.uploads.stale.note(slot.name, true);
+            self.uploads.stale.note(entry.id, true);
             self.forget();
         }
         reserved.map(drop)
@@ -264,10 +259,10 @@ impl Renderer {
         // Nobody but the frame writes to its buffers, and none that failed left them half written.
         self.inputs.background_kept = std::mem::take(&mut self.finished) && self.is_recorded(plan);
         self.uploads.stale = self.uploads.stale.or(self.inputs.update(scene, cameras, settings, plan));
-        for (name, bytes) in self.inputs.all() {
-            if self.uploads.stale.has(name) && plan.buffer(name).is_some() {
-                self.buffers.write(name, bytes)?;
-                self.uploads.wrote(name, bytes.len());
+        for (id, bytes) in self.inputs.all() {
+            if self.uploads.stale.has(id) && plan.buffer(id).is_some() {
+                self.buffers.write(id, bytes)?;
+                self.uploads.wrote(id, bytes.len());
             }
         }
         Ok(())
@@ -276,8 +271,9 @@ impl Renderer {
     /// Whether the commands are the plan's. What it records follows from its sizes and numbers; what it was made of may
     /// differ.
     fn is_recorded(&self, plan: &Arc<FramePlan>) -> bool {
-        let same =
-            |(recorded, _): &(Arc<FramePlan>, FrameBindings)| Arc::ptr_eq(recorded, plan) || recorded.plan == plan.plan;
+        let same = |(recorded, _): &(Arc<FramePlan>, FrameBindings)| {
+            Arc::ptr_eq(recorded, plan) || recorded.forward == plan.forward
+        };
         self.recorded.as_ref().is_some_and(same)
     }
 
@@ -287,17 +283,17 @@ impl Renderer {
             return Ok(());
         }
         self.recorded = None;
-        let bindings = self.rasterizer.bind_parts(plan, self.buffers.parts(plan.buffers())?)?;
+        let bindings = self.rasterizer.bind_parts(plan, self.buffers.parts(plan.buffers().iter().map(|b| b.id))?)?;
         let (rasterizer, buffers) = (&self.rasterizer, &self.buffers);
         let times = self.times.as_ref().filter(|_| self.timed);
-        let is_bound = |slot: Slot, role: Role| slot.role == role && plan.buffer(slot.name).is_some();
+        let is_bound = |entry: Entry<BufferId>, role: Role| entry.role == role && plan.buffer(entry.id).is_some();
         self.commands.record(|recorder| {
             if let Some(times) = times {
                 recorder.reset_timestamps(times);
             }
             rasterizer.forward(recorder, plan, &bindings, times)?;
-            for (slot, buffer) in buffers.shared() {
-                if is_bound(slot, Role::Output) {
+            for (entry, buffer) in buffers.shared() {
+                if is_bound(entry, Role::Output) {
                     buffer.record_download(recorder)?;
                 }
             }
@@ -310,7 +306,7 @@ impl Renderer {
 
     fn status(&self) -> Result<Status> {
         let mut status = [0; Status::BYTES];
-        self.buffers.read("status", &mut status)?;
+        self.buffers.read(BufferId::Status, &mut status)?;
         Ok(Status::from_bytes(&status))
     }
 

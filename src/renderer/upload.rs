@@ -1,7 +1,7 @@
 //! Which inputs are on the device, and the commands that bring the others there where its memory is not the host's.
 
 use crate::error::Result;
-use crate::frame::buffers::BufferSet;
+use crate::frame::buffers::{BufferId, BufferSet};
 use crate::frame::pack::Changes;
 use crate::vulkan::{CommandBuffer, Context};
 
@@ -30,17 +30,16 @@ impl Uploads {
     }
 
     /// An input was written.
-    pub(super) fn wrote(&mut self, name: &str, bytes: usize) {
-        self.written.note(name, true);
+    pub(super) fn wrote(&mut self, id: BufferId, bytes: usize) {
+        self.written.note(id, true);
         self.bytes += bytes as u64;
     }
 
     /// Records the copies of what was written. Loops change the same inputs every time, so it seldom has to.
     pub(super) fn record(&mut self, buffers: &BufferSet) -> Result<()> {
-        let copied = |name: &str| self.written.has(name);
         let mut wanted = Changes::default();
-        for (slot, buffer) in buffers.shared() {
-            wanted.note(slot.name, copied(slot.name) && !buffer.is_direct());
+        for (entry, buffer) in buffers.shared() {
+            wanted.note(entry.id, self.written.has(entry.id) && !buffer.is_direct());
         }
         if wanted == self.recorded {
             return Ok(());
@@ -48,7 +47,7 @@ impl Uploads {
         self.recorded = Changes::default();
         if !wanted.is_empty() {
             self.commands.record(|recorder| {
-                let written = buffers.shared().filter(|(slot, _)| wanted.has(slot.name));
+                let written = buffers.shared().filter(|(entry, _)| wanted.has(entry.id));
                 written.into_iter().try_for_each(|(_, buffer)| buffer.record_upload(recorder))
             })?;
         }

@@ -12,7 +12,7 @@ use crate::host::{
 };
 use ash::vk;
 use softras::embed::{
-    AppearanceShape, Arena, BufferRef, Differentiate, FrameBindings, FramePlan, GradientPlan, HostAdapter,
+    AppearanceShape, Arena, BufferId, BufferRef, Differentiate, FrameBindings, FramePlan, GradientPlan, HostAdapter,
     HostCommands, HostDevice, MeshShape, Rasterizer, Shape, requirements,
 };
 use softras::internals::plan::{Capacity, DepthSpan};
@@ -94,7 +94,7 @@ fn gradients_are_the_simple_apis_bit_by_bit() {
         submit(&engine, |commands| backward.record(&rasterizer, commands));
         let made = backward.decode(&host, &case, &case.scene);
         assert_eq!(same_gradient_bits(&expected, &made), Ok(()), "{case:?}");
-        let rows: &[f32] = bytemuck::cast_slice(backward.part("vertex_gradients").unwrap());
+        let rows: &[f32] = bytemuck::cast_slice(backward.part(BufferId::VertexGradients).unwrap());
         let raw: Vec<f32> = rows.chunks_exact(8).flat_map(|r| [r[0], r[1], r[2]]).collect();
         let positions: Vec<f32> = expected.meshes.iter().flat_map(|m| m.positions.iter().flatten().copied()).collect();
         assert_eq!(difference(&raw[..positions.len()], &positions), None, "{case:?}");
@@ -225,28 +225,29 @@ fn what_does_not_fit_is_an_error_that_names_it() {
     let case = random_case(0, Kind::Plain);
     let host = Host::new(&engine, &rasterizer, &case);
     let refs = host.arena.refs(&host.buffer.whole()).unwrap();
-    let bind = |refs: &[(&str, BufferRef)]| error(rasterizer.bind(&host.plan, refs));
-    let changed = |name: &str, change: &dyn Fn(BufferRef) -> BufferRef| {
+    let bind = |refs: &[(BufferId, BufferRef)]| error(rasterizer.bind(&host.plan, refs));
+    let changed = |id: BufferId, change: &dyn Fn(BufferRef) -> BufferRef| {
         let mut refs = refs.clone();
-        let at = &mut refs.iter_mut().find(|(n, _)| *n == name).unwrap().1;
+        let at = &mut refs.iter_mut().find(|(i, _)| *i == id).unwrap().1;
         *at = change(*at);
         bind(&refs)
     };
     assert_eq!(bind(&refs), "no error");
     let missing = bind(&refs[1..]);
     assert!(missing.contains(&format!("no buffer `{}`", refs[0].0)), "{missing}");
-    let unknown = bind(&[&refs[..], &[("pixels", refs[0].1)]].concat());
-    assert!(unknown.contains("`pixels`"), "{unknown}");
+    let unknown = bind(&[&refs[..], &[(BufferId::PixelSums, refs[0].1)]].concat());
+    assert!(unknown.contains("`pixel_sums`"), "{unknown}");
     let twice = bind(&[&refs[..], &refs[..1]].concat());
     assert!(twice.contains("twice"), "{twice}");
-    let small = changed("positions", &|at| at.part(0, at.range() - 4).unwrap());
+    let small = changed(BufferId::Positions, &|at| at.part(0, at.range() - 4).unwrap());
     assert!(small.contains("positions") && small.contains("needs"), "{small}");
     let whole = host.buffer.whole();
-    let crooked = changed("geometry", &|at| whole.part(at.offset() + 4, whole.range() - at.offset() - 4).unwrap());
+    let crooked =
+        changed(BufferId::Geometry, &|at| whole.part(at.offset() + 4, whole.range() - at.offset() - 4).unwrap());
     assert!(crooked.contains("geometry") && crooked.contains("multiple"), "{crooked}");
-    let null = changed("boxes", &|at| unsafe { BufferRef::new(vk::Buffer::null(), at.range(), at.usage()) });
+    let null = changed(BufferId::Boxes, &|at| unsafe { BufferRef::new(vk::Buffer::null(), at.range(), at.usage()) });
     assert!(null.contains("boxes") && null.contains("null"), "{null}");
-    let useless = changed("boxes", &|_| unsafe {
+    let useless = changed(BufferId::Boxes, &|_| unsafe {
         BufferRef::new(whole.raw(), whole.range(), vk::BufferUsageFlags::TRANSFER_DST)
     });
     assert!(useless.contains("boxes") && useless.contains("STORAGE_BUFFER"), "{useless}");

@@ -8,7 +8,7 @@ use crate::host::engine::{Buffer, Commands, Engine};
 use crate::host::{Backward, Host, assert_silent, difference, engine, error, images, rasterizer, submit};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
-use softras::embed::{Arena, Counts, FrameBindings, Inputs, Shape, Status};
+use softras::embed::{Arena, BufferId, Counts, FrameBindings, Inputs, Shape, Status};
 use softras::internals::buffers::Role;
 use softras::scene::{Appearance, Outputs, Shading};
 use softras::{Camera, Lights, Mesh, Projection, Scene, Wanted, shapes};
@@ -157,8 +157,8 @@ fn frames_in_flight_are_each_their_own() {
     let mut shape = Shape::of(&case.scene, &case.cameras, &case.settings).unwrap();
     shape.device_counts = true;
     let plan = rasterizer.plan(&shape, &case.settings).unwrap();
-    let is_input = |name: &str| plan.buffer(name).is_some_and(|b| b.role == Role::Input);
-    let inputs = Arena::of(plan.buffers().iter().filter(|b| is_input(b.name)));
+    let is_input = |id: BufferId| plan.buffer(id).is_some_and(|b| b.role == Role::Input);
+    let inputs = Arena::of(plan.buffers().iter().filter(|b| is_input(b.id)));
     let mut shared = engine.buffer(inputs.size, inputs.usage, MemoryLocation::CpuToGpu).unwrap();
     for (name, bytes) in Inputs::new(&case.scene, &case.cameras, &case.settings, &plan).all() {
         if let Some((offset, _)) = inputs.part(name) {
@@ -171,7 +171,7 @@ fn frames_in_flight_are_each_their_own() {
     let word = engine.buffer(4, usage, MemoryLocation::GpuOnly).unwrap();
     let counts = Counts { buffer: word.whole(), stride: 4, of_indices: false };
     let flights = [0, 1].map(|_| {
-        let arena = Arena::of(plan.buffers().iter().filter(|b| !is_input(b.name)));
+        let arena = Arena::of(plan.buffers().iter().filter(|b| !is_input(b.id)));
         let buffer = engine.buffer(arena.size, arena.usage, MemoryLocation::GpuToCpu).unwrap();
         let mut refs = inputs.refs(&shared.whole()).unwrap();
         refs.extend(arena.refs(&buffer.whole()).unwrap());
@@ -184,12 +184,12 @@ fn frames_in_flight_are_each_their_own() {
         let Flight { commands, arena, buffer, forward } = &flights[frame % 2];
         let raw = commands.begin().unwrap();
         if let Some(&count) = frame.checked_sub(2).and_then(|last| COUNTS.get(last)) {
-            let part = |name: &str| &buffer.bytes()[arena.part(name).unwrap().0 as usize..];
-            let status = Status::from_bytes(part("status").first_chunk().unwrap());
+            let part = |id: BufferId| &buffer.bytes()[arena.part(id).unwrap().0 as usize..];
+            let status = Status::from_bytes(part(BufferId::Status).first_chunk().unwrap());
             assert_eq!(status.judge(&plan).unwrap(), None);
             let due = simple.render(&first_triangles(&case, 320.min(count as usize)), &case.cameras, &case.settings);
             let depth = due.unwrap().depth().unwrap().data.clone();
-            assert_eq!(part("depths")[..4 * depth.len()], *bytemuck::cast_slice::<f32, u8>(&depth), "{count}");
+            assert_eq!(part(BufferId::Depths)[..4 * depth.len()], *bytemuck::cast_slice::<f32, u8>(&depth), "{count}");
         }
         if frame < COUNTS.len() {
             let copy = [vk::BufferCopy { src_offset: 4 * frame as u64, dst_offset: 0, size: 4 }];

@@ -6,6 +6,7 @@ use crate::host::engine::Engine;
 use crate::host::{Host, assert_silent, error, forward, rasterizer, submit};
 use ash::vk;
 use softras::Error;
+use softras::embed::BufferId;
 use softras::internals::vulkan::{Device, External, ExternalBuffer, ExternalSemaphore, ExternalSupport};
 use std::os::fd::OwnedFd;
 
@@ -47,8 +48,9 @@ fn another_device_sees_the_image() {
         let case = random_case(20, Kind::Plain);
         let host = Host::new(&engines[0], &rasterizer, &case);
         forward(&engines[0], &rasterizer, &host);
-        let (offset, size) = host.arena.part("status").unwrap();
-        let image = host.plan.buffers().iter().find(|b| ["color", "silhouette"].contains(&b.name)).unwrap().name;
+        let (offset, size) = host.arena.part(BufferId::Status).unwrap();
+        let image =
+            host.plan.buffers().iter().find(|b| [BufferId::Color, BufferId::Silhouette].contains(&b.id)).unwrap().id;
         let (offset, size) = host.arena.part(image).unwrap_or((offset, size));
 
         let ours = ExternalBuffer::new(&devices[0], size, USAGE, support).unwrap();

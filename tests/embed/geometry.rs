@@ -11,7 +11,9 @@ use crate::host::{Backward, Host, assert_silent, difference, engine, error, imag
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use softras::MeshGradients;
-use softras::embed::{BufferRef, Draw, Geometry, GeometryBuffers, GeometryGradients, IndexFormat, Layout, Rasterizer};
+use softras::embed::{
+    BufferId, BufferRef, Draw, Geometry, GeometryBuffers, GeometryGradients, IndexFormat, Layout, Rasterizer,
+};
 use softras::scene::Appearance;
 use softras::{Camera, Lights, Mesh, Projection, Scene, Wanted, shapes};
 
@@ -180,9 +182,9 @@ fn a_value_that_is_off_is_noticed() {
 }
 
 /// The frame's arrays, as if nobody had filled them.
-fn forget(host: &mut Host, names: &[&str]) {
-    for name in names {
-        let (offset, range) = host.arena.part(name).unwrap();
+fn forget(host: &mut Host, ids: &[BufferId]) {
+    for &id in ids {
+        let (offset, range) = host.arena.part(id).unwrap();
         host.buffer.bytes_mut()[offset as usize..][..range as usize].fill(0);
     }
 }
@@ -217,9 +219,9 @@ fn a_hosts_instances_are_rendered_and_differentiated_where_they_lie() {
     ];
     for (format, indices) in &formats {
         let mut host = Host::new(&engine, &rasterizer, &case);
-        let adjacency = host.floats("adjacency").iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+        let adjacency = host.floats(BufferId::Adjacency).iter().map(|x| x.to_bits()).collect::<Vec<_>>();
         assert_eq!(geometry.adjacency(0, |i| long[i]), adjacency[..], "the device's indices have another adjacency");
-        forget(&mut host, &["positions", "colors", "indices"]);
+        forget(&mut host, &[BufferId::Positions, BufferId::Colors, BufferId::Indices]);
         let buffers = GeometryBuffers {
             draws: draws.whole(),
             positions: (vertices.whole(), POSITION),

@@ -7,7 +7,7 @@ use crate::host::engine::{Buffer, Engine, Image, color_range};
 use crate::host::{Host, assert_silent, engine, error, forward, rasterizer, submit};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
-use softras::embed::{FrameImage, HostCommands, ImageFormat, ImageRef};
+use softras::embed::{BufferId, FrameImage, HostCommands, ImageFormat, ImageRef};
 use softras::scene::Outputs;
 
 fn image(engine: &Engine, format: ImageFormat, size: (u32, u32)) -> (Image, ImageRef) {
@@ -65,8 +65,8 @@ fn stored(engine: &Engine, host: &Host, what: FrameImage, view: u32, format: Ima
 }
 
 /// Some image that the frame has, for the extent of a copy.
-fn image_buffer(host: &Host) -> &'static str {
-    ["color", "silhouette"].into_iter().find(|name| host.plan.buffer(name).is_some()).unwrap()
+fn image_buffer(host: &Host) -> BufferId {
+    [BufferId::Color, BufferId::Silhouette].into_iter().find(|id| host.plan.buffer(*id).is_some()).unwrap()
 }
 
 fn case(outputs: Outputs) -> Case {
@@ -117,10 +117,10 @@ fn images_are_stored_as_they_are() {
     forward(&engine, &rasterizer, &host);
     let pixels = 37 * 21;
     for view in 0..host.plan.views() {
-        let part = |name: &str, channels: usize| {
-            host.floats(name)[view as usize * pixels * channels..][..pixels * channels].to_vec()
+        let part = |id: BufferId, channels: usize| {
+            host.floats(id)[view as usize * pixels * channels..][..pixels * channels].to_vec()
         };
-        let (color, depth, normal) = (part("color", 4), part("depths", 1), part("normals", 4));
+        let (color, depth, normal) = (part(BufferId::Color, 4), part(BufferId::Depths, 1), part(BufferId::Normals, 4));
         let alpha: Vec<f32> = color.iter().skip(3).step_by(4).copied().collect();
         assert!(alpha.iter().any(|&a| a > 0.1), "an empty image");
         let plain = FrameImage::Color { srgb: false };
@@ -154,7 +154,7 @@ fn images_that_do_not_fit_are_errors() {
     let host = Host::new(&engine, &rasterizer, &case);
     forward(&engine, &rasterizer, &host);
     let silhouette = stored(&engine, &host, FrameImage::Silhouette, 0, ImageFormat::R32Float);
-    assert_eq!(silhouette, bytemuck::cast_slice::<f32, u8>(&host.floats("silhouette")[..37 * 21]));
+    assert_eq!(silhouette, bytemuck::cast_slice::<f32, u8>(&host.floats(BufferId::Silhouette)[..37 * 21]));
 
     let (kept, target) = image(&engine, ImageFormat::R32Float, (37, 21));
     let (small, small_target) = image(&engine, ImageFormat::R32Float, (36, 21));

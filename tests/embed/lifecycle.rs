@@ -8,8 +8,9 @@ use crate::host::{Backward, Host, assert_silent, engine, images, rasterizer, shi
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use softras::embed::{
-    Arena, BufferRef, Counts, Differentiate, Draw, FrameImage, FramePlan, Geometry, GeometryBuffers, GeometryGradients,
-    GradientPlan, HostAdapter, HostCommands, HostDevice, ImageFormat, ImageRef, Layout, Rasterizer, Shape,
+    Arena, BufferId, BufferRef, Counts, Differentiate, Draw, FrameImage, FramePlan, Geometry, GeometryBuffers,
+    GeometryGradients, GradientPlan, HostAdapter, HostCommands, HostDevice, ImageFormat, ImageRef, Layout, Rasterizer,
+    Shape,
 };
 use softras::internals::vulkan::CacheFolder;
 use softras::{Error, ImageGradient, Renderer, RendererOptions, Wanted};
@@ -19,7 +20,7 @@ struct Planned {
     plan: FramePlan,
     gradient_plan: GradientPlan,
     _buffers: [Buffer; 2],
-    refs: [Vec<(&'static str, BufferRef)>; 2],
+    refs: [Vec<(BufferId, BufferRef)>; 2],
 }
 
 fn saved_case() -> Case {

@@ -13,8 +13,8 @@ use ash::vk;
 use engine::{Buffer, Engine};
 use gpu_allocator::MemoryLocation;
 use softras::embed::{
-    Arena, Decoder, Differentiate, FrameBindings, FramePlan, GradientBindings, GradientPlan, HostCommands, Inputs,
-    Rasterizer, Shape, Status,
+    Arena, BufferId, Decoder, Differentiate, FrameBindings, FramePlan, GradientBindings, GradientPlan, HostCommands,
+    Inputs, Rasterizer, Shape, Status,
 };
 use softras::scene::Outputs;
 use softras::{Gradients, ImageGradient, Scene, Wanted};
@@ -88,13 +88,13 @@ impl Host {
         }
     }
 
-    pub fn floats(&self, name: &str) -> Vec<f32> {
-        let (offset, size) = self.arena.part(name).unwrap();
+    pub fn floats(&self, id: BufferId) -> Vec<f32> {
+        let (offset, size) = self.arena.part(id).unwrap();
         self.buffer.floats(offset, size as usize / 4)
     }
 
     pub fn status(&self) -> Status {
-        let (offset, _) = self.arena.part("status").unwrap();
+        let (offset, _) = self.arena.part(BufferId::Status).unwrap();
         let bytes = &self.buffer.bytes()[offset as usize..];
         Status::from_bytes(bytes.first_chunk().unwrap())
     }
@@ -125,19 +125,19 @@ pub fn images(case: &Case, host: &Host) -> Vec<(&'static str, Vec<f32>)> {
     let pixels = case.cameras.len() * (case.settings.width * case.settings.height) as usize;
     let mut images = Vec::new();
     if color {
-        let texels = host.floats("color");
+        let texels = host.floats(BufferId::Color);
         images.push(("color", rgb(&texels[..4 * pixels])));
         if silhouette {
             images.push(("silhouette", texels.chunks_exact(4).map(|t| t[3]).take(pixels).collect()));
         }
     } else if silhouette {
-        images.push(("silhouette", host.floats("silhouette")[..pixels].to_vec()));
+        images.push(("silhouette", host.floats(BufferId::Silhouette)[..pixels].to_vec()));
     }
     if depth {
-        images.push(("depth", host.floats("depths")[..pixels].to_vec()));
+        images.push(("depth", host.floats(BufferId::Depths)[..pixels].to_vec()));
     }
     if normal {
-        images.push(("normal", rgb(&host.floats("normals")[..4 * pixels])));
+        images.push(("normal", rgb(&host.floats(BufferId::Normals)[..4 * pixels])));
     }
     images
 }
@@ -150,21 +150,21 @@ pub fn difference(a: &[f32], b: &[f32]) -> Option<usize> {
 }
 
 /// Upstream gradients as the kernels read them.
-pub fn upstream_bytes(upstream: &ImageGradient) -> Vec<(&'static str, Vec<f32>)> {
+pub fn upstream_bytes(upstream: &ImageGradient) -> Vec<(BufferId, Vec<f32>)> {
     let mut buffers = Vec::new();
     let alpha = upstream.silhouette.as_ref();
     if let Some(color) = &upstream.color {
         let texel = |(i, c): (usize, &[f32])| [c[0], c[1], c[2], alpha.map_or(0.0, |a| a.data[i])];
-        buffers.push(("upstream_color", color.data.chunks_exact(3).enumerate().flat_map(texel).collect()));
+        buffers.push((BufferId::UpstreamColor, color.data.chunks_exact(3).enumerate().flat_map(texel).collect()));
     } else if let Some(alpha) = alpha {
-        buffers.push(("upstream_silhouette", alpha.data.clone()));
+        buffers.push((BufferId::UpstreamSilhouette, alpha.data.clone()));
     }
     if let Some(depth) = &upstream.depth {
-        buffers.push(("upstream_depths", depth.data.clone()));
+        buffers.push((BufferId::UpstreamDepths, depth.data.clone()));
     }
     if let Some(normal) = &upstream.normal {
         let texels = normal.data.chunks_exact(3).flat_map(|n| [n[0], n[1], n[2], 0.0]);
-        buffers.push(("upstream_normals", texels.collect()));
+        buffers.push((BufferId::UpstreamNormals, texels.collect()));
     }
     buffers
 }
@@ -193,8 +193,8 @@ impl Backward {
         let arena = Arena::of(plan.buffers());
         let mut buffer = engine.buffer(arena.size, arena.usage, MemoryLocation::GpuToCpu).unwrap();
         buffer.bytes_mut().fill(0xcd);
-        for (name, values) in upstream_bytes(upstream) {
-            buffer.write(arena.part(name).unwrap().0, bytemuck::cast_slice(&values));
+        for (id, values) in upstream_bytes(upstream) {
+            buffer.write(arena.part(id).unwrap().0, bytemuck::cast_slice(&values));
         }
         let refs = arena.refs(&buffer.whole()).unwrap();
         let bindings = rasterizer.bind_backward(&plan, &host.bindings, &refs).unwrap();
@@ -206,8 +206,8 @@ impl Backward {
     }
 
     /// The bytes of one of its buffers.
-    pub fn part(&self, name: &str) -> Option<&[u8]> {
-        self.arena.part(name).map(|(at, size)| &self.buffer.bytes()[at as usize..][..size as usize])
+    pub fn part(&self, id: BufferId) -> Option<&[u8]> {
+        self.arena.part(id).map(|(at, size)| &self.buffer.bytes()[at as usize..][..size as usize])
     }
 
     /// What it computed, of a scene that is the case's but for its meshes, from what `cut` leaves of each buffer's bytes.

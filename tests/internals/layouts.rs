@@ -1,7 +1,7 @@
 //! What Rust and the kernels share has one layout: the push constants' offsets are those of the SPIR-V, and every binding
 //! finds a buffer of the element that the kernel reads.
 
-use softras::internals::buffers::{BACKWARD, FORWARD, buffer_of_binding};
+use softras::internals::buffers::{ALIASES, BufferId};
 use softras::internals::plan::FramePush;
 use softras::internals::vulkan::{BindingKind, Kernel, TexelFormat, kernels};
 use std::mem::offset_of;
@@ -86,25 +86,25 @@ fn a_wrong_mirror_is_noticed() {
 fn every_binding_has_a_buffer_of_its_element() {
     for kernel in kernels() {
         for binding in kernel.bindings {
-            let name = buffer_of_binding(binding.name);
-            if name == "rows" || name == "items" {
-                // One of several buffers, chosen when the stage is bound.
-                continue;
+            // One of several buffers, chosen when the stage is bound, or the one of its name.
+            let alias = ALIASES.iter().find(|(alias, _)| *alias == binding.name).map_or(&[][..], |(_, ids)| ids);
+            let ids: Vec<_> = alias.iter().copied().chain(BufferId::of_binding(binding.name)).collect();
+            assert!(!ids.is_empty(), "{}: no buffer for `{}`", kernel.name, binding.name);
+            for id in ids {
+                let format = id.row().format;
+                let fits = match binding.kind {
+                    BindingKind::UniformTexelBufferFloat => {
+                        matches!(format, TexelFormat::Float | TexelFormat::Float2 | TexelFormat::Float4)
+                    }
+                    BindingKind::UniformTexelBufferUint => {
+                        matches!(format, TexelFormat::Uint | TexelFormat::Uint2 | TexelFormat::Uint4)
+                    }
+                    BindingKind::UniformTexelBufferInt => matches!(format, TexelFormat::Int4),
+                    BindingKind::StorageBuffer => true,
+                    other => panic!("{}: {id} is a {other:?}", kernel.name),
+                };
+                assert!(fits, "{}: {id} is {format:?} read as {:?}", kernel.name, binding.kind);
             }
-            let slot = FORWARD.iter().chain(&BACKWARD).find(|slot| slot.name == name);
-            let slot = slot.unwrap_or_else(|| panic!("{}: no buffer {name}", kernel.name));
-            let fits = match binding.kind {
-                BindingKind::UniformTexelBufferFloat => {
-                    matches!(slot.format, TexelFormat::Float | TexelFormat::Float2 | TexelFormat::Float4)
-                }
-                BindingKind::UniformTexelBufferUint => {
-                    matches!(slot.format, TexelFormat::Uint | TexelFormat::Uint2 | TexelFormat::Uint4)
-                }
-                BindingKind::UniformTexelBufferInt => matches!(slot.format, TexelFormat::Int4),
-                BindingKind::StorageBuffer => true,
-                other => panic!("{}: {name} is a {other:?}", kernel.name),
-            };
-            assert!(fits, "{}: {name} is {:?} read as {:?}", kernel.name, slot.format, binding.kind);
         }
     }
 }

@@ -2,10 +2,10 @@
 //! plans end, and the numbers that the kernels get.
 
 use glam::DVec3;
-use softras::internals::buffers::BACKWARD;
+use softras::internals::buffers::{BufferId, TableLengths};
 use softras::internals::constants as c;
 use softras::internals::plan::{
-    BackwardGroups, BackwardInput, BackwardPlan, Capacity, DepthSpan, Plan, PlanInput, Sampling, ViewSize, split,
+    BackwardGroups, BackwardInput, BackwardPlan, Capacity, DepthSpan, ForwardPlan, PlanInput, Sampling, ViewSize, split,
 };
 use softras::scene::{Background, Distance, Outputs, Parity, Shading};
 use softras::{Camera, Error, Lights, Projection, Settings, Wanted};
@@ -29,7 +29,7 @@ fn input<'a>(settings: &'a Settings, views: &'a [ViewSize], lights: &'a Lights) 
         settings,
         cutoff: settings.cutoff(),
         views,
-        meshes: 1,
+        tables: TableLengths { meshes: 1, ..TableLengths::default() },
         lights,
         sampling: Sampling::default(),
         depth_span: INSIDE,
@@ -52,7 +52,7 @@ fn a_frame_takes_the_memory_of_the_formula() {
         let settings = Settings { width: 256, height: 128, outputs: outputs(case % 16), ..Settings::default() };
         let Outputs { color, silhouette, depth, normal } = settings.outputs;
         let (lights, [clips, far, save]) = (if bit(4) { smooth() } else { Lights::unlit() }, [bit(4), bit(5), bit(6)]);
-        let plan = Plan::new(&PlanInput {
+        let plan = ForwardPlan::new(&PlanInput {
             sampling: Sampling { surface: bit(5), image: bit(6) },
             depth_span: DepthSpan { crosses_near: clips, crosses_far: far },
             save,
@@ -68,8 +68,8 @@ fn a_frame_takes_the_memory_of_the_formula() {
             (depth, c::OUTPUT_DEPTH),
             (normal, c::OUTPUT_NORMAL),
         ];
-        assert_eq!(plan.mode("OUTPUTS"), bits.iter().map(|&(on, bit)| if on { bit } else { 0 }).sum::<u32>());
-        assert_eq!((plan.shaded(), plan.mode("SMOOTH") == 1), (shaded, bit(4)));
+        assert_eq!(plan.modes.outputs, bits.iter().map(|&(on, bit)| if on { bit } else { 0 }).sum::<u32>());
+        assert_eq!((plan.sizes[BufferId::Shading] > 0, plan.modes.smooth == 1), (shaded, bit(4)));
         let q = 4 + when(bit(5) || bit(6), 2) + when(normal, 3);
         let records = 32 * v + when(bit(4), 32 * v) + 96 * s + when(shaded, 16 * q * s);
         // Each view has half of the slots.
@@ -78,8 +78,8 @@ fn a_frame_takes_the_memory_of_the_formula() {
             when(color, 16 * p) + when(silhouette && !color, 4 * p) + when(depth, 4 * p) + when(normal, 16 * p);
         let saved = when(save, 16 * p + 8 * t + 8 * s + 8 * 160);
         let few = 32 + 32;
-        assert_eq!((sizes.tile_counts, sizes.status), (32, 32));
-        assert_eq!(sizes.total(), records + lists + images + saved + few, "case {case}");
+        assert_eq!((sizes[BufferId::TileCounts], sizes[BufferId::Status]), (32, 32));
+        assert_eq!(sizes.device_filled(), records + lists + images + saved + few, "case {case}");
     }
 }
 
@@ -94,7 +94,7 @@ fn a_backward_pass_takes_the_memory_of_the_formula() {
         let all = outputs(15);
         let settings = Settings { width: 256, height: 128, outputs: all, background, ..Settings::default() };
         let lights = if bit(5) { smooth() } else { Lights::official() };
-        let forward = Plan::new(&input(&settings, &views, &lights)).unwrap();
+        let forward = ForwardPlan::new(&input(&settings, &views, &lights)).unwrap();
         let wanted = Wanted {
             positions: bit(6),
             colors: bit(7),
@@ -138,16 +138,15 @@ fn a_backward_pass_takes_the_memory_of_the_formula() {
             + when(upstream.normal, 16 * p);
         // Arguments of indirect dispatches, and three texels for each view, the ambient and one other light, the pixels.
         let few = 80 + 48 * (2 + 2 + 1);
-        let total: u64 = BACKWARD.iter().map(|slot| plan.sizes.of(slot.name)).sum();
+        let total: u64 = plan.sizes.iter().map(|(_, size)| size).sum();
         assert_eq!(total, expected + from_host + few, "case {case}: {upstream:?} {wanted:?}");
         assert_eq!(u64::from(plan.corner_stride()), 3 + when(by_color, 3) + when(by_uv, 2));
         assert_eq!(plan.walks("backward_small"), shaded);
         assert_eq!(plan.walks("backward_outline_small"), outlined);
         assert_eq!(plan.has(c::GRADIENT_GEOMETRY), wanted.positions || wanted.camera);
-        let anything =
-            plan.modes.iter().any(|&(name, bits)| name == "GRADIENTS" && bits & !c::GRADIENT_BACKGROUND != 0);
+        let anything = plan.modes.gradients & !c::GRADIENT_BACKGROUND != 0;
         let skipped = c::GRADIENT_BACKGROUND | c::GRADIENT_TEXEL;
-        let corners = plan.modes.iter().any(|&(name, bits)| name == "GRADIENTS" && bits & !skipped != 0);
+        let corners = plan.modes.gradients & !skipped != 0;
         assert_eq!(plan.item_rows, u32::from(anything));
         let groups = |on: bool, groups: [u32; 3]| if on { groups } else { [0; 3] };
         let items_groups = (items as u32).div_ceil(c::LINEAR_GROUP);
@@ -163,9 +162,7 @@ fn a_backward_pass_takes_the_memory_of_the_formula() {
             reduce_pixels: groups(sums, [1, 1, 1]),
         };
         assert_eq!(plan.groups, expected, "case {case}: {upstream:?} {wanted:?}");
-        let mode =
-            |name: &str| plan.modes.iter().filter(|(n, _)| *n == name).map(|(_, value)| *value).collect::<Vec<_>>();
-        assert_eq!((mode("LIT"), mode("PAPER")), (vec![u32::from(lit || wanted.lights)], vec![0]));
+        assert_eq!((plan.modes.lit, plan.modes.paper), (u32::from(lit || wanted.lights), 0));
         assert_eq!(u64::from(plan.light_rows), if bit(5) { v } else { s });
     }
 }
@@ -173,7 +170,7 @@ fn a_backward_pass_takes_the_memory_of_the_formula() {
 /// Whether there is a plan for so many views of one size, in an image of one size.
 fn fits(views: &[ViewSize], size: u32) -> bool {
     let settings = Settings { width: size, height: size, ..Settings::default() };
-    Plan::new(&input(&settings, views, &Lights::unlit())).is_ok()
+    ForwardPlan::new(&input(&settings, views, &Lights::unlit())).is_ok()
 }
 
 /// As many elements as a signed index of 32 bits counts, and not one more.
@@ -199,7 +196,7 @@ fn plans_end_where_indices_do() {
         assert!(!fits(&beyond, size), "{} views of {:?}", beyond.len(), beyond.last());
     }
     let (settings, lights) = (Settings::default(), Lights::unlit());
-    let error = Plan::new(&input(&settings, &[view(3, (1 << 22) + 1)], &lights)).unwrap_err();
+    let error = ForwardPlan::new(&input(&settings, &[view(3, (1 << 22) + 1)], &lights)).unwrap_err();
     assert!(matches!(error, Error::Limit { needed: 4_194_305, limit: 4_194_304, .. }), "{error}");
 }
 
@@ -210,7 +207,7 @@ fn views_follow_each_other() {
     let settings = Settings { width: 65, height: 33, ..Settings::default() };
     let lights = Lights::unlit();
     let crosses = DepthSpan { crosses_near: true, crosses_far: false };
-    let plan = Plan::new(&PlanInput { depth_span: crosses, ..input(&settings, &views, &lights) }).unwrap();
+    let plan = ForwardPlan::new(&PlanInput { depth_span: crosses, ..input(&settings, &views, &lights) }).unwrap();
     let bases = |i: usize| {
         let view = plan.views[i];
         [view.screen_base, view.slot_base, view.bin_base, view.word_base]
@@ -221,7 +218,7 @@ fn views_follow_each_other() {
     assert_eq!((plan.totals.words, plan.totals.tiles, plan.totals.pixels), (4 * (3 + 1 + 100), 3 * 81, 3 * 65 * 33));
     // No two pieces where the official code has none.
     let settings = Settings { parity: Parity::Official, ..settings };
-    let plan = Plan::new(&PlanInput { depth_span: crosses, ..input(&settings, &views, &lights) }).unwrap();
+    let plan = ForwardPlan::new(&PlanInput { depth_span: crosses, ..input(&settings, &views, &lights) }).unwrap();
     assert_eq!(plan.totals.slots, 43 + 1600);
 }
 
@@ -232,7 +229,7 @@ fn depth_ranges_are_those_of_the_parity() {
     let range = |parity, bits: u32, crosses_far| {
         let settings = Settings { parity, outputs: outputs(bits), ..Settings::default() };
         let depth_span = DepthSpan { crosses_near: false, crosses_far };
-        Plan::new(&PlanInput { depth_span, ..input(&settings, &[VIEW], &lights) }).unwrap().mode("DEPTH_RANGE")
+        ForwardPlan::new(&PlanInput { depth_span, ..input(&settings, &[VIEW], &lights) }).unwrap().modes.depth_range
     };
     for bits in 1..16 {
         let official = if bits == 2 { c::DEPTH_RANGE_INSIDE } else { c::DEPTH_RANGE_OFFICIAL };
@@ -246,7 +243,7 @@ fn depth_ranges_are_those_of_the_parity() {
 #[test]
 fn workgroups_go_on_in_rows() {
     let (settings, lights) = (Settings { width: 16384, height: 16384, ..Settings::default() }, Lights::unlit());
-    let forward = Plan::new(&input(&settings, &[VIEW], &lights)).unwrap();
+    let forward = ForwardPlan::new(&input(&settings, &[VIEW], &lights)).unwrap();
     let plan = BackwardPlan::new(&BackwardInput {
         forward: &forward,
         upstream: outputs(2),
@@ -259,7 +256,7 @@ fn workgroups_go_on_in_rows() {
     });
     assert_eq!(plan.groups.pixel_grad, [c::FORWARD_ROW, 1, (1 << 28) / c::LINEAR_GROUP / c::FORWARD_ROW]);
     // 2048 × 4096 tiles in 256 rows; three texels for the view, the ambient light and the pixels each.
-    assert_eq!((forward.sizes.tile_counts, plan.sizes.totals), (256 * 24, 3 * 48));
+    assert_eq!((forward.sizes[BufferId::TileCounts], plan.sizes[BufferId::Totals]), (256 * 24, 3 * 48));
 }
 
 /// Rows of items for all triangles and cells, and nothing at all where there is no triangle.
@@ -268,7 +265,7 @@ fn backward_passes_of_many_triangles_and_of_none() {
     let (settings, lights) = (Settings::default(), Lights::unlit());
     let of = |triangles: u32| {
         let views = [ViewSize { vertices: 3, triangles }];
-        let forward = Plan::new(&input(&settings, &views, &lights)).unwrap();
+        let forward = ForwardPlan::new(&input(&settings, &views, &lights)).unwrap();
         BackwardPlan::new(&BackwardInput {
             forward: &forward,
             upstream: outputs(1),
@@ -282,10 +279,10 @@ fn backward_passes_of_many_triangles_and_of_none() {
     };
     // 160 cells beyond two full rows.
     let many = of(2 * c::FORWARD_ROW);
-    assert_eq!((many.item_rows, many.sizes.item_counts), (3, (3u64 * 18 * 4).next_multiple_of(16)));
-    assert_eq!((of(2 * c::FORWARD_ROW - 160).item_rows, many.sizes.texel_sums), (2, 24 * 64));
+    assert_eq!((many.item_rows, many.sizes[BufferId::ItemCounts]), (3, (3u64 * 18 * 4).next_multiple_of(16)));
+    assert_eq!((of(2 * c::FORWARD_ROW - 160).item_rows, many.sizes[BufferId::TexelSums]), (2, 24 * 64));
     let none = of(0);
-    assert_eq!((none.item_rows, none.sizes.texel_sums, none.groups.backward_cull), (0, 0, [0; 3]));
+    assert_eq!((none.item_rows, none.sizes[BufferId::TexelSums], none.groups.backward_cull), (0, 0, [0; 3]));
 }
 
 #[test]
@@ -293,7 +290,7 @@ fn a_bin_has_lanes_for_its_slots() {
     let lanes = |triangles: u32| {
         let (settings, lights) = (Settings::default(), Lights::unlit());
         let views = [ViewSize { vertices: 3, triangles }, ViewSize { vertices: 3, triangles: 1 }];
-        Plan::new(&input(&settings, &views, &lights)).unwrap().mode("COARSE_LANES")
+        ForwardPlan::new(&input(&settings, &views, &lights)).unwrap().coarse_lanes
     };
     assert_eq!([0, 1 << 14, (1 << 14) + 1, 3 << 14, 1 << 22].map(lanes), [1, 1, 2, 4, 128]);
 }
@@ -337,7 +334,7 @@ fn numbers_are_those_of_the_settings() {
         ..Settings::default()
     };
     let lights = Lights::unlit();
-    let numbers = |settings: &Settings| Plan::new(&input(settings, &[VIEW], &lights)).unwrap().frame;
+    let numbers = |settings: &Settings| ForwardPlan::new(&input(settings, &[VIEW], &lights)).unwrap().push;
     let close = |a: f32, b: f64| assert!((f64::from(a) - b).abs() <= 1e-6 * b.abs(), "{a} instead of {b}");
     let both = |high: f32, low: f32| f64::from(high) + f64::from(low);
     let exact = |a: f64, b: f64| assert!((a - b).abs() <= 1e-13 * b.abs(), "{a} instead of {b}");

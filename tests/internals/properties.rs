@@ -5,8 +5,9 @@ use proptest::prelude::*;
 use softras::{
     Camera, Image, Lights, Mesh, Projection, Settings,
     fit::ImageLoss,
+    internals::buffers::{BufferId, TableLengths},
     internals::constants as c,
-    internals::plan::{Capacity, DepthSpan, Plan, PlanInput, Sampling, ViewSize},
+    internals::plan::{Capacity, DepthSpan, ForwardPlan, PlanInput, Sampling, ViewSize},
     scene::Outputs,
 };
 
@@ -52,7 +53,7 @@ proptest! {
             return Ok(());
         }
         let plan = plan(&settings, &[ViewSize { vertices: 3, triangles: 1 }], true).unwrap();
-        let f = plan.frame;
+        let f = plan.push;
         let numbers = [
             f.scale, f.radius_squared, f.radius_pixels, f.barycentric_scale, f.barycentric_radius, f.near_high, f.far_high,
             f.score_high, f.background_whole, f.background_rest,
@@ -134,8 +135,8 @@ proptest! {
         let slots: u64 = views.iter().map(|v| pieces * u64::from(v.triangles)).sum();
         let pixels = views.len() as u64 * u64::from(width) * u64::from(height);
         prop_assert_eq!((plan.totals.slots, plan.totals.pixels), (slots, pixels));
-        prop_assert!(plan.sizes.geometry >= slots * 16 * u64::from(c::GEOMETRY_TEXELS));
-        prop_assert!(plan.sizes.boxes >= slots * 16 && plan.sizes.total() >= plan.sizes.geometry);
+        prop_assert!(plan.sizes[BufferId::Geometry] >= slots * 16 * u64::from(c::GEOMETRY_TEXELS));
+        prop_assert!(plan.sizes[BufferId::Boxes] >= slots * 16 && plan.sizes.device_filled() >= plan.sizes[BufferId::Geometry]);
         let covers = |[x, y, z]: [u32; 3], each: u32, needed: u64| {
             u64::from(x) * u64::from(z) * u64::from(each) >= needed && y as usize == views.len()
         };
@@ -154,12 +155,12 @@ proptest! {
     }
 }
 
-fn plan(settings: &Settings, views: &[ViewSize], crosses_near: bool) -> softras::Result<Plan> {
-    Plan::new(&PlanInput {
+fn plan(settings: &Settings, views: &[ViewSize], crosses_near: bool) -> softras::Result<ForwardPlan> {
+    ForwardPlan::new(&PlanInput {
         settings,
         cutoff: settings.cutoff(),
         views,
-        meshes: 1,
+        tables: TableLengths { meshes: 1, ..TableLengths::default() },
         lights: &Lights::unlit(),
         sampling: Sampling::default(),
         depth_span: DepthSpan { crosses_near, crosses_far: false },
@@ -180,7 +181,7 @@ fn frames_for_looking_at_have_no_buffers_for_gradients() {
             settings: &settings,
             cutoff: settings.cutoff(),
             views: &views,
-            meshes: 1,
+            tables: TableLengths { meshes: 1, ..TableLengths::default() },
             lights: &lights,
             sampling: Sampling::default(),
             depth_span: DepthSpan { crosses_near: false, crosses_far: false },
@@ -188,11 +189,11 @@ fn frames_for_looking_at_have_no_buffers_for_gradients() {
             capacity: Capacity::estimate(&settings, settings.cutoff(), &views),
             save,
         };
-        Plan::new(&input).unwrap().sizes
+        ForwardPlan::new(&input).unwrap().sizes
     };
     let (look, save) = (sizes_of(false), sizes_of(true));
-    assert_eq!([look.saved, look.tile_bounds, look.cell_ranges, look.cells], [0; 4]);
-    assert!([save.saved, save.tile_bounds, save.cell_ranges, save.cells].iter().all(|&size| size > 0));
-    let kept = save.saved + save.tile_bounds + save.cell_ranges + save.cells;
-    assert_eq!(look.total() + kept, save.total());
+    let kept = [BufferId::Saved, BufferId::TileBounds, BufferId::CellRanges, BufferId::Cells];
+    assert!(kept.iter().all(|&id| look[id] == 0 && save[id] > 0));
+    let size: u64 = kept.iter().map(|&id| save[id]).sum();
+    assert_eq!(look.device_filled() + size, save.device_filled());
 }

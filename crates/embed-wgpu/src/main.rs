@@ -8,8 +8,8 @@
 use ash::vk;
 use glam::DVec3;
 use softras::embed::{
-    Arena, BufferRef, FrameBindings, FramePlan, HostAdapter, HostCommands, HostDevice, Inputs, Rasterizer, Shape,
-    Status, requirements,
+    Arena, BufferId, BufferRef, FrameBindings, FramePlan, HostAdapter, HostCommands, HostDevice, Inputs, Rasterizer,
+    Shape, Status, requirements,
 };
 use softras::scene::{Appearance, Background};
 use softras::{Camera, Lights, Projection, Scene, Settings, shapes};
@@ -151,7 +151,7 @@ pub fn run(path: Option<&Path>, validation: bool) -> Outcome<Vec<u8>> {
     let bindings = rasterizer.bind(&plan, &arena.refs(&buffer)?)?;
 
     let picture = draw(&device, &queue, &rasterizer, (&plan, &bindings), (&memory, &arena))?;
-    let at = arena.part("status").ok_or("no status")?.0 as usize;
+    let at = arena.part(BufferId::Status).ok_or("no status")?.0 as usize;
     let status = Status::from_bytes(memory.bytes_mut()[at..].first_chunk().ok_or("no status")?);
     if status.judge(&plan)?.is_some() {
         return Err("the lists were too small: plan again with the capacity that the status tells".into());
@@ -218,7 +218,7 @@ fn draw(
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     let layout =
         |offset, texel| wgpu::TexelCopyBufferLayout { offset, bytes_per_row: Some(texel * SIZE), rows_per_image: None };
-    let (offset, _) = arena.part("color").ok_or("no colour")?;
+    let (offset, _) = arena.part(BufferId::Color).ok_or("no colour")?;
     let from = wgpu::TexelCopyBufferInfo { buffer: &color, layout: layout(offset, 16) };
     encoder.copy_buffer_to_texture(from, image.as_image_copy(), size);
     draw_pass(device, &mut encoder, &image, &target);

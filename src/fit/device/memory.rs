@@ -1,21 +1,31 @@
 //! The buffers of a fit: what the frame and its gradients need, and the fit's own.
 
-use super::arithmetic::{GROUP, Vec3};
+use super::arithmetic::Vec3;
+use super::buffers::{FitBuffer, Own};
 use super::host::FitState;
 use super::plan::FitPlan;
 use super::tables::Tables;
 use crate::constants as c;
-use crate::embed::{FramePlan, GradientPlan, Inputs, Parts};
+use crate::embed::{FramePlan, GradientPlan, Inputs};
 use crate::error::Result;
-use crate::frame::buffers::{BACKWARD, BufferSet, FORWARD, Role, Slot, UNUSED, UNUSED_SIZE};
-use crate::vulkan::{Context, Recorder, TexelFormat};
+use crate::frame::buffers::{BufferId, BufferSet, Entry, Parts, Role};
+use crate::vulkan::{Context, Recorder};
 
 /// Steps whose records are kept until the host has read them.
 pub const ROWS: usize = 64;
 
 /// What the host reads back besides records: all that a fit resumes from, and its best.
-const STATE: [&str; 7] =
-    ["positions", "colors", "parameters", "moments", "color_moments", "best_positions", "best_colors"];
+const STATE: [FitBuffer; 7] = [
+    FitBuffer::Frame(BufferId::Positions),
+    FitBuffer::Frame(BufferId::Colors),
+    FitBuffer::Own(Own::Parameters),
+    FitBuffer::Own(Own::Moments),
+    FitBuffer::Own(Own::ColorMoments),
+    FitBuffer::Own(Own::BestPositions),
+    FitBuffer::Own(Own::BestColors),
+];
+
+const FIT_STATE: FitBuffer = FitBuffer::Own(Own::FitState);
 
 /// What is copied to the device, where it does not share the host's memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,49 +41,7 @@ pub enum Upload {
 /// All buffers.
 #[derive(Debug, Default)]
 pub struct Memory {
-    pub set: BufferSet,
-}
-
-/// The fit's own buffers: name, format, role, bytes.
-fn own(plan: &FitPlan, tables: &Tables) -> Vec<(Slot, u64)> {
-    use Role::{Input, Output, Workspace};
-    use TexelFormat::{Float, Float4, Uint, Uint4};
-    let pixel = if plan.has_color { Float4 } else { Float };
-    let (vertices, rows) = (u64::from(plan.vertices), u64::from(plan.rows()));
-    let groups = rows.div_ceil(GROUP as u64);
-    let partials: u64 = plan.levels.iter().map(|l| u64::from(l.blocks * plan.views)).sum();
-    let bytes = |words: usize| 4 * words.max(4) as u64;
-    let vec4 = |count: u64| 16 * count.max(1);
-    let slot = |name, format, role, size| (Slot { name, format, role }, size);
-    vec![
-        slot("neighbors", Uint, Input, bytes(tables.neighbors.len())),
-        slot("flaps", Uint4, Input, bytes(4 * tables.flaps.len())),
-        slot("flap_corners", Uint, Input, bytes(tables.flap_corners.len())),
-        slot("loss_targets", pixel, Input, bytes(tables.targets.len())),
-        slot("loss_weights", Float, Input, bytes(tables.weights.len())),
-        slot("loss_scales", Float4, Input, vec4(plan.levels.len() as u64)),
-        slot("logit_template", Float4, Input, bytes(4 * tables.logit_template.len())),
-        slot("inverse_entries", Float, Input, bytes(tables.inverse.len())),
-        slot("parameters", Float4, Output, vec4(rows)),
-        slot("moments", Float4, Output, vec4(2 * rows)),
-        slot("color_moments", Float4, Output, vec4(if plan.fit_colors { 2 * vertices } else { 1 })),
-        slot("best_positions", Float, Output, 12 * vertices.max(2)),
-        slot("best_colors", Float, Output, if plan.fit_colors { 12 * vertices.max(2) } else { 16 }),
-        slot("fit_state", Uint, Output, u64::from(4 * c::FIT_STATE_WORDS)),
-        slot("records", Uint, Output, u64::from(4 * c::RECORD_WORDS) * ROWS as u64),
-        slot("pyramid", pixel, Workspace, 4 * (plan.channels() as u64 * u64::from(plan.pyramid_pixels())).max(4)),
-        slot("loss_partials", Float4, Workspace, vec4(partials)),
-        slot("loss_sums", Float4, Workspace, vec4(u64::from(plan.views) * plan.levels.len() as u64)),
-        slot("vertex_penalties", Float4, Workspace, vec4(2 * vertices)),
-        slot("flap_gradients", Float4, Workspace, vec4(4 * u64::from(plan.flaps))),
-        slot("shape_gradients", Float4, Workspace, vec4(rows)),
-        slot("centre_partials", Float4, Workspace, vec4(groups)),
-        slot("square_partials", Float4, Workspace, vec4(groups)),
-        slot("step_totals", Float4, Workspace, vec4(2)),
-        slot("steps", Float4, Workspace, vec4(rows)),
-        slot("smooth_odd", Float4, Workspace, vec4(rows)),
-        slot("smooth_even", Float4, Workspace, vec4(rows)),
-    ]
+    pub set: BufferSet<FitBuffer>,
 }
 
 impl Memory {
@@ -82,18 +50,18 @@ impl Memory {
     /// # Errors
     /// [`crate::Error::Limit`], [`crate::Error::OutOfMemory`].
     pub fn add_own(&mut self, context: &Context, plan: &FitPlan, tables: &Tables) -> Result<()> {
-        for (slot, size) in own(plan, tables) {
-            self.set.reserve(context, slot, size)?;
+        for (entry, size) in Own::ALL.map(|own| own.of(plan, tables)) {
+            self.set.reserve(context, entry, size)?;
         }
         let scales: Vec<f32> = plan.levels.iter().flat_map(|l| l.scales).collect();
-        self.set.write("neighbors", bytemuck::cast_slice(&tables.neighbors))?;
-        self.set.write("flaps", bytemuck::cast_slice(&tables.flaps))?;
-        self.set.write("flap_corners", bytemuck::cast_slice(&tables.flap_corners))?;
-        self.set.write("loss_targets", bytemuck::cast_slice(&tables.targets))?;
-        self.set.write("loss_weights", bytemuck::cast_slice(&tables.weights))?;
-        self.set.write("loss_scales", bytemuck::cast_slice(&scales))?;
-        self.set.write("inverse_entries", bytemuck::cast_slice(&tables.inverse))?;
-        self.set.write("logit_template", bytemuck::cast_slice(&tables.logit_template))
+        self.set.write(Own::Neighbors, bytemuck::cast_slice(&tables.neighbors))?;
+        self.set.write(Own::Flaps, bytemuck::cast_slice(&tables.flaps))?;
+        self.set.write(Own::FlapCorners, bytemuck::cast_slice(&tables.flap_corners))?;
+        self.set.write(Own::LossTargets, bytemuck::cast_slice(&tables.targets))?;
+        self.set.write(Own::LossWeights, bytemuck::cast_slice(&tables.weights))?;
+        self.set.write(Own::LossScales, bytemuck::cast_slice(&scales))?;
+        self.set.write(Own::InverseEntries, bytemuck::cast_slice(&tables.inverse))?;
+        self.set.write(Own::LogitTemplate, bytemuck::cast_slice(&tables.logit_template))
     }
 
     /// The bytes that are bound where the fit has no buffer.
@@ -101,13 +69,7 @@ impl Memory {
     /// # Errors
     /// [`crate::Error::Vulkan`].
     pub fn unused_parts(&self) -> Result<Parts> {
-        let mut parts = Parts::default();
-        if let Some(unused) = self.set.unused() {
-            for format in [TexelFormat::Float, TexelFormat::Uint] {
-                parts.unused.push((format, unused.texel_part(0, UNUSED_SIZE, format)?));
-            }
-        }
-        Ok(parts)
+        self.set.parts([BufferId::Unused])
     }
 
     /// Makes room for a frame and its gradients; true where a buffer is a new one.
@@ -116,10 +78,9 @@ impl Memory {
     /// As [`add_own`](Self::add_own).
     pub fn reserve(&mut self, context: &Context, frame: &FramePlan, gradients: &GradientPlan) -> Result<bool> {
         let mut renewed = false;
-        for slot in FORWARD.into_iter().chain([UNUSED]).chain(BACKWARD) {
-            if let Some(needed) = frame.buffer(slot.name).or_else(|| gradients.buffer(slot.name)) {
-                renewed |= self.set.reserve(context, slot, needed.size)?;
-            }
+        for needed in frame.buffers().iter().chain(gradients.buffers()) {
+            let entry = Entry { id: needed.id.into(), format: needed.format, role: needed.role };
+            renewed |= self.set.reserve(context, entry, needed.size)?;
         }
         Ok(renewed)
     }
@@ -129,8 +90,10 @@ impl Memory {
     /// # Errors
     /// None where there is room.
     pub fn write_inputs(&mut self, inputs: &Inputs) -> Result<()> {
-        let fixed = inputs.all().into_iter().filter(|(name, _)| !["positions", "colors"].contains(name));
-        fixed.into_iter().try_for_each(|(name, bytes)| self.set.write(name, bytes))
+        let fitted = [BufferId::Positions, BufferId::Colors];
+        // What the frame does not need is empty, and has no buffer.
+        let fixed = inputs.all().into_iter().filter(|(id, bytes)| !fitted.contains(id) && !bytes.is_empty());
+        fixed.into_iter().try_for_each(|(id, bytes)| self.set.write(id, bytes))
     }
 
     /// Writes a state, the best as yet unknown.
@@ -139,20 +102,20 @@ impl Memory {
     /// None where there is room.
     pub fn write_state(&mut self, state: &FitState, uniform_color: Option<&[u8]>) -> Result<()> {
         let fit_state = [0, 0, 0, f32::INFINITY.to_bits()];
-        self.set.write("fit_state", bytemuck::cast_slice(&fit_state))?;
-        self.set.write("positions", bytemuck::cast_slice(&state.positions))?;
-        self.set.write("best_positions", bytemuck::cast_slice(&state.positions))?;
+        self.set.write(Own::FitState, bytemuck::cast_slice(&fit_state))?;
+        self.set.write(BufferId::Positions, bytemuck::cast_slice(&state.positions))?;
+        self.set.write(Own::BestPositions, bytemuck::cast_slice(&state.positions))?;
         let texel = |v: &Vec3| [v[0], v[1], v[2], 0.0];
         let texels = |rows: &[Vec3]| rows.iter().flat_map(texel).collect::<Vec<f32>>();
         let pairs = |rows: &[[Vec3; 2]]| rows.iter().flatten().flat_map(texel).collect::<Vec<f32>>();
-        self.set.write("parameters", bytemuck::cast_slice(&texels(&state.parameters)))?;
-        self.set.write("moments", bytemuck::cast_slice(&pairs(&state.moments)))?;
+        self.set.write(Own::Parameters, bytemuck::cast_slice(&texels(&state.parameters)))?;
+        self.set.write(Own::Moments, bytemuck::cast_slice(&pairs(&state.moments)))?;
         match uniform_color {
-            Some(bytes) => self.set.write("colors", bytes),
+            Some(bytes) => self.set.write(BufferId::Colors, bytes),
             None => {
-                self.set.write("best_colors", bytemuck::cast_slice(&state.colors))?;
-                self.set.write("color_moments", bytemuck::cast_slice(&pairs(&state.color_moments)))?;
-                self.set.write("colors", bytemuck::cast_slice(&state.colors))
+                self.set.write(Own::BestColors, bytemuck::cast_slice(&state.colors))?;
+                self.set.write(Own::ColorMoments, bytemuck::cast_slice(&pairs(&state.color_moments)))?;
+                self.set.write(BufferId::Colors, bytemuck::cast_slice(&state.colors))
             }
         }
     }
@@ -164,35 +127,35 @@ impl Memory {
     pub fn read_state(&self, plan: &FitPlan) -> Result<FitState> {
         let rows = plan.rows() as usize;
         let vertices = if plan.fit_colors { plan.vertices as usize } else { 0 };
-        let colors = if plan.fit_colors { self.vectors("colors", vertices)? } else { Vec::new() };
+        let colors = if plan.fit_colors { self.vectors(BufferId::Colors, vertices)? } else { Vec::new() };
         Ok(FitState {
-            positions: self.vectors("positions", plan.vertices as usize)?,
-            parameters: if plan.logit { self.texels("parameters", rows)? } else { Vec::new() },
-            moments: self.pairs("moments", rows)?,
+            positions: self.vectors(BufferId::Positions, plan.vertices as usize)?,
+            parameters: if plan.logit { self.texels(Own::Parameters, rows)? } else { Vec::new() },
+            moments: self.pairs(Own::Moments, rows)?,
             colors,
-            color_moments: self.pairs("color_moments", vertices)?,
+            color_moments: self.pairs(Own::ColorMoments, vertices)?,
             steps: 0,
             color_steps: 0,
         })
     }
 
     /// x, y, z of so many.
-    pub fn vectors(&self, name: &str, count: usize) -> Result<Vec<Vec3>> {
-        Ok(self.set.floats(name, 3 * count)?.chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect())
+    pub fn vectors(&self, id: impl Into<FitBuffer>, count: usize) -> Result<Vec<Vec3>> {
+        Ok(self.set.floats(id, 3 * count)?.chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect())
     }
 
-    fn texels(&self, name: &str, count: usize) -> Result<Vec<Vec3>> {
-        Ok(self.set.floats(name, 4 * count)?.chunks_exact(4).map(|v| [v[0], v[1], v[2]]).collect())
+    fn texels(&self, id: Own, count: usize) -> Result<Vec<Vec3>> {
+        Ok(self.set.floats(id, 4 * count)?.chunks_exact(4).map(|v| [v[0], v[1], v[2]]).collect())
     }
 
-    fn pairs(&self, name: &str, count: usize) -> Result<Vec<[Vec3; 2]>> {
-        Ok(self.texels(name, 2 * count)?.chunks_exact(2).map(|p| [p[0], p[1]]).collect())
+    fn pairs(&self, id: Own, count: usize) -> Result<Vec<[Vec3; 2]>> {
+        Ok(self.texels(id, 2 * count)?.chunks_exact(2).map(|p| [p[0], p[1]]).collect())
     }
 
     /// A step's record.
     pub fn record(&self, row: usize) -> Result<[u32; c::RECORD_WORDS as usize]> {
         let mut all = [[0; c::RECORD_WORDS as usize]; ROWS];
-        self.set.read("records", bytemuck::cast_slice_mut(&mut all))?;
+        self.set.read(Own::Records, bytemuck::cast_slice_mut(&mut all))?;
         Ok(all[row])
     }
 
@@ -202,9 +165,9 @@ impl Memory {
     /// None where there is a frame.
     pub fn go_on(&mut self) -> Result<()> {
         let mut words = [0u32; c::FIT_STATE_WORDS as usize];
-        self.set.read("fit_state", bytemuck::cast_slice_mut(&mut words))?;
+        self.set.read(Own::FitState, bytemuck::cast_slice_mut(&mut words))?;
         words[c::FIT_HALTED as usize] = 0;
-        self.set.write("fit_state", bytemuck::cast_slice(&words))
+        self.set.write(Own::FitState, bytemuck::cast_slice(&words))
     }
 
     /// Records the upload of what the host wrote.
@@ -213,13 +176,15 @@ impl Memory {
     /// [`crate::Error::Vulkan`].
     pub fn record_upload(&self, recorder: &mut Recorder<'_>, what: Upload) -> Result<()> {
         recorder.barrier();
-        for (slot, buffer) in self.set.shared() {
-            let is_state = STATE.contains(&slot.name) || slot.name == "fit_state";
-            let is_input = slot.role == Role::Input && !is_state && !slot.name.starts_with("upstream");
+        use BufferId::{UpstreamColor, UpstreamDepths, UpstreamNormals, UpstreamSilhouette};
+        let upstream = [UpstreamColor, UpstreamSilhouette, UpstreamDepths, UpstreamNormals].map(FitBuffer::Frame);
+        for (Entry { id, role, .. }, buffer) in self.set.shared() {
+            let is_state = STATE.contains(&id) || id == FIT_STATE;
+            let is_input = role == Role::Input && !is_state && !upstream.contains(&id);
             let wanted = match what {
                 Upload::Everything => is_state || is_input,
                 Upload::Inputs => is_input,
-                Upload::State => slot.name == "fit_state",
+                Upload::State => id == FIT_STATE,
             };
             if wanted {
                 buffer.record_upload(recorder)?;
@@ -234,8 +199,9 @@ impl Memory {
     /// # Errors
     /// [`crate::Error::Vulkan`].
     pub fn record_download(&self, recorder: &mut Recorder<'_>, state: bool) -> Result<()> {
-        for (slot, buffer) in self.set.shared() {
-            let wanted = if state { STATE.contains(&slot.name) } else { ["records", "fit_state"].contains(&slot.name) };
+        let told = [Own::Records, Own::FitState].map(FitBuffer::Own);
+        for (Entry { id, .. }, buffer) in self.set.shared() {
+            let wanted = if state { STATE.contains(&id) } else { told.contains(&id) };
             if wanted {
                 buffer.record_download(recorder)?;
             }

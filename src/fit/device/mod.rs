@@ -14,6 +14,7 @@
 //! symmetric map, so its own transpose, and a parametrisation in its own right.
 
 mod arithmetic;
+mod buffers;
 mod guard;
 mod host;
 mod memory;
@@ -39,6 +40,7 @@ use crate::image::Image;
 use crate::renderer::Renderer;
 use crate::scene::{Camera, Mesh, Projection, Settings};
 use crate::vulkan::{CommandBuffer, vk};
+use buffers::{BufferId, Own};
 use guard::Guard;
 use host::{FitState, step_of};
 use memory::{Memory, ROWS, Upload};
@@ -219,9 +221,9 @@ impl DeviceFit {
         let Some((_, step)) = self.best else { return Ok(None) };
         self.download()?;
         let count = self.plan.vertices as usize;
-        let colors = if self.plan.fit_colors { self.memory.vectors("best_colors", count)? } else { Vec::new() };
+        let colors = if self.plan.fit_colors { self.memory.vectors(Own::BestColors, count)? } else { Vec::new() };
         let mut shape = self.shape.clone();
-        shape.show(self.memory.vectors("best_positions", count)?, &colors)?;
+        shape.show(self.memory.vectors(Own::BestPositions, count)?, &colors)?;
         Ok(Some((shape.mesh().clone(), step)))
     }
 
@@ -308,16 +310,16 @@ impl DeviceFit {
         self.memory.write_inputs(&inputs)?;
         let upload = match self.initial.take() {
             Some(state) => {
-                let colors = inputs.get("colors").filter(|_| !self.plan.fit_colors);
+                let colors = inputs.get(BufferId::Colors).filter(|_| !self.plan.fit_colors);
                 self.memory.write_state(&state, colors)?;
                 Upload::Everything
             }
             None => Upload::Inputs,
         };
         self.upload(upload)?;
-        let parts = self.memory.set.parts(frame.buffers())?;
+        let parts = self.memory.set.parts(frame.buffers().iter().map(|b| b.id))?;
         let forward = self.rasterizer.bind_parts(&frame, parts)?;
-        let parts = self.memory.set.parts(gradients.buffers())?;
+        let parts = self.memory.set.parts(gradients.buffers().iter().map(|b| b.id))?;
         let backward = self.rasterizer.bind_backward_parts(&gradients, &parts, &forward)?;
         let stages = Stages::new(context, &mut self.pipelines, &self.plan, &self.memory)?;
         self.bound = Some(Bound { frame, gradients, forward, backward, stages });
@@ -331,7 +333,7 @@ impl DeviceFit {
         }
         self.flights.iter_mut().try_for_each(CommandBuffer::settle)?;
         self.download()?;
-        self.memory.vectors("positions", self.plan.vertices as usize)
+        self.memory.vectors(BufferId::Positions, self.plan.vertices as usize)
     }
 
     /// Waits for all that is pending. Where a step could not be taken, makes room and submits it and all behind it again.

@@ -1,14 +1,14 @@
 //! The fit's own stages: bound to their buffers, and recorded between and behind the rasterizer's passes.
 
 use super::arithmetic::Rates;
+use super::buffers::{FitBuffer, Own};
 use super::host::{edge_scale, edge_share};
 use super::memory::Memory;
 use super::plan::FitPlan;
 use super::smoother::Smoother;
 use crate::constants as c;
-use crate::embed::Parts;
 use crate::error::{Error, Result};
-use crate::frame::buffers::buffer_of_binding;
+use crate::frame::buffers::{BufferId, Parts};
 use crate::frame::pipelines::{Pipelines, Request};
 use crate::frame::plan::Capacity;
 use crate::vulkan::{
@@ -99,22 +99,26 @@ fn requests(plan: &FitPlan) -> [(&'static Kernel, Modes); COUNT] {
     ]
 }
 
+/// The rendered image.
+fn image_of(plan: &FitPlan) -> FitBuffer {
+    FitBuffer::Frame(if plan.has_color { BufferId::Color } else { BufferId::Silhouette })
+}
+
 /// The buffer that a binding is, where the stage does not say another.
-fn buffer_of<'a>(plan: &FitPlan, binding: &'a str) -> &'a str {
-    match binding {
-        "rendered" if plan.has_color => "color",
-        "rendered" => "silhouette",
-        "upstream" if plan.has_color => "upstream_color",
-        "upstream" => "upstream_silhouette",
-        "frame_status" => "status",
-        "image_gradients" => "vertex_gradients",
-        "new_positions" => "positions",
-        "new_colors" => "colors",
-        "new_parameters" => "parameters",
-        "new_moments" => "moments",
-        "new_color_moments" => "color_moments",
-        other => other,
-    }
+fn buffer_of(plan: &FitPlan, binding: &str) -> Option<FitBuffer> {
+    Some(match binding {
+        "rendered" => image_of(plan),
+        "Upstream" if plan.has_color => BufferId::UpstreamColor.into(),
+        "Upstream" => BufferId::UpstreamSilhouette.into(),
+        "frame_status" => BufferId::Status.into(),
+        "image_gradients" => BufferId::VertexGradients.into(),
+        "NewPositions" => BufferId::Positions.into(),
+        "NewColors" => BufferId::Colors.into(),
+        "NewParameters" => Own::Parameters.into(),
+        "NewMoments" => Own::Moments.into(),
+        "NewColorMoments" => Own::ColorMoments.into(),
+        other => return FitBuffer::of_binding(other),
+    })
 }
 
 /// Binds kernels to buffers by name.
@@ -127,26 +131,26 @@ struct Binder<'a> {
 
 impl Binder<'_> {
     /// `named` says which buffers the bindings are that are not the same in every stage of the kernel.
-    fn stage(&self, pipeline: &Pipeline, named: &[(&str, &str)]) -> Result<Stage> {
+    fn stage(&self, pipeline: &Pipeline, named: &[(&str, FitBuffer)]) -> Result<Stage> {
         let mut parts = Vec::new();
         for binding in pipeline.kernel().bindings {
-            let name = buffer_of_binding(binding.name);
-            let given = named.iter().find(|(n, _)| *n == name).map(|(_, buffer)| *buffer);
-            let buffer = given.unwrap_or_else(|| buffer_of(self.plan, &name));
-            parts.push((binding.name, self.find(buffer, binding.kind)?));
+            let given = named.iter().find(|(n, _)| *n == binding.name).map(|(_, buffer)| *buffer);
+            let buffer = given.or_else(|| buffer_of(self.plan, binding.name));
+            let part = buffer.and_then(|buffer| self.find(buffer, binding.kind)).ok_or_else(|| Error::Vulkan {
+                call: "vkUpdateDescriptorSets",
+                result: format!("kernel `{}`: there is no buffer `{}`", pipeline.kernel().name, binding.name),
+            })?;
+            parts.push((binding.name, part));
         }
         let set = self.pool.bind(pipeline, &parts)?;
         Ok(Stage { pipeline: pipeline.clone(), set })
     }
 
-    /// A buffer, or the unused bytes where the fit has none of that name.
-    fn find(&self, name: &str, kind: BindingKind) -> Result<&BufferPart> {
+    /// A buffer, or the unused bytes where the frame has no such buffer.
+    fn find(&self, id: FitBuffer, kind: BindingKind) -> Option<&BufferPart> {
         let format = if kind == BindingKind::UniformTexelBufferUint { TexelFormat::Uint } else { TexelFormat::Float };
-        let unused = || self.unused.unused.iter().find(|(f, _)| *f == format).map(|(_, part)| part);
-        self.memory.set.get(name).or_else(unused).ok_or_else(|| Error::Vulkan {
-            call: "vkUpdateDescriptorSets",
-            result: format!("there is no buffer `{name}`"),
-        })
+        let unused = || if matches!(id, FitBuffer::Frame(_)) { self.unused.unused(format) } else { None };
+        self.memory.set.get(id).or_else(unused)
     }
 }
 
@@ -168,23 +172,23 @@ impl Stages {
         let binder = Binder { plan, memory, unused, pool };
         let [pool, loss, loss_sum, upstream, vertices, flaps, record, gradient, smooth, centre, largest, ..] = &made;
         let [.., squares, optimizer, position_step, colors, dense] = &made;
-        let image = buffer_of(plan, "rendered");
-        let smoothing = |rough: &'static str| -> Result<[Stage; 2]> {
-            let step = |newer: &'static str, target: &'static str| {
-                let named = [("rough", rough), ("newer", newer), ("older", target), ("smoothed", target)];
-                binder.stage(smooth, &named)
+        let image = image_of(plan);
+        let smoothing = |rough: Own| -> Result<[Stage; 2]> {
+            let step = |newer: Own, target: Own| {
+                let named = [("rough", rough), ("newer", newer), ("older", target), ("Smoothed", target)];
+                binder.stage(smooth, &named.map(|(binding, own)| (binding, own.into())))
             };
-            Ok([step("smooth_odd", "smooth_even")?, step("smooth_even", "smooth_odd")?])
+            Ok([step(Own::SmoothOdd, Own::SmoothEven)?, step(Own::SmoothEven, Own::SmoothOdd)?])
         };
         // The last of an even number of steps counted from 0 writes there.
         let smoothed = plan.smoothing.is_some();
-        let gradients = if smoothed { "smooth_odd" } else { "shape_gradients" };
-        let changes = if smoothed { "smooth_odd" } else { "steps" };
+        let gradients = if smoothed { Own::SmoothOdd } else { Own::ShapeGradients };
+        let changes = if smoothed { Own::SmoothOdd } else { Own::Steps };
         Ok(Self {
-            pool: [binder.stage(pool, &[("finer", image)])?, binder.stage(pool, &[("finer", "pyramid")])?],
+            pool: [binder.stage(pool, &[("finer", image)])?, binder.stage(pool, &[("finer", Own::Pyramid.into())])?],
             image_loss: [
                 binder.stage(loss, &[("predicted", image)])?,
-                binder.stage(loss, &[("predicted", "pyramid")])?,
+                binder.stage(loss, &[("predicted", Own::Pyramid.into())])?,
             ],
             loss_sum: binder.stage(loss_sum, &[])?,
             image_upstream: binder.stage(upstream, &[])?,
@@ -192,16 +196,16 @@ impl Stages {
             regularize_flaps: binder.stage(flaps, &[])?,
             loss_record: binder.stage(record, &[])?,
             shape_gradient: binder.stage(gradient, &[])?,
-            smooth: [smoothing("shape_gradients")?, smoothing("steps")?],
+            smooth: [smoothing(Own::ShapeGradients)?, smoothing(Own::Steps)?],
             smooth_dense: [
-                binder.stage(dense, &[("rough", "shape_gradients"), ("smoothed", "smooth_odd")])?,
-                binder.stage(dense, &[("rough", "steps"), ("smoothed", "smooth_odd")])?,
+                binder.stage(dense, &[("rough", Own::ShapeGradients.into()), ("Smoothed", Own::SmoothOdd.into())])?,
+                binder.stage(dense, &[("rough", Own::Steps.into()), ("Smoothed", Own::SmoothOdd.into())])?,
             ],
-            centre_total: binder.stage(centre, &[("parts", "centre_partials")])?,
-            largest_square: binder.stage(largest, &[("parts", "square_partials")])?,
-            squares: binder.stage(squares, &[("gradients", gradients)])?,
-            optimizer: binder.stage(optimizer, &[("gradients", gradients)])?,
-            position_step: binder.stage(position_step, &[("changes", changes)])?,
+            centre_total: binder.stage(centre, &[("parts", Own::CentrePartials.into())])?,
+            largest_square: binder.stage(largest, &[("parts", Own::SquarePartials.into())])?,
+            squares: binder.stage(squares, &[("gradients", gradients.into())])?,
+            optimizer: binder.stage(optimizer, &[("gradients", gradients.into())])?,
+            position_step: binder.stage(position_step, &[("changes", changes.into())])?,
             color_step: binder.stage(colors, &[])?,
         })
     }

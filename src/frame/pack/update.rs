@@ -1,31 +1,18 @@
 //! Tables of a scene that is nearly the last one: what differs is taken over and told of, so that it alone is uploaded.
 
 use super::{Appearances, MeshTables, kind_of};
+use crate::frame::buffers::BufferId;
 use crate::scene::{Appearance, Mesh, Scene};
 
-/// Names of a frame's inputs, in the order of [`Inputs::all`](crate::embed::Inputs::all).
-pub(crate) const INPUTS: [&str; 12] = [
-    "view_shapes",
-    "view_cameras",
-    "positions",
-    "indices",
-    "adjacency",
-    "lights",
-    "colors",
-    "uvs",
-    "uv_indices",
-    "triangle_textures",
-    "textures",
-    "texels",
-];
-
-/// Some of a frame's inputs: those that are not what they were.
+/// Some of a frame's inputs: those whose bytes differ from the last frame's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Changes(u16);
+pub struct Changes(u64);
+
+const _: () = assert!(BufferId::ALL.len() <= u64::BITS as usize, "one bit for each buffer");
 
 impl Changes {
     /// Every input.
-    pub const ALL: Self = Self((1 << INPUTS.len()) - 1);
+    pub const ALL: Self = Self(u64::MAX);
 
     /// None of them.
     pub fn is_empty(self) -> bool {
@@ -33,13 +20,13 @@ impl Changes {
     }
 
     /// Whether an input is one of them.
-    pub fn has(self, name: &str) -> bool {
-        self.0 & Self::bit(name) != 0
+    pub fn has(self, id: BufferId) -> bool {
+        self.0 & Self::bit(id) != 0
     }
 
     /// Adds an input if it differs.
-    pub(crate) fn note(&mut self, name: &str, differs: bool) {
-        self.0 |= if differs { Self::bit(name) } else { 0 };
+    pub(crate) fn note(&mut self, id: BufferId, differs: bool) {
+        self.0 |= if differs { Self::bit(id) } else { 0 };
     }
 
     /// Those of either.
@@ -48,12 +35,13 @@ impl Changes {
     }
 
     /// Those that are not among others.
+    #[cfg(feature = "renderer")]
     pub(crate) fn without(self, other: Self) -> Self {
         Self(self.0 & !other.0)
     }
 
-    fn bit(name: &str) -> u16 {
-        INPUTS.iter().position(|input| *input == name).map_or(0, |place| 1 << place)
+    fn bit(id: BufferId) -> u64 {
+        1 << id as u32
     }
 }
 
@@ -96,14 +84,14 @@ impl MeshTables {
             let layout = self.layouts[m];
             let vertices = layout.vertex_range();
             let positions = &mut self.positions[3 * vertices.start..3 * vertices.end];
-            changes.note("positions", overwrite(positions, mesh.positions().as_flattened()));
+            changes.note(BufferId::Positions, overwrite(positions, mesh.positions().as_flattened()));
             let colors = match mesh.appearance() {
                 Appearance::Uniform(color) => &color[..],
                 Appearance::VertexColors(colors) => colors.as_flattened(),
                 _ => &[],
             };
             let first = layout.color_base as usize;
-            changes.note("colors", overwrite(&mut self.colors[first..first + colors.len()], colors));
+            changes.note(BufferId::Colors, overwrite(&mut self.colors[first..first + colors.len()], colors));
             changes = changes.or(self.update_texture(mesh.appearance(), m, &mut image));
         }
         Some(changes)
@@ -114,7 +102,7 @@ impl MeshTables {
         let mut changes = Changes::default();
         match (appearance, &self.appearances[mesh]) {
             (Appearance::Surface { texels, .. }, Appearances::Surface { texels: range }) => {
-                changes.note("texels", overwrite_texels(&mut self.texels[range.clone()], texels));
+                changes.note(BufferId::Texels, overwrite_texels(&mut self.texels[range.clone()], texels));
             }
             (
                 Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle },
@@ -122,21 +110,24 @@ impl MeshTables {
             ) => {
                 let layout = self.layouts[mesh];
                 let (at, uvs) = (layout.uv_base as usize, uvs.as_flattened());
-                changes.note("uvs", overwrite(&mut self.uvs[at..at + uvs.len()], uvs));
+                changes.note(BufferId::Uvs, overwrite(&mut self.uvs[at..at + uvs.len()], uvs));
                 let indices = &mut self.uv_indices[indices.clone()];
-                changes.note("uv_indices", overwrite(indices, uv_triangles.as_flattened()));
+                changes.note(BufferId::UvIndices, overwrite(indices, uv_triangles.as_flattened()));
                 let names = self.triangle_textures.iter_mut().skip(layout.texture_base.max(0) as usize);
                 for (name, texture) in names.zip(texture_of_triangle) {
-                    changes.note("triangle_textures", *name != first + texture);
+                    changes.note(BufferId::TriangleTextures, *name != first + texture);
                     *name = first + texture;
                 }
                 let entries = &mut self.textures[*first as usize..];
                 for ((texture, range), entry) in textures.iter().zip(ranges).zip(entries) {
-                    changes.note("textures", entry[3] != kind_of(texture));
+                    changes.note(BufferId::Textures, entry[3] != kind_of(texture));
                     entry[3] = kind_of(texture);
                     let known = &mut self.images[*image];
                     if !known.shares_texels(texture) {
-                        changes.note("texels", overwrite_texels(&mut self.texels[range.clone()], texture.texels()));
+                        changes.note(
+                            BufferId::Texels,
+                            overwrite_texels(&mut self.texels[range.clone()], texture.texels()),
+                        );
                         *known = texture.clone();
                     }
                     *image += 1;
@@ -153,13 +144,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn changes_are_a_set_of_names() {
+    fn changes_are_a_set_of_buffers() {
+        use BufferId::{Indices, Positions};
         let mut changes = Changes::default();
-        changes.note("positions", false);
+        changes.note(Positions, false);
         assert!(changes.is_empty());
-        changes.note("positions", true);
-        assert!(changes.has("positions") && !changes.has("indices") && !changes.has("no input"));
-        assert!(INPUTS.iter().all(|name| Changes::ALL.has(name)));
+        changes.note(Positions, true);
+        assert!(changes.has(Positions) && !changes.has(Indices));
+        assert!(BufferId::ALL.into_iter().all(|id| Changes::ALL.has(id)));
         assert_eq!(Changes::ALL.without(changes).or(changes), Changes::ALL);
     }
 

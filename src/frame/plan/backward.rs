@@ -8,63 +8,12 @@
 //!
 //! Nothing grows with pixels × triangles.
 
-use super::sizes::bytes;
-use super::{FramePush, Plan};
+use super::modes::output_bits;
+use super::{ForwardPlan, FramePush, Modes};
 use crate::constants as c;
+use crate::frame::buffers::{GradientCounts, Sizes};
 use crate::gradients::{GradientMode, Wanted};
-
 use crate::scene::Outputs;
-
-/// Bytes of every buffer that a backward pass fills; 0 where it needs none.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[allow(missing_docs)] // Named as in the kernels.
-pub struct BackwardSizes {
-    pub upstream_color: u64,
-    pub upstream_silhouette: u64,
-    pub upstream_depths: u64,
-    pub upstream_normals: u64,
-    pub pixel_gradients: u64,
-    pub pixel_sums: u64,
-    pub shown_items: u64,
-    pub outline_items: u64,
-    pub item_counts: u64,
-    pub partials: u64,
-    pub corner_gradients: u64,
-    pub corner_lights: u64,
-    pub light_records: u64,
-    pub area_gradients: u64,
-    pub view_sums: u64,
-    pub vertex_gradients: u64,
-    pub texel_sums: u64,
-    pub totals: u64,
-}
-
-impl BackwardSizes {
-    /// A buffer's bytes by its name; 0 for an unknown one.
-    pub fn of(&self, name: &str) -> u64 {
-        match name {
-            "upstream_color" => self.upstream_color,
-            "upstream_silhouette" => self.upstream_silhouette,
-            "upstream_depths" => self.upstream_depths,
-            "upstream_normals" => self.upstream_normals,
-            "pixel_gradients" => self.pixel_gradients,
-            "pixel_sums" => self.pixel_sums,
-            "shown_items" => self.shown_items,
-            "outline_items" => self.outline_items,
-            "item_counts" => self.item_counts,
-            "partials" => self.partials,
-            "corner_gradients" => self.corner_gradients,
-            "corner_lights" => self.corner_lights,
-            "light_records" => self.light_records,
-            "area_gradients" => self.area_gradients,
-            "view_sums" => self.view_sums,
-            "vertex_gradients" => self.vertex_gradients,
-            "texel_sums" => self.texel_sums,
-            "totals" => self.totals,
-            _ => 0,
-        }
-    }
-}
 
 /// Workgroups of each stage; none where a stage is not needed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -84,11 +33,11 @@ pub struct BackwardGroups {
 #[derive(Clone, Debug, PartialEq)]
 pub struct BackwardPlan {
     /// The push constants.
-    pub frame: FramePush,
-    /// Specialization constants by name, the frame's own among them.
-    pub modes: Vec<(&'static str, u32)>,
+    pub push: FramePush,
+    /// Specialization constants, the frame's own among them.
+    pub modes: Modes,
     /// Bytes of every buffer.
-    pub sizes: BackwardSizes,
+    pub sizes: Sizes,
     /// Workgroups of each stage.
     pub groups: BackwardGroups,
     /// Rows of FORWARD_ROW items, each with an indirect dispatch of its own; 0 where nothing but pixels is summed.
@@ -103,7 +52,7 @@ pub struct BackwardPlan {
 #[derive(Clone, Copy, Debug)]
 pub struct BackwardInput<'a> {
     /// The saved frame's plan.
-    pub forward: &'a Plan,
+    pub forward: &'a ForwardPlan,
     /// The images that have an upstream gradient.
     pub upstream: Outputs,
     /// What to differentiate by.
@@ -141,13 +90,6 @@ fn gradient_bits(input: &BackwardInput) -> u32 {
         | bit(w.background, c::GRADIENT_BACKGROUND)
 }
 
-fn upstream_bits(up: Outputs) -> u32 {
-    bit(up.color, c::OUTPUT_COLOR)
-        | bit(up.silhouette, c::OUTPUT_SILHOUETTE)
-        | bit(up.depth, c::OUTPUT_DEPTH)
-        | bit(up.normal, c::OUTPUT_NORMAL)
-}
-
 /// Workgroups along x and z for a count that may exceed one row.
 fn rows_of(groups: u64, y: u32) -> [u32; 3] {
     let row = u64::from(c::FORWARD_ROW);
@@ -157,15 +99,15 @@ fn rows_of(groups: u64, y: u32) -> [u32; 3] {
 impl BackwardPlan {
     /// Whether a GRADIENT_ bit is set.
     pub fn has(&self, flag: u32) -> bool {
-        self.modes.iter().any(|(name, value)| *name == "GRADIENTS" && value & flag != 0)
+        self.modes.gradients & flag != 0
     }
 
     /// Whether one of the two stages that walk items ever has any: one those that show in a shaded image, the other those
     /// that move the silhouette.
     pub fn walks(&self, stage: &str) -> bool {
-        let mode = |name: &str| self.modes.iter().find(|(n, _)| *n == name).map_or(0, |(_, value)| *value);
-        let shaded = mode("UPSTREAM") & !c::OUTPUT_SILHOUETTE != 0;
-        let outlines = mode("UPSTREAM") & c::OUTPUT_SILHOUETTE != 0 || (shaded && mode("COMPOSITE") != 0);
+        let Modes { upstream, composite, .. } = self.modes;
+        let shaded = upstream & !c::OUTPUT_SILHOUETTE != 0;
+        let outlines = upstream & c::OUTPUT_SILHOUETTE != 0 || (shaded && composite != 0);
         if stage.starts_with("backward_outline") { outlines } else { shaded }
     }
 
@@ -179,26 +121,24 @@ impl BackwardPlan {
         let gradients = gradient_bits(input);
         let has = |flag: u32| gradients & flag != 0;
         let forward = input.forward;
-        let mut frame = forward.frame;
-        frame.texel_scale = input.texel_scale;
-        let mut modes = forward.modes.clone();
-        modes.retain(|(name, _)| *name != "LIT");
-        modes.extend([
-            ("LIT", u32::from(input.lit || input.wanted.lights)),
-            ("UPSTREAM", upstream_bits(input.upstream)),
-            ("GRADIENTS", gradients),
-            ("PAPER", u32::from(input.wanted.mode == GradientMode::Paper)),
-        ]);
-        let smooth = forward.mode("SMOOTH") != 0;
+        let push = FramePush { texel_scale: input.texel_scale, ..forward.push };
+        let modes = Modes {
+            lit: u32::from(input.lit || input.wanted.lights),
+            upstream: output_bits(input.upstream),
+            gradients,
+            paper: u32::from(input.wanted.mode == GradientMode::Paper),
+            ..forward.modes
+        };
+        let smooth = modes.smooth != 0;
         let sum_pixels = has(c::GRADIENT_BACKGROUND) || has(c::GRADIENT_SCALARS);
         let sum_views = has(c::GRADIENT_VIEW) || has(c::GRADIENT_SCALARS);
         let light_rows = if smooth { forward.totals.vertices } else { forward.totals.slots };
         // What backward alone computes, or is needed by what follows it.
         let triangles = gradients & !c::GRADIENT_BACKGROUND != 0 && forward.totals.slots > 0;
         Self {
-            frame,
+            push,
             modes,
-            sizes: sizes_of(input, gradients, smooth),
+            sizes: Sizes::of_gradients(&counts_of(input, gradients, smooth)),
             groups: groups_of(input, gradients, smooth, sum_views, sum_pixels),
             item_rows: if triangles { item_rows(input) as u32 } else { 0 },
             light_rows: light_rows as u32,
@@ -208,46 +148,33 @@ impl BackwardPlan {
 }
 
 fn item_rows(input: &BackwardInput) -> u64 {
-    let items = input.forward.totals.slots + u64::from(input.forward.frame.cell_capacity);
+    let items = input.forward.totals.slots + u64::from(input.forward.push.cell_capacity);
     items.div_ceil(u64::from(c::FORWARD_ROW))
 }
 
-fn sizes_of(input: &BackwardInput, gradients: u32, smooth: bool) -> BackwardSizes {
-    let has = |flag: u32| gradients & flag != 0;
-    let when = |on: bool, size: u64| if on { size } else { 0 };
+fn counts_of(input: &BackwardInput, gradients: u32, smooth: bool) -> GradientCounts {
+    let part = |flag: u32, texels: u32| if gradients & flag != 0 { u64::from(texels) } else { 0 };
     let up = input.upstream;
+    let (totals, push) = (input.forward.totals, &input.forward.push);
     let shaded = up.color || up.depth || up.normal;
-    let t = &input.forward.totals;
-    let items = t.slots + u64::from(input.forward.frame.cell_capacity);
-    let part = |flag: u32, texels: u32| if has(flag) { u64::from(texels) } else { 0 };
-    let partial = u64::from(c::PARTIAL_TEXELS)
-        + part(c::GRADIENT_COLOR, c::PARTIAL_COLOR_TEXELS)
-        + part(c::GRADIENT_COORDINATE, c::PARTIAL_COORDINATE_TEXELS)
-        + part(c::GRADIENT_NORMAL, c::PARTIAL_NORMAL_TEXELS);
-    let corner = 3 + part(c::GRADIENT_COLOR, 3) + part(c::GRADIENT_COORDINATE, 2);
-    let lights = u64::from(input.forward.frame.light_count) + 1;
-    let sums = u64::from(input.forward.frame.view_count) + lights + 1;
-    let light_rows = if smooth { t.vertices } else { t.slots };
-    let composite = shaded && input.forward.mode("COMPOSITE") != 0;
-    BackwardSizes {
-        upstream_color: when(up.color, bytes(t.pixels, 16)),
-        upstream_silhouette: when(up.silhouette && !up.color, bytes(t.pixels, 4)),
-        upstream_depths: when(up.depth, bytes(t.pixels, 4)),
-        upstream_normals: when(up.normal, bytes(t.pixels, 16)),
-        pixel_gradients: bytes(t.pixels * (1 + u64::from(shaded) + u64::from(up.normal)), 16),
-        pixel_sums: when(has(c::GRADIENT_BACKGROUND) || has(c::GRADIENT_SCALARS), bytes(t.pixels, 32)),
-        shown_items: when(shaded, bytes(items, 16)),
-        outline_items: when(up.silhouette || composite, bytes(items, 16)),
-        item_counts: bytes(item_rows(input) * u64::from(c::ITEM_COUNT_WORDS), 4),
-        partials: bytes(items * partial, 16),
-        corner_gradients: bytes(t.slots * corner, 16),
-        corner_lights: when(smooth, bytes(t.slots, 96)),
-        light_records: when(has(c::GRADIENT_LIGHTS), bytes(light_rows, 32)),
-        area_gradients: when(smooth, bytes(t.vertices, 16)),
-        view_sums: when(has(c::GRADIENT_VIEW) || has(c::GRADIENT_SCALARS), bytes(t.slots, 48)),
-        vertex_gradients: when(input.wanted.positions || input.wanted.colors, bytes(input.vertices, 32)),
-        texel_sums: when(has(c::GRADIENT_TEXEL) && t.slots > 0, bytes(input.texels, 24)),
-        totals: bytes(sums, 48),
+    GradientCounts {
+        totals,
+        items: totals.slots + u64::from(push.cell_capacity),
+        item_rows: item_rows(input),
+        upstream: up,
+        outlines: up.silhouette || (shaded && input.forward.modes.composite != 0),
+        gradients,
+        smooth,
+        partial_texels: u64::from(c::PARTIAL_TEXELS)
+            + part(c::GRADIENT_COLOR, c::PARTIAL_COLOR_TEXELS)
+            + part(c::GRADIENT_COORDINATE, c::PARTIAL_COORDINATE_TEXELS)
+            + part(c::GRADIENT_NORMAL, c::PARTIAL_NORMAL_TEXELS),
+        corner_texels: 3 + part(c::GRADIENT_COLOR, 3) + part(c::GRADIENT_COORDINATE, 2),
+        light_rows: if smooth { totals.vertices } else { totals.slots },
+        wants_vertices: input.wanted.positions || input.wanted.colors,
+        vertices: input.vertices,
+        texels: input.texels,
+        sums: u64::from(push.view_count) + u64::from(push.light_count) + 2,
     }
 }
 
@@ -255,10 +182,10 @@ fn groups_of(input: &BackwardInput, gradients: u32, smooth: bool, sum_views: boo
     let has = |flag: u32| gradients & flag != 0;
     let when = |on: bool, groups: [u32; 3]| if on { groups } else { [0; 3] };
     let forward = input.forward;
-    let views = forward.frame.view_count;
+    let views = forward.push.view_count;
     let linear = |n: u32, y: u32| [n.div_ceil(c::LINEAR_GROUP), y, 1];
-    let pixels = u64::from(forward.frame.width) * u64::from(forward.frame.height);
-    let items = forward.totals.slots + u64::from(forward.frame.cell_capacity);
+    let pixels = u64::from(forward.push.width) * u64::from(forward.push.height);
+    let items = forward.totals.slots + u64::from(forward.push.cell_capacity);
     let triangles = gradients & !c::GRADIENT_BACKGROUND != 0 && forward.totals.slots > 0;
     let vertices = input.wanted.positions || input.wanted.colors;
     let corners = gradients & !(c::GRADIENT_BACKGROUND | c::GRADIENT_TEXEL) != 0;
@@ -267,9 +194,9 @@ fn groups_of(input: &BackwardInput, gradients: u32, smooth: bool, sum_views: boo
         backward_cull: when(triangles, rows_of(items.div_ceil(u64::from(c::LINEAR_GROUP)), 1)),
         triangle_grad: when(corners, forward.groups.triangle),
         vertex_normal_grad: when(corners && smooth, forward.groups.vertex),
-        vertex_grad: when(vertices, linear(input.largest_mesh, forward.frame.mesh_count)),
+        vertex_grad: when(vertices, linear(input.largest_mesh, forward.push.mesh_count)),
         reduce_views: when(sum_views, [views, 1, 1]),
-        reduce_lights: when(has(c::GRADIENT_LIGHTS), [forward.frame.light_count + 1, 1, 1]),
+        reduce_lights: when(has(c::GRADIENT_LIGHTS), [forward.push.light_count + 1, 1, 1]),
         reduce_pixels: when(sum_pixels, [1, 1, 1]),
     }
 }

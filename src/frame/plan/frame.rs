@@ -50,7 +50,7 @@ pub fn split(x: f64) -> (f32, f32) {
     (high, (x - f64::from(high)) as f32)
 }
 
-/// The frame's numbers from its settings; capacities and counts are filled in by [`Plan::new`].
+/// The frame's numbers from its settings; capacities and counts are filled in by [`ForwardPlan::new`](super::ForwardPlan::new).
 pub(super) fn push_of(settings: &Settings, cutoff: f64) -> FramePush {
     let log2e = std::f64::consts::LOG2_E;
     let half_height = f64::from(settings.height) / 2.0;

@@ -14,18 +14,17 @@ mod backward;
 mod capacity;
 mod frame;
 mod modes;
-mod sizes;
 
-pub use backward::{BackwardGroups, BackwardInput, BackwardPlan, BackwardSizes};
+pub use backward::{BackwardGroups, BackwardInput, BackwardPlan};
 pub use capacity::Capacity;
 pub use frame::{FramePush, split};
-pub use modes::{DepthSpan, Sampling};
-pub use sizes::BufferSizes;
+pub use modes::{DepthSpan, Modes, Sampling};
 
 use crate::constants as c;
 use crate::error::{Error, Result};
+use crate::frame::buffers::{FrameCounts, Sizes, TableLengths, Totals};
 use crate::scene::{Lights, Settings};
-use modes::{clips, modes_of};
+use modes::clips;
 
 /// The size of what one view sees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,15 +54,17 @@ pub struct ViewRange {
 
 /// Everything that a frame's recording needs to know.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Plan {
+pub struct ForwardPlan {
     /// The push constants.
-    pub frame: FramePush,
-    /// Specialization constants by name.
-    pub modes: Vec<(&'static str, u32)>,
+    pub push: FramePush,
+    /// Specialization constants.
+    pub modes: Modes,
+    /// Lanes of bin_coarse, at least.
+    pub coarse_lanes: u32,
     /// Each view's share of the buffers.
     pub views: Vec<ViewRange>,
     /// Bytes of every buffer.
-    pub sizes: BufferSizes,
+    pub sizes: Sizes,
     /// Workgroups of each stage.
     pub groups: Groups,
     /// Vertices, slots and pixels of all views together.
@@ -89,8 +90,8 @@ pub struct PlanInput<'a> {
     pub cutoff: f64,
     /// What each view sees, in order.
     pub views: &'a [ViewSize],
-    /// How many meshes there are: one seen by every view, or one for each.
-    pub meshes: u32,
+    /// The meshes' tables: of one mesh that every view sees, or of one for each.
+    pub tables: TableLengths,
     /// The lights, judged.
     pub lights: &'a Lights,
     /// What colours the meshes.
@@ -105,7 +106,7 @@ pub struct PlanInput<'a> {
     pub save: bool,
 }
 
-impl Plan {
+impl ForwardPlan {
     /// Sizes, counts and numbers of a frame.
     ///
     /// # Errors
@@ -116,13 +117,13 @@ impl Plan {
         frame.list_capacity = input.capacity.list;
         frame.cell_capacity = if input.save { input.capacity.cells } else { 0 };
         frame.view_count = input.views.len() as u32;
-        frame.mesh_count = input.meshes;
+        frame.mesh_count = input.tables.meshes as u32;
         frame.light_count = input.lights.directional.len() as u32;
         let (views, totals) = ranges_of(input, &frame)?;
-        let mut modes = modes_of(input);
-        modes.push(("COARSE_LANES", coarse_lanes(&views)));
+        let modes = Modes::new(input);
+        let coarse_lanes = coarse_lanes(&views);
         frame.slot_count = totals.slots as u32;
-        let sizes = sizes::sizes_of(input, &frame, &totals);
+        let sizes = Sizes::of_frame(&counts_of(input, &frame, &modes, totals));
         let most = |f: fn(&ViewSize) -> u32| input.views.iter().map(f).max().unwrap_or(0);
         let count = input.views.len() as u32;
         let linear = |n: u32| [n.div_ceil(c::LINEAR_GROUP), count, 1];
@@ -133,17 +134,30 @@ impl Plan {
             bin_coarse: bins,
             bin_fine: bins,
         };
-        Ok(Self { frame, modes, views, sizes, groups, totals })
+        Ok(Self { push: frame, modes, coarse_lanes, views, sizes, groups, totals })
     }
+}
 
-    /// A specialization constant's value.
-    pub fn mode(&self, name: &str) -> u32 {
-        self.modes.iter().find(|(n, _)| *n == name).map_or(0, |(_, value)| *value)
-    }
+/// Whether a shading record is made: for colour, depth or normals, or to tell fragments beyond the far plane.
+fn shades(modes: &Modes) -> bool {
+    modes.outputs & !c::OUTPUT_SILHOUETTE != 0 || modes.depth_range != c::DEPTH_RANGE_INSIDE
+}
 
-    /// Whether a shading record is made: for colour, depth or normals, or to tell fragments beyond far.
-    pub fn shaded(&self) -> bool {
-        self.mode("OUTPUTS") & !c::OUTPUT_SILHOUETTE != 0 || self.mode("DEPTH_RANGE") != c::DEPTH_RANGE_INSIDE
+fn counts_of(input: &PlanInput, push: &FramePush, modes: &Modes, totals: Totals) -> FrameCounts {
+    let sampled = input.sampling.surface || input.sampling.image;
+    let record = c::SHADING_TEXELS
+        + u32::from(sampled) * c::SHADING_COORDINATE_TEXELS
+        + u32::from(input.settings.outputs.normal) * c::SHADING_NORMAL_TEXELS;
+    FrameCounts {
+        tables: input.tables,
+        views: input.views.len() as u64,
+        lights: input.lights.directional.len() as u64,
+        totals,
+        capacity: [push.coarse_capacity, push.list_capacity, push.cell_capacity].map(u64::from),
+        outputs: input.settings.outputs,
+        smooth: modes.smooth != 0,
+        shading_texels: if shades(modes) { record } else { 0 },
+        save: input.save,
     }
 }
 
@@ -157,25 +171,6 @@ const MOST_LANES: u32 = 128;
 fn coarse_lanes(views: &[ViewRange]) -> u32 {
     let most = views.iter().map(|v| v.slots).max().unwrap_or(0);
     most.div_ceil(SLOTS_A_LANE).next_power_of_two().min(MOST_LANES)
-}
-
-/// Counts over all views of a frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[allow(missing_docs)] // Named after what is counted.
-pub struct Totals {
-    pub vertices: u64,
-    pub slots: u64,
-    pub bins: u64,
-    pub words: u64,
-    pub tiles: u64,
-    pub pixels: u64,
-}
-
-impl Totals {
-    /// Rows of FORWARD_ROW tiles, each with an indirect dispatch of its own.
-    pub fn tile_rows(&self) -> u64 {
-        self.tiles.div_ceil(u64::from(c::FORWARD_ROW))
-    }
 }
 
 /// An error for more views than a frame may have.

@@ -3,8 +3,8 @@
 use super::PlanInput;
 use crate::constants as c;
 use crate::scene::{
-    Background, Camera, ColorAggregation, Distance, Faces, FrontFace, Interpolation, Parity, Settings, Shading,
-    SilhouetteAggregation,
+    Background, Camera, ColorAggregation, Distance, Faces, FrontFace, Interpolation, Outputs, Parity, Settings,
+    Shading, SilhouetteAggregation,
 };
 
 /// How the depths of a frame's meshes lie to its near and far planes; unknown is `true`.
@@ -52,8 +52,69 @@ impl DepthSpan {
     }
 }
 
-fn output_bits(settings: &Settings) -> u32 {
-    let o = settings.outputs;
+macro_rules! modes {
+    ($(#[$meta:meta])* $name:ident { $($(#[$doc:meta])* $field:ident = $glsl:literal,)* }) => {
+        $(#[$meta])*
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+        pub struct $name {
+            $($(#[$doc])* pub $field: u32,)*
+        }
+
+        impl $name {
+            /// The constants' names in GLSL with their values.
+            pub fn list(&self) -> [(&'static str, u32); [$($glsl),*].len()] {
+                [$(($glsl, self.$field)),*]
+            }
+        }
+    };
+}
+
+modes! {
+    /// The specialization constants of a frame: everything that changes what is compiled.
+    Modes {
+        /// OUTPUT_ bits of the images.
+        outputs = "OUTPUTS",
+        /// COLOR_: how colours are aggregated.
+        color_mode = "COLOR_MODE",
+        /// SILHOUETTE_: how the silhouette is aggregated.
+        silhouette_mode = "SILHOUETTE_MODE",
+        /// DISTANCE_: what a probability is computed from.
+        distance = "DISTANCE",
+        /// SAMPLING_ bits of the kinds of texture.
+        sampling = "SAMPLING",
+        /// 1: attributes are interpolated with perspective correction.
+        perspective_correct = "PERSPECTIVE_CORRECT",
+        /// 1: the background is composited by the silhouette.
+        composite = "COMPOSITE",
+        /// DEPTH_RANGE_: which fragments are told from those beyond the far plane.
+        depth_range = "DEPTH_RANGE",
+        /// 1: what backward needs is kept.
+        save = "SAVE",
+        /// 1: triangles may be cut by the near plane, so that each has two records.
+        near_clip = "NEAR_CLIP",
+        /// 1: vertices are lit, not triangles.
+        smooth = "SMOOTH",
+        /// 1: lights are more than a plain white.
+        lit = "LIT",
+        /// 1: triangles seen from behind are left out.
+        front_only = "FRONT_ONLY",
+        /// 1: triangles whose corners run clockwise face the camera.
+        clockwise_front = "CLOCKWISE_FRONT",
+        /// 1: the official implementation's formulas.
+        official = "OFFICIAL",
+        /// 1: some camera distorts.
+        distorted = "DISTORTED",
+        /// OUTPUT_ bits of the images that have an upstream gradient; 0 in a forward frame.
+        upstream = "UPSTREAM",
+        /// GRADIENT_ bits of what is differentiated by; 0 in a forward frame.
+        gradients = "GRADIENTS",
+        /// 1: the paper's gradient.
+        paper = "PAPER",
+    }
+}
+
+/// The OUTPUT_ bits of some images.
+pub(super) fn output_bits(o: Outputs) -> u32 {
     let bit = |on: bool, bit: u32| if on { bit } else { 0 };
     bit(o.color, c::OUTPUT_COLOR)
         | bit(o.silhouette, c::OUTPUT_SILHOUETTE)
@@ -61,57 +122,51 @@ fn output_bits(settings: &Settings) -> u32 {
         | bit(o.normal, c::OUTPUT_NORMAL)
 }
 
-/// The specialization constants: everything that changes what is compiled.
-pub(super) fn modes_of(input: &PlanInput) -> Vec<(&'static str, u32)> {
-    let s = input.settings;
-    let official = s.parity == Parity::Official;
-    let shaded = s.outputs.color || s.outputs.depth || s.outputs.normal;
-    let depth_range = match (official, input.depth_span.crosses_far) {
-        // The official silhouette counts every depth, so only shaded images care.
-        (true, _) if shaded => c::DEPTH_RANGE_OFFICIAL,
-        (false, true) => c::DEPTH_RANGE_FAR,
-        _ => c::DEPTH_RANGE_INSIDE,
-    };
-    let smooth = input.lights.shading == Shading::Smooth && (s.outputs.normal || !input.lights.is_unlit());
-    vec![
-        ("OUTPUTS", output_bits(s)),
-        ("COLOR_MODE", if s.color == ColorAggregation::Hard { c::COLOR_HARD } else { c::COLOR_SOFTMAX }),
-        (
-            "SILHOUETTE_MODE",
-            match s.silhouette {
+impl Modes {
+    /// The modes of a forward frame.
+    pub(super) fn new(input: &PlanInput) -> Self {
+        let s = input.settings;
+        let official = s.parity == Parity::Official;
+        let shaded = s.outputs.color || s.outputs.depth || s.outputs.normal;
+        let depth_range = match (official, input.depth_span.crosses_far) {
+            // The official silhouette counts every depth, so only shaded images care.
+            (true, _) if shaded => c::DEPTH_RANGE_OFFICIAL,
+            (false, true) => c::DEPTH_RANGE_FAR,
+            _ => c::DEPTH_RANGE_INSIDE,
+        };
+        let lit = !input.lights.is_unlit();
+        Self {
+            outputs: output_bits(s.outputs),
+            color_mode: if s.color == ColorAggregation::Hard { c::COLOR_HARD } else { c::COLOR_SOFTMAX },
+            silhouette_mode: match s.silhouette {
                 SilhouetteAggregation::Product => c::SILHOUETTE_PRODUCT,
                 SilhouetteAggregation::Sum => c::SILHOUETTE_SUM,
                 SilhouetteAggregation::Hard => c::SILHOUETTE_HARD,
             },
-        ),
-        (
-            "DISTANCE",
-            match s.distance {
+            distance: match s.distance {
                 Distance::Euclidean => c::DISTANCE_EUCLIDEAN,
                 Distance::Barycentric => c::DISTANCE_BARYCENTRIC,
                 Distance::Hard => c::DISTANCE_HARD,
             },
-        ),
-        (
-            "SAMPLING",
-            u32::from(input.sampling.surface) * c::SAMPLING_SURFACE
+            sampling: u32::from(input.sampling.surface) * c::SAMPLING_SURFACE
                 + u32::from(input.sampling.image) * c::SAMPLING_IMAGE,
-        ),
-        ("PERSPECTIVE_CORRECT", u32::from(s.interpolation == Interpolation::Perspective)),
-        ("COMPOSITE", u32::from(s.background == Background::Composite)),
-        ("DEPTH_RANGE", depth_range),
-        ("SAVE", u32::from(input.save)),
-        ("NEAR_CLIP", u32::from(clips(input))),
-        ("SMOOTH", u32::from(smooth)),
-        ("LIT", u32::from(!input.lights.is_unlit())),
-        ("FRONT_ONLY", u32::from(s.faces == Faces::Front)),
-        ("CLOCKWISE_FRONT", u32::from(s.front_face == FrontFace::Clockwise)),
-        ("OFFICIAL", u32::from(official)),
-        ("DISTORTED", u32::from(input.distorted)),
-    ]
+            perspective_correct: u32::from(s.interpolation == Interpolation::Perspective),
+            composite: u32::from(s.background == Background::Composite),
+            depth_range,
+            save: u32::from(input.save),
+            near_clip: u32::from(clips(input)),
+            smooth: u32::from(input.lights.shading == Shading::Smooth && (s.outputs.normal || lit)),
+            lit: u32::from(lit),
+            front_only: u32::from(s.faces == Faces::Front),
+            clockwise_front: u32::from(s.front_face == FrontFace::Clockwise),
+            official: u32::from(official),
+            distorted: u32::from(input.distorted),
+            ..Self::default()
+        }
+    }
 }
 
-/// Whether triangles may be cut by the near plane, so that each has two slots.
+/// Whether triangles may be cut by the near plane, so that each has two records.
 pub(super) fn clips(input: &PlanInput) -> bool {
     input.depth_span.crosses_near && input.settings.parity == Parity::Model
 }

@@ -1,0 +1,121 @@
+//! The numbers that the sizes of buffers follow from.
+
+use crate::constants as c;
+use crate::scene::Outputs;
+
+/// Elements of the tables that hold all meshes one after the other.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct TableLengths {
+    /// Meshes.
+    pub meshes: u64,
+    /// Vertices.
+    pub vertices: u64,
+    /// Triangles.
+    pub triangles: u64,
+    /// Words of `adjacency`; 0 where neither gradients nor smooth shading need it.
+    pub adjacency: u64,
+    /// Floats of `colors`.
+    pub colors: u64,
+    /// Floats of `uvs`.
+    pub uvs: u64,
+    /// Words of `uv_indices`.
+    pub uv_indices: u64,
+    /// Words of `triangle_textures`.
+    pub triangle_textures: u64,
+    /// Entries of `textures`.
+    pub textures: u64,
+    /// Texels.
+    pub texels: u64,
+}
+
+/// Counts over all views of a frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[allow(missing_docs)] // Named after what is counted.
+pub struct Totals {
+    pub vertices: u64,
+    pub slots: u64,
+    pub bins: u64,
+    pub words: u64,
+    pub tiles: u64,
+    pub pixels: u64,
+}
+
+impl Totals {
+    /// Rows of FORWARD_ROW tiles, each with an indirect dispatch of its own.
+    pub fn tile_rows(&self) -> u64 {
+        self.tiles.div_ceil(u64::from(c::FORWARD_ROW))
+    }
+}
+
+/// What the sizes of a forward frame's buffers follow from.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameCounts {
+    /// The meshes' tables.
+    pub tables: TableLengths,
+    /// Cameras.
+    pub views: u64,
+    /// Directional lights.
+    pub lights: u64,
+    /// Counts over all views.
+    pub totals: Totals,
+    /// Entries of the bins' lists, of the tiles' lists, and cells beyond the first of a box.
+    pub capacity: [u64; 3],
+    /// The images.
+    pub outputs: Outputs,
+    /// Vertices are lit, not triangles.
+    pub smooth: bool,
+    /// Texels of a shading record; 0 where there is none.
+    pub shading_texels: u32,
+    /// What backward needs is kept.
+    pub save: bool,
+}
+
+/// What the sizes of the buffers that a backward pass adds follow from.
+#[derive(Clone, Copy, Debug)]
+pub struct GradientCounts {
+    /// Counts over all views of the frame.
+    pub totals: Totals,
+    /// Cells of all triangles, the first of each among them.
+    pub items: u64,
+    /// Rows of FORWARD_ROW items.
+    pub item_rows: u64,
+    /// The images that have an upstream gradient.
+    pub upstream: Outputs,
+    /// Some triangles contribute to the silhouette's gradient.
+    pub outlines: bool,
+    /// GRADIENT_ bits.
+    pub gradients: u32,
+    /// Vertices are lit, not triangles.
+    pub smooth: bool,
+    /// Texels of an item's partial gradient.
+    pub partial_texels: u64,
+    /// Texels of a triangle's gradients by its corners.
+    pub corner_texels: u64,
+    /// Rows of the reduction over lights.
+    pub light_rows: u64,
+    /// Gradients by positions or colours are wanted.
+    pub wants_vertices: bool,
+    /// Vertices of all meshes.
+    pub vertices: u64,
+    /// Texels of all textures.
+    pub texels: u64,
+    /// Sums in `totals`: of each view, of each light, of the ambient light, of the pixels.
+    pub sums: u64,
+}
+
+impl GradientCounts {
+    /// Whether one of some GRADIENT_ bits is set.
+    pub fn has(&self, bits: u32) -> bool {
+        self.gradients & bits != 0
+    }
+
+    /// Whether a shaded image has an upstream gradient.
+    pub fn shaded(&self) -> bool {
+        self.upstream.color || self.upstream.depth || self.upstream.normal
+    }
+}
+
+/// Bytes of `count` elements of `each` bytes: a multiple of 16, at least 16, since no buffer that is used is empty.
+pub fn bytes(count: u64, each: u64) -> u64 {
+    (count * each).next_multiple_of(16).max(16)
+}

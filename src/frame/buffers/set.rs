@@ -1,0 +1,206 @@
+//! Buffers that softras owns itself, which grow when a frame needs more.
+
+use super::{BufferId, Entry, Parts, Role, UNUSED_SIZE};
+use crate::error::{Error, Result};
+use crate::vulkan::{Buffer, BufferDesc, BufferPart, Context, Location, SharedBuffer, TexelFormat, vk};
+
+/// By what a buffer of a [`BufferSet`] is found.
+pub trait Key: Copy + PartialEq {
+    /// Its label in debuggers and in errors.
+    fn name(self) -> &'static str;
+}
+
+impl Key for BufferId {
+    fn name(self) -> &'static str {
+        Self::name(self)
+    }
+}
+
+/// One buffer of our own.
+#[derive(Debug)]
+enum Owned {
+    Shared(SharedBuffer),
+    Device(Buffer),
+}
+
+impl Owned {
+    fn buffer(&self) -> &Buffer {
+        match self {
+            Self::Shared(buffer) => buffer.buffer(),
+            Self::Device(buffer) => buffer,
+        }
+    }
+
+    fn whole(&self) -> &BufferPart {
+        match self {
+            Self::Shared(buffer) => buffer.whole(),
+            Self::Device(buffer) => buffer.whole(),
+        }
+    }
+}
+
+/// Buffers of our own by their ids.
+#[derive(Debug)]
+pub struct BufferSet<K = BufferId> {
+    owned: Vec<(Entry<K>, Owned)>,
+}
+
+impl<K> Default for BufferSet<K> {
+    fn default() -> Self {
+        Self { owned: Vec::new() }
+    }
+}
+
+fn missing<K: Key>(id: K) -> Error {
+    Error::Vulkan { call: "buffer access", result: format!("there is no buffer `{}`", id.name()) }
+}
+
+fn unreachable_by_host<K: Key>(id: K) -> Error {
+    Error::Vulkan { call: "buffer access", result: format!("the host cannot reach the buffer `{}`", id.name()) }
+}
+
+impl<K: Key> BufferSet<K> {
+    /// A buffer's reference for descriptors.
+    pub fn get(&self, id: impl Into<K>) -> Option<&BufferPart> {
+        self.find(id.into()).ok().map(Owned::whole)
+    }
+
+    fn find(&self, id: K) -> Result<&Owned> {
+        let found = self.owned.iter().find(|(entry, _)| entry.id == id);
+        found.map(|(_, owned)| owned).ok_or_else(|| missing(id))
+    }
+
+    fn find_shared(&self, id: K) -> Result<&SharedBuffer> {
+        match self.find(id)? {
+            Owned::Shared(buffer) => Ok(buffer),
+            Owned::Device(_) => Err(unreachable_by_host(id)),
+        }
+    }
+
+    fn find_shared_mut(&mut self, id: K) -> Result<&mut SharedBuffer> {
+        match self.owned.iter_mut().find(|(entry, _)| entry.id == id) {
+            Some((_, Owned::Shared(buffer))) => Ok(buffer),
+            Some((_, Owned::Device(_))) => Err(unreachable_by_host(id)),
+            None => Err(missing(id)),
+        }
+    }
+
+    /// Makes room for `size` bytes; true when the buffer is a new one, so that descriptors must be written again.
+    ///
+    /// # Errors
+    /// [`crate::Error::Limit`] or [`crate::Error::OutOfMemory`] when it cannot be had; the buffer is then gone.
+    pub fn reserve(&mut self, context: &Context, entry: Entry<K>, size: u64) -> Result<bool> {
+        if self.find(entry.id).is_ok_and(|owned| owned.buffer().size() >= size.max(1)) {
+            return Ok(false);
+        }
+        let desc = BufferDesc {
+            name: entry.id.name(),
+            size,
+            usage: vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::INDIRECT_BUFFER,
+            location: Location::Device,
+            texels: Some(entry.format),
+        };
+        // The old one goes first, so that growing does not need room for both.
+        self.owned.retain(|(e, _)| e.id != entry.id);
+        let owned = match entry.role {
+            Role::Input => Owned::Shared(SharedBuffer::for_upload(context, &desc)?),
+            Role::Output => Owned::Shared(SharedBuffer::for_download(context, &desc)?),
+            Role::Workspace => Owned::Device(Buffer::new(context, &desc)?),
+        };
+        self.owned.push((entry, owned));
+        Ok(true)
+    }
+
+    /// Every buffer that the host and the device share.
+    pub fn shared(&self) -> impl Iterator<Item = (Entry<K>, &SharedBuffer)> {
+        self.owned.iter().filter_map(|(entry, owned)| match owned {
+            Owned::Shared(buffer) => Some((*entry, buffer)),
+            Owned::Device(_) => None,
+        })
+    }
+
+    /// Writes an input from its start.
+    ///
+    /// # Errors
+    /// When it does not fit, or there is no such buffer that the host reaches.
+    pub fn write(&mut self, id: impl Into<K>, bytes: &[u8]) -> Result<()> {
+        self.find_shared_mut(id.into())?.write(0, bytes)
+    }
+
+    /// The first `count` floats of an output, where they are.
+    ///
+    /// # Errors
+    /// When it is not that large, or there is no such buffer that the host reaches.
+    pub fn floats(&self, id: impl Into<K>, count: usize) -> Result<&[f32]> {
+        Ok(bytemuck::cast_slice(self.find_shared(id.into())?.bytes(4 * count as u64)?))
+    }
+
+    /// The first `count` floats of an input, to be filled where they are.
+    ///
+    /// # Errors
+    /// As [`floats`](Self::floats).
+    pub fn floats_mut(&mut self, id: impl Into<K>, count: usize) -> Result<&mut [f32]> {
+        Ok(bytemuck::cast_slice_mut(self.find_shared_mut(id.into())?.bytes_mut(4 * count as u64)?))
+    }
+
+    /// Reads an output from its start.
+    ///
+    /// # Errors
+    /// As [`floats`](Self::floats).
+    pub fn read(&self, id: impl Into<K>, bytes: &mut [u8]) -> Result<()> {
+        self.find_shared(id.into())?.read(0, bytes)
+    }
+
+    /// What a plan's kernels bind.
+    ///
+    /// # Errors
+    /// [`Error::Vulkan`] where one of the buffers was not reserved.
+    pub fn parts(&self, required: impl IntoIterator<Item = BufferId>) -> Result<Parts>
+    where
+        BufferId: Into<K>,
+    {
+        let mut parts = Parts::default();
+        for id in required {
+            let owned = self.find(id.into())?;
+            if id == BufferId::Unused {
+                for format in TexelFormat::ALL {
+                    parts.unused.push((format, owned.buffer().texel_part(0, UNUSED_SIZE, format)?));
+                }
+            } else {
+                parts.bound.push((id, owned.whole().clone()));
+            }
+        }
+        Ok(parts)
+    }
+
+    /// Bytes of device memory held.
+    pub fn bytes(&self) -> u64 {
+        self.owned.iter().map(|(_, owned)| owned.buffer().size()).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_absent_buffer_is_an_error() {
+        let mut set = BufferSet::<BufferId>::default();
+        let mut bytes = [0; 4];
+        let errors = [
+            set.write(BufferId::Positions, &bytes).err(),
+            set.read(BufferId::Status, &mut bytes).err(),
+            set.floats(BufferId::Color, 0)
+                .err()
+                .map(|e| e.to_string())
+                .map(|result| Error::Vulkan { call: "", result }),
+            set.floats_mut(BufferId::UpstreamColor, 0).err(),
+            set.parts([BufferId::Boxes]).err(),
+        ];
+        let names = ["positions", "status", "color", "upstream_color", "boxes"];
+        for (error, name) in errors.into_iter().zip(names) {
+            assert!(error.is_some_and(|e| e.to_string().contains(&format!("no buffer `{name}`"))), "{name}");
+        }
+        assert!(set.get(BufferId::Positions).is_none());
+    }
+}
