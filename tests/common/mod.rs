@@ -4,11 +4,10 @@
 pub mod blame;
 pub mod compare;
 pub mod gradient;
-// The generator of `softras::stress`, for builds without that too.
-#[path = "../../crates/softras-cli/src/stress/random.rs"]
-pub mod random;
 pub mod scenes;
 pub mod tolerance;
+
+pub use softras_cli::random;
 
 use softras::{Renderer, RendererOptions};
 use std::ops::{Deref, DerefMut};

@@ -5,4 +5,5 @@
 
 pub mod articulated;
 pub mod measure;
+pub mod random;
 pub mod stress;

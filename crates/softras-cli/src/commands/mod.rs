@@ -17,7 +17,6 @@ mod npz;
 mod parse;
 mod pose;
 mod progress;
-mod random;
 mod render;
 mod stress;
 mod svg;

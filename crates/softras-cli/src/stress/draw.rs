@@ -2,8 +2,8 @@
 
 use super::form::{FORMS, Form, TABLE};
 use super::promise::Promise;
-use super::random::Random;
 use super::soup::{Place, Soup, soup};
+use crate::random::Random;
 use glam::{DMat4, DVec3};
 use softras::scene::{Lights, Parity, Support};
 use softras::{Camera, GradientMode, Mesh, Projection, Result, Scene, Settings};

@@ -1,6 +1,6 @@
 //! The combinations of modes that cases are drawn from: few, since each is compiled for itself.
 
-use super::random::Random;
+use crate::random::Random;
 use softras::scene::{
     Appearance, Background, ColorAggregation, DirectionalLight, Distance, Faces, Interpolation, Lights, Mesh, Outputs,
     Parity, Settings, Shading, SilhouetteAggregation, Support, Texture, Wrap,

@@ -9,13 +9,12 @@
 mod draw;
 mod form;
 mod promise;
-mod random;
 mod run;
 mod shrink;
 mod soup;
 
+pub use crate::random::Random;
 pub use draw::{Case, Kind, at, batch, case, form};
 pub use form::FORMS;
 pub use promise::{Promise, image_error};
-pub use random::Random;
 pub use run::{Finding, Outcome, Stress};

@@ -1,6 +1,6 @@
 //! Triangles that hurt: without area, thin, doubled, coincident, through each other, huge, on pixel centres and borders.
 
-use super::random::Random;
+use crate::random::Random;
 use glam::{DQuat, DVec3};
 use softras::{Mesh, Result, Settings, shapes};
 

@@ -5,7 +5,6 @@ mod trial;
 
 use super::color::Curve;
 use super::progress::Progress;
-use super::random::Random;
 use super::render::formats;
 use super::render::picture::Picture;
 use super::render::sheet;
@@ -14,6 +13,7 @@ use args::ArticulateArgs;
 use serde_json::json;
 use softras::{Error, Renderer, Result};
 use softras_cli::articulated::SkeletonPose;
+use softras_cli::random::Random;
 use std::path::Path;
 use trial::{Found, HIDDEN, Method, Stage, Trial};
 

@@ -1,12 +1,12 @@
 //! A pose to find, a pose to begin at, and the ways from one to the other.
 
 use super::args::ArticulateArgs;
-use crate::commands::random::Random;
 use glam::DVec3;
 use softras::fit::{PoseTarget, Schedule};
 use softras::scene::Background;
 use softras::{Camera, Frame, Mesh, Projection, Renderer, Result, Scene, Settings};
 use softras_cli::articulated::{Figure, FigureFit, FigureOptions, Sight, SkeletonPose, visible_triangles};
+use softras_cli::random::Random;
 use std::time::Instant;
 
 /// The joint that is hidden, and the bones that it carries.

@@ -1,13 +1,13 @@
 //! The rigid pose experiment of the SoftRas paper: a cube with a colour on each face, turned at random.
 
 use super::{PoseArgs, SHARP, Target, landscape, least};
-use crate::commands::random::Random;
 use crate::commands::{Failure, say};
 use glam::DVec3;
 use serde_json::json;
 use softras::fit::{Differentiation, Pose, PoseFit, PoseOptions, PoseTarget, Schedule, rotations};
 use softras::scene::{Background, Faces};
 use softras::{Camera, Image, Projection, Renderer, Result, Scene, Settings, shapes};
+use softras_cli::random::Random;
 use std::time::Instant;
 
 const SIZE: u32 = 32;
