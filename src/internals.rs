@@ -83,3 +83,9 @@ pub mod validate {
         gradient.validate(rendered, batch, height, width)
     }
 }
+
+/// The one writer of files.
+#[cfg(feature = "obj")]
+pub mod output {
+    pub use crate::obj::output::{check_writable, write_file, write_files};
+}

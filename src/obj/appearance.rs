@@ -2,10 +2,10 @@
 
 use super::{
     LoadOptions,
-    geometry::Geometry,
     material::{self, Material, Materials},
-    scan::Scan,
+    parse::Obj,
     texture,
+    triangles::Triangles,
 };
 use crate::{
     error::Result,
@@ -13,34 +13,35 @@ use crate::{
 };
 use std::{
     collections::{HashMap, hash_map::Entry},
+    mem,
     path::{Path, PathBuf},
 };
 
 const WHITE: [f32; 3] = [1.0; 3];
 
-/// Textures count before vertex colours, vertex colours before material colours; what loses is noted.
+/// Textures are preferred to vertex colours and these to material colours; what is not used is noted.
 pub(super) fn appearance(
-    obj: &Path,
-    scan: &Scan,
-    geometry: &mut Geometry,
+    path: &Path,
+    obj: &mut Obj,
+    triangles: &mut Triangles,
     options: &LoadOptions,
     notes: &mut Vec<String>,
 ) -> Result<Appearance> {
-    let library = material::read_libraries(obj, &scan.libraries, options.allow_outside, notes)?;
-    let used = find_used(scan, &library, notes);
+    let library = material::read_libraries(path, &obj.libraries, options.allow_outside, notes)?;
+    let used = find_used(obj, &library, notes);
     // Per face of the file; `None` is white.
     let material_of_face: Vec<Option<&Material>> =
-        scan.faces.iter().map(|face| face.material.and_then(|m| used[m])).collect();
-    let is_textured = |face: usize| scan.faces[face].has_uvs && material_of_face[face].is_some_and(|m| m.map.is_some());
-    note_textures_without_uvs(scan, &material_of_face, notes);
-    let colored = !geometry.colors.is_empty();
-    if (0..scan.faces.len()).any(is_textured) {
+        obj.faces.iter().map(|face| face.material.and_then(|m| used[m])).collect();
+    let is_textured = |face: usize| obj.faces[face].has_uvs && material_of_face[face].is_some_and(|m| m.map.is_some());
+    note_textures_without_uvs(obj, &material_of_face, notes);
+    let colored = !obj.colors.is_empty();
+    if (0..obj.faces.len()).any(is_textured) {
         if colored {
             notes.push("vertex colours are not used: the materials have textures".into());
         }
-        return textured(obj, scan, geometry, &material_of_face, options, notes);
+        return textured(path, obj, triangles, &material_of_face, options, notes);
     }
-    if !geometry.uvs.is_empty() {
+    if !obj.uvs.is_empty() {
         notes.push("texture coordinates are not kept: no face has a texture".into());
     }
     let color_of_face = material_of_face.iter().map(|m| color(*m));
@@ -48,13 +49,13 @@ pub(super) fn appearance(
         if color_of_face.into_iter().any(|color| color != WHITE) {
             notes.push("material colours are not used: the vertices have colours".into());
         }
-        return Ok(Appearance::VertexColors(std::mem::take(&mut geometry.colors)));
+        return Ok(Appearance::VertexColors(mem::take(&mut obj.colors)));
     }
     let color_of_face: Vec<_> = color_of_face.collect();
     if color_of_face.iter().all(|color| *color == color_of_face[0]) {
         return Ok(Appearance::Uniform(color_of_face[0]));
     }
-    let texels = geometry.face_of_triangle.iter().map(|&face| color_of_face[face]).collect();
+    let texels = triangles.faces.iter().map(|&face| color_of_face[face]).collect();
     Ok(Appearance::Surface { resolution: 1, texels })
 }
 
@@ -63,12 +64,12 @@ fn color(material: Option<&Material>) -> [f32; 3] {
 }
 
 /// For each name that `usemtl` says, its material.
-fn find_used<'a>(scan: &Scan, library: &'a Materials, notes: &mut Vec<String>) -> Vec<Option<&'a Material>> {
+fn find_used<'a>(obj: &Obj, library: &'a Materials, notes: &mut Vec<String>) -> Vec<Option<&'a Material>> {
     let mut find = |(name, line): &(String, usize)| {
         let material = library.find(name);
         match material {
             None => {
-                let place = if scan.libraries.is_empty() { "the file names no mtllib" } else { "in no MTL file" };
+                let place = if obj.libraries.is_empty() { "the file names no mtllib" } else { "in no MTL file" };
                 notes.push(format!("line {line}: unknown material {name:?} ({place}): white"));
             }
             Some(Material { color: None, map: None, .. }) => {
@@ -78,12 +79,12 @@ fn find_used<'a>(scan: &Scan, library: &'a Materials, notes: &mut Vec<String>) -
         }
         material
     };
-    scan.materials.iter().map(&mut find).collect()
+    obj.materials.iter().map(&mut find).collect()
 }
 
-fn note_textures_without_uvs(scan: &Scan, material_of_face: &[Option<&Material>], notes: &mut Vec<String>) {
+fn note_textures_without_uvs(obj: &Obj, material_of_face: &[Option<&Material>], notes: &mut Vec<String>) {
     let wants = |material: &Option<&Material>| material.is_some_and(|m| m.map.is_some());
-    let faces = scan.faces.iter().zip(material_of_face);
+    let faces = obj.faces.iter().zip(material_of_face);
     let mut bare = faces.filter(|(face, material)| wants(material) && !face.has_uvs).map(|(face, _)| face.line);
     if let Some(line) = bare.next() {
         let count = 1 + bare.count();
@@ -95,17 +96,17 @@ fn note_textures_without_uvs(scan: &Scan, material_of_face: &[Option<&Material>]
 
 /// Faces without a texture get a 1×1 image of their colour.
 fn textured(
-    obj: &Path,
-    scan: &Scan,
-    geometry: &mut Geometry,
+    path: &Path,
+    obj: &mut Obj,
+    triangles: &mut Triangles,
     material_of_face: &[Option<&Material>],
     options: &LoadOptions,
     notes: &mut Vec<String>,
 ) -> Result<Appearance> {
     let mut textures = Textures::default();
     let mut by_kind: HashMap<(Option<usize>, bool), u32> = HashMap::new();
-    let mut texture_of_face = Vec::with_capacity(scan.faces.len());
-    for (face, material) in scan.faces.iter().zip(material_of_face) {
+    let mut texture_of_face = Vec::with_capacity(obj.faces.len());
+    for (face, material) in obj.faces.iter().zip(material_of_face) {
         let index = match by_kind.entry((face.material, face.has_uvs)) {
             Entry::Occupied(known) => *known.get(),
             Entry::Vacant(unknown) => {
@@ -113,11 +114,11 @@ fn textured(
                     Some(map) => {
                         let key = Key::File(material::locate(&map.mtl, &map.name), map.wrap);
                         let room = textures.room();
-                        textures.find_or(key, || texture::read(obj, map, options, room, notes))?
+                        textures.find_or(key, || texture::read(path, map, options, room, notes))?
                     }
                     None => {
                         let color = color(*material);
-                        textures.find_or(Key::Color(color), || Texture::new(1, 1, vec![color], Wrap::Repeat))?
+                        textures.find_or(Key::of_color(color), || Texture::new(1, 1, vec![color], Wrap::Repeat))?
                     }
                 };
                 *unknown.insert(index)
@@ -125,50 +126,53 @@ fn textured(
         };
         texture_of_face.push(index);
     }
-    let mut uv_triangles = std::mem::take(&mut geometry.uv_triangles);
-    for (uvs, &face) in uv_triangles.iter_mut().zip(&geometry.face_of_triangle) {
-        if !scan.faces[face].has_uvs {
-            // Any will do on a 1×1 image.
-            *uvs = [0; 3];
-        }
-    }
     let texture_of_triangle = match textures.images.len() {
         1 => Vec::new(),
-        _ => geometry.face_of_triangle.iter().map(|&face| texture_of_face[face]).collect(),
+        _ => triangles.faces.iter().map(|&face| texture_of_face[face]).collect(),
     };
-    let uvs = std::mem::take(&mut geometry.uvs);
+    // Faces without UVs have UV index 0: any position will do on a 1×1 image.
+    let (uvs, uv_triangles) = (mem::take(&mut obj.uvs), mem::take(&mut triangles.uvs));
     Ok(Appearance::Textured { uvs, uv_triangles, textures: textures.images, texture_of_triangle })
 }
 
-#[derive(PartialEq)]
+/// What makes two textures the same.
+#[derive(PartialEq, Eq, Hash)]
 enum Key {
     File(PathBuf, Wrap),
-    Color([f32; 3]),
+    /// The bits of a colour, with -0 as 0.
+    Color([u32; 3]),
+}
+
+impl Key {
+    fn of_color(color: [f32; 3]) -> Self {
+        Self::Color(color.map(|x| (x + 0.0).to_bits()))
+    }
 }
 
 /// Each image once, in order of first use.
 #[derive(Default)]
 struct Textures {
-    keys: Vec<Key>,
     images: Vec<Texture>,
+    by_key: HashMap<Key, u32>,
+    /// The texels of all images.
+    texels: u64,
 }
 
 impl Textures {
-    /// Texels that there may still be.
+    /// The number of texels that may still be added.
     fn room(&self) -> u64 {
-        let used = self.images.iter().map(|image| image.texels().len() as u64).sum();
-        texture::MAX_TEXELS.saturating_sub(used)
+        texture::MAX_TEXELS.saturating_sub(self.texels)
     }
 
     fn find_or(&mut self, key: Key, make: impl FnOnce() -> Result<Texture>) -> Result<u32> {
-        let index = match self.keys.iter().position(|k| *k == key) {
-            Some(index) => index,
-            None => {
-                self.images.push(make()?);
-                self.keys.push(key);
-                self.keys.len() - 1
+        match self.by_key.entry(key) {
+            Entry::Occupied(known) => Ok(*known.get()),
+            Entry::Vacant(unknown) => {
+                let image = make()?;
+                self.texels += image.texels().len() as u64;
+                self.images.push(image);
+                Ok(*unknown.insert(self.images.len() as u32 - 1))
             }
-        };
-        Ok(index as u32)
+        }
     }
 }

@@ -6,12 +6,14 @@
 //! without a word.
 
 mod appearance;
-mod geometry;
 mod material;
+mod notes;
+pub(crate) mod output;
+mod parse;
 mod polygon;
-mod scan;
 mod statement;
 mod texture;
+mod triangles;
 mod write;
 
 pub use write::write_obj;
@@ -58,10 +60,10 @@ pub struct Loaded {
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let mut notes = Vec::new();
     let text = statement::read_text(path)?;
-    let scan = scan::scan(path, &text, &mut notes)?;
+    let mut obj = parse::parse(path, &text, &mut notes)?;
     drop(text);
-    let mut geometry = geometry::read(path, &scan, &mut notes)?;
-    let appearance = appearance::appearance(path, &scan, &mut geometry, options, &mut notes)?;
-    let mesh = Mesh::new(geometry.positions, geometry.triangles)?.with_appearance(appearance)?;
+    let mut triangles = triangles::triangulate(path, &obj, &mut notes)?;
+    let appearance = appearance::appearance(path, &mut obj, &mut triangles, options, &mut notes)?;
+    let mesh = Mesh::new(obj.positions, triangles.vertices)?.with_appearance(appearance)?;
     Ok(Loaded { mesh, notes })
 }

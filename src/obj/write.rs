@@ -1,14 +1,13 @@
 //! Meshes as OBJ, MTL and PNG files.
 
+use super::output;
 use crate::{
     error::{Error, Result},
     scene::{Appearance, Mesh, Texture, Wrap},
 };
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use std::{
-    ffi::OsString,
     fmt::Write,
-    fs,
     path::{Path, PathBuf},
 };
 
@@ -35,7 +34,8 @@ pub fn write_obj(mesh: &Mesh, path: &Path) -> Result<Vec<PathBuf>> {
         mtllib = Some(name);
     }
     files.push((path.into(), obj(mesh, mtllib.as_deref(), &materials.of_triangle).into_bytes()));
-    files.into_iter().map(|(path, bytes)| write_whole(&path, &bytes).map(|()| path)).collect()
+    output::write_files(&files)?;
+    Ok(files.into_iter().map(|(path, _)| path).collect())
 }
 
 /// The MTL file, its images, and which material each triangle has (`m0`, `m1`, ..; empty without materials).
@@ -164,18 +164,4 @@ fn png(texture: &Texture) -> Result<Vec<u8>> {
             fix: "the PNG encoder refuses this image: try a smaller one".into(),
         }),
     }
-}
-
-/// Writes beside the file and renames, so that no reader meets half a file.
-fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
-    let mut name = OsString::from(".");
-    name.push(path.file_name().unwrap_or_default());
-    name.push(format!(".{}.tmp", std::process::id()));
-    let part = path.with_file_name(name);
-    let written = fs::write(&part, bytes).and_then(|()| fs::rename(&part, path));
-    written.map_err(|source| {
-        // What is left of it is of no use; the first error is the one to tell.
-        let _ = fs::remove_file(&part);
-        Error::Io { path: path.into(), source }
-    })
 }

@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use std::sync::Arc;
 
 /// What a texture shows at UV coordinates outside the unit square.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Wrap {
     /// The image repeats (the OBJ default).
     #[default]

@@ -101,3 +101,106 @@ fn real_meshes_have_their_counts() {
         assert_eq!(loaded.notes, [""; 0]);
     }
 }
+
+#[test]
+fn threads_that_write_the_same_files_leave_whole_ones() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("mesh.obj");
+    let colored = |x| triangle().with_appearance(Appearance::Uniform([x, 0.0, 0.5])).unwrap();
+    let meshes = [colored(0.25), colored(0.75)];
+    std::thread::scope(|scope| {
+        for mesh in &meshes {
+            scope.spawn(|| (0..50).for_each(|_| drop(write_obj(mesh, &path).unwrap())));
+        }
+    });
+    let loaded = load(&path, &LoadOptions::default()).unwrap();
+    assert!(meshes.contains(&loaded.mesh) && loaded.notes.is_empty(), "{loaded:?}");
+    let files = fs::read_dir(folder.path()).unwrap().count();
+    assert_eq!(files, 2, "the OBJ file, its MTL file and nothing else");
+}
+
+#[test]
+fn a_file_that_cannot_be_written_leaves_the_whole_set_as_it_was() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("mesh.obj");
+    let textured = Appearance::Textured {
+        uvs: vec![[0.0; 2]],
+        uv_triangles: vec![[0; 3]; 3],
+        textures: vec![Texture::new(1, 1, vec![[1.0; 3]], Wrap::Repeat).unwrap()],
+        texture_of_triangle: vec![],
+    };
+    fs::write(&path, "old").unwrap();
+    fs::create_dir(folder.path().join("mesh.mtl")).unwrap();
+    let error = write_obj(&triangle().with_appearance(textured).unwrap(), &path).unwrap_err();
+    assert!(error.to_string().contains("mesh.mtl") && error.to_string().contains("regular file"), "{error}");
+    assert_eq!(fs::read(&path).unwrap(), b"old");
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2, "no image without its MTL file");
+}
+
+#[test]
+fn names_may_be_as_long_as_the_file_system_allows() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(format!("{}.obj", "n".repeat(246)));
+    write_obj(&triangle(), &path).unwrap();
+    assert_eq!(load(&path, &LoadOptions::default()).unwrap().mesh, triangle());
+}
+
+#[cfg(unix)]
+mod unix {
+    use super::*;
+    use std::os::unix::fs::{PermissionsExt, symlink};
+
+    fn mode(path: &Path) -> u32 {
+        fs::metadata(path).unwrap().permissions().mode() & 0o7777
+    }
+
+    #[test]
+    fn a_planted_link_is_not_followed() {
+        let folder = tempfile::tempdir().unwrap();
+        let victim = folder.path().join("victim");
+        fs::write(&victim, "precious").unwrap();
+        // A temporary name that could be guessed, as it was once chosen.
+        symlink(&victim, folder.path().join(format!(".mesh.obj.{}.tmp", std::process::id()))).unwrap();
+        write_obj(&triangle(), &folder.path().join("mesh.obj")).unwrap();
+        assert_eq!(fs::read(&victim).unwrap(), b"precious");
+    }
+
+    #[test]
+    fn a_link_in_place_of_the_file_is_written_through() {
+        let folder = tempfile::tempdir().unwrap();
+        let elsewhere = tempfile::tempdir().unwrap();
+        // To a file that exists, to one that does not yet, and by way of another link.
+        for (link, target) in [("a.obj", "old.obj"), ("b.obj", "new.obj"), ("c.obj", "relay.obj")] {
+            symlink(elsewhere.path().join(target), folder.path().join(link)).unwrap();
+        }
+        symlink("last.obj", elsewhere.path().join("relay.obj")).unwrap();
+        fs::write(elsewhere.path().join("old.obj"), "old").unwrap();
+        for (link, target) in [("a.obj", "old.obj"), ("b.obj", "new.obj"), ("c.obj", "last.obj")] {
+            write_obj(&triangle(), &folder.path().join(link)).unwrap();
+            assert!(folder.path().join(link).is_symlink(), "{link}");
+            let target = elsewhere.path().join(target);
+            assert!(!target.is_symlink());
+            assert_eq!(load(&target, &LoadOptions::default()).unwrap().mesh, triangle());
+        }
+        symlink("loop.obj", folder.path().join("loop.obj")).unwrap();
+        let error = write_obj(&triangle(), &folder.path().join("loop.obj")).unwrap_err();
+        assert!(error.to_string().contains("symbolic links"), "{error}");
+    }
+
+    #[test]
+    fn permissions_stay_and_new_files_have_the_usual_ones() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("mesh.obj");
+        for kept in [0o400, 0o640] {
+            fs::write(&path, "old").unwrap();
+            fs::set_permissions(&path, fs::Permissions::from_mode(kept)).unwrap();
+            write_obj(&triangle(), &path).unwrap();
+            assert_eq!(mode(&path), kept);
+            fs::remove_file(&path).unwrap();
+        }
+        let usual = folder.path().join("usual");
+        fs::write(&usual, "").unwrap();
+        write_obj(&triangle(), &path).unwrap();
+        assert_eq!(mode(&path), mode(&usual));
+    }
+}

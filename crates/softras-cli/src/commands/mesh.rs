@@ -1,8 +1,9 @@
 //! `softras mesh`: the meshes that softras makes itself.
 
-use super::{Failure, files, say};
+use super::{Failure, say};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
+use softras::internals::output;
 use std::path::PathBuf;
 
 /// Write one of softras' own meshes as a Wavefront OBJ file
@@ -22,7 +23,7 @@ pub struct MeshArgs {
 
 /// Runs the command.
 pub fn run(args: &MeshArgs) -> Result<(), Failure> {
-    files::judge_writable(&args.out)?;
+    output::check_writable(&args.out)?;
     let mesh = softras::shapes::by_name(&args.name)?;
     let files = softras::obj::write_obj(&mesh, &args.out)?;
     let names: Vec<_> = files.iter().map(|f| f.display().to_string()).collect();

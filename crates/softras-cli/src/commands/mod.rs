@@ -7,7 +7,6 @@ mod color;
 mod describe;
 mod devices;
 mod eval;
-mod files;
 mod fit;
 mod grad;
 mod gradients;

@@ -1,8 +1,8 @@
 //! Vector pictures as files.
 
-use super::files;
 use plotters::coord::Shift;
 use plotters::prelude::*;
+use softras::internals::output;
 use softras::{Error, Result};
 use std::path::Path;
 
@@ -24,5 +24,5 @@ pub fn write(
         let drawn = draw(&area).and_then(|()| Ok(area.present()?));
         drawn.map_err(|e| Error::Io { path: path.into(), source: std::io::Error::other(e.to_string()) })?;
     }
-    files::write_whole(path, text.as_bytes())
+    output::write_file(path, text.as_bytes())
 }

@@ -8,8 +8,8 @@
 //! the upstream weights where that is more, which is the last bit of a silhouette.
 
 use super::draw::Case;
-use softras::reference::{ReferenceFrame, ReferenceGradients, Upstream, gradient, render_culled};
 use crate::random::Random;
+use softras::reference::{ReferenceFrame, ReferenceGradients, Upstream, gradient, render_culled};
 use softras::scene::{Appearance, Background, Outputs, Settings};
 use softras::{Frame, Gradients, Image, ImageGradient, Result};
 

@@ -8,9 +8,10 @@ use super::progress::Progress;
 use super::render::formats;
 use super::render::picture::Picture;
 use super::render::sheet;
-use super::{Failure, files, say};
+use super::{Failure, say};
 use args::ArticulateArgs;
 use serde_json::json;
+use softras::internals::output;
 use softras::{Error, Renderer, Result};
 use softras_cli::articulated::SkeletonPose;
 use softras_cli::random::Random;
@@ -23,7 +24,7 @@ const PANEL: (u32, u32) = (168, 240);
 /// Runs the command.
 pub fn run(args: &ArticulateArgs) -> Result<(), Failure> {
     for path in args.out.iter().chain(&args.obj) {
-        files::judge_writable(path)?;
+        output::check_writable(path)?;
     }
     let mut renderer = match &args.device {
         Some(device) => Renderer::with_device(device)?,

@@ -6,11 +6,12 @@ mod plots;
 mod rows;
 
 use super::progress::Progress;
-use super::{Failure, files, note, say};
+use super::{Failure, note, say};
 use args::BenchArgs;
 use machine::Machine;
 use rows::{Job, Judged, Row, measure, rows};
 use serde_json::Value;
+use softras::internals::output;
 use softras::obj::LoadOptions;
 use softras::{Camera, Error, Mesh, Renderer, Scene, shapes};
 use softras_cli::measure::{Mode, peak_flops, subject, sweep};
@@ -19,7 +20,7 @@ use std::path::Path;
 /// Runs the command.
 pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     if let Some(path) = &args.json {
-        files::judge_writable(path)?;
+        output::check_writable(path)?;
     }
     for size in args.sizes() {
         softras::internals::validate::settings(&args.settings(size))?;
@@ -61,7 +62,7 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     say(&format!("peak, the best of all samples: {:.1} GFLOP/s", machine.peak / 1e9))?;
     if let Some(path) = &args.json {
         let list = Value::Array(all.iter().map(|row| row.json(&machine)).collect());
-        files::write_whole(path, format!("{list:#}\n").as_bytes())?;
+        output::write_file(path, format!("{list:#}\n").as_bytes())?;
     }
     match (&args.plots, meshes.first()) {
         (Some(folder), Some((name, mesh))) => pictures(args, folder, &mut renderer, &machine, (name, mesh), &all),

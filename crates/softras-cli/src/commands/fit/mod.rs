@@ -13,13 +13,14 @@ pub mod targets;
 
 use super::color::encoded;
 use super::progress::Progress;
-use super::{Failure, files, note};
+use super::{Failure, note};
 use args::FitArgs;
 use engine::Engine;
 use film::Film;
 use report::{Log, Scores};
 use setup::Setup;
 use softras::fit::{ShapeFit, Targets};
+use softras::internals::output;
 use softras::obj::LoadOptions;
 use softras::{Mesh, Renderer};
 use std::sync::Arc;
@@ -41,7 +42,7 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
             .into_iter()
             .flatten()
     {
-        files::judge_writable(path)?;
+        output::check_writable(path)?;
     }
     let mut renderer = match &args.device {
         Some(device) => Renderer::with_device(device)?,
@@ -78,7 +79,7 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     if let Some(path) = &files.json {
         let mut report = work.log.json(args, &setup, &scores, (renderer.device_name(), work.engine.reason()), &best);
         report["baselines"] = baselines.iter().map(baselines::Baseline::json).collect();
-        files::write_whole(path, report.to_string().as_bytes())?;
+        output::write_file(path, report.to_string().as_bytes())?;
     }
     report::tell(args, &work.log, &scores, &best)?;
     baselines.iter().try_for_each(|baseline| super::say(&baseline.sentence()))

@@ -10,11 +10,12 @@ mod target;
 use super::progress::Progress;
 use super::render::framing::{self, Bounds, View};
 use super::render::{formats, look};
-use super::{Failure, describe, files, note, say};
+use super::{Failure, describe, note, say};
 use args::GradArgs;
 use engine::Engine;
 use panels::Sheet;
 use serde_json::json;
+use softras::internals::output;
 use softras::obj::LoadOptions;
 use softras::{Scene, Settings};
 use std::path::Path;
@@ -26,7 +27,7 @@ pub fn run(args: &GradArgs) -> Result<(), Failure> {
     if !args.out.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png")) {
         return Err(Failure::Usage(format!("--out {}: the file's ending must be .png", args.out.display())));
     }
-    files::judge_writable(&args.out)?;
+    output::check_writable(&args.out)?;
     let start = Instant::now();
     let curve = if args.soft.raw { super::color::Curve::Raw } else { super::color::Curve::Srgb };
     let target = Target::read(&args.target_image, curve, args.soft.background.numbers(curve))?;

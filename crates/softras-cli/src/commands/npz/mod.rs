@@ -2,7 +2,7 @@
 
 pub mod npy;
 
-use super::files;
+use softras::internals::output;
 use softras::{Error, Result};
 use std::borrow::Cow;
 use std::cell::RefCell;
@@ -157,5 +157,5 @@ pub fn write(path: &Path, arrays: &[(&str, Vec<usize>, Data<'_>)]) -> Result<()>
     };
     let io = |e: zip::result::ZipError| Error::Io { path: path.into(), source: std::io::Error::other(e) };
     pack().map_err(io)?;
-    files::write_whole(path, zip.finish().map_err(io)?.get_ref())
+    output::write_file(path, zip.finish().map_err(io)?.get_ref())
 }

@@ -7,11 +7,12 @@ mod landscape;
 use super::color::encoded;
 use super::fit::targets;
 use super::render::framing::{Bounds, View};
-use super::{Failure, files, say};
+use super::{Failure, say};
 use args::PoseArgs;
 use serde_json::json;
 use softras::fit::{Pose, PoseFit, PoseOptions, PoseTarget, rotations};
 use softras::internals::fit::is_closed;
+use softras::internals::output;
 use softras::obj::LoadOptions;
 use softras::scene::Faces;
 use softras::{Image, Mesh, Renderer, Result, Scene, Settings};
@@ -24,7 +25,7 @@ const SHARP: (f64, f64) = (1e-5, 1e-3);
 /// Runs the command.
 pub fn run(args: &PoseArgs) -> Result<(), Failure> {
     for path in args.out.iter().chain(&args.landscape) {
-        files::judge_writable(path)?;
+        output::check_writable(path)?;
     }
     let mut renderer = match &args.device {
         Some(device) => Renderer::with_device(device)?,

@@ -1,9 +1,9 @@
 //! Animated GIF files: one palette for all frames, so that colours do not flicker.
 
 use super::picture::Picture;
-use crate::commands::files;
 use color_quant::NeuQuant;
 use gif::{DisposalMethod, Encoder, Frame, Repeat};
+use softras::internals::output;
 use softras::{Error, Result};
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -20,7 +20,7 @@ const SAMPLES: usize = 1 << 19;
 /// [`Error::Io`] when the file cannot be written.
 pub fn write(path: &Path, frames: &[Picture], delay: u16) -> Result<()> {
     let bytes = encode(frames, delay).map_err(|e| Error::Io { path: path.into(), source: std::io::Error::other(e) })?;
-    files::write_whole(path, &bytes)
+    output::write_file(path, &bytes)
 }
 
 fn encode(frames: &[Picture], delay: u16) -> std::result::Result<Vec<u8>, gif::EncodingError> {

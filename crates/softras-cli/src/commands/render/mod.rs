@@ -11,12 +11,13 @@ mod report;
 pub mod sheet;
 
 use super::progress::Progress;
-use super::{Failure, files, note};
+use super::{Failure, note};
 use args::{Output, RenderArgs};
 use formats::Format;
 use framing::{Bounds, View};
 use picture::Shot;
 use report::{Report, Written};
+use softras::internals::output;
 use softras::obj::LoadOptions;
 use softras::{Error, Mesh, Renderer, Scene};
 use std::path::{Path, PathBuf};
@@ -85,7 +86,7 @@ fn targets(args: &RenderArgs) -> Result<Vec<Target>, Failure> {
         };
         for &output in &outputs {
             let path = if outputs.len() > 1 { named(out, output) } else { out.clone() };
-            files::judge_writable(&path)?;
+            output::check_writable(&path)?;
             if targets.iter().any(|t| t.path == path) {
                 return Err(Failure::Usage(format!("--out {}: would be written twice", path.display())));
             }

@@ -5,9 +5,10 @@ mod map;
 mod tally;
 
 use super::progress::Progress;
-use super::{Failure, files, say};
+use super::{Failure, say};
 use clap::Args;
 use serde_json::json;
+use softras::internals::output;
 use softras::{Error, RendererOptions, Result};
 use softras_cli::stress::{FORMS, Kind, Stress, batch, form};
 use std::path::PathBuf;
@@ -85,7 +86,7 @@ pub fn run(args: &StressArgs) -> std::result::Result<(), Failure> {
         if path.extension().is_none_or(|extension| extension != "svg") {
             return Err(Failure::Usage(format!("--map {}: the map is an .svg file", path.display())));
         }
-        files::judge_writable(path)?;
+        output::check_writable(path)?;
     }
     let start = Instant::now();
     let options =

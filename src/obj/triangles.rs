@@ -1,0 +1,53 @@
+//! The polygons of an OBJ file as triangles.
+
+use super::{parse::Obj, polygon};
+use crate::error::{Error, Result};
+use std::path::Path;
+
+/// Triangles in the order of their faces.
+#[derive(Default)]
+pub(super) struct Triangles {
+    /// Indices into [`Obj::positions`].
+    pub vertices: Vec<[u32; 3]>,
+    /// Indices into [`Obj::uvs`], 0 where the face has no UVs; empty when the file has no `vt`.
+    pub uvs: Vec<[u32; 3]>,
+    /// For each triangle its face, an index into [`Obj::faces`].
+    pub faces: Vec<usize>,
+}
+
+/// Cuts all faces into triangles.
+///
+/// # Errors
+/// [`Error::File`] with the line of a face that cannot be cut.
+pub(super) fn triangulate(path: &Path, obj: &Obj, notes: &mut Vec<String>) -> Result<Triangles> {
+    let mut triangles = Triangles::default();
+    let mut not_simple = Vec::new();
+    let mut start = 0;
+    for (index, face) in obj.faces.iter().enumerate() {
+        let corners = &obj.corners[start..start + face.arity];
+        let uv_corners = obj.uv_corners.get(start..start + face.arity);
+        start += face.arity;
+        let polygon: Vec<_> = corners.iter().map(|&v| obj.positions[v as usize].map(f64::from)).collect();
+        let cut = polygon::triangulate(&polygon).map_err(|what| Error::File {
+            path: path.into(),
+            line: Some(face.line),
+            what,
+            fix: "triangulate it in a modelling program".into(),
+        })?;
+        if !cut.is_simple {
+            not_simple.push(face.line);
+        }
+        for triangle in cut.triangles {
+            triangles.vertices.push(triangle.map(|c| corners[c]));
+            triangles.uvs.extend(uv_corners.map(|uvs| triangle.map(|c| uvs[c])));
+            triangles.faces.push(index);
+        }
+    }
+    if let Some(line) = not_simple.first() {
+        let count = not_simple.len();
+        notes.push(format!(
+            "line {line}: polygons that cross themselves or are flat are cut as well as they allow ({count} in all)"
+        ));
+    }
+    Ok(triangles)
+}
