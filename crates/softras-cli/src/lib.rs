@@ -1,7 +1,8 @@
-//! What the `softras` command measures and tests with, for its own benchmarks and tests as well.
+//! The library of the `softras` command: what it measures and tests with, for the benchmarks and tests as well.
 //!
-//! [`articulated`] fits the pose of a jointed figure, an experiment of the paper; [`measure`] times frames and holds them against their floor and their error; [`stress`] draws random scenes and checks
-//! what softras promises of any scene.
+//! [`articulated`] fits the pose of a jointed figure, an experiment of the paper. [`measure`] times frames and compares them
+//! with the least possible time and with the f64 reference. [`stress`] draws random scenes and checks what softras promises
+//! of every scene. [`random`] generates all random numbers.
 
 pub mod articulated;
 pub mod measure;

@@ -1,9 +1,9 @@
-//! Between the renderer's numbers and the bytes of a picture file.
+//! Conversion between the renderer's numbers and the bytes of picture files.
 
 use softras::scene::{Appearance, Texture};
 use softras::{Mesh, Result};
 
-/// How a number becomes a byte.
+/// The curve by which numbers are encoded as bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Curve {
     /// Numbers are linear light, bytes sRGB (IEC 61966-2-1).
@@ -34,7 +34,8 @@ impl Curve {
     }
 }
 
-/// A mesh with its textures as pictures have them, in sRGB and 256 steps: what was read as linear light is written so.
+/// The mesh with its textures encoded as in picture files, in sRGB and 256 steps: the inverse of reading them as linear
+/// light.
 pub fn encoded(mesh: &Mesh) -> Result<Mesh> {
     let Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle } = mesh.appearance() else {
         return Ok(mesh.clone());

@@ -1,9 +1,9 @@
-//! Cameras and settings as JSON.
+//! Settings and projections as JSON.
 
 use serde_json::{Value, json};
 use softras::{Projection, Settings};
 
-/// Every field under its own name, and what follows from them.
+/// Every field under its own name, and the blur radius in pixels that follows from them.
 pub fn settings(s: &Settings) -> Value {
     let lower = |mode: &dyn std::fmt::Debug| format!("{mode:?}").to_lowercase();
     json!({
@@ -17,7 +17,7 @@ pub fn settings(s: &Settings) -> Value {
     })
 }
 
-/// A projection with its numbers.
+/// A projection with its kind and parameters.
 pub fn projection(projection: &Projection) -> Value {
     match *projection {
         Projection::Perspective { fov_y } => json!({ "kind": "perspective", "fov_y_degrees": fov_y.to_degrees() }),

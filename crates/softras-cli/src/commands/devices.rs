@@ -1,15 +1,15 @@
-//! `softras devices`: which Vulkan devices there are and what they can do.
+//! `softras devices`: lists the Vulkan devices and their limits.
 
 use super::{Failure, say};
 use clap::Args;
 use serde_json::{Value, json};
 use softras::internals::vulkan::{Context, DeviceInfo, Limits};
 
-/// List the Vulkan devices and what each can do
+/// List the Vulkan devices and their limits
 #[derive(Args, Debug)]
 #[command(after_help = "\
-Every --device takes an index or a part of a name of this list; without it SOFTRAS_DEVICE does,
-and without that the best device is taken.
+Every --device option takes an index or a part of a name from this list. Without the option the
+environment variable SOFTRAS_DEVICE is used, and without that the best device.
 
 Examples:
   softras devices

@@ -1,4 +1,4 @@
-//! The device's gradients in the judge's form, so that whoever writes, draws or compares them knows one form only.
+//! Converts the device's gradients to the reference's layout, so that all other code handles one layout only.
 
 use clap::ValueEnum;
 use softras::MeshGradients;
@@ -8,9 +8,9 @@ use softras::{Camera, Error, GradientMode, Gradients, Image, ImageGradient, Resu
 /// [`GradientMode`] on the command line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Mode {
-    /// The derivative of the image as it is
+    /// The exact derivative of the image
     Exact,
-    /// The paper's eq. 4 and the official code: barycentrics held constant
+    /// The gradient of the paper's eq. 4 and of the official code, with barycentrics held constant
     Paper,
 }
 
@@ -23,7 +23,7 @@ impl From<Mode> for GradientMode {
     }
 }
 
-/// dL/dimage as the judge takes it.
+/// dL/dimage in the form that the reference takes.
 pub fn upstream(images: &ImageGradient) -> Upstream {
     let exact = |image: &Option<Image>| image.as_ref().map(|i| i.data.iter().copied().map(f64::from).collect());
     Upstream {
@@ -34,7 +34,7 @@ pub fn upstream(images: &ImageGradient) -> Upstream {
     }
 }
 
-/// The device's gradients laid out as the judge's; 0 where something was not asked for.
+/// The device's gradients in the reference's layout, 0 for gradients that were not requested.
 ///
 /// # Errors
 /// [`Error::Backward`] when a gradient does not have as many values as its input.
@@ -71,7 +71,7 @@ pub fn as_parameters(
     }
     flat.0.extend(gradients.background_color);
     flat.0.extend([gradients.sigma, gradients.gamma, gradients.epsilon]);
-    judge_count(flat.0.len(), parameters.values().len())?;
+    check_count(flat.0.len(), parameters.values().len())?;
     parameters.values_mut().copy_from_slice(&flat.0);
     Ok(parameters)
 }
@@ -83,28 +83,28 @@ fn textures(scene: &Scene, mesh: usize) -> usize {
     }
 }
 
-/// Derivatives in the judge's order.
+/// Derivatives in the order of [`Parameters`].
 struct Flat(Vec<f64>);
 
 impl Flat {
-    /// As many values as expected, or zeros for what was not asked for.
+    /// Appends the values, which must be as many as expected; without values it appends zeros.
     fn put(&mut self, values: &[f32], expected: usize) -> Result<()> {
         if values.is_empty() {
             self.0.resize(self.0.len() + expected, 0.0);
             return Ok(());
         }
-        judge_count(values.len(), expected)?;
+        check_count(values.len(), expected)?;
         self.0.extend(values.iter().copied().map(f64::from));
         Ok(())
     }
 }
 
-fn judge_count(count: usize, expected: usize) -> Result<()> {
+fn check_count(count: usize, expected: usize) -> Result<()> {
     if count == expected {
         return Ok(());
     }
     Err(Error::Backward {
         what: format!("a gradient of {count} values came back for an input of {expected}"),
-        fix: "this is a mistake in softras: please report it".into(),
+        fix: "this is a bug in softras: please report it".into(),
     })
 }

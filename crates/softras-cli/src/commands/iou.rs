@@ -1,4 +1,4 @@
-//! `softras iou`: how much of two solids is common.
+//! `softras iou`: the intersection over union of the volumes of two meshes.
 
 use super::{Failure, note, say};
 use clap::Args;
@@ -9,12 +9,12 @@ use softras::internals::fit::{Voxels, cube_around, is_closed};
 use softras::obj::LoadOptions;
 use std::path::{Path, PathBuf};
 
-/// The volume that two meshes have in common over the volume that either has, by solid voxels
+/// Compare two solids: the volume of their intersection over that of their union, in voxels
 #[derive(Args, Debug)]
 #[command(after_help = "\
-The grid is a cube around both meshes as they stand: they are not moved or scaled. A voxel is inside
-where its centre is; six rays along the axes vote on that, so small holes do no harm. A mesh that is
-not closed is told of; an open sheet has no inside.
+The grid is a cube around both meshes; neither is moved or scaled. A voxel belongs to a mesh if its
+centre lies inside. Six rays along the axes vote on that, so small holes do no harm. A note is printed
+for a mesh that is not closed; an open sheet has no inside.
 
 Examples:
   softras iou fitted.obj truth.obj
@@ -24,7 +24,7 @@ pub struct IouArgs {
     pub a: PathBuf,
     /// The other
     pub b: PathBuf,
-    /// Voxels along a side of the grid; the SoftRas paper has 32
+    /// Voxels along a side of the grid (32 in the SoftRas paper)
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=512), default_value_t = 32)]
     pub resolution: u32,
     /// Print one JSON object: iou, volumes (world units³), resolution, closed

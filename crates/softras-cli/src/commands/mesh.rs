@@ -1,4 +1,4 @@
-//! `softras mesh`: the meshes that softras makes itself.
+//! `softras mesh`: writes one of the built-in meshes.
 
 use super::{Failure, say};
 use clap::Args;
@@ -6,14 +6,14 @@ use clap::builder::PossibleValuesParser;
 use softras::internals::output;
 use std::path::PathBuf;
 
-/// Write one of softras' own meshes as a Wavefront OBJ file
+/// Write a built-in mesh as a Wavefront OBJ file
 #[derive(Args, Debug)]
 #[command(after_help = "\
 Examples:
   softras mesh torus -o torus.obj
   softras mesh torus -o torus.obj && softras render torus.obj -o torus.png")]
 pub struct MeshArgs {
-    /// Which mesh
+    /// The mesh to write
     #[arg(value_parser = PossibleValuesParser::new(softras::shapes::NAMES))]
     pub name: String,
     /// The file to write; materials and textures go beside it

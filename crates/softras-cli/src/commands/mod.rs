@@ -1,4 +1,4 @@
-//! The command line: arguments in, files and sentences out.
+//! The command line: subcommands, exit codes and output to the terminal.
 
 mod articulate;
 mod bench;
@@ -26,19 +26,19 @@ use std::io::Write;
 const ABOUT: &str = "\
 Differentiable soft mesh rasterization (SoftRas) on any Vulkan device.
 
-Exit codes: 0 done; 1 could not be done, and one line says why and how to fix it;
-2 the arguments make no sense.";
+Exit codes: 0 success; 1 failure, with one line that says why and how to fix it;
+2 invalid arguments.";
 
 /// The `softras` command.
 #[derive(Debug, Parser)]
 #[command(name = "softras", version, about = "Soft mesh rasterization on any Vulkan device", long_about = ABOUT)]
 pub struct Cli {
-    /// What to do.
+    /// The subcommand.
     #[command(subcommand)]
     pub command: Command,
 }
 
-/// What there is to do.
+/// The subcommands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
     Render(Box<render::args::RenderArgs>),
@@ -55,16 +55,16 @@ pub enum Command {
     Articulate(articulate::args::ArticulateArgs),
 }
 
-/// Why a command did not do what was asked.
+/// Why a command failed.
 #[derive(Debug)]
 pub enum Failure {
-    /// The arguments make no sense together.
+    /// The arguments contradict each other.
     Usage(String),
     /// Anything else.
     Error(softras::Error),
-    /// What there is to say has been said.
+    /// The failure has been reported already.
     Told,
-    /// Nobody reads our output any more.
+    /// The reader of the output has closed it.
     Closed,
 }
 
@@ -97,8 +97,8 @@ fn say(line: &str) -> Result<(), Failure> {
     writeln!(std::io::stdout(), "{line}").map_err(|_| Failure::Closed)
 }
 
-/// Tells of something that did not stop the work.
+/// Prints a note on stderr, about something that did not stop the work.
 fn note(text: &str) {
-    // With stderr closed there is nobody left to tell.
+    // With stderr closed there is nowhere to report to.
     let _ = writeln!(std::io::stderr(), "note: {text}");
 }

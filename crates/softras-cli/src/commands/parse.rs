@@ -1,4 +1,4 @@
-//! Texts from the command line into values; clap prints the errors with the option's name before them.
+//! Parsers of option values; clap prints their errors after the option's name.
 
 use super::color;
 
@@ -46,17 +46,17 @@ pub fn size(text: &str) -> Result<(u32, u32), String> {
     }
 }
 
-/// A colour as it was written.
+/// A colour as the user wrote it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Rgb {
-    /// As the renderer's own numbers.
+    /// In the renderer's numbers.
     Numbers([f64; 3]),
-    /// As the bytes of a picture file, from 0 to 1.
+    /// As bytes of a picture file, scaled to 0 to 1.
     Bytes([f64; 3]),
 }
 
 impl Rgb {
-    /// In the renderer's numbers: bytes are decoded by the curve that pictures are written with.
+    /// The colour in the renderer's numbers; bytes are decoded by the curve that pictures are written with.
     pub fn numbers(self, curve: color::Curve) -> [f64; 3] {
         match self {
             Self::Numbers(numbers) => numbers,
@@ -65,7 +65,7 @@ impl Rgb {
     }
 }
 
-/// `r,g,b` in the renderer's numbers, or `#rrggbb` or `#rgb` as the web has it.
+/// `r,g,b` in the renderer's numbers, or `#rrggbb` or `#rgb` as in CSS.
 pub fn rgb(text: &str) -> Result<Rgb, String> {
     let Some(hex) = text.strip_prefix('#') else { return triple(text).map(Rgb::Numbers) };
     let digits: Option<Vec<u32>> = hex.chars().map(|c| c.to_digit(16)).collect();
@@ -77,10 +77,10 @@ pub fn rgb(text: &str) -> Result<Rgb, String> {
     Ok(Rgb::Bytes(bytes.map(|byte| f64::from(byte) / 255.0)))
 }
 
-/// `fit`, or half the image's height in world units.
+/// Half the image's height: `fit`, or world units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum HalfHeight {
-    /// As large as the mesh needs.
+    /// Large enough for the mesh.
     Fit,
     /// World units.
     Given(f64),
@@ -94,9 +94,9 @@ pub fn half_height(text: &str) -> Result<HalfHeight, String> {
 /// One `--light`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Light {
-    /// Towards the light, world space.
+    /// The direction towards the light, in world space.
     pub direction: [f64; 3],
-    /// Factor on the colour.
+    /// The factor on the colour.
     pub intensity: f64,
     /// Its colour.
     pub color: Rgb,
@@ -130,18 +130,18 @@ pub enum Swept {
 /// One `--sweep`: `steps` values from `from` to `to`, evenly spaced in their logarithm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sweep {
-    /// What changes.
+    /// The setting that changes.
     pub swept: Swept,
     /// The first value.
     pub from: f64,
     /// The last value.
     pub to: f64,
-    /// How many values, where given.
+    /// The number of values, if given.
     pub steps: Option<usize>,
 }
 
 impl Swept {
-    /// As it is written on the command line and on a contact sheet.
+    /// The name on the command line and on contact sheets.
     pub fn name(self) -> &'static str {
         match self {
             Self::Sigma => "sigma",

@@ -1,4 +1,4 @@
-//! Progress on stderr, for work that takes over a second.
+//! Progress bars on stderr for work that takes over a second.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::time::{Duration, Instant};
@@ -13,7 +13,7 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// For work of which only the beginning and the end are seen.
+    /// A spinner, for work whose progress is not known.
     pub fn spinner(what: &str) -> Self {
         let bar = ProgressBar::new_spinner().with_message(what.to_string());
         if let Ok(style) = ProgressStyle::with_template("{msg} {elapsed}") {
@@ -24,12 +24,12 @@ impl Progress {
         Self { bar, start: Instant::now() }
     }
 
-    /// For a number of frames.
+    /// A bar that counts frames.
     pub fn frames(count: usize) -> Self {
         Self::counted("frame", count)
     }
 
-    /// For a number of things of the same kind; a message may stand beside the bar.
+    /// A bar that counts things of any kind; a message may be shown beside it.
     pub fn counted(what: &str, count: usize) -> Self {
         let bar = ProgressBar::with_draw_target(Some(count as u64), ProgressDrawTarget::hidden());
         let template = format!("{what} {{pos}}/{{len}} {{msg}} {{wide_bar}} {{eta}} left");
@@ -39,12 +39,12 @@ impl Progress {
         Self { bar, start: Instant::now() }
     }
 
-    /// What stands beside the bar.
+    /// Sets the message beside the bar.
     pub fn tell(&self, message: String) {
         self.bar.set_message(message);
     }
 
-    /// One frame is done.
+    /// Advances the bar by one.
     pub fn step(&self) {
         if self.bar.is_hidden() && self.start.elapsed() > PATIENCE {
             self.bar.set_draw_target(ProgressDrawTarget::stderr());

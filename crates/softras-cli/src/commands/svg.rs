@@ -1,4 +1,4 @@
-//! Vector pictures as files.
+//! SVG files.
 
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -6,13 +6,13 @@ use softras::internals::output;
 use softras::{Error, Result};
 use std::path::Path;
 
-/// Where a picture is drawn.
+/// The area that a picture is drawn on.
 pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-/// Draws a picture of that many pixels and writes it, whole or not at all.
+/// Draws a picture of the given size in pixels and writes it, whole or not at all.
 ///
 /// # Errors
-/// [`Error::Io`], also for what the drawing says.
+/// [`Error::Io`], also for errors of drawing.
 pub fn write(
     path: &Path,
     size: (u32, u32),

@@ -1,35 +1,35 @@
-//! How far a frame is from the f64 judge.
+//! The error of a frame and of its gradient against the f64 reference.
 
 use super::Mode;
 use super::time::upstream;
 use softras::reference::{self, GradientMode, ReferenceFrame, Upstream};
 use softras::{Camera, Frame, Gradients, Image, Result, Scene, Settings};
 
-/// Pixels nearer to a jump of the model than this ([`ReferenceFrame::margin`]) are left out: there a kernel's rounding
-/// may fall on the other side.
+/// Pixels nearer to a discontinuity of the model than this ([`ReferenceFrame::margin`]) are left out: there a kernel's
+/// rounding may fall on the other side.
 pub const MARGIN: f64 = 1e-4;
 
 /// The largest errors of a frame's images.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ImageError {
-    /// Of any value of any image.
+    /// The largest error of any value of any image.
     pub most: f64,
-    /// Of colour alone; 0 without a colour image.
+    /// That of colour alone; 0 without a colour image.
     pub color: f64,
-    /// Of the silhouette alone; 0 without one.
+    /// That of the silhouette alone; 0 without one.
     pub silhouette: f64,
-    /// Root of the mean square over all values.
+    /// The root mean square over all values.
     pub rms: f64,
 }
 
-/// The largest difference of any value; infinite where one is not a number or the sizes differ. `margin` leaves out
-/// pixels below [`MARGIN`].
-pub fn images(frame: &Frame, judge: &ReferenceFrame, margin: Option<&[f64]>) -> ImageError {
+/// Compares a frame with the reference's. Errors are infinite where a value is NaN or the sizes differ; with `margin`, pixels
+/// below [`MARGIN`] are left out.
+pub fn images(frame: &Frame, expected: &ReferenceFrame, margin: Option<&[f64]>) -> ImageError {
     let parts = [
-        (frame.color(), &judge.color),
-        (frame.silhouette(), &judge.silhouette),
-        (frame.depth(), &judge.depth),
-        (frame.normal(), &judge.normal),
+        (frame.color(), &expected.color),
+        (frame.silhouette(), &expected.silhouette),
+        (frame.depth(), &expected.depth),
+        (frame.normal(), &expected.normal),
     ];
     let each = parts.map(|(image, expected)| image.map_or((0.0, 0.0, 0), |image| one(image, expected, margin)));
     let (square, count) = each.iter().fold((0.0, 0), |(sum, n), e| (sum + e.1, n + e.2));
@@ -41,22 +41,22 @@ pub fn images(frame: &Frame, judge: &ReferenceFrame, margin: Option<&[f64]>) -> 
     }
 }
 
-/// Largest difference, sum of squares, and how many values counted.
+/// The largest difference, the sum of squares, and the number of values that counted.
 fn one(image: &Image, expected: &[f64], margin: Option<&[f64]>) -> (f64, f64, usize) {
     if image.data.len() != expected.len() {
         return (f64::INFINITY, f64::INFINITY, 1);
     }
     let counts = |i: usize| margin.is_none_or(|m| m.get(i / image.channels).is_some_and(|&m| m >= MARGIN));
     let pairs = image.data.iter().zip(expected).enumerate().filter(|(i, _)| counts(*i));
-    pairs.fold((0.0, 0.0, 0), |(most, sum, n), (_, (&ours, judge))| {
-        let d = (f64::from(ours) - judge).abs();
+    pairs.fold((0.0, 0.0, 0), |(most, sum, n), (_, (&ours, reference))| {
+        let d = (f64::from(ours) - reference).abs();
         let d = if d.is_nan() { f64::INFINITY } else { d };
         (d.max(most), sum + d * d, n + 1)
     })
 }
 
-/// |ours - judge| / |judge| of the gradient by what the mode is differentiated by ([`Mode::wanted`]), for the upstream
-/// gradient of [`super::time::times`]. The judge takes about 20 µs a pair.
+/// The error |ours - reference| / |reference| of the gradient by the inputs of the mode ([`Mode::wanted`]), for the
+/// upstream gradient of [`super::time::times`]. The reference takes about 20 µs a (pixel, triangle) pair.
 ///
 /// # Errors
 /// As [`reference::gradient`].
@@ -69,24 +69,24 @@ pub fn gradient(ours: &Gradients, scene: &Scene, cameras: &[Camera], settings: &
         d_depth: wide(&images.depth),
         d_normal: wide(&images.normal),
     };
-    let judge = reference::gradient(scene, cameras, settings, &upstream, GradientMode::Exact)?;
+    let expected = reference::gradient(scene, cameras, settings, &upstream, GradientMode::Exact)?;
     let (mut error, mut norm) = (0.0, 0.0);
     for (index, mesh) in ours.meshes.iter().enumerate() {
-        let colors = if mode.wanted().colors { judge.colors(index) } else { &[] };
-        let pairs = mesh.positions.as_flattened().iter().zip(judge.positions(index));
-        for (&ours, judge) in pairs.chain(mesh.colors.as_flattened().iter().zip(colors)) {
-            error += (f64::from(ours) - judge).powi(2);
-            norm += judge * judge;
+        let colors = if mode.wanted().colors { expected.colors(index) } else { &[] };
+        let pairs = mesh.positions.as_flattened().iter().zip(expected.positions(index));
+        for (&ours, reference) in pairs.chain(mesh.colors.as_flattened().iter().zip(colors)) {
+            error += (f64::from(ours) - reference).powi(2);
+            norm += reference * reference;
         }
     }
     for (view, camera) in ours.cameras.iter().enumerate() {
-        for (ours, judge) in camera.twist.iter().zip(judge.twist(view)) {
-            error += (ours - judge).powi(2);
-            norm += judge * judge;
+        for (ours, reference) in camera.twist.iter().zip(expected.twist(view)) {
+            error += (ours - reference).powi(2);
+            norm += reference * reference;
         }
     }
     let relative = (error / norm).sqrt();
-    // Nothing to differentiate by, and nothing came back.
+    // Without an error the quotient may be 0 / 0: nothing was wanted and nothing came back.
     Ok(if error == 0.0 { 0.0 } else { relative })
 }
 

@@ -3,20 +3,20 @@
 use softras::scene::{ColorAggregation, Distance, Outputs, SilhouetteAggregation};
 use softras::{Settings, Wanted};
 
-/// Which images a measured frame makes, and how.
+/// The images of a measured frame, and how they are made and differentiated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
     /// Colour alone.
     Color,
     /// The silhouette alone.
     Silhouette,
-    /// Both, as the official renderer makes them.
+    /// Colour and silhouette, as the official renderer makes them.
     ColorSilhouette,
     /// Depth alone.
     Depth,
     /// Normals alone.
     Normal,
-    /// Colour and silhouette of a plain z-buffer: nearest covering triangle, nothing soft.
+    /// Colour and silhouette of a plain z-buffer: the nearest covering triangle, without softness.
     Hard,
     /// Colour and silhouette, differentiated by the colours alone.
     ToColors,
@@ -25,7 +25,7 @@ pub enum Mode {
 }
 
 impl Mode {
-    /// All of them, the one that the others are compared with first.
+    /// All modes, beginning with the one that the others are compared with.
     pub const ALL: [Self; 8] = [
         Self::ColorSilhouette,
         Self::Color,
@@ -37,7 +37,7 @@ impl Mode {
         Self::ToCamera,
     ];
 
-    /// As in tables and on the command line.
+    /// The name in tables and on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Color => "color",
@@ -76,8 +76,8 @@ impl Mode {
         }
     }
 
-    /// What a frame of this mode is differentiated by: vertex positions, and colours where there are any, unless it says
-    /// otherwise.
+    /// The inputs that a frame of this mode is differentiated by: vertex positions and, with a colour image, colours, unless
+    /// the mode names other inputs.
     pub fn wanted(self) -> Wanted {
         match self {
             Self::ToColors => Wanted { colors: true, ..Wanted::NOTHING },

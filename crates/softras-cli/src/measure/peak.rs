@@ -1,4 +1,4 @@
-//! How fast the device can be at most.
+//! The peak rate of the device in single-precision operations a second.
 
 use softras::internals::vulkan::{
     BufferDesc, CommandBuffer, Context, ContextOptions, DescriptorPool, Pipeline, SharedBuffer, TimestampPool, kernels,
@@ -8,7 +8,7 @@ use std::time::Instant;
 
 /// Operations of one pass of glsl/peak.comp's loop: 64 steps of twelve multiply-adds.
 const PASS: f64 = 64.0 * 12.0 * 2.0;
-/// A run shorter than this many milliseconds is made longer.
+/// A run shorter than this many milliseconds is repeated with more loops.
 const LONG_ENOUGH: f64 = 10.0;
 const RUNS: usize = 12;
 const GROUPS: u32 = 2048;
@@ -22,8 +22,8 @@ struct Push {
     term: f32,
 }
 
-/// Single-precision operations a second: the best of several runs of independent multiply-adds, each counted as two, as
-/// the driver compiles them (a driver may not fuse them). `device` is an index or part of a name, as for
+/// Measures single-precision operations a second: the best of several runs of independent multiply-adds, each counted as
+/// two operations whether or not the driver fuses them. `device` is an index or part of a name, as for
 /// [`softras::Renderer::with_device`].
 ///
 /// # Errors
@@ -40,7 +40,7 @@ pub fn peak_flops(device: Option<&str>) -> Result<f64> {
     let mut commands = CommandBuffer::new(&context, "peak")?;
     let (mut loops, mut best, mut runs) = (1u32, 0.0f64, 0);
     while runs < RUNS {
-        // Values stay near 1, so that no operation is a special case.
+        // Values stay near 1, so that no operation meets infinities or denormals.
         let push = Push { loops, factor: 0.999, term: 1e-3 };
         commands.record(|recorder| {
             if let Some(times) = &times {

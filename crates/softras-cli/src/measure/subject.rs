@@ -1,18 +1,18 @@
-//! What is looked at while measuring.
+//! The scene, camera and settings of measurements.
 
 use softras::scene::Appearance;
 use softras::{Camera, Mesh, Projection, Result, Scene, Settings};
 
 /// Distance of the camera from the origin.
 pub const DISTANCE: f64 = 2.732;
-/// Its height above the horizon, degrees.
+/// Elevation of the camera above the horizon, degrees.
 pub const ELEVATION: f64 = 30.0;
-/// Its vertical angle of view, degrees.
+/// Vertical angle of view, degrees.
 pub const FOV: f64 = 30.0;
 /// The share of the image's height that the mesh fills.
 pub const FILL: f64 = 0.7;
 
-/// The mesh centred, and scaled to [`FILL`] the image, in vertex colours that vary over it.
+/// The mesh, centred and scaled to [`FILL`] the image, with vertex colours that vary over it.
 ///
 /// # Errors
 /// [`softras::Error::Mesh`] for a mesh that overflows when scaled.
@@ -28,7 +28,7 @@ pub fn framed(mesh: &Mesh) -> Result<Mesh> {
     Mesh::new(positions, mesh.triangles().to_vec())?.with_appearance(Appearance::VertexColors(colors))
 }
 
-/// A framed mesh, unlit.
+/// An unlit scene of the [`framed`] mesh.
 ///
 /// # Errors
 /// As [`framed`].
@@ -44,7 +44,7 @@ pub fn camera(azimuth: f64) -> Result<Camera> {
     Camera::from_angles(DISTANCE, ELEVATION, azimuth, Projection::Perspective { fov_y: FOV.to_radians() })
 }
 
-/// Views evenly around the vertical axis.
+/// Cameras spaced evenly around the vertical axis.
 ///
 /// # Errors
 /// None.
@@ -52,7 +52,7 @@ pub fn cameras(count: u32) -> Result<Vec<Camera>> {
     (0..count).map(|i| camera(360.0 * f64::from(i) / f64::from(count))).collect()
 }
 
-/// σ = γ = 1e-4, else the official renderer's settings, for a square image.
+/// The default settings, but with σ = γ = 1e-4, for a square image.
 pub fn settings(size: u32) -> Settings {
     Settings { width: size, height: size, sigma: 1e-4, gamma: 1e-4, ..Settings::default() }
 }

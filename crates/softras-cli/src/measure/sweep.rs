@@ -1,18 +1,18 @@
-//! Many frames: τ swept, and one thing at a time made larger.
+//! Series of measurements: over τ, and over the size of one input at a time.
 
 use super::time::times;
 use super::{Mode, error, subject};
 use softras::scene::{Background, Support};
 use softras::{Camera, Error, Mesh, Renderer, Result, Scene, Settings, shapes};
 
-/// One τ of a curve.
+/// The measurement at one τ.
 #[derive(Clone, Copy, Debug)]
 pub struct Point {
-    /// τ.
+    /// The threshold τ.
     pub tau: f64,
-    /// Median of a frame for looking at.
+    /// Median milliseconds of a forward frame that saves nothing for backward.
     pub forward: f64,
-    /// Median of a whole frame, forward and backward.
+    /// Median milliseconds of a whole frame, forward and backward.
     pub milliseconds: f64,
     /// Largest error of colour and silhouette against the untruncated model.
     pub error: f64,
@@ -23,16 +23,16 @@ pub struct Point {
 pub struct Curve {
     /// `probability` or `guaranteed`.
     pub name: &'static str,
-    /// In the order of τ, largest first; without those where the kernels cannot hold the support.
+    /// In the order of τ, largest first, without those at which the kernels cannot guarantee the support.
     pub points: Vec<Point>,
 }
 
 const TAUS: [f64; 7] = [1e-1, 3e-2, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6];
-/// γ at which the guarantee can be kept in single precision: with near and far close around the mesh.
+/// A γ at which the support can be guaranteed in single precision, with near and far close around the mesh.
 const FRONT_GAMMA: f64 = 0.02;
 
-/// The settings of the front, after those given: a composite background and depths close around the mesh, so that D alone
-/// decides at the outline, and both supports can be had.
+/// The given settings with a composite background and with near and far close around the mesh, so that D alone decides at
+/// the outline and both kinds of support are possible.
 pub fn front_settings(settings: &Settings) -> Settings {
     Settings {
         background: Background::Composite,
@@ -43,7 +43,7 @@ pub fn front_settings(settings: &Settings) -> Settings {
     }
 }
 
-/// Sweeps τ for each kind of support.
+/// Measures time and error over τ for each kind of support.
 ///
 /// # Errors
 /// As [`Renderer::render`].
@@ -73,17 +73,17 @@ pub fn front(
     Ok(curves)
 }
 
-/// Time against one thing made larger.
+/// Times as one input grows.
 #[derive(Clone, Debug)]
 pub struct Growth {
-    /// What was made larger.
+    /// The input that grows.
     pub name: &'static str,
-    /// How large, and the median of a whole frame in milliseconds.
+    /// The size of the input, and the median of a whole frame in milliseconds.
     pub points: Vec<(f64, f64)>,
 }
 
 impl Growth {
-    /// The slope of the line through the points' logarithms by least squares; NaN of fewer than two.
+    /// The slope of the least-squares line through the logarithms of the points; NaN for fewer than two points.
     pub fn exponent(&self) -> f64 {
         let logs: Vec<(f64, f64)> = self.points.iter().map(|p| (p.0.ln(), p.1.ln())).collect();
         let n = logs.len() as f64;
@@ -94,9 +94,9 @@ impl Growth {
     }
 }
 
-/// Times of whole frames, colour and silhouette, as one thing at a time grows from `settings`: the faces of a sphere that
-/// covers the same pixels, then of `mesh` the pixels, the pixels that it covers in an image of one size, σ, and the views
-/// of one frame. `full` goes on to a million faces and 2048².
+/// Times of whole frames of colour and silhouette as one input at a time grows from `settings`: the faces of a sphere that
+/// covers the same pixels; then, for `mesh`, the pixels of the image, the pixels covered in an image of one size, σ, and the
+/// views of one frame. With `full` the series reach a million faces and 2048² pixels.
 ///
 /// # Errors
 /// As [`Renderer::render`].

@@ -1,30 +1,30 @@
-//! How long a frame takes.
+//! Times of frames and of their stages.
 
 use super::Mode;
 use softras::StageTime;
 use softras::{Camera, Image, ImageGradient, Renderer, Result, Scene, Settings};
 use std::time::Instant;
 
-/// Median milliseconds of a frame's passes.
+/// Median milliseconds of forward, of backward and of both.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Times {
-    /// A frame for looking at only: `render` with nothing kept for backward.
+    /// `render` without [`Settings::save`], so that nothing is kept for backward.
     pub forward: f64,
     /// `backward` of a saved frame.
     pub backward: f64,
     /// `render` with [`Settings::save`] and `backward`, one after the other.
     pub frame: f64,
-    /// Device time of the stages of a frame for looking at; empty where the device cannot tell.
+    /// Device time of the stages of such a forward frame; empty where the device has no timestamps.
     pub forward_stages: Vec<StageTime>,
     /// Device time of the stages of backward.
     pub backward_stages: Vec<StageTime>,
-    /// Device time of the stages of a frame that keeps what backward needs, and of backward.
+    /// Device time of the stages of a forward frame with [`Settings::save`], and of backward.
     pub frame_stages: Vec<StageTime>,
-    /// How often each was run.
+    /// The number of runs of each.
     pub repeats: usize,
 }
 
-/// Weights of all images' values, the same every time.
+/// Upstream weights of all values of the images, the same in every run.
 pub fn upstream(mode: Mode, batch: usize, settings: &Settings) -> ImageGradient {
     let (height, width) = (settings.height as usize, settings.width as usize);
     let weights = |channels: usize| Image {
@@ -43,9 +43,9 @@ pub fn upstream(mode: Mode, batch: usize, settings: &Settings) -> ImageGradient 
     }
 }
 
-/// Renders and differentiates `repeats` times each, after once to warm up. `settings` are those of [`Mode::of`]. As in an
-/// optimisation every frame's vertices lie elsewhere than the last one's, if by a millionth. The stages are timed in frames of
-/// their own, since timing them takes time.
+/// Renders and differentiates `repeats` times each, after one run to warm up. `settings` are those of [`Mode::of`]. As in
+/// an optimisation, the vertices of each frame differ from those of the last, by a millionth. The stages are timed in
+/// separate frames, because timing them takes time.
 ///
 /// # Errors
 /// As [`Renderer::render`] and [`Renderer::backward`].
@@ -64,7 +64,7 @@ pub fn times(
     let milliseconds = |start: Instant| start.elapsed().as_secs_f64() * 1e3;
     let repeats = repeats.max(1);
     let (mut forward, mut backward, mut frames) = (Vec::new(), Vec::new(), Vec::new());
-    // The first run compiles kernels and makes buffers.
+    // The first run, which compiles kernels and creates buffers, is not counted.
     for run in 0..=repeats {
         let start = Instant::now();
         renderer.render(&scenes[run % 2], cameras, &look)?;
@@ -103,7 +103,7 @@ pub fn times(
     })
 }
 
-/// The scene with every vertex a millionth farther out.
+/// The scene with all positions larger by a millionth.
 fn nudged(scene: &Scene) -> Result<Scene> {
     let mut scene = scene.clone();
     for mesh in &mut scene.meshes {
@@ -112,13 +112,13 @@ fn nudged(scene: &Scene) -> Result<Scene> {
     Ok(scene)
 }
 
-/// The middle value, NaN of none.
+/// The median, NaN for no values.
 pub fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
-/// Stage by stage.
+/// The median of each stage over several runs.
 fn medians(runs: &[Vec<StageTime>]) -> Vec<StageTime> {
     let stages = runs.first().map_or(&[][..], Vec::as_slice).iter().enumerate();
     let of = |i: usize| median(runs.iter().filter_map(|run| run.get(i)).map(|t| t.milliseconds).collect());

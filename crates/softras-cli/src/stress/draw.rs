@@ -1,4 +1,4 @@
-//! Scenes from a seed, drawn to hurt.
+//! Draws difficult scenes from seeds.
 
 use super::form::{FORMS, Form, TABLE};
 use super::promise::Promise;
@@ -8,10 +8,10 @@ use glam::{DMat4, DVec3};
 use softras::scene::{Lights, Parity, Support};
 use softras::{Camera, GradientMode, Mesh, Projection, Result, Scene, Settings};
 
-/// All there is to render and differentiate, and the seed that gave it.
+/// A scene to render and differentiate, and the seed it was drawn from.
 #[derive(Clone, Debug)]
 pub struct Case {
-    /// What [`case`] was called with.
+    /// The seed that [`case`] was called with.
     pub seed: u64,
     /// What is promised of it.
     pub promise: Promise,
@@ -19,19 +19,19 @@ pub struct Case {
     pub scene: Scene,
     /// One camera.
     pub cameras: Vec<Camera>,
-    /// The settings, not judged yet: some are such as must be refused.
+    /// The settings, not validated yet: some must be refused.
     pub settings: Settings,
-    /// Which gradient.
+    /// The mode of the gradient.
     pub gradient: GradientMode,
 }
 
-/// Which scenes are drawn.
+/// The kind of scenes to draw.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Kind {
-    /// How many of the combinations of modes, 1 to [`FORMS`].
+    /// The number of combinations of modes to draw from, 1 to [`FORMS`].
     pub forms: usize,
-    /// Meshes as they are used, with hundreds to thousands of triangles, in images of 64 to 512 pixels a side with σ up to
-    /// 1e-2, and some triangles drawn to hurt among them; else a few triangles in images of about ten pixels.
+    /// Whether meshes have hundreds to thousands of triangles, with some difficult ones among them, in images of 64 to 512
+    /// pixels a side and with σ up to 1e-2. Otherwise meshes have a few triangles in images of about ten pixels.
     pub realistic: bool,
 }
 
@@ -41,21 +41,22 @@ impl Default for Kind {
     }
 }
 
-/// The case of a seed.
+/// Draws the case of a seed.
 ///
-/// Every other seed draws from where the accuracy promise holds, the others from all there is: coordinates from 1e-40 to
-/// 1e20, every range of the settings to its ends and beyond, near and far equal or swapped.
+/// Half of the seeds draw from the region in which accuracy is promised, the others from everywhere: coordinates from
+/// 1e-40 to 1e20, settings over their whole ranges and beyond, near and far equal or swapped.
 ///
 /// # Errors
-/// What judges meshes and cameras says of it; that is a case's right outcome too.
+/// The error of the mesh or the camera, which is a correct outcome of a case too.
 pub fn case(seed: u64, kind: Kind) -> Result<Case> {
     draw(seed, kind).finish(seed)
 }
 
-/// `count` cases of a seed with the same settings and lights, to be rendered as one batch. The first is [`case`]'s.
+/// Draws `count` cases of a seed with the same settings and lights, to be rendered as one batch. The first is that of
+/// [`case`].
 ///
 /// # Errors
-/// Of each what [`case`] says.
+/// Those of [`case`], one for each.
 pub fn batch(seed: u64, kind: Kind, count: usize) -> Vec<Result<Case>> {
     let mut draw = draw(seed, kind);
     if count > 1 {
@@ -68,13 +69,13 @@ pub fn batch(seed: u64, kind: Kind, count: usize) -> Vec<Result<Case>> {
     views.into_iter().zip(seeds).map(|(view, seed)| Ok(draw.case(seed, view?, lights.clone()))).collect()
 }
 
-/// A seed's case within the promise, but with this σ and γ: for the map of errors. All images, lit, over
-/// the composite background.
+/// Draws the case of a seed within the promise but with the given σ and γ, for the map of errors. It has all images, is
+/// lit, and has a composite background.
 ///
 /// # Errors
 /// As [`case`].
 pub fn at(seed: u64, sigma: f64, gamma: f64) -> Result<Case> {
-    // Some scenes are of a few triangles only, which say little.
+    // Scenes of only a few triangles show too little of the error.
     let full = |case: &Result<Case>| case.as_ref().is_ok_and(|c| c.scene.meshes[0].triangles().len() >= 12);
     let drawn = |i: u64| Draw::tame(Random::new(seed + 1000 * i), &TABLE[1], false).finish(seed);
     let mut case = (0..100).map(drawn).find(full).unwrap_or_else(|| drawn(0))?;
@@ -84,12 +85,12 @@ pub fn at(seed: u64, sigma: f64, gamma: f64) -> Result<Case> {
     Ok(case)
 }
 
-/// Most meshes have no more triangles than this, so that few of their pixels are alike.
+/// The most triangles of most meshes: few enough that the pixels of an image differ.
 const USUAL: usize = 40;
-/// The longest side of a batch's images, which are many.
+/// The longest side of the images of a batch, which has many of them.
 const LONGEST: u32 = 512;
 
-/// What the cases of a batch share, and the numbers that draw the rest.
+/// What the cases of a batch share, and the generator that draws the rest.
 struct Draw {
     random: Random,
     form: &'static Form,
@@ -100,15 +101,15 @@ struct Draw {
     realistic: bool,
 }
 
-/// What a case has for itself.
+/// What differs between the cases of a batch.
 struct View {
     mesh: Mesh,
     camera: Camera,
     promise: Promise,
 }
 
-/// Which combination of modes the cases of a seed have, 0 to [`FORMS`] - 1: seeds of one form after another need few kernels
-/// at a time.
+/// The combination of modes that the cases of a seed have, 0 to [`FORMS`] - 1. Running the seeds of one form after
+/// another keeps the number of kernels in use small.
 pub fn form(seed: u64, kind: Kind) -> usize {
     form_of(&mut Random::new(seed), kind)
 }
@@ -125,7 +126,7 @@ fn draw(seed: u64, kind: Kind) -> Draw {
 }
 
 impl Draw {
-    /// Within the promise: f32 positions of a few units between near and far.
+    /// Draws settings within the promise, for positions of a few units between near and far.
     fn tame(mut random: Random, form: &'static Form, realistic: bool) -> Self {
         let (near, far) = (random.range(0.1, 1.0), random.log_range(10.0, 200.0));
         let gamma = random.log_range(1e-5, 1.0).max(1e-4 / (far - near));
@@ -148,14 +149,15 @@ impl Draw {
         Self { random, form, settings, most: USUAL, tame: true, realistic }
     }
 
-    /// Anywhere at all.
+    /// Draws settings from everywhere.
     fn wild(mut random: Random, form: &'static Form, realistic: bool) -> Self {
         let (width, height) = if realistic { realistic_size(&mut random) } else { size(&mut random) };
         let (near, far) = depths(&mut random);
         let settings = form.settings(Settings {
             width,
             height,
-            // Beyond, every triangle of a mesh is near every pixel: seconds a scene, for what small scenes show too.
+            // With a larger σ every triangle of a large mesh influences every pixel: seconds a scene, for what small
+            // scenes show too.
             sigma: random.log_range(1e-12, if realistic { 1e-2 } else { 10.0 }),
             gamma: random.log_range(1e-10, 10.0),
             epsilon: if random.chance(0.5) { random.range(-1.0, 1.0) } else { random.choose(&[-1.0, 0.0, 1e-3, 1.0]) },
@@ -174,7 +176,7 @@ impl Draw {
         Self { random, form, settings, most, tame: false, realistic }
     }
 
-    /// A mesh and a camera.
+    /// Draws a mesh and a camera.
     fn view(&mut self) -> Result<View> {
         if self.tame { self.tame_view() } else { self.wild_view() }
     }
@@ -232,7 +234,7 @@ impl Draw {
         Case { seed, promise, scene, cameras: vec![camera], settings: self.settings.clone(), gradient }
     }
 
-    /// The only case of a seed.
+    /// Draws the only case of a seed.
     fn finish(mut self, seed: u64) -> Result<Case> {
         let view = self.view()?;
         let lights = self.form.lights(&mut self.random);
@@ -254,7 +256,7 @@ fn size(random: &mut Random) -> (u32, u32) {
     }
 }
 
-/// Near and far.
+/// Draws near and far.
 fn depths(random: &mut Random) -> (f64, f64) {
     let plain = (random.range(0.1, 2.0), random.log_range(3.0, 200.0));
     match random.below(20) {
@@ -276,11 +278,11 @@ fn plain_lens(random: &mut Random) -> Projection {
     }
 }
 
-/// A camera and where triangles are to be put for it.
-#[allow(clippy::approx_constant)] // Nearly a half turn, the widest angle of view; not π.
+/// Draws a camera and the space in which to place triangles for it.
+#[allow(clippy::approx_constant)] // 3.1415 is nearly a half turn, the widest angle of view; π itself is refused.
 fn camera(random: &mut Random, settings: &Settings) -> Result<(Camera, Place)> {
     let (width, height) = (f64::from(settings.width), f64::from(settings.height));
-    // The official camera's own projection is a mode: it stays with the official parity's forms.
+    // The official camera's projection is a mode of its own, drawn for forms with official parity only.
     let lenses = if settings.parity == Parity::Official { 5 } else { 4 };
     let lens = match random.below(lenses) {
         0 => return Ok((Camera::screen(), Place::Screen)),
@@ -305,7 +307,7 @@ fn camera(random: &mut Random, settings: &Settings) -> Result<(Camera, Place)> {
     }
     let distance = if random.chance(0.7) { 4.0 } else { random.log_range(1e-12, 1e13) };
     let eye = random.direction() * distance;
-    // Straight from above is refused: (0, 1, 0) is then no up.
+    // A camera straight above its target is refused, since the up vector (0, 1, 0) is parallel to the view.
     let eye = if random.chance(0.02) { DVec3::Y } else { eye };
     Ok((Camera::look_at(eye, DVec3::ZERO, DVec3::Y, lens)?, Place::World))
 }

@@ -1,4 +1,4 @@
-//! The combinations of modes that cases are drawn from: few, since each is compiled for itself.
+//! The combinations of modes that cases are drawn from. There are few, because each one needs kernels of its own.
 
 use crate::random::Random;
 use softras::scene::{
@@ -11,7 +11,7 @@ const ALL: Outputs = Outputs { color: true, silhouette: true, depth: true, norma
 const USUAL: Outputs = Outputs { color: true, silhouette: true, depth: false, normal: false };
 const SILHOUETTE: Outputs = Outputs { color: false, silhouette: true, depth: false, normal: false };
 
-/// What colours the meshes of a form.
+/// The kind of appearance of a form's meshes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Look {
     Uniform,
@@ -52,10 +52,10 @@ const PAPER: Form = Form {
     support: Support::Probability,
 };
 
-/// How many combinations there are.
+/// The number of combinations.
 pub const FORMS: usize = 10;
 
-/// From the most to the least used.
+/// All combinations, from the most to the least used.
 pub(super) const TABLE: [Form; FORMS] = [
     PAPER,
     Form { look: Look::Uniform, lit: Some(Shading::Flat), outputs: ALL, background: Background::Composite, ..PAPER },
@@ -93,7 +93,8 @@ impl Form {
         }
     }
 
-    /// Whether the model jumps where the judge's margin does not say: a triangle that turns its back.
+    /// Whether the reference's margin covers all discontinuities of the model. It does not cover, for example, a triangle
+    /// that turns its back to the camera.
     pub fn is_smooth(&self) -> bool {
         self.faces == Faces::Both && self.distance == Distance::Euclidean && self.parity == Parity::Model
     }
@@ -115,7 +116,7 @@ impl Form {
         mesh.with_appearance(appearance)
     }
 
-    /// Its lights.
+    /// Draws the lights of the form.
     pub fn lights(&self, random: &mut Random) -> Lights {
         let Some(shading) = self.lit else { return Lights::unlit() };
         let directional = (0..2).map(|_| DirectionalLight {

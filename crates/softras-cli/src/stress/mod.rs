@@ -1,14 +1,17 @@
-//! Scenes drawn to hurt, and what must hold of every one of them: for `softras stress` and the tests.
+//! Random scenes with difficult geometry and settings, and checks of what must hold of every one of them, for
+//! `softras stress` and the tests.
 //!
 //! [`case`] draws a scene from a seed: triangles without area, thin, doubled, coincident, interpenetrating, huge, with
 //! corners on pixel centres, on the camera's plane and behind it; every setting over its whole range and beyond.
-//! [`Stress::run`] renders and differentiates it twice. It is refused with a typed error, or: every value is finite and in
-//! its range, both runs have the same bits, and inside the region of [`Promise`] images and gradients are the f64
-//! judge's within the tolerance.
+//! [`Stress::run`] renders and differentiates it twice. Either it is refused with a typed error, or every value is finite
+//! and in its range, both runs have the same bits, and inside the region of [`Promise`] images and gradients agree with
+//! the f64 reference within the tolerance.
 
+mod bits;
 mod draw;
 mod form;
 mod promise;
+mod range;
 mod run;
 mod shrink;
 mod soup;

@@ -1,11 +1,12 @@
 //! What is promised of a case, and how its error is measured.
 //!
-//! Everywhere: values in range, the same bits again. Where f32 carries it, and the tests' own tolerances say so: images
-//! within 2e-5 of the f64 model for σ ≥ 1e-5, that times √(1e-5/σ) below and times width / height of a wide image, where
-//! positions are a few units, lie between near and far, and γ (far - near) ≥ 1e-4 world units. A triangle's silhouette keeps
-//! that promise however thin it is; colour, depth and normals do where no triangle is thin, since barycentrics are distances
-//! over heights. Gradients are within 1e-3 of their norm, times √(1e-5/σ) too; composited, those by colours are within 6e-8 of
-//! the upstream weights where that is more, which is the last bit of a silhouette.
+//! Every case has values in range and the same bits in a second run. Accuracy is promised where positions are a few units
+//! and lie between near and far, and γ (far - near) ≥ 1e-4 world units. There, images are within 2e-5 of the f64 model for
+//! σ ≥ 1e-5. For smaller σ the tolerance grows by √(1e-5/σ), and for a wide image by width / height. The silhouette keeps
+//! this promise for thin triangles too; colour, depth and normals keep it only where no triangle is thin, because
+//! barycentrics are distances divided by heights. Gradients are within 1e-3 of their norm, times √(1e-5/σ). Over a
+//! composite background, gradients by colours are within 6e-8 of the norm of the upstream weights where that is more: it is
+//! the last bit of a silhouette.
 
 use super::draw::Case;
 use crate::random::Random;
@@ -16,35 +17,38 @@ use softras::{Frame, Gradients, Image, ImageGradient, Result};
 /// What is promised of a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Promise {
-    /// Values in range, the same bits again: always.
+    /// Values are in range and a second run gives the same bits; promised of every case.
     Bounds,
-    /// And the silhouette's error.
+    /// The silhouette's error is bounded too.
     Silhouette,
-    /// And every image's error.
+    /// The error of every image is bounded too.
     Images,
-    /// And every gradient's error.
+    /// The error of every gradient is bounded too.
     Gradients,
 }
 
-/// Pixels with a smaller [`ReferenceFrame::margin`] do not count: the model jumps there within the kernels' rounding.
+/// Pixels with a smaller [`ReferenceFrame::margin`] do not count: within the kernels' rounding the model is discontinuous
+/// there.
 const MARGIN: f64 = 1e-4;
 /// The same for gradients.
 const GRADIENT_MARGIN: f64 = 1e-3;
-/// The most that a gradient may be off, as a share of its L2 norm, for σ ≥ 1e-5.
+/// The tolerance of a gradient, as a share of its L2 norm, for σ ≥ 1e-5.
 const GRADIENT: f64 = 1e-3;
 
-/// How much more than usual rounding counts: a distance's is that of the corners, and x = d²/σ has 1/√σ of it.
+/// The factor on tolerances for small σ: the rounding error of a distance is that of the corners, and x = d²/σ magnifies
+/// it by 1/√σ.
 fn sharpness(case: &Case) -> f64 {
     (1e-5 / case.settings.sigma).sqrt().max(1.0)
 }
 
-/// The most that an image's value may be off, in units of max(1, |value|). Corners lie as far out as the image is wide.
+/// The tolerance of an image's value, in units of max(1, |value|). It grows with the aspect, because the corners of a wide
+/// image have larger coordinates.
 pub(super) fn tolerance(case: &Case) -> f64 {
     let aspect = f64::from(case.settings.width) / f64::from(case.settings.height);
     2e-5 * sharpness(case) * aspect.max(1.0)
 }
 
-/// The most that a gradient may be off, as a share of its L2 norm.
+/// The tolerance of a gradient, as a share of its L2 norm.
 pub(super) fn gradient_tolerance(case: &Case) -> f64 {
     GRADIENT * sharpness(case)
 }
@@ -54,7 +58,7 @@ fn worst(image: Option<&Image>, expected: &[f64], margin: &[f64]) -> f64 {
     worst_in(image, expected, margin, |_| 1.0)
 }
 
-/// The same in units of max(`unit` of the value's index, |value|).
+/// The largest error of an image, in units of max(`unit` of the value's index, |value|).
 fn worst_in(image: Option<&Image>, expected: &[f64], margin: &[f64], unit: impl Fn(usize) -> f64) -> f64 {
     let Some(image) = image else { return 0.0 };
     if image.data.len() != expected.len() {
@@ -68,29 +72,29 @@ fn worst_in(image: Option<&Image>, expected: &[f64], margin: &[f64], unit: impl 
     })
 }
 
-/// The largest error of the silhouette, and of any image.
-pub(super) fn errors(frame: &Frame, judge: &ReferenceFrame, settings: &Settings) -> [f64; 2] {
-    let silhouette = worst(frame.silhouette(), &judge.silhouette, &judge.margin);
-    let others = [(frame.color(), &judge.color), (frame.normal(), &judge.normal)];
-    let all = others.map(|(image, expected)| worst(image, expected, &judge.margin));
-    // Composited, a depth is the silhouette times that of what is seen, which is its unit.
+/// The largest error of the silhouette, and the largest error of any image.
+pub(super) fn errors(frame: &Frame, reference: &ReferenceFrame, settings: &Settings) -> [f64; 2] {
+    let silhouette = worst(frame.silhouette(), &reference.silhouette, &reference.margin);
+    let others = [(frame.color(), &reference.color), (frame.normal(), &reference.normal)];
+    let all = others.map(|(image, expected)| worst(image, expected, &reference.margin));
+    // Over a composite background, a depth is the silhouette times the depth that is seen; the latter is the unit.
     let shown = |i: usize| match settings.background {
-        Background::Composite => judge.depth[i] / judge.silhouette.get(i).copied().unwrap_or(1.0).max(1e-6),
+        Background::Composite => reference.depth[i] / reference.silhouette.get(i).copied().unwrap_or(1.0).max(1e-6),
         Background::Weighted => 1.0,
     };
-    let depth = worst_in(frame.depth(), &judge.depth, &judge.margin, |i| shown(i).max(1.0));
+    let depth = worst_in(frame.depth(), &reference.depth, &reference.margin, |i| shown(i).max(1.0));
     [silhouette, all.into_iter().fold(silhouette.max(depth), f64::max)]
 }
 
-/// The largest error of any image of a frame against the judge, in units of max(1, |value|).
+/// The largest error of any image of a frame against the reference, in units of max(1, |value|).
 ///
 /// # Errors
-/// As [`reference::render`].
+/// As [`softras::reference::render`].
 pub fn image_error(frame: &Frame, case: &Case) -> Result<f64> {
     Ok(errors(frame, &render_culled(&case.scene, &case.cameras, &case.settings)?, &case.settings)[1])
 }
 
-/// A random weight in [-1, 1) for every value of the images; 0 where the margin is too small.
+/// A random weight in [-1, 1) for every value of the images, 0 where the margin is too small.
 pub(super) fn upstream(case: &Case, margin: Option<&[f64]>) -> ImageGradient {
     let (height, width) = (case.settings.height as usize, case.settings.width as usize);
     let random = &mut Random::new(case.seed ^ 0x5eed);
@@ -111,7 +115,7 @@ pub(super) fn upstream(case: &Case, margin: Option<&[f64]>) -> ImageGradient {
     }
 }
 
-/// [`upstream`] of cases that are one batch.
+/// The [`upstream`] weights of several cases as one batch.
 pub(super) fn upstream_of(cases: &[Case]) -> ImageGradient {
     let mut all = cases.iter().map(|case| upstream(case, None));
     let mut sum = all.next().unwrap_or_default();
@@ -132,34 +136,37 @@ fn append(to: &mut Option<Image>, image: Option<Image>) {
     }
 }
 
-/// The worst gradient's name and |ours - judge| / |judge|, where a gradient that cancelled by chance is held to a tenth of
-/// its usual size over other signs of the weights, and one that is nothing to a thousandth of the weights in its unit.
+/// The worst gradient's name and its error |ours - reference| / |reference|. The divisor has a floor: a tenth of the usual
+/// norm of that gradient over other signs of the weights, for gradients that cancel by chance, and a thousandth of the
+/// weights in the gradient's unit, for gradients that vanish.
 ///
 /// # Errors
-/// As [`reference::gradient`].
+/// As [`softras::reference::gradient`].
 pub(super) fn gradient_error(case: &Case, upstream: &ImageGradient, ours: &Gradients) -> Result<(&'static str, f64)> {
-    let judge = judged(case, upstream)?;
-    let groups = groups(case, ours, &judge);
-    let strict = groups.iter().map(|(name, ours, judge)| (*name, relative(ours, judge, 0.0)));
+    let reference = reference_gradient(case, upstream)?;
+    let groups = groups(case, ours, &reference);
+    let strict = groups.iter().map(|(name, ours, reference)| (*name, relative(ours, reference, 0.0)));
     let worst = most(strict);
     if worst.1 <= gradient_tolerance(case) {
         return Ok(worst);
     }
     let mut usual = vec![0.0; groups.len()];
     for round in 0..4 {
-        let other = groups_of(case, &judged(case, &with_signs(upstream, round))?);
+        let other = groups_of(case, &reference_gradient(case, &with_signs(upstream, round))?);
         usual.iter_mut().zip(&other).for_each(|(sum, (_, values))| *sum += norm(values).powi(2) / 4.0);
     }
     let weights = norm(&flat(upstream));
     let floors = groups.iter().zip(usual).map(|(g, usual)| (0.1 * usual.sqrt()).max(least(case, g.0, weights)));
-    Ok(most(groups.iter().zip(floors).map(|((name, ours, judge), floor)| (*name, relative(ours, judge, floor)))))
+    Ok(most(
+        groups.iter().zip(floors).map(|((name, ours, reference), floor)| (*name, relative(ours, reference, floor))),
+    ))
 }
 
 fn most(errors: impl Iterator<Item = (&'static str, f64)>) -> (&'static str, f64) {
     errors.fold(("none", 0.0), |a, b| if b.1 > a.1 || b.1.is_nan() { b } else { a })
 }
 
-fn judged(case: &Case, upstream: &ImageGradient) -> Result<ReferenceGradients> {
+fn reference_gradient(case: &Case, upstream: &ImageGradient) -> Result<ReferenceGradients> {
     let wide = |image: &Option<Image>| image.as_ref().map(|i| i.data.iter().map(|&x| f64::from(x)).collect());
     let upstream = Upstream {
         d_color: wide(&upstream.color),
@@ -172,25 +179,25 @@ fn judged(case: &Case, upstream: &ImageGradient) -> Result<ReferenceGradients> {
 
 type Values = (&'static str, Vec<f64>);
 
-fn groups_of(case: &Case, judge: &ReferenceGradients) -> Vec<Values> {
+fn groups_of(case: &Case, reference: &ReferenceGradients) -> Vec<Values> {
     let texels = match case.scene.meshes[0].appearance() {
-        Appearance::Textured { .. } => judge.texture_texels(0, 0),
-        _ => judge.surface_texels(0),
+        Appearance::Textured { .. } => reference.texture_texels(0, 0),
+        _ => reference.surface_texels(0),
     };
     vec![
-        ("positions", judge.positions(0).to_vec()),
-        ("colors", judge.colors(0).to_vec()),
+        ("positions", reference.positions(0).to_vec()),
+        ("colors", reference.colors(0).to_vec()),
         ("texels", texels.to_vec()),
-        ("UVs", judge.uvs(0).to_vec()),
-        ("twist", judge.twist(0).to_vec()),
-        ("background", judge.background().to_vec()),
-        ("sigma", vec![judge.sigma()]),
-        ("gamma", vec![judge.gamma()]),
-        ("epsilon", vec![judge.epsilon()]),
+        ("UVs", reference.uvs(0).to_vec()),
+        ("twist", reference.twist(0).to_vec()),
+        ("background", reference.background().to_vec()),
+        ("sigma", vec![reference.sigma()]),
+        ("gamma", vec![reference.gamma()]),
+        ("epsilon", vec![reference.epsilon()]),
     ]
 }
 
-fn groups(case: &Case, ours: &Gradients, judge: &ReferenceGradients) -> Vec<(&'static str, Vec<f64>, Vec<f64>)> {
+fn groups(case: &Case, ours: &Gradients, reference: &ReferenceGradients) -> Vec<(&'static str, Vec<f64>, Vec<f64>)> {
     let wide = |values: &[f32]| values.iter().map(|&x| f64::from(x)).collect::<Vec<f64>>();
     let mesh = ours.meshes.first().cloned().unwrap_or_default();
     let texels = mesh.texture_texels.first().unwrap_or(&mesh.surface_texels);
@@ -205,26 +212,27 @@ fn groups(case: &Case, ours: &Gradients, judge: &ReferenceGradients) -> Vec<(&'s
         vec![ours.gamma],
         vec![ours.epsilon],
     ];
-    groups_of(case, judge).into_iter().zip(ours).map(|((name, judge), ours)| (name, ours, judge)).collect()
+    groups_of(case, reference).into_iter().zip(ours).map(|((name, reference), ours)| (name, ours, reference)).collect()
 }
 
 fn norm(values: &[f64]) -> f64 {
     values.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-fn relative(ours: &[f64], judge: &[f64], floor: f64) -> f64 {
-    if ours.len() != judge.len() {
+fn relative(ours: &[f64], reference: &[f64], floor: f64) -> f64 {
+    if ours.len() != reference.len() {
         return f64::INFINITY;
     }
-    let difference = norm(&ours.iter().zip(judge).map(|(a, b)| a - b).collect::<Vec<_>>());
-    if difference == 0.0 { 0.0 } else { difference / norm(judge).max(floor) }
+    let difference = norm(&ours.iter().zip(reference).map(|(a, b)| a - b).collect::<Vec<_>>());
+    if difference == 0.0 { 0.0 } else { difference / norm(reference).max(floor) }
 }
 
-/// What a gradient is not held below, for upstream weights of that norm.
+/// The floor of the divisor of a gradient's error, for upstream weights of the given norm.
 fn least(case: &Case, name: &str, weights: f64) -> f64 {
     let nothing = 1e-3 * weights * unit(case, name);
     let composited = case.settings.background == Background::Composite && case.settings.outputs.color;
-    // Composited, colours are times A = 1 - Π(1 - D), of which single precision knows the last bit of 1 and no more.
+    // Over a composite background, colours are multiplied by A = 1 - Π(1 - D), whose absolute error in single precision is
+    // the last bit of 1.
     if composited && matches!(name, "colors" | "texels") {
         nothing.max(weights * f64::from(f32::EPSILON) / 2.0 / GRADIENT)
     } else {
@@ -232,8 +240,8 @@ fn least(case: &Case, name: &str, weights: f64) -> f64 {
     }
 }
 
-/// What a gradient is of when all of an image changes by as much as it may: log weights are ζ / γ, distances are in units
-/// of √σ.
+/// The size of a gradient when an image changes by its whole range: log weights are ζ / γ, and distances are in units of
+/// √σ.
 fn unit(case: &Case, name: &str) -> f64 {
     let s = &case.settings;
     let deepest = if s.outputs.depth { s.far.min(10.0) } else { 1.0 };

@@ -1,30 +1,31 @@
-//! One case on the device, and what must hold of it.
+//! Runs cases on the device and checks what must hold of them.
 
+use super::bits::{bits, gradient_bits, not_finite};
 use super::draw::{Case, Kind};
 use super::promise::{self, Promise};
+use super::range::{Hull, bounds, color_hull};
 use softras::reference::render_culled;
-use softras::scene::{Appearance, Lights, Parity};
-use softras::{Camera, Frame, Gradients, Image, Renderer, RendererOptions, Scene, Settings, Wanted};
+use softras::{Camera, Frame, Gradients, Renderer, RendererOptions, Scene, Wanted};
 use softras::{Error, Result};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// Something that must not be.
+/// A violation of what must hold of every case.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
-    /// Of which kind: "panic", "not finite", "range", "bits", "error", "image", "gradient", "judge" or "validation".
+    /// Its kind: "panic", "not finite", "range", "bits", "error", "image", "gradient", "reference" or "validation".
     pub kind: &'static str,
-    /// What and where.
+    /// What was found and where.
     pub what: String,
 }
 
-/// What came of a case.
+/// The result of running a case.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Outcome {
-    /// The kind of error with which it was refused, where it was.
+    /// The kind of error with which the case was refused, if it was.
     pub refused: Option<&'static str>,
-    /// What must not be.
+    /// The violations.
     pub findings: Vec<Finding>,
-    /// The largest error of what is promised of its images, in units of the tolerance; `None` without a promise.
+    /// The largest error of the images that have a promise, in units of the tolerance; `None` without a promise.
     pub image_error: Option<f64>,
     /// The largest relative error of its gradients, where they were compared.
     pub gradient_error: Option<f64>,
@@ -33,12 +34,12 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    fn find(&mut self, kind: &'static str, what: impl Into<String>) {
+    pub(super) fn find(&mut self, kind: &'static str, what: impl Into<String>) {
         self.findings.push(Finding { kind, what: what.into() });
     }
 }
 
-/// A renderer that is put to every case in turn.
+/// A renderer that runs one case after another.
 #[derive(Debug)]
 pub struct Stress {
     renderer: Renderer,
@@ -68,7 +69,8 @@ impl Stress {
     }
 
     /// Draws and runs the cases of a seed; see [`super::batch`]. All are rendered and differentiated twice as one batch, and
-    /// one of them is run by itself, against the judge as well. Where the batch is refused each is run by itself.
+    /// one of them is run by itself and compared with the reference as well. Where the batch is refused each case is run by
+    /// itself.
     ///
     /// # Errors
     /// As [`Stress::seed`].
@@ -90,9 +92,9 @@ impl Stress {
         Ok(outcomes)
     }
 
-    /// Runs cases of the same settings as one batch, or both halves of one that is refused.
+    /// Runs cases of the same settings as one batch; a batch that is refused is split in halves.
     fn together(&mut self, cases: &[Case]) -> Result<Vec<Outcome>> {
-        let outcome = self.caught(|renderer| judge_batch(renderer, cases))?;
+        let outcome = self.caught(|renderer| check_batch(renderer, cases))?;
         if outcome.refused.is_some() && cases.len() > 1 {
             if softras::internals::validate::settings(&cases[0].settings).is_err() {
                 return Ok(vec![outcome; cases.len()]);
@@ -101,7 +103,7 @@ impl Stress {
             let low = self.together(low)?;
             return Ok(low.into_iter().chain(self.together(high)?).collect());
         }
-        // One of them in full, another one of every batch.
+        // One case of each batch is checked in full; which one depends on the seed.
         let alone = self.run(&cases[(cases[0].seed / 64) as usize % cases.len()])?;
         let findings = outcome.findings.into_iter().chain(alone.findings.iter().cloned()).collect();
         let mut outcomes = vec![Outcome::default(); cases.len() - 1];
@@ -114,16 +116,16 @@ impl Stress {
     /// # Errors
     /// When the device cannot be opened again after a panic.
     pub fn run(&mut self, case: &Case) -> Result<Outcome> {
-        self.caught(|renderer| judge(renderer, case))
+        self.caught(|renderer| check(renderer, case))
     }
 
-    /// What work with the renderer makes of a case; panics and what the validation layers say are findings.
+    /// Calls `work` with the renderer; panics and messages of the validation layers become findings.
     fn caught(&mut self, work: impl FnOnce(&mut Renderer) -> Outcome) -> Result<Outcome> {
         let renderer = &mut self.renderer;
         let mut outcome = match catch_unwind(AssertUnwindSafe(|| work(renderer))) {
             Ok(outcome) => outcome,
             Err(panic) => {
-                // What is left of that renderer is anyone's guess.
+                // After a panic the renderer's state is unknown, so it is replaced.
                 self.renderer = Renderer::with_options(&self.options)?;
                 self.messages = 0;
                 panicked(&*panic)
@@ -149,7 +151,7 @@ fn panicked(panic: &(dyn std::any::Any + Send)) -> Outcome {
     outcome
 }
 
-/// A case may be refused for what it is, not for what the device or this crate did.
+/// The outcome of an error: a refusal when the case itself is at fault, a finding when the device or this crate is.
 fn refused(error: &Error) -> Outcome {
     let kind = match error {
         Error::Mesh { .. } => "mesh",
@@ -168,7 +170,7 @@ fn refused(error: &Error) -> Outcome {
     Outcome { refused: Some(kind), ..Outcome::default() }
 }
 
-fn judge(renderer: &mut Renderer, case: &Case) -> Outcome {
+fn check(renderer: &mut Renderer, case: &Case) -> Outcome {
     let first = match renderer.render(&case.scene, &case.cameras, &case.settings) {
         Ok(frame) => frame,
         Err(error) => return refused(&error),
@@ -180,8 +182,8 @@ fn judge(renderer: &mut Renderer, case: &Case) -> Outcome {
     outcome
 }
 
-/// All cases as one batch, twice.
-fn judge_batch(renderer: &mut Renderer, cases: &[Case]) -> Outcome {
+/// Renders and differentiates all cases as one batch, twice.
+fn check_batch(renderer: &mut Renderer, cases: &[Case]) -> Outcome {
     let Some(one) = cases.first() else { return Outcome::default() };
     let scene = Scene {
         meshes: cases.iter().flat_map(|case| case.scene.meshes.clone()).collect(),
@@ -218,28 +220,28 @@ fn same_bits(a: &Frame, b: &Frame, gradients_a: &Gradients, gradients_b: &Gradie
     }
 }
 
-/// The images against the judge's; its margin comes back.
+/// Compares the images with the reference's and returns the reference's margin.
 fn images(case: &Case, frame: &Frame, outcome: &mut Outcome) -> Option<Vec<f64>> {
-    // Three quarters of the cases without a promise are spared the judge's time.
+    // The reference is slow, so it runs for a quarter of the cases without a promise only.
     if case.promise == Promise::Bounds && !case.seed.is_multiple_of(4) {
         return None;
     }
-    let judge = match render_culled(&case.scene, &case.cameras, &case.settings) {
-        Ok(judge) => judge,
+    let reference = match render_culled(&case.scene, &case.cameras, &case.settings) {
+        Ok(reference) => reference,
         Err(error) => {
-            outcome.find("judge", error.to_string());
+            outcome.find("reference", error.to_string());
             return None;
         }
     };
-    let values = [&judge.color, &judge.silhouette, &judge.depth, &judge.normal];
+    let values = [&reference.color, &reference.silhouette, &reference.depth, &reference.normal];
     if values.into_iter().flatten().any(|x| !x.is_finite()) {
-        outcome.find("judge", "a value of the f64 judge's image is not finite");
+        outcome.find("reference", "a value of the f64 reference's image is not finite");
     }
-    let [silhouette, all] = promise::errors(frame, &judge, &case.settings);
+    let [silhouette, all] = promise::errors(frame, &reference, &case.settings);
     let promised = match case.promise {
         Promise::Bounds => {
             outcome.unpromised_error = Some(all);
-            return Some(judge.margin);
+            return Some(reference.margin);
         }
         Promise::Silhouette => silhouette,
         Promise::Images | Promise::Gradients => all,
@@ -249,10 +251,10 @@ fn images(case: &Case, frame: &Frame, outcome: &mut Outcome) -> Option<Vec<f64>>
     if error > 1.0 {
         outcome.find("image", format!("an image is off by {promised:.1e}, {error:.1} times what is promised"));
     }
-    Some(judge.margin)
+    Some(reference.margin)
 }
 
-/// Backward, all of it again, and the gradients against the judge's where they are promised.
+/// Differentiates the frame, repeats the whole run, and compares promised gradients with the reference's.
 fn gradients(renderer: &mut Renderer, case: &Case, frame: &Frame, margin: Option<&[f64]>, outcome: &mut Outcome) {
     let upstream = promise::upstream(case, margin);
     let wanted = Wanted { mode: case.gradient, ..Wanted::ALL };
@@ -281,154 +283,14 @@ fn gradients(renderer: &mut Renderer, case: &Case, frame: &Frame, margin: Option
                     outcome.find("gradient", format!("by {name} is off by {error:.1e} of its norm"));
                 }
             }
-            Err(error) => outcome.find("judge", error.to_string()),
+            Err(error) => outcome.find("reference", error.to_string()),
         }
     }
-}
-
-/// Of each channel the least and the most there can be.
-type Hull = [[f64; 2]; 3];
-
-/// Every value finite and in its range: colours within each view's hull, silhouettes in [0, 1], depths in [0, far],
-/// normals no longer than 1.
-fn bounds(frame: &Frame, settings: &Settings, hulls: &[Hull], outcome: &mut Outcome) {
-    for (name, image, ranges) in [
-        ("color", frame.color(), hulls),
-        ("silhouette", frame.silhouette(), &[[[0.0, 1.0]; 3]]),
-        ("depth", frame.depth(), &[[[0.0, settings.far]; 3]]),
-        ("normal", frame.normal(), &[[[-1.0, 1.0]; 3]]),
-    ] {
-        let Some(image) = image else { continue };
-        if let Some(i) = image.data.iter().position(|x| !x.is_finite()) {
-            outcome.find("not finite", format!("{name}, value {i} is {}", image.data[i]));
-        } else if let Some((i, [low, high])) = outside(image, ranges, name != "silhouette") {
-            outcome.find("range", format!("{name}, value {i} is {}, not in {low} to {high}", image.data[i]));
-        }
-    }
-}
-
-/// The first value that is not in its channel's range, of each view or of all, which rounding may exceed where `rounded`.
-fn outside(image: &Image, hulls: &[Hull], rounded: bool) -> Option<(usize, [f64; 2])> {
-    let size = (image.data.len() / hulls.len()).max(1);
-    for ((view, values), hull) in image.data.chunks(size).enumerate().zip(hulls) {
-        for (i, (&x, [low, high])) in values.iter().zip(hull.iter().take(image.channels).cycle()).enumerate() {
-            let slack = if rounded { 1e-5 * low.abs().max(high.abs()) } else { 0.0 };
-            if f64::from(x) < low - slack || f64::from(x) > high + slack {
-                return Some((view * size + i, [*low, *high]));
-            }
-        }
-    }
-    None
-}
-
-/// For each channel the least and the most of the background and of all colours under all lights.
-fn color_hull(case: &Case) -> Hull {
-    let colors: Vec<[f32; 3]> = case.scene.meshes.iter().flat_map(|mesh| colors_of(mesh.appearance())).collect();
-    std::array::from_fn(|channel| {
-        let light = light_hull(&case.scene.lights, channel);
-        let lit = colors.iter().flat_map(|c| light.map(|light| f64::from(c[channel]) * light));
-        let background = case.settings.background_color[channel];
-        // The official lookup finds nothing behind the last triangle's cells.
-        let nothing = (case.settings.parity == Parity::Official).then_some(0.0);
-        lit.chain(nothing).fold([background; 2], |[low, high], x| [low.min(x), high.max(x)])
-    })
-}
-
-fn colors_of(appearance: &Appearance) -> Vec<[f32; 3]> {
-    match appearance {
-        Appearance::Uniform(color) => vec![*color],
-        Appearance::VertexColors(colors) => colors.clone(),
-        Appearance::Surface { texels, .. } => texels.clone(),
-        Appearance::Textured { textures, .. } => textures.iter().flat_map(|t| t.texels().to_vec()).collect(),
-    }
-}
-
-/// Ambient alone, and with every light straight on.
-fn light_hull(lights: &Lights, channel: usize) -> [f64; 2] {
-    let ambient = lights.ambient_color[channel] * lights.ambient_intensity;
-    let direct: f64 = lights.directional.iter().map(|light| light.color[channel] * light.intensity).sum();
-    [ambient, ambient + direct]
-}
-
-fn bits(frame: &Frame) -> impl Iterator<Item = u32> {
-    let images = [frame.color(), frame.silhouette(), frame.depth(), frame.normal()];
-    images.into_iter().flatten().flat_map(|image| image.data.iter().map(|x| x.to_bits()))
-}
-
-/// The single-precision gradients by name.
-fn arrays(gradients: &Gradients) -> Vec<(&'static str, &[f32])> {
-    let meshes = gradients.meshes.iter().flat_map(|mesh| {
-        let whole: [(&str, &[f32]); 4] = [
-            ("positions", mesh.positions.as_flattened()),
-            ("colors", mesh.colors.as_flattened()),
-            ("surface texels", mesh.surface_texels.as_flattened()),
-            ("UVs", mesh.uvs.as_flattened()),
-        ];
-        whole.into_iter().chain(mesh.texture_texels.iter().map(|t| ("texture texels", t.as_flattened())))
-    });
-    meshes.collect()
-}
-
-/// The others by name.
-fn numbers(gradients: &Gradients) -> Vec<(&'static str, f64)> {
-    let mut all = vec![("sigma", gradients.sigma), ("gamma", gradients.gamma), ("epsilon", gradients.epsilon)];
-    all.extend(gradients.background_color.map(|x| ("background", x)));
-    for camera in &gradients.cameras {
-        all.extend(camera.twist.map(|x| ("the camera's twist", x)));
-        all.extend(camera.projection.map(|x| ("the projection", x)));
-    }
-    if let Some(lights) = &gradients.lights {
-        all.extend(lights.ambient_color.map(|x| ("ambient colour", x)));
-        all.push(("ambient intensity", lights.ambient_intensity));
-        for (direction, color, intensity) in &lights.directional {
-            all.extend(direction.map(|x| ("a light's direction", x)));
-            all.extend(color.map(|x| ("a light's colour", x)));
-            all.push(("a light's intensity", *intensity));
-        }
-    }
-    all
-}
-
-fn not_finite(gradients: &Gradients) -> Option<String> {
-    let array = arrays(gradients).into_iter().find_map(|(name, values)| {
-        let i = values.iter().position(|x| !x.is_finite())?;
-        Some(format!("{name}, value {i} is {}", values[i]))
-    });
-    array.or_else(|| numbers(gradients).into_iter().find(|(_, x)| !x.is_finite()).map(|(n, x)| format!("{n} is {x}")))
-}
-
-fn gradient_bits(gradients: &Gradients) -> impl Iterator<Item = u64> {
-    let arrays = arrays(gradients).into_iter().flat_map(|(_, values)| values.iter().map(|x| x.to_bits().into()));
-    arrays.chain(numbers(gradients).into_iter().map(|(_, x)| x.to_bits()))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn values_out_of_range_are_found() {
-        let image = |data: Vec<f32>| Image { batch: 1, height: 1, width: data.len(), channels: 1, data };
-        assert_eq!(outside(&image(vec![0.0, 1.0]), &[[[0.0, 1.0]; 3]], false), None);
-        assert_eq!(outside(&image(vec![0.0, 1.0000001]), &[[[0.0, 1.0]; 3]], false), Some((1, [0.0, 1.0])));
-        assert_eq!(outside(&image(vec![-1e-7]), &[[[0.0, 1.0]; 3]], true), None);
-        let (narrow, wide) = ([[0.0, 1.0]; 3], [[0.0, 2.0]; 3]);
-        assert_eq!(outside(&image(vec![1.0, 1.5, 1.5, 1.5]), &[narrow, wide], true), Some((1, [0.0, 1.0])));
-        assert_eq!(outside(&image(vec![1.0, 1.0, 1.5, 1.5]), &[narrow, wide], true), None);
-        assert_eq!(outside(&image(vec![1.1]), &[[[0.0, 1.0]; 3]], true), Some((0, [0.0, 1.0])));
-    }
-
-    #[test]
-    fn gradients_that_are_not_numbers_are_found() {
-        let mut gradients = Gradients::default();
-        assert_eq!(not_finite(&gradients), None);
-        gradients.sigma = f64::NAN;
-        assert!(not_finite(&gradients).is_some_and(|text| text.contains("sigma")));
-        gradients.sigma = 0.0;
-        let same = gradients.clone();
-        gradients.gamma = -0.0;
-        assert!(!gradient_bits(&gradients).eq(gradient_bits(&same)) && gradient_bits(&same).eq(gradient_bits(&same)));
-    }
 
     #[test]
     fn what_the_device_did_is_no_refusal() {

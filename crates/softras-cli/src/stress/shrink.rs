@@ -1,4 +1,4 @@
-//! The least scene that still shows a finding.
+//! Reduces a scene to the fewest triangles that still show a finding.
 
 use super::draw::Case;
 use super::run::Stress;
@@ -6,7 +6,7 @@ use softras::Result;
 use softras::scene::Appearance;
 use softras::{Mesh, Scene};
 
-/// The mesh with only these of its triangles, and only their vertices.
+/// The mesh with the given triangles only, and only the vertices that they use.
 fn part_of(mesh: &Mesh, kept: &[usize]) -> Result<Mesh> {
     let mut vertices: Vec<u32> = kept.iter().flat_map(|&t| mesh.triangles()[t]).collect();
     vertices.sort_unstable();
@@ -35,7 +35,8 @@ fn part_of(mesh: &Mesh, kept: &[usize]) -> Result<Mesh> {
 }
 
 impl Stress {
-    /// Leaves out triangles, halves first and one by one at last, as long as the case still has a finding of that kind.
+    /// Leaves out triangles, first half of them and at last one at a time, as long as the case still has a finding of that
+    /// kind.
     ///
     /// # Errors
     /// As [`Stress::run`].

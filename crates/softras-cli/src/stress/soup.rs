@@ -1,38 +1,38 @@
-//! Triangles that hurt: without area, thin, doubled, coincident, through each other, huge, on pixel centres and borders.
+//! Difficult triangles: without area, thin, doubled, coincident, intersecting, huge, on pixel centres and borders.
 
 use crate::random::Random;
 use glam::{DQuat, DVec3};
 use softras::{Mesh, Result, Settings, shapes};
 
-/// Where triangles are put so that the camera sees some of them.
+/// The space that triangles are placed in so that the camera sees some of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Place {
-    /// About the origin.
+    /// Around the origin of the world.
     World,
-    /// Before a camera at the origin that looks along +z.
+    /// In front of a camera at the origin that looks along +z.
     View,
     /// In screen units, z the depth.
     Screen,
 }
 
-/// A mesh in the making.
+/// A mesh under construction.
 pub(super) struct Soup {
     positions: Vec<[f32; 3]>,
     triangles: Vec<[u32; 3]>,
-    /// Some triangle is so thin that f32 barycentrics say little.
+    /// Some triangle is so thin that its f32 barycentrics are inaccurate.
     pub thin: bool,
-    /// Some derivative has two sides: where corners are one point, or a pixel's centre lies on an edge.
+    /// Some derivative is one-sided: corners coincide, or a pixel's centre lies on an edge.
     pub kinked: bool,
 }
 
 impl Soup {
-    /// As a mesh.
+    /// Makes the mesh.
     pub fn mesh(self) -> Result<Mesh> {
         Mesh::new(self.positions, self.triangles)
     }
 
-    /// One of the library's shapes where the camera looks, its vertices moved a little: so that it is a surface whose
-    /// triangles share their corners, yet none is like another. Some are seen from their edge, as thin ones.
+    /// Adds one of the library's shapes where the camera looks, its vertices moved a little: a surface whose triangles
+    /// share their corners, though no two triangles are alike. Some are seen edge-on, as thin triangles.
     pub fn add_surface(&mut self, random: &mut Random, settings: &Settings, place: Place) -> Result<()> {
         let shape = match random.below(4) {
             0 => shapes::fish(),
@@ -70,10 +70,10 @@ impl Soup {
     }
 }
 
-/// `count` triangles; tame ones lie between near and far and within a few units.
+/// Draws `count` triangles; tame ones lie between near and far and within a few units.
 pub(super) fn soup(random: &mut Random, settings: &Settings, place: Place, count: usize, tame: bool) -> Soup {
     let mut soup = Soup { positions: Vec::new(), triangles: Vec::new(), thin: false, kinked: false };
-    // All of a scene at one scale, or each triangle at its own.
+    // One scale for the whole scene, or one for each triangle.
     let scale = if tame || random.chance(0.6) { 1.0 } else { random.log_range(1e-20, 1e20) };
     let mixed = !tame && random.chance(0.2);
     for _ in 0..count {
@@ -87,13 +87,13 @@ pub(super) fn soup(random: &mut Random, settings: &Settings, place: Place, count
                 soup.thin = true;
                 needle(random, plain, tame)
             }
-            // The same again, from the same vertices.
+            // An earlier triangle again, with the same vertices.
             2 if !soup.triangles.is_empty() => {
                 let same = soup.triangles[random.below(soup.triangles.len())];
                 soup.triangles.push(same);
                 continue;
             }
-            // In the plane of the last, and through the middle of the last.
+            // In the plane of the last triangle, or through its middle.
             3 => soup.last().map_or(plain, |last| last.map(|p| p + (last[1] - last[0]) * 0.25)),
             4 => soup.last().map_or(plain, |last| piercing(random, last)),
             5 if place == Place::Screen => {
@@ -109,7 +109,7 @@ pub(super) fn soup(random: &mut Random, settings: &Settings, place: Place, count
             _ => plain,
         };
         let scale = if mixed { random.log_range(1e-20, 1e20) } else { scale };
-        // What the mesh's judge refuses, once in a while.
+        // Once in a while positions that `Mesh::new` must refuse.
         let limit = DVec3::splat(if random.chance(1e-3) { 1e39 } else { Mesh::FARTHEST.into() });
         soup.push(corners.map(|p| (p * scale).clamp(-limit, limit)));
         soup.thin |= tame && soup.last().is_some_and(|corners| is_thin(corners, place));
@@ -117,7 +117,8 @@ pub(super) fn soup(random: &mut Random, settings: &Settings, place: Place, count
     soup
 }
 
-/// Whether a triangle with an area is lower than a hundredth of its longest edge, which barycentrics are divided by.
+/// Whether a triangle that has an area has a height, by which barycentrics are divided, of less than a hundredth of its
+/// longest edge.
 fn is_thin(corners: [DVec3; 3], place: Place) -> bool {
     let [a, b, c] = corners.map(|p| if place == Place::World { p } else { p.with_z(0.0) });
     let longest = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
@@ -125,7 +126,7 @@ fn is_thin(corners: [DVec3; 3], place: Place) -> bool {
     area > 1e-9 * longest && area < 1e-2 * longest
 }
 
-/// An everyday triangle where the camera looks.
+/// An ordinary triangle where the camera looks.
 fn plain(random: &mut Random, settings: &Settings, place: Place) -> [DVec3; 3] {
     let size = random.log_range(0.01, 1.0);
     match place {
@@ -148,7 +149,7 @@ fn plain(random: &mut Random, settings: &Settings, place: Place) -> [DVec3; 3] {
     }
 }
 
-/// A segment or a point.
+/// A triangle that is a segment or a point.
 fn degenerate(random: &mut Random, [a, b, c]: [DVec3; 3], tame: bool) -> [DVec3; 3] {
     match random.below(if tame { 4 } else { 6 }) {
         0 => [a, a, b],
@@ -183,7 +184,7 @@ fn on_grid(random: &mut Random, settings: &Settings, p: DVec3) -> DVec3 {
     }
 }
 
-/// A corner on the camera's plane, just about it, on the near or the far plane, or behind.
+/// Moves corners onto the camera's plane, close to it, onto the near or far plane, or behind the camera.
 fn special_depth(random: &mut Random, settings: &Settings, mut corners: [DVec3; 3]) -> [DVec3; 3] {
     for corner in &mut corners[..1 + random.below(3)] {
         let around = if random.chance(0.3) { 1.0 + random.range(-1e-6, 1e-6) } else { 1.0 };

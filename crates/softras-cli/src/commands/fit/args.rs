@@ -1,4 +1,4 @@
-//! What `softras fit` takes.
+//! The arguments of `softras fit`.
 
 use crate::commands::parse;
 use crate::commands::render::args::Faces;
@@ -19,11 +19,11 @@ Views and cameras:
   CAMERAS.npy  [N, 3]: distance, elevation, azimuth in degrees, looking at the origin: the official data, whose images
                are mirrored; [N, 4, 4]: world to view, z forward
   FOLDER       PNG files and cameras.json: a list of objects with \"file\" and either \"eye\" (and \"target\", \"up\")
-               or \"distance\", \"elevation\", \"azimuth\"; \"fov\" is the vertical angle of view in degrees. A PNG
-               without transparency is all silhouette where it is not black.
-  --from MESH  renders the views itself, all around the mesh, and reports the 3D IoU with it
+               or \"distance\", \"elevation\", \"azimuth\"; \"fov\" is the vertical angle of view in degrees. The
+               silhouette of a PNG without transparency is every pixel that is not black.
+  --from MESH  renders the views from all around the mesh, and reports the 3D IoU with it
 
-Ctrl-C ends the fit and writes what there is; --checkpoint FILE with --resume goes on from there.";
+Ctrl-C ends the fit and writes the best mesh so far; --checkpoint FILE with --resume continues a fit.";
 
 /// Fit a mesh to images: its shape, and its colours with --color
 #[derive(Args, Debug)]
@@ -32,25 +32,25 @@ pub struct FitArgs {
     /// The mesh to begin with: `sphere`, or an .obj file
     #[arg(long, value_name = "sphere|MESH.obj", default_value = "sphere")]
     pub template: String,
-    /// Halvings of the sphere's edges: 3 makes 642 vertices
+    /// Subdivisions of the sphere, each of which halves its edges: 3 gives 642 vertices
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=7), default_value_t = 3)]
     pub subdivisions: u32,
     /// Images: a .npy file or a folder; with --from the number of views [default: 24]
     #[arg(long, value_name = "IMAGES.npy|FOLDER|N", required_unless_present = "from")]
     pub views: Option<String>,
-    /// Where the images were taken from: .npy or .json [default: cameras.json in the folder]
+    /// The cameras of the images: .npy or .json [default: cameras.json in the folder]
     #[arg(long, value_name = "FILE", conflicts_with = "from")]
     pub cameras: Option<PathBuf>,
-    /// Vertical angle of view of the cameras that do not say it, degrees
+    /// Vertical angle of view of cameras whose file does not give one, degrees
     #[arg(long, value_name = "DEGREES", value_parser = parse::angle_of_view, default_value_t = 30.0)]
     pub fov: f64,
-    /// Make the target images from this mesh
+    /// Render the target images from this mesh
     #[arg(long, value_name = "MESH.obj")]
     pub from: Option<PathBuf>,
-    /// Pixels of the images that --from makes
+    /// Size in pixels of the images that --from renders
     #[arg(long, value_name = "SIZE", value_parser = parse::size, default_value = "128")]
     pub size: (u32, u32),
-    /// Use every N-th view only
+    /// Use only every N-th view
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), default_value_t = 1)]
     pub view_stride: u32,
     /// The mesh to write
@@ -59,10 +59,10 @@ pub struct FitArgs {
     /// Fit the colours too: the template's texels where it has a texture, else a colour for each vertex
     #[arg(long)]
     pub color: bool,
-    /// Fit the template's texture alone: its vertices stay where they are
+    /// Fit the template's texture alone and leave its vertices as they are
     #[arg(long, conflicts_with = "subdivide_at")]
     pub texture: bool,
-    /// Read the pictures that cameras.json names from outside its folder too
+    /// Allow cameras.json to name pictures outside its folder
     #[arg(long)]
     pub allow_outside: bool,
     #[command(flatten)]
@@ -81,23 +81,23 @@ impl FitArgs {
     }
 }
 
-/// A set of defaults.
+/// The set of defaults.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Preset {
-    /// Smoothed parameters, sigma shrinking, no step that tears the surface
+    /// Smoothed parameters, a shrinking sigma, and steps that do not tear the surface
     Smooth,
-    /// The official demo: displacements in logit space, Adam at 0.01, sigma 1e-4; the template at half its size
+    /// The official demo: displacements in logit space, Adam with rate 0.01, sigma 1e-4, the template at half its size
     Official,
 }
 
-/// How far silhouettes are from their targets.
+/// The loss between silhouettes and their targets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Loss {
-    /// 1 - IoU, each view's: for masks
+    /// 1 - IoU of each view, for masks
     Iou,
-    /// The mean difference
+    /// The mean absolute difference
     L1,
-    /// The mean square difference: for targets with smooth outlines, with --samples 2 or more
+    /// The mean square difference, for targets with smooth outlines; use it with --samples 2 or more
     L2,
 }
 
@@ -112,20 +112,20 @@ impl Loss {
     }
 }
 
-/// How it is fitted.
+/// The method of the fit.
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Method")]
 pub struct MethodArgs {
-    /// Where the defaults come from
+    /// The set of defaults
     #[arg(long, value_enum, default_value = "smooth")]
     pub preset: Preset,
-    /// Steps
+    /// Number of steps
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000), default_value_t = 500)]
     pub iterations: u32,
-    /// Length of a step, from the first to the last: 0.01 or 0.02..0.002
+    /// Step length, constant or from the first to the last step: 0.01 or 0.02..0.002
     #[arg(long, value_name = "RATE", value_parser = range)]
     pub rate: Option<(f64, f64)>,
-    /// Length of a step of the colours
+    /// Step length of the colours
     #[arg(long, value_name = "RATE", value_parser = range)]
     pub color_rate: Option<(f64, f64)>,
     /// Softness of edges, screen units²: 1e-4 or 1e-4..1e-5
@@ -134,19 +134,19 @@ pub struct MethodArgs {
     /// Softness of the depth order, in units of far - near, for colours
     #[arg(long, value_name = "GAMMA", value_parser = range)]
     pub gamma: Option<(f64, f64)>,
-    /// What compares silhouettes with their targets
+    /// The loss between silhouettes and their targets
     #[arg(long, value_enum, default_value = "iou")]
     pub loss: Loss,
-    /// Take the silhouettes as masks: pixels above a half count as 1, the others as 0
+    /// Turn the target silhouettes into masks: pixels above 0.5 become 1, the others 0
     #[arg(long, conflicts_with = "samples")]
     pub masks: bool,
-    /// Which triangles are drawn: the front ones of a closed surface have the same silhouette, less enlarged by softness
+    /// Triangles to draw: all, or front faces only, whose silhouette of a closed surface is less enlarged by softness
     #[arg(long, value_enum, default_value = "both")]
     pub faces: Faces,
-    /// Pixels rendered for each of the target's along each side
+    /// Samples rendered along each side of a pixel of the target
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8))]
     pub samples: Option<u32>,
-    /// How much steps are smoothed over the surface: (I + λ L)⁻¹ [default: 5; the official preset has none]
+    /// How strongly steps are smoothed over the surface, λ of (I + λ L)⁻¹ [default: 5; none in the official preset]
     #[arg(long, value_name = "LAMBDA", value_parser = parse::positive)]
     pub smoothing: Option<f64>,
     /// Weight of the Laplacian regulariser
@@ -158,44 +158,44 @@ pub struct MethodArgs {
     /// Weight of the normal consistency regulariser
     #[arg(long, value_name = "WEIGHT", value_parser = weight)]
     pub normals: Option<f64>,
-    /// Weight of the colours' loss against the silhouettes'
+    /// Weight of the loss of colours, relative to that of silhouettes
     #[arg(long, value_name = "WEIGHT", value_parser = weight, default_value_t = 3.0)]
     pub color_weight: f64,
-    /// Take the steps on the host in double precision, where otherwise the device takes them as a whole
+    /// Compute the steps on the host in double precision in place of on the device
     #[arg(long)]
     pub host: bool,
-    /// Cut every triangle into four before these steps (several by commas)
+    /// Subdivide every triangle into four before these steps (several separated by commas)
     #[arg(long, value_name = "STEP", value_delimiter = ',')]
     pub subdivide_at: Vec<u32>,
-    /// Make even triangles of the mesh before these steps (several by commas)
+    /// Remesh to triangles of even size before these steps (several separated by commas)
     #[arg(long, value_name = "STEP", value_delimiter = ',', conflicts_with = "texture")]
     pub remesh_at: Vec<u32>,
-    /// How long the edges of --remesh-at are, in pixels of the images: 1.5 or, from the first step to the last, 2..1
+    /// Edge length for --remesh-at in pixels of the images, constant or from the first to the last step: 1.5 or 2..1
     #[arg(long, value_name = "PIXELS", value_parser = range, default_value = "1.5", requires = "remesh_at")]
     pub edge: (f64, f64),
-    /// Fit again without the schedule, without softness (sigma 1e-7), without regularisers and (with --color) without
-    /// colours, and report these too
+    /// Fit again without the schedule, without softness (sigma 1e-7), without regularisers, (with --color) without colours
+    /// and with a hard renderer's gradients, and report these fits too
     #[arg(long)]
     pub baselines: bool,
 }
 
-/// What else is written.
+/// Files besides the mesh.
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Files")]
 pub struct FileArgs {
-    /// A log of every step as JSON: losses, seconds, IoU of every view
+    /// Write a log of every step as JSON: losses, seconds, IoU of every view
     #[arg(long, value_name = "LOG.json")]
     pub json: Option<PathBuf>,
-    /// A picture of the loss by step
+    /// Write a plot of the loss by step
     #[arg(long, value_name = "FILE.png")]
     pub plot: Option<PathBuf>,
-    /// The fit as an animation, target beside it
+    /// Write the fit as an animation, with the target beside it
     #[arg(long, value_name = "FILE.gif")]
     pub gif: Option<PathBuf>,
-    /// Everything that it takes to go on, written at the end and every 100 steps
+    /// Write the state of the fit, at the end and every 100 steps, for --resume
     #[arg(long, value_name = "FILE.npz")]
     pub checkpoint: Option<PathBuf>,
-    /// Go on from the checkpoint, if it is there
+    /// Continue from the checkpoint, if the file exists
     #[arg(long, requires = "checkpoint")]
     pub resume: bool,
 }

@@ -1,4 +1,4 @@
-//! The same fit less one thing each, and with a hard renderer: what the things are worth.
+//! Baselines of a fit: the same fit with one part left out at a time, and with a hard renderer.
 
 use super::args::FitArgs;
 use super::report::Scores;
@@ -13,29 +13,29 @@ use softras::scene::{Appearance, ColorAggregation, Outputs, SilhouetteAggregatio
 use softras::{Gradients, ImageGradient, MeshGradients};
 use softras::{Mesh, Projection, Renderer, Result, Scene, Settings};
 
-/// What is left out, how, and whether there is anything to leave out.
+/// A baseline's name, the change of the setup, and whether it applies to the fit.
 type Without = (&'static str, fn(&mut Setup), bool);
 
-/// What a baseline came to.
+/// The result of a baseline.
 pub struct Baseline {
     name: &'static str,
     scores: Scores,
 }
 
 impl Baseline {
-    /// For programs.
+    /// The result as JSON.
     pub fn json(&self) -> Value {
         json!({ "method": self.name, "final": self.scores.json() })
     }
 
-    /// For people.
+    /// The result as a sentence.
     pub fn sentence(&self) -> String {
         format!("{}: {}", self.name, self.scores.sentence())
     }
 }
 
-/// Fits without the schedule of sigma and gamma, without softness, without regularisers, where colours are fitted without
-/// them, and last, where the cameras have perspective, silhouettes with the gradients of a hard renderer.
+/// Fits without the schedule of sigma and gamma, without softness, without regularisers, and, if colours are fitted, without
+/// colours. If the cameras have perspective, it also fits silhouettes with the gradients of a hard renderer.
 pub fn run(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Vec<Baseline>, Failure> {
     let without: [Without; 4] = [
         ("without the schedule", Setup::hold_softness, true),
@@ -74,8 +74,8 @@ fn begun(name: &str, setup: &Setup) -> Progress {
     progress
 }
 
-/// Silhouettes alone, rendered hard, their gradients by differences between pixels ([`flow_by_vertex`]); `None` where
-/// there is no silhouette to fit or it cannot be done.
+/// Fits silhouettes alone, rendered hard, with gradients from differences between pixels ([`flow_by_vertex`]); `None`
+/// where there is no silhouette to fit or the method does not apply.
 fn hard(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Option<Baseline>, Failure> {
     let name = "hard, image-space differences";
     let mut setup = Setup::new(args, views)?;
@@ -103,7 +103,7 @@ fn hard(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Option
     Ok(Some(Baseline { name, scores: Scores::of(fit.mesh(), &setup, views, renderer)? }))
 }
 
-/// dL by every vertex for the silhouettes' loss, the mesh rendered hard.
+/// The gradient of the silhouettes' loss by every vertex, with the mesh rendered hard.
 fn hard_gradient(mesh: &Mesh, setup: &Setup, targets: &Targets, renderer: &mut Renderer) -> Result<Vec<[f32; 3]>> {
     let (height, width) = targets.size()?;
     let settings = Settings {

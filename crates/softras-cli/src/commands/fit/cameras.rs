@@ -1,4 +1,4 @@
-//! Where images were taken from.
+//! The cameras of the images of a fit.
 
 use super::targets::{direction, read_array};
 use crate::commands::render::framing::Bounds;
@@ -7,7 +7,7 @@ use serde_json::Value;
 use softras::{Camera, Error, Projection, Result};
 use std::path::Path;
 
-/// The part of the image's half that a mesh's bounding sphere fills.
+/// The share of half the image's height that a mesh's bounding sphere fills.
 const FILL: f64 = 0.9;
 
 fn fault<T>(path: &Path, what: String, fix: &str) -> Result<T> {
@@ -18,7 +18,7 @@ fn perspective(fov: f64) -> Projection {
     Projection::Perspective { fov_y: fov.to_radians() }
 }
 
-/// Cameras all around a mesh.
+/// Cameras spread around a mesh.
 pub fn around(bounds: Bounds, count: usize, fov: f64) -> Result<Vec<Camera>> {
     let distance = bounds.radius / (FILL * (fov.to_radians() / 2.0).tan()).atan().sin();
     let one = |i: usize| {
@@ -28,7 +28,7 @@ pub fn around(bounds: Bounds, count: usize, fov: f64) -> Result<Vec<Camera>> {
     (0..count).map(one).collect()
 }
 
-/// From a numpy array: angles of the official data, or matrices.
+/// Reads cameras from a numpy array: the angles of the official data, or matrices.
 pub fn read(path: &Path, fov: f64) -> Result<Vec<Camera>> {
     let (shape, values, _) = read_array(path)?;
     match shape[..] {
@@ -41,7 +41,7 @@ pub fn read(path: &Path, fov: f64) -> Result<Vec<Camera>> {
     }
 }
 
-/// The official renderer's camera, whose images are mirrored.
+/// A camera of the official renderer, whose images are mirrored.
 fn official([distance, elevation, azimuth]: [f64; 3], fov: f64) -> Result<Camera> {
     let straight = Camera::from_angles(distance, elevation, azimuth, perspective(fov))?;
     let [right, up, forward] = *straight.view();
@@ -49,7 +49,7 @@ fn official([distance, elevation, azimuth]: [f64; 3], fov: f64) -> Result<Camera
     Camera::from_matrix(DMat4::from_cols_array_2d(&rows).transpose(), perspective(fov))
 }
 
-/// One entry of cameras.json.
+/// Reads one entry of cameras.json.
 pub fn of_json(path: &Path, index: usize, entry: &Value, fov: f64) -> Result<Camera> {
     let number = |key: &str| entry[key].as_f64();
     let triple = |key: &str| match entry[key].as_array().map(Vec::as_slice) {
@@ -65,9 +65,7 @@ pub fn of_json(path: &Path, index: usize, entry: &Value, fov: f64) -> Result<Cam
         (Some(distance), Some(elevation), Some(azimuth)) => {
             Camera::from_angles(distance, elevation, azimuth, projection)
         }
-        _ => {
-            fault(path, format!("camera {index} says not where it is"), "give eye, or distance, elevation and azimuth")
-        }
+        _ => fault(path, format!("camera {index} has no position"), "give eye, or distance, elevation and azimuth"),
     }
 }
 
@@ -78,20 +76,22 @@ fn rows(camera: &Camera) -> ([DVec3; 3], DVec3) {
     (axes, offset)
 }
 
-/// View depth of a point.
+/// The view depth of a point.
 fn depth(camera: &Camera, point: DVec3) -> f64 {
     let (axes, offset) = rows(camera);
     axes[2].dot(point) + offset.z
 }
 
-/// Where all cameras look: the point nearest to their axes, and how much around it the tightest of them sees.
+/// The region that all cameras look at: the point nearest to their axes, and the radius around it that the narrowest view
+/// shows.
 pub fn seen(cameras: &[Camera], (height, width): (usize, usize)) -> Bounds {
     let (mut matrix, mut vector) = (DMat3::ZERO, DVec3::ZERO);
     for camera in cameras {
         let (axes, offset) = rows(camera);
         let inverse = DMat3::from_cols(axes[0], axes[1], axes[2]);
         let eye = -(inverse * offset);
-        // Off the axis by one unit costs one, along it nothing; where that does not decide, the origin's side wins.
+        // Least squares of the distances to the axes. The small diagonal decides between points that are equally good: it
+        // prefers the one nearer to the origin.
         let across = DMat3::IDENTITY - outer(axes[2]);
         matrix += across + DMat3::from_diagonal(DVec3::splat(1e-9));
         vector += across * eye;
@@ -111,7 +111,7 @@ fn outer(v: DVec3) -> DMat3 {
     DMat3::from_cols(v * v.x, v * v.y, v * v.z)
 }
 
-/// Near and far for all cameras: half as much again as the bounds.
+/// Near and far for all cameras, at 1.5 radii before and behind the centre of the bounds.
 pub fn depths(cameras: &[Camera], bounds: Bounds) -> (f64, f64) {
     let centers: Vec<f64> = cameras.iter().map(|c| depth(c, bounds.center)).collect();
     let farthest = centers.iter().copied().fold(0.0, f64::max) + 1.5 * bounds.radius;

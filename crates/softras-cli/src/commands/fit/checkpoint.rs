@@ -1,11 +1,11 @@
-//! A fit put aside in an .npz file.
+//! Checkpoints: the state of a fit as an .npz file.
 
 use crate::commands::npz::{self, Archive, Data};
 use softras::fit::{ShapeFit, State};
 use softras::{Mesh, Result};
 use std::path::Path;
 
-/// Writes a fit whose next step is `step`.
+/// Writes the state of a fit whose next step is `step`.
 pub fn write(path: &Path, fit: &ShapeFit, step: usize) -> Result<()> {
     let state = fit.state();
     let steps = [step as f64, f64::from(state.optimizer.0), f64::from(state.color_optimizer.0)];
@@ -26,7 +26,7 @@ pub fn write(path: &Path, fit: &ShapeFit, step: usize) -> Result<()> {
     npz::write(path, &entries)
 }
 
-/// The next step, the mesh and the state.
+/// Reads the next step, the mesh and the state.
 pub fn read(path: &Path) -> Result<(usize, Mesh, State)> {
     let archive = Archive::open(path)?;
     let numbers = |key: &str| -> Result<Vec<f64>> {
@@ -43,7 +43,7 @@ pub fn read(path: &Path) -> Result<(usize, Mesh, State)> {
         color_values: numbers("colors")?,
         color_optimizer: (color_taken as i32, numbers("color_mean")?, numbers("color_square")?),
     };
-    // A number that is no index becomes one that Mesh refuses.
+    // Numbers that are not indices are replaced by one that `Mesh::new` refuses.
     let [positions, triangles] = [numbers("positions")?, numbers("triangles")?];
     let positions = positions.as_chunks().0.iter().map(|p: &[f64; 3]| p.map(|x| x as f32)).collect();
     let index = |x: f64| if x >= 0.0 && x.fract() == 0.0 { x as u32 } else { u32::MAX };

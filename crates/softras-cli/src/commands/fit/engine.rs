@@ -1,4 +1,4 @@
-//! Who takes the steps: the device as a whole, or the host around the device's images.
+//! Takes the steps of a fit, either wholly on the device or on the host around the device's images.
 
 use crate::commands::note;
 use softras::fit::{DeviceFit, ShapeFit, Step, Targets};
@@ -8,9 +8,9 @@ use std::time::Instant;
 /// A fit in progress.
 pub struct Engine {
     kind: Kind,
-    /// Steps on the host, not yet asked for, with their seconds.
+    /// Finished steps of the host that were not queried yet, with their seconds.
     found: Vec<(Step, f64)>,
-    /// The least loss with its mesh and step, counted from the engine's first.
+    /// The least loss, with its mesh and its step counted from the engine's first.
     best: Option<(f64, Mesh, usize)>,
     steps: usize,
     /// Steps submitted to the device since `began`.
@@ -26,7 +26,7 @@ enum Kind {
 }
 
 impl Engine {
-    /// On the device where it can do what the fit asks for, unless the host is asked for.
+    /// Uses the device if it supports the fit's options, unless `host` is set.
     pub fn new(
         fit: ShapeFit,
         targets: &Targets,
@@ -55,7 +55,7 @@ impl Engine {
         self.reason.as_deref()
     }
 
-    /// Takes a step, or submits it.
+    /// Takes a step on the host, or submits it to the device.
     pub fn step(
         &mut self,
         renderer: &mut Renderer,
@@ -84,7 +84,7 @@ impl Engine {
         Ok(())
     }
 
-    /// What the steps found that were not yet asked for, with the seconds that each took; those of the device their mean.
+    /// The results of the steps since the last call, with the seconds of each; for the device, the mean of them all.
     pub fn found(&mut self, renderer: &mut Renderer) -> Result<Vec<(Step, f64)>> {
         if let Kind::Device(fit) = &mut self.kind {
             let found = fit.found(renderer)?;
@@ -103,7 +103,7 @@ impl Engine {
         }
     }
 
-    /// The mesh of least loss, and which of the engine's steps found it.
+    /// The mesh of least loss, and its step counted from the engine's first.
     pub fn best(&mut self, renderer: &mut Renderer) -> Result<Option<(Mesh, usize)>> {
         match &mut self.kind {
             Kind::Host(_) => Ok(self.best.as_ref().map(|(_, mesh, step)| (mesh.clone(), *step))),

@@ -1,4 +1,4 @@
-//! The fit as an animation: the target on the left, the mesh on the right.
+//! The animation of a fit, with the target on the left and the mesh on the right.
 
 use super::setup::Setup;
 use super::targets::Views;
@@ -10,16 +10,17 @@ use softras::scene::{Background, DirectionalLight, Outputs, Shading};
 use softras::{Camera, Lights, Mesh, Renderer, Result, Scene, Settings};
 use std::path::Path;
 
-/// Frames at most.
+/// The most frames.
 const FRAMES: usize = 32;
-/// Rows of a frame.
+/// The height of a frame in pixels.
 const HEIGHT: u32 = 128;
 const SAMPLES: u32 = 2;
-/// Hundredths of a second that a frame stays, and the last one.
+/// Hundredths of a second between frames.
 const DELAY: u16 = 8;
+/// How many times the last frame is repeated.
 const LAST: usize = 15;
 
-/// Frames so far; none when no film was asked for.
+/// The frames so far; none when no animation was requested.
 pub struct Film {
     frames: Option<Vec<Picture>>,
     every: usize,
@@ -29,7 +30,7 @@ pub struct Film {
 }
 
 impl Film {
-    /// From the view in which the target is largest.
+    /// Shows the view in which the target is largest.
     pub fn new(wanted: bool, setup: &Setup, views: &Views) -> Self {
         let t = &views.targets;
         let area = |view: &usize| t.silhouette.as_ref().map_or(0.0, |s| s.view(*view).iter().sum::<f32>());
@@ -53,12 +54,12 @@ impl Film {
         }
     }
 
-    /// Whether a step's mesh is to be shown.
+    /// Whether the mesh of a step is a frame of the animation.
     pub fn shows(&self, step: usize) -> bool {
         self.frames.is_some() && step.is_multiple_of(self.every)
     }
 
-    /// Keeps a frame.
+    /// Adds a frame.
     pub fn last(&mut self, mesh: &Mesh, setup: &Setup, renderer: &mut Renderer) -> Result<()> {
         let (Some(frames), Some(camera)) = (&mut self.frames, self.camera) else { return Ok(()) };
         let settings = Settings {
@@ -82,7 +83,7 @@ impl Film {
         Ok(())
     }
 
-    /// Writes the film, its last frame held.
+    /// Writes the animation, with its last frame held.
     pub fn write(mut self, path: &Path) -> Result<()> {
         let mut frames = self.frames.take().unwrap_or_default();
         if let Some(last) = frames.last().cloned() {
@@ -92,7 +93,7 @@ impl Film {
     }
 }
 
-/// From the camera's upper left, and a little from everywhere.
+/// A light from the camera's upper left, and a little ambient light.
 fn lights(camera: &Camera) -> Lights {
     let view = camera.view();
     let direction = [0, 1, 2].map(|k| -0.5 * view[0][k] + 0.7 * view[1][k] - 0.7 * view[2][k]);
@@ -104,14 +105,14 @@ fn lights(camera: &Camera) -> Lights {
     }
 }
 
-/// Premultiplied linear colours on white.
+/// The picture of premultiplied linear colours over white.
 fn picture(color: &[f32], alpha: &[f32], (height, width): (usize, usize)) -> Picture {
     let byte = |c: f32, a: f32| (Curve::Srgb.encode(f64::from(c + 1.0 - a)) * 255.0).round() as u8;
     let pixel = |(c, &a): (&[f32], &f32)| [byte(c[0], a), byte(c[1], a), byte(c[2], a), 255];
     Picture { width, height, pixels: color.chunks_exact(3).zip(alpha).map(pixel).collect() }
 }
 
-/// Larger by repeating pixels.
+/// Enlarges a picture by repeating pixels.
 fn enlarged(picture: &Picture, (width, height): (u32, u32)) -> Picture {
     let (width, height) = (width as usize, height as usize);
     let at = |i: usize| {

@@ -1,4 +1,4 @@
-//! `softras fit`: images in, a mesh out.
+//! `softras fit`: fits a mesh to images.
 
 pub mod args;
 mod baselines;
@@ -29,9 +29,9 @@ use targets::Views;
 
 /// Steps between two checkpoints.
 const CHECKPOINT_STEPS: usize = 100;
-/// Steps that the device may be ahead of what is told of them.
+/// Steps between two queries of the device's results.
 const AHEAD: usize = 10;
-/// How meshes are read: textures decoded to linear light.
+/// The options for reading meshes: textures are decoded to linear light.
 const LOAD: LoadOptions = LoadOptions { srgb: true, allow_outside: false };
 
 /// Runs the command.
@@ -57,7 +57,7 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
         (Some((best, _)), Ok(())) => best,
         (None, Ok(())) => work.engine.shape(&mut renderer)?.mesh().clone(),
         (None, Err(failure)) => return Err(failure),
-        // What was found by then is not lost.
+        // The best mesh found before the error is still written.
         (Some((best, step)), Err(failure)) => {
             softras::obj::write_obj(&encoded(&best)?, &args.out)?;
             note(&format!("{} is the best mesh before the error, of step {step}", args.out.display()));
@@ -85,21 +85,21 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     baselines.iter().try_for_each(|baseline| super::say(&baseline.sentence()))
 }
 
-/// A fit in progress and what is kept of its course.
+/// A fit in progress, with its log and its best mesh.
 struct Work {
     engine: Engine,
-    /// The step to be taken next.
+    /// The next step.
     next: usize,
     /// The engine's first step.
     first: usize,
     log: Log,
     film: Film,
-    /// The mesh of least loss, and that of which step it is.
+    /// The mesh of least loss, and its step.
     best: Option<(Mesh, usize)>,
 }
 
 impl Work {
-    /// From the template, or from a checkpoint.
+    /// Starts from the template or from a checkpoint.
     fn begin(
         args: &FitArgs,
         setup: &Setup,
@@ -121,7 +121,7 @@ impl Work {
         Ok(Self { engine, next, first: next, log: Log::default(), film, best: None })
     }
 
-    /// All steps, or those until Ctrl-C.
+    /// Takes all steps, or those until Ctrl-C.
     fn run(
         &mut self,
         args: &FitArgs,
@@ -167,7 +167,7 @@ impl Work {
         Ok(())
     }
 
-    /// Logs what the engine found since it was last asked.
+    /// Logs the steps that the engine has finished since the last call.
     fn collect(&mut self, progress: &Progress, renderer: &mut Renderer) -> Result<(), Failure> {
         let found = self.engine.found(renderer)?;
         let from = self.next - found.len();
@@ -179,7 +179,7 @@ impl Work {
         Ok(())
     }
 
-    /// Takes the engine's best mesh where it is better than those before.
+    /// Keeps the engine's best mesh if it is better than the best so far.
     fn keep_best(&mut self, renderer: &mut Renderer) -> Result<(), Failure> {
         let Some((mesh, step)) = self.engine.best(renderer)? else { return Ok(()) };
         let step = self.first + step;
@@ -190,11 +190,11 @@ impl Work {
     }
 }
 
-/// A flag that Ctrl-C raises.
+/// A flag that Ctrl-C sets.
 fn interrupted() -> Result<Arc<AtomicBool>, Failure> {
     let flag = Arc::new(AtomicBool::new(false));
     let raised = flag.clone();
-    // A second Ctrl-C must end even a step that hangs.
+    // A second Ctrl-C ends the process at once, even if a step hangs.
     let handler = move || {
         if raised.swap(true, Ordering::Relaxed) {
             std::process::exit(130);

@@ -1,4 +1,4 @@
-//! A picture of a loss by step, its scale logarithmic.
+//! A plot of the loss by step, with a logarithmic scale.
 
 use crate::commands::grad::canvas;
 use crate::commands::render::formats;
@@ -54,7 +54,7 @@ mod tests {
     #[test]
     fn the_line_goes_from_upper_left_to_lower_right() {
         let picture = plot(&[(0, 1.0), (10, 0.5), (20, 0.25)]);
-        // Half covered at least: the line's ends and middle lie on corners of pixels.
+        // The line's ends and middle lie on corners of pixels, so those pixels are at least half covered.
         let on_line = |column: usize, row: usize| {
             let [red, _, blue, _] = picture.pixels[row * WIDTH + column];
             blue.abs_diff(red) > (LINE[2] - LINE[0]) / 2

@@ -1,4 +1,4 @@
-//! What a fit came to.
+//! The results of a fit: its log, and scores of the mesh.
 
 use super::args::FitArgs;
 use super::setup::Setup;
@@ -12,17 +12,17 @@ use softras::internals::fit::{Topology, pooled, regularize};
 use softras::scene::{Outputs, SilhouetteAggregation};
 use softras::{Camera, Image, Mesh, Renderer, Result, Scene, Settings};
 
-/// Voxels along a side of the 3D IoU, as the SoftRas paper's.
+/// Voxels along a side of the grid of the 3D IoU, as in the SoftRas paper.
 const VOXELS: usize = 32;
 
-/// Every step taken.
+/// The log of all steps.
 #[derive(Default)]
 pub struct Log {
     steps: Vec<(usize, Step, f64)>,
 }
 
 impl Log {
-    /// A step and the seconds it took.
+    /// Adds a step and the seconds it took.
     pub fn add(&mut self, step: usize, found: Step, seconds: f64) {
         self.steps.push((step, found, seconds));
     }
@@ -32,7 +32,7 @@ impl Log {
         self.steps.iter().find(|s| s.0 == step).map_or(f64::INFINITY, |s| s.1.loss)
     }
 
-    /// Step and loss.
+    /// All steps with their losses.
     pub fn losses(&self) -> Vec<(usize, f64)> {
         self.steps.iter().map(|(step, found, _)| (*step, found.loss)).collect()
     }
@@ -44,7 +44,7 @@ impl Log {
         seconds.get(seconds.len() / 2).copied()
     }
 
-    /// Everything, for programs. Beside the device's name: why the steps were the host's, if they were.
+    /// The whole log as JSON. Beside the device's name comes the reason why the host took the steps, if it did.
     pub fn json(
         &self,
         args: &FitArgs,
@@ -91,28 +91,28 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
-/// How good a mesh is.
+/// Scores of a mesh.
 #[derive(Default)]
 pub struct Scores {
-    /// IoU of the masks of every view, also of those that were not fitted: pixels whose centre the mesh covers, against
-    /// pixels of the target above ½.
+    /// The mask IoU of every view, fitted or not: pixels whose centre the mesh covers, against pixels of the target above
+    /// ½.
     masks: Vec<f64>,
-    /// Its mean over the views that were.
+    /// Its mean over the fitted views.
     fitted: f64,
-    /// The same of pixels that the mesh covers by more than half, by 8 × 8 samples.
+    /// The mask IoU of pixels that the mesh covers by more than half, by 8 × 8 samples.
     covered: Vec<f64>,
-    /// The mean over all views of the soft silhouettes' IoU at sigma 1e-4.
+    /// The mean over all views of the soft IoU of silhouettes at sigma 1e-4.
     soft: f64,
-    /// The mean of the most that any image whatever could have of it: below 1 where targets are grey.
+    /// The mean of the largest soft IoU that any image could have, which is below 1 where targets are grey.
     most: f64,
-    /// What the official demo would call the loss of this mesh on the fitted views.
+    /// The loss of the official demo for this mesh on the fitted views.
     official: f64,
-    /// With the mesh that the views were made from.
+    /// The 3D IoU with the mesh that the views were rendered from.
     solid: Option<f64>,
 }
 
 impl Scores {
-    /// Of a mesh, over all views.
+    /// Computes the scores of a mesh over all views.
     pub fn of(mesh: &Mesh, setup: &Setup, views: &Views, renderer: &mut Renderer) -> Result<Self> {
         let targets = &views.targets;
         let (height, width) = targets.size()?;
@@ -144,10 +144,10 @@ impl Scores {
     }
 }
 
-/// Samples along each side of a pixel that tell how much of it is covered.
+/// Samples along each side of a pixel, for the covered share of it.
 const SAMPLES: u32 = 8;
 
-/// IoU of every view's pixels that a mesh covers by more than half.
+/// The mask IoU of every view, by the pixels that the mesh covers by more than half.
 fn covered(scene: &Scene, targets: &Targets, hard: &Settings, renderer: &mut Renderer) -> Result<Vec<f64>> {
     let Some(target) = &targets.silhouette else { return Ok(Vec::new()) };
     let fine = Settings { height: hard.height * SAMPLES, width: hard.width * SAMPLES, ..hard.clone() };
@@ -160,8 +160,8 @@ fn covered(scene: &Scene, targets: &Targets, hard: &Settings, renderer: &mut Ren
     targets.cameras.iter().enumerate().map(one).collect()
 }
 
-/// The most soft IoU Σ P T / Σ (P + T - P T) that any P in [0, 1] has with a target. It is linear in every pixel of P over
-/// and under the line, so a P of 0 and 1 has it, 1 where T is largest.
+/// The largest soft IoU Σ P T / Σ (P + T - P T) that any P in [0, 1] has with a target T. Numerator and denominator are
+/// linear in every pixel of P, so the maximum is reached by a P of zeros and ones, with ones where T is largest.
 fn most_iou(target: &[f32]) -> f64 {
     let mut values: Vec<f64> = target.iter().map(|t| f64::from(*t)).collect();
     values.sort_by(|a, b| b.total_cmp(a));
@@ -178,7 +178,7 @@ fn most_iou(target: &[f32]) -> f64 {
 }
 
 impl Scores {
-    /// For programs.
+    /// The scores as JSON.
     pub fn json(&self) -> Value {
         json!({
             "mask_iou": { "per_view": self.masks, "mean": mean(&self.masks), "mean_of_fitted": self.fitted },
@@ -190,14 +190,14 @@ impl Scores {
         })
     }
 
-    /// For people.
+    /// The main scores as a sentence.
     pub fn sentence(&self) -> String {
         let solid = self.solid.map_or(String::new(), |iou| format!(", 3D IoU {iou:.4}"));
         format!("mask IoU {:.4} over {} views{solid}", mean(&self.masks), self.masks.len())
     }
 }
 
-/// The official demo's regularisers with its weights.
+/// The regularisers of the official demo with its weights.
 fn official_penalty(mesh: &Mesh) -> Result<f64> {
     let positions: Vec<DVec3> = mesh.positions().iter().map(|p| DVec3::from(p.map(f64::from))).collect();
     let topology = Topology::new(positions.len(), mesh.triangles())?;
@@ -207,7 +207,7 @@ fn official_penalty(mesh: &Mesh) -> Result<f64> {
     Ok(0.03 * laplacian + 0.0003 * flatten)
 }
 
-/// Says what there is to say.
+/// Prints the result of a fit.
 pub fn tell(args: &FitArgs, log: &Log, scores: &Scores, mesh: &Mesh) -> Result<(), Failure> {
     let (vertices, triangles) = (mesh.positions().len(), mesh.triangles().len());
     let least = log.losses().iter().map(|l| l.1).fold(f64::INFINITY, f64::min);

@@ -1,4 +1,4 @@
-//! The arguments as a template, options and schedules.
+//! Converts the arguments of `softras fit` to a template, options and schedules.
 
 use super::args::{FitArgs, Preset};
 use super::targets::Views;
@@ -8,27 +8,27 @@ use softras::scene::{Appearance, Background, Faces, Interpolation};
 use softras::{Mesh, Settings, shapes};
 use std::path::Path;
 
-/// The sphere's radius as a part of what the cameras see around its centre.
+/// The sphere's radius as a share of the radius that the cameras see.
 const SPHERE: f64 = 0.65;
 
-/// Softness of edges without softness: a thousandth of a screen unit is far below a pixel.
+/// The sigma that stands for no softness: its width, a few ten-thousandths of a screen unit, is far below a pixel.
 const HARD_SIGMA: f64 = 1e-7;
 
 /// Everything about a fit that does not change while it runs.
 pub struct Setup {
-    /// What it begins with.
+    /// The mesh to begin with.
     pub template: Mesh,
-    /// How it is fitted.
+    /// The options of the fit.
     pub options: ShapeOptions,
-    /// Steps.
+    /// The number of steps.
     pub iterations: usize,
-    /// Every so-manieth view is used.
+    /// Every `stride`-th view is used.
     pub stride: usize,
     subdivide_at: Vec<usize>,
     remesh_at: Vec<usize>,
-    /// Edges of a mesh made even, world units.
+    /// Edge length for remeshing, world units.
     edge: Schedule,
-    /// Length of a step.
+    /// Step length of the vertices.
     pub rate: Schedule,
     colors: Schedule,
     sigma: Schedule,
@@ -38,7 +38,7 @@ pub struct Setup {
 }
 
 impl Setup {
-    /// As the arguments say.
+    /// Makes the setup that the arguments ask for.
     pub fn new(args: &FitArgs, views: &Views) -> Result<Self, Failure> {
         let method = &args.method;
         let official = method.preset == Preset::Official;
@@ -55,7 +55,7 @@ impl Setup {
             if from == to { Schedule::Constant(from) } else { Schedule::Exponential { from, to } }
         };
         let default = if official { ((0.01, 0.01), (1e-4, 1e-4)) } else { ((0.03, 0.005), (1e-4, 1e-5)) };
-        // Vertices move by the rate in world units: as far as the thing is large.
+        // The rate is in world units, so it scales with the size of the object.
         let unit = if official { 1.0 } else { views.bounds.radius / REFERENCE_RADIUS };
         let (from, to) = method.rate.unwrap_or((default.0.0 * unit, default.0.1 * unit));
         Ok(Self {
@@ -75,56 +75,57 @@ impl Setup {
         })
     }
 
-    /// Whether a step begins with another mesh.
+    /// Whether the mesh is subdivided or remeshed before a step.
     pub fn remakes(&self, step: usize) -> bool {
         self.subdivide_at.contains(&step) || self.remesh_at.contains(&step)
     }
 
-    /// The fit on the mesh that a step begins with.
+    /// The fit after subdividing or remeshing before a step.
     pub fn remade(&self, fit: &ShapeFit, step: usize) -> Result<ShapeFit, Failure> {
         let edge = self.edge.at_step(step, self.iterations);
         let fit = if self.remesh_at.contains(&step) { fit.remeshed(edge)? } else { fit.clone() };
         Ok(if self.subdivide_at.contains(&step) { fit.subdivided()? } else { fit })
     }
 
-    /// Where a fit goes on: the template, unless it was remade before that step.
+    /// The mesh that a resumed fit starts from: the template, unless it was subdivided or remeshed before that step.
     pub fn resumed(&self, step: usize, mesh: Mesh) -> Result<Mesh, Failure> {
         if !self.subdivide_at.iter().chain(&self.remesh_at).any(|&at| at < step) {
             return Ok(self.template.clone());
         }
         let appearance = match self.template.appearance() {
-            // The colours are the state's.
+            // The colours are restored with the state.
             Appearance::VertexColors(_) => Appearance::VertexColors(vec![[0.5; 3]; mesh.positions().len()]),
             other => other.clone(),
         };
         Ok(mesh.with_appearance(appearance)?)
     }
 
-    /// σ and γ stay what they are at the last step.
+    /// Replaces the schedules of σ and γ by their last values.
     pub fn hold_softness(&mut self) {
         self.sigma = Schedule::Constant(self.sigma.at(1.0));
         self.gamma = Schedule::Constant(self.gamma.at(1.0));
     }
 
-    /// Edges as hard as single precision likes them: a gradient only where a pixel's centre is on an edge.
+    /// Makes edges as hard as single precision allows, so that there is a gradient only where an edge passes a pixel's
+    /// centre.
     pub fn harden(&mut self) {
         self.hold_softness();
         self.sigma = Schedule::Constant(HARD_SIGMA);
     }
 
-    /// Length of a step of the colours.
+    /// The step length of the colours.
     pub fn color_rate(&self, step: usize) -> f64 {
         self.colors.at_step(step, self.iterations)
     }
 
-    /// How a step is rendered, but for its size.
+    /// The settings of a step, except for the image size.
     pub fn settings(&self, step: usize) -> Settings {
         Settings {
             sigma: self.sigma.at_step(step, self.iterations),
             gamma: self.gamma.at_step(step, self.iterations),
             near: self.depths.0,
             far: self.depths.1,
-            // A near triangle must not drop out of the colour while it still outweighs those behind it.
+            // A triangle in front must not be cut off by tau while it still outweighs those behind it.
             tau: if self.options.fit_colors { 1e-6 } else { Settings::default().tau },
             background: Background::Composite,
             interpolation: Interpolation::Perspective,
@@ -134,7 +135,7 @@ impl Setup {
     }
 }
 
-/// What the cameras of the official data see around the origin; rates are for things of this size.
+/// The radius that the cameras of the official data see around the origin; rates are for objects of this size.
 const REFERENCE_RADIUS: f64 = 0.732;
 
 fn options(args: &FitArgs, official: bool) -> ShapeOptions {
@@ -159,7 +160,7 @@ fn options(args: &FitArgs, official: bool) -> ShapeOptions {
     options
 }
 
-/// The mesh to begin with, where the cameras look.
+/// The mesh to begin with, placed where the cameras look.
 fn template(args: &FitArgs, views: &Views) -> Result<Mesh, Failure> {
     let official = args.method.preset == Preset::Official;
     let mesh = match args.template.as_str() {

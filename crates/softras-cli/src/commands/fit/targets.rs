@@ -1,4 +1,4 @@
-//! What there is to fit: images and where they were taken from.
+//! The targets of a fit: images and their cameras.
 
 use super::args::FitArgs;
 use super::cameras;
@@ -14,7 +14,7 @@ use softras::{Camera, Error, Image, Mesh, Renderer, Result, Scene, Settings};
 use std::fs::File;
 use std::path::Path;
 
-/// What a fit is held against: every so-manieth view, its silhouette as a mask where that is asked for.
+/// The targets that are fitted: every `view_stride`-th view, with its silhouette as a mask where `--masks` is given.
 pub fn fitted(args: &FitArgs, targets: &Targets) -> Targets {
     let mut some = every(targets, args.view_stride as usize);
     if let Some(silhouette) = some.silhouette.as_mut().filter(|_| args.method.masks) {
@@ -23,23 +23,23 @@ pub fn fitted(args: &FitArgs, targets: &Targets) -> Targets {
     some
 }
 
-/// Samples along each side of a pixel of the images that `--from` makes.
+/// Samples along each side of a pixel of the images that `--from` renders.
 const SAMPLES: u32 = 3;
 
-/// The images, and what is known of the thing in them.
+/// The images, and what is known of the object in them.
 pub struct Views {
     /// Images and cameras.
     pub targets: Targets,
-    /// The mesh that they were made from.
+    /// The mesh that they were rendered from, if known.
     pub truth: Option<Mesh>,
-    /// Where the thing is about, and how far out it may reach.
+    /// A sphere around the object.
     pub bounds: Bounds,
     /// Nearest and farthest depth that is drawn.
     pub depths: (f64, f64),
 }
 
 impl Views {
-    /// As the arguments say.
+    /// Reads or renders the views that the arguments ask for.
     pub fn read(args: &FitArgs, renderer: &mut Renderer) -> Result<Self, Failure> {
         let views = args.views.as_deref();
         if let Some(path) = &args.from {
@@ -56,7 +56,7 @@ impl Views {
         Ok(Self { targets, truth: None, bounds, depths })
     }
 
-    /// Rendered from a mesh.
+    /// Renders the views from a mesh.
     fn made(args: &FitArgs, path: &Path, count: usize, renderer: &mut Renderer) -> Result<Self> {
         let mesh = softras::obj::load(path, &super::LOAD)?.mesh;
         let bounds = Bounds::of(&mesh);
@@ -80,7 +80,7 @@ impl Views {
     }
 }
 
-/// Some of the views.
+/// Every `stride`-th view.
 pub fn every(targets: &Targets, stride: usize) -> Targets {
     let views: Vec<usize> = (0..targets.cameras.len()).step_by(stride).collect();
     let some = |image: &Image| Image {
@@ -150,7 +150,7 @@ fn arrays(args: &FitArgs, path: &Path) -> Result<Targets, Failure> {
     Ok(targets(args, cameras, [batch, height, width], &pixels))
 }
 
-/// Linear colour on black, and the silhouette; without alpha it is all of what is not black.
+/// Linear colour over black, and the silhouette; without alpha, the silhouette is every pixel that is not black.
 fn rgba(bytes: [f64; 3], alpha: Option<f64>) -> [f64; 4] {
     let a = alpha.unwrap_or_else(|| f64::from(u8::from(bytes.iter().sum::<f64>() > 0.0)));
     let [r, g, b] = bytes.map(|byte| a * Curve::Srgb.decode(byte));
@@ -168,7 +168,7 @@ fn targets(args: &FitArgs, cameras: Vec<Camera>, [batch, height, width]: [usize;
     Targets { cameras, silhouette: Some(image(3..4)), color: args.colored().then(|| image(0..3)) }
 }
 
-/// PNG files and what cameras.json says about them.
+/// Reads PNG files with their cameras from cameras.json.
 fn folder(args: &FitArgs, path: &Path) -> Result<Targets, Failure> {
     let list = args.cameras.clone().unwrap_or_else(|| path.join("cameras.json"));
     let text = std::fs::read_to_string(&list).map_err(|source| Error::Io { path: list.clone(), source })?;
@@ -185,7 +185,7 @@ fn folder(args: &FitArgs, path: &Path) -> Result<Targets, Failure> {
             return Err(fault(&list, format!("camera {i} has no \"file\""), "name its PNG file")?);
         };
         let file = path.join(name);
-        judge_inside(path, &file, args.allow_outside)?;
+        check_inside(path, &file, args.allow_outside)?;
         let (width, height, image) = read_picture(&file)?;
         if *size.get_or_insert((width, height)) != (width, height) {
             let what = format!("is {width}×{height} pixels, others are not");
@@ -197,8 +197,8 @@ fn folder(args: &FitArgs, path: &Path) -> Result<Targets, Failure> {
     Ok(targets(args, cameras, [entries.len(), height, width], &pixels))
 }
 
-/// Cameras from elsewhere must not make softras read what they please.
-fn judge_inside(folder: &Path, file: &Path, allowed: bool) -> Result<()> {
+/// Refuses pictures outside the folder: a cameras.json of unknown origin must not make softras read other files.
+fn check_inside(folder: &Path, file: &Path, allowed: bool) -> Result<()> {
     let real = |path: &Path| path.canonicalize().map_err(|source| Error::Io { path: path.into(), source });
     if allowed || real(file)?.starts_with(real(folder)?) {
         return Ok(());
@@ -225,9 +225,9 @@ pub fn read_picture(path: &Path) -> Result<(usize, usize, Vec<[f64; 4]>)> {
     Ok((width as usize, height as usize, picture.pixels().map(linear).collect()))
 }
 
-/// A point at a place on the sphere of directions: `i` of `count` on a spiral from low to high.
+/// Direction `i` of `count`, on a spiral over the unit sphere from low to high.
 pub fn direction(i: usize, count: usize) -> DVec3 {
-    // Not up to the poles, where there is no up.
+    // The spiral leaves out the poles, where (0, 1, 0) is not a valid up vector.
     let y = 0.92 * ((2 * i + 1) as f64 / count as f64 - 1.0);
     let turn = i as f64 * std::f64::consts::PI * (3.0 - 5f64.sqrt());
     let radius = (1.0 - y * y).sqrt();

@@ -1,4 +1,4 @@
-//! Which way every vertex is to go, as seen by the camera.
+//! The negative gradient of every vertex as arrows on the screen.
 
 use super::canvas::{self, Arrow, Point};
 use super::engine::Images;
@@ -7,30 +7,30 @@ use crate::commands::render::picture::Picture;
 use glam::DVec3;
 use softras::{Mesh, Projection, Result};
 
-/// A vertex this part of the depth range behind what is seen there is occluded.
+/// A vertex is occluded if it lies behind the visible surface by more than this share of the depth range.
 const OCCLUDED: f64 = 0.03;
-/// Cells of the grid that thins the arrows out, in pixels of the panel.
+/// The side of the cells of the grid that thins out the arrows, in pixels of the panel.
 const CELL: f64 = 27.0;
-/// The longest arrow, in parts of the panel's smaller side.
+/// The longest arrow, as a share of the panel's smaller side.
 const LONGEST: f64 = 0.14;
-/// Steps above this quantile are drawn as long as this one.
+/// Arrows for steps above this quantile are as long as the arrow of the quantile.
 const QUANTILE: f64 = 0.99;
-/// Shorter arrows have no direction to show.
+/// Arrows shorter than this many pixels are drawn as dots.
 const SHORTEST: f64 = 3.5;
 
-/// Arrows of vertices that are seen.
+/// The colour of arrows of visible vertices.
 pub const SEEN: [u8; 3] = [255, 176, 46];
-/// Arrows of occluded vertices.
+/// The colour of arrows of occluded vertices.
 pub const HIDDEN: [u8; 3] = [72, 176, 255];
 
-/// A vertex that is in the picture.
+/// A vertex inside the picture.
 #[derive(Clone, Copy, Debug)]
 pub struct Pull {
-    /// Where it is, pixels.
+    /// Its position in pixels.
     pub at: Point,
-    /// Where a step of 1 against the gradient takes it, pixels.
+    /// Its displacement in pixels for a unit step against the gradient.
     pub step: Point,
-    /// Whether something is in front of it.
+    /// Whether it is occluded.
     pub occluded: bool,
 }
 
@@ -40,7 +40,7 @@ impl Pull {
     }
 }
 
-/// World to pixels.
+/// The projection from the world to pixels.
 struct Projector {
     rows: [[f64; 4]; 3],
     projection: Projection,
@@ -57,7 +57,7 @@ impl Projector {
         let scale = match self.projection {
             Projection::Orthographic { half_height } => 1.0 / half_height,
             Projection::Perspective { fov_y } => 1.0 / (z * (fov_y / 2.0).tan()),
-            // The command line makes no others.
+            // The command line offers no other projections.
             _ => return None,
         };
         let at = [(self.width + self.height * x * scale) / 2.0, self.height * (1.0 - y * scale) / 2.0];
@@ -65,7 +65,7 @@ impl Projector {
     }
 }
 
-/// The pull of every vertex of a triangle that lies in the picture; `depth` is what is seen, sharply.
+/// The [`Pull`] of every vertex that a triangle uses and that lies in the picture; `depth` are images rendered sharply.
 ///
 /// # Errors
 /// As [`View::camera`].
@@ -94,15 +94,17 @@ pub fn pulls(mesh: &Mesh, gradient: &[f64], view: &View, size: [usize; 2], depth
     Ok(used.into_iter().filter_map(pull).collect())
 }
 
-/// Whether all pixels around a place show something nearer; around a place on an outline some show what is behind.
+/// Whether all pixels around a position show something nearer. On an outline some of them show what is behind, so a vertex
+/// there counts as visible.
 fn hidden(at: Point, z: f64, [width, height]: [usize; 2], depth: &Images) -> bool {
     let around = |x: f64, side: usize| (x as usize).saturating_sub(1)..(x as usize + 2).min(side);
     let pixels = around(at[1], height).flat_map(|row| around(at[0], width).map(move |column| row * width + column));
-    // Depth is a mean over what is seen, times the silhouette.
+    // A depth image is premultiplied by the silhouette.
     pixels.into_iter().all(|i| depth.silhouette[i] > 0.5 && depth.depth[i] / depth.silhouette[i] < z)
 }
 
-/// The strongest seen and the strongest occluded vertex of every cell of the panel, occluded and weak ones first.
+/// The visible and the occluded vertex with the longest step of every cell of the panel, in drawing order: occluded and
+/// short ones first.
 fn thinned(pulls: &[Pull], scale: f64, width: f64) -> Vec<Pull> {
     let columns = (width / CELL).ceil() as usize + 1;
     let cell = |pull: &Pull| {
@@ -121,7 +123,7 @@ fn thinned(pulls: &[Pull], scale: f64, width: f64) -> Vec<Pull> {
     kept
 }
 
-/// Draws the arrows over a panel whose pixels are `scale` times finer than the image's; their number comes back.
+/// Draws the arrows on a panel whose pixels are `scale` times finer than the image's, and returns their number.
 pub fn draw(panel: &mut Picture, pulls: &[Pull], scale: f64) -> usize {
     let mut sizes: Vec<f64> = pulls.iter().map(Pull::size).filter(|size| *size > 0.0).collect();
     sizes.sort_by(f64::total_cmp);

@@ -1,4 +1,4 @@
-//! Smooth lines, dots and arrows on a picture.
+//! Draws anti-aliased lines, discs and arrows on a picture.
 
 use crate::commands::render::picture::Picture;
 
@@ -17,7 +17,7 @@ fn dot(a: Point, b: Point) -> f64 {
     a[0] * b[0] + a[1] * b[1]
 }
 
-/// From a point to a segment.
+/// The distance from a point to a segment.
 fn distance(p: Point, a: Point, b: Point) -> f64 {
     let (edge, to) = (minus(b, a), minus(p, a));
     let t = (dot(edge, to) / dot(edge, edge).max(1e-12)).clamp(0.0, 1.0);
@@ -28,9 +28,9 @@ fn distance(p: Point, a: Point, b: Point) -> f64 {
 /// An arrow.
 #[derive(Clone, Copy, Debug)]
 pub struct Arrow {
-    /// Where it starts.
+    /// The start.
     pub from: Point,
-    /// Where its tip is.
+    /// The tip.
     pub to: Point,
     /// Width of the line.
     pub width: f64,
@@ -67,7 +67,7 @@ pub fn disc(picture: &mut Picture, centre: Point, radius: f64, color: [u8; 3]) {
     line(picture, centre, centre, 2.0 * radius, color);
 }
 
-/// The corners of an arrow's head and where its shaft ends; `None` for one too short to have a direction.
+/// The corners of an arrow's head and the end of its shaft; `None` for an arrow too short to have a direction.
 fn head(arrow: &Arrow) -> Option<([Point; 3], Point)> {
     let way = minus(arrow.to, arrow.from);
     let length = dot(way, way).sqrt();
@@ -82,7 +82,7 @@ fn head(arrow: &Arrow) -> Option<([Point; 3], Point)> {
     Some(([arrow.to, along(base, side, half), along(base, side, -half)], base))
 }
 
-/// A filled triangle, grown by `grow`.
+/// A filled triangle, enlarged by `grow` pixels.
 fn triangle(picture: &mut Picture, [a, b, c]: [Point; 3], grow: f64, color: [u8; 3]) {
     let beside = |p: Point, a: Point, b: Point| {
         let (edge, to) = (minus(b, a), minus(p, a));
@@ -94,7 +94,7 @@ fn triangle(picture: &mut Picture, [a, b, c]: [Point; 3], grow: f64, color: [u8;
     paint(picture, &[a, b, c], 4.0 * grow + 1.0, color, |p| depth(p) + 0.5 + grow);
 }
 
-/// Draws an arrow with a dark rim, so that it is seen on any ground.
+/// Draws an arrow with a dark rim, so that it is visible on any background.
 pub fn arrow(picture: &mut Picture, arrow: &Arrow) {
     const RIM: [u8; 3] = [8, 9, 12];
     let Some((corners, base)) = head(arrow) else { return };

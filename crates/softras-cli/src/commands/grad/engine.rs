@@ -1,19 +1,19 @@
-//! Images and their gradient, by a device or by the judge.
+//! Renders images and their gradient on a device or by the f64 reference.
 
 use crate::commands::gradients::{self, Mode};
 use softras::reference::{self, Parameters};
 use softras::scene::Outputs;
 use softras::{Camera, Error, Image, ImageGradient, Renderer, Result, Scene, Settings, Wanted};
 
-/// Who computes.
+/// The renderer to use.
 pub enum Engine {
-    /// The f64 statement of the model.
+    /// The f64 reference.
     Reference,
     /// A Vulkan device.
     Device(Box<Renderer>),
 }
 
-/// The images of one view; empty where not asked for.
+/// The images of one view; empty if not requested.
 pub struct Images {
     /// `[H, W, 3]`.
     pub color: Vec<f64>,
@@ -24,7 +24,7 @@ pub struct Images {
 }
 
 impl Engine {
-    /// As `--device` says.
+    /// Opens the renderer that `--device` names.
     ///
     /// # Errors
     /// As [`Renderer::with_device`].
@@ -57,11 +57,11 @@ impl Engine {
         }
     }
 
-    /// Colour and silhouette of one view, and the derivatives of a loss of them by the vertices; `loss` gives its
+    /// Renders colour and silhouette of one view and differentiates a loss of them by the vertices; `loss` returns its
     /// derivatives by the images.
     ///
     /// # Errors
-    /// As [`Renderer::render`] and [`Renderer::backward`], and whatever `loss` says.
+    /// As [`Renderer::render`] and [`Renderer::backward`], and the errors of `loss`.
     pub fn differentiate(
         &mut self,
         scene: &Scene,

@@ -1,4 +1,4 @@
-//! `softras grad`: what a loss against a target image wants the vertices to do, as a picture.
+//! `softras grad`: draws the gradient of a loss against a target image by the vertices.
 
 pub mod args;
 mod arrows;
@@ -66,7 +66,7 @@ fn settings(args: &GradArgs, view: &View, target: &Target) -> Settings {
     look::settings(&look, &args.modes, view, &[super::render::args::Output::Color], 1, None)
 }
 
-/// What the command says when it is done.
+/// The report of the command.
 struct Report<'a> {
     device: &'a str,
     loss: &'a Loss,

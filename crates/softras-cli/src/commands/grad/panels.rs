@@ -1,4 +1,4 @@
-//! Four pictures side by side.
+//! The picture of `softras grad`: four panels side by side.
 
 use super::arrows::{self, HIDDEN, Pull, SEEN};
 use super::canvas;
@@ -9,25 +9,25 @@ use crate::commands::render::sheet;
 
 const GROUND: [u8; 3] = [17, 19, 24];
 const INK: [u8; 3] = [222, 224, 228];
-/// Small images are shown larger, up to this many pixels a side.
+/// Small images are enlarged up to this many pixels a side.
 const SIDE: usize = 600;
-/// How much of the image is left behind the arrows.
+/// The brightness of the image behind the arrows.
 const DIMMED: f64 = 0.5;
-/// From no loss to the most: black, violet, red, orange, pale yellow.
+/// The colours of losses from zero to the largest: black, violet, red, orange, pale yellow.
 const HEAT: [[u8; 3]; 7] =
     [[0, 0, 4], [40, 11, 84], [101, 21, 110], [159, 42, 99], [212, 72, 66], [245, 125, 21], [252, 255, 164]];
 
-/// What is on the sheet.
+/// The content of the picture.
 pub struct Sheet<'a> {
     /// `[H, W, 3]` as rendered.
     pub color: &'a [f64],
-    /// What it should be.
+    /// The target.
     pub target: &'a Target,
-    /// By how much it is not.
+    /// The loss.
     pub loss: &'a Loss,
-    /// Which way it goes.
+    /// The displacements of the vertices.
     pub pulls: &'a [Pull],
-    /// How numbers become bytes.
+    /// The curve by which numbers are encoded as bytes.
     pub curve: Curve,
 }
 
@@ -54,7 +54,7 @@ impl Sheet<'_> {
         self.picture(values.chunks_exact(3).map(|c| [byte(c[0]), byte(c[1]), byte(c[2]), 255]).collect())
     }
 
-    /// By the square root, so that little losses show.
+    /// The loss of every pixel, by its square root so that small losses are visible.
     fn heat(&self) -> Picture {
         let most = self.loss.pixels.iter().copied().fold(1e-12, f64::max);
         self.picture(self.loss.pixels.iter().map(|loss| heat((loss / most).sqrt())).collect())
@@ -111,7 +111,7 @@ fn outline(target: &Target) -> Vec<[canvas::Point; 2]> {
     segments
 }
 
-/// Every pixel becomes `n × n`, mixed from its neighbours.
+/// Enlarges a picture n times with linear interpolation.
 fn enlarged(picture: &Picture, n: usize) -> Picture {
     let (width, height) = (picture.width * n, picture.height * n);
     let place = |i: usize, count: usize| {
@@ -151,7 +151,7 @@ fn side_by_side(panels: &[(Picture, String)]) -> Picture {
     sheet
 }
 
-/// What the arrows' colours mean, ending at the right border of the last panel; nothing where it does not fit.
+/// The legend of the arrows' colours, right-aligned to the last panel; left out where it does not fit.
 fn legend(sheet: &mut Picture, right: usize, top: usize, scale: usize) {
     let mut start = right;
     for (text, [r, g, b]) in [("occluded", HIDDEN), ("seen", SEEN)] {

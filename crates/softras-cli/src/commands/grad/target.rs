@@ -1,35 +1,35 @@
-//! The target image and the loss against it.
+//! The target image, and the loss against it.
 
 use super::engine::Images;
 use crate::commands::color::Curve;
 use softras::{Error, Image, ImageGradient, Result, Settings};
 use std::path::Path;
 
-/// What the image is to look like.
+/// A target image.
 pub struct Target {
     /// Columns.
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// `[H, W, 3]`, over the background.
+    /// Linear colour `[H, W, 3]` over the background.
     pub color: Vec<f64>,
     /// `[H, W]`.
     pub silhouette: Vec<f64>,
 }
 
-/// The loss, and what it is made of.
+/// The loss and its parts.
 #[derive(Clone, Debug, Default)]
 pub struct Loss {
-    /// Mean over the pixels of the sum over R, G, B.
+    /// The mean over the pixels of the squared differences of R, G and B.
     pub color: f64,
-    /// Mean over the pixels.
+    /// The mean over the pixels of the squared difference of the silhouette.
     pub silhouette: f64,
-    /// Both of each pixel.
+    /// The loss of each pixel.
     pub pixels: Vec<f64>,
 }
 
 impl Loss {
-    /// The number that is differentiated.
+    /// The total, which is differentiated.
     pub fn total(&self) -> f64 {
         self.color + self.silhouette
     }
@@ -62,7 +62,7 @@ impl Target {
         Ok(Self { width: width as usize, height: height as usize, color, silhouette })
     }
 
-    /// The loss of an image, and its derivatives by the image.
+    /// The loss of an image and its derivatives by the image's values.
     pub fn loss(&self, images: &Images) -> (Loss, ImageGradient) {
         let count = (self.width * self.height) as f64;
         let differences =

@@ -14,7 +14,7 @@ pub type Step = (Swept, f64);
 const SWEEP_FRAMES: usize = 24;
 const SWEEP_CELLS: usize = 8;
 
-/// One frame to be rendered: degrees around, a sweep's step, and its label.
+/// One frame to render: its turn in degrees, its step of a sweep, and its label.
 struct Moment {
     turn: f64,
     step: Option<Step>,
@@ -80,20 +80,21 @@ fn short(value: f64) -> String {
     }
 }
 
-/// Depth is shown between near and far, which stay, so that its greys do not jump from frame to frame.
+/// The picture of an output. Depth is shown between near and far, which are the same in all frames, so that greys do not
+/// flicker.
 fn picture(shot: &Shot, output: Output) -> Result<Picture, Failure> {
     let depths = (shot.settings.near, shot.settings.far);
     Ok(shot.picture(output, Some(depths))?)
 }
 
-/// What is behind a GIF or a contact sheet, which have no transparency: white unless a background is given.
+/// The background of a GIF or a contact sheet, which have no transparency: white unless one is given.
 fn ground(stage: &Stage<'_>) -> [u8; 3] {
     let look = &stage.args.look;
     let numbers = look.background.map_or([1.0; 3], |b| b.numbers(look.curve()));
     numbers.map(|c| (look.curve().encode(c) * 255.0).round() as u8)
 }
 
-/// A turntable ends where it began; a sweep goes there and back.
+/// The frames of a loop: a turntable ends where it began, a sweep runs there and back.
 fn looped(mut frames: Vec<Picture>, stage: &Stage<'_>) -> Vec<Picture> {
     if stage.args.sweep.is_some() && frames.len() > 2 {
         let back: Vec<_> = frames[1..frames.len() - 1].iter().rev().cloned().collect();
@@ -102,7 +103,7 @@ fn looped(mut frames: Vec<Picture>, stage: &Stage<'_>) -> Vec<Picture> {
     frames
 }
 
-/// Hundredths of a second a frame: a turn takes about four seconds, a sweep about two each way.
+/// Hundredths of a second per frame: a turn takes about four seconds, a sweep about two each way.
 fn delay(stage: &Stage<'_>, count: usize) -> u16 {
     let whole = if stage.args.sweep.is_some() { 200 } else { 400 };
     (whole / count).clamp(3, 50) as u16

@@ -1,4 +1,4 @@
-//! What `softras render` takes.
+//! The arguments of `softras render`.
 
 use crate::commands::{color::Curve, parse};
 use clap::{Args, ValueEnum};
@@ -23,17 +23,17 @@ Files, by their ending:
   .gif  several frames: --turntable or --sweep, either of which also makes a .png contact sheet
 With the composite background depth and normals, too, are multiplied by alpha in .exr and .npy.";
 
-/// Render a Wavefront OBJ file.
+/// Render a Wavefront OBJ file as pictures
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES, allow_negative_numbers = true)]
 pub struct RenderArgs {
     /// The mesh, with its .mtl and textures beside it
     pub mesh: PathBuf,
-    /// Where to write: .png, .exr, .npy or .gif (may be repeated). With several --output the output's name is
-    /// added: OUT_depth.png
+    /// The file to write: .png, .exr, .npy or .gif (may be repeated). With several --output values each file's name gains
+    /// the output's name, as in OUT_depth.png
     #[arg(short, long = "out", value_name = "FILE", required = true)]
     pub out: Vec<PathBuf>,
-    /// What to write (several by commas or by repeating)
+    /// The images to write (several separated by commas, or by repeating the option)
     #[arg(long, value_enum, value_delimiter = ',', default_value = "color")]
     pub output: Vec<Output>,
     /// Let the mesh read materials and textures outside its own folder
@@ -53,15 +53,15 @@ pub struct RenderArgs {
     pub light: LightArgs,
     #[command(flatten)]
     pub modes: ModeArgs,
-    /// A loop of N frames around the vertical axis; the lights stay with the camera
+    /// Animate one turn of N frames around the vertical axis; the lights move with the camera
     #[arg(long, value_name = "N", value_parser = parse::count, conflicts_with = "sweep", help_heading = "Animation")]
     pub turntable: Option<usize>,
-    /// Vary sigma, gamma, tau or blur over a range, evenly in its logarithm: sigma=1e-5..1e-2[:N]
+    /// Animate sigma, gamma, tau or blur over a range, in N steps that are even in its logarithm: sigma=1e-5..1e-2[:N]
     #[arg(long, value_name = "NAME=FROM..TO[:N]", value_parser = parse::sweep, help_heading = "Animation")]
     pub sweep: Option<parse::Sweep>,
 }
 
-/// Where the picture is taken from. Left alone, the mesh's bounding sphere fills 85 % of the image's smaller side.
+/// The camera. By default the mesh's bounding sphere fills 85 % of the image's smaller side.
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Camera")]
 pub struct CameraArgs {
@@ -72,51 +72,50 @@ pub struct CameraArgs {
     /// The point looked at [default: the centre of the mesh's box]
     #[arg(long = "look-at", value_name = "X,Y,Z", value_parser = parse::triple, allow_hyphen_values = true)]
     pub target: Option<[f64; 3]>,
-    /// The vertical axis: up in the picture, and what azimuth, elevation and the turntable go by (0,0,1 for z-up files)
+    /// The vertical axis: up in the picture, and the axis of azimuth, elevation and turntable (0,0,1 for z-up files)
     #[arg(long, value_name = "X,Y,Z", value_parser = parse::triple, allow_hyphen_values = true, default_value = "0,1,0")]
     pub up: [f64; 3],
-    /// From the target to the camera, world units [default: so that the mesh fits]
+    /// Distance from the target to the camera, world units [default: so that the mesh fits]
     #[arg(long, value_name = "UNITS", value_parser = parse::positive)]
     pub distance: Option<f64>,
-    /// Height of the camera above the target's horizon, degrees
+    /// Elevation of the camera above the target's horizon, degrees
     #[arg(long, value_name = "DEGREES", value_parser = parse::elevation, allow_hyphen_values = true,
           default_value_t = 20.0)]
     pub elevation: f64,
-    /// Around the vertical axis, degrees: 0 looks from -z towards +z, 90 from +x, 180 from +z (with y up)
+    /// Azimuth around the vertical axis, degrees: 0 looks from -z towards +z, 90 from +x, 180 from +z (with y up)
     #[arg(long, value_name = "DEGREES", value_parser = parse::number, allow_hyphen_values = true,
           default_value_t = 145.0)]
     pub azimuth: f64,
     /// Vertical angle of view, degrees
     #[arg(long, value_name = "DEGREES", value_parser = parse::angle_of_view, default_value_t = 30.0)]
     pub fov: f64,
-    /// No perspective: half the image's height in world units, or `fit`
+    /// Orthographic projection: half the image's height in world units, or `fit`
     #[arg(long, value_name = "HALF_HEIGHT", value_parser = parse::half_height, conflicts_with = "fov")]
     pub orthographic: Option<parse::HalfHeight>,
-    /// Nearest depth drawn. Gamma is measured in units of far - near [default: the mesh's bounding sphere]
+    /// Nearest depth that is drawn; gamma is in units of far - near [default: just before the mesh's bounding sphere]
     #[arg(long, value_name = "UNITS", value_parser = parse::positive)]
     pub near: Option<f64>,
-    /// Farthest depth drawn [default: the mesh's bounding sphere]
+    /// Farthest depth that is drawn [default: just behind the mesh's bounding sphere]
     #[arg(long, value_name = "UNITS", value_parser = parse::positive)]
     pub far: Option<f64>,
 }
 
-/// How soft the picture is, and what is behind it.
+/// The size, softness and background of the picture.
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Picture")]
 pub struct LookArgs {
-    /// Pixels: a side, or WIDTHxHEIGHT
+    /// Size in pixels: the side of a square, or WIDTHxHEIGHT
     #[arg(long, value_name = "SIZE", value_parser = parse::size, default_value = "256")]
     pub size: (u32, u32),
-    /// Render N×N pixels for each pixel of the picture and average them [default: 3 for a smooth picture, or
-    /// what the device can hold; 1 with --sigma, --blur or --sweep, and for .exr and .npy, which hold the model's own
-    /// values]
+    /// Render N×N samples for each pixel of the picture and average them [default: 3, or as many as the device can hold; 1
+    /// with --sigma, --blur or --sweep, and for .exr and .npy, which hold the values of the model]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8))]
     pub samples: Option<u32>,
     /// Softness of edges, screen units² (1 = half the image's height) [default: a blur of 1.23 rendered pixels, which
     /// is 1e-5 at a height of 256]
     #[arg(long, value_parser = parse::positive)]
     pub sigma: Option<f64>,
-    /// Softness of edges by the pixels that a triangle's influence reaches beyond it
+    /// Softness of edges, as the distance in pixels that a triangle's influence reaches beyond its edges
     #[arg(long, value_name = "PIXELS", value_parser = parse::positive, conflicts_with = "sigma")]
     pub blur: Option<f64>,
     /// Softness of the depth order, in units of far - near
@@ -125,45 +124,47 @@ pub struct LookArgs {
     /// Score of the background against the triangles, with --background-mode weighted
     #[arg(long, value_parser = parse::number, allow_hyphen_values = true, default_value_t = 1e-3)]
     pub epsilon: f64,
-    /// The influence below which a triangle is left out
+    /// The influence on a pixel below which a triangle is ignored there
     #[arg(long, value_parser = parse::positive, default_value_t = 1e-4)]
     pub tau: f64,
-    /// probability: tau bounds the silhouette's error, as elsewhere; guaranteed: every image's, and triangles reach farther
+    /// probability: tau bounds the error of the silhouette; guaranteed: tau bounds the error of every image, for which
+    /// triangles reach farther
     #[arg(long, value_enum, default_value = "probability")]
     pub support: Support,
-    /// r,g,b (linear light, 0 to 1) or #rrggbb [default: transparent; white in .gif files and contact sheets]
+    /// Background: r,g,b (linear light, 0 to 1) or #rrggbb [default: transparent; white in .gif files and contact sheets]
     #[arg(long, value_name = "COLOUR", value_parser = parse::rgb)]
     pub background: Option<parse::Rgb>,
-    /// composite: colour fades with the silhouette; weighted: as the paper, one more entry of the softmax
+    /// composite: colour fades with the silhouette; weighted: the background is one more entry of the softmax, as in the
+    /// paper
     #[arg(long, value_enum, default_value = "composite")]
     pub background_mode: BackgroundMode,
-    /// Take textures' bytes as they are and write numbers as they are, as the official renderer, rather than work in
-    /// linear light between sRGB files
+    /// Read the bytes of textures and write those of pictures without the sRGB curve, as the official renderer does, in
+    /// place of working in linear light
     #[arg(long)]
     pub raw: bool,
 }
 
 impl LookArgs {
-    /// How numbers become bytes.
+    /// The curve by which numbers are encoded as bytes.
     pub fn curve(&self) -> Curve {
         if self.raw { Curve::Raw } else { Curve::Srgb }
     }
 }
 
-/// The light. Left alone: a key light from the camera's upper left, a fill light from its right, and ambient.
+/// The lights. By default a key light from the camera's upper left, a fill light from its right, and ambient light.
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Light")]
 pub struct LightArgs {
-    /// Light from everywhere: a factor or r,g,b [default: 0.12]
+    /// Ambient light: a factor or r,g,b [default: 0.12]
     #[arg(long, value_name = "AMOUNT", value_parser = ambient)]
     pub ambient: Option<[f64; 3]>,
     /// A light in direction x,y,z (world space, towards the light), instead of the key and fill lights; may be repeated
     #[arg(long, value_name = "X,Y,Z[:INTENSITY[:R,G,B]]", value_parser = parse::light, allow_hyphen_values = true)]
     pub light: Vec<parse::Light>,
-    /// No light: colours as they are
+    /// Draw colours without lighting
     #[arg(long, conflicts_with_all = ["ambient", "light"])]
     pub unlit: bool,
-    /// One normal per triangle, or one per vertex
+    /// Normals for lighting: flat has one per triangle, smooth one per vertex
     #[arg(long, value_enum, default_value = "smooth")]
     pub shading: Shading,
 }
@@ -172,23 +173,23 @@ fn ambient(text: &str) -> Result<[f64; 3], String> {
     if text.contains(',') { parse::triple(text) } else { parse::number(text).map(|x| [x; 3]) }
 }
 
-/// Which variant of the model.
+/// The variant of the model.
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Model")]
 pub struct ModeArgs {
-    /// Triangles drawn: both sides, or only those that run counter-clockwise in the picture
+    /// Triangles to draw: all, or only those whose corners are counter-clockwise in the picture
     #[arg(long, value_enum, default_value = "both")]
     pub faces: Faces,
-    /// How triangles become colour
+    /// How the triangles of a pixel are combined to a colour
     #[arg(long, value_enum, default_value = "softmax")]
     pub color_mode: ColorMode,
-    /// How triangles become the silhouette
+    /// How the triangles of a pixel are combined to the silhouette
     #[arg(long, value_enum, default_value = "product")]
     pub silhouette_mode: SilhouetteMode,
-    /// The distance behind a triangle's influence
+    /// The distance that decides a triangle's influence on a pixel
     #[arg(long, value_enum, default_value = "euclidean")]
     pub distance_mode: DistanceMode,
-    /// Colours over a triangle: affine on the screen, as the paper, or correct in perspective
+    /// Interpolation of colours over a triangle: affine on the screen, as in the paper, or perspective-correct
     #[arg(long, value_enum, default_value = "perspective")]
     pub interpolation: Interpolation,
 }
@@ -196,18 +197,18 @@ pub struct ModeArgs {
 /// One kind of image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Output {
-    /// Lit colour
+    /// The lit colour
     Color,
-    /// Coverage, 0 to 1
+    /// The coverage, 0 to 1
     Silhouette,
-    /// View depth
+    /// The view depth
     Depth,
-    /// Surface normal
+    /// The surface normal
     Normal,
 }
 
 impl Output {
-    /// As on the command line and in file names.
+    /// The name on the command line and in file names.
     pub fn name(self) -> &'static str {
         match self {
             Self::Color => "color",
@@ -218,7 +219,7 @@ impl Output {
     }
 }
 
-/// A clap value for each of a few scene modes, and the way to the library's own.
+/// Defines a clap value for a mode of the library, and the conversion to it.
 macro_rules! mode {
     ($name:ident => $library:ident { $($(#[$doc:meta])* $variant:ident => $to:ident),+ $(,)? }) => {
         #[doc = concat!("[`scene::", stringify!($library), "`] on the command line.")]

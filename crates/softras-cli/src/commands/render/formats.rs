@@ -1,4 +1,4 @@
-//! Picture files.
+//! Writes picture files: PNG, OpenEXR and numpy arrays.
 
 use super::args::Output;
 use super::picture::{Floats, Picture, Shot};
@@ -10,7 +10,7 @@ use softras::{Error, Result};
 use std::io::Cursor;
 use std::path::Path;
 
-/// A kind of picture file, by its ending.
+/// The format of a picture file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
     /// 8-bit sRGB with straight alpha.
@@ -40,7 +40,7 @@ fn failed(path: &Path, e: impl std::error::Error + Send + Sync + 'static) -> Err
     Error::Io { path: path.into(), source: std::io::Error::other(e) }
 }
 
-/// Writes one output of a frame as .png, .exr or .npy; a sentence about what the values mean comes back, if any.
+/// Writes one output of a frame as .png, .exr or .npy; returns a sentence on the meaning of the values where they need one.
 pub fn write(path: &Path, format: Format, shot: &Shot, output: Output) -> Result<Option<String>> {
     match format {
         Format::Exr => write_exr(path, &shot.floats(output)?, output).map(|()| None),

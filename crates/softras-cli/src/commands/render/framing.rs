@@ -1,4 +1,4 @@
-//! Where the camera stands when nobody says, and the light that comes with it.
+//! The camera and the lights of a picture, from the arguments and the mesh's bounds.
 
 use super::args::{CameraArgs, LightArgs};
 use crate::commands::color::Curve;
@@ -7,11 +7,11 @@ use glam::{DQuat, DVec3};
 use softras::scene::DirectionalLight;
 use softras::{Camera, Lights, Mesh, Projection, Result};
 
-/// The part of the image's smaller side that the mesh's bounding sphere fills.
+/// The share of the image's smaller side that the mesh's bounding sphere fills.
 const FILL: f64 = 0.85;
 /// Near and far lie this many radii before and behind the mesh's centre: a little more than the sphere.
 const DEPTH_MARGIN: f64 = 1.05;
-/// Near is at least this part of far, for a camera within the sphere.
+/// Near is at least this share of far, for a camera inside the sphere.
 const NEAREST: f64 = 1e-3;
 
 /// A sphere around a mesh.
@@ -19,7 +19,7 @@ const NEAREST: f64 = 1e-3;
 pub struct Bounds {
     /// The centre of the box around the triangles.
     pub center: DVec3,
-    /// From the centre to the farthest vertex in use; 1 for a mesh without extent.
+    /// The distance from the centre to the farthest vertex in use; 1 for a mesh without extent.
     pub radius: f64,
 }
 
@@ -35,7 +35,7 @@ impl Bounds {
     }
 }
 
-/// A camera in words, before it becomes a matrix.
+/// The parameters of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
     /// The camera's position.
@@ -62,7 +62,7 @@ impl View {
             Some(HalfHeight::Given(half_height)) => Projection::Orthographic { half_height },
             Some(HalfHeight::Fit) => Projection::Orthographic { half_height: bounds.radius / screen_radius },
         };
-        // The sphere's outline on the screen, f · tan(asin(R / d)), is to be the screen radius.
+        // Solves f · tan(asin(R / d)) = screen radius, the sphere's outline on the screen, for the distance d.
         let slope = match projection {
             Projection::Perspective { fov_y } => screen_radius * (fov_y / 2.0).tan(),
             _ => screen_radius * 15f64.to_radians().tan(),
@@ -70,7 +70,7 @@ impl View {
         let distance = args.distance.unwrap_or_else(|| bounds.radius / slope.atan().sin());
         let (eye, up) = match args.eye {
             Some(eye) => {
-                // A growing azimuth turns against the right hand around up.
+                // A growing azimuth is a negative rotation around up.
                 let axis = upright(DVec3::from(args.up)) * DVec3::Y;
                 let turn = DQuat::from_axis_angle(axis, -turn.to_radians());
                 (target + turn * (DVec3::from(eye) - target), DVec3::from(args.up))
@@ -96,13 +96,13 @@ impl View {
     }
 }
 
-/// From a frame whose vertical axis is y to the one whose vertical axis is `up`, which has a length.
+/// The rotation from the frame whose vertical axis is y to the one whose vertical axis is `up`, which must not be zero.
 fn upright(up: DVec3) -> DQuat {
     DQuat::from_rotation_arc(DVec3::Y, up.try_normalize().unwrap_or(DVec3::Y))
 }
 
-/// The eye on its sphere around the target, as [`Camera::from_angles`] has it but around any vertical axis, and an up
-/// that exists at the poles too.
+/// The eye on its sphere around the target, as in [`Camera::from_angles`] but for any vertical axis, and an up vector that
+/// is valid at the poles too.
 fn orbit(args: &CameraArgs, target: DVec3, distance: f64, turn: f64) -> (DVec3, DVec3) {
     let (e, a) = (args.elevation.to_radians(), (args.azimuth + turn).to_radians());
     let rotation = upright(DVec3::from(args.up));

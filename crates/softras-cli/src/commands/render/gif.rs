@@ -1,4 +1,4 @@
-//! Animated GIF files: one palette for all frames, so that colours do not flicker.
+//! Animated GIF files, with one palette for all frames so that colours do not flicker.
 
 use super::picture::Picture;
 use color_quant::NeuQuant;
@@ -9,12 +9,12 @@ use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Colours in the palette; one of the 256 entries is kept for "as in the frame before".
+/// Colours in the palette; the last of the 256 entries means that a pixel is as in the frame before.
 const COLORS: usize = 255;
-/// At most this many pixels are looked at for the palette.
+/// The most pixels that the palette is computed from.
 const SAMPLES: usize = 1 << 19;
 
-/// Writes opaque frames of one size as an endless loop, `delay` hundredths of a second apart.
+/// Writes opaque frames of one size as an endless loop, with `delay` hundredths of a second between frames.
 ///
 /// # Errors
 /// [`Error::Io`] when the file cannot be written.
@@ -40,7 +40,7 @@ fn encode(frames: &[Picture], delay: u16) -> std::result::Result<Vec<u8>, gif::E
     Ok(file)
 }
 
-/// The box of pixels that differ from the frame before, those within it that do not being transparent.
+/// The box of the pixels that differ from the frame before; pixels within it that do not differ are transparent.
 fn changed<'a>(indices: &[u8], before: Option<&[u8]>, width: usize, delay: u16) -> Frame<'a> {
     let height = indices.len() / width.max(1);
     let differs = |i: usize| before.is_none_or(|b| b[i] != indices[i]);
@@ -63,7 +63,7 @@ fn changed<'a>(indices: &[u8], before: Option<&[u8]>, width: usize, delay: u16) 
     }
 }
 
-/// 255 colours, exact when the frames have no more, and which of them is nearest to a colour.
+/// 255 colours, exact when the frames have no more, and the look-up of the nearest one.
 struct Palette {
     bytes: Vec<u8>,
     nearest: HashMap<[u8; 4], u8>,
@@ -89,7 +89,7 @@ impl Palette {
 
     fn quantized(frames: &[Picture]) -> Self {
         let total: usize = frames.iter().map(|f| f.pixels.len()).sum();
-        // An odd step meets every column of an even width in turn.
+        // An odd step visits every column of an image of even width.
         let step = (total / SAMPLES).max(1) | 1;
         let samples: Vec<u8> = frames.iter().flat_map(|f| &f.pixels).step_by(step).flatten().copied().collect();
         let quantizer = NeuQuant::new(1, COLORS, &samples);

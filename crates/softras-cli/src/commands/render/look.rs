@@ -1,4 +1,4 @@
-//! The arguments as [`Settings`].
+//! Converts the arguments of `softras render` to [`Settings`].
 
 use super::args::{LookArgs, ModeArgs, Output};
 use super::framing::View;
@@ -10,7 +10,7 @@ use softras::scene::Outputs;
 const DEFAULT_SIGMA: f64 = 1e-5;
 const DEFAULT_HEIGHT: f64 = 256.0;
 
-/// The settings of one frame; `step` is what a sweep changes and its value there.
+/// The settings of one frame; `step` is the setting that a sweep changes, with its value.
 pub fn settings(
     look: &LookArgs,
     modes: &ModeArgs,
@@ -20,7 +20,7 @@ pub fn settings(
     step: Option<(Swept, f64)>,
 ) -> Settings {
     let (width, height) = (look.size.0 * samples, look.size.1 * samples);
-    // Sigma is in units of the image's height: the same number of blurred pixels takes less of it in larger images.
+    // Sigma is in units of the image's height, so the same blur in pixels needs a smaller sigma in larger images.
     let scaled = DEFAULT_SIGMA * (DEFAULT_HEIGHT / f64::from(height)).powi(2);
     let mut settings = Settings {
         width,
@@ -42,7 +42,7 @@ pub fn settings(
         interpolation: modes.interpolation.into(),
         ..Settings::default()
     };
-    // A blur is asked for in pixels of the picture.
+    // The blur is given in pixels of the picture.
     let rendered = f64::from(samples);
     let mut blur = look.blur;
     match step {
@@ -58,7 +58,7 @@ pub fn settings(
     }
 }
 
-/// The silhouette is always made: it is the alpha of every picture.
+/// The images to render. The silhouette is always one of them: it is the alpha of every picture.
 fn outputs(wanted: &[Output]) -> Outputs {
     Outputs {
         color: wanted.contains(&Output::Color),

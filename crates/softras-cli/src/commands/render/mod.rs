@@ -1,4 +1,4 @@
-//! `softras render`: a mesh file in, pictures out.
+//! `softras render`: renders a mesh file as pictures.
 
 mod animation;
 pub mod args;
@@ -60,7 +60,7 @@ struct Target {
     output: Output,
 }
 
-/// Every output into every file; with several outputs each file's name gains the output's.
+/// One target for every output and file; with several outputs each file's name gains the output's name.
 fn targets(args: &RenderArgs) -> Result<Vec<Target>, Failure> {
     let mut outputs = args.output.clone();
     outputs.dedup();
@@ -96,7 +96,7 @@ fn targets(args: &RenderArgs) -> Result<Vec<Target>, Failure> {
     Ok(targets)
 }
 
-/// How many samples a pixel has along each side.
+/// The number of samples along each side of a pixel.
 fn samples(args: &RenderArgs, targets: &[Target]) -> Result<u32, Failure> {
     let floats = targets.iter().any(|t| matches!(t.format, Format::Exr | Format::Npy));
     let asked_soft = args.look.sigma.is_some() || args.look.blur.is_some() || args.sweep.is_some();
@@ -123,7 +123,7 @@ fn named(path: &Path, output: Output) -> PathBuf {
     path.with_file_name(format!("{stem}_{}.{ending}", output.name()))
 }
 
-/// The mesh, the renderer, and what the arguments say about every frame.
+/// The mesh, the renderer, and the arguments that apply to every frame.
 struct Stage<'a> {
     args: &'a RenderArgs,
     bounds: Bounds,
@@ -147,8 +147,8 @@ impl<'a> Stage<'a> {
         View::new(&self.args.camera, self.bounds, f64::from(width) / f64::from(height), turn)
     }
 
-    /// Renders one frame, `turn` degrees around, with a sweep's step; with fewer samples than the usual ones where
-    /// the device cannot hold so large a frame and nobody asked for a number.
+    /// Renders one frame, `turn` degrees around the axis and with a sweep's step. Unless a number of samples was given, it
+    /// uses fewer where the device cannot hold so large a frame.
     fn shoot(&mut self, turn: f64, step: Option<animation::Step>) -> Result<Shot, Failure> {
         loop {
             match self.try_shoot(turn, step) {

@@ -1,4 +1,4 @@
-//! From the renderer's float images to what a person looks at and to what a program reads.
+//! Converts the renderer's float images to 8-bit pictures and to arrays of floats.
 
 use super::args::Output;
 use super::framing::View;
@@ -15,11 +15,11 @@ pub struct Shot {
     pub view: View,
     /// The settings.
     pub settings: Settings,
-    /// How numbers become bytes.
+    /// The curve by which numbers are encoded as bytes.
     pub curve: Curve,
-    /// The picture has one pixel for each `samples × samples` of the frame's.
+    /// The picture has one pixel for each `samples × samples` pixels of the frame.
     pub samples: usize,
-    /// Whether no background was asked for: colour then comes with alpha.
+    /// Whether no background was given, so that colour has an alpha channel.
     pub transparent: bool,
 }
 
@@ -34,7 +34,7 @@ pub struct Picture {
     pub pixels: Vec<[u8; 4]>,
 }
 
-/// Floats as they are: `data[(row · width + column) · channels + channel]`.
+/// An array of floats: `data[(row · width + column) · channels + channel]`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Floats {
     /// Columns.
@@ -57,7 +57,7 @@ impl Shot {
         };
         image.ok_or_else(|| softras::Error::Scene {
             what: format!("the frame has no {} image", output.name()),
-            fix: "this is a mistake in softras: please report it".into(),
+            fix: "this is a bug in softras: please report it".into(),
         })
     }
 
@@ -114,7 +114,7 @@ impl Shot {
         Mean { plain: plain.map(|v| v / count), straight, alpha: coverage / count }
     }
 
-    /// Straight alpha when transparent. With a background, which the model has mixed in, the mean as it is.
+    /// Straight alpha when transparent; with a background, which the model has blended in already, the plain mean.
     fn color_pixel(&self, mean: &Mean) -> [u8; 4] {
         let (color, alpha) = if self.transparent { (mean.straight, byte(mean.alpha)) } else { (mean.plain, 255) };
         let [r, g, b] = color.map(|c| byte(self.curve.encode(c)));
@@ -171,7 +171,7 @@ impl Picture {
         Self { width, height, pixels: vec![pixel; width * height] }
     }
 
-    /// The same picture on an opaque ground.
+    /// The same picture on an opaque background.
     pub fn flattened(mut self, ground: [u8; 3]) -> Self {
         for pixel in &mut self.pixels {
             let a = u32::from(pixel[3]);
@@ -188,7 +188,7 @@ impl Picture {
         self.pixels.iter().all(|p| p[3] == 255)
     }
 
-    /// Copies a picture into this one, its upper left corner at the given column and row; what sticks out is cut.
+    /// Copies a picture into this one, its upper left corner at the given column and row; parts outside are cut off.
     pub fn paste(&mut self, other: &Self, column: usize, row: usize) {
         for r in 0..other.height.min(self.height.saturating_sub(row)) {
             let columns = other.width.min(self.width.saturating_sub(column));

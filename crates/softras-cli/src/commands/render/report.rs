@@ -1,4 +1,4 @@
-//! What the command says when it is done, to people or to programs.
+//! The report of `softras render`, as text or as JSON.
 
 use super::picture::Shot;
 use super::{Failure, Stage, Target};
@@ -16,7 +16,7 @@ pub struct Written {
 }
 
 impl Written {
-    /// A single picture, and what its values mean.
+    /// A single picture, with the meaning of its values.
     pub fn still(target: &Target, meaning: Option<String>) -> Self {
         Self { path: target.path.display().to_string(), output: target.output.name(), frames: 1, meaning }
     }
@@ -27,7 +27,7 @@ impl Written {
     }
 }
 
-/// What is gathered while frames are made.
+/// What is collected while frames are rendered.
 #[derive(Debug)]
 pub struct Report {
     device: String,
@@ -44,7 +44,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// A report on what is on the stage.
+    /// A report on the stage's mesh and device.
     pub fn new(stage: &Stage<'_>, notes: Vec<String>) -> Self {
         let mesh = &stage.scene.meshes[0];
         Self {
@@ -82,14 +82,14 @@ impl Report {
         }
     }
 
-    /// The values that a sweep went through.
+    /// Records the values of a sweep.
     pub fn values(&mut self, values: Vec<f64>) {
         if let Some((_, all)) = &mut self.sweep {
             *all = values;
         }
     }
 
-    /// A file is there.
+    /// Records a file that was written.
     pub fn wrote(&mut self, written: Written) {
         self.written.push(written);
     }

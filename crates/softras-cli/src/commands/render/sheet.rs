@@ -1,10 +1,10 @@
-//! Contact sheets: a grid of frames with a label under each, in a letter set of 5×7 pixels.
+//! Contact sheets: a grid of frames with a label under each, in a font of 5×7 pixels.
 
 use super::picture::Picture;
 
 const MARGIN: usize = 6;
 
-/// A grid of equally large pictures, each above its label, on the given ground.
+/// A grid of pictures of one size, each above its label, on the given background.
 pub fn sheet(frames: &[(Picture, String)], ground: [u8; 3]) -> Picture {
     let Some((first, _)) = frames.first() else { return Picture::filled(1, 1, [0; 4]) };
     let scale = (first.width / 160).clamp(1, 4);
@@ -23,20 +23,20 @@ pub fn sheet(frames: &[(Picture, String)], ground: [u8; 3]) -> Picture {
     sheet
 }
 
-/// As many columns as make the sheet about as wide as one and a half times its height.
+/// The number of columns that makes the sheet about 1.5 times as wide as high.
 fn columns(count: usize, (width, height): (usize, usize)) -> usize {
     let ideal = (1.5 * count as f64 * height as f64 / width as f64).sqrt();
     let rows = (count as f64 / ideal).round().max(1.0) as usize;
     count.div_ceil(rows)
 }
 
-/// Black or white, whichever is read more easily on the ground.
+/// Dark or light text, whichever is more legible on the background.
 fn ink([r, g, b]: [u8; 3]) -> [u8; 4] {
     let bright = 299 * u32::from(r) + 587 * u32::from(g) + 114 * u32::from(b) > 128_000;
     if bright { [40, 40, 40, 255] } else { [230, 230, 230, 255] }
 }
 
-/// Pixels that a text takes at a scale.
+/// The width of a text in pixels.
 pub fn text_width(text: &str, scale: usize) -> usize {
     6 * scale * text.chars().count()
 }
@@ -45,7 +45,7 @@ fn label_width(frames: &[(Picture, String)], scale: usize) -> usize {
     frames.iter().map(|(_, label)| text_width(label, scale)).max().unwrap_or(0)
 }
 
-/// Writes a text; each of the letters' pixels becomes `scale × scale`.
+/// Writes a text, with `scale × scale` pixels for each pixel of the font.
 pub fn write_text(sheet: &mut Picture, text: &str, left: usize, top: usize, scale: usize, ink: [u8; 4]) {
     for (i, letter) in text.chars().enumerate() {
         for (r, row) in glyph(letter).iter().enumerate() {
