@@ -1,6 +1,6 @@
-//! Losses on images, each with its value and its gradient by every value of the prediction.
+//! Image losses, each with its value and its gradient by every value of the predicted image.
 //!
-//! Sums are f64 and run over the values in their order, so a loss is the same on every machine.
+//! Sums are taken in f64 in the order of the values, so a loss has the same bits on every machine.
 
 use super::bad;
 use crate::error::Result;
@@ -9,27 +9,27 @@ use crate::image::Image;
 /// Keeps the IoU of two empty silhouettes finite; the official code's number.
 const IOU_EPSILON: f64 = 1e-6;
 
-/// A loss and how it changes.
+/// A loss and its gradient.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Valued {
     /// The loss.
     pub value: f64,
-    /// dL/dprediction, of the prediction's shape.
+    /// dL/dprediction, in the prediction's shape.
     pub gradient: Image,
 }
 
-/// How a prediction P is held against a target T, with a weight w for every pixel (1 unless given).
+/// The loss of a predicted image P against a target T, with a weight w for every value (1 unless given).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ImageLoss {
     /// The mean over views of 1 - Σ w P T / (Σ w (P + T - P T) + 1e-6), as the official code has it. For silhouettes.
     NegativeIou,
-    /// Σ w |P - T| / Σ w; the gradient of a value that fits exactly is 0.
+    /// Σ w |P - T| / Σ w; the gradient by a value that equals its target is 0.
     L1,
     /// Σ w (P - T)² / Σ w.
     L2,
     /// Σ w h(P - T) / Σ w with h(d) = d²/2 up to |d| = δ and δ (|d| - δ/2) beyond (Huber 1964).
     Huber {
-        /// δ, above 0: where the square ends.
+        /// δ, above 0: the difference up to which the loss is quadratic.
         delta: f64,
     },
 }
@@ -69,8 +69,8 @@ impl ImageLoss {
         Ok(Valued { value, gradient: Image { data, ..shape_of(prediction) } })
     }
 
-    /// The mean of the loss over `levels` resolutions, each half the one before: a shape that is far from its target
-    /// meets it first in the coarse ones.
+    /// The mean of the loss over `levels` resolutions, each half the one before. At coarse resolutions a shape overlaps
+    /// its target from farther away.
     ///
     /// A coarse pixel is the mean of the up to 2×2 fine ones under it.
     ///
@@ -101,7 +101,7 @@ impl ImageLoss {
     }
 }
 
-/// The intersection over union of each view's masks, where a mask is what lies above ½; 1 where both are empty.
+/// The intersection over union of each view's masks, the pixels above ½; 1 where both masks are empty.
 ///
 /// # Errors
 /// [`crate::Error::Fit`] when the shapes differ.
@@ -140,7 +140,7 @@ fn validate(prediction: &Image, target: &Image, weights: Option<&Image>) -> Resu
     }
 }
 
-/// The weight of a value by its place in the prediction.
+/// The weight of each value of the prediction, by its index.
 struct Weight<'a> {
     data: Option<&'a [f32]>,
     values_per_weight: usize,
@@ -198,7 +198,7 @@ pub fn pooled(image: &Image, factor: usize) -> Result<Image> {
     Ok(coarse)
 }
 
-/// The transpose of [`pooled`], times `scale`: what a gradient by the coarse image adds to that by the fine one.
+/// The transpose of [`pooled`]: adds `scale` times the gradient by the coarse image, pulled back to the fine one.
 pub fn add_pooled_gradient(fine: &mut Image, coarse: &Image, factor: usize, scale: f64) {
     let shape = shape_of(fine);
     let data = &mut fine.data;
@@ -207,8 +207,8 @@ pub fn add_pooled_gradient(fine: &mut Image, coarse: &Image, factor: usize, scal
     });
 }
 
-/// An image blurred by a Gaussian of a standard deviation in pixels, black beyond its edges. Where the blur is wide it is a
-/// smaller image, the mean of squares of pixels first: see [`blur_factor`].
+/// An image blurred by a Gaussian with a standard deviation in pixels; beyond its edges the image counts as black. For
+/// a wide blur the image is first pooled by [`blur_factor`], so the result is smaller.
 ///
 /// # Errors
 /// [`crate::Error::Fit`] for a standard deviation that is negative or not finite.
@@ -219,20 +219,20 @@ pub fn blurred(image: &Image, deviation: f64) -> Result<Image> {
     Ok(coarse)
 }
 
-/// The transpose of [`blurred`]: adds to the gradient by the fine image what comes of that by the blurred one.
+/// The transpose of [`blurred`]: adds the gradient by the blurred image, pulled back to the fine one.
 ///
 /// # Errors
 /// As [`blurred`].
 pub fn add_blurred_gradient(fine: &mut Image, coarse: &Image, deviation: f64) -> Result<()> {
     let factor = blur_factor(deviation)?;
     let mut coarse = coarse.clone();
-    // The Gaussian is symmetric, and what lies beyond the edges has no part in it: its own transpose.
+    // With black beyond the edges the Gaussian is a symmetric matrix, so it is its own transpose.
     gaussian(&mut coarse, deviation / factor as f64);
     add_pooled_gradient(fine, &coarse, factor, 1.0);
     Ok(())
 }
 
-/// Side of the squares that a blur of a standard deviation in pixels takes the mean of first: a third of it.
+/// The factor by which an image is pooled before a blur: a third of the standard deviation in pixels, at least 1.
 ///
 /// # Errors
 /// As [`blurred`].
@@ -243,7 +243,7 @@ pub fn blur_factor(deviation: f64) -> Result<usize> {
     Ok((deviation / 3.0).max(1.0) as usize)
 }
 
-/// Below this a Gaussian's other pixels weigh nothing (pixels).
+/// Standard deviation in pixels below which a Gaussian's neighbouring pixels have no weight.
 const LEAST_BLUR: f64 = 0.2;
 
 fn gaussian(image: &mut Image, deviation: f64) {
@@ -265,7 +265,7 @@ fn gaussian(image: &mut Image, deviation: f64) {
     }
 }
 
-/// to[i] = Σ kernel[|j|] from[i + j stride], where that is in the line.
+/// to[i] = Σ kernel[|j|] from[i + j stride], over indices inside the line.
 fn convolve(from: &[f32], to: &mut [f32], stride: usize, kernel: &[f32]) {
     to.iter_mut().zip(from).for_each(|(to, from)| *to = kernel[0] * from);
     for (j, weight) in kernel.iter().enumerate().skip(1).take_while(|(j, _)| j * stride < from.len()) {
@@ -275,7 +275,8 @@ fn convolve(from: &[f32], to: &mut [f32], stride: usize, kernel: &[f32]) {
     }
 }
 
-/// Every value of a fine image, with the coarse value that it is part of and its share there.
+/// Calls `visit` for every value of a fine image with its index, the index of the coarse value that it is pooled into,
+/// and its share there.
 fn each_pair(fine: &Image, coarse: &Image, factor: usize, mut visit: impl FnMut(usize, usize, f32)) {
     let channels = fine.channels;
     for row in 0..fine.batch * fine.height {

@@ -1,6 +1,6 @@
-//! Steps against a gradient.
+//! Optimisers: gradient descent with momentum, Adam and AdamUniform.
 
-/// Which way of stepping, with its constants.
+/// An optimisation method with its constants.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Method {
     /// Gradient descent with momentum: m ← μ m + g, x ← x - rate m.
@@ -8,17 +8,18 @@ pub enum Method {
         /// μ, 0 to below 1.
         momentum: f64,
     },
-    /// Adam (Kingma and Ba 2015): every parameter has its own pace.
+    /// Adam (Kingma and Ba 2015): every parameter has its own step size.
     Adam {
-        /// Decay of the mean of the gradient and of its square.
+        /// Decay of the running means of the gradient and of its square.
         betas: [f64; 2],
         /// Added to the root of the mean square.
         epsilon: f64,
     },
-    /// Adam with one pace for all parameters, that of the largest (Nicolet et al. 2021, "AdamUniform"): the direction of
-    /// the gradient stays, which a [`crate::fit::smoothing::Smoothing`] needs.
+    /// Adam with the smallest step size of all parameters for each of them (Nicolet et al. 2021, "AdamUniform"). It
+    /// keeps the direction of the mean gradient, which
+    /// [`Parametrization::Smoothed`](crate::fit::Parametrization::Smoothed) needs.
     UniformAdam {
-        /// Decay of the mean of the gradient and of its square.
+        /// Decay of the running means of the gradient and of its square.
         betas: [f64; 2],
         /// Added to the root of the mean square.
         epsilon: f64,
@@ -26,11 +27,11 @@ pub enum Method {
 }
 
 impl Method {
-    /// Adam as it is usually meant: betas 0.9 and 0.999, ε 1e-8.
+    /// Adam with its usual constants: betas 0.9 and 0.999, ε 1e-8.
     pub const ADAM: Self = Self::Adam { betas: [0.9, 0.999], epsilon: 1e-8 };
 }
 
-/// An optimiser of a fixed number of parameters and what it remembers of their gradients.
+/// An optimiser of a fixed number of parameters, with the running means of their gradients.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Optimizer {
     method: Method,
@@ -42,13 +43,14 @@ pub struct Optimizer {
 }
 
 impl Optimizer {
-    /// For so many parameters.
+    /// An optimiser for this number of parameters, before its first step.
     pub fn new(method: Method, parameters: usize) -> Self {
         let second = if let Method::Sgd { .. } = method { 0 } else { parameters };
         Self { method, first: vec![0.0; parameters], second: vec![0.0; second], steps: 0 }
     }
 
-    /// Moves the parameters against the gradient; those beyond the shorter of the two stay.
+    /// Moves the parameters by one step against the gradient. If the lengths differ, parameters beyond the shorter one
+    /// do not move.
     pub fn step(&mut self, parameters: &mut [f64], gradient: &[f64], rate: f64) {
         self.steps = self.steps.saturating_add(1);
         let each = parameters.iter_mut().zip(gradient).zip(&mut self.first);
@@ -81,19 +83,20 @@ impl Optimizer {
         }
     }
 
-    /// Forgets all gradients, as at the beginning.
+    /// Resets the running means, as before the first step.
     pub fn reset(&mut self) {
         self.first.fill(0.0);
         self.second.fill(0.0);
         self.steps = 0;
     }
 
-    /// What it remembers, to be saved: steps taken, then the means.
+    /// Its state, to be saved: the number of steps taken, the mean gradient (or momentum), the mean square (empty for
+    /// SGD).
     pub fn state(&self) -> (i32, &[f64], &[f64]) {
         (self.steps, &self.first, &self.second)
     }
 
-    /// Takes up where a saved [`Optimizer::state`] left off; `false`, and nothing changed, when the sizes differ.
+    /// Continues from a saved [`Optimizer::state`]. Returns `false` and changes nothing when the sizes differ.
     pub fn restore(&mut self, steps: i32, first: &[f64], second: &[f64]) -> bool {
         let fits = first.len() == self.first.len() && second.len() == self.second.len();
         if fits {

@@ -1,30 +1,31 @@
-//! Even triangles for a mesh that a fit has stretched: isotropic remeshing as by Botsch and Kobbelt, "A Remeshing Approach
-//! to Multiresolution Modeling" (2004), section 4.
+//! Isotropic remeshing, which evens out the triangles that a fit has stretched: Botsch and Kobbelt, "A Remeshing
+//! Approach to Multiresolution Modeling" (2004), section 4.
 //!
-//! A round splits the edges longer than 4/3 of what is asked for, collapses those shorter than 4/5, flips edges until
-//! vertices have about six neighbours, and moves vertices within the surface towards the middle of their neighbours. The
-//! surface stays closed where it was closed, and its pieces and handles stay what they were. It moves by a part of an edge:
-//! this is for a fit that goes on, not for a surface that is right already.
+//! A round splits edges longer than 4/3 of the wanted length, collapses those shorter than 4/5, flips edges until
+//! vertices have about six neighbours, and moves vertices tangentially towards the mean of their neighbours. The
+//! topology is kept: closed surfaces stay closed, components and handles are preserved. The surface itself moves by a
+//! fraction of an edge, which a continuing fit corrects.
 
 use super::bad;
 use crate::error::Result;
 use crate::scene::{Appearance, Mesh};
 use glam::DVec3;
 
-/// After so many rounds little changes.
+/// Number of rounds; further ones change little.
 const ROUNDS: usize = 5;
-/// Triangles that a remeshed mesh may come to.
+/// The largest number of triangles that a remeshed mesh may have, estimated from its area.
 const MOST_TRIANGLES: f64 = 4e6;
-/// Passes over the edges to split: each halves what is too long, so this is 1e9 times the length asked for.
+/// Passes of splitting: each halves the edges that are too long, so edges of up to 1e9 times the wanted length are
+/// split.
 const HALVINGS: usize = 30;
 
-/// The mesh in triangles whose edges are about as long as asked for, in world units.
+/// The mesh remeshed to triangles whose edges are about `edge_length` world units long.
 ///
-/// Vertex colours are interpolated; the order of vertices and triangles is another. The same input gives the same bits.
+/// Vertex colours are interpolated; vertices and triangles come in a new order. The same input gives the same bits.
 ///
 /// # Errors
-/// [`crate::Error::Fit`] for a length that is not above 0 or would make more than 4 million triangles, and for a mesh with
-/// surface cells or textures.
+/// [`crate::Error::Fit`] for a length that is not above 0 or would make more than 4 million triangles, and for a mesh
+/// with surface cells or textures.
 ///
 /// ```
 /// let coarse = softras::shapes::icosphere(1)?;
@@ -34,7 +35,7 @@ const HALVINGS: usize = 30;
 /// ```
 pub fn remeshed(mesh: &Mesh, edge_length: f64) -> Result<Mesh> {
     let mut surface = Surface::of(mesh)?;
-    // Triangles without area are cut up along their edges too.
+    // The second term counts triangles without area, whose edges are split as well.
     let around: f64 = surface.edges().iter().map(|(length, _)| length).sum();
     let wanted = surface.area() / (0.25 * 3f64.sqrt() * edge_length * edge_length) + around / edge_length;
     if !(edge_length > 0.0 && wanted < MOST_TRIANGLES) {
@@ -51,14 +52,14 @@ pub fn remeshed(mesh: &Mesh, edge_length: f64) -> Result<Mesh> {
     surface.mesh(mesh.appearance())
 }
 
-/// A mesh whose triangles come and go.
+/// A mesh under change, with the triangles at each vertex.
 struct Surface {
     positions: Vec<DVec3>,
-    /// One for each vertex, or none at all.
+    /// One for each vertex, or empty for a mesh without vertex colours.
     colors: Vec<DVec3>,
-    /// `None` where a triangle went.
+    /// `None` for a triangle that was removed.
     triangles: Vec<Option<[u32; 3]>>,
-    /// The triangles at each vertex, in the order in which they came.
+    /// The triangles at each vertex, in the order in which they were added.
     at: Vec<Vec<u32>>,
 }
 
@@ -71,7 +72,7 @@ impl Surface {
             _ => return bad("a textured mesh to remesh", "use one colour or vertex colours"),
         };
         let mut at = vec![Vec::new(); mesh.positions().len()];
-        // A triangle with a corner twice covers nothing and has no place between neighbours.
+        // A triangle that uses a vertex twice has no area and would break the search for neighbours.
         let whole = |t: &&[u32; 3]| t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
         let triangles: Vec<_> = mesh.triangles().iter().filter(whole).map(|t| Some(*t)).collect();
         for (t, corners) in triangles.iter().enumerate() {
@@ -84,7 +85,7 @@ impl Surface {
         self.positions[vertex as usize]
     }
 
-    /// Twice the area, along the normal.
+    /// The normal of a triangle, its length twice the area.
     fn normal(&self, corners: [u32; 3]) -> DVec3 {
         let [a, b, c] = corners.map(|v| self.position(v));
         (b - a).cross(c - a)
@@ -98,7 +99,7 @@ impl Surface {
         self.at[vertex as usize].iter().filter_map(|&t| self.triangles[t as usize])
     }
 
-    /// Every edge once with its length, in an order that follows from the triangles alone.
+    /// Every edge once with its length, in an order that depends on the triangles only.
     fn edges(&self) -> Vec<(f64, [u32; 2])> {
         let ends = |t: &[u32; 3]| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]].map(|[a, b]| [a.min(b), a.max(b)]);
         let mut edges: Vec<[u32; 2]> = self.triangles.iter().flatten().flat_map(ends).collect();
@@ -113,14 +114,14 @@ impl Surface {
         self.at[a as usize].iter().filter(has_b).copied().collect()
     }
 
-    /// The vertices that share an edge with one, each as often as there are triangles at that edge.
+    /// The neighbours of a vertex, each listed once for every triangle at the edge to it.
     fn ring(&self, vertex: u32) -> Vec<u32> {
         let mut ring: Vec<u32> = self.corners_at(vertex).flatten().filter(|&v| v != vertex).collect();
         ring.sort_unstable();
         ring
     }
 
-    /// Whether the surface ends at a vertex, or is more than one surface there.
+    /// Whether a vertex lies on the surface's boundary or on a non-manifold edge.
     fn on_rim(&self, vertex: u32) -> bool {
         self.ring(vertex).chunk_by(|a, b| a == b).any(|edge| edge.len() != 2)
     }
@@ -137,7 +138,7 @@ impl Surface {
         }
     }
 
-    /// Cuts edges in the middle, long ones first, until none is longer.
+    /// Splits edges at their midpoints, the longest first, until none is longer than `longest`.
     fn split(&mut self, longest: f64) {
         for _ in 0..HALVINGS {
             let mut edges = self.edges();
@@ -164,14 +165,14 @@ impl Surface {
         }
     }
 
-    /// Makes one vertex of the two ends of short edges, the shortest first, where that leaves a surface.
+    /// Collapses edges shorter than `shortest`, the shortest first, where the result is still a surface.
     fn collapse(&mut self, shortest: f64, longest: f64) {
         let mut edges = self.edges();
         edges.retain(|(length, _)| *length < shortest);
         edges.sort_by(|a, b| a.0.total_cmp(&b.0));
         for (_, [a, b]) in edges {
             let sides = self.sides([a, b]);
-            // Earlier collapses may have taken the edge, or made it longer.
+            // Earlier collapses may have removed the edge or lengthened it.
             if sides.len() != 2 || self.position(a).distance(self.position(b)) >= shortest {
                 continue;
             }
@@ -197,13 +198,15 @@ impl Surface {
         }
     }
 
-    /// Whether the ends of an edge may be one vertex there: no two triangles fall together, none turns over, none gets long.
+    /// Whether the ends of an edge may be merged at `to`: no two triangles coincide, none turns over, no edge becomes
+    /// longer than `longest`.
     fn may_meet(&self, ends: [u32; 2], sides: &[u32], to: DVec3, longest: f64) -> bool {
         let [mut one, mut other] = ends.map(|end| self.ring(end));
         one.dedup();
         other.dedup();
         let mut common = one.iter().filter(|v| other.contains(v));
-        // The link condition: the neighbours in common are the two opposite the edge, and both keep three neighbours.
+        // The link condition: the common neighbours are the two vertices opposite the edge, and both keep three
+        // neighbours.
         if common.clone().count() != 2 || common.any(|&v| self.at[v as usize].len() <= 3) {
             return false;
         }
@@ -219,8 +222,8 @@ impl Surface {
         })
     }
 
-    /// Turns edges to the other diagonal of their two triangles where that brings the numbers of neighbours nearer to 6,
-    /// or 4 on a rim.
+    /// Flips edges to the other diagonal of their two triangles where that brings the vertices' degrees nearer to 6, or
+    /// to 4 on a boundary.
     fn flip(&mut self) {
         for (_, [a, b]) in self.edges() {
             let &[t, u] = &self.sides([a, b])[..] else { continue };
@@ -229,7 +232,7 @@ impl Surface {
             };
             let from = |corners: [u32; 3]| corners.iter().position(|&v| v == a);
             let (Some(i), Some(j)) = (from(first), from(second)) else { continue };
-            // The one that has the edge from a to b comes first.
+            // The triangle that has the edge in the direction from a to b comes first.
             let ((t, first, i), (u, second, j)) =
                 if first[(i + 1) % 3] == b { ((t, first, i), (u, second, j)) } else { ((u, second, j), (t, first, i)) };
             let (c, d) = (first[(i + 2) % 3], second[(j + 1) % 3]);
@@ -254,8 +257,8 @@ impl Surface {
         }
     }
 
-    /// Moves every vertex that is not on a rim within the surface's tangent plane to the middle of its neighbours, and its
-    /// colour as much of the way to the mean of theirs.
+    /// Moves every vertex off the boundary to the mean of its neighbours, projected to the tangent plane, and its
+    /// colour by the same fraction of the way to the mean of their colours.
     fn relax(&mut self) {
         let moved = |v: u32| {
             let (position, ring) = (self.position(v), self.ring(v));
@@ -279,7 +282,7 @@ impl Surface {
         self.positions = moves.into_iter().map(|(position, _)| position).collect();
     }
 
-    /// The vertices that have triangles, and these.
+    /// The mesh of the remaining triangles and the vertices that they use.
     fn mesh(self, appearance: &Appearance) -> Result<Mesh> {
         let used: Vec<usize> = (0..self.at.len()).filter(|&v| !self.at[v].is_empty()).collect();
         let mut new = vec![0; self.at.len()];
@@ -294,7 +297,7 @@ impl Surface {
     }
 }
 
-/// Whether two normals are less than 60 degrees apart; one of no length may become any.
+/// Whether two normals are less than 60 degrees apart; true if `before` has no direction.
 fn alike(before: DVec3, after: DVec3) -> bool {
     before == DVec3::ZERO || before.dot(after) > 0.5 * before.length() * after.length()
 }

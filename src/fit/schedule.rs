@@ -1,25 +1,25 @@
-//! How a number changes in the course of a fit: σ, γ, τ, the rate.
+//! Schedules: how σ, γ, the step size or another number changes in the course of a fit.
 
 /// A number as a function of progress, 0 at the first step and 1 at the last.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Schedule {
-    /// The same throughout.
+    /// The same value throughout.
     Constant(f64),
-    /// From one number to another in even steps.
+    /// From one value to another by equal differences.
     Linear {
         /// At progress 0.
         from: f64,
         /// At progress 1.
         to: f64,
     },
-    /// From one number to another by the same factor every step; both above 0.
+    /// From one value to another by equal factors; both above 0.
     Exponential {
         /// At progress 0.
         from: f64,
         /// At progress 1.
         to: f64,
     },
-    /// Along half a cosine: slowly at both ends.
+    /// From one value to another along half a cosine, slowly at both ends.
     Cosine {
         /// At progress 0.
         from: f64,
@@ -29,7 +29,7 @@ pub enum Schedule {
 }
 
 impl Schedule {
-    /// The number at a progress, which is taken into [0, 1].
+    /// The value at a progress, which is clamped to [0, 1].
     pub fn at(self, progress: f64) -> f64 {
         let t = progress.clamp(0.0, 1.0);
         match self {
@@ -40,7 +40,7 @@ impl Schedule {
         }
     }
 
-    /// The number at a step of so many.
+    /// The value at `step`, counted from 0, of `steps`.
     pub fn at_step(self, step: usize, steps: usize) -> f64 {
         self.at(step as f64 / steps.saturating_sub(1).max(1) as f64)
     }

@@ -1,9 +1,10 @@
 //! Positions as smoothed parameters: "Large Steps in Inverse Rendering of Geometry" (Nicolet, Jacobson, Jakob 2021).
 //!
 //! The parameters are u = (I + λ L) x with L the mesh's graph Laplacian (degree on the diagonal, -1 for an edge), so
-//! x = (I + λ L)⁻¹ u, and dL/du = (I + λ L)⁻¹ dL/dx. A step in u moves the surface as a whole where a step in x would
-//! tear single vertices out of it, and yet every shape stays within reach. The matrix is factored once, by Cholesky
-//! within its envelope after a reverse Cuthill-McKee ordering: a mesh of n vertices has some n·√n entries there.
+//! x = (I + λ L)⁻¹ u, and dL/du = (I + λ L)⁻¹ dL/dx. A step in u moves neighbouring vertices together where a step
+//! in x would move single vertices, and every shape can still be reached. The matrix is factored once, by Cholesky
+//! within its envelope after a reverse Cuthill-McKee ordering: for a mesh of n vertices the envelope has about n·√n
+//! entries.
 
 use super::bad;
 use super::topology::Topology;
@@ -11,7 +12,7 @@ use crate::error::Result;
 use glam::DVec3;
 use std::collections::VecDeque;
 
-/// Entries of the factor at most: 2 GiB of them.
+/// The largest number of entries of the factor, 2 GiB of them.
 const MOST_ENTRIES: usize = 1 << 28;
 
 /// The factored matrix I + λ L of a mesh.
@@ -19,11 +20,11 @@ const MOST_ENTRIES: usize = 1 << 28;
 pub struct Smoothing {
     lambda: f64,
     topology: Topology,
-    /// The vertex at each place of the ordering.
+    /// The vertex of each row of the ordered matrix.
     order: Vec<u32>,
     /// For each row of the factor its first column within the envelope.
     first: Vec<usize>,
-    /// Where each row begins in `entries`; it ends with its diagonal.
+    /// Where each row begins in `entries`; a row ends with its diagonal entry.
     start: Vec<usize>,
     entries: Vec<f64>,
 }
@@ -38,10 +39,10 @@ impl Smoothing {
             return bad(format!("a smoothing of λ = {lambda}"), "use 0 to 1e9; 10 to 50 is usual");
         }
         let order = cuthill_mckee(topology);
-        let mut place = vec![0usize; order.len()];
-        order.iter().enumerate().for_each(|(at, &vertex)| place[vertex as usize] = at);
+        let mut row_of = vec![0usize; order.len()];
+        order.iter().enumerate().for_each(|(at, &vertex)| row_of[vertex as usize] = at);
         let first_of = |(at, &vertex): (usize, &u32)| {
-            let lowest = topology.neighbors(vertex as usize).iter().map(|&j| place[j as usize]).min();
+            let lowest = topology.neighbors(vertex as usize).iter().map(|&j| row_of[j as usize]).min();
             lowest.map_or(at, |low| low.min(at))
         };
         let first: Vec<usize> = order.iter().enumerate().map(first_of).collect();
@@ -57,7 +58,7 @@ impl Smoothing {
         for (row, &vertex) in order.iter().enumerate() {
             let neighbors = topology.neighbors(vertex as usize);
             entries[start[row + 1] - 1] = 1.0 + lambda * neighbors.len() as f64;
-            for column in neighbors.iter().map(|&j| place[j as usize]).filter(|&column| column < row) {
+            for column in neighbors.iter().map(|&j| row_of[j as usize]).filter(|&column| column < row) {
                 entries[start[row] + column - first[row]] = -lambda;
             }
         }
@@ -71,7 +72,8 @@ impl Smoothing {
         self.lambda
     }
 
-    /// Cholesky's L within the envelope, row by row. The matrix is positive definite: its diagonal outweighs its rows.
+    /// Computes Cholesky's factor within the envelope, row by row. It exists, since the matrix is strictly diagonally
+    /// dominant and so positive definite.
     fn factor(&mut self) {
         for row in 0..self.order.len() {
             let (done, rest) = self.entries.split_at_mut(self.start[row]);
@@ -92,8 +94,8 @@ impl Smoothing {
         &self.entries[self.start[row]..self.start[row + 1]]
     }
 
-    /// (I + λ L)⁻¹ of one vector for each vertex, in place: from parameters to positions, and from dL/dpositions to
-    /// dL/dparameters.
+    /// Multiplies one vector for each vertex by (I + λ L)⁻¹, in place: parameters become positions, and dL/dpositions
+    /// becomes dL/dparameters.
     ///
     /// # Errors
     /// [`crate::Error::Fit`] unless there is one vector for each vertex.
@@ -116,7 +118,7 @@ impl Smoothing {
         Ok(())
     }
 
-    /// (I + λ L) of one vector for each vertex: from positions to parameters.
+    /// One vector for each vertex multiplied by I + λ L: positions become parameters.
     ///
     /// # Errors
     /// As [`Smoothing::apply`].
@@ -138,7 +140,7 @@ impl Smoothing {
     }
 }
 
-/// The reverse Cuthill-McKee ordering: breadth first from a vertex at the rim of each component, backwards.
+/// The reverse Cuthill-McKee ordering: for each component breadth first from a vertex at its rim, then all reversed.
 fn cuthill_mckee(topology: &Topology) -> Vec<u32> {
     let count = topology.vertices();
     let mut placed = vec![false; count];
@@ -152,7 +154,7 @@ fn cuthill_mckee(topology: &Topology) -> Vec<u32> {
             order.push(seed as u32);
             continue;
         }
-        // Twice to the last vertex of a breadth-first walk ends close to the rim.
+        // The last vertex of a breadth-first walk lies far from its start; after two walks it is close to the rim.
         let mut start = seed;
         for _ in 0..2 {
             let walked = walk(topology, start, &mut placed.clone());
@@ -164,7 +166,7 @@ fn cuthill_mckee(topology: &Topology) -> Vec<u32> {
     order
 }
 
-/// Breadth first, neighbours of few neighbours first.
+/// Breadth-first order from `start`; a vertex's neighbours are visited in the order of their degrees.
 fn walk(topology: &Topology, start: usize, placed: &mut [bool]) -> Vec<u32> {
     let mut order = Vec::new();
     let mut waiting = VecDeque::from([start as u32]);

@@ -1,21 +1,21 @@
-//! Targets as soft as what is held against them.
+//! Soft silhouettes from hard masks, as targets for soft renderings.
 //!
-//! SoftRas makes an outline soft and, since every triangle near it adds to the coverage, too large: where a closed
-//! surface ends, a triangle of its front and one of its back both have D = ½, and 1 - (1 - ½)² = ¾. A fit of such a
-//! silhouette to a hard mask ends with a mesh that is too small by about √σ. So the mask is given the silhouette that a
-//! closed surface with its outline has at the same σ, from its signed distance s (inside above 0):
-//! D = sigmoid(sign(s) s² / σ) and T = 1 - (1 - D)^sheets.
+//! A soft silhouette is not only blurred but also too large, since every triangle near an outline adds to the coverage:
+//! at the outline of a closed surface, a triangle of its front and one of its back both have D = ½, and 1 - (1 - ½)² =
+//! ¾. A mesh fitted to a hard mask would therefore end too small by about √σ. The soft target is instead the silhouette
+//! that a closed surface with the mask's outline has at the same σ. From the signed distance s to the outline, positive
+//! inside, it is T = 1 - (1 - D)^sheets with D = sigmoid(sign(s) s² / σ).
 
 use super::bad;
 use crate::error::Result;
 use crate::image::Image;
 
-/// Triangles at an outline of a closed surface: one in front, one behind.
+/// The number of triangles at each point of a closed surface's outline: one in front, one behind.
 pub const CLOSED: f64 = 2.0;
 
 /// The signed distance of every pixel's centre from the outline of its view's mask, in screen units (half the image's
-/// height), above 0 inside. A mask is what lies above ½; its outline runs midway between the centres of pixels of different
-/// sides. A view that is all mask or all background is at ±∞.
+/// height), above 0 inside. A mask's inside is where it is above ½, and its outline runs midway between the centres of
+/// neighbouring pixels on different sides. In a view without an outline all distances are ±∞.
 ///
 /// # Errors
 /// [`crate::Error::Fit`] for an image of several channels or without pixels.
@@ -31,7 +31,7 @@ pub fn signed_distance(mask: &Image) -> Result<Image> {
         let to_outside = squared_distance(&inside, mask.width, false);
         let to_inside = squared_distance(&inside, mask.width, true);
         data.extend(to_outside.into_iter().zip(to_inside).map(|(out, into)| {
-            // One of the two is 0; half a pixel lies between a centre and the outline.
+            // One of the two distances is 0; the outline is half a pixel nearer than the next centre on the other side.
             let signed = if into > 0.0 { 0.5 - into.sqrt() } else { out.sqrt() - 0.5 };
             (signed * unit) as f32
         }));
@@ -39,10 +39,15 @@ pub fn signed_distance(mask: &Image) -> Result<Image> {
     Ok(Image { data, ..*mask })
 }
 
-/// A mask as the soft silhouette at σ of a surface with its outline, that so many triangles touch; see [`CLOSED`].
+/// The soft silhouette at σ of a surface with the mask's outline. A SoftRas silhouette is too large as well as blurred,
+/// since front and back both cover its outline; against this target a mesh fits the mask itself.
+///
+/// `mask` is `[views, height, width, 1]`, inside above ½. `sheets` is the number of triangles at each point of the
+/// outline: 2 for a closed surface, 1 for an open one. The result has the mask's shape and is in [0, 1].
 ///
 /// # Errors
-/// [`crate::Error::Fit`] as [`signed_distance`], and for a σ or a number of sheets that is not above 0.
+/// [`crate::Error::Fit`] for an image of several channels or without pixels, and for a σ or `sheets` that is not above
+/// 0.
 pub fn soft_target(mask: &Image, sigma: f64, sheets: f64) -> Result<Image> {
     if !(sigma > 0.0 && sigma.is_finite() && sheets > 0.0 && sheets.is_finite()) {
         return bad(format!("a soft target of sigma {sigma} and {sheets} sheets"), "both must be above 0");
@@ -56,8 +61,8 @@ pub fn soft_target(mask: &Image, sigma: f64, sheets: f64) -> Result<Image> {
     Ok(image)
 }
 
-/// The squared distance of every pixel to the nearest one that is `wanted`, in pixels; infinite without one. First along
-/// rows, then as the lower envelope of parabolas along columns (Felzenszwalb and Huttenlocher 2012).
+/// The squared distance of every pixel to the nearest one that is `wanted`, in pixels; infinite without one. First
+/// along rows, then as the lower envelope of parabolas along columns (Felzenszwalb and Huttenlocher 2012).
 fn squared_distance(inside: &[bool], width: usize, wanted: bool) -> Vec<f64> {
     let height = inside.len() / width;
     let mut squares: Vec<f64> = inside.iter().map(|&x| if x == wanted { 0.0 } else { f64::INFINITY }).collect();
@@ -72,7 +77,7 @@ fn squared_distance(inside: &[bool], width: usize, wanted: bool) -> Vec<f64> {
 
 /// f(i) ← min over j of f(j) + (i - j)².
 fn envelope(values: &mut [f64]) {
-    // The parabolas of the envelope: where their vertices are, and from where on each is the lowest.
+    // The parabolas of the envelope: the position of each one's vertex, and from where on it is the lowest.
     let mut parabolas: Vec<(usize, f64)> = Vec::new();
     for (j, &f) in values.iter().enumerate().filter(|(_, f)| f.is_finite()) {
         let height_of = |k: usize, f: f64| f + (k * k) as f64;

@@ -1,4 +1,4 @@
-//! Which vertices and triangles of a mesh are neighbours.
+//! The connectivity of a mesh: edges, neighbours of vertices, and pairs of triangles that share an edge.
 
 use super::bad;
 use crate::error::Result;
@@ -13,11 +13,11 @@ pub struct Flap {
     pub opposite: [u32; 2],
     /// The two triangles.
     pub triangles: [u32; 2],
-    /// Whether the official flatten loss sees it: it lists only the first two edges of every face.
+    /// Whether the official flatten loss includes the edge: it lists only the first two edges of every face.
     pub official: bool,
 }
 
-/// A mesh's edges, neighbours and flaps, in an order that follows from the triangles alone.
+/// A mesh's edges, neighbours and flaps, in an order that depends on the triangles only.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Topology {
     vertices: usize,
@@ -29,7 +29,8 @@ pub struct Topology {
 }
 
 impl Topology {
-    /// Of triangles over so many vertices. An edge of three or more triangles makes a flap of its first two.
+    /// The connectivity of triangles over this number of vertices. Of three or more triangles at an edge, the first two
+    /// make its flap.
     ///
     /// # Errors
     /// [`crate::Error::Fit`] for an index out of range.
@@ -79,7 +80,7 @@ impl Topology {
         &self.flaps
     }
 
-    /// The vertices that share an edge with one, in rising order; none beyond the mesh.
+    /// The vertices that share an edge with a vertex, in ascending order; empty for an index beyond the mesh.
     pub fn neighbors(&self, vertex: usize) -> &[u32] {
         match (self.first_neighbor.get(vertex), self.first_neighbor.get(vertex + 1)) {
             (Some(&from), Some(&to)) => &self.neighbors[from as usize..to as usize],
@@ -92,7 +93,7 @@ impl Topology {
     pub fn subdivided(&self) -> Vec<[u32; 3]> {
         let middle = |a: u32, b: u32| {
             let at = self.edges.binary_search(&[a.min(b), a.max(b)]);
-            // An edge from a vertex to itself has its middle there.
+            // The midpoint of an edge from a vertex to itself is that vertex.
             at.map_or(a, |at| (self.vertices + at) as u32)
         };
         let four = |&[a, b, c]: &[u32; 3]| {

@@ -1,23 +1,23 @@
 //! Solids as voxels, and the intersection over union of two of them.
 //!
-//! A voxel is inside where its centre is. That is decided by six rays from it, along the axes both ways: a ray says
-//! inside when the triangles that it leaves through and those that it enters through do not cancel (so where closed
-//! parts overlap is inside, too), and more than three of the six have to say so. For a closed mesh all agree; one with
-//! small holes is still a solid, since most rays miss them; an open sheet has no inside.
+//! A voxel is inside if its centre is. Six rays from the centre, both ways along each axis, vote on that: a ray votes
+//! inside if the numbers of triangles that it leaves and enters through differ, which holds in overlaps of closed parts
+//! too. More than three votes decide. In a closed mesh all six agree; a mesh with small holes still counts as a solid,
+//! since most rays miss the holes; an open sheet has no inside.
 
 use super::bad;
 use crate::error::Result;
 use crate::scene::Mesh;
 use std::collections::HashMap;
 
-/// The most voxels along a side.
+/// The largest number of voxels along a side.
 pub const MAX_RESOLUTION: usize = 512;
-/// Rays start this part of a voxel beside its centre, so that they do not run along faces that lie on the grid.
+/// Offset of the rays from a voxel's centre, in voxels, so that they do not run along faces that lie on the grid.
 const ASIDE: [f64; 3] = [1.237e-5, -2.618e-5, 3.141e-5];
-/// The grid reaches this much further than the meshes, as a part of their size.
+/// How much larger the grid is than the meshes, as a fraction of their size.
 const MARGIN: f64 = 1e-3;
 
-/// A cube of voxels.
+/// A cube of voxels, each inside or outside a solid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Voxels {
     resolution: usize,
@@ -27,7 +27,7 @@ pub struct Voxels {
 }
 
 impl Voxels {
-    /// Of a mesh, within the cube from `low` of that side, in world units.
+    /// The voxels of a mesh within the cube of side `side` whose lowest corner is `low`, in world units.
     ///
     /// # Errors
     /// [`crate::Error::Fit`] for a resolution outside 1 to [`MAX_RESOLUTION`] or a side that is not above 0.
@@ -49,23 +49,23 @@ impl Voxels {
         self.resolution
     }
 
-    /// For each voxel whether it is inside: x runs fastest, then y, then z.
+    /// Whether each voxel is inside, x running fastest, then y, then z.
     pub fn inside(&self) -> &[bool] {
         &self.inside
     }
 
-    /// In world units³.
+    /// Volume of the inside in world units³.
     pub fn volume(&self) -> f64 {
         let voxel = (self.side / self.resolution as f64).powi(3);
         self.inside.iter().filter(|&&inside| inside).count() as f64 * voxel
     }
 }
 
-/// Voxels of the intersection over voxels of the union, on a grid of `resolution` a side around both meshes; 1 where
-/// neither has any.
+/// The volume of the intersection of two solids over that of their union, by counting the voxels of a cube around both
+/// meshes with `resolution` voxels a side (1 to 512); 1 where neither mesh has an inside.
 ///
 /// # Errors
-/// [`crate::Error::Fit`] for a resolution outside 1 to [`MAX_RESOLUTION`].
+/// [`crate::Error::Fit`] for a resolution outside 1 to 512.
 pub fn voxel_iou(a: &Mesh, b: &Mesh, resolution: usize) -> Result<f64> {
     let (low, side) = cube_around(&[a, b]);
     let [a, b] = [Voxels::new(a, low, side, resolution)?, Voxels::new(b, low, side, resolution)?];
@@ -74,7 +74,7 @@ pub fn voxel_iou(a: &Mesh, b: &Mesh, resolution: usize) -> Result<f64> {
     Ok(if either == 0 { 1.0 } else { both as f64 / either as f64 })
 }
 
-/// Whether every edge has as many triangles one way as the other: the mesh bounds a solid.
+/// Whether the mesh bounds a solid: every edge is used by as many triangles in one direction as in the other.
 pub fn is_closed(mesh: &Mesh) -> bool {
     let mut turns: HashMap<[u32; 2], i32> = HashMap::new();
     for &[a, b, c] in mesh.triangles() {
@@ -85,7 +85,7 @@ pub fn is_closed(mesh: &Mesh) -> bool {
     turns.values().all(|&turns| turns == 0)
 }
 
-/// The smallest cube around the meshes' boxes and a little more: its lowest corner and its side.
+/// The lowest corner and the side of a cube slightly larger than the meshes' bounding box.
 pub fn cube_around(meshes: &[&Mesh]) -> ([f64; 3], f64) {
     let boxes: Vec<_> = meshes.iter().filter_map(|m| m.bounds()).collect();
     let reach = |axis: usize| {
@@ -110,11 +110,12 @@ impl Grid {
         self.low[axis] + (i as f64 + 0.5 + ASIDE[axis]) * self.step
     }
 
-    /// Lets the two rays along an axis vote for every voxel.
+    /// Adds the votes of the two rays along an axis to every voxel.
     fn vote(&self, mesh: &Mesh, axis: usize, votes: &mut [u8]) {
         let n = self.resolution;
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
-        // Per column of voxels the places where its line crosses a triangle, and whether it enters or leaves.
+        // For each column of voxels, the positions where its line crosses a triangle, each with the direction of
+        // crossing.
         let mut crossings: Vec<Vec<(f64, i32)>> = vec![Vec::new(); n * n];
         for triangle in mesh.triangles() {
             let corners = triangle.map(|i| mesh.positions()[i as usize].map(f64::from));
@@ -129,7 +130,7 @@ impl Grid {
         let strides = [1, n, n * n];
         for (column, crossings) in crossings.iter_mut().enumerate() {
             crossings.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let whole: i32 = crossings.iter().map(|(_, sign)| sign).sum();
+            let total: i32 = crossings.iter().map(|(_, sign)| sign).sum();
             let (mut before, mut passed) = (0, 0);
             for k in 0..n {
                 let center = self.center(axis, k);
@@ -138,16 +139,16 @@ impl Grid {
                     passed += 1;
                 }
                 let at = k * strides[axis] + column % n * strides[u] + column / n * strides[v];
-                votes[at] += u8::from(before != 0) + u8::from(whole - before != 0);
+                votes[at] += u8::from(before != 0) + u8::from(total - before != 0);
             }
         }
     }
 
-    /// The voxels whose centres may lie between the corners along an axis.
+    /// The range of voxels whose centres may lie between the corners along an axis.
     fn range(&self, axis: usize, corners: [f64; 3]) -> std::ops::Range<usize> {
-        let place = |x: f64| ((x - self.low[axis]) / self.step - 0.5).clamp(-1.0, self.resolution as f64);
-        let low = place(corners.iter().copied().fold(f64::INFINITY, f64::min)).floor().max(0.0) as usize;
-        let high = place(corners.iter().copied().fold(f64::NEG_INFINITY, f64::max)).ceil() + 1.0;
+        let index = |x: f64| ((x - self.low[axis]) / self.step - 0.5).clamp(-1.0, self.resolution as f64);
+        let low = index(corners.iter().copied().fold(f64::INFINITY, f64::min)).floor().max(0.0) as usize;
+        let high = index(corners.iter().copied().fold(f64::NEG_INFINITY, f64::max)).ceil() + 1.0;
         low..(high.max(0.0) as usize).min(self.resolution)
     }
 }
@@ -155,7 +156,7 @@ impl Grid {
 /// Where the line along `axis` at `[u, v]` meets a triangle, and +1 or -1 by the side it comes from. A line on an edge
 /// that two triangles share meets exactly one of them.
 fn crossing(corners: &[[f64; 3]; 3], [axis, u, v]: [usize; 3], at: [f64; 2]) -> Option<(f64, i32)> {
-    // The same two corners give the same number whichever comes first, but for its sign.
+    // The result for (a, b) is exactly minus that for (b, a), so triangles that share an edge agree on its side.
     let beside = |a: &[f64; 3], b: &[f64; 3]| {
         let turned = (a[u], a[v]) > (b[u], b[v]);
         let (a, b) = if turned { (b, a) } else { (a, b) };
@@ -172,6 +173,6 @@ fn crossing(corners: &[[f64; 3]; 3], [axis, u, v]: [usize; 3], at: [f64; 2]) -> 
     } else {
         return None;
     };
-    let place = (sides[0] * a[axis] + sides[1] * b[axis] + sides[2] * c[axis]) / sides.iter().sum::<f64>();
-    Some((place, sign))
+    let position = (sides[0] * a[axis] + sides[1] * b[axis] + sides[2] * c[axis]) / sides.iter().sum::<f64>();
+    Some((position, sign))
 }

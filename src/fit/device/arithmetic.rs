@@ -1,11 +1,11 @@
-//! The arithmetic of the fitting kernels in Rust: what `glsl/common/fit.glsl`, `fit_sum.glsl`, `loss.glsl`, `logit.glsl` and
-//! `moments.glsl` say, operation by operation, so that single precision gives the same bits.
+//! The arithmetic of the fitting kernels in Rust. It repeats `glsl/common/fit.glsl`, `fit_sum.glsl`, `loss.glsl`,
+//! `logit.glsl` and `moments.glsl` operation by operation, so that single precision gives the same bits.
 
 use crate::constants as c;
 
 pub type Vec3 = [f32; 3];
 
-/// A workgroup, in which all sums are taken.
+/// Invocations of a workgroup, which sums its values pairwise.
 pub const GROUP: usize = c::FIT_GROUP as usize;
 
 pub fn add(a: Vec3, b: Vec3) -> Vec3 {
@@ -41,18 +41,18 @@ pub fn length(a: Vec3) -> f32 {
 #[allow(clippy::excessive_precision, clippy::approx_constant)]
 pub fn exponential(x: f32) -> f32 {
     let bounded = x.clamp(-80.0, 80.0);
-    let whole = (bounded * 1.442_695_04 + 0.5).floor();
-    let rest = bounded - whole * 0.693_359_375;
-    let rest = rest + whole * 2.121_944_40e-4;
+    let exponent = (bounded * 1.442_695_04 + 0.5).floor();
+    let fraction = bounded - exponent * 0.693_359_375;
+    let fraction = fraction + exponent * 2.121_944_40e-4;
     let mut sum = 1.987_569_150_0e-4;
     for term in [1.398_199_950_7e-3, 8.333_451_907_3e-3, 4.166_579_589_4e-2, 1.666_666_545_9e-1, 5.000_000_120_1e-1_f32]
     {
-        sum = sum * rest + term;
+        sum = sum * fraction + term;
     }
-    sum *= rest * rest;
-    sum += rest;
+    sum *= fraction * fraction;
+    sum += fraction;
     sum += 1.0;
-    sum * f32::from_bits(((whole as i32 + 127) as u32) << 23)
+    sum * f32::from_bits(((exponent as i32 + 127) as u32) << 23)
 }
 
 pub fn tangent(x: f32) -> f32 {
@@ -77,7 +77,7 @@ pub fn group_sum<const N: usize>(mut lanes: [[f32; N]; GROUP]) -> [f32; N] {
     lanes[0]
 }
 
-/// The sum of rows by one workgroup: every lane sums each 64th, the lanes' sums are added pairwise.
+/// The sum of rows by one workgroup: each lane sums every 64th row, then the lanes' sums are added pairwise.
 pub fn strided_sum<const N: usize>(count: usize, row: impl Fn(usize) -> [f32; N]) -> [f32; N] {
     let mut lanes = [[0.0; N]; GROUP];
     for i in 0..count {
@@ -87,7 +87,7 @@ pub fn strided_sum<const N: usize>(count: usize, row: impl Fn(usize) -> [f32; N]
     group_sum(lanes)
 }
 
-/// What one value adds to the sums of its view.
+/// The terms that one value adds to the loss sums of its view.
 pub fn terms(kind: u32, p: f32, t: f32, weight: f32, delta: f32) -> [f32; 2] {
     let d = p - t;
     let size = d.abs();
@@ -103,7 +103,7 @@ pub fn terms(kind: u32, p: f32, t: f32, weight: f32, delta: f32) -> [f32; 2] {
     }
 }
 
-/// The derivative by p.
+/// The derivative of a loss by the predicted value p.
 pub fn slope(kind: u32, p: f32, t: f32, sums: [f32; 2], scaled_weight: f32, delta: f32) -> f32 {
     let d = p - t;
     match kind {
@@ -120,7 +120,7 @@ pub fn slope(kind: u32, p: f32, t: f32, sums: [f32; 2], scaled_weight: f32, delt
     }
 }
 
-/// A view's part of a loss.
+/// A view's part of a loss, from the view's sums.
 pub fn value_of(kind: u32, sums: [f32; 2], scale: f32) -> f32 {
     let value = if kind == c::LOSS_IOU { 1.0 - sums[0] / (sums[1] + c::LOSS_IOU_EPSILON) } else { sums[0] };
     value * scale
@@ -150,7 +150,7 @@ pub fn logit_of(odds: f32, displacement: f32, shift: f32) -> Logit {
     }
 }
 
-/// An optimiser's numbers in one step.
+/// The optimiser's push constants of one step.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Rates {

@@ -1,32 +1,32 @@
-//! The box within which vertices may move without the frame's plan being another: what lies before near or beyond far
-//! takes other kernels, and only the device knows where its vertices are.
+//! The box within which vertices may move without changing the frame's plan. Vertices before near or beyond far need
+//! other kernels, and the host does not know where the device has moved the vertices.
 
 use crate::error::{Error, Result};
 use crate::frame::plan::DepthSpan;
 use crate::scene::{Camera, Settings};
 
-/// How many times larger than the mesh's own box is tried, in turn.
+/// Sizes of the box relative to the mesh's bounding box, tried in turn.
 const ROOM: [f32; 6] = [8.0, 4.0, 2.0, 1.5, 1.2, 1.05];
-/// What no vertex of a frame that means anything exceeds.
+/// Half the side of the box that does not limit vertices: larger coordinates overflow in the frame.
 const EVERYWHERE: f32 = 1e30;
 
-/// A box, and how all that is inside it lies to near and far.
+/// A box around the mesh, and which of the planes near and far a mesh inside it may cross.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Guard {
     pub span: DepthSpan,
     pub bounds: [[f32; 3]; 2],
-    /// The planes that it holds for.
+    /// The planes near and far that it was computed for.
     planes: [f64; 2],
 }
 
 impl Guard {
-    /// Of vertices as some cameras see them.
+    /// The largest box that crosses no other planes than the vertices themselves, as these cameras see them.
     ///
     /// # Errors
-    /// [`Error::NotFinite`] where one is no finite number.
+    /// [`Error::NotFinite`] where a vertex is not finite.
     pub fn new(positions: &[[f32; 3]], cameras: &[Camera], settings: &Settings) -> Result<Self> {
         if positions.as_flattened().iter().any(|x| x.is_nan() || x.abs() >= EVERYWHERE) {
-            let fix = "take shorter steps (rate), or weigh the regularisers less".into();
+            let fix = "use a smaller step size (rate), or smaller regularizer weights".into();
             return Err(Error::NotFinite { stage: "optimizer", fix });
         }
         let planes = [settings.near, settings.far];
@@ -53,7 +53,7 @@ impl Guard {
         Ok(Self { span, bounds: [[-EVERYWHERE; 3], [EVERYWHERE; 3]], planes })
     }
 
-    /// Whether it holds for these settings.
+    /// Whether it was computed for the planes of these settings.
     pub fn fits(&self, settings: &Settings) -> bool {
         self.planes == [settings.near, settings.far]
     }
@@ -77,10 +77,10 @@ mod tests {
         };
         let inside = of(1.0, 100.0);
         assert!(!inside.span.crosses_near && !inside.span.crosses_far && inside.bounds[1][2] == 2.0);
-        // With near so close to the mesh only everything is safe.
+        // With near so close to the mesh, every larger box crosses it, so the box is unlimited.
         let close = of(3.99, 100.0);
         assert!(close.span.crosses_near && close.bounds[1][2] == EVERYWHERE);
-        // A mesh that crosses already may go anywhere near.
+        // A mesh that crosses near already is planned for that.
         assert!(of(5.0, 100.0).span.crosses_near && !of(5.0, 100.0).span.crosses_far);
         assert!(Guard::new(&[[f32::NAN; 3]], &[camera], &Settings::default()).is_err());
     }

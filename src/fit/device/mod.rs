@@ -1,17 +1,18 @@
-//! Whole fitting steps on the device: one submission each, and nothing waited for but the losses when they are asked for.
+//! Shape fits whose steps run entirely on the device: one submission a step, and no wait until losses or the mesh are
+//! read.
 //!
-//! A step is the rasterizer's forward pass, the losses and their derivatives by the images, the regularisers, the
-//! rasterizer's backward pass, the optimiser. Vertices, what the optimiser remembers, targets and neighbours stay on the
-//! device; from step to step the host gives only σ, γ, the rates and the like, as push constants. All sums are taken in one
+//! A step records the rasterizer's forward pass, the image losses and their gradients, the regularizers, the
+//! rasterizer's backward pass, and the optimiser. Vertices, the optimiser's state, targets and connectivity stay on the
+//! device; each step the host passes σ, γ, step sizes and the like as push constants. All sums are taken in a fixed
 //! order, so the same input gives the same bits.
 //!
-//! [`HostFit`] does the same on the host, in single precision and in the same order, and gives the same bits wherever the
-//! device's +, -, ×, ÷ and √ round as IEEE 754 says. It is the place for a loss of your own. [`ShapeFit`] is the same
-//! method in double precision, and what both are held against.
+//! [`HostFit`] computes the same steps on the host, in single precision and in the same order, and gives the same bits
+//! on devices whose +, -, ×, ÷ and √ round as IEEE 754 requires. It also lets the caller insert a loss of its own.
+//! [`ShapeFit`] is the same method in double precision, and the reference for both.
 //!
-//! Smoothed parameters ([`Parametrization::Smoothed`](super::shape::Parametrization)) of up to 1536 vertices go through the
-//! whole inverse of their matrix. Beyond, they are solved for by a fixed number of Chebyshev's iterations, to 1 %: a linear,
-//! symmetric map, so its own transpose, and a parametrisation in its own right.
+//! For [`Parametrization::Smoothed`](super::shape::Parametrization), a mesh of up to 1536 vertices is multiplied by the
+//! dense inverse of I + λ L. For larger ones a fixed number of Chebyshev iterations solves the system to 1 %. That is a
+//! symmetric linear map, hence its own transpose, so gradients are exact for the parametrization that it defines.
 
 mod arithmetic;
 mod buffers;
@@ -44,10 +45,10 @@ use buffers::{BufferId, Own};
 use guard::Guard;
 use host::{FitState, step_of};
 use memory::{Memory, ROWS, Upload};
-use plan::{FitPlan, unsupported, unsupported_settings};
+use plan::FitPlan;
 use stages::{Numbers, Stages};
 
-/// The kernels of this module: those of a frame have other push constants.
+/// The kernels of this module, which have push constants of their own.
 pub const KERNELS: [&str; 14] = [
     "loss_pool",
     "image_loss",
@@ -65,10 +66,11 @@ pub const KERNELS: [&str; 14] = [
     "color_step",
 ];
 
-/// A fit in progress on a renderer's device.
+/// A shape fit in progress on a renderer's device: the method of [`ShapeFit`] in single precision, one submission a
+/// step.
 #[derive(Debug)]
 pub struct DeviceFit {
-    /// As it was when last asked for.
+    /// The fit as of the last download.
     shape: ShapeFit,
     cameras: Vec<Camera>,
     plan: FitPlan,
@@ -76,23 +78,23 @@ pub struct DeviceFit {
     pipelines: Pipelines,
     memory: Memory,
     bound: Option<Bound>,
-    /// What to begin with, until it is on the device.
+    /// The initial state, until it is uploaded.
     initial: Option<FitState>,
     flights: [CommandBuffer; 2],
-    /// What is not a step: uploads, downloads.
+    /// The command buffer for uploads and downloads.
     service: CommandBuffer,
-    /// Steps submitted and not yet confirmed, in order.
+    /// Steps submitted whose records have not been read, in order.
     pending: Vec<Submitted>,
-    /// Steps taken and not yet asked for.
+    /// Losses of confirmed steps that the caller has not taken yet.
     found: Vec<Step>,
-    /// The least loss and which step found it, counted from the first of this fit.
+    /// The least loss, and the step that found it, counted from the first of this fit.
     best: Option<(f64, usize)>,
     confirmed: usize,
     submitted: usize,
     repeated: usize,
     capacity: Option<Capacity>,
     guard: Option<Guard>,
-    /// Steps that the optimisers have been given, those before this fit among them.
+    /// Numbers of steps of the two optimisers, including those before this fit.
     steps: [i32; 2],
     device: vk::Device,
 }
@@ -107,22 +109,23 @@ struct Bound {
     stages: Stages,
 }
 
-/// A step as it was asked for.
+/// The arguments of a submitted step, to submit it again.
 #[derive(Clone, Debug)]
 struct Submitted {
     settings: Settings,
     rate: f64,
     color_rate: f64,
-    /// The optimisers' counts in it.
+    /// Numbers of steps of the two optimisers, this one included.
     steps: [i32; 2],
 }
 
 impl DeviceFit {
-    /// Takes a fit up where it is. `weights` masks pixels out: `[views, height, width, 1]`, of the targets' size.
+    /// Continues a shape fit on the device. `weights`, `[views, height, width, 1]` of the targets' size, weighs pixels;
+    /// 0 masks one out.
     ///
     /// # Errors
-    /// [`crate::Error::Fit`] for targets or weights that do not fit together, and for what [`DeviceFit::unsupported`] names;
-    /// [`crate::Error::Limit`], [`crate::Error::OutOfMemory`], [`crate::Error::Vulkan`].
+    /// [`crate::Error::Fit`] for targets or weights that do not fit together, and for what [`DeviceFit::unsupported`]
+    /// names; [`crate::Error::Limit`], [`crate::Error::OutOfMemory`], [`crate::Error::Vulkan`].
     pub fn new(renderer: &Renderer, fit: ShapeFit, targets: &Targets, weights: Option<&Image>) -> Result<Self> {
         let (plan, tables) = FitPlan::new(&fit, targets, weights)?;
         let context = renderer.context();
@@ -155,27 +158,17 @@ impl DeviceFit {
         })
     }
 
-    /// Why a fit cannot run on the device and takes [`ShapeFit::step`] instead; `None` where it can.
-    pub fn unsupported(fit: &ShapeFit) -> Option<String> {
-        unsupported(fit)
-    }
-
-    /// Why a step with these settings cannot run on the device; `None` where it can.
-    pub fn unsupported_settings(settings: &Settings) -> Option<String> {
-        unsupported_settings(settings)
-    }
-
-    /// Submits a step and does not wait for it: the targets' views, compared, and vertices moved by `rate`, colours by
-    /// `color_rate`. Size, outputs and `save` of the settings are the fit's own business.
+    /// Submits a step without waiting for it: renders the targets' views, compares them, and moves vertices with step
+    /// size `rate` and colours with `color_rate`. The fit sets size, outputs and `save` of the settings itself.
     ///
     /// # Errors
-    /// [`crate::Error::Fit`] for settings that [`DeviceFit::unsupported_settings`] names, or another renderer than the fit was made
-    /// with; otherwise, for this step or one before it, as [`Renderer::render`].
+    /// [`crate::Error::Fit`] for settings that [`DeviceFit::unsupported_settings`] names, or another renderer than the
+    /// fit was made with; otherwise, for this step or one before it, as [`Renderer::render`].
     pub fn step(&mut self, renderer: &Renderer, settings: &Settings, rate: f64, color_rate: f64) -> Result<()> {
         if renderer.context().device().raw().handle() != self.device {
             return bad("another renderer than the fit was made with", "use the same one throughout");
         }
-        if let Some(reason) = unsupported_settings(settings) {
+        if let Some(reason) = Self::unsupported_settings(settings) {
             return bad(reason, "fit it on the host (ShapeFit)");
         }
         if self.pending.len() == ROWS {
@@ -186,7 +179,7 @@ impl DeviceFit {
         self.submit(renderer, Submitted { settings, rate, color_rate, steps: self.steps })
     }
 
-    /// Waits for all steps submitted, and what those found that were not yet asked for.
+    /// Waits for all submitted steps and returns the losses of those that were not returned before, in order.
     ///
     /// # Errors
     /// As [`DeviceFit::step`].
@@ -195,7 +188,8 @@ impl DeviceFit {
         Ok(std::mem::take(&mut self.found))
     }
 
-    /// Waits for all steps, and the fit as they left it: its mesh, and all that it would resume from.
+    /// Waits for all submitted steps and returns the fit after them: its mesh, and the state that it can be resumed
+    /// from.
     ///
     /// # Errors
     /// As [`DeviceFit::step`].
@@ -211,8 +205,8 @@ impl DeviceFit {
         Ok(&self.shape)
     }
 
-    /// Waits for all steps, and the mesh of least loss with the step, counted from the fit's first, that found it;
-    /// `None` before the first.
+    /// Waits for all submitted steps and returns the mesh of least loss and the number of its step, counted from 0 in
+    /// this fit; `None` before the first step.
     ///
     /// # Errors
     /// As [`DeviceFit::step`].
@@ -227,8 +221,8 @@ impl DeviceFit {
         Ok(Some((shape.mesh().clone(), step)))
     }
 
-    /// Steps that were submitted again so far: those that the device skipped because a frame before them had too little
-    /// room, or a vertex had left the box that frames were planned for.
+    /// How many steps were submitted again so far. The device skips steps once a frame's lists overflow or a vertex
+    /// leaves the box that frames are planned for; the host then makes room and submits them again.
     pub fn repeated(&self) -> usize {
         self.repeated
     }
@@ -263,7 +257,7 @@ impl DeviceFit {
         Ok(())
     }
 
-    /// Plans the frame of some settings, and binds what it takes unless that is bound.
+    /// Plans the frame of these settings, and binds its buffers unless the present bindings fit.
     fn prepare(&mut self, renderer: &Renderer, settings: &Settings) -> Result<()> {
         let guard = match self.guard.filter(|guard| guard.fits(settings)) {
             Some(guard) => guard,
@@ -326,7 +320,7 @@ impl DeviceFit {
         Ok(())
     }
 
-    /// The vertices as they are now, once nothing is pending.
+    /// The present vertices; no step may be pending.
     fn positions(&mut self) -> Result<Vec<[f32; 3]>> {
         if let Some(initial) = &self.initial {
             return Ok(initial.positions.clone());
@@ -336,7 +330,7 @@ impl DeviceFit {
         self.memory.vectors(BufferId::Positions, self.plan.vertices as usize)
     }
 
-    /// Waits for all that is pending. Where a step could not be taken, makes room and submits it and all behind it again.
+    /// Waits for all pending steps. Where the device skipped one, makes room and submits it and all later ones again.
     fn settle(&mut self, renderer: &Renderer) -> Result<()> {
         loop {
             self.flights.iter_mut().try_for_each(CommandBuffer::settle)?;
@@ -350,7 +344,8 @@ impl DeviceFit {
         }
     }
 
-    /// Takes note of steps that were taken, up to the first that was not.
+    /// Reads the records of pending steps and notes their losses, up to the first step that was skipped. Returns that
+    /// one's row and record.
     fn confirm(&mut self, rows: usize) -> Result<Option<(usize, [u32; c::RECORD_WORDS as usize])>> {
         for row in 0..rows {
             let record = self.memory.record(row)?;
@@ -369,7 +364,7 @@ impl DeviceFit {
         Ok(None)
     }
 
-    /// Makes the step possible that a record says was not, and lets the device go on.
+    /// Removes the cause for which the device skipped a step, as its record says, and lets the device continue.
     fn recover(&mut self, record: &[u32; c::RECORD_WORDS as usize]) -> Result<()> {
         if record[c::RECORD_HALTED as usize] & c::HALT_OUTSIDE != 0 {
             self.guard = None;

@@ -1,4 +1,4 @@
-//! What a fit on the device takes: kinds, weights, sizes, as the kernels read them. Pure: no Vulkan.
+//! Plans a fit on the device: kinds of losses, weights and sizes as the kernels read them. It does not use Vulkan.
 
 use crate::constants as c;
 use crate::error::Result;
@@ -10,17 +10,19 @@ use crate::fit::shape::{Parametrization, ShapeFit, Targets};
 use crate::image::Image;
 use crate::scene::{Appearance, Outputs, Settings, Support};
 
+use super::DeviceFit;
 use super::arithmetic::Rates;
 use super::smoother::{Smoother, inverse};
 use super::tables::{Tables, logit_template};
 
-/// Vertices and inner edges that one workgroup sums at most: Mesa before 23 ends an invocation's loops after 65535 passes.
+/// The largest number of vertices and inner edges that one workgroup sums: Mesa before 23 ends loops of an invocation
+/// after 65535 iterations.
 const MOST_SUMMED: usize = 60_000 * c::FIT_GROUP as usize;
 
-/// A loss as the kernels have it.
+/// A loss as the kernels take it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LossKind {
-    /// LOSS_ of the constants.
+    /// One of the `LOSS_` constants.
     pub code: u32,
     pub delta: f32,
     pub weight: f32,
@@ -43,11 +45,11 @@ pub struct Level {
     pub scales: [f32; 4],
 }
 
-/// The sizes and numbers of a fit.
+/// The sizes and numbers that the kernels of a fit take.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FitPlan {
     pub views: u32,
-    /// Of what is rendered.
+    /// Of the rendered images.
     pub width: u32,
     pub height: u32,
     pub samples: u32,
@@ -55,7 +57,7 @@ pub struct FitPlan {
     pub silhouette: LossKind,
     pub color: LossKind,
     pub masked: bool,
-    /// Pixels have colours.
+    /// Whether pixels have colours.
     pub has_color: bool,
     pub vertices: u32,
     pub edges: u32,
@@ -65,7 +67,7 @@ pub struct FitPlan {
     pub edge_weight: f32,
     pub edge_target: f32,
     pub normal_weight: f32,
-    /// For each of the options' regularisers where its value stands in a record.
+    /// For each of the options' regularizers, the index of its value among a record's penalties.
     pub penalties: Vec<usize>,
     pub logit: bool,
     pub smoothing: Option<Smoother>,
@@ -73,36 +75,39 @@ pub struct FitPlan {
     pub fit_colors: bool,
 }
 
-/// Why a fit cannot run on the device; `None` where it can.
-pub fn unsupported(fit: &ShapeFit) -> Option<String> {
-    let options = fit.options();
-    if !options.fit_positions {
-        return Some("no vertex moves".into());
-    }
-    if options.fit_colors && !matches!(fit.mesh().appearance(), Appearance::VertexColors(_)) {
-        return Some("colours that are not the vertices' own are fitted on the host".into());
-    }
-    let kind = |r: &Regularizer| std::mem::discriminant(r);
-    for (i, (regularizer, _)) in options.regularizers.iter().enumerate() {
-        if options.regularizers[..i].iter().any(|(r, _)| kind(r) == kind(regularizer)) {
-            return Some(format!("{regularizer:?} is there twice"));
+impl DeviceFit {
+    /// Why a fit cannot run on the device and needs [`ShapeFit::step`]; `None` where it can.
+    pub fn unsupported(fit: &ShapeFit) -> Option<String> {
+        let options = fit.options();
+        if !options.fit_positions {
+            return Some("the fit moves no vertices".into());
+        }
+        if options.fit_colors && !matches!(fit.mesh().appearance(), Appearance::VertexColors(_)) {
+            return Some("only vertex colours can be fitted on the device".into());
+        }
+        let kind = |r: &Regularizer| std::mem::discriminant(r);
+        for (i, (regularizer, _)) in options.regularizers.iter().enumerate() {
+            if options.regularizers[..i].iter().any(|(r, _)| kind(r) == kind(regularizer)) {
+                return Some(format!("{regularizer:?} is given twice"));
+            }
+        }
+        let (vertices, flaps) = (fit.topology().vertices(), fit.topology().flaps().len());
+        if vertices + flaps > MOST_SUMMED {
+            return Some(format!("{vertices} vertices and {flaps} inner edges are more than one workgroup sums"));
+        }
+        match options.parametrization {
+            Parametrization::Smoothed { lambda } if Smoother::new(lambda, fit.topology()).is_none() => {
+                Some(format!("a smoothing of λ = {lambda} needs the host's exact solution"))
+            }
+            _ => None,
         }
     }
-    let (vertices, flaps) = (fit.topology().vertices(), fit.topology().flaps().len());
-    if vertices + flaps > MOST_SUMMED {
-        return Some(format!("{vertices} vertices and {flaps} inner edges are more than one workgroup sums"));
-    }
-    match options.parametrization {
-        Parametrization::Smoothed { lambda } if Smoother::new(lambda, fit.topology()).is_none() => {
-            Some(format!("a smoothing of λ = {lambda} takes the host's exact solution"))
-        }
-        _ => None,
-    }
-}
 
-/// Why a step with these settings cannot run on the device.
-pub fn unsupported_settings(settings: &Settings) -> Option<String> {
-    (settings.support == Support::Guaranteed).then(|| "a guaranteed support follows the mesh, on the host".into())
+    /// Why a step with these settings cannot run on the device; `None` where it can.
+    pub fn unsupported_settings(settings: &Settings) -> Option<String> {
+        (settings.support == Support::Guaranteed)
+            .then(|| "the radius of a guaranteed support depends on the mesh, which only the device knows".into())
+    }
 }
 
 impl LossKind {
@@ -118,19 +123,20 @@ impl LossKind {
         Ok(Self { code, delta: delta as f32, weight: if given { weight as f32 } else { 0.0 } })
     }
 
-    /// What the sums of all views are divided by.
+    /// The divisor of the sum over all views.
     fn divisor(&self, total: f64, views: f64) -> f64 {
         if self.code == c::LOSS_IOU { views } else { total }
     }
 }
 
 impl FitPlan {
-    /// Of a fit to targets, and its tables. `weights` masks pixels out: `[views, height, width, 1]` of the targets' size.
+    /// The plan of a fit to targets, and its tables. `weights`, `[views, height, width, 1]` of the targets' size,
+    /// weighs pixels.
     ///
     /// # Errors
-    /// [`crate::Error::Fit`] for targets or weights that do not fit together, and what only the host can do.
+    /// [`crate::Error::Fit`] for targets or weights of other shapes, and for a fit that is [`DeviceFit::unsupported`].
     pub fn new(fit: &ShapeFit, targets: &Targets, weights: Option<&Image>) -> Result<(Self, Tables)> {
-        if let Some(reason) = unsupported(fit) {
+        if let Some(reason) = DeviceFit::unsupported(fit) {
             return bad(reason, "fit it on the host (ShapeFit)");
         }
         let (height, width) = targets.size()?;
@@ -166,7 +172,7 @@ impl FitPlan {
             edge_weight: of(Regularizer::EdgeLength { target: 0.0 }),
             edge_target: edge_target.unwrap_or(0.0),
             normal_weight: of(Regularizer::NormalConsistency),
-            penalties: options.regularizers.iter().map(|(r, _)| place_of(*r)).collect(),
+            penalties: options.regularizers.iter().map(|(r, _)| penalty_index(*r)).collect(),
             logit: options.parametrization == Parametrization::Logit,
             smoothing,
             method: options.method,
@@ -240,24 +246,24 @@ impl FitPlan {
         self.levels.iter().map(size).sum::<u32>().max(1)
     }
 
-    /// Rows of parameters: one a vertex, and the centre's.
+    /// Rows of parameters: one for each vertex, and one for the centre.
     pub fn rows(&self) -> u32 {
         self.vertices + u32::from(self.logit)
     }
 
-    /// Whether the regularisers on vertices are wanted: Laplacian, edges.
+    /// Whether a regularizer on vertices is used: Laplacian or edge length.
     pub fn vertex_penalties(&self) -> bool {
         self.has_penalty(0) || self.has_penalty(2)
     }
 
-    /// The same on flaps: flatten, normals.
+    /// Whether a regularizer on flaps is used: flatten or normal consistency.
     pub fn flap_penalties(&self) -> bool {
         self.has_penalty(1) || self.has_penalty(3)
     }
 
-    /// Whether one of the options' regularisers stands at a place of the record.
-    pub fn has_penalty(&self, place: usize) -> bool {
-        self.penalties.contains(&place)
+    /// Whether the options contain the regularizer of this index, see [`penalty_index`].
+    pub fn has_penalty(&self, index: usize) -> bool {
+        self.penalties.contains(&index)
     }
 
     /// The images to render.
@@ -266,13 +272,13 @@ impl FitPlan {
         Outputs { color: self.has_color, silhouette, depth: false, normal: false }
     }
 
-    /// What a step is rendered with.
+    /// The settings that a step is rendered with.
     pub fn settings(&self, settings: &Settings) -> Settings {
         let (width, height) = (self.width, self.height);
         Settings { width, height, outputs: self.outputs(), save: true, ..settings.clone() }
     }
 
-    /// The optimiser's numbers in its so-manieth step, counted from 1.
+    /// The optimiser's push constants in a step, counted from 1.
     pub fn rates(method: Method, step: i32, rate: f64) -> Rates {
         match method {
             Method::Sgd { momentum } => Rates {
@@ -299,7 +305,7 @@ impl FitPlan {
         }
     }
 
-    /// METHOD_ of the constants.
+    /// The method's `METHOD_` constant.
     pub fn method_code(&self) -> u32 {
         match self.method {
             Method::Sgd { .. } => c::METHOD_SGD,
@@ -309,8 +315,8 @@ impl FitPlan {
     }
 }
 
-/// Where a regulariser's value stands among a record's four.
-fn place_of(regularizer: Regularizer) -> usize {
+/// The index of a regularizer's value among a record's four penalties.
+fn penalty_index(regularizer: Regularizer) -> usize {
     match regularizer {
         Regularizer::Laplacian => 0,
         Regularizer::Flatten => 1,
@@ -328,7 +334,10 @@ fn validate_weights(targets: &Targets, weights: Option<&Image>) -> Result<()> {
         return bad(format!("weights of shape {shape:?} for targets {expected:?}"), "give one weight a pixel");
     }
     if !weights.data.iter().all(|w| w.is_finite() && *w >= 0.0) || weights.data.iter().all(|w| *w == 0.0) {
-        return bad("weights that are negative, not finite or all 0", "use 0 for what does not count, 1 for what does");
+        return bad(
+            "weights that are negative, not finite or all 0",
+            "use finite weights of at least 0, one of them above 0",
+        );
     }
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! How smoothed parameters become positions on the device.
+//! Solves (I + λ L) x = u on the device: by the dense inverse, or by Chebyshev's iteration.
 
 use crate::error::Result;
 use crate::fit::bad;
@@ -6,33 +6,33 @@ use crate::fit::shape::ShapeFit;
 use crate::fit::topology::Topology;
 use glam::DVec3;
 
-/// Vertices up to which smoothing takes all entries of the inverse: in one dispatch, where the iteration takes dozens.
+/// Vertices up to which the dense inverse is used: one dispatch, where the iteration takes dozens.
 const MOST_DENSE: usize = 1536;
-/// Steps of the smoothing's iteration at most; a λ that takes more is for the host's exact solution.
+/// The largest number of iterations; a λ that needs more is left to the host's exact solution.
 const MOST_ITERATES: usize = 96;
-/// How far the smoothing may be from the exact one, relative to what is smoothed.
+/// The error of the iteration relative to its input.
 const SMOOTHING_ERROR: f64 = 1e-2;
 
-/// Chebyshev's iteration for a mesh and a λ.
+/// Chebyshev's iteration for one mesh and λ.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Chebyshev {
     pub lambda: f32,
     pub relaxation: f32,
-    /// ω of every step; an even number of them.
+    /// ω of every iteration; their number is even.
     pub omegas: Vec<f32>,
 }
 
-/// How smoothed parameters become positions.
+/// How the smoothing is solved.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Smoother {
-    /// By all entries of the inverse.
+    /// By multiplication with the dense inverse.
     Dense,
     /// By iteration.
     Iterated(Chebyshev),
 }
 
 impl Smoother {
-    /// `None` where only the host's exact solution will do.
+    /// The solver for a mesh and λ; `None` where only the host's exact solution converges.
     pub fn new(lambda: f64, topology: &Topology) -> Option<Self> {
         if topology.vertices() <= MOST_DENSE {
             return Some(Self::Dense);
@@ -42,13 +42,14 @@ impl Smoother {
 }
 
 impl Chebyshev {
-    /// `None` for a λ out of range or one that takes too many steps.
+    /// The iteration for a mesh; `None` for a λ out of range or one that needs too many iterations.
     pub fn new(lambda: f64, topology: &Topology) -> Option<Self> {
         if !(0.0..=1e9).contains(&lambda) {
             return None;
         }
         let degree = |i: u32| topology.neighbors(i as usize).len();
-        // No eigenvalue of L is larger than the degrees of some edge's ends together (Anderson and Morley 1985).
+        // The largest eigenvalue of L is at most the largest sum of the degrees of an edge's two ends (Anderson and
+        // Morley 1985).
         let most = topology.edges().iter().map(|&[a, b]| degree(a) + degree(b)).max().unwrap_or(0);
         let (low, high) = (1.0, 1.0 + lambda * most as f64);
         let (middle, half) = (0.5 * (high + low), 0.5 * (high - low));
@@ -74,7 +75,7 @@ impl Chebyshev {
     }
 }
 
-/// All entries of the inverse of a fit's smoothing, three columns at a time.
+/// The dense inverse of a fit's smoothing matrix, row by row, computed three columns at a time.
 pub fn inverse(fit: &ShapeFit) -> Result<Vec<f32>> {
     let Some(smoothing) = fit.smoothing() else { return bad("no smoothing", "use the smoothed parametrisation") };
     let vertices = fit.topology().vertices();
@@ -86,7 +87,7 @@ pub fn inverse(fit: &ShapeFit) -> Result<Vec<f32>> {
         smoothing.apply(&mut columns)?;
         for (row, entries) in columns.iter().enumerate() {
             let entries = entries.to_array().into_iter().zip(first..vertices);
-            // The matrix is symmetric, its solution only nearly: the lower half is the one.
+            // The computed inverse is symmetric only up to rounding; the lower half is used for both.
             entries.filter(|(_, column)| *column <= row).for_each(|(entry, column)| {
                 inverse[row * vertices + column] = entry as f32;
                 inverse[column * vertices + row] = entry as f32;

@@ -1,4 +1,4 @@
-//! The tables of a fit that the kernels read.
+//! The constant tables of a fit that the kernels read: connectivity, targets, weights.
 
 use crate::constants as c;
 use crate::error::Result;
@@ -10,14 +10,14 @@ use crate::image::Image;
 /// The tables that the kernels read, written once.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tables {
-    /// vertices + 1 places, then neighbours.
+    /// vertices + 1 offsets into this array, then the neighbours.
     pub neighbors: Vec<u32>,
     pub flaps: Vec<[u32; 4]>,
-    /// vertices + 1 places, then 4 × flap + corner.
+    /// vertices + 1 offsets into this array, then the flap corners of each vertex as 4 × flap + corner.
     pub flap_corners: Vec<u32>,
-    /// All levels: one value a pixel, or four with colours.
+    /// The targets of all levels: one value a pixel, or four with colours.
     pub targets: Vec<f32>,
-    /// All levels; empty without a mask.
+    /// The weights of all levels; empty without weights.
     pub weights: Vec<f32>,
     /// (1 - |v|) / |v| with v's sign; empty but for the logit parametrisation.
     pub logit_template: Vec<[f32; 4]>,
@@ -25,7 +25,7 @@ pub struct Tables {
     pub inverse: Vec<f32>,
 }
 
-/// Of a fit in logit space.
+/// The table `logit_template` of a fit in logit space.
 pub fn logit_template(fit: &ShapeFit) -> Result<Vec<[f32; 4]>> {
     let Some(template) = fit.logit_template() else { return bad("no template", "use the logit parametrisation") };
     let odds = |v: f64| if v == 0.0 { 0.0 } else { ((1.0 - v.abs()) / v.abs()).copysign(v) as f32 };
@@ -33,7 +33,7 @@ pub fn logit_template(fit: &ShapeFit) -> Result<Vec<[f32; 4]>> {
 }
 
 impl Tables {
-    /// Of a mesh; no targets yet.
+    /// The tables of a mesh, without targets.
     pub fn of(topology: &Topology) -> Self {
         let vertices = topology.vertices();
         let mut corners = vec![Vec::new(); vertices];
@@ -58,12 +58,12 @@ impl Tables {
         Self { neighbors: rows(&neighbors), flaps, flap_corners: rows(&corners), ..Self::default() }
     }
 
-    /// Pixels of all targets so far.
+    /// Number of target pixels appended so far.
     pub fn target_pixels(&self, has_color: bool) -> u32 {
         (self.targets.len() / if has_color { 4 } else { 1 }) as u32
     }
 
-    /// Adds a resolution.
+    /// Appends the targets of one level.
     pub fn push_targets(&mut self, silhouette: Option<&Image>, color: Option<&Image>) {
         match color {
             Some(color) => {
@@ -77,7 +77,7 @@ impl Tables {
     }
 }
 
-/// Rows of different lengths as one array: where each begins, counted from the array's start, and where the last ends.
+/// Rows of different lengths as one array: the index where each row begins, the end of the last, then the rows.
 fn rows(rows: &[Vec<u32>]) -> Vec<u32> {
     let mut next = rows.len() as u32 + 1;
     let mut flat = vec![next];

@@ -1,8 +1,8 @@
-//! The gradient of a hard image by what it shows, from the image alone: the baseline that soft gradients are held against.
+//! Gradients of a hard image estimated from the image itself, as a baseline for soft gradients.
 //!
-//! A pixel's value is taken to move with the surface point that it shows, and to change as the image changes from one
-//! neighbour to the other (central differences, as in OpenDR, Loper and Black 2014). A pixel of the background moves
-//! with a neighbour that shows the mesh.
+//! Each pixel's value is assumed to move with the surface point that it shows, and its change is estimated by central
+//! differences between its neighbours (OpenDR, Loper and Black 2014). A background pixel moves with a neighbour that
+//! shows the mesh.
 
 use crate::error::Result;
 use crate::fit::bad;
@@ -12,7 +12,7 @@ use crate::renderer::{Frame, Renderer};
 use crate::scene::{Camera, Projection};
 use glam::{DMat3, DVec3};
 
-/// dL by each view's twist (v, ω), as [`crate::gradients::CameraGradient::twist`].
+/// The estimated gradient dL by each view's twist (v, ω), see [`crate::gradients::CameraGradient::twist`].
 ///
 /// # Errors
 /// [`crate::Error::Fit`] for a frame without depth, gradients of another shape than its images, or a camera without
@@ -31,8 +31,8 @@ pub fn flow_gradient(frame: &Frame, upstream: &ImageGradient, camera: &Camera) -
     Ok((0..flow.depth.batch).map(one).collect())
 }
 
-/// dL by each vertex, loss per world unit, of a frame of one mesh with vertex colours, one camera a view: hard in colour,
-/// with depth, and saved for backward.
+/// The estimated gradient dL by each vertex, loss per world unit. The frame shows one mesh with vertex colours, one
+/// camera a view; it is hard in colour, has depth, and is saved for backward.
 ///
 /// # Errors
 /// [`crate::Error::Fit`] for a frame without depth, gradients of another shape than its images, a camera without
@@ -58,8 +58,8 @@ pub fn flow_by_vertex(
             by_points.data[at..at + 3].iter_mut().zip(by_world).for_each(|(sum, x)| *sum += x as f32);
         });
     }
-    // A point of a triangle is the mean of its corners by the weights that also make its colour of theirs. So what
-    // differentiates colours by vertices' colours gives every point's share to the vertices' places as well.
+    // Positions and colours of a surface point are the same weighted means of those of its triangle's corners. So the
+    // gradient by vertex colours, with dL by the points in place of dL by the colours, is the gradient by positions.
     let wanted = Wanted { colors: true, ..Wanted::NOTHING };
     let gradients = renderer.backward(frame, &ImageGradient::color(by_points), &wanted)?;
     Ok(gradients.meshes.into_iter().next().map(|mesh| mesh.colors).unwrap_or_default())
@@ -75,7 +75,7 @@ fn slope(camera: &Camera) -> Result<f64> {
 
 struct Flow<'a> {
     depth: &'a Image,
-    /// What was rendered, with dL by it.
+    /// The rendered images with their upstream gradients.
     images: Vec<(&'a Image, &'a Image)>,
 }
 
@@ -93,8 +93,8 @@ impl<'a> Flow<'a> {
         Ok(Self { depth, images })
     }
 
-    /// Visits every pixel that moves with the mesh: the row and column where what it moves with is seen, the point there
-    /// and dL by the point's motion, both in view space.
+    /// Visits every pixel that moves with the mesh, with the row and column of the pixel that shows the surface point,
+    /// that point, and dL by the point's motion, both in view space.
     fn each(&self, view: usize, slope: f64, mut visit: impl FnMut((usize, usize), DVec3, DVec3)) {
         let (height, width) = (self.depth.height, self.depth.width);
         let half = height as f64 / 2.0;
@@ -114,12 +114,12 @@ impl<'a> Flow<'a> {
                     };
                     self.images.iter().map(of).sum::<f64>() / pixels.max(1) as f64
                 };
-                // dL by how far what is seen here moves, in pixels to the right and up.
+                // dL by the motion of the shown surface in pixels, to the right and up.
                 let by_right = -difference((row, left), (row, right), right - left);
                 let by_up = -difference((below, column), (above, column), below - above);
                 let (x, y) = ((column as f64 + 0.5 - width as f64 / 2.0) / half, (half - row as f64 - 0.5) / half);
                 let point = DVec3::new(x * slope * z, y * slope * z, z);
-                // Pixels by view-space motion of the point.
+                // Motion in pixels per view-space motion of the point.
                 let scale = half / (slope * z);
                 let by_point = DVec3::new(by_right * scale, by_up * scale, -(by_right * x + by_up * y) * slope * scale);
                 visit(seen, point, by_point);

@@ -1,8 +1,8 @@
 //! The rotation and translation of a rigid mesh from an image of it.
 //!
-//! Many poses are tried at once, as many cameras on one mesh. σ and γ shrink while they are fitted: where the image is
-//! blurred, the loss has few hollows besides the right one (section 4.3 of the SoftRas paper). Lights, where a scene
-//! has them, turn with the mesh; images are best compared unlit.
+//! Many poses are fitted at once, as many cameras looking at one mesh. σ and γ shrink during the fit: blurred images
+//! have few local minima besides the right pose (section 4.3 of the SoftRas paper). Lights turn with the mesh, so
+//! images are best compared unlit.
 
 mod flow;
 mod target;
@@ -19,7 +19,7 @@ use crate::renderer::Renderer;
 use crate::scene::{Background, Camera, ColorAggregation, Outputs, Scene, Settings, SilhouetteAggregation};
 use glam::{DMat3, DMat4, DQuat, DVec3};
 
-/// Where a mesh is: turned about a point, then moved.
+/// The rotation of a mesh about a point, and its translation after that.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
     /// About the fit's centre, in world axes.
@@ -29,7 +29,7 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// As the mesh is.
+    /// The mesh as it is given.
     pub const IDENTITY: Self = Self { rotation: DQuat::IDENTITY, translation: DVec3::ZERO };
 
     /// Degrees between two poses' rotations, 0 to 180.
@@ -39,42 +39,42 @@ impl Pose {
     }
 }
 
-/// Where the gradient comes from.
+/// How images are rendered and differentiated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Differentiation {
-    /// The soft image's own.
+    /// Soft images with their exact gradient.
     #[default]
     Soft,
-    /// A hard image's, from how its colours change from pixel to pixel: [`flow_gradient`].
+    /// Hard images with a gradient estimated from differences between neighbouring pixels, as a baseline.
     ImageFlow,
 }
 
 /// How poses are fitted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PoseOptions {
-    /// Steps.
+    /// Number of steps.
     pub iterations: usize,
-    /// Softness of edges.
+    /// Softness of edges, screen units².
     pub sigma: Schedule,
-    /// Softness of the depth order.
+    /// Softness of the depth order, as a fraction of far - near.
     pub gamma: Schedule,
-    /// Standard deviation of the Gaussian that blurs what is compared, as a part of the image's height. A blurred image has
-    /// fewer hollows still in its loss.
+    /// Standard deviation of the Gaussian that blurs both images before they are compared, as a fraction of the image's
+    /// height. The loss of blurred images has fewer local minima.
     pub blur: Schedule,
-    /// Weight of the silhouette in the loss of [`PoseTarget`], that of the colour being 1: little at first, when the outline
-    /// of many a wrong rotation fits, more at last, when it says best how far away the mesh is.
+    /// Weight of the silhouette in the loss of [`PoseTarget`], relative to 1 for the colour. It should be small at
+    /// first, since many wrong rotations have a similar outline, and grow, since the outline determines the distance
+    /// best.
     pub silhouette: Schedule,
-    /// Length of a step of the rotation, radians.
+    /// Step size of the rotation in radians.
     pub rate: Schedule,
-    /// Length of a step of the translation as a part of that; 0 keeps the mesh in its place.
+    /// Step size of the translation in world units, divided by that of the rotation; 0 fits the rotation only.
     pub translation_rate: f64,
-    /// Soft, or a hard renderer's.
+    /// How images are rendered and differentiated.
     pub differentiation: Differentiation,
 }
 
 impl Default for PoseOptions {
-    /// From an image blurred beyond recognition to its pixels, in 150 steps; the mesh stays in its place. For closed meshes,
-    /// of which front faces alone are drawn.
+    /// 150 steps of rotation only, from a strong blur to none. For closed meshes of which only front faces are drawn.
     fn default() -> Self {
         Self {
             iterations: 150,
@@ -90,7 +90,7 @@ impl Default for PoseOptions {
 }
 
 impl PoseOptions {
-    /// For meshes that are seen from both sides: γ begins where what is behind does not shine through.
+    /// For meshes whose back faces are drawn as well: γ starts small enough that hidden surfaces do not show through.
     pub fn both_sides() -> Self {
         Self {
             sigma: Schedule::Exponential { from: 1e-3, to: 1e-5 },
@@ -101,7 +101,7 @@ impl PoseOptions {
     }
 }
 
-/// Poses that are fitted side by side, each to its own target.
+/// A fit of several poses side by side, each to its own target.
 #[derive(Clone, Debug)]
 pub struct PoseFit {
     scene: Scene,
@@ -115,9 +115,10 @@ pub struct PoseFit {
 }
 
 impl PoseFit {
-    /// Begins at some poses of a scene of one mesh, seen by one camera. Of the settings size, depths and which faces are
-    /// drawn count; `center` is what rotations turn about. A closed mesh is best seen by its front faces alone: then γ may
-    /// begin so large that no face hides another, and its back does not shine through.
+    /// Starts from given poses of a scene of one mesh, seen by one camera. `center` is the point that rotations turn
+    /// about, in world units. The fit sets softness, aggregation and outputs of the settings itself; size, near, far
+    /// and faces are used as they are. For a closed mesh, draw front faces only: then γ may start so large that no face
+    /// hides another without the back showing through.
     ///
     /// # Errors
     /// [`crate::Error::Fit`] without poses or with several meshes.
@@ -143,14 +144,13 @@ impl PoseFit {
         &self.poses
     }
 
-    /// How a step is rendered.
+    /// The settings that a step is rendered with.
     fn settings_at(&self, step: usize) -> Settings {
         let soft = self.options.differentiation == Differentiation::Soft;
         Settings {
             sigma: self.options.sigma.at_step(step, self.options.iterations),
             gamma: self.options.gamma.at_step(step, self.options.iterations),
-            // A triangle that is dropped while it is still nearer than all others makes the colour jump, and a jump has
-            // no gradient.
+            // Dropping a fragment that is nearer than all others makes the colour jump, and a jump has no gradient.
             tau: self.settings.tau.min(1e-8),
             background: Background::Composite,
             outputs: Outputs { color: true, silhouette: true, depth: !soft, normal: false },
@@ -161,7 +161,7 @@ impl PoseFit {
         }
     }
 
-    /// The camera that sees the mesh where it is as the fit's camera sees it in a pose.
+    /// The camera to which the unmoved mesh looks as the posed mesh does to the fit's camera.
     ///
     /// # Errors
     /// [`crate::Error::Camera`] for a pose that is not finite.
@@ -177,8 +177,8 @@ impl PoseFit {
         DMat4::from_cols_array_2d(&[a, b, c, [0.0, 0.0, 0.0, 1.0]]).transpose()
     }
 
-    /// Renders all poses with the softness of the present step, compares and moves each; the loss of each before it
-    /// moved comes back, as [`PoseTarget`] says.
+    /// Renders all poses with the current step's softness, compares them with the targets and moves each. Returns each
+    /// pose's loss before the move, see [`PoseTarget`].
     ///
     /// # Errors
     /// [`crate::Error::Fit`] for targets that are not one for each pose; otherwise as [`Renderer::render`] and
@@ -201,7 +201,8 @@ impl PoseFit {
         Ok(losses)
     }
 
-    /// The loss of each pose, and its gradient by a turn (radians, in world axes about the mesh's centre) and a shift.
+    /// The loss of each pose, and its gradient by a rotation (radians, about world axes through the mesh's centre) and
+    /// by a translation (world units).
     ///
     /// # Errors
     /// As [`PoseFit::step`].
@@ -222,7 +223,7 @@ impl PoseFit {
         Ok((losses, gradients.collect()))
     }
 
-    /// The losses of any poses at a σ and a γ; nothing moves.
+    /// The losses of any poses at a given σ and γ; the fit does not change.
     ///
     /// # Errors
     /// As [`PoseFit::step`].
@@ -239,19 +240,21 @@ impl PoseFit {
         target.compare(&frame, 0.0, [1.0; 2]).map(|(losses, _)| losses)
     }
 
-    /// From dL/dtwist of a view to dL by turn and shift of its pose.
+    /// Converts dL/dtwist of a view to dL by rotation and translation of its pose.
     fn by_pose(&self, pose: &Pose, twist: &[f64; 6]) -> [DVec3; 2] {
         let view = self.view();
         let axes = DMat3::from_mat4(view);
         let (by_v, by_w) = (DVec3::from_slice(&twist[..3]), DVec3::from_slice(&twist[3..]));
-        // About the mesh's centre rather than the camera; then from view axes, which may be left-handed, to the world's.
+        // Moves the rotation's centre from the camera to the mesh's, then from view axes, which may be left-handed, to
+        // world axes.
         let center = view.transform_point3(self.center + pose.translation);
         let by_w = axes.determinant().signum() * (axes.transpose() * (by_w + by_v.cross(center)));
         [by_w, axes.transpose() * by_v]
     }
 }
 
-/// `count` rotations far from each other: the super-Fibonacci spiral (Alexa 2022).
+/// `count` rotations spread evenly over all rotations, to start [`PoseFit`] from: the super-Fibonacci spiral (Alexa
+/// 2022).
 pub fn rotations(count: usize) -> Vec<DQuat> {
     const PHI: f64 = std::f64::consts::SQRT_2;
     const PSI: f64 = 1.533_751_168_755_204_3;

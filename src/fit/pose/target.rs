@@ -1,4 +1,4 @@
-//! The image that a pose is to explain, and how far another is from it.
+//! The target images of a pose fit, and the loss against them.
 
 use crate::error::Result;
 use crate::fit::bad;
@@ -8,16 +8,16 @@ use crate::image::Image;
 use crate::renderer::Frame;
 use glam::{DMat3, DVec3};
 
-/// Added to the variance of colours: what differs by less than a tenth is no colour to go by.
+/// Added to the variance of colours, so that colour differences below about a tenth carry no information.
 const LEAST_VARIANCE: f64 = 0.01;
 
-/// Images to be explained, one for each pose.
+/// The target images of a [`PoseFit`](crate::fit::PoseFit), one for each pose, and the loss against them.
 ///
-/// The loss of a view is the mean over pixels of w₀ eᵀ M e + w₁ f², all differences blurred: f of the silhouettes A, and
-/// e = ΔC - μ ΔA of the colours C, which are on black, where μ is the mean colour of the target's object and M the inverse
-/// of its colours' covariance (and a little more). So the outline, which looks much the same from many sides, tells
-/// nothing by colour that the silhouette does not tell, and all directions of colour count alike. An object of one colour
-/// has the silhouette alone.
+/// The loss of a view is the mean over pixels of w₀ eᵀ M e + w₁ f². f is the blurred difference of the silhouettes A,
+/// and e that of ΔC - μ ΔA for colours C on black, where μ is the mean colour of the target's object and M the inverse
+/// of the regularised covariance of its colours. Subtracting μ ΔA removes the outline from the colour term, since many
+/// wrong poses share an outline; M makes all directions of colour count equally. An object of one colour has the
+/// silhouette term only.
 #[derive(Clone, Debug)]
 pub struct PoseTarget {
     color: Image,
@@ -25,7 +25,7 @@ pub struct PoseTarget {
     metrics: Vec<Metric>,
 }
 
-/// How differences of colour count.
+/// The metric of colour differences: μ and M of [`PoseTarget`].
 #[derive(Clone, Copy, Debug)]
 struct Metric {
     mean: DVec3,
@@ -33,7 +33,7 @@ struct Metric {
 }
 
 impl PoseTarget {
-    /// From colours on black, `[poses, height, width, 3]`, and silhouettes, `[poses, height, width, 1]`.
+    /// A target of colours on black, `[poses, height, width, 3]`, and silhouettes, `[poses, height, width, 1]`.
     ///
     /// # Errors
     /// [`crate::Error::Fit`] for images of other shapes.
@@ -50,16 +50,20 @@ impl PoseTarget {
         Ok(Self { color, silhouette, metrics })
     }
 
-    /// The same images with plain differences of colour: μ = 0, M = 1.
+    /// The same images with unweighted colour differences: μ = 0, M = 1.
     pub fn plain(self) -> Self {
         let metrics = vec![Metric { mean: DVec3::ZERO, inverse: DMat3::IDENTITY }; self.metrics.len()];
         Self { metrics, ..self }
     }
 
-    /// Each view's loss, and the gradient of their sum by what was rendered. `blur` is the standard deviation in pixels.
+    /// Each view's loss, and the gradient of their sum by the frame's images. `blur` is the standard deviation in
+    /// pixels, `weights` are w₀ and w₁.
+    ///
+    /// # Errors
+    /// [`crate::Error::Fit`] for a frame without colour or silhouette, or of another size than the target.
     pub fn compare(&self, frame: &Frame, blur: f64, weights: [f64; 2]) -> Result<(Vec<f64>, ImageGradient)> {
         let (Some(color), Some(silhouette)) = (frame.color(), frame.silhouette()) else {
-            return bad("a frame without colour or silhouette", "ask for both");
+            return bad("a frame without colour or silhouette", "ask for both in Settings::outputs");
         };
         let shape = |i: &Image| [i.batch, i.height, i.width, i.channels];
         if shape(color) != shape(&self.color) {
@@ -103,7 +107,7 @@ impl PoseTarget {
 }
 
 impl Metric {
-    /// Of colours on black and coverage.
+    /// The metric of an object's colours, given on black, where its coverage is above ½.
     fn of(color: &[f32], silhouette: &[f32]) -> Self {
         let pixels = || {
             color.chunks_exact(3).zip(silhouette).filter(|(_, a)| **a > 0.5).map(|(c, a)| {
@@ -116,7 +120,7 @@ impl Metric {
         let square = |d: DVec3| DMat3::from_cols(d * d.x, d * d.y, d * d.z);
         let sum = pixels().fold(DMat3::ZERO, |sum, c| sum + square(c - mean));
         let covariance = sum * count.recip() + DMat3::from_diagonal(DVec3::splat(LEAST_VARIANCE));
-        // Symmetric, every eigenvalue at least `LEAST_VARIANCE`.
+        // The inverse exists: every eigenvalue is at least `LEAST_VARIANCE`.
         Self { mean, inverse: covariance.inverse() }
     }
 }

@@ -1,5 +1,6 @@
-//! The official flatten loss: with the edge a from v0 to v1 and b from v0 to a triangle's third vertex, the angle between
-//! the parts of b across a on both sides. Its ε = 1e-6 stand where the official code has them.
+//! The official flatten loss: the angle at an edge a from v0 to v1 is that between the components perpendicular to a of
+//! the vectors b from v0 to the third vertex of each of the two triangles. Its ε = 1e-6 stand where the official code
+//! has them.
 
 use crate::fit::topology::Topology;
 use glam::DVec3;
@@ -28,21 +29,21 @@ pub fn add(topology: &Topology, positions: &[DVec3], weight: f64, gradient: &mut
     sum
 }
 
-/// One triangle at the edge.
+/// One of the two triangles at an edge; its wing is the vector from v0 to the third vertex.
 struct Side {
     edge: DVec3,
     wing: DVec3,
-    /// Square of the edge's length, ε more.
+    /// Square of the edge's length, plus ε.
     edge_square: f64,
     edge_length: f64,
     wing_length: f64,
     cosine: f64,
     sine: f64,
-    /// How far along the edge the wing's foot is.
+    /// Where the wing's projection onto the edge ends, in edge lengths.
     foot: f64,
-    /// The wing less its part along the edge.
+    /// The component of the wing perpendicular to the edge.
     across: DVec3,
-    /// Its length, by the sine.
+    /// The length of `across`, computed from the sine as in the official code.
     length: f64,
 }
 

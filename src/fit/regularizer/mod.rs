@@ -1,4 +1,4 @@
-//! What keeps a mesh a surface while images pull at it; each with its analytic gradient.
+//! Regularizers: penalties on vertex positions that keep a fitted mesh smooth, each with its analytic gradient.
 
 mod flatten;
 mod normals;
@@ -11,14 +11,14 @@ use glam::DVec3;
 /// A penalty on the positions p of a mesh's vertices.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Regularizer {
-    /// Σ |p_i - mean of its neighbours|², as the official code.
+    /// Σ |p_i - mean of its neighbours|² over vertices, as in the official code.
     Laplacian,
-    /// Σ (1 + cos θ)² over edges, θ the angle between the two triangles there, π where they lie flat. With the official
-    /// code's small numbers, and over its edges: only the first two of every face.
+    /// Σ (1 + cos θ)² over edges, θ the angle between the two triangles there, π where they lie flat. As in the
+    /// official code, with its small constants and over the first two edges of every face only.
     Flatten,
     /// The mean over edges of (length - target)².
     EdgeLength {
-        /// World units; 0 pulls all edges short.
+        /// World units; 0 shrinks all edges.
         target: f64,
     },
     /// Σ (1 - n·m) over edges, n and m the unit normals of the two triangles there.
@@ -51,7 +51,7 @@ impl Regularizer {
     }
 }
 
-/// p_i - mean of its neighbours, 0 for a vertex without any.
+/// The difference between each vertex's position and the mean of its neighbours, 0 for a vertex without neighbours.
 pub fn laplacian_coordinates(topology: &Topology, positions: &[DVec3]) -> Vec<DVec3> {
     let one = |(i, &p): (usize, &DVec3)| {
         let neighbors = topology.neighbors(i);
@@ -81,7 +81,7 @@ fn edge_length(topology: &Topology, positions: &[DVec3], target: f64, weight: f6
         let edge = positions[b as usize] - positions[a as usize];
         let length = edge.length();
         sum += (length - target).powi(2);
-        // An edge of no length has no direction to grow in.
+        // An edge of length 0 has no direction, so its gradient is 0.
         let factor = if length > 0.0 { 1.0 - target / length } else { 0.0 };
         let slope = 2.0 * weight * share * factor * edge;
         gradient[b as usize] += slope;

@@ -1,9 +1,10 @@
-//! Σ (1 - n·m) over edges, n and m the unit normals of the triangles there; one without area has no say.
+//! The normal consistency loss Σ (1 - n·m) over edges, n and m the unit normals of the two triangles there. Edges of a
+//! triangle without area are left out.
 
 use crate::fit::topology::Topology;
 use glam::DVec3;
 
-/// A triangle whose normal is shorter than this (twice its area) has none.
+/// A triangle counts as one without area if the length of its normal, twice the area, is at most this.
 const LEAST: f64 = 1e-30;
 
 pub fn add(topology: &Topology, positions: &[DVec3], weight: f64, gradient: &mut [DVec3]) -> f64 {

@@ -1,10 +1,10 @@
-//! A mesh's colours as numbers that an optimiser moves.
+//! A mesh's colours as parameters of an optimiser.
 
 use crate::error::Result;
 use crate::gradients::{MeshGradients, Wanted};
 use crate::scene::{Appearance, Mesh, Texture};
 
-/// The colours of an appearance, one after the other.
+/// The colours or texels of an appearance as one array.
 pub fn values(appearance: &Appearance) -> Vec<f64> {
     let flat = |colors: &[[f32; 3]]| colors.as_flattened().iter().map(|&x| f64::from(x)).collect::<Vec<f64>>();
     match appearance {
@@ -15,7 +15,7 @@ pub fn values(appearance: &Appearance) -> Vec<f64> {
     }
 }
 
-/// The mesh in other colours, kept within [0, 1].
+/// The mesh with these colours, clamped to [0, 1].
 pub fn recolored(mesh: &Mesh, values: &[f64]) -> Result<Mesh> {
     let mut colors = values.chunks_exact(3).map(|c| [c[0], c[1], c[2]].map(|x| x.clamp(0.0, 1.0) as f32));
     let mut take = |count: usize| colors.by_ref().take(count).collect::<Vec<[f32; 3]>>();
@@ -38,7 +38,7 @@ pub fn recolored(mesh: &Mesh, values: &[f64]) -> Result<Mesh> {
     mesh.clone().with_appearance(appearance)
 }
 
-/// dL by the same numbers.
+/// dL by the values of [`values`].
 pub fn gradient(appearance: &Appearance, gradients: &MeshGradients) -> Vec<f64> {
     let flat = |colors: &[[f32; 3]]| colors.as_flattened().iter().map(|&x| f64::from(x)).collect::<Vec<f64>>();
     match appearance {
@@ -48,7 +48,7 @@ pub fn gradient(appearance: &Appearance, gradients: &MeshGradients) -> Vec<f64> 
     }
 }
 
-/// What backward has to give for it.
+/// The gradients that the colours of an appearance need.
 pub fn wanted(appearance: &Appearance, wanted: Wanted) -> Wanted {
     match appearance {
         Appearance::Uniform(_) | Appearance::VertexColors(_) => Wanted { colors: true, ..wanted },

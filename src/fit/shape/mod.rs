@@ -1,4 +1,4 @@
-//! A mesh deformed, and coloured, until its images are the targets.
+//! Fits a mesh's shape and colours to target images, on the host in f64.
 
 mod colors;
 mod parametrization;
@@ -20,7 +20,7 @@ use crate::scene::{Appearance, Camera, Lights, Mesh, Scene, Settings};
 use glam::DVec3;
 use parametrization::Parameters;
 
-/// What the images are to become; at least one of silhouette and colour.
+/// The target images of a shape fit; at least one of silhouette and colour.
 #[derive(Clone, Debug, Default)]
 pub struct Targets {
     /// One for each view.
@@ -54,12 +54,12 @@ impl Targets {
     }
 }
 
-/// How a shape is fitted.
+/// The method of a shape fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ShapeOptions {
-    /// What the optimiser moves.
+    /// The parameters that the optimiser moves.
     pub parametrization: Parametrization,
-    /// How it moves it.
+    /// The optimisation method.
     pub method: Method,
     /// The loss of the silhouettes and its weight.
     pub silhouette: (ImageLoss, f64),
@@ -67,10 +67,10 @@ pub struct ShapeOptions {
     pub color: (ImageLoss, f64),
     /// Penalties with their weights.
     pub regularizers: Vec<(Regularizer, f64)>,
-    /// Resolutions that image losses are averaged over, see [`ImageLoss::multi_scale`].
+    /// Number of resolutions that image losses are averaged over, see [`ImageLoss::multi_scale`].
     pub levels: usize,
-    /// Pixels rendered for each of the target's along each side, whose mean is compared: 2 or more for targets with
-    /// smooth (antialiased) outlines.
+    /// Number of pixels rendered per target pixel along each side; their mean is compared. Use 2 or more for targets
+    /// with antialiased outlines.
     pub samples: usize,
     /// Whether vertices move.
     pub fit_positions: bool,
@@ -79,8 +79,8 @@ pub struct ShapeOptions {
 }
 
 impl ShapeOptions {
-    /// The official demo's: logit displacements, 1 - IoU, 0.03 Laplacian, 0.0003 flatten, Adam with betas 0.5 and 0.99
-    /// (at a rate of 0.01).
+    /// The method of the official demo: logit displacements, the loss 1 - IoU, a Laplacian weight of 0.03, a flatten
+    /// weight of 0.0003, and Adam with betas 0.5 and 0.99 (the demo's rate is 0.01).
     pub fn official() -> Self {
         Self {
             parametrization: Parametrization::Logit,
@@ -96,20 +96,20 @@ impl ShapeOptions {
     }
 }
 
-/// What a step found before it moved.
+/// The losses of a step, before it moved anything.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Step {
-    /// Everything weighed and added.
+    /// The weighted sum of all losses and penalties.
     pub loss: f64,
-    /// The silhouettes' loss, not weighed; 0 without.
+    /// The silhouettes' loss, unweighted; 0 without silhouettes.
     pub silhouette: f64,
-    /// The colours' loss, not weighed; 0 without.
+    /// The colours' loss, unweighted; 0 without colours.
     pub color: f64,
-    /// The penalties, not weighed, in the options' order.
+    /// The regularizers' penalties, unweighted, in the options' order.
     pub regularizers: Vec<f64>,
 }
 
-/// A fit in progress.
+/// A shape fit in progress, computed on the host in f64 around a renderer.
 #[derive(Clone, Debug)]
 pub struct ShapeFit {
     options: ShapeOptions,
@@ -123,10 +123,10 @@ pub struct ShapeFit {
 }
 
 impl ShapeFit {
-    /// Begins with a template, seen under some lights.
+    /// Starts from a template mesh under the lights of the targets.
     ///
     /// # Errors
-    /// [`crate::Error::Fit`] for a template that the parametrisation cannot take, or no resolution or sample at all.
+    /// [`crate::Error::Fit`] for a template that the parametrization cannot represent, or 0 levels or samples.
     pub fn new(template: Mesh, lights: Lights, options: ShapeOptions) -> Result<Self> {
         if options.levels == 0 || options.samples == 0 {
             return bad("a fit over 0 resolutions or samples", "use at least 1");
@@ -162,14 +162,15 @@ impl ShapeFit {
         &self.topology
     }
 
-    /// How it is fitted.
+    /// The method of the fit.
     pub fn options(&self) -> &ShapeOptions {
         &self.options
     }
 
-    /// Renders the targets' views, compares, and moves vertices by `rate` and colours by `color_rate`.
+    /// Renders the targets' views, compares them, and moves vertices with step size `rate` and colours with
+    /// `color_rate`.
     ///
-    /// Size, outputs and `save` of the settings are the fit's own business.
+    /// The fit sets size, outputs and `save` of the settings itself.
     ///
     /// # Errors
     /// [`crate::Error::Fit`] for targets that do not fit together; otherwise as [`Renderer::render`] and
@@ -216,7 +217,7 @@ impl ShapeFit {
         Settings { width: side(width), height: side(height), ..settings.clone() }
     }
 
-    /// The loss of one image and its weighed gradient by what was rendered.
+    /// The unweighted loss of one image and its weighted gradient by the rendered image.
     fn compare(
         &self,
         rendered: Option<&Image>,
@@ -242,7 +243,7 @@ impl ShapeFit {
         Ok((valued.value, Some(valued.gradient)))
     }
 
-    /// Adds the penalties' gradients and moves the vertices; the penalties come back.
+    /// Adds the regularizers' gradients, moves the vertices, and returns the unweighted penalties.
     fn move_vertices(&mut self, gradient: &[[f32; 3]], rate: f64) -> Result<Vec<f64>> {
         if !self.options.fit_positions {
             return Ok(vec![0.0; self.options.regularizers.len()]);
@@ -259,7 +260,7 @@ impl ShapeFit {
         Ok(penalties)
     }
 
-    /// Puts the mesh where the parameters say.
+    /// Updates the mesh's positions from the parameters.
     fn place(&mut self) -> Result<()> {
         let positions = self.parameters.positions(&self.values)?;
         self.scene.meshes[0].set_positions(positions.iter().map(|p| p.as_vec3().to_array()).collect())
@@ -272,7 +273,7 @@ impl ShapeFit {
         Ok(())
     }
 
-    /// What the fit would resume from: all parameters and what the optimisers remember.
+    /// The state that the fit can be resumed from: all parameters and the optimisers' running means.
     pub fn state(&self) -> State {
         let (steps, first, second) = self.optimizer.state();
         let (color_steps, color_first, color_second) = self.color_optimizer.state();
@@ -284,10 +285,10 @@ impl ShapeFit {
         }
     }
 
-    /// Takes up a saved state.
+    /// Continues from a saved state.
     ///
     /// # Errors
-    /// [`crate::Error::Fit`] when it is of another mesh or other options.
+    /// [`crate::Error::Fit`] when the state belongs to another mesh or other options, or is not finite.
     pub fn restore(&mut self, state: State) -> Result<()> {
         let fits = state.values.len() == self.values.len()
             && state.color_values.len() == self.color_values.len()
@@ -325,7 +326,7 @@ impl ShapeFit {
         }
     }
 
-    /// The parameters that put the vertices where they are given, but for the logit parametrisation.
+    /// The parameters that give these positions; not for the logit parametrization.
     pub(in crate::fit) fn values_at(&self, positions: &[[f32; 3]]) -> Result<Vec<f64>> {
         let positions: Vec<DVec3> = positions.iter().map(|p| DVec3::from(p.map(f64::from))).collect();
         let values = match &self.parameters {
@@ -335,7 +336,7 @@ impl ShapeFit {
         Ok(values.into_iter().flat_map(|v| v.to_array()).collect())
     }
 
-    /// Shows the mesh with these vertices, and with these colours if they are fitted, which the parameters do not follow.
+    /// Sets the mesh's vertices, and its colours if they are fitted, without changing the parameters.
     pub(in crate::fit) fn show(&mut self, positions: Vec<[f32; 3]>, colors: &[[f32; 3]]) -> Result<()> {
         self.scene.meshes[0].set_positions(positions)?;
         if self.options.fit_colors {
@@ -345,7 +346,7 @@ impl ShapeFit {
         Ok(())
     }
 
-    /// The same fit on a mesh of four times the triangles, its optimiser afresh.
+    /// The same fit on the mesh with every triangle divided into four, with a new optimiser.
     ///
     /// # Errors
     /// [`crate::Error::Fit`] for a mesh with surface cells or textures.
@@ -353,7 +354,8 @@ impl ShapeFit {
         self.on(subdivided(self.mesh(), &self.topology)?)
     }
 
-    /// The same fit on a mesh of even triangles, their edges about so long (world units), its optimiser afresh.
+    /// The same fit on the mesh remeshed to edges of about `edge_length` world units, with a new optimiser; see
+    /// [`remeshed`].
     ///
     /// # Errors
     /// Those of [`remeshed`].
@@ -366,20 +368,20 @@ impl ShapeFit {
     }
 }
 
-/// What a fit resumes from.
+/// The state that a fit is resumed from.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct State {
     /// The shape's parameters.
     pub values: Vec<f64>,
-    /// Steps taken, mean of the gradient, mean of its square.
+    /// Number of steps taken, mean of the gradient, mean of its square.
     pub optimizer: (i32, Vec<f64>, Vec<f64>),
     /// The colours.
     pub color_values: Vec<f64>,
-    /// The same of the colours.
+    /// The colours' optimiser, in the same form.
     pub color_optimizer: (i32, Vec<f64>, Vec<f64>),
 }
 
-/// The mesh with every triangle cut into four at the middles of its edges.
+/// The mesh with every triangle divided into four at the midpoints of its edges.
 fn subdivided(mesh: &Mesh, topology: &Topology) -> Result<Mesh> {
     let between = |values: &[[f32; 3]]| {
         let middle = |&[a, b]: &[u32; 2]| {

@@ -1,4 +1,4 @@
-//! From the numbers that an optimiser moves to the positions of a mesh's vertices, and gradients the other way.
+//! Parametrizations: how the numbers that an optimiser moves give vertex positions, and gradients the other way.
 
 use crate::error::Result;
 use crate::fit::bad;
@@ -6,35 +6,36 @@ use crate::fit::smoothing::Smoothing;
 use crate::fit::topology::Topology;
 use glam::DVec3;
 
-/// What an optimiser moves.
+/// The parameters that the optimiser of a shape fit moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Parametrization {
-    /// The vertices themselves.
+    /// The vertex positions themselves.
     Vertices,
-    /// The official demo's: a displacement d of each vertex in logit space and a centre c for all, for templates within
-    /// (-1, 1). With y = sigmoid(logit|v| + d) sign(v) and t = tanh(c), a vertex is y (1 - t) + t where y ≥ 0 and
-    /// y (1 + t) + t where y < 0. A coordinate never changes its sign about the centre or leaves (-1, 1).
+    /// That of the official demo: a displacement d of each vertex in logit space and a common centre c, for templates
+    /// within (-1, 1). With y = sigmoid(logit|v| + d) sign(v) and t = tanh(c), a vertex is y (1 - t) + t where y ≥ 0
+    /// and y (1 + t) + t where y < 0. A coordinate never changes its sign about the centre or leaves (-1, 1).
     Logit,
-    /// u = (I + λ L) x, see [`Smoothing`].
+    /// u = (I + λ L) x for positions x and the mesh's graph Laplacian L (Nicolet et al. 2021): a step moves
+    /// neighbouring vertices together. Use it with [`Method::UniformAdam`](crate::fit::Method::UniformAdam).
     Smoothed {
-        /// λ, 10 to 50 as a rule.
+        /// λ, usually 10 to 50; 0 smooths nothing.
         lambda: f64,
     },
 }
 
-/// Parameters of one mesh and the way from them to its vertices.
+/// A parametrization of one mesh.
 #[derive(Clone, Debug)]
 pub enum Parameters {
-    /// As they are.
+    /// The positions themselves.
     Vertices,
-    /// The template's vertices and their logits.
+    /// Displacements of the template in logit space, and a centre.
     Logit { template: Vec<DVec3> },
-    /// Smoothed.
+    /// Smoothed positions.
     Smoothed(Box<Smoothing>),
 }
 
 impl Parameters {
-    /// The way and the numbers that give the template.
+    /// The parametrization, and the parameters that give the template.
     pub fn new(kind: Parametrization, topology: &Topology, template: &[DVec3]) -> Result<(Self, Vec<f64>)> {
         let flat = |vectors: &[DVec3]| vectors.iter().flat_map(|v| v.to_array()).collect::<Vec<f64>>();
         match kind {
@@ -73,7 +74,7 @@ impl Parameters {
         }
     }
 
-    /// dL by the values, from dL by the positions.
+    /// dL by the parameters, from dL by the positions.
     pub fn pull(&self, values: &[f64], mut gradient: Vec<DVec3>) -> Result<Vec<f64>> {
         if let Self::Smoothed(smoothing) = self {
             smoothing.apply(&mut gradient)?;
@@ -97,10 +98,10 @@ impl Parameters {
     }
 }
 
-/// A coordinate, and its derivatives by displacement and shift.
+/// A coordinate of the logit parametrization, and its derivatives by displacement and shift.
 fn logit_forward(template: f64, displacement: f64, shift: f64) -> (f64, f64, f64) {
     if template == 0.0 {
-        // The logit is -∞: no displacement moves it.
+        // The logit of 0 is -∞, so no displacement moves the coordinate.
         return (shift, 0.0, 1.0);
     }
     let (size, sign) = (template.abs(), template.signum());

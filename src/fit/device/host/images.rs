@@ -1,4 +1,4 @@
-//! `loss_pool`, `image_loss`, `loss_sum` and `image_upstream`.
+//! The kernels `loss_pool`, `image_loss`, `loss_sum` and `image_upstream` on the host.
 
 use crate::constants as c;
 use crate::error::Result;
@@ -13,14 +13,14 @@ use crate::renderer::Frame;
 /// One pixel: red, green, blue, silhouette.
 type Pixel = [f32; 4];
 
-/// The frame's images as the kernels read them.
+/// The frame's images as pixels of four values.
 pub fn texels(plan: &FitPlan, frame: &Frame) -> Result<Vec<Pixel>> {
     let count = (plan.views * plan.width * plan.height) as usize;
     let outputs = plan.outputs();
     let color = frame.color().filter(|image| image.data.len() == 3 * count);
     let silhouette = frame.silhouette().filter(|image| image.data.len() == count);
     if outputs.color != color.is_some() || outputs.silhouette != silhouette.is_some() {
-        return bad("a frame of other images than the targets", "render it with HostFit::render");
+        return bad("a frame with other images or sizes than the targets", "render it with HostFit::render");
     }
     let one = |i: usize| {
         let rgb = color.map_or([0.0; 3], |image| [image.data[3 * i], image.data[3 * i + 1], image.data[3 * i + 2]]);
@@ -29,7 +29,7 @@ pub fn texels(plan: &FitPlan, frame: &Frame) -> Result<Vec<Pixel>> {
     Ok((0..count).map(one).collect())
 }
 
-/// All levels that are not the rendered image itself.
+/// The pixels of all levels except the rendered image itself.
 pub fn pyramid(plan: &FitPlan, rendered: &[Pixel]) -> Vec<Pixel> {
     let mut pyramid: Vec<Pixel> = Vec::new();
     let (mut from, mut width, mut height) = (None, plan.width, plan.height);
@@ -76,7 +76,7 @@ fn target(plan: &FitPlan, tables: &Tables, at: usize) -> Pixel {
     }
 }
 
-/// Each level's sums of each view.
+/// The loss sums of each view at each level.
 pub fn sums(plan: &FitPlan, tables: &Tables, rendered: &[Pixel], pyramid: &[Pixel]) -> Vec<[f32; 4]> {
     let mut sums = Vec::new();
     for level in &plan.levels {
@@ -151,7 +151,7 @@ pub fn upstream(
     (0..plan.views * plan.width * plan.height).map(one).collect()
 }
 
-/// The same as what backward takes.
+/// The upstream gradient as images.
 pub fn gradient(plan: &FitPlan, upstream: Vec<Pixel>) -> ImageGradient {
     let image = |channels: usize, data: Vec<f32>| Image {
         batch: plan.views as usize,

@@ -1,5 +1,5 @@
-//! The device's fit on the host: the same numbers in the same order in single precision, so the same bits, around
-//! [`Renderer::render`] and [`Renderer::backward`]. For whoever puts a loss of his own between the two.
+//! The device's fit computed on the host around [`Renderer::render`] and [`Renderer::backward`]: the same operations in
+//! the same order in single precision, so the same bits. The caller can insert a loss of its own between the two.
 
 mod images;
 mod regularizers;
@@ -18,13 +18,13 @@ use crate::image::Image;
 use crate::renderer::{Frame, Renderer};
 use crate::scene::{Camera, Mesh, Settings};
 
-/// What a fit moves and remembers, as the device's buffers have it.
+/// The state of a fit in the form of the device's buffers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FitState {
     pub positions: Vec<Vec3>,
-    /// Logit displacements and the centre.
+    /// Displacements in logit space, then the centre; empty for other parametrizations.
     pub parameters: Vec<Vec3>,
-    /// Mean and square of each row's gradient.
+    /// Running means of each row's gradient and of its square.
     pub moments: Vec<[Vec3; 2]>,
     pub colors: Vec<Vec3>,
     pub color_moments: Vec<[Vec3; 2]>,
@@ -34,8 +34,8 @@ pub struct FitState {
 
 /// A shape fitted step by step on the host with the bits of a [`DeviceFit`](super::DeviceFit).
 ///
-/// [`HostFit::step`] is a whole step. With a loss of your own: [`HostFit::render`], your loss,
-/// [`Renderer::backward`], [`HostFit::advance`].
+/// [`HostFit::step`] computes a whole step. For a loss of your own, call [`HostFit::render`], compute the loss and its
+/// gradient by the images, and call [`Renderer::backward`] and [`HostFit::advance`].
 #[derive(Clone, Debug)]
 pub struct HostFit {
     fit: ShapeFit,
@@ -46,10 +46,12 @@ pub struct HostFit {
 }
 
 impl HostFit {
-    /// Takes a fit up where it is.
+    /// Continues a shape fit in single precision. `weights`, `[views, height, width, 1]` of the targets' size, weighs
+    /// pixels.
     ///
     /// # Errors
-    /// [`crate::Error::Fit`] for targets or weights that do not fit together, and what [`DeviceFit::unsupported`](super::DeviceFit::unsupported) names.
+    /// [`crate::Error::Fit`] for targets or weights that do not fit together, and what
+    /// [`DeviceFit::unsupported`](super::DeviceFit::unsupported) names.
     pub fn new(fit: ShapeFit, targets: &Targets, weights: Option<&Image>) -> Result<Self> {
         let (plan, tables) = FitPlan::new(&fit, targets, weights)?;
         let state = FitState::of(&fit, &plan, &tables)?;
@@ -63,7 +65,7 @@ impl HostFit {
         self.fit.mesh()
     }
 
-    /// The targets' views of the mesh as it is now, kept for backward.
+    /// Renders the present mesh from the targets' cameras, saved for backward.
     ///
     /// # Errors
     /// As [`Renderer::render`].
@@ -71,15 +73,16 @@ impl HostFit {
         renderer.render(self.fit.scene(), &self.cameras, &self.plan.settings(settings))
     }
 
-    /// What [`Renderer::backward`] is to differentiate by.
+    /// What [`Renderer::backward`] has to differentiate by for [`HostFit::advance`].
     pub fn wanted(&self) -> Wanted {
         Wanted { positions: true, colors: self.plan.fit_colors, ..Wanted::NOTHING }
     }
 
-    /// The images' losses, weighed as the options say, and dL by the images. The regularisers' values are there as well.
+    /// The losses of a frame, the regularizers' values included, and the gradient of the weighted image losses by the
+    /// images.
     ///
     /// # Errors
-    /// [`crate::Error::Fit`] for a frame of other images.
+    /// [`crate::Error::Fit`] for a frame with other images or sizes than the targets.
     pub fn compare(&self, frame: &Frame) -> Result<(Step, ImageGradient)> {
         let rendered = images::texels(&self.plan, frame)?;
         let pyramid = images::pyramid(&self.plan, &rendered);
@@ -89,10 +92,11 @@ impl HostFit {
         Ok((self.found(&sums, &penalties), images::gradient(&self.plan, upstream)))
     }
 
-    /// Moves vertices and colours against dL by them, to which the regularisers' gradients are added.
+    /// Moves vertices and colours against their gradients, to which the regularizers' are added.
     ///
     /// # Errors
-    /// [`crate::Error::Fit`] for gradients of another mesh; [`crate::Error::Mesh`] for a step into what is not finite.
+    /// [`crate::Error::Fit`] for gradients of another mesh; [`crate::Error::Mesh`] when a step makes a vertex infinite
+    /// or a NaN.
     pub fn advance(&mut self, gradients: &Gradients, rate: f64, color_rate: f64) -> Result<()> {
         let vertices = self.plan.vertices as usize;
         let by = gradients.meshes.first();
@@ -120,7 +124,7 @@ impl HostFit {
         Ok(found)
     }
 
-    /// The options' losses and penalties, added as the device adds them.
+    /// The losses and penalties of a step, summed in the device's order.
     fn found(&self, sums: &[[f32; 4]], penalties: &regularizers::Penalties) -> Step {
         let plan = &self.plan;
         let views = plan.views as usize;
@@ -143,28 +147,28 @@ impl HostFit {
         self.fit.show(self.state.positions.clone(), &self.state.colors)
     }
 
-    /// The fit as it is now, to be saved or gone on with in f64.
+    /// The fit as it is now, to be saved or continued in f64.
     ///
     /// # Errors
-    /// None that its own steps would not have had.
+    /// [`crate::Error::Mesh`] when a step has made a vertex infinite or a NaN.
     pub fn into_shape(mut self) -> Result<ShapeFit> {
         self.state.put_back(&self.plan, &mut self.fit)?;
         Ok(self.fit)
     }
 }
 
-/// A step as the options' regularisers are in order.
+/// A step's losses, with the penalties in the order of the options' regularizers.
 pub fn step_of(plan: &FitPlan, [loss, silhouette, color]: [f32; 3], penalties: [f32; 4]) -> Step {
     Step {
         loss: loss.into(),
         silhouette: silhouette.into(),
         color: color.into(),
-        regularizers: plan.penalties.iter().map(|&place| penalties[place].into()).collect(),
+        regularizers: plan.penalties.iter().map(|&index| penalties[index].into()).collect(),
     }
 }
 
 impl FitState {
-    /// A fit as it is, in single precision.
+    /// The state of a fit, rounded to single precision.
     pub fn of(fit: &ShapeFit, plan: &FitPlan, tables: &Tables) -> Result<Self> {
         let saved = fit.state();
         let rows = |values: &[f64]| -> Vec<Vec3> {
@@ -191,15 +195,15 @@ impl FitState {
         Ok(state)
     }
 
-    /// Makes a fit the one of this state.
+    /// Sets a fit to this state.
     pub fn put_back(&self, plan: &FitPlan, fit: &mut ShapeFit) -> Result<()> {
         fit.show(self.positions.clone(), &self.colors)?;
         fit.restore(self.saved(plan, fit)?)?;
-        // Restoring places the mesh in double precision.
+        // Restoring computed the positions in double precision; these are the device's.
         fit.show(self.positions.clone(), &self.colors)
     }
 
-    /// As [`ShapeFit`] saves and restores it.
+    /// The state in the form that [`ShapeFit`] restores.
     fn saved(&self, plan: &FitPlan, fit: &ShapeFit) -> Result<State> {
         let flat = |rows: &[Vec3]| rows.as_flattened().iter().map(|&x| f64::from(x)).collect::<Vec<f64>>();
         let moment = |moments: &[[Vec3; 2]], k: usize| flat(&moments.iter().map(|m| m[k]).collect::<Vec<_>>());

@@ -1,11 +1,12 @@
-//! `regularize_vertices`, `regularize_flaps`, and what `shape_gradient` gathers of them.
+//! The kernels `regularize_vertices` and `regularize_flaps` on the host, and the part of `shape_gradient` that gathers
+//! their results.
 
 use crate::constants as c;
 use crate::fit::device::arithmetic::{Vec3, add, cross, dot, length, over, scale, strided_sum, sub};
 use crate::fit::device::plan::FitPlan;
 use crate::fit::device::tables::Tables;
 
-/// As the kernels have them: the small numbers of the official code, and the shortest normal.
+/// The constants of the kernels: the ε of the official code, and the least length of a normal.
 const EPSILON: f32 = 1e-6;
 const LEAST: f32 = 1e-18;
 
@@ -25,7 +26,7 @@ struct FlapGradient {
     normals: f32,
 }
 
-/// All regularisers' values and gradients.
+/// The regularizers' values and gradients.
 pub struct Penalties {
     vertices: Vec<VertexPenalty>,
     flaps: Vec<FlapGradient>,
@@ -45,7 +46,7 @@ impl Penalties {
         }
     }
 
-    /// Laplacian, flatten, edges, normals, as `loss_record` sums them.
+    /// The penalties Laplacian, flatten, edge length and normals, in the summation order of `loss_record`.
     pub fn values(&self, plan: &FitPlan) -> [f32; 4] {
         let vertices = &self.vertices;
         let [laplacian, edges] = strided_sum(vertices.len(), |i| [vertices[i].square, vertices[i].edge_value]);
@@ -53,7 +54,7 @@ impl Penalties {
         [laplacian, flatten, edges * edge_share(plan), normals]
     }
 
-    /// The images' gradient with the regularisers'.
+    /// The gradient of the image losses by positions, plus those of the regularizers.
     pub fn gathered(&self, plan: &FitPlan, tables: &Tables, images: &[Vec3]) -> Vec<Vec3> {
         let one = |(i, by_images): (usize, &Vec3)| {
             let mut sum = *by_images;

@@ -1,4 +1,5 @@
-//! `shape_gradient`'s pull, `smooth`, `step_totals`, `optimizer`, `position_step` and `color_step`.
+//! The kernels `smooth`, `smooth_dense`, `step_totals`, `optimizer`, `position_step` and `color_step` on the host, and
+//! the logit part of `shape_gradient`.
 
 use super::FitState;
 use crate::fit::device::arithmetic::{
@@ -9,7 +10,7 @@ use crate::fit::device::smoother::{Chebyshev, Smoother};
 use crate::fit::device::tables::Tables;
 use crate::fit::optimizer::Method;
 
-/// One step against dL by the vertices.
+/// One step of the vertices against their gradient.
 pub fn advance(plan: &FitPlan, tables: &Tables, state: &mut FitState, mut gradient: Vec<Vec3>, rate: f64) {
     state.steps = state.steps.saturating_add(1);
     let rates = FitPlan::rates(plan.method, state.steps, rate);
@@ -46,14 +47,14 @@ fn shift_of(centre: Vec3) -> Vec3 {
     centre.map(tangent)
 }
 
-/// The vertices of logit parameters, whose last row is the centre.
+/// The positions that logit parameters give; their last row is the centre.
 pub fn logit_positions(tables: &Tables, parameters: &[Vec3]) -> Vec<Vec3> {
     let shift = shift_of(parameters.last().copied().unwrap_or_default());
     let one = |(odds, d): (&[f32; 4], &Vec3)| [0, 1, 2].map(|k| logit_of(odds[k], d[k], shift[k]).position);
     tables.logit_template.iter().zip(parameters).map(one).collect()
 }
 
-/// From dL by vertices to dL by displacements, in place, and by the centre.
+/// Converts dL by vertices to dL by displacements, in place, and returns dL by the centre.
 fn pull(tables: &Tables, parameters: &[Vec3], gradient: &mut [Vec3]) -> Vec3 {
     let shift = shift_of(parameters.last().copied().unwrap_or_default());
     let mut by_centre = vec![[0.0; 3]; gradient.len().next_multiple_of(GROUP)];
@@ -69,7 +70,7 @@ fn pull(tables: &Tables, parameters: &[Vec3], gradient: &mut [Vec3]) -> Vec3 {
     strided_sum(partials.len(), |i| partials[i])
 }
 
-/// The moments' and the parameters' steps.
+/// Updates the moments and returns what is to be subtracted from the parameters.
 fn optimized(method: Method, moments: &mut [[Vec3; 2]], gradient: &[Vec3], rates: &Rates) -> Vec<Vec3> {
     if let Method::Adam { .. } | Method::UniformAdam { .. } = method {
         moments.iter_mut().zip(gradient).for_each(|(m, g)| m[1] = next_second(m[1], *g, rates));
@@ -99,7 +100,7 @@ fn smoothed(smoothing: &Smoother, tables: &Tables, rough: &[Vec3]) -> Vec<Vec3> 
     }
 }
 
-/// Chebyshev's iteration, all its steps.
+/// Solves the smoothing by Chebyshev's iteration.
 fn iterated(smoothing: &Chebyshev, neighbors: &[u32], rough: &[Vec3]) -> Vec<Vec3> {
     let (mut newer, mut older) = (vec![[0.0; 3]; rough.len()], vec![[0.0; 3]; rough.len()]);
     for (iterates, omega) in smoothing.omegas.iter().enumerate() {
