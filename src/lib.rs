@@ -1,8 +1,10 @@
-//! softras: a differentiable soft mesh rasterizer (Liu et al., "Soft Rasterizer", ICCV 2019) as a Vulkan compute backend.
+//! softras is a differentiable soft mesh rasterizer (Liu et al., "Soft Rasterizer", ICCV 2019) that runs as Vulkan compute.
 //!
-//! A triangle's influence on a pixel is a probability, the sigmoid of its signed squared distance over σ. A pixel's colour is a
-//! softmax, by depth over γ, of all triangles near it; its silhouette is one minus the product of their complements. So
-//! an image has a gradient to every vertex, colour, texel, light and camera, occluded ones too.
+//! It renders triangle meshes to images of colour, silhouette, depth and normals, and differentiates a loss on these images
+//! by the vertices, colours, texels, lights and cameras. A triangle covers a pixel not with yes or no but with a
+//! probability, the sigmoid of its signed squared edge distance over σ. The silhouette is the probability that any triangle
+//! covers the pixel; the colour is a softmax over the triangles, weighted by coverage and depth. So every triangle near a
+//! pixel, hidden ones too, gets a gradient from it.
 //!
 //! ```
 //! use softras::{Camera, Image, ImageGradient, Projection, Renderer, Scene, Settings, Wanted, shapes};
@@ -25,18 +27,29 @@
 //! ```
 //!
 //! # Conventions
-//! World space is right-handed, y up. View space has x right, y up and depth z growing forward. On the screen y runs from
-//! -1 to 1 upwards and x from -a to a, a = width / height: one unit is half the image's height on both axes. Row 0 of an
-//! image is its top. Images are not mirrored.
+//! World space is right-handed with y up. View space has x right, y up, and the depth z growing forward. On the screen y
+//! runs from -1 to 1 upwards and x from -a to a, a = width / height; one screen unit is half the image's height on both
+//! axes. Row 0 of an image is its top. Images are not mirrored. Colours are linear. The same input gives the same bits.
+//!
+//! # Glossary
+//! - *fragment*: a (pixel, triangle) pair. Its coverage is D = sigmoid(±d²/σ), d the distance to the edge, plus inside.
+//! - *σ* (sigma): softness of edges, screen units². *γ* (gamma): softness of the depth order, a fraction of far - near.
+//! - *τ* (tau): fragments outside their triangle with D < τ are dropped; the others are the triangle's *support*.
+//! - *log weight*: log D + ζ/γ, the logarithm of a fragment's softmax weight; its depth score ζ is 1 at near, 0 at far.
+//! - *transmittance*: Π(1 - D) over a pixel's fragments; the silhouette is one minus it.
+//! - *tile list*: the triangles whose support meets a tile of 8×4 pixels.
+//! - *upstream gradient*: dL/dimage of a loss L; the caller computes it and gives it to the backward pass.
+//! - *saved frame*: one rendered with [`Settings::save`], which keeps what the backward pass needs.
 //!
 //! # Where things are
-//! - [`Renderer`] opens a device, renders scenes and differentiates the images. [`Scene`], [`Mesh`], [`Camera`],
-//!   [`Lights`] and [`Settings`] describe what it renders; [`Frame`], [`Image`] and [`Gradients`] are what comes back.
-//! - [`shapes`] makes meshes, [`obj`] reads and writes them.
-//! - [`fit`] turns gradients into shape, colour and pose.
-//! - [`embed`] records the same frames into an engine's own command buffers, with the engine's own device and memory.
-//! - `reference`, behind the feature of that name, computes images and gradients in f64 by brute force. The kernels are
-//!   checked against it.
+//! - [`Renderer`] opens a device, renders a [`Scene`] and differentiates the images. A scene is made of [`Mesh`]es and
+//!   [`Lights`] and is seen by [`Camera`]s under [`Settings`]; rendering returns a [`Frame`] of [`Image`]s, the backward
+//!   pass [`Gradients`]. [`scene`] has the types that these are made of.
+//! - [`shapes`] makes simple meshes, [`obj`] reads and writes Wavefront files.
+//! - [`fit`] uses the gradients to find shape, colours and pose from images.
+//! - [`embed`] records the same frames into an engine's own command buffers, with the engine's device and memory.
+//! - `reference`, behind the feature of that name, computes images and gradients on the host in f64. The kernels are tested
+//!   against it.
 
 #![deny(unsafe_code)]
 
