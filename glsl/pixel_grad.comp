@@ -1,9 +1,10 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Pixel gradient: what backward needs once a pixel: dL by the mixture Σ w C and by log(1 - A), and the reference that turns
-// a fragment's log weight into w (eq. 3 and 4). For the background's gradients also the pixel's own terms.
+// Pixel gradient: computes what backward needs of a pixel: dL by the mixture Σ w C, the pixel's factor (1 - A) dL/dA of the
+// silhouette, and the reference that turns a fragment's log weight into w (eq. 3 and 4). For the gradients by the background
+// it also computes the pixel's own terms.
 // One invocation a pixel, views along y. Reads the images, `saved` (pixel.glsl) and the upstream gradients. Writes
-// `pixel_gradients`: (dL/dmixture rgb, dL/dlog(1 - A)), (log weight's integer part, its fraction, V, dL/ddepth),
+// `pixel_gradients`: (dL/dmixture rgb, silhouette_gradient), (integer part and fraction of the reference, V, dL/ddepth),
 // (dL/dnormal, 0), with V of shaded_gradient below; and `pixel_sums`, which reduce.comp adds up:
 // (dL/dC_b, dL/ds_b), (dL/ds_b times the relative log2 weight, 0, 0, 0), with s_b = ε/γ the background's log weight.
 
