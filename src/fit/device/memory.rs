@@ -1,4 +1,4 @@
-//! The buffers of a fit: what the frame and its gradients need, and the fit's own.
+//! The buffers of a fit: those of its frame and gradients, and the fit's own.
 
 use super::arithmetic::Vec3;
 use super::buffers::{FitBuffer, Own};
@@ -11,10 +11,10 @@ use crate::error::Result;
 use crate::frame::buffers::{BufferId, BufferSet, Entry, Parts, Role};
 use crate::vulkan::{Context, Recorder};
 
-/// Steps whose records are kept until the host has read them.
+/// The number of records in `records`: steps that may be submitted before the host reads them.
 pub const ROWS: usize = 64;
 
-/// What the host reads back besides records: all that a fit resumes from, and its best.
+/// The buffers that the host reads back besides records: the state of the fit and its best mesh.
 const STATE: [FitBuffer; 7] = [
     FitBuffer::Frame(BufferId::Positions),
     FitBuffer::Frame(BufferId::Colors),
@@ -27,12 +27,12 @@ const STATE: [FitBuffer; 7] = [
 
 const FIT_STATE: FitBuffer = FitBuffer::Own(Own::FitState);
 
-/// What is copied to the device, where it does not share the host's memory.
+/// Which buffers are copied to a device that does not share the host's memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Upload {
     /// Tables, inputs and state.
     Everything,
-    /// Tables and inputs: what the device itself writes stays.
+    /// Tables and inputs, not the state, which the device has changed.
     Inputs,
     /// `fit_state` alone.
     State,
@@ -72,7 +72,7 @@ impl Memory {
         self.set.parts([BufferId::Unused])
     }
 
-    /// Makes room for a frame and its gradients; true where a buffer is a new one.
+    /// Makes room for a frame and its gradients; returns whether a buffer was replaced.
     ///
     /// # Errors
     /// As [`add_own`](Self::add_own).
@@ -85,10 +85,10 @@ impl Memory {
         Ok(renewed)
     }
 
-    /// Writes what the frame reads, but for positions and colours.
+    /// Writes the frame's inputs except positions and colours, which belong to the state.
     ///
     /// # Errors
-    /// None where there is room.
+    /// [`crate::Error::Vulkan`] for a buffer that was not made or is too small.
     pub fn write_inputs(&mut self, inputs: &Inputs) -> Result<()> {
         let fitted = [BufferId::Positions, BufferId::Colors];
         // What the frame does not need is empty, and has no buffer.
@@ -96,10 +96,10 @@ impl Memory {
         fixed.into_iter().try_for_each(|(id, bytes)| self.set.write(id, bytes))
     }
 
-    /// Writes a state, the best as yet unknown.
+    /// Writes a state, which also becomes the best mesh with an infinite loss.
     ///
     /// # Errors
-    /// None where there is room.
+    /// [`crate::Error::Vulkan`] for a buffer that was not made or is too small.
     pub fn write_state(&mut self, state: &FitState, uniform_color: Option<&[u8]>) -> Result<()> {
         let fit_state = [0, 0, 0, f32::INFINITY.to_bits()];
         self.set.write(Own::FitState, bytemuck::cast_slice(&fit_state))?;
@@ -120,10 +120,10 @@ impl Memory {
         }
     }
 
-    /// Reads the state as of the last download; steps are the host's own count.
+    /// Reads the state as of the last download, except the numbers of steps, which the host counts.
     ///
     /// # Errors
-    /// None where there is a frame.
+    /// [`crate::Error::Vulkan`] for a buffer that was not made or is too small.
     pub fn read_state(&self, plan: &FitPlan) -> Result<FitState> {
         let rows = plan.rows() as usize;
         let vertices = if plan.fit_colors { plan.vertices as usize } else { 0 };
@@ -139,7 +139,7 @@ impl Memory {
         })
     }
 
-    /// x, y, z of so many.
+    /// `count` vectors x, y, z of a buffer.
     pub fn vectors(&self, id: impl Into<FitBuffer>, count: usize) -> Result<Vec<Vec3>> {
         Ok(self.set.floats(id, 3 * count)?.chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect())
     }
@@ -159,10 +159,10 @@ impl Memory {
         Ok(all[row])
     }
 
-    /// Lets steps be taken again: of what the device told last, only that it halted is changed.
+    /// Clears the flag by which the device skips steps and leaves the rest of `fit_state` as downloaded.
     ///
     /// # Errors
-    /// None where there is a frame.
+    /// [`crate::Error::Vulkan`] for a buffer that was not made or is too small.
     pub fn go_on(&mut self) -> Result<()> {
         let mut words = [0u32; c::FIT_STATE_WORDS as usize];
         self.set.read(Own::FitState, bytemuck::cast_slice_mut(&mut words))?;
@@ -194,7 +194,7 @@ impl Memory {
         Ok(())
     }
 
-    /// Records the download of the state (`state`) or of what a step tells.
+    /// Records the download of the state (`state`), or of records and `fit_state`.
     ///
     /// # Errors
     /// [`crate::Error::Vulkan`].

@@ -1,4 +1,4 @@
-//! The fit's own stages: bound to their buffers, and recorded between and behind the rasterizer's passes.
+//! The fit's own kernels, bound to their buffers and recorded between and after the rasterizer's passes.
 
 use super::arithmetic::Rates;
 use super::buffers::{FitBuffer, Own};
@@ -26,7 +26,7 @@ struct Stage {
 
 /// All stages of a step.
 pub struct Stages {
-    /// From the rendered image, and from `pyramid`.
+    /// One reads the rendered image, the other `pyramid`.
     pool: [Stage; 2],
     image_loss: [Stage; 2],
     loss_sum: Stage,
@@ -35,7 +35,7 @@ pub struct Stages {
     regularize_flaps: Stage,
     loss_record: Stage,
     shape_gradient: Stage,
-    /// Of gradients and of steps; each for the steps that count from 0 and those between.
+    /// Of gradients and of steps; each for even and for odd iterations.
     smooth: [[Stage; 2]; 2],
     smooth_dense: [Stage; 2],
     centre_total: Stage,
@@ -46,7 +46,7 @@ pub struct Stages {
     color_step: Stage,
 }
 
-/// What changes from step to step.
+/// The numbers that change from step to step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Numbers {
     pub rates: Rates,
@@ -54,7 +54,7 @@ pub struct Numbers {
     /// The frame's room for lists, and the longest list it can walk.
     pub capacity: Capacity,
     pub longest_list: u32,
-    /// Of `records`.
+    /// The step's row in `records`.
     pub row: u32,
     /// The box that vertices must not leave.
     pub bounds: [[f32; 3]; 2],
@@ -104,7 +104,7 @@ fn image_of(plan: &FitPlan) -> FitBuffer {
     FitBuffer::Frame(if plan.has_color { BufferId::Color } else { BufferId::Silhouette })
 }
 
-/// The buffer that a binding is, where the stage does not say another.
+/// The buffer of a binding, unless the stage names another.
 fn buffer_of(plan: &FitPlan, binding: &str) -> Option<FitBuffer> {
     Some(match binding {
         "rendered" => image_of(plan),
@@ -130,7 +130,7 @@ struct Binder<'a> {
 }
 
 impl Binder<'_> {
-    /// `named` says which buffers the bindings are that are not the same in every stage of the kernel.
+    /// Binds a stage. `named` gives the buffers of those bindings that differ between stages of the same kernel.
     fn stage(&self, pipeline: &Pipeline, named: &[(&str, FitBuffer)]) -> Result<Stage> {
         let mut parts = Vec::new();
         for binding in pipeline.kernel().bindings {
@@ -155,7 +155,7 @@ impl Binder<'_> {
 }
 
 impl Stages {
-    /// Binds all stages to buffers that were all made.
+    /// Binds all stages; every buffer must have been made.
     ///
     /// # Errors
     /// [`Error::Vulkan`], [`Error::Limit`].
@@ -210,7 +210,7 @@ impl Stages {
         })
     }
 
-    /// Between forward and backward: losses, their derivatives by the images, the regularisers, the record.
+    /// Records what runs between forward and backward: losses, their gradients by the images, regularizers, the record.
     ///
     /// # Errors
     /// [`Error::Limit`] for more workgroups than the device allows.
@@ -246,7 +246,7 @@ impl Stages {
         Ok(())
     }
 
-    /// Every level that is not the rendered image, each from the next finer.
+    /// Records the pooling of every level except the rendered image, each from the next finer one.
     fn record_pyramid(&self, recorder: &mut Recorder<'_>, plan: &FitPlan) -> Result<()> {
         let (mut width, mut height, mut factor, mut from) = (plan.width, plan.height, plan.samples, None);
         for level in &plan.levels {
@@ -299,7 +299,7 @@ impl Stages {
         self.loss_record.record(recorder, &push, [1, 1, 1])
     }
 
-    /// Behind backward: the step.
+    /// Records what runs after backward: the step.
     ///
     /// # Errors
     /// As [`record_loss`](Self::record_loss).
@@ -341,7 +341,7 @@ impl Stages {
         Ok(())
     }
 
-    /// Of gradients (0) or steps (1), where there is a smoothing.
+    /// Records the smoothing of gradients (0) or of steps (1), if the fit has one.
     fn record_smoothing(&self, recorder: &mut Recorder<'_>, plan: &FitPlan, of: usize) -> Result<()> {
         let smoothing = match &plan.smoothing {
             None => return Ok(()),
@@ -377,12 +377,12 @@ fn rates_push(rows: u32, rates: &Rates) -> [u32; 9] {
     push
 }
 
-/// Workgroups for so many invocations.
+/// Workgroups for `count` invocations.
 fn linear(count: u32) -> [u32; 3] {
     [count.div_ceil(c::FIT_GROUP), 1, 1]
 }
 
-/// The same for counts that may exceed one row.
+/// Workgroups for a number of pixels, which may need more than one row of them.
 fn pixels(count: u32) -> [u32; 3] {
     let groups = count.div_ceil(c::FIT_GROUP);
     [groups.min(c::FORWARD_ROW), groups.div_ceil(c::FORWARD_ROW), 1]

@@ -113,15 +113,9 @@ fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) 
     let mut baselines = Vec::new();
     for (name, options) in benchmark::baselines(&options).into_iter().filter(|_| args.baselines) {
         let fit = fitted(options, renderer)?;
-        // Judged as the pose itself is, whatever the baseline was fitted with.
-        let soft = PoseFit::new(
-            Scene::new(mesh.clone()),
-            view.camera()?,
-            bounds.center,
-            settings.clone(),
-            PoseOptions::default(),
-            fit.poses().to_vec(),
-        )?;
+        // The loss is that of soft images, whatever images the baseline was fitted with.
+        let (scene, options, poses) = (Scene::new(mesh.clone()), PoseOptions::default(), fit.poses().to_vec());
+        let soft = PoseFit::new(scene, view.camera()?, bounds.center, settings.clone(), options, poses)?;
         let losses = soft.losses(renderer, fit.poses(), SHARP, &judged)?;
         if let Some((pose, loss)) = least(fit.poses(), &losses, |_| true) {
             baselines.push(Baseline { name, loss, degrees: pose.degrees_to(&best) });
