@@ -299,16 +299,22 @@ impl Module {
                 _ => "UniformTexelBufferFloat",
             },
             Type::Image { dim: DIM_BUFFER, .. } => "StorageTexelBuffer",
+            Type::Image { dim: DIM_2D, sampled: 1, .. } if image == pointee => "SampledImage",
             Type::Image { dim: DIM_2D, sampled: 2, format: 1, .. } => "StorageImage(ImageFormat::Rgba32Float)",
             Type::Image { dim: DIM_2D, sampled: 2, format: 2, .. } => "StorageImage(ImageFormat::Rgba16Float)",
             Type::Image { dim: DIM_2D, sampled: 2, format: 3, .. } => "StorageImage(ImageFormat::R32Float)",
             Type::Image { dim: DIM_2D, sampled: 2, format: 4, .. } => "StorageImage(ImageFormat::Rgba8Unorm)",
-            _ => return Err(format!("`{name}`: only buffers, texel buffers and images of four formats can be bound")),
+            _ => {
+                return Err(format!(
+                    "`{name}`: only buffers, texel buffers, textures without sampler and images of four formats can be bound"
+                ));
+            }
         };
         // A `readonly` block carries the decoration on the variable or on each member.
         let readonly = self.decoration(id, NON_WRITABLE).is_some()
             || self.member_decorations.contains_key(&(pointee, 0, NON_WRITABLE))
-            || kind.starts_with("Uniform");
+            || kind.starts_with("Uniform")
+            || kind == "SampledImage";
         Ok(Binding { name, binding, kind, readonly })
     }
 

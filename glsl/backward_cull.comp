@@ -5,7 +5,7 @@
 // its gradient is 0.
 // One invocation an item. Reads `boxes`, `cells`, the records and `tile_bounds`; writes the lists `shown_items` and
 // `outline_items`, their lengths as workgroups of indirect dispatches in `item_counts`, and zeros to the `partials` of items
-// on neither list. The order of the lists does not matter: every item has its own entry of `partials`.
+// on neither list; of a frame that is not complete all items are on neither. The order of the lists does not matter: every item has its own entry of `partials`.
 
 layout(local_size_x = 64) in;
 
@@ -27,6 +27,7 @@ layout(set = 0, binding = 9, std430) writeonly buffer Partials { vec4 partials[]
 #include "common/mesh.glsl"
 #include "common/item.glsl"
 #include "common/hidden.glsl"
+#include "common/whole.glsl"
 
 // Lanes of the workgroups that process small items.
 layout(constant_id = 24) const uint LANES = 8u;
@@ -73,6 +74,18 @@ void main() {
     uint slots = frame.slot_count;
     uint extra = min(texelFetch(status, int(STATUS_CELLS_NEEDED)).x, frame.cell_capacity);
     if (index >= slots + extra) {
+        return;
+    }
+    uvec3 needed = uvec3(texelFetch(status, int(STATUS_COARSE_NEEDED)).x, texelFetch(status, int(STATUS_LIST_NEEDED)).x,
+                         texelFetch(status, int(STATUS_CELLS_NEEDED)).x);
+    uvec3 room = uvec3(frame.coarse_capacity, frame.list_capacity, frame.cell_capacity);
+    bool whole = is_whole(needed, room, texelFetch(status, int(STATUS_LONGEST_LIST)).x, LONGEST_LIST,
+                          texelFetch(status, int(STATUS_NOT_FINITE)).x);
+    if (!whole) {
+        // With all items on neither list every gradient is zero.
+        for (int i = 0; i < PARTIAL_STRIDE; ++i) {
+            partials[int(index) * PARTIAL_STRIDE + i] = vec4(0.0);
+        }
         return;
     }
     uvec2 part = index < slots ? uvec2(index, 0u) : texelFetch(cells, int(index - slots)).xy;

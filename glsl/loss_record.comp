@@ -19,6 +19,7 @@ layout(set = 0, binding = 6, std430) writeonly buffer Records { uint records[]; 
 #include "common/fit.glsl"
 #include "common/fit_sum.glsl"
 #include "common/loss.glsl"
+#include "common/whole.glsl"
 
 layout(push_constant) uniform Push {
     uint views;
@@ -107,8 +108,8 @@ void main() {
     uint not_finite = texelFetch(frame_status, int(STATUS_NOT_FINITE)).x;
     uint longest = texelFetch(frame_status, int(STATUS_LONGEST_LIST)).x;
     uint cells = texelFetch(frame_status, int(STATUS_CELLS_NEEDED)).x;
-    bool valid = coarse <= push.coarse_capacity && list <= push.list_capacity && cells <= push.cell_capacity
-        && longest <= push.longest_list && not_finite == 0u;
+    uvec3 room = uvec3(push.coarse_capacity, push.list_capacity, push.cell_capacity);
+    bool valid = is_whole(uvec3(coarse, list, cells), room, longest, push.longest_list, not_finite);
     uint halted = fit_state[FIT_HALTED] | (valid ? 0u : HALT_FRAME);
     bool apply = halted == 0u;
     float least = uintBitsToFloat(fit_state[FIT_LEAST]);

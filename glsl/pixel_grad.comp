@@ -6,7 +6,8 @@
 // One invocation a pixel, views along y. Reads the images, `saved` (pixel.glsl) and the upstream gradients. Writes
 // `pixel_gradients`: (dL/dmixture rgb, silhouette_gradient), (integer part and fraction of the reference, V, dL/ddepth),
 // (dL/dnormal, 0), with V of shaded_gradient below; and `pixel_sums`, which reduce.comp adds up:
-// (dL/dC_b, dL/ds_b), (dL/ds_b times the relative log2 weight, 0, 0, 0), with s_b = ε/γ the background's log weight.
+// (dL/dC_b, dL/ds_b), (dL/ds_b times the relative log2 weight, 0, 0, 0), with s_b = ε/γ the background's log weight; zeros
+// where the frame is not complete. Writes that into `status` too.
 
 layout(local_size_x = 64) in;
 
@@ -21,12 +22,25 @@ layout(set = 0, binding = 7) uniform samplerBuffer upstream_depths;
 layout(set = 0, binding = 8) uniform samplerBuffer upstream_normals;
 layout(set = 0, binding = 9, std430) writeonly buffer PixelGradients { vec4 pixel_gradients[]; };
 layout(set = 0, binding = 10, std430) writeonly buffer PixelSums { vec4 pixel_sums[]; };
+layout(set = 0, binding = 11, std430) buffer Status { uint status[]; };
 
 #include "common/constants.glsl"
 #include "common/modes.glsl"
 #include "common/gradient_modes.glsl"
 #include "common/frame.glsl"
 #include "common/mesh.glsl"
+#include "common/whole.glsl"
+
+// Whether the frame's gradients may be used. One invocation writes the answer into `status`, for whoever uses them.
+bool frame_is_whole(bool writes) {
+    uvec3 needed = uvec3(status[STATUS_COARSE_NEEDED], status[STATUS_LIST_NEEDED], status[STATUS_CELLS_NEEDED]);
+    uvec3 room = uvec3(frame.coarse_capacity, frame.list_capacity, frame.cell_capacity);
+    bool whole = is_whole(needed, room, status[STATUS_LONGEST_LIST], LONGEST_LIST, status[STATUS_NOT_FINITE]);
+    if (writes) {
+        status[STATUS_WHOLE] = whole ? 1u : 0u;
+    }
+    return whole;
+}
 
 // Number of triangles by which SILHOUETTE_SUM divides.
 float count_of(int view) {
@@ -96,7 +110,7 @@ float silhouette_gradient(int view, float aggregate, float up_alpha) {
 }
 
 // ∂I/∂C_b = w_b and ∂I/∂s_b = w_b (C_b - I) (eq. 4), w_b being the background's share of the pixel.
-void write_background_gradient(int at, vec4 kept, vec3 background, vec3 up_color, float value, float mixing) {
+void write_background_gradient(int at, bool whole, vec4 kept, vec3 background, vec3 up_color, float value, float mixing) {
     bool entry = !COMPOSITE && COLOR_MODE == COLOR_SOFTMAX;
     float relative = 0.0;
     float share = 0.0;
@@ -109,8 +123,8 @@ void write_background_gradient(int at, vec4 kept, vec3 background, vec3 up_color
         share = kept.z > 0.0 ? 0.0 : 1.0;
     }
     float by_weight = entry ? share * (dot(up_color, background) - value) : 0.0;
-    pixel_sums[2 * at] = vec4(up_color * share, by_weight);
-    pixel_sums[2 * at + 1] = vec4(by_weight * relative, 0.0, 0.0, 0.0);
+    pixel_sums[2 * at] = whole ? vec4(up_color * share, by_weight) : vec4(0.0);
+    pixel_sums[2 * at + 1] = whole ? vec4(by_weight * relative, 0.0, 0.0, 0.0) : vec4(0.0);
 }
 
 void main() {
@@ -121,6 +135,7 @@ void main() {
         return;
     }
     int at = int(uint(view) * pixels + pixel);
+    bool whole = frame_is_whole(at == 0);
     // Integer part and fraction of the reference log2 weight, inverse sum, silhouette's aggregate.
     vec4 kept = texelFetch(saved, at);
     Upstream up = upstream_of(at);
@@ -144,6 +159,6 @@ void main() {
         }
     }
     if (GRAD_BACKGROUND) {
-        write_background_gradient(at, kept, background, up.color, value, mixing);
+        write_background_gradient(at, whole, kept, background, up.color, value, mixing);
     }
 }

@@ -125,8 +125,11 @@ const uint STATUS_CELLS_NEEDED = 4u;
 const uint STATUS_FILLED_TILES = 5u;
 // Word of `status`: tiles that received the background.
 const uint STATUS_EMPTY_TILES = 6u;
+// Word of `status`: 1 once a backward pass has found its frame complete, so that its gradients may be used; 0 before that and
+// for a frame whose lists had too little room. All gradients of such a frame are zero.
+const uint STATUS_WHOLE = 7u;
 // Number of words of `status`.
-const uint STATUS_WORDS = 7u;
+const uint STATUS_WORDS = 8u;
 
 // Bit of GRADIENTS, the gradients that backward computes: by the vertices' positions on the image, from which those by world
 // positions and the camera follow.
@@ -244,3 +247,16 @@ const uint RECORD_PENALTIES = 3u;
 const uint RECORD_HALTED = 7u;
 // Word of a step's record: the first of the frame's status.
 const uint RECORD_STATUS = 8u;
+
+// Bit of what `store` does: encode colour as sRGB.
+const uint STORE_SRGB = 1u;
+// Bit of what `store` does: store the triangles' colour alone, not multiplied by the silhouette.
+const uint STORE_STRAIGHT = 2u;
+// Bit of what `store` does: store the triangles' colour alone, multiplied by the silhouette.
+const uint STORE_PREMULTIPLIED = 4u;
+// Bit of what `store` does: the images are blended with the background by the silhouette.
+const uint STORE_COMPOSITE = 8u;
+// Bit of what `store` does: store the value of the host's depth buffer in place of the view depth.
+const uint STORE_DEPTH = 16u;
+// Bit of what `store` does: the host's projection has perspective.
+const uint STORE_PERSPECTIVE = 32u;

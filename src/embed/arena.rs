@@ -12,6 +12,8 @@ pub struct Arena {
     pub size: u64,
     /// Its usage: what the buffers need, and transfer in both directions.
     pub usage: vk::BufferUsageFlags,
+    /// What its offset must be a multiple of where it is a part of a larger VkBuffer.
+    pub alignment: u64,
     /// Id, offset and bytes of each buffer.
     pub parts: Vec<(BufferId, u64, u64)>,
 }
@@ -20,10 +22,19 @@ impl Arena {
     /// Lays buffers one after the other, each aligned. Memory bound at an offset that the device's own
     /// VkMemoryRequirements allow keeps them aligned.
     pub fn of<'a>(buffers: impl IntoIterator<Item = &'a BufferRequirement>) -> Self {
-        let mut arena =
-            Self { usage: vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST, ..Self::default() };
+        Self::aligned(buffers, 1)
+    }
+
+    /// The same where a host's own rules ask for offsets at multiples of `alignment` beyond the device's: 32 with wgpu. A
+    /// power of two.
+    pub fn aligned<'a>(buffers: impl IntoIterator<Item = &'a BufferRequirement>, alignment: u64) -> Self {
+        let usage = vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST;
+        let alignment = alignment.max(1);
+        let mut arena = Self { usage, alignment, ..Self::default() };
         for requirement in buffers {
-            let offset = arena.size.next_multiple_of(requirement.alignment);
+            let own = requirement.alignment.max(alignment);
+            arena.alignment = arena.alignment.max(own);
+            let offset = arena.size.next_multiple_of(own);
             // Whole texels, so that a view of the part can cover it.
             let size = requirement.size.next_multiple_of(requirement.format.bytes());
             arena.parts.push((requirement.id, offset, size));

@@ -69,6 +69,14 @@ impl Geometry {
     /// [`Error::Limit`] for more placed vertices or corners than kernels can index, or more than 60000 draws and
     /// instances together.
     pub fn new(draws: Vec<Draw>) -> Result<Self> {
+        let geometry = Self::of_draws(draws);
+        geometry.validate()?;
+        Ok(geometry)
+    }
+
+    /// Checks what [`new`](Self::new) says.
+    pub(super) fn validate(&self) -> Result<()> {
+        let draws = &self.draws;
         let sum = |each: fn(&Draw) -> u64| draws.iter().map(each).fold(0u64, u64::saturating_add);
         let limit = |what: &str, needed: u64, unit: &'static str, limit: u64| {
             let (what, limit_name) = (what.to_owned(), "what kernels count to");
@@ -84,8 +92,12 @@ impl Geometry {
         let last = draws.iter().map(|d| end(d.first_vertex, d.vertices.into())).max().unwrap_or(0);
         limit("a host's vertex buffer", last, "vertices", elements)?;
         let last = draws.iter().map(|d| end(d.first_index, 3 * u64::from(d.triangles))).max().unwrap_or(0);
-        limit("a host's index buffer", last, "indices", elements)?;
-        Ok(Self { draws, ..Self::default() })
+        limit("a host's index buffer", last, "indices", elements)
+    }
+
+    /// The same without checks, which [`validate`](Self::validate) makes up for.
+    pub(super) fn of_draws(draws: Vec<Draw>) -> Self {
+        Self { draws, ..Self::default() }
     }
 
     /// The draws.

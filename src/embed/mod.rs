@@ -4,32 +4,47 @@
 
 mod arena;
 mod bindings;
+mod builder;
+mod camera;
 mod counts;
 mod decode;
 mod geometry;
 mod inputs;
+mod memory;
+mod mesh;
+mod pass;
 mod place;
+mod place_mesh;
+mod place_step;
 mod plan;
+mod rebind;
 mod requirements;
 mod shape;
 mod status;
 mod store;
+mod tables;
 
 pub use arena::Arena;
 pub use bindings::{FrameBindings, GradientBindings};
+pub use builder::{PassBuilder, PassPlan, PassStatus};
+pub use camera::{ClipSpace, HostCamera};
 pub use counts::{CountBindings, Counts};
 pub use decode::Decoder;
 pub use geometry::{Draw, Geometry, IndexFormat, Layout};
 pub use inputs::Inputs;
+pub use memory::{MemoryKind, MemoryRequirement, PassMemory};
+pub use mesh::{MeshBuffers, MeshLook, PassMesh, TexelSource};
+pub use pass::Pass;
 pub use place::{GeometryBindings, GeometryBuffers, GeometryGradientBindings, GeometryGradients};
 pub use plan::{BufferRequirement, Differentiate, FramePlan, GradientPlan};
+pub use rebind::Rebound;
 pub use requirements::{Requirements, requirements};
 pub use shape::{AppearanceShape, MeshShape, Shape};
 pub use status::Status;
 pub use store::{FrameImage, ImageBindings};
 
 pub use crate::frame::buffers::{BufferId, Role};
-pub use crate::vulkan::{BufferRef, HostAdapter, HostCommands, HostDevice, ImageFormat, ImageRef};
+pub use crate::vulkan::{BufferRef, HostAdapter, HostCommands, HostDevice, ImageFormat, ImageRef, TextureRef};
 
 use crate::constants as c;
 use crate::error::{Error, Result};
@@ -38,15 +53,16 @@ use crate::frame::passes::{self, BACKWARD_COUNT};
 use crate::frame::pipelines::{Pipelines, Request};
 use crate::scene::Settings;
 use crate::vulkan::{Device, DeviceKind, Kernel, Pipeline, PipelineCache, Recorder, TimestampPool};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// softras on a device: its kernels, and how to record them. Owns no memory, no queue and no command buffer.
 ///
-/// It may be shared between threads; see the module's documentation.
+/// It may be shared between threads, and clones share its kernels; see the module's documentation.
+#[derive(Clone)]
 pub struct Rasterizer {
     device: Device,
     cache: Option<PipelineCache>,
-    pipelines: Mutex<Pipelines>,
+    pipelines: Arc<Mutex<Pipelines>>,
     lanes: u32,
 }
 
@@ -71,7 +87,7 @@ impl Rasterizer {
     pub(crate) fn on(device: &Device, cache: Option<PipelineCache>) -> Self {
         // A software device's subgroups have eight lanes, and its shared memory is slow: one subgroup a tile.
         let lanes = if device.kind() == DeviceKind::Software { 8 } else { 32 };
-        Self { device: device.clone(), cache, pipelines: Mutex::default(), lanes }
+        Self { device: device.clone(), cache, pipelines: Arc::default(), lanes }
     }
 
     /// The same with another number of invocations that share a tile, 1 to 32, a power of two; by default 8 on software

@@ -3,7 +3,8 @@
 use super::Rasterizer;
 use super::bindings::{FrameBindings, GradientBindings};
 use super::geometry::{Geometry, IndexFormat, Layout, linear_groups, rows_of};
-use crate::error::{Error, Result};
+use super::place_step::{Push, Step, judge_bytes, judge_target, layout_words, misfit};
+use crate::error::Result;
 use crate::frame::buffers::BufferId;
 use crate::frame::passes::Stage;
 use crate::frame::pipelines::Request;
@@ -39,69 +40,28 @@ pub struct GeometryGradients {
     pub transforms: Option<(BufferRef, Layout)>,
 }
 
-/// The numbers of `glsl/common/geometry_push.glsl`.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
-struct Push {
-    count: u32,
-    draws: u32,
-    first: u32,
-    base: u32,
-    stride: u32,
-    offset: u32,
-    transform_stride: u32,
-    transform_offset: u32,
-    select: u32,
-}
-
-/// A stage with its numbers.
-struct Step {
-    stage: Stage,
-    push: Push,
-    groups: [u32; 3],
-}
-
 /// A host's geometry bound to a frame. To be kept as [`FrameBindings`].
 pub struct GeometryBindings {
     geometry: Geometry,
     buffers: GeometryBuffers,
     draws: BufferPart,
-    vertices: Vec<Step>,
-    indices: Option<Step>,
+    pub(super) vertices: Vec<Step>,
+    pub(super) indices: Option<Step>,
 }
 
 /// The gradients of a host's geometry bound to a backward pass. To be kept as [`GradientBindings`].
 pub struct GeometryGradientBindings {
-    steps: Vec<Step>,
-}
-
-fn misfit<T>(what: String, fix: &str) -> Result<T> {
-    Err(Error::Host { what, fix: fix.into() })
-}
-
-/// The words of a layout whose last of `count` elements of `words` words each lies inside a buffer.
-fn layout_words(name: &str, (at, layout): &(BufferRef, Layout), count: u32, words: u64) -> Result<(u32, u32)> {
-    let Layout { stride, offset } = *layout;
-    if stride % 4 != 0 || offset % 4 != 0 || u64::from(stride) < 4 * words {
-        let what = format!("{name} of {stride} bytes each, read at {offset}");
-        return misfit(what, "use multiples of four, and a stride of at least what is read");
-    }
-    let last = u64::from(count.saturating_sub(1)) * u64::from(stride) + u64::from(offset) + 4 * words;
-    judge_bytes(name, at, if count == 0 { 0 } else { last })?;
-    Ok((stride / 4, offset / 4))
-}
-
-fn judge_bytes(name: &str, at: &BufferRef, needed: u64) -> Result<()> {
-    // Kernels count words with 32 bits.
-    if needed > at.range() || needed > 4 * u64::from(u32::MAX) {
-        return misfit(format!("{name} has {} bytes, the draws need {needed}", at.range()), "bind a larger part");
-    }
-    Ok(())
+    pub(super) steps: Vec<Step>,
 }
 
 impl GeometryBindings {
+    /// The table of draws, and what it was made of.
+    pub(super) fn table(&self) -> (&BufferPart, &Geometry) {
+        (&self.draws, &self.geometry)
+    }
+
     /// The numbers that every stage has.
-    fn push(&self, count: u32) -> Push {
+    pub(super) fn push(&self, count: u32) -> Push {
         Push { count, draws: self.geometry.draws().len() as u32, first: self.geometry.first_vertex, ..Push::default() }
     }
 
@@ -138,34 +98,36 @@ impl Rasterizer {
         };
         let geometry = geometry.clone();
         let mut made = GeometryBindings { geometry, buffers: *buffers, draws, vertices: Vec::new(), indices: None };
+        let first = made.geometry.first_vertex;
         if made.geometry.vertices() > 0 {
-            let positions = self.place(&made, &buffers.positions, BufferId::Positions, frame)?;
+            let positions = self.place(&made, &buffers.positions, (BufferId::Positions, first), frame)?;
             made.vertices.push(positions);
             if let Some(colors) = &buffers.colors {
-                let colors = self.place(&made, colors, BufferId::Colors, frame)?;
+                let colors = self.place(&made, colors, (BufferId::Colors, first), frame)?;
                 made.vertices.push(colors);
             }
         }
         if let (Some((at, format)), true) = (&buffers.indices, made.geometry.triangles() > 0) {
-            made.indices = Some(self.place_indices(&made, at, *format, frame)?);
+            let target = (BufferId::Indices, made.geometry.first_triangle);
+            made.indices = Some(self.place_indices(&made, (at, *format), target, frame)?);
         }
         Ok(made)
     }
 
-    /// The stage that fills `positions` or `colors`.
-    fn place(
+    /// The stage that fills `positions` or `colors` from an element on.
+    pub(super) fn place(
         &self,
         made: &GeometryBindings,
         source: &(BufferRef, Layout),
-        id: BufferId,
+        (id, first): (BufferId, u32),
         frame: &FrameBindings,
     ) -> Result<Step> {
         let geometry = &made.geometry;
         let count = geometry.vertices();
         let words = layout_words(id.name(), source, geometry.source_vertices().1, 3)?;
-        let push = made.vertex_push(count, words)?;
+        let push = Push { first, ..made.vertex_push(count, words)? };
         let target = frame.array(id)?;
-        judge_target(id, target, 12 * (u64::from(geometry.first_vertex) + u64::from(count)))?;
+        judge_target(id, target, 12 * (u64::from(first) + u64::from(count)))?;
         let moved = made.buffers.transforms.as_ref().filter(|_| id == BufferId::Positions);
         let source = BufferPart::of_host(&source.0);
         let transforms = moved.map_or_else(|| source.clone(), |(at, _)| BufferPart::of_host(at));
@@ -174,22 +136,22 @@ impl Rasterizer {
         Ok(Step { stage: self.stage(&kernels::PLACE, &modes, &buffers)?, push, groups: linear_groups(count) })
     }
 
-    /// The stage that fills `indices`.
-    fn place_indices(
+    /// The stage that fills `indices` or `uv_indices` from a triangle on.
+    pub(super) fn place_indices(
         &self,
         made: &GeometryBindings,
-        at: &BufferRef,
-        format: IndexFormat,
+        (at, format): (&BufferRef, IndexFormat),
+        (id, first): (BufferId, u32),
         frame: &FrameBindings,
     ) -> Result<Step> {
         let geometry = &made.geometry;
         let bytes = geometry.source_indices() * u64::from(format.bits() / 8);
         // Whole words are read.
         judge_bytes("indices", at, bytes.next_multiple_of(4))?;
-        let target = frame.array(BufferId::Indices)?;
+        let target = frame.array(id)?;
         let triangles = geometry.triangles();
-        judge_target(BufferId::Indices, target, 12 * (u64::from(geometry.first_triangle) + u64::from(triangles)))?;
-        let (first, base, select) = (geometry.first_triangle, geometry.mesh_vertex, format.bits());
+        judge_target(id, target, 12 * (u64::from(first) + u64::from(triangles)))?;
+        let (base, select) = (geometry.mesh_vertex, format.bits());
         let push = Push { first, base, select, ..made.push(3 * triangles) };
         let buffers = [("draws", &made.draws), ("Indices", &BufferPart::of_host(at)), ("Target", target)];
         let stage = self.stage(&kernels::PLACE_INDICES, &[], &buffers)?;
@@ -327,8 +289,8 @@ impl Rasterizer {
         let mut recorder = Recorder::on_host(&self.device, commands);
         recorder.begin_label(label);
         recorder.barrier();
-        for Step { stage, push, groups } in steps {
-            stage.record(&mut recorder, bytemuck::bytes_of(push), *groups)?;
+        for step in steps {
+            step.record(&mut recorder)?;
         }
         recorder.barrier();
         recorder.end_label();
@@ -350,15 +312,6 @@ fn judge_wanted(gradients: &GeometryGradients, wanted: Wanted) -> Result<()> {
     Ok(())
 }
 
-/// A frame's array has room for what is placed.
-fn judge_target(id: BufferId, target: &BufferPart, needed: u64) -> Result<()> {
-    if needed > target.range() {
-        let what = format!("the frame's `{id}` has {} bytes, the draws fill {needed}", target.range());
-        return misfit(what, "plan the frame with a shape of as many vertices and triangles");
-    }
-    Ok(())
-}
-
 impl std::fmt::Debug for GeometryBindings {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("GeometryBindings").field("geometry", &self.geometry).finish_non_exhaustive()
@@ -368,33 +321,5 @@ impl std::fmt::Debug for GeometryBindings {
 impl std::fmt::Debug for GeometryGradientBindings {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("GeometryGradientBindings").field("stages", &self.steps.len()).finish()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{Push, kernels};
-    use std::mem::offset_of;
-
-    #[test]
-    fn the_push_constants_lie_as_the_kernels_have_them() {
-        let mirror = [
-            ("count", offset_of!(Push, count)),
-            ("draws", offset_of!(Push, draws)),
-            ("first", offset_of!(Push, first)),
-            ("base", offset_of!(Push, base)),
-            ("stride", offset_of!(Push, stride)),
-            ("offset", offset_of!(Push, offset)),
-            ("transform_stride", offset_of!(Push, transform_stride)),
-            ("transform_offset", offset_of!(Push, transform_offset)),
-            ("select", offset_of!(Push, select)),
-        ];
-        let linear = [&kernels::PLACE, &kernels::PLACE_INDICES, &kernels::PLACE_VERTEX_GRAD];
-        for kernel in linear.into_iter().chain([&kernels::PLACE_TRANSFORM_GRAD]) {
-            let found: Vec<_> = kernel.push_members.iter().map(|m| (m.name, m.offset as usize)).collect();
-            assert_eq!(found, mirror, "{}", kernel.name);
-        }
-        // PLACE_TRANSFORM_GRAD runs one workgroup for each instance, so its size is its own.
-        assert!(linear.iter().all(|kernel| kernel.local_size == [crate::constants::LINEAR_GROUP, 1, 1]));
     }
 }

@@ -151,7 +151,7 @@ impl FramePlan {
         judge(shape)?;
         let views = shape.view_sizes();
         let capacity = shape.capacity.unwrap_or_else(|| Capacity::estimate(settings, shape.cutoff, &views));
-        let forward = ForwardPlan::new(&PlanInput {
+        let mut forward = ForwardPlan::new(&PlanInput {
             settings,
             cutoff: shape.cutoff,
             views: &views,
@@ -165,6 +165,7 @@ impl FramePlan {
         })?;
         let buffers = requirements(limits, &forward.sizes)?;
         let longest_list = if kind == DeviceKind::Software { SOFTWARE_LONGEST_LIST } else { u32::MAX };
+        forward.modes.longest_list = longest_list;
         if shape.lights.shading == Shading::Smooth {
             judge_corners(shape, 1, longest_list)?;
         }

@@ -2,7 +2,9 @@
 
 use super::Rasterizer;
 use super::bindings::FrameBindings;
+use super::camera::{DepthMap, HostCamera};
 use super::plan::FramePlan;
+use crate::constants as c;
 use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
 use crate::frame::passes::Stage;
@@ -10,7 +12,7 @@ use crate::frame::pipelines::Request;
 use crate::vulkan::{DescriptorPool, HostCommands, ImageFormat, ImageRef, Kernel, Recorder, kernels};
 
 /// One of a frame's images.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FrameImage {
     /// Linear r, g, b, and the silhouette as a; with `srgb`, r, g, b clamped and encoded as sRGB does, for an image that is
     /// viewed as such. Into four channels.
@@ -18,10 +20,25 @@ pub enum FrameImage {
         /// Encode.
         srgb: bool,
     },
+    /// The triangles' colour without the background's, to be blended over a host's own image, and the silhouette as a. Into
+    /// four channels.
+    Foreground {
+        /// Multiply r, g, b by the silhouette, for a blend of ONE and ONE_MINUS_SRC_ALPHA; else they are straight, for
+        /// SRC_ALPHA and ONE_MINUS_SRC_ALPHA.
+        premultiplied: bool,
+        /// Encode as sRGB does, after that.
+        srgb: bool,
+    },
     /// The silhouette. Into one channel.
     Silhouette,
     /// Σ w z in world units. Into one channel.
     Depth,
+    /// What a host's depth buffer would hold: the mean view depth of the triangles by the host's own projection
+    /// ([`ImageBindings::set_camera`]). Into one channel.
+    DepthBuffer {
+        /// Pixels of a smaller silhouette get the value farthest away, as if nothing were drawn.
+        least_silhouette: f32,
+    },
     /// Σ w n in world space, and 0. Into four channels of floats; of bytes, what is below 0 is lost.
     Normal,
 }
@@ -30,17 +47,50 @@ pub enum FrameImage {
 pub struct ImageBindings {
     stage: Stage,
     push: Push,
+    view: u32,
+    camera_set: bool,
+}
+
+impl ImageBindings {
+    /// The projection by which [`FrameImage::DepthBuffer`] turns view depths into the host's; no other image needs it.
+    pub fn set_camera(&mut self, camera: &HostCamera) {
+        self.push = self.push.with_depth(&camera.depth());
+        self.camera_set = true;
+    }
+
+    /// The view that it stores.
+    pub fn view(&self) -> u32 {
+        self.view
+    }
+}
+
+impl Push {
+    fn with_depth(self, depth: &DepthMap) -> Self {
+        Self {
+            flags: self.flags & !c::STORE_PERSPECTIVE | if depth.perspective { c::STORE_PERSPECTIVE } else { 0 },
+            depth_constant: depth.constant as f32,
+            depth_factor: depth.factor as f32,
+            depth_clear: depth.clear as f32,
+            ..self
+        }
+    }
 }
 
 /// The push constants of `glsl/common/store.glsl`.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 struct Push {
     width: u32,
     height: u32,
     first: u32,
     component: u32,
-    srgb: u32,
+    alpha_component: u32,
+    flags: u32,
+    depth_constant: f32,
+    depth_factor: f32,
+    depth_clear: f32,
+    least_alpha: f32,
+    background: [f32; 3],
 }
 
 /// Pixels of a workgroup along each axis.
@@ -63,17 +113,36 @@ impl FrameImage {
     /// The buffer that it lies in, and its component there.
     fn place(self, plan: &FramePlan) -> (BufferId, u32) {
         match self {
-            Self::Color { .. } => (BufferId::Color, 0),
+            Self::Color { .. } | Self::Foreground { .. } => (BufferId::Color, 0),
             // With colour the silhouette is its fourth component.
             Self::Silhouette if plan.buffer(BufferId::Color).is_some() => (BufferId::Color, 3),
             Self::Silhouette => (BufferId::Silhouette, 0),
-            Self::Depth => (BufferId::Depths, 0),
+            Self::Depth | Self::DepthBuffer { .. } => (BufferId::Depths, 0),
             Self::Normal => (BufferId::Normals, 0),
         }
     }
 
     fn channels(self) -> u32 {
-        if matches!(self, Self::Color { .. } | Self::Normal) { 4 } else { 1 }
+        if matches!(self, Self::Color { .. } | Self::Foreground { .. } | Self::Normal) { 4 } else { 1 }
+    }
+
+    /// The STORE_ bits, of a frame that blends its images with the background by the silhouette or does not.
+    fn flags(self, composite: bool) -> u32 {
+        let bit = |on: bool, bit: u32| if on { bit } else { 0 };
+        match self {
+            Self::Color { srgb } => bit(srgb, c::STORE_SRGB),
+            Self::Foreground { premultiplied, srgb } => {
+                let alpha = if premultiplied { c::STORE_PREMULTIPLIED } else { c::STORE_STRAIGHT };
+                alpha | bit(srgb, c::STORE_SRGB) | bit(composite, c::STORE_COMPOSITE)
+            }
+            Self::DepthBuffer { .. } => c::STORE_DEPTH | bit(composite, c::STORE_COMPOSITE),
+            _ => 0,
+        }
+    }
+
+    /// Whether the silhouette is needed beside what is stored.
+    fn needs_silhouette(self) -> bool {
+        matches!(self, Self::Foreground { .. } | Self::Silhouette | Self::DepthBuffer { .. })
     }
 }
 
@@ -94,7 +163,7 @@ impl Rasterizer {
         frame.fits(plan)?;
         let (id, component) = image.place(plan);
         let (width, height) = plan.image_size();
-        if plan.buffer(id).is_none() || (image == FrameImage::Silhouette && !plan.has_silhouette()) {
+        if plan.buffer(id).is_none() || (image.needs_silhouette() && !plan.has_silhouette()) {
             return misfit(format!("the frame has no image {image:?}"), "ask for it in Settings::outputs");
         }
         if view >= plan.views() {
@@ -111,24 +180,59 @@ impl Rasterizer {
         let kernel = kernel_of(target.format());
         let [pipeline] = self.pipelines([Request { kernel, modes: &[], lanes: self.lanes }])?;
         let pool = DescriptorPool::new(&self.device, &[kernel])?;
-        let buffers = [("image_texels", frame.array(id)?)];
+        let (alpha, alpha_component) = match plan.has_silhouette() {
+            true => FrameImage::Silhouette.place(plan),
+            false => (id, 0),
+        };
+        let buffers = [("image_texels", frame.array(id)?), ("alpha_texels", frame.array(alpha)?)];
         let stage = Stage::new(pipeline.clone(), pool.bind_with_image(&pipeline, &buffers, ("target", target))?);
-        let srgb = u32::from(image == FrameImage::Color { srgb: true });
-        Ok(ImageBindings { stage, push: Push { width, height, first: view * width * height, component, srgb } })
+        let (frame, modes) = (&plan.forward.push, &plan.forward.modes);
+        let hard_depth = id == BufferId::Depths && modes.color_mode == c::COLOR_HARD;
+        let flags = image.flags(modes.composite != 0 && !hard_depth);
+        let least_alpha = if let FrameImage::DepthBuffer { least_silhouette } = image { least_silhouette } else { 0.0 };
+        let background = [frame.background_red, frame.background_green, frame.background_blue];
+        let first = view * width * height;
+        let push = Push {
+            width,
+            height,
+            first,
+            component,
+            alpha_component,
+            flags,
+            least_alpha,
+            background,
+            ..Push::default()
+        };
+        Ok(ImageBindings { stage, push, view, camera_set: false })
     }
 
     /// Records the storing of an image: behind [`record_forward`](Self::record_forward). Begins and ends with barriers as that
     /// does; the image is in the layout GENERAL before and after.
     ///
     /// # Errors
-    /// [`Error::Limit`] for more workgroups than the device allows.
+    /// [`Error::Limit`] for more workgroups than the device allows; [`Error::Host`] for a depth buffer without a camera.
     pub fn record_image(&self, commands: &mut HostCommands, bindings: &ImageBindings) -> Result<()> {
-        let Push { width, height, .. } = bindings.push;
+        self.record_stored(commands, bindings, None)
+    }
+
+    /// The same with a camera's depths in place of those of the bindings.
+    pub(super) fn record_stored(
+        &self,
+        commands: &mut HostCommands,
+        bindings: &ImageBindings,
+        depth: Option<DepthMap>,
+    ) -> Result<()> {
+        if bindings.push.flags & c::STORE_DEPTH != 0 && !bindings.camera_set && depth.is_none() {
+            let fix = "give the pass matrices for cameras, or call set_camera";
+            return misfit("a depth buffer is stored without the host's projection".into(), fix);
+        }
+        let push = depth.map_or(bindings.push, |depth| bindings.push.with_depth(&depth));
+        let Push { width, height, .. } = push;
         let mut recorder = Recorder::on_host(&self.device, commands);
         recorder.begin_label("softras image");
         recorder.barrier();
         let groups = [width.div_ceil(GROUP), height.div_ceil(GROUP), 1];
-        bindings.stage.record(&mut recorder, bytemuck::bytes_of(&bindings.push), groups)?;
+        bindings.stage.record(&mut recorder, bytemuck::bytes_of(&push), groups)?;
         recorder.barrier();
         recorder.end_label();
         Ok(())
@@ -154,7 +258,15 @@ mod tests {
             ("height", offset_of!(Push, height)),
             ("first", offset_of!(Push, first)),
             ("component", offset_of!(Push, component)),
-            ("srgb", offset_of!(Push, srgb)),
+            ("alpha_component", offset_of!(Push, alpha_component)),
+            ("flags", offset_of!(Push, flags)),
+            ("depth_constant", offset_of!(Push, depth_constant)),
+            ("depth_factor", offset_of!(Push, depth_factor)),
+            ("depth_clear", offset_of!(Push, depth_clear)),
+            ("least_alpha", offset_of!(Push, least_alpha)),
+            ("background_red", offset_of!(Push, background)),
+            ("background_green", offset_of!(Push, background) + 4),
+            ("background_blue", offset_of!(Push, background) + 8),
         ];
         use ImageFormat::{R32Float, Rgba8Unorm, Rgba16Float, Rgba32Float};
         for format in [Rgba32Float, Rgba16Float, Rgba8Unorm, R32Float] {

@@ -3,7 +3,7 @@
 use super::buffer_desc::limit_error;
 use super::buffer_part::{BufferPart, Keep};
 use super::device::Device;
-use super::host_memory::ImageRef;
+use super::host_memory::{ImageRef, TextureRef};
 use super::kernel::{Binding, BindingKind, Kernel};
 use super::pipeline::{self, Pipeline};
 use super::result::{Named, misuse};
@@ -79,6 +79,18 @@ impl DescriptorPool {
         self.bind_resources(pipeline, &resources)
     }
 
+    /// The same for a kernel that reads an image.
+    pub fn bind_with_texture(
+        &self,
+        pipeline: &Pipeline,
+        buffers: &[(&str, &BufferPart)],
+        texture: (&str, &TextureRef),
+    ) -> Result<DescriptorSet> {
+        let buffers = buffers.iter().map(|&(name, buffer)| (name, Resource::Buffer(buffer)));
+        let resources: Vec<_> = buffers.chain([(texture.0, Resource::Texture(texture.1))]).collect();
+        self.bind_resources(pipeline, &resources)
+    }
+
     fn bind_resources(&self, pipeline: &Pipeline, resources: &[(&str, Resource<'_>)]) -> Result<DescriptorSet> {
         let kernel = pipeline.kernel();
         let device = &self.0.device;
@@ -90,16 +102,17 @@ impl DescriptorPool {
             match resource {
                 Resource::Buffer(buffer) => check_buffer(device, kernel, binding, buffer)?,
                 Resource::Image(image) => check_image(kernel, binding, image)?,
+                Resource::Texture(texture) => check_texture(kernel, binding, texture)?,
             }
         }
         let raw = self.0.allocate(pipeline.inner().set_layout())?;
         device.name_object(raw, kernel.name);
         // SAFETY: the set was just allocated with this kernel's layout; what it points to is kept below, or by the host
-        // (`BufferRef::new`, `ImageRef::new`).
+        // (`BufferRef::new`, `ImageRef::new`, `TextureRef::new`).
         unsafe { write(device, raw, &matched) };
         let keep = |resource: &Resource<'_>| match resource {
             Resource::Buffer(buffer) => buffer.keep.clone(),
-            Resource::Image(_) => None,
+            Resource::Image(_) | Resource::Texture(_) => None,
         };
         let keeps = matched.iter().filter_map(|(_, resource)| keep(resource)).collect();
         let (pool, layout) = (self.0.clone(), pipeline.inner().clone());
@@ -112,6 +125,7 @@ impl DescriptorPool {
 enum Resource<'a> {
     Buffer(&'a BufferPart),
     Image(&'a ImageRef),
+    Texture(&'a TextureRef),
 }
 
 impl DescriptorSet {
@@ -199,7 +213,9 @@ fn check_buffer(device: &Device, kernel: &Kernel, binding: &Binding, buffer: &Bu
         BindingKind::UniformBuffer => {
             (limits.uniform_offset_alignment, limits.max_uniform_buffer_range, "maxUniformBufferRange")
         }
-        BindingKind::StorageImage(_) => return fail("it is an image, and was given a buffer"),
+        BindingKind::StorageImage(_) | BindingKind::SampledImage => {
+            return fail("it is an image, and was given a buffer");
+        }
         _ if buffer.view().is_none() => return fail("it is read as texels, and the buffer has no texel view"),
         _ => return Ok(()),
     };
@@ -226,6 +242,16 @@ fn check_image(kernel: &Kernel, binding: &Binding, image: &ImageRef) -> Result<(
     }
 }
 
+/// The image is one that the kernel reads.
+fn check_texture(kernel: &Kernel, binding: &Binding, texture: &TextureRef) -> Result<()> {
+    let fail = |what: &str| Err(misuse(CALL, kernel, &format!("binding `{}`: {what}", binding.name)));
+    match binding.kind {
+        _ if texture.raw() == vk::ImageView::null() => fail("the image view is null"),
+        BindingKind::SampledImage => Ok(()),
+        _ => fail("it is no image to be read, and was given one"),
+    }
+}
+
 /// What one descriptor points to.
 #[derive(Clone, Copy, Default)]
 struct Info {
@@ -247,6 +273,11 @@ impl Info {
                 let image = [vk::DescriptorImageInfo { image_view, image_layout, ..Default::default() }];
                 Self { image, ..Self::default() }
             }
+            Resource::Texture(texture) => {
+                let (image_view, image_layout) = (texture.raw(), texture.layout());
+                let image = [vk::DescriptorImageInfo { image_view, image_layout, ..Default::default() }];
+                Self { image, ..Self::default() }
+            }
         }
     }
 }
@@ -265,7 +296,7 @@ unsafe fn write(device: &Device, set: vk::DescriptorSet, matched: &[(&Binding, R
                 .descriptor_type(binding.kind.descriptor_type());
             match binding.kind {
                 BindingKind::StorageBuffer | BindingKind::UniformBuffer => write.buffer_info(&info.buffer),
-                BindingKind::StorageImage(_) => write.image_info(&info.image),
+                BindingKind::StorageImage(_) | BindingKind::SampledImage => write.image_info(&info.image),
                 _ => write.texel_buffer_view(&info.view),
             }
         })

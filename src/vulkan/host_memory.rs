@@ -143,3 +143,54 @@ impl ImageRef {
         (self.width, self.height)
     }
 }
+
+/// A host's image, to be read by a kernel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TextureRef {
+    view: vk::ImageView,
+    layout: vk::ImageLayout,
+    width: u32,
+    height: u32,
+}
+
+impl TextureRef {
+    /// A view of `width` × `height` texels. Of a view of an sRGB format the texels are read decoded.
+    ///
+    /// # Safety
+    /// - The view is of type 2D, of a floating-point or normalised format that the device can sample, of the device that it is
+    ///   used with; its image was made with the usage SAMPLED, has one sample, and memory bound to it.
+    /// - Both stay valid as [`BufferRef::new`] says of buffers.
+    /// - When what reads it executes, its first level and layer is in the layout SHADER_READ_ONLY_OPTIMAL.
+    pub unsafe fn new(view: vk::ImageView, width: u32, height: u32) -> Self {
+        Self { view, layout: vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL, width, height }
+    }
+
+    /// The same from a VkImageView as a plain number.
+    ///
+    /// # Safety
+    /// As for [`new`](Self::new).
+    pub unsafe fn from_raw(view: u64, width: u32, height: u32) -> Self {
+        // SAFETY: the caller's promise.
+        unsafe { Self::new(vk::ImageView::from_raw(view), width, height) }
+    }
+
+    /// The same in the layout GENERAL.
+    pub fn in_general_layout(self) -> Self {
+        Self { layout: vk::ImageLayout::GENERAL, ..self }
+    }
+
+    /// The view.
+    pub fn raw(&self) -> vk::ImageView {
+        self.view
+    }
+
+    /// The layout that it is in when it is read.
+    pub fn layout(&self) -> vk::ImageLayout {
+        self.layout
+    }
+
+    /// Texels across and down.
+    pub fn size(&self) -> (u32, u32) {
+        (self.width, self.height)
+    }
+}

@@ -70,6 +70,8 @@ pub enum BindingKind {
     UniformTexelBufferUint,
     /// `imageBuffer`.
     StorageTexelBuffer,
+    /// `texture2D`, read without a sampler.
+    SampledImage,
     /// `image2D` of this format.
     StorageImage(ImageFormat),
 }

@@ -47,7 +47,7 @@ pub use device::Device;
 #[cfg(all(feature = "external", unix))]
 pub use external::{External, ExternalBuffer, ExternalSemaphore, ExternalSupport};
 pub use host::{HostAdapter, HostCommands, HostDevice, Loader};
-pub use host_memory::{BufferRef, ImageFormat, ImageRef};
+pub use host_memory::{BufferRef, ImageFormat, ImageRef, TextureRef};
 pub use kernel::{Binding, BindingKind, Kernel, Member, SpecValue, Specialization, Struct, constants, kernels};
 pub use pipeline::Pipeline;
 pub use recorder::Recorder;

@@ -115,7 +115,7 @@ impl BindingKind {
                 vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER
             }
             Self::StorageTexelBuffer => vk::BufferUsageFlags::STORAGE_TEXEL_BUFFER,
-            Self::StorageImage(_) => vk::BufferUsageFlags::empty(),
+            Self::SampledImage | Self::StorageImage(_) => vk::BufferUsageFlags::empty(),
         }
     }
 
@@ -128,6 +128,7 @@ impl BindingKind {
                 vk::DescriptorType::UNIFORM_TEXEL_BUFFER
             }
             Self::StorageTexelBuffer => vk::DescriptorType::STORAGE_TEXEL_BUFFER,
+            Self::SampledImage => vk::DescriptorType::SAMPLED_IMAGE,
             Self::StorageImage(_) => vk::DescriptorType::STORAGE_IMAGE,
         }
     }

@@ -17,20 +17,20 @@ use softras::embed::{
 use softras::scene::Appearance;
 use softras::{Camera, Lights, Mesh, Projection, Scene, Wanted, shapes};
 
-type Transform = [[f32; 4]; 3];
+pub type Transform = [[f32; 4]; 3];
 
 /// Vertices as an engine has them: a normal, a position, a colour, one word more.
-const VERTEX: u32 = 40;
-const POSITION: Layout = Layout { stride: VERTEX, offset: 12 };
-const COLOR: Layout = Layout { stride: VERTEX, offset: 24 };
+pub const VERTEX: u32 = 40;
+pub const POSITION: Layout = Layout { stride: VERTEX, offset: 12 };
+pub const COLOR: Layout = Layout { stride: VERTEX, offset: 24 };
 /// Transforms lie in records of 64 bytes, behind a word.
-const TRANSFORM: Layout = Layout { stride: 64, offset: 4 };
+pub const TRANSFORM: Layout = Layout { stride: 64, offset: 4 };
 
 /// Two meshes in one vertex and one index buffer, drawn three times and twice.
-struct Engines {
-    meshes: [Mesh; 2],
-    draws: Vec<Draw>,
-    transforms: Vec<Transform>,
+pub struct Engines {
+    pub meshes: [Mesh; 2],
+    pub draws: Vec<Draw>,
+    pub transforms: Vec<Transform>,
 }
 
 /// Turned by a quarter, halved or doubled, and moved: each placed coordinate is one product, exact, and one sum, so that
@@ -47,7 +47,7 @@ fn transform(i: usize) -> Transform {
 }
 
 impl Engines {
-    fn new() -> Self {
+    pub fn new() -> Self {
         let meshes = [shapes::torus(0.6, 0.3, 12, 7).unwrap(), shapes::cube().unwrap()];
         let [torus, cube] = meshes.each_ref().map(|m| (m.positions().len() as u32, m.triangles().len() as u32));
         // Three vertices and five indices that nobody draws come first, a draw of nothing between the two.
@@ -71,7 +71,7 @@ impl Engines {
     }
 
     /// The vertex buffer.
-    fn vertices(&self) -> Vec<[f32; 10]> {
+    pub fn vertices(&self) -> Vec<[f32; 10]> {
         let unused = [[9.0; 10]; 3];
         let positions = self.meshes.iter().flat_map(Mesh::positions);
         let vertex = |(i, p): (usize, &[f32; 3])| {
@@ -81,7 +81,7 @@ impl Engines {
         unused.into_iter().chain(positions.enumerate().map(vertex)).collect()
     }
 
-    fn indices(&self) -> Vec<u32> {
+    pub fn indices(&self) -> Vec<u32> {
         let drawn = self.meshes.iter().flat_map(|m| m.triangles().iter().flatten().copied());
         [0; 5].into_iter().chain(drawn).collect()
     }
@@ -101,7 +101,7 @@ impl Engines {
         Scene::new(mesh).with_lights(Lights::official())
     }
 
-    fn case(&self) -> Case {
+    pub fn case(&self) -> Case {
         let mut case = random_case(2, Kind::Plain);
         case.scene = self.scene();
         let camera = |angle| Camera::from_angles(4.0, 20.0, angle, Projection::Perspective { fov_y: 0.8 }).unwrap();
@@ -119,7 +119,7 @@ fn buffer_of(engine: &Engine, bytes: &[u8], usage: vk::BufferUsageFlags) -> Buff
     buffer
 }
 
-fn storage(engine: &Engine, bytes: &[u8]) -> Buffer {
+pub fn storage(engine: &Engine, bytes: &[u8]) -> Buffer {
     buffer_of(engine, bytes, vk::BufferUsageFlags::STORAGE_BUFFER)
 }
 

@@ -11,6 +11,7 @@ mod common;
 mod counts;
 mod devices;
 mod external;
+mod facade;
 mod geometry;
 #[path = "../host/mod.rs"]
 mod host;

@@ -110,6 +110,8 @@ modes! {
         gradients = "GRADIENTS",
         /// 1: the paper's gradient.
         paper = "PAPER",
+        /// The longest list of triangles that the device can walk.
+        longest_list = "LONGEST_LIST",
     }
 }
 

@@ -1,0 +1,346 @@
+//! From what a host has to the plan of a pass: pure, so that a host can ask before it owns a byte.
+
+use super::camera::{ClipSpace, HostCamera};
+use super::memory::{Layouts, MemoryKind, MemoryRequirement, Wishes};
+use super::mesh::PassMesh;
+use super::plan::{BufferRequirement, Differentiate, FramePlan, GradientPlan};
+use super::shape::Shape;
+use super::tables::Tables;
+use super::{Rasterizer, Status};
+use crate::error::{Error, Result};
+use crate::frame::buffers::BufferId;
+use crate::frame::plan::{Capacity, DepthSpan};
+use crate::gradients::Wanted;
+use crate::scene::{Background, Camera, Lights, Outputs, Projection, Settings, Shading, Support};
+use crate::vulkan::{DeviceKind, Limits, vk};
+use glam::DMat4;
+
+/// What a pass is to render, and what of it is to be differentiated. Made by [`Rasterizer::pass`].
+#[derive(Clone, Debug)]
+#[must_use]
+pub struct PassBuilder {
+    limits: Limits,
+    kind: DeviceKind,
+    meshes: Vec<PassMesh>,
+    separate: bool,
+    settings: Settings,
+    views: Vec<View>,
+    planes_of_matrices: bool,
+    inside_planes: bool,
+    lights: Lights,
+    wanted: Option<Wanted>,
+    upstream: Option<Outputs>,
+    largest_upstream: f64,
+    capacity: Option<Capacity>,
+    alignment: u64,
+    usages: [vk::BufferUsageFlags; 3],
+    own: Vec<BufferId>,
+    read_back: Vec<BufferId>,
+}
+
+/// A camera as it was given.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum View {
+    Camera(Camera),
+    Matrices(DMat4, DMat4, ClipSpace),
+}
+
+/// A camera as it is rendered with; the host's own projection where it gave one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct ViewCamera {
+    pub camera: Camera,
+    pub host: Option<HostCamera>,
+}
+
+/// Everything that binding and recording a pass needs to know.
+#[derive(Clone, Debug)]
+pub struct PassPlan {
+    pub(super) builder: PassBuilder,
+    pub(super) frame: FramePlan,
+    pub(super) gradients: Option<GradientPlan>,
+    pub(super) settings: Settings,
+    pub(super) cameras: Vec<ViewCamera>,
+    pub(super) tables: Tables,
+    pub(super) layouts: Layouts,
+}
+
+impl Rasterizer {
+    /// Begins the plan of a pass over a host's meshes, which every view sees all together.
+    pub fn pass(&self, meshes: &[PassMesh]) -> PassBuilder {
+        PassBuilder {
+            limits: *self.device.limits(),
+            kind: self.device.kind(),
+            meshes: meshes.to_vec(),
+            separate: false,
+            settings: Settings::default(),
+            views: Vec::new(),
+            planes_of_matrices: false,
+            inside_planes: false,
+            lights: Lights::unlit(),
+            wanted: None,
+            upstream: None,
+            largest_upstream: 1.0,
+            capacity: None,
+            alignment: 1,
+            usages: [vk::BufferUsageFlags::empty(); 3],
+            own: Vec::new(),
+            read_back: Vec::new(),
+        }
+    }
+}
+
+impl PassBuilder {
+    /// Other meshes.
+    pub fn meshes(mut self, meshes: &[PassMesh]) -> Self {
+        self.meshes = meshes.to_vec();
+        self
+    }
+
+    /// Each view sees one of the meshes, in their order, in place of all.
+    pub fn one_mesh_a_view(mut self) -> Self {
+        self.separate = true;
+        self
+    }
+
+    /// The image's size, σ, γ, the background and all else; the default is [`Settings::default`].
+    /// [`Settings::save`] is set where gradients are wanted.
+    pub fn settings(mut self, settings: Settings) -> Self {
+        self.settings = settings;
+        self
+    }
+
+    /// The images' size alone, in pixels.
+    pub fn image_size(mut self, width: u32, height: u32) -> Self {
+        (self.settings.width, self.settings.height) = (width, height);
+        self
+    }
+
+    /// Which images to make.
+    pub fn outputs(mut self, outputs: Outputs) -> Self {
+        self.settings.outputs = outputs;
+        self
+    }
+
+    /// One view a camera.
+    pub fn cameras(mut self, cameras: &[Camera]) -> Self {
+        self.views = cameras.iter().copied().map(View::Camera).collect();
+        self
+    }
+
+    /// One view for each pair of a world-to-view and a view-to-clip matrix: [`HostCamera::new`].
+    pub fn camera_matrices(mut self, matrices: &[(DMat4, DMat4)], clip: ClipSpace) -> Self {
+        self.views = matrices.iter().map(|&(view, projection)| View::Matrices(view, projection, clip)).collect();
+        self
+    }
+
+    /// Takes [`Settings::near`] and [`Settings::far`] from the matrices: the nearest near plane, and the farthest far plane
+    /// where all are finite. Depth scores are relative to both, so γ means less the farther they are apart.
+    pub fn planes_of_matrices(mut self) -> Self {
+        self.planes_of_matrices = true;
+        self
+    }
+
+    /// Promises that no triangle crosses the near plane and none lies beyond the far one: half the memory, and faster. What
+    /// breaks the promise is drawn wrongly.
+    pub fn inside_planes(mut self) -> Self {
+        self.inside_planes = true;
+        self
+    }
+
+    /// The lights; the default is [`Lights::unlit`].
+    pub fn lights(mut self, lights: Lights) -> Self {
+        self.lights = lights;
+        self
+    }
+
+    /// What to differentiate by; without this call there is no backward pass.
+    pub fn gradients(mut self, wanted: Wanted) -> Self {
+        self.wanted = Some(wanted);
+        self
+    }
+
+    /// The images that the loss depends on; the default is all that are made.
+    pub fn upstream(mut self, images: Outputs) -> Self {
+        self.upstream = Some(images);
+        self
+    }
+
+    /// A bound of |dL/dcolour|, for gradients by texels: [`Differentiate::largest_upstream`]. The default is 1.
+    pub fn largest_upstream(mut self, bound: f64) -> Self {
+        self.largest_upstream = bound;
+        self
+    }
+
+    /// Room for lists; the default is an estimate. [`PassStatus::Grow`] says what was needed.
+    pub fn capacity(mut self, capacity: Capacity) -> Self {
+        self.capacity = Some(capacity);
+        self
+    }
+
+    /// Offsets are multiples of this power of two as well: what a host's own rules ask for (32 with wgpu).
+    pub fn alignment(mut self, alignment: u64) -> Self {
+        self.alignment = alignment;
+        self
+    }
+
+    /// What the host does with one of the three buffers itself, beside softras.
+    pub fn usage(mut self, kind: MemoryKind, usage: vk::BufferUsageFlags) -> Self {
+        self.usages[kind as usize] |= usage;
+        self
+    }
+
+    /// Buffers that the host makes and binds apart ([`PassMemory::own`](super::PassMemory::own)), for hosts that track whole
+    /// buffers: wgpu refuses a kernel that reads `color` and writes `upstream_color` of one buffer.
+    pub fn own_buffers(mut self, buffers: &[BufferId]) -> Self {
+        self.own = buffers.to_vec();
+        self
+    }
+
+    /// Outputs that are copied into the readback buffer, beside the status.
+    pub fn read_back(mut self, buffers: &[BufferId]) -> Self {
+        self.read_back = buffers.to_vec();
+        self
+    }
+
+    /// The plan.
+    ///
+    /// # Errors
+    /// [`Error::Camera`], [`Error::Settings`], [`Error::Light`], [`Error::Scene`] and [`Error::Mesh`] for what cannot be
+    /// rendered, [`Error::Backward`] for gradients of no image, [`Error::Host`] for buffers that there are not,
+    /// [`Error::Limit`] for what this device cannot hold.
+    pub fn build(self) -> Result<PassPlan> {
+        if !self.alignment.is_power_of_two() {
+            let what = format!("an alignment of {}", self.alignment);
+            return Err(Error::Host { what, fix: "use a power of two".into() });
+        }
+        let mut settings = self.settings.clone();
+        let cameras = self.view_cameras(&settings)?;
+        if self.planes_of_matrices {
+            set_planes(&mut settings, &cameras)?;
+        }
+        settings.save |= self.wanted.is_some();
+        let groups: Vec<&[PassMesh]> =
+            if self.separate { self.meshes.chunks(1).collect() } else { vec![&self.meshes[..]] };
+        let adjacency = settings.save || self.lights.shading == Shading::Smooth;
+        let tables = Tables::new(&groups, adjacency)?;
+        let shape = Shape {
+            meshes: tables.shapes.clone(),
+            views: cameras.len() as u32,
+            lights: self.lights.clone(),
+            depth_span: DepthSpan { crosses_near: !self.inside_planes, crosses_far: !self.inside_planes },
+            distorted: cameras.iter().any(|c| matches!(c.camera.projection(), Projection::Official { .. })),
+            cutoff: cutoff_of(&settings),
+            capacity: self.capacity,
+            device_counts: false,
+        };
+        let frame = FramePlan::new(&self.limits, self.kind, &shape, &settings)?;
+        let upstream = self.upstream.unwrap_or(settings.outputs);
+        let differentiate = |wanted| Differentiate { upstream, wanted, largest_upstream: self.largest_upstream };
+        let gradients = self.wanted.map(|wanted| GradientPlan::new(&frame, &differentiate(wanted))).transpose()?;
+        let wishes = Wishes { alignment: self.alignment, own: &self.own, read_back: &self.read_back };
+        let added = gradients.as_ref().map_or(&[][..], GradientPlan::buffers);
+        let layouts = Layouts::new(frame.buffers(), added, &tables, &wishes)?;
+        Ok(PassPlan { builder: self, frame, gradients, settings, cameras, tables, layouts })
+    }
+
+    pub(super) fn view_cameras(&self, settings: &Settings) -> Result<Vec<ViewCamera>> {
+        let size = (settings.width, settings.height);
+        let of = |view: &View| match *view {
+            View::Camera(camera) => Ok(ViewCamera { camera, host: None }),
+            View::Matrices(view, projection, clip) => {
+                let host = HostCamera::new(view, projection, clip, size)?;
+                Ok(ViewCamera { camera: *host.camera(), host: Some(host) })
+            }
+        };
+        self.views.iter().map(of).collect()
+    }
+}
+
+fn set_planes(settings: &mut Settings, cameras: &[ViewCamera]) -> Result<()> {
+    let mut planes = cameras.iter().filter_map(|camera| camera.host).map(|host| host.planes());
+    let Some(first) = planes.next() else {
+        let what = "near and far are to be those of matrices, and no camera has such".into();
+        return Err(Error::Scene { what, fix: "give camera_matrices, or set near and far in the settings".into() });
+    };
+    let [near, far] = planes.fold(first, |[near, far], own| [near.min(own[0]), far.max(own[1])]);
+    settings.near = near;
+    // An infinite plane leaves the settings' own.
+    settings.far = if far <= 1e12 { far } else { settings.far };
+    Ok(())
+}
+
+/// The support that the settings promise, whatever the depths between near and far.
+fn cutoff_of(settings: &Settings) -> f64 {
+    let Outputs { color, depth, normal, .. } = settings.outputs;
+    if settings.support == Support::Probability || !(color || depth || normal) {
+        return settings.cutoff();
+    }
+    let (spread, tau) = match settings.background {
+        Background::Weighted => ((1.0 - settings.epsilon).max(0.0), settings.tau),
+        Background::Composite => (1.0, settings.tau / 2.0),
+    };
+    (1.0 / tau - 1.0).ln() + spread / settings.gamma
+}
+
+impl PassPlan {
+    /// The upload, the device and the readback buffer that it takes.
+    pub fn memory(&self) -> [MemoryRequirement; 3] {
+        self.layouts.memory(self.builder.usages)
+    }
+
+    /// What the buffers that were left to the host take ([`PassBuilder::own_buffers`]).
+    pub fn own_buffers(&self) -> &[BufferRequirement] {
+        &self.layouts.own
+    }
+
+    /// What it was made of, to be changed: other meshes, more room.
+    pub fn builder(&self) -> PassBuilder {
+        self.builder.clone()
+    }
+
+    /// Width and height of its images.
+    pub fn image_size(&self) -> (u32, u32) {
+        self.frame.image_size()
+    }
+
+    /// Where a buffer that is read back lies in the readback buffer: offset and bytes. The status lies at 0.
+    pub fn readback_part(&self, id: BufferId) -> Option<(u64, u64)> {
+        let mut copies = self.layouts.forward.iter().chain(&self.layouts.backward);
+        copies.find(|copy| copy.id == id).map(|copy| (copy.mapped, copy.size))
+    }
+
+    /// The plan of the frame beneath.
+    pub fn frame(&self) -> &FramePlan {
+        &self.frame
+    }
+
+    /// The plan of the gradients beneath.
+    pub fn gradients(&self) -> Option<&GradientPlan> {
+        self.gradients.as_ref()
+    }
+
+    /// What the status in the readback buffer's bytes says of a frame of this plan.
+    ///
+    /// # Errors
+    /// [`Error::Host`] for fewer bytes than a status has; otherwise as [`Status::judge`].
+    pub fn status(&self, readback: &[u8]) -> Result<PassStatus> {
+        let Some(bytes) = readback.first_chunk() else {
+            let what = format!("a readback buffer of {} bytes", readback.len());
+            return Err(Error::Host { what, fix: "give the whole readback buffer's bytes".into() });
+        };
+        Ok(match Status::from_bytes(bytes).judge(&self.frame)? {
+            None => PassStatus::Whole,
+            Some(capacity) => PassStatus::Grow(capacity),
+        })
+    }
+}
+
+/// What became of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PassStatus {
+    /// Its images and gradients hold.
+    Whole,
+    /// Its lists had no room: its images mean nothing, and its gradients are zero. Plan with this
+    /// [`capacity`](PassBuilder::capacity) and [`rebind`](super::Pass::rebind).
+    Grow(Capacity),
+}

@@ -1,0 +1,204 @@
+//! The three buffers of a pass: what each is made with, and what lies where.
+
+use super::arena::Arena;
+use super::plan::BufferRequirement;
+use super::tables::Tables;
+use crate::error::{Error, Result};
+use crate::frame::buffers::BufferId;
+use crate::vulkan::{BufferRef, vk};
+
+/// Where a buffer's memory belongs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MemoryKind {
+    /// Mapped memory that the CPU writes: HOST_VISIBLE.
+    Upload,
+    /// The device's own memory: DEVICE_LOCAL.
+    Device,
+    /// Mapped memory that the CPU reads: HOST_VISIBLE, HOST_CACHED where there is such.
+    Readback,
+}
+
+/// A buffer that a pass needs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MemoryRequirement {
+    /// Where its memory belongs.
+    pub kind: MemoryKind,
+    /// Bytes, at least.
+    pub size: u64,
+    /// What the VkBuffer is made for.
+    pub usage: vk::BufferUsageFlags,
+    /// What its offset must be a multiple of where it is a part of a larger VkBuffer.
+    pub alignment: u64,
+}
+
+/// The buffers of a pass, made as [`PassPlan::memory`](super::PassPlan::memory) says.
+#[derive(Clone, Copy, Debug)]
+pub struct PassMemory<'a> {
+    /// For what the CPU writes.
+    pub upload: BufferRef,
+    /// For what the kernels work on.
+    pub device: BufferRef,
+    /// For what the CPU reads.
+    pub readback: BufferRef,
+    /// Those that the plan leaves to the host ([`PassBuilder::own_buffers`](super::PassBuilder::own_buffers)).
+    pub own: &'a [(BufferId, BufferRef)],
+}
+
+/// A copy between two of a pass's buffers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Copy {
+    pub id: BufferId,
+    /// Offset in the upload or readback buffer.
+    pub mapped: u64,
+    /// Offset in the frame's buffer.
+    pub at: u64,
+    pub size: u64,
+}
+
+/// What lies where.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Layouts {
+    pub arena: Arena,
+    /// What the host binds itself.
+    pub own: Vec<BufferRequirement>,
+    /// Table of draws of each mesh: offset in the upload and in the device buffer, bytes.
+    pub draws: Vec<(u64, u64, u64)>,
+    /// Inputs of every frame, then those of the setup.
+    pub frame: Vec<Copy>,
+    pub setup: Vec<Copy>,
+    pub upload_size: u64,
+    pub device_size: u64,
+    /// Outputs of the forward frame, the status first, and of the backward pass.
+    pub forward: Vec<Copy>,
+    pub backward: Vec<Copy>,
+    pub readback_size: u64,
+}
+
+/// What a pass's memory depends on beyond its plans.
+pub(super) struct Wishes<'a> {
+    pub alignment: u64,
+    pub own: &'a [BufferId],
+    pub read_back: &'a [BufferId],
+}
+
+/// Copies begin at multiples of this: whole texels, and every element of an array.
+const STEP: u64 = 16;
+
+impl Layouts {
+    pub fn new(
+        frame: &[BufferRequirement],
+        gradients: &[BufferRequirement],
+        tables: &Tables,
+        wishes: &Wishes<'_>,
+    ) -> Result<Self> {
+        let all = || frame.iter().chain(gradients);
+        let find = |id: BufferId| all().find(|requirement| requirement.id == id);
+        if let Some(id) = wishes.own.iter().chain(wishes.read_back).find(|id| find(**id).is_none()) {
+            return Err(Error::Host {
+                what: format!("the pass has no buffer `{id}`"),
+                fix: "ask for the output or the gradient that it belongs to".into(),
+            });
+        }
+        let is_own = |requirement: &&BufferRequirement| wishes.own.contains(&requirement.id);
+        let arena = Arena::aligned(all().filter(|r| !is_own(r)), wishes.alignment);
+        let transfer = vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST;
+        let own = all().filter(is_own).map(|r| BufferRequirement { usage: r.usage | transfer, ..*r }).collect();
+        let (mut upload, mut device) = (0, arena.size);
+        let alignment = arena.alignment;
+        let mut made = Self {
+            arena,
+            own,
+            draws: Vec::new(),
+            frame: Vec::new(),
+            setup: Vec::new(),
+            upload_size: 0,
+            device_size: 0,
+            forward: Vec::new(),
+            backward: Vec::new(),
+            readback_size: 0,
+        };
+        let mut copy = |id, at, size| {
+            let mapped = upload;
+            upload += u64::next_multiple_of(size, STEP);
+            Copy { id, mapped, at, size }
+        };
+        for id in [BufferId::ViewCameras, BufferId::Lights] {
+            made.frame.extend(find(id).map(|requirement| copy(id, 0, requirement.size)));
+        }
+        made.setup.extend(find(BufferId::ViewShapes).map(|r| copy(BufferId::ViewShapes, 0, r.size)));
+        for segment in &tables.segments {
+            made.setup.push(copy(segment.id, segment.at, segment.bytes.len() as u64));
+        }
+        for placed in &tables.placed {
+            let size = 32 * placed.geometry.draws().len() as u64;
+            device = u64::next_multiple_of(device, alignment);
+            made.draws.push((upload, device, size));
+            upload += size.next_multiple_of(STEP);
+            device += size;
+        }
+        (made.upload_size, made.device_size) = (upload, device);
+        made.read_back(frame, gradients, wishes.read_back);
+        Ok(made)
+    }
+
+    fn read_back(&mut self, frame: &[BufferRequirement], gradients: &[BufferRequirement], wanted: &[BufferId]) {
+        let mut end = 0;
+        let mut copy = |requirement: &BufferRequirement| {
+            let mapped = end;
+            end += requirement.size.next_multiple_of(STEP);
+            Copy { id: requirement.id, mapped, at: 0, size: requirement.size / 4 * 4 }
+        };
+        let status = frame.iter().filter(|r| r.id == BufferId::Status);
+        let others = frame.iter().filter(|r| r.id != BufferId::Status && wanted.contains(&r.id));
+        self.forward = status.chain(others).map(&mut copy).collect();
+        self.backward = gradients.iter().filter(|r| wanted.contains(&r.id)).map(&mut copy).collect();
+        self.readback_size = end;
+    }
+
+    /// The three buffers.
+    pub fn memory(&self, usages: [vk::BufferUsageFlags; 3]) -> [MemoryRequirement; 3] {
+        use vk::BufferUsageFlags as U;
+        let requirement = |kind, size: u64, usage, extra: U, alignment| MemoryRequirement {
+            kind,
+            size: size.max(STEP),
+            usage: usage | extra,
+            alignment,
+        };
+        // The tables of draws are read as texels.
+        let device = self.arena.usage | U::UNIFORM_TEXEL_BUFFER;
+        [
+            requirement(MemoryKind::Upload, self.upload_size, U::TRANSFER_SRC, usages[0], STEP),
+            requirement(MemoryKind::Device, self.device_size, device, usages[1], self.arena.alignment),
+            requirement(MemoryKind::Readback, self.readback_size, U::TRANSFER_DST, usages[2], STEP),
+        ]
+    }
+
+    /// Checks what a host made of it.
+    pub fn validate(&self, memory: &PassMemory<'_>) -> Result<()> {
+        let needed = self.memory([vk::BufferUsageFlags::empty(); 3]);
+        for (needed, given) in needed.iter().zip([&memory.upload, &memory.device, &memory.readback]) {
+            let fail = |what: String| {
+                let what = format!("the {:?} buffer {what}", needed.kind).to_lowercase();
+                Err(Error::Host { what, fix: "make it as PassPlan::memory says".into() })
+            };
+            if given.range() < needed.size {
+                return fail(format!("has {} bytes, the pass needs {}", given.range(), needed.size));
+            }
+            if !given.usage().contains(needed.usage) {
+                return fail(format!("was made for {:?}, the pass needs {:?}", given.usage(), needed.usage));
+            }
+            if !given.offset().is_multiple_of(needed.alignment) {
+                return fail(format!("lies at {}, no multiple of {}", given.offset(), needed.alignment));
+            }
+        }
+        Ok(())
+    }
+
+    /// Every buffer of the frame and of its gradients.
+    pub fn refs(&self, memory: &PassMemory<'_>) -> Result<Vec<(BufferId, BufferRef)>> {
+        self.validate(memory)?;
+        let mut refs = self.arena.refs(&memory.device)?;
+        refs.extend_from_slice(memory.own);
+        Ok(refs)
+    }
+}

@@ -1,0 +1,144 @@
+//! A host's meshes as a pass takes them: counts and kinds when it is planned, buffers when it is bound.
+
+use super::geometry::{Draw, Geometry, IndexFormat, Layout};
+use super::place::GeometryGradients;
+use crate::error::{Error, Result};
+use crate::scene::Wrap;
+use crate::vulkan::{BufferRef, TextureRef};
+use std::sync::Arc;
+
+/// One of a host's meshes: which of its vertices and indices are drawn, and what colours them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PassMesh {
+    pub(super) geometry: Geometry,
+    pub(super) indices: Arc<[u32]>,
+    pub(super) look: MeshLook,
+}
+
+/// What colours a mesh.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum MeshLook {
+    /// One colour, linear r, g, b.
+    Color([f32; 3]),
+    /// A colour a vertex, from [`MeshBuffers::colors`].
+    VertexColors,
+    /// An image, from [`MeshBuffers::texels`], at the coordinates of [`MeshBuffers::uvs`].
+    Texture {
+        /// Texels across and down.
+        size: (u32, u32),
+        /// What lies outside the unit square.
+        wrap: Wrap,
+        /// v grows downwards from the image's first row, as in glTF and Vulkan; else upwards from its last one, as in OBJ.
+        v_down: bool,
+    },
+}
+
+/// Where one mesh lies in a host's buffers, each of usage STORAGE_BUFFER and at a multiple of
+/// minStorageBufferOffsetAlignment. What is `None` is not read.
+#[derive(Clone, Copy, Debug)]
+pub struct MeshBuffers {
+    /// Vertices: x, y, z as floats.
+    pub positions: (BufferRef, Layout),
+    /// r, g, b of each vertex as floats, for [`MeshLook::VertexColors`].
+    pub colors: Option<(BufferRef, Layout)>,
+    /// u, v of each vertex as floats, for [`MeshLook::Texture`].
+    pub uvs: Option<(BufferRef, Layout)>,
+    /// One for each instance: three rows of four floats that take (x, y, z, 1) to the world, as VkTransformMatrixKHR;
+    /// `None` where vertices are in the world already.
+    pub transforms: Option<(BufferRef, Layout)>,
+    /// Indices on the device, read in place of those that the mesh was planned with. They must be the same, or at least
+    /// have the same triangles at each vertex.
+    pub indices: Option<(BufferRef, IndexFormat)>,
+    /// The texture's texels; `None` where a kernel of the host's writes its part of `texels`
+    /// ([`Pass::texels`](super::Pass::texels)).
+    pub texels: Option<TexelSource>,
+    /// Where the gradients go, in layouts of the host's.
+    pub gradients: GeometryGradients,
+}
+
+/// A texture's texels, row 0 at the top.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum TexelSource {
+    /// An image, decoded as its format says.
+    Image(TextureRef),
+    /// Four floats each, linear r, g, b and one that is not read. Usage TRANSFER_SRC.
+    Floats(BufferRef),
+    /// Four bytes each, r in the first one, the fourth not read. Usage STORAGE_BUFFER.
+    Bytes {
+        /// Where they lie.
+        at: BufferRef,
+        /// They are encoded as sRGB does.
+        srgb: bool,
+    },
+}
+
+impl PassMesh {
+    /// A mesh of `vertices` vertices and all triangles of `indices`, white, drawn once. The indices are those of the host's
+    /// index buffer, of 16 or 32 bits.
+    pub fn new<T: Copy + Into<u32>>(vertices: u32, indices: &[T]) -> Self {
+        let triangles = u32::try_from(indices.len() / 3).unwrap_or(u32::MAX);
+        let draw = Draw { first_vertex: 0, vertices, first_index: 0, triangles, instances: 1 };
+        Self {
+            geometry: Geometry::of_draws(vec![draw]),
+            indices: indices.iter().map(|&index| index.into()).collect(),
+            look: MeshLook::Color([1.0; 3]),
+        }
+    }
+
+    /// The mesh of several draws over one vertex and one index buffer, each with instances.
+    pub fn of_draws<T: Copy + Into<u32>>(draws: Vec<Draw>, indices: &[T]) -> Self {
+        Self { geometry: Geometry::of_draws(draws), ..Self::new(0, indices) }
+    }
+
+    /// The same, drawn so many times, each time with the next of [`MeshBuffers::transforms`].
+    pub fn with_instances(mut self, instances: u32) -> Self {
+        let draws = self.geometry.draws().iter().map(|draw| Draw { instances, ..*draw }).collect();
+        self.geometry = Geometry::of_draws(draws);
+        self
+    }
+
+    /// The same in other colours.
+    pub fn with_look(self, look: MeshLook) -> Self {
+        Self { look, ..self }
+    }
+
+    /// The three vertices of every placed triangle, counted from `base`.
+    pub(super) fn placed_triangles(&self, mesh: usize, base: u32) -> Result<Vec<[u32; 3]>> {
+        let mut triangles = Vec::with_capacity(self.geometry.triangles() as usize);
+        for (draw, row) in self.geometry.draws().iter().zip(self.geometry.table()) {
+            for instance in 0..draw.instances {
+                let first = base + row[0] + instance * draw.vertices;
+                for corner in (0..draw.triangles).map(|t| (draw.first_index + 3 * t) as usize) {
+                    let Some(&[a, b, c]) = self.indices.get(corner..corner + 3) else {
+                        return bad_index(mesh, corner, "there is no such index".into());
+                    };
+                    if let Some(index) = [a, b, c].into_iter().find(|&index| index >= draw.vertices) {
+                        return bad_index(mesh, corner, format!("a triangle of vertex {index}, of {}", draw.vertices));
+                    }
+                    triangles.push([first + a, first + b, first + c]);
+                }
+            }
+        }
+        Ok(triangles)
+    }
+}
+
+fn bad_index<T>(mesh: usize, corner: usize, what: String) -> Result<T> {
+    let place = format!("mesh {mesh} of the pass, index {corner}");
+    Err(Error::Mesh { what, place, fix: "give the indices that its draws read, each below the draw's vertices".into() })
+}
+
+impl MeshBuffers {
+    /// A mesh of positions alone.
+    pub fn new(positions: BufferRef, layout: Layout) -> Self {
+        Self {
+            positions: (positions, layout),
+            colors: None,
+            uvs: None,
+            transforms: None,
+            indices: None,
+            texels: None,
+            gradients: GeometryGradients::default(),
+        }
+    }
+}

@@ -1,0 +1,313 @@
+//! A pass: everything that a host binds once and records every frame.
+
+use super::Rasterizer;
+use super::bindings::{FrameBindings, GradientBindings};
+use super::builder::{PassPlan, PassStatus};
+use super::memory::{Copy, PassMemory};
+use super::mesh::MeshBuffers;
+use super::place::GeometryGradients;
+use super::place_mesh::TexelStep;
+use super::place_step::Step;
+use super::plan::FramePlan;
+use super::store::{FrameImage, ImageBindings};
+use crate::error::{Error, Result};
+use crate::frame::buffers::BufferId;
+use crate::frame::pack::{camera_texels, light_texels};
+use crate::vulkan::{BufferPart, BufferRef, HostCommands, ImageRef, Recorder};
+
+/// A plan bound to a host's buffers. Two frames in flight take two of them, with memory of their own; the meshes' buffers may
+/// be shared.
+///
+/// Keep it, and the buffers, until every command buffer that it was recorded into has been executed for the last time or
+/// thrown away; then drop it, before the device.
+pub struct Pass {
+    pub(super) rasterizer: Rasterizer,
+    pub(super) plan: PassPlan,
+    pub(super) frame: FrameBindings,
+    pub(super) gradients: Option<GradientBindings>,
+    pub(super) buffers: Vec<(BufferId, BufferRef)>,
+    upload: BufferPart,
+    readback: BufferPart,
+    /// Tables of draws, then everything that the setup places.
+    draws: Vec<(u64, BufferPart)>,
+    setup: Vec<Step>,
+    texels: Vec<TexelStep>,
+    vertices: Vec<Step>,
+    back: Vec<Step>,
+}
+
+impl Rasterizer {
+    /// Binds a plan to memory and to the meshes' buffers, one for each mesh of the plan, in their order. Compiles what was not
+    /// compiled yet ([`prepare_pass`](Self::prepare_pass)).
+    ///
+    /// # Errors
+    /// [`Error::Host`] for memory or a mesh's buffer that is too small, misaligned or made for other uses, and for meshes
+    /// without what their look or the gradients need; otherwise as [`prepare`](Self::prepare).
+    pub fn bind_pass(&self, plan: PassPlan, memory: PassMemory<'_>, meshes: &[MeshBuffers]) -> Result<Pass> {
+        let placed = plan.tables.placed.len();
+        if meshes.len() != placed {
+            let what = format!("buffers of {} meshes for a pass of {placed}", meshes.len());
+            return Err(Error::Host { what, fix: "give one MeshBuffers for each mesh of the plan".into() });
+        }
+        let buffers = plan.layouts.refs(&memory)?;
+        let of_frame = |id: &BufferId| plan.frame.buffer(*id).is_some();
+        let (frame, added): (Vec<_>, Vec<_>) = buffers.iter().copied().partition(|(id, _)| of_frame(id));
+        let frame = self.bind(&plan.frame, &frame)?;
+        let gradients = plan.gradients.as_ref().map(|plan| self.bind_backward(plan, &frame, &added)).transpose()?;
+        let (upload, readback) = (BufferPart::of_host(&memory.upload), BufferPart::of_host(&memory.readback));
+        let rasterizer = self.clone();
+        let mut pass = Pass {
+            rasterizer,
+            plan,
+            frame,
+            gradients,
+            buffers,
+            upload,
+            readback,
+            draws: Vec::new(),
+            setup: Vec::new(),
+            texels: Vec::new(),
+            vertices: Vec::new(),
+            back: Vec::new(),
+        };
+        for (number, buffers) in meshes.iter().enumerate() {
+            pass.bind_mesh(number, buffers, &memory.device)?;
+        }
+        Ok(pass)
+    }
+
+    /// Compiles a pass's kernels unless that was done, as [`prepare`](Self::prepare).
+    ///
+    /// # Errors
+    /// As [`prepare`](Self::prepare).
+    pub fn prepare_pass(&self, plan: &PassPlan) -> Result<()> {
+        self.prepare(&plan.frame)?;
+        plan.gradients.as_ref().map_or(Ok(()), |gradients| self.prepare_backward(gradients))
+    }
+}
+
+impl Pass {
+    fn bind_mesh(&mut self, number: usize, buffers: &MeshBuffers, device: &BufferRef) -> Result<()> {
+        let Self { rasterizer, plan, frame, .. } = &*self;
+        let placed = &plan.tables.placed[number];
+        let (at, offset, size) = plan.layouts.draws[number];
+        let draws = device.part(offset, size)?;
+        let bound = rasterizer.bind_mesh(number, placed, buffers, draws, frame)?;
+        let back = match &self.gradients {
+            Some(backward) => rasterizer.bind_geometry_gradients(&bound.geometry, &buffers.gradients, backward)?.steps,
+            None if buffers.gradients == GeometryGradients::default() => Vec::new(),
+            None => {
+                let what = format!("mesh {number} wants gradients, and the pass computes none");
+                return Err(Error::Host { what, fix: "plan it with PassBuilder::gradients".into() });
+            }
+        };
+        self.draws.push((at, BufferPart::of_host(&draws)));
+        self.setup.extend(bound.setup);
+        self.texels.extend(bound.texels);
+        self.vertices.extend(bound.geometry.vertices);
+        self.back.extend(back);
+        Ok(())
+    }
+
+    /// The plan that it was bound for.
+    pub fn plan(&self) -> &PassPlan {
+        &self.plan
+    }
+
+    /// One of its buffers, as it was bound: the images and upstream gradients for the host's own kernels. `None` where the
+    /// plan has no such buffer.
+    pub fn buffer(&self, id: BufferId) -> Option<BufferRef> {
+        self.buffers.iter().find(|(own, _)| *own == id).map(|(_, at)| *at)
+    }
+
+    /// The part of `texels` that a mesh's texture is: four floats a texel, row 0 at the top. A host that gives no
+    /// [`TexelSource`](super::TexelSource) writes it with a kernel of its own.
+    pub fn texels(&self, mesh: usize) -> Option<BufferRef> {
+        let placed = self.plan.tables.placed.get(mesh)?;
+        let super::MeshLook::Texture { size: (width, height), .. } = placed.look else { return None };
+        let at = self.buffer(BufferId::Texels)?;
+        at.part(16 * u64::from(placed.texel), 16 * u64::from(width) * u64::from(height)).ok()
+    }
+
+    /// Writes everything that the CPU gives into the mapped bytes of the upload buffer: tables, cameras and lights. To be
+    /// followed by [`record_setup`](Self::record_setup).
+    ///
+    /// # Errors
+    /// [`Error::Host`] for fewer bytes than the upload buffer has.
+    pub fn write_inputs(&self, upload: &mut [u8]) -> Result<()> {
+        self.write_frame(upload)?;
+        let PassPlan { layouts, tables, frame, .. } = &self.plan;
+        let shapes = frame.view_shapes();
+        let tables_bytes =
+            std::iter::once(bytemuck::cast_slice(&shapes)).chain(tables.segments.iter().map(|s| &s.bytes[..]));
+        for (copy, bytes) in layouts.setup.iter().zip(tables_bytes) {
+            put(upload, copy.mapped, bytes)?;
+        }
+        for (placed, (at, ..)) in tables.placed.iter().zip(&layouts.draws) {
+            put(upload, *at, bytemuck::cast_slice(&placed.geometry.table()))?;
+        }
+        Ok(())
+    }
+
+    /// Writes the part of it that changes from frame to frame: cameras and lights. No frame that reads them may be in flight.
+    ///
+    /// # Errors
+    /// As [`write_inputs`](Self::write_inputs).
+    pub fn write_frame(&self, upload: &mut [u8]) -> Result<()> {
+        let PassPlan { layouts, cameras, settings, frame, .. } = &self.plan;
+        for copy in &layouts.frame {
+            if copy.id == BufferId::Lights {
+                put(upload, copy.mapped, bytemuck::cast_slice(&light_texels(&frame.shape.lights)))?;
+                continue;
+            }
+            let mut at = copy.mapped;
+            for view in cameras {
+                let texels = camera_texels(&view.camera, settings);
+                put(upload, at, bytemuck::cast_slice(&texels))?;
+                at += size_of_val(&texels) as u64;
+            }
+        }
+        Ok(())
+    }
+
+    /// Records what is done once, and again when [`write_inputs`](Self::write_inputs) was, or indices, UVs or textures on the
+    /// device changed: the copies of the tables, and the placing of indices, UVs and texels. Begins and ends with barriers, as
+    /// every call here.
+    ///
+    /// # Errors
+    /// [`Error::Limit`] for more workgroups than the device allows. What was recorded up to then is harmless, but no setup.
+    pub fn record_setup(&self, commands: &mut HostCommands) -> Result<()> {
+        let mut recorder = Recorder::on_host(&self.rasterizer.device, commands);
+        recorder.begin_label("softras setup");
+        recorder.barrier();
+        self.copy_in(&mut recorder, &self.plan.layouts.setup)?;
+        for (at, draws) in &self.draws {
+            recorder.copy(&self.upload, *at, draws, 0, draws.range())?;
+        }
+        recorder.barrier();
+        for step in &self.setup {
+            step.record(&mut recorder)?;
+        }
+        for step in &self.texels {
+            step.record(&mut recorder)?;
+        }
+        recorder.barrier();
+        recorder.end_label();
+        Ok(())
+    }
+
+    /// Records a frame: the copies of cameras and lights, the placing of vertices, the images, and the copies into the readback
+    /// buffer. Allocates, maps, submits and waits for nothing.
+    ///
+    /// # Errors
+    /// As [`record_setup`](Self::record_setup).
+    pub fn record_forward(&self, commands: &mut HostCommands) -> Result<()> {
+        let mut recorder = Recorder::on_host(&self.rasterizer.device, commands);
+        recorder.begin_label("softras pass");
+        recorder.barrier();
+        self.copy_in(&mut recorder, &self.plan.layouts.frame)?;
+        for step in &self.vertices {
+            step.record(&mut recorder)?;
+        }
+        self.rasterizer.forward(&mut recorder, &self.plan.frame, &self.frame, None)?;
+        self.copy_out(&mut recorder, &self.plan.layouts.forward)?;
+        recorder.end_label();
+        Ok(())
+    }
+
+    /// Records the gradients of the frame recorded last, from the upstream gradients that the host's kernels wrote, into the
+    /// meshes' own buffers and the readback buffer.
+    ///
+    /// # Errors
+    /// [`Error::Backward`] for a pass without gradients; otherwise as [`record_setup`](Self::record_setup).
+    pub fn record_backward(&self, commands: &mut HostCommands) -> Result<()> {
+        let (Some(plan), Some(bindings)) = (&self.plan.gradients, &self.gradients) else {
+            let what = "the pass computes no gradients".into();
+            return Err(Error::Backward { what, fix: "plan it with PassBuilder::gradients".into() });
+        };
+        let mut recorder = Recorder::on_host(&self.rasterizer.device, commands);
+        self.rasterizer.backward(&mut recorder, plan, bindings, None)?;
+        for step in &self.back {
+            step.record(&mut recorder)?;
+        }
+        if !self.back.is_empty() {
+            recorder.barrier();
+        }
+        self.copy_out(&mut recorder, &self.plan.layouts.backward)
+    }
+
+    fn copy_in(&self, recorder: &mut Recorder<'_>, copies: &[Copy]) -> Result<()> {
+        for copy in copies {
+            recorder.copy(&self.upload, copy.mapped, &self.part(copy.id)?, copy.at, copy.size)?;
+        }
+        Ok(())
+    }
+
+    fn copy_out(&self, recorder: &mut Recorder<'_>, copies: &[Copy]) -> Result<()> {
+        for copy in copies {
+            recorder.copy(&self.part(copy.id)?, copy.at, &self.readback, copy.mapped, copy.size)?;
+        }
+        if !copies.is_empty() {
+            recorder.barrier();
+        }
+        Ok(())
+    }
+
+    fn part(&self, id: BufferId) -> Result<BufferPart> {
+        self.buffer(id).map(|at| BufferPart::of_host(&at)).ok_or_else(|| Error::Host {
+            what: format!("there is no buffer `{id}`"),
+            fix: "plan and bind the pass anew".into(),
+        })
+    }
+
+    /// Binds one view of an image to a host's storage image: [`Rasterizer::bind_image`].
+    ///
+    /// # Errors
+    /// As [`Rasterizer::bind_image`].
+    pub fn bind_image(&self, image: FrameImage, view: u32, target: &ImageRef) -> Result<ImageBindings> {
+        self.rasterizer.bind_image(&self.plan.frame, &self.frame, image, view, target)
+    }
+
+    /// Records the storing of an image: [`Rasterizer::record_image`]. A depth buffer's values are those of the view's
+    /// matrices.
+    ///
+    /// # Errors
+    /// As [`Rasterizer::record_image`].
+    pub fn record_store(&self, commands: &mut HostCommands, image: &ImageBindings) -> Result<()> {
+        let camera = self.plan.cameras.get(image.view() as usize).and_then(|camera| camera.host);
+        self.rasterizer.record_stored(commands, image, camera.map(|camera| camera.depth()))
+    }
+
+    /// What the readback buffer's bytes say of the frame recorded last, once it is done.
+    ///
+    /// # Errors
+    /// As [`PassPlan::status`].
+    pub fn status(&self, readback: &[u8]) -> Result<PassStatus> {
+        self.plan.status(readback)
+    }
+
+    /// The frame's plan and bindings beneath, for what only they can do.
+    pub fn frame(&self) -> (&FramePlan, &FrameBindings) {
+        (&self.plan.frame, &self.frame)
+    }
+}
+
+fn put(upload: &mut [u8], at: u64, bytes: &[u8]) -> Result<()> {
+    let (length, start) = (upload.len(), at as usize);
+    match upload.get_mut(start..start + bytes.len()) {
+        Some(target) => {
+            target.copy_from_slice(bytes);
+            Ok(())
+        }
+        None => Err(Error::Host {
+            what: format!("an upload buffer of {length} bytes, of which {} are written", start + bytes.len()),
+            fix: "give the mapped bytes of the whole upload buffer".into(),
+        }),
+    }
+}
+
+impl std::fmt::Debug for Pass {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Pass").field("buffers", &self.buffers).finish_non_exhaustive()
+    }
+}

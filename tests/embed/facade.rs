@@ -1,0 +1,635 @@
+//! The facade: from a host's meshes, matrices and buffers to images and gradients. Where the simple API renders the same,
+//! the bits are the same.
+// Indices are what the formulas have, and what is no number counts as off.
+#![allow(clippy::needless_range_loop, clippy::neg_cmp_op_on_partial_ord)]
+
+use crate::common::gradient::random_upstream;
+use crate::common::scenes::Case;
+use crate::common::{renderer, tolerance};
+use crate::geometry::{COLOR, Engines, POSITION, TRANSFORM, VERTEX, storage};
+use crate::host::engine::{Buffer, Engine, Image, color_range};
+use crate::host::{assert_silent, difference, engine, error, rasterizer, submit, upstream_bytes};
+use ash::vk;
+use gpu_allocator::MemoryLocation;
+use softras::embed::{
+    BufferId, ClipSpace, Draw, FrameImage, GeometryGradients, HostCamera, HostCommands, ImageFormat, ImageRef,
+    IndexFormat, Layout, MeshBuffers, MeshLook, Pass, PassMemory, PassMesh, PassPlan, PassStatus, Rasterizer, Status,
+    TexelSource, TextureRef,
+};
+use softras::glam::{DMat4, DVec3};
+use softras::scene::{Appearance, Background, Outputs, Texture, Wrap};
+use softras::{Camera, Frame, ImageGradient, Lights, Mesh, Projection, Scene, Settings, Wanted, shapes};
+
+/// The three buffers of a pass, all of them mapped so that a test sees everything.
+struct Memory {
+    upload: Buffer,
+    device: Buffer,
+    readback: Buffer,
+}
+
+impl Memory {
+    fn new(engine: &Engine, plan: &PassPlan) -> Self {
+        let [upload, device, readback] = plan.memory().map(|needed| {
+            let mut buffer = engine.buffer(needed.size, needed.usage, MemoryLocation::GpuToCpu).unwrap();
+            // What nobody writes must not matter.
+            buffer.bytes_mut().fill(0xcd);
+            buffer
+        });
+        Self { upload, device, readback }
+    }
+
+    fn refs(&self) -> PassMemory<'static> {
+        let [upload, device, readback] = [&self.upload, &self.device, &self.readback].map(Buffer::whole);
+        PassMemory { upload, device, readback, own: &[] }
+    }
+
+    fn floats(&self, pass: &Pass, id: BufferId) -> Vec<f32> {
+        let at = pass.buffer(id).unwrap();
+        self.device.floats(at.offset(), at.range() as usize / 4)
+    }
+
+    fn whole_word(&self, pass: &Pass) -> u32 {
+        self.device.floats(pass.buffer(BufferId::Status).unwrap().offset() + Status::WHOLE_OFFSET, 1)[0].to_bits()
+    }
+
+    fn write_upstream(&mut self, pass: &Pass, upstream: &ImageGradient) {
+        for (id, values) in upstream_bytes(upstream) {
+            self.device.write(pass.buffer(id).unwrap().offset(), bytemuck::cast_slice(&values));
+        }
+    }
+}
+
+fn bind(rasterizer: &Rasterizer, plan: &PassPlan, memory: &mut Memory, meshes: &[MeshBuffers]) -> Pass {
+    let pass = rasterizer.bind_pass(plan.clone(), memory.refs(), meshes).unwrap();
+    pass.write_inputs(memory.upload.bytes_mut()).unwrap();
+    pass
+}
+
+fn run(engine: &Engine, pass: &Pass) {
+    submit(engine, |commands| {
+        pass.record_setup(commands).unwrap();
+        pass.record_forward(commands).unwrap();
+        if pass.plan().gradients().is_some() {
+            pass.record_backward(commands).unwrap();
+        }
+    });
+}
+
+/// A host's two meshes of one vertex and one index buffer, three and two instances of them.
+struct Scenery {
+    engines: Engines,
+    vertices: Buffer,
+    indices: Buffer,
+    transforms: Buffer,
+    gradients: Buffer,
+    transform_gradients: Buffer,
+}
+
+impl Scenery {
+    fn new(engine: &Engine) -> Self {
+        let engines = Engines::new();
+        let rows = |t: &[[f32; 4]; 3]| -> [f32; 16] {
+            std::array::from_fn(|i| if (1..13).contains(&i) { t[(i - 1) / 4][(i - 1) % 4] } else { 7.0 })
+        };
+        let transforms: Vec<_> = engines.transforms.iter().map(rows).collect();
+        let short: Vec<u16> = engines.indices().iter().map(|&i| i as u16).collect();
+        Self {
+            vertices: storage(engine, bytemuck::cast_slice(&engines.vertices())),
+            indices: storage(engine, bytemuck::cast_slice(&short)),
+            transforms: storage(engine, bytemuck::cast_slice(&transforms)),
+            gradients: storage(engine, &vec![0xcd; VERTEX as usize * engines.vertices().len()]),
+            transform_gradients: storage(engine, &[0xcd; 64 * 5]),
+            engines,
+        }
+    }
+
+    fn meshes(&self) -> Vec<PassMesh> {
+        let mesh =
+            |draws: Vec<Draw>| PassMesh::of_draws(draws, &self.engines.indices()).with_look(MeshLook::VertexColors);
+        vec![mesh(self.engines.draws[..2].to_vec()), mesh(self.engines.draws[2..].to_vec())]
+    }
+
+    fn buffers(&self, on_device: bool) -> Vec<MeshBuffers> {
+        let mesh = |first: u64, count: u64| {
+            let part = |buffer: &Buffer| buffer.whole().part(64 * first, 64 * count).unwrap();
+            let gradients = GeometryGradients {
+                positions: Some((self.gradients.whole(), POSITION)),
+                colors: Some((self.gradients.whole(), COLOR)),
+                transforms: Some((part(&self.transform_gradients), TRANSFORM)),
+            };
+            MeshBuffers {
+                colors: Some((self.vertices.whole(), COLOR)),
+                transforms: Some((part(&self.transforms), TRANSFORM)),
+                indices: on_device.then(|| (self.indices.whole(), IndexFormat::Uint16)),
+                gradients,
+                ..MeshBuffers::new(self.vertices.whole(), POSITION)
+            }
+        };
+        vec![mesh(0, 3), mesh(3, 2)]
+    }
+}
+
+/// The images of a frame whose colour and silhouette were asked for.
+fn assert_images(memory: &Memory, pass: &Pass, frame: &Frame, what: &str) {
+    let texels = memory.floats(pass, BufferId::Color);
+    let rgb: Vec<f32> = texels.chunks_exact(4).flat_map(|t| [t[0], t[1], t[2]]).collect();
+    let alpha: Vec<f32> = texels.chunks_exact(4).map(|t| t[3]).collect();
+    assert_eq!(difference(&rgb, &frame.color().unwrap().data), None, "{what}");
+    assert_eq!(difference(&alpha, &frame.silhouette().unwrap().data), None, "{what}");
+}
+
+/// dL by positions and by colours of all placed vertices.
+fn vertex_gradients(memory: &Memory, pass: &Pass) -> [Vec<f32>; 2] {
+    let rows = memory.floats(pass, BufferId::VertexGradients);
+    [0, 4].map(|at| rows.chunks_exact(8).flat_map(|row| row[at..at + 3].to_vec()).collect())
+}
+
+#[test]
+fn several_meshes_of_a_host_render_as_one_scene() {
+    let engine = engine();
+    let rasterizer = rasterizer(&engine);
+    let scenery = Scenery::new(&engine);
+    let case = scenery.engines.case();
+    let mut simple = renderer();
+    let frame = simple.render(&case.scene, &case.cameras, &case.settings).unwrap();
+    let wanted = Wanted { colors: true, camera: true, lights: true, ..Wanted::default() };
+    let upstream = random_upstream(&case, case.settings.outputs, &tolerance::GRADIENT);
+    let expected = simple.backward(&frame, &upstream, &wanted).unwrap();
+
+    for (on_device, alignment) in [(false, 1), (true, 256)] {
+        let plan = rasterizer
+            .pass(&scenery.meshes())
+            .settings(case.settings.clone())
+            .cameras(&case.cameras)
+            .lights(Lights::official())
+            .gradients(wanted)
+            .inside_planes()
+            .alignment(alignment)
+            .read_back(&[BufferId::Color, BufferId::VertexGradients])
+            .build()
+            .unwrap();
+        let mut memory = Memory::new(&engine, &plan);
+        let pass = bind(&rasterizer, &plan, &mut memory, &scenery.buffers(on_device));
+        memory.write_upstream(&pass, &upstream);
+        run(&engine, &pass);
+        assert_eq!(pass.status(memory.readback.bytes()).unwrap(), PassStatus::Whole);
+        assert_eq!(memory.whole_word(&pass), 1);
+        assert_images(&memory, &pass, &frame, "facade");
+        let [positions, colors] = vertex_gradients(&memory, &pass);
+        let mesh = &expected.meshes[0];
+        assert_eq!(difference(&positions, mesh.positions.as_flattened()), None);
+        assert_eq!(difference(&colors, mesh.colors.as_flattened()), None);
+        // The host's own vertices: the sum over three instances, or over two.
+        let words = scenery.gradients.floats(0, 10 * scenery.engines.vertices().len());
+        assert!(words.chunks_exact(10).skip(3).all(|v| v[3..9].iter().all(|x| x.is_finite())));
+        assert!(words[30..].chunks_exact(10).any(|v| v[3..9].iter().any(|x| x.abs() > 1e-6)));
+        // What is read back is what the device has.
+        for id in [BufferId::Color, BufferId::VertexGradients] {
+            let (at, size) = plan.readback_part(id).unwrap();
+            let read = memory.readback.floats(at, size as usize / 4);
+            assert_eq!(difference(&read, &memory.floats(&pass, id)[..read.len()]), None, "{id:?}");
+        }
+        let aligned = |id| pass.buffer(id).unwrap().offset().is_multiple_of(alignment);
+        assert!(BufferId::ALL.into_iter().filter(|&id| pass.buffer(id).is_some()).all(aligned));
+    }
+    drop((scenery, rasterizer));
+    assert_silent(engine);
+}
+
+/// A frame that has no room changes nothing: its gradients are zero, and the word that an optimiser may ask says so. With room
+/// they are those of any frame.
+#[test]
+fn a_frame_without_room_has_no_gradients() {
+    let engine = engine();
+    let rasterizer = rasterizer(&engine);
+    let scenery = Scenery::new(&engine);
+    let case = scenery.engines.case();
+    let upstream = random_upstream(&case, case.settings.outputs, &tolerance::GRADIENT);
+    let outputs = [BufferId::VertexGradients, BufferId::Totals, BufferId::CornerGradients];
+    for (lights, background) in [
+        (Lights::official(), Background::Weighted),
+        (Lights { shading: softras::scene::Shading::Smooth, ..Lights::official() }, Background::Composite),
+    ] {
+        let builder = rasterizer
+            .pass(&scenery.meshes())
+            .settings(Settings { background, ..case.settings.clone() })
+            .cameras(&case.cameras)
+            .lights(lights)
+            .inside_planes()
+            .gradients(Wanted { texels: false, uvs: false, ..Wanted::ALL });
+        let whole = builder.clone().build().unwrap();
+        let full = whole.frame().capacity();
+        let mut capacities = Vec::new();
+        for list in 0..3 {
+            let mut capacity = full;
+            *[&mut capacity.coarse, &mut capacity.list, &mut capacity.cells][list] = 1;
+            capacities.push(capacity);
+        }
+        for capacity in capacities {
+            let plan = builder.clone().capacity(capacity).build().unwrap();
+            let mut memory = Memory::new(&engine, &plan);
+            let mut pass = bind(&rasterizer, &plan, &mut memory, &scenery.buffers(true));
+            memory.write_upstream(&pass, &upstream);
+            run(&engine, &pass);
+            let PassStatus::Grow(grown) = pass.status(memory.readback.bytes()).unwrap() else {
+                // This list needs none: boxes of one cell each.
+                assert_eq!(capacity.cells, 1);
+                continue;
+            };
+            assert_eq!(memory.whole_word(&pass), 0);
+            for id in outputs {
+                assert!(memory.floats(&pass, id).iter().all(|&x| x == 0.0), "{id:?} {capacity:?}");
+            }
+            // The host rebinds with room, and all is well.
+            let plan = pass.plan().builder().capacity(grown.max(full)).build().unwrap();
+            let mut larger = Memory::new(&engine, &plan);
+            let rebound = pass.rebind(plan, larger.refs(), &scenery.buffers(true)).unwrap();
+            assert!(rebound.moved.contains(&BufferId::Color) && rebound.old.buffer(BufferId::Color).is_some());
+            pass.write_inputs(larger.upload.bytes_mut()).unwrap();
+            larger.write_upstream(&pass, &upstream);
+            run(&engine, &pass);
+            assert_eq!(pass.status(larger.readback.bytes()).unwrap(), PassStatus::Whole);
+            assert_eq!(larger.whole_word(&pass), 1);
+            for id in outputs {
+                assert!(larger.floats(&pass, id).iter().any(|x| x.abs() > 1e-6), "{id:?}");
+            }
+            drop((rebound, memory));
+        }
+    }
+    drop((scenery, rasterizer));
+    assert_silent(engine);
+}
+
+/// A sampled image with given texels.
+fn texture(engine: &Engine, format: vk::Format, size: (u32, u32), texels: &[u8]) -> (Image, TextureRef) {
+    let image =
+        engine.image_of(format, size, vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST).unwrap();
+    let mut source =
+        engine.buffer(texels.len() as u64, vk::BufferUsageFlags::TRANSFER_SRC, MemoryLocation::CpuToGpu).unwrap();
+    source.write(0, texels);
+    submit(engine, |commands| {
+        use vk::{AccessFlags as A, ImageLayout as L, PipelineStageFlags as S};
+        layout(
+            engine,
+            commands,
+            &image,
+            (L::UNDEFINED, A::empty(), S::TOP_OF_PIPE),
+            (L::TRANSFER_DST_OPTIMAL, A::TRANSFER_WRITE, S::TRANSFER),
+        );
+        let layers = vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
+        let copy = [vk::BufferImageCopy::default().image_subresource(layers).image_extent(vk::Extent3D {
+            width: size.0,
+            height: size.1,
+            depth: 1,
+        })];
+        unsafe {
+            engine.device().cmd_copy_buffer_to_image(
+                commands.raw(),
+                source.raw,
+                image.raw,
+                L::TRANSFER_DST_OPTIMAL,
+                &copy,
+            )
+        };
+        layout(
+            engine,
+            commands,
+            &image,
+            (L::TRANSFER_DST_OPTIMAL, A::TRANSFER_WRITE, S::TRANSFER),
+            (L::SHADER_READ_ONLY_OPTIMAL, A::SHADER_READ, S::COMPUTE_SHADER),
+        );
+    });
+    let texture = unsafe { TextureRef::new(image.view, size.0, size.1) };
+    (image, texture)
+}
+
+type Use = (vk::ImageLayout, vk::AccessFlags, vk::PipelineStageFlags);
+
+fn layout(engine: &Engine, commands: &HostCommands, image: &Image, from: Use, to: Use) {
+    let barrier = [vk::ImageMemoryBarrier::default()
+        .image(image.raw)
+        .subresource_range(color_range())
+        .old_layout(from.0)
+        .new_layout(to.0)
+        .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+        .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+        .src_access_mask(from.1)
+        .dst_access_mask(to.1)];
+    let none = vk::DependencyFlags::empty();
+    unsafe { engine.device().cmd_pipeline_barrier(commands.raw(), from.2, to.2, none, &[], &[], &barrier) };
+}
+
+/// A textured quad of a host: x, y, z, u, v with v growing downwards.
+const CORNERS: [[f32; 5]; 4] =
+    [[-1.0, -1.0, 0.0, 0.0, 1.0], [1.0, -1.0, 0.0, 1.0, 1.0], [1.0, 1.0, 0.0, 1.0, 0.0], [-1.0, 1.0, 0.0, 0.0, 0.0]];
+const QUAD: [u16; 6] = [0, 1, 2, 0, 2, 3];
+const SIZE: (u32, u32) = (4, 2);
+
+#[test]
+fn textures_come_straight_from_a_hosts_images_and_buffers() {
+    let engine = engine();
+    let rasterizer = rasterizer(&engine);
+    let bytes: Vec<[u8; 4]> = (0..8u8).map(|i| [20 * i, 255 - 30 * i, 7 * i * (i % 3), 255]).collect();
+    let linear = |c: u8| f32::from(c) / 255.0;
+    let floats: Vec<[f32; 4]> = bytes.iter().map(|t| [linear(t[0]), linear(t[1]), linear(t[2]), 1.0]).collect();
+    let rgb: Vec<[f32; 3]> = floats.iter().map(|t| [t[0], t[1], t[2]]).collect();
+
+    // The same as a scene: the textured quad, and a cube of one colour behind it.
+    let quad_uvs: Vec<[f32; 2]> = CORNERS.iter().map(|c| [c[3], 1.0 - c[4]]).collect();
+    let cube = shapes::cube().unwrap();
+    let mut positions: Vec<[f32; 3]> = CORNERS.iter().map(|c| [c[0], c[1], c[2]]).collect();
+    let behind = |p: &[f32; 3]| [p[0] + 0.5, p[1] + 0.25, p[2] - 1.5];
+    positions.extend(cube.positions().iter().map(behind));
+    let mut triangles = vec![[0, 1, 2], [0, 2, 3]];
+    triangles.extend(cube.triangles().iter().map(|t| t.map(|v| v + 4)));
+    let mut uvs = quad_uvs;
+    uvs.extend(vec![[0.0; 2]; cube.positions().len()]);
+    let appearance = Appearance::Textured {
+        uvs,
+        uv_triangles: triangles.clone(),
+        textures: vec![
+            Texture::new(SIZE.0, SIZE.1, rgb, Wrap::Clamp).unwrap(),
+            Texture::new(1, 1, vec![[0.25, 0.5, 0.125]], Wrap::Clamp).unwrap(),
+        ],
+        texture_of_triangle: (0..triangles.len()).map(|t| u32::from(t >= 2)).collect(),
+    };
+    let mesh = Mesh::new(positions, triangles).unwrap().with_appearance(appearance).unwrap();
+    let camera =
+        Camera::look_at(DVec3::new(0.4, 0.3, 4.0), DVec3::ZERO, DVec3::Y, Projection::Perspective { fov_y: 0.8 })
+            .unwrap();
+    let settings = Settings { width: 40, height: 32, sigma: 1e-4, ..Settings::default() };
+    let frame = renderer().render(&Scene::new(mesh), &[camera], &settings).unwrap();
+
+    let stride = 20;
+    let vertices = storage(&engine, bytemuck::cast_slice(&CORNERS));
+    let moved: Vec<[f32; 3]> = cube.positions().iter().map(behind).collect();
+    let cube_vertices = storage(&engine, bytemuck::cast_slice(&moved));
+    let cube_indices: Vec<u32> = cube.triangles().iter().flatten().copied().collect();
+    let look = MeshLook::Texture { size: SIZE, wrap: Wrap::Clamp, v_down: true };
+    let meshes = [
+        PassMesh::new(4, &QUAD).with_look(look),
+        PassMesh::new(cube.positions().len() as u32, &cube_indices).with_look(MeshLook::Color([0.25, 0.5, 0.125])),
+    ];
+    let plan = rasterizer.pass(&meshes).settings(settings).cameras(&[camera]).inside_planes().build().unwrap();
+    let usage = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::TRANSFER_SRC;
+    let mut words = engine.buffer(32, usage, MemoryLocation::CpuToGpu).unwrap();
+    words.write(0, bytemuck::cast_slice(&bytes));
+    let mut wide = engine.buffer(128, usage, MemoryLocation::CpuToGpu).unwrap();
+    wide.write(0, bytemuck::cast_slice(&floats));
+    let float_image = texture(&engine, vk::Format::R32G32B32A32_SFLOAT, SIZE, bytemuck::cast_slice(&floats));
+    let byte_image = texture(&engine, vk::Format::R8G8B8A8_UNORM, SIZE, bytemuck::cast_slice(&bytes));
+    let sources = [
+        ("floats", TexelSource::Floats(wide.whole()), 0.0),
+        ("float image", TexelSource::Image(float_image.1), 0.0),
+        ("bytes", TexelSource::Bytes { at: words.whole(), srgb: false }, 1e-6),
+        ("byte image", TexelSource::Image(byte_image.1), 1e-6),
+    ];
+    for (what, source, bound) in sources {
+        let quad = MeshBuffers {
+            uvs: Some((vertices.whole(), Layout { stride, offset: 12 })),
+            texels: Some(source),
+            ..MeshBuffers::new(vertices.whole(), Layout { stride, offset: 0 })
+        };
+        let solid = MeshBuffers::new(cube_vertices.whole(), Layout { stride: 12, offset: 0 });
+        let mut memory = Memory::new(&engine, &plan);
+        let pass = bind(&rasterizer, &plan, &mut memory, &[quad, solid]);
+        run(&engine, &pass);
+        assert_eq!(pass.status(memory.readback.bytes()).unwrap(), PassStatus::Whole);
+        let color = memory.floats(&pass, BufferId::Color);
+        let expected = &frame.color().unwrap().data;
+        for (pixel, own) in color.chunks_exact(4).enumerate() {
+            for k in 0..3 {
+                let due = expected[3 * pixel + k];
+                assert!((own[k] - due).abs() <= bound, "{what}, pixel {pixel}: {own:?} for {due}");
+            }
+        }
+        assert_eq!(pass.texels(0).unwrap().range(), 128);
+        assert_eq!(pass.texels(1), None);
+    }
+    // sRGB texels are decoded.
+    let quad = MeshBuffers {
+        uvs: Some((vertices.whole(), Layout { stride, offset: 12 })),
+        texels: Some(TexelSource::Bytes { at: words.whole(), srgb: true }),
+        ..MeshBuffers::new(vertices.whole(), Layout { stride, offset: 0 })
+    };
+    let solid = MeshBuffers::new(cube_vertices.whole(), Layout { stride: 12, offset: 0 });
+    let mut memory = Memory::new(&engine, &plan);
+    let pass = bind(&rasterizer, &plan, &mut memory, &[quad, solid]);
+    run(&engine, &pass);
+    let at = pass.texels(0).unwrap();
+    let texels = memory.device.floats(at.offset(), 32);
+    for (own, due) in texels.chunks_exact(4).zip(&bytes) {
+        for k in 0..3 {
+            let c = f64::from(due[k]) / 255.0;
+            let due = if c > 0.04045 { ((c + 0.055) / 1.055).powf(2.4) } else { c / 12.92 };
+            assert!((f64::from(own[k]) - due).abs() < 1e-5);
+        }
+        assert_eq!(own[3], 0.0);
+    }
+    drop((pass, memory, float_image, byte_image, words, wide, vertices, cube_vertices, rasterizer));
+    assert_silent(engine);
+}
+
+/// An image's texels after a store.
+fn stored(engine: &Engine, pass: &Pass, image: FrameImage, format: ImageFormat, texel: u64) -> Vec<u8> {
+    let size = pass.plan().image_size();
+    let usage = vk::ImageUsageFlags::STORAGE | vk::ImageUsageFlags::TRANSFER_SRC;
+    let target = engine.image_of(format.format(), size, usage).unwrap();
+    let view = unsafe { ImageRef::new(target.view, format, size.0, size.1) };
+    let bound = pass.bind_image(image, 0, &view).unwrap();
+    let bytes = texel * u64::from(size.0 * size.1);
+    let back = engine.buffer(bytes, vk::BufferUsageFlags::TRANSFER_DST, MemoryLocation::GpuToCpu).unwrap();
+    submit(engine, |commands| {
+        use vk::{AccessFlags as A, ImageLayout as L, PipelineStageFlags as S};
+        let general = (L::GENERAL, A::SHADER_WRITE, S::COMPUTE_SHADER);
+        layout(engine, commands, &target, (L::UNDEFINED, A::empty(), S::TOP_OF_PIPE), general);
+        pass.record_store(commands, &bound).unwrap();
+        layout(engine, commands, &target, general, (L::TRANSFER_SRC_OPTIMAL, A::TRANSFER_READ, S::TRANSFER));
+        let layers = vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
+        let copy = [vk::BufferImageCopy::default().image_subresource(layers).image_extent(vk::Extent3D {
+            width: size.0,
+            height: size.1,
+            depth: 1,
+        })];
+        unsafe {
+            engine.device().cmd_copy_image_to_buffer(
+                commands.raw(),
+                target.raw,
+                L::TRANSFER_SRC_OPTIMAL,
+                back.raw,
+                &copy,
+            )
+        };
+    });
+    back.bytes()[..bytes as usize].to_vec()
+}
+
+/// A right-handed Vulkan projection with reversed infinite depth, as many engines have it.
+fn reversed_infinite(fov_y: f64, aspect: f64, near: f64) -> DMat4 {
+    let f = 1.0 / (fov_y / 2.0).tan();
+    DMat4::from_cols_array_2d(&[
+        [f / aspect, 0.0, 0.0, 0.0],
+        [0.0, -f, 0.0, 0.0],
+        [0.0, 0.0, 0.0, -1.0],
+        [0.0, 0.0, near, 0.0],
+    ])
+}
+
+#[test]
+fn matrices_render_and_store_as_the_hosts_rasterizer_would() {
+    let engine = engine();
+    let rasterizer = rasterizer(&engine);
+    let (eye, fov_y, near) = (DVec3::new(0.0, 0.0, 4.0), 0.8, 1.0);
+    // Looking along -z from eye: a translation.
+    let view = DMat4::from_translation(-eye);
+    let projection = reversed_infinite(fov_y, 48.0 / 32.0, near);
+    let outputs = Outputs { color: true, silhouette: true, depth: true, normal: false };
+    let settings = Settings {
+        width: 48,
+        height: 32,
+        sigma: 1e-4,
+        outputs,
+        background: Background::Composite,
+        background_color: [0.5, 0.25, 1.0],
+        ..Settings::default()
+    };
+    let camera = Camera::look_at(eye, DVec3::ZERO, DVec3::Y, Projection::Perspective { fov_y }).unwrap();
+    let cube = shapes::cube().unwrap();
+    let cube = Mesh::new(cube.positions().to_vec(), cube.triangles().to_vec()).unwrap();
+    let frame = renderer().render(&Scene::new(cube.clone()), &[camera], &settings).unwrap();
+
+    let vertices = storage(&engine, bytemuck::cast_slice(cube.positions()));
+    let indices: Vec<u32> = cube.triangles().iter().flatten().copied().collect();
+    let mesh = PassMesh::new(cube.positions().len() as u32, &indices);
+    let builder = rasterizer.pass(&[mesh]).settings(settings.clone());
+    let matrices = [(view, projection)];
+    let plan = builder.camera_matrices(&matrices, ClipSpace::default()).planes_of_matrices().build().unwrap();
+    let mut memory = Memory::new(&engine, &plan);
+    let buffers = [MeshBuffers::new(vertices.whole(), Layout { stride: 12, offset: 0 })];
+    let pass = bind(&rasterizer, &plan, &mut memory, &buffers);
+    run(&engine, &pass);
+    assert_eq!(pass.status(memory.readback.bytes()).unwrap(), PassStatus::Whole);
+    let (color, depths) = (memory.floats(&pass, BufferId::Color), memory.floats(&pass, BufferId::Depths));
+    let simple = frame.color().unwrap();
+    let mut worst = 0.0f32;
+    for (own, due) in color.chunks_exact(4).zip(simple.data.chunks_exact(3)) {
+        worst = (0..3).fold(worst, |worst, k| worst.max((own[k] - due[k]).abs()));
+    }
+    assert!(worst < 1e-4, "{worst}");
+
+    // The depth buffer: what the host's rasterizer would have written at the mean depth, and 0 far away.
+    let host = HostCamera::new(view, projection, ClipSpace::default(), (48, 32)).unwrap();
+    let image = FrameImage::DepthBuffer { least_silhouette: 0.5 };
+    let values = stored(&engine, &pass, image, ImageFormat::R32Float, 4);
+    let values: &[f32] = bytemuck::cast_slice(&values);
+    let mut covered = 0;
+    for (pixel, &value) in values.iter().enumerate() {
+        let alpha = color[4 * pixel + 3];
+        if alpha < 0.5 {
+            assert_eq!(value, 0.0);
+            continue;
+        }
+        covered += 1;
+        let z = f64::from(depths[pixel]) / f64::from(alpha);
+        assert!((host.buffer_depth(z) - f64::from(value)).abs() < 1e-6, "pixel {pixel}: {value} at {z}");
+        assert!((near / z - f64::from(value)).abs() < 1e-6);
+    }
+    assert!(covered > 100);
+
+    // Colour for blending: over any background of the host's, both ways of alpha give the same, and over softras' own
+    // background its own image.
+    let four = |premultiplied| {
+        let image = FrameImage::Foreground { premultiplied, srgb: false };
+        let bytes = stored(&engine, &pass, image, ImageFormat::Rgba32Float, 16);
+        bytemuck::cast_slice::<u8, f32>(&bytes).to_vec()
+    };
+    let (straight, premultiplied) = (four(false), four(true));
+    for pixel in 0..color.len() / 4 {
+        let (s, p, own) = (&straight[4 * pixel..], &premultiplied[4 * pixel..], &color[4 * pixel..]);
+        for k in 0..3 {
+            let over = p[k] + (1.0 - p[3]) * settings.background_color[k] as f32;
+            assert!((over - own[k]).abs() < 1e-5, "pixel {pixel}");
+            assert!((s[k] * s[3] - p[k]).abs() < 1e-5, "pixel {pixel}");
+        }
+        assert_eq!((s[3], p[3]), (own[3], own[3]));
+    }
+    drop((pass, memory, vertices, rasterizer));
+    assert_silent(engine);
+}
+
+/// What does not fit is named.
+#[test]
+fn misfits_of_a_pass_are_named() {
+    let engine = engine();
+    let rasterizer = rasterizer(&engine);
+    let case: Case = Engines::new().case();
+    let vertices = storage(&engine, &[0; 4 * 20]);
+    let at = Layout { stride: 20, offset: 0 };
+    let plain = MeshBuffers::new(vertices.whole(), at);
+    let mesh = PassMesh::new(4, &QUAD);
+    let builder = |mesh: &PassMesh| {
+        rasterizer.pass(std::slice::from_ref(mesh)).settings(case.settings.clone()).cameras(&case.cameras)
+    };
+    let build = |mesh: &PassMesh| error(builder(mesh).build());
+    assert_eq!(build(&mesh), "no error");
+    assert!(build(&PassMesh::new(3, &QUAD)).contains("vertex 3, of 3"));
+    assert!(error(rasterizer.pass(std::slice::from_ref(&mesh)).build()).contains("0 views"));
+    assert!(error(builder(&mesh).alignment(24).build()).contains("power of two"));
+    assert!(error(builder(&mesh).read_back(&[BufferId::Totals]).build()).contains("`totals`"));
+    assert!(error(builder(&mesh).planes_of_matrices().build()).contains("camera_matrices"));
+    let textured = mesh.clone().with_look(MeshLook::Texture { size: SIZE, wrap: Wrap::Clamp, v_down: false });
+    let colored = mesh.clone().with_look(MeshLook::VertexColors);
+    let both = rasterizer.pass(&[textured.clone(), colored.clone()]).cameras(&case.cameras).build();
+    assert!(error(both).contains("vertex colours beside"));
+
+    let bind = |mesh: &PassMesh, change: &dyn Fn(&mut MeshBuffers)| {
+        let plan = builder(mesh).build().unwrap();
+        let memory = Memory::new(&engine, &plan);
+        let mut buffers = plain;
+        change(&mut buffers);
+        error(rasterizer.bind_pass(plan, memory.refs(), &[buffers]))
+    };
+    assert_eq!(bind(&mesh, &|_| {}), "no error");
+    assert!(bind(&colored, &|_| {}).contains("MeshBuffers::colors"));
+    assert!(bind(&textured, &|_| {}).contains("MeshBuffers::uvs"));
+    assert!(bind(&mesh.clone().with_instances(2), &|_| {}).contains("MeshBuffers::transforms"));
+    assert!(bind(&mesh, &|b| b.positions.0 = vertices.whole().part(0, 40).unwrap()).contains("positions"));
+    let short = |b: &mut MeshBuffers| {
+        b.uvs = Some((vertices.whole(), Layout { stride: 20, offset: 12 }));
+        b.texels = Some(TexelSource::Bytes { at: vertices.whole().part(0, 16).unwrap(), srgb: false });
+    };
+    assert!(bind(&textured, &short).contains("texels"));
+    let gradients = GeometryGradients { positions: Some((vertices.whole(), at)), ..GeometryGradients::default() };
+    assert!(bind(&mesh, &|b| b.gradients = gradients).contains("PassBuilder::gradients"));
+    assert!(
+        error(rasterizer.bind_pass(
+            builder(&mesh).build().unwrap(),
+            Memory::new(&engine, &builder(&mesh).build().unwrap()).refs(),
+            &[]
+        ))
+        .contains("0 meshes")
+    );
+
+    let plan = builder(&mesh).build().unwrap();
+    let memory = Memory::new(&engine, &plan);
+    let mut refs = memory.refs();
+    refs.device = refs.device.part(0, refs.device.range() - 16).unwrap();
+    assert!(error(rasterizer.bind_pass(plan.clone(), refs, &[plain])).contains("the device buffer has"));
+    let mut refs = memory.refs();
+    refs.upload = memory.readback.whole();
+    assert!(error(rasterizer.bind_pass(plan.clone(), refs, &[plain])).contains("the upload buffer"));
+    let mut pass = rasterizer.bind_pass(plan, memory.refs(), &[plain]).unwrap();
+    assert!(error(pass.write_inputs(&mut [0; 16])).contains("upload buffer of 16 bytes"));
+    assert!(error(pass.status(&[0; 8])).contains("readback buffer of 8 bytes"));
+    assert!(error(pass.set_cameras(&case.cameras[..1])).contains("1 cameras"));
+    assert_eq!(error(pass.set_cameras(&case.cameras)), "no error");
+    let sharper = Settings { sigma: 1e-5, gamma: 1e-3, ..case.settings.clone() };
+    assert_eq!(error(pass.set_settings(sharper)), "no error");
+    assert!(error(pass.set_settings(Settings { width: 20, ..case.settings.clone() })).contains("pixels"));
+    let frame = engine.commands().unwrap();
+    frame.begin().unwrap();
+    assert!(error(pass.record_backward(&mut frame.host())).contains("no gradients"));
+    engine.end(&frame).unwrap();
+    drop((frame, pass, memory, vertices, rasterizer));
+    assert_silent(engine);
+}
