@@ -1,6 +1,6 @@
-//! The malformed files of `tests/corpus`, which the fuzz targets begin with too: each is read or refused as its name says
-//! (`read_..`, `refused_..`, `refused_line4_..`), without a panic, with the file and where it has lines the line, and in little
-//! memory whatever it claims.
+//! Tests the malformed files of `tests/corpus`, which are also the seeds of the fuzz targets. Each is read or refused as its
+//! name says (`read_..`, `refused_..`, `refused_line4_..`), without a panic, in little memory, and with an error that names
+//! the file and, where the format has lines, the line.
 #![cfg(feature = "obj")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 

@@ -1,5 +1,5 @@
-//! Files that something has happened to: OBJ, MTL, PNG and NPZ files, mutated. Never a panic, never a file from outside the
-//! mesh's folder, always a mesh whose numbers are sound or an error that names the file.
+//! Tests that randomly mutated OBJ, MTL and PNG files give a valid mesh or an error that names the file, never a panic and
+//! never the content of a file outside the mesh's folder.
 #![cfg(feature = "obj")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
@@ -54,7 +54,7 @@ fn originals(folder: &Path) -> Vec<(String, Vec<u8>)> {
     names.map(|name| (name.to_string(), fs::read(folder.join(name)).unwrap())).to_vec()
 }
 
-/// That nothing is in a mesh that its constructor or the folder's rule forbids.
+/// Checks that a mesh is valid and contains no texture from outside the folder.
 fn judge(mesh: &Mesh) -> Result<(), String> {
     let sound = Mesh::new(mesh.positions().to_vec(), mesh.triangles().to_vec())
         .and_then(|again| again.with_appearance(mesh.appearance().clone()));

@@ -1,4 +1,4 @@
-//! A folder of this process for the files that a target reads; in memory where the system has such a place.
+//! A folder of this process for the files that a target reads, in memory where the system has /dev/shm.
 
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;

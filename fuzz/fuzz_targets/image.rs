@@ -1,4 +1,4 @@
-//! Any bytes as the texture of a mesh.
+//! Fuzzes the reader of textures with any bytes.
 #![no_main]
 
 mod folder;

@@ -1,4 +1,4 @@
-//! Any bytes as the MTL file of a mesh.
+//! Fuzzes the reader of MTL files with any bytes.
 #![no_main]
 
 mod folder;

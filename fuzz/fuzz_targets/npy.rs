@@ -1,10 +1,10 @@
-//! Any bytes as a numpy array.
+//! Fuzzes the reader of numpy arrays with any bytes.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
 
-#[allow(dead_code)] // What only the command needs.
-#[path = "../../src/cli/npz/npy.rs"]
+#[allow(dead_code)] // Parts that only the command uses.
+#[path = "../../crates/softras-cli/src/commands/npz/npy.rs"]
 mod npy;
 
 fuzz_target!(|bytes: &[u8]| {

@@ -1,4 +1,4 @@
-//! Any bytes as an OBJ file: a mesh or an error, never a panic.
+//! Fuzzes the reader of OBJ files with any bytes: the result is a mesh or an error, never a panic.
 #![no_main]
 
 mod folder;

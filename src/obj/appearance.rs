@@ -1,4 +1,4 @@
-//! Which appearance a mesh gets from its vertex colours, materials and textures.
+//! Chooses the appearance of a mesh from its vertex colours, materials and textures.
 
 use super::{
     LoadOptions,
@@ -29,7 +29,7 @@ pub(super) fn appearance(
 ) -> Result<Appearance> {
     let library = material::read_libraries(path, &obj.libraries, options.allow_outside, notes)?;
     let used = find_used(obj, &library, notes);
-    // Per face of the file; `None` is white.
+    // The material of each face; `None` is white.
     let material_of_face: Vec<Option<&Material>> =
         obj.faces.iter().map(|face| face.material.and_then(|m| used[m])).collect();
     let is_textured = |face: usize| obj.faces[face].has_uvs && material_of_face[face].is_some_and(|m| m.map.is_some());
@@ -63,7 +63,7 @@ fn color(material: Option<&Material>) -> [f32; 3] {
     material.and_then(|m| m.color).unwrap_or(WHITE)
 }
 
-/// For each name that `usemtl` says, its material.
+/// The material of each name that `usemtl` gives.
 fn find_used<'a>(obj: &Obj, library: &'a Materials, notes: &mut Vec<String>) -> Vec<Option<&'a Material>> {
     let mut find = |(name, line): &(String, usize)| {
         let material = library.find(name);
@@ -94,7 +94,7 @@ fn note_textures_without_uvs(obj: &Obj, material_of_face: &[Option<&Material>], 
     }
 }
 
-/// Faces without a texture get a 1×1 image of their colour.
+/// The appearance of a mesh with textures; faces without a texture get a 1×1 image of their colour.
 fn textured(
     path: &Path,
     obj: &mut Obj,

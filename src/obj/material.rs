@@ -1,6 +1,6 @@
-//! MTL files: the diffuse colour and the diffuse texture of each material.
+//! Reads MTL files: the diffuse colour and the diffuse texture of each material.
 //!
-//! Read here and not by tobj, which panics at `Kd 0.5` (a legal grey) and keeps no line for a texture.
+//! The crate tobj is not used, because it panics at `Kd 0.5` (a legal grey) and does not report the line of a texture.
 
 use super::statement::{Statement, read_text, statements};
 use crate::{
@@ -64,7 +64,7 @@ pub(super) fn read_libraries(
     notes: &mut Vec<String>,
 ) -> Result<Materials> {
     let mut materials = Materials::default();
-    // A file that is named again has nothing new, and would let a few bytes stand for very many.
+    // A file that is named again adds nothing; reading it again would let a small file cause a lot of work.
     let mut known = HashSet::new();
     for (names, line) in libraries {
         // One name with spaces, or several names.
@@ -79,7 +79,7 @@ pub(super) fn read_libraries(
                 notes.push(format!("line {line}: material file {file:?} not found: its materials are white"));
                 continue;
             }
-            judge_inside(obj, &mtl, allow_outside).map_err(|(what, fix)| Error::File {
+            check_inside(obj, &mtl, allow_outside).map_err(|(what, fix)| Error::File {
                 path: obj.into(),
                 line: Some(*line),
                 what,
@@ -139,8 +139,7 @@ fn read_library(mtl: &Path, materials: &mut Materials, notes: &mut Vec<String>) 
     Ok(())
 }
 
-/// What the other statements say of light and reflection is not part of the model; that a material is see-through is
-/// worth a word.
+/// Notes that a material is transparent. Other statements on light and reflection are outside the model and ignored.
 fn note_transparency(statement: &Statement, mut note: impl FnMut(&str)) {
     let value = statement.words().next().and_then(|word| word.parse::<f32>().ok());
     match (statement.keyword(), value) {
@@ -162,7 +161,7 @@ fn read_color(statement: &Statement) -> Option<[f32; 3]> {
     }
 }
 
-/// Takes the first word off.
+/// Splits off the first word.
 fn take<'a>(rest: &mut &'a str) -> &'a str {
     let (word, tail) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
     *rest = tail.trim_start();
@@ -213,12 +212,12 @@ pub(super) fn locate(parent: &Path, name: &str) -> PathBuf {
 
 /// Refuses a path that leads out of the folder of `obj`, be it by `..`, by an absolute path or by a link: a mesh from
 /// elsewhere must not make softras read other files.
-pub(super) fn judge_inside(obj: &Path, file: &Path, allow_outside: bool) -> std::result::Result<(), (String, String)> {
+pub(super) fn check_inside(obj: &Path, file: &Path, allow_outside: bool) -> std::result::Result<(), (String, String)> {
     let folder = obj.parent().unwrap_or(Path::new(""));
     let folder = if folder == Path::new("") { Path::new(".") } else { folder };
     let inside = match (folder.canonicalize(), file.canonicalize()) {
         (Ok(folder), Ok(file)) => file.starts_with(folder),
-        // It does not exist, so only its name can be judged.
+        // The file does not exist, so only its name can be checked.
         _ => file.strip_prefix(folder).is_ok_and(|rest| rest.components().all(|c| matches!(c, Component::Normal(_)))),
     };
     if inside || allow_outside {

@@ -1,9 +1,9 @@
 //! Wavefront OBJ files with their MTL materials and textures, read and written.
 //!
-//! A vertex of the mesh is a `v` of the file, at the same place in the order: meshes are fitted and compared vertex by
-//! vertex. All objects and groups become one mesh. What a file says and softras does not draw is told in
-//! [`Loaded::notes`]; only names, smoothing groups and reflection parameters (`Ka`, `Ks`, `illum`, bump maps, ..) go
-//! without a word.
+//! Every `v` statement of the file becomes a vertex of the mesh, in the same order, because meshes are fitted and compared
+//! vertex by vertex. All objects and groups become one mesh. [`Loaded::notes`] lists what the file contains and softras does
+//! not draw, except for names, smoothing groups and reflection parameters (`Ka`, `Ks`, `illum`, bump maps, ..), which are
+//! ignored silently.
 
 mod appearance;
 mod material;
@@ -21,7 +21,7 @@ pub use write::write_obj;
 use crate::{error::Result, scene::Mesh};
 use std::path::Path;
 
-/// How a file is read.
+/// Options for reading a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LoadOptions {
     /// Decode textures from sRGB to linear. Off, a texel is its value / 255, as in the official renderer.
@@ -31,12 +31,12 @@ pub struct LoadOptions {
     pub allow_outside: bool,
 }
 
-/// A mesh and what was not kept of its file.
+/// A mesh, and notes on what was not kept of its file.
 #[derive(Clone, Debug)]
 pub struct Loaded {
     /// The mesh.
     pub mesh: Mesh,
-    /// What the file says and the mesh does not, each with its line.
+    /// What the file contains and the mesh does not, each with its line.
     pub notes: Vec<String>,
 }
 
@@ -48,7 +48,7 @@ pub struct Loaded {
 ///
 /// # Errors
 /// [`Error::Io`] when the file cannot be read; [`Error::File`] with the line for anything malformed: a number that is
-/// none or not finite, an index out of range, a face of fewer than three corners, no faces at all, a texture that is
+/// malformed or not finite, an index out of range, a face of fewer than three corners, no faces at all, a texture that is
 /// missing, not an image, over 16384 pixels a side or outside the folder, or textures of over 2²⁷ pixels in all.
 ///
 /// [`Textured`]: crate::scene::Appearance::Textured

@@ -1,8 +1,8 @@
-//! Polygons as triangles: a fan where convex, ear clipping where not, in the polygon's plane.
+//! Triangulates polygons in their plane: convex ones as a fan, others by ear clipping.
 
 use glam::DVec3;
 
-/// Ear clipping takes up to the cube of the corners, so larger concave polygons are refused.
+/// Ear clipping takes time up to the cube of the number of corners, so larger concave polygons are refused.
 const MAX_CONCAVE: usize = 2048;
 
 /// A polygon's triangles.
@@ -34,7 +34,7 @@ pub(super) fn triangulate(corners: &[[f64; 3]]) -> Result<Cut, String> {
 
 /// Projects along the largest axis of the polygon's (Newell's) normal so that the polygon turns left.
 fn project(corners: &[[f64; 3]]) -> Vec<[f64; 2]> {
-    // Relative to the first corner: far from the origin the products would cancel.
+    // Relative to the first corner, because the products would cancel far from the origin.
     let corners: Vec<DVec3> = corners.iter().map(|&c| DVec3::from(c) - DVec3::from(corners[0])).collect();
     let next = corners.iter().cycle().skip(1);
     let normal: DVec3 = corners.iter().zip(next).map(|(a, &b)| a.cross(b)).sum();
@@ -49,7 +49,7 @@ fn turn(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }
 
-/// Only left turns, seen from the first corner too (a pentagram turns left everywhere).
+/// Whether there are only left turns, also as seen from the first corner (a pentagram turns left at every corner).
 fn is_convex(polygon: &[[f64; 2]]) -> bool {
     let n = polygon.len();
     let left = |a: usize, b: usize, c: usize| turn(polygon[a % n], polygon[b % n], polygon[c % n]) >= 0.0;
@@ -64,12 +64,12 @@ fn clip_ears(polygon: &[[f64; 2]]) -> Cut {
     while rest.len() > 3 {
         let n = rest.len();
         let ear = (0..n).map(|k| (at + k) % n).find(|&tip| is_ear(polygon, &rest, tip));
-        // A simple polygon always has an ear; without one any corner must do.
+        // A simple polygon always has an ear. If there is none, the polygon crosses itself, and any corner is cut off.
         cut.is_simple &= ear.is_some();
         let tip = ear.unwrap_or(at % n);
         cut.triangles.push([rest[(tip + n - 1) % n], rest[tip], rest[(tip + 1) % n]]);
         rest.remove(tip);
-        // Going on behind the ear keeps slivers few.
+        // Continuing behind the ear makes fewer slivers.
         at = tip + 1;
     }
     cut.triangles.push([rest[0], rest[1], rest[2]]);

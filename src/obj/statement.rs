@@ -1,4 +1,4 @@
-//! Text files as OBJ and MTL have them: one statement a line, with line numbers.
+//! Splits OBJ and MTL files into statements with line numbers.
 
 use crate::error::{Error, Result};
 use std::{borrow::Cow, fs, path::Path};
@@ -59,7 +59,7 @@ pub(super) fn statements(text: &str) -> impl Iterator<Item = Statement<'_>> {
         let mut body = Cow::Borrowed(first.trim());
         while let Some(head) = body.strip_suffix('\\') {
             let Some((next, _)) = lines.next() else { break };
-            // Appended in place: a file may be one long chain of continuations.
+            // Appended in place, so that a long chain of continuations takes linear time.
             let length = head.len();
             let mut joined = body.into_owned();
             joined.truncate(length);

@@ -1,6 +1,6 @@
-//! Image files as textures.
+//! Reads image files as textures.
 
-use super::material::{Map, judge_inside, locate};
+use super::material::{Map, check_inside, locate};
 use crate::{
     error::{Error, Result},
     scene::Texture,
@@ -11,7 +11,7 @@ use std::path::Path;
 /// The largest side of an image.
 const MAX_SIDE: u32 = 16384;
 
-/// The most texels of all images of a mesh: 1.5 GiB. A file of some kilobytes may claim more than that.
+/// The most texels of all images of a mesh, 1.5 GiB: an image of a few kilobytes may claim more than that.
 pub(super) const MAX_TEXELS: u64 = 1 << 27;
 
 /// Decodes the image that a material names.
@@ -28,7 +28,7 @@ pub(super) fn read(
 ) -> Result<Texture> {
     let path = locate(&map.mtl, &map.name);
     let refuse = |what: String, fix: String| Error::File { path: map.mtl.clone(), line: Some(map.line), what, fix };
-    judge_inside(obj, &path, options.allow_outside).map_err(|(what, fix)| refuse(what, fix))?;
+    check_inside(obj, &path, options.allow_outside).map_err(|(what, fix)| refuse(what, fix))?;
     let shown = path.display();
     if !path.is_file() {
         let fix = "put the image there or remove the map_Kd line".into();
@@ -39,7 +39,7 @@ pub(super) fn read(
         refuse(format!("texture {shown}: {error}"), fix)
     };
     let unreadable = |error| undecodable(image::ImageError::IoError(error));
-    // The content tells the format; the name may lie.
+    // The format is guessed from the content, because the name may be wrong.
     let mut reader = ImageReader::open(&path).and_then(ImageReader::with_guessed_format).map_err(unreadable)?;
     let mut limits = Limits::default();
     limits.max_image_width = Some(MAX_SIDE);
@@ -61,7 +61,7 @@ pub(super) fn read(
     Texture::new(width, height, texels, map.wrap)
 }
 
-/// The texels as value / 255 (or / 65535), which `into_rgb32f` misses by a rounding for grey images.
+/// The texels as value / 255 (or / 65535); `into_rgb32f` rounds differently for grey images.
 fn texels(image: DynamicImage, srgb: bool) -> Vec<[f32; 3]> {
     let value = |x: f32| if srgb { linear_from_srgb(x) } else { x };
     match image.color().bytes_per_pixel() / image.color().channel_count() {

@@ -1,4 +1,4 @@
-//! Meshes as OBJ, MTL and PNG files.
+//! Writes meshes as OBJ, MTL and PNG files.
 
 use super::output;
 use crate::{
@@ -11,11 +11,11 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// Writes a mesh that [`load`](super::load) reads back equal: numbers keep all their digits.
+/// Writes a mesh such that [`load`](super::load) reads back an equal one: numbers keep all their digits.
 ///
 /// Vertex colours go into the `v` lines, other colours into `NAME.mtl`, textures into `NAME.png` (or `NAME_0.png`,
-/// `NAME_1.png`, ..): 8 bits a channel where that is exact, else 16. Each file appears whole or not at all. Returns the
-/// files written, the OBJ file last.
+/// `NAME_1.png`, ..): 8 bits a channel where that is exact, else 16. Each file appears whole or not at all; the OBJ file
+/// comes last, when those that it names are complete. Returns the files written, the OBJ file last.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Mesh`] for what these formats cannot hold: surface textures of more than one cell, texels

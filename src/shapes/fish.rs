@@ -1,5 +1,5 @@
-//! A clownfish with a 7 on its sides: one closed surface and one painted texture. Whatever mirrors or flips an image
-//! shows at once: it swims towards +x with its back up (+y), and the 7 reads right from either side.
+//! A clownfish with a 7 on its sides: one closed surface with one painted texture. A mirrored or flipped image is noticed
+//! at once, because the fish swims towards +x with its back up (+y) and the 7 is legible from either side.
 
 use crate::{
     error::Result,
@@ -33,13 +33,13 @@ const OUTLINE: [[f64; 4]; 13] = [
     [-0.99, 0.46, -0.43, 0.006],
 ];
 
-/// x, y of the eyes and how far they reach.
+/// x and y of the eyes, and their radius.
 const EYE: [f64; 3] = [0.70, 0.13, 0.12];
 
 /// The fish: 4926 triangles, 2 units long, in one image texture.
 ///
 /// # Errors
-/// None; the signature is that of the other shapes.
+/// Never; the result type is that of the other shapes.
 pub fn fish() -> Result<Mesh> {
     let (mut points, mut uvs) = (vec![surface(0.0, 0.0)], Vec::new());
     // Row 0 of the image is the nose. Half a texel from the border, where sampling would wrap from nose to tail.

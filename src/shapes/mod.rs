@@ -1,4 +1,4 @@
-//! Meshes that softras makes itself: closed, counter-clockwise seen from outside, about the origin and within ±1.1.
+//! Built-in meshes: closed, counter-clockwise seen from outside, around the origin and within ±1.1.
 
 mod fish;
 
@@ -17,7 +17,7 @@ pub const NAMES: [&str; 4] = ["cube", "icosphere", "torus", "fish"];
 /// A mesh by its name: those of [`NAMES`], the icosphere with 3 subdivisions, the torus with 64×32 quads.
 ///
 /// # Errors
-/// [`Error::Mesh`] naming the names there are.
+/// [`Error::Mesh`] for any other name; it lists the valid ones.
 pub fn by_name(name: &str) -> Result<Mesh> {
     match name {
         "cube" => cube(),
@@ -36,7 +36,7 @@ fn shape_error<T>(what: String, fix: String) -> Result<T> {
 /// +y and -y, blue and yellow at +z and -z.
 ///
 /// # Errors
-/// None; the signature is that of the other shapes.
+/// Never; the result type is that of the other shapes.
 pub fn cube() -> Result<Mesh> {
     let corner = |i: u32| [i & 1, i >> 1 & 1, i >> 2 & 1].map(|bit| if bit == 1 { 0.6 } else { -0.6 });
     // For each face its corners in a ring; bit 0 of a corner's number is x, bit 1 y, bit 2 z.

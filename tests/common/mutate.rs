@@ -1,4 +1,4 @@
-//! What happens to files: bytes that change, go, come twice; numbers and lines that readers trip over.
+//! Random mutations of files: bytes that change, vanish or repeat, and numbers and lines that are hard to read.
 
 use softras_cli::stress::Random;
 
@@ -11,7 +11,7 @@ fn is_number(byte: u8) -> bool {
     byte.is_ascii_digit() || b"+-.eE".contains(&byte)
 }
 
-/// Where a random number of the text is, if there is one near.
+/// The position of a number in the text, searched from a random place.
 fn a_number(random: &mut Random, bytes: &[u8]) -> Option<std::ops::Range<usize>> {
     let from = random.below(bytes.len().max(1));
     let start = from + bytes.get(from..)?.iter().position(|b| b.is_ascii_digit())?;
@@ -19,7 +19,7 @@ fn a_number(random: &mut Random, bytes: &[u8]) -> Option<std::ops::Range<usize>>
     Some(start..end)
 }
 
-/// One thing that happens to a file.
+/// Applies one random mutation to a file.
 pub fn mutate(random: &mut Random, bytes: &mut Vec<u8>) {
     let at = random.below(bytes.len().max(1)).min(bytes.len());
     let end = (at + random.log_range(1.0, 300.0) as usize).min(bytes.len());

@@ -1,4 +1,4 @@
-//! Vertices, faces and polygons as the file has them.
+//! Tests of vertices, faces and polygons.
 
 use super::*;
 use softras_cli::random::Random;

@@ -1,5 +1,5 @@
-//! OBJ, MTL and texture files: what is read, what is noted, what is refused with its line, and that writing and reading
-//! give the mesh back.
+//! Tests of OBJ, MTL and texture files: what is read, what is noted, what is refused with its line, and that a written mesh
+//! is read back unchanged.
 #![cfg(feature = "obj")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
@@ -38,7 +38,7 @@ fn load_with_mtl(obj: &str, mtl: &str) -> softras::Result<Loaded> {
     load_in(&folder(&[("mesh.obj", obj), ("mesh.mtl", mtl)]))
 }
 
-/// The mesh of a text that is read without a word.
+/// The mesh of a text that is read without notes.
 #[track_caller]
 fn quiet(obj: impl AsRef<[u8]>) -> Mesh {
     let loaded = load_text(obj).unwrap();

@@ -1,4 +1,4 @@
-//! Materials and textures as colours.
+//! Tests of materials and textures.
 
 use super::*;
 

@@ -1,4 +1,4 @@
-//! What is malformed, with its line.
+//! Tests that malformed files are refused with the line at fault.
 
 use super::*;
 

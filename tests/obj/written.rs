@@ -1,4 +1,4 @@
-//! What is written is read again.
+//! Tests of writing meshes: what is written is read back, and files appear whole or not at all.
 
 use super::*;
 

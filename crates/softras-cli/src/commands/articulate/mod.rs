@@ -1,4 +1,4 @@
-//! `softras articulate`: the pose of a jointed figure from one picture in which a limb is hidden.
+//! `softras articulate`: fits the pose of a jointed figure to one picture in which a limb is hidden.
 
 pub mod args;
 mod trial;
@@ -59,12 +59,12 @@ pub fn run(args: &ArticulateArgs) -> Result<(), Failure> {
     tell(args, &rows, &seen, renderer.device_name())
 }
 
-/// A method's errors, trial by trial.
+/// The errors of a method in all trials.
 struct Row {
     name: &'static str,
     /// Degrees by which the hidden joint is wrong.
     hidden: Vec<f64>,
-    /// The mean of all other joints.
+    /// The mean error of all other joints, degrees.
     others: Vec<f64>,
     seconds: f64,
 }
@@ -82,7 +82,7 @@ impl Row {
     }
 }
 
-/// Writes what was asked for of the first trial.
+/// Writes the requested files of the first trial.
 fn show(
     args: &ArticulateArgs,
     stage: &Stage,
@@ -102,7 +102,7 @@ fn show(
     }
 }
 
-/// Target, start and two fits, from the camera and from behind.
+/// Writes the picture of target, start and two fits, from the camera and from behind.
 fn picture(
     path: &Path,
     stage: &Stage,

@@ -1,4 +1,4 @@
-//! A pose to find, a pose to begin at, and the ways from one to the other.
+//! Trials of `softras articulate`: a pose to find, a pose to start from, and the methods of fitting.
 
 use super::args::ArticulateArgs;
 use glam::DVec3;
@@ -12,26 +12,26 @@ use std::time::Instant;
 /// The joint that is hidden, and the bones that it carries.
 pub const HIDDEN: &str = "left forearm";
 const DISTANCE: f64 = 5.0;
-/// Draws until the limb is hidden at the start and not quite at the target.
+/// The most draws of a pose until the limb is hidden at the start and partly visible in the target.
 const DRAWS: usize = 500;
-/// The parts of the limb's triangles that a target may show.
+/// The least and the largest share of the limb's triangles that a target may show.
 const LEAST_SEEN: f64 = 0.03;
 const MOST_SEEN: f64 = 0.3;
 
-/// One way of fitting.
+/// A method of fitting.
 pub struct Method {
-    /// What it is called.
+    /// Its name.
     pub name: &'static str,
     /// Its options.
     pub options: FigureOptions,
 }
 
-/// The baselines first.
+/// All methods, the baselines first.
 pub fn methods(args: &ArticulateArgs) -> Vec<Method> {
     let soft = FigureOptions { iterations: args.iterations as usize, ..FigureOptions::default() };
     let visible = FigureOptions { sight: Sight::VisibleOnly, ..soft.clone() };
     let silhouette = FigureOptions { weights: [0.0, soft.weights[1]], ..soft.clone() };
-    // The same gamma; of three sigmas the best on other seeds.
+    // The same gamma, and the best of three sigmas on other seeds.
     let constant = FigureOptions { sigma: Schedule::Constant(1e-4), blur: Schedule::Constant(0.0), ..soft.clone() };
     let method = |name, options| Method { name, options };
     vec![
@@ -42,44 +42,44 @@ pub fn methods(args: &ArticulateArgs) -> Vec<Method> {
     ]
 }
 
-/// The figure, who looks at it, and in how many pixels.
+/// The figure, its camera and the image size.
 pub struct Stage {
-    /// What is posed.
+    /// The figure.
     pub figure: Figure,
-    /// From the front.
+    /// A camera in front of the figure.
     pub camera: Camera,
-    /// Size and depths.
+    /// The image size, near and far.
     pub settings: Settings,
 }
 
 /// One pose to find.
 pub struct Trial {
-    /// What is to be found.
+    /// The pose to find.
     pub truth: SkeletonPose,
-    /// Where the fits begin.
+    /// The pose that the fits start from.
     pub start: SkeletonPose,
-    /// The part of the limb's triangles that the target shows.
+    /// The share of the limb's triangles that the target shows.
     pub seen: f64,
     target: PoseTarget,
 }
 
-/// What a method came to.
+/// The result of a method.
 pub struct Found {
-    /// The pose.
+    /// The pose that was found.
     pub pose: SkeletonPose,
-    /// The whole fit.
+    /// The time of the whole fit.
     pub seconds: f64,
 }
 
 impl Stage {
-    /// The mannequin seen by a camera that is as high as its chest.
+    /// The mannequin, and a camera at the height of its chest.
     pub fn new(size: u32) -> Result<Self> {
         let settings =
             Settings { width: size, height: size, near: DISTANCE - 1.0, far: DISTANCE + 1.0, ..Settings::default() };
         Ok(Self { figure: softras_cli::articulated::mannequin()?, camera: camera(1.0)?, settings })
     }
 
-    /// What the camera, or one behind the figure, sees of a mesh, sharply.
+    /// Renders a mesh sharply, seen by the camera or by one behind the figure.
     pub fn look(
         &self,
         renderer: &mut Renderer,
@@ -99,7 +99,7 @@ impl Stage {
         renderer.render(&Scene::new(mesh.clone()), &[camera], &settings)
     }
 
-    /// The parts of the hidden joint's triangles that are seen in a pose.
+    /// The share of the hidden limb's triangles that are visible in a pose.
     fn seen(&self, renderer: &mut Renderer, pose: &SkeletonPose) -> Result<f64> {
         let mesh = self.figure.posed(pose)?;
         let visible = visible_triangles(renderer, &mesh, &self.camera, &self.settings)?;
@@ -114,8 +114,8 @@ impl Stage {
         Ok(seen as f64 / f64::from(all.max(1)))
     }
 
-    /// The next trial: drawn again until the limb is wholly hidden at the start, and neither wholly hidden nor wholly
-    /// seen in the target; `None` where no draw is.
+    /// Draws the next trial, repeatedly until the limb is wholly hidden at the start and partly visible in the target;
+    /// `None` if no draw is such.
     pub fn draw(&self, random: &mut Random, renderer: &mut Renderer) -> Result<Option<Trial>> {
         for _ in 0..DRAWS {
             let (truth, start) = self.poses(random);
@@ -133,7 +133,7 @@ impl Stage {
         Ok(None)
     }
 
-    /// Target and start, which lies within 7 degrees of it in every angle but the hidden elbow.
+    /// Draws target and start; the start is within 7 degrees of the target in every angle but the hidden elbow.
     fn poses(&self, random: &mut Random) -> (SkeletonPose, SkeletonPose) {
         let skeleton = self.figure.skeleton();
         let (mut truth, mut start) = (skeleton.rest(), skeleton.rest());
@@ -153,7 +153,7 @@ impl Stage {
         let hidden = skeleton.find(HIDDEN).map_or(0..0, |bone| skeleton.angles_of(bone));
         for (i, &(middle, spread)) in ranges.into_iter().flatten().enumerate() {
             let angle = middle + random.range(-spread, spread);
-            // The elbow begins bent further: the hand is higher up behind the back.
+            // The elbow starts bent further, with the hand higher up behind the back.
             let away = if hidden.contains(&i) { random.range(34.0, 40.0) } else { random.range(-7.0, 7.0) };
             truth.angles[i] = angle.to_radians();
             start.angles[i] = (angle + away).to_radians();
@@ -163,7 +163,7 @@ impl Stage {
         (truth, start)
     }
 
-    /// Fits a trial in one way.
+    /// Fits a trial with one method.
     pub fn fit(&self, trial: &Trial, method: &Method, renderer: &mut Renderer) -> Result<Found> {
         let before = Instant::now();
         let (figure, start) = (self.figure.clone(), trial.start.clone());
@@ -174,7 +174,7 @@ impl Stage {
         Ok(Found { pose: fit.pose().clone(), seconds: before.elapsed().as_secs_f64() })
     }
 
-    /// Degrees by which the hidden joint is wrong, and the mean over all others.
+    /// The error of the hidden joint in degrees, and the mean error of all others.
     pub fn errors(&self, pose: &SkeletonPose, truth: &SkeletonPose) -> [f64; 2] {
         let skeleton = self.figure.skeleton();
         let hidden = skeleton.find(HIDDEN).unwrap_or(0);

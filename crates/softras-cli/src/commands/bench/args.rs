@@ -1,4 +1,4 @@
-//! What `softras bench` takes.
+//! The arguments of `softras bench`.
 
 use crate::commands::parse;
 use clap::{Args, ValueEnum};
@@ -9,21 +9,21 @@ use std::path::PathBuf;
 #[derive(Args, Debug)]
 #[command(after_help = "\
 The mesh is centred, scaled to 70 % of the image's height and seen from distance 2.732, elevation 30°.
-Without a mesh: softras' own fish, and icospheres of 1280 and 20480 triangles.
+Without a mesh, the built-in fish and icospheres of 1280 and 20480 triangles are measured.
 
-median   milliseconds that a user of the library waits, upload and download included. forward: a frame
-         for looking at; backward: the gradient to vertex positions and colours; frame: a frame that
-         keeps what backward needs, and backward
-of full  median / that of the same pass of color+silhouette: what a mode saves by not doing the rest
+median   milliseconds of wall time for a user of the library, upload and download included. forward: a
+         frame that saves nothing for backward; backward: the gradient by vertex positions and colours;
+         frame: a frame that saves what backward needs, and backward
+of full  median / median of the same pass of color+silhouette
 device   milliseconds of the stages by the device's own clock
-floor    pairs needed x the least operations that a pair takes / the device's measured peak
-pairs    (pixel, triangle) pairs: needed, those that the model keeps; evaluated, those computed (of
-         backward the pixels of all triangles' boxes, of which it may skip whole ones)
-error    the largest error of any value against the model in f64 at the same tau, outside the few
-         pixels that lie within 1e-4 of a jump of the model; of backward, |device - f64| / |f64| of the
-         gradient (only where the f64 side takes seconds); untruncated: against the model without tau
+floor    pairs needed x the least operations of a pair / the device's measured peak rate
+pairs    (pixel, triangle) pairs. needed: those that the model keeps; evaluated: those computed (for
+         backward, the pixels of all triangles' boxes, some of which it may skip)
+error    the largest error of any value against the model in f64 at the same tau, without the few pixels
+         that lie within 1e-4 of a discontinuity of the model; for backward, |device - f64| / |f64| of
+         the gradient (left out where f64 would take minutes); untruncated: against the model without tau
 
-Machines are noisy: compare within one run.
+Timings vary between runs, so compare figures of the same run.
 
 Examples:
   softras bench --quick
@@ -35,10 +35,10 @@ pub struct BenchArgs {
     /// Sides of the square images, pixels [default: 64,256,512; with --quick 64]
     #[arg(long, value_name = "PIXELS", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..=16384))]
     pub size: Vec<u32>,
-    /// What to render [default: all; with --quick color+silhouette and silhouette]
+    /// The modes to measure [default: all; with --quick color+silhouette and silhouette]
     #[arg(long, value_enum, value_delimiter = ',')]
     pub modes: Vec<Mode>,
-    /// Views a frame, around the mesh
+    /// Number of views of a frame, around the mesh
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096), default_value_t = 1)]
     pub batch: u32,
     /// Softness of edges, screen units² (1 = half the image's height)
@@ -47,28 +47,29 @@ pub struct BenchArgs {
     /// Softness of the depth order, in units of far - near
     #[arg(long, value_parser = parse::positive, default_value_t = 1e-4)]
     pub gamma: f64,
-    /// The influence below which a triangle is left out
+    /// The influence on a pixel below which a triangle is ignored there
     #[arg(long, value_parser = parse::positive, default_value_t = 1e-4)]
     pub tau: f64,
-    /// probability: tau bounds the silhouette's error, as elsewhere; guaranteed: every image's
+    /// probability: tau bounds the error of the silhouette; guaranteed: tau bounds the error of every image
     #[arg(long, value_enum, default_value = "probability")]
     pub support: crate::commands::render::args::Support,
-    /// weighted: as the paper, one more entry of the softmax; composite: colour fades with the silhouette
+    /// weighted: the background is one more entry of the softmax, as in the paper; composite: colour fades with the
+    /// silhouette
     #[arg(long, value_enum, default_value = "weighted")]
     pub background_mode: crate::commands::render::args::BackgroundMode,
-    /// How often each frame is timed [default: 20; with --quick 5]
+    /// Number of times that each frame is timed [default: 20; with --quick 5]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10000))]
     pub repeats: Option<u32>,
-    /// Seconds rather than minutes: one mesh, one size, two modes, few repeats
+    /// Measure for seconds in place of minutes: one mesh, one size, two modes, few repeats
     #[arg(long)]
     pub quick: bool,
-    /// Leave out the errors, which the f64 model takes seconds for where images or meshes are large
+    /// Leave out the errors, for which the f64 model takes seconds on large images or meshes
     #[arg(long)]
     pub no_errors: bool,
     /// Write the rows as one JSON list
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
-    /// Write pictures (.svg) into this folder: run time against error, growth, stages. Takes some minutes more
+    /// Write pictures (.svg) into this folder: run time against error, growth, stages. This takes some minutes more
     #[arg(long, value_name = "DIR")]
     pub plots: Option<PathBuf>,
     /// The Vulkan device: its index or a part of its name, as `softras devices` lists them [default: the best one]
@@ -83,7 +84,7 @@ pub enum Mode {
     Color,
     /// Silhouette alone
     Silhouette,
-    /// Both
+    /// Colour and silhouette
     #[value(name = "color+silhouette")]
     ColorSilhouette,
     /// Depth alone
@@ -114,7 +115,7 @@ impl From<Mode> for measure::Mode {
 }
 
 impl BenchArgs {
-    /// Sides of the images.
+    /// The sides of the images.
     pub fn sizes(&self) -> Vec<u32> {
         match (&self.size[..], self.quick) {
             ([], true) => vec![64],
@@ -123,7 +124,7 @@ impl BenchArgs {
         }
     }
 
-    /// What to render.
+    /// The modes to measure.
     pub fn measured_modes(&self) -> Vec<measure::Mode> {
         match (&self.modes[..], self.quick) {
             ([], true) => vec![measure::Mode::ColorSilhouette, measure::Mode::Silhouette],
@@ -132,12 +133,12 @@ impl BenchArgs {
         }
     }
 
-    /// How often each frame is timed.
+    /// The number of times that each frame is timed.
     pub fn repeats(&self) -> usize {
         self.repeats.unwrap_or(if self.quick { 5 } else { 20 }) as usize
     }
 
-    /// The settings of a frame but for its mode.
+    /// The settings of a frame, except for its mode.
     pub fn settings(&self, size: u32) -> softras::Settings {
         softras::Settings {
             sigma: self.sigma,

@@ -1,4 +1,4 @@
-//! Where and with what was measured, so that two runs can be compared.
+//! The device and program of a measurement, so that two runs can be compared.
 
 use serde_json::{Value, json};
 use softras::Renderer;
@@ -13,17 +13,18 @@ pub struct Machine {
     pub kind: String,
     pub driver: String,
     pub version: &'static str,
-    /// Of the checkout that the program lies in, with a + where files were changed since; none for an installed one.
+    /// The commit of the checkout that contains the program, with a + if files were changed since; none for an installed
+    /// program.
     pub commit: Option<String>,
-    /// A hash of the compiled kernels: equal where the same GPU code ran.
+    /// A hash of the compiled kernels, equal if the same GPU code ran.
     pub kernels: String,
     pub threads: usize,
-    /// Measured peak, operations a second.
+    /// The measured peak in operations a second.
     pub peak: f64,
 }
 
 impl Machine {
-    /// Of an open device and its measured peak.
+    /// Describes an open device and its measured peak.
     pub fn of(renderer: &Renderer, peak: f64) -> Self {
         let info = renderer.device_info();
         Self {
@@ -65,7 +66,7 @@ fn hash() -> String {
     format!("{hash:016x}")
 }
 
-/// The checkout's commit, where the program was built in one and git is there to ask.
+/// The checkout's commit, if the program lies in a checkout and git is installed.
 fn commit() -> Option<String> {
     let program = std::env::current_exe().ok()?;
     let root = program.ancestors().find(|folder| is_ours(folder))?;

@@ -1,4 +1,4 @@
-//! `softras bench`: what frames cost here, next to what they must cost, and how exact they are.
+//! `softras bench`: measures the time of frames, its floor, and the error of frames.
 
 pub mod args;
 mod machine;
@@ -9,7 +9,7 @@ use super::progress::Progress;
 use super::{Failure, note, say};
 use args::BenchArgs;
 use machine::Machine;
-use rows::{Job, Judged, Row, measure, rows};
+use rows::{Expected, Job, Row, measure, rows};
 use serde_json::Value;
 use softras::internals::output;
 use softras::obj::LoadOptions;
@@ -54,7 +54,7 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     for (name, mesh) in &meshes {
         let scene = subject::scene(mesh)?;
         for size in args.sizes() {
-            // Whoever else uses the machine makes the peak look lower, never higher.
+            // Other work on the machine can only lower the measured peak, so the highest one counts.
             machine.peak = machine.peak.max(peak_flops(Some(&index))?);
             all.extend(size_rows(args, &mut renderer, machine.peak, name, &scene, &cameras, size)?);
         }
@@ -70,7 +70,7 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     }
 }
 
-/// Measures what the pictures show beside the rows, prints it, and draws.
+/// Measures what the pictures show beside the rows, prints it and draws the pictures.
 fn pictures(
     args: &BenchArgs,
     folder: &Path,
@@ -106,7 +106,7 @@ fn pictures(
     say(&format!("{}: front.svg, growth.svg, stages.svg", folder.display()))
 }
 
-/// All modes at one size, printed as they come.
+/// Measures all modes at one size and prints each row when it is done.
 fn size_rows(
     args: &BenchArgs,
     renderer: &mut Renderer,
@@ -121,8 +121,8 @@ fn size_rows(
         let settings = mode.of(&args.settings(size));
         let job = Job { name, scene, cameras, settings, mode, repeats: args.repeats() };
         let spinner = Progress::spinner(&format!("{name} {size} {}", mode.name()));
-        let judged = if args.no_errors { None } else { Some(Judged::of(&job)?) };
-        let found = measure(renderer, &job, judged.as_ref())?;
+        let expected = if args.no_errors { None } else { Some(Expected::of(&job)?) };
+        let found = measure(renderer, &job, expected.as_ref())?;
         drop(spinner);
         let mut rows = rows(&job, &found);
         for row in &mut rows {
@@ -135,7 +135,7 @@ fn size_rows(
     Ok(all)
 }
 
-/// The mesh asked for, or softras' own.
+/// The given mesh, or the built-in ones.
 fn meshes(args: &BenchArgs) -> Result<Vec<(String, Mesh)>, Failure> {
     if let Some(path) = &args.mesh {
         let loaded = softras::obj::load(path, &LoadOptions::default())?;

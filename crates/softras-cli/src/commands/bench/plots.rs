@@ -1,4 +1,4 @@
-//! Pictures of a run: the front of run time against error, growth, and where the time goes.
+//! Pictures of a run: run time against error, growth, and the time of the stages.
 
 use super::rows::Row;
 use crate::commands::svg;
@@ -20,7 +20,7 @@ const COLORS: [RGBColor; 8] = [
     RGBColor(188, 189, 34),
 ];
 
-/// The least and the largest of positive numbers, with some room; 0.1 to 10 of none.
+/// The range of the positive numbers with some room around it; 0.1 to 10 if there are none.
 fn room(values: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
     let (low, high) = values
         .filter(|x| *x > 0.0 && x.is_finite())
@@ -73,7 +73,7 @@ fn curves(path: &Path, title: &str, axes: [&str; 2], all: &[(String, Vec<(f64, f
     })
 }
 
-/// Run time against error as τ changes.
+/// Draws run time against error as τ changes.
 ///
 /// # Errors
 /// [`softras::Error::Io`].
@@ -85,13 +85,13 @@ pub fn front(path: &Path, title: &str, all: &[Curve]) -> Result<()> {
     curves(path, title, ["milliseconds, forward and backward", "largest error against the untruncated model"], &series)
 }
 
-/// Time against something, with the fitted exponents in the names.
+/// Draws times against the size of inputs, with the fitted exponents in the names.
 ///
 /// # Errors
 /// [`softras::Error::Io`].
 pub fn growth(path: &Path, title: &str, all: &[Growth]) -> Result<()> {
     let name = |g: &Growth| format!("{}: time ~ x^{:.2}", g.name, g.exponent());
-    // Everything relative to its first point, so that all fit one picture.
+    // All curves are relative to their first points, so that they fit one picture.
     let points = |g: &Growth| {
         let first = g.points.first().copied().unwrap_or((1.0, 1.0));
         g.points.iter().map(|p| (p.0 / first.0, p.1 / first.1)).collect()
@@ -100,7 +100,7 @@ pub fn growth(path: &Path, title: &str, all: &[Growth]) -> Result<()> {
     curves(path, title, ["x, relative to the first", "milliseconds, relative to the first"], &series)
 }
 
-/// Each frame row's stages as a stacked bar.
+/// Draws the stages of each row of the pass `frame` as a stacked bar.
 ///
 /// # Errors
 /// [`softras::Error::Io`].
@@ -149,7 +149,7 @@ pub fn stages(path: &Path, title: &str, rows: &[Row]) -> Result<()> {
     })
 }
 
-/// The stages that take more than a hundredth of some row, in order, and the host's share at last.
+/// The stages that take more than a hundredth of the time of some row, in order, and at last the host.
 fn stage_names(rows: &[&Row]) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
     for row in rows {

@@ -1,4 +1,4 @@
-//! One scene, size and mode measured: three rows, one a pass.
+//! Measures one scene, size and mode: three rows, one for each pass.
 
 use super::machine::Machine;
 use crate::commands::describe;
@@ -11,28 +11,28 @@ use softras_cli::measure::error::{self, ImageError};
 use softras_cli::measure::time::{Times, times, upstream};
 use softras_cli::measure::{Mode, floor};
 
-/// Pairs up to which the judge differentiates: some seconds.
+/// The most pairs for which the reference computes gradients, which takes some seconds.
 const GRADIENT_PAIRS: u64 = 3_000_000;
 
-/// What is measured.
+/// A scene, size and mode to measure.
 pub struct Job<'a> {
     pub name: &'a str,
     pub scene: &'a Scene,
     pub cameras: &'a [Camera],
-    /// Those of the mode.
+    /// The settings of the mode.
     pub settings: Settings,
     pub mode: Mode,
     pub repeats: usize,
 }
 
-/// The judge's images of a job, or none where errors were not asked for.
-pub struct Judged {
+/// The reference's images of a job.
+pub struct Expected {
     pub same_tau: ReferenceFrame,
     pub untruncated: ReferenceFrame,
 }
 
-impl Judged {
-    /// Both images of the f64 model.
+impl Expected {
+    /// Renders both with the f64 reference.
     pub fn of(job: &Job<'_>) -> Result<Self> {
         Ok(Self {
             same_tau: reference::render_culled(job.scene, job.cameras, &job.settings)?,
@@ -41,13 +41,13 @@ impl Judged {
     }
 }
 
-/// What was found.
+/// The measurements of a job.
 pub struct Measured {
     pub times: Times,
     pub pairs: Pairs,
     /// Pairs that the forward stage evaluated.
     pub forward_pairs: u64,
-    /// Against the judge at the same τ, and without truncation.
+    /// Errors against the reference at the same τ, and without truncation.
     pub errors: Option<[ImageError; 2]>,
     pub gradient_error: Option<f64>,
 }
@@ -56,17 +56,17 @@ pub struct Measured {
 ///
 /// # Errors
 /// As [`Renderer::render`] and [`Renderer::backward`].
-pub fn measure(renderer: &mut Renderer, job: &Job<'_>, judged: Option<&Judged>) -> Result<Measured> {
+pub fn measure(renderer: &mut Renderer, job: &Job<'_>, expected: Option<&Expected>) -> Result<Measured> {
     let pairs = softras::internals::reference::pairs(job.scene, job.cameras, &job.settings)?;
     let times = times(renderer, job.scene, job.cameras, &job.settings, job.mode, job.repeats)?;
     let saved = Settings { save: true, ..job.settings.clone() };
     let frame = renderer.render(job.scene, job.cameras, &saved)?;
     let forward_pairs = renderer.frame_counts()?.forward_pairs;
-    let errors = judged.map(|judged| {
-        let same = error::images(&frame, &judged.same_tau, Some(&judged.same_tau.margin));
-        [same, error::images(&frame, &judged.untruncated, None)]
+    let errors = expected.map(|expected| {
+        let same = error::images(&frame, &expected.same_tau, Some(&expected.same_tau.margin));
+        [same, error::images(&frame, &expected.untruncated, None)]
     });
-    let gradient_error = if judged.is_some() && pairs.total() <= GRADIENT_PAIRS {
+    let gradient_error = if expected.is_some() && pairs.total() <= GRADIENT_PAIRS {
         let upstream = upstream(job.mode, job.cameras.len(), &job.settings);
         let gradients = renderer.backward(&frame, &upstream, &job.mode.wanted())?;
         Some(error::gradient(&gradients, job.scene, job.cameras, &job.settings, job.mode)?)
@@ -84,10 +84,10 @@ pub struct Row {
     pub mode: &'static str,
     pub pass: &'static str,
     pub median: f64,
-    /// The median over that of the same pass of colour and silhouette, where that was measured.
+    /// The median divided by that of the same pass of colour and silhouette, if that was measured.
     pub of_full: Option<f64>,
     pub device: f64,
-    /// Least operations of all needed pairs.
+    /// The least operations of all needed pairs.
     pub operations: f64,
     pub needed: u64,
     pub evaluated: u64,
@@ -156,7 +156,7 @@ pub fn rows(job: &Job<'_>, found: &Measured) -> Vec<Row> {
     ]
 }
 
-/// What makes two rows comparable.
+/// The fields that tell whether two rows are comparable.
 fn common(job: &Job<'_>, found: &Measured) -> Map<String, Value> {
     let s = &job.settings;
     let mut fields = Map::new();
@@ -173,12 +173,12 @@ fn common(job: &Job<'_>, found: &Measured) -> Map<String, Value> {
 }
 
 impl Row {
-    /// The least milliseconds that the work can take at a peak of operations a second.
+    /// The least milliseconds that the work can take at a peak rate in operations a second.
     pub fn floor(&self, peak: f64) -> f64 {
         self.operations / peak * 1e3
     }
 
-    /// All of it, and where it was measured.
+    /// The row as JSON, with the machine.
     pub fn json(&self, machine: &Machine) -> Value {
         let stages: Map<String, Value> =
             self.stages.iter().map(|t| (t.stage.to_string(), json!(t.milliseconds))).collect();
@@ -203,15 +203,15 @@ impl Row {
         &self.stages
     }
 
-    /// From where to where the `index`th of the named stages goes in a bar of all of them, milliseconds; the last is
-    /// what is left of the wall time.
+    /// Start and end in milliseconds of the `index`th of the named stages in a stacked bar; the last name stands for the rest
+    /// of the wall time.
     pub fn span(&self, names: &[String], index: usize) -> (f64, f64) {
         let time = |name: &String| self.stages.iter().filter(|t| t.stage == *name).map(|t| t.milliseconds).sum::<f64>();
         let start: f64 = names[..index].iter().map(time).sum();
         if index + 1 == names.len() { (start, self.median.max(start)) } else { (start, start + time(&names[index])) }
     }
 
-    /// The heads of [`Row::text`]'s columns.
+    /// The headings of the columns of [`Row::text`].
     pub fn head() -> String {
         format!(
             "{:12} {:>7} {:>5} {:16} {:8} {:>9} {:>7} {:>9} {:>9} {:>7} {:>9} {:>10} {:>9} {:>9}",

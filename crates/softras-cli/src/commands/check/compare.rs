@@ -1,13 +1,13 @@
-//! One scene by the device and by the judge, and how far they are apart.
+//! Compares one scene between the device and the f64 reference.
 
 use super::scenes::Case;
 use crate::commands::gradients;
 use softras::reference::{self, Parameters, ReferenceFrame};
 use softras::{Frame, Image, ImageGradient, Renderer, Result, Settings, Wanted};
 
-/// Pixels nearer to a jump of the model than this may fall on its other side.
+/// Pixels nearer to a discontinuity of the model than this are not compared: rounding may put them on its other side.
 const MARGIN: f64 = 1e-4;
-/// The most that a value of an image may be off: parts of a colour, world units of depth.
+/// The tolerance of a value of an image: of a colour in [0, 1], or of a depth in world units.
 pub const IMAGE_TOLERANCE: f64 = 1e-4;
 
 /// The images, as the columns of the table name them.
@@ -15,9 +15,9 @@ pub const IMAGES: [&str; 4] = ["color", "silh.", "depth", "normal"];
 /// The gradients, as the columns of the table name them.
 pub const GRADIENTS: [&str; 8] = ["vertex", "color", "texel", "uv", "camera", "light", "backgr", "scalar"];
 
-/// What a scene showed; `None` where it has no such image or gradient.
+/// The errors of a scene; `None` where it has no such image or gradient.
 pub struct Findings {
-    /// The largest error of each of [`IMAGES`], outside the judge's margin.
+    /// The largest error of each of [`IMAGES`], outside the reference's margin.
     pub images: [Option<f64>; 4],
     /// The relative L2 error of each of [`GRADIENTS`].
     pub gradients: [Option<f64>; 8],
@@ -26,24 +26,24 @@ pub struct Findings {
 }
 
 impl Findings {
-    /// Whether all is as it must be.
+    /// Whether all errors are within the tolerances and the bits repeat.
     pub fn pass(&self, gradient_tolerance: f64) -> bool {
-        // A comparison with NaN is false.
+        // An error of NaN fails, because its comparison is false.
         let within = |errors: &[Option<f64>], most: f64| errors.iter().flatten().all(|error| *error <= most);
         self.repeats && within(&self.images, IMAGE_TOLERANCE) && within(&self.gradients, gradient_tolerance)
     }
 }
 
-/// Renders and differentiates by both.
+/// Renders and differentiates a scene on the device, twice, and with the reference.
 ///
 /// # Errors
-/// Those of the device.
+/// Errors of the device.
 pub fn compare(renderer: &mut Renderer, case: &Case) -> Result<Findings> {
     let settings = Settings { save: true, ..case.settings.clone() };
     let truth = reference::render_culled(&case.scene, &case.cameras, &settings)?;
     let upstream = upstream(&truth, &settings);
-    let judge = gradients::upstream(&upstream);
-    let expected = reference::gradient(&case.scene, &case.cameras, &settings, &judge, case.mode.into())?;
+    let weights = gradients::upstream(&upstream);
+    let expected = reference::gradient(&case.scene, &case.cameras, &settings, &weights, case.mode.into())?;
     let mut run = || -> Result<(Frame, Parameters)> {
         let frame = renderer.render(&case.scene, &case.cameras, &settings)?;
         let wanted = Wanted { mode: case.mode.into(), ..Wanted::ALL };
@@ -60,7 +60,7 @@ pub fn compare(renderer: &mut Renderer, case: &Case) -> Result<Findings> {
     Ok(Findings { images: image_errors(&frame, &truth), gradients, repeats })
 }
 
-/// Weights in [-1, 1] for every value of every image; 0 for pixels near a jump.
+/// Weights in [-1, 1] for every value of every image, 0 for pixels near a discontinuity.
 fn upstream(truth: &ReferenceFrame, settings: &Settings) -> ImageGradient {
     let mut state = 3u64;
     let mut weights = |channels: usize| {
@@ -122,7 +122,7 @@ fn groups(all: &Parameters, case: &Case) -> [Vec<f64>; 8] {
     ]
 }
 
-/// |ours - expected| / |expected|; `None` where both are nothing but zeros.
+/// |ours - expected| / |expected|; `None` if both are all zeros.
 fn relative(ours: &[f64], expected: &[f64]) -> Option<f64> {
     let norm = |values: &mut dyn Iterator<Item = f64>| values.map(|x| x * x).sum::<f64>().sqrt();
     if ours.iter().chain(expected).all(|x| *x == 0.0) {

@@ -1,4 +1,4 @@
-//! `softras check`: does this device compute what the model says?
+//! `softras check`: compares a device with the f64 reference on small scenes.
 
 mod compare;
 mod scenes;
@@ -11,15 +11,15 @@ use serde_json::{Value, json};
 use softras::Renderer;
 use std::time::Instant;
 
-/// Test a device: render and differentiate small scenes, and compare with the model in f64
+/// Test a device: render and differentiate small scenes and compare them with the model in f64
 #[derive(Args, Debug)]
 #[command(after_help = "\
-Each row is a scene. Images: the largest error of any value, outside the few pixels that lie within
-1e-4 of a jump of the model. Gradients: |device - f64| / |f64|, of a random loss of all images, by
+Each row is a scene. Images: the largest error of any value, without the few pixels that lie within
+1e-4 of a discontinuity of the model. Gradients: |device - f64| / |f64|, of a random loss of all images, by
 vertices, colours, texels, texture coordinates, camera (pose and projection), lights, background
 (colour and epsilon) and scalars (sigma and gamma); `-` where a scene has none. `same`: whether a
-second run gave the same bits. A scene fails where an image is off by more than 1e-4 or a gradient
-by more than 1e-3 (sharp: 1e-2). The last line is PASS or FAIL; the exit code 0 or 1.
+second run gave the same bits. A scene fails if the error of an image is above 1e-4 or that of a
+gradient above 1e-3 (sharp: 1e-2). The last line is PASS or FAIL; the exit code is 0 or 1.
 
 Examples:
   softras check

@@ -1,4 +1,4 @@
-//! The scenes of `softras check`: small, made here, each for one part of the model.
+//! The scenes of `softras check`, each small and for one part of the model.
 
 use crate::commands::gradients::Mode;
 use glam::DVec3;
@@ -11,25 +11,25 @@ use softras::{Camera, Lights, Mesh, Projection, Result, Scene, Settings};
 
 /// One scene, rendered and differentiated.
 pub struct Case {
-    /// A word for the table.
+    /// The name in the table.
     pub name: &'static str,
-    /// What it is there for.
+    /// The part of the model that it tests.
     pub about: &'static str,
-    /// What is seen.
+    /// Meshes and lights.
     pub scene: Scene,
-    /// By whom.
+    /// The cameras.
     pub cameras: Vec<Camera>,
-    /// How.
+    /// The settings.
     pub settings: Settings,
-    /// Which gradient.
+    /// The mode of the gradient.
     pub mode: Mode,
-    /// The most that a gradient may be off, |device - f64| / |f64|.
+    /// The tolerance of a gradient, |device - f64| / |f64|.
     pub gradient_tolerance: f64,
 }
 
 const FOV: Projection = Projection::Perspective { fov_y: 0.6 };
 
-/// All of them.
+/// All scenes.
 ///
 /// # Errors
 /// None that depend on the device.
@@ -42,13 +42,13 @@ fn case(name: &'static str, about: &'static str, mesh: Mesh, settings: Settings)
     Ok(Case { name, about, scene: Scene::new(mesh), cameras, settings, mode: Mode::Exact, gradient_tolerance: 1e-3 })
 }
 
-/// From a little above, so that no edge runs along the pixels' rows.
+/// A camera a little above the scene, so that no edge is parallel to the rows of pixels.
 fn camera(distance: f64, projection: Projection) -> Result<Camera> {
     let eye = distance * DVec3::new(0.47, 0.31, 0.83).normalize();
     Camera::look_at(eye, DVec3::new(0.03, -0.02, 0.01), DVec3::Y, projection)
 }
 
-/// Soft enough that every pixel sees many triangles.
+/// Settings so soft that every pixel is influenced by many triangles.
 fn soft() -> Settings {
     Settings {
         width: 40,
@@ -107,7 +107,7 @@ fn hard_places() -> Result<Vec<Case>> {
     batch.cameras = vec![camera(3.5, FOV)?, camera(4.0, Projection::Orthographic { half_height: 1.2 })?];
     let sharp = Settings { sigma: 1e-7, gamma: 1e-6, background: Background::Composite, ..soft() };
     let sharp = case("sharp", "tiny sigma and gamma", ring()?, sharp)?;
-    // An edge is a hundredth of a pixel wide there: what float32 can say of a place on it is worth two digits.
+    // The soft edge is a hundredth of a pixel wide there, so float32 has about two digits for a position on it.
     Ok(vec![clipped, batch, Case { gradient_tolerance: 1e-2, ..sharp }])
 }
 
@@ -117,7 +117,7 @@ fn lights(shading: Shading) -> Lights {
     Lights { ambient_color: [0.9, 0.8, 0.7], ambient_intensity: 0.3, directional, shading }
 }
 
-/// A ring with a smooth picture around it; the corners are the UVs' too.
+/// A torus with a smooth image texture; every vertex has one UV.
 fn textured() -> Result<Mesh> {
     const SIDE: u32 = 16;
     let wave = |i: u32, turns: f64| 0.5 + 0.4 * (f64::from(i) / f64::from(SIDE) * turns * std::f64::consts::TAU).sin();

@@ -1,4 +1,4 @@
-//! Gradients by the names and in the shapes of the arrays that they are gradients of.
+//! Names the gradients, and gives them the shapes of the arrays that they are gradients of.
 
 use super::{Job, Layout};
 use crate::commands::npz::Archive;
@@ -8,7 +8,7 @@ use softras::reference::Parameters;
 /// A key, its shape and its values.
 pub type Derivative = (&'static str, Vec<usize>, Vec<f64>);
 
-/// All that the layout has.
+/// All gradients of the layout.
 ///
 /// # Errors
 /// None for an archive that the job was read from.
@@ -23,12 +23,12 @@ fn shape(archive: &Archive, key: &str) -> Result<Option<Vec<usize>>> {
     Ok(archive.get(key)?.map(|array| array.shape.clone()))
 }
 
-/// Each mesh's values, one after the other.
+/// The values of all meshes, one after the other.
 fn each(job: &Job, values: impl Fn(usize) -> Vec<f64>) -> Vec<f64> {
     (0..job.scene.meshes.len()).flat_map(values).collect()
 }
 
-/// Colours of whatever kind the mesh has.
+/// The gradient by the colours, of the kind that the mesh has.
 fn colors(gradient: &Parameters, mesh: usize) -> Vec<f64> {
     [gradient.colors(mesh), gradient.surface_texels(mesh)].concat()
 }
@@ -52,7 +52,7 @@ fn world(archive: &Archive, job: &Job, gradient: &Parameters) -> Result<Vec<Deri
     let shape = shape(archive, "colors")?.unwrap_or_else(|| vec![3]);
     let mut values = each(job, |mesh| colors(gradient, mesh));
     if shape.len() < 3 {
-        // One array for all meshes: their gradients add up.
+        // All meshes share one array, so their gradients add up.
         values = sum(&values, shape.iter().product());
     }
     arrays.push(("grad_colors", shape, values));

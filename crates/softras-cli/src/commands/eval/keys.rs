@@ -1,4 +1,4 @@
-//! Arrays of known shape out of an archive, and the names of the modes in it.
+//! Reads arrays of expected shapes from an archive, and names the modes in it.
 
 use crate::commands::npz::{Archive, Array};
 use softras::scene::{
@@ -31,7 +31,7 @@ pub fn misshapen(archive: &Archive, key: &str, array: &Array, expected: &str) ->
     archive.fault(key, &format!("has shape {:?}", array.shape), &format!("expected {expected}"))
 }
 
-/// Rows of N values, all finite, as f32; the array's shape has been judged.
+/// Rows of N finite values as f32; the caller has validated the shape.
 pub fn rows<const N: usize>(archive: &Archive, key: &str, array: &Array) -> Result<Vec<[f32; N]>> {
     let numbers = archive.numbers(key, array)?;
     if let Some(i) = numbers.iter().position(|x| !(*x as f32).is_finite()) {
@@ -46,14 +46,14 @@ pub fn rows<const N: usize>(archive: &Archive, key: &str, array: &Array) -> Resu
     Ok(numbers.chunks_exact(N).map(row).collect())
 }
 
-/// Where element i is, by the indices of every axis.
+/// The indices of element i along every axis.
 fn place(mut i: usize, shape: &[usize]) -> Vec<usize> {
     let mut indices: Vec<usize> = shape.iter().rev().map(|&side| (i % side, i /= side).0).collect();
     indices.reverse();
     indices
 }
 
-/// A whole number from 1 to a limit that images have.
+/// A whole number of pixels, from 1 to the largest side of an image.
 pub fn pixels(archive: &Archive, key: &str, number: f64) -> Result<u32> {
     if number.fract() == 0.0 && (1.0..=f64::from(softras::Settings::MAX_SIZE)).contains(&number) {
         return Ok(number as u32);

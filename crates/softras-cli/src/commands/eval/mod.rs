@@ -1,4 +1,4 @@
-//! `softras eval`: numpy arrays in, numpy arrays out, for those who compare or call us from another language.
+//! `softras eval`: renders a scene of numpy arrays to numpy arrays, for comparisons and for use from other languages.
 
 mod derivatives;
 mod keys;
@@ -26,7 +26,7 @@ A scene in SCREEN SPACE, by the official renderer's names:
   opt_image_size  opt_background_color  opt_near  opt_far  opt_fill_back  opt_eps  opt_sigma_val
   opt_gamma_val  opt_dist_eps  opt_texture_type  opt_dist_func (euclidean, barycentric, hard)
   opt_aggr_func_rgb (softmax, hard)  opt_aggr_func_alpha (prod, sum, hard)
-and out comes
+The output is
   soft_colors    [B, 4, H, W]   RGB and alpha, row 0 at the top
 
 A scene in WORLD SPACE:
@@ -41,17 +41,17 @@ A scene in WORLD SPACE:
   ambient_color  ambient_intensity  light_directions [L, 3]  light_colors [L, 3]
   light_intensities [L]  shading
   outputs        any of color, silhouette, depth, normal [default: color, silhouette]
-and out come
+The output has
   color [B, H, W, 3]  silhouette [B, H, W]  depth [B, H, W]  normal [B, H, W, 3]
 
-GRADIENTS, with --gradient. In screen space the file also has
+GRADIENTS, with --gradient. In screen space the input also has
   grad_soft_colors       [B, 4, H, W]: dL/dsoft_colors of a loss L
-and out come, beside soft_colors,
+and the output has, beside soft_colors,
   grad_face_vertices     [B, F, 3, 3]
   grad_textures          as textures; only where the file has them
-In world space it has one or more of
+In world space the input also has one or more of
   grad_color [B, H, W, 3]  grad_silhouette [B, H, W]  grad_depth [B, H, W]  grad_normal [B, H, W, 3]
-each for an image among the outputs, and out come, beside the images,
+each for an image among the outputs, and the output has, beside the images,
   grad_vertices          as vertices, summed over the views of each mesh
   grad_colors            as colors, summed over what shares them; [3] without colors
   grad_view              [B, 6]: by (v, w), where view-space points move by w x p + v: per world
@@ -61,8 +61,8 @@ each for an image among the outputs, and out come, beside the images,
   grad_light_colors [L, 3]  grad_light_intensities [L]
   grad_background_color [3]  grad_sigma []  grad_gamma []  grad_epsilon []
 
-Arrays may be float, int, bool or text, in C or Fortran order, stored or deflated. Keys that mean
-nothing here are named in a note. Results are float32, with --device reference float64.
+Arrays may be float, int, bool or text, in C or Fortran order, stored or deflated. Keys that are not
+used are named in a note. Results are float32, or float64 with --device reference.
 
 Examples:
   softras eval scene.npz -o image.npz
@@ -79,14 +79,14 @@ pub struct EvalArgs {
     /// The archive to write
     #[arg(short, long = "out", value_name = "FILE.npz")]
     pub out: PathBuf,
-    /// model: softras' own rules. official: the official code's image, quirks and all; in screen space front
-    /// faces are clockwise and the options rounded to float32, as there
+    /// model: the rules of softras. official: the image of the official code with all its quirks; in screen space, front
+    /// faces are then clockwise and the options are rounded to float32
     #[arg(long, value_enum, default_value = "model")]
     pub parity: Parity,
-    /// Also differentiate a loss, given by its derivatives by the images
+    /// Also differentiate a loss, which the input gives by its derivatives by the images
     #[arg(long, value_enum, value_name = "MODE")]
     pub gradient: Option<Mode>,
-    /// The Vulkan device: its index or a part of its name; or `reference`, the brute-force f64 statement of the model
+    /// The Vulkan device: its index or a part of its name; or `reference`, the brute-force f64 reference
     #[arg(long, value_name = "DEVICE")]
     pub device: Option<String>,
     /// Print one JSON object: device, sizes, settings, milliseconds of every stage
@@ -94,7 +94,7 @@ pub struct EvalArgs {
     pub json: bool,
 }
 
-/// The name by which `--device` means the judge.
+/// The value of `--device` for the f64 reference.
 const REFERENCE: &str = "reference";
 
 /// [`scene::Parity`] on the command line.
@@ -113,7 +113,7 @@ impl From<Parity> for scene::Parity {
     }
 }
 
-/// What a file asks for.
+/// The scene of a file, and how to render it.
 struct Job {
     scene: Scene,
     cameras: Vec<Camera>,
@@ -173,7 +173,7 @@ pub fn run(args: &EvalArgs) -> Result<(), Failure> {
     say(&format!("{}: {}", args.out.display(), list.join(", ")))
 }
 
-/// Values of either precision.
+/// Values in single or double precision.
 enum Floats {
     F32(Vec<f32>),
     F64(Vec<f64>),
@@ -190,13 +190,13 @@ impl Floats {
 
 type Arrays = Vec<(&'static str, Vec<usize>, Floats)>;
 
-/// What `--gradient` asks for.
+/// The gradient that `--gradient` requests.
 struct Wish {
     mode: Mode,
     upstream: ImageGradient,
 }
 
-/// What a device made of a job.
+/// The results of a job.
 struct Results {
     device: String,
     arrays: Arrays,
@@ -204,7 +204,7 @@ struct Results {
     gradient: Option<ReferenceGradients>,
 }
 
-/// Renders, and differentiates, on the device that was asked for.
+/// Renders, and differentiates if requested, on the requested device.
 fn render(args: &EvalArgs, job: &Job, wish: Option<&Wish>) -> Result<Results, Error> {
     let Job { scene, cameras, settings, .. } = job;
     if args.device.as_deref() == Some(REFERENCE) {
@@ -234,7 +234,7 @@ fn render(args: &EvalArgs, job: &Job, wish: Option<&Wish>) -> Result<Results, Er
     Ok(Results { device: renderer.device_name().into(), arrays, timings, gradient })
 }
 
-/// What the layout has a key for.
+/// The gradients that the layout has keys for.
 fn wanted(layout: Layout, mode: Mode) -> Wanted {
     let mode = mode.into();
     match layout {
@@ -243,7 +243,7 @@ fn wanted(layout: Layout, mode: Mode) -> Wanted {
     }
 }
 
-/// The four images of a frame of either kind.
+/// The four images of a frame, from the device or from the reference.
 trait Images<T> {
     fn color(&self) -> Option<&[T]>;
     fn silhouette(&self) -> Option<&[T]>;
@@ -290,16 +290,16 @@ impl Images<f64> for ReferenceImages<'_> {
 
 fn lay_out<T: Copy>(job: &Job, images: &impl Images<T>, wrap: fn(Vec<T>) -> Floats) -> Result<Arrays, Error> {
     let (b, h, w) = (job.cameras.len(), job.settings.height as usize, job.settings.width as usize);
-    let judged = |key: &'static str, values: Option<&[T]>, channels: usize| match values {
+    let checked = |key: &'static str, values: Option<&[T]>, channels: usize| match values {
         Some(values) if values.len() == b * h * w * channels => Ok(values.to_vec()),
         _ => Err(Error::Scene {
             what: format!("the frame's {key} image is missing or has another size"),
-            fix: "this is a mistake in softras: please report it".into(),
+            fix: "this is a bug in softras: please report it".into(),
         }),
     };
     if job.layout == Layout::Screen {
-        let color = judged("color", images.color(), 3)?;
-        let alpha = judged("silhouette", images.silhouette(), 1)?;
+        let color = checked("color", images.color(), 3)?;
+        let alpha = checked("silhouette", images.silhouette(), 1)?;
         let mut planes = Vec::with_capacity(b * 4 * h * w);
         for view in 0..b {
             let pixels = view * h * w..(view + 1) * h * w;
@@ -311,16 +311,16 @@ fn lay_out<T: Copy>(job: &Job, images: &impl Images<T>, wrap: fn(Vec<T>) -> Floa
     let asked = job.settings.outputs;
     let mut arrays = Vec::new();
     if asked.color {
-        arrays.push(("color", vec![b, h, w, 3], wrap(judged("color", images.color(), 3)?)));
+        arrays.push(("color", vec![b, h, w, 3], wrap(checked("color", images.color(), 3)?)));
     }
     if asked.silhouette {
-        arrays.push(("silhouette", vec![b, h, w], wrap(judged("silhouette", images.silhouette(), 1)?)));
+        arrays.push(("silhouette", vec![b, h, w], wrap(checked("silhouette", images.silhouette(), 1)?)));
     }
     if asked.depth {
-        arrays.push(("depth", vec![b, h, w], wrap(judged("depth", images.depth(), 1)?)));
+        arrays.push(("depth", vec![b, h, w], wrap(checked("depth", images.depth(), 1)?)));
     }
     if asked.normal {
-        arrays.push(("normal", vec![b, h, w, 3], wrap(judged("normal", images.normal(), 3)?)));
+        arrays.push(("normal", vec![b, h, w, 3], wrap(checked("normal", images.normal(), 3)?)));
     }
     Ok(arrays)
 }

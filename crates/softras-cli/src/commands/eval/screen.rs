@@ -1,4 +1,4 @@
-//! Scenes of the official renderer's kernels: every triangle on the screen already.
+//! Reads scenes in screen space, the inputs of the official renderer's kernels.
 
 use super::keys::{self, set};
 use super::{Job, Layout, Parity};
@@ -9,7 +9,7 @@ use softras::{Camera, Error, Mesh, Result, Scene, Settings};
 const VERTICES: &str = "face_vertices";
 const TEXTURES: &str = "textures";
 
-/// Keys that the official side's files have beside its inputs: known, and no business of this command.
+/// Keys of files made with the official renderer that are not inputs, and for which no note is printed.
 const KNOWN: &[&str] = &[
     "soft_colors",
     "grad_soft_colors",
@@ -26,13 +26,13 @@ const KNOWN: &[&str] = &[
     "lib",
 ];
 
-/// Reads such a scene.
+/// Reads a scene in screen space.
 ///
 /// # Errors
 /// [`Error::File`] naming the key, what it holds and what was expected.
 pub fn read(archive: &Archive, parity: Parity) -> Result<Job> {
     for key in KNOWN.iter().filter(|key| archive.has(key)) {
-        // Only to mark it as known: that such an array is malformed is nothing to us.
+        // This only marks the key as used; the array may be malformed.
         let _ = archive.get(key);
     }
     let settings = settings(archive, parity)?;
@@ -71,7 +71,8 @@ fn settings(archive: &Archive, parity: Parity) -> Result<Settings> {
     softras::internals::validate::settings(&s).map(|()| s)
 }
 
-/// The official kernels take these as float32, and the cut-off ln(1 / dist_eps - 1) rather than dist_eps.
+/// Rounds the options as the official kernels do: they take float32, and the cut-off ln(1 / dist_eps - 1) in place of
+/// dist_eps.
 fn round_as_official(s: &mut Settings) {
     for value in [&mut s.near, &mut s.far, &mut s.epsilon, &mut s.sigma, &mut s.gamma] {
         *value = f64::from(*value as f32);
@@ -90,7 +91,7 @@ fn image_size(archive: &Archive) -> Result<Option<(u32, u32)>> {
     }
 }
 
-/// One soup of triangles per entry of the batch.
+/// One mesh of separate triangles per entry of the batch.
 fn meshes(archive: &Archive) -> Result<Vec<Mesh>> {
     let array = archive.require(VERTICES, "expected [B, F, 3, 3]")?;
     let [batch, faces, 3, 3] = array.shape[..] else {
@@ -125,7 +126,7 @@ fn appearances(archive: &Archive, batch: usize, faces: usize) -> Result<Vec<Appe
             return Err(keys::misshapen(archive, TEXTURES, array, &expected));
         }
     };
-    // Three is no square, so without a type the shape decides.
+    // Three is not a square, so without a type the shape tells the two kinds apart.
     let surface = surface.unwrap_or(cells != 3);
     let resolution = (cells as f64).sqrt() as u32;
     if surface && (cells == 0 || resolution as usize * resolution as usize != cells) {

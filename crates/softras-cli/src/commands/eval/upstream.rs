@@ -1,14 +1,14 @@
-//! The gradients of a loss by the images, out of an archive.
+//! Reads the gradients of a loss by the images from an archive.
 
 use super::keys;
 use super::{Job, Layout};
 use crate::commands::npz::Archive;
 use softras::{Image, ImageGradient, Result};
 
-/// dL by the image that an official scene gives.
+/// The key of the gradient by `soft_colors`.
 const SOFT_COLORS: &str = "grad_soft_colors";
 
-/// Reads what `--gradient` starts from.
+/// Reads the upstream gradients of `--gradient`.
 ///
 /// # Errors
 /// [`softras::Error::File`] naming the key when none is there, one is misshapen or not finite, or its image is not
@@ -25,7 +25,7 @@ fn size(job: &Job) -> [usize; 3] {
     [job.cameras.len(), job.settings.height as usize, job.settings.width as usize]
 }
 
-/// `[B, 4, H, W]` to a colour and a silhouette.
+/// Splits `[B, 4, H, W]` into a colour and a silhouette.
 fn soft_colors(archive: &Archive, job: &Job) -> Result<ImageGradient> {
     let [batch, height, width] = size(job);
     let expected = format!("[{batch}, 4, {height}, {width}]: dL/dsoft_colors");

@@ -1,4 +1,4 @@
-//! Scenes with vertices in the world, cameras, lights and settings by their names in the library.
+//! Reads scenes in world space: meshes, cameras, lights, and settings by their names in the library.
 
 use super::keys::{self, set};
 use super::{Job, Layout, Parity};
@@ -7,7 +7,7 @@ use glam::{DMat4, DVec4};
 use softras::scene::{Appearance, DirectionalLight, Outputs};
 use softras::{Camera, Error, Lights, Mesh, Projection, Result, Scene, Settings};
 
-/// Reads such a scene.
+/// Reads a scene in world space.
 ///
 /// # Errors
 /// [`Error::File`] naming the key, what it holds and what was expected.
@@ -101,7 +101,7 @@ fn triangles(archive: &Archive, count: usize) -> Result<Vec<[u32; 3]>> {
     Ok(numbers.chunks_exact(3).map(|t| [t[0] as u32, t[1] as u32, t[2] as u32]).collect())
 }
 
-/// `colors` of entry `b`: per mesh, vertex or triangle by its shape; white without it.
+/// The `colors` of entry `b`, per mesh, vertex or triangle depending on the shape; white without the key.
 fn appearance(archive: &Archive, b: usize, batch: Option<usize>, vertices: usize, faces: usize) -> Result<Appearance> {
     let key = "colors";
     let per_triangle = archive.choice("colors_per", &[("vertex", false), ("triangle", true)])?;
@@ -151,7 +151,7 @@ fn cameras(archive: &Archive, meshes: usize) -> Result<Vec<Camera>> {
     projections.into_iter().enumerate().map(camera).collect()
 }
 
-/// One projection a view, from the one kind of keys that the file must have.
+/// One projection per view, from the keys of the one kind of projection that the file must have.
 fn projections(archive: &Archive, batch: usize) -> Result<Vec<Projection>> {
     let has = ["fov_y", "half_height", "fx"].map(|key| archive.has(key));
     if has.iter().filter(|h| **h).count() != 1 {

@@ -1,4 +1,4 @@
-//! numpy's `.npz`: a zip archive of `.npy` arrays, as `np.savez` and `np.savez_compressed` write it.
+//! Archives of numpy arrays, `.npz` files, as `np.savez` and `np.savez_compressed` write them.
 
 pub mod npy;
 
@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 pub use npy::{Array, Data, Values};
 
-/// All arrays of a file, by key, and which of them were asked for.
+/// All arrays of a file by key, and the keys that were asked for.
 #[derive(Debug)]
 pub struct Archive {
     path: PathBuf,
@@ -22,7 +22,7 @@ pub struct Archive {
 }
 
 impl Archive {
-    /// Reads every array of the file; one that cannot be read is an error only once it is asked for.
+    /// Reads every array of the file. An array that cannot be read is an error only when it is asked for.
     pub fn open(path: &Path) -> Result<Self> {
         let io = |source| Error::Io { path: path.into(), source };
         let file = File::open(path).map_err(io)?;
@@ -67,7 +67,7 @@ impl Archive {
         }
     }
 
-    /// The array of a key that must be there; `expected` says in which shape.
+    /// The array of a key that must be present; `expected` describes its shape.
     pub fn require(&self, key: &str, expected: &str) -> Result<&Array> {
         let keys = || self.arrays.keys().cloned().collect::<Vec<_>>().join(", ");
         self.get(key)?.ok_or_else(|| self.fault(key, &format!("missing (the file has: {})", keys()), expected))
@@ -103,7 +103,7 @@ impl Archive {
         }
     }
 
-    /// A text that must be one of a few.
+    /// A text that must be one of the given choices.
     pub fn choice<T: Copy>(&self, key: &str, choices: &[(&str, T)]) -> Result<Option<T>> {
         let Some(text) = self.text(key)? else { return Ok(None) };
         match choices.iter().find(|(name, _)| *name == text) {
@@ -125,7 +125,7 @@ impl Archive {
         }
     }
 
-    /// Three numbers, or one that stands for all three.
+    /// Three numbers, or one for all three.
     pub fn triple(&self, key: &str) -> Result<Option<[f64; 3]>> {
         let Some(array) = self.get(key)? else { return Ok(None) };
         match *self.numbers(key, array)? {

@@ -1,11 +1,14 @@
-//! One numpy array: the `.npy` format, versions 1 to 3, read whole and never trusted.
+//! Numpy arrays in the `.npy` format, versions 1 to 3, read from files that may claim anything.
+//!
+//! The crate npyz 0.9 does not read them, because a hostile header makes it allocate the 4 GiB that the header claims, parse
+//! nested brackets in exponential time and overflow when it multiplies the sides of a shape; the tests write with it.
 
 use std::io::Read;
 
-/// The values of an array, in C order whatever the file's order was.
+/// The values of an array, in C order whatever the order in the file.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Values {
-    /// Any numeric type or bool (false 0, true 1).
+    /// Numbers of any type, or bools as 0 and 1.
     Numbers(Vec<f64>),
     /// Unicode or byte strings.
     Texts(Vec<String>),
@@ -22,7 +25,7 @@ pub struct Array {
     pub values: Values,
 }
 
-/// What an element is in the file.
+/// The type of an element in the file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Kind {
     Float,
@@ -42,7 +45,7 @@ struct Header {
     shape: Vec<usize>,
 }
 
-/// The most values of one array: 4 GiB of numbers. A few bytes may claim more, and packed ones may even hold it.
+/// The most values of one array, 4 GiB of numbers: a small file may claim more, and a compressed one may even contain more.
 const MAX_VALUES: usize = 1 << 29;
 
 /// Reads one array.
@@ -56,7 +59,7 @@ pub fn read(mut source: impl Read) -> Result<Array, String> {
     let (Some(count), Some(bytes)) = (count, bytes) else {
         return Err(format!("shape {:?} is larger than memory", header.shape));
     };
-    // Texts of no characters need no bytes: there would be no end to them.
+    // Texts of length 0 need no bytes, so the size of the file does not limit their number.
     if count > MAX_VALUES || (header.size == 0 && count > 1) {
         return Err(format!("shape {:?} is of more than {MAX_VALUES} values", header.shape));
     }
@@ -167,7 +170,7 @@ fn decode(header: &Header, data: &[u8], count: usize) -> Values {
     }
 }
 
-/// One number; the bytes are as many as its kind has.
+/// One number; `bytes` has the size of its type.
 fn number(header: &Header, bytes: &[u8]) -> f64 {
     let mut little = [0; 8];
     little[..bytes.len()].copy_from_slice(bytes);
@@ -196,7 +199,7 @@ fn unicode(bytes: &[u8], big_endian: bool) -> String {
     text.trim_end_matches('\0').to_string()
 }
 
-/// From first-index-fastest to last-index-fastest order.
+/// Reorders values from Fortran order (first index fastest) to C order (last index fastest).
 fn to_c_order(values: &Values, shape: &[usize]) -> Values {
     fn permute<T: Clone>(values: &[T], shape: &[usize]) -> Vec<T> {
         let mut index = vec![0; shape.len()];
@@ -220,7 +223,7 @@ fn to_c_order(values: &Values, shape: &[usize]) -> Values {
     }
 }
 
-/// An array to be written.
+/// The values of an array to write.
 #[derive(Clone, Copy, Debug)]
 pub enum Data<'a> {
     /// float32.
@@ -290,7 +293,7 @@ mod tests {
         assert!(bad.contains("324 bytes") && bad.contains("has 8"), "{bad}");
         let huge = "{'descr': '<f8', 'fortran_order': False, 'shape': (18446744073709551615, 9), }";
         assert!(refused(huge, &[]).contains("larger than memory"));
-        // In 64 bits numbers and texts without bytes may be as many as one likes.
+        // The product of the sides fits 64 bits here, so the limit on the number of values must refuse it.
         for descr in ["<U0", "|S0", "|u1"] {
             let many = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': (1000000000000000,), }}");
             assert!(refused(&many, &[]).contains("more than"), "{descr}");

@@ -1,16 +1,16 @@
-//! What `softras pose` takes.
+//! The arguments of `softras pose`.
 
 use crate::commands::render::args::CameraArgs;
 use clap::Args;
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
-The mesh is compared as it is coloured, without light, so the picture should be of the same kind
-(`softras render --unlit`); a picture without transparency is all silhouette where it is not black.
-The camera is the one that `softras render` would use.
+The mesh is rendered without light, so the picture should be unlit too (`softras render --unlit`).
+The silhouette of a picture without transparency is every pixel that is not black. The camera is the
+one that `softras render` would use.
 
-Confidence is 1 - (least loss) / (least loss of a pose more than 10 degrees away): near 1 where one
-pose explains the picture and no other does, 0 for a mesh that looks alike from several sides.
+Confidence is 1 - (least loss) / (least loss of a pose more than 10 degrees away): near 1 where only
+one pose explains the picture, 0 for a mesh that looks the same from several sides.
 
 Examples:
   softras render fish.obj -o target.png --unlit --size 64 --azimuth 250 --elevation -10
@@ -22,35 +22,35 @@ Examples:
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES, allow_negative_numbers = true)]
 pub struct PoseArgs {
-    /// The mesh
+    /// The mesh to pose
     #[arg(long, value_name = "MESH.obj", required_unless_present = "benchmark")]
     pub mesh: Option<PathBuf>,
-    /// The picture
+    /// The picture to fit the pose to
     #[arg(long, value_name = "TARGET.png", required_unless_present = "benchmark")]
     pub image: Option<PathBuf>,
     /// Write the mesh in its pose
     #[arg(short, long = "out", value_name = "POSED.obj", conflicts_with = "benchmark")]
     pub out: Option<PathBuf>,
-    /// Poses to begin at, spread over all rotations
+    /// Number of poses to start from, spread over all rotations
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024), default_value_t = 32)]
     pub starts: u32,
-    /// Steps
+    /// Number of steps
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000), default_value_t = 150)]
     pub iterations: u32,
-    /// Leave the mesh in its place: fit the rotation only
+    /// Fit the rotation only, without translation
     #[arg(long)]
     pub no_translation: bool,
-    /// Fit without the schedule and with a hard renderer's gradients too, from the same starts, and report their losses
+    /// Also fit without the schedule and with a hard renderer's gradients, from the same starts, and report their losses
     #[arg(long, conflicts_with = "benchmark")]
     pub baselines: bool,
-    /// A picture of the loss over two angles about the pose, sharp beside blurred
+    /// Draw the loss over two angles around the pose, sharp and blurred side by side
     #[arg(long, value_name = "FILE.png")]
     pub landscape: Option<PathBuf>,
-    /// The coloured cube of the SoftRas paper: seeded rotations to find, with plain and with whitened colours, from one
-    /// start and from several
+    /// Run the experiment of the SoftRas paper with a coloured cube: random rotations to find, with plain and with whitened
+    /// colours, from one start and from several
     #[arg(long, conflicts_with_all = ["mesh", "image"])]
     pub benchmark: bool,
-    /// Rotations of the benchmark
+    /// Number of rotations of the benchmark
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000), default_value_t = 100)]
     pub trials: u32,
     /// Seed of the benchmark

@@ -1,4 +1,4 @@
-//! The rigid pose experiment of the SoftRas paper: a cube with a colour on each face, turned at random.
+//! The rigid pose experiment of the SoftRas paper: finds random rotations of a cube with a colour on each face.
 
 use super::{PoseArgs, SHARP, Target, landscape, least};
 use crate::commands::{Failure, say};
@@ -15,22 +15,22 @@ const DISTANCE: f64 = 5.0;
 /// Trials whose starts are fitted together.
 const TOGETHER: usize = 20;
 
-/// One way of finding a pose.
+/// A method of finding a pose.
 struct Method {
     name: &'static str,
     options: PoseOptions,
-    /// Poses to begin at for each trial: its own, and others spread around it.
+    /// Number of poses to start from for each trial: its own, and others spread over all rotations from there.
     starts: usize,
-    /// Plain differences of colour, as in the paper.
+    /// Whether colours are compared plainly, as in the paper, and not whitened.
     plain: bool,
 }
 
-/// Radians of the first steps: of those tried on other seeds the best for hard and soft fits alike. They are so long that a
-/// fit tries many rotations before it settles.
+/// The length of the first steps in radians, the best of several on other seeds for both hard and soft fits. Such long
+/// steps make a fit try many rotations before it converges.
 const FIRST_STEP: f64 = 1.3;
 
-/// The same fit with a softness that stays, and with a hard renderer's gradients. Of constant softness the best on other
-/// seeds: edges as the schedule leaves them, the depth order as it begins.
+/// The same fit with constant softness, and with a hard renderer's gradients. The constant softness is the best of several
+/// on other seeds: the sigma at the end of the schedule with the gamma at its beginning.
 pub fn baselines(base: &PoseOptions) -> [(&'static str, PoseOptions); 2] {
     let plain = PoseOptions {
         sigma: Schedule::Constant(1e-4),
@@ -120,7 +120,7 @@ pub fn run(args: &PoseArgs, renderer: &mut Renderer) -> Result<(), Failure> {
     })
 }
 
-/// The middle one of sorted numbers, or the mean of the two in the middle.
+/// The median: the middle one of the sorted numbers, or the mean of the two in the middle.
 fn median(sorted: &[f64]) -> f64 {
     let n = sorted.len();
     if n == 0 { 0.0 } else { 0.5 * (sorted[n / 2] + sorted[(n - 1) / 2]) }
@@ -169,7 +169,7 @@ impl Bench {
         Target { color: one(&self.color), silhouette: one(&self.silhouette) }
     }
 
-    /// The pose of least loss for each trial.
+    /// Finds the pose of least loss for each trial.
     fn find(&self, method: &Method, start: &[Pose], renderer: &mut Renderer) -> Result<Vec<Pose>> {
         let spread = rotations(method.starts);
         // The trial's own start comes first, and the others are turned from it.

@@ -1,4 +1,4 @@
-//! The loss over two angles: how many hollows there are, sharp and blurred.
+//! A picture of the loss over two angles, which shows its local minima, sharp and blurred.
 
 use super::Target;
 use crate::commands::render::formats;
@@ -9,9 +9,9 @@ use softras::fit::{Pose, PoseFit};
 use softras::{Renderer, Result};
 use std::path::Path;
 
-/// Values along each angle.
+/// Number of values of each angle.
 const GRID: usize = 61;
-/// Pixels of the picture for each of them.
+/// Side of the pixels' squares in the picture, one for each value.
 const CELL: usize = 4;
 /// Poses rendered at once.
 const BATCH: usize = 244;
@@ -22,7 +22,8 @@ const PANELS: [(&str, (f64, f64)); 2] =
 /// Writes both panels: the pose turned by -180 to 180 degrees about the vertical axis (across) and about the horizontal
 /// one (up), dark where the loss of plain colours is least.
 ///
-/// The fit should see faces from both sides: one that is dropped as it turns away is a step in the loss, blurred or not.
+/// The fit should draw faces from both sides: a face that disappears as it turns away is a step in the loss even when
+/// blurred.
 pub fn write(path: &Path, fit: &PoseFit, about: &Pose, target: &Target, renderer: &mut Renderer) -> Result<()> {
     let degrees = |i: usize| 360.0 * i as f64 / (GRID - 1) as f64 - 180.0;
     let pose = |i: usize| {

@@ -1,4 +1,4 @@
-//! `softras pose`: a mesh and a picture in, rotation and translation out.
+//! `softras pose`: finds the rotation and translation of a mesh from a picture.
 
 pub mod args;
 mod benchmark;
@@ -17,9 +17,9 @@ use softras::obj::LoadOptions;
 use softras::scene::Faces;
 use softras::{Image, Mesh, Renderer, Result, Scene, Settings};
 
-/// Poses this far from the best one are other answers, degrees.
+/// Poses farther than this from the best one, in degrees, count as other answers.
 const OTHER: f64 = 10.0;
-/// Softness in which poses are judged in the end.
+/// The σ and γ of the final comparison of poses.
 const SHARP: (f64, f64) = (1e-5, 1e-3);
 
 /// Runs the command.
@@ -41,14 +41,14 @@ pub fn run(args: &PoseArgs) -> Result<(), Failure> {
     }
 }
 
-/// One picture.
+/// A target picture.
 struct Target {
     color: Image,
     silhouette: Image,
 }
 
 impl Target {
-    /// From linear colour on black, and alpha.
+    /// From pixels of linear colour over black, and alpha.
     fn new(width: usize, height: usize, pixels: &[[f64; 4]]) -> Self {
         let image = |channels: std::ops::Range<usize>| Image {
             batch: 1,
@@ -60,7 +60,7 @@ impl Target {
         Self { color: image(0..3), silhouette: image(3..4) }
     }
 
-    /// The same for each of several poses.
+    /// The same picture for each of several poses.
     fn repeated(&self, count: usize) -> Result<PoseTarget> {
         let one = |image: &Image| Image { batch: count, data: image.data.repeat(count), ..*image };
         PoseTarget::new(one(&self.color), one(&self.silhouette))
@@ -71,7 +71,7 @@ fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) 
     let bounds = Bounds::of(mesh);
     let (height, width) = (target.color.height, target.color.width);
     let view = View::new(&args.camera, bounds, width as f64 / height as f64, 0.0);
-    // Room for a mesh that is moved.
+    // The depth range has room for translations.
     let reach = view.far - view.near;
     let (near, far) = ((view.near - 0.2 * reach).max(0.2 * view.near), view.far + 0.2 * reach);
     let (faces, base) = match is_solid(mesh) {
@@ -82,8 +82,8 @@ fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) 
     let translation_rate = if args.no_translation { 0.0 } else { 0.15 * bounds.radius };
     let options = PoseOptions { iterations: args.iterations as usize, translation_rate, ..base };
     let repeated = target.repeated(args.starts as usize)?;
-    // Plain squared differences tell people and programs more.
-    let judged = repeated.clone().plain();
+    // The reported loss is that of plain colours, which is easier to interpret.
+    let plain = repeated.clone().plain();
     let fitted = |options: PoseOptions, renderer: &mut Renderer| -> Result<PoseFit> {
         let starts = rotations(args.starts as usize).into_iter().map(|rotation| Pose { rotation, ..Pose::IDENTITY });
         let scene = Scene::new(mesh.clone());
@@ -96,7 +96,7 @@ fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) 
         Ok(fit)
     };
     let fit = fitted(options.clone(), renderer)?;
-    let losses = fit.losses(renderer, fit.poses(), SHARP, &judged)?;
+    let losses = fit.losses(renderer, fit.poses(), SHARP, &plain)?;
     let Some((best, loss)) = least(fit.poses(), &losses, |_| true) else { return Err(Failure::Told) };
     let other = least(fit.poses(), &losses, |pose| pose.degrees_to(&best) > OTHER);
     let confidence = other.map_or(1.0, |(_, other)| (1.0 - loss / other.max(1e-12)).clamp(0.0, 1.0));
@@ -113,10 +113,16 @@ fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) 
     let mut baselines = Vec::new();
     for (name, options) in benchmark::baselines(&options).into_iter().filter(|_| args.baselines) {
         let fit = fitted(options, renderer)?;
-        // The loss is that of soft images, whatever images the baseline was fitted with.
-        let (scene, options, poses) = (Scene::new(mesh.clone()), PoseOptions::default(), fit.poses().to_vec());
-        let soft = PoseFit::new(scene, view.camera()?, bounds.center, settings.clone(), options, poses)?;
-        let losses = soft.losses(renderer, fit.poses(), SHARP, &judged)?;
+        // Baselines are compared by the same loss as the pose itself, whatever they were fitted with.
+        let soft = PoseFit::new(
+            Scene::new(mesh.clone()),
+            view.camera()?,
+            bounds.center,
+            settings.clone(),
+            PoseOptions::default(),
+            fit.poses().to_vec(),
+        )?;
+        let losses = soft.losses(renderer, fit.poses(), SHARP, &plain)?;
         if let Some((pose, loss)) = least(fit.poses(), &losses, |_| true) {
             baselines.push(Baseline { name, loss, degrees: pose.degrees_to(&best) });
         }
@@ -124,7 +130,7 @@ fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) 
     tell(args, &Answer { pose: best, loss, confidence, agreeing, baselines })
 }
 
-/// What was found.
+/// The result of the fit.
 struct Answer {
     pose: Pose,
     loss: f64,
@@ -133,15 +139,15 @@ struct Answer {
     baselines: Vec<Baseline>,
 }
 
-/// What another way found.
+/// The result of a baseline.
 struct Baseline {
     name: &'static str,
     loss: f64,
-    /// From the answer.
+    /// The angle from the answer.
     degrees: f64,
 }
 
-/// The pose of least loss among some.
+/// The pose of least loss among those that the predicate selects.
 fn least(poses: &[Pose], losses: &[f64], among: impl Fn(&Pose) -> bool) -> Option<(Pose, f64)> {
     let pairs = poses.iter().copied().zip(losses.iter().copied()).filter(|(pose, _)| among(pose));
     pairs.min_by(|a, b| a.1.total_cmp(&b.1))

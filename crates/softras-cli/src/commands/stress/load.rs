@@ -1,4 +1,4 @@
-//! Many frames in a row: memory must stay what it was.
+//! Renders many frames in a row and checks that memory does not grow.
 
 use crate::commands::progress::Progress;
 use glam::DVec3;
@@ -8,32 +8,32 @@ use softras::{
 };
 use std::time::Instant;
 
-/// Pixels of a side; small, so that what a frame costs besides pixels counts.
+/// The side of the images in pixels, small so that many frames take little time.
 const SIZE: u32 = 24;
-/// Frames after which everything that is kept has been made.
+/// Frames after which all lasting allocations have been made.
 const SETTLED: u64 = 1000;
-/// What the allocator may keep for itself.
+/// The growth that the allocator may cause by itself.
 const SLACK: u64 = 16 << 20;
 
-/// What came of it.
+/// The result of a run.
 #[derive(Debug)]
 pub struct Load {
     frames: u64,
     renderers: u64,
     seconds: f64,
-    /// Bytes of this process in memory after [`SETTLED`] frames and at the end, where the system tells.
+    /// Resident bytes of this process after [`SETTLED`] frames and at the end, if the system reports them.
     resident: Option<(u64, u64)>,
-    /// Bytes of device memory at the same places, of one renderer.
+    /// Bytes of device memory of one renderer at the same two times.
     device: (u64, u64),
 }
 
 impl Load {
-    /// Whether memory stayed.
+    /// Whether memory did not grow.
     pub fn is_flat(&self) -> bool {
         self.resident.is_none_or(|(settled, end)| end <= settled + SLACK) && self.device.1 <= self.device.0
     }
 
-    /// For people.
+    /// The result as a line of text.
     pub fn line(&self) -> String {
         let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
         let resident = self.resident.map_or("unknown here".into(), |(settled, end)| {
@@ -51,7 +51,7 @@ impl Load {
         )
     }
 
-    /// For machines.
+    /// The result as JSON.
     pub fn json(&self) -> Value {
         json!({
             "frames": self.frames, "renderers": self.renderers, "seconds": self.seconds, "flat": self.is_flat(),
@@ -61,24 +61,25 @@ impl Load {
     }
 }
 
-/// Bytes of this process that are in memory.
+/// Resident bytes of this process.
 fn resident() -> Option<u64> {
     let text = std::fs::read_to_string("/proc/self/statm").ok()?;
     Some(4096 * text.split_whitespace().nth(1)?.parse::<u64>().ok()?)
 }
 
-/// Renders and differentiates that many frames, shared by several renderers at once; every one is of another camera, and now
-/// and then of another size.
+/// Renders and differentiates frames, shared by several renderers at once. Each frame has another camera, and some have
+/// another size.
 ///
 /// # Errors
-/// Those of the device.
+/// Errors of the device.
 pub fn run(frames: u64, renderers: u64, options: &RendererOptions) -> Result<Load> {
     let progress = Progress::counted("frame", frames as usize);
     let start = Instant::now();
     let each = |renderer: u64| frames / renderers + u64::from(renderer < frames % renderers);
     let mut load = Load { frames, renderers, seconds: 0.0, resident: None, device: (0, 0) };
     let mut settled = None;
-    // All devices are there before any renders, and go when none does: the validation layers crash otherwise.
+    // All devices are created before the first frame and destroyed after the last one, because the validation layers crash
+    // otherwise.
     let mut first = Renderer::with_options(options)?;
     let mut others = (1..renderers).map(|_| Renderer::with_options(options)).collect::<Result<Vec<_>>>()?;
     std::thread::scope(|scope| {
@@ -114,7 +115,7 @@ fn work(frames: u64, renderer: &mut Renderer, step: impl Fn(), mut seen: impl Fn
         let angle = frame as f64 * 0.1;
         let eye = DVec3::new(3.0 * angle.cos(), angle.sin(), 3.0 * angle.sin());
         let camera = Camera::look_at(eye, DVec3::ZERO, DVec3::Y, Projection::Perspective { fov_y: 1.0 })?;
-        // Every size comes up before memory counts as settled.
+        // Both sizes occur before memory counts as settled.
         let size = if frame % 100 == 99 { 3 * SIZE } else { SIZE };
         let settings = Settings { width: size, height: size, sigma: 1e-4, save: true, ..Settings::default() };
         let image = renderer.render(&scene, &[camera], &settings)?;

@@ -1,4 +1,4 @@
-//! The error of images over the σ-γ plane.
+//! A map of the error of images over the σ-γ plane.
 
 use crate::commands::{progress::Progress, svg};
 use plotters::prelude::*;
@@ -6,21 +6,22 @@ use softras::Result;
 use softras_cli::stress::{Stress, at, image_error};
 use std::path::Path;
 
-/// Scenes of each place of the plane.
+/// Number of scenes at each σ and γ.
 const SCENES: u64 = 8;
-/// Powers of ten.
+/// The powers of ten of σ.
 const SIGMA: std::ops::RangeInclusive<i32> = -12..=1;
+/// The powers of ten of γ.
 const GAMMA: std::ops::RangeInclusive<i32> = -10..=1;
-/// Pixels of one place.
+/// Side of a cell in pixels.
 const CELL: i32 = 52;
 const LEFT: i32 = 90;
 const TOP: i32 = 50;
 
-/// Measures and draws: at each σ and γ the largest error of any value of any image of the same few scenes, without the
-/// pixels at a jump of the model.
+/// Measures and draws the map: at each σ and γ the largest error of any value of any image of the same few scenes, without
+/// pixels near a discontinuity of the model.
 ///
 /// # Errors
-/// Those of the device; [`softras::Error::Io`].
+/// Errors of the device; [`softras::Error::Io`].
 pub fn draw(path: &Path, stress: &mut Stress) -> Result<()> {
     let progress = Progress::counted("place", SIGMA.count() * GAMMA.count());
     let mut cells = Vec::new();
@@ -48,7 +49,7 @@ fn rows() -> i32 {
     GAMMA.count() as i32
 }
 
-/// From white for 1e-7 over yellow and red to black for 1.
+/// The colour of an error: from white for 1e-7 through yellow and red to black for 1.
 fn shade(error: f64) -> RGBColor {
     let x = ((error.max(1e-7).log10() + 7.0) / 7.0).clamp(0.0, 1.0);
     let stops = [[255.0, 255.0, 255.0], [254.0, 217.0, 118.0], [227.0, 26.0, 28.0], [40.0, 0.0, 20.0]];

@@ -1,4 +1,4 @@
-//! `softras stress`: scenes drawn to hurt, and what comes of them.
+//! `softras stress`: tests a device with random difficult scenes.
 
 mod load;
 mod map;
@@ -16,45 +16,45 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 use tally::Tally;
 
-/// Try to break a device and this crate: random scenes drawn to hurt, with a report
+/// Test a device with random difficult scenes and print a report
 #[derive(Args, Debug)]
 #[command(after_help = "\
-Half of the scenes lie where accuracy is promised, with triangles that have no area, are thin, doubled,
-coincident or through each other; the other half lie anywhere: coordinates from 1e-40 to 1e20, sigma from
-1e-12 to 10, gamma from 1e-10 to 10, near and far equal, swapped or enormous, images from 1x1 to 1x4096.
-Each is rendered and differentiated twice. It may be refused with an error that says why. Else every
-value must be finite and in its range, both runs must have the same bits, and where it is promised
-images and gradients must be those of the model in f64. Whatever is not so is printed with its seed,
-and the exit code is 1.
+Half of the scenes are from the region in which accuracy is promised, with triangles that have no area, are
+thin, doubled, coincident or intersect each other. The other half are from everywhere: coordinates from 1e-40
+to 1e20, sigma from 1e-12 to 10, gamma from 1e-10 to 10, near and far equal, swapped or enormous, images from
+1x1 to 1x4096. Each scene is rendered and differentiated twice. It may be refused with an error that says why.
+Otherwise every value must be finite and in its range, both runs must give the same bits, and where accuracy
+is promised images and gradients must agree with the model in f64. Every violation is printed with the seed of
+its scene, and the exit code is then 1.
 
 Examples:
   softras stress --cases 20000 --seed 1
   softras stress --cases 1 --seed 4711            # one scene again
-  softras stress --cases 1000000 --batch 64       # many scenes fast: 64 in one submission
+  softras stress --cases 1000000 --batch 64       # many scenes, 64 in one submission
   softras stress --cases 10000 --realistic
-  softras stress --cases 0 --load 100000          # frames in a row, with flat memory
+  softras stress --cases 0 --load 100000          # a check that memory does not grow
   softras stress --cases 0 --map accuracy.svg     # error over the sigma-gamma plane")]
 pub struct StressArgs {
-    /// How many scenes
+    /// Number of scenes
     #[arg(long, value_name = "N", default_value_t = 1000)]
     cases: u64,
-    /// The seed of the first scene; the others' follow
+    /// The seed of the first scene; the others have the seeds that follow
     #[arg(long, value_name = "S", default_value_t = 1)]
     seed: u64,
-    /// How many combinations of modes to draw from: each costs some seconds of compiling
+    /// Number of combinations of modes to draw from; compiling the kernels of each takes some seconds
     #[arg(long, value_name = "N", default_value_t = FORMS as u64, value_parser = clap::value_parser!(u64).range(1..=FORMS as u64))]
     forms: u64,
-    /// Scenes of one size and settings that are rendered as one batch. They are held to less: finite, in range and the
-    /// same bits again; one of each batch is run by itself, as all are without this
+    /// Render N scenes of the same size and settings as one batch. They are checked for finite values, ranges and equal bits
+    /// only; one scene of each batch is also checked in full by itself
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1024))]
     batch: u64,
-    /// Images of 64 to 512 pixels a side and meshes of up to 6000 triangles
+    /// Draw images of 64 to 512 pixels a side and meshes of up to 6000 triangles
     #[arg(long)]
     realistic: bool,
-    /// Renderers that work at the same time
+    /// Number of renderers that work at the same time
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u64).range(1..=64))]
     jobs: u64,
-    /// Run under the Vulkan validation layers; whatever they say is a finding
+    /// Run under the Vulkan validation layers; each of their messages is a finding
     #[arg(long)]
     validation: bool,
     /// The Vulkan device: its index or a part of its name, as `softras devices` lists them [default: the best one]
@@ -63,10 +63,11 @@ pub struct StressArgs {
     /// Draw the error of images over the sigma-gamma plane
     #[arg(long, value_name = "FILE.svg")]
     map: Option<PathBuf>,
-    /// Render and differentiate so many small frames in a row, shared by --jobs renderers; memory must not grow
+    /// Render and differentiate this many small frames in a row, shared by --jobs renderers, and check that memory does not
+    /// grow
     #[arg(long, value_name = "FRAMES", value_parser = clap::value_parser!(u64).range(1..))]
     load: Option<u64>,
-    /// Print the least scene that still shows the first finding
+    /// Reduce the scene of the first finding to the fewest triangles that still show it, and print it
     #[arg(long)]
     shrink: bool,
     /// Print one JSON object
@@ -92,11 +93,12 @@ pub fn run(args: &StressArgs) -> std::result::Result<(), Failure> {
     let options =
         RendererOptions { device: args.device.clone(), validation: args.validation, ..RendererOptions::default() };
     let load = args.load.map(|frames| load::run(frames, args.jobs, &options)).transpose()?;
-    // All devices are there before any renders, and go when none does: the validation layers crash otherwise.
+    // All devices are created before the first frame and destroyed after the last one, because the validation layers crash
+    // otherwise.
     let mut stresses =
         (0..args.jobs.min(args.cases).max(1)).map(|_| Stress::new(&options)).collect::<Result<Vec<_>>>()?;
     let device = stresses[0].renderer().device_name().to_string();
-    // A panic is a finding and is told of as one.
+    // A panic is reported as a finding, so the default message is switched off.
     std::panic::set_hook(Box::new(|_| {}));
     let tally = at_length(args, stresses)?;
     let least = if args.shrink { tally.first() } else { None };
@@ -133,7 +135,7 @@ pub fn run(args: &StressArgs) -> std::result::Result<(), Failure> {
     if tally.is_clean() && load.is_none_or(|load| load.is_flat()) { Ok(()) } else { Err(Failure::Told) }
 }
 
-/// The least scene with that finding, for people.
+/// The reduced scene of a finding, as text.
 fn shrunk(options: &RendererOptions, args: &StressArgs, seed: u64, kind: &str) -> Result<String> {
     let mut stress = Stress::new(options)?;
     for case in batch(seed, args.kind(), args.batch as usize).into_iter().flatten() {
@@ -148,15 +150,15 @@ fn shrunk(options: &RendererOptions, args: &StressArgs, seed: u64, kind: &str) -
     Ok(format!("seed {seed}: no scene of the batch shows it by itself"))
 }
 
-/// Where the batches begin, those of the same modes after each other: compiling a form's kernels takes longer than a
-/// hundred batches, and a renderer keeps those of one or two.
+/// The first cases of the batches, sorted by combination of modes: compiling the kernels of one takes longer than a hundred
+/// batches, and a renderer keeps the kernels of one or two.
 fn order(args: &StressArgs) -> Vec<u64> {
     let mut starts: Vec<u64> = (0..args.cases).step_by(args.batch as usize).collect();
     starts.sort_by_cached_key(|start| form(args.seed.wrapping_add(*start), args.kind()));
     starts
 }
 
-/// All cases, by several renderers; the order in which they end does not matter to the tally.
+/// Runs all cases on several renderers; the tally does not depend on the order in which they end.
 fn at_length(args: &StressArgs, mut stresses: Vec<Stress>) -> Result<Tally> {
     let next = AtomicUsize::new(0);
     let starts = order(args);

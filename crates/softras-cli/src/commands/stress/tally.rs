@@ -1,4 +1,4 @@
-//! What came of many cases.
+//! The tally of many cases: counts, worst errors and findings.
 
 use serde_json::{Value, json};
 use softras_cli::stress::{Finding, Outcome};
@@ -20,7 +20,7 @@ pub struct Tally {
     unpromised: Vec<f64>,
 }
 
-/// The largest of many errors, and whose it is.
+/// The largest of many errors, with its seed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Worst {
     count: u64,
@@ -32,7 +32,7 @@ impl Worst {
     fn add(&mut self, seed: u64, error: Option<f64>) {
         let Some(error) = error else { return };
         self.count += 1;
-        // The lower seed where two are the same, whoever came first.
+        // Of two equal errors the one with the lower seed counts, so that the order of cases does not matter.
         if self.count == 1 || error > self.error || (error == self.error && seed < self.seed) {
             (self.error, self.seed) = (error, seed);
         }
@@ -48,7 +48,7 @@ impl Worst {
 }
 
 impl Tally {
-    /// One more case.
+    /// Adds the outcome of a case.
     pub fn add(&mut self, seed: u64, outcome: &Outcome) {
         self.cases += 1;
         if let Some(kind) = outcome.refused {
@@ -64,7 +64,7 @@ impl Tally {
         self.unpromised.extend(outcome.unpromised_error);
     }
 
-    /// Those of another worker.
+    /// Adds the tally of another worker.
     pub fn merge(&mut self, other: Self) {
         self.cases += other.cases;
         other.refused.into_iter().for_each(|(kind, count)| *self.refused.entry(kind).or_default() += count);
@@ -77,7 +77,7 @@ impl Tally {
         self.unpromised.extend(other.unpromised);
     }
 
-    /// Whether nothing was found.
+    /// Whether there are no findings.
     pub fn is_clean(&self) -> bool {
         self.found.is_empty()
     }
@@ -87,12 +87,12 @@ impl Tally {
         self.findings.first().map(|(seed, finding)| (*seed, finding.kind))
     }
 
-    /// Share of the cases without a promise whose images are off by more.
+    /// The share of the cases without a promise whose images have a larger error.
     fn beyond(&self, error: f64) -> f64 {
         self.unpromised.iter().filter(|e| **e > error).count() as f64 / self.unpromised.len().max(1) as f64
     }
 
-    /// For people.
+    /// The tally as lines of text.
     pub fn lines(&self) -> Vec<String> {
         let counts = |counts: &BTreeMap<&str, u64>| {
             counts.iter().map(|(kind, count)| format!("{kind} {count}")).collect::<Vec<_>>().join(", ")
@@ -125,7 +125,7 @@ impl Tally {
         lines
     }
 
-    /// For machines.
+    /// The tally as JSON.
     pub fn json(&self) -> Value {
         let findings = self.findings.iter();
         let findings: Vec<_> =
