@@ -55,7 +55,7 @@ fn originals(folder: &Path) -> Vec<(String, Vec<u8>)> {
 }
 
 /// Checks that a mesh is valid and contains no texture from outside the folder.
-fn judge(mesh: &Mesh) -> Result<(), String> {
+fn validate(mesh: &Mesh) -> Result<(), String> {
     let sound = Mesh::new(mesh.positions().to_vec(), mesh.triangles().to_vec())
         .and_then(|again| again.with_appearance(mesh.appearance().clone()));
     sound.map_err(|error| error.to_string())?;
@@ -77,7 +77,7 @@ fn a_secret_texel_is_seen() {
         texture_of_triangle: Vec::new(),
     };
     let mesh = Mesh::new(vec![[0.0; 3]; 3], vec![[0, 1, 2]]).unwrap().with_appearance(appearance).unwrap();
-    assert!(judge(&mesh).is_err() && judge(&shapes::cube().unwrap()).is_ok());
+    assert!(validate(&mesh).is_err() && validate(&shapes::cube().unwrap()).is_ok());
 }
 
 #[test]
@@ -105,7 +105,7 @@ fn mutated_meshes_are_read_or_refused() {
         match outcome {
             Err(_) => panic!("seed {seed}: a panic"),
             Ok(Ok(loaded)) => {
-                judge(&loaded.mesh).unwrap_or_else(|what| panic!("seed {seed}: {what}"));
+                validate(&loaded.mesh).unwrap_or_else(|what| panic!("seed {seed}: {what}"));
                 read += 1;
             }
             Ok(Err(Error::File { path, .. })) => {

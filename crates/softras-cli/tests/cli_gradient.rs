@@ -155,7 +155,7 @@ const DERIVATIVES: [(&str, &[usize]); 13] = [
     ("grad_epsilon", &[]),
 ];
 
-/// Σ upstream · image of a scene, by the judge.
+/// Σ upstream · image of a scene, rendered by the reference.
 fn loss(folder: &Path, npz: Npz) -> f64 {
     npz.write(&folder.join("moved.npz"));
     succeeds(folder, &["eval", "moved.npz", "-o", "images.npz", "--device", "reference"]);

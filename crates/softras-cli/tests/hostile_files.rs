@@ -1,10 +1,10 @@
-//! Malformed and mutated files through the command and its reader of arrays: each is read or refused with an error that says
-//! why, without a panic and in little memory, whatever it claims. The names of `tests/corpus` say which.
+//! Tests malformed and mutated files with the command and its reader of arrays: each is read or refused with an error that
+//! says why, without a panic and in little memory, whatever it claims. The names in `tests/corpus` tell which are refused.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 #[path = "../../../tests/common/mutate.rs"]
 mod mutate;
-#[allow(dead_code)] // What only the command needs.
+#[allow(dead_code)] // Parts that only the command uses.
 #[path = "../src/commands/npz/npy.rs"]
 mod npy;
 
@@ -58,7 +58,7 @@ fn malformed_arrays_are_read_or_refused_as_their_names_say() {
     }
 }
 
-/// Arrays, in the reader itself: as many values as the shape says, or a sentence.
+/// In the reader itself: an array has as many values as its shape says, or there is an error message.
 #[test]
 fn mutated_arrays_are_read_or_refused() {
     let files: Vec<Vec<u8>> = files("npy").iter().map(|path| fs::read(path).unwrap()).collect();
@@ -88,7 +88,7 @@ fn mutated_arrays_are_read_or_refused() {
     assert!(read > 0 && refused > 0);
 }
 
-/// Through the command, by the judge: no device is opened.
+/// Through the command with the f64 reference, so that no device is opened.
 #[test]
 fn mutated_archives_are_read_or_refused() {
     use npyz::WriterBuilder;
@@ -130,7 +130,7 @@ fn mutated_archives_are_read_or_refused() {
     assert!(refused > 0);
 }
 
-/// Through `softras fit`, which reads them; they are refused before anything is rendered.
+/// Through `softras fit`, which refuses them before it renders anything.
 #[test]
 fn malformed_cameras_are_refused() {
     for file in files("cameras") {

@@ -50,7 +50,7 @@ fn what_cannot_work_is_refused_by_kind() {
 
 /// An image that is not the case's is a finding: the promise is not of air.
 #[test]
-fn a_wrong_scene_is_far_from_the_judge() {
+fn a_wrong_scene_is_far_from_the_reference() {
     let mut stress = stress();
     let case = (0..).find_map(|seed| case(seed, ONE).ok().filter(|c| c.promise == Promise::Images)).unwrap();
     let frame = stress.renderer().render(&case.scene, &case.cameras, &case.settings).unwrap();
@@ -87,8 +87,8 @@ fn a_composited_gradient_of_next_to_nothing_has_the_digits_of_its_silhouette() {
     assert!(outcomes.iter().any(|outcome| outcome.gradient_error.is_some()));
 }
 
-/// One triangle whose images and gradients are held to the judge's.
-fn judged(positions: [[f32; 3]; 3], camera: Camera, settings: Settings) -> Case {
+/// A case of one triangle whose images and gradients are compared with the reference's.
+fn compared(positions: [[f32; 3]; 3], camera: Camera, settings: Settings) -> Case {
     let scene = Scene::new(Mesh::new(positions.to_vec(), vec![[0, 1, 2]]).unwrap());
     let (promise, gradient) = (Promise::Gradients, GradientMode::Exact);
     Case { seed: 0, promise, scene, cameras: vec![camera], settings, gradient }
@@ -119,7 +119,7 @@ fn the_pieces_of_a_cut_triangle_add_up_to_no_more_than_it() {
             save: true,
             ..Settings::default()
         };
-        let case = judged([[-1.5, -1.0, 3.0], [1.5, -0.9, 2.0], [0.1, 0.8, 0.5]], camera, settings);
+        let case = compared([[-1.5, -1.0, 3.0], [1.5, -0.9, 2.0], [0.1, 0.8, 0.5]], camera, settings);
         keeps_its_promise(&mut stress, &case);
         let frame = stress.renderer().render(&case.scene, &case.cameras, &case.settings).unwrap();
         let silhouette = &frame.silhouette().unwrap().data;
@@ -149,7 +149,7 @@ fn a_corner_that_near_just_leaves_is_whole_in_backward_too() {
             save: true,
             ..Settings::default()
         };
-        keeps_its_promise(&mut stress, &judged(positions, camera, settings));
+        keeps_its_promise(&mut stress, &compared(positions, camera, settings));
     }
 }
 
@@ -164,7 +164,7 @@ fn a_long_edge_is_cut_at_near() {
         let (near, far, width, height) = (0.5, 10.0, 24, 20);
         let settings =
             Settings { width, height, sigma: 1e-2, gamma: 0.1, near, far, outputs, save: true, ..Settings::default() };
-        keeps_its_promise(&mut stress, &judged(positions, camera, settings));
+        keeps_its_promise(&mut stress, &compared(positions, camera, settings));
     }
 }
 

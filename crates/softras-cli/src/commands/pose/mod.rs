@@ -9,13 +9,14 @@ use super::fit::targets;
 use super::render::framing::{Bounds, View};
 use super::{Failure, say};
 use args::PoseArgs;
+use glam::DVec3;
 use serde_json::json;
 use softras::fit::{Pose, PoseFit, PoseOptions, PoseTarget, rotations};
 use softras::internals::fit::is_closed;
 use softras::internals::output;
 use softras::obj::LoadOptions;
 use softras::scene::Faces;
-use softras::{Image, Mesh, Renderer, Result, Scene, Settings};
+use softras::{Camera, Image, Mesh, Renderer, Result, Scene, Settings};
 
 /// Poses farther than this from the best one, in degrees, count as other answers.
 const OTHER: f64 = 10.0;
@@ -67,6 +68,38 @@ impl Target {
     }
 }
 
+/// What all fits of a mesh to a picture have in common.
+struct Search {
+    scene: Scene,
+    camera: Camera,
+    center: DVec3,
+    settings: Settings,
+}
+
+impl Search {
+    fn fit(&self, options: PoseOptions, poses: Vec<Pose>) -> Result<PoseFit> {
+        PoseFit::new(self.scene.clone(), self.camera, self.center, self.settings.clone(), options, poses)
+    }
+
+    /// A fit from all starts, after its last step.
+    fn run(
+        &self,
+        args: &PoseArgs,
+        options: PoseOptions,
+        target: &PoseTarget,
+        renderer: &mut Renderer,
+    ) -> Result<PoseFit> {
+        let starts = rotations(args.starts as usize).into_iter().map(|rotation| Pose { rotation, ..Pose::IDENTITY });
+        let mut fit = self.fit(options, starts.collect())?;
+        let progress = super::progress::Progress::counted("step", args.iterations as usize);
+        for _ in 0..args.iterations {
+            fit.step(renderer, target)?;
+            progress.step();
+        }
+        Ok(fit)
+    }
+}
+
 fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) -> Result<(), Failure> {
     let bounds = Bounds::of(mesh);
     let (height, width) = (target.color.height, target.color.width);
@@ -79,23 +112,13 @@ fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) 
         false => (Faces::Both, PoseOptions::both_sides()),
     };
     let settings = Settings { width: width as u32, height: height as u32, near, far, faces, ..Settings::default() };
+    let search = Search { scene: Scene::new(mesh.clone()), camera: view.camera()?, center: bounds.center, settings };
     let translation_rate = if args.no_translation { 0.0 } else { 0.15 * bounds.radius };
     let options = PoseOptions { iterations: args.iterations as usize, translation_rate, ..base };
     let repeated = target.repeated(args.starts as usize)?;
     // The reported loss is that of plain colours, which is easier to interpret.
     let plain = repeated.clone().plain();
-    let fitted = |options: PoseOptions, renderer: &mut Renderer| -> Result<PoseFit> {
-        let starts = rotations(args.starts as usize).into_iter().map(|rotation| Pose { rotation, ..Pose::IDENTITY });
-        let scene = Scene::new(mesh.clone());
-        let mut fit = PoseFit::new(scene, view.camera()?, bounds.center, settings.clone(), options, starts.collect())?;
-        let progress = super::progress::Progress::counted("step", args.iterations as usize);
-        for _ in 0..args.iterations {
-            fit.step(renderer, &repeated)?;
-            progress.step();
-        }
-        Ok(fit)
-    };
-    let fit = fitted(options.clone(), renderer)?;
+    let fit = search.run(args, options.clone(), &repeated, renderer)?;
     let losses = fit.losses(renderer, fit.poses(), SHARP, &plain)?;
     let Some((best, loss)) = least(fit.poses(), &losses, |_| true) else { return Err(Failure::Told) };
     let other = least(fit.poses(), &losses, |pose| pose.degrees_to(&best) > OTHER);
@@ -104,28 +127,20 @@ fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) 
     if let Some(path) = &args.out {
         softras::obj::write_obj(&encoded(&posed(mesh, &best, bounds)?)?, path)?;
     }
-    if let Some(path) = &args.landscape {
-        let seen = Settings { faces: Faces::Both, ..settings.clone() };
-        let scene = Scene::new(mesh.clone());
-        let fit = PoseFit::new(scene, view.camera()?, bounds.center, seen, options.clone(), vec![best])?;
-        landscape::write(path, &fit, &best, target, renderer)?;
-    }
     let mut baselines = Vec::new();
     for (name, options) in benchmark::baselines(&options).into_iter().filter(|_| args.baselines) {
-        let fit = fitted(options, renderer)?;
+        let fit = search.run(args, options, &repeated, renderer)?;
         // Baselines are compared by the same loss as the pose itself, whatever they were fitted with.
-        let soft = PoseFit::new(
-            Scene::new(mesh.clone()),
-            view.camera()?,
-            bounds.center,
-            settings.clone(),
-            PoseOptions::default(),
-            fit.poses().to_vec(),
-        )?;
+        let soft = search.fit(PoseOptions::default(), fit.poses().to_vec())?;
         let losses = soft.losses(renderer, fit.poses(), SHARP, &plain)?;
         if let Some((pose, loss)) = least(fit.poses(), &losses, |_| true) {
             baselines.push(Baseline { name, loss, degrees: pose.degrees_to(&best) });
         }
+    }
+    if let Some(path) = &args.landscape {
+        let settings = Settings { faces: Faces::Both, ..search.settings.clone() };
+        let fit = Search { settings, ..search }.fit(options, vec![best])?;
+        landscape::write(path, &fit, &best, target, renderer)?;
     }
     tell(args, &Answer { pose: best, loss, confidence, agreeing, baselines })
 }
