@@ -1,4 +1,4 @@
-//! `softras bench`, from outside.
+//! Tests of the command `softras bench`.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 #[allow(dead_code, reason = "shared with the other tests of the command line")]

@@ -1,4 +1,4 @@
-//! `softras fit`, `iou` and `pose` from outside: files in, files and figures out.
+//! Tests of the commands `softras fit`, `iou` and `pose`.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 #[allow(dead_code, reason = "shared with the other tests of the command line")]
@@ -141,7 +141,7 @@ fn pictures_and_cameras_are_read_from_a_folder() {
     fails(folder.path(), &arguments, 1, &["0.png", "outside the folder of views", "--allow-outside"]);
     succeeds(folder.path(), &[&arguments[..], &["--allow-outside", "--iterations", "1"]].concat());
     std::fs::write(&list, "[{\"file\": \"0.png\"}]").unwrap();
-    fails(folder.path(), &fit.split_whitespace().collect::<Vec<_>>(), 1, &["camera 0 says not where it is"]);
+    fails(folder.path(), &fit.split_whitespace().collect::<Vec<_>>(), 1, &["camera 0 has no position"]);
     fails(folder.path(), &["fit", "--views", "nothing.npy", "-o", "out.obj"], 2, &["--cameras"]);
 }
 

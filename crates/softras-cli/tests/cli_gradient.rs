@@ -1,4 +1,4 @@
-//! The commands that differentiate, from outside: `eval --gradient`, `check`, `grad`.
+//! Tests of the commands that differentiate: `eval --gradient`, `check` and `grad`.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 #[allow(dead_code, reason = "shared with the other tests of the command line")]

@@ -1,4 +1,4 @@
-//! Help, exit codes, and the commands without pictures.
+//! Tests of help, exit codes, and the commands without pictures.
 
 use super::{fails, softras, succeeds};
 use std::fs;

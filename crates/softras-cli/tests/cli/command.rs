@@ -1,4 +1,4 @@
-//! The `softras` command, run in a folder: what every test of the command line needs.
+//! Runs the `softras` command in a folder, for all tests of the command line.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -8,7 +8,7 @@ pub fn softras(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_softras")).current_dir(folder).args(arguments).output().unwrap()
 }
 
-/// Runs the command, which must do what was asked; what it printed comes back.
+/// Runs the command, which must succeed, and returns what it printed.
 #[track_caller]
 pub fn succeeds(folder: &Path, arguments: &[&str]) -> String {
     let output = softras(folder, arguments);

@@ -1,4 +1,4 @@
-//! `softras eval`.
+//! Tests of the command `softras eval`.
 
 use super::numpy::{self, Npz};
 use super::{fails, softras, succeeds};

@@ -1,4 +1,4 @@
-//! Whenever the command is killed, the file that it writes is the old one or the new one.
+//! Tests of written files: old or new whenever the command is killed, through links, and with their permissions.
 
 use super::{softras, succeeds};
 use std::{
@@ -14,7 +14,7 @@ fn start(folder: &Path, arguments: &[&str]) -> Child {
     command.current_dir(folder).args(arguments).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
 }
 
-/// Kills the command at `times` moments spread over how long it takes, and a little later.
+/// Kills the command at `times` moments, spread over a little more than the time that it takes.
 #[track_caller]
 fn is_old_or_new(folder: &Path, file: &str, arguments: &[&str], times: u32) {
     let path = folder.join(file);
@@ -36,7 +36,7 @@ fn is_old_or_new(folder: &Path, file: &str, arguments: &[&str], times: u32) {
         kept += u32::from(is == old);
     }
     assert!(kept > 0, "never killed in time");
-    // What a killed run left beside the file is in nobody's way.
+    // Temporary files that killed runs left behind do not disturb later runs.
     assert!(softras(folder, arguments).status.success());
     assert_eq!(fs::read(&path).unwrap(), new);
 }
@@ -54,7 +54,7 @@ fn a_picture_is_the_old_or_the_new_one() {
     is_old_or_new(folder.path(), "cube.png", &["render", "cube.obj", "-o", "cube.png", "--size", "64"], 4);
 }
 
-/// A file that is written where it stands would be seen half: what the two tests above rely on.
+/// A file that is written in place is seen incomplete, which shows that the two tests above can fail.
 #[test]
 fn a_file_written_in_place_is_seen_half() {
     let folder = tempfile::tempdir().unwrap();
@@ -76,4 +76,21 @@ fn a_file_written_in_place_is_seen_half() {
         halves
     });
     assert!(halves > 0);
+}
+
+#[cfg(unix)]
+#[test]
+fn pictures_are_written_through_links_and_keep_permissions() {
+    use std::os::unix::fs::{PermissionsExt, symlink};
+    let (folder, elsewhere) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
+    let (link, target) = (folder.path().join("link.npy"), elsewhere.path().join("target.npy"));
+    fs::write(&target, "old").unwrap();
+    fs::set_permissions(&target, fs::Permissions::from_mode(0o400)).unwrap();
+    symlink(&target, &link).unwrap();
+    succeeds(folder.path(), &["render", "cube.obj", "-o", "link.npy", "--size", "16"]);
+    assert!(link.is_symlink() && !target.is_symlink());
+    assert_eq!(fs::metadata(&target).unwrap().permissions().mode() & 0o7777, 0o400);
+    assert!(fs::read(&target).unwrap().starts_with(b"\x93NUMPY"));
+    assert_eq!(fs::read_dir(elsewhere.path()).unwrap().count(), 1, "no temporary files");
 }

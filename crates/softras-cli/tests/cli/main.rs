@@ -1,4 +1,4 @@
-//! The `softras` command from outside: arguments, exit codes, files.
+//! Tests of the `softras` command: arguments, exit codes, files.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod arguments;

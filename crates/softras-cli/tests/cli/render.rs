@@ -1,4 +1,4 @@
-//! `softras render`.
+//! Tests of the command `softras render`.
 
 use super::succeeds;
 use exr::prelude::ReadChannels;
