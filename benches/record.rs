@@ -7,9 +7,12 @@
 #[path = "../examples/engine/mod.rs"]
 mod engine;
 
-use engine::Engine;
+use ash::vk;
+use engine::{Commands, Engine};
 use gpu_allocator::MemoryLocation;
-use softras::embed::{Arena, Differentiate, Rasterizer, Shape};
+use softras::embed::{
+    Arena, Differentiate, HostCommands, Layout, MeshBuffers, PassMemory, PassMesh, Rasterizer, Shape,
+};
 use softras::{Camera, Projection, Scene, Settings, Wanted, shapes};
 use std::time::Instant;
 
@@ -37,29 +40,69 @@ fn main() {
             .bind_backward(&gradient_plan, &forward, &gradient_arena.refs(&two.whole()).expect("parts"))
             .expect("more");
         let frame = engine.commands().expect("a command buffer");
-        let mut times: [Vec<f64>; 3] = Default::default();
-        for _ in 0..RUNS {
-            frame.begin().expect("a command buffer");
-            let mut commands = frame.host();
-            let start = Instant::now();
-            rasterizer.record_forward(&mut commands, &plan, &forward).expect("recorded");
-            let middle = Instant::now();
-            rasterizer.record_backward(&mut commands, &gradient_plan, &backward).expect("recorded");
-            let end = Instant::now();
-            for (times, span) in times.iter_mut().zip([middle - start, end - middle, end - start]) {
-                times.push(span.as_secs_f64() * 1e6);
-            }
-            engine.end(&frame).expect("ended");
-        }
-        for (part, mut times) in ["forward", "backward", "both"].into_iter().zip(times) {
-            times.sort_by(f64::total_cmp);
-            println!("{:>24} {:>10.2} {:>10.2}", format!("{name}: {part}"), times[RUNS / 2], times[RUNS - 1]);
-        }
+        measure(&engine, &frame, name, |commands, part| match part {
+            0 => rasterizer.record_forward(commands, &plan, &forward).expect("recorded"),
+            _ => rasterizer.record_backward(commands, &gradient_plan, &backward).expect("recorded"),
+        });
     }
+    facade(&engine, &rasterizer, &cameras, &settings);
     println!("shape of {} triangles: {:.1} µs", scene.meshes[0].triangles().len(), shaped.as_secs_f64() * 1e6);
     let start = Instant::now();
     for _ in 0..RUNS {
         std::hint::black_box(rasterizer.plan(&shape, &settings).expect("a plan"));
     }
     println!("plan: {:.2} µs", start.elapsed().as_secs_f64() * 1e6 / RUNS as f64);
+}
+
+/// Times both parts of a frame's recording.
+fn measure(engine: &Engine, frame: &Commands, name: &str, mut record: impl FnMut(&mut HostCommands, usize)) {
+    let mut times: [Vec<f64>; 3] = Default::default();
+    for _ in 0..RUNS {
+        frame.begin().expect("a command buffer");
+        let mut commands = frame.host();
+        let start = Instant::now();
+        record(&mut commands, 0);
+        let middle = Instant::now();
+        record(&mut commands, 1);
+        let end = Instant::now();
+        for (times, span) in times.iter_mut().zip([middle - start, end - middle, end - start]) {
+            times.push(span.as_secs_f64() * 1e6);
+        }
+        engine.end(frame).expect("ended");
+    }
+    for (part, mut times) in ["forward", "backward", "both"].into_iter().zip(times) {
+        times.sort_by(f64::total_cmp);
+        println!("{:>24} {:>10.2} {:>10.2}", format!("{name}: {part}"), times[RUNS / 2], times[RUNS - 1]);
+    }
+}
+
+/// The same frame by the facade: with it come the copies of the cameras and the status, and the host's own vertex layout.
+fn facade(engine: &Engine, rasterizer: &Rasterizer, cameras: &[Camera], settings: &Settings) {
+    let mesh = shapes::icosphere(4).expect("a mesh");
+    let vertices = mesh.positions().len();
+    for (name, wanted) in [("pass, positions", Wanted::default()), ("pass, all gradients", Wanted::ALL)] {
+        let plan = rasterizer
+            .pass(&[PassMesh::new(vertices as u32, mesh.triangles().as_flattened())])
+            .settings(settings.clone())
+            .cameras(cameras)
+            .gradients(wanted)
+            .inside_planes()
+            .build()
+            .expect("a plan");
+        let memory = plan.memory().map(|m| engine.buffer(m.size, m.usage, MemoryLocation::CpuToGpu).expect("memory"));
+        let [upload, device, readback] = memory.each_ref().map(|buffer| buffer.whole());
+        let storage = vk::BufferUsageFlags::STORAGE_BUFFER;
+        let bytes = 12 * vertices as u64;
+        let [source, target] = [0; 2].map(|_| engine.buffer(bytes, storage, MemoryLocation::GpuOnly).expect("memory"));
+        let packed = Layout { stride: 12, offset: 0 };
+        let mut buffers = MeshBuffers::new(source.whole(), packed);
+        buffers.gradients.positions = Some((target.whole(), packed));
+        let memories = PassMemory { upload, device, readback, own: &[] };
+        let pass = rasterizer.bind_pass(plan, memories, &[buffers]).expect("a pass");
+        let frame = engine.commands().expect("a command buffer");
+        measure(engine, &frame, name, |commands, part| match part {
+            0 => pass.record_forward(commands).expect("recorded"),
+            _ => pass.record_backward(commands).expect("recorded"),
+        });
+    }
 }

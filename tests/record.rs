@@ -5,9 +5,12 @@
 #[path = "../examples/engine/mod.rs"]
 mod engine;
 
+use ash::vk;
 use engine::Engine;
 use gpu_allocator::MemoryLocation;
-use softras::embed::{Arena, Differentiate, Rasterizer, Shape};
+use softras::embed::{
+    Arena, BufferId, Differentiate, Layout as Lie, MeshBuffers, PassMemory, PassMesh, Rasterizer, Shape,
+};
 use softras::{Camera, Lights, Projection, Scene, Settings, Wanted, shapes};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -79,6 +82,52 @@ fn recording_allocates_nothing() {
         assert_eq!(count, 0, "validation {validation}");
         let log = engine.log();
         drop((frame, forward, backward, buffers, rasterizer, engine));
+        assert_eq!(*log.lock().unwrap(), Vec::<String>::new());
+    }
+}
+
+/// The facade's setup, frame and gradients, into a host's own vertices and into the readback buffer.
+#[test]
+fn recording_a_pass_allocates_nothing() {
+    for validation in [false, true] {
+        let engine = Engine::new(validation).unwrap();
+        let rasterizer = Rasterizer::new(&engine.host_device()).unwrap();
+        let mesh = shapes::icosphere(2).unwrap();
+        let cameras =
+            [0.0, 90.0].map(|a| Camera::from_angles(3.0, 20.0, a, Projection::Perspective { fov_y: 1.0 }).unwrap());
+        let vertices = mesh.positions().len();
+        let plan = rasterizer
+            .pass(&[PassMesh::new(vertices as u32, mesh.triangles().as_flattened())])
+            .settings(Settings { sigma: 1e-4, ..Settings::default() })
+            .cameras(&cameras)
+            .lights(Lights::official())
+            .gradients(Wanted::ALL)
+            .read_back(&[BufferId::Color, BufferId::Totals])
+            .build()
+            .unwrap();
+        let memory = plan.memory().map(|m| engine.buffer(m.size, m.usage, MemoryLocation::CpuToGpu).unwrap());
+        let [upload, device, readback] = memory.each_ref().map(|buffer| buffer.whole());
+        let storage = vk::BufferUsageFlags::STORAGE_BUFFER;
+        let [source, target] =
+            [0; 2].map(|_| engine.buffer(12 * vertices as u64, storage, MemoryLocation::GpuOnly).unwrap());
+        let packed = Lie { stride: 12, offset: 0 };
+        let mut buffers = MeshBuffers::new(source.whole(), packed);
+        buffers.gradients.positions = Some((target.whole(), packed));
+        let memories = PassMemory { upload, device, readback, own: &[] };
+        let pass = rasterizer.bind_pass(plan, memories, &[buffers]).unwrap();
+        let frame = engine.commands().unwrap();
+        frame.begin().unwrap();
+        let mut commands = frame.host();
+        let count = allocations(|| {
+            for _ in 0..10 {
+                pass.record_setup(&mut commands).unwrap();
+                pass.record_forward(&mut commands).unwrap();
+                pass.record_backward(&mut commands).unwrap();
+            }
+        });
+        assert_eq!(count, 0, "validation {validation}");
+        let log = engine.log();
+        drop((frame, pass, memory, source, target, rasterizer, engine));
         assert_eq!(*log.lock().unwrap(), Vec::<String>::new());
     }
 }
