@@ -80,7 +80,8 @@ fn sources(folder: &Path) -> Result<Vec<PathBuf>, String> {
 /// A kernel's static as Rust source.
 fn kernel(name: &str, source: &Path, words: usize, r: &Reflection) -> String {
     let push_bytes = r.push_members.iter().map(|m| m.offset + m.size).max().unwrap_or(0).next_multiple_of(4);
-    let mut rust = format!("/// `{}`.\npub static {}: Kernel = Kernel {{\n", source.display(), name.to_uppercase());
+    let mut rust = format!("/// `{}`.\npub static {}: Kernel = {{\n", source.display(), name.to_uppercase());
+    rust.push_str("let data = KernelData {\n");
     let spirv = format!("{{ static WORDS: [u32; {words}] = words(include_bytes!(\"{name}.spv\")); &WORDS }}");
     _ = writeln!(rust, "    name: {name:?},\n    spirv: {spirv},");
     _ = writeln!(rust, "    local_size: {:?},\n    local_size_ids: {:?},", r.local_size, r.local_size_ids);
@@ -106,7 +107,8 @@ fn kernel(name: &str, source: &Path, words: usize, r: &Reflection) -> String {
         let members = members(&s.members);
         _ = writeln!(rust, "        Struct {{ name: {name:?}, size: {size}, stride: {stride}, members: {members} }},");
     }
-    rust.push_str("    ],\n};\n");
+    rust.push_str("    ],\n};\n// SAFETY: the GLSL compiler wrote the SPIR-V, and build.rs read the other fields out of it.\n");
+    rust.push_str("unsafe { Kernel::new(data) }\n};\n");
     rust
 }
 

@@ -82,7 +82,7 @@ pub use image::Image;
 pub use renderer::{Frame, FrameCounts, Renderer, RendererOptions, StageTime};
 pub use scene::{Camera, Lights, Mesh, Projection, Scene, Settings};
 #[cfg(feature = "renderer")]
-pub use vulkan::CacheFolder;
-pub use vulkan::{DeviceInfo, DeviceKind, Limits, Loader, Subgroups};
+pub use vulkan::{CacheFolder, Loader};
+pub use vulkan::{DeviceInfo, DeviceKind, Limits, Subgroups};
 
 use vulkan::constants;

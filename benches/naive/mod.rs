@@ -12,7 +12,7 @@ use std::time::Instant;
 /// modes, neither of which this kernel needs.
 #[allow(dead_code, unused_imports)]
 mod kernel {
-    use softras::internals::vulkan::{Binding, BindingKind, Kernel, Member, SpecValue, Specialization, Struct};
+    use softras::internals::vulkan::{Binding, BindingKind, Kernel, KernelData, Member, SpecValue, Specialization, Struct};
 
     const fn words<const N: usize>(bytes: &[u8]) -> [u32; N] {
         let mut words = [0; N];

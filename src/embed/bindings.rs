@@ -70,7 +70,7 @@ pub(super) fn parts_of_host(
         } else if requirement.usage.contains(vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER) {
             parts.bound.push((id, texels(requirement.format)?));
         } else {
-            parts.bound.push((id, BufferPart::of_host(&at)));
+            parts.bound.push((id, BufferPart::of_host(device, &at)));
         }
     }
     Ok(parts)

@@ -56,7 +56,7 @@ impl Rasterizer {
             let what = format!("{meshes} counts {stride} bytes apart in {} bytes", buffer.range());
             return misfit(what, "use a multiple of four, and bind a larger part");
         }
-        let source = BufferPart::of_host(buffer);
+        let source = BufferPart::of_host(&self.device, buffer);
         let buffers = [
             ("Counts", &source),
             ("ViewShapes", frame.array(BufferId::ViewShapes)?),

@@ -54,7 +54,8 @@ impl Rasterizer {
         let (frame, added): (Vec<_>, Vec<_>) = buffers.iter().copied().partition(|(id, _)| of_frame(id));
         let frame = self.bind(&plan.frame, &frame)?;
         let gradients = plan.gradients.as_ref().map(|plan| self.bind_backward(plan, &frame, &added)).transpose()?;
-        let (upload, readback) = (BufferPart::of_host(&memory.upload), BufferPart::of_host(&memory.readback));
+        let part = |at| BufferPart::of_host(&self.device, at);
+        let (upload, readback) = (part(&memory.upload), part(&memory.readback));
         let rasterizer = self.clone();
         let mut pass = Pass {
             rasterizer,
@@ -101,7 +102,7 @@ impl Pass {
                 return Err(Error::Host { what, fix: "plan it with PassBuilder::gradients".into() });
             }
         };
-        self.draws.push((at, BufferPart::of_host(&draws)));
+        self.draws.push((at, BufferPart::of_host(&self.rasterizer.device, &draws)));
         self.setup.extend(bound.setup);
         self.texels.extend(bound.texels);
         self.vertices.extend(bound.geometry.vertices);
@@ -254,7 +255,7 @@ impl Pass {
     }
 
     fn part(&self, id: BufferId) -> Result<BufferPart> {
-        self.buffer(id).map(|at| BufferPart::of_host(&at)).ok_or_else(|| Error::Host {
+        self.buffer(id).map(|at| BufferPart::of_host(&self.rasterizer.device, &at)).ok_or_else(|| Error::Host {
             what: format!("there is no buffer `{id}`"),
             fix: "plan and bind the pass anew".into(),
         })

@@ -92,7 +92,7 @@ impl Rasterizer {
         let table = buffers.draws.part(0, table)?;
         // Of no draws nothing is recorded.
         let draws = if geometry.draws().is_empty() {
-            BufferPart::of_host(&table)
+            BufferPart::of_host(&self.device, &table)
         } else {
             BufferPart::texels_of_host(&self.device, &table, TexelFormat::Uint4, "draws")?
         };
@@ -129,8 +129,8 @@ impl Rasterizer {
         let target = frame.array(id)?;
         judge_target(id, target, 12 * (u64::from(first) + u64::from(count)))?;
         let moved = made.buffers.transforms.as_ref().filter(|_| id == BufferId::Positions);
-        let source = BufferPart::of_host(&source.0);
-        let transforms = moved.map_or_else(|| source.clone(), |(at, _)| BufferPart::of_host(at));
+        let source = BufferPart::of_host(&self.device, &source.0);
+        let transforms = moved.map_or_else(|| source.clone(), |(at, _)| BufferPart::of_host(&self.device, at));
         let buffers = [("draws", &made.draws), ("Vertices", &source), ("Transforms", &transforms), ("Target", target)];
         let modes = [("TRANSFORMED", u32::from(moved.is_some()))];
         Ok(Step { stage: self.stage(&kernels::PLACE, &modes, &buffers)?, push, groups: linear_groups(count) })
@@ -153,7 +153,7 @@ impl Rasterizer {
         judge_target(id, target, 12 * (u64::from(first) + u64::from(triangles)))?;
         let (base, select) = (geometry.mesh_vertex, format.bits());
         let push = Push { first, base, select, ..made.push(3 * triangles) };
-        let buffers = [("draws", &made.draws), ("Indices", &BufferPart::of_host(at)), ("Target", target)];
+        let buffers = [("draws", &made.draws), ("Indices", &BufferPart::of_host(&self.device, at)), ("Target", target)];
         let stage = self.stage(&kernels::PLACE_INDICES, &[], &buffers)?;
         Ok(Step { stage, push, groups: linear_groups(3 * triangles) })
     }
@@ -207,8 +207,8 @@ impl Rasterizer {
         let words = layout_words("the gradients", target, end, 3)?;
         let push = Push { base: first, select, ..made.vertex_push(end - first, words)? };
         let moved = made.buffers.transforms.as_ref().filter(|_| select == 0);
-        let target = BufferPart::of_host(&target.0);
-        let transforms = BufferPart::of_host(moved.map_or(&made.buffers.positions.0, |(at, _)| at));
+        let target = BufferPart::of_host(&self.device, &target.0);
+        let transforms = BufferPart::of_host(&self.device, moved.map_or(&made.buffers.positions.0, |(at, _)| at));
         let buffers = [
             ("draws", &made.draws),
             ("vertex_gradients", &backward.vertex_gradients),
@@ -231,11 +231,11 @@ impl Rasterizer {
         let (stride, offset) = layout_words("positions", &made.buffers.positions, end, 3)?;
         let (transform_stride, transform_offset) = layout_words("the transforms' gradients", target, instances, 12)?;
         let push = Push { stride, offset, transform_stride, transform_offset, ..made.push(instances) };
-        let target = BufferPart::of_host(&target.0);
+        let target = BufferPart::of_host(&self.device, &target.0);
         let buffers = [
             ("draws", &made.draws),
             ("vertex_gradients", &backward.vertex_gradients),
-            ("Vertices", &BufferPart::of_host(&made.buffers.positions.0)),
+            ("Vertices", &BufferPart::of_host(&self.device, &made.buffers.positions.0)),
             ("Target", &target),
         ];
         let stage = self.stage(&kernels::PLACE_TRANSFORM_GRAD, &[], &buffers)?;

@@ -111,7 +111,7 @@ impl Rasterizer {
         let count = geometry.vertices();
         let (stride, offset) = layout_words("UVs", source, geometry.source_vertices().1, 2)?;
         let push = Push { first, stride, offset, select: u32::from(v_down), ..made.push(count) };
-        let (source, target) = (BufferPart::of_host(&source.0), frame.array(BufferId::Uvs)?);
+        let (source, target) = (BufferPart::of_host(&self.device, &source.0), frame.array(BufferId::Uvs)?);
         let buffers = [("draws", draws), ("Vertices", &source), ("Target", target)];
         Ok(Step { stage: self.stage(&kernels::PLACE_UVS, &[], &buffers)?, push, groups: linear_groups(count) })
     }
@@ -139,13 +139,13 @@ impl Rasterizer {
             }
             TexelSource::Bytes { at, srgb } => {
                 judge_bytes("texels", &at, 4 * count)?;
-                let buffers = [("Source", &BufferPart::of_host(&at)), ("Target", target)];
+                let buffers = [("Source", &BufferPart::of_host(&self.device, &at)), ("Target", target)];
                 let stage = self.stage(&kernels::PLACE_TEXEL_WORDS, &[], &buffers)?;
                 Ok(TexelStep::Place { stage, push: [width, height, first, u32::from(srgb)], groups })
             }
             TexelSource::Floats(at) => {
                 judge_bytes("texels", &at, 16 * count)?;
-                let (from, to) = (BufferPart::of_host(&at), target.clone());
+                let (from, to) = (BufferPart::of_host(&self.device, &at), target.clone());
                 Ok(TexelStep::Copy { from, to, at: 16 * u64::from(first), size: 16 * count })
             }
         }

@@ -78,7 +78,7 @@ impl BufferRequirement {
 fn requirement(limits: &Limits, id: BufferId, size: u64) -> Result<BufferRequirement> {
     let (name, format, role, usage) = (id.name(), id.row().format, id.row().role, id.usage());
     let texels = usage.contains(vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER).then_some(format);
-    BufferDesc { name, size, usage, location: Location::Device, texels }.judge(limits)?;
+    BufferDesc { name, size, usage, location: Location::Device, texels }.validate(limits)?;
     // Sixteen: a whole texel, and what copying to an image asks for.
     let alignment = limits.storage_offset_alignment.max(limits.texel_offset_alignment).max(16);
     Ok(BufferRequirement { id, size, alignment, usage, format, role })

@@ -113,7 +113,8 @@ impl Renderer {
             settings: &saved.settings,
             lights: &saved.lights,
         };
-        decoder.decode_floats(&|id, count| self.buffers.floats(id, count))
+        let contents = self.buffers.contents()?;
+        decoder.decode_floats(&|id, count| contents.floats(id, count))
     }
 
     /// The last plan where nothing that it depends on has changed.
@@ -144,7 +145,8 @@ impl Renderer {
         let alpha = upstream.silhouette.as_ref();
         if let Some(color) = &upstream.color {
             let pixels = color.data.as_chunks::<3>().0;
-            let texels = self.buffers.floats_mut(BufferId::UpstreamColor, 4 * pixels.len())?.as_chunks_mut::<4>().0;
+            let mut bytes = self.buffers.bytes_mut(BufferId::UpstreamColor, 16 * pixels.len())?;
+            let texels: &mut [[f32; 4]] = bytemuck::cast_slice_mut(&mut bytes);
             match alpha {
                 Some(alpha) => {
                     for ((to, &[r, g, b]), &a) in texels.iter_mut().zip(pixels).zip(&alpha.data) {
@@ -161,8 +163,8 @@ impl Renderer {
         }
         if let Some(normal) = &upstream.normal {
             let pixels = normal.data.as_chunks::<3>().0;
-            let texels = self.buffers.floats_mut(BufferId::UpstreamNormals, 4 * pixels.len())?;
-            write_texels(texels.as_chunks_mut::<4>().0, pixels);
+            let mut bytes = self.buffers.bytes_mut(BufferId::UpstreamNormals, 16 * pixels.len())?;
+            write_texels(bytemuck::cast_slice_mut(&mut bytes), pixels);
         }
         Ok(())
     }
@@ -184,7 +186,7 @@ impl Renderer {
         self.backward.recorded = None;
         self.backward.commands.record(|recorder| {
             if let Some(times) = times {
-                recorder.reset_timestamps(times);
+                recorder.reset_timestamps(times)?;
             }
             for (entry, buffer) in buffers.shared() {
                 if entry.role == Role::Input && plan.buffer(entry.id).is_some() {

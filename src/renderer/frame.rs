@@ -1,7 +1,7 @@
 //! A rendered batch, as the host gets it.
 
 use crate::error::Result;
-use crate::frame::buffers::{BufferId, BufferSet};
+use crate::frame::buffers::{BufferId, Contents};
 use crate::image::Image;
 #[cfg(doc)]
 use crate::scene::Outputs;
@@ -70,7 +70,7 @@ impl Frame {
 impl Frame {
     /// Copies what the settings ask for out of the images' buffers.
     pub(super) fn download(
-        buffers: &BufferSet,
+        buffers: &Contents<'_>,
         batch: usize,
         settings: &Settings,
         timings: Vec<StageTime>,

@@ -201,7 +201,7 @@ impl Renderer {
             // The next frame of this kind starts with what this one needed.
             self.capacity = Some(self.capacity.map_or(plan.capacity(), |c| c.max(plan.capacity())));
             let saved = settings.save.then_some(self.frames);
-            let frame = Frame::download(&self.buffers, cameras.len(), settings, self.timings()?, saved)?;
+            let frame = Frame::download(&self.buffers.contents()?, cameras.len(), settings, self.timings()?, saved)?;
             self.saved = saved.map(|id| backward::Saved {
                 id,
                 plan,
@@ -289,7 +289,7 @@ impl Renderer {
         let is_bound = |entry: Entry<BufferId>, role: Role| entry.role == role && plan.buffer(entry.id).is_some();
         self.commands.record(|recorder| {
             if let Some(times) = times {
-                recorder.reset_timestamps(times);
+                recorder.reset_timestamps(times)?;
             }
             rasterizer.forward(recorder, plan, &bindings, times)?;
             for (entry, buffer) in buffers.shared() {

@@ -56,8 +56,8 @@ impl Uploads {
     }
 
     /// The copies, to be executed before the frame; none where the host writes to the device's memory itself.
-    pub(super) fn commands(&self) -> Option<&CommandBuffer> {
-        (!self.recorded.is_empty()).then_some(&self.commands)
+    pub(super) fn commands(&mut self) -> Option<&mut CommandBuffer> {
+        (!self.recorded.is_empty()).then_some(&mut self.commands)
     }
 
     /// The submission is done.

@@ -1,33 +1,30 @@
-//! The devices that are there, what they can do, and which one to take.
+//! What a physical device is and can do, as plain data.
 
-use super::instance::Instance;
-use super::result::Named;
-use crate::{Error, Result};
 use ash::vk;
 use std::ffi::CStr;
 
 /// A physical device, as plain data.
 #[derive(Clone, Debug)]
 pub struct DeviceInfo {
-    /// Its place in the list, by which it can be selected.
+    /// Its index in the loader's list, by which it can be selected.
     pub index: usize,
     /// Its name, by any part of which it can be selected.
     pub name: String,
-    /// How it is built.
+    /// Its kind.
     pub kind: DeviceKind,
-    /// The driver's name; empty where the driver does not tell.
+    /// The driver's name; empty for a device of Vulkan 1.1 and earlier.
     pub driver: String,
-    /// The driver's version, as the driver words it.
+    /// The driver's version, as the driver writes it.
     pub driver_version: String,
     /// Vulkan version, as (major, minor, patch).
     pub api_version: (u32, u32, u32),
-    /// Limits that matter to us.
+    /// The limits that softras depends on.
     pub limits: Limits,
     /// Ok, or why softras cannot run on it.
     pub suitable: Result<(), String>,
 }
 
-/// How a device is built, the first to be preferred.
+/// The kind of a device, in the order of preference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum DeviceKind {
     /// A GPU with its own memory.
@@ -43,7 +40,7 @@ pub enum DeviceKind {
 }
 
 impl DeviceKind {
-    /// From what Vulkan calls it.
+    /// From Vulkan's own enumeration.
     pub(super) fn of(kind: vk::PhysicalDeviceType) -> Self {
         match kind {
             vk::PhysicalDeviceType::DISCRETE_GPU => Self::Discrete,
@@ -90,7 +87,7 @@ pub struct Limits {
     pub max_push_constants: u32,
     /// maxPerStageDescriptorStorageBuffers.
     pub max_storage_buffers: u32,
-    /// maxPerStageDescriptorSampledImages, against which texel buffers count.
+    /// maxPerStageDescriptorSampledImages, which limits texel buffers as well.
     pub max_texel_buffers: u32,
     /// minStorageBufferOffsetAlignment in bytes.
     pub storage_offset_alignment: u64,
@@ -126,7 +123,7 @@ pub struct Subgroups {
 }
 
 impl Subgroups {
-    /// The device has what a SPIR-V capability of this name stands for. True for what is no subgroup operation.
+    /// Whether the device supports the SPIR-V capability of this name. True for one that is no subgroup operation.
     pub fn has(&self, capability: &str) -> bool {
         match capability {
             "GroupNonUniformVote" => self.vote,
@@ -141,7 +138,7 @@ impl Subgroups {
 }
 
 impl Limits {
-    /// Asks a physical device.
+    /// Queries a physical device.
     ///
     /// # Safety
     /// Instance and device belong together and both are of Vulkan 1.1.
@@ -188,65 +185,40 @@ impl Limits {
     }
 }
 
-/// A listed device with the handle it stands for.
-pub(super) struct Adapter {
-    pub(super) physical: vk::PhysicalDevice,
-    pub(super) info: DeviceInfo,
-    /// The queue family to compute on.
-    pub(super) queue_family: Option<u32>,
-}
-
-/// All devices of an instance, in the loader's order.
-pub(super) fn list(instance: &Instance) -> Result<Vec<Adapter>> {
-    // SAFETY: the instance lives.
-    let found = match unsafe { instance.raw.enumerate_physical_devices() } {
-        // What the loader says when not one driver is installed.
-        Err(vk::Result::ERROR_INITIALIZATION_FAILED | vk::Result::ERROR_INCOMPATIBLE_DRIVER) => Vec::new(),
-        other => other.named("vkEnumeratePhysicalDevices")?,
-    };
-    // SAFETY: the handles come from this instance, which is of Vulkan 1.1.
-    let describe = |(index, physical)| unsafe { describe(&instance.raw, index, physical) };
-    Ok(found.into_iter().enumerate().map(describe).collect())
-}
-
-/// What a physical device is and whether it serves.
+/// What a physical device is, and whether softras can run on it.
 ///
 /// # Safety
 /// The handle comes from this instance, which is of Vulkan 1.1.
-pub(super) unsafe fn describe(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevice) -> Adapter {
+pub(super) unsafe fn describe(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevice) -> DeviceInfo {
     // SAFETY: the caller's promise.
     let properties = unsafe { instance.get_physical_device_properties(physical) };
     let version = properties.api_version;
     let is_1_1 = version >= vk::API_VERSION_1_1;
-    let queue_family = compute_family(instance, physical);
+    let computes = compute_family(instance, physical).is_some();
     let suitable = if !is_1_1 {
         Err("it has Vulkan 1.0 only, softras needs 1.1".to_string())
-    } else if queue_family.is_none() {
+    } else if !computes {
         Err("it has no queue that computes".to_string())
     } else {
         Ok(())
     };
     let (driver, driver_version) = driver(instance, physical, &properties);
     let name = properties.device_name_as_c_str().unwrap_or(c"?").to_string_lossy().into_owned();
-    Adapter {
-        physical,
-        queue_family,
-        info: DeviceInfo {
-            index,
-            name,
-            kind: DeviceKind::of(properties.device_type),
-            driver,
-            driver_version,
-            api_version: (
-                vk::api_version_major(version),
-                vk::api_version_minor(version),
-                vk::api_version_patch(version),
-            ),
-            // SAFETY: the handle comes from this instance, which is of Vulkan 1.1; a device of 1.0 is never used, and
-            // the loader answers the 1.1 query for it all the same.
-            limits: unsafe { Limits::query(instance, physical) },
-            suitable,
-        },
+    DeviceInfo {
+        index,
+        name,
+        kind: DeviceKind::of(properties.device_type),
+        driver,
+        driver_version,
+        api_version: (
+            vk::api_version_major(version),
+            vk::api_version_minor(version),
+            vk::api_version_patch(version),
+        ),
+        // SAFETY: the handle comes from this instance, which is of Vulkan 1.1; a device of 1.0 is never used, and the loader
+        // answers the 1.1 query for it all the same.
+        limits: unsafe { Limits::query(instance, physical) },
+        suitable,
     }
 }
 
@@ -270,59 +242,12 @@ fn driver(
     (text(&driver.driver_name), text(&driver.driver_info))
 }
 
-/// A family that computes: one that also draws is the device's main one, whose timestamps and priority we want.
-fn compute_family(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Option<u32> {
+/// A queue family for compute. One that also draws is preferred: it is the device's main one, with timestamps and priority.
+pub(super) fn compute_family(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Option<u32> {
     // SAFETY: the handle comes from this instance.
     let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
     let computes = |f: &vk::QueueFamilyProperties| f.queue_flags.contains(vk::QueueFlags::COMPUTE) && f.queue_count > 0;
     let draws = |f: &vk::QueueFamilyProperties| f.queue_flags.contains(vk::QueueFlags::GRAPHICS);
     let all = || (0u32..).zip(&families).filter(|(_, f)| computes(f));
     all().find(|(_, f)| draws(f)).or_else(|| all().next()).map(|(index, _)| index)
-}
-
-/// The device that `selector` names (an index, or part of a name in any case), or the best one that is suitable.
-pub(super) fn select(adapters: Vec<Adapter>, selector: Option<&str>) -> Result<Adapter> {
-    let listing = adapters.iter().map(|a| line(&a.info)).collect::<Vec<_>>().join("; ");
-    let Some(selector) = selector.map(str::trim).filter(|s| !s.is_empty()) else {
-        let suitable = adapters.into_iter().filter(|a| a.info.suitable.is_ok());
-        return suitable.min_by_key(|a| (a.info.kind, a.info.index)).ok_or_else(|| Error::NoDevice {
-            what: if listing.is_empty() {
-                "there is no device".to_string()
-            } else {
-                format!("of {listing}: none is suitable")
-            },
-            fix: "install a driver with Vulkan 1.1, or the software device \
-                   (Debian, Ubuntu: apt install mesa-vulkan-drivers)"
-                .to_string(),
-        });
-    };
-    let names = |info: &DeviceInfo| match selector.parse::<usize>() {
-        Ok(index) => info.index == index,
-        Err(_) => info.name.to_lowercase().contains(&selector.to_lowercase()),
-    };
-    // Where several match (a GPU listed by two drivers), the best suitable one.
-    let best = adapters
-        .into_iter()
-        .filter(|a| names(&a.info))
-        .min_by_key(|a| (a.info.suitable.is_err(), a.info.kind, a.info.index));
-    let what = match &best {
-        Some(Adapter { info: DeviceInfo { suitable: Err(reason), name, .. }, .. }) => {
-            format!("`{selector}` is {name}, but {reason}")
-        }
-        Some(_) => String::new(),
-        None => format!("no device matches `{selector}`"),
-    };
-    best.filter(|a| a.info.suitable.is_ok()).ok_or_else(|| Error::NoDevice {
-        what,
-        fix: if listing.is_empty() {
-            "there is no device: install a driver with Vulkan 1.1".to_string()
-        } else {
-            format!("choose one by number or by part of its name: {listing}")
-        },
-    })
-}
-
-fn line(info: &DeviceInfo) -> String {
-    let reason = info.suitable.as_ref().err().map_or(String::new(), |reason| format!(", {reason}"));
-    format!("{}: {} ({}{reason})", info.index, info.name, info.kind)
 }

@@ -1,4 +1,4 @@
-//! What a buffer is to be: its memory, its texels, its usages, judged against a device's limits.
+//! The description of a buffer: its memory, texels and usages, validated against a device's limits.
 
 use super::adapter::Limits;
 use crate::{Error, Result};
@@ -102,13 +102,30 @@ pub(super) fn check_texels(limits: &Limits, name: &str, range: u64, format: Texe
 }
 
 impl BufferDesc<'_> {
+    /// The usages that a description may name. The others belong to extensions and features that no device of ours enables.
+    pub const USAGES: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
+        vk::BufferUsageFlags::TRANSFER_SRC.as_raw()
+            | vk::BufferUsageFlags::TRANSFER_DST.as_raw()
+            | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER.as_raw()
+            | vk::BufferUsageFlags::UNIFORM_BUFFER.as_raw()
+            | vk::BufferUsageFlags::STORAGE_BUFFER.as_raw()
+            | vk::BufferUsageFlags::INDIRECT_BUFFER.as_raw(),
+    );
+
     /// Checks that a device of these limits can bind such a buffer as a whole, in the ways that its usage and texels say,
-    /// and allocate it in one piece.
+    /// and allocate it in one piece. Returns its size in bytes as it is made.
     ///
     /// # Errors
-    /// [`Error::Limit`] naming the buffer and the limit.
-    pub fn judge(&self, limits: &Limits) -> Result<()> {
-        let size = self.size.max(1).next_multiple_of(16);
+    /// [`Error::Limit`] naming the buffer and the limit; [`Error::Vulkan`] naming usages that are none of
+    /// [`USAGES`](Self::USAGES).
+    pub fn validate(&self, limits: &Limits) -> Result<u64> {
+        let unknown = self.usage & !Self::USAGES;
+        if !unknown.is_empty() {
+            let result = format!("buffer `{}`: usage {unknown:?} is none of {:?}", self.name, Self::USAGES);
+            return Err(Error::Vulkan { call: "vkCreateBuffer", result });
+        }
+        // What cannot be rounded up is beyond every limit below.
+        let size = self.size.max(1).checked_next_multiple_of(16).unwrap_or(u64::MAX);
         if self.usage.contains(vk::BufferUsageFlags::STORAGE_BUFFER) {
             limit_error(self.name, size, "bytes", "maxStorageBufferRange", limits.max_storage_buffer_range)?;
         }
@@ -118,7 +135,8 @@ impl BufferDesc<'_> {
         if let Some(texels) = self.texels {
             check_texels(limits, self.name, size, texels)?;
         }
-        limit_error(self.name, size, "bytes", "maxMemoryAllocationSize", limits.max_memory_allocation_size)
+        limit_error(self.name, size, "bytes", "maxMemoryAllocationSize", limits.max_memory_allocation_size)?;
+        Ok(size)
     }
 }
 

@@ -1,36 +1,35 @@
-//! References to a part of any buffer, ours or a host's.
+//! References to a part of a buffer, ours or a host's.
 
 use super::buffer_desc::{TexelFormat, check_texels};
 use super::device::Device;
 use super::host_memory::BufferRef;
+use super::keep::{Keep, Kept};
 use super::result::Named;
 use crate::{Error, Result};
 use ash::vk;
-use std::any::Any;
 use std::sync::Arc;
 
 const CALL: &str = "vkCreateBufferView";
 
-/// Something that must live on until the device is done with it.
-pub(super) type Keep = Arc<dyn Any + Send + Sync>;
-
-/// A part of a buffer, ours or a host's, to bind or to copy. Keeps a buffer of ours alive; of a host's it knows only
-/// the handles.
+/// A part of a buffer, ours or a host's, to bind or to copy. It keeps a buffer of ours alive; of a host's buffer it knows
+/// the handles only. It is of one device, and an error where it is used with another.
 #[derive(Clone)]
 pub struct BufferPart {
+    /// The device that made the buffer.
+    pub(super) device: vk::Device,
     pub(super) raw: vk::Buffer,
     pub(super) offset: u64,
     pub(super) range: u64,
     pub(super) usage: vk::BufferUsageFlags,
-    pub(super) view: Option<vk::BufferView>,
+    pub(super) view: Option<(vk::BufferView, TexelFormat)>,
     pub(super) keep: Option<Keep>,
 }
 
 impl BufferPart {
-    /// A part of a host's buffer, without a texel view.
-    pub fn of_host(at: &BufferRef) -> Self {
+    /// A part of a host's buffer, which is one of this device's, without a texel view.
+    pub fn of_host(device: &Device, at: &BufferRef) -> Self {
         let (raw, offset, range, usage) = (at.raw(), at.offset(), at.range(), at.usage());
-        Self { raw, offset, range, usage, view: None, keep: None }
+        Self { device: device.raw().handle(), raw, offset, range, usage, view: None, keep: None }
     }
 
     /// A part of a host's buffer with a texel view of just that part, destroyed with the last clone of what is returned.
@@ -47,13 +46,13 @@ impl BufferPart {
             return Err(Error::Vulkan { call: CALL, result: format!("`{name}` is null") });
         }
         // SAFETY: the usage was checked, all else is the promise of `BufferRef::new`.
-        unsafe { Self::of_host(at).with_view(device, format, name) }
+        unsafe { Self::of_host(device, at).with_view(device, format, name) }
     }
 
     /// The same part with a texel view of its own, destroyed with the last clone of the returned reference.
     ///
     /// # Safety
-    /// The buffer is of this device, has the usage UNIFORM_TEXEL_BUFFER and bound memory, and outlives the view.
+    /// The buffer is one of this device's, has the usage UNIFORM_TEXEL_BUFFER and bound memory, and outlives the view.
     pub(super) unsafe fn with_view(&self, device: &Device, format: TexelFormat, name: &str) -> Result<Self> {
         let alignment = device.limits().texel_offset_alignment.max(1);
         if !self.offset.is_multiple_of(alignment) || !self.range.is_multiple_of(format.bytes()) {
@@ -67,8 +66,8 @@ impl BufferPart {
         check_texels(device.limits(), name, self.range, format)?;
         // SAFETY: the caller's promise, and the checks above.
         let view = unsafe { create_view(device, self.raw, self.offset, self.range, format, name) }?;
-        let owner = View { device: device.clone(), view, _buffer: self.keep.clone() };
-        Ok(Self { view: Some(view), keep: Some(Arc::new(owner)), ..*self })
+        let owner = View { device: device.clone(), view, buffer: self.keep.clone() };
+        Ok(Self { view: Some((view, format)), keep: Some(Arc::new(owner)), ..*self })
     }
 
     /// The buffer.
@@ -91,9 +90,14 @@ impl BufferPart {
         self.usage
     }
 
-    /// The texel view.
-    pub fn view(&self) -> Option<vk::BufferView> {
+    /// The texel view, and what its texels are.
+    pub(super) fn view(&self) -> Option<(vk::BufferView, TexelFormat)> {
         self.view
+    }
+
+    /// The buffer is one of this device's.
+    pub(super) fn is_of(&self, device: &Device) -> bool {
+        self.device == device.raw().handle()
     }
 }
 
@@ -104,11 +108,18 @@ impl std::fmt::Debug for BufferPart {
     }
 }
 
-/// A texel view apart from its buffer's.
+/// A texel view of a part of a buffer.
 struct View {
     device: Device,
     view: vk::BufferView,
-    _buffer: Option<Keep>,
+    buffer: Option<Keep>,
+}
+
+impl Kept for View {
+    #[cfg(feature = "renderer")]
+    fn uses(&self, uses: &mut super::keep::Uses) {
+        self.buffer.iter().for_each(|buffer| buffer.uses(uses));
+    }
 }
 
 impl Drop for View {

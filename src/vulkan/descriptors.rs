@@ -1,9 +1,10 @@
-//! Descriptor sets, bound by name.
+//! Descriptor sets: buffers and images bound to a kernel's bindings by name.
 
-use super::buffer_desc::limit_error;
-use super::buffer_part::{BufferPart, Keep};
+use super::buffer_desc::{TexelFormat, limit_error};
+use super::buffer_part::BufferPart;
 use super::device::Device;
 use super::host_memory::{ImageRef, TextureRef};
+use super::keep::{Keep, Kept};
 use super::kernel::{Binding, BindingKind, Kernel};
 use super::pipeline::{self, Pipeline};
 use super::result::{Named, misuse};
@@ -14,7 +15,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 const CALL: &str = "vkUpdateDescriptorSets";
 
-/// Room for one descriptor set for each kernel of a list. A place once used is free again only with the whole pool.
+/// Room for one descriptor set for each kernel of a list. Room once used is free again only with the whole pool.
 #[derive(Clone)]
 pub struct DescriptorPool(Arc<Pool>);
 
@@ -34,11 +35,21 @@ pub(super) struct Set {
     kernel: &'static Kernel,
     pool: Arc<Pool>,
     _layout: Arc<pipeline::Inner>,
-    _buffers: Vec<Keep>,
+    buffers: Vec<Keep>,
+}
+
+impl Kept for Set {
+    #[cfg(feature = "renderer")]
+    fn uses(&self, uses: &mut super::keep::Uses) {
+        self.buffers.iter().for_each(|buffer| buffer.uses(uses));
+    }
 }
 
 impl DescriptorPool {
     /// Makes room for one set for each kernel; name a kernel as often as it is bound.
+    ///
+    /// # Errors
+    /// [`crate::Error::Vulkan`], [`crate::Error::OutOfMemory`].
     pub fn new(device: &Device, kernels: &[&'static Kernel]) -> Result<Self> {
         let mut counts = BTreeMap::new();
         for binding in kernels.iter().flat_map(|k| k.bindings) {
@@ -62,12 +73,19 @@ impl DescriptorPool {
     /// Binds buffers to the kernel's bindings by their names: each exactly once, none else.
     ///
     /// The set also serves every other pipeline of the same kernel.
+    ///
+    /// # Errors
+    /// [`crate::Error::Vulkan`] naming the binding that is missing, unknown or given twice, and the buffer that is of another
+    /// device, has no fitting usage or texels, or is misaligned; [`crate::Error::Limit`].
     pub fn bind(&self, pipeline: &Pipeline, buffers: &[(&str, &BufferPart)]) -> Result<DescriptorSet> {
         let resources: Vec<_> = buffers.iter().map(|&(name, buffer)| (name, Resource::Buffer(buffer))).collect();
         self.bind_resources(pipeline, &resources)
     }
 
     /// The same for a kernel that stores to an image.
+    ///
+    /// # Errors
+    /// As [`bind`](Self::bind), and for an image of another format.
     pub fn bind_with_image(
         &self,
         pipeline: &Pipeline,
@@ -116,7 +134,7 @@ impl DescriptorPool {
         };
         let keeps = matched.iter().filter_map(|(_, resource)| keep(resource)).collect();
         let (pool, layout) = (self.0.clone(), pipeline.inner().clone());
-        Ok(DescriptorSet(Arc::new(Set { raw, kernel, pool, _layout: layout, _buffers: keeps })))
+        Ok(DescriptorSet(Arc::new(Set { raw, kernel, pool, _layout: layout, buffers: keeps })))
     }
 }
 
@@ -199,12 +217,15 @@ fn match_names<'a>(
     kernel.bindings.iter().map(find).collect()
 }
 
-/// The device can bind this part of a buffer in this way.
+/// Checks that the device can bind this part of a buffer in this way.
 fn check_buffer(device: &Device, kernel: &Kernel, binding: &Binding, buffer: &BufferPart) -> Result<()> {
     let limits = device.limits();
     let fail = |what: &str| Err(misuse(CALL, kernel, &format!("binding `{}`: {what}", binding.name)));
     if buffer.raw() == vk::Buffer::null() {
         return fail("the buffer is null");
+    }
+    if !buffer.is_of(device) {
+        return fail("the buffer is of another device");
     }
     let (alignment, limit, limit_name) = match binding.kind {
         BindingKind::StorageBuffer => {
@@ -216,8 +237,13 @@ fn check_buffer(device: &Device, kernel: &Kernel, binding: &Binding, buffer: &Bu
         BindingKind::StorageImage(_) | BindingKind::SampledImage => {
             return fail("it is an image, and was given a buffer");
         }
-        _ if buffer.view().is_none() => return fail("it is read as texels, and the buffer has no texel view"),
-        _ => return Ok(()),
+        BindingKind::UniformTexelBufferFloat | BindingKind::UniformTexelBufferInt | BindingKind::UniformTexelBufferUint => {
+            return match buffer.view() {
+                None => fail("it is read as texels, and the buffer has no texel view"),
+                Some((_, format)) if texels_of(format) == binding.kind => Ok(()),
+                Some((_, format)) => fail(&format!("it is {:?}, and the buffer's texels are {format:?}", binding.kind)),
+            };
+        }
     };
     if !buffer.usage().contains(binding.kind.buffer_usage()) {
         return fail(&format!("the buffer was made without the usage {:?}", binding.kind.buffer_usage()));
@@ -231,7 +257,16 @@ fn check_buffer(device: &Device, kernel: &Kernel, binding: &Binding, buffer: &Bu
     limit_error(binding.name, buffer.range(), "bytes", limit_name, limit)
 }
 
-/// The image is what the kernel stores to.
+/// The binding that reads texels of a format: the kernel's type must be the format's.
+fn texels_of(format: TexelFormat) -> BindingKind {
+    match format {
+        TexelFormat::Float | TexelFormat::Float2 | TexelFormat::Float4 => BindingKind::UniformTexelBufferFloat,
+        TexelFormat::Uint | TexelFormat::Uint2 | TexelFormat::Uint4 => BindingKind::UniformTexelBufferUint,
+        TexelFormat::Int | TexelFormat::Int4 => BindingKind::UniformTexelBufferInt,
+    }
+}
+
+/// Checks that the image is what the kernel stores to.
 fn check_image(kernel: &Kernel, binding: &Binding, image: &ImageRef) -> Result<()> {
     let fail = |what: String| Err(misuse(CALL, kernel, &format!("binding `{}`: {what}", binding.name)));
     match binding.kind {
@@ -265,7 +300,7 @@ impl Info {
         match resource {
             Resource::Buffer(b) => Self {
                 buffer: [vk::DescriptorBufferInfo { buffer: b.raw(), offset: b.offset(), range: b.range() }],
-                view: [b.view().unwrap_or_default()],
+                view: [b.view().map_or(vk::BufferView::null(), |(view, _)| view)],
                 ..Self::default()
             },
             Resource::Image(image) => {

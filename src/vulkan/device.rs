@@ -1,8 +1,9 @@
-//! The device as pipelines, descriptors and recording see it: ours or a host's.
+//! The device that pipelines, descriptors and recording work on: ours or a host's.
 
 use super::adapter::{DeviceKind, Limits};
 use super::host::{Callbacks, HostDevice};
-use super::instance::Instance;
+#[cfg(feature = "renderer")]
+use super::own::Instance;
 use crate::{Error, Result};
 use ash::{ext::debug_utils, vk};
 use std::ffi::CString;
@@ -23,7 +24,8 @@ struct Inner {
     kind: DeviceKind,
     /// The host's allocation callbacks; none on a device of ours.
     callbacks: Callbacks,
-    /// The instance, if the device is ours to destroy. Dropped behind the device.
+    /// The instance, if the device is ours to destroy. Dropped after the device.
+    #[cfg(feature = "renderer")]
     owned: Option<Instance>,
 }
 
@@ -49,14 +51,28 @@ impl Device {
         let kind = DeviceKind::of(properties.device_type);
         // SAFETY: the promise of `HostDevice::with_allocation_callbacks`.
         let callbacks = unsafe { Callbacks::new(host.allocation_callbacks) };
-        let inner = Inner { raw, instance, physical, debug_utils, limits, kind, callbacks, owned: None };
+        let inner = Inner {
+            raw,
+            instance,
+            physical,
+            debug_utils,
+            limits,
+            kind,
+            callbacks,
+            #[cfg(feature = "renderer")]
+            owned: None,
+        };
         Ok(Self { inner: Arc::new(inner) })
     }
 
     /// Makes a device with one queue of the family.
     ///
+    /// It checks the bounds of buffers (robustBufferAccess, which every device has): whatever a buffer holds, a kernel that
+    /// indexes with it cannot touch memory outside of the buffers that it was bound to.
+    ///
     /// # Safety
     /// The physical device comes from this instance and has the queue family.
+    #[cfg(feature = "renderer")]
     pub(super) unsafe fn create(
         instance: Instance,
         physical: vk::PhysicalDevice,
@@ -73,7 +89,11 @@ impl Device {
         let portability = ash::khr::portability_subset::NAME;
         let needed = offered.iter().any(|e| e.extension_name_as_c_str() == Ok(portability));
         let extensions: Vec<_> = needed.then_some(portability.as_ptr()).into_iter().collect();
-        let info = vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_extension_names(&extensions);
+        let features = vk::PhysicalDeviceFeatures::default().robust_buffer_access(true);
+        let info = vk::DeviceCreateInfo::default()
+            .queue_create_infos(&queues)
+            .enabled_extension_names(&extensions)
+            .enabled_features(&features);
         // SAFETY: the family exists (the caller's promise); the info's pointers live until the call returns.
         let raw = unsafe { instance.raw.create_device(physical, &info, None) }?;
         let debug_utils = instance.debug_utils.then(|| debug_utils::Device::new(&instance.raw, &raw));
@@ -84,12 +104,12 @@ impl Device {
         Ok(Self { inner: Arc::new(inner) })
     }
 
-    /// What the device allows.
+    /// Its limits.
     pub fn limits(&self) -> &Limits {
         &self.inner.limits
     }
 
-    /// How it is built.
+    /// Its kind.
     pub fn kind(&self) -> DeviceKind {
         self.inner.kind
     }
@@ -115,6 +135,7 @@ impl Device {
     }
 
     /// Our own instance, if the device is ours.
+    #[cfg(feature = "renderer")]
     pub(super) fn owned_instance(&self) -> Option<&Instance> {
         self.inner.owned.as_ref()
     }
@@ -134,6 +155,7 @@ impl Device {
     }
 }
 
+#[cfg(feature = "renderer")]
 impl Drop for Inner {
     fn drop(&mut self) {
         if self.owned.is_some() {
@@ -145,7 +167,6 @@ impl Drop for Inner {
 
 impl std::fmt::Debug for Device {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let owned = self.inner.owned.is_some();
-        f.debug_struct("Device").field("handle", &self.inner.raw.handle()).field("owned", &owned).finish()
+        write!(f, "Device({:?})", self.inner.raw.handle())
     }
 }

@@ -1,30 +1,11 @@
-//! A host's handles, as they cross the border.
+//! A host's instance, device and command buffer, as it hands them to softras.
 
 use super::adapter::{self, DeviceInfo};
 use crate::{Error, Result};
 use ash::vk::{self, Handle};
 use std::ffi::c_void;
 
-/// A Vulkan loader other than the system's: one that is linked in, or an engine's own.
-#[derive(Clone, Copy, Debug)]
-pub struct Loader(vk::PFN_vkGetInstanceProcAddr);
-
-impl Loader {
-    /// By its vkGetInstanceProcAddr.
-    ///
-    /// # Safety
-    /// It is that function, and can be called, as all that it returns, for the rest of the process.
-    pub unsafe fn new(get_instance_proc_addr: vk::PFN_vkGetInstanceProcAddr) -> Self {
-        Self(get_instance_proc_addr)
-    }
-
-    pub(super) fn entry(self) -> ash::Entry {
-        // SAFETY: the promise of `new`.
-        unsafe { ash::Entry::from_static_fn(ash::StaticFn { get_instance_proc_addr: self.0 }) }
-    }
-}
-
-/// A host's physical device: all that it takes to ask whether it is good enough, before there is a device.
+/// A host's physical device, which can be queried before there is a device.
 #[derive(Clone, Copy)]
 pub struct HostAdapter {
     get_instance_proc_addr: vk::PFN_vkGetInstanceProcAddr,
@@ -73,7 +54,7 @@ impl HostAdapter {
     pub fn describe(&self) -> Result<DeviceInfo> {
         let instance = self.functions()?;
         // SAFETY: the promise of `new`.
-        Ok(unsafe { adapter::describe(&instance, 0, self.physical_device) }.info)
+        Ok(unsafe { adapter::describe(&instance, 0, self.physical_device) })
     }
 
     /// The instance's functions.
@@ -151,7 +132,7 @@ impl HostDevice {
     /// What every object is created and destroyed with.
     ///
     /// # Safety
-    /// The functions, and what they are given to work on, stay valid as long as the device must. Any thread that calls
+    /// The functions and their user data stay valid as long as the device must. Any thread that calls
     /// softras may call them, several at once.
     pub unsafe fn with_allocation_callbacks(self, callbacks: vk::AllocationCallbacks<'static>) -> Self {
         Self { allocation_callbacks: Some(callbacks), ..self }
@@ -202,7 +183,7 @@ impl HostCommands {
     ///   render pass.
     /// - No other thread uses it or its pool during a call that records into it.
     /// - All that is recorded into it (bindings, and the buffers and images bound) is kept until it has been executed for
-    ///   the last time or thrown away.
+    ///   the last time or freed, and while it executes nobody maps or writes that memory otherwise.
     /// - When it executes, inputs hold what their tables say (indices within range), a backward pass follows the forward
     ///   frame that its plan was made of, and buffers and images are synchronised as the documentation of
     ///   [`rasterizer`](crate::embed) says.

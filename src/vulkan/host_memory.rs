@@ -160,7 +160,8 @@ impl TextureRef {
     /// - The view is of type 2D, of a floating-point or normalised format that the device can sample, of the device that it is
     ///   used with; its image was made with the usage SAMPLED, has one sample, and memory bound to it.
     /// - Both stay valid as [`BufferRef::new`] says of buffers.
-    /// - When what reads it executes, its first level and layer is in the layout SHADER_READ_ONLY_OPTIMAL.
+    /// - When what reads it executes, its first level and layer is in the layout
+    ///   SHADER_READ_ONLY_OPTIMAL or, where [`in_general_layout`](Self::in_general_layout) was called, GENERAL.
     pub unsafe fn new(view: vk::ImageView, width: u32, height: u32) -> Self {
         Self { view, layout: vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL, width, height }
     }

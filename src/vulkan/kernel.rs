@@ -1,10 +1,16 @@
-//! What `build.rs` reads out of each kernel's SPIR-V, and the kernels themselves.
+//! The kernels: SPIR-V, and the interface that `build.rs` reads out of it.
 
 use super::host_memory::ImageFormat;
 
 /// A compute kernel: its SPIR-V and all that the SPIR-V says about its interface.
+///
+/// It derefs to its [`KernelData`]. Drivers do not validate SPIR-V, so that a kernel of safe code is one of [`kernels`].
 #[derive(Debug)]
-pub struct Kernel {
+pub struct Kernel(KernelData);
+
+/// What a kernel is made of.
+#[derive(Debug)]
+pub struct KernelData {
     /// The file's name without `.comp`.
     pub name: &'static str,
     /// SPIR-V 1.3.
@@ -13,8 +19,8 @@ pub struct Kernel {
     pub local_size: [u32; 3],
     /// The specialization constants that set the local size, where there are such.
     pub local_size_ids: [Option<u32>; 3],
-    /// What it asks of a device, by SPIR-V's names (`GroupNonUniformShuffle`). `Shader`, `SampledBuffer` and
-    /// `GroupNonUniform` are there on every device of Vulkan 1.1.
+    /// What it requires of a device, by SPIR-V's names (`GroupNonUniformShuffle`). Every device of Vulkan 1.1 has `Shader`,
+    /// `SampledBuffer` and `GroupNonUniform`.
     pub capabilities: &'static [&'static str],
     /// Bytes of its `shared` variables, specialization constants at their defaults.
     pub shared_bytes: u32,
@@ -26,11 +32,20 @@ pub struct Kernel {
     pub push_members: &'static [Member],
     /// The specialization constants, in the order of their ids.
     pub specialization: &'static [Specialization],
-    /// Every record in a storage or uniform buffer, blocks included, in the order met.
+    /// Every record in a storage or uniform buffer, blocks included, in the order of the SPIR-V.
     pub structs: &'static [Struct],
 }
 
 impl Kernel {
+    /// Takes SPIR-V with its interface.
+    ///
+    /// # Safety
+    /// The words are a valid module for Vulkan 1.1 with the entry point `main` for compute, and the other fields say what the
+    /// module does.
+    pub const unsafe fn new(data: KernelData) -> Self {
+        Self(data)
+    }
+
     /// The binding of this name.
     pub fn binding(&self, name: &str) -> Option<&'static Binding> {
         self.bindings.iter().find(|b| b.name == name)
@@ -39,6 +54,14 @@ impl Kernel {
     /// The record of this name.
     pub fn record(&self, name: &str) -> Option<&'static Struct> {
         self.structs.iter().find(|s| s.name == name)
+    }
+}
+
+impl std::ops::Deref for Kernel {
+    type Target = KernelData;
+
+    fn deref(&self) -> &KernelData {
+        &self.0
     }
 }
 
@@ -68,8 +91,6 @@ pub enum BindingKind {
     UniformTexelBufferInt,
     /// `usamplerBuffer`.
     UniformTexelBufferUint,
-    /// `imageBuffer`.
-    StorageTexelBuffer,
     /// `texture2D`, read without a sampler.
     SampledImage,
     /// `image2D` of this format.
@@ -137,7 +158,7 @@ impl SpecValue {
         }
     }
 
-    /// Both are of one GLSL type.
+    /// Whether both are of one GLSL type.
     pub(super) fn same_type(self, other: Self) -> bool {
         std::mem::discriminant(&self) == std::mem::discriminant(&other)
     }
@@ -169,9 +190,9 @@ impl From<f32> for SpecValue {
 
 /// One static for each file of `glsl/*.comp`, in capitals: `glsl/forward.comp` is `FORWARD`.
 pub mod kernels {
-    use super::{Binding, BindingKind, ImageFormat, Kernel, Member, SpecValue, Specialization, Struct};
+    use super::{Binding, BindingKind, ImageFormat, Kernel, KernelData, Member, SpecValue, Specialization, Struct};
 
-    /// A SPIR-V file as words, at compile time, so that no alignment has to be trusted.
+    /// Turns a SPIR-V file into words at compile time, because included bytes have no alignment.
     const fn words<const N: usize>(bytes: &[u8]) -> [u32; N] {
         assert!(bytes.len() == 4 * N);
         let mut words = [0; N];

@@ -1,59 +1,72 @@
-//! Vulkan compute without rendering: devices, buffers, kernels, command buffers. The only folder with `unsafe`.
+//! Vulkan compute without rendering: devices, buffers, kernels, command buffers. It is the only folder with `unsafe`.
 //!
 //! It comes in two halves:
 //!
 //! - What an embedding host needs works on a [`Device`] alone, which may be the host's: [`Pipeline`],
 //!   [`DescriptorPool`] and [`DescriptorSet`], [`Recorder`], [`TimestampPool`]. None of it submits, waits, or allocates
-//!   device memory.
-//! - [`Context`] owns a device of its own, and with it comes what a host does for itself: [`Buffer`] and
-//!   [`SharedBuffer`], [`CommandBuffer`] with submission and waiting, a pipeline cache on disk, validation.
+//!   device memory. A host's raw handles enter through the `unsafe` constructors of [`HostAdapter`], [`HostDevice`],
+//!   [`HostCommands`], [`BufferRef`] and [`ImageRef`], which say what the host must keep alive. `external` shares memory and
+//!   semaphores between a host's devices.
+//! - The folder `own`, behind the feature `renderer`, opens a device of its own, the `Context`, and does what a host does
+//!   for itself: `Buffer` and `SharedBuffer` own memory, `CommandBuffer` submits and waits, a file keeps the pipeline cache,
+//!   the validation layer writes into a log.
 //!
-//! Objects keep alive what they need: a [`BufferPart`] its buffer, a [`DescriptorSet`] its buffers and pool, a
-//! [`CommandBuffer`] all that it recorded, and all of them the device. So they may be dropped in any order. A host's raw
-//! handles enter through the `unsafe` constructors of [`HostAdapter`], [`HostDevice`], [`HostCommands`], [`BufferRef`] and
-//! [`ImageRef`] alone, which say what the host must keep alive; all that takes these is safe.
+//! # Why every safe call is sound
+//! 1. **Lifetimes.** Objects keep what they need by reference counts: a [`BufferPart`] its buffer, a [`DescriptorSet`] its
+//!    buffers, layout and pool, a `CommandBuffer` all that it recorded, and all of them the device. So they may be dropped in
+//!    any order. A command buffer waits before it is dropped, recorded again or submitted again; where waiting fails and the
+//!    device is not lost, it leaks what the device may still use.
+//! 2. **One device.** Whatever meets in a call is checked to be of one device: parts, sets, pipelines, caches and timestamps
+//!    by the device's handle, command buffers by their context. A host's buffers get the device that they are bound with.
+//! 3. **Ranges, usages, limits.** Every offset, size, alignment, usage bit, texel type, workgroup count and push-constant size
+//!    is validated against the buffer, the kernel's reflection and the device's limits before Vulkan sees it.
+//! 4. **Mapped memory.** A slice of a mapping and a pending command buffer that uses the buffer exclude each other
+//!    (`own/access.rs`): who comes second receives an error. Host writers need `&mut` of the buffer. So memory behind a
+//!    reference never changes.
+//! 5. **Threads.** Recording, submitting and waiting need `&mut` of the command buffer, which has a pool of its own; the
+//!    queue, the allocator and each descriptor pool are behind locks.
+//! 6. **Kernels.** SPIR-V comes from this crate's build or through the unsafe [`Kernel::new`]. A device of ours checks the
+//!    bounds of buffers, so that wrong contents give a wrong image and touch no other memory; on a host's device,
+//!    [`HostCommands::new`] demands that inputs are within the documented ranges. Workgroup counts that a kernel writes for
+//!    indirect dispatch cannot be validated, so `Recorder::dispatch_indirect` is private to the crate.
 
 mod adapter;
-mod buffer;
 mod buffer_desc;
 mod buffer_part;
 mod cache;
-mod command;
-mod context;
 mod descriptors;
 mod device;
 #[cfg(all(feature = "external", unix))]
-mod external;
+pub mod external;
 mod host;
 mod host_memory;
-mod instance;
+mod keep;
 mod kernel;
+#[cfg(feature = "renderer")]
+mod own;
 mod pipeline;
 mod recorder;
 mod result;
-mod shared_buffer;
 mod timestamps;
-mod validation;
 
 pub use adapter::{DeviceInfo, DeviceKind, Limits, Subgroups};
-pub use buffer::Buffer;
 pub use buffer_desc::{BufferDesc, Location, TexelFormat};
 pub use buffer_part::BufferPart;
 pub use cache::PipelineCache;
-pub use command::CommandBuffer;
-pub use context::{CacheFolder, Context, ContextOptions};
 pub use descriptors::{DescriptorPool, DescriptorSet};
 pub use device::Device;
-#[cfg(all(feature = "external", unix))]
-pub use external::{External, ExternalBuffer, ExternalSemaphore, ExternalSupport};
-pub use host::{HostAdapter, HostCommands, HostDevice, Loader};
+pub use host::{HostAdapter, HostCommands, HostDevice};
 pub use host_memory::{BufferRef, ImageFormat, ImageRef, TextureRef};
-pub use kernel::{Binding, BindingKind, Kernel, Member, SpecValue, Specialization, Struct, constants, kernels};
+pub use kernel::{
+    Binding, BindingKind, Kernel, KernelData, Member, SpecValue, Specialization, Struct, constants, kernels,
+};
+#[cfg(feature = "renderer")]
+pub use own::{
+    Buffer, CacheFolder, CommandBuffer, Context, ContextOptions, Loader, Mapped, MappedMut, SharedBuffer, ValidationLog,
+};
 pub use pipeline::Pipeline;
 pub use recorder::Recorder;
-pub use shared_buffer::SharedBuffer;
 pub use timestamps::TimestampPool;
-pub use validation::ValidationLog;
 
 /// Raw Vulkan handles and flags, of the ash version that this crate is built on.
 pub use ash::vk;

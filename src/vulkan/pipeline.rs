@@ -1,7 +1,8 @@
-//! A kernel made ready for a device: layouts from its reflection, specialization constants by name.
+//! A kernel compiled for a device: layouts from its reflection, specialization constants by name.
 
 use super::cache::PipelineCache;
 use super::device::Device;
+use super::keep::Kept;
 use super::kernel::{BindingKind, Kernel, SpecValue};
 use super::result::{Named, misuse, vulkan};
 use crate::{Error, Result};
@@ -24,14 +25,19 @@ pub(super) struct Inner {
 impl Pipeline {
     /// Compiles a kernel. Each specialization constant that is not named keeps its default.
     ///
-    /// An error where a name is unknown or its value of another type, or where the device's limits don't allow the
-    /// kernel's workgroup, shared memory, push constants or subgroup operations.
+    /// # Errors
+    /// [`Error::Vulkan`] where a name is unknown or its value of another type, or the cache is of another device;
+    /// [`Error::Limit`] and [`Error::NoDevice`] where the device does not allow the kernel's workgroup, shared memory, push
+    /// constants or subgroup operations.
     pub fn new(
         device: &Device,
         kernel: &'static Kernel,
         specialization: &[(&str, SpecValue)],
         cache: Option<&PipelineCache>,
     ) -> Result<Self> {
+        if cache.is_some_and(|cache| cache.device().raw().handle() != device.raw().handle()) {
+            return Err(misuse("vkCreateComputePipelines", kernel, "the pipeline cache is of another device"));
+        }
         let constants = Constants::new(kernel, specialization)?;
         let local_size = constants.local_size(kernel);
         check_limits(device, kernel, local_size)?;
@@ -74,6 +80,8 @@ impl std::fmt::Debug for Pipeline {
     }
 }
 
+impl Kept for Inner {}
+
 impl Inner {
     pub(super) fn set_layout(&self) -> vk::DescriptorSetLayout {
         self.set_layout
@@ -114,7 +122,6 @@ impl BindingKind {
             Self::UniformTexelBufferFloat | Self::UniformTexelBufferInt | Self::UniformTexelBufferUint => {
                 vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER
             }
-            Self::StorageTexelBuffer => vk::BufferUsageFlags::STORAGE_TEXEL_BUFFER,
             Self::SampledImage | Self::StorageImage(_) => vk::BufferUsageFlags::empty(),
         }
     }
@@ -127,7 +134,6 @@ impl BindingKind {
             Self::UniformTexelBufferFloat | Self::UniformTexelBufferInt | Self::UniformTexelBufferUint => {
                 vk::DescriptorType::UNIFORM_TEXEL_BUFFER
             }
-            Self::StorageTexelBuffer => vk::DescriptorType::STORAGE_TEXEL_BUFFER,
             Self::SampledImage => vk::DescriptorType::SAMPLED_IMAGE,
             Self::StorageImage(_) => vk::DescriptorType::STORAGE_IMAGE,
         }
@@ -192,6 +198,9 @@ fn check_limits(device: &Device, kernel: &Kernel, local_size: [u32; 3]) -> Resul
     check("its shared memory", bytes, "bytes", "maxComputeSharedMemorySize", limits.max_shared_memory.into())?;
     let bytes = kernel.push_constant_bytes.into();
     check("its push constants", bytes, "bytes", "maxPushConstantsSize", limits.max_push_constants.into())?;
+    if local_size.contains(&0) {
+        return Err(misuse("vkCreateComputePipelines", kernel, "a workgroup without invocations"));
+    }
     let invocations = local_size.iter().map(|&n| u64::from(n)).product();
     let limit = limits.max_workgroup_invocations.into();
     check("its workgroup", invocations, "invocations", "maxComputeWorkGroupInvocations", limit)?;
@@ -258,7 +267,7 @@ fn create_pipeline(
     let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout)];
     // SAFETY: module and layout live and were made of the same reflection; each entry lies inside the data.
     let result = unsafe { device.raw().create_compute_pipelines(cache, &info, device.callbacks()) };
-    // SAFETY: a pipeline doesn't need its module once it is made.
+    // SAFETY: a pipeline does not need its module once it is made.
     unsafe { device.raw().destroy_shader_module(module, device.callbacks()) };
     let call = "vkCreateComputePipelines";
     let made = result.map_err(|(_, result)| vulkan(call, result))?;

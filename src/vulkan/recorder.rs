@@ -1,33 +1,41 @@
-//! Records work into a command buffer, ours or a host's.
+//! Recording of work into a command buffer, ours or a host's.
 
-use super::buffer_part::{BufferPart, Keep};
+use super::buffer_part::BufferPart;
 use super::descriptors::DescriptorSet;
 use super::device::Device;
 use super::host::HostCommands;
+use super::keep::Keep;
 use super::pipeline::Pipeline;
-use super::result::misuse;
+use super::result::{misuse, misuse_of};
 use super::timestamps::TimestampPool;
 use crate::{Error, Result};
 use ash::vk;
 use std::ffi::CStr;
+use std::sync::Arc;
 
 /// Bytes of a label that are shown.
 const LONGEST_LABEL: usize = 63;
 
-/// Records into a command buffer. Never allocates device memory, submits or waits.
+/// Records into a command buffer. It never allocates device memory, submits or waits.
 ///
-/// Nothing is ordered by itself: between work and what depends on it belongs a [`barrier`](Self::barrier).
+/// Work is not ordered by itself: put a [`barrier`](Self::barrier) between work and what depends on it.
 pub struct Recorder<'a> {
     device: Device,
     raw: vk::CommandBuffer,
     /// What our own command buffer must keep alive; a host does so itself.
     keep: Option<&'a mut Vec<Keep>>,
+    /// The queue family of our own command buffer. A host's is not known.
+    family: Option<u32>,
+    /// The timestamp pool that was reset last, and the least index that was not written since.
+    times: Option<(TimestampPool, u32)>,
+    /// Labels that are open.
+    labels: u32,
 }
 
 impl Recorder<'static> {
     /// Records into a host's command buffer.
     pub fn on_host(device: &Device, commands: &mut HostCommands) -> Self {
-        Self { device: device.clone(), raw: commands.raw(), keep: None }
+        Self { device: device.clone(), raw: commands.raw(), keep: None, family: None, times: None, labels: 0 }
     }
 }
 
@@ -35,9 +43,15 @@ impl<'a> Recorder<'a> {
     /// Records into a command buffer of ours, which keeps what is recorded.
     ///
     /// # Safety
-    /// As for [`HostCommands::new`], but for what `keep` keeps.
-    pub(super) unsafe fn keeping(device: &Device, raw: vk::CommandBuffer, keep: &'a mut Vec<Keep>) -> Self {
-        Self { device: device.clone(), raw, keep: Some(keep) }
+    /// As for [`HostCommands::new`], but for what `keep` keeps; the command buffer is of a pool of this queue family.
+    #[cfg(feature = "renderer")]
+    pub(super) unsafe fn keeping(
+        device: &Device,
+        raw: vk::CommandBuffer,
+        family: u32,
+        keep: &'a mut Vec<Keep>,
+    ) -> Self {
+        Self { device: device.clone(), raw, keep: Some(keep), family: Some(family), times: None, labels: 0 }
     }
 
     /// The command buffer.
@@ -52,8 +66,9 @@ impl<'a> Recorder<'a> {
 
     /// Runs a kernel over `groups` workgroups. With none along an axis, nothing is recorded.
     ///
-    /// An error where the set is of another kernel, the push constants have another size than the kernel's, or there
-    /// are more workgroups than the device allows.
+    /// # Errors
+    /// [`Error::Vulkan`] where the set is of another kernel or device, or the push constants have another size than the
+    /// kernel's; [`Error::Limit`] where there are more workgroups than the device allows.
     pub fn dispatch(&mut self, pipeline: &Pipeline, set: &DescriptorSet, push: &[u8], groups: [u32; 3]) -> Result<()> {
         for (axis, (&needed, limit)) in groups.iter().zip(self.device.limits().max_workgroup_count).enumerate() {
             if needed > limit {
@@ -77,9 +92,12 @@ impl<'a> Recorder<'a> {
         Ok(())
     }
 
-    /// Runs a kernel over as many workgroups as three words at an offset in a buffer say when it executes. They must be
-    /// within the device's limits, which nobody can check here.
-    pub fn dispatch_indirect(
+    /// Runs a kernel over as many workgroups as three words at an offset in a buffer say when it executes. Only this crate may
+    /// call it: nothing checks those words, so the kernel that writes them keeps them within the device's limits.
+    ///
+    /// # Errors
+    /// As [`dispatch`](Self::dispatch), and as [`copy`](Self::copy) for the words.
+    pub(crate) fn dispatch_indirect(
         &mut self,
         pipeline: &Pipeline,
         set: &DescriptorSet,
@@ -88,7 +106,7 @@ impl<'a> Recorder<'a> {
         offset: u64,
     ) -> Result<()> {
         self.check(pipeline, set, push)?;
-        check_range("vkCmdDispatchIndirect", buffer, offset, 12, vk::BufferUsageFlags::INDIRECT_BUFFER)?;
+        self.check_range("vkCmdDispatchIndirect", buffer, offset, 12, vk::BufferUsageFlags::INDIRECT_BUFFER)?;
         self.bind(pipeline, set, push);
         self.keep(&buffer.keep);
         // SAFETY: pipeline, set and push constants are bound; the arguments lie inside the buffer, aligned.
@@ -97,8 +115,11 @@ impl<'a> Recorder<'a> {
     }
 
     /// Fills `size` bytes at an offset with a word. Both are multiples of four.
+    ///
+    /// # Errors
+    /// As [`copy`](Self::copy).
     pub fn fill(&mut self, buffer: &BufferPart, offset: u64, size: u64, value: u32) -> Result<()> {
-        check_range("vkCmdFillBuffer", buffer, offset, size, vk::BufferUsageFlags::TRANSFER_DST)?;
+        self.check_range("vkCmdFillBuffer", buffer, offset, size, vk::BufferUsageFlags::TRANSFER_DST)?;
         if size > 0 {
             self.keep(&buffer.keep);
             let offset = buffer.offset() + offset;
@@ -109,10 +130,13 @@ impl<'a> Recorder<'a> {
     }
 
     /// Writes bytes that the command buffer holds: at most 65536, their number and the offset multiples of four.
+    ///
+    /// # Errors
+    /// As [`copy`](Self::copy), and [`Error::Vulkan`] for more bytes.
     pub fn update(&mut self, buffer: &BufferPart, offset: u64, bytes: &[u8]) -> Result<()> {
         const MOST: usize = 65536;
         let call = "vkCmdUpdateBuffer";
-        check_range(call, buffer, offset, bytes.len() as u64, vk::BufferUsageFlags::TRANSFER_DST)?;
+        self.check_range(call, buffer, offset, bytes.len() as u64, vk::BufferUsageFlags::TRANSFER_DST)?;
         if bytes.len() > MOST {
             return Err(Error::Vulkan { call, result: format!("{} bytes, it takes {MOST}", bytes.len()) });
         }
@@ -124,7 +148,11 @@ impl<'a> Recorder<'a> {
         Ok(())
     }
 
-    /// Copies `size` bytes. All three numbers are multiples of four; the ranges don't overlap.
+    /// Copies `size` bytes. All three numbers are multiples of four; the ranges do not overlap.
+    ///
+    /// # Errors
+    /// [`Error::Vulkan`] for a buffer of another device or without the usage, for a range outside of it or not aligned, and
+    /// for ranges that overlap.
     pub fn copy(
         &mut self,
         source: &BufferPart,
@@ -134,8 +162,8 @@ impl<'a> Recorder<'a> {
         size: u64,
     ) -> Result<()> {
         let call = "vkCmdCopyBuffer";
-        check_range(call, source, source_offset, size, vk::BufferUsageFlags::TRANSFER_SRC)?;
-        check_range(call, target, target_offset, size, vk::BufferUsageFlags::TRANSFER_DST)?;
+        self.check_range(call, source, source_offset, size, vk::BufferUsageFlags::TRANSFER_SRC)?;
+        self.check_range(call, target, target_offset, size, vk::BufferUsageFlags::TRANSFER_DST)?;
         let region = vk::BufferCopy {
             src_offset: source.offset() + source_offset,
             dst_offset: target.offset() + target_offset,
@@ -154,7 +182,7 @@ impl<'a> Recorder<'a> {
         Ok(())
     }
 
-    /// Everything recorded so far is done, and its writes are visible, before any kernel, copy, fill or indirect
+    /// Orders work: everything recorded so far is done, and its writes are visible, before any kernel, copy, fill or indirect
     /// dispatch recorded from now on starts.
     pub fn barrier(&mut self) {
         use vk::{AccessFlags as A, PipelineStageFlags as S};
@@ -166,7 +194,7 @@ impl<'a> Recorder<'a> {
         self.memory_barrier((stages, writes), (stages, reads | writes));
     }
 
-    /// Everything recorded so far is visible to the host once the command buffer has been waited for.
+    /// Makes everything recorded so far visible to the host once the command buffer has been waited for.
     pub fn barrier_to_host(&mut self) {
         use vk::{AccessFlags as A, PipelineStageFlags as S};
         let from = (S::COMPUTE_SHADER | S::TRANSFER, A::SHADER_WRITE | A::TRANSFER_WRITE);
@@ -176,7 +204,7 @@ impl<'a> Recorder<'a> {
     /// Begins a named section for graphics debuggers. Sections nest.
     pub fn begin_label(&mut self, name: &str) {
         let Some(debug_utils) = self.device.debug_utils() else { return };
-        // No CString: recording does not allocate.
+        // Text on the stack and not a CString, because recording does not allocate.
         let mut text = [0; LONGEST_LABEL + 1];
         let length = name.len().min(LONGEST_LABEL);
         text[..length].copy_from_slice(&name.as_bytes()[..length]);
@@ -184,34 +212,54 @@ impl<'a> Recorder<'a> {
             let label = vk::DebugUtilsLabelEXT::default().label_name(name);
             // SAFETY: the extension is enabled, the command buffer records.
             unsafe { debug_utils.cmd_begin_debug_utils_label(self.raw, &label) };
+            self.labels += 1;
         }
     }
 
-    /// Ends the section begun last.
+    /// Ends the section begun last; without an open one it does nothing.
     pub fn end_label(&mut self) {
-        if let Some(debug_utils) = self.device.debug_utils() {
-            // SAFETY: the extension is enabled, the command buffer records. Without a section it is invalid use that
-            // drivers ignore and the validation layer reports.
+        let Some(debug_utils) = self.device.debug_utils() else { return };
+        if self.labels > 0 {
+            self.labels -= 1;
+            // SAFETY: the extension is enabled, the command buffer records, and a section is open.
             unsafe { debug_utils.cmd_end_debug_utils_label(self.raw) };
         }
     }
 
-    /// Makes a pool's timestamps ready to be written. Belongs before the first.
-    pub fn reset_timestamps(&mut self, pool: &TimestampPool) {
+    /// Makes a pool's timestamps ready to be written, which must be done before the first.
+    ///
+    /// # Errors
+    /// [`Error::Vulkan`] for a pool of another device or queue family, and in a host's command buffer, whose queue family is
+    /// not known.
+    pub fn reset_timestamps(&mut self, pool: &TimestampPool) -> Result<()> {
+        if !pool.0.is_of(&self.device) || self.family != Some(pool.0.family()) {
+            return Err(misuse_of("vkCmdResetQueryPool", "the timestamps are of another device or queue family"));
+        }
         self.keep(&Some(pool.0.clone() as Keep));
-        // SAFETY: the range is the whole pool, which is kept.
+        // SAFETY: the range is the whole pool, which is of this device and kept.
         unsafe { self.device.raw().cmd_reset_query_pool(self.raw, pool.0.raw(), 0, pool.count()) };
+        self.times = Some((pool.clone(), 0));
+        Ok(())
     }
 
     /// Writes a timestamp when all that was recorded so far is done.
+    ///
+    /// # Errors
+    /// [`Error::Vulkan`] where the pool was not [reset](Self::reset_timestamps) last, and for an index that is not above the
+    /// last one written or beyond the pool.
     pub fn timestamp(&mut self, pool: &TimestampPool, index: u32) -> Result<()> {
-        if index >= pool.count() {
-            let result = format!("timestamp {index} of {}", pool.count());
-            return Err(Error::Vulkan { call: "vkCmdWriteTimestamp", result });
+        let call = "vkCmdWriteTimestamp";
+        let Some((_, next)) = self.times.as_mut().filter(|(reset, _)| Arc::ptr_eq(&reset.0, &pool.0)) else {
+            return Err(misuse_of(call, "the pool was not reset in this recording"));
+        };
+        if index < *next || index >= pool.count() {
+            let result = format!("timestamp {index}: the next is {next}, the pool has {}", pool.count());
+            return Err(Error::Vulkan { call, result });
         }
-        self.keep(&Some(pool.0.clone() as Keep));
+        *next = index + 1;
         let stage = vk::PipelineStageFlags::BOTTOM_OF_PIPE;
-        // SAFETY: the query is one of the pool's, which is kept, and a pool exists only where timestamps are supported.
+        // SAFETY: the query is one of the pool's, which `reset_timestamps` has kept, was reset and not written since; the
+        // pool is of this queue family, which has timestamps (`TimestampPool::new`).
         unsafe { self.device.raw().cmd_write_timestamp(self.raw, stage, pool.0.raw(), index) };
         Ok(())
     }
@@ -227,7 +275,7 @@ impl<'a> Recorder<'a> {
         unsafe { self.device.raw().cmd_pipeline_barrier(self.raw, from, to, none, &barrier, &[], &[]) };
     }
 
-    /// Pipeline, set and push constants belong together and to this device.
+    /// Checks that pipeline, set and push constants belong together and to this device.
     fn check(&self, pipeline: &Pipeline, set: &DescriptorSet, push: &[u8]) -> Result<()> {
         let (call, kernel, device) = ("vkCmdDispatch", pipeline.kernel(), self.device.raw().handle());
         if !std::ptr::eq(kernel, set.kernel()) {
@@ -239,6 +287,28 @@ impl<'a> Recorder<'a> {
         }
         let ours = [pipeline.inner().device(), set.inner().device()].iter().all(|d| d.raw().handle() == device);
         if ours { Ok(()) } else { Err(misuse(call, kernel, "pipeline or descriptor set is of another device")) }
+    }
+
+    /// Checks that the buffer is of this device and was made for this use, and that the bytes lie inside its part, aligned to
+    /// four.
+    fn check_range(
+        &self,
+        call: &'static str,
+        buffer: &BufferPart,
+        offset: u64,
+        size: u64,
+        usage: vk::BufferUsageFlags,
+    ) -> Result<()> {
+        let inside = offset.checked_add(size).is_some_and(|end| end <= buffer.range());
+        let aligned = buffer.offset().wrapping_add(offset).is_multiple_of(4) && size.is_multiple_of(4);
+        let why = match (buffer.is_of(&self.device), inside, aligned, buffer.usage().contains(usage)) {
+            (true, true, true, true) => return Ok(()),
+            (false, ..) => format!("are of {buffer:?}, which is of another device"),
+            (_, false, ..) => format!("lie outside {buffer:?}"),
+            (_, _, false, _) => "are not aligned to four".to_string(),
+            _ => format!("are of a buffer made without the usage {usage:?}"),
+        };
+        Err(Error::Vulkan { call, result: format!("bytes {offset} and {size} more {why}") })
     }
 
     fn bind(&mut self, pipeline: &Pipeline, set: &DescriptorSet, push: &[u8]) {
@@ -267,25 +337,4 @@ impl std::fmt::Debug for Recorder<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "Recorder({:?})", self.raw)
     }
-}
-
-/// The bytes lie inside the buffer's part and are aligned to four, and the buffer was made for this use.
-fn check_range(
-    call: &'static str,
-    buffer: &BufferPart,
-    offset: u64,
-    size: u64,
-    usage: vk::BufferUsageFlags,
-) -> Result<()> {
-    let inside = offset.checked_add(size).is_some_and(|end| end <= buffer.range());
-    let aligned = buffer.offset().wrapping_add(offset).is_multiple_of(4) && size.is_multiple_of(4);
-    if inside && aligned && buffer.usage().contains(usage) {
-        return Ok(());
-    }
-    let why = match (inside, aligned) {
-        (false, _) => format!("lie outside {buffer:?}"),
-        (true, false) => "are not aligned to four".to_string(),
-        _ => format!("are of a buffer made without the usage {usage:?}"),
-    };
-    Err(Error::Vulkan { call, result: format!("bytes {offset} and {size} more {why}") })
 }

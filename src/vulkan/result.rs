@@ -1,9 +1,8 @@
-//! From VkResult and gpu-allocator's errors to [`Error`].
+//! Conversion of VkResult, and of misuse found by our own checks, to [`Error`].
 
 use super::kernel::Kernel;
 use crate::Error;
 use ash::vk;
-use gpu_allocator::AllocationError;
 
 /// Turns a failed Vulkan call into an error that names it.
 pub(super) trait Named<T> {
@@ -37,28 +36,8 @@ pub(super) fn vulkan(call: &'static str, result: vk::Result) -> Error {
     Error::Vulkan { call, result: name }
 }
 
-/// gpu-allocator's error for the buffer `name` of `bytes` bytes.
-pub(super) fn allocation(name: &str, bytes: u64, error: &AllocationError) -> Error {
-    match error {
-        AllocationError::OutOfMemory => out_of_memory(name, bytes),
-        // gpu-allocator maps only the device's; the host's reaches us as text.
-        AllocationError::Internal(text) if text.contains("OUT_OF_HOST_MEMORY") => out_of_memory(name, bytes),
-        AllocationError::Internal(text) if text.contains("DEVICE_LOST") => {
-            vulkan("vkAllocateMemory", vk::Result::ERROR_DEVICE_LOST)
-        }
-        other => Error::Vulkan { call: "vkAllocateMemory", result: format!("{other} (buffer `{name}`)") },
-    }
-}
-
-fn out_of_memory(name: &str, bytes: u64) -> Error {
-    Error::OutOfMemory {
-        what: format!("buffer `{name}`"),
-        bytes,
-        fix: "free device memory, or render a smaller image, fewer triangles or fewer cameras at once".to_string(),
-    }
-}
-
-/// A kernel was used in a way that its interface does not have: `call` is the Vulkan call it was meant for.
+/// The error for a kernel that is used in a way that its interface does not allow; `call` is the Vulkan call that would be
+/// invalid.
 pub(super) fn misuse(call: &'static str, kernel: &Kernel, what: &str) -> Error {
     misuse_of(call, &format!("kernel `{}`: {what}", kernel.name))
 }

@@ -1,10 +1,12 @@
-//! Times on the device.
+//! Timestamps that the device writes between stages.
 
 use super::device::Device;
-use super::result::Named;
+use super::keep::Kept;
+use super::result::{Named, misuse_of};
 use crate::Result;
 use ash::vk;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A row of timestamps that a command buffer writes and the host reads once it has been executed.
 #[derive(Clone)]
@@ -13,13 +15,19 @@ pub struct TimestampPool(pub(super) Arc<Inner>);
 pub(super) struct Inner {
     device: Device,
     raw: vk::QueryPool,
+    family: u32,
     count: u32,
     /// The bits of a timestamp that count; it wraps around.
     mask: u64,
+    /// Commands that reset the pool have been executed: before, its content is undefined.
+    executed: Arc<AtomicBool>,
 }
 
 impl TimestampPool {
-    /// Makes room for `count` timestamps, written on queues of this family. None where the device can't tell the time.
+    /// Makes room for `count` timestamps, written on queues of this family; `None` where the family has no timestamps.
+    ///
+    /// # Errors
+    /// [`crate::Error::Vulkan`], [`crate::Error::OutOfMemory`].
     pub fn new(device: &Device, queue_family: u32, count: u32) -> Result<Option<Self>> {
         // SAFETY: the physical device is the instance's.
         let families =
@@ -34,7 +42,9 @@ impl TimestampPool {
         let raw = unsafe { device.raw().create_query_pool(&info, device.callbacks()) }.named("vkCreateQueryPool")?;
         device.name_object(raw, "softras timestamps");
         let mask = u64::MAX >> 64u32.saturating_sub(bits);
-        Ok(Some(Self(Arc::new(Inner { device: device.clone(), raw, count, mask }))))
+        let executed = Arc::default();
+        let inner = Inner { device: device.clone(), raw, family: queue_family, count, mask, executed };
+        Ok(Some(Self(Arc::new(inner))))
     }
 
     /// How many there is room for.
@@ -42,15 +52,20 @@ impl TimestampPool {
         self.0.count
     }
 
-    /// The first `count` timestamps in milliseconds since the first one. All of them must have been written and
-    /// executed, else VK_NOT_READY is the error.
+    /// The first `count` timestamps in milliseconds since the first one.
+    ///
+    /// # Errors
+    /// [`crate::Error::Vulkan`] with VK_NOT_READY unless all of them have been written.
     pub fn read(&self, count: u32) -> Result<Vec<f64>> {
-        let Inner { device, raw, mask, .. } = &*self.0;
+        let Inner { device, raw, mask, executed, .. } = &*self.0;
+        if !executed.load(Ordering::Acquire) {
+            return Err(misuse_of("vkGetQueryPoolResults", "VK_NOT_READY: no timestamp was written yet"));
+        }
         let mut ticks = vec![0u64; count.min(self.0.count) as usize];
         if ticks.is_empty() {
             return Ok(Vec::new());
         }
-        // SAFETY: the pool lives and has as many queries as `ticks` has places.
+        // SAFETY: the pool lives, was reset, and has at least as many queries as `ticks` has elements.
         unsafe { device.raw().get_query_pool_results(*raw, 0, &mut ticks, vk::QueryResultFlags::TYPE_64) }
             .named("vkGetQueryPoolResults")?;
         let period = f64::from(device.limits().timestamp_period) * 1e-6;
@@ -64,7 +79,22 @@ impl std::fmt::Debug for TimestampPool {
     }
 }
 
+impl Kept for Inner {
+    #[cfg(feature = "renderer")]
+    fn uses(&self, uses: &mut super::keep::Uses) {
+        uses.timestamps.push(self.executed.clone());
+    }
+}
+
 impl Inner {
+    pub(super) fn is_of(&self, device: &Device) -> bool {
+        self.device.raw().handle() == device.raw().handle()
+    }
+
+    pub(super) fn family(&self) -> u32 {
+        self.family
+    }
+
     pub(super) fn raw(&self) -> vk::QueryPool {
         self.raw
     }

@@ -272,7 +272,7 @@ fn a_host_records_with_its_own_device() -> Outcome {
     // SAFETY: the buffers are the test's, which outlive the set.
     let raw = |b: &BufferPart| unsafe { BufferRef::new(b.raw(), b.range(), b.usage()) };
     let (texels, indices) = (raw(test.texels.whole()), raw(test.indices.whole()));
-    let records = BufferPart::of_host(&raw(test.records.whole()));
+    let records = BufferPart::of_host(&device, &raw(test.records.whole()));
     let texels_of = |at, format, name| BufferPart::texels_of_host(&device, at, format, name);
     let texels = texels_of(&texels, TexelFormat::Float4, "the host's texels")?;
     let indices = texels_of(&indices, TexelFormat::Uint, "the host's indices")?;

@@ -141,11 +141,11 @@ impl Memory {
 
     /// `count` vectors x, y, z of a buffer.
     pub fn vectors(&self, id: impl Into<FitBuffer>, count: usize) -> Result<Vec<Vec3>> {
-        Ok(self.set.floats(id, 3 * count)?.chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect())
+        Ok(self.set.contents()?.floats(id, 3 * count)?.chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect())
     }
 
     fn texels(&self, id: Own, count: usize) -> Result<Vec<Vec3>> {
-        Ok(self.set.floats(id, 4 * count)?.chunks_exact(4).map(|v| [v[0], v[1], v[2]]).collect())
+        Ok(self.set.contents()?.floats(id, 4 * count)?.chunks_exact(4).map(|v| [v[0], v[1], v[2]]).collect())
     }
 
     fn pairs(&self, id: Own, count: usize) -> Result<Vec<[Vec3; 2]>> {

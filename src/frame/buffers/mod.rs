@@ -9,7 +9,7 @@ mod table;
 pub use counts::{FrameCounts, GradientCounts, TableLengths, Totals, bytes};
 pub use parts::Parts;
 #[cfg(feature = "renderer")]
-pub use set::{BufferSet, Key};
+pub use set::{BufferSet, Contents, Key};
 pub use table::{BufferId, Formula};
 
 use crate::vulkan::{TexelFormat, kernels, vk};

@@ -2,7 +2,9 @@
 
 use super::{BufferId, Entry, Parts, Role, UNUSED_SIZE};
 use crate::error::{Error, Result};
-use crate::vulkan::{Buffer, BufferDesc, BufferPart, Context, Location, SharedBuffer, TexelFormat, vk};
+use crate::vulkan::{
+    Buffer, BufferDesc, BufferPart, Context, Location, Mapped, MappedMut, SharedBuffer, TexelFormat, vk,
+};
 
 /// By what a buffer of a [`BufferSet`] is found.
 pub trait Key: Copy + PartialEq {
@@ -36,6 +38,26 @@ impl Owned {
             Self::Shared(buffer) => buffer.whole(),
             Self::Device(buffer) => buffer.whole(),
         }
+    }
+}
+
+/// The content of a set's shared buffers by their ids.
+#[derive(Debug)]
+pub struct Contents<'a, K = BufferId>(Vec<(K, Mapped<'a>)>);
+
+impl<K: Key> Contents<'_, K> {
+    /// The first `count` floats of a buffer.
+    ///
+    /// # Errors
+    /// [`Error::Vulkan`] when it is not that large, or there is no such buffer that the host reaches.
+    pub fn floats(&self, id: impl Into<K>, count: usize) -> Result<&[f32]> {
+        let id = id.into();
+        let (_, bytes) = self.0.iter().find(|(found, _)| *found == id).ok_or_else(|| missing(id))?;
+        let range = bytes.get(..4 * count).ok_or_else(|| {
+            let result = format!("buffer `{}` has {} bytes, not {count} floats", id.name(), bytes.len());
+            Error::Vulkan { call: "buffer access", result }
+        })?;
+        Ok(bytemuck::cast_slice(range))
     }
 }
 
@@ -127,26 +149,30 @@ impl<K: Key> BufferSet<K> {
         self.find_shared_mut(id.into())?.write(0, bytes)
     }
 
-    /// The first `count` floats of an output, where they are.
+    /// The content of the shared buffers, where it is. While it is held, no work that uses them can be submitted.
     ///
     /// # Errors
-    /// When it is not that large, or there is no such buffer that the host reaches.
-    pub fn floats(&self, id: impl Into<K>, count: usize) -> Result<&[f32]> {
-        Ok(bytemuck::cast_slice(self.find_shared(id.into())?.bytes(4 * count as u64)?))
+    /// [`Error::Vulkan`] while such work is pending.
+    pub fn contents(&self) -> Result<Contents<'_, K>> {
+        let mut contents = Vec::with_capacity(self.owned.len());
+        for (entry, buffer) in self.shared() {
+            contents.push((entry.id, buffer.bytes(buffer.buffer().size())?));
+        }
+        Ok(Contents(contents))
     }
 
-    /// The first `count` floats of an input, to be filled where they are.
+    /// The first `range` bytes of an input, to be filled where they are.
     ///
     /// # Errors
-    /// As [`floats`](Self::floats).
-    pub fn floats_mut(&mut self, id: impl Into<K>, count: usize) -> Result<&mut [f32]> {
-        Ok(bytemuck::cast_slice_mut(self.find_shared_mut(id.into())?.bytes_mut(4 * count as u64)?))
+    /// When it is not that large, there is no such buffer that the host reaches, or pending work uses it.
+    pub fn bytes_mut(&mut self, id: impl Into<K>, range: usize) -> Result<MappedMut<'_>> {
+        self.find_shared_mut(id.into())?.bytes_mut(range as u64)
     }
 
     /// Reads an output from its start.
     ///
     /// # Errors
-    /// As [`floats`](Self::floats).
+    /// When it is not that large, there is no such buffer that the host reaches, or pending work uses it.
     pub fn read(&self, id: impl Into<K>, bytes: &mut [u8]) -> Result<()> {
         self.find_shared(id.into())?.read(0, bytes)
     }
@@ -190,11 +216,8 @@ mod tests {
         let errors = [
             set.write(BufferId::Positions, &bytes).err(),
             set.read(BufferId::Status, &mut bytes).err(),
-            set.floats(BufferId::Color, 0)
-                .err()
-                .map(|e| e.to_string())
-                .map(|result| Error::Vulkan { call: "", result }),
-            set.floats_mut(BufferId::UpstreamColor, 0).err(),
+            set.contents().and_then(|contents| contents.floats(BufferId::Color, 0).map(drop)).err(),
+            set.bytes_mut(BufferId::UpstreamColor, 0).err(),
             set.parts([BufferId::Boxes]).err(),
         ];
         let names = ["positions", "status", "color", "upstream_color", "boxes"];

@@ -44,7 +44,7 @@ pub fn peak_flops(device: Option<&str>) -> Result<f64> {
         let push = Push { loops, factor: 0.999, term: 1e-3 };
         commands.record(|recorder| {
             if let Some(times) = &times {
-                recorder.reset_timestamps(times);
+                recorder.reset_timestamps(times)?;
                 recorder.timestamp(times, 0)?;
             }
             recorder.dispatch(&pipeline, &set, bytemuck::bytes_of(&push), [GROUPS, 1, 1])?;

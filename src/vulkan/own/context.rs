@@ -1,20 +1,18 @@
 //! A device of our own: opened, selected, with memory, a queue and a pipeline cache.
 
-use super::adapter::{self, DeviceInfo};
-use super::cache::PipelineCache;
-use super::device::Device;
-use super::host::Loader;
-use super::instance::Instance;
-use super::result::{Named, allocation};
+use super::super::adapter::DeviceInfo;
+use super::super::cache::PipelineCache;
+use super::super::device::Device;
+use super::allocation::{allocator, direct_types};
+use super::instance::{Instance, Loader};
+use super::select;
+use super::super::result::Named;
 use super::validation::ValidationLog;
 use crate::Result;
 use ash::vk;
-use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
-use gpu_allocator::{AllocationSizes, AllocatorDebugSettings};
+use gpu_allocator::vulkan::Allocator;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
-
-const MIB: u64 = 1 << 20;
 
 /// How to open a device.
 #[derive(Clone, Debug, Default)]
@@ -73,7 +71,7 @@ impl Context {
         let instance = Instance::new(options.loader, options.validation || validation_by_environment())?;
         let environment = std::env::var("SOFTRAS_DEVICE").ok();
         let selector = options.device.as_deref().or(environment.as_deref());
-        let adapter = adapter::select(adapter::list(&instance)?, selector)?;
+        let adapter = select::select(select::list(&instance)?, selector)?;
         // A suitable device has such a family.
         let queue_family = adapter.queue_family.unwrap_or(0);
         // SAFETY: device and family were listed by this instance.
@@ -99,7 +97,7 @@ impl Context {
     /// All devices there are, suitable or not.
     pub fn devices() -> Result<Vec<DeviceInfo>> {
         let instance = Instance::new(None, false)?;
-        Ok(adapter::list(&instance)?.into_iter().map(|a| a.info).collect())
+        Ok(select::list(&instance)?.into_iter().map(|a| a.info).collect())
     }
 
     /// The device, for pipelines, descriptors and recording.
@@ -117,7 +115,7 @@ impl Context {
         &self.cache
     }
 
-    /// The family of the queue, as [`TimestampPool`](super::TimestampPool) asks for.
+    /// The family of the queue, as [`TimestampPool`](crate::vulkan::TimestampPool) asks for.
     pub fn queue_family(&self) -> u32 {
         self.shared.queue_family
     }
@@ -150,32 +148,4 @@ impl std::fmt::Debug for Context {
 
 fn validation_by_environment() -> bool {
     std::env::var("SOFTRAS_VALIDATION").is_ok_and(|value| !matches!(value.as_str(), "" | "0"))
-}
-
-fn allocator(device: &Device) -> Result<Allocator> {
-    Allocator::new(&AllocatorCreateDesc {
-        instance: device.instance().clone(),
-        device: device.raw().clone(),
-        physical_device: device.physical_device(),
-        debug_settings: AllocatorDebugSettings::default(),
-        buffer_device_address: false,
-        allocation_sizes: AllocationSizes::new(64 * MIB, 16 * MIB).with_max_device_memblock_size(256 * MIB),
-    })
-    .map_err(|error| allocation("allocator", 0, &error))
-}
-
-/// The bits of [`Shared::direct_types`]: only where the device's memory is the host's own, since a discrete GPU's
-/// mappable memory is slow to read and scarce.
-fn direct_types(device: &Device, kind: adapter::DeviceKind) -> u32 {
-    if !matches!(kind, adapter::DeviceKind::Integrated | adapter::DeviceKind::Software) {
-        return 0;
-    }
-    let wanted = vk::MemoryPropertyFlags::DEVICE_LOCAL
-        | vk::MemoryPropertyFlags::HOST_VISIBLE
-        | vk::MemoryPropertyFlags::HOST_COHERENT
-        | vk::MemoryPropertyFlags::HOST_CACHED;
-    // SAFETY: the physical device is the instance's.
-    let memory = unsafe { device.instance().get_physical_device_memory_properties(device.physical_device()) };
-    let types = (0u32..).zip(memory.memory_types_as_slice());
-    types.filter(|(_, t)| t.property_flags.contains(wanted)).map(|(index, _)| 1 << index).sum()
 }

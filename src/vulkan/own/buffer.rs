@@ -1,13 +1,17 @@
-//! Buffers of our own.
+//! Buffers that we make and own, with the host's access to those that are mapped.
 
-use super::buffer_desc::{BufferDesc, Location, TexelFormat};
-use super::buffer_part::{BufferPart, create_view};
+use super::access::{Access, HostUse, Mapped, MappedMut};
+use super::super::buffer_desc::{BufferDesc, Location, TexelFormat};
+use super::super::buffer_part::{BufferPart, create_view};
+use super::allocation::allocation;
 use super::context::{Context, Shared};
-use super::result::{Named, allocation};
+use super::super::keep::{Kept, Uses};
+use super::super::result::Named;
 use crate::{Error, Result};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
+use std::ptr::NonNull;
 use std::sync::{Arc, PoisonError};
 
 /// A buffer with memory of its own.
@@ -26,6 +30,7 @@ struct Inner {
     allocation: Allocation,
     /// The host may use the mapping. gpu-allocator maps whatever can be, but what one device maps, another does not.
     host: bool,
+    access: Arc<Access>,
     name: String,
     size: u64,
     usage: vk::BufferUsageFlags,
@@ -34,17 +39,18 @@ struct Inner {
 impl Buffer {
     /// Makes a buffer. Its content is undefined.
     ///
-    /// [`Error::Limit`] where the device can't bind it as a whole in the ways that its usage and texels say, or not
-    /// allocate it in one piece; [`Error::OutOfMemory`].
+    /// # Errors
+    /// [`Error::Limit`] where the device cannot bind it as a whole in the ways that its usage and texels say, or cannot
+    /// allocate it in one piece; [`Error::OutOfMemory`]; [`Error::Vulkan`] for a usage that is none of
+    /// [`BufferDesc::USAGES`].
     pub fn new(context: &Context, desc: &BufferDesc<'_>) -> Result<Self> {
         let shared = context.shared();
         let device = &shared.device;
-        let size = desc.size.max(1).next_multiple_of(16);
+        let size = desc.validate(device.limits())?;
         let mut usage = desc.usage | vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST;
         if desc.texels.is_some() {
             usage |= vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER;
         }
-        desc.judge(device.limits())?;
         let info = vk::BufferCreateInfo::default().size(size).usage(usage).sharing_mode(vk::SharingMode::EXCLUSIVE);
         // SAFETY: a plain creation; `Inner` destroys it, on errors below as well.
         let raw = unsafe { device.raw().create_buffer(&info, None) }.named("vkCreateBuffer")?;
@@ -54,6 +60,7 @@ impl Buffer {
             view: vk::BufferView::null(),
             allocation: Allocation::default(),
             host: false,
+            access: Arc::new(Access::new(desc.name)),
             name: desc.name.to_string(),
             size,
             usage,
@@ -65,8 +72,9 @@ impl Buffer {
             inner.view = unsafe { create_view(device, raw, 0, size, texels, desc.name) }?;
         }
         let inner = Arc::new(inner);
-        let view = desc.texels.map(|_| inner.view);
-        let whole = BufferPart { raw, offset: 0, range: size, usage, view, keep: Some(inner.clone()) };
+        let view = desc.texels.map(|texels| (inner.view, texels));
+        let device = device.raw().handle();
+        let whole = BufferPart { device, raw, offset: 0, range: size, usage, view, keep: Some(inner.clone()) };
         Ok(Self { inner, whole })
     }
 
@@ -78,8 +86,7 @@ impl Buffer {
     /// A part of it, without a texel view.
     pub fn part(&self, offset: u64, range: u64) -> Result<BufferPart> {
         self.check(offset, range)?;
-        let Inner { raw, usage, .. } = *self.inner;
-        Ok(BufferPart { raw, offset, range, usage, view: None, keep: Some(self.inner.clone()) })
+        Ok(BufferPart { offset, range, view: None, ..self.whole.clone() })
     }
 
     /// A part of it with a texel view of its own. The buffer must have been made with `texels` or the usage.
@@ -108,43 +115,59 @@ impl Buffer {
         self.inner.mapped().is_some()
     }
 
-    /// Writes bytes at an offset. Visible to what is submitted from now on.
+    /// Writes bytes at an offset. Commands that are submitted from now on read them.
+    ///
+    /// # Errors
+    /// [`Error::Vulkan`] where the bytes lie outside the buffer, the host cannot map it, or a pending command buffer uses
+    /// it.
     pub fn write(&mut self, offset: u64, bytes: &[u8]) -> Result<()> {
-        let target = self.address(offset, bytes.len() as u64)?;
-        // SAFETY: target has room for the bytes (`address`), is mapped and coherent as long as the allocation lives;
-        // `&mut self` keeps other host threads out, and `bytes` can't overlap with a mapping nobody has a slice of.
-        unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), target, bytes.len()) };
+        let (target, _use) = self.map(offset, bytes.len() as u64)?;
+        // SAFETY: the target has room for the bytes and is not in use by the device (`map`); `&mut self` excludes slices of
+        // it, so `bytes` does not overlap with it.
+        unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), target.as_ptr(), bytes.len()) };
         Ok(())
     }
 
-    /// Reads bytes at an offset, as of the last [`barrier_to_host`](super::Recorder::barrier_to_host) executed.
+    /// Reads bytes at an offset, as of the last [`barrier_to_host`](crate::vulkan::Recorder::barrier_to_host) executed.
+    ///
+    /// # Errors
+    /// As [`write`](Self::write).
     pub fn read(&self, offset: u64, bytes: &mut [u8]) -> Result<()> {
-        let source = self.address(offset, bytes.len() as u64)?;
-        // SAFETY: as in `write`; writers need `&mut self`.
-        unsafe { std::ptr::copy_nonoverlapping(source, bytes.as_mut_ptr(), bytes.len()) };
+        let (source, _use) = self.map(offset, bytes.len() as u64)?;
+        // SAFETY: the source has as many bytes and is not in use by the device (`map`); the host writes it through `&mut self`
+        // only, and `bytes`, a `&mut`, cannot be a part of it.
+        unsafe { std::ptr::copy_nonoverlapping(source.as_ptr(), bytes.as_mut_ptr(), bytes.len()) };
         Ok(())
     }
 
-    /// Bytes at an offset where they are, as [`read`](Self::read) would copy them.
-    pub fn bytes(&self, offset: u64, range: u64) -> Result<&[u8]> {
-        let source = self.address(offset, range)?;
-        // SAFETY: as in `read`: inside a mapping that lives as long as `self`, and host writers need `&mut self`.
-        Ok(unsafe { std::slice::from_raw_parts(source, range as usize) })
+    /// The bytes that [`read`](Self::read) would copy, where they are. Until they are dropped, no command buffer that uses
+    /// this buffer can be submitted.
+    ///
+    /// # Errors
+    /// As [`write`](Self::write).
+    pub fn bytes(&self, offset: u64, range: u64) -> Result<Mapped<'_>> {
+        let (source, used) = self.map(offset, range)?;
+        // SAFETY: the mapping lives as long as `self`, host writers need `&mut self`, and `used` is of this buffer.
+        Ok(unsafe { Mapped::new(NonNull::slice_from_raw_parts(source, range as usize), used) })
     }
 
-    /// Bytes at an offset, to be filled where they are. Visible to what is submitted from now on.
-    pub fn bytes_mut(&mut self, offset: u64, range: u64) -> Result<&mut [u8]> {
-        let target = self.address(offset, range)?;
-        // SAFETY: as in `write`; a mapping's bytes are some bytes to the host, whoever wrote them.
-        Ok(unsafe { std::slice::from_raw_parts_mut(target, range as usize) })
+    /// Bytes at an offset, to be filled where they are; otherwise as [`bytes`](Self::bytes).
+    ///
+    /// # Errors
+    /// As [`write`](Self::write).
+    pub fn bytes_mut(&mut self, offset: u64, range: u64) -> Result<MappedMut<'_>> {
+        let (target, used) = self.map(offset, range)?;
+        // SAFETY: the mapping lives as long as `self`, which is borrowed mutably, and `used` is of this buffer.
+        Ok(unsafe { MappedMut::new(NonNull::slice_from_raw_parts(target, range as usize), used) })
     }
 
-    /// The mapped address of a range that lies inside the buffer.
-    fn address(&self, offset: u64, range: u64) -> Result<*mut u8> {
+    /// The mapped address of a range that lies inside the buffer, and a use that keeps the device from it.
+    fn map(&self, offset: u64, range: u64) -> Result<(NonNull<u8>, HostUse<'_>)> {
         self.check(offset, range)?;
         let base = self.inner.mapped().ok_or_else(|| self.misuse("the host cannot reach it: it is not mapped"))?;
-        // SAFETY: offset is within the buffer, which lies within the mapping.
-        Ok(unsafe { base.as_ptr().add(offset as usize) })
+        let used = self.inner.access.by_host()?;
+        // SAFETY: the offset is within the buffer, which lies within the mapping.
+        Ok((unsafe { base.add(offset as usize) }, used))
     }
 
     fn check(&self, offset: u64, range: u64) -> Result<()> {
@@ -197,9 +220,17 @@ impl Inner {
     }
 
     /// The mapping, if the host may use it without flushing.
-    fn mapped(&self) -> Option<std::ptr::NonNull<u8>> {
+    fn mapped(&self) -> Option<NonNull<u8>> {
         let coherent = self.allocation.memory_properties().contains(vk::MemoryPropertyFlags::HOST_COHERENT);
-        self.allocation.mapped_ptr().filter(|_| self.host && coherent).map(std::ptr::NonNull::cast)
+        self.allocation.mapped_ptr().filter(|_| self.host && coherent).map(NonNull::cast)
+    }
+}
+
+impl Kept for Inner {
+    fn uses(&self, uses: &mut Uses) {
+        if self.host {
+            uses.mapped.push(self.access.clone());
+        }
     }
 }
 

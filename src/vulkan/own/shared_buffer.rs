@@ -1,10 +1,11 @@
-//! A device buffer that the host fills or reads: mapped where possible, else with a twin in the host's memory.
+//! A device buffer that the host fills or reads: mapped where possible, else with a copy in host memory.
 
+use super::access::{Mapped, MappedMut};
 use super::buffer::Buffer;
-use super::buffer_desc::{BufferDesc, Location};
-use super::buffer_part::BufferPart;
+use super::super::buffer_desc::{BufferDesc, Location};
+use super::super::buffer_part::BufferPart;
 use super::context::Context;
-use super::recorder::Recorder;
+use super::super::recorder::Recorder;
 use crate::Result;
 use ash::vk;
 
@@ -20,12 +21,12 @@ pub struct SharedBuffer {
 }
 
 impl SharedBuffer {
-    /// A buffer for the host to write. `desc.location` has no say.
+    /// A buffer for the host to write. `desc.location` is ignored.
     pub fn for_upload(context: &Context, desc: &BufferDesc<'_>) -> Result<Self> {
         Self::new(context, desc, Location::Upload)
     }
 
-    /// A buffer for the host to read. `desc.location` has no say.
+    /// A buffer for the host to read. `desc.location` is ignored.
     pub fn for_download(context: &Context, desc: &BufferDesc<'_>) -> Result<Self> {
         Self::new(context, desc, Location::Readback)
     }
@@ -66,13 +67,14 @@ impl SharedBuffer {
         self.twin.as_ref().unwrap_or(&self.device).read(offset, bytes)
     }
 
-    /// Bytes from the start where they are, as of the last download.
-    pub fn bytes(&self, range: u64) -> Result<&[u8]> {
+    /// Bytes from the start where they are, as of the last download. While they are held, no command buffer that uses this
+    /// buffer can be submitted.
+    pub fn bytes(&self, range: u64) -> Result<Mapped<'_>> {
         self.twin.as_ref().unwrap_or(&self.device).bytes(0, range)
     }
 
     /// Bytes from the start, to be filled where they are for the next upload.
-    pub fn bytes_mut(&mut self, range: u64) -> Result<&mut [u8]> {
+    pub fn bytes_mut(&mut self, range: u64) -> Result<MappedMut<'_>> {
         self.twin.as_mut().unwrap_or(&mut self.device).bytes_mut(0, range)
     }
 

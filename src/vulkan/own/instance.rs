@@ -1,7 +1,6 @@
-//! The Vulkan loader and an instance with what is there of debug names and validation.
+//! The Vulkan loader, and an instance with debug names and validation where they are installed.
 
-use super::host::Loader;
-use super::result::Named;
+use super::super::result::Named;
 use super::validation::{Messenger, ValidationLog};
 use crate::{Error, Result};
 use ash::vk;
@@ -11,7 +10,7 @@ use std::sync::OnceLock;
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
 /// The loader, opened once for the process and never closed: drivers leave threads behind that outlive their library.
-pub(super) fn entry() -> Result<&'static ash::Entry> {
+fn system_entry() -> Result<&'static ash::Entry> {
     static ENTRY: OnceLock<ash::Entry> = OnceLock::new();
     if let Some(entry) = ENTRY.get() {
         return Ok(entry);
@@ -26,11 +25,30 @@ pub(super) fn entry() -> Result<&'static ash::Entry> {
     Ok(ENTRY.get_or_init(|| entry))
 }
 
+/// A Vulkan loader other than the system's: one that is linked in, or an engine's own.
+#[derive(Clone, Copy, Debug)]
+pub struct Loader(vk::PFN_vkGetInstanceProcAddr);
+
+impl Loader {
+    /// By its vkGetInstanceProcAddr.
+    ///
+    /// # Safety
+    /// It is that function, and can be called, as all that it returns, for the rest of the process.
+    pub unsafe fn new(get_instance_proc_addr: vk::PFN_vkGetInstanceProcAddr) -> Self {
+        Self(get_instance_proc_addr)
+    }
+
+    fn entry(self) -> ash::Entry {
+        // SAFETY: the promise of `new`.
+        unsafe { ash::Entry::from_static_fn(ash::StaticFn { get_instance_proc_addr: self.0 }) }
+    }
+}
+
 /// An instance of ours, with its messenger.
-pub(super) struct Instance {
-    pub(super) raw: ash::Instance,
+pub(in crate::vulkan) struct Instance {
+    pub(in crate::vulkan) raw: ash::Instance,
     /// VK_EXT_debug_utils is enabled.
-    pub(super) debug_utils: bool,
+    pub(in crate::vulkan) debug_utils: bool,
     /// Messages go here; stays empty without validation.
     pub(super) log: ValidationLog,
     /// Dropped in `Drop`, before the instance.
@@ -42,7 +60,7 @@ impl Instance {
     pub(super) fn new(loader: Option<Loader>, validation: bool) -> Result<Self> {
         let entry = &match loader {
             Some(loader) => loader.entry(),
-            None => entry()?.clone(),
+            None => system_entry()?.clone(),
         };
         let extensions = extensions(entry, None)?;
         let debug_utils = extensions.iter().any(|e| e == ash::ext::debug_utils::NAME);

@@ -1,0 +1,23 @@
+//! A device of our own: opened, with its memory, its queue and its pipeline cache on disk. Only the renderer needs it.
+
+mod access;
+mod allocation;
+mod buffer;
+mod command;
+mod context;
+mod disk_cache;
+mod instance;
+mod select;
+mod shared_buffer;
+mod validation;
+
+pub(super) use access::Access;
+pub use access::{Mapped, MappedMut};
+pub use buffer::Buffer;
+pub use command::CommandBuffer;
+pub use context::{CacheFolder, Context, ContextOptions};
+pub(super) use disk_cache::DiskCache;
+pub(super) use instance::Instance;
+pub use instance::Loader;
+pub use shared_buffer::SharedBuffer;
+pub use validation::ValidationLog;

@@ -1,0 +1,78 @@
+//! Which of the installed devices to open.
+
+use super::super::adapter::{DeviceInfo, compute_family, describe};
+use super::super::result::Named;
+use super::instance::Instance;
+use crate::{Error, Result};
+use ash::vk;
+
+/// A listed device with its handle.
+pub(super) struct Adapter {
+    pub(super) physical: vk::PhysicalDevice,
+    pub(super) info: DeviceInfo,
+    /// The queue family for compute.
+    pub(super) queue_family: Option<u32>,
+}
+
+/// All devices of an instance, in the loader's order.
+pub(super) fn list(instance: &Instance) -> Result<Vec<Adapter>> {
+    // SAFETY: the instance lives.
+    let found = match unsafe { instance.raw.enumerate_physical_devices() } {
+        // The loader's answer where no driver is installed.
+        Err(vk::Result::ERROR_INITIALIZATION_FAILED | vk::Result::ERROR_INCOMPATIBLE_DRIVER) => Vec::new(),
+        other => other.named("vkEnumeratePhysicalDevices")?,
+    };
+    let adapter = |(index, physical)| {
+        // SAFETY: the handle comes from this instance, which is of Vulkan 1.1.
+        let info = unsafe { describe(&instance.raw, index, physical) };
+        Adapter { physical, info, queue_family: compute_family(&instance.raw, physical) }
+    };
+    Ok(found.into_iter().enumerate().map(adapter).collect())
+}
+
+/// The device that `selector` names (an index, or part of a name in any case), or the best one that is suitable.
+pub(super) fn select(adapters: Vec<Adapter>, selector: Option<&str>) -> Result<Adapter> {
+    let listing = adapters.iter().map(|a| line(&a.info)).collect::<Vec<_>>().join("; ");
+    let Some(selector) = selector.map(str::trim).filter(|s| !s.is_empty()) else {
+        let suitable = adapters.into_iter().filter(|a| a.info.suitable.is_ok());
+        return suitable.min_by_key(|a| (a.info.kind, a.info.index)).ok_or_else(|| Error::NoDevice {
+            what: if listing.is_empty() {
+                "there is no device".to_string()
+            } else {
+                format!("of {listing}: none is suitable")
+            },
+            fix: "install a driver with Vulkan 1.1, or the software device \
+                   (Debian, Ubuntu: apt install mesa-vulkan-drivers)"
+                .to_string(),
+        });
+    };
+    let names = |info: &DeviceInfo| match selector.parse::<usize>() {
+        Ok(index) => info.index == index,
+        Err(_) => info.name.to_lowercase().contains(&selector.to_lowercase()),
+    };
+    // Where several match (a GPU listed by two drivers), the best suitable one.
+    let best = adapters
+        .into_iter()
+        .filter(|a| names(&a.info))
+        .min_by_key(|a| (a.info.suitable.is_err(), a.info.kind, a.info.index));
+    let what = match &best {
+        Some(Adapter { info: DeviceInfo { suitable: Err(reason), name, .. }, .. }) => {
+            format!("`{selector}` is {name}, but {reason}")
+        }
+        Some(_) => String::new(),
+        None => format!("no device matches `{selector}`"),
+    };
+    best.filter(|a| a.info.suitable.is_ok()).ok_or_else(|| Error::NoDevice {
+        what,
+        fix: if listing.is_empty() {
+            "there is no device: install a driver with Vulkan 1.1".to_string()
+        } else {
+            format!("choose one by number or by part of its name: {listing}")
+        },
+    })
+}
+
+fn line(info: &DeviceInfo) -> String {
+    let reason = info.suitable.as_ref().err().map_or(String::new(), |reason| format!(", {reason}"));
+    format!("{}: {} ({}{reason})", info.index, info.name, info.kind)
+}
