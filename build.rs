@@ -1,23 +1,34 @@
 //! Compiles `glsl/*.comp` to SPIR-V, reflects each module, and writes into OUT_DIR what the library includes:
-//! `kernels.rs` (one `Kernel` for each file) and `constants.rs` (the constants both sides share).
+//! `kernels.rs` (one `Kernel` for each file) and `constants.rs` (the constants that both sides share).
+//!
+//! Without a GLSL compiler it takes the SPIR-V of `glsl/spirv`. The environment variable SOFTRAS_SPIRV chooses otherwise:
+//! `write` compiles and replaces that folder, `check` compiles and compares with it, `packaged` takes it in any case.
 
 #[path = "build/compile.rs"]
 mod compile;
 #[path = "build/constants.rs"]
 mod constants;
+#[path = "build/emit.rs"]
+mod emit;
+#[path = "build/module.rs"]
+mod module;
+#[path = "build/packaged.rs"]
+mod packaged;
 #[path = "build/reflect.rs"]
 mod reflect;
 
-use reflect::{Member, Reflection};
+use packaged::Manifest;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    for watched in ["build.rs", "build", "glsl", "benches/naive"] {
+    for watched in ["build.rs", "build", "glsl"] {
         println!("cargo::rerun-if-changed={watched}");
     }
-    println!("cargo::rerun-if-env-changed=VULKAN_SDK");
+    for variable in ["VULKAN_SDK", "SOFTRAS_SPIRV"] {
+        println!("cargo::rerun-if-env-changed={variable}");
+    }
     let Err(message) = run() else { return ExitCode::SUCCESS };
     for line in message.lines() {
         println!("cargo::error={line}");
@@ -31,33 +42,137 @@ fn run() -> Result<(), String> {
     let rust = constants::to_rust(&read(shared)?, &shared.display().to_string())?;
     write(&out.join("constants.rs"), &rust)?;
 
-    let compiler = compile::Compiler::find()?;
-    kernels(&compiler, Path::new("glsl"), &out, "kernels.rs")?;
-    // What only the benches run; the library does not contain it.
-    let benches = Path::new("benches/naive");
-    if benches.is_dir() { kernels(&compiler, benches, &out, "bench_kernels.rs") } else { Ok(()) }
+    let modules = match Source::choose()? {
+        Source::Compiler(compiler, then) => {
+            let modules = compile_all(&compiler, &out)?;
+            match then {
+                Then::Nothing => {}
+                Then::Write => write_packaged(&compiler, &modules)?,
+                Then::Check => check_packaged(&compiler, &modules)?,
+            }
+            modules
+        }
+        Source::Packaged => read_packaged()?,
+    };
+    let mut rust = String::new();
+    for Module { name, source, words } in &modules {
+        let reflection = reflect::reflect(words).map_err(|e| format!("{}: {e}", source.display()))?;
+        let spirv = out.join(format!("{name}.spv"));
+        std::fs::write(&spirv, bytes(words)).map_err(|e| format!("{}: {e}", spirv.display()))?;
+        rust.push_str(&emit::kernel(name, source, words.len(), &reflection));
+    }
+    let all: String = modules.iter().map(|module| format!("&{}, ", module.name.to_uppercase())).collect();
+    _ = writeln!(rust, "/// Every kernel, by name.\npub static ALL: &[&Kernel] = &[{all}];");
+    write(&out.join("kernels.rs"), &rust)
 }
 
-/// Compiles a folder's kernels and writes their statics into a file of Rust.
-fn kernels(compiler: &compile::Compiler, folder: &Path, out: &Path, file: &str) -> Result<(), String> {
-    let mut kernels = String::new();
-    let mut names = Vec::new();
-    for source in sources(folder)? {
-        let name = source.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let spirv = out.join(format!("{name}.spv"));
-        let compiled = compiler.compile(&source, Path::new("glsl"), &spirv)?;
+/// Where the SPIR-V comes from.
+enum Source {
+    Compiler(compile::Compiler, Then),
+    Packaged,
+}
+
+/// What is done with compiled SPIR-V besides including it.
+enum Then {
+    Nothing,
+    Write,
+    Check,
+}
+
+impl Source {
+    fn choose() -> Result<Self, String> {
+        let asked = std::env::var("SOFTRAS_SPIRV").unwrap_or_default();
+        let then = match asked.as_str() {
+            "" => Then::Nothing,
+            "write" => Then::Write,
+            "check" => Then::Check,
+            "packaged" => return Ok(Self::Packaged),
+            other => return Err(format!("SOFTRAS_SPIRV={other}: it is `write`, `check` or `packaged`")),
+        };
+        match (compile::Compiler::find(), then) {
+            (Ok(compiler), then) => Ok(Self::Compiler(compiler, then)),
+            (Err(_), Then::Nothing) if Manifest::read()?.is_some() => Ok(Self::Packaged),
+            (Err(missing), _) => Err(missing),
+        }
+    }
+}
+
+/// One kernel as SPIR-V.
+struct Module {
+    name: String,
+    source: PathBuf,
+    words: Vec<u32>,
+}
+
+fn compile_all(compiler: &compile::Compiler, out: &Path) -> Result<Vec<Module>, String> {
+    let compile = |(name, source): (String, PathBuf)| {
+        let compiled = compiler.compile(&source, Path::new("glsl"), &out.join(format!("{name}.spv")))?;
         for line in &compiled.warnings {
             println!("cargo::warning={line}");
         }
-        let bytes: Vec<u8> = compiled.words.iter().flat_map(|w| w.to_le_bytes()).collect();
-        std::fs::write(&spirv, bytes).map_err(|e| format!("{}: {e}", spirv.display()))?;
-        let reflection = reflect::reflect(&compiled.words).map_err(|e| format!("{}: {e}", source.display()))?;
-        kernels.push_str(&kernel(&name, &source, compiled.words.len(), &reflection));
-        names.push(name.to_uppercase());
+        Ok(Module { name, source, words: compiled.words })
+    };
+    sources()?.into_iter().map(compile).collect()
+}
+
+fn read_packaged() -> Result<Vec<Module>, String> {
+    let manifest = Manifest::read()?.ok_or(compile::MISSING)?;
+    manifest.validate_sources()?;
+    let read = |(name, source): (String, PathBuf)| {
+        let path = packaged::path(&name);
+        let bytes = std::fs::read(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+        Ok(Module { name, source, words: compile::words(&bytes) })
+    };
+    sources()?.into_iter().map(read).collect()
+}
+
+fn write_packaged(compiler: &compile::Compiler, modules: &[Module]) -> Result<(), String> {
+    packaged::clear()?;
+    for module in modules {
+        let path = packaged::path(&module.name);
+        std::fs::write(&path, bytes(&module.words)).map_err(|e| format!("{}: {e}", path.display()))?;
     }
-    let all: String = names.iter().map(|name| format!("&{name}, ")).collect();
-    _ = writeln!(kernels, "/// Every kernel, by name.\npub static ALL: &[&Kernel] = &[{all}];");
-    write(&out.join(file), &kernels)
+    Manifest::of(&compiler.version()?)?.write()
+}
+
+/// Compares with the packaged SPIR-V: byte for byte where the same compiler made both, by the kernels' interfaces elsewhere.
+fn check_packaged(compiler: &compile::Compiler, modules: &[Module]) -> Result<(), String> {
+    let current = Manifest::of(&compiler.version()?)?;
+    let packaged = Manifest::read()?.ok_or(format!("there is no glsl/spirv. {}", packaged::REWRITE))?;
+    packaged.validate_sources()?;
+    let same_compiler = packaged.same_compiler(&current);
+    for (module, other) in modules.iter().zip(read_packaged()?) {
+        let interface = |words: &[u32]| reflect::reflect(words).map(|r| emit::kernel("", Path::new(""), 0, &r));
+        let same = if same_compiler {
+            module.words == other.words
+        } else {
+            interface(&module.words)? == interface(&other.words)?
+        };
+        if !same {
+            let path = packaged::path(&module.name);
+            return Err(format!("{} is not what glsl/ compiles to. {}", path.display(), packaged::REWRITE));
+        }
+    }
+    if !same_compiler {
+        let (theirs, ours) = (packaged.compiler(), current.compiler());
+        println!("cargo::warning=glsl/spirv was compared by sources and interfaces only: it is of {theirs}, here is {ours}");
+    }
+    Ok(())
+}
+
+/// Each kernel's name and file, sorted so that the output does not depend on the file system.
+fn sources() -> Result<Vec<(String, PathBuf)>, String> {
+    let entries = std::fs::read_dir("glsl").map_err(|e| format!("glsl: {e}"))?;
+    let kernels = entries.flatten().map(|e| e.path()).filter(|p| p.extension().is_some_and(|e| e == "comp"));
+    let named = |path: PathBuf| (path.file_stem().unwrap_or_default().to_string_lossy().into_owned(), path);
+    let mut found: Vec<_> = kernels.map(named).collect();
+    found.sort();
+    Ok(found)
+}
+
+/// Words as a file has them.
+fn bytes(words: &[u32]) -> Vec<u8> {
+    words.iter().flat_map(|word| word.to_le_bytes()).collect()
 }
 
 fn read(path: &Path) -> Result<String, String> {
@@ -66,58 +181,4 @@ fn read(path: &Path) -> Result<String, String> {
 
 fn write(path: &Path, text: &str) -> Result<(), String> {
     std::fs::write(path, text).map_err(|e| format!("{}: {e}", path.display()))
-}
-
-/// The kernels, sorted so that the output does not depend on the file system.
-fn sources(folder: &Path) -> Result<Vec<PathBuf>, String> {
-    let entries = std::fs::read_dir(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
-    let mut found: Vec<PathBuf> =
-        entries.flatten().map(|e| e.path()).filter(|p| p.extension().is_some_and(|e| e == "comp")).collect();
-    found.sort();
-    Ok(found)
-}
-
-/// A kernel's static as Rust source.
-fn kernel(name: &str, source: &Path, words: usize, r: &Reflection) -> String {
-    let push_bytes = r.push_members.iter().map(|m| m.offset + m.size).max().unwrap_or(0).next_multiple_of(4);
-    let mut rust = format!("/// `{}`.\npub static {}: Kernel = {{\n", source.display(), name.to_uppercase());
-    rust.push_str("let data = KernelData {\n");
-    let spirv = format!("{{ static WORDS: [u32; {words}] = words(include_bytes!(\"{name}.spv\")); &WORDS }}");
-    _ = writeln!(rust, "    name: {name:?},\n    spirv: {spirv},");
-    _ = writeln!(rust, "    local_size: {:?},\n    local_size_ids: {:?},", r.local_size, r.local_size_ids);
-    _ = writeln!(rust, "    capabilities: &{:?},\n    shared_bytes: {},", r.capabilities, r.shared_bytes);
-    rust.push_str("    bindings: &[\n");
-    for b in &r.bindings {
-        let (name, kind) = (&b.name, b.kind);
-        _ = writeln!(
-            rust,
-            "        Binding {{ name: {name:?}, binding: {}, kind: BindingKind::{kind}, readonly: {} }},",
-            b.binding, b.readonly
-        );
-    }
-    _ = writeln!(rust, "    ],\n    push_constant_bytes: {push_bytes},");
-    _ = writeln!(rust, "    push_members: {},\n    specialization: &[", members(&r.push_members));
-    for s in &r.specialization {
-        let (name, id, default) = (&s.name, s.id, &s.default);
-        _ = writeln!(rust, "        Specialization {{ name: {name:?}, id: {id}, default: SpecValue::{default} }},");
-    }
-    rust.push_str("    ],\n    structs: &[\n");
-    for s in &r.structs {
-        let (name, size, stride) = (&s.name, s.size, s.stride);
-        let members = members(&s.members);
-        _ = writeln!(rust, "        Struct {{ name: {name:?}, size: {size}, stride: {stride}, members: {members} }},");
-    }
-    rust.push_str("    ],\n};\n// SAFETY: the GLSL compiler wrote the SPIR-V, and build.rs read the other fields out of it.\n");
-    rust.push_str("unsafe { Kernel::new(data) }\n};\n");
-    rust
-}
-
-fn members(members: &[Member]) -> String {
-    let mut rust = String::from("&[");
-    for m in members {
-        let (name, offset, size, stride) = (&m.name, m.offset, m.size, m.stride);
-        _ = write!(rust, "Member {{ name: {name:?}, offset: {offset}, size: {size}, stride: {stride} }}, ");
-    }
-    rust.push(']');
-    rust
 }

@@ -2,15 +2,15 @@
 //!
 //! The subject of the published comparisons, with a composite background and near and far close around the mesh. τ is
 //! swept for both kinds of support; the naive kernel, every pixel over every face, stands beside them. Errors are the
-//! largest of colour and silhouette against the untruncated f64 judge; the naive kernel's τ is the smallest of the sweep.
+//! largest of colour and silhouette against the untruncated f64 reference; the naive kernel's τ is the smallest of the sweep.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-mod naive;
 mod subject;
 
 use softras::{Renderer, Settings};
 use softras_cli::measure::subject::{camera, scene, settings};
 use softras_cli::measure::sweep::{front, front_settings};
+use softras_naive as naive;
 
 fn main() {
     let mut renderer = Renderer::new().expect("a Vulkan device");

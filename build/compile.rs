@@ -10,9 +10,15 @@ pub struct Compiled {
     pub warnings: Vec<String>,
 }
 
-/// Bytes to words, as SPIR-V files store them here (little endian, which every glslang writes on our hosts).
-#[cfg(not(feature = "shaderc"))]
-fn words(bytes: &[u8]) -> Vec<u32> {
+/// The error where SPIR-V can come from nowhere.
+pub const MISSING: &str = "no GLSL compiler found, and no compiled kernels in glsl/spirv.\n\
+    Either install a compiler so that `glslc` or `glslangValidator` is on the PATH or in $VULKAN_SDK/bin \
+    (Debian, Ubuntu: apt install glslang-tools; Fedora: dnf install glslang; macOS: brew install glslang; \
+    Windows: the Vulkan SDK),\n\
+    or build with `--features shaderc`, which compiles its own (needs cmake and a C++ compiler, takes minutes).";
+
+/// A SPIR-V file as words. Files are little endian, which every glslang writes on our hosts.
+pub fn words(bytes: &[u8]) -> Vec<u32> {
     bytes.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
 }
 
@@ -21,15 +27,9 @@ pub use installed::Compiler;
 
 #[cfg(not(feature = "shaderc"))]
 mod installed {
-    use super::{Compiled, Path, words};
+    use super::{Compiled, MISSING, Path, words};
     use std::path::PathBuf;
     use std::process::Command;
-
-    const MISSING: &str = "no GLSL compiler found: softras compiles its kernels when it is built.\n\
-        Either install one so that `glslc` or `glslangValidator` is on the PATH or in $VULKAN_SDK/bin \
-        (Debian, Ubuntu: apt install glslang-tools; Fedora: dnf install glslang; macOS: brew install glslang; \
-        Windows: the Vulkan SDK),\n\
-        or build with `--features shaderc`, which compiles its own (needs cmake and a C++ compiler, takes minutes).";
 
     /// An installed GLSL compiler.
     pub struct Compiler {
@@ -52,6 +52,16 @@ mod installed {
                 }
             }
             Err(MISSING.to_string())
+        }
+
+        /// Its name and version, in one line.
+        pub fn version(&self) -> Result<String, String> {
+            let output = Command::new(&self.program).arg("--version").output();
+            let output = output.map_err(|e| format!("{} does not start: {e}", self.program.display()))?;
+            let text = String::from_utf8_lossy(&output.stdout).into_owned();
+            // glslc names itself, SPIRV-Tools and glslang in a line each, glslang itself only in the first.
+            let lines = if self.is_glslc { 3 } else { 1 };
+            Ok(text.lines().take(lines).map(str::trim).collect::<Vec<_>>().join(", "))
         }
 
         /// Compiles `source`, a path relative to the package, with includes from `include`.
@@ -99,6 +109,11 @@ mod in_process {
         pub fn find() -> Result<Self, String> {
             let shaderc = shaderc::Compiler::new().map_err(|e| format!("shaderc does not start: {e}"))?;
             Ok(Self { shaderc })
+        }
+
+        /// Its name, in one line.
+        pub fn version(&self) -> Result<String, String> {
+            Ok("the shaderc crate".to_string())
         }
 
         /// Compiles `source`, a path relative to the package, with includes from `include`.

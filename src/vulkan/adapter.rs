@@ -210,11 +210,7 @@ pub(super) unsafe fn describe(instance: &ash::Instance, index: usize, physical: 
         kind: DeviceKind::of(properties.device_type),
         driver,
         driver_version,
-        api_version: (
-            vk::api_version_major(version),
-            vk::api_version_minor(version),
-            vk::api_version_patch(version),
-        ),
+        api_version: (vk::api_version_major(version), vk::api_version_minor(version), vk::api_version_patch(version)),
         // SAFETY: the handle comes from this instance, which is of Vulkan 1.1; a device of 1.0 is never used, and the loader
         // answers the 1.1 query for it all the same.
         limits: unsafe { Limits::query(instance, physical) },

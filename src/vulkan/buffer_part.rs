@@ -112,6 +112,7 @@ impl std::fmt::Debug for BufferPart {
 struct View {
     device: Device,
     view: vk::BufferView,
+    #[cfg_attr(not(feature = "renderer"), expect(dead_code, reason = "it only keeps the buffer"))]
     buffer: Option<Keep>,
 }
 

@@ -35,6 +35,7 @@ pub(super) struct Set {
     kernel: &'static Kernel,
     pool: Arc<Pool>,
     _layout: Arc<pipeline::Inner>,
+    #[cfg_attr(not(feature = "renderer"), expect(dead_code, reason = "it only keeps the buffers"))]
     buffers: Vec<Keep>,
 }
 

@@ -89,7 +89,10 @@ impl Device {
         let portability = ash::khr::portability_subset::NAME;
         let needed = offered.iter().any(|e| e.extension_name_as_c_str() == Ok(portability));
         let extensions: Vec<_> = needed.then_some(portability.as_ptr()).into_iter().collect();
-        let features = vk::PhysicalDeviceFeatures::default().robust_buffer_access(true);
+        // SAFETY: as above.
+        let offered = unsafe { instance.raw.get_physical_device_features(physical) };
+        let robust = offered.robust_buffer_access == vk::TRUE;
+        let features = vk::PhysicalDeviceFeatures::default().robust_buffer_access(robust);
         let info = vk::DeviceCreateInfo::default()
             .queue_create_infos(&queues)
             .enabled_extension_names(&extensions)

@@ -5,5 +5,6 @@ mod layouts;
 mod plan;
 mod properties;
 mod selftest;
+mod soundness;
 mod vulkan;
 mod vulkan_misuse;

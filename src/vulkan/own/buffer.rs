@@ -1,12 +1,12 @@
 //! Buffers that we make and own, with the host's access to those that are mapped.
 
-use super::access::{Access, HostUse, Mapped, MappedMut};
 use super::super::buffer_desc::{BufferDesc, Location, TexelFormat};
 use super::super::buffer_part::{BufferPart, create_view};
-use super::allocation::allocation;
-use super::context::{Context, Shared};
 use super::super::keep::{Kept, Uses};
 use super::super::result::Named;
+use super::access::{Access, HostUse, Mapped, MappedMut};
+use super::allocation::allocation;
+use super::context::{Context, Shared};
 use crate::{Error, Result};
 use ash::vk;
 use gpu_allocator::MemoryLocation;

@@ -1,9 +1,9 @@
 //! Command buffers that we make and own: recorded once, submitted as often as wanted.
 
-use super::context::{Context, Shared};
 use super::super::keep::{Keep, Uses};
 use super::super::recorder::Recorder;
 use super::super::result::{Named, misuse_of};
+use super::context::{Context, Shared};
 use crate::{Error, Result};
 use ash::vk;
 use std::sync::{Arc, PoisonError};

@@ -3,10 +3,10 @@
 use super::super::adapter::DeviceInfo;
 use super::super::cache::PipelineCache;
 use super::super::device::Device;
+use super::super::result::Named;
 use super::allocation::{allocator, direct_types};
 use super::instance::{Instance, Loader};
 use super::select;
-use super::super::result::Named;
 use super::validation::ValidationLog;
 use crate::Result;
 use ash::vk;

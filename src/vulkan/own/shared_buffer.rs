@@ -1,11 +1,11 @@
 //! A device buffer that the host fills or reads: mapped where possible, else with a copy in host memory.
 
-use super::access::{Mapped, MappedMut};
-use super::buffer::Buffer;
 use super::super::buffer_desc::{BufferDesc, Location};
 use super::super::buffer_part::BufferPart;
-use super::context::Context;
 use super::super::recorder::Recorder;
+use super::access::{Mapped, MappedMut};
+use super::buffer::Buffer;
+use super::context::Context;
 use crate::Result;
 use ash::vk;
 

@@ -1,4 +1,5 @@
-//! The baseline: every pixel over every face, as the official code does it.
+//! The baseline of the benchmarks: every pixel over every face, as the official code does it.
+#![allow(clippy::panic)]
 
 use softras::internals::vulkan::{
     BufferDesc, CommandBuffer, Context, ContextOptions, DescriptorPool, Pipeline, SharedBuffer, TexelFormat,
@@ -8,11 +9,12 @@ use softras::{Camera, Projection, Scene, Settings};
 use softras_cli::measure::time::median;
 use std::time::Instant;
 
-/// The kernel, compiled by the build script beside the library's. The file has a table of all kernels and is ready for
-/// modes, neither of which this kernel needs.
-#[allow(dead_code, unused_imports)]
+/// The kernel, as the build script writes it. Of the names that a kernel may refer to, this one needs a few.
+#[allow(unused_imports)]
 mod kernel {
-    use softras::internals::vulkan::{Binding, BindingKind, Kernel, KernelData, Member, SpecValue, Specialization, Struct};
+    use softras::internals::vulkan::{
+        Binding, BindingKind, Kernel, KernelData, Member, SpecValue, Specialization, Struct,
+    };
 
     const fn words<const N: usize>(bytes: &[u8]) -> [u32; N] {
         let mut words = [0; N];
@@ -24,7 +26,7 @@ mod kernel {
         words
     }
 
-    include!(concat!(env!("OUT_DIR"), "/bench_kernels.rs"));
+    include!(concat!(env!("OUT_DIR"), "/kernel.rs"));
 }
 
 #[repr(C)]
@@ -42,8 +44,11 @@ struct Push {
     epsilon: f32,
 }
 
-/// Median milliseconds of a forward frame, and its image: RGB and silhouette of every pixel. One mesh in vertex colours,
-/// one perspective camera, background black.
+/// Median milliseconds of a forward frame, and its image: RGB and silhouette of every pixel. The scene is one mesh in vertex
+/// colours before one perspective camera, the background black.
+///
+/// # Errors
+/// As [`softras::Renderer::render`].
 pub fn render(
     scene: &Scene,
     camera: &Camera,
@@ -105,7 +110,7 @@ pub fn render(
         let start = Instant::now();
         commands.submit_and_wait()?;
         image.read(0, bytemuck::cast_slice_mut(&mut texels))?;
-        // The first compiles.
+        // The first run compiles the kernel.
         if run > 0 {
             times.push(start.elapsed().as_secs_f64() * 1e3);
         }
@@ -128,9 +133,9 @@ fn on_screen(positions: &[[f32; 3]], camera: &Camera) -> Vec<[f32; 4]> {
 }
 
 /// The largest error of colour and silhouette.
-pub fn error(image: &[[f32; 4]], judge: &softras::reference::ReferenceFrame, outputs: Outputs) -> f64 {
-    assert!(outputs.color && outputs.silhouette && judge.silhouette.len() == image.len());
-    let pixels = image.iter().zip(judge.color.chunks_exact(3)).zip(&judge.silhouette);
+pub fn error(image: &[[f32; 4]], reference: &softras::reference::ReferenceFrame, outputs: Outputs) -> f64 {
+    assert!(outputs.color && outputs.silhouette && reference.silhouette.len() == image.len());
+    let pixels = image.iter().zip(reference.color.chunks_exact(3)).zip(&reference.silhouette);
     let off = |(([r, g, b, a], color), alpha): ((&[f32; 4], &[f64]), &f64)| {
         let color = [*r, *g, *b].into_iter().zip(color).map(|(x, y)| (f64::from(x) - y).abs());
         color.fold((f64::from(*a) - alpha).abs(), f64::max)
