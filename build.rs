@@ -155,7 +155,9 @@ fn check_packaged(compiler: &compile::Compiler, modules: &[Module]) -> Result<()
     }
     if !same_compiler {
         let (theirs, ours) = (packaged.compiler(), current.compiler());
-        println!("cargo::warning=glsl/spirv was compared by sources and interfaces only: it is of {theirs}, here is {ours}");
+        println!(
+            "cargo::warning=glsl/spirv was compared by sources and interfaces only: it is of {theirs}, here is {ours}"
+        );
     }
     Ok(())
 }

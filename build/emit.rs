@@ -34,7 +34,9 @@ pub fn kernel(name: &str, source: &Path, words: usize, r: &Reflection) -> String
         let members = members(&s.members);
         _ = writeln!(rust, "        Struct {{ name: {name:?}, size: {size}, stride: {stride}, members: {members} }},");
     }
-    rust.push_str("    ],\n};\n// SAFETY: a GLSL compiler wrote the SPIR-V, and the other fields were read out of it.\n");
+    rust.push_str(
+        "    ],\n};\n// SAFETY: a GLSL compiler wrote the SPIR-V, and the other fields were read out of it.\n",
+    );
     rust.push_str("unsafe { Kernel::new(data) }\n};\n");
     rust
 }

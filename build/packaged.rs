@@ -63,7 +63,8 @@ impl Manifest {
 }
 
 /// How to bring the folder up to date.
-pub const REWRITE: &str = "Run `SOFTRAS_SPIRV=write cargo check` with a GLSL compiler installed, and commit glsl/spirv.";
+pub const REWRITE: &str =
+    "Run `SOFTRAS_SPIRV=write cargo check` with a GLSL compiler installed, and commit glsl/spirv.";
 
 /// A kernel's file in the folder.
 pub fn path(kernel: &str) -> PathBuf {

@@ -108,7 +108,8 @@ impl Module {
     /// A variable of set 0 with its kind. An instance name stands for the block where there is one.
     fn binding(&self, id: u32, pointee: u32, storage_buffer: bool) -> Result<Binding, String> {
         let name = if self.name(id).is_empty() { self.name(pointee) } else { self.name(id) }.to_string();
-        let binding = self.decoration(id, Decoration::Binding).ok_or(format!("`{name}` has no layout(binding = ...)"))?;
+        let binding =
+            self.decoration(id, Decoration::Binding).ok_or(format!("`{name}` has no layout(binding = ...)"))?;
         if self.decoration(id, Decoration::DescriptorSet).unwrap_or(0) != 0 {
             return Err(format!("`{name}` is not in set 0"));
         }

@@ -44,6 +44,10 @@ pub use status::Status;
 pub use store::{FrameImage, ImageBindings};
 
 pub use crate::frame::buffers::{BufferId, Role};
+#[cfg(all(feature = "external", unix))]
+pub use crate::vulkan::external;
+#[doc(hidden)]
+pub use crate::vulkan::vk;
 pub use crate::vulkan::{BufferRef, HostAdapter, HostCommands, HostDevice, ImageFormat, ImageRef, TextureRef};
 
 use crate::constants as c;

@@ -1,16 +1,30 @@
-//! Memory and semaphores that another device, process or API shares, as file descriptors; where the driver cannot, bytes
-//! that the host copies.
+//! Memory and semaphores that another device, process or API shares through file descriptors; where the driver cannot share
+//! memory, bytes that the host copies.
 
 use super::device::Device;
-use super::host::HostAdapter;
+use super::host::{HostAdapter, HostDevice};
 use super::result::{Named, misuse_of};
 use crate::{Error, Result};
 use ash::{khr, vk};
 use std::ffi::CStr;
 use std::os::fd::{FromRawFd, IntoRawFd, OwnedFd};
+use std::sync::{Mutex, PoisonError};
 
 const MEMORY: vk::ExternalMemoryHandleTypeFlags = vk::ExternalMemoryHandleTypeFlags::OPAQUE_FD;
 const SEMAPHORE: vk::ExternalSemaphoreHandleTypeFlags = vk::ExternalSemaphoreHandleTypeFlags::OPAQUE_FD;
+
+/// The usages of Vulkan 1.0, which need no extension: bits 0 to 8.
+const CORE_USAGES: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(0x1ff);
+
+fn validate_usage(usage: vk::BufferUsageFlags) -> Result<()> {
+    if !usage.is_empty() && CORE_USAGES.contains(usage) {
+        return Ok(());
+    }
+    Err(Error::Host {
+        what: format!("usage {usage:?} of a shared buffer"),
+        fix: format!("use at least one of {CORE_USAGES:?} and no other"),
+    })
+}
 
 /// What a physical device can share through file descriptors. The host's device must have the extensions enabled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,11 +36,12 @@ pub struct ExternalSupport {
 }
 
 impl ExternalSupport {
-    /// Asks a physical device, for buffers of this usage.
+    /// Queries a physical device, for buffers of this usage (VkBufferUsageFlags of Vulkan 1.0).
     ///
     /// # Errors
-    /// [`Error::Host`] for null handles; [`Error::Vulkan`].
+    /// [`Error::Host`] for null handles or a usage of an extension; [`Error::Vulkan`].
     pub fn of(host: &HostAdapter, usage: vk::BufferUsageFlags) -> Result<Self> {
+        validate_usage(usage)?;
         let (instance, physical) = (host.functions()?, host.physical_device());
         // SAFETY: the handles are valid (the promise of `HostAdapter::new`).
         let offered = unsafe { instance.enumerate_device_extension_properties(physical) }
@@ -50,7 +65,7 @@ impl ExternalSupport {
     }
 }
 
-/// An error unless the device knows a function of an extension, so that it is never called where it is not.
+/// An error unless the device knows a function of an extension, which is called nowhere else.
 fn enabled(device: &Device, function: &CStr, extension: &CStr) -> Result<()> {
     let instance = device.instance();
     // SAFETY: the device is the instance's, the name ends with a zero byte.
@@ -63,12 +78,12 @@ fn enabled(device: &Device, function: &CStr, extension: &CStr) -> Result<()> {
     })
 }
 
-/// What crosses from one device to another.
+/// What one device gives to another.
 #[derive(Debug)]
 pub enum External {
-    /// The memory itself: exported once, it shows whatever is written.
+    /// The memory itself. It is exported once, and the importer sees whatever is written later.
     Memory(OwnedFd),
-    /// What it held, where memory cannot be shared: to be exported anew after each frame.
+    /// A copy of its content, where memory cannot be shared. It is exported again after each frame.
     Bytes(Vec<u8>),
 }
 
@@ -81,16 +96,19 @@ pub struct ExternalBuffer {
     size: u64,
     usage: vk::BufferUsageFlags,
     shared: bool,
+    /// Mapping is from one thread at a time.
+    mapping: Mutex<()>,
 }
 
 impl ExternalBuffer {
-    /// A buffer to share: through a file descriptor with [`ExternalSupport::memory`] (the device must have
+    /// A buffer of `size` bytes to share: through a file descriptor with [`ExternalSupport::memory`] (the device must have
     /// VK_KHR_external_memory_fd enabled), else by copies of the host's.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`], [`Error::Vulkan`]; [`Error::Host`] for no bytes, or a device without the extension.
-    pub fn new(device: &Device, size: u64, usage: vk::BufferUsageFlags, support: ExternalSupport) -> Result<Self> {
-        Self::make(device, size, usage, support.memory, None)
+    /// [`Error::OutOfMemory`], [`Error::Vulkan`]; [`Error::Host`] for no bytes, a usage of an extension, or a device without
+    /// the extension or the support claimed.
+    pub fn new(host: &HostDevice, size: u64, usage: vk::BufferUsageFlags, support: ExternalSupport) -> Result<Self> {
+        Self::make(host, size, usage, support.memory, None)
     }
 
     /// A buffer of the same size and usage as the exported one, of the same memory or with the same bytes.
@@ -101,12 +119,18 @@ impl ExternalBuffer {
     /// # Safety
     /// [`External::Memory`] was [exported](Self::export) by a buffer of this size and usage, of a device of the same physical
     /// device and driver.
-    pub unsafe fn import(device: &Device, size: u64, usage: vk::BufferUsageFlags, external: External) -> Result<Self> {
+    pub unsafe fn import(
+        host: &HostDevice,
+        size: u64,
+        usage: vk::BufferUsageFlags,
+        external: External,
+    ) -> Result<Self> {
         match external {
-            External::Memory(fd) => Self::make(device, size, usage, true, Some(fd)),
+            External::Memory(fd) => Self::make(host, size, usage, true, Some(fd)),
             External::Bytes(bytes) if bytes.len() as u64 == size => {
-                let made = Self::make(device, size, usage, false, None)?;
-                made.mapped(|at| at.copy_from_slice(&bytes))?;
+                let made = Self::make(host, size, usage, false, None)?;
+                // SAFETY: both have `size` bytes and do not overlap.
+                made.mapped(|at| unsafe { at.copy_from_nonoverlapping(bytes.as_ptr(), bytes.len()) })?;
                 Ok(made)
             }
             External::Bytes(bytes) => Err(Error::Host {
@@ -117,7 +141,7 @@ impl ExternalBuffer {
     }
 
     fn make(
-        device: &Device,
+        host: &HostDevice,
         size: u64,
         usage: vk::BufferUsageFlags,
         shared: bool,
@@ -127,8 +151,14 @@ impl ExternalBuffer {
             let (what, fix) = ("a buffer of no bytes".into(), "ask for at least one".into());
             return Err(Error::Host { what, fix });
         }
+        validate_usage(usage)?;
+        let device = &Device::from_host(host)?;
         if shared {
             enabled(device, c"vkGetMemoryFdKHR", khr::external_memory_fd::NAME)?;
+            if !ExternalSupport::of(&host.adapter, usage)?.memory {
+                let what = format!("the driver shares no memory of buffers with the usage {usage:?}");
+                return Err(Error::Host { what, fix: "give what ExternalSupport::of returned".into() });
+            }
         }
         let mut external = vk::ExternalMemoryBufferCreateInfo::default().handle_types(MEMORY);
         let mut info = vk::BufferCreateInfo::default().size(size).usage(usage);
@@ -138,7 +168,8 @@ impl ExternalBuffer {
         // SAFETY: a plain creation; `Drop` destroys it, on errors below as well.
         let raw = unsafe { device.raw().create_buffer(&info, device.callbacks()) }.named("vkCreateBuffer")?;
         let memory = vk::DeviceMemory::null();
-        let mut made = Self { device: device.clone(), raw, memory, size, usage, shared };
+        let mapping = Mutex::default();
+        let mut made = Self { device: device.clone(), raw, memory, size, usage, shared, mapping };
         device.name_object(raw, "softras external");
         made.allocate(fd)?;
         // SAFETY: the memory was made for this buffer, and is bound once.
@@ -184,14 +215,16 @@ impl ExternalBuffer {
         Ok(())
     }
 
-    /// For another device to [`import`](Self::import), once what was written has been executed.
+    /// The memory, for another device to [`import`](Self::import), or a copy of its content. Wait for the commands that write
+    /// it before: the driver calls that let a device write through [`raw`](Self::raw) make that the host's duty.
     ///
     /// # Errors
     /// [`Error::Vulkan`].
     pub fn export(&self) -> Result<External> {
         if !self.shared {
             let mut bytes = vec![0; self.size as usize];
-            self.mapped(|at| bytes.copy_from_slice(at))?;
+            // SAFETY: both have `size` bytes and do not overlap.
+            self.mapped(|at| unsafe { at.copy_to_nonoverlapping(bytes.as_mut_ptr(), bytes.len()) })?;
             return Ok(External::Bytes(bytes));
         }
         let functions = khr::external_memory_fd::Device::new(self.device.instance(), self.device.raw());
@@ -202,13 +235,13 @@ impl ExternalBuffer {
         Ok(External::Memory(unsafe { OwnedFd::from_raw_fd(fd) }))
     }
 
-    /// Works on the bytes of a buffer that the host reaches.
-    fn mapped(&self, work: impl FnOnce(&mut [u8])) -> Result<()> {
+    /// Calls `work` with the address of the mapped bytes of a buffer in host memory.
+    fn mapped(&self, work: impl FnOnce(*mut u8)) -> Result<()> {
+        let _one_at_a_time = self.mapping.lock().unwrap_or_else(PoisonError::into_inner);
         let (device, none) = (self.device.raw(), vk::MemoryMapFlags::empty());
-        // SAFETY: such memory is host-visible and coherent (`allocate`), and is unmapped again below.
+        // SAFETY: such memory is host-visible and coherent (`allocate`), is not mapped (the lock), and is unmapped below.
         let at = unsafe { device.map_memory(self.memory, 0, vk::WHOLE_SIZE, none) }.named("vkMapMemory")?;
-        // SAFETY: the mapping has at least the buffer's bytes, and nobody else has a slice of it.
-        work(unsafe { std::slice::from_raw_parts_mut(at.cast::<u8>(), self.size as usize) });
+        work(at.cast());
         // SAFETY: it was mapped above.
         unsafe { device.unmap_memory(self.memory) };
         Ok(())
@@ -253,14 +286,19 @@ impl ExternalSemaphore {
     ///
     /// # Errors
     /// [`Error::NoDevice`] without [`ExternalSupport::semaphores`]: wait for a fence on the host instead.
-    pub fn new(device: &Device, support: ExternalSupport) -> Result<Self> {
+    pub fn new(host: &HostDevice, support: ExternalSupport) -> Result<Self> {
         if !support.semaphores {
             return Err(Error::NoDevice {
                 what: "the driver shares no semaphores".into(),
                 fix: "wait for a fence on the host between the two devices".into(),
             });
         }
+        let device = &Device::from_host(host)?;
         enabled(device, c"vkGetSemaphoreFdKHR", khr::external_semaphore_fd::NAME)?;
+        if !ExternalSupport::of(&host.adapter, vk::BufferUsageFlags::TRANSFER_SRC)?.semaphores {
+            let what = "the driver shares no semaphores".into();
+            return Err(Error::Host { what, fix: "give what ExternalSupport::of returned".into() });
+        }
         let mut export = vk::ExportSemaphoreCreateInfo::default().handle_types(SEMAPHORE);
         let info = vk::SemaphoreCreateInfo::default().push_next(&mut export);
         // SAFETY: the info's pointers live until the call returns; `Drop` destroys it.
@@ -276,9 +314,9 @@ impl ExternalSemaphore {
     ///
     /// # Safety
     /// The descriptor was [exported](Self::export) by a semaphore of a device of the same physical device and driver.
-    pub unsafe fn import(device: &Device, support: ExternalSupport, fd: OwnedFd) -> Result<Self> {
-        let made = Self::new(device, support)?;
-        let functions = khr::external_semaphore_fd::Device::new(device.instance(), device.raw());
+    pub unsafe fn import(host: &HostDevice, support: ExternalSupport, fd: OwnedFd) -> Result<Self> {
+        let made = Self::new(host, support)?;
+        let functions = khr::external_semaphore_fd::Device::new(made.device.instance(), made.device.raw());
         let fd = fd.into_raw_fd();
         let info = vk::ImportSemaphoreFdInfoKHR::default().semaphore(made.raw).handle_type(SEMAPHORE).fd(fd);
         // SAFETY: the semaphore was just made; the descriptor is one of a semaphore's (the caller's promise), and the driver's
@@ -292,7 +330,7 @@ impl ExternalSemaphore {
         Ok(made)
     }
 
-    /// For another device to [`import`](Self::import).
+    /// The semaphore, for another device to [`import`](Self::import).
     ///
     /// # Errors
     /// [`Error::Vulkan`].

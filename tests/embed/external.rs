@@ -7,7 +7,7 @@ use crate::host::{Host, assert_silent, error, forward, rasterizer, submit};
 use ash::vk;
 use softras::Error;
 use softras::embed::BufferId;
-use softras::internals::vulkan::{Device, External, ExternalBuffer, ExternalSemaphore, ExternalSupport};
+use softras::embed::external::{External, ExternalBuffer, ExternalSemaphore, ExternalSupport};
 use std::os::fd::OwnedFd;
 
 const USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
@@ -43,7 +43,7 @@ fn another_device_sees_the_image() {
             extensions.push(ash::khr::external_semaphore_fd::NAME);
         }
         let engines = [0, 1].map(|_| Engine::with_extensions(true, &extensions).unwrap());
-        let devices = engines.each_ref().map(|engine| Device::from_host(&engine.host_device()).unwrap());
+        let devices = engines.each_ref().map(Engine::host_device);
         let rasterizer = rasterizer(&engines[0]);
         let case = random_case(20, Kind::Plain);
         let host = Host::new(&engines[0], &rasterizer, &case);
@@ -89,13 +89,13 @@ fn another_device_sees_the_image() {
             let refused = error(refused);
             assert!(refused.contains("shares no semaphores") && refused.contains("fence"), "{refused}");
         }
-        drop((theirs, again, ours, host, rasterizer, devices));
+        drop((theirs, again, ours, host, rasterizer));
         for engine in engines {
             assert_silent(engine);
         }
     }
     // A device without the extension is told so.
-    let device = Device::from_host(&plain.host_device()).unwrap();
+    let device = plain.host_device();
     let claimed = ExternalSupport { memory: true, semaphores: true };
     let missing = error(ExternalBuffer::new(&device, 16, USAGE, claimed));
     assert!(missing.contains("VK_KHR_external_memory_fd"), "{missing}");
@@ -105,6 +105,8 @@ fn another_device_sees_the_image() {
     assert!(missing.contains("VK_KHR_external_semaphore_fd"), "{missing}");
     let nothing = error(ExternalBuffer::new(&device, 0, USAGE, ExternalSupport { memory: false, semaphores: false }));
     assert!(nothing.contains("no bytes"), "{nothing}");
-    drop(device);
+    let odd = vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS;
+    let odd = error(ExternalBuffer::new(&device, 16, odd, ExternalSupport { memory: false, semaphores: false }));
+    assert!(odd.contains("SHADER_DEVICE_ADDRESS"), "{odd}");
     assert_silent(plain);
 }

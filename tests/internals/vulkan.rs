@@ -5,7 +5,7 @@ use crate::selftest::{COUNT, LOCAL, Outcome, PUSH, Record, SelfTest, context, er
 use softras::internals::vulkan::{
     BindingKind, Buffer, BufferDesc, BufferPart, BufferRef, CacheFolder, CommandBuffer, Context, ContextOptions,
     DescriptorPool, Device, HostAdapter, HostCommands, HostDevice, Location, Member, Pipeline, Recorder, SharedBuffer,
-    SpecValue, TexelFormat, TimestampPool, constants, kernels, vk,
+    SpecValue, TexelFormat, TimestampPool, constants, kernels,
 };
 
 #[test]
