@@ -134,7 +134,9 @@ impl Module {
                 Some(ImageFormat::Rgba8) => "StorageImage(ImageFormat::Rgba8Unorm)",
                 _ => return Err(format!("`{name}`: images of four formats can be bound, and this is another")),
             },
-            _ => return Err(format!("`{name}`: only buffers, uniform texel buffers, textures and images can be bound")),
+            _ => {
+                return Err(format!("`{name}`: only buffers, uniform texel buffers, textures and images can be bound"));
+            }
         };
         // A `readonly` block carries the decoration on the variable or on each member.
         let readonly = self.decoration(id, Decoration::NonWritable).is_some()

@@ -238,7 +238,9 @@ fn check_buffer(device: &Device, kernel: &Kernel, binding: &Binding, buffer: &Bu
         BindingKind::StorageImage(_) | BindingKind::SampledImage => {
             return fail("it is an image, and was given a buffer");
         }
-        BindingKind::UniformTexelBufferFloat | BindingKind::UniformTexelBufferInt | BindingKind::UniformTexelBufferUint => {
+        BindingKind::UniformTexelBufferFloat
+        | BindingKind::UniformTexelBufferInt
+        | BindingKind::UniformTexelBufferUint => {
             return match buffer.view() {
                 None => fail("it is read as texels, and the buffer has no texel view"),
                 Some((_, format)) if texels_of(format) == binding.kind => Ok(()),
