@@ -44,6 +44,7 @@ pub use status::Status;
 pub use store::{FrameImage, ImageBindings};
 
 pub use crate::frame::buffers::{BufferId, Role};
+pub use crate::frame::plan::{Capacity, DepthSpan};
 #[cfg(all(feature = "external", unix))]
 pub use crate::vulkan::external;
 #[doc(hidden)]

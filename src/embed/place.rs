@@ -3,7 +3,7 @@
 use super::Rasterizer;
 use super::bindings::{FrameBindings, GradientBindings};
 use super::geometry::{Geometry, IndexFormat, Layout, linear_groups, rows_of};
-use super::place_step::{Push, Step, judge_bytes, judge_target, layout_words, misfit};
+use super::place_step::{Push, Step, layout_words, misfit, validate_bytes, validate_target};
 use crate::error::Result;
 use crate::frame::buffers::BufferId;
 use crate::frame::passes::Stage;
@@ -88,7 +88,7 @@ impl Rasterizer {
         frame: &FrameBindings,
     ) -> Result<GeometryBindings> {
         let table = 32 * geometry.draws().len() as u64;
-        judge_bytes("draws", &buffers.draws, table)?;
+        validate_bytes("draws", &buffers.draws, table)?;
         let table = buffers.draws.part(0, table)?;
         // Of no draws nothing is recorded.
         let draws = if geometry.draws().is_empty() {
@@ -127,7 +127,7 @@ impl Rasterizer {
         let words = layout_words(id.name(), source, geometry.source_vertices().1, 3)?;
         let push = Push { first, ..made.vertex_push(count, words)? };
         let target = frame.array(id)?;
-        judge_target(id, target, 12 * (u64::from(first) + u64::from(count)))?;
+        validate_target(id, target, 12 * (u64::from(first) + u64::from(count)))?;
         let moved = made.buffers.transforms.as_ref().filter(|_| id == BufferId::Positions);
         let source = BufferPart::of_host(&self.device, &source.0);
         let transforms = moved.map_or_else(|| source.clone(), |(at, _)| BufferPart::of_host(&self.device, at));
@@ -147,10 +147,10 @@ impl Rasterizer {
         let geometry = &made.geometry;
         let bytes = geometry.source_indices() * u64::from(format.bits() / 8);
         // Whole words are read.
-        judge_bytes("indices", at, bytes.next_multiple_of(4))?;
+        validate_bytes("indices", at, bytes.next_multiple_of(4))?;
         let target = frame.array(id)?;
         let triangles = geometry.triangles();
-        judge_target(id, target, 12 * (u64::from(first) + u64::from(triangles)))?;
+        validate_target(id, target, 12 * (u64::from(first) + u64::from(triangles)))?;
         let (base, select) = (geometry.mesh_vertex, format.bits());
         let push = Push { first, base, select, ..made.push(3 * triangles) };
         let buffers = [("draws", &made.draws), ("Indices", &BufferPart::of_host(&self.device, at)), ("Target", target)];
@@ -169,13 +169,13 @@ impl Rasterizer {
         gradients: &GeometryGradients,
         backward: &GradientBindings,
     ) -> Result<GeometryGradientBindings> {
-        judge_wanted(gradients, backward.wanted)?;
+        validate_wanted(gradients, backward.wanted)?;
         let mut steps = Vec::new();
         if *gradients == GeometryGradients::default() {
             return Ok(GeometryGradientBindings { steps });
         }
         let placed = u64::from(geometry.geometry.first_vertex) + u64::from(geometry.geometry.vertices());
-        judge_target(BufferId::VertexGradients, &backward.vertex_gradients, 32 * placed)?;
+        validate_target(BufferId::VertexGradients, &backward.vertex_gradients, 32 * placed)?;
         if geometry.geometry.vertices() > 0 {
             for (select, target) in (0..).zip([&gradients.positions, &gradients.colors]) {
                 if let Some(target) = target {
@@ -299,7 +299,7 @@ impl Rasterizer {
 }
 
 /// Nothing is asked for that the backward pass does not compute.
-fn judge_wanted(gradients: &GeometryGradients, wanted: Wanted) -> Result<()> {
+fn validate_wanted(gradients: &GeometryGradients, wanted: Wanted) -> Result<()> {
     let by_position = gradients.positions.is_some() || gradients.transforms.is_some();
     for (asked, planned, name) in
         [(by_position, wanted.positions, "positions"), (gradients.colors.is_some(), wanted.colors, "colors")]

@@ -5,7 +5,7 @@ use super::bindings::FrameBindings;
 use super::geometry::{Layout, linear_groups};
 use super::mesh::{MeshBuffers, MeshLook, TexelSource};
 use super::place::{GeometryBindings, GeometryBuffers};
-use super::place_step::{Push, Step, judge_bytes, layout_words};
+use super::place_step::{Push, Step, layout_words, validate_bytes};
 use super::tables::Placed;
 use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
@@ -138,13 +138,13 @@ impl Rasterizer {
                 Ok(TexelStep::Place { stage, push: [width, height, first, 0], groups })
             }
             TexelSource::Bytes { at, srgb } => {
-                judge_bytes("texels", &at, 4 * count)?;
+                validate_bytes("texels", &at, 4 * count)?;
                 let buffers = [("Source", &BufferPart::of_host(&self.device, &at)), ("Target", target)];
                 let stage = self.stage(&kernels::PLACE_TEXEL_WORDS, &[], &buffers)?;
                 Ok(TexelStep::Place { stage, push: [width, height, first, u32::from(srgb)], groups })
             }
             TexelSource::Floats(at) => {
-                judge_bytes("texels", &at, 16 * count)?;
+                validate_bytes("texels", &at, 16 * count)?;
                 let (from, to) = (BufferPart::of_host(&self.device, &at), target.clone());
                 Ok(TexelStep::Copy { from, to, at: 16 * u64::from(first), size: 16 * count })
             }

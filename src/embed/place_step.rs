@@ -51,11 +51,11 @@ pub(super) fn layout_words(
         return misfit(what, "use multiples of four, and a stride of at least what is read");
     }
     let last = u64::from(count.saturating_sub(1)) * u64::from(stride) + u64::from(offset) + 4 * words;
-    judge_bytes(name, at, if count == 0 { 0 } else { last })?;
+    validate_bytes(name, at, if count == 0 { 0 } else { last })?;
     Ok((stride / 4, offset / 4))
 }
 
-pub(super) fn judge_bytes(name: &str, at: &BufferRef, needed: u64) -> Result<()> {
+pub(super) fn validate_bytes(name: &str, at: &BufferRef, needed: u64) -> Result<()> {
     // Kernels count words with 32 bits.
     if needed > at.range() || needed > 4 * u64::from(u32::MAX) {
         return misfit(format!("{name} has {} bytes, the draws need {needed}", at.range()), "bind a larger part");
@@ -64,7 +64,7 @@ pub(super) fn judge_bytes(name: &str, at: &BufferRef, needed: u64) -> Result<()>
 }
 
 /// A frame's array has room for what is placed.
-pub(super) fn judge_target(id: BufferId, target: &BufferPart, needed: u64) -> Result<()> {
+pub(super) fn validate_target(id: BufferId, target: &BufferPart, needed: u64) -> Result<()> {
     if needed > target.range() {
         let what = format!("the frame's `{id}` has {} bytes, the draws fill {needed}", target.range());
         return misfit(what, "plan the frame with a shape of as many vertices and triangles");

@@ -557,6 +557,89 @@ fn matrices_render_and_store_as_the_hosts_rasterizer_would() {
     assert_silent(engine);
 }
 
+/// A mesh a view, of one colour and of colours a vertex, with images and upstream gradients in buffers of the host's own.
+#[test]
+fn each_view_may_have_a_mesh_and_the_host_buffers_of_its_own() {
+    let engine = engine();
+    let rasterizer = rasterizer(&engine);
+    let engines = Engines::new();
+    let case = engines.case();
+    let [torus, cube] = &engines.meshes;
+    let plain = |mesh: &Mesh, look| {
+        Mesh::new(mesh.positions().to_vec(), mesh.triangles().to_vec()).unwrap().with_appearance(look).unwrap()
+    };
+    let colors: Vec<[f32; 3]> = (0..torus.positions().len()).map(|v| [v as f32 / 100.0, 0.5, 0.25]).collect();
+    let red = [0.75, 0.25, 0.5];
+    let scene = Scene::batch(vec![
+        plain(cube, Appearance::Uniform(red)),
+        plain(torus, Appearance::VertexColors(colors.clone())),
+    ]);
+    let scene = scene.with_lights(Lights::official());
+    let mut simple = renderer();
+    let frame = simple.render(&scene, &case.cameras, &case.settings).unwrap();
+    let batch = Case { scene, ..case.clone() };
+    let upstream = random_upstream(&batch, case.settings.outputs, &tolerance::GRADIENT);
+    let wanted = Wanted { colors: true, ..Wanted::default() };
+    let expected = simple.backward(&frame, &upstream, &wanted).unwrap();
+
+    let indices = |mesh: &Mesh| mesh.triangles().as_flattened().to_vec();
+    let plan = rasterizer
+        .pass(&[
+            PassMesh::new(cube.positions().len() as u32, &indices(cube)).with_look(MeshLook::Color(red)),
+            PassMesh::new(torus.positions().len() as u32, &indices(torus)).with_look(MeshLook::VertexColors),
+        ])
+        .one_mesh_a_view()
+        .settings(case.settings.clone())
+        .cameras(&case.cameras)
+        .lights(Lights::official())
+        .gradients(wanted)
+        .inside_planes()
+        .own_buffers(&[BufferId::UpstreamColor, BufferId::Color])
+        .build()
+        .unwrap();
+    let own: Vec<(BufferId, Buffer)> = plan
+        .own_buffers()
+        .iter()
+        .map(|r| (r.id, engine.buffer(r.size, r.usage, MemoryLocation::GpuToCpu).unwrap()))
+        .collect();
+    let own_refs: Vec<_> = own.iter().map(|(id, buffer)| (*id, buffer.whole())).collect();
+    let packed = Layout { stride: 12, offset: 0 };
+    let [cube_vertices, torus_vertices] =
+        [cube, torus].map(|mesh| storage(&engine, bytemuck::cast_slice(mesh.positions())));
+    let torus_colors = storage(&engine, bytemuck::cast_slice(&colors));
+    let buffers = [
+        MeshBuffers::new(cube_vertices.whole(), packed),
+        MeshBuffers {
+            colors: Some((torus_colors.whole(), packed)),
+            ..MeshBuffers::new(torus_vertices.whole(), packed)
+        },
+    ];
+    let mut memory = Memory::new(&engine, &plan);
+    let refs = PassMemory { own: &own_refs, ..memory.refs() };
+    let pass = rasterizer.bind_pass(plan.clone(), refs, &buffers).unwrap();
+    pass.write_inputs(memory.upload.bytes_mut()).unwrap();
+    let mut own = own;
+    for (id, values) in upstream_bytes(&upstream) {
+        let (_, buffer) = own.iter_mut().find(|(own, _)| *own == id).unwrap();
+        buffer.write(0, bytemuck::cast_slice(&values));
+    }
+    run(&engine, &pass);
+    assert_eq!(pass.status(memory.readback.bytes()).unwrap(), PassStatus::Whole);
+    let (_, color) = own.iter().find(|(id, _)| *id == BufferId::Color).unwrap();
+    let texels = color.floats(0, 4 * frame.silhouette().unwrap().data.len());
+    let rgb: Vec<f32> = texels.chunks_exact(4).flat_map(|t| [t[0], t[1], t[2]]).collect();
+    assert_eq!(difference(&rgb, &frame.color().unwrap().data), None);
+    let [positions, by_color] = vertex_gradients(&memory, &pass);
+    let due: Vec<f32> = expected.meshes.iter().flat_map(|mesh| mesh.positions.as_flattened().to_vec()).collect();
+    assert_eq!(difference(&positions, &due), None);
+    let first = 3 * cube.positions().len();
+    assert_eq!(difference(&by_color[first..], expected.meshes[1].colors.as_flattened()), None);
+    let missing = rasterizer.bind_pass(plan, memory.refs(), &buffers);
+    assert!(error(missing).contains("there is no buffer"));
+    drop((pass, memory, own, cube_vertices, torus_vertices, torus_colors, rasterizer));
+    assert_silent(engine);
+}
+
 /// What does not fit is named.
 #[test]
 fn misfits_of_a_pass_are_named() {
