@@ -44,12 +44,15 @@ pub use status::Status;
 pub use store::{FrameImage, ImageBindings};
 
 pub use crate::frame::buffers::{BufferId, Role};
+pub use crate::frame::pack::{camera_texels, light_texels};
 pub use crate::frame::plan::{Capacity, DepthSpan};
 #[cfg(all(feature = "external", unix))]
 pub use crate::vulkan::external;
 #[doc(hidden)]
 pub use crate::vulkan::vk;
-pub use crate::vulkan::{BufferRef, HostAdapter, HostCommands, HostDevice, ImageFormat, ImageRef, TextureRef};
+pub use crate::vulkan::{
+    BufferRef, HostAdapter, HostCommands, HostDevice, ImageFormat, ImageRef, TexelFormat, TextureRef,
+};
 
 use crate::constants as c;
 use crate::error::{Error, Result};

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Measures again what README.md shows, and writes it there: python3 benches/readme.py [WORD]
+"""Measures the figures of docs/ again and writes them there: python3 benches/renew.py [WORD]
 
-Each block of figures in README.md stands behind a comment <!-- run: COMMAND -->, whose output it is. With a word, only the
-commands that have it in them are run.
+Each block of figures follows a comment <!-- run: COMMAND --> and is the output of that command. With a word, only the
+commands that contain it are run.
 """
 
 import pathlib
@@ -23,5 +23,5 @@ def measured(block):
     return head + done.stdout.strip("\n") + "\n" + end
 
 
-readme = HOME / "README.md"
-readme.write_text(BLOCK.sub(measured, readme.read_text()))
+for page in sorted((HOME / "docs").glob("*.md")):
+    page.write_text(BLOCK.sub(measured, page.read_text()))
