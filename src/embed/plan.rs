@@ -229,6 +229,7 @@ impl FramePlan {
     }
 
     /// Whether it was made for this shape, so that with the same settings it need not be made again.
+    #[cfg(feature = "renderer")]
     pub(crate) fn is_of(&self, shape: &Shape) -> bool {
         self.shape == *shape
     }
@@ -267,6 +268,7 @@ impl FramePlan {
     }
 
     /// The longest list of triangles that the device can walk.
+    #[cfg(feature = "fit")]
     pub(crate) fn longest_list(&self) -> u32 {
         self.longest_list
     }
