@@ -16,11 +16,11 @@ use engine::{Buffer, Commands, Compute, Engine, Image, Outcome, Overlay};
 use glam::DVec3;
 use gpu_allocator::MemoryLocation;
 use softras::embed::{
-    Arena, BufferId, BufferRef, Differentiate, FrameBindings, FrameImage, FramePlan, GradientBindings, GradientPlan,
-    ImageBindings, ImageFormat, ImageRef, Inputs, Rasterizer, Shape, Status, requirements,
+    BufferId, FrameImage, GeometryGradients, ImageBindings, ImageFormat, ImageRef, Layout, MemoryKind, MeshBuffers,
+    MeshLook, Pass, PassMemory, PassMesh, PassPlan, PassStatus, Rasterizer, requirements,
 };
-use softras::scene::{Appearance, Background, Outputs};
-use softras::{Camera, Mesh, Projection, Scene, Settings, Wanted};
+use softras::scene::Background;
+use softras::{Camera, Projection, Settings, Wanted};
 use std::path::Path;
 
 const SIZE: u32 = 256;
@@ -29,6 +29,13 @@ const IN_FLIGHT: usize = 2;
 /// Where the first vertex is to go, and where it starts.
 const TARGET: [f32; 3] = [0.7, 0.8, 0.0];
 const START: [f32; 3] = [-0.1, 0.5, 0.0];
+/// x, y, z, r, g, b of the other vertices, and two triangles.
+const COLOR: [f32; 3] = [0.9, 0.2, 0.2];
+const REST: [[f32; 6]; 3] =
+    [[-0.8, -0.4, 0.0, 0.2, 0.7, 0.3], [0.0, -0.9, 0.0, 0.2, 0.3, 0.9], [0.8, -0.3, 0.0, 0.9, 0.9, 0.9]];
+const INDICES: [u32; 6] = [0, 1, 2, 0, 2, 3];
+const POSITIONS: Layout = Layout { stride: 24, offset: 0 };
+const COLORS: Layout = Layout { stride: 24, offset: 12 };
 
 /// dL/dcolour and dL/dsilhouette of L = the mean square difference from the target.
 const LOSS: &str = "
@@ -46,7 +53,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
 
 /// One step of Adam on x and y of the first vertex.
 const ADAM: &str = "
-@group(0) @binding(0) var<storage, read> gradients: array<vec4<f32>>;
+@group(0) @binding(0) var<storage, read> gradients: array<f32>;
 @group(0) @binding(1) var<storage, read_write> positions: array<f32>;
 @group(0) @binding(2) var<storage, read_write> state: array<f32>;
 
@@ -54,7 +61,7 @@ const ADAM: &str = "
 fn main() {
     let step = state[4] + 1.0;
     for (var axis = 0u; axis < 2u; axis++) {
-        let g = gradients[0][axis];
+        let g = gradients[axis];
         let m = 0.9 * state[axis] + 0.1 * g;
         let v = 0.99 * state[2u + axis] + 0.01 * g * g;
         positions[axis] -= 0.03 * (m / (1.0 - pow(0.9, step))) / (sqrt(v / (1.0 - pow(0.99, step))) + 1e-8);
@@ -88,13 +95,19 @@ pub struct Report {
     pub messages: Vec<String>,
 }
 
-/// One frame in flight: its commands, softras' workspace and bindings, the engine's image.
+/// A pass of softras' and the memory that the engine made for it.
+struct Soft {
+    pass: Pass,
+    device: Buffer,
+    upload: Buffer,
+    readback: Buffer,
+}
+
+/// One frame in flight: its commands, softras' pass, the engine's descriptor sets and image.
 struct Flight {
     commands: Commands,
-    workspace: Buffer,
-    status: Buffer,
-    forward: FrameBindings,
-    backward: GradientBindings,
+    soft: Soft,
+    gradients: Buffer,
     loss: vk::DescriptorSet,
     adam: vk::DescriptorSet,
     image: Image,
@@ -106,34 +119,14 @@ struct Flight {
 /// What all frames share.
 struct Shared {
     /// Read by softras, moved by Adam, drawn by the engine.
-    positions: Buffer,
+    vertices: Buffer,
+    indices: Buffer,
     state: Buffer,
     goal: Buffer,
-    inputs: Buffer,
-    inputs_arena: Arena,
-    plan: FramePlan,
-    gradient_plan: GradientPlan,
+    plan: PassPlan,
     loss: Compute,
     adam: Compute,
     overlay: Overlay,
-}
-
-fn mesh(first: [f32; 3]) -> softras::Result<Mesh> {
-    let positions = vec![first, [-0.8, -0.4, 0.0], [0.0, -0.9, 0.0], [0.8, -0.3, 0.0]];
-    let colors = vec![[0.9, 0.2, 0.2], [0.2, 0.7, 0.3], [0.2, 0.3, 0.9], [0.9, 0.9, 0.9]];
-    Mesh::new(positions, vec![[0, 1, 2], [0, 2, 3]])?.with_appearance(Appearance::VertexColors(colors))
-}
-
-fn settings() -> Settings {
-    Settings {
-        width: SIZE,
-        height: SIZE,
-        sigma: 1e-3,
-        background: Background::Composite,
-        outputs: Outputs { color: true, silhouette: true, depth: false, normal: false },
-        save: true,
-        ..Settings::default()
-    }
 }
 
 /// Runs the whole example; the picture goes to `path`.
@@ -145,18 +138,18 @@ pub fn run(path: Option<&Path>, validation: bool) -> Outcome<Report> {
     println!("softras on {}", about.name);
     let rasterizer = Rasterizer::new(&engine.host_device())?;
 
-    let camera = Camera::look_at(4.0 * DVec3::Z, DVec3::ZERO, DVec3::Y, Projection::Perspective { fov_y: 0.6 })?;
-    let goal = target(&engine, &rasterizer, &camera)?;
-    let shared = Shared::new(&engine, &rasterizer, &camera, goal)?;
+    let mut shared = Shared::new(&engine, &rasterizer)?;
     let flights = (0..IN_FLIGHT).map(|_| Flight::new(&engine, &rasterizer, &shared)).collect::<Outcome<Vec<_>>>()?;
+    shared.render_goal(&engine, &flights[0])?;
     for step in 0..STEPS {
         let flight = &flights[step % IN_FLIGHT];
         let commands = flight.commands.begin()?;
         // The frame that used this workspace before is done, so its status can be read without a wait.
-        if step >= IN_FLIGHT && flight.status(&shared.plan)?.is_some() {
-            return Err("the lists were too small: plan again with the capacity that the status tells".into());
+        let readback = flight.soft.readback.bytes();
+        if step >= IN_FLIGHT && flight.soft.pass.status(readback)? != PassStatus::Whole {
+            return Err("the lists were too small: rebind a plan with the capacity that the status tells".into());
         }
-        record(&engine, &rasterizer, &shared, flight, commands)?;
+        record(&engine, &shared, flight, commands)?;
         engine.submit(&flight.commands)?;
     }
     engine.wait_idle()?;
@@ -166,7 +159,7 @@ pub fn run(path: Option<&Path>, validation: bool) -> Outcome<Report> {
     if let Some(path) = path {
         save(path, &pixels)?;
     }
-    let vertex = shared.positions.floats(0, 3);
+    let vertex = shared.vertices.floats(0, 3);
     for flight in &flights {
         shared.overlay.destroy_framebuffer(flight.framebuffer);
     }
@@ -176,27 +169,21 @@ pub fn run(path: Option<&Path>, validation: bool) -> Outcome<Report> {
 }
 
 /// One frame.
-fn record(
-    engine: &Engine,
-    rasterizer: &Rasterizer,
-    shared: &Shared,
-    flight: &Flight,
-    commands: vk::CommandBuffer,
-) -> Outcome<()> {
+fn record(engine: &Engine, shared: &Shared, flight: &Flight, commands: vk::CommandBuffer) -> Outcome<()> {
     use vk::{AccessFlags as A, ImageLayout as L, PipelineStageFlags as S};
-    let device = engine.device();
+    let (device, pass) = (engine.device(), &flight.soft.pass);
     let mut host = flight.commands.host();
-    rasterizer.record_forward(&mut host, &shared.plan, &flight.forward)?;
+    pass.record_forward(&mut host)?;
     // softras' own barriers order compute and copies before and after it; so none is needed around these kernels.
     shared.loss.dispatch(commands, flight.loss, (SIZE * SIZE).div_ceil(64));
-    rasterizer.record_backward(&mut host, &shared.gradient_plan, &flight.backward)?;
+    pass.record_backward(&mut host)?;
     shared.adam.dispatch(commands, flight.adam, 1);
 
     // softras' image straight into the engine's.
     let image = |from, to, source, target| image_barrier(device, commands, flight.image.raw, from, to, source, target);
     let stored = (S::COMPUTE_SHADER, A::SHADER_WRITE);
     image(L::UNDEFINED, L::GENERAL, (S::TRANSFER, A::empty()), stored);
-    rasterizer.record_image(&mut host, &flight.stored)?;
+    pass.record_store(&mut host, &flight.stored)?;
     // The engine's own triangles from the vertices that Adam just moved.
     let moved =
         [vk::MemoryBarrier::default().src_access_mask(A::SHADER_WRITE).dst_access_mask(A::VERTEX_ATTRIBUTE_READ)];
@@ -204,12 +191,12 @@ fn record(
     unsafe { device.cmd_pipeline_barrier(commands, S::COMPUTE_SHADER, S::VERTEX_INPUT, none, &moved, &[], &[]) };
     let drawn = (S::COLOR_ATTACHMENT_OUTPUT, A::COLOR_ATTACHMENT_READ | A::COLOR_ATTACHMENT_WRITE);
     image(L::GENERAL, L::COLOR_ATTACHMENT_OPTIMAL, stored, drawn);
-    let indices = shared.inputs_arena.part(BufferId::Indices).ok_or("no indices")?.0;
-    shared.overlay.draw(commands, flight.framebuffer, (shared.positions.raw, 0), (shared.inputs.raw, indices, 6));
+    let indices = (shared.indices.raw, 0, INDICES.len() as u32);
+    shared.overlay.draw(commands, flight.framebuffer, (shared.vertices.raw, 0), indices);
 
     // For the host to look at.
     image(L::COLOR_ATTACHMENT_OPTIMAL, L::TRANSFER_SRC_OPTIMAL, drawn, (S::TRANSFER, A::TRANSFER_READ));
-    let copy = shared.plan.image_copy(BufferId::Color, 0, &flight.picture.whole()).ok_or("no colour")?;
+    let copy = pass.plan().frame().image_copy(BufferId::Color, 0, &flight.picture.whole()).ok_or("no colour")?;
     unsafe {
         let layout = L::TRANSFER_SRC_OPTIMAL;
         device.cmd_copy_image_to_buffer(commands, flight.image.raw, layout, flight.picture.raw, &[copy]);
@@ -245,112 +232,106 @@ fn image_barrier(
     unsafe { device.cmd_pipeline_barrier(commands, source.0, target.0, none, &[], &[], &barrier) };
 }
 
+impl Soft {
+    /// Makes a plan's memory, binds it and runs its setup.
+    fn new(engine: &Engine, rasterizer: &Rasterizer, plan: PassPlan, mesh: MeshBuffers) -> Outcome<Self> {
+        let [upload, device, readback] = plan.memory().map(|needs| {
+            let location = match needs.kind {
+                MemoryKind::Upload => MemoryLocation::CpuToGpu,
+                MemoryKind::Device => MemoryLocation::GpuOnly,
+                MemoryKind::Readback => MemoryLocation::GpuToCpu,
+            };
+            engine.buffer(needs.size, needs.usage, location)
+        });
+        let (mut upload, device, readback) = (upload?, device?, readback?);
+        let memory =
+            PassMemory { upload: upload.whole(), device: device.whole(), readback: readback.whole(), own: &[] };
+        let pass = rasterizer.bind_pass(plan, memory, &[mesh])?;
+        pass.write_inputs(upload.bytes_mut())?;
+        let commands = engine.commands()?;
+        commands.begin()?;
+        pass.record_setup(&mut commands.host())?;
+        engine.submit(&commands)?;
+        commands.wait()?;
+        Ok(Self { pass, device, upload, readback })
+    }
+
+    /// One of the pass's buffers as the engine binds it.
+    fn part(&self, id: BufferId) -> Outcome<(vk::Buffer, u64, u64)> {
+        let part = self.pass.buffer(id).ok_or_else(|| format!("the pass has no buffer {id}"))?;
+        Ok((part.raw(), part.offset(), part.range()))
+    }
+}
+
 impl Shared {
-    fn new(engine: &Engine, rasterizer: &Rasterizer, camera: &Camera, goal: Buffer) -> Outcome<Self> {
-        let (scene, settings, cameras) = (Scene::new(mesh(START)?), settings(), [*camera]);
-        let shape = Shape::of(&scene, &cameras, &settings)?;
-        let plan = rasterizer.plan(&shape, &settings)?;
-        let gradient_plan = rasterizer.plan_backward(
-            &plan,
-            &Differentiate { upstream: settings.outputs, wanted: Wanted::default(), largest_upstream: 1.0 },
-        )?;
-        let inputs = Inputs::new(&scene, &cameras, &settings, &plan);
-        let is_arena = |id: BufferId| id != BufferId::Positions && inputs.get(id).is_some();
-        let inputs_arena = Arena::of(plan.buffers().iter().filter(|b| is_arena(b.id)));
-        let usage = inputs_arena.usage | vk::BufferUsageFlags::INDEX_BUFFER;
-        let mut buffer = engine.buffer(inputs_arena.size, usage, MemoryLocation::CpuToGpu)?;
-        for &(name, offset, _) in &inputs_arena.parts {
-            buffer.write(offset, inputs.get(name).unwrap_or_default());
-        }
-        let needed = plan.buffer(BufferId::Positions).ok_or("no positions")?;
-        let usage = needed.usage | vk::BufferUsageFlags::VERTEX_BUFFER | vk::BufferUsageFlags::STORAGE_BUFFER;
-        let mut positions = engine.buffer(needed.size, usage, MemoryLocation::CpuToGpu)?;
-        positions.write(0, inputs.get(BufferId::Positions).ok_or("no positions")?);
-        let mut state = engine.buffer(32, vk::BufferUsageFlags::STORAGE_BUFFER, MemoryLocation::CpuToGpu)?;
-        state.write(0, &[0; 32]);
+    fn new(engine: &Engine, rasterizer: &Rasterizer) -> Outcome<Self> {
+        type Usage = vk::BufferUsageFlags;
+        let filled = |usage, bytes: &[u8]| -> Outcome<Buffer> {
+            let mut made = engine.buffer(bytes.len() as u64, usage, MemoryLocation::CpuToGpu)?;
+            made.write(0, bytes);
+            Ok(made)
+        };
+        let [[x, y, z], [r, g, b]] = [TARGET, COLOR];
+        let vertices = [[x, y, z, r, g, b], REST[0], REST[1], REST[2]];
+        let image = u64::from(16 * SIZE * SIZE);
+        let camera = Camera::look_at(4.0 * DVec3::Z, DVec3::ZERO, DVec3::Y, Projection::Perspective { fov_y: 0.6 })?;
+        let plan = rasterizer
+            .pass(&[PassMesh::new(4, &INDICES).with_look(MeshLook::VertexColors)])
+            .settings(Settings { sigma: 1e-3, background: Background::Composite, ..Settings::default() })
+            .image_size(SIZE, SIZE)
+            .cameras(&[camera])
+            .gradients(Wanted::default())
+            .build()?;
         Ok(Self {
-            positions,
-            state,
-            goal,
-            inputs: buffer,
-            inputs_arena,
+            vertices: filled(Usage::STORAGE_BUFFER | Usage::VERTEX_BUFFER, bytemuck::cast_slice(&vertices))?,
+            indices: filled(Usage::INDEX_BUFFER, bytemuck::cast_slice(&INDICES))?,
+            state: filled(Usage::STORAGE_BUFFER, &[0; 32])?,
+            goal: engine.buffer(image, Usage::STORAGE_BUFFER | Usage::TRANSFER_DST, MemoryLocation::GpuOnly)?,
             plan,
-            gradient_plan,
             loss: Compute::new(engine, LOSS, 3, IN_FLIGHT as u32)?,
             adam: Compute::new(engine, ADAM, 3, IN_FLIGHT as u32)?,
-            overlay: Overlay::new(engine, OVERLAY, (SIZE, SIZE))?,
+            overlay: Overlay::new(engine, OVERLAY, POSITIONS.stride, (SIZE, SIZE))?,
         })
+    }
+
+    /// Renders the mesh as it should be, by softras itself, and moves its first vertex to where it starts.
+    fn render_goal(&mut self, engine: &Engine, flight: &Flight) -> Outcome<()> {
+        let commands = flight.commands.begin()?;
+        flight.soft.pass.record_forward(&mut flight.commands.host())?;
+        let (color, src_offset, size) = flight.soft.part(BufferId::Color)?;
+        let copy = [vk::BufferCopy { src_offset, dst_offset: 0, size }];
+        unsafe { engine.device().cmd_copy_buffer(commands, color, self.goal.raw, &copy) };
+        engine.submit(&flight.commands)?;
+        flight.commands.wait()?;
+        self.vertices.write(0, bytemuck::cast_slice(&START));
+        Ok(())
     }
 }
 
 impl Flight {
     fn new(engine: &Engine, rasterizer: &Rasterizer, shared: &Shared) -> Outcome<Self> {
-        let is_shared = |id: BufferId| id == BufferId::Positions || shared.inputs_arena.part(id).is_some();
-        let own = shared.plan.buffers().iter().filter(|b| !is_shared(b.id) && b.id != BufferId::Status);
-        let arena = Arena::of(own.chain(shared.gradient_plan.buffers()));
-        let workspace = engine.buffer(arena.size, arena.usage, MemoryLocation::GpuOnly)?;
-        let needed = shared.plan.buffer(BufferId::Status).ok_or("no status")?;
-        let status = engine.buffer(needed.size, needed.usage, MemoryLocation::GpuToCpu)?;
-        let refs = arena.refs(&workspace.whole())?;
-        let part = |id: BufferId| refs.iter().find(|(i, _)| *i == id).map(|(_, at)| *at).ok_or("no such buffer");
-
-        let of_gradients = |id: BufferId| shared.gradient_plan.buffer(id).is_some();
-        let mut buffers = shared.inputs_arena.refs(&shared.inputs.whole())?;
-        buffers.extend(refs.iter().filter(|(id, _)| !of_gradients(*id)));
-        buffers.extend([(BufferId::Positions, shared.positions.whole()), (BufferId::Status, status.whole())]);
-        let forward = rasterizer.bind(&shared.plan, &buffers)?;
-        let buffers: Vec<_> = refs.iter().copied().filter(|(id, _)| of_gradients(*id)).collect();
-        let backward = rasterizer.bind_backward(&shared.gradient_plan, &forward, &buffers)?;
-
-        let triple = |at: BufferRef| (at.raw(), at.offset(), at.range());
+        let vertices = &shared.vertices;
+        let gradients = engine.buffer(vertices.size, vk::BufferUsageFlags::STORAGE_BUFFER, MemoryLocation::GpuOnly)?;
+        let positions = Some((gradients.whole(), POSITIONS));
+        let mesh = MeshBuffers {
+            colors: Some((vertices.whole(), COLORS)),
+            gradients: GeometryGradients { positions, ..GeometryGradients::default() },
+            ..MeshBuffers::new(vertices.whole(), POSITIONS)
+        };
+        let soft = Soft::new(engine, rasterizer, shared.plan.clone(), mesh)?;
         let whole = |buffer: &Buffer| (buffer.raw, 0, buffer.size);
-        let (color, upstream) = (part(BufferId::Color)?, part(BufferId::UpstreamColor)?);
-        let loss = shared.loss.bind(&[triple(color), whole(&shared.goal), triple(upstream)])?;
-        let gradients = triple(part(BufferId::VertexGradients)?);
-        let adam = shared.adam.bind(&[gradients, whole(&shared.positions), whole(&shared.state)])?;
+        let (color, upstream) = (soft.part(BufferId::Color)?, soft.part(BufferId::UpstreamColor)?);
+        let loss = shared.loss.bind(&[color, whole(&shared.goal), upstream])?;
+        let adam = shared.adam.bind(&[whole(&gradients), whole(vertices), whole(&shared.state)])?;
         let image = engine.image(SIZE, SIZE)?;
         let target = unsafe { ImageRef::new(image.view, ImageFormat::Rgba32Float, SIZE, SIZE) };
-        let color = FrameImage::Color { srgb: false };
-        let stored = rasterizer.bind_image(&shared.plan, &forward, color, 0, &target)?;
+        let stored = soft.pass.bind_image(FrameImage::Color { srgb: false }, 0, &target)?;
         let framebuffer = shared.overlay.framebuffer(&image)?;
         let size = u64::from(16 * SIZE * SIZE);
         let picture = engine.buffer(size, vk::BufferUsageFlags::TRANSFER_DST, MemoryLocation::GpuToCpu)?;
         let commands = engine.commands()?;
-        Ok(Self { commands, workspace, status, forward, backward, loss, adam, image, stored, framebuffer, picture })
+        Ok(Self { commands, soft, gradients, loss, adam, image, stored, framebuffer, picture })
     }
-
-    /// What the last frame says; the room it needs, if it had too little.
-    fn status(&self, plan: &FramePlan) -> Outcome<Option<softras::internals::plan::Capacity>> {
-        let bytes = self.status.bytes().first_chunk::<{ Status::BYTES }>().ok_or("no status")?;
-        Ok(Status::from_bytes(bytes).judge(plan)?)
-    }
-}
-
-/// The image of the mesh as it should be, by softras itself: colour and silhouette, 16 bytes a pixel.
-fn target(engine: &Engine, rasterizer: &Rasterizer, camera: &Camera) -> Outcome<Buffer> {
-    let (scene, cameras) = (Scene::new(mesh(TARGET)?), [*camera]);
-    let settings = Settings { save: false, ..settings() };
-    let plan = rasterizer.plan(&Shape::of(&scene, &cameras, &settings)?, &settings)?;
-    let inputs = Inputs::new(&scene, &cameras, &settings, &plan);
-    let arena = Arena::of(plan.buffers());
-    let mut buffer = engine.buffer(arena.size, arena.usage, MemoryLocation::CpuToGpu)?;
-    for &(name, offset, _) in &arena.parts {
-        buffer.write(offset, inputs.get(name).unwrap_or_default());
-    }
-    let bindings = rasterizer.bind(&plan, &arena.refs(&buffer.whole())?)?;
-    let (offset, size) = arena.part(BufferId::Color).ok_or("no colour")?;
-    let usage = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::TRANSFER_DST;
-    let goal = engine.buffer(size, usage, MemoryLocation::GpuOnly)?;
-    let flight = engine.commands()?;
-    let commands = flight.begin()?;
-    rasterizer.record_forward(&mut flight.host(), &plan, &bindings)?;
-    unsafe {
-        let copy = [vk::BufferCopy { src_offset: offset, dst_offset: 0, size }];
-        engine.device().cmd_copy_buffer(commands, buffer.raw, goal.raw, &copy);
-    }
-    engine.submit(&flight)?;
-    flight.wait()?;
-    Ok(goal)
 }
 
 /// Linear RGBA floats as an opaque PNG in sRGB.

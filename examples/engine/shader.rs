@@ -107,7 +107,7 @@ impl Drop for Compute {
     }
 }
 
-/// Draws indexed triangles onto what an image already holds. Vertices are x, y, z, packed.
+/// Draws indexed triangles onto what an image already holds. Vertices begin with x, y, z.
 pub struct Overlay {
     pipeline: vk::Pipeline,
     layout: vk::PipelineLayout,
@@ -117,7 +117,7 @@ pub struct Overlay {
 }
 
 impl Overlay {
-    pub fn new(engine: &Engine, source: &str, size: (u32, u32)) -> Outcome<Self> {
+    pub fn new(engine: &Engine, source: &str, stride: u32, size: (u32, u32)) -> Outcome<Self> {
         let core = engine.core().clone();
         let pass = create_pass(&core)?;
         let device = &core.device;
@@ -126,7 +126,7 @@ impl Overlay {
         let stage = |stage, name| vk::PipelineShaderStageCreateInfo::default().stage(stage).module(module).name(name);
         let stages =
             [stage(vk::ShaderStageFlags::VERTEX, c"vertex"), stage(vk::ShaderStageFlags::FRAGMENT, c"fragment")];
-        let bindings = [vk::VertexInputBindingDescription::default().stride(12)];
+        let bindings = [vk::VertexInputBindingDescription::default().stride(stride)];
         let attributes = [vk::VertexInputAttributeDescription::default().format(vk::Format::R32G32B32_SFLOAT)];
         let input = vk::PipelineVertexInputStateCreateInfo::default()
             .vertex_binding_descriptions(&bindings)

@@ -6,15 +6,17 @@
 #![allow(unsafe_code, dead_code, missing_docs)]
 
 use ash::vk;
-use glam::DVec3;
 use softras::embed::{
-    Arena, BufferId, BufferRef, FrameBindings, FramePlan, HostAdapter, HostCommands, HostDevice, Inputs, Rasterizer,
-    Shape, Status, requirements,
+    BufferId, BufferRef, ClipSpace, HostAdapter, HostCommands, HostDevice, Layout, MemoryKind, MemoryRequirement,
+    MeshBuffers, MeshLook, Pass, PassMemory, PassMesh, PassStatus, Rasterizer, requirements,
 };
-use softras::scene::{Appearance, Background};
-use softras::{Camera, Lights, Projection, Scene, Settings, shapes};
+use softras::glam::DVec3;
+use softras::glam::dcamera::rh::{proj::directx::perspective, view::look_at_mat4};
+use softras::scene::Background;
+use softras::{Lights, Settings, shapes};
 use std::path::Path;
 use wgpu::hal::api::Vulkan;
+use wgpu::util::DeviceExt;
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
@@ -36,13 +38,14 @@ fn fragment(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
     return vec4(texel.rgb + (1.0 - texel.a) * sky, 1.0);
 }";
 
-/// softras' memory on wgpu's device: one buffer that the host maps. wgpu's own buffers cannot be read as texels.
+/// One of softras' buffers on wgpu's device. wgpu's own buffers cannot be read as texels.
 struct Memory {
     device: ash::Device,
+    needs: MemoryRequirement,
     buffer: vk::Buffer,
     memory: vk::DeviceMemory,
+    /// Null for memory that the host does not see.
     mapped: *mut u8,
-    size: usize,
 }
 
 impl Memory {
@@ -50,42 +53,48 @@ impl Memory {
         instance: &ash::Instance,
         physical: vk::PhysicalDevice,
         device: &ash::Device,
-        arena: &Arena,
+        needs: MemoryRequirement,
     ) -> Outcome<Self> {
-        let info = vk::BufferCreateInfo::default().size(arena.size).usage(arena.usage);
+        type Flags = vk::MemoryPropertyFlags;
+        let wanted = match needs.kind {
+            MemoryKind::Device => Flags::DEVICE_LOCAL,
+            _ => Flags::HOST_VISIBLE | Flags::HOST_COHERENT,
+        };
+        let info = vk::BufferCreateInfo::default().size(needs.size).usage(needs.usage);
         // SAFETY: the handles are wgpu's, which live; what is made here is destroyed by `Drop`.
         unsafe {
             let buffer = device.create_buffer(&info, None)?;
-            let mut made = Self {
-                device: device.clone(),
-                buffer,
-                memory: vk::DeviceMemory::null(),
-                mapped: std::ptr::null_mut(),
-                size: arena.size as usize,
-            };
-            let needed = device.get_buffer_memory_requirements(buffer);
+            let (memory, mapped) = (vk::DeviceMemory::null(), std::ptr::null_mut());
+            let mut made = Self { device: device.clone(), needs, buffer, memory, mapped };
+            let room = device.get_buffer_memory_requirements(buffer);
             let types = instance.get_physical_device_memory_properties(physical);
-            let wanted = vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT;
             let fits = |(i, t): &(usize, &vk::MemoryType)| {
-                needed.memory_type_bits >> i & 1 == 1 && t.property_flags.contains(wanted)
+                room.memory_type_bits >> i & 1 == 1 && t.property_flags.contains(wanted)
             };
-            let (index, _) = types.memory_types_as_slice().iter().enumerate().find(fits).ok_or("no mapped memory")?;
-            let info = vk::MemoryAllocateInfo::default().allocation_size(needed.size).memory_type_index(index as u32);
+            let (index, _) = types.memory_types_as_slice().iter().enumerate().find(fits).ok_or("no such memory")?;
+            let info = vk::MemoryAllocateInfo::default().allocation_size(room.size).memory_type_index(index as u32);
             made.memory = device.allocate_memory(&info, None)?;
             device.bind_buffer_memory(buffer, made.memory, 0)?;
-            let flags = vk::MemoryMapFlags::empty();
-            made.mapped = device.map_memory(made.memory, 0, vk::WHOLE_SIZE, flags)?.cast();
+            if needs.kind != MemoryKind::Device {
+                let flags = vk::MemoryMapFlags::empty();
+                made.mapped = device.map_memory(made.memory, 0, vk::WHOLE_SIZE, flags)?.cast();
+            }
             Ok(made)
         }
     }
 
-    fn bytes_mut(&mut self) -> &mut [u8] {
-        // SAFETY: mapped for as long as self lives; the device uses it only between submission and wait.
-        unsafe { std::slice::from_raw_parts_mut(self.mapped, self.size) }
+    /// The whole buffer as softras takes it.
+    fn whole(&self) -> BufferRef {
+        // SAFETY: the buffer has this size and usage, and outlives the pass.
+        unsafe { BufferRef::new(self.buffer, self.needs.size, self.needs.usage) }
     }
 
-    fn write(&mut self, offset: u64, bytes: &[u8]) {
-        self.bytes_mut()[offset as usize..][..bytes.len()].copy_from_slice(bytes);
+    fn bytes(&mut self) -> &mut [u8] {
+        if self.mapped.is_null() {
+            return &mut [];
+        }
+        // SAFETY: mapped for as long as self lives; the device uses it only between submission and wait.
+        unsafe { std::slice::from_raw_parts_mut(self.mapped, self.needs.size as usize) }
     }
 }
 
@@ -99,30 +108,20 @@ impl Drop for Memory {
     }
 }
 
-/// What softras needs of wgpu's device, and the functions to make buffers with.
-fn host_device(device: &wgpu::Device) -> Outcome<(HostAdapter, HostDevice, ash::Instance, ash::Device)> {
+/// softras on wgpu's device, and the functions to make buffers with.
+fn rasterizer(device: &wgpu::Device) -> Outcome<(Rasterizer, impl Fn(MemoryRequirement) -> Outcome<Memory> + use<>)> {
     // SAFETY: the guard is dropped at once, the handles are not destroyed.
     let hal = unsafe { device.as_hal::<Vulkan>() }.ok_or("the device is not Vulkan's")?;
-    let shared = hal.shared_instance();
-    let instance = shared.raw_instance();
+    let (shared, physical, raw) = (hal.shared_instance(), hal.raw_physical_device(), hal.raw_device().clone());
+    let instance = shared.raw_instance().clone();
     let get_instance_proc_addr = shared.entry().static_fn().get_instance_proc_addr;
-    let physical = hal.raw_physical_device();
     // SAFETY: the handles are wgpu's, whose device outlives the rasterizer.
-    let (adapter, host) = unsafe {
+    let host = unsafe {
         let adapter = HostAdapter::new(get_instance_proc_addr, instance.handle(), physical);
-        (adapter, HostDevice::new(adapter, hal.raw_device().handle()))
+        requirements().judge(&adapter)?;
+        HostDevice::new(adapter, raw.handle())
     };
-    Ok((adapter, host, instance.clone(), hal.raw_device().clone()))
-}
-
-fn scene() -> softras::Result<(Scene, Camera, Settings)> {
-    let mesh = shapes::torus(0.75, 0.32, 48, 24)?.with_appearance(Appearance::Uniform([0.9, 0.35, 0.2]))?;
-    let scene = Scene::new(mesh).with_lights(Lights::official());
-    let camera =
-        Camera::look_at(DVec3::new(1.2, 1.8, 2.6), DVec3::ZERO, DVec3::Y, Projection::Perspective { fov_y: 0.7 })?;
-    let settings =
-        Settings { width: SIZE, height: SIZE, sigma: 1e-4, background: Background::Composite, ..Settings::default() };
-    Ok((scene, camera, settings))
+    Ok((Rasterizer::new(&host)?, move |needs| Memory::new(&instance, physical, &raw, needs)))
 }
 
 /// Runs the example and returns the picture: RGBA, sRGB, row by row.
@@ -134,27 +133,39 @@ pub fn run(path: Option<&Path>, validation: bool) -> Outcome<Vec<u8>> {
     let adapter = wait(instance.request_adapter(&wgpu::RequestAdapterOptions::default()))?;
     let (device, queue) = wait(adapter.request_device(&wgpu::DeviceDescriptor::default()))?;
 
-    let (host_adapter, host, raw_instance, raw_device) = host_device(&device)?;
-    requirements().judge(&host_adapter)?;
-    let rasterizer = Rasterizer::new(&host)?;
-    let (scene, camera, settings) = scene()?;
-    let cameras = [camera];
-    let plan = rasterizer.plan(&Shape::of(&scene, &cameras, &settings)?, &settings)?;
-    let arena = Arena::of(plan.buffers());
-    let mut memory = Memory::new(&raw_instance, host_adapter.physical_device(), &raw_device, &arena)?;
-    let inputs = Inputs::new(&scene, &cameras, &settings, &plan);
-    for &(name, offset, _) in &arena.parts {
-        memory.write(offset, inputs.get(name).unwrap_or_default());
-    }
-    // SAFETY: the buffer is of this device, has the arena's size and usage, and outlives the bindings.
-    let buffer = unsafe { BufferRef::new(memory.buffer, arena.size, arena.usage) };
-    let bindings = rasterizer.bind(&plan, &arena.refs(&buffer)?)?;
+    let (rasterizer, make) = rasterizer(&device)?;
+    let torus = shapes::torus(0.75, 0.32, 48, 24)?;
+    let mesh = PassMesh::new(torus.positions().len() as u32, torus.triangles().as_flattened());
+    let view = look_at_mat4(DVec3::new(1.2, 1.8, 2.6), DVec3::ZERO, DVec3::Y);
+    let plan = rasterizer
+        .pass(&[mesh.with_look(MeshLook::Color([0.9, 0.35, 0.2]))])
+        .settings(Settings { sigma: 1e-4, background: Background::Composite, ..Settings::default() })
+        .image_size(SIZE, SIZE)
+        .camera_matrices(&[(view, perspective(0.7, 1.0, 1.0, 100.0))], ClipSpace { y_up: true, ..ClipSpace::default() })
+        .lights(Lights::official())
+        .alignment(device.limits().min_storage_buffer_offset_alignment.into())
+        .build()?;
+    let [upload, work, readback] = plan.memory().map(make);
+    let (mut upload, work, mut readback) = (upload?, work?, readback?);
+    // A vertex buffer of wgpu's, which softras reads in place.
+    let vertices = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+        label: None,
+        contents: bytemuck::cast_slice(torus.positions()),
+        usage: wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::STORAGE,
+    });
+    // SAFETY: the buffer has this size and usage, and outlives the pass.
+    let positions = unsafe {
+        let raw = vertices.as_hal::<Vulkan>().ok_or("the buffer is not Vulkan's")?.raw_handle();
+        BufferRef::new(raw, vertices.size(), vk::BufferUsageFlags::STORAGE_BUFFER)
+    };
+    let memory = PassMemory { upload: upload.whole(), device: work.whole(), readback: readback.whole(), own: &[] };
+    let mesh = MeshBuffers::new(positions, Layout { stride: 12, offset: 0 });
+    let pass = rasterizer.bind_pass(plan, memory, &[mesh])?;
+    pass.write_inputs(upload.bytes())?;
 
-    let picture = draw(&device, &queue, &rasterizer, (&plan, &bindings), (&memory, &arena))?;
-    let at = arena.part(BufferId::Status).ok_or("no status")?.0 as usize;
-    let status = Status::from_bytes(memory.bytes_mut()[at..].first_chunk().ok_or("no status")?);
-    if status.judge(&plan)?.is_some() {
-        return Err("the lists were too small: plan again with the capacity that the status tells".into());
+    let picture = draw(&device, &queue, &pass, &work)?;
+    if let PassStatus::Grow(capacity) = pass.status(readback.bytes())? {
+        return Err(format!("the lists were too small: plan again with {capacity:?}").into());
     }
     if let Some(path) = path {
         let mut encoder = png::Encoder::new(std::io::BufWriter::new(std::fs::File::create(path)?), SIZE, SIZE);
@@ -162,36 +173,33 @@ pub fn run(path: Option<&Path>, validation: bool) -> Outcome<Vec<u8>> {
         encoder.set_depth(png::BitDepth::Eight);
         encoder.write_header()?.write_image_data(&picture)?;
     }
-    drop((bindings, memory, rasterizer));
     Ok(picture)
 }
 
 /// One submission: softras, a copy into a texture, a render pass that samples it, and a copy for the host to see.
-fn draw(
-    device: &wgpu::Device,
-    queue: &wgpu::Queue,
-    rasterizer: &Rasterizer,
-    (plan, bindings): (&FramePlan, &FrameBindings),
-    (memory, arena): (&Memory, &Arena),
-) -> Outcome<Vec<u8>> {
+fn draw(device: &wgpu::Device, queue: &wgpu::Queue, pass: &Pass, work: &Memory) -> Outcome<Vec<u8>> {
     // An encoder of its own for softras: wgpu does not know what is recorded into it.
     let mut softras = device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("softras") });
-    // SAFETY: the command buffer is recording, outside a pass, of a queue that computes; bindings and memory are kept
+    // SAFETY: the command buffer is recording, outside a pass, of a queue that computes; the pass and its memory are kept
     // until the queue has been waited for below.
     unsafe {
         softras.as_hal_mut::<Vulkan, _, Outcome<()>>(|encoder| {
             let mut commands = HostCommands::new(encoder.ok_or("the encoder is not Vulkan's")?.raw_handle());
-            Ok(rasterizer.record_forward(&mut commands, plan, bindings)?)
+            pass.record_setup(&mut commands)?;
+            Ok(pass.record_forward(&mut commands)?)
         })?;
     }
 
-    let usage = wgpu::BufferUsages::COPY_SRC;
-    let descriptor =
-        wgpu::BufferDescriptor { label: Some("softras"), size: arena.size, usage, mapped_at_creation: false };
+    let descriptor = wgpu::BufferDescriptor {
+        label: Some("softras"),
+        size: work.needs.size,
+        usage: wgpu::BufferUsages::COPY_SRC,
+        mapped_at_creation: false,
+    };
     // SAFETY: the buffer is of this device, has the usage, is not empty, outlives wgpu's use of it and stays ours to
     // destroy. softras has written the part that is read.
-    let color = unsafe {
-        let buffer = wgpu::hal::vulkan::Buffer::from_raw_externally_owned(memory.buffer, Box::new(|| {}));
+    let frame = unsafe {
+        let buffer = wgpu::hal::vulkan::Buffer::from_raw_externally_owned(work.buffer, Box::new(|| {}));
         device.create_buffer_from_hal::<Vulkan>(buffer, &descriptor)
     };
     let size = wgpu::Extent3d { width: SIZE, height: SIZE, depth_or_array_layers: 1 };
@@ -218,8 +226,8 @@ fn draw(
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     let layout =
         |offset, texel| wgpu::TexelCopyBufferLayout { offset, bytes_per_row: Some(texel * SIZE), rows_per_image: None };
-    let (offset, _) = arena.part(BufferId::Color).ok_or("no colour")?;
-    let from = wgpu::TexelCopyBufferInfo { buffer: &color, layout: layout(offset, 16) };
+    let color = pass.buffer(BufferId::Color).ok_or("no colour")?;
+    let from = wgpu::TexelCopyBufferInfo { buffer: &frame, layout: layout(color.offset(), 16) };
     encoder.copy_buffer_to_texture(from, image.as_image_copy(), size);
     draw_pass(device, &mut encoder, &image, &target);
     let to = wgpu::TexelCopyBufferInfo { buffer: &picture, layout: layout(0, 4) };
