@@ -1,12 +1,16 @@
-//! The f64 judge against numbers computed by hand, symmetries, and itself.
+//! The f64 reference against numbers computed by hand, symmetries, differences of its own images, and the official equations.
 #![cfg(feature = "reference")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod by_hand;
+#[path = "../common/mod.rs"]
+mod common;
 mod culling;
 mod details;
 mod differences;
 mod official;
+#[path = "../official/mod.rs"]
+mod official_equations;
 mod projection;
 
 use glam::DMat4;

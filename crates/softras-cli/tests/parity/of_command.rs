@@ -1,0 +1,59 @@
+//! `softras eval` of the recorded scenes, on the device and by the reference.
+
+use crate::command::softras;
+use crate::compare::{median_face, relative_l2};
+use crate::recorded::Archive;
+use crate::{GRADIENT_TOLERANCE, SPOT};
+
+/// What the command made of a recorded scene.
+fn eval(name: &str, options: &[&str]) -> (Archive, tempfile::TempDir) {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = Archive::open(name).0;
+    let arguments = ["eval", scene.to_str().unwrap(), "-o", "out.npz", "--parity", "official"];
+    let output = softras(folder.path(), &[&arguments, options].concat());
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && errors.is_empty(), "{name}: {errors}");
+    (Archive(folder.path().join("out.npz")), folder)
+}
+
+fn wide(values: Vec<f32>) -> Vec<f64> {
+    values.into_iter().map(f64::from).collect()
+}
+
+/// The device's image: within 2e-4 in all but few values.
+pub fn image(name: &str) {
+    let (out, _folder) = eval(name, &[]);
+    let (shape, ours) = out.array::<f32>("soft_colors");
+    let (expected_shape, theirs) = Archive::open(name).array::<f64>("soft_colors");
+    assert_eq!(shape, expected_shape, "{name}");
+    let close = ours.iter().zip(&theirs).filter(|(a, b)| (f64::from(**a) - **b).abs() <= 2e-4).count();
+    let part = close as f64 / ours.len() as f64;
+    println!("softras eval, {name}: {part} of the values agree");
+    assert!(part >= 0.995, "{name}: {part}");
+}
+
+/// The reference's gradient through the command, and the device's: as near as the official float32 run.
+pub fn gradients(name: &str) {
+    let official = Archive::open(name);
+    if name != SPOT {
+        let (out, _folder) = eval(name, &["--gradient", "paper", "--device", "reference"]);
+        for key in ["grad_face_vertices", "grad_textures"] {
+            let ((shape, ours), (expected_shape, theirs)) = (out.array::<f64>(key), official.array::<f64>(key));
+            assert_eq!(shape, expected_shape, "{name}: {key}");
+            let error = relative_l2(&ours, &theirs);
+            assert!(error < GRADIENT_TOLERANCE, "{name}: {key} {error:e}");
+        }
+    }
+    let (out, _folder) = eval(name, &["--gradient", "paper"]);
+    let theirs = official.f64s("grad_face_vertices");
+    let ours = wide(out.f32s("grad_face_vertices"));
+    let (median, whole) = (median_face(&ours, &theirs), relative_l2(&ours, &theirs));
+    let single = relative_l2(&wide(official.f32s("grad_face_vertices_f32")), &theirs);
+    let textures = relative_l2(&wide(out.f32s("grad_textures")), &official.f64s("grad_textures"));
+    println!(
+        "softras eval, {name}: median face {median:.1e}, whole {whole:.1e}, official float32 {single:.1e}, textures {textures:.1e}"
+    );
+    assert!(median < 1e-3, "{name}: median face {median:e}");
+    assert!(whole <= single, "{name}: {whole:e}, the official float32 run {single:e}");
+    assert!(textures < 1e-3, "{name}: textures {textures:e}");
+}

@@ -1,0 +1,84 @@
+//! The f64 reference against the recorded outputs.
+
+use crate::cells::{lookups_in_row, undecided_cells, unmasked};
+use crate::compare::{axes, max_difference, relative_l2, texel_sum};
+use crate::recorded::{Archive, Case, soup, split_planes};
+use crate::{GRADIENT_TOLERANCE, IMAGE_TOLERANCE, SPOT, SURFACE};
+use softras::reference::{GradientMode, ReferenceFrame, Truncation, gradient, render, render_culled};
+use softras::scene::{Camera, Parity, Scene, Settings};
+
+fn check_image(name: &str, frame: &ReferenceFrame, official: &(Vec<f64>, Vec<f64>), tolerance: f64) {
+    let color = max_difference(&frame.color, &official.0);
+    let silhouette = max_difference(&frame.silhouette, &official.1);
+    println!("{name}: colour {color:.2e}, silhouette {silhouette:.2e}");
+    assert!(color <= tolerance && silhouette <= tolerance, "{name}: colour {color:e}, silhouette {silhouette:e}");
+}
+
+/// Brute force but for the largest scene.
+pub fn image(name: &str) {
+    let case = Case::open(name);
+    let frame = if name != SPOT {
+        render(&case.scene, &case.cameras, &case.settings, Truncation::Tau).unwrap()
+    } else {
+        render_culled(&case.scene, &case.cameras, &case.settings).unwrap()
+    };
+    check_image(name, &frame, &case.official_image(), IMAGE_TOLERANCE);
+}
+
+pub fn gradients(name: &str) {
+    let case = Case::open(name);
+    let ours = gradient(&case.scene, &case.cameras, &case.settings, &case.upstream(), GradientMode::Paper).unwrap();
+    let meshes = 0..case.scene.meshes.len();
+    let positions: Vec<f64> = meshes.clone().flat_map(|m| ours.positions(m).to_vec()).collect();
+    let textures: Vec<f64> = meshes.flat_map(|m| [ours.colors(m), ours.surface_texels(m)].concat()).collect();
+    let official = case.archive.f64s("grad_face_vertices");
+    let xy = relative_l2(&axes(&positions, &[0, 1]), &axes(&official, &[0, 1]));
+    let z = relative_l2(&axes(&positions, &[2]), &axes(&official, &[2]));
+    let texture = relative_l2(&textures, &case.archive.f64s("grad_textures"));
+    println!("{name}: gradient x, y {xy:.2e}, z {z:.2e}, textures {texture:.2e}");
+    assert!(xy.max(z).max(texture) <= GRADIENT_TOLERANCE, "{name}");
+}
+
+pub fn surface() {
+    let case = Case::open(SURFACE);
+    let frame = render(&case.scene, &case.cameras, &case.settings, Truncation::Tau).unwrap();
+    let official = case.official_image();
+    let undecided = undecided_cells(&case.archive.f32s("face_vertices"), &case.settings);
+    let compared = undecided.iter().filter(|u| !**u).count();
+    let color = max_difference(&unmasked(&frame.color, &undecided), &unmasked(&official.0, &undecided));
+    println!("surface R = 4: colour {color:.2e} on {compared} of {} pixels", undecided.len());
+    assert!(color < IMAGE_TOLERANCE && compared > 512, "{color:e} on {compared}");
+    assert!(max_difference(&frame.silhouette, &official.1) < IMAGE_TOLERANCE);
+    // Which cell gets a texel's gradient is undecided alike, how much all of them get is not.
+    let ours = gradient(&case.scene, &case.cameras, &case.settings, &case.upstream(), GradientMode::Paper).unwrap();
+    let official = case.archive.f64s("grad_textures");
+    let decided = lookups_in_row(&case.archive.f32s("face_vertices"), &case.settings);
+    let faces =
+        ours.surface_texels(0).chunks(48).zip(official.chunks(48)).zip(&decided).filter(|(_, decided)| **decided);
+    let differences: Vec<f64> = faces.map(|((a, b), _)| relative_l2(&texel_sum(a), &texel_sum(b))).collect();
+    let worst = differences.iter().fold(0.0, |worst: f64, &d| worst.max(d));
+    println!("surface R = 4: texel gradient summed by face {worst:.2e} on {} faces", differences.len());
+    assert!(worst < GRADIENT_TOLERANCE && differences.len() >= 3, "{differences:?}");
+}
+
+pub fn render_demo() {
+    let archive = Archive::open("spot_demo_render.npz");
+    let light = archive.f32s("light");
+    let unlit: Vec<u16> = archive.array("textures_unlit_u16").1;
+    let lit: Vec<f32> = unlit.iter().enumerate().map(|(i, &t)| f32::from(t) / 65535.0 * light[i / 75]).collect();
+    let vertices = archive.f32s("face_vertices");
+    let scene = Scene::new(soup(&vertices, &lit, true));
+    let settings = Settings { parity: Parity::Official, ..Settings::default() };
+    let frame = render_culled(&scene, &[Camera::screen()], &settings).unwrap();
+    let image: Vec<f64> = archive.f32s("image").into_iter().map(f64::from).collect();
+    let (color, silhouette) = split_planes(&image, 256 * 256);
+    let undecided = undecided_cells(&vertices, &settings);
+    let (ours, official) = (unmasked(&frame.color, &undecided), unmasked(&color, &undecided));
+    let mean = ours.iter().zip(&official).map(|(a, b)| (a - b).abs()).sum::<f64>() / ours.len() as f64;
+    let inside = undecided.iter().zip(&silhouette).filter(|(u, a)| !**u && **a > 0.5).count();
+    println!("render demo: mean colour difference {mean:.2e}, {inside} pixels of the object compared");
+    // Textures were stored to 16 bits.
+    assert!(mean < 2e-5 && inside > 100, "{mean:e} on {inside}");
+    let worst = max_difference(&frame.silhouette, &silhouette);
+    assert!(worst < 1e-6, "silhouette {worst:e}");
+}
