@@ -2,10 +2,16 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod arguments;
+mod bench;
 mod command;
 mod eval;
+mod fit;
+mod gradient;
 mod killed;
 mod numpy;
+mod official;
+#[path = "../../../../tests/official/mod.rs"]
+mod official_equations;
 mod render;
 
 use command::{fails, softras, succeeds};

@@ -81,8 +81,3 @@ pub fn read<T: npyz::Deserialize>(path: &Path, key: &str) -> (Vec<usize>, Vec<T>
     let array = npz.by_name(key).unwrap().unwrap_or_else(|| panic!("no {key} in {}", path.display()));
     (array.shape().iter().map(|&n| n as usize).collect(), array.into_vec().unwrap())
 }
-
-/// The keys of an archive.
-pub fn keys(path: &Path) -> Vec<String> {
-    npyz::npz::NpzArchive::open(path).unwrap().array_names().map(String::from).collect()
-}

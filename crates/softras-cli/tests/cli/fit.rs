@@ -1,11 +1,6 @@
 //! Tests of the commands `softras fit`, `iou` and `pose`.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-#[allow(dead_code, reason = "shared with the other tests of the command line")]
-#[path = "cli/command.rs"]
-mod command;
-
-use command::{fails, softras, succeeds};
+use super::{fails, softras, succeeds};
 use serde_json::Value;
 use std::path::Path;
 

@@ -1,6 +1,5 @@
 //! Some hundred scenes drawn to hurt: `softras stress`, short. Every one is refused with a typed error, or is finite, in
 //! range, the same again, and where it is promised what the model in f64 says.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use glam::{DMat4, DVec3};
 use softras::scene::{Distance, Outputs, SilhouetteAggregation};

@@ -1,11 +1,6 @@
 //! Tests of the command `softras bench`.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-#[allow(dead_code, reason = "shared with the other tests of the command line")]
-#[path = "cli/command.rs"]
-mod command;
-
-use command::softras;
+use super::softras;
 use serde_json::Value;
 
 /// The promise of `softras check` to a device.

@@ -1,10 +1,6 @@
 //! What `softras stress` has found, each as the least scene that showed it and named after what it was.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-#[path = "../../../tests/common/mod.rs"]
-mod common;
-
-use common::{gradient::all_finite, renderer};
+use crate::common::{gradient::all_finite, renderer};
 use glam::{DMat4, DVec3};
 use softras::{
     Camera, Image, ImageGradient, Lights, Mesh, Projection, Scene, Settings, Wanted,
