@@ -1,6 +1,6 @@
 //! Which pixel a wrong gradient comes from.
 
-use super::gradient::{Group, backward, groups, judge_gradient, norm};
+use super::gradient::{Group, backward, groups, norm, reference_gradient};
 use super::scenes::Case;
 use softras::{GradientMode, Image, ImageGradient, Renderer, Wanted};
 
@@ -31,14 +31,14 @@ pub fn blame(
     index: usize,
 ) -> String {
     let (width, height) = (case.settings.width as usize, case.settings.height as usize);
-    let off = |g: &Group| norm(&g.ours.iter().zip(&g.judge).map(|(a, b)| a - b).collect::<Vec<_>>());
+    let off = |g: &Group| norm(&g.ours.iter().zip(&g.reference).map(|(a, b)| a - b).collect::<Vec<_>>());
     let mut found = Vec::new();
     for pixel in 0..case.cameras.len() * width * height {
         let alone = only_pixel(upstream, pixel);
         let Ok(ours) = backward(renderer, case, &alone, &Wanted { mode, ..Wanted::ALL }) else { continue };
-        let Ok(groups) = groups(case, &ours, &judge_gradient(case, &alone, mode)) else { continue };
+        let Ok(groups) = groups(case, &ours, &reference_gradient(case, &alone, mode)) else { continue };
         let group = &groups[index];
-        found.push((off(group), norm(&group.judge), pixel));
+        found.push((off(group), norm(&group.reference), pixel));
     }
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
     let line = |&(error, size, pixel): &(f64, f64, usize)| {

@@ -1,4 +1,4 @@
-//! Comparing what the kernels made with what the judge says.
+//! Comparing what the kernels made with what the reference says.
 
 use super::tolerance::Tolerance;
 use softras::{Frame, Image, reference::ReferenceFrame};
@@ -14,7 +14,7 @@ pub struct Report {
     pub left_out: f64,
 }
 
-/// One image against the judge's, value by value: |actual - judge| ≤ tolerance · max(1, |judge|).
+/// One image against the reference's, value by value: |actual - reference| ≤ tolerance · max(1, |reference|).
 ///
 /// Pixels whose `margin` is below the tolerance's may fall on the other side of a jump of the model and are left out,
 /// but no more than its share of them.
@@ -24,21 +24,21 @@ pub struct Report {
 pub fn compare(
     name: &str,
     actual: &Image,
-    judge: &[f64],
+    reference: &[f64],
     margin: &[f64],
     tolerance: &Tolerance,
 ) -> Result<Report, String> {
     let channels = actual.channels;
     let pixels = actual.batch * actual.height * actual.width;
-    if [actual.data.len(), judge.len()] != [pixels * channels; 2] || margin.len() != pixels {
-        let [a, b, c] = [actual.data.len(), judge.len(), margin.len()];
-        return Err(format!("{name}: {a} values, {b} of the judge's and {c} margins for {pixels} pixels"));
+    if [actual.data.len(), reference.len()] != [pixels * channels; 2] || margin.len() != pixels {
+        let [a, b, c] = [actual.data.len(), reference.len(), margin.len()];
+        return Err(format!("{name}: {a} values, {b} of the reference's and {c} margins for {pixels} pixels"));
     }
     let place = |i: usize| {
         let (pixel, channel) = (i / channels, i % channels);
         let (view, row, column) =
             (pixel / (actual.height * actual.width), pixel / actual.width % actual.height, pixel % actual.width);
-        let (is, should) = (actual.data[i], judge[i]);
+        let (is, should) = (actual.data[i], reference[i]);
         let error = f64::from(is) - should;
         let margin = margin[pixel];
         format!(
@@ -47,7 +47,7 @@ pub fn compare(
         )
     };
     let (mut worst, mut at) = (0.0, 0);
-    for (i, (&is, &should)) in actual.data.iter().zip(judge).enumerate() {
+    for (i, (&is, &should)) in actual.data.iter().zip(reference).enumerate() {
         if !is.is_finite() || !should.is_finite() {
             return Err(place(i));
         }
@@ -67,17 +67,17 @@ pub fn compare(
     if worst > 1.0 { Err(place) } else { Ok(Report { worst, place, left_out }) }
 }
 
-/// Every image that the frame has, and that it has those which the judge has.
+/// Every image that the frame has, and that it has those which the reference has.
 ///
 /// # Errors
 /// As [`compare`].
-pub fn compare_frames(actual: &Frame, judge: &ReferenceFrame, tolerance: &Tolerance) -> Result<Report, String> {
+pub fn compare_frames(actual: &Frame, reference: &ReferenceFrame, tolerance: &Tolerance) -> Result<Report, String> {
     let mut worst = Report { worst: 0.0, place: String::new(), left_out: 0.0 };
     for (name, image, expected) in [
-        ("color", actual.color(), &judge.color),
-        ("silhouette", actual.silhouette(), &judge.silhouette),
-        ("depth", actual.depth(), &judge.depth),
-        ("normal", actual.normal(), &judge.normal),
+        ("color", actual.color(), &reference.color),
+        ("silhouette", actual.silhouette(), &reference.silhouette),
+        ("depth", actual.depth(), &reference.depth),
+        ("normal", actual.normal(), &reference.normal),
     ] {
         let Some(image) = image else {
             if expected.is_empty() {
@@ -85,7 +85,7 @@ pub fn compare_frames(actual: &Frame, judge: &ReferenceFrame, tolerance: &Tolera
             }
             return Err(format!("{name}: asked for and not there"));
         };
-        let report = compare(name, image, expected, &judge.margin, tolerance)?;
+        let report = compare(name, image, expected, &reference.margin, tolerance)?;
         if report.worst >= worst.worst {
             worst = report;
         }

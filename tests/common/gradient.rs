@@ -1,4 +1,4 @@
-//! The kernels' gradients against the judge's.
+//! The kernels' gradients against the reference's.
 
 use super::{
     blame::blame,
@@ -14,12 +14,12 @@ use softras::{
 };
 use std::collections::BTreeMap;
 
-/// One gradient of a scene, ours and the judge's.
+/// One gradient of a scene, ours and the reference's.
 #[derive(Clone, Debug)]
 pub struct Group {
     pub name: &'static str,
     pub ours: Vec<f64>,
-    pub judge: Vec<f64>,
+    pub reference: Vec<f64>,
 }
 
 /// What one comparison found: each gradient's relative error.
@@ -32,7 +32,7 @@ pub fn made_case(scene: Scene, cameras: Vec<Camera>, settings: Settings) -> Case
     Case { seed: 0, kind: Kind::Plain, scene, cameras, settings }
 }
 
-/// A random case whose gradient the judge finds in a second: few triangles and pixels.
+/// A random case whose gradient the reference finds in a second: few triangles and pixels.
 pub fn small_case(seed: u64, kind: Kind) -> Case {
     let triangles = |case: &Case| case.scene.meshes.iter().map(|mesh| mesh.triangles().len()).max();
     let seeds = (0..).map(|i| seed + 1_000_000 * i).map(|seed| random_case(seed, kind));
@@ -45,13 +45,14 @@ pub fn small_case(seed: u64, kind: Kind) -> Case {
 
 /// A random signed weight for every value of the images, 0 where the model jumps within the kernels' rounding.
 pub fn random_upstream(case: &Case, images: Outputs, tolerance: &GradientTolerance) -> ImageGradient {
-    let judge = render_culled(&case.scene, &case.cameras, &case.settings).unwrap();
-    let (batch, height, width) = (judge.batch, judge.height, judge.width);
+    let reference = render_culled(&case.scene, &case.cameras, &case.settings).unwrap();
+    let (batch, height, width) = (reference.batch, reference.height, reference.width);
     let random = &mut Random::new(case.seed ^ 0x5eed);
     let mut weights = |wanted: bool, channels: usize| {
         wanted.then(|| {
-            let weight = |i: usize, w: f64| if judge.margin[i / channels] < tolerance.margin { 0.0 } else { w as f32 };
-            let data = (0..judge.margin.len() * channels).map(|i| weight(i, random.range(-1.0, 1.0))).collect();
+            let weight =
+                |i: usize, w: f64| if reference.margin[i / channels] < tolerance.margin { 0.0 } else { w as f32 };
+            let data = (0..reference.margin.len() * channels).map(|i| weight(i, random.range(-1.0, 1.0))).collect();
             Image { batch, height, width, channels, data }
         })
     };
@@ -81,8 +82,8 @@ pub fn upstream_of(case: &Case, weight: impl Fn(&str, usize, usize) -> [f32; 3])
     }
 }
 
-/// The same for the judge.
-pub fn judge_upstream(upstream: &ImageGradient) -> Upstream {
+/// The same for the reference.
+pub fn reference_upstream(upstream: &ImageGradient) -> Upstream {
     let wide = |image: &Option<Image>| image.as_ref().map(|i| i.data.iter().map(|&x| f64::from(x)).collect());
     Upstream {
         d_color: wide(&upstream.color),
@@ -92,8 +93,8 @@ pub fn judge_upstream(upstream: &ImageGradient) -> Upstream {
     }
 }
 
-pub fn judge_gradient(case: &Case, upstream: &ImageGradient, mode: GradientMode) -> ReferenceGradients {
-    reference::gradient(&case.scene, &case.cameras, &case.settings, &judge_upstream(upstream), mode).unwrap()
+pub fn reference_gradient(case: &Case, upstream: &ImageGradient, mode: GradientMode) -> ReferenceGradients {
+    reference::gradient(&case.scene, &case.cameras, &case.settings, &reference_upstream(upstream), mode).unwrap()
 }
 
 /// Renders and goes backward.
@@ -153,8 +154,8 @@ pub fn matching(some: &Gradients, all: &Gradients) -> Vec<(Numbers, Numbers)> {
     pairs.map(|i| (some[i].clone(), find(some[i].0, place(i)).expect("all has it"))).collect()
 }
 
-/// The judge's, in the same order and shapes.
-pub fn judge_numbers(case: &Case, g: &ReferenceGradients) -> Vec<(&'static str, Vec<f64>)> {
+/// The reference's, in the same order and shapes.
+pub fn reference_numbers(case: &Case, g: &ReferenceGradients) -> Vec<(&'static str, Vec<f64>)> {
     let mut all = Vec::new();
     for (i, mesh) in case.scene.meshes.iter().enumerate() {
         all.push(("positions", g.positions(i).to_vec()));
@@ -185,43 +186,43 @@ pub fn judge_numbers(case: &Case, g: &ReferenceGradients) -> Vec<(&'static str, 
 ///
 /// # Errors
 /// Where the shapes differ.
-pub fn groups(case: &Case, ours: &Gradients, judge: &ReferenceGradients) -> Result<Vec<Group>, String> {
-    let (ours, judge) = (numbers(ours), judge_numbers(case, judge));
+pub fn groups(case: &Case, ours: &Gradients, reference: &ReferenceGradients) -> Result<Vec<Group>, String> {
+    let (ours, reference) = (numbers(ours), reference_numbers(case, reference));
     let shape = |all: &[(&'static str, Vec<f64>)]| all.iter().map(|(name, v)| (*name, v.len())).collect::<Vec<_>>();
-    if shape(&ours) != shape(&judge) {
-        return Err(format!("the gradient has {:?}, the judge's {:?}", shape(&ours), shape(&judge)));
+    if shape(&ours) != shape(&reference) {
+        return Err(format!("the gradient has {:?}, the reference's {:?}", shape(&ours), shape(&reference)));
     }
-    Ok(ours.into_iter().zip(judge).map(|((name, ours), (_, judge))| Group { name, ours, judge }).collect())
+    Ok(ours.into_iter().zip(reference).map(|((name, ours), (_, reference))| Group { name, ours, reference }).collect())
 }
 
 pub fn norm(values: &[f64]) -> f64 {
     values.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// |ours - judge| / max(|judge|, floor), 0 where both are 0.
+/// |ours - reference| / max(|reference|, floor), 0 where both are 0.
 ///
 /// # Errors
 /// The first number that is not finite.
 pub fn relative_error(group: &Group, floor: f64) -> Result<f64, String> {
-    let Group { name, ours, judge } = group;
-    if ours.len() != judge.len() {
-        return Err(format!("{name}: {} numbers, {} of the judge's", ours.len(), judge.len()));
+    let Group { name, ours, reference } = group;
+    if ours.len() != reference.len() {
+        return Err(format!("{name}: {} numbers, {} of the reference's", ours.len(), reference.len()));
     }
-    if let Some(i) = ours.iter().zip(judge).position(|(a, b)| !a.is_finite() || !b.is_finite()) {
-        return Err(format!("{name}: number {i} is {}, the judge's {}", ours[i], judge[i]));
+    if let Some(i) = ours.iter().zip(reference).position(|(a, b)| !a.is_finite() || !b.is_finite()) {
+        return Err(format!("{name}: number {i} is {}, the reference's {}", ours[i], reference[i]));
     }
-    let difference = norm(&ours.iter().zip(judge).map(|(a, b)| a - b).collect::<Vec<_>>());
-    let size = norm(judge).max(floor);
+    let difference = norm(&ours.iter().zip(reference).map(|(a, b)| a - b).collect::<Vec<_>>());
+    let size = norm(reference).max(floor);
     Ok(if difference == 0.0 { 0.0 } else { difference / size })
 }
 
 /// The number that is farthest off, for people.
 pub fn worst_number(group: &Group) -> String {
-    let off = |i: usize| (group.ours[i] - group.judge[i]).abs();
+    let off = |i: usize| (group.ours[i] - group.reference[i]).abs();
     let worst = (0..group.ours.len()).max_by(|&a, &b| off(a).total_cmp(&off(b)));
     worst.map_or(String::new(), |i| {
-        let size = norm(&group.judge);
-        format!("number {i} is {:e}, should be {:e}, |judge| {size:e}", group.ours[i], group.judge[i])
+        let size = norm(&group.reference);
+        format!("number {i} is {:e}, should be {:e}, |reference| {size:e}", group.ours[i], group.reference[i])
     })
 }
 
@@ -237,8 +238,8 @@ pub fn errors(
     ours: &Gradients,
     tolerance: &GradientTolerance,
 ) -> Result<Vec<(Group, f64)>, String> {
-    let judge = judge_gradient(case, upstream, mode);
-    let groups = groups(case, ours, &judge)?;
+    let reference = reference_gradient(case, upstream, mode);
+    let groups = groups(case, ours, &reference)?;
     let strict: Result<Vec<(Group, f64)>, String> =
         groups.into_iter().map(|g| relative_error(&g, 0.0).map(|e| (g, e))).collect();
     let mut strict = strict?;
@@ -285,7 +286,7 @@ fn usual_sizes(case: &Case, upstream: &ImageGradient, mode: GradientMode) -> Vec
     let mut squares: Vec<f64> = Vec::new();
     for round in 0..SIGNS {
         let flipped = with_random_signs(upstream, round as u64);
-        let gradient = judge_numbers(case, &judge_gradient(case, &flipped, mode));
+        let gradient = reference_numbers(case, &reference_gradient(case, &flipped, mode));
         squares.resize(gradient.len(), 0.0);
         for (sum, (_, values)) in squares.iter_mut().zip(&gradient) {
             *sum += norm(values).powi(2) / SIGNS as f64;
@@ -320,7 +321,7 @@ pub fn check(
     let wrong: Vec<usize> = (0..errors.len()).filter(|&i| errors[i].1 > tolerance.worst).collect();
     if wrong.is_empty() {
         // What nothing depends on is 0 in both, and says nothing.
-        let some = errors.iter().filter(|(group, error)| *error > 0.0 || norm(&group.judge) > 0.0);
+        let some = errors.iter().filter(|(group, error)| *error > 0.0 || norm(&group.reference) > 0.0);
         return Ok(some.map(|(group, error)| (group.name, *error)).collect());
     }
     let describe =
@@ -328,8 +329,8 @@ pub fn check(
     let mut report: Vec<String> = wrong.iter().map(describe).collect();
     report.push(blame(renderer, case, upstream, mode, wrong[0]));
     let frame = renderer.render(&case.scene, &case.cameras, &case.settings).map_err(|e| e.to_string())?;
-    let judge = render_culled(&case.scene, &case.cameras, &case.settings).map_err(|e| e.to_string())?;
-    if let Err(error) = compare_frames(&frame, &judge, &IMAGE) {
+    let reference = render_culled(&case.scene, &case.cameras, &case.settings).map_err(|e| e.to_string())?;
+    if let Err(error) = compare_frames(&frame, &reference, &IMAGE) {
         report.push(format!("the images are wrong already: {error}"));
     }
     Err(report.join("\n"))

@@ -1,9 +1,10 @@
-//! What the tests share: renderers under validation, random scenes, comparisons and the one table of tolerances.
+//! What the tests share: renderers under validation, random scenes, comparisons, and the tables of modes and of tolerances.
 #![allow(dead_code, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 pub mod blame;
 pub mod compare;
 pub mod gradient;
+pub mod modes;
 pub mod scenes;
 pub mod tolerance;
 

@@ -3,7 +3,7 @@
 use super::scenes::{Case, Kind};
 use softras::{Projection, scene::Distance};
 
-/// How far the kernels may be from the judge.
+/// How far the kernels may be from the reference.
 #[derive(Clone, Copy, Debug)]
 pub struct Tolerance {
     /// Of a value, in units of max(1, |value|).
@@ -64,7 +64,7 @@ pub fn cut_at(near: f64, depth: f64) -> Tolerance {
 /// values up to about 4.
 pub const OTHER_KERNEL: f32 = 5e-6;
 
-/// How far a gradient may be from the judge's, as a share of its L2 norm.
+/// How far a gradient may be from the reference's, as a share of its L2 norm.
 #[derive(Clone, Copy, Debug)]
 pub struct GradientTolerance {
     /// In all scenes but a few.

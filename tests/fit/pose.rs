@@ -223,7 +223,7 @@ fn a_single_start_finds_a_cube_by_whitened_colours_and_a_schedule() {
 }
 
 #[test]
-fn targets_are_judged() {
+fn targets_are_validated() {
     let image = |channels: usize, batch: usize| Image {
         batch,
         height: 2,

@@ -1,9 +1,9 @@
-//! One test per hazard of a soft rasterizer's gradient, named after it, each against the f64 judge.
+//! One test per hazard of a soft rasterizer's gradient, named after it, each against the f64 reference.
 
 use crate::common::{
     blame::only_pixel,
     gradient::{
-        ALL_OUTPUTS, all_finite, backward, check, judge_gradient, made_case, norm, random_upstream, upstream_of,
+        ALL_OUTPUTS, all_finite, backward, check, made_case, norm, random_upstream, reference_gradient, upstream_of,
     },
     random::Random,
     renderer,
@@ -49,7 +49,7 @@ fn case(mesh: Mesh, cameras: Vec<Camera>, settings: Settings) -> Case {
     made_case(Scene::new(mesh), cameras, settings)
 }
 
-/// Both modes against the judge, with random weights on every image; the exact gradient.
+/// Both modes against the reference, with random weights on every image; the exact gradient.
 #[track_caller]
 fn assert_agrees(renderer: &mut Renderer, case: &Case) -> Gradients {
     assert_agrees_under(renderer, case, &random_upstream(case, ALL_OUTPUTS, &GRADIENT))
@@ -242,7 +242,7 @@ fn weighted_loss_per_pixel() {
     let case = on_screen(&[triangle(), [[-0.2, 0.9, 3.0], [0.9, 0.1, 2.5], [0.8, 0.83, 1.5]]], settings(24, 24));
     let upstream = random_upstream(&case, ALL_OUTPUTS, &GRADIENT);
     let whole = assert_agrees_under(&mut renderer, &case, &upstream);
-    // Each pixel teaches what the judge says of it alone, and all of them together the sum.
+    // Each pixel teaches what the reference says of it alone, and all of them together the sum.
     let mut sum = [0.0; 18];
     for pixel in 0..24 * 24 {
         let alone = only_pixel(&upstream, pixel);
@@ -250,9 +250,9 @@ fn weighted_loss_per_pixel() {
         let ours: Vec<f64> = ours.meshes[0].positions.iter().flatten().map(|&x| f64::from(x)).collect();
         sum.iter_mut().zip(&ours).for_each(|(sum, x)| *sum += x);
         if pixel % 13 == 5 {
-            let judge = judge_gradient(&case, &alone, GradientMode::Exact).positions(0).to_vec();
-            let off = norm(&ours.iter().zip(&judge).map(|(a, b)| a - b).collect::<Vec<_>>());
-            assert!(off <= 1e-4 * norm(&judge) + 1e-5, "pixel {pixel}: off by {off:e} of {:e}", norm(&judge));
+            let reference = reference_gradient(&case, &alone, GradientMode::Exact).positions(0).to_vec();
+            let off = norm(&ours.iter().zip(&reference).map(|(a, b)| a - b).collect::<Vec<_>>());
+            assert!(off <= 1e-4 * norm(&reference) + 1e-5, "pixel {pixel}: off by {off:e} of {:e}", norm(&reference));
         }
     }
     let whole: Vec<f64> = whole.meshes[0].positions.iter().flatten().map(|&x| f64::from(x)).collect();

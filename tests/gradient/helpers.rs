@@ -3,9 +3,9 @@
 use crate::common::{
     blame::{blame, only_pixel},
     gradient::{
-        ALL_OUTPUTS, Group, Table, all_finite, backward, check, errors, groups, judge_gradient, matching, norm,
-        numbers, random_upstream, relative_error, same_gradient_bits, small_case, upstream_norm, upstream_of,
-        with_random_signs,
+        ALL_OUTPUTS, Group, Table, all_finite, backward, check, errors, groups, matching, norm, numbers,
+        random_upstream, reference_gradient, relative_error, same_gradient_bits, small_case, upstream_norm,
+        upstream_of, with_random_signs,
     },
     renderer,
     scenes::{Case, Kind},
@@ -13,8 +13,8 @@ use crate::common::{
 };
 use softras::{GradientMode, Gradients, ImageGradient, Renderer, Wanted, reference::render_culled, scene::Outputs};
 
-fn group(ours: &[f64], judge: &[f64]) -> Group {
-    Group { name: "x", ours: ours.to_vec(), judge: judge.to_vec() }
+fn group(ours: &[f64], reference: &[f64]) -> Group {
+    Group { name: "x", ours: ours.to_vec(), reference: reference.to_vec() }
 }
 
 #[test]
@@ -102,7 +102,7 @@ fn a_wrong_number_in_any_gradient_is_seen() {
     errors(&case, &upstream, GradientMode::Exact, &wrong, &GRADIENT).unwrap_err();
     let mut short = right.clone();
     short.meshes[0].positions.pop();
-    groups(&case, &short, &judge_gradient(&case, &upstream, GradientMode::Exact)).unwrap_err();
+    groups(&case, &short, &reference_gradient(&case, &upstream, GradientMode::Exact)).unwrap_err();
     same_gradient_bits(&right, &short).unwrap_err();
     let mut zero = right.clone();
     zero.sigma = -zero.sigma;
@@ -113,7 +113,7 @@ fn a_wrong_number_in_any_gradient_is_seen() {
     );
 }
 
-/// What agrees in exact mode does not in paper mode, so neither is compared with the other's judge.
+/// What agrees in exact mode does not in paper mode, so neither is compared with the other's reference.
 #[test]
 fn modes_and_upstreams_are_told_apart() {
     let (mut renderer, case) = (renderer(), base());

@@ -1,10 +1,12 @@
 //! The same gradient every time, in bounded memory, of many views and meshes; and what backward refuses.
 
 use crate::common::{
+    compare::same_bits,
     gradient::{
         ALL_OUTPUTS, Group, all_finite, backward, check, made_case, matching, norm, random_upstream, relative_error,
         same_gradient_bits, small_case, upstream_of,
     },
+    modes::in_every_mode,
     random::Random,
     renderer, renderer_with,
     scenes::{Case, Kind, random_appearance},
@@ -79,6 +81,26 @@ fn a_hundred_runs_are_the_same_bits() {
     }
 }
 
+/// Image and gradient of every mode, again after every other mode.
+#[test]
+fn every_mode_gives_the_same_bits_again() {
+    let mut renderer = renderer();
+    let base = ball(1, &EYES[..2], 16);
+    let mut pass = || -> Vec<_> {
+        let made = in_every_mode(&base).map(|(name, case)| {
+            let frame = renderer.render(&case.scene, &case.cameras, &case.settings).unwrap();
+            let upstream = random_upstream(&case, case.settings.outputs, &GRADIENT);
+            let gradients = renderer.backward(&frame, &upstream, &Wanted::ALL).unwrap();
+            (name, frame, gradients)
+        });
+        made.collect()
+    };
+    for ((name, frame, gradients), (_, again, gradients_again)) in pass().into_iter().zip(pass()) {
+        same_bits(&frame, &again).unwrap_or_else(|error| panic!("{name}: {error}"));
+        same_gradient_bits(&gradients, &gradients_again).unwrap_or_else(|error| panic!("{name}: {error}"));
+    }
+}
+
 #[test]
 fn other_frames_in_between_leave_no_trace() {
     let mut renderer = renderer();
@@ -97,8 +119,8 @@ fn other_frames_in_between_leave_no_trace() {
 /// Each gradient of two results within a millionth.
 #[track_caller]
 fn assert_same_but_for_rounding(name: &str, a: &Gradients, b: &Gradients) {
-    for ((gradient, ours), (_, judge)) in matching(a, b) {
-        let error = relative_error(&Group { name: gradient, ours, judge }, 0.0).unwrap();
+    for ((gradient, ours), (_, reference)) in matching(a, b) {
+        let error = relative_error(&Group { name: gradient, ours, reference }, 0.0).unwrap();
         assert!(error < 1e-5, "{name}: {gradient} differs by {error:e}");
     }
 }
@@ -144,7 +166,7 @@ fn batch_of_one_mesh_sums_over_views() {
             assert!(norm(&off) <= 1e-5 * norm(&own.cameras[0].twist), "{:?} {:?}", own.cameras, all.cameras);
         }
         let ours = all.meshes[0].positions.as_flattened().iter().map(|&x| f64::from(x)).collect();
-        let error = relative_error(&Group { name: "positions", ours, judge: sum }, 0.0).unwrap();
+        let error = relative_error(&Group { name: "positions", ours, reference: sum }, 0.0).unwrap();
         assert!(error < 1e-5, "the views' sum differs by {error:e}");
     }
 }

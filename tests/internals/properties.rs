@@ -30,7 +30,7 @@ proptest! {
 
     /// A mesh is refused exactly where a value is not finite or too large, or an index names no vertex.
     #[test]
-    fn meshes_are_judged(
+    fn meshes_are_validated(
         positions in prop::collection::vec([float(), float(), float()], 0..6),
         triangles in prop::collection::vec([0u32..7, 0u32..7, 0u32..7], 0..6),
     ) {
@@ -41,7 +41,7 @@ proptest! {
 
     /// Settings that are not refused leave nothing unbounded: every number that kernels get is finite.
     #[test]
-    fn judged_settings_make_finite_plans(
+    fn valid_settings_make_finite_plans(
         sigma in -12.1f64..3.1, gamma in -10.1f64..6.1, tau in -12.1f64..0.0, epsilon in double(), near in -6.1f64..9.1,
         beyond in -6.1f64..6.0, width in 0u32..17000, height in 0u32..17000,
     ) {

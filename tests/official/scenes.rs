@@ -1,7 +1,6 @@
 //! Small scenes for the official equations, and the same scenes for softras.
 
 use super::equations::Triangles;
-use super::random::Random;
 use softras::Mesh;
 use softras::scene::{
     Appearance, ColorAggregation, Distance, Faces, FrontFace, Parity, Settings, SilhouetteAggregation,

@@ -1,7 +1,8 @@
-//! The judge's gradient against central differences of its own images, one input at a time.
+//! The reference's gradient against central differences of its own images, one input at a time.
 //!
 //! Pixels within 1e-3 of a jump of the model have no weight in the loss: there a difference is not a derivative.
 
+use crate::common::{gradient::made_case, modes::in_every_mode};
 use glam::{DMat4, DVec3};
 use softras::internals::reference::render_at;
 use softras::reference::{GradientMode, Parameters, ReferenceFrame, Upstream, gradient};
@@ -268,6 +269,15 @@ fn surface_textures() {
     let orthographic = Projection::Orthographic { half_height: 1.3 };
     for interpolation in [Interpolation::Affine, Interpolation::Perspective] {
         Case::new(surface(3), orthographic, Settings { interpolation, ..settings() }).check("surface");
+    }
+}
+
+#[test]
+fn every_mode() {
+    let base = Case::new(vertex_colors(), FOV, settings());
+    let base = made_case(base.scene, base.cameras, base.settings);
+    for (name, case) in in_every_mode(&base) {
+        Case { scene: case.scene, cameras: case.cameras, settings: case.settings }.check(name);
     }
 }
 

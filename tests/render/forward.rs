@@ -1,9 +1,10 @@
-//! The main promise: every image of every scene in every mode is what the f64 judge says, within 2e-5.
+//! The main promise: every image of every scene in every mode is what the f64 reference says, within 2e-5.
 //!
 //! `SOFTRAS_CASES=1000` runs that many random scenes of each kind instead of the usual few.
 
 use crate::common::{
     compare::compare_frames,
+    modes::in_every_mode,
     renderer,
     scenes::{Case, Kind, random_case},
     tolerance,
@@ -11,7 +12,7 @@ use crate::common::{
 use softras::{
     Renderer,
     reference::{Truncation, render, render_culled},
-    scene::{Background, ColorAggregation, Distance, Faces, Interpolation, Outputs, Parity, SilhouetteAggregation},
+    scene::{Background, Distance, Outputs, Parity},
 };
 
 fn case_count(usual: u64) -> u64 {
@@ -21,8 +22,8 @@ fn case_count(usual: u64) -> u64 {
 /// The largest error in units of the tolerance, or what is wrong, with the case.
 fn agreement(renderer: &mut Renderer, case: &Case) -> Result<f64, String> {
     let frame = renderer.render(&case.scene, &case.cameras, &case.settings).map_err(|e| format!("{e}\n{case:?}"))?;
-    let judge = render_culled(&case.scene, &case.cameras, &case.settings).unwrap();
-    match compare_frames(&frame, &judge, &tolerance::of(case)) {
+    let reference = render_culled(&case.scene, &case.cameras, &case.settings).unwrap();
+    match compare_frames(&frame, &reference, &tolerance::of(case)) {
         Ok(report) => Ok(report.worst),
         Err(error) => Err(format!("{error}\n{case:?}")),
     }
@@ -77,37 +78,8 @@ fn every_mode_alone() {
     let mut base = random_case(16, Kind::Plain);
     base.settings.outputs = Outputs { color: true, silhouette: true, depth: true, normal: true };
     base.settings.background = Background::Weighted;
-    type Change = fn(&mut Case);
-    let modes: [(&str, Change); 14] = [
-        ("the paper's", |_| {}),
-        ("composite", |c| c.settings.background = Background::Composite),
-        ("hard colour", |c| c.settings.color = ColorAggregation::Hard),
-        ("sum", |c| c.settings.silhouette = SilhouetteAggregation::Sum),
-        ("hard silhouette", |c| c.settings.silhouette = SilhouetteAggregation::Hard),
-        ("barycentric", |c| c.settings.distance = Distance::Barycentric),
-        ("hard distance", |c| c.settings.distance = Distance::Hard),
-        ("front faces", |c| c.settings.faces = Faces::Front),
-        ("perspective-correct", |c| c.settings.interpolation = Interpolation::Perspective),
-        ("official", |c| c.settings.parity = Parity::Official),
-        ("official front faces", |c| {
-            (c.settings.parity, c.settings.faces) = (Parity::Official, Faces::Front);
-        }),
-        ("hard composite", |c| {
-            (c.settings.color, c.settings.background) = (ColorAggregation::Hard, Background::Composite);
-        }),
-        ("hard official front faces", |c| {
-            (c.settings.color, c.settings.parity, c.settings.faces) =
-                (ColorAggregation::Hard, Parity::Official, Faces::Front);
-        }),
-        ("composite official front faces", |c| {
-            (c.settings.background, c.settings.parity, c.settings.faces) =
-                (Background::Composite, Parity::Official, Faces::Front);
-        }),
-    ];
     let mut failures = Vec::new();
-    for (name, change) in modes {
-        let mut case = base.clone();
-        change(&mut case);
+    for (name, case) in in_every_mode(&base) {
         if let Err(error) = agreement(&mut renderer, &case) {
             failures.push(format!("{name}: {error}"));
         }
@@ -137,15 +109,15 @@ fn outputs_are_those_asked_for() {
     }
 }
 
-/// The judge's own binning, which the other tests rely on, against its brute force, and how little τ leaves out.
+/// The reference's own binning, which the other tests rely on, against its brute force, and how little τ leaves out.
 #[test]
 fn tau_bounds_what_is_left_out() {
     let mut case = random_case(8, Kind::Plain);
     case.settings.tau = 1e-4;
     case.settings.gamma = 0.1;
     case.settings.outputs = Outputs { color: true, silhouette: true, depth: false, normal: false };
-    let judge = |truncation| render(&case.scene, &case.cameras, &case.settings, truncation).unwrap();
-    let (cut, whole) = (judge(Truncation::Tau), judge(Truncation::None));
+    let reference = |truncation| render(&case.scene, &case.cameras, &case.settings, truncation).unwrap();
+    let (cut, whole) = (reference(Truncation::Tau), reference(Truncation::None));
     let culled = render_culled(&case.scene, &case.cameras, &case.settings).unwrap();
     assert_eq!(culled.color, cut.color);
     assert_eq!(culled.silhouette, cut.silhouette);

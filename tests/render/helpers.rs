@@ -26,26 +26,26 @@ fn exact(image: &Image) -> Vec<f64> {
 #[test]
 fn compare_sees_every_kind_of_wrong_image() {
     let (image, margin) = (image(), vec![1.0; 12]);
-    let judge = exact(&image);
-    assert_eq!(compare("x", &image, &judge, &margin, &IMAGE).unwrap().worst, 0.0);
+    let reference = exact(&image);
+    assert_eq!(compare("x", &image, &reference, &margin, &IMAGE).unwrap().worst, 0.0);
 
     type Change<'a> = &'a dyn Fn(&mut Image, &mut Vec<f64>, &mut Vec<f64>);
     let wrong = |change: Change| {
-        let (mut image, mut judge, mut margin) = (image.clone(), judge.clone(), margin.clone());
-        change(&mut image, &mut judge, &mut margin);
-        compare("x", &image, &judge, &margin, &IMAGE).unwrap_err()
+        let (mut image, mut reference, mut margin) = (image.clone(), reference.clone(), margin.clone());
+        change(&mut image, &mut reference, &mut margin);
+        compare("x", &image, &reference, &margin, &IMAGE).unwrap_err()
     };
-    let said = wrong(&|_, judge, _| judge[15] += 4.1e-5);
+    let said = wrong(&|_, reference, _| reference[15] += 4.1e-5);
     assert!(said.contains("view 1, row 0, column 1, channel 1"), "{said}");
     let said = wrong(&|image, _, _| image.data[0] = f32::NAN);
     assert!(said.contains("view 0, row 0, column 0, channel 0 is NaN"), "{said}");
-    wrong(&|_, judge, _| judge[3] = f64::INFINITY);
+    wrong(&|_, reference, _| reference[3] = f64::INFINITY);
     // Not a number is wrong at a jump of the model too.
     wrong(&|image, _, margin| (image.data[0], margin[0]) = (f32::NAN, 0.0));
     wrong(&|image, _, _| image.data.truncate(23));
-    wrong(&|_, judge, _| judge.truncate(23));
+    wrong(&|_, reference, _| reference.truncate(23));
     wrong(&|_, _, margin| margin.truncate(11));
-    wrong(&|_, judge, _| judge.reverse());
+    wrong(&|_, reference, _| reference.reverse());
     let said = wrong(&|_, _, margin| margin[..2].fill(0.0));
     assert!(said.contains("0.16"), "{said}");
 }
@@ -53,17 +53,17 @@ fn compare_sees_every_kind_of_wrong_image() {
 #[test]
 fn compare_allows_what_it_says() {
     let image = image();
-    let (mut judge, mut margin) = (exact(&image), vec![1.0; 12]);
-    judge[1] += 1.9e-5;
-    judge[23] *= 1.0 + 1.9e-5;
-    let report = compare("x", &image, &judge, &margin, &IMAGE).unwrap();
+    let (mut reference, mut margin) = (exact(&image), vec![1.0; 12]);
+    reference[1] += 1.9e-5;
+    reference[23] *= 1.0 + 1.9e-5;
+    let report = compare("x", &image, &reference, &margin, &IMAGE).unwrap();
     assert!((0.9..1.0).contains(&report.worst) && report.left_out == 0.0, "{report:?}");
-    judge[8] = 99.0;
+    reference[8] = 99.0;
     margin[4] = 0.9e-4;
-    let report = compare("x", &image, &judge, &margin, &IMAGE).unwrap();
+    let report = compare("x", &image, &reference, &margin, &IMAGE).unwrap();
     assert_eq!(report.left_out, 1.0 / 12.0);
     let strict = Tolerance { left_out: 0.0, ..IMAGE };
-    compare("x", &image, &judge, &margin, &strict).unwrap_err();
+    compare("x", &image, &reference, &margin, &strict).unwrap_err();
 }
 
 #[test]
@@ -90,10 +90,10 @@ fn frames_are_compared_image_by_image() {
     let all = softras::scene::Outputs { color: true, silhouette: true, depth: true, normal: true };
     case.settings.outputs = all;
     let frame = renderer.render(&case.scene, &case.cameras, &case.settings).unwrap();
-    let judge = render_culled(&case.scene, &case.cameras, &case.settings).unwrap();
-    let middle = judge.margin.iter().position(|&m| m > 0.5).unwrap();
+    let reference = render_culled(&case.scene, &case.cameras, &case.settings).unwrap();
+    let middle = reference.margin.iter().position(|&m| m > 0.5).unwrap();
     for (name, change) in [("color", 3), ("silhouette", 1), ("depth", 1), ("normal", 3)] {
-        let mut wrong = judge.clone();
+        let mut wrong = reference.clone();
         let image = match name {
             "color" => &mut wrong.color,
             "silhouette" => &mut wrong.silhouette,
@@ -105,7 +105,7 @@ fn frames_are_compared_image_by_image() {
     }
     case.settings.outputs.depth = false;
     let less = renderer.render(&case.scene, &case.cameras, &case.settings).unwrap();
-    assert!(compare_frames(&less, &judge, &IMAGE).unwrap_err().contains("asked for and not there"));
+    assert!(compare_frames(&less, &reference, &IMAGE).unwrap_err().contains("asked for and not there"));
     assert!(same_bits(&frame, &less).unwrap_err().contains("only one"));
     case.settings.sigma *= 1.5;
     case.settings.outputs = all;

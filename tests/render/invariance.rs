@@ -24,14 +24,14 @@ fn render(renderer: &mut softras::Renderer, case: &Case) -> Frame {
     renderer.render(&case.scene, &case.cameras, &case.settings).unwrap_or_else(|e| panic!("{e}\n{case:?}"))
 }
 
-/// `a` against `b` up to the tolerance, but for pixels at a jump of the judge's model.
+/// `a` against `b` up to the tolerance, but for pixels at a jump of the reference's model.
 #[track_caller]
 fn assert_close(a: &Frame, b: &Frame, case: &Case) {
-    let judge = render_culled(&case.scene, &case.cameras, &case.settings).unwrap();
+    let reference = render_culled(&case.scene, &case.cameras, &case.settings).unwrap();
     for (name, a, b) in images(a, b) {
         let (Some(a), Some(b)) = (a, b) else { continue };
         let b: Vec<f64> = b.data.iter().map(|&x| f64::from(x)).collect();
-        compare(name, a, &b, &judge.margin, &tolerance::SAME_SCENE).unwrap_or_else(|e| panic!("{e}\n{case:?}"));
+        compare(name, a, &b, &reference.margin, &tolerance::SAME_SCENE).unwrap_or_else(|e| panic!("{e}\n{case:?}"));
     }
 }
 
@@ -75,14 +75,14 @@ fn a_mirrored_scene_gives_the_mirrored_image() {
     for seed in 0..6 {
         let [case, other] = mirror_pair(seed);
         let (frame, other) = (render(&mut renderer, &case), render(&mut renderer, &other));
-        let judge = render_culled(&case.scene, &case.cameras, &case.settings).unwrap();
+        let reference = render_culled(&case.scene, &case.cameras, &case.settings).unwrap();
         for (name, image, other) in images(&frame, &other) {
             let mut back = mirrored(other.unwrap());
             if name == "normal" {
                 back.data.chunks_exact_mut(3).for_each(|normal| normal[0] *= -1.0);
             }
             let back: Vec<f64> = back.data.iter().map(|&x| f64::from(x)).collect();
-            let result = compare(name, image.unwrap(), &back, &judge.margin, &tolerance::SAME_SCENE);
+            let result = compare(name, image.unwrap(), &back, &reference.margin, &tolerance::SAME_SCENE);
             result.unwrap_or_else(|e| panic!("{e}\n{case:?}"));
         }
     }

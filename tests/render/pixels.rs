@@ -39,36 +39,36 @@ fn mesh(triangles: &[[[f32; 3]; 3]], colors: &[[f32; 3]]) -> Mesh {
     Mesh::new(triangles.concat(), indices).unwrap().with_appearance(appearance).unwrap()
 }
 
-/// The kernels' and the judge's values at (row, column), which must be those computed by hand.
+/// The kernels' and the reference's values at (row, column), which must be those computed by hand.
 struct Check {
     frame: Frame,
-    judge: softras::reference::ReferenceFrame,
+    reference: softras::reference::ReferenceFrame,
 }
 
 fn check(renderer: &mut Renderer, scene: &Scene, settings: &Settings) -> Check {
     let cameras = [Camera::screen()];
     Check {
         frame: renderer.render(scene, &cameras, settings).unwrap(),
-        judge: render(scene, &cameras, settings, Truncation::Tau).unwrap(),
+        reference: render(scene, &cameras, settings, Truncation::Tau).unwrap(),
     }
 }
 
 impl Check {
     #[track_caller]
     fn assert(&self, name: &str, row: usize, column: usize, expected: &[f64]) {
-        let (image, judge) = match name {
-            "color" => (self.frame.color(), &self.judge.color),
-            "silhouette" => (self.frame.silhouette(), &self.judge.silhouette),
-            "depth" => (self.frame.depth(), &self.judge.depth),
-            _ => (self.frame.normal(), &self.judge.normal),
+        let (image, reference) = match name {
+            "color" => (self.frame.color(), &self.reference.color),
+            "silhouette" => (self.frame.silhouette(), &self.reference.silhouette),
+            "depth" => (self.frame.depth(), &self.reference.depth),
+            _ => (self.frame.normal(), &self.reference.normal),
         };
-        let pixel = row * self.judge.width + column;
+        let pixel = row * self.reference.width + column;
         let n = expected.len();
         let close = |x: f64, y: &f64, tolerance: f64| (x - y).abs() <= tolerance;
-        let judge = &judge[pixel * n..(pixel + 1) * n];
+        let reference = &reference[pixel * n..(pixel + 1) * n];
         assert!(
-            judge.iter().zip(expected).all(|(x, y)| close(*x, y, 1e-9)),
-            "judge's {name}: {judge:?}, not {expected:?}"
+            reference.iter().zip(expected).all(|(x, y)| close(*x, y, 1e-9)),
+            "reference's {name}: {reference:?}, not {expected:?}"
         );
         let image = image.unwrap().pixel(0, row, column);
         let all = image.len() == n && image.iter().zip(expected).all(|(x, y)| close(f64::from(*x), y, BY_HAND));

@@ -1,5 +1,5 @@
 //! What holds of every image, whatever the triangles, by proptest: no pair of pixel and triangle within the radius is
-//! missing from the tiles' lists and none is there twice; what the near plane cuts is what the brute-force judge leaves.
+//! missing from the tiles' lists and none is there twice; what the near plane cuts is what the brute-force reference leaves.
 
 use crate::common::{compare::compare_frames, renderer, tolerance::Tolerance};
 use glam::DMat4;
@@ -56,9 +56,9 @@ fn summed(width: u32, height: u32, sigma: f64) -> Settings {
 
 fn agrees(renderer: &mut Renderer, scene: &Scene, camera: Camera, settings: &Settings) -> Result<(), String> {
     let frame = renderer.render(scene, &[camera], settings).map_err(|error| error.to_string())?;
-    let judge = render(scene, &[camera], settings, Truncation::Tau).map_err(|error| error.to_string())?;
+    let reference = render(scene, &[camera], settings, Truncation::Tau).map_err(|error| error.to_string())?;
     let tolerance = Tolerance { value: 4e-5, margin: 1e-3, left_out: 1.0 };
-    compare_frames(&frame, &judge, &tolerance).map(|_| ())
+    compare_frames(&frame, &reference, &tolerance).map(|_| ())
 }
 
 #[test]
@@ -98,9 +98,9 @@ fn a_pair_too_many_is_seen() {
     let one = [[-0.5, -0.5, 3.0], [0.6, -0.4, 3.0], [0.1, 0.7, 3.0]];
     let settings = summed(40, 30, 1e-3);
     let camera = Camera::screen();
-    let judge = render(&scene(&[one, one]), &[camera], &settings, Truncation::Tau).unwrap();
+    let reference = render(&scene(&[one, one]), &[camera], &settings, Truncation::Tau).unwrap();
     let far_away = [[50.0, 50.0, 3.0], [51.0, 50.0, 3.0], [50.0, 51.0, 3.0]];
     let frame = renderer().render(&scene(&[one, far_away]), &[camera], &settings).unwrap();
     let tolerance = Tolerance { value: 4e-5, margin: 1e-3, left_out: 1.0 };
-    assert!(compare_frames(&frame, &judge, &tolerance).is_err());
+    assert!(compare_frames(&frame, &reference, &tolerance).is_err());
 }

@@ -36,9 +36,9 @@ fn crowd(count: usize) -> (Scene, Settings) {
 fn a_tile_holds_fifty_thousand_triangles() {
     let (scene, settings) = crowd(50_000);
     let frame = renderer().render(&scene, &[Camera::screen()], &settings).unwrap();
-    let judge = render_culled(&scene, &[Camera::screen()], &settings).unwrap();
-    compare_frames(&frame, &judge, &tolerance::CROWD).unwrap();
-    let total: f64 = judge.silhouette.iter().sum::<f64>() * 50_000.0;
+    let reference = render_culled(&scene, &[Camera::screen()], &settings).unwrap();
+    compare_frames(&frame, &reference, &tolerance::CROWD).unwrap();
+    let total: f64 = reference.silhouette.iter().sum::<f64>() * 50_000.0;
     assert!(total > 15_000.0, "the triangles are seen {total} times");
     let sum: f64 = frame.silhouette().unwrap().data.iter().map(|&x| f64::from(x)).sum::<f64>() * 50_000.0;
     assert!((sum / total - 1.0).abs() < 1e-4, "{sum} of {total}");

@@ -1,4 +1,4 @@
-//! Geometry, sizes and numbers at the edge of what there is, against the judge.
+//! Geometry, sizes and numbers at the edge of what there is, against the reference.
 
 use crate::common::{
     compare::compare_frames,
@@ -16,17 +16,17 @@ use softras::{
 };
 
 #[track_caller]
-fn against_judge(
+fn against_reference(
     renderer: &mut Renderer,
     scene: &Scene,
     camera: Camera,
     settings: &Settings,
 ) -> (Frame, ReferenceFrame) {
-    against_judge_within(renderer, scene, camera, settings, &tolerance::IMAGE)
+    against_reference_within(renderer, scene, camera, settings, &tolerance::IMAGE)
 }
 
 #[track_caller]
-fn against_judge_within(
+fn against_reference_within(
     renderer: &mut Renderer,
     scene: &Scene,
     camera: Camera,
@@ -34,9 +34,9 @@ fn against_judge_within(
     tolerance: &Tolerance,
 ) -> (Frame, ReferenceFrame) {
     let frame = renderer.render(scene, &[camera], settings).unwrap();
-    let judge = render_culled(scene, &[camera], settings).unwrap();
-    compare_frames(&frame, &judge, tolerance).unwrap_or_else(|e| panic!("{e}\n{settings:?}"));
-    (frame, judge)
+    let reference = render_culled(scene, &[camera], settings).unwrap();
+    compare_frames(&frame, &reference, tolerance).unwrap_or_else(|e| panic!("{e}\n{settings:?}"));
+    (frame, reference)
 }
 
 /// The official kernels are off by more than 0.01 in D for 72 % of such fragments.
@@ -73,13 +73,17 @@ fn small_faces_keep_their_edges() {
             on_screen.iter().map(|t| t.map(|[x, y]| [(x * lift) as f32, (y * lift) as f32, z as f32])).collect();
         let scene = Scene::new(triangles(&corners));
         let frame = renderer.render(&scene, &[camera], &settings).unwrap();
-        let judge = render_culled(&scene, &[camera], &settings).unwrap();
+        let reference = render_culled(&scene, &[camera], &settings).unwrap();
         let errors =
-            frame.silhouette().unwrap().data.iter().zip(&judge.silhouette).map(|(a, b)| (f64::from(*a) - b).abs());
+            frame.silhouette().unwrap().data.iter().zip(&reference.silhouette).map(|(a, b)| (f64::from(*a) - b).abs());
         let far_off = errors.filter(|error| error.is_nan() || *error > tolerance::SMALL_FACE).count();
-        let partial = judge.silhouette.iter().filter(|d| (0.01..0.99).contains(*d)).count();
+        let partial = reference.silhouette.iter().filter(|d| (0.01..0.99).contains(*d)).count();
         assert!(partial > 2000, "only {partial} fragments at an edge");
-        assert!(far_off * 1000 <= judge.silhouette.len(), "{far_off} of {} fragments are off", judge.silhouette.len());
+        assert!(
+            far_off * 1000 <= reference.silhouette.len(),
+            "{far_off} of {} fragments are off",
+            reference.silhouette.len()
+        );
     }
 }
 
@@ -92,7 +96,7 @@ fn triangles_without_area_are_segments_and_points() {
     for distance in [Distance::Euclidean, Distance::Barycentric, Distance::Hard] {
         for sigma in [1e-6, 1e-2] {
             let settings = Settings { distance, sigma, ..small(40, 30) };
-            let (frame, _) = against_judge(renderer, &scene, Camera::screen(), &settings);
+            let (frame, _) = against_reference(renderer, &scene, Camera::screen(), &settings);
             assert!(frame.color().unwrap().data.iter().all(|x| x.is_finite()));
         }
     }
@@ -107,8 +111,8 @@ fn the_same_triangle_again_counts_again() {
         // Five equal depths are no jump: the first triangle is the nearest.
         let all = Tolerance { margin: 0.0, ..tolerance::IMAGE };
         let scene = Scene::new(triangles(&[triangle; 5]));
-        let (five, _) = against_judge_within(renderer, &scene, Camera::screen(), &settings, &all);
-        let (one, _) = against_judge(renderer, &Scene::new(triangles(&[triangle])), Camera::screen(), &settings);
+        let (five, _) = against_reference_within(renderer, &scene, Camera::screen(), &settings, &all);
+        let (one, _) = against_reference(renderer, &Scene::new(triangles(&[triangle])), Camera::screen(), &settings);
         for (five, one) in five.silhouette().unwrap().data.iter().zip(&one.silhouette().unwrap().data) {
             assert!((five - (1.0 - (1.0 - one).powi(5))).abs() < 1e-5 || *one < 1e-3, "{five} from {one}");
         }
@@ -136,7 +140,7 @@ fn a_floor_under_the_viewer_is_cut_at_near_and_far() {
             let settings = Settings { near, far, background, gamma: 0.01, ..small(60, 50) };
             let scene = Scene::new(floor()).with_lights(Lights::official());
             let tolerance = tolerance::cut_at(near, 6.0);
-            let (frame, _) = against_judge_within(renderer, &scene, camera, &settings, &tolerance);
+            let (frame, _) = against_reference_within(renderer, &scene, camera, &settings, &tolerance);
             let silhouette = frame.silhouette().unwrap();
             let column: Vec<f32> = (0..50).map(|row| silhouette.pixel(0, row, 30)[0]).collect();
             assert!(column[..24].iter().all(|&a| a == 0.0), "nothing above the horizon: {column:?}");
@@ -153,13 +157,13 @@ fn what_is_behind_the_viewer_is_not_seen() {
     for projection in [Projection::Perspective { fov_y: 1.0 }, Projection::Orthographic { half_height: 1.0 }] {
         let camera = Camera::look_at(DVec3::Z * -5.0, DVec3::Z * -9.0, DVec3::Y, projection).unwrap();
         let scene = Scene::new(shapes::cube().unwrap());
-        let (frame, _) = against_judge(renderer, &scene, camera, &small(20, 20));
+        let (frame, _) = against_reference(renderer, &scene, camera, &small(20, 20));
         assert!(frame.silhouette().unwrap().data.iter().all(|&a| a == 0.0));
     }
     // The camera inside the cube sees it all around.
     let camera = Camera::look_at(DVec3::ZERO, DVec3::ONE, DVec3::Y, Projection::Perspective { fov_y: 1.0 }).unwrap();
     let settings = Settings { near: 0.1, ..small(20, 20) };
-    let (frame, _) = against_judge(renderer, &Scene::new(shapes::cube().unwrap()), camera, &settings);
+    let (frame, _) = against_reference(renderer, &Scene::new(shapes::cube().unwrap()), camera, &settings);
     assert!(frame.silhouette().unwrap().data.iter().all(|&a| a > 0.7), "½ of each side at an edge");
 }
 
@@ -170,7 +174,7 @@ fn images_of_any_shape() {
     let camera = Camera::from_angles(3.0, 20.0, 30.0, Projection::Perspective { fov_y: 0.8 }).unwrap();
     for (width, height) in [(1, 1), (1, 257), (257, 1), (7, 3), (8, 4), (9, 5), (64, 32), (65, 33), (63, 31), (300, 2)]
     {
-        against_judge(renderer, &scene, camera, &Settings { sigma: 1e-5, ..small(width, height) });
+        against_reference(renderer, &scene, camera, &Settings { sigma: 1e-5, ..small(width, height) });
     }
 }
 
@@ -182,8 +186,8 @@ fn an_empty_mesh_has_company() {
     let scene = Scene::batch(vec![empty, shapes::cube().unwrap(), bare]);
     let camera = Camera::from_angles(3.0, 20.0, 30.0, Projection::Perspective { fov_y: 0.8 }).unwrap();
     let frame = renderer.render(&scene, &[camera; 3], &small(30, 20)).unwrap();
-    let judge = render_culled(&scene, &[camera; 3], &small(30, 20)).unwrap();
-    compare_frames(&frame, &judge, &tolerance::IMAGE).unwrap();
+    let reference = render_culled(&scene, &[camera; 3], &small(30, 20)).unwrap();
+    compare_frames(&frame, &reference, &tolerance::IMAGE).unwrap();
     let image = frame.silhouette().unwrap();
     let sums = [0, 1, 2].map(|view| image.view(view).iter().sum::<f32>());
     assert!(sums[0] == 0.0 && sums[1] > 50.0 && sums[2] == 0.0, "{sums:?}");
@@ -194,7 +198,7 @@ fn a_fine_mesh_is_whole() {
     let scene = Scene::new(shapes::icosphere(6).unwrap()).with_lights(Lights::official());
     let camera = Camera::from_angles(3.0, 20.0, 30.0, Projection::Perspective { fov_y: 0.8 }).unwrap();
     let settings = Settings { sigma: 1e-5, ..small(128, 128) };
-    against_judge_within(&mut renderer(), &scene, camera, &settings, &tolerance::CROWD);
+    against_reference_within(&mut renderer(), &scene, camera, &settings, &tolerance::CROWD);
 }
 
 #[test]
@@ -202,7 +206,7 @@ fn one_triangle_may_be_far_larger_than_the_image() {
     let renderer = &mut renderer();
     for size in [1e2, 1e4, 1e6f32] {
         let corners = [[-size, -0.3, 3.0], [size, 0.2, 4.0], [0.1, size, 5.0]];
-        against_judge(renderer, &Scene::new(triangles(&[corners])), Camera::screen(), &small(40, 30));
+        against_reference(renderer, &Scene::new(triangles(&[corners])), Camera::screen(), &small(40, 30));
     }
 }
 
@@ -219,6 +223,6 @@ fn even_surface_resolutions() {
         let texels = texels.into_iter().map(|_| random.color()).collect();
         let mesh = mesh.with_appearance(Appearance::Surface { resolution, texels }).unwrap();
         let tolerance = Tolerance { left_out: 0.6, ..tolerance::IMAGE };
-        against_judge_within(renderer, &Scene::new(mesh), camera, &small(80, 60), &tolerance);
+        against_reference_within(renderer, &Scene::new(mesh), camera, &small(80, 60), &tolerance);
     }
 }

@@ -129,7 +129,7 @@ fn scenes_lights_and_settings() {
     render(&scene, 1, &settings).unwrap();
 }
 
-/// What is wrong with a judge that should take the numbers from `low` to `high`: an end that it refuses, or the next float
+/// What is wrong with a reference that should take the numbers from `low` to `high`: an end that it refuses, or the next float
 /// beyond, an infinity or a NaN that it takes.
 fn range_error(low: f32, high: f32, taken: impl Fn(f32) -> bool) -> Option<f32> {
     let refused = [low, high].into_iter().find(|x| !taken(*x));

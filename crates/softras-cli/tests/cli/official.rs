@@ -55,8 +55,17 @@ fn weights(count: usize, from: usize) -> Vec<f64> {
     (0..count).map(|i| ((i * 37 + from) % 64) as f64 / 32.0 - 1.0).collect()
 }
 
+/// The official kernels take these as float32, and the cut-off ln(1 / τ - 1) rather than τ.
+fn rounded(mut s: Settings) -> Settings {
+    for value in [&mut s.near, &mut s.far, &mut s.epsilon, &mut s.sigma, &mut s.gamma] {
+        *value = f64::from(*value as f32);
+    }
+    s.tau = 1.0 / (1.0 + f64::from((1.0 / s.tau - 1.0).ln() as f32).exp());
+    s
+}
+
 fn official(seed: u64, mode: Mode) -> Official {
-    let settings = mode.settings(SIZE as u32, SIZE as u32);
+    let settings = rounded(mode.settings(SIZE as u32, SIZE as u32));
     let triangles: Triangles = random_triangles(seed, 8, mode.resolution);
     let image = equations::image(&triangles, &settings);
     let (color, silhouette) = (weights(3 * SIZE * SIZE, 11), weights(SIZE * SIZE, 5));

@@ -1,0 +1,118 @@
+//! The one table of modes. Forward, gradient, reference and repeat tests go through it, so that a new mode is one line here.
+
+use super::{
+    random::Random,
+    scenes::{Case, Kind, random_texture},
+};
+use glam::DVec3;
+use softras::{
+    Lights,
+    scene::{
+        Appearance, Background, ColorAggregation, Distance, Faces, FrontFace, Interpolation, Outputs, Parity,
+        Projection, Shading, SilhouetteAggregation, Support, Wrap,
+    },
+};
+
+/// Changes a case of the paper's modes into one of a mode.
+pub type Change = fn(&mut Case);
+
+/// Each choice by itself, and the combinations that have code of their own.
+pub const MODES: [(&str, Change); 29] = [
+    ("the paper's", |_| {}),
+    ("composite", |c| c.settings.background = Background::Composite),
+    ("hard colour", |c| c.settings.color = ColorAggregation::Hard),
+    ("sum", |c| c.settings.silhouette = SilhouetteAggregation::Sum),
+    ("hard silhouette", |c| c.settings.silhouette = SilhouetteAggregation::Hard),
+    ("barycentric", |c| c.settings.distance = Distance::Barycentric),
+    ("hard distance", |c| c.settings.distance = Distance::Hard),
+    ("front faces", |c| c.settings.faces = Faces::Front),
+    ("clockwise front faces", |c| {
+        (c.settings.faces, c.settings.front_face) = (Faces::Front, FrontFace::Clockwise);
+    }),
+    ("perspective-correct", |c| c.settings.interpolation = Interpolation::Perspective),
+    ("official", |c| c.settings.parity = Parity::Official),
+    ("guaranteed support", |c| c.settings.support = Support::Guaranteed),
+    ("smooth", |c| c.scene.lights.shading = Shading::Smooth),
+    ("unlit", |c| c.scene.lights = Lights::unlit()),
+    ("cut at near", |c| through_near(c, Parity::Model)),
+    ("beyond far", |c| c.settings.far = depth_at(c, 0.6)),
+    ("official near", |c| through_near(c, Parity::Official)),
+    ("surface texture", |c| each_appearance(c, surface)),
+    ("textures, repeated", |c| each_appearance(c, |random, count| textured(random, count, Wrap::Repeat))),
+    ("textures, clamped", |c| each_appearance(c, |random, count| textured(random, count, Wrap::Clamp))),
+    ("colour alone", |c| c.settings.outputs = Outputs { color: true, ..NOTHING }),
+    ("silhouette alone", |c| c.settings.outputs = Outputs { silhouette: true, ..NOTHING }),
+    ("depth and normal alone", |c| c.settings.outputs = Outputs { depth: true, normal: true, ..NOTHING }),
+    ("hard composite", |c| {
+        (c.settings.color, c.settings.background) = (ColorAggregation::Hard, Background::Composite);
+    }),
+    ("sum composite", |c| {
+        (c.settings.silhouette, c.settings.background) = (SilhouetteAggregation::Sum, Background::Composite);
+    }),
+    ("barycentric official", |c| {
+        (c.settings.distance, c.settings.parity) = (Distance::Barycentric, Parity::Official);
+    }),
+    ("official front faces", |c| (c.settings.parity, c.settings.faces) = (Parity::Official, Faces::Front)),
+    ("hard official front faces", |c| {
+        (c.settings.color, c.settings.parity, c.settings.faces) =
+            (ColorAggregation::Hard, Parity::Official, Faces::Front);
+    }),
+    ("composite official front faces", |c| {
+        (c.settings.background, c.settings.parity, c.settings.faces) =
+            (Background::Composite, Parity::Official, Faces::Front);
+    }),
+];
+
+const NOTHING: Outputs = Outputs { color: false, silhouette: false, depth: false, normal: false };
+
+/// The case in each mode, with the mode's name.
+pub fn in_every_mode(base: &Case) -> impl Iterator<Item = (&'static str, Case)> {
+    MODES.into_iter().map(|(name, change)| {
+        let mut case = base.clone();
+        change(&mut case);
+        (name, case)
+    })
+}
+
+/// The depth at a share of the way from the nearest vertex of all views to the farthest.
+fn depth_at(case: &Case, share: f64) -> f64 {
+    let points = || case.scene.meshes.iter().flat_map(|mesh| mesh.positions()).map(|p| DVec3::from(p.map(f64::from)));
+    let depth = |camera: &softras::Camera, p: DVec3| match camera.projection() {
+        Projection::Screen => p.z,
+        _ => DVec3::from_slice(&camera.view()[2][..3]).dot(p) + camera.view()[2][3],
+    };
+    let depths = || case.cameras.iter().flat_map(|camera| points().map(move |p| depth(camera, p)));
+    let (low, high) = (depths().fold(f64::INFINITY, f64::min), depths().fold(f64::NEG_INFINITY, f64::max));
+    low + share * (high - low)
+}
+
+/// Near within the scene: it cuts triangles, or, in official parity, leaves out fragments.
+fn through_near(case: &mut Case, parity: Parity) {
+    case.settings.near = depth_at(case, 0.35);
+    case.settings.parity = parity;
+    case.kind = Kind::Clipped;
+}
+
+fn each_appearance(case: &mut Case, make: fn(&mut Random, usize) -> Appearance) {
+    let random = &mut Random::new(case.seed ^ 0xa11);
+    for mesh in &mut case.scene.meshes {
+        let appearance = make(random, mesh.triangles().len());
+        *mesh = mesh.clone().with_appearance(appearance).unwrap();
+    }
+}
+
+fn surface(random: &mut Random, triangles: usize) -> Appearance {
+    Appearance::Surface { resolution: 3, texels: (0..9 * triangles).map(|_| random.color()).collect() }
+}
+
+/// Two textures, with UVs beyond [0, 1].
+fn textured(random: &mut Random, triangles: usize, wrap: Wrap) -> Appearance {
+    let textures = [(); 2].map(|()| {
+        let random = random_texture(random);
+        softras::scene::Texture::new(random.width(), random.height(), random.texels().to_vec(), wrap).unwrap()
+    });
+    let uvs: Vec<[f32; 2]> = (0..7).map(|_| [(); 2].map(|()| random.range(-1.0, 2.0) as f32)).collect();
+    let uv_triangles = (0..triangles).map(|_| [(); 3].map(|()| random.below(uvs.len()) as u32)).collect();
+    let texture_of_triangle = (0..triangles).map(|t| t as u32 % 2).collect();
+    Appearance::Textured { uvs, uv_triangles, textures: textures.to_vec(), texture_of_triangle }
+}
