@@ -31,7 +31,8 @@ pub const MODES: [(&str, Change); 29] = [
     }),
     ("perspective-correct", |c| c.settings.interpolation = Interpolation::Perspective),
     ("official", |c| c.settings.parity = Parity::Official),
-    ("guaranteed support", |c| c.settings.support = Support::Guaranteed),
+    // Of a γ at which the kernels can follow D as far down as that support goes.
+    ("guaranteed support", |c| (c.settings.support, c.settings.gamma) = (Support::Guaranteed, 0.1)),
     ("smooth", |c| c.scene.lights.shading = Shading::Smooth),
     ("unlit", |c| c.scene.lights = Lights::unlit()),
     ("cut at near", |c| through_near(c, Parity::Model)),

@@ -74,14 +74,19 @@ fn camera(projection: Projection) -> Camera {
 
 const FOV: Projection = Projection::Perspective { fov_y: 0.8 };
 
-/// A random weight for every value of every image, 0 near jumps.
+/// A random weight for every value of every image that there is, 0 near jumps.
 fn upstream(frame: &ReferenceFrame) -> Upstream {
     let mut random = Random(3);
-    let mut weights = |channels: usize| -> Option<Vec<f64>> {
+    let mut weights = |image: &[f64], channels: usize| -> Option<Vec<f64>> {
         let weight = |i: usize, r: f64| if frame.margin[i / channels] > 1e-3 { 2.0 * r - 1.0 } else { 0.0 };
-        Some((0..frame.margin.len() * channels).map(|i| weight(i, random.next())).collect())
+        (!image.is_empty()).then(|| (0..image.len()).map(|i| weight(i, random.next())).collect())
     };
-    Upstream { d_color: weights(3), d_silhouette: weights(1), d_depth: weights(1), d_normal: weights(3) }
+    Upstream {
+        d_color: weights(&frame.color, 3),
+        d_silhouette: weights(&frame.silhouette, 1),
+        d_depth: weights(&frame.depth, 1),
+        d_normal: weights(&frame.normal, 3),
+    }
 }
 
 fn loss(frame: &ReferenceFrame, upstream: &Upstream) -> f64 {
