@@ -36,7 +36,7 @@ pub const MODES: [(&str, Change); 29] = [
     ("smooth", |c| c.scene.lights.shading = Shading::Smooth),
     ("unlit", |c| c.scene.lights = Lights::unlit()),
     ("cut at near", |c| through_near(c, Parity::Model)),
-    ("beyond far", |c| c.settings.far = depth_at(c, 0.6)),
+    ("beyond far", |c| within(c, c.settings.near, depth_at(c, 0.6))),
     ("official near", |c| through_near(c, Parity::Official)),
     ("surface texture", |c| each_appearance(c, surface)),
     ("textures, repeated", |c| each_appearance(c, |random, count| textured(random, count, Wrap::Repeat))),
@@ -89,9 +89,14 @@ fn depth_at(case: &Case, share: f64) -> f64 {
 
 /// Near within the scene: it cuts triangles, or, in official parity, leaves out fragments.
 fn through_near(case: &mut Case, parity: Parity) {
-    case.settings.near = depth_at(case, 0.35);
+    within(case, depth_at(case, 0.35), case.settings.far);
     case.settings.parity = parity;
-    case.kind = Kind::Clipped;
+}
+
+/// Between planes that the scene crosses. γ is that of random clipped scenes: at least 1e-3 world units.
+fn within(case: &mut Case, near: f64, far: f64) {
+    (case.settings.near, case.settings.far, case.kind) = (near, far, Kind::Clipped);
+    case.settings.gamma = case.settings.gamma.max(1e-3 / (far - near));
 }
 
 fn each_appearance(case: &mut Case, make: fn(&mut Random, usize) -> Appearance) {
