@@ -1,11 +1,10 @@
 //! From a backward pass's buffers to [`Gradients`].
 
 use super::plan::{FramePlan, GradientPlan};
-use super::shape::MeshShape;
 use crate::constants as c;
 use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
-use crate::frame::pack::{Appearances, MeshLayout, MeshTables};
+use crate::frame::pack::{AppearanceShape, MeshLayout, MeshShape, MeshTables};
 use crate::gradients::{CameraGradient, Gradients, LightGradients, MeshGradients, Wanted};
 use crate::scene::{Background, Camera, Lights, Parity, Projection, Settings};
 use std::ops::Range;
@@ -133,7 +132,9 @@ impl Decoder<'_> {
         } else {
             &[]
         };
-        let texels = |range: &Range<usize>| self.texels(range.clone(), floats);
+        let texels = |ranges: Vec<Range<usize>>| -> Result<Vec<_>> {
+            ranges.into_iter().map(|range| self.texels(range, floats)).collect()
+        };
         let mut meshes = Vec::with_capacity(tables.layouts.len());
         for (m, layout) in tables.layouts.iter().enumerate() {
             let range = layout.vertex_range();
@@ -142,27 +143,29 @@ impl Decoder<'_> {
             if wanted.positions {
                 mesh.positions = rows.iter().map(|r| [r[0], r[1], r[2]]).collect();
             }
+            let shape = &tables.shapes[m];
             if wanted.colors {
-                mesh.colors = match &tables.appearances[m] {
-                    Appearances::Vertices => rows.iter().map(|r| [r[4], r[5], r[6]]).collect(),
-                    Appearances::Uniform => vec![sum_colors(rows)],
+                mesh.colors = match shape.appearance {
+                    AppearanceShape::VertexColors => rows.iter().map(|r| [r[4], r[5], r[6]]).collect(),
+                    AppearanceShape::Uniform => vec![sum_colors(rows)],
                     _ => Vec::new(),
                 };
             }
-            match &tables.appearances[m] {
-                Appearances::Surface { texels: range } if wanted.texels => {
-                    mesh.surface_texels = texels(range)?;
+            match &shape.appearance {
+                AppearanceShape::Surface { .. } if wanted.texels => {
+                    mesh.surface_texels = texels(layout.texel_ranges(shape))?.into_iter().flatten().collect();
                 }
-                Appearances::Textured { textures, uvs, uv_triangles, .. } => {
+                AppearanceShape::Textured { uvs, .. } => {
                     if wanted.texels {
-                        mesh.texture_texels = textures.iter().map(texels).collect::<Result<_>>()?;
+                        mesh.texture_texels = texels(layout.texel_ranges(shape))?;
                     }
                     if wanted.uvs {
-                        let triangles = tables.uv_indices[uv_triangles.clone()].as_chunks().0;
+                        let first = layout.uv_index as usize;
+                        let indices = &tables.uv_indices[first..first + 3 * layout.triangles as usize];
                         // One mesh is seen by every view.
                         let one = tables.layouts.len() == 1;
                         let views = if one { 0..self.cameras.len() } else { m..m + 1 };
-                        mesh.uvs = self.uvs(views, *uvs, triangles, corners);
+                        mesh.uvs = self.uvs(views, *uvs as usize, indices.as_chunks().0, corners);
                     }
                 }
                 _ => {}

@@ -1,10 +1,9 @@
 //! The bytes of a frame's inputs, for a host to write into its own memory.
 
 use super::plan::FramePlan;
-use super::shape::MeshShape;
 use crate::constants as c;
 use crate::frame::buffers::BufferId;
-use crate::frame::pack::{Changes, MeshTables, camera_texels, light_texels};
+use crate::frame::pack::{Changes, MeshShape, MeshTables, camera_texels, light_texels};
 use crate::scene::{Camera, Scene, Settings, Shading};
 
 /// The inputs of a frame as the kernels read them, from a scene that the host has in its memory.

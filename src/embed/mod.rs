@@ -39,12 +39,12 @@ pub use place::{GeometryBindings, GeometryBuffers, GeometryGradientBindings, Geo
 pub use plan::{BufferRequirement, Differentiate, FramePlan, GradientPlan};
 pub use rebind::Rebound;
 pub use requirements::{Requirements, requirements};
-pub use shape::{AppearanceShape, MeshShape, Shape};
+pub use shape::Shape;
 pub use status::Status;
 pub use store::{FrameImage, ImageBindings};
 
 pub use crate::frame::buffers::{BufferId, Role};
-pub use crate::frame::pack::{camera_texels, light_texels};
+pub use crate::frame::pack::{AppearanceShape, MeshShape, camera_texels, light_texels};
 pub use crate::frame::plan::{Capacity, DepthSpan};
 #[cfg(all(feature = "external", unix))]
 pub use crate::vulkan::external;

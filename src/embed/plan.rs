@@ -5,6 +5,7 @@ use crate::error::{Error, Result};
 #[cfg(feature = "renderer")]
 use crate::frame::buffers::Entry;
 use crate::frame::buffers::{BufferId, Role, Sizes};
+use crate::frame::pack::{MeshLayout, TableLayout};
 use crate::frame::plan::{BackwardInput, BackwardPlan, Capacity, ForwardPlan, PlanInput, judge_views};
 use crate::gradients::Wanted;
 use crate::scene::{Lights, Outputs, Settings, Shading};
@@ -36,6 +37,7 @@ pub struct BufferRequirement {
 pub struct FramePlan {
     pub(crate) forward: ForwardPlan,
     pub(super) shape: Shape,
+    layouts: Vec<MeshLayout>,
     buffers: Vec<BufferRequirement>,
     pub(super) longest_list: u32,
     pub(super) capacity: Capacity,
@@ -151,11 +153,12 @@ impl FramePlan {
         judge(shape)?;
         let views = shape.view_sizes();
         let capacity = shape.capacity.unwrap_or_else(|| Capacity::estimate(settings, shape.cutoff, &views));
+        let tables = TableLayout::of(&shape.meshes, settings.save || shape.lights.shading == Shading::Smooth);
         let mut forward = ForwardPlan::new(&PlanInput {
             settings,
             cutoff: shape.cutoff,
             views: &views,
-            tables: shape.table_lengths(settings.save || shape.lights.shading == Shading::Smooth),
+            tables: tables.lengths,
             lights: &shape.lights,
             sampling: shape.sampling(),
             depth_span: shape.depth_span,
@@ -169,7 +172,15 @@ impl FramePlan {
         if shape.lights.shading == Shading::Smooth {
             judge_corners(shape, 1, longest_list)?;
         }
-        Ok(Self { forward, shape: shape.clone(), buffers, longest_list, capacity, limits: *limits })
+        Ok(Self {
+            forward,
+            layouts: tables.meshes,
+            shape: shape.clone(),
+            buffers,
+            longest_list,
+            capacity,
+            limits: *limits,
+        })
     }
 
     /// The buffers to give to [`Rasterizer::bind`](super::Rasterizer::bind), in no particular order.
@@ -237,7 +248,7 @@ impl FramePlan {
     /// What the buffer `view_shapes` holds: each view's mesh, and its share of the frame's buffers
     /// (`glsl/common/mesh.glsl`).
     pub fn view_shapes(&self) -> Vec<[u32; 4 * crate::constants::SHAPE_TEXELS as usize]> {
-        let meshes = self.shape.mesh_entries(self.forward.sizes[BufferId::Adjacency] > 0);
+        let meshes = &self.layouts;
         let entry = |(view, range): (usize, &crate::frame::plan::ViewRange)| {
             let m = meshes[if meshes.len() == 1 { 0 } else { view }];
             [

@@ -2,10 +2,10 @@
 
 use super::geometry::Geometry;
 use super::mesh::{MeshLook, PassMesh};
-use super::shape::{AppearanceShape, MeshShape};
 use crate::constants as c;
 use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
+use crate::frame::pack::{AppearanceShape, MeshShape};
 use crate::scene::Wrap;
 
 /// Bytes that go from the upload buffer into one of the frame's.

@@ -1,13 +1,14 @@
 //! Scenes, cameras and lights as the tables that the kernels read.
 
+mod layout;
 mod update;
 
+pub use layout::{AppearanceShape, MeshLayout, MeshShape, TableLayout};
 pub use update::Changes;
 
 use crate::constants as c;
-use crate::frame::plan::{Sampling, split};
+use crate::frame::plan::split;
 use crate::scene::{Appearance, Camera, Lights, Mesh, Projection, Scene, Settings, Texture, Wrap};
-use std::ops::Range;
 
 /// The meshes of a scene, one after the other, as flat arrays.
 #[derive(Debug, Default)]
@@ -33,71 +34,21 @@ pub struct MeshTables {
     pub texels: Vec<[f32; 4]>,
     /// Where each mesh lies in these.
     pub layouts: Vec<MeshLayout>,
-    /// What each mesh's gradients are by.
-    pub appearances: Vec<Appearances>,
-    /// Which kinds of texture there are.
-    pub sampling: Sampling,
+    /// The shapes of the meshes.
+    pub shapes: Vec<MeshShape>,
     /// The images laid out, by which unchanged ones are told without looking at their texels.
     images: Vec<Texture>,
-}
-
-/// What colours a mesh, as far as gradients need to know.
-#[derive(Clone, Debug)]
-pub enum Appearances {
-    /// One colour.
-    Uniform,
-    /// One colour a vertex.
-    Vertices,
-    /// Surface cells.
-    Surface {
-        /// Their texels.
-        texels: Range<usize>,
-    },
-    /// Images.
-    Textured {
-        /// The first's place in [`MeshTables::textures`].
-        first: u32,
-        /// Each image's texels.
-        textures: Vec<Range<usize>>,
-        /// UV pairs.
-        uvs: usize,
-        /// Each triangle's three, among [`MeshTables::uv_indices`].
-        uv_triangles: Range<usize>,
-    },
-}
-
-/// Where one mesh lies in [`MeshTables`].
-#[derive(Clone, Copy, Debug, Default)]
-pub struct MeshLayout {
-    vertex_base: u32,
-    color_base: u32,
-    uniform_color: bool,
-    uv_base: i32,
-    uv_index_base: i32,
-    texture_base: i32,
-    /// Vertices of the mesh.
-    pub vertices: u32,
-    /// Triangles of the mesh.
-    pub triangles: u32,
-}
-
-impl MeshLayout {
-    /// Its vertices among all.
-    pub fn vertex_range(&self) -> Range<usize> {
-        self.vertex_base as usize..(self.vertex_base + self.vertices) as usize
-    }
 }
 
 impl MeshTables {
     /// Lays out a scene's meshes; `adjacency` only where gradients or smooth shading need it.
     pub fn new(scene: &Scene, adjacency: bool) -> Self {
-        let mut tables = Self::default();
-        let plain = |a: &Appearance| matches!(a, Appearance::Uniform(_) | Appearance::VertexColors(_));
-        if !scene.meshes.iter().all(|m| plain(m.appearance())) {
+        let shapes: Vec<MeshShape> = scene.meshes.iter().map(MeshShape::of).collect();
+        let mut tables = Self { layouts: TableLayout::of(&shapes, adjacency).meshes, shapes, ..Self::default() };
+        if !tables.shapes.iter().all(MeshShape::is_plain) {
             // What a mesh without texture samples when another mesh of the frame has one.
             tables.textures.push([0, 1, 1, c::TEXTURE_CLAMP]);
             tables.texels.push([1.0; 4]);
-            tables.sampling.image = scene.meshes.iter().any(|m| plain(m.appearance()));
         }
         for mesh in &scene.meshes {
             tables.push(mesh, adjacency);
@@ -106,23 +57,12 @@ impl MeshTables {
     }
 
     fn push(&mut self, mesh: &Mesh, adjacency: bool) {
-        let mut layout = MeshLayout {
-            vertex_base: self.positions.len() as u32 / 3,
-            color_base: self.colors.len() as u32,
-            uniform_color: true,
-            uv_base: -1,
-            uv_index_base: -1,
-            texture_base: -1,
-            vertices: mesh.positions().len() as u32,
-            triangles: mesh.triangles().len() as u32,
-        };
         self.positions.extend(mesh.positions().iter().flatten());
         self.indices.extend(mesh.triangles().iter().flatten());
         if adjacency {
             self.push_adjacency(mesh);
         }
-        self.push_appearance(mesh, &mut layout);
-        self.layouts.push(layout);
+        self.push_appearance(mesh);
     }
 
     /// Compressed rows: counting sort of corners by vertex, so that each row ascends.
@@ -150,55 +90,31 @@ impl MeshTables {
         }
     }
 
-    fn push_appearance(&mut self, mesh: &Mesh, layout: &mut MeshLayout) {
+    fn push_appearance(&mut self, mesh: &Mesh) {
         match mesh.appearance() {
-            Appearance::Uniform(color) => {
-                self.colors.extend(color);
-                self.appearances.push(Appearances::Uniform);
-            }
-            Appearance::VertexColors(colors) => {
-                layout.uniform_color = false;
-                self.colors.extend(colors.iter().flatten());
-                self.appearances.push(Appearances::Vertices);
-            }
+            Appearance::Uniform(color) => self.colors.extend(color),
+            Appearance::VertexColors(colors) => self.colors.extend(colors.iter().flatten()),
             Appearance::Surface { resolution, texels } => {
                 self.colors.extend([1.0; 3]);
-                self.sampling.surface = true;
-                layout.texture_base = -1 - self.textures.len() as i32;
                 let count = texels.len() as u32;
                 self.textures.push([self.texels.len() as u32, *resolution, count, c::TEXTURE_SURFACE]);
-                let first = self.texels.len();
                 self.texels.extend(texels.iter().map(|t| [t[0], t[1], t[2], 0.0]));
-                self.appearances.push(Appearances::Surface { texels: first..self.texels.len() });
             }
             Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle } => {
                 self.colors.extend([1.0; 3]);
-                self.sampling.image = true;
-                layout.uv_base = self.uvs.len() as i32;
-                layout.uv_index_base = self.uv_indices.len() as i32;
                 self.uvs.extend(uvs.iter().flatten());
-                let first = self.uv_indices.len();
                 self.uv_indices.extend(uv_triangles.iter().flatten());
-                let uv_triangles = first..self.uv_indices.len();
                 let first = self.textures.len() as u32;
-                if texture_of_triangle.is_empty() {
-                    layout.texture_base = -1 - first as i32;
-                } else {
-                    layout.texture_base = self.triangle_textures.len() as i32;
-                    self.triangle_textures.extend(texture_of_triangle.iter().map(|t| first + t));
-                }
-                let ranges = textures.iter().map(|texture| self.push_texture(texture)).collect();
-                self.appearances.push(Appearances::Textured { first, textures: ranges, uvs: uvs.len(), uv_triangles });
+                self.triangle_textures.extend(texture_of_triangle.iter().map(|t| first + t));
+                textures.iter().for_each(|texture| self.push_texture(texture));
             }
         }
     }
 
-    fn push_texture(&mut self, texture: &Texture) -> Range<usize> {
-        let first = self.texels.len();
+    fn push_texture(&mut self, texture: &Texture) {
         self.textures.push([self.texels.len() as u32, texture.width(), texture.height(), kind_of(texture)]);
         self.texels.extend(texture.texels().iter().map(|t| [t[0], t[1], t[2], 0.0]));
         self.images.push(texture.clone());
-        first..self.texels.len()
     }
 }
 

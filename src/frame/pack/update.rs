@@ -1,6 +1,6 @@
 //! Tables of a scene that is nearly the last one: what differs is taken over and told of, so that it alone is uploaded.
 
-use super::{Appearances, MeshTables, kind_of};
+use super::{MeshTables, kind_of};
 use crate::frame::buffers::BufferId;
 use crate::scene::{Appearance, Mesh, Scene};
 
@@ -90,7 +90,7 @@ impl MeshTables {
                 Appearance::VertexColors(colors) => colors.as_flattened(),
                 _ => &[],
             };
-            let first = layout.color_base as usize;
+            let first = layout.color as usize;
             changes.note(BufferId::Colors, overwrite(&mut self.colors[first..first + colors.len()], colors));
             changes = changes.or(self.update_texture(mesh.appearance(), m, &mut image));
         }
@@ -100,40 +100,38 @@ impl MeshTables {
     /// The same of a mesh's texture, `image` counting all meshes' images.
     fn update_texture(&mut self, appearance: &Appearance, mesh: usize, image: &mut usize) -> Changes {
         let mut changes = Changes::default();
-        match (appearance, &self.appearances[mesh]) {
-            (Appearance::Surface { texels, .. }, Appearances::Surface { texels: range }) => {
-                changes.note(BufferId::Texels, overwrite_texels(&mut self.texels[range.clone()], texels));
+        let layout = self.layouts[mesh];
+        let ranges = layout.texel_ranges(&self.shapes[mesh]);
+        match appearance {
+            Appearance::Uniform(_) | Appearance::VertexColors(_) => {}
+            Appearance::Surface { texels, .. } => {
+                for range in ranges {
+                    changes.note(BufferId::Texels, overwrite_texels(&mut self.texels[range], texels));
+                }
             }
-            (
-                Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle },
-                Appearances::Textured { first, textures: ranges, uv_triangles: indices, .. },
-            ) => {
-                let layout = self.layouts[mesh];
-                let (at, uvs) = (layout.uv_base as usize, uvs.as_flattened());
+            Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle } => {
+                let (at, uvs) = (layout.uv as usize, uvs.as_flattened());
                 changes.note(BufferId::Uvs, overwrite(&mut self.uvs[at..at + uvs.len()], uvs));
-                let indices = &mut self.uv_indices[indices.clone()];
-                changes.note(BufferId::UvIndices, overwrite(indices, uv_triangles.as_flattened()));
-                let names = self.triangle_textures.iter_mut().skip(layout.texture_base.max(0) as usize);
-                for (name, texture) in names.zip(texture_of_triangle) {
+                let (at, indices) = (layout.uv_index as usize, uv_triangles.as_flattened());
+                changes.note(BufferId::UvIndices, overwrite(&mut self.uv_indices[at..at + indices.len()], indices));
+                let first = layout.first_texture;
+                let at = if texture_of_triangle.is_empty() { 0 } else { layout.texture as usize };
+                for (name, texture) in self.triangle_textures[at..].iter_mut().zip(texture_of_triangle) {
                     changes.note(BufferId::TriangleTextures, *name != first + texture);
                     *name = first + texture;
                 }
-                let entries = &mut self.textures[*first as usize..];
+                let entries = &mut self.textures[first as usize..];
                 for ((texture, range), entry) in textures.iter().zip(ranges).zip(entries) {
                     changes.note(BufferId::Textures, entry[3] != kind_of(texture));
                     entry[3] = kind_of(texture);
                     let known = &mut self.images[*image];
                     if !known.shares_texels(texture) {
-                        changes.note(
-                            BufferId::Texels,
-                            overwrite_texels(&mut self.texels[range.clone()], texture.texels()),
-                        );
+                        changes.note(BufferId::Texels, overwrite_texels(&mut self.texels[range], texture.texels()));
                         *known = texture.clone();
                     }
                     *image += 1;
                 }
             }
-            _ => {}
         }
         changes
     }
