@@ -3,7 +3,7 @@
 use super::plan::{BufferRequirement, FramePlan, GradientPlan};
 use crate::error::{Error, Result};
 use crate::frame::buffers::{BufferId, Parts, Sizes, UNUSED_SIZE};
-use crate::frame::passes::{self, BACKWARD_COUNT, BackwardStages, ForwardStages};
+use crate::frame::passes::{BACKWARD_COUNT, BackwardStages, FORWARD_COUNT, ForwardStages};
 use crate::frame::plan::Modes;
 use crate::gradients::Wanted;
 use crate::vulkan::{BufferPart, BufferRef, Device, Pipeline, TexelFormat, vk};
@@ -136,7 +136,7 @@ fn fits(sizes: &Sizes, ranges: &Sizes, same_kernels: bool) -> Result<()> {
 impl FrameBindings {
     pub(super) fn new(
         device: &Device,
-        pipelines: [Pipeline; passes::FORWARD_COUNT],
+        pipelines: [Pipeline; FORWARD_COUNT],
         plan: &FramePlan,
         parts: Parts,
     ) -> Result<Self> {

@@ -57,10 +57,10 @@ pub use crate::vulkan::{
 use crate::constants as c;
 use crate::error::{Error, Result};
 use crate::frame::buffers::Parts;
-use crate::frame::passes::{self, BACKWARD_COUNT};
+use crate::frame::passes::{self, BACKWARD_COUNT, BackwardStage, FORWARD_COUNT, ForwardStage};
 use crate::frame::pipelines::{Pipelines, Request};
 use crate::scene::Settings;
-use crate::vulkan::{Device, DeviceKind, Kernel, Pipeline, PipelineCache, Recorder, TimestampPool};
+use crate::vulkan::{Device, DeviceKind, Pipeline, PipelineCache, Recorder, TimestampPool};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// softras on a device: its kernels, and how to record them. Owns no memory, no queue and no command buffer.
@@ -242,23 +242,25 @@ impl Rasterizer {
         passes::record_backward(recorder, &plan.backward, stages, texel_sums, item_counts, times)
     }
 
-    fn forward_pipelines(&self, plan: &FramePlan) -> Result<[Pipeline; passes::FORWARD_COUNT]> {
-        let (lanes, modes) = (self.lanes, &plan.forward.modes.list());
-        let coarse_lanes = lanes.max(plan.forward.coarse_lanes);
-        let kernels = passes::forward_kernels(&self.device, lanes);
-        let lanes_of = |kernel: &Kernel| if kernel.name == "bin_coarse" { coarse_lanes } else { lanes };
-        self.pipelines(kernels.map(|kernel| Request { kernel, modes, lanes: lanes_of(kernel) }))
+    fn forward_pipelines(&self, plan: &FramePlan) -> Result<[Pipeline; FORWARD_COUNT]> {
+        let modes = &plan.forward.modes.list();
+        self.pipelines(ForwardStage::ALL.map(|stage| Request {
+            kernel: stage.kernel(&self.device, self.lanes),
+            modes,
+            lanes: if stage == ForwardStage::BinCoarse { self.lanes.max(plan.forward.coarse_lanes) } else { self.lanes },
+        }))
     }
 
     fn backward_pipelines(&self, plan: &GradientPlan) -> Result<[Pipeline; BACKWARD_COUNT]> {
         let lanes = self.lanes;
-        let modes: [_; BACKWARD_COUNT] = std::array::from_fn(|stage| {
-            let small = ("SMALL", u32::from(passes::BACKWARD_STAGES[stage].ends_with("_small")));
-            let own = [("REDUCTION", passes::reduction_of(stage)), small, ("LANES", lanes)];
-            plan.backward.modes.list().into_iter().chain(own).collect::<Vec<_>>()
-        });
-        let kernels = passes::backward_kernels(&self.device, lanes);
-        self.pipelines(std::array::from_fn(|i| Request { kernel: kernels[i], modes: &modes[i], lanes }))
+        let of_frame = plan.backward.modes.list();
+        let modes = BackwardStage::ALL
+            .map(|stage| of_frame.into_iter().chain(stage.modes()).chain([("LANES", lanes)]).collect::<Vec<_>>());
+        self.pipelines(BackwardStage::ALL.map(|stage| Request {
+            kernel: stage.kernel(&self.device, lanes),
+            modes: &modes[stage as usize],
+            lanes,
+        }))
     }
 
     fn pipelines<const N: usize>(&self, requests: [Request<'_>; N]) -> Result<[Pipeline; N]> {

@@ -4,7 +4,7 @@ use super::{Frame, Renderer, StageTime};
 use crate::embed::{Decoder, Differentiate, FramePlan, GradientBindings, GradientPlan};
 use crate::error::{Error, Result};
 use crate::frame::buffers::{BufferId, Role};
-use crate::frame::passes::{BACKWARD_STAGES, BACKWARD_TIMESTAMPS};
+use crate::frame::passes::{BACKWARD_TIMESTAMPS, BackwardStage};
 use crate::gradients::{Gradients, ImageGradient, Wanted};
 use crate::image::Image;
 use crate::scene::{Camera, Lights, Settings};
@@ -85,8 +85,7 @@ impl Renderer {
             return Ok(Vec::new());
         };
         let stamps = times.read(BACKWARD_TIMESTAMPS)?;
-        let spans = stamps.windows(2).map(|pair| pair[1] - pair[0]);
-        Ok(BACKWARD_STAGES.iter().zip(spans).map(|(&stage, milliseconds)| StageTime { stage, milliseconds }).collect())
+        Ok(StageTime::between(&stamps, BackwardStage::ALL.map(BackwardStage::name)))
     }
 
     fn backward_saved(&mut self, saved: &Saved, upstream: &ImageGradient, wanted: &Wanted) -> Result<Gradients> {

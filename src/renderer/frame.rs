@@ -16,6 +16,14 @@ pub struct StageTime {
     pub milliseconds: f64,
 }
 
+impl StageTime {
+    /// The times of stages from the timestamps before the first of them and after each, in milliseconds.
+    pub(super) fn between<const N: usize>(stamps: &[f64], stages: [&'static str; N]) -> Vec<Self> {
+        let spans = stamps.windows(2).map(|pair| pair[1] - pair[0]);
+        stages.into_iter().zip(spans).map(|(stage, milliseconds)| Self { stage, milliseconds }).collect()
+    }
+}
+
 /// What the device counted while it made a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameCounts {

@@ -12,7 +12,7 @@ use crate::embed::{FrameBindings, FramePlan, Inputs, Rasterizer, Shape, Status};
 use crate::error::Error;
 use crate::error::Result;
 use crate::frame::buffers::{BufferId, BufferSet, Entry, Role};
-use crate::frame::passes::{FORWARD_STAGES, FORWARD_TIMESTAMPS};
+use crate::frame::passes::{FORWARD_TIMESTAMPS, ForwardStage};
 use crate::frame::plan::Capacity;
 use crate::scene::{Camera, Scene, Settings};
 use crate::vulkan::{CacheFolder, CommandBuffer, Context, ContextOptions, DeviceInfo, Loader, TimestampPool};
@@ -315,7 +315,6 @@ impl Renderer {
             return Ok(Vec::new());
         };
         let stamps = times.read(FORWARD_TIMESTAMPS)?;
-        let spans = stamps.windows(2).map(|pair| pair[1] - pair[0]);
-        Ok(FORWARD_STAGES.iter().zip(spans).map(|(&stage, milliseconds)| StageTime { stage, milliseconds }).collect())
+        Ok(StageTime::between(&stamps, ForwardStage::ALL.map(ForwardStage::name)))
     }
 }

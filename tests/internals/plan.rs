@@ -141,8 +141,8 @@ fn a_backward_pass_takes_the_memory_of_the_formula() {
         let total: u64 = plan.sizes.iter().map(|(_, size)| size).sum();
         assert_eq!(total, expected + from_host + few, "case {case}: {upstream:?} {wanted:?}");
         assert_eq!(u64::from(plan.corner_stride()), 3 + when(by_color, 3) + when(by_uv, 2));
-        assert_eq!(plan.walks("backward_small"), shaded);
-        assert_eq!(plan.walks("backward_outline_small"), outlined);
+        assert_eq!(plan.shades(), shaded);
+        assert_eq!(plan.outlines(), outlined);
         assert_eq!(plan.has(c::GRADIENT_GEOMETRY), wanted.positions || wanted.camera);
         let anything = plan.modes.gradients & !c::GRADIENT_BACKGROUND != 0;
         let skipped = c::GRADIENT_BACKGROUND | c::GRADIENT_TEXEL;

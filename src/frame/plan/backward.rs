@@ -102,13 +102,15 @@ impl BackwardPlan {
         self.modes.gradients & flag != 0
     }
 
-    /// Whether one of the two stages that walk items ever has any: one those that show in a shaded image, the other those
-    /// that move the silhouette.
-    pub fn walks(&self, stage: &str) -> bool {
-        let Modes { upstream, composite, .. } = self.modes;
-        let shaded = upstream & !c::OUTPUT_SILHOUETTE != 0;
-        let outlines = upstream & c::OUTPUT_SILHOUETTE != 0 || (shaded && composite != 0);
-        if stage.starts_with("backward_outline") { outlines } else { shaded }
+    /// Whether a shaded image has an upstream gradient, so that there are items visible in it.
+    pub fn shades(&self) -> bool {
+        self.modes.upstream & !c::OUTPUT_SILHOUETTE != 0
+    }
+
+    /// Whether the loss depends on the silhouette, so that there are items that contribute to it only: by the
+    /// silhouette's own upstream gradient, or as the weight of a composited background.
+    pub fn outlines(&self) -> bool {
+        self.modes.upstream & c::OUTPUT_SILHOUETTE != 0 || (self.shades() && self.modes.composite != 0)
     }
 
     /// Texels of one triangle in `corner_gradients`.

@@ -1,0 +1,211 @@
+//! The backward stages in the order in which they run, and the commands of one backward pass.
+
+use super::{List, Stage, Work, bind_all, clear, no_workgroups, reads_together, stamp};
+use crate::Result;
+use crate::constants as c;
+use crate::frame::buffers::BufferId;
+use crate::frame::plan::BackwardPlan;
+use crate::vulkan::{BufferPart, Device, Kernel, Pipeline, Recorder, TimestampPool, kernels};
+
+/// A stage of a backward pass.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BackwardStage {
+    /// Turns dL/dimages into each pixel's factors.
+    PixelGrad,
+    /// Selects the items (a triangle's record in one cell of 64×32 pixels) that can have a gradient, and lists small ones
+    /// apart.
+    Cull,
+    /// Sums over the pixels of each item that is visible in a shaded image.
+    Shown,
+    /// The same for small items.
+    ShownSmall,
+    /// Sums over the pixels of each item that contributes to the silhouette only.
+    Outline,
+    /// The same for small items.
+    OutlineSmall,
+    /// Sums each triangle's items, and carries the sums to its corners.
+    TriangleGrad,
+    /// Carries gradients by vertex normals to the corners, with smooth shading.
+    VertexNormalGrad,
+    /// Sums each vertex's corners.
+    VertexGrad,
+    /// Sums over each view, for cameras, σ and γ.
+    ReduceViews,
+    /// Sums for each light.
+    ReduceLights,
+    /// Sums over all pixels, for the background, σ and γ.
+    ReducePixels,
+}
+
+use BackwardStage as S;
+
+/// How many stages a backward pass has.
+pub const BACKWARD_COUNT: usize = BackwardStage::ALL.len();
+
+/// Timestamps that a backward pass writes: before the first stage and after each.
+pub const BACKWARD_TIMESTAMPS: u32 = BACKWARD_COUNT as u32 + 1;
+
+impl BackwardStage {
+    /// Every stage, in the order in which they run.
+    pub const ALL: [Self; 12] = [
+        S::PixelGrad,
+        S::Cull,
+        S::Shown,
+        S::ShownSmall,
+        S::Outline,
+        S::OutlineSmall,
+        S::TriangleGrad,
+        S::VertexNormalGrad,
+        S::VertexGrad,
+        S::ReduceViews,
+        S::ReduceLights,
+        S::ReducePixels,
+    ];
+
+    /// Its name in timings and in debuggers.
+    pub fn name(self) -> &'static str {
+        match self {
+            S::PixelGrad => "pixel_grad",
+            S::Cull => "backward_cull",
+            S::Shown => "backward",
+            S::ShownSmall => "backward_small",
+            S::Outline => "backward_outline",
+            S::OutlineSmall => "backward_outline_small",
+            S::TriangleGrad => "triangle_grad",
+            S::VertexNormalGrad => "vertex_normal_grad",
+            S::VertexGrad => "vertex_grad",
+            S::ReduceViews => "reduce_views",
+            S::ReduceLights => "reduce_lights",
+            S::ReducePixels => "reduce_pixels",
+        }
+    }
+
+    /// Its kernel on a device. If the eight lanes of a tile are one subgroup that can shuffle, they read records together.
+    pub fn kernel(self, device: &Device, lanes: u32) -> &'static Kernel {
+        let together = reads_together(device, lanes);
+        match self {
+            S::PixelGrad => &kernels::PIXEL_GRAD,
+            S::Cull => &kernels::BACKWARD_CULL,
+            S::Shown | S::ShownSmall if together => &kernels::BACKWARD_SUBGROUP,
+            S::Shown | S::ShownSmall => &kernels::BACKWARD,
+            S::Outline | S::OutlineSmall if together => &kernels::BACKWARD_OUTLINE_SUBGROUP,
+            S::Outline | S::OutlineSmall => &kernels::BACKWARD_OUTLINE,
+            S::TriangleGrad => &kernels::TRIANGLE_GRAD,
+            S::VertexNormalGrad => &kernels::VERTEX_NORMAL_GRAD,
+            S::VertexGrad => &kernels::VERTEX_GRAD,
+            S::ReduceViews | S::ReduceLights | S::ReducePixels => &kernels::REDUCE,
+        }
+    }
+
+    /// The specialization constants that tell stages of one kernel apart, by their names in GLSL.
+    pub fn modes(self) -> [(&'static str, u32); 2] {
+        let reduction = match self {
+            S::ReduceLights => c::REDUCTION_LIGHTS,
+            S::ReducePixels => c::REDUCTION_PIXELS,
+            _ => c::REDUCTION_VIEWS,
+        };
+        [("REDUCTION", reduction), ("SMALL", u32::from(matches!(self, S::ShownSmall | S::OutlineSmall)))]
+    }
+
+    /// The buffer that a binding stands for in this stage, where stages of one kernel bind different buffers.
+    fn alias(self, binding: &str) -> Option<BufferId> {
+        match (binding, self) {
+            ("items", S::Shown | S::ShownSmall) => Some(BufferId::ShownItems),
+            ("items", S::Outline | S::OutlineSmall) => Some(BufferId::OutlineItems),
+            ("rows", S::ReduceViews) => Some(BufferId::ViewSums),
+            ("rows", S::ReduceLights) => Some(BufferId::LightRecords),
+            ("rows", S::ReducePixels) => Some(BufferId::PixelSums),
+            _ => None,
+        }
+    }
+}
+
+/// The backward stages bound to the buffers of a frame and of its gradients, indexed by [`BackwardStage`].
+pub struct BackwardStages([Stage; BACKWARD_COUNT]);
+
+impl BackwardStages {
+    /// Binds one pipeline for each of [`BackwardStage::ALL`].
+    pub fn new<'a>(
+        device: &Device,
+        pipelines: [Pipeline; BACKWARD_COUNT],
+        find: &dyn Fn(BufferId) -> Option<&'a BufferPart>,
+    ) -> Result<Self> {
+        bind_all(device, pipelines, |stage, binding| S::ALL[stage].alias(binding), find).map(Self)
+    }
+}
+
+/// Records one backward pass after its forward frame.
+///
+/// The frame's workspace, images and `saved` are as [`record_forward`](super::record_forward) left them. It begins and ends
+/// with the same barriers.
+pub fn record_backward(
+    recorder: &mut Recorder<'_>,
+    plan: &BackwardPlan,
+    stages: &BackwardStages,
+    texel_sums: &BufferPart,
+    item_counts: &BufferPart,
+    times: Option<&TimestampPool>,
+) -> Result<()> {
+    let groups = &plan.groups;
+    let items = |offset: u32, needed: bool| {
+        let rows = if needed { plan.item_rows } else { 0 };
+        Work::List(List { rows, first: 0, counts: item_counts, stride: c::ITEM_COUNT_WORDS, offset })
+    };
+    // `totals` holds the sums of the views, then of the lights with the ambient one, then of the pixels.
+    let lights = plan.push.view_count;
+    let pixels = lights + plan.push.light_count + 1;
+    recorder.begin_label("softras backward");
+    recorder.barrier();
+    no_workgroups(recorder, item_counts, u64::from(plan.item_rows * c::ITEM_COUNT_WORDS / 3))?;
+    clear(recorder, texel_sums, plan.sizes[BufferId::TexelSums])?;
+    recorder.barrier();
+    stamp(recorder, times, 0)?;
+    for stage in S::ALL {
+        let mut push = plan.push;
+        let work = match stage {
+            S::PixelGrad => Work::Groups(groups.pixel_grad),
+            S::Cull => Work::Groups(groups.backward_cull),
+            S::Shown => items(c::ITEMS_SHOWN, plan.shades()),
+            S::ShownSmall => items(c::ITEMS_SHOWN + c::ITEMS_SMALL, plan.shades()),
+            S::Outline => items(c::ITEMS_OUTLINE, plan.outlines()),
+            S::OutlineSmall => items(c::ITEMS_OUTLINE + c::ITEMS_SMALL, plan.outlines()),
+            S::TriangleGrad => Work::Groups(groups.triangle_grad),
+            S::VertexNormalGrad => Work::Groups(groups.vertex_normal_grad),
+            S::VertexGrad => Work::Groups(groups.vertex_grad),
+            S::ReduceViews => Work::Groups(groups.reduce_views),
+            S::ReduceLights => {
+                (push.first, push.reduce_rows) = (lights, plan.light_rows);
+                Work::Groups(groups.reduce_lights)
+            }
+            S::ReducePixels => {
+                (push.first, push.reduce_rows) = (pixels, plan.pixel_rows);
+                Work::Groups(groups.reduce_pixels)
+            }
+        };
+        stages.0[stage as usize].run(recorder, stage.name(), &push, &work)?;
+        stamp(recorder, times, stage as u32 + 1)?;
+    }
+    recorder.end_label();
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::buffers::ALIASES;
+
+    /// Each stage is found at its own index, and each buffer of an alias is bound by some stage.
+    #[test]
+    fn stages_are_indices_and_aliases_are_complete() {
+        for (i, stage) in S::ALL.into_iter().enumerate() {
+            assert_eq!(stage as usize, i, "{stage:?}");
+        }
+        for (i, stage) in super::super::ForwardStage::ALL.into_iter().enumerate() {
+            assert_eq!(stage as usize, i, "{stage:?}");
+        }
+        for (binding, buffers) in ALIASES {
+            let bound = |buffer: &BufferId| S::ALL.into_iter().any(|stage| stage.alias(binding) == Some(*buffer));
+            assert!(buffers.iter().all(bound), "{binding}");
+        }
+    }
+}
