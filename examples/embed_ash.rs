@@ -134,7 +134,7 @@ pub fn run(path: Option<&Path>, validation: bool) -> Outcome<Report> {
     let engine = Engine::new(validation)?;
     let log = engine.log();
     // Could be asked before there is a device.
-    let about = requirements().judge(&engine.host_adapter())?;
+    let about = requirements().validate(&engine.host_adapter())?;
     println!("softras on {}", about.name);
     let rasterizer = Rasterizer::new(&engine.host_device())?;
 

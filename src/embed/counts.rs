@@ -68,7 +68,7 @@ impl Rasterizer {
             divisor: if *of_indices { 3 } else { 1 },
             pieces: if plan.forward.modes.near_clip != 0 { 2 } else { 1 },
         };
-        let most = plan.forward.views.iter().map(|view| view.slots).max().unwrap_or(0);
+        let most = plan.forward.views.iter().map(|view| view.records).max().unwrap_or(0);
         Ok(CountBindings { stage, push, groups: [most.div_ceil(c::LINEAR_GROUP), plan.views(), 1] })
     }
 

@@ -42,7 +42,7 @@ impl Decoder<'_> {
     /// do not belong together; [`Error::NotFinite`] where single precision
     /// cannot hold the gradient.
     pub fn decode<'b>(&'b self, bytes: impl Fn(BufferId) -> Option<&'b [u8]> + 'b) -> Result<Gradients> {
-        self.judge()?;
+        self.validate()?;
         self.decode_floats(&|id, count| {
             let fail = |what: String| Err(Error::Host { what, fix: "give the bytes of the whole buffer".into() });
             match bytes(id).map(|bytes| (bytes.len(), bytes.get(..4 * count).map(bytemuck::try_cast_slice))) {
@@ -55,7 +55,7 @@ impl Decoder<'_> {
     }
 
     /// What is decoded with is what was planned with; of triangles there may be fewer.
-    fn judge(&self) -> Result<()> {
+    fn validate(&self) -> Result<()> {
         let (shape, frame) = (&self.frame.shape, &self.plan.backward.push);
         let mesh = |(layout, shape): (&MeshLayout, &MeshShape)| {
             layout.vertices == shape.vertices && layout.triangles <= shape.triangles
@@ -196,7 +196,7 @@ impl Decoder<'_> {
         let stride = plan.backward.corner_stride() as usize;
         if plan.backward.has(c::GRADIENT_COORDINATE) {
             for view in views {
-                let first = self.frame.forward.views[view].slot_base as usize;
+                let first = self.frame.forward.views[view].record_base as usize;
                 let rows = corners[4 * first * stride..].chunks_exact(4 * stride);
                 for (triangle, row) in uv_triangles.iter().zip(rows) {
                     for (&uv, by_corner) in triangle.iter().zip(row[4 * (stride - 2)..].chunks_exact(2)) {

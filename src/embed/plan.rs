@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::frame::buffers::Entry;
 use crate::frame::buffers::{BufferId, Role, Sizes};
 use crate::frame::pack::{MeshLayout, TableLayout};
-use crate::frame::plan::{BackwardInput, BackwardPlan, Capacity, ForwardPlan, PlanInput, judge_views};
+use crate::frame::plan::{BackwardInput, BackwardPlan, Capacity, ForwardPlan, PlanInput, validate_views};
 use crate::gradients::Wanted;
 use crate::scene::{Lights, Outputs, Settings, Shading};
 use crate::vulkan::{BufferDesc, BufferRef, DeviceKind, Limits, Location, TexelFormat, vk};
@@ -91,7 +91,7 @@ fn requirements(limits: &Limits, sizes: &Sizes) -> Result<Vec<BufferRequirement>
 }
 
 /// Whether a kernel can sum over each vertex's corners, in so many views one after the other.
-fn judge_corners(shape: &Shape, views: u32, longest_list: u32) -> Result<()> {
+fn validate_corners(shape: &Shape, views: u32, longest_list: u32) -> Result<()> {
     let most = shape.meshes.iter().map(|m| m.most_corners).max().unwrap_or(0);
     let needed = (u64::from(most) + 1) * u64::from(views);
     if needed <= longest_list.into() {
@@ -112,8 +112,8 @@ fn judge_corners(shape: &Shape, views: u32, longest_list: u32) -> Result<()> {
 const FARTHEST: f64 = 70.0;
 
 /// Counts and reaches that the kernels can rely on.
-fn judge(shape: &Shape) -> Result<()> {
-    judge_views(shape.views.into())?;
+fn validate(shape: &Shape) -> Result<()> {
+    validate_views(shape.views.into())?;
     let fail = |what: String, fix: &str| Err(Error::Scene { what, fix: fix.into() });
     let (meshes, views) = (shape.meshes.len(), shape.views as usize);
     if meshes == 0 || views == 0 || (meshes != 1 && meshes != views) {
@@ -150,7 +150,7 @@ impl FramePlan {
     /// device cannot hold.
     pub fn new(limits: &Limits, kind: DeviceKind, shape: &Shape, settings: &Settings) -> Result<Self> {
         settings.validate()?;
-        judge(shape)?;
+        validate(shape)?;
         let views = shape.view_sizes();
         let capacity = shape.capacity.unwrap_or_else(|| Capacity::estimate(settings, shape.cutoff, &views));
         let tables = TableLayout::of(&shape.meshes, settings.save || shape.lights.shading == Shading::Smooth);
@@ -170,7 +170,7 @@ impl FramePlan {
         let longest_list = if kind == DeviceKind::Software { SOFTWARE_LONGEST_LIST } else { u32::MAX };
         forward.modes.longest_list = longest_list;
         if shape.lights.shading == Shading::Smooth {
-            judge_corners(shape, 1, longest_list)?;
+            validate_corners(shape, 1, longest_list)?;
         }
         Ok(Self {
             forward,
@@ -257,10 +257,10 @@ impl FramePlan {
                 m.triangle,
                 m.triangles,
                 range.screen_base,
-                range.slot_base,
+                range.record_base,
                 range.bin_base,
                 range.word_base,
-                range.slots,
+                range.records,
                 range.words,
                 m.color,
                 m.uniform,
@@ -313,7 +313,7 @@ impl GradientPlan {
         let shape = &frame.shape;
         if differentiate.wanted.positions || differentiate.wanted.colors {
             let views = if shape.meshes.len() == 1 { shape.views } else { 1 };
-            judge_corners(shape, views, frame.longest_list)?;
+            validate_corners(shape, views, frame.longest_list)?;
         }
         let backward = BackwardPlan::new(&BackwardInput {
             forward: &frame.forward,

@@ -46,14 +46,14 @@ pub fn requirements() -> Requirements {
 }
 
 impl Requirements {
-    /// Judges a physical device before a device is made of it.
+    /// Validates a physical device before a device is made of it.
     ///
     /// What a frame needs of maxStorageBufferRange and maxTexelBufferElements depends on its size:
     /// [`FramePlan::new`](super::FramePlan::new) tells from the limits of the returned description.
     ///
     /// # Errors
     /// [`Error::NoDevice`] saying what is missing; [`Error::Host`] for null handles.
-    pub fn judge(&self, host: &HostAdapter) -> Result<DeviceInfo> {
+    pub fn validate(&self, host: &HostAdapter) -> Result<DeviceInfo> {
         let info = host.describe()?;
         let fail = |what: String| Err(Error::NoDevice { what, fix: "choose another physical device".into() });
         if let Err(reason) = &info.suitable {

@@ -33,7 +33,7 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// The shape of a scene as cameras see it, judged.
+    /// The shape of a scene as cameras see it, validated.
     ///
     /// # Errors
     /// [`crate::Error::Scene`], [`crate::Error::Light`], [`crate::Error::Settings`].

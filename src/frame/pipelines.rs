@@ -1,21 +1,22 @@
-//! Pipelines, made when a frame first needs them and kept for the next.
+//! Pipelines, compiled when a plan first needs them and kept for later plans.
 
 use crate::error::{Error, Result};
 use crate::vulkan::{Device, Kernel, Pipeline, PipelineCache, SpecValue};
 
-/// Pipelines kept: each costs a driver up to some megabytes, and few programs need more than two sets of modes.
+/// The most pipelines that are kept. Each takes up to some megabytes in a driver, and few programs use more than two sets
+/// of modes.
 const MOST_PIPELINES: usize = 128;
 
-/// Names and values of the modes that a kernel knows.
+/// The specialization constants that a kernel has, by name and value.
 type Values = Vec<(&'static str, SpecValue)>;
 
-/// What one stage runs: a kernel, and the modes of the whole frame by their names in GLSL.
+/// The pipeline that a stage needs: a kernel, and the modes of the whole frame by their names in GLSL.
 pub struct Request<'a> {
     /// The kernel.
     pub kernel: &'static Kernel,
-    /// The frame's modes; those that the kernel does not know are no matter.
+    /// The frame's modes. Those that the kernel does not have are ignored.
     pub modes: &'a [(&'static str, u32)],
-    /// Invocations in its workgroup, where that is a mode too.
+    /// Invocations of its workgroup, if its size is a specialization constant.
     pub lanes: u32,
 }
 
@@ -34,7 +35,7 @@ impl Request<'_> {
     }
 }
 
-/// The pipelines made so far, each for the values of the modes that its kernel depends on.
+/// The pipelines compiled so far, each with the values of the specialization constants of its kernel.
 #[derive(Debug, Default)]
 pub struct Pipelines {
     made: Vec<(&'static str, Values, Pipeline)>,
@@ -45,10 +46,10 @@ impl Pipelines {
         self.made.iter().find(|(name, v, _)| *name == kernel.name && v == values).map(|(_, _, pipeline)| pipeline)
     }
 
-    /// A pipeline for every request, in order; those that are new are made side by side.
+    /// A pipeline for every request, in order. New ones are compiled in parallel.
     ///
     /// # Errors
-    /// [`crate::Error::Vulkan`], [`crate::Error::Limit`] when one cannot be made.
+    /// [`crate::Error::Vulkan`], [`crate::Error::Limit`] when one cannot be compiled.
     pub fn get<const N: usize>(
         &mut self,
         device: &Device,

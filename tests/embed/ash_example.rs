@@ -148,7 +148,7 @@ fn the_status_tells_what_room_the_lists_needed() {
 fn requirements_are_known_before_there_is_a_device() {
     let engine = engine();
     let needed = requirements();
-    let info = needed.judge(&engine.host_adapter()).unwrap();
+    let info = needed.validate(&engine.host_adapter()).unwrap();
     assert!(info.suitable.is_ok() && !info.name.is_empty());
     assert_eq!((needed.features, needed.extensions), (&[][..], &[][..]));
     // What every Vulkan 1.1 device guarantees, but for storage buffers in a stage, of which some have four.
@@ -168,9 +168,9 @@ fn requirements_are_known_before_there_is_a_device() {
     for (i, (name, _)) in needed.limits.iter().enumerate() {
         let mut most = requirements();
         most.limits[i].1 = has(name).into();
-        most.judge(&engine.host_adapter()).unwrap();
+        most.validate(&engine.host_adapter()).unwrap();
         most.limits[i].1 += 1;
-        let message = error(most.judge(&engine.host_adapter()));
+        let message = error(most.validate(&engine.host_adapter()));
         assert!(message.contains(&format!("{name} is {}", has(name))), "{message}");
     }
     // A plan needs no device either.

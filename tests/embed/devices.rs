@@ -138,7 +138,7 @@ fn any_queue_family_that_computes_will_do() {
     let engine = engine();
     let core = engine.core();
     let host = unsafe { HostAdapter::new(shim::function(), core.instance.handle(), core.physical) };
-    let refused = error(requirements().judge(&host));
+    let refused = error(requirements().validate(&host));
     assert!(refused.contains("no queue that computes"), "{refused}");
     assert_silent(engine);
 }

@@ -72,7 +72,7 @@ fn a_frame_takes_the_memory_of_the_formula() {
         assert_eq!((plan.sizes[BufferId::Shading] > 0, plan.modes.smooth == 1), (shaded, bit(4)));
         let q = 4 + when(bit(5) || bit(6), 2) + when(normal, 3);
         let records = 32 * v + when(bit(4), 32 * v) + 96 * s + when(shaded, 16 * q * s);
-        // Each view has half of the slots.
+        // Each view has half of the records.
         let lists = b * (s / 2) / 8 + 8 * b + 12 * 3200 + 3200 / 8 + 36 * t + 4 * 4096;
         let images =
             when(color, 16 * p) + when(silhouette && !color, 4 * p) + when(depth, 4 * p) + when(normal, 16 * p);
@@ -210,16 +210,16 @@ fn views_follow_each_other() {
     let plan = ForwardPlan::new(&PlanInput { depth_span: crosses, ..input(&settings, &views, &lights) }).unwrap();
     let bases = |i: usize| {
         let view = plan.views[i];
-        [view.screen_base, view.slot_base, view.bin_base, view.word_base]
+        [view.screen_base, view.record_base, view.bin_base, view.word_base]
     };
-    // Two slots a triangle, 2 × 2 bins, words of 32 slots.
+    // Two records a triangle, 2 × 2 bins, words of 32 records.
     assert_eq!([bases(0), bases(1), bases(2)], [[0; 4], [5, 80, 4, 4 * 3], [12, 86, 8, 4 * (3 + 1)]]);
-    assert_eq!((plan.totals.vertices, plan.totals.slots, plan.totals.bins), (812, 86 + 3200, 12));
+    assert_eq!((plan.totals.vertices, plan.totals.records, plan.totals.bins), (812, 86 + 3200, 12));
     assert_eq!((plan.totals.words, plan.totals.tiles, plan.totals.pixels), (4 * (3 + 1 + 100), 3 * 81, 3 * 65 * 33));
     // No two pieces where the official code has none.
     let settings = Settings { parity: Parity::Official, ..settings };
     let plan = ForwardPlan::new(&PlanInput { depth_span: crosses, ..input(&settings, &views, &lights) }).unwrap();
-    assert_eq!(plan.totals.slots, 43 + 1600);
+    assert_eq!(plan.totals.records, 43 + 1600);
 }
 
 /// What depths can do to an image, and what the official code does.
@@ -286,7 +286,7 @@ fn backward_passes_of_many_triangles_and_of_none() {
 }
 
 #[test]
-fn a_bin_has_lanes_for_its_slots() {
+fn a_bin_has_lanes_for_its_records() {
     let lanes = |triangles: u32| {
         let (settings, lights) = (Settings::default(), Lights::unlit());
         let views = [ViewSize { vertices: 3, triangles }, ViewSize { vertices: 3, triangles: 1 }];

@@ -132,11 +132,11 @@ proptest! {
             return Ok(());
         };
         let pieces = if crosses { 2 } else { 1 };
-        let slots: u64 = views.iter().map(|v| pieces * u64::from(v.triangles)).sum();
+        let records: u64 = views.iter().map(|v| pieces * u64::from(v.triangles)).sum();
         let pixels = views.len() as u64 * u64::from(width) * u64::from(height);
-        prop_assert_eq!((plan.totals.slots, plan.totals.pixels), (slots, pixels));
-        prop_assert!(plan.sizes[BufferId::Geometry] >= slots * 16 * u64::from(c::GEOMETRY_TEXELS));
-        prop_assert!(plan.sizes[BufferId::Boxes] >= slots * 16 && plan.sizes.device_filled() >= plan.sizes[BufferId::Geometry]);
+        prop_assert_eq!((plan.totals.records, plan.totals.pixels), (records, pixels));
+        prop_assert!(plan.sizes[BufferId::Geometry] >= records * 16 * u64::from(c::GEOMETRY_TEXELS));
+        prop_assert!(plan.sizes[BufferId::Boxes] >= records * 16 && plan.sizes.device_filled() >= plan.sizes[BufferId::Geometry]);
         let covers = |[x, y, z]: [u32; 3], each: u32, needed: u64| {
             u64::from(x) * u64::from(z) * u64::from(each) >= needed && y as usize == views.len()
         };
@@ -150,7 +150,7 @@ proptest! {
         prop_assert!(covers(plan.groups.bin_fine, 1, bins));
         // Shares of the views follow each other without a gap or an overlap.
         for pair in plan.views.windows(2) {
-            prop_assert_eq!(pair[0].slot_base + pair[0].slots, pair[1].slot_base);
+            prop_assert_eq!(pair[0].record_base + pair[0].records, pair[1].record_base);
         }
     }
 }

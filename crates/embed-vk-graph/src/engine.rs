@@ -41,7 +41,7 @@ impl Engine {
         // SAFETY: the handles are the engine's, whose device outlives the rasterizer and the passes.
         let host = unsafe {
             let adapter = HostAdapter::new(get_instance_proc_addr, instance.handle(), device.physical.handle);
-            requirements().judge(&adapter)?;
+            requirements().validate(&adapter)?;
             HostDevice::new(adapter, device.handle())
         };
         Ok(Self { rasterizer: Rasterizer::new(&host)?, failure: Arc::default(), pool: HashPool::new(&device), device })

@@ -118,7 +118,7 @@ fn rasterizer(device: &wgpu::Device) -> Outcome<(Rasterizer, impl Fn(MemoryRequi
     // SAFETY: the handles are wgpu's, whose device outlives the rasterizer.
     let host = unsafe {
         let adapter = HostAdapter::new(get_instance_proc_addr, instance.handle(), physical);
-        requirements().judge(&adapter)?;
+        requirements().validate(&adapter)?;
         HostDevice::new(adapter, raw.handle())
     };
     Ok((Rasterizer::new(&host)?, move |needs| Memory::new(&instance, physical, &raw, needs)))

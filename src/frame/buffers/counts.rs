@@ -1,4 +1,4 @@
-//! The numbers that the sizes of buffers follow from.
+//! The counts that the size formulas of the buffers take.
 
 use crate::constants as c;
 use crate::scene::Outputs;
@@ -33,7 +33,7 @@ pub struct TableLengths {
 #[allow(missing_docs)] // Named after what is counted.
 pub struct Totals {
     pub vertices: u64,
-    pub slots: u64,
+    pub records: u64,
     pub bins: u64,
     pub words: u64,
     pub tiles: u64,
@@ -47,7 +47,7 @@ impl Totals {
     }
 }
 
-/// What the sizes of a forward frame's buffers follow from.
+/// The counts that the sizes of a forward frame's buffers depend on.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameCounts {
     /// The meshes' tables.
@@ -58,24 +58,24 @@ pub struct FrameCounts {
     pub lights: u64,
     /// Counts over all views.
     pub totals: Totals,
-    /// Entries of the bins' lists, of the tiles' lists, and cells beyond the first of a box.
+    /// Capacities: entries of the bins' lists, entries of the tiles' lists, and cells beyond the first of each box.
     pub capacity: [u64; 3],
     /// The images.
     pub outputs: Outputs,
     /// Vertices are lit, not triangles.
     pub smooth: bool,
-    /// Texels of a shading record; 0 where there is none.
+    /// Texels of a shading record; 0 if triangles have none.
     pub shading_texels: u32,
-    /// What backward needs is kept.
+    /// The frame keeps what backward needs.
     pub save: bool,
 }
 
-/// What the sizes of the buffers that a backward pass adds follow from.
+/// The counts that the sizes of the buffers of a backward pass depend on.
 #[derive(Clone, Copy, Debug)]
 pub struct GradientCounts {
     /// Counts over all views of the frame.
     pub totals: Totals,
-    /// Cells of all triangles, the first of each among them.
+    /// Items: the cells of all triangles' boxes.
     pub items: u64,
     /// Rows of FORWARD_ROW items.
     pub item_rows: u64,
@@ -104,7 +104,7 @@ pub struct GradientCounts {
 }
 
 impl GradientCounts {
-    /// Whether one of some GRADIENT_ bits is set.
+    /// Whether one of these GRADIENT_ bits is set.
     pub fn has(&self, bits: u32) -> bool {
         self.gradients & bits != 0
     }
@@ -115,7 +115,7 @@ impl GradientCounts {
     }
 }
 
-/// Bytes of `count` elements of `each` bytes: a multiple of 16, at least 16, since no buffer that is used is empty.
+/// Bytes of `count` elements of `each` bytes, rounded up to a multiple of 16; at least 16, since a buffer cannot be empty.
 pub fn bytes(count: u64, each: u64) -> u64 {
     (count * each).next_multiple_of(16).max(16)
 }

@@ -1,4 +1,4 @@
-//! The buffers of a frame and of its gradients: their ids, and the one table of what each of them is.
+//! The buffers of a frame and of its gradients: their ids, the one table that describes them, and who owns them.
 
 mod counts;
 mod parts;
@@ -18,10 +18,10 @@ use std::sync::OnceLock;
 /// Who fills a buffer. Where its memory should lie follows from that.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
-    /// The host fills it before the frame. It lies in device-local memory that is copied into or, where device and host
-    /// share their memory, mapped. Kernels of an embedding host may fill it as well.
+    /// The host fills it before the frame. It lies in device-local memory that is copied into or, if device and host share
+    /// their memory, mapped. Kernels of an embedding host may fill it as well.
     Input,
-    /// One stage fills it for the next. It lies in device-local memory that is never mapped, and its content means nothing
+    /// One stage fills it for the next. It lies in device-local memory that is never mapped, and its content is undefined
     /// outside a frame.
     Workspace,
     /// The kernels fill it for the host. It lies in device-local memory that is copied from, or mapped as an input.
@@ -31,7 +31,7 @@ pub enum Role {
 /// What one owned buffer is: its id, the element that kernels read, and who fills it.
 #[derive(Clone, Copy, Debug)]
 pub struct Entry<K> {
-    /// By which it is found.
+    /// Its id.
     pub id: K,
     /// The element that kernels read.
     pub format: TexelFormat,
@@ -42,7 +42,7 @@ pub struct Entry<K> {
 /// Bytes of [`BufferId::Unused`]: one texel of any format.
 pub const UNUSED_SIZE: u64 = 16;
 
-/// Bindings that stand for another buffer in each stage, and the buffers that they can be.
+/// Binding names that stand for different buffers in different stages, and the buffers that each can stand for.
 pub const ALIASES: [(&str, &[BufferId]); 2] = [
     ("items", &[BufferId::ShownItems, BufferId::OutlineItems]),
     ("rows", &[BufferId::LightRecords, BufferId::PixelSums, BufferId::ViewSums]),
@@ -72,7 +72,7 @@ impl Sizes {
         }))
     }
 
-    /// Every buffer that there is, with its bytes.
+    /// Every buffer that the plan has, with its bytes.
     pub fn iter(&self) -> impl Iterator<Item = (BufferId, u64)> {
         BufferId::ALL.into_iter().zip(self.0).filter(|(_, size)| *size > 0)
     }
@@ -107,7 +107,7 @@ impl std::ops::IndexMut<BufferId> for Sizes {
 }
 
 impl BufferId {
-    /// How softras uses the buffer: what its row says, and how kernels bind it.
+    /// How softras uses the buffer: the usages of its row, and those that the kernels' bindings need.
     pub(crate) fn usage(self) -> vk::BufferUsageFlags {
         static USAGES: OnceLock<[vk::BufferUsageFlags; BufferId::COUNT]> = OnceLock::new();
         let usages = USAGES.get_or_init(|| {
@@ -125,15 +125,15 @@ impl BufferId {
         usages[self as usize]
     }
 
-    /// The buffer that a kernel's binding of this name is: `bin_ranges`, or `BinRanges` where the kernel writes it. `None`
-    /// for the [`ALIASES`], and for what is no buffer of a frame.
+    /// The buffer of a kernel's binding: `bin_ranges`, or the block `BinRanges` if the kernel writes it. `None` for the
+    /// [`ALIASES`] and for names that are no buffer of a frame.
     #[doc(hidden)]
     pub fn of_binding(binding: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|id| is_binding_of(binding, id.name()))
     }
 }
 
-/// Whether a kernel's binding has a buffer's name: the same in snake case, or as a block's name in camel case.
+/// Whether a binding has a buffer's name: in snake case, or in camel case as the name of a block.
 pub fn is_binding_of(binding: &str, name: &str) -> bool {
     if binding == name {
         return true;
@@ -149,7 +149,7 @@ pub fn is_binding_of(binding: &str, name: &str) -> bool {
 mod tests {
     use super::*;
 
-    /// Kernels that are not bound by the table but by lists of their own, where they are recorded.
+    /// Kernels whose buffers are not of the table but are listed where the kernels are recorded.
     const BOUND_ELSEWHERE: [&str; 5] = ["counts", "place", "store", "selftest", "peak"];
 
     fn is_of_a_frame(kernel: &str) -> bool {

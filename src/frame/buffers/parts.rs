@@ -1,9 +1,9 @@
-//! The buffers that kernels are bound to, whoever owns them.
+//! The buffers that a plan's kernels are bound to, owned by the host or by softras.
 
 use super::BufferId;
 use crate::vulkan::{BufferPart, TexelFormat};
 
-/// Buffers by their ids, and what is bound where a frame has none.
+/// Buffers by their ids, and the bytes that are bound in place of buffers that the plan does not have.
 #[derive(Clone, Debug, Default)]
 pub struct Parts {
     /// The buffers that the plan requires.

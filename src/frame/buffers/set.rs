@@ -1,4 +1,4 @@
-//! Buffers that softras owns itself, which grow when a frame needs more.
+//! Buffers that softras owns itself, which are replaced by larger ones when a plan needs more.
 
 use super::{BufferId, Entry, Parts, Role, UNUSED_SIZE};
 use crate::error::{Error, Result};
@@ -6,7 +6,7 @@ use crate::vulkan::{
     Buffer, BufferDesc, BufferPart, Context, Location, Mapped, MappedMut, SharedBuffer, TexelFormat, vk,
 };
 
-/// By what a buffer of a [`BufferSet`] is found.
+/// The id of a buffer in a [`BufferSet`].
 pub trait Key: Copy + PartialEq {
     /// Its label in debuggers and in errors.
     fn name(self) -> &'static str;
@@ -107,10 +107,11 @@ impl<K: Key> BufferSet<K> {
         }
     }
 
-    /// Makes room for `size` bytes; true when the buffer is a new one, so that descriptors must be written again.
+    /// Makes the buffer hold at least `size` bytes. Returns `true` if it is a new buffer, so that descriptors must be
+    /// written again.
     ///
     /// # Errors
-    /// [`crate::Error::Limit`] or [`crate::Error::OutOfMemory`] when it cannot be had; the buffer is then gone.
+    /// [`crate::Error::Limit`] or [`crate::Error::OutOfMemory`] when it cannot be allocated; the old buffer is then gone.
     pub fn reserve(&mut self, context: &Context, entry: Entry<K>, size: u64) -> Result<bool> {
         if self.find(entry.id).is_ok_and(|owned| owned.buffer().size() >= size.max(1)) {
             return Ok(false);
@@ -122,7 +123,7 @@ impl<K: Key> BufferSet<K> {
             location: Location::Device,
             texels: Some(entry.format),
         };
-        // The old one goes first, so that growing does not need room for both.
+        // The old one is freed first, so that growing does not need memory for both.
         self.owned.retain(|(e, _)| e.id != entry.id);
         let owned = match entry.role {
             Role::Input => Owned::Shared(SharedBuffer::for_upload(context, &desc)?),
@@ -144,12 +145,12 @@ impl<K: Key> BufferSet<K> {
     /// Writes an input from its start.
     ///
     /// # Errors
-    /// When it does not fit, or there is no such buffer that the host reaches.
+    /// If the bytes do not fit, or there is no such buffer, or the host cannot reach it.
     pub fn write(&mut self, id: impl Into<K>, bytes: &[u8]) -> Result<()> {
         self.find_shared_mut(id.into())?.write(0, bytes)
     }
 
-    /// The content of the shared buffers, where it is. While it is held, no work that uses them can be submitted.
+    /// The content of the shared buffers, in mapped memory. While it is held, no work that uses them can be submitted.
     ///
     /// # Errors
     /// [`Error::Vulkan`] while such work is pending.
@@ -161,10 +162,10 @@ impl<K: Key> BufferSet<K> {
         Ok(Contents(contents))
     }
 
-    /// The first `range` bytes of an input, to be filled where they are.
+    /// The first `range` bytes of an input in mapped memory, to be written.
     ///
     /// # Errors
-    /// When it is not that large, there is no such buffer that the host reaches, or pending work uses it.
+    /// If it is smaller, there is no such buffer, the host cannot reach it, or pending work uses it.
     pub fn bytes_mut(&mut self, id: impl Into<K>, range: usize) -> Result<MappedMut<'_>> {
         self.find_shared_mut(id.into())?.bytes_mut(range as u64)
     }
@@ -172,15 +173,15 @@ impl<K: Key> BufferSet<K> {
     /// Reads an output from its start.
     ///
     /// # Errors
-    /// When it is not that large, there is no such buffer that the host reaches, or pending work uses it.
+    /// If it is smaller, there is no such buffer, the host cannot reach it, or pending work uses it.
     pub fn read(&self, id: impl Into<K>, bytes: &mut [u8]) -> Result<()> {
         self.find_shared(id.into())?.read(0, bytes)
     }
 
-    /// What a plan's kernels bind.
+    /// The buffers that a plan's kernels bind.
     ///
     /// # Errors
-    /// [`Error::Vulkan`] where one of the buffers was not reserved.
+    /// [`Error::Vulkan`] if one of the buffers was not reserved.
     pub fn parts(&self, required: impl IntoIterator<Item = BufferId>) -> Result<Parts>
     where
         BufferId: Into<K>,
@@ -199,7 +200,7 @@ impl<K: Key> BufferSet<K> {
         Ok(parts)
     }
 
-    /// Bytes of device memory held.
+    /// Bytes of all buffers.
     pub fn bytes(&self) -> u64 {
         self.owned.iter().map(|(_, owned)| owned.buffer().size()).sum()
     }

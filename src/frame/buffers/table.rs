@@ -1,10 +1,10 @@
-//! The table of buffers: one row holds all that there is to say about a buffer. A new buffer is a new row.
+//! The table of buffers, one row for each: name, element format, role, usages and size.
 
 use super::{FrameCounts, GradientCounts, Role, UNUSED_SIZE, bytes};
 use crate::constants as c;
 use crate::vulkan::{TexelFormat, vk};
 
-/// A buffer's size in bytes from the counts of its pass; 0 where the pass does not need it.
+/// A buffer's size in bytes from the counts of its pass; 0 if the pass does not need the buffer.
 #[derive(Clone, Copy)]
 pub enum Formula {
     /// Of a forward frame's buffer.
@@ -13,7 +13,7 @@ pub enum Formula {
     Gradients(fn(&GradientCounts) -> u64),
 }
 
-/// What there is to know about a buffer.
+/// The description of a buffer.
 #[derive(Clone, Copy)]
 pub struct Row {
     /// The binding's name in the kernels, and the buffer's label in debuggers.
@@ -45,7 +45,7 @@ macro_rules! table {
             pub const ALL: [Self; Self::COUNT] = [$(Self::$frame,)* $(Self::$gradient,)*];
             pub(crate) const COUNT: usize = [$(stringify!($frame),)* $(stringify!($gradient),)*].len();
 
-            /// What there is to know about it.
+            /// Its row of the table.
             #[doc(hidden)]
             pub fn row(self) -> &'static Row {
                 static ROWS: [Row; BufferId::COUNT] =
@@ -65,19 +65,19 @@ macro_rules! table {
     };
 }
 
-/// A size where a condition holds, else none.
+/// The size if the condition holds, else 0.
 fn when(on: bool, size: u64) -> u64 {
     if on { size } else { 0 }
 }
 
-/// Bytes of `count` records of so many texels of 16 bytes.
+/// Bytes of `count` records, each of `each` texels of 16 bytes.
 fn texels(count: u64, each: u32) -> u64 {
     bytes(count * u64::from(each), 16)
 }
 
 table! {
     frame {
-        /// Each view's mesh, and its shares of the frame's buffers.
+        /// Each view's mesh, and its ranges in the frame's buffers.
         ViewShapes("view_shapes", Uint4, Input, [STORAGE_BUFFER],
             |f| f.views * 16 * u64::from(c::SHAPE_TEXELS));
         /// Each view's camera.
@@ -107,36 +107,36 @@ table! {
         /// Normals and light of the vertices, with smooth shading.
         VertexShading("vertex_shading", Float4, Workspace, [],
             |f| when(f.smooth, texels(f.totals.vertices, c::VERTEX_SHADING_TEXELS)));
-        /// What distances to a triangle are computed from.
-        Geometry("geometry", Float4, Workspace, [], |f| texels(f.totals.slots, c::GEOMETRY_TEXELS));
-        /// What a triangle's colour, depth and normal are computed from.
+        /// Each triangle record's edges, from which signed edge distances are computed.
+        Geometry("geometry", Float4, Workspace, [], |f| texels(f.totals.records, c::GEOMETRY_TEXELS));
+        /// Each triangle record's colours, depths and normals.
         Shading("shading", Float4, Workspace, [],
-            |f| when(f.shading_texels > 0, texels(f.totals.slots, f.shading_texels)));
-        /// The pixels that a triangle can reach.
-        Boxes("boxes", Int4, Workspace, [], |f| texels(f.totals.slots, 1));
+            |f| when(f.shading_texels > 0, texels(f.totals.records, f.shading_texels)));
+        /// The box of pixels that each triangle's support can reach.
+        Boxes("boxes", Int4, Workspace, [], |f| texels(f.totals.records, 1));
         /// One bit for each bin and triangle.
         BinBits("bin_bits", Uint, Workspace, [TRANSFER_SRC, TRANSFER_DST], |f| bytes(f.totals.words, 4));
-        /// Where each bin's list lies.
+        /// The range of each bin's list.
         BinRanges("bin_ranges", Uint2, Workspace, [], |f| bytes(f.totals.bins, 8));
-        /// The bins' lists of triangles.
+        /// The bins' lists of record indices.
         CoarseSlots("coarse_slots", Uint, Workspace, [], |f| bytes(f.capacity[0], 4));
-        /// For each word of the bins' lists which of a bin's tiles each entry reaches.
+        /// For every 32 entries of the bins' lists, which of the bin's tiles each entry reaches.
         CoarseWords("coarse_words", Uint, Workspace, [],
             |f| bytes(f.capacity[0].div_ceil(c::WORD_BITS.into()), 4 * u64::from(c::BLOCK_WORDS)));
-        /// The tiles to be drawn, and where their lists lie.
+        /// The tiles to be drawn with the ranges of their lists, then the empty tiles.
         TileItems("tile_items", Uint4, Workspace, [], |f| bytes(f.totals.tiles, 32));
         /// Arguments of the indirect dispatches over tiles.
         TileCounts("tile_counts", Uint, Workspace, [TRANSFER_DST, INDIRECT_BUFFER],
             |f| bytes(f.totals.tile_rows() * u64::from(c::TILE_COUNT_WORDS), 4));
         /// The tiles that the last frame left empty.
         TileMarks("tile_marks", Uint, Workspace, [], |f| bytes(f.totals.tiles, 4));
-        /// The tiles' lists of triangles.
+        /// The tiles' lists of record indices.
         TileSlots("tile_slots", Uint, Workspace, [], |f| bytes(f.capacity[1], 4));
         /// Whether the frame is complete: see [`Status`](crate::embed::Status).
         Status("status", Uint, Output, [TRANSFER_DST], |_| bytes(c::STATUS_WORDS.into(), 4));
         /// Linear r, g, b and the silhouette of every pixel.
         Color("color", Float4, Output, [UNIFORM_TEXEL_BUFFER], |f| when(f.outputs.color, bytes(f.totals.pixels, 16)));
-        /// The silhouette of every pixel, where there is no colour.
+        /// The silhouette of every pixel, if colour is not rendered.
         Silhouette("silhouette", Float, Output, [UNIFORM_TEXEL_BUFFER],
             |f| when(f.outputs.silhouette && !f.outputs.color, bytes(f.totals.pixels, 4)));
         /// Σ w z of every pixel in world units.
@@ -145,15 +145,15 @@ table! {
         /// Σ w n of every pixel in world space, and 0.
         Normals("normals", Float4, Output, [UNIFORM_TEXEL_BUFFER],
             |f| when(f.outputs.normal, bytes(f.totals.pixels, 16)));
-        /// What backward needs of every pixel.
+        /// Every pixel's state after aggregation, which backward starts from.
         Saved("saved", Float4, Workspace, [], |f| when(f.save, bytes(f.totals.pixels, 16)));
-        /// What backward needs of every tile.
+        /// Every tile's least log sum and largest transmittance, by which backward skips items.
         TileBounds("tile_bounds", Float2, Workspace, [], |f| when(f.save, bytes(f.totals.tiles, 8)));
-        /// Where the cells of each triangle beyond its first lie.
-        CellRanges("cell_ranges", Uint2, Workspace, [], |f| when(f.save, bytes(f.totals.slots, 8)));
-        /// The cells that large triangles have beyond their first.
+        /// The range in `cells` of each triangle record's cells beyond its first.
+        CellRanges("cell_ranges", Uint2, Workspace, [], |f| when(f.save, bytes(f.totals.records, 8)));
+        /// The cells that the boxes of large triangles have beyond their first.
         Cells("cells", Uint2, Workspace, [], |f| when(f.save, bytes(f.capacity[2], 8)));
-        /// Bound wherever a kernel has a binding that the frame does not use.
+        /// Bound in place of every buffer that the frame does not have.
         Unused("unused", Float, Workspace, [STORAGE_BUFFER, UNIFORM_TEXEL_BUFFER], |_| UNUSED_SIZE);
     }
     gradients {
@@ -166,39 +166,39 @@ table! {
         UpstreamDepths("upstream_depths", Float, Input, [], |g| when(g.upstream.depth, bytes(g.totals.pixels, 4)));
         /// dL by `normals`; the fourth component is not read.
         UpstreamNormals("upstream_normals", Float4, Input, [], |g| when(g.upstream.normal, bytes(g.totals.pixels, 16)));
-        /// What every pixel's share of a gradient is multiplied with.
+        /// Every pixel's factors of the gradients.
         PixelGradients("pixel_gradients", Float4, Workspace, [],
             |g| bytes(g.totals.pixels * (1 + u64::from(g.shaded()) + u64::from(g.upstream.normal)), 16));
-        /// Every pixel's share of the gradients by background, σ and γ.
+        /// Every pixel's terms of the gradients by background, σ and γ.
         PixelSums("pixel_sums", Float4, Workspace, [],
             |g| when(g.has(c::GRADIENT_BACKGROUND | c::GRADIENT_SCALARS), bytes(g.totals.pixels, 32)));
-        /// The cells whose triangles contribute to a shaded image.
+        /// The items that are visible in a shaded image.
         ShownItems("shown_items", Uint4, Workspace, [], |g| when(g.shaded(), bytes(g.items, 16)));
-        /// The cells whose triangles contribute to the silhouette.
+        /// The items that contribute to the silhouette only.
         OutlineItems("outline_items", Uint4, Workspace, [], |g| when(g.outlines, bytes(g.items, 16)));
-        /// Arguments of the indirect dispatches over cells.
+        /// Arguments of the indirect dispatches over items.
         ItemCounts("item_counts", Uint, Workspace, [TRANSFER_DST, INDIRECT_BUFFER],
             |g| bytes(g.item_rows * u64::from(c::ITEM_COUNT_WORDS), 4));
-        /// Each cell's sum over its pixels.
+        /// Each item's sum over its pixels.
         Partials("partials", Float4, Workspace, [], |g| bytes(g.items * g.partial_texels, 16));
         /// Gradients by the light at a triangle's corners, with smooth shading.
-        CornerLights("corner_lights", Float4, Workspace, [], |g| when(g.smooth, bytes(g.totals.slots, 96)));
-        /// Rows of the reduction over lights. Cleared where only the device knows how many triangles there are.
+        CornerLights("corner_lights", Float4, Workspace, [], |g| when(g.smooth, bytes(g.totals.records, 96)));
+        /// Rows of the reduction over lights. Cleared if only the device knows how many triangles there are.
         LightRecords("light_records", Float4, Workspace, [TRANSFER_DST],
             |g| when(g.has(c::GRADIENT_LIGHTS), bytes(g.light_rows, 32)));
         /// Gradients by the area-weighted normals of vertices, with smooth shading.
         AreaGradients("area_gradients", Float4, Workspace, [], |g| when(g.smooth, bytes(g.totals.vertices, 16)));
         /// Rows of the reduction over views.
         ViewSums("view_sums", Float4, Workspace, [],
-            |g| when(g.has(c::GRADIENT_VIEW | c::GRADIENT_SCALARS), bytes(g.totals.slots, 48)));
-        /// Gradients by the corners of triangles. Cleared where only the device knows how many triangles there are.
+            |g| when(g.has(c::GRADIENT_VIEW | c::GRADIENT_SCALARS), bytes(g.totals.records, 48)));
+        /// Gradients by the corners of triangles. Cleared if only the device knows how many triangles there are.
         CornerGradients("corner_gradients", Float4, Output, [TRANSFER_DST],
-            |g| bytes(g.totals.slots * g.corner_texels, 16));
+            |g| bytes(g.totals.records * g.corner_texels, 16));
         /// dL by position and colour of every vertex: x, y, z, 0, r, g, b, 0.
         VertexGradients("vertex_gradients", Float4, Output, [], |g| when(g.wants_vertices, bytes(g.vertices, 32)));
         /// dL by every texel: three sums in fixed point of 64 bits.
         TexelSums("texel_sums", Uint, Output, [TRANSFER_SRC, TRANSFER_DST],
-            |g| when(g.has(c::GRADIENT_TEXEL) && g.totals.slots > 0, bytes(g.texels, 24)));
+            |g| when(g.has(c::GRADIENT_TEXEL) && g.totals.records > 0, bytes(g.texels, 24)));
         /// Three texels for each view, then for each light, the ambient one first, then for the pixels.
         Totals("totals", Float4, Output, [], |g| bytes(g.sums, 48));
     }

@@ -102,8 +102,8 @@ pub struct MeshLayout {
     pub uv: u32,
     /// First word of `uv_indices`; all bits set without images.
     pub uv_index: u32,
-    /// As the kernels have it: the first word of `triangle_textures`; for a mesh whose triangles have one texture its
-    /// number with all bits inverted; all bits set without texture.
+    /// As the kernels read it: the first word of `triangle_textures`; or, if all triangles have the same texture, the bitwise
+    /// complement of its number; or all bits set without texture.
     pub texture: u32,
     /// First entry of `textures`.
     pub first_texture: u32,
@@ -141,11 +141,11 @@ pub struct TableLayout {
 }
 
 impl TableLayout {
-    /// Lays out meshes one after the other; `adjacency` only where gradients or smooth shading need it.
+    /// Lays out meshes one after the other. `adjacency` is needed for gradients and for smooth shading.
     pub fn of(shapes: &[MeshShape], adjacency: bool) -> Self {
         let mut layout = Self::default();
         if !shapes.iter().all(MeshShape::is_plain) {
-            // The white texel that a plain mesh samples beside a textured one.
+            // The white texel that a mesh without texture samples, if another mesh has a texture.
             (layout.lengths.textures, layout.lengths.texels) = (1, 1);
         }
         for shape in shapes {

@@ -1,4 +1,7 @@
 //! Scenes, cameras and lights as the tables that the kernels read.
+//!
+//! `layout` computes where each mesh lies in the tables, from counts alone. [`MeshTables`] holds the values, and `update`
+//! takes over those of a scene with the same layout.
 
 mod layout;
 mod update;
@@ -10,17 +13,17 @@ use crate::constants as c;
 use crate::frame::plan::split;
 use crate::scene::{Appearance, Camera, Lights, Mesh, Projection, Scene, Settings, Texture, Wrap};
 
-/// The meshes of a scene, one after the other, as flat arrays.
+/// The meshes of a scene, one after the other, in flat arrays.
 #[derive(Debug, Default)]
 pub struct MeshTables {
     /// x, y, z of every vertex.
     pub positions: Vec<f32>,
     /// Three vertex numbers (within the mesh) of every triangle.
     pub indices: Vec<u32>,
-    /// Per mesh: vertices + 1 absolute offsets, then each vertex's corners in ascending order, each
-    /// as four times its triangle plus its number there.
+    /// For each mesh: vertices + 1 absolute offsets, then each vertex's corners in ascending order, each as four times the
+    /// triangle's number plus the corner's number (0 to 2).
     pub adjacency: Vec<u32>,
-    /// r, g, b: one colour for a mesh, or one a vertex.
+    /// r, g, b: one colour for each mesh, or one for each vertex.
     pub colors: Vec<f32>,
     /// u, v.
     pub uvs: Vec<f32>,
@@ -28,25 +31,25 @@ pub struct MeshTables {
     pub uv_indices: Vec<u32>,
     /// The entry of `textures` of every triangle of a mesh with several.
     pub triangle_textures: Vec<u32>,
-    /// First texel, width, height, kind; of surface cells: first texel, resolution, number of texels, kind.
+    /// Images: first texel, width, height, kind. Surface cells: first texel, resolution, number of texels, kind.
     pub textures: Vec<[u32; 4]>,
     /// r, g, b, 0.
     pub texels: Vec<[f32; 4]>,
-    /// Where each mesh lies in these.
+    /// Where each mesh lies in these arrays.
     pub layouts: Vec<MeshLayout>,
     /// The shapes of the meshes.
     pub shapes: Vec<MeshShape>,
-    /// The images laid out, by which unchanged ones are told without looking at their texels.
+    /// The images whose texels are in `texels`; a clone of one is recognized without comparing texels.
     images: Vec<Texture>,
 }
 
 impl MeshTables {
-    /// Lays out a scene's meshes; `adjacency` only where gradients or smooth shading need it.
+    /// Lays out a scene's meshes. `adjacency` is needed for gradients and for smooth shading.
     pub fn new(scene: &Scene, adjacency: bool) -> Self {
         let shapes: Vec<MeshShape> = scene.meshes.iter().map(MeshShape::of).collect();
         let mut tables = Self { layouts: TableLayout::of(&shapes, adjacency).meshes, shapes, ..Self::default() };
         if !tables.shapes.iter().all(MeshShape::is_plain) {
-            // What a mesh without texture samples when another mesh of the frame has one.
+            // The white texel that a mesh without texture samples, if another mesh of the frame has a texture.
             tables.textures.push([0, 1, 1, c::TEXTURE_CLAMP]);
             tables.texels.push([1.0; 4]);
         }
@@ -65,7 +68,7 @@ impl MeshTables {
         self.push_appearance(mesh);
     }
 
-    /// Compressed rows: counting sort of corners by vertex, so that each row ascends.
+    /// Sorts the corners by vertex (counting sort), so that each vertex's corners ascend.
     fn push_adjacency(&mut self, mesh: &Mesh) {
         let vertices = mesh.positions().len();
         let start = self.adjacency.len() + vertices + 1;
@@ -83,9 +86,9 @@ impl MeshTables {
         self.adjacency.resize(next as usize, 0);
         for (t, triangle) in mesh.triangles().iter().enumerate() {
             for (corner, &v) in triangle.iter().enumerate() {
-                let place = &mut ends[v as usize];
-                self.adjacency[*place as usize] = 4 * t as u32 + corner as u32;
-                *place += 1;
+                let next = &mut ends[v as usize];
+                self.adjacency[*next as usize] = 4 * t as u32 + corner as u32;
+                *next += 1;
             }
         }
     }

@@ -1,10 +1,11 @@
-//! Tables of a scene that is nearly the last one: what differs is taken over and told of, so that it alone is uploaded.
+//! Updates of the tables from a scene with the same layout, which report the tables that differ, so that only these are
+//! uploaded.
 
 use super::{MeshTables, kind_of};
 use crate::frame::buffers::BufferId;
 use crate::scene::{Appearance, Mesh, Scene};
 
-/// Some of a frame's inputs: those whose bytes differ from the last frame's.
+/// A set of inputs: those whose bytes differ from the last frame's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Changes(u64);
 
@@ -14,27 +15,27 @@ impl Changes {
     /// Every input.
     pub const ALL: Self = Self(u64::MAX);
 
-    /// None of them.
+    /// Whether no input is in the set.
     pub fn is_empty(self) -> bool {
         self.0 == 0
     }
 
-    /// Whether an input is one of them.
+    /// Whether an input is in the set.
     pub fn has(self, id: BufferId) -> bool {
         self.0 & Self::bit(id) != 0
     }
 
-    /// Adds an input if it differs.
+    /// Adds an input if `differs`.
     pub(crate) fn note(&mut self, id: BufferId, differs: bool) {
         self.0 |= if differs { Self::bit(id) } else { 0 };
     }
 
-    /// Those of either.
+    /// The inputs of either set.
     pub(crate) fn or(self, other: Self) -> Self {
         Self(self.0 | other.0)
     }
 
-    /// Those that are not among others.
+    /// The inputs that are not in the other set.
     #[cfg(feature = "renderer")]
     pub(crate) fn without(self, other: Self) -> Self {
         Self(self.0 & !other.0)
@@ -45,7 +46,7 @@ impl Changes {
     }
 }
 
-/// Writes what is not there yet, bit for bit; whether anything was.
+/// Copies `from` to `to`, and returns whether any bit differed.
 pub(crate) fn overwrite<T: bytemuck::NoUninit>(to: &mut [T], from: &[T]) -> bool {
     let differs = bytemuck::cast_slice::<T, u8>(to) != bytemuck::cast_slice::<T, u8>(from);
     if differs {
@@ -65,8 +66,8 @@ fn overwrite_texels(to: &mut [[f32; 4]], from: &[[f32; 3]]) -> bool {
 }
 
 impl MeshTables {
-    /// Takes over the values of a scene whose meshes have the very counts and kinds of those laid out, and tells which
-    /// tables differed. `None` where triangles are others: then the scene is to be laid out anew.
+    /// Takes over the values of a scene whose meshes have the same shapes as those laid out, and returns the tables that
+    /// differed. `None` if the triangles differ: then the scene must be laid out anew.
     pub(crate) fn update(&mut self, scene: &Scene) -> Option<Changes> {
         let mut rest = &self.indices[..];
         let same = |mesh: &Mesh| {
@@ -97,7 +98,7 @@ impl MeshTables {
         Some(changes)
     }
 
-    /// The same of a mesh's texture, `image` counting all meshes' images.
+    /// The same for a mesh's texture. `image` counts the images of all meshes so far.
     fn update_texture(&mut self, appearance: &Appearance, mesh: usize, image: &mut usize) -> Changes {
         let mut changes = Changes::default();
         let layout = self.layouts[mesh];

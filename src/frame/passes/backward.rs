@@ -12,7 +12,7 @@ use crate::vulkan::{BufferPart, Device, Kernel, Pipeline, Recorder, TimestampPoo
 pub enum BackwardStage {
     /// Turns dL/dimages into each pixel's factors.
     PixelGrad,
-    /// Selects the items (a triangle's record in one cell of 64×32 pixels) that can have a gradient, and lists small ones
+    /// Selects the items (a triangle record within one cell of its box) that can have a gradient; small ones are listed
     /// apart.
     Cull,
     /// Sums over the pixels of each item that is visible in a shaded image.

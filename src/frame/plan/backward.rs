@@ -1,10 +1,10 @@
-//! From a saved frame and what is wanted of it to the sizes, dispatch counts and modes of a backward pass: pure, no Vulkan.
+//! The plan of a backward pass: buffer sizes, dispatch counts and modes, from a saved frame and the gradients wanted.
 //!
-//! Memory, in bytes, beyond the forward frame's, with the letters of [`crate::frame::plan`], I = S + cells beyond the first, and
-//! Q the texels of a partial gradient (3; +3 for colours, +2 for UVs, +3 for normals):
+//! Memory in bytes beyond the forward frame's, with the letters of [`crate::frame::plan`], I = S + cells beyond the first
+//! items, and Q the texels of a partial gradient (3; +3 for colours, +2 for UVs, +3 for normals):
 //!
-//! `16 (1 + shaded + normal) P + (16 Q + 32) I + 16 (3 + 3 colours + 2 UVs) S + 32 V`, and where asked for `32 P` background,
-//! `48 S` camera, σ and γ, `32 S` or `32 V` lights, `96 S + 16 V` smooth shading, `24` a texel.
+//! `16 (1 + shaded + normal) P + (16 Q + 32) I + 16 (3 + 3 colours + 2 UVs) S + 32 V`, and if asked for `32 P` for the
+//! background, `48 S` for camera, σ and γ, `32 S` or `32 V` for lights, `96 S + 16 V` for smooth shading, `24` a texel.
 //!
 //! Nothing grows with pixels × triangles.
 
@@ -15,7 +15,7 @@ use crate::frame::buffers::{GradientCounts, Sizes};
 use crate::gradients::{GradientMode, Wanted};
 use crate::scene::Outputs;
 
-/// Workgroups of each stage; none where a stage is not needed.
+/// Workgroups of each stage; 0 for a stage that is not needed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[allow(missing_docs)] // Named as the stages.
 pub struct BackwardGroups {
@@ -40,32 +40,32 @@ pub struct BackwardPlan {
     pub sizes: Sizes,
     /// Workgroups of each stage.
     pub groups: BackwardGroups,
-    /// Rows of FORWARD_ROW items, each with an indirect dispatch of its own; 0 where nothing but pixels is summed.
+    /// Rows of FORWARD_ROW items, each with an indirect dispatch of its own; 0 if only sums over pixels are wanted.
     pub item_rows: u32,
-    /// Rows of the light and pixel reductions.
+    /// Rows of the light reduction.
     pub light_rows: u32,
     /// Rows of the pixel reduction.
     pub pixel_rows: u32,
 }
 
-/// What a backward plan is made from.
+/// The input of a backward plan.
 #[derive(Clone, Copy, Debug)]
 pub struct BackwardInput<'a> {
     /// The saved frame's plan.
     pub forward: &'a ForwardPlan,
     /// The images that have an upstream gradient.
     pub upstream: Outputs,
-    /// What to differentiate by.
+    /// The inputs to differentiate by.
     pub wanted: &'a Wanted,
-    /// Whether the lights are more than a plain white.
+    /// Whether the lights are others than [`Lights::unlit`](crate::Lights::unlit), so that normals matter to colours.
     pub lit: bool,
-    /// Vertices of all meshes, and of the largest.
+    /// Vertices of all meshes.
     pub vertices: u64,
     /// Vertices of the largest mesh.
     pub largest_mesh: u32,
     /// Texels of all textures.
     pub texels: u64,
-    /// Fixed-point units of a texel's gradient.
+    /// Fixed-point units per 1.0 of a texel's gradient.
     pub texel_scale: f32,
 }
 
@@ -73,11 +73,11 @@ fn bit(on: bool, bit: u32) -> u32 {
     if on { bit } else { 0 }
 }
 
-/// The GRADIENT_ bits that lead to what is wanted.
+/// The GRADIENT_ bits of all terms that the wanted gradients need.
 fn gradient_bits(input: &BackwardInput) -> u32 {
     let w = input.wanted;
     let up = input.upstream;
-    // Light depends on normals, and normals on positions.
+    // Positions change normals, and normals change the light.
     let through_light = (w.positions && input.lit) || w.lights;
     bit(w.positions || w.camera, c::GRADIENT_GEOMETRY)
         | bit(up.color && (w.colors || through_light), c::GRADIENT_COLOR)
@@ -90,7 +90,7 @@ fn gradient_bits(input: &BackwardInput) -> u32 {
         | bit(w.background, c::GRADIENT_BACKGROUND)
 }
 
-/// Workgroups along x and z for a count that may exceed one row.
+/// The dispatch of a number of workgroups that may exceed one row: rows of FORWARD_ROW along x, the rows along z.
 fn rows_of(groups: u64, y: u32) -> [u32; 3] {
     let row = u64::from(c::FORWARD_ROW);
     [groups.min(row) as u32, y, groups.div_ceil(row) as u32]
@@ -134,9 +134,9 @@ impl BackwardPlan {
         let smooth = modes.smooth != 0;
         let sum_pixels = has(c::GRADIENT_BACKGROUND) || has(c::GRADIENT_SCALARS);
         let sum_views = has(c::GRADIENT_VIEW) || has(c::GRADIENT_SCALARS);
-        let light_rows = if smooth { forward.totals.vertices } else { forward.totals.slots };
-        // What backward alone computes, or is needed by what follows it.
-        let triangles = gradients & !c::GRADIENT_BACKGROUND != 0 && forward.totals.slots > 0;
+        let light_rows = if smooth { forward.totals.vertices } else { forward.totals.records };
+        // Whether any gradient depends on triangles; the background's sums over pixels alone.
+        let triangles = gradients & !c::GRADIENT_BACKGROUND != 0 && forward.totals.records > 0;
         Self {
             push,
             modes,
@@ -150,7 +150,7 @@ impl BackwardPlan {
 }
 
 fn item_rows(input: &BackwardInput) -> u64 {
-    let items = input.forward.totals.slots + u64::from(input.forward.push.cell_capacity);
+    let items = input.forward.totals.records + u64::from(input.forward.push.cell_capacity);
     items.div_ceil(u64::from(c::FORWARD_ROW))
 }
 
@@ -161,7 +161,7 @@ fn counts_of(input: &BackwardInput, gradients: u32, smooth: bool) -> GradientCou
     let shaded = up.color || up.depth || up.normal;
     GradientCounts {
         totals,
-        items: totals.slots + u64::from(push.cell_capacity),
+        items: totals.records + u64::from(push.cell_capacity),
         item_rows: item_rows(input),
         upstream: up,
         outlines: up.silhouette || (shaded && input.forward.modes.composite != 0),
@@ -172,7 +172,7 @@ fn counts_of(input: &BackwardInput, gradients: u32, smooth: bool) -> GradientCou
             + part(c::GRADIENT_COORDINATE, c::PARTIAL_COORDINATE_TEXELS)
             + part(c::GRADIENT_NORMAL, c::PARTIAL_NORMAL_TEXELS),
         corner_texels: 3 + part(c::GRADIENT_COLOR, 3) + part(c::GRADIENT_COORDINATE, 2),
-        light_rows: if smooth { totals.vertices } else { totals.slots },
+        light_rows: if smooth { totals.vertices } else { totals.records },
         wants_vertices: input.wanted.positions || input.wanted.colors,
         vertices: input.vertices,
         texels: input.texels,
@@ -187,8 +187,8 @@ fn groups_of(input: &BackwardInput, gradients: u32, smooth: bool, sum_views: boo
     let views = forward.push.view_count;
     let linear = |n: u32, y: u32| [n.div_ceil(c::LINEAR_GROUP), y, 1];
     let pixels = u64::from(forward.push.width) * u64::from(forward.push.height);
-    let items = forward.totals.slots + u64::from(forward.push.cell_capacity);
-    let triangles = gradients & !c::GRADIENT_BACKGROUND != 0 && forward.totals.slots > 0;
+    let items = forward.totals.records + u64::from(forward.push.cell_capacity);
+    let triangles = gradients & !c::GRADIENT_BACKGROUND != 0 && forward.totals.records > 0;
     let vertices = input.wanted.positions || input.wanted.colors;
     let corners = gradients & !(c::GRADIENT_BACKGROUND | c::GRADIENT_TEXEL) != 0;
     BackwardGroups {

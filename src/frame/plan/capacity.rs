@@ -1,17 +1,17 @@
-//! Room for lists whose length only the device finds out.
+//! The capacities of lists whose lengths are only known on the device.
 
 use super::ViewSize;
 use crate::constants as c;
 use crate::scene::{Distance, Settings};
 
-/// Entries of the bins' and of the tiles' lists that memory is set aside for.
+/// How many entries memory is reserved for, in the lists of the bins and the tiles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Capacity {
     /// Entries of all bins' lists together.
     pub coarse: u32,
     /// Entries of all tiles' lists together.
     pub list: u32,
-    /// Cells that large boxes have beyond their first, for backward.
+    /// Cells that the boxes of large triangles have beyond their first, for backward.
     pub cells: u32,
 }
 
@@ -25,8 +25,8 @@ impl Capacity {
         }
     }
 
-    /// Room that usual meshes need, from the mean triangle that would cover each image once; the status word tells when
-    /// it was not enough. `cutoff` is the radius of support as in [`Settings::cutoff_of`].
+    /// An estimate for usual meshes, which assumes that each view's triangles have equal areas and cover its image once.
+    /// The status tells if it was too small. `cutoff` is the squared radius of support from [`Settings::cutoff_of`].
     pub fn estimate(settings: &Settings, cutoff: f64, views: &[ViewSize]) -> Self {
         let (w, h) = (f64::from(settings.width), f64::from(settings.height));
         let hard = settings.distance == Distance::Hard;
@@ -43,7 +43,7 @@ impl Capacity {
         let (tiles, bins) = (w * h / 32.0 + 2.0, w * h / 2048.0 + 2.0);
         let entries = |x: f64| x.min(f64::from(1 << 24)) as u32 + 1024;
         Self {
-            // Every bin's list is rounded up to whole words.
+            // Every bin's list is rounded up to whole words of 32 entries.
             coarse: entries(lists((c::BIN_WIDTH, c::BIN_HEIGHT), bins) + bins * views.len() as f64 * 32.0),
             list: entries(lists((c::TILE_WIDTH, c::TILE_HEIGHT), tiles)),
             cells: 1024,

@@ -1,12 +1,12 @@
-//! The push constants: a frame's numbers as every kernel reads them.
+//! The push constants, which are the same block in every kernel of a frame.
 
 use crate::constants as c;
 use crate::scene::{Distance, Parity, Settings};
 
-/// The numbers of a frame as the kernels read them (`glsl/common/frame.glsl`).
+/// The push constant block (`glsl/common/frame.glsl`).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
-#[allow(missing_docs)] // Field by field the push constant block, which documents them.
+#[allow(missing_docs)] // The fields are the block's members, which frame.glsl documents.
 pub struct FramePush {
     pub width: u32,
     pub height: u32,
@@ -44,13 +44,13 @@ pub struct FramePush {
 
 const _: () = assert!(size_of::<FramePush>() == 128, "one field per member of the push constant block");
 
-/// A number as the sum of two floats, some 48 bits of it.
+/// A number as the sum of two floats, which hold about 48 of its bits.
 pub fn split(x: f64) -> (f32, f32) {
     let high = x as f32;
     (high, (x - f64::from(high)) as f32)
 }
 
-/// The frame's numbers from its settings; capacities and counts are filled in by [`ForwardPlan::new`](super::ForwardPlan::new).
+/// The members that follow from the settings; [`ForwardPlan::new`](super::ForwardPlan::new) adds capacities and counts.
 pub(super) fn push_of(settings: &Settings, cutoff: f64) -> FramePush {
     let log2e = std::f64::consts::LOG2_E;
     let half_height = f64::from(settings.height) / 2.0;
@@ -61,7 +61,7 @@ pub(super) fn push_of(settings: &Settings, cutoff: f64) -> FramePush {
     let ((near_high, near_low), (far_high, far_low)) = (split(settings.near), split(settings.far));
     let (score_high, score_low) = split(score);
     let hard = settings.distance == Distance::Hard;
-    // Both soft distances are in units of log2 weights, so the same cut-off serves them.
+    // Both soft distances are measured in units of the log2 weight, so they share one cutoff.
     let radius_squared = if hard { 0.0 } else { (cutoff * log2e) as f32 };
     let [red, green, blue] = settings.background_color.map(|x| x as f32);
     FramePush {

@@ -1,12 +1,12 @@
-//! From shapes and settings to buffer sizes, dispatch counts and the numbers of a frame: pure, no Vulkan.
+//! The plan of a forward frame: buffer sizes, dispatch counts and constants, from counts and settings, without a device.
 //!
-//! Memory, in bytes, with V vertices and S slots over all views (a slot is a triangle; two where the near plane cuts the
-//! mesh), P pixels over all views, B bins (64×32 pixels) of a view and N over all views, T tiles (8×4 pixels) over all views,
-//! C and L the capacities of the bins' and the tiles' lists, Q the texels of a shading record (4; +2 with textures, +3 with
-//! normals):
+//! Memory in bytes, with V vertices and S triangle records over all views (one for each triangle; two if triangles may
+//! cross the near plane), P pixels over all views, B bins (64×32 pixels) of a view and N over all views, T tiles (8×4
+//! pixels) over all views, C and L the capacities of the bins' and the tiles' lists, Q the texels of a shading record (4; +2
+//! with textures, +3 with normals):
 //!
-//! `32 V + (32 V smooth) + 96 S + 16 Q S + B S/8 + 8 N + 12⅛ C + 36 T + 4 L + 16 P colour, or 4 P silhouette alone, + 4 P depth
-//! + 16 P normal`, and for backward `16 P + 8 T + 8 S` and 8 a cell (64×32 pixels) that a box has beyond its first
+//! `32 V + (32 V smooth) + 96 S + 16 Q S + B S/8 + 8 N + 12⅛ C + 36 T + 4 L + 16 P colour, or 4 P silhouette alone,
+//! + 4 P depth + 16 P normal`, and for backward `16 P + 8 T + 8 S` and 8 a cell (64×32 pixels) that a box has beyond its first
 //!
 //! Nothing grows with pixels × triangles.
 
@@ -26,7 +26,7 @@ use crate::frame::buffers::{FrameCounts, Sizes, TableLengths, Totals};
 use crate::scene::{Lights, Settings};
 use modes::clips;
 
-/// The size of what one view sees.
+/// The counts of the mesh that one view sees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ViewSize {
     /// Vertices of its mesh.
@@ -35,43 +35,43 @@ pub struct ViewSize {
     pub triangles: u32,
 }
 
-/// Where one view's share of the buffers begins.
+/// One view's range in the buffers that hold all views.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ViewRange {
     /// First transformed vertex.
     pub screen_base: u32,
-    /// First record slot.
-    pub slot_base: u32,
+    /// Index of the first triangle record.
+    pub record_base: u32,
     /// First bin.
     pub bin_base: u32,
     /// First word of the bins' bitmaps.
     pub word_base: u32,
-    /// Record slots.
-    pub slots: u32,
-    /// Bitmap words of a bin.
+    /// Triangle records.
+    pub records: u32,
+    /// Words of each bin's bitmap.
     pub words: u32,
 }
 
-/// Everything that a frame's recording needs to know.
+/// The sizes, counts and constants of a forward frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ForwardPlan {
     /// The push constants.
     pub push: FramePush,
     /// Specialization constants.
     pub modes: Modes,
-    /// Lanes of bin_coarse, at least.
+    /// The least number of lanes that bin_coarse may have.
     pub coarse_lanes: u32,
-    /// Each view's share of the buffers.
+    /// Each view's range in the buffers.
     pub views: Vec<ViewRange>,
     /// Bytes of every buffer.
     pub sizes: Sizes,
     /// Workgroups of each stage.
     pub groups: Groups,
-    /// Vertices, slots and pixels of all views together.
+    /// Vertices, records, pixels and so on of all views together.
     pub totals: Totals,
 }
 
-/// Workgroups of each stage.
+/// Workgroups of each stage that does not walk a list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs)] // Named as the stages.
 pub struct Groups {
@@ -81,36 +81,36 @@ pub struct Groups {
     pub bin_fine: [u32; 3],
 }
 
-/// What a plan is made from.
+/// The input of a forward plan.
 #[derive(Clone, Debug)]
 pub struct PlanInput<'a> {
-    /// The frame's settings, judged.
+    /// The frame's settings, validated.
     pub settings: &'a Settings,
     /// The culling radius squared in units of σ, from [`Settings::cutoff_of`].
     pub cutoff: f64,
-    /// What each view sees, in order.
+    /// The counts of the mesh that each view sees, in order.
     pub views: &'a [ViewSize],
-    /// The meshes' tables: of one mesh that every view sees, or of one for each.
+    /// Lengths of the mesh tables, which hold one mesh that every view sees, or one for each view.
     pub tables: TableLengths,
-    /// The lights, judged.
+    /// The lights, validated.
     pub lights: &'a Lights,
-    /// What colours the meshes.
+    /// The kinds of texture that the meshes have.
     pub sampling: Sampling,
-    /// How the depths lie to near and far.
+    /// Whether triangles may lie across the near plane or beyond the far plane.
     pub depth_span: DepthSpan,
-    /// Some camera distorts.
+    /// Whether some camera has lens distortion.
     pub distorted: bool,
     /// Room for lists; see [`Capacity::estimate`].
     pub capacity: Capacity,
-    /// Keep what backward needs.
+    /// Whether the frame keeps what backward needs.
     pub save: bool,
 }
 
 impl ForwardPlan {
-    /// Sizes, counts and numbers of a frame.
+    /// The plan of a frame.
     ///
     /// # Errors
-    /// [`Error::Limit`] where a count outgrows what the kernels' 32-bit indices can address.
+    /// [`Error::Limit`] if a count exceeds what the kernels can address with 32-bit indices.
     pub fn new(input: &PlanInput) -> Result<Self> {
         let mut frame = frame::push_of(input.settings, input.cutoff);
         frame.coarse_capacity = input.capacity.coarse;
@@ -122,7 +122,7 @@ impl ForwardPlan {
         let (views, totals) = ranges_of(input, &frame)?;
         let modes = Modes::new(input);
         let coarse_lanes = coarse_lanes(&views);
-        frame.slot_count = totals.slots as u32;
+        frame.slot_count = totals.records as u32;
         let sizes = Sizes::of_frame(&counts_of(input, &frame, &modes, totals));
         let most = |f: fn(&ViewSize) -> u32| input.views.iter().map(f).max().unwrap_or(0);
         let count = input.views.len() as u32;
@@ -138,7 +138,7 @@ impl ForwardPlan {
     }
 }
 
-/// Whether a shading record is made: for colour, depth or normals, or to tell fragments beyond the far plane.
+/// Whether triangles have shading records: for colour, depth or normals, or to reject fragments beyond the far plane.
 fn shades(modes: &Modes) -> bool {
     modes.outputs & !c::OUTPUT_SILHOUETTE != 0 || modes.depth_range != c::DEPTH_RANGE_INSIDE
 }
@@ -161,20 +161,20 @@ fn counts_of(input: &PlanInput, push: &FramePush, modes: &Modes, totals: Totals)
     }
 }
 
-/// Slots for each of bin_coarse's lanes. It takes some two passes of a loop for each of a bin's entries, and a software
-/// driver that ends loops after 65535 passes would lose the rest of a bin that has many.
-const SLOTS_A_LANE: u32 = 1 << 14;
-/// What every device can do.
+/// The most records for each lane of bin_coarse. Its loop takes about two iterations for each entry of a bin, and Mesa's
+/// software driver ends loops after 65535 iterations, which would lose the remaining entries.
+const RECORDS_PER_LANE: u32 = 1 << 14;
+/// The workgroup size that every Vulkan device supports.
 const MOST_LANES: u32 = 128;
 
-/// Lanes of bin_coarse, at least.
+/// The least number of lanes that bin_coarse may have.
 fn coarse_lanes(views: &[ViewRange]) -> u32 {
-    let most = views.iter().map(|v| v.slots).max().unwrap_or(0);
-    most.div_ceil(SLOTS_A_LANE).next_power_of_two().min(MOST_LANES)
+    let most = views.iter().map(|v| v.records).max().unwrap_or(0);
+    most.div_ceil(RECORDS_PER_LANE).next_power_of_two().min(MOST_LANES)
 }
 
-/// An error for more views than a frame may have.
-pub(crate) fn judge_views(needed: u64) -> Result<()> {
+/// Fails for more views than a frame may have.
+pub(crate) fn validate_views(needed: u64) -> Result<()> {
     const MOST: u64 = 1 << 18;
     if needed <= MOST {
         return Ok(());
@@ -185,30 +185,30 @@ pub(crate) fn judge_views(needed: u64) -> Result<()> {
 }
 
 fn ranges_of(input: &PlanInput, frame: &FramePush) -> Result<(Vec<ViewRange>, Totals)> {
-    judge_views(input.views.len() as u64)?;
+    validate_views(input.views.len() as u64)?;
     let pieces = if clips(input) { 2 } else { 1 };
     let bins = u64::from(frame.bins_x) * u64::from(frame.bins_y);
     let mut t = Totals::default();
     let mut views = Vec::with_capacity(input.views.len());
     for size in input.views {
-        let slots = u64::from(size.triangles) * pieces;
-        let words = slots.div_ceil(u64::from(c::WORD_BITS));
+        let records = u64::from(size.triangles) * pieces;
+        let words = records.div_ceil(u64::from(c::WORD_BITS));
         views.push(ViewRange {
             screen_base: t.vertices as u32,
-            slot_base: t.slots as u32,
+            record_base: t.records as u32,
             bin_base: t.bins as u32,
             word_base: t.words as u32,
-            slots: slots as u32,
+            records: records as u32,
             words: words as u32,
         });
         t.vertices += u64::from(size.vertices);
-        t.slots += slots;
+        t.records += records;
         t.bins += bins;
         t.words += words * bins;
         t.tiles += u64::from(frame.tiles_x) * u64::from(frame.tiles_y);
         t.pixels += u64::from(frame.width) * u64::from(frame.height);
     }
-    // Kernels index texels with i32; the widest record has 9.
+    // Kernels index texels with i32; the widest record has 9 texels.
     let index = |what: &str, needed: u64, fix: &str| -> Result<()> {
         let limit = i32::MAX as u64;
         if needed <= limit {
@@ -217,7 +217,7 @@ fn ranges_of(input: &PlanInput, frame: &FramePush) -> Result<(Vec<ViewRange>, To
         let (what, fix) = (what.to_owned(), fix.to_owned());
         Err(Error::Limit { what, needed, unit: "elements", limit_name: "32-bit index", limit, fix })
     };
-    index("the triangle records of all views", 9 * t.slots, "render fewer views or triangles in one frame")?;
+    index("the triangle records of all views", 9 * t.records, "render fewer views or triangles in one frame")?;
     index("the vertices of all views", 3 * t.vertices, "render fewer views in one frame")?;
     index("the images of all views", t.pixels, "render fewer views in one frame, or smaller images")?;
     index("the bins' bitmaps", t.words, "render fewer views in one frame, or smaller images")?;

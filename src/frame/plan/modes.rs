@@ -1,4 +1,4 @@
-//! The specialization constants, and what is known of a frame beyond its settings.
+//! The specialization constants, and the properties of a scene that they depend on.
 
 use super::PlanInput;
 use crate::constants as c;
@@ -7,7 +7,7 @@ use crate::scene::{
     Shading, SilhouetteAggregation,
 };
 
-/// How the depths of a frame's meshes lie to its near and far planes; unknown is `true`.
+/// How the depths of a frame's meshes compare with its near and far planes. `true` is right if it is not known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DepthSpan {
     /// Some triangle may cross the near plane.
@@ -16,7 +16,7 @@ pub struct DepthSpan {
     pub crosses_far: bool,
 }
 
-/// What colours the meshes of a frame.
+/// The kinds of texture that the meshes of a frame have.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sampling {
     /// Some mesh has surface cells.
@@ -26,7 +26,7 @@ pub struct Sampling {
 }
 
 impl DepthSpan {
-    /// From the box around a mesh, as one camera sees it.
+    /// For a mesh of these bounds (least and largest corner in world space) seen by one camera.
     pub fn of(bounds: Option<([f32; 3], [f32; 3])>, camera: &Camera, settings: &Settings) -> Self {
         let Some((low, high)) = bounds else {
             return Self { crosses_near: false, crosses_far: false };
@@ -38,12 +38,12 @@ impl DepthSpan {
             nearest += ends[0].min(ends[1]);
             farthest += ends[0].max(ends[1]);
         }
-        // A millionth for the rounding of the kernels.
+        // The kernels compute depths in single precision, whose rounding error is below a millionth.
         let slack = 1e-6 * (nearest.abs() + farthest.abs());
         Self { crosses_near: nearest - slack < settings.near, crosses_far: farthest + slack > settings.far }
     }
 
-    /// True of either.
+    /// `true` where it is in either.
     pub fn or(self, other: Self) -> Self {
         Self {
             crosses_near: self.crosses_near || other.crosses_near,
@@ -70,7 +70,7 @@ macro_rules! modes {
 }
 
 modes! {
-    /// The specialization constants of a frame: everything that changes what is compiled.
+    /// The specialization constants of a frame, which every kernel is compiled for.
     Modes {
         /// OUTPUT_ bits of the images.
         outputs = "OUTPUTS",
@@ -86,31 +86,31 @@ modes! {
         perspective_correct = "PERSPECTIVE_CORRECT",
         /// 1: the background is composited by the silhouette.
         composite = "COMPOSITE",
-        /// DEPTH_RANGE_: which fragments are told from those beyond the far plane.
+        /// DEPTH_RANGE_: how fragments beyond the far plane are rejected.
         depth_range = "DEPTH_RANGE",
-        /// 1: what backward needs is kept.
+        /// 1: the frame keeps what backward needs.
         save = "SAVE",
-        /// 1: triangles may be cut by the near plane, so that each has two records.
+        /// 1: triangles may cross the near plane, so each has two records.
         near_clip = "NEAR_CLIP",
         /// 1: vertices are lit, not triangles.
         smooth = "SMOOTH",
-        /// 1: lights are more than a plain white.
+        /// 1: the lights are others than [`Lights::unlit`](crate::Lights::unlit).
         lit = "LIT",
-        /// 1: triangles seen from behind are left out.
+        /// 1: back faces are culled.
         front_only = "FRONT_ONLY",
         /// 1: triangles whose corners run clockwise face the camera.
         clockwise_front = "CLOCKWISE_FRONT",
         /// 1: the official implementation's formulas.
         official = "OFFICIAL",
-        /// 1: some camera distorts.
+        /// 1: some camera has lens distortion.
         distorted = "DISTORTED",
         /// OUTPUT_ bits of the images that have an upstream gradient; 0 in a forward frame.
         upstream = "UPSTREAM",
-        /// GRADIENT_ bits of what is differentiated by; 0 in a forward frame.
+        /// GRADIENT_ bits of the inputs to differentiate by; 0 in a forward frame.
         gradients = "GRADIENTS",
         /// 1: the paper's gradient.
         paper = "PAPER",
-        /// The longest list of triangles that the device can walk.
+        /// The longest list of triangles that a loop can walk on this device.
         longest_list = "LONGEST_LIST",
     }
 }
@@ -131,7 +131,7 @@ impl Modes {
         let official = s.parity == Parity::Official;
         let shaded = s.outputs.color || s.outputs.depth || s.outputs.normal;
         let depth_range = match (official, input.depth_span.crosses_far) {
-            // The official silhouette counts every depth, so only shaded images care.
+            // The official silhouette includes every depth, so the range matters to shaded images only.
             (true, _) if shaded => c::DEPTH_RANGE_OFFICIAL,
             (false, true) => c::DEPTH_RANGE_FAR,
             _ => c::DEPTH_RANGE_INSIDE,
@@ -168,7 +168,7 @@ impl Modes {
     }
 }
 
-/// Whether triangles may be cut by the near plane, so that each has two records.
+/// Whether triangles may be clipped at the near plane, so each has two records.
 pub(super) fn clips(input: &PlanInput) -> bool {
     input.depth_span.crosses_near && input.settings.parity == Parity::Model
 }
