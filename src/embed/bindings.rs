@@ -1,4 +1,4 @@
-//! Buffers bound to a frame's kernels, made before recording so that recording only records.
+//! Buffers bound to a frame's kernels, before recording, so that recording does not allocate.
 
 use super::plan::{BufferRequirement, FramePlan, GradientPlan};
 use crate::error::{Error, Result};
@@ -8,38 +8,38 @@ use crate::frame::plan::Modes;
 use crate::gradients::Wanted;
 use crate::vulkan::{BufferPart, BufferRef, Device, Pipeline, TexelFormat, vk};
 
-/// One frame's buffers bound to the forward kernels: descriptor sets, buffer views and pipelines. Two frames in flight take
-/// two of them with buffers of their own; inputs that nobody writes may be shared.
+/// One frame's buffers bound to the forward kernels: descriptor sets, buffer views and pipelines. Two frames in flight need
+/// two of them with different buffers; inputs that are not written meanwhile may be shared.
 ///
-/// Keep it, and the buffers, until every command buffer that it was recorded into has been executed for the last time or
-/// thrown away; then drop it, in any order with its [`Rasterizer`](super::Rasterizer), but before the device.
+/// Keep it and the buffers until every command buffer that it was recorded into has been executed for the last time or
+/// freed. Drop it before the device; it may be dropped before or after its [`Rasterizer`](super::Rasterizer).
 pub struct FrameBindings {
     pub(super) stages: ForwardStages,
     pub(super) status: BufferPart,
     pub(super) bin_bits: BufferPart,
     pub(super) tile_counts: BufferPart,
-    /// The modes of the plan that it was made for, and its lanes of bin_coarse.
+    /// The modes and the lanes of bin_coarse that its kernels were compiled for.
     kernels: (Modes, u32),
     /// Bytes bound.
     ranges: Sizes,
     pub(super) parts: Parts,
 }
 
-/// One frame's buffers bound to the backward kernels, those of its [`FrameBindings`] among them. To be kept as that.
+/// One frame's buffers bound to the backward kernels, with those of its [`FrameBindings`]. It must be kept as long as these.
 pub struct GradientBindings {
     pub(super) stages: BackwardStages,
     pub(super) texel_sums: BufferPart,
     pub(super) item_counts: BufferPart,
     pub(super) vertex_gradients: BufferPart,
     pub(super) wanted: Wanted,
-    /// What is cleared first where only the device knows how many triangles there are.
+    /// The buffers that are cleared first if only the device knows how many triangles there are.
     pub(super) cleared: Vec<BufferPart>,
     modes: Modes,
     ranges: Sizes,
     frame_ranges: Sizes,
 }
 
-/// The host's buffers, each checked against what is required of it.
+/// The host's buffers, each validated against its requirement.
 pub(super) fn parts_of_host(
     device: &Device,
     required: &[BufferRequirement],
@@ -60,7 +60,7 @@ pub(super) fn parts_of_host(
             return Err(missing(id));
         };
         validate(requirement, at)?;
-        // Whole texels only: a view cannot end within one.
+        // A buffer view must end with a whole texel.
         let at = at.part(0, at.range() - at.range() % requirement.format.bytes())?;
         let texels = |format| BufferPart::texels_of_host(device, &at, format, id.name());
         if id == BufferId::Unused {
@@ -108,7 +108,7 @@ fn validate(requirement: &BufferRequirement, at: &BufferRef) -> Result<()> {
     Ok(())
 }
 
-/// Bytes bound for each buffer, 0 where the plan has no such buffer.
+/// Bytes bound for each buffer; 0 for a buffer that the plan does not have.
 fn ranges_of(parts: &Parts) -> Sizes {
     let mut ranges = Sizes::NONE;
     ranges[BufferId::Unused] = if parts.unused.is_empty() { 0 } else { UNUSED_SIZE };
@@ -118,7 +118,7 @@ fn ranges_of(parts: &Parts) -> Sizes {
     ranges
 }
 
-/// A plan may be recorded with what was bound for another if it needs no more and compiles to the same kernels.
+/// A plan may be recorded with the bindings of another plan if it needs no larger buffers and the same kernels.
 fn fits(sizes: &Sizes, ranges: &Sizes, same_kernels: bool) -> Result<()> {
     if !same_kernels {
         let fix = "bind buffers for this plan: outputs, modes, lights or depth span are others";
@@ -157,10 +157,10 @@ impl FrameBindings {
         get(&self.parts, id)
     }
 
-    /// Whether a plan can be recorded with it. Allocates nothing unless it cannot.
+    /// Validates that a plan can be recorded with these bindings. It allocates only for an error.
     ///
     /// # Errors
-    /// [`Error::Host`] saying what is too small or otherwise compiled.
+    /// [`Error::Host`] naming the buffer that is too small, or that the kernels are compiled for other modes.
     pub fn fits(&self, plan: &FramePlan) -> Result<()> {
         fits(&plan.forward.sizes, &self.ranges, (plan.forward.modes, plan.forward.coarse_lanes) == self.kernels)
     }
@@ -190,10 +190,10 @@ impl GradientBindings {
         })
     }
 
-    /// Whether a plan can be recorded with it. Allocates nothing unless it cannot.
+    /// Validates that a plan can be recorded with these bindings. It allocates only for an error.
     ///
     /// # Errors
-    /// [`Error::Host`] saying what is too small or otherwise compiled.
+    /// [`Error::Host`] naming the buffer that is too small, or that the kernels are compiled for other modes.
     pub fn fits(&self, plan: &GradientPlan) -> Result<()> {
         fits(&plan.frame_sizes, &self.frame_ranges, plan.backward.modes == self.modes)?;
         fits(&plan.backward.sizes, &self.ranges, true)

@@ -1,4 +1,4 @@
-//! From a backward pass's buffers to [`Gradients`].
+//! Decoding of a backward pass's buffers into [`Gradients`].
 
 use super::plan::{FramePlan, GradientPlan};
 use crate::constants as c;
@@ -9,14 +9,14 @@ use crate::gradients::{CameraGradient, Gradients, LightGradients, MeshGradients,
 use crate::scene::{Background, Camera, Lights, Parity, Projection, Settings};
 use std::ops::Range;
 
-/// What a backward pass was made of, as its buffers are read with it.
+/// The input of a backward pass, which decoding its buffers needs.
 #[derive(Clone, Copy, Debug)]
 pub struct Decoder<'a> {
     /// The frame's plan.
     pub frame: &'a FramePlan,
     /// The pass's plan.
     pub plan: &'a GradientPlan,
-    /// What it was planned for.
+    /// The gradients that the pass was planned for.
     pub wanted: &'a Wanted,
     /// The frame's meshes: [`Inputs::tables`](super::Inputs::tables).
     pub tables: &'a MeshTables,
@@ -39,8 +39,7 @@ impl Decoder<'_> {
     ///
     /// # Errors
     /// [`Error::Host`] for a buffer that is missing, too short or misaligned, and for plans, meshes, cameras or lights that
-    /// do not belong together; [`Error::NotFinite`] where single precision
-    /// cannot hold the gradient.
+    /// do not belong together; [`Error::NotFinite`] if the gradient overflows single precision.
     pub fn decode<'b>(&'b self, bytes: impl Fn(BufferId) -> Option<&'b [u8]> + 'b) -> Result<Gradients> {
         self.validate()?;
         self.decode_floats(&|id, count| {
@@ -54,7 +53,7 @@ impl Decoder<'_> {
         })
     }
 
-    /// What is decoded with is what was planned with; of triangles there may be fewer.
+    /// Validates that the fields are those that the pass was planned with; there may be fewer triangles.
     fn validate(&self) -> Result<()> {
         let (shape, frame) = (&self.frame.shape, &self.plan.backward.push);
         let mesh = |(layout, shape): (&MeshLayout, &MeshShape)| {
@@ -105,7 +104,7 @@ impl Decoder<'_> {
         }
         if wanted.scalars {
             let sum = |k: usize| (0..views).map(|view| f64::from(row(view)[k])).sum::<f64>();
-            // x = ±d²/σ, and log weights are depth scores over γ.
+            // σ enters through x = ±d²/σ only, and γ through log weights, which are depth scores divided by γ.
             gradients.sigma = -sum(10) / s.sigma;
             gradients.gamma = -(sum(11) + pixels[4]) * std::f64::consts::LN_2 / s.gamma;
         }
@@ -162,7 +161,7 @@ impl Decoder<'_> {
                     if wanted.uvs {
                         let first = layout.uv_index as usize;
                         let indices = &tables.uv_indices[first..first + 3 * layout.triangles as usize];
-                        // One mesh is seen by every view.
+                        // A single mesh is seen by every view.
                         let one = tables.layouts.len() == 1;
                         let views = if one { 0..self.cameras.len() } else { m..m + 1 };
                         mesh.uvs = self.uvs(views, *uvs as usize, indices.as_chunks().0, corners);
@@ -175,13 +174,13 @@ impl Decoder<'_> {
         Ok(meshes)
     }
 
-    /// Some texels' fixed-point sums as floats.
+    /// The gradients of a range of texels, from their fixed-point sums.
     fn texels(&self, range: Range<usize>, floats: Floats<'_>) -> Result<Vec<[f32; 3]>> {
         let plan = self.plan;
         if plan.backward.sizes[BufferId::TexelSums] == 0 {
             return Ok(vec![[0.0; 3]; range.len()]);
         }
-        // Two words a number, three numbers a texel.
+        // Each texel has three sums of two words.
         let words: &[u32] = bytemuck::cast_slice(floats(BufferId::TexelSums, 6 * range.end)?);
         let scale = 1.0 / f64::from(plan.texel_scale());
         let value = |low: u32, high: u32| ((i64::from(high as i32) << 32 | i64::from(low)) as f64 * scale) as f32;
@@ -189,7 +188,7 @@ impl Decoder<'_> {
         Ok(sums.iter().map(|&[r, r1, g, g1, b, b1]| [value(r, r1), value(g, g1), value(b, b1)]).collect())
     }
 
-    /// Each UV pair's share of the corners that name it, over views.
+    /// Each UV pair's gradient: the sum over the corners that use it, in all of the views.
     fn uvs(&self, views: Range<usize>, uvs: usize, uv_triangles: &[[u32; 3]], corners: &[f32]) -> Vec<[f32; 2]> {
         let plan = self.plan;
         let mut sums = vec![[0.0f64; 2]; uvs];
@@ -220,14 +219,15 @@ fn sum_colors(rows: &[[f32; 8]]) -> [f32; 3] {
     sum.map(|x| x as f32)
 }
 
-/// From a view's sums: twist, then dL by the two scales and two offsets that map projected units to pixels.
+/// The gradient by a camera from a view's sums: the twist, then dL by the two scales and two offsets that map projected
+/// units to pixels.
 fn camera_gradient(camera: &Camera, row: &[f32], height: f64) -> CameraGradient {
     let row: Vec<f64> = row.iter().map(|&x| f64::from(x)).collect();
     let [sx, sy, ox, oy] = [row[6], row[7], row[8], row[9]];
     let half_height = height / 2.0;
     let projection = match *camera.projection() {
         Projection::Perspective { fov_y } => {
-            // Scales ±f with f = (height / 2) / tan(fov / 2).
+            // The scales are ±f with f = (height / 2) / tan(fov / 2).
             let slope = -half_height / 2.0 / (fov_y / 2.0).sin().powi(2);
             [(sx - sy) * slope, 0.0, 0.0, 0.0]
         }
@@ -238,7 +238,8 @@ fn camera_gradient(camera: &Camera, row: &[f32], height: f64) -> CameraGradient 
     CameraGradient { twist: [row[0], row[1], row[2], row[3], row[4], row[5]], projection }
 }
 
-/// From the lights' sums: by each unit direction and by each colour times intensity, the ambient light first.
+/// The gradients by the lights from their sums, which are by unit direction and by colour times intensity, the ambient light
+/// first.
 fn light_gradients(lights: &Lights, rows: &[&[f32]]) -> LightGradients {
     let three = |row: &[f32], at: usize| [row[at], row[at + 1], row[at + 2]].map(f64::from);
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];

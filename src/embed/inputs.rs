@@ -8,14 +8,14 @@ use crate::scene::{Camera, Scene, Settings, Shading};
 
 /// The inputs of a frame as the kernels read them, from a scene that the host has in its memory.
 ///
-/// What changes from frame to frame can be written alone, as [`update`](Self::update) tells it: in an optimisation of shape
-/// that is `positions`.
+/// [`update`](Self::update) returns the inputs that changed since the last frame, so that only these are written: in an
+/// optimization of shape, these are the positions.
 #[derive(Debug, Default)]
 pub struct Inputs {
     /// The meshes.
     pub tables: MeshTables,
-    /// Whether the images, `saved`, `tile_bounds` and `tile_marks` are as the last frame of the very same plan left them, so
-    /// that what it found empty, and still is, need not be written again. False unless the caller knows.
+    /// Whether the images, `saved`, `tile_bounds` and `tile_marks` still hold what the last frame of the same plan wrote, so
+    /// that tiles that were empty and still are need not be written again. Leave it false if you do not know.
     pub background_kept: bool,
     /// The counts and kinds of the meshes laid out.
     meshes: Vec<MeshShape>,
@@ -29,15 +29,16 @@ pub struct Inputs {
 const SHAPE_FLAGS: usize = 11;
 
 impl Inputs {
-    /// Lays out what a scene's frame reads. The plan is one of this scene's [`Shape`](super::Shape).
+    /// Lays out the inputs of a scene's frame. The plan was made for this scene's [`Shape`](super::Shape).
     pub fn new(scene: &Scene, cameras: &[Camera], settings: &Settings, plan: &FramePlan) -> Self {
         let mut inputs = Self::default();
         inputs.update(scene, cameras, settings, plan);
         inputs
     }
 
-    /// Lays out what the next frame reads, and tells which inputs are not those of the last one, bit for bit. Unchanged
-    /// topology, UVs and textures are only looked at; [`Texture`](crate::scene::Texture)s that are clones not even that.
+    /// Lays out the inputs of the next frame, and returns those whose bytes differ from the last frame's. Topology, UVs and
+    /// textures are compared and copied only if they differ; a [`Texture`](crate::scene::Texture) that is a clone of the
+    /// last one is not compared either.
     pub fn update(&mut self, scene: &Scene, cameras: &[Camera], settings: &Settings, plan: &FramePlan) -> Changes {
         let adjacency = scene.lights.shading == Shading::Smooth || settings.save;
         let fits = self.meshes == plan.shape.meshes && (self.adjacent || !adjacency);
@@ -58,7 +59,7 @@ impl Inputs {
         changes
     }
 
-    /// Every input's id and bytes; empty for one that the frame does not need.
+    /// The id and the bytes of every input; empty for an input that the frame does not need.
     pub fn all(&self) -> [(BufferId, &[u8]); 12] {
         let tables = &self.tables;
         [
@@ -77,13 +78,13 @@ impl Inputs {
         ]
     }
 
-    /// One input's bytes; `None` for a buffer that is no input of a frame.
+    /// The bytes of one input; `None` for a buffer that is no input of a forward frame.
     pub fn get(&self, id: BufferId) -> Option<&[u8]> {
         self.all().into_iter().find(|(i, _)| *i == id).map(|(_, bytes)| bytes)
     }
 }
 
-/// Whether the new values are others, bit for bit.
+/// Replaces the values, and returns whether any bit differed.
 fn renew<T: bytemuck::NoUninit>(old: &mut Vec<T>, new: Vec<T>) -> bool {
     let differs = bytemuck::cast_slice::<T, u8>(old) != bytemuck::cast_slice::<T, u8>(&new);
     *old = new;

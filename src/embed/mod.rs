@@ -1,5 +1,18 @@
 //! The embedded API: softras on a host's device, in a host's command buffer, with a host's memory.
 //!
+//! [`Rasterizer`] holds the kernels on a device. A frame goes through three steps, each with types of its own:
+//!
+//! 1. **Plan**, from counts and settings, without memory: [`FramePlan`] from a [`Shape`] lists the buffers that a frame
+//!    needs, and [`GradientPlan`] from [`Differentiate`] those that its gradients need besides.
+//! 2. **Bind**, once: [`FrameBindings`] and [`GradientBindings`] check the host's buffers and write the descriptors.
+//!    [`Arena`] divides one buffer into many, and [`Inputs`] lays out the bytes of a scene in the host's memory.
+//! 3. **Record**, every frame, without allocating: the stages of a frame, then those of its gradients. [`Status`] says
+//!    whether the lists had room, and [`Decoder`] turns the bytes of the gradients into [`Gradients`](crate::Gradients).
+//!
+//! Steps around these three take a host's own data: [`Geometry`] reads vertex and index buffers, [`Counts`] takes numbers of
+//! triangles that only the device knows, and [`FrameImage`] stores into images. [`Pass`] does all of it for a program that
+//! wants no layer between its handles and its gradients.
+//!
 #![doc = include_str!("guide.md")]
 
 mod arena;
@@ -63,7 +76,8 @@ use crate::scene::Settings;
 use crate::vulkan::{Device, DeviceKind, Pipeline, PipelineCache, Recorder, TimestampPool};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// softras on a device: its kernels, and how to record them. Owns no memory, no queue and no command buffer.
+/// The kernels on a device, from which frames are planned, bound and recorded. It owns no memory, no queue and no command
+/// buffer.
 ///
 /// It may be shared between threads, and clones share its kernels; see the module's documentation.
 #[derive(Clone)]
@@ -81,8 +95,8 @@ impl std::fmt::Debug for Rasterizer {
 }
 
 impl Rasterizer {
-    /// softras on a host's device. Compiles nothing yet: the first plan that is bound, or
-    /// [`prepare`](Self::prepare)d, does.
+    /// A rasterizer on a host's device. Kernels are not compiled yet but when a plan is first bound, or
+    /// [`prepare`](Self::prepare)d.
     ///
     /// # Errors
     /// [`Error::NoDevice`] for a device of Vulkan 1.0; [`Error::Host`] for null handles.
@@ -91,15 +105,15 @@ impl Rasterizer {
         Ok(Self::on(&device, PipelineCache::of_host(&device, host)))
     }
 
-    /// softras on a device of either kind.
+    /// A rasterizer on a device of a host's or of our own.
     pub(crate) fn on(device: &Device, cache: Option<PipelineCache>) -> Self {
-        // A software device's subgroups have eight lanes, and its shared memory is slow: one subgroup a tile.
+        // A software device has subgroups of eight lanes and slow shared memory, so a tile is given one subgroup.
         let lanes = if device.kind() == DeviceKind::Software { 8 } else { 32 };
         Self { device: device.clone(), cache, pipelines: Arc::default(), lanes }
     }
 
-    /// The same with another number of invocations that share a tile, 1 to 32, a power of two; by default 8 on software
-    /// devices, 32 elsewhere. The images do not depend on it.
+    /// Sets the number of invocations that share a tile: a power of two from 1 to 32. The default is 8 on software devices
+    /// and 32 elsewhere. Images do not depend on it.
     ///
     /// # Errors
     /// [`Error::Settings`] for another number.
@@ -112,7 +126,7 @@ impl Rasterizer {
         Ok(self)
     }
 
-    /// What a frame of this shape takes. Pure: [`FramePlan::new`] with this device's limits.
+    /// Plans a frame: [`FramePlan::new`] with this device's limits.
     ///
     /// # Errors
     /// As [`FramePlan::new`].
@@ -120,7 +134,7 @@ impl Rasterizer {
         FramePlan::new(self.device.limits(), self.device.kind(), shape, settings)
     }
 
-    /// What the gradients of a planned frame take. Pure: [`GradientPlan::new`].
+    /// Plans the gradients of a planned frame: [`GradientPlan::new`].
     ///
     /// # Errors
     /// As [`GradientPlan::new`].
@@ -128,8 +142,8 @@ impl Rasterizer {
         GradientPlan::new(frame, differentiate)
     }
 
-    /// Compiles a plan's kernels unless that was done: some hundred milliseconds that a loading screen can hide. Kernels
-    /// are compiled side by side on threads that end with the call.
+    /// Compiles a plan's kernels unless they are compiled already, in parallel on threads that end with the call. It takes
+    /// some hundred milliseconds, which a loading screen can hide.
     ///
     /// # Errors
     /// [`Error::Vulkan`], [`Error::Limit`], [`Error::OutOfMemory`].
@@ -145,7 +159,7 @@ impl Rasterizer {
         self.backward_pipelines(plan).map(drop)
     }
 
-    /// Binds a frame's buffers: `(id, part)` for each of [`FramePlan::buffers`]. Done once, not every frame.
+    /// Binds a frame's buffers: `(id, part)` for each of [`FramePlan::buffers`]. It is done once and not for every frame.
     ///
     /// # Errors
     /// [`Error::Host`] naming a buffer that is missing, unknown, too small, misaligned or made for other uses; otherwise
@@ -169,14 +183,14 @@ impl Rasterizer {
         self.bind_backward_parts(plan, &parts, frame)
     }
 
-    /// Records a frame. Allocates, maps, submits and waits for nothing.
+    /// Records a frame. It does not allocate, map, submit or wait.
     ///
-    /// The plan may be another than the one that was bound, if [`FrameBindings::fits`] says so: another σ, γ, background
-    /// colour or, within the bytes bound, another mesh.
+    /// The plan need not be the one that was bound if [`FrameBindings::fits`] accepts it: it may have another σ, γ or
+    /// background colour, or another mesh that fits into the bytes bound.
     ///
     /// # Errors
-    /// [`Error::Host`] where the plan does not fit the bindings, [`Error::Limit`] for more workgroups than the device
-    /// allows. What was recorded up to then is harmless, but no frame.
+    /// [`Error::Host`] if the plan does not fit the bindings, [`Error::Limit`] for more workgroups than the device allows.
+    /// The commands recorded until then may be executed, but do not make a frame.
     pub fn record_forward(
         &self,
         commands: &mut HostCommands,
@@ -247,7 +261,11 @@ impl Rasterizer {
         self.pipelines(ForwardStage::ALL.map(|stage| Request {
             kernel: stage.kernel(&self.device, self.lanes),
             modes,
-            lanes: if stage == ForwardStage::BinCoarse { self.lanes.max(plan.forward.coarse_lanes) } else { self.lanes },
+            lanes: if stage == ForwardStage::BinCoarse {
+                self.lanes.max(plan.forward.coarse_lanes)
+            } else {
+                self.lanes
+            },
         }))
     }
 

@@ -1,4 +1,4 @@
-//! What a frame and its gradients take: pure, so that a host can ask before it owns a byte.
+//! The plans of a frame and of its gradients: the buffers that they need, before any memory is allocated.
 
 use super::shape::Shape;
 use crate::error::{Error, Result};
@@ -11,28 +11,28 @@ use crate::gradients::Wanted;
 use crate::scene::{Lights, Outputs, Settings, Shading};
 use crate::vulkan::{BufferDesc, BufferRef, DeviceKind, Limits, Location, TexelFormat, vk};
 
-/// The longest list that a software device walks: Mesa before 23 ends an invocation's loops after 65535 passes in all,
-/// without an error, and a hole in the image is worse than one.
+/// The longest list that is accepted on a software device. Mesa before 23 ends an invocation's loops after 65535 iterations
+/// in total without an error, which would leave a hole in the image.
 const SOFTWARE_LONGEST_LIST: u32 = 60_000;
 
 /// A buffer that a frame needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BufferRequirement {
-    /// By which it is given.
+    /// Its id.
     pub id: BufferId,
-    /// Bytes, at least; never 0.
+    /// The least number of bytes; never 0.
     pub size: u64,
-    /// What its offset in the VkBuffer must be a multiple of.
+    /// Its offset in the VkBuffer must be a multiple of this.
     pub alignment: u64,
-    /// How softras uses it. What the host does with it (a copy into an input, one from an output) is to be added.
+    /// How softras uses it. The host adds its own usages, such as a copy into an input or from an output.
     pub usage: vk::BufferUsageFlags,
-    /// What an element is to the kernels that read it.
+    /// The element that kernels read.
     pub format: TexelFormat,
-    /// Who fills it, and with that where its memory had best lie.
+    /// Who fills it, which suggests the kind of memory.
     pub role: Role,
 }
 
-/// Everything that recording a forward frame needs to know. Made by [`Rasterizer::plan`](super::Rasterizer::plan).
+/// The plan of a forward frame: sizes, counts and constants. Made by [`Rasterizer::plan`](super::Rasterizer::plan).
 #[derive(Clone, Debug, PartialEq)]
 pub struct FramePlan {
     pub(crate) forward: ForwardPlan,
@@ -44,19 +44,19 @@ pub struct FramePlan {
     limits: Limits,
 }
 
-/// What to differentiate a frame by.
+/// The gradients to compute for a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Differentiate {
-    /// The images that have an upstream gradient; at least one, and each rendered.
+    /// The images that have an upstream gradient: at least one, and only images that the frame renders.
     pub upstream: Outputs,
-    /// By what.
+    /// The inputs to differentiate by.
     pub wanted: Wanted,
-    /// A bound of |dL/dcolour| of any channel of any pixel, for [`Wanted::texels`] alone, whose sums are in fixed point: a
-    /// sum beyond the bound wraps around, and one far below it is coarse. Ignored without texels.
+    /// An upper bound of |dL/dcolour| over all channels and pixels. Only [`Wanted::texels`] uses it: its sums are in fixed
+    /// point, so that a sum beyond the bound wraps around, and one far below it loses precision.
     pub largest_upstream: f64,
 }
 
-/// Everything that recording a backward pass needs to know. Made by
+/// The plan of a backward pass. Made by
 /// [`Rasterizer::plan_backward`](super::Rasterizer::plan_backward).
 #[derive(Clone, Debug, PartialEq)]
 pub struct GradientPlan {
@@ -65,13 +65,13 @@ pub struct GradientPlan {
     /// Bytes of the frame's buffers.
     pub(super) frame_sizes: Sizes,
     pub(super) wanted: Wanted,
-    /// As the frame's shape.
+    /// [`Shape::device_counts`] of the frame.
     pub(super) device_counts: bool,
 }
 
 #[cfg(feature = "renderer")]
 impl BufferRequirement {
-    /// As a buffer of our own.
+    /// The entry of this buffer in a set of our own.
     pub(crate) fn entry(&self) -> Entry<BufferId> {
         Entry { id: self.id, format: self.format, role: self.role }
     }
@@ -81,7 +81,7 @@ fn requirement(limits: &Limits, id: BufferId, size: u64) -> Result<BufferRequire
     let (name, format, role, usage) = (id.name(), id.row().format, id.row().role, id.usage());
     let texels = usage.contains(vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER).then_some(format);
     BufferDesc { name, size, usage, location: Location::Device, texels }.validate(limits)?;
-    // Sixteen: a whole texel, and what copying to an image asks for.
+    // 16 bytes are a texel of four floats, and the alignment that copies to images need.
     let alignment = limits.storage_offset_alignment.max(limits.texel_offset_alignment).max(16);
     Ok(BufferRequirement { id, size, alignment, usage, format, role })
 }
@@ -90,7 +90,7 @@ fn requirements(limits: &Limits, sizes: &Sizes) -> Result<Vec<BufferRequirement>
     sizes.iter().map(|(id, size)| requirement(limits, id, size)).collect()
 }
 
-/// Whether a kernel can sum over each vertex's corners, in so many views one after the other.
+/// Validates that a loop of the kernels can sum over each vertex's corners in so many views.
 fn validate_corners(shape: &Shape, views: u32, longest_list: u32) -> Result<()> {
     let most = shape.meshes.iter().map(|m| m.most_corners).max().unwrap_or(0);
     let needed = (u64::from(most) + 1) * u64::from(views);
@@ -107,11 +107,11 @@ fn validate_corners(shape: &Shape, views: u32, longest_list: u32) -> Result<()> 
     })
 }
 
-/// The farthest that a support may reach, in units of σ: the kernels hold D as a single-precision number, and exp(-70) is as
-/// small as it may be with digits to spare for what it is multiplied with.
+/// The largest squared radius of support in units of σ. The kernels hold D in single precision; exp(-70) is about 4e-31,
+/// which leaves a factor of 1e7 above the least normal number for the terms that D is multiplied with.
 const FARTHEST: f64 = 70.0;
 
-/// Counts and reaches that the kernels can rely on.
+/// Validates the counts and the radius of support of a shape.
 fn validate(shape: &Shape) -> Result<()> {
     validate_views(shape.views.into())?;
     let fail = |what: String, fix: &str| Err(Error::Scene { what, fix: fix.into() });
@@ -143,11 +143,11 @@ fn validate(shape: &Shape) -> Result<()> {
 }
 
 impl FramePlan {
-    /// A frame of this shape and these settings on a device of these limits. Needs no device.
+    /// Plans a frame of this shape with these settings for a device of these limits. It needs no device.
     ///
     /// # Errors
-    /// [`Error::Scene`], [`Error::Settings`], [`Error::Light`] for what cannot be rendered, [`Error::Limit`] for what this
-    /// device cannot hold.
+    /// [`Error::Scene`], [`Error::Settings`], [`Error::Light`] for invalid input, [`Error::Limit`] for a frame that exceeds
+    /// what this device supports.
     pub fn new(limits: &Limits, kind: DeviceKind, shape: &Shape, settings: &Settings) -> Result<Self> {
         settings.validate()?;
         validate(shape)?;
@@ -188,21 +188,22 @@ impl FramePlan {
         &self.buffers
     }
 
-    /// One of them; `None` where the frame has no such buffer ([`BufferId::Color`] without [`Outputs::color`]).
+    /// The requirement of one buffer; `None` if the frame has no such buffer ([`BufferId::Color`] without
+    /// [`Outputs::color`]).
     pub fn buffer(&self, id: BufferId) -> Option<&BufferRequirement> {
         self.buffers.iter().find(|b| b.id == id)
     }
 
-    /// How one view of an image lies in its buffer, for vkCmdCopyBufferToImage. `at` is where the buffer was bound.
+    /// The region of one view of an image in its buffer, for vkCmdCopyBufferToImage. `at` is the buffer as it was bound.
     ///
     /// | buffer | format of the image | texel |
     /// | --- | --- | --- |
     /// | `color` | R32G32B32A32_SFLOAT | linear r, g, b, silhouette |
-    /// | `silhouette` | R32_SFLOAT | only where colour is not asked for |
+    /// | `silhouette` | R32_SFLOAT | only if colour is not rendered |
     /// | `depths` | R32_SFLOAT | Σ w z in world units |
     /// | `normals` | R32G32B32A32_SFLOAT | Σ w n, world space, and 0 |
     ///
-    /// Rows are packed, row 0 at the top. The image is in TRANSFER_DST_OPTIMAL or GENERAL, its layout the host's.
+    /// Rows are packed, row 0 at the top. The host brings the image into the layout TRANSFER_DST_OPTIMAL or GENERAL.
     pub fn image_copy(&self, id: BufferId, view: u32, at: &BufferRef) -> Option<vk::BufferImageCopy> {
         let texel = match id {
             BufferId::Color | BufferId::Normals => 16,
@@ -225,12 +226,12 @@ impl FramePlan {
         Some(copy)
     }
 
-    /// Width and height of its images.
+    /// Width and height of its images in pixels.
     pub fn image_size(&self) -> (u32, u32) {
         (self.forward.push.width, self.forward.push.height)
     }
 
-    /// How many views it has.
+    /// The number of its views.
     pub fn views(&self) -> u32 {
         self.shape.views
     }
@@ -239,13 +240,13 @@ impl FramePlan {
         self.forward.modes.outputs & crate::constants::OUTPUT_SILHOUETTE != 0
     }
 
-    /// Whether it was made for this shape, so that with the same settings it need not be made again.
+    /// Whether it was made for this shape.
     #[cfg(feature = "renderer")]
     pub(crate) fn is_of(&self, shape: &Shape) -> bool {
         self.shape == *shape
     }
 
-    /// What the buffer `view_shapes` holds: each view's mesh, and its share of the frame's buffers
+    /// The content of the buffer `view_shapes`: for each view its mesh, and its ranges in the frame's buffers
     /// (`glsl/common/mesh.glsl`).
     pub fn view_shapes(&self) -> Vec<[u32; 4 * crate::constants::SHAPE_TEXELS as usize]> {
         let meshes = &self.layouts;
@@ -273,12 +274,12 @@ impl FramePlan {
         self.forward.views.iter().enumerate().map(entry).collect()
     }
 
-    /// The room it has for lists.
+    /// The capacities of its lists.
     pub fn capacity(&self) -> Capacity {
         self.capacity
     }
 
-    /// The longest list of triangles that the device can walk.
+    /// The longest list of triangles that a loop can walk on the device.
     #[cfg(feature = "fit")]
     pub(crate) fn longest_list(&self) -> u32 {
         self.longest_list
@@ -286,10 +287,11 @@ impl FramePlan {
 }
 
 impl GradientPlan {
-    /// The gradients of a frame. Needs no device.
+    /// Plans the gradients of a frame. It needs no device.
     ///
     /// # Errors
-    /// [`Error::Backward`] for a frame that does not save, or images that it does not render; [`Error::Limit`].
+    /// [`Error::Backward`] for a frame without [`Settings::save`], or an upstream gradient of an image that it does not
+    /// render; [`Error::Limit`] for gradients that exceed what the device supports.
     pub fn new(frame: &FramePlan, differentiate: &Differentiate) -> Result<Self> {
         let fail = |what: &str, fix: &str| Err(Error::Backward { what: what.into(), fix: fix.into() });
         if frame.forward.modes.save == 0 {
@@ -335,25 +337,25 @@ impl GradientPlan {
         &self.buffers
     }
 
-    /// One of them.
+    /// The requirement of one buffer; `None` if the gradients do not need it beyond the frame's.
     pub fn buffer(&self, id: BufferId) -> Option<&BufferRequirement> {
         self.buffers.iter().find(|b| b.id == id)
     }
 
-    /// What one unit of a 64-bit sum in `texel_sums` is worth: the gradient is the sum, signed, divided by this.
+    /// Units per 1.0 of the 64-bit sums in `texel_sums`: the gradient is the signed sum divided by this.
     pub fn texel_scale(&self) -> f32 {
         self.backward.push.texel_scale
     }
 }
 
-/// A power of two that turns the largest sum a texel can have into some 2⁶¹ units, so that the units are as fine as 64
-/// bits allow. Powers of two lose nothing.
+/// The power of two that scales the largest sum a texel can have to about 2⁶¹ units, so that the units are as fine as 64
+/// bits allow. Scaling by a power of two is exact.
 fn texel_scale(plan: &ForwardPlan, lights: &Lights, largest_upstream: f64) -> f32 {
     let ambient: f64 = lights.ambient_color.iter().map(|x| (x * lights.ambient_intensity).abs()).sum();
     let directional =
         lights.directional.iter().map(|l| l.color.iter().map(|x| (x * l.intensity).abs()).sum::<f64>()).sum::<f64>();
-    // A pixel's weights sum to at most one, and a texel's share of each to at most one; perspective correction at most
-    // doubles them between near and far corners of equal sign, and a factor of eight is to spare.
+    // A pixel's weights sum to at most 1, and a texel's share of each weight is at most 1. Perspective correction at most
+    // doubles them; a further factor of 8 is a margin.
     let most = 16.0 * plan.totals.pixels as f64 * largest_upstream * (ambient + directional);
     if most > 0.0 { ((61.0 - most.log2().ceil()).clamp(-100.0, 100.0)).exp2() as f32 } else { 1.0 }
 }

@@ -1,26 +1,26 @@
-//! What softras asks of a device, before there is one.
+//! The requirements on a physical device, before a device is created on it.
 
 use crate::error::{Error, Result};
 use crate::vulkan::{BindingKind, DeviceInfo, HostAdapter, Kernel, kernels, vk};
 
-/// What a device must have, and what is used where it is there.
+/// The properties that a device must have, and those that are used if it has them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Requirements {
-    /// Of instance and device: Vulkan 1.1.
+    /// The version of instance and device: Vulkan 1.1.
     pub api_version: u32,
-    /// Of the queue that executes the command buffers.
+    /// The flags of the queue that executes the command buffers.
     pub queue_flags: vk::QueueFlags,
     /// Enabled device features: none.
     pub features: &'static [&'static str],
     /// Enabled extensions: none.
     pub extensions: &'static [&'static str],
-    /// Limits by their Vulkan names, each at least this.
+    /// The least values of limits, by their Vulkan names.
     pub limits: Vec<(&'static str, u64)>,
-    /// What makes it better where it is there, and never need be.
+    /// Optional properties, each with its use.
     pub optional: &'static [(&'static str, &'static str)],
 }
 
-/// What softras asks of any device.
+/// The requirements of this version of softras.
 pub fn requirements() -> Requirements {
     let most = |f: &dyn Fn(&Kernel) -> u64| kernels::ALL.iter().map(|k| f(k)).max().unwrap_or(0);
     let bound = |kind: fn(BindingKind) -> bool| most(&|k| k.bindings.iter().filter(|b| kind(b.kind)).count() as u64);
@@ -46,10 +46,10 @@ pub fn requirements() -> Requirements {
 }
 
 impl Requirements {
-    /// Validates a physical device before a device is made of it.
+    /// Validates a physical device before a device is created on it.
     ///
-    /// What a frame needs of maxStorageBufferRange and maxTexelBufferElements depends on its size:
-    /// [`FramePlan::new`](super::FramePlan::new) tells from the limits of the returned description.
+    /// The needs of a frame for maxStorageBufferRange and maxTexelBufferElements depend on its size;
+    /// [`FramePlan::new`](super::FramePlan::new) validates them with the limits of the returned description.
     ///
     /// # Errors
     /// [`Error::NoDevice`] saying what is missing; [`Error::Host`] for null handles.

@@ -1,39 +1,39 @@
-//! What a frame's sizes follow from: counts and kinds, no data.
+//! The shape of a frame: the counts and kinds that its plan depends on, without data.
 
 use crate::error::Result;
 use crate::frame::pack::{AppearanceShape, MeshShape};
 use crate::frame::plan::{Capacity, DepthSpan, Sampling, ViewSize};
 use crate::scene::{Camera, Lights, Mesh, Projection, Scene, Settings};
 
-/// The shape of what a frame draws, from which its plan is made. [`Shape::of`] takes it from a scene; a host that keeps
-/// its meshes on the device fills it in.
+/// The shape of a frame, from which its plan is made. [`Shape::of`] takes it from a scene; a host that keeps its meshes on
+/// the device fills it in.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shape {
     /// The meshes: one that every view sees, or one for each view. At least one.
     pub meshes: Vec<MeshShape>,
-    /// How many cameras look. At least one.
+    /// The number of cameras; at least 1.
     pub views: u32,
-    /// The lights. A plan depends on their number, on the shading, on whether they are more than
-    /// [`Lights::unlit`], and, for the gradients of texels, on how bright they are at most.
+    /// The lights. A plan depends on their number, on the shading, on whether they are [`Lights::unlit`], and, for the
+    /// gradients of texels, on their intensities.
     pub lights: Lights,
-    /// How the meshes lie to the near and far planes. `true` is always right, and dearer: triangles that may cross the
-    /// near plane take twice the memory.
+    /// How the depths of the meshes compare with the near and far planes. `true` is always right but costs more: triangles
+    /// that may cross the near plane have two records.
     pub depth_span: DepthSpan,
     /// Some camera is [`Projection::Official`], which may distort.
     pub distorted: bool,
     /// How far a triangle's support reaches outside it, as a squared distance in units of σ: [`Settings::cutoff`], or
     /// with [`Support::Guaranteed`](crate::scene::Support) what [`Settings::cutoff_of`] says. At most 70.
     pub cutoff: f64,
-    /// Room for lists whose length only the device finds out; `None`: estimated. After a frame its
-    /// [`Status`](super::Status) tells what it needed.
+    /// The capacities of lists whose lengths are only known on the device; `None`: estimated. After a frame,
+    /// [`Status`](super::Status) says what it needed.
     pub capacity: Option<Capacity>,
-    /// Only the device knows how many of the triangles are drawn; those of the meshes are the most there may be. See
+    /// Whether only the device knows how many triangles are drawn; the counts of the meshes are then upper bounds. See
     /// [`Counts`](super::Counts).
     pub device_counts: bool,
 }
 
 impl Shape {
-    /// The shape of a scene as cameras see it, validated.
+    /// The shape of a valid scene with its cameras.
     ///
     /// # Errors
     /// [`crate::Error::Scene`], [`crate::Error::Light`], [`crate::Error::Settings`].
@@ -57,7 +57,7 @@ impl Shape {
         })
     }
 
-    /// What each view sees.
+    /// The counts of the mesh that each view sees.
     pub(super) fn view_sizes(&self) -> Vec<ViewSize> {
         let size = |mesh: &MeshShape| ViewSize { vertices: mesh.vertices, triangles: mesh.triangles };
         match &self.meshes[..] {
@@ -70,7 +70,7 @@ impl Shape {
         let any = |f: fn(&AppearanceShape) -> bool| self.meshes.iter().any(|m| f(&m.appearance));
         let surface = any(|a| matches!(a, AppearanceShape::Surface { .. }));
         let image = any(|a| matches!(a, AppearanceShape::Textured { .. }));
-        // Beside a textured mesh a plain one samples one white texel.
+        // If another mesh has a texture, a mesh without one samples a white image of one texel.
         let plain = self.meshes.iter().any(MeshShape::is_plain);
         Sampling { surface, image: image || (plain && surface) }
     }

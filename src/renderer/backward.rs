@@ -1,4 +1,4 @@
-//! Backward on the simple API: from dL/dimages to dL by what made them.
+//! Backward of the simple API: from dL/dimages to the gradients by the scene, the cameras and the settings.
 
 use super::{Frame, Renderer, StageTime};
 use crate::embed::{Decoder, Differentiate, FramePlan, GradientBindings, GradientPlan};
@@ -11,7 +11,7 @@ use crate::scene::{Camera, Lights, Settings};
 use crate::vulkan::{CommandBuffer, Context, TimestampPool};
 use std::sync::Arc;
 
-/// What a saved frame was made of; its buffers and tables are the renderer's.
+/// The input of a saved frame. Its buffers and tables are the renderer's.
 pub(super) struct Saved {
     pub id: u64,
     pub plan: Arc<FramePlan>,
@@ -20,9 +20,9 @@ pub(super) struct Saved {
     pub lights: Lights,
 }
 
-/// What backward keeps from pass to pass.
+/// The plan and the commands of backward, kept from pass to pass.
 pub(super) struct State {
-    /// The latest plan, and what it was made for.
+    /// The latest plan, and the input that it was made for.
     planned: Option<(Arc<FramePlan>, Differentiate, Arc<GradientPlan>)>,
     recorded: Option<(Arc<GradientPlan>, GradientBindings)>,
     commands: CommandBuffer,
@@ -39,7 +39,7 @@ impl State {
         })
     }
 
-    /// Buffers were renewed: descriptors must be written again.
+    /// Forgets the recorded commands, whose buffers were replaced.
     pub(super) fn forget(&mut self) {
         self.recorded = None;
     }
@@ -50,7 +50,7 @@ fn stale<T>(what: &str, fix: &str) -> Result<T> {
 }
 
 impl Renderer {
-    /// dL by whatever is wanted, from dL by the frame's images.
+    /// The wanted gradients of a loss, from its gradients by the frame's images.
     ///
     /// The frame must be this renderer's latest one, rendered with [`Settings::save`]. It can be differentiated any number
     /// of times. Gradients of a mesh are summed over its views. The same input gives the same bits.
@@ -116,7 +116,7 @@ impl Renderer {
         decoder.decode_floats(&|id, count| contents.floats(id, count))
     }
 
-    /// The last plan where nothing that it depends on has changed.
+    /// The last plan if nothing that it depends on has changed, else a new one.
     fn plan_backward(
         &mut self,
         frame: &Arc<FramePlan>,
@@ -168,7 +168,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// Records the pass's commands, unless they are recorded already.
+    /// Records the pass's commands unless they are recorded already.
     fn prepare_backward(&mut self, plan: &Arc<GradientPlan>, wanted: &Wanted) -> Result<()> {
         let same =
             |(recorded, _): &(Arc<GradientPlan>, GradientBindings)| Arc::ptr_eq(recorded, plan) || recorded == plan;
@@ -213,7 +213,7 @@ impl Renderer {
     }
 }
 
-/// Three floats of every four; the fourth is not read.
+/// Writes three floats and a 0 for each pixel; kernels do not read the fourth.
 fn write_texels(texels: &mut [[f32; 4]], pixels: &[[f32; 3]]) {
     for (to, &[x, y, z]) in texels.iter_mut().zip(pixels) {
         *to = [x, y, z, 0.0];

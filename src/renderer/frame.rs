@@ -1,4 +1,4 @@
-//! A rendered batch, as the host gets it.
+//! A rendered batch with its images, timings and counts.
 
 use crate::error::Result;
 use crate::frame::buffers::{BufferId, Contents};
@@ -7,7 +7,7 @@ use crate::image::Image;
 use crate::scene::Outputs;
 use crate::scene::Settings;
 
-/// What a stage took on the device.
+/// The time of one stage on the device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StageTime {
     /// The stage's name, as its GLSL file's.
@@ -24,14 +24,14 @@ impl StageTime {
     }
 }
 
-/// What the device counted while it made a frame.
+/// Counts of a frame on the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameCounts {
     /// Entries of all tiles' lists.
     pub list_entries: u64,
     /// (pixel, triangle) pairs that the forward stage evaluated: every pixel of a tile against every entry of its list.
     pub forward_pairs: u64,
-    /// Bytes of inputs that it uploaded: of what was on the device already, none.
+    /// Bytes of inputs uploaded for it; inputs that were on the device already do not count.
     pub uploaded_bytes: u64,
 }
 
@@ -43,7 +43,7 @@ pub struct Frame {
     depth: Option<Image>,
     normal: Option<Image>,
     timings: Vec<StageTime>,
-    /// Which of its renderer's frames it is, where that kept what backward needs.
+    /// Its number among the frames of its renderer, if the renderer kept what backward needs.
     pub(super) saved: Option<u64>,
 }
 
@@ -58,7 +58,7 @@ impl Frame {
         self.silhouette.as_ref()
     }
 
-    /// Σ w z in world units, `[batch, height, width, 1]`, 0 where nothing is near; `None` unless asked for.
+    /// Σ w z in world units, `[batch, height, width, 1]`, 0 where no triangle contributes; `None` unless asked for.
     pub fn depth(&self) -> Option<&Image> {
         self.depth.as_ref()
     }
@@ -68,15 +68,15 @@ impl Frame {
         self.normal.as_ref()
     }
 
-    /// Device time of every stage, in the order in which they ran; empty unless [`Renderer::time_stages`](crate::Renderer::time_stages) asked for it, or
-    /// where the queue has no timestamps.
+    /// Device time of every stage, in the order in which they ran; empty unless
+    /// [`Renderer::time_stages`](crate::Renderer::time_stages) asked for it, or if the queue has no timestamps.
     pub fn timings(&self) -> &[StageTime] {
         &self.timings
     }
 }
 
 impl Frame {
-    /// Copies what the settings ask for out of the images' buffers.
+    /// Copies the images that the settings ask for out of their buffers.
     pub(super) fn download(
         buffers: &Contents<'_>,
         batch: usize,
@@ -108,9 +108,9 @@ impl Frame {
     }
 }
 
-/// The first three of every four floats, and the fourths where they are wanted.
+/// The first three of every four floats, and the fourth ones if they are wanted.
 fn split(texels: &[[f32; 4]], fourth: bool) -> (Vec<f32>, Option<Vec<f32>>) {
-    // Texels that the first level of cache holds, so that they come from the device's memory once.
+    // As many texels as the first-level cache holds, so that each is read from mapped memory once.
     const AT_ONCE: usize = 1024;
     let mut first = Vec::with_capacity(texels.len());
     let mut fourths = fourth.then(|| Vec::with_capacity(texels.len()));

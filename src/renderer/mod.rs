@@ -1,4 +1,4 @@
-//! The simple API: a renderer that owns its device.
+//! The simple API: a renderer that owns its device, and renders scenes to images and back to gradients.
 
 mod backward;
 mod frame;
@@ -25,35 +25,34 @@ pub struct RendererOptions {
     /// A device's index, or part of its name in any case. `None`: what `SOFTRAS_DEVICE` says, else the best one: a
     /// discrete GPU before an integrated one before a software one.
     pub device: Option<String>,
-    /// Run under the Vulkan validation layers with synchronization checks; `SOFTRAS_VALIDATION=1` does too. The layers
-    /// (seen in 1.3.239) may crash where one thread opens or drops a device while another renders: with validation,
-    /// open all renderers first.
+    /// Run under the Vulkan validation layers with synchronization checks; `SOFTRAS_VALIDATION=1` does so too. Open all
+    /// renderers before rendering then: the layers (seen in 1.3.239) may crash if one thread opens or drops a device while
+    /// another renders.
     pub validation: bool,
     /// Invocations that share a tile, 1 to 32, a power of two; `None`: 8 on software devices, 32 elsewhere. The
     /// images do not depend on it.
     pub lanes: Option<u32>,
-    /// Room for list entries to begin with, for tests of growing; `None`: estimated.
+    /// The initial capacities of lists, for tests of growing; `None`: estimated.
     pub capacity: Option<Capacity>,
-    /// Copy between host and device even where their memory is shared, as a discrete GPU must; for tests.
+    /// Copy between host and device even if they share memory, as on a discrete GPU; for tests.
     pub staging: bool,
-    /// Where compiled kernels are kept between runs.
+    /// The folder that keeps compiled kernels between runs.
     pub cache: CacheFolder,
     /// The Vulkan loader; `None`: the system's.
     pub loader: Option<Loader>,
 }
 
-/// A device and everything that a frame needs on it, kept from frame to frame.
+/// A device with the buffers, kernels and commands of a frame, which are kept from frame to frame.
 pub struct Renderer {
-    // Dropped before the context, which they need.
     rasterizer: Rasterizer,
-    /// The latest plan, and what it was made for besides its shape.
+    /// The latest plan, and the settings that it was made for.
     planned: Option<(Settings, Arc<FramePlan>)>,
     recorded: Option<(Arc<FramePlan>, FrameBindings)>,
     backward: backward::State,
     /// The latest frame, if it was saved.
     saved: Option<backward::Saved>,
     frames: u64,
-    /// The commands as recorded have made a frame, and nothing since.
+    /// Whether the recorded commands were the last to write to the buffers, and made a frame.
     finished: bool,
     commands: CommandBuffer,
     times: Option<TimestampPool>,
@@ -123,22 +122,22 @@ impl Renderer {
         })
     }
 
-    /// The device's name.
+    /// The device's name, as its driver reports it.
     pub fn device_name(&self) -> &str {
         &self.context.info().name
     }
 
-    /// The device and what it can do.
+    /// The device with its limits and properties.
     pub fn device_info(&self) -> &DeviceInfo {
         self.context.info()
     }
 
-    /// The device, its memory and its queue, for what shares them.
+    /// The device, its memory and its queue, for fitting, which shares them.
     pub(crate) fn context(&self) -> &Context {
         &self.context
     }
 
-    /// What the validation layers have said so far; empty without validation.
+    /// The messages of the validation layers so far; empty without validation.
     pub fn validation_messages(&self) -> Vec<String> {
         self.context.validation_messages()
     }
@@ -148,8 +147,9 @@ impl Renderer {
         self.buffers.bytes()
     }
 
-    /// Whether frames from now on tell the device times of their stages ([`Frame::timings`],
-    /// [`Renderer::backward_timings`]). Off at first: each stage then waits for a timestamp of the one before.
+    /// Turns timings of the stages on or off for the following frames ([`Frame::timings`],
+    /// [`Renderer::backward_timings`]). They are off at first, since each stage then waits for the
+    /// timestamp of the stage before.
     pub fn time_stages(&mut self, on: bool) {
         if self.timed != on {
             self.timed = on;
@@ -157,7 +157,7 @@ impl Renderer {
         }
     }
 
-    /// Counts of the latest frame, for measuring.
+    /// Counts of the latest frame, for measurements.
     ///
     /// # Errors
     /// [`Error::Vulkan`] before the first frame.
@@ -170,10 +170,10 @@ impl Renderer {
         })
     }
 
-    /// Renders what every camera sees, all in one submission.
+    /// Renders the scene from every camera, all in one submission.
     ///
-    /// Made to be called in a loop: of a scene that is nearly the last one only what differs is uploaded, and with counts,
-    /// settings and modes that are the last ones' nothing is recorded or allocated on the device.
+    /// It is made to be called in a loop: only inputs that differ from the last frame's are uploaded, and if counts,
+    /// settings and modes are the same, nothing is recorded or allocated on the device.
     ///
     /// # Errors
     /// [`Error::Scene`], [`Error::Light`], [`Error::Settings`] for input that cannot be rendered; [`Error::Limit`],
@@ -213,7 +213,7 @@ impl Renderer {
         }
     }
 
-    /// The last plan where nothing that it depends on has changed.
+    /// The last plan if nothing that it depends on has changed, else a new one.
     fn plan(&mut self, shape: &Shape, settings: &Settings) -> Result<Arc<FramePlan>> {
         if let Some((planned_for, plan)) = &self.planned
             && planned_for == settings
@@ -226,12 +226,12 @@ impl Renderer {
         Ok(plan)
     }
 
-    /// Makes room for the plan's buffers.
+    /// Makes every buffer of the plan large enough.
     fn make_room(&mut self, plan: &FramePlan) -> Result<()> {
         plan.buffers().iter().try_for_each(|needed| self.reserve(needed.entry(), needed.size))
     }
 
-    /// Room for one buffer. Where it is a new one, or there is none now, what was recorded with the old one is void.
+    /// Makes a buffer large enough. If the old one is gone, forgets the commands recorded with it.
     fn reserve(&mut self, entry: Entry<BufferId>, size: u64) -> Result<()> {
         let reserved = self.buffers.reserve(&self.context, entry, size);
         if !matches!(reserved, Ok(false)) {
@@ -241,14 +241,14 @@ impl Renderer {
         reserved.map(drop)
     }
 
-    /// Everything must be recorded anew.
+    /// Forgets the recorded commands.
     fn forget(&mut self) {
         self.recorded = None;
         self.backward.forget();
         self.uploads.forget();
     }
 
-    /// Writes the inputs that are not on the device already.
+    /// Writes the inputs whose bytes on the device differ.
     fn write_inputs(
         &mut self,
         scene: &Scene,
@@ -256,7 +256,7 @@ impl Renderer {
         settings: &Settings,
         plan: &Arc<FramePlan>,
     ) -> Result<()> {
-        // Nobody but the frame writes to its buffers, and none that failed left them half written.
+        // The buffers still hold the last frame's images if that frame succeeded and had the same commands.
         self.inputs.background_kept = std::mem::take(&mut self.finished) && self.is_recorded(plan);
         self.uploads.stale = self.uploads.stale.or(self.inputs.update(scene, cameras, settings, plan));
         for (id, bytes) in self.inputs.all() {
@@ -268,8 +268,8 @@ impl Renderer {
         Ok(())
     }
 
-    /// Whether the commands are the plan's. What it records follows from its sizes and numbers; what it was made of may
-    /// differ.
+    /// Whether the recorded commands are the plan's. They depend on its sizes and constants only, not on the shape that it
+    /// was made for.
     fn is_recorded(&self, plan: &Arc<FramePlan>) -> bool {
         let same = |(recorded, _): &(Arc<FramePlan>, FrameBindings)| {
             Arc::ptr_eq(recorded, plan) || recorded.forward == plan.forward
@@ -277,7 +277,7 @@ impl Renderer {
         self.recorded.as_ref().is_some_and(same)
     }
 
-    /// Records the frame's commands, unless they are recorded already.
+    /// Records the frame's commands unless they are recorded already.
     fn prepare(&mut self, plan: &Arc<FramePlan>) -> Result<()> {
         if self.is_recorded(plan) {
             return Ok(());

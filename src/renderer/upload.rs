@@ -1,20 +1,20 @@
-//! Which inputs are on the device, and the commands that bring the others there where its memory is not the host's.
+//! The inputs that are not on the device yet, and the commands that copy them there if its memory is not mapped.
 
 use crate::error::Result;
 use crate::frame::buffers::{BufferId, BufferSet};
 use crate::frame::pack::Changes;
 use crate::vulkan::{CommandBuffer, Context};
 
-/// What is to be uploaded before a frame.
+/// The inputs to upload before a frame.
 pub(super) struct Uploads {
-    /// Inputs that are not on the device as they are on the host.
+    /// Inputs whose bytes on the device are not those of the host.
     pub stale: Changes,
-    /// Of them, those that were written for the next submission.
+    /// The stale inputs that were written for the next submission.
     written: Changes,
     /// Bytes written for the latest frame.
     pub bytes: u64,
     commands: CommandBuffer,
-    /// What `commands` copies.
+    /// The inputs that `commands` copies.
     recorded: Changes,
 }
 
@@ -29,13 +29,13 @@ impl Uploads {
         })
     }
 
-    /// An input was written.
+    /// Notes that an input was written.
     pub(super) fn wrote(&mut self, id: BufferId, bytes: usize) {
         self.written.note(id, true);
         self.bytes += bytes as u64;
     }
 
-    /// Records the copies of what was written. Loops change the same inputs every time, so it seldom has to.
+    /// Records the copies of the inputs that were written, unless they are those recorded last, as in an optimization loop.
     pub(super) fn record(&mut self, buffers: &BufferSet) -> Result<()> {
         let mut wanted = Changes::default();
         for (entry, buffer) in buffers.shared() {
@@ -55,18 +55,18 @@ impl Uploads {
         Ok(())
     }
 
-    /// The copies, to be executed before the frame; none where the host writes to the device's memory itself.
+    /// The copies, to be executed before the frame; `None` if the host writes to the device's memory itself.
     pub(super) fn commands(&mut self) -> Option<&mut CommandBuffer> {
         (!self.recorded.is_empty()).then_some(&mut self.commands)
     }
 
-    /// The submission is done.
+    /// Notes that the submission is complete.
     pub(super) fn done(&mut self) {
         self.stale = self.stale.without(self.written);
         self.written = Changes::default();
     }
 
-    /// Buffers were renewed: what was recorded copies to the old ones.
+    /// Forgets the recorded copies, whose buffers were replaced.
     pub(super) fn forget(&mut self) {
         self.recorded = Changes::default();
     }

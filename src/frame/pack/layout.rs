@@ -102,8 +102,8 @@ pub struct MeshLayout {
     pub uv: u32,
     /// First word of `uv_indices`; all bits set without images.
     pub uv_index: u32,
-    /// As the kernels read it: the first word of `triangle_textures`; or, if all triangles have the same texture, the bitwise
-    /// complement of its number; or all bits set without texture.
+    /// As the kernels read it: the first word of `triangle_textures`; or, if all triangles have the same texture, the
+    /// bitwise complement of its number; or all bits set without texture.
     pub texture: u32,
     /// First entry of `textures`.
     pub first_texture: u32,

@@ -1,5 +1,4 @@
-//! Updates of the tables from a scene with the same layout, which report the tables that differ, so that only these are
-//! uploaded.
+//! Updates of the tables from a scene with the same layout, which report the tables that differ.
 
 use super::{MeshTables, kind_of};
 use crate::frame::buffers::BufferId;
