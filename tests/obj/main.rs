@@ -14,7 +14,7 @@ use softras::{
     scene::{Appearance, Texture, Wrap},
     shapes,
 };
-use std::{fs, path::Path};
+use std::fs;
 use tempfile::TempDir;
 
 /// A folder with the given files; the OBJ file under test is `mesh.obj`.

@@ -47,6 +47,10 @@ fn gradients_of_the_official_equations_come_back() {
         {
             let (shape, ours) = numpy::read::<f64>(&out, key);
             assert_eq!((shape[..2].to_vec(), shape[3]), (vec![1, 8], 3), "{mode:?}: {key}");
+            if expected.iter().all(|x| *x == 0.0) {
+                assert!(ours.iter().all(|x| *x == 0.0), "{mode:?}: {key} {ours:?}");
+                continue;
+            }
             let error = relative(&ours, expected);
             assert!(error < 1e-8, "{mode:?}: {key} {error:e}");
         }

@@ -1,5 +1,5 @@
-//! Parity with recorded outputs of the official SoftRas kernels (run in float64), which lie beside the repository and not in
-//! it: `cargo test --test parity`.
+//! Parity with recorded outputs of the official SoftRas kernels (run in float64), and the counts of well-known meshes; the
+//! files lie beside the repository and not in it: `cargo test --test parity`.
 //!
 //! `cargo test` alone does not build this: where the files are absent nothing is to be said of them. The parity tests that
 //! need no file are `tests/reference/official.rs`, whose equations are checked against the files here.
@@ -14,6 +14,7 @@ mod compare;
 mod equations;
 mod of_command;
 mod of_equations;
+mod of_meshes;
 mod of_reference;
 #[path = "../../../../tests/official/pipeline.rs"]
 mod pipeline;
@@ -67,6 +68,7 @@ fn main() -> ExitCode {
     checks.push(("surface texture of softras eval".into(), Box::new(|| of_command::image(SURFACE))));
     checks.push(("render demo of the reference".into(), Box::new(of_reference::render_demo)));
     checks.push(("pipeline of the equations".into(), Box::new(of_equations::pipeline)));
+    checks.push(("counts of meshes".into(), Box::new(of_meshes::counts)));
     let wanted = std::env::args().nth(1).unwrap_or_default();
     checks.retain(|(name, _)| name.contains(&wanted));
     let failed: Vec<&String> =
