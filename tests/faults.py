@@ -82,7 +82,7 @@ FAULTS = [
      "self.far >= self.near", [("robustness", "errors::scenes_lights")]),
     ("plan: one workgroup short", "src/frame/plan/mod.rs", "n.div_ceil(c::LINEAR_GROUP)", "(n / c::LINEAR_GROUP)",
      [("internals", "properties::plans")]),
-    ("plan: views on top of each other", "src/frame/plan/mod.rs", "slot_base: t.slots as u32", "slot_base: 0",
+    ("plan: views on top of each other", "src/frame/plan/mod.rs", "record_base: t.records as u32", "record_base: 0",
      [("internals", "properties::plans")]),
     ("plan: no room for second pieces", "src/frame/plan/mod.rs", "if clips(input) { 2 } else { 1 }",
      "if clips(input) { 1 } else { 1 }", [("internals", "properties::plans")]),
