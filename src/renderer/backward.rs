@@ -69,7 +69,10 @@ impl Renderer {
         let result = if saved.id == id {
             self.backward_saved(&saved, upstream, wanted)
         } else {
-            stale("the renderer has rendered another frame since", "differentiate a frame before rendering the next")
+            stale(
+                "the renderer has rendered another frame since, or never rendered this one",
+                "differentiate a frame with the renderer that made it, before that renders the next",
+            )
         };
         self.saved = Some(saved);
         result

@@ -43,7 +43,7 @@ pub struct Frame {
     depth: Option<Image>,
     normal: Option<Image>,
     timings: Vec<StageTime>,
-    /// Its number among the frames of its renderer, if the renderer kept what backward needs.
+    /// Its number among the frames of the process, if the renderer kept what backward needs.
     pub(super) saved: Option<u64>,
 }
 

@@ -17,6 +17,7 @@ use crate::frame::plan::Capacity;
 use crate::scene::{Camera, Scene, Settings};
 use crate::vulkan::{CacheFolder, CommandBuffer, Context, ContextOptions, DeviceInfo, Loader, TimestampPool};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use upload::Uploads;
 
 /// How to open a renderer.
@@ -42,6 +43,9 @@ pub struct RendererOptions {
     pub loader: Option<Loader>,
 }
 
+/// Numbers the saved frames of all renderers of the process, so that no renderer takes another's frame for its own.
+static FRAMES: AtomicU64 = AtomicU64::new(0);
+
 /// A device with the buffers, kernels and commands of a frame, which are kept from frame to frame.
 pub struct Renderer {
     rasterizer: Rasterizer,
@@ -51,7 +55,6 @@ pub struct Renderer {
     backward: backward::State,
     /// The latest frame, if it was saved.
     saved: Option<backward::Saved>,
-    frames: u64,
     /// Whether the recorded commands were the last to write to the buffers, and made a frame.
     finished: bool,
     commands: CommandBuffer,
@@ -109,7 +112,6 @@ impl Renderer {
             recorded: None,
             backward: backward::State::new(&context)?,
             saved: None,
-            frames: 0,
             finished: false,
             commands: CommandBuffer::new(&context, "softras frame")?,
             times: TimestampPool::new(context.device(), context.queue_family(), FORWARD_TIMESTAMPS)?,
@@ -181,7 +183,6 @@ impl Renderer {
     /// [`Error::Vulkan`].
     pub fn render(&mut self, scene: &Scene, cameras: &[Camera], settings: &Settings) -> Result<Frame> {
         let mut shape = Shape::of(scene, cameras, settings)?;
-        self.frames += 1;
         self.saved = None;
         self.uploads.bytes = 0;
         shape.capacity = self.capacity;
@@ -200,7 +201,7 @@ impl Renderer {
             self.finished = true;
             // The next frame of this kind starts with what this one needed.
             self.capacity = Some(self.capacity.map_or(plan.capacity(), |c| c.max(plan.capacity())));
-            let saved = settings.save.then_some(self.frames);
+            let saved = settings.save.then(|| FRAMES.fetch_add(1, Ordering::Relaxed));
             let frame = Frame::download(&self.buffers.contents()?, cameras.len(), settings, self.timings()?, saved)?;
             self.saved = saved.map(|id| backward::Saved {
                 id,

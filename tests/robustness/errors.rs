@@ -334,3 +334,19 @@ fn gradients_of_other_frames() {
     let error = assert_says(result, &["backward", "d_color has 5 values", "batch × height × width"]);
     assert!(matches!(error, Error::Backward { .. }));
 }
+
+#[test]
+fn frames_of_other_renderers() {
+    let settings = Settings { width: 16, height: 16, save: true, ..Settings::default() };
+    let scene = Scene::new(triangle());
+    let mut renderers = [renderer(), renderer()];
+    let frames = renderers.each_mut().map(|renderer| renderer.render(&scene, &[camera()], &settings).unwrap());
+    let silhouette = frames[0].silhouette().unwrap().clone();
+    let upstream = ImageGradient::silhouette(silhouette);
+    for (own, other) in [(0, 1), (1, 0)] {
+        let result = renderers[own].backward(&frames[other], &upstream, &Wanted::default());
+        let error = assert_says(result, &["backward", "never rendered this one", "the renderer that made it"]);
+        assert!(matches!(error, Error::Backward { .. }));
+        renderers[own].backward(&frames[own], &upstream, &Wanted::default()).unwrap();
+    }
+}
