@@ -5,7 +5,8 @@
 // its gradient is 0.
 // One invocation an item. Reads `boxes`, `cells`, the records and `tile_bounds`; writes the lists `shown_items` and
 // `outline_items`, their lengths as workgroups of indirect dispatches in `item_counts`, and zeros to the `partials` of items
-// on neither list; of a frame that is not complete all items are on neither. The order of the lists does not matter: every item has its own entry of `partials`.
+// on neither list; of a frame that is not complete all items are on neither. Writes to `status` whether it is complete.
+// The order of the lists does not matter: every item has its own entry of `partials`.
 
 layout(local_size_x = 64) in;
 
@@ -19,6 +20,7 @@ layout(set = 0, binding = 6, std430) writeonly buffer ShownItems { uvec4 shown_i
 layout(set = 0, binding = 7, std430) writeonly buffer OutlineItems { uvec4 outline_items[]; };
 layout(set = 0, binding = 8, std430) buffer ItemCounts { uint item_counts[]; };
 layout(set = 0, binding = 9, std430) writeonly buffer Partials { vec4 partials[]; };
+layout(set = 0, binding = 10, std430) writeonly buffer Status { uint status_words[]; };
 
 #include "common/constants.glsl"
 #include "common/modes.glsl"
@@ -28,6 +30,7 @@ layout(set = 0, binding = 9, std430) writeonly buffer Partials { vec4 partials[]
 #include "common/item.glsl"
 #include "common/hidden.glsl"
 #include "common/whole.glsl"
+#include "common/status.glsl"
 
 // Lanes of the workgroups that process small items.
 layout(constant_id = 24) const uint LANES = 8u;
@@ -76,11 +79,10 @@ void main() {
     if (index >= slots + extra) {
         return;
     }
-    uvec3 needed = uvec3(texelFetch(status, int(STATUS_COARSE_NEEDED)).x, texelFetch(status, int(STATUS_LIST_NEEDED)).x,
-                         texelFetch(status, int(STATUS_CELLS_NEEDED)).x);
-    uvec3 room = uvec3(frame.coarse_capacity, frame.list_capacity, frame.cell_capacity);
-    bool whole = is_whole(needed, room, texelFetch(status, int(STATUS_LONGEST_LIST)).x, LONGEST_LIST,
-                          texelFetch(status, int(STATUS_NOT_FINITE)).x);
+    bool whole = frame_is_whole();
+    if (index == 0u) {
+        status_words[STATUS_WHOLE] = whole ? 1u : 0u;
+    }
     if (!whole) {
         // With all items on neither list every gradient is zero.
         for (int i = 0; i < PARTIAL_STRIDE; ++i) {

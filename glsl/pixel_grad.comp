@@ -7,7 +7,8 @@
 // `pixel_gradients`: (dL/dmixture rgb, silhouette_gradient), (integer part and fraction of the reference, V, dL/ddepth),
 // (dL/dnormal, 0), with V of shaded_gradient below; and `pixel_sums`, which reduce.comp adds up:
 // (dL/dC_b, dL/ds_b), (dL/ds_b times the relative log2 weight, 0, 0, 0), with s_b = ε/γ the background's log weight; zeros
-// where the frame is not complete. Writes that into `status` too.
+// where the frame is not complete. With these it also writes to `status` whether the frame is complete, as backward_cull does
+// for the gradients by triangles.
 
 layout(local_size_x = 64) in;
 
@@ -22,7 +23,8 @@ layout(set = 0, binding = 7) uniform samplerBuffer upstream_depths;
 layout(set = 0, binding = 8) uniform samplerBuffer upstream_normals;
 layout(set = 0, binding = 9, std430) writeonly buffer PixelGradients { vec4 pixel_gradients[]; };
 layout(set = 0, binding = 10, std430) writeonly buffer PixelSums { vec4 pixel_sums[]; };
-layout(set = 0, binding = 11, std430) buffer Status { uint status[]; };
+layout(set = 0, binding = 11) uniform usamplerBuffer status;
+layout(set = 0, binding = 12, std430) writeonly buffer Status { uint status_words[]; };
 
 #include "common/constants.glsl"
 #include "common/modes.glsl"
@@ -30,17 +32,7 @@ layout(set = 0, binding = 11, std430) buffer Status { uint status[]; };
 #include "common/frame.glsl"
 #include "common/mesh.glsl"
 #include "common/whole.glsl"
-
-// Whether the frame's gradients may be used. One invocation writes the answer into `status`, for whoever uses them.
-bool frame_is_whole(bool writes) {
-    uvec3 needed = uvec3(status[STATUS_COARSE_NEEDED], status[STATUS_LIST_NEEDED], status[STATUS_CELLS_NEEDED]);
-    uvec3 room = uvec3(frame.coarse_capacity, frame.list_capacity, frame.cell_capacity);
-    bool whole = is_whole(needed, room, status[STATUS_LONGEST_LIST], LONGEST_LIST, status[STATUS_NOT_FINITE]);
-    if (writes) {
-        status[STATUS_WHOLE] = whole ? 1u : 0u;
-    }
-    return whole;
-}
+#include "common/status.glsl"
 
 // Number of triangles by which SILHOUETTE_SUM divides.
 float count_of(int view) {
@@ -135,7 +127,6 @@ void main() {
         return;
     }
     int at = int(uint(view) * pixels + pixel);
-    bool whole = frame_is_whole(at == 0);
     // Integer part and fraction of the reference log2 weight, inverse sum, silhouette's aggregate.
     vec4 kept = texelFetch(saved, at);
     Upstream up = upstream_of(at);
@@ -159,6 +150,10 @@ void main() {
         }
     }
     if (GRAD_BACKGROUND) {
+        bool whole = frame_is_whole();
+        if (at == 0) {
+            status_words[STATUS_WHOLE] = whole ? 1u : 0u;
+        }
         write_background_gradient(at, whole, kept, background, up.color, value, mixing);
     }
 }

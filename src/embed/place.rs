@@ -4,6 +4,8 @@ use super::Rasterizer;
 use super::bindings::{FrameBindings, GradientBindings};
 use super::geometry::{Geometry, IndexFormat, Layout, linear_groups, rows_of};
 use super::place_step::{Push, Step, layout_words, misfit, validate_bytes, validate_target};
+#[cfg(doc)]
+use crate::error::Error;
 use crate::error::Result;
 use crate::frame::buffers::BufferId;
 use crate::frame::passes::Stage;

@@ -95,7 +95,7 @@ impl Pass {
     /// recorded again. Where it fails, the pass is as it was.
     ///
     /// # Errors
-    /// As [`Rasterizer::bind_pass`].
+    /// As [`Rasterizer::bind_pass`](super::Rasterizer::bind_pass).
     pub fn rebind(&mut self, plan: PassPlan, memory: PassMemory<'_>, meshes: &[MeshBuffers]) -> Result<Rebound> {
         let new = self.rasterizer.bind_pass(plan, memory, meshes)?;
         let old = std::mem::replace(self, new);
