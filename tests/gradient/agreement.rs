@@ -92,7 +92,8 @@ fn mode_base(seed: u64) -> Case {
     case
 }
 
-/// Each mode alone, for each image alone, on one scene, so that a broken one is named.
+/// Each mode alone, so that a broken one is named, on one scene: for all images together and for one image alone, another
+/// one in each mode (all of them in each mode would take minutes).
 #[test]
 fn every_mode_alone() {
     let mut renderer = renderer();
@@ -106,7 +107,7 @@ fn every_mode_alone() {
         ("everything", ALL_OUTPUTS),
     ];
     let mut failures = Vec::new();
-    for (name, case) in in_every_mode(&base) {
+    for (i, (name, case)) in in_every_mode(&base).enumerate() {
         let rendered = case.settings.outputs;
         let both = |a: Outputs| Outputs {
             color: a.color && rendered.color,
@@ -114,9 +115,8 @@ fn every_mode_alone() {
             depth: a.depth && rendered.depth,
             normal: a.normal && rendered.normal,
         };
-        for (image, outputs) in
-            images.map(|(image, outputs)| (image, both(outputs))).into_iter().filter(|(_, o)| *o != none)
-        {
+        let chosen = [images[i % 4], images[4]].map(|(image, outputs)| (image, both(outputs)));
+        for (image, outputs) in chosen.into_iter().filter(|(_, outputs)| *outputs != none) {
             let upstream = random_upstream(&case, outputs, &GRADIENT);
             for mode in MODES {
                 if let Err(error) = check(&mut renderer, &case, &upstream, mode, &GRADIENT) {

@@ -272,7 +272,7 @@ fn files() {
     std::fs::write(&path, "v 0 0 0\nf 1 2 3\n").unwrap();
     let error = assert_says(load(&path, &LoadOptions::default()), &["mesh.obj:2: ", "index 2", "fix the index"]);
     assert!(matches!(error, Error::File { line: Some(2), .. }));
-    assert_says(write_obj(&triangle(), &folder.path().join("no/mesh.obj")), &["no/mesh.obj"]);
+    assert_says(write_obj(&triangle(), &folder.path().join("no/mesh.obj")), &["/no: ", "folder", "does not exist"]);
 }
 
 #[test]
