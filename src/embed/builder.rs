@@ -322,13 +322,13 @@ impl PassPlan {
     /// What the status in the readback buffer's bytes says of a frame of this plan.
     ///
     /// # Errors
-    /// [`Error::Host`] for fewer bytes than a status has; otherwise as [`Status::judge`].
+    /// [`Error::Host`] for fewer bytes than a status has; otherwise as [`Status::validate`].
     pub fn status(&self, readback: &[u8]) -> Result<PassStatus> {
         let Some(bytes) = readback.first_chunk() else {
             let what = format!("a readback buffer of {} bytes", readback.len());
             return Err(Error::Host { what, fix: "give the whole readback buffer's bytes".into() });
         };
-        Ok(match Status::from_bytes(bytes).judge(&self.frame)? {
+        Ok(match Status::from_bytes(bytes).validate(&self.frame)? {
             None => PassStatus::Whole,
             Some(capacity) => PassStatus::Grow(capacity),
         })

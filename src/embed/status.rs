@@ -49,7 +49,7 @@ impl Status {
     /// # Errors
     /// [`Error::NotFinite`] when the device's arithmetic overflowed, [`Error::Limit`] where a software device cannot walk
     /// so long a list.
-    pub fn judge(&self, plan: &FramePlan) -> Result<Option<Capacity>> {
+    pub fn validate(&self, plan: &FramePlan) -> Result<Option<Capacity>> {
         if self.not_finite {
             let fix = "bring positions and camera to a scale within 1e15, and near above 1e-6".into();
             return Err(Error::NotFinite { stage: "triangle", fix });

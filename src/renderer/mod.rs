@@ -194,7 +194,7 @@ impl Renderer {
             self.uploads.record(&self.buffers)?;
             self.commands.submit_and_wait_after(self.uploads.commands())?;
             self.uploads.done();
-            if let Some(more) = self.status()?.judge(&plan)? {
+            if let Some(more) = self.status()?.validate(&plan)? {
                 shape.capacity = Some(more);
                 continue;
             }

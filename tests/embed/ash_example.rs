@@ -127,13 +127,13 @@ fn the_status_tells_what_room_the_lists_needed() {
     shape.capacity = Some(Capacity { coarse: 1, list: 1, cells: 1 });
     let small = Host::of_shape(&engine, &rasterizer, &case, &shape);
     forward(&engine, &rasterizer, &small);
-    let mut needed = small.status().judge(&small.plan).unwrap().expect("more room");
+    let mut needed = small.status().validate(&small.plan).unwrap().expect("more room");
     // A short bin list hides what its tiles need.
     for _ in 0..3 {
         shape.capacity = Some(needed);
         let larger = Host::of_shape(&engine, &rasterizer, &case, &shape);
         forward(&engine, &rasterizer, &larger);
-        match larger.status().judge(&larger.plan).unwrap() {
+        match larger.status().validate(&larger.plan).unwrap() {
             Some(more) => needed = more,
             None => {
                 drop((larger, small, rasterizer));

@@ -73,7 +73,7 @@ fn a_count_that_only_the_device_knows_is_drawn() {
                 rasterizer.record_forward(commands, &host.plan, &host.bindings).unwrap();
                 backward.record(&rasterizer, commands);
             });
-            assert_eq!(host.status().judge(&host.plan).unwrap(), None);
+            assert_eq!(host.status().validate(&host.plan).unwrap(), None);
             let live = if of_indices { count / 3 } else { count }.min(320);
             let scene = first_triangles(&case, live);
             let frame = simple.render(&scene, &case.cameras, &case.settings).unwrap();
@@ -186,7 +186,7 @@ fn frames_in_flight_are_each_their_own() {
         if let Some(&count) = frame.checked_sub(2).and_then(|last| COUNTS.get(last)) {
             let part = |id: BufferId| &buffer.bytes()[arena.part(id).unwrap().0 as usize..];
             let status = Status::from_bytes(part(BufferId::Status).first_chunk().unwrap());
-            assert_eq!(status.judge(&plan).unwrap(), None);
+            assert_eq!(status.validate(&plan).unwrap(), None);
             let due = simple.render(&first_triangles(&case, 320.min(count as usize)), &case.cameras, &case.settings);
             let depth = due.unwrap().depth().unwrap().data.clone();
             assert_eq!(part(BufferId::Depths)[..4 * depth.len()], *bytemuck::cast_slice::<f32, u8>(&depth), "{count}");

@@ -248,7 +248,7 @@ fn a_hosts_instances_are_rendered_and_differentiated_where_they_lie() {
             backward.record(&rasterizer, commands);
             rasterizer.record_geometry_gradients(commands, &gradients).unwrap();
         });
-        assert_eq!(host.status().judge(&host.plan).unwrap(), None);
+        assert_eq!(host.status().validate(&host.plan).unwrap(), None);
         let made = images(&case, &host);
         assert_eq!(difference(&made[0].1, &frame.color().unwrap().data), None, "{format:?}");
         assert_eq!(difference(&made[1].1, &frame.silhouette().unwrap().data), None, "{format:?}");

@@ -81,7 +81,7 @@ impl Host {
         loop {
             let host = Self::of_shape(engine, rasterizer, case, &shape);
             forward(engine, rasterizer, &host);
-            match host.status().judge(&host.plan).unwrap() {
+            match host.status().validate(&host.plan).unwrap() {
                 None => return host,
                 capacity => shape.capacity = capacity,
             }

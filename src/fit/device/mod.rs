@@ -372,7 +372,7 @@ impl DeviceFit {
             let mut bytes = [0; Status::BYTES];
             let words = &record[c::RECORD_STATUS as usize..][..c::STATUS_WORDS as usize];
             bytes.copy_from_slice(bytemuck::cast_slice(words));
-            match Status::from_bytes(&bytes).judge(&bound.frame)? {
+            match Status::from_bytes(&bytes).validate(&bound.frame)? {
                 Some(capacity) => self.capacity = Some(capacity),
                 None => return bad("the device took no step and does not say why", "report this"),
             }

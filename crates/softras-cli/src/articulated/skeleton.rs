@@ -73,7 +73,7 @@ impl Bone {
 }
 
 impl Skeleton {
-    /// Judges the bones.
+    /// Validates the bones.
     ///
     /// # Errors
     /// [`softras::Error::Fit`] for a parent that is not before its bone, or an axis that is not of length 1.
@@ -149,7 +149,7 @@ impl Skeleton {
         Ok(())
     }
 
-    /// Every bone where a judged pose puts it.
+    /// Every bone where a validated pose puts it.
     pub(super) fn place(&self, pose: &SkeletonPose) -> Vec<Placed> {
         let mut placed: Vec<Placed> = Vec::with_capacity(self.bones.len());
         let mut angles = pose.angles.iter();
