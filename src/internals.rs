@@ -89,3 +89,8 @@ pub mod validate {
 pub mod output {
     pub use crate::obj::output::{check_writable, write_file, write_files};
 }
+
+/// The built-in meshes by name.
+pub mod shapes {
+    pub use crate::shapes::named::{NAMES, by_name};
+}

@@ -6,14 +6,14 @@ use std::path::Path;
 /// A mesh of `../shared/meshes` where it is to be had, else the crate's own fish, which the argument `fish` asks for.
 pub fn mesh(name: &str) -> (String, Mesh) {
     if asked("fish") {
-        return ("fish".to_string(), shapes::by_name("fish").expect("the crate's own mesh"));
+        return ("fish".to_string(), shapes::fish().expect("the crate's own mesh"));
     }
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../shared/meshes/{name}.obj"));
     match softras::obj::load(&path, &softras::obj::LoadOptions::default()) {
         Ok(loaded) => (name.to_string(), loaded.mesh),
         Err(_) => {
             println!("{name} is not there: the fish instead");
-            ("fish".to_string(), shapes::by_name("fish").expect("the crate's own mesh"))
+            ("fish".to_string(), shapes::fish().expect("the crate's own mesh"))
         }
     }
 }

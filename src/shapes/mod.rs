@@ -1,6 +1,7 @@
 //! Built-in meshes: closed, counter-clockwise seen from outside, around the origin and within ±1.1.
 
 mod fish;
+pub(crate) mod named;
 
 pub use fish::fish;
 
@@ -10,23 +11,6 @@ use crate::{
 };
 use glam::DVec3;
 use std::{collections::HashMap, f64::consts::TAU};
-
-/// The names that [`by_name`] knows.
-pub const NAMES: [&str; 4] = ["cube", "icosphere", "torus", "fish"];
-
-/// A mesh by its name: those of [`NAMES`], the icosphere with 3 subdivisions, the torus with 64×32 quads.
-///
-/// # Errors
-/// [`Error::Mesh`] for any other name; it lists the valid ones.
-pub fn by_name(name: &str) -> Result<Mesh> {
-    match name {
-        "cube" => cube(),
-        "icosphere" => icosphere(3),
-        "torus" => torus(0.7, 0.3, 64, 32),
-        "fish" => fish(),
-        _ => shape_error(format!("no mesh is called {name:?}"), format!("use one of {}", NAMES.join(", "))),
-    }
-}
 
 fn shape_error<T>(what: String, fix: String) -> Result<T> {
     Err(Error::Mesh { what, place: "shapes".into(), fix })
@@ -135,6 +119,7 @@ pub fn torus(ring: f64, tube: f64, around: u32, across: u32) -> Result<Mesh> {
 
 #[cfg(test)]
 mod tests {
+    use super::named::{NAMES, by_name};
     use super::*;
     use std::collections::HashSet;
 

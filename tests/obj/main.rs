@@ -12,7 +12,6 @@ use softras::{
     Error, Mesh,
     obj::{LoadOptions, Loaded, load, write_obj},
     scene::{Appearance, Texture, Wrap},
-    shapes,
 };
 use std::fs;
 use tempfile::TempDir;

@@ -51,8 +51,8 @@ fn writing_and_reading_gives_the_mesh_back() {
 
 #[test]
 fn the_project_s_own_meshes_survive_a_file() {
-    for name in shapes::NAMES {
-        assert_round_trip(&shapes::by_name(name).unwrap());
+    for name in softras::internals::shapes::NAMES {
+        assert_round_trip(&softras::internals::shapes::by_name(name).unwrap());
     }
 }
 

@@ -10,7 +10,6 @@ use softras::{
     obj::{LoadOptions, load, write_obj},
     reference::{GradientMode, Upstream, gradient},
     scene::{Appearance, DirectionalLight, Outputs, Texture, Wrap},
-    shapes,
 };
 use std::path::Path;
 
@@ -55,7 +54,7 @@ fn meshes() {
     assert_says(with(textured(vec![[0.0; 2]], vec![texture], vec![1])), &["texture 1", "triangle 0"]);
     assert_says(Texture::new(2, 2, vec![[0.0; 3]; 3], Wrap::Clamp), &["3 texels for 2×2", "width × height"]);
     assert_says(triangle().set_positions(vec![]), &["0 positions", "3"]);
-    assert_says(shapes::by_name("cow"), &["cow", "torus"]);
+    assert_says(softras::internals::shapes::by_name("cow"), &["cow", "torus"]);
 }
 
 #[test]

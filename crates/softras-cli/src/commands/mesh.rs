@@ -14,7 +14,7 @@ Examples:
   softras mesh torus -o torus.obj && softras render torus.obj -o torus.png")]
 pub struct MeshArgs {
     /// The mesh to write
-    #[arg(value_parser = PossibleValuesParser::new(softras::shapes::NAMES))]
+    #[arg(value_parser = PossibleValuesParser::new(softras::internals::shapes::NAMES))]
     pub name: String,
     /// The file to write; materials and textures go beside it
     #[arg(short, long = "out", value_name = "FILE.obj")]
@@ -24,7 +24,7 @@ pub struct MeshArgs {
 /// Runs the command.
 pub fn run(args: &MeshArgs) -> Result<(), Failure> {
     output::check_writable(&args.out)?;
-    let mesh = softras::shapes::by_name(&args.name)?;
+    let mesh = softras::internals::shapes::by_name(&args.name)?;
     let files = softras::obj::write_obj(&mesh, &args.out)?;
     let names: Vec<_> = files.iter().map(|f| f.display().to_string()).collect();
     let (vertices, triangles) = (mesh.positions().len(), mesh.triangles().len());

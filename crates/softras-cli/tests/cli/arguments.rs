@@ -66,10 +66,10 @@ fn what_cannot_be_done_exits_with_1_and_names_the_file() {
 #[test]
 fn own_meshes_come_back_from_their_files() {
     let folder = tempfile::tempdir().unwrap();
-    for name in softras::shapes::NAMES {
+    for name in softras::internals::shapes::NAMES {
         let file = format!("{name}.obj");
         let said = succeeds(folder.path(), &["mesh", name, "-o", &file]);
-        let expected = softras::shapes::by_name(name).unwrap();
+        let expected = softras::internals::shapes::by_name(name).unwrap();
         assert!(said.contains(&format!("{} triangles", expected.triangles().len())), "{said}");
         let loaded = softras::obj::load(&folder.path().join(file), &softras::obj::LoadOptions::default()).unwrap();
         assert_eq!(loaded.mesh, expected, "{name}");
