@@ -7,28 +7,29 @@ use crate::common::gradient::random_upstream;
 use crate::common::scenes::Case;
 use crate::common::{renderer, tolerance};
 use crate::geometry::{COLOR, Engines, POSITION, TRANSFORM, VERTEX, storage};
-use crate::host::engine::{Buffer, Engine, Image, color_range};
+use crate::host::engine::{Buffer, Engine};
 use crate::host::{assert_silent, difference, engine, error, rasterizer, submit, upstream_bytes};
-use ash::vk;
 use gpu_allocator::MemoryLocation;
 use softras::embed::{
-    BufferId, ClipSpace, Draw, FrameImage, GeometryGradients, HostCamera, HostCommands, ImageFormat, ImageRef,
-    IndexFormat, Layout, MeshBuffers, MeshLook, Pass, PassMemory, PassMesh, PassPlan, PassStatus, Rasterizer, Status,
-    TexelSource, TextureRef,
+    BufferId, Draw, GeometryGradients, IndexFormat, Layout, MeshBuffers, MeshLook, Pass, PassMemory, PassMesh,
+    PassPlan, PassStatus, Rasterizer, Status, TexelSource,
 };
-use softras::glam::{DMat4, DVec3};
-use softras::scene::{Appearance, Background, Outputs, Texture, Wrap};
-use softras::{Camera, Frame, ImageGradient, Lights, Mesh, Projection, Scene, Settings, Wanted, shapes};
+use softras::scene::{Appearance, Background, Wrap};
+use softras::{Frame, ImageGradient, Lights, Mesh, Scene, Settings, Wanted};
+
+/// Two triangles, and the texels of their texture across and down.
+pub const QUAD: [u16; 6] = [0, 1, 2, 0, 2, 3];
+pub const SIZE: (u32, u32) = (4, 2);
 
 /// The three buffers of a pass, all of them mapped so that a test sees everything.
-struct Memory {
-    upload: Buffer,
-    device: Buffer,
-    readback: Buffer,
+pub struct Memory {
+    pub upload: Buffer,
+    pub device: Buffer,
+    pub readback: Buffer,
 }
 
 impl Memory {
-    fn new(engine: &Engine, plan: &PassPlan) -> Self {
+    pub fn new(engine: &Engine, plan: &PassPlan) -> Self {
         let [upload, device, readback] = plan.memory().map(|needed| {
             let mut buffer = engine.buffer(needed.size, needed.usage, MemoryLocation::GpuToCpu).unwrap();
             // What nobody writes must not matter.
@@ -38,34 +39,34 @@ impl Memory {
         Self { upload, device, readback }
     }
 
-    fn refs(&self) -> PassMemory<'static> {
+    pub fn refs(&self) -> PassMemory<'static> {
         let [upload, device, readback] = [&self.upload, &self.device, &self.readback].map(Buffer::whole);
         PassMemory { upload, device, readback, own: &[] }
     }
 
-    fn floats(&self, pass: &Pass, id: BufferId) -> Vec<f32> {
+    pub fn floats(&self, pass: &Pass, id: BufferId) -> Vec<f32> {
         let at = pass.buffer(id).unwrap();
         self.device.floats(at.offset(), at.range() as usize / 4)
     }
 
-    fn whole_word(&self, pass: &Pass) -> u32 {
+    pub fn whole_word(&self, pass: &Pass) -> u32 {
         self.device.floats(pass.buffer(BufferId::Status).unwrap().offset() + Status::WHOLE_OFFSET, 1)[0].to_bits()
     }
 
-    fn write_upstream(&mut self, pass: &Pass, upstream: &ImageGradient) {
+    pub fn write_upstream(&mut self, pass: &Pass, upstream: &ImageGradient) {
         for (id, values) in upstream_bytes(upstream) {
             self.device.write(pass.buffer(id).unwrap().offset(), bytemuck::cast_slice(&values));
         }
     }
 }
 
-fn bind(rasterizer: &Rasterizer, plan: &PassPlan, memory: &mut Memory, meshes: &[MeshBuffers]) -> Pass {
+pub fn bind(rasterizer: &Rasterizer, plan: &PassPlan, memory: &mut Memory, meshes: &[MeshBuffers]) -> Pass {
     let pass = rasterizer.bind_pass(plan.clone(), memory.refs(), meshes).unwrap();
     pass.write_inputs(memory.upload.bytes_mut()).unwrap();
     pass
 }
 
-fn run(engine: &Engine, pass: &Pass) {
+pub fn run(engine: &Engine, pass: &Pass) {
     submit(engine, |commands| {
         pass.record_setup(commands).unwrap();
         pass.record_forward(commands).unwrap();
@@ -76,17 +77,17 @@ fn run(engine: &Engine, pass: &Pass) {
 }
 
 /// A host's two meshes of one vertex and one index buffer, three and two instances of them.
-struct Scenery {
-    engines: Engines,
-    vertices: Buffer,
-    indices: Buffer,
-    transforms: Buffer,
-    gradients: Buffer,
-    transform_gradients: Buffer,
+pub struct Scenery {
+    pub engines: Engines,
+    pub vertices: Buffer,
+    pub indices: Buffer,
+    pub transforms: Buffer,
+    pub gradients: Buffer,
+    pub transform_gradients: Buffer,
 }
 
 impl Scenery {
-    fn new(engine: &Engine) -> Self {
+    pub fn new(engine: &Engine) -> Self {
         let engines = Engines::new();
         let rows = |t: &[[f32; 4]; 3]| -> [f32; 16] {
             std::array::from_fn(|i| if (1..13).contains(&i) { t[(i - 1) / 4][(i - 1) % 4] } else { 7.0 })
@@ -103,13 +104,13 @@ impl Scenery {
         }
     }
 
-    fn meshes(&self) -> Vec<PassMesh> {
+    pub fn meshes(&self) -> Vec<PassMesh> {
         let mesh =
             |draws: Vec<Draw>| PassMesh::of_draws(draws, &self.engines.indices()).with_look(MeshLook::VertexColors);
         vec![mesh(self.engines.draws[..2].to_vec()), mesh(self.engines.draws[2..].to_vec())]
     }
 
-    fn buffers(&self, on_device: bool) -> Vec<MeshBuffers> {
+    pub fn buffers(&self, on_device: bool) -> Vec<MeshBuffers> {
         let mesh = |first: u64, count: u64| {
             let part = |buffer: &Buffer| buffer.whole().part(64 * first, 64 * count).unwrap();
             let gradients = GeometryGradients {
@@ -130,7 +131,7 @@ impl Scenery {
 }
 
 /// The images of a frame whose colour and silhouette were asked for.
-fn assert_images(memory: &Memory, pass: &Pass, frame: &Frame, what: &str) {
+pub fn assert_images(memory: &Memory, pass: &Pass, frame: &Frame, what: &str) {
     let texels = memory.floats(pass, BufferId::Color);
     let rgb: Vec<f32> = texels.chunks_exact(4).flat_map(|t| [t[0], t[1], t[2]]).collect();
     let alpha: Vec<f32> = texels.chunks_exact(4).map(|t| t[3]).collect();
@@ -139,7 +140,7 @@ fn assert_images(memory: &Memory, pass: &Pass, frame: &Frame, what: &str) {
 }
 
 /// dL by positions and by colours of all placed vertices.
-fn vertex_gradients(memory: &Memory, pass: &Pass) -> [Vec<f32>; 2] {
+pub fn vertex_gradients(memory: &Memory, pass: &Pass) -> [Vec<f32>; 2] {
     let rows = memory.floats(pass, BufferId::VertexGradients);
     [0, 4].map(|at| rows.chunks_exact(8).flat_map(|row| row[at..at + 3].to_vec()).collect())
 }
@@ -257,303 +258,6 @@ fn a_frame_without_room_has_no_gradients() {
         }
     }
     drop((scenery, rasterizer));
-    assert_silent(engine);
-}
-
-/// A sampled image with given texels.
-fn texture(engine: &Engine, format: vk::Format, size: (u32, u32), texels: &[u8]) -> (Image, TextureRef) {
-    let image =
-        engine.image_of(format, size, vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST).unwrap();
-    let mut source =
-        engine.buffer(texels.len() as u64, vk::BufferUsageFlags::TRANSFER_SRC, MemoryLocation::CpuToGpu).unwrap();
-    source.write(0, texels);
-    submit(engine, |commands| {
-        use vk::{AccessFlags as A, ImageLayout as L, PipelineStageFlags as S};
-        layout(
-            engine,
-            commands,
-            &image,
-            (L::UNDEFINED, A::empty(), S::TOP_OF_PIPE),
-            (L::TRANSFER_DST_OPTIMAL, A::TRANSFER_WRITE, S::TRANSFER),
-        );
-        let layers = vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
-        let copy = [vk::BufferImageCopy::default().image_subresource(layers).image_extent(vk::Extent3D {
-            width: size.0,
-            height: size.1,
-            depth: 1,
-        })];
-        unsafe {
-            engine.device().cmd_copy_buffer_to_image(
-                commands.raw(),
-                source.raw,
-                image.raw,
-                L::TRANSFER_DST_OPTIMAL,
-                &copy,
-            )
-        };
-        layout(
-            engine,
-            commands,
-            &image,
-            (L::TRANSFER_DST_OPTIMAL, A::TRANSFER_WRITE, S::TRANSFER),
-            (L::SHADER_READ_ONLY_OPTIMAL, A::SHADER_READ, S::COMPUTE_SHADER),
-        );
-    });
-    let texture = unsafe { TextureRef::new(image.view, size.0, size.1) };
-    (image, texture)
-}
-
-type Use = (vk::ImageLayout, vk::AccessFlags, vk::PipelineStageFlags);
-
-fn layout(engine: &Engine, commands: &HostCommands, image: &Image, from: Use, to: Use) {
-    let barrier = [vk::ImageMemoryBarrier::default()
-        .image(image.raw)
-        .subresource_range(color_range())
-        .old_layout(from.0)
-        .new_layout(to.0)
-        .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-        .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-        .src_access_mask(from.1)
-        .dst_access_mask(to.1)];
-    let none = vk::DependencyFlags::empty();
-    unsafe { engine.device().cmd_pipeline_barrier(commands.raw(), from.2, to.2, none, &[], &[], &barrier) };
-}
-
-/// A textured quad of a host: x, y, z, u, v with v growing downwards.
-const CORNERS: [[f32; 5]; 4] =
-    [[-1.0, -1.0, 0.0, 0.0, 1.0], [1.0, -1.0, 0.0, 1.0, 1.0], [1.0, 1.0, 0.0, 1.0, 0.0], [-1.0, 1.0, 0.0, 0.0, 0.0]];
-const QUAD: [u16; 6] = [0, 1, 2, 0, 2, 3];
-const SIZE: (u32, u32) = (4, 2);
-
-#[test]
-fn textures_come_straight_from_a_hosts_images_and_buffers() {
-    let engine = engine();
-    let rasterizer = rasterizer(&engine);
-    let bytes: Vec<[u8; 4]> = (0..8u8).map(|i| [20 * i, 255 - 30 * i, 7 * i * (i % 3), 255]).collect();
-    let linear = |c: u8| f32::from(c) / 255.0;
-    let floats: Vec<[f32; 4]> = bytes.iter().map(|t| [linear(t[0]), linear(t[1]), linear(t[2]), 1.0]).collect();
-    let rgb: Vec<[f32; 3]> = floats.iter().map(|t| [t[0], t[1], t[2]]).collect();
-
-    // The same as a scene: the textured quad, and a cube of one colour behind it.
-    let quad_uvs: Vec<[f32; 2]> = CORNERS.iter().map(|c| [c[3], 1.0 - c[4]]).collect();
-    let cube = shapes::cube().unwrap();
-    let mut positions: Vec<[f32; 3]> = CORNERS.iter().map(|c| [c[0], c[1], c[2]]).collect();
-    let behind = |p: &[f32; 3]| [p[0] + 0.5, p[1] + 0.25, p[2] - 1.5];
-    positions.extend(cube.positions().iter().map(behind));
-    let mut triangles = vec![[0, 1, 2], [0, 2, 3]];
-    triangles.extend(cube.triangles().iter().map(|t| t.map(|v| v + 4)));
-    let mut uvs = quad_uvs;
-    uvs.extend(vec![[0.0; 2]; cube.positions().len()]);
-    let appearance = Appearance::Textured {
-        uvs,
-        uv_triangles: triangles.clone(),
-        textures: vec![
-            Texture::new(SIZE.0, SIZE.1, rgb, Wrap::Clamp).unwrap(),
-            Texture::new(1, 1, vec![[0.25, 0.5, 0.125]], Wrap::Clamp).unwrap(),
-        ],
-        texture_of_triangle: (0..triangles.len()).map(|t| u32::from(t >= 2)).collect(),
-    };
-    let mesh = Mesh::new(positions, triangles).unwrap().with_appearance(appearance).unwrap();
-    let camera =
-        Camera::look_at(DVec3::new(0.4, 0.3, 4.0), DVec3::ZERO, DVec3::Y, Projection::Perspective { fov_y: 0.8 })
-            .unwrap();
-    let settings = Settings { width: 40, height: 32, sigma: 1e-4, ..Settings::default() };
-    let frame = renderer().render(&Scene::new(mesh), &[camera], &settings).unwrap();
-
-    let stride = 20;
-    let vertices = storage(&engine, bytemuck::cast_slice(&CORNERS));
-    let moved: Vec<[f32; 3]> = cube.positions().iter().map(behind).collect();
-    let cube_vertices = storage(&engine, bytemuck::cast_slice(&moved));
-    let cube_indices: Vec<u32> = cube.triangles().iter().flatten().copied().collect();
-    let look = MeshLook::Texture { size: SIZE, wrap: Wrap::Clamp, v_down: true };
-    let meshes = [
-        PassMesh::new(4, &QUAD).with_look(look),
-        PassMesh::new(cube.positions().len() as u32, &cube_indices).with_look(MeshLook::Color([0.25, 0.5, 0.125])),
-    ];
-    let plan = rasterizer.pass(&meshes).settings(settings).cameras(&[camera]).inside_planes().build().unwrap();
-    let usage = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::TRANSFER_SRC;
-    let mut words = engine.buffer(32, usage, MemoryLocation::CpuToGpu).unwrap();
-    words.write(0, bytemuck::cast_slice(&bytes));
-    let mut wide = engine.buffer(128, usage, MemoryLocation::CpuToGpu).unwrap();
-    wide.write(0, bytemuck::cast_slice(&floats));
-    let float_image = texture(&engine, vk::Format::R32G32B32A32_SFLOAT, SIZE, bytemuck::cast_slice(&floats));
-    let byte_image = texture(&engine, vk::Format::R8G8B8A8_UNORM, SIZE, bytemuck::cast_slice(&bytes));
-    let sources = [
-        ("floats", TexelSource::Floats(wide.whole()), 0.0),
-        ("float image", TexelSource::Image(float_image.1), 0.0),
-        ("bytes", TexelSource::Bytes { at: words.whole(), srgb: false }, 1e-6),
-        ("byte image", TexelSource::Image(byte_image.1), 1e-6),
-    ];
-    for (what, source, bound) in sources {
-        let quad = MeshBuffers {
-            uvs: Some((vertices.whole(), Layout { stride, offset: 12 })),
-            texels: Some(source),
-            ..MeshBuffers::new(vertices.whole(), Layout { stride, offset: 0 })
-        };
-        let solid = MeshBuffers::new(cube_vertices.whole(), Layout { stride: 12, offset: 0 });
-        let mut memory = Memory::new(&engine, &plan);
-        let pass = bind(&rasterizer, &plan, &mut memory, &[quad, solid]);
-        run(&engine, &pass);
-        assert_eq!(pass.status(memory.readback.bytes()).unwrap(), PassStatus::Whole);
-        let color = memory.floats(&pass, BufferId::Color);
-        let expected = &frame.color().unwrap().data;
-        for (pixel, own) in color.chunks_exact(4).enumerate() {
-            for k in 0..3 {
-                let due = expected[3 * pixel + k];
-                assert!((own[k] - due).abs() <= bound, "{what}, pixel {pixel}: {own:?} for {due}");
-            }
-        }
-        assert_eq!(pass.texels(0).unwrap().range(), 128);
-        assert_eq!(pass.texels(1), None);
-    }
-    // sRGB texels are decoded.
-    let quad = MeshBuffers {
-        uvs: Some((vertices.whole(), Layout { stride, offset: 12 })),
-        texels: Some(TexelSource::Bytes { at: words.whole(), srgb: true }),
-        ..MeshBuffers::new(vertices.whole(), Layout { stride, offset: 0 })
-    };
-    let solid = MeshBuffers::new(cube_vertices.whole(), Layout { stride: 12, offset: 0 });
-    let mut memory = Memory::new(&engine, &plan);
-    let pass = bind(&rasterizer, &plan, &mut memory, &[quad, solid]);
-    run(&engine, &pass);
-    let at = pass.texels(0).unwrap();
-    let texels = memory.device.floats(at.offset(), 32);
-    for (own, due) in texels.chunks_exact(4).zip(&bytes) {
-        for k in 0..3 {
-            let c = f64::from(due[k]) / 255.0;
-            let due = if c > 0.04045 { ((c + 0.055) / 1.055).powf(2.4) } else { c / 12.92 };
-            assert!((f64::from(own[k]) - due).abs() < 1e-5);
-        }
-        assert_eq!(own[3], 0.0);
-    }
-    drop((pass, memory, float_image, byte_image, words, wide, vertices, cube_vertices, rasterizer));
-    assert_silent(engine);
-}
-
-/// An image's texels after a store.
-fn stored(engine: &Engine, pass: &Pass, image: FrameImage, format: ImageFormat, texel: u64) -> Vec<u8> {
-    let size = pass.plan().image_size();
-    let usage = vk::ImageUsageFlags::STORAGE | vk::ImageUsageFlags::TRANSFER_SRC;
-    let target = engine.image_of(format.format(), size, usage).unwrap();
-    let view = unsafe { ImageRef::new(target.view, format, size.0, size.1) };
-    let bound = pass.bind_image(image, 0, &view).unwrap();
-    let bytes = texel * u64::from(size.0 * size.1);
-    let back = engine.buffer(bytes, vk::BufferUsageFlags::TRANSFER_DST, MemoryLocation::GpuToCpu).unwrap();
-    submit(engine, |commands| {
-        use vk::{AccessFlags as A, ImageLayout as L, PipelineStageFlags as S};
-        let general = (L::GENERAL, A::SHADER_WRITE, S::COMPUTE_SHADER);
-        layout(engine, commands, &target, (L::UNDEFINED, A::empty(), S::TOP_OF_PIPE), general);
-        pass.record_store(commands, &bound).unwrap();
-        layout(engine, commands, &target, general, (L::TRANSFER_SRC_OPTIMAL, A::TRANSFER_READ, S::TRANSFER));
-        let layers = vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
-        let copy = [vk::BufferImageCopy::default().image_subresource(layers).image_extent(vk::Extent3D {
-            width: size.0,
-            height: size.1,
-            depth: 1,
-        })];
-        unsafe {
-            engine.device().cmd_copy_image_to_buffer(
-                commands.raw(),
-                target.raw,
-                L::TRANSFER_SRC_OPTIMAL,
-                back.raw,
-                &copy,
-            )
-        };
-    });
-    back.bytes()[..bytes as usize].to_vec()
-}
-
-/// A right-handed Vulkan projection with reversed infinite depth, as many engines have it.
-fn reversed_infinite(fov_y: f64, aspect: f64, near: f64) -> DMat4 {
-    let f = 1.0 / (fov_y / 2.0).tan();
-    DMat4::from_cols_array_2d(&[
-        [f / aspect, 0.0, 0.0, 0.0],
-        [0.0, -f, 0.0, 0.0],
-        [0.0, 0.0, 0.0, -1.0],
-        [0.0, 0.0, near, 0.0],
-    ])
-}
-
-#[test]
-fn matrices_render_and_store_as_the_hosts_rasterizer_would() {
-    let engine = engine();
-    let rasterizer = rasterizer(&engine);
-    let (eye, fov_y, near) = (DVec3::new(0.0, 0.0, 4.0), 0.8, 1.0);
-    // Looking along -z from eye: a translation.
-    let view = DMat4::from_translation(-eye);
-    let projection = reversed_infinite(fov_y, 48.0 / 32.0, near);
-    let outputs = Outputs { color: true, silhouette: true, depth: true, normal: false };
-    let settings = Settings {
-        width: 48,
-        height: 32,
-        sigma: 1e-4,
-        outputs,
-        background: Background::Composite,
-        background_color: [0.5, 0.25, 1.0],
-        ..Settings::default()
-    };
-    let camera = Camera::look_at(eye, DVec3::ZERO, DVec3::Y, Projection::Perspective { fov_y }).unwrap();
-    let cube = shapes::cube().unwrap();
-    let cube = Mesh::new(cube.positions().to_vec(), cube.triangles().to_vec()).unwrap();
-    let frame = renderer().render(&Scene::new(cube.clone()), &[camera], &settings).unwrap();
-
-    let vertices = storage(&engine, bytemuck::cast_slice(cube.positions()));
-    let indices: Vec<u32> = cube.triangles().iter().flatten().copied().collect();
-    let mesh = PassMesh::new(cube.positions().len() as u32, &indices);
-    let builder = rasterizer.pass(&[mesh]).settings(settings.clone());
-    let matrices = [(view, projection)];
-    let plan = builder.camera_matrices(&matrices, ClipSpace::default()).planes_of_matrices().build().unwrap();
-    let mut memory = Memory::new(&engine, &plan);
-    let buffers = [MeshBuffers::new(vertices.whole(), Layout { stride: 12, offset: 0 })];
-    let pass = bind(&rasterizer, &plan, &mut memory, &buffers);
-    run(&engine, &pass);
-    assert_eq!(pass.status(memory.readback.bytes()).unwrap(), PassStatus::Whole);
-    let (color, depths) = (memory.floats(&pass, BufferId::Color), memory.floats(&pass, BufferId::Depths));
-    let simple = frame.color().unwrap();
-    let mut worst = 0.0f32;
-    for (own, due) in color.chunks_exact(4).zip(simple.data.chunks_exact(3)) {
-        worst = (0..3).fold(worst, |worst, k| worst.max((own[k] - due[k]).abs()));
-    }
-    assert!(worst < 1e-4, "{worst}");
-
-    // The depth buffer: what the host's rasterizer would have written at the mean depth, and 0 far away.
-    let host = HostCamera::new(view, projection, ClipSpace::default(), (48, 32)).unwrap();
-    let image = FrameImage::DepthBuffer { least_silhouette: 0.5 };
-    let values = stored(&engine, &pass, image, ImageFormat::R32Float, 4);
-    let values: &[f32] = bytemuck::cast_slice(&values);
-    let mut covered = 0;
-    for (pixel, &value) in values.iter().enumerate() {
-        let alpha = color[4 * pixel + 3];
-        if alpha < 0.5 {
-            assert_eq!(value, 0.0);
-            continue;
-        }
-        covered += 1;
-        let z = f64::from(depths[pixel]) / f64::from(alpha);
-        assert!((host.buffer_depth(z) - f64::from(value)).abs() < 1e-6, "pixel {pixel}: {value} at {z}");
-        assert!((near / z - f64::from(value)).abs() < 1e-6);
-    }
-    assert!(covered > 100);
-
-    // Colour for blending: over any background of the host's, both ways of alpha give the same, and over softras' own
-    // background its own image.
-    let four = |premultiplied| {
-        let image = FrameImage::Foreground { premultiplied, srgb: false };
-        let bytes = stored(&engine, &pass, image, ImageFormat::Rgba32Float, 16);
-        bytemuck::cast_slice::<u8, f32>(&bytes).to_vec()
-    };
-    let (straight, premultiplied) = (four(false), four(true));
-    for pixel in 0..color.len() / 4 {
-        let (s, p, own) = (&straight[4 * pixel..], &premultiplied[4 * pixel..], &color[4 * pixel..]);
-        for k in 0..3 {
-            let over = p[k] + (1.0 - p[3]) * settings.background_color[k] as f32;
-            assert!((over - own[k]).abs() < 1e-5, "pixel {pixel}");
-            assert!((s[k] * s[3] - p[k]).abs() < 1e-5, "pixel {pixel}");
-        }
-        assert_eq!((s[3], p[3]), (own[3], own[3]));
-    }
-    drop((pass, memory, vertices, rasterizer));
     assert_silent(engine);
 }
 

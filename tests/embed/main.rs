@@ -12,6 +12,7 @@ mod counts;
 mod devices;
 mod external;
 mod facade;
+mod facade_images;
 mod geometry;
 #[path = "../host/mod.rs"]
 mod host;
