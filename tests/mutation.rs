@@ -50,7 +50,7 @@ fn originals(folder: &Path) -> Vec<(String, Vec<u8>)> {
     let obj = folder.join("mesh.obj");
     let quads = "o two\nusemtl m0\nf -1/-1 -2/-2 -3/-3 -4/-4\ng x\nf 1/1/1 2/2/1 3/3/1 # a comment\nf 4 5 6\\\n 7\n";
     fs::write(&obj, fs::read_to_string(&obj).unwrap() + quads).unwrap();
-    let names = ["mesh.obj", "mesh.mtl", "mesh_0.png", "mesh_1.png"];
+    let names = ["mesh.obj", "mesh.mtl", "mesh_texture_0.png", "mesh_texture_1.png"];
     names.map(|name| (name.to_string(), fs::read(folder.join(name)).unwrap())).to_vec()
 }
 

@@ -1,7 +1,7 @@
 //! Chooses the appearance of a mesh from its vertex colours, materials and textures.
 
 use super::{
-    LoadOptions,
+    Source,
     material::{self, Material, Materials},
     parse::Obj,
     texture,
@@ -14,32 +14,27 @@ use crate::{
 use std::{
     collections::{HashMap, hash_map::Entry},
     mem,
-    path::{Path, PathBuf},
+    path::PathBuf,
 };
 
 const WHITE: [f32; 3] = [1.0; 3];
 
 /// Textures are preferred to vertex colours and these to material colours; what is not used is noted.
-pub(super) fn appearance(
-    path: &Path,
-    obj: &mut Obj,
-    triangles: &mut Triangles,
-    options: &LoadOptions,
-    notes: &mut Vec<String>,
-) -> Result<Appearance> {
-    let library = material::read_libraries(path, &obj.libraries, options.allow_outside, notes)?;
-    let used = find_used(obj, &library, notes);
+pub(super) fn appearance(source: &mut Source, obj: &mut Obj, triangles: &mut Triangles) -> Result<Appearance> {
+    let library = material::read_libraries(source, &obj.libraries)?;
+    let used = find_used(obj, &library, &mut source.notes);
     // The material of each face; `None` is white.
     let material_of_face: Vec<Option<&Material>> =
         obj.faces.iter().map(|face| face.material.and_then(|m| used[m])).collect();
     let is_textured = |face: usize| obj.faces[face].has_uvs && material_of_face[face].is_some_and(|m| m.map.is_some());
-    note_textures_without_uvs(obj, &material_of_face, notes);
+    note_textures_without_uvs(obj, &material_of_face, &mut source.notes);
+    let notes = &mut source.notes;
     let colored = !obj.colors.is_empty();
     if (0..obj.faces.len()).any(is_textured) {
         if colored {
             notes.push("vertex colours are not used: the materials have textures".into());
         }
-        return textured(path, obj, triangles, &material_of_face, options, notes);
+        return textured(source, obj, triangles, &material_of_face);
     }
     if !obj.uvs.is_empty() {
         notes.push("texture coordinates are not kept: no face has a texture".into());
@@ -96,12 +91,10 @@ fn note_textures_without_uvs(obj: &Obj, material_of_face: &[Option<&Material>], 
 
 /// The appearance of a mesh with textures; faces without a texture get a 1×1 image of their colour.
 fn textured(
-    path: &Path,
+    source: &mut Source,
     obj: &mut Obj,
     triangles: &mut Triangles,
     material_of_face: &[Option<&Material>],
-    options: &LoadOptions,
-    notes: &mut Vec<String>,
 ) -> Result<Appearance> {
     let mut textures = Textures::default();
     let mut by_kind: HashMap<(Option<usize>, bool), u32> = HashMap::new();
@@ -114,7 +107,7 @@ fn textured(
                     Some(map) => {
                         let key = Key::File(material::locate(&map.mtl, &map.name), map.wrap);
                         let room = textures.room();
-                        textures.find_or(key, || texture::read(path, map, options, room, notes))?
+                        textures.find_or(key, || texture::read(source, map, room))?
                     }
                     None => {
                         let color = color(*material);

@@ -2,7 +2,10 @@
 //!
 //! The crate tobj is not used, because it panics at `Kd 0.5` (a legal grey) and does not report the line of a texture.
 
-use super::statement::{Statement, read_text, statements};
+use super::{
+    Source,
+    statement::{Statement, read_text, statements},
+};
 use crate::{
     error::{Error, Result},
     scene::Wrap,
@@ -57,12 +60,8 @@ pub(super) struct Map {
 ///
 /// # Errors
 /// [`Error::File`] for a malformed statement or a file outside the OBJ file's folder.
-pub(super) fn read_libraries(
-    obj: &Path,
-    libraries: &[(String, usize)],
-    allow_outside: bool,
-    notes: &mut Vec<String>,
-) -> Result<Materials> {
+pub(super) fn read_libraries(source: &mut Source, libraries: &[(String, usize)]) -> Result<Materials> {
+    let obj = source.path;
     let mut materials = Materials::default();
     // A file that is named again adds nothing; reading it again would let a small file cause a lot of work.
     let mut known = HashSet::new();
@@ -76,17 +75,18 @@ pub(super) fn read_libraries(
         for file in files {
             let mtl = locate(obj, file);
             if file.is_empty() || !mtl.is_file() {
-                notes.push(format!("line {line}: material file {file:?} not found: its materials are white"));
+                source.notes.push(format!("line {line}: material file {file:?} not found: its materials are white"));
                 continue;
             }
-            check_inside(obj, &mtl, allow_outside).map_err(|(what, fix)| Error::File {
+            check_inside(obj, &mtl, source.options.allow_outside).map_err(|(what, fix)| Error::File {
                 path: obj.into(),
                 line: Some(*line),
                 what,
                 fix,
             })?;
             if known.insert(mtl.canonicalize().unwrap_or_else(|_| mtl.clone())) {
-                read_library(&mtl, &mut materials, notes)?;
+                read_library(&mtl, &mut materials, &mut source.notes)?;
+                source.files.push(mtl);
             }
         }
     }

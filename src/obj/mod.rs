@@ -19,7 +19,7 @@ mod write;
 pub use write::write_obj;
 
 use crate::{error::Result, scene::Mesh};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Options for reading a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -38,6 +38,29 @@ pub struct Loaded {
     pub mesh: Mesh,
     /// What the file contains and the mesh does not, each with its line.
     pub notes: Vec<String>,
+    /// All files that were read: the mesh file first, then its materials and textures.
+    pub files: Vec<PathBuf>,
+}
+
+/// A mesh file that is being read, with what is known of it besides its content.
+pub(crate) struct Source<'a> {
+    /// The mesh file.
+    pub path: &'a Path,
+    pub options: &'a LoadOptions,
+    /// As in [`Loaded`].
+    pub notes: Vec<String>,
+    /// As in [`Loaded`].
+    pub files: Vec<PathBuf>,
+}
+
+impl<'a> Source<'a> {
+    pub fn new(path: &'a Path, options: &'a LoadOptions) -> Self {
+        Self { path, options, notes: Vec::new(), files: vec![path.into()] }
+    }
+
+    pub fn loaded(self, mesh: Mesh) -> Loaded {
+        Loaded { mesh, notes: self.notes, files: self.files }
+    }
 }
 
 /// Reads an OBJ file, its materials and its textures.
@@ -58,12 +81,12 @@ pub struct Loaded {
 /// [`Error::Io`]: crate::Error::Io
 /// [`Error::File`]: crate::Error::File
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
-    let mut notes = Vec::new();
+    let mut source = Source::new(path, options);
     let text = statement::read_text(path)?;
-    let mut obj = parse::parse(path, &text, &mut notes)?;
+    let mut obj = parse::parse(path, &text, &mut source.notes)?;
     drop(text);
-    let mut triangles = triangles::triangulate(path, &obj, &mut notes)?;
-    let appearance = appearance::appearance(path, &mut obj, &mut triangles, options, &mut notes)?;
+    let mut triangles = triangles::triangulate(path, &obj, &mut source.notes)?;
+    let appearance = appearance::appearance(&mut source, &mut obj, &mut triangles)?;
     let mesh = Mesh::new(obj.positions, triangles.vertices)?.with_appearance(appearance)?;
-    Ok(Loaded { mesh, notes })
+    Ok(source.loaded(mesh))
 }

@@ -1,12 +1,14 @@
 //! Reads image files as textures.
 
-use super::material::{Map, check_inside, locate};
+use super::{
+    Source,
+    material::{Map, check_inside, locate},
+};
 use crate::{
     error::{Error, Result},
     scene::Texture,
 };
 use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
-use std::path::Path;
 
 /// The largest side of an image.
 const MAX_SIDE: u32 = 16384;
@@ -19,16 +21,10 @@ pub(super) const MAX_TEXELS: u64 = 1 << 27;
 /// # Errors
 /// [`Error::File`] naming the MTL file and line, for an image that is missing, outside the mesh's folder, of more than
 /// `room` texels or not an image.
-pub(super) fn read(
-    obj: &Path,
-    map: &Map,
-    options: &super::LoadOptions,
-    room: u64,
-    notes: &mut Vec<String>,
-) -> Result<Texture> {
+pub(super) fn read(source: &mut Source, map: &Map, room: u64) -> Result<Texture> {
     let path = locate(&map.mtl, &map.name);
     let refuse = |what: String, fix: String| Error::File { path: map.mtl.clone(), line: Some(map.line), what, fix };
-    check_inside(obj, &path, options.allow_outside).map_err(|(what, fix)| refuse(what, fix))?;
+    check_inside(source.path, &path, source.options.allow_outside).map_err(|(what, fix)| refuse(what, fix))?;
     let shown = path.display();
     if !path.is_file() {
         let fix = "put the image there or remove the map_Kd line".into();
@@ -55,9 +51,10 @@ pub(super) fn read(
     let image = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
     let has_alpha = image.color().has_alpha();
     if has_alpha && image.to_rgba8().pixels().any(|pixel| pixel.0[3] != 255) {
-        notes.push(format!("texture {shown}: transparency is not drawn"));
+        source.notes.push(format!("texture {shown}: transparency is not drawn"));
     }
-    let texels = texels(image, options.srgb);
+    let texels = texels(image, source.options.srgb);
+    source.files.push(path);
     Texture::new(width, height, texels, map.wrap)
 }
 

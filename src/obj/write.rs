@@ -13,8 +13,8 @@ use std::{
 
 /// Writes a mesh such that [`load`](super::load) reads back an equal one: numbers keep all their digits.
 ///
-/// Vertex colours go into the `v` lines, other colours into `NAME.mtl`, textures into `NAME.png` (or `NAME_0.png`,
-/// `NAME_1.png`, ..): 8 bits a channel where that is exact, else 16. Each file appears whole or not at all; the OBJ file
+/// Vertex colours go into the `v` lines, other colours into `NAME.mtl`, textures into `NAME_texture.png`
+/// (or `NAME_texture_0.png`, `NAME_texture_1.png`, ..): 8 bits a channel where that is exact, else 16. Each file appears whole or not at all; the OBJ file
 /// comes last, when those that it names are complete. Returns the files written, the OBJ file last.
 ///
 /// # Errors
@@ -83,7 +83,9 @@ fn materials<'a>(mesh: &'a Mesh, stem: &str) -> Result<Materials<'a>> {
         }
         Appearance::Textured { textures, texture_of_triangle, .. } => {
             for (i, texture) in textures.iter().enumerate() {
-                let name = if textures.len() == 1 { format!("{stem}.png") } else { format!("{stem}_{i}.png") };
+                // Not `NAME.png`, which is what a picture of the mesh is called.
+                let number = if textures.len() == 1 { String::new() } else { format!("_{i}") };
+                let name = format!("{stem}_texture{number}.png");
                 let clamp = if texture.wrap() == Wrap::Clamp { "-clamp on " } else { "" };
                 // A name that starts with `-` would read as an option.
                 let here = if name.starts_with('-') { "./" } else { "" };

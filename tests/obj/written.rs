@@ -57,6 +57,18 @@ fn the_project_s_own_meshes_survive_a_file() {
 }
 
 #[test]
+fn a_texture_is_not_named_as_a_picture_of_the_mesh() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("fish.obj");
+    let files = write_obj(&softras::shapes::fish().unwrap(), &path).unwrap();
+    let names = ["fish_texture.png", "fish.mtl", "fish.obj"].map(|name| folder.path().join(name));
+    assert_eq!(files, names);
+    let mut read = load(&path, &LoadOptions::default()).unwrap().files;
+    read.sort();
+    assert_eq!(read, [&names[1], &names[2], &names[0]].map(Clone::clone));
+}
+
+#[test]
 fn what_obj_files_cannot_hold_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("mesh.obj");

@@ -1,9 +1,9 @@
 //! `softras mesh`: writes one of the built-in meshes.
 
+use super::outputs::Outputs;
 use super::{Failure, say};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
-use softras::internals::output;
 use std::path::PathBuf;
 
 /// Write a built-in mesh as a Wavefront OBJ file
@@ -23,7 +23,7 @@ pub struct MeshArgs {
 
 /// Runs the command.
 pub fn run(args: &MeshArgs) -> Result<(), Failure> {
-    output::check_writable(&args.out)?;
+    Outputs::new([], [&args.out])?;
     let mesh = softras::internals::shapes::by_name(&args.name)?;
     let files = softras::obj::write_obj(&mesh, &args.out)?;
     let names: Vec<_> = files.iter().map(|f| f.display().to_string()).collect();

@@ -13,6 +13,7 @@ mod gradients;
 mod iou;
 mod mesh;
 mod npz;
+mod outputs;
 mod parse;
 mod pose;
 mod progress;

@@ -85,3 +85,34 @@ fn devices_are_listed_for_people_and_programs() {
         assert!(text.contains(device["name"].as_str().unwrap()), "{text}");
     }
 }
+
+#[test]
+fn no_command_overwrites_what_it_reads() {
+    let folder = tempfile::tempdir().unwrap();
+    succeeds(folder.path(), &["mesh", "fish", "-o", "fish.obj"]);
+    let files = ["fish.obj", "fish.mtl", "fish_texture.png"];
+    let before = files.map(|file| fs::read(folder.path().join(file)).unwrap());
+    // The picture of a mesh gets its own name, and the texture stays.
+    for _ in 0..2 {
+        succeeds(folder.path(), &["render", "fish.obj", "-o", "fish.png", "--size", "16"]);
+    }
+    let refused = |line: &str, file: &str| {
+        fails(folder.path(), &line.split_whitespace().collect::<Vec<_>>(), 2, &["overwrite", file]);
+    };
+    refused("render fish.obj -o fish_texture.png", "fish_texture.png");
+    fs::create_dir(folder.path().join("sub")).unwrap();
+    refused("render fish.obj -o ./sub/../fish_texture.png", "fish_texture.png");
+    refused("grad fish.obj --target fish.png -o fish.png", "fish.png");
+    refused("grad fish.obj --target fish.png -o fish_texture.png", "fish_texture.png");
+    refused("fit --from fish.obj --views 1 --size 8 -o fish.obj", "fish.obj");
+    refused("fit --from fish.obj --views 1 --size 8 -o out.obj --plot fish_texture.png", "fish_texture.png");
+    refused("fit --from fish.obj --template fish.obj --views 1 --size 8 -o out.obj --json fish.mtl", "fish.mtl");
+    refused("pose --mesh fish.obj --image fish.png -o fish.obj", "fish.obj");
+    refused("pose --mesh fish.obj --image fish.png --landscape fish.png", "fish.png");
+    refused("bench fish.obj --json fish.mtl", "fish.mtl");
+    fs::write(folder.path().join("scene.npz"), "").unwrap();
+    refused("eval scene.npz -o scene.npz", "scene.npz");
+    let twice = ["fit", "--from", "fish.obj", "-o", "out.obj", "--json", "a.json", "--plot", "./a.json"];
+    fails(folder.path(), &twice, 2, &["a.json", "twice"]);
+    assert_eq!(files.map(|file| fs::read(folder.path().join(file)).unwrap()), before);
+}

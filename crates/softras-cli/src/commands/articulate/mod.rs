@@ -4,6 +4,7 @@ pub mod args;
 mod trial;
 
 use super::color::Curve;
+use super::outputs::Outputs;
 use super::progress::Progress;
 use super::render::formats;
 use super::render::picture::Picture;
@@ -11,7 +12,6 @@ use super::render::sheet;
 use super::{Failure, say};
 use args::ArticulateArgs;
 use serde_json::json;
-use softras::internals::output;
 use softras::{Error, Renderer, Result};
 use softras_cli::articulated::SkeletonPose;
 use softras_cli::random::Random;
@@ -23,9 +23,7 @@ const PANEL: (u32, u32) = (168, 240);
 
 /// Runs the command.
 pub fn run(args: &ArticulateArgs) -> Result<(), Failure> {
-    for path in args.out.iter().chain(&args.obj) {
-        output::check_writable(path)?;
-    }
+    Outputs::new(&args.out, &args.obj)?;
     let mut renderer = match &args.device {
         Some(device) => Renderer::with_device(device)?,
         None => Renderer::new()?,

@@ -5,6 +5,7 @@ mod machine;
 mod plots;
 mod rows;
 
+use super::outputs::Outputs;
 use super::progress::Progress;
 use super::{Failure, note, say};
 use args::BenchArgs;
@@ -19,9 +20,7 @@ use std::path::Path;
 
 /// Runs the command.
 pub fn run(args: &BenchArgs) -> Result<(), Failure> {
-    if let Some(path) = &args.json {
-        output::check_writable(path)?;
-    }
+    let outputs = Outputs::new(&args.json, [])?;
     for size in args.sizes() {
         softras::internals::validate::settings(&args.settings(size))?;
     }
@@ -29,7 +28,7 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
         let io = |source| Error::Io { path: folder.clone(), source };
         std::fs::create_dir_all(folder).map_err(io)?;
     }
-    let meshes = meshes(args)?;
+    let meshes = meshes(args, &outputs)?;
     let mut renderer = match &args.device {
         Some(selector) => Renderer::with_device(selector)?,
         None => Renderer::new()?,
@@ -136,9 +135,10 @@ fn size_rows(
 }
 
 /// The given mesh, or the built-in ones.
-fn meshes(args: &BenchArgs) -> Result<Vec<(String, Mesh)>, Failure> {
+fn meshes(args: &BenchArgs, outputs: &Outputs) -> Result<Vec<(String, Mesh)>, Failure> {
     if let Some(path) = &args.mesh {
         let loaded = softras::obj::load(path, &LoadOptions::default())?;
+        outputs.spare(&loaded.files)?;
         loaded.notes.iter().for_each(|text| note(text));
         let name = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
         return Ok(vec![(name, loaded.mesh)]);

@@ -8,11 +8,11 @@ mod world;
 
 use super::gradients::{self, Mode};
 use super::npz::{self, Archive, Data};
+use super::outputs::Outputs;
 use super::progress::Progress;
 use super::{Failure, describe, note, say};
 use clap::{Args, ValueEnum};
 use serde_json::json;
-use softras::internals::output;
 use softras::reference::{self, ReferenceFrame, ReferenceGradients, Truncation};
 use softras::{Camera, Error, Frame, Image, ImageGradient, Renderer, Scene, Settings, Wanted, scene};
 use std::path::PathBuf;
@@ -132,7 +132,7 @@ enum Layout {
 
 /// Runs the command.
 pub fn run(args: &EvalArgs) -> Result<(), Failure> {
-    output::check_writable(&args.out)?;
+    Outputs::new([&args.out], [])?.spare([&args.scene])?;
     let start = Instant::now();
     let archive = Archive::open(&args.scene)?;
     let job = if archive.has("face_vertices") {

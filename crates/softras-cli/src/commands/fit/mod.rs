@@ -12,6 +12,7 @@ mod setup;
 pub mod targets;
 
 use super::color::encoded;
+use super::outputs::Outputs;
 use super::progress::Progress;
 use super::{Failure, note};
 use args::FitArgs;
@@ -37,18 +38,13 @@ const LOAD: LoadOptions = LoadOptions { srgb: true, allow_outside: false };
 /// Runs the command.
 pub fn run(args: &FitArgs) -> Result<(), Failure> {
     let files = &args.files;
-    for path in
-        [Some(&args.out), files.json.as_ref(), files.plot.as_ref(), files.gif.as_ref(), files.checkpoint.as_ref()]
-            .into_iter()
-            .flatten()
-    {
-        output::check_writable(path)?;
-    }
+    let written = [&files.json, &files.plot, &files.gif, &files.checkpoint];
+    let outputs = Outputs::new(written.into_iter().flatten(), [&args.out])?;
     let mut renderer = match &args.device {
         Some(device) => Renderer::with_device(device)?,
         None => Renderer::new()?,
     };
-    let views = Views::read(args, &mut renderer)?;
+    let views = Views::read(args, &outputs, &mut renderer)?;
     let setup = Setup::new(args, &views)?;
     let targets = targets::fitted(args, &views.targets);
     let mut work = Work::begin(args, &setup, &views, &targets, &mut renderer)?;

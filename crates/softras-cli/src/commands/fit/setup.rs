@@ -6,7 +6,6 @@ use crate::commands::Failure;
 use softras::fit::{ImageLoss, Method, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions};
 use softras::scene::{Appearance, Background, Faces, Interpolation};
 use softras::{Mesh, Settings, shapes};
-use std::path::Path;
 
 /// The sphere's radius as a share of the radius that the cameras see.
 const SPHERE: f64 = 0.65;
@@ -163,13 +162,13 @@ fn options(args: &FitArgs, official: bool) -> ShapeOptions {
 /// The mesh to begin with, placed where the cameras look.
 fn template(args: &FitArgs, views: &Views) -> Result<Mesh, Failure> {
     let official = args.method.preset == Preset::Official;
-    let mesh = match args.template.as_str() {
-        "sphere" => {
+    let mesh = match &views.template {
+        Some(mesh) => mesh.clone(),
+        None => {
             let (center, radius) = (views.bounds.center.to_array(), SPHERE * views.bounds.radius);
             let (center, radius) = if official { ([0.0; 3], 1.0) } else { (center, radius) };
             placed(&shapes::icosphere(args.subdivisions)?, |p, k| f64::from(p) * radius + center[k])?
         }
-        path => softras::obj::load(Path::new(path), &super::LOAD)?.mesh,
     };
     let mesh = if official { placed(&mesh, |p, _| 0.5 * f64::from(p))? } else { mesh };
     let textured = matches!(mesh.appearance(), Appearance::Textured { .. });

@@ -4,7 +4,8 @@ use super::args::FitArgs;
 use super::cameras;
 use crate::commands::color::Curve;
 use crate::commands::npz::npy::{self, Array, Values};
-use crate::commands::{Failure, render::framing::Bounds};
+use crate::commands::outputs::Outputs as Files;
+use crate::commands::{Failure, note, render::framing::Bounds};
 use glam::DVec3;
 use serde_json::Value;
 use softras::fit::Targets;
@@ -12,7 +13,7 @@ use softras::internals::fit::pooled;
 use softras::scene::{Background, Interpolation, Outputs};
 use softras::{Camera, Error, Image, Mesh, Renderer, Result, Scene, Settings};
 use std::fs::File;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The targets that are fitted: every `view_stride`-th view, with its silhouette as a mask where `--masks` is given.
 pub fn fitted(args: &FitArgs, targets: &Targets) -> Targets {
@@ -32,6 +33,8 @@ pub struct Views {
     pub targets: Targets,
     /// The mesh that they were rendered from, if known.
     pub truth: Option<Mesh>,
+    /// The mesh to begin with, if it is that of a file.
+    pub template: Option<Mesh>,
     /// A sphere around the object.
     pub bounds: Bounds,
     /// Nearest and farthest depth that is drawn.
@@ -39,26 +42,34 @@ pub struct Views {
 }
 
 impl Views {
-    /// Reads or renders the views that the arguments ask for.
-    pub fn read(args: &FitArgs, renderer: &mut Renderer) -> Result<Self, Failure> {
+    /// Reads or renders the views that the arguments ask for, and reads the mesh to begin with. None of the files read may
+    /// be one that will be written.
+    pub fn read(args: &FitArgs, written: &Files, renderer: &mut Renderer) -> Result<Self, Failure> {
+        let template = match args.template.as_str() {
+            "sphere" => None,
+            path => Some(read_mesh(Path::new(path), written)?),
+        };
         let views = args.views.as_deref();
         if let Some(path) = &args.from {
             let count = views.map_or(Ok(24), str::parse).ok().filter(|n| (1..=1000).contains(n));
             let Some(count) = count else {
                 return Err(Failure::Usage("--views: with --from it is a number of views from 1 to 1000".into()));
             };
-            return Ok(Self::made(args, path, count, renderer)?);
+            let mesh = read_mesh(path, written)?;
+            return Ok(Self::made(args, mesh, template, count, renderer)?);
         }
         let path = Path::new(views.unwrap_or_default());
-        let targets = if path.is_dir() { folder(args, path)? } else { arrays(args, path)? };
+        let mut files = vec![path.to_path_buf()];
+        files.extend(args.cameras.clone());
+        let targets = if path.is_dir() { folder(args, path, &mut files)? } else { arrays(args, path)? };
+        written.spare(files)?;
         let bounds = cameras::seen(&targets.cameras, targets.size()?);
         let depths = cameras::depths(&targets.cameras, bounds);
-        Ok(Self { targets, truth: None, bounds, depths })
+        Ok(Self { targets, truth: None, template, bounds, depths })
     }
 
     /// Renders the views from a mesh.
-    fn made(args: &FitArgs, path: &Path, count: usize, renderer: &mut Renderer) -> Result<Self> {
-        let mesh = softras::obj::load(path, &super::LOAD)?.mesh;
+    fn made(args: &FitArgs, mesh: Mesh, template: Option<Mesh>, count: usize, renderer: &mut Renderer) -> Result<Self> {
         let bounds = Bounds::of(&mesh);
         let cameras = cameras::around(bounds, count, args.fov)?;
         let depths = cameras::depths(&cameras, bounds);
@@ -76,8 +87,15 @@ impl Views {
         let frame = renderer.render(&Scene::new(mesh.clone()), &cameras, &settings)?;
         let shrunk = |image: Option<&Image>| image.map(|i| pooled(i, SAMPLES as usize)).transpose();
         let (silhouette, color) = (shrunk(frame.silhouette())?, shrunk(frame.color())?);
-        Ok(Self { targets: Targets { cameras, silhouette, color }, truth: Some(mesh), bounds, depths })
+        Ok(Self { targets: Targets { cameras, silhouette, color }, truth: Some(mesh), template, bounds, depths })
     }
+}
+
+fn read_mesh(path: &Path, written: &Files) -> Result<Mesh, Failure> {
+    let loaded = softras::obj::load(path, &super::LOAD)?;
+    written.spare(&loaded.files)?;
+    loaded.notes.iter().for_each(|text| note(text));
+    Ok(loaded.mesh)
 }
 
 /// Every `stride`-th view.
@@ -168,9 +186,10 @@ fn targets(args: &FitArgs, cameras: Vec<Camera>, [batch, height, width]: [usize;
     Targets { cameras, silhouette: Some(image(3..4)), color: args.colored().then(|| image(0..3)) }
 }
 
-/// Reads PNG files with their cameras from cameras.json.
-fn folder(args: &FitArgs, path: &Path) -> Result<Targets, Failure> {
+/// Reads PNG files with their cameras from cameras.json, and adds all these files to those that were read.
+fn folder(args: &FitArgs, path: &Path, files: &mut Vec<PathBuf>) -> Result<Targets, Failure> {
     let list = args.cameras.clone().unwrap_or_else(|| path.join("cameras.json"));
+    files.push(list.clone());
     let text = std::fs::read_to_string(&list).map_err(|source| Error::Io { path: list.clone(), source })?;
     let entries = match serde_json::from_str(&text) {
         Ok(Value::Array(entries)) if !entries.is_empty() => entries,
@@ -187,6 +206,7 @@ fn folder(args: &FitArgs, path: &Path) -> Result<Targets, Failure> {
         let file = path.join(name);
         check_inside(path, &file, args.allow_outside)?;
         let (width, height, image) = read_picture(&file)?;
+        files.push(file.clone());
         if *size.get_or_insert((width, height)) != (width, height) {
             let what = format!("is {width}×{height} pixels, others are not");
             return Err(fault(&file, what, "use images of one size")?);

@@ -7,6 +7,7 @@ mod engine;
 mod panels;
 mod target;
 
+use super::outputs::Outputs;
 use super::progress::Progress;
 use super::render::framing::{self, Bounds, View};
 use super::render::{formats, look};
@@ -15,7 +16,6 @@ use args::GradArgs;
 use engine::Engine;
 use panels::Sheet;
 use serde_json::json;
-use softras::internals::output;
 use softras::obj::LoadOptions;
 use softras::{Scene, Settings};
 use std::path::Path;
@@ -27,12 +27,14 @@ pub fn run(args: &GradArgs) -> Result<(), Failure> {
     if !args.out.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png")) {
         return Err(Failure::Usage(format!("--out {}: the file's ending must be .png", args.out.display())));
     }
-    output::check_writable(&args.out)?;
+    let outputs = Outputs::new([&args.out], [])?;
+    outputs.spare([&args.target_image])?;
     let start = Instant::now();
     let curve = if args.soft.raw { super::color::Curve::Raw } else { super::color::Curve::Srgb };
     let target = Target::read(&args.target_image, curve, args.soft.background.numbers(curve))?;
     let loaded =
         softras::obj::load(&args.mesh, &LoadOptions { srgb: !args.soft.raw, allow_outside: args.allow_outside })?;
+    outputs.spare(&loaded.files)?;
     loaded.notes.iter().for_each(|text| note(text));
     let bounds = Bounds::of(&loaded.mesh);
     let view = View::new(&args.camera, bounds, target.width as f64 / target.height as f64, 0.0);

@@ -6,14 +6,14 @@ mod landscape;
 
 use super::color::encoded;
 use super::fit::targets;
+use super::outputs::Outputs;
 use super::render::framing::{Bounds, View};
-use super::{Failure, say};
+use super::{Failure, note, say};
 use args::PoseArgs;
 use glam::DVec3;
 use serde_json::json;
 use softras::fit::{Pose, PoseFit, PoseOptions, PoseTarget, rotations};
 use softras::internals::fit::is_closed;
-use softras::internals::output;
 use softras::obj::LoadOptions;
 use softras::scene::Faces;
 use softras::{Camera, Image, Mesh, Renderer, Result, Scene, Settings};
@@ -25,9 +25,7 @@ const SHARP: (f64, f64) = (1e-5, 1e-3);
 
 /// Runs the command.
 pub fn run(args: &PoseArgs) -> Result<(), Failure> {
-    for path in args.out.iter().chain(&args.landscape) {
-        output::check_writable(path)?;
-    }
+    let outputs = Outputs::new(&args.landscape, &args.out)?;
     let mut renderer = match &args.device {
         Some(device) => Renderer::with_device(device)?,
         None => Renderer::new()?,
@@ -35,8 +33,10 @@ pub fn run(args: &PoseArgs) -> Result<(), Failure> {
     match (&args.mesh, &args.image) {
         (Some(mesh), Some(image)) => {
             let (width, height, pixels) = targets::read_picture(image)?;
-            let mesh = softras::obj::load(mesh, &LoadOptions { srgb: true, allow_outside: false })?.mesh;
-            find(args, &mesh, &Target::new(width, height, &pixels), &mut renderer)
+            let loaded = softras::obj::load(mesh, &LoadOptions { srgb: true, allow_outside: false })?;
+            outputs.spare(loaded.files.iter().chain([image]))?;
+            loaded.notes.iter().for_each(|text| note(text));
+            find(args, &loaded.mesh, &Target::new(width, height, &pixels), &mut renderer)
         }
         _ => benchmark::run(args, &mut renderer),
     }

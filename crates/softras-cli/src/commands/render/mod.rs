@@ -10,6 +10,7 @@ pub mod picture;
 mod report;
 pub mod sheet;
 
+use super::outputs::Outputs;
 use super::progress::Progress;
 use super::{Failure, note};
 use args::{Output, RenderArgs};
@@ -17,7 +18,6 @@ use formats::Format;
 use framing::{Bounds, View};
 use picture::Shot;
 use report::{Report, Written};
-use softras::internals::output;
 use softras::obj::LoadOptions;
 use softras::{Error, Mesh, Renderer, Scene};
 use std::path::{Path, PathBuf};
@@ -26,10 +26,12 @@ use std::time::Instant;
 /// Runs the command.
 pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let targets = targets(args)?;
+    let outputs = Outputs::new(targets.iter().map(|target| &target.path), [])?;
     let samples = samples(args, &targets)?;
     let start = Instant::now();
     let options = LoadOptions { srgb: !args.look.raw, allow_outside: args.allow_outside };
     let loaded = softras::obj::load(&args.mesh, &options)?;
+    outputs.spare(&loaded.files)?;
     let mut notes = loaded.notes;
     let mut stage = Stage::new(args, loaded.mesh, samples)?;
     if stage.view(0.0).misses(stage.bounds) {
@@ -86,7 +88,6 @@ fn targets(args: &RenderArgs) -> Result<Vec<Target>, Failure> {
         };
         for &output in &outputs {
             let path = if outputs.len() > 1 { named(out, output) } else { out.clone() };
-            output::check_writable(&path)?;
             if targets.iter().any(|t| t.path == path) {
                 return Err(Failure::Usage(format!("--out {}: would be written twice", path.display())));
             }
