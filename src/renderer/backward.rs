@@ -25,7 +25,7 @@ pub(super) struct State {
     /// The latest plan, and the input that it was made for.
     planned: Option<(Arc<FramePlan>, Differentiate, Arc<GradientPlan>)>,
     recorded: Option<(Arc<GradientPlan>, GradientBindings)>,
-    commands: CommandBuffer,
+    pub commands: CommandBuffer,
     times: Option<TimestampPool>,
 }
 

@@ -33,6 +33,10 @@ pub struct FrameCounts {
     pub forward_pairs: u64,
     /// Bytes of inputs uploaded for it; inputs that were on the device already do not count.
     pub uploaded_bytes: u64,
+    /// Dispatches of its commands, as recorded.
+    pub dispatches: u32,
+    /// Dispatches of the latest backward pass's commands, as recorded; 0 before the first pass.
+    pub backward_dispatches: u32,
 }
 
 /// One rendered batch.

@@ -169,6 +169,8 @@ impl Renderer {
             list_entries: needed.list.into(),
             forward_pairs: u64::from(needed.list) * u64::from(c::TILE_WIDTH * c::TILE_HEIGHT),
             uploaded_bytes: self.uploads.bytes,
+            dispatches: self.commands.dispatches(),
+            backward_dispatches: self.backward.commands.dispatches(),
         })
     }
 

@@ -30,12 +30,13 @@ pub struct Recorder<'a> {
     times: Option<(TimestampPool, u32)>,
     /// Labels that are open.
     labels: u32,
+    dispatches: u32,
 }
 
 impl Recorder<'static> {
     /// Records into a host's command buffer.
     pub fn on_host(device: &Device, commands: &mut HostCommands) -> Self {
-        Self { device: device.clone(), raw: commands.raw(), keep: None, family: None, times: None, labels: 0 }
+        Self::with(device, commands.raw(), None, None)
     }
 }
 
@@ -51,7 +52,16 @@ impl<'a> Recorder<'a> {
         family: u32,
         keep: &'a mut Vec<Keep>,
     ) -> Self {
-        Self { device: device.clone(), raw, keep: Some(keep), family: Some(family), times: None, labels: 0 }
+        Self::with(device, raw, Some(keep), Some(family))
+    }
+
+    fn with(device: &Device, raw: vk::CommandBuffer, keep: Option<&'a mut Vec<Keep>>, family: Option<u32>) -> Self {
+        Self { device: device.clone(), raw, keep, family, times: None, labels: 0, dispatches: 0 }
+    }
+
+    /// Dispatches recorded so far, direct and indirect ones.
+    pub fn dispatches(&self) -> u32 {
+        self.dispatches
     }
 
     /// The command buffer.
@@ -311,7 +321,9 @@ impl<'a> Recorder<'a> {
         Err(Error::Vulkan { call, result: format!("bytes {offset} and {size} more {why}") })
     }
 
+    /// Binds what a dispatch needs, and counts the dispatch.
     fn bind(&mut self, pipeline: &Pipeline, set: &DescriptorSet, push: &[u8]) {
+        self.dispatches += 1;
         self.keep(&Some(pipeline.inner().clone() as Keep));
         self.keep(&Some(set.inner().clone() as Keep));
         let (device, layout, point) = (self.device.raw(), pipeline.inner().layout(), vk::PipelineBindPoint::COMPUTE);

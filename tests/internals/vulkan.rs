@@ -75,6 +75,8 @@ fn fill_copy_and_timestamps() -> Outcome {
         recorder.barrier();
         let groups = [COUNT.div_ceil(LOCAL), 1, 1];
         recorder.dispatch(&test.pipeline, &test.set, bytemuck::bytes_of(&PUSH), groups)?;
+        // One without workgroups is not recorded, so it does not count.
+        recorder.dispatch(&test.pipeline, &test.set, bytemuck::bytes_of(&PUSH), [0, 1, 1])?;
         recorder.fill(arguments.whole(), 12, 4, 77)?;
         recorder.barrier();
         recorder.copy(arguments.whole(), 4, host.whole(), 16, 12)?;
@@ -85,6 +87,7 @@ fn fill_copy_and_timestamps() -> Outcome {
             None => Ok(()),
         }
     })?;
+    assert_eq!(commands.dispatches(), 1);
     commands.submit_and_wait()?;
     test.assert_result()?;
     let mut words = [0u32; 3];

@@ -229,6 +229,25 @@ fn only_what_changed_is_uploaded() {
     }
 }
 
+/// Stages that nothing asks for are not dispatched, and a pass that is recorded anew is counted anew.
+#[test]
+fn dispatches_are_counted_as_recorded() {
+    let random = &mut Random::new(6);
+    let mut state = start(random);
+    let mut renderer = renderer();
+    let mut counted = |state: &State| {
+        step(&mut renderer, state, 5);
+        let counts = renderer.frame_counts().unwrap();
+        (counts.dispatches, counts.backward_dispatches)
+    };
+    let (forward, backward) = counted(&state);
+    assert!(forward > 0 && backward > 0);
+    assert_eq!(counted(&state), (forward, backward), "the very same frame");
+    state.wanted = Wanted { colors: true, ..Wanted::NOTHING };
+    let (same, fewer) = counted(&state);
+    assert!(same == forward && fewer < backward, "{fewer} of {backward}");
+}
+
 /// Frames for looking at hold no memory for gradients, and gradients by little no more than they need.
 #[test]
 fn what_is_not_asked_for_has_no_buffer() {

@@ -19,6 +19,7 @@ pub struct CommandBuffer {
     keep: Vec<Keep>,
     /// What of `keep` submission concerns.
     uses: Uses,
+    dispatches: u32,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,6 +47,7 @@ impl CommandBuffer {
             state: State::Empty,
             keep: Vec::new(),
             uses: Uses::default(),
+            dispatches: 0,
         };
         let device = made.shared.device.raw();
         let info = vk::CommandPoolCreateInfo::default().queue_family_index(made.shared.queue_family);
@@ -75,6 +77,7 @@ impl CommandBuffer {
         self.settle()?;
         self.state = State::Empty;
         self.uses = Uses::default();
+        self.dispatches = 0;
         let device = self.shared.device.clone();
         // SAFETY: the device is not using the buffer (`settle`), and `&mut self` keeps other threads out of the pool.
         unsafe { device.raw().reset_command_pool(self.pool, vk::CommandPoolResetFlags::empty()) }
@@ -86,11 +89,18 @@ impl CommandBuffer {
         // SAFETY: the buffer is recording; what is recorded is kept until it is reset.
         let mut recorder = unsafe { Recorder::keeping(&device, self.raw, self.shared.queue_family, &mut self.keep) };
         work(&mut recorder)?;
+        let dispatches = recorder.dispatches();
         // SAFETY: the buffer is recording.
         unsafe { device.raw().end_command_buffer(self.raw) }.named("vkEndCommandBuffer")?;
         self.uses = Uses::of(&self.keep);
+        self.dispatches = dispatches;
         self.state = State::Recorded;
         Ok(())
+    }
+
+    /// Dispatches that were recorded; 0 for an empty command buffer.
+    pub fn dispatches(&self) -> u32 {
+        self.dispatches
     }
 
     /// Executes what was recorded and waits for it. Can be repeated.

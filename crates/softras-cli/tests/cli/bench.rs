@@ -65,6 +65,10 @@ fn a_quick_run_gives_rows_that_can_be_compared() {
         assert_eq!(stages.contains_key("backward"), row["pass"] != "forward", "{row}");
         assert_eq!(stages.contains_key("forward"), row["pass"] != "backward", "{row}");
     }
+    for three in rows.chunks(3) {
+        let [forward, backward, frame] = [0, 1, 2].map(|pass| three[pass]["dispatches"].as_u64().unwrap());
+        assert!(forward > 0 && backward > 0 && forward + backward == frame, "{three:?}");
+    }
     // The table has the same rows under its heads.
     let text = String::from_utf8(output.stdout).unwrap();
     assert_eq!(text.lines().filter(|line| line.starts_with("torus ")).count(), 18, "{text}");

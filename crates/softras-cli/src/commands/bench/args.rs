@@ -19,6 +19,7 @@ device   milliseconds of the stages by the device's own clock
 floor    pairs needed x the least operations of a pair / the device's measured peak rate
 pairs    (pixel, triangle) pairs. needed: those that the model keeps; evaluated: those computed (for
          backward, the pixels of all triangles' boxes, some of which it may skip)
+disp.    dispatches, counted as they are recorded
 error    the largest error of any value against the model in f64 at the same tau, without the few pixels
          that lie within 1e-4 of a discontinuity of the model; for backward, |device - f64| / |f64| of
          the gradient (left out where f64 would take minutes); untruncated: against the model without tau

@@ -47,6 +47,8 @@ pub struct Measured {
     pub pairs: Pairs,
     /// Pairs that the forward stage evaluated.
     pub forward_pairs: u64,
+    /// Dispatches of a forward frame, of backward, and of both where the frame saves what backward needs.
+    pub dispatches: [u32; 3],
     /// Errors against the reference at the same τ, and without truncation.
     pub errors: Option<[ImageError; 2]>,
     pub gradient_error: Option<f64>,
@@ -59,21 +61,25 @@ pub struct Measured {
 pub fn measure(renderer: &mut Renderer, job: &Job<'_>, expected: Option<&Expected>) -> Result<Measured> {
     let pairs = softras::internals::reference::pairs(job.scene, job.cameras, &job.settings)?;
     let times = times(renderer, job.scene, job.cameras, &job.settings, job.mode, job.repeats)?;
+    renderer.render(job.scene, job.cameras, &Settings { save: false, ..job.settings.clone() })?;
+    let forward_dispatches = renderer.frame_counts()?.dispatches;
     let saved = Settings { save: true, ..job.settings.clone() };
     let frame = renderer.render(job.scene, job.cameras, &saved)?;
-    let forward_pairs = renderer.frame_counts()?.forward_pairs;
+    let upstream = upstream(job.mode, job.cameras.len(), &job.settings);
+    let gradients = renderer.backward(&frame, &upstream, &job.mode.wanted())?;
+    let counts = renderer.frame_counts()?;
+    let backward = counts.backward_dispatches;
+    let dispatches = [forward_dispatches, backward, counts.dispatches + backward];
     let errors = expected.map(|expected| {
         let same = error::images(&frame, &expected.same_tau, Some(&expected.same_tau.margin));
         [same, error::images(&frame, &expected.untruncated, None)]
     });
     let gradient_error = if expected.is_some() && pairs.total() <= GRADIENT_PAIRS {
-        let upstream = upstream(job.mode, job.cameras.len(), &job.settings);
-        let gradients = renderer.backward(&frame, &upstream, &job.mode.wanted())?;
         Some(error::gradient(&gradients, job.scene, job.cameras, &job.settings, job.mode)?)
     } else {
         None
     };
-    Ok(Measured { times, pairs, forward_pairs, errors, gradient_error })
+    Ok(Measured { times, pairs, forward_pairs: counts.forward_pairs, dispatches, errors, gradient_error })
 }
 
 /// One pass of a job.
@@ -91,6 +97,7 @@ pub struct Row {
     pub operations: f64,
     pub needed: u64,
     pub evaluated: u64,
+    pub dispatches: u32,
     pub error: Option<f64>,
     pub untruncated: Option<f64>,
     stages: Vec<StageTime>,
@@ -105,30 +112,33 @@ pub fn rows(job: &Job<'_>, found: &Measured) -> Vec<Row> {
     let image = found.errors.map(|e| e[0].most);
     let untruncated = found.errors.map(|e| e[1].most);
     let boxed = found.pairs.boxed;
-    let row = |pass, median, operations, needed, evaluated, error, untruncated, stages: &[StageTime]| Row {
-        scene: job.name.to_string(),
-        faces: job.scene.meshes.iter().map(|mesh| mesh.triangles().len()).sum(),
-        size: job.settings.height,
-        mode: job.mode.name(),
-        pass,
-        median,
-        of_full: None,
-        device: stages.iter().map(|t| t.milliseconds).sum(),
-        operations,
-        needed,
-        evaluated,
-        error,
-        untruncated,
-        stages: stages.to_vec(),
-        common: common(job, found),
-    };
+    let [forward_dispatches, backward_dispatches, frame_dispatches] = found.dispatches;
+    let row =
+        |pass, median, operations, needed, (evaluated, dispatches), error, untruncated, stages: &[StageTime]| Row {
+            scene: job.name.to_string(),
+            faces: job.scene.meshes.iter().map(|mesh| mesh.triangles().len()).sum(),
+            size: job.settings.height,
+            mode: job.mode.name(),
+            pass,
+            median,
+            of_full: None,
+            device: stages.iter().map(|t| t.milliseconds).sum(),
+            operations,
+            needed,
+            evaluated,
+            dispatches,
+            error,
+            untruncated,
+            stages: stages.to_vec(),
+            common: common(job, found),
+        };
     vec![
         row(
             "forward",
             times.forward,
             forward_work,
             needed,
-            found.forward_pairs,
+            (found.forward_pairs, forward_dispatches),
             image,
             untruncated,
             &times.forward_stages,
@@ -138,7 +148,7 @@ pub fn rows(job: &Job<'_>, found: &Measured) -> Vec<Row> {
             times.backward,
             backward_work,
             needed,
-            boxed,
+            (boxed, backward_dispatches),
             found.gradient_error,
             None,
             &times.backward_stages,
@@ -148,7 +158,7 @@ pub fn rows(job: &Job<'_>, found: &Measured) -> Vec<Row> {
             times.frame,
             forward_work + backward_work,
             2 * needed,
-            found.forward_pairs + boxed,
+            (found.forward_pairs + boxed, frame_dispatches),
             image,
             untruncated,
             &times.frame_stages,
@@ -187,7 +197,7 @@ impl Row {
             "scene": self.scene, "faces": self.faces, "size": self.size, "mode": self.mode, "pass": self.pass,
             "median_ms": self.median, "of_full": self.of_full, "device_ms": self.device, "floor_ms": self.floor(machine.peak),
             "pairs_needed": self.needed, "pairs_evaluated": self.evaluated,
-            "max_error": self.error, "max_error_untruncated": self.untruncated, "stages_ms": stages,
+            "dispatches": self.dispatches, "max_error": self.error, "max_error_untruncated": self.untruncated, "stages_ms": stages,
         });
         for part in [own, machine.json()] {
             if let Value::Object(part) = part {
@@ -214,7 +224,7 @@ impl Row {
     /// The headings of the columns of [`Row::text`].
     pub fn head() -> String {
         format!(
-            "{:12} {:>7} {:>5} {:16} {:8} {:>9} {:>7} {:>9} {:>9} {:>7} {:>9} {:>10} {:>9} {:>9}",
+            "{:12} {:>7} {:>5} {:16} {:8} {:>9} {:>7} {:>9} {:>9} {:>7} {:>9} {:>10} {:>5} {:>9} {:>9}",
             "scene",
             "faces",
             "size",
@@ -227,6 +237,7 @@ impl Row {
             "x floor",
             "needed",
             "evaluated",
+            "disp.",
             "error",
             "untrunc."
         )
@@ -237,7 +248,7 @@ impl Row {
         let floor = self.floor(peak);
         let error = |error: Option<f64>| error.map_or("-".to_string(), |e| format!("{e:.1e}"));
         format!(
-            "{:12} {:>7} {:>5} {:16} {:8} {:>9.3} {:>7} {:>9.3} {:>9.3} {:>7.1} {:>9} {:>10} {:>9} {:>9}",
+            "{:12} {:>7} {:>5} {:16} {:8} {:>9.3} {:>7} {:>9.3} {:>9.3} {:>7.1} {:>9} {:>10} {:>5} {:>9} {:>9}",
             self.scene,
             self.faces,
             self.size,
@@ -250,6 +261,7 @@ impl Row {
             self.median / floor,
             self.needed,
             self.evaluated,
+            self.dispatches,
             error(self.error),
             error(self.untruncated),
         )
