@@ -1,17 +1,28 @@
-// Reductions over the lanes of a workgroup, in a fixed order: with shuffles where SUBGROUP_RECORDS is defined (a workgroup
-// of eight is one subgroup), else through shared memory. Needs the local size.
+// Reductions over the lanes of a workgroup, in a fixed order: with shuffles where SUBGROUP_RECORDS is defined (the workgroup
+// is one subgroup, of a power of two from 4 to 64 lanes), else through shared memory. Needs the local size.
 
 #ifndef SUBGROUP_RECORDS
 shared vec4 lane_values[gl_WorkGroupSize.x];
 shared uint lane_bits[gl_WorkGroupSize.x];
 #endif
 
+// With shuffles, a lane's value is combined with that of the lane whose number differs in one bit, from the highest bit to
+// the lowest. The number of lanes is a constant when the pipeline is compiled, so the loops unroll and bits beyond it cost
+// nothing.
+const int MOST_LANE_BITS = 6;
+bool is_lane_bit(int bit) {
+    return (1u << bit) < gl_WorkGroupSize.x;
+}
+
 // The sum over the lanes; lane 0 has it.
 vec4 sum_of_lanes(vec4 value) {
 #ifdef SUBGROUP_RECORDS
-    value += subgroupShuffleXor(value, 4u);
-    value += subgroupShuffleXor(value, 2u);
-    return value + subgroupShuffleXor(value, 1u);
+    for (int bit = MOST_LANE_BITS - 1; bit >= 0; --bit) {
+        if (is_lane_bit(bit)) {
+            value += subgroupShuffleXor(value, 1u << bit);
+        }
+    }
+    return value;
 #else
     uint lane = gl_LocalInvocationID.x;
     barrier();
@@ -29,9 +40,12 @@ vec4 sum_of_lanes(vec4 value) {
 // The least over the lanes; all have it.
 vec2 least_of_lanes(vec2 value) {
 #ifdef SUBGROUP_RECORDS
-    value = min(value, subgroupShuffleXor(value, 4u));
-    value = min(value, subgroupShuffleXor(value, 2u));
-    return min(value, subgroupShuffleXor(value, 1u));
+    for (int bit = MOST_LANE_BITS - 1; bit >= 0; --bit) {
+        if (is_lane_bit(bit)) {
+            value = min(value, subgroupShuffleXor(value, 1u << bit));
+        }
+    }
+    return value;
 #else
     uint lane = gl_LocalInvocationID.x;
     barrier();
@@ -47,9 +61,12 @@ vec2 least_of_lanes(vec2 value) {
 // The bits that any lane has; all lanes have them.
 uint bits_of_lanes(uint value) {
 #ifdef SUBGROUP_RECORDS
-    value |= subgroupShuffleXor(value, 4u);
-    value |= subgroupShuffleXor(value, 2u);
-    return value | subgroupShuffleXor(value, 1u);
+    for (int bit = MOST_LANE_BITS - 1; bit >= 0; --bit) {
+        if (is_lane_bit(bit)) {
+            value |= subgroupShuffleXor(value, 1u << bit);
+        }
+    }
+    return value;
 #else
     barrier();
     lane_bits[gl_LocalInvocationID.x] = value;

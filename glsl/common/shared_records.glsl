@@ -1,34 +1,51 @@
 // Reading a triangle's records once for all lanes of a workgroup.
 // Needs fragment.glsl and corner.glsl with their buffers; with SUBGROUP_RECORDS subgroup shuffles.
 
-// With SUBGROUP_RECORDS each lane of a subgroup of at least eight reads one texel of a record, and shuffles pass the texels
-// to all: on a software device a fetch is eight reads even when all lanes fetch the same texel, and a shuffle from a known
-// lane is one instruction. Fetching a triangle ahead hides the latency.
+// With SUBGROUP_RECORDS the workgroup is one subgroup of 4 to 64 lanes. Each lane reads one texel of a record, or two where
+// there are only four lanes, and shuffles pass the texels to all: on a software device a fetch costs as many reads as there
+// are lanes even when all lanes fetch the same texel, and a shuffle from a known lane is one instruction. Fetching a triangle
+// ahead hides the latency.
 struct Fetched {
     // Record index.
     int slot;
 #ifdef SUBGROUP_RECORDS
     vec4 geometry;
     vec4 shading;
+    // The texels after the first `LANES`.
+    vec4 more_geometry;
+    vec4 more_shading;
 #endif
 };
 
 #ifdef SUBGROUP_RECORDS
+const int LANES = int(gl_WorkGroupSize.x);
+// Whether the lanes are fewer than a record's texels, so that each reads a second one. Of a shading record of nine texels
+// eight lanes read the ninth directly.
+const bool TWICE = LANES < int(GEOMETRY_TEXELS);
+
 Fetched fetch_record(int record_index) {
     Fetched own;
     own.slot = record_index;
     int lane = int(gl_SubgroupInvocationID);
-    own.geometry = texelFetch(geometry, record_index * int(GEOMETRY_TEXELS) + min(lane, int(GEOMETRY_TEXELS) - 1));
+    int at = record_index * int(GEOMETRY_TEXELS);
+    own.geometry = texelFetch(geometry, at + min(lane, int(GEOMETRY_TEXELS) - 1));
+    if (TWICE) {
+        own.more_geometry = texelFetch(geometry, at + min(lane + LANES, int(GEOMETRY_TEXELS) - 1));
+    }
     if (WANT_SHADING) {
-        own.shading = texelFetch(shading, record_index * SHADING_STRIDE + min(lane, SHADING_STRIDE - 1));
+        at = record_index * SHADING_STRIDE;
+        own.shading = texelFetch(shading, at + min(lane, SHADING_STRIDE - 1));
+        if (TWICE && SHADING_STRIDE > LANES) {
+            own.more_shading = texelFetch(shading, at + min(lane + LANES, SHADING_STRIDE - 1));
+        }
     }
     return own;
 }
 
 Triangle shared_triangle_of(Fetched own) {
     vec4 record[GEOMETRY_TEXELS];
-    for (uint i = 0u; i < GEOMETRY_TEXELS; ++i) {
-        record[i] = subgroupShuffle(own.geometry, i);
+    for (int i = 0; i < int(GEOMETRY_TEXELS); ++i) {
+        record[i] = i < LANES ? subgroupShuffle(own.geometry, uint(i)) : subgroupShuffle(own.more_geometry, uint(i - LANES));
     }
     return triangle_from(record);
 }
@@ -36,8 +53,13 @@ Triangle shared_triangle_of(Fetched own) {
 Corner shared_corner_of(Fetched own) {
     vec4 record[SHADING_MOST];
     for (int i = 0; i < SHADING_STRIDE; ++i) {
-        // With textures and normals a record has nine texels; every lane reads the ninth.
-        record[i] = i < 8 ? subgroupShuffle(own.shading, uint(i)) : texelFetch(shading, own.slot * SHADING_STRIDE + i);
+        if (i < LANES) {
+            record[i] = subgroupShuffle(own.shading, uint(i));
+        } else if (TWICE && i < 2 * LANES) {
+            record[i] = subgroupShuffle(own.more_shading, uint(i - LANES));
+        } else {
+            record[i] = texelFetch(shading, own.slot * SHADING_STRIDE + i);
+        }
     }
     return corner_from(record);
 }

@@ -73,7 +73,7 @@ use crate::frame::buffers::Parts;
 use crate::frame::passes::{self, BACKWARD_COUNT, BackwardStage, FORWARD_COUNT, ForwardStage};
 use crate::frame::pipelines::{Pipelines, Request};
 use crate::scene::Settings;
-use crate::vulkan::{Device, DeviceKind, Pipeline, PipelineCache, Recorder, TimestampPool};
+use crate::vulkan::{Device, Pipeline, PipelineCache, Recorder, TimestampPool};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// The kernels on a device, from which frames are planned, bound and recorded. It owns no memory, no queue and no command
@@ -107,13 +107,11 @@ impl Rasterizer {
 
     /// A rasterizer on a device of a host's or of our own.
     pub(crate) fn on(device: &Device, cache: Option<PipelineCache>) -> Self {
-        // A software device has subgroups of eight lanes and slow shared memory, so a tile is given one subgroup.
-        let lanes = if device.kind() == DeviceKind::Software { 8 } else { 32 };
-        Self { device: device.clone(), cache, pipelines: Arc::default(), lanes }
+        Self { device: device.clone(), cache, pipelines: Arc::default(), lanes: passes::default_lanes(device) }
     }
 
-    /// Sets the number of invocations that share a tile: a power of two from 1 to 32. The default is 8 on software devices
-    /// and 32 elsewhere. Images do not depend on it.
+    /// Sets the number of invocations that share a tile: a power of two from 1 to 32. The default is the size of a subgroup
+    /// on software devices (8 if that is unusable) and 32 elsewhere. Images do not depend on it.
     ///
     /// # Errors
     /// [`Error::Settings`] for another number.

@@ -30,7 +30,7 @@ pub struct RendererOptions {
     /// renderers before rendering then: the layers (seen in 1.3.239) may crash if one thread opens or drops a device while
     /// another renders.
     pub validation: bool,
-    /// Invocations that share a tile, 1 to 32, a power of two; `None`: 8 on software devices, 32 elsewhere. The
+    /// Invocations that share a tile, 1 to 32, a power of two; `None`: a subgroup's on software devices, 32 elsewhere. The
     /// images do not depend on it.
     pub lanes: Option<u32>,
     /// The initial capacities of lists, for tests of growing; `None`: estimated.

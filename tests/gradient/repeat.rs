@@ -130,7 +130,7 @@ fn numbers_of_lanes_agree_to_rounding() {
     for sort in SORTS {
         let case = ball(sort, &EYES[..1], 32);
         let upstream = random_upstream(&case, ALL_OUTPUTS, &GRADIENT);
-        let [one, eight, many] = [1, 8, 32].map(|lanes| {
+        let [one, four, eight, sixteen, many] = [1, 4, 8, 16, 32].map(|lanes| {
             let mut renderer = renderer_with(RendererOptions { lanes: Some(lanes), ..RendererOptions::default() });
             check(&mut renderer, &case, &upstream, GradientMode::Exact, &GRADIENT)
                 .unwrap_or_else(|error| panic!("{lanes} lanes: {error}\n{case:?}"));
@@ -139,8 +139,9 @@ fn numbers_of_lanes_agree_to_rounding() {
             same_gradient_bits(&first, &again).unwrap();
             first
         });
-        assert_same_but_for_rounding("1 and 8 lanes", &one, &eight);
-        assert_same_but_for_rounding("8 and 32 lanes", &eight, &many);
+        for (lanes, other) in [(1, &one), (4, &four), (16, &sixteen), (32, &many)] {
+            assert_same_but_for_rounding(&format!("{lanes} and 8 lanes"), other, &eight);
+        }
     }
 }
 

@@ -2,10 +2,11 @@
 //! knows the layouts, misuse and limits are errors, and objects may be dropped in any order.
 
 use crate::selftest::{COUNT, LOCAL, Outcome, PUSH, Record, SelfTest, context, error, texel};
+use softras::internals::passes::{ForwardStage, default_lanes};
 use softras::internals::vulkan::{
     BindingKind, Buffer, BufferDesc, BufferPart, BufferRef, CacheFolder, CommandBuffer, Context, ContextOptions,
-    DescriptorPool, Device, HostAdapter, HostCommands, HostDevice, Location, Member, Pipeline, Recorder, SharedBuffer,
-    SpecValue, TexelFormat, TimestampPool, constants, kernels,
+    DescriptorPool, Device, DeviceKind, HostAdapter, HostCommands, HostDevice, Location, Member, Pipeline, Recorder,
+    SharedBuffer, SpecValue, TexelFormat, TimestampPool, constants, kernels,
 };
 
 #[test]
@@ -305,4 +306,21 @@ fn a_host_records_with_its_own_device() -> Outcome {
     commands.submit_and_wait()?;
     assert_eq!(host.validation_messages(), Vec::<String>::new());
     Ok(())
+}
+
+/// A tile whose lanes are one subgroup reads records by shuffles, whatever the size of the subgroup.
+#[test]
+fn one_subgroup_reads_records_together() {
+    let context = context().unwrap();
+    let device = context.device();
+    let subgroups = device.limits().subgroups;
+    let most = if device.kind() == DeviceKind::Software { subgroups.size } else { subgroups.size.min(8) };
+    for lanes in [1, 2, 4, 8, 16, 32] {
+        let together = subgroups.shuffle && (4..=most).contains(&lanes);
+        let kernel = ForwardStage::Forward.kernel(device, lanes).name;
+        assert_eq!(kernel, if together { "forward_subgroup" } else { "forward" }, "{lanes} of {}", subgroups.size);
+    }
+    if device.kind() == DeviceKind::Software && subgroups.shuffle {
+        assert_eq!(default_lanes(device), subgroups.size, "a tile takes one subgroup");
+    }
 }

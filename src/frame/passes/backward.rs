@@ -80,7 +80,7 @@ impl BackwardStage {
         }
     }
 
-    /// Its kernel on a device. If the eight lanes of a tile are one subgroup that can shuffle, they read records together.
+    /// Its kernel on a device. If the lanes of a tile are one subgroup that can shuffle, they read records together.
     pub fn kernel(self, device: &Device, lanes: u32) -> &'static Kernel {
         let together = reads_together(device, lanes);
         match self {

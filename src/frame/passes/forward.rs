@@ -47,7 +47,7 @@ impl ForwardStage {
         }
     }
 
-    /// Its kernel on a device. If the eight lanes of a tile are one subgroup that can shuffle, they read records together.
+    /// Its kernel on a device. If the lanes of a tile are one subgroup that can shuffle, they read records together.
     pub fn kernel(self, device: &Device, lanes: u32) -> &'static Kernel {
         match self {
             Self::Vertex => &kernels::VERTEX,

@@ -14,7 +14,7 @@ use crate::constants as c;
 use crate::error::Error;
 use crate::frame::buffers::BufferId;
 use crate::frame::plan::FramePush;
-use crate::vulkan::{BufferPart, DescriptorPool, DescriptorSet, Device, Pipeline, Recorder, TimestampPool};
+use crate::vulkan::{BufferPart, DescriptorPool, DescriptorSet, Device, DeviceKind, Pipeline, Recorder, TimestampPool};
 
 /// A stage ready to be recorded: a pipeline specialized for a plan, and its descriptors.
 #[derive(Clone)]
@@ -132,10 +132,27 @@ fn bind_all<'a, const N: usize>(
     stages.try_into().map_err(missing)
 }
 
-/// Whether a workgroup of `lanes` invocations is one subgroup that can shuffle, so that it reads records together.
+/// The sizes of a subgroup for which shared_records.glsl and lanes.glsl are written.
+const SUBGROUPS: std::ops::RangeInclusive<u32> = 4..=64;
+
+/// Whether a workgroup of `lanes` invocations is one subgroup that can shuffle, so that it reads records together. The
+/// subgroups of software devices are as large as they say. A GPU's driver may compile a kernel for smaller ones, but none
+/// for less than eight.
 fn reads_together(device: &Device, lanes: u32) -> bool {
     let subgroups = &device.limits().subgroups;
-    lanes == 8 && subgroups.shuffle && subgroups.size >= 8
+    let one_subgroup = lanes <= subgroups.size && (device.kind() == DeviceKind::Software || lanes <= 8);
+    subgroups.shuffle && SUBGROUPS.contains(&lanes) && one_subgroup
+}
+
+/// The lanes of a tile where nobody chooses. Software devices have slow shared memory, so that a tile takes one subgroup.
+pub fn default_lanes(device: &Device) -> u32 {
+    let most = c::TILE_WIDTH * c::TILE_HEIGHT;
+    let size = device.limits().subgroups.size.min(most);
+    match device.kind() {
+        DeviceKind::Software if size.is_power_of_two() && reads_together(device, size) => size,
+        DeviceKind::Software => 8,
+        _ => most,
+    }
 }
 
 /// Writes a timestamp if there is a pool for timestamps.
