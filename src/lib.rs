@@ -45,7 +45,7 @@
 //! - [`Renderer`] opens a device, renders a [`Scene`] and differentiates the images. A scene is made of [`Mesh`]es and
 //!   [`Lights`] and is seen by [`Camera`]s under [`Settings`]; rendering returns a [`Frame`] of [`Image`]s, the backward
 //!   pass [`Gradients`]. [`scene`] has the types that these are made of.
-//! - [`shapes`] makes simple meshes, [`obj`] reads and writes Wavefront files.
+//! - [`shapes`] makes simple meshes, [`load`] reads mesh files, [`obj`] reads and writes Wavefront files.
 //! - [`fit`] uses the gradients to find shape, colours and pose from images.
 //! - [`embed`] records the same frames into an engine's own command buffers, with the engine's device and memory.
 //! - `reference`, behind the feature of that name, computes images and gradients on the host in f64. The kernels are tested
@@ -57,6 +57,8 @@ pub mod embed;
 mod error;
 #[cfg(feature = "fit")]
 pub mod fit;
+#[cfg(feature = "obj")]
+mod formats;
 mod frame;
 mod gradients;
 mod image;
@@ -74,6 +76,8 @@ pub mod shapes;
 mod vulkan;
 
 pub use error::{Error, Result};
+#[cfg(feature = "obj")]
+pub use formats::load;
 /// Vectors and matrices, as cameras take them.
 pub use glam;
 pub use gradients::{CameraGradient, GradientMode, Gradients, ImageGradient, LightGradients, MeshGradients, Wanted};

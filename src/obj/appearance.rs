@@ -3,14 +3,13 @@
 use super::{
     Source,
     material::{self, Material, Materials},
+    notes::Notes,
     parse::Obj,
     texture,
+    textures::Textures,
     triangles::Triangles,
 };
-use crate::{
-    error::Result,
-    scene::{Appearance, Texture, Wrap},
-};
+use crate::scene::{Appearance, Texture, Wrap};
 use std::{
     collections::{HashMap, hash_map::Entry},
     mem,
@@ -20,38 +19,37 @@ use std::{
 const WHITE: [f32; 3] = [1.0; 3];
 
 /// Textures are preferred to vertex colours and these to material colours; what is not used is noted.
-pub(super) fn appearance(source: &mut Source, obj: &mut Obj, triangles: &mut Triangles) -> Result<Appearance> {
-    let library = material::read_libraries(source, &obj.libraries)?;
+pub(super) fn appearance(source: &mut Source, obj: &mut Obj, triangles: &mut Triangles) -> Appearance {
+    let library = material::read_libraries(source, &obj.libraries);
     let used = find_used(obj, &library, &mut source.notes);
     // The material of each face; `None` is white.
     let material_of_face: Vec<Option<&Material>> =
         obj.faces.iter().map(|face| face.material.and_then(|m| used[m])).collect();
     let is_textured = |face: usize| obj.faces[face].has_uvs && material_of_face[face].is_some_and(|m| m.map.is_some());
     note_textures_without_uvs(obj, &material_of_face, &mut source.notes);
-    let notes = &mut source.notes;
     let colored = !obj.colors.is_empty();
-    if (0..obj.faces.len()).any(is_textured) {
-        if colored {
-            notes.push("vertex colours are not used: the materials have textures".into());
-        }
-        return textured(source, obj, triangles, &material_of_face);
+    if (0..obj.faces.len()).any(is_textured)
+        && let Some(appearance) = textured(source, obj, triangles, &material_of_face)
+    {
+        return appearance;
     }
+    let notes = &mut source.notes;
     if !obj.uvs.is_empty() {
-        notes.push("texture coordinates are not kept: no face has a texture".into());
+        notes.add(None, "texture coordinates are not kept: no face has a texture");
     }
     let color_of_face = material_of_face.iter().map(|m| color(*m));
     if colored {
         if color_of_face.into_iter().any(|color| color != WHITE) {
-            notes.push("material colours are not used: the vertices have colours".into());
+            notes.add(None, "material colours are not used: the vertices have colours");
         }
-        return Ok(Appearance::VertexColors(mem::take(&mut obj.colors)));
+        return Appearance::VertexColors(mem::take(&mut obj.colors));
     }
     let color_of_face: Vec<_> = color_of_face.collect();
     if color_of_face.iter().all(|color| *color == color_of_face[0]) {
-        return Ok(Appearance::Uniform(color_of_face[0]));
+        return Appearance::Uniform(color_of_face[0]);
     }
     let texels = triangles.faces.iter().map(|&face| color_of_face[face]).collect();
-    Ok(Appearance::Surface { resolution: 1, texels })
+    Appearance::Surface { resolution: 1, texels }
 }
 
 fn color(material: Option<&Material>) -> [f32; 3] {
@@ -59,16 +57,16 @@ fn color(material: Option<&Material>) -> [f32; 3] {
 }
 
 /// The material of each name that `usemtl` gives.
-fn find_used<'a>(obj: &Obj, library: &'a Materials, notes: &mut Vec<String>) -> Vec<Option<&'a Material>> {
+fn find_used<'a>(obj: &Obj, library: &'a Materials, notes: &mut Notes) -> Vec<Option<&'a Material>> {
     let mut find = |(name, line): &(String, usize)| {
         let material = library.find(name);
         match material {
             None => {
                 let place = if obj.libraries.is_empty() { "the file names no mtllib" } else { "in no MTL file" };
-                notes.push(format!("line {line}: unknown material {name:?} ({place}): white"));
+                notes.add(Some(*line), format!("unknown material {name:?} ({place}): white"));
             }
             Some(Material { color: None, map: None, .. }) => {
-                notes.push(format!("line {line}: material {name:?} has neither Kd nor map_Kd: white"));
+                notes.add(Some(*line), format!("material {name:?} has neither Kd nor map_Kd: white"));
             }
             _ => {}
         }
@@ -77,47 +75,51 @@ fn find_used<'a>(obj: &Obj, library: &'a Materials, notes: &mut Vec<String>) -> 
     obj.materials.iter().map(&mut find).collect()
 }
 
-fn note_textures_without_uvs(obj: &Obj, material_of_face: &[Option<&Material>], notes: &mut Vec<String>) {
+fn note_textures_without_uvs(obj: &Obj, material_of_face: &[Option<&Material>], notes: &mut Notes) {
     let wants = |material: &Option<&Material>| material.is_some_and(|m| m.map.is_some());
     let faces = obj.faces.iter().zip(material_of_face);
     let mut bare = faces.filter(|(face, material)| wants(material) && !face.has_uvs).map(|(face, _)| face.line);
     if let Some(line) = bare.next() {
         let count = 1 + bare.count();
-        notes.push(format!(
-            "line {line}: faces with a texture but no UVs are drawn in their material's Kd ({count} in all)"
-        ));
+        let note = format!("faces with a texture but no UVs are drawn in their material's Kd ({count} in all)");
+        notes.add(Some(line), note);
     }
 }
 
-/// The appearance of a mesh with textures; faces without a texture get a 1×1 image of their colour.
+/// The appearance of a mesh with textures; faces without a texture get a 1×1 image of their colour. `None` where no texture
+/// can be read.
 fn textured(
     source: &mut Source,
     obj: &mut Obj,
     triangles: &mut Triangles,
     material_of_face: &[Option<&Material>],
-) -> Result<Appearance> {
-    let mut textures = Textures::default();
+) -> Option<Appearance> {
+    let mut textures = Textures::new();
     let mut by_kind: HashMap<(Option<usize>, bool), u32> = HashMap::new();
     let mut texture_of_face = Vec::with_capacity(obj.faces.len());
+    let mut any_file = false;
     for (face, material) in obj.faces.iter().zip(material_of_face) {
         let index = match by_kind.entry((face.material, face.has_uvs)) {
             Entry::Occupied(known) => *known.get(),
             Entry::Vacant(unknown) => {
-                let index = match material.and_then(|m| m.map.as_ref()).filter(|_| face.has_uvs) {
-                    Some(map) => {
-                        let key = Key::File(material::locate(&map.mtl, &map.name), map.wrap);
-                        let room = textures.room();
-                        textures.find_or(key, || texture::read(source, map, room))?
-                    }
-                    None => {
-                        let color = color(*material);
-                        textures.find_or(Key::of_color(color), || Texture::new(1, 1, vec![color], Wrap::Repeat))?
-                    }
-                };
-                *unknown.insert(index)
+                let map = material.and_then(|m| m.map.as_ref()).filter(|_| face.has_uvs);
+                let image = map.and_then(|map| {
+                    let path = texture::locate(source, map)?;
+                    textures.find_or(Key::File(path.clone(), map.wrap), |room| texture::read(source, map, &path, room))
+                });
+                any_file |= image.is_some();
+                let color = color(*material);
+                let plain = |_| Texture::new(1, 1, vec![color], Wrap::Repeat).ok();
+                *unknown.insert(image.or_else(|| textures.find_or(Key::of_color(color), plain))?)
             }
         };
         texture_of_face.push(index);
+    }
+    if !any_file {
+        return None;
+    }
+    if !obj.colors.is_empty() {
+        source.notes.add(None, "vertex colours are not used: the materials have textures");
     }
     let texture_of_triangle = match textures.images.len() {
         1 => Vec::new(),
@@ -125,7 +127,7 @@ fn textured(
     };
     // Faces without UVs have UV index 0: any position will do on a 1×1 image.
     let (uvs, uv_triangles) = (mem::take(&mut obj.uvs), mem::take(&mut triangles.uvs));
-    Ok(Appearance::Textured { uvs, uv_triangles, textures: textures.images, texture_of_triangle })
+    Some(Appearance::Textured { uvs, uv_triangles, textures: textures.images, texture_of_triangle })
 }
 
 /// What makes two textures the same.
@@ -139,33 +141,5 @@ enum Key {
 impl Key {
     fn of_color(color: [f32; 3]) -> Self {
         Self::Color(color.map(|x| (x + 0.0).to_bits()))
-    }
-}
-
-/// Each image once, in order of first use.
-#[derive(Default)]
-struct Textures {
-    images: Vec<Texture>,
-    by_key: HashMap<Key, u32>,
-    /// The texels of all images.
-    texels: u64,
-}
-
-impl Textures {
-    /// The number of texels that may still be added.
-    fn room(&self) -> u64 {
-        texture::MAX_TEXELS.saturating_sub(self.texels)
-    }
-
-    fn find_or(&mut self, key: Key, make: impl FnOnce() -> Result<Texture>) -> Result<u32> {
-        match self.by_key.entry(key) {
-            Entry::Occupied(known) => Ok(*known.get()),
-            Entry::Vacant(unknown) => {
-                let image = make()?;
-                self.texels += image.texels().len() as u64;
-                self.images.push(image);
-                Ok(*unknown.insert(self.images.len() as u32 - 1))
-            }
-        }
     }
 }

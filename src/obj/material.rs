@@ -4,14 +4,15 @@
 
 use super::{
     Source,
+    find::find,
+    notes::Notes,
     statement::{Statement, read_text, statements},
 };
-use crate::{
-    error::{Error, Result},
-    scene::Wrap,
+use crate::{error::Error, scene::Wrap};
+use std::{
+    collections::{HashMap, HashSet},
+    path::{Path, PathBuf},
 };
-use std::collections::{HashMap, HashSet};
-use std::path::{Component, Path, PathBuf};
 
 /// All `newmtl` blocks of all files, and the first of each name.
 #[derive(Default)]
@@ -56,59 +57,64 @@ pub(super) struct Map {
     pub line: usize,
 }
 
-/// Reads the files that the OBJ file's `mtllib` statements name; a missing one is a note.
-///
-/// # Errors
-/// [`Error::File`] for a malformed statement or a file outside the OBJ file's folder.
-pub(super) fn read_libraries(source: &mut Source, libraries: &[(String, usize)]) -> Result<Materials> {
-    let obj = source.path;
+/// Reads the files that the OBJ file's `mtllib` statements name; what is wrong with them becomes notes.
+pub(super) fn read_libraries(source: &mut Source, libraries: &[(String, usize)]) -> Materials {
     let mut materials = Materials::default();
     // A file that is named again adds nothing; reading it again would let a small file cause a lot of work.
     let mut known = HashSet::new();
     for (names, line) in libraries {
         // One name with spaces, or several names.
-        let whole = [names.trim_matches('"')];
-        let mut files: Vec<&str> = names.split_whitespace().collect();
-        if files.len() < 2 || locate(obj, whole[0]).is_file() {
-            files = whole.to_vec();
+        let whole = names.trim_matches('"');
+        let locate = |name: &str| find(source.path, source.path, name, source.options.allow_outside);
+        let mut found = vec![(whole, locate(whole))];
+        if found[0].1.is_err() && names.split_whitespace().nth(1).is_some() {
+            found = names.split_whitespace().map(|name| (name, locate(name))).collect();
         }
-        for file in files {
-            let mtl = locate(obj, file);
-            if file.is_empty() || !mtl.is_file() {
-                source.notes.push(format!("line {line}: material file {file:?} not found: its materials are white"));
-                continue;
-            }
-            check_inside(obj, &mtl, source.options.allow_outside).map_err(|(what, fix)| Error::File {
-                path: obj.into(),
-                line: Some(*line),
-                what,
-                fix,
-            })?;
+        for (name, file) in found {
+            let mtl = match file {
+                Ok((mtl, note)) => {
+                    if let Some(note) = note {
+                        source.notes.add(Some(*line), format!("material file {note}"));
+                    }
+                    mtl
+                }
+                Err(_) if name.is_empty() => {
+                    source.notes.add(Some(*line), "material file \"\" not found: its materials are white");
+                    continue;
+                }
+                Err(what) => {
+                    source.notes.add(Some(*line), format!("material file {what}: its materials are white"));
+                    continue;
+                }
+            };
             if known.insert(mtl.canonicalize().unwrap_or_else(|_| mtl.clone())) {
-                read_library(&mtl, &mut materials, &mut source.notes)?;
+                read_library(&mtl, &mut materials, &mut source.notes);
                 source.files.push(mtl);
             }
         }
     }
-    Ok(materials)
+    materials
 }
 
-fn read_library(mtl: &Path, materials: &mut Materials, notes: &mut Vec<String>) -> Result<()> {
-    let text = read_text(mtl)?;
-    let shown = mtl.file_name().unwrap_or_default().to_string_lossy();
+/// A statement that is wrong is left out with a note.
+fn read_library(mtl: &Path, materials: &mut Materials, notes: &mut Notes) {
+    let text = match read_text(mtl) {
+        Ok(text) => text,
+        Err(error) => {
+            let what = if let Error::File { what, .. } = error { what } else { error.to_string() };
+            return notes.add_in(mtl, None, format!("{what}: its materials are white"));
+        }
+    };
     for statement in statements(&text) {
-        let line = statement.line;
-        let refuse =
-            |what: String, fix: &str| Err(Error::File { path: mtl.into(), line: Some(line), what, fix: fix.into() });
-        let mut note = |text: &str| notes.push(format!("{shown}:{line}: {text}"));
+        let mut note = |text: String| notes.add_in(mtl, Some(statement.line), text);
         let keyword = statement.keyword();
         if keyword == "newmtl" {
             let name = statement.rest();
             if name.is_empty() {
-                return refuse("material without a name".into(), "write `newmtl NAME`");
+                note("material without a name: write `newmtl NAME`".into());
             }
             if !materials.begin(name) {
-                note(&format!("material {name:?} is defined again: the first one counts"));
+                note(format!("material {name:?} is defined again: the first one counts"));
             }
             continue;
         }
@@ -118,34 +124,35 @@ fn read_library(mtl: &Path, materials: &mut Materials, notes: &mut Vec<String>) 
             continue;
         }
         let Some(material) = materials.all.last_mut() else {
-            return refuse(format!("{keyword} before any material"), "write `newmtl NAME` first");
+            note(format!("{keyword} before any material is not used: write `newmtl NAME` first"));
+            continue;
         };
         if is_map {
-            match read_map(mtl, &statement, note) {
+            match read_map(mtl, &statement, &mut note) {
                 Ok(map) => material.map = Some(map),
-                Err(what) => return refuse(what, "write `map_Kd FILE.png`"),
+                Err(what) => note(format!("{what}: not used (write `map_Kd FILE.png`)")),
             }
         } else if matches!(statement.words().next(), Some("spectral" | "xyz")) {
-            note("Kd by spectral curve or CIE XYZ is not read: white");
+            note("Kd by spectral curve or CIE XYZ is not read: white".into());
         } else {
             match read_color(&statement) {
                 Some(color) => material.color = Some(color),
                 None => {
-                    return refuse(format!("malformed colour `Kd {}`", statement.rest()), "write `Kd r g b`, 0 to 1");
+                    let shown: String = statement.rest().chars().take(80).collect();
+                    note(format!("malformed colour `Kd {shown}`: white (write `Kd r g b`, 0 to 1)"));
                 }
             }
         }
     }
-    Ok(())
 }
 
 /// Notes that a material is transparent. Other statements on light and reflection are outside the model and ignored.
-fn note_transparency(statement: &Statement, mut note: impl FnMut(&str)) {
+fn note_transparency(statement: &Statement, mut note: impl FnMut(String)) {
     let value = statement.words().next().and_then(|word| word.parse::<f32>().ok());
     match (statement.keyword(), value) {
-        ("d", Some(value)) if value < 1.0 => note("transparency is not drawn"),
-        ("Tr", Some(value)) if value > 0.0 => note("transparency is not drawn"),
-        ("map_d", _) => note("transparency is not drawn"),
+        ("d", Some(value)) if value < 1.0 => note("transparency is not drawn".into()),
+        ("Tr", Some(value)) if value > 0.0 => note("transparency is not drawn".into()),
+        ("map_d", _) => note("transparency is not drawn".into()),
         _ => {}
     }
 }
@@ -169,7 +176,7 @@ fn take<'a>(rest: &mut &'a str) -> &'a str {
 }
 
 /// `[-option argument ..] file name`; the name may hold spaces.
-fn read_map(mtl: &Path, statement: &Statement, mut note: impl FnMut(&str)) -> std::result::Result<Map, String> {
+fn read_map(mtl: &Path, statement: &Statement, mut note: impl FnMut(String)) -> Result<Map, String> {
     let mut rest = statement.rest();
     let mut wrap = Wrap::Repeat;
     while rest.starts_with('-') {
@@ -182,7 +189,7 @@ fn read_map(mtl: &Path, statement: &Statement, mut note: impl FnMut(&str)) -> st
             },
             "-blendu" | "-blendv" | "-cc" | "-texres" | "-boost" | "-bm" | "-imfchan" | "-type" => {
                 take(&mut rest);
-                note(&format!("option {option} of map_Kd is not honoured"));
+                note(format!("option {option} of map_Kd is not honoured"));
             }
             "-mm" | "-o" | "-s" | "-t" => {
                 let is_number = |text: &str| text.split_whitespace().next().is_some_and(|w| w.parse::<f32>().is_ok());
@@ -191,7 +198,7 @@ fn read_map(mtl: &Path, statement: &Statement, mut note: impl FnMut(&str)) -> st
                         take(&mut rest);
                     }
                 }
-                note(&format!("option {option} of map_Kd is not honoured"));
+                note(format!("option {option} of map_Kd is not honoured"));
             }
             _ => return Err(format!("unknown option {option} of map_Kd")),
         }
@@ -200,29 +207,4 @@ fn read_map(mtl: &Path, statement: &Statement, mut note: impl FnMut(&str)) -> st
         "" => Err("map_Kd without a file".into()),
         name => Ok(Map { name: name.into(), wrap, mtl: mtl.into(), line: statement.line }),
     }
-}
-
-/// The path of a file that `parent` names, relative to the folder of `parent`.
-pub(super) fn locate(parent: &Path, name: &str) -> PathBuf {
-    let folder = parent.parent().unwrap_or(Path::new(""));
-    let path = folder.join(name);
-    // Files from Windows separate folders by backslashes.
-    if path.is_file() || !name.contains('\\') { path } else { folder.join(name.replace('\\', "/")) }
-}
-
-/// Refuses a path that leads out of the folder of `obj`, be it by `..`, by an absolute path or by a link: a mesh from
-/// elsewhere must not make softras read other files.
-pub(super) fn check_inside(obj: &Path, file: &Path, allow_outside: bool) -> std::result::Result<(), (String, String)> {
-    let folder = obj.parent().unwrap_or(Path::new(""));
-    let folder = if folder == Path::new("") { Path::new(".") } else { folder };
-    let inside = match (folder.canonicalize(), file.canonicalize()) {
-        (Ok(folder), Ok(file)) => file.starts_with(folder),
-        // The file does not exist, so only its name can be checked.
-        _ => file.strip_prefix(folder).is_ok_and(|rest| rest.components().all(|c| matches!(c, Component::Normal(_)))),
-    };
-    if inside || allow_outside {
-        return Ok(());
-    }
-    let what = format!("{} lies outside the mesh's folder", file.display());
-    Err((what, "move it into the folder, or allow files from outside (LoadOptions::allow_outside)".into()))
 }

@@ -6,19 +6,22 @@
 //! ignored silently.
 
 mod appearance;
+pub(crate) mod find;
 mod material;
-mod notes;
+pub(crate) mod notes;
 pub(crate) mod output;
-mod parse;
-mod polygon;
-mod statement;
-mod texture;
+pub(crate) mod parse;
+pub(crate) mod polygon;
+pub(crate) mod statement;
+pub(crate) mod texture;
+pub(crate) mod textures;
 mod triangles;
 mod write;
 
 pub use write::write_obj;
 
 use crate::{error::Result, scene::Mesh};
+use notes::Notes;
 use std::path::{Path, PathBuf};
 
 /// Options for reading a file.
@@ -29,6 +32,8 @@ pub struct LoadOptions {
     /// Allow materials and textures outside the mesh's folder. Off, a mesh from elsewhere cannot make softras read
     /// other files.
     pub allow_outside: bool,
+    /// Refuse a file of which something is not kept, instead of telling it in [`Loaded::notes`].
+    pub strict: bool,
 }
 
 /// A mesh, and notes on what was not kept of its file.
@@ -47,19 +52,20 @@ pub(crate) struct Source<'a> {
     /// The mesh file.
     pub path: &'a Path,
     pub options: &'a LoadOptions,
-    /// As in [`Loaded`].
-    pub notes: Vec<String>,
+    pub notes: Notes,
     /// As in [`Loaded`].
     pub files: Vec<PathBuf>,
 }
 
 impl<'a> Source<'a> {
     pub fn new(path: &'a Path, options: &'a LoadOptions) -> Self {
-        Self { path, options, notes: Vec::new(), files: vec![path.into()] }
+        Self { path, options, notes: Notes::new(path), files: vec![path.into()] }
     }
 
-    pub fn loaded(self, mesh: Mesh) -> Loaded {
-        Loaded { mesh, notes: self.notes, files: self.files }
+    /// # Errors
+    /// [`Error::File`](crate::Error::File) for the first note, if the options are strict.
+    pub fn loaded(self, mesh: Mesh) -> Result<Loaded> {
+        Ok(Loaded { mesh, notes: self.notes.finish(self.options.strict)?, files: self.files })
     }
 }
 
@@ -69,10 +75,13 @@ impl<'a> Source<'a> {
 /// `map_Kd` and UVs (other faces get a 1×1 image of their `Kd`), [`VertexColors`] from `v x y z r g b`, [`Surface`]
 /// with one cell per triangle from several `Kd`, else [`Uniform`]. A face without a material is white.
 ///
+/// What can be left out without harm to the rest is left out with a note: faces of fewer than three corners, malformed
+/// materials, textures that are not an image or over 16384 pixels a side or 2²⁷ pixels in all. A material file or texture
+/// that is missing or lies outside the mesh's folder is looked for by its name in the folder.
+///
 /// # Errors
-/// [`Error::Io`] when the file cannot be read; [`Error::File`] with the line for anything malformed: a number that is
-/// malformed or not finite, an index out of range, a face of fewer than three corners, no faces at all, a texture that is
-/// missing, not an image, over 16384 pixels a side or outside the folder, or textures of over 2²⁷ pixels in all.
+/// [`Error::Io`] when the file cannot be read; [`Error::File`] with the line for what leaves no mesh to trust: a coordinate
+/// that is malformed or not finite, an index out of range, no faces at all; under [`LoadOptions::strict`] for every note.
 ///
 /// [`Textured`]: crate::scene::Appearance::Textured
 /// [`VertexColors`]: crate::scene::Appearance::VertexColors
@@ -83,10 +92,10 @@ impl<'a> Source<'a> {
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let mut source = Source::new(path, options);
     let text = statement::read_text(path)?;
-    let mut obj = parse::parse(path, &text, &mut source.notes)?;
+    let mut obj = parse::parse(&mut source, &text)?;
     drop(text);
     let mut triangles = triangles::triangulate(path, &obj, &mut source.notes)?;
-    let appearance = appearance::appearance(&mut source, &mut obj, &mut triangles)?;
+    let appearance = appearance::appearance(&mut source, &mut obj, &mut triangles);
     let mesh = Mesh::new(obj.positions, triangles.vertices)?.with_appearance(appearance)?;
-    Ok(source.loaded(mesh))
+    source.loaded(mesh)
 }

@@ -1,9 +1,98 @@
-//! Notes on what a file says and the mesh does not keep: each kind once, with its first line and its count.
+//! Notes on what a file says and the mesh does not keep.
 
-/// The most kinds of notes: a binary file has any number of unknown words, and the first few tell enough.
-const MAX_NOTES: usize = 32;
+use crate::error::{Error, Result};
+use std::path::{Path, PathBuf};
 
-/// What was met and is not kept: the text of the note, the first line and the number of times.
+/// The most kinds of statements of a mesh file that are noted: a binary file has any number of unknown words.
+const MAX_KINDS: usize = 32;
+/// The most notes of all files: one in which every line is malformed is told of by the first few.
+const MAX_NOTES: usize = 128;
+
+/// What was met and is not kept.
+struct Note {
+    file: PathBuf,
+    /// The first line with it, where the format has lines.
+    line: Option<usize>,
+    /// How often it was met again.
+    more: usize,
+    what: String,
+}
+
+/// The notes on a mesh file and on the files that it names.
+pub(crate) struct Notes {
+    mesh: PathBuf,
+    all: Vec<Note>,
+    /// How many more there would be.
+    more: usize,
+}
+
+impl Notes {
+    pub fn new(mesh: &Path) -> Self {
+        Self { mesh: mesh.into(), all: Vec::new(), more: 0 }
+    }
+
+    /// A note on the mesh file.
+    pub fn add(&mut self, line: Option<usize>, what: impl Into<String>) {
+        let file = self.mesh.clone();
+        self.add_in(&file, line, what);
+    }
+
+    /// A note on the mesh file that is not repeated.
+    #[cfg(feature = "formats")]
+    pub fn once(&mut self, what: &str) {
+        if !self.all.iter().any(|note| note.what == what) {
+            self.add(None, what);
+        }
+    }
+
+    /// A note on another file.
+    pub fn add_in(&mut self, file: &Path, line: Option<usize>, what: impl Into<String>) {
+        self.push(Note { file: file.into(), line, more: 0, what: what.into() });
+    }
+
+    /// What was ignored in the mesh file.
+    pub(super) fn extend(&mut self, ignored: Ignored) {
+        for (what, line, times) in ignored.0 {
+            self.push(Note { file: self.mesh.clone(), line: Some(line), more: times - 1, what });
+        }
+    }
+
+    fn push(&mut self, note: Note) {
+        if self.all.len() < MAX_NOTES { self.all.push(note) } else { self.more += 1 }
+    }
+
+    /// The notes as sentences.
+    ///
+    /// # Errors
+    /// [`Error::File`] for the first note, if they are not allowed.
+    pub fn finish(self, strict: bool) -> Result<Vec<String>> {
+        let sentence = |note: &Note| {
+            let name = note.file.file_name().unwrap_or_default().to_string_lossy();
+            let place = match (note.line, note.more) {
+                (Some(line), _) if note.file != self.mesh => format!("{name}:{line}: "),
+                (None, _) if note.file != self.mesh => format!("{name}: "),
+                (None, _) => String::new(),
+                (Some(line), 0) => format!("line {line}: "),
+                (Some(line), more) => format!("line {line} and {more} more: "),
+            };
+            format!("{place}{}", note.what)
+        };
+        match self.all.first() {
+            Some(note) if strict => Err(Error::File {
+                path: note.file.clone(),
+                line: note.line,
+                what: note.what.clone(),
+                fix: "correct the file, or read it without `strict` as far as it goes".into(),
+            }),
+            _ => {
+                let last = (self.more > 0).then(|| format!("and {} notes more", self.more));
+                Ok(self.all.iter().map(sentence).chain(last).collect())
+            }
+        }
+    }
+}
+
+/// What was met in the mesh file, each kind once: the text of the note, the first line and the number of times.
 #[derive(Default)]
 pub(super) struct Ignored(Vec<(String, usize, usize)>);
 
@@ -12,15 +101,8 @@ impl Ignored {
         let note = note.into();
         if let Some(entry) = self.0.iter_mut().find(|entry| entry.0 == note) {
             entry.2 += 1;
-        } else if self.0.len() < MAX_NOTES {
+        } else if self.0.len() < MAX_KINDS {
             self.0.push((note, line, 1));
         }
-    }
-
-    pub fn notes(self) -> impl Iterator<Item = String> {
-        self.0.into_iter().map(|(note, line, times)| match times {
-            1 => format!("line {line}: {note}"),
-            _ => format!("line {line} and {} more: {note}", times - 1),
-        })
     }
 }

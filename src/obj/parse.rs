@@ -7,6 +7,7 @@
 //! that both read rightly.
 
 use super::{
+    Source,
     notes::Ignored,
     statement::{Statement, statements},
 };
@@ -14,10 +15,10 @@ use crate::{
     error::{Error, Result},
     scene::Mesh,
 };
-use std::{collections::HashMap, path::Path};
+use std::collections::HashMap;
 
 /// The largest magnitude of a texture coordinate; beyond it f32 has too few digits left for the position in an image.
-const FARTHEST_UV: f32 = 1e4;
+pub(crate) const FARTHEST_UV: f32 = 1e4;
 
 /// The content of an OBJ file.
 #[derive(Default)]
@@ -69,7 +70,8 @@ const CORNER_FORMS: &str = "give v, v/vt, v//vn or v/vt/vn";
 ///
 /// # Errors
 /// [`Error::File`] with the line of the first statement that is wrong, or without a line when there are no faces.
-pub(super) fn parse(path: &Path, text: &str, notes: &mut Vec<String>) -> Result<Obj> {
+pub(super) fn parse(source: &mut Source, text: &str) -> Result<Obj> {
+    let path = source.path;
     let mut parser = Parser { totals: count(text), ..Parser::default() };
     for statement in statements(text) {
         parser.statement(&statement).map_err(|(what, fix)| Error::File {
@@ -79,7 +81,7 @@ pub(super) fn parse(path: &Path, text: &str, notes: &mut Vec<String>) -> Result<
             fix: fix.into(),
         })?;
     }
-    notes.extend(parser.ignored.notes());
+    source.notes.extend(parser.ignored);
     let obj = parser.obj;
     if obj.faces.is_empty() {
         return Err(Error::File {
@@ -206,16 +208,19 @@ impl Parser {
             }
             _ => return Err((format!("texture coordinate of {} numbers", words.len()), "give u v")),
         };
-        if !uv.iter().all(|x| x.abs() <= FARTHEST_UV) {
-            let what = format!("texture coordinate {uv:?} is not within ±{FARTHEST_UV}");
-            return Err((what, "shift it by whole numbers: the image repeats"));
+        if uv.iter().all(|x| x.abs() <= FARTHEST_UV) {
+            self.obj.uvs.push(uv);
+        } else {
+            let note = format!("texture coordinates that are not within ±{FARTHEST_UV} are taken as 0");
+            self.ignored.add(note, statement.line);
+            self.obj.uvs.push([0.0; 2]);
         }
-        self.obj.uvs.push(uv);
         Ok(())
     }
 
     fn face(&mut self, statement: &Statement) -> Checked {
         let (mut arity, mut with_uv) = (0, 0);
+        let start = self.obj.corners.len();
         for word in statement.words() {
             let (vertex, uv) = self.corner(word)?;
             self.obj.corners.push(vertex);
@@ -226,12 +231,17 @@ impl Parser {
             with_uv += usize::from(uv.is_some());
         }
         if arity < 3 {
-            return Err((format!("face of {arity} corners"), "a face needs three or more"));
+            self.ignored.add("faces of fewer than three corners are not drawn", statement.line);
+            self.obj.corners.truncate(start);
+            self.obj.uv_corners.truncate(start);
+            return Ok(());
         }
-        if with_uv != 0 && with_uv != arity {
-            return Err(("some corners have a texture coordinate, some not".into(), "give all v/vt or all v"));
+        let has_uvs = with_uv == arity;
+        if !has_uvs && with_uv > 0 {
+            self.ignored.add("faces with texture coordinates at some corners only have none", statement.line);
+            self.obj.uv_corners[start..].fill(0);
         }
-        self.obj.faces.push(Face { line: statement.line, material: self.material, has_uvs: with_uv > 0, arity });
+        self.obj.faces.push(Face { line: statement.line, material: self.material, has_uvs, arity });
         Ok(())
     }
 

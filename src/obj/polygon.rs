@@ -6,7 +6,7 @@ use glam::DVec3;
 const MAX_CONCAVE: usize = 2048;
 
 /// A polygon's triangles.
-pub(super) struct Cut {
+pub(crate) struct Cut {
     /// Corner numbers; always two triangles fewer than corners.
     pub triangles: Vec<[usize; 3]>,
     /// False when the polygon crosses itself or has no area: its triangles then cannot tile it.
@@ -17,7 +17,7 @@ pub(super) struct Cut {
 ///
 /// # Errors
 /// What is wrong, for a concave polygon of more than 2048 corners.
-pub(super) fn triangulate(corners: &[[f64; 3]]) -> Result<Cut, String> {
+pub(crate) fn triangulate(corners: &[[f64; 3]]) -> Result<Cut, String> {
     let fan = || (2..corners.len()).map(|c| [0, c - 1, c]).collect();
     if corners.len() == 3 {
         return Ok(Cut { triangles: fan(), is_simple: true });

@@ -6,8 +6,8 @@ use std::{borrow::Cow, fs, path::Path};
 /// Larger files are refused: their lines and vertices would not fit 32-bit numbers.
 const MAX_BYTES: u64 = 1 << 32;
 
-/// Reads a whole text file; bytes that are not UTF-8 (names in an old code page) become replacement characters.
-pub(super) fn read_text(path: &Path) -> Result<String> {
+/// Reads a whole regular file.
+pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>> {
     let io = |source| Error::Io { path: path.into(), source };
     let refuse =
         |what: &str, fix: &str| Err(Error::File { path: path.into(), line: None, what: what.into(), fix: fix.into() });
@@ -18,9 +18,15 @@ pub(super) fn read_text(path: &Path) -> Result<String> {
     if metadata.len() > MAX_BYTES {
         return refuse("larger than 4 GiB", "split or simplify the mesh");
     }
-    let bytes = fs::read(path).map_err(io)?;
+    fs::read(path).map_err(io)
+}
+
+/// Reads a whole text file; bytes that are not UTF-8 (names in an old code page) become replacement characters.
+pub(super) fn read_text(path: &Path) -> Result<String> {
+    let bytes = read_bytes(path)?;
     if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
-        return refuse("UTF-16 text", "save the file as UTF-8");
+        let (what, fix) = ("UTF-16 text".into(), "save the file as UTF-8".into());
+        return Err(Error::File { path: path.into(), line: None, what, fix });
     }
     let text = bytes.strip_prefix(&[0xef, 0xbb, 0xbf]).unwrap_or(&bytes);
     Ok(String::from_utf8_lossy(text).into_owned())

@@ -1,42 +1,72 @@
 //! Reads image files as textures.
 
-use super::{
-    Source,
-    material::{Map, check_inside, locate},
-};
-use crate::{
-    error::{Error, Result},
-    scene::Texture,
-};
+use super::{Source, find::find, material::Map, textures::MAX_TEXELS};
+use crate::scene::Texture;
 use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
+use std::{
+    io::{BufRead, Seek},
+    path::{Path, PathBuf},
+};
 
 /// The largest side of an image.
 const MAX_SIDE: u32 = 16384;
 
-/// The most texels of all images of a mesh, 1.5 GiB: an image of a few kilobytes may claim more than that.
-pub(super) const MAX_TEXELS: u64 = 1 << 27;
+/// The file of the image that a material names; `None`, with a note, where there is none in the mesh's folder.
+pub(super) fn locate(source: &mut Source, map: &Map) -> Option<PathBuf> {
+    let found = find(source.path, &map.mtl, &map.name, source.options.allow_outside);
+    match found {
+        Ok((path, None)) => Some(path),
+        Ok((path, Some(note))) => {
+            source.notes.add_in(&map.mtl, Some(map.line), format!("texture {note}"));
+            Some(path)
+        }
+        Err(what) => {
+            let note = format!("texture {what}: drawn in the material's Kd");
+            source.notes.add_in(&map.mtl, Some(map.line), note);
+            None
+        }
+    }
+}
 
-/// Decodes the image that a material names.
+/// Decodes the image that a material names, of at most `room` texels; `None`, with a note, for what cannot be decoded.
+pub(super) fn read(source: &mut Source, map: &Map, path: &Path, room: u64) -> Option<Texture> {
+    let shown = path.display();
+    let reader = ImageReader::open(path).map_err(|error| error.to_string());
+    match reader.and_then(|reader| decode(reader, source.options.srgb, room)) {
+        Ok(Decoded { width, height, texels, is_transparent }) => {
+            source.files.push(path.into());
+            if is_transparent {
+                let note = format!("texture {shown}: transparency is not drawn");
+                source.notes.add_in(&map.mtl, Some(map.line), note);
+            }
+            Texture::new(width, height, texels, map.wrap).ok()
+        }
+        Err(what) => {
+            let note = format!("texture {shown}: {what}: drawn in the material's Kd");
+            source.notes.add_in(&map.mtl, Some(map.line), note);
+            None
+        }
+    }
+}
+
+/// A decoded image.
+pub(crate) struct Decoded {
+    pub width: u32,
+    pub height: u32,
+    pub texels: Vec<[f32; 3]>,
+    /// Whether some texel is not opaque.
+    pub is_transparent: bool,
+}
+
+/// Decodes an image of at most `room` texels, from sRGB to linear values if so asked.
 ///
 /// # Errors
-/// [`Error::File`] naming the MTL file and line, for an image that is missing, outside the mesh's folder, of more than
-/// `room` texels or not an image.
-pub(super) fn read(source: &mut Source, map: &Map, room: u64) -> Result<Texture> {
-    let path = locate(&map.mtl, &map.name);
-    let refuse = |what: String, fix: String| Error::File { path: map.mtl.clone(), line: Some(map.line), what, fix };
-    check_inside(source.path, &path, source.options.allow_outside).map_err(|(what, fix)| refuse(what, fix))?;
-    let shown = path.display();
-    if !path.is_file() {
-        let fix = "put the image there or remove the map_Kd line".into();
-        return Err(refuse(format!("texture {shown} not found"), fix));
-    }
-    let undecodable = |error: image::ImageError| {
-        let fix = format!("use a PNG or JPEG of at most {MAX_SIDE}×{MAX_SIDE} pixels");
-        refuse(format!("texture {shown}: {error}"), fix)
-    };
-    let unreadable = |error| undecodable(image::ImageError::IoError(error));
+/// What is wrong with it.
+pub(crate) fn decode<R: BufRead + Seek>(reader: ImageReader<R>, srgb: bool, room: u64) -> Result<Decoded, String> {
+    let undecodable =
+        |error: image::ImageError| format!("{error} (use a PNG or JPEG of at most {MAX_SIDE}×{MAX_SIDE} pixels)");
     // The format is guessed from the content, because the name may be wrong.
-    let mut reader = ImageReader::open(&path).and_then(ImageReader::with_guessed_format).map_err(unreadable)?;
+    let mut reader = reader.with_guessed_format().map_err(|error| error.to_string())?;
     let mut limits = Limits::default();
     limits.max_image_width = Some(MAX_SIDE);
     limits.max_image_height = Some(MAX_SIDE);
@@ -44,18 +74,13 @@ pub(super) fn read(source: &mut Source, map: &Map, room: u64) -> Result<Texture>
     let mut decoder = reader.into_decoder().map_err(undecodable)?;
     let (width, height) = decoder.dimensions();
     if u64::from(width) * u64::from(height) > room {
-        let what = format!("texture {shown}: {width}×{height} pixels are more than the {room} that are left for it");
-        return Err(refuse(what, format!("scale the images down to {MAX_TEXELS} pixels in all")));
+        let fix = format!("scale the images down to {MAX_TEXELS} pixels in all");
+        return Err(format!("{width}×{height} pixels are more than the {room} that are left for it ({fix})"));
     }
     limits.reserve(decoder.total_bytes()).and_then(|()| decoder.set_limits(limits)).map_err(undecodable)?;
     let image = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
-    let has_alpha = image.color().has_alpha();
-    if has_alpha && image.to_rgba8().pixels().any(|pixel| pixel.0[3] != 255) {
-        source.notes.push(format!("texture {shown}: transparency is not drawn"));
-    }
-    let texels = texels(image, source.options.srgb);
-    source.files.push(path);
-    Texture::new(width, height, texels, map.wrap)
+    let is_transparent = image.color().has_alpha() && image.to_rgba8().pixels().any(|pixel| pixel.0[3] != 255);
+    Ok(Decoded { width, height, texels: texels(image, srgb), is_transparent })
 }
 
 /// The texels as value / 255 (or / 65535); `into_rgb32f` rounds differently for grey images.
@@ -69,6 +94,6 @@ fn texels(image: DynamicImage, srgb: bool) -> Vec<[f32; 3]> {
 }
 
 /// IEC 61966-2-1.
-fn linear_from_srgb(x: f32) -> f32 {
+pub(crate) fn linear_from_srgb(x: f32) -> f32 {
     if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }

@@ -1,6 +1,6 @@
 //! The polygons of an OBJ file as triangles.
 
-use super::{parse::Obj, polygon};
+use super::{notes::Notes, parse::Obj, polygon};
 use crate::error::{Error, Result};
 use std::path::Path;
 
@@ -19,7 +19,7 @@ pub(super) struct Triangles {
 ///
 /// # Errors
 /// [`Error::File`] with the line of a face that cannot be cut.
-pub(super) fn triangulate(path: &Path, obj: &Obj, notes: &mut Vec<String>) -> Result<Triangles> {
+pub(super) fn triangulate(path: &Path, obj: &Obj, notes: &mut Notes) -> Result<Triangles> {
     let mut triangles = Triangles::default();
     let mut not_simple = Vec::new();
     let mut start = 0;
@@ -45,9 +45,8 @@ pub(super) fn triangulate(path: &Path, obj: &Obj, notes: &mut Vec<String>) -> Re
     }
     if let Some(line) = not_simple.first() {
         let count = not_simple.len();
-        notes.push(format!(
-            "line {line}: polygons that cross themselves or are flat are cut as well as they allow ({count} in all)"
-        ));
+        let note = format!("polygons that cross themselves or are flat are cut as well as they allow ({count} in all)");
+        notes.add(Some(*line), note);
     }
     Ok(triangles)
 }

@@ -22,9 +22,7 @@ fn malformed_meshes_are_refused_with_their_line() {
     let cases: &[Refused] = &[
         ("", None, &["no faces", "0 vertices"]),
         ("V", None, &["no faces", "3 vertices"]),
-        ("V f", Some(5), &["face of 0 corners"]),
-        ("V f 1", Some(5), &["face of 1 corners"]),
-        ("V f 1 2", Some(5), &["face of 2 corners"]),
+        ("V f 1 2", None, &["no faces", "3 vertices"]),
         ("V f 0 1 2", Some(5), &["vertex index 0"]),
         ("V \n\nf 1 2 4", Some(7), &["vertex index 4", "there are 3"]),
         ("V f 1 2 3\nf 1 2 -4", Some(6), &["vertex index -4", "there are 3 before it"]),
@@ -38,7 +36,6 @@ fn malformed_meshes_are_refused_with_their_line() {
         ("V f 1/1 2/1 3/-9223372036854775808", Some(5), &["texture coordinate index"]),
         ("V f 1/0 2/1 3/1", Some(5), &["texture coordinate index 0"]),
         ("V f 1/2 2/1 3/1", Some(5), &["texture coordinate index 2", "there are 1"]),
-        ("V f 1/1 2 3/1", Some(5), &["some corners"]),
         ("V f 1/1/1/1 2 3", Some(5), &["more than three"]),
         ("V f 1//x 2 3", Some(5), &["normal index \"x\""]),
         ("V f /1 2 3", Some(5), &["vertex index \"\""]),
@@ -57,8 +54,6 @@ fn malformed_meshes_are_refused_with_their_line() {
         ("V vt\nf 1 2 3", Some(5), &["texture coordinate of 0"]),
         ("V vt 1 2 3 4\nf 1 2 3", Some(5), &["texture coordinate of 4"]),
         ("V vt x 0\nf 1 2 3", Some(5), &["texture coordinate \"x\"", "not a number"]),
-        ("V vt nan 0\nf 1 2 3", Some(5), &["±10000"]),
-        ("V vt 0 1e5\nf 1 2 3", Some(5), &["±10000"]),
         ("V f 1 2 \\\n 7", Some(5), &["vertex index 7"]),
     ];
     for (text, line, words) in cases {
@@ -75,8 +70,48 @@ fn malformed_meshes_are_refused_with_their_line() {
     assert_refused(load_text(one_pixel_png([0; 3])).unwrap_err(), "mesh.obj", None, &["no faces"]);
 }
 
+/// Reads a mesh of which something can be left out: with a note on it, or an error where the options are strict.
+#[track_caller]
+fn assert_left_out(folder: &TempDir, name: &str, line: Option<usize>, words: &[&str]) -> Loaded {
+    let loaded = load_in(folder).unwrap();
+    assert_note(&loaded.notes, words);
+    let options = LoadOptions { strict: true, ..LoadOptions::default() };
+    assert_refused(load(&folder.path().join("mesh.obj"), &options).unwrap_err(), name, line, words);
+    loaded
+}
+
 #[test]
-fn malformed_materials_are_refused_with_their_line() {
+fn what_can_be_left_out_of_a_mesh_is_left_out() {
+    const V: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n";
+    let cases: &[Refused] = &[
+        ("f", Some(6), &["fewer than three corners"]),
+        ("f 1/1\nf 2/1", Some(6), &["fewer than three corners"]),
+        ("f 1/1 2/1", Some(6), &["fewer than three corners"]),
+        ("f 1 2\n", Some(6), &["fewer than three corners"]),
+        ("l 1 2\n", Some(6), &["lines"]),
+        ("vt nan 0", Some(6), &["±10000"]),
+        ("vt 0 1e5", Some(6), &["±10000"]),
+        ("mtllib gone.mtl", Some(6), &["gone.mtl", "not found"]),
+        ("mtllib ../outside.mtl", Some(6), &["outside"]),
+    ];
+    for (text, line, words) in cases {
+        let loaded = assert_left_out(&folder(&[("mesh.obj", format!("{V}{text}"))]), "mesh.obj", *line, words);
+        assert_eq!(loaded.mesh.triangles(), [[0, 1, 2]], "{text}");
+    }
+    // The faces after one that is left out have their own corners and UVs.
+    let text = format!("{TEXTURED}f 1/1\nf 3/3 2/2\nf 2/2 3/3 1/1\nf 1/1 2 3/1");
+    let png = one_pixel_png([0; 3]);
+    let files: [(&str, &[u8]); 3] =
+        [("mesh.obj", text.as_bytes()), ("mesh.mtl", b"newmtl t\nmap_Kd t.png"), ("t.png", &png)];
+    let loaded = assert_left_out(&folder(&files), "mesh.obj", Some(10), &["fewer than three corners"]);
+    assert_note(&loaded.notes, &["line 13", "some corners only"]);
+    assert_eq!(loaded.mesh.triangles(), [[0, 1, 2], [1, 2, 0], [0, 1, 2]]);
+    let Appearance::Textured { uv_triangles, .. } = loaded.mesh.appearance() else { panic!("{loaded:?}") };
+    assert_eq!(uv_triangles, &[[0, 1, 2], [1, 2, 0], [0, 0, 0]]);
+}
+
+#[test]
+fn what_can_be_left_out_of_materials_is_left_out() {
     let cases: &[Refused] = &[
         ("Kd 1 0 0", Some(1), &["Kd before any material"]),
         ("newmtl t\nKd 1 0", Some(2), &["malformed colour"]),
@@ -85,7 +120,7 @@ fn malformed_materials_are_refused_with_their_line() {
         ("newmtl t\nKd 1 nan 1", Some(2), &["nan"]),
         ("newmtl", Some(1), &["without a name"]),
         ("newmtl t\nmap_Kd", Some(2), &["without a file"]),
-        ("newmtl t\nmap_Kd -s 1 1 1", Some(2), &["without a file"]),
+        ("newmtl t\nmap_Kd -s 1 1 1", Some(2), &["option -s"]),
         ("newmtl t\nmap_Kd -wobble 1 t.png", Some(2), &["-wobble"]),
         ("newmtl t\nmap_Kd -clamp maybe t.png", Some(2), &["-clamp maybe"]),
         ("newmtl t\nmap_Kd gone.png", Some(2), &["gone.png", "not found"]),
@@ -95,13 +130,40 @@ fn malformed_materials_are_refused_with_their_line() {
         ("newmtl t\nmap_Kd ../no such file", Some(2), &["outside"]),
     ];
     for (mtl, line, words) in cases {
-        let error = load_with_mtl(TEXTURED, mtl).err().unwrap_or_else(|| panic!("taken: {mtl}"));
-        assert_refused(error, "mesh.mtl", *line, words);
+        let folder = folder(&[("mesh.obj", TEXTURED), ("mesh.mtl", mtl)]);
+        let loaded = assert_left_out(&folder, "mesh.mtl", *line, words);
+        assert_eq!(loaded.mesh.appearance(), &Appearance::Uniform([1.0; 3]), "{mtl}");
+    }
+    // A texture that is not there leaves its material's Kd.
+    let loaded = load_with_mtl(TEXTURED, "newmtl t\nKd 0.1 0.2 0.3\nmap_Kd gone.png").unwrap();
+    assert_eq!(loaded.mesh.appearance(), &Appearance::Uniform([0.1, 0.2, 0.3]));
+    assert_note(&loaded.notes, &["mesh.mtl:3", "gone.png not found", "Kd"]);
+}
+
+#[test]
+fn files_of_another_computer_are_found_by_their_name() {
+    let png = one_pixel_png([0, 255, 0]);
+    for name in ["/Users/somebody/T.PNG", "K:\\images\\t.png", "../t.png", "gone/t.png", "T.png"] {
+        let mtl = format!("newmtl t\nmap_Kd {name}");
+        let obj = TEXTURED.replace("mesh.mtl", "C:\\work\\MESH.mtl");
+        let files: [(&str, &[u8]); 3] = [("mesh.obj", obj.as_bytes()), ("mesh.mtl", mtl.as_bytes()), ("t.png", &png)];
+        let loaded = assert_left_out(&folder(&files), "mesh.obj", Some(1), &["MESH.mtl", "in its place"]);
+        assert_note(&loaded.notes, &["mesh.mtl:2", "t.png is taken in its place"]);
+        let Appearance::Textured { textures, .. } = loaded.mesh.appearance() else { panic!("{name}: {loaded:?}") };
+        assert_eq!(textures[0].texels(), [[0.0, 1.0, 0.0]], "{name}");
+        assert_eq!(loaded.files.len(), 3);
     }
 }
 
 #[test]
-fn broken_and_huge_images_are_refused() {
+fn a_file_of_malformed_lines_is_told_of_briefly() {
+    let loaded = load_with_mtl(TEXTURED, &"Kd\n".repeat(100_000)).unwrap();
+    assert!(loaded.notes.len() < 200, "{}", loaded.notes.len());
+    assert_note(&loaded.notes, &["notes more"]);
+}
+
+#[test]
+fn broken_and_huge_images_are_left_out() {
     let whole = one_pixel_png([1, 2, 3]);
     let mut huge = whole.clone();
     // The width in the IHDR chunk, which its checksum (here corrected) covers.
@@ -111,8 +173,8 @@ fn broken_and_huge_images_are_refused() {
     for (png, words) in [(&whole[..whole.len() / 2], "end of file"), (&huge[..], "limit"), (b"", "end of file")] {
         let files: [(&str, &[u8]); 3] =
             [("mesh.obj", TEXTURED.as_bytes()), ("mesh.mtl", b"newmtl t\nmap_Kd t.png"), ("t.png", png)];
-        let error = load_in(&folder(&files)).unwrap_err();
-        assert_refused(error, "mesh.mtl", Some(2), &["t.png", words]);
+        let loaded = assert_left_out(&folder(&files), "mesh.mtl", Some(2), &["t.png", words]);
+        assert_eq!(loaded.mesh.appearance(), &Appearance::Uniform([1.0; 3]));
     }
 }
 
@@ -131,8 +193,11 @@ fn files_outside_the_folder_are_read_only_on_request() {
     fs::write(root.path().join("mesh.mtl"), "newmtl t\nmap_Kd t.png\n").unwrap();
     fs::write(inner.join("mesh.obj"), TEXTURED.replace("mesh.mtl", "../mesh.mtl")).unwrap();
     let path = inner.join("mesh.obj");
-    let error = load(&path, &LoadOptions::default()).unwrap_err();
-    assert_refused(error, "mesh.obj", Some(1), &["outside"]);
+    let untouched = |loaded: &Loaded, words: &[&str]| {
+        assert_note(&loaded.notes, words);
+        assert_eq!(loaded.mesh.appearance(), &Appearance::Uniform([1.0; 3]));
+    };
+    untouched(&load(&path, &LoadOptions::default()).unwrap(), &["line 1", "outside"]);
     let options = LoadOptions { allow_outside: true, ..LoadOptions::default() };
     let loaded = load(&path, &options).unwrap();
     assert!(matches!(loaded.mesh.appearance(), Appearance::Textured { .. }));
@@ -142,7 +207,7 @@ fn files_outside_the_folder_are_read_only_on_request() {
         fs::write(&path, TEXTURED).unwrap();
         fs::write(inner.join("mesh.mtl"), "newmtl t\nmap_Kd link.png\n").unwrap();
         std::os::unix::fs::symlink(root.path().join("t.png"), inner.join("link.png")).unwrap();
-        assert_refused(load(&path, &LoadOptions::default()).unwrap_err(), "mesh.mtl", Some(2), &["outside"]);
+        untouched(&load(&path, &LoadOptions::default()).unwrap(), &["mesh.mtl:2", "outside"]);
     }
 }
 

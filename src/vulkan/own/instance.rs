@@ -9,6 +9,10 @@ use std::sync::OnceLock;
 
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
+/// How a machine gets a device.
+pub(super) const INSTALL: &str = "install a graphics driver with Vulkan 1.1, or the software device \
+    (Debian, Ubuntu: apt install libvulkan1 mesa-vulkan-drivers)";
+
 /// The loader, opened once for the process and never closed: drivers leave threads behind that outlive their library.
 fn system_entry() -> Result<&'static ash::Entry> {
     static ENTRY: OnceLock<ash::Entry> = OnceLock::new();
@@ -18,9 +22,7 @@ fn system_entry() -> Result<&'static ash::Entry> {
     // SAFETY: opening the Vulkan loader runs its initialisers, which it is made for.
     let entry = unsafe { ash::Entry::load() }.map_err(|e| Error::NoDevice {
         what: format!("the Vulkan loader cannot be opened ({e})"),
-        fix: "install a graphics driver with Vulkan, or the software device \
-               (Debian, Ubuntu: apt install libvulkan1 mesa-vulkan-drivers)"
-            .to_string(),
+        fix: INSTALL.to_string(),
     })?;
     Ok(ENTRY.get_or_init(|| entry))
 }
@@ -102,7 +104,11 @@ impl Instance {
             info = info.push_next(&mut features).push_next(&mut messenger_info);
         }
         // SAFETY: all that `info` points to lives until the call returns, but the log, which `Instance` keeps.
-        let raw = unsafe { entry.create_instance(&info, None) }.named("vkCreateInstance")?;
+        let created = unsafe { entry.create_instance(&info, None) };
+        if let Err(vk::Result::ERROR_INCOMPATIBLE_DRIVER) = created {
+            return Err(Error::NoDevice { what: "no driver is installed".to_string(), fix: INSTALL.to_string() });
+        }
+        let raw = created.named("vkCreateInstance")?;
         let mut instance = Self { raw, debug_utils, log, messenger: None };
         if validation {
             // SAFETY: debug_utils is there (require_validation), and Drop destroys the messenger first.

@@ -2,7 +2,7 @@
 
 use super::super::adapter::{DeviceInfo, compute_family, describe};
 use super::super::result::Named;
-use super::instance::Instance;
+use super::instance::{INSTALL, Instance};
 use crate::{Error, Result};
 use ash::vk;
 
@@ -41,9 +41,7 @@ pub(super) fn select(adapters: Vec<Adapter>, selector: Option<&str>) -> Result<A
             } else {
                 format!("of {listing}: none is suitable")
             },
-            fix: "install a driver with Vulkan 1.1, or the software device \
-                   (Debian, Ubuntu: apt install mesa-vulkan-drivers)"
-                .to_string(),
+            fix: INSTALL.to_string(),
         });
     };
     let names = |info: &DeviceInfo| match selector.parse::<usize>() {
@@ -65,7 +63,7 @@ pub(super) fn select(adapters: Vec<Adapter>, selector: Option<&str>) -> Result<A
     best.filter(|a| a.info.suitable.is_ok()).ok_or_else(|| Error::NoDevice {
         what,
         fix: if listing.is_empty() {
-            "there is no device: install a driver with Vulkan 1.1".to_string()
+            format!("there is no device: {INSTALL}")
         } else {
             format!("choose one by number or by part of its name: {listing}")
         },

@@ -1,12 +1,13 @@
 //! `softras iou`: the intersection over union of the volumes of two meshes.
 
+use super::mesh_file::ReadArgs;
+use super::outputs::Outputs;
 use super::{Failure, note, say};
 use clap::Args;
 use serde_json::json;
 use softras::Mesh;
 use softras::fit::voxel_iou;
 use softras::internals::fit::{Voxels, cube_around, is_closed};
-use softras::obj::LoadOptions;
 use std::path::{Path, PathBuf};
 
 /// Compare two solids: the volume of their intersection over that of their union, in voxels
@@ -27,6 +28,8 @@ pub struct IouArgs {
     /// Voxels along a side of the grid (32 in the SoftRas paper)
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=512), default_value_t = 32)]
     pub resolution: u32,
+    #[command(flatten)]
+    pub read: ReadArgs,
     /// Print one JSON object: iou, volumes (world units³), resolution, closed
     #[arg(long)]
     pub json: bool,
@@ -34,7 +37,7 @@ pub struct IouArgs {
 
 /// Runs the command.
 pub fn run(args: &IouArgs) -> Result<(), Failure> {
-    let [a, b] = [load(&args.a)?, load(&args.b)?];
+    let [a, b] = [load(args, &args.a)?, load(args, &args.b)?];
     let resolution = args.resolution as usize;
     let iou = voxel_iou(&a, &b, resolution)?;
     if !args.json {
@@ -48,8 +51,8 @@ pub fn run(args: &IouArgs) -> Result<(), Failure> {
     say(&report.to_string())
 }
 
-fn load(path: &Path) -> Result<Mesh, Failure> {
-    let mesh = softras::obj::load(path, &LoadOptions { srgb: false, allow_outside: false })?.mesh;
+fn load(args: &IouArgs, path: &Path) -> Result<Mesh, Failure> {
+    let mesh = args.read.read(path, false, &Outputs::default())?.mesh;
     if !is_closed(&mesh) {
         note(&format!("{} is not closed: its inside is where most rays say so", path.display()));
     }

@@ -12,6 +12,7 @@ mod grad;
 mod gradients;
 mod iou;
 mod mesh;
+mod mesh_file;
 mod npz;
 mod outputs;
 mod parse;

@@ -116,3 +116,55 @@ fn no_command_overwrites_what_it_reads() {
     fails(folder.path(), &twice, 2, &["a.json", "twice"]);
     assert_eq!(files.map(|file| fs::read(folder.path().join(file)).unwrap()), before);
 }
+
+#[test]
+fn every_command_reads_every_format_and_names_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let points = [[-1.0f32, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]];
+    let obj: String = points.iter().map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect();
+    fs::write(at("mesh.obj"), obj + "f 1 2 3\n").unwrap();
+    let rows: String = points.iter().map(|[x, y, z]| format!("{x} {y} {z}\n")).collect();
+    let head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n";
+    let ply = format!("{head}element face 1\nproperty list uchar int vertex_indices\nend_header\n{rows}3 0 1 2\n");
+    fs::write(at("mesh.ply"), ply).unwrap();
+    let corners: String = points.iter().map(|[x, y, z]| format!("vertex {x} {y} {z}\n")).collect();
+    let stl = format!("solid a\nfacet normal 0 0 1\nouter loop\n{corners}endloop\nendfacet\nendsolid a\n");
+    fs::write(at("mesh.stl"), stl).unwrap();
+    let picture = |mesh: &str| {
+        succeeds(folder.path(), &["render", mesh, "-o", "picture.png", "--size", "16", "--strict"]);
+        fs::read(at("picture.png")).unwrap()
+    };
+    let expected = picture("mesh.obj");
+    assert!(picture("mesh.ply") == expected && picture("mesh.stl") == expected);
+    succeeds(folder.path(), &["bench", "mesh.stl", "--quick", "--size", "8", "--modes", "silhouette"]);
+    succeeds(folder.path(), &["iou", "mesh.stl", "mesh.ply", "--resolution", "2"]);
+    succeeds(folder.path(), &["grad", "mesh.ply", "--target", "picture.png", "-o", "grad.png"]);
+    let fit = "fit --from mesh.stl --template mesh.ply --views 1 --size 8 --iterations 1 -o out.obj";
+    succeeds(folder.path(), &fit.split_whitespace().collect::<Vec<_>>());
+    let formats = "softras reads .obj, .ply, .stl, .gltf and .glb";
+    fails(folder.path(), &["render", "picture.png", "-o", "a.png"], 1, &["picture.png", formats]);
+    // A note is an error where that is asked for.
+    fs::write(at("line.obj"), fs::read_to_string(at("mesh.obj")).unwrap() + "f 1 2\n").unwrap();
+    let noted = softras(folder.path(), &["render", "line.obj", "-o", "a.png", "--size", "16"]);
+    assert!(String::from_utf8_lossy(&noted.stderr).contains("note: line 5: faces of fewer than three corners"));
+    fails(folder.path(), &["render", "line.obj", "-o", "a.png", "--strict"], 1, &["line.obj:5", "fewer than three"]);
+}
+
+#[test]
+fn a_missing_driver_is_named_with_its_package() {
+    let folder = tempfile::tempdir().unwrap();
+    succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
+    for device in [&[][..], &["--device", "3"]] {
+        let output = std::process::Command::new(env!("CARGO_BIN_EXE_softras"))
+            .current_dir(folder.path())
+            .args([&["render", "cube.obj", "-o", "a.png"], device].concat())
+            .env("VK_DRIVER_FILES", "/nowhere.json")
+            .env("VK_ICD_FILENAMES", "/nowhere.json")
+            .output()
+            .unwrap();
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{errors}");
+        assert!(errors.contains("no driver") && errors.contains("mesa-vulkan-drivers"), "{errors}");
+    }
+}

@@ -1,5 +1,6 @@
 //! The arguments of `softras bench`.
 
+use crate::commands::mesh_file::ReadArgs;
 use crate::commands::parse;
 use clap::{Args, ValueEnum};
 use softras_cli::measure;
@@ -33,6 +34,8 @@ Examples:
 pub struct BenchArgs {
     /// A Wavefront OBJ file
     pub mesh: Option<PathBuf>,
+    #[command(flatten)]
+    pub read: ReadArgs,
     /// Sides of the square images, pixels [default: 64,256,512; with --quick 64]
     #[arg(long, value_name = "PIXELS", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..=16384))]
     pub size: Vec<u32>,

@@ -7,13 +7,12 @@ mod rows;
 
 use super::outputs::Outputs;
 use super::progress::Progress;
-use super::{Failure, note, say};
+use super::{Failure, say};
 use args::BenchArgs;
 use machine::Machine;
 use rows::{Expected, Job, Row, measure, rows};
 use serde_json::Value;
 use softras::internals::output;
-use softras::obj::LoadOptions;
 use softras::{Camera, Error, Mesh, Renderer, Scene, shapes};
 use softras_cli::measure::{Mode, peak_flops, subject, sweep};
 use std::path::Path;
@@ -137,9 +136,7 @@ fn size_rows(
 /// The given mesh, or the built-in ones.
 fn meshes(args: &BenchArgs, outputs: &Outputs) -> Result<Vec<(String, Mesh)>, Failure> {
     if let Some(path) = &args.mesh {
-        let loaded = softras::obj::load(path, &LoadOptions::default())?;
-        outputs.spare(&loaded.files)?;
-        loaded.notes.iter().for_each(|text| note(text));
+        let loaded = args.read.read(path, false, outputs)?;
         let name = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
         return Ok(vec![(name, loaded.mesh)]);
     }

@@ -1,5 +1,6 @@
 //! The arguments of `softras fit`.
 
+use crate::commands::mesh_file::ReadArgs;
 use crate::commands::parse;
 use crate::commands::render::args::Faces;
 use clap::{Args, ValueEnum};
@@ -62,9 +63,8 @@ pub struct FitArgs {
     /// Fit the template's texture alone and leave its vertices as they are
     #[arg(long, conflicts_with = "subdivide_at")]
     pub texture: bool,
-    /// Allow cameras.json to name pictures outside its folder
-    #[arg(long)]
-    pub allow_outside: bool,
+    #[command(flatten)]
+    pub read: ReadArgs,
     #[command(flatten)]
     pub method: MethodArgs,
     #[command(flatten)]

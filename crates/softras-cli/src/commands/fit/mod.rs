@@ -22,7 +22,6 @@ use report::{Log, Scores};
 use setup::Setup;
 use softras::fit::{ShapeFit, Targets};
 use softras::internals::output;
-use softras::obj::LoadOptions;
 use softras::{Mesh, Renderer};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -32,8 +31,6 @@ use targets::Views;
 const CHECKPOINT_STEPS: usize = 100;
 /// Steps between two queries of the device's results.
 const AHEAD: usize = 10;
-/// The options for reading meshes: textures are decoded to linear light.
-const LOAD: LoadOptions = LoadOptions { srgb: true, allow_outside: false };
 
 /// Runs the command.
 pub fn run(args: &FitArgs) -> Result<(), Failure> {

@@ -5,7 +5,7 @@ use super::cameras;
 use crate::commands::color::Curve;
 use crate::commands::npz::npy::{self, Array, Values};
 use crate::commands::outputs::Outputs as Files;
-use crate::commands::{Failure, note, render::framing::Bounds};
+use crate::commands::{Failure, render::framing::Bounds};
 use glam::DVec3;
 use serde_json::Value;
 use softras::fit::Targets;
@@ -47,7 +47,7 @@ impl Views {
     pub fn read(args: &FitArgs, written: &Files, renderer: &mut Renderer) -> Result<Self, Failure> {
         let template = match args.template.as_str() {
             "sphere" => None,
-            path => Some(read_mesh(Path::new(path), written)?),
+            path => Some(args.read.read(Path::new(path), true, written)?.mesh),
         };
         let views = args.views.as_deref();
         if let Some(path) = &args.from {
@@ -55,7 +55,7 @@ impl Views {
             let Some(count) = count else {
                 return Err(Failure::Usage("--views: with --from it is a number of views from 1 to 1000".into()));
             };
-            let mesh = read_mesh(path, written)?;
+            let mesh = args.read.read(path, true, written)?.mesh;
             return Ok(Self::made(args, mesh, template, count, renderer)?);
         }
         let path = Path::new(views.unwrap_or_default());
@@ -89,13 +89,6 @@ impl Views {
         let (silhouette, color) = (shrunk(frame.silhouette())?, shrunk(frame.color())?);
         Ok(Self { targets: Targets { cameras, silhouette, color }, truth: Some(mesh), template, bounds, depths })
     }
-}
-
-fn read_mesh(path: &Path, written: &Files) -> Result<Mesh, Failure> {
-    let loaded = softras::obj::load(path, &super::LOAD)?;
-    written.spare(&loaded.files)?;
-    loaded.notes.iter().for_each(|text| note(text));
-    Ok(loaded.mesh)
 }
 
 /// Every `stride`-th view.
@@ -204,7 +197,7 @@ fn folder(args: &FitArgs, path: &Path, files: &mut Vec<PathBuf>) -> Result<Targe
             return Err(fault(&list, format!("camera {i} has no \"file\""), "name its PNG file")?);
         };
         let file = path.join(name);
-        check_inside(path, &file, args.allow_outside)?;
+        check_inside(path, &file, args.read.allow_outside)?;
         let (width, height, image) = read_picture(&file)?;
         files.push(file.clone());
         if *size.get_or_insert((width, height)) != (width, height) {

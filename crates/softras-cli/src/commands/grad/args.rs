@@ -1,6 +1,7 @@
 //! The arguments of `softras grad`.
 
 use crate::commands::gradients::Mode;
+use crate::commands::mesh_file::ReadArgs;
 use crate::commands::parse;
 use crate::commands::render::args::{BackgroundMode, CameraArgs, LightArgs, LookArgs, ModeArgs, Support};
 use clap::Args;
@@ -36,9 +37,8 @@ pub struct GradArgs {
     /// The picture to write
     #[arg(short, long = "out", value_name = "FILE.png")]
     pub out: PathBuf,
-    /// Let the mesh read materials and textures outside its own folder
-    #[arg(long)]
-    pub allow_outside: bool,
+    #[command(flatten)]
+    pub read: ReadArgs,
     /// The Vulkan device: its index or a part of its name; or `reference`, the brute-force f64 reference
     #[arg(long, value_name = "DEVICE")]
     pub device: Option<String>,

@@ -16,7 +16,6 @@ use args::GradArgs;
 use engine::Engine;
 use panels::Sheet;
 use serde_json::json;
-use softras::obj::LoadOptions;
 use softras::{Scene, Settings};
 use std::path::Path;
 use std::time::Instant;
@@ -32,10 +31,7 @@ pub fn run(args: &GradArgs) -> Result<(), Failure> {
     let start = Instant::now();
     let curve = if args.soft.raw { super::color::Curve::Raw } else { super::color::Curve::Srgb };
     let target = Target::read(&args.target_image, curve, args.soft.background.numbers(curve))?;
-    let loaded =
-        softras::obj::load(&args.mesh, &LoadOptions { srgb: !args.soft.raw, allow_outside: args.allow_outside })?;
-    outputs.spare(&loaded.files)?;
-    loaded.notes.iter().for_each(|text| note(text));
+    let loaded = args.read.read(&args.mesh, !args.soft.raw, &outputs)?;
     let bounds = Bounds::of(&loaded.mesh);
     let view = View::new(&args.camera, bounds, target.width as f64 / target.height as f64, 0.0);
     if view.misses(bounds) {

@@ -1,5 +1,6 @@
 //! The arguments of `softras pose`.
 
+use crate::commands::mesh_file::ReadArgs;
 use crate::commands::render::args::CameraArgs;
 use clap::Args;
 use std::path::PathBuf;
@@ -62,6 +63,8 @@ pub struct PoseArgs {
     /// The Vulkan device: its index or a part of its name [default: the best one]
     #[arg(long, value_name = "DEVICE")]
     pub device: Option<String>,
+    #[command(flatten)]
+    pub read: ReadArgs,
     #[command(flatten)]
     pub camera: CameraArgs,
 }

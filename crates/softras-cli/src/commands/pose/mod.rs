@@ -8,13 +8,12 @@ use super::color::encoded;
 use super::fit::targets;
 use super::outputs::Outputs;
 use super::render::framing::{Bounds, View};
-use super::{Failure, note, say};
+use super::{Failure, say};
 use args::PoseArgs;
 use glam::DVec3;
 use serde_json::json;
 use softras::fit::{Pose, PoseFit, PoseOptions, PoseTarget, rotations};
 use softras::internals::fit::is_closed;
-use softras::obj::LoadOptions;
 use softras::scene::Faces;
 use softras::{Camera, Image, Mesh, Renderer, Result, Scene, Settings};
 
@@ -33,10 +32,9 @@ pub fn run(args: &PoseArgs) -> Result<(), Failure> {
     match (&args.mesh, &args.image) {
         (Some(mesh), Some(image)) => {
             let (width, height, pixels) = targets::read_picture(image)?;
-            let loaded = softras::obj::load(mesh, &LoadOptions { srgb: true, allow_outside: false })?;
-            outputs.spare(loaded.files.iter().chain([image]))?;
-            loaded.notes.iter().for_each(|text| note(text));
-            find(args, &loaded.mesh, &Target::new(width, height, &pixels), &mut renderer)
+            outputs.spare([image])?;
+            let mesh = args.read.read(mesh, true, &outputs)?.mesh;
+            find(args, &mesh, &Target::new(width, height, &pixels), &mut renderer)
         }
         _ => benchmark::run(args, &mut renderer),
     }

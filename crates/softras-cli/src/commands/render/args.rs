@@ -1,6 +1,6 @@
 //! The arguments of `softras render`.
 
-use crate::commands::{color::Curve, parse};
+use crate::commands::{color::Curve, mesh_file::ReadArgs, parse};
 use clap::{Args, ValueEnum};
 use softras::scene;
 use std::path::PathBuf;
@@ -36,9 +36,8 @@ pub struct RenderArgs {
     /// The images to write (several separated by commas, or by repeating the option)
     #[arg(long, value_enum, value_delimiter = ',', default_value = "color")]
     pub output: Vec<Output>,
-    /// Let the mesh read materials and textures outside its own folder
-    #[arg(long)]
-    pub allow_outside: bool,
+    #[command(flatten)]
+    pub read: ReadArgs,
     /// The Vulkan device: its index or a part of its name, as `softras devices` lists them [default: the best one]
     #[arg(long, value_name = "DEVICE")]
     pub device: Option<String>,

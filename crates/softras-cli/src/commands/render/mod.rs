@@ -18,7 +18,6 @@ use formats::Format;
 use framing::{Bounds, View};
 use picture::Shot;
 use report::{Report, Written};
-use softras::obj::LoadOptions;
 use softras::{Error, Mesh, Renderer, Scene};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -29,15 +28,13 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let outputs = Outputs::new(targets.iter().map(|target| &target.path), [])?;
     let samples = samples(args, &targets)?;
     let start = Instant::now();
-    let options = LoadOptions { srgb: !args.look.raw, allow_outside: args.allow_outside };
-    let loaded = softras::obj::load(&args.mesh, &options)?;
-    outputs.spare(&loaded.files)?;
+    let loaded = args.read.read(&args.mesh, !args.look.raw, &outputs)?;
     let mut notes = loaded.notes;
     let mut stage = Stage::new(args, loaded.mesh, samples)?;
     if stage.view(0.0).misses(stage.bounds) {
         notes.push("the mesh lies wholly outside the depths that this camera draws".into());
+        notes.last().into_iter().for_each(|text| note(text));
     }
-    notes.iter().for_each(|text| note(text));
     let mut report = Report::new(&stage, notes);
     if args.turntable.is_some() || args.sweep.is_some() {
         animation::run(&mut stage, &targets, &mut report)?;
