@@ -1,7 +1,7 @@
 //! Reads mesh files for all commands.
 
 use super::outputs::Outputs;
-use super::{Failure, note};
+use super::{Failure, detail, note};
 use clap::Args;
 use softras::obj::{LoadOptions, Loaded};
 use std::path::Path;
@@ -25,6 +25,11 @@ impl ReadArgs {
         let loaded = softras::load(path, &options)?;
         outputs.spare(&loaded.files)?;
         loaded.notes.iter().for_each(|text| note(text));
+        for file in &loaded.files {
+            detail(&format!("read {}", file.display()));
+        }
+        let mesh = &loaded.mesh;
+        detail(&format!("{} vertices, {} triangles", mesh.positions().len(), mesh.triangles().len()));
         Ok(loaded)
     }
 }

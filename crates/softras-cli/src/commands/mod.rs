@@ -4,12 +4,14 @@ mod articulate;
 mod bench;
 mod check;
 mod color;
+mod complete;
 mod describe;
 mod devices;
 mod eval;
 mod fit;
 mod grad;
 mod gradients;
+pub mod help;
 mod iou;
 mod mesh;
 mod mesh_file;
@@ -24,12 +26,14 @@ mod svg;
 
 use clap::{Parser, Subcommand};
 use std::io::Write;
+use std::sync::OnceLock;
+use std::time::Instant;
 
 const ABOUT: &str = "\
 Differentiable soft mesh rasterization (SoftRas) on any Vulkan device.
 
-Exit codes: 0 success; 1 failure, with one line that says why and how to fix it;
-2 invalid arguments.";
+Exit codes: 0 success; 1 failure, with one line that says why and how to fix it; 2 invalid arguments; 130 ended by Ctrl-C, \
+with the best so far written.";
 
 /// The `softras` command.
 #[derive(Debug, Parser)]
@@ -38,6 +42,26 @@ pub struct Cli {
     /// The subcommand.
     #[command(subcommand)]
     pub command: Command,
+    /// Print errors and results alone: no notes, no progress
+    #[arg(short, long, global = true, help_heading = "Output")]
+    pub quiet: bool,
+    /// Print more on the work: the files read, sizes, the device, seconds
+    #[arg(short, long, global = true, conflicts_with = "quiet", help_heading = "Output")]
+    pub verbose: bool,
+}
+
+/// How much is told besides results and errors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Loudness {
+    Quiet,
+    Usual,
+    Verbose,
+}
+
+static LOUDNESS: OnceLock<Loudness> = OnceLock::new();
+
+fn loudness() -> Loudness {
+    LOUDNESS.get().copied().unwrap_or(Loudness::Usual)
 }
 
 /// The subcommands.
@@ -55,6 +79,8 @@ pub enum Command {
     Iou(iou::IouArgs),
     Pose(Box<pose::args::PoseArgs>),
     Articulate(articulate::args::ArticulateArgs),
+    Completions(complete::CompletionsArgs),
+    Man(complete::ManArgs),
 }
 
 /// Why a command failed.
@@ -68,6 +94,8 @@ pub enum Failure {
     Told,
     /// The reader of the output has closed it.
     Closed,
+    /// Ctrl-C ended the work early; what there was has been written.
+    Interrupted,
 }
 
 impl From<softras::Error> for Failure {
@@ -78,6 +106,20 @@ impl From<softras::Error> for Failure {
 
 /// Runs a command.
 pub fn run(cli: &Cli) -> Result<(), Failure> {
+    let start = Instant::now();
+    let loudness = match (cli.quiet, cli.verbose) {
+        (true, _) => Loudness::Quiet,
+        (_, true) => Loudness::Verbose,
+        _ => Loudness::Usual,
+    };
+    // Only the first call of a process counts, and there is one.
+    let _ = LOUDNESS.set(loudness);
+    let outcome = run_command(cli);
+    detail(&format!("{:.2} seconds", start.elapsed().as_secs_f64()));
+    outcome
+}
+
+fn run_command(cli: &Cli) -> Result<(), Failure> {
     match &cli.command {
         Command::Render(args) => render::run(args),
         Command::Eval(args) => eval::run(args),
@@ -91,6 +133,8 @@ pub fn run(cli: &Cli) -> Result<(), Failure> {
         Command::Iou(args) => iou::run(args),
         Command::Pose(args) => pose::run(args),
         Command::Articulate(args) => articulate::run(args),
+        Command::Completions(args) => complete::completions(args),
+        Command::Man(args) => complete::man(args),
     }
 }
 
@@ -101,6 +145,25 @@ fn say(line: &str) -> Result<(), Failure> {
 
 /// Prints a note on stderr, about something that did not stop the work.
 fn note(text: &str) {
-    // With stderr closed there is nowhere to report to.
-    let _ = writeln!(std::io::stderr(), "note: {text}");
+    if loudness() > Loudness::Quiet {
+        // With stderr closed there is nowhere to report to.
+        let _ = writeln!(std::io::stderr(), "note: {text}");
+    }
+}
+
+/// Prints on stderr what is told with --verbose alone.
+fn detail(text: &str) {
+    if loudness() == Loudness::Verbose {
+        let _ = writeln!(std::io::stderr(), "{text}");
+    }
+}
+
+/// The device that a selector names, or the best one.
+fn open_device(selector: Option<&str>) -> softras::Result<softras::Renderer> {
+    let renderer = match selector {
+        Some(selector) => softras::Renderer::with_device(selector)?,
+        None => softras::Renderer::new()?,
+    };
+    detail(&format!("device: {}", renderer.device_name()));
+    Ok(renderer)
 }

@@ -1,5 +1,6 @@
 //! Progress bars on stderr for work that takes over a second.
 
+use super::{Loudness, loudness};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::time::{Duration, Instant};
 
@@ -16,6 +17,9 @@ impl Progress {
     /// A spinner, for work whose progress is not known.
     pub fn spinner(what: &str) -> Self {
         let bar = ProgressBar::new_spinner().with_message(what.to_string());
+        if loudness() == Loudness::Quiet {
+            bar.set_draw_target(ProgressDrawTarget::hidden());
+        }
         if let Ok(style) = ProgressStyle::with_template("{msg} {elapsed}") {
             bar.set_style(style);
         }
@@ -46,7 +50,7 @@ impl Progress {
 
     /// Advances the bar by one.
     pub fn step(&self) {
-        if self.bar.is_hidden() && self.start.elapsed() > PATIENCE {
+        if loudness() > Loudness::Quiet && self.bar.is_hidden() && self.start.elapsed() > PATIENCE {
             self.bar.set_draw_target(ProgressDrawTarget::stderr());
         }
         self.bar.inc(1);

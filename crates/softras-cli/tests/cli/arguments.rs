@@ -152,6 +152,45 @@ fn every_command_reads_every_format_and_names_them() {
 }
 
 #[test]
+fn usage_errors_show_the_usage_of_their_command() {
+    let folder = tempfile::tempdir().unwrap();
+    let line = ["render", "a.obj", "-o", "a.tiff"];
+    fails(folder.path(), &line, 2, &["a.tiff", "Usage: softras render [OPTIONS]"]);
+    let line = ["-q", "fit", "--from", "a.obj", "--views", "many", "-o", "out.obj"];
+    fails(folder.path(), &line, 2, &["--views", "Usage: softras fit"]);
+}
+
+#[test]
+fn shells_and_man_know_the_command() {
+    let folder = tempfile::tempdir().unwrap();
+    for (shell, part) in [("bash", "_softras()"), ("zsh", "#compdef softras"), ("fish", "complete -c softras")] {
+        let script = succeeds(folder.path(), &["completions", shell]);
+        assert!(script.contains(part) && script.contains("allow-outside"), "{shell}");
+    }
+    let page = succeeds(folder.path(), &["man"]);
+    assert!(page.contains(".TH softras 1") && page.contains("softras\\-render"), "{page}");
+    assert!(succeeds(folder.path(), &["man", "render"]).contains("azimuth"));
+    fails(folder.path(), &["man", "nothing"], 2, &["nothing", "Usage: softras man"]);
+}
+
+#[test]
+fn quiet_is_quiet_and_verbose_tells_more() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("a.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nl 1 2\n").unwrap();
+    let errors = |extra: &[&str]| {
+        let output = softras(folder.path(), &[&["render", "a.obj", "-o", "a.png", "--size", "8"], extra].concat());
+        assert_eq!(output.status.code(), Some(0));
+        String::from_utf8(output.stderr).unwrap()
+    };
+    assert!(errors(&[]).contains("note: line 5"));
+    assert_eq!(errors(&["--quiet"]), "");
+    let told = errors(&["-v"]);
+    let parts = ["read a.obj", "3 vertices, 1 triangles", "device: ", " seconds"];
+    assert!(parts.iter().all(|part| told.contains(part)), "{told}");
+    fails(folder.path(), &["-q", "render", "none.obj", "-o", "a.png"], 1, &["none.obj"]);
+}
+
+#[test]
 fn a_missing_driver_is_named_with_its_package() {
     let folder = tempfile::tempdir().unwrap();
     succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);

@@ -210,6 +210,30 @@ fn a_pose_is_found_from_a_picture() {
     assert!(near < 0.3 * far, "{near} against {far} unposed");
 }
 
+#[test]
+fn a_pose_is_refined_from_where_the_mesh_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |line: &str| succeeds(folder.path(), &line.split_whitespace().collect::<Vec<_>>());
+    let pose = |line: &str| -> Value { serde_json::from_str(&run(&format!("pose --json {line}"))).unwrap() };
+    run("mesh fish -o fish.obj");
+    run("render fish.obj -o target.png --unlit --size 48 --azimuth 130 --elevation 25");
+    // The camera of the command turns by 15 degrees of azimuth and 5 of elevation from there.
+    let refined = pose("--mesh fish.obj --image target.png -o posed.obj --init --no-translation");
+    let degrees = refined["degrees"].as_f64().unwrap();
+    assert!((10.0..=20.0).contains(&degrees), "{refined}");
+    assert!(refined["confidence"].is_null() && refined["starts"] == 1, "{refined}");
+    // The posed mesh is seen by the same camera: there is nothing left to turn.
+    let again = pose("--mesh posed.obj --image target.png --init --no-translation");
+    assert!(again["degrees"].as_f64().unwrap() < 1.0, "{again}");
+    assert!(again["loss"].as_f64().unwrap() < 1.05 * refined["loss"].as_f64().unwrap(), "{again} after {refined}");
+    // Beyond half a turn is less than half a turn about the opposite axis.
+    let behind = pose("--mesh fish.obj --image target.png --init 0,1,0,350 --no-translation --iterations 1");
+    assert!(behind["degrees"].as_f64().unwrap() < 20.0 && behind["axis"][1].as_f64().unwrap() < 0.0, "{behind}");
+    let one = "pose --mesh fish.obj --image target.png --init --no-translation --iterations 1";
+    assert!(run(one).contains("confidence unknown"));
+    fails(folder.path(), &["pose", "--mesh", "a", "--image", "b", "--init", "0,0,0,5"], 2, &["--init", "no length"]);
+}
+
 /// The mean over a landscape's cells of how far each is from the mean of those left and right, above and below of it, in
 /// parts of white: large where there are steps.
 fn roughness(picture: &image::RgbImage, panel: u32) -> f64 {
@@ -296,4 +320,71 @@ fn a_hidden_arm_is_reported_with_its_baselines() {
     assert!(std::fs::read(folder.path().join("occluded.png")).unwrap().starts_with(b"\x89PNG"));
     assert!(std::fs::read_to_string(folder.path().join("posed.obj")).unwrap().lines().any(|l| l.starts_with("f ")));
     fails(folder.path(), &["articulate", "--size", "8"], 2, &["--size"]);
+}
+
+fn first_frame(path: &Path) -> image::RgbaImage {
+    let mut options = gif::DecodeOptions::new();
+    options.set_color_output(gif::ColorOutput::RGBA);
+    let mut decoder = options.read_info(std::fs::File::open(path).unwrap()).unwrap();
+    let frame = decoder.read_next_frame().unwrap().unwrap();
+    image::RgbaImage::from_raw(frame.width.into(), frame.height.into(), frame.buffer.to_vec()).unwrap()
+}
+
+#[test]
+fn a_mesh_of_one_colour_is_fitted_under_light() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |extra: &[&str]| {
+        let fit =
+            "fit --from torus.obj --views 3 --size 24 --iterations 4 --subdivisions 2 --color -o out.obj --gif fit.gif";
+        let output = softras(folder.path(), &[&fit.split_whitespace().collect::<Vec<_>>()[..], extra].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+        (String::from_utf8(output.stderr).unwrap(), first_frame(&folder.path().join("fit.gif")))
+    };
+    let torus = softras::shapes::torus(1.0, 0.4, 24, 12).unwrap();
+    let white = torus.with_appearance(softras::scene::Appearance::Uniform([1.0; 3])).unwrap();
+    softras::obj::write_obj(&white, &folder.path().join("torus.obj")).unwrap();
+    let (said, flat) = run(&[]);
+    assert!(said.contains("one colour") && said.contains("--shading"), "{said}");
+    let (said, lit) = run(&["--shading", "smooth"]);
+    assert!(!said.contains("one colour"), "{said}");
+    // The target is the left half, over a grey ground: white alone without light, shades with it.
+    let shades = |picture: &image::RgbaImage| {
+        let left = picture.enumerate_pixels().filter(|(x, ..)| *x < picture.width() / 2);
+        left.map(|(_, _, pixel)| pixel.0).collect::<std::collections::HashSet<_>>()
+    };
+    let ground = flat.get_pixel(0, 0).0;
+    assert!((60..220).contains(&ground[0]) && ground[0].abs_diff(ground[1]) < 8, "{ground:?}");
+    assert!(shades(&lit).len() > 2 * shades(&flat).len(), "{} and {}", shades(&lit).len(), shades(&flat).len());
+    fails(folder.path(), &["fit", "--from", "torus.obj", "--shading", "flat", "-o", "o.obj"], 2, &["--color"]);
+}
+
+#[test]
+fn missing_cameras_show_what_they_look_like() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("photos")).unwrap();
+    let parts = ["photos/cameras.json", "not found", "\"azimuth\": 45", "\"eye\""];
+    fails(folder.path(), &["fit", "--views", "photos", "-o", "out.obj"], 1, &parts);
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_fit_writes_its_best_and_exits_with_130() {
+    let folder = tempfile::tempdir().unwrap();
+    succeeds(folder.path(), &["mesh", "torus", "-o", "torus.obj"]);
+    let fit =
+        "fit --from torus.obj --views 3 --size 24 --subdivisions 2 --iterations 1000000 -o out.obj --checkpoint a.npz";
+    let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_softras"))
+        .current_dir(folder.path())
+        .args(fit.split_whitespace())
+        .spawn()
+        .unwrap();
+    // The checkpoint is written after 100 steps.
+    while !folder.path().join("a.npz").exists() {
+        assert!(child.try_wait().unwrap().is_none(), "ended by itself");
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    let interrupted = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(interrupted.success());
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    assert!(std::fs::read_to_string(folder.path().join("out.obj")).unwrap().lines().any(|line| line.starts_with("f ")));
 }

@@ -24,10 +24,7 @@ const PANEL: (u32, u32) = (168, 240);
 /// Runs the command.
 pub fn run(args: &ArticulateArgs) -> Result<(), Failure> {
     Outputs::new(&args.out, &args.obj)?;
-    let mut renderer = match &args.device {
-        Some(device) => Renderer::with_device(device)?,
-        None => Renderer::new()?,
-    };
+    let mut renderer = super::open_device(args.device.as_deref())?;
     let stage = Stage::new(args.size)?;
     let methods = trial::methods(args);
     let mut random = Random::new(args.seed);

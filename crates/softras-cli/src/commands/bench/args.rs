@@ -32,7 +32,7 @@ Examples:
   softras bench bunny.obj --size 256,512 --modes color+silhouette --json bunny.json
   softras bench --plots plots")]
 pub struct BenchArgs {
-    /// A Wavefront OBJ file
+    /// A mesh file: .obj, .ply, .stl, .gltf or .glb
     pub mesh: Option<PathBuf>,
     #[command(flatten)]
     pub read: ReadArgs,

@@ -2,9 +2,11 @@
 
 use crate::commands::mesh_file::ReadArgs;
 use crate::commands::parse;
-use crate::commands::render::args::Faces;
+use crate::commands::render::args::{Faces, Shading};
 use clap::{Args, ValueEnum};
+use softras::Lights;
 use softras::fit::ImageLoss;
+use softras::scene::DirectionalLight;
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
@@ -12,6 +14,7 @@ Examples:
   softras fit --views views.npy --cameras cameras.npy -o shape.obj --json log.json
   softras fit --views photos -o shape.obj --color --gif fit.gif --plot loss.png
   softras fit --from spot.obj --views 24 --size 128 --color -o fitted.obj
+  softras fit --from bunny.obj --color --shading smooth -o fitted.obj --gif fit.gif
   softras fit --from spot.obj --template grey_spot.obj --texture -o textured.obj
 
 Views and cameras:
@@ -30,8 +33,8 @@ Ctrl-C ends the fit and writes the best mesh so far; --checkpoint FILE with --re
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub struct FitArgs {
-    /// The mesh to begin with: `sphere`, or an .obj file
-    #[arg(long, value_name = "sphere|MESH.obj", default_value = "sphere")]
+    /// The mesh to begin with: `sphere`, or a mesh file (.obj, .ply, .stl, .gltf, .glb)
+    #[arg(long, value_name = "sphere|MESH", default_value = "sphere")]
     pub template: String,
     /// Subdivisions of the sphere, each of which halves its edges: 3 gives 642 vertices
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=7), default_value_t = 3)]
@@ -45,8 +48,8 @@ pub struct FitArgs {
     /// Vertical angle of view of cameras whose file does not give one, degrees
     #[arg(long, value_name = "DEGREES", value_parser = parse::angle_of_view, default_value_t = 30.0)]
     pub fov: f64,
-    /// Render the target images from this mesh
-    #[arg(long, value_name = "MESH.obj")]
+    /// Render the target images from this mesh file
+    #[arg(long, value_name = "MESH")]
     pub from: Option<PathBuf>,
     /// Size in pixels of the images that --from renders
     #[arg(long, value_name = "SIZE", value_parser = parse::size, default_value = "128")]
@@ -60,6 +63,10 @@ pub struct FitArgs {
     /// Fit the colours too: the template's texels where it has a texture, else a colour for each vertex
     #[arg(long)]
     pub color: bool,
+    /// Light the views that --from renders, and the mesh that is fitted, alike: views of a mesh of one colour show nothing
+    /// but their outline without light
+    #[arg(long, value_enum, requires = "from")]
+    pub shading: Option<Shading>,
     /// Fit the template's texture alone and leave its vertices as they are
     #[arg(long, conflicts_with = "subdivide_at")]
     pub texture: bool,
@@ -75,6 +82,19 @@ pub struct FitArgs {
 }
 
 impl FitArgs {
+    /// The lights of the views and of the fit: none, or three that shine from fixed sides, each stronger than the next, so
+    /// that the brightness tells where a surface faces.
+    pub fn lights(&self) -> Lights {
+        let Some(shading) = self.shading else { return Lights::unlit() };
+        let one = |direction, intensity| DirectionalLight { direction, color: [1.0; 3], intensity };
+        Lights {
+            ambient_color: [1.0; 3],
+            ambient_intensity: 0.2,
+            directional: vec![one([0.5, 0.8, -0.4], 0.6), one([-0.8, 0.1, -0.3], 0.3), one([0.2, -0.3, 0.9], 0.25)],
+            shading: shading.into(),
+        }
+    }
+
     /// Whether colours are fitted.
     pub fn colored(&self) -> bool {
         self.color || self.texture

@@ -51,7 +51,7 @@ pub fn run(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Vec
         if !setup.options.fit_colors {
             targets.color = None;
         }
-        let mut fit = ShapeFit::new(setup.template.clone(), softras::Lights::unlit(), setup.options.clone())?;
+        let mut fit = ShapeFit::new(setup.template.clone(), args.lights(), setup.options.clone())?;
         let progress = begun(name, &setup);
         for step in 0..setup.iterations {
             if setup.remakes(step) {
@@ -81,7 +81,7 @@ fn hard(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Option
     let mut setup = Setup::new(args, views)?;
     setup.options.fit_colors = false;
     let targets = Targets { color: None, ..targets::fitted(args, &views.targets) };
-    let shape = ShapeFit::new(setup.template.clone(), softras::Lights::unlit(), setup.options.clone())?;
+    let shape = ShapeFit::new(setup.template.clone(), args.lights(), setup.options.clone())?;
     let perspective = |camera: &softras::Camera| matches!(camera.projection(), Projection::Perspective { .. });
     let possible = targets.silhouette.is_some() && targets.cameras.iter().all(perspective);
     if args.texture || !possible || DeviceFit::unsupported(&shape).is_some() {

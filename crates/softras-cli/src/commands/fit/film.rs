@@ -71,7 +71,7 @@ impl Film {
             outputs: Outputs { color: true, silhouette: true, depth: false, normal: false },
             ..setup.settings(0)
         };
-        let lights = if setup.options.fit_colors { Lights::unlit() } else { lights(&camera) };
+        let lights = if setup.options.fit_colors { setup.lights.clone() } else { lights(&camera) };
         let frame = renderer.render(&Scene::new(mesh.clone()).with_lights(lights), &[camera], &settings)?;
         let (Some(color), Some(alpha)) = (frame.color(), frame.silhouette()) else { return Ok(()) };
         let [color, alpha] = [pooled(color, SAMPLES as usize)?, pooled(alpha, SAMPLES as usize)?];
@@ -105,9 +105,12 @@ fn lights(camera: &Camera) -> Lights {
     }
 }
 
-/// The picture of premultiplied linear colours over white.
+/// The linear value of the ground, a grey on which white and black both show.
+const GROUND: f32 = 0.4;
+
+/// The picture of premultiplied linear colours over the ground.
 fn picture(color: &[f32], alpha: &[f32], (height, width): (usize, usize)) -> Picture {
-    let byte = |c: f32, a: f32| (Curve::Srgb.encode(f64::from(c + 1.0 - a)) * 255.0).round() as u8;
+    let byte = |c: f32, a: f32| (Curve::Srgb.encode(f64::from(c + (1.0 - a) * GROUND)) * 255.0).round() as u8;
     let pixel = |(c, &a): (&[f32], &f32)| [byte(c[0], a), byte(c[1], a), byte(c[2], a), 255];
     Picture { width, height, pixels: color.chunks_exact(3).zip(alpha).map(pixel).collect() }
 }

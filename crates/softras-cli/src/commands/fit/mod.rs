@@ -37,10 +37,7 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     let files = &args.files;
     let written = [&files.json, &files.plot, &files.gif, &files.checkpoint];
     let outputs = Outputs::new(written.into_iter().flatten(), [&args.out])?;
-    let mut renderer = match &args.device {
-        Some(device) => Renderer::with_device(device)?,
-        None => Renderer::new()?,
-    };
+    let mut renderer = super::open_device(args.device.as_deref())?;
     let views = Views::read(args, &outputs, &mut renderer)?;
     let setup = Setup::new(args, &views)?;
     let targets = targets::fitted(args, &views.targets);
@@ -68,14 +65,19 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     if let Some(path) = &files.plot {
         plot::write(path, &work.log.losses())?;
     }
-    let baselines = if args.method.baselines { baselines::run(args, &views, &mut renderer)? } else { Vec::new() };
+    let baselines = if args.method.baselines && !work.interrupted {
+        baselines::run(args, &views, &mut renderer)?
+    } else {
+        Vec::new()
+    };
     if let Some(path) = &files.json {
         let mut report = work.log.json(args, &setup, &scores, (renderer.device_name(), work.engine.reason()), &best);
         report["baselines"] = baselines.iter().map(baselines::Baseline::json).collect();
         output::write_file(path, report.to_string().as_bytes())?;
     }
     report::tell(args, &work.log, &scores, &best)?;
-    baselines.iter().try_for_each(|baseline| super::say(&baseline.sentence()))
+    baselines.iter().try_for_each(|baseline| super::say(&baseline.sentence()))?;
+    if work.interrupted { Err(Failure::Interrupted) } else { Ok(()) }
 }
 
 /// A fit in progress, with its log and its best mesh.
@@ -89,6 +91,8 @@ struct Work {
     film: Film,
     /// The mesh of least loss, and its step.
     best: Option<(Mesh, usize)>,
+    /// Whether Ctrl-C ended the fit.
+    interrupted: bool,
 }
 
 impl Work {
@@ -100,7 +104,7 @@ impl Work {
         targets: &Targets,
         renderer: &mut Renderer,
     ) -> Result<Self, Failure> {
-        let begin = |mesh: Mesh| ShapeFit::new(mesh, softras::Lights::unlit(), setup.options.clone());
+        let begin = |mesh: Mesh| ShapeFit::new(mesh, args.lights(), setup.options.clone());
         let (mut fit, mut next) = (begin(setup.template.clone())?, 0);
         if let Some(path) = args.files.checkpoint.as_ref().filter(|path| args.files.resume && path.exists()) {
             let (step, mesh, state) = checkpoint::read(path)?;
@@ -111,7 +115,7 @@ impl Work {
         }
         let film = Film::new(args.files.gif.is_some(), setup, views);
         let engine = Engine::new(fit, targets, &setup.settings(next), args.method.host, renderer)?;
-        Ok(Self { engine, next, first: next, log: Log::default(), film, best: None })
+        Ok(Self { engine, next, first: next, log: Log::default(), film, best: None, interrupted: false })
     }
 
     /// Takes all steps, or those until Ctrl-C.
@@ -127,6 +131,7 @@ impl Work {
         (0..self.next).for_each(|_| progress.step());
         while self.next < setup.iterations {
             if stop.load(Ordering::Relaxed) {
+                self.interrupted = true;
                 note(&format!("interrupted before step {}: this is the best so far", self.next));
                 break;
             }

@@ -31,25 +31,58 @@ fn plot(losses: &[(usize, f64)]) -> Picture {
     let (w, h) = ((WIDTH - LEFT - RIGHT) as f64, (HEIGHT - TOP - BOTTOM) as f64);
     let x = |step: f64| LEFT as f64 + (step - first.0) / (last.0 - first.0).max(1.0) * w;
     let y = |log: f64| TOP as f64 + (high - log) / (high - low) * h;
-    for i in 0..=4 {
-        let part = f64::from(i) / 4.0;
-        let (log, step) = (low + part * (high - low), first.0 + part * (last.0 - first.0));
-        canvas::line(&mut picture, [LEFT as f64, y(log)], [LEFT as f64 + w, y(log)], 1.0, GRID);
-        let label = format!("{:.4}", log.exp());
-        write_text(&mut picture, &label, LEFT - 8 - text_width(&label, 1), y(log) as usize - 3, 1, INK);
-        let label = format!("{step:.0}");
-        write_text(&mut picture, &label, x(step) as usize - text_width(&label, 1) / 2, HEIGHT - BOTTOM + 8, 1, INK);
+    for (value, label) in ticks_of_logarithm(low.exp(), high.exp()) {
+        let at = y(value.ln());
+        canvas::line(&mut picture, [LEFT as f64, at], [LEFT as f64 + w, at], 1.0, GRID);
+        write_text(&mut picture, &label, LEFT - 8 - text_width(&label, 1), at as usize - 3, 1, INK);
     }
-    write_text(&mut picture, "loss", LEFT, HEIGHT - 12, 1, INK);
+    for (step, label) in ticks(first.0, last.0.max(first.0 + 1.0), 6.0) {
+        canvas::line(&mut picture, [x(step), TOP as f64], [x(step), TOP as f64 + h], 1.0, GRID);
+        write_text(&mut picture, &label, x(step) as usize - text_width(&label, 1) / 2, HEIGHT - BOTTOM + 6, 1, INK);
+    }
+    let middle = LEFT + (WIDTH - LEFT - RIGHT - text_width("step", 1)) / 2;
+    write_text(&mut picture, "step", middle, HEIGHT - 14, 1, INK);
+    write_text(&mut picture, "loss", LEFT, 6, 1, INK);
     for pair in positive.windows(2) {
         canvas::line(&mut picture, [x(pair[0].0), y(pair[0].1)], [x(pair[1].0), y(pair[1].1)], 1.6, LINE);
     }
     picture
 }
 
+/// Round values in a range, about so many, with their labels.
+fn ticks(low: f64, high: f64, about: f64) -> Vec<(f64, String)> {
+    let least = (high - low) / about;
+    let power = 10f64.powf(least.log10().floor());
+    let step = [1.0, 2.0, 5.0, 10.0].map(|factor| factor * power).into_iter().find(|step| *step >= least);
+    let step = step.unwrap_or(10.0 * power).max(f64::MIN_POSITIVE);
+    let digits = (-step.log10().floor()).max(0.0) as usize;
+    let (from, to) = ((low / step - 1e-9).ceil() as i64, (high / step + 1e-9).floor() as i64);
+    (from..=to).map(|i| i as f64 * step).map(|value| (value, format!("{value:.digits$}"))).collect()
+}
+
+/// Round values in a range of positive numbers that is drawn by its logarithm: 1, 2 and 5 times powers of ten or, in a
+/// narrow range, evenly spaced ones.
+fn ticks_of_logarithm(low: f64, high: f64) -> Vec<(f64, String)> {
+    let powers = low.log10().floor() as i32..=high.log10().floor() as i32;
+    let all = powers.flat_map(|power| [1.0, 2.0, 5.0].map(|factor| (power, factor * 10f64.powi(power))));
+    let inside = all.filter(|(_, value)| (low..=high).contains(value));
+    let label = |power: i32, value: f64| format!("{value:.*}", (-power).max(0) as usize);
+    let found: Vec<_> = inside.map(|(power, value)| (value, label(power, value))).collect();
+    if found.len() > 2 { found } else { ticks(low, high, 6.0) }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn ticks_are_round() {
+        let labels = |ticks: Vec<(f64, String)>| ticks.into_iter().map(|(_, label)| label).collect::<Vec<_>>();
+        assert_eq!(labels(ticks(0.0, 499.0, 6.0)), ["0", "100", "200", "300", "400"]);
+        assert_eq!(labels(ticks(3.0, 4.0, 6.0)), ["3.0", "3.2", "3.4", "3.6", "3.8", "4.0"]);
+        assert_eq!(labels(ticks_of_logarithm(0.03, 1.3)), ["0.05", "0.1", "0.2", "0.5", "1"]);
+        assert_eq!(labels(ticks_of_logarithm(0.21, 0.34)), ["0.25", "0.30"]);
+    }
 
     #[test]
     fn the_line_goes_from_upper_left_to_lower_right() {

@@ -5,7 +5,7 @@ use super::targets::Views;
 use crate::commands::Failure;
 use softras::fit::{ImageLoss, Method, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions};
 use softras::scene::{Appearance, Background, Faces, Interpolation};
-use softras::{Mesh, Settings, shapes};
+use softras::{Lights, Mesh, Settings, shapes};
 
 /// The sphere's radius as a share of the radius that the cameras see.
 const SPHERE: f64 = 0.65;
@@ -34,6 +34,8 @@ pub struct Setup {
     gamma: Schedule,
     depths: (f64, f64),
     faces: Faces,
+    /// The lights of the views and of the fit.
+    pub lights: Lights,
 }
 
 impl Setup {
@@ -41,6 +43,9 @@ impl Setup {
     pub fn new(args: &FitArgs, views: &Views) -> Result<Self, Failure> {
         let method = &args.method;
         let official = method.preset == Preset::Official;
+        if args.shading.is_some() && !args.colored() {
+            return Err(Failure::Usage("--shading: the light is seen in colours: add --color or --texture".into()));
+        }
         let steps = |given: &[u32]| given.iter().map(|&at| at as usize).collect::<Vec<usize>>();
         let (subdivide_at, remesh_at) = (steps(&method.subdivide_at), steps(&method.remesh_at));
         if official && args.files.resume && !(subdivide_at.is_empty() && remesh_at.is_empty()) {
@@ -60,6 +65,7 @@ impl Setup {
         Ok(Self {
             template: template(args, views)?,
             faces: method.faces.into(),
+            lights: args.lights(),
             options: options(args, official),
             iterations: method.iterations as usize,
             stride,

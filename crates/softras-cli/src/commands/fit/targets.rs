@@ -5,12 +5,12 @@ use super::cameras;
 use crate::commands::color::Curve;
 use crate::commands::npz::npy::{self, Array, Values};
 use crate::commands::outputs::Outputs as Files;
-use crate::commands::{Failure, render::framing::Bounds};
+use crate::commands::{Failure, note, render::framing::Bounds};
 use glam::DVec3;
 use serde_json::Value;
 use softras::fit::Targets;
 use softras::internals::fit::pooled;
-use softras::scene::{Background, Interpolation, Outputs};
+use softras::scene::{Appearance, Background, Interpolation, Outputs};
 use softras::{Camera, Error, Image, Mesh, Renderer, Result, Scene, Settings};
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -70,7 +70,7 @@ impl Views {
 
     /// Renders the views from a mesh.
     fn made(args: &FitArgs, mesh: Mesh, template: Option<Mesh>, count: usize, renderer: &mut Renderer) -> Result<Self> {
-        let bounds = Bounds::of(&mesh);
+        let bounds = Bounds::around_box(&mesh);
         let cameras = cameras::around(bounds, count, args.fov)?;
         let depths = cameras::depths(&cameras, bounds);
         let settings = Settings {
@@ -84,7 +84,11 @@ impl Views {
             outputs: Outputs { color: args.colored(), silhouette: true, depth: false, normal: false },
             ..Settings::default()
         };
-        let frame = renderer.render(&Scene::new(mesh.clone()), &cameras, &settings)?;
+        if let (Appearance::Uniform(_), true, None) = (mesh.appearance(), args.colored(), args.shading) {
+            note("the mesh has one colour: its views show only that and the outline (--shading smooth lights them)");
+        }
+        let scene = Scene::new(mesh.clone()).with_lights(args.lights());
+        let frame = renderer.render(&scene, &cameras, &settings)?;
         let shrunk = |image: Option<&Image>| image.map(|i| pooled(i, SAMPLES as usize)).transpose();
         let (silhouette, color) = (shrunk(frame.silhouette())?, shrunk(frame.color())?);
         Ok(Self { targets: Targets { cameras, silhouette, color }, truth: Some(mesh), template, bounds, depths })
@@ -105,6 +109,10 @@ pub fn every(targets: &Targets, stride: usize) -> Targets {
         color: targets.color.as_ref().map(some),
     }
 }
+
+/// What a cameras.json looks like.
+const FORMAT: &str = "write it, as [{\"file\": \"0.png\", \"distance\": 3, \"elevation\": 20, \"azimuth\": 45}, \
+    {\"file\": \"1.png\", \"eye\": [0, 1, 3], \"target\": [0, 0, 0], \"fov\": 30}]";
 
 fn fault<T>(path: &Path, what: impl Into<String>, fix: &str) -> Result<T> {
     Err(Error::File { path: path.into(), line: None, what: what.into(), fix: fix.into() })
@@ -183,7 +191,10 @@ fn targets(args: &FitArgs, cameras: Vec<Camera>, [batch, height, width]: [usize;
 fn folder(args: &FitArgs, path: &Path, files: &mut Vec<PathBuf>) -> Result<Targets, Failure> {
     let list = args.cameras.clone().unwrap_or_else(|| path.join("cameras.json"));
     files.push(list.clone());
-    let text = std::fs::read_to_string(&list).map_err(|source| Error::Io { path: list.clone(), source })?;
+    let text = match std::fs::read_to_string(&list) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Err(fault(&list, "not found", FORMAT)?),
+        text => text.map_err(|source| Error::Io { path: list.clone(), source })?,
+    };
     let entries = match serde_json::from_str(&text) {
         Ok(Value::Array(entries)) if !entries.is_empty() => entries,
         Ok(_) => return Err(fault(&list, "is not a list of cameras", "see `softras fit --help`")?),

@@ -29,7 +29,7 @@ Examples:
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES, allow_negative_numbers = true)]
 pub struct GradArgs {
-    /// The mesh, with its .mtl and textures beside it
+    /// The mesh: .obj (its .mtl and textures beside it), .ply, .stl, .gltf or .glb
     pub mesh: PathBuf,
     /// The target picture: .png
     #[arg(long = "target", value_name = "IMAGE.png")]

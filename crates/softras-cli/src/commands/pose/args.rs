@@ -1,8 +1,11 @@
 //! The arguments of `softras pose`.
 
 use crate::commands::mesh_file::ReadArgs;
+use crate::commands::parse;
 use crate::commands::render::args::CameraArgs;
 use clap::Args;
+use softras::fit::Pose;
+use softras::glam::{DQuat, DVec3};
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
@@ -11,11 +14,18 @@ The silhouette of a picture without transparency is every pixel that is not blac
 one that `softras render` would use.
 
 Confidence is 1 - (least loss) / (least loss of a pose more than 10 degrees away): near 1 where only
-one pose explains the picture, 0 for a mesh that looks the same from several sides.
+one pose explains the picture, 0 for a mesh that looks the same from several sides, and unknown where
+no start ended more than 10 degrees away.
+
+The rotation is about the centre of the smallest sphere around the mesh, at which the camera looks by
+default. That centre stays where it is when the mesh turns, so a posed mesh is rendered from the same
+place; its translation moves it, and --look-at, --distance keep the camera where it was.
 
 Examples:
   softras render fish.obj -o target.png --unlit --size 64 --azimuth 250 --elevation -10
   softras pose --mesh fish.obj --image target.png -o posed.obj
+  softras pose --mesh posed.obj --image target.png -o better.obj --init
+  softras pose --mesh fish.obj --image target.png -o posed.obj --init 0,1,0,90
   softras pose --benchmark --json
   softras pose --benchmark --trials 1 --landscape landscape.png";
 
@@ -23,8 +33,8 @@ Examples:
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES, allow_negative_numbers = true)]
 pub struct PoseArgs {
-    /// The mesh to pose
-    #[arg(long, value_name = "MESH.obj", required_unless_present = "benchmark")]
+    /// The mesh file to pose
+    #[arg(long, value_name = "MESH", required_unless_present = "benchmark")]
     pub mesh: Option<PathBuf>,
     /// The picture to fit the pose to
     #[arg(long, value_name = "TARGET.png", required_unless_present = "benchmark")]
@@ -32,6 +42,11 @@ pub struct PoseArgs {
     /// Write the mesh in its pose
     #[arg(short, long = "out", value_name = "POSED.obj", conflicts_with = "benchmark")]
     pub out: Option<PathBuf>,
+    /// Refine one pose in small steps, in place of searching: that which the mesh has (--init alone), or one that is given
+    /// as rotation and translation: the axis, the angle in degrees and, if there is one, the way moved
+    #[arg(long, value_name = "X,Y,Z,DEGREES[,X,Y,Z]", value_parser = init, num_args = 0..=1, default_missing_value = "0,1,0,0",
+          conflicts_with_all = ["starts", "benchmark"])]
+    pub init: Option<Pose>,
     /// Number of poses to start from, spread over all rotations
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024), default_value_t = 32)]
     pub starts: u32,
@@ -67,4 +82,16 @@ pub struct PoseArgs {
     pub read: ReadArgs,
     #[command(flatten)]
     pub camera: CameraArgs,
+}
+
+/// A rotation about an axis, and a translation.
+fn init(text: &str) -> Result<Pose, String> {
+    let numbers = text.split(',').map(parse::number).collect::<Result<Vec<f64>, String>>()?;
+    let (axis, degrees, moved) = match numbers[..] {
+        [x, y, z, degrees] => (DVec3::new(x, y, z), degrees, DVec3::ZERO),
+        [x, y, z, degrees, a, b, c] => (DVec3::new(x, y, z), degrees, DVec3::new(a, b, c)),
+        _ => return Err(format!("{} numbers: give x,y,z,degrees, and if it is moved x,y,z", numbers.len())),
+    };
+    let axis = axis.try_normalize().ok_or("the axis has no length")?;
+    Ok(Pose { rotation: DQuat::from_axis_angle(axis, degrees.to_radians()), translation: moved })
 }

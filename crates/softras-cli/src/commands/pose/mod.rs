@@ -12,7 +12,7 @@ use super::{Failure, say};
 use args::PoseArgs;
 use glam::DVec3;
 use serde_json::json;
-use softras::fit::{Pose, PoseFit, PoseOptions, PoseTarget, rotations};
+use softras::fit::{Pose, PoseFit, PoseOptions, PoseTarget, Schedule, rotations};
 use softras::internals::fit::is_closed;
 use softras::scene::Faces;
 use softras::{Camera, Image, Mesh, Renderer, Result, Scene, Settings};
@@ -25,10 +25,7 @@ const SHARP: (f64, f64) = (1e-5, 1e-3);
 /// Runs the command.
 pub fn run(args: &PoseArgs) -> Result<(), Failure> {
     let outputs = Outputs::new(&args.landscape, &args.out)?;
-    let mut renderer = match &args.device {
-        Some(device) => Renderer::with_device(device)?,
-        None => Renderer::new()?,
-    };
+    let mut renderer = super::open_device(args.device.as_deref())?;
     match (&args.mesh, &args.image) {
         (Some(mesh), Some(image)) => {
             let (width, height, pixels) = targets::read_picture(image)?;
@@ -87,14 +84,36 @@ impl Search {
         target: &PoseTarget,
         renderer: &mut Renderer,
     ) -> Result<PoseFit> {
-        let starts = rotations(args.starts as usize).into_iter().map(|rotation| Pose { rotation, ..Pose::IDENTITY });
-        let mut fit = self.fit(options, starts.collect())?;
+        let mut fit = self.fit(options, starts(args))?;
         let progress = super::progress::Progress::counted("step", args.iterations as usize);
         for _ in 0..args.iterations {
             fit.step(renderer, target)?;
             progress.step();
         }
         Ok(fit)
+    }
+}
+
+/// The poses to start from: one that is refined, or some that are spread over all rotations.
+fn starts(args: &PoseArgs) -> Vec<Pose> {
+    match args.init {
+        Some(pose) => vec![pose],
+        None => {
+            let rotations = rotations(args.starts as usize).into_iter();
+            rotations.map(|rotation| Pose { rotation, ..Pose::IDENTITY }).collect()
+        }
+    }
+}
+
+/// The options that refine a pose: small steps and little blur, which do not lead away from it.
+fn refining(options: PoseOptions) -> PoseOptions {
+    PoseOptions {
+        sigma: Schedule::Exponential { from: 5e-4, to: 1e-5 },
+        gamma: Schedule::Exponential { from: 1e-1, to: 3e-2 },
+        blur: Schedule::Exponential { from: 0.05, to: 0.005 },
+        silhouette: Schedule::Exponential { from: 0.3, to: 1.0 },
+        rate: Schedule::Exponential { from: 0.03, to: 0.002 },
+        ..options
     }
 }
 
@@ -113,14 +132,15 @@ fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) 
     let search = Search { scene: Scene::new(mesh.clone()), camera: view.camera()?, center: bounds.center, settings };
     let translation_rate = if args.no_translation { 0.0 } else { 0.15 * bounds.radius };
     let options = PoseOptions { iterations: args.iterations as usize, translation_rate, ..base };
-    let repeated = target.repeated(args.starts as usize)?;
+    let options = if args.init.is_some() { refining(options) } else { options };
+    let repeated = target.repeated(starts(args).len())?;
     // The reported loss is that of plain colours, which is easier to interpret.
     let plain = repeated.clone().plain();
     let fit = search.run(args, options.clone(), &repeated, renderer)?;
     let losses = fit.losses(renderer, fit.poses(), SHARP, &plain)?;
     let Some((best, loss)) = least(fit.poses(), &losses, |_| true) else { return Err(Failure::Told) };
     let other = least(fit.poses(), &losses, |pose| pose.degrees_to(&best) > OTHER);
-    let confidence = other.map_or(1.0, |(_, other)| (1.0 - loss / other.max(1e-12)).clamp(0.0, 1.0));
+    let confidence = other.map(|(_, other)| (1.0 - loss / other.max(1e-12)).clamp(0.0, 1.0));
     let agreeing = fit.poses().iter().filter(|pose| pose.degrees_to(&best) <= OTHER).count();
     if let Some(path) = &args.out {
         softras::obj::write_obj(&encoded(&posed(mesh, &best, bounds)?)?, path)?;
@@ -147,7 +167,8 @@ fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) 
 struct Answer {
     pose: Pose,
     loss: f64,
-    confidence: f64,
+    /// `None` where no start ended at another answer.
+    confidence: Option<f64>,
     agreeing: usize,
     baselines: Vec<Baseline>,
 }
@@ -185,17 +206,20 @@ fn posed(mesh: &Mesh, pose: &Pose, bounds: Bounds) -> Result<Mesh> {
 
 fn tell(args: &PoseArgs, answer: &Answer) -> Result<(), Failure> {
     let Answer { pose, loss, confidence, agreeing, baselines } = answer;
-    let (axis, angle) = pose.rotation.to_axis_angle();
+    // Of the two quaternions of a rotation the one whose angle is at most 180 degrees.
+    let rotation = if pose.rotation.w < 0.0 { -pose.rotation } else { pose.rotation };
+    let (axis, angle) = rotation.to_axis_angle();
+    let starts = starts(args).len();
     let translation = pose.translation.to_array();
     if args.json {
         let report = json!({
-            "quaternion_xyzw": pose.rotation.to_array(),
+            "quaternion_xyzw": rotation.to_array(),
             "axis": axis.to_array(),
             "degrees": angle.to_degrees(),
             "translation": translation,
             "loss": loss,
             "confidence": confidence,
-            "starts": args.starts,
+            "starts": starts,
             "starts_that_agree": agreeing,
             "baselines": baselines
                 .iter()
@@ -204,9 +228,10 @@ fn tell(args: &PoseArgs, answer: &Answer) -> Result<(), Failure> {
         });
         return say(&report.to_string());
     }
+    let confidence = confidence.map_or("unknown (no start ended elsewhere)".into(), |c| format!("{c:.3}"));
     say(&format!(
         "turned by {:.2} degrees about ({:.4}, {:.4}, {:.4}), moved by ({:.4}, {:.4}, {:.4}); loss {loss:.6}, confidence \
-         {confidence:.3}, {agreeing} of {} starts agree",
+         {confidence}, {agreeing} of {starts} starts agree",
         angle.to_degrees(),
         axis.x,
         axis.y,
@@ -214,7 +239,6 @@ fn tell(args: &PoseArgs, answer: &Answer) -> Result<(), Failure> {
         translation[0],
         translation[1],
         translation[2],
-        args.starts,
     ))?;
     baselines
         .iter()

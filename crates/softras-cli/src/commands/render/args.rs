@@ -23,11 +23,11 @@ Files, by their ending:
   .gif  several frames: --turntable or --sweep, either of which also makes a .png contact sheet
 With the composite background depth and normals, too, are multiplied by alpha in .exr and .npy.";
 
-/// Render a Wavefront OBJ file as pictures
+/// Render a mesh file as pictures
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES, allow_negative_numbers = true)]
 pub struct RenderArgs {
-    /// The mesh, with its .mtl and textures beside it
+    /// The mesh: .obj (its .mtl and textures beside it), .ply, .stl, .gltf or .glb
     pub mesh: PathBuf,
     /// The file to write: .png, .exr, .npy or .gif (may be repeated). With several --output values each file's name gains
     /// the output's name, as in OUT_depth.png
@@ -68,7 +68,7 @@ pub struct CameraArgs {
     #[arg(long, value_name = "X,Y,Z", value_parser = parse::triple, allow_hyphen_values = true,
           conflicts_with_all = ["distance", "elevation", "azimuth"])]
     pub eye: Option<[f64; 3]>,
-    /// The point looked at [default: the centre of the mesh's box]
+    /// The point looked at [default: the centre of the smallest sphere around the mesh]
     #[arg(long = "look-at", value_name = "X,Y,Z", value_parser = parse::triple, allow_hyphen_values = true)]
     pub target: Option<[f64; 3]>,
     /// The vertical axis: up in the picture, and the axis of azimuth, elevation and turntable (0,0,1 for z-up files)

@@ -52,7 +52,7 @@ pub fn write(path: &Path, format: Format, shot: &Shot, output: Output) -> Result
         Format::Png | Format::Gif => {
             let depths = if output == Output::Depth { shot.depth_range()? } else { None };
             write_png(path, &shot.picture(output, depths)?)?;
-            Ok(depths.map(|(low, high)| format!("white is depth {low}, black is depth {high}")))
+            Ok(depths.map(|(low, high)| format!("white is depth {low:.4}, black is depth {high:.4}")))
         }
     }
 }

@@ -2,6 +2,7 @@
 
 mod animation;
 pub mod args;
+mod enclosing;
 pub mod formats;
 pub mod framing;
 pub mod gif;
@@ -132,10 +133,7 @@ struct Stage<'a> {
 
 impl<'a> Stage<'a> {
     fn new(args: &'a RenderArgs, mesh: Mesh, samples: u32) -> Result<Self, Failure> {
-        let mut renderer = match &args.device {
-            Some(selector) => Renderer::with_device(selector)?,
-            None => Renderer::new()?,
-        };
+        let mut renderer = super::open_device(args.device.as_deref())?;
         renderer.time_stages(true);
         Ok(Self { args, bounds: Bounds::of(&mesh), scene: Scene::new(mesh), renderer, samples })
     }
