@@ -5,11 +5,13 @@ use softras::scene::{
     Appearance, Camera, ColorAggregation, Distance, Faces, FrontFace, Mesh, Parity, Scene, Settings,
     SilhouetteAggregation,
 };
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-/// Where the recorded files lie: beside the repository.
+/// Where the recorded files lie: beside the repository, which contains the package that this is compiled in.
 pub fn folder() -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/reference")
+    let package = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let repository = package.ancestors().find(|folder| folder.join("Cargo.lock").is_file()).unwrap_or(package);
+    repository.join("../shared/reference")
 }
 
 /// An npz file of the folder.
