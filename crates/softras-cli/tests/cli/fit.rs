@@ -173,7 +173,7 @@ fn a_texture_is_fitted_and_rendered() {
         let sum: u32 = a.as_raw().iter().zip(b.as_raw()).map(|(a, b)| u32::from(a.abs_diff(*b))).sum();
         f64::from(sum) / a.as_raw().len() as f64
     };
-    let (found, before) = (difference("found.png", "painted.png"), difference("grey.png", "painted.png"));
+    let (found, before) = (difference("found_texture.png", "painted.png"), difference("grey.png", "painted.png"));
     assert!(found < 8.0 && before > 50.0, "{found} of {before} before, in 255");
     for name in ["painted", "found", "grey"] {
         let look = format!("render {name}.obj -o {name}_seen.png --size 64 --unlit --azimuth 40 --elevation 25");
