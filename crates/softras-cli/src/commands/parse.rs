@@ -29,6 +29,11 @@ pub fn angle_of_view(text: &str) -> Result<f64, String> {
     positive(text).and_then(|x| if x < 179.0 { Ok(x) } else { Err("use degrees below 179".into()) })
 }
 
+/// An angle between two faces in degrees.
+pub fn crease(text: &str) -> Result<f64, String> {
+    number(text).and_then(|x| if (0.0..=180.0).contains(&x) { Ok(x) } else { Err("use 0 to 180 degrees".into()) })
+}
+
 /// An elevation in degrees.
 pub fn elevation(text: &str) -> Result<f64, String> {
     number(text).and_then(|x| if x.abs() <= 90.0 { Ok(x) } else { Err("use -90 to 90 degrees".into()) })

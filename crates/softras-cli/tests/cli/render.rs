@@ -1,6 +1,6 @@
 //! Tests of the command `softras render`.
 
-use super::succeeds;
+use super::{fails, succeeds};
 use exr::prelude::ReadChannels;
 use exr::prelude::{ReadLayers, ReadSpecificChannel};
 use image::RgbaImage;
@@ -193,4 +193,23 @@ fn a_camera_that_looks_away_is_told_of() {
     assert!(output.status.success());
     assert!(String::from_utf8_lossy(&output.stderr).contains("note: the mesh lies wholly outside"));
     assert!(picture(&folder.path().join("a.png")).pixels().all(|p| p.0[3] == 0));
+}
+
+#[test]
+fn smooth_shading_keeps_edges() {
+    let folder = tempfile::tempdir().unwrap();
+    let corner = |i: u32| format!("v {} {} {}\n", i & 1, i >> 1 & 1, i >> 2 & 1);
+    let faces = "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
+    fs::write(folder.path().join("box.obj"), (0..8).map(corner).collect::<String>() + faces).unwrap();
+    let shaded = |extra: &[&str]| {
+        let line = [&["render", "box.obj", "-o", "a.png", "--size", "32", "--background", "#808080"], extra].concat();
+        succeeds(folder.path(), &line);
+        picture(&folder.path().join("a.png"))
+    };
+    let worst = |a: &RgbaImage, b: &RgbaImage| a.iter().zip(b.iter()).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
+    let flat = shaded(&["--shading", "flat"]);
+    // A box is one of flat faces, though its faces share their vertices.
+    assert!(worst(&shaded(&[]), &flat) <= 1);
+    assert!(worst(&shaded(&["--crease", "180"]), &flat) > 20);
+    fails(folder.path(), &["render", "box.obj", "-o", "a.png", "--crease", "200"], 2, &["--crease", "180"]);
 }

@@ -50,6 +50,9 @@ pub struct RenderArgs {
     pub look: LookArgs,
     #[command(flatten)]
     pub light: LightArgs,
+    /// With smooth shading, keep edges at which the surface bends by more than this many degrees; 180 keeps none
+    #[arg(long, value_name = "DEGREES", value_parser = parse::crease, default_value_t = 40.0, help_heading = "Light")]
+    pub crease: f64,
     #[command(flatten)]
     pub modes: ModeArgs,
     /// Animate one turn of N frames around the vertical axis; the lights move with the camera

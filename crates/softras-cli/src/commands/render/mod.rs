@@ -2,6 +2,7 @@
 
 mod animation;
 pub mod args;
+mod crease;
 mod enclosing;
 pub mod formats;
 pub mod framing;
@@ -126,7 +127,10 @@ fn named(path: &Path, output: Output) -> PathBuf {
 struct Stage<'a> {
     args: &'a RenderArgs,
     bounds: Bounds,
+    /// The mesh, with vertices split where its edges are kept.
     scene: Scene,
+    /// Vertices of the mesh file.
+    vertices: usize,
     renderer: Renderer,
     samples: u32,
 }
@@ -135,7 +139,12 @@ impl<'a> Stage<'a> {
     fn new(args: &'a RenderArgs, mesh: Mesh, samples: u32) -> Result<Self, Failure> {
         let mut renderer = super::open_device(args.device.as_deref())?;
         renderer.time_stages(true);
-        Ok(Self { args, bounds: Bounds::of(&mesh), scene: Scene::new(mesh), renderer, samples })
+        let (bounds, vertices) = (Bounds::of(&mesh), mesh.positions().len());
+        let mesh = match args.light.shading {
+            args::Shading::Smooth => crease::creased(&mesh, args.crease)?,
+            args::Shading::Flat => mesh,
+        };
+        Ok(Self { args, bounds, scene: Scene::new(mesh), vertices, renderer, samples })
     }
 
     fn view(&self, turn: f64) -> View {

@@ -50,7 +50,7 @@ impl Report {
         Self {
             device: stage.renderer.device_name().into(),
             mesh: stage.args.mesh.display().to_string(),
-            vertices: mesh.positions().len(),
+            vertices: stage.vertices,
             triangles: mesh.triangles().len(),
             notes,
             frames: 0,

@@ -1,0 +1,160 @@
+//! Smooth shading that keeps the edges of a mesh.
+//!
+//! Smooth shading has one normal for each vertex, the mean of its triangles'. So the mesh is rendered with a vertex of its own
+//! for each group of triangles that are smooth with one another; vertices at one position, as at the seams of a texture, count
+//! as one.
+
+use glam::DVec3;
+use softras::scene::Appearance;
+use softras::{Mesh, Result};
+use std::collections::HashMap;
+
+/// The most triangles at an edge whose angles are all compared; of more, only neighbours in the list.
+const MOST_AT_AN_EDGE: usize = 8;
+
+/// The mesh with vertices split where its surface bends by more than an angle in degrees, and joined where they lie at one
+/// position. Positions, triangles and colours stay what they are.
+pub fn creased(mesh: &Mesh, degrees: f64) -> Result<Mesh> {
+    let welded = welded(mesh);
+    let normals: Vec<Option<DVec3>> = mesh.triangles().iter().map(|triangle| normal(mesh, *triangle)).collect();
+    let mut groups = Groups((0..3 * welded.len() as u32).collect());
+    let least = degrees.to_radians().cos() - 1e-9;
+    let is_smooth = |a: usize, b: usize| match (normals[a], normals[b]) {
+        (Some(a), Some(b)) => a.dot(b) >= least,
+        _ => false,
+    };
+    let edges = edges(&welded);
+    for edge in edges.chunk_by(|a, b| a.0 == b.0) {
+        for (i, (ends, first)) in edge.iter().enumerate() {
+            for (_, second) in edge.iter().skip(i + 1).take(MOST_AT_AN_EDGE) {
+                if is_smooth(*first as usize, *second as usize) {
+                    for end in [ends.0, ends.1] {
+                        groups.join(corner(&welded, *first, end), corner(&welded, *second, end));
+                    }
+                }
+            }
+        }
+    }
+    split(mesh, &mut groups)
+}
+
+/// The triangles with one index for each position.
+fn welded(mesh: &Mesh) -> Vec<[u32; 3]> {
+    let mut index_of = HashMap::new();
+    let key = |position: &[f32; 3]| position.map(|x| (x + 0.0).to_bits());
+    let first: Vec<u32> =
+        mesh.positions().iter().zip(0..).map(|(position, i)| *index_of.entry(key(position)).or_insert(i)).collect();
+    mesh.triangles().iter().map(|triangle| triangle.map(|i| first[i as usize])).collect()
+}
+
+/// The unit normal; `None` without area.
+fn normal(mesh: &Mesh, triangle: [u32; 3]) -> Option<DVec3> {
+    let [a, b, c] = triangle.map(|i| DVec3::from(mesh.positions()[i as usize].map(f64::from)));
+    (b - a).cross(c - a).try_normalize()
+}
+
+/// The ends of each edge, the lower first, with a triangle that has it; sorted.
+fn edges(triangles: &[[u32; 3]]) -> Vec<((u32, u32), u32)> {
+    let of_one = |(triangle, t): (&[u32; 3], u32)| {
+        let [a, b, c] = *triangle;
+        [(a, b), (b, c), (c, a)].map(|(a, b)| ((a.min(b), a.max(b)), t))
+    };
+    let mut edges: Vec<_> = triangles.iter().zip(0..).flat_map(of_one).filter(|((a, b), _)| a != b).collect();
+    edges.sort_unstable();
+    edges
+}
+
+/// The corner of a triangle at a vertex that it has.
+fn corner(triangles: &[[u32; 3]], triangle: u32, vertex: u32) -> u32 {
+    let at = triangles[triangle as usize].iter().position(|&v| v == vertex).unwrap_or(0);
+    3 * triangle + at as u32
+}
+
+/// Sets of corners that share a normal: each corner's parent, a root's parent being itself.
+struct Groups(Vec<u32>);
+
+impl Groups {
+    fn root(&mut self, mut corner: u32) -> u32 {
+        while self.0[corner as usize] != corner {
+            let parent = self.0[corner as usize];
+            self.0[corner as usize] = self.0[parent as usize];
+            corner = parent;
+        }
+        corner
+    }
+
+    fn join(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.root(a), self.root(b));
+        self.0[a.max(b) as usize] = a.min(b);
+    }
+}
+
+/// The mesh with one vertex for each group (and colour, where vertices have colours).
+fn split(mesh: &Mesh, groups: &mut Groups) -> Result<Mesh> {
+    let colors = if let Appearance::VertexColors(colors) = mesh.appearance() { Some(colors) } else { None };
+    let (mut positions, mut new_colors) = (Vec::new(), Vec::new());
+    let mut index_of = HashMap::new();
+    let mut triangles = Vec::with_capacity(mesh.triangles().len());
+    for (t, triangle) in mesh.triangles().iter().enumerate() {
+        triangles.push([0, 1, 2].map(|c| {
+            let vertex = triangle[c] as usize;
+            let color = colors.map(|colors| colors[vertex]);
+            let key = (groups.root((3 * t + c) as u32), color.map(|color| color.map(f32::to_bits)));
+            *index_of.entry(key).or_insert_with(|| {
+                positions.push(mesh.positions()[vertex]);
+                new_colors.extend(color);
+                positions.len() as u32 - 1
+            })
+        }));
+    }
+    let appearance = match mesh.appearance() {
+        Appearance::VertexColors(_) => Appearance::VertexColors(new_colors),
+        other => other.clone(),
+    };
+    Mesh::new(positions, triangles)?.with_appearance(appearance)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use softras::shapes;
+
+    fn cube() -> Mesh {
+        let positions = (0..8u8).map(|i| [i & 1, i >> 1 & 1, i >> 2 & 1].map(f32::from)).collect();
+        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        let triangles = quads.iter().flat_map(|q: &[u32; 4]| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]]).collect();
+        Mesh::new(positions, triangles).unwrap()
+    }
+
+    fn corners(mesh: &Mesh) -> Vec<[[f32; 3]; 3]> {
+        mesh.triangles().iter().map(|t| t.map(|i| mesh.positions()[i as usize])).collect()
+    }
+
+    #[test]
+    fn edges_are_kept_and_seams_are_not() {
+        let cube = cube();
+        for (degrees, vertices) in [(40.0, 24), (89.0, 24), (91.0, 8), (180.0, 8)] {
+            let creased = creased(&cube, degrees).unwrap();
+            assert_eq!(creased.positions().len(), vertices, "{degrees}");
+            assert_eq!(corners(&creased), corners(&cube));
+        }
+        // A sphere whose triangles have vertices of their own is as smooth as one of shared vertices.
+        let sphere = shapes::icosphere(2).unwrap();
+        let apart = corners(&sphere).concat();
+        let triangles = (0..apart.len() as u32 / 3).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+        let apart = Mesh::new(apart, triangles).unwrap();
+        assert_eq!(creased(&apart, 40.0).unwrap().positions().len(), sphere.positions().len());
+    }
+
+    #[test]
+    fn colours_stay_with_their_corners() {
+        let sphere = shapes::icosphere(1).unwrap();
+        let colors: Vec<[f32; 3]> = sphere.positions().iter().map(|p| p.map(f32::abs)).collect();
+        let colored = sphere.with_appearance(Appearance::VertexColors(colors)).unwrap();
+        let creased = creased(&colored, 10.0).unwrap();
+        let Appearance::VertexColors(found) = creased.appearance() else { unreachable!() };
+        assert!(found.len() > colored.positions().len());
+        assert!(found.iter().zip(creased.positions()).all(|(color, p)| *color == p.map(f32::abs)));
+    }
+}
