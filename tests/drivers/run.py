@@ -9,6 +9,7 @@ width512     the same with vectors of 512 bits: subgroups of 16; only on process
 swiftshader  SwiftShader of Debian's package chromium-common, which is downloaded and unpacked, not installed
 mesa25       Mesa 25 of Debian 13, in a chroot that debootstrap makes; needs root
 
+A cell of the table says how many scenes or tests passed, and the seconds of processor time.
 Drivers are kept in target/drivers. A driver that cannot be had is left out with a line that says why. The exit code is 1 if
 something failed, and 3 if no driver could be had.
 """
@@ -22,16 +23,15 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import time
 
 HOME = pathlib.Path(__file__).resolve().parent.parent.parent
 CACHE = HOME / "target" / "drivers"
 SUITES = ["render", "gradient", "embed"]
-# What the gate runs on SwiftShader: images and gradients against the model, bits on repeat, a host's own device.
+# What the gate runs on SwiftShader beside `check`, which compares images and gradients with the model, and their bits on
+# repeat: one pixel's arithmetic, one hazard of gradients.
 SHORT = {
-    "render": ["invariance::lanes", "invariance::twenty_repeats", "pixels::"],
-    "gradient": ["repeat::numbers_of_lanes", "agreement::every_appearance"],
-    "embed": ["ash_example::images_are", "ash_example::gradients_are"],
+    "render": ["pixels::"],
+    "gradient": ["hazards::shared_edge"],
 }
 
 
@@ -48,7 +48,7 @@ class Driver:
     def run(self, command, limit):
         environment = {**os.environ, **self.environment}
         words = [*self.before, *(str(word) for word in command)]
-        start = time.monotonic()
+        start = processor_time()
         try:
             done = subprocess.run(
                 words, cwd=HOME, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=limit
@@ -56,7 +56,13 @@ class Driver:
             code, output = done.returncode, done.stdout
         except subprocess.TimeoutExpired as late:
             code, output = "no end", (late.stdout or b"").decode(errors="replace")
-        return code, output, time.monotonic() - start
+        return code, output, processor_time() - start
+
+
+def processor_time():
+    """Seconds that the programs run so far took of the processors, whatever else the machine did."""
+    times = os.times()
+    return times.children_user + times.children_system
 
 
 def mesa():
@@ -113,12 +119,12 @@ def mesa25():
     if os.geteuid() != 0:
         raise Missing("debootstrap and chroot need root")
     folder = CACHE / "trixie"
-    if not (folder / "usr/share/vulkan/icd.d").is_dir():
+    if not (folder / "usr/share/vulkan/explicit_layer.d/VkLayer_khronos_validation.json").is_file():
         shutil.rmtree(folder, ignore_errors=True)
         tool = CACHE / "debootstrap"
         if not (tool / "usr/sbin/debootstrap").is_file():
             download("debootstrap", tool)
-        command = ["sh", tool / "usr/sbin/debootstrap", "--variant=minbase", "--include=libvulkan1,mesa-vulkan-drivers"]
+        command = ["sh", tool / "usr/sbin/debootstrap", "--variant=minbase", "--include=libvulkan1,mesa-vulkan-drivers,vulkan-validationlayers"]
         done = subprocess.run(
             [str(word) for word in [*command, "trixie", folder, "http://deb.debian.org/debian"]],
             env={**os.environ, "DEBOOTSTRAP_DIR": str(tool / "usr/share/debootstrap")},
@@ -159,6 +165,8 @@ def rows(programs, short, cases):
     """(name, command, the words that count what was done) of each row."""
     yield "check", [programs["softras"], "check"], r"PASS: (\d+) of"
     for suite in SUITES:
+        if short and suite not in SHORT:
+            continue
         words = SHORT[suite] if short else []
         yield suite, [programs[suite], *words], r"test result: ok\. (\d+) passed"
     if cases > 0:
