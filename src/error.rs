@@ -159,5 +159,11 @@ pub enum Error {
     },
 }
 
+/// A number for an error message, in few digits however large or small it is.
+pub(crate) fn shown(x: f64) -> String {
+    let plain = x == 0.0 || !x.is_finite() || (1e-5..1e16).contains(&x.abs());
+    if plain { format!("{x}") } else { format!("{x:e}") }
+}
+
 /// A result with this crate's [`Error`].
 pub type Result<T, E = Error> = std::result::Result<T, E>;

@@ -61,7 +61,7 @@ impl ImageGradient {
             }
             let shape = [image.batch, image.height, image.width, image.channels];
             let expected = [batch, height, width, channels];
-            if shape != expected || image.data.len() != expected.iter().product::<usize>() {
+            if shape != expected || !image.is_whole() {
                 let what = format!("the {name} gradient has shape {shape:?}, the image {expected:?}");
                 return bad(what, "give one value for each of the image's");
             }

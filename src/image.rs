@@ -16,6 +16,13 @@ pub struct Image {
 }
 
 impl Image {
+    /// Whether it has at least one value, and as many as its shape says, which may be more than can be counted.
+    pub(crate) fn is_whole(&self) -> bool {
+        let shape = [self.batch, self.height, self.width, self.channels];
+        let count = shape.iter().try_fold(1usize, |count, &side| count.checked_mul(side));
+        count == Some(self.data.len()) && !self.data.is_empty()
+    }
+
     /// The `channels` values of one pixel.
     ///
     /// # Panics

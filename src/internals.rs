@@ -84,10 +84,12 @@ pub mod validate {
     }
 }
 
-/// The one writer of files.
+/// The one door for files that are read, and the one writer.
 #[cfg(feature = "obj")]
-pub mod output {
-    pub use crate::obj::output::{check_writable, write_file, write_files};
+pub mod files {
+    pub use crate::files::input::{open, read, room_for};
+    pub use crate::files::output::{check_writable, write_file, write_files};
+    pub use crate::files::picture::Picture;
 }
 
 /// The built-in meshes by name.

@@ -55,6 +55,8 @@
 
 pub mod embed;
 mod error;
+#[cfg(any(feature = "renderer", feature = "obj"))]
+mod files;
 #[cfg(feature = "fit")]
 pub mod fit;
 #[cfg(feature = "obj")]

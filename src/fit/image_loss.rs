@@ -3,7 +3,7 @@
 //! Sums are taken in f64 in the order of the values, so a loss has the same bits on every machine.
 
 use super::bad;
-use crate::error::Result;
+use crate::error::{Result, shown};
 use crate::image::Image;
 
 /// Keeps the IoU of two empty silhouettes finite; the official code's number.
@@ -50,7 +50,9 @@ impl ImageLoss {
                 true => (0.5 * d * d, d),
                 false => (delta * (d.abs() - 0.5 * delta), delta * d.signum()),
             },
-            Self::Huber { delta } => return bad(format!("a Huber loss with delta {delta}"), "use a delta above 0"),
+            Self::Huber { delta } => {
+                return bad(format!("a Huber loss with delta {}", shown(delta)), "use a delta above 0");
+            }
         };
         let delta = if let Self::Huber { delta } = self { delta } else { 0.0 };
         let total: f64 = (0..prediction.data.len()).map(|i| weight.at(i)).sum();
@@ -95,7 +97,7 @@ impl ImageLoss {
             let rest_share = 1.0 - share;
             loss.value = share * loss.value + rest_share * rest.value;
             loss.gradient.data.iter_mut().for_each(|g| *g *= share as f32);
-            add_pooled_gradient(&mut loss.gradient, &rest.gradient, 2, rest_share);
+            add_pooled_gradient(&mut loss.gradient, &rest.gradient, 2, rest_share)?;
         }
         Ok(loss)
     }
@@ -121,14 +123,13 @@ pub fn mask_iou(prediction: &Image, target: &Image) -> Result<Vec<f64>> {
 fn validate(prediction: &Image, target: &Image, weights: Option<&Image>) -> Result<()> {
     let shape = |i: &Image| [i.batch, i.height, i.width, i.channels];
     let expected = shape(prediction);
-    let whole = |i: &Image| i.data.len() == shape(i).iter().product::<usize>();
-    if shape(target) != expected || !whole(target) || !whole(prediction) || prediction.data.is_empty() {
+    if shape(target) != expected || !target.is_whole() || !prediction.is_whole() {
         let what = format!("a prediction of shape {expected:?} and a target of shape {:?}", shape(target));
         return bad(what, "both must be [views, height, width, channels] of the same size, at least one value");
     }
     let Some(weights) = weights else { return Ok(()) };
     if shape(weights)[..3] != expected[..3]
-        || !whole(weights)
+        || !weights.is_whole()
         || (weights.channels != 1 && weights.channels != prediction.channels)
     {
         let what = format!("weights of shape {:?} for images of shape {expected:?}", shape(weights));
@@ -185,35 +186,56 @@ fn negative_iou(prediction: &Image, target: &Image, weight: &Weight<'_>) -> Valu
 /// An image `factor` times smaller, sides rounded up: a pixel is the mean of the up to factor² fine ones under it.
 ///
 /// # Errors
-/// [`crate::Error::Fit`] for a factor of 0.
+/// [`crate::Error::Fit`] for a factor of 0, and for an image without values or not as its shape says.
 pub fn pooled(image: &Image, factor: usize) -> Result<Image> {
-    if factor == 0 {
-        return bad("pixels pooled by a factor of 0", "use 1 or more");
-    }
-    let mut coarse =
-        Image { height: image.height.div_ceil(factor), width: image.width.div_ceil(factor), ..shape_of(image) };
+    let mut coarse = pooled_shape(image, factor)?;
     let mut data = vec![0.0; coarse.batch * coarse.height * coarse.width * coarse.channels];
     each_pair(image, &coarse, factor, |fine, at, share| data[at] += image.data[fine] * share);
     coarse.data = data;
     Ok(coarse)
 }
 
+/// The shape of a pooled image, without its values.
+fn pooled_shape(fine: &Image, factor: usize) -> Result<Image> {
+    if factor == 0 {
+        return bad("pixels pooled by a factor of 0", "use 1 or more");
+    }
+    if !fine.is_whole() {
+        return bad(told(fine), "give as many values as the shape says, at least one");
+    }
+    Ok(Image { height: fine.height.div_ceil(factor), width: fine.width.div_ceil(factor), ..shape_of(fine) })
+}
+
+fn told(image: &Image) -> String {
+    let Image { batch, height, width, channels, ref data } = *image;
+    format!("an image of shape {:?} with {} values", [batch, height, width, channels], data.len())
+}
+
 /// The transpose of [`pooled`]: adds `scale` times the gradient by the coarse image, pulled back to the fine one.
-pub fn add_pooled_gradient(fine: &mut Image, coarse: &Image, factor: usize, scale: f64) {
+///
+/// # Errors
+/// As [`pooled`] for the fine image; [`crate::Error::Fit`] for a coarse one that is not as its pooled image.
+pub fn add_pooled_gradient(fine: &mut Image, coarse: &Image, factor: usize, scale: f64) -> Result<()> {
+    let expected = pooled_shape(fine, factor)?;
+    if !coarse.is_whole() || shape_of(coarse) != expected {
+        return bad(told(coarse), "give one value for each of the pooled image");
+    }
     let shape = shape_of(fine);
     let data = &mut fine.data;
     each_pair(&shape, coarse, factor, |at, from, share| {
         data[at] += (scale * f64::from(coarse.data[from])) as f32 * share
     });
+    Ok(())
 }
 
 /// An image blurred by a Gaussian with a standard deviation in pixels; beyond its edges the image counts as black. For
 /// a wide blur the image is first pooled by [`blur_factor`], so the result is smaller.
 ///
 /// # Errors
-/// [`crate::Error::Fit`] for a standard deviation that is negative or not finite.
+/// [`crate::Error::Fit`] for a standard deviation outside 0 to a million, and as [`pooled`].
 pub fn blurred(image: &Image, deviation: f64) -> Result<Image> {
     let factor = blur_factor(deviation)?;
+    pooled_shape(image, factor)?;
     let mut coarse = if factor > 1 { pooled(image, factor)? } else { image.clone() };
     gaussian(&mut coarse, deviation / factor as f64);
     Ok(coarse)
@@ -225,23 +247,28 @@ pub fn blurred(image: &Image, deviation: f64) -> Result<Image> {
 /// As [`blurred`].
 pub fn add_blurred_gradient(fine: &mut Image, coarse: &Image, deviation: f64) -> Result<()> {
     let factor = blur_factor(deviation)?;
+    if !coarse.is_whole() {
+        return bad(told(coarse), "give one value for each of the blurred image");
+    }
     let mut coarse = coarse.clone();
     // With black beyond the edges the Gaussian is a symmetric matrix, so it is its own transpose.
     gaussian(&mut coarse, deviation / factor as f64);
-    add_pooled_gradient(fine, &coarse, factor, 1.0);
-    Ok(())
+    add_pooled_gradient(fine, &coarse, factor, 1.0)
 }
 
 /// The factor by which an image is pooled before a blur: a third of the standard deviation in pixels, at least 1.
 ///
 /// # Errors
-/// As [`blurred`].
+/// [`crate::Error::Fit`] for a standard deviation outside 0 to a million.
 pub fn blur_factor(deviation: f64) -> Result<usize> {
-    if !(deviation.is_finite() && deviation >= 0.0) {
-        return bad(format!("a blur of {deviation} pixels"), "use 0 or more");
+    if !((0.0..=MAX_BLUR).contains(&deviation)) {
+        return bad(format!("a blur of {} pixels", shown(deviation)), "use 0 to 1e6");
     }
     Ok((deviation / 3.0).max(1.0) as usize)
 }
+
+/// The largest standard deviation in pixels: far beyond any image.
+const MAX_BLUR: f64 = 1e6;
 
 /// Standard deviation in pixels below which a Gaussian's neighbouring pixels have no weight.
 const LEAST_BLUR: f64 = 0.2;

@@ -96,9 +96,14 @@ impl Optimizer {
         (self.steps, &self.first, &self.second)
     }
 
-    /// Continues from a saved [`Optimizer::state`]. Returns `false` and changes nothing when the sizes differ.
+    /// Continues from a saved [`Optimizer::state`]. Returns `false` and changes nothing when the sizes differ, and for
+    /// numbers that no state has: a negative number of steps, a mean that is not finite, a mean square below 0.
     pub fn restore(&mut self, steps: i32, first: &[f64], second: &[f64]) -> bool {
-        let fits = first.len() == self.first.len() && second.len() == self.second.len();
+        let fits = first.len() == self.first.len()
+            && second.len() == self.second.len()
+            && steps >= 0
+            && first.iter().all(|x| x.is_finite())
+            && second.iter().all(|x| x.is_finite() && *x >= 0.0);
         if fits {
             self.first.copy_from_slice(first);
             self.second.copy_from_slice(second);

@@ -8,7 +8,7 @@
 
 use super::bad;
 use super::topology::Topology;
-use crate::error::Result;
+use crate::error::{Result, shown};
 use glam::DVec3;
 use std::collections::VecDeque;
 
@@ -36,7 +36,7 @@ impl Smoothing {
     /// [`crate::Error::Fit`] for a λ that is negative or not finite, or a mesh whose factor needs over 2 GiB.
     pub fn new(topology: &Topology, lambda: f64) -> Result<Self> {
         if !(0.0..=1e9).contains(&lambda) {
-            return bad(format!("a smoothing of λ = {lambda}"), "use 0 to 1e9; 10 to 50 is usual");
+            return bad(format!("a smoothing of λ = {}", shown(lambda)), "use 0 to 1e9; 10 to 50 is usual");
         }
         let order = cuthill_mckee(topology);
         let mut row_of = vec![0usize; order.len()];

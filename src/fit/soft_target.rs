@@ -7,7 +7,7 @@
 //! inside, it is T = 1 - (1 - D)^sheets with D = sigmoid(sign(s) s² / σ).
 
 use super::bad;
-use crate::error::Result;
+use crate::error::{Result, shown};
 use crate::image::Image;
 
 /// The number of triangles at each point of a closed surface's outline: one in front, one behind.
@@ -18,11 +18,12 @@ pub const CLOSED: f64 = 2.0;
 /// neighbouring pixels on different sides. In a view without an outline all distances are ±∞.
 ///
 /// # Errors
-/// [`crate::Error::Fit`] for an image of several channels or without pixels.
+/// [`crate::Error::Fit`] for an image of several channels, without pixels, or not as its shape says.
 pub fn signed_distance(mask: &Image) -> Result<Image> {
-    if mask.channels != 1 || mask.height == 0 || mask.width == 0 {
-        let what = format!("a mask of {}x{} pixels and {} channels", mask.width, mask.height, mask.channels);
-        return bad(what, "give an image of one channel");
+    if mask.channels != 1 || !mask.is_whole() {
+        let Image { batch, height, width, channels, ref data } = *mask;
+        let what = format!("a mask of shape {:?} with {} values", [batch, height, width, channels], data.len());
+        return bad(what, "give an image of one channel with a value for each pixel, at least one");
     }
     let unit = 2.0 / mask.height as f64;
     let mut data = Vec::with_capacity(mask.data.len());
@@ -50,7 +51,10 @@ pub fn signed_distance(mask: &Image) -> Result<Image> {
 /// 0.
 pub fn soft_target(mask: &Image, sigma: f64, sheets: f64) -> Result<Image> {
     if !(sigma > 0.0 && sigma.is_finite() && sheets > 0.0 && sheets.is_finite()) {
-        return bad(format!("a soft target of sigma {sigma} and {sheets} sheets"), "both must be above 0");
+        return bad(
+            format!("a soft target of sigma {} and {} sheets", shown(sigma), shown(sheets)),
+            "both must be above 0",
+        );
     }
     let mut image = signed_distance(mask)?;
     for x in &mut image.data {

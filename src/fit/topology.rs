@@ -4,6 +4,9 @@ use super::bad;
 use crate::error::Result;
 use std::collections::BTreeMap;
 
+/// The most vertices: their numbers and twice as many edges' ends fit 32 bits.
+const MAX_VERTICES: usize = 1 << 30;
+
 /// Two triangles that share an edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Flap {
@@ -33,8 +36,11 @@ impl Topology {
     /// make its flap.
     ///
     /// # Errors
-    /// [`crate::Error::Fit`] for an index out of range.
+    /// [`crate::Error::Fit`] for an index out of range, and for more vertices than there are indices.
     pub fn new(vertices: usize, triangles: &[[u32; 3]]) -> Result<Self> {
+        if vertices > MAX_VERTICES {
+            return bad(format!("{vertices} vertices"), "use at most 2³⁰");
+        }
         if let Some(t) = triangles.iter().position(|t| t.iter().any(|&i| i as usize >= vertices)) {
             let what = format!("triangle {t} is {:?} but there are {vertices} vertices", triangles[t]);
             return bad(what, "indices count from 0");

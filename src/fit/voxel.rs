@@ -14,6 +14,8 @@ use std::collections::HashMap;
 pub const MAX_RESOLUTION: usize = 512;
 /// Offset of the rays from a voxel's centre, in voxels, so that they do not run along faces that lie on the grid.
 const ASIDE: [f64; 3] = [1.237e-5, -2.618e-5, 3.141e-5];
+/// The most voxels whose crossings are counted at a time, 16 MiB.
+const MOST_COUNTED: usize = 1 << 22;
 /// How much larger the grid is than the meshes, as a fraction of their size.
 const MARGIN: f64 = 1e-3;
 
@@ -36,7 +38,7 @@ impl Voxels {
             return bad(format!("{resolution} voxels a side"), "use 1 to 512");
         }
         if !(side > 0.0 && side.is_finite() && low.iter().all(|x| x.is_finite())) {
-            return bad(format!("a cube of side {side} from {low:?}"), "use a finite side above 0");
+            return bad(format!("a cube of side {side:?} from {low:?}"), "use a finite side above 0");
         }
         let mut votes = vec![0u8; resolution.pow(3)];
         let grid = Grid { low, step: side / resolution as f64, resolution };
@@ -110,35 +112,42 @@ impl Grid {
         self.low[axis] + (i as f64 + 0.5 + ASIDE[axis]) * self.step
     }
 
-    /// Adds the votes of the two rays along an axis to every voxel.
+    /// Adds the votes of the two rays along an axis to every voxel, a few rows of its columns at a time.
     fn vote(&self, mesh: &Mesh, axis: usize, votes: &mut [u8]) {
+        let rows = (MOST_COUNTED / self.resolution.pow(2)).max(1);
+        for first in (0..self.resolution).step_by(rows) {
+            self.vote_rows(mesh, axis, first..(first + rows).min(self.resolution), votes);
+        }
+    }
+
+    fn vote_rows(&self, mesh: &Mesh, axis: usize, rows: std::ops::Range<usize>, votes: &mut [u8]) {
         let n = self.resolution;
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
-        // For each column of voxels, the positions where its line crosses a triangle, each with the direction of
-        // crossing.
-        let mut crossings: Vec<Vec<(f64, i32)>> = vec![Vec::new(); n * n];
+        let centers: Vec<f64> = (0..n).map(|k| self.center(axis, k)).collect();
+        // For each column of voxels, the directions of the triangles that its line crosses between a voxel's centre and the
+        // one before it, added up: however many triangles there are, this takes no more memory. Those behind the last
+        // centre count last.
+        let mut changes = vec![0i32; rows.len() * n * (n + 1)];
         for triangle in mesh.triangles() {
             let corners = triangle.map(|i| mesh.positions()[i as usize].map(f64::from));
             let [us, vs] = [u, v].map(|axis| self.range(axis, corners.map(|c| c[axis])));
-            for j in vs {
+            for j in vs.start.max(rows.start)..vs.end.min(rows.end) {
                 for i in us.clone() {
                     let at = [self.center(u, i), self.center(v, j)];
-                    crossings[j * n + i].extend(crossing(&corners, [axis, u, v], at));
+                    if let Some((position, sign)) = crossing(&corners, [axis, u, v], at) {
+                        let behind = centers.partition_point(|center| position >= *center || position.is_nan());
+                        changes[((j - rows.start) * n + i) * (n + 1) + behind] += sign;
+                    }
                 }
             }
         }
         let strides = [1, n, n * n];
-        for (column, crossings) in crossings.iter_mut().enumerate() {
-            crossings.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let total: i32 = crossings.iter().map(|(_, sign)| sign).sum();
-            let (mut before, mut passed) = (0, 0);
-            for k in 0..n {
-                let center = self.center(axis, k);
-                while passed < crossings.len() && crossings[passed].0 < center {
-                    before += crossings[passed].1;
-                    passed += 1;
-                }
-                let at = k * strides[axis] + column % n * strides[u] + column / n * strides[v];
+        for (column, changes) in changes.chunks_exact(n + 1).enumerate() {
+            let total: i32 = changes.iter().sum();
+            let mut before = 0;
+            for (k, change) in changes[..n].iter().enumerate() {
+                before += change;
+                let at = k * strides[axis] + column % n * strides[u] + (rows.start + column / n) * strides[v];
                 votes[at] += u8::from(before != 0) + u8::from(total - before != 0);
             }
         }

@@ -9,7 +9,6 @@ mod appearance;
 pub(crate) mod find;
 mod material;
 pub(crate) mod notes;
-pub(crate) mod output;
 pub(crate) mod parse;
 pub(crate) mod polygon;
 pub(crate) mod statement;
@@ -76,7 +75,8 @@ impl<'a> Source<'a> {
 /// with one cell per triangle from several `Kd`, else [`Uniform`]. A face without a material is white.
 ///
 /// What can be left out without harm to the rest is left out with a note: faces of fewer than three corners, malformed
-/// materials, textures that are not an image or over 16384 pixels a side or 2²⁷ pixels in all. A material file or texture
+/// materials, textures that are not an image, over 16384 pixels a side, over 2²⁷ pixels in all, or over 2²⁴ and 16 for each
+/// byte of their files. A material file or texture
 /// that is missing or lies outside the mesh's folder is looked for by its name in the folder.
 ///
 /// # Errors

@@ -53,12 +53,15 @@ pub(super) struct Face {
     pub arity: usize,
 }
 
-/// Numbers of `v` statements, of `v` statements with a colour, and of `vt` statements in the whole file.
+/// Numbers of `v` statements, of `v` statements with a colour, of `vt` and of `f` statements and of their corners in the
+/// whole file.
 #[derive(Clone, Copy, Default)]
 struct Totals {
     vertices: usize,
     colored: usize,
     uvs: usize,
+    faces: usize,
+    corners: usize,
 }
 
 /// A value, or what is wrong with a statement and how to fix it.
@@ -72,7 +75,13 @@ const CORNER_FORMS: &str = "give v, v/vt, v//vn or v/vt/vn";
 /// [`Error::File`] with the line of the first statement that is wrong, or without a line when there are no faces.
 pub(super) fn parse(source: &mut Source, text: &str) -> Result<Obj> {
     let path = source.path;
-    let mut parser = Parser { totals: count(text), ..Parser::default() };
+    let totals = count(text);
+    let mut parser = Parser { totals, ..Parser::default() };
+    parser.obj.reserve(&totals).map_err(|_| Error::OutOfMemory {
+        what: path.display().to_string(),
+        bytes: text.len() as u64,
+        fix: "give a smaller mesh, or allow the process more memory".into(),
+    })?;
     for statement in statements(text) {
         parser.statement(&statement).map_err(|(what, fix)| Error::File {
             path: path.into(),
@@ -105,10 +114,26 @@ fn count(text: &str) -> Totals {
                 totals.colored += usize::from(statement.words().count() == 6);
             }
             "vt" => totals.uvs += 1,
+            "f" => {
+                totals.faces += 1;
+                totals.corners += statement.words().count();
+            }
             _ => {}
         }
     }
     totals
+}
+
+impl Obj {
+    /// Makes room for all that the file has, so that a lack of memory is an error and not the end of the process.
+    fn reserve(&mut self, totals: &Totals) -> std::result::Result<(), std::collections::TryReserveError> {
+        self.positions.try_reserve_exact(totals.vertices)?;
+        self.colors.try_reserve_exact(if totals.colored > 0 { totals.vertices } else { 0 })?;
+        self.uvs.try_reserve_exact(totals.uvs)?;
+        self.faces.try_reserve_exact(totals.faces)?;
+        self.corners.try_reserve_exact(totals.corners)?;
+        self.uv_corners.try_reserve_exact(if totals.uvs > 0 { totals.corners } else { 0 })
+    }
 }
 
 #[derive(Default)]

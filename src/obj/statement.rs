@@ -1,24 +1,17 @@
 //! Splits OBJ and MTL files into statements with line numbers.
 
-use crate::error::{Error, Result};
-use std::{borrow::Cow, fs, path::Path};
+use crate::{
+    error::{Error, Result},
+    files::input,
+};
+use std::{borrow::Cow, path::Path};
 
 /// Larger files are refused: their lines and vertices would not fit 32-bit numbers.
 const MAX_BYTES: u64 = 1 << 32;
 
 /// Reads a whole regular file.
 pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>> {
-    let io = |source| Error::Io { path: path.into(), source };
-    let refuse =
-        |what: &str, fix: &str| Err(Error::File { path: path.into(), line: None, what: what.into(), fix: fix.into() });
-    let metadata = fs::metadata(path).map_err(io)?;
-    if !metadata.is_file() {
-        return refuse("not a regular file", "give the path of a file");
-    }
-    if metadata.len() > MAX_BYTES {
-        return refuse("larger than 4 GiB", "split or simplify the mesh");
-    }
-    fs::read(path).map_err(io)
+    input::read(path, MAX_BYTES)
 }
 
 /// Reads a whole text file; bytes that are not UTF-8 (names in an old code page) become replacement characters.
@@ -28,8 +21,15 @@ pub(super) fn read_text(path: &Path) -> Result<String> {
         let (what, fix) = ("UTF-16 text".into(), "save the file as UTF-8".into());
         return Err(Error::File { path: path.into(), line: None, what, fix });
     }
-    let text = bytes.strip_prefix(&[0xef, 0xbb, 0xbf]).unwrap_or(&bytes);
-    Ok(String::from_utf8_lossy(text).into_owned())
+    let text = String::from_utf8(bytes).or_else(|error| {
+        // A replacement character takes three bytes.
+        input::room_for(&path.display().to_string(), 3 * error.as_bytes().len() as u64)?;
+        Ok(String::from_utf8_lossy(error.as_bytes()).into_owned())
+    })?;
+    Ok(match text.strip_prefix('\u{feff}') {
+        Some(rest) => rest.into(),
+        None => text,
+    })
 }
 
 /// One statement: a line with its continuations, neither blank nor a comment.

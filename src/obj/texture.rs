@@ -1,15 +1,18 @@
 //! Reads image files as textures.
 
-use super::{Source, find::find, material::Map, textures::MAX_TEXELS};
-use crate::scene::Texture;
+use super::{Source, find::find, material::Map, textures::Room};
+use crate::{files::input, scene::Texture};
 use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
 use std::{
-    io::{BufRead, Seek},
+    io::{BufRead, Seek, SeekFrom},
     path::{Path, PathBuf},
 };
 
 /// The largest side of an image.
 const MAX_SIDE: u32 = 16384;
+
+/// Bytes of a pixel while it is decoded and converted: up to eight as it is in the file, twelve as three floats.
+const BYTES_PER_PIXEL: u64 = 20;
 
 /// The file of the image that a material names; `None`, with a note, where there is none in the mesh's folder.
 pub(super) fn locate(source: &mut Source, map: &Map) -> Option<PathBuf> {
@@ -29,7 +32,7 @@ pub(super) fn locate(source: &mut Source, map: &Map) -> Option<PathBuf> {
 }
 
 /// Decodes the image that a material names, of at most `room` texels; `None`, with a note, for what cannot be decoded.
-pub(super) fn read(source: &mut Source, map: &Map, path: &Path, room: u64) -> Option<Texture> {
+pub(super) fn read(source: &mut Source, map: &Map, path: &Path, room: Room) -> Option<Texture> {
     let shown = path.display();
     let reader = ImageReader::open(path).map_err(|error| error.to_string());
     match reader.and_then(|reader| decode(reader, source.options.srgb, room)) {
@@ -62,9 +65,17 @@ pub(crate) struct Decoded {
 ///
 /// # Errors
 /// What is wrong with it.
-pub(crate) fn decode<R: BufRead + Seek>(reader: ImageReader<R>, srgb: bool, room: u64) -> Result<Decoded, String> {
+pub(crate) fn decode<R: BufRead + Seek>(reader: ImageReader<R>, srgb: bool, room: Room) -> Result<Decoded, String> {
     let undecodable =
         |error: image::ImageError| format!("{error} (use a PNG or JPEG of at most {MAX_SIDE}×{MAX_SIDE} pixels)");
+    let format = reader.format();
+    let mut file = reader.into_inner();
+    let length = file.seek(SeekFrom::End(0)).and_then(|length| file.rewind().map(|()| length));
+    let most = room.texels(length.map_err(|error| error.to_string())?);
+    let mut reader = ImageReader::new(file);
+    if let Some(format) = format {
+        reader.set_format(format);
+    }
     // The format is guessed from the content, because the name may be wrong.
     let mut reader = reader.with_guessed_format().map_err(|error| error.to_string())?;
     let mut limits = Limits::default();
@@ -73,10 +84,12 @@ pub(crate) fn decode<R: BufRead + Seek>(reader: ImageReader<R>, srgb: bool, room
     reader.limits(limits.clone());
     let mut decoder = reader.into_decoder().map_err(undecodable)?;
     let (width, height) = decoder.dimensions();
-    if u64::from(width) * u64::from(height) > room {
-        let fix = format!("scale the images down to {MAX_TEXELS} pixels in all");
-        return Err(format!("{width}×{height} pixels are more than the {room} that are left for it ({fix})"));
+    let pixels = u64::from(width) * u64::from(height);
+    if pixels > most {
+        let fix = "scale the images down, or save them with more detail";
+        return Err(format!("{width}×{height} pixels are more than the {most} that its file may still have ({fix})"));
     }
+    input::room_for("a texture", pixels * BYTES_PER_PIXEL).map_err(|error| error.to_string())?;
     limits.reserve(decoder.total_bytes()).and_then(|()| decoder.set_limits(limits)).map_err(undecodable)?;
     let image = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
     let is_transparent = image.color().has_alpha() && image.to_rgba8().pixels().any(|pixel| pixel.0[3] != 255);

@@ -6,8 +6,30 @@ use std::{
     hash::Hash,
 };
 
-/// The most texels of all images of a mesh, 1.5 GiB: an image of a few kilobytes may claim more than that.
-pub(crate) const MAX_TEXELS: u64 = 1 << 27;
+/// The most texels of all images of a mesh, 1.5 GiB.
+const MAX_TEXELS: u64 = 1 << 27;
+/// Texels that images may have whatever the size of their files, 4096² in all, and those that each byte of a file adds: a
+/// picture of a few kilobytes may claim, and even hold, a hundred million pixels of one colour.
+const FREE_TEXELS: u64 = 1 << 24;
+const TEXELS_PER_BYTE: u64 = 16;
+
+/// How many texels the next image of a mesh may have.
+#[derive(Clone, Copy)]
+pub(crate) struct Room {
+    /// Texels of the images before it.
+    taken: u64,
+}
+
+impl Room {
+    /// For the first or only image.
+    pub const WHOLE: Self = Self { taken: 0 };
+
+    /// The most texels of an image whose file has so many bytes.
+    pub fn texels(self, bytes: u64) -> u64 {
+        let by_size = FREE_TEXELS.saturating_sub(self.taken).saturating_add(bytes.saturating_mul(TEXELS_PER_BYTE));
+        by_size.min(MAX_TEXELS.saturating_sub(self.taken))
+    }
+}
 
 /// Each image once, in order of first use.
 pub(crate) struct Textures<K> {
@@ -23,12 +45,12 @@ impl<K: Eq + Hash> Textures<K> {
         Self { images: Vec::new(), by_key: HashMap::new(), texels: 0 }
     }
 
-    /// The index of an image; a new one is made, with at most so many texels as are given to `make`.
-    pub fn find_or(&mut self, key: K, make: impl FnOnce(u64) -> Option<Texture>) -> Option<u32> {
+    /// The index of an image; a new one is made, with at most so many texels as `make` is told.
+    pub fn find_or(&mut self, key: K, make: impl FnOnce(Room) -> Option<Texture>) -> Option<u32> {
         match self.by_key.entry(key) {
             Entry::Occupied(known) => *known.get(),
             Entry::Vacant(unknown) => {
-                let image = make(MAX_TEXELS.saturating_sub(self.texels));
+                let image = make(Room { taken: self.texels });
                 let index = image.map(|image| {
                     self.texels += image.texels().len() as u64;
                     self.images.push(image);

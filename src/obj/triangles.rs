@@ -15,12 +15,28 @@ pub(super) struct Triangles {
     pub faces: Vec<usize>,
 }
 
+impl Triangles {
+    /// Makes room for all of them, so that a lack of memory is an error and not the end of the process.
+    fn reserve(&mut self, obj: &Obj) -> std::result::Result<(), std::collections::TryReserveError> {
+        // A face of n corners, three at least, makes n - 2 triangles.
+        let count = obj.corners.len() - 2 * obj.faces.len();
+        self.vertices.try_reserve_exact(count)?;
+        self.uvs.try_reserve_exact(if obj.uv_corners.is_empty() { 0 } else { count })?;
+        self.faces.try_reserve_exact(count)
+    }
+}
+
 /// Cuts all faces into triangles.
 ///
 /// # Errors
 /// [`Error::File`] with the line of a face that cannot be cut.
 pub(super) fn triangulate(path: &Path, obj: &Obj, notes: &mut Notes) -> Result<Triangles> {
     let mut triangles = Triangles::default();
+    triangles.reserve(obj).map_err(|_| Error::OutOfMemory {
+        what: path.display().to_string(),
+        bytes: size_of_val(&obj.corners[..]) as u64,
+        fix: "give a smaller mesh, or allow the process more memory".into(),
+    })?;
     let mut not_simple = Vec::new();
     let mut start = 0;
     for (index, face) in obj.faces.iter().enumerate() {

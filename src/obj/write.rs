@@ -1,8 +1,8 @@
 //! Writes meshes as OBJ, MTL and PNG files.
 
-use super::output;
 use crate::{
     error::{Error, Result},
+    files::output,
     scene::{Appearance, Mesh, Texture, Wrap},
 };
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};

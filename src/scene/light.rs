@@ -1,6 +1,6 @@
 //! Ambient and directional lights, as the official renderer has them.
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, shown};
 
 /// A light infinitely far away, which adds `intensity · color · max(0, n · direction)` at a point with unit normal n.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,14 +72,20 @@ impl Lights {
             return bad("directional.len()".into(), n, "at most 64 directional lights are supported");
         }
         let rgb = |c: &[f64; 3]| c.iter().all(|x| x.abs() <= 1e6);
-        if !rgb(&self.ambient_color) || self.ambient_intensity.is_nan() || self.ambient_intensity.abs() > 1e6 {
-            let value = format!("{:?} × {}", self.ambient_color, self.ambient_intensity);
-            return bad("ambient".into(), value, "use values within ±1e6");
+        let within = |x: f64| x.abs() <= 1e6;
+        let fix = "use values within ±1e6";
+        if !rgb(&self.ambient_color) {
+            return bad("ambient_color".into(), format!("{:?}", self.ambient_color), fix);
+        }
+        if !within(self.ambient_intensity) {
+            return bad("ambient_intensity".into(), shown(self.ambient_intensity), fix);
         }
         for (i, light) in self.directional.iter().enumerate() {
-            if !rgb(&light.color) || light.intensity.is_nan() || light.intensity.abs() > 1e6 {
-                let value = format!("{:?} × {}", light.color, light.intensity);
-                return bad(format!("directional[{i}]"), value, "use values within ±1e6");
+            if !rgb(&light.color) {
+                return bad(format!("directional[{i}].color"), format!("{:?}", light.color), fix);
+            }
+            if !within(light.intensity) {
+                return bad(format!("directional[{i}].intensity"), shown(light.intensity), fix);
             }
             let length = glam::DVec3::from(light.direction).length();
             if !(1e-12..=1e12).contains(&length) {

@@ -1,7 +1,7 @@
 //! The settings of a frame; their defaults are those of the official renderer.
 
 use super::Support;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, shown};
 
 /// Which images a frame renders; an image that is not asked for costs nothing. D is a fragment's coverage, w its
 /// softmax weight, z its view depth and n its normal.
@@ -229,15 +229,15 @@ impl Settings {
         check(size.contains(&self.width), "width", self.width.to_string(), "use 1 to 16384 pixels")?;
         check(size.contains(&self.height), "height", self.height.to_string(), "use 1 to 16384 pixels")?;
         let ranged = |value: f64, low: f64, high: f64| value >= low && value <= high;
-        check(ranged(self.sigma, 1e-12, 1e3), "sigma", self.sigma.to_string(), "use 1e-12 to 1e3 screen units²")?;
-        check(ranged(self.gamma, 1e-10, 1e6), "gamma", self.gamma.to_string(), "use 1e-10 to 1e6")?;
-        check(ranged(self.epsilon, -1e3, 1e3), "epsilon", self.epsilon.to_string(), "use -1000 to 1000")?;
-        check(ranged(self.tau, 1e-12, 0.4), "tau", self.tau.to_string(), "use 1e-12 to 0.4; 1e-4 is usual")?;
-        check(ranged(self.near, 1e-6, 1e9), "near", self.near.to_string(), "use 1e-6 to 1e9 world units")?;
+        check(ranged(self.sigma, 1e-12, 1e3), "sigma", shown(self.sigma), "use 1e-12 to 1e3 screen units²")?;
+        check(ranged(self.gamma, 1e-10, 1e6), "gamma", shown(self.gamma), "use 1e-10 to 1e6")?;
+        check(ranged(self.epsilon, -1e3, 1e3), "epsilon", shown(self.epsilon), "use -1000 to 1000")?;
+        check(ranged(self.tau, 1e-12, 0.4), "tau", shown(self.tau), "use 1e-12 to 0.4; 1e-4 is usual")?;
+        check(ranged(self.near, 1e-6, 1e9), "near", shown(self.near), "use 1e-6 to 1e9 world units")?;
         check(
             self.far <= 1e12 && self.far >= self.near * (1.0 + 1e-6),
             "far",
-            self.far.to_string(),
+            shown(self.far),
             "must lie beyond near, at most at 1e12",
         )?;
         let background = format!("{:?}", self.background_color);

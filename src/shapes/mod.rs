@@ -6,7 +6,7 @@ pub(crate) mod named;
 pub use fish::fish;
 
 use crate::{
-    error::{Error, Result},
+    error::{Error, Result, shown},
     scene::{Appearance, Mesh},
 };
 use glam::DVec3;
@@ -96,7 +96,10 @@ fn subdivide(points: &mut Vec<DVec3>, triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
 /// [`Error::Mesh`] unless 0 < tube < ring, both finite, and 3 to 4096 quads each way.
 pub fn torus(ring: f64, tube: f64, around: u32, across: u32) -> Result<Mesh> {
     if !(tube > 0.0 && tube < ring && ring < 1e9) {
-        return shape_error(format!("torus of radii {ring} and {tube}"), "use 0 < tube < ring".into());
+        return shape_error(
+            format!("torus of radii {} and {}", shown(ring), shown(tube)),
+            "use 0 < tube < ring".into(),
+        );
     }
     if !((3..=4096).contains(&around) && (3..=4096).contains(&across)) {
         return shape_error(format!("torus of {around}×{across} quads"), "use 3 to 4096 each way".into());

@@ -135,3 +135,20 @@ fn unhonoured_texture_options_are_noted() {
     }
     assert_eq!(notes.len(), 3);
 }
+
+/// As many materials as a megabyte holds are looked up in no time.
+#[test]
+fn thousands_of_materials_are_found_by_name() {
+    use std::fmt::Write;
+    let count = 64_000;
+    let (mut obj, mut mtl) = (String::from("mtllib mesh.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\n"), String::new());
+    for i in 0..count {
+        writeln!(mtl, "newmtl m{i}\nKd {} 0 1", f64::from(i) / f64::from(count)).unwrap();
+        writeln!(obj, "usemtl m{}\nf 1 2 3", count - 1 - i).unwrap();
+    }
+    let begin = std::time::Instant::now();
+    let loaded = load_with_mtl(&obj, &mtl).unwrap();
+    assert!(begin.elapsed().as_secs_f64() < 10.0, "{:?}", begin.elapsed());
+    let Appearance::Surface { texels, .. } = loaded.mesh.appearance() else { panic!("one colour for all") };
+    assert_eq!((texels.len(), texels[0][0], texels[63_999][0]), (64_000, 63_999.0 / 64_000.0, 0.0));
+}

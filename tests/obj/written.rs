@@ -87,3 +87,81 @@ fn what_obj_files_cannot_hold_is_refused() {
     assert!(matches!(error, Error::Io { .. }), "{error}");
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0, "nothing is left behind");
 }
+
+/// Two writers of one file and a reader: every write succeeds, and what is read is one mesh or the other.
+#[test]
+fn two_writers_of_one_file_do_not_disturb_each_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("mesh.obj");
+    let [large, small] = [softras::shapes::torus(1.0, 0.3, 40, 20), softras::shapes::cube()].map(|mesh| mesh.unwrap());
+    let lengths = [&large, &small].map(|mesh| {
+        write_obj(mesh, &path).unwrap();
+        fs::metadata(&path).unwrap().len()
+    });
+    std::thread::scope(|scope| {
+        let writers = [&large, &small].map(|mesh| {
+            let path = &path;
+            scope.spawn(move || (0..60).try_for_each(|_| write_obj(mesh, path).map(drop)))
+        });
+        while !writers.iter().all(|writer| writer.is_finished()) {
+            let length = fs::read(&path).unwrap().len() as u64;
+            assert!(lengths.contains(&length), "{length} bytes, neither of {lengths:?}");
+        }
+        writers.into_iter().for_each(|writer| writer.join().unwrap().unwrap());
+    });
+    let left: Vec<_> = fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert!(left.iter().all(|name| ["mesh.obj", "mesh.mtl"].contains(&name.to_str().unwrap())), "{left:?}");
+}
+
+#[test]
+fn names_may_be_as_long_as_the_file_system_allows() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("n".repeat(251) + ".obj");
+    write_obj(&triangle(), &path).unwrap();
+    assert_eq!(load(&path, &LoadOptions::default()).unwrap().mesh, triangle());
+    let error = write_obj(&triangle(), &folder.path().join("n".repeat(252) + ".obj")).unwrap_err();
+    assert!(matches!(error, Error::Io { .. }), "{error}");
+}
+
+/// Files are written through links, also such as lead nowhere yet, and keep their permissions; what lies beside them under
+/// a name that a temporary file might have is left alone.
+#[cfg(unix)]
+#[test]
+fn links_are_written_through_and_permissions_kept() {
+    use std::os::unix::fs::{PermissionsExt, symlink};
+    let (folder, elsewhere) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let victim = elsewhere.path().join("victim");
+    fs::write(&victim, "precious").unwrap();
+    for name in ["mesh.obj.tmp".into(), format!(".mesh.obj.{}.tmp", std::process::id())] {
+        symlink(&victim, folder.path().join(name)).unwrap();
+    }
+    let (link, target) = (folder.path().join("mesh.obj"), elsewhere.path().join("target.obj"));
+    symlink("between.obj", &link).unwrap();
+    symlink(&target, folder.path().join("between.obj")).unwrap();
+    write_obj(&triangle(), &link).unwrap();
+    assert!(link.is_symlink() && target.is_file());
+    fs::set_permissions(&target, fs::Permissions::from_mode(0o640)).unwrap();
+    write_obj(&triangle(), &link).unwrap();
+    assert_eq!(fs::metadata(&target).unwrap().permissions().mode() & 0o7777, 0o640);
+    assert_eq!(fs::read_to_string(&victim).unwrap(), "precious");
+    let circle = folder.path().join("circle.obj");
+    symlink(&circle, &circle).unwrap();
+    assert!(write_obj(&triangle(), &circle).unwrap_err().to_string().contains("too many symbolic links"));
+}
+
+/// What a killed process left is removed, what another is still writing is not.
+#[test]
+fn litter_of_killed_processes_is_removed() {
+    let folder = tempfile::tempdir().unwrap();
+    let hours_ago = std::time::SystemTime::now() - std::time::Duration::from_secs(2 * 3600);
+    for (name, is_old) in [(".softras-old.tmp", true), (".softras-new.tmp", false), ("softras.tmp", true)] {
+        let file = fs::File::create(folder.path().join(name)).unwrap();
+        if is_old {
+            file.set_modified(hours_ago).unwrap();
+        }
+    }
+    write_obj(&triangle(), &folder.path().join("mesh.obj")).unwrap();
+    let mut left: Vec<_> = fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    left.sort();
+    assert_eq!(left, [".softras-new.tmp", "mesh.obj", "softras.tmp"]);
+}

@@ -198,6 +198,55 @@ fn lights_end_where_they_say() {
     assert_says(validate::lights(&many(Lights::MAX_DIRECTIONAL + 1)), &["directional.len() = 65", "64"]);
 }
 
+/// However large a number is, an error shows it in few digits, under the name of the field that it is in.
+#[test]
+fn enormous_numbers_are_told_in_few_digits() {
+    type Set<T> = fn(&mut T, f64);
+    let settings: [(&str, Set<Settings>); 6] = [
+        ("sigma", |s, x| s.sigma = x),
+        ("gamma", |s, x| s.gamma = x),
+        ("epsilon", |s, x| s.epsilon = x),
+        ("tau", |s, x| s.tau = x),
+        ("near", |s, x| s.near = x),
+        ("background_color", |s, x| s.background_color[0] = x),
+    ];
+    let lights: [(&str, Set<Lights>); 5] = [
+        ("ambient_color", |l, x| l.ambient_color[1] = x),
+        ("ambient_intensity", |l, x| l.ambient_intensity = x),
+        ("directional[0].color", |l, x| l.directional[0].color[2] = x),
+        ("directional[0].intensity", |l, x| l.directional[0].intensity = x),
+        ("directional[0].direction", |l, x| l.directional[0].direction = [x; 3]),
+    ];
+    let mut told = Vec::new();
+    for x in [1e300, -1e300, 1e-300, f64::MAX, f64::MIN_POSITIVE] {
+        for (name, set) in settings {
+            let mut s = Settings::default();
+            set(&mut s, x);
+            told.extend(validate::settings(&s).err().map(|error| (name, error)));
+        }
+        for (name, set) in lights {
+            let mut l = Lights::official();
+            set(&mut l, x);
+            told.extend(validate::lights(&l).err().map(|error| (name, error)));
+        }
+        told.extend(Camera::from_angles(x, 0.0, 0.0, PERSPECTIVE).err().map(|error| ("camera", error)));
+        told.extend(
+            Camera::from_angles(2.0, 0.0, 0.0, Projection::Perspective { fov_y: x }).err().map(|e| ("fov_y", e)),
+        );
+        told.extend(softras::shapes::torus(x, 1.0, 3, 3).err().map(|error| ("torus", error)));
+        told.extend(
+            softras::internals::fit::blurred(&Image { batch: 1, height: 1, width: 1, channels: 1, data: vec![0.5] }, x)
+                .err()
+                .map(|e| ("blur", e)),
+        );
+    }
+    assert!(told.len() > 40, "{} errors", told.len());
+    for (name, error) in told {
+        let text = error.to_string();
+        assert!(text.contains(name) && text.len() < 160, "{name}: {text}");
+    }
+}
+
 #[test]
 fn cameras_end_where_they_say() {
     let taken = |projection| Camera::from_angles(2.0, 0.0, 0.0, projection).is_ok();

@@ -7,3 +7,4 @@ mod common;
 mod crowds;
 mod edge_cases;
 mod errors;
+mod lengths;

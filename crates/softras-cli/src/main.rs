@@ -3,16 +3,23 @@
 mod commands;
 
 use clap::{FromArgMatches, error::ErrorKind};
-use commands::{Cli, Failure, help};
+use commands::{Cli, Failure, help, text};
 use std::io::Write;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let cli = Cli::from_arg_matches(&help::command().get_matches()).unwrap_or_else(|error| error.exit());
-    match commands::run(&cli) {
+    let parsed = help::command().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches));
+    let outcome = match parsed {
+        Ok(cli) => commands::run(&cli),
+        Err(error) if error.use_stderr() => error.exit(),
+        // The help or the version.
+        Err(wanted) => wanted.print().and_then(|()| std::io::stdout().flush()).map_err(Failure::of_output),
+    };
+    match outcome {
         Ok(()) => ExitCode::SUCCESS,
         // As clap does for what it finds itself: the command's usage on stderr, exit code 2.
         Err(Failure::Usage(what)) => {
+            let what = text::harmless(&what, false);
             let mut whole = help::command();
             whole.build();
             let name = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned());
@@ -20,14 +27,17 @@ fn main() -> ExitCode {
             let command = name.as_ref().and_then(|name| whole.find_subcommand_mut(name));
             command.unwrap_or(&mut help::command()).error(ErrorKind::ValueValidation, what).exit()
         }
+        Err(Failure::Error(error)) => fail(&error.to_string()),
+        Err(Failure::Output(error)) => fail(&format!("standard output: {error}: the results were not all written")),
         Err(Failure::Interrupted) => ExitCode::from(130),
-        Err(Failure::Error(error)) => {
-            // With stderr closed the exit code has to do.
-            let _ = writeln!(std::io::stderr(), "error: {error}");
-            ExitCode::FAILURE
-        }
         Err(Failure::Told) => ExitCode::FAILURE,
         // The reader of our output has gone, as `head` does when it has seen enough.
         Err(Failure::Closed) => ExitCode::SUCCESS,
     }
+}
+
+fn fail(why: &str) -> ExitCode {
+    // With stderr closed the exit code has to do.
+    let _ = writeln!(std::io::stderr(), "error: {}", text::harmless(why, false));
+    ExitCode::FAILURE
 }

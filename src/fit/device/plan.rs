@@ -1,7 +1,7 @@
 //! Plans a fit on the device: kinds of losses, weights and sizes as the kernels read them. It does not use Vulkan.
 
 use crate::constants as c;
-use crate::error::Result;
+use crate::error::{Result, shown};
 use crate::fit::bad;
 use crate::fit::image_loss::{ImageLoss, pooled};
 use crate::fit::optimizer::Method;
@@ -118,7 +118,9 @@ impl LossKind {
             ImageLoss::L1 => (c::LOSS_L1, 0.0),
             ImageLoss::L2 => (c::LOSS_L2, 0.0),
             ImageLoss::Huber { delta } if delta > 0.0 && delta.is_finite() => (c::LOSS_HUBER, delta),
-            ImageLoss::Huber { delta } => return bad(format!("a Huber loss with delta {delta}"), "use one above 0"),
+            ImageLoss::Huber { delta } => {
+                return bad(format!("a Huber loss with delta {}", shown(delta)), "use one above 0");
+            }
         };
         Ok(Self { code, delta: delta as f32, weight: if given { weight as f32 } else { 0.0 } })
     }
@@ -330,7 +332,7 @@ fn validate_weights(targets: &Targets, weights: Option<&Image>) -> Result<()> {
     let (height, width) = targets.size()?;
     let expected = [targets.cameras.len(), height, width, 1];
     let shape = [weights.batch, weights.height, weights.width, weights.channels];
-    if shape != expected || weights.data.len() != expected.iter().product::<usize>() {
+    if shape != expected || !weights.is_whole() {
         return bad(format!("weights of shape {shape:?} for targets {expected:?}"), "give one weight a pixel");
     }
     if !weights.data.iter().all(|w| w.is_finite() && *w >= 0.0) || weights.data.iter().all(|w| *w == 0.0) {

@@ -39,9 +39,7 @@ impl PoseTarget {
     /// [`crate::Error::Fit`] for images of other shapes.
     pub fn new(color: Image, silhouette: Image) -> Result<Self> {
         let shape = |i: &Image| [i.batch, i.height, i.width];
-        let whole = |i: &Image, channels: usize| {
-            i.channels == channels && i.data.len() == i.batch * i.height * i.width * channels && !i.data.is_empty()
-        };
+        let whole = |i: &Image, channels: usize| i.channels == channels && i.is_whole();
         if shape(&color) != shape(&silhouette) || !whole(&color, 3) || !whole(&silhouette, 1) {
             let what = format!("a target of shapes {:?} and {:?}", shape(&color), shape(&silhouette));
             return bad(what, "give colours and silhouettes of one size for each pose");

@@ -2,8 +2,10 @@
 
 mod colors;
 mod parametrization;
+mod targets;
 
 pub use parametrization::Parametrization;
+pub use targets::Targets;
 
 use super::bad;
 use super::image_loss::{self, ImageLoss};
@@ -16,43 +18,9 @@ use crate::error::Result;
 use crate::gradients::{ImageGradient, Wanted};
 use crate::image::Image;
 use crate::renderer::Renderer;
-use crate::scene::{Appearance, Camera, Lights, Mesh, Scene, Settings};
+use crate::scene::{Appearance, Lights, Mesh, Scene, Settings};
 use glam::DVec3;
 use parametrization::Parameters;
-
-/// The target images of a shape fit; at least one of silhouette and colour.
-#[derive(Clone, Debug, Default)]
-pub struct Targets {
-    /// One for each view.
-    pub cameras: Vec<Camera>,
-    /// `[views, height, width, 1]`.
-    pub silhouette: Option<Image>,
-    /// `[views, height, width, 3]`, linear, on the settings' background colour.
-    pub color: Option<Image>,
-}
-
-impl Targets {
-    /// Height and width of the targets.
-    ///
-    /// # Errors
-    /// [`crate::Error::Fit`] without any image, or when the images do not go with the cameras and each other.
-    pub fn size(&self) -> Result<(usize, usize)> {
-        let shape = |image: &Image| [image.batch, image.height, image.width];
-        let images = [(&self.silhouette, 1), (&self.color, 3)];
-        let mut shapes = images.iter().filter_map(|(image, channels)| image.as_ref().map(|i| (i, *channels)));
-        let Some((first, _)) = shapes.clone().next() else {
-            return bad("targets without an image", "give silhouettes, colours or both");
-        };
-        let right = |(image, channels): (&Image, usize)| {
-            shape(image) == shape(first) && image.channels == channels && image.batch == self.cameras.len()
-        };
-        if !shapes.all(right) || first.batch == 0 {
-            let what = format!("images of shape {:?} for {} cameras", shape(first), self.cameras.len());
-            return bad(what, "give one image of the same size for each camera, 1 channel of silhouette, 3 of colour");
-        }
-        Ok((first.height, first.width))
-    }
-}
 
 /// The method of a shape fit.
 #[derive(Clone, Debug, PartialEq)]
@@ -213,7 +181,7 @@ impl ShapeFit {
 
     /// The settings with the size that the fit renders at.
     fn settings(&self, settings: &Settings, (height, width): (usize, usize)) -> Settings {
-        let side = |side: usize| u32::try_from(side * self.options.samples).unwrap_or(u32::MAX);
+        let side = |side: usize| u32::try_from(side.saturating_mul(self.options.samples)).unwrap_or(u32::MAX);
         Settings { width: side(width), height: side(height), ..settings.clone() }
     }
 
@@ -234,7 +202,7 @@ impl ShapeFit {
             let mut gradient = Image { data: vec![0.0; rendered.data.len()], ..valued.gradient };
             (gradient.height, gradient.width) = (rendered.height, rendered.width);
             let coarse_gradient = Image { data: valued.gradient.data, ..coarse };
-            image_loss::add_pooled_gradient(&mut gradient, &coarse_gradient, samples, 1.0);
+            image_loss::add_pooled_gradient(&mut gradient, &coarse_gradient, samples, 1.0)?;
             image_loss::Valued { value: valued.value, gradient }
         };
         if weight != 1.0 {
@@ -290,18 +258,23 @@ impl ShapeFit {
     /// # Errors
     /// [`crate::Error::Fit`] when the state belongs to another mesh or other options, or is not finite.
     pub fn restore(&mut self, state: State) -> Result<()> {
+        let is_finite = |values: &[f64]| values.iter().all(|x| x.is_finite());
+        let mut optimizers = (self.optimizer.clone(), self.color_optimizer.clone());
+        let (steps, first, second) = &state.optimizer;
+        let (color_steps, color_first, color_second) = &state.color_optimizer;
         let fits = state.values.len() == self.values.len()
             && state.color_values.len() == self.color_values.len()
-            && state.values.iter().chain(&state.color_values).all(|x| x.is_finite())
-            && self.optimizer.restore(state.optimizer.0, &state.optimizer.1, &state.optimizer.2)
-            && self.color_optimizer.restore(
-                state.color_optimizer.0,
-                &state.color_optimizer.1,
-                &state.color_optimizer.2,
-            );
+            && is_finite(&state.values)
+            && is_finite(&state.color_values)
+            && optimizers.0.restore(*steps, first, second)
+            && optimizers.1.restore(*color_steps, color_first, color_second);
         if !fits {
-            return bad("a saved state of another fit", "resume with the template and the options it was begun with");
+            return bad(
+                "a saved state of another fit, or with numbers that no fit has",
+                "resume with the template and the options it was begun with",
+            );
         }
+        (self.optimizer, self.color_optimizer) = optimizers;
         (self.values, self.color_values) = (state.values, state.color_values);
         self.place()?;
         if self.options.fit_colors {

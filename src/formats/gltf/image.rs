@@ -5,7 +5,7 @@ use crate::{
     obj::{
         Source,
         texture::{self, Decoded},
-        textures::Textures,
+        textures::{Room, Textures},
     },
     scene::{Texture, Wrap},
 };
@@ -117,7 +117,7 @@ fn image_of(source: &mut Source, root: &json::Root, index: usize) -> Result<(usi
     Ok((texture.source.value(), wrap))
 }
 
-fn read(source: &mut Source, document: &mut Document, image: usize, room: u64) -> Result<Decoded, String> {
+fn read(source: &mut Source, document: &mut Document, image: usize, room: Room) -> Result<Decoded, String> {
     let file = document.image(source, image)?;
     let decoded = texture::decode(ImageReader::new(Cursor::new(file.bytes())), source.options.srgb, room)?;
     if decoded.is_transparent {

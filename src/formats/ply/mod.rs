@@ -11,7 +11,7 @@ use crate::{
         parse::FARTHEST_UV,
         polygon,
         texture::{self, Decoded, linear_from_srgb},
-        textures::MAX_TEXELS,
+        textures::Room,
     },
     scene::{Appearance, Mesh, Texture, Wrap},
 };
@@ -251,7 +251,7 @@ fn texture(source: &mut Source, name: &str) -> Option<Texture> {
         source.notes.add(None, format!("texture {note}"));
     }
     let reader = ImageReader::open(&path).map_err(|error| error.to_string());
-    match reader.and_then(|reader| texture::decode(reader, source.options.srgb, MAX_TEXELS)) {
+    match reader.and_then(|reader| texture::decode(reader, source.options.srgb, Room::WHOLE)) {
         Ok(Decoded { width, height, texels, is_transparent }) => {
             if is_transparent {
                 source.notes.add(None, format!("texture {}: transparency is not drawn", path.display()));

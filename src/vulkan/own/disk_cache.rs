@@ -5,12 +5,15 @@ use super::super::device::Device;
 use super::super::result::Named;
 use super::context::CacheFolder;
 use crate::Result;
+use crate::files::{input, output};
 use ash::vk;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU32, Ordering};
 
 /// What our files begin with; a checksum of the driver's data follows.
 const MAGIC: &[u8; 8] = b"softras1";
+
+/// The most bytes of a file that is read; drivers write a few hundred kilobytes.
+const MOST: u64 = 64 << 20;
 
 /// A VkPipelineCache of ours and the file that it is loaded from and saved to.
 pub(in crate::vulkan) struct DiskCache {
@@ -58,7 +61,11 @@ impl DiskCache {
             return;
         }
         let bytes = [&MAGIC[..], &sum.to_le_bytes(), &data].concat();
-        _ = write_whole(file, &bytes);
+        if let Some(folder) = file.parent()
+            && std::fs::create_dir_all(folder).is_ok()
+        {
+            _ = output::write_file(file, &bytes);
+        }
     }
 }
 
@@ -70,24 +77,9 @@ impl Drop for DiskCache {
     }
 }
 
-/// Writes a file so that nobody ever sees half of it.
-fn write_whole(file: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    static COUNT: AtomicU32 = AtomicU32::new(0);
-    if let Some(folder) = file.parent() {
-        std::fs::create_dir_all(folder)?;
-    }
-    let unique = format!("{}-{}.tmp", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
-    let temporary = file.with_extension(unique);
-    let result = std::fs::write(&temporary, bytes).and_then(|()| std::fs::rename(&temporary, file));
-    if result.is_err() {
-        _ = std::fs::remove_file(&temporary);
-    }
-    result
-}
-
 /// The driver's data in a file of ours, if it is complete and of this device and driver.
 fn load(file: &Path, properties: &vk::PhysicalDeviceProperties) -> Option<Vec<u8>> {
-    let bytes = std::fs::read(file).ok()?;
+    let bytes = input::read(file, MOST).ok()?;
     let (sum, data) = bytes.strip_prefix(MAGIC)?.split_first_chunk::<8>()?;
     (u64::from_le_bytes(*sum) == checksum(data) && is_header_of(data, properties)).then(|| data.to_vec())
 }

@@ -30,7 +30,8 @@ pub struct ManArgs {
 }
 
 fn print(bytes: &[u8]) -> Result<(), Failure> {
-    std::io::stdout().write_all(bytes).map_err(|_| Failure::Closed)
+    let mut stdout = std::io::stdout().lock();
+    stdout.write_all(bytes).and_then(|()| stdout.flush()).map_err(Failure::of_output)
 }
 
 /// Prints completions.

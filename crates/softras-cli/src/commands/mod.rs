@@ -13,6 +13,7 @@ mod grad;
 mod gradients;
 pub mod help;
 mod iou;
+mod memory;
 mod mesh;
 mod mesh_file;
 mod npz;
@@ -23,6 +24,7 @@ mod progress;
 mod render;
 mod stress;
 mod svg;
+pub mod text;
 
 use clap::{Parser, Subcommand};
 use std::io::Write;
@@ -92,10 +94,19 @@ pub enum Failure {
     Error(softras::Error),
     /// The failure has been reported already.
     Told,
+    /// The results cannot be written to standard output.
+    Output(std::io::Error),
     /// The reader of the output has closed it.
     Closed,
     /// Ctrl-C ended the work early; what there was has been written.
     Interrupted,
+}
+
+impl Failure {
+    /// The failure to write results: a full disk loses them, a reader that went away has seen enough.
+    pub fn of_output(error: std::io::Error) -> Self {
+        if error.kind() == std::io::ErrorKind::BrokenPipe { Self::Closed } else { Self::Output(error) }
+    }
 }
 
 impl From<softras::Error> for Failure {
@@ -138,23 +149,25 @@ fn run_command(cli: &Cli) -> Result<(), Failure> {
     }
 }
 
-/// Prints a line for the user.
+/// Prints a line, or several, for the user.
 fn say(line: &str) -> Result<(), Failure> {
-    writeln!(std::io::stdout(), "{line}").map_err(|_| Failure::Closed)
+    let mut stdout = std::io::stdout().lock();
+    let written = writeln!(stdout, "{}", text::harmless(line, true)).and_then(|()| stdout.flush());
+    written.map_err(Failure::of_output)
 }
 
 /// Prints a note on stderr, about something that did not stop the work.
 fn note(text: &str) {
     if loudness() > Loudness::Quiet {
         // With stderr closed there is nowhere to report to.
-        let _ = writeln!(std::io::stderr(), "note: {text}");
+        let _ = writeln!(std::io::stderr(), "note: {}", text::harmless(text, false));
     }
 }
 
 /// Prints on stderr what is told with --verbose alone.
 fn detail(text: &str) {
     if loudness() == Loudness::Verbose {
-        let _ = writeln!(std::io::stderr(), "{text}");
+        let _ = writeln!(std::io::stderr(), "{}", text::harmless(text, false));
     }
 }
 

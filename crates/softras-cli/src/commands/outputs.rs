@@ -1,7 +1,7 @@
 //! Keeps commands from overwriting what they read.
 
 use super::Failure;
-use softras::internals::output;
+use softras::internals::files;
 use std::path::{Path, PathBuf};
 
 /// The files that a command will write, known before it begins to work.
@@ -43,7 +43,7 @@ impl Outputs {
         let files = files.into_iter().map(|path| (path, false));
         let mut all: Vec<Written> = Vec::new();
         for (path, is_mesh) in files.chain(mesh.into_iter().map(|path| (path, true))) {
-            output::check_writable(path)?;
+            files::check_writable(path)?;
             let one = Written { given: path.clone(), real: real(path), is_mesh };
             if all.iter().any(|other| other.replaces(&one.real) || one.replaces(&other.real)) {
                 return Err(Failure::Usage(format!(

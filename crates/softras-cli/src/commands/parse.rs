@@ -39,6 +39,24 @@ pub fn elevation(text: &str) -> Result<f64, String> {
     number(text).and_then(|x| if x.abs() <= 90.0 { Ok(x) } else { Err("use -90 to 90 degrees".into()) })
 }
 
+/// A number of bytes: `4096`, `512M` or `8GiB`; the letters K, M, G and T count in steps of 1024.
+pub fn bytes(text: &str) -> Result<u64, String> {
+    let number = text.trim().trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let unit = text.trim()[number.len()..].to_ascii_lowercase();
+    let shift = match unit.trim_end_matches("ib").trim_end_matches('b') {
+        "" => 0,
+        "k" => 10,
+        "m" => 20,
+        "g" => 30,
+        "t" => 40,
+        _ => return Err(format!("{text:?} has no unit of K, M, G or T")),
+    };
+    match number.trim().parse::<u64>().ok().and_then(|n| n.checked_mul(1 << shift)) {
+        Some(n) if n > 0 => Ok(n),
+        _ => Err(format!("{text:?} is not a number of bytes above 0")),
+    }
+}
+
 /// `256` or `640x480`: width and height.
 pub fn size(text: &str) -> Result<(u32, u32), String> {
     let side = |side: &str| match side.trim().parse::<u32>() {

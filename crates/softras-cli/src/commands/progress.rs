@@ -43,6 +43,11 @@ impl Progress {
         Self { bar, start: Instant::now() }
     }
 
+    /// Sets what has been done before.
+    pub fn done(&self, count: usize) {
+        self.bar.set_position(count as u64);
+    }
+
     /// Sets the message beside the bar.
     pub fn tell(&self, message: String) {
         self.bar.set_message(message);

@@ -2,7 +2,7 @@
 
 use plotters::coord::Shift;
 use plotters::prelude::*;
-use softras::internals::output;
+use softras::internals::files;
 use softras::{Error, Result};
 use std::path::Path;
 
@@ -24,5 +24,5 @@ pub fn write(
         let drawn = draw(&area).and_then(|()| Ok(area.present()?));
         drawn.map_err(|e| Error::Io { path: path.into(), source: std::io::Error::other(e.to_string()) })?;
     }
-    output::write_file(path, text.as_bytes())
+    files::write_file(path, text.as_bytes())
 }

@@ -7,6 +7,7 @@ mod command;
 mod eval;
 mod fit;
 mod gradient;
+mod hostile;
 mod killed;
 mod numpy;
 mod official;

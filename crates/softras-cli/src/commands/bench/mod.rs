@@ -12,7 +12,7 @@ use args::BenchArgs;
 use machine::Machine;
 use rows::{Expected, Job, Row, measure, rows};
 use serde_json::Value;
-use softras::internals::output;
+use softras::internals::files;
 use softras::{Camera, Error, Mesh, Renderer, Scene, shapes};
 use softras_cli::measure::{Mode, peak_flops, subject, sweep};
 use std::path::Path;
@@ -57,7 +57,7 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     say(&format!("peak, the best of all samples: {:.1} GFLOP/s", machine.peak / 1e9))?;
     if let Some(path) = &args.json {
         let list = Value::Array(all.iter().map(|row| row.json(&machine)).collect());
-        output::write_file(path, format!("{list:#}\n").as_bytes())?;
+        files::write_file(path, format!("{list:#}\n").as_bytes())?;
     }
     match (&args.plots, meshes.first()) {
         (Some(folder), Some((name, mesh))) => pictures(args, folder, &mut renderer, &machine, (name, mesh), &all),

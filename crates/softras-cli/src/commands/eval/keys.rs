@@ -34,16 +34,12 @@ pub fn misshapen(archive: &Archive, key: &str, array: &Array, expected: &str) ->
 /// Rows of N finite values as f32; the caller has validated the shape.
 pub fn rows<const N: usize>(archive: &Archive, key: &str, array: &Array) -> Result<Vec<[f32; N]>> {
     let numbers = archive.numbers(key, array)?;
-    if let Some(i) = numbers.iter().position(|x| !(*x as f32).is_finite()) {
-        let what = format!("{key}{:?} is {}", place(i, &array.shape), numbers[i]);
+    if let Some(i) = numbers.iter().position(|x| !(x as f32).is_finite()) {
+        let what = format!("{key}{:?} is {:?}", place(i, &array.shape), numbers.at(i));
         return Err(archive.fault(key, &what, "every value must be a finite float32"));
     }
-    let row = |row: &[f64]| {
-        let mut values = [0.0; N];
-        values.iter_mut().zip(row).for_each(|(value, x)| *value = *x as f32);
-        values
-    };
-    Ok(numbers.chunks_exact(N).map(row).collect())
+    let row = |row: usize| std::array::from_fn(|i| numbers.at(N * row + i) as f32);
+    Ok((0..numbers.len() / N).map(row).collect())
 }
 
 /// The indices of element i along every axis.
@@ -58,7 +54,7 @@ pub fn pixels(archive: &Archive, key: &str, number: f64) -> Result<u32> {
     if number.fract() == 0.0 && (1.0..=f64::from(softras::Settings::MAX_SIZE)).contains(&number) {
         return Ok(number as u32);
     }
-    Err(archive.fault(key, &format!("is {number}"), "a whole number of pixels from 1 to 16384 is expected"))
+    Err(archive.fault(key, &format!("is {number:?}"), "a whole number of pixels from 1 to 16384 is expected"))
 }
 
 /// Sets a field from a key, if the file has it.

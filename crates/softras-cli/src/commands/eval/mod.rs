@@ -7,6 +7,7 @@ mod upstream;
 mod world;
 
 use super::gradients::{self, Mode};
+use super::memory::{Budget, MemoryArgs};
 use super::npz::{self, Archive, Data};
 use super::outputs::Outputs;
 use super::progress::Progress;
@@ -89,6 +90,8 @@ pub struct EvalArgs {
     /// The Vulkan device: its index or a part of its name; or `reference`, the brute-force f64 reference
     #[arg(long, value_name = "DEVICE")]
     pub device: Option<String>,
+    #[command(flatten)]
+    pub memory: MemoryArgs,
     /// Print one JSON object: device, sizes, settings, milliseconds of every stage
     #[arg(long)]
     pub json: bool,
@@ -134,7 +137,7 @@ enum Layout {
 pub fn run(args: &EvalArgs) -> Result<(), Failure> {
     Outputs::new([&args.out], [])?.spare([&args.scene])?;
     let start = Instant::now();
-    let archive = Archive::open(&args.scene)?;
+    let archive = Archive::open(&args.scene, Budget::new(&args.memory))?;
     let job = if archive.has("face_vertices") {
         screen::read(&archive, args.parity)?
     } else {
@@ -146,8 +149,10 @@ pub fn run(args: &EvalArgs) -> Result<(), Failure> {
     };
     let unknown = archive.unasked();
     if !unknown.is_empty() {
-        note(&format!("{}: keys that were not used: {}", args.scene.display(), unknown.join(", ")));
+        let keys = npz::listed(unknown.iter().copied());
+        note(&format!("{}: keys that were not used: {keys}", args.scene.display()));
     }
+    archive.claim("rendering its scene", bytes_to_render(&job, wish.is_some()))?;
     let spinner = Progress::spinner("rendering");
     let Results { device, arrays: mut results, timings, gradient } = render(args, &job, wish.as_ref())?;
     drop(spinner);
@@ -171,6 +176,25 @@ pub fn run(args: &EvalArgs) -> Result<(), Failure> {
     }
     let list: Vec<_> = results.iter().map(|(key, shape, _)| format!("{key} {shape:?}")).collect();
     say(&format!("{}: {}", args.out.display(), list.join(", ")))
+}
+
+/// About how many bytes it takes to render a job and hold its results: twice in f32 images and once as the arrays that
+/// are written, or as much in f64; what each view keeps of its vertices and triangles; and with a gradient, what the
+/// backward pass is given, keeps of the pixels and finds.
+fn bytes_to_render(job: &Job, with_gradient: bool) -> u64 {
+    let outputs = job.settings.outputs;
+    let channels = [(outputs.color, 3), (outputs.silhouette, 1), (outputs.depth, 1), (outputs.normal, 3)];
+    let channels: u64 = channels.into_iter().filter(|(is_asked, _)| *is_asked).map(|(_, count)| count).sum();
+    let pixels = u64::from(job.settings.width) * u64::from(job.settings.height);
+    let per_pixel = if with_gradient { 28 * channels + 48 } else { 16 * channels + 8 };
+    let (per_vertex, per_triangle) = if with_gradient { (96, 384) } else { (64, 256) };
+    let views = job.cameras.len();
+    let of_view = |view: usize| {
+        let mesh = &job.scene.meshes[job.scene.mesh_of_view(view)];
+        let (vertices, triangles) = (mesh.positions().len() as u64, mesh.triangles().len() as u64);
+        pixels * per_pixel + vertices * per_vertex + triangles * per_triangle
+    };
+    (0..views).map(of_view).fold(0, u64::saturating_add)
 }
 
 /// Values in single or double precision.

@@ -9,6 +9,9 @@ use softras::{Camera, Error, Mesh, Result, Scene, Settings};
 const VERTICES: &str = "face_vertices";
 const TEXTURES: &str = "textures";
 
+/// Bytes of a triangle of its own in a mesh: three positions and three indices.
+const MESH_BYTES_PER_TRIANGLE: u64 = 48;
+
 /// Keys of files made with the official renderer that are not inputs, and for which no note is printed.
 const KNOWN: &[&str] = &[
     "soft_colors",
@@ -31,10 +34,7 @@ const KNOWN: &[&str] = &[
 /// # Errors
 /// [`Error::File`] naming the key, what it holds and what was expected.
 pub fn read(archive: &Archive, parity: Parity) -> Result<Job> {
-    for key in KNOWN.iter().filter(|key| archive.has(key)) {
-        // This only marks the key as used; the array may be malformed.
-        let _ = archive.get(key);
-    }
+    KNOWN.iter().for_each(|key| archive.ignore(key));
     let settings = settings(archive, parity)?;
     let meshes = meshes(archive)?;
     let cameras = vec![Camera::screen(); meshes.len()];
@@ -84,10 +84,10 @@ fn round_as_official(s: &mut Settings) {
 fn image_size(archive: &Archive) -> Result<Option<(u32, u32)>> {
     let key = "opt_image_size";
     let Some(array) = archive.get(key)? else { return Ok(None) };
-    match *archive.numbers(key, array)? {
-        [side] => keys::pixels(archive, key, side).map(|n| Some((n, n))),
-        [height, width] => Ok(Some((keys::pixels(archive, key, height)?, keys::pixels(archive, key, width)?))),
-        _ => Err(keys::misshapen(archive, key, array, "a number, or (height, width)")),
+    let numbers = archive.numbers(key, array)?;
+    match numbers.all().map(|[side]| [side; 2]).or(numbers.all()) {
+        Some([height, width]) => Ok(Some((keys::pixels(archive, key, height)?, keys::pixels(archive, key, width)?))),
+        None => Err(keys::misshapen(archive, key, array, "a number, or (height, width)")),
     }
 }
 
@@ -100,6 +100,7 @@ fn meshes(archive: &Archive) -> Result<Vec<Mesh>> {
     if batch == 0 {
         return Err(keys::misshapen(archive, VERTICES, array, "at least one entry in the batch"));
     }
+    archive.claim("a mesh for each entry", MESH_BYTES_PER_TRIANGLE.saturating_mul((batch * faces) as u64))?;
     let corners = keys::rows::<3>(archive, VERTICES, array)?;
     let appearances = appearances(archive, batch, faces)?;
     let mut meshes = Vec::with_capacity(batch);

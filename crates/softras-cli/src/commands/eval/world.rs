@@ -2,7 +2,8 @@
 
 use super::keys::{self, set};
 use super::{Job, Layout, Parity};
-use crate::commands::npz::{Archive, Array, Values};
+use crate::commands::npz::{Archive, Array};
+use crate::commands::text;
 use glam::{DMat4, DVec4};
 use softras::scene::{Appearance, DirectionalLight, Outputs};
 use softras::{Camera, Error, Lights, Mesh, Projection, Result, Scene, Settings};
@@ -50,17 +51,22 @@ fn settings(archive: &Archive) -> Result<Settings> {
 fn outputs(archive: &Archive) -> Result<Option<Outputs>> {
     let key = "outputs";
     let Some(array) = archive.get(key)? else { return Ok(None) };
-    let Values::Texts(texts) = &array.values else {
-        return Err(archive.fault(key, &format!("is {}", array.dtype), "texts are expected, as ['color', 'depth']"));
+    let Some(texts) = array.texts() else {
+        return Err(archive.fault(key, &format!("is {}", array.dtype()), "texts are expected, as ['color', 'depth']"));
     };
     let mut wanted = Outputs { color: false, silhouette: false, depth: false, normal: false };
-    for name in texts.iter().flat_map(|t| t.split(',')).map(str::trim) {
-        match name {
-            "color" => wanted.color = true,
-            "silhouette" => wanted.silhouette = true,
-            "depth" => wanted.depth = true,
-            "normal" => wanted.normal = true,
-            _ => return Err(archive.fault(key, &format!("asks for {name:?}"), "use color, silhouette, depth, normal")),
+    for text in texts {
+        for name in text.split(',').map(str::trim) {
+            match name {
+                "color" => wanted.color = true,
+                "silhouette" => wanted.silhouette = true,
+                "depth" => wanted.depth = true,
+                "normal" => wanted.normal = true,
+                _ => {
+                    let what = format!("asks for {:?}", text::name(name));
+                    return Err(archive.fault(key, &what, "use color, silhouette, depth, normal"));
+                }
+            }
         }
     }
     Ok(Some(wanted))
@@ -78,12 +84,15 @@ fn meshes(archive: &Archive) -> Result<Vec<Mesh>> {
     let positions = keys::rows::<3>(archive, key, array)?;
     let triangles = triangles(archive, count)?;
     let entries = batch.unwrap_or(1);
+    // Each has a copy of its positions, of the triangles that they share and of the colours.
+    let each = 24u64.saturating_mul(count as u64).saturating_add(48u64.saturating_mul(triangles.len() as u64));
+    archive.claim("a mesh for each entry", each.saturating_mul(entries as u64))?;
+    let colors = colors(archive, batch, count, triangles.len())?;
     let mut meshes = Vec::with_capacity(entries);
     for b in 0..entries {
         let named = |e: Error| archive.fault(key, &format!("entry {b} of the batch: {e}"), "see above");
         let mesh = Mesh::new(positions[b * count..(b + 1) * count].to_vec(), triangles.clone()).map_err(named)?;
-        let appearance = appearance(archive, b, batch, count, triangles.len())?;
-        meshes.push(mesh.with_appearance(appearance).map_err(named)?);
+        meshes.push(mesh.with_appearance(colors.of_entry(b)).map_err(named)?);
     }
     Ok(meshes)
 }
@@ -93,33 +102,56 @@ fn triangles(archive: &Archive, count: usize) -> Result<Vec<[u32; 3]>> {
     let array = archive.require(key, "expected [F, 3], indices from 0")?;
     let [_, 3] = array.shape[..] else { return Err(keys::misshapen(archive, key, array, "[F, 3]")) };
     let numbers = archive.numbers(key, array)?;
-    let outside = |i: &f64| !(i.fract() == 0.0 && (0.0..count as f64).contains(i));
+    let outside = |i: f64| !(i.fract() == 0.0 && (0.0..count as f64).contains(&i));
     if let Some(at) = numbers.iter().position(outside) {
-        let what = format!("triangles[{}, {}] is {}", at / 3, at % 3, numbers[at]);
+        let what = format!("triangles[{}, {}] is {:?}", at / 3, at % 3, numbers.at(at));
         return Err(archive.fault(key, &what, &format!("an index from 0 to below {count}, the number of vertices")));
     }
-    Ok(numbers.chunks_exact(3).map(|t| [t[0] as u32, t[1] as u32, t[2] as u32]).collect())
+    Ok((0..array.shape[0]).map(|t| [0, 1, 2].map(|i| numbers.at(3 * t + i) as u32)).collect())
 }
 
-/// The `colors` of entry `b`, per mesh, vertex or triangle depending on the shape; white without the key.
-fn appearance(archive: &Archive, b: usize, batch: Option<usize>, vertices: usize, faces: usize) -> Result<Appearance> {
+/// The colours of the meshes of a batch.
+struct Colors {
+    rows: Vec<[f32; 3]>,
+    /// What a row is of; `None` where the one row is of everything.
+    per_triangle: Option<bool>,
+    /// The number of rows of an entry, and whether each entry has its own.
+    count: usize,
+    own: bool,
+}
+
+impl Colors {
+    fn of_entry(&self, b: usize) -> Appearance {
+        let from = if self.own { b * self.count } else { 0 };
+        let rows = &self.rows[from..from + self.count];
+        match self.per_triangle {
+            None => Appearance::Uniform(rows[0]),
+            Some(false) => Appearance::VertexColors(rows.to_vec()),
+            Some(true) => Appearance::Surface { resolution: 1, texels: rows.to_vec() },
+        }
+    }
+}
+
+/// The `colors`, per mesh, vertex or triangle depending on the shape; white without the key.
+fn colors(archive: &Archive, batch: Option<usize>, vertices: usize, faces: usize) -> Result<Colors> {
     let key = "colors";
     let per_triangle = archive.choice("colors_per", &[("vertex", false), ("triangle", true)])?;
-    let Some(array) = archive.get(key)? else { return Ok(Appearance::Uniform([1.0; 3])) };
-    let (count, skip) = match (&array.shape[..], batch) {
-        ([3], _) => (None, 0),
-        (&[n, 3], _) => (Some(n), 0),
-        (&[batch, n, 3], Some(expected)) if batch == expected => (Some(n), b * n),
+    let Some(array) = archive.get(key)? else {
+        return Ok(Colors { rows: vec![[1.0; 3]], per_triangle: None, count: 1, own: false });
+    };
+    let (count, own) = match (&array.shape[..], batch) {
+        ([3], _) => (None, false),
+        (&[n, 3], _) => (Some(n), false),
+        (&[batch, n, 3], Some(expected)) if batch == expected => (Some(n), true),
         _ => return Err(misfit(archive, array, vertices, faces)),
     };
-    let colors = keys::rows::<3>(archive, key, array)?;
-    let Some(count) = count else { return Ok(Appearance::Uniform(colors[0])) };
-    let colors = colors[skip..skip + count].to_vec();
-    match per_triangle.unwrap_or(count != vertices) {
-        false if count == vertices => Ok(Appearance::VertexColors(colors)),
-        true if count == faces => Ok(Appearance::Surface { resolution: 1, texels: colors }),
-        _ => Err(misfit(archive, array, vertices, faces)),
+    let rows = keys::rows::<3>(archive, key, array)?;
+    let Some(count) = count else { return Ok(Colors { rows, per_triangle: None, count: 1, own }) };
+    let per_triangle = per_triangle.unwrap_or(count != vertices);
+    if count != if per_triangle { faces } else { vertices } {
+        return Err(misfit(archive, array, vertices, faces));
     }
+    Ok(Colors { rows, per_triangle: Some(per_triangle), count, own })
 }
 
 fn misfit(archive: &Archive, array: &Array, vertices: usize, faces: usize) -> Error {
@@ -142,8 +174,8 @@ fn cameras(archive: &Archive, meshes: usize) -> Result<Vec<Camera>> {
     let numbers = archive.numbers(key, array)?;
     let projections = projections(archive, batch)?;
     let camera = |(b, projection): (usize, Projection)| {
-        let m = &numbers[if views == 1 { 0 } else { 16 * b }..][..16];
-        let row = |i: usize| DVec4::new(m[4 * i], m[4 * i + 1], m[4 * i + 2], m[4 * i + 3]);
+        let m = |i: usize| numbers.at(if views == 1 { i } else { 16 * b + i });
+        let row = |i: usize| DVec4::new(m(4 * i), m(4 * i + 1), m(4 * i + 2), m(4 * i + 3));
         let matrix = DMat4::from_cols(row(0), row(1), row(2), row(3)).transpose();
         let named = |e: Error| archive.fault(key, &format!("view {b}: {e}"), "view x right, y up, z forward");
         Camera::from_matrix(matrix, projection).map_err(named)
@@ -175,8 +207,8 @@ fn per_view(archive: &Archive, key: &str, batch: usize) -> Result<Vec<f64>> {
     let array = archive.require(key, "a number, or one per view, is expected")?;
     let numbers = archive.numbers(key, array)?;
     match numbers.len() {
-        1 => Ok(vec![numbers[0]; batch]),
-        n if n == batch => Ok(numbers.to_vec()),
+        1 => Ok(vec![numbers.at(0); batch]),
+        n if n == batch => Ok(numbers.iter().collect()),
         _ => Err(keys::misshapen(archive, key, array, &format!("a number or [{batch}]"))),
     }
 }
@@ -186,8 +218,7 @@ fn lights(archive: &Archive) -> Result<Lights> {
     set(&mut lights.ambient_color, archive.triple("ambient_color")?);
     set(&mut lights.ambient_intensity, archive.number("ambient_intensity")?);
     set(&mut lights.shading, archive.choice("shading", keys::SHADING)?);
-    let key = "light_directions";
-    let directions = triples(archive, key, None)?.unwrap_or_default();
+    let directions = triples(archive, "light_directions", None)?.unwrap_or_default();
     let count = directions.len();
     let colors = triples(archive, "light_colors", Some(count))?.unwrap_or_else(|| vec![[1.0; 3]; count]);
     let intensities = match archive.has("light_intensities") {
@@ -197,8 +228,23 @@ fn lights(archive: &Archive) -> Result<Lights> {
     let all = directions.into_iter().zip(colors).zip(intensities);
     lights.directional =
         all.map(|((direction, color), intensity)| DirectionalLight { direction, color, intensity }).collect();
-    softras::internals::validate::lights(&lights).map_err(|e| archive.fault(key, &e.to_string(), "see above"))?;
-    Ok(lights)
+    match softras::internals::validate::lights(&lights) {
+        Err(Error::Light { field, value, fix }) => {
+            Err(archive.fault(light_key(&field), &format!("{field} = {value}"), &fix))
+        }
+        other => other.map(|()| lights),
+    }
+}
+
+/// The key that a field of the lights is read from.
+fn light_key(field: &str) -> &'static str {
+    match field {
+        "ambient_color" => "ambient_color",
+        "ambient_intensity" => "ambient_intensity",
+        _ if field.ends_with(".color") => "light_colors",
+        _ if field.ends_with(".intensity") => "light_intensities",
+        _ => "light_directions",
+    }
 }
 
 /// `[L, 3]`, or `[3]` for a single one; as many as `count` where it is given.
@@ -212,5 +258,6 @@ fn triples(archive: &Archive, key: &str, count: Option<usize>) -> Result<Option<
     if count.is_some_and(|count| count != rows) {
         return Err(keys::misshapen(archive, key, array, &format!("[{}, 3], as light_directions", count.unwrap_or(0))));
     }
-    Ok(Some(archive.numbers(key, array)?.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect()))
+    let numbers = archive.numbers(key, array)?;
+    Ok(Some((0..rows).map(|row| [0, 1, 2].map(|i| numbers.at(3 * row + i))).collect()))
 }

@@ -1,5 +1,6 @@
 //! The arguments of `softras fit`.
 
+use crate::commands::memory::MemoryArgs;
 use crate::commands::mesh_file::ReadArgs;
 use crate::commands::parse;
 use crate::commands::render::args::{Faces, Shading};
@@ -23,8 +24,8 @@ Views and cameras:
   CAMERAS.npy  [N, 3]: distance, elevation, azimuth in degrees, looking at the origin: the official data, whose images
                are mirrored; [N, 4, 4]: world to view, z forward
   FOLDER       PNG files and cameras.json: a list of objects with \"file\" and either \"eye\" (and \"target\", \"up\")
-               or \"distance\", \"elevation\", \"azimuth\"; \"fov\" is the vertical angle of view in degrees. The
-               silhouette of a PNG without transparency is every pixel that is not black.
+               or \"distance\", \"elevation\", \"azimuth\"; \"fov\" is the vertical angle of view in degrees. Other
+               fields are refused. The silhouette of a PNG without transparency is every pixel that is not black.
   --from MESH  renders the views from all around the mesh, and reports the 3D IoU with it
 
 Ctrl-C ends the fit and writes the best mesh so far; --checkpoint FILE with --resume continues a fit.";
@@ -76,6 +77,8 @@ pub struct FitArgs {
     pub method: MethodArgs,
     #[command(flatten)]
     pub files: FileArgs,
+    #[command(flatten)]
+    pub memory: MemoryArgs,
     /// The Vulkan device: its index or a part of its name [default: the best one]
     #[arg(long, value_name = "DEVICE")]
     pub device: Option<String>,

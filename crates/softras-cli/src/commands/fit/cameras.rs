@@ -1,11 +1,17 @@
 //! The cameras of the images of a fit.
 
-use super::targets::{direction, read_array};
+use super::targets::{direction, numbers, read_array};
+use crate::commands::memory::Budget;
 use crate::commands::render::framing::Bounds;
+use crate::commands::text;
 use glam::{DMat3, DMat4, DVec3};
-use serde_json::Value;
+use serde::Deserialize;
+use softras::internals::files;
 use softras::{Camera, Error, Projection, Result};
 use std::path::Path;
+
+/// The most bytes of cameras.json: a hundred thousand cameras.
+const MAX_JSON: u64 = 16 << 20;
 
 /// The share of half the image's height that a mesh's bounding sphere fills.
 const FILL: f64 = 0.9;
@@ -29,15 +35,19 @@ pub fn around(bounds: Bounds, count: usize, fov: f64) -> Result<Vec<Camera>> {
 }
 
 /// Reads cameras from a numpy array: the angles of the official data, or matrices.
-pub fn read(path: &Path, fov: f64) -> Result<Vec<Camera>> {
-    let (shape, values, _) = read_array(path)?;
-    match shape[..] {
-        [_, 3] => values.chunks_exact(3).map(|c| official([c[0], c[1], c[2]], fov)).collect(),
-        [_, 4, 4] => {
-            let matrix = |m: &[f64]| DMat4::from_cols_slice(m).transpose();
-            values.chunks_exact(16).map(|m| Camera::from_matrix(matrix(m), perspective(fov))).collect()
+pub fn read(path: &Path, fov: f64, budget: &Budget) -> Result<Vec<Camera>> {
+    let array = read_array(path, budget)?;
+    let values = numbers(path, &array)?;
+    let row = |at: usize, i: usize| values.at(at + i);
+    match array.shape[..] {
+        [n, 3] => (0..n).map(|c| official([0, 1, 2].map(|i| row(3 * c, i)), fov)).collect(),
+        [n, 4, 4] => {
+            let matrix = |c: usize| DMat4::from_cols_array(&std::array::from_fn(|i| row(16 * c, i))).transpose();
+            (0..n).map(|c| Camera::from_matrix(matrix(c), perspective(fov))).collect()
         }
-        _ => fault(path, format!("has shape {shape:?}"), "use [N, 3] (distance, elevation, azimuth) or [N, 4, 4]"),
+        ref shape => {
+            fault(path, format!("has shape {shape:?}"), "use [N, 3] (distance, elevation, azimuth) or [N, 4, 4]")
+        }
     }
 }
 
@@ -49,24 +59,63 @@ fn official([distance, elevation, azimuth]: [f64; 3], fov: f64) -> Result<Camera
     Camera::from_matrix(DMat4::from_cols_array_2d(&rows).transpose(), perspective(fov))
 }
 
-/// Reads one entry of cameras.json.
-pub fn of_json(path: &Path, index: usize, entry: &Value, fov: f64) -> Result<Camera> {
-    let number = |key: &str| entry[key].as_f64();
-    let triple = |key: &str| match entry[key].as_array().map(Vec::as_slice) {
-        Some([x, y, z]) => Some(DVec3::new(x.as_f64()?, y.as_f64()?, z.as_f64()?)),
-        _ => None,
+/// An entry of cameras.json.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Entry {
+    /// The picture's name.
+    pub file: String,
+    /// Vertical angle of view, degrees.
+    fov: Option<f64>,
+    eye: Option<[f64; 3]>,
+    target: Option<[f64; 3]>,
+    up: Option<[f64; 3]>,
+    distance: Option<f64>,
+    /// Degrees, as the azimuth.
+    elevation: Option<f64>,
+    azimuth: Option<f64>,
+}
+
+/// Reads cameras.json.
+///
+/// # Errors
+/// [`Error::File`] naming the place and the field of anything that does not belong there.
+pub fn entries(path: &Path) -> Result<Vec<Entry>> {
+    let bytes = files::read(path, MAX_JSON)?;
+    let json = &mut serde_json::Deserializer::from_slice(&bytes);
+    let refuse = |what: String| fault(path, what, "see `softras fit --help`");
+    let entries: Vec<Entry> = match serde_path_to_error::deserialize(&mut *json) {
+        Ok(entries) => entries,
+        Err(error) => return refuse(format!("at {}: {}", text::name(&error.path().to_string()), error.inner())),
     };
-    let projection = perspective(number("fov").unwrap_or(fov));
-    let target = triple("target").unwrap_or(DVec3::ZERO);
-    if let Some(eye) = triple("eye") {
-        return Camera::look_at(eye, target, triple("up").unwrap_or(DVec3::Y), projection);
+    match json.end() {
+        Ok(()) if entries.is_empty() => refuse("is a list without cameras".into()),
+        Ok(()) => Ok(entries),
+        Err(error) => refuse(error.to_string()),
     }
-    match (number("distance"), number("elevation"), number("azimuth")) {
-        (Some(distance), Some(elevation), Some(azimuth)) => {
+}
+
+/// The camera of an entry.
+///
+/// # Errors
+/// [`Error::File`] for an entry without a position, with two, or with one that makes no camera.
+pub fn of_entry(path: &Path, index: usize, entry: &Entry, fov: f64) -> Result<Camera> {
+    let projection = perspective(entry.fov.unwrap_or(fov));
+    let angles = [entry.distance, entry.elevation, entry.azimuth];
+    let around = DVec3::from(entry.target.unwrap_or_default());
+    let camera = match (entry.eye, angles) {
+        (Some(eye), [None, None, None]) => {
+            Camera::look_at(eye.into(), around, entry.up.map_or(DVec3::Y, DVec3::from), projection)
+        }
+        (None, [Some(distance), Some(elevation), Some(azimuth)]) if entry.target.is_none() && entry.up.is_none() => {
             Camera::from_angles(distance, elevation, azimuth, projection)
         }
-        _ => fault(path, format!("camera {index} has no position"), "give eye, or distance, elevation and azimuth"),
-    }
+        _ => {
+            let fix = "give eye (and target, up), or distance, elevation and azimuth";
+            return fault(path, format!("camera {index} has no position, or more than one"), fix);
+        }
+    };
+    camera.or_else(|error| fault(path, format!("camera {index}: {error}"), "see `softras fit --help`"))
 }
 
 fn rows(camera: &Camera) -> ([DVec3; 3], DVec3) {

@@ -1,9 +1,13 @@
 //! Checkpoints: the state of a fit as an .npz file.
 
+use crate::commands::memory::Budget;
 use crate::commands::npz::{self, Archive, Data};
 use softras::fit::{ShapeFit, State};
 use softras::{Mesh, Result};
 use std::path::Path;
+
+/// More steps than any fit has taken: a hundred times the most that a run may take.
+const MAX_STEPS: f64 = 1e8;
 
 /// Writes the state of a fit whose next step is `step`.
 pub fn write(path: &Path, fit: &ShapeFit, step: usize) -> Result<()> {
@@ -27,26 +31,51 @@ pub fn write(path: &Path, fit: &ShapeFit, step: usize) -> Result<()> {
 }
 
 /// Reads the next step, the mesh and the state.
-pub fn read(path: &Path) -> Result<(usize, Mesh, State)> {
-    let archive = Archive::open(path)?;
+///
+/// # Errors
+/// [`softras::Error::File`] naming the key for what no checkpoint holds.
+pub fn read(path: &Path, budget: Budget) -> Result<(usize, Mesh, State)> {
+    let archive = Archive::open(path, budget)?;
+    let fault =
+        |key: &str, what: String| archive.fault(key, &what, "give a file that `softras fit --checkpoint` wrote");
     let numbers = |key: &str| -> Result<Vec<f64>> {
         let array = archive.require(key, "give a file that `softras fit --checkpoint` wrote")?;
-        archive.numbers(key, array).map(<[f64]>::to_vec)
+        let numbers = archive.numbers(key, array)?;
+        match numbers.iter().position(|x| !x.is_finite()) {
+            Some(i) => Err(fault(key, format!("value {i} is {:?}", numbers.at(i)))),
+            None => Ok(numbers.iter().collect()),
+        }
+    };
+    let squares = |key: &str| -> Result<Vec<f64>> {
+        let numbers = numbers(key)?;
+        match numbers.iter().position(|x| *x < 0.0) {
+            Some(i) => Err(fault(key, format!("square {i} is {:?}", numbers[i]))),
+            None => Ok(numbers),
+        }
     };
     let steps = numbers("steps")?;
-    let (Some(&next), Some(&taken), Some(&color_taken)) = (steps.first(), steps.get(1), steps.get(2)) else {
-        return Err(archive.fault("steps", "has fewer than three numbers", "give a file that --checkpoint wrote"));
+    let [next, taken, color_taken] = steps[..] else {
+        return Err(fault("steps", format!("has {} numbers, not three", steps.len())));
+    };
+    let count = |x: f64| match x.fract() == 0.0 && (0.0..=MAX_STEPS).contains(&x) {
+        true => Ok(x as i32),
+        false => Err(fault("steps", format!("{x:?} is no number of steps"))),
     };
     let state = State {
         values: numbers("values")?,
-        optimizer: (taken as i32, numbers("mean")?, numbers("square")?),
+        optimizer: (count(taken)?, numbers("mean")?, squares("square")?),
         color_values: numbers("colors")?,
-        color_optimizer: (color_taken as i32, numbers("color_mean")?, numbers("color_square")?),
+        color_optimizer: (count(color_taken)?, numbers("color_mean")?, squares("color_square")?),
     };
+    let triples = |key: &str| -> Result<Vec<[f64; 3]>> {
+        let numbers = numbers(key)?;
+        let (triples, rest) = numbers.as_chunks();
+        if rest.is_empty() { Ok(triples.to_vec()) } else { Err(fault(key, "is not of three numbers each".into())) }
+    };
+    let positions = triples("positions")?.into_iter().map(|p| p.map(|x| x as f32)).collect();
     // Numbers that are not indices are replaced by one that `Mesh::new` refuses.
-    let [positions, triangles] = [numbers("positions")?, numbers("triangles")?];
-    let positions = positions.as_chunks().0.iter().map(|p: &[f64; 3]| p.map(|x| x as f32)).collect();
     let index = |x: f64| if x >= 0.0 && x.fract() == 0.0 { x as u32 } else { u32::MAX };
-    let mesh = Mesh::new(positions, triangles.as_chunks().0.iter().map(|t: &[f64; 3]| t.map(index)).collect())?;
-    Ok((next as usize, mesh, state))
+    let triangles = triples("triangles")?.into_iter().map(|t| t.map(index)).collect();
+    let mesh = Mesh::new(positions, triangles).map_err(|error| fault("triangles", error.to_string()))?;
+    Ok((count(next)? as usize, mesh, state))
 }

@@ -12,6 +12,7 @@ mod setup;
 pub mod targets;
 
 use super::color::encoded;
+use super::memory::Budget;
 use super::outputs::Outputs;
 use super::progress::Progress;
 use super::{Failure, note};
@@ -21,7 +22,7 @@ use film::Film;
 use report::{Log, Scores};
 use setup::Setup;
 use softras::fit::{ShapeFit, Targets};
-use softras::internals::output;
+use softras::internals::files;
 use softras::{Mesh, Renderer};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -73,7 +74,7 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     if let Some(path) = &files.json {
         let mut report = work.log.json(args, &setup, &scores, (renderer.device_name(), work.engine.reason()), &best);
         report["baselines"] = baselines.iter().map(baselines::Baseline::json).collect();
-        output::write_file(path, report.to_string().as_bytes())?;
+        files::write_file(path, report.to_string().as_bytes())?;
     }
     report::tell(args, &work.log, &scores, &best)?;
     baselines.iter().try_for_each(|baseline| super::say(&baseline.sentence()))?;
@@ -107,7 +108,7 @@ impl Work {
         let begin = |mesh: Mesh| ShapeFit::new(mesh, args.lights(), setup.options.clone());
         let (mut fit, mut next) = (begin(setup.template.clone())?, 0);
         if let Some(path) = args.files.checkpoint.as_ref().filter(|path| args.files.resume && path.exists()) {
-            let (step, mesh, state) = checkpoint::read(path)?;
+            let (step, mesh, state) = checkpoint::read(path, Budget::new(&args.memory))?;
             fit = begin(setup.resumed(step, mesh)?)?;
             fit.restore(state)?;
             next = step;
@@ -128,7 +129,7 @@ impl Work {
     ) -> Result<(), Failure> {
         let stop = interrupted()?;
         let progress = Progress::counted("step", setup.iterations);
-        (0..self.next).for_each(|_| progress.step());
+        progress.done(self.next);
         while self.next < setup.iterations {
             if stop.load(Ordering::Relaxed) {
                 self.interrupted = true;

@@ -3,16 +3,16 @@
 use super::args::FitArgs;
 use super::cameras;
 use crate::commands::color::Curve;
-use crate::commands::npz::npy::{self, Array, Values};
+use crate::commands::memory::Budget;
+use crate::commands::npz::npy::{self, Array, Numbers};
 use crate::commands::outputs::Outputs as Files;
 use crate::commands::{Failure, note, render::framing::Bounds};
 use glam::DVec3;
-use serde_json::Value;
 use softras::fit::Targets;
+use softras::internals::files::{self, Picture};
 use softras::internals::fit::pooled;
 use softras::scene::{Appearance, Background, Interpolation, Outputs};
 use softras::{Camera, Error, Image, Mesh, Renderer, Result, Scene, Settings};
-use std::fs::File;
 use std::path::{Path, PathBuf};
 
 /// The targets that are fitted: every `view_stride`-th view, with its silhouette as a mask where `--masks` is given.
@@ -59,9 +59,11 @@ impl Views {
             return Ok(Self::made(args, mesh, template, count, renderer)?);
         }
         let path = Path::new(views.unwrap_or_default());
+        let budget = Budget::new(&args.memory);
         let mut files = vec![path.to_path_buf()];
         files.extend(args.cameras.clone());
-        let targets = if path.is_dir() { folder(args, path, &mut files)? } else { arrays(args, path)? };
+        let targets =
+            if path.is_dir() { folder(args, path, &mut files, &budget)? } else { arrays(args, path, &budget)? };
         written.spare(files)?;
         let bounds = cameras::seen(&targets.cameras, targets.size()?);
         let depths = cameras::depths(&targets.cameras, bounds);
@@ -118,45 +120,70 @@ fn fault<T>(path: &Path, what: impl Into<String>, fix: &str) -> Result<T> {
     Err(Error::File { path: path.into(), line: None, what: what.into(), fix: fix.into() })
 }
 
-/// A .npy file.
-pub fn read_array(path: &Path) -> Result<(Vec<usize>, Vec<f64>, bool)> {
-    let file = File::open(path).map_err(|source| Error::Io { path: path.into(), source })?;
-    match npy::read(std::io::BufReader::new(file)) {
-        Ok(Array { shape, values: Values::Numbers(values), dtype }) => {
-            match values.iter().position(|x| !x.is_finite()) {
-                Some(i) => fault(path, format!("value {i} is {}", values[i]), "every number must be finite"),
-                None => Ok((shape, values, dtype == "uint8")),
-            }
-        }
-        Ok(Array { dtype, .. }) => fault(path, format!("holds text ({dtype})"), "numbers are expected"),
-        Err(what) => fault(path, what, "write it with numpy.save, as a plain array"),
+/// A .npy file of finite numbers.
+pub fn read_array(path: &Path, budget: &Budget) -> Result<Array> {
+    let file = files::open(path)?;
+    budget.count_file(file.metadata().map_or(0, |metadata| metadata.len()));
+    let room = |bytes| budget.claim(path, "the array", bytes).map_err(|error| error.to_string());
+    let array = match npy::read(std::io::BufReader::new(file), room) {
+        Ok(array) => array,
+        Err(what) => return fault(path, what, "write it with numpy.save, as a plain array"),
+    };
+    let odd = numbers(path, &array)?.iter().enumerate().find(|(_, x)| !x.is_finite());
+    match odd {
+        Some((i, x)) => fault(path, format!("value {i} is {x:?}"), "every number must be finite"),
+        None => Ok(array),
     }
 }
 
+/// The numbers of a file's array.
+pub fn numbers<'a>(path: &Path, array: &'a Array) -> Result<Numbers<'a>> {
+    match array.numbers() {
+        Some(numbers) => Ok(numbers),
+        None => fault(path, format!("holds text ({})", array.dtype()), "numbers are expected"),
+    }
+}
+
+/// Bytes that a pixel of the targets takes: four floats as it is read, as it is fitted and on the device, and as much
+/// again for each of the rendered samples under it, their gradients and what the device keeps of them.
+fn bytes_per_pixel(args: &FitArgs) -> u64 {
+    let samples = u64::from(args.method.samples.unwrap_or(1));
+    48 + 64 * samples * samples
+}
+
+/// Claims the memory for a fit to so many pixels.
+fn claim_pixels(args: &FitArgs, budget: &Budget, path: &Path, pixels: u64) -> Result<()> {
+    budget.claim(path, &format!("a fit to {pixels} pixels"), pixels.saturating_mul(bytes_per_pixel(args)))
+}
+
 /// Images and cameras as numpy arrays.
-fn arrays(args: &FitArgs, path: &Path) -> Result<Targets, Failure> {
+fn arrays(args: &FitArgs, path: &Path, budget: &Budget) -> Result<Targets, Failure> {
     let Some(cameras) = &args.cameras else {
         return Err(Failure::Usage("--cameras: images in a .npy file need it".into()));
     };
-    let (shape, values, bytes) = read_array(path)?;
+    let array = read_array(path, budget)?;
     // The axes of [view, row, column, channel] in the file.
-    let (sizes, strides) = match shape[..] {
+    let (sizes, strides) = match array.shape[..] {
         [n, c @ (1 | 3 | 4), h, w] => ([n, h, w, c], [c * h * w, w, 1, h * w]),
         [n, h, w, c @ (1 | 3 | 4)] => ([n, h, w, c], [h * w * c, w * c, c, 1]),
         [n, h, w] => ([n, h, w, 1], [h * w, w, 1, 0]),
-        _ => return Err(fault(path, format!("has shape {shape:?}"), "use [N, 4, H, W], [N, H, W, 4] or [N, H, W]")?),
+        ref shape => {
+            return Err(fault(path, format!("has shape {shape:?}"), "use [N, 4, H, W], [N, H, W, 4] or [N, H, W]")?);
+        }
     };
     let [batch, height, width, channels] = sizes;
     if sizes.contains(&0) {
-        return Err(fault(path, format!("has shape {shape:?}"), "give at least one pixel")?);
+        return Err(fault(path, format!("has shape {:?}", array.shape), "give at least one pixel")?);
     }
-    let scale = if bytes { 255.0 } else { 1.0 };
-    let mut pixels = Vec::with_capacity(batch * height * width);
+    claim_pixels(args, budget, path, (batch * height * width) as u64)?;
+    let values = numbers(path, &array)?;
+    let scale = if array.dtype() == "uint8" { 255.0 } else { 1.0 };
+    let mut pixels = Pixels::new(args);
     for view in 0..batch {
         for row in 0..height {
             for column in 0..width {
                 let at = view * strides[0] + row * strides[1] + column * strides[2];
-                let channel = |k: usize| values[at + k * strides[3]] / scale;
+                let channel = |k: usize| values.at(at + k * strides[3]) / scale;
                 pixels.push(match channels {
                     1 => [channel(0); 4],
                     3 => rgba([channel(0), channel(1), channel(2)], None),
@@ -165,8 +192,32 @@ fn arrays(args: &FitArgs, path: &Path) -> Result<Targets, Failure> {
             }
         }
     }
-    let cameras = cameras::read(cameras, args.fov)?;
-    Ok(targets(args, cameras, [batch, height, width], &pixels))
+    let cameras = cameras::read(cameras, args.fov, budget)?;
+    Ok(pixels.targets(cameras, [batch, height, width]))
+}
+
+/// The pixels of all targets, as they are fitted.
+struct Pixels {
+    silhouette: Vec<f32>,
+    color: Option<Vec<f32>>,
+}
+
+impl Pixels {
+    fn new(args: &FitArgs) -> Self {
+        Self { silhouette: Vec::new(), color: args.colored().then(Vec::new) }
+    }
+
+    fn push(&mut self, [r, g, b, a]: [f64; 4]) {
+        self.silhouette.push(a as f32);
+        if let Some(color) = &mut self.color {
+            color.extend([r as f32, g as f32, b as f32]);
+        }
+    }
+
+    fn targets(self, cameras: Vec<Camera>, [batch, height, width]: [usize; 3]) -> Targets {
+        let image = |channels: usize, data: Vec<f32>| Image { batch, height, width, channels, data };
+        Targets { cameras, silhouette: Some(image(1, self.silhouette)), color: self.color.map(|color| image(3, color)) }
+    }
 }
 
 /// Linear colour over black, and the silhouette; without alpha, the silhouette is every pixel that is not black.
@@ -176,49 +227,37 @@ fn rgba(bytes: [f64; 3], alpha: Option<f64>) -> [f64; 4] {
     [r, g, b, a]
 }
 
-fn targets(args: &FitArgs, cameras: Vec<Camera>, [batch, height, width]: [usize; 3], pixels: &[[f64; 4]]) -> Targets {
-    let image = |channels: std::ops::Range<usize>| Image {
-        batch,
-        height,
-        width,
-        channels: channels.len(),
-        data: pixels.iter().flat_map(|p| p[channels.clone()].iter().map(|&x| x as f32)).collect(),
-    };
-    Targets { cameras, silhouette: Some(image(3..4)), color: args.colored().then(|| image(0..3)) }
-}
-
 /// Reads PNG files with their cameras from cameras.json, and adds all these files to those that were read.
-fn folder(args: &FitArgs, path: &Path, files: &mut Vec<PathBuf>) -> Result<Targets, Failure> {
+fn folder(args: &FitArgs, path: &Path, files: &mut Vec<PathBuf>, budget: &Budget) -> Result<Targets, Failure> {
     let list = args.cameras.clone().unwrap_or_else(|| path.join("cameras.json"));
     files.push(list.clone());
-    let text = match std::fs::read_to_string(&list) {
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Err(fault(&list, "not found", FORMAT)?),
-        text => text.map_err(|source| Error::Io { path: list.clone(), source })?,
-    };
-    let entries = match serde_json::from_str(&text) {
-        Ok(Value::Array(entries)) if !entries.is_empty() => entries,
-        Ok(_) => return Err(fault(&list, "is not a list of cameras", "see `softras fit --help`")?),
-        Err(e) => return Err(fault(&list, format!("is not JSON ({e})"), "see `softras fit --help`")?),
-    };
-    let (mut cameras, mut pixels) = (Vec::new(), Vec::new());
-    let mut size: Option<(usize, usize)> = None;
+    if !list.exists() {
+        return Err(fault(&list, "not found", FORMAT)?);
+    }
+    let entries = cameras::entries(&list)?;
+    let mut cameras = Vec::with_capacity(entries.len());
+    let mut size: Option<(u32, u32)> = None;
+    // All pictures are counted before the first is decoded.
     for (i, entry) in entries.iter().enumerate() {
-        cameras.push(cameras::of_json(&list, i, entry, args.fov)?);
-        let Some(name) = entry["file"].as_str() else {
-            return Err(fault(&list, format!("camera {i} has no \"file\""), "name its PNG file")?);
-        };
-        let file = path.join(name);
+        cameras.push(cameras::of_entry(&list, i, entry, args.fov)?);
+        let file = path.join(&entry.file);
         check_inside(path, &file, args.read.allow_outside)?;
-        let (width, height, image) = read_picture(&file)?;
+        let picture = Picture::open(&file)?;
         files.push(file.clone());
+        let (width, height) = (picture.width, picture.height);
         if *size.get_or_insert((width, height)) != (width, height) {
             let what = format!("is {width}×{height} pixels, others are not");
             return Err(fault(&file, what, "use images of one size")?);
         }
-        pixels.extend(image);
+        budget.count_file(picture.file_bytes);
+        claim_pixels(args, budget, &file, picture.pixels())?;
+    }
+    let mut pixels = Pixels::new(args);
+    for entry in &entries {
+        for_each_pixel(&path.join(&entry.file), |pixel| pixels.push(pixel))?;
     }
     let (width, height) = size.unwrap_or_default();
-    Ok(targets(args, cameras, [entries.len(), height, width], &pixels))
+    Ok(pixels.targets(cameras, [entries.len(), height as usize, width as usize]))
 }
 
 /// Refuses pictures outside the folder: a cameras.json of unknown origin must not make softras read other files.
@@ -230,23 +269,27 @@ fn check_inside(folder: &Path, file: &Path, allowed: bool) -> Result<()> {
     fault(file, "lies outside the folder of views", "move it into the folder, or use --allow-outside")
 }
 
-/// Width, height and linear pixels of a picture file.
-pub fn read_picture(path: &Path) -> Result<(usize, usize, Vec<[f64; 4]>)> {
-    let bytes = std::fs::read(path).map_err(|source| Error::Io { path: path.into(), source })?;
-    let picture = match image::load_from_memory(&bytes) {
-        Ok(picture) => picture.into_rgba8(),
-        Err(e) => return fault(path, format!("not a readable picture ({e})"), "give a .png file"),
-    };
-    let (width, height) = picture.dimensions();
-    if width.max(height) > Settings::MAX_SIZE || width.min(height) == 0 {
-        return fault(path, format!("is {width}×{height} pixels"), "use 1 to 16384 pixels a side");
-    }
+/// Decodes a picture file and visits its pixels, linear colour over black and alpha.
+fn for_each_pixel(path: &Path, mut visit: impl FnMut([f64; 4])) -> Result<()> {
+    let picture = Picture::open(path)?.decode(path)?.into_rgba8();
     let opaque = picture.pixels().all(|p| p.0[3] == 255);
-    let linear = |p: &image::Rgba<u8>| {
-        let [r, g, b, a] = p.0.map(|byte| f64::from(byte) / 255.0);
-        rgba([r, g, b], (!opaque).then_some(a))
-    };
-    Ok((width as usize, height as usize, picture.pixels().map(linear).collect()))
+    for pixel in picture.pixels() {
+        let [r, g, b, a] = pixel.0.map(|byte| f64::from(byte) / 255.0);
+        visit(rgba([r, g, b], (!opaque).then_some(a)));
+    }
+    Ok(())
+}
+
+/// Width, height and linear pixels of a picture file, each of which takes `bytes_per_pixel` of the budget.
+pub fn read_picture(path: &Path, budget: &Budget, bytes_per_pixel: u64) -> Result<(usize, usize, Vec<[f64; 4]>)> {
+    let picture = Picture::open(path)?;
+    let (width, height) = (picture.width as usize, picture.height as usize);
+    budget.count_file(picture.file_bytes);
+    let what = format!("a picture of {width}×{height} pixels");
+    budget.claim(path, &what, picture.pixels().saturating_mul(bytes_per_pixel))?;
+    let mut pixels = Vec::with_capacity(width * height);
+    for_each_pixel(path, |pixel| pixels.push(pixel))?;
+    Ok((width, height, pixels))
 }
 
 /// Direction `i` of `count`, on a spiral over the unit sphere from low to high.

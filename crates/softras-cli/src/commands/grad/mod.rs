@@ -7,6 +7,7 @@ mod engine;
 mod panels;
 mod target;
 
+use super::memory::Budget;
 use super::outputs::Outputs;
 use super::progress::Progress;
 use super::render::framing::{self, Bounds, View};
@@ -30,7 +31,8 @@ pub fn run(args: &GradArgs) -> Result<(), Failure> {
     outputs.spare([&args.target_image])?;
     let start = Instant::now();
     let curve = if args.soft.raw { super::color::Curve::Raw } else { super::color::Curve::Srgb };
-    let target = Target::read(&args.target_image, curve, args.soft.background.numbers(curve))?;
+    let budget = Budget::new(&args.memory);
+    let target = Target::read(&args.target_image, curve, args.soft.background.numbers(curve), &budget)?;
     let loaded = args.read.read(&args.mesh, !args.soft.raw, &outputs)?;
     let bounds = Bounds::of(&loaded.mesh);
     let view = View::new(&args.camera, bounds, target.width as f64 / target.height as f64, 0.0);

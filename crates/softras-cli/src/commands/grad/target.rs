@@ -2,8 +2,13 @@
 
 use super::engine::Images;
 use crate::commands::color::Curve;
-use softras::{Error, Image, ImageGradient, Result, Settings};
+use crate::commands::memory::Budget;
+use softras::internals::files::Picture;
+use softras::{Image, ImageGradient, Result};
 use std::path::Path;
+
+/// Bytes of a pixel of the target, of the images that are compared with it and of the sheet that shows them all.
+const BYTES_PER_PIXEL: u64 = 400;
 
 /// A target image.
 pub struct Target {
@@ -39,18 +44,15 @@ impl Target {
     /// Reads a picture file.
     ///
     /// # Errors
-    /// [`Error::Io`] and [`Error::File`] for a file that is no picture or larger than an image may be.
-    pub fn read(path: &Path, curve: Curve, background: [f64; 3]) -> Result<Self> {
-        let bytes = std::fs::read(path).map_err(|source| Error::Io { path: path.into(), source })?;
-        let fault = |what: String, fix: &str| Error::File { path: path.into(), line: None, what, fix: fix.to_string() };
-        let picture = image::load_from_memory(&bytes)
-            .map_err(|e| fault(format!("not a readable picture ({e})"), "give a .png file"))?
-            .into_rgba8();
-        let (width, height) = picture.dimensions();
-        let most = Settings::MAX_SIZE;
-        if width == 0 || height == 0 || width > most || height > most {
-            return Err(fault(format!("is {width}×{height} pixels"), "use 1 to 16384 pixels a side"));
-        }
+    /// [`softras::Error::Io`] and [`softras::Error::File`] for a file that is no picture, larger than an image may be or
+    /// larger than the budget.
+    pub fn read(path: &Path, curve: Curve, background: [f64; 3], budget: &Budget) -> Result<Self> {
+        let picture = Picture::open(path)?;
+        let (width, height) = (picture.width, picture.height);
+        budget.count_file(picture.file_bytes);
+        let what = format!("a picture of {width}×{height} pixels");
+        budget.claim(path, &what, picture.pixels().saturating_mul(BYTES_PER_PIXEL))?;
+        let picture = picture.decode(path)?.into_rgba8();
         let opaque = picture.pixels().all(|p| p.0[3] == 255);
         let (mut color, mut silhouette) = (Vec::new(), Vec::new());
         for pixel in picture.pixels() {

@@ -2,48 +2,72 @@
 
 pub mod npy;
 
-use softras::internals::output;
+use super::memory::Budget;
+use super::text;
+use softras::internals::files;
 use softras::{Error, Result};
 use std::borrow::Cow;
-use std::cell::RefCell;
-use std::collections::{BTreeMap, BTreeSet};
+use std::cell::{Cell, OnceCell, RefCell};
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufReader, Cursor, Write};
 use std::path::{Path, PathBuf};
 
-pub use npy::{Array, Data, Values};
+pub use npy::{Array, Data, Numbers};
 
-/// All arrays of a file by key, and the keys that were asked for.
+/// The most keys that an error names.
+const MAX_NAMED: usize = 30;
+/// Bytes that a value takes once it has been converted for the renderer, besides what it takes in the file.
+const CONVERTED: u64 = 8;
+
+/// The arrays of a file by key. An array is read when it is asked for.
 #[derive(Debug)]
 pub struct Archive {
     path: PathBuf,
-    arrays: BTreeMap<String, std::result::Result<Array, String>>,
-    asked: RefCell<BTreeSet<String>>,
+    zip: RefCell<zip::ZipArchive<BufReader<File>>>,
+    entries: BTreeMap<String, Entry>,
+    budget: Budget,
+}
+
+/// An array of the file.
+#[derive(Debug)]
+struct Entry {
+    /// Its number in the file.
+    index: usize,
+    array: OnceCell<Result<Array, String>>,
+    asked: Cell<bool>,
 }
 
 impl Archive {
-    /// Reads every array of the file. An array that cannot be read is an error only when it is asked for.
-    pub fn open(path: &Path) -> Result<Self> {
-        let io = |source| Error::Io { path: path.into(), source };
-        let file = File::open(path).map_err(io)?;
-        if file.metadata().map_err(io)?.is_dir() {
-            return Err(io(std::io::ErrorKind::IsADirectory.into()));
-        }
+    /// Opens a file and lists its keys. An array that cannot be read, or for which the budget has no memory, is an error
+    /// only when it is asked for.
+    pub fn open(path: &Path, budget: Budget) -> Result<Self> {
+        let file = files::open(path)?;
+        budget.count_file(file.metadata().map_or(0, |metadata| metadata.len()));
         let broken = |e: zip::result::ZipError| Error::File {
             path: path.into(),
             line: None,
             what: format!("not a readable .npz archive ({e})"),
             fix: "write it with numpy.savez or numpy.savez_compressed".into(),
         };
-        let mut zip = zip::ZipArchive::new(BufReader::new(file)).map_err(broken)?;
-        let mut arrays = BTreeMap::new();
-        for i in 0..zip.len() {
-            let Some(file) = zip.name_for_index(i).transpose().map_err(broken)?.map(Cow::into_owned) else { continue };
+        let zip = zip::ZipArchive::new(BufReader::new(file)).map_err(broken)?;
+        let mut entries = BTreeMap::new();
+        for index in 0..zip.len() {
+            let Some(file) = zip.name_for_index(index).transpose().map_err(broken)?.map(Cow::into_owned) else {
+                continue;
+            };
             let Some(name) = file.strip_suffix(".npy") else { continue };
-            let array = zip.by_index(i).map_err(|e| format!("its data cannot be read ({e})")).and_then(npy::read);
-            arrays.insert(name.to_string(), array);
+            entries.insert(name.to_string(), Entry { index, array: OnceCell::new(), asked: Cell::new(false) });
         }
-        Ok(Self { path: path.into(), arrays, asked: RefCell::default() })
+        Ok(Self { path: path.into(), zip: RefCell::new(zip), entries, budget })
+    }
+
+    /// Claims memory for something that the file's arrays decide.
+    ///
+    /// # Errors
+    /// [`Error::File`] when the budget does not have it.
+    pub fn claim(&self, what: &str, bytes: u64) -> Result<()> {
+        self.budget.claim(&self.path, what, bytes)
     }
 
     /// An error that names this file and the key.
@@ -54,50 +78,71 @@ impl Archive {
 
     /// Whether the file has the key.
     pub fn has(&self, key: &str) -> bool {
-        self.arrays.contains_key(key)
+        self.entries.contains_key(key)
     }
 
     /// The array of a key, if the file has it.
     pub fn get(&self, key: &str) -> Result<Option<&Array>> {
-        self.asked.borrow_mut().insert(key.into());
-        match self.arrays.get(key) {
-            None => Ok(None),
-            Some(Ok(array)) => Ok(Some(array)),
-            Some(Err(what)) => Err(self.fault(key, what, "write it with numpy.savez, as a plain array")),
+        let Some(entry) = self.entries.get(key) else { return Ok(None) };
+        entry.asked.set(true);
+        match entry.array.get_or_init(|| self.read(key, entry.index)) {
+            Ok(array) => Ok(Some(array)),
+            Err(what) => Err(self.fault(key, what, "write it with numpy.savez, as a plain array")),
+        }
+    }
+
+    fn read(&self, key: &str, index: usize) -> Result<Array, String> {
+        let mut zip = self.zip.borrow_mut();
+        let data = zip.by_index(index).map_err(|e| format!("its data cannot be read ({e})"))?;
+        let array = npy::read(data, |bytes| self.room(key, bytes))?;
+        self.room(key, CONVERTED * array.len() as u64)?;
+        Ok(array)
+    }
+
+    /// Claims memory for a key; the error is a sentence without the file's name.
+    fn room(&self, key: &str, bytes: u64) -> Result<(), String> {
+        self.claim(key, bytes).map_err(|error| match error {
+            Error::File { what, fix, .. } => format!("{what}: {fix}"),
+            other => other.to_string(),
+        })
+    }
+
+    /// Marks a key as used, whatever it holds.
+    pub fn ignore(&self, key: &str) {
+        if let Some(entry) = self.entries.get(key) {
+            entry.asked.set(true);
         }
     }
 
     /// The array of a key that must be present; `expected` describes its shape.
     pub fn require(&self, key: &str, expected: &str) -> Result<&Array> {
-        let keys = || self.arrays.keys().cloned().collect::<Vec<_>>().join(", ");
+        let keys = || listed(self.entries.keys().map(String::as_str));
         self.get(key)?.ok_or_else(|| self.fault(key, &format!("missing (the file has: {})", keys()), expected))
     }
 
     /// The numbers of an array.
-    pub fn numbers<'a>(&self, key: &str, array: &'a Array) -> Result<&'a [f64]> {
-        match &array.values {
-            Values::Numbers(numbers) => Ok(numbers),
-            Values::Texts(_) => Err(self.fault(key, &format!("holds text ({})", array.dtype), "numbers are expected")),
-        }
+    pub fn numbers<'a>(&self, key: &str, array: &'a Array) -> Result<Numbers<'a>> {
+        let text = || self.fault(key, &format!("holds text ({})", array.dtype()), "numbers are expected");
+        array.numbers().ok_or_else(text)
     }
 
     /// A single finite number: 0-d or with one element.
     pub fn number(&self, key: &str) -> Result<Option<f64>> {
         let Some(array) = self.get(key)? else { return Ok(None) };
-        match self.numbers(key, array)? {
-            [x] if x.is_finite() => Ok(Some(*x)),
-            [x] => Err(self.fault(key, &format!("is {x}"), "a finite number is expected")),
-            _ => Err(self.fault(key, &format!("has shape {:?}", array.shape), "a single number is expected")),
+        match self.numbers(key, array)?.all() {
+            Some([x]) if x.is_finite() => Ok(Some(x)),
+            Some([x]) => Err(self.fault(key, &format!("is {x}"), "a finite number is expected")),
+            None => Err(self.fault(key, &format!("has shape {:?}", array.shape), "a single number is expected")),
         }
     }
 
     /// A single text.
-    pub fn text(&self, key: &str) -> Result<Option<&str>> {
+    pub fn text(&self, key: &str) -> Result<Option<String>> {
         let Some(array) = self.get(key)? else { return Ok(None) };
-        match &array.values {
-            Values::Texts(texts) if texts.len() == 1 => Ok(Some(&texts[0])),
-            _ => {
-                let what = format!("is {} of shape {:?}", array.dtype, array.shape);
+        match array.texts().filter(|_| array.len() == 1).and_then(|mut texts| texts.next()) {
+            Some(text) => Ok(Some(text)),
+            None => {
+                let what = format!("is {} of shape {:?}", array.dtype(), array.shape);
                 Err(self.fault(key, &what, "a single text is expected"))
             }
         }
@@ -110,7 +155,11 @@ impl Archive {
             Some((_, value)) => Ok(Some(*value)),
             None => {
                 let names: Vec<_> = choices.iter().map(|(name, _)| *name).collect();
-                Err(self.fault(key, &format!("is {text:?}"), &format!("use one of {}", names.join(", "))))
+                Err(self.fault(
+                    key,
+                    &format!("is {:?}", text::name(&text)),
+                    &format!("use one of {}", names.join(", ")),
+                ))
             }
         }
     }
@@ -121,25 +170,34 @@ impl Archive {
             None => Ok(None),
             Some(0.0) => Ok(Some(false)),
             Some(1.0) => Ok(Some(true)),
-            Some(x) => Err(self.fault(key, &format!("is {x}"), "True or False is expected")),
+            Some(x) => Err(self.fault(key, &format!("is {x:?}"), "True or False is expected")),
         }
     }
 
     /// Three numbers, or one for all three.
     pub fn triple(&self, key: &str) -> Result<Option<[f64; 3]>> {
         let Some(array) = self.get(key)? else { return Ok(None) };
-        match *self.numbers(key, array)? {
-            [x] => Ok(Some([x; 3])),
-            [x, y, z] => Ok(Some([x, y, z])),
-            _ => Err(self.fault(key, &format!("has shape {:?}", array.shape), "three numbers are expected")),
+        let numbers = self.numbers(key, array)?;
+        match numbers.all().map(|[x]| [x; 3]).or(numbers.all()) {
+            Some(triple) => Ok(Some(triple)),
+            None => Err(self.fault(key, &format!("has shape {:?}", array.shape), "three numbers are expected")),
         }
     }
 
     /// The keys that nobody asked for.
     pub fn unasked(&self) -> Vec<&str> {
-        let asked = self.asked.borrow();
-        self.arrays.keys().map(String::as_str).filter(|k| !asked.contains(*k)).collect()
+        self.entries.iter().filter(|(_, entry)| !entry.asked.get()).map(|(key, _)| key.as_str()).collect()
     }
+}
+
+/// The first of some keys, as a message shows them.
+pub fn listed<'a>(keys: impl ExactSizeIterator<Item = &'a str>) -> String {
+    let more = keys.len().saturating_sub(MAX_NAMED);
+    let mut names: Vec<String> = keys.take(MAX_NAMED).map(text::name).collect();
+    if more > 0 {
+        names.push(format!("and {more} more"));
+    }
+    names.join(", ")
 }
 
 /// Writes arrays as an uncompressed archive, in the order given.
@@ -157,5 +215,5 @@ pub fn write(path: &Path, arrays: &[(&str, Vec<usize>, Data<'_>)]) -> Result<()>
     };
     let io = |e: zip::result::ZipError| Error::Io { path: path.into(), source: std::io::Error::other(e) };
     pack().map_err(io)?;
-    output::write_file(path, zip.finish().map_err(io)?.get_ref())
+    files::write_file(path, zip.finish().map_err(io)?.get_ref())
 }

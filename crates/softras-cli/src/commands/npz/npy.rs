@@ -5,24 +5,81 @@
 
 use std::io::Read;
 
-/// The values of an array, in C order whatever the order in the file.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Values {
-    /// Numbers of any type, or bools as 0 and 1.
-    Numbers(Vec<f64>),
-    /// Unicode or byte strings.
-    Texts(Vec<String>),
-}
-
-/// An array with its shape and the type that the file gave it.
+/// An array with its shape and its values in the type that the file gives them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Array {
-    /// numpy's name for the type: "float32", "<U9".
-    pub dtype: String,
     /// Empty for a 0-d array.
     pub shape: Vec<usize>,
-    /// As many values as the product of the shape.
-    pub values: Values,
+    kind: Kind,
+    /// Bytes of one element.
+    size: usize,
+    big_endian: bool,
+    /// As many elements as the product of the shape, in C order whatever the order in the file.
+    bytes: Vec<u8>,
+}
+
+impl Array {
+    /// The number of values.
+    pub fn len(&self) -> usize {
+        self.shape.iter().product()
+    }
+
+    /// numpy's name for the type: "float32", "<U9".
+    pub fn dtype(&self) -> String {
+        let bits = self.size * 8;
+        match self.kind {
+            Kind::Float => format!("float{bits}"),
+            Kind::Signed => format!("int{bits}"),
+            Kind::Unsigned => format!("uint{bits}"),
+            Kind::Bool => "bool".into(),
+            Kind::Unicode => format!("<U{}", self.size / 4),
+            Kind::Bytes => format!("S{}", self.size),
+        }
+    }
+
+    /// Its numbers, bools as 0 and 1; `None` for text.
+    pub fn numbers(&self) -> Option<Numbers<'_>> {
+        (!matches!(self.kind, Kind::Unicode | Kind::Bytes)).then_some(Numbers(self))
+    }
+
+    /// Its texts; `None` for numbers.
+    pub fn texts(&self) -> Option<impl Iterator<Item = String> + '_> {
+        let text = |i: usize| match self.kind {
+            Kind::Unicode => unicode(self.element(i), self.big_endian),
+            _ => String::from_utf8_lossy(self.element(i)).trim_end_matches('\0').to_string(),
+        };
+        self.numbers().is_none().then(|| (0..self.len()).map(text))
+    }
+
+    fn element(&self, i: usize) -> &[u8] {
+        &self.bytes[i * self.size..(i + 1) * self.size]
+    }
+}
+
+/// The numbers of an array, each converted when it is asked for.
+#[derive(Clone, Copy, Debug)]
+pub struct Numbers<'a>(&'a Array);
+
+impl<'a> Numbers<'a> {
+    /// How many there are.
+    pub fn len(self) -> usize {
+        self.0.len()
+    }
+
+    /// Number `i`, which must be below the count.
+    pub fn at(self, i: usize) -> f64 {
+        number(self.0.kind, self.0.big_endian, self.0.element(i))
+    }
+
+    /// All of them.
+    pub fn iter(self) -> impl ExactSizeIterator<Item = f64> + Clone + 'a {
+        (0..self.len()).map(move |i| self.at(i))
+    }
+
+    /// All of them, where there are N.
+    pub fn all<const N: usize>(self) -> Option<[f64; N]> {
+        (self.len() == N).then(|| std::array::from_fn(|i| self.at(i)))
+    }
 }
 
 /// The type of an element in the file.
@@ -45,32 +102,36 @@ struct Header {
     shape: Vec<usize>,
 }
 
-/// The most values of one array, 4 GiB of numbers: a small file may claim more, and a compressed one may even contain more.
-const MAX_VALUES: usize = 1 << 29;
+/// The longest header; numpy itself reads 10,000 bytes.
+const MAX_HEADER: u64 = 1 << 16;
+/// The longest text of an array of texts, in characters.
+const MAX_TEXT: usize = 1_000_000;
 
-/// Reads one array.
+/// Reads one array. Before its data are read, `admit` is told how many bytes they are and may refuse them.
 ///
 /// # Errors
-/// A sentence that says what is wrong with the bytes.
-pub fn read(mut source: impl Read) -> Result<Array, String> {
-    let header = read_header(&mut source)?;
-    let count = header.shape.iter().try_fold(1usize, |n, &side| n.checked_mul(side));
-    let bytes = count.and_then(|n| n.checked_mul(header.size)).filter(|&n| n <= isize::MAX as usize);
+/// A sentence that says what is wrong with the bytes, or what `admit` says.
+pub fn read(mut source: impl Read, admit: impl FnOnce(u64) -> Result<(), String>) -> Result<Array, String> {
+    let Header { kind, size, big_endian, fortran, shape } = read_header(&mut source)?;
+    let count = shape.iter().try_fold(1usize, |n, &side| n.checked_mul(side));
+    let bytes = count.and_then(|n| n.checked_mul(size)).filter(|&n| n <= isize::MAX as usize);
     let (Some(count), Some(bytes)) = (count, bytes) else {
-        return Err(format!("shape {:?} is larger than memory", header.shape));
+        return Err(format!("shape {shape:?} is larger than memory"));
     };
     // Texts of length 0 need no bytes, so the size of the file does not limit their number.
-    if count > MAX_VALUES || (header.size == 0 && count > 1) {
-        return Err(format!("shape {:?} is of more than {MAX_VALUES} values", header.shape));
+    if size == 0 && count > 1 {
+        return Err(format!("shape {shape:?} is of more than one text without characters"));
     }
+    // Sorting them into C order needs them twice.
+    admit(if fortran { 2 * bytes as u64 } else { bytes as u64 })?;
     let mut data = Vec::new();
+    // This asks for memory in such a way that a lack of it is an error.
     source.take(bytes as u64).read_to_end(&mut data).map_err(|e| format!("its data cannot be read ({e})"))?;
     if data.len() != bytes {
-        return Err(format!("shape {:?} needs {bytes} bytes of data, the file has {}", header.shape, data.len()));
+        return Err(format!("shape {shape:?} needs {bytes} bytes of data, the file has {}", data.len()));
     }
-    let values = decode(&header, &data, count);
-    let values = if header.fortran { to_c_order(&values, &header.shape) } else { values };
-    Ok(Array { dtype: dtype_name(&header), shape: header.shape, values })
+    let bytes = if fortran && shape.len() > 1 { to_c_order(&data, &shape, size)? } else { data };
+    Ok(Array { shape, kind, size, big_endian, bytes })
 }
 
 fn read_header(source: &mut impl Read) -> Result<Header, String> {
@@ -89,6 +150,9 @@ fn read_header(source: &mut impl Read) -> Result<Header, String> {
         source.read_exact(&mut length).map_err(short)?;
         u64::from(u32::from_le_bytes(length))
     };
+    if length > MAX_HEADER {
+        return Err(format!("its header is of {length} bytes"));
+    }
     let mut text = Vec::new();
     source.take(length).read_to_end(&mut text).map_err(short)?;
     if text.len() as u64 != length {
@@ -140,49 +204,26 @@ fn parse_descr(descr: &str) -> Result<(Kind, usize, bool), String> {
         ('i', 1 | 2 | 4 | 8) => (Kind::Signed, size),
         ('u', 1 | 2 | 4 | 8) => (Kind::Unsigned, size),
         ('b', 1) => (Kind::Bool, size),
-        ('U', 0..=1_000_000) => (Kind::Unicode, size * 4),
-        ('S' | 'a', 0..=1_000_000) => (Kind::Bytes, size),
+        ('U', 0..=MAX_TEXT) => (Kind::Unicode, size * 4),
+        ('S' | 'a', 0..=MAX_TEXT) => (Kind::Bytes, size),
         _ => return unsupported(),
     };
     Ok((kind, size, order == '>' || (order == '=' && cfg!(target_endian = "big"))))
 }
 
-fn dtype_name(header: &Header) -> String {
-    let bits = header.size * 8;
-    match header.kind {
-        Kind::Float => format!("float{bits}"),
-        Kind::Signed => format!("int{bits}"),
-        Kind::Unsigned => format!("uint{bits}"),
-        Kind::Bool => "bool".into(),
-        Kind::Unicode => format!("<U{}", header.size / 4),
-        Kind::Bytes => format!("S{}", header.size),
-    }
-}
-
-fn decode(header: &Header, data: &[u8], count: usize) -> Values {
-    let element = |i: usize| &data[i * header.size..(i + 1) * header.size];
-    match header.kind {
-        Kind::Unicode => Values::Texts((0..count).map(|i| unicode(element(i), header.big_endian)).collect()),
-        Kind::Bytes => Values::Texts(
-            (0..count).map(|i| String::from_utf8_lossy(element(i)).trim_end_matches('\0').to_string()).collect(),
-        ),
-        _ => Values::Numbers((0..count).map(|i| number(header, element(i))).collect()),
-    }
-}
-
 /// One number; `bytes` has the size of its type.
-fn number(header: &Header, bytes: &[u8]) -> f64 {
+fn number(kind: Kind, big_endian: bool, bytes: &[u8]) -> f64 {
     let mut little = [0; 8];
     little[..bytes.len()].copy_from_slice(bytes);
-    if header.big_endian {
+    if big_endian {
         little[..bytes.len()].reverse();
     }
     let raw = u64::from_le_bytes(little);
-    match header.kind {
-        Kind::Float if header.size == 4 => f64::from(f32::from_bits(raw as u32)),
+    match kind {
+        Kind::Float if bytes.len() == 4 => f64::from(f32::from_bits(raw as u32)),
         Kind::Float => f64::from_bits(raw),
         Kind::Signed => {
-            let unused = 64 - 8 * header.size as u32;
+            let unused = 64 - 8 * bytes.len() as u32;
             ((raw << unused) as i64 >> unused) as f64
         }
         Kind::Bool => f64::from(u8::from(raw != 0)),
@@ -199,28 +240,23 @@ fn unicode(bytes: &[u8], big_endian: bool) -> String {
     text.trim_end_matches('\0').to_string()
 }
 
-/// Reorders values from Fortran order (first index fastest) to C order (last index fastest).
-fn to_c_order(values: &Values, shape: &[usize]) -> Values {
-    fn permute<T: Clone>(values: &[T], shape: &[usize]) -> Vec<T> {
-        let mut index = vec![0; shape.len()];
-        let mut reordered = Vec::with_capacity(values.len());
-        for _ in 0..values.len() {
-            let at = index.iter().zip(shape).rev().fold(0, |at, (&i, &side)| at * side + i);
-            reordered.push(values[at].clone());
-            for axis in (0..shape.len()).rev() {
-                index[axis] += 1;
-                if index[axis] < shape[axis] {
-                    break;
-                }
-                index[axis] = 0;
+/// Reorders elements from Fortran order (first index fastest) to C order (last index fastest).
+fn to_c_order(bytes: &[u8], shape: &[usize], size: usize) -> Result<Vec<u8>, String> {
+    let mut index = vec![0; shape.len()];
+    let mut reordered = Vec::new();
+    reordered.try_reserve_exact(bytes.len()).map_err(|e| format!("its data cannot be sorted ({e})"))?;
+    while reordered.len() < bytes.len() {
+        let at = size * index.iter().zip(shape).rev().fold(0, |at, (&i, &side)| at * side + i);
+        reordered.extend_from_slice(&bytes[at..at + size]);
+        for axis in (0..shape.len()).rev() {
+            index[axis] += 1;
+            if index[axis] < shape[axis] {
+                break;
             }
+            index[axis] = 0;
         }
-        reordered
     }
-    match values {
-        Values::Numbers(v) => Values::Numbers(permute(v, shape)),
-        Values::Texts(v) => Values::Texts(permute(v, shape)),
-    }
+    Ok(reordered)
 }
 
 /// The values of an array to write.
@@ -264,44 +300,61 @@ mod tests {
         bytes
     }
 
+    fn numbers(array: &Array) -> Vec<f64> {
+        array.numbers().unwrap().iter().collect()
+    }
+
     #[test]
     fn what_is_written_is_read() {
         for shape in [vec![], vec![3], vec![2, 3]] {
             let values: Vec<f64> = (0..shape.iter().product()).map(|i| i as f64 - 0.1).collect();
             let bytes = write(&shape, Data::F64(&values));
             assert_eq!((bytes.len() - 8 * values.len()) % 64, 0);
-            let array = read(&bytes[..]).unwrap();
-            assert_eq!((array.dtype.as_str(), array.shape), ("float64", shape));
-            assert_eq!(array.values, Values::Numbers(values));
+            let array = read(&bytes[..], |_| Ok(())).unwrap();
+            assert_eq!((array.dtype().as_str(), &array.shape), ("float64", &shape));
+            assert_eq!(numbers(&array), values);
         }
     }
 
     #[test]
     fn fortran_order_and_signs_and_text() {
         let header = "{'descr': '>i2', 'fortran_order': True, 'shape': (2, 3), }\n";
-        let array = read(&file(header, &[0, 1, 255, 255, 0, 2, 0, 5, 0, 3, 0, 6])[..]).unwrap();
-        assert_eq!(array.values, Values::Numbers(vec![1.0, 2.0, 3.0, -1.0, 5.0, 6.0]));
+        let mut asked = 0;
+        let admit = |bytes| {
+            asked = bytes;
+            Ok(())
+        };
+        let array = read(&file(header, &[0, 1, 255, 255, 0, 2, 0, 5, 0, 3, 0, 6])[..], admit).unwrap();
+        assert_eq!(numbers(&array), [1.0, 2.0, 3.0, -1.0, 5.0, 6.0]);
+        assert_eq!((asked, array.numbers().unwrap().all::<6>().map(|all| all[3])), (24, Some(-1.0)));
         let text: Vec<u8> = "surface\0\0".chars().flat_map(|c| (c as u32).to_le_bytes()).collect();
-        let array = read(&file("{'descr': '<U9', 'fortran_order': False, 'shape': (), }\n", &text)[..]).unwrap();
-        assert_eq!(array.values, Values::Texts(vec!["surface".into()]));
+        let header = "{'descr': '<U9', 'fortran_order': False, 'shape': (), }\n";
+        let array = read(&file(header, &text)[..], |_| Ok(())).unwrap();
+        assert_eq!(array.texts().unwrap().collect::<Vec<_>>(), ["surface"]);
+        assert!(array.numbers().is_none());
     }
 
     #[test]
     fn malformed_files_are_refused_with_a_reason() {
-        let refused = |header: &str, data: &[u8]| read(&file(header, data)[..]).unwrap_err();
+        let refused = |header: &str, data: &[u8]| read(&file(header, data)[..], |_| Ok(())).unwrap_err();
         let bad = refused("{'descr': '<f4', 'fortran_order': False, 'shape': (9, 9), }", &[0; 8]);
         assert!(bad.contains("324 bytes") && bad.contains("has 8"), "{bad}");
         let huge = "{'descr': '<f8', 'fortran_order': False, 'shape': (18446744073709551615, 9), }";
         assert!(refused(huge, &[]).contains("larger than memory"));
-        // The product of the sides fits 64 bits here, so the limit on the number of values must refuse it.
-        for descr in ["<U0", "|S0", "|u1"] {
+        // The product of the sides fits 64 bits here.
+        for descr in ["<U0", "|S0"] {
             let many = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': (1000000000000000,), }}");
             assert!(refused(&many, &[]).contains("more than"), "{descr}");
         }
+        let bytes = file("{'descr': '|u1', 'fortran_order': False, 'shape': (100,), }", &[0; 100]);
+        assert_eq!(read(&bytes[..], |bytes| Err(format!("{bytes} are too many"))).unwrap_err(), "100 are too many");
+        let long = format!("{{'descr': '|u1', {}'fortran_order': False, 'shape': (0,), }}", " ".repeat(70_000));
+        let long = [&b"\x93NUMPY\x02\x00"[..], &(long.len() as u32).to_le_bytes(), long.as_bytes()].concat();
+        assert!(read(&long[..], |_| Ok(())).unwrap_err().contains("header is of 70"));
         assert!(refused("{'descr': '|O', 'fortran_order': False, 'shape': (), }", &[]).contains("not supported"));
         assert!(refused("{'descr': [('a', '<f4')], 'fortran_order': False, 'shape': ()}", &[]).contains("structured"));
         assert!(refused("{'descr': '<é', 'fortran_order': False, 'shape': (-1,)}", &[]).contains("not supported"));
         assert!(refused("{'descr': 'f4', 'fortran_order': False, 'shape': (-1,)}", &[]).contains("side"));
-        assert!(read(&b"PK"[..]).is_err() && read(&[0u8; 64][..]).is_err());
+        assert!(read(&b"PK"[..], |_| Ok(())).is_err() && read(&[0u8; 64][..], |_| Ok(())).is_err());
     }
 }

@@ -6,6 +6,7 @@ mod landscape;
 
 use super::color::encoded;
 use super::fit::targets;
+use super::memory::Budget;
 use super::outputs::Outputs;
 use super::render::framing::{Bounds, View};
 use super::{Failure, say};
@@ -28,13 +29,20 @@ pub fn run(args: &PoseArgs) -> Result<(), Failure> {
     let mut renderer = super::open_device(args.device.as_deref())?;
     match (&args.mesh, &args.image) {
         (Some(mesh), Some(image)) => {
-            let (width, height, pixels) = targets::read_picture(image)?;
+            let budget = Budget::new(&args.memory);
+            let (width, height, pixels) = targets::read_picture(image, &budget, bytes_per_pixel(args))?;
             outputs.spare([image])?;
             let mesh = args.read.read(mesh, true, &outputs)?.mesh;
             find(args, &mesh, &Target::new(width, height, &pixels), &mut renderer)
         }
         _ => benchmark::run(args, &mut renderer),
     }
+}
+
+/// Bytes of a pixel of the picture: what it is read to, and for each start the target, the rendered images, their gradients
+/// and what the device keeps of them.
+fn bytes_per_pixel(args: &PoseArgs) -> u64 {
+    64 + 96 * u64::from(args.starts)
 }
 
 /// A target picture.

@@ -5,7 +5,7 @@ use super::picture::{Floats, Picture, Shot};
 use crate::commands::npz::npy;
 use exr::prelude::{SpecificChannels, WritableImage};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
-use softras::internals::output;
+use softras::internals::files;
 use softras::{Error, Result};
 use std::io::Cursor;
 use std::path::Path;
@@ -47,7 +47,7 @@ pub fn write(path: &Path, format: Format, shot: &Shot, output: Output) -> Result
         Format::Npy => {
             let floats = shot.floats(output)?;
             let shape = [floats.height, floats.width, floats.channels];
-            output::write_file(path, &npy::write(&shape, npy::Data::F32(&floats.data))).map(|()| None)
+            files::write_file(path, &npy::write(&shape, npy::Data::F32(&floats.data))).map(|()| None)
         }
         Format::Png | Format::Gif => {
             let depths = if output == Output::Depth { shot.depth_range()? } else { None };
@@ -67,7 +67,7 @@ pub fn write_png(path: &Path, picture: &Picture) -> Result<()> {
     let mut file = Vec::new();
     let (width, height) = (picture.width as u32, picture.height as u32);
     PngEncoder::new(&mut file).write_image(&bytes, width, height, color).map_err(|e| failed(path, e))?;
-    output::write_file(path, &file)
+    files::write_file(path, &file)
 }
 
 /// Channels R, G, B and A for colour, R, G, B for normals, Z for depth, Y for the silhouette.
@@ -91,5 +91,5 @@ fn write_exr(path: &Path, floats: &Floats, output: Output) -> Result<()> {
         }
     };
     written.map_err(|e| failed(path, e))?;
-    output::write_file(path, file.get_ref())
+    files::write_file(path, file.get_ref())
 }

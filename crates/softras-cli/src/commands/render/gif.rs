@@ -3,7 +3,7 @@
 use super::picture::Picture;
 use color_quant::NeuQuant;
 use gif::{DisposalMethod, Encoder, Frame, Repeat};
-use softras::internals::output;
+use softras::internals::files;
 use softras::{Error, Result};
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -20,7 +20,7 @@ const SAMPLES: usize = 1 << 19;
 /// [`Error::Io`] when the file cannot be written.
 pub fn write(path: &Path, frames: &[Picture], delay: u16) -> Result<()> {
     let bytes = encode(frames, delay).map_err(|e| Error::Io { path: path.into(), source: std::io::Error::other(e) })?;
-    output::write_file(path, &bytes)
+    files::write_file(path, &bytes)
 }
 
 fn encode(frames: &[Picture], delay: u16) -> std::result::Result<Vec<u8>, gif::EncodingError> {

@@ -8,7 +8,7 @@ use super::progress::Progress;
 use super::{Failure, say};
 use clap::Args;
 use serde_json::json;
-use softras::internals::output;
+use softras::internals::files;
 use softras::{Error, RendererOptions, Result};
 use softras_cli::stress::{FORMS, Kind, Stress, batch, form};
 use std::path::PathBuf;
@@ -87,7 +87,7 @@ pub fn run(args: &StressArgs) -> std::result::Result<(), Failure> {
         if path.extension().is_none_or(|extension| extension != "svg") {
             return Err(Failure::Usage(format!("--map {}: the map is an .svg file", path.display())));
         }
-        output::check_writable(path)?;
+        files::check_writable(path)?;
     }
     let start = Instant::now();
     let options =

@@ -4,15 +4,24 @@
 //! the old content or the new one and an error leaves the old. Temporary files are created new: a link that lies under
 //! their name is never followed. A link in place of the target itself is written through, and an existing file keeps its
 //! permissions. Several files that belong together are all flushed before the first is renamed, and the last one is the
-//! one that names the others, so that it never names a file that is missing.
+//! one that names the others, so that it never names a file that is missing. What a killed process left is removed by a
+//! later write to its folder.
 
 use crate::error::{Error, Result};
 use std::{
     fs, io,
     io::Write,
     path::{Path, PathBuf},
+    time::Duration,
 };
 use tempfile::NamedTempFile;
+
+/// How the names of temporary files begin and end.
+const PREFIX: &str = ".softras-";
+const SUFFIX: &str = ".tmp";
+
+/// The age at which a temporary file is litter: no write takes nearly as long.
+const LITTER_AGE: Duration = Duration::from_secs(3600);
 
 /// Symbolic links that are followed to a target, as many as Linux follows.
 const MAX_LINKS: usize = 40;
@@ -54,9 +63,10 @@ pub fn write_files<P: AsRef<Path>, B: AsRef<[u8]>>(files: &[(P, B)]) -> Result<(
 
 /// A flushed temporary file beside the target, with the permissions that the target shall have; removed when dropped.
 fn stage(target: &Path, bytes: &[u8]) -> io::Result<NamedTempFile> {
+    remove_litter(folder_of(target));
     let mut builder = tempfile::Builder::new();
     // Short whatever the target's name: that may already be as long as the file system allows.
-    builder.prefix(".softras-").suffix(".tmp").rand_bytes(12);
+    builder.prefix(PREFIX).suffix(SUFFIX).rand_bytes(12);
     // What any program creates files with; the process's umask takes bits away.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
@@ -71,9 +81,27 @@ fn stage(target: &Path, bytes: &[u8]) -> io::Result<NamedTempFile> {
     Ok(file)
 }
 
-/// Makes a rename survive a power failure, where folders can be flushed.
+/// Removes the temporary files of processes that were killed: those that nobody has written to for an hour.
+fn remove_litter(folder: &Path) {
+    let Ok(entries) = fs::read_dir(folder) else { return };
+    for entry in entries.flatten() {
+        let name = entry.file_name();
+        let is_ours = name.to_str().is_some_and(|name| name.starts_with(PREFIX) && name.ends_with(SUFFIX));
+        let modified = || entry.metadata().ok().filter(fs::Metadata::is_file)?.modified().ok();
+        if is_ours && modified().and_then(|time| time.elapsed().ok()).is_some_and(|age| age > LITTER_AGE) {
+            // It is no concern of this write whether that succeeds.
+            _ = fs::remove_file(entry.path());
+        }
+    }
+}
+
+/// Makes a rename survive a power failure, where folders can be flushed: not on Windows, and not a folder that this user
+/// may write into but not read.
 fn flush_folder(target: &Path) -> io::Result<()> {
-    if cfg!(unix) { fs::File::open(folder_of(target))?.sync_all() } else { Ok(()) }
+    if !cfg!(unix) {
+        return Ok(());
+    }
+    fs::File::open(folder_of(target)).map_or(Ok(()), |folder| folder.sync_all())
 }
 
 /// The file that a path means: itself, or what the links under its name lead to, be it there or not.

@@ -1,0 +1,398 @@
+//! Tests of input that means harm: little files that ask for much, files that never end, text that gives the terminal
+//! orders, and outputs that cannot be written.
+
+use super::numpy::{self, Npz};
+use super::{fails, softras, succeeds};
+use std::{
+    fs,
+    path::Path,
+    process::{Command, Output, Stdio},
+    time::{Duration, Instant},
+};
+
+/// The most processor time that a command may take over a file of less than a megabyte, and the most memory. On an idle
+/// machine it is half of this time at most.
+const PATIENCE: f64 = 20.0;
+const MEMORY: u64 = 1 << 30;
+/// The longest that a command may take whatever else this machine does.
+const ENDLESS: Duration = Duration::from_secs(300);
+
+/// Runs the command, which must end in time, and returns what came of it and the most memory that it had.
+#[track_caller]
+fn bounded(folder: &Path, arguments: &[&str]) -> (Output, u64) {
+    let begin = Instant::now();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_softras"));
+    let command = command.current_dir(folder).args(arguments).stdin(Stdio::null());
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let (mut seconds, mut peak) = (0.0f64, 0);
+    while child.try_wait().unwrap().is_none() {
+        seconds = seconds.max(processor_seconds(child.id()));
+        peak = peak.max(resident_peak(child.id()));
+        if begin.elapsed() > ENDLESS || seconds > PATIENCE || peak > MEMORY {
+            child.kill().unwrap();
+            panic!("{arguments:?}: {:?}, {seconds} s of processors, {} MiB", begin.elapsed(), peak >> 20);
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    (child.wait_with_output().unwrap(), peak)
+}
+
+/// The processor time that a process has had so far; 0 where the system does not tell.
+fn processor_seconds(id: u32) -> f64 {
+    let text = fs::read_to_string(format!("/proc/{id}/stat")).unwrap_or_default();
+    // The fields after the name, which is in brackets; the 12th and 13th of them count hundredths of seconds.
+    let fields: Vec<f64> = match text.rsplit_once(')') {
+        Some((_, rest)) => rest.split_whitespace().skip(11).take(2).map(|n| n.parse().unwrap_or(0.0)).collect(),
+        None => Vec::new(),
+    };
+    fields.iter().sum::<f64>() / 100.0
+}
+
+/// The most memory that a process has had so far; 0 where the system does not tell.
+fn resident_peak(id: u32) -> u64 {
+    let text = fs::read_to_string(format!("/proc/{id}/status")).unwrap_or_default();
+    let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    line.and_then(|line| line.trim().strip_suffix(" kB")?.parse::<u64>().ok()).map_or(0, |kilobytes| kilobytes << 10)
+}
+
+/// The command is refused in time with a text that has all the parts.
+#[track_caller]
+fn refused(folder: &Path, arguments: &[&str], parts: &[&str]) {
+    let (output, _) = bounded(folder, arguments);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{arguments:?}: {errors}");
+    assert!(parts.iter().all(|part| errors.contains(part)), "{arguments:?}: {parts:?} not all in {errors}");
+    assert!(!errors.contains("panicked"), "{errors}");
+}
+
+/// A scene of one triangle in world space, less one of its keys.
+fn scene_without(key: &str, npz: Npz) -> Npz {
+    let view = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 5.0, 0.0, 0.0, 0.0, 1.0];
+    let vertices = [-1.0, -1.0, 0.0, 1.0, -1.0, 0.0, 0.0, 1.0, 0.0];
+    let numbers: [(&str, &[usize], &[f64]); 6] = [
+        ("vertices", &[3, 3], &vertices),
+        ("triangles", &[1, 3], &[0.0, 1.0, 2.0]),
+        ("view", &[4, 4], &view),
+        ("fov_y", &[], &[0.5]),
+        ("width", &[], &[16.0]),
+        ("height", &[], &[16.0]),
+    ];
+    let others = numbers.into_iter().filter(|(name, ..)| *name != key);
+    others.fold(npz, |npz, (name, shape, values)| npz.f64(name, shape, values))
+}
+
+fn scene(npz: Npz) -> Npz {
+    scene_without("", npz)
+}
+
+/// Half a gigabyte of zeros under a key that nobody asks for is not even read; asked for, it is refused.
+#[cfg(target_os = "linux")]
+#[test]
+fn large_arrays_are_read_only_when_they_are_needed() {
+    let folder = tempfile::tempdir().unwrap();
+    let zeros = vec![0u8; 1 << 29];
+    scene(Npz::deflated()).raw("junk", "|u1", false, &[1 << 29], &zeros).write(&folder.path().join("a.npz"));
+    assert!(fs::metadata(folder.path().join("a.npz")).unwrap().len() < 1 << 20);
+    let arguments = ["eval", "a.npz", "-o", "o.npz", "--device", "reference"];
+    let (output, peak) = bounded(folder.path(), &arguments);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && errors.contains("not used: junk"), "{errors}");
+    assert!(peak < 1 << 28, "{} MiB", peak >> 20);
+    scene_without("fov_y", Npz::deflated())
+        .raw("fov_y", "|u1", false, &[1 << 29], &zeros)
+        .write(&folder.path().join("a.npz"));
+    refused(folder.path(), &arguments, &["a.npz", "fov_y", "--memory"]);
+    let little = [&arguments[..], &["--memory", "1k"]].concat();
+    scene(Npz::stored()).write(&folder.path().join("a.npz"));
+    refused(folder.path(), &little, &["rendering its scene", "--memory"]);
+    succeeds(folder.path(), &arguments);
+}
+
+/// What a file multiplies is counted before it is made: meshes by views, images by their sides.
+#[test]
+fn products_of_small_arrays_are_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    let arguments = ["eval", "a.npz", "-o", "o.npz", "--device", "reference"];
+    let meshes = 3000;
+    let base = || Npz::deflated().f64("fov_y", &[], &[0.5]).i64("width", &[], &[1]).i64("height", &[], &[1]);
+    base()
+        .raw("vertices", "|u1", false, &[meshes, 3, 3], &vec![1; 9 * meshes])
+        .raw("triangles", "|u1", false, &[100_000, 3], &vec![2; 300_000])
+        .f64("view", &[4, 4], &[1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 5.0, 0.0, 0.0, 0.0, 1.0])
+        .write(&folder.path().join("a.npz"));
+    refused(folder.path(), &arguments, &["a mesh for each entry", "--memory"]);
+    let views = 50_000;
+    let identity = [1u8, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 5, 0, 0, 0, 1];
+    let many =
+        scene_without("view", Npz::deflated()).raw("view", "|u1", false, &[views, 4, 4], &identity.repeat(views));
+    many.write(&folder.path().join("a.npz"));
+    refused(folder.path(), &arguments, &["rendering its scene", "--memory"]);
+}
+
+fn large_picture(path: &Path) {
+    image::GrayImage::new(8192, 8192).save(path).unwrap();
+    assert!(fs::metadata(path).unwrap().len() < 1 << 20);
+}
+
+/// Pictures are counted before one is decoded.
+#[test]
+fn pictures_out_of_proportion_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    large_picture(&folder.path().join("a.png"));
+    let entry = r#"{"file":"a.png","distance":3,"elevation":0,"azimuth":0}"#;
+    fs::write(folder.path().join("cameras.json"), format!("[{}]", [entry; 8].join(","))).unwrap();
+    succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
+    refused(folder.path(), &["fit", "--views", ".", "-o", "o.obj"], &["a.png", "67108864 pixels", "--memory"]);
+    refused(folder.path(), &["grad", "cube.obj", "--target", "a.png", "-o", "o.png"], &["a.png", "--memory"]);
+    refused(folder.path(), &["pose", "--mesh", "cube.obj", "--image", "a.png"], &["a.png", "--memory"]);
+}
+
+/// A pipe that nobody writes into, wherever a file is read.
+#[cfg(unix)]
+#[test]
+fn pipes_without_a_writer_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let pipe = |name: &str| assert!(Command::new("mkfifo").arg(folder.path().join(name)).status().unwrap().success());
+    pipe("pipe");
+    succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
+    let told = ["pipe", "not a regular file"];
+    for arguments in [
+        &["eval", "pipe", "-o", "o.npz"][..],
+        &["render", "pipe", "-o", "o.png"],
+        &["fit", "--views", "pipe", "--cameras", "pipe", "-o", "o.obj"],
+        &["fit", "--template", "pipe", "--from", "cube.obj", "--views", "2", "--size", "8", "-o", "o.obj"],
+        &[
+            "fit",
+            "--from",
+            "cube.obj",
+            "--views",
+            "2",
+            "--size",
+            "8",
+            "--checkpoint",
+            "pipe",
+            "--resume",
+            "-o",
+            "o.obj",
+        ],
+        &["grad", "cube.obj", "--target", "pipe", "-o", "o.png"],
+        &["pose", "--mesh", "cube.obj", "--image", "pipe"],
+        &["iou", "cube.obj", "pipe"],
+        &["mesh", "cube", "-o", "pipe"],
+    ] {
+        refused(folder.path(), arguments, &told);
+    }
+    fs::create_dir(folder.path().join("views")).unwrap();
+    pipe("views/cameras.json");
+    refused(folder.path(), &["fit", "--views", "views", "-o", "o.obj"], &["cameras.json", "not a regular file"]);
+    fs::remove_file(folder.path().join("views/cameras.json")).unwrap();
+    fs::write(folder.path().join("views/cameras.json"), r#"[{"file":"pipe","eye":[0,0,3]}]"#).unwrap();
+    pipe("views/pipe");
+    refused(folder.path(), &["fit", "--views", "views", "-o", "o.obj"], &told);
+}
+
+/// In place of the file of compiled kernels there may lie anything.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_pipe_in_place_of_the_cache_holds_nobody_up() {
+    let folder = tempfile::tempdir().unwrap();
+    succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
+    let render = || {
+        let mut command = Command::new("timeout");
+        let command =
+            command.args(["60", env!("CARGO_BIN_EXE_softras"), "render", "cube.obj", "-o", "o.png", "--size", "8"]);
+        command.current_dir(folder.path()).env("XDG_CACHE_HOME", folder.path()).output().unwrap()
+    };
+    assert!(render().status.success());
+    let files: Vec<_> =
+        fs::read_dir(folder.path().join("softras")).unwrap().map(|entry| entry.unwrap().path()).collect();
+    let [cache] = &files[..] else { panic!("one file of kernels: {files:?}") };
+    fs::remove_file(cache).unwrap();
+    assert!(Command::new("mkfifo").arg(cache).status().unwrap().success());
+    let output = render();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// Results that were not written are a failure; a reader that has seen enough is none.
+#[cfg(target_os = "linux")]
+#[test]
+fn results_that_cannot_be_written_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
+    let run = |arguments: &[&str], out: Stdio| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_softras"));
+        command.current_dir(folder.path()).args(arguments).stdout(out).stderr(Stdio::piped()).output().unwrap()
+    };
+    for arguments in [
+        &["iou", "cube.obj", "cube.obj"][..],
+        &["iou", "cube.obj", "cube.obj", "--json"],
+        &["devices"],
+        &["devices", "--json"],
+        &["mesh", "cube", "-o", "other.obj"],
+        &["render", "cube.obj", "-o", "o.png", "--size", "8", "--json"],
+        &["--help"],
+        &["--version"],
+        &["fit", "--help"],
+        &["completions", "bash"],
+    ] {
+        let full = run(arguments, fs::OpenOptions::new().write(true).open("/dev/full").unwrap().into());
+        let errors = String::from_utf8_lossy(&full.stderr);
+        assert_eq!(full.status.code(), Some(1), "{arguments:?}: {errors}");
+        assert!(errors.contains("error: standard output: "), "{arguments:?}: {errors}");
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        let closed = run(arguments, writer.into());
+        assert_eq!(closed.status.code(), Some(0), "{arguments:?}: {}", String::from_utf8_lossy(&closed.stderr));
+    }
+}
+
+/// Names of keys and files are shown without what a terminal would obey.
+#[test]
+fn names_give_the_terminal_no_orders() {
+    let folder = tempfile::tempdir().unwrap();
+    let orders = "\u{1b}[31mred\u{9b}\u{202e}\r\n";
+    let long = "k".repeat(60_000);
+    scene(Npz::stored()).i64(orders, &[], &[1]).i64(&long, &[], &[1]).write(&folder.path().join("a.npz"));
+    let lacking = scene_without("vertices", Npz::stored()).i64(orders, &[], &[1]).i64(&long, &[], &[1]);
+    lacking.write(&folder.path().join("b.npz"));
+    let mtl = format!("{orders}.mtl").replace('\n', "").replace('\r', "");
+    fs::write(folder.path().join("a.obj"), format!("mtllib {mtl}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl {mtl}\nf 1 2 3\n"))
+        .unwrap();
+    fs::write(folder.path().join("cameras.json"), r#"[{"file":"\u001b[31m.png","eye":[0,0,3]}]"#).unwrap();
+    let file = format!("{orders}.npz");
+    let missing = format!("{orders}.obj");
+    let reference = ["-o", "o.npz", "--device", "reference"];
+    for (arguments, part) in [
+        (&[&["eval", "a.npz"], &reference[..]].concat()[..], "\\u001b[31mred\\u009b\\u202e"),
+        (&[&["eval", "b.npz"], &reference[..]].concat(), "\\u001b[31mred\\u009b\\u202e"),
+        (&[&["eval", &file], &reference[..]].concat(), "\\u001b[31mred"),
+        (&["render", "a.obj", "-o", "o.png", "--size", "8"], "u{1b}[31mred"),
+        (&["render", &missing, "-o", "o.png"], "\\u001b[31mred"),
+        (&["fit", "--views", ".", "-o", "o.obj"], "\\u001b[31m.png"),
+        (&["mesh", "cube", "-o", &format!("{orders}/o.obj")], "\\u001b[31mred"),
+    ] {
+        let output = softras(folder.path(), arguments);
+        let told = [&output.stdout[..], &output.stderr].concat();
+        let told = String::from_utf8_lossy(&told);
+        let is_order = |c: char| (c.is_control() && c != '\n') || c == '\u{202e}';
+        assert!(!told.contains(is_order) && told.contains(part), "{arguments:?}: {told:?}");
+        assert!(told.len() < 2000, "{arguments:?}: {} bytes", told.len());
+    }
+}
+
+/// Fields that are unknown, of another type or in doubt are refused by their place.
+#[test]
+fn cameras_are_refused_by_field() {
+    let folder = tempfile::tempdir().unwrap();
+    image::RgbaImage::new(4, 4).save(folder.path().join("a.png")).unwrap();
+    for (fields, parts) in [
+        (r#""eye":[0,0,4],"target":[1,2]"#, &["at [1].target", "length 2"][..]),
+        (r#""eye":[0,0,4],"up":"z""#, &["at [1].up", "string"]),
+        (r#""eye":[0,0,4],"fov":"60""#, &["at [1].fov", "string"]),
+        (r#""eye":[0,0,4],"fovy":60"#, &["at [1].fovy", "unknown field"]),
+        (r#""eye":[0,0,4],"distance":3"#, &["camera 1", "more than one"]),
+        (r#""distance":3,"elevation":0,"azimuth":0,"up":[0,1,0]"#, &["camera 1", "give eye"]),
+        (r#""eye":[0,0,4],"fov":1e300"#, &["camera 1", "fov_y", "e298"]),
+    ] {
+        let list = format!(r#"[{{"file":"a.png","eye":[0,0,4]}},{{"file":"a.png",{fields}}}]"#);
+        fs::write(folder.path().join("cameras.json"), list).unwrap();
+        let parts = [parts, &["cameras.json"]].concat();
+        fails(folder.path(), &["fit", "--views", ".", "--iterations", "1", "-o", "o.obj"], 1, &parts);
+    }
+}
+
+/// A checkpoint with numbers that no fit writes is refused by its key, at once.
+#[test]
+fn checkpoints_with_impossible_numbers_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
+    let fit = "fit --from cube.obj --views 2 --size 8 --subdivisions 0 --iterations 2 -o o.obj --checkpoint c.npz";
+    let fit: Vec<&str> = fit.split_whitespace().collect();
+    succeeds(folder.path(), &fit);
+    let resume = [&fit[..], &["--resume"]].concat();
+    let keys = ["steps", "values", "mean", "square", "colors", "color_mean", "color_square", "positions", "triangles"];
+    let path = folder.path().join("c.npz");
+    let original: Vec<Vec<f64>> = keys.iter().map(|key| numpy::read::<f64>(&path, key).1).collect();
+    succeeds(folder.path(), &resume);
+    for (key, at, value) in [
+        ("steps", 0, 1e18),
+        ("steps", 0, 1e9),
+        ("steps", 0, -5.0),
+        ("steps", 0, f64::NAN),
+        ("steps", 0, 1.5),
+        ("steps", 1, 1e30),
+        ("steps", 1, -1.0),
+        ("steps", 2, -1.0),
+        ("values", 1, f64::NAN),
+        ("mean", 2, f64::INFINITY),
+        ("square", 0, -1.0),
+        ("square", 3, f64::NAN),
+        ("positions", 4, 1e300),
+        ("triangles", 5, 1e9),
+    ] {
+        let mut npz = Npz::stored();
+        for (name, numbers) in keys.iter().zip(&original) {
+            let mut numbers = numbers.clone();
+            if *name == key {
+                numbers[at] = value;
+            }
+            npz = npz.f64(name, &[numbers.len()], &numbers);
+        }
+        npz.write(&path);
+        let named = if key == "positions" { "triangles" } else { key };
+        refused(folder.path(), &resume, &["c.npz", &format!("`{named}`")]);
+    }
+}
+
+/// Numbers are told in few digits, under the key that they are under.
+#[test]
+fn enormous_numbers_are_told_in_few_digits_under_their_key() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.npz");
+    let light = |npz: Npz| npz.f64("light_directions", &[1, 3], &[0.0, 1.0, 0.0]);
+    let triple = [1e300, 0.0, 0.0];
+    for (key, npz) in [
+        ("sigma", scene(Npz::stored()).f64("sigma", &[], &[1e300])),
+        ("width", scene_without("width", Npz::stored()).f64("width", &[], &[1e300])),
+        ("faces", scene(Npz::stored()).text("faces", &"x".repeat(5000))),
+        ("triangles", scene_without("triangles", Npz::stored()).f64("triangles", &[1, 3], &triple)),
+        ("vertices", scene_without("vertices", Npz::stored()).f64("vertices", &[3, 3], &[1e300; 9])),
+        ("ambient_color", scene(Npz::stored()).f64("ambient_color", &[3], &triple)),
+        ("ambient_intensity", scene(Npz::stored()).f64("ambient_intensity", &[], &[1e38])),
+        ("light_colors", light(scene(Npz::stored())).f64("light_colors", &[1, 3], &triple)),
+        ("light_intensities", light(scene(Npz::stored())).f64("light_intensities", &[1], &[1e300])),
+        ("light_directions", scene(Npz::stored()).f64("light_directions", &[1, 3], &[0.0; 3])),
+    ] {
+        npz.write(&path);
+        let output = softras(folder.path(), &["eval", "a.npz", "-o", "o.npz", "--device", "reference"]);
+        let errors = String::from_utf8_lossy(&output.stderr);
+        let told = errors.contains(&format!("key `{key}`")) || errors.contains(&format!("settings: {key}"));
+        assert!(output.status.code() == Some(1) && told && errors.len() < 300, "{key}: {errors}");
+    }
+}
+
+/// A concave face of thousands of corners, again and again, and as many triangles on top of each other.
+#[test]
+fn faces_that_take_long_do_not_take_too_long() {
+    use std::fmt::Write;
+    let folder = tempfile::tempdir().unwrap();
+    let mut text = String::new();
+    let arm = |grow: f64| (0..1024).map(move |i| (f64::from(i) * 0.2, grow + 0.01 * f64::from(i)));
+    for (angle, radius) in arm(1.0).chain(arm(1.005).rev().collect::<Vec<_>>()) {
+        writeln!(text, "v {:.7} {:.7} 0", radius * angle.cos(), radius * angle.sin()).unwrap();
+    }
+    let face: String = (1..=2048).map(|i| format!(" {i}")).collect();
+    while text.len() + face.len() < 1 << 20 {
+        writeln!(text, "f{face}").unwrap();
+    }
+    fs::write(folder.path().join("spirals.obj"), text).unwrap();
+    let mut text = "v -1 -1 0\nv 1 -1 0.5\nv 0 1 1\n".to_string();
+    while text.len() < (1 << 20) - 100 {
+        text.push_str("f 1 2 3\n");
+    }
+    fs::write(folder.path().join("layers.obj"), text).unwrap();
+    for file in ["spirals.obj", "layers.obj"] {
+        let (output, _) = bounded(folder.path(), &["iou", file, file]);
+        assert!(output.status.success(), "{file}: {}", String::from_utf8_lossy(&output.stderr));
+    }
+}
