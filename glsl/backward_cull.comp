@@ -61,15 +61,15 @@ vec2 bounds_of(Item item) {
 
 // Index of an item's entry on a list. Each row of FORWARD_ROW items has lists of its own, so that a length is a number of
 // workgroups along one axis. Small items fill the row from its end, a workgroup for every LANES of them.
-uint place_on_list(uint index, uint list, bool small) {
+uint entry_on_list(uint index, uint list, bool small) {
     uint row = index / FORWARD_ROW;
     uint counts = row * ITEM_COUNT_WORDS + list;
-    uint place = atomicAdd(item_counts[counts + (small ? ITEMS_SMALL_NUMBER : 0u)], 1u);
-    if (small && place % LANES == 0u) {
+    uint number = atomicAdd(item_counts[counts + (small ? ITEMS_SMALL_NUMBER : 0u)], 1u);
+    if (small && number % LANES == 0u) {
         atomicAdd(item_counts[counts + ITEMS_SMALL], 1u);
     }
     uint end = min((row + 1u) * FORWARD_ROW, frame.slot_count + frame.cell_capacity);
-    return small ? end - 1u - place : row * FORWARD_ROW + place;
+    return small ? end - 1u - number : row * FORWARD_ROW + number;
 }
 
 void main() {
@@ -91,25 +91,25 @@ void main() {
         return;
     }
     uvec2 part = index < slots ? uvec2(index, 0u) : texelFetch(cells, int(index - slots)).xy;
-    int slot = int(part.x);
-    ivec4 box = texelFetch(boxes, slot);
+    int record_index = int(part.x);
+    ivec4 box = texelFetch(boxes, record_index);
     if (box.x > box.z || box.y > box.w) {
         return;
     }
     // view_of relies on it that records lie in the order of the views.
-    Item item = item_of(int(index), slot, int(part.y), view_of(slot), box);
+    Item item = item_of(int(index), record_index, int(part.y), view_of(record_index), box);
     bool shows = UP_SHADED;
     bool outlines = UP_ALPHA;
     if (COLOR_MODE == COLOR_SOFTMAX || !UP_SHADED) {
         vec2 bounds = bounds_of(item);
-        shows = UP_SHADED && !is_hidden(largest_weight(slot), bounds.x);
+        shows = UP_SHADED && !is_hidden(largest_weight(record_index), bounds.x);
         outlines = UP_ALPHA && bounds.y > exp2(NEXT_TO_NOTHING);
     }
-    bool small = uint(item.size.x * item.size.y) * LANES <= SMALL_WORK;
+    bool small = uint(item.size.x * item.size.y) * LANES <= (shows ? SMALL_SHOWN_WORK : SMALL_OUTLINE_WORK);
     if (shows) {
-        shown_items[place_on_list(index, ITEMS_SHOWN, small)] = packed(item);
+        shown_items[entry_on_list(index, ITEMS_SHOWN, small)] = packed(item);
     } else if (outlines) {
-        outline_items[place_on_list(index, ITEMS_OUTLINE, small)] = packed(item);
+        outline_items[entry_on_list(index, ITEMS_OUTLINE, small)] = packed(item);
     } else {
         for (int i = 0; i < PARTIAL_STRIDE; ++i) {
             partials[int(index) * PARTIAL_STRIDE + i] = vec4(0.0);

@@ -3,14 +3,17 @@
 // Pixel gradient: computes what backward needs of a pixel: dL by the mixture Σ w C, the pixel's factor (1 - A) dL/dA of the
 // silhouette, and the reference that turns a fragment's log weight into w (eq. 3 and 4). For the gradients by the background
 // it also computes the pixel's own terms.
-// One invocation a pixel, views along y. Reads the images, `saved` (pixel.glsl) and the upstream gradients. Writes
+// One workgroup a tile, one invocation a pixel: the tiles that have a list (the row of `tile_items` that begins at
+// frame.first), because in all other pixels every fragment has D = 0; on spot at 256² a quarter of all tiles. The
+// background's gradients need all tiles.
+// Reads `tile_items`, the images, `saved` (pixel.glsl) and the upstream gradients. Writes
 // `pixel_gradients`: (dL/dmixture rgb, silhouette_gradient), (integer part and fraction of the reference, V, dL/ddepth),
 // (dL/dnormal, 0), with V of shaded_gradient below; and `pixel_sums`, which reduce.comp adds up:
 // (dL/dC_b, dL/ds_b), (dL/ds_b times the relative log2 weight, 0, 0, 0), with s_b = ε/γ the background's log weight; zeros
 // where the frame is not complete. With these it also writes to `status` whether the frame is complete, as backward_cull does
 // for the gradients by triangles.
 
-layout(local_size_x = 64) in;
+layout(local_size_x = 32) in;
 
 layout(set = 0, binding = 0) uniform usamplerBuffer view_shapes;
 layout(set = 0, binding = 1) uniform samplerBuffer color;
@@ -25,12 +28,14 @@ layout(set = 0, binding = 9, std430) writeonly buffer PixelGradients { vec4 pixe
 layout(set = 0, binding = 10, std430) writeonly buffer PixelSums { vec4 pixel_sums[]; };
 layout(set = 0, binding = 11) uniform usamplerBuffer status;
 layout(set = 0, binding = 12, std430) writeonly buffer Status { uint status_words[]; };
+layout(set = 0, binding = 13) uniform usamplerBuffer tile_items;
 
 #include "common/constants.glsl"
 #include "common/modes.glsl"
 #include "common/gradient_modes.glsl"
 #include "common/frame.glsl"
 #include "common/mesh.glsl"
+#include "common/tile.glsl"
 #include "common/whole.glsl"
 #include "common/status.glsl"
 
@@ -120,13 +125,18 @@ void write_background_gradient(int at, bool whole, vec4 kept, vec3 background, v
 }
 
 void main() {
-    int view = int(gl_WorkGroupID.y);
-    uint pixels = frame.width * frame.height;
-    uint pixel = gl_WorkGroupID.z * FORWARD_ROW * LINEAR_GROUP + gl_GlobalInvocationID.x;
-    if (pixel >= pixels) {
+    int number = int(gl_WorkGroupID.z * FORWARD_ROW + gl_WorkGroupID.x);
+    if (!GRAD_BACKGROUND) {
+        number = int(texelFetch(tile_items, int(frame.first + gl_WorkGroupID.x)).x);
+    }
+    TilePlace tile = tile_place(number);
+    int lane = int(gl_LocalInvocationID.x);
+    ivec2 pixel = tile.corner + ivec2(lane % int(TILE_WIDTH), lane / int(TILE_WIDTH));
+    int view = tile.view;
+    if (view >= int(frame.view_count) || pixel.x >= int(frame.width) || pixel.y >= int(frame.height)) {
         return;
     }
-    int at = int(uint(view) * pixels + pixel);
+    int at = place_of(view, pixel);
     // Integer part and fraction of the reference log2 weight, inverse sum, silhouette's aggregate.
     vec4 kept = texelFetch(saved, at);
     Upstream up = upstream_of(at);

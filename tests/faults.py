@@ -21,12 +21,12 @@ import time
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 FRAGMENT, FORWARD = "glsl/common/fragment.glsl", "glsl/common/forward.glsl"
-PAIR, BACKWARD = "glsl/common/pair_gradient.glsl", "glsl/common/backward.glsl"
+PAIR, PIXELS = "glsl/common/pair_gradient.glsl", "glsl/common/pair.glsl"
 
 # What is broken, where, the text, what stands there instead, and the tests that should see it (a test binary and
 # a filter by name).
 FAULTS = [
-    ("sign of a vertex's pull", PAIR, "vec2 pull = -2.0 * by_squared", "vec2 pull = 2.0 * by_squared",
+    ("sign of a vertex's pull", PAIR, "float pull = inside ? -2.0 * LN2 * by_x", "float pull = inside ? 2.0 * LN2 * by_x",
      [("gradient", "hazards::")]),
     ("clamp of barycentrics left out", FRAGMENT, "return vec3(lesser(greater(b.x, 1e-20), 1.0),",
      "return vec3(greater(b.x, 1e-20),", [("render", "forward::random_scenes")]),
@@ -44,7 +44,7 @@ FAULTS = [
      "    vec2 near = vec2(1.05 * frame.near_high, 0.0);\n    ViewPoint", [("render", "properties_images::what_near_cuts")]),
     ("u and v swapped", "glsl/common/sample.glsl", "vec2 at = vec2(folded.x, 1.0 - folded.y)",
      "vec2 at = vec2(folded.y, 1.0 - folded.x)", [("render", "pixels::textures")]),
-    ("gamma missing in a gradient", BACKWARD, "- by_weight * frame.score_high * LN2", "- by_weight * LN2",
+    ("gamma missing in a gradient", "glsl/common/backward.glsl", "-frame.score_high * LN2", "-LN2",
      [("gradient", "agreement::random_scenes")]),
     ("stale bits of the frame before", "src/frame/passes/forward.rs", "    clear(recorder, bin_bits, plan.sizes[BufferId::BinBits])?;\n",
      "    let _ = bin_bits;\n", [("render", "invariance::what_was_rendered_before"), ("render", "invariance::twenty")]),
@@ -55,7 +55,11 @@ FAULTS = [
     ("farther triangles weigh more", FORWARD, "(c.whole - p.whole)", "(p.whole - c.whole)", [("render", "pixels::")]),
     ("light from behind", "glsl/common/light.glsl", "sum += color * max(dot(normal, direction), 0.0);",
      "sum += color * abs(dot(normal, direction));", [("render", "pixels::light")]),
-    ("carry of texel sums dropped", PAIR, "high + (old + low < old ? 1u : 0u)", "high",
+    ("parallel edges told apart by their lines", "glsl/common/nearest_edge.glsl", "obtuse ? past_corner :", "false ? past_corner :",
+     [("gradient", "hazards::obtuse")]),
+    ("a dropped fragment's pixel read", PIXELS, "g.mean = kept ? g.mean : 0.0;", "g.mean = g.mean;",
+     [("gradient", "repeat::pixels_beyond")]),
+    ("carry of texel sums dropped", "glsl/common/texel_gradient.glsl", "high + (old + low < old ? 1u : 0u)", "high",
      [("gradient", "agreement::every_appearance")]),
     ("a large box's first cell twice", "glsl/triangle.comp", "uvec2(uint(slot), i + 1u)", "uvec2(uint(slot), i)",
      [("gradient", "hazards::saturated")]),

@@ -1,25 +1,5 @@
-// Indices of tiles and pixels in the images of all views, and the values that a finished pixel writes (eq. 2 and 5).
+// The values that a finished pixel writes (eq. 2 and 5).
 // Needs constants.glsl, modes.glsl, frame.glsl, pixel.glsl and the image buffers.
-
-struct TilePlace {
-    int view;
-    // First column and row of the tile.
-    ivec2 corner;
-};
-
-// The tile with a number among the tiles of all views.
-TilePlace tile_place(int number) {
-    int tiles = int(frame.tiles_x * frame.tiles_y);
-    int view = number / tiles;
-    int tile = number - view * tiles;
-    int row = tile / int(frame.tiles_x);
-    return TilePlace(view, ivec2(tile - row * int(frame.tiles_x), row) * ivec2(TILE_WIDTH, TILE_HEIGHT));
-}
-
-// Index of the pixel `where` (column, row) of a view in the image buffers.
-int place_of(int view, ivec2 where) {
-    return (view * int(frame.height) + where.y) * int(frame.width) + where.x;
-}
 
 // A = 1 - Π(1 - D) (eq. 5), I = Σ w C + w_b C_b (eq. 2), and soft depth and normal, to index `at`. With the composite
 // background I = A Σ w' C + (1 - A) C_b.

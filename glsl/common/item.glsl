@@ -4,7 +4,7 @@
 struct Item {
     // Index of its entry of `partials`, and of the triangle's record.
     int index;
-    int slot;
+    int record_index;
     int view;
     // First column and row of its pixels, and the number of columns and rows: at most a cell.
     ivec2 first;
@@ -24,7 +24,7 @@ Item item_of(int index, int record_index, int cell, int view, ivec4 box) {
 uvec4 packed(Item i) {
     uvec2 first = uvec2(i.first);
     uvec2 more = uvec2(i.size - 1);
-    return uvec4(first.x | more.x << 14 | more.y << 20, first.y | uint(i.view) << 14, uint(i.slot), uint(i.index));
+    return uvec4(first.x | more.x << 14 | more.y << 20, first.y | uint(i.view) << 14, uint(i.record_index), uint(i.index));
 }
 
 Item unpacked(uvec4 words) {
@@ -32,7 +32,7 @@ Item unpacked(uvec4 words) {
     i.first = ivec2(words.xy & 16383u);
     i.size = ivec2((words.xx >> uvec2(14u, 20u)) & uvec2(63u, 31u)) + 1;
     i.view = int(words.y >> 14);
-    i.slot = int(words.z);
+    i.record_index = int(words.z);
     i.index = int(words.w);
     return i;
 }

@@ -1,12 +1,15 @@
-// Backward of one (pixel, triangle) pair (eq. 4): each function is the transpose of one function of fragment.glsl or
+// The derivatives of one fragment (eq. 4): each function is the transpose of one step of pair.glsl, nearest_edge.glsl or
 // sample.glsl and adds to a lane's sums. `by_X` is the derivative of the loss by X, X being the name that forward uses.
-// Needs fragment.glsl, sample.glsl, corner.glsl, gradient_modes.glsl and the buffer `texel_sums`.
+// Needs pair.glsl, texel_gradient.glsl and what these need.
 
 struct Sums {
     // dL/d(column, row) of each corner, in pixels.
     vec2 corner[3];
-    // For a triangle without area: dL by the rotation of its segment.
-    float turn;
+    // dL by the barycentric coordinates b_k, and these times the pixel's column and row in the item: ∂b_k/∂p_m = -b_m ∇b_k
+    // is linear in the pixel, so that corners_from_barycentrics applies it once to the sums.
+    vec3 by_b;
+    vec3 by_b_column;
+    vec3 by_b_row;
     // Σ dL/dz (z/z_0)² b̂_k, which times (z_0/z_k)² is dL/dz_k.
     vec3 depth;
     // Σ dL/dx x with x of eq. 1, and Σ dL/ds times the log2 weight relative to the pixel's, with s the log weight of eq. 3.
@@ -19,180 +22,242 @@ struct Sums {
     mat3 normal;
 };
 
-// What all pairs of a triangle share beyond its record. ends_of computes it.
-struct Ends {
-    // The edge parameter t = start + slope · (distance along the edge from its midpoint), 0 and 1 at the edge's ends.
-    vec3 start;
-    vec3 slope;
-    // For a triangle without area: 1 at the line of its segment, and the derivative of the barycentrics by the segment's
-    // rotation. Zero for all others.
-    vec3 pick;
-    vec3 turn;
-};
-
-// For a triangle without area: -1 at the first corner of its segment, 1 at the second, 0 at the third. `flat_line` marks
-// the lines across the segment's end points (flatten_to_segment in edge.glsl).
-vec3 ends_of_segment(bvec3 flat_line) {
-    if (!any(flat_line)) {
-        return vec3(0.0);
-    }
-    return !flat_line.x ? vec3(0.0, -1.0, 1.0) : (!flat_line.y ? vec3(1.0, 0.0, -1.0) : vec3(-1.0, 1.0, 0.0));
+Sums no_sums() {
+    Sums s;
+    s.corner[0] = s.corner[1] = s.corner[2] = vec2(0.0);
+    s.by_b = s.by_b_column = s.by_b_row = vec3(0.0);
+    s.depth = vec3(0.0);
+    s.sigma = 0.0;
+    s.gamma = 0.0;
+    s.color = mat3(0.0);
+    s.coordinate = mat3x2(0.0);
+    s.normal = mat3(0.0);
+    return s;
 }
 
-// The end lines of a triangle without area stand for corners: there t is 0 or 1 throughout.
-Ends ends_of(Triangle t) {
-    Ends e;
-    e.start = vec3(0.5);
-    bvec3 flat_line = lessThan(t.inverse_height, vec3(0.0));
-    // The lines of a triangle without area do not show its orientation; edge.glsl sets it positive.
-    bool turned = t.line0.x * t.line1.y - t.line0.y * t.line1.x < 0.0 && !any(flat_line);
-    float orientation = turned ? -1.0 : 1.0;
-    for (int k = 0; k < 3; ++k) {
-        int before = k == 0 ? 2 : k - 1;
-        e.start[k] = flat_line[k] ? (flat_line[before] ? 1.0 : 0.0) : 0.5;
-        e.slope[k] = t.half_length[k] > 0.0 ? 0.5 * orientation / t.half_length[k] : 0.0;
-    }
-    bool segment = any(flat_line);
-    vec3 side = ends_of_segment(flat_line);
-    for (int k = 0; k < 3; ++k) {
-        e.pick[k] = segment && side[k] == 0.0 ? 1.0 : 0.0;
-        e.turn[k] = side[k] == 0.0 ? 0.0 : side[k] / t.inverse_height[k];
-    }
-    return e;
+const float LN2 = 0.69314718056;
+
+// Adds dL by the barycentric coordinates of a pixel.
+void add_by_b(vec3 by_b, Pair pair, inout Sums s) {
+    s.by_b += by_b;
+    s.by_b_column += by_b * pair.local.x;
+    s.by_b_row += by_b * pair.local.y;
 }
 
-// x clamped to ±limit.
-float between(float x, float limit) {
-    return lesser(greater(x, -limit), limit);
-}
-
-// Derivative of d² (eq. 1; place_at) by the corners: with the nearest boundary point q = Σ β_k p_k,
-// ∂d²/∂p_k = 2 β_k (q - pixel). `by_squared` is dL/d(Place.squared), ±log(2) times dL/dx.
-void distance_gradient(Triangle t, Ends ends, Place p, float by_squared, inout Sums s) {
-    bool first = p.to_edge.x <= p.to_edge.y && p.to_edge.x <= p.to_edge.z;
-    bool second = !first && p.to_edge.y <= p.to_edge.z;
-    vec2 normal = first ? t.line0.xy : (second ? t.line1.xy : t.line2.xy);
-    float height = first ? p.height.x : (second ? p.height.y : p.height.z);
-    float along = first ? p.along.x : (second ? p.along.y : p.along.z);
-    float half_length = first ? t.half_length.x : (second ? t.half_length.y : t.half_length.z);
-    float start = first ? ends.start.x : (second ? ends.start.y : ends.start.z);
-    float slope = first ? ends.slope.x : (second ? ends.slope.y : ends.slope.z);
-    // The nearest point is `on` along the edge; the pixel lies `beyond` past it.
-    float on = between(along, half_length);
-    float beyond = along - on;
-    float u = start + slope * on;
-    float v = 1.0 - u;
-    vec3 beta = first ? vec3(0.0, v, u) : (second ? vec3(u, 0.0, v) : vec3(v, u, 0.0));
-    vec2 pull = -2.0 * by_squared * (height * normal + beyond * vec2(normal.y, -normal.x));
-    s.corner[0] += beta.x * pull;
-    s.corner[1] += beta.y * pull;
-    s.corner[2] += beta.z * pull;
-}
-
-// Derivative of b̂ = clamp(b, 0, 1) / sum (clipped_barycentrics) by the corners: ∂b_k/∂p_m = -b_m ∇b_k. `share` is b̂ and
-// `by_share` its dL; eq. 4 alone (PAPER) leaves this path out.
-void barycentric_gradient(Triangle t, Ends ends, vec3 height, vec3 share, float inverse_sum, vec3 by_share,
-                          inout Sums s) {
-    vec3 b = height * t.inverse_height;
-    vec3 by_clipped = (by_share - dot(by_share, share)) * inverse_sum;
-    // A clamped b has derivative 0, however large it is.
-    bool free0 = b.x > 0.0 && b.x < 1.0;
-    bool free1 = b.y > 0.0 && b.y < 1.0;
-    bool free2 = b.z > 0.0 && b.z < 1.0;
-    vec3 by_b = by_clipped * t.inverse_height;
-    by_b = vec3(free0 ? by_b.x : 0.0, free1 ? by_b.y : 0.0, free2 ? by_b.z : 0.0);
-    vec2 h = by_b.x * t.line0.xy + by_b.y * t.line1.xy + by_b.z * t.line2.xy;
-    s.corner[0] -= b.x * h;
-    s.corner[1] -= b.y * h;
-    s.corner[2] -= b.z * h;
-    s.turn += dot(height, ends.pick) * dot(by_b, ends.turn);
-}
-
-// Adds to a texel's gradient in 64-bit fixed point (low word first): integer sums have the same bits in any order.
-void add_texel(int texel, vec3 value) {
-    for (int channel = 0; channel < 3; ++channel) {
-        float scaled = abs(value[channel]) * frame.texel_scale;
-        float upper = floor(scaled * (1.0 / 4294967296.0));
-        uint high = uint(upper);
-        uint low = uint(scaled - upper * 4294967296.0);
-        if (value[channel] < 0.0) {
-            low = ~low + 1u;
-            high = ~high + (low == 0u ? 1u : 0u);
-        }
-        int at = 2 * (3 * texel + channel);
-        uint old = atomicAdd(texel_sums[at], low);
-        atomicAdd(texel_sums[at + 1], high + (old + low < old ? 1u : 0u));
-    }
-}
-
-// Derivative of sample_texture by the texels: adds `by_sample` to those that the sample was made of.
-void scatter_texels(int index, int triangle, mat3x2 coordinate, vec3 b, vec3 by_sample) {
-    uvec4 entry = texelFetch(textures, index);
-    if (entry.w == TEXTURE_SURFACE) {
-        int resolution = int(entry.y);
-        int cell = surface_cell(surface_barycentrics(coordinate, b), resolution);
-        // The official backward pass gives gradients to a triangle's own cells only.
-        if (cell < resolution * resolution) {
-            add_texel(int(entry.x) + triangle * resolution * resolution + cell, by_sample);
-        }
-    } else {
-        Footprint f = footprint_of(entry, coordinate * b);
-        for (int i = 0; i < 4; ++i) {
-            add_texel(f.texel[i], by_sample * f.weight[i]);
-        }
-    }
-}
-
-// Derivative of x = ± m² / sigma (eq. 1 with the barycentric distance; m the smallest barycentric coordinate) by the
-// corners: ∂b_k/∂p_m = -b_m ∇b_k.
-void barycentric_distance_gradient(Triangle t, vec3 height, float by_x, inout Sums s) {
-    vec3 b = height * t.inverse_height;
-    bool first = b.x <= b.y && b.x <= b.z;
-    bool second = !first && b.y <= b.z;
-    float least = first ? b.x : (second ? b.y : b.z);
-    vec4 line = first ? t.line0 : (second ? t.line1 : t.line2);
-    float inverse = first ? t.inverse_height.x : (second ? t.inverse_height.y : t.inverse_height.z);
-    const float LN2 = 0.69314718056;
-    // Without a gradient of x the factor is not evaluated: it may be infinite far from the triangle.
-    vec2 pull = by_x == 0.0 ? vec2(0.0) : line.xy * (inverse * 2.0 * abs(least) * frame.barycentric_scale * LN2 * by_x);
-    s.corner[0] -= b.x * pull;
-    s.corner[1] -= b.y * pull;
-    s.corner[2] -= b.z * pull;
-}
-
-// Derivative of the fragment's colour C = Σ b̂_k c_k (∂I/∂C_j = w_j in eq. 4) by corner colours, texture coordinates and
-// texels. Returns dL/d`mixed` over the weight; `value` becomes dL/dI · C. `mixed` is b̂, perspective-corrected where asked;
-// `weight` is w_j of eq. 3 and `by_color` is dL/dI.
-vec3 color_gradient(Corner c, vec3 mixed, vec3 by_color, float weight, out float value, inout Sums s) {
-    vec3 sampled = vec3(1.0);
-    vec3 light = c.color * mixed;
-    vec3 by_coordinate_mixed = vec3(0.0);
-    if (SAMPLING != SAMPLING_NONE) {
-        mat2x3 slope;
-        sampled = sample_with_slope(c.texture_index, c.triangle, c.coordinate, mixed, slope);
-        vec3 by_sample = by_color * light;
-        vec2 by_coordinate = vec2(dot(by_sample, slope[0]), dot(by_sample, slope[1]));
-        by_coordinate_mixed = by_coordinate * c.coordinate;
-        if (GRAD_COORDINATE) {
-            for (int k = 0; k < 3; ++k) {
-                s.coordinate[k] += by_coordinate * (weight * mixed[k]);
-            }
-        }
-        if ((GRADIENTS & GRADIENT_TEXEL) != 0u && weight > 0.0) {
-            scatter_texels(c.texture_index, c.triangle, c.coordinate, mixed, by_sample * weight);
-        }
-    }
-    vec3 by_light = by_color * sampled;
-    value = dot(by_light, light);
-    if (GRAD_COLOR) {
-        s.color[0] += by_light * (weight * mixed.x);
-        s.color[1] += by_light * (weight * mixed.y);
-        s.color[2] += by_light * (weight * mixed.z);
-    }
-    return by_light * c.color + by_coordinate_mixed;
+// ∂A/∂x_j = (1 - A) D_j with x = ± d² / sigma (eq. 4); pixel_grad.comp computed the pixel's factor.
+float silhouette_by_x(PixelGradient g, Fragment f) {
+    float by_x = UP_ALPHA ? g.by_silhouette * f.probability : 0.0;
+    return SILHOUETTE_MODE == SILHOUETTE_SUM ? by_x * f.complement : by_x;
 }
 
 // z_0 / z_k of each corner; depth_record in triangle.comp keeps it from 0.
 vec3 nearness(Corner c) {
     return vec3(1.0, 1.0 + c.depth.x, 1.0 + c.depth.y);
+}
+
+// v_j = dL/dI · C_j + dL/dnormal · n_j + dL/ddepth z_j of a fragment, and its derivatives by the mixing shares of the corners:
+// b̂ z/z_k with perspective correction, b̂ without.
+struct Value {
+    float value;
+    vec3 share;
+    // dv/dshare, and its product with the shares.
+    vec3 by_share;
+    float by_all_shares;
+    // z / z_k of each corner.
+    vec3 correction;
+};
+
+// Adds w_j ∂C_j/∂c_k = w_j share_k (eq. 4: ∂I/∂C_j = w_j) times `by_light`, dL by the colour that a texture multiplies.
+void add_light(vec3 by_light, vec3 weighted, inout Sums s) {
+    if (GRAD_COLOR) {
+        s.color[0] += by_light * weighted.x;
+        s.color[1] += by_light * weighted.y;
+        s.color[2] += by_light * weighted.z;
+    }
+}
+
+// The part of v_j by the colour, C_j in forward's own order of operations: where one fragment makes up nearly all of the
+// pixel, v_j - V then cancels to nothing, as it should.
+void add_color(Corner c, vec3 by_color, float weight, vec3 weighted, inout Value v, inout Sums s) {
+    vec3 light = c.color * v.share;
+    if (SAMPLING == SAMPLING_NONE) {
+        float value = dot(by_color, light);
+        v.value += value;
+        v.by_share += by_color * c.color;
+        v.by_all_shares += value;
+        add_light(by_color, weighted, s);
+        return;
+    }
+    mat2x3 slope;
+    vec3 sampled = sample_with_slope(c.texture_index, c.triangle, c.coordinate, v.share, slope);
+    vec3 by_sample = by_color * light;
+    vec2 by_coordinate = vec2(dot(by_sample, slope[0]), dot(by_sample, slope[1]));
+    if (GRAD_COORDINATE) {
+        for (int k = 0; k < 3; ++k) {
+            s.coordinate[k] += by_coordinate * weighted[k];
+        }
+    }
+    if ((GRADIENTS & GRADIENT_TEXEL) != 0u && weight > 0.0) {
+        scatter_texels(c.texture_index, c.triangle, c.coordinate, v.share, by_sample * weight);
+    }
+    vec3 by_light = by_color * sampled;
+    vec3 by_share = by_light * c.color + by_coordinate * c.coordinate;
+    v.value += dot(by_light, light);
+    v.by_share += by_share;
+    v.by_all_shares += dot(by_share, v.share);
+    add_light(by_light, weighted, s);
+}
+
+void add_normal(Corner c, vec3 by_normal, vec3 weighted, inout Value v, inout Sums s) {
+    vec3 by_share = by_normal * c.normal;
+    float value = dot(by_share, v.share);
+    v.value += value;
+    v.by_share += by_share;
+    v.by_all_shares += value;
+    if (GRAD_NORMAL) {
+        s.normal[0] += by_normal * weighted.x;
+        s.normal[1] += by_normal * weighted.y;
+        s.normal[2] += by_normal * weighted.z;
+    }
+}
+
+// v_j of a fragment with the weight w_j; adds the derivatives by the corners' attributes.
+Value value_of(ItemTriangle item, PixelGradient g, Surface surface, float weight, inout Sums s) {
+    Corner c = item.corner;
+    Value v;
+    vec3 share = surface.clipped * surface.inverse_sum;
+    v.correction = surface.depth.ratio * nearness(c);
+    v.share = PERSPECTIVE_CORRECT ? share * v.correction : share;
+    v.by_share = vec3(0.0);
+    v.value = 0.0;
+    v.by_all_shares = 0.0;
+    vec3 weighted = v.share * weight;
+    if (UP_COLOR) {
+        add_color(c, g.by_color, weight, weighted, v, s);
+    }
+    if (UP_NORMAL) {
+        add_normal(c, g.by_normal, weighted, v, s);
+    }
+    if (UP_DEPTH) {
+        v.value += g.by_depth * (item.z0 * surface.depth.ratio);
+    }
+    return v;
+}
+
+// ∂L/∂s_j = w_j (v_j - V) (eq. 4), s_j = log D_j + ζ_j/γ being the log weight of eq. 3. The hard mode has no weights.
+float weight_gradient(PixelGradient g, Weight w, Value v, inout Sums s) {
+    float by_weight = COLOR_MODE == COLOR_SOFTMAX ? w.value * (v.value - g.mean) : 0.0;
+    if (GRAD_SCALARS) {
+        // Finite, so that a weight of 0 gives a gradient of 0.
+        s.gamma += by_weight * between(w.relative, 1e30);
+    }
+    return by_weight;
+}
+
+// Derivatives of the depth z, and through the shares and z of the barycentric coordinates b, of which b̂ = clamp(b, 0, 1) / sum.
+// With 1/z = Σ b̂_k/z_k: ∂z/∂z_k = b̂_k (z/z_k)² and ∂z/∂b̂_k = -z²/z_k.
+void surface_gradient(ItemTriangle item, Pair pair, PixelGradient g, Fragment f, Surface surface, Value v, float weight,
+                      float by_weight, inout Sums s) {
+    Corner c = item.corner;
+    float ratio = surface.depth.ratio;
+    float weighted = weight * surface.inverse_sum;
+    float by_z = by_weight * item.weight_slope;
+    if (UP_DEPTH) {
+        by_z += weight * g.by_depth;
+    }
+    if (PERSPECTIVE_CORRECT) {
+        // C = Σ b̂_k c_k z/z_k depends on z and on each z_k.
+        float inverse_z = 1.0 / (item.z0 * ratio);
+        by_z += weight * v.by_all_shares * inverse_z;
+        s.depth -= v.by_share * v.share * (weight * ratio * inverse_z) / nearness(c);
+    }
+    float by_ratio = by_z * ratio * ratio * surface.inverse_sum;
+    s.depth += by_ratio * surface.clipped;
+    if (!PAPER) {
+        // z/z_k - 1 from the differences of z_0/z_k, which are small: z/z_k itself would cancel to nothing.
+        vec3 excess = vec3(0.0, c.depth.xy);
+        float mean_excess = (surface.clipped.y * c.depth.x + surface.clipped.z * c.depth.y) * surface.inverse_sum;
+        vec3 by_share = PERSPECTIVE_CORRECT ? v.by_share * v.correction : v.by_share;
+        vec3 by_b = weighted * (by_share - v.by_all_shares) - by_ratio * item.z0 * (excess - mean_excess);
+        // A clamped b has derivative 0, however large it is.
+        vec3 b = f.height * item.edges.inverse_height;
+        by_b = vec3(b.x == surface.clipped.x ? by_b.x : 0.0, b.y == surface.clipped.y ? by_b.y : 0.0,
+                    b.z == surface.clipped.z ? by_b.z : 0.0);
+        add_by_b(by_b, pair, s);
+    }
+}
+
+// Derivative of d² (eq. 1) by the corners: with the nearest boundary point n = Σ β_k p_k, ∂d²/∂p_k = 2 β_k (n - pixel), and
+// dL/dd² = ± log(2) dL/dx in the units of the record.
+void distance_gradient(NearestPoint n, bool inside, float by_x, inout Sums s) {
+    float pull = inside ? -2.0 * LN2 * by_x : 2.0 * LN2 * by_x;
+    float across = pull * n.signed_distance;
+    float along = pull * n.beyond;
+    vec2 force = vec2(across * n.normal.x + along * n.normal.y, across * n.normal.y - along * n.normal.x);
+    float t = n.t;
+    float rest = 1.0 - t;
+    s.corner[0] += (n.on_two ? rest : (n.on_one ? t : 0.0)) * force;
+    s.corner[1] += (n.on_two ? t : (n.on_one ? 0.0 : rest)) * force;
+    s.corner[2] += (n.on_two ? 0.0 : (n.on_one ? rest : t)) * force;
+}
+
+// Derivative of x = ± m² / sigma (eq. 1 with the barycentric distance), m being the smallest barycentric coordinate.
+void barycentric_distance_gradient(ItemTriangle item, Pair pair, Fragment f, float by_x, inout Sums s) {
+    vec3 b = f.height * item.edges.inverse_height;
+    bool first = b.x <= b.y && b.x <= b.z;
+    bool second = !first && b.y <= b.z;
+    float least = first ? b.x : (second ? b.y : b.z);
+    // Without a gradient of x the factor is not evaluated: it may be infinite far from the triangle.
+    float by_least = by_x == 0.0 ? 0.0 : 2.0 * abs(least) * frame.barycentric_scale * LN2 * by_x;
+    add_by_b(vec3(first ? by_least : 0.0, second ? by_least : 0.0, first || second ? 0.0 : by_least), pair, s);
+}
+
+// dL by x: to the corners through d², and to sigma.
+void x_gradient(ItemTriangle item, Pair pair, Distance d, Fragment f, float by_x, inout Sums s) {
+    if (DISTANCE == DISTANCE_EUCLIDEAN && GRAD_GEOMETRY) {
+        distance_gradient(d.nearest, d.place.inside, by_x, s);
+    } else if (DISTANCE == DISTANCE_BARYCENTRIC && GRAD_GEOMETRY) {
+        barycentric_distance_gradient(item, pair, f, by_x, s);
+    }
+    if (DISTANCE != DISTANCE_HARD && GRAD_SCALARS) {
+        // x = log(D / (1 - D)); where D vanishes by_x does too.
+        s.sigma += by_x * log(max(f.probability, 1e-37) / max(f.complement, 1e-37));
+    }
+}
+
+// For a triangle without area: -1 at the first corner of its segment, 1 at the second, 0 at the third. Zero for all others.
+// `end_line` marks the lines across the segment's end points (flatten_to_segment in edge.glsl).
+vec3 ends_of_segment(bvec3 end_line) {
+    if (!any(end_line)) {
+        return vec3(0.0);
+    }
+    return !end_line.x ? vec3(0.0, -1.0, 1.0) : (!end_line.y ? vec3(1.0, 0.0, -1.0) : vec3(-1.0, 1.0, 0.0));
+}
+
+// Relative to the pixel q.
+vec4 line_from(vec4 line, vec2 q) {
+    return line + vec4(0.0, 0.0, line.x * q.x + line.y * q.y, line.y * q.x - line.x * q.y);
+}
+
+// Carries dL/db of all pairs to the corners: ∂b_k/∂p_m = -b_m ∇b_k. `first` is the item's first pixel.
+void corners_from_barycentrics(Triangle t, vec2 first, inout Sums s) {
+    mat3 lines = mat3(line_from(t.line0, first).xyz, line_from(t.line1, first).xyz, line_from(t.line2, first).xyz);
+    // Column m: Σ dL/db times the signed distance to edge m, which is b_m over inverse_height m.
+    mat3 by_b_height;
+    for (int m = 0; m < 3; ++m) {
+        by_b_height[m] = lines[m].x * s.by_b_column + lines[m].y * s.by_b_row + lines[m].z * s.by_b;
+        vec3 sums = by_b_height[m] * t.inverse_height * t.inverse_height[m];
+        s.corner[m] -= sums.x * t.line0.xy + sums.y * t.line1.xy + sums.z * t.line2.xy;
+    }
+    // For a triangle without area: the nearest point of a segment moves along it when the segment rotates, so that ∂t/∂p has
+    // a component across the segment, the distance over the squared length.
+    bvec3 end_line = lessThan(t.inverse_height, vec3(0.0));
+    vec3 side = ends_of_segment(end_line);
+    vec3 by_b_distance = !end_line.x ? by_b_height[0] : (!end_line.y ? by_b_height[1] : by_b_height[2]);
+    vec2 normal = !end_line.x ? t.line0.xy : (!end_line.y ? t.line1.xy : t.line2.xy);
+    float half_length = !end_line.x ? t.half_length.x : (!end_line.y ? t.half_length.y : t.half_length.z);
+    vec2 turn = normal * (0.25 * dot(by_b_distance, side) / max(half_length * half_length, 1e-30));
+    for (int k = 0; k < 3; ++k) {
+        s.corner[k] += side[k] * turn;
+    }
 }

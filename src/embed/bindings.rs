@@ -30,6 +30,7 @@ pub struct GradientBindings {
     pub(super) stages: BackwardStages,
     pub(super) texel_sums: BufferPart,
     pub(super) item_counts: BufferPart,
+    pub(super) tile_counts: BufferPart,
     pub(super) vertex_gradients: BufferPart,
     pub(super) wanted: Wanted,
     /// The buffers that are cleared first if only the device knows how many triangles there are.
@@ -181,6 +182,7 @@ impl GradientBindings {
             stages: BackwardStages::new(device, pipelines, &find)?,
             texel_sums: get(BufferId::TexelSums)?,
             item_counts: get(BufferId::ItemCounts)?,
+            tile_counts: get(BufferId::TileCounts)?,
             vertex_gradients: get(BufferId::VertexGradients)?,
             wanted: plan.wanted,
             cleared: cleared.into_iter().filter_map(|id| parts.get(id).cloned()).collect(),

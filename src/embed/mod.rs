@@ -244,14 +244,14 @@ impl Rasterizer {
         times: Option<&TimestampPool>,
     ) -> Result<()> {
         bindings.fits(plan)?;
-        let GradientBindings { stages, texel_sums, item_counts, cleared, .. } = bindings;
+        let GradientBindings { stages, texel_sums, item_counts, tile_counts, cleared, .. } = bindings;
         if plan.device_counts {
             recorder.barrier();
             for part in cleared {
                 recorder.fill(part, 0, part.range() / 4 * 4, 0)?;
             }
         }
-        passes::record_backward(recorder, &plan.backward, stages, texel_sums, item_counts, times)
+        passes::record_backward(recorder, &plan.backward, stages, texel_sums, item_counts, tile_counts, times)
     }
 
     fn forward_pipelines(&self, plan: &FramePlan) -> Result<[Pipeline; FORWARD_COUNT]> {

@@ -322,3 +322,19 @@ fn thousand_overlapping_faces() {
         }
     }
 }
+
+/// Triangles whose middle corner is ever closer to the opposite edge: two edges become parallel, and which of them is nearest
+/// to a pixel is decided by ever fewer digits of its distances to their lines.
+#[test]
+fn obtuse_slivers() {
+    let mut renderer = renderer();
+    for height in [1e-1_f32, 1e-2, 1e-4, 1e-6, 1e-8, 3e-9] {
+        let sliver = [[-0.75, -0.375, 2.0], [0.75, 0.375, 2.1], [-0.5 * height, height, 2.2]];
+        let case = on_screen(&[sliver], settings(32, 32));
+        let upstream = upstream_of(&case, |image, row, column| match image {
+            "silhouette" => [(row as f32 * 0.7 + column as f32 * 1.3).sin(); 3],
+            _ => [0.0; 3],
+        });
+        assert_agrees_under(&mut renderer, &case, &upstream);
+    }
+}

@@ -349,3 +349,20 @@ fn wrong_uses_are_refused() {
     renderer.render(&case.scene, &case.cameras, &bad).unwrap_err();
     renderer.backward(&frame, &wrong(&|u| (u.silhouette, u.depth, u.normal) = (None, None, None)), &wanted).unwrap();
 }
+
+/// What an earlier pass left in pixels that no triangle reaches any more, infinities here, does not enter the sums.
+#[test]
+fn pixels_beyond_all_triangles_pass_nothing_on() {
+    let wanted = Wanted { positions: true, colors: true, ..Wanted::NOTHING };
+    let small = ball(1, &EYES[..1], 64);
+    let upstream = random_upstream(&small, ALL_OUTPUTS, &GRADIENT);
+    let expected = backward(&mut renderer(), &small, &upstream, &wanted).unwrap();
+    let large = vec![[-9.0, -9.0, 2.0], [9.0, -9.0, 2.0], [0.0, 9.0, 2.0]];
+    let all = Mesh::new(large, vec![[0, 1, 2]]).unwrap();
+    let all = made_case(Scene::new(all), vec![Camera::screen()], settings(64));
+    let mut renderer = renderer();
+    let overflow = backward(&mut renderer, &all, &upstream_of(&all, |_, _, _| [f32::MAX; 3]), &wanted).unwrap_err();
+    assert!(overflow.contains("overflowed"), "{overflow}");
+    let after = backward(&mut renderer, &small, &upstream, &wanted).unwrap();
+    same_gradient_bits(&expected, &after).unwrap();
+}

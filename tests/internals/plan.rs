@@ -148,11 +148,13 @@ fn a_backward_pass_takes_the_memory_of_the_formula() {
         let skipped = c::GRADIENT_BACKGROUND | c::GRADIENT_TEXEL;
         let corners = plan.modes.gradients & !skipped != 0;
         assert_eq!(plan.item_rows, u32::from(anything));
+        let sums_pixels = wanted.background || wanted.scalars;
+        assert_eq!(plan.tile_rows, u32::from(anything && !sums_pixels));
         let groups = |on: bool, groups: [u32; 3]| if on { groups } else { [0; 3] };
         let items_groups = (items as u32).div_ceil(c::LINEAR_GROUP);
         let (sums, by_corners) = (wanted.background || wanted.scalars, anything && corners);
         let expected = BackwardGroups {
-            pixel_grad: groups(anything || sums, [256 * 128 / c::LINEAR_GROUP, 2, 1]),
+            pixel_grad: groups(sums, [2 * 256 * 128 / (c::TILE_WIDTH * c::TILE_HEIGHT), 1, 1]),
             backward_cull: groups(anything, [items_groups, 1, 1]),
             triangle_grad: groups(by_corners, forward.groups.triangle),
             vertex_normal_grad: groups(by_corners && bit(5), forward.groups.vertex),
@@ -254,7 +256,7 @@ fn workgroups_go_on_in_rows() {
         texels: 0,
         texel_scale: 1.0,
     });
-    assert_eq!(plan.groups.pixel_grad, [c::FORWARD_ROW, 1, (1 << 28) / c::LINEAR_GROUP / c::FORWARD_ROW]);
+    assert_eq!((plan.groups.pixel_grad, plan.tile_rows), ([0; 3], 256));
     // 2048 × 4096 tiles in 256 rows; three texels for the view, the ambient light and the pixels each.
     assert_eq!((forward.sizes[BufferId::TileCounts], plan.sizes[BufferId::Totals]), (256 * 24, 3 * 48));
 }

@@ -10,7 +10,7 @@ use crate::vulkan::{BufferPart, Device, Kernel, Pipeline, Recorder, TimestampPoo
 /// A stage of a backward pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BackwardStage {
-    /// Turns dL/dimages into each pixel's factors.
+    /// Turns dL/dimages into the factors of each pixel that a triangle may reach.
     PixelGrad,
     /// Selects the items (a triangle record within one cell of its box) that can have a gradient; small ones are listed
     /// apart.
@@ -86,10 +86,8 @@ impl BackwardStage {
         match self {
             S::PixelGrad => &kernels::PIXEL_GRAD,
             S::Cull => &kernels::BACKWARD_CULL,
-            S::Shown | S::ShownSmall if together => &kernels::BACKWARD_SUBGROUP,
-            S::Shown | S::ShownSmall => &kernels::BACKWARD,
-            S::Outline | S::OutlineSmall if together => &kernels::BACKWARD_OUTLINE_SUBGROUP,
-            S::Outline | S::OutlineSmall => &kernels::BACKWARD_OUTLINE,
+            S::Shown | S::ShownSmall | S::Outline | S::OutlineSmall if together => &kernels::BACKWARD_SUBGROUP,
+            S::Shown | S::ShownSmall | S::Outline | S::OutlineSmall => &kernels::BACKWARD,
             S::TriangleGrad => &kernels::TRIANGLE_GRAD,
             S::VertexNormalGrad => &kernels::VERTEX_NORMAL_GRAD,
             S::VertexGrad => &kernels::VERTEX_GRAD,
@@ -98,13 +96,15 @@ impl BackwardStage {
     }
 
     /// The specialization constants that tell stages of one kernel apart, by their names in GLSL.
-    pub fn modes(self) -> [(&'static str, u32); 2] {
+    pub fn modes(self) -> [(&'static str, u32); 3] {
         let reduction = match self {
             S::ReduceLights => c::REDUCTION_LIGHTS,
             S::ReducePixels => c::REDUCTION_PIXELS,
             _ => c::REDUCTION_VIEWS,
         };
-        [("REDUCTION", reduction), ("SMALL", u32::from(matches!(self, S::ShownSmall | S::OutlineSmall)))]
+        let outline = matches!(self, S::Outline | S::OutlineSmall);
+        let small = matches!(self, S::ShownSmall | S::OutlineSmall);
+        [("REDUCTION", reduction), ("OUTLINE", u32::from(outline)), ("SMALL", u32::from(small))]
     }
 
     /// The buffer that a binding stands for in this stage, where stages of one kernel bind different buffers.
@@ -144,6 +144,7 @@ pub fn record_backward(
     stages: &BackwardStages,
     texel_sums: &BufferPart,
     item_counts: &BufferPart,
+    tile_counts: &BufferPart,
     times: Option<&TimestampPool>,
 ) -> Result<()> {
     let groups = &plan.groups;
@@ -163,6 +164,11 @@ pub fn record_backward(
     for stage in S::ALL {
         let mut push = plan.push;
         let work = match stage {
+            // The background's gradients need every pixel, all others only the tiles that have a list.
+            S::PixelGrad if plan.tile_rows > 0 => {
+                let (rows, stride) = (plan.tile_rows, c::TILE_COUNT_WORDS);
+                Work::List(List { rows, first: 0, counts: tile_counts, stride, offset: c::TILES_FILLED })
+            }
             S::PixelGrad => Work::Groups(groups.pixel_grad),
             S::Cull => Work::Groups(groups.backward_cull),
             S::Shown => items(c::ITEMS_SHOWN, plan.shades()),

@@ -42,6 +42,8 @@ pub struct BackwardPlan {
     pub groups: BackwardGroups,
     /// Rows of FORWARD_ROW items, each with an indirect dispatch of its own; 0 if only sums over pixels are wanted.
     pub item_rows: u32,
+    /// Rows of tiles with a list that the pixel gradient runs over; 0 if it runs over all pixels, or not at all.
+    pub tile_rows: u32,
     /// Rows of the light reduction.
     pub light_rows: u32,
     /// Rows of the pixel reduction.
@@ -143,6 +145,7 @@ impl BackwardPlan {
             sizes: Sizes::of_gradients(&counts_of(input, gradients, smooth)),
             groups: groups_of(input, gradients, smooth, sum_views, sum_pixels),
             item_rows: if triangles { item_rows(input) as u32 } else { 0 },
+            tile_rows: if triangles && !sum_pixels { forward.totals.tile_rows() as u32 } else { 0 },
             light_rows: light_rows as u32,
             pixel_rows: forward.totals.pixels as u32,
         }
@@ -186,13 +189,12 @@ fn groups_of(input: &BackwardInput, gradients: u32, smooth: bool, sum_views: boo
     let forward = input.forward;
     let views = forward.push.view_count;
     let linear = |n: u32, y: u32| [n.div_ceil(c::LINEAR_GROUP), y, 1];
-    let pixels = u64::from(forward.push.width) * u64::from(forward.push.height);
     let items = forward.totals.records + u64::from(forward.push.cell_capacity);
     let triangles = gradients & !c::GRADIENT_BACKGROUND != 0 && forward.totals.records > 0;
     let vertices = input.wanted.positions || input.wanted.colors;
     let corners = gradients & !(c::GRADIENT_BACKGROUND | c::GRADIENT_TEXEL) != 0;
     BackwardGroups {
-        pixel_grad: when(triangles || sum_pixels, rows_of(pixels.div_ceil(u64::from(c::LINEAR_GROUP)), views)),
+        pixel_grad: when(sum_pixels, rows_of(forward.totals.tiles, 1)),
         backward_cull: when(triangles, rows_of(items.div_ceil(u64::from(c::LINEAR_GROUP)), 1)),
         triangle_grad: when(corners, forward.groups.triangle),
         vertex_normal_grad: when(corners && smooth, forward.groups.vertex),

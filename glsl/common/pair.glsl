@@ -1,0 +1,167 @@
+// The pixels of an item, and what forward computed for each of its fragments, that is (pixel, triangle) pairs: one function
+// for each step of eq. 1 to 3. pair_gradient.glsl holds the derivatives.
+// Needs fragment.glsl, nearest_edge.glsl, corner.glsl, gradient_modes.glsl, SHOWS and the buffer `pixel_gradients`.
+
+// What all pairs of an item share. Push constants are copied because on a software device each read in a loop is a gather.
+struct ItemTriangle {
+    Triangle edges;
+    Corner corner;
+    EdgeChoice choice;
+    int record_index;
+    float radius_squared;
+    float scale;
+    // Depth of corner 0.
+    float z0;
+    // dL/dz over dL/ds, s being the log weight ζ/γ of eq. 3: -1/((far - near) γ).
+    float weight_slope;
+};
+
+// The pixels of an item, row by row.
+struct Walk {
+    int count;
+    float width;
+    float inverse_width;
+    // Column and row of the first pixel relative to the record's origin.
+    vec2 first;
+    // Index of the first pixel in `pixel_gradients`, and the pixels there from the end of a row to the next row's start.
+    int first_entry;
+    int row_gap;
+};
+
+// One pixel of an item.
+struct Pair {
+    // Column and row relative to the item's first pixel, and relative to the record's origin.
+    vec2 local;
+    vec2 q;
+    // Index in `pixel_gradients`.
+    int entry;
+    // False past the item's last pixel.
+    bool exists;
+};
+
+Pair pair_at(Walk w, int index) {
+    int at = min(index, w.count - 1);
+    float number = float(at);
+    float row = floor((number + 0.5) * w.inverse_width);
+    vec2 local = vec2(number - row * w.width, row);
+    return Pair(local, w.first + local, w.first_entry + at + int(row) * w.row_gap, index < w.count);
+}
+
+// What pixel_grad.comp computed for a pixel.
+struct PixelGradient {
+    // dL by the mixture Σ w C, by the depth and by the normal.
+    vec3 by_color;
+    float by_depth;
+    vec3 by_normal;
+    // The pixel's factor of dL/dx through the silhouette.
+    float by_silhouette;
+    // The pixel's log2 sum of weights as integer part and fraction; for the hard mode the nearest record's index.
+    vec2 log_sum;
+    // V = Σ w v of eq. 4.
+    float mean;
+};
+
+PixelGradient pixel_gradient_at(int entry) {
+    PixelGradient g;
+    vec4 first = texelFetch(pixel_gradients, entry * PIXEL_STRIDE);
+    g.by_color = first.rgb;
+    g.by_silhouette = first.a;
+    if (SHOWS) {
+        vec4 second = texelFetch(pixel_gradients, entry * PIXEL_STRIDE + 1);
+        g.log_sum = second.xy;
+        g.mean = second.z;
+        g.by_depth = second.w;
+    }
+    if (SHOWS && UP_NORMAL) {
+        g.by_normal = texelFetch(pixel_gradients, entry * PIXEL_STRIDE + 2).xyz;
+    }
+    return g;
+}
+
+// d² of eq. 1, its sign and its nearest point.
+struct Distance {
+    Place place;
+    // For the Euclidean distance alone.
+    NearestPoint nearest;
+};
+
+Distance distance_at(ItemTriangle item, Pair pair) {
+    Distance d;
+    Triangle t = item.edges;
+    if (DISTANCE == DISTANCE_EUCLIDEAN) {
+        vec3 height = vec3(line_at(t.line0.xyz, pair.q), line_at(t.line1.xyz, pair.q), line_at(t.line2.xyz, pair.q));
+        NearestPoint n = nearest_point(t, item.choice, pair.q, height);
+        d.nearest = n;
+        d.place.height = height;
+        d.place.squared = n.signed_distance * n.signed_distance + n.beyond * n.beyond;
+        d.place.inside = n.signed_distance > item.choice.least_inside;
+        d.place.kept = d.place.inside || d.place.squared < item.radius_squared;
+    } else {
+        d.place = place_at(t, pair.q, item.radius_squared, item.scale);
+    }
+    d.place.inside = d.place.inside && pair.exists;
+    d.place.kept = d.place.kept && pair.exists;
+    return d;
+}
+
+// A dropped fragment takes no gradient from its pixel, whose entry pixel_grad.comp may not have written.
+PixelGradient received(PixelGradient g, bool kept) {
+    g.by_color = vec3(kept ? g.by_color.x : 0.0, kept ? g.by_color.y : 0.0, kept ? g.by_color.z : 0.0);
+    g.by_normal = vec3(kept ? g.by_normal.x : 0.0, kept ? g.by_normal.y : 0.0, kept ? g.by_normal.z : 0.0);
+    g.by_depth = kept ? g.by_depth : 0.0;
+    g.by_silhouette = kept ? g.by_silhouette : 0.0;
+    g.mean = kept ? g.mean : 0.0;
+    return g;
+}
+
+// Barycentrics and depth of a fragment.
+struct Surface {
+    // clamp(b, 0, 1), which is b̂ times its sum.
+    vec3 clipped;
+    float inverse_sum;
+    Depth depth;
+    // Whether the fragment contributes to the shaded images.
+    bool shaded;
+};
+
+// A fragment outside the depth range has D = 0 and the complement 1.
+Surface surface_of(ItemTriangle item, inout Fragment f) {
+    Surface s;
+    s.clipped = clipped_barycentrics(item.edges, f.height);
+    float sum = s.clipped.x + s.clipped.y + s.clipped.z;
+    s.inverse_sum = 1.0 / sum;
+    s.depth = depth_at(item.corner.depth, s.clipped, sum);
+    s.shaded = f.kept;
+    if (DEPTH_RANGE != DEPTH_RANGE_INSIDE) {
+        float z = item.z0 * s.depth.ratio;
+        s.shaded = s.shaded && z <= frame.far_high;
+        if (DEPTH_RANGE == DEPTH_RANGE_OFFICIAL) {
+            s.shaded = s.shaded && z >= frame.near_high;
+        }
+        // The official backward pass gives no gradient to a fragment that its colour leaves out.
+        if (DEPTH_RANGE == DEPTH_RANGE_FAR || PAPER) {
+            f.probability = s.shaded ? f.probability : 0.0;
+            f.complement = s.shaded ? f.complement : 1.0;
+        }
+    }
+    return s;
+}
+
+struct Weight {
+    // w_j of eq. 3.
+    float value;
+    // The log2 weight without D relative to the pixel's log2 sum.
+    float relative;
+};
+
+Weight weight_of(ItemTriangle item, PixelGradient g, Fragment f, Surface s) {
+    Weight w;
+    w.relative = (item.corner.whole - g.log_sum.x) + (s.depth.weight - g.log_sum.y);
+    // Only dropped fragments, with D = 0, exceed 2¹⁰⁰.
+    w.value = (s.shaded ? f.probability : 0.0) * exp2(lesser(w.relative, 100.0));
+    if (COLOR_MODE == COLOR_HARD) {
+        bool nearest = vec2(item.record_index >> 12, item.record_index & 4095) == g.log_sum;
+        w.value = s.shaded && nearest ? 1.0 : 0.0;
+    }
+    return w;
+}
