@@ -38,6 +38,7 @@ pub fn read(path: &Path, most: u64) -> Result<Vec<u8>> {
 ///
 /// # Errors
 /// [`Error::OutOfMemory`].
+#[cfg(feature = "obj")]
 pub fn room_for(what: &str, bytes: u64) -> Result<()> {
     let room = usize::try_from(bytes).is_ok_and(|bytes| Vec::<u8>::new().try_reserve_exact(bytes).is_ok());
     let fix = "give smaller files, or allow the process more memory";

@@ -30,6 +30,7 @@ const MAX_LINKS: usize = 40;
 ///
 /// # Errors
 /// [`Error::Io`] when the folder does not exist or the path is something else than a file.
+#[cfg(feature = "obj")]
 pub fn check_writable(path: &Path) -> Result<()> {
     target_of(path).map(|_| ())
 }
