@@ -1,8 +1,8 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 // Bin, coarse: turns each bin's bitmap into its list of record indices in ascending order, and the tiles that each entry may
-// touch into masks: 32 entries at a time give one word for each of the 64 tiles, a bit for each entry, and a last word that
-// marks the back faces.
+// touch into masks: 32 entries at a time give one word for each of the 64 tiles, a bit for each entry, and two last words that
+// mark the back faces and the thin triangles.
 // One workgroup a bin, views along y. First each lane compacts a run of the bitmap's words, so that the list keeps their
 // order; then each takes blocks of 32 entries. The position of a list in memory comes from an atomic counter and may differ
 // between runs; its content and order do not.
@@ -47,11 +47,24 @@ uint row_mask(vec3 at_first, vec3 per_row, vec3 inverse, float y, int first, int
 struct Mask {
     uvec2 tiles;
     bool away;
+    // So thin that rounding could choose the wrong edge in nearest_edge (entry.glsl), or without area.
+    bool thin;
 };
+
+// Whether the least of a triangle's heights is so small that rounding could change which of its edges is the nearest: rounding
+// adds some 1e-7 of the distances within the culling radius, a hundredth of what is asked here.
+bool is_thin(vec3 half_length, vec3 inverse_height) {
+    float least = min(inverse_height.x, min(inverse_height.y, inverse_height.z));
+    float most = max(inverse_height.x, max(inverse_height.y, inverse_height.z));
+    float longest = 2.0 * max(half_length.x, max(half_length.y, half_length.z));
+    float reach = longest + 2.0 * sqrt(frame.radius_squared);
+    return !(least > 0.0 && most * reach < 1e5);
+}
 
 Mask tile_mask(int slot, ivec2 bin) {
     int at = slot * int(GEOMETRY_TEXELS);
-    vec2 origin = texelFetch(geometry, at).xy;
+    vec4 head = texelFetch(geometry, at);
+    vec2 origin = head.xy;
     vec4 last_texel = texelFetch(geometry, at + 4);
     ivec4 box = texelFetch(boxes, slot);
     ivec2 tile = ivec2(TILE_WIDTH, TILE_HEIGHT);
@@ -89,7 +102,7 @@ Mask tile_mask(int slot, ivec2 bin) {
     }
     // The edges' inner normals have the orientation of the corners.
     bool counterclockwise = normal[0].x * normal[1].y - normal[0].y * normal[1].x < 0.0;
-    return Mask(mask, counterclockwise == CLOCKWISE_FRONT);
+    return Mask(mask, counterclockwise == CLOCKWISE_FRONT, is_thin(vec3(head.zw, last_texel.x), last_texel.yzw));
 }
 
 // One step of the transposition of a 32×32 bit matrix (Warren, Hacker's Delight, 7-3): swaps blocks of `width` bits.
@@ -116,6 +129,7 @@ void write_words(uint first, uint last, ivec2 bin) {
     uint low[WORD_BITS];
     uint high[WORD_BITS];
     uint away = 0u;
+    uint thin = 0u;
     for (uint i = 0u; i < WORD_BITS; ++i) {
         // Past the last entry the last one is repeated and masked out.
         Mask mask = tile_mask(int(coarse_slots[min(first + i, last)]), bin);
@@ -123,6 +137,7 @@ void write_words(uint first, uint last, ivec2 bin) {
         low[i] = mask.tiles.x;
         high[i] = mask.tiles.y;
         away |= PARTED && mask.away ? 1u << i : 0u;
+        thin |= SOFT && mask.thin ? 1u << i : 0u;
     }
     transpose(low);
     transpose(high);
@@ -132,6 +147,7 @@ void write_words(uint first, uint last, ivec2 bin) {
         coarse_words[to + WORD_BITS + i] = high[i];
     }
     coarse_words[to + 2u * WORD_BITS] = away;
+    coarse_words[to + 2u * WORD_BITS + 1u] = thin;
 }
 
 void main() {

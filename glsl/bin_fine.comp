@@ -28,23 +28,32 @@ layout(set = 0, binding = 9, std430) writeonly buffer TileBounds { vec2 tile_bou
 #include "common/mesh.glsl"
 #include "common/pixel.glsl"
 
-// Writes a tile as entry `place` of one of the lists; the list of empty tiles begins behind the capacity of the other.
+// Writes a tile as entry `place` of one of the lists; each list begins behind the capacity of the one before.
 void add_item(uint list, uint place, uvec4 item) {
     uint tiles = frame.view_count * frame.tiles_x * frame.tiles_y;
     tile_items[(list == TILES_FILLED ? 0u : tiles) + place] = item;
     atomicAdd(tile_counts[place / FORWARD_ROW * TILE_COUNT_WORDS + list], 1u);
 }
 
-// The number of front faces and of all entries in a tile's words. A block has 64 words, one a tile, and one that marks the
-// back faces.
-uvec2 count_entries(int words, int blocks) {
+// Puts a tile on the list of those that forward_soft does not draw: a row for the tiles of each FORWARD_ROW tile numbers.
+void add_general(uvec4 item) {
+    uint row = item.x / FORWARD_ROW;
+    uint place = row * FORWARD_ROW + atomicAdd(tile_counts[row * TILE_COUNT_WORDS + TILES_GENERAL], 1u);
+    tile_items[2u * frame.view_count * frame.tiles_x * frame.tiles_y + place] = item;
+}
+
+// The number of front faces and of all entries in a tile's words, and whether a thin triangle is among them. A block has 64
+// words, one a tile, one that marks the back faces, and one that marks the thin triangles.
+uvec3 count_entries(int words, int blocks) {
     uint lane = gl_LocalInvocationID.x;
-    uvec2 count = uvec2(0u);
+    uvec3 count = uvec3(0u);
     for (int i = 0; i < blocks; ++i) {
         int at = words + i * int(BLOCK_WORDS);
         uint word = texelFetch(coarse_words, at + int(lane)).x;
-        uint away = texelFetch(coarse_words, at + int(BLOCK_WORDS) - 1).x;
-        count += uvec2(bitCount(word & ~away), bitCount(word));
+        uint away = texelFetch(coarse_words, at + int(BLOCK_WORDS) - 2).x;
+        uint thin = SOFT ? texelFetch(coarse_words, at + int(BLOCK_WORDS) - 1).x : 0u;
+        count.xy += uvec2(bitCount(word & ~away), bitCount(word));
+        count.z |= word & thin;
     }
     return count;
 }
@@ -57,7 +66,7 @@ bool write_list(uint next, uint next_away, uint end, int first, int words, int b
     for (int i = 0; i < blocks; ++i) {
         int at = words + i * int(BLOCK_WORDS);
         uint word = texelFetch(coarse_words, at + int(lane)).x;
-        uint away = texelFetch(coarse_words, at + int(BLOCK_WORDS) - 1).x;
+        uint away = texelFetch(coarse_words, at + int(BLOCK_WORDS) - 2).x;
         while (word != 0u) {
             int bit = findLSB(word);
             uint is_away = (away >> uint(bit)) & 1u;
@@ -80,7 +89,7 @@ void main() {
     int entries = int(range.y);
     int words = first / int(WORD_BITS) * int(BLOCK_WORDS);
     int blocks = (entries + int(WORD_BITS) - 1) / int(WORD_BITS);
-    uvec2 found = count_entries(words, blocks);
+    uvec3 found = count_entries(words, blocks);
     uint count = found.y;
     uvec2 bin = uvec2(index % frame.bins_x, index / frame.bins_x);
     uvec2 at = bin * BIN_TILES + uvec2(lane % BIN_TILES, lane / BIN_TILES);
@@ -94,7 +103,12 @@ void main() {
         bool is_kept = shape.background_kept && tile_marks[tile] == MARK_BACKGROUND;
         tile_marks[tile] = count == 0u ? MARK_BACKGROUND : 0u;
         if (count > 0u) {
-            add_item(TILES_FILLED, atomicAdd(status[STATUS_FILLED_TILES], 1u), uvec4(tile, next, found.x, count));
+            uvec4 item = uvec4(tile, next, found.x, count);
+            if (found.z == 0u) {
+                add_item(TILES_FILLED, atomicAdd(status[STATUS_FILLED_TILES], 1u), item);
+            } else {
+                add_general(item);
+            }
         } else if (!is_kept) {
             add_item(TILES_EMPTY, atomicAdd(status[STATUS_EMPTY_TILES], 1u), uvec4(tile, 0u, 0u, 0u));
             if (SAVE) {

@@ -18,13 +18,15 @@ const uint LINEAR_GROUP = 64u;
 const uint TILES_FILLED = 0u;
 // Word of `tile_counts` where the three workgroup counts for a row of tiles that need the background begin.
 const uint TILES_EMPTY = 3u;
+// Word of `tile_counts` where the three workgroup counts for a row of tiles begin that forward_soft leaves to forward.
+const uint TILES_GENERAL = 6u;
 // Words of `tile_counts` for each row of FORWARD_ROW tiles.
-const uint TILE_COUNT_WORDS = 6u;
+const uint TILE_COUNT_WORDS = 9u;
 // Triangles in one word of a bin's bitmap.
 const uint WORD_BITS = 32u;
-// Words of a block of WORD_BITS entries of a bin's list: a mask for each tile of the entries that may touch it, and a mask
-// of the back faces.
-const uint BLOCK_WORDS = 65u;
+// Words of a block of WORD_BITS entries of a bin's list: a mask for each tile of the entries that may touch it, a mask of the
+// back faces, and a mask of the thin triangles.
+const uint BLOCK_WORDS = 66u;
 
 // Value in `tile_marks`: the tile's pixels hold the background.
 const uint MARK_BACKGROUND = 1u;
@@ -121,7 +123,7 @@ const uint STATUS_LONGEST_LIST = 3u;
 const uint LONG_LIST = 16384u;
 // Word of `status`: cells that large pixel boxes need beyond their first.
 const uint STATUS_CELLS_NEEDED = 4u;
-// Word of `status`: tiles that have a list.
+// Word of `status`: tiles that have a list, without those left to the third list.
 const uint STATUS_FILLED_TILES = 5u;
 // Word of `status`: tiles that received the background.
 const uint STATUS_EMPTY_TILES = 6u;

@@ -173,7 +173,7 @@ void gather(Fetched own, bool live, Lane lane, inout Pixel pixels[PIXELS]) {
     Depth depth[PIXELS];
     if (WANT_SHADING) {
         for (int i = 0; i < PIXELS; ++i) {
-            b[i] = clipped_barycentrics(t, fragments[i].height);
+            b[i] = clipped_barycentrics(t.inverse_height, fragments[i].height);
             sum[i] = b[i].x + b[i].y + b[i].z;
             depth[i] = depth_at(c.depth, b[i], sum[i]);
         }

@@ -70,8 +70,9 @@ struct Place {
 // d² of eq. 1 and its sign. `q` is the pixel relative to the record's origin.
 Place place_at(Triangle t, vec2 q, float radius_squared, float scale) {
     Place p;
-    p.height = vec3(t.line0.x * q.x + t.line0.y * q.y + t.line0.z, t.line1.x * q.x + t.line1.y * q.y + t.line1.z,
-                    t.line2.x * q.x + t.line2.y * q.y + t.line2.z);
+    // The brackets are those of row_part in forward_soft.glsl: backward must find the very weights that forward has summed.
+    p.height = vec3(t.line0.x * q.x + (t.line0.y * q.y + t.line0.z), t.line1.x * q.x + (t.line1.y * q.y + t.line1.z),
+                    t.line2.x * q.x + (t.line2.y * q.y + t.line2.z));
     float lowest = lesser(p.height.x, lesser(p.height.y, p.height.z));
     p.squared = 0.0;
     if (DISTANCE == DISTANCE_HARD) {
@@ -80,8 +81,8 @@ Place place_at(Triangle t, vec2 q, float radius_squared, float scale) {
         return p;
     }
     if (DISTANCE == DISTANCE_EUCLIDEAN) {
-        p.along = vec3(t.line0.y * q.x - t.line0.x * q.y + t.line0.w, t.line1.y * q.x - t.line1.x * q.y + t.line1.w,
-                       t.line2.y * q.x - t.line2.x * q.y + t.line2.w);
+        p.along = vec3(t.line0.y * q.x + (t.line0.w - t.line0.x * q.y), t.line1.y * q.x + (t.line1.w - t.line1.x * q.y),
+                       t.line2.y * q.x + (t.line2.w - t.line2.x * q.y));
         p.to_edge = vec3(segment_distance(p.along.x, t.half_length.x, p.height.x),
                          segment_distance(p.along.y, t.half_length.y, p.height.y),
                          segment_distance(p.along.z, t.half_length.z, p.height.z));
@@ -124,8 +125,8 @@ Fragment fragment_at(Triangle t, vec2 q, float radius_squared, float scale) {
 
 // clamp(b, 0, 1): b̂ before its division by the sum. The lower bound stands for 0 and keeps the sum positive for triangles
 // so thin that rounding puts a pixel outside all three edges.
-vec3 clipped_barycentrics(Triangle t, vec3 height) {
-    vec3 b = height * t.inverse_height;
+vec3 clipped_barycentrics(vec3 inverse_height, vec3 height) {
+    vec3 b = height * inverse_height;
     return vec3(lesser(greater(b.x, 1e-20), 1.0), lesser(greater(b.y, 1e-20), 1.0), lesser(greater(b.z, 1e-20), 1.0));
 }
 
@@ -142,7 +143,9 @@ struct Depth {
 Depth depth_at(vec4 record, vec3 b, float sum) {
     float excess = b.y * record.x + b.z * record.y;
     // Σ b̂_k z_0/z_k from the same terms as the perspective-correct shares, so that the shares add up to 1 however far a
-    // corner is. It is below the bound only behind the camera's plane, where nothing is visible.
-    float inverse = 1.0 / greater(b.x + b.y * (1.0 + record.x) + b.z * (1.0 + record.y), 1e-12 * sum);
-    return Depth(sum * inverse, record.z * (excess * inverse) + record.w);
+    // corner is.
+    float inverse = b.x + b.y * (1.0 + record.x) + b.z * (1.0 + record.y);
+    // The official code lets corners lie behind the camera's plane, where nothing is visible.
+    inverse = OFFICIAL ? greater(inverse, 1e-12 * sum) : inverse;
+    return Depth(sum / inverse, record.z * (excess / inverse) + record.w);
 }

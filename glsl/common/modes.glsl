@@ -17,6 +17,8 @@ layout(constant_id = 13) const bool FRONT_ONLY = false;
 layout(constant_id = 14) const bool CLOCKWISE_FRONT = false;
 layout(constant_id = 15) const bool OFFICIAL = false;
 layout(constant_id = 16) const bool DISTORTED = false;
+// Whether forward_soft serves the frame's modes.
+layout(constant_id = 17) const bool SOFT = false;
 
 // In constant expressions choices and logic are sums and products, because glslang compiles ?:, && and || to branches, which
 // cannot stand outside a function.

@@ -89,8 +89,9 @@ EdgeChoice edge_choice_of(Triangle t) {
     return e;
 }
 
+// The brackets are those of row_part in entry.glsl: backward must find the very weights that forward has summed.
 float line_at(vec3 line, vec2 q) {
-    return line.x * q.x + line.y * q.y + line.z;
+    return line.x * q.x + (line.y * q.y + line.z);
 }
 
 // x clamped to ±limit.

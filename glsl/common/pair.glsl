@@ -127,7 +127,7 @@ struct Surface {
 // A fragment outside the depth range has D = 0 and the complement 1.
 Surface surface_of(ItemTriangle item, inout Fragment f) {
     Surface s;
-    s.clipped = clipped_barycentrics(item.edges, f.height);
+    s.clipped = clipped_barycentrics(item.edges.inverse_height, f.height);
     float sum = s.clipped.x + s.clipped.y + s.clipped.z;
     s.inverse_sum = 1.0 / sum;
     s.depth = depth_at(item.corner.depth, s.clipped, sum);

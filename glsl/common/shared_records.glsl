@@ -23,7 +23,8 @@ const int LANES = int(gl_WorkGroupSize.x);
 // eight lanes read the ninth directly.
 const bool TWICE = LANES < int(GEOMETRY_TEXELS);
 
-Fetched fetch_record(int record_index) {
+// The shading record is read only where `shaded`.
+Fetched fetch_record(int record_index, bool shaded) {
     Fetched own;
     own.slot = record_index;
     int lane = int(gl_SubgroupInvocationID);
@@ -32,7 +33,7 @@ Fetched fetch_record(int record_index) {
     if (TWICE) {
         own.more_geometry = texelFetch(geometry, at + min(lane + LANES, int(GEOMETRY_TEXELS) - 1));
     }
-    if (WANT_SHADING) {
+    if (shaded) {
         at = record_index * SHADING_STRIDE;
         own.shading = texelFetch(shading, at + min(lane, SHADING_STRIDE - 1));
         if (TWICE && SHADING_STRIDE > LANES) {
@@ -64,7 +65,7 @@ Corner shared_corner_of(Fetched own) {
     return corner_from(record);
 }
 #else
-Fetched fetch_record(int record_index) {
+Fetched fetch_record(int record_index, bool shaded) {
     return Fetched(record_index);
 }
 
@@ -76,3 +77,7 @@ Corner shared_corner_of(Fetched own) {
     return corner_of(own.slot);
 }
 #endif
+
+Fetched fetch_record(int record_index) {
+    return fetch_record(record_index, WANT_SHADING);
+}

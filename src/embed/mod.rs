@@ -257,7 +257,7 @@ impl Rasterizer {
     fn forward_pipelines(&self, plan: &FramePlan) -> Result<[Pipeline; FORWARD_COUNT]> {
         let modes = &plan.forward.modes.list();
         self.pipelines(ForwardStage::ALL.map(|stage| Request {
-            kernel: stage.kernel(&self.device, self.lanes),
+            kernel: stage.kernel(&self.device, self.lanes, &plan.forward.modes),
             modes,
             lanes: if stage == ForwardStage::BinCoarse {
                 self.lanes.max(plan.forward.coarse_lanes)

@@ -69,8 +69,7 @@ impl Pipelines {
                 self.made.push((kernel.name, values.clone(), pipeline.clone()));
             }
         }
-        let missing = |_| Error::Vulkan { call: "vkCreateComputePipelines", result: "a pipeline is missing".into() };
-        pipelines.try_into().map_err(missing)
+        pipelines.try_into().map_err(|_| missing())
     }
 
     fn find_or_make(
@@ -86,14 +85,29 @@ impl Pipelines {
         if wanted.iter().all(|(kernel, values)| self.find(kernel, values).is_some()) {
             return wanted.iter().map(|(kernel, values)| find_or_make(kernel, values)).collect();
         }
+        // Two stages may have one pipeline: it is made for the first of them.
+        let first =
+            |i: usize| wanted.iter().position(|w| w.0.name == wanted[i].0.name && w.1 == wanted[i].1).unwrap_or(i);
         std::thread::scope(|scope| {
-            let threads: Vec<_> =
-                wanted.iter().map(|(kernel, values)| scope.spawn(move || find_or_make(kernel, values))).collect();
-            let join = |thread: std::thread::ScopedJoinHandle<'_, Result<Pipeline>>| match thread.join() {
-                Ok(pipeline) => pipeline,
-                Err(panic) => std::panic::resume_unwind(panic),
-            };
-            threads.into_iter().map(join).collect()
+            let threads: Vec<_> = wanted
+                .iter()
+                .enumerate()
+                .map(|(i, (kernel, values))| (first(i) == i).then(|| scope.spawn(move || find_or_make(kernel, values))))
+                .collect();
+            let mut made: Vec<Result<Pipeline>> = Vec::with_capacity(threads.len());
+            for (i, thread) in threads.into_iter().enumerate() {
+                made.push(match thread.map(std::thread::ScopedJoinHandle::join) {
+                    Some(Ok(pipeline)) => pipeline,
+                    Some(Err(panic)) => std::panic::resume_unwind(panic),
+                    // An error of the first is returned before this one.
+                    None => made[first(i)].as_ref().map(Pipeline::clone).map_err(|_| missing()),
+                });
+            }
+            made
         })
     }
+}
+
+fn missing() -> Error {
+    Error::Vulkan { call: "vkCreateComputePipelines", result: "a pipeline is missing".into() }
 }

@@ -4,15 +4,17 @@
 
 use crate::common::{
     compare::compare_frames,
+    gradient::made_case,
     modes::in_every_mode,
+    random::Random,
     renderer,
-    scenes::{Case, Kind, random_case},
+    scenes::{Case, Kind, random_case, small, triangles},
     tolerance,
 };
 use softras::{
-    Renderer,
+    Camera, Renderer, Scene, Settings,
     reference::{Truncation, render, render_culled},
-    scene::{Background, Distance, Outputs, Parity},
+    scene::{Appearance, Background, Distance, Outputs, Parity},
 };
 
 fn case_count(usual: u64) -> u64 {
@@ -88,6 +90,37 @@ fn every_mode_alone() {
 }
 
 /// What is not asked for is not made, and what is made does not depend on it.
+/// Triangles with corners nearly in a line, from a tenth of a pixel high to no height at all, and as long as the image:
+/// where rounding may confuse their edges, the kernel that measures one edge leaves the tile to the one that measures all.
+#[test]
+fn slivers_of_every_height() {
+    // The normal of a triangle without height is anybody's guess.
+    let outputs = Outputs { color: true, silhouette: true, depth: false, normal: false };
+    let mut renderer = renderer();
+    for seed in 0..4 {
+        let mut random = Random::new(seed);
+        let corners: Vec<[[f32; 3]; 3]> = (0..24)
+            .map(|i| {
+                let (sin, cos) = (random.range(0.0, std::f64::consts::TAU)).sin_cos();
+                let length = [0.1, 1.5][i % 2];
+                let height = if i % 8 == 7 { 0.0 } else { random.log_range(1e-9, 1e-2) };
+                let middle = [random.range(-0.5, 0.5), random.range(-0.5, 0.5)];
+                let z = random.range(2.0, 3.0);
+                [(-1.0, 0.0), (1.0, 0.0), (random.range(-1.2, 1.2), height)].map(|(along, across)| {
+                    let (along, across) = (along * length * 0.5, across * length);
+                    [middle[0] + along * cos - across * sin, middle[1] + along * sin + across * cos, z]
+                        .map(|x| x as f32)
+                })
+            })
+            .collect();
+        // One colour: where in a sliver a pixel lies is as uncertain as its height is small.
+        let mesh = triangles(&corners).with_appearance(Appearance::Uniform([1.0, 0.5, 0.25])).unwrap();
+        let settings = Settings { sigma: 1e-4, gamma: 1e-2, near: 1.0, far: 10.0, outputs, ..small(48, 48) };
+        let case = made_case(Scene::new(mesh), vec![Camera::screen()], settings);
+        agreement(&mut renderer, &case).unwrap_or_else(|error| panic!("{error}"));
+    }
+}
+
 #[test]
 fn outputs_are_those_asked_for() {
     let mut renderer = renderer();

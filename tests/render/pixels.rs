@@ -152,7 +152,7 @@ fn before_the_near_plane_nothing_is_left() {
 fn a_corner_is_as_far_as_pythagoras_says() {
     let renderer = &mut renderer();
     // The pixel (-½, ½) is ⅜ left of and ½ above the corner (-⅛, 0), so ⅝ away; all else lies right and below.
-    let triangle = [[-0.125, 0.0, 2.0], [20.0, -40.0, 2.0], [20.0, -39.0, 2.0]];
+    let triangle = [[-0.125, 0.0, 2.0], [2.5, -5.0, 2.0], [2.5, -4.0, 2.0]];
     let check = check(renderer, &Scene::new(mesh(&[triangle], &[ORANGE])), &settings());
     // σ = ¼ / ln 3 makes exp(-d²/σ) = 3^(-4 d²).
     check.assert("silhouette", 0, 0, &[1.0 / (1.0 + 3f64.powf(4.0 * 25.0 / 64.0))]);

@@ -4,7 +4,7 @@ use super::{List, Stage, Work, bind_all, clear, no_workgroups, reads_together, s
 use crate::Result;
 use crate::constants as c;
 use crate::frame::buffers::BufferId;
-use crate::frame::plan::ForwardPlan;
+use crate::frame::plan::{ForwardPlan, Modes};
 use crate::vulkan::{BufferPart, Device, Kernel, Pipeline, Recorder, TimestampPool, kernels};
 
 /// A stage of a forward frame.
@@ -20,7 +20,9 @@ pub enum ForwardStage {
     BinFine,
     /// Fills the tiles that no triangle reaches.
     Background,
-    /// Aggregates the triangles of every other tile.
+    /// Aggregates the triangles of the other tiles, if the frame's modes are those of the soft model.
+    ForwardSoft,
+    /// Aggregates the triangles of the tiles that are left: all in other modes.
     Forward,
 }
 
@@ -32,8 +34,15 @@ pub const FORWARD_TIMESTAMPS: u32 = FORWARD_COUNT as u32 + 1;
 
 impl ForwardStage {
     /// Every stage, in the order in which they run.
-    pub const ALL: [Self; 6] =
-        [Self::Vertex, Self::Triangle, Self::BinCoarse, Self::BinFine, Self::Background, Self::Forward];
+    pub const ALL: [Self; 7] = [
+        Self::Vertex,
+        Self::Triangle,
+        Self::BinCoarse,
+        Self::BinFine,
+        Self::Background,
+        Self::ForwardSoft,
+        Self::Forward,
+    ];
 
     /// Its name in timings and in debuggers: its GLSL file's.
     pub fn name(self) -> &'static str {
@@ -43,18 +52,22 @@ impl ForwardStage {
             Self::BinCoarse => "bin_coarse",
             Self::BinFine => "bin_fine",
             Self::Background => "background",
+            Self::ForwardSoft => "forward_soft",
             Self::Forward => "forward",
         }
     }
 
     /// Its kernel on a device. If the lanes of a tile are one subgroup that can shuffle, they read records together.
-    pub fn kernel(self, device: &Device, lanes: u32) -> &'static Kernel {
+    pub fn kernel(self, device: &Device, lanes: u32, modes: &Modes) -> &'static Kernel {
         match self {
             Self::Vertex => &kernels::VERTEX,
             Self::Triangle => &kernels::TRIANGLE,
             Self::BinCoarse => &kernels::BIN_COARSE,
             Self::BinFine => &kernels::BIN_FINE,
             Self::Background => &kernels::BACKGROUND,
+            Self::ForwardSoft if modes.soft == 0 => Self::Forward.kernel(device, lanes, modes),
+            Self::ForwardSoft if reads_together(device, lanes) => &kernels::FORWARD_SOFT_SUBGROUP,
+            Self::ForwardSoft => &kernels::FORWARD_SOFT,
             Self::Forward if reads_together(device, lanes) => &kernels::FORWARD_SUBGROUP,
             Self::Forward => &kernels::FORWARD,
         }
@@ -89,9 +102,12 @@ pub fn record_forward(
     times: Option<&TimestampPool>,
 ) -> Result<()> {
     let groups = &plan.groups;
-    // One buffer holds two lists of tiles: those to be drawn, and after the room for them the empty ones.
-    let tiles = |first: u32, offset: u32| {
-        let rows = plan.totals.tile_rows() as u32;
+    // One buffer holds three lists of tiles, each after the room for the one before: those to be drawn, the empty ones, and
+    // those that are left to the general kernel.
+    let soft = plan.modes.soft != 0;
+    let count = plan.totals.tiles as u32;
+    let tiles = |needed: bool, first: u32, offset: u32| {
+        let rows = if needed { plan.totals.tile_rows() as u32 } else { 0 };
         Work::List(List { rows, first, counts: tile_counts, stride: c::TILE_COUNT_WORDS, offset })
     };
     recorder.begin_label("softras forward");
@@ -107,8 +123,10 @@ pub fn record_forward(
             ForwardStage::Triangle => Work::Groups(groups.triangle),
             ForwardStage::BinCoarse => Work::Groups(groups.bin_coarse),
             ForwardStage::BinFine => Work::Groups(groups.bin_fine),
-            ForwardStage::Background => tiles(plan.totals.tiles as u32, c::TILES_EMPTY),
-            ForwardStage::Forward => tiles(0, c::TILES_FILLED),
+            ForwardStage::Background => tiles(true, count, c::TILES_EMPTY),
+            ForwardStage::ForwardSoft => tiles(soft, 0, c::TILES_FILLED),
+            ForwardStage::Forward if soft => tiles(true, 2 * count, c::TILES_GENERAL),
+            ForwardStage::Forward => tiles(true, 0, c::TILES_FILLED),
         };
         stages.0[stage as usize].run(recorder, stage.name(), &plan.push, &work)?;
         stamp(recorder, times, stage as u32 + 1)?;

@@ -104,6 +104,8 @@ modes! {
         official = "OFFICIAL",
         /// 1: some camera has lens distortion.
         distorted = "DISTORTED",
+        /// 1: the kernel forward_soft serves the frame.
+        soft = "SOFT",
         /// OUTPUT_ bits of the images that have an upstream gradient; 0 in a forward frame.
         upstream = "UPSTREAM",
         /// GRADIENT_ bits of the inputs to differentiate by; 0 in a forward frame.
@@ -163,9 +165,18 @@ impl Modes {
             clockwise_front: u32::from(s.front_face == FrontFace::Clockwise),
             official: u32::from(official),
             distorted: u32::from(input.distorted),
+            soft: u32::from(is_soft(s) && depth_range == c::DEPTH_RANGE_INSIDE),
             ..Self::default()
         }
     }
+}
+
+/// Whether eq. 1, 2, 3 and 5 are computed as the model has them.
+fn is_soft(s: &Settings) -> bool {
+    s.color == ColorAggregation::Softmax
+        && s.silhouette == SilhouetteAggregation::Product
+        && s.distance == Distance::Euclidean
+        && s.parity == Parity::Model
 }
 
 /// Whether triangles may be clipped at the near plane, so each has two records.

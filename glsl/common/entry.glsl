@@ -1,0 +1,150 @@
+// One entry of a tile's list as forward_soft.glsl adds it: its geometry for a lane's pixels, and their distances (eq. 1).
+// Needs constants.glsl, fragment.glsl, shared_records.glsl and the local size.
+
+#ifndef SUBGROUP_RECORDS
+const int LANES = int(gl_WorkGroupSize.x);
+#endif
+const int TILE_PIXELS = int(TILE_WIDTH * TILE_HEIGHT);
+const int PIXELS = TILE_PIXELS / LANES;
+
+// Pixel i of a lane lies i * LANES pixels after its first, row by row.
+ivec2 step_of(int i) {
+    int index = i * LANES;
+    return ivec2(index % int(TILE_WIDTH), index / int(TILE_WIDTH));
+}
+
+// The values that all pairs of a lane share: on a software device a push constant read in a loop is a gather.
+struct Lane {
+    // The lane's first pixel.
+    vec2 first;
+    float radius_squared;
+};
+
+// The geometry of an entry. The signed distance of a lane's pixel i to each edge's line is x * normal_x + height[i], and its
+// distance along the edge from the edge's midpoint x * normal_y + along[i], with x its column less origin_x.
+struct Entry {
+    float origin_x;
+    vec3 normal_x;
+    vec3 normal_y;
+    vec3 height[PIXELS];
+    vec3 along[PIXELS];
+    vec3 half_length;
+    vec3 inverse_height;
+};
+
+// The part of a signed distance, and of the distance along the line, that a row has in common. `line` is (n.x, n.y, c, g) of
+// edge.glsl, y the row less the origin's.
+vec2 row_part(vec4 line, float y) {
+    return vec2(line.y * y + line.z, line.w - line.x * y);
+}
+
+// Every lane computes the parts of its own rows. An entry that is not live is far outside.
+void read_entry_by_pixels(Fetched own, bool live, Lane lane, out Entry t) {
+    Triangle r = shared_triangle_of(own);
+    r.line0.z = live ? r.line0.z : -1e18;
+    t.origin_x = r.origin.x;
+    for (int i = 0; i < PIXELS; ++i) {
+        float y = lane.first.y - r.origin.y + float(step_of(i).y);
+        vec2 a = row_part(r.line0, y);
+        vec2 b = row_part(r.line1, y);
+        vec2 c = row_part(r.line2, y);
+        t.height[i] = vec3(a.x, b.x, c.x);
+        t.along[i] = vec3(a.y, b.y, c.y);
+    }
+    t.normal_x = vec3(r.line0.x, r.line1.x, r.line2.x);
+    t.normal_y = vec3(r.line0.y, r.line1.y, r.line2.y);
+    t.half_length = r.half_length;
+    t.inverse_height = r.inverse_height;
+}
+
+#ifdef SUBGROUP_RECORDS
+// The same where all lanes have the same rows: every lane computes the rows' parts of the one line that it holds, before the
+// lanes share them.
+void read_entry_by_rows(Fetched own, bool live, Lane lane, out Entry t) {
+    vec4 texel = own.geometry;
+    t.origin_x = subgroupShuffle(texel.x, 0u);
+    float y = lane.first.y - subgroupShuffle(texel.y, 0u);
+    vec4 line = vec4(texel.xy, live ? texel.z : -1e18, texel.w);
+    for (int i = 0; i < PIXELS; ++i) {
+        vec2 part = row_part(line, y + float(step_of(i).y));
+        for (uint k = 0u; k < 3u; ++k) {
+            t.height[i][k] = subgroupShuffle(part.x, k + 1u);
+            t.along[i][k] = subgroupShuffle(part.y, k + 1u);
+        }
+    }
+    for (uint k = 0u; k < 3u; ++k) {
+        t.normal_x[k] = subgroupShuffle(texel.x, k + 1u);
+        t.normal_y[k] = subgroupShuffle(texel.y, k + 1u);
+    }
+    vec4 tail = TWICE ? subgroupShuffle(own.more_geometry, uint(max(4 - LANES, 0))) : subgroupShuffle(texel, 4u);
+    t.half_length = vec3(subgroupShuffle(texel.z, 0u), subgroupShuffle(texel.w, 0u), tail.x);
+    t.inverse_height = tail.yzw;
+}
+#endif
+
+void read_entry(Fetched own, bool live, Lane lane, out Entry t) {
+#ifdef SUBGROUP_RECORDS
+    if (LANES <= int(TILE_WIDTH)) {
+        read_entry_by_rows(own, live, lane, t);
+    } else {
+        read_entry_by_pixels(own, live, lane, t);
+    }
+#else
+    read_entry_by_pixels(own, live, lane, t);
+#endif
+}
+
+// A pixel's distance to an entry.
+struct Distance {
+    // Signed distances to the lines of the three edges.
+    vec3 height;
+    // d² log2(e) / σ of eq. 1.
+    float squared;
+    bool inside;
+    // Whether the pixel lies inside or within the culling radius; if not, e is 0.
+    bool kept;
+    // exp(-d²/σ).
+    float e;
+};
+
+// The edge with the least signed distance h decides the distance d of eq. 1 alone. Inside, the disc of radius min h about the
+// pixel lies within all three half-planes and touches that edge. Outside, let b be the nearest point of the triangle. Every h
+// is at least -d, since it is not negative in b. If b lies within an edge, that edge has h = -d, the least. If b is the
+// corner between the edges i and j, both have it as their nearest point and either gives d. The third edge k does not win:
+// let h_i < 0 be the less of h_i and h_j. With edge lengths s and the area A, s_i h_i + s_j h_j + s_k h_k = 2A, so that
+// h_k < h_i would need s_j h_j > (s_i + s_k) |h_i| > s_j |h_i| by the triangle inequality. But where b is the nearest point
+// the angle between the pixel's direction from b and either edge is at least a right one, so that h_j <= |h_i|.
+// Rounding can break this for a triangle whose height is no more than the rounding of h (is_thin in bin_coarse.comp).
+void nearest_edge(vec3 height, vec3 along, vec3 half_length, out Distance d) {
+    bool second = height.y < height.x;
+    float nearest = second ? height.y : height.x;
+    float place = second ? along.y : along.x;
+    float size = second ? half_length.y : half_length.x;
+    bool third = height.z < nearest;
+    nearest = third ? height.z : nearest;
+    place = third ? along.z : place;
+    size = third ? half_length.z : size;
+    float beyond = greater(abs(place) - size, 0.0);
+    d.height = height;
+    d.squared = nearest * nearest + beyond * beyond;
+    d.inside = nearest > 0.0;
+}
+
+void measure(Entry t, Lane lane, out Distance d[PIXELS]) {
+    float x = lane.first.x - t.origin_x;
+    vec3 across = t.normal_x * x;
+    vec3 along = t.normal_y * x;
+    for (int i = 0; i < PIXELS; ++i) {
+        int column = step_of(i).x;
+        if (column > 0) {
+            across = t.normal_x * (x + float(column));
+            along = t.normal_y * (x + float(column));
+        }
+        nearest_edge(across + t.height[i], along + t.along[i], t.half_length, d[i]);
+    }
+    for (int i = 0; i < PIXELS; ++i) {
+        d[i].kept = d[i].inside || d[i].squared < lane.radius_squared;
+        float e = exp2(-d[i].squared);
+        d[i].e = d[i].kept ? e : 0.0;
+    }
+}

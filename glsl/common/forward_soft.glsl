@@ -1,0 +1,264 @@
+// Forward of the soft model: eq. 1 with the Euclidean distance, the softmax of eq. 2 and 3, and the product of eq. 5. It
+// gives the same as forward.glsl, which knows every mode, in three quarters of its time:
+// - One edge decides a pixel's distance (nearest_edge in entry.glsl), where forward.glsl measures all three.
+// - What the pixels of a row have in common of a signed distance is computed once, before the lanes share it.
+// - Sums are relative to a whole log weight, so that bringing them to another is a shift of exponents.
+// - Π(1 - D) over a word is a product of (1 + e) in the denominator: one quotient for 32 entries.
+// - Entries are added two at a time, and the lanes hold the record indices of a word.
+// A tile with a triangle so thin that rounding could choose the wrong edge is left to forward.glsl by bin_fine.comp.
+// One workgroup a tile of 8×4 pixels that has a list, each lane 32 / lanes of them.
+// Reads `tile_items`, `tile_slots` and the records; writes the images and, for backward, `saved` (kept_of in pixel.glsl) and
+// `tile_bounds`.
+
+layout(local_size_x_id = 0) in;
+
+layout(set = 0, binding = 0) uniform usamplerBuffer view_shapes;
+layout(set = 0, binding = 1) uniform usamplerBuffer tile_items;
+layout(set = 0, binding = 2) uniform usamplerBuffer tile_slots;
+layout(set = 0, binding = 3) uniform samplerBuffer geometry;
+layout(set = 0, binding = 4) uniform samplerBuffer shading;
+layout(set = 0, binding = 5) uniform usamplerBuffer textures;
+layout(set = 0, binding = 6) uniform samplerBuffer texels;
+layout(set = 0, binding = 7, std430) writeonly buffer Color { vec4 color[]; };
+layout(set = 0, binding = 8, std430) writeonly buffer Silhouette { float silhouette[]; };
+layout(set = 0, binding = 9, std430) writeonly buffer Depths { float depths[]; };
+layout(set = 0, binding = 10, std430) writeonly buffer Normals { vec4 normals[]; };
+layout(set = 0, binding = 11, std430) writeonly buffer Saved { vec4 saved[]; };
+layout(set = 0, binding = 12, std430) writeonly buffer TileBounds { vec2 tile_bounds[]; };
+
+#include "common/constants.glsl"
+#include "common/modes.glsl"
+#include "common/frame.glsl"
+#include "common/mesh.glsl"
+#include "common/fragment.glsl"
+#include "common/sample.glsl"
+#include "common/corner.glsl"
+#include "common/shared_records.glsl"
+#include "common/lanes.glsl"
+#include "common/pixel.glsl"
+#include "common/hidden.glsl"
+#include "common/tile.glsl"
+#include "common/images.glsl"
+#include "common/entry.glsl"
+
+// What a word's entries leave of a pixel: Π(1 + e) over all of them, and Σ d² over those that the pixel lies inside, so that
+// their Π(1 - D) is exp2(-inside) / product: with e = exp(-d²/σ), 1 - D is 1 / (1 + e) outside and e / (1 + e) inside.
+struct Transmittance {
+    float product;
+    float inside;
+};
+
+// The factor of all weights in a pixel's sums while they are summed. Without it the products of small weights and clipped
+// barycentrics would be denormal numbers, which cost a processor some hundred cycles each.
+const float WEIGHT_UNIT = 1152921504606846976.0;
+
+// Eq. 5 over the entries of a word.
+void add_silhouette(Distance d[PIXELS], inout Transmittance w[PIXELS]) {
+    for (int i = 0; i < PIXELS; ++i) {
+        w[i].product += w[i].product * d[i].e;
+        w[i].inside += d[i].inside ? d[i].squared : 0.0;
+    }
+}
+
+// 2^x of a whole-numbered x of at most 0, by its bits; 2^-126 for a smaller one.
+float power_of_two(float x) {
+    return intBitsToFloat((int(greater(x, -126.0)) + 127) << 23);
+}
+
+// Adds D exp(ζ/γ) and its products with colour, depth and normal to the sums of eq. 2 and 3. They are relative to a whole
+// log weight, at least the largest so far: a fragment above it brings them to its own first.
+void add_weighted(Distance d, vec3 b, float sum, Depth depth, Corner c, inout Pixel p) {
+    float log_weight = depth.weight + c.whole;
+    bool nearer = d.kept && log_weight > p.whole;
+    float whole = nearer ? ceil(log_weight) : p.whole;
+    float keep = power_of_two(p.whole - whole);
+    p.whole = whole;
+    // Only a dropped fragment, with D = 0, lies above the reference.
+    float relative = lesser(depth.weight + (c.whole - whole), 1.0);
+    float weight = (d.inside ? WEIGHT_UNIT : d.e * WEIGHT_UNIT) * exp2(relative);
+    float share = weight / ((1.0 + d.e) * sum);
+    // z / z_k = (z / z_0) (z_0 / z_k)
+    vec3 correction = PERSPECTIVE_CORRECT ? depth.ratio * vec3(1.0, 1.0 + c.depth.x, 1.0 + c.depth.y) : vec3(1.0);
+    vec3 mixed = PERSPECTIVE_CORRECT ? b * share * correction : b * share;
+    p.sum = p.sum * keep + share * sum;
+    if (WANT_COLOR) {
+        vec3 shown = c.color * mixed;
+        if (SAMPLING != SAMPLING_NONE) {
+            vec3 at = PERSPECTIVE_CORRECT ? b / sum * correction : b / sum;
+            shown *= sample_texture(c.texture_index, c.triangle, c.coordinate, at);
+        }
+        p.color = p.color * keep + shown;
+    }
+    if (WANT_DEPTH) {
+        p.depth = p.depth * keep + share * sum * depth.ratio * (c.depth.z / frame.score_high);
+    }
+    if (WANT_NORMAL) {
+        p.normal = p.normal * keep + c.normal * mixed;
+    }
+}
+
+// Every step runs over all pixels before the next, so that their long chains of dependent operations overlap.
+void add_shaded(Entry t, Corner c, Distance d[PIXELS], inout Pixel pixels[PIXELS]) {
+    vec3 b[PIXELS];
+    float sum[PIXELS];
+    Depth depth[PIXELS];
+    for (int i = 0; i < PIXELS; ++i) {
+        b[i] = clipped_barycentrics(t.inverse_height, d[i].height);
+        sum[i] = b[i].x + b[i].y + b[i].z;
+        depth[i] = depth_at(c.depth, b[i], sum[i]);
+    }
+    for (int i = 0; i < PIXELS; ++i) {
+        add_weighted(d[i], b[i], sum[i], depth[i], c, pixels[i]);
+    }
+}
+
+// Adds an entry to the pixels' sums; `shows` is a constant of the call: without it the entry contributes to the silhouette
+// only.
+void add_entry(Fetched own, bool live, bool shows, Lane lane, inout Transmittance w[PIXELS], inout Pixel pixels[PIXELS]) {
+    Entry t;
+    read_entry(own, live, lane, t);
+    Distance d[PIXELS];
+    measure(t, lane, d);
+    if (WANT_SILHOUETTE) {
+        add_silhouette(d, w);
+    }
+    if (shows && SHADED) {
+        add_shaded(t, shared_corner_of(own), d, pixels);
+    }
+}
+
+// The record indices of a word's entries: lane l holds those of the bits l, l + LANES, ...
+const int HELD = int(WORD_BITS) / LANES;
+
+#ifdef SUBGROUP_RECORDS
+// The record index of the lowest bit, or of the first entry if there is no bit.
+int lowest_slot(int from, uint held[HELD], uint bits) {
+    int bit = max(findLSB(bits), 0);
+    uint slot = held[0];
+    for (int i = 1; i < HELD; ++i) {
+        slot = bit / LANES == i ? held[i] : slot;
+    }
+    return int(subgroupShuffle(slot, uint(bit % LANES)));
+}
+#else
+int lowest_slot(int from, uint held[HELD], uint bits) {
+    return int(texelFetch(tile_slots, from + max(findLSB(bits), 0)).x);
+}
+#endif
+
+// Adds the entries of a word's bits, two at a time: half as often do the sums move between registers and memory. The records
+// are read two entries ahead. The loop tests its condition at the end, because llvmpipe executes the body once more when it
+// tests at the start; without a bit it runs once and adds nothing.
+void gather_word(int from, uint held[HELD], uint bits, bool shows, Lane lane, inout Pixel pixels[PIXELS]) {
+    Transmittance w[PIXELS];
+    for (int i = 0; i < PIXELS; ++i) {
+        w[i] = Transmittance(1.0, 0.0);
+    }
+    bool any = bits != 0u;
+    Fetched first = fetch_record(lowest_slot(from, held, bits), shows && WANT_SHADING);
+    Fetched second = fetch_record(lowest_slot(from, held, bits & (bits - 1u)), shows && WANT_SHADING);
+    do {
+        Fetched one = first;
+        Fetched other = second;
+        bits &= bits - 1u;
+        bool both = bits != 0u;
+        bits &= bits - 1u;
+        first = fetch_record(lowest_slot(from, held, bits), shows && WANT_SHADING);
+        second = fetch_record(lowest_slot(from, held, bits & (bits - 1u)), shows && WANT_SHADING);
+        add_entry(one, any, shows, lane, w, pixels);
+        add_entry(other, both, shows, lane, w, pixels);
+    } while (bits != 0u);
+    for (int i = 0; i < PIXELS; ++i) {
+        if (WANT_SILHOUETTE) {
+            pixels[i].silhouette *= exp2(-w[i].inside) / w[i].product;
+        }
+    }
+}
+
+// A pixel before its first entry, with its sums in units of WEIGHT_UNIT.
+Pixel first_pixel() {
+    Pixel p = background_pixel();
+    float unit = WEIGHT_UNIT * exp2(p.rest);
+    p.rest = 0.0;
+    p.sum *= unit;
+    p.color *= unit;
+    return p;
+}
+
+// The pixel with its sums in their true units.
+Pixel last_pixel(Pixel p) {
+    p.sum /= WEIGHT_UNIT;
+    p.color /= WEIGHT_UNIT;
+    p.depth /= WEIGHT_UNIT;
+    p.normal /= WEIGHT_UNIT;
+    return p;
+}
+
+// The least log sum and the largest transmittance of all lanes' pixels (bounds_of). Pixels beyond the image's border are
+// included; they can only reduce what is skipped.
+vec2 bounds_of_tile(Pixel pixels[PIXELS]) {
+    // The largest transmittance is found as the minimum of its negative.
+    vec2 least = vec2(3e38);
+    for (int i = 0; i < PIXELS; ++i) {
+        vec2 own = bounds_of(last_pixel(pixels[i]));
+        least = vec2(lesser(least.x, own.x), lesser(least.y, -own.y));
+    }
+    least = least_of_lanes(least);
+    return vec2(least.x, -least.y);
+}
+
+// Adds a list word by word, because what is hidden depends on the entries before. Front faces fill words of their own.
+void gather_list(int from, int facing_end, int end, Lane lane, inout Pixel pixels[PIXELS]) {
+    // The share of one entry, so that all hidden entries together are negligible.
+    float share = log2(float(end - from));
+    do {
+        int stop = min(from + int(WORD_BITS), from < facing_end ? facing_end : end);
+        uint all = 0xffffffffu >> uint(from + int(WORD_BITS) - stop);
+        vec2 bounds = bounds_of_tile(pixels);
+        bool saturated = !WANT_SILHOUETTE || bounds.y <= exp2(NEXT_TO_NOTHING);
+        uint held[HELD];
+        uint shown = 0u;
+        for (int i = 0; i < HELD; ++i) {
+            int bit = i * LANES + int(gl_LocalInvocationID.x);
+            held[i] = texelFetch(tile_slots, min(from + bit, stop - 1)).x;
+            if (SHADED) {
+                shown |= is_hidden(largest_weight(int(held[i])), bounds.x - share) ? 0u : 1u << uint(bit);
+            }
+        }
+        shown = SHADED ? bits_of_lanes(shown) & all : all;
+        gather_word(from, held, shown, true, lane, pixels);
+        if (SHADED && WANT_SILHOUETTE) {
+            gather_word(from, held, saturated ? 0u : all & ~shown, false, lane, pixels);
+        }
+        from = !SHADED && saturated ? end : stop;
+    } while (from < end);
+}
+
+void main() {
+    ivec4 item = ivec4(texelFetch(tile_items, int(frame.first + gl_WorkGroupID.x)));
+    TilePlace tile = tile_place(item.x);
+    int lane = int(gl_LocalInvocationID.x);
+    ivec2 mine = tile.corner + ivec2(lane % int(TILE_WIDTH), lane / int(TILE_WIDTH));
+    Pixel pixels[PIXELS];
+    for (int i = 0; i < PIXELS; ++i) {
+        pixels[i] = first_pixel();
+    }
+    Lane constant = Lane(vec2(mine), frame.radius_squared);
+    gather_list(item.y, item.y + item.z, item.y + item.w, constant, pixels);
+    for (int i = 0; i < PIXELS; ++i) {
+        ivec2 where = mine + step_of(i);
+        if (where.x < int(frame.width) && where.y < int(frame.height)) {
+            int to = place_of(tile.view, where);
+            write_images(last_pixel(pixels[i]), to, 1);
+            if (SAVE) {
+                saved[to] = kept_of(last_pixel(pixels[i]));
+            }
+        }
+    }
+    if (SAVE) {
+        vec2 bounds = bounds_of_tile(pixels);
+        if (lane == 0) {
+            tile_bounds[item.x] = bounds;
+        }
+    }
+}
