@@ -38,7 +38,9 @@ pub fn of(case: &Case) -> Tolerance {
     // A corner cut by the near plane is one more rounding from the file's, its triangle many times as large as the image,
     // and γ (far - near) there goes down to 1e-3.
     let cut = if case.kind == Kind::Clipped { 5.0 } else { 1.0 };
-    Tolerance { value: IMAGE.value * edge.max(1.0) * cut, ..IMAGE }
+    // A log weight that changes by 256 within a world unit is rounded to 2⁻¹⁶, and its weight with it.
+    let steep = std::f64::consts::LOG2_E / ((case.settings.far - case.settings.near) * case.settings.gamma) / 256.0;
+    Tolerance { value: IMAGE.value * edge.max(1.0) * cut * steep.clamp(1.0, 2.0), ..IMAGE }
 }
 
 /// Of pixels computed by hand: a few roundings of an f32 near 1, exp within 3 + 2|x| of its last places.
