@@ -13,9 +13,9 @@ const BYTES_PER_PIXEL: u64 = 24;
 
 /// A picture of which only the header has been read.
 pub struct Picture {
-    /// Columns, from 1 to [`MAX_SIDE`].
+    /// Columns, from 1 to 16384.
     pub width: u32,
-    /// Rows, from 1 to [`MAX_SIDE`].
+    /// Rows, from 1 to 16384.
     pub height: u32,
     /// Bytes of the file.
     pub file_bytes: u64,
@@ -27,7 +27,7 @@ impl Picture {
     /// Reads the header. The content tells the format rather than the name, which may be wrong.
     ///
     /// # Errors
-    /// As [`input::open`]; [`Error::File`] for what is no picture or has sides of 0 or more than [`MAX_SIDE`] pixels.
+    /// As [`input::open`]; [`Error::File`] for what is no picture or has sides of 0 or more than 16384 pixels.
     pub fn open(path: &Path) -> Result<Self> {
         let file = input::open(path)?;
         let file_bytes = file.metadata().map_or(0, |metadata| metadata.len());
