@@ -2,8 +2,9 @@
 #extension GL_GOOGLE_include_directive : require
 // Bin, fine: turns a bin's words into one list of record indices for each tile, in the same ascending order but back faces
 // last. One workgroup a bin, views along y, one lane a tile: each counts the bits of its words, then writes their records.
-// A tile with a list becomes an entry of `tile_items`, which forward processes: the tile's number among all views', where
-// its list begins, the number of front faces, and the number of entries. A tile without a list becomes an entry for
+// A tile with a list becomes an entry of `tile_items`, which forward_soft or forward processes: the tile's number among all
+// views', where its list begins, the number of front faces, and the number of entries. Where forward_soft serves the frame, a
+// tile with a thin triangle is on a third list as well, and forward writes it again. A tile without a list becomes an entry for
 // background.comp, unless the previous frame left the background there, as `tile_marks` say. `tile_counts` holds the numbers
 // of entries as workgroups of indirect dispatches. The order of the entries does not matter.
 // Reads `bin_ranges`, `coarse_slots` and `coarse_words`; writes `tile_items`, `tile_counts`, `tile_slots`, `tile_marks`,
@@ -35,7 +36,7 @@ void add_item(uint list, uint place, uvec4 item) {
     atomicAdd(tile_counts[place / FORWARD_ROW * TILE_COUNT_WORDS + list], 1u);
 }
 
-// Puts a tile on the list of those that forward_soft does not draw: a row for the tiles of each FORWARD_ROW tile numbers.
+// Puts a tile on the list of those that forward writes again: a row for the tiles of each FORWARD_ROW tile numbers.
 void add_general(uvec4 item) {
     uint row = item.x / FORWARD_ROW;
     uint place = row * FORWARD_ROW + atomicAdd(tile_counts[row * TILE_COUNT_WORDS + TILES_GENERAL], 1u);
@@ -104,9 +105,8 @@ void main() {
         tile_marks[tile] = count == 0u ? MARK_BACKGROUND : 0u;
         if (count > 0u) {
             uvec4 item = uvec4(tile, next, found.x, count);
-            if (found.z == 0u) {
-                add_item(TILES_FILLED, atomicAdd(status[STATUS_FILLED_TILES], 1u), item);
-            } else {
+            add_item(TILES_FILLED, atomicAdd(status[STATUS_FILLED_TILES], 1u), item);
+            if (found.z != 0u) {
                 add_general(item);
             }
         } else if (!is_kept) {

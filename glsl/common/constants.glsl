@@ -18,7 +18,7 @@ const uint LINEAR_GROUP = 64u;
 const uint TILES_FILLED = 0u;
 // Word of `tile_counts` where the three workgroup counts for a row of tiles that need the background begin.
 const uint TILES_EMPTY = 3u;
-// Word of `tile_counts` where the three workgroup counts for a row of tiles begin that forward_soft leaves to forward.
+// Word of `tile_counts` where the three workgroup counts for a row of tiles begin that forward writes again.
 const uint TILES_GENERAL = 6u;
 // Words of `tile_counts` for each row of FORWARD_ROW tiles.
 const uint TILE_COUNT_WORDS = 9u;
@@ -123,7 +123,7 @@ const uint STATUS_LONGEST_LIST = 3u;
 const uint LONG_LIST = 16384u;
 // Word of `status`: cells that large pixel boxes need beyond their first.
 const uint STATUS_CELLS_NEEDED = 4u;
-// Word of `status`: tiles that have a list, without those left to the third list.
+// Word of `status`: tiles that have a list.
 const uint STATUS_FILLED_TILES = 5u;
 // Word of `status`: tiles that received the background.
 const uint STATUS_EMPTY_TILES = 6u;

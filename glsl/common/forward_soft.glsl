@@ -5,7 +5,7 @@
 // - Sums are relative to a whole log weight, so that bringing them to another is a shift of exponents.
 // - Π(1 - D) over a word is a product of (1 + e) in the denominator: one quotient for 32 entries.
 // - Entries are added two at a time, and the lanes hold the record indices of a word.
-// A tile with a triangle so thin that rounding could choose the wrong edge is left to forward.glsl by bin_fine.comp.
+// A tile with a triangle so thin that rounding could choose the wrong edge is written again by forward.glsl (bin_fine.comp).
 // One workgroup a tile of 8×4 pixels that has a list, each lane 32 / lanes of them.
 // Reads `tile_items`, `tile_slots` and the records; writes the images and, for backward, `saved` (kept_of in pixel.glsl) and
 // `tile_bounds`.

@@ -123,7 +123,7 @@ table! {
         /// For every 32 entries of the bins' lists, which of the bin's tiles each entry reaches.
         CoarseWords("coarse_words", Uint, Workspace, [],
             |f| bytes(f.capacity[0].div_ceil(c::WORD_BITS.into()), 4 * u64::from(c::BLOCK_WORDS)));
-        /// The tiles to be drawn with the ranges of their lists, the empty tiles, and those left to the general kernel.
+        /// The tiles to be drawn with the ranges of their lists, the empty tiles, and those that the general kernel draws again.
         TileItems("tile_items", Uint4, Workspace, [], |f| bytes(f.totals.tiles, 48));
         /// Arguments of the indirect dispatches over tiles.
         TileCounts("tile_counts", Uint, Workspace, [TRANSFER_DST, INDIRECT_BUFFER],

@@ -22,7 +22,7 @@ pub enum ForwardStage {
     Background,
     /// Aggregates the triangles of the other tiles, if the frame's modes are those of the soft model.
     ForwardSoft,
-    /// Aggregates the triangles of the tiles that are left: all in other modes.
+    /// Aggregates the triangles of all tiles in other modes; else of those with a triangle too thin for the stage before.
     Forward,
 }
 
@@ -103,7 +103,7 @@ pub fn record_forward(
 ) -> Result<()> {
     let groups = &plan.groups;
     // One buffer holds three lists of tiles, each after the room for the one before: those to be drawn, the empty ones, and
-    // those that are left to the general kernel.
+    // those that the general kernel draws again.
     let soft = plan.modes.soft != 0;
     let count = plan.totals.tiles as u32;
     let tiles = |needed: bool, first: u32, offset: u32| {
