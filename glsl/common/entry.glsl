@@ -136,7 +136,7 @@ void measure(Entry t, Lane lane, out Distance d[PIXELS]) {
     vec3 along = t.normal_y * x;
     for (int i = 0; i < PIXELS; ++i) {
         int column = step_of(i).x;
-        if (column > 0) {
+        if (LANES < int(TILE_WIDTH)) {
             across = t.normal_x * (x + float(column));
             along = t.normal_y * (x + float(column));
         }
