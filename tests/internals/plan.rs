@@ -73,7 +73,7 @@ fn a_frame_takes_the_memory_of_the_formula() {
         let q = 4 + when(bit(5) || bit(6), 2) + when(normal, 3);
         let records = 32 * v + when(bit(4), 32 * v) + 96 * s + when(shaded, 16 * q * s);
         // Each view has half of the records.
-        let lists = b * (s / 2) / 8 + 8 * b + 12 * 3200 + 3200 / 8 + 52 * t + 4 * 4096;
+        let lists = b * (s / 2) / 8 + 8 * b + 12 * 3200 + 3200 / 4 + 52 * t + 4 * 4096;
         let images =
             when(color, 16 * p) + when(silhouette && !color, 4 * p) + when(depth, 4 * p) + when(normal, 16 * p);
         let saved = when(save, 16 * p + 8 * t + 8 * s + 8 * 160);
