@@ -3,9 +3,11 @@
 // Bin, fine: turns a bin's words into one list of record indices for each tile, in the same ascending order but back faces
 // last. One workgroup a bin, views along y, one lane a tile: each counts the bits of its words, then writes their records.
 // A tile with a list becomes an entry of `tile_items`, which forward processes: the tile's number among all views', where
-// its list begins, the number of front faces, and the number of entries. A tile without a list becomes an entry for
-// background.comp, unless the previous frame left the background there, as `tile_marks` say. `tile_counts` holds the numbers
-// of entries as workgroups of indirect dispatches. The order of the entries does not matter.
+// its list begins, the number of front faces, and the number of entries. A tile whose list has no room, or is longer than a
+// loop of the device can walk, becomes an entry for forward_long.comp: in the one list if it can be processed at once, else
+// in the other. A tile without entries becomes an entry for background.comp, unless the previous frame left the background
+// there, as `tile_marks` say. `tile_counts` holds the numbers of entries as workgroups of indirect dispatches. The order of
+// the entries does not matter.
 // Reads `bin_ranges`, `coarse_slots` and `coarse_words`; writes `tile_items`, `tile_counts`, `tile_slots`, `tile_marks`,
 // `status` and, for empty tiles, `tile_bounds`.
 
@@ -28,11 +30,27 @@ layout(set = 0, binding = 9, std430) writeonly buffer TileBounds { vec2 tile_bou
 #include "common/mesh.glsl"
 #include "common/pixel.glsl"
 
-// Writes a tile as entry `place` of one of the lists; the list of empty tiles begins behind the capacity of the other.
+// Writes a tile as entry `place` of one of the lists. Two of them begin at the two ends of each half of `tile_items`.
 void add_item(uint list, uint place, uvec4 item) {
     uint tiles = frame.view_count * frame.tiles_x * frame.tiles_y;
-    tile_items[(list == TILES_FILLED ? 0u : tiles) + place] = item;
-    atomicAdd(tile_counts[place / FORWARD_ROW * TILE_COUNT_WORDS + list], 1u);
+    bool from_end = list == TILES_WALKED || list == TILES_RESUMED;
+    uint half_end = list == TILES_FILLED || list == TILES_WALKED ? tiles : 2u * tiles;
+    tile_items[from_end ? half_end - 1u - place : half_end - tiles + place] = item;
+    uint rows = (tiles + FORWARD_ROW - 1u) / FORWARD_ROW;
+    uint row = list == TILES_RESUMED ? rows * TILE_COUNT_WORDS + 3u * (place / RESUMED_ROW)
+                                     : place / FORWARD_ROW * TILE_COUNT_WORDS + list;
+    atomicAdd(tile_counts[row], 1u);
+}
+
+// Adds a tile to the lists of those that forward_long.comp processes. `blocks` of the bin's words or of its bitmap's, at most
+// `live` of them with entries, hold at most `count` of the tile's.
+void add_walked(uint tile, uint blocks, uint live, uint count) {
+    uint passes = 3u * (WALK_GROUP_PASSES * (blocks / WORD_BITS + 1u) + live) + WALK_LIST_PASSES * (count / WORD_BITS + 2u);
+    if (passes <= LOOP_PASSES) {
+        add_item(TILES_WALKED, atomicAdd(status[STATUS_WALKED_TILES], 1u), uvec4(tile, 0u, 0u, 0u));
+    } else {
+        add_item(TILES_RESUMED, atomicAdd(status[STATUS_RESUMED_TILES], 1u), uvec4(tile, 0u, 0u, 0u));
+    }
 }
 
 // The number of front faces and of all entries in a tile's words. A block has 64 words, one a tile, and one that marks the
@@ -50,7 +68,7 @@ uvec2 count_entries(int words, int blocks) {
 }
 
 // Writes one tile's list: front faces from `next` on, back faces from `next_away` on. Returns whether it is complete: Mesa
-// 22.3 ends nested loops after 65535 passes in total.
+// 22.3 ends the loops of an invocation after 65535 passes in total.
 bool write_list(uint next, uint next_away, uint end, int first, int words, int blocks) {
     uint facing_end = next_away;
     uint lane = gl_LocalInvocationID.x;
@@ -76,37 +94,38 @@ void main() {
     uint lane = gl_LocalInvocationID.x;
     Shape shape = shape_of(view);
     uvec2 range = texelFetch(bin_ranges, shape.bin_base + int(index)).xy;
-    int first = int(range.x);
-    int entries = int(range.y);
+    bool listed = range.x != NO_LIST;
+    int first = listed ? int(range.x) : 0;
+    uint blocks = listed ? (range.y + WORD_BITS - 1u) / WORD_BITS : 0u;
+    bool counted = blocks < LOOP_PASSES;
     int words = first / int(WORD_BITS) * int(BLOCK_WORDS);
-    int blocks = (entries + int(WORD_BITS) - 1) / int(WORD_BITS);
-    uvec2 found = count_entries(words, blocks);
-    uint count = found.y;
+    uvec2 found = count_entries(words, counted ? int(blocks) : 0);
     uvec2 bin = uvec2(index % frame.bins_x, index / frame.bins_x);
     uvec2 at = bin * BIN_TILES + uvec2(lane % BIN_TILES, lane / BIN_TILES);
     bool exists = at.x < frame.tiles_x && at.y < frame.tiles_y;
-    count = exists ? count : 0u;
-    uint next = count == 0u ? 0u : atomicAdd(status[STATUS_LIST_NEEDED], count);
-    // A list that does not fit is left empty, as in bin_coarse.
-    count = next + count <= frame.list_capacity ? count : 0u;
-    if (exists) {
-        uint tile = (uint(view) * frame.tiles_y + at.y) * frame.tiles_x + at.x;
-        bool is_kept = shape.background_kept && tile_marks[tile] == MARK_BACKGROUND;
-        tile_marks[tile] = count == 0u ? MARK_BACKGROUND : 0u;
-        if (count > 0u) {
-            add_item(TILES_FILLED, atomicAdd(status[STATUS_FILLED_TILES], 1u), uvec4(tile, next, found.x, count));
-        } else if (!is_kept) {
-            add_item(TILES_EMPTY, atomicAdd(status[STATUS_EMPTY_TILES], 1u), uvec4(tile, 0u, 0u, 0u));
-            if (SAVE) {
-                tile_bounds[tile] = bounds_of(background_pixel());
-            }
-        }
-        if (count > LONG_LIST) {
-            atomicMax(status[STATUS_LONGEST_LIST], count);
-        }
+    uint count = exists ? found.y : 0u;
+    // Forward walks a list in less than LOOP_PASSES, and no list is so long that the sum of all could exceed 32 bits.
+    uint longest = min(LOOP_PASSES / WALK_LIST_PASSES * WORD_BITS, 0xffffffffu / (frame.view_count * frame.tiles_x * frame.tiles_y));
+    bool lists = count > 0u && count <= longest;
+    uint next = lists ? atomicAdd(status[STATUS_LIST_NEEDED], count) : 0u;
+    lists = lists && count <= frame.list_capacity && next <= frame.list_capacity - count;
+    bool whole = write_list(next, next + found.x, next + count, first, words, lists ? int(blocks) : 0);
+    if (!exists) {
+        return;
     }
-    bool whole = write_list(next, next + found.x, next + count, first, words, count == 0u ? 0 : blocks);
-    if (count > 0u && !whole) {
-        atomicMax(status[STATUS_LONGEST_LIST], range.y);
+    uint tile = (uint(view) * frame.tiles_y + at.y) * frame.tiles_x + at.x;
+    bool is_kept = shape.background_kept && tile_marks[tile] == MARK_BACKGROUND;
+    bool empty = listed && counted && count == 0u;
+    tile_marks[tile] = empty ? MARK_BACKGROUND : 0u;
+    if (lists && whole) {
+        add_item(TILES_FILLED, atomicAdd(status[STATUS_FILLED_TILES], 1u), uvec4(tile, next, found.x, count));
+    } else if (!empty) {
+        blocks = listed ? blocks : uint(shape.word_count);
+        add_walked(tile, blocks, min(blocks, range.y), listed && counted ? count : range.y);
+    } else if (!is_kept) {
+        add_item(TILES_EMPTY, atomicAdd(status[STATUS_EMPTY_TILES], 1u), uvec4(tile, 0u, 0u, 0u));
+        if (SAVE) {
+            tile_bounds[tile] = bounds_of(background_pixel());
+        }
     }
 }

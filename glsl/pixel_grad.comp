@@ -31,8 +31,6 @@ layout(set = 0, binding = 12, std430) writeonly buffer Status { uint status_word
 #include "common/gradient_modes.glsl"
 #include "common/frame.glsl"
 #include "common/mesh.glsl"
-#include "common/whole.glsl"
-#include "common/status.glsl"
 
 // Number of triangles by which SILHOUETTE_SUM divides.
 float count_of(int view) {
@@ -150,7 +148,7 @@ void main() {
         }
     }
     if (GRAD_BACKGROUND) {
-        bool whole = frame_is_whole();
+        bool whole = texelFetch(status, int(STATUS_NOT_FINITE)).x == 0u;
         if (at == 0) {
             status_words[STATUS_WHOLE] = whole ? 1u : 0u;
         }

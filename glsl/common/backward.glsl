@@ -13,7 +13,11 @@ layout(set = 0, binding = 2) uniform samplerBuffer shading;
 layout(set = 0, binding = 3) uniform usamplerBuffer textures;
 layout(set = 0, binding = 4) uniform samplerBuffer texels;
 layout(set = 0, binding = 5) uniform samplerBuffer pixel_gradients;
+#ifdef LONG
+layout(set = 0, binding = 6, std430) buffer Partials { vec4 partials[]; };
+#else
 layout(set = 0, binding = 6, std430) writeonly buffer Partials { vec4 partials[]; };
+#endif
 layout(set = 0, binding = 7, std430) buffer TexelSums { uint texel_sums[]; };
 layout(set = 0, binding = 8) uniform usamplerBuffer item_counts;
 
@@ -29,7 +33,10 @@ layout(set = 0, binding = 8) uniform usamplerBuffer item_counts;
 #include "common/item.glsl"
 #include "common/pair_gradient.glsl"
 
-#ifdef OUTLINE
+#if defined(LONG)
+// As below, for the item at hand (backward_long.comp).
+bool SHOWS;
+#elif defined(OUTLINE)
 // The items' triangles contribute to the silhouette only.
 const bool SHOWS = false;
 #else
@@ -40,9 +47,14 @@ const bool SHOWS = UP_SHADED;
 // dependent operations overlap.
 const int PAIRS = 2;
 
-// Lanes that share an item.
+// Lanes that share an item, and the pixels that they take at a time.
+#ifdef LONG
+int WALKERS;
+int STEP;
+#else
 const int WALKERS = SMALL ? 1 : int(gl_WorkGroupSize.x);
 const int STEP = PAIRS * WALKERS;
+#endif
 
 // The pixels of an item, row by row.
 struct Walk {
@@ -247,8 +259,11 @@ void add_turn(Triangle t, Ends ends, inout Sums s) {
 }
 
 void put(bool writes, int at, vec4 value) {
-    vec4 sum = SMALL ? value : sum_of_lanes(value);
+    vec4 sum = WALKERS == 1 ? value : sum_of_lanes(value);
     if (writes) {
+#ifdef LONG
+        sum += partials[at];
+#endif
         partials[at] = sum;
     }
 }
@@ -276,6 +291,7 @@ void write_sums(Sums s, Corner c, bool writes, int item) {
     }
 }
 
+#ifndef LONG
 // Index in `items` of this lane's item. A row holds its items from the front and its small items from the end, in reverse
 // order. A lane past the last small item takes the last one again with `exists` false.
 int place_of_item(out bool exists) {
@@ -334,3 +350,4 @@ void main() {
     add_turn(t, ends, s);
     write_sums(s, c, exists && lane == 0, item.index);
 }
+#endif

@@ -18,13 +18,34 @@ const uint LINEAR_GROUP = 64u;
 const uint TILES_FILLED = 0u;
 // Word of `tile_counts` where the three workgroup counts for a row of tiles that need the background begin.
 const uint TILES_EMPTY = 3u;
+// Word of `tile_counts` where those for a row of tiles that forward_long processes at once begin.
+const uint TILES_WALKED = 6u;
 // Words of `tile_counts` for each row of FORWARD_ROW tiles.
-const uint TILE_COUNT_WORDS = 6u;
+const uint TILE_COUNT_WORDS = 9u;
+// The tiles that forward_long processes in several turns; their counts, three for each row, lie behind all other rows.
+const uint TILES_RESUMED = 9u;
+// Tiles of a row of those, for each of which `walk_state` has an entry.
+const uint RESUMED_ROW = 4096u;
 // Triangles in one word of a bin's bitmap.
 const uint WORD_BITS = 32u;
 // Words of a block of WORD_BITS entries of a bin's list: a mask for each tile of the entries that may touch it, and a mask
 // of the back faces.
 const uint BLOCK_WORDS = 65u;
+
+// First word of an entry of `bin_ranges` whose bin has no list, because there was no room for it.
+const uint NO_LIST = 0xffffffffu;
+// Entries that forward_long has room for: those of WORD_BITS blocks, and less than two words more.
+const uint WALK_WINDOW = 1088u;
+// Words of an entry of `walk_state`: twelve for each of 32 pixels, 32 entries, and where the walk stands.
+const uint WALK_STATE_WORDS = 420u;
+// Passes of loops that WORD_BITS blocks take beyond one for each with entries.
+const uint WALK_GROUP_PASSES = 8u;
+// Passes of loops that WORD_BITS entries of a list take.
+const uint WALK_LIST_PASSES = 38u;
+// The most passes that a group of WORD_BITS blocks takes, with the entries that it completes.
+const uint WALK_MOST_PASSES = 1300u;
+// Value of frame.number where forward_long processes its tiles at once.
+const uint ONE_TURN = 0xffffffffu;
 
 // Value in `tile_marks`: the tile's pixels hold the background.
 const uint MARK_BACKGROUND = 1u;
@@ -114,11 +135,8 @@ const uint STATUS_COARSE_NEEDED = 0u;
 const uint STATUS_LIST_NEEDED = 1u;
 // Word of `status`: not 0 when a projected vertex is not finite.
 const uint STATUS_NOT_FINITE = 2u;
-// Word of `status`: length of the longest tile list if it exceeds LONG_LIST. A bin whose lists a software device failed to
-// write reports the number of its entries here.
-const uint STATUS_LONGEST_LIST = 3u;
-// Entries of a tile's list above which its length is reported.
-const uint LONG_LIST = 16384u;
+// Word of `status`: tiles that forward_long processes at once.
+const uint STATUS_WALKED_TILES = 3u;
 // Word of `status`: cells that large pixel boxes need beyond their first.
 const uint STATUS_CELLS_NEEDED = 4u;
 // Word of `status`: tiles that have a list.
@@ -126,10 +144,12 @@ const uint STATUS_FILLED_TILES = 5u;
 // Word of `status`: tiles that received the background.
 const uint STATUS_EMPTY_TILES = 6u;
 // Word of `status`: 1 once a backward pass has found its frame complete, so that its gradients may be used; 0 before that and
-// for a frame whose lists had too little room. All gradients of such a frame are zero.
+// for a frame with a vertex that is not finite. All gradients of such a frame are zero.
 const uint STATUS_WHOLE = 7u;
+// Word of `status`: tiles that forward_long processes in several turns.
+const uint STATUS_RESUMED_TILES = 8u;
 // Number of words of `status`.
-const uint STATUS_WORDS = 8u;
+const uint STATUS_WORDS = 9u;
 
 // Bit of GRADIENTS, the gradients that backward computes: by the vertices' positions on the image, from which those by world
 // positions and the camera follow.
@@ -166,8 +186,14 @@ const uint ITEMS_OUTLINE = 3u;
 const uint ITEMS_SMALL = 6u;
 // Offset from a list's workgroup counts to the number of its small items.
 const uint ITEMS_SMALL_NUMBER = 12u;
+// Word of `item_counts` where those of records whose further cells found no room begin.
+const uint ITEMS_LONG = 18u;
 // Words of `item_counts` for each row of FORWARD_ROW items.
-const uint ITEM_COUNT_WORDS = 18u;
+const uint ITEM_COUNT_WORDS = 21u;
+// First word of an entry of `cells` that is part of no record's.
+const uint NO_RECORD = 0xffffffffu;
+// Cells of a record that one turn of backward_long processes. With one lane a cell takes 1106 passes of loops.
+const uint CELLS_PER_TURN = 48u;
 // Pixels of the largest small item, which one lane processes alone, times the lanes of a workgroup: 256 pixels with eight
 // lanes, 64 with 32 lanes, the rest of which would wait for the longest item.
 const uint SMALL_WORK = 2048u;
@@ -233,13 +259,13 @@ const uint FIT_BETTER = 2u;
 const uint FIT_LEAST = 3u;
 // Number of words of `fit_state`.
 const uint FIT_STATE_WORDS = 4u;
-// Bit of FIT_HALTED: a frame's lists had too little room, or a vertex was not finite.
+// Bit of FIT_HALTED: a vertex was not finite.
 const uint HALT_FRAME = 1u;
 // Bit of FIT_HALTED: a vertex left the box that the frame was planned for.
 const uint HALT_OUTSIDE = 2u;
 
 // Number of words of a step's record.
-const uint RECORD_WORDS = 16u;
+const uint RECORD_WORDS = 17u;
 // Word of a step's record: the first of the four regularisers' values. The total loss, the silhouette loss and the colour
 // loss lie before it.
 const uint RECORD_PENALTIES = 3u;

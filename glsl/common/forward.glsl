@@ -9,7 +9,9 @@ layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 0) uniform usamplerBuffer view_shapes;
 layout(set = 0, binding = 1) uniform usamplerBuffer tile_items;
+#ifndef WALKED
 layout(set = 0, binding = 2) uniform usamplerBuffer tile_slots;
+#endif
 layout(set = 0, binding = 3) uniform samplerBuffer geometry;
 layout(set = 0, binding = 4) uniform samplerBuffer shading;
 layout(set = 0, binding = 5) uniform usamplerBuffer textures;
@@ -34,6 +36,20 @@ layout(set = 0, binding = 13) uniform isamplerBuffer boxes;
 #include "common/pixel.glsl"
 #include "common/hidden.glsl"
 #include "common/images.glsl"
+
+#ifdef WALKED
+// The entries at hand of a list that is nowhere in memory (forward_long.comp).
+shared uint entries[WALK_WINDOW];
+#endif
+
+// The record index of an entry of the tile's list.
+int entry_at(int at) {
+#ifdef WALKED
+    return int(entries[at]);
+#else
+    return int(texelFetch(tile_slots, at).x);
+#endif
+}
 
 const int TILE_PIXELS = int(TILE_WIDTH * TILE_HEIGHT);
 const int PIXELS = TILE_PIXELS / int(gl_WorkGroupSize.x);
@@ -214,14 +230,14 @@ uint shown_of(int from, int end, float least) {
     for (uint i = 0u; i < WORD_BITS; i += gl_WorkGroupSize.x) {
         uint bit = i + gl_LocalInvocationID.x;
         int at = min(from + int(bit), end - 1);
-        shown |= is_hidden(largest_weight(int(texelFetch(tile_slots, at).x)), least) ? 0u : 1u << bit;
+        shown |= is_hidden(largest_weight(entry_at(at)), least) ? 0u : 1u << bit;
     }
     return bits_of_lanes(shown);
 }
 
 // The record index of the lowest bit's entry, or of the first entry if there is no bit.
 int slot_of_lowest(int from, uint bits) {
-    return int(texelFetch(tile_slots, from + max(findLSB(bits), 0)).x);
+    return entry_at(from + max(findLSB(bits), 0));
 }
 
 // Adds the entries of a word's bits. It reads one record ahead, because the records of a large mesh miss the cache. The loop
@@ -242,39 +258,27 @@ void gather_word(int from, uint bits, bool shows, Lane lane, inout Pixel pixels[
     } while (bits != 0u);
 }
 
-// Adds a list word by word, because what is hidden depends on the entries before. Front faces fill words of their own.
-void gather_list(int from, int facing_end, int end, Lane lane, inout Pixel pixels[PIXELS]) {
-    // The share of one entry, so that all hidden entries together are negligible.
-    float share = log2(float(end - from));
-    do {
-        int stop = min(from + int(WORD_BITS), from < facing_end ? facing_end : end);
-        uint all = 0xffffffffu >> uint(from + int(WORD_BITS) - stop);
-        vec2 bounds = bounds_of_tile(pixels);
-        bool saturated = !WANT_SILHOUETTE || bounds.y <= exp2(NEXT_TO_NOTHING);
-        uint shown = all;
-        // The silhouette of a triangle that crosses the far plane depends on its depths, which only `gather` computes.
-        if (PARTED && (DEPTH_RANGE != DEPTH_RANGE_FAR || saturated)) {
-            shown &= shown_of(from, stop, bounds.x - share);
-        }
-        gather_word(from, shown, true, lane, pixels);
-        if (PARTED && WANT_SILHOUETTE) {
-            gather_word(from, saturated ? 0u : all & ~shown, false, lane, pixels);
-        }
-        from = !SHADED && saturated ? end : stop;
-    } while (from < end);
+// Adds up to WORD_BITS entries, all of them front faces or all back faces; what is hidden among them depends on the entries
+// before. `share` is log2 of the list's length: the share of one entry, so that all hidden entries together are negligible.
+// Returns whether the entries after these can be left out.
+bool gather_entries(int from, int stop, float share, Lane lane, inout Pixel pixels[PIXELS]) {
+    uint all = 0xffffffffu >> uint(from + int(WORD_BITS) - stop);
+    vec2 bounds = bounds_of_tile(pixels);
+    bool saturated = !WANT_SILHOUETTE || bounds.y <= exp2(NEXT_TO_NOTHING);
+    uint shown = all;
+    // The silhouette of a triangle that crosses the far plane depends on its depths, which only `gather` computes.
+    if (PARTED && (DEPTH_RANGE != DEPTH_RANGE_FAR || saturated)) {
+        shown &= shown_of(from, stop, bounds.x - share);
+    }
+    gather_word(from, shown, true, lane, pixels);
+    if (PARTED && WANT_SILHOUETTE) {
+        gather_word(from, saturated ? 0u : all & ~shown, false, lane, pixels);
+    }
+    return !SHADED && saturated;
 }
 
-void main() {
-    ivec4 item = ivec4(texelFetch(tile_items, int(frame.first + gl_WorkGroupID.x)));
-    TilePlace tile = tile_place(item.x);
-    int lane = int(gl_LocalInvocationID.x);
-    ivec2 mine = tile.corner + ivec2(lane % int(TILE_WIDTH), lane / int(TILE_WIDTH));
-    Pixel pixels[PIXELS];
-    for (int i = 0; i < PIXELS; ++i) {
-        pixels[i] = background_pixel();
-    }
-    Lane constant = Lane(vec2(mine), frame.radius_squared, frame.scale, 1.0 / frame.score_high);
-    gather_list(item.y, item.y + item.z, item.y + item.w, constant, pixels);
+// Writes a tile's finished pixels: the images and what backward needs.
+void write_tile(TilePlace tile, int number, ivec2 mine, Pixel pixels[PIXELS]) {
     int triangle_count = shape_of(tile.view).triangle_count;
     for (int i = 0; i < PIXELS; ++i) {
         int index = i * int(gl_WorkGroupSize.x);
@@ -289,8 +293,33 @@ void main() {
     }
     if (SAVE) {
         vec2 bounds = bounds_of_tile(pixels);
-        if (lane == 0) {
-            tile_bounds[item.x] = bounds;
+        if (gl_LocalInvocationID.x == 0u) {
+            tile_bounds[number] = bounds;
         }
     }
 }
+
+#ifndef WALKED
+// Adds a list word by word. Front faces fill words of their own.
+void gather_list(int from, int facing_end, int end, Lane lane, inout Pixel pixels[PIXELS]) {
+    float share = log2(float(end - from));
+    do {
+        int stop = min(from + int(WORD_BITS), from < facing_end ? facing_end : end);
+        from = gather_entries(from, stop, share, lane, pixels) ? end : stop;
+    } while (from < end);
+}
+
+void main() {
+    ivec4 item = ivec4(texelFetch(tile_items, int(frame.first + gl_WorkGroupID.x)));
+    TilePlace tile = tile_place(item.x);
+    int lane = int(gl_LocalInvocationID.x);
+    ivec2 mine = tile.corner + ivec2(lane % int(TILE_WIDTH), lane / int(TILE_WIDTH));
+    Pixel pixels[PIXELS];
+    for (int i = 0; i < PIXELS; ++i) {
+        pixels[i] = background_pixel();
+    }
+    Lane constant = Lane(vec2(mine), frame.radius_squared, frame.scale, 1.0 / frame.score_high);
+    gather_list(item.y, item.y + item.z, item.y + item.w, constant, pixels);
+    write_tile(tile, item.x, mine, pixels);
+}
+#endif

@@ -17,6 +17,8 @@ layout(constant_id = 13) const bool FRONT_ONLY = false;
 layout(constant_id = 14) const bool CLOCKWISE_FRONT = false;
 layout(constant_id = 15) const bool OFFICIAL = false;
 layout(constant_id = 16) const bool DISTORTED = false;
+// Passes of all loops of an invocation together that the device is trusted with.
+layout(constant_id = 17) const uint LOOP_PASSES = 60000;
 
 // In constant expressions choices and logic are sums and products, because glslang compiles ?:, && and || to branches, which
 // cannot stand outside a function.

@@ -110,8 +110,8 @@ modes! {
         gradients = "GRADIENTS",
         /// 1: the paper's gradient.
         paper = "PAPER",
-        /// The longest list of triangles that a loop can walk on this device.
-        longest_list = "LONGEST_LIST",
+        /// Passes of all loops of an invocation together that the device is trusted with.
+        loop_passes = "LOOP_PASSES",
     }
 }
 
@@ -163,6 +163,7 @@ impl Modes {
             clockwise_front: u32::from(s.front_face == FrontFace::Clockwise),
             official: u32::from(official),
             distorted: u32::from(input.distorted),
+            loop_passes: input.loop_passes,
             ..Self::default()
         }
     }
