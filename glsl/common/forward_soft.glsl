@@ -60,9 +60,9 @@ void add_silhouette(Distance d[PIXELS], inout Transmittance w[PIXELS]) {
     }
 }
 
-// 2^x of a whole-numbered x of at most 0, by its bits; 2^-126 for a smaller one.
+// 2^x of a whole-numbered x of at most 0, by its bits; 0 below -126.
 float power_of_two(float x) {
-    return intBitsToFloat((int(greater(x, -126.0)) + 127) << 23);
+    return intBitsToFloat((int(greater(x, -127.0)) + 127) << 23);
 }
 
 // Adds D exp(ζ/γ) and its products with colour, depth and normal to the sums of eq. 2 and 3. They are relative to a whole
