@@ -1,8 +1,8 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 // Bin, coarse: turns each bin's bitmap into its list of record indices in ascending order, and the tiles that each entry may
-// touch into masks: 32 entries at a time give one word for each of the 64 tiles, a bit for each entry, and two last words that
-// mark the back faces and the thin triangles.
+// touch into masks: 32 entries at a time give one word for each of the 64 tiles, a bit for each entry, and two last words
+// that mark the back faces and the thin triangles.
 // One workgroup a bin, views along y. First each lane compacts a run of the bitmap's words, so that the list keeps their
 // order; then each takes blocks of 32 entries. The position of a list in memory comes from an atomic counter and may differ
 // between runs; its content and order do not.
@@ -51,8 +51,8 @@ struct Mask {
     bool thin;
 };
 
-// Whether the least of a triangle's heights is so small that rounding could change which of its edges is the nearest: rounding
-// adds some 1e-7 of the distances within the culling radius, a hundredth of what is asked here.
+// Whether the least of a triangle's heights is so small that rounding could change which of its edges is the nearest:
+// rounding adds some 1e-7 of the distances within the culling radius, a hundredth of what is asked here.
 bool is_thin(vec3 half_length, vec3 inverse_height) {
     float least = min(inverse_height.x, min(inverse_height.y, inverse_height.z));
     float most = max(inverse_height.x, max(inverse_height.y, inverse_height.z));

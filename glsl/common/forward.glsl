@@ -1,7 +1,7 @@
-// Forward in any mode; in frames of the soft model, which forward_soft.glsl serves, it writes only the tiles with a triangle
-// too thin for that kernel again. Every pixel sums over its tile's list, in the list's order: the silhouette as a product of complements (eq. 5),
-// colour, depth and normal as a softmax by depth with a running maximum (eq. 2 and 3). Entries hidden across the whole tile
-// contribute to the silhouette only; if the tile is already saturated they are skipped.
+// Forward in any mode; in frames of the soft model, which forward_soft.glsl serves, it writes again the tiles with a triangle
+// too thin for that kernel. Every pixel sums over its tile's list, in the list's order: the silhouette as a product of
+// complements (eq. 5), colour, depth and normal as a softmax by depth with a running maximum (eq. 2 and 3). Entries hidden
+// across the whole tile contribute to the silhouette only; if the tile is already saturated they are skipped.
 // One workgroup a tile of 8×4 pixels that has a list, each lane 32 / lanes of them; background.comp writes the other tiles.
 // Reads `tile_items`, `tile_slots` and the records; writes the images and, for backward, `saved` (kept_of in pixel.glsl) and
 // `tile_bounds`.

@@ -70,7 +70,7 @@ struct Place {
 // d² of eq. 1 and its sign. `q` is the pixel relative to the record's origin.
 Place place_at(Triangle t, vec2 q, float radius_squared, float scale) {
     Place p;
-    // The brackets are those of row_part in forward_soft.glsl: backward must find the very weights that forward has summed.
+    // The brackets are those of row_part in entry.glsl: backward must find the very weights that forward has summed.
     p.height = vec3(t.line0.x * q.x + (t.line0.y * q.y + t.line0.z), t.line1.x * q.x + (t.line1.y * q.y + t.line1.z),
                     t.line2.x * q.x + (t.line2.y * q.y + t.line2.z));
     float lowest = lesser(p.height.x, lesser(p.height.y, p.height.z));
