@@ -74,6 +74,47 @@ fn without_background_a_picture_is_transparent_and_with_one_it_is_opaque() {
     assert_eq!(picture(&folder.path().join("raw.png")).get_pixel(0, 0).0, [128, 128, 128, 255]);
 }
 
+/// Whether a pixel and all others within three pixels of it are covered.
+fn is_inside(covered: &RgbaImage, column: u32, row: u32) -> bool {
+    let around = |at: u32, end: u32| at.saturating_sub(3)..(at + 4).min(end);
+    around(row, covered.height()).all(|r| around(column, covered.width()).all(|c| covered.get_pixel(c, r).0[0] > 127))
+}
+
+#[test]
+fn closed_meshes_are_opaque_inside_unless_the_models_values_are_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let drawn = |mesh: &str, extra: &[&str]| {
+        succeeds(folder.path(), &[&["render", mesh, "-o", "a.png"], extra].concat());
+        picture(&folder.path().join("a.png"))
+    };
+    for (name, size) in [("fish", "256"), ("torus", "201x255"), ("icosphere", "128"), ("cube", "255")] {
+        let mesh = format!("{name}.obj");
+        succeeds(folder.path(), &["mesh", name, "-o", &mesh]);
+        let extra = ["--size", size, "--samples", "1", "--output", "silhouette", "--silhouette-mode", "hard"];
+        let covered = drawn(&mesh, &extra);
+        let solid = drawn(&mesh, &["--size", size]);
+        let inside: Vec<(u32, u32)> =
+            covered.enumerate_pixels().map(|(c, r, _)| (c, r)).filter(|(c, r)| is_inside(&covered, *c, *r)).collect();
+        assert!(inside.len() > 3000, "{name}: {}", inside.len());
+        let below = |picture: &RgbaImage| inside.iter().filter(|(c, r)| picture.get_pixel(*c, *r).0[3] < 255).count();
+        assert_eq!(below(&solid), 0, "{name}");
+        // The outline stays soft, and colours are those of the model.
+        assert!(solid.pixels().filter(|p| (1..255).contains(&p.0[3])).count() > 200, "{name}");
+        for option in [&["--alpha", "model"][..], &["--raw"]] {
+            assert!(below(&drawn(&mesh, &[&["--size", size], option].concat())) > 50, "{name} {option:?}");
+        }
+        let model = drawn(&mesh, &["--size", size, "--alpha", "model"]);
+        let grounded = drawn(&mesh, &["--size", size, "--background", "#000080"]);
+        for (c, r) in inside {
+            let [a, b, d] = [&solid, &model, &grounded].map(|picture| picture.get_pixel(c, r).0);
+            // Samples of the model count by their alpha.
+            assert!((0..3).all(|k| a[k].abs_diff(b[k]) <= 12 && a[k].abs_diff(d[k]) <= 1), "{name} {a:?} {b:?} {d:?}");
+        }
+    }
+    let sum = ["render", "cube.obj", "-o", "a.png", "--alpha", "solid", "--silhouette-mode", "sum"];
+    fails(folder.path(), &sum, 2, &["--silhouette-mode product"]);
+}
+
 #[test]
 fn exr_and_npy_hold_the_same_numbers() {
     let folder = compass();

@@ -16,7 +16,8 @@ Examples:
 
 Files, by their ending:
   .png  8 bit; colour as sRGB with straight alpha, opaque with --background; depth from white
-        (nearest) to black; normals as (n + 1) / 2 in camera axes right, up, towards the viewer
+        (nearest) to black; normals as (n + 1) / 2 in camera axes right, up, towards the viewer;
+        surfaces are opaque inside, their outlines are soft (--alpha model: the model's values)
   .exr  32-bit float, the model's values: linear RGBA premultiplied by alpha, RGB with
         --background; depth (Z), silhouette (Y), world-space normals (RGB)
   .npy  float32 [H, W, C], row 0 at the top; values as in .exr
@@ -48,6 +49,11 @@ pub struct RenderArgs {
     pub camera: CameraArgs,
     #[command(flatten)]
     pub look: LookArgs,
+    /// The alpha of .png and .gif files. solid: 1 inside of surfaces, soft at their outlines; model: the model's own values,
+    /// which are below 1 at the edges between triangles, as in .exr and .npy files [default: solid; model with --raw,
+    /// --sigma, --blur, a sweep of these, and for modes other than the defaults]
+    #[arg(long, value_enum, help_heading = "Picture")]
+    pub alpha: Option<Alpha>,
     #[command(flatten)]
     pub light: LightArgs,
     /// With smooth shading, keep edges at which the surface bends by more than this many degrees; 180 keeps none
@@ -194,6 +200,15 @@ pub struct ModeArgs {
     /// Interpolation of colours over a triangle: affine on the screen, as in the paper, or perspective-correct
     #[arg(long, value_enum, default_value = "perspective")]
     pub interpolation: Interpolation,
+}
+
+/// What the alpha of a picture is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Alpha {
+    /// 1 inside of surfaces
+    Solid,
+    /// The model's silhouette
+    Model,
 }
 
 /// One kind of image.

@@ -1,7 +1,8 @@
 //! Converts the arguments of `softras render` to [`Settings`].
 
-use super::args::{LookArgs, ModeArgs, Output};
+use super::args::{Alpha, BackgroundMode, DistanceMode, LookArgs, ModeArgs, Output, RenderArgs, SilhouetteMode};
 use super::framing::View;
+use crate::commands::Failure;
 use crate::commands::parse::Swept;
 use softras::Settings;
 use softras::scene::Outputs;
@@ -56,6 +57,33 @@ pub fn settings(
         Some(pixels) => settings.with_blur_pixels(pixels * rendered),
         None => settings,
     }
+}
+
+/// Whether alpha is 1 inside of surfaces in pictures: unless the softness of edges or the model's own values were asked for.
+pub fn is_solid(args: &RenderArgs) -> bool {
+    let look = &args.look;
+    let swept = args.sweep.is_some_and(|s| matches!(s.swept, Swept::Sigma | Swept::Blur));
+    let asked_soft = look.raw || look.sigma.is_some() || look.blur.is_some() || swept;
+    args.alpha.map_or(has_usual_modes(args) && !asked_soft, |alpha| alpha == Alpha::Solid)
+}
+
+/// Whether the silhouette is the one whose least value inside of a surface is known, and colour fades with it.
+fn has_usual_modes(args: &RenderArgs) -> bool {
+    args.modes.silhouette_mode == SilhouetteMode::Product
+        && args.modes.distance_mode == DistanceMode::Euclidean
+        && args.look.background_mode == BackgroundMode::Composite
+}
+
+/// Refuses to make alpha solid in modes in which that is not known how.
+///
+/// # Errors
+/// [`Failure::Usage`] naming the modes.
+pub fn validate_alpha(args: &RenderArgs) -> Result<(), Failure> {
+    if args.alpha == Some(Alpha::Solid) && !has_usual_modes(args) {
+        let needs = "needs --silhouette-mode product, --distance-mode euclidean and --background-mode composite";
+        return Err(Failure::Usage(format!("--alpha solid: {needs}")));
+    }
+    Ok(())
 }
 
 /// The images to render. The silhouette is always one of them: it is the alpha of every picture.

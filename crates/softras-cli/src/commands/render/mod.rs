@@ -11,6 +11,7 @@ pub mod look;
 pub mod picture;
 mod report;
 pub mod sheet;
+mod solid;
 
 use super::outputs::Outputs;
 use super::progress::Progress;
@@ -29,6 +30,7 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let targets = targets(args)?;
     let outputs = Outputs::new(targets.iter().map(|target| &target.path), [])?;
     let samples = samples(args, &targets)?;
+    look::validate_alpha(args)?;
     let start = Instant::now();
     let loaded = args.read.read(&args.mesh, !args.look.raw, &outputs)?;
     let mut notes = loaded.notes;
@@ -174,6 +176,7 @@ impl<'a> Stage<'a> {
         let (curve, transparent) = (args.look.curve(), args.look.background.is_none());
         self.scene.lights = framing::lights(&args.light, curve, &view)?;
         let frame = self.renderer.render(&self.scene, &[view.camera()?], &settings)?;
-        Ok(Shot { frame, view, settings, samples: self.samples as usize, curve, transparent })
+        let is_solid = look::is_solid(args);
+        Ok(Shot { frame, view, settings, samples: self.samples as usize, curve, transparent, is_solid })
     }
 }

@@ -2,6 +2,7 @@
 
 use super::args::Output;
 use super::framing::View;
+use super::solid::solid;
 use crate::commands::color::Curve;
 use softras::scene::{Background, ColorAggregation};
 use softras::{Frame, Image, Result, Settings};
@@ -21,6 +22,8 @@ pub struct Shot {
     pub samples: usize,
     /// Whether no background was given, so that colour has an alpha channel.
     pub transparent: bool,
+    /// Whether alpha is 1 inside of surfaces in pictures.
+    pub is_solid: bool,
 }
 
 /// 8-bit RGBA, straight alpha, row 0 at the top.
@@ -82,8 +85,10 @@ impl Shot {
         let (image, alpha) = (self.image(output)?, self.image(Output::Silhouette)?);
         let (width, height) = (image.width / self.samples, image.height / self.samples);
         let axes = self.view.camera()?.view().map(|row| [row[0], row[1], row[2]]);
+        let solid = self.is_solid.then(|| solid(alpha));
+        let samples = Samples { image, model: alpha.view(0), alpha: solid.as_deref().unwrap_or(alpha.view(0)) };
         let pixels = (0..width * height).map(|i| {
-            let mean = self.mean(output, image, alpha, (i / width, i % width));
+            let mean = self.mean(output, &samples, (i / width, i % width));
             match output {
                 Output::Color => self.color_pixel(&mean),
                 Output::Silhouette => [byte(mean.alpha), byte(mean.alpha), byte(mean.alpha), 255],
@@ -95,17 +100,28 @@ impl Shot {
         Ok(Picture { width, height, pixels })
     }
 
-    /// Averages the samples of one pixel of the picture.
-    fn mean(&self, output: Output, image: &Image, alpha: &Image, (row, column): (usize, usize)) -> Mean {
+    /// Averages the samples of one pixel of the picture. Values that the model has multiplied by its alpha, or blended with
+    /// the background by it, are converted to the alpha of the picture.
+    fn mean(&self, output: Output, samples: &Samples<'_>, (row, column): (usize, usize)) -> Mean {
         let n = self.samples;
         let premultiplied = self.premultiplied(output);
         let (mut plain, mut weighted, mut coverage) = ([0.0; 3], [0.0; 3], 0.0);
         for sample in 0..n * n {
             let (r, c) = (row * n + sample / n, column * n + sample % n);
-            let a = f64::from(alpha.pixel(0, r, c)[0]);
-            for (k, &value) in image.pixel(0, r, c).iter().take(3).enumerate() {
-                plain[k] += f64::from(value);
-                weighted[k] += f64::from(value) * if premultiplied { 1.0 } else { a };
+            let at = r * samples.image.width + c;
+            let (model, a) = (f64::from(samples.model[at]), f64::from(samples.alpha[at]));
+            for (k, &value) in samples.image.pixel(0, r, c).iter().take(3).enumerate() {
+                let (value, ground) = (f64::from(value), self.settings.background_color[k]);
+                let is_other = premultiplied && a != model;
+                plain[k] +=
+                    if is_other { ground + (value - ground * (1.0 - model)) / model * a - ground * a } else { value };
+                weighted[k] += if is_other {
+                    value / model * a
+                } else if premultiplied {
+                    value
+                } else {
+                    value * a
+                };
             }
             coverage += a;
         }
@@ -134,6 +150,15 @@ impl Shot {
         let channels = if with_alpha { 4 } else { image.channels };
         Ok(Floats { width: image.width, height: image.height, channels, data })
     }
+}
+
+/// The images of a frame.
+struct Samples<'a> {
+    image: &'a Image,
+    /// The model's silhouette.
+    model: &'a [f32],
+    /// The alpha that the picture has.
+    alpha: &'a [f32],
 }
 
 /// The samples of one pixel of a picture.
