@@ -87,7 +87,9 @@ fn closed_meshes_are_opaque_inside_unless_the_models_values_are_asked_for() {
         succeeds(folder.path(), &[&["render", mesh, "-o", "a.png"], extra].concat());
         picture(&folder.path().join("a.png"))
     };
-    for (name, size) in [("fish", "256"), ("torus", "201x255"), ("icosphere", "128"), ("cube", "255")] {
+    // With how many inner pixels are below 255 by the model, at least; a cube's far faces cover almost all of its edges.
+    let meshes = [("fish", "256", 1000), ("torus", "201x255", 1000), ("icosphere", "128", 300), ("cube", "255", 1)];
+    for (name, size, least) in meshes {
         let mesh = format!("{name}.obj");
         succeeds(folder.path(), &["mesh", name, "-o", &mesh]);
         let extra = ["--size", size, "--samples", "1", "--output", "silhouette", "--silhouette-mode", "hard"];
@@ -101,7 +103,7 @@ fn closed_meshes_are_opaque_inside_unless_the_models_values_are_asked_for() {
         // The outline stays soft, and colours are those of the model.
         assert!(solid.pixels().filter(|p| (1..255).contains(&p.0[3])).count() > 200, "{name}");
         for option in [&["--alpha", "model"][..], &["--raw"]] {
-            assert!(below(&drawn(&mesh, &[&["--size", size], option].concat())) > 50, "{name} {option:?}");
+            assert!(below(&drawn(&mesh, &[&["--size", size], option].concat())) >= least, "{name} {option:?}");
         }
         let model = drawn(&mesh, &["--size", size, "--alpha", "model"]);
         let grounded = drawn(&mesh, &["--size", size, "--background", "#000080"]);
