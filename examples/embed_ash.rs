@@ -146,8 +146,10 @@ pub fn run(path: Option<&Path>, validation: bool) -> Outcome<Report> {
         let commands = flight.commands.begin()?;
         // The frame that used this workspace before is done, so its status can be read without a wait.
         let readback = flight.soft.readback.bytes();
-        if step >= IN_FLIGHT && flight.soft.pass.status(readback)? != PassStatus::Whole {
-            return Err("the lists were too small: rebind a plan with the capacity that the status tells".into());
+        if step == IN_FLIGHT
+            && let PassStatus::Grow(capacity) = flight.soft.pass.status(readback)?
+        {
+            println!("a plan with {capacity:?} would be faster");
         }
         record(&engine, &shared, flight, commands)?;
         engine.submit(&flight.commands)?;

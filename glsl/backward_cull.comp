@@ -5,8 +5,9 @@
 // its gradient is 0.
 // One invocation an item. Reads `boxes`, `cells`, the records and `tile_bounds`; writes the lists `shown_items` and
 // `outline_items`, their lengths as workgroups of indirect dispatches in `item_counts`, and zeros to the `partials` of items
-// on neither list; of a frame that is not complete all items are on neither. Writes to `status` whether it is complete.
-// The order of the lists does not matter: every item has its own entry of `partials`.
+// on neither list; of a frame with a vertex that is not finite all items are on neither. Writes to `status` whether the
+// frame is complete. The order of the lists does not matter: every item has its own entry of `partials`. The records whose
+// further cells found no room are listed in `long_records`, for backward_long.comp.
 
 layout(local_size_x = 64) in;
 
@@ -21,6 +22,8 @@ layout(set = 0, binding = 7, std430) writeonly buffer OutlineItems { uvec4 outli
 layout(set = 0, binding = 8, std430) buffer ItemCounts { uint item_counts[]; };
 layout(set = 0, binding = 9, std430) writeonly buffer Partials { vec4 partials[]; };
 layout(set = 0, binding = 10, std430) writeonly buffer Status { uint status_words[]; };
+layout(set = 0, binding = 11) uniform usamplerBuffer cell_ranges;
+layout(set = 0, binding = 12, std430) writeonly buffer LongRecords { uint long_records[]; };
 
 #include "common/constants.glsl"
 #include "common/modes.glsl"
@@ -29,35 +32,10 @@ layout(set = 0, binding = 10, std430) writeonly buffer Status { uint status_word
 #include "common/mesh.glsl"
 #include "common/item.glsl"
 #include "common/hidden.glsl"
-#include "common/whole.glsl"
-#include "common/status.glsl"
+#include "common/relevance.glsl"
 
 // Lanes of the workgroups that process small items.
 layout(constant_id = 24) const uint LANES = 8u;
-
-// The least log sum and the largest transmittance of the tiles that the item's pixels lie in.
-vec2 bounds_of(Item item) {
-    ivec2 tile = ivec2(TILE_WIDTH, TILE_HEIGHT);
-    int stride = int(frame.tiles_x);
-    ivec2 at = item.first / tile;
-    ivec2 last = (item.first + item.size - 1) / tile;
-    int across = last.x - at.x + 1;
-    int row = (item.view * int(frame.tiles_y) + at.y) * stride + at.x;
-    int count = across * (last.y - at.y + 1);
-    int x = 0;
-    vec2 bounds = vec2(3e38, 0.0);
-    // One loop over the tiles, row by row.
-    do {
-        vec2 own = texelFetch(tile_bounds, row + x).xy;
-        bool mine = count > 0;
-        bounds = vec2(mine && own.x < bounds.x ? own.x : bounds.x, mine && own.y > bounds.y ? own.y : bounds.y);
-        ++x;
-        row = x == across ? row + stride : row;
-        x = x == across ? 0 : x;
-        --count;
-    } while (count > 0);
-    return bounds;
-}
 
 // Index of an item's entry on a list. Each row of FORWARD_ROW items has lists of its own, so that a length is a number of
 // workgroups along one axis. Small items fill the row from its end, a workgroup for every LANES of them.
@@ -79,7 +57,7 @@ void main() {
     if (index >= slots + extra) {
         return;
     }
-    bool whole = frame_is_whole();
+    bool whole = texelFetch(status, int(STATUS_NOT_FINITE)).x == 0u;
     if (index == 0u) {
         status_words[STATUS_WHOLE] = whole ? 1u : 0u;
     }
@@ -91,6 +69,9 @@ void main() {
         return;
     }
     uvec2 part = index < slots ? uvec2(index, 0u) : texelFetch(cells, int(index - slots)).xy;
+    if (part.x == NO_RECORD) {
+        return;
+    }
     int record_index = int(part.x);
     ivec4 box = texelFetch(boxes, record_index);
     if (box.x > box.z || box.y > box.w) {
@@ -98,17 +79,18 @@ void main() {
     }
     // view_of relies on it that records lie in the order of the views.
     Item item = item_of(int(index), record_index, int(part.y), view_of(record_index), box);
-    bool shows = UP_SHADED;
-    bool outlines = UP_ALPHA;
-    if (COLOR_MODE == COLOR_SOFTMAX || !UP_SHADED) {
-        vec2 bounds = bounds_of(item);
-        shows = UP_SHADED && !is_hidden(largest_weight(record_index), bounds.x);
-        outlines = UP_ALPHA && bounds.y > exp2(NEXT_TO_NOTHING);
+    if (index < slots && texelFetch(cell_ranges, record_index).y == 0u && cells_of(box) > 1) {
+        uint row = index / FORWARD_ROW;
+        uint entry = atomicAdd(item_counts[row * ITEM_COUNT_WORDS + ITEMS_LONG], 1u);
+        long_records[row * FORWARD_ROW + entry] = index;
     }
-    bool small = uint(item.size.x * item.size.y) * LANES <= (shows ? SMALL_SHOWN_WORK : SMALL_OUTLINE_WORK);
-    if (shows) {
+    Relevance relevance = relevance_of(item);
+    // Further cells are never small, because backward_long has all lanes share them.
+    uint most = relevance.shows ? SMALL_SHOWN_WORK : SMALL_OUTLINE_WORK;
+    bool small = index < slots && uint(item.size.x * item.size.y) * LANES <= most;
+    if (relevance.shows) {
         shown_items[entry_on_list(index, ITEMS_SHOWN, small)] = packed(item);
-    } else if (outlines) {
+    } else if (relevance.outlines) {
         outline_items[entry_on_list(index, ITEMS_OUTLINE, small)] = packed(item);
     } else {
         for (int i = 0; i < PARTIAL_STRIDE; ++i) {

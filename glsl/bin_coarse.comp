@@ -23,86 +23,25 @@ layout(set = 0, binding = 7, std430) buffer Status { uint status[]; };
 #include "common/modes.glsl"
 #include "common/frame.glsl"
 #include "common/mesh.glsl"
+#include "common/tile_mask.glsl"
 
 shared uint counts[gl_WorkGroupSize.x];
 shared uint list_start;
 
-// The mask of tiles, in the row whose centre lies at `y` relative to the origin, that the triangle grown by the culling
-// radius may touch: the interval of columns between the edges' half-planes. tile_mask prepares the first three arguments.
-uint row_mask(vec3 at_first, vec3 per_row, vec3 inverse, float y, int first, int last) {
-    // A thousandth of a tile covers rounding.
-    vec3 t = (at_first + per_row * y) * inverse;
-    int low = first;
-    int high = last;
-    for (int k = 0; k < 3; ++k) {
-        int from = int(ceil(clamp(t[k] - 1e-3, -1.0, 9.0)));
-        int to = int(floor(clamp(t[k] + 1e-3, -1.0, 9.0)));
-        low = inverse[k] < 0.0 ? max(low, from) : low;
-        high = inverse[k] < 0.0 ? high : min(high, to);
-    }
-    return low > high ? 0u : ((2u << uint(high)) - 1u) & ~((1u << uint(low)) - 1u);
-}
-
-// The mask of the tiles that an entry may touch, and whether the entry is a back face.
+// The mask of the tiles that an entry may touch, and whether the entry is a back face, and thin.
 struct Mask {
     uvec2 tiles;
     bool away;
-    // So thin that rounding could choose the wrong edge in nearest_edge (entry.glsl), or without area.
     bool thin;
 };
 
-// Whether the least of a triangle's heights is so small that rounding could change which of its edges is the nearest:
-// rounding adds some 1e-7 of the distances within the culling radius, a hundredth of what is asked here.
-bool is_thin(vec3 half_length, vec3 inverse_height) {
-    float least = min(inverse_height.x, min(inverse_height.y, inverse_height.z));
-    float most = max(inverse_height.x, max(inverse_height.y, inverse_height.z));
-    float longest = 2.0 * max(half_length.x, max(half_length.y, half_length.z));
-    float reach = longest + 2.0 * sqrt(frame.radius_squared);
-    return !(least > 0.0 && most * reach < 1e5);
-}
-
 Mask tile_mask(int slot, ivec2 bin) {
-    int at = slot * int(GEOMETRY_TEXELS);
-    vec4 head = texelFetch(geometry, at);
-    vec2 origin = head.xy;
-    vec4 last_texel = texelFetch(geometry, at + 4);
-    ivec4 box = texelFetch(boxes, slot);
-    ivec2 tile = ivec2(TILE_WIDTH, TILE_HEIGHT);
-    ivec2 first = max(box.xy / tile - bin * int(BIN_TILES), ivec2(0));
-    ivec2 last = min(box.zw / tile - bin * int(BIN_TILES), ivec2(BIN_TILES - 1u));
-    vec2 half_size = 0.5 * vec2(TILE_WIDTH - 1u, TILE_HEIGHT - 1u);
-    vec2 centre = vec2(bin) * vec2(BIN_WIDTH, BIN_HEIGHT) + half_size - origin;
-    vec3 at_first;
-    vec3 per_row;
-    vec3 inverse;
-    vec2 normal[3];
-    for (int k = 0; k < 3; ++k) {
-        vec4 line = texelFetch(geometry, at + 1 + k);
-        normal[k] = line.xy;
-        float reach = sqrt(frame.radius_squared);
-        if (DISTANCE == DISTANCE_BARYCENTRIC) {
-            reach = frame.barycentric_radius / last_texel[k + 1];
-        }
-        reach = 1.001 * reach + 0.01 * frame.scale;
-        // Only true edges bound: not the end lines of a triangle without area, whose inverse height is not positive, nor the
-        // line of a point.
-        bool bounds = last_texel[k + 1] > 0.0 && line.z < 1e14;
-        float nx = abs(line.x) < 1e-9 * frame.scale ? (line.x < 0.0 ? -1e-9 : 1e-9) * frame.scale : line.x;
-        float spread = abs(line.x) * half_size.x + abs(line.y) * half_size.y;
-        at_first[k] = bounds ? line.x * centre.x + line.z + spread + reach : 1e30;
-        per_row[k] = bounds ? line.y : 0.0;
-        inverse[k] = -1.0 / (nx * float(TILE_WIDTH));
-    }
+    Reach reach = reach_of_record(slot, bin);
     uvec2 mask = uvec2(0u);
     for (int row = 0; row < int(BIN_TILES); ++row) {
-        float y = centre.y + float(row * int(TILE_HEIGHT));
-        uint bits = row_mask(at_first, per_row, inverse, y, first.x, last.x);
-        bits = row < first.y || row > last.y ? 0u : bits;
-        mask[row / 4] |= bits << uint(8 * (row % 4));
+        mask[row / 4] |= row_mask(reach, row) << uint(8 * (row % 4));
     }
-    // The edges' inner normals have the orientation of the corners.
-    bool counterclockwise = normal[0].x * normal[1].y - normal[0].y * normal[1].x < 0.0;
-    return Mask(mask, counterclockwise == CLOCKWISE_FRONT, is_thin(vec3(head.zw, last_texel.x), last_texel.yzw));
+    return Mask(mask, reach.away, reach.thin);
 }
 
 // One step of the transposition of a 32×32 bit matrix (Warren, Hacker's Delight, 7-3): swaps blocks of `width` bits.
@@ -174,17 +113,20 @@ void main() {
         total += counts[l];
     }
     uint padded = (total + WORD_BITS - 1u) / WORD_BITS * WORD_BITS;
+    // No list is so long that the sum of all could exceed 32 bits.
+    uint longest = 0xffffffffu / (frame.view_count * frame.bins_x * frame.bins_y);
+    bool lists = total != 0u && padded <= longest;
     if (lane == 0) {
-        list_start = total == 0u ? 0u : atomicAdd(status[STATUS_COARSE_NEEDED], padded);
+        list_start = lists ? atomicAdd(status[STATUS_COARSE_NEEDED], padded) : 0u;
     }
     barrier();
     uint start = list_start;
-    bool fits = start + padded <= frame.coarse_capacity;
+    lists = lists && padded <= frame.coarse_capacity && start <= frame.coarse_capacity - padded;
     if (lane == 0) {
-        // A list that does not fit is left empty and the status says how much room it needs: the frame is then not valid.
-        bin_ranges[shape.bin_base + bin] = uvec2(start, fits ? total : 0u);
+        // Without room for its list a bin says how many entries it has; its tiles then find them in the bitmap.
+        bin_ranges[shape.bin_base + bin] = total == 0u ? uvec2(0u) : uvec2(lists ? start : NO_LIST, total);
     }
-    if (!fits) {
+    if (!lists) {
         return;
     }
     uint next = start + before;

@@ -2,11 +2,13 @@
 #extension GL_GOOGLE_include_directive : require
 // Bin, fine: turns a bin's words into one list of record indices for each tile, in the same ascending order but back faces
 // last. One workgroup a bin, views along y, one lane a tile: each counts the bits of its words, then writes their records.
-// A tile with a list becomes an entry of `tile_items`, which forward_soft or forward processes: the tile's number among all
+// A tile with entries becomes an entry of `tile_items`, which forward_soft or forward processes: the tile's number among all
 // views', where its list begins, the number of front faces, and the number of entries. Where forward_soft serves the frame, a
-// tile with a thin triangle is on a third list as well, and forward writes it again. A tile without a list becomes an entry for
-// background.comp, unless the previous frame left the background there, as `tile_marks` say. `tile_counts` holds the numbers
-// of entries as workgroups of indirect dispatches. The order of the entries does not matter.
+// tile with a thin triangle is on a third list as well, and forward draws it. A tile whose list has no room, or is longer than
+// a loop of the device can walk, has no length there, and becomes an entry for forward_soft_long and forward_long: on one
+// list if it can be processed at once, else on another. A tile without entries becomes an entry for background.comp, unless
+// the previous frame left the background there, as `tile_marks` say. `tile_counts` holds the numbers of entries as workgroups
+// of indirect dispatches. The order of the entries does not matter.
 // Reads `bin_ranges`, `coarse_slots` and `coarse_words`; writes `tile_items`, `tile_counts`, `tile_slots`, `tile_marks`,
 // `status` and, for empty tiles, `tile_bounds`.
 
@@ -29,18 +31,47 @@ layout(set = 0, binding = 9, std430) writeonly buffer TileBounds { vec2 tile_bou
 #include "common/mesh.glsl"
 #include "common/pixel.glsl"
 
-// Writes a tile as entry `place` of one of the lists; each list begins behind the capacity of the one before.
-void add_item(uint list, uint place, uvec4 item) {
-    uint tiles = frame.view_count * frame.tiles_x * frame.tiles_y;
-    tile_items[(list == TILES_FILLED ? 0u : tiles) + place] = item;
-    atomicAdd(tile_counts[place / FORWARD_ROW * TILE_COUNT_WORDS + list], 1u);
+// `tile_items` has three parts with room for all tiles: those with entries; the empty ones, with those at the end that take
+// several turns; and in rows by the tiles' numbers those that forward draws in place of forward_soft, with those at the row's
+// end that are walked.
+uint all_tiles() {
+    return frame.view_count * frame.tiles_x * frame.tiles_y;
 }
 
-// Puts a tile on the list of those that forward writes again: a row for the tiles of each FORWARD_ROW tile numbers.
+void add_filled(uvec4 item) {
+    uint place = atomicAdd(status[STATUS_FILLED_TILES], 1u);
+    tile_items[place] = item;
+    atomicAdd(tile_counts[place / FORWARD_ROW * TILE_COUNT_WORDS + TILES_FILLED], 1u);
+}
+
+void add_empty(uint tile) {
+    uint place = atomicAdd(status[STATUS_EMPTY_TILES], 1u);
+    tile_items[all_tiles() + place] = uvec4(tile, 0u, 0u, 0u);
+    atomicAdd(tile_counts[place / FORWARD_ROW * TILE_COUNT_WORDS + TILES_EMPTY], 1u);
+}
+
 void add_general(uvec4 item) {
     uint row = item.x / FORWARD_ROW;
-    uint place = row * FORWARD_ROW + atomicAdd(tile_counts[row * TILE_COUNT_WORDS + TILES_GENERAL], 1u);
-    tile_items[2u * frame.view_count * frame.tiles_x * frame.tiles_y + place] = item;
+    uint place = atomicAdd(tile_counts[row * TILE_COUNT_WORDS + TILES_GENERAL], 1u);
+    tile_items[2u * all_tiles() + row * FORWARD_ROW + place] = item;
+}
+
+// `blocks` of the bin's words or of its bitmap's, at most `live` of them with entries, hold at most `count` of the tile's.
+void add_walked(uint tile, uint blocks, uint live, uint count) {
+    uint passes = 3u * (WALK_GROUP_PASSES * (blocks / WORD_BITS + 1u) + live) + WALK_LIST_PASSES * (count / WORD_BITS + 2u);
+    uint tiles = all_tiles();
+    uvec4 item = uvec4(tile, 0u, 0u, 0u);
+    if (passes <= LOOP_PASSES) {
+        uint row = tile / FORWARD_ROW;
+        uint place = atomicAdd(tile_counts[row * TILE_COUNT_WORDS + TILES_WALKED], 1u);
+        tile_items[2u * tiles + min((row + 1u) * FORWARD_ROW, tiles) - 1u - place] = item;
+    } else {
+        uint place = atomicAdd(status[STATUS_RESUMED_TILES], 1u);
+        tile_items[2u * tiles - 1u - place] = item;
+        uint rows = (tiles + FORWARD_ROW - 1u) / FORWARD_ROW;
+        atomicAdd(tile_counts[rows * TILE_COUNT_WORDS + 3u * (place / RESUMED_ROW)], 1u);
+    }
+    add_filled(item);
 }
 
 // The number of front faces and of all entries in a tile's words, and whether a thin triangle is among them. A block has 64
@@ -60,7 +91,7 @@ uvec3 count_entries(int words, int blocks) {
 }
 
 // Writes one tile's list: front faces from `next` on, back faces from `next_away` on. Returns whether it is complete: Mesa
-// 22.3 ends nested loops after 65535 passes in total.
+// 22.3 ends the loops of an invocation after 65535 passes in total.
 bool write_list(uint next, uint next_away, uint end, int first, int words, int blocks) {
     uint facing_end = next_away;
     uint lane = gl_LocalInvocationID.x;
@@ -86,41 +117,42 @@ void main() {
     uint lane = gl_LocalInvocationID.x;
     Shape shape = shape_of(view);
     uvec2 range = texelFetch(bin_ranges, shape.bin_base + int(index)).xy;
-    int first = int(range.x);
-    int entries = int(range.y);
+    bool listed = range.x != NO_LIST;
+    int first = listed ? int(range.x) : 0;
+    uint blocks = listed ? (range.y + WORD_BITS - 1u) / WORD_BITS : 0u;
+    bool counted = blocks < LOOP_PASSES;
     int words = first / int(WORD_BITS) * int(BLOCK_WORDS);
-    int blocks = (entries + int(WORD_BITS) - 1) / int(WORD_BITS);
-    uvec3 found = count_entries(words, blocks);
-    uint count = found.y;
+    uvec3 found = count_entries(words, counted ? int(blocks) : 0);
     uvec2 bin = uvec2(index % frame.bins_x, index / frame.bins_x);
     uvec2 at = bin * BIN_TILES + uvec2(lane % BIN_TILES, lane / BIN_TILES);
     bool exists = at.x < frame.tiles_x && at.y < frame.tiles_y;
-    count = exists ? count : 0u;
-    uint next = count == 0u ? 0u : atomicAdd(status[STATUS_LIST_NEEDED], count);
-    // A list that does not fit is left empty, as in bin_coarse.
-    count = next + count <= frame.list_capacity ? count : 0u;
-    if (exists) {
-        uint tile = (uint(view) * frame.tiles_y + at.y) * frame.tiles_x + at.x;
-        bool is_kept = shape.background_kept && tile_marks[tile] == MARK_BACKGROUND;
-        tile_marks[tile] = count == 0u ? MARK_BACKGROUND : 0u;
-        if (count > 0u) {
-            uvec4 item = uvec4(tile, next, found.x, count);
-            add_item(TILES_FILLED, atomicAdd(status[STATUS_FILLED_TILES], 1u), item);
-            if (found.z != 0u) {
-                add_general(item);
-            }
-        } else if (!is_kept) {
-            add_item(TILES_EMPTY, atomicAdd(status[STATUS_EMPTY_TILES], 1u), uvec4(tile, 0u, 0u, 0u));
-            if (SAVE) {
-                tile_bounds[tile] = bounds_of(background_pixel());
-            }
-        }
-        if (count > LONG_LIST) {
-            atomicMax(status[STATUS_LONGEST_LIST], count);
-        }
+    uint count = exists ? found.y : 0u;
+    // Forward walks a list in less than LOOP_PASSES, and no list is so long that the sum of all could exceed 32 bits.
+    uint longest = min(LOOP_PASSES / WALK_LIST_PASSES * WORD_BITS, 0xffffffffu / all_tiles());
+    bool lists = count > 0u && count <= longest;
+    uint next = lists ? atomicAdd(status[STATUS_LIST_NEEDED], count) : 0u;
+    lists = lists && count <= frame.list_capacity && next <= frame.list_capacity - count;
+    bool whole = write_list(next, next + found.x, next + count, first, words, lists ? int(blocks) : 0);
+    if (!exists) {
+        return;
     }
-    bool whole = write_list(next, next + found.x, next + count, first, words, count == 0u ? 0 : blocks);
-    if (count > 0u && !whole) {
-        atomicMax(status[STATUS_LONGEST_LIST], range.y);
+    uint tile = (uint(view) * frame.tiles_y + at.y) * frame.tiles_x + at.x;
+    bool is_kept = shape.background_kept && tile_marks[tile] == MARK_BACKGROUND;
+    bool empty = listed && counted && count == 0u;
+    tile_marks[tile] = empty ? MARK_BACKGROUND : 0u;
+    if (lists && whole) {
+        uvec4 item = uvec4(tile, next, found.x, count);
+        add_filled(item);
+        if (found.z != 0u) {
+            add_general(item);
+        }
+    } else if (!empty) {
+        blocks = listed ? blocks : uint(shape.word_count);
+        add_walked(tile, blocks, min(blocks, range.y), listed && counted ? count : range.y);
+    } else if (!is_kept) {
+        add_empty(tile);
+        if (SAVE) {
+            tile_bounds[tile] = bounds_of(background_pixel());
+        }
     }
 }

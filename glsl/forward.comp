@@ -3,3 +3,4 @@
 // Forward on any Vulkan 1.1 device: common/forward.glsl.
 
 #include "common/forward.glsl"
+#include "common/listed_tile.glsl"

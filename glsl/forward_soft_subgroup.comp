@@ -6,3 +6,4 @@
 
 #define SUBGROUP_RECORDS
 #include "common/forward_soft.glsl"
+#include "common/listed_tile.glsl"

@@ -6,3 +6,4 @@
 
 #define SUBGROUP_RECORDS
 #include "common/forward.glsl"
+#include "common/listed_tile.glsl"

@@ -1,7 +1,7 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Loss record: computes the total loss of a step and decides whether the step is taken. It is not taken if the frame's lists
-// had too little room, nor after a step that was not taken, until the host has made room.
+// Loss record: computes the total loss of a step and decides whether the step is taken. It is not taken if a vertex of the
+// frame was not finite, nor after a step that was not taken, until the host has removed the cause.
 // One workgroup; lane l sums every 64th row from l on, and the lanes' sums are added pairwise. Reads `loss_sums`, the
 // regularisers' values and the frame's status; writes `fit_state` and a row of `records`.
 
@@ -19,7 +19,6 @@ layout(set = 0, binding = 6, std430) writeonly buffer Records { uint records[]; 
 #include "common/fit.glsl"
 #include "common/fit_sum.glsl"
 #include "common/loss.glsl"
-#include "common/whole.glsl"
 
 layout(push_constant) uniform Push {
     uint views;
@@ -35,11 +34,6 @@ layout(push_constant) uniform Push {
     float normal_weight;
     // 1 / edges.
     float edge_share;
-    // Capacities of the frame's lists.
-    uint coarse_capacity;
-    uint list_capacity;
-    uint cell_capacity;
-    uint longest_list;
     // Row of `records` to write.
     uint row;
 } push;
@@ -103,13 +97,7 @@ void main() {
     }
     penalty.z = penalty.z * push.edge_share;
     precise float total = total_of(loss, penalty);
-    uint coarse = texelFetch(frame_status, int(STATUS_COARSE_NEEDED)).x;
-    uint list = texelFetch(frame_status, int(STATUS_LIST_NEEDED)).x;
-    uint not_finite = texelFetch(frame_status, int(STATUS_NOT_FINITE)).x;
-    uint longest = texelFetch(frame_status, int(STATUS_LONGEST_LIST)).x;
-    uint cells = texelFetch(frame_status, int(STATUS_CELLS_NEEDED)).x;
-    uvec3 room = uvec3(push.coarse_capacity, push.list_capacity, push.cell_capacity);
-    bool valid = is_whole(uvec3(coarse, list, cells), room, longest, push.longest_list, not_finite);
+    bool valid = texelFetch(frame_status, int(STATUS_NOT_FINITE)).x == 0u;
     uint halted = fit_state[FIT_HALTED] | (valid ? 0u : HALT_FRAME);
     bool apply = halted == 0u;
     float least = uintBitsToFloat(fit_state[FIT_LEAST]);
@@ -121,9 +109,7 @@ void main() {
     uint at = push.row * RECORD_WORDS;
     write_values(at, total, loss, penalty);
     records[at + RECORD_HALTED] = halted;
-    records[at + RECORD_STATUS + STATUS_COARSE_NEEDED] = coarse;
-    records[at + RECORD_STATUS + STATUS_LIST_NEEDED] = list;
-    records[at + RECORD_STATUS + STATUS_NOT_FINITE] = not_finite;
-    records[at + RECORD_STATUS + STATUS_LONGEST_LIST] = longest;
-    records[at + RECORD_STATUS + STATUS_CELLS_NEEDED] = cells;
+    for (uint i = 0u; i < STATUS_WORDS; ++i) {
+        records[at + RECORD_STATUS + i] = texelFetch(frame_status, int(i)).x;
+    }
 }

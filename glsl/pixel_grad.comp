@@ -36,8 +36,6 @@ layout(set = 0, binding = 13) uniform usamplerBuffer tile_items;
 #include "common/frame.glsl"
 #include "common/mesh.glsl"
 #include "common/tile.glsl"
-#include "common/whole.glsl"
-#include "common/status.glsl"
 
 // Number of triangles by which SILHOUETTE_SUM divides.
 float count_of(int view) {
@@ -160,7 +158,7 @@ void main() {
         }
     }
     if (GRAD_BACKGROUND) {
-        bool whole = frame_is_whole();
+        bool whole = texelFetch(status, int(STATUS_NOT_FINITE)).x == 0u;
         if (at == 0) {
             status_words[STATUS_WHOLE] = whole ? 1u : 0u;
         }

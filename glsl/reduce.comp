@@ -40,7 +40,7 @@ void main() {
     int group = int(gl_WorkGroupID.x);
     int lane = int(gl_LocalInvocationID.x);
     int first = 0;
-    int count = int(frame.reduce_rows);
+    int count = int(frame.number);
     if (REDUCTION == REDUCTION_VIEWS) {
         Shape shape = shape_of(group);
         first = shape.slot_base;

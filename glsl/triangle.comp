@@ -38,6 +38,7 @@ layout(set = 0, binding = 17, std430) writeonly buffer Cells { uvec2 cells[]; };
 #include "common/camera.glsl"
 #include "common/light.glsl"
 #include "common/edge.glsl"
+#include "common/item.glsl"
 
 // The corners of a triangle or piece: pixel position, depth, and each corner as a mixture of the original three.
 struct Corners {
@@ -141,15 +142,18 @@ vec4 depth_record(Corners c, out float whole) {
 }
 
 // Backward processes a box cell by cell; the first cell has the record's index. The position of the others in `cells` comes
-// from an atomic counter; their order within the triangle, in which they are summed, does not depend on it.
+// from an atomic counter; their order within the triangle, in which they are summed, does not depend on it. Without room for
+// its cells a record has an empty range, and backward_long.comp finds them again.
 void write_cells(int slot, ivec4 box) {
-    ivec2 count = (box.zw - box.xy) / ivec2(CELL_WIDTH, CELL_HEIGHT) + 1;
-    uint more = uint(count.x * count.y) - 1u;
-    uint start = more == 0u ? 0u : atomicAdd(status[STATUS_CELLS_NEEDED], more);
-    bool fits = start + more <= frame.cell_capacity;
+    uint more = uint(cells_of(box)) - 1u;
+    // No box has so many that the sum of all could exceed 32 bits.
+    bool lists = more != 0u && more <= 0xffffffffu / frame.slot_count;
+    uint start = lists ? atomicAdd(status[STATUS_CELLS_NEEDED], more) : 0u;
+    bool fits = lists && more <= frame.cell_capacity && start <= frame.cell_capacity - more;
     cell_ranges[slot] = uvec2(start, fits ? more : 0u);
-    for (uint i = 0u; i < (fits ? more : 0u); ++i) {
-        cells[start + i] = uvec2(uint(slot), i + 1u);
+    uint end = lists ? min(start + more, frame.cell_capacity) : start;
+    for (uint i = start; i < end; ++i) {
+        cells[i] = uvec2(fits ? uint(slot) : NO_RECORD, i - start + 1u);
     }
 }
 

@@ -212,6 +212,10 @@ void add_face_normal(Face face, Corners c, vec3 by_light, inout vec3 by_world[3]
     // The normal does not depend on `size`; the division makes this the gradient by the true edges. A triangle so small that
     // the quotient would overflow counts as a point.
     vec3 by_cross = length(face.area) * face.size > 1e-30 ? area_gradient(face.area, by_normal) / face.size : vec3(0.0);
+    // The edges of a triangle without gradient need not be finite.
+    if (by_cross == vec3(0.0)) {
+        return;
+    }
     vec3 by_edge1 = cross(face.edge2, by_cross);
     vec3 by_edge2 = cross(by_cross, face.edge1);
     by_world[0] -= by_edge1 + by_edge2;

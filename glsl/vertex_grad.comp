@@ -33,7 +33,8 @@ vec3 through_normals(Shape shape, int triangle, int corner) {
     int next = corner == 2 ? 0 : corner + 1;
     int last = next == 2 ? 0 : next + 1;
     vec3 opposite = position_of(shape, v[last]) - position_of(shape, v[next]);
-    return cross(by_area, opposite);
+    // The edges of a triangle without gradient need not be finite.
+    return by_area == vec3(0.0) ? vec3(0.0) : cross(by_area, opposite);
 }
 
 void main() {

@@ -15,7 +15,11 @@ layout(set = 0, binding = 2) uniform samplerBuffer shading;
 layout(set = 0, binding = 3) uniform usamplerBuffer textures;
 layout(set = 0, binding = 4) uniform samplerBuffer texels;
 layout(set = 0, binding = 5) uniform samplerBuffer pixel_gradients;
+#ifdef LONG
+layout(set = 0, binding = 6, std430) buffer Partials { vec4 partials[]; };
+#else
 layout(set = 0, binding = 6, std430) writeonly buffer Partials { vec4 partials[]; };
+#endif
 layout(set = 0, binding = 7, std430) buffer TexelSums { uint texel_sums[]; };
 layout(set = 0, binding = 8) uniform usamplerBuffer item_counts;
 
@@ -26,7 +30,11 @@ layout(set = 0, binding = 8) uniform usamplerBuffer item_counts;
 // Whether the items' triangles contribute to the silhouette only.
 layout(constant_id = 26) const bool OUTLINE = false;
 // Whether they contribute to a shaded image.
+#ifdef LONG
+bool SHOWS;
+#else
 const bool SHOWS = uint(UP_SHADED) * uint(!OUTLINE) != 0u;
+#endif
 
 #include "common/frame.glsl"
 #include "common/fragment.glsl"
@@ -113,6 +121,9 @@ void add_pairs(ItemTriangle item, Walk walk, int index, inout Sums s) {
 void put(bool writes, int at, vec4 value) {
     vec4 sum = SMALL ? value : sum_of_lanes(value);
     if (writes) {
+#ifdef LONG
+        sum += partials[at];
+#endif
         partials[at] = sum;
     }
 }
@@ -138,23 +149,6 @@ void write_sums(Sums s, Corner c, bool writes, int item) {
         put(writes, at + PARTIAL_NORMAL_AT + 1, vec4(s.normal[1].yz, s.normal[2].xy));
         put(writes, at + PARTIAL_NORMAL_AT + 2, vec4(s.normal[2].z, 0.0, 0.0, 0.0));
     }
-}
-
-// Index in `items` of this lane's item. A row holds its items from the front and its small items from the end, in reverse
-// order. A lane past the last small item takes the last one again with `exists` false.
-int item_index(out bool exists) {
-    int first = int(frame.first);
-    exists = true;
-    if (!SMALL) {
-        return first + int(gl_WorkGroupID.x);
-    }
-    int row = first / int(FORWARD_ROW);
-    int list = int(SHOWS ? ITEMS_SHOWN : ITEMS_OUTLINE) + int(ITEMS_SMALL_NUMBER);
-    int number = int(texelFetch(item_counts, row * int(ITEM_COUNT_WORDS) + list).x);
-    int end = min(first + int(FORWARD_ROW), int(frame.slot_count + frame.cell_capacity));
-    int own = int(gl_GlobalInvocationID.x);
-    exists = own < number;
-    return end - 1 - min(own, number - 1);
 }
 
 // The item's triangle, read by all lanes together if they share it.
@@ -188,6 +182,24 @@ Walk walk_of(Item item, vec2 origin) {
                 width - item.size.x);
 }
 
+#ifndef LONG
+// Index in `items` of this lane's item. A row holds its items from the front and its small items from the end, in reverse
+// order. A lane past the last small item takes the last one again with `exists` false.
+int item_index(out bool exists) {
+    int first = int(frame.first);
+    exists = true;
+    if (!SMALL) {
+        return first + int(gl_WorkGroupID.x);
+    }
+    int row = first / int(FORWARD_ROW);
+    int list = int(SHOWS ? ITEMS_SHOWN : ITEMS_OUTLINE) + int(ITEMS_SMALL_NUMBER);
+    int number = int(texelFetch(item_counts, row * int(ITEM_COUNT_WORDS) + list).x);
+    int end = min(first + int(FORWARD_ROW), int(frame.slot_count + frame.cell_capacity));
+    int own = int(gl_GlobalInvocationID.x);
+    exists = own < number;
+    return end - 1 - min(own, number - 1);
+}
+
 void main() {
     int lane = SMALL ? 0 : int(gl_LocalInvocationID.x);
     bool exists;
@@ -212,3 +224,4 @@ void main() {
     }
     write_sums(s, triangle.corner, exists && lane == 0, item.index);
 }
+#endif

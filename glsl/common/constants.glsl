@@ -18,15 +18,36 @@ const uint LINEAR_GROUP = 64u;
 const uint TILES_FILLED = 0u;
 // Word of `tile_counts` where the three workgroup counts for a row of tiles that need the background begin.
 const uint TILES_EMPTY = 3u;
-// Word of `tile_counts` where the three workgroup counts for a row of tiles begin that forward writes again.
+// Word of `tile_counts` where the three workgroup counts for a row of tiles begin that have a triangle too thin for
+// forward_soft, so that forward draws them.
 const uint TILES_GENERAL = 6u;
+// Word of `tile_counts` where those for a row of tiles begin that forward_soft_long and forward_long process at once.
+const uint TILES_WALKED = 9u;
 // Words of `tile_counts` for each row of FORWARD_ROW tiles.
-const uint TILE_COUNT_WORDS = 9u;
+const uint TILE_COUNT_WORDS = 12u;
+// Tiles of a row of those that they process in several turns, for each of which `walk_state` has an entry. The three
+// workgroup counts of each such row lie behind those of all other rows.
+const uint RESUMED_ROW = 4096u;
 // Triangles in one word of a bin's bitmap.
 const uint WORD_BITS = 32u;
 // Words of a block of WORD_BITS entries of a bin's list: a mask for each tile of the entries that may touch it, a mask of the
 // back faces, and a mask of the thin triangles.
 const uint BLOCK_WORDS = 66u;
+
+// First word of an entry of `bin_ranges` whose bin has no list, because there was no room for it.
+const uint NO_LIST = 0xffffffffu;
+// Entries at hand that a walk has room for: those of WORD_BITS blocks, and less than two words more.
+const uint WALK_WINDOW = 1088u;
+// Words of an entry of `walk_state`: twelve for each of 32 pixels, 32 entries, and where the walk stands.
+const uint WALK_STATE_WORDS = 421u;
+// Passes of loops that WORD_BITS blocks take beyond one for each with entries.
+const uint WALK_GROUP_PASSES = 8u;
+// Passes of loops that WORD_BITS entries of a list take.
+const uint WALK_LIST_PASSES = 38u;
+// The most passes that a group of WORD_BITS blocks takes, with the entries that it completes.
+const uint WALK_MOST_PASSES = 1300u;
+// Value of frame.number where tiles are walked at once.
+const uint ONE_TURN = 0xffffffffu;
 
 // Value in `tile_marks`: the tile's pixels hold the background.
 const uint MARK_BACKGROUND = 1u;
@@ -116,11 +137,8 @@ const uint STATUS_COARSE_NEEDED = 0u;
 const uint STATUS_LIST_NEEDED = 1u;
 // Word of `status`: not 0 when a projected vertex is not finite.
 const uint STATUS_NOT_FINITE = 2u;
-// Word of `status`: length of the longest tile list if it exceeds LONG_LIST. A bin whose lists a software device failed to
-// write reports the number of its entries here.
-const uint STATUS_LONGEST_LIST = 3u;
-// Entries of a tile's list above which its length is reported.
-const uint LONG_LIST = 16384u;
+// Word of `status`: tiles that forward_soft_long and forward_long process in several turns.
+const uint STATUS_RESUMED_TILES = 3u;
 // Word of `status`: cells that large pixel boxes need beyond their first.
 const uint STATUS_CELLS_NEEDED = 4u;
 // Word of `status`: tiles that have a list.
@@ -128,7 +146,7 @@ const uint STATUS_FILLED_TILES = 5u;
 // Word of `status`: tiles that received the background.
 const uint STATUS_EMPTY_TILES = 6u;
 // Word of `status`: 1 once a backward pass has found its frame complete, so that its gradients may be used; 0 before that and
-// for a frame whose lists had too little room. All gradients of such a frame are zero.
+// for a frame with a vertex that is not finite. All gradients of such a frame are zero.
 const uint STATUS_WHOLE = 7u;
 // Number of words of `status`.
 const uint STATUS_WORDS = 8u;
@@ -168,8 +186,14 @@ const uint ITEMS_OUTLINE = 3u;
 const uint ITEMS_SMALL = 6u;
 // Offset from a list's workgroup counts to the number of its small items.
 const uint ITEMS_SMALL_NUMBER = 12u;
+// Word of `item_counts` where those of records whose further cells found no room begin.
+const uint ITEMS_LONG = 18u;
 // Words of `item_counts` for each row of FORWARD_ROW items.
-const uint ITEM_COUNT_WORDS = 18u;
+const uint ITEM_COUNT_WORDS = 21u;
+// First word of an entry of `cells` that is part of no record's.
+const uint NO_RECORD = 0xffffffffu;
+// Cells of a record that one turn of backward_long processes. With one lane a cell takes 1106 passes of loops.
+const uint CELLS_PER_TURN = 48u;
 // Pixels of the largest small item, which one lane processes alone, times the lanes of a workgroup: 32 pixels with eight
 // lanes if it is visible in the shaded images. Measured on spot with eight lanes: 16 to 64 pixels are within 3 % of each
 // other at 64² and at 256², 1 pixel takes 1.6 times as long at 64², 256 pixels 1.1 times at 256².
@@ -238,7 +262,7 @@ const uint FIT_BETTER = 2u;
 const uint FIT_LEAST = 3u;
 // Number of words of `fit_state`.
 const uint FIT_STATE_WORDS = 4u;
-// Bit of FIT_HALTED: a frame's lists had too little room, or a vertex was not finite.
+// Bit of FIT_HALTED: a vertex was not finite.
 const uint HALT_FRAME = 1u;
 // Bit of FIT_HALTED: a vertex left the box that the frame was planned for.
 const uint HALT_OUTSIDE = 2u;

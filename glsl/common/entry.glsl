@@ -1,17 +1,5 @@
 // One entry of a tile's list as forward_soft.glsl adds it: its geometry for a lane's pixels, and their distances (eq. 1).
-// Needs constants.glsl, fragment.glsl, shared_records.glsl and the local size.
-
-#ifndef SUBGROUP_RECORDS
-const int LANES = int(gl_WorkGroupSize.x);
-#endif
-const int TILE_PIXELS = int(TILE_WIDTH * TILE_HEIGHT);
-const int PIXELS = TILE_PIXELS / LANES;
-
-// Pixel i of a lane lies i * LANES pixels after its first, row by row.
-ivec2 step_of(int i) {
-    int index = i * LANES;
-    return ivec2(index % int(TILE_WIDTH), index / int(TILE_WIDTH));
-}
+// Needs forward_tile.glsl.
 
 // The values that all pairs of a lane share: on a software device a push constant read in a loop is a gather.
 struct Lane {
@@ -19,6 +7,10 @@ struct Lane {
     vec2 first;
     float radius_squared;
 };
+
+Lane lane_at(ivec2 first) {
+    return Lane(vec2(first), frame.radius_squared);
+}
 
 // The geometry of an entry. The signed distance of a lane's pixel i to each edge's line is x * normal_x + height[i], and its
 // distance along the edge from the edge's midpoint x * normal_y + along[i], with x its column less origin_x.
@@ -114,7 +106,7 @@ struct Distance {
 // let h_i < 0 be the less of h_i and h_j. With edge lengths s and the area A, s_i h_i + s_j h_j + s_k h_k = 2A, so that
 // h_k < h_i would need s_j h_j > (s_i + s_k) |h_i| > s_j |h_i| by the triangle inequality. But where b is the nearest point
 // the angle between the pixel's direction from b and either edge is at least a right one, so that h_j <= |h_i|.
-// Rounding can break this for a triangle whose height is no more than the rounding of h (is_thin in bin_coarse.comp).
+// Rounding can break this for a triangle whose height is no more than the rounding of h (is_thin in tile_mask.glsl).
 void nearest_edge(vec3 height, vec3 along, vec3 half_length, out Distance d) {
     bool second = height.y < height.x;
     float nearest = second ? height.y : height.x;

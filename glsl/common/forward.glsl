@@ -1,44 +1,12 @@
-// Forward in any mode; in frames of the soft model, which forward_soft.glsl serves, it writes again the tiles with a triangle
-// too thin for that kernel. Every pixel sums over its tile's list, in the list's order: the silhouette as a product of
+// Forward in any mode; in frames of the soft model, which forward_soft.glsl serves, it draws the tiles with a triangle too
+// thin for that kernel. Every pixel sums over its tile's list, in the list's order: the silhouette as a product of
 // complements (eq. 5), colour, depth and normal as a softmax by depth with a running maximum (eq. 2 and 3). Entries hidden
 // across the whole tile contribute to the silhouette only; if the tile is already saturated they are skipped.
-// One workgroup a tile of 8×4 pixels that has a list, each lane 32 / lanes of them; background.comp writes the other tiles.
-// Reads `tile_items`, `tile_slots` and the records; writes the images and, for backward, `saved` (kept_of in pixel.glsl) and
-// `tile_bounds`.
+// One workgroup a tile of 8×4 pixels, each lane 32 / lanes of them; background.comp writes the tiles without entries.
+// Reads `tile_items`, the tile's list and the records; writes the images and, for backward, `saved` (kept_of in pixel.glsl)
+// and `tile_bounds`.
 
-layout(local_size_x_id = 0) in;
-
-layout(set = 0, binding = 0) uniform usamplerBuffer view_shapes;
-layout(set = 0, binding = 1) uniform usamplerBuffer tile_items;
-layout(set = 0, binding = 2) uniform usamplerBuffer tile_slots;
-layout(set = 0, binding = 3) uniform samplerBuffer geometry;
-layout(set = 0, binding = 4) uniform samplerBuffer shading;
-layout(set = 0, binding = 5) uniform usamplerBuffer textures;
-layout(set = 0, binding = 6) uniform samplerBuffer texels;
-layout(set = 0, binding = 7, std430) writeonly buffer Color { vec4 color[]; };
-layout(set = 0, binding = 8, std430) writeonly buffer Silhouette { float silhouette[]; };
-layout(set = 0, binding = 9, std430) writeonly buffer Depths { float depths[]; };
-layout(set = 0, binding = 10, std430) writeonly buffer Normals { vec4 normals[]; };
-layout(set = 0, binding = 11, std430) writeonly buffer Saved { vec4 saved[]; };
-layout(set = 0, binding = 12, std430) writeonly buffer TileBounds { vec2 tile_bounds[]; };
-layout(set = 0, binding = 13) uniform isamplerBuffer boxes;
-
-#include "common/constants.glsl"
-#include "common/modes.glsl"
-#include "common/frame.glsl"
-#include "common/mesh.glsl"
-#include "common/fragment.glsl"
-#include "common/sample.glsl"
-#include "common/corner.glsl"
-#include "common/shared_records.glsl"
-#include "common/lanes.glsl"
-#include "common/pixel.glsl"
-#include "common/hidden.glsl"
-#include "common/tile.glsl"
-#include "common/images.glsl"
-
-const int TILE_PIXELS = int(TILE_WIDTH * TILE_HEIGHT);
-const int PIXELS = TILE_PIXELS / int(gl_WorkGroupSize.x);
+#include "common/forward_tile.glsl"
 
 // The product of eq. 5, or what SILHOUETTE_MODE has in its place.
 void add_silhouette(inout Pixel p, Fragment f) {
@@ -130,11 +98,22 @@ struct Lane {
     float inverse_score;
 };
 
+Lane lane_at(ivec2 first) {
+    return Lane(vec2(first), frame.radius_squared, frame.scale, 1.0 / frame.score_high);
+}
+
+Pixel first_pixel() {
+    return background_pixel();
+}
+
+Pixel finished(Pixel p) {
+    return p;
+}
+
 // The pairs of a triangle with each of a lane's pixels; all are dropped unless `live`.
 void find_places(Fetched own, bool live, Triangle t, Lane lane, out Place places[PIXELS]) {
     for (int i = 0; i < PIXELS; ++i) {
-        int index = i * int(gl_WorkGroupSize.x);
-        vec2 pixel = lane.first + vec2(index % int(TILE_WIDTH), index / int(TILE_WIDTH));
+        vec2 pixel = lane.first + vec2(step_of(i));
         places[i] = place_at(t, pixel - t.origin, lane.radius_squared, lane.scale);
         if (DISTANCE == DISTANCE_BARYCENTRIC && OFFICIAL) {
             ivec4 box = texelFetch(boxes, own.slot);
@@ -197,33 +176,20 @@ void gather(Fetched own, bool live, Lane lane, inout Pixel pixels[PIXELS]) {
     }
 }
 
-// The least log sum and the largest transmittance of all lanes' pixels. Pixels beyond the image's border are included; they
-// can only reduce what is skipped.
-vec2 bounds_of_tile(Pixel pixels[PIXELS]) {
-    // The largest transmittance is found as the minimum of its negative.
-    vec2 least = vec2(3e38);
-    for (int i = 0; i < PIXELS; ++i) {
-        vec2 own = bounds_of(pixels[i]);
-        least = vec2(lesser(least.x, own.x), lesser(least.y, -own.y));
-    }
-    least = least_of_lanes(least);
-    return vec2(least.x, -least.y);
-}
-
 // The mask of the next WORD_BITS entries from `from` on that are visible beside sums of at least `least`.
 uint shown_of(int from, int end, float least) {
     uint shown = 0u;
     for (uint i = 0u; i < WORD_BITS; i += gl_WorkGroupSize.x) {
         uint bit = i + gl_LocalInvocationID.x;
         int at = min(from + int(bit), end - 1);
-        shown |= is_hidden(largest_weight(int(texelFetch(tile_slots, at).x)), least) ? 0u : 1u << bit;
+        shown |= is_hidden(largest_weight(entry_at(at)), least) ? 0u : 1u << bit;
     }
     return bits_of_lanes(shown);
 }
 
 // The record index of the lowest bit's entry, or of the first entry if there is no bit.
 int slot_of_lowest(int from, uint bits) {
-    return int(texelFetch(tile_slots, from + max(findLSB(bits), 0)).x);
+    return entry_at(from + max(findLSB(bits), 0));
 }
 
 // Adds the entries of a word's bits. It reads one record ahead, because the records of a large mesh miss the cache. The loop
@@ -244,55 +210,21 @@ void gather_word(int from, uint bits, bool shows, Lane lane, inout Pixel pixels[
     } while (bits != 0u);
 }
 
-// Adds a list word by word, because what is hidden depends on the entries before. Front faces fill words of their own.
-void gather_list(int from, int facing_end, int end, Lane lane, inout Pixel pixels[PIXELS]) {
-    // The share of one entry, so that all hidden entries together are negligible.
-    float share = log2(float(end - from));
-    do {
-        int stop = min(from + int(WORD_BITS), from < facing_end ? facing_end : end);
-        uint all = 0xffffffffu >> uint(from + int(WORD_BITS) - stop);
-        vec2 bounds = bounds_of_tile(pixels);
-        bool saturated = !WANT_SILHOUETTE || bounds.y <= exp2(NEXT_TO_NOTHING);
-        uint shown = all;
-        // The silhouette of a triangle that crosses the far plane depends on its depths, which only `gather` computes.
-        if (PARTED && (DEPTH_RANGE != DEPTH_RANGE_FAR || saturated)) {
-            shown &= shown_of(from, stop, bounds.x - share);
-        }
-        gather_word(from, shown, true, lane, pixels);
-        if (PARTED && WANT_SILHOUETTE) {
-            gather_word(from, saturated ? 0u : all & ~shown, false, lane, pixels);
-        }
-        from = !SHADED && saturated ? end : stop;
-    } while (from < end);
-}
-
-void main() {
-    ivec4 item = ivec4(texelFetch(tile_items, int(frame.first + gl_WorkGroupID.x)));
-    TilePlace tile = tile_place(item.x);
-    int lane = int(gl_LocalInvocationID.x);
-    ivec2 mine = tile.corner + ivec2(lane % int(TILE_WIDTH), lane / int(TILE_WIDTH));
-    Pixel pixels[PIXELS];
-    for (int i = 0; i < PIXELS; ++i) {
-        pixels[i] = background_pixel();
+// Adds up to WORD_BITS entries, all of them front faces or all back faces; what is hidden among them depends on the entries
+// before. `share` is log2 of the list's length: the share of one entry, so that all hidden entries together are negligible.
+// Returns whether the entries after these can be left out.
+bool gather_entries(int from, int stop, float share, Lane lane, inout Pixel pixels[PIXELS]) {
+    uint all = 0xffffffffu >> uint(from + int(WORD_BITS) - stop);
+    vec2 bounds = bounds_of_tile(pixels);
+    bool saturated = !WANT_SILHOUETTE || bounds.y <= exp2(NEXT_TO_NOTHING);
+    uint shown = all;
+    // The silhouette of a triangle that crosses the far plane depends on its depths, which only `gather` computes.
+    if (PARTED && (DEPTH_RANGE != DEPTH_RANGE_FAR || saturated)) {
+        shown &= shown_of(from, stop, bounds.x - share);
     }
-    Lane constant = Lane(vec2(mine), frame.radius_squared, frame.scale, 1.0 / frame.score_high);
-    gather_list(item.y, item.y + item.z, item.y + item.w, constant, pixels);
-    int triangle_count = shape_of(tile.view).triangle_count;
-    for (int i = 0; i < PIXELS; ++i) {
-        int index = i * int(gl_WorkGroupSize.x);
-        ivec2 where = mine + ivec2(index % int(TILE_WIDTH), index / int(TILE_WIDTH));
-        if (where.x < int(frame.width) && where.y < int(frame.height)) {
-            int to = place_of(tile.view, where);
-            write_images(pixels[i], to, triangle_count);
-            if (SAVE) {
-                saved[to] = kept_of(pixels[i]);
-            }
-        }
+    gather_word(from, shown, true, lane, pixels);
+    if (PARTED && WANT_SILHOUETTE) {
+        gather_word(from, saturated ? 0u : all & ~shown, false, lane, pixels);
     }
-    if (SAVE) {
-        vec2 bounds = bounds_of_tile(pixels);
-        if (lane == 0) {
-            tile_bounds[item.x] = bounds;
-        }
-    }
+    return !SHADED && saturated;
 }

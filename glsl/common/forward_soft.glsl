@@ -5,40 +5,12 @@
 // - Sums are relative to a whole log weight, so that bringing them to another is a shift of exponents.
 // - Π(1 - D) over a word is a product of (1 + e) in the denominator: one quotient for 32 entries.
 // - Entries are added two at a time, and the lanes hold the record indices of a word.
-// A tile with a triangle so thin that rounding could choose the wrong edge is written again by forward.glsl (bin_fine.comp).
-// One workgroup a tile of 8×4 pixels that has a list, each lane 32 / lanes of them.
-// Reads `tile_items`, `tile_slots` and the records; writes the images and, for backward, `saved` (kept_of in pixel.glsl) and
+// A tile with a triangle so thin that rounding could choose the wrong edge is drawn by forward.glsl (bin_fine.comp).
+// One workgroup a tile of 8×4 pixels, each lane 32 / lanes of them.
+// Reads `tile_items`, the tile's list and the records; writes the images and, for backward, `saved` (kept_of in pixel.glsl) and
 // `tile_bounds`.
 
-layout(local_size_x_id = 0) in;
-
-layout(set = 0, binding = 0) uniform usamplerBuffer view_shapes;
-layout(set = 0, binding = 1) uniform usamplerBuffer tile_items;
-layout(set = 0, binding = 2) uniform usamplerBuffer tile_slots;
-layout(set = 0, binding = 3) uniform samplerBuffer geometry;
-layout(set = 0, binding = 4) uniform samplerBuffer shading;
-layout(set = 0, binding = 5) uniform usamplerBuffer textures;
-layout(set = 0, binding = 6) uniform samplerBuffer texels;
-layout(set = 0, binding = 7, std430) writeonly buffer Color { vec4 color[]; };
-layout(set = 0, binding = 8, std430) writeonly buffer Silhouette { float silhouette[]; };
-layout(set = 0, binding = 9, std430) writeonly buffer Depths { float depths[]; };
-layout(set = 0, binding = 10, std430) writeonly buffer Normals { vec4 normals[]; };
-layout(set = 0, binding = 11, std430) writeonly buffer Saved { vec4 saved[]; };
-layout(set = 0, binding = 12, std430) writeonly buffer TileBounds { vec2 tile_bounds[]; };
-
-#include "common/constants.glsl"
-#include "common/modes.glsl"
-#include "common/frame.glsl"
-#include "common/mesh.glsl"
-#include "common/fragment.glsl"
-#include "common/sample.glsl"
-#include "common/corner.glsl"
-#include "common/shared_records.glsl"
-#include "common/lanes.glsl"
-#include "common/pixel.glsl"
-#include "common/hidden.glsl"
-#include "common/tile.glsl"
-#include "common/images.glsl"
+#include "common/forward_tile.glsl"
 #include "common/entry.glsl"
 
 // What a word's entries leave of a pixel: Π(1 + e) over all of them, and Σ d² over those that the pixel lies inside, so that
@@ -142,7 +114,7 @@ int lowest_slot(int from, uint held[HELD], uint bits) {
 }
 #else
 int lowest_slot(int from, uint held[HELD], uint bits) {
-    return int(texelFetch(tile_slots, from + max(findLSB(bits), 0)).x);
+    return entry_at(from + max(findLSB(bits), 0));
 }
 #endif
 
@@ -175,7 +147,7 @@ void gather_word(int from, uint held[HELD], uint bits, bool shows, Lane lane, in
     }
 }
 
-// A pixel before its first entry, with its sums in units of WEIGHT_UNIT.
+// With its sums in units of WEIGHT_UNIT.
 Pixel first_pixel() {
     Pixel p = background_pixel();
     float unit = WEIGHT_UNIT * exp2(p.rest);
@@ -186,7 +158,7 @@ Pixel first_pixel() {
 }
 
 // The pixel with its sums in their true units.
-Pixel last_pixel(Pixel p) {
+Pixel finished(Pixel p) {
     p.sum /= WEIGHT_UNIT;
     p.color /= WEIGHT_UNIT;
     p.depth /= WEIGHT_UNIT;
@@ -194,71 +166,26 @@ Pixel last_pixel(Pixel p) {
     return p;
 }
 
-// The least log sum and the largest transmittance of all lanes' pixels (bounds_of). Pixels beyond the image's border are
-// included; they can only reduce what is skipped.
-vec2 bounds_of_tile(Pixel pixels[PIXELS]) {
-    // The largest transmittance is found as the minimum of its negative.
-    vec2 least = vec2(3e38);
-    for (int i = 0; i < PIXELS; ++i) {
-        vec2 own = bounds_of(last_pixel(pixels[i]));
-        least = vec2(lesser(least.x, own.x), lesser(least.y, -own.y));
-    }
-    least = least_of_lanes(least);
-    return vec2(least.x, -least.y);
-}
-
-// Adds a list word by word, because what is hidden depends on the entries before. Front faces fill words of their own.
-void gather_list(int from, int facing_end, int end, Lane lane, inout Pixel pixels[PIXELS]) {
-    // The share of one entry, so that all hidden entries together are negligible.
-    float share = log2(float(end - from));
-    do {
-        int stop = min(from + int(WORD_BITS), from < facing_end ? facing_end : end);
-        uint all = 0xffffffffu >> uint(from + int(WORD_BITS) - stop);
-        vec2 bounds = bounds_of_tile(pixels);
-        bool saturated = !WANT_SILHOUETTE || bounds.y <= exp2(NEXT_TO_NOTHING);
-        uint held[HELD];
-        uint shown = 0u;
-        for (int i = 0; i < HELD; ++i) {
-            int bit = i * LANES + int(gl_LocalInvocationID.x);
-            held[i] = texelFetch(tile_slots, min(from + bit, stop - 1)).x;
-            if (SHADED) {
-                shown |= is_hidden(largest_weight(int(held[i])), bounds.x - share) ? 0u : 1u << uint(bit);
-            }
-        }
-        shown = SHADED ? bits_of_lanes(shown) & all : all;
-        gather_word(from, held, shown, true, lane, pixels);
-        if (SHADED && WANT_SILHOUETTE) {
-            gather_word(from, held, saturated ? 0u : all & ~shown, false, lane, pixels);
-        }
-        from = !SHADED && saturated ? end : stop;
-    } while (from < end);
-}
-
-void main() {
-    ivec4 item = ivec4(texelFetch(tile_items, int(frame.first + gl_WorkGroupID.x)));
-    TilePlace tile = tile_place(item.x);
-    int lane = int(gl_LocalInvocationID.x);
-    ivec2 mine = tile.corner + ivec2(lane % int(TILE_WIDTH), lane / int(TILE_WIDTH));
-    Pixel pixels[PIXELS];
-    for (int i = 0; i < PIXELS; ++i) {
-        pixels[i] = first_pixel();
-    }
-    Lane constant = Lane(vec2(mine), frame.radius_squared);
-    gather_list(item.y, item.y + item.z, item.y + item.w, constant, pixels);
-    for (int i = 0; i < PIXELS; ++i) {
-        ivec2 where = mine + step_of(i);
-        if (where.x < int(frame.width) && where.y < int(frame.height)) {
-            int to = place_of(tile.view, where);
-            write_images(last_pixel(pixels[i]), to, 1);
-            if (SAVE) {
-                saved[to] = kept_of(last_pixel(pixels[i]));
-            }
+// Adds up to WORD_BITS entries, all of them front faces or all back faces; what is hidden among them depends on the entries
+// before. `share` is log2 of the list's length: the share of one entry, so that all hidden entries together are negligible.
+// Returns whether the entries after these can be left out.
+bool gather_entries(int from, int stop, float share, Lane lane, inout Pixel pixels[PIXELS]) {
+    uint all = 0xffffffffu >> uint(from + int(WORD_BITS) - stop);
+    vec2 bounds = bounds_of_tile(pixels);
+    bool saturated = !WANT_SILHOUETTE || bounds.y <= exp2(NEXT_TO_NOTHING);
+    uint held[HELD];
+    uint shown = 0u;
+    for (int i = 0; i < HELD; ++i) {
+        int bit = i * LANES + int(gl_LocalInvocationID.x);
+        held[i] = uint(entry_at(min(from + bit, stop - 1)));
+        if (SHADED) {
+            shown |= is_hidden(largest_weight(int(held[i])), bounds.x - share) ? 0u : 1u << uint(bit);
         }
     }
-    if (SAVE) {
-        vec2 bounds = bounds_of_tile(pixels);
-        if (lane == 0) {
-            tile_bounds[item.x] = bounds;
-        }
+    shown = SHADED ? bits_of_lanes(shown) & all : all;
+    gather_word(from, held, shown, true, lane, pixels);
+    if (SHADED && WANT_SILHOUETTE) {
+        gather_word(from, held, saturated ? 0u : all & ~shown, false, lane, pixels);
     }
+    return !SHADED && saturated;
 }

@@ -7,8 +7,6 @@ layout(constant_id = 20) const uint UPSTREAM = 3;
 layout(constant_id = 21) const uint GRADIENTS = 3;
 // Eq. 4 alone: barycentrics are held constant.
 layout(constant_id = 22) const bool PAPER = false;
-// The longest list of triangles that the device can walk.
-layout(constant_id = 25) const uint LONGEST_LIST = 0xffffffffu;
 // Every lane takes a small item of its own.
 layout(constant_id = 23) const bool SMALL = false;
 

@@ -11,6 +11,12 @@ struct Item {
     ivec2 size;
 };
 
+// The number of cells of a box.
+int cells_of(ivec4 box) {
+    ivec2 count = (box.zw - box.xy) / ivec2(CELL_WIDTH, CELL_HEIGHT) + 1;
+    return count.x * count.y;
+}
+
 // The item of one cell of a box.
 Item item_of(int index, int record_index, int cell, int view, ivec4 box) {
     int columns = (box.z - box.x) / int(CELL_WIDTH) + 1;

@@ -19,6 +19,8 @@ layout(constant_id = 15) const bool OFFICIAL = false;
 layout(constant_id = 16) const bool DISTORTED = false;
 // Whether forward_soft serves the frame's modes.
 layout(constant_id = 17) const bool SOFT = false;
+// Passes of all loops of an invocation together that the device is trusted with.
+layout(constant_id = 18) const uint LOOP_PASSES = 60000;
 
 // In constant expressions choices and logic are sums and products, because glslang compiles ?:, && and || to branches, which
 // cannot stand outside a function.

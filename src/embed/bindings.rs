@@ -20,6 +20,8 @@ pub struct FrameBindings {
     pub(super) tile_counts: BufferPart,
     /// The modes and the lanes of bin_coarse that its kernels were compiled for.
     kernels: (Modes, u32),
+    /// Whether the kernel of tiles without lists was compiled.
+    walks: bool,
     /// Bytes bound.
     ranges: Sizes,
     pub(super) parts: Parts,
@@ -148,6 +150,7 @@ impl FrameBindings {
             bin_bits: get(&parts, BufferId::BinBits)?.clone(),
             tile_counts: get(&parts, BufferId::TileCounts)?.clone(),
             kernels: (plan.forward.modes, plan.forward.coarse_lanes),
+            walks: plan.forward.walks.needed,
             ranges: ranges_of(&parts),
             parts,
         })
@@ -163,7 +166,12 @@ impl FrameBindings {
     /// # Errors
     /// [`Error::Host`] naming the buffer that is too small, or that the kernels are compiled for other modes.
     pub fn fits(&self, plan: &FramePlan) -> Result<()> {
-        fits(&plan.forward.sizes, &self.ranges, (plan.forward.modes, plan.forward.coarse_lanes) == self.kernels)
+        fits(&plan.forward.sizes, &self.ranges, (plan.forward.modes, plan.forward.coarse_lanes) == self.kernels)?;
+        if plan.forward.walks.needed && !self.walks {
+            let what = "the bindings were made for a plan whose lists have room for all that there can be".into();
+            return host_error(what, "bind buffers for this plan");
+        }
+        Ok(())
     }
 }
 

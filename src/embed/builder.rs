@@ -171,7 +171,8 @@ impl PassBuilder {
         self
     }
 
-    /// Room for lists; the default is an estimate. [`PassStatus::Grow`] says what was needed.
+    /// Room for lists, on which only the time of a frame depends; the default is an estimate. [`PassStatus::Grow`] says what
+    /// was needed.
     pub fn capacity(mut self, capacity: Capacity) -> Self {
         self.capacity = Some(capacity);
         self
@@ -338,9 +339,9 @@ impl PassPlan {
 /// What became of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PassStatus {
-    /// Its images and gradients hold.
+    /// Its images and gradients hold, and its lists had room.
     Whole,
-    /// Its lists had no room: its images mean nothing, and its gradients are zero. Plan with this
-    /// [`capacity`](PassBuilder::capacity) and [`rebind`](super::Pass::rebind).
+    /// Its images and gradients hold, but some of its lists had no room, so that it took longer. A plan with this
+    /// [`capacity`](PassBuilder::capacity), bound by [`rebind`](super::Pass::rebind), is faster.
     Grow(Capacity),
 }

@@ -256,14 +256,18 @@ impl Rasterizer {
 
     fn forward_pipelines(&self, plan: &FramePlan) -> Result<[Pipeline; FORWARD_COUNT]> {
         let modes = &plan.forward.modes.list();
-        self.pipelines(ForwardStage::ALL.map(|stage| Request {
-            kernel: stage.kernel(&self.device, self.lanes, &plan.forward.modes),
-            modes,
-            lanes: if stage == ForwardStage::BinCoarse {
-                self.lanes.max(plan.forward.coarse_lanes)
-            } else {
-                self.lanes
-            },
+        self.pipelines(ForwardStage::ALL.map(|stage| {
+            Request {
+                // A stage that is never recorded is not compiled.
+                kernel: if stage.is_needed(&plan.forward) { stage } else { ForwardStage::Vertex }
+                    .kernel(&self.device, self.lanes),
+                modes,
+                lanes: match stage {
+                    ForwardStage::BinCoarse => self.lanes.max(plan.forward.coarse_lanes),
+                    ForwardStage::ForwardSoftLong | ForwardStage::ForwardLong => c::WORD_BITS,
+                    _ => self.lanes,
+                },
+            }
         }))
     }
 
@@ -273,7 +277,9 @@ impl Rasterizer {
         let modes = BackwardStage::ALL
             .map(|stage| of_frame.into_iter().chain(stage.modes()).chain([("LANES", lanes)]).collect::<Vec<_>>());
         self.pipelines(BackwardStage::ALL.map(|stage| Request {
-            kernel: stage.kernel(&self.device, lanes),
+            // As for frames.
+            kernel:
+                if stage.is_needed(&plan.backward) { stage } else { BackwardStage::Cull }.kernel(&self.device, lanes),
             modes: &modes[stage as usize],
             lanes,
         }))

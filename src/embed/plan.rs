@@ -11,9 +11,9 @@ use crate::gradients::Wanted;
 use crate::scene::{Lights, Outputs, Settings, Shading};
 use crate::vulkan::{BufferDesc, BufferRef, DeviceKind, Limits, Location, TexelFormat, vk};
 
-/// The longest list that is accepted on a software device. Mesa before 23 ends an invocation's loops after 65535 iterations
-/// in total without an error, which would leave a hole in the image.
-const SOFTWARE_LONGEST_LIST: u32 = 60_000;
+/// Passes of all loops of an invocation together that a software device is trusted with. Mesa before 23 ends them after 65535
+/// without an error, which would leave a hole in the image.
+const SOFTWARE_LOOP_PASSES: u32 = 60_000;
 
 /// A buffer that a frame needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,7 +39,6 @@ pub struct FramePlan {
     pub(super) shape: Shape,
     layouts: Vec<MeshLayout>,
     buffers: Vec<BufferRequirement>,
-    pub(super) longest_list: u32,
     pub(super) capacity: Capacity,
     limits: Limits,
 }
@@ -90,11 +89,17 @@ fn requirements(limits: &Limits, sizes: &Sizes) -> Result<Vec<BufferRequirement>
     sizes.iter().map(|(id, size)| requirement(limits, id, size)).collect()
 }
 
+/// The most bytes that any buffer of 4-byte elements can have.
+fn largest_buffer(limits: &Limits) -> u64 {
+    let texels = limits.max_texel_buffer_elements.saturating_mul(4);
+    limits.max_storage_buffer_range.min(limits.max_memory_allocation_size).min(texels) / 16 * 16
+}
+
 /// Validates that a loop of the kernels can sum over each vertex's corners in so many views.
-fn validate_corners(shape: &Shape, views: u32, longest_list: u32) -> Result<()> {
+fn validate_corners(shape: &Shape, views: u32, loop_passes: u32) -> Result<()> {
     let most = shape.meshes.iter().map(|m| m.most_corners).max().unwrap_or(0);
     let needed = (u64::from(most) + 1) * u64::from(views);
-    if needed <= longest_list.into() {
+    if needed <= loop_passes.into() {
         return Ok(());
     }
     Err(Error::Limit {
@@ -102,7 +107,7 @@ fn validate_corners(shape: &Shape, views: u32, longest_list: u32) -> Result<()> 
         needed,
         unit: "terms of a sum",
         limit_name: "passes of a loop on a software driver",
-        limit: longest_list.into(),
+        limit: loop_passes.into(),
         fix: "split the vertex, or render fewer views at once".into(),
     })
 }
@@ -152,9 +157,12 @@ impl FramePlan {
         settings.validate()?;
         validate(shape)?;
         let views = shape.view_sizes();
-        let capacity = shape.capacity.unwrap_or_else(|| Capacity::estimate(settings, shape.cutoff, &views));
+        let wished = shape.capacity.unwrap_or_else(|| Capacity::estimate(settings, shape.cutoff, &views));
+        let records = views.iter().map(|view| 2 * u64::from(view.triangles)).sum();
+        let capacity = wished.within(largest_buffer(limits), records);
+        let loop_passes = if kind == DeviceKind::Software { SOFTWARE_LOOP_PASSES } else { u32::MAX };
         let tables = TableLayout::of(&shape.meshes, settings.save || shape.lights.shading == Shading::Smooth);
-        let mut forward = ForwardPlan::new(&PlanInput {
+        let forward = ForwardPlan::new(&PlanInput {
             settings,
             cutoff: shape.cutoff,
             views: &views,
@@ -165,22 +173,13 @@ impl FramePlan {
             distorted: shape.distorted,
             capacity,
             save: settings.save,
+            loop_passes,
         })?;
         let buffers = requirements(limits, &forward.sizes)?;
-        let longest_list = if kind == DeviceKind::Software { SOFTWARE_LONGEST_LIST } else { u32::MAX };
-        forward.modes.longest_list = longest_list;
         if shape.lights.shading == Shading::Smooth {
-            validate_corners(shape, 1, longest_list)?;
+            validate_corners(shape, 1, loop_passes)?;
         }
-        Ok(Self {
-            forward,
-            layouts: tables.meshes,
-            shape: shape.clone(),
-            buffers,
-            longest_list,
-            capacity,
-            limits: *limits,
-        })
+        Ok(Self { forward, layouts: tables.meshes, shape: shape.clone(), buffers, capacity, limits: *limits })
     }
 
     /// The buffers to give to [`Rasterizer::bind`](super::Rasterizer::bind), in no particular order.
@@ -274,15 +273,15 @@ impl FramePlan {
         self.forward.views.iter().enumerate().map(entry).collect()
     }
 
-    /// The capacities of its lists.
-    pub fn capacity(&self) -> Capacity {
-        self.capacity
+    /// A capacity as this frame's device can bind it.
+    pub(super) fn within_limits(&self, capacity: Capacity) -> Capacity {
+        let records = self.shape.view_sizes().iter().map(|view| 2 * u64::from(view.triangles)).sum();
+        capacity.within(largest_buffer(&self.limits), records)
     }
 
-    /// The longest list of triangles that a loop can walk on the device.
-    #[cfg(feature = "fit")]
-    pub(crate) fn longest_list(&self) -> u32 {
-        self.longest_list
+    /// The capacities of its lists: as many entries as were asked for, or as the device can bind.
+    pub fn capacity(&self) -> Capacity {
+        self.capacity
     }
 }
 
@@ -315,7 +314,7 @@ impl GradientPlan {
         let shape = &frame.shape;
         if differentiate.wanted.positions || differentiate.wanted.colors {
             let views = if shape.meshes.len() == 1 { shape.views } else { 1 };
-            validate_corners(shape, views, frame.longest_list)?;
+            validate_corners(shape, views, frame.forward.modes.loop_passes)?;
         }
         let backward = BackwardPlan::new(&BackwardInput {
             forward: &frame.forward,

@@ -58,7 +58,7 @@ impl Shape {
     }
 
     /// The counts of the mesh that each view sees.
-    pub(super) fn view_sizes(&self) -> Vec<ViewSize> {
+    pub(crate) fn view_sizes(&self) -> Vec<ViewSize> {
         let size = |mesh: &MeshShape| ViewSize { vertices: mesh.vertices, triangles: mesh.triangles };
         match &self.meshes[..] {
             [one] => vec![size(one); self.views as usize],

@@ -33,7 +33,7 @@ pub struct RendererOptions {
     /// Invocations that share a tile, 1 to 32, a power of two; `None`: a subgroup's on software devices, 32 elsewhere. The
     /// images do not depend on it.
     pub lanes: Option<u32>,
-    /// The initial capacities of lists, for tests of growing; `None`: estimated.
+    /// The initial capacities of lists, for tests of lists without room; `None`: estimated.
     pub capacity: Option<Capacity>,
     /// Copy between host and device even if they share memory, as on a discrete GPU; for tests.
     pub staging: bool,
@@ -63,6 +63,9 @@ pub struct Renderer {
     inputs: Inputs,
     uploads: Uploads,
     buffers: BufferSet,
+    /// The capacity of the first frame, until it is rendered.
+    initial: Option<Capacity>,
+    /// What the frames so far had or would have needed.
     capacity: Option<Capacity>,
     context: Context,
 }
@@ -119,7 +122,8 @@ impl Renderer {
             inputs: Inputs::default(),
             uploads: Uploads::new(&context)?,
             buffers: BufferSet::default(),
-            capacity: options.capacity,
+            initial: options.capacity,
+            capacity: None,
             context,
         })
     }
@@ -187,33 +191,29 @@ impl Renderer {
         let mut shape = Shape::of(scene, cameras, settings)?;
         self.saved = None;
         self.uploads.bytes = 0;
-        shape.capacity = self.capacity;
-        loop {
-            let plan = self.plan(&shape, settings)?;
-            self.make_room(&plan)?;
-            self.write_inputs(scene, cameras, settings, &plan)?;
-            self.prepare(&plan)?;
-            self.uploads.record(&self.buffers)?;
-            self.commands.submit_and_wait_after(self.uploads.commands())?;
-            self.uploads.done();
-            if let Some(more) = self.status()?.validate(&plan)? {
-                shape.capacity = Some(more);
-                continue;
-            }
-            self.finished = true;
-            // The next frame of this kind starts with what this one needed.
-            self.capacity = Some(self.capacity.map_or(plan.capacity(), |c| c.max(plan.capacity())));
-            let saved = settings.save.then(|| FRAMES.fetch_add(1, Ordering::Relaxed));
-            let frame = Frame::download(&self.buffers.contents()?, cameras.len(), settings, self.timings()?, saved)?;
-            self.saved = saved.map(|id| backward::Saved {
-                id,
-                plan,
-                cameras: cameras.to_vec(),
-                settings: settings.clone(),
-                lights: scene.lights.clone(),
-            });
-            return Ok(frame);
-        }
+        let estimated = |kept: Capacity| kept.max(Capacity::estimate(settings, shape.cutoff, &shape.view_sizes()));
+        shape.capacity = self.initial.take().or(self.capacity.map(estimated));
+        let plan = self.plan(&shape, settings)?;
+        self.make_room(&plan)?;
+        self.write_inputs(scene, cameras, settings, &plan)?;
+        self.prepare(&plan)?;
+        self.uploads.record(&self.buffers)?;
+        self.commands.submit_and_wait_after(self.uploads.commands())?;
+        self.uploads.done();
+        // The next frame of this kind has room for what this one needed.
+        let larger = self.status()?.validate(&plan)?.unwrap_or(plan.capacity());
+        self.capacity = Some(self.capacity.map_or(larger, |capacity| capacity.max(larger)));
+        self.finished = true;
+        let saved = settings.save.then(|| FRAMES.fetch_add(1, Ordering::Relaxed));
+        let frame = Frame::download(&self.buffers.contents()?, cameras.len(), settings, self.timings()?, saved)?;
+        self.saved = saved.map(|id| backward::Saved {
+            id,
+            plan,
+            cameras: cameras.to_vec(),
+            settings: settings.clone(),
+            lights: scene.lights.clone(),
+        });
+        Ok(frame)
     }
 
     /// The last plan if nothing that it depends on has changed, else a new one.

@@ -11,8 +11,8 @@ use crate::host::engine::{Buffer, Engine};
 use crate::host::{assert_silent, difference, engine, error, rasterizer, submit, upstream_bytes};
 use gpu_allocator::MemoryLocation;
 use softras::embed::{
-    BufferId, Draw, GeometryGradients, IndexFormat, Layout, MeshBuffers, MeshLook, Pass, PassMemory, PassMesh,
-    PassPlan, PassStatus, Rasterizer, Status, TexelSource,
+    BufferId, Capacity, Draw, GeometryGradients, IndexFormat, Layout, MeshBuffers, MeshLook, Pass, PassMemory,
+    PassMesh, PassPlan, PassStatus, Rasterizer, Status, TexelSource,
 };
 use softras::scene::{Appearance, Background, Wrap};
 use softras::{Frame, ImageGradient, Lights, Mesh, Scene, Settings, Wanted};
@@ -197,16 +197,15 @@ fn several_meshes_of_a_host_render_as_one_scene() {
     assert_silent(engine);
 }
 
-/// A frame that has no room changes nothing: its gradients are zero, and the word that an optimiser may ask says so. With room
-/// they are those of any frame.
+/// A pass without room gives the same images and gradients as one with room, and says what would be faster.
 #[test]
-fn a_frame_without_room_has_no_gradients() {
+fn a_pass_does_not_depend_on_the_room_for_lists() {
     let engine = engine();
     let rasterizer = rasterizer(&engine);
     let scenery = Scenery::new(&engine);
     let case = scenery.engines.case();
     let upstream = random_upstream(&case, case.settings.outputs, &tolerance::GRADIENT);
-    let outputs = [BufferId::VertexGradients, BufferId::Totals, BufferId::CornerGradients];
+    let outputs = [BufferId::Color, BufferId::VertexGradients, BufferId::Totals, BufferId::CornerGradients];
     for (lights, background) in [
         (Lights::official(), Background::Weighted),
         (Lights { shading: softras::scene::Shading::Smooth, ..Lights::official() }, Background::Composite),
@@ -218,30 +217,28 @@ fn a_frame_without_room_has_no_gradients() {
             .lights(lights)
             .inside_planes()
             .gradients(Wanted { texels: false, uvs: false, ..Wanted::ALL });
-        let whole = builder.clone().build().unwrap();
-        let full = whole.frame().capacity();
-        let mut capacities = Vec::new();
-        for list in 0..3 {
-            let mut capacity = full;
-            *[&mut capacity.coarse, &mut capacity.list, &mut capacity.cells][list] = 1;
-            capacities.push(capacity);
-        }
-        for capacity in capacities {
+        let full = Capacity { coarse: 1 << 12, list: 1 << 16, cells: 1 << 10 };
+        let of = |capacity: Capacity| {
             let plan = builder.clone().capacity(capacity).build().unwrap();
             let mut memory = Memory::new(&engine, &plan);
-            let mut pass = bind(&rasterizer, &plan, &mut memory, &scenery.buffers(true));
+            let pass = bind(&rasterizer, &plan, &mut memory, &scenery.buffers(true));
             memory.write_upstream(&pass, &upstream);
             run(&engine, &pass);
-            let PassStatus::Grow(grown) = pass.status(memory.readback.bytes()).unwrap() else {
-                // This list needs none: boxes of one cell each.
-                assert_eq!(capacity.cells, 1);
-                continue;
-            };
-            assert_eq!(memory.whole_word(&pass), 0);
-            for id in outputs {
-                assert!(memory.floats(&pass, id).iter().all(|&x| x == 0.0), "{id:?} {capacity:?}");
+            assert_eq!(memory.whole_word(&pass), 1);
+            (pass.status(memory.readback.bytes()).unwrap(), outputs.map(|id| memory.floats(&pass, id)), pass, memory)
+        };
+        let whole = of(full);
+        assert_eq!(whole.0, PassStatus::Whole);
+        assert!(whole.1.iter().all(|values| values.iter().any(|x| x.abs() > 1e-6)));
+        for list in 0..2 {
+            let mut capacity = full;
+            *[&mut capacity.coarse, &mut capacity.list][list] = 1;
+            let (status, values, mut pass, memory) = of(capacity);
+            for ((id, values), whole) in outputs.iter().zip(&values).zip(&whole.1) {
+                assert_eq!(difference(values, whole), None, "{id:?} {capacity:?}");
             }
-            // The host rebinds with room, and all is well.
+            let PassStatus::Grow(grown) = status else { panic!("{capacity:?} is enough") };
+            // The host rebinds with room.
             let plan = pass.plan().builder().capacity(grown.max(full)).build().unwrap();
             let mut larger = Memory::new(&engine, &plan);
             let rebound = pass.rebind(plan, larger.refs(), &scenery.buffers(true)).unwrap();
@@ -250,9 +247,8 @@ fn a_frame_without_room_has_no_gradients() {
             larger.write_upstream(&pass, &upstream);
             run(&engine, &pass);
             assert_eq!(pass.status(larger.readback.bytes()).unwrap(), PassStatus::Whole);
-            assert_eq!(larger.whole_word(&pass), 1);
-            for id in outputs {
-                assert!(larger.floats(&pass, id).iter().any(|x| x.abs() > 1e-6), "{id:?}");
+            for (id, whole) in outputs.iter().zip(&whole.1) {
+                assert_eq!(difference(&larger.floats(&pass, *id), whole), None, "{id:?} rebound");
             }
             drop((rebound, memory));
         }
@@ -261,7 +257,44 @@ fn a_frame_without_room_has_no_gradients() {
     assert_silent(engine);
 }
 
-/// A mesh a view, of one colour and of colours a vertex, with images and upstream gradients in buffers of the host's own.
+/// A frame with a vertex that is not finite changes nothing: its gradients are zero, and the word that an optimiser may ask
+/// says so.
+#[test]
+fn a_frame_that_is_not_finite_has_no_gradients() {
+    let engine = engine();
+    let rasterizer = rasterizer(&engine);
+    let mut scenery = Scenery::new(&engine);
+    let case = scenery.engines.case();
+    let upstream = random_upstream(&case, case.settings.outputs, &tolerance::GRADIENT);
+    let mut vertices = scenery.engines.vertices();
+    for vertex in &mut vertices {
+        vertex[3..6].fill(f32::NAN);
+    }
+    scenery.vertices.write(0, bytemuck::cast_slice(&vertices));
+    let plan = rasterizer
+        .pass(&scenery.meshes())
+        .settings(case.settings.clone())
+        .cameras(&case.cameras)
+        .lights(Lights::official())
+        .inside_planes()
+        .gradients(Wanted { texels: false, uvs: false, ..Wanted::ALL })
+        .build()
+        .unwrap();
+    let mut memory = Memory::new(&engine, &plan);
+    let pass = bind(&rasterizer, &plan, &mut memory, &scenery.buffers(true));
+    memory.write_upstream(&pass, &upstream);
+    run(&engine, &pass);
+    assert!(error(pass.status(memory.readback.bytes())).contains("not finite"));
+    assert_eq!(memory.whole_word(&pass), 0);
+    for id in [BufferId::VertexGradients, BufferId::Totals, BufferId::CornerGradients] {
+        let values = memory.floats(&pass, id);
+        let wrong = values.iter().position(|&x| x != 0.0);
+        assert_eq!(wrong, None, "{id:?}: {:?}", wrong.map(|i| values[i]));
+    }
+    drop((pass, memory, scenery, rasterizer));
+    assert_silent(engine);
+}
+
 #[test]
 fn each_view_may_have_a_mesh_and_the_host_buffers_of_its_own() {
     let engine = engine();

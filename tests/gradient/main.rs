@@ -8,3 +8,4 @@ mod common;
 mod hazards;
 mod helpers;
 mod repeat;
+mod room;

@@ -41,7 +41,7 @@ fn rust_members() -> Vec<(&'static str, usize)> {
         cell_capacity,
         view_count,
         mesh_count,
-        reduce_rows,
+        number,
         first,
         texel_scale,
     ]

@@ -167,6 +167,7 @@ fn plan(settings: &Settings, views: &[ViewSize], crosses_near: bool) -> softras:
         distorted: false,
         capacity: Capacity::estimate(settings, settings.cutoff(), views),
         save: true,
+        loop_passes: u32::MAX,
     })
 }
 
@@ -188,6 +189,7 @@ fn frames_for_looking_at_have_no_buffers_for_gradients() {
             distorted: false,
             capacity: Capacity::estimate(&settings, settings.cutoff(), &views),
             save,
+            loop_passes: u32::MAX,
         };
         ForwardPlan::new(&input).unwrap().sizes
     };

@@ -3,7 +3,6 @@
 
 use crate::selftest::{COUNT, LOCAL, Outcome, PUSH, Record, SelfTest, context, error, texel};
 use softras::internals::passes::{ForwardStage, default_lanes};
-use softras::internals::plan::Modes;
 use softras::internals::vulkan::{
     BindingKind, Buffer, BufferDesc, BufferPart, BufferRef, CacheFolder, CommandBuffer, Context, ContextOptions,
     DescriptorPool, Device, DeviceKind, HostAdapter, HostCommands, HostDevice, Location, Member, Pipeline, Recorder,
@@ -318,16 +317,10 @@ fn one_subgroup_reads_records_together() {
     let most = if device.kind() == DeviceKind::Software { subgroups.size } else { subgroups.size.min(8) };
     for lanes in [1, 2, 4, 8, 16, 32] {
         let together = subgroups.shuffle && (4..=most).contains(&lanes);
-        let modes = |soft| Modes { soft, ..Modes::default() };
-        let names = [
-            ForwardStage::Forward.kernel(device, lanes, &modes(1)),
-            ForwardStage::ForwardSoft.kernel(device, lanes, &modes(1)),
-        ];
+        let names = [ForwardStage::Forward, ForwardStage::ForwardSoft].map(|stage| stage.kernel(device, lanes));
         let expected =
             if together { ["forward_subgroup", "forward_soft_subgroup"] } else { ["forward", "forward_soft"] };
         assert_eq!(names.map(|kernel| kernel.name), expected, "{lanes} of {}", subgroups.size);
-        // In other modes the general kernel serves both stages.
-        assert_eq!(ForwardStage::ForwardSoft.kernel(device, lanes, &modes(0)).name, expected[0]);
     }
     if device.kind() == DeviceKind::Software && subgroups.shuffle {
         assert_eq!(default_lanes(device), subgroups.size, "a tile takes one subgroup");

@@ -221,8 +221,14 @@ impl DeviceFit {
         Ok(Some((shape.mesh().clone(), step)))
     }
 
-    /// How many steps were submitted again so far. The device skips steps once a frame's lists overflow or a vertex
-    /// leaves the box that frames are planned for; the host then makes room and submits them again.
+    /// Sets the capacities of lists until a settled step tells what it needed; for tests of lists without room.
+    #[doc(hidden)]
+    pub fn set_capacity(&mut self, capacity: Capacity) {
+        self.capacity = Some(capacity);
+    }
+
+    /// How many steps were submitted again so far. The device skips steps once a vertex leaves the box that frames are planned
+    /// for; the host then plans for a larger one and submits them again.
     pub fn repeated(&self) -> usize {
         self.repeated
     }
@@ -230,15 +236,10 @@ impl DeviceFit {
     /// Records a step and hands it to the queue.
     fn submit(&mut self, renderer: &Renderer, step: Submitted) -> Result<()> {
         self.prepare(renderer, &step.settings)?;
-        let (Some(bound), Some(guard)) = (&self.bound, &self.guard) else {
-            return bad("a step without a frame", "report this");
-        };
-        let Capacity { coarse, list, cells } = bound.frame.capacity();
+        let (Some(bound), Some(guard)) = (&self.bound, &self.guard) else { return bad("no frame", "report this") };
         let numbers = Numbers {
             rates: FitPlan::rates(self.plan.method, step.steps[0], step.rate),
             color_rates: FitPlan::rates(super::optimizer::Method::ADAM, step.steps[1], step.color_rate),
-            capacity: Capacity { coarse, list, cells },
-            longest_list: bound.frame.longest_list(),
             row: self.pending.len() as u32,
             bounds: guard.bounds,
         };
@@ -330,7 +331,7 @@ impl DeviceFit {
         self.memory.vectors(BufferId::Positions, self.plan.vertices as usize)
     }
 
-    /// Waits for all pending steps. Where the device skipped one, makes room and submits it and all later ones again.
+    /// Waits for all pending steps. Where the device skipped one, removes the cause and submits it and all later ones again.
     fn settle(&mut self, renderer: &Renderer) -> Result<()> {
         loop {
             self.flights.iter_mut().try_for_each(CommandBuffer::settle)?;
@@ -344,14 +345,15 @@ impl DeviceFit {
         }
     }
 
-    /// Reads the records of pending steps and notes their losses, up to the first step that was skipped. Returns that
-    /// one's row and record.
+    /// Reads the records of pending steps and notes their losses and the room that their frames would have needed, up to the
+    /// first step that was skipped. Returns that one's row and record.
     fn confirm(&mut self, rows: usize) -> Result<Option<(usize, [u32; c::RECORD_WORDS as usize])>> {
         for row in 0..rows {
             let record = self.memory.record(row)?;
             if record[c::RECORD_HALTED as usize] != 0 {
                 return Ok(Some((row, record)));
             }
+            self.capacity = self.larger(&record)?.or(self.capacity);
             let number = |at: u32| f32::from_bits(record[at as usize]);
             let penalties = [0, 1, 2, 3].map(|k| number(c::RECORD_PENALTIES + k));
             let step = step_of(&self.plan, [number(0), number(1), number(2)], penalties);
@@ -366,19 +368,22 @@ impl DeviceFit {
 
     /// Removes the cause for which the device skipped a step, as its record says, and lets the device continue.
     fn recover(&mut self, record: &[u32; c::RECORD_WORDS as usize]) -> Result<()> {
-        if record[c::RECORD_HALTED as usize] & c::HALT_OUTSIDE != 0 {
-            self.guard = None;
-        } else if let Some(bound) = &self.bound {
-            let mut bytes = [0; Status::BYTES];
-            let words = &record[c::RECORD_STATUS as usize..][..c::STATUS_WORDS as usize];
-            bytes.copy_from_slice(bytemuck::cast_slice(words));
-            match Status::from_bytes(&bytes).validate(&bound.frame)? {
-                Some(capacity) => self.capacity = Some(capacity),
-                None => return bad("the device took no step and does not say why", "report this"),
-            }
+        if record[c::RECORD_HALTED as usize] & c::HALT_OUTSIDE == 0 {
+            self.larger(record)?;
+            return bad("the device took no step and does not say why", "report this");
         }
+        self.guard = None;
         self.memory.go_on()?;
         self.upload(Upload::State)
+    }
+
+    /// The capacity with which the frame of a record would have been faster.
+    fn larger(&self, record: &[u32; c::RECORD_WORDS as usize]) -> Result<Option<Capacity>> {
+        let Some(bound) = &self.bound else { return Ok(None) };
+        let mut bytes = [0; Status::BYTES];
+        let words = &record[c::RECORD_STATUS as usize..][..c::STATUS_WORDS as usize];
+        bytes.copy_from_slice(bytemuck::cast_slice(words));
+        Status::from_bytes(&bytes).validate(&bound.frame)
     }
 
     fn upload(&mut self, what: Upload) -> Result<()> {

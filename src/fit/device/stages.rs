@@ -10,7 +10,6 @@ use crate::constants as c;
 use crate::error::{Error, Result};
 use crate::frame::buffers::{BufferId, Parts};
 use crate::frame::pipelines::{Pipelines, Request};
-use crate::frame::plan::Capacity;
 use crate::vulkan::{
     BindingKind, BufferPart, Context, DescriptorPool, DescriptorSet, Kernel, Pipeline, Recorder, TexelFormat, kernels,
 };
@@ -51,9 +50,6 @@ pub struct Stages {
 pub struct Numbers {
     pub rates: Rates,
     pub color_rates: Rates,
-    /// The frame's room for lists, and the longest list it can walk.
-    pub capacity: Capacity,
-    pub longest_list: u32,
     /// The step's row in `records`.
     pub row: u32,
     /// The box that vertices must not leave.
@@ -286,8 +282,7 @@ impl Stages {
             edge_share(plan),
         ]
         .map(f32::to_bits);
-        let Capacity { coarse, list, cells } = numbers.capacity;
-        let mut push = [0; 16];
+        let mut push = [0; 12];
         push[..4].copy_from_slice(&[
             plan.views,
             plan.levels.len() as u32,
@@ -295,7 +290,7 @@ impl Stages {
             when(plan.flap_penalties(), plan.flaps),
         ]);
         push[4..11].copy_from_slice(&weights);
-        push[11..].copy_from_slice(&[coarse, list, cells, numbers.longest_list, numbers.row]);
+        push[11] = numbers.row;
         self.loss_record.record(recorder, &push, [1, 1, 1])
     }
 

@@ -68,6 +68,8 @@ pub struct FrameCounts {
     pub shading_texels: u32,
     /// The frame keeps what backward needs.
     pub save: bool,
+    /// Tiles whose walks go on from turn to turn.
+    pub resumed: u64,
 }
 
 /// The counts that the sizes of the buffers of a backward pass depend on.
@@ -75,6 +77,8 @@ pub struct FrameCounts {
 pub struct GradientCounts {
     /// Counts over all views of the frame.
     pub totals: Totals,
+    /// Triangles' further cells may lack room.
+    pub long: bool,
     /// Items: the cells of all triangles' boxes.
     pub items: u64,
     /// Rows of FORWARD_ROW items.
@@ -101,6 +105,13 @@ pub struct GradientCounts {
     pub texels: u64,
     /// Sums in `totals`: of each view, of each light, of the ambient light, of the pixels.
     pub sums: u64,
+}
+
+impl FrameCounts {
+    /// Rows of RESUMED_ROW tiles whose walks go on from turn to turn.
+    pub fn resumed_rows(&self) -> u64 {
+        if self.resumed > 0 { self.totals.tiles.div_ceil(c::RESUMED_ROW.into()) } else { 0 }
+    }
 }
 
 impl GradientCounts {

@@ -44,7 +44,7 @@ pub const UNUSED_SIZE: u64 = 16;
 
 /// Binding names that stand for different buffers in different stages, and the buffers that each can stand for.
 pub const ALIASES: [(&str, &[BufferId]); 2] = [
-    ("items", &[BufferId::ShownItems, BufferId::OutlineItems]),
+    ("items", &[BufferId::ShownItems, BufferId::OutlineItems, BufferId::LongRecords]),
     ("rows", &[BufferId::LightRecords, BufferId::PixelSums, BufferId::ViewSums]),
 ];
 

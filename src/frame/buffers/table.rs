@@ -123,11 +123,15 @@ table! {
         /// For every 32 entries of the bins' lists, which of the bin's tiles each entry reaches.
         CoarseWords("coarse_words", Uint, Workspace, [],
             |f| bytes(f.capacity[0].div_ceil(c::WORD_BITS.into()), 4 * u64::from(c::BLOCK_WORDS)));
-        /// The tiles to be drawn with the ranges of their lists, the empty tiles, and those that the general kernel draws again.
+        /// The tiles with entries and the ranges of their lists; the empty tiles, and those that are walked in several turns;
+        /// those that the general kernel draws again, and those that are walked.
         TileItems("tile_items", Uint4, Workspace, [], |f| bytes(f.totals.tiles, 48));
         /// Arguments of the indirect dispatches over tiles.
         TileCounts("tile_counts", Uint, Workspace, [TRANSFER_DST, INDIRECT_BUFFER],
-            |f| bytes(f.totals.tile_rows() * u64::from(c::TILE_COUNT_WORDS), 4));
+            |f| bytes(f.totals.tile_rows() * u64::from(c::TILE_COUNT_WORDS) + 3 * f.resumed_rows(), 4));
+        /// Where the walks stand of tiles that are processed in several turns.
+        WalkState("walk_state", Uint, Workspace, [],
+            |f| when(f.resumed > 0, bytes(f.resumed, 4 * u64::from(c::WALK_STATE_WORDS))));
         /// The tiles that the last frame left empty.
         TileMarks("tile_marks", Uint, Workspace, [], |f| bytes(f.totals.tiles, 4));
         /// The tiles' lists of record indices.
@@ -176,6 +180,8 @@ table! {
         ShownItems("shown_items", Uint4, Workspace, [], |g| when(g.shaded(), bytes(g.items, 16)));
         /// The items that contribute to the silhouette only.
         OutlineItems("outline_items", Uint4, Workspace, [], |g| when(g.outlines, bytes(g.items, 16)));
+        /// The triangle records whose further cells found no room.
+        LongRecords("long_records", Uint, Workspace, [], |g| when(g.long, bytes(g.totals.records, 4)));
         /// Arguments of the indirect dispatches over items.
         ItemCounts("item_counts", Uint, Workspace, [TRANSFER_DST, INDIRECT_BUFFER],
             |g| bytes(g.item_rows * u64::from(c::ITEM_COUNT_WORDS), 4));

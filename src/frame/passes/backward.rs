@@ -4,7 +4,7 @@ use super::{List, Stage, Work, bind_all, clear, no_workgroups, reads_together, s
 use crate::Result;
 use crate::constants as c;
 use crate::frame::buffers::BufferId;
-use crate::frame::plan::BackwardPlan;
+use crate::frame::plan::{BackwardPlan, FramePush};
 use crate::vulkan::{BufferPart, Device, Kernel, Pipeline, Recorder, TimestampPool, kernels};
 
 /// A stage of a backward pass.
@@ -23,6 +23,8 @@ pub enum BackwardStage {
     Outline,
     /// The same for small items.
     OutlineSmall,
+    /// Adds the sums over the cells that found no room to those of their triangles' first cells.
+    Long,
     /// Sums each triangle's items, and carries the sums to its corners.
     TriangleGrad,
     /// Carries gradients by vertex normals to the corners, with smooth shading.
@@ -47,13 +49,14 @@ pub const BACKWARD_TIMESTAMPS: u32 = BACKWARD_COUNT as u32 + 1;
 
 impl BackwardStage {
     /// Every stage, in the order in which they run.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         S::PixelGrad,
         S::Cull,
         S::Shown,
         S::ShownSmall,
         S::Outline,
         S::OutlineSmall,
+        S::Long,
         S::TriangleGrad,
         S::VertexNormalGrad,
         S::VertexGrad,
@@ -71,6 +74,7 @@ impl BackwardStage {
             S::ShownSmall => "backward_small",
             S::Outline => "backward_outline",
             S::OutlineSmall => "backward_outline_small",
+            S::Long => "backward_long",
             S::TriangleGrad => "triangle_grad",
             S::VertexNormalGrad => "vertex_normal_grad",
             S::VertexGrad => "vertex_grad",
@@ -88,6 +92,7 @@ impl BackwardStage {
             S::Cull => &kernels::BACKWARD_CULL,
             S::Shown | S::ShownSmall | S::Outline | S::OutlineSmall if together => &kernels::BACKWARD_SUBGROUP,
             S::Shown | S::ShownSmall | S::Outline | S::OutlineSmall => &kernels::BACKWARD,
+            S::Long => &kernels::BACKWARD_LONG,
             S::TriangleGrad => &kernels::TRIANGLE_GRAD,
             S::VertexNormalGrad => &kernels::VERTEX_NORMAL_GRAD,
             S::VertexGrad => &kernels::VERTEX_GRAD,
@@ -107,11 +112,17 @@ impl BackwardStage {
         [("REDUCTION", reduction), ("OUTLINE", u32::from(outline)), ("SMALL", u32::from(small))]
     }
 
+    /// Whether a plan may record it.
+    pub fn is_needed(self, plan: &BackwardPlan) -> bool {
+        self != S::Long || plan.long_turns > 0
+    }
+
     /// The buffer that a binding stands for in this stage, where stages of one kernel bind different buffers.
     fn alias(self, binding: &str) -> Option<BufferId> {
         match (binding, self) {
             ("items", S::Shown | S::ShownSmall) => Some(BufferId::ShownItems),
             ("items", S::Outline | S::OutlineSmall) => Some(BufferId::OutlineItems),
+            ("items", S::Long) => Some(BufferId::LongRecords),
             ("rows", S::ReduceViews) => Some(BufferId::ViewSums),
             ("rows", S::ReduceLights) => Some(BufferId::LightRecords),
             ("rows", S::ReducePixels) => Some(BufferId::PixelSums),
@@ -150,11 +161,10 @@ pub fn record_backward(
     let groups = &plan.groups;
     let items = |offset: u32, needed: bool| {
         let rows = if needed { plan.item_rows } else { 0 };
-        Work::List(List { rows, first: 0, counts: item_counts, stride: c::ITEM_COUNT_WORDS, offset })
+        Work::List(List::of_rows(rows, 0, item_counts, c::ITEM_COUNT_WORDS, offset))
     };
     // `totals` holds the sums of the views, then of the lights with the ambient one, then of the pixels.
-    let lights = plan.push.view_count;
-    let pixels = lights + plan.push.light_count + 1;
+    let (lights, pixels) = (plan.push.view_count, plan.push.view_count + plan.push.light_count + 1);
     recorder.begin_label("softras backward");
     recorder.barrier();
     no_workgroups(recorder, item_counts, u64::from(plan.item_rows * c::ITEM_COUNT_WORDS / 3))?;
@@ -166,8 +176,7 @@ pub fn record_backward(
         let work = match stage {
             // The background's gradients need every pixel, all others only the tiles that have a list.
             S::PixelGrad if plan.tile_rows > 0 => {
-                let (rows, stride) = (plan.tile_rows, c::TILE_COUNT_WORDS);
-                Work::List(List { rows, first: 0, counts: tile_counts, stride, offset: c::TILES_FILLED })
+                Work::List(List::of_rows(plan.tile_rows, 0, tile_counts, c::TILE_COUNT_WORDS, c::TILES_FILLED))
             }
             S::PixelGrad => Work::Groups(groups.pixel_grad),
             S::Cull => Work::Groups(groups.backward_cull),
@@ -175,20 +184,24 @@ pub fn record_backward(
             S::ShownSmall => items(c::ITEMS_SHOWN + c::ITEMS_SMALL, plan.shades()),
             S::Outline => items(c::ITEMS_OUTLINE, plan.outlines()),
             S::OutlineSmall => items(c::ITEMS_OUTLINE + c::ITEMS_SMALL, plan.outlines()),
+            S::Long => items(c::ITEMS_LONG, plan.long_turns > 0),
             S::TriangleGrad => Work::Groups(groups.triangle_grad),
             S::VertexNormalGrad => Work::Groups(groups.vertex_normal_grad),
             S::VertexGrad => Work::Groups(groups.vertex_grad),
             S::ReduceViews => Work::Groups(groups.reduce_views),
             S::ReduceLights => {
-                (push.first, push.reduce_rows) = (lights, plan.light_rows);
+                (push.first, push.number) = (lights, plan.light_rows);
                 Work::Groups(groups.reduce_lights)
             }
             S::ReducePixels => {
-                (push.first, push.reduce_rows) = (pixels, plan.pixel_rows);
+                (push.first, push.number) = (pixels, plan.pixel_rows);
                 Work::Groups(groups.reduce_pixels)
             }
         };
-        stages.0[stage as usize].run(recorder, stage.name(), &push, &work)?;
+        let turns = if stage == S::Long { 0..plan.long_turns } else { push.number..push.number + 1 };
+        for number in turns {
+            stages.0[stage as usize].run(recorder, stage.name(), &FramePush { number, ..push }, &work)?;
+        }
         stamp(recorder, times, stage as u32 + 1)?;
     }
     recorder.end_label();

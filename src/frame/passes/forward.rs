@@ -4,7 +4,7 @@ use super::{List, Stage, Work, bind_all, clear, no_workgroups, reads_together, s
 use crate::Result;
 use crate::constants as c;
 use crate::frame::buffers::BufferId;
-use crate::frame::plan::{ForwardPlan, Modes};
+use crate::frame::plan::{ForwardPlan, FramePush};
 use crate::vulkan::{BufferPart, Device, Kernel, Pipeline, Recorder, TimestampPool, kernels};
 
 /// A stage of a forward frame.
@@ -24,6 +24,10 @@ pub enum ForwardStage {
     ForwardSoft,
     /// Aggregates the triangles of all tiles in other modes; else of those with a triangle too thin for the stage before.
     Forward,
+    /// Does the work of `ForwardSoft` for the tiles whose lists have no room, or are longer than the device's loops walk.
+    ForwardSoftLong,
+    /// Does the work of `Forward` for those tiles.
+    ForwardLong,
 }
 
 /// How many stages a forward frame has.
@@ -34,7 +38,7 @@ pub const FORWARD_TIMESTAMPS: u32 = FORWARD_COUNT as u32 + 1;
 
 impl ForwardStage {
     /// Every stage, in the order in which they run.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 9] = [
         Self::Vertex,
         Self::Triangle,
         Self::BinCoarse,
@@ -42,6 +46,8 @@ impl ForwardStage {
         Self::Background,
         Self::ForwardSoft,
         Self::Forward,
+        Self::ForwardSoftLong,
+        Self::ForwardLong,
     ];
 
     /// Its name in timings and in debuggers: its GLSL file's.
@@ -54,22 +60,36 @@ impl ForwardStage {
             Self::Background => "background",
             Self::ForwardSoft => "forward_soft",
             Self::Forward => "forward",
+            Self::ForwardSoftLong => "forward_soft_long",
+            Self::ForwardLong => "forward_long",
         }
     }
 
     /// Its kernel on a device. If the lanes of a tile are one subgroup that can shuffle, they read records together.
-    pub fn kernel(self, device: &Device, lanes: u32, modes: &Modes) -> &'static Kernel {
+    pub fn kernel(self, device: &Device, lanes: u32) -> &'static Kernel {
         match self {
             Self::Vertex => &kernels::VERTEX,
             Self::Triangle => &kernels::TRIANGLE,
             Self::BinCoarse => &kernels::BIN_COARSE,
             Self::BinFine => &kernels::BIN_FINE,
             Self::Background => &kernels::BACKGROUND,
-            Self::ForwardSoft if modes.soft == 0 => Self::Forward.kernel(device, lanes, modes),
             Self::ForwardSoft if reads_together(device, lanes) => &kernels::FORWARD_SOFT_SUBGROUP,
             Self::ForwardSoft => &kernels::FORWARD_SOFT,
             Self::Forward if reads_together(device, lanes) => &kernels::FORWARD_SUBGROUP,
             Self::Forward => &kernels::FORWARD,
+            Self::ForwardSoftLong => &kernels::FORWARD_SOFT_LONG,
+            Self::ForwardLong => &kernels::FORWARD_LONG,
+        }
+    }
+
+    /// Whether a plan may record it.
+    pub fn is_needed(self, plan: &ForwardPlan) -> bool {
+        let soft = plan.modes.soft != 0;
+        match self {
+            Self::ForwardSoft => soft,
+            Self::ForwardSoftLong => soft && plan.walks.needed,
+            Self::ForwardLong => plan.walks.needed,
+            _ => true,
         }
     }
 }
@@ -102,22 +122,24 @@ pub fn record_forward(
     times: Option<&TimestampPool>,
 ) -> Result<()> {
     let groups = &plan.groups;
+    let counts = plan.sizes[BufferId::TileCounts] / 12;
     // One buffer holds three lists of tiles, each after the room for the one before: those to be drawn, the empty ones, and
-    // those that the general kernel draws again.
+    // those that the general kernel draws again or that are walked.
     let soft = plan.modes.soft != 0;
     let count = plan.totals.tiles as u32;
     let tiles = |needed: bool, first: u32, offset: u32| {
         let rows = if needed { plan.totals.tile_rows() as u32 } else { 0 };
-        Work::List(List { rows, first, counts: tile_counts, stride: c::TILE_COUNT_WORDS, offset })
+        Work::List(List::of_rows(rows, first, tile_counts, c::TILE_COUNT_WORDS, offset))
     };
     recorder.begin_label("softras forward");
     recorder.barrier();
     recorder.fill(status, 0, plan.sizes[BufferId::Status], 0)?;
-    no_workgroups(recorder, tile_counts, plan.totals.tile_rows() * u64::from(c::TILE_COUNT_WORDS) / 3)?;
+    no_workgroups(recorder, tile_counts, counts)?;
     clear(recorder, bin_bits, plan.sizes[BufferId::BinBits])?;
     recorder.barrier();
     stamp(recorder, times, 0)?;
     for stage in ForwardStage::ALL {
+        let mut push = plan.push;
         let work = match stage {
             ForwardStage::Vertex => Work::Groups(groups.vertex),
             ForwardStage::Triangle => Work::Groups(groups.triangle),
@@ -127,10 +149,40 @@ pub fn record_forward(
             ForwardStage::ForwardSoft => tiles(soft, 0, c::TILES_FILLED),
             ForwardStage::Forward if soft => tiles(true, 2 * count, c::TILES_GENERAL),
             ForwardStage::Forward => tiles(true, 0, c::TILES_FILLED),
+            ForwardStage::ForwardSoftLong | ForwardStage::ForwardLong => {
+                push.number = c::ONE_TURN;
+                tiles(stage.is_needed(plan), 0, c::TILES_WALKED)
+            }
         };
-        stages.0[stage as usize].run(recorder, stage.name(), &plan.push, &work)?;
+        stages.0[stage as usize].run(recorder, stage.name(), &push, &work)?;
+        if stage == ForwardStage::ForwardLong {
+            record_turns(recorder, plan, stages, tile_counts)?;
+        }
         stamp(recorder, times, stage as u32 + 1)?;
     }
     recorder.end_label();
+    Ok(())
+}
+
+/// Records the turns of the tiles whose walks take several: row by row and kernel by kernel, because they share the memory of
+/// where the walks stand.
+fn record_turns(
+    recorder: &mut Recorder<'_>,
+    plan: &ForwardPlan,
+    stages: &ForwardStages,
+    tile_counts: &BufferPart,
+) -> Result<()> {
+    let kernels = [ForwardStage::ForwardSoftLong, ForwardStage::ForwardLong];
+    for row in 0..plan.walks.rows(&plan.totals) {
+        let offset = plan.totals.tile_rows() as u32 * c::TILE_COUNT_WORDS + 3 * row;
+        let first = row * c::RESUMED_ROW;
+        for stage in kernels.into_iter().filter(|stage| stage.is_needed(plan)) {
+            for turn in 0..plan.walks.turns {
+                let list = List { rows: 1, first, row: c::RESUMED_ROW, counts: tile_counts, stride: 3, offset };
+                let push = FramePush { number: turn, ..plan.push };
+                stages.0[stage as usize].run(recorder, stage.name(), &push, &Work::List(list))?;
+            }
+        }
+    }
     Ok(())
 }

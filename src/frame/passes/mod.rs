@@ -31,16 +31,24 @@ enum Work<'a> {
     List(List<'a>),
 }
 
-/// A list that an earlier stage makes, in rows of FORWARD_ROW entries.
+/// A list that an earlier stage makes, in rows.
 struct List<'a> {
     /// Rows that the list has room for; 0 where the plan does not need the stage.
     rows: u32,
-    /// The first entry of the first row.
+    /// The first entry of the first row, and the entries of a row.
     first: u32,
+    row: u32,
     /// Holds the dispatch arguments of each row, `stride` words apart and beginning after `offset` words.
     counts: &'a BufferPart,
     stride: u32,
     offset: u32,
+}
+
+impl<'a> List<'a> {
+    /// Rows of FORWARD_ROW entries from `first` on.
+    fn of_rows(rows: u32, first: u32, counts: &'a BufferPart, stride: u32, offset: u32) -> Self {
+        Self { rows, first, row: c::FORWARD_ROW, counts, stride, offset }
+    }
 }
 
 impl Stage {
@@ -105,7 +113,7 @@ impl Stage {
     /// writing, which the layers would report as a hazard.
     fn record_rows(&self, recorder: &mut Recorder<'_>, push: &FramePush, list: &List<'_>) -> Result<()> {
         for row in 0..list.rows {
-            let push = FramePush { first: list.first + row * c::FORWARD_ROW, ..*push };
+            let push = FramePush { first: list.first + row * list.row, ..*push };
             let at = 4 * u64::from(row * list.stride + list.offset);
             if row > 0 {
                 recorder.barrier();

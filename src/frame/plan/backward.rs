@@ -42,6 +42,8 @@ pub struct BackwardPlan {
     pub groups: BackwardGroups,
     /// Rows of FORWARD_ROW items, each with an indirect dispatch of its own; 0 if only sums over pixels are wanted.
     pub item_rows: u32,
+    /// Turns in which the further cells of triangles are processed that found no room; 0 where there can be none.
+    pub long_turns: u32,
     /// Rows of tiles with a list that the pixel gradient runs over; 0 if it runs over all pixels, or not at all.
     pub tile_rows: u32,
     /// Rows of the light reduction.
@@ -145,6 +147,7 @@ impl BackwardPlan {
             sizes: Sizes::of_gradients(&counts_of(input, gradients, smooth)),
             groups: groups_of(input, gradients, smooth, sum_views, sum_pixels),
             item_rows: if triangles { item_rows(input) as u32 } else { 0 },
+            long_turns: if triangles { long_turns(forward) } else { 0 },
             tile_rows: if triangles && !sum_pixels { forward.totals.tile_rows() as u32 } else { 0 },
             light_rows: light_rows as u32,
             pixel_rows: forward.totals.pixels as u32,
@@ -157,6 +160,14 @@ fn item_rows(input: &BackwardInput) -> u64 {
     items.div_ceil(u64::from(c::FORWARD_ROW))
 }
 
+/// The turns over triangles whose further cells found no room, of CELLS_PER_TURN cells of the largest box each.
+fn long_turns(forward: &ForwardPlan) -> u32 {
+    let FramePush { width, height, cell_capacity, .. } = forward.push;
+    let cells = width.div_ceil(c::CELL_WIDTH) * height.div_ceil(c::CELL_HEIGHT);
+    let all = forward.totals.records * u64::from(cells - 1);
+    if all <= cell_capacity.into() { 0 } else { (cells - 1).div_ceil(c::CELLS_PER_TURN) }
+}
+
 fn counts_of(input: &BackwardInput, gradients: u32, smooth: bool) -> GradientCounts {
     let part = |flag: u32, texels: u32| if gradients & flag != 0 { u64::from(texels) } else { 0 };
     let up = input.upstream;
@@ -166,6 +177,7 @@ fn counts_of(input: &BackwardInput, gradients: u32, smooth: bool) -> GradientCou
         totals,
         items: totals.records + u64::from(push.cell_capacity),
         item_rows: item_rows(input),
+        long: long_turns(input.forward) > 0,
         upstream: up,
         outlines: up.silhouette || (shaded && input.forward.modes.composite != 0),
         gradients,

@@ -37,7 +37,7 @@ pub struct FramePush {
     pub cell_capacity: u32,
     pub view_count: u32,
     pub mesh_count: u32,
-    pub reduce_rows: u32,
+    pub number: u32,
     pub first: u32,
     pub texel_scale: f32,
 }

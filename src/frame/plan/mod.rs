@@ -6,7 +6,9 @@
 //! with textures, +3 with normals):
 //!
 //! `32 V + (32 V smooth) + 96 S + 16 Q S + B S/8 + 8 N + 12⅛ C + 36 T + 4 L + 16 P colour, or 4 P silhouette alone,
-//! + 4 P depth + 16 P normal`, and for backward `16 P + 8 T + 8 S` and 8 a cell (64×32 pixels) that a box has beyond its first
+//! + 4 P depth + 16 P normal`, and for backward `16 P + 8 T + 8 S` and 8 a cell (64×32 pixels) that a box has beyond its first.
+//!
+//! On a software device, for views of more than some 45,000 records, there are 1680 for each tile, of at most 4096.
 //!
 //! Nothing grows with pixels × triangles.
 
@@ -14,11 +16,13 @@ mod backward;
 mod capacity;
 mod frame;
 mod modes;
+mod walk;
 
 pub use backward::{BackwardGroups, BackwardInput, BackwardPlan};
 pub use capacity::Capacity;
 pub use frame::{FramePush, split};
 pub use modes::{DepthSpan, Modes, Sampling};
+pub use walk::Walks;
 
 use crate::constants as c;
 use crate::error::{Error, Result};
@@ -61,6 +65,8 @@ pub struct ForwardPlan {
     pub modes: Modes,
     /// The least number of lanes that bin_coarse may have.
     pub coarse_lanes: u32,
+    /// How tiles are processed whose lists have no room.
+    pub walks: Walks,
     /// Each view's range in the buffers.
     pub views: Vec<ViewRange>,
     /// Bytes of every buffer.
@@ -104,6 +110,8 @@ pub struct PlanInput<'a> {
     pub capacity: Capacity,
     /// Whether the frame keeps what backward needs.
     pub save: bool,
+    /// Passes of all loops of an invocation together that the device is trusted with.
+    pub loop_passes: u32,
 }
 
 impl ForwardPlan {
@@ -123,7 +131,8 @@ impl ForwardPlan {
         let modes = Modes::new(input);
         let coarse_lanes = coarse_lanes(&views);
         frame.slot_count = totals.records as u32;
-        let sizes = Sizes::of_frame(&counts_of(input, &frame, &modes, totals));
+        let walks = Walks::new(&frame, &views, &totals, input.loop_passes);
+        let sizes = Sizes::of_frame(&counts_of(input, &frame, &modes, totals, walks));
         let most = |f: fn(&ViewSize) -> u32| input.views.iter().map(f).max().unwrap_or(0);
         let count = input.views.len() as u32;
         let linear = |n: u32| [n.div_ceil(c::LINEAR_GROUP), count, 1];
@@ -134,7 +143,7 @@ impl ForwardPlan {
             bin_coarse: bins,
             bin_fine: bins,
         };
-        Ok(Self { push: frame, modes, coarse_lanes, views, sizes, groups, totals })
+        Ok(Self { push: frame, modes, coarse_lanes, walks, views, sizes, groups, totals })
     }
 }
 
@@ -143,7 +152,7 @@ fn shades(modes: &Modes) -> bool {
     modes.outputs & !c::OUTPUT_SILHOUETTE != 0 || modes.depth_range != c::DEPTH_RANGE_INSIDE
 }
 
-fn counts_of(input: &PlanInput, push: &FramePush, modes: &Modes, totals: Totals) -> FrameCounts {
+fn counts_of(input: &PlanInput, push: &FramePush, modes: &Modes, totals: Totals, walks: Walks) -> FrameCounts {
     let sampled = input.sampling.surface || input.sampling.image;
     let record = c::SHADING_TEXELS
         + u32::from(sampled) * c::SHADING_COORDINATE_TEXELS
@@ -158,6 +167,7 @@ fn counts_of(input: &PlanInput, push: &FramePush, modes: &Modes, totals: Totals)
         smooth: modes.smooth != 0,
         shading_texels: if shades(modes) { record } else { 0 },
         save: input.save,
+        resumed: walks.resumed_tiles(&totals),
     }
 }
 

@@ -112,8 +112,8 @@ modes! {
         gradients = "GRADIENTS",
         /// 1: the paper's gradient.
         paper = "PAPER",
-        /// The longest list of triangles that a loop can walk on this device.
-        longest_list = "LONGEST_LIST",
+        /// Passes of all loops of an invocation together that the device is trusted with.
+        loop_passes = "LOOP_PASSES",
     }
 }
 
@@ -166,6 +166,7 @@ impl Modes {
             official: u32::from(official),
             distorted: u32::from(input.distorted),
             soft: u32::from(is_soft(s) && depth_range == c::DEPTH_RANGE_INSIDE),
+            loop_passes: input.loop_passes,
             ..Self::default()
         }
     }

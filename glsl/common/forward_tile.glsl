@@ -1,0 +1,113 @@
+// What the forward kernels share: their buffers, where the entries of a tile's list are, and how a finished tile is written.
+// With WALKED the list is nowhere in memory, and the entries at hand are shared (walked_tile.glsl).
+// The file that includes this one defines first_pixel and finished, which forward_soft.glsl has in other units.
+
+layout(local_size_x_id = 0) in;
+
+layout(set = 0, binding = 0) uniform usamplerBuffer view_shapes;
+layout(set = 0, binding = 1) uniform usamplerBuffer tile_items;
+#ifndef WALKED
+layout(set = 0, binding = 2) uniform usamplerBuffer tile_slots;
+#endif
+layout(set = 0, binding = 3) uniform samplerBuffer geometry;
+layout(set = 0, binding = 4) uniform samplerBuffer shading;
+layout(set = 0, binding = 5) uniform usamplerBuffer textures;
+layout(set = 0, binding = 6) uniform samplerBuffer texels;
+layout(set = 0, binding = 7, std430) writeonly buffer Color { vec4 color[]; };
+layout(set = 0, binding = 8, std430) writeonly buffer Silhouette { float silhouette[]; };
+layout(set = 0, binding = 9, std430) writeonly buffer Depths { float depths[]; };
+layout(set = 0, binding = 10, std430) writeonly buffer Normals { vec4 normals[]; };
+layout(set = 0, binding = 11, std430) writeonly buffer Saved { vec4 saved[]; };
+layout(set = 0, binding = 12, std430) writeonly buffer TileBounds { vec2 tile_bounds[]; };
+layout(set = 0, binding = 13) uniform isamplerBuffer boxes;
+
+#include "common/constants.glsl"
+#include "common/modes.glsl"
+#include "common/frame.glsl"
+#include "common/mesh.glsl"
+#include "common/fragment.glsl"
+#include "common/sample.glsl"
+#include "common/corner.glsl"
+#include "common/shared_records.glsl"
+#include "common/lanes.glsl"
+#include "common/pixel.glsl"
+#include "common/hidden.glsl"
+#include "common/tile.glsl"
+#include "common/images.glsl"
+
+#ifdef WALKED
+// The entries at hand of a list that is nowhere in memory (walked_tile.glsl).
+shared uint entries[WALK_WINDOW];
+#endif
+
+// The record index of an entry of the tile's list.
+int entry_at(int at) {
+#ifdef WALKED
+    return int(entries[at]);
+#else
+    return int(texelFetch(tile_slots, at).x);
+#endif
+}
+
+#ifndef SUBGROUP_RECORDS
+const int LANES = int(gl_WorkGroupSize.x);
+#endif
+const int TILE_PIXELS = int(TILE_WIDTH * TILE_HEIGHT);
+const int PIXELS = TILE_PIXELS / LANES;
+
+// Pixel i of a lane lies i * LANES pixels after its first, row by row.
+ivec2 step_of(int i) {
+    int index = i * LANES;
+    return ivec2(index % int(TILE_WIDTH), index / int(TILE_WIDTH));
+}
+
+// The first pixel of this lane.
+ivec2 lane_corner(TilePlace tile) {
+    int lane = int(gl_LocalInvocationID.x);
+    return tile.corner + ivec2(lane % int(TILE_WIDTH), lane / int(TILE_WIDTH));
+}
+
+// A pixel before its first entry.
+Pixel first_pixel();
+// The pixel with its sums as images.glsl expects them.
+Pixel finished(Pixel p);
+
+// The least log sum and the largest transmittance of all lanes' pixels (bounds_of). Pixels beyond the image's border are
+// included; they can only reduce what is skipped.
+vec2 bounds_of_tile(Pixel pixels[PIXELS]) {
+    // The largest transmittance is found as the minimum of its negative.
+    vec2 least = vec2(3e38);
+    for (int i = 0; i < PIXELS; ++i) {
+        vec2 own = bounds_of(finished(pixels[i]));
+        least = vec2(lesser(least.x, own.x), lesser(least.y, -own.y));
+    }
+    least = least_of_lanes(least);
+    return vec2(least.x, -least.y);
+}
+
+// Writes a finished pixel: the images and what backward needs.
+void write_pixel(TilePlace tile, ivec2 where, Pixel p, int triangle_count) {
+    if (where.x < int(frame.width) && where.y < int(frame.height)) {
+        int to = place_of(tile.view, where);
+        write_images(p, to, triangle_count);
+        if (SAVE) {
+            saved[to] = kept_of(p);
+        }
+    }
+}
+
+void write_bounds(int number, vec2 bounds) {
+    if (SAVE && gl_LocalInvocationID.x == 0u) {
+        tile_bounds[number] = bounds;
+    }
+}
+
+void write_tile(TilePlace tile, int number, Pixel pixels[PIXELS]) {
+    int triangle_count = shape_of(tile.view).triangle_count;
+    for (int i = 0; i < PIXELS; ++i) {
+        write_pixel(tile, lane_corner(tile) + step_of(i), finished(pixels[i]), triangle_count);
+    }
+    if (SAVE) {
+        write_bounds(number, bounds_of_tile(pixels));
+    }
+}

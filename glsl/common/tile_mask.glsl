@@ -1,0 +1,87 @@
+// Which tiles of a bin a triangle grown by the culling radius may touch: tile lists are made of these answers.
+// Everything is `precise`, so that each kernel that asks gets the same answer.
+// Needs constants.glsl, modes.glsl, frame.glsl and the buffers `boxes` and `geometry`.
+
+// A triangle as the rows of a bin's tiles see it.
+struct Reach {
+    // For each edge the least margin by which a tile of column 0 in a row through y = 0 touches the grown triangle, its
+    // change per pixel along y, and the factor that makes of a margin a number of columns.
+    vec3 at_first;
+    vec3 per_row;
+    vec3 inverse;
+    // Vertical position of the centre of row 0.
+    float y;
+    // First column and row, last column and row of the box.
+    ivec4 tiles;
+    // Whether it is a back face.
+    bool away;
+    bool thin;
+};
+
+// Whether a triangle has no area, or the least of its heights is so small that rounding could change which of its edges is
+// the nearest (nearest_edge in entry.glsl): rounding adds some 1e-7 of the distances within the culling radius, a hundredth
+// of what is asked here.
+bool is_thin(vec3 half_length, vec3 inverse_height) {
+    float least = min(inverse_height.x, min(inverse_height.y, inverse_height.z));
+    float most = max(inverse_height.x, max(inverse_height.y, inverse_height.z));
+    float longest = 2.0 * max(half_length.x, max(half_length.y, half_length.z));
+    precise float ratio = most * (longest + 2.0 * sqrt(frame.radius_squared));
+    return !(least > 0.0 && ratio < 1e5);
+}
+
+Reach reach_of_record(int slot, ivec2 bin) {
+    int at = slot * int(GEOMETRY_TEXELS);
+    vec4 head = texelFetch(geometry, at);
+    vec2 origin = head.xy;
+    vec4 last_texel = texelFetch(geometry, at + 4);
+    ivec4 box = texelFetch(boxes, slot);
+    ivec2 tile = ivec2(TILE_WIDTH, TILE_HEIGHT);
+    Reach r;
+    r.tiles.xy = max(box.xy / tile - bin * int(BIN_TILES), ivec2(0));
+    r.tiles.zw = min(box.zw / tile - bin * int(BIN_TILES), ivec2(BIN_TILES - 1u));
+    vec2 half_size = 0.5 * vec2(TILE_WIDTH - 1u, TILE_HEIGHT - 1u);
+    precise vec2 centre = vec2(bin) * vec2(BIN_WIDTH, BIN_HEIGHT) + half_size - origin;
+    r.y = centre.y;
+    vec2 normal[3];
+    for (int k = 0; k < 3; ++k) {
+        vec4 line = texelFetch(geometry, at + 1 + k);
+        normal[k] = line.xy;
+        precise float reach = sqrt(frame.radius_squared);
+        if (DISTANCE == DISTANCE_BARYCENTRIC) {
+            reach = frame.barycentric_radius / last_texel[k + 1];
+        }
+        reach = 1.001 * reach + 0.01 * frame.scale;
+        // Only true edges bound: not the end lines of a triangle without area, whose inverse height is not positive, nor the
+        // line of a point.
+        bool bounds = last_texel[k + 1] > 0.0 && line.z < 1e14;
+        float nx = abs(line.x) < 1e-9 * frame.scale ? (line.x < 0.0 ? -1e-9 : 1e-9) * frame.scale : line.x;
+        precise float spread = abs(line.x) * half_size.x + abs(line.y) * half_size.y;
+        precise float at_first = line.x * centre.x + line.z + spread + reach;
+        r.at_first[k] = bounds ? at_first : 1e30;
+        r.per_row[k] = bounds ? line.y : 0.0;
+        precise float inverse = -1.0 / (nx * float(TILE_WIDTH));
+        r.inverse[k] = inverse;
+    }
+    // The edges' inner normals have the orientation of the corners.
+    precise float turn = normal[0].x * normal[1].y - normal[0].y * normal[1].x;
+    r.away = (turn < 0.0) == CLOCKWISE_FRONT;
+    r.thin = is_thin(vec3(head.zw, last_texel.x), last_texel.yzw);
+    return r;
+}
+
+// The mask of the tiles in a row: the interval of columns between the edges' half-planes.
+uint row_mask(Reach r, int row) {
+    precise float y = r.y + float(row * int(TILE_HEIGHT));
+    // A thousandth of a tile covers rounding.
+    precise vec3 t = (r.at_first + r.per_row * y) * r.inverse;
+    int low = r.tiles.x;
+    int high = r.tiles.z;
+    for (int k = 0; k < 3; ++k) {
+        int from = int(ceil(clamp(t[k] - 1e-3, -1.0, 9.0)));
+        int to = int(floor(clamp(t[k] + 1e-3, -1.0, 9.0)));
+        low = r.inverse[k] < 0.0 ? max(low, from) : low;
+        high = r.inverse[k] < 0.0 ? high : min(high, to);
+    }
+    bool touches = low <= high && row >= r.tiles.y && row <= r.tiles.w;
+    return touches ? ((2u << uint(high)) - 1u) & ~((1u << uint(low)) - 1u) : 0u;
+}

@@ -1,0 +1,285 @@
+// The tiles whose lists are nowhere in memory, with the same bits as if they were: their entries are found again in the words
+// of the tile's bin or, where those had no room either, by testing the triangles of the bin's bitmap as bin_coarse does.
+// Three walks over the bin count the entries, then add the front faces, then the back faces.
+// One workgroup of 32 a tile, each lane one pixel and one of the 32 blocks or entries that are looked at together. Walks of
+// more passes than a loop of the device can take go on in the next dispatch (frame.number) from `walk_state`.
+// Needs forward.glsl or forward_soft.glsl with WALKED, and DRAWS_THIN: in frames of the soft model whether the kernel draws
+// the tiles with a thin triangle, or the others.
+
+#include "common/tile_mask.glsl"
+
+layout(set = 0, binding = 2) uniform usamplerBuffer bin_ranges;
+layout(set = 0, binding = 14) uniform usamplerBuffer bin_bits;
+layout(set = 0, binding = 15) uniform usamplerBuffer coarse_slots;
+layout(set = 0, binding = 16) uniform usamplerBuffer coarse_words;
+layout(set = 0, binding = 17, std430) buffer WalkState { uint walk_state[]; };
+
+// The words of a group's blocks: a bit for each entry, for each back face, and for each thin triangle.
+shared uint block_entries[WORD_BITS];
+shared uint block_aways[WORD_BITS];
+shared uint block_thins[WORD_BITS];
+// A bit for each lane that has something to say.
+shared uint lanes_live;
+shared uint lanes_away;
+shared uint lanes_thin;
+
+// What a walk is for.
+const uint COUNT = 0u;
+const uint FRONT = 1u;
+const uint BACK = 2u;
+const uint DONE = 3u;
+// The tile is the other kernel's.
+const uint NOT_OURS = 4u;
+
+// Where the entries of a tile are to be found.
+struct Source {
+    // Whether the bin has a list; otherwise there is its bitmap.
+    bool listed;
+    // First entry of the bin's list, or first record of the view, and the first word.
+    int first;
+    int words;
+    int blocks;
+    ivec2 bin;
+    // The tile's number in the bin.
+    int tile;
+};
+
+// Where a walk stands.
+struct Walk {
+    uint phase;
+    // The next group of WORD_BITS blocks.
+    int group;
+    // Entries counted, and entries at hand.
+    int count;
+    int fill;
+    // Whether a thin triangle is among those counted.
+    bool thin;
+};
+
+Source source_of(TilePlace place) {
+    Shape shape = shape_of(place.view);
+    ivec2 tile = place.corner / ivec2(TILE_WIDTH, TILE_HEIGHT);
+    Source s;
+    s.bin = tile / int(BIN_TILES);
+    ivec2 inside = tile - s.bin * int(BIN_TILES);
+    s.tile = inside.y * int(BIN_TILES) + inside.x;
+    int bin = s.bin.y * int(frame.bins_x) + s.bin.x;
+    uvec2 range = texelFetch(bin_ranges, shape.bin_base + bin).xy;
+    s.listed = range.x != NO_LIST;
+    s.first = s.listed ? int(range.x) : shape.slot_base;
+    s.words = s.listed ? s.first / int(WORD_BITS) * int(BLOCK_WORDS) : shape.word_base + bin * shape.word_count;
+    s.blocks = s.listed ? (int(range.y) + int(WORD_BITS) - 1) / int(WORD_BITS) : shape.word_count;
+    return s;
+}
+
+// The masks of a block's entries, of the back faces among them, and of the thin triangles.
+struct Block {
+    uint entries;
+    uint away;
+    uint thin;
+};
+
+// Every lane's bits, in all lanes.
+Block bits_of_workgroup(bool live, bool away, bool thin) {
+    uint lane = gl_LocalInvocationID.x;
+    barrier();
+    if (lane == 0u) {
+        lanes_live = 0u;
+        lanes_away = 0u;
+        lanes_thin = 0u;
+    }
+    barrier();
+    atomicOr(lanes_live, live ? 1u << lane : 0u);
+    atomicOr(lanes_away, away ? 1u << lane : 0u);
+    atomicOr(lanes_thin, thin ? 1u << lane : 0u);
+    barrier();
+    return Block(lanes_live, lanes_away, lanes_thin);
+}
+
+// Reads the words of a group of blocks, a lane each. Returns the mask of blocks that have entries or, without a list,
+// candidates.
+uint read_group(Source s, int group) {
+    int lane = int(gl_LocalInvocationID.x);
+    int block = group * int(WORD_BITS) + lane;
+    int at = min(block, s.blocks - 1);
+    uint word;
+    uint away = 0u;
+    uint thin = 0u;
+    if (s.listed) {
+        int end = s.words + (at + 1) * int(BLOCK_WORDS);
+        word = texelFetch(coarse_words, s.words + at * int(BLOCK_WORDS) + s.tile).x;
+        away = texelFetch(coarse_words, end - 2).x;
+        thin = texelFetch(coarse_words, end - 1).x;
+    } else {
+        word = texelFetch(bin_bits, s.words + at).x;
+    }
+    word = block < s.blocks ? word : 0u;
+    block_entries[lane] = word;
+    block_aways[lane] = away;
+    block_thins[lane] = thin;
+    return bits_of_workgroup(word != 0u, false, false).entries;
+}
+
+// `first` is the record of a bitmap's block.
+Block block_of(Source s, int block, int first) {
+    Block own = Block(block_entries[block], block_aways[block], block_thins[block] & block_entries[block]);
+    if (!s.listed) {
+        uint lane = gl_LocalInvocationID.x;
+        bool candidate = (own.entries >> lane & 1u) != 0u;
+        Reach reach = reach_of_record(candidate ? first + int(lane) : s.first, s.bin);
+        uint row = row_mask(reach, s.tile / int(BIN_TILES));
+        bool touches = candidate && (row >> uint(s.tile % int(BIN_TILES)) & 1u) != 0u;
+        own = bits_of_workgroup(touches, touches && PARTED && reach.away, touches && SOFT && reach.thin);
+    }
+    return own;
+}
+
+// Counts the entries of the next group, or adds those of the walk's side to the entries at hand. Returns passes of loops.
+uint take_group(Source s, inout Walk walk) {
+    uint lane = gl_LocalInvocationID.x;
+    uint live = read_group(s, walk.group);
+    uint passes = WALK_GROUP_PASSES + uint(bitCount(live));
+    while (live != 0u) {
+        int block = findLSB(live);
+        live &= live - 1u;
+        int first = s.first + (walk.group * int(WORD_BITS) + block) * int(WORD_BITS);
+        Block own = block_of(s, block, first);
+        if (walk.phase == COUNT) {
+            walk.count += bitCount(own.entries);
+            walk.thin = walk.thin || own.thin != 0u;
+        } else {
+            uint taken = walk.phase == FRONT ? own.entries & ~own.away : own.entries & own.away;
+            if ((taken >> lane & 1u) != 0u) {
+                int index = first + int(lane);
+                uint record_index = s.listed ? texelFetch(coarse_slots, index).x : uint(index);
+                entries[walk.fill + bitCount(taken & ((1u << lane) - 1u))] = record_index;
+            }
+            walk.fill += bitCount(taken);
+        }
+    }
+    barrier();
+    return passes;
+}
+
+// Adds the entries at hand to the pixel word by word; a word that is not full waits for the next group unless this is the
+// last. Returns passes of loops.
+uint gather_entries_at_hand(bool is_last, Lane constant, inout Walk walk, inout Pixel pixels[PIXELS]) {
+    float share = log2(float(walk.count));
+    int lane = int(gl_LocalInvocationID.x);
+    int from = 0;
+    uint passes = 0u;
+    while (walk.phase != DONE && from < walk.fill && (is_last || from + int(WORD_BITS) <= walk.fill)) {
+        int stop = min(from + int(WORD_BITS), walk.fill);
+        bool finished = gather_entries(from, stop, share, constant, pixels);
+        walk.phase = finished ? DONE : walk.phase;
+        from = stop;
+        passes += WALK_LIST_PASSES;
+    }
+    uint waiting = entries[from + lane];
+    barrier();
+    entries[lane] = waiting;
+    barrier();
+    walk.fill -= from;
+    return passes;
+}
+
+// The walk continues with the next group, or is followed by the next walk.
+void advance(bool is_last, inout Walk walk) {
+    walk.group = is_last ? 0 : walk.group + 1;
+    bool ours = !SOFT || walk.thin == DRAWS_THIN;
+    // Without parted lists all entries are in front.
+    uint next = walk.phase == FRONT && !PARTED ? DONE : walk.phase + 1u;
+    next = walk.phase == COUNT && !ours ? NOT_OURS : next;
+    walk.phase = is_last && walk.phase != DONE ? next : walk.phase;
+}
+
+// The word of an entry of `walk_state`.
+uint state_at(int word) {
+    return gl_WorkGroupID.x * WALK_STATE_WORDS + uint(word);
+}
+
+void save_state(Walk walk, Pixel p) {
+    int lane = int(gl_LocalInvocationID.x);
+    float values[11] = float[](p.silhouette, p.whole, p.rest, p.sum, p.color.r, p.color.g, p.color.b, p.depth, p.normal.x,
+                               p.normal.y, p.normal.z);
+    for (int i = 0; i < 11; ++i) {
+        walk_state[state_at(i * 32 + lane)] = floatBitsToUint(values[i]);
+    }
+    walk_state[state_at(11 * 32 + lane)] = uint(p.nearest);
+    walk_state[state_at(12 * 32 + lane)] = entries[lane];
+    if (lane == 0) {
+        walk_state[state_at(13 * 32)] = walk.phase;
+        walk_state[state_at(13 * 32 + 1)] = uint(walk.group);
+        walk_state[state_at(13 * 32 + 2)] = uint(walk.count);
+        walk_state[state_at(13 * 32 + 3)] = uint(walk.fill);
+        walk_state[state_at(13 * 32 + 4)] = walk.thin ? 1u : 0u;
+    }
+}
+
+void load_state(out Walk walk, out Pixel p) {
+    int lane = int(gl_LocalInvocationID.x);
+    float values[11];
+    for (int i = 0; i < 11; ++i) {
+        values[i] = uintBitsToFloat(walk_state[state_at(i * 32 + lane)]);
+    }
+    p.silhouette = values[0];
+    p.whole = values[1];
+    p.rest = values[2];
+    p.sum = values[3];
+    p.color = vec3(values[4], values[5], values[6]);
+    p.depth = values[7];
+    p.normal = vec3(values[8], values[9], values[10]);
+    p.nearest = int(walk_state[state_at(11 * 32 + lane)]);
+    entries[lane] = walk_state[state_at(12 * 32 + lane)];
+    walk.phase = walk_state[state_at(13 * 32)];
+    walk.group = int(walk_state[state_at(13 * 32 + 1)]);
+    walk.count = int(walk_state[state_at(13 * 32 + 2)]);
+    walk.fill = int(walk_state[state_at(13 * 32 + 3)]);
+    walk.thin = walk_state[state_at(13 * 32 + 4)] != 0u;
+}
+
+// The number of the workgroup's tile. Tiles that are walked at once lie at the ends of the rows of the third part of
+// `tile_items`, those that take several turns at the end of the second (bin_fine.comp).
+int tile_number(bool resumes) {
+    uint tiles = frame.view_count * frame.tiles_x * frame.tiles_y;
+    uint end = resumes ? 2u * tiles - frame.first : 2u * tiles + min(frame.first + FORWARD_ROW, tiles);
+    return int(texelFetch(tile_items, int(end - 1u - gl_WorkGroupID.x)).x);
+}
+
+void main() {
+    bool resumes = frame.number != ONE_TURN;
+    int number = tile_number(resumes);
+    TilePlace tile = tile_place(number);
+    Lane constant = lane_at(lane_corner(tile));
+    Source source = source_of(tile);
+    int groups = (source.blocks + int(WORD_BITS) - 1) / int(WORD_BITS);
+    Walk walk = Walk(COUNT, 0, 0, 0, false);
+    Pixel pixels[PIXELS];
+    pixels[0] = first_pixel();
+    if (resumes && frame.number > 0u) {
+        load_state(walk, pixels[0]);
+        if (walk.phase >= DONE) {
+            return;
+        }
+    }
+    barrier();
+    // A group takes at most WALK_MOST_PASSES.
+    uint budget = resumes ? LOOP_PASSES - WALK_MOST_PASSES : 0xffffffffu;
+    uint passes = 0u;
+    do {
+        bool is_last = walk.group + 1 == groups;
+        passes += take_group(source, walk);
+        passes += gather_entries_at_hand(is_last, constant, walk, pixels);
+        advance(is_last, walk);
+    } while (walk.phase < DONE && passes < budget);
+    if (resumes) {
+        save_state(walk, pixels[0]);
+    }
+    if (walk.phase == DONE && walk.count == 0) {
+        // As background.comp and bin_fine.comp write tiles that are known to be empty.
+        write_pixel(tile, lane_corner(tile), background_pixel(), 1);
+        write_bounds(number, bounds_of(background_pixel()));
+    } else if (walk.phase == DONE) {
+        write_tile(tile, number, pixels);
+    }
+}
