@@ -189,7 +189,7 @@ fn a_texture_is_fitted_and_rendered() {
 fn a_pose_is_found_from_a_picture() {
     let folder = tempfile::tempdir().unwrap();
     succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
-    let render = "render cube.obj -o target.png --unlit --size 32 --azimuth 250 --elevation -10";
+    let render = "render cube.obj -o target.png --frame sphere --unlit --size 32 --azimuth 250 --elevation -10";
     succeeds(folder.path(), &render.split_whitespace().collect::<Vec<_>>());
     let pose = "pose --mesh cube.obj --image target.png --json --baselines -o posed.obj";
     let report: Value =
@@ -216,7 +216,7 @@ fn a_pose_is_refined_from_where_the_mesh_is() {
     let run = |line: &str| succeeds(folder.path(), &line.split_whitespace().collect::<Vec<_>>());
     let pose = |line: &str| -> Value { serde_json::from_str(&run(&format!("pose --json {line}"))).unwrap() };
     run("mesh fish -o fish.obj");
-    run("render fish.obj -o target.png --unlit --size 48 --azimuth 130 --elevation 25");
+    run("render fish.obj -o target.png --frame sphere --unlit --size 48 --azimuth 130 --elevation 25");
     // The camera of the command turns by 15 degrees of azimuth and 5 of elevation from there.
     let refined = pose("--mesh fish.obj --image target.png -o posed.obj --init --no-translation");
     let degrees = refined["degrees"].as_f64().unwrap();

@@ -205,8 +205,12 @@ fn turntables_and_sweeps() {
         delays
     };
     render(folder.path(), "turn.gif", &["--turntable", "5", "--size", "40x30"]);
-    assert_eq!(frames("turn.gif"), [50; 5]);
-    let said = render(folder.path(), "sweep.gif", &["--sweep", "sigma=1e-5..1e-2:4", "--size", "40x30", "-o", "s.png"]);
+    assert_eq!(frames("turn.gif"), [4; 5], "25 frames a second");
+    let sweep = ["--sweep", "sigma=1e-5..1e-2:4", "--size", "40x30"];
+    let json: serde_json::Value =
+        serde_json::from_str(&render(folder.path(), "s.png", &[&sweep[..], &["--json"]].concat())).unwrap();
+    assert_eq!(json["samples"], 3);
+    let said = render(folder.path(), "sweep.gif", &[&sweep[..], &["-o", "s.png"]].concat());
     assert!(said.contains("1.000e-5, 1.000e-4, 1.000e-3, 1.000e-2"), "{said}");
     assert_eq!(frames("sweep.gif").len(), 6, "there and back");
     let sheet = picture(&folder.path().join("s.png"));
@@ -255,4 +259,81 @@ fn smooth_shading_keeps_edges() {
     assert!(worst(&shaded(&[]), &flat) <= 1);
     assert!(worst(&shaded(&["--crease", "180"]), &flat) > 20);
     fails(folder.path(), &["render", "box.obj", "-o", "a.png", "--crease", "200"], 2, &["--crease", "180"]);
+}
+
+#[test]
+fn the_mesh_fills_the_picture_and_stays_in_it_while_it_turns() {
+    let folder = tempfile::tempdir().unwrap();
+    succeeds(folder.path(), &["mesh", "fish", "-o", "fish.obj"]);
+    // The first and last covered pixel of the columns and of the rows, and how many there are.
+    let drawn = |extra: &[&str]| {
+        succeeds(folder.path(), &[&["render", "fish.obj", "-o", "a.png", "--samples", "1"], extra].concat());
+        let picture = picture(&folder.path().join("a.png"));
+        let covered: Vec<_> = picture.enumerate_pixels().filter(|(_, _, p)| p.0[3] > 127).collect();
+        let ends = |of: &dyn Fn(u32, u32) -> u32| {
+            let places = covered.iter().map(|(x, y, _)| of(*x, *y));
+            (places.clone().min().unwrap(), places.max().unwrap())
+        };
+        (ends(&|x, _| x), ends(&|_, y| y), picture.dimensions())
+    };
+    for (size, up) in [("200", "0,1,0"), ("300x100", "0,1,0"), ("100x300", "0,0,1"), ("200", "1,0,0")] {
+        let ((left, right), (top, bottom), (width, height)) = drawn(&["--size", size, "--up", up]);
+        // In the direction in which it fills more; a pixel is covered or not on each side.
+        let (columns, rows) = (right + 1 - left, bottom + 1 - top);
+        let is_wide = columns * height > rows * width;
+        let (covered, side) = if is_wide { (columns, width) } else { (rows, height) };
+        assert!(covered.abs_diff(side * 9 / 10) <= 2, "{size} {up} {covered}");
+        assert!(left.abs_diff(width - 1 - right) <= 2 && top.abs_diff(height - 1 - bottom) <= 2, "{size} {up}");
+    }
+    let sphere = drawn(&["--size", "200", "--frame", "sphere"]);
+    assert!(sphere.0.1 - sphere.0.0 < 175, "{sphere:?}");
+    // No frame of a turntable is cut off: its border shows the ground.
+    succeeds(folder.path(), &["render", "fish.obj", "-o", "turn.png", "--turntable", "6", "--size", "60"]);
+    let sheet = picture(&folder.path().join("turn.png"));
+    for (column, row) in (0..3).flat_map(|c| [(c, 0), (c, 1)]) {
+        let (left, top) = (6 + column * (sheet.width() - 6) / 3, 6 + row * (sheet.height() - 6) / 2);
+        for i in 0..60 {
+            let border = [(left + i, top), (left + i, top + 59), (left, top + i)];
+            assert!(border.iter().all(|(x, y)| sheet.get_pixel(*x, *y).0 == [255; 4]), "{column} {row} {i}");
+        }
+    }
+}
+
+#[test]
+fn a_mesh_that_stands_on_z_is_drawn_so_with_a_note() {
+    let folder = tempfile::tempdir().unwrap();
+    let pyramid = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv 0 0 2\nf 4 3 2 1\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n";
+    fs::write(folder.path().join("a.obj"), pyramid).unwrap();
+    let drawn = |extra: &[&str]| {
+        let line = [&["render", "a.obj", "-o", "a.png", "--size", "32"], extra].concat();
+        let output = super::softras(folder.path(), &line);
+        assert!(output.status.success());
+        (picture(&folder.path().join("a.png")), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let (guessed, said) = drawn(&[]);
+    assert!(said.contains("z is taken to be up") && said.contains("--up 0,1,0"), "{said}");
+    let (given, said) = drawn(&["--up", "0,0,1"]);
+    assert!(guessed == given && !said.contains("note"), "{said}");
+    assert!(!drawn(&["--frame", "sphere"]).1.contains("note"));
+    let (lying, said) = drawn(&["--up", "0,1,0"]);
+    assert!(guessed != lying && !said.contains("note"), "{said}");
+}
+
+#[test]
+fn the_faces_of_a_white_box_part() {
+    let folder = tempfile::tempdir().unwrap();
+    succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
+    let white: String = fs::read_to_string(folder.path().join("cube.obj"))
+        .unwrap()
+        .lines()
+        .filter(|line| line.starts_with("v ") || line.starts_with("f "))
+        .map(|line| line.split(' ').map(|w| w.split('/').next().unwrap()).take(4).collect::<Vec<_>>().join(" ") + "\n")
+        .collect();
+    fs::write(folder.path().join("white.obj"), white).unwrap();
+    succeeds(folder.path(), &["render", "white.obj", "-o", "a.png", "--size", "96"]);
+    let mut shades = [0u32; 256];
+    picture(&folder.path().join("a.png")).pixels().filter(|p| p.0[3] == 255).for_each(|p| shades[p.0[0] as usize] += 1);
+    let faces: Vec<usize> = (0..256).filter(|&shade| shades[shade] > 200).collect();
+    assert!(faces.len() == 3 && faces.windows(2).all(|pair| pair[1] - pair[0] > 25), "{faces:?}");
+    assert!(faces[2] < 250, "{faces:?}");
 }

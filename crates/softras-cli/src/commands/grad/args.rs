@@ -12,7 +12,7 @@ const EXAMPLES: &str = "\
 The loss is the mean over all pixels of dR² + dG² + dB² + dA² between the soft image and the target,
 both over the background. The target's silhouette A is its alpha channel; without one, or where all
 of it is opaque, A is 1 where the colour is not black. The image has the size of the target, and the
-camera is the one that `softras render` would use for that size.
+camera is the one that `softras render --frame sphere` would use for that size.
 
 The four panels are the soft image, the target, the loss of every pixel, and the negative gradient
 of the loss by the vertices, projected to the screen, over the dimmed image and the target's outline.
@@ -22,7 +22,7 @@ square root of the gradient's magnitude.
 
 Examples:
   softras mesh fish -o fish.obj
-  softras render fish.obj -o target.png --azimuth 180
+  softras render fish.obj -o target.png --frame sphere --azimuth 180
   softras grad fish.obj --target target.png -o grad.png
   softras grad fish.obj --target target.png -o grad.png --blur 30 --json";
 

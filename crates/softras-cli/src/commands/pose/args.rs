@@ -12,7 +12,7 @@ use std::path::PathBuf;
 const EXAMPLES: &str = "\
 The mesh is rendered without light, so the picture should be unlit too (`softras render --unlit`).
 The silhouette of a picture without transparency is every pixel that is not black. The camera is the
-one that `softras render` would use.
+one that `softras render --frame sphere` would use.
 
 Confidence is 1 - (least loss) / (least loss of a pose more than 10 degrees away): near 1 where only
 one pose explains the picture, 0 for a mesh that looks the same from several sides, and unknown where
@@ -23,7 +23,7 @@ default. That centre stays where it is when the mesh turns, so a posed mesh is r
 place; its translation moves it, and --look-at, --distance keep the camera where it was.
 
 Examples:
-  softras render fish.obj -o target.png --unlit --size 64 --azimuth 250 --elevation -10
+  softras render fish.obj -o target.png --frame sphere --unlit --size 64 --azimuth 250 --elevation -10
   softras pose --mesh fish.obj --image target.png -o posed.obj
   softras pose --mesh posed.obj --image target.png -o better.obj --init
   softras pose --mesh fish.obj --image target.png -o posed.obj --init 0,1,0,90

@@ -1,6 +1,6 @@
 //! Turntables and sweeps, as GIF files or contact sheets.
 
-use super::args::Output;
+use super::args::{Output, RenderArgs};
 use super::formats::{self, Format};
 use super::picture::{Picture, Shot};
 use super::report::{Report, Written};
@@ -61,11 +61,15 @@ fn moments(stage: &Stage<'_>, targets: &[Target]) -> Vec<Moment> {
             .map(|value| Moment { turn: 0.0, step: Some((sweep.swept, value)), label: label(value) })
             .collect();
     }
-    let count = stage.args.turntable.unwrap_or(1);
-    let turn = |i: usize| 360.0 * i as f64 / count as f64;
     let azimuth = stage.args.camera.azimuth;
     let label = |turn: f64| format!("azimuth={}", ((azimuth + turn).rem_euclid(360.0) * 10.0).round() / 10.0);
-    (0..count).map(|i| Moment { turn: turn(i), step: None, label: label(turn(i)) }).collect()
+    turns(stage.args).into_iter().map(|turn| Moment { turn, step: None, label: label(turn) }).collect()
+}
+
+/// The turns of a turntable, in degrees; 0 alone for other pictures.
+pub fn turns(args: &RenderArgs) -> Vec<f64> {
+    let count = args.turntable.unwrap_or(1);
+    (0..count).map(|i| 360.0 * i as f64 / count as f64).collect()
 }
 
 /// Two or three digits: 1e-4, 2.15e-3, 0.5, 12.
@@ -103,10 +107,9 @@ fn looped(mut frames: Vec<Picture>, stage: &Stage<'_>) -> Vec<Picture> {
     frames
 }
 
-/// Hundredths of a second per frame: a turn takes about four seconds, a sweep about two each way.
+/// Hundredths of a second per frame: 25 frames of a turntable a second; a sweep takes about two seconds each way.
 fn delay(stage: &Stage<'_>, count: usize) -> u16 {
-    let whole = if stage.args.sweep.is_some() { 200 } else { 400 };
-    (whole / count).clamp(3, 50) as u16
+    if stage.args.sweep.is_some() { (200 / count).clamp(3, 50) as u16 } else { 4 }
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@ Examples:
   softras render spot.obj -o spot.png --size 800x600 --azimuth 30 --background '#f4f1ea'
   softras render spot.obj -o spot.exr --output color,depth,normal
   softras render spot.obj -o soft.png --sigma 1e-3 --gamma 1e-2
-  softras render spot.obj -o turn.gif --turntable 48
+  softras render spot.obj -o turn.gif --turntable 100
   softras render spot.obj -o blur.png --sweep sigma=1e-5..1e-2:8
 
 Files, by their ending:
@@ -47,6 +47,11 @@ pub struct RenderArgs {
     pub json: bool,
     #[command(flatten)]
     pub camera: CameraArgs,
+    /// What fills the picture, where neither the camera's place nor its distance is given. box: the projected vertices fill
+    /// 90 %, in all frames of a turntable; sphere: the bounding sphere fills 85 %, from the same place however the mesh is
+    /// turned, as for `grad` and `pose`
+    #[arg(long, value_enum, default_value = "box", help_heading = "Camera")]
+    pub frame: Fit,
     #[command(flatten)]
     pub look: LookArgs,
     /// The alpha of .png and .gif files. solid: 1 inside of surfaces, soft at their outlines; model: the model's own values,
@@ -61,7 +66,7 @@ pub struct RenderArgs {
     pub crease: f64,
     #[command(flatten)]
     pub modes: ModeArgs,
-    /// Animate one turn of N frames around the vertical axis; the lights move with the camera
+    /// Animate one turn of N frames around the vertical axis, 25 frames a second; the lights move with the camera
     #[arg(long, value_name = "N", value_parser = parse::count, conflicts_with = "sweep", help_heading = "Animation")]
     pub turntable: Option<usize>,
     /// Animate sigma, gamma, tau or blur over a range, in N steps that are even in its logarithm: sigma=1e-5..1e-2[:N]
@@ -69,8 +74,8 @@ pub struct RenderArgs {
     pub sweep: Option<parse::Sweep>,
 }
 
-/// The camera. By default the mesh's bounding sphere fills 85 % of the image's smaller side.
-#[derive(Args, Debug)]
+/// The camera. By default all of the mesh is in the picture.
+#[derive(Args, Clone, Copy, Debug)]
 #[command(next_help_heading = "Camera")]
 pub struct CameraArgs {
     /// The camera's position, world units
@@ -81,8 +86,9 @@ pub struct CameraArgs {
     #[arg(long = "look-at", value_name = "X,Y,Z", value_parser = parse::triple, allow_hyphen_values = true)]
     pub target: Option<[f64; 3]>,
     /// The vertical axis: up in the picture, and the axis of azimuth, elevation and turntable (0,0,1 for z-up files)
-    #[arg(long, value_name = "X,Y,Z", value_parser = parse::triple, allow_hyphen_values = true, default_value = "0,1,0")]
-    pub up: [f64; 3],
+    /// [default: 0,1,0; `render` takes z or x, with a note, where the mesh has a base to stand on there and none below]
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse::triple, allow_hyphen_values = true)]
+    pub up: Option<[f64; 3]>,
     /// Distance from the target to the camera, world units [default: so that the mesh fits]
     #[arg(long, value_name = "UNITS", value_parser = parse::positive)]
     pub distance: Option<f64>,
@@ -108,6 +114,13 @@ pub struct CameraArgs {
     pub far: Option<f64>,
 }
 
+impl CameraArgs {
+    /// The vertical axis: the one given, or y.
+    pub fn up(&self) -> [f64; 3] {
+        self.up.unwrap_or([0.0, 1.0, 0.0])
+    }
+}
+
 /// The size, softness and background of the picture.
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Picture")]
@@ -116,7 +129,7 @@ pub struct LookArgs {
     #[arg(long, value_name = "SIZE", value_parser = parse::size, default_value = "256")]
     pub size: (u32, u32),
     /// Render N×N samples for each pixel of the picture and average them [default: 3, or as many as the device can hold; 1
-    /// with --sigma, --blur or --sweep, and for .exr and .npy, which hold the values of the model]
+    /// with --sigma or --blur, and for .exr and .npy, which hold the values of the model]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8))]
     pub samples: Option<u32>,
     /// Softness of edges, screen units² (1 = half the image's height) [default: a blur of 1.23 rendered pixels, which
@@ -159,14 +172,15 @@ impl LookArgs {
     }
 }
 
-/// The lights. By default a key light from the camera's upper left, a fill light from its right, and ambient light.
+/// The lights. By default a key light from the upper left, a fill light from the right, a rim light from behind, all of them
+/// moving with the camera, and light from everywhere that is stronger from above.
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Light")]
 pub struct LightArgs {
-    /// Ambient light: a factor or r,g,b [default: 0.12]
+    /// Ambient light: a factor or r,g,b [default: 0.05 from below to 0.22 from above; 0.12 with --light]
     #[arg(long, value_name = "AMOUNT", value_parser = ambient)]
     pub ambient: Option<[f64; 3]>,
-    /// A light in direction x,y,z (world space, towards the light), instead of the key and fill lights; may be repeated
+    /// A light in direction x,y,z (world space, towards the light), instead of the default lights; may be repeated
     #[arg(long, value_name = "X,Y,Z[:INTENSITY[:R,G,B]]", value_parser = parse::light, allow_hyphen_values = true)]
     pub light: Vec<parse::Light>,
     /// Draw colours without lighting
@@ -200,6 +214,15 @@ pub struct ModeArgs {
     /// Interpolation of colours over a triangle: affine on the screen, as in the paper, or perspective-correct
     #[arg(long, value_enum, default_value = "perspective")]
     pub interpolation: Interpolation,
+}
+
+/// What of the mesh fills the picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Fit {
+    /// The box of its projected vertices fills 90 % of the picture
+    Box,
+    /// Its bounding sphere fills 85 % of the smaller side
+    Sphere,
 }
 
 /// What the alpha of a picture is.

@@ -15,6 +15,15 @@ const DEPTH_MARGIN: f64 = 1.05;
 /// Near is at least this share of far, for a camera inside the sphere.
 const NEAREST: f64 = 1e-3;
 
+/// The lights of the studio: where each comes from, in camera axes (right, up, towards the viewer), and its intensity.
+const KEY: ([f64; 3], f64) = ([-0.65, 0.7, 0.5], 0.66);
+const FILL_LIGHT: ([f64; 3], f64) = ([0.9, 0.1, 0.5], 0.11);
+const RIM: ([f64; 3], f64) = ([0.4, 0.6, -0.8], 0.22);
+/// Light from below and from above.
+const HEMISPHERE: [f64; 2] = [0.05, 0.22];
+/// Ambient light beside lights that are given.
+const AMBIENT: f64 = 0.12;
+
 /// A sphere around a mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
@@ -82,16 +91,22 @@ impl View {
         };
         let distance = args.distance.unwrap_or_else(|| bounds.radius / slope.atan().sin());
         let (eye, up) = match args.eye {
-            Some(eye) => {
-                // A growing azimuth is a negative rotation around up.
-                let axis = upright(DVec3::from(args.up)) * DVec3::Y;
-                let turn = DQuat::from_axis_angle(axis, -turn.to_radians());
-                (target + turn * (DVec3::from(eye) - target), DVec3::from(args.up))
-            }
-            None => orbit(args, target, distance, turn),
+            Some(eye) => (DVec3::from(eye), DVec3::from(args.up())),
+            None => orbit(args, target, distance),
         };
         let (near, far) = depth_range(args, bounds, eye, target);
-        Self { eye, target, up, projection, near, far }
+        Self { eye, target, up, projection, near, far }.turned(args, bounds, turn)
+    }
+
+    /// The view, `turn` degrees further around the vertical axis through the point that the arguments look at.
+    pub fn turned(&self, args: &CameraArgs, bounds: Bounds, turn: f64) -> Self {
+        if turn == 0.0 {
+            return *self;
+        }
+        let (turn, pivot) = (turned(vertical(args), turn), args.target.map_or(bounds.center, DVec3::from));
+        let [eye, target] = [self.eye, self.target].map(|p| pivot + turn * (p - pivot));
+        let (near, far) = depth_range(args, bounds, eye, target);
+        Self { eye, target, up: turn * self.up, near, far, ..*self }
     }
 
     /// The camera.
@@ -114,11 +129,21 @@ fn upright(up: DVec3) -> DQuat {
     DQuat::from_rotation_arc(DVec3::Y, up.try_normalize().unwrap_or(DVec3::Y))
 }
 
+/// The vertical axis, of length 1.
+pub fn vertical(args: &CameraArgs) -> DVec3 {
+    upright(DVec3::from(args.up())) * DVec3::Y
+}
+
+/// The rotation of a camera whose azimuth grows by some degrees: a negative one around the vertical axis.
+pub fn turned(axis: DVec3, degrees: f64) -> DQuat {
+    DQuat::from_axis_angle(axis, -degrees.to_radians())
+}
+
 /// The eye on its sphere around the target, as in [`Camera::from_angles`] but for any vertical axis, and an up vector that
 /// is valid at the poles too.
-fn orbit(args: &CameraArgs, target: DVec3, distance: f64, turn: f64) -> (DVec3, DVec3) {
-    let (e, a) = (args.elevation.to_radians(), (args.azimuth + turn).to_radians());
-    let rotation = upright(DVec3::from(args.up));
+fn orbit(args: &CameraArgs, target: DVec3, distance: f64) -> (DVec3, DVec3) {
+    let (e, a) = (args.elevation.to_radians(), args.azimuth.to_radians());
+    let rotation = upright(DVec3::from(args.up()));
     let outward = rotation * DVec3::new(a.sin(), 0.0, -a.cos());
     let up = rotation * DVec3::Y;
     let direction = e.cos() * outward + e.sin() * up;
@@ -126,7 +151,8 @@ fn orbit(args: &CameraArgs, target: DVec3, distance: f64, turn: f64) -> (DVec3, 
     (target + distance * direction, if at_pole { -e.sin().signum() * outward } else { up })
 }
 
-fn depth_range(args: &CameraArgs, bounds: Bounds, eye: DVec3, target: DVec3) -> (f64, f64) {
+/// Near and far: those given, or those close around the bounds.
+pub fn depth_range(args: &CameraArgs, bounds: Bounds, eye: DVec3, target: DVec3) -> (f64, f64) {
     let depth = (bounds.center - eye).dot((target - eye).normalize_or_zero());
     let reach = DEPTH_MARGIN * bounds.radius;
     let far = args.far.unwrap_or_else(|| {
@@ -140,8 +166,8 @@ fn depth_range(args: &CameraArgs, bounds: Bounds, eye: DVec3, target: DVec3) -> 
 
 /// The lights that the arguments ask for, as this view's camera sees them.
 ///
-/// The default rig, in camera axes (right, up, towards the viewer): ambient 0.12, a key light of 0.65 from
-/// (-0.5, 0.7, 0.7) and a fill light of 0.15 from (0.9, 0.1, 0.4).
+/// The default rig, in camera axes (right, up, towards the viewer): a key light from the upper left, a weaker one from the
+/// right and a rim light from behind above, and light from all directions that is stronger from above.
 ///
 /// # Errors
 /// As [`Camera::look_at`].
@@ -152,22 +178,29 @@ pub fn lights(args: &LightArgs, curve: Curve, view: &View) -> Result<Lights> {
     }
     let camera = view.camera()?;
     let [right, up, forward] = camera.view().map(|row| DVec3::new(row[0], row[1], row[2]));
-    let rig = |x: f64, y: f64, z: f64, intensity: f64| DirectionalLight {
-        direction: (x * right + y * up - z * forward).to_array(),
+    let white = |direction: DVec3, intensity: f64| DirectionalLight {
+        direction: direction.to_array(),
         color: [1.0; 3],
         intensity,
     };
+    let rig = |[x, y, z]: [f64; 3], intensity: f64| white(x * right + y * up - z * forward, intensity);
     let given = |light: &crate::commands::parse::Light| DirectionalLight {
         direction: light.direction,
         color: light.color.numbers(curve),
         intensity: light.intensity,
     };
-    let directional = if args.light.is_empty() {
-        vec![rig(-0.5, 0.7, 0.7, 0.65), rig(0.9, 0.1, 0.4, 0.15)]
-    } else {
-        args.light.iter().map(given).collect()
+    let mut directional: Vec<DirectionalLight> = match args.light.is_empty() {
+        true => [KEY, FILL_LIGHT, RIM].map(|(from, intensity)| rig(from, intensity)).into(),
+        false => args.light.iter().map(given).collect(),
     };
-    let ambient_color = args.ambient.unwrap_or([0.12; 3]);
+    let [ground, sky] = HEMISPHERE;
+    if args.ambient.is_none() && args.light.is_empty() {
+        // ground + (sky - ground) (1 + n · up) / 2, of which the term with n · up is two lights, one of them negative.
+        let half = (sky - ground) / 2.0;
+        directional.extend([white(view.up, half), white(-view.up, -half)]);
+    }
+    let even = if args.light.is_empty() { (sky + ground) / 2.0 } else { AMBIENT };
+    let ambient_color = args.ambient.unwrap_or([even; 3]);
     Ok(Lights { ambient_color, ambient_intensity: 1.0, directional, shading })
 }
 

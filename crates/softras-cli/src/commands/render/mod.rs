@@ -4,6 +4,7 @@ mod animation;
 pub mod args;
 mod crease;
 mod enclosing;
+mod fill;
 pub mod formats;
 pub mod framing;
 pub mod gif;
@@ -12,11 +13,12 @@ pub mod picture;
 mod report;
 pub mod sheet;
 mod solid;
+mod standing;
 
 use super::outputs::Outputs;
 use super::progress::Progress;
 use super::{Failure, note};
-use args::{Output, RenderArgs};
+use args::{CameraArgs, Fit, Output, RenderArgs};
 use formats::Format;
 use framing::{Bounds, View};
 use picture::Shot;
@@ -34,7 +36,8 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let start = Instant::now();
     let loaded = args.read.read(&args.mesh, !args.look.raw, &outputs)?;
     let mut notes = loaded.notes;
-    let mut stage = Stage::new(args, loaded.mesh, samples)?;
+    let camera = upright(args, &loaded.mesh, &mut notes);
+    let mut stage = Stage::new(args, camera, loaded.mesh, samples)?;
     if stage.view(0.0).misses(stage.bounds) {
         notes.push("the mesh lies wholly outside the depths that this camera draws".into());
         notes.last().into_iter().for_each(|text| note(text));
@@ -53,6 +56,27 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
         }
     }
     report.print(args.json, start.elapsed())
+}
+
+/// The arguments of the camera with a vertical axis: the one given, or one that the mesh stands on, with a note if that is not
+/// y. glTF files say that y is up, who gives the camera's place has seen the mesh's coordinates, and
+/// --frame sphere is the same camera however the mesh is turned.
+fn upright(args: &RenderArgs, mesh: &Mesh, notes: &mut Vec<String>) -> CameraArgs {
+    let mut camera = args.camera;
+    let ending = args.mesh.extension().map(|ending| ending.to_ascii_lowercase()).unwrap_or_default();
+    let is_given = camera.up.is_some() || camera.eye.is_some() || args.frame == Fit::Sphere;
+    if is_given || ending == "gltf" || ending == "glb" {
+        return camera;
+    }
+    if let Some(axis) = standing::other_axis(mesh) {
+        let mut up = [0.0; 3];
+        up[axis] = 1.0;
+        camera.up = Some(up);
+        let name = ["x", "y", "z"][axis];
+        notes.push(format!("the mesh stands on its lowest {name}, so {name} is taken to be up; --up 0,1,0 for y"));
+        notes.last().into_iter().for_each(|text| note(text));
+    }
+    camera
 }
 
 /// One file to write.
@@ -101,7 +125,7 @@ fn targets(args: &RenderArgs) -> Result<Vec<Target>, Failure> {
 /// The number of samples along each side of a pixel.
 fn samples(args: &RenderArgs, targets: &[Target]) -> Result<u32, Failure> {
     let floats = targets.iter().any(|t| matches!(t.format, Format::Exr | Format::Npy));
-    let asked_soft = args.look.sigma.is_some() || args.look.blur.is_some() || args.sweep.is_some();
+    let asked_soft = args.look.sigma.is_some() || args.look.blur.is_some();
     let side = args.look.size.0.max(args.look.size.1);
     let most = softras::Settings::MAX_SIZE / side;
     match args.look.samples {
@@ -128,7 +152,11 @@ fn named(path: &Path, output: Output) -> PathBuf {
 /// The mesh, the renderer, and the arguments that apply to every frame.
 struct Stage<'a> {
     args: &'a RenderArgs,
+    /// The arguments of the camera, with the vertical axis that was guessed.
+    camera: CameraArgs,
     bounds: Bounds,
+    /// The view before the first turn.
+    first: View,
     /// The mesh, with vertices split where its edges are kept.
     scene: Scene,
     /// Vertices of the mesh file.
@@ -138,20 +166,25 @@ struct Stage<'a> {
 }
 
 impl<'a> Stage<'a> {
-    fn new(args: &'a RenderArgs, mesh: Mesh, samples: u32) -> Result<Self, Failure> {
+    fn new(args: &'a RenderArgs, camera: CameraArgs, mesh: Mesh, samples: u32) -> Result<Self, Failure> {
         let mut renderer = super::open_device(args.device.as_deref())?;
         renderer.time_stages(true);
         let (bounds, vertices) = (Bounds::of(&mesh), mesh.positions().len());
+        let (width, height) = args.look.size;
+        let aspect = f64::from(width) / f64::from(height);
+        let first = match args.frame {
+            Fit::Box => fill::filling(&camera, &mesh, bounds, aspect, &animation::turns(args))?,
+            Fit::Sphere => View::new(&camera, bounds, aspect, 0.0),
+        };
         let mesh = match args.light.shading {
             args::Shading::Smooth => crease::creased(&mesh, args.crease)?,
             args::Shading::Flat => mesh,
         };
-        Ok(Self { args, bounds, scene: Scene::new(mesh), vertices, renderer, samples })
+        Ok(Self { args, camera, bounds, first, scene: Scene::new(mesh), vertices, renderer, samples })
     }
 
     fn view(&self, turn: f64) -> View {
-        let (width, height) = self.args.look.size;
-        View::new(&self.args.camera, self.bounds, f64::from(width) / f64::from(height), turn)
+        self.first.turned(&self.camera, self.bounds, turn)
     }
 
     /// Renders one frame, `turn` degrees around the axis and with a sweep's step. Unless a number of samples was given, it
