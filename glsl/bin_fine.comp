@@ -71,6 +71,7 @@ void add_walked(uint tile, uint blocks, uint live, uint count) {
         uint rows = (tiles + FORWARD_ROW - 1u) / FORWARD_ROW;
         atomicAdd(tile_counts[rows * TILE_COUNT_WORDS + 3u * (place / RESUMED_ROW)], 1u);
     }
+    atomicAdd(status[STATUS_WALKED_TILES], 1u);
     add_filled(item);
 }
 

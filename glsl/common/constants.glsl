@@ -148,8 +148,10 @@ const uint STATUS_EMPTY_TILES = 6u;
 // Word of `status`: 1 once a backward pass has found its frame complete, so that its gradients may be used; 0 before that and
 // for a frame with a vertex that is not finite. All gradients of such a frame are zero.
 const uint STATUS_WHOLE = 7u;
+// Word of `status`: tiles whose lists are nowhere in memory, in one turn or several.
+const uint STATUS_WALKED_TILES = 8u;
 // Number of words of `status`.
-const uint STATUS_WORDS = 8u;
+const uint STATUS_WORDS = 9u;
 
 // Bit of GRADIENTS, the gradients that backward computes: by the vertices' positions on the image, from which those by world
 // positions and the camera follow.
@@ -268,7 +270,7 @@ const uint HALT_FRAME = 1u;
 const uint HALT_OUTSIDE = 2u;
 
 // Number of words of a step's record.
-const uint RECORD_WORDS = 16u;
+const uint RECORD_WORDS = 17u;
 // Word of a step's record: the first of the four regularisers' values. The total loss, the silhouette loss and the colour
 // loss lie before it.
 const uint RECORD_PENALTIES = 3u;

@@ -132,6 +132,12 @@ impl Rasterizer {
         FramePlan::new(self.device.limits(), self.device.kind(), shape, settings)
     }
 
+    /// A plan for a program that looks at the status of every frame: see [`FramePlan::of`].
+    #[cfg(feature = "renderer")]
+    pub(crate) fn plan_walked(&self, shape: &Shape, settings: &Settings, walked: bool) -> Result<FramePlan> {
+        FramePlan::of(self.device.limits(), self.device.kind(), shape, settings, walked)
+    }
+
     /// Plans the gradients of a planned frame: [`GradientPlan::new`].
     ///
     /// # Errors

@@ -154,6 +154,18 @@ impl FramePlan {
     /// [`Error::Scene`], [`Error::Settings`], [`Error::Light`] for invalid input, [`Error::Limit`] for a frame that exceeds
     /// what this device supports.
     pub fn new(limits: &Limits, kind: DeviceKind, shape: &Shape, settings: &Settings) -> Result<Self> {
+        Self::of(limits, kind, shape, settings, true)
+    }
+
+    /// The same. Unless `walked` the kernels that find again what had no room in a list are neither compiled nor recorded, and
+    /// a frame is incomplete where [`Status::is_complete`](super::Status::is_complete) says so.
+    pub(crate) fn of(
+        limits: &Limits,
+        kind: DeviceKind,
+        shape: &Shape,
+        settings: &Settings,
+        walked: bool,
+    ) -> Result<Self> {
         settings.validate()?;
         validate(shape)?;
         let views = shape.view_sizes();
@@ -174,6 +186,7 @@ impl FramePlan {
             capacity,
             save: settings.save,
             loop_passes,
+            walked,
         })?;
         let buffers = requirements(limits, &forward.sizes)?;
         if shape.lights.shading == Shading::Smooth {
@@ -239,10 +252,10 @@ impl FramePlan {
         self.forward.modes.outputs & crate::constants::OUTPUT_SILHOUETTE != 0
     }
 
-    /// Whether it was made for this shape.
+    /// Whether [`of`](Self::of) made it for this shape.
     #[cfg(feature = "renderer")]
-    pub(crate) fn is_of(&self, shape: &Shape) -> bool {
-        self.shape == *shape
+    pub(crate) fn is_of(&self, shape: &Shape, walked: bool) -> bool {
+        self.shape == *shape && self.forward.walks.wanted == walked
     }
 
     /// The content of the buffer `view_shapes`: for each view its mesh, and its ranges in the frame's buffers

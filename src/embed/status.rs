@@ -12,6 +12,8 @@ pub struct Status {
     pub needed: Capacity,
     /// A vertex or a triangle was not finite on the screen.
     pub not_finite: bool,
+    /// Tiles whose lists had no room, or were longer than the device's loops walk.
+    pub(crate) walked_tiles: u32,
 }
 
 impl Status {
@@ -37,7 +39,15 @@ impl Status {
                 cells: word(c::STATUS_CELLS_NEEDED),
             },
             not_finite: word(c::STATUS_NOT_FINITE) != 0,
+            walked_tiles: word(c::STATUS_WALKED_TILES),
         }
+    }
+
+    /// Whether the frame has everything, in lists or found again.
+    #[cfg(feature = "renderer")]
+    pub(crate) fn is_complete(&self, plan: &FramePlan) -> bool {
+        let had_room = self.walked_tiles == 0 && self.needed.cells <= plan.forward.push.cell_capacity;
+        had_room || plan.forward.walks.wanted
     }
 
     /// The frame of this plan holds; what is returned is the capacity to plan further ones with, so that they are faster,

@@ -67,6 +67,9 @@ pub struct Renderer {
     initial: Option<Capacity>,
     /// What the frames so far had or would have needed.
     capacity: Option<Capacity>,
+    /// Whether lists are walked that have no room: once a frame has needed more than the device can hold. The kernels for it
+    /// take as long to compile as all others together, so that a frame that has too little room is rendered again instead.
+    walked: bool,
     context: Context,
 }
 
@@ -123,6 +126,7 @@ impl Renderer {
             uploads: Uploads::new(&context)?,
             buffers: BufferSet::default(),
             initial: options.capacity,
+            walked: options.capacity.is_some(),
             capacity: None,
             context,
         })
@@ -193,16 +197,25 @@ impl Renderer {
         self.uploads.bytes = 0;
         let estimated = |kept: Capacity| kept.max(Capacity::estimate(settings, shape.cutoff, &shape.view_sizes()));
         shape.capacity = self.initial.take().or(self.capacity.map(estimated));
-        let plan = self.plan(&shape, settings)?;
-        self.make_room(&plan)?;
-        self.write_inputs(scene, cameras, settings, &plan)?;
-        self.prepare(&plan)?;
-        self.uploads.record(&self.buffers)?;
-        self.commands.submit_and_wait_after(self.uploads.commands())?;
-        self.uploads.done();
-        // The next frame of this kind has room for what this one needed.
-        let larger = self.status()?.validate(&plan)?.unwrap_or(plan.capacity());
-        self.capacity = Some(self.capacity.map_or(larger, |capacity| capacity.max(larger)));
+        let plan = loop {
+            let plan = self.plan(&shape, settings)?;
+            self.make_room(&plan)?;
+            self.write_inputs(scene, cameras, settings, &plan)?;
+            self.prepare(&plan)?;
+            self.uploads.record(&self.buffers)?;
+            self.commands.submit_and_wait_after(self.uploads.commands())?;
+            self.uploads.done();
+            let status = self.status()?;
+            let larger = status.validate(&plan)?;
+            if status.is_complete(&plan) {
+                // The next frame of this kind has room for what this one needed.
+                let larger = larger.unwrap_or(plan.capacity());
+                self.capacity = Some(self.capacity.map_or(larger, |capacity| capacity.max(larger)));
+                break plan;
+            }
+            self.walked = larger.is_none();
+            shape.capacity = larger.or(shape.capacity);
+        };
         self.finished = true;
         let saved = settings.save.then(|| FRAMES.fetch_add(1, Ordering::Relaxed));
         let frame = Frame::download(&self.buffers.contents()?, cameras.len(), settings, self.timings()?, saved)?;
@@ -220,11 +233,11 @@ impl Renderer {
     fn plan(&mut self, shape: &Shape, settings: &Settings) -> Result<Arc<FramePlan>> {
         if let Some((planned_for, plan)) = &self.planned
             && planned_for == settings
-            && plan.is_of(shape)
+            && plan.is_of(shape, self.walked)
         {
             return Ok(plan.clone());
         }
-        let plan = Arc::new(self.rasterizer.plan(shape, settings)?);
+        let plan = Arc::new(self.rasterizer.plan_walked(shape, settings, self.walked)?);
         self.planned = Some((settings.clone(), plan.clone()));
         Ok(plan)
     }

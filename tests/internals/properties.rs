@@ -168,6 +168,7 @@ fn plan(settings: &Settings, views: &[ViewSize], crosses_near: bool) -> softras:
         capacity: Capacity::estimate(settings, settings.cutoff(), views),
         save: true,
         loop_passes: u32::MAX,
+        walked: true,
     })
 }
 
@@ -190,6 +191,7 @@ fn frames_for_looking_at_have_no_buffers_for_gradients() {
             capacity: Capacity::estimate(&settings, settings.cutoff(), &views),
             save,
             loop_passes: u32::MAX,
+            walked: true,
         };
         ForwardPlan::new(&input).unwrap().sizes
     };

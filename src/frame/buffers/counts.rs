@@ -68,8 +68,10 @@ pub struct FrameCounts {
     pub shading_texels: u32,
     /// The frame keeps what backward needs.
     pub save: bool,
-    /// Tiles whose walks go on from turn to turn.
+    /// Tiles whose walks go on from turn to turn, for which there is memory.
     pub resumed: u64,
+    /// Rows of RESUMED_ROW tiles that can be counted.
+    pub resumed_rows: u64,
 }
 
 /// The counts that the sizes of the buffers of a backward pass depend on.
@@ -105,13 +107,6 @@ pub struct GradientCounts {
     pub texels: u64,
     /// Sums in `totals`: of each view, of each light, of the ambient light, of the pixels.
     pub sums: u64,
-}
-
-impl FrameCounts {
-    /// Rows of RESUMED_ROW tiles whose walks go on from turn to turn.
-    pub fn resumed_rows(&self) -> u64 {
-        if self.resumed > 0 { self.totals.tiles.div_ceil(c::RESUMED_ROW.into()) } else { 0 }
-    }
 }
 
 impl GradientCounts {

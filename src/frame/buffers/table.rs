@@ -128,7 +128,7 @@ table! {
         TileItems("tile_items", Uint4, Workspace, [], |f| bytes(f.totals.tiles, 48));
         /// Arguments of the indirect dispatches over tiles.
         TileCounts("tile_counts", Uint, Workspace, [TRANSFER_DST, INDIRECT_BUFFER],
-            |f| bytes(f.totals.tile_rows() * u64::from(c::TILE_COUNT_WORDS) + 3 * f.resumed_rows(), 4));
+            |f| bytes(f.totals.tile_rows() * u64::from(c::TILE_COUNT_WORDS) + 3 * f.resumed_rows, 4));
         /// Where the walks stand of tiles that are processed in several turns.
         WalkState("walk_state", Uint, Workspace, [],
             |f| when(f.resumed > 0, bytes(f.resumed, 4 * u64::from(c::WALK_STATE_WORDS))));

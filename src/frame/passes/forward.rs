@@ -173,7 +173,8 @@ fn record_turns(
     tile_counts: &BufferPart,
 ) -> Result<()> {
     let kernels = [ForwardStage::ForwardSoftLong, ForwardStage::ForwardLong];
-    for row in 0..plan.walks.rows(&plan.totals) {
+    let rows = if plan.walks.needed { plan.walks.rows(&plan.totals) } else { 0 };
+    for row in 0..rows {
         let offset = plan.totals.tile_rows() as u32 * c::TILE_COUNT_WORDS + 3 * row;
         let first = row * c::RESUMED_ROW;
         for stage in kernels.into_iter().filter(|stage| stage.is_needed(plan)) {

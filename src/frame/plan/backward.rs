@@ -165,7 +165,7 @@ fn long_turns(forward: &ForwardPlan) -> u32 {
     let FramePush { width, height, cell_capacity, .. } = forward.push;
     let cells = width.div_ceil(c::CELL_WIDTH) * height.div_ceil(c::CELL_HEIGHT);
     let all = forward.totals.records * u64::from(cells - 1);
-    if all <= cell_capacity.into() { 0 } else { (cells - 1).div_ceil(c::CELLS_PER_TURN) }
+    if all <= cell_capacity.into() || !forward.walks.wanted { 0 } else { (cells - 1).div_ceil(c::CELLS_PER_TURN) }
 }
 
 fn counts_of(input: &BackwardInput, gradients: u32, smooth: bool) -> GradientCounts {

@@ -112,6 +112,8 @@ pub struct PlanInput<'a> {
     pub save: bool,
     /// Passes of all loops of an invocation together that the device is trusted with.
     pub loop_passes: u32,
+    /// Whether what finds no room in a list is found again where it is needed; if not, a frame may be incomplete.
+    pub walked: bool,
 }
 
 impl ForwardPlan {
@@ -131,7 +133,7 @@ impl ForwardPlan {
         let modes = Modes::new(input);
         let coarse_lanes = coarse_lanes(&views);
         frame.slot_count = totals.records as u32;
-        let walks = Walks::new(&frame, &views, &totals, input.loop_passes);
+        let walks = Walks::new(input.walked, &frame, &views, &totals, input.loop_passes);
         let sizes = Sizes::of_frame(&counts_of(input, &frame, &modes, totals, walks));
         let most = |f: fn(&ViewSize) -> u32| input.views.iter().map(f).max().unwrap_or(0);
         let count = input.views.len() as u32;
@@ -168,6 +170,7 @@ fn counts_of(input: &PlanInput, push: &FramePush, modes: &Modes, totals: Totals,
         shading_texels: if shades(modes) { record } else { 0 },
         save: input.save,
         resumed: walks.resumed_tiles(&totals),
+        resumed_rows: walks.rows(&totals).into(),
     }
 }
 

@@ -4,10 +4,12 @@ use super::{FramePush, ViewRange};
 use crate::constants as c;
 use crate::frame::buffers::Totals;
 
-/// The dispatches of forward_long.
+/// The dispatches of forward_soft_long and forward_long.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Walks {
-    /// Whether lists can lack room, or be longer than the device's loops walk.
+    /// Whether what finds no room in a list is found again where it is needed. If not, a frame may be incomplete.
+    pub wanted: bool,
+    /// Whether they are wanted, and lists can lack room or be longer than the device's loops walk.
     pub needed: bool,
     /// Turns in which the tiles are processed whose walk takes more passes of loops than the device is trusted with; 0 if
     /// there are no such tiles.
@@ -15,8 +17,8 @@ pub struct Walks {
 }
 
 impl Walks {
-    /// For a frame with these capacities.
-    pub fn new(push: &FramePush, views: &[ViewRange], totals: &Totals, loop_passes: u32) -> Self {
+    /// For a frame with these capacities, if they are wanted.
+    pub fn new(wanted: bool, push: &FramePush, views: &[ViewRange], totals: &Totals, loop_passes: u32) -> Self {
         let bits = u64::from(c::WORD_BITS);
         let bins = u64::from(push.bins_x) * u64::from(push.bins_y);
         let tiles = u64::from(push.tiles_x) * u64::from(push.tiles_y);
@@ -31,7 +33,7 @@ impl Walks {
         // A turn ends before a group that it might not complete.
         let of_turn = u64::from(loop_passes.saturating_sub(2 * c::WALK_MOST_PASSES)).max(1);
         let turns = if at_once { 0 } else { passes.div_ceil(of_turn) as u32 };
-        Self { needed: !(has_room && at_once), turns }
+        Self { wanted, needed: wanted && !(has_room && at_once), turns }
     }
 
     /// Rows of RESUMED_ROW tiles.
@@ -41,7 +43,7 @@ impl Walks {
 
     /// The tiles of the largest row, for each of which a walk's state is kept.
     pub fn resumed_tiles(self, totals: &Totals) -> u64 {
-        if self.turns > 0 { totals.tiles.min(c::RESUMED_ROW.into()) } else { 0 }
+        if self.wanted && self.turns > 0 { totals.tiles.min(c::RESUMED_ROW.into()) } else { 0 }
     }
 }
 
@@ -62,24 +64,24 @@ mod tests {
         let view =
             ViewRange { screen_base: 0, record_base: 0, bin_base: 0, word_base: 0, records, words: records / 32 };
         let totals = Totals { records: records.into(), tiles: 64, ..Totals::default() };
-        Walks::new(&push, &[view], &totals, loop_passes)
+        Walks::new(true, &push, &[view], &totals, loop_passes)
     }
 
     #[test]
     fn walks_are_recorded_only_where_lists_can_lack_room() {
-        assert_eq!(walks(100, 6400, 60_000), Walks { needed: false, turns: 0 });
-        assert_eq!(walks(100, 6399, 60_000), Walks { needed: true, turns: 0 });
-        assert_eq!(walks(100, 1, u32::MAX), Walks { needed: true, turns: 0 });
+        assert_eq!(walks(100, 6400, 60_000), Walks { wanted: true, needed: false, turns: 0 });
+        assert_eq!(walks(100, 6399, 60_000), Walks { wanted: true, needed: true, turns: 0 });
+        assert_eq!(walks(100, 1, u32::MAX), Walks { wanted: true, needed: true, turns: 0 });
     }
 
     /// A hundred thousand records on one list take 118,750 passes to gather, and some ten thousand to be found.
     #[test]
     fn long_walks_take_turns() {
-        assert_eq!(walks(40_000, u32::MAX, 60_000), Walks { needed: false, turns: 0 });
-        assert_eq!(walks(100_000, u32::MAX, 60_000), Walks { needed: true, turns: 3 });
-        assert_eq!(walks(100_000, u32::MAX, u32::MAX), Walks { needed: false, turns: 0 });
+        assert_eq!(walks(40_000, u32::MAX, 60_000), Walks { wanted: true, needed: false, turns: 0 });
+        assert_eq!(walks(100_000, u32::MAX, 60_000), Walks { wanted: true, needed: true, turns: 3 });
+        assert_eq!(walks(100_000, u32::MAX, u32::MAX), Walks { wanted: true, needed: false, turns: 0 });
         let totals = Totals { tiles: 10_000, ..Totals::default() };
-        let walks = Walks { needed: true, turns: 3 };
+        let walks = Walks { wanted: true, needed: true, turns: 3 };
         assert_eq!((walks.rows(&totals), walks.resumed_tiles(&totals)), (3, 4096));
     }
 }
