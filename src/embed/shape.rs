@@ -43,7 +43,8 @@ impl Shape {
         let bounds: Vec<_> = scene.meshes.iter().map(Mesh::bounds).collect();
         let inside = DepthSpan { crosses_near: false, crosses_far: false };
         let depth_span = cameras.iter().enumerate().fold(inside, |span, (view, camera)| {
-            span.or(DepthSpan::of(bounds[scene.mesh_of_view(view)], camera, settings))
+            let mesh = scene.mesh_of_view(view);
+            span.or(DepthSpan::of_mesh(&scene.meshes[mesh], bounds[mesh], camera, settings))
         });
         Ok(Self {
             meshes: scene.meshes.iter().map(MeshShape::of).collect(),

@@ -230,12 +230,15 @@ impl Mesh {
             let each = |f: fn(f32, f32) -> f32, a: [f32; 3]| [f(a[0], p[0]), f(a[1], p[1]), f(a[2], p[2])];
             (each(f32::min, low), each(f32::max, high))
         };
-        let first = self.positions[*self.triangles.first()?.first()? as usize];
-        let used = self.triangles.iter().flatten().map(|&i| self.positions[i as usize]);
-        Some(match self.all_used {
-            true => self.positions.iter().copied().fold((first, first), around),
-            false => used.fold((first, first), around),
-        })
+        let first = self.used_positions().next()?;
+        Some(self.used_positions().fold((first, first), around))
+    }
+
+    /// The positions that triangles use, some of them more than once.
+    pub(crate) fn used_positions(&self) -> impl Iterator<Item = [f32; 3]> {
+        let all = if self.all_used { &self.positions[..] } else { &[] };
+        let triangles = if self.all_used { &[] } else { &self.triangles[..] };
+        all.iter().copied().chain(triangles.iter().flatten().map(|&i| self.positions[i as usize]))
     }
 }
 

@@ -3,9 +3,12 @@
 use super::PlanInput;
 use crate::constants as c;
 use crate::scene::{
-    Background, Camera, ColorAggregation, Distance, Faces, FrontFace, Interpolation, Outputs, Parity, Settings,
+    Background, Camera, ColorAggregation, Distance, Faces, FrontFace, Interpolation, Mesh, Outputs, Parity, Settings,
     Shading, SilhouetteAggregation,
 };
+
+/// The smallest and largest corner of a box.
+type Bounds = ([f32; 3], [f32; 3]);
 
 /// How the depths of a frame's meshes compare with its near and far planes. `true` is right if it is not known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,7 +30,7 @@ pub struct Sampling {
 
 impl DepthSpan {
     /// For a mesh of these bounds (least and largest corner in world space) seen by one camera.
-    pub fn of(bounds: Option<([f32; 3], [f32; 3])>, camera: &Camera, settings: &Settings) -> Self {
+    pub fn of(bounds: Option<Bounds>, camera: &Camera, settings: &Settings) -> Self {
         let Some((low, high)) = bounds else {
             return Self { crosses_near: false, crosses_far: false };
         };
@@ -38,6 +41,27 @@ impl DepthSpan {
             nearest += ends[0].min(ends[1]);
             farthest += ends[0].max(ends[1]);
         }
+        Self::of_depths(nearest, farthest, settings)
+    }
+
+    /// The same for the mesh's vertices, one by one if the box around them may cross: a camera whose near and far planes lie
+    /// close around a mesh crosses the corners of its box and not the mesh, and a frame in which nothing crosses is faster.
+    pub(crate) fn of_mesh(mesh: &Mesh, bounds: Option<Bounds>, camera: &Camera, settings: &Settings) -> Self {
+        let inside = Self { crosses_near: false, crosses_far: false };
+        let of_box = Self::of(bounds, camera, settings);
+        if of_box == inside {
+            return inside;
+        }
+        let row = camera.view()[2];
+        let depth =
+            |p: [f32; 3]| row[0] * f64::from(p[0]) + row[1] * f64::from(p[1]) + row[2] * f64::from(p[2]) + row[3];
+        let widest = (f64::INFINITY, f64::NEG_INFINITY);
+        let (nearest, farthest) =
+            mesh.used_positions().map(depth).fold(widest, |(low, high), z| (low.min(z), high.max(z)));
+        Self::of_depths(nearest, farthest, settings)
+    }
+
+    fn of_depths(nearest: f64, farthest: f64, settings: &Settings) -> Self {
         // The kernels compute depths in single precision, whose rounding error is below a millionth.
         let slack = 1e-6 * (nearest.abs() + farthest.abs());
         Self { crosses_near: nearest - slack < settings.near, crosses_far: farthest + slack > settings.far }
