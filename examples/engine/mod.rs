@@ -5,27 +5,22 @@
 #![allow(unsafe_code, dead_code, missing_docs, unused_imports, clippy::undocumented_unsafe_blocks)]
 
 mod shader;
+mod validation;
 
 pub use shader::{Compute, Overlay};
+use validation::{Log, messenger_info};
 
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
 use softras::embed::{BufferRef, HostAdapter, HostCommands, HostDevice};
-use std::ffi::{CStr, c_void};
+// An engine has one device and does without: the tests make and destroy many at once, which the Vulkan loader of Debian 13
+// does not bear.
+use softras::internals::vulkan::changing_devices;
+use std::ffi::CStr;
 use std::sync::{Arc, Mutex};
 
 pub type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
-
-type Log = Mutex<Vec<String>>;
-
-/// The best practices that are not followed, each with the reason.
-const ACCEPTED: [(&str, &str); 4] = [
-    ("BestPractices-vkCreateInstance-specialuse-extension-debugging", "validation takes extensions for debugging"),
-    ("BestPractices-vkAllocateMemory-small-allocation", "memory that is shared is one buffer's alone"),
-    ("BestPractices-vkBindMemory-small-dedicated-allocation", "the same"),
-    ("BestPractices-Error-Result", "a call that fails is an error of who calls, and tests make calls fail"),
-];
 
 /// The device and all that is needed to use it.
 pub struct Engine {
@@ -92,23 +87,16 @@ impl Engine {
         let entry = unsafe { ash::Entry::load() }?;
         let log = Arc::new(Log::default());
         let application = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_1);
-        let layers = [c"VK_LAYER_KHRONOS_validation".as_ptr()];
-        let extensions = [ash::ext::debug_utils::NAME.as_ptr(), ash::ext::validation_features::NAME.as_ptr()];
-        let checks = [
-            vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION,
-            vk::ValidationFeatureEnableEXT::BEST_PRACTICES,
-        ];
-        let mut enables = vk::ValidationFeaturesEXT::default().enabled_validation_features(&checks);
-        let mut messenger_info = messenger_info(&log);
-        let mut info = vk::InstanceCreateInfo::default().application_info(&application);
-        if validation {
-            info = info.enabled_layer_names(&layers).enabled_extension_names(&extensions);
-            info = info.push_next(&mut enables).push_next(&mut messenger_info);
-        }
-        let instance = unsafe { entry.create_instance(&info, None) }?;
+        let info = vk::InstanceCreateInfo::default().application_info(&application);
+        let turn = changing_devices();
+        let instance = match validation {
+            true => unsafe { validation::instance(&entry, info, &log) }?,
+            false => unsafe { entry.create_instance(&info, None) }?,
+        };
+        drop(turn);
         let messenger = if validation {
             let functions = ash::ext::debug_utils::Instance::new(&entry, &instance);
-            let handle = unsafe { functions.create_debug_utils_messenger(&self::messenger_info(&log), None) }?;
+            let handle = unsafe { functions.create_debug_utils_messenger(&messenger_info(&log), None) }?;
             Some((functions, handle))
         } else {
             None
@@ -122,7 +110,10 @@ impl Engine {
             .queue_create_infos(&queues)
             .enabled_extension_names(&device_extensions)
             .enabled_features(&enabled);
-        let device = unsafe { instance.create_device(physical, &info, None) }?;
+        let device = {
+            let _turn = changing_devices();
+            unsafe { instance.create_device(physical, &info, None) }?
+        };
         let queue = unsafe { device.get_device_queue(family, 0) };
         let allocator = Allocator::new(&AllocatorCreateDesc {
             instance: instance.clone(),
@@ -319,6 +310,7 @@ impl Drop for Core {
             *allocator = None;
         }
         unsafe {
+            let _turn = changing_devices();
             self.device.destroy_device(None);
             if let Some((functions, handle)) = self.messenger.take() {
                 functions.destroy_debug_utils_messenger(handle, None);
@@ -361,37 +353,15 @@ pub fn color_range() -> vk::ImageSubresourceRange {
 
 fn choose(instance: &ash::Instance) -> Outcome<(vk::PhysicalDevice, u32)> {
     let wanted = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
-    for physical in unsafe { instance.enumerate_physical_devices() }? {
+    let found = {
+        let _turn = changing_devices();
+        unsafe { instance.enumerate_physical_devices() }?
+    };
+    for physical in found {
         let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
         if let Some(family) = families.iter().position(|f| f.queue_flags.contains(wanted)) {
             return Ok((physical, family as u32));
         }
     }
     Err("no device both draws and computes".into())
-}
-
-fn messenger_info(log: &Arc<Log>) -> vk::DebugUtilsMessengerCreateInfoEXT<'static> {
-    use vk::DebugUtilsMessageSeverityFlagsEXT as Severity;
-    vk::DebugUtilsMessengerCreateInfoEXT::default()
-        .message_severity(Severity::WARNING | Severity::ERROR)
-        .message_type(vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION | vk::DebugUtilsMessageTypeFlagsEXT::PERFORMANCE)
-        .pfn_user_callback(Some(note))
-        .user_data(Arc::as_ptr(log).cast_mut().cast())
-}
-
-unsafe extern "system" fn note(
-    _severity: vk::DebugUtilsMessageSeverityFlagsEXT,
-    _kind: vk::DebugUtilsMessageTypeFlagsEXT,
-    data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
-    log: *mut c_void,
-) -> vk::Bool32 {
-    let text = unsafe { CStr::from_ptr((*data).p_message) }.to_string_lossy().into_owned();
-    if ACCEPTED.iter().any(|(id, _)| text.contains(id)) {
-        return vk::FALSE;
-    }
-    eprintln!("{text}");
-    if let Ok(mut log) = unsafe { &*log.cast::<Log>() }.lock() {
-        log.push(text);
-    }
-    vk::FALSE
 }

@@ -1,6 +1,9 @@
 //! The device that pipelines, descriptors and recording work on: ours or a host's.
 
 use super::adapter::{DeviceKind, Limits};
+#[cfg(feature = "renderer")]
+use super::devices_lock::changing_devices;
+use super::devices_lock::looking_up_devices;
 use super::host::{Callbacks, HostDevice};
 #[cfg(feature = "renderer")]
 use super::own::Instance;
@@ -35,6 +38,7 @@ impl Device {
     /// # Errors
     /// [`Error::NoDevice`] for a device of Vulkan 1.0, [`Error::Host`] for null handles.
     pub fn from_host(host: &HostDevice) -> Result<Self> {
+        let turn = looking_up_devices();
         let (instance, raw) = host.functions()?;
         let physical = host.adapter.physical_device();
         // SAFETY: the handles are valid (the promise of `HostAdapter::new`).
@@ -48,6 +52,7 @@ impl Device {
         // SAFETY: both belong together and are of Vulkan 1.1.
         let limits = unsafe { Limits::query(&instance, physical) };
         let debug_utils = host.debug_utils.then(|| debug_utils::Device::new(&instance, &raw));
+        drop(turn);
         let kind = DeviceKind::of(properties.device_type);
         // SAFETY: the promise of `HostDevice::with_allocation_callbacks`.
         let callbacks = unsafe { Callbacks::new(host.allocation_callbacks) };
@@ -97,9 +102,11 @@ impl Device {
             .queue_create_infos(&queues)
             .enabled_extension_names(&extensions)
             .enabled_features(&features);
+        let turn = changing_devices();
         // SAFETY: the family exists (the caller's promise); the info's pointers live until the call returns.
         let raw = unsafe { instance.raw.create_device(physical, &info, None) }?;
         let debug_utils = instance.debug_utils.then(|| debug_utils::Device::new(&instance.raw, &raw));
+        drop(turn);
         let functions = instance.raw.clone();
         let callbacks = Callbacks::default();
         let owned = Some(instance);
@@ -153,6 +160,7 @@ impl Device {
         let Some(debug_utils) = self.debug_utils() else { return };
         let Ok(name) = CString::new(name) else { return };
         let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(handle).object_name(&name);
+        let _turn = looking_up_devices();
         // SAFETY: callers pass handles that they have just made on this device. A name that fails is no loss.
         _ = unsafe { debug_utils.set_debug_utils_object_name(&info) };
     }
@@ -162,6 +170,7 @@ impl Device {
 impl Drop for Inner {
     fn drop(&mut self) {
         if self.owned.is_some() {
+            let _turn = changing_devices();
             // SAFETY: the device is ours, and everything made with it held this Inner and is gone.
             unsafe { self.raw.destroy_device(None) };
         }

@@ -2,6 +2,7 @@
 //! memory, bytes that the host copies.
 
 use super::device::Device;
+use super::devices_lock::looking_up_devices;
 use super::host::{HostAdapter, HostDevice};
 use super::result::{Named, misuse_of};
 use crate::{Error, Result};
@@ -227,7 +228,10 @@ impl ExternalBuffer {
             self.mapped(|at| unsafe { at.copy_to_nonoverlapping(bytes.as_mut_ptr(), bytes.len()) })?;
             return Ok(External::Bytes(bytes));
         }
-        let functions = khr::external_memory_fd::Device::new(self.device.instance(), self.device.raw());
+        let functions = {
+            let _turn = looking_up_devices();
+            khr::external_memory_fd::Device::new(self.device.instance(), self.device.raw())
+        };
         let info = vk::MemoryGetFdInfoKHR::default().memory(self.memory).handle_type(MEMORY);
         // SAFETY: the memory was allocated for export of this type (or imported with it).
         let fd = unsafe { functions.get_memory_fd(&info) }.named("vkGetMemoryFdKHR")?;
@@ -316,7 +320,10 @@ impl ExternalSemaphore {
     /// The descriptor was [exported](Self::export) by a semaphore of a device of the same physical device and driver.
     pub unsafe fn import(host: &HostDevice, support: ExternalSupport, fd: OwnedFd) -> Result<Self> {
         let made = Self::new(host, support)?;
-        let functions = khr::external_semaphore_fd::Device::new(made.device.instance(), made.device.raw());
+        let functions = {
+            let _turn = looking_up_devices();
+            khr::external_semaphore_fd::Device::new(made.device.instance(), made.device.raw())
+        };
         let fd = fd.into_raw_fd();
         let info = vk::ImportSemaphoreFdInfoKHR::default().semaphore(made.raw).handle_type(SEMAPHORE).fd(fd);
         // SAFETY: the semaphore was just made; the descriptor is one of a semaphore's (the caller's promise), and the driver's
@@ -335,7 +342,10 @@ impl ExternalSemaphore {
     /// # Errors
     /// [`Error::Vulkan`].
     pub fn export(&self) -> Result<OwnedFd> {
-        let functions = khr::external_semaphore_fd::Device::new(self.device.instance(), self.device.raw());
+        let functions = {
+            let _turn = looking_up_devices();
+            khr::external_semaphore_fd::Device::new(self.device.instance(), self.device.raw())
+        };
         let info = vk::SemaphoreGetFdInfoKHR::default().semaphore(self.raw).handle_type(SEMAPHORE);
         // SAFETY: the semaphore was made for export of this type.
         let fd = unsafe { functions.get_semaphore_fd(&info) }.named("vkGetSemaphoreFdKHR")?;

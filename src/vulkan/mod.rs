@@ -36,6 +36,7 @@ mod buffer_part;
 mod cache;
 mod descriptors;
 mod device;
+mod devices_lock;
 #[cfg(all(feature = "external", unix))]
 pub mod external;
 mod host;
@@ -55,6 +56,7 @@ pub use buffer_part::BufferPart;
 pub use cache::PipelineCache;
 pub use descriptors::{DescriptorPool, DescriptorSet};
 pub use device::Device;
+pub use devices_lock::changing_devices;
 pub use host::{HostAdapter, HostCommands, HostDevice};
 pub use host_memory::{BufferRef, ImageFormat, ImageRef, TextureRef};
 pub use kernel::{

@@ -1,13 +1,12 @@
 //! The Vulkan loader, and an instance with debug names and validation where they are installed.
 
+use super::super::devices_lock::changing_devices;
 use super::super::result::Named;
-use super::validation::{Messenger, ValidationLog};
+use super::validation::{Checks, LAYER, Messenger, ValidationLog};
 use crate::{Error, Result};
 use ash::vk;
 use std::ffi::CStr;
 use std::sync::OnceLock;
-
-const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
 /// How a machine gets a device.
 pub(super) const INSTALL: &str = "install a graphics driver with Vulkan 1.1, or the software device \
@@ -78,10 +77,10 @@ impl Instance {
             enabled.push(ash::khr::portability_enumeration::NAME.as_ptr());
             flags |= vk::InstanceCreateFlags::ENUMERATE_PORTABILITY_KHR;
         }
-        if validation {
-            require_validation(entry, debug_utils)?;
-            layers.push(VALIDATION_LAYER.as_ptr());
-            enabled.push(ash::ext::validation_features::NAME.as_ptr());
+        let checks = if validation { Some(require_validation(entry, debug_utils)?) } else { None };
+        if let Some(checks) = checks {
+            layers.push(LAYER.as_ptr());
+            enabled.push(checks.extension().as_ptr());
         }
 
         let log = ValidationLog::default();
@@ -89,22 +88,20 @@ impl Instance {
             .application_name(c"softras")
             .engine_name(c"softras")
             .api_version(vk::API_VERSION_1_1);
-        let mut info = vk::InstanceCreateInfo::default()
+        let info = vk::InstanceCreateInfo::default()
             .flags(flags)
             .application_info(&application)
             .enabled_layer_names(&layers)
             .enabled_extension_names(&enabled);
-        let checks = [
-            vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION,
-            vk::ValidationFeatureEnableEXT::BEST_PRACTICES,
-        ];
-        let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&checks);
         let mut messenger_info = log.create_info();
-        if validation {
-            info = info.push_next(&mut features).push_next(&mut messenger_info);
-        }
         // SAFETY: all that `info` points to lives until the call returns, but the log, which `Instance` keeps.
-        let created = unsafe { entry.create_instance(&info, None) };
+        let create = |info: &vk::InstanceCreateInfo<'_>| unsafe { entry.create_instance(info, None) };
+        let turn = changing_devices();
+        let created = match checks {
+            Some(checks) => checks.chained(info.push_next(&mut messenger_info), create),
+            None => create(&info),
+        };
+        drop(turn);
         if let Err(vk::Result::ERROR_INCOMPATIBLE_DRIVER) = created {
             return Err(Error::NoDevice { what: "no driver is installed".to_string(), fix: INSTALL.to_string() });
         }
@@ -127,6 +124,7 @@ impl Instance {
 impl Drop for Instance {
     fn drop(&mut self) {
         self.messenger = None;
+        let _turn = changing_devices();
         // SAFETY: every device holds its Instance, so none is left; the messenger is gone.
         unsafe { self.raw.destroy_instance(None) };
     }
@@ -140,18 +138,13 @@ fn extensions(entry: &ash::Entry, layer: Option<&CStr>) -> Result<Vec<std::ffi::
     Ok(found.iter().filter_map(|e| e.extension_name_as_c_str().ok()).map(CStr::to_owned).collect())
 }
 
-/// An error unless the validation layer is there with all that we need of it.
-fn require_validation(entry: &ash::Entry, debug_utils: bool) -> Result<()> {
+/// How to tell the validation layer what to check; an error unless it is there with all that we need of it.
+fn require_validation(entry: &ash::Entry, debug_utils: bool) -> Result<Checks> {
     // SAFETY: a plain query.
     let layers = unsafe { entry.enumerate_instance_layer_properties() }.named("vkEnumerateInstanceLayerProperties")?;
-    let installed = layers.iter().any(|l| l.layer_name_as_c_str() == Ok(VALIDATION_LAYER));
-    if installed
-        && debug_utils
-        && extensions(entry, Some(VALIDATION_LAYER))?.iter().any(|e| e == ash::ext::validation_features::NAME)
-    {
-        return Ok(());
-    }
-    Err(Error::NoDevice {
+    let installed = layers.iter().any(|l| l.layer_name_as_c_str() == Ok(LAYER));
+    let checks = if installed && debug_utils { Checks::offered(&extensions(entry, Some(LAYER))?) } else { None };
+    checks.ok_or_else(|| Error::NoDevice {
         what: "validation was asked for, but VK_LAYER_KHRONOS_validation is not installed".to_string(),
         fix: "install it (Debian, Ubuntu: apt install vulkan-validationlayers), or unset SOFTRAS_VALIDATION"
             .to_string(),

@@ -1,6 +1,7 @@
 //! Which of the installed devices to open.
 
 use super::super::adapter::{DeviceInfo, compute_family, describe};
+use super::super::devices_lock::changing_devices;
 use super::super::result::Named;
 use super::instance::{INSTALL, Instance};
 use crate::{Error, Result};
@@ -16,8 +17,11 @@ pub(super) struct Adapter {
 
 /// All devices of an instance, in the loader's order.
 pub(super) fn list(instance: &Instance) -> Result<Vec<Adapter>> {
+    let turn = changing_devices();
     // SAFETY: the instance lives.
-    let found = match unsafe { instance.raw.enumerate_physical_devices() } {
+    let answer = unsafe { instance.raw.enumerate_physical_devices() };
+    drop(turn);
+    let found = match answer {
         // The loader's answer where no driver is installed.
         Err(vk::Result::ERROR_INITIALIZATION_FAILED | vk::Result::ERROR_INCOMPATIBLE_DRIVER) => Vec::new(),
         other => other.named("vkEnumeratePhysicalDevices")?,

@@ -1,15 +1,84 @@
 //! Collects what the validation layer says.
 
 use ash::{ext::debug_utils, vk};
-use std::ffi::{CStr, c_void};
+use std::ffi::{CStr, CString, c_char, c_void};
 use std::io::Write;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Best practices that are not followed, each with the reason.
-const ACCEPTED: [(&str, &str); 2] = [
-    ("BestPractices-vkCreateInstance-specialuse-extension-debugging", "validation takes extensions for debugging"),
-    ("BestPractices-Error-Result", "a call that fails is an error that we return"),
+/// Messages that tell of no fault: the id, what the text says besides (an id may stand for several extensions), and why.
+const ACCEPTED: [(&str, &str, &str); 4] = [
+    ("BestPractices-vkCreateInstance-specialuse-extension-debugging", "", "validation takes extensions for debugging"),
+    ("BestPractices-specialuse-extension", "VK_EXT_debug_utils", "the same in the words of newer layers"),
+    (
+        "BestPractices-vkCreateDevice-physical-device-features-not-retrieved",
+        "",
+        "the layers of 1.4.309 always say it: KhronosGroup/Vulkan-ValidationLayers, issue 9900",
+    ),
+    ("BestPractices-Error-Result", "", "a call that fails is an error that we return"),
 ];
+
+/// The layer.
+pub(super) const LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
+
+/// What it checks beside the rules of use. The last is part of the first in older layers: without it, newer ones know of no
+/// access that a kernel makes.
+const SETTINGS: [&CStr; 3] = [c"validate_sync", c"validate_best_practices", c"syncval_shader_accesses_heuristic"];
+const FEATURES: [vk::ValidationFeatureEnableEXT; 2] =
+    [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION, vk::ValidationFeatureEnableEXT::BEST_PRACTICES];
+
+/// How the layer is told what to check.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Checks {
+    /// By VK_EXT_layer_settings.
+    Settings,
+    /// By its predecessor VK_EXT_validation_features, which newer layers call deprecated.
+    Features,
+}
+
+impl Checks {
+    /// The newer way that a layer with these extensions has; `None` for a layer with neither.
+    pub(super) fn offered(extensions: &[CString]) -> Option<Self> {
+        let ways = [Self::Settings, Self::Features];
+        ways.into_iter().find(|way| extensions.iter().any(|name| name.as_c_str() == way.extension()))
+    }
+
+    /// The extension to enable.
+    pub(super) fn extension(self) -> &'static CStr {
+        match self {
+            Self::Settings => ash::ext::layer_settings::NAME,
+            Self::Features => ash::ext::validation_features::NAME,
+        }
+    }
+
+    /// Chains them to an instance's info, and gives it to `create`.
+    pub(super) fn chained<T>(
+        self,
+        info: vk::InstanceCreateInfo<'_>,
+        create: impl FnOnce(&vk::InstanceCreateInfo<'_>) -> T,
+    ) -> T {
+        let yes = vk::TRUE;
+        let settings = SETTINGS.map(|name| vk::LayerSettingEXT {
+            p_layer_name: LAYER.as_ptr(),
+            p_setting_name: name.as_ptr(),
+            ty: vk::LayerSettingTypeEXT::BOOL32,
+            value_count: 1,
+            p_values: (&raw const yes).cast(),
+            ..Default::default()
+        });
+        let mut settings = vk::LayerSettingsCreateInfoEXT::default().settings(&settings);
+        let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&FEATURES);
+        create(&match self {
+            Self::Settings => info.push_next(&mut settings),
+            Self::Features => info.push_next(&mut features),
+        })
+    }
+}
+
+/// Whether a message of this id tells of no fault. Older layers begin the id with `UNASSIGNED-`.
+fn accepted(id: &str, text: &str) -> bool {
+    let id = id.strip_prefix("UNASSIGNED-").unwrap_or(id);
+    ACCEPTED.iter().any(|(accepted, about, _)| id == *accepted && text.contains(about))
+}
 
 /// The messages of the validation layer. Cheap to clone; lives on after its [`Context`](super::Context), so that what
 /// destroying a device reports can still be read.
@@ -74,19 +143,46 @@ unsafe extern "system" fn callback(
     if data.is_null() || user_data.is_null() {
         return vk::FALSE;
     }
-    // SAFETY: the layer passes a valid structure and nul-terminated text for the length of the call.
-    let text = unsafe {
-        let text = (*data).p_message;
-        if text.is_null() { String::new() } else { CStr::from_ptr(text).to_string_lossy().into_owned() }
+    let string = |text: *const c_char| {
+        // SAFETY: what the layer passes is null or nul-terminated text for the length of the call.
+        if text.is_null() { String::new() } else { unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned() }
     };
-    if ACCEPTED.iter().any(|(id, _)| text.contains(id)) {
+    // SAFETY: the layer passes a valid structure for the length of the call.
+    let (id, text) = unsafe { (string((*data).p_message_id_name), string((*data).p_message)) };
+    if accepted(&id, &text) {
         return vk::FALSE;
     }
     let word = if severity.contains(vk::DebugUtilsMessageSeverityFlagsEXT::ERROR) { "error" } else { "warning" };
-    let message = format!("validation {word}: {text}");
+    // Newer layers leave the id out of the text.
+    let message = if text.contains(&id) { text } else { format!("[{id}] {text}") };
+    let message = format!("validation {word}: {message}");
     _ = writeln!(std::io::stderr(), "{message}");
     // SAFETY: user_data leads into the Arc of a ValidationLog, which outlives messenger and instance.
     let log = unsafe { &*user_data.cast::<Mutex<Vec<String>>>() };
     log.lock().unwrap_or_else(PoisonError::into_inner).push(message);
     vk::FALSE
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Checks, accepted};
+
+    #[test]
+    fn messages_are_accepted_by_their_whole_id_and_for_their_extension() {
+        let specialuse = "BestPractices-vkCreateInstance-specialuse-extension-debugging";
+        assert!(accepted(&format!("UNASSIGNED-{specialuse}"), "of Debian 12"));
+        assert!(accepted("BestPractices-specialuse-extension", "extension VK_EXT_debug_utils, but"));
+        assert!(!accepted("BestPractices-specialuse-extension", "extension VK_EXT_transform_feedback, but"));
+        assert!(!accepted("BestPractices-deprecated-extension", "extension VK_EXT_debug_utils, but"));
+        assert!(!accepted("SYNC-HAZARD-WRITE-AFTER-WRITE", specialuse));
+        assert!(!accepted("", "VK_EXT_debug_utils"));
+    }
+
+    #[test]
+    fn checks_are_asked_for_in_the_newest_way_that_the_layer_has() {
+        let (old, new) = (c"VK_EXT_validation_features".to_owned(), c"VK_EXT_layer_settings".to_owned());
+        assert_eq!(Checks::offered(&[old.clone(), new]), Some(Checks::Settings));
+        assert_eq!(Checks::offered(&[old]), Some(Checks::Features));
+        assert_eq!(Checks::offered(&[c"VK_EXT_debug_utils".to_owned()]), None);
+    }
 }

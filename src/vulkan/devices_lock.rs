@@ -1,0 +1,21 @@
+//! Keeps devices from coming and going while another thread has the Vulkan loader look one up.
+//!
+//! The loader keeps the drivers and devices of all instances in lists of the process. It looks devices up in them in
+//! vkGetDeviceProcAddr and vkSetDebugUtilsObjectNameEXT, and up to at least 1.4.341 it changes them without the lock that
+//! lookups take: in vkCreateDevice and vkDestroyDevice (KhronosGroup/Vulkan-Loader, issue 2018), and in
+//! vkEnumeratePhysicalDevices, which lets drivers without a device go. So two threads with a device each can end the
+//! process; with Debian 13's 1.4.309 they do. All calls of this crate take turns. A host's own are outside of the lock.
+
+use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+
+static DEVICES: RwLock<()> = RwLock::new(());
+
+/// To be held while an instance or a device is made or destroyed, or devices are listed.
+pub fn changing_devices() -> RwLockWriteGuard<'static, ()> {
+    DEVICES.write().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// To be held during calls that have the loader look a device up.
+pub(super) fn looking_up_devices() -> RwLockReadGuard<'static, ()> {
+    DEVICES.read().unwrap_or_else(PoisonError::into_inner)
+}
