@@ -14,5 +14,6 @@ mod official;
 #[path = "../../../../tests/official/mod.rs"]
 mod official_equations;
 mod render;
+mod views;
 
 use command::{fails, softras, succeeds};

@@ -1,5 +1,6 @@
 //! The arguments of `softras fit`.
 
+use crate::commands::Failure;
 use crate::commands::memory::MemoryArgs;
 use crate::commands::mesh_file::ReadArgs;
 use crate::commands::parse;
@@ -23,9 +24,14 @@ Views and cameras:
                floats from 0 to 1
   CAMERAS.npy  [N, 3]: distance, elevation, azimuth in degrees, looking at the origin: the official data, whose images
                are mirrored; [N, 4, 4]: world to view, z forward
-  FOLDER       PNG files and cameras.json: a list of objects with \"file\" and either \"eye\" (and \"target\", \"up\")
-               or \"distance\", \"elevation\", \"azimuth\"; \"fov\" is the vertical angle of view in degrees. Other
-               fields are refused. The silhouette of a PNG without transparency is every pixel that is not black.
+  FOLDER       pictures, and their cameras in one of the following. Other fields are refused. The silhouette of a
+               picture without transparency is every pixel that is not black. docs/fitting.md describes all, and
+               --write-views writes an example.
+  .../cameras.json     a list of objects with \"file\" and one of \"eye\" (and \"target\", \"up\"), \"distance\" with
+                       \"elevation\" and \"azimuth\", \"world_to_camera\", \"camera_to_world\" (4x4, OpenCV's axes);
+                       and \"fov\", the vertical angle of view in degrees, or \"intrinsics\" (3x3, pixels)
+  .../transforms.json  as of NeRF, instant-ngp and nerfstudio
+  .../images.txt       with cameras.txt: COLMAP's model as text
   --from MESH  renders the views from all around the mesh, and reports the 3D IoU with it
 
 Ctrl-C ends the fit and writes the best mesh so far; --checkpoint FILE with --resume continues a fit.";
@@ -43,7 +49,8 @@ pub struct FitArgs {
     /// Images: a .npy file or a folder; with --from the number of views [default: 24]
     #[arg(long, value_name = "IMAGES.npy|FOLDER|N", required_unless_present = "from")]
     pub views: Option<String>,
-    /// The cameras of the images: .npy or .json [default: cameras.json in the folder]
+    /// The cameras of the images: .npy, .json or COLMAP's images.txt [default: what the folder has of cameras.json,
+    /// transforms.json and images.txt]
     #[arg(long, value_name = "FILE", conflicts_with = "from")]
     pub cameras: Option<PathBuf>,
     /// Vertical angle of view of cameras whose file does not give one, degrees
@@ -96,6 +103,13 @@ impl FitArgs {
             directional: vec![one([0.5, 0.8, -0.4], 0.6), one([-0.8, 0.1, -0.3], 0.3), one([0.2, -0.3, 0.9], 0.25)],
             shading: shading.into(),
         }
+    }
+
+    /// The number of views that `--from` renders.
+    pub fn count_of_views(&self) -> Result<usize, Failure> {
+        let count = self.views.as_deref().map_or(Ok(24), str::parse).ok().filter(|n| (1..=1000).contains(n));
+        let what = "--views: with --from it is a number of views from 1 to 1000";
+        count.ok_or_else(|| Failure::Usage(what.into()))
     }
 
     /// Whether colours are fitted.
@@ -218,6 +232,9 @@ pub struct FileArgs {
     /// Write the state of the fit, at the end and every 100 steps, for --resume
     #[arg(long, value_name = "FILE.npz")]
     pub checkpoint: Option<PathBuf>,
+    /// Write the views that --from renders as PNG files, with a cameras.json, into this folder, which --views then reads
+    #[arg(long, value_name = "FOLDER", requires = "from")]
+    pub write_views: Option<PathBuf>,
     /// Continue from the checkpoint, if the file exists
     #[arg(long, requires = "checkpoint")]
     pub resume: bool,

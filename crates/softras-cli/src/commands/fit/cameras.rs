@@ -3,15 +3,9 @@
 use super::targets::{direction, numbers, read_array};
 use crate::commands::memory::Budget;
 use crate::commands::render::framing::Bounds;
-use crate::commands::text;
 use glam::{DMat3, DMat4, DVec3};
-use serde::Deserialize;
-use softras::internals::files;
 use softras::{Camera, Error, Projection, Result};
 use std::path::Path;
-
-/// The most bytes of cameras.json: a hundred thousand cameras.
-const MAX_JSON: u64 = 16 << 20;
 
 /// The share of half the image's height that a mesh's bounding sphere fills.
 const FILL: f64 = 0.9;
@@ -59,65 +53,6 @@ fn official([distance, elevation, azimuth]: [f64; 3], fov: f64) -> Result<Camera
     Camera::from_matrix(DMat4::from_cols_array_2d(&rows).transpose(), perspective(fov))
 }
 
-/// An entry of cameras.json.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Entry {
-    /// The picture's name.
-    pub file: String,
-    /// Vertical angle of view, degrees.
-    fov: Option<f64>,
-    eye: Option<[f64; 3]>,
-    target: Option<[f64; 3]>,
-    up: Option<[f64; 3]>,
-    distance: Option<f64>,
-    /// Degrees, as the azimuth.
-    elevation: Option<f64>,
-    azimuth: Option<f64>,
-}
-
-/// Reads cameras.json.
-///
-/// # Errors
-/// [`Error::File`] naming the place and the field of anything that does not belong there.
-pub fn entries(path: &Path) -> Result<Vec<Entry>> {
-    let bytes = files::read(path, MAX_JSON)?;
-    let json = &mut serde_json::Deserializer::from_slice(&bytes);
-    let refuse = |what: String| fault(path, what, "see `softras fit --help`");
-    let entries: Vec<Entry> = match serde_path_to_error::deserialize(&mut *json) {
-        Ok(entries) => entries,
-        Err(error) => return refuse(format!("at {}: {}", text::name(&error.path().to_string()), error.inner())),
-    };
-    match json.end() {
-        Ok(()) if entries.is_empty() => refuse("is a list without cameras".into()),
-        Ok(()) => Ok(entries),
-        Err(error) => refuse(error.to_string()),
-    }
-}
-
-/// The camera of an entry.
-///
-/// # Errors
-/// [`Error::File`] for an entry without a position, with two, or with one that makes no camera.
-pub fn of_entry(path: &Path, index: usize, entry: &Entry, fov: f64) -> Result<Camera> {
-    let projection = perspective(entry.fov.unwrap_or(fov));
-    let angles = [entry.distance, entry.elevation, entry.azimuth];
-    let around = DVec3::from(entry.target.unwrap_or_default());
-    let camera = match (entry.eye, angles) {
-        (Some(eye), [None, None, None]) => {
-            Camera::look_at(eye.into(), around, entry.up.map_or(DVec3::Y, DVec3::from), projection)
-        }
-        (None, [Some(distance), Some(elevation), Some(azimuth)]) if entry.target.is_none() && entry.up.is_none() => {
-            Camera::from_angles(distance, elevation, azimuth, projection)
-        }
-        _ => {
-            let fix = "give eye (and target, up), or distance, elevation and azimuth";
-            return fault(path, format!("camera {index} has no position, or more than one"), fix);
-        }
-    };
-    camera.or_else(|error| fault(path, format!("camera {index}: {error}"), "see `softras fit --help`"))
-}
-
 fn rows(camera: &Camera) -> ([DVec3; 3], DVec3) {
     let view = camera.view();
     let axes = [0, 1, 2].map(|i| DVec3::new(view[i][0], view[i][1], view[i][2]));
@@ -137,11 +72,12 @@ pub fn seen(cameras: &[Camera], (height, width): (usize, usize)) -> Bounds {
     let (mut matrix, mut vector) = (DMat3::ZERO, DVec3::ZERO);
     for camera in cameras {
         let (axes, offset) = rows(camera);
-        let inverse = DMat3::from_cols(axes[0], axes[1], axes[2]);
-        let eye = -(inverse * offset);
+        // Calibrated cameras have oblique axes: the middle of the picture lies along what the first two are perpendicular to.
+        let eye = -(DMat3::from_cols(axes[0], axes[1], axes[2]).transpose().inverse() * offset);
+        let axis = axes[0].cross(axes[1]).normalize_or(axes[2]);
         // Least squares of the distances to the axes. The small diagonal decides between points that are equally good: it
         // prefers the one nearer to the origin.
-        let across = DMat3::IDENTITY - outer(axes[2]);
+        let across = DMat3::IDENTITY - outer(axis);
         matrix += across + DMat3::from_diagonal(DVec3::splat(1e-9));
         vector += across * eye;
     }

@@ -2,6 +2,7 @@
 
 pub mod args;
 mod baselines;
+mod camera_files;
 mod cameras;
 mod checkpoint;
 mod engine;
@@ -37,7 +38,12 @@ const AHEAD: usize = 10;
 pub fn run(args: &FitArgs) -> Result<(), Failure> {
     let files = &args.files;
     let written = [&files.json, &files.plot, &files.gif, &files.checkpoint];
-    let outputs = Outputs::new(written.into_iter().flatten(), [&args.out])?;
+    let mut views = Vec::new();
+    if let Some(folder) = &files.write_views {
+        std::fs::create_dir_all(folder).map_err(|source| softras::Error::Io { path: folder.clone(), source })?;
+        views = camera_files::names(folder, args.count_of_views()?);
+    }
+    let outputs = Outputs::new(written.into_iter().flatten().chain(&views), [&args.out])?;
     let mut renderer = super::open_device(args.device.as_deref())?;
     let views = Views::read(args, &outputs, &mut renderer)?;
     let setup = Setup::new(args, &views)?;

@@ -1,7 +1,7 @@
 //! The targets of a fit: images and their cameras.
 
 use super::args::FitArgs;
-use super::cameras;
+use super::{camera_files, cameras};
 use crate::commands::color::Curve;
 use crate::commands::memory::Budget;
 use crate::commands::npz::npy::{self, Array, Numbers};
@@ -51,10 +51,7 @@ impl Views {
         };
         let views = args.views.as_deref();
         if let Some(path) = &args.from {
-            let count = views.map_or(Ok(24), str::parse).ok().filter(|n| (1..=1000).contains(n));
-            let Some(count) = count else {
-                return Err(Failure::Usage("--views: with --from it is a number of views from 1 to 1000".into()));
-            };
+            let count = args.count_of_views()?;
             let mesh = args.read.read(path, true, written)?.mesh;
             return Ok(Self::made(args, mesh, template, count, renderer)?);
         }
@@ -83,7 +80,12 @@ impl Views {
             far: depths.1,
             background: Background::Composite,
             interpolation: Interpolation::Perspective,
-            outputs: Outputs { color: args.colored(), silhouette: true, depth: false, normal: false },
+            outputs: Outputs {
+                color: args.colored() || args.files.write_views.is_some(),
+                silhouette: true,
+                depth: false,
+                normal: false,
+            },
             ..Settings::default()
         };
         if let (Appearance::Uniform(_), true, None) = (mesh.appearance(), args.colored(), args.shading) {
@@ -93,6 +95,10 @@ impl Views {
         let frame = renderer.render(&scene, &cameras, &settings)?;
         let shrunk = |image: Option<&Image>| image.map(|i| pooled(i, SAMPLES as usize)).transpose();
         let (silhouette, color) = (shrunk(frame.silhouette())?, shrunk(frame.color())?);
+        if let (Some(folder), Some(silhouette), Some(color)) = (&args.files.write_views, &silhouette, &color) {
+            camera_files::write(folder, &cameras, silhouette, color)?;
+        }
+        let color = color.filter(|_| args.colored());
         Ok(Self { targets: Targets { cameras, silhouette, color }, truth: Some(mesh), template, bounds, depths })
     }
 }
@@ -111,10 +117,6 @@ pub fn every(targets: &Targets, stride: usize) -> Targets {
         color: targets.color.as_ref().map(some),
     }
 }
-
-/// What a cameras.json looks like.
-const FORMAT: &str = "write it, as [{\"file\": \"0.png\", \"distance\": 3, \"elevation\": 20, \"azimuth\": 45}, \
-    {\"file\": \"1.png\", \"eye\": [0, 1, 3], \"target\": [0, 0, 0], \"fov\": 30}]";
 
 fn fault<T>(path: &Path, what: impl Into<String>, fix: &str) -> Result<T> {
     Err(Error::File { path: path.into(), line: None, what: what.into(), fix: fix.into() })
@@ -227,24 +229,20 @@ fn rgba(bytes: [f64; 3], alpha: Option<f64>) -> [f64; 4] {
     [r, g, b, a]
 }
 
-/// Reads PNG files with their cameras from cameras.json, and adds all these files to those that were read.
+/// Reads pictures with their cameras from a file of them, and adds all these files to those that were read.
 fn folder(args: &FitArgs, path: &Path, files: &mut Vec<PathBuf>, budget: &Budget) -> Result<Targets, Failure> {
-    let list = args.cameras.clone().unwrap_or_else(|| path.join("cameras.json"));
+    let (list, views) = camera_files::read(path, args.cameras.as_deref(), args.fov)?;
     files.push(list.clone());
-    if !list.exists() {
-        return Err(fault(&list, "not found", FORMAT)?);
-    }
-    let entries = cameras::entries(&list)?;
-    let mut cameras = Vec::with_capacity(entries.len());
+    let mut cameras = Vec::with_capacity(views.len());
     let mut size: Option<(u32, u32)> = None;
     // All pictures are counted before the first is decoded.
-    for (i, entry) in entries.iter().enumerate() {
-        cameras.push(cameras::of_entry(&list, i, entry, args.fov)?);
-        let file = path.join(&entry.file);
+    for view in &views {
+        let file = path.join(&view.file);
         check_inside(path, &file, args.read.allow_outside)?;
         let picture = Picture::open(&file)?;
         files.push(file.clone());
         let (width, height) = (picture.width, picture.height);
+        cameras.push(view.camera(&list, (width, height))?);
         if *size.get_or_insert((width, height)) != (width, height) {
             let what = format!("is {width}×{height} pixels, others are not");
             return Err(fault(&file, what, "use images of one size")?);
@@ -253,11 +251,11 @@ fn folder(args: &FitArgs, path: &Path, files: &mut Vec<PathBuf>, budget: &Budget
         claim_pixels(args, budget, &file, picture.pixels())?;
     }
     let mut pixels = Pixels::new(args);
-    for entry in &entries {
-        for_each_pixel(&path.join(&entry.file), |pixel| pixels.push(pixel))?;
+    for view in &views {
+        for_each_pixel(&path.join(&view.file), |pixel| pixels.push(pixel))?;
     }
     let (width, height) = size.unwrap_or_default();
-    Ok(pixels.targets(cameras, [entries.len(), height as usize, width as usize]))
+    Ok(pixels.targets(cameras, [views.len(), height as usize, width as usize]))
 }
 
 /// Refuses pictures outside the folder: a cameras.json of unknown origin must not make softras read other files.

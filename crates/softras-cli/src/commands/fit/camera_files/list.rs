@@ -1,0 +1,108 @@
+//! cameras.json: a list of pictures, each with its position in one of four forms, and its lens in one of two.
+
+use super::{Lens, View, fault, json, matrix, perspective, posed};
+use glam::{DMat4, DVec3};
+use serde::Deserialize;
+use softras::{Camera, Result};
+use std::path::Path;
+
+/// Camera axes as in OpenCV: x right, y down, z forward.
+const OPENCV: DVec3 = DVec3::new(1.0, -1.0, 1.0);
+
+/// An entry.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Entry {
+    /// The picture's name.
+    file: String,
+    /// Vertical angle of view, degrees.
+    fov: Option<f64>,
+    /// Rows of the matrix ((fx, 0, cx), (0, fy, cy), (0, 0, 1)), in pixels.
+    intrinsics: Option<[[f64; 3]; 3]>,
+    eye: Option<[f64; 3]>,
+    target: Option<[f64; 3]>,
+    up: Option<[f64; 3]>,
+    distance: Option<f64>,
+    /// Degrees, as the azimuth.
+    elevation: Option<f64>,
+    azimuth: Option<f64>,
+    /// Rows; the camera's axes are those of OpenCV.
+    world_to_camera: Option<[[f64; 4]; 4]>,
+    /// The inverse of the same.
+    camera_to_world: Option<[[f64; 4]; 4]>,
+}
+
+/// The pictures of a cameras.json.
+pub(super) fn read(path: &Path, bytes: &[u8], fov: f64) -> Result<Vec<View>> {
+    let entries: Vec<Entry> = json(path, bytes)?;
+    let one = |(i, entry): (usize, Entry)| {
+        let place = format!("camera {i}");
+        let refuse = |what: String, fix: &str| fault(path, format!("{place}: {what}"), fix);
+        let view = match position(&entry) {
+            Ok(view) => view,
+            Err(Position::None) => {
+                let fix = "give eye (and target, up), or distance, elevation and azimuth, or world_to_camera, or \
+                           camera_to_world";
+                return fault(path, format!("camera {i} has no position, or more than one"), fix);
+            }
+            Err(Position::Bad(what)) => return refuse(what, "see docs/fitting.md and `softras fit --help`"),
+        };
+        let lens = match (entry.intrinsics, entry.fov) {
+            (Some(_), Some(_)) => return refuse("has intrinsics and fov".into(), "give one of them"),
+            (Some([[fx, skew, cx], [zero, fy, cy], last]), None) => {
+                if skew != 0.0 || zero != 0.0 || last != [0.0, 0.0, 1.0] {
+                    let fix = "give [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels";
+                    return refuse("intrinsics of another form, or with skew".into(), fix);
+                }
+                Lens::Pixels { fx, fy, cx, cy }
+            }
+            (None, own) => Lens::Degrees(own.unwrap_or(fov)),
+        };
+        Ok(View { file: entry.file.into(), size: None, place, view, lens })
+    };
+    entries.into_iter().enumerate().map(one).collect()
+}
+
+/// What is wrong with an entry's position.
+enum Position {
+    /// There is none, or more than one.
+    None,
+    /// It makes no camera.
+    Bad(String),
+}
+
+/// World to view.
+fn position(entry: &Entry) -> Result<DMat4, Position> {
+    let angles = [entry.distance, entry.elevation, entry.azimuth];
+    let matrices = (entry.world_to_camera.as_ref(), entry.camera_to_world.as_ref());
+    let alone = entry.target.is_none() && entry.up.is_none();
+    // The lens is another field's; a camera is made here for its view alone.
+    let any = perspective(0.5);
+    let of_camera = |camera: Result<Camera>| match camera {
+        Ok(camera) => {
+            let [x, y, z] = *camera.view();
+            Ok(matrix(&[x, y, z, [0.0, 0.0, 0.0, 1.0]]))
+        }
+        Err(error) => Err(Position::Bad(error.to_string())),
+    };
+    let named = |name: &str, pose: Result<DMat4, String>| pose.map_err(|what| Position::Bad(format!("{name}: {what}")));
+    match (entry.eye, angles, matrices) {
+        (Some(eye), [None, None, None], (None, None)) => {
+            let target = DVec3::from(entry.target.unwrap_or_default());
+            of_camera(Camera::look_at(eye.into(), target, entry.up.map_or(DVec3::Y, DVec3::from), any))
+        }
+        (None, [Some(distance), Some(elevation), Some(azimuth)], (None, None)) if alone => {
+            of_camera(Camera::from_angles(distance, elevation, azimuth, any))
+        }
+        (None, [None, None, None], (Some(rows), None)) if alone => {
+            named("world_to_camera", posed(matrix(rows), OPENCV))
+        }
+        (None, [None, None, None], (None, Some(rows))) if alone => {
+            // The inverse of a rotation is one; the check of the last row needs it before.
+            let pose = matrix(rows);
+            let flat = pose.row(3).to_array() == [0.0, 0.0, 0.0, 1.0];
+            named("camera_to_world", posed(if flat { pose.inverse() } else { pose }, OPENCV))
+        }
+        _ => Err(Position::None),
+    }
+}

@@ -1,0 +1,174 @@
+//! The files that say from where pictures were taken: cameras.json, NeRF's transforms.json, and COLMAP's text model.
+//!
+//! Each gives the pictures with a pose and a lens. Their camera axes differ, and become x right, y up, z forward here. A pixel
+//! position counts from the upper left corner of the picture, so that the centre of the first pixel is (0.5, 0.5).
+
+mod colmap;
+mod list;
+mod transforms;
+mod write;
+
+pub use write::{names, write};
+
+use glam::{DMat4, DVec3};
+use softras::internals::files;
+use softras::{Camera, Error, Projection, Result};
+use std::path::{Path, PathBuf};
+
+/// The most bytes of a JSON file: a hundred thousand cameras.
+const MAX_JSON: u64 = 16 << 20;
+
+/// The most pictures.
+const MAX_PICTURES: usize = 100_000;
+
+/// How far the rows of a rotation may be from unit length and from right angles.
+const ROTATION_ERROR: f64 = 1e-3;
+
+/// A picture and its camera.
+#[derive(Clone, Debug)]
+pub struct View {
+    /// The picture's path, from the folder of views.
+    pub file: PathBuf,
+    /// Width and height that the file says the picture has.
+    pub size: Option<(u32, u32)>,
+    /// The entry, for messages: `camera 3`, `frames[3]`.
+    place: String,
+    /// World to view, x right, y up, z forward.
+    view: DMat4,
+    lens: Lens,
+}
+
+/// From view space to the picture.
+#[derive(Clone, Copy, Debug)]
+enum Lens {
+    /// Vertical angle of view in degrees, with square pixels and the axis in the picture's middle.
+    Degrees(f64),
+    /// column = fx x / z + cx, row = cy - fy y / z.
+    Pixels { fx: f64, fy: f64, cx: f64, cy: f64 },
+    /// Horizontal and vertical angle of view in radians; without the latter, pixels are square. The principal point is in the
+    /// picture's middle unless it is given.
+    Angles { x: f64, y: Option<f64>, center: [Option<f64>; 2] },
+}
+
+/// Reads the file of cameras of a folder of pictures: `given`, or what the folder has of the three.
+///
+/// # Errors
+/// [`Error::File`] naming the place and the field, or the line, of anything that does not belong there.
+pub fn read(folder: &Path, given: Option<&Path>, fov: f64) -> Result<(PathBuf, Vec<View>)> {
+    let names = ["cameras.json", "transforms.json", "images.txt"];
+    let found = || names.map(|name| folder.join(name)).into_iter().find(|path| path.exists());
+    let path = given.map(Path::to_path_buf).or_else(found).unwrap_or_else(|| folder.join(names[0]));
+    if !path.exists() {
+        return fault(&path, "not found".into(), FORMAT);
+    }
+    let views = if path.extension().is_some_and(|extension| extension == "txt") {
+        colmap::read(&path)?
+    } else {
+        let bytes = files::read(&path, MAX_JSON)?;
+        let is_object = bytes.iter().find(|byte| !byte.is_ascii_whitespace()) == Some(&b'{');
+        if is_object { transforms::read(&path, &bytes, fov)? } else { list::read(&path, &bytes, fov)? }
+    };
+    match views.len() {
+        0 => fault(&path, "is a list without cameras".into(), "give at least one picture with its camera"),
+        n if n > MAX_PICTURES => fault(&path, format!("has {n} pictures"), "use at most 100000"),
+        _ => Ok((path, views)),
+    }
+}
+
+/// What a cameras.json looks like.
+const FORMAT: &str = "write it, as [{\"file\": \"0.png\", \"distance\": 3, \"elevation\": 20, \"azimuth\": 45}, \
+    {\"file\": \"1.png\", \"eye\": [0, 1, 3], \"target\": [0, 0, 0], \"fov\": 30}], or give a transforms.json (NeRF) or \
+    cameras.txt and images.txt (COLMAP)";
+
+impl View {
+    /// The camera, for a picture of this size.
+    ///
+    /// # Errors
+    /// [`Error::File`] for a picture of another size than the file says, and for a lens that makes no camera.
+    pub fn camera(&self, path: &Path, (width, height): (u32, u32)) -> Result<Camera> {
+        if let Some((w, h)) = self.size.filter(|size| *size != (width, height)) {
+            let name = self.file.display();
+            let what = format!("{}: {name} is {width}×{height} pixels, and not {w}×{h} as is said here", self.place);
+            return fault(path, what, "scale the size, the focal lengths and the principal point with the picture");
+        }
+        let (w, h) = (f64::from(width), f64::from(height));
+        let camera = match self.lens {
+            Lens::Degrees(fov) => Camera::from_matrix(self.view, perspective(fov.to_radians())),
+            Lens::Pixels { fx, fy, cx, cy } => pinhole(self.view, [fx, fy, cx, cy], [w, h]),
+            Lens::Angles { x, y, center } => {
+                let focal = |side: f64, angle: f64| side / 2.0 / (angle / 2.0).tan();
+                let fx = focal(w, x);
+                let fy = y.map_or(fx, |y| focal(h, y));
+                let [cx, cy] = [center[0].unwrap_or(w / 2.0), center[1].unwrap_or(h / 2.0)];
+                pinhole(self.view, [fx, fy, cx, cy], [w, h])
+            }
+        };
+        camera.or_else(|error| fault(path, format!("{}: {error}", self.place), "see docs/fitting.md"))
+    }
+}
+
+fn perspective(fov_y: f64) -> Projection {
+    Projection::Perspective { fov_y }
+}
+
+/// A calibrated camera as one with its axis in the picture's middle and square pixels, which serves pictures of any size: what
+/// the principal point and the ratio of the focal lengths ask for goes into the view's rows, x' = (fx x + (cx - w/2) z) / fy and
+/// y' = y + (h/2 - cy) / fy z.
+fn pinhole(view: DMat4, [fx, fy, cx, cy]: [f64; 4], [width, height]: [f64; 2]) -> Result<Camera> {
+    let good = |focal: f64| focal.is_finite() && focal > 0.0;
+    if !good(fx) || !good(fy) || !cx.is_finite() || !cy.is_finite() {
+        let value = format!("{:?}", (fx, fy, cx, cy));
+        let fix = "use pixels, focal lengths above 0".to_string();
+        return Err(Error::Camera { field: "fx, fy, cx, cy", value, fix });
+    }
+    let [x, y, z] = [0, 1, 2].map(|row| view.row(row));
+    let rows = [x * (fx / fy) + z * ((cx - width / 2.0) / fy), y + z * ((height / 2.0 - cy) / fy), z, view.row(3)];
+    let matrix = DMat4::from_cols_array_2d(&rows.map(|row| row.to_array())).transpose();
+    Camera::from_matrix(matrix, perspective(2.0 * (height / 2.0 / fy).atan()))
+}
+
+/// World to view of a pose, a world-to-camera matrix whose camera axes point along `axes` of x right, y up, z forward.
+///
+/// # Errors
+/// What is wrong with the matrix.
+fn posed(world_to_camera: DMat4, axes: DVec3) -> std::result::Result<DMat4, String> {
+    let rows = [0, 1, 2].map(|i| world_to_camera.row(i).truncate());
+    if world_to_camera.row(3).to_array() != [0.0, 0.0, 0.0, 1.0] {
+        return Err("the last row must be (0, 0, 0, 1)".into());
+    }
+    let close = |a: f64, b: f64| (a - b).abs() <= ROTATION_ERROR;
+    let upright = (0..3).all(|i| (0..3).all(|j| close(rows[i].dot(rows[j]), f64::from(u8::from(i == j)))));
+    if !upright || rows[0].cross(rows[1]).dot(rows[2]) < 0.0 {
+        return Err("the upper left 3×3 part must be a rotation, without scale or mirroring".into());
+    }
+    Ok(DMat4::from_scale(axes) * world_to_camera)
+}
+
+/// A matrix of rows.
+fn matrix(rows: &[[f64; 4]; 4]) -> DMat4 {
+    DMat4::from_cols_array_2d(rows).transpose()
+}
+
+fn fault<T>(path: &Path, what: String, fix: &str) -> Result<T> {
+    Err(Error::File { path: path.into(), line: None, what, fix: fix.into() })
+}
+
+/// Parses JSON of typed fields; the error names the place of what does not belong there.
+fn json<'a, T: serde::Deserialize<'a>>(path: &Path, bytes: &'a [u8]) -> Result<T> {
+    let json = &mut serde_json::Deserializer::from_slice(bytes);
+    let refuse = |what: String| fault(path, what, "see docs/fitting.md and `softras fit --help`");
+    let parsed: T = match serde_path_to_error::deserialize(&mut *json) {
+        Ok(parsed) => parsed,
+        Err(error) => {
+            let place = crate::commands::text::name(&error.path().to_string());
+            return refuse(format!("at {place}: {}", error.inner()));
+        }
+    };
+    match json.end() {
+        Ok(()) => Ok(parsed),
+        Err(error) => refuse(error.to_string()),
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,209 @@
+//! Points project as each format's documentation says.
+#![allow(clippy::unwrap_used)]
+
+use super::*;
+use std::fs;
+
+const SIZE: (u32, u32) = (60, 40);
+const POINTS: [[f64; 3]; 4] = [[0.0, 0.0, 0.0], [0.3, -0.2, 0.1], [-0.4, 0.1, 0.5], [0.2, 0.6, -0.3]];
+
+/// Column and row by the camera, as [`Projection`] is documented.
+fn by_camera(camera: &Camera, p: [f64; 3]) -> [f64; 2] {
+    let [x, y, z] = camera.view().map(|r| r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3]);
+    let Projection::Perspective { fov_y } = *camera.projection() else { unreachable!() };
+    let scale = f64::from(SIZE.1) / 2.0 / (z * (fov_y / 2.0).tan());
+    [f64::from(SIZE.0) / 2.0 + scale * x, f64::from(SIZE.1) / 2.0 - scale * y]
+}
+
+/// Column and row of a point in OpenCV's camera axes.
+fn by_intrinsics([x, y, z]: [f64; 3], [fx, fy, cx, cy]: [f64; 4]) -> [f64; 2] {
+    [fx * x / z + cx, fy * y / z + cy]
+}
+
+#[track_caller]
+fn assert_close(a: [f64; 2], b: [f64; 2]) {
+    assert!((a[0] - b[0]).abs() < 1e-9 && (a[1] - b[1]).abs() < 1e-9, "{a:?} {b:?}");
+}
+
+fn cameras(files: &[(&str, &str)]) -> Result<Vec<Camera>> {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, text) in files {
+        fs::write(folder.path().join(name), text).unwrap();
+    }
+    let (path, views) = read(folder.path(), None, 30.0)?;
+    views.iter().map(|view| view.camera(&path, SIZE)).collect()
+}
+
+/// A rotation about an oblique axis, its rows, and a translation that puts the points before the camera.
+fn pose() -> ([f64; 4], [[f64; 3]; 3], [f64; 3]) {
+    let (half, axis) = (0.4f64, [1.0 / 3.0, 2.0 / 3.0, -2.0 / 3.0]);
+    let [w, x, y, z] = [half.cos(), axis[0] * half.sin(), axis[1] * half.sin(), axis[2] * half.sin()];
+    // COLMAP's own formula for the matrix of a quaternion.
+    let rows = [
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+    ];
+    ([w, x, y, z], rows, [0.1, -0.2, 4.0])
+}
+
+fn in_camera(p: [f64; 3]) -> [f64; 3] {
+    let (_, rows, t) = pose();
+    [0, 1, 2].map(|i| rows[i][0] * p[0] + rows[i][1] * p[1] + rows[i][2] * p[2] + t[i])
+}
+
+/// Rows of world to camera, and of its inverse (Rᵀ, -Rᵀ t) with the camera's axes times `signs`.
+fn matrices(signs: [f64; 3]) -> [String; 2] {
+    let (_, r, t) = pose();
+    let row = |i: usize| format!("[{}, {}, {}, {}]", r[i][0], r[i][1], r[i][2], t[i]);
+    let forth = format!("[{}, {}, {}, [0, 0, 0, 1]]", row(0), row(1), row(2));
+    let eye = [0, 1, 2].map(|i| -(0..3).map(|k| r[k][i] * t[k]).sum::<f64>());
+    let column =
+        |i: usize| format!("[{}, {}, {}, {}]", signs[0] * r[0][i], signs[1] * r[1][i], signs[2] * r[2][i], eye[i]);
+    [forth, format!("[{}, {}, {}, [0, 0, 0, 1]]", column(0), column(1), column(2))]
+}
+
+const LENS: [f64; 4] = [50.0, 55.0, 28.0, 23.0];
+
+#[test]
+fn points_project_by_intrinsics_and_matrices() {
+    let [forth, back] = matrices([1.0; 3]);
+    let lens = "\"intrinsics\": [[50, 0, 28], [0, 55, 23], [0, 0, 1]]";
+    let list = format!(
+        r#"[{{"file": "a.png", {lens}, "world_to_camera": {forth}}}, {{"file": "a.png", {lens}, "camera_to_world": {back}}},
+            {{"file": "a.png", "fov": 40, "world_to_camera": {forth}}}]"#
+    );
+    let cameras = cameras(&[("cameras.json", &list)]).unwrap();
+    let focal = 20.0 / 20f64.to_radians().tan();
+    for p in POINTS {
+        for camera in &cameras[..2] {
+            assert_close(by_camera(camera, p), by_intrinsics(in_camera(p), LENS));
+        }
+        assert_close(by_camera(&cameras[2], p), by_intrinsics(in_camera(p), [focal, focal, 30.0, 20.0]));
+    }
+}
+
+/// NeRF's rays through a pixel position: ((column - cx) / fl_x, -(row - cy) / fl_y, -1) in the camera's axes.
+#[test]
+fn points_project_by_transforms() {
+    // x right, y up, z backward: two of OpenCV's axes turned round.
+    let [_, back] = matrices([1.0, -1.0, -1.0]);
+    let frame = |extra: &str| format!(r#"{{"file_path": "./images/a", {extra} "transform_matrix": {back}}}"#);
+    let by_pixels = format!(
+        r#"{{"fl_x": 50, "fl_y": 55, "cx": 28, "cy": 23, "w": 60, "h": 40, "k1": 0, "camera_model": "OPENCV", "aabb_scale": 4,
+            "frames": [{}, {}]}}"#,
+        frame(""),
+        frame("\"fl_x\": 70, \"fl_y\": 70, \"sharpness\": 3.5,")
+    );
+    let by_angle = format!(r#"{{"camera_angle_x": 0.8, "frames": [{}]}}"#, frame("\"rotation\": 0.01,"));
+    let pixels = cameras(&[("transforms.json", &by_pixels)]).unwrap();
+    let angle = cameras(&[("transforms.json", &by_angle)]).unwrap();
+    let focal = 30.0 / 0.4f64.tan();
+    for p in POINTS {
+        assert_close(by_camera(&pixels[0], p), by_intrinsics(in_camera(p), LENS));
+        assert_close(by_camera(&pixels[1], p), by_intrinsics(in_camera(p), [70.0, 70.0, 28.0, 23.0]));
+        assert_close(by_camera(&angle[0], p), by_intrinsics(in_camera(p), [focal, focal, 30.0, 20.0]));
+    }
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("transforms.json"), by_angle).unwrap();
+    assert_eq!(read(folder.path(), None, 30.0).unwrap().1[0].file, Path::new("./images/a.png"));
+}
+
+fn images(camera: u32) -> String {
+    let ([w, x, y, z], _, [a, b, c]) = pose();
+    format!(
+        "# comment\n1 {w} {x} {y} {z} {a} {b} {c} {camera} a picture.png\n10.5 3 -1 7 8 2\n\
+         2 {w} {x} {y} {z} {a} {b} {c} {camera} b.png\n\n"
+    )
+}
+
+#[test]
+fn points_project_by_colmap() {
+    for model in ["PINHOLE 60 40 50 55 28 23", "OPENCV 60 40 50 55 28 23 0 0 0 0"] {
+        let list = format!("# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n\n7 {model}\n");
+        let cameras = cameras(&[("cameras.txt", &list), ("images.txt", &images(7))]).unwrap();
+        assert_eq!(cameras.len(), 2);
+        for p in POINTS {
+            assert_close(by_camera(&cameras[1], p), by_intrinsics(in_camera(p), LENS));
+        }
+    }
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("cameras.txt"), "7 SIMPLE_PINHOLE 60 40 50 30 20").unwrap();
+    fs::write(folder.path().join("images.txt"), images(7)).unwrap();
+    let (_, views) = read(folder.path(), Some(&folder.path().join("cameras.txt")), 30.0).unwrap();
+    assert_eq!([&views[0].file, &views[1].file], [Path::new("a picture.png"), Path::new("b.png")]);
+}
+
+#[test]
+fn what_is_written_is_read_again() {
+    let eyes = [[0.0, 1.0, 3.0], [2.0, -1.0, 1.0]];
+    let made = eyes.map(|eye| Camera::look_at(eye.into(), DVec3::ZERO, DVec3::Y, perspective(0.6)).unwrap());
+    let image = |channels: usize, pixel: fn(usize) -> f32| {
+        let (width, height) = (SIZE.0 as usize, SIZE.1 as usize);
+        let data = (0..2 * width * height * channels).map(pixel).collect();
+        softras::Image { batch: 2, height, width, channels, data }
+    };
+    let folder = tempfile::tempdir().unwrap();
+    // Half covered by linear 0.5: sRGB's byte 188.
+    write(folder.path(), &made, &image(1, |_| 0.5), &image(3, |_| 0.25)).unwrap();
+    let (path, views) = read(folder.path(), None, 30.0).unwrap();
+    for (view, made) in views.iter().zip(&made) {
+        let camera = view.camera(&path, SIZE).unwrap();
+        assert_eq!(camera.view(), made.view());
+        POINTS.iter().for_each(|&p| assert_close(by_camera(&camera, p), by_camera(made, p)));
+        let picture = image::open(folder.path().join(&view.file)).unwrap().into_rgba8();
+        assert!(picture.dimensions() == SIZE && picture.pixels().all(|p| p.0 == [188, 188, 188, 128]));
+    }
+    assert_eq!(names(folder.path(), 2).iter().filter(|name| name.exists()).count(), 3);
+}
+
+#[test]
+fn malformed_files_are_refused_by_their_place() {
+    let [forth, back] = matrices([1.0, -1.0, -1.0]);
+    let scaled = forth.replacen("[[", "[[2", 1);
+    let list = |fields: String| vec![("cameras.json", format!(r#"[{{"file": "a.png", {fields}}}]"#))];
+    let nerf = |top: &str, frame: &str| {
+        let frames = format!(r#"[{{"file_path": "a", "transform_matrix": {back}{frame}}}]"#);
+        vec![("transforms.json", format!(r#"{{{top} "frames": {frames}}}"#))]
+    };
+    let colmap = |cameras: &str, images: String| vec![("cameras.txt", cameras.to_string()), ("images.txt", images)];
+    let good = "7 PINHOLE 60 40 50 55 28 23";
+    let cases: Vec<(Vec<(&str, String)>, &str)> = vec![
+        (
+            list(format!("\"world_to_camera\": {forth}, \"eye\": [0, 0, 3]")),
+            "camera 0 has no position, or more than one",
+        ),
+        (list(format!("\"world_to_camera\": {scaled}")), "world_to_camera: the upper left 3×3 part"),
+        (list("\"world_to_camera\": [[1, 0, 0, 0]]".into()), "at [0].world_to_camera: "),
+        (list(format!("\"camera_to_world\": {}", back.replace("1]]", "2]]"))), "the last row must be"),
+        (list("\"eye\": [0, 0, 3], \"intrinsics\": [[50, 1, 30], [0, 50, 20], [0, 0, 1]]".into()), "with skew"),
+        (
+            list("\"eye\": [0, 0, 3], \"intrinsics\": [[0, 0, 30], [0, 50, 20], [0, 0, 1]]".into()),
+            "focal lengths above 0",
+        ),
+        (list("\"eye\": [0, 0, 3], \"fov\": 30, \"intrinsics\": [[9, 0, 3], [0, 9, 3], [0, 0, 1]]".into()), "and fov"),
+        (nerf("", ", \"fl\": 3"), "at frames[0].fl: unknown field"),
+        (nerf("\"fl_x\": \"50\",", ""), "at fl_x: invalid type: string"),
+        (nerf("\"k1\": 0.1,", ""), "distortion"),
+        (nerf("\"is_fisheye\": true,", ""), "distortion"),
+        (nerf("\"fl_x\": 50,", ""), "without a principal point"),
+        (nerf("\"camera_angle_x\": 3.2,", ""), "frames[0]: camera_angle_x"),
+        (nerf("\"w\": 61, \"h\": 40,", ""), "is 60×40 pixels, and not 61×40"),
+        (vec![("transforms.json", "{\"frames\": []}".into())], "without cameras"),
+        (colmap("7 PINHOLE 60 40 50 55 28", images(7)), "cameras.txt:1: 4 numbers are expected"),
+        (colmap("7 FOV 60 40 50 55 28 23 1", images(7)), "camera model that is not read"),
+        (colmap("7 SIMPLE_RADIAL 60 40 50 28 23 0.1", images(7)), "distortion"),
+        (colmap(&format!("{good}\n{good}"), images(7)), "cameras.txt:2: camera 7 again"),
+        (colmap(good, images(8)), "images.txt:2: camera 8 is not in cameras.txt"),
+        (colmap(good, "1 1 0 0 0 0 0 4 7\n".into()), "images.txt:1: a picture needs ten words"),
+        (colmap(good, "1 2 0 0 0 0 0 4 7 a.png\n".into()), "another length than 1"),
+        (colmap(good, "1 1 0 0 nan 0 0 4 7 a.png\n".into()), "7 numbers are expected"),
+        (colmap(good, "x".repeat(20_000)), "more than 16384 bytes"),
+        (colmap("7 PINHOLE 61 40 50 55 28 23", images(7)), "is 60×40 pixels, and not 61×40"),
+    ];
+    for (files, part) in cases {
+        let files: Vec<(&str, &str)> = files.iter().map(|(name, text)| (*name, text.as_str())).collect();
+        let error = cameras(&files).map_or_else(|error| error.to_string(), |_| "no error".into());
+        assert!(error.contains(part), "{files:?}\n{error}\n{part}");
+    }
+}

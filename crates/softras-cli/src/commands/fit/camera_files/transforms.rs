@@ -1,0 +1,124 @@
+//! transforms.json, as NeRF's synthetic scenes, instant-ngp and nerfstudio have it.
+//!
+//! `transform_matrix` is camera to world, and the camera's axes are those of OpenGL and Blender: x right, y up, z backward
+//! (<https://docs.nerf.studio/quickstart/data_conventions.html>). Names without an extension are those of PNG files, as in
+//! the scenes of the NeRF paper.
+
+use super::{Lens, View, fault, json, matrix, posed};
+use glam::DVec3;
+use serde::Deserialize;
+use softras::Result;
+use std::path::{Path, PathBuf};
+
+/// Camera axes as in OpenGL.
+const OPENGL: DVec3 = DVec3::new(1.0, 1.0, -1.0);
+
+/// The whole file. Fields that scale or bound a radiance field's scene, or tell of its making, say nothing of cameras: they
+/// are taken, typed, and not used.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(dead_code)]
+struct Transforms {
+    frames: Vec<Frame>,
+    #[serde(default)]
+    camera_model: Option<String>,
+    camera_angle_x: Option<f64>,
+    camera_angle_y: Option<f64>,
+    fl_x: Option<f64>,
+    fl_y: Option<f64>,
+    cx: Option<f64>,
+    cy: Option<f64>,
+    w: Option<f64>,
+    h: Option<f64>,
+    k1: Option<f64>,
+    k2: Option<f64>,
+    k3: Option<f64>,
+    k4: Option<f64>,
+    p1: Option<f64>,
+    p2: Option<f64>,
+    is_fisheye: Option<bool>,
+    aabb_scale: Option<f64>,
+    scale: Option<f64>,
+    offset: Option<[f64; 3]>,
+    ply_file_path: Option<String>,
+    applied_transform: Option<Vec<[f64; 4]>>,
+    applied_scale: Option<f64>,
+    orientation_override: Option<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(dead_code)]
+struct Frame {
+    file_path: String,
+    transform_matrix: [[f64; 4]; 4],
+    fl_x: Option<f64>,
+    fl_y: Option<f64>,
+    cx: Option<f64>,
+    cy: Option<f64>,
+    w: Option<f64>,
+    h: Option<f64>,
+    sharpness: Option<f64>,
+    rotation: Option<f64>,
+    colmap_im_id: Option<u64>,
+}
+
+/// The pictures of a transforms.json.
+pub(super) fn read(path: &Path, bytes: &[u8], fov: f64) -> Result<Vec<View>> {
+    let file: Transforms = json(path, bytes)?;
+    let distorted = [file.k1, file.k2, file.k3, file.k4, file.p1, file.p2].iter().flatten().any(|k| *k != 0.0);
+    let model = file.camera_model.as_deref().unwrap_or("PINHOLE");
+    if distorted || file.is_fisheye == Some(true) || !["PINHOLE", "SIMPLE_PINHOLE", "OPENCV"].contains(&model) {
+        let what = format!("cameras with distortion (camera_model {model:?})");
+        return fault(path, what, "undistort the pictures first, then leave k1 ... p2 out");
+    }
+    file.frames.iter().enumerate().map(|(i, frame)| view(path, &file, i, frame, fov)).collect()
+}
+
+fn view(path: &Path, file: &Transforms, i: usize, frame: &Frame, fov: f64) -> Result<View> {
+    let place = format!("frames[{i}]");
+    let refuse = |what: String, fix: &str| fault(path, format!("{place}: {what}"), fix);
+    let pose = matrix(&frame.transform_matrix);
+    let inverse = if pose.row(3).to_array() == [0.0, 0.0, 0.0, 1.0] { pose.inverse() } else { pose };
+    let view = match posed(inverse, OPENGL) {
+        Ok(view) => view,
+        Err(what) => return refuse(format!("transform_matrix: {what}"), "give camera to world"),
+    };
+    let size = match (frame.w.or(file.w), frame.h.or(file.h)) {
+        (None, None) => None,
+        (Some(w), Some(h)) if [w, h].iter().all(|side| side.fract() == 0.0 && (1.0..=16384.0).contains(side)) => {
+            Some((w as u32, h as u32))
+        }
+        (w, h) => return refuse(format!("w, h are {w:?}, {h:?}"), "give both, from 1 to 16384, or none"),
+    };
+    let center = [frame.cx.or(file.cx), frame.cy.or(file.cy)];
+    let focal = [frame.fl_x.or(file.fl_x), frame.fl_y.or(file.fl_y)];
+    let is_angle = |angle: f64| angle > 0.0 && angle < std::f64::consts::PI;
+    let lens = match (focal, file.camera_angle_x, file.camera_angle_y) {
+        ([Some(fx), fy], ..) => match (center, size) {
+            ([Some(cx), Some(cy)], _) => Lens::Pixels { fx, fy: fy.unwrap_or(fx), cx, cy },
+            ([cx, cy], Some((w, h))) => Lens::Pixels {
+                fx,
+                fy: fy.unwrap_or(fx),
+                cx: cx.unwrap_or(f64::from(w) / 2.0),
+                cy: cy.unwrap_or(f64::from(h) / 2.0),
+            },
+            _ => return refuse("fl_x without a principal point".into(), "give cx and cy, or w and h"),
+        },
+        ([None, Some(_)], ..) => return refuse("fl_y without fl_x".into(), "give fl_x"),
+        (_, Some(x), y) if is_angle(x) && y.is_none_or(is_angle) => Lens::Angles { x, y, center },
+        (_, Some(x), y) => {
+            return refuse(
+                format!("camera_angle_x, camera_angle_y are {x:?}, {y:?}"),
+                "use radians above 0 and below π",
+            );
+        }
+        (_, None, Some(_)) => return refuse("camera_angle_y without camera_angle_x".into(), "give camera_angle_x"),
+        (_, None, None) => Lens::Degrees(fov),
+    };
+    let mut name = PathBuf::from(&frame.file_path);
+    if name.extension().is_none() {
+        name.set_extension("png");
+    }
+    Ok(View { file: name, size, place, view, lens })
+}

@@ -1,0 +1,66 @@
+//! Pictures and cameras.json as `--write-views` writes them.
+
+use crate::commands::color::Curve;
+use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+use serde_json::{Value, json};
+use softras::internals::files;
+use softras::{Camera, Error, Image, Projection, Result};
+use std::path::{Path, PathBuf};
+
+/// The files of so many views: pictures, and last the file that names them.
+pub fn names(folder: &Path, count: usize) -> Vec<PathBuf> {
+    let picture = |view: usize| folder.join(name(view));
+    (0..count).map(picture).chain([folder.join("cameras.json")]).collect()
+}
+
+fn name(view: usize) -> String {
+    format!("view_{view:03}.png")
+}
+
+/// Writes the views as PNG files, sRGB with the silhouette as alpha, and their cameras with intrinsics and matrices.
+///
+/// # Errors
+/// [`Error::Io`]; then no file has changed, unless a rename itself failed.
+pub fn write(folder: &Path, cameras: &[Camera], silhouette: &Image, color: &Image) -> Result<()> {
+    let size = (silhouette.width, silhouette.height);
+    let mut written = Vec::with_capacity(cameras.len() + 1);
+    let mut entries = Vec::with_capacity(cameras.len());
+    for (view, camera) in cameras.iter().enumerate() {
+        let path = folder.join(name(view));
+        let bytes = png(silhouette.view(view), color.view(view), size);
+        let bytes = bytes.map_err(|error| Error::Io { path: path.clone(), source: std::io::Error::other(error) })?;
+        written.push((path, bytes));
+        entries.push(entry(&name(view), camera, size));
+    }
+    let lines: Vec<String> = entries.iter().map(|entry| format!("  {entry}")).collect();
+    written.push((folder.join("cameras.json"), format!("[\n{}\n]\n", lines.join(",\n")).into_bytes()));
+    files::write_files(&written)
+}
+
+/// A picture of linear colours over black and of alpha.
+fn png(alpha: &[f32], color: &[f32], (width, height): (usize, usize)) -> image::ImageResult<Vec<u8>> {
+    let byte = |x: f64| (x * 255.0).round() as u8;
+    let pixel = |(a, rgb): (&f32, &[f32])| {
+        let a = f64::from(*a);
+        let straight = |c: f32| byte(Curve::Srgb.encode(if a > 0.0 { f64::from(c) / a } else { 0.0 }));
+        [straight(rgb[0]), straight(rgb[1]), straight(rgb[2]), byte(a.clamp(0.0, 1.0))]
+    };
+    let bytes: Vec<u8> = alpha.iter().zip(color.chunks_exact(3)).flat_map(pixel).collect();
+    let mut file = Vec::new();
+    PngEncoder::new(&mut file).write_image(&bytes, width as u32, height as u32, ExtendedColorType::Rgba8)?;
+    Ok(file)
+}
+
+/// An entry of cameras.json.
+fn entry(name: &str, camera: &Camera, (width, height): (usize, usize)) -> Value {
+    let [x, y, z] = *camera.view();
+    // OpenCV's y points down.
+    let pose = [x, y.map(|c| -c), z, [0.0, 0.0, 0.0, 1.0]];
+    let mut entry = json!({ "file": name, "world_to_camera": pose });
+    if let Projection::Perspective { fov_y } = *camera.projection() {
+        let (w, h) = (width as f64, height as f64);
+        let focal = h / 2.0 / (fov_y / 2.0).tan();
+        entry["intrinsics"] = json!([[focal, 0.0, w / 2.0], [0.0, focal, h / 2.0], [0.0, 0.0, 1.0]]);
+    }
+    entry
+}
