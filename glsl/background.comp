@@ -22,12 +22,12 @@ layout(set = 0, binding = 5, std430) writeonly buffer Saved { vec4 saved[]; };
 
 void main() {
     int number = int(texelFetch(tile_items, int(frame.first + gl_WorkGroupID.x)).x);
-    TilePlace tile = tile_place(number);
+    TileLocation tile = tile_location(number);
     int lane = int(gl_LocalInvocationID.x);
     ivec2 pixel = tile.corner + ivec2(lane % int(TILE_WIDTH), lane / int(TILE_WIDTH));
     if (pixel.x < int(frame.width) && pixel.y < int(frame.height)) {
         Pixel p = background_pixel();
-        int at = place_of(tile.view, pixel);
+        int at = pixel_index(tile.view, pixel);
         write_images(p, at, 1);
         if (SAVE) {
             saved[at] = kept_of(p);

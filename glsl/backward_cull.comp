@@ -46,29 +46,29 @@ uint entry_on_list(uint index, uint list, bool small) {
     if (small && number % LANES == 0u) {
         atomicAdd(item_counts[counts + ITEMS_SMALL], 1u);
     }
-    uint end = min((row + 1u) * FORWARD_ROW, frame.slot_count + frame.cell_capacity);
+    uint end = min((row + 1u) * FORWARD_ROW, frame.record_count + frame.cell_capacity);
     return small ? end - 1u - number : row * FORWARD_ROW + number;
 }
 
 void main() {
     uint index = gl_WorkGroupID.z * FORWARD_ROW * LINEAR_GROUP + gl_GlobalInvocationID.x;
-    uint slots = frame.slot_count;
+    uint records = frame.record_count;
     uint extra = min(texelFetch(status, int(STATUS_CELLS_NEEDED)).x, frame.cell_capacity);
-    if (index >= slots + extra) {
+    if (index >= records + extra) {
         return;
     }
-    bool whole = texelFetch(status, int(STATUS_NOT_FINITE)).x == 0u;
+    bool finite = texelFetch(status, int(STATUS_NOT_FINITE)).x == 0u;
     if (index == 0u) {
-        status_words[STATUS_WHOLE] = whole ? 1u : 0u;
+        status_words[STATUS_WHOLE] = finite ? 1u : 0u;
     }
-    if (!whole) {
+    if (!finite) {
         // With all items on neither list every gradient is zero.
         for (int i = 0; i < PARTIAL_STRIDE; ++i) {
             partials[int(index) * PARTIAL_STRIDE + i] = vec4(0.0);
         }
         return;
     }
-    uvec2 part = index < slots ? uvec2(index, 0u) : texelFetch(cells, int(index - slots)).xy;
+    uvec2 part = index < records ? uvec2(index, 0u) : texelFetch(cells, int(index - records)).xy;
     if (part.x == NO_RECORD) {
         return;
     }
@@ -79,7 +79,7 @@ void main() {
     }
     // view_of relies on it that records lie in the order of the views.
     Item item = item_of(int(index), record_index, int(part.y), view_of(record_index), box);
-    if (index < slots && texelFetch(cell_ranges, record_index).y == 0u && cells_of(box) > 1) {
+    if (index < records && texelFetch(cell_ranges, record_index).y == 0u && cells_of(box) > 1) {
         uint row = index / FORWARD_ROW;
         uint entry = atomicAdd(item_counts[row * ITEM_COUNT_WORDS + ITEMS_LONG], 1u);
         long_records[row * FORWARD_ROW + entry] = index;
@@ -87,7 +87,7 @@ void main() {
     Relevance relevance = relevance_of(item);
     // Further cells are never small, because backward_long has all lanes share them.
     uint most = relevance.shows ? SMALL_SHOWN_WORK : SMALL_OUTLINE_WORK;
-    bool small = index < slots && uint(item.size.x * item.size.y) * LANES <= most;
+    bool small = index < records && uint(item.size.x * item.size.y) * LANES <= most;
     if (relevance.shows) {
         shown_items[entry_on_list(index, ITEMS_SHOWN, small)] = packed(item);
     } else if (relevance.outlines) {

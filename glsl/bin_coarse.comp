@@ -6,7 +6,7 @@
 // One workgroup a bin, views along y. First each lane compacts a run of the bitmap's words, so that the list keeps their
 // order; then each takes blocks of 32 entries. The position of a list in memory comes from an atomic counter and may differ
 // between runs; its content and order do not.
-// Reads `bin_bits`, `boxes` and `geometry`; writes `bin_ranges`, `coarse_slots`, `coarse_words` and `status`.
+// Reads `bin_bits`, `boxes` and `geometry`; writes `bin_ranges`, `coarse_records`, `coarse_words` and `status`.
 
 layout(local_size_x_id = 0) in;
 
@@ -15,7 +15,7 @@ layout(set = 0, binding = 1) uniform usamplerBuffer bin_bits;
 layout(set = 0, binding = 2) uniform isamplerBuffer boxes;
 layout(set = 0, binding = 3) uniform samplerBuffer geometry;
 layout(set = 0, binding = 4, std430) writeonly buffer BinRanges { uvec2 bin_ranges[]; };
-layout(set = 0, binding = 5, std430) buffer CoarseSlots { uint coarse_slots[]; };
+layout(set = 0, binding = 5, std430) buffer CoarseRecords { uint coarse_records[]; };
 layout(set = 0, binding = 6, std430) writeonly buffer CoarseWords { uint coarse_words[]; };
 layout(set = 0, binding = 7, std430) buffer Status { uint status[]; };
 
@@ -35,8 +35,8 @@ struct Mask {
     bool thin;
 };
 
-Mask tile_mask(int slot, ivec2 bin) {
-    Reach reach = reach_of_record(slot, bin);
+Mask tile_mask(int record_index, ivec2 bin) {
+    Reach reach = reach_of_record(record_index, bin);
     uvec2 mask = uvec2(0u);
     for (int row = 0; row < int(BIN_TILES); ++row) {
         mask[row / 4] |= row_mask(reach, row) << uint(8 * (row % 4));
@@ -71,7 +71,7 @@ void write_words(uint first, uint last, ivec2 bin) {
     uint thin = 0u;
     for (uint i = 0u; i < WORD_BITS; ++i) {
         // Past the last entry the last one is repeated and masked out.
-        Mask mask = tile_mask(int(coarse_slots[min(first + i, last)]), bin);
+        Mask mask = tile_mask(int(coarse_records[min(first + i, last)]), bin);
         mask.tiles = first + i > last ? uvec2(0u) : mask.tiles;
         low[i] = mask.tiles.x;
         high[i] = mask.tiles.y;
@@ -133,7 +133,7 @@ void main() {
     for (int w = from; w < to; ++w) {
         uint word = texelFetch(bin_bits, base + w).x;
         while (word != 0u) {
-            coarse_slots[next] = uint(shape.slot_base + w * int(WORD_BITS) + findLSB(word));
+            coarse_records[next] = uint(shape.record_base + w * int(WORD_BITS) + findLSB(word));
             word &= word - 1u;
             ++next;
         }

@@ -9,17 +9,17 @@
 // list if it can be processed at once, else on another. A tile without entries becomes an entry for background.comp, unless
 // the previous frame left the background there, as `tile_marks` say. `tile_counts` holds the numbers of entries as workgroups
 // of indirect dispatches. The order of the entries does not matter.
-// Reads `bin_ranges`, `coarse_slots` and `coarse_words`; writes `tile_items`, `tile_counts`, `tile_slots`, `tile_marks`,
+// Reads `bin_ranges`, `coarse_records` and `coarse_words`; writes `tile_items`, `tile_counts`, `tile_records`, `tile_marks`,
 // `status` and, for empty tiles, `tile_bounds`.
 
 layout(local_size_x = 64) in;
 
 layout(set = 0, binding = 0) uniform usamplerBuffer view_shapes;
 layout(set = 0, binding = 1) uniform usamplerBuffer bin_ranges;
-layout(set = 0, binding = 2) uniform usamplerBuffer coarse_slots;
+layout(set = 0, binding = 2) uniform usamplerBuffer coarse_records;
 layout(set = 0, binding = 3) uniform usamplerBuffer coarse_words;
 layout(set = 0, binding = 4, std430) writeonly buffer TileItems { uvec4 tile_items[]; };
-layout(set = 0, binding = 5, std430) writeonly buffer TileSlots { uint tile_slots[]; };
+layout(set = 0, binding = 5, std430) writeonly buffer TileRecords { uint tile_records[]; };
 layout(set = 0, binding = 6, std430) buffer Status { uint status[]; };
 layout(set = 0, binding = 7, std430) buffer TileCounts { uint tile_counts[]; };
 layout(set = 0, binding = 8, std430) buffer TileMarks { uint tile_marks[]; };
@@ -39,21 +39,21 @@ uint all_tiles() {
 }
 
 void add_filled(uvec4 item) {
-    uint place = atomicAdd(status[STATUS_FILLED_TILES], 1u);
-    tile_items[place] = item;
-    atomicAdd(tile_counts[place / FORWARD_ROW * TILE_COUNT_WORDS + TILES_FILLED], 1u);
+    uint entry = atomicAdd(status[STATUS_FILLED_TILES], 1u);
+    tile_items[entry] = item;
+    atomicAdd(tile_counts[entry / FORWARD_ROW * TILE_COUNT_WORDS + TILES_FILLED], 1u);
 }
 
 void add_empty(uint tile) {
-    uint place = atomicAdd(status[STATUS_EMPTY_TILES], 1u);
-    tile_items[all_tiles() + place] = uvec4(tile, 0u, 0u, 0u);
-    atomicAdd(tile_counts[place / FORWARD_ROW * TILE_COUNT_WORDS + TILES_EMPTY], 1u);
+    uint entry = atomicAdd(status[STATUS_EMPTY_TILES], 1u);
+    tile_items[all_tiles() + entry] = uvec4(tile, 0u, 0u, 0u);
+    atomicAdd(tile_counts[entry / FORWARD_ROW * TILE_COUNT_WORDS + TILES_EMPTY], 1u);
 }
 
 void add_general(uvec4 item) {
     uint row = item.x / FORWARD_ROW;
-    uint place = atomicAdd(tile_counts[row * TILE_COUNT_WORDS + TILES_GENERAL], 1u);
-    tile_items[2u * all_tiles() + row * FORWARD_ROW + place] = item;
+    uint entry = atomicAdd(tile_counts[row * TILE_COUNT_WORDS + TILES_GENERAL], 1u);
+    tile_items[2u * all_tiles() + row * FORWARD_ROW + entry] = item;
 }
 
 // `blocks` of the bin's words or of its bitmap's, at most `live` of them with entries, hold at most `count` of the tile's.
@@ -63,13 +63,13 @@ void add_walked(uint tile, uint blocks, uint live, uint count) {
     uvec4 item = uvec4(tile, 0u, 0u, 0u);
     if (passes <= LOOP_PASSES) {
         uint row = tile / FORWARD_ROW;
-        uint place = atomicAdd(tile_counts[row * TILE_COUNT_WORDS + TILES_WALKED], 1u);
-        tile_items[2u * tiles + min((row + 1u) * FORWARD_ROW, tiles) - 1u - place] = item;
+        uint entry = atomicAdd(tile_counts[row * TILE_COUNT_WORDS + TILES_WALKED], 1u);
+        tile_items[2u * tiles + min((row + 1u) * FORWARD_ROW, tiles) - 1u - entry] = item;
     } else {
-        uint place = atomicAdd(status[STATUS_RESUMED_TILES], 1u);
-        tile_items[2u * tiles - 1u - place] = item;
+        uint entry = atomicAdd(status[STATUS_RESUMED_TILES], 1u);
+        tile_items[2u * tiles - 1u - entry] = item;
         uint rows = (tiles + FORWARD_ROW - 1u) / FORWARD_ROW;
-        atomicAdd(tile_counts[rows * TILE_COUNT_WORDS + 3u * (place / RESUMED_ROW)], 1u);
+        atomicAdd(tile_counts[rows * TILE_COUNT_WORDS + 3u * (entry / RESUMED_ROW)], 1u);
     }
     atomicAdd(status[STATUS_WALKED_TILES], 1u);
     add_filled(item);
@@ -103,7 +103,7 @@ bool write_list(uint next, uint next_away, uint end, int first, int words, int b
         while (word != 0u) {
             int bit = findLSB(word);
             uint is_away = (away >> uint(bit)) & 1u;
-            tile_slots[is_away == 0u ? next : next_away] = texelFetch(coarse_slots, first + i * int(WORD_BITS) + bit).x;
+            tile_records[is_away == 0u ? next : next_away] = texelFetch(coarse_records, first + i * int(WORD_BITS) + bit).x;
             word &= word - 1u;
             next += 1u - is_away;
             next_away += is_away;
@@ -133,7 +133,7 @@ void main() {
     bool lists = count > 0u && count <= longest;
     uint next = lists ? atomicAdd(status[STATUS_LIST_NEEDED], count) : 0u;
     lists = lists && count <= frame.list_capacity && next <= frame.list_capacity - count;
-    bool whole = write_list(next, next + found.x, next + count, first, words, lists ? int(blocks) : 0);
+    bool complete = write_list(next, next + found.x, next + count, first, words, lists ? int(blocks) : 0);
     if (!exists) {
         return;
     }
@@ -141,7 +141,7 @@ void main() {
     bool is_kept = shape.background_kept && tile_marks[tile] == MARK_BACKGROUND;
     bool empty = listed && counted && count == 0u;
     tile_marks[tile] = empty ? MARK_BACKGROUND : 0u;
-    if (lists && whole) {
+    if (lists && complete) {
         uvec4 item = uvec4(tile, next, found.x, count);
         add_filled(item);
         if (found.z != 0u) {

@@ -24,7 +24,7 @@ layout(push_constant) uniform Push {
 void main() {
     uint view = gl_WorkGroupID.y;
     uint record = gl_GlobalInvocationID.x;
-    // Words 3, 5 and 8 of a view's entry are triangle_count, slot_base and slot_count (mesh.glsl).
+    // Words 3, 5 and 8 of a view's entry are triangle_count, record_base and record_count (mesh.glsl).
     uint at = 4u * SHAPE_TEXELS * view;
     uint records = view_shapes[at + 8u];
     uint live = min(counts[view * push.stride] / push.divisor, records / push.pieces);

@@ -105,12 +105,12 @@ float silhouette_gradient(int view, float aggregate, float up_alpha) {
 }
 
 // ∂I/∂C_b = w_b and ∂I/∂s_b = w_b (C_b - I) (eq. 4), w_b being the background's share of the pixel.
-void write_background_gradient(int at, bool whole, vec4 kept, vec3 background, vec3 up_color, float value, float mixing) {
+void write_background_gradient(int at, bool finite, vec4 kept, vec3 background, vec3 up_color, float value, float mixing) {
     bool entry = !COMPOSITE && COLOR_MODE == COLOR_SOFTMAX;
     float relative = 0.0;
     float share = 0.0;
     if (entry && UP_SHADED) {
-        relative = (frame.background_whole - kept.x) + (frame.background_rest - (kept.y - log2(kept.z)));
+        relative = (frame.background_exponent - kept.x) + (frame.background_fraction - (kept.y - log2(kept.z)));
         share = exp2(min(relative, 1.0));
     } else if (COMPOSITE) {
         share = kept.z > 0.0 ? 1.0 - mixing : 1.0;
@@ -118,8 +118,8 @@ void write_background_gradient(int at, bool whole, vec4 kept, vec3 background, v
         share = kept.z > 0.0 ? 0.0 : 1.0;
     }
     float by_weight = entry ? share * (dot(up_color, background) - value) : 0.0;
-    pixel_sums[2 * at] = whole ? vec4(up_color * share, by_weight) : vec4(0.0);
-    pixel_sums[2 * at + 1] = whole ? vec4(by_weight * relative, 0.0, 0.0, 0.0) : vec4(0.0);
+    pixel_sums[2 * at] = finite ? vec4(up_color * share, by_weight) : vec4(0.0);
+    pixel_sums[2 * at + 1] = finite ? vec4(by_weight * relative, 0.0, 0.0, 0.0) : vec4(0.0);
 }
 
 void main() {
@@ -127,14 +127,14 @@ void main() {
     if (!GRAD_BACKGROUND) {
         number = int(texelFetch(tile_items, int(frame.first + gl_WorkGroupID.x)).x);
     }
-    TilePlace tile = tile_place(number);
+    TileLocation tile = tile_location(number);
     int lane = int(gl_LocalInvocationID.x);
     ivec2 pixel = tile.corner + ivec2(lane % int(TILE_WIDTH), lane / int(TILE_WIDTH));
     int view = tile.view;
     if (view >= int(frame.view_count) || pixel.x >= int(frame.width) || pixel.y >= int(frame.height)) {
         return;
     }
-    int at = place_of(view, pixel);
+    int at = pixel_index(view, pixel);
     // Integer part and fraction of the reference log2 weight, inverse sum, silhouette's aggregate.
     vec4 kept = texelFetch(saved, at);
     Upstream up = upstream_of(at);
@@ -158,10 +158,10 @@ void main() {
         }
     }
     if (GRAD_BACKGROUND) {
-        bool whole = texelFetch(status, int(STATUS_NOT_FINITE)).x == 0u;
+        bool finite = texelFetch(status, int(STATUS_NOT_FINITE)).x == 0u;
         if (at == 0) {
-            status_words[STATUS_WHOLE] = whole ? 1u : 0u;
+            status_words[STATUS_WHOLE] = finite ? 1u : 0u;
         }
-        write_background_gradient(at, whole, kept, background, up.color, value, mixing);
+        write_background_gradient(at, finite, kept, background, up.color, value, mixing);
     }
 }

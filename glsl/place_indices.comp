@@ -1,6 +1,6 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Place, indices: copies the indices of a host's draws, 16 or 32 bits each, once for each instance, into the packed
+// SignedDistance, indices: copies the indices of a host's draws, 16 or 32 bits each, once for each instance, into the packed
 // `indices` that the other kernels read, renumbered to the placed vertices.
 // One invocation a corner of a placed triangle (draws.glsl). Reads `draws` and the host's indices; writes `target`.
 

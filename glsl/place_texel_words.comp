@@ -1,6 +1,6 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Place, texels from a buffer: a host's packed texels of four bytes each, linear or encoded as sRGB, into the packed `texels`
+// SignedDistance, texels from a buffer: a host's packed texels of four bytes each, linear or encoded as sRGB, into the packed `texels`
 // that the other kernels read. One invocation a texel. Reads the host's words, r in the lowest byte; writes `target`:
 // r, g, b, 0.
 

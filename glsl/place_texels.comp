@@ -1,7 +1,7 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_samplerless_texture_functions : require
-// Place, texels: a host's sampled image into the packed `texels` that the other kernels read, row by row from the top. What
+// SignedDistance, texels: a host's sampled image into the packed `texels` that the other kernels read, row by row from the top. What
 // the image's format encodes (bytes, sRGB) the device decodes on the way. One invocation a texel.
 // Reads `source`; writes `target`: r, g, b, 0.
 

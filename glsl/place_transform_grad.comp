@@ -1,6 +1,6 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Place, transform gradient: dL by the three rows of four numbers of an instance's transform. That by row r is the sum over
+// SignedDistance, transform gradient: dL by the three rows of four numbers of an instance's transform. That by row r is the sum over
 // the instance's vertices of dL/dposition[r] times (x, y, z, 1).
 // One workgroup an instance; lane l sums every 128th vertex from l on, and the lanes' sums are added pairwise, so that the
 // order is fixed. Reads `draws`, the host's vertices and `vertex_gradients`; writes twelve floats an instance to `target`.

@@ -1,6 +1,6 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Place, UVs: the texture coordinates of the vertices of a host's draws, once for each instance, into the packed `uvs` that
+// SignedDistance, UVs: the texture coordinates of the vertices of a host's draws, once for each instance, into the packed `uvs` that
 // the other kernels read. One invocation a placed vertex. Reads `draws` and the host's vertices; writes `target`.
 
 layout(local_size_x = 64) in;

@@ -43,7 +43,7 @@ void main() {
     int count = int(frame.number);
     if (REDUCTION == REDUCTION_VIEWS) {
         Shape shape = shape_of(group);
-        first = shape.slot_base;
+        first = shape.record_base;
         count = shape.triangle_count;
     }
     vec4 a = vec4(0.0);

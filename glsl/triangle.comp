@@ -48,18 +48,18 @@ struct Corners {
     vec3 mixture[3];
 };
 
-void skip_slot(int slot) {
-    boxes[slot] = ivec4(0, 0, -1, -1);
+void skip_record(int record_index) {
+    boxes[record_index] = ivec4(0, 0, -1, -1);
 }
 
 // An upper bound of the triangle's log2 weight (eq. 3) in any pixel: that of a corner with D = 1.
-float largest_weight(vec4 depth, float whole) {
+float largest_weight(vec4 depth, float exponent) {
     vec2 corners = depth.z * depth.xy / (1.0 + depth.xy);
-    return whole + (depth.w + max(0.0, max(corners.x, corners.y)));
+    return exponent + (depth.w + max(0.0, max(corners.x, corners.y)));
 }
 
 // Writes corner colours, texture coordinates and normals, each mixed as the piece's corners are.
-void write_shading(Shape shape, int triangle, int slot, Corners c, vec4 depth, float score) {
+void write_shading(Shape shape, int triangle, int record_index, Corners c, vec4 depth, float score) {
     ivec3 v = triangle_vertices(shape, triangle);
     mat3 light = mat3(1.0);
     mat3 normal = mat3(0.0);
@@ -84,7 +84,7 @@ void write_shading(Shape shape, int triangle, int slot, Corners c, vec4 depth, f
     vec3 c0 = color * c.mixture[0];
     vec3 c1 = color * c.mixture[1];
     vec3 c2 = color * c.mixture[2];
-    int to = slot * SHADING_STRIDE;
+    int to = record_index * SHADING_STRIDE;
     shading[to] = depth;
     shading[to + 1] = vec4(c0, score);
     shading[to + 2] = vec4(c1, c2.r);
@@ -122,15 +122,15 @@ const float FARTHEST_RATIO = 1e18;
 const float LEAST_NEARNESS = 5.9604645e-8;
 
 // Depth relative to corner 0: (z0/z1 - 1, z0/z2 - 1, z0 in log2 weights, fraction of corner 0's log2 weight), the log weight
-// being ζ/γ of eq. 3. Its integer part is kept apart in `whole`, because the difference of two integers is exact for any
+// being ζ/γ of eq. 3. Its integer part is kept apart in `exponent`, because the difference of two integers is exact for any
 // gamma.
-vec4 depth_record(Corners c, out float whole) {
+vec4 depth_record(Corners c, out float exponent) {
     vec2 k = vec2(frame.score_high, frame.score_low);
     vec2 weight = df_mul(df_sub(vec2(frame.far_high, frame.far_low), c.z[0]), k);
     // A corner so far away that its weight overflows a float belongs to an invisible triangle.
     bool holds = abs(weight.x) < FARTHEST_WEIGHT;
-    whole = holds ? floor(weight.x + 0.5) : (c.z[0].x < 0.0 ? FARTHEST_WEIGHT : -FARTHEST_WEIGHT);
-    float rest = holds ? (weight.x - whole) + weight.y : 0.0;
+    exponent = holds ? floor(weight.x + 0.5) : (c.z[0].x < 0.0 ? FARTHEST_WEIGHT : -FARTHEST_WEIGHT);
+    float fraction = holds ? (weight.x - exponent) + weight.y : 0.0;
     float z0 = c.z[0].x == 0.0 ? 1e-20 : c.z[0].x;
     float z1 = c.z[1].x == 0.0 ? 1e-20 : c.z[1].x;
     float z2 = c.z[2].x == 0.0 ? 1e-20 : c.z[2].x;
@@ -138,31 +138,31 @@ vec4 depth_record(Corners c, out float whole) {
     excess = clamp(excess, -FARTHEST_RATIO, FARTHEST_RATIO);
     // z0 / zk must not be 0, because backward divides by it.
     excess = mix(excess, vec2(LEAST_NEARNESS - 1.0), lessThan(abs(1.0 + excess), vec2(LEAST_NEARNESS)));
-    return vec4(excess, clamp(z0 * k.x, -FARTHEST_WEIGHT, FARTHEST_WEIGHT), rest);
+    return vec4(excess, clamp(z0 * k.x, -FARTHEST_WEIGHT, FARTHEST_WEIGHT), fraction);
 }
 
 // Backward processes a box cell by cell; the first cell has the record's index. The position of the others in `cells` comes
 // from an atomic counter; their order within the triangle, in which they are summed, does not depend on it. Without room for
 // its cells a record has an empty range, and backward_long.comp finds them again.
-void write_cells(int slot, ivec4 box) {
+void write_cells(int record_index, ivec4 box) {
     uint more = uint(cells_of(box)) - 1u;
     // No box has so many that the sum of all could exceed 32 bits.
-    bool lists = more != 0u && more <= 0xffffffffu / frame.slot_count;
+    bool lists = more != 0u && more <= 0xffffffffu / frame.record_count;
     uint start = lists ? atomicAdd(status[STATUS_CELLS_NEEDED], more) : 0u;
     bool fits = lists && more <= frame.cell_capacity && start <= frame.cell_capacity - more;
-    cell_ranges[slot] = uvec2(start, fits ? more : 0u);
+    cell_ranges[record_index] = uvec2(start, fits ? more : 0u);
     uint end = lists ? min(start + more, frame.cell_capacity) : start;
     for (uint i = start; i < end; ++i) {
-        cells[i] = uvec2(fits ? uint(slot) : NO_RECORD, i - start + 1u);
+        cells[i] = uvec2(fits ? uint(record_index) : NO_RECORD, i - start + 1u);
     }
 }
 
 // Sets the triangle's bit in every bin that the triangle grown by the culling radius may touch.
-void mark_bins(Shape shape, int slot_in_view, ivec4 box, Edges e) {
+void mark_bins(Shape shape, int record_in_view, ivec4 box, Edges e) {
     ivec4 bins = box / ivec4(BIN_WIDTH, BIN_HEIGHT, BIN_WIDTH, BIN_HEIGHT);
     vec2 half_size = 0.5 * vec2(BIN_WIDTH - 1u, BIN_HEIGHT - 1u);
-    int word = shape.word_base + slot_in_view / int(WORD_BITS);
-    uint bit = 1u << (uint(slot_in_view) % WORD_BITS);
+    int word = shape.word_base + record_in_view / int(WORD_BITS);
+    uint bit = 1u << (uint(record_in_view) % WORD_BITS);
     for (int y = bins.y; y <= bins.w; ++y) {
         for (int x = bins.x; x <= bins.z; ++x) {
             vec2 centre = vec2(x, y) * vec2(BIN_WIDTH, BIN_HEIGHT) + half_size;
@@ -173,8 +173,8 @@ void mark_bins(Shape shape, int slot_in_view, ivec4 box, Edges e) {
     }
 }
 
-void emit(Shape shape, int triangle, int slot_in_view, Corners c) {
-    int slot = shape.slot_base + slot_in_view;
+void emit(Shape shape, int triangle, int record_in_view, Corners c) {
+    int record_index = shape.record_base + record_in_view;
     Edges e = edges_of(c.column, c.row);
     bool front = e.degenerate || (e.orientation < 0.0) != CLOCKWISE_FRONT;
     bool hidden = FRONT_ONLY && !front;
@@ -186,25 +186,25 @@ void emit(Shape shape, int triangle, int slot_in_view, Corners c) {
         box = ivec4(0, 0, -1, -1);
     }
     if ((hidden && !OFFICIAL) || beyond || shapeless || box.x > box.z || box.y > box.w) {
-        skip_slot(slot);
+        skip_record(record_index);
         return;
     }
-    boxes[slot] = box;
-    int to = slot * int(GEOMETRY_TEXELS);
+    boxes[record_index] = box;
+    int to = record_index * int(GEOMETRY_TEXELS);
     geometry[to] = vec4(e.origin, e.half_length.xy);
     geometry[to + 1] = e.line[0];
     geometry[to + 2] = e.line[1];
     geometry[to + 3] = e.line[2];
     geometry[to + 4] = vec4(e.half_length.z, e.inverse_height);
     if (WANT_SHADING) {
-        float whole;
-        vec4 depth = depth_record(c, whole);
+        float exponent;
+        vec4 depth = depth_record(c, exponent);
         // With official parity a back face contributes to the silhouette but has no weight in the colour.
-        write_shading(shape, triangle, slot, c, depth, hidden ? -3e38 : whole);
+        write_shading(shape, triangle, record_index, c, depth, hidden ? -3e38 : exponent);
     }
-    mark_bins(shape, slot_in_view, box, e);
+    mark_bins(shape, record_in_view, box, e);
     if (SAVE) {
-        write_cells(slot, box);
+        write_cells(record_index, box);
     }
 }
 
@@ -238,9 +238,9 @@ void emit_clipped(int view, Shape shape, int triangle, ivec3 v) {
         }
     }
     for (int piece = 0; piece < 2; ++piece) {
-        int slot_in_view = triangle + piece * shape.triangle_count;
+        int record_in_view = triangle + piece * shape.triangle_count;
         if (count < 3 + piece) {
-            skip_slot(shape.slot_base + slot_in_view);
+            skip_record(shape.record_base + record_in_view);
             continue;
         }
         Corners c;
@@ -250,7 +250,7 @@ void emit_clipped(int view, Shape shape, int triangle, ivec3 v) {
             c.z[k] = polygon[i].z;
             c.mixture[k] = mixture[i];
         }
-        emit(shape, triangle, slot_in_view, c);
+        emit(shape, triangle, record_in_view, c);
     }
 }
 
@@ -276,14 +276,14 @@ void main() {
     if (nearer == 0 || OFFICIAL) {
         emit(shape, triangle, triangle, c);
         if (NEAR_CLIP) {
-            skip_slot(shape.slot_base + shape.triangle_count + triangle);
+            skip_record(shape.record_base + shape.triangle_count + triangle);
         }
     } else if (NEAR_CLIP && nearer < 3) {
         emit_clipped(view, shape, triangle, v);
     } else {
-        skip_slot(shape.slot_base + triangle);
+        skip_record(shape.record_base + triangle);
         if (NEAR_CLIP) {
-            skip_slot(shape.slot_base + shape.triangle_count + triangle);
+            skip_record(shape.record_base + shape.triangle_count + triangle);
         }
     }
 }

@@ -141,7 +141,7 @@ void add_corner(View camera, inout Corners c, Partial p, int i, int k, int l, fl
 
 // A triangle that is never clipped has one record with its own corners.
 void add_unclipped(View camera, Shape shape, int triangle, inout Corners c) {
-    Partial p = partial_of(shape.slot_base + triangle);
+    Partial p = partial_of(shape.record_base + triangle);
     for (int k = 0; k < 3; ++k) {
         add_corner(camera, c, p, k, k, k, 0.0);
     }
@@ -169,7 +169,7 @@ void add_pieces(View camera, Shape shape, int triangle, inout Corners c) {
         if (count < 3 + piece) {
             break;
         }
-        Partial p = partial_of(shape.slot_base + triangle + piece * shape.triangle_count);
+        Partial p = partial_of(shape.record_base + triangle + piece * shape.triangle_count);
         for (int i = 0; i < 3; ++i) {
             ivec2 which = corner[i == 0 ? 0 : i + piece];
             add_corner(camera, c, p, i, which.x, which.y, near);
@@ -253,7 +253,7 @@ void main() {
     Face face = face_of(shape, v);
     View camera = view_record(view);
     Corners c = corners_of(shape, camera, triangle, v, face.normal);
-    int record_index = shape.slot_base + triangle;
+    int record_index = shape.record_base + triangle;
     if (NEAR_CLIP) {
         add_pieces(camera, shape, triangle, c);
     } else {

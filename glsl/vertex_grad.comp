@@ -54,7 +54,7 @@ void main() {
         int end = int(texelFetch(adjacency, at + 1).x);
         for (int i = int(texelFetch(adjacency, at).x); i < end; ++i) {
             int corner = int(texelFetch(adjacency, i).x);
-            int from = (shape.slot_base + (corner >> 2)) * CORNER_STRIDE + (corner & 3);
+            int from = (shape.record_base + (corner >> 2)) * CORNER_STRIDE + (corner & 3);
             position += texelFetch(corner_gradients, from).xyz;
             if (GRAD_COLOR) {
                 color += texelFetch(corner_gradients, from + 3).rgb;

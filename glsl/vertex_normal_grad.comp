@@ -39,7 +39,7 @@ void main() {
     for (int i = int(texelFetch(adjacency, at).x); i < end; ++i) {
         int corner = int(texelFetch(adjacency, i).x);
         int triangle = corner >> 2;
-        int light_at = 2 * (3 * (shape.slot_base + triangle) + (corner & 3));
+        int light_at = 2 * (3 * (shape.record_base + triangle) + (corner & 3));
         bool live = triangle < shape.triangle_count;
         area += live ? area_vector(shape, triangle_vertices(shape, triangle)) : vec3(0.0);
         by_light += live ? texelFetch(corner_lights, light_at).rgb : vec3(0.0);

@@ -21,6 +21,7 @@ import time
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 FRAGMENT, FORWARD = "glsl/common/fragment.glsl", "glsl/common/forward.glsl"
+SOFT, WALK = "glsl/common/forward_soft.glsl", "glsl/common/walked_tile.glsl"
 PAIR, PIXELS = "glsl/common/pair_gradient.glsl", "glsl/common/pair.glsl"
 
 # What is broken, where, the text, what stands there instead, and the tests that should see it (a test binary and
@@ -30,10 +31,10 @@ FAULTS = [
      [("gradient", "hazards::")]),
     ("clamp of barycentrics left out", FRAGMENT, "return vec3(lesser(greater(b.x, 1e-20), 1.0),",
      "return vec3(greater(b.x, 1e-20),", [("render", "forward::random_scenes")]),
-    ("last triangle of a tile missing", FORWARD, "uint all = 0xffffffffu >> uint(from + int(WORD_BITS) - stop);",
-     "uint all = (0xffffffffu >> uint(from + int(WORD_BITS) - stop)) >> (stop == end ? 1u : 0u);", [("render", "pixels::")]),
-    ("tile lists one tile short", "glsl/bin_coarse.comp", "high = inverse[k] < 0.0 ? high : min(high, to);",
-     "high = inverse[k] < 0.0 ? high : min(high, to - 1);", [("render", "properties_images::bins")]),
+    ("last triangle of a tile missing", SOFT, "uint all = 0xffffffffu >> uint(from + int(WORD_BITS) - stop);",
+     "uint all = (0xffffffffu >> uint(from + int(WORD_BITS) - stop)) >> 1u;", [("render", "pixels::")]),
+    ("tile lists one tile short", "glsl/common/tile_mask.glsl", "high = r.inverse[k] < 0.0 ? high : min(high, to);",
+     "high = r.inverse[k] < 0.0 ? high : min(high, to - 1);", [("render", "properties_images::bins")]),
     ("bins one short", "glsl/triangle.comp", "for (int x = bins.x; x <= bins.z; ++x)",
      "for (int x = bins.x; x < max(bins.z, 1); ++x)", [("render", "properties_images::bins")]),
     ("barrier between stages dropped", "src/frame/passes/mod.rs", "        recorder.barrier();\n        recorder.end_label();\n",
@@ -52,7 +53,8 @@ FAULTS = [
      [("gradient", "agreement::random_scenes")]),
     ("composite background by alpha", "glsl/common/images.glsl", "background * (1.0 - alpha)", "background * alpha",
      [("render", "forward::every_mode")]),
-    ("farther triangles weigh more", FORWARD, "(c.whole - p.whole)", "(p.whole - c.whole)", [("render", "pixels::")]),
+    ("farther triangles weigh more", FORWARD, "(c.exponent - p.exponent)", "(p.exponent - c.exponent)",
+     [("render", "forward::every_mode")]),
     ("light from behind", "glsl/common/light.glsl", "sum += color * max(dot(normal, direction), 0.0);",
      "sum += color * abs(dot(normal, direction));", [("render", "pixels::light")]),
     ("parallel edges told apart by their lines", "glsl/common/nearest_edge.glsl", "obtuse ? past_corner :", "false ? past_corner :",
@@ -61,12 +63,24 @@ FAULTS = [
      [("gradient", "repeat::pixels_beyond")]),
     ("carry of texel sums dropped", "glsl/common/texel_gradient.glsl", "high + (old + low < old ? 1u : 0u)", "high",
      [("gradient", "agreement::every_appearance")]),
-    ("a large box's first cell twice", "glsl/triangle.comp", "uvec2(uint(slot), i + 1u)", "uvec2(uint(slot), i)",
+    ("a large box's first cell twice", "glsl/triangle.comp", "NO_RECORD, i - start + 1u)", "NO_RECORD, i - start)",
      [("gradient", "hazards::saturated")]),
     ("front faces by the wrong turn", "glsl/triangle.comp", "(e.orientation < 0.0) != CLOCKWISE_FRONT",
      "(e.orientation > 0.0) != CLOCKWISE_FRONT", [("render", "pixels::back_faces")]),
-    ("pixel centres half a pixel off", FORWARD, "Lane(vec2(mine), ", "Lane(vec2(mine) + 0.5, ",
-     [("render", "pixels::")]),
+    ("pixel centres half a pixel off", FORWARD, "Lane(vec2(first), ", "Lane(vec2(first) + 0.5, ",
+     [("render", "forward::every_mode")]),
+    ("entry of a walk lost between words", WALK, "uint waiting = entries[from + lane];",
+     "uint waiting = entries[from + lane + 1];", [("gradient", "room::")]),
+    ("thin tiles walked by the wrong kernel", WALK, "walk.thin == DRAWS_THIN", "walk.thin != DRAWS_THIN",
+     [("gradient", "room::thin")]),
+    ("turns of a walk start over", WALK, "resumes && frame.number > 0u", "resumes && frame.number > 1u",
+     [("gradient", "room::turns")]),
+    ("back faces of a walk before front faces", WALK, "walk.phase == FRONT ? own.entries & ~own.away",
+     "walk.phase == BACK ? own.entries & ~own.away", [("gradient", "room::")]),
+    ("first cell of a long box twice", "glsl/backward_long.comp", "int first = 1 + int(frame.number",
+     "int first = int(frame.number", [("gradient", "room::")]),
+    ("walks left out of a frame", "src/frame/plan/walk.rs", "needed: wanted && !(has_room && at_once)",
+     "needed: wanted && !has_room && !at_once", [("gradient", "room::")]),
     ("radius of another tau", "src/scene/settings.rs", "(1.0 / self.tau - 1.0).ln()", "(0.5 / self.tau - 1.0).ln()",
      [("render", "support::"), ("render", "pixels::")]),
     ("background left where triangles were", "glsl/bin_fine.comp",
@@ -116,11 +130,11 @@ def cargo(test, arguments):
 
 
 def caught_by(folder, target, tests, patient):
-    """The first test that fails, "" where all pass, or why that is not known."""
+    """The first test that fails, or "" where all pass."""
     for test, name in tests:
         built = run(cargo(test, ["--no-run"]), folder, target, 1800)
         if built is None or built.returncode != 0:
-            return "does not compile: " + (built.stderr[-500:] if built else "")
+            sys.exit("does not compile: " + (built.stderr[-500:] if built else ""))
         # Frames that never end are caught too.
         ran = run(cargo(test, ["--", name]), folder, target, patient)
         if ran is None:

@@ -94,11 +94,11 @@ void add_pairs(ItemTriangle item, Walk walk, int index, inout Sums s) {
     Distance distances[PAIRS];
     for (int i = 0; i < PAIRS; ++i) {
         distances[i] = distance_at(item, pairs[i]);
-        g[i] = received(g[i], distances[i].place.kept);
+        g[i] = received(g[i], distances[i].to_triangle.kept);
     }
     Fragment f[PAIRS];
     for (int i = 0; i < PAIRS; ++i) {
-        f[i] = fragment_of(distances[i].place);
+        f[i] = fragment_of(distances[i].to_triangle);
     }
     Surface surface[PAIRS];
     if (WANT_SHADING && (SHOWS || DEPTH_RANGE != DEPTH_RANGE_INSIDE)) {
@@ -194,7 +194,7 @@ int item_index(out bool exists) {
     int row = first / int(FORWARD_ROW);
     int list = int(SHOWS ? ITEMS_SHOWN : ITEMS_OUTLINE) + int(ITEMS_SMALL_NUMBER);
     int number = int(texelFetch(item_counts, row * int(ITEM_COUNT_WORDS) + list).x);
-    int end = min(first + int(FORWARD_ROW), int(frame.slot_count + frame.cell_capacity));
+    int end = min(first + int(FORWARD_ROW), int(frame.record_count + frame.cell_capacity));
     int own = int(gl_GlobalInvocationID.x);
     exists = own < number;
     return end - 1 - min(own, number - 1);

@@ -7,7 +7,7 @@ const int SHADING_MOST = int(SHADING_TEXELS + SHADING_COORDINATE_TEXELS + SHADIN
 struct Corner {
     // The depth_record of triangle.comp, and the integer part of corner 0's log2 weight.
     vec4 depth;
-    float whole;
+    float exponent;
     // A column a corner, as with all that follows.
     mat3 color;
     mat3x2 coordinate;
@@ -20,7 +20,7 @@ struct Corner {
 Corner corner_from(vec4 record[SHADING_MOST]) {
     Corner c;
     c.depth = record[0];
-    c.whole = record[1].w;
+    c.exponent = record[1].w;
     c.color = mat3(record[1].rgb, record[2].rgb, vec3(record[2].w, record[3].xy));
     if (SAMPLING != SAMPLING_NONE) {
         vec4 e = record[4];

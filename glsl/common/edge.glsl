@@ -135,7 +135,7 @@ ivec4 grown_box(Edges e) {
         low = max(low, min(e.corner[0], min(e.corner[1], e.corner[2])) - radius);
         high = min(high, max(e.corner[0], max(e.corner[1], e.corner[2])) + radius);
     }
-    // A hundredth of a pixel covers the rounding of these sums; place_at makes the exact test.
+    // A hundredth of a pixel covers the rounding of these sums; signed_distance_at makes the exact test.
     vec2 margin = vec2(grow + 0.01);
     vec2 bound = vec2(frame.width, frame.height);
     vec2 first = clamp(ceil(e.origin + low - margin), vec2(0.0), bound);

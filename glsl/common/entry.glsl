@@ -110,13 +110,13 @@ struct Distance {
 void nearest_edge(vec3 height, vec3 along, vec3 half_length, out Distance d) {
     bool second = height.y < height.x;
     float nearest = second ? height.y : height.x;
-    float place = second ? along.y : along.x;
+    float position = second ? along.y : along.x;
     float size = second ? half_length.y : half_length.x;
     bool third = height.z < nearest;
     nearest = third ? height.z : nearest;
-    place = third ? along.z : place;
+    position = third ? along.z : position;
     size = third ? half_length.z : size;
-    float beyond = greater(abs(place) - size, 0.0);
+    float beyond = greater(abs(position) - size, 0.0);
     d.height = height;
     d.squared = nearest * nearest + beyond * beyond;
     d.inside = nearest > 0.0;

@@ -26,10 +26,10 @@ struct Share {
     float keep_old;
 };
 
-// Adds a fragment to the denominator of eq. 3; `whole` and `rest` are the integer part and the fraction of log weights. In
+// Adds a fragment to the denominator of eq. 3; log weights have an integer part (`exponent`) and a `fraction`. In
 // the hard mode the fragment replaces the pixel if it is nearer and covers it.
-Share add_weight(inout Pixel p, int slot, Fragment f, Corner c, Depth depth, bool kept, float scale) {
-    float difference = (c.whole - p.whole) + (depth.weight - p.rest);
+Share add_weight(inout Pixel p, int record_index, Fragment f, Corner c, Depth depth, bool kept, float scale) {
+    float difference = (c.exponent - p.exponent) + (depth.weight - p.fraction);
     bool nearer = kept && difference > 0.0;
     Share share;
     if (COLOR_MODE == COLOR_SOFTMAX) {
@@ -40,11 +40,11 @@ Share add_weight(inout Pixel p, int slot, Fragment f, Corner c, Depth depth, boo
         float lowest = min(f.height.x, min(f.height.y, f.height.z));
         nearer = nearer && lowest >= -HARD_EDGE_PIXELS * scale;
         share.keep_old = nearer ? 0.0 : 1.0;
-        p.nearest = nearer ? slot : p.nearest;
+        p.nearest = nearer ? record_index : p.nearest;
         share.weight = nearer ? 1.0 : 0.0;
     }
-    p.whole = nearer ? c.whole : p.whole;
-    p.rest = nearer ? depth.weight : p.rest;
+    p.exponent = nearer ? c.exponent : p.exponent;
+    p.fraction = nearer ? depth.weight : p.fraction;
     p.sum = p.sum * share.keep_old + share.weight;
     return share;
 }
@@ -72,20 +72,15 @@ void add_shaded(inout Pixel p, Share s, Corner c, vec3 b, float inverse_sum, Dep
     }
 }
 
-// Whether a fragment contributes to the shaded images. One beyond far does not contribute to the silhouette either.
-bool judge_depth(inout Fragment f, Corner c, Depth depth, float inverse_score) {
-    bool shaded = f.kept;
-    if (DEPTH_RANGE != DEPTH_RANGE_INSIDE) {
-        float z = c.depth.z * inverse_score * depth.ratio;
-        shaded = shaded && z <= frame.far_high;
-        if (DEPTH_RANGE == DEPTH_RANGE_OFFICIAL) {
-            shaded = shaded && z >= frame.near_high;
-            // Back faces contribute to the silhouette only: triangle.comp gave them no weight.
-            shaded = shaded && (!FRONT_ONLY || c.whole > -1e38);
-        } else {
-            f.probability = shaded ? f.probability : 0.0;
-            f.complement = shaded ? f.complement : 1.0;
-        }
+// Whether a fragment contributes to the shaded images. One beyond far does not contribute to the silhouette either, but in
+// the official code.
+bool is_shaded(inout Fragment f, Corner c, Depth depth, float inverse_score) {
+    bool shaded = f.kept && in_depth_range(c.depth.z * inverse_score * depth.ratio);
+    if (DEPTH_RANGE == DEPTH_RANGE_OFFICIAL) {
+        // Back faces contribute to the silhouette only: triangle.comp gave them no weight.
+        shaded = shaded && (!FRONT_ONLY || c.exponent > -1e38);
+    } else if (DEPTH_RANGE == DEPTH_RANGE_FAR) {
+        drop_unless(shaded, f);
     }
     return shaded;
 }
@@ -111,26 +106,26 @@ Pixel finished(Pixel p) {
 }
 
 // The pairs of a triangle with each of a lane's pixels; all are dropped unless `live`.
-void find_places(Fetched own, bool live, Triangle t, Lane lane, out Place places[PIXELS]) {
+void signed_distances_of(Fetched own, bool live, Triangle t, Lane lane, out SignedDistance distances[PIXELS]) {
     for (int i = 0; i < PIXELS; ++i) {
         vec2 pixel = lane.first + vec2(step_of(i));
-        places[i] = place_at(t, pixel - t.origin, lane.radius_squared, lane.scale);
+        distances[i] = signed_distance_at(t, pixel - t.origin, lane.radius_squared, lane.scale);
         if (DISTANCE == DISTANCE_BARYCENTRIC && OFFICIAL) {
-            ivec4 box = texelFetch(boxes, own.slot);
-            places[i].kept = places[i].kept && ivec2(pixel) == clamp(ivec2(pixel), box.xy, box.zw);
+            ivec4 box = texelFetch(boxes, own.record_index);
+            distances[i].kept = distances[i].kept && ivec2(pixel) == clamp(ivec2(pixel), box.xy, box.zw);
         }
-        places[i].inside = places[i].inside && live;
-        places[i].kept = places[i].kept && live;
+        distances[i].inside = distances[i].inside && live;
+        distances[i].kept = distances[i].kept && live;
     }
 }
 
 // Adds a triangle to the silhouettes of a lane's pixels.
 void gather_silhouette(Fetched own, bool live, Lane lane, inout Pixel pixels[PIXELS]) {
     Triangle t = shared_triangle_of(own);
-    Place places[PIXELS];
-    find_places(own, live, t, lane, places);
+    SignedDistance distances[PIXELS];
+    signed_distances_of(own, live, t, lane, distances);
     for (int i = 0; i < PIXELS; ++i) {
-        add_silhouette(pixels[i], fragment_of(places[i]));
+        add_silhouette(pixels[i], fragment_of(distances[i]));
     }
 }
 
@@ -142,11 +137,11 @@ void gather(Fetched own, bool live, Lane lane, inout Pixel pixels[PIXELS]) {
     if (WANT_SHADING) {
         c = shared_corner_of(own);
     }
-    Place places[PIXELS];
-    find_places(own, live, t, lane, places);
+    SignedDistance distances[PIXELS];
+    signed_distances_of(own, live, t, lane, distances);
     Fragment fragments[PIXELS];
     for (int i = 0; i < PIXELS; ++i) {
-        fragments[i] = fragment_of(places[i]);
+        fragments[i] = fragment_of(distances[i]);
     }
     vec3 b[PIXELS];
     float sum[PIXELS];
@@ -160,7 +155,7 @@ void gather(Fetched own, bool live, Lane lane, inout Pixel pixels[PIXELS]) {
     }
     bool shaded[PIXELS];
     for (int i = 0; i < PIXELS; ++i) {
-        shaded[i] = judge_depth(fragments[i], c, depth[i], lane.inverse_score);
+        shaded[i] = is_shaded(fragments[i], c, depth[i], lane.inverse_score);
         if (WANT_SILHOUETTE) {
             add_silhouette(pixels[i], fragments[i]);
         }
@@ -168,7 +163,7 @@ void gather(Fetched own, bool live, Lane lane, inout Pixel pixels[PIXELS]) {
     if (SHADED) {
         Share shares[PIXELS];
         for (int i = 0; i < PIXELS; ++i) {
-            shares[i] = add_weight(pixels[i], own.slot, fragments[i], c, depth[i], shaded[i], lane.scale);
+            shares[i] = add_weight(pixels[i], own.record_index, fragments[i], c, depth[i], shaded[i], lane.scale);
         }
         for (int i = 0; i < PIXELS; ++i) {
             add_shaded(pixels[i], shares[i], c, b[i], 1.0 / sum[i], depth[i]);
@@ -188,7 +183,7 @@ uint shown_of(int from, int end, float least) {
 }
 
 // The record index of the lowest bit's entry, or of the first entry if there is no bit.
-int slot_of_lowest(int from, uint bits) {
+int lowest_record(int from, uint bits) {
     return entry_at(from + max(findLSB(bits), 0));
 }
 
@@ -197,11 +192,11 @@ int slot_of_lowest(int from, uint bits) {
 // runs once and adds nothing. `shows` is a constant of the call: without it entries contribute to the silhouette only.
 void gather_word(int from, uint bits, bool shows, Lane lane, inout Pixel pixels[PIXELS]) {
     bool live = bits != 0u;
-    Fetched next = fetch_record(slot_of_lowest(from, bits));
+    Fetched next = fetch_record(lowest_record(from, bits));
     do {
         Fetched own = next;
         bits &= bits - 1u;
-        next = fetch_record(slot_of_lowest(from, bits));
+        next = fetch_record(lowest_record(from, bits));
         if (shows) {
             gather(own, live, lane, pixels);
         } else {

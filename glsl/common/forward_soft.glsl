@@ -2,7 +2,7 @@
 // gives the same as forward.glsl, which knows every mode, in three quarters of its time:
 // - One edge decides a pixel's distance (nearest_edge in entry.glsl), where forward.glsl measures all three.
 // - What the pixels of a row have in common of a signed distance is computed once, before the lanes share it.
-// - Sums are relative to a whole log weight, so that bringing them to another is a shift of exponents.
+// - Sums are relative to an integer log weight, so that bringing them to another is a shift of exponents.
 // - Π(1 - D) over a word is a product of (1 + e) in the denominator: one quotient for 32 entries.
 // - Entries are added two at a time, and the lanes hold the record indices of a word.
 // A tile with a triangle so thin that rounding could choose the wrong edge is drawn by forward.glsl (bin_fine.comp).
@@ -32,21 +32,21 @@ void add_silhouette(Distance d[PIXELS], inout Transmittance w[PIXELS]) {
     }
 }
 
-// 2^x of a whole-numbered x of at most 0, by its bits; 0 below -126.
+// 2^x of an integer x of at most 0, by its bits; 0 below -126.
 float power_of_two(float x) {
     return intBitsToFloat((int(greater(x, -127.0)) + 127) << 23);
 }
 
-// Adds D exp(ζ/γ) and its products with colour, depth and normal to the sums of eq. 2 and 3. They are relative to a whole
+// Adds D exp(ζ/γ) and its products with colour, depth and normal to the sums of eq. 2 and 3. They are relative to an integer
 // log weight, at least the largest so far: a fragment above it brings them to its own first.
 void add_weighted(Distance d, vec3 b, float sum, Depth depth, Corner c, inout Pixel p) {
-    float log_weight = depth.weight + c.whole;
-    bool nearer = d.kept && log_weight > p.whole;
-    float whole = nearer ? ceil(log_weight) : p.whole;
-    float keep = power_of_two(p.whole - whole);
-    p.whole = whole;
+    float log_weight = depth.weight + c.exponent;
+    bool nearer = d.kept && log_weight > p.exponent;
+    float exponent = nearer ? ceil(log_weight) : p.exponent;
+    float keep = power_of_two(p.exponent - exponent);
+    p.exponent = exponent;
     // Only a dropped fragment, with D = 0, lies above the reference.
-    float relative = lesser(depth.weight + (c.whole - whole), 1.0);
+    float relative = lesser(depth.weight + (c.exponent - exponent), 1.0);
     float weight = (d.inside ? WEIGHT_UNIT : d.e * WEIGHT_UNIT) * exp2(relative);
     float share = weight / ((1.0 + d.e) * sum);
     // z / z_k = (z / z_0) (z_0 / z_k)
@@ -104,16 +104,16 @@ const int HELD = int(WORD_BITS) / LANES;
 
 #ifdef SUBGROUP_RECORDS
 // The record index of the lowest bit, or of the first entry if there is no bit.
-int lowest_slot(int from, uint held[HELD], uint bits) {
+int lowest_record(int from, uint held[HELD], uint bits) {
     int bit = max(findLSB(bits), 0);
-    uint slot = held[0];
+    uint record_index = held[0];
     for (int i = 1; i < HELD; ++i) {
-        slot = bit / LANES == i ? held[i] : slot;
+        record_index = bit / LANES == i ? held[i] : record_index;
     }
-    return int(subgroupShuffle(slot, uint(bit % LANES)));
+    return int(subgroupShuffle(record_index, uint(bit % LANES)));
 }
 #else
-int lowest_slot(int from, uint held[HELD], uint bits) {
+int lowest_record(int from, uint held[HELD], uint bits) {
     return entry_at(from + max(findLSB(bits), 0));
 }
 #endif
@@ -127,16 +127,16 @@ void gather_word(int from, uint held[HELD], uint bits, bool shows, Lane lane, in
         w[i] = Transmittance(1.0, 0.0);
     }
     bool any = bits != 0u;
-    Fetched first = fetch_record(lowest_slot(from, held, bits), shows && WANT_SHADING);
-    Fetched second = fetch_record(lowest_slot(from, held, bits & (bits - 1u)), shows && WANT_SHADING);
+    Fetched first = fetch_record(lowest_record(from, held, bits), shows && WANT_SHADING);
+    Fetched second = fetch_record(lowest_record(from, held, bits & (bits - 1u)), shows && WANT_SHADING);
     do {
         Fetched one = first;
         Fetched other = second;
         bits &= bits - 1u;
         bool both = bits != 0u;
         bits &= bits - 1u;
-        first = fetch_record(lowest_slot(from, held, bits), shows && WANT_SHADING);
-        second = fetch_record(lowest_slot(from, held, bits & (bits - 1u)), shows && WANT_SHADING);
+        first = fetch_record(lowest_record(from, held, bits), shows && WANT_SHADING);
+        second = fetch_record(lowest_record(from, held, bits & (bits - 1u)), shows && WANT_SHADING);
         add_entry(one, any, shows, lane, w, pixels);
         add_entry(other, both, shows, lane, w, pixels);
     } while (bits != 0u);
@@ -150,8 +150,8 @@ void gather_word(int from, uint held[HELD], uint bits, bool shows, Lane lane, in
 // With its sums in units of WEIGHT_UNIT.
 Pixel first_pixel() {
     Pixel p = background_pixel();
-    float unit = WEIGHT_UNIT * exp2(p.rest);
-    p.rest = 0.0;
+    float unit = WEIGHT_UNIT * exp2(p.fraction);
+    p.fraction = 0.0;
     p.sum *= unit;
     p.color *= unit;
     return p;

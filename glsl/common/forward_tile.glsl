@@ -7,7 +7,7 @@ layout(local_size_x_id = 0) in;
 layout(set = 0, binding = 0) uniform usamplerBuffer view_shapes;
 layout(set = 0, binding = 1) uniform usamplerBuffer tile_items;
 #ifndef WALKED
-layout(set = 0, binding = 2) uniform usamplerBuffer tile_slots;
+layout(set = 0, binding = 2) uniform usamplerBuffer tile_records;
 #endif
 layout(set = 0, binding = 3) uniform samplerBuffer geometry;
 layout(set = 0, binding = 4) uniform samplerBuffer shading;
@@ -45,7 +45,7 @@ int entry_at(int at) {
 #ifdef WALKED
     return int(entries[at]);
 #else
-    return int(texelFetch(tile_slots, at).x);
+    return int(texelFetch(tile_records, at).x);
 #endif
 }
 
@@ -62,7 +62,7 @@ ivec2 step_of(int i) {
 }
 
 // The first pixel of this lane.
-ivec2 lane_corner(TilePlace tile) {
+ivec2 lane_corner(TileLocation tile) {
     int lane = int(gl_LocalInvocationID.x);
     return tile.corner + ivec2(lane % int(TILE_WIDTH), lane / int(TILE_WIDTH));
 }
@@ -86,9 +86,9 @@ vec2 bounds_of_tile(Pixel pixels[PIXELS]) {
 }
 
 // Writes a finished pixel: the images and what backward needs.
-void write_pixel(TilePlace tile, ivec2 where, Pixel p, int triangle_count) {
+void write_pixel(TileLocation tile, ivec2 where, Pixel p, int triangle_count) {
     if (where.x < int(frame.width) && where.y < int(frame.height)) {
-        int to = place_of(tile.view, where);
+        int to = pixel_index(tile.view, where);
         write_images(p, to, triangle_count);
         if (SAVE) {
             saved[to] = kept_of(p);
@@ -102,7 +102,7 @@ void write_bounds(int number, vec2 bounds) {
     }
 }
 
-void write_tile(TilePlace tile, int number, Pixel pixels[PIXELS]) {
+void write_tile(TileLocation tile, int number, Pixel pixels[PIXELS]) {
     int triangle_count = shape_of(tile.view).triangle_count;
     for (int i = 0; i < PIXELS; ++i) {
         write_pixel(tile, lane_corner(tile) + step_of(i), finished(pixels[i]), triangle_count);

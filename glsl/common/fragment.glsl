@@ -55,7 +55,7 @@ float segment_distance(float along, float half_length, float height) {
 const float HARD_EDGE_PIXELS = 1e-5;
 
 // The geometry of a pair: all of a fragment but its exponential.
-struct Place {
+struct SignedDistance {
     // Signed edge distances.
     vec3 height;
     // For the Euclidean distance: the distance along each edge from its midpoint, and the squared distance to each edge.
@@ -68,8 +68,8 @@ struct Place {
 };
 
 // d² of eq. 1 and its sign. `q` is the pixel relative to the record's origin.
-Place place_at(Triangle t, vec2 q, float radius_squared, float scale) {
-    Place p;
+SignedDistance signed_distance_at(Triangle t, vec2 q, float radius_squared, float scale) {
+    SignedDistance p;
     // The brackets are those of row_part in entry.glsl: backward must find the very weights that forward has summed.
     p.height = vec3(t.line0.x * q.x + (t.line0.y * q.y + t.line0.z), t.line1.x * q.x + (t.line1.y * q.y + t.line1.z),
                     t.line2.x * q.x + (t.line2.y * q.y + t.line2.z));
@@ -100,7 +100,7 @@ Place place_at(Triangle t, vec2 q, float radius_squared, float scale) {
 }
 
 // D = 1 / (1 + exp(-x)) (eq. 1).
-Fragment fragment_of(Place p) {
+Fragment fragment_of(SignedDistance p) {
     Fragment f;
     f.height = p.height;
     f.kept = p.kept;
@@ -120,7 +120,7 @@ Fragment fragment_of(Place p) {
 }
 
 Fragment fragment_at(Triangle t, vec2 q, float radius_squared, float scale) {
-    return fragment_of(place_at(t, q, radius_squared, scale));
+    return fragment_of(signed_distance_at(t, q, radius_squared, scale));
 }
 
 // clamp(b, 0, 1): b̂ before its division by the sum. The lower bound stands for 0 and keeps the sum positive for triangles
@@ -133,7 +133,7 @@ vec3 clipped_barycentrics(vec3 inverse_height, vec3 height) {
 struct Depth {
     // z / z_0.
     float ratio;
-    // log2 exp(ζ/γ), the log weight of eq. 3 without D, less the integer part of corner 0's (`whole` of its record).
+    // log2 exp(ζ/γ), the log weight of eq. 3 without D, less the integer part of corner 0's (`exponent` of its record).
     float weight;
 };
 
@@ -148,4 +148,16 @@ Depth depth_at(vec4 record, vec3 b, float sum) {
     // The official code lets corners lie behind the camera's plane, where nothing is visible.
     inverse = OFFICIAL ? greater(inverse, 1e-12 * sum) : inverse;
     return Depth(sum / inverse, record.z * (excess / inverse) + record.w);
+}
+
+// Whether a depth lies between the planes that the frame's meshes may cross.
+bool in_depth_range(float z) {
+    bool inside = DEPTH_RANGE == DEPTH_RANGE_INSIDE || z <= frame.far_high;
+    return inside && (DEPTH_RANGE != DEPTH_RANGE_OFFICIAL || z >= frame.near_high);
+}
+
+// A fragment that is left out has D = 0 and the complement 1.
+void drop_unless(bool kept, inout Fragment f) {
+    f.probability = kept ? f.probability : 0.0;
+    f.complement = kept ? f.complement : 1.0;
 }

@@ -28,14 +28,14 @@ layout(push_constant) uniform Frame {
     float score_high;
     float score_low;
     // The background's log2 weight log2 exp(ε/γ) (eq. 3) as integer part and fraction.
-    float background_whole;
-    float background_rest;
+    float background_exponent;
+    float background_fraction;
     float background_red;
     float background_green;
     float background_blue;
     uint light_count;
     // Record indices of all views, and capacity for the cells beyond each record's first.
-    uint slot_count;
+    uint record_count;
     uint cell_capacity;
     uint view_count;
     uint mesh_count;

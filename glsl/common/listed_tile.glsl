@@ -16,7 +16,7 @@ void main() {
     if (item.w == 0) {
         return;
     }
-    TilePlace tile = tile_place(item.x);
+    TileLocation tile = tile_location(item.x);
     Pixel pixels[PIXELS];
     for (int i = 0; i < PIXELS; ++i) {
         pixels[i] = first_pixel();

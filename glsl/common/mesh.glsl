@@ -9,11 +9,11 @@ struct Shape {
     int triangle_count;
     // First of this view's transformed vertices, records, bins and bitmap words.
     int screen_base;
-    int slot_base;
+    int record_base;
     int bin_base;
     int word_base;
     // Records (two a triangle where the near plane may cut it) and bitmap words of a bin.
-    int slot_count;
+    int record_count;
     int word_count;
     // First float of the mesh's colours; `uniform_color` means one colour for the whole mesh.
     int color_base;

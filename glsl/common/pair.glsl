@@ -80,7 +80,7 @@ PixelGradient pixel_gradient_at(int entry) {
 
 // d² of eq. 1, its sign and its nearest point.
 struct Distance {
-    Place place;
+    SignedDistance to_triangle;
     // For the Euclidean distance alone.
     NearestPoint nearest;
 };
@@ -92,15 +92,15 @@ Distance distance_at(ItemTriangle item, Pair pair) {
         vec3 height = vec3(line_at(t.line0.xyz, pair.q), line_at(t.line1.xyz, pair.q), line_at(t.line2.xyz, pair.q));
         NearestPoint n = nearest_point(t, item.choice, pair.q, height);
         d.nearest = n;
-        d.place.height = height;
-        d.place.squared = n.signed_distance * n.signed_distance + n.beyond * n.beyond;
-        d.place.inside = n.signed_distance > item.choice.least_inside;
-        d.place.kept = d.place.inside || d.place.squared < item.radius_squared;
+        d.to_triangle.height = height;
+        d.to_triangle.squared = n.signed_distance * n.signed_distance + n.beyond * n.beyond;
+        d.to_triangle.inside = n.signed_distance > item.choice.least_inside;
+        d.to_triangle.kept = d.to_triangle.inside || d.to_triangle.squared < item.radius_squared;
     } else {
-        d.place = place_at(t, pair.q, item.radius_squared, item.scale);
+        d.to_triangle = signed_distance_at(t, pair.q, item.radius_squared, item.scale);
     }
-    d.place.inside = d.place.inside && pair.exists;
-    d.place.kept = d.place.kept && pair.exists;
+    d.to_triangle.inside = d.to_triangle.inside && pair.exists;
+    d.to_triangle.kept = d.to_triangle.kept && pair.exists;
     return d;
 }
 
@@ -131,18 +131,10 @@ Surface surface_of(ItemTriangle item, inout Fragment f) {
     float sum = s.clipped.x + s.clipped.y + s.clipped.z;
     s.inverse_sum = 1.0 / sum;
     s.depth = depth_at(item.corner.depth, s.clipped, sum);
-    s.shaded = f.kept;
-    if (DEPTH_RANGE != DEPTH_RANGE_INSIDE) {
-        float z = item.z0 * s.depth.ratio;
-        s.shaded = s.shaded && z <= frame.far_high;
-        if (DEPTH_RANGE == DEPTH_RANGE_OFFICIAL) {
-            s.shaded = s.shaded && z >= frame.near_high;
-        }
-        // The official backward pass gives no gradient to a fragment that its colour leaves out.
-        if (DEPTH_RANGE == DEPTH_RANGE_FAR || PAPER) {
-            f.probability = s.shaded ? f.probability : 0.0;
-            f.complement = s.shaded ? f.complement : 1.0;
-        }
+    s.shaded = f.kept && in_depth_range(item.z0 * s.depth.ratio);
+    // The official backward pass gives no gradient to a fragment that its colour leaves out.
+    if (DEPTH_RANGE == DEPTH_RANGE_FAR || (DEPTH_RANGE == DEPTH_RANGE_OFFICIAL && PAPER)) {
+        drop_unless(s.shaded, f);
     }
     return s;
 }
@@ -156,7 +148,7 @@ struct Weight {
 
 Weight weight_of(ItemTriangle item, PixelGradient g, Fragment f, Surface s) {
     Weight w;
-    w.relative = (item.corner.whole - g.log_sum.x) + (s.depth.weight - g.log_sum.y);
+    w.relative = (item.corner.exponent - g.log_sum.x) + (s.depth.weight - g.log_sum.y);
     // Only dropped fragments, with D = 0, exceed 2¹⁰⁰.
     w.value = (s.shaded ? f.probability : 0.0) * exp2(lesser(w.relative, 100.0));
     if (COLOR_MODE == COLOR_HARD) {

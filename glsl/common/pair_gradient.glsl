@@ -215,7 +215,7 @@ void barycentric_distance_gradient(ItemTriangle item, Pair pair, Fragment f, flo
 // dL by x: to the corners through d², and to sigma.
 void x_gradient(ItemTriangle item, Pair pair, Distance d, Fragment f, float by_x, inout Sums s) {
     if (DISTANCE == DISTANCE_EUCLIDEAN && GRAD_GEOMETRY) {
-        distance_gradient(d.nearest, d.place.inside, by_x, s);
+        distance_gradient(d.nearest, d.to_triangle.inside, by_x, s);
     } else if (DISTANCE == DISTANCE_BARYCENTRIC && GRAD_GEOMETRY) {
         barycentric_distance_gradient(item, pair, f, by_x, s);
     }

@@ -56,7 +56,7 @@ Partial partial_of(int record_index) {
     add_partial(record_index, p);
     uvec2 cells = texelFetch(cell_ranges, record_index).xy;
     for (uint i = 0u; i < cells.y; ++i) {
-        add_partial(int(frame.slot_count + cells.x + i), p);
+        add_partial(int(frame.record_count + cells.x + i), p);
     }
     return p;
 }

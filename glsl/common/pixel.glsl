@@ -7,8 +7,8 @@ struct Pixel {
     float silhouette;
     // The largest log2 weight log2 exp(ζ/γ) so far (eq. 3), as integer part and fraction. `sum`, the denominator of eq. 3,
     // and the images' sums that follow are relative to it.
-    float whole;
-    float rest;
+    float exponent;
+    float fraction;
     float sum;
     vec3 color;
     float depth;
@@ -22,8 +22,8 @@ Pixel background_pixel() {
     Pixel p;
     p.silhouette = SILHOUETTE_MODE == SILHOUETTE_PRODUCT ? 1.0 : 0.0;
     bool entry = !COMPOSITE && COLOR_MODE == COLOR_SOFTMAX;
-    p.whole = entry ? frame.background_whole : -3e38;
-    p.rest = entry ? frame.background_rest : 0.0;
+    p.exponent = entry ? frame.background_exponent : -3e38;
+    p.fraction = entry ? frame.background_fraction : 0.0;
     p.sum = entry ? 1.0 : 0.0;
     p.color = entry ? vec3(frame.background_red, frame.background_green, frame.background_blue) : vec3(0.0);
     p.depth = 0.0;
@@ -37,7 +37,7 @@ Pixel background_pixel() {
 vec4 kept_of(Pixel p) {
     // The record index goes into two floats that hold it exactly.
     bool hard = COLOR_MODE == COLOR_HARD;
-    vec2 reference = hard ? vec2(p.nearest >> 12, p.nearest & 4095) : vec2(p.whole, p.rest);
+    vec2 reference = hard ? vec2(p.nearest >> 12, p.nearest & 4095) : vec2(p.exponent, p.fraction);
     return vec4(reference, p.sum > 0.0 ? 1.0 / p.sum : 0.0, p.silhouette);
 }
 
@@ -45,7 +45,7 @@ vec4 kept_of(Pixel p) {
 // may skip there: a triangle whose weights are all negligible beside the smallest sum, and the silhouette of a saturated
 // tile.
 vec2 bounds_of(Pixel p) {
-    float log_sum = p.sum > 0.0 ? p.whole + (p.rest + log2(p.sum)) : -3e38;
+    float log_sum = p.sum > 0.0 ? p.exponent + (p.fraction + log2(p.sum)) : -3e38;
     // The hard mode and the silhouette alone have no weights.
     bool known = SHADED && COLOR_MODE == COLOR_SOFTMAX;
     return vec2(known ? log_sum : -3e38, SILHOUETTE_MODE == SILHOUETTE_PRODUCT ? p.silhouette : 1.0);

@@ -7,7 +7,7 @@
 // ahead hides the latency.
 struct Fetched {
     // Record index.
-    int slot;
+    int record_index;
 #ifdef SUBGROUP_RECORDS
     vec4 geometry;
     vec4 shading;
@@ -26,7 +26,7 @@ const bool TWICE = LANES < int(GEOMETRY_TEXELS);
 // The shading record is read only where `shaded`.
 Fetched fetch_record(int record_index, bool shaded) {
     Fetched own;
-    own.slot = record_index;
+    own.record_index = record_index;
     int lane = int(gl_SubgroupInvocationID);
     int at = record_index * int(GEOMETRY_TEXELS);
     own.geometry = texelFetch(geometry, at + min(lane, int(GEOMETRY_TEXELS) - 1));
@@ -59,7 +59,7 @@ Corner shared_corner_of(Fetched own) {
         } else if (TWICE && i < 2 * LANES) {
             record[i] = subgroupShuffle(own.more_shading, uint(i - LANES));
         } else {
-            record[i] = texelFetch(shading, own.slot * SHADING_STRIDE + i);
+            record[i] = texelFetch(shading, own.record_index * SHADING_STRIDE + i);
         }
     }
     return corner_from(record);
@@ -70,11 +70,11 @@ Fetched fetch_record(int record_index, bool shaded) {
 }
 
 Triangle shared_triangle_of(Fetched own) {
-    return triangle_of(own.slot);
+    return triangle_of(own.record_index);
 }
 
 Corner shared_corner_of(Fetched own) {
-    return corner_of(own.slot);
+    return corner_of(own.record_index);
 }
 #endif
 

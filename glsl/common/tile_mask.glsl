@@ -29,12 +29,12 @@ bool is_thin(vec3 half_length, vec3 inverse_height) {
     return !(least > 0.0 && ratio < 1e5);
 }
 
-Reach reach_of_record(int slot, ivec2 bin) {
-    int at = slot * int(GEOMETRY_TEXELS);
+Reach reach_of_record(int record_index, ivec2 bin) {
+    int at = record_index * int(GEOMETRY_TEXELS);
     vec4 head = texelFetch(geometry, at);
     vec2 origin = head.xy;
     vec4 last_texel = texelFetch(geometry, at + 4);
-    ivec4 box = texelFetch(boxes, slot);
+    ivec4 box = texelFetch(boxes, record_index);
     ivec2 tile = ivec2(TILE_WIDTH, TILE_HEIGHT);
     Reach r;
     r.tiles.xy = max(box.xy / tile - bin * int(BIN_TILES), ivec2(0));

@@ -10,7 +10,7 @@
 
 layout(set = 0, binding = 2) uniform usamplerBuffer bin_ranges;
 layout(set = 0, binding = 14) uniform usamplerBuffer bin_bits;
-layout(set = 0, binding = 15) uniform usamplerBuffer coarse_slots;
+layout(set = 0, binding = 15) uniform usamplerBuffer coarse_records;
 layout(set = 0, binding = 16) uniform usamplerBuffer coarse_words;
 layout(set = 0, binding = 17, std430) buffer WalkState { uint walk_state[]; };
 
@@ -56,9 +56,9 @@ struct Walk {
     bool thin;
 };
 
-Source source_of(TilePlace place) {
-    Shape shape = shape_of(place.view);
-    ivec2 tile = place.corner / ivec2(TILE_WIDTH, TILE_HEIGHT);
+Source source_of(TileLocation location) {
+    Shape shape = shape_of(location.view);
+    ivec2 tile = location.corner / ivec2(TILE_WIDTH, TILE_HEIGHT);
     Source s;
     s.bin = tile / int(BIN_TILES);
     ivec2 inside = tile - s.bin * int(BIN_TILES);
@@ -66,7 +66,7 @@ Source source_of(TilePlace place) {
     int bin = s.bin.y * int(frame.bins_x) + s.bin.x;
     uvec2 range = texelFetch(bin_ranges, shape.bin_base + bin).xy;
     s.listed = range.x != NO_LIST;
-    s.first = s.listed ? int(range.x) : shape.slot_base;
+    s.first = s.listed ? int(range.x) : shape.record_base;
     s.words = s.listed ? s.first / int(WORD_BITS) * int(BLOCK_WORDS) : shape.word_base + bin * shape.word_count;
     s.blocks = s.listed ? (int(range.y) + int(WORD_BITS) - 1) / int(WORD_BITS) : shape.word_count;
     return s;
@@ -151,7 +151,7 @@ uint take_group(Source s, inout Walk walk) {
             uint taken = walk.phase == FRONT ? own.entries & ~own.away : own.entries & own.away;
             if ((taken >> lane & 1u) != 0u) {
                 int index = first + int(lane);
-                uint record_index = s.listed ? texelFetch(coarse_slots, index).x : uint(index);
+                uint record_index = s.listed ? texelFetch(coarse_records, index).x : uint(index);
                 entries[walk.fill + bitCount(taken & ((1u << lane) - 1u))] = record_index;
             }
             walk.fill += bitCount(taken);
@@ -200,7 +200,7 @@ uint state_at(int word) {
 
 void save_state(Walk walk, Pixel p) {
     int lane = int(gl_LocalInvocationID.x);
-    float values[11] = float[](p.silhouette, p.whole, p.rest, p.sum, p.color.r, p.color.g, p.color.b, p.depth, p.normal.x,
+    float values[11] = float[](p.silhouette, p.exponent, p.fraction, p.sum, p.color.r, p.color.g, p.color.b, p.depth, p.normal.x,
                                p.normal.y, p.normal.z);
     for (int i = 0; i < 11; ++i) {
         walk_state[state_at(i * 32 + lane)] = floatBitsToUint(values[i]);
@@ -223,8 +223,8 @@ void load_state(out Walk walk, out Pixel p) {
         values[i] = uintBitsToFloat(walk_state[state_at(i * 32 + lane)]);
     }
     p.silhouette = values[0];
-    p.whole = values[1];
-    p.rest = values[2];
+    p.exponent = values[1];
+    p.fraction = values[2];
     p.sum = values[3];
     p.color = vec3(values[4], values[5], values[6]);
     p.depth = values[7];
@@ -249,7 +249,7 @@ int tile_number(bool resumes) {
 void main() {
     bool resumes = frame.number != ONE_TURN;
     int number = tile_number(resumes);
-    TilePlace tile = tile_place(number);
+    TileLocation tile = tile_location(number);
     Lane constant = lane_at(lane_corner(tile));
     Source source = source_of(tile);
     int groups = (source.blocks + int(WORD_BITS) - 1) / int(WORD_BITS);

@@ -356,8 +356,8 @@ fn numbers_are_those_of_the_settings() {
     {
         exact(both(high, low), expected);
     }
-    close(f.background_whole, (0.7 * log2e / 0.3).round());
-    let background = |f: softras::internals::plan::FramePush| both(f.background_whole, f.background_rest);
+    close(f.background_exponent, (0.7 * log2e / 0.3).round());
+    let background = |f: softras::internals::plan::FramePush| both(f.background_exponent, f.background_fraction);
     assert!((background(f) - 0.7 * log2e / 0.3).abs() < 1e-7);
     let official = numbers(&Settings { parity: Parity::Official, ..settings.clone() });
     assert!((background(official) - 1.4 * log2e / 0.3).abs() < 1e-7);

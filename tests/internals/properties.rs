@@ -56,7 +56,7 @@ proptest! {
         let f = plan.push;
         let numbers = [
             f.scale, f.radius_squared, f.radius_pixels, f.barycentric_scale, f.barycentric_radius, f.near_high, f.far_high,
-            f.score_high, f.background_whole, f.background_rest,
+            f.score_high, f.background_exponent, f.background_fraction,
         ];
         prop_assert!(numbers.iter().all(|x| x.is_finite()), "{numbers:?} of {settings:?}");
         prop_assert!(f.scale > 0.0 && f.radius_squared > 0.0 && f.score_high > 0.0, "{settings:?}");

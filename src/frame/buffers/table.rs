@@ -119,7 +119,7 @@ table! {
         /// The range of each bin's list.
         BinRanges("bin_ranges", Uint2, Workspace, [], |f| bytes(f.totals.bins, 8));
         /// The bins' lists of record indices.
-        CoarseSlots("coarse_slots", Uint, Workspace, [], |f| bytes(f.capacity[0], 4));
+        CoarseRecords("coarse_records", Uint, Workspace, [], |f| bytes(f.capacity[0], 4));
         /// For every 32 entries of the bins' lists, which of the bin's tiles each entry reaches.
         CoarseWords("coarse_words", Uint, Workspace, [],
             |f| bytes(f.capacity[0].div_ceil(c::WORD_BITS.into()), 4 * u64::from(c::BLOCK_WORDS)));
@@ -135,7 +135,7 @@ table! {
         /// The tiles that the last frame left empty.
         TileMarks("tile_marks", Uint, Workspace, [], |f| bytes(f.totals.tiles, 4));
         /// The tiles' lists of record indices.
-        TileSlots("tile_slots", Uint, Workspace, [], |f| bytes(f.capacity[1], 4));
+        TileRecords("tile_records", Uint, Workspace, [], |f| bytes(f.capacity[1], 4));
         /// Whether the frame is complete: see [`Status`](crate::embed::Status).
         Status("status", Uint, Output, [TRANSFER_DST], |_| bytes(c::STATUS_WORDS.into(), 4));
         /// Linear r, g, b and the silhouette of every pixel.

@@ -27,13 +27,13 @@ pub struct FramePush {
     pub far_low: f32,
     pub score_high: f32,
     pub score_low: f32,
-    pub background_whole: f32,
-    pub background_rest: f32,
+    pub background_exponent: f32,
+    pub background_fraction: f32,
     pub background_red: f32,
     pub background_green: f32,
     pub background_blue: f32,
     pub light_count: u32,
-    pub slot_count: u32,
+    pub record_count: u32,
     pub cell_capacity: u32,
     pub view_count: u32,
     pub mesh_count: u32,
@@ -57,7 +57,7 @@ pub(super) fn push_of(settings: &Settings, cutoff: f64) -> FramePush {
     let score = log2e / ((settings.far - settings.near) * settings.gamma);
     let epsilon = settings.epsilon * if settings.parity == Parity::Official { 2.0 } else { 1.0 };
     let background = (epsilon * log2e / settings.gamma).clamp(-1e30, 1e30);
-    let background_whole = background.round() as f32;
+    let background_exponent = background.round() as f32;
     let ((near_high, near_low), (far_high, far_low)) = (split(settings.near), split(settings.far));
     let (score_high, score_low) = split(score);
     let hard = settings.distance == Distance::Hard;
@@ -82,8 +82,8 @@ pub(super) fn push_of(settings: &Settings, cutoff: f64) -> FramePush {
         far_low,
         score_high,
         score_low,
-        background_whole,
-        background_rest: (background - f64::from(background_whole)) as f32,
+        background_exponent,
+        background_fraction: (background - f64::from(background_exponent)) as f32,
         background_red: red,
         background_green: green,
         background_blue: blue,

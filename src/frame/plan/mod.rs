@@ -132,7 +132,7 @@ impl ForwardPlan {
         let (views, totals) = ranges_of(input, &frame)?;
         let modes = Modes::new(input);
         let coarse_lanes = coarse_lanes(&views);
-        frame.slot_count = totals.records as u32;
+        frame.record_count = totals.records as u32;
         let walks = Walks::new(input.walked, &frame, &views, &totals, input.loop_passes);
         let sizes = Sizes::of_frame(&counts_of(input, &frame, &modes, totals, walks));
         let most = |f: fn(&ViewSize) -> u32| input.views.iter().map(f).max().unwrap_or(0);
