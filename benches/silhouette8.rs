@@ -9,10 +9,10 @@
 use glam::DVec3;
 use npyz::npz::NpzArchive;
 use softras::fit::{
-    DeviceFit, ImageLoss, Method, Optimizer, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions, Targets,
-    mask_iou, soft_target,
+    ImageLoss, Method, Optimizer, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions, Targets, mask_iou,
+    soft_target,
 };
-use softras::internals::fit::{CLOSED, Topology, laplacian_coordinates, regularize};
+use softras::internals::fit::{CLOSED, DeviceFit, Topology, laplacian_coordinates, regularize};
 use softras::scene::{Outputs, SilhouetteAggregation};
 use softras::{Camera, Image, ImageGradient, Lights, Mesh, Projection, Renderer, Scene, Settings, Wanted};
 use std::path::Path;

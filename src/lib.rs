@@ -13,9 +13,9 @@
 //! let mut renderer = Renderer::new()?;
 //! let scene = Scene::new(shapes::icosphere(2)?);
 //! let camera = Camera::from_angles(3.0, 30.0, 45.0, Projection::Perspective { fov_y: 1.0 })?;
-//! let settings = Settings { sigma: 1e-4, save: true, ..Settings::default() };
+//! let settings = Settings { sigma: 1e-4, ..Settings::default() };
 //!
-//! let frame = renderer.render(&scene, &[camera], &settings)?;
+//! let frame = renderer.render_saved(&scene, &[camera], &settings)?;
 //! // The loss is the mean silhouette: its gradient is the same everywhere.
 //! let silhouette = frame.silhouette().expect("asked for by default");
 //! let weight = 1.0 / silhouette.data.len() as f32;
@@ -39,7 +39,7 @@
 //! - *transmittance*: Π(1 - D) over a pixel's fragments; the silhouette is one minus it.
 //! - *tile list*: the triangles whose support meets a tile of 8×4 pixels.
 //! - *upstream gradient*: dL/dimage of a loss L; the caller computes it and gives it to the backward pass.
-//! - *saved frame*: one rendered with [`Settings::save`], which keeps what the backward pass needs.
+//! - *saved frame*: one rendered with [`Renderer::render_saved`] or [`Settings::save`], which keeps what the backward pass needs.
 //!
 //! # Where things are
 //! - [`Renderer`] opens a device, renders a [`Scene`] and differentiates the images. A scene is made of [`Mesh`]es and

@@ -1,16 +1,54 @@
 //! Fitting: a mesh's shape, colours and pose from images, by following the gradients of soft renderings.
 //!
-//! - [`ShapeFit`] deforms, and optionally recolours, a template mesh until its renderings match [`Targets`]. What it moves
-//!   is a [`Parametrization`], what it minimises an [`ImageLoss`] plus weighted [`Regularizer`]s, and how it steps a
-//!   [`Method`]. Every step is computed on the host in f64 around [`Renderer::render`](crate::Renderer::render) and
-//!   [`Renderer::backward`](crate::Renderer::backward).
-//! - [`DeviceFit`] runs the same method in single precision on the device, one submission a step and without a wait.
-//!   [`HostFit`] computes the same bits on the host and lets you insert a loss of your own.
+//! - [`Fit`] deforms, and optionally recolours, a template mesh until its renderings match [`Targets`]. It takes its steps on
+//!   the device where it can, else on the host. [`ShapeFit`] is what it begins with: a template and [`ShapeOptions`], which say
+//!   what moves (a [`Parametrization`]), what is minimised (an [`ImageLoss`] plus weighted [`Regularizer`]s) and how steps are
+//!   taken (a [`Method`]).
+//! - Steps on the device are in single precision, one submission each, without a wait. [`HostFit`] computes the same bits on the
+//!   host and lets you insert a loss of your own. [`ShapeFit::step`] is the same method in f64, around
+//!   [`Renderer::render`](crate::Renderer::render) and [`Renderer::backward`](crate::Renderer::backward).
 //! - [`PoseFit`] finds the rotation and translation of a rigid mesh from one image, many starting poses at once.
 //! - [`remeshed`] evens out triangles that a fit has stretched, [`soft_target`] softens a hard mask to the silhouette that
 //!   a mesh of that outline renders to, [`mask_iou`] and [`voxel_iou`] measure how good a fit is.
 //!
 //! Sums run in a fixed order, so the same input gives the same bits.
+//!
+//! A cube's silhouettes from six sides turn a sphere into that cube; `examples/fit.rs` is the same with a written mesh:
+//!
+//! ```
+//! use softras::fit::{Fit, Schedule, ShapeFit, ShapeOptions, Targets, mask_iou};
+//! use softras::{Camera, Lights, Projection, Renderer, Scene, Settings, shapes};
+//!
+//! # fn main() -> softras::Result<()> {
+//! let mut renderer = Renderer::new()?;
+//! // The targets, which would be photographs' masks: a cube from six sides.
+//! let goal = Scene::new(shapes::cube()?);
+//! let projection = Projection::Perspective { fov_y: 0.6 };
+//! let cameras: Vec<Camera> =
+//!     (0..6).map(|i| Camera::from_angles(4.0, 25.0, 60.0 * f64::from(i), projection)).collect::<softras::Result<_>>()?;
+//! let settings = Settings { width: 48, height: 48, ..Settings::default() }.with_depths_of(&goal, &cameras, 0.5);
+//! let silhouette = renderer.render(&goal, &cameras, &settings)?.silhouette().cloned();
+//! let targets = Targets { cameras: cameras.clone(), silhouette, color: None };
+//!
+//! // The fit: a sphere, moved by the method of the command `softras fit`.
+//! let shape = ShapeFit::new(shapes::icosphere(3)?, Lights::unlit(), ShapeOptions::smooth())?;
+//! let mut fit = Fit::new(&renderer, shape, &targets, &settings)?;
+//! let (steps, rate) = (80, Schedule::Exponential { from: 0.04, to: 0.007 });
+//! let sigma = Schedule::Exponential { from: 3e-4, to: 3e-5 };
+//! for step in 0..steps {
+//!     let settings = Settings { sigma: sigma.at_step(step, steps), ..settings.clone() };
+//!     fit.step(&mut renderer, &settings, rate.at_step(step, steps), 0.0)?;
+//! }
+//! let losses = fit.found(&mut renderer)?;
+//! assert!(losses[steps - 1].loss < 0.3 * losses[0].loss);
+//!
+//! let (best, _) = fit.best(&mut renderer)?.expect("steps were taken");
+//! let seen = renderer.render(&Scene::new(best), &cameras, &settings)?;
+//! let (Some(seen), Some(wanted)) = (seen.silhouette(), &targets.silhouette) else { unreachable!() };
+//! assert!(mask_iou(seen, wanted)?.iter().all(|iou| *iou > 0.88));
+//! # Ok(())
+//! # }
+//! ```
 
 pub(crate) mod device;
 pub(crate) mod image_loss;
@@ -18,6 +56,7 @@ mod optimizer;
 pub(crate) mod pose;
 pub(crate) mod regularizer;
 mod remesh;
+mod run;
 mod schedule;
 mod shape;
 pub(crate) mod smoothing;
@@ -25,12 +64,13 @@ pub(crate) mod soft_target;
 pub(crate) mod topology;
 pub(crate) mod voxel;
 
-pub use device::{DeviceFit, HostFit};
+pub use device::HostFit;
 pub use image_loss::{ImageLoss, Valued, mask_iou};
 pub use optimizer::{Method, Optimizer};
 pub use pose::{Differentiation, Pose, PoseFit, PoseOptions, PoseTarget, rotations};
 pub use regularizer::Regularizer;
 pub use remesh::remeshed;
+pub use run::Fit;
 pub use schedule::Schedule;
 pub use shape::{Parametrization, ShapeFit, ShapeOptions, State, Step, Targets};
 pub use soft_target::soft_target;

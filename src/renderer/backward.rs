@@ -52,16 +52,16 @@ fn stale<T>(what: &str, fix: &str) -> Result<T> {
 impl Renderer {
     /// The wanted gradients of a loss, from its gradients by the frame's images.
     ///
-    /// The frame must be this renderer's latest one, rendered with [`Settings::save`]. It can be differentiated any number
+    /// The frame must be this renderer's latest one, rendered with [`Renderer::render_saved`]. It can be differentiated any number
     /// of times. Gradients of a mesh are summed over its views. The same input gives the same bits.
     ///
     /// # Errors
-    /// [`Error::Backward`] for a frame rendered without [`Settings::save`], one that is not the latest, or an upstream
+    /// [`Error::Backward`] for a frame that was not saved, one that is not the latest, or an upstream
     /// gradient that does not fit it; [`Error::NotFinite`] where single precision cannot hold the gradient; otherwise as
     /// [`Renderer::render`].
     pub fn backward(&mut self, frame: &Frame, upstream: &ImageGradient, wanted: &Wanted) -> Result<Gradients> {
         let Some(id) = frame.saved else {
-            return stale("the frame was rendered for looking at only", "render it with Settings::save = true");
+            return stale("the frame was rendered for looking at only", "render it with Renderer::render_saved");
         };
         let Some(saved) = self.saved.take() else {
             return stale("the frame's saved state is gone", "differentiate a frame before rendering the next");

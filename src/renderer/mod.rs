@@ -229,6 +229,14 @@ impl Renderer {
         Ok(frame)
     }
 
+    /// As [`Renderer::render`], and keeps what [`Renderer::backward`] needs of the frame, whatever [`Settings::save`] says.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`].
+    pub fn render_saved(&mut self, scene: &Scene, cameras: &[Camera], settings: &Settings) -> Result<Frame> {
+        self.render(scene, cameras, &Settings { save: true, ..settings.clone() })
+    }
+
     /// The last plan if nothing that it depends on has changed, else a new one.
     fn plan(&mut self, shape: &Shape, settings: &Settings) -> Result<Arc<FramePlan>> {
         if let Some((planned_for, plan)) = &self.planned

@@ -163,7 +163,8 @@ pub struct Settings {
     pub interpolation: Interpolation,
     /// The paper's model, or the official code's deviations from it.
     pub parity: Parity,
-    /// Keep what the backward pass needs, 16 bytes a pixel; a frame without it cannot be differentiated.
+    /// Keep what the backward pass needs, 16 bytes a pixel; a frame without it cannot be differentiated. What asks for
+    /// gradients sets it itself: [`Renderer::render_saved`](crate::Renderer::render_saved), fits, and plans with gradients.
     pub save: bool,
 }
 

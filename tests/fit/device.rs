@@ -1,9 +1,8 @@
 //! Fitting on the device: the same bits as the same method on the host, step for step, and what double precision finds
 //! within a tolerance.
 
-use softras::fit::{
-    DeviceFit, HostFit, ImageLoss, Method, Parametrization, Regularizer, ShapeFit, ShapeOptions, Step, Targets,
-};
+use softras::fit::{HostFit, ImageLoss, Method, Parametrization, Regularizer, ShapeFit, ShapeOptions, Step, Targets};
+use softras::internals::fit::DeviceFit;
 use softras::internals::plan::Capacity;
 use softras::scene::{Appearance, Background, Outputs, Support};
 use softras::{Camera, Image, Lights, Mesh, Projection, Renderer, Scene, Settings, shapes};

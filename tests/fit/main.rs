@@ -10,4 +10,5 @@ mod gradients;
 mod optimizers;
 mod pose;
 mod remesh;
+mod run;
 mod voxels;

@@ -4,11 +4,11 @@
 use crate::common::renderer;
 use proptest::prelude::*;
 use softras::fit::{
-    DeviceFit, ImageLoss, Method, Optimizer, PoseTarget, ShapeFit, ShapeOptions, Targets, mask_iou, soft_target,
-    voxel_iou,
+    ImageLoss, Method, Optimizer, PoseTarget, ShapeFit, ShapeOptions, Targets, mask_iou, soft_target, voxel_iou,
 };
 use softras::internals::fit::{
-    Topology, Voxels, add_blurred_gradient, add_pooled_gradient, blur_factor, blurred, pooled, signed_distance,
+    DeviceFit, Topology, Voxels, add_blurred_gradient, add_pooled_gradient, blur_factor, blurred, pooled,
+    signed_distance,
 };
 use softras::internals::validate;
 use softras::scene::{Appearance, Outputs, Texture, Wrap};

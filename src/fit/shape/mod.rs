@@ -1,16 +1,17 @@
 //! Fits a mesh's shape and colours to target images, on the host in f64.
 
 mod colors;
+mod options;
 mod parametrization;
 mod targets;
 
+pub use options::ShapeOptions;
 pub use parametrization::Parametrization;
 pub use targets::Targets;
 
 use super::bad;
 use super::image_loss::{self, ImageLoss};
 use super::optimizer::{Method, Optimizer};
-use super::regularizer::Regularizer;
 use super::remesh::remeshed;
 use super::smoothing::Smoothing;
 use super::topology::Topology;
@@ -21,48 +22,6 @@ use crate::renderer::Renderer;
 use crate::scene::{Appearance, Lights, Mesh, Scene, Settings};
 use glam::DVec3;
 use parametrization::Parameters;
-
-/// The method of a shape fit.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ShapeOptions {
-    /// The parameters that the optimiser moves.
-    pub parametrization: Parametrization,
-    /// The optimisation method.
-    pub method: Method,
-    /// The loss of the silhouettes and its weight.
-    pub silhouette: (ImageLoss, f64),
-    /// The loss of the colours and its weight.
-    pub color: (ImageLoss, f64),
-    /// Penalties with their weights.
-    pub regularizers: Vec<(Regularizer, f64)>,
-    /// Number of resolutions that image losses are averaged over, see [`ImageLoss::multi_scale`].
-    pub levels: usize,
-    /// Number of pixels rendered per target pixel along each side; their mean is compared. Use 2 or more for targets
-    /// with antialiased outlines.
-    pub samples: usize,
-    /// Whether vertices move.
-    pub fit_positions: bool,
-    /// Whether the mesh's colours (vertex colours or texels) are fitted too.
-    pub fit_colors: bool,
-}
-
-impl ShapeOptions {
-    /// The method of the official demo: logit displacements, the loss 1 - IoU, a Laplacian weight of 0.03, a flatten
-    /// weight of 0.0003, and Adam with betas 0.5 and 0.99 (the demo's rate is 0.01).
-    pub fn official() -> Self {
-        Self {
-            parametrization: Parametrization::Logit,
-            method: Method::Adam { betas: [0.5, 0.99], epsilon: 1e-8 },
-            silhouette: (ImageLoss::NegativeIou, 1.0),
-            color: (ImageLoss::L1, 1.0),
-            regularizers: vec![(Regularizer::Laplacian, 0.03), (Regularizer::Flatten, 0.0003)],
-            levels: 1,
-            samples: 1,
-            fit_positions: true,
-            fit_colors: false,
-        }
-    }
-}
 
 /// The losses of a step, before it moved anything.
 #[derive(Clone, Debug, PartialEq)]
@@ -91,7 +50,8 @@ pub struct ShapeFit {
 }
 
 impl ShapeFit {
-    /// Starts from a template mesh under the lights of the targets.
+    /// Starts from a template mesh under the lights of the targets. [`Parametrization::Logit`] begins with a template that
+    /// reaches to ±1 at half its size, as the official demo does with its sphere.
     ///
     /// # Errors
     /// [`crate::Error::Fit`] for a template that the parametrization cannot represent, or 0 levels or samples.
@@ -100,6 +60,7 @@ impl ShapeFit {
             return bad("a fit over 0 resolutions or samples", "use at least 1");
         }
         let topology = Topology::new(template.positions().len(), template.triangles())?;
+        let template = if options.parametrization == Parametrization::Logit { halved(template)? } else { template };
         let positions: Vec<DVec3> = template.positions().iter().map(|p| DVec3::from(p.map(f64::from))).collect();
         let (parameters, values) = Parameters::new(options.parametrization, &topology, &positions)?;
         let color_values = if options.fit_colors { colors::values(template.appearance()) } else { Vec::new() };
@@ -340,6 +301,19 @@ impl ShapeFit {
         Self::new(mesh, self.scene.lights.clone(), self.options.clone())
     }
 }
+
+/// The mesh at half its size if it reaches to ±1, as [`shapes::icosphere`](crate::shapes::icosphere) does, where the logit has
+/// no value; larger ones are left for the parametrization to refuse.
+fn halved(mut mesh: Mesh) -> Result<Mesh> {
+    let reach = mesh.positions().as_flattened().iter().fold(0.0f32, |most, x| most.max(x.abs()));
+    if (1.0 - ROUNDING..=1.0 + ROUNDING).contains(&reach) {
+        mesh.set_positions(mesh.positions().iter().map(|p| p.map(|x| 0.5 * x)).collect())?;
+    }
+    Ok(mesh)
+}
+
+/// How far from 1 the coordinates of a unit sphere may be.
+const ROUNDING: f32 = 1e-6;
 
 /// The state that a fit is resumed from.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -43,7 +43,10 @@ impl Parameters {
             Parametrization::Logit => {
                 if let Some(i) = template.iter().position(|v| v.abs().max_element() >= 1.0) {
                     let what = format!("vertex {i} of the template is {}", template[i]);
-                    return bad(what, "the logit parametrisation needs a template within (-1, 1)");
+                    return bad(
+                        what,
+                        "the logit parametrisation needs a template within (-1, 1): scale it, or use ShapeOptions::smooth()",
+                    );
                 }
                 Ok((Self::Logit { template: template.to_vec() }, vec![0.0; 3 * template.len() + 3]))
             }

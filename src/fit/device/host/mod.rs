@@ -32,7 +32,7 @@ pub struct FitState {
     pub color_steps: i32,
 }
 
-/// A shape fitted step by step on the host with the bits of a [`DeviceFit`](super::DeviceFit).
+/// A shape fitted step by step on the host with the bits of a [`Fit`](crate::fit::Fit) on the device.
 ///
 /// [`HostFit::step`] computes a whole step. For a loss of your own, call [`HostFit::render`], compute the loss and its
 /// gradient by the images, and call [`Renderer::backward`] and [`HostFit::advance`].
@@ -51,7 +51,7 @@ impl HostFit {
     ///
     /// # Errors
     /// [`crate::Error::Fit`] for targets or weights that do not fit together, and what
-    /// [`DeviceFit::unsupported`](super::DeviceFit::unsupported) names.
+    /// [`Fit::host_reason`](crate::fit::Fit::host_reason) would tell.
     pub fn new(fit: ShapeFit, targets: &Targets, weights: Option<&Image>) -> Result<Self> {
         let (plan, tables) = FitPlan::new(&fit, targets, weights)?;
         let state = FitState::of(&fit, &plan, &tables)?;

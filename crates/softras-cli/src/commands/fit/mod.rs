@@ -156,7 +156,7 @@ impl Work {
                 self.film.last(&mesh, setup, renderer)?;
             }
             let rates = (setup.rate.at_step(step, setup.iterations), setup.color_rate(step));
-            self.engine.step(renderer, &setup.settings(step), targets, rates)?;
+            self.engine.step(renderer, &setup.settings(step), rates)?;
             self.next += 1;
             if self.next.is_multiple_of(AHEAD) || self.next == setup.iterations {
                 self.collect(&progress, renderer)?;

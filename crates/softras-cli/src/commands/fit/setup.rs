@@ -3,7 +3,7 @@
 use super::args::{FitArgs, Preset};
 use super::targets::Views;
 use crate::commands::Failure;
-use softras::fit::{ImageLoss, Method, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions};
+use softras::fit::{ImageLoss, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions};
 use softras::scene::{Appearance, Background, Faces, Interpolation};
 use softras::{Lights, Mesh, Settings, shapes};
 
@@ -145,16 +145,12 @@ const REFERENCE_RADIUS: f64 = 0.732;
 
 fn options(args: &FitArgs, official: bool) -> ShapeOptions {
     let method = &args.method;
-    let mut options = ShapeOptions::official();
-    let mut weights =
-        [(Regularizer::Laplacian, 0.03), (Regularizer::Flatten, 3e-4), (Regularizer::NormalConsistency, 0.0)];
-    if !official {
-        options.parametrization = Parametrization::Smoothed { lambda: method.smoothing.unwrap_or(5.0) };
-        options.method = Method::UniformAdam { betas: [0.9, 0.999], epsilon: 1e-8 };
-        (weights[0].1, weights[1].1) = (0.01, 3e-5);
-    } else if let Some(lambda) = method.smoothing {
+    let mut options = if official { ShapeOptions::official() } else { ShapeOptions::smooth() };
+    if let Some(lambda) = method.smoothing {
         options.parametrization = Parametrization::Smoothed { lambda };
     }
+    let mut weights = options.regularizers.clone();
+    weights.push((Regularizer::NormalConsistency, 0.0));
     let given = [method.laplacian, method.flatten, method.normals];
     weights.iter_mut().zip(given).for_each(|(weight, given)| weight.1 = given.unwrap_or(weight.1));
     options.regularizers = weights.into_iter().filter(|(_, weight)| *weight > 0.0).collect();

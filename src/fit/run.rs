@@ -1,0 +1,131 @@
+//! A shape fit on the device where it can be, else on the host.
+
+use super::device::DeviceFit;
+use super::shape::{ShapeFit, Step, Targets};
+use crate::error::Result;
+use crate::image::Image;
+use crate::renderer::Renderer;
+use crate::scene::{Mesh, Settings};
+
+/// A shape fit in progress: what to use unless a part of it is to be replaced. Its steps run on the device if that can take
+/// them, in single precision and without a wait, else on the host in double precision.
+#[derive(Debug)]
+pub struct Fit {
+    steps: Steps,
+    /// Why the host takes the steps.
+    reason: Option<String>,
+}
+
+#[derive(Debug)]
+enum Steps {
+    Device(Box<DeviceFit>),
+    Host(Box<OnHost>),
+}
+
+/// A fit on the host, with what [`DeviceFit`] keeps on the device.
+#[derive(Debug)]
+struct OnHost {
+    shape: ShapeFit,
+    targets: Targets,
+    /// Losses that the caller has not taken yet.
+    found: Vec<Step>,
+    /// The least loss, its mesh, and its step.
+    best: Option<(f64, Mesh, usize)>,
+    taken: usize,
+}
+
+impl Fit {
+    /// Continues a shape fit, on the device if that supports its options and settings like these.
+    ///
+    /// # Errors
+    /// [`Error::Fit`](crate::Error::Fit) for targets that do not fit together; [`Error::Limit`](crate::Error::Limit),
+    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory), [`Error::Vulkan`](crate::Error::Vulkan).
+    pub fn new(renderer: &Renderer, shape: ShapeFit, targets: &Targets, settings: &Settings) -> Result<Self> {
+        match DeviceFit::unsupported(&shape).or_else(|| DeviceFit::unsupported_settings(settings)) {
+            Some(reason) => Ok(Self::on_host(shape, targets, reason)),
+            None => {
+                let steps = Steps::Device(Box::new(DeviceFit::new(renderer, shape, targets, None)?));
+                Ok(Self { steps, reason: None })
+            }
+        }
+    }
+
+    /// The same with a weight for each pixel, `[views, height, width, 1]` of the targets' size; 0 masks one out.
+    ///
+    /// # Errors
+    /// [`Error::Fit`](crate::Error::Fit) where the host would have to take the steps, which has no weights; otherwise as
+    /// [`Fit::new`].
+    pub fn weighted(renderer: &Renderer, shape: ShapeFit, targets: &Targets, weights: &Image) -> Result<Self> {
+        let steps = Steps::Device(Box::new(DeviceFit::new(renderer, shape, targets, Some(weights))?));
+        Ok(Self { steps, reason: None })
+    }
+
+    /// Continues a shape fit on the host, for a reason that [`Fit::host_reason`] tells.
+    pub fn on_host(shape: ShapeFit, targets: &Targets, reason: impl Into<String>) -> Self {
+        let host = OnHost { shape, targets: targets.clone(), found: Vec::new(), best: None, taken: 0 };
+        Self { steps: Steps::Host(Box::new(host)), reason: Some(reason.into()) }
+    }
+
+    /// Why the host takes the steps; `None` where the device does.
+    pub fn host_reason(&self) -> Option<&str> {
+        self.reason.as_deref()
+    }
+
+    /// Takes a step: renders the targets' views, compares them, and moves vertices with step size `rate`, in world units
+    /// about the distance that a vertex moves, and colours with `color_rate`. On the device the step is submitted, not waited
+    /// for. The fit sets size, outputs and `save` of the settings itself; near and far have to hold the mesh wherever it moves,
+    /// see [`Settings::with_depths_of`].
+    ///
+    /// # Errors
+    /// [`Error::Fit`](crate::Error::Fit) for settings that the device's steps do not support while those of [`Fit::new`] were, or
+    /// another renderer than the fit was made with; otherwise, for this step or one before it, as [`Renderer::render`] and
+    /// [`Renderer::backward`].
+    pub fn step(&mut self, renderer: &mut Renderer, settings: &Settings, rate: f64, color_rate: f64) -> Result<()> {
+        let host = match &mut self.steps {
+            Steps::Device(fit) => return fit.step(renderer, settings, rate, color_rate),
+            Steps::Host(host) => host,
+        };
+        let before = host.shape.mesh().clone();
+        let step = host.shape.step(renderer, settings, &host.targets, rate, color_rate)?;
+        if host.best.as_ref().is_none_or(|(least, ..)| step.loss < *least) {
+            host.best = Some((step.loss, before, host.taken));
+        }
+        host.found.push(step);
+        host.taken += 1;
+        Ok(())
+    }
+
+    /// Waits for all steps and returns the losses of those that were not returned before, in order.
+    ///
+    /// # Errors
+    /// As [`Fit::step`].
+    pub fn found(&mut self, renderer: &mut Renderer) -> Result<Vec<Step>> {
+        match &mut self.steps {
+            Steps::Device(fit) => fit.found(renderer),
+            Steps::Host(host) => Ok(std::mem::take(&mut host.found)),
+        }
+    }
+
+    /// Waits for all steps and returns the fit after them: its mesh, and the state that it can be resumed from.
+    ///
+    /// # Errors
+    /// As [`Fit::step`].
+    pub fn shape(&mut self, renderer: &mut Renderer) -> Result<&ShapeFit> {
+        match &mut self.steps {
+            Steps::Device(fit) => fit.shape(renderer),
+            Steps::Host(host) => Ok(&host.shape),
+        }
+    }
+
+    /// Waits for all steps and returns the mesh of least loss and the number of its step, counted from 0 in this fit; `None`
+    /// before the first step.
+    ///
+    /// # Errors
+    /// As [`Fit::step`].
+    pub fn best(&mut self, renderer: &mut Renderer) -> Result<Option<(Mesh, usize)>> {
+        match &mut self.steps {
+            Steps::Device(fit) => fit.best(renderer),
+            Steps::Host(host) => Ok(host.best.as_ref().map(|(_, mesh, step)| (mesh.clone(), *step))),
+        }
+    }
+}
