@@ -40,6 +40,10 @@ pub struct LoadOptions {
 pub struct Loaded {
     /// The mesh.
     pub mesh: Mesh,
+    /// The normals of each triangle's corners as an OBJ file gives them, of any length, 0 where it gives none; empty for files
+    /// without and for other formats. The renderer computes normals from the triangles: these tell which of them are smooth with
+    /// one another.
+    pub normals: Vec<[[f32; 3]; 3]>,
     /// What the file contains and the mesh does not, each with its line.
     pub notes: Vec<String>,
     /// All files that were read: the mesh file first, then its materials and textures.
@@ -64,7 +68,7 @@ impl<'a> Source<'a> {
     /// # Errors
     /// [`Error::File`](crate::Error::File) for the first note, if the options are strict.
     pub fn loaded(self, mesh: Mesh) -> Result<Loaded> {
-        Ok(Loaded { mesh, notes: self.notes.finish(self.options.strict)?, files: self.files })
+        Ok(Loaded { mesh, normals: Vec::new(), notes: self.notes.finish(self.options.strict)?, files: self.files })
     }
 }
 
@@ -97,5 +101,5 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let mut triangles = triangles::triangulate(path, &obj, &mut source.notes)?;
     let appearance = appearance::appearance(&mut source, &mut obj, &mut triangles);
     let mesh = Mesh::new(obj.positions, triangles.vertices)?.with_appearance(appearance)?;
-    source.loaded(mesh)
+    Ok(Loaded { normals: triangles.normals, ..source.loaded(mesh)? })
 }

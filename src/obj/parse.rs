@@ -35,11 +35,18 @@ pub(super) struct Obj {
     pub corners: Vec<u32>,
     /// The same as indices into `uvs`, 0 for faces without; empty when the file has no `vt`.
     pub uv_corners: Vec<u32>,
+    /// One per `vn`, in file order, of any length; 0 for one that is not finite.
+    pub normals: Vec<[f32; 3]>,
+    /// The corners as indices into `normals`, [`NO_NORMAL`] for corners without; empty when the file has no `vn`.
+    pub normal_corners: Vec<u32>,
     /// The names that `usemtl` gives, in order of first use, each with the line that first gives it.
     pub materials: Vec<(String, usize)>,
     /// What each `mtllib` names, with its line.
     pub libraries: Vec<(String, usize)>,
 }
+
+/// The index of a corner that has no normal.
+pub(super) const NO_NORMAL: u32 = u32::MAX;
 
 /// A polygon of three or more corners.
 pub(super) struct Face {
@@ -60,6 +67,7 @@ struct Totals {
     vertices: usize,
     colored: usize,
     uvs: usize,
+    normals: usize,
     faces: usize,
     corners: usize,
 }
@@ -114,6 +122,7 @@ fn count(text: &str) -> Totals {
                 totals.colored += usize::from(statement.words().count() == 6);
             }
             "vt" => totals.uvs += 1,
+            "vn" => totals.normals += 1,
             "f" => {
                 totals.faces += 1;
                 totals.corners += statement.words().count();
@@ -130,6 +139,8 @@ impl Obj {
         self.positions.try_reserve_exact(totals.vertices)?;
         self.colors.try_reserve_exact(if totals.colored > 0 { totals.vertices } else { 0 })?;
         self.uvs.try_reserve_exact(totals.uvs)?;
+        self.normals.try_reserve_exact(totals.normals)?;
+        self.normal_corners.try_reserve_exact(if totals.normals > 0 { totals.corners } else { 0 })?;
         self.faces.try_reserve_exact(totals.faces)?;
         self.corners.try_reserve_exact(totals.corners)?;
         self.uv_corners.try_reserve_exact(if totals.uvs > 0 { totals.corners } else { 0 })
@@ -155,7 +166,7 @@ impl Parser {
             "f" => self.face(statement)?,
             "usemtl" => self.use_material(statement.rest(), line),
             "mtllib" => self.obj.libraries.push((statement.rest().into(), line)),
-            "vn" => self.ignored.add("normals are computed from the geometry, not read", line),
+            "vn" => self.normal(statement),
             "l" => self.ignored.add("lines (`l`) are not drawn", line),
             "p" => self.ignored.add("points (`p`) are not drawn", line),
             // Names, smoothing groups and display hints do not change the picture.
@@ -243,12 +254,26 @@ impl Parser {
         Ok(())
     }
 
+    /// `vn x y z`.
+    fn normal(&mut self, statement: &Statement) {
+        let words: Vec<&str> = statement.words().collect();
+        let normal = <[&str; 3]>::try_from(&words[..]).ok().and_then(|words| numbers::<3>("normal", &words).ok());
+        let normal = normal.filter(|normal| normal.iter().all(|x| x.is_finite()));
+        if normal.is_none() {
+            self.ignored.add("normals that are not three finite numbers are not used", statement.line);
+        }
+        self.obj.normals.push(normal.unwrap_or_default());
+    }
+
     fn face(&mut self, statement: &Statement) -> Checked {
         let (mut arity, mut with_uv) = (0, 0);
         let start = self.obj.corners.len();
         for word in statement.words() {
-            let (vertex, uv) = self.corner(word)?;
+            let (vertex, uv, normal) = self.corner(word)?;
             self.obj.corners.push(vertex);
+            if self.totals.normals > 0 {
+                self.obj.normal_corners.push(normal);
+            }
             if self.totals.uvs > 0 {
                 self.obj.uv_corners.push(uv.unwrap_or(0));
             }
@@ -259,6 +284,7 @@ impl Parser {
             self.ignored.add("faces of fewer than three corners are not drawn", statement.line);
             self.obj.corners.truncate(start);
             self.obj.uv_corners.truncate(start);
+            self.obj.normal_corners.truncate(start);
             return Ok(());
         }
         let has_uvs = with_uv == arity;
@@ -270,22 +296,24 @@ impl Parser {
         Ok(())
     }
 
-    /// The indices of `v`, `v/vt`, `v//vn` or `v/vt/vn`, less the normal's, which is validated and not used.
-    fn corner(&self, word: &str) -> Checked<(u32, Option<u32>)> {
+    /// The indices of `v`, `v/vt`, `v//vn` or `v/vt/vn`; of a normal that does not exist, [`NO_NORMAL`].
+    fn corner(&self, word: &str) -> Checked<(u32, Option<u32>, u32)> {
         let mut parts = word.split('/');
         let (vertex, uv, normal) = (parts.next().unwrap_or_default(), parts.next(), parts.next());
         if parts.next().is_some() {
             return Err((format!("corner {:?} has more than three indices", shown(word)), CORNER_FORMS));
         }
         let vertex = index("vertex", vertex, self.obj.positions.len(), self.totals.vertices)?;
-        if let Some(normal) = normal.filter(|n| !n.is_empty())
-            && normal.parse::<i64>().is_err()
-        {
-            return Err((format!("normal index {:?} is not a whole number", shown(normal)), CORNER_FORMS));
-        }
-        let Some(uv) = uv.filter(|uv| !uv.is_empty()) else { return Ok((vertex, None)) };
+        let normal = match normal.filter(|n| !n.is_empty()) {
+            Some(normal) if normal.parse::<i64>().is_err() => {
+                return Err((format!("normal index {:?} is not a whole number", shown(normal)), CORNER_FORMS));
+            }
+            Some(normal) => index("normal", normal, self.obj.normals.len(), self.totals.normals).unwrap_or(NO_NORMAL),
+            None => NO_NORMAL,
+        };
+        let Some(uv) = uv.filter(|uv| !uv.is_empty()) else { return Ok((vertex, None, normal)) };
         let uv = index("texture coordinate", uv, self.obj.uvs.len(), self.totals.uvs)?;
-        Ok((vertex, Some(uv)))
+        Ok((vertex, Some(uv), normal))
     }
 
     fn use_material(&mut self, name: &str, line: usize) {

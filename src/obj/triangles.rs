@@ -11,6 +11,8 @@ pub(super) struct Triangles {
     pub vertices: Vec<[u32; 3]>,
     /// Indices into [`Obj::uvs`], 0 where the face has no UVs; empty when the file has no `vt`.
     pub uvs: Vec<[u32; 3]>,
+    /// The normals of the corners, 0 where there is none; empty when the file has no `vn`.
+    pub normals: Vec<[[f32; 3]; 3]>,
     /// For each triangle its face, an index into [`Obj::faces`].
     pub faces: Vec<usize>,
 }
@@ -22,6 +24,7 @@ impl Triangles {
         let count = obj.corners.len() - 2 * obj.faces.len();
         self.vertices.try_reserve_exact(count)?;
         self.uvs.try_reserve_exact(if obj.uv_corners.is_empty() { 0 } else { count })?;
+        self.normals.try_reserve_exact(if obj.normal_corners.is_empty() { 0 } else { count })?;
         self.faces.try_reserve_exact(count)
     }
 }
@@ -42,6 +45,8 @@ pub(super) fn triangulate(path: &Path, obj: &Obj, notes: &mut Notes) -> Result<T
     for (index, face) in obj.faces.iter().enumerate() {
         let corners = &obj.corners[start..start + face.arity];
         let uv_corners = obj.uv_corners.get(start..start + face.arity);
+        let normals = obj.normal_corners.get(start..start + face.arity);
+        let normal = |corner: u32| obj.normals.get(corner as usize).copied().unwrap_or_default();
         start += face.arity;
         let polygon: Vec<_> = corners.iter().map(|&v| obj.positions[v as usize].map(f64::from)).collect();
         let cut = polygon::triangulate(&polygon).map_err(|what| Error::File {
@@ -56,6 +61,7 @@ pub(super) fn triangulate(path: &Path, obj: &Obj, notes: &mut Notes) -> Result<T
         for triangle in cut.triangles {
             triangles.vertices.push(triangle.map(|c| corners[c]));
             triangles.uvs.extend(uv_corners.map(|uvs| triangle.map(|c| uvs[c])));
+            triangles.normals.extend(normals.map(|normals| triangle.map(|c| normal(normals[c]))));
             triangles.faces.push(index);
         }
     }

@@ -88,8 +88,7 @@ fn what_is_not_drawn_is_noted_once() {
         "{TRIANGLE}vn 0 0 1\nvn 0 1 0\nvt 0 0\nl 1 2\np 1\ncurv 0 1 1 2\nwobble 3\nf 1//1 2//1 3//2\nf 1/1/9 2/1/9 3/1/9\n"
     );
     let notes = load_text(text).unwrap().notes;
-    assert_eq!(notes.len(), 6, "{notes:#?}");
-    assert_note(&notes, &["line 4 and 1 more", "normals are computed"]);
+    assert_eq!(notes.len(), 5, "{notes:#?}");
     assert_note(&notes, &["line 7", "lines"]);
     assert_note(&notes, &["line 8", "points"]);
     assert_note(&notes, &["line 9", "free-form"]);
@@ -136,4 +135,18 @@ fn files_that_tobj_reads_rightly_read_the_same() {
         let ours: Vec<_> = mesh.triangles().iter().map(|t| t.map(position)).collect();
         assert_eq!(ours, corners_by_tobj(&text), "seed {seed}");
     }
+}
+
+#[test]
+fn normals_stay_with_their_corners() {
+    let quad = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvn 0 0 1\nvn 0 2 0\nvn 1 nan 0\n";
+    let loaded = load_text(format!("{quad}f 1 2\nf 1//1 2//2 3//-3\nf 1//3 3//9 4\n")).unwrap();
+    let (z, y, none) = ([0.0, 0.0, 1.0], [0.0, 2.0, 0.0], [0.0; 3]);
+    assert_eq!(loaded.normals, [[z, y, z], [none; 3]]);
+    assert_note(&loaded.notes, &["line 7", "normals"]);
+    assert!(load_text(format!("{TRIANGLE}f 1 2 3\n")).unwrap().normals.is_empty());
+    // A polygon's triangles keep the normals of its corners.
+    let loaded = load_text(format!("{quad}f 1//1 2//2 3//1 4//2\n")).unwrap();
+    let expected = |i: u32| if i.is_multiple_of(2) { z } else { y };
+    assert_eq!(loaded.normals, loaded.mesh.triangles().iter().map(|t| t.map(expected)).collect::<Vec<_>>());
 }

@@ -258,6 +258,18 @@ fn smooth_shading_keeps_edges() {
     // A box is one of flat faces, though its faces share their vertices.
     assert!(worst(&shaded(&[]), &flat) <= 1);
     assert!(worst(&shaded(&["--crease", "180"]), &flat) > 20);
+    // Normals of the file decide in place of the angle, and --crease in place of them.
+    let text = fs::read_to_string(folder.path().join("box.obj")).unwrap();
+    let from_center =
+        |i: u32| format!("vn {} {} {}\n", (i & 1) * 2, (i >> 1 & 1) * 2, (i >> 2 & 1) * 2).replace('0', "-2");
+    let with_normals = |line: &str| match line.strip_prefix("f ") {
+        Some(corners) => format!("f{}\n", corners.split(' ').map(|c| format!(" {c}//{c}")).collect::<String>()),
+        None => format!("{line}\n"),
+    };
+    let round = shaded(&["--crease", "180"]);
+    let normals: String = (0..8).map(from_center).collect();
+    fs::write(folder.path().join("box.obj"), normals + &text.lines().map(with_normals).collect::<String>()).unwrap();
+    assert!(worst(&shaded(&[]), &round) <= 1 && worst(&shaded(&["--crease", "40"]), &flat) <= 1);
     fails(folder.path(), &["render", "box.obj", "-o", "a.png", "--crease", "200"], 2, &["--crease", "180"]);
 }
 

@@ -61,9 +61,10 @@ pub struct RenderArgs {
     pub alpha: Option<Alpha>,
     #[command(flatten)]
     pub light: LightArgs,
-    /// With smooth shading, keep edges at which the surface bends by more than this many degrees; 180 keeps none
-    #[arg(long, value_name = "DEGREES", value_parser = parse::crease, default_value_t = 40.0, help_heading = "Light")]
-    pub crease: f64,
+    /// With smooth shading, keep edges at which the surface bends by more than this many degrees; 180 keeps none [default:
+    /// the edges at which the normals of an OBJ file differ; 40 where there are none]
+    #[arg(long, value_name = "DEGREES", value_parser = parse::crease, help_heading = "Light")]
+    pub crease: Option<f64>,
     #[command(flatten)]
     pub modes: ModeArgs,
     /// Animate one turn of N frames around the vertical axis, 25 frames a second; the lights move with the camera

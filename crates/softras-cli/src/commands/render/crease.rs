@@ -12,9 +12,15 @@ use std::collections::HashMap;
 /// The most triangles at an edge whose angles are all compared; of more, only neighbours in the list.
 const MOST_AT_AN_EDGE: usize = 8;
 
+/// The angle where none is given, in degrees.
+pub const DEFAULT: f64 = 40.0;
+/// Normals of a file that differ by less than this, in degrees, are those of one smooth surface.
+const SAME_NORMAL: f64 = 2.0;
+
 /// The mesh with vertices split where its surface bends by more than an angle in degrees, and joined where they lie at one
-/// position. Positions, triangles and colours stay what they are.
-pub fn creased(mesh: &Mesh, degrees: f64) -> Result<Mesh> {
+/// position. Where the corners of two triangles have `given` normals, one array for each triangle or none at all, these
+/// decide in place of the angle. Positions, triangles and colours stay what they are.
+pub fn creased(mesh: &Mesh, given: &[[[f32; 3]; 3]], degrees: f64) -> Result<Mesh> {
     let welded = welded(mesh);
     let normals: Vec<Option<DVec3>> = mesh.triangles().iter().map(|triangle| normal(mesh, *triangle)).collect();
     let mut groups = Groups((0..3 * welded.len() as u32).collect());
@@ -23,13 +29,24 @@ pub fn creased(mesh: &Mesh, degrees: f64) -> Result<Mesh> {
         (Some(a), Some(b)) => a.dot(b) >= least,
         _ => false,
     };
+    let same = SAME_NORMAL.to_radians().cos();
+    let unit = |corner: u32| {
+        let normal = given.get(corner as usize / 3)?[corner as usize % 3];
+        DVec3::from(normal.map(f64::from)).try_normalize()
+    };
     let edges = edges(&welded);
     for edge in edges.chunk_by(|a, b| a.0 == b.0) {
         for (i, (ends, first)) in edge.iter().enumerate() {
             for (_, second) in edge.iter().skip(i + 1).take(MOST_AT_AN_EDGE) {
-                if is_smooth(*first as usize, *second as usize) {
-                    for end in [ends.0, ends.1] {
-                        groups.join(corner(&welded, *first, end), corner(&welded, *second, end));
+                let bends_little = is_smooth(*first as usize, *second as usize);
+                for end in [ends.0, ends.1] {
+                    let [a, b] = [first, second].map(|triangle| corner(&welded, *triangle, end));
+                    let is_one = match (unit(a), unit(b)) {
+                        (Some(a), Some(b)) => a.dot(b) >= same,
+                        _ => bends_little,
+                    };
+                    if is_one {
+                        groups.join(a, b);
                     }
                 }
             }
@@ -135,7 +152,7 @@ mod tests {
     fn edges_are_kept_and_seams_are_not() {
         let cube = cube();
         for (degrees, vertices) in [(40.0, 24), (89.0, 24), (91.0, 8), (180.0, 8)] {
-            let creased = creased(&cube, degrees).unwrap();
+            let creased = creased(&cube, &[], degrees).unwrap();
             assert_eq!(creased.positions().len(), vertices, "{degrees}");
             assert_eq!(corners(&creased), corners(&cube));
         }
@@ -144,7 +161,7 @@ mod tests {
         let apart = corners(&sphere).concat();
         let triangles = (0..apart.len() as u32 / 3).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
         let apart = Mesh::new(apart, triangles).unwrap();
-        assert_eq!(creased(&apart, 40.0).unwrap().positions().len(), sphere.positions().len());
+        assert_eq!(creased(&apart, &[], 40.0).unwrap().positions().len(), sphere.positions().len());
     }
 
     #[test]
@@ -152,9 +169,22 @@ mod tests {
         let sphere = shapes::icosphere(1).unwrap();
         let colors: Vec<[f32; 3]> = sphere.positions().iter().map(|p| p.map(f32::abs)).collect();
         let colored = sphere.with_appearance(Appearance::VertexColors(colors)).unwrap();
-        let creased = creased(&colored, 10.0).unwrap();
+        let creased = creased(&colored, &[], 10.0).unwrap();
         let Appearance::VertexColors(found) = creased.appearance() else { unreachable!() };
         assert!(found.len() > colored.positions().len());
         assert!(found.iter().zip(creased.positions()).all(|(color, p)| *color == p.map(f32::abs)));
+    }
+
+    #[test]
+    fn normals_of_a_file_decide_where_it_has_any() {
+        let cube = cube();
+        let from_center = |i: u32| cube.positions()[i as usize].map(|x| x - 0.5);
+        let round: Vec<_> = cube.triangles().iter().map(|t| t.map(from_center)).collect();
+        let flat: Vec<_> =
+            cube.triangles().iter().map(|t| [normal(&cube, *t).unwrap().as_vec3().to_array(); 3]).collect();
+        let vertices = |given: &[[[f32; 3]; 3]], degrees| creased(&cube, given, degrees).unwrap().positions().len();
+        assert_eq!((vertices(&round, 40.0), vertices(&flat, 180.0)), (8, 24));
+        // Without normals at the corners the angle decides.
+        assert_eq!(vertices(&[[[0.0; 3]; 3]; 12], 40.0), 24);
     }
 }

@@ -37,7 +37,7 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let loaded = args.read.read(&args.mesh, !args.look.raw, &outputs)?;
     let mut notes = loaded.notes;
     let camera = upright(args, &loaded.mesh, &mut notes);
-    let mut stage = Stage::new(args, camera, loaded.mesh, samples)?;
+    let mut stage = Stage::new(args, camera, loaded.mesh, &loaded.normals, samples)?;
     if stage.view(0.0).misses(stage.bounds) {
         notes.push("the mesh lies wholly outside the depths that this camera draws".into());
         notes.last().into_iter().for_each(|text| note(text));
@@ -166,7 +166,13 @@ struct Stage<'a> {
 }
 
 impl<'a> Stage<'a> {
-    fn new(args: &'a RenderArgs, camera: CameraArgs, mesh: Mesh, samples: u32) -> Result<Self, Failure> {
+    fn new(
+        args: &'a RenderArgs,
+        camera: CameraArgs,
+        mesh: Mesh,
+        normals: &[[[f32; 3]; 3]],
+        samples: u32,
+    ) -> Result<Self, Failure> {
         let mut renderer = super::open_device(args.device.as_deref())?;
         renderer.time_stages(true);
         let (bounds, vertices) = (Bounds::of(&mesh), mesh.positions().len());
@@ -177,7 +183,10 @@ impl<'a> Stage<'a> {
             Fit::Sphere => View::new(&camera, bounds, aspect, 0.0),
         };
         let mesh = match args.light.shading {
-            args::Shading::Smooth => crease::creased(&mesh, args.crease)?,
+            args::Shading::Smooth => match args.crease {
+                Some(degrees) => crease::creased(&mesh, &[], degrees)?,
+                None => crease::creased(&mesh, normals, crease::DEFAULT)?,
+            },
             args::Shading::Flat => mesh,
         };
         Ok(Self { args, camera, bounds, first, scene: Scene::new(mesh), vertices, renderer, samples })
