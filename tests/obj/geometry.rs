@@ -44,14 +44,17 @@ fn polygons_are_cut_in_their_plane() {
     let quad = quiet("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n");
     assert_eq!(quad.triangles(), [[0, 1, 2], [0, 2, 3]]);
     // Concave at vertex 4: a fan from vertex 1 would leave the polygon.
-    let arrow = quiet("v 0 0 0\nv 0 4 0\nv 0 4 4\nv 0 2 1\nv 0 0 4\nf 1 2 3 4 5\n");
-    let area = |t: &[u32; 3]| {
-        let [a, b, c] = t.map(|i| glam::Vec3::from(arrow.positions()[i as usize]));
-        (b - a).cross(c - a).x / 2.0
-    };
-    assert_eq!(arrow.triangles().len(), 3);
-    assert!(arrow.triangles().iter().all(|t| area(t) > 0.0));
-    assert_eq!(arrow.triangles().iter().map(area).sum::<f32>(), 10.0);
+    // Seen from either side, with its normal along +x and along -x, it is cut and its triangles keep its side.
+    for (face, side) in [("f 1 2 3 4 5", 1.0), ("f 5 4 3 2 1", -1.0)] {
+        let arrow = quiet(format!("v 0 0 0\nv 0 4 0\nv 0 4 4\nv 0 2 1\nv 0 0 4\n{face}\n"));
+        let area = |t: &[u32; 3]| {
+            let [a, b, c] = t.map(|i| glam::Vec3::from(arrow.positions()[i as usize]));
+            (b - a).cross(c - a).x / 2.0
+        };
+        assert_eq!(arrow.triangles().len(), 3);
+        assert!(arrow.triangles().iter().all(|t| side * area(t) > 0.0), "{face}");
+        assert_eq!(arrow.triangles().iter().map(area).sum::<f32>(), side * 10.0);
+    }
     let bow_tie = load_text("v 0 0 0\nv 1 1 0\nv 1 0 0\nv 0 1 0\nf 1 2 3 4\n").unwrap();
     assert_eq!(bow_tie.mesh.triangles().len(), 2);
     assert_note(&bow_tie.notes, &["line 5", "cross themselves", "1 in all"]);
