@@ -13,6 +13,7 @@ mod numpy;
 mod official;
 #[path = "../../../../tests/official/mod.rs"]
 mod official_equations;
+mod readme;
 mod render;
 mod views;
 
