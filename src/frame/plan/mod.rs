@@ -5,10 +5,11 @@
 //! pixels) over all views, C and L the capacities of the bins' and the tiles' lists, Q the texels of a shading record (4; +2
 //! with textures, +3 with normals):
 //!
-//! `32 V + (32 V smooth) + 96 S + 16 Q S + B S/8 + 8 N + 12⅛ C + 36 T + 4 L + 16 P colour, or 4 P silhouette alone,
+//! `32 V + (32 V smooth) + 96 S + 16 Q S + B S/8 + 8 N + 12¼ C + 52 T + 4 L + 16 P colour, or 4 P silhouette alone,
 //! + 4 P depth + 16 P normal`, and for backward `16 P + 8 T + 8 S` and 8 a cell (64×32 pixels) that a box has beyond its first.
 //!
-//! On a software device, for views of more than some 45,000 records, there are 1680 for each tile, of at most 4096.
+//! On a software device, for views of more than some 45,000 records, lists without room are walked in turns, which takes 1684
+//! more for each tile of at most 4096.
 //!
 //! Nothing grows with pixels × triangles.
 
