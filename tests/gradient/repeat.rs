@@ -307,7 +307,7 @@ fn wrong_uses_are_refused() {
     let wanted = Wanted::default();
     let not_saved = Settings { save: false, ..case.settings.clone() };
     let frame = renderer.render(&case.scene, &case.cameras, &not_saved).unwrap();
-    assert_refused(renderer.backward(&frame, &upstream, &wanted), "Settings::save");
+    assert_refused(renderer.backward(&frame, &upstream, &wanted), "Renderer::render_saved");
 
     let stale = renderer.render(&case.scene, &case.cameras, &case.settings).unwrap();
     let latest = renderer.render(&case.scene, &case.cameras, &case.settings).unwrap();
