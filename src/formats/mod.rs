@@ -85,8 +85,8 @@ fn format(path: &Path) -> Result<Option<Format>> {
 
 #[cfg(feature = "formats")]
 fn load_bytes(format: Format, path: &Path, options: &LoadOptions) -> Result<Loaded> {
-    let bytes = obj::statement::read_bytes(path)?;
     let mut source = obj::Source::new(path, options);
+    let bytes = source.read_bytes(path)?;
     let mesh = match format {
         Format::Ply => ply::read(&mut source, bytes),
         Format::Stl => stl::read(&mut source, bytes),

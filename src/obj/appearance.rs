@@ -94,7 +94,7 @@ fn textured(
     triangles: &mut Triangles,
     material_of_face: &[Option<&Material>],
 ) -> Option<Appearance> {
-    let mut textures = Textures::new();
+    let mut textures = Textures::new(source.room());
     let mut by_kind: HashMap<(Option<usize>, bool), u32> = HashMap::new();
     let mut texture_of_face = Vec::with_capacity(obj.faces.len());
     let mut any_file = false;

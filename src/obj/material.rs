@@ -5,8 +5,7 @@
 use super::{
     Source,
     find::find,
-    notes::Notes,
-    statement::{Statement, read_text, statements},
+    statement::{self, Statement, statements},
 };
 use crate::{error::Error, scene::Wrap};
 use std::{
@@ -88,7 +87,7 @@ pub(super) fn read_libraries(source: &mut Source, libraries: &[(String, usize)])
                 }
             };
             if known.insert(mtl.canonicalize().unwrap_or_else(|_| mtl.clone())) {
-                read_library(&mtl, &mut materials, &mut source.notes);
+                read_library(source, &mtl, &mut materials);
                 source.files.push(mtl);
             }
         }
@@ -97,8 +96,10 @@ pub(super) fn read_libraries(source: &mut Source, libraries: &[(String, usize)])
 }
 
 /// A statement that is wrong is left out with a note.
-fn read_library(mtl: &Path, materials: &mut Materials, notes: &mut Notes) {
-    let text = match read_text(mtl) {
+fn read_library(source: &mut Source, mtl: &Path, materials: &mut Materials) {
+    let read = source.read_bytes(mtl).and_then(|bytes| statement::text(mtl, bytes));
+    let notes = &mut source.notes;
+    let text = match read {
         Ok(text) => text,
         Err(error) => {
             let what = if let Error::File { what, .. } = error { what } else { error.to_string() };

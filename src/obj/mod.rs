@@ -19,7 +19,11 @@ mod write;
 
 pub use write::write_obj;
 
-use crate::{error::Result, scene::Mesh};
+use crate::{
+    error::{Error, Result},
+    files::input,
+    scene::Mesh,
+};
 use notes::Notes;
 use std::path::{Path, PathBuf};
 
@@ -33,6 +37,9 @@ pub struct LoadOptions {
     pub allow_outside: bool,
     /// Refuse a file of which something is not kept, instead of telling it in [`Loaded::notes`].
     pub strict: bool,
+    /// The most bytes of memory that the mesh with its materials and textures may take, counted before they are read; `None`:
+    /// what the sizes of the files allow.
+    pub memory: Option<u64>,
 }
 
 /// A mesh, and notes on what was not kept of its file.
@@ -58,11 +65,39 @@ pub(crate) struct Source<'a> {
     pub notes: Notes,
     /// As in [`Loaded`].
     pub files: Vec<PathBuf>,
+    /// Bytes of memory that the files still to be read may take.
+    left: u64,
 }
+
+/// Bytes of memory that a byte of a mesh or material file takes, at most.
+const MEMORY_PER_BYTE: u64 = 24;
 
 impl<'a> Source<'a> {
     pub fn new(path: &'a Path, options: &'a LoadOptions) -> Self {
-        Self { path, options, notes: Notes::new(path), files: vec![path.into()] }
+        let left = options.memory.unwrap_or(u64::MAX);
+        Self { path, options, notes: Notes::new(path), files: vec![path.into()], left }
+    }
+
+    /// Reads a file whole, of a size whose content the memory left can hold.
+    ///
+    /// # Errors
+    /// As [`input::open`]; [`Error::File`](crate::Error::File) for a larger file.
+    pub fn read_bytes(&mut self, path: &Path) -> Result<Vec<u8>> {
+        let bytes = input::open(path)?.metadata().map_or(0, |metadata| metadata.len());
+        let needed = bytes.saturating_mul(MEMORY_PER_BYTE);
+        if needed > self.left {
+            let [needed, left] = [needed, self.left].map(|bytes| bytes.div_ceil(1 << 20));
+            let what = format!("takes up to {needed} MiB of memory, and {left} MiB are left");
+            let fix = "allow more memory (--memory in the command), or give smaller files".into();
+            return Err(Error::File { path: path.into(), line: None, what, fix });
+        }
+        self.left -= needed;
+        statement::read_bytes(path)
+    }
+
+    /// How many texels the mesh's first image may have.
+    pub fn room(&self) -> textures::Room {
+        textures::Room::within(self.left)
     }
 
     /// # Errors
@@ -95,7 +130,7 @@ impl<'a> Source<'a> {
 /// [`Error::File`]: crate::Error::File
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let mut source = Source::new(path, options);
-    let text = statement::read_text(path)?;
+    let text = statement::text(path, source.read_bytes(path)?)?;
     let mut obj = parse::parse(&mut source, &text)?;
     drop(text);
     let mut triangles = triangles::triangulate(path, &obj, &mut source.notes)?;

@@ -10,13 +10,12 @@ use std::{borrow::Cow, path::Path};
 const MAX_BYTES: u64 = 1 << 32;
 
 /// Reads a whole regular file.
-pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>> {
+pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>> {
     input::read(path, MAX_BYTES)
 }
 
-/// Reads a whole text file; bytes that are not UTF-8 (names in an old code page) become replacement characters.
-pub(super) fn read_text(path: &Path) -> Result<String> {
-    let bytes = read_bytes(path)?;
+/// The text of a file; bytes that are not UTF-8 (names in an old code page) become replacement characters.
+pub(super) fn text(path: &Path, bytes: Vec<u8>) -> Result<String> {
     if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
         let (what, fix) = ("UTF-16 text".into(), "save the file as UTF-8".into());
         return Err(Error::File { path: path.into(), line: None, what, fix });

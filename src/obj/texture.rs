@@ -12,7 +12,7 @@ use std::{
 const MAX_SIDE: u32 = 16384;
 
 /// Bytes of a pixel while it is decoded and converted: up to eight as it is in the file, twelve as three floats.
-const BYTES_PER_PIXEL: u64 = 20;
+pub(super) const BYTES_PER_PIXEL: u64 = 20;
 
 /// The file of the image that a material names; `None`, with a note, where there is none in the mesh's folder.
 pub(super) fn locate(source: &mut Source, map: &Map) -> Option<PathBuf> {

@@ -1,5 +1,6 @@
 //! The images of a mesh, each once.
 
+use super::texture::BYTES_PER_PIXEL;
 use crate::scene::Texture;
 use std::{
     collections::{HashMap, hash_map::Entry},
@@ -16,18 +17,22 @@ const TEXELS_PER_BYTE: u64 = 16;
 /// How many texels the next image of a mesh may have.
 #[derive(Clone, Copy)]
 pub(crate) struct Room {
+    /// The most texels of all images.
+    most: u64,
     /// Texels of the images before it.
     taken: u64,
 }
 
 impl Room {
-    /// For the first or only image.
-    pub const WHOLE: Self = Self { taken: 0 };
+    /// For the first or only image, where all of them may take so many bytes of memory.
+    pub fn within(memory: u64) -> Self {
+        Self { most: MAX_TEXELS.min(memory / BYTES_PER_PIXEL), taken: 0 }
+    }
 
     /// The most texels of an image whose file has so many bytes.
     pub fn texels(self, bytes: u64) -> u64 {
         let by_size = FREE_TEXELS.saturating_sub(self.taken).saturating_add(bytes.saturating_mul(TEXELS_PER_BYTE));
-        by_size.min(MAX_TEXELS.saturating_sub(self.taken))
+        by_size.min(self.most.saturating_sub(self.taken))
     }
 }
 
@@ -36,13 +41,12 @@ pub(crate) struct Textures<K> {
     pub images: Vec<Texture>,
     /// The index of each image; `None` for one that cannot be read.
     by_key: HashMap<K, Option<u32>>,
-    /// The texels of all images.
-    texels: u64,
+    room: Room,
 }
 
 impl<K: Eq + Hash> Textures<K> {
-    pub fn new() -> Self {
-        Self { images: Vec::new(), by_key: HashMap::new(), texels: 0 }
+    pub fn new(room: Room) -> Self {
+        Self { images: Vec::new(), by_key: HashMap::new(), room }
     }
 
     /// The index of an image; a new one is made, with at most so many texels as `make` is told.
@@ -50,9 +54,9 @@ impl<K: Eq + Hash> Textures<K> {
         match self.by_key.entry(key) {
             Entry::Occupied(known) => *known.get(),
             Entry::Vacant(unknown) => {
-                let image = make(Room { taken: self.texels });
+                let image = make(self.room);
                 let index = image.map(|image| {
-                    self.texels += image.texels().len() as u64;
+                    self.room.taken += image.texels().len() as u64;
                     self.images.push(image);
                     self.images.len() as u32 - 1
                 });

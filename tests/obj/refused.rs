@@ -211,6 +211,33 @@ fn files_outside_the_folder_are_read_only_on_request() {
     }
 }
 
+/// The mesh, then its materials, then its textures, each from what the others left.
+#[test]
+fn files_are_counted_against_one_memory() {
+    let image = image::DynamicImage::new_rgb8(16, 16);
+    let mut png = std::io::Cursor::new(Vec::new());
+    image.write_to(&mut png, image::ImageFormat::Png).unwrap();
+    let mtl = "newmtl t\nKd 0 0 1\nmap_Kd t.png\n";
+    let folder =
+        folder(&[("mesh.obj", TEXTURED.as_bytes()), ("mesh.mtl", mtl.as_bytes()), ("t.png", png.get_ref().as_slice())]);
+    let within = |memory: usize| {
+        let options = LoadOptions { memory: Some(memory as u64), ..LoadOptions::default() };
+        load(&folder.path().join("mesh.obj"), &options)
+    };
+    let (obj, mtl, texels) = (24 * TEXTURED.len(), 24 * mtl.len(), 20 * 16 * 16);
+    assert_refused(within(obj - 1).unwrap_err(), "mesh.obj", None, &["MiB of memory"]);
+    let white = within(obj).unwrap();
+    assert_note(&white.notes, &["mesh.mtl", "of memory", "white"]);
+    let blue = within(obj + mtl + texels - 1).unwrap();
+    assert_note(&blue.notes, &["t.png", "16×16", "Kd"]);
+    assert_eq!(
+        [white, blue].map(|loaded| loaded.mesh.appearance().clone()),
+        [[1.0; 3], [0.0, 0.0, 1.0]].map(Appearance::Uniform)
+    );
+    let whole = within(obj + mtl + texels).unwrap();
+    assert!(whole.notes.is_empty() && matches!(whole.mesh.appearance(), Appearance::Textured { .. }), "{whole:?}");
+}
+
 #[test]
 fn unreadable_files_name_themselves() {
     let folder = tempfile::tempdir().unwrap();

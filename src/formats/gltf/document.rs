@@ -1,6 +1,6 @@
 //! The parts of a glTF file and the buffers that it names.
 
-use crate::obj::{Source, find::find, statement::read_bytes};
+use crate::obj::{Source, find::find};
 use base64::{Engine, engine::general_purpose::STANDARD};
 use gltf_json as json;
 use std::{borrow::Cow, collections::HashMap, path::PathBuf, rc::Rc};
@@ -76,7 +76,7 @@ impl<'a> Document<'a> {
         if let Some(known) = self.files.get(&path) {
             return Ok(known.clone());
         }
-        let bytes: Rc<Cow<[u8]>> = Rc::new(Cow::Owned(read_bytes(&path).map_err(|error| error.to_string())?));
+        let bytes: Rc<Cow<[u8]>> = Rc::new(Cow::Owned(source.read_bytes(&path).map_err(|error| error.to_string())?));
         self.held += bytes.len();
         source.files.push(path.clone());
         self.files.insert(path, bytes.clone());

@@ -76,7 +76,7 @@ pub(super) fn textures(
     pieces: &[Piece],
 ) -> Result<Option<Textured>, String> {
     let root = document.root;
-    let mut textures = Textures::new();
+    let mut textures = Textures::new(source.room());
     let mut any_image = false;
     let mut of_piece = Vec::with_capacity(pieces.len());
     for piece in pieces {

@@ -11,7 +11,6 @@ use crate::{
         parse::FARTHEST_UV,
         polygon,
         texture::{self, Decoded, linear_from_srgb},
-        textures::Room,
     },
     scene::{Appearance, Mesh, Texture, Wrap},
 };
@@ -251,7 +250,7 @@ fn texture(source: &mut Source, name: &str) -> Option<Texture> {
         source.notes.add(None, format!("texture {note}"));
     }
     let reader = ImageReader::open(&path).map_err(|error| error.to_string());
-    match reader.and_then(|reader| texture::decode(reader, source.options.srgb, Room::WHOLE)) {
+    match reader.and_then(|reader| texture::decode(reader, source.options.srgb, source.room())) {
         Ok(Decoded { width, height, texels, is_transparent }) => {
             if is_transparent {
                 source.notes.add(None, format!("texture {}: transparency is not drawn", path.display()));

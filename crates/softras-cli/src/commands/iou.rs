@@ -1,5 +1,6 @@
 //! `softras iou`: the intersection over union of the volumes of two meshes.
 
+use super::memory::Budget;
 use super::mesh_file::ReadArgs;
 use super::outputs::Outputs;
 use super::{Failure, note, say};
@@ -37,7 +38,8 @@ pub struct IouArgs {
 
 /// Runs the command.
 pub fn run(args: &IouArgs) -> Result<(), Failure> {
-    let [a, b] = [load(args, &args.a)?, load(args, &args.b)?];
+    let budget = Budget::new(&args.read.memory);
+    let [a, b] = [load(args, &args.a, &budget)?, load(args, &args.b, &budget)?];
     let resolution = args.resolution as usize;
     let iou = voxel_iou(&a, &b, resolution)?;
     if !args.json {
@@ -51,8 +53,8 @@ pub fn run(args: &IouArgs) -> Result<(), Failure> {
     say(&report.to_string())
 }
 
-fn load(args: &IouArgs, path: &Path) -> Result<Mesh, Failure> {
-    let mesh = args.read.read(path, false, &Outputs::default())?.mesh;
+fn load(args: &IouArgs, path: &Path, budget: &Budget) -> Result<Mesh, Failure> {
+    let mesh = args.read.read(path, false, &Outputs::default(), budget)?.mesh;
     if !is_closed(&mesh) {
         note(&format!("{} is not closed: its inside is where most rays say so", path.display()));
     }

@@ -16,8 +16,8 @@ const UNKNOWN: u64 = 8 << 30;
 /// How much memory the files may take.
 #[derive(Args, Clone, Copy, Debug, Default)]
 pub struct MemoryArgs {
-    /// The most memory that the input files may take, as 512M or 8G [default: 640M and 128 bytes for each byte of the
-    /// files, but not over half of the machine's memory]
+    /// The most memory that the input files may take, as 512M or 8G [default: as the sizes of the files allow, mostly 640M
+    /// and 128 bytes for each of their bytes, but not over half of the machine's memory]
     #[arg(long, value_name = "SIZE", value_parser = parse::bytes)]
     pub memory: Option<u64>,
 }
@@ -48,6 +48,11 @@ impl Budget {
         if self.asked.is_none() {
             self.set(self.most.get().saturating_add(bytes.saturating_mul(PER_BYTE)));
         }
+    }
+
+    /// The bytes that are left of those that the user allowed; `None` where the user did not say how many.
+    pub fn left(&self) -> Option<u64> {
+        self.asked.map(|_| self.most.get() - self.claimed.get())
     }
 
     /// Claims bytes for something of a file.

@@ -1,9 +1,12 @@
 //! Reads mesh files for all commands.
 
+use super::memory::{Budget, MemoryArgs};
 use super::outputs::Outputs;
 use super::{Failure, detail, note};
 use clap::Args;
+use softras::Mesh;
 use softras::obj::{LoadOptions, Loaded};
+use softras::scene::Appearance;
 use std::path::Path;
 
 /// How mesh files are read.
@@ -15,14 +18,20 @@ pub struct ReadArgs {
     /// Refuse a mesh file of which something cannot be drawn, in place of printing a note
     #[arg(long)]
     pub strict: bool,
+    #[command(flatten)]
+    pub memory: MemoryArgs,
 }
 
 impl ReadArgs {
-    /// Reads a mesh and prints the notes on it. None of the files read may be one that will be written. Textures are
-    /// decoded from sRGB if so asked.
-    pub fn read(self, path: &Path, srgb: bool, outputs: &Outputs) -> Result<Loaded, Failure> {
-        let options = LoadOptions { srgb, allow_outside: self.allow_outside, strict: self.strict };
+    /// Reads a mesh within the budget and prints the notes on it. None of the files read may be one that will be written.
+    /// Textures are decoded from sRGB if so asked.
+    pub fn read(self, path: &Path, srgb: bool, outputs: &Outputs, budget: &Budget) -> Result<Loaded, Failure> {
+        let options =
+            LoadOptions { srgb, allow_outside: self.allow_outside, strict: self.strict, memory: budget.left() };
         let loaded = softras::load(path, &options)?;
+        if options.memory.is_some() {
+            budget.claim(path, "the mesh", held(&loaded.mesh))?;
+        }
         outputs.spare(&loaded.files)?;
         loaded.notes.iter().for_each(|text| note(text));
         for file in &loaded.files {
@@ -32,4 +41,15 @@ impl ReadArgs {
         detail(&format!("{} vertices, {} triangles", mesh.positions().len(), mesh.triangles().len()));
         Ok(loaded)
     }
+}
+
+/// Bytes of a mesh in memory, without what is small beside the rest.
+fn held(mesh: &Mesh) -> u64 {
+    let texels = match mesh.appearance() {
+        Appearance::Surface { texels, .. } => texels.len(),
+        Appearance::Textured { textures, .. } => textures.iter().map(|texture| texture.texels().len()).sum(),
+        Appearance::VertexColors(colors) => colors.len(),
+        Appearance::Uniform(_) => 0,
+    };
+    12 * (mesh.positions().len() + mesh.triangles().len() + texels) as u64
 }

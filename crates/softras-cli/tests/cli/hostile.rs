@@ -147,6 +147,35 @@ fn pictures_out_of_proportion_are_refused() {
     refused(folder.path(), &["pose", "--mesh", "cube.obj", "--image", "a.png"], &["a.png", "--memory"]);
 }
 
+/// Every command that reads meshes counts them, and with them their materials and textures.
+#[test]
+fn meshes_are_counted_by_every_command() {
+    let folder = tempfile::tempdir().unwrap();
+    succeeds(folder.path(), &["mesh", "fish", "-o", "fish.obj"]);
+    image::RgbaImage::new(8, 8).save(folder.path().join("a.png")).unwrap();
+    for arguments in [
+        &["render", "fish.obj", "-o", "o.png"][..],
+        &["iou", "fish.obj", "fish.obj"],
+        &["bench", "fish.obj"],
+        &["grad", "fish.obj", "--target", "a.png", "-o", "o.png"],
+        &["pose", "--mesh", "fish.obj", "--image", "a.png"],
+        &["fit", "--from", "fish.obj", "-o", "o.obj"],
+        &["fit", "--from", "fish.obj", "--template", "fish.obj", "-o", "o.obj"],
+    ] {
+        let little = [arguments, &["--memory", "1M"]].concat();
+        refused(folder.path(), &little, &["fish.obj", "MiB of memory", "--memory"]);
+    }
+    // Room for one mesh of two, and for a mesh but not for its texture.
+    let iou = ["iou", "fish.obj", "fish.obj", "--memory"];
+    let bytes = fs::metadata(folder.path().join("fish.obj")).unwrap().len();
+    let (one, two) = ((24 * bytes + (1 << 16)).to_string(), "1G");
+    refused(folder.path(), &[&iou[..], &[&one]].concat(), &["fish.obj", "--memory"]);
+    succeeds(folder.path(), &[&iou[..], &[two]].concat());
+    let render = ["render", "fish.obj", "-o", "o.png", "--size", "8", "--strict", "--memory"];
+    refused(folder.path(), &[&render[..], &[&one]].concat(), &["fish_texture.png", "pixels"]);
+    succeeds(folder.path(), &[&render[..], &[two]].concat());
+}
+
 /// A pipe that nobody writes into, wherever a file is read.
 #[cfg(unix)]
 #[test]

@@ -5,6 +5,7 @@ mod machine;
 mod plots;
 mod rows;
 
+use super::memory::Budget;
 use super::outputs::Outputs;
 use super::progress::Progress;
 use super::{Failure, say};
@@ -133,7 +134,7 @@ fn size_rows(
 /// The given mesh, or the built-in ones.
 fn meshes(args: &BenchArgs, outputs: &Outputs) -> Result<Vec<(String, Mesh)>, Failure> {
     if let Some(path) = &args.mesh {
-        let loaded = args.read.read(path, false, outputs)?;
+        let loaded = args.read.read(path, false, outputs, &Budget::new(&args.read.memory))?;
         let name = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
         return Ok(vec![(name, loaded.mesh)]);
     }

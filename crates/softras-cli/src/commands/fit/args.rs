@@ -1,7 +1,6 @@
 //! The arguments of `softras fit`.
 
 use crate::commands::Failure;
-use crate::commands::memory::MemoryArgs;
 use crate::commands::mesh_file::ReadArgs;
 use crate::commands::parse;
 use crate::commands::render::args::{Faces, Shading};
@@ -84,8 +83,6 @@ pub struct FitArgs {
     pub method: MethodArgs,
     #[command(flatten)]
     pub files: FileArgs,
-    #[command(flatten)]
-    pub memory: MemoryArgs,
     /// The Vulkan device: its index or a part of its name [default: the best one]
     #[arg(long, value_name = "DEVICE")]
     pub device: Option<String>,

@@ -114,7 +114,7 @@ impl Work {
         let begin = |mesh: Mesh| ShapeFit::new(mesh, args.lights(), setup.options.clone());
         let (mut fit, mut next) = (begin(setup.template.clone())?, 0);
         if let Some(path) = args.files.checkpoint.as_ref().filter(|path| args.files.resume && path.exists()) {
-            let (step, mesh, state) = checkpoint::read(path, Budget::new(&args.memory))?;
+            let (step, mesh, state) = checkpoint::read(path, Budget::new(&args.read.memory))?;
             fit = begin(setup.resumed(step, mesh)?)?;
             fit.restore(state)?;
             next = step;

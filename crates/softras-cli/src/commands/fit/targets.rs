@@ -45,18 +45,18 @@ impl Views {
     /// Reads or renders the views that the arguments ask for, and reads the mesh to begin with. None of the files read may
     /// be one that will be written.
     pub fn read(args: &FitArgs, written: &Files, renderer: &mut Renderer) -> Result<Self, Failure> {
+        let budget = Budget::new(&args.read.memory);
         let template = match args.template.as_str() {
             "sphere" => None,
-            path => Some(args.read.read(Path::new(path), true, written)?.mesh),
+            path => Some(args.read.read(Path::new(path), true, written, &budget)?.mesh),
         };
         let views = args.views.as_deref();
         if let Some(path) = &args.from {
             let count = args.count_of_views()?;
-            let mesh = args.read.read(path, true, written)?.mesh;
+            let mesh = args.read.read(path, true, written, &budget)?.mesh;
             return Ok(Self::made(args, mesh, template, count, renderer)?);
         }
         let path = Path::new(views.unwrap_or_default());
-        let budget = Budget::new(&args.memory);
         let mut files = vec![path.to_path_buf()];
         files.extend(args.cameras.clone());
         let targets =

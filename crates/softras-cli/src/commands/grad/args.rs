@@ -1,7 +1,6 @@
 //! The arguments of `softras grad`.
 
 use crate::commands::gradients::Mode;
-use crate::commands::memory::MemoryArgs;
 use crate::commands::mesh_file::ReadArgs;
 use crate::commands::parse;
 use crate::commands::render::args::{BackgroundMode, CameraArgs, LightArgs, LookArgs, ModeArgs, Support};
@@ -57,8 +56,6 @@ pub struct GradArgs {
     pub light: LightArgs,
     #[command(flatten)]
     pub modes: ModeArgs,
-    #[command(flatten)]
-    pub memory: MemoryArgs,
 }
 
 /// The softness of the image. By default it is much softer than a picture, so that gradients reach far.

@@ -31,9 +31,9 @@ pub fn run(args: &GradArgs) -> Result<(), Failure> {
     outputs.spare([&args.target_image])?;
     let start = Instant::now();
     let curve = if args.soft.raw { super::color::Curve::Raw } else { super::color::Curve::Srgb };
-    let budget = Budget::new(&args.memory);
+    let budget = Budget::new(&args.read.memory);
     let target = Target::read(&args.target_image, curve, args.soft.background.numbers(curve), &budget)?;
-    let loaded = args.read.read(&args.mesh, !args.soft.raw, &outputs)?;
+    let loaded = args.read.read(&args.mesh, !args.soft.raw, &outputs, &budget)?;
     let bounds = Bounds::of(&loaded.mesh);
     let view = View::new(&args.camera, bounds, target.width as f64 / target.height as f64, 0.0);
     if view.misses(bounds) {

@@ -1,6 +1,5 @@
 //! The arguments of `softras pose`.
 
-use crate::commands::memory::MemoryArgs;
 use crate::commands::mesh_file::ReadArgs;
 use crate::commands::parse;
 use crate::commands::render::args::CameraArgs;
@@ -48,8 +47,6 @@ pub struct PoseArgs {
     #[arg(long, value_name = "X,Y,Z,DEGREES[,X,Y,Z]", value_parser = init, num_args = 0..=1, default_missing_value = "0,1,0,0",
           conflicts_with_all = ["starts", "benchmark"])]
     pub init: Option<Pose>,
-    #[command(flatten)]
-    pub memory: MemoryArgs,
     /// Number of poses to start from, spread over all rotations
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024), default_value_t = 32)]
     pub starts: u32,

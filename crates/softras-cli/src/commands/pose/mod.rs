@@ -29,10 +29,10 @@ pub fn run(args: &PoseArgs) -> Result<(), Failure> {
     let mut renderer = super::open_device(args.device.as_deref())?;
     match (&args.mesh, &args.image) {
         (Some(mesh), Some(image)) => {
-            let budget = Budget::new(&args.memory);
+            let budget = Budget::new(&args.read.memory);
             let (width, height, pixels) = targets::read_picture(image, &budget, bytes_per_pixel(args))?;
             outputs.spare([image])?;
-            let mesh = args.read.read(mesh, true, &outputs)?.mesh;
+            let mesh = args.read.read(mesh, true, &outputs, &budget)?.mesh;
             find(args, &mesh, &Target::new(width, height, &pixels), &mut renderer)
         }
         _ => benchmark::run(args, &mut renderer),

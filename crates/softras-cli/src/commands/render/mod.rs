@@ -15,6 +15,7 @@ pub mod sheet;
 mod solid;
 mod standing;
 
+use super::memory::Budget;
 use super::outputs::Outputs;
 use super::progress::Progress;
 use super::{Failure, note};
@@ -34,7 +35,7 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let samples = samples(args, &targets)?;
     look::validate_alpha(args)?;
     let start = Instant::now();
-    let loaded = args.read.read(&args.mesh, !args.look.raw, &outputs)?;
+    let loaded = args.read.read(&args.mesh, !args.look.raw, &outputs, &Budget::new(&args.read.memory))?;
     let mut notes = loaded.notes;
     let camera = upright(args, &loaded.mesh, &mut notes);
     let mut stage = Stage::new(args, camera, loaded.mesh, &loaded.normals, samples)?;
