@@ -5,6 +5,7 @@
 // The example brings the engine along, and so does the tests' host.
 #![allow(clippy::duplicate_mod)]
 
+mod alignment;
 mod ash_example;
 #[path = "../common/mod.rs"]
 mod common;

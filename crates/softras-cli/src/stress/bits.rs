@@ -1,6 +1,7 @@
 //! The bits of frames and gradients: equal between two runs, and never those of NaN or infinity.
 
 use softras::{Frame, Gradients};
+use std::hash::{DefaultHasher, Hasher};
 
 /// The bits of all values of a frame's images.
 pub(super) fn bits(frame: &Frame) -> impl Iterator<Item = u32> {
@@ -55,6 +56,14 @@ pub(super) fn not_finite(gradients: &Gradients) -> Option<String> {
 pub(super) fn gradient_bits(gradients: &Gradients) -> impl Iterator<Item = u64> {
     let arrays = arrays(gradients).into_iter().flat_map(|(_, values)| values.iter().map(|x| x.to_bits().into()));
     arrays.chain(numbers(gradients).into_iter().map(|(_, x)| x.to_bits()))
+}
+
+/// A fingerprint of the bits of all images and gradients.
+pub fn fingerprint(frame: &Frame, gradients: &Gradients) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    bits(frame).for_each(|word| hasher.write_u32(word));
+    gradient_bits(gradients).for_each(|word| hasher.write_u64(word));
+    hasher.finish()
 }
 
 #[cfg(test)]

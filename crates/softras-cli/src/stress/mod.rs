@@ -17,6 +17,7 @@ mod shrink;
 mod soup;
 
 pub use crate::random::Random;
+pub use bits::fingerprint;
 pub use draw::{Case, Kind, at, batch, case, form};
 pub use form::FORMS;
 pub use promise::{Promise, image_error};

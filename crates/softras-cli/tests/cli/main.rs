@@ -15,6 +15,7 @@ mod official;
 mod official_equations;
 mod readme;
 mod render;
+mod stress;
 mod views;
 
 use command::{fails, softras, succeeds};

@@ -33,6 +33,7 @@ Examples:
   softras stress --cases 1000000 --batch 64       # many scenes, 64 in one submission
   softras stress --cases 10000 --realistic
   softras stress --cases 0 --load 100000          # a check that memory does not grow
+  softras stress --cases 0 --load 72000 --jobs 12 --renderers 6
   softras stress --cases 0 --map accuracy.svg     # error over the sigma-gamma plane")]
 pub struct StressArgs {
     /// Number of scenes
@@ -51,7 +52,7 @@ pub struct StressArgs {
     /// Draw images of 64 to 512 pixels a side and meshes of up to 6000 triangles
     #[arg(long)]
     realistic: bool,
-    /// Number of renderers that work at the same time
+    /// Number of renderers, or threads of --load, that work at the same time
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u64).range(1..=64))]
     jobs: u64,
     /// Run under the Vulkan validation layers; each of their messages is a finding
@@ -63,10 +64,13 @@ pub struct StressArgs {
     /// Draw the error of images over the sigma-gamma plane
     #[arg(long, value_name = "FILE.svg")]
     map: Option<PathBuf>,
-    /// Render and differentiate this many small frames in a row, shared by --jobs renderers, and check that memory does not
-    /// grow
+    /// Render and differentiate this many small frames in a row, shared by --jobs threads, and check that all of them give the
+    /// same bits and that memory does not grow
     #[arg(long, value_name = "FRAMES", value_parser = clap::value_parser!(u64).range(1..))]
     load: Option<u64>,
+    /// Renderers of each thread of --load, which take turns
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "load", value_parser = clap::value_parser!(u64).range(1..=64))]
+    renderers: u64,
     /// Reduce the scene of the first finding to the fewest triangles that still show it, and print it
     #[arg(long)]
     shrink: bool,
@@ -92,7 +96,10 @@ pub fn run(args: &StressArgs) -> std::result::Result<(), Failure> {
     let start = Instant::now();
     let options =
         RendererOptions { device: args.device.clone(), validation: args.validation, ..RendererOptions::default() };
-    let load = args.load.map(|frames| load::run(frames, args.jobs, &options)).transpose()?;
+    let load = args
+        .load
+        .map(|frames| load::run(load::Work { frames, threads: args.jobs, renderers: args.renderers }, &options))
+        .transpose()?;
     // All devices are created before the first frame and destroyed after the last one, because the validation layers crash
     // otherwise.
     let mut stresses =
@@ -132,7 +139,7 @@ pub fn run(args: &StressArgs) -> std::result::Result<(), Failure> {
             say(&format!("{}: the map of errors", path.display()))?;
         }
     }
-    if tally.is_clean() && load.is_none_or(|load| load.is_flat()) { Ok(()) } else { Err(Failure::Told) }
+    if tally.is_clean() && load.is_none_or(|load| load.is_good()) { Ok(()) } else { Err(Failure::Told) }
 }
 
 /// The reduced scene of a finding, as text.
