@@ -58,6 +58,10 @@ void add_general(uvec4 item) {
 
 // `blocks` of the bin's words or of its bitmap's, at most `live` of them with entries, hold at most `count` of the tile's.
 void add_walked(uint tile, uint blocks, uint live, uint count) {
+    atomicAdd(status[STATUS_WALKED_TILES], 1u);
+    if (!WALKS) {
+        return;
+    }
     uint passes = 3u * (WALK_GROUP_PASSES * (blocks / WORD_BITS + 1u) + live) + WALK_LIST_PASSES * (count / WORD_BITS + 2u);
     uint tiles = all_tiles();
     uvec4 item = uvec4(tile, 0u, 0u, 0u);
@@ -71,7 +75,6 @@ void add_walked(uint tile, uint blocks, uint live, uint count) {
         uint rows = (tiles + FORWARD_ROW - 1u) / FORWARD_ROW;
         atomicAdd(tile_counts[rows * TILE_COUNT_WORDS + 3u * (entry / RESUMED_ROW)], 1u);
     }
-    atomicAdd(status[STATUS_WALKED_TILES], 1u);
     add_filled(item);
 }
 

@@ -39,8 +39,8 @@ layout(push_constant) uniform Frame {
     uint cell_capacity;
     uint view_count;
     uint mesh_count;
-    // Rows that `reduce` sums when they are not a view's triangles. Of `forward_long` and `backward_long` the number of the
-    // turn: of the dispatches over the same tiles or triangles, each of which goes on where the one before has ended.
+    // Rows that `reduce` sums when they are not a view's triangles. Of `forward_soft_long`, `forward_long` and
+    // `backward_long` the number of the turn: of the dispatches over the same tiles or triangles, each of which goes on where the one before has ended.
     uint number;
     // First entry of `totals` that `reduce` writes; first entry of the row of items that `background`, `forward` and
     // `backward` process.

@@ -13,7 +13,7 @@ void gather_list(int from, int facing_end, int end, Lane lane, inout Pixel pixel
 
 void main() {
     ivec4 item = ivec4(texelFetch(tile_items, int(frame.first + gl_WorkGroupID.x)));
-    if (item.w == 0) {
+    if (WALKS && item.w == 0) {
         return;
     }
     TileLocation tile = tile_location(item.x);

@@ -21,6 +21,8 @@ layout(constant_id = 16) const bool DISTORTED = false;
 layout(constant_id = 17) const bool SOFT = false;
 // Passes of all loops of an invocation together that the device is trusted with.
 layout(constant_id = 18) const uint LOOP_PASSES = 60000;
+// Whether tiles without a list are drawn in this frame (walked_tile.glsl), so that `tile_items` has entries without a length.
+layout(constant_id = 19) const bool WALKS = true;
 
 // In constant expressions choices and logic are sums and products, because glslang compiles ?:, && and || to branches, which
 // cannot stand outside a function.

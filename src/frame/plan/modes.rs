@@ -130,6 +130,8 @@ modes! {
         distorted = "DISTORTED",
         /// 1: the kernel forward_soft serves the frame.
         soft = "SOFT",
+        /// 1: tiles without a list are drawn in this frame.
+        walks = "WALKS",
         /// OUTPUT_ bits of the images that have an upstream gradient; 0 in a forward frame.
         upstream = "UPSTREAM",
         /// GRADIENT_ bits of the inputs to differentiate by; 0 in a forward frame.
@@ -191,6 +193,7 @@ impl Modes {
             distorted: u32::from(input.distorted),
             soft: u32::from(is_soft(s) && depth_range == c::DEPTH_RANGE_INSIDE),
             loop_passes: input.loop_passes,
+            walks: u32::from(input.walked),
             ..Self::default()
         }
     }
