@@ -14,6 +14,7 @@ mod devices;
 mod external;
 mod facade;
 mod facade_images;
+mod facade_status;
 mod geometry;
 #[path = "../host/mod.rs"]
 mod host;

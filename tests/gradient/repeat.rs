@@ -42,14 +42,14 @@ fn camera(eye: [f64; 3]) -> Camera {
 }
 
 /// A lit mesh whose colours are of the `kind`th sort before some cameras.
-fn ball(kind: u64, eyes: &[[f64; 3]], size: u32) -> Case {
+pub fn ball(kind: u64, eyes: &[[f64; 3]], size: u32) -> Case {
     let mesh = shapes::icosphere(1).unwrap();
     let appearance = random_appearance(&mut Random::new(kind), &mesh);
     let scene = Scene::new(mesh.with_appearance(appearance).unwrap()).with_lights(Lights::official());
     made_case(scene, eyes.iter().map(|&eye| camera(eye)).collect(), settings(size))
 }
 
-const EYES: [[f64; 3]; 3] = [[0.4, 0.7, 3.1], [-2.9, 0.3, 0.8], [1.1, -2.3, 1.6]];
+pub const EYES: [[f64; 3]; 3] = [[0.4, 0.7, 3.1], [-2.9, 0.3, 0.8], [1.1, -2.3, 1.6]];
 
 /// Seeds of one colour, vertex colours, surface cells and images.
 const SORTS: [u64; 4] = [0, 1, 10, 5];

@@ -6,14 +6,12 @@ use crate::common::{
     modes::in_every_mode,
     random::Random,
     renderer_with,
-    scenes::{Case, random_appearance, small, triangles},
+    scenes::{Case, small, triangles},
     tolerance::GRADIENT,
 };
-use glam::DVec3;
+use crate::repeat::{EYES, ball};
 use softras::internals::plan::Capacity;
-use softras::{
-    Camera, Frame, Gradients, ImageGradient, Lights, Mesh, Projection, RendererOptions, Scene, Settings, Wanted, shapes,
-};
+use softras::{Camera, Frame, Gradients, ImageGradient, Lights, Mesh, RendererOptions, Scene, Settings, Wanted};
 
 /// A frame and its gradients by a renderer of its own, whose first frame has this capacity; and the entries of all lists.
 fn first_of(case: &Case, upstream: &ImageGradient, capacity: Capacity) -> (Frame, Gradients, u64) {
@@ -34,23 +32,9 @@ fn assert_same(what: &str, a: &(Frame, Gradients, u64), b: &(Frame, Gradients, u
 
 /// A lit ball before two cameras, so blurred that boxes are larger than a cell and lists longer than two words.
 fn blurred_ball() -> Case {
-    let mesh = shapes::icosphere(1).unwrap();
-    let appearance = random_appearance(&mut Random::new(1), &mesh);
-    let scene = Scene::new(mesh.with_appearance(appearance).unwrap()).with_lights(Lights::official());
-    let projection = Projection::Perspective { fov_y: 0.8 };
-    let camera = |eye| Camera::look_at(DVec3::from_array(eye), DVec3::ZERO, DVec3::Y, projection).unwrap();
-    let settings = Settings {
-        width: 130,
-        height: 70,
-        sigma: 1.2e-2,
-        gamma: 1e-2,
-        epsilon: 0.5,
-        far: 10.0,
-        outputs: ALL_OUTPUTS,
-        save: true,
-        ..Settings::default()
-    };
-    made_case(scene, vec![camera([0.4, 0.7, 3.1]), camera([-2.9, 0.3, 0.8])], settings)
+    let mut case = ball(1, &EYES[..2], 130);
+    (case.settings.height, case.settings.sigma) = (70, 1.2e-2);
+    case
 }
 
 /// The modes in which the kernels that walk have code of their own.

@@ -282,3 +282,18 @@ mode!(ColorMode => ColorAggregation { Softmax => Softmax, Hard => Hard });
 mode!(SilhouetteMode => SilhouetteAggregation { Product => Product, Sum => Sum, Hard => Hard });
 mode!(DistanceMode => Distance { Euclidean => Euclidean, Barycentric => Barycentric, Hard => Hard });
 mode!(Interpolation => Interpolation { Affine => Affine, Perspective => Perspective });
+
+#[cfg(test)]
+impl CameraArgs {
+    /// What `softras render a.obj -o a.png` and these arguments say of the camera.
+    #[allow(clippy::unwrap_used)]
+    pub fn parsed(extra: &[&str]) -> Self {
+        use crate::commands::{Cli, Command};
+        use clap::Parser;
+        let line = ["softras", "render", "a.obj", "-o", "a.png"].iter().chain(extra);
+        match Cli::try_parse_from(line).unwrap().command {
+            Command::Render(args) => args.camera,
+            _ => unreachable!(),
+        }
+    }
+}

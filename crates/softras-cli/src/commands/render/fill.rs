@@ -126,17 +126,7 @@ fn middle(points: &[DVec3], k: usize, depth: f64) -> f64 {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::commands::{Cli, Command};
-    use clap::Parser;
     use softras::shapes;
-
-    fn camera_args(extra: &[&str]) -> CameraArgs {
-        let line = ["softras", "render", "a.obj", "-o", "a.png"].iter().chain(extra);
-        match Cli::try_parse_from(line).unwrap().command {
-            Command::Render(args) => args.camera,
-            _ => unreachable!(),
-        }
-    }
 
     /// The box of a mesh in a view, in halves of the picture: left, right, low, high.
     fn projected(mesh: &Mesh, view: &View, aspect: f64) -> [f64; 4] {
@@ -168,7 +158,7 @@ mod tests {
         ];
         for mesh in [shapes::fish().unwrap(), moved(shapes::torus(0.9, 0.1, 24, 12).unwrap())] {
             for (extra, aspect) in ways.iter().flat_map(|way| [0.4, 1.0, 2.5].map(|aspect| (way, aspect))) {
-                let (args, bounds) = (camera_args(extra), Bounds::of(&mesh));
+                let (args, bounds) = (CameraArgs::parsed(extra), Bounds::of(&mesh));
                 let view = filling(&args, &mesh, bounds, aspect, &[0.0]).unwrap();
                 let [left, right, low, high] = projected(&mesh, &view, aspect);
                 assert!(
@@ -190,7 +180,7 @@ mod tests {
 
     #[test]
     fn a_mesh_stays_in_the_picture_in_all_turns() {
-        let (mesh, args) = (shapes::fish().unwrap(), camera_args(&[]));
+        let (mesh, args) = (shapes::fish().unwrap(), CameraArgs::parsed(&[]));
         let turns: Vec<f64> = (0..100).map(|i| 3.6 * f64::from(i)).collect();
         let first = filling(&args, &mesh, Bounds::of(&mesh), 1.5, &turns).unwrap();
         let reach = |turn: &f64| {
@@ -206,7 +196,7 @@ mod tests {
         let point = Mesh::new(vec![[1.0, 2.0, 3.0]; 3], vec![[0, 1, 2]]).unwrap();
         for mesh in [point, Mesh::new(Vec::new(), Vec::new()).unwrap()] {
             for extra in [&[][..], &["--orthographic", "fit"], &["--look-at", "0,0,0"]] {
-                let view = filling(&camera_args(extra), &mesh, Bounds::of(&mesh), 1.0, &[0.0]).unwrap();
+                let view = filling(&CameraArgs::parsed(extra), &mesh, Bounds::of(&mesh), 1.0, &[0.0]).unwrap();
                 assert!(view.camera().is_ok() && view.near > 0.0 && view.far > view.near, "{extra:?} {view:?}");
             }
         }

@@ -208,16 +208,6 @@ pub fn lights(args: &LightArgs, curve: Curve, view: &View) -> Result<Lights> {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::commands::{Cli, Command};
-    use clap::Parser;
-
-    fn camera_args(extra: &[&str]) -> CameraArgs {
-        let line = ["softras", "render", "a.obj", "-o", "a.png"].iter().chain(extra);
-        match Cli::try_parse_from(line).unwrap().command {
-            Command::Render(args) => args.camera,
-            _ => unreachable!(),
-        }
-    }
 
     fn screen_radius(view: &View, bounds: Bounds) -> f64 {
         let distance = view.eye.distance(bounds.center);
@@ -239,7 +229,7 @@ mod tests {
         ];
         for extra in ways {
             for aspect in [0.5, 1.0, 2.0] {
-                let view = View::new(&camera_args(extra), bounds, aspect, 40.0);
+                let view = View::new(&CameraArgs::parsed(extra), bounds, aspect, 40.0);
                 let expected = 0.85 * aspect.min(1.0);
                 assert!((screen_radius(&view, bounds) - expected).abs() < 1e-9, "{extra:?} {aspect} {view:?}");
                 assert!(view.near > 0.0 && view.near < view.eye.distance(bounds.center) - bounds.radius);
@@ -252,7 +242,7 @@ mod tests {
     fn the_poles_have_an_up() {
         let bounds = Bounds { center: DVec3::ZERO, radius: 1.0 };
         for elevation in ["90", "-90"] {
-            let view = View::new(&camera_args(&["--elevation", elevation, "--azimuth", "30"]), bounds, 1.0, 0.0);
+            let view = View::new(&CameraArgs::parsed(&["--elevation", elevation, "--azimuth", "30"]), bounds, 1.0, 0.0);
             assert!(view.camera().is_ok());
         }
     }
@@ -260,19 +250,19 @@ mod tests {
     #[test]
     fn a_turn_is_an_azimuth_for_both_kinds_of_camera() {
         let bounds = Bounds { center: DVec3::new(1.0, 2.0, 3.0), radius: 1.0 };
-        let orbit = View::new(&camera_args(&[]), bounds, 1.0, 0.0);
+        let orbit = View::new(&CameraArgs::parsed(&[]), bounds, 1.0, 0.0);
         let eye = format!("{},{},{}", orbit.eye.x, orbit.eye.y, orbit.eye.z);
-        let by_angle = View::new(&camera_args(&[]), bounds, 1.0, 70.0);
-        let by_eye = View::new(&camera_args(&["--eye", &eye]), bounds, 1.0, 70.0);
+        let by_angle = View::new(&CameraArgs::parsed(&[]), bounds, 1.0, 70.0);
+        let by_eye = View::new(&CameraArgs::parsed(&["--eye", &eye]), bounds, 1.0, 70.0);
         assert!(by_angle.eye.distance(by_eye.eye) < 1e-9, "{by_angle:?} {by_eye:?}");
-        let azimuth = View::new(&camera_args(&["--azimuth", "215"]), bounds, 1.0, 0.0);
+        let azimuth = View::new(&CameraArgs::parsed(&["--azimuth", "215"]), bounds, 1.0, 0.0);
         assert!(by_angle.eye.distance(azimuth.eye) < 1e-9);
     }
 
     #[test]
     fn angles_are_the_librarys() {
         let bounds = Bounds { center: DVec3::ZERO, radius: 1.0 };
-        let view = View::new(&camera_args(&["--azimuth", "40", "--elevation", "30"]), bounds, 1.0, 0.0);
+        let view = View::new(&CameraArgs::parsed(&["--azimuth", "40", "--elevation", "30"]), bounds, 1.0, 0.0);
         let library = Camera::from_angles(view.eye.length(), 30.0, 40.0, view.projection).unwrap();
         let ours = view.camera().unwrap();
         let pairs = ours.view().as_flattened().iter().zip(library.view().as_flattened());
@@ -282,9 +272,9 @@ mod tests {
     #[test]
     fn a_camera_within_the_mesh_has_a_near_plane_and_one_that_looks_away_is_noticed() {
         let bounds = Bounds { center: DVec3::ZERO, radius: 1.0 };
-        let inside = View::new(&camera_args(&["--eye", "0,0,0.1"]), bounds, 1.0, 0.0);
+        let inside = View::new(&CameraArgs::parsed(&["--eye", "0,0,0.1"]), bounds, 1.0, 0.0);
         assert!(inside.near > 0.0 && inside.far > inside.near && !inside.misses(bounds));
-        let away = View::new(&camera_args(&["--eye", "0,0,5", "--look-at", "0,0,9"]), bounds, 1.0, 0.0);
+        let away = View::new(&CameraArgs::parsed(&["--eye", "0,0,5", "--look-at", "0,0,9"]), bounds, 1.0, 0.0);
         assert!(away.far > away.near && away.misses(bounds));
     }
 }
