@@ -23,6 +23,7 @@ layout(set = 0, binding = 7, std430) buffer Status { uint status[]; };
 #include "common/modes.glsl"
 #include "common/frame.glsl"
 #include "common/mesh.glsl"
+#include "common/extremes.glsl"
 #include "common/tile_mask.glsl"
 
 shared uint counts[gl_WorkGroupSize.x];

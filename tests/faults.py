@@ -4,6 +4,7 @@
     python3 tests/faults.py --only sign clip # those whose name has one of the words
     python3 tests/faults.py --target DIR     # with a target folder that has the dependencies compiled and that nothing
                                              # else builds into: cargo takes the copy for the tree itself
+    python3 tests/faults.py --check          # whether each text is still there, without planting
     python3 tests/faults.py --trust          # without running the tests on the whole tree first
 
 Prints a row for each; the exit code is 1 where a fault survives.
@@ -33,8 +34,8 @@ FAULTS = [
      "return vec3(greater(b.x, 1e-20),", [("render", "forward::random_scenes")]),
     ("last triangle of a tile missing", SOFT, "uint all = 0xffffffffu >> uint(from + int(WORD_BITS) - stop);",
      "uint all = (0xffffffffu >> uint(from + int(WORD_BITS) - stop)) >> 1u;", [("render", "pixels::")]),
-    ("tile lists one tile short", "glsl/common/tile_mask.glsl", "high = r.inverse[k] < 0.0 ? high : min(high, to);",
-     "high = r.inverse[k] < 0.0 ? high : min(high, to - 1);", [("render", "properties_images::bins")]),
+    ("tile lists one tile short", "glsl/common/tile_mask.glsl", "int(floor(greater(to, -1.0))));",
+     "int(floor(greater(to, -1.0))) - 1);", [("render", "properties_images::bins")]),
     ("bins one short", "glsl/triangle.comp", "for (int x = bins.x; x <= bins.z; ++x)",
      "for (int x = bins.x; x < max(bins.z, 1); ++x)", [("render", "properties_images::bins")]),
     ("barrier between stages dropped", "src/frame/passes/mod.rs", "        recorder.barrier();\n        recorder.end_label();\n",
@@ -94,6 +95,10 @@ FAULTS = [
     ("gradients of a sum beyond 1", "glsl/pixel_grad.comp", "aggregate > count ? 0.0 : up_alpha / count", "up_alpha / count",
      [("stress", "drawn::the_pieces")]),
     # Of the Rust side, where the tests need no device.
+    ("rounding of the layers' sums kept", "glsl/common/pixel.glsl", "precise float term = word - excess * keep;",
+     "precise float term = word;", [("robustness", "layers::")]),
+    ("thin layers multiplied one by one", SOFT, "(w.growth + (1.0 - left)) * inverse", "1.0 - left * inverse",
+     [("robustness", "layers::")]),
     ("mesh: an index of the count", "src/scene/mesh.rs", "i as usize >= count", "i as usize > count",
      [("robustness", "errors::meshes")]),
     ("settings: near may be far", "src/scene/settings.rs", "self.far >= self.near * (1.0 + 1e-6)",
@@ -201,6 +206,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--only", nargs="*", default=[])
     parser.add_argument("--target", type=pathlib.Path)
+    parser.add_argument("--check", action="store_true", help="look for the texts and plant nothing")
     parser.add_argument("--trust", action="store_true", help="do not run the tests without a fault first")
     parser.add_argument("--patience", type=int, default=600, help="seconds for one test")
     arguments = parser.parse_args()
@@ -208,6 +214,9 @@ def main():
     for what, name, old, _, _ in chosen:
         if (ROOT / name).read_text().count(old) != 1:
             sys.exit(f"{what}: {name} has not one {old!r}")
+    if arguments.check:
+        print(f"{len(chosen)} faults can be planted")
+        return
     with tempfile.TemporaryDirectory() as scratch:
         folder = pathlib.Path(scratch) / "softras"
         files = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout

@@ -38,8 +38,8 @@ const uint BLOCK_WORDS = 66u;
 const uint NO_LIST = 0xffffffffu;
 // Entries at hand that a walk has room for: those of WORD_BITS blocks, and less than two words more.
 const uint WALK_WINDOW = 1088u;
-// Words of an entry of `walk_state`: twelve for each of 32 pixels, 32 entries, and where the walk stands.
-const uint WALK_STATE_WORDS = 421u;
+// Words of an entry of `walk_state`: 21 for each of 32 pixels, 32 entries, and where the walk stands.
+const uint WALK_STATE_WORDS = 709u;
 // Passes of loops that WORD_BITS blocks take beyond one for each with entries.
 const uint WALK_GROUP_PASSES = 8u;
 // Passes of loops that WORD_BITS entries of a list take.

@@ -9,13 +9,14 @@
 #include "common/forward_tile.glsl"
 
 // The product of eq. 5, or what SILHOUETTE_MODE has in its place.
-void add_silhouette(inout Pixel p, Fragment f) {
+void add_silhouette(inout Cover cover, Fragment f) {
     if (SILHOUETTE_MODE == SILHOUETTE_PRODUCT) {
-        p.silhouette *= f.complement;
+        cover.covered += cover.transmittance * f.probability;
+        cover.transmittance *= f.complement;
     } else if (SILHOUETTE_MODE == SILHOUETTE_SUM) {
-        p.silhouette += f.probability;
+        cover.covered += f.probability;
     } else {
-        p.silhouette = f.probability > 0.5 ? 1.0 : p.silhouette;
+        cover.covered = f.probability > 0.5 ? 1.0 : cover.covered;
     }
 }
 
@@ -120,18 +121,18 @@ void signed_distances_of(Fetched own, bool live, Triangle t, Lane lane, out Sign
 }
 
 // Adds a triangle to the silhouettes of a lane's pixels.
-void gather_silhouette(Fetched own, bool live, Lane lane, inout Pixel pixels[PIXELS]) {
+void gather_silhouette(Fetched own, bool live, Lane lane, inout Cover covers[PIXELS]) {
     Triangle t = shared_triangle_of(own);
     SignedDistance distances[PIXELS];
     signed_distances_of(own, live, t, lane, distances);
     for (int i = 0; i < PIXELS; ++i) {
-        add_silhouette(pixels[i], fragment_of(distances[i]));
+        add_silhouette(covers[i], fragment_of(distances[i]));
     }
 }
 
 // Adds a triangle to all of a lane's pixels. Every step runs over all pixels before the next step, so that the long chains
 // of dependent operations of several pixels overlap.
-void gather(Fetched own, bool live, Lane lane, inout Pixel pixels[PIXELS]) {
+void gather(Fetched own, bool live, Lane lane, inout Cover covers[PIXELS], inout Pixel pixels[PIXELS]) {
     Triangle t = shared_triangle_of(own);
     Corner c;
     if (WANT_SHADING) {
@@ -157,7 +158,7 @@ void gather(Fetched own, bool live, Lane lane, inout Pixel pixels[PIXELS]) {
     for (int i = 0; i < PIXELS; ++i) {
         shaded[i] = is_shaded(fragments[i], c, depth[i], lane.inverse_score);
         if (WANT_SILHOUETTE) {
-            add_silhouette(pixels[i], fragments[i]);
+            add_silhouette(covers[i], fragments[i]);
         }
     }
     if (SHADED) {
@@ -169,6 +170,13 @@ void gather(Fetched own, bool live, Lane lane, inout Pixel pixels[PIXELS]) {
             add_shaded(pixels[i], shares[i], c, b[i], 1.0 / sum[i], depth[i]);
         }
     }
+}
+
+// The factor that brings a pixel's sums to the reference of a word that follows. In the hard mode a nearer fragment replaces
+// the pixel.
+float keep_of(Pixel p, Pixel word) {
+    float softened = exp2((p.exponent - word.exponent) + (p.fraction - word.fraction));
+    return COLOR_MODE == COLOR_SOFTMAX ? softened : (word.sum > 0.0 ? 0.0 : 1.0);
 }
 
 // The mask of the next WORD_BITS entries from `from` on that are visible beside sums of at least `least`.
@@ -191,6 +199,12 @@ int lowest_record(int from, uint bits) {
 // tests its condition at the end because llvmpipe executes the body once more when it tests at the start; without a bit it
 // runs once and adds nothing. `shows` is a constant of the call: without it entries contribute to the silhouette only.
 void gather_word(int from, uint bits, bool shows, Lane lane, inout Pixel pixels[PIXELS]) {
+    Cover covers[PIXELS];
+    Pixel words[PIXELS];
+    for (int i = 0; i < PIXELS; ++i) {
+        covers[i] = Cover(1.0, 0.0);
+        words[i] = word_of(pixels[i]);
+    }
     bool live = bits != 0u;
     Fetched next = fetch_record(lowest_record(from, bits));
     do {
@@ -198,11 +212,19 @@ void gather_word(int from, uint bits, bool shows, Lane lane, inout Pixel pixels[
         bits &= bits - 1u;
         next = fetch_record(lowest_record(from, bits));
         if (shows) {
-            gather(own, live, lane, pixels);
+            gather(own, live, lane, covers, words);
         } else {
-            gather_silhouette(own, live, lane, pixels);
+            gather_silhouette(own, live, lane, covers);
         }
     } while (bits != 0u);
+    for (int i = 0; i < PIXELS; ++i) {
+        if (WANT_SILHOUETTE) {
+            add_word_cover(covers[i], pixels[i]);
+        }
+        if (shows && SHADED) {
+            add_word_shaded(words[i], keep_of(pixels[i], words[i]), pixels[i]);
+        }
+    }
 }
 
 // Adds up to WORD_BITS entries, all of them front faces or all back faces; what is hidden among them depends on the entries

@@ -13,12 +13,20 @@
 #include "common/forward_tile.glsl"
 #include "common/entry.glsl"
 
-// What a word's entries leave of a pixel: Π(1 + e) over all of them, and Σ d² over those that the pixel lies inside, so that
-// their Π(1 - D) is exp2(-inside) / product: with e = exp(-d²/σ), 1 - D is 1 / (1 + e) outside and e / (1 + e) inside.
+// What a word's entries leave of a pixel: Π(1 + e) - 1 over all of them, and Σ d² over those that the pixel lies inside, so that
+// their Π(1 - D) is exp2(-inside) / (1 + growth): with e = exp(-d²/σ), 1 - D is 1 / (1 + e) outside and e / (1 + e) inside.
 struct Transmittance {
-    float product;
+    float growth;
     float inside;
 };
+
+// Both are exact to their own last places: where the pixel lies inside of an entry, 1 - exp2(-inside) may cancel, but then
+// the growth is near 1.
+Cover cover_of(Transmittance w) {
+    float left = exp2(-w.inside);
+    float inverse = 1.0 / (1.0 + w.growth);
+    return Cover(left * inverse, (w.growth + (1.0 - left)) * inverse);
+}
 
 // The factor of all weights in a pixel's sums while they are summed. Without it the products of small weights and clipped
 // barycentrics would be denormal numbers, which cost a processor some hundred cycles each.
@@ -27,7 +35,7 @@ const float WEIGHT_UNIT = 1152921504606846976.0;
 // Eq. 5 over the entries of a word.
 void add_silhouette(Distance d[PIXELS], inout Transmittance w[PIXELS]) {
     for (int i = 0; i < PIXELS; ++i) {
-        w[i].product += w[i].product * d[i].e;
+        w[i].growth += w[i].growth * d[i].e + d[i].e;
         w[i].inside += d[i].inside ? d[i].squared : 0.0;
     }
 }
@@ -123,8 +131,10 @@ int lowest_record(int from, uint held[HELD], uint bits) {
 // tests at the start; without a bit it runs once and adds nothing.
 void gather_word(int from, uint held[HELD], uint bits, bool shows, Lane lane, inout Pixel pixels[PIXELS]) {
     Transmittance w[PIXELS];
+    Pixel words[PIXELS];
     for (int i = 0; i < PIXELS; ++i) {
-        w[i] = Transmittance(1.0, 0.0);
+        w[i] = Transmittance(0.0, 0.0);
+        words[i] = word_of(pixels[i]);
     }
     bool any = bits != 0u;
     Fetched first = fetch_record(lowest_record(from, held, bits), shows && WANT_SHADING);
@@ -137,12 +147,15 @@ void gather_word(int from, uint held[HELD], uint bits, bool shows, Lane lane, in
         bits &= bits - 1u;
         first = fetch_record(lowest_record(from, held, bits), shows && WANT_SHADING);
         second = fetch_record(lowest_record(from, held, bits & (bits - 1u)), shows && WANT_SHADING);
-        add_entry(one, any, shows, lane, w, pixels);
-        add_entry(other, both, shows, lane, w, pixels);
+        add_entry(one, any, shows, lane, w, words);
+        add_entry(other, both, shows, lane, w, words);
     } while (bits != 0u);
     for (int i = 0; i < PIXELS; ++i) {
         if (WANT_SILHOUETTE) {
-            pixels[i].silhouette *= exp2(-w[i].inside) / w[i].product;
+            add_word_cover(cover_of(w[i]), pixels[i]);
+        }
+        if (shows && SHADED) {
+            add_word_shaded(words[i], power_of_two(pixels[i].exponent - words[i].exponent), pixels[i]);
         }
     }
 }

@@ -1,6 +1,6 @@
 // One fragment, that is one (pixel, triangle) pair: distance and probability (eq. 1), clipped barycentrics and depth, the
 // inputs of the colour weights (eq. 3). pair_gradient.glsl holds the derivatives.
-// Needs constants.glsl, modes.glsl, frame.glsl and the buffer `geometry`.
+// Needs constants.glsl, modes.glsl, frame.glsl, extremes.glsl and the buffer `geometry`.
 
 // A triangle's geometry record. edge.glsl defines its members; triangle.comp writes it.
 struct Triangle {
@@ -24,15 +24,6 @@ Triangle triangle_of(int record_index) {
         record[i] = texelFetch(geometry, record_index * int(GEOMETRY_TEXELS) + i);
     }
     return triangle_from(record);
-}
-
-// Minimum and maximum without the rules for NaN: one instruction each, where min and max take three on a software device.
-float lesser(float a, float b) {
-    return a < b ? a : b;
-}
-
-float greater(float a, float b) {
-    return a > b ? a : b;
 }
 
 struct Fragment {

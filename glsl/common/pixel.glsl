@@ -2,6 +2,23 @@
 // I = Σ_j w_j C_j + w_b C_b (eq. 2), w_j = D_j exp(ζ_j/γ) / (Σ_k D_k exp(ζ_k/γ) + exp(ε/γ)) (eq. 3), A = 1 - Π_j (1 - D_j)
 // (eq. 5). Needs constants.glsl, modes.glsl and frame.glsl.
 
+// What the rounding of every addition has left too much in a pixel's sums; the next addition takes it off (Kahan, Further
+// remarks on reducing truncation errors, 1965).
+struct Excess {
+    float silhouette;
+    float sum;
+    vec3 color;
+    float depth;
+    vec3 normal;
+};
+
+// What the entries of a word do to a pixel's silhouette: the factor Π(1 - D), and 1 - Π(1 - D), which keeps its own digits
+// where D is small. Other modes than the product have their own aggregate in `covered`.
+struct Cover {
+    float transmittance;
+    float covered;
+};
+
 struct Pixel {
     // The aggregate of SILHOUETTE_MODE: the transmittance Π(1 - D) (eq. 5), Σ D, or 1 where any D > 1/2.
     float silhouette;
@@ -15,6 +32,7 @@ struct Pixel {
     vec3 normal;
     // For the hard mode: the nearest triangle's record index.
     int nearest;
+    Excess excess;
 };
 
 // A pixel without fragments: its sums hold the background's weight exp(ε/γ) of eq. 3, unless the background is composite.
@@ -29,7 +47,72 @@ Pixel background_pixel() {
     p.depth = 0.0;
     p.normal = vec3(0.0);
     p.nearest = 0;
+    p.excess = Excess(0.0, 0.0, vec3(0.0), 0.0, vec3(0.0));
     return p;
+}
+
+// The entries of a word are summed by themselves and then added to the pixel's sums, with compensation: so an error is that of
+// 32 additions, however many layers there are.
+
+// A pixel before a word: the same reference, and sums of nothing.
+Pixel word_of(Pixel p) {
+    Pixel word = p;
+    word.sum = 0.0;
+    word.color = vec3(0.0);
+    word.depth = 0.0;
+    word.normal = vec3(0.0);
+    return word;
+}
+
+// Adds a word's sum to a total, `keep` times as large as before.
+void add_word(float word, float keep, inout float total, inout float excess) {
+    precise float term = word - excess * keep;
+    precise float kept = total * keep;
+    precise float next = kept + term;
+    excess = (next - kept) - term;
+    total = next;
+}
+
+void add_word(vec3 word, float keep, inout vec3 total, inout vec3 excess) {
+    precise vec3 term = word - excess * keep;
+    precise vec3 kept = total * keep;
+    precise vec3 next = kept + term;
+    excess = (next - kept) - term;
+    total = next;
+}
+
+// Adds a word's sums of eq. 2 and 3. `keep` brings the pixel's sums to the word's reference, which is at least theirs.
+void add_word_shaded(Pixel word, float keep, inout Pixel p) {
+    p.exponent = word.exponent;
+    p.fraction = word.fraction;
+    p.nearest = word.nearest;
+    add_word(word.sum, keep, p.sum, p.excess.sum);
+    if (WANT_COLOR) {
+        add_word(word.color, keep, p.color, p.excess.color);
+    }
+    if (WANT_DEPTH) {
+        add_word(word.depth, keep, p.depth, p.excess.depth);
+    }
+    if (WANT_NORMAL) {
+        add_word(word.normal, keep, p.normal, p.excess.normal);
+    }
+}
+
+// Adds a word to the silhouette (eq. 5). A factor near 1 is taken off as a difference, so that it loses no digits beside 1; one
+// below 1/2 is multiplied, so that a small transmittance keeps its digits.
+void add_word_cover(Cover word, inout Pixel p) {
+    if (SILHOUETTE_MODE == SILHOUETTE_PRODUCT) {
+        float total = p.silhouette;
+        float excess = p.excess.silhouette;
+        add_word(-total * word.covered, 1.0, total, excess);
+        bool slight = word.covered < 0.5;
+        p.silhouette = slight ? total : p.silhouette * word.transmittance;
+        p.excess.silhouette = slight ? excess : p.excess.silhouette * word.transmittance;
+    } else if (SILHOUETTE_MODE == SILHOUETTE_SUM) {
+        add_word(word.covered, 1.0, p.silhouette, p.excess.silhouette);
+    } else {
+        p.silhouette = word.covered > 0.5 ? 1.0 : p.silhouette;
+    }
 }
 
 // What forward saves for backward: the log2 weight that the sums are relative to (integer part and fraction; for the hard

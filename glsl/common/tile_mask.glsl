@@ -1,16 +1,18 @@
 // Which tiles of a bin a triangle grown by the culling radius may touch: tile lists are made of these answers.
 // Everything is `precise`, so that each kernel that asks gets the same answer.
-// Needs constants.glsl, modes.glsl, frame.glsl and the buffers `boxes` and `geometry`.
+// Needs constants.glsl, modes.glsl, frame.glsl, extremes.glsl and the buffers `boxes` and `geometry`.
+
+// Past the last column.
+const float COLUMNS_END = float(BIN_TILES) + 1.0;
 
 // A triangle as the rows of a bin's tiles see it.
 struct Reach {
-    // For each edge the least margin by which a tile of column 0 in a row through y = 0 touches the grown triangle, its
-    // change per pixel along y, and the factor that makes of a margin a number of columns.
-    vec3 at_first;
-    vec3 per_row;
-    vec3 inverse;
-    // Vertical position of the centre of row 0.
-    float y;
+    // An edge bounds the columns of the tiles that touch the grown triangle from below or from above. Its bound in row 0 and
+    // the change per row; -1 or COLUMNS_END if it is the other sort.
+    vec3 first;
+    vec3 first_step;
+    vec3 last;
+    vec3 last_step;
     // First column and row, last column and row of the box.
     ivec4 tiles;
     // Whether it is a back face.
@@ -41,7 +43,6 @@ Reach reach_of_record(int record_index, ivec2 bin) {
     r.tiles.zw = min(box.zw / tile - bin * int(BIN_TILES), ivec2(BIN_TILES - 1u));
     vec2 half_size = 0.5 * vec2(TILE_WIDTH - 1u, TILE_HEIGHT - 1u);
     precise vec2 centre = vec2(bin) * vec2(BIN_WIDTH, BIN_HEIGHT) + half_size - origin;
-    r.y = centre.y;
     vec2 normal[3];
     for (int k = 0; k < 3; ++k) {
         vec4 line = texelFetch(geometry, at + 1 + k);
@@ -56,11 +57,18 @@ Reach reach_of_record(int record_index, ivec2 bin) {
         bool bounds = last_texel[k + 1] > 0.0 && line.z < 1e14;
         float nx = abs(line.x) < 1e-9 * frame.scale ? (line.x < 0.0 ? -1e-9 : 1e-9) * frame.scale : line.x;
         precise float spread = abs(line.x) * half_size.x + abs(line.y) * half_size.y;
-        precise float at_first = line.x * centre.x + line.z + spread + reach;
-        r.at_first[k] = bounds ? at_first : 1e30;
-        r.per_row[k] = bounds ? line.y : 0.0;
+        // The least margin by which the tile of column 0 and row 0 touches the grown triangle, as a number of columns.
+        precise float margin = line.x * centre.x + line.y * centre.y + line.z + spread + reach;
         precise float inverse = -1.0 / (nx * float(TILE_WIDTH));
-        r.inverse[k] = inverse;
+        precise float column = margin * inverse;
+        precise float step = line.y * float(TILE_HEIGHT) * inverse;
+        // A thousandth of a tile covers rounding.
+        bool below = bounds && nx > 0.0;
+        r.first[k] = below ? column - 1e-3 : -1.0;
+        r.first_step[k] = below ? step : 0.0;
+        bool above = bounds && nx < 0.0;
+        r.last[k] = above ? column + 1e-3 : COLUMNS_END;
+        r.last_step[k] = above ? step : 0.0;
     }
     // The edges' inner normals have the orientation of the corners.
     precise float turn = normal[0].x * normal[1].y - normal[0].y * normal[1].x;
@@ -71,17 +79,12 @@ Reach reach_of_record(int record_index, ivec2 bin) {
 
 // The mask of the tiles in a row: the interval of columns between the edges' half-planes.
 uint row_mask(Reach r, int row) {
-    precise float y = r.y + float(row * int(TILE_HEIGHT));
-    // A thousandth of a tile covers rounding.
-    precise vec3 t = (r.at_first + r.per_row * y) * r.inverse;
-    int low = r.tiles.x;
-    int high = r.tiles.z;
-    for (int k = 0; k < 3; ++k) {
-        int from = int(ceil(clamp(t[k] - 1e-3, -1.0, 9.0)));
-        int to = int(floor(clamp(t[k] + 1e-3, -1.0, 9.0)));
-        low = r.inverse[k] < 0.0 ? max(low, from) : low;
-        high = r.inverse[k] < 0.0 ? high : min(high, to);
-    }
+    precise vec3 first = r.first + r.first_step * float(row);
+    precise vec3 last = r.last + r.last_step * float(row);
+    float from = greater(greater(first.x, first.y), first.z);
+    float to = lesser(lesser(last.x, last.y), last.z);
+    int low = max(r.tiles.x, int(ceil(lesser(from, COLUMNS_END))));
+    int high = min(r.tiles.z, int(floor(greater(to, -1.0))));
     bool touches = low <= high && row >= r.tiles.y && row <= r.tiles.w;
     return touches ? ((2u << uint(high)) - 1u) & ~((1u << uint(low)) - 1u) : 0u;
 }

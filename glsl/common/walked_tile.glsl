@@ -198,44 +198,54 @@ uint state_at(int word) {
     return gl_WorkGroupID.x * WALK_STATE_WORDS + uint(word);
 }
 
+// The floats of a pixel's state.
+const int STATE_FLOATS = 20;
+// After them come the nearest record, the entries at hand, and the walk.
+const int STATE_NEAREST = 32 * STATE_FLOATS;
+const int STATE_ENTRIES = STATE_NEAREST + 32;
+const int STATE_WALK = STATE_ENTRIES + 32;
+
 void save_state(Walk walk, Pixel p) {
     int lane = int(gl_LocalInvocationID.x);
-    float values[11] = float[](p.silhouette, p.exponent, p.fraction, p.sum, p.color.r, p.color.g, p.color.b, p.depth, p.normal.x,
-                               p.normal.y, p.normal.z);
-    for (int i = 0; i < 11; ++i) {
+    Excess x = p.excess;
+    float values[STATE_FLOATS] = float[](
+        p.silhouette, p.exponent, p.fraction, p.sum, p.color.r, p.color.g, p.color.b, p.depth, p.normal.x, p.normal.y, p.normal.z,
+        x.silhouette, x.sum, x.color.r, x.color.g, x.color.b, x.depth, x.normal.x, x.normal.y, x.normal.z);
+    for (int i = 0; i < STATE_FLOATS; ++i) {
         walk_state[state_at(i * 32 + lane)] = floatBitsToUint(values[i]);
     }
-    walk_state[state_at(11 * 32 + lane)] = uint(p.nearest);
-    walk_state[state_at(12 * 32 + lane)] = entries[lane];
+    walk_state[state_at(STATE_NEAREST + lane)] = uint(p.nearest);
+    walk_state[state_at(STATE_ENTRIES + lane)] = entries[lane];
     if (lane == 0) {
-        walk_state[state_at(13 * 32)] = walk.phase;
-        walk_state[state_at(13 * 32 + 1)] = uint(walk.group);
-        walk_state[state_at(13 * 32 + 2)] = uint(walk.count);
-        walk_state[state_at(13 * 32 + 3)] = uint(walk.fill);
-        walk_state[state_at(13 * 32 + 4)] = walk.thin ? 1u : 0u;
+        walk_state[state_at(STATE_WALK)] = walk.phase;
+        walk_state[state_at(STATE_WALK + 1)] = uint(walk.group);
+        walk_state[state_at(STATE_WALK + 2)] = uint(walk.count);
+        walk_state[state_at(STATE_WALK + 3)] = uint(walk.fill);
+        walk_state[state_at(STATE_WALK + 4)] = walk.thin ? 1u : 0u;
     }
 }
 
 void load_state(out Walk walk, out Pixel p) {
     int lane = int(gl_LocalInvocationID.x);
-    float values[11];
-    for (int i = 0; i < 11; ++i) {
-        values[i] = uintBitsToFloat(walk_state[state_at(i * 32 + lane)]);
+    float v[STATE_FLOATS];
+    for (int i = 0; i < STATE_FLOATS; ++i) {
+        v[i] = uintBitsToFloat(walk_state[state_at(i * 32 + lane)]);
     }
-    p.silhouette = values[0];
-    p.exponent = values[1];
-    p.fraction = values[2];
-    p.sum = values[3];
-    p.color = vec3(values[4], values[5], values[6]);
-    p.depth = values[7];
-    p.normal = vec3(values[8], values[9], values[10]);
-    p.nearest = int(walk_state[state_at(11 * 32 + lane)]);
-    entries[lane] = walk_state[state_at(12 * 32 + lane)];
-    walk.phase = walk_state[state_at(13 * 32)];
-    walk.group = int(walk_state[state_at(13 * 32 + 1)]);
-    walk.count = int(walk_state[state_at(13 * 32 + 2)]);
-    walk.fill = int(walk_state[state_at(13 * 32 + 3)]);
-    walk.thin = walk_state[state_at(13 * 32 + 4)] != 0u;
+    p.silhouette = v[0];
+    p.exponent = v[1];
+    p.fraction = v[2];
+    p.sum = v[3];
+    p.color = vec3(v[4], v[5], v[6]);
+    p.depth = v[7];
+    p.normal = vec3(v[8], v[9], v[10]);
+    p.excess = Excess(v[11], v[12], vec3(v[13], v[14], v[15]), v[16], vec3(v[17], v[18], v[19]));
+    p.nearest = int(walk_state[state_at(STATE_NEAREST + lane)]);
+    entries[lane] = walk_state[state_at(STATE_ENTRIES + lane)];
+    walk.phase = walk_state[state_at(STATE_WALK)];
+    walk.group = int(walk_state[state_at(STATE_WALK + 1)]);
+    walk.count = int(walk_state[state_at(STATE_WALK + 2)]);
+    walk.fill = int(walk_state[state_at(STATE_WALK + 3)]);
+    walk.thin = walk_state[state_at(STATE_WALK + 4)] != 0u;
 }
 
 // The number of the workgroup's tile. Tiles that are walked at once lie at the ends of the rows of the third part of

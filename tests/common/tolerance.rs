@@ -53,6 +53,9 @@ pub const SAME_SCENE: Tolerance = Tolerance { value: 2e-5, margin: 1e-4, left_ou
 /// falls on the other side moves a value by about τ = 1e-4; pixels at a closer call than 1e-6 are left out.
 pub const CROWD: Tolerance = Tolerance { value: 2e-4, margin: 1e-6, left_out: 0.2 };
 
+/// Any number of layers: sums of 32 terms with half a unit in the last place each, and what is measured of those (2.3e-6).
+pub const LAYERS: Tolerance = Tolerance { value: 5e-6, margin: 1e-4, left_out: 0.1 };
+
 /// D of faces with edges of 0.003 screen units: the promise to those who fit fine meshes.
 pub const SMALL_FACE: f64 = 1e-3;
 

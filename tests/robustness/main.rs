@@ -7,4 +7,5 @@ mod common;
 mod crowds;
 mod edge_cases;
 mod errors;
+mod layers;
 mod lengths;
