@@ -28,10 +28,10 @@ enum Format {
 ///
 /// The format is that of the file's content where that tells (PLY, binary glTF), else that of its ending.
 /// [`obj::load`] says what is read of OBJ files. Of the others these are read:
-/// - PLY: vertices in their order, polygons, vertex colours or colours of faces, UVs by vertex or by corner with the image
+/// - PLY: vertices in their order, polygons, normals, vertex colours or colours of faces, UVs by vertex or by corner with the image
 ///   that a `comment TextureFile NAME` names. Colours in bytes are decoded as textures are.
 /// - STL: triangles; vertices at one position become one.
-/// - glTF: all triangles of the scene, placed by their nodes, with base colours and their textures, or vertex colours.
+/// - glTF: all triangles of the scene, placed by their nodes, with normals, base colours and their textures, or vertex colours.
 ///   Vertices at one position become one; v runs up, as in OBJ files.
 ///
 /// Limits and the folder that textures must lie in are as for OBJ files.

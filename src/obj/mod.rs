@@ -47,9 +47,8 @@ pub struct LoadOptions {
 pub struct Loaded {
     /// The mesh.
     pub mesh: Mesh,
-    /// The normals of each triangle's corners as an OBJ file gives them, of any length, 0 where it gives none; empty for files
-    /// without and for other formats. The renderer computes normals from the triangles: these tell which of them are smooth with
-    /// one another.
+    /// The normals of each triangle's corners as the file gives them, of any length, 0 where it gives none; empty for files
+    /// without. The renderer computes normals from the triangles: these tell which of them are smooth with one another.
     pub normals: Vec<[[f32; 3]; 3]>,
     /// What the file contains and the mesh does not, each with its line.
     pub notes: Vec<String>,
@@ -65,17 +64,23 @@ pub(crate) struct Source<'a> {
     pub notes: Notes,
     /// As in [`Loaded`].
     pub files: Vec<PathBuf>,
+    pub normals: Vec<[[f32; 3]; 3]>,
     /// Bytes of memory that the files still to be read may take.
     left: u64,
+    /// Bytes of the mesh and material files that were read.
+    read: u64,
 }
 
 /// Bytes of memory that a byte of a mesh or material file takes, at most.
 const MEMORY_PER_BYTE: u64 = 24;
+/// The least bytes of a file for each triangle whose normals are kept: fewer only where vertices are drawn many times.
+#[cfg(feature = "formats")]
+const BYTES_PER_NORMALS: u64 = 6;
 
 impl<'a> Source<'a> {
     pub fn new(path: &'a Path, options: &'a LoadOptions) -> Self {
         let left = options.memory.unwrap_or(u64::MAX);
-        Self { path, options, notes: Notes::new(path), files: vec![path.into()], left }
+        Self { path, options, notes: Notes::new(path), files: vec![path.into()], normals: Vec::new(), left, read: 0 }
     }
 
     /// Reads a file whole, of a size whose content the memory left can hold.
@@ -92,7 +97,22 @@ impl<'a> Source<'a> {
             return Err(Error::File { path: path.into(), line: None, what, fix });
         }
         self.left -= needed;
+        self.read += bytes;
         statement::read_bytes(path)
+    }
+
+    /// Keeps the normals of each triangle's corners, given those of the vertices.
+    #[cfg(feature = "formats")]
+    pub fn keep_normals(&mut self, of_vertex: &[[f32; 3]], triangles: &[[u32; 3]]) {
+        if of_vertex.is_empty() {
+            return;
+        }
+        if triangles.len() as u64 > self.read / BYTES_PER_NORMALS {
+            self.notes.add(None, "normals are not used: the file draws its vertices too many times");
+            return;
+        }
+        let normal = |corner: u32| of_vertex.get(corner as usize).copied().unwrap_or_default();
+        self.normals = triangles.iter().map(|triangle| triangle.map(normal)).collect();
     }
 
     /// How many texels the mesh's first image may have.
@@ -103,7 +123,7 @@ impl<'a> Source<'a> {
     /// # Errors
     /// [`Error::File`](crate::Error::File) for the first note, if the options are strict.
     pub fn loaded(self, mesh: Mesh) -> Result<Loaded> {
-        Ok(Loaded { mesh, normals: Vec::new(), notes: self.notes.finish(self.options.strict)?, files: self.files })
+        Ok(Loaded { mesh, normals: self.normals, notes: self.notes.finish(self.options.strict)?, files: self.files })
     }
 }
 
@@ -136,5 +156,6 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let mut triangles = triangles::triangulate(path, &obj, &mut source.notes)?;
     let appearance = appearance::appearance(&mut source, &mut obj, &mut triangles);
     let mesh = Mesh::new(obj.positions, triangles.vertices)?.with_appearance(appearance)?;
-    Ok(Loaded { normals: triangles.normals, ..source.loaded(mesh)? })
+    source.normals = triangles.normals;
+    source.loaded(mesh)
 }

@@ -169,6 +169,40 @@ fn nodes_place_and_repeat_meshes() {
 }
 
 #[test]
+fn normals_stay_with_their_corners() {
+    let _alone = alone();
+    let folder = tempfile::tempdir().unwrap();
+    let text = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float nx\nproperty float x\nproperty float y\n\
+        property float z\nproperty float ny\nproperty float nz\nelement face 2\nproperty list uchar int vertex_indices\n\
+        end_header\n0 0 0 0 0 1\n0 1 0 0 1 0\n2 0 1 0 0 0\nnan 1 1 0 0 1\n3 0 1 2\n3 2 1 3\n";
+    let loaded = read(&folder, "mesh.ply", text.as_bytes()).unwrap();
+    let [z, y, x] = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [2.0, 0.0, 0.0]];
+    assert_eq!(loaded.normals[0], [z, y, x]);
+    assert_eq!(loaded.normals[1][..2], [x, y]);
+    assert!(loaded.normals[1][2][0].is_nan() && loaded.normals.len() == 2);
+
+    // Positions serve as normals; a node that scales by 2 along x halves theirs.
+    let mesh = torus(5, 4);
+    let (mut root, binary) = gltf(&mesh, None);
+    let attributes = &mut root["meshes"][0]["primitives"][0]["attributes"];
+    attributes["NORMAL"] = attributes["POSITION"].clone();
+    root["nodes"] = json!([{ "mesh": 0, "scale": [2.0, 1.0, 1.0] }]);
+    let loaded = read(&folder, "mesh.glb", &glb(&root, &binary)).unwrap();
+    assert_eq!((loaded.normals.len(), loaded.notes.len()), (mesh.triangles().len(), 0));
+    for (normals, triangle) in loaded.normals.iter().zip(loaded.mesh.triangles()) {
+        for (normal, &corner) in normals.iter().zip(triangle) {
+            let [x, y, z] = loaded.mesh.positions()[corner as usize];
+            assert_eq!(*normal, [x / 4.0, y, z]);
+        }
+    }
+    // Vertices drawn so many times that their normals would take more memory than the file gives reason for.
+    root["nodes"] = json!(vec![json!({ "mesh": 0 }); 200]);
+    let loaded = read(&folder, "mesh.glb", &glb(&root, &binary)).unwrap();
+    assert!(loaded.normals.is_empty() && loaded.mesh.triangles().len() == 200 * mesh.triangles().len());
+    assert_note(&loaded, "normals are not used");
+}
+
+#[test]
 fn colours_of_bytes_and_of_faces_are_read() {
     let _alone = alone();
     let folder = tempfile::tempdir().unwrap();

@@ -12,7 +12,7 @@ use crate::{
     scene::{Appearance, Mesh},
 };
 use document::Document;
-use glam::{DMat4, DQuat, DVec3};
+use glam::{DMat3, DMat4, DQuat, DVec3};
 use gltf_json as json;
 use json::{
     mesh::{Mode, Semantic},
@@ -73,6 +73,8 @@ struct Soup {
     /// Vertex colours times base colours.
     colors: Vec<[f32; 3]>,
     uvs: Vec<[f32; 2]>,
+    /// Of the vertices up to the last that has one; 0 for vertices without.
+    normals: Vec<[f32; 3]>,
     triangles: Vec<[u32; 3]>,
     pieces: Vec<Piece>,
     has_vertex_colors: bool,
@@ -179,6 +181,15 @@ impl Soup {
             Some(place) => place.project_point3(DVec3::from(point.map(f64::from))).as_vec3().to_array(),
             None => point,
         }));
+        if let Some(normals) = attribute(Semantic::Normals) {
+            let turn = place.map(|place| DMat3::from_mat4(place).inverse().transpose());
+            let normals = document.vectors::<3>(source, normals)?.into_iter().take(count);
+            self.normals.resize(start, [0.0; 3]);
+            self.normals.extend(normals.map(|normal| match turn {
+                Some(turn) => (turn * DVec3::from(normal.map(f64::from))).as_vec3().to_array(),
+                None => normal,
+            }));
+        }
         self.add_look(source, document, primitive, count)
     }
 
@@ -191,9 +202,6 @@ impl Soup {
         count: usize,
     ) -> Result<(), String> {
         let attribute = |semantic| primitive.attributes.get(&Checked::Valid(semantic)).map(|index| index.value());
-        if attribute(Semantic::Normals).is_some() {
-            source.notes.once("normals are computed from the geometry, not read");
-        }
         let material = primitive.material.map(|material| material.value());
         let look = image::look(source, document.root, material)?;
         let colors = attribute(Semantic::Colors(0)).map(|index| document.vectors::<3>(source, index)).transpose()?;
@@ -229,6 +237,7 @@ impl Soup {
         if textures.is_some() && self.has_vertex_colors {
             source.notes.add(None, "vertex colours are not used: the materials have textures");
         }
+        source.keep_normals(&self.normals, &self.triangles);
         let by_color = textures.is_none() && self.has_vertex_colors;
         let mut weld = Weld::new();
         let mut colors = Vec::new();

@@ -15,12 +15,12 @@ use crate::{
     scene::{Appearance, Mesh, Texture, Wrap},
 };
 use image::ImageReader;
-use rows::{Row, Table, least_bytes};
+use rows::{Row, Table, VALUES, least_bytes};
 use serde_ply::{PlyReader, ScalarType};
 use std::{io::Cursor, mem};
 
-/// The names of what is read of a vertex: position, colour, UV. Where several are given, the first that a file has counts.
-const VERTEX: [&[&str]; 8] = [
+/// The names of what is read of a vertex: position, colour, UV, normal. Where several are given, the first that a file has counts.
+const VERTEX: [&[&str]; VALUES] = [
     &["x"],
     &["y"],
     &["z"],
@@ -29,6 +29,9 @@ const VERTEX: [&[&str]; 8] = [
     &["blue", "diffuse_blue", "b"],
     &["s", "u", "texture_u"],
     &["t", "v", "texture_v"],
+    &["nx"],
+    &["ny"],
+    &["nz"],
 ];
 const FACE: [&[&str]; 5] = [&["red"], &["green"], &["blue"], &["vertex_indices", "vertex_index"], &["texcoord"]];
 
@@ -38,6 +41,7 @@ struct Ply {
     positions: Vec<[f32; 3]>,
     colors: Vec<[f32; 3]>,
     uvs: Vec<[f32; 2]>,
+    normals: Vec<[f32; 3]>,
     triangles: Vec<[u32; 3]>,
     /// One for each triangle, or none.
     face_colors: Vec<[f32; 3]>,
@@ -68,6 +72,7 @@ pub(super) fn read(source: &mut Source, mut bytes: Vec<u8>) -> Result<Mesh> {
         source.notes.add(None, note);
     }
     let (positions, triangles) = (mem::take(&mut ply.positions), mem::take(&mut ply.triangles));
+    source.keep_normals(&mem::take(&mut ply.normals), &triangles);
     let appearance = appearance(source, ply, &triangles);
     Mesh::new(positions, triangles)?.with_appearance(appearance)
 }
@@ -106,9 +111,6 @@ fn parse(source: &mut Source, bytes: &[u8]) -> Result<Ply, String> {
         let mut table = Table::new(element, least);
         match element.name.as_str() {
             "vertex" => {
-                if element.has_property("nx") {
-                    source.notes.add(None, "normals are computed from the geometry, not read");
-                }
                 table.choose(&VERTEX, VERTEX.len());
                 table.read(&mut reader, &mut ply.take_vertex(&table, source.options.srgb)?)?;
             }
@@ -147,10 +149,10 @@ impl Ply {
         if !table.has(0..3) {
             return Err("its vertices have no x, y and z".into());
         }
-        let (colored, mapped) = (table.has(3..6), table.has(6..8));
+        let (colored, mapped, curved) = (table.has(3..6), table.has(6..8), table.has(8..11));
         let shade = shade(table.kind(3), srgb);
         Ok(move |row: &Row| {
-            let [x, y, z, r, g, b, u, v] = row.values;
+            let [x, y, z, r, g, b, u, v, normal @ ..] = row.values;
             self.positions.push([x as f32, y as f32, z as f32]);
             if colored {
                 self.colors.push([r, g, b].map(&shade));
@@ -158,6 +160,9 @@ impl Ply {
             if mapped {
                 let uv = self.checked([u, v]);
                 self.uvs.push(uv);
+            }
+            if curved {
+                self.normals.push(normal.map(|x| x as f32));
             }
             Ok(())
         })

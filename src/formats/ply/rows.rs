@@ -32,10 +32,13 @@ enum Column {
     List(usize),
 }
 
+/// The most names that a table chooses from.
+pub(super) const VALUES: usize = 11;
+
 /// The values of a row that are read, by their index in the list of names.
 #[derive(Default)]
 pub(super) struct Row {
-    pub values: [f64; 8],
+    pub values: [f64; VALUES],
     pub lists: [Vec<f64>; 5],
 }
 
@@ -44,7 +47,7 @@ pub(super) struct Table<'a> {
     element: &'a ElementDef,
     columns: Vec<Column>,
     /// For each name the type of its column, if the element has it.
-    found: [Option<ScalarType>; 8],
+    found: [Option<ScalarType>; VALUES],
     /// Whether rows take any bytes; others are not there to be read.
     is_empty: bool,
 }
@@ -52,7 +55,7 @@ pub(super) struct Table<'a> {
 impl<'a> Table<'a> {
     pub fn new(element: &'a ElementDef, least: u64) -> Self {
         let columns = vec![Column::Nowhere; element.properties.len()];
-        Self { element, columns, found: [None; 8], is_empty: least == 0 }
+        Self { element, columns, found: [None; VALUES], is_empty: least == 0 }
     }
 
     /// Chooses the columns that have one of the names; those from `lists` on are lists, the others single values.
