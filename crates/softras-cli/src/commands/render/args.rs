@@ -48,8 +48,8 @@ pub struct RenderArgs {
     #[command(flatten)]
     pub camera: CameraArgs,
     /// What fills the picture, where neither the camera's place nor its distance is given. box: the projected vertices fill
-    /// 90 %, in all frames of a turntable; sphere: the bounding sphere fills 85 %, from the same place however the mesh is
-    /// turned, as for `grad` and `pose`
+    /// 90 %, or less where a blur needs room, in all frames of a turntable; sphere: the bounding sphere fills 85 %, from the
+    /// same place however the mesh is turned, as for `grad` and `pose`
     #[arg(long, value_enum, default_value = "box", help_heading = "Camera")]
     pub frame: Fit,
     #[command(flatten)]

@@ -6,8 +6,12 @@ use crate::commands::parse::HalfHeight;
 use glam::DVec3;
 use softras::{Mesh, Projection, Result};
 
-/// The share of the picture that the box of the projected vertices fills, in the direction in which it fills more.
+/// The most of the picture that the box of the projected vertices fills, in the direction in which it fills more, and the least
+/// where a blur needs room around it.
 const FILL: f64 = 0.9;
+const LEAST_FILL: f64 = 0.3;
+/// The probability D below which the blur around a mesh may be cut by the picture's frame.
+const FAINT: f64 = 0.02;
 /// The most turns of a turntable whose boxes are computed; between them a box hardly grows.
 const MOST_TURNS: usize = 36;
 /// Rounds in which the centre of the box is found. Each decides which vertices are the outermost, and few are enough.
@@ -15,13 +19,20 @@ const ROUNDS: usize = 8;
 /// The least distance from the camera to the nearest vertex, in radii of the mesh.
 const CLEARANCE: f64 = 0.05;
 
-/// The view at the beginning of `turns`, in degrees, from which the mesh fills the picture and is in its middle, in all of the
-/// turns. Where the arguments give the camera's place, it is that; where they give the point looked at, the camera is as near
+/// The share of the picture that a mesh fills so that its outline's blur fits too: D = sigmoid(-d²/σ), with d in halves of the
+/// picture's height.
+pub fn share(sigma: f64, aspect: f64) -> f64 {
+    let reach = (sigma * (1.0 / FAINT - 1.0).ln()).sqrt();
+    (1.0 - reach / aspect.min(1.0)).clamp(LEAST_FILL, FILL)
+}
+
+/// The view at the beginning of `turns`, in degrees, from which the mesh fills `share` of the picture and is in its middle, in
+/// all of the turns. Where the arguments give the camera's place, it is that; where they give the point looked at, the camera is as near
 /// as it can be.
 ///
 /// # Errors
 /// As [`softras::Camera::look_at`].
-pub fn filling(args: &CameraArgs, mesh: &Mesh, bounds: Bounds, aspect: f64, turns: &[f64]) -> Result<View> {
+pub fn filling(args: &CameraArgs, mesh: &Mesh, bounds: Bounds, aspect: f64, turns: &[f64], share: f64) -> Result<View> {
     let view = View::new(args, bounds, aspect, 0.0);
     let is_given = args.eye.is_some()
         || match args.orthographic {
@@ -46,12 +57,12 @@ pub fn filling(args: &CameraArgs, mesh: &Mesh, bounds: Bounds, aspect: f64, turn
     let is_centred = args.target.is_none();
     let (projection, place) = match view.projection {
         Projection::Perspective { fov_y } => {
-            let slope = FILL * (fov_y / 2.0).tan();
+            let slope = share * (fov_y / 2.0).tan();
             (view.projection, perspective(&seen, [slope * aspect, slope], is_centred, CLEARANCE * bounds.radius))
         }
         _ => {
             let [[left, low], [right, high]] = box_of(&seen, is_centred);
-            let half = ((right - left) / aspect).max(high - low) / 2.0 / FILL;
+            let half = ((right - left) / aspect).max(high - low) / 2.0 / share;
             let half_height = if half > 0.0 { half } else { bounds.radius };
             let center = DVec3::new((left + right) / 2.0, (low + high) / 2.0, -view.eye.distance(pivot));
             (Projection::Orthographic { half_height }, center)
@@ -159,7 +170,7 @@ mod tests {
         for mesh in [shapes::fish().unwrap(), moved(shapes::torus(0.9, 0.1, 24, 12).unwrap())] {
             for (extra, aspect) in ways.iter().flat_map(|way| [0.4, 1.0, 2.5].map(|aspect| (way, aspect))) {
                 let (args, bounds) = (CameraArgs::parsed(extra), Bounds::of(&mesh));
-                let view = filling(&args, &mesh, bounds, aspect, &[0.0]).unwrap();
+                let view = filling(&args, &mesh, bounds, aspect, &[0.0], FILL).unwrap();
                 let [left, right, low, high] = projected(&mesh, &view, aspect);
                 assert!(
                     (left + right).abs() < 1e-3 && (low + high).abs() < 1e-3,
@@ -169,7 +180,7 @@ mod tests {
                 assert!(view.near > 0.0 && view.far > view.near);
                 // A point that is given stays in the middle, and all of the mesh in the picture.
                 let given = CameraArgs { target: Some((bounds.center + 0.3 * bounds.radius).to_array()), ..args };
-                let view = filling(&given, &mesh, bounds, aspect, &[0.0]).unwrap();
+                let view = filling(&given, &mesh, bounds, aspect, &[0.0], FILL).unwrap();
                 let most = projected(&mesh, &view, aspect).map(f64::abs).into_iter().fold(0.0, f64::max);
                 assert!((most - 0.9).abs() < 1e-3, "{extra:?} {aspect} {most}");
                 let to = (DVec3::from(given.target.unwrap()) - view.eye).normalize();
@@ -182,7 +193,7 @@ mod tests {
     fn a_mesh_stays_in_the_picture_in_all_turns() {
         let (mesh, args) = (shapes::fish().unwrap(), CameraArgs::parsed(&[]));
         let turns: Vec<f64> = (0..100).map(|i| 3.6 * f64::from(i)).collect();
-        let first = filling(&args, &mesh, Bounds::of(&mesh), 1.5, &turns).unwrap();
+        let first = filling(&args, &mesh, Bounds::of(&mesh), 1.5, &turns, FILL).unwrap();
         let reach = |turn: &f64| {
             let view = first.turned(&args, Bounds::of(&mesh), *turn);
             projected(&mesh, &view, 1.5).map(f64::abs).into_iter().fold(0.0, f64::max)
@@ -192,11 +203,22 @@ mod tests {
     }
 
     #[test]
+    fn a_blur_has_room() {
+        assert_eq!(share(1e-5, 1.0), FILL);
+        assert!((share(1e-2, 2.0) - 0.803).abs() < 1e-3, "{}", share(1e-2, 2.0));
+        assert!(share(1e-2, 0.5) < share(1e-2, 1.0) && share(10.0, 1.0) == LEAST_FILL);
+        let (mesh, args) = (shapes::fish().unwrap(), CameraArgs::parsed(&[]));
+        let view = filling(&args, &mesh, Bounds::of(&mesh), 1.0, &[0.0], share(1e-2, 1.0)).unwrap();
+        let most = projected(&mesh, &view, 1.0).map(f64::abs).into_iter().fold(0.0, f64::max);
+        assert!((most - share(1e-2, 1.0)).abs() < 1e-3, "{most}");
+    }
+
+    #[test]
     fn meshes_without_extent_have_a_view() {
         let point = Mesh::new(vec![[1.0, 2.0, 3.0]; 3], vec![[0, 1, 2]]).unwrap();
         for mesh in [point, Mesh::new(Vec::new(), Vec::new()).unwrap()] {
             for extra in [&[][..], &["--orthographic", "fit"], &["--look-at", "0,0,0"]] {
-                let view = filling(&CameraArgs::parsed(extra), &mesh, Bounds::of(&mesh), 1.0, &[0.0]).unwrap();
+                let view = filling(&CameraArgs::parsed(extra), &mesh, Bounds::of(&mesh), 1.0, &[0.0], FILL).unwrap();
                 assert!(view.camera().is_ok() && view.near > 0.0 && view.far > view.near, "{extra:?} {view:?}");
             }
         }

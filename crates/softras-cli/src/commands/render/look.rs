@@ -59,6 +59,12 @@ pub fn settings(
     }
 }
 
+/// The largest sigma of the frames to come: that of the settings, or of a sweep.
+pub fn widest_sigma(args: &RenderArgs, view: &View) -> f64 {
+    let step = args.sweep.map(|sweep| (sweep.swept, sweep.from.max(sweep.to)));
+    settings(&args.look, &args.modes, view, &args.output, 1, step).sigma
+}
+
 /// Whether alpha is 1 inside of surfaces in pictures: unless the softness of edges or the model's own values were asked for.
 pub fn is_solid(args: &RenderArgs) -> bool {
     let look = &args.look;

@@ -180,7 +180,10 @@ impl<'a> Stage<'a> {
         let (width, height) = args.look.size;
         let aspect = f64::from(width) / f64::from(height);
         let first = match args.frame {
-            Fit::Box => fill::filling(&camera, &mesh, bounds, aspect, &animation::turns(args))?,
+            Fit::Box => {
+                let share = fill::share(look::widest_sigma(args, &View::new(&camera, bounds, aspect, 0.0)), aspect);
+                fill::filling(&camera, &mesh, bounds, aspect, &animation::turns(args), share)?
+            }
             Fit::Sphere => View::new(&camera, bounds, aspect, 0.0),
         };
         let mesh = match args.light.shading {
