@@ -10,8 +10,6 @@ use softras::{Mesh, Projection, Result};
 /// where a blur needs room around it.
 const FILL: f64 = 0.9;
 const LEAST_FILL: f64 = 0.3;
-/// The probability D below which the blur around a mesh may be cut by the picture's frame.
-const FAINT: f64 = 0.02;
 /// The most turns of a turntable whose boxes are computed; between them a box hardly grows.
 const MOST_TURNS: usize = 36;
 /// Rounds in which the centre of the box is found. Each decides which vertices are the outermost, and few are enough.
@@ -19,10 +17,10 @@ const ROUNDS: usize = 8;
 /// The least distance from the camera to the nearest vertex, in radii of the mesh.
 const CLEARANCE: f64 = 0.05;
 
-/// The share of the picture that a mesh fills so that its outline's blur fits too: D = sigmoid(-d²/σ), with d in halves of the
-/// picture's height.
-pub fn share(sigma: f64, aspect: f64) -> f64 {
-    let reach = (sigma * (1.0 / FAINT - 1.0).ln()).sqrt();
+/// The share of the picture that a mesh fills so that its outline's blur fits too. It ends where D = sigmoid(-d²/σ) is τ, with d
+/// in halves of the picture's height: many triangles that are each faint there are not faint together.
+pub fn share(sigma: f64, tau: f64, aspect: f64) -> f64 {
+    let reach = (sigma * (1.0 / tau - 1.0).ln()).max(0.0).sqrt();
     (1.0 - reach / aspect.min(1.0)).clamp(LEAST_FILL, FILL)
 }
 
@@ -204,13 +202,13 @@ mod tests {
 
     #[test]
     fn a_blur_has_room() {
-        assert_eq!(share(1e-5, 1.0), FILL);
-        assert!((share(1e-2, 2.0) - 0.803).abs() < 1e-3, "{}", share(1e-2, 2.0));
-        assert!(share(1e-2, 0.5) < share(1e-2, 1.0) && share(10.0, 1.0) == LEAST_FILL);
+        assert_eq!(share(1e-5, 1e-4, 1.0), FILL);
+        assert!((share(1e-2, 1e-4, 2.0) - 0.697).abs() < 1e-3, "{}", share(1e-2, 1e-4, 2.0));
+        assert!(share(1e-2, 1e-4, 0.5) < share(1e-2, 1e-4, 1.0) && share(10.0, 1e-4, 1.0) == LEAST_FILL);
         let (mesh, args) = (shapes::fish().unwrap(), CameraArgs::parsed(&[]));
-        let view = filling(&args, &mesh, Bounds::of(&mesh), 1.0, &[0.0], share(1e-2, 1.0)).unwrap();
+        let view = filling(&args, &mesh, Bounds::of(&mesh), 1.0, &[0.0], share(1e-2, 1e-4, 1.0)).unwrap();
         let most = projected(&mesh, &view, 1.0).map(f64::abs).into_iter().fold(0.0, f64::max);
-        assert!((most - share(1e-2, 1.0)).abs() < 1e-3, "{most}");
+        assert!((most - share(1e-2, 1e-4, 1.0)).abs() < 1e-3, "{most}");
     }
 
     #[test]

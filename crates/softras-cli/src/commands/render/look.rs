@@ -59,10 +59,13 @@ pub fn settings(
     }
 }
 
-/// The largest sigma of the frames to come: that of the settings, or of a sweep.
-pub fn widest_sigma(args: &RenderArgs, view: &View) -> f64 {
-    let step = args.sweep.map(|sweep| (sweep.swept, sweep.from.max(sweep.to)));
-    settings(&args.look, &args.modes, view, &args.output, 1, step).sigma
+/// The settings of the frame with the widest blur: of a sweep's ends the one that reaches farther.
+pub fn widest(args: &RenderArgs, view: &View) -> Settings {
+    let step = args.sweep.map(|sweep| match sweep.swept {
+        Swept::Tau => (sweep.swept, sweep.from.min(sweep.to)),
+        _ => (sweep.swept, sweep.from.max(sweep.to)),
+    });
+    settings(&args.look, &args.modes, view, &args.output, 1, step)
 }
 
 /// Whether alpha is 1 inside of surfaces in pictures: unless the softness of edges or the model's own values were asked for.

@@ -181,7 +181,8 @@ impl<'a> Stage<'a> {
         let aspect = f64::from(width) / f64::from(height);
         let first = match args.frame {
             Fit::Box => {
-                let share = fill::share(look::widest_sigma(args, &View::new(&camera, bounds, aspect, 0.0)), aspect);
+                let widest = look::widest(args, &View::new(&camera, bounds, aspect, 0.0));
+                let share = fill::share(widest.sigma, widest.tau, aspect);
                 fill::filling(&camera, &mesh, bounds, aspect, &animation::turns(args), share)?
             }
             Fit::Sphere => View::new(&camera, bounds, aspect, 0.0),
