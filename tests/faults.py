@@ -97,8 +97,8 @@ FAULTS = [
     # Of the Rust side, where the tests need no device.
     ("rounding of the layers' sums kept", "glsl/common/pixel.glsl", "precise float term = word - excess * keep;",
      "precise float term = word;", [("robustness", "layers::")]),
-    ("thin layers multiplied one by one", SOFT, "(w.growth + (1.0 - left)) * inverse", "1.0 - left * inverse",
-     [("robustness", "layers::")]),
+    ("faint layers rounded beside 1", SOFT, "w[i].growth += w[i].growth * d[i].e + d[i].e;",
+     "w[i].growth = (1.0 + w[i].growth) * (1.0 + d[i].e) - 1.0;", [("robustness", "layers::")]),
     ("mesh: an index of the count", "src/scene/mesh.rs", "i as usize >= count", "i as usize > count",
      [("robustness", "errors::meshes")]),
     ("settings: near may be far", "src/scene/settings.rs", "self.far >= self.near * (1.0 + 1e-6)",
