@@ -23,6 +23,13 @@ impl Image {
         count == Some(self.data.len()) && !self.data.is_empty()
     }
 
+    /// Some of the views.
+    #[cfg(feature = "fit")]
+    pub(crate) fn views(&self, range: std::ops::Range<usize>) -> Self {
+        let size = self.height * self.width * self.channels;
+        Self { batch: range.len(), data: self.data[range.start * size..range.end * size].to_vec(), ..*self }
+    }
+
     /// The `channels` values of one pixel.
     ///
     /// # Panics

@@ -3,6 +3,9 @@
 
 pub use crate::frame::{buffers, pack, passes, pipelines, plan};
 
+#[cfg(feature = "renderer")]
+pub use crate::renderer::parts::in_parts;
+
 /// Raw Vulkan: devices, memory, kernels, command buffers.
 pub mod vulkan {
     pub use crate::vulkan::*;

@@ -2,7 +2,7 @@
 
 use super::device::DeviceFit;
 use super::shape::{ShapeFit, Step, Targets};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::renderer::Renderer;
 use crate::scene::{Mesh, Settings};
@@ -35,7 +35,8 @@ struct OnHost {
 }
 
 impl Fit {
-    /// Continues a shape fit, on the device if that supports its options and settings like these.
+    /// Continues a shape fit, on the device if that supports its options and settings like these and holds all views at once.
+    /// On the host views are rendered in parts where they have to be.
     ///
     /// # Errors
     /// [`Error::Fit`](crate::Error::Fit) for targets that do not fit together; [`Error::Limit`](crate::Error::Limit),
@@ -43,10 +44,13 @@ impl Fit {
     pub fn new(renderer: &Renderer, shape: ShapeFit, targets: &Targets, settings: &Settings) -> Result<Self> {
         match DeviceFit::unsupported(&shape).or_else(|| DeviceFit::unsupported_settings(settings)) {
             Some(reason) => Ok(Self::on_host(shape, targets, reason)),
-            None => {
-                let steps = Steps::Device(Box::new(DeviceFit::new(renderer, shape, targets, None)?));
-                Ok(Self { steps, reason: None })
-            }
+            None => match DeviceFit::with_room(renderer, shape.clone(), targets, settings) {
+                Ok(fit) => Ok(Self { steps: Steps::Device(Box::new(fit)), reason: None }),
+                Err(error @ (Error::Limit { .. } | Error::OutOfMemory { .. })) => {
+                    Ok(Self::on_host(shape, targets, format!("the views are rendered in parts, since {error}")))
+                }
+                Err(error) => Err(error),
+            },
         }
     }
 

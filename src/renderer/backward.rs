@@ -96,6 +96,7 @@ impl Renderer {
         let batch = saved.cameras.len();
         upstream.validate(s.outputs, batch, s.height as usize, s.width as usize)?;
         let plan = self.plan_backward(&saved.plan, upstream, wanted)?;
+        self.validate_memory(saved.plan.buffers().iter().chain(plan.buffers()))?;
         for needed in plan.buffers() {
             let reserved = self.buffers.reserve(&self.context, needed.entry(), needed.size);
             if !matches!(reserved, Ok(false)) {

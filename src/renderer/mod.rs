@@ -2,15 +2,14 @@
 
 mod backward;
 mod frame;
+pub(crate) mod parts;
 mod upload;
 
 pub use frame::{Frame, FrameCounts, StageTime};
 
 use crate::constants as c;
-use crate::embed::{FrameBindings, FramePlan, Inputs, Rasterizer, Shape, Status};
-#[cfg(doc)]
-use crate::error::Error;
-use crate::error::Result;
+use crate::embed::{BufferRequirement, FrameBindings, FramePlan, Inputs, Rasterizer, Shape, Status};
+use crate::error::{Error, Result};
 use crate::frame::buffers::{BufferId, BufferSet, Entry, Role};
 use crate::frame::passes::{FORWARD_TIMESTAMPS, ForwardStage};
 use crate::frame::plan::Capacity;
@@ -41,6 +40,9 @@ pub struct RendererOptions {
     pub cache: CacheFolder,
     /// The Vulkan loader; `None`: the system's.
     pub loader: Option<Loader>,
+    /// The most bytes of device memory that the buffers of a frame with its gradients, or of a step of a fit, may take. What
+    /// needs more is refused with [`Error::OutOfMemory`], as by a device that has no more; `None`: what the device has.
+    pub memory: Option<u64>,
 }
 
 /// Numbers the saved frames of all renderers of the process, so that no renderer takes another's frame for its own.
@@ -70,6 +72,8 @@ pub struct Renderer {
     /// Whether lists are walked that have no room: once a frame has needed more than the device can hold. The kernels for it
     /// take as long to compile as all others together, so that a frame that has too little room is rendered again instead.
     walked: bool,
+    /// As [`RendererOptions::memory`].
+    memory: Option<u64>,
     context: Context,
 }
 
@@ -128,6 +132,7 @@ impl Renderer {
             initial: options.capacity,
             walked: options.capacity.is_some(),
             capacity: None,
+            memory: options.memory,
             context,
         })
     }
@@ -252,7 +257,21 @@ impl Renderer {
 
     /// Makes every buffer of the plan large enough.
     fn make_room(&mut self, plan: &FramePlan) -> Result<()> {
+        self.validate_memory(plan.buffers())?;
         plan.buffers().iter().try_for_each(|needed| self.reserve(needed.entry(), needed.size))
+    }
+
+    /// Refuses buffers that together exceed [`RendererOptions::memory`].
+    pub(crate) fn validate_memory<'a>(&self, buffers: impl IntoIterator<Item = &'a BufferRequirement>) -> Result<()> {
+        let bytes = buffers.into_iter().map(|buffer| buffer.size).sum();
+        match self.memory {
+            Some(most) if bytes > most => Err(Error::OutOfMemory {
+                what: format!("a frame, which may have {most} bytes"),
+                bytes,
+                fix: "allow more, or render smaller images, fewer triangles or fewer cameras at once".into(),
+            }),
+            _ => Ok(()),
+        }
     }
 
     /// Makes a buffer large enough. If the old one is gone, forgets the commands recorded with it.

@@ -1,6 +1,7 @@
 //! What is drawn: meshes, cameras, lights and settings as plain data, validated when it is made or rendered.
 
 mod camera;
+mod crop;
 mod light;
 mod mesh;
 mod settings;

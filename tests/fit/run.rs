@@ -3,7 +3,8 @@
 use crate::common;
 use softras::fit::{Fit, Method, Parametrization, ShapeFit, ShapeOptions, Targets};
 use softras::{
-    Camera, Error, Image, ImageGradient, Lights, Mesh, Projection, Renderer, Scene, Settings, Wanted, shapes,
+    Camera, Error, Image, ImageGradient, Lights, Mesh, Projection, Renderer, RendererOptions, Scene, Settings, Wanted,
+    shapes,
 };
 
 const SIDE: u32 = 32;
@@ -86,6 +87,32 @@ fn the_host_takes_the_steps_that_the_device_cannot() {
     assert_eq!(fitted(weighted, &mut renderer, &settings, 0.01).0, on_device);
     let fit = Fit::new(&renderer, shape(&still), &targets, &settings).unwrap();
     assert!(fit.host_reason().unwrap().contains("moves no vertices"));
+}
+
+/// Where the device does not hold all views at once, the host renders them in parts: the same losses but for the order of sums.
+#[test]
+fn views_are_fitted_in_parts_where_memory_is_short() {
+    let (mut renderer, targets, settings) = goal();
+    let shape = || ShapeFit::new(shapes::icosphere(3).unwrap(), Lights::unlit(), ShapeOptions::smooth()).unwrap();
+    let whole = Fit::on_host(shape(), &targets, "asked for");
+    let (expected, _) = fitted(whole, &mut renderer, &settings, 0.01);
+    let held = renderer.device_bytes();
+    let within = |memory| common::renderer_with(RendererOptions { memory: Some(memory), ..Default::default() });
+    let mut roomy = within(2 * held);
+    assert_eq!(Fit::new(&roomy, shape(), &targets, &settings).unwrap().host_reason(), None);
+    let mut tight = within(held * 2 / 3);
+    let refused = tight.render_saved(shape().scene(), &targets.cameras, &settings);
+    assert!(matches!(refused, Err(Error::OutOfMemory { .. })), "{refused:?}");
+    let fit = Fit::new(&tight, shape(), &targets, &settings).unwrap();
+    assert!(fit.host_reason().unwrap().contains("in parts"));
+    let (losses, _) = fitted(fit, &mut tight, &settings, 0.01);
+    let worst = losses.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(losses.len() == 30 && worst < 1e-4, "{worst} {losses:?} {expected:?}");
+    // A view that does not fit alone is an error.
+    let mut none = within(1000);
+    let mut fit = Fit::new(&none, shape(), &targets, &settings).unwrap();
+    assert!(matches!(fit.step(&mut none, &settings, 0.01, 0.0), Err(Error::OutOfMemory { .. })));
+    drop(roomy.render(shape().scene(), &targets.cameras, &settings).unwrap());
 }
 
 #[test]

@@ -4,6 +4,7 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+mod cropped;
 mod forward;
 mod helpers;
 mod invariance;

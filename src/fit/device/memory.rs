@@ -5,10 +5,13 @@ use super::buffers::{FitBuffer, Own};
 use super::host::FitState;
 use super::plan::FitPlan;
 use super::tables::Tables;
+use super::{DeviceFit, ShapeFit, Targets};
 use crate::constants as c;
 use crate::embed::{FramePlan, GradientPlan, Inputs};
 use crate::error::Result;
 use crate::frame::buffers::{BufferId, BufferSet, Entry, Parts, Role};
+use crate::renderer::Renderer;
+use crate::scene::Settings;
 use crate::vulkan::{Context, Recorder};
 
 /// The number of records in `records`: steps that may be submitted before the host reads them.
@@ -36,6 +39,19 @@ pub enum Upload {
     Inputs,
     /// `fit_state` alone.
     State,
+}
+
+impl DeviceFit {
+    /// [`DeviceFit::new`] with room for steps with settings like these.
+    ///
+    /// # Errors
+    /// As [`DeviceFit::new`], and as [`Renderer::render`].
+    pub fn with_room(renderer: &Renderer, fit: ShapeFit, targets: &Targets, settings: &Settings) -> Result<Self> {
+        let mut fit = Self::new(renderer, fit, targets, None)?;
+        let settings = fit.plan.settings(settings);
+        fit.prepare(renderer, &settings)?;
+        Ok(fit)
+    }
 }
 
 /// All buffers.
@@ -76,8 +92,9 @@ impl Memory {
     ///
     /// # Errors
     /// As [`add_own`](Self::add_own).
-    pub fn reserve(&mut self, context: &Context, frame: &FramePlan, gradients: &GradientPlan) -> Result<bool> {
-        let mut renewed = false;
+    pub fn reserve(&mut self, renderer: &Renderer, frame: &FramePlan, gradients: &GradientPlan) -> Result<bool> {
+        renderer.validate_memory(frame.buffers().iter().chain(gradients.buffers()))?;
+        let (context, mut renewed) = (renderer.context(), false);
         for needed in frame.buffers().iter().chain(gradients.buffers()) {
             let entry = Entry { id: needed.id.into(), format: needed.format, role: needed.role };
             renewed |= self.set.reserve(context, entry, needed.size)?;

@@ -300,7 +300,7 @@ impl DeviceFit {
         self.flights.iter_mut().try_for_each(CommandBuffer::settle)?;
         self.bound = None;
         let context = renderer.context();
-        self.memory.reserve(context, &frame, &gradients)?;
+        self.memory.reserve(renderer, &frame, &gradients)?;
         let inputs = Inputs::new(self.shape.scene(), &self.cameras, settings, &frame);
         self.memory.write_inputs(&inputs)?;
         let upload = match self.initial.take() {

@@ -15,13 +15,14 @@ use super::optimizer::{Method, Optimizer};
 use super::remesh::remeshed;
 use super::smoothing::Smoothing;
 use super::topology::Topology;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gradients::{ImageGradient, Wanted};
 use crate::image::Image;
-use crate::renderer::Renderer;
+use crate::renderer::{Renderer, parts::in_parts};
 use crate::scene::{Appearance, Lights, Mesh, Scene, Settings};
 use glam::DVec3;
 use parametrization::Parameters;
+use std::ops::Range;
 
 /// The losses of a step, before it moved anything.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,6 +48,28 @@ pub struct ShapeFit {
     optimizer: Optimizer,
     color_values: Vec<f64>,
     color_optimizer: Optimizer,
+    /// As many views as the renderer has been found to hold at once.
+    views_at_once: usize,
+}
+
+/// The losses of a step and the gradients of their weighted sum, of all views or of some.
+struct Descent {
+    silhouette: f64,
+    color: f64,
+    by_positions: Vec<DVec3>,
+    by_colors: Vec<f64>,
+}
+
+impl Descent {
+    /// Adds those of some views, whose share of all is `share`: every loss is a mean over views.
+    fn add(&mut self, part: &Self, share: f64) {
+        self.silhouette += share * part.silhouette;
+        self.color += share * part.color;
+        self.by_positions.resize(part.by_positions.len(), DVec3::ZERO);
+        self.by_positions.iter_mut().zip(&part.by_positions).for_each(|(sum, g)| *sum += share * *g);
+        self.by_colors.resize(part.by_colors.len(), 0.0);
+        self.by_colors.iter_mut().zip(&part.by_colors).for_each(|(sum, g)| *sum += share * *g);
+    }
 }
 
 impl ShapeFit {
@@ -73,6 +96,7 @@ impl ShapeFit {
             color_optimizer: Optimizer::new(Method::ADAM, color_values.len()),
             color_values,
             options,
+            views_at_once: usize::MAX,
         })
     }
 
@@ -99,7 +123,8 @@ impl ShapeFit {
     /// Renders the targets' views, compares them, and moves vertices with step size `rate` and colours with
     /// `color_rate`.
     ///
-    /// The fit sets size, outputs and `save` of the settings itself.
+    /// The fit sets size, outputs and `save` of the settings itself. Where the device or
+    /// [`RendererOptions::memory`](crate::RendererOptions::memory) cannot hold all views at once, they are rendered in parts.
     ///
     /// # Errors
     /// [`crate::Error::Fit`] for targets that do not fit together; otherwise as [`Renderer::render`] and
@@ -117,7 +142,27 @@ impl ShapeFit {
         settings.outputs.color = targets.color.is_some();
         settings.outputs.silhouette = targets.silhouette.is_some();
         settings.save = true;
-        let frame = renderer.render(&self.scene, &targets.cameras, &settings)?;
+        let (mut at_once, views) = (self.views_at_once, targets.cameras.len());
+        let mut all = Descent { silhouette: 0.0, color: 0.0, by_positions: Vec::new(), by_colors: Vec::new() };
+        let make = |range: Range<usize>| self.descent(renderer, &settings, &targets.views(range));
+        in_parts(views, &mut at_once, make, |range, part| {
+            all.add(&part, range.len() as f64 / views as f64);
+            Ok::<(), Error>(())
+        })?;
+        self.views_at_once = at_once;
+        let Descent { silhouette, color, by_positions, by_colors } = all;
+        let regularizers = self.move_vertices(by_positions, rate)?;
+        if self.options.fit_colors {
+            self.move_colors(&by_colors, color_rate)?;
+        }
+        let penalties: f64 = self.options.regularizers.iter().zip(&regularizers).map(|((_, w), r)| w * r).sum();
+        let loss = self.options.silhouette.1 * silhouette + self.options.color.1 * color + penalties;
+        Ok(Step { loss, silhouette, color, regularizers })
+    }
+
+    /// Renders some views, and compares and differentiates them.
+    fn descent(&self, renderer: &mut Renderer, settings: &Settings, targets: &Targets) -> Result<Descent> {
+        let frame = renderer.render(&self.scene, &targets.cameras, settings)?;
         let mut upstream = ImageGradient::default();
         let (silhouette, gradient) =
             self.compare(frame.silhouette(), targets.silhouette.as_ref(), self.options.silhouette)?;
@@ -130,14 +175,10 @@ impl ShapeFit {
             wanted = colors::wanted(appearance, wanted);
         }
         let gradients = renderer.backward(&frame, &upstream, &wanted)?;
-        let by_colors = self.options.fit_colors.then(|| colors::gradient(appearance, &gradients.meshes[0]));
-        let regularizers = self.move_vertices(&gradients.meshes[0].positions, rate)?;
-        if let Some(gradient) = by_colors {
-            self.move_colors(&gradient, color_rate)?;
-        }
-        let penalties: f64 = self.options.regularizers.iter().zip(&regularizers).map(|((_, w), r)| w * r).sum();
-        let loss = self.options.silhouette.1 * silhouette + self.options.color.1 * color + penalties;
-        Ok(Step { loss, silhouette, color, regularizers })
+        let mesh = &gradients.meshes[0];
+        let by_colors = if self.options.fit_colors { colors::gradient(appearance, mesh) } else { Vec::new() };
+        let by_positions = mesh.positions.iter().map(|g| DVec3::from(g.map(f64::from))).collect();
+        Ok(Descent { silhouette, color, by_positions, by_colors })
     }
 
     /// The settings with the size that the fit renders at.
@@ -173,12 +214,11 @@ impl ShapeFit {
     }
 
     /// Adds the regularizers' gradients, moves the vertices, and returns the unweighted penalties.
-    fn move_vertices(&mut self, gradient: &[[f32; 3]], rate: f64) -> Result<Vec<f64>> {
+    fn move_vertices(&mut self, mut gradient: Vec<DVec3>, rate: f64) -> Result<Vec<f64>> {
         if !self.options.fit_positions {
             return Ok(vec![0.0; self.options.regularizers.len()]);
         }
         let positions = self.parameters.positions(&self.values)?;
-        let mut gradient: Vec<DVec3> = gradient.iter().map(|g| DVec3::from(g.map(f64::from))).collect();
         let mut penalties = Vec::with_capacity(self.options.regularizers.len());
         for (regularizer, weight) in &self.options.regularizers {
             penalties.push(regularizer.add(&self.topology, &positions, *weight, &mut gradient)?);

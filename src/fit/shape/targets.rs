@@ -4,6 +4,7 @@ use crate::error::Result;
 use crate::fit::bad;
 use crate::image::Image;
 use crate::scene::Camera;
+use std::{borrow::Cow, ops::Range};
 
 /// The target images of a shape fit; at least one of silhouette and colour.
 #[derive(Clone, Debug, Default)]
@@ -17,6 +18,16 @@ pub struct Targets {
 }
 
 impl Targets {
+    /// The targets of some of the views.
+    pub(super) fn views(&self, range: Range<usize>) -> Cow<'_, Self> {
+        if range.len() == self.cameras.len() {
+            return Cow::Borrowed(self);
+        }
+        let some = |image: &Option<Image>| image.as_ref().map(|image| image.views(range.clone()));
+        let (silhouette, color) = (some(&self.silhouette), some(&self.color));
+        Cow::Owned(Self { cameras: self.cameras[range].to_vec(), silhouette, color })
+    }
+
     /// Height and width of the targets.
     ///
     /// # Errors

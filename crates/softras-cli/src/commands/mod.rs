@@ -19,6 +19,7 @@ mod mesh_file;
 mod npz;
 mod outputs;
 mod parse;
+mod parts;
 mod pose;
 mod progress;
 mod render;
@@ -171,12 +172,10 @@ fn detail(text: &str) {
     }
 }
 
-/// The device that a selector names, or the best one.
-fn open_device(selector: Option<&str>) -> softras::Result<softras::Renderer> {
-    let renderer = match selector {
-        Some(selector) => softras::Renderer::with_device(selector)?,
-        None => softras::Renderer::new()?,
-    };
+/// The device that a selector names, or the best one. `memory` is the most that a frame may take there.
+fn open_device(selector: Option<&str>, memory: Option<u64>) -> softras::Result<softras::Renderer> {
+    let device = selector.map(str::to_owned);
+    let renderer = softras::Renderer::with_options(&softras::RendererOptions { device, memory, ..Default::default() })?;
     detail(&format!("device: {}", renderer.device_name()));
     Ok(renderer)
 }

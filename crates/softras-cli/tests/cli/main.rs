@@ -13,6 +13,7 @@ mod numpy;
 mod official;
 #[path = "../../../../tests/official/mod.rs"]
 mod official_equations;
+mod parts;
 mod readme;
 mod render;
 mod stress;

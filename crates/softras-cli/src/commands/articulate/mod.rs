@@ -24,7 +24,7 @@ const PANEL: (u32, u32) = (168, 240);
 /// Runs the command.
 pub fn run(args: &ArticulateArgs) -> Result<(), Failure> {
     Outputs::new(&args.out, &args.obj)?;
-    let mut renderer = super::open_device(args.device.as_deref())?;
+    let mut renderer = super::open_device(args.device.as_deref(), None)?;
     let stage = Stage::new(args.size)?;
     let methods = trial::methods(args);
     let mut random = Random::new(args.seed);

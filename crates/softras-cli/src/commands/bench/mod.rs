@@ -29,7 +29,7 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
         std::fs::create_dir_all(folder).map_err(io)?;
     }
     let meshes = meshes(args, &outputs)?;
-    let mut renderer = super::open_device(args.device.as_deref())?;
+    let mut renderer = super::open_device(args.device.as_deref(), args.read.memory.memory)?;
     let index = renderer.device_info().index.to_string();
     let mut machine = Machine::of(&renderer, peak_flops(Some(&index))?);
     for line in machine.lines() {

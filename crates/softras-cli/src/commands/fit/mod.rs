@@ -44,7 +44,7 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
         views = camera_files::names(folder, args.count_of_views()?);
     }
     let outputs = Outputs::new(written.into_iter().flatten().chain(&views), [&args.out])?;
-    let mut renderer = super::open_device(args.device.as_deref())?;
+    let mut renderer = super::open_device(args.device.as_deref(), args.read.memory.memory)?;
     let views = Views::read(args, &outputs, &mut renderer)?;
     let setup = Setup::new(args, &views)?;
     let targets = targets::fitted(args, &views.targets);

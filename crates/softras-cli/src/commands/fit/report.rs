@@ -3,6 +3,7 @@
 use super::args::FitArgs;
 use super::setup::Setup;
 use super::targets::Views;
+use crate::commands::parts::{self, Bands};
 use crate::commands::{Failure, say};
 use glam::DVec3;
 use serde_json::{Value, json};
@@ -10,7 +11,7 @@ use softras::fit::voxel_iou;
 use softras::fit::{ImageLoss, Regularizer, Step, Targets, mask_iou};
 use softras::internals::fit::{Topology, pooled, regularize};
 use softras::scene::{Outputs, SilhouetteAggregation};
-use softras::{Camera, Image, Mesh, Renderer, Result, Scene, Settings};
+use softras::{Camera, Error, Image, Mesh, Renderer, Result, Scene, Settings};
 
 /// Voxels along a side of the grid of the 3D IoU, as in the SoftRas paper.
 const VOXELS: usize = 32;
@@ -123,18 +124,27 @@ impl Scores {
         let Some(target) = &targets.silhouette else {
             return Ok(Self::default());
         };
-        let frame = renderer.render(&scene, &targets.cameras, &hard)?;
-        let masks = frame.silhouette().map(|image| mask_iou(image, target)).transpose()?.unwrap_or_default();
+        let mut masks = Vec::new();
+        parts::in_batches(renderer, &scene, &targets.cameras, &hard, |views, frame| {
+            let some = super::targets::some(target, views);
+            masks.extend(frame.silhouette().map(|image| mask_iou(image, &some)).transpose()?.unwrap_or_default());
+            Ok(())
+        })?;
         let covered = covered(&scene, targets, &hard, renderer)?;
         let bounds: Vec<f64> = (0..target.batch).map(|view| most_iou(target.view(view))).collect();
         let soft_iou = |renderer: &mut Renderer, stride: usize| -> Result<f64> {
             let some = super::targets::every(targets, stride);
             let settings = Settings { sigma: 1e-4, ..settings.clone() };
-            let frame = renderer.render(&scene, &some.cameras, &settings)?;
-            match (frame.silhouette(), &some.silhouette) {
-                (Some(image), Some(target)) => Ok(1.0 - ImageLoss::NegativeIou.evaluate(image, target, None)?.value),
-                _ => Ok(0.0),
-            }
+            let (mut loss, count) = (0.0, some.cameras.len() as f64);
+            parts::in_batches(renderer, &scene, &some.cameras, &settings, |views, frame| {
+                let share = views.len() as f64 / count;
+                if let (Some(image), Some(target)) = (frame.silhouette(), &some.silhouette) {
+                    let target = super::targets::some(target, views);
+                    loss += share * ImageLoss::NegativeIou.evaluate(image, &target, None)?.value;
+                }
+                Ok(())
+            })?;
+            Ok(1.0 - loss)
         };
         let fitted: Vec<f64> = masks.iter().step_by(setup.stride).copied().collect();
         let official = 1.0 - soft_iou(renderer, setup.stride)? + official_penalty(mesh)?;
@@ -151,11 +161,16 @@ const SAMPLES: u32 = 8;
 fn covered(scene: &Scene, targets: &Targets, hard: &Settings, renderer: &mut Renderer) -> Result<Vec<f64>> {
     let Some(target) = &targets.silhouette else { return Ok(Vec::new()) };
     let fine = Settings { height: hard.height * SAMPLES, width: hard.width * SAMPLES, ..hard.clone() };
+    let mut bands = Bands { unit: 4 * SAMPLES as usize, margin: 0, at_once: usize::MAX };
     let one = |(view, camera): (usize, &Camera)| {
-        let frame = renderer.render(scene, &[*camera], &fine)?;
-        let target = Image { batch: 1, data: target.view(view).to_vec(), ..*target };
-        let Some(image) = frame.silhouette() else { return Ok(0.0) };
-        Ok(mean(&mask_iou(&pooled(image, SAMPLES as usize)?, &target)?))
+        let target = super::targets::some(target, view..view + 1);
+        let mut image = Image { data: Vec::new(), ..target };
+        parts::in_bands::<Error>(renderer, scene, camera, &fine, &mut bands, |band| {
+            let pooled = band.frame.silhouette().map(|image| pooled(image, SAMPLES as usize)).transpose()?;
+            image.data.extend(pooled.into_iter().flat_map(|pooled| pooled.data));
+            Ok(())
+        })?;
+        Ok(mean(&mask_iou(&image, &target)?))
     };
     targets.cameras.iter().enumerate().map(one).collect()
 }

@@ -6,13 +6,15 @@ use crate::commands::color::Curve;
 use crate::commands::memory::Budget;
 use crate::commands::npz::npy::{self, Array, Numbers};
 use crate::commands::outputs::Outputs as Files;
-use crate::commands::{Failure, note, render::framing::Bounds};
+use crate::commands::progress::Progress;
+use crate::commands::{Failure, note, parts, render::framing::Bounds};
 use glam::DVec3;
 use softras::fit::Targets;
 use softras::internals::files::{self, Picture};
 use softras::internals::fit::pooled;
 use softras::scene::{Appearance, Background, Interpolation, Outputs};
 use softras::{Camera, Error, Image, Mesh, Renderer, Result, Scene, Settings};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// The targets that are fitted: every `view_stride`-th view, with its silhouette as a mask where `--masks` is given.
@@ -92,15 +94,41 @@ impl Views {
             note("the mesh has one colour: its views show only that and the outline (--shading smooth lights them)");
         }
         let scene = Scene::new(mesh.clone()).with_lights(args.lights());
-        let frame = renderer.render(&scene, &cameras, &settings)?;
-        let shrunk = |image: Option<&Image>| image.map(|i| pooled(i, SAMPLES as usize)).transpose();
-        let (silhouette, color) = (shrunk(frame.silhouette())?, shrunk(frame.color())?);
+        let (mut silhouette, mut color) = (None, None);
+        let progress = Progress::counted("view", count);
+        parts::in_batches(renderer, &scene, &cameras, &settings, |views, frame| {
+            append(&mut silhouette, frame.silhouette())?;
+            append(&mut color, frame.color())?;
+            views.for_each(|_| progress.step());
+            Ok(())
+        })?;
+        drop(progress);
         if let (Some(folder), Some(silhouette), Some(color)) = (&args.files.write_views, &silhouette, &color) {
             camera_files::write(folder, &cameras, silhouette, color)?;
         }
         let color = color.filter(|_| args.colored());
         Ok(Self { targets: Targets { cameras, silhouette, color }, truth: Some(mesh), template, bounds, depths })
     }
+}
+
+/// Appends views, shrunk to the size of the targets.
+fn append(all: &mut Option<Image>, views: Option<&Image>) -> Result<()> {
+    let Some(views) = views else { return Ok(()) };
+    let part = pooled(views, SAMPLES as usize)?;
+    match all {
+        Some(all) => {
+            all.batch += part.batch;
+            all.data.extend(part.data);
+        }
+        None => *all = Some(part),
+    }
+    Ok(())
+}
+
+/// The images of some views.
+pub fn some(image: &Image, views: Range<usize>) -> Image {
+    let data = views.clone().flat_map(|view| image.view(view)).copied().collect();
+    Image { batch: views.len(), data, ..*image }
 }
 
 /// Every `stride`-th view.

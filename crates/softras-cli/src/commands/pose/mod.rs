@@ -26,7 +26,7 @@ const SHARP: (f64, f64) = (1e-5, 1e-3);
 /// Runs the command.
 pub fn run(args: &PoseArgs) -> Result<(), Failure> {
     let outputs = Outputs::new(&args.landscape, &args.out)?;
-    let mut renderer = super::open_device(args.device.as_deref())?;
+    let mut renderer = super::open_device(args.device.as_deref(), args.read.memory.memory)?;
     match (&args.mesh, &args.image) {
         (Some(mesh), Some(image)) => {
             let budget = Budget::new(&args.read.memory);

@@ -1,8 +1,9 @@
 //! Turntables and sweeps, as GIF files or contact sheets.
 
-use super::args::{Output, RenderArgs};
+use super::args::RenderArgs;
+use super::developed::{Developed, Image};
 use super::formats::{self, Format};
-use super::picture::{Picture, Shot};
+use super::picture::Picture;
 use super::report::{Report, Written};
 use super::{Failure, Stage, Target, gif, sheet};
 use crate::commands::parse::Swept;
@@ -27,11 +28,19 @@ pub fn run(stage: &mut Stage<'_>, targets: &[Target], report: &mut Report) -> Re
     let mut frames: Vec<Vec<Picture>> = targets.iter().map(|_| Vec::new()).collect();
     let progress = Progress::frames(moments.len());
     for moment in &moments {
-        let shot = stage.shoot(moment.turn, moment.step)?;
-        for (target, frames) in targets.iter().zip(&mut frames) {
-            frames.push(picture(&shot, target.output)?.flattened(ground(stage)));
+        let mut made: Vec<_> = targets.iter().map(|target| Developed::new(target.output, target.format)).collect();
+        let mut depths = None;
+        stage.shoot(moment.turn, moment.step, |shot| {
+            // Depth is shown between near and far, which are the same in all frames, so that greys do not flicker.
+            depths = Some((shot.settings.near, shot.settings.far));
+            report.add(shot);
+            Ok(made.iter_mut().try_for_each(|made| made.add(shot))?)
+        })?;
+        for (made, frames) in made.into_iter().zip(&mut frames) {
+            if let Image::Picture(picture, _) = made.finished(depths) {
+                frames.push(picture.flattened(ground(stage)));
+            }
         }
-        report.add(&shot);
         progress.step();
     }
     drop(progress);
@@ -82,13 +91,6 @@ fn short(value: f64) -> String {
         (true, Ok(rounded)) => rounded.to_string(),
         _ => format!("{mantissa}e{exponent}"),
     }
-}
-
-/// The picture of an output. Depth is shown between near and far, which are the same in all frames, so that greys do not
-/// flicker.
-fn picture(shot: &Shot, output: Output) -> Result<Picture, Failure> {
-    let depths = (shot.settings.near, shot.settings.far);
-    Ok(shot.picture(output, Some(depths))?)
 }
 
 /// The background of a GIF or a contact sheet, which have no transparency: white unless one is given.

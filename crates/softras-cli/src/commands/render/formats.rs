@@ -1,12 +1,14 @@
 //! Writes picture files: PNG, OpenEXR and numpy arrays.
 
 use super::args::Output;
-use super::picture::{Floats, Picture, Shot};
+use super::developed::Image;
+use super::picture::{Floats, Picture};
 use crate::commands::npz::npy;
 use exr::prelude::{SpecificChannels, WritableImage};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use softras::internals::files;
 use softras::{Error, Result};
+use std::borrow::Cow;
 use std::io::Cursor;
 use std::path::Path;
 
@@ -40,18 +42,16 @@ fn failed(path: &Path, e: impl std::error::Error + Send + Sync + 'static) -> Err
     Error::Io { path: path.into(), source: std::io::Error::other(e) }
 }
 
-/// Writes one output of a frame as .png, .exr or .npy; returns a sentence on the meaning of the values where they need one.
-pub fn write(path: &Path, format: Format, shot: &Shot, output: Output) -> Result<Option<String>> {
-    match format {
-        Format::Exr => write_exr(path, &shot.floats(output)?, output).map(|()| None),
-        Format::Npy => {
-            let floats = shot.floats(output)?;
+/// Writes an image as .png, .exr or .npy; returns a sentence on the meaning of the values where they need one.
+pub fn write(path: &Path, format: Format, image: &Image, output: Output) -> Result<Option<String>> {
+    match image {
+        Image::Floats(floats) if format == Format::Exr => write_exr(path, floats, output).map(|()| None),
+        Image::Floats(floats) => {
             let shape = [floats.height, floats.width, floats.channels];
             files::write_file(path, &npy::write(&shape, npy::Data::F32(&floats.data))).map(|()| None)
         }
-        Format::Png | Format::Gif => {
-            let depths = if output == Output::Depth { shot.depth_range()? } else { None };
-            write_png(path, &shot.picture(output, depths)?)?;
+        Image::Picture(picture, depths) => {
+            write_png(path, picture)?;
             Ok(depths.map(|(low, high)| format!("white is depth {low:.4}, black is depth {high:.4}")))
         }
     }
@@ -59,10 +59,10 @@ pub fn write(path: &Path, format: Format, shot: &Shot, output: Output) -> Result
 
 /// Writes RGBA, or RGB where all is opaque.
 pub fn write_png(path: &Path, picture: &Picture) -> Result<()> {
-    let (bytes, color): (Vec<u8>, _) = if picture.is_opaque() {
+    let (bytes, color): (Cow<[u8]>, _) = if picture.is_opaque() {
         (picture.pixels.iter().flat_map(|p| [p[0], p[1], p[2]]).collect(), ExtendedColorType::Rgb8)
     } else {
-        (picture.pixels.iter().flatten().copied().collect(), ExtendedColorType::Rgba8)
+        (picture.pixels.as_flattened().into(), ExtendedColorType::Rgba8)
     };
     let mut file = Vec::new();
     let (width, height) = (picture.width as u32, picture.height as u32);

@@ -3,6 +3,7 @@
 mod animation;
 pub mod args;
 mod crease;
+mod developed;
 mod enclosing;
 mod fill;
 pub mod formats;
@@ -17,14 +18,16 @@ mod standing;
 
 use super::memory::Budget;
 use super::outputs::Outputs;
+use super::parts::{self, Band, Bands};
 use super::progress::Progress;
 use super::{Failure, note};
 use args::{CameraArgs, Fit, Output, RenderArgs};
+use developed::Developed;
 use formats::Format;
 use framing::{Bounds, View};
 use picture::Shot;
 use report::{Report, Written};
-use softras::{Error, Mesh, Renderer, Scene};
+use softras::{Mesh, Renderer, Scene};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -47,16 +50,31 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     if args.turntable.is_some() || args.sweep.is_some() {
         animation::run(&mut stage, &targets, &mut report)?;
     } else {
-        let spinner = Progress::spinner("rendering");
-        let shot = stage.shoot(0.0, None)?;
-        drop(spinner);
-        report.add(&shot);
-        for target in &targets {
-            let meaning = formats::write(&target.path, target.format, &shot, target.output)?;
-            report.wrote(Written::still(target, meaning));
-        }
+        still(&mut stage, &targets, &mut report)?;
     }
     report.print(args.json, start.elapsed())
+}
+
+/// Renders one picture and writes it into every target.
+fn still(stage: &mut Stage<'_>, targets: &[Target], report: &mut Report) -> Result<(), Failure> {
+    let mut made: Vec<_> = targets.iter().map(|target| Developed::new(target.output, target.format)).collect();
+    let mut progress = Progress::spinner("rendering");
+    stage.shoot(0.0, None, |shot| {
+        let height = shot.settings.height as usize;
+        if shot.rows.start == 0 && shot.rows.end < height {
+            progress = Progress::counted("row", height);
+        }
+        report.add(shot);
+        made.iter_mut().try_for_each(|made| made.add(shot))?;
+        shot.rows.clone().for_each(|_| progress.step());
+        Ok(())
+    })?;
+    drop(progress);
+    for (target, made) in targets.iter().zip(made) {
+        let meaning = formats::write(&target.path, target.format, &made.finished(None), target.output)?;
+        report.wrote(Written::still(target, meaning));
+    }
+    Ok(())
 }
 
 /// The arguments of the camera with a vertical axis: the one given, or one that the mesh stands on, with a note if that is not
@@ -164,7 +182,11 @@ struct Stage<'a> {
     vertices: usize,
     renderer: Renderer,
     samples: u32,
+    bands: Bands,
 }
+
+/// Bands begin at multiples of so many rows of the picture, and so at the borders of tiles.
+const BAND: usize = 4;
 
 impl<'a> Stage<'a> {
     fn new(
@@ -174,7 +196,7 @@ impl<'a> Stage<'a> {
         normals: &[[[f32; 3]; 3]],
         samples: u32,
     ) -> Result<Self, Failure> {
-        let mut renderer = super::open_device(args.device.as_deref())?;
+        let mut renderer = super::open_device(args.device.as_deref(), args.read.memory.memory)?;
         renderer.time_stages(true);
         let (bounds, vertices) = (Bounds::of(&mesh), mesh.positions().len());
         let (width, height) = args.look.size;
@@ -194,36 +216,34 @@ impl<'a> Stage<'a> {
             },
             args::Shading::Flat => mesh,
         };
-        Ok(Self { args, camera, bounds, first, scene: Scene::new(mesh), vertices, renderer, samples })
+        let unit = BAND * samples as usize;
+        // Whether a pixel is inside of a surface depends on its neighbours.
+        let bands = Bands { unit, margin: if look::is_solid(args) { unit } else { 0 }, at_once: usize::MAX };
+        Ok(Self { args, camera, bounds, first, scene: Scene::new(mesh), vertices, renderer, samples, bands })
     }
 
     fn view(&self, turn: f64) -> View {
         self.first.turned(&self.camera, self.bounds, turn)
     }
 
-    /// Renders one frame, `turn` degrees around the axis and with a sweep's step. Unless a number of samples was given, it
-    /// uses fewer where the device cannot hold so large a frame.
-    fn shoot(&mut self, turn: f64, step: Option<animation::Step>) -> Result<Shot, Failure> {
-        loop {
-            match self.try_shoot(turn, step) {
-                Err(Failure::Error(Error::Limit { .. } | Error::OutOfMemory { .. }))
-                    if self.args.look.samples.is_none() && self.samples > 1 =>
-                {
-                    self.samples -= 1;
-                }
-                result => return result,
-            }
-        }
-    }
-
-    fn try_shoot(&mut self, turn: f64, step: Option<animation::Step>) -> Result<Shot, Failure> {
-        let args = self.args;
+    /// Renders one frame, `turn` degrees around the axis and with a sweep's step, in bands from top to bottom where it is too
+    /// large to be rendered at once.
+    fn shoot(
+        &mut self,
+        turn: f64,
+        step: Option<animation::Step>,
+        mut take: impl FnMut(&Shot) -> Result<(), Failure>,
+    ) -> Result<(), Failure> {
+        let (args, samples) = (self.args, self.samples);
         let view = self.view(turn);
-        let settings = look::settings(&args.look, &args.modes, &view, &args.output, self.samples, step);
+        let settings = look::settings(&args.look, &args.modes, &view, &args.output, samples, step);
         let (curve, transparent) = (args.look.curve(), args.look.background.is_none());
         self.scene.lights = framing::lights(&args.light, curve, &view)?;
-        let frame = self.renderer.render(&self.scene, &[view.camera()?], &settings)?;
         let is_solid = look::is_solid(args);
-        Ok(Shot { frame, view, settings, samples: self.samples as usize, curve, transparent, is_solid })
+        let Self { renderer, scene, bands, .. } = self;
+        parts::in_bands(renderer, scene, &view.camera()?, &settings, bands, |Band { frame, rows, above }| {
+            let (settings, samples) = (settings.clone(), samples as usize);
+            take(&Shot { frame, rows, above, view, settings, samples, curve, transparent, is_solid })
+        })
     }
 }

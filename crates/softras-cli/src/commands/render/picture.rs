@@ -6,15 +6,20 @@ use super::solid::solid;
 use crate::commands::color::Curve;
 use softras::scene::{Background, ColorAggregation};
 use softras::{Frame, Image, Result, Settings};
+use std::ops::Range;
 
-/// One rendered frame and how it was made.
+/// A rendered image, or a band of its rows, and how it was made.
 #[derive(Debug)]
 pub struct Shot {
-    /// The images.
+    /// The band with its margins.
     pub frame: Frame,
-    /// The camera.
+    /// The band's rows in the whole image.
+    pub rows: Range<usize>,
+    /// Rows of the frame above the band's own.
+    pub above: usize,
+    /// The camera of the whole image.
     pub view: View,
-    /// The settings.
+    /// The settings of the whole image.
     pub settings: Settings,
     /// The curve by which numbers are encoded as bytes.
     pub curve: Curve,
@@ -70,34 +75,43 @@ impl Shot {
         composite && (output == Output::Color || self.settings.color == ColorAggregation::Softmax)
     }
 
-    /// The least and greatest depth where the mesh covers at least half a pixel; `None` where it covers nothing.
-    pub fn depth_range(&self) -> Result<Option<(f64, f64)>> {
-        let (depth, alpha) = (self.image(Output::Depth)?, self.image(Output::Silhouette)?);
-        let premultiplied = self.premultiplied(Output::Depth);
-        let straight = |(z, a): (&f32, &f32)| f64::from(if premultiplied { z / a } else { *z });
-        let covered = depth.data.iter().zip(&alpha.data).filter(|(z, a)| **a >= 0.5 && **z > 0.0).map(straight);
-        let (low, high) = covered.fold((f64::INFINITY, 0.0f64), |(low, high), z| (low.min(z), high.max(z)));
-        Ok((low <= high).then_some((low, high)))
+    /// The values of the band's own rows.
+    fn own<'a>(&self, image: &'a Image) -> &'a [f32] {
+        let row = image.width * image.channels;
+        &image.view(0)[self.above * row..(self.above + self.rows.len()) * row]
     }
 
-    /// The picture of one output; `depths` are the depths shown white and black.
-    pub fn picture(&self, output: Output, depths: Option<(f64, f64)>) -> Result<Picture> {
+    /// The least and greatest depth where the mesh covers at least half a pixel: infinity and 0 where it covers nothing.
+    pub fn depth_range(&self) -> Result<(f64, f64)> {
+        let (depth, alpha) = (self.own(self.image(Output::Depth)?), self.own(self.image(Output::Silhouette)?));
+        let premultiplied = self.premultiplied(Output::Depth);
+        let straight = |(z, a): (&f32, &f32)| f64::from(if premultiplied { z / a } else { *z });
+        let covered = depth.iter().zip(alpha).filter(|(z, a)| **a >= 0.5 && **z > 0.0).map(straight);
+        Ok(covered.fold((f64::INFINITY, 0.0f64), |(low, high), z| (low.min(z), high.max(z))))
+    }
+
+    /// Visits the band's pixels in order.
+    pub fn for_each_pixel(&self, output: Output, mut visit: impl FnMut(Mean)) -> Result<()> {
         let (image, alpha) = (self.image(output)?, self.image(Output::Silhouette)?);
-        let (width, height) = (image.width / self.samples, image.height / self.samples);
-        let axes = self.view.camera()?.view().map(|row| [row[0], row[1], row[2]]);
+        let (width, first) = (image.width / self.samples, self.above / self.samples);
         let solid = self.is_solid.then(|| solid(alpha));
         let samples = Samples { image, model: alpha.view(0), alpha: solid.as_deref().unwrap_or(alpha.view(0)) };
-        let pixels = (0..width * height).map(|i| {
-            let mean = self.mean(output, &samples, (i / width, i % width));
-            match output {
+        for row in first..first + self.rows.len() / self.samples {
+            (0..width).for_each(|column| visit(self.mean(output, &samples, (row, column))));
+        }
+        Ok(())
+    }
+
+    /// Appends the band's pixels to a picture of one output other than depth.
+    pub fn append_pixels(&self, output: Output, pixels: &mut Vec<[u8; 4]>) -> Result<()> {
+        let axes = self.view.camera()?.view().map(|row| [row[0], row[1], row[2]]);
+        self.for_each_pixel(output, |mean| {
+            pixels.push(match output {
                 Output::Color => self.color_pixel(&mean),
-                Output::Silhouette => [byte(mean.alpha), byte(mean.alpha), byte(mean.alpha), 255],
-                Output::Depth => depth_pixel(mean.straight[0], mean.alpha, depths),
                 Output::Normal => normal_pixel(mean.straight, mean.alpha, axes),
-            }
-        });
-        let pixels = pixels.collect();
-        Ok(Picture { width, height, pixels })
+                Output::Silhouette | Output::Depth => [byte(mean.alpha), byte(mean.alpha), byte(mean.alpha), 255],
+            });
+        })
     }
 
     /// Averages the samples of one pixel of the picture. Values that the model has multiplied by its alpha, or blended with
@@ -137,18 +151,17 @@ impl Shot {
         [r, g, b, alpha]
     }
 
-    /// One output as floats. Colour without a background is RGBA, premultiplied with the composite background.
-    pub fn floats(&self, output: Output) -> Result<Floats> {
+    /// Appends the band's values of one output. Colour without a background is RGBA, premultiplied with the composite
+    /// background. Returns the number of channels.
+    pub fn append_floats(&self, output: Output, data: &mut Vec<f32>) -> Result<usize> {
         let image = self.image(output)?;
-        let with_alpha = output == Output::Color && self.transparent;
-        let data = if with_alpha {
-            let alpha = self.image(Output::Silhouette)?.view(0);
-            image.view(0).chunks_exact(3).zip(alpha).flat_map(|(c, &a)| [c[0], c[1], c[2], a]).collect()
-        } else {
-            image.view(0).to_vec()
-        };
-        let channels = if with_alpha { 4 } else { image.channels };
-        Ok(Floats { width: image.width, height: image.height, channels, data })
+        if output == Output::Color && self.transparent {
+            let alpha = self.own(self.image(Output::Silhouette)?);
+            data.extend(self.own(image).chunks_exact(3).zip(alpha).flat_map(|(c, &a)| [c[0], c[1], c[2], a]));
+            return Ok(4);
+        }
+        data.extend(self.own(image));
+        Ok(image.channels)
     }
 }
 
@@ -162,13 +175,13 @@ struct Samples<'a> {
 }
 
 /// The samples of one pixel of a picture.
-struct Mean {
+pub struct Mean {
     /// Their mean.
     plain: [f64; 3],
     /// Their mean, each weighted by its alpha.
-    straight: [f64; 3],
+    pub straight: [f64; 3],
     /// Their mean alpha.
-    alpha: f64,
+    pub alpha: f64,
 }
 
 /// (n + 1) / 2 in camera axes: right, up, towards the viewer; `axes` are the camera's right, up and forward.
@@ -180,7 +193,7 @@ fn normal_pixel(world: [f64; 3], alpha: f64, axes: [[f64; 3]; 3]) -> [u8; 4] {
 }
 
 /// Near is white, far is black.
-fn depth_pixel(z: f64, alpha: f64, depths: Option<(f64, f64)>) -> [u8; 4] {
+pub fn depth_pixel(z: f64, alpha: f64, depths: Option<(f64, f64)>) -> [u8; 4] {
     let (low, high) = depths.unwrap_or((0.0, 0.0));
     let grey = if high > low { byte((high - z) / (high - low)) } else { 255 };
     [grey, grey, grey, byte(alpha)]

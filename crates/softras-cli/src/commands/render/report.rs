@@ -36,6 +36,7 @@ pub struct Report {
     triangles: usize,
     notes: Vec<String>,
     frames: usize,
+    bands: usize,
     samples: usize,
     first: Value,
     timings: Vec<(&'static str, f64)>,
@@ -54,6 +55,7 @@ impl Report {
             triangles: mesh.triangles().len(),
             notes,
             frames: 0,
+            bands: 0,
             samples: 0,
             first: Value::Null,
             timings: Vec::new(),
@@ -62,7 +64,7 @@ impl Report {
         }
     }
 
-    /// Counts a frame and adds up its stages' times; camera and settings are the first frame's.
+    /// Counts a frame at its first band and adds up its stages' times; camera and settings are the first frame's.
     pub fn add(&mut self, shot: &Shot) {
         if self.frames == 0 {
             let (view, s) = (&shot.view, &shot.settings);
@@ -72,7 +74,8 @@ impl Report {
             });
             self.first = json!({ "camera": camera, "settings": describe::settings(s) });
         }
-        self.frames += 1;
+        self.frames += usize::from(shot.rows.start == 0);
+        self.bands += 1;
         self.samples = shot.samples;
         for time in shot.frame.timings() {
             match self.timings.iter_mut().find(|(stage, _)| *stage == time.stage) {
@@ -118,6 +121,7 @@ impl Report {
             "device": self.device,
             "mesh": { "path": self.mesh, "vertices": self.vertices, "triangles": self.triangles },
             "frames": self.frames,
+            "bands": self.bands,
             "samples": self.samples,
             "camera": self.first["camera"],
             "settings": self.first["settings"],

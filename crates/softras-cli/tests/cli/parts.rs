@@ -1,0 +1,110 @@
+//! Tests of pictures in bands and views in batches, where a limit of memory does not hold them at once.
+
+use super::{fails, succeeds};
+use serde_json::Value;
+use std::path::Path;
+
+/// The pixels' bytes of a picture.
+fn bytes(path: &Path) -> Vec<u8> {
+    image::open(path).unwrap().into_rgba8().into_raw()
+}
+
+/// How many bytes differ, and by how much at most.
+fn difference(a: &[u8], b: &[u8]) -> (usize, u8) {
+    assert_eq!(a.len(), b.len());
+    let differences = || a.iter().zip(b).map(|(a, b)| a.abs_diff(*b));
+    (differences().filter(|d| *d > 0).count(), differences().max().unwrap())
+}
+
+#[test]
+fn differences_are_counted() {
+    assert_eq!(difference(&[1, 2, 3], &[1, 4, 2]), (2, 2));
+    assert_eq!(difference(&[1, 2, 3], &[1, 2, 3]), (0, 0));
+}
+
+/// Every output and format, with several samples a pixel, with alpha that depends on neighbours, and of both projections.
+#[test]
+fn a_picture_in_bands_is_the_whole_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    succeeds(folder, &["mesh", "cube", "-o", "cube.obj"]);
+    let outputs = ["color", "depth", "normal", "silhouette"];
+    for (name, memory, extra) in [
+        ("a", ["3M", "1M"], &["--size", "250x230"][..]),
+        ("b", ["500K"; 2], &["--size", "200", "--orthographic", "fit", "--sigma", "1e-4", "--background", "#ffffff"]),
+    ] {
+        let render = |file: &str, more: &[&str]| {
+            let arguments = ["render", "cube.obj", "-o", file, "--output", "color,depth,normal,silhouette", "--json"];
+            let said = succeeds(folder, &[&arguments[..], extra, more].concat());
+            let report: Value = serde_json::from_str(&said).unwrap();
+            assert_eq!(report["frames"], 1);
+            report
+        };
+        let whole = render(&format!("{name}.png"), &[]);
+        let bands = render(&format!("{name}_bands.png"), &["--memory", memory[0]]);
+        assert!(whole["bands"] == 1 && bands["bands"].as_u64().unwrap() > 2, "{whole} {bands}");
+        assert_eq!(whole["settings"], bands["settings"]);
+        for output in outputs {
+            let [whole, bands] = [name.to_string(), format!("{name}_bands")]
+                .map(|file| bytes(&folder.join(format!("{file}_{output}.png"))));
+            let (count, most) = difference(&whole, &bands);
+            assert!(
+                most <= 1 && count < whole.len() / 1000,
+                "{name} {output}: {count} of {} differ by {most}",
+                whole.len()
+            );
+        }
+        render(&format!("{name}.npy"), &["--samples", "1"]);
+        render(&format!("{name}_bands.npy"), &["--samples", "1", "--memory", memory[1]]);
+        for output in outputs {
+            let [whole, bands] = [name.to_string(), format!("{name}_bands")].map(|file| {
+                let file = std::fs::read(folder.join(format!("{file}_{output}.npy"))).unwrap();
+                npyz::NpyFile::new(&file[..]).unwrap().into_vec::<f32>().unwrap()
+            });
+            // Where a triangle's influence ends, rounding decides whether it is cut, which changes a value by about tau, 1e-4;
+            // where two faces meet, gamma magnifies the rounding of their depths.
+            let apart = |least: f32| whole.iter().zip(&bands).filter(|(a, b)| (**a - **b).abs() >= least).count();
+            let (jumps, errors) = (apart(2e-5), apart(1e-3));
+            assert!(
+                whole.len() == bands.len() && jumps < whole.len() / 500 && errors == 0,
+                "{name} {output}: {jumps} {errors}"
+            );
+        }
+    }
+    // An animation's frames are in bands as well.
+    let turn = ["render", "cube.obj", "--turntable", "3", "--size", "200", "-o"];
+    succeeds(folder, &[&turn[..], &["whole.png"]].concat());
+    succeeds(folder, &[&turn[..], &["bands.png", "--memory", "3M"]].concat());
+    let (count, most) = difference(&bytes(&folder.join("whole.png")), &bytes(&folder.join("bands.png")));
+    assert!(most <= 1 && count < 100, "{count} differ by {most}");
+    // What not even four rows can be rendered in is an error.
+    let little = ["render", "cube.obj", "-o", "o.png", "--size", "4000x4", "--memory", "500K"];
+    fails(folder, &little, 1, &["out of memory", "allow more"]);
+}
+
+/// Views are rendered, fitted and scored in batches with the same results.
+#[test]
+fn a_fit_in_batches_is_the_whole_fit() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    succeeds(folder, &["mesh", "cube", "-o", "cube.obj"]);
+    let fit = |json: &str, more: &[&str]| -> Value {
+        let line =
+            "fit --from cube.obj --views 6 --size 32 --subdivisions 2 --iterations 4 --color -o fitted.obj --json";
+        let arguments: Vec<&str> = line.split_whitespace().chain([json]).chain(more.iter().copied()).collect();
+        succeeds(folder, &arguments);
+        serde_json::from_slice(&std::fs::read(folder.join(json)).unwrap()).unwrap()
+    };
+    let whole = fit("whole.json", &["--host"]);
+    let parts = fit("parts.json", &["--memory", "1M"]);
+    assert!(parts["host_reason"].as_str().unwrap().contains("in parts"), "{parts}");
+    for key in ["loss", "silhouette_loss", "color_loss"] {
+        let [whole, parts]: [Vec<f64>; 2] =
+            [&whole, &parts].map(|log| log[key].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect());
+        let worst = whole.iter().zip(&parts).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(whole.len() == 4 && worst < 1e-5, "{key}: {whole:?} {parts:?}");
+    }
+    let [whole, parts] = [&whole, &parts].map(|log| log["final"]["mask_iou"]["per_view"].as_array().unwrap().clone());
+    let close = |(a, b): (&Value, &Value)| (a.as_f64().unwrap() - b.as_f64().unwrap()).abs() < 0.02;
+    assert!(whole.len() == 6 && parts.len() == 6 && whole.iter().zip(&parts).all(close), "{whole:?} {parts:?}");
+}

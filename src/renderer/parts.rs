@@ -1,0 +1,72 @@
+//! Work in parts, as many at once as a device and a limit of memory hold.
+
+use crate::error::{Error, Result};
+use std::ops::Range;
+
+/// Makes `count` things in order, at most `at_once` of them at a time: `make` makes a range of them, and `take` takes what was
+/// made. What is too large for the device is made in halves, and `at_once` is reduced for those that follow.
+///
+/// # Errors
+/// The first of `make` that smaller parts do not avoid, or of `take`.
+pub fn in_parts<T, E: From<Error>>(
+    count: usize,
+    at_once: &mut usize,
+    mut make: impl FnMut(Range<usize>) -> Result<T>,
+    mut take: impl FnMut(Range<usize>, T) -> std::result::Result<(), E>,
+) -> std::result::Result<(), E> {
+    let mut done = 0;
+    while done < count {
+        let range = done..count.min(done.saturating_add((*at_once).max(1)));
+        match make(range.clone()) {
+            Ok(made) => {
+                done = range.end;
+                take(range, made)?;
+            }
+            Err(Error::Limit { .. } | Error::OutOfMemory { .. }) if range.len() > 1 => {
+                *at_once = range.len().div_ceil(2)
+            }
+            Err(error) => return Err(error.into()),
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    fn too_large() -> Error {
+        Error::OutOfMemory { what: "it".into(), bytes: 1, fix: "less".into() }
+    }
+
+    #[test]
+    fn parts_are_as_large_as_they_can_be_and_cover_everything() {
+        for (count, holds) in [(0, 1), (1, 1), (10, 100), (10, 3), (11, 2), (64, 16)] {
+            let (mut at_once, mut all, mut tries) = (usize::MAX, Vec::new(), 0);
+            let make = |range: Range<usize>| {
+                tries += 1;
+                if range.len() > holds { Err(too_large()) } else { Ok(range.clone().collect::<Vec<_>>()) }
+            };
+            in_parts::<_, Error>(count, &mut at_once, make, |range, made| {
+                assert!(made.len() == range.len() && 2 * made.len() >= holds.min(2) || range.end == count);
+                all.extend(made);
+                Ok(())
+            })
+            .unwrap();
+            assert_eq!(all, (0..count).collect::<Vec<_>>());
+            assert!(tries <= 12 + 2 * count.div_ceil(holds), "{tries} tries for {count} by {holds}");
+        }
+    }
+
+    #[test]
+    fn what_smaller_parts_do_not_help_is_an_error() {
+        let mut at_once = 8;
+        let never = in_parts::<(), Error>(8, &mut at_once, |_| Err(too_large()), |_, _| Ok(()));
+        assert!(matches!(never, Err(Error::OutOfMemory { .. })) && at_once == 1);
+        let other = |_: Range<usize>| -> Result<()> { Err(Error::Scene { what: "no".into(), fix: "no".into() }) };
+        let mut at_once = 8;
+        assert!(matches!(in_parts::<_, Error>(8, &mut at_once, other, |_, _| Ok(())), Err(Error::Scene { .. })));
+        assert_eq!(at_once, 8);
+    }
+}
