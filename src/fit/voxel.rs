@@ -6,9 +6,8 @@
 //! since most rays miss the holes; an open sheet has no inside.
 
 use super::bad;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::scene::Mesh;
-use std::collections::HashMap;
 
 /// The largest number of voxels along a side.
 pub const MAX_RESOLUTION: usize = 512;
@@ -77,14 +76,22 @@ pub fn voxel_iou(a: &Mesh, b: &Mesh, resolution: usize) -> Result<f64> {
 }
 
 /// Whether the mesh bounds a solid: every edge is used by as many triangles in one direction as in the other.
-pub fn is_closed(mesh: &Mesh) -> bool {
-    let mut turns: HashMap<[u32; 2], i32> = HashMap::new();
-    for &[a, b, c] in mesh.triangles() {
-        for (from, to) in [(a, b), (b, c), (c, a)] {
-            *turns.entry([from.min(to), from.max(to)]).or_default() += if from < to { 1 } else { -1 };
-        }
+///
+/// # Errors
+/// [`Error::OutOfMemory`].
+pub fn is_closed(mesh: &Mesh) -> Result<bool> {
+    let count = 3 * mesh.triangles().len();
+    let mut edges: Vec<([u32; 2], i32)> = Vec::new();
+    if edges.try_reserve_exact(count).is_err() {
+        let bytes = (count * size_of::<([u32; 2], i32)>()) as u64;
+        let fix = "give a smaller mesh, or allow the process more memory".into();
+        return Err(Error::OutOfMemory { what: "a mesh's edges".into(), bytes, fix });
     }
-    turns.values().all(|&turns| turns == 0)
+    let turn = |(from, to): (u32, u32)| ([from.min(to), from.max(to)], if from < to { 1 } else { -1 });
+    edges.extend(mesh.triangles().iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)].map(turn)));
+    edges.sort_unstable();
+    let turns = |uses: &[([u32; 2], i32)]| uses.iter().map(|(_, turn)| turn).sum::<i32>();
+    Ok(edges.chunk_by(|a, b| a.0 == b.0).all(|uses| turns(uses) == 0))
 }
 
 /// The lowest corner and the side of a cube slightly larger than the meshes' bounding box.

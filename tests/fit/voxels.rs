@@ -66,7 +66,7 @@ fn a_small_hole_or_an_overlap_leaves_a_solid_a_solid() {
     let mut triangles = ball.triangles().to_vec();
     triangles.remove(100);
     let open = Mesh::new(ball.positions().to_vec(), triangles).unwrap();
-    assert!(is_closed(&ball) && !is_closed(&open));
+    assert!(is_closed(&ball).unwrap() && !is_closed(&open).unwrap());
     assert!(voxel_iou(&ball, &open, 48).unwrap() > 0.999);
     // Two balls in one mesh, half within each other: nothing between them is hollow.
     let other = moved(&ball, [0.5, 0.0, 0.0], 1.0);

@@ -47,7 +47,7 @@ pub fn run(args: &IouArgs) -> Result<(), Failure> {
     }
     let (low, side) = cube_around(&[&a, &b]);
     let volume = |mesh: &Mesh| Voxels::new(mesh, low, side, resolution).map(|v| v.volume());
-    let closed = [&a, &b].map(is_closed);
+    let closed = [is_closed(&a)?, is_closed(&b)?];
     let report =
         json!({ "iou": iou, "volumes": [volume(&a)?, volume(&b)?], "resolution": resolution, "closed": closed });
     say(&report.to_string())
@@ -55,7 +55,7 @@ pub fn run(args: &IouArgs) -> Result<(), Failure> {
 
 fn load(args: &IouArgs, path: &Path, budget: &Budget) -> Result<Mesh, Failure> {
     let mesh = args.read.read(path, false, &Outputs::default(), budget)?.mesh;
-    if !is_closed(&mesh) {
+    if !is_closed(&mesh)? {
         note(&format!("{} is not closed: its inside is where most rays say so", path.display()));
     }
     Ok(mesh)

@@ -77,7 +77,7 @@ fn types_orders_and_compression_change_nothing() {
 }
 
 /// A world-space scene of two views of a square of two triangles.
-fn world() -> Npz {
+pub fn world() -> Npz {
     let view = |x: f64| [1.0, 0.0, 0.0, x, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 4.0, 0.0, 0.0, 0.0, 1.0];
     Npz::deflated()
         .f64("vertices", &[4, 3], &[-1.0, -1.0, 0.0, 1.0, -1.0, 0.0, 1.0, 1.0, 0.3, -1.0, 1.0, 0.0])

@@ -400,6 +400,36 @@ fn enormous_numbers_are_told_in_few_digits_under_their_key() {
     }
 }
 
+/// Whatever memory the system allows a process, a mesh is read or refused: no allocation that a file decides ends the process.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_mesh_is_read_or_refused_in_any_memory() {
+    use std::fmt::Write;
+    let folder = tempfile::tempdir().unwrap();
+    let (mut text, side) = (String::new(), 300);
+    (0..side * side).for_each(|i| writeln!(text, "v {} {} {}", i / side, i % side, i % 7).unwrap());
+    for corner in (1..side * (side - 1)).filter(|i| i % side != 0) {
+        writeln!(text, "f {corner} {} {} {}", corner + 1, corner + side + 1, corner + side).unwrap();
+    }
+    fs::write(folder.path().join("grid.obj"), text).unwrap();
+    let (mut read, mut refused) = (0, 0);
+    for kibibytes in (17_500..55_000).step_by(2_500) {
+        let limited = format!("ulimit -v {kibibytes}; exec \"$0\" iou grid.obj grid.obj --resolution 8");
+        let mut command = Command::new("sh");
+        let command = command.args(["-c", &limited, env!("CARGO_BIN_EXE_softras")]).current_dir(folder.path());
+        let output = command.output().unwrap();
+        let errors = String::from_utf8_lossy(&output.stderr);
+        match output.status.code() {
+            Some(0) => read += 1,
+            Some(1) if errors.contains("error: ") => refused += 1,
+            // The system could not even load the program.
+            Some(127) if errors.contains("error while loading shared libraries") => {}
+            code => panic!("{kibibytes} KiB: {code:?} {errors}"),
+        }
+    }
+    assert!(read > 3 && refused > 3, "{read} {refused}");
+}
+
 /// A concave face of thousands of corners, again and again, and as many triangles on top of each other.
 #[test]
 fn faces_that_take_long_do_not_take_too_long() {

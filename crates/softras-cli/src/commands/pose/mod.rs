@@ -132,7 +132,7 @@ fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) 
     // The depth range has room for translations.
     let reach = view.far - view.near;
     let (near, far) = ((view.near - 0.2 * reach).max(0.2 * view.near), view.far + 0.2 * reach);
-    let (faces, base) = match is_solid(mesh) {
+    let (faces, base) = match is_solid(mesh)? {
         true => (Faces::Front, PoseOptions::default()),
         false => (Faces::Both, PoseOptions::both_sides()),
     };
@@ -196,10 +196,10 @@ fn least(poses: &[Pose], losses: &[f64], among: impl Fn(&Pose) -> bool) -> Optio
 }
 
 /// Whether a mesh is closed and its triangles face outwards, so that none is seen from behind.
-fn is_solid(mesh: &Mesh) -> bool {
+fn is_solid(mesh: &Mesh) -> Result<bool> {
     let corner = |i: u32| glam::DVec3::from(mesh.positions()[i as usize].map(f64::from));
     let volume: f64 = mesh.triangles().iter().map(|t| corner(t[0]).dot(corner(t[1]).cross(corner(t[2])))).sum();
-    is_closed(mesh) && volume > 0.0
+    Ok(is_closed(mesh)? && volume > 0.0)
 }
 
 fn posed(mesh: &Mesh, pose: &Pose, bounds: Bounds) -> Result<Mesh> {
