@@ -8,7 +8,7 @@
 // background's gradients need all tiles.
 // Reads `tile_items`, the images, `saved` (pixel.glsl) and the upstream gradients. Writes
 // `pixel_gradients`: (dL/dmixture rgb, silhouette_gradient), (integer part and fraction of the reference, V, dL/ddepth),
-// (dL/dnormal, 0), with V of shaded_gradient below; and `pixel_sums`, which reduce.comp adds up:
+// (dL/dnormal, 0), with V of shaded_gradient below, and with LEAST_APART (the least 1 - D', 0, 0, 0); and `pixel_sums`, which reduce.comp adds up:
 // (dL/dC_b, dL/ds_b), (dL/ds_b times the relative log2 weight, 0, 0, 0), with s_b = ε/γ the background's log weight; zeros
 // where the frame is not complete. With these it also writes to `status` whether the frame is complete, as backward_cull does
 // for the gradients by triangles.
@@ -36,6 +36,41 @@ layout(set = 0, binding = 13) uniform usamplerBuffer tile_items;
 #include "common/frame.glsl"
 #include "common/mesh.glsl"
 #include "common/tile.glsl"
+
+// What kept_of in pixel.glsl saved of a pixel.
+struct Kept {
+    // Integer part and fraction of the pixel's log2 sum of weights; for the hard mode the nearest record's index.
+    vec2 reference;
+    // Whether the pixel has weights.
+    bool any;
+    // The silhouette's aggregate, and the factors of the product of eq. 5: the least one with LEAST_APART, and the others'.
+    float aggregate;
+    float others;
+    float least;
+};
+
+Kept kept_at(int at) {
+    vec4 texel = texelFetch(saved, at);
+    Kept k;
+    k.others = texel.w;
+    k.least = 1.0;
+    if (LEAST_APART) {
+        k.reference = texel.xy;
+        k.any = texel.xy != (COLOR_MODE == COLOR_HARD ? NO_RECORD_KEPT : NO_WEIGHTS);
+        k.others = texel.z;
+        k.least = texel.w;
+    } else {
+        // w_j = D_j exp2(log weight - reference) (eq. 3), with the inverse sum folded into the reference's fraction. In a
+        // pixel without weights every w is 0.
+        k.any = texel.z > 0.0;
+        k.reference = k.any ? vec2(texel.x, texel.y - log2(texel.z)) : NO_WEIGHTS;
+        if (COLOR_MODE == COLOR_HARD) {
+            k.reference = k.any ? texel.xy : NO_RECORD_KEPT;
+        }
+    }
+    k.aggregate = k.others * k.least;
+    return k;
+}
 
 // Number of triangles by which SILHOUETTE_SUM divides.
 float count_of(int view) {
@@ -92,30 +127,31 @@ float shaded_gradient(int at, int view, float aggregate, vec3 background, inout 
 }
 
 // dL/dx_j of the silhouette without the fragment's factor (eq. 4): ∂A/∂x_j = (1 - A) D_j for the product of eq. 5;
-// D_j (1 - D_j) / n for the sum, 0 where that is cut off at 1; 0 for the hard silhouette. backward.glsl multiplies by D_j.
-float silhouette_gradient(int view, float aggregate, float up_alpha) {
+// D_j (1 - D_j) / n for the sum, 0 where that is cut off at 1; 0 for the hard silhouette. backward.glsl multiplies by D_j, or
+// with LEAST_APART by the least factor too, where that is not the fragment's own.
+float silhouette_gradient(int view, Kept kept, float up_alpha) {
     float factor = 0.0;
     if (SILHOUETTE_MODE == SILHOUETTE_PRODUCT) {
-        factor = up_alpha * aggregate;
+        factor = up_alpha * kept.others;
     } else if (SILHOUETTE_MODE == SILHOUETTE_SUM) {
         float count = count_of(view);
-        factor = aggregate > count ? 0.0 : up_alpha / count;
+        factor = kept.aggregate > count ? 0.0 : up_alpha / count;
     }
     return factor;
 }
 
 // ∂I/∂C_b = w_b and ∂I/∂s_b = w_b (C_b - I) (eq. 4), w_b being the background's share of the pixel.
-void write_background_gradient(int at, bool finite, vec4 kept, vec3 background, vec3 up_color, float value, float mixing) {
+void write_background_gradient(int at, bool finite, Kept kept, vec3 background, vec3 up_color, float value, float mixing) {
     bool entry = !COMPOSITE && COLOR_MODE == COLOR_SOFTMAX;
     float relative = 0.0;
     float share = 0.0;
     if (entry && UP_SHADED) {
-        relative = (frame.background_exponent - kept.x) + (frame.background_fraction - (kept.y - log2(kept.z)));
+        relative = (frame.background_exponent - kept.reference.x) + (frame.background_fraction - kept.reference.y);
         share = exp2(min(relative, 1.0));
     } else if (COMPOSITE) {
-        share = kept.z > 0.0 ? 1.0 - mixing : 1.0;
+        share = kept.any ? 1.0 - mixing : 1.0;
     } else {
-        share = kept.z > 0.0 ? 0.0 : 1.0;
+        share = kept.any ? 0.0 : 1.0;
     }
     float by_weight = entry ? share * (dot(up_color, background) - value) : 0.0;
     pixel_sums[2 * at] = finite ? vec4(up_color * share, by_weight) : vec4(0.0);
@@ -135,27 +171,22 @@ void main() {
         return;
     }
     int at = pixel_index(view, pixel);
-    // Integer part and fraction of the reference log2 weight, inverse sum, silhouette's aggregate.
-    vec4 kept = texelFetch(saved, at);
+    Kept kept = kept_at(at);
     Upstream up = upstream_of(at);
     vec3 background = vec3(frame.background_red, frame.background_green, frame.background_blue);
     float mixing;
-    float value = shaded_gradient(at, view, kept.w, background, up, mixing);
+    float value = shaded_gradient(at, view, kept.aggregate, background, up, mixing);
     float unblended_mixing = COLOR_MODE == COLOR_SOFTMAX ? mixing : 1.0;
     int to = at * PIXEL_STRIDE;
-    pixel_gradients[to] = vec4(up.color * mixing, silhouette_gradient(view, kept.w, up.alpha));
+    pixel_gradients[to] = vec4(up.color * mixing, silhouette_gradient(view, kept, up.alpha));
     if (UP_SHADED) {
-        // w_j = D_j exp2(log weight - reference) (eq. 3), with the inverse sum folded into the reference's fraction. In a
-        // pixel without weights every w is 0.
-        bool any = kept.z > 0.0;
-        vec2 reference = any ? vec2(kept.x, kept.y - log2(kept.z)) : vec2(0.0, 1e30);
-        if (COLOR_MODE == COLOR_HARD) {
-            reference = any ? kept.xy : vec2(-1.0);
-        }
-        pixel_gradients[to + 1] = vec4(reference, value, up.depth * unblended_mixing);
+        pixel_gradients[to + 1] = vec4(kept.reference, value, up.depth * unblended_mixing);
         if (UP_NORMAL) {
             pixel_gradients[to + 2] = vec4(up.normal * unblended_mixing, 0.0);
         }
+    }
+    if (LEAST_APART) {
+        pixel_gradients[to + PIXEL_LEAST_AT] = vec4(kept.least, 0.0, 0.0, 0.0);
     }
     if (GRAD_BACKGROUND) {
         bool finite = texelFetch(status, int(STATUS_NOT_FINITE)).x == 0u;

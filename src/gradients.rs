@@ -94,7 +94,7 @@ pub struct Wanted {
     pub positions: bool,
     /// Vertex colours, or a mesh's one colour.
     pub colors: bool,
-    /// Texels of surface cells and of image textures.
+    /// Texels of surface cells and of image textures, and the textures' alpha.
     pub texels: bool,
     /// Texture coordinates.
     pub uvs: bool,
@@ -157,6 +157,9 @@ pub struct MeshGradients {
     pub surface_texels: Vec<[f32; 3]>,
     /// By each texture's texels, row 0 at the top.
     pub texture_texels: Vec<Vec<[f32; 3]>>,
+    /// By each texture's alpha, row 0 at the top; empty for an opaque texture. What comes through the colours is
+    /// (w/α) (v - V) with w/α limited to 256: without the limit a texel of alpha 0 before a surface would overflow.
+    pub texture_alphas: Vec<Vec<f32>>,
     /// By each UV pair.
     pub uvs: Vec<[f32; 2]>,
 }
@@ -213,6 +216,7 @@ impl Gradients {
                 ("colors", rows(&mesh.colors)),
                 ("surface_texels", rows(&mesh.surface_texels)),
                 ("texture_texels", mesh.texture_texels.iter().all(|texels| rows(texels))),
+                ("texture_alphas", mesh.texture_alphas.iter().all(|alpha| first_not_finite(alpha).is_none())),
                 ("uvs", first_not_finite(mesh.uvs.as_flattened()).is_none()),
             ];
             if let Some((name, _)) = fields.into_iter().find(|(_, finite)| !finite) {

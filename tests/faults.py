@@ -92,8 +92,10 @@ FAULTS = [
     ("both pieces of a cut triangle in full", "glsl/common/images.glsl",
      "alpha = min(alpha / float(max(triangle_count, 1)), 1.0);", "alpha = alpha / float(max(triangle_count, 1));",
      [("stress", "drawn::the_pieces")]),
-    ("gradients of a sum beyond 1", "glsl/pixel_grad.comp", "aggregate > count ? 0.0 : up_alpha / count", "up_alpha / count",
+    ("gradients of a sum beyond 1", "glsl/pixel_grad.comp", "kept.aggregate > count ? 0.0 : up_alpha / count", "up_alpha / count",
      [("stress", "drawn::the_pieces")]),
+    ("opacity left out of the others' product", PAIR, "LEAST_APART && own > g.least ? g.least / own : 1.0", "1.0",
+     [("gradient", "opacity::")]),
     # Of the Rust side, where the tests need no device.
     ("rounding of the layers' sums kept", "glsl/common/pixel.glsl", "precise float term = word - excess * keep;",
      "precise float term = word;", [("robustness", "layers::")]),

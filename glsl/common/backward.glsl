@@ -58,12 +58,12 @@ const int WALKERS = SMALL ? 1 : int(gl_WorkGroupSize.x);
 const int PAIRS = SMALL ? 4 : 2;
 const int STEP = PAIRS * WALKERS;
 
-// The gradients through eq. 2 and 3 of a lane's fragments; adds dL/dx to `by_x`.
+// The gradients through eq. 2 and 3 of a lane's fragments; adds dL/dx to `by_x` and dL/dα to `by_alpha`.
 void add_shaded(ItemTriangle item, Pair pairs[PAIRS], PixelGradient g[PAIRS], Fragment f[PAIRS], Surface surface[PAIRS],
-                inout float by_x[PAIRS], inout Sums s) {
+                Opacity opacity[PAIRS], inout float by_x[PAIRS], inout float by_alpha[PAIRS], inout Sums s) {
     Weight weight[PAIRS];
     for (int i = 0; i < PAIRS; ++i) {
-        weight[i] = weight_of(item, g[i], f[i], surface[i]);
+        weight[i] = weight_of(item, g[i], f[i], surface[i], opacity[i].alpha);
     }
     Value value[PAIRS];
     for (int i = 0; i < PAIRS; ++i) {
@@ -75,9 +75,27 @@ void add_shaded(ItemTriangle item, Pair pairs[PAIRS], PixelGradient g[PAIRS], Fr
         // ∂s_j/∂x_j = 1 - D_j
         by_x[i] += by_weight[i] * f[i].complement;
     }
+    if (OPACITY) {
+        for (int i = 0; i < PAIRS; ++i) {
+            by_alpha[i] += opacity_gradient(g[i], weight[i], value[i]);
+            add_opacity(item, opacity[i], by_alpha[i], weight[i].value, value[i], s);
+        }
+    }
     if (GRAD_GEOMETRY) {
         for (int i = 0; i < PAIRS; ++i) {
             surface_gradient(item, pairs[i], g[i], f[i], surface[i], value[i], weight[i].value, by_weight[i], s);
+        }
+    }
+}
+
+// The same for fragments that contribute to the silhouette only, whose opacity depends on the surface all the same.
+void add_faded(ItemTriangle item, Pair pairs[PAIRS], PixelGradient g[PAIRS], Fragment f[PAIRS], Surface surface[PAIRS],
+               Opacity opacity[PAIRS], float by_alpha[PAIRS], inout Sums s) {
+    for (int i = 0; i < PAIRS; ++i) {
+        Value value = value_from(item, surface[i]);
+        add_opacity(item, opacity[i], by_alpha[i], 0.0, value, s);
+        if (GRAD_GEOMETRY) {
+            surface_gradient(item, pairs[i], g[i], f[i], surface[i], value, 0.0, 0.0, s);
         }
     }
 }
@@ -102,17 +120,27 @@ void add_pairs(ItemTriangle item, Walk walk, int index, inout Sums s) {
         f[i] = fragment_of(distances[i].to_triangle);
     }
     Surface surface[PAIRS];
-    if (WANT_SHADING && (SHOWS || DEPTH_RANGE != DEPTH_RANGE_INSIDE)) {
+    if (WANT_SHADING && (SHOWS || DEPTH_RANGE != DEPTH_RANGE_INSIDE || OPACITY)) {
         for (int i = 0; i < PAIRS; ++i) {
             surface[i] = surface_of(item, f[i]);
         }
     }
     float by_x[PAIRS];
+    float by_alpha[PAIRS];
+    Opacity opacity[PAIRS];
     for (int i = 0; i < PAIRS; ++i) {
         by_x[i] = silhouette_by_x(g[i], f[i]);
+        if (OPACITY) {
+            opacity[i] = opacity_of(item, value_from(item, surface[i]).share);
+            // dL/dα = D dL/dD', dL/dD = α dL/dD', and dD/dx = D (1 - D).
+            by_alpha[i] = silhouette_by_faded(g[i], f[i], opacity[i].alpha) * f[i].probability;
+            by_x[i] = by_alpha[i] * opacity[i].alpha * f[i].complement;
+        }
     }
     if (SHOWS) {
-        add_shaded(item, pairs, g, f, surface, by_x, s);
+        add_shaded(item, pairs, g, f, surface, opacity, by_x, by_alpha, s);
+    } else if (OPACITY) {
+        add_faded(item, pairs, g, f, surface, opacity, by_alpha, s);
     }
     for (int i = 0; i < PAIRS; ++i) {
         x_gradient(item, pairs[i], distances[i], f[i], by_x[i], s);
@@ -131,7 +159,7 @@ void put(bool writes, int at, vec4 value) {
 
 void write_sums(Sums s, Corner c, bool writes, int item) {
     vec3 near = nearness(c);
-    vec3 by_z = UP_SHADED ? s.depth * near * near : vec3(0.0);
+    vec3 by_z = UP_SHADED || OPACITY ? s.depth * near * near : vec3(0.0);
     int at = item * PARTIAL_STRIDE;
     put(writes, at, vec4(s.corner[0], s.corner[1]));
     put(writes, at + 1, vec4(s.corner[2], by_z.xy));

@@ -40,6 +40,8 @@ const uint NO_LIST = 0xffffffffu;
 const uint WALK_WINDOW = 1088u;
 // Words of an entry of `walk_state`: 21 for each of 32 pixels, 32 entries, and where the walk stands.
 const uint WALK_STATE_WORDS = 709u;
+// Words that textures with an alpha add to it: one for each of 32 pixels.
+const uint WALK_OPACITY_WORDS = 32u;
 // Passes of loops that WORD_BITS blocks take beyond one for each with entries.
 const uint WALK_GROUP_PASSES = 8u;
 // Passes of loops that WORD_BITS entries of a list take.

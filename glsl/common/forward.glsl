@@ -10,7 +10,14 @@
 
 // The product of eq. 5, or what SILHOUETTE_MODE has in its place.
 void add_silhouette(inout Cover cover, Fragment f) {
-    if (SILHOUETTE_MODE == SILHOUETTE_PRODUCT) {
+    if (LEAST_APART) {
+        // The larger of the two factors goes into the product.
+        bool less = f.complement < cover.least;
+        cover.covered += cover.transmittance * (less ? cover.most : f.probability);
+        cover.transmittance *= less ? cover.least : f.complement;
+        cover.least = less ? f.complement : cover.least;
+        cover.most = less ? f.probability : cover.most;
+    } else if (SILHOUETTE_MODE == SILHOUETTE_PRODUCT) {
         cover.covered += cover.transmittance * f.probability;
         cover.transmittance *= f.complement;
     } else if (SILHOUETTE_MODE == SILHOUETTE_SUM) {
@@ -86,6 +93,19 @@ bool is_shaded(inout Fragment f, Corner c, Depth depth, float inverse_score) {
     return shaded;
 }
 
+// The opacity of a fragment: `b` is b̂ before its division by `sum`.
+float opacity_at(Corner c, vec3 b, float sum, Depth depth) {
+    vec3 at = b / sum;
+    at = PERSPECTIVE_CORRECT ? at * depth.ratio * vec3(1.0, 1.0 + c.depth.x, 1.0 + c.depth.y) : at;
+    vec2 slope;
+    return sample_opacity(c.texture_index, c.coordinate, at, slope);
+}
+
+// A fragment as the silhouette takes it. The hard one counts it whole or not at all.
+Fragment faded_for_silhouette(Fragment f, float alpha) {
+    return faded(f, SILHOUETTE_MODE == SILHOUETTE_HARD ? (alpha >= SOLID_OPACITY ? 1.0 : 0.0) : alpha);
+}
+
 // The values that all pairs of a lane share: on a software device a push constant read in a loop is a gather.
 struct Lane {
     vec2 first;
@@ -157,8 +177,16 @@ void gather(Fetched own, bool live, Lane lane, inout Cover covers[PIXELS], inout
     bool shaded[PIXELS];
     for (int i = 0; i < PIXELS; ++i) {
         shaded[i] = is_shaded(fragments[i], c, depth[i], lane.inverse_score);
+        Fragment outlined = fragments[i];
+        if (OPACITY) {
+            float alpha = opacity_at(c, b[i], sum[i], depth[i]);
+            outlined = faded_for_silhouette(fragments[i], alpha);
+            fragments[i] = faded(fragments[i], alpha);
+            // What has no weight must not become the reference of the sums.
+            shaded[i] = shaded[i] && alpha >= (COLOR_MODE == COLOR_HARD ? SOLID_OPACITY : LEAST_OPACITY);
+        }
         if (WANT_SILHOUETTE) {
-            add_silhouette(covers[i], fragments[i]);
+            add_silhouette(covers[i], outlined);
         }
     }
     if (SHADED) {
@@ -202,7 +230,7 @@ void gather_word(int from, uint bits, bool shows, Lane lane, inout Pixel pixels[
     Cover covers[PIXELS];
     Pixel words[PIXELS];
     for (int i = 0; i < PIXELS; ++i) {
-        covers[i] = Cover(1.0, 0.0);
+        covers[i] = Cover(1.0, 0.0, pixels[i].least, 1.0 - pixels[i].least);
         words[i] = word_of(pixels[i]);
     }
     bool live = bits != 0u;
@@ -235,8 +263,9 @@ bool gather_entries(int from, int stop, float share, Lane lane, inout Pixel pixe
     vec2 bounds = bounds_of_tile(pixels);
     bool saturated = !WANT_SILHOUETTE || bounds.y <= exp2(NEXT_TO_NOTHING);
     uint shown = all;
-    // The silhouette of a triangle that crosses the far plane depends on its depths, which only `gather` computes.
-    if (PARTED && (DEPTH_RANGE != DEPTH_RANGE_FAR || saturated)) {
+    // The silhouette of a triangle that crosses the far plane depends on its depths, and that of a texture with alpha on its
+    // coordinates, which only `gather` computes.
+    if (PARTED && ((DEPTH_RANGE != DEPTH_RANGE_FAR && !OPACITY) || saturated)) {
         shown &= shown_of(from, stop, bounds.x - share);
     }
     gather_word(from, shown, true, lane, pixels);

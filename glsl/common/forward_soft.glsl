@@ -25,7 +25,7 @@ struct Transmittance {
 Cover cover_of(Transmittance w) {
     float left = exp2(-w.inside);
     float inverse = 1.0 / (1.0 + w.growth);
-    return Cover(left * inverse, (w.growth + (1.0 - left)) * inverse);
+    return Cover(left * inverse, (w.growth + (1.0 - left)) * inverse, 1.0, 0.0);
 }
 
 // The factor of all weights in a pixel's sums while they are summed. Without it the products of small weights and clipped

@@ -152,3 +152,13 @@ void drop_unless(bool kept, inout Fragment f) {
     f.probability = kept ? f.probability : 0.0;
     f.complement = kept ? f.complement : 1.0;
 }
+
+// The fragment with D' = α D in the place of D. 1 - α D = (1 - D) + (1 - α) D does not cancel.
+Fragment faded(Fragment f, float alpha) {
+    f.complement += (1.0 - alpha) * f.probability;
+    f.probability *= alpha;
+    return f;
+}
+
+// The hard modes count a fragment from this opacity on.
+const float SOLID_OPACITY = 0.5;

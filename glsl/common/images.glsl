@@ -4,7 +4,7 @@
 // A = 1 - Π(1 - D) (eq. 5), I = Σ w C + w_b C_b (eq. 2), and soft depth and normal, to index `at`. With the composite
 // background I = A Σ w' C + (1 - A) C_b.
 void write_images(Pixel p, int at, int triangle_count) {
-    float alpha = SILHOUETTE_MODE == SILHOUETTE_PRODUCT ? 1.0 - p.silhouette : p.silhouette;
+    float alpha = SILHOUETTE_MODE == SILHOUETTE_PRODUCT ? 1.0 - aggregate_of(p) : p.silhouette;
     if (SILHOUETTE_MODE == SILHOUETTE_SUM) {
         // Along their seam the two pieces of a triangle cut by the near plane may add up to more than the triangle.
         alpha = min(alpha / float(max(triangle_count, 1)), 1.0);

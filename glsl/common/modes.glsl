@@ -23,6 +23,8 @@ layout(constant_id = 17) const bool SOFT = false;
 layout(constant_id = 18) const uint LOOP_PASSES = 60000;
 // Whether tiles without a list are drawn in this frame (walked_tile.glsl), so that `tile_items` has entries without a length.
 layout(constant_id = 19) const bool WALKS = true;
+// Whether some texture has an alpha below 1: D' = α D takes the place of D in eq. 2, 3 and 5.
+layout(constant_id = 25) const bool OPACITY = false;
 
 // In constant expressions choices and logic are sums and products, because glslang compiles ?:, && and || to branches, which
 // cannot stand outside a function.
@@ -34,11 +36,17 @@ const bool WANT_DEPTH = (OUTPUTS & OUTPUT_DEPTH) != 0u;
 const bool WANT_NORMAL = (OUTPUTS & OUTPUT_NORMAL) != 0u;
 // The composite background is blended by the silhouette, asked for or not.
 const bool WANT_SILHOUETTE = ((OUTPUTS & OUTPUT_SILHOUETTE) | uint(COMPOSITE) * uint(SHADED)) != 0u;
-// The shading record holds the depth too, so a silhouette with a depth range needs it.
-const bool WANT_SHADING = (uint(SHADED) | DEPTH_RANGE) != 0u;
+// The shading record holds the depth and the texture coordinates too, so a silhouette with a depth range or with textures'
+// alpha needs it.
+const bool WANT_SHADING = (uint(SHADED) | DEPTH_RANGE | uint(OPACITY)) != 0u;
+// Whether the product of eq. 5 is kept with its least factor apart (pixel.glsl).
+const bool LEAST_APART = uint(OPACITY) * uint(SILHOUETTE_MODE == SILHOUETTE_PRODUCT) != 0u;
 // Whether the tile lists hold front faces before back faces, which front faces mostly hide. The hard mode keeps one order,
 // because the first of equally near triangles wins.
 const bool PARTED = uint(SHADED) * uint(COLOR_MODE == COLOR_SOFTMAX) != 0u;
 // Offset of the normals in a shading record, and the stride of the records, in texels.
 const int SHADING_NORMAL_AT = int(SHADING_TEXELS) + int(SAMPLING != SAMPLING_NONE) * int(SHADING_COORDINATE_TEXELS);
 const int SHADING_STRIDE = SHADING_NORMAL_AT + int(WANT_NORMAL) * int(SHADING_NORMAL_TEXELS);
+// What takes the place of a pixel's reference weight where it has no weights, in the soft and in the hard mode.
+const vec2 NO_WEIGHTS = vec2(0.0, 1e30);
+const vec2 NO_RECORD_KEPT = vec2(-1.0);

@@ -59,6 +59,8 @@ struct PixelGradient {
     vec2 log_sum;
     // V = Σ w v of eq. 4.
     float mean;
+    // With LEAST_APART the least 1 - D' of the pixel, which `by_silhouette` leaves out.
+    float least;
 };
 
 PixelGradient pixel_gradient_at(int entry) {
@@ -66,6 +68,7 @@ PixelGradient pixel_gradient_at(int entry) {
     vec4 first = texelFetch(pixel_gradients, entry * PIXEL_STRIDE);
     g.by_color = first.rgb;
     g.by_silhouette = first.a;
+    g.by_depth = 0.0;
     if (SHOWS) {
         vec4 second = texelFetch(pixel_gradients, entry * PIXEL_STRIDE + 1);
         g.log_sum = second.xy;
@@ -75,6 +78,7 @@ PixelGradient pixel_gradient_at(int entry) {
     if (SHOWS && UP_NORMAL) {
         g.by_normal = texelFetch(pixel_gradients, entry * PIXEL_STRIDE + 2).xyz;
     }
+    g.least = LEAST_APART ? texelFetch(pixel_gradients, entry * PIXEL_STRIDE + PIXEL_LEAST_AT).x : 1.0;
     return g;
 }
 
@@ -111,6 +115,7 @@ PixelGradient received(PixelGradient g, bool kept) {
     g.by_depth = kept ? g.by_depth : 0.0;
     g.by_silhouette = kept ? g.by_silhouette : 0.0;
     g.mean = kept ? g.mean : 0.0;
+    g.least = kept ? g.least : 1.0;
     return g;
 }
 
@@ -140,17 +145,19 @@ Surface surface_of(ItemTriangle item, inout Fragment f) {
 }
 
 struct Weight {
-    // w_j of eq. 3.
+    // w_j of eq. 3, and w_j/α.
     float value;
+    float by_alpha;
     // The log2 weight without D relative to the pixel's log2 sum.
     float relative;
 };
 
-Weight weight_of(ItemTriangle item, PixelGradient g, Fragment f, Surface s) {
+Weight weight_of(ItemTriangle item, PixelGradient g, Fragment f, Surface s, float alpha) {
     Weight w;
     w.relative = (item.corner.exponent - g.log_sum.x) + (s.depth.weight - g.log_sum.y);
     // Only dropped fragments, with D = 0, exceed 2¹⁰⁰.
-    w.value = (s.shaded ? f.probability : 0.0) * exp2(lesser(w.relative, 100.0));
+    w.by_alpha = (s.shaded ? f.probability : 0.0) * exp2(lesser(w.relative, 100.0));
+    w.value = OPACITY ? w.by_alpha * alpha : w.by_alpha;
     if (COLOR_MODE == COLOR_HARD) {
         bool nearest = vec2(item.record_index >> 12, item.record_index & 4095) == g.log_sum;
         w.value = s.shaded && nearest ? 1.0 : 0.0;

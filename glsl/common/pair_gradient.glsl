@@ -50,6 +50,25 @@ float silhouette_by_x(PixelGradient g, Fragment f) {
     return SILHOUETTE_MODE == SILHOUETTE_SUM ? by_x * f.complement : by_x;
 }
 
+// The opacity of a fragment, with its derivatives by the texture coordinates.
+struct Opacity {
+    float alpha;
+    vec2 slope;
+};
+
+Opacity opacity_of(ItemTriangle item, vec3 share) {
+    Opacity o;
+    o.alpha = sample_opacity(item.corner.texture_index, item.corner.coordinate, share, o.slope);
+    return o;
+}
+
+// dL by D' = α D through the silhouette (eq. 5): ∂A/∂D'_j is the product of the other fragments' 1 - D'. A factor that is the
+// least, or differs from it by rounding, is its own.
+float silhouette_by_faded(PixelGradient g, Fragment f, float alpha) {
+    float own = faded(f, alpha).complement;
+    return UP_ALPHA ? g.by_silhouette * (LEAST_APART && own > g.least ? g.least / own : 1.0) : 0.0;
+}
+
 // z_0 / z_k of each corner; depth_record in triangle.comp keeps it from 0.
 vec3 nearness(Corner c) {
     return vec3(1.0, 1.0 + c.depth.x, 1.0 + c.depth.y);
@@ -121,16 +140,22 @@ void add_normal(Corner c, vec3 by_normal, vec3 weighted, inout Value v, inout Su
     }
 }
 
-// v_j of a fragment with the weight w_j; adds the derivatives by the corners' attributes.
-Value value_of(ItemTriangle item, PixelGradient g, Surface surface, float weight, inout Sums s) {
-    Corner c = item.corner;
+// The shares of a fragment, and a v_j of 0.
+Value value_from(ItemTriangle item, Surface surface) {
     Value v;
     vec3 share = surface.clipped * surface.inverse_sum;
-    v.correction = surface.depth.ratio * nearness(c);
+    v.correction = surface.depth.ratio * nearness(item.corner);
     v.share = PERSPECTIVE_CORRECT ? share * v.correction : share;
     v.by_share = vec3(0.0);
     v.value = 0.0;
     v.by_all_shares = 0.0;
+    return v;
+}
+
+// v_j of a fragment with the weight w_j; adds the derivatives by the corners' attributes.
+Value value_of(ItemTriangle item, PixelGradient g, Surface surface, float weight, inout Sums s) {
+    Corner c = item.corner;
+    Value v = value_from(item, surface);
     vec3 weighted = v.share * weight;
     if (UP_COLOR) {
         add_color(c, g.by_color, weight, weighted, v, s);
@@ -154,13 +179,42 @@ float weight_gradient(PixelGradient g, Weight w, Value v, inout Sums s) {
     return by_weight;
 }
 
+// The limit of what multiplies v_j - V in ∂L/∂α. w_j/α, which is at most 1/α, would overflow for a fragment with α = 0 before
+// all others.
+const float STEEPEST = 256.0;
+
+// ∂L/∂α_j through eq. 3: (w_j/α) (v_j - V). The hard mode has no weights.
+float opacity_gradient(PixelGradient g, Weight w, Value v) {
+    return COLOR_MODE == COLOR_SOFTMAX ? lesser(w.by_alpha, STEEPEST) * (v.value - g.mean) : 0.0;
+}
+
+// Carries dL/dα to the texels' alpha, the texture coordinates and the shares; the derivatives by the shares are those of
+// w_j v_j afterwards.
+void add_opacity(ItemTriangle item, Opacity o, float by_alpha, float weight, inout Value v, inout Sums s) {
+    Corner c = item.corner;
+    vec2 by_coordinate = by_alpha * o.slope;
+    if (GRAD_COORDINATE) {
+        for (int k = 0; k < 3; ++k) {
+            s.coordinate[k] += by_coordinate * v.share[k];
+        }
+    }
+    if ((GRADIENTS & GRADIENT_TEXEL) != 0u && by_alpha != 0.0) {
+        scatter_opacity(c.texture_index, c.coordinate, v.share, by_alpha);
+    }
+    vec3 by_share = by_coordinate * c.coordinate;
+    v.by_share = v.by_share * weight + by_share;
+    v.by_all_shares = v.by_all_shares * weight + dot(by_share, v.share);
+}
+
 // Derivatives of the depth z, and through the shares and z of the barycentric coordinates b, of which b̂ = clamp(b, 0, 1) / sum.
 // With 1/z = Σ b̂_k/z_k: ∂z/∂z_k = b̂_k (z/z_k)² and ∂z/∂b̂_k = -z²/z_k.
 void surface_gradient(ItemTriangle item, Pair pair, PixelGradient g, Fragment f, Surface surface, Value v, float weight,
                       float by_weight, inout Sums s) {
     Corner c = item.corner;
     float ratio = surface.depth.ratio;
-    float weighted = weight * surface.inverse_sum;
+    // add_opacity has multiplied by the weight already.
+    float mixed = OPACITY ? 1.0 : weight;
+    float weighted = mixed * surface.inverse_sum;
     float by_z = by_weight * item.weight_slope;
     if (UP_DEPTH) {
         by_z += weight * g.by_depth;
@@ -168,8 +222,8 @@ void surface_gradient(ItemTriangle item, Pair pair, PixelGradient g, Fragment f,
     if (PERSPECTIVE_CORRECT) {
         // C = Σ b̂_k c_k z/z_k depends on z and on each z_k.
         float inverse_z = 1.0 / (item.z0 * ratio);
-        by_z += weight * v.by_all_shares * inverse_z;
-        s.depth -= v.by_share * v.share * (weight * ratio * inverse_z) / nearness(c);
+        by_z += mixed * v.by_all_shares * inverse_z;
+        s.depth -= v.by_share * v.share * (mixed * ratio * inverse_z) / nearness(c);
     }
     float by_ratio = by_z * ratio * ratio * surface.inverse_sum;
     s.depth += by_ratio * surface.clipped;

@@ -17,11 +17,17 @@ struct Excess {
 struct Cover {
     float transmittance;
     float covered;
+    // With LEAST_APART the least 1 - D so far, of this word and of those before, which the others leave out, and its D.
+    float least;
+    float most;
 };
 
 struct Pixel {
     // The aggregate of SILHOUETTE_MODE: the transmittance Π(1 - D) (eq. 5), Σ D, or 1 where any D > 1/2.
     float silhouette;
+    // With LEAST_APART the least factor of the transmittance, which `silhouette` leaves out: ∂A/∂D' of a fragment is the
+    // product of the other fragments' factors, and where 1 - D is 0 it cannot be found from the product of all.
+    float least;
     // The largest log2 weight log2 exp(ζ/γ) so far (eq. 3), as integer part and fraction. `sum`, the denominator of eq. 3,
     // and the images' sums that follow are relative to it.
     float exponent;
@@ -39,6 +45,7 @@ struct Pixel {
 Pixel background_pixel() {
     Pixel p;
     p.silhouette = SILHOUETTE_MODE == SILHOUETTE_PRODUCT ? 1.0 : 0.0;
+    p.least = 1.0;
     bool entry = !COMPOSITE && COLOR_MODE == COLOR_SOFTMAX;
     p.exponent = entry ? frame.background_exponent : -3e38;
     p.fraction = entry ? frame.background_fraction : 0.0;
@@ -108,6 +115,7 @@ void add_word_cover(Cover word, inout Pixel p) {
         bool slight = word.covered < 0.5;
         p.silhouette = slight ? total : p.silhouette * word.transmittance;
         p.excess.silhouette = slight ? excess : p.excess.silhouette * word.transmittance;
+        p.least = LEAST_APART ? word.least : p.least;
     } else if (SILHOUETTE_MODE == SILHOUETTE_SUM) {
         add_word(word.covered, 1.0, p.silhouette, p.excess.silhouette);
     } else {
@@ -115,16 +123,28 @@ void add_word_cover(Cover word, inout Pixel p) {
     }
 }
 
+// The aggregate of SILHOUETTE_MODE.
+float aggregate_of(Pixel p) {
+    return LEAST_APART ? p.silhouette * p.least : p.silhouette;
+}
+
 // What forward saves for backward: the log2 weight that the sums are relative to (integer part and fraction; for the hard
-// mode the record index), the inverse of `sum`, and the silhouette's aggregate.
+// mode the record index), the inverse of `sum`, and the silhouette's aggregate. With LEAST_APART `sum` is part of the
+// reference, which marks a pixel without weights, and the aggregate takes two numbers.
 vec4 kept_of(Pixel p) {
     // The record index goes into two floats that hold it exactly.
     bool hard = COLOR_MODE == COLOR_HARD;
     vec2 reference = hard ? vec2(p.nearest >> 12, p.nearest & 4095) : vec2(p.exponent, p.fraction);
+    if (LEAST_APART) {
+        reference.y += hard ? 0.0 : log2(p.sum);
+        reference = p.sum > 0.0 ? reference : (hard ? NO_RECORD_KEPT : NO_WEIGHTS);
+        return vec4(reference, p.silhouette, p.least);
+    }
     return vec4(reference, p.sum > 0.0 ? 1.0 / p.sum : 0.0, p.silhouette);
 }
 
-// The log2 sum of weights and the transmittance of a pixel. Their least and largest value over a tile tell backward what it
+// The log2 sum of weights and the transmittance of a pixel, with LEAST_APART without its least factor: the gradient by the
+// alpha of the fragment that has this factor is the product of the others. Their least and largest value over a tile tell backward what it
 // may skip there: a triangle whose weights are all negligible beside the smallest sum, and the silhouette of a saturated
 // tile.
 vec2 bounds_of(Pixel p) {

@@ -1,4 +1,4 @@
-// Texture lookup: the colour c of a fragment, and its derivative by the texture coordinates. An entry of `textures` is
+// Texture lookup: the colour c and the opacity α of a fragment, and their derivatives by the texture coordinates. An entry of `textures` is
 // (first texel, width, height, kind); of a surface (first texel, resolution, texels of all triangles, kind).
 // Needs constants.glsl, modes.glsl and the buffers `textures` and `texels`.
 
@@ -80,6 +80,30 @@ vec3 sample_texture(int index, int triangle, mat3x2 coordinate, vec3 b) {
         color = texel > last ? vec3(0.0) : color;
     }
     return color;
+}
+
+// An opacity below this counts as 0, so that no weight is a denormal number.
+const float LEAST_OPACITY = 1e-30;
+
+// The texture's opacity α at a fragment, with its derivatives by u and v in `slope`. Surface cells are opaque.
+float sample_opacity(int index, mat3x2 coordinate, vec3 b, out vec2 slope) {
+    slope = vec2(0.0);
+    uvec4 entry = texelFetch(textures, index);
+    if (entry.w == TEXTURE_SURFACE) {
+        return 1.0;
+    }
+    Footprint f = footprint_of(entry, coordinate * b);
+    float a0 = texelFetch(texels, f.texel.x).a;
+    float a1 = texelFetch(texels, f.texel.y).a;
+    float a2 = texelFetch(texels, f.texel.z).a;
+    float a3 = texelFetch(texels, f.texel.w).a;
+    float tx = f.weight.y + f.weight.w;
+    float ty = f.weight.z + f.weight.w;
+    slope.x = float(entry.y) * ((1.0 - ty) * (a1 - a0) + ty * (a3 - a2));
+    slope.y = -float(entry.z) * ((1.0 - tx) * (a2 - a0) + tx * (a3 - a1));
+    // The weights' sum may exceed 1 by rounding.
+    float alpha = min(a0 * f.weight.x + a1 * f.weight.y + a2 * f.weight.z + a3 * f.weight.w, 1.0);
+    return alpha < LEAST_OPACITY ? 0.0 : alpha;
 }
 
 // sample_texture with the derivatives by u and v in `slope`, which are 0 for a surface's cells.

@@ -1,20 +1,28 @@
-// Derivative of sample_texture (sample.glsl) by the texels.
+// Derivatives of sample_texture and sample_opacity (sample.glsl) by the texels.
 // Needs sample.glsl and the buffer `texel_sums`.
 
-// Adds to a texel's gradient in 64-bit fixed point (low word first): integer sums have the same bits in any order.
+// Sums of a texel: by r, g, b and, where textures have one, by alpha.
+const int TEXEL_CHANNELS = OPACITY ? 4 : 3;
+
+// Adds to one sum of a texel in 64-bit fixed point (low word first): integer sums have the same bits in any order.
+void add_channel(int texel, int channel, float value) {
+    float scaled = abs(value) * frame.texel_scale;
+    float upper = floor(scaled * (1.0 / 4294967296.0));
+    uint high = uint(upper);
+    uint low = uint(scaled - upper * 4294967296.0);
+    if (value < 0.0) {
+        low = ~low + 1u;
+        high = ~high + (low == 0u ? 1u : 0u);
+    }
+    int at = 2 * (TEXEL_CHANNELS * texel + channel);
+    uint old = atomicAdd(texel_sums[at], low);
+    atomicAdd(texel_sums[at + 1], high + (old + low < old ? 1u : 0u));
+}
+
+// Adds to a texel's gradient.
 void add_texel(int texel, vec3 value) {
     for (int channel = 0; channel < 3; ++channel) {
-        float scaled = abs(value[channel]) * frame.texel_scale;
-        float upper = floor(scaled * (1.0 / 4294967296.0));
-        uint high = uint(upper);
-        uint low = uint(scaled - upper * 4294967296.0);
-        if (value[channel] < 0.0) {
-            low = ~low + 1u;
-            high = ~high + (low == 0u ? 1u : 0u);
-        }
-        int at = 2 * (3 * texel + channel);
-        uint old = atomicAdd(texel_sums[at], low);
-        atomicAdd(texel_sums[at + 1], high + (old + low < old ? 1u : 0u));
+        add_channel(texel, channel, value[channel]);
     }
 }
 
@@ -36,3 +44,13 @@ void scatter_texels(int index, int triangle, mat3x2 coordinate, vec3 b, vec3 by_
     }
 }
 
+// Derivative of sample_opacity by the texels' alpha.
+void scatter_opacity(int index, mat3x2 coordinate, vec3 b, float by_alpha) {
+    uvec4 entry = texelFetch(textures, index);
+    if (entry.w != TEXTURE_SURFACE) {
+        Footprint f = footprint_of(entry, coordinate * b);
+        for (int i = 0; i < 4; ++i) {
+            add_channel(f.texel[i], 3, by_alpha * f.weight[i]);
+        }
+    }
+}

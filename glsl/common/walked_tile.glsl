@@ -195,7 +195,7 @@ void advance(bool is_last, inout Walk walk) {
 
 // The word of an entry of `walk_state`.
 uint state_at(int word) {
-    return gl_WorkGroupID.x * WALK_STATE_WORDS + uint(word);
+    return gl_WorkGroupID.x * (WALK_STATE_WORDS + (OPACITY ? WALK_OPACITY_WORDS : 0u)) + uint(word);
 }
 
 // The floats of a pixel's state.
@@ -216,6 +216,9 @@ void save_state(Walk walk, Pixel p) {
     }
     walk_state[state_at(STATE_NEAREST + lane)] = uint(p.nearest);
     walk_state[state_at(STATE_ENTRIES + lane)] = entries[lane];
+    if (OPACITY) {
+        walk_state[state_at(int(WALK_STATE_WORDS) + lane)] = floatBitsToUint(p.least);
+    }
     if (lane == 0) {
         walk_state[state_at(STATE_WALK)] = walk.phase;
         walk_state[state_at(STATE_WALK + 1)] = uint(walk.group);
@@ -241,6 +244,7 @@ void load_state(out Walk walk, out Pixel p) {
     p.excess = Excess(v[11], v[12], vec3(v[13], v[14], v[15]), v[16], vec3(v[17], v[18], v[19]));
     p.nearest = int(walk_state[state_at(STATE_NEAREST + lane)]);
     entries[lane] = walk_state[state_at(STATE_ENTRIES + lane)];
+    p.least = OPACITY ? uintBitsToFloat(walk_state[state_at(int(WALK_STATE_WORDS) + lane)]) : 1.0;
     walk.phase = walk_state[state_at(STATE_WALK)];
     walk.group = int(walk_state[state_at(STATE_WALK + 1)]);
     walk.count = int(walk_state[state_at(STATE_WALK + 2)]);

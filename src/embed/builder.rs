@@ -229,6 +229,7 @@ impl PassBuilder {
             views: cameras.len() as u32,
             lights: self.lights.clone(),
             depth_span: DepthSpan { crosses_near: !self.inside_planes, crosses_far: !self.inside_planes },
+            opacity: false,
             distorted: cameras.iter().any(|c| matches!(c.camera.projection(), Projection::Official { .. })),
             cutoff: cutoff_of(&settings),
             capacity: self.capacity,

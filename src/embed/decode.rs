@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
 use crate::frame::pack::{AppearanceShape, MeshLayout, MeshShape, MeshTables};
 use crate::gradients::{CameraGradient, Gradients, LightGradients, MeshGradients, Wanted};
-use crate::scene::{Background, Camera, Lights, Parity, Projection, Settings};
+use crate::scene::{Background, Camera, Lights, Parity, Projection, Settings, Texture};
 use std::ops::Range;
 
 /// The input of a backward pass, which decoding its buffers needs.
@@ -131,9 +131,7 @@ impl Decoder<'_> {
         } else {
             &[]
         };
-        let texels = |ranges: Vec<Range<usize>>| -> Result<Vec<_>> {
-            ranges.into_iter().map(|range| self.texels(range, floats)).collect()
-        };
+        let mut images = tables.images.iter();
         let mut meshes = Vec::with_capacity(tables.layouts.len());
         for (m, layout) in tables.layouts.iter().enumerate() {
             let range = layout.vertex_range();
@@ -150,42 +148,66 @@ impl Decoder<'_> {
                     _ => Vec::new(),
                 };
             }
-            match &shape.appearance {
-                AppearanceShape::Surface { .. } if wanted.texels => {
-                    mesh.surface_texels = texels(layout.texel_ranges(shape))?.into_iter().flatten().collect();
-                }
-                AppearanceShape::Textured { uvs, .. } => {
-                    if wanted.texels {
-                        mesh.texture_texels = texels(layout.texel_ranges(shape))?;
-                    }
-                    if wanted.uvs {
-                        let first = layout.uv_index as usize;
-                        let indices = &tables.uv_indices[first..first + 3 * layout.triangles as usize];
-                        // A single mesh is seen by every view.
-                        let one = tables.layouts.len() == 1;
-                        let views = if one { 0..self.cameras.len() } else { m..m + 1 };
-                        mesh.uvs = self.uvs(views, *uvs as usize, indices.as_chunks().0, corners);
-                    }
-                }
-                _ => {}
+            if wanted.texels {
+                self.add_texels(layout, shape, &mut images, floats, &mut mesh)?;
+            }
+            if let AppearanceShape::Textured { uvs, .. } = &shape.appearance
+                && wanted.uvs
+            {
+                let first = layout.uv_index as usize;
+                let indices = &tables.uv_indices[first..first + 3 * layout.triangles as usize];
+                // A single mesh is seen by every view.
+                let one = tables.layouts.len() == 1;
+                let views = if one { 0..self.cameras.len() } else { m..m + 1 };
+                mesh.uvs = self.uvs(views, *uvs as usize, indices.as_chunks().0, corners);
             }
             meshes.push(mesh);
         }
         Ok(meshes)
     }
 
-    /// The gradients of a range of texels, from their fixed-point sums.
-    fn texels(&self, range: Range<usize>, floats: Floats<'_>) -> Result<Vec<[f32; 3]>> {
+    /// Adds the gradients by a mesh's texels, and by the alpha of those of its textures that have one. `images` are those of this
+    /// mesh and of the meshes after it; a host that fills in the shapes itself has none in its tables.
+    fn add_texels(
+        &self,
+        layout: &MeshLayout,
+        shape: &MeshShape,
+        images: &mut std::slice::Iter<'_, Texture>,
+        floats: Floats<'_>,
+        mesh: &mut MeshGradients,
+    ) -> Result<()> {
+        let sums: Result<Vec<_>> =
+            layout.texel_ranges(shape).into_iter().map(|range| self.texels(range, floats)).collect();
+        let rgb = |texels: &Vec<[f32; 4]>| texels.iter().map(|t| [t[0], t[1], t[2]]).collect::<Vec<_>>();
+        if let AppearanceShape::Surface { .. } = shape.appearance {
+            mesh.surface_texels = sums?.iter().flat_map(rgb).collect();
+            return Ok(());
+        }
+        for texels in sums? {
+            mesh.texture_texels.push(rgb(&texels));
+            let has_alpha = images.next().is_some_and(|image| image.alpha().is_some());
+            let alpha = texels.iter().filter(|_| has_alpha).map(|t| t[3]);
+            mesh.texture_alphas.push(alpha.collect());
+        }
+        Ok(())
+    }
+
+    /// The gradients of a range of texels by r, g, b and alpha, from their fixed-point sums.
+    fn texels(&self, range: Range<usize>, floats: Floats<'_>) -> Result<Vec<[f32; 4]>> {
         let plan = self.plan;
         if plan.backward.sizes[BufferId::TexelSums] == 0 {
-            return Ok(vec![[0.0; 3]; range.len()]);
+            return Ok(vec![[0.0; 4]; range.len()]);
         }
-        // Each texel has three sums of two words.
-        let words: &[u32] = bytemuck::cast_slice(floats(BufferId::TexelSums, 6 * range.end)?);
+        // Each texel has three or four sums of two words.
+        let stride = if plan.backward.modes.opacity != 0 { 8 } else { 6 };
+        let words: &[u32] = bytemuck::cast_slice(floats(BufferId::TexelSums, stride * range.end)?);
         let scale = 1.0 / f64::from(plan.texel_scale());
-        let value = |low: u32, high: u32| ((i64::from(high as i32) << 32 | i64::from(low)) as f64 * scale) as f32;
-        let sums = words[6 * range.start..].as_chunks::<6>().0;
-        Ok(sums.iter().map(|&[r, r1, g, g1, b, b1]| [value(r, r1), value(g, g1), value(b, b1)]).collect())
+        let value = |&[low, high]: &[u32; 2]| ((i64::from(high as i32) << 32 | i64::from(low)) as f64 * scale) as f32;
+        let row = |words: &[u32]| {
+            let mut sums = words.as_chunks::<2>().0.iter().map(value);
+            [(); 4].map(|()| sums.next().unwrap_or(0.0))
+        };
+        Ok(words[stride * range.start..].chunks_exact(stride).map(row).collect())
     }
 
     /// Each UV pair's gradient: the sum over the corners that use it, in all of the views.

@@ -51,7 +51,9 @@ pub struct Differentiate {
     /// The inputs to differentiate by.
     pub wanted: Wanted,
     /// An upper bound of |dL/dcolour| over all channels and pixels. Only [`Wanted::texels`] uses it: its sums are in fixed
-    /// point, so that a sum beyond the bound wraps around, and one far below it loses precision.
+    /// point, so that a sum beyond the bound wraps around, and one far below it loses precision. Where textures have an
+    /// alpha it also bounds |dL/dsilhouette|, |dL/dnormal|, |dL/ddepth| times the far plane, and |dL/dcolour| times the
+    /// largest texel and background.
     pub largest_upstream: f64,
 }
 
@@ -368,6 +370,10 @@ fn texel_scale(plan: &ForwardPlan, lights: &Lights, largest_upstream: f64) -> f3
         lights.directional.iter().map(|l| l.color.iter().map(|x| (x * l.intensity).abs()).sum::<f64>()).sum::<f64>();
     // A pixel's weights sum to at most 1, and a texel's share of each weight is at most 1. Perspective correction at most
     // doubles them; a further factor of 8 is a margin.
-    let most = 16.0 * plan.totals.pixels as f64 * largest_upstream * (ambient + directional);
+    let mut most = 16.0 * plan.totals.pixels as f64 * largest_upstream * (ambient + directional);
+    if plan.modes.opacity != 0 {
+        // |v - V| is at most 14 times the bound and the light, and what multiplies it at most 256 (STEEPEST).
+        most = 16.0 * plan.totals.pixels as f64 * largest_upstream * (ambient + directional).max(1.0) * 4096.0;
+    }
     if most > 0.0 { ((61.0 - most.log2().ceil()).clamp(-100.0, 100.0)).exp2() as f32 } else { 1.0 }
 }

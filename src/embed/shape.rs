@@ -21,6 +21,9 @@ pub struct Shape {
     pub depth_span: DepthSpan,
     /// Some camera is [`Projection::Official`], which may distort.
     pub distorted: bool,
+    /// Some texture has an alpha below 1 ([`Texture::with_alpha`](crate::scene::Texture::with_alpha)), the fourth float of its
+    /// texels.
+    pub opacity: bool,
     /// How far a triangle's support reaches outside it, as a squared distance in units of σ: [`Settings::cutoff`], or
     /// with [`Support::Guaranteed`](crate::scene::Support) what [`Settings::cutoff_of`] says. At most 70.
     pub cutoff: f64,
@@ -52,6 +55,7 @@ impl Shape {
             lights: scene.lights.clone(),
             depth_span,
             cutoff: settings.cutoff_of(scene, cameras),
+            opacity: scene.meshes.iter().any(Mesh::has_opacity),
             distorted: cameras.iter().any(|c| matches!(c.projection(), Projection::Official { .. })),
             capacity: None,
             device_counts: false,
@@ -73,7 +77,7 @@ impl Shape {
         let image = any(|a| matches!(a, AppearanceShape::Textured { .. }));
         // If another mesh has a texture, a mesh without one samples a white image of one texel.
         let plain = self.meshes.iter().any(MeshShape::is_plain);
-        Sampling { surface, image: image || (plain && surface) }
+        Sampling { surface, image: image || (plain && surface), opacity: image && self.opacity }
     }
 
     /// Vertices of all meshes.

@@ -82,23 +82,27 @@ fn weighted_sums<R: Real>(fragments: &[Fragment<R>], weights: &[R]) -> Pixel<R> 
 
 fn silhouette<R: Real>(knobs: &Knobs<'_, R>, fragments: &[Fragment<R>], triangles: usize) -> R {
     let damped = knobs.mode == GradientMode::Paper && knobs.settings.parity == Parity::Official;
-    let coverages = fragments.iter().map(|f| f.coverage);
     match knobs.settings.silhouette {
         SilhouetteAggregation::Product => {
             // log Π (1 - D) = -Σ softplus(x); the product is 0 where a fragment covers the pixel with certainty.
             let mut opacity = R::zero();
-            for coverage in coverages {
-                match coverage {
+            for fragment in fragments.iter().filter(|f| f.opacity.is_none()) {
+                match fragment.coverage {
                     Coverage::Certain => return R::one(),
                     Coverage::Soft(x) => opacity = opacity + if damped { damped_softplus(x) } else { x.softplus() },
                 }
             }
-            -(-opacity).exp_m1()
+            match transmittance(fragments) {
+                // 1 - Π (1 - D) Π (1 - D')
+                Some(faded) => (-(-opacity).exp() * faded).shift(1.0),
+                None => -(-opacity).exp_m1(),
+            }
         }
         SilhouetteAggregation::Sum => {
-            let sum = coverages.fold(R::zero(), |sum, coverage| match coverage {
-                Coverage::Certain => sum.shift(1.0),
-                Coverage::Soft(x) => sum + x.logistic(),
+            let sum = fragments.iter().fold(R::zero(), |sum, fragment| match (fragment.coverage, fragment.opacity) {
+                (Coverage::Certain, None) => sum.shift(1.0),
+                (coverage, None) => sum + coverage.probability(),
+                (coverage, Some(alpha)) => sum + alpha * coverage.probability(),
             });
             // The two pieces of a triangle that the near plane cuts overlap softly along their common edge, so their
             // coverages may add up to more than 1.
@@ -106,13 +110,23 @@ fn silhouette<R: Real>(knobs: &Knobs<'_, R>, fragments: &[Fragment<R>], triangle
             if mean.value() > 1.0 { R::one() } else { mean }
         }
         SilhouetteAggregation::Hard => {
-            let mut covered = coverages.map(|coverage| match coverage {
+            let mut covered = fragments.iter().filter(|f| f.is_solid()).map(|f| match f.coverage {
                 Coverage::Certain => true,
                 Coverage::Soft(x) => x.value() > 0.0,
             });
             if covered.any(|c| c) { R::one() } else { R::zero() }
         }
     }
+}
+
+/// Π (1 - α D) over the fragments with an opacity; `None` without any. A product, since its reverse-mode derivative by one
+/// factor is the product of the others, even where factors are 0. 1 - α D = (1 - D) + (1 - α) D does not cancel.
+fn transmittance<R: Real>(fragments: &[Fragment<R>]) -> Option<R> {
+    let factors = fragments.iter().filter_map(|fragment| {
+        let (alpha, coverage) = (fragment.opacity?, fragment.coverage);
+        Some(coverage.complement() + (R::one() - alpha) * coverage.probability())
+    });
+    factors.reduce(|product, factor| product * factor)
 }
 
 /// softplus with the official code's derivative: D (1 - D) / max(1 - D, 1e-6) in place of D.
@@ -139,12 +153,19 @@ pub fn shares<R: Real>(knobs: &Knobs<'_, R>, fragments: &[Fragment<R>]) -> Share
 
 /// The nearest fragment that covers the pixel's centre; the first of equals.
 fn nearest<R: Real>(fragments: &[Fragment<R>]) -> Option<usize> {
-    let covering = fragments.iter().enumerate().filter(|(_, f)| f.inside);
+    let covering = fragments.iter().enumerate().filter(|(_, f)| f.inside && f.is_solid());
     let depths = covering.filter_map(|(i, f)| f.surface.map(|point| (i, point.z.value())));
     depths.reduce(|best, next| if next.1 < best.1 { next } else { best }).map(|(i, _)| i)
 }
 
-/// w ∝ D exp(ζ / γ), by scores s = log D + ζ / γ less their maximum.
+/// What multiplies ∂L/∂D' in ∂L/∂α through the colours' weights is at most this: without a limit a fragment of α = 0 before
+/// all others would have the derivative D exp(Δζ/γ), which overflows. w/α ≤ 1/α, so that it limits no α from 1/256 on.
+const STEEPEST: f64 = 256.0;
+
+/// e^700 is finite. Only a fragment of α = 0 is so far above the largest score that counts.
+const HIGHEST: f64 = 700.0;
+
+/// w ∝ α D exp(ζ / γ), by scores s = log D + ζ / γ less the maximum of those with α > 0.
 fn softmax<R: Real>(knobs: &Knobs<'_, R>, fragments: &[Fragment<R>]) -> Shares<R> {
     let settings = knobs.settings;
     let scores: Vec<Option<R>> = fragments.iter().map(|f| score(knobs, f)).collect();
@@ -152,14 +173,24 @@ fn softmax<R: Real>(knobs: &Knobs<'_, R>, fragments: &[Fragment<R>]) -> Shares<R
         Background::Weighted => Some(knobs.background_score / knobs.gamma),
         Background::Composite => None,
     };
-    let values = scores.iter().chain([&background]).flatten().map(|s| s.value());
+    let counts = |f: &Fragment<R>| f.opacity.is_none_or(|alpha| alpha.value() > 0.0);
+    let counted = scores.iter().zip(fragments).filter(|(_, f)| counts(f)).map(|(score, _)| score);
+    let values = counted.chain([&background]).flatten().map(|s| s.value());
     let maximum = values.fold(f64::NEG_INFINITY, f64::max);
     if maximum == f64::NEG_INFINITY {
         return Shares { fragments: vec![R::zero(); fragments.len()], background: R::one() };
     }
-    let exponential = |score: Option<R>| score.map_or(R::zero(), |s| s.shift(-maximum).exp());
-    let terms: Vec<R> = scores.into_iter().map(exponential).collect();
+    let exponential = |score: Option<R>| score.map_or(R::zero(), |s| s.shift(-maximum).clamp(-f64::MAX, HIGHEST).exp());
+    let mut terms: Vec<R> = scores.into_iter().map(exponential).collect();
     let background = exponential(background);
+    let alpha = |f: &Fragment<R>| f.opacity.map_or(1.0, Real::value);
+    let sum = terms.iter().zip(fragments).fold(background.value(), |sum, (term, f)| sum + alpha(f) * term.value());
+    for (term, fragment) in terms.iter_mut().zip(fragments) {
+        if let Some(alpha) = fragment.opacity {
+            let slope = (STEEPEST * sum / term.value()).min(1.0);
+            *term = alpha.unary(alpha.value(), slope) * *term;
+        }
+    }
     let total = terms.iter().fold(background, |sum, &term| sum + term);
     Shares { fragments: terms.into_iter().map(|term| term / total).collect(), background: background / total }
 }

@@ -58,8 +58,9 @@ impl Candidates {
     ///
     /// The signed edge distance changes between two points by at most their distance, so its value at the tile's centre
     /// bounds D over the tile; the corners' depths bound ζ. A piece is left out when its largest possible log weight
-    /// log D + ζ / γ is more than [`NOTHING`] below the smallest possible one of another piece.
-    pub fn of_weight(knobs: &Knobs<'_, f64>, pieces: &[Piece<f64>]) -> Self {
+    /// log D + ζ / γ is more than [`NOTHING`] below the smallest possible one of another piece; none where an opacity may be
+    /// 0 (`opaque` is false).
+    pub fn of_weight(knobs: &Knobs<'_, f64>, pieces: &[Piece<f64>], opaque: bool) -> Self {
         let settings = knobs.settings;
         if settings.distance != Distance::Euclidean {
             return Self::all(pieces.len());
@@ -70,7 +71,7 @@ impl Candidates {
             Background::Weighted => knobs.background_score / knobs.gamma,
             Background::Composite => f64::NEG_INFINITY,
         };
-        let scores: Vec<Scores> = pieces.iter().map(|piece| Scores::of(knobs, piece)).collect();
+        let scores: Vec<Scores> = pieces.iter().map(|piece| Scores::of(knobs, piece, opaque)).collect();
         let list = |tile: usize| {
             let first = pixel_centre(settings, tile / columns * TILE, tile % columns * TILE);
             let half = (TILE - 1) as f64 / f64::from(settings.height);
@@ -96,14 +97,14 @@ impl Candidates {
 struct Scores([f64; 2]);
 
 impl Scores {
-    fn of(knobs: &Knobs<'_, f64>, piece: &Piece<f64>) -> Self {
+    fn of(knobs: &Knobs<'_, f64>, piece: &Piece<f64>, opaque: bool) -> Self {
         let (near, far) = (knobs.settings.near, knobs.settings.far);
         let score = |z: f64| (far - z) / (far - near) / knobs.gamma;
         let z = piece.corners.map(|c| c.z);
         let (nearest, farthest) = (z[0].min(z[1]).min(z[2]), z[0].max(z[1]).max(z[2]));
-        // A piece with fragments that may not take part in the softmax (outside the depth range, or back faces that
-        // only the official silhouette counts) must not exclude others, so its lower bound is -∞.
-        let shown = piece.front || knobs.settings.faces == Faces::Both;
+        // A piece with fragments that may not take part in the softmax (outside the depth range, transparent, or back faces
+        // that only the official silhouette counts) must not exclude others, so its lower bound is -∞.
+        let shown = opaque && (piece.front || knobs.settings.faces == Faces::Both);
         let least = if shown && nearest >= near && farthest <= far { score(farthest) } else { f64::NEG_INFINITY };
         Self([least, score(nearest.max(near))])
     }

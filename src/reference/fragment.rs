@@ -5,7 +5,7 @@ use super::geometry::Location;
 use super::parameters::{MeshSlots, Parameters, Source};
 use super::real::{Real, blend, dot, multiply};
 use super::setup::Piece;
-use super::texture::sample;
+use super::texture::{opacity, sample};
 use crate::scene::{Distance, Faces, Interpolation, Mesh, Parity, Settings};
 
 /// The settings that a pixel is computed from, the differentiable ones as numbers that may carry derivatives.
@@ -67,10 +67,37 @@ pub enum Coverage<R> {
 pub struct Fragment<R> {
     /// D.
     pub coverage: Coverage<R>,
+    /// α of D' = α D; `None` where the texture is opaque.
+    pub opacity: Option<R>,
     /// The pixel's centre is in the triangle.
     pub inside: bool,
     /// Depth, colour and normal; `None` for a fragment that counts in the silhouette only.
     pub surface: Option<SurfacePoint<R>>,
+}
+
+impl<R: Real> Coverage<R> {
+    /// D.
+    pub fn probability(self) -> R {
+        match self {
+            Self::Certain => R::one(),
+            Self::Soft(x) => x.logistic(),
+        }
+    }
+
+    /// 1 - D.
+    pub fn complement(self) -> R {
+        match self {
+            Self::Certain => R::zero(),
+            Self::Soft(x) => (-x).logistic(),
+        }
+    }
+}
+
+impl<R: Real> Fragment<R> {
+    /// Whether the hard modes count it.
+    pub fn is_solid(&self) -> bool {
+        self.opacity.is_none_or(|alpha| alpha.value() >= 0.5)
+    }
 }
 
 /// The point of a piece's surface that a fragment shows.
@@ -159,15 +186,28 @@ pub fn fragment<S: Source>(
     let b = if paper { location.clipped.map(Real::detach) } else { location.clipped };
     let z = depth(piece, b);
     let seen = in_range(knobs.settings, z.value());
-    let coverage = match (knobs.settings.parity, coverage) {
+    let weights = weights(knobs.settings, piece, b, z);
+    let uv = blend(weights, piece.corners.map(|c| c.uv));
+    let opacity = opacity(source, slots, mesh.appearance(), piece.triangle, uv);
+    let (coverage, opacity) = match (knobs.settings.parity, coverage) {
         (Parity::Model, _) if !seen => return None,
         // The official forward pass counts these in the silhouette, its backward pass gives them no gradient.
-        (Parity::Official, Coverage::Soft(x)) if !seen && paper => Coverage::Soft(x.detach()),
-        (_, coverage) => coverage,
+        (Parity::Official, Coverage::Soft(x)) if !seen && paper => {
+            (Coverage::Soft(x.detach()), opacity.map(Real::detach))
+        }
+        (_, coverage) => (coverage, opacity),
     };
     let drawn = seen && (piece.front || knobs.settings.faces == Faces::Both);
-    let surface = drawn.then(|| surface_point(knobs.settings, mesh, slots, source, piece, b, z));
-    Some(Fragment { coverage, inside: location.inside, surface })
+    let surface = drawn.then(|| surface_point(knobs.settings, mesh, slots, source, piece, weights, z));
+    Some(Fragment { coverage, opacity, inside: location.inside, surface })
+}
+
+/// How much each corner adds to what is interpolated.
+fn weights<R: Real>(settings: &Settings, piece: &Piece<R>, b: [R; 3], z: R) -> [R; 3] {
+    match settings.interpolation {
+        Interpolation::Affine => b,
+        Interpolation::Perspective => std::array::from_fn(|k| b[k] * z / piece.corners[k].z),
+    }
 }
 
 fn surface_point<S: Source>(
@@ -176,14 +216,10 @@ fn surface_point<S: Source>(
     slots: &MeshSlots,
     source: &S,
     piece: &Piece<S::R>,
-    b: [S::R; 3],
+    weights: [S::R; 3],
     z: S::R,
 ) -> SurfacePoint<S::R> {
     let corners = &piece.corners;
-    let weights = match settings.interpolation {
-        Interpolation::Affine => b,
-        Interpolation::Perspective => std::array::from_fn(|k| b[k] * z / corners[k].z),
-    };
     let mut point = SurfacePoint { z, color: [S::R::zero(); 3], normal: [S::R::zero(); 3] };
     if settings.outputs.color {
         let original = blend(weights, corners.map(|c| c.original));

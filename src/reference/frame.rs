@@ -7,6 +7,7 @@ use super::geometry::{Location, locate};
 use super::margin::Margin;
 use super::parameters::{MeshSlots, Parameters, Values};
 use super::setup::{Piece, pieces};
+use super::texture::has_opacity;
 use super::{GradientMode, ReferenceFrame, Truncation};
 use crate::scene::{Camera, Mesh, Scene, Settings};
 use rayon::prelude::*;
@@ -54,12 +55,13 @@ impl<'a> View<'a> {
         };
         let knobs = Knobs::load(settings, support, GradientMode::Exact, parameters, &values);
         let pieces = pieces(scene, cameras, settings, parameters, view, &values);
+        let mesh = scene.mesh_of_view(view);
+        let opaque = !has_opacity(scene.meshes[mesh].appearance());
         let candidates = match (search, truncation) {
             (Search::BruteForce, _) => Candidates::all(pieces.len()),
             (Search::Culled, Truncation::Tau) => Candidates::culled(settings, knobs.support, &pieces),
-            (Search::Culled, Truncation::None) => Candidates::of_weight(&knobs, &pieces),
+            (Search::Culled, Truncation::None) => Candidates::of_weight(&knobs, &pieces, opaque),
         };
-        let mesh = scene.mesh_of_view(view);
         Self { mesh: &scene.meshes[mesh], slots: &parameters.layout().meshes[mesh], values, knobs, pieces, candidates }
     }
 
@@ -85,8 +87,9 @@ impl<'a> View<'a> {
         }
         let shares = shares(knobs, &fragments);
         for ((fragment, (piece, location)), &share) in fragments.iter().zip(&origins).zip(&shares.fragments) {
+            margin.opacity(knobs, fragment);
             if let Some(point) = &fragment.surface {
-                margin.seen(knobs, self.mesh.appearance(), piece, location, point, share);
+                margin.seen(knobs, self.mesh.appearance(), piece, location, (fragment, point), share);
             }
         }
         (aggregate(knobs, &fragments, &shares, self.mesh.triangles().len()), margin.value())

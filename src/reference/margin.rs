@@ -7,13 +7,14 @@
 //! - |z / far - 1|, under official parity |z / near - 1| too, for the pairs that are not dropped;
 //! - with a hard colour, silhouette or distance, the distance to the triangle's border in pixels;
 //! - with a hard colour, (z₂ - z₁) / z₁ of the two nearest covering triangles;
+//! - with a hard colour or silhouette, |α - ½| of the pairs that cover the pixel, where a texture has an alpha;
 //! - with a surface texture, how far R·b̂ is from a border of cells, for fragments whose share of the colour is above
 //!   1e-6;
 //!
 //! and at most 1. It does not cover jumps of whole triangles (turning a back face to the camera, crossing the near
 //! plane, degenerating), nor kinks, where only the derivative jumps.
 
-use super::fragment::{Knobs, SurfacePoint, box_excess, depth, smallest};
+use super::fragment::{Fragment, Knobs, SurfacePoint, box_excess, depth, smallest};
 use super::geometry::Location;
 use super::real::blend;
 use super::setup::Piece;
@@ -70,6 +71,15 @@ impl Margin {
         }
     }
 
+    /// A fragment, seen or not.
+    pub fn opacity(&mut self, knobs: &Knobs<'_, f64>, fragment: &Fragment<f64>) {
+        let settings = knobs.settings;
+        let is_hard = settings.color == ColorAggregation::Hard || settings.silhouette == SilhouetteAggregation::Hard;
+        if let Some(alpha) = fragment.opacity.filter(|_| is_hard && fragment.inside) {
+            self.limit(alpha - 0.5);
+        }
+    }
+
     /// A fragment that is seen, with its share of the colour.
     pub fn seen(
         &mut self,
@@ -77,10 +87,10 @@ impl Margin {
         appearance: &Appearance,
         piece: &Piece<f64>,
         location: &Location<f64>,
-        point: &SurfacePoint<f64>,
+        (fragment, point): (&Fragment<f64>, &SurfacePoint<f64>),
         share: f64,
     ) {
-        if knobs.settings.color == ColorAggregation::Hard && location.inside {
+        if knobs.settings.color == ColorAggregation::Hard && location.inside && fragment.is_solid() {
             let [first, second] = self.nearest;
             self.nearest = if point.z < first { [point.z, first] } else { [first, second.min(point.z)] };
             if self.nearest[1].is_finite() {

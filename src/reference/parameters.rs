@@ -39,6 +39,8 @@ pub(super) struct MeshSlots {
     pub surface: Range<usize>,
     pub uvs: Range<usize>,
     pub textures: Vec<Range<usize>>,
+    /// Of each texture; empty for an opaque one.
+    pub alphas: Vec<Range<usize>>,
 }
 
 /// A camera's elements.
@@ -74,6 +76,7 @@ impl Parameters {
                 surface: 0..0,
                 uvs: 0..0,
                 textures: Vec::new(),
+                alphas: Vec::new(),
             };
             match mesh.appearance() {
                 Appearance::Uniform(color) => slots.colors = builder.put_rows(&[*color]),
@@ -82,6 +85,8 @@ impl Parameters {
                 Appearance::Textured { uvs, textures, .. } => {
                     slots.uvs = builder.put_rows(uvs);
                     slots.textures = textures.iter().map(|t| builder.put_rows(t.texels())).collect();
+                    let alphas = textures.iter().map(|t| t.alpha().unwrap_or_default());
+                    slots.alphas = alphas.map(|alpha| builder.put(alpha.iter().map(|&a| a.into()))).collect();
                 }
             }
             slots
@@ -156,6 +161,11 @@ impl Parameters {
     /// `[height, width, 3]` texels of a mesh's image texture.
     pub fn texture_texels(&self, mesh: usize, texture: usize) -> &[f64] {
         &self.values[self.layout.meshes[mesh].textures[texture].clone()]
+    }
+
+    /// `[height, width]` alpha of a mesh's image texture; empty for an opaque one.
+    pub fn texture_alpha(&self, mesh: usize, texture: usize) -> &[f64] {
+        &self.values[self.layout.meshes[mesh].alphas[texture].clone()]
     }
 
     /// ξ = (v, ω) of a view: its view transform V is replaced by exp(ξ) V, so p becomes p + ω × p + v to first order.

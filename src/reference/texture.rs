@@ -1,4 +1,4 @@
-//! Looks up a fragment's colour in surface cells and image textures.
+//! Looks up a fragment's colour and opacity in surface cells and image textures.
 
 use super::parameters::{MeshSlots, Source};
 use super::real::{Real, lerp};
@@ -35,6 +35,28 @@ pub fn sample<S: Source>(
     }
 }
 
+/// The opacity α at texture coordinates of a triangle; `None` where its appearance is opaque.
+pub fn opacity<S: Source>(
+    source: &S,
+    slots: &MeshSlots,
+    appearance: &Appearance,
+    triangle: usize,
+    uv: [S::R; 2],
+) -> Option<S::R> {
+    let Appearance::Textured { textures, texture_of_triangle, .. } = appearance else { return None };
+    let index = texture_of_triangle.get(triangle).map_or(0, |&i| i as usize);
+    let range = &slots.alphas[index];
+    (!range.is_empty()).then(|| {
+        let [alpha] = bilinear(source, range.start, &textures[index], uv);
+        alpha
+    })
+}
+
+/// Whether an appearance has a texture with an alpha.
+pub fn has_opacity(appearance: &Appearance) -> bool {
+    matches!(appearance, Appearance::Textured { textures, .. } if textures.iter().any(|t| t.alpha().is_some()))
+}
+
 /// The cell of a surface texture of R × R cells at barycentrics b.
 ///
 /// The official test (b₀ + b₁) R - x - y ≤ 1 is written with b₂ as b₂ R ≥ R - 1 - x - y. Both are equal in exact
@@ -53,7 +75,7 @@ pub fn surface_cell(resolution: u32, b: [f64; 3], official: bool) -> usize {
     cell as usize
 }
 
-fn bilinear<S: Source>(source: &S, start: usize, texture: &Texture, [u, v]: [S::R; 2]) -> [S::R; 3] {
+fn bilinear<S: Source, const N: usize>(source: &S, start: usize, texture: &Texture, [u, v]: [S::R; 2]) -> [S::R; N] {
     let (width, height) = (f64::from(texture.width()), f64::from(texture.height()));
     let x = u.scale(width).shift(-0.5);
     let y = v.scale(-height).shift(height - 0.5);
@@ -64,7 +86,7 @@ fn bilinear<S: Source>(source: &S, start: usize, texture: &Texture, [u, v]: [S::
     };
     let texel = |dx: f64, dy: f64| {
         let index = wrap(top + dy, height) * width + wrap(left + dx, width);
-        source.row::<3>(start + 3 * index as usize)
+        source.row::<N>(start + N * index as usize)
     };
     let (tx, ty) = (x.shift(-left), y.shift(-top));
     lerp(lerp(texel(0.0, 0.0), texel(1.0, 0.0), tx), lerp(texel(0.0, 1.0), texel(1.0, 1.0), tx), ty)

@@ -95,7 +95,7 @@ impl Renderer {
         let s = &saved.settings;
         let batch = saved.cameras.len();
         upstream.validate(s.outputs, batch, s.height as usize, s.width as usize)?;
-        let plan = self.plan_backward(&saved.plan, upstream, wanted)?;
+        let plan = self.plan_backward(&saved.plan, s, upstream, wanted)?;
         self.validate_memory(saved.plan.buffers().iter().chain(plan.buffers()))?;
         for needed in plan.buffers() {
             let reserved = self.buffers.reserve(&self.context, needed.entry(), needed.size);
@@ -124,6 +124,7 @@ impl Renderer {
     fn plan_backward(
         &mut self,
         frame: &Arc<FramePlan>,
+        settings: &Settings,
         upstream: &ImageGradient,
         wanted: &Wanted,
     ) -> Result<Arc<GradientPlan>> {
@@ -131,7 +132,17 @@ impl Renderer {
         let differentiate = Differentiate {
             upstream: upstream.outputs(),
             wanted: *wanted,
-            largest_upstream: upstream.color.as_ref().filter(|_| wanted.texels).map_or(0.0, largest),
+            largest_upstream: if !wanted.texels {
+                0.0
+            } else if frame.forward.modes.opacity != 0 {
+                let of = |image: &Option<Image>| image.as_ref().map_or(0.0, largest);
+                let texels = self.inputs.tables.texels.iter().flatten().map(|x| f64::from(x.abs()));
+                let brightest = settings.background_color.iter().map(|x| x.abs()).chain(texels).fold(1.0, f64::max);
+                let shaded = (of(&upstream.color) * brightest).max(of(&upstream.depth) * settings.far);
+                shaded.max(of(&upstream.silhouette)).max(of(&upstream.normal))
+            } else {
+                upstream.color.as_ref().map_or(0.0, largest)
+            },
         };
         if let Some((planned_for, d, plan)) = &self.backward.planned
             && *d == differentiate

@@ -224,6 +224,12 @@ impl Mesh {
         &self.appearance
     }
 
+    /// Whether a texture has an alpha below 1.
+    pub(crate) fn has_opacity(&self) -> bool {
+        let Appearance::Textured { textures, .. } = &self.appearance else { return false };
+        textures.iter().any(|texture| texture.alpha().is_some())
+    }
+
     /// The smallest and largest corner of the box around the vertices that triangles use; `None` without any.
     pub fn bounds(&self) -> Option<([f32; 3], [f32; 3])> {
         let around = |(low, high): ([f32; 3], [f32; 3]), p: [f32; 3]| {

@@ -14,13 +14,15 @@ pub enum Wrap {
     Clamp,
 }
 
-/// An RGB image of linear values: `texels[row][column]`, row 0 at the top (v = 1). Clones share their texels, so a
-/// renderer recognises a texture that it has uploaded already by its address.
+/// An RGB image of linear values, on request with an alpha: `texels[row][column]`, row 0 at the top (v = 1). Clones share
+/// their texels, so a renderer recognises a texture that it has uploaded already by its address.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Texture {
     width: u32,
     height: u32,
     texels: Arc<Vec<[f32; 3]>>,
+    /// One for each texel; `None` where all are 1.
+    alpha: Option<Arc<Vec<f32>>>,
     wrap: Wrap,
 }
 
@@ -48,7 +50,47 @@ impl Texture {
                 fix: "use finite values that are no larger".into(),
             });
         }
-        Ok(Self { width, height, texels: Arc::new(texels), wrap })
+        Ok(Self { width, height, texels: Arc::new(texels), alpha: None, wrap })
+    }
+
+    /// The same texture with an alpha α in [0, 1] for each texel, row-major, row 0 at the top: how much of the surface there
+    /// is. It is sampled as the colours are and multiplies a fragment's probability: D' = α D takes the place of D in the
+    /// colour's weights and in the silhouette 1 - Π(1 - D'). The hard modes count a fragment where α ≥ ½.
+    ///
+    /// This is for cut-outs (leaves, fences, decals), whose α is near 0 or 1. It is not for glass: the softmax orders by
+    /// depth, so a near surface of fractional α outweighs what lies behind it all the same, and shows as its own colour.
+    ///
+    /// A frame none of whose textures has an α below 1 costs nothing more than without, and has no gradient by α: where all
+    /// are 1 the texture is opaque.
+    ///
+    /// # Errors
+    /// [`Error::Mesh`] when the count does not fit, or a value is not within [0, 1].
+    pub fn with_alpha(mut self, alpha: Vec<f32>) -> Result<Self> {
+        if alpha.len() != self.texels.len() {
+            return Err(Error::Mesh {
+                what: format!("{} values of alpha for {}×{}", alpha.len(), self.width, self.height),
+                place: "texture".into(),
+                fix: "give one for each texel".into(),
+            });
+        }
+        if let Some(i) = alpha.iter().position(|a| !(0.0..=1.0).contains(a)) {
+            let (row, column) = (i / self.width as usize, i % self.width as usize);
+            return Err(Error::Mesh {
+                what: format!("alpha {} is not within [0, 1]", alpha[i]),
+                place: format!("texture row {row}, column {column}"),
+                fix: "clamp it".into(),
+            });
+        }
+        self.alpha = alpha.iter().any(|a| *a < 1.0).then(|| Arc::new(alpha));
+        Ok(self)
+    }
+
+    /// The same texture in other colours, with its alpha.
+    ///
+    /// # Errors
+    /// As [`Texture::new`].
+    pub fn with_texels(&self, texels: Vec<[f32; 3]>) -> Result<Self> {
+        Ok(Self { alpha: self.alpha.clone(), ..Self::new(self.width, self.height, texels, self.wrap)? })
     }
 
     /// Width in texels.
@@ -66,9 +108,19 @@ impl Texture {
         &self.texels
     }
 
-    /// Whether both are clones of one texture and share its texels.
+    /// The alpha of each texel, row-major, row 0 at the top; `None` for an opaque texture.
+    pub fn alpha(&self) -> Option<&[f32]> {
+        self.alpha.as_ref().map(|alpha| &alpha[..])
+    }
+
+    /// Whether both are clones of one texture and share its texels and alpha.
     pub(crate) fn shares_texels(&self, other: &Self) -> bool {
-        Arc::ptr_eq(&self.texels, &other.texels)
+        let same_alpha = match (&self.alpha, &other.alpha) {
+            (Some(own), Some(others)) => Arc::ptr_eq(own, others),
+            (None, None) => true,
+            _ => false,
+        };
+        Arc::ptr_eq(&self.texels, &other.texels) && same_alpha
     }
 
     /// What it shows outside the unit square.

@@ -125,6 +125,8 @@ pub fn numbers(g: &Gradients) -> Vec<(&'static str, Vec<f64>)> {
         all.push(("surface texels", flat(&mesh.surface_texels)));
         all.push(("UVs", flat(&mesh.uvs)));
         mesh.texture_texels.iter().for_each(|t| all.push(("texture texels", flat(t))));
+        let alphas = mesh.texture_alphas.iter().map(|alpha| alpha.iter().map(|&a| f64::from(a)).collect());
+        all.extend(alphas.map(|alpha| ("texture alpha", alpha)));
     }
     for camera in &g.cameras {
         all.push(("twist", camera.twist.to_vec()));
@@ -164,6 +166,7 @@ pub fn reference_numbers(case: &Case, g: &ReferenceGradients) -> Vec<(&'static s
         all.push(("UVs", g.uvs(i).to_vec()));
         if let softras::scene::Appearance::Textured { textures, .. } = mesh.appearance() {
             (0..textures.len()).for_each(|t| all.push(("texture texels", g.texture_texels(i, t).to_vec())));
+            (0..textures.len()).for_each(|t| all.push(("texture alpha", g.texture_alpha(i, t).to_vec())));
         }
     }
     for i in 0..case.cameras.len() {

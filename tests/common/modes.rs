@@ -2,7 +2,7 @@
 
 use super::{
     random::Random,
-    scenes::{Case, Kind, random_texture},
+    scenes::{Case, Kind, random_alpha, random_texture},
 };
 use glam::DVec3;
 use softras::{
@@ -18,7 +18,7 @@ pub type Change = fn(&mut Case);
 
 /// Each choice by itself, and the combinations that have code of their own. Guaranteed support is not among them: which
 /// pairs it keeps is bounded and not fixed, so that its tests (tests/render/support.rs) compare with that bound.
-pub const MODES: [(&str, Change); 28] = [
+pub const MODES: [(&str, Change); 34] = [
     ("the paper's", |_| {}),
     ("composite", |c| c.settings.background = Background::Composite),
     ("hard colour", |c| c.settings.color = ColorAggregation::Hard),
@@ -60,6 +60,28 @@ pub const MODES: [(&str, Change); 28] = [
     ("composite official front faces", |c| {
         (c.settings.background, c.settings.parity, c.settings.faces) =
             (Background::Composite, Parity::Official, Faces::Front);
+    }),
+    ("cut-outs", cut_out),
+    ("composite cut-outs, perspective-correct", |c| {
+        cut_out(c);
+        (c.settings.background, c.settings.interpolation) = (Background::Composite, Interpolation::Perspective);
+    }),
+    ("silhouette of cut-outs alone", |c| {
+        cut_out(c);
+        c.settings.outputs = Outputs { silhouette: true, ..NOTHING };
+    }),
+    ("hard cut-outs", |c| {
+        cut_out(c);
+        (c.settings.color, c.settings.silhouette) = (ColorAggregation::Hard, SilhouetteAggregation::Hard);
+    }),
+    ("sum of cut-outs, cut at near", |c| {
+        cut_out(c);
+        c.settings.silhouette = SilhouetteAggregation::Sum;
+        through_near(c, Parity::Model);
+    }),
+    ("official cut-outs", |c| {
+        cut_out(c);
+        c.settings.parity = Parity::Official;
     }),
 ];
 
@@ -104,6 +126,20 @@ fn each_appearance(case: &mut Case, make: fn(&mut Random, usize) -> Appearance) 
         let appearance = make(random, mesh.triangles().len());
         *mesh = mesh.clone().with_appearance(appearance).unwrap();
     }
+}
+
+/// Gives every mesh textures with an alpha.
+pub fn cut_out(case: &mut Case) {
+    each_appearance(case, |random, count| {
+        let mut appearance = textured(random, count, Wrap::Repeat);
+        if let Appearance::Textured { textures, .. } = &mut appearance {
+            for texture in textures {
+                let alpha = random_alpha(random, texture.texels().len());
+                *texture = texture.clone().with_alpha(alpha).unwrap();
+            }
+        }
+        appearance
+    });
 }
 
 fn surface(random: &mut Random, triangles: usize) -> Appearance {

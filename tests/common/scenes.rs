@@ -208,6 +208,16 @@ pub fn random_texture(random: &mut Random) -> Texture {
     Texture::new(width, height, texels, random.choose(&[Wrap::Repeat, Wrap::Clamp])).unwrap()
 }
 
+/// An alpha for each of so many texels: 0, 1 or between.
+pub fn random_alpha(random: &mut Random, texels: usize) -> Vec<f32> {
+    let one = |random: &mut Random| match random.below(4) {
+        0 => 0.0,
+        1 => 1.0,
+        _ => random.range(0.05, 0.95) as f32,
+    };
+    (0..texels).map(|_| one(random)).collect()
+}
+
 /// Loose triangles of many sizes within about 2 of the origin, and to every ten of them one between three others.
 pub fn soup(random: &mut Random, kind: Kind) -> Mesh {
     let count = random.log_range(1.0, 200.0) as usize;

@@ -322,7 +322,9 @@ fn counts_of_any_size_are_planned_or_refused() {
         let capacity = (count() > 2).then(|| Capacity { coarse: count(), list: count(), cells: count() });
         let depth_span = DepthSpan { crosses_near: count() > 2, crosses_far: count() > 2 };
         let (lights, device_counts) = (Lights::official(), count() > 2);
-        let shape = Shape { meshes, views, lights, depth_span, distorted: false, cutoff: 9.0, capacity, device_counts };
+        let opacity = count() > 2;
+        let (distorted, cutoff) = (false, 9.0);
+        let shape = Shape { meshes, views, lights, depth_span, opacity, distorted, cutoff, capacity, device_counts };
         let sizes = [1, 8, 640, 16384];
         let (width, height) = (sizes[count() as usize % 4], sizes[count() as usize % 4]);
         let settings = softras::Settings { width, height, save: count() > 2, ..Default::default() };
@@ -362,6 +364,7 @@ fn records_beyond_32_bits_are_refused() {
             views,
             lights,
             depth_span,
+            opacity: false,
             distorted: false,
             cutoff: 9.0,
             capacity: None,

@@ -7,5 +7,6 @@ mod agreement;
 mod common;
 mod hazards;
 mod helpers;
+mod opacity;
 mod repeat;
 mod room;

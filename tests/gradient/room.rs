@@ -3,7 +3,7 @@
 use crate::common::{
     compare::same_bits,
     gradient::{ALL_OUTPUTS, made_case, random_upstream, same_gradient_bits},
-    modes::in_every_mode,
+    modes::{cut_out, in_every_mode},
     random::Random,
     renderer_with,
     scenes::{Case, small, triangles},
@@ -38,7 +38,7 @@ fn blurred_ball() -> Case {
 }
 
 /// The modes in which the kernels that walk have code of their own.
-const WALKED_MODES: [&str; 10] = [
+const WALKED_MODES: [&str; 12] = [
     "the paper's",
     "composite",
     "hard colour",
@@ -49,6 +49,8 @@ const WALKED_MODES: [&str; 10] = [
     "textures, repeated",
     "silhouette alone",
     "official front faces",
+    "cut-outs",
+    "silhouette of cut-outs alone",
 ];
 
 #[test]
@@ -102,17 +104,20 @@ fn turns_do_not_change_bits() {
             [[x, y, z], [x + 0.03, y, z], [x, y + 0.03, z]]
         })
         .collect();
-    for thin in [false, true] {
+    for (thin, faded) in [(false, false), (true, false), (false, true)] {
         if thin {
             corners[7] = [[0.05, 0.0, 3.0], [0.05 + 1e-7, 0.1, 3.0], [0.05, 0.1, 3.0]];
         }
         let settings = Settings { sigma: 1e-5, gamma: 1e-2, save: true, ..small(16, 16) };
-        let case = made_case(Scene::new(triangles(&corners)), vec![Camera::screen()], settings);
+        let mut case = made_case(Scene::new(triangles(&corners)), vec![Camera::screen()], settings);
+        if faded {
+            cut_out(&mut case);
+        }
         let upstream = random_upstream(&case, case.settings.outputs, &GRADIENT);
         let whole = first_of(&case, &upstream, ENOUGH);
         assert!(whole.2 > 40_000 && whole.2 < u64::from(ENOUGH.list), "{}", whole.2);
         let short = Capacity { coarse: 1, list: 1, cells: 1 };
-        assert_same(&format!("thin {thin}"), &whole, &first_of(&case, &upstream, short));
+        assert_same(&format!("thin {thin}, faded {faded}"), &whole, &first_of(&case, &upstream, short));
     }
 }
 

@@ -54,7 +54,7 @@ fn a_frame_takes_the_memory_of_the_formula() {
         let Outputs { color, silhouette, depth, normal } = settings.outputs;
         let (lights, [clips, far, save]) = (if bit(4) { smooth() } else { Lights::unlit() }, [bit(4), bit(5), bit(6)]);
         let plan = ForwardPlan::new(&PlanInput {
-            sampling: Sampling { surface: bit(5), image: bit(6) },
+            sampling: Sampling { surface: bit(5), image: bit(6), opacity: false },
             depth_span: DepthSpan { crosses_near: clips, crosses_far: far },
             save,
             ..input(&settings, &views, &lights)

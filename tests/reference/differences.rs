@@ -159,7 +159,7 @@ impl Case {
         let upstream = upstream(&frame);
         let ours = gradient(&self.scene, &self.cameras, &self.settings, &upstream, GradientMode::Exact).unwrap();
         let expected = self.differences(&parameters, &upstream);
-        for (group, range) in groups(&parameters, self.scene.lights.directional.len()) {
+        for (group, range) in groups(&parameters, &self.scene) {
             let worst = mismatch(&ours.values()[range.clone()], &expected[range.clone()]);
             let size = expected[range.clone()].iter().fold(0.0, |size: f64, x| size.max(x.abs()));
             println!("{name}: {group} {worst:.1e} of {size:.2e}");
@@ -174,7 +174,7 @@ impl Case {
 }
 
 /// Each input's place in the flat vector, found by the addresses of the named slices.
-fn groups(parameters: &Parameters, lights: usize) -> Vec<(&'static str, std::ops::Range<usize>)> {
+fn groups(parameters: &Parameters, scene: &Scene) -> Vec<(&'static str, std::ops::Range<usize>)> {
     let all = parameters.values();
     let place = |part: &[f64]| {
         let start = (part.as_ptr() as usize - all.as_ptr() as usize) / size_of::<f64>();
@@ -195,7 +195,13 @@ fn groups(parameters: &Parameters, lights: usize) -> Vec<(&'static str, std::ops
         ("ε", settings + 2..settings + 3),
         ("everything", 0..all.len()),
     ];
-    for light in 0..lights {
+    if let Appearance::Textured { textures, .. } = scene.meshes[0].appearance() {
+        for texture in 0..textures.len() {
+            groups.push(("texture texels", place(parameters.texture_texels(0, texture))));
+            groups.push(("texture alpha", place(parameters.texture_alpha(0, texture))));
+        }
+    }
+    for light in 0..scene.lights.directional.len() {
         groups.push(("light direction", place(parameters.light_direction(light))));
         groups.push(("light colour", place(parameters.light_color(light))));
     }

@@ -11,6 +11,7 @@ mod differences;
 mod official;
 #[path = "../official/mod.rs"]
 mod official_equations;
+mod opacity;
 mod projection;
 
 use glam::DMat4;

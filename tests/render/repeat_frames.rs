@@ -5,7 +5,7 @@ use crate::common::{
     gradient::{ALL_OUTPUTS, same_gradient_bits},
     random::Random,
     renderer, renderer_with,
-    scenes::{random_appearance, random_texture},
+    scenes::{random_alpha, random_appearance, random_texture},
 };
 use glam::DVec3;
 use softras::{
@@ -58,16 +58,22 @@ fn recolored(random: &mut Random, mesh: &Mesh) -> Mesh {
         Appearance::Uniform(color) => *color = random.color(),
         Appearance::VertexColors(colors) => *colors.last_mut().unwrap() = random.color(),
         Appearance::Surface { texels, .. } => *texels.last_mut().unwrap() = random.color(),
-        Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle } => match random.below(5) {
+        Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle } => match random.below(7) {
             0 => uvs[0] = [random.range(-1.0, 2.0) as f32, 0.25],
             1 => uv_triangles[0].rotate_left(1),
             2 => *textures.last_mut().unwrap() = random_texture(random),
+            5 | 6 => {
+                // An alpha that was not there, another one, or none where one was.
+                let count = textures[0].texels().len();
+                let alpha = if random.chance(0.3) { vec![1.0; count] } else { random_alpha(random, count) };
+                textures[0] = textures[0].clone().with_alpha(alpha).unwrap();
+            }
             3 if textures.len() > 1 => texture_of_triangle[0] = (texture_of_triangle[0] + 1) % textures.len() as u32,
             _ => {
                 let old = &textures[0];
                 let mut texels = old.texels().to_vec();
                 *texels.last_mut().unwrap() = random.color();
-                textures[0] = softras::scene::Texture::new(old.width(), old.height(), texels, old.wrap()).unwrap();
+                textures[0] = old.with_texels(texels).unwrap();
             }
         },
     }

@@ -227,8 +227,7 @@ impl DeviceFit {
         self.capacity = Some(capacity);
     }
 
-    /// How many steps were submitted again so far. The device skips steps once a vertex leaves the box that frames are planned
-    /// for; the host then plans for a larger one and submits them again.
+    /// How many steps were submitted again: the device skips those in which a vertex leaves the box that is planned for.
     pub fn repeated(&self) -> usize {
         self.repeated
     }
@@ -271,6 +270,7 @@ impl DeviceFit {
             views: self.cameras.len() as u32,
             lights: scene.lights.clone(),
             depth_span: guard.span,
+            opacity: scene.meshes.iter().any(crate::scene::Mesh::has_opacity),
             distorted: self.cameras.iter().any(|c| matches!(c.projection(), Projection::Official { .. })),
             cutoff: settings.cutoff(),
             capacity: self.capacity,

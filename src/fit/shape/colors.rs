@@ -15,7 +15,7 @@ pub fn values(appearance: &Appearance) -> Vec<f64> {
     }
 }
 
-/// The mesh with these colours, clamped to [0, 1].
+/// The mesh with these colours, clamped to [0, 1]. The alpha of textures stays what it is.
 pub fn recolored(mesh: &Mesh, values: &[f64]) -> Result<Mesh> {
     let mut colors = values.chunks_exact(3).map(|c| [c[0], c[1], c[2]].map(|x| x.clamp(0.0, 1.0) as f32));
     let mut take = |count: usize| colors.by_ref().take(count).collect::<Vec<[f32; 3]>>();
@@ -26,7 +26,7 @@ pub fn recolored(mesh: &Mesh, values: &[f64]) -> Result<Mesh> {
             Appearance::Surface { resolution: *resolution, texels: take(texels.len()) }
         }
         Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle } => {
-            let one = |t: &Texture| Texture::new(t.width(), t.height(), take(t.texels().len()), t.wrap());
+            let one = |t: &Texture| t.with_texels(take(t.texels().len()));
             Appearance::Textured {
                 uvs: uvs.clone(),
                 uv_triangles: uv_triangles.clone(),

@@ -68,6 +68,8 @@ pub struct FrameCounts {
     pub shading_texels: u32,
     /// The frame keeps what backward needs.
     pub save: bool,
+    /// Words of the state of a walk.
+    pub walk_words: u32,
     /// Tiles whose walks go on from turn to turn, for which there is memory.
     pub resumed: u64,
     /// Rows of RESUMED_ROW tiles that can be counted.
@@ -91,6 +93,10 @@ pub struct GradientCounts {
     pub outlines: bool,
     /// GRADIENT_ bits.
     pub gradients: u32,
+    /// Some image has an alpha below 1, by which there are gradients too.
+    pub opacity: bool,
+    /// The least factor of each pixel's transmittance is kept apart.
+    pub least_apart: bool,
     /// Vertices are lit, not triangles.
     pub smooth: bool,
     /// Texels of an item's partial gradient.
@@ -113,6 +119,11 @@ impl GradientCounts {
     /// Whether one of these GRADIENT_ bits is set.
     pub fn has(&self, bits: u32) -> bool {
         self.gradients & bits != 0
+    }
+
+    /// Texels of a pixel's factors of the gradients.
+    pub fn pixel_texels(&self) -> u64 {
+        1 + u64::from(self.shaded()) + u64::from(self.upstream.normal) + u64::from(self.least_apart)
     }
 
     /// Whether a shaded image has an upstream gradient.

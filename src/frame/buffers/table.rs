@@ -100,7 +100,7 @@ table! {
         TriangleTextures("triangle_textures", Uint, Input, [], |f| 4 * f.tables.triangle_textures);
         /// First texel, size and kind of every texture.
         Textures("textures", Uint4, Input, [], |f| 16 * f.tables.textures);
-        /// r, g, b of every texel.
+        /// r, g, b and alpha of every texel.
         Texels("texels", Float4, Input, [], |f| 16 * f.tables.texels);
         /// Vertices as each view sees them.
         Vertices("vertices", Float4, Workspace, [], |f| texels(f.totals.vertices, c::VERTEX_TEXELS));
@@ -131,7 +131,7 @@ table! {
             |f| bytes(f.totals.tile_rows() * u64::from(c::TILE_COUNT_WORDS) + 3 * f.resumed_rows, 4));
         /// Where the walks stand of tiles that are processed in several turns.
         WalkState("walk_state", Uint, Workspace, [],
-            |f| when(f.resumed > 0, bytes(f.resumed, 4 * u64::from(c::WALK_STATE_WORDS))));
+            |f| when(f.resumed > 0, bytes(f.resumed, 4 * u64::from(f.walk_words))));
         /// The tiles that the last frame left empty.
         TileMarks("tile_marks", Uint, Workspace, [], |f| bytes(f.totals.tiles, 4));
         /// The tiles' lists of record indices.
@@ -172,7 +172,7 @@ table! {
         UpstreamNormals("upstream_normals", Float4, Input, [], |g| when(g.upstream.normal, bytes(g.totals.pixels, 16)));
         /// Every pixel's factors of the gradients.
         PixelGradients("pixel_gradients", Float4, Workspace, [],
-            |g| bytes(g.totals.pixels * (1 + u64::from(g.shaded()) + u64::from(g.upstream.normal)), 16));
+            |g| bytes(g.totals.pixels * g.pixel_texels(), 16));
         /// Every pixel's terms of the gradients by background, σ and γ.
         PixelSums("pixel_sums", Float4, Workspace, [],
             |g| when(g.has(c::GRADIENT_BACKGROUND | c::GRADIENT_SCALARS), bytes(g.totals.pixels, 32)));
@@ -202,9 +202,9 @@ table! {
             |g| bytes(g.totals.records * g.corner_texels, 16));
         /// dL by position and colour of every vertex: x, y, z, 0, r, g, b, 0.
         VertexGradients("vertex_gradients", Float4, Output, [], |g| when(g.wants_vertices, bytes(g.vertices, 32)));
-        /// dL by every texel: three sums in fixed point of 64 bits.
+        /// dL by every texel: three sums in fixed point of 64 bits, four where some texture has an alpha.
         TexelSums("texel_sums", Uint, Output, [TRANSFER_SRC, TRANSFER_DST],
-            |g| when(g.has(c::GRADIENT_TEXEL) && g.totals.records > 0, bytes(g.texels, 24)));
+            |g| when(g.has(c::GRADIENT_TEXEL) && g.totals.records > 0, bytes(g.texels, if g.opacity { 32 } else { 24 })));
         /// Three texels for each view, then for each light, the ambient one first, then for the pixels.
         Totals("totals", Float4, Output, [], |g| bytes(g.sums, 48));
     }

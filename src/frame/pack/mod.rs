@@ -33,14 +33,14 @@ pub struct MeshTables {
     pub triangle_textures: Vec<u32>,
     /// Images: first texel, width, height, kind. Surface cells: first texel, resolution, number of texels, kind.
     pub textures: Vec<[u32; 4]>,
-    /// r, g, b, 0.
+    /// r, g, b, alpha.
     pub texels: Vec<[f32; 4]>,
     /// Where each mesh lies in these arrays.
     pub layouts: Vec<MeshLayout>,
     /// The shapes of the meshes.
     pub shapes: Vec<MeshShape>,
     /// The images whose texels are in `texels`; a clone of one is recognized without comparing texels.
-    images: Vec<Texture>,
+    pub(crate) images: Vec<Texture>,
 }
 
 impl MeshTables {
@@ -101,7 +101,7 @@ impl MeshTables {
                 self.colors.extend([1.0; 3]);
                 let count = texels.len() as u32;
                 self.textures.push([self.texels.len() as u32, *resolution, count, c::TEXTURE_SURFACE]);
-                self.texels.extend(texels.iter().map(|t| [t[0], t[1], t[2], 0.0]));
+                self.texels.extend(opaque(texels));
             }
             Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle } => {
                 self.colors.extend([1.0; 3]);
@@ -116,9 +116,20 @@ impl MeshTables {
 
     fn push_texture(&mut self, texture: &Texture) {
         self.textures.push([self.texels.len() as u32, texture.width(), texture.height(), kind_of(texture)]);
-        self.texels.extend(texture.texels().iter().map(|t| [t[0], t[1], t[2], 0.0]));
+        self.texels.extend(rgba(texture));
         self.images.push(texture.clone());
     }
+}
+
+/// Colours with an alpha of 1.
+fn opaque(colors: &[[f32; 3]]) -> impl Iterator<Item = [f32; 4]> {
+    colors.iter().map(|c| [c[0], c[1], c[2], 1.0])
+}
+
+/// The texels of a texture with their alpha.
+fn rgba(texture: &Texture) -> impl Iterator<Item = [f32; 4]> {
+    let alpha = texture.alpha().unwrap_or_default().iter().copied().chain(std::iter::repeat(1.0));
+    opaque(texture.texels()).zip(alpha).map(|([r, g, b, _], alpha)| [r, g, b, alpha])
 }
 
 fn kind_of(texture: &Texture) -> u32 {

@@ -1,6 +1,6 @@
 //! Updates of the tables from a scene with the same layout, which report the tables that differ.
 
-use super::{MeshTables, kind_of};
+use super::{MeshTables, kind_of, opaque, rgba};
 use crate::frame::buffers::BufferId;
 use crate::scene::{Appearance, Mesh, Scene};
 
@@ -54,12 +54,11 @@ pub(crate) fn overwrite<T: bytemuck::NoUninit>(to: &mut [T], from: &[T]) -> bool
     differs
 }
 
-fn overwrite_texels(to: &mut [[f32; 4]], from: &[[f32; 3]]) -> bool {
+fn overwrite_texels(to: &mut [[f32; 4]], from: impl Iterator<Item = [f32; 4]>) -> bool {
     let mut differs = false;
     for (to, from) in to.iter_mut().zip(from) {
-        let bits = |rgb: &[f32]| [rgb[0].to_bits(), rgb[1].to_bits(), rgb[2].to_bits()];
-        differs |= bits(to) != bits(from);
-        to[..3].copy_from_slice(from);
+        differs |= to.map(f32::to_bits) != from.map(f32::to_bits);
+        *to = from;
     }
     differs
 }
@@ -106,7 +105,7 @@ impl MeshTables {
             Appearance::Uniform(_) | Appearance::VertexColors(_) => {}
             Appearance::Surface { texels, .. } => {
                 for range in ranges {
-                    changes.note(BufferId::Texels, overwrite_texels(&mut self.texels[range], texels));
+                    changes.note(BufferId::Texels, overwrite_texels(&mut self.texels[range], opaque(texels)));
                 }
             }
             Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle } => {
@@ -126,7 +125,7 @@ impl MeshTables {
                     entry[3] = kind_of(texture);
                     let known = &mut self.images[*image];
                     if !known.shares_texels(texture) {
-                        changes.note(BufferId::Texels, overwrite_texels(&mut self.texels[range], texture.texels()));
+                        changes.note(BufferId::Texels, overwrite_texels(&mut self.texels[range], rgba(texture)));
                         *known = texture.clone();
                     }
                     *image += 1;
@@ -158,7 +157,7 @@ mod tests {
         let mut values = [0.0f32, 1.0];
         assert!(!overwrite(&mut values, &[0.0, 1.0]));
         assert!(overwrite(&mut values, &[-0.0, 1.0]));
-        assert!(overwrite_texels(&mut [[0.0; 4]], &[[0.0, -0.0, 0.0]]));
-        assert!(!overwrite_texels(&mut [[0.0; 4]], &[[0.0; 3]]));
+        assert!(overwrite_texels(&mut [[0.0; 4]], [[0.0, -0.0, 0.0, 0.0]].into_iter()));
+        assert!(!overwrite_texels(&mut [[0.0; 4]], [[0.0; 4]].into_iter()));
     }
 }

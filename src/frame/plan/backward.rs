@@ -4,7 +4,8 @@
 //! items, and Q the texels of a partial gradient (3; +3 for colours, +2 for UVs, +3 for normals):
 //!
 //! `16 (1 + shaded + normal) P + (16 Q + 32) I + 16 (3 + 3 colours + 2 UVs) S + 32 V`, and if asked for `32 P` for the
-//! background, `48 S` for camera, σ and γ, `32 S` or `32 V` for lights, `96 S + 16 V` for smooth shading, `24` a texel.
+//! background, `48 S` for camera, σ and γ, `32 S` or `32 V` for lights, `96 S + 16 V` for smooth shading, `24` a texel; where
+//! textures have an alpha `32` a texel and `16 P` more.
 //!
 //! Nothing grows with pixels × triangles.
 
@@ -81,12 +82,14 @@ fn bit(on: bool, bit: u32) -> u32 {
 fn gradient_bits(input: &BackwardInput) -> u32 {
     let w = input.wanted;
     let up = input.upstream;
+    // Every image depends on the opacity, and that on texels and their coordinates.
+    let sampled = up.color || input.forward.modes.opacity != 0;
     // Positions change normals, and normals change the light.
     let through_light = (w.positions && input.lit) || w.lights;
     bit(w.positions || w.camera, c::GRADIENT_GEOMETRY)
         | bit(up.color && (w.colors || through_light), c::GRADIENT_COLOR)
-        | bit(up.color && w.uvs, c::GRADIENT_COORDINATE)
-        | bit(up.color && w.texels, c::GRADIENT_TEXEL)
+        | bit(sampled && w.uvs, c::GRADIENT_COORDINATE)
+        | bit(sampled && w.texels, c::GRADIENT_TEXEL)
         | bit(w.scalars, c::GRADIENT_SCALARS)
         | bit(up.normal && w.positions, c::GRADIENT_NORMAL)
         | bit(w.camera, c::GRADIENT_VIEW)
@@ -173,6 +176,7 @@ fn counts_of(input: &BackwardInput, gradients: u32, smooth: bool) -> GradientCou
     let up = input.upstream;
     let (totals, push) = (input.forward.totals, &input.forward.push);
     let shaded = up.color || up.depth || up.normal;
+    let opacity = input.forward.modes.opacity != 0;
     GradientCounts {
         totals,
         items: totals.records + u64::from(push.cell_capacity),
@@ -181,6 +185,8 @@ fn counts_of(input: &BackwardInput, gradients: u32, smooth: bool) -> GradientCou
         upstream: up,
         outlines: up.silhouette || (shaded && input.forward.modes.composite != 0),
         gradients,
+        opacity,
+        least_apart: opacity && input.forward.modes.silhouette_mode == c::SILHOUETTE_PRODUCT,
         smooth,
         partial_texels: u64::from(c::PARTIAL_TEXELS)
             + part(c::GRADIENT_COLOR, c::PARTIAL_COLOR_TEXELS)

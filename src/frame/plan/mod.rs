@@ -8,6 +8,8 @@
 //! `32 V + (32 V smooth) + 96 S + 16 Q S + B S/8 + 8 N + 12¼ C + 52 T + 4 L + 16 P colour, or 4 P silhouette alone,
 //! + 4 P depth + 16 P normal`, and for backward `16 P + 8 T + 8 S` and 8 a cell (64×32 pixels) that a box has beyond its first.
 //!
+//! Textures with an alpha give the silhouette alone shading records too.
+//!
 //! On a software device, for views of more than some 45,000 records, lists without room are walked in turns, which takes 1684
 //! more for each tile of at most 4096.
 //!
@@ -150,9 +152,11 @@ impl ForwardPlan {
     }
 }
 
-/// Whether triangles have shading records: for colour, depth or normals, or to reject fragments beyond the far plane.
+/// Whether triangles have shading records: for colour, depth or normals, to reject fragments beyond the far plane, or for
+/// textures with an alpha.
 fn shades(modes: &Modes) -> bool {
-    modes.outputs & !c::OUTPUT_SILHOUETTE != 0 || modes.depth_range != c::DEPTH_RANGE_INSIDE
+    let in_range = modes.depth_range == c::DEPTH_RANGE_INSIDE;
+    modes.outputs & !c::OUTPUT_SILHOUETTE != 0 || !in_range || modes.opacity != 0
 }
 
 fn counts_of(input: &PlanInput, push: &FramePush, modes: &Modes, totals: Totals, walks: Walks) -> FrameCounts {
@@ -170,6 +174,7 @@ fn counts_of(input: &PlanInput, push: &FramePush, modes: &Modes, totals: Totals,
         smooth: modes.smooth != 0,
         shading_texels: if shades(modes) { record } else { 0 },
         save: input.save,
+        walk_words: c::WALK_STATE_WORDS + modes.opacity * c::WALK_OPACITY_WORDS,
         resumed: walks.resumed_tiles(&totals),
         resumed_rows: walks.rows(&totals).into(),
     }

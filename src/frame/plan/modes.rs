@@ -26,6 +26,8 @@ pub struct Sampling {
     pub surface: bool,
     /// Some mesh has image textures.
     pub image: bool,
+    /// Some image has an alpha below 1.
+    pub opacity: bool,
 }
 
 impl DepthSpan {
@@ -132,6 +134,8 @@ modes! {
         soft = "SOFT",
         /// 1: tiles without a list are drawn in this frame.
         walks = "WALKS",
+        /// 1: some image has an alpha below 1.
+        opacity = "OPACITY",
         /// OUTPUT_ bits of the images that have an upstream gradient; 0 in a forward frame.
         upstream = "UPSTREAM",
         /// GRADIENT_ bits of the inputs to differentiate by; 0 in a forward frame.
@@ -191,7 +195,8 @@ impl Modes {
             clockwise_front: u32::from(s.front_face == FrontFace::Clockwise),
             official: u32::from(official),
             distorted: u32::from(input.distorted),
-            soft: u32::from(is_soft(s) && depth_range == c::DEPTH_RANGE_INSIDE),
+            soft: u32::from(is_soft(s) && depth_range == c::DEPTH_RANGE_INSIDE && !input.sampling.opacity),
+            opacity: u32::from(input.sampling.opacity),
             loop_passes: input.loop_passes,
             walks: u32::from(input.walked),
             ..Self::default()

@@ -41,9 +41,7 @@ pub fn encoded(mesh: &Mesh) -> Result<Mesh> {
         return Ok(mesh.clone());
     };
     let byte = |x: f32| ((Curve::Srgb.encode(f64::from(x)) * 255.0).round() / 255.0) as f32;
-    let one = |t: &Texture| {
-        Texture::new(t.width(), t.height(), t.texels().iter().map(|texel| texel.map(byte)).collect(), t.wrap())
-    };
+    let one = |t: &Texture| t.with_texels(t.texels().iter().map(|texel| texel.map(byte)).collect());
     mesh.clone().with_appearance(Appearance::Textured {
         uvs: uvs.clone(),
         uv_triangles: uv_triangles.clone(),
