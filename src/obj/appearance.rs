@@ -2,7 +2,7 @@
 
 use super::{
     Source,
-    material::{self, Material, Materials},
+    material::{self, Map, Material, Materials},
     notes::Notes,
     parse::Obj,
     texture,
@@ -18,18 +18,39 @@ use std::{
 
 const WHITE: [f32; 3] = [1.0; 3];
 
-/// Textures are preferred to vertex colours and these to material colours; what is not used is noted.
-pub(super) fn appearance(source: &mut Source, obj: &mut Obj, triangles: &mut Triangles) -> Appearance {
+/// The appearance of a mesh, and the opacity of each triangle's material, empty where all are 1. Textures are preferred to
+/// vertex colours and these to material colours; what is not used is noted.
+pub(super) fn appearance(source: &mut Source, obj: &mut Obj, triangles: &mut Triangles) -> (Appearance, Vec<f32>) {
     let library = material::read_libraries(source, &obj.libraries);
     let used = find_used(obj, &library, &mut source.notes);
     // The material of each face; `None` is white.
     let material_of_face: Vec<Option<&Material>> =
         obj.faces.iter().map(|face| face.material.and_then(|m| used[m])).collect();
-    let is_textured = |face: usize| obj.faces[face].has_uvs && material_of_face[face].is_some_and(|m| m.map.is_some());
-    note_textures_without_uvs(obj, &material_of_face, &mut source.notes);
+    let opacity_of_face = material_of_face.iter().map(|m| m.map_or(1.0, Material::opacity));
+    let opacity_of_face: Vec<f32> = opacity_of_face.collect();
+    let mut opacity = Vec::new();
+    if opacity_of_face.iter().any(|opacity| *opacity < 1.0) {
+        opacity = triangles.faces.iter().map(|&face| opacity_of_face[face]).collect();
+    }
+    (colors(source, obj, triangles, &material_of_face), opacity)
+}
+
+/// Whether a material has a texture.
+fn has_map(material: &Option<&Material>) -> bool {
+    material.is_some_and(|m| m.map.is_some() || m.alpha_map.is_some())
+}
+
+fn colors(
+    source: &mut Source,
+    obj: &mut Obj,
+    triangles: &mut Triangles,
+    material_of_face: &[Option<&Material>],
+) -> Appearance {
+    let is_textured = |face: usize| obj.faces[face].has_uvs && has_map(&material_of_face[face]);
+    note_textures_without_uvs(obj, material_of_face, &mut source.notes);
     let colored = !obj.colors.is_empty();
     if (0..obj.faces.len()).any(is_textured)
-        && let Some(appearance) = textured(source, obj, triangles, &material_of_face)
+        && let Some(appearance) = textured(source, obj, triangles, material_of_face)
     {
         return appearance;
     }
@@ -65,7 +86,7 @@ fn find_used<'a>(obj: &Obj, library: &'a Materials, notes: &mut Notes) -> Vec<Op
                 let place = if obj.libraries.is_empty() { "the file names no mtllib" } else { "in no MTL file" };
                 notes.add(Some(*line), format!("unknown material {name:?} ({place}): white"));
             }
-            Some(Material { color: None, map: None, .. }) => {
+            Some(Material { color: None, map: None, alpha_map: None, .. }) => {
                 notes.add(Some(*line), format!("material {name:?} has neither Kd nor map_Kd: white"));
             }
             _ => {}
@@ -76,9 +97,8 @@ fn find_used<'a>(obj: &Obj, library: &'a Materials, notes: &mut Notes) -> Vec<Op
 }
 
 fn note_textures_without_uvs(obj: &Obj, material_of_face: &[Option<&Material>], notes: &mut Notes) {
-    let wants = |material: &Option<&Material>| material.is_some_and(|m| m.map.is_some());
     let faces = obj.faces.iter().zip(material_of_face);
-    let mut bare = faces.filter(|(face, material)| wants(material) && !face.has_uvs).map(|(face, _)| face.line);
+    let mut bare = faces.filter(|(face, material)| has_map(material) && !face.has_uvs).map(|(face, _)| face.line);
     if let Some(line) = bare.next() {
         let count = 1 + bare.count();
         let note = format!("faces with a texture but no UVs are drawn in their material's Kd ({count} in all)");
@@ -102,13 +122,9 @@ fn textured(
         let index = match by_kind.entry((face.material, face.has_uvs)) {
             Entry::Occupied(known) => *known.get(),
             Entry::Vacant(unknown) => {
-                let map = material.and_then(|m| m.map.as_ref()).filter(|_| face.has_uvs);
-                let image = map.and_then(|map| {
-                    let path = texture::locate(source, map)?;
-                    textures.find_or(Key::File(path.clone(), map.wrap), |room| texture::read(source, map, &path, room))
-                });
-                any_file |= image.is_some();
                 let color = color(*material);
+                let image = material.filter(|_| face.has_uvs).and_then(|m| image(source, &mut textures, m, color));
+                any_file |= image.is_some();
                 let plain = |_| Texture::new(1, 1, vec![color], Wrap::Repeat).ok();
                 *unknown.insert(image.or_else(|| textures.find_or(Key::of_color(color), plain))?)
             }
@@ -130,16 +146,42 @@ fn textured(
     Some(Appearance::Textured { uvs, uv_triangles, textures: textures.images, texture_of_triangle })
 }
 
+/// The number of the texture of a material, of its image files; `None` where there are none or they cannot be read.
+fn image(source: &mut Source, textures: &mut Textures<Key>, material: &Material, color: [f32; 3]) -> Option<u32> {
+    let mut locate = |map: &Option<Map>| Some((map.clone()?, texture::locate(source, map.as_ref()?)?));
+    let (map, alpha) = (locate(&material.map), locate(&material.alpha_map));
+    let wrap = map.as_ref().or(alpha.as_ref())?.0.wrap;
+    let path = |map: &Option<(Map, PathBuf)>| map.as_ref().map(|(_, path)| path.clone());
+    // The colour shows only where there is no image of it.
+    let bits = if map.is_some() { [0; 3] } else { bits(color) };
+    textures.find_or(Key::Files(path(&map), path(&alpha), wrap, bits), |room| {
+        let texture = match &map {
+            Some((map, path)) => texture::read(source, map, path, room)?,
+            None => Texture::new(1, 1, vec![color], wrap).ok()?,
+        };
+        match &alpha {
+            Some((map, path)) => texture::faded(source, texture, map, path, room),
+            None => Some(texture),
+        }
+    })
+}
+
+/// The bits of a colour, with -0 as 0.
+fn bits(color: [f32; 3]) -> [u32; 3] {
+    color.map(|x| (x + 0.0).to_bits())
+}
+
 /// What makes two textures the same.
 #[derive(PartialEq, Eq, Hash)]
 enum Key {
-    File(PathBuf, Wrap),
+    /// The files of the colour and of the alpha, and the bits of the colour that stands in for the first.
+    Files(Option<PathBuf>, Option<PathBuf>, Wrap, [u32; 3]),
     /// The bits of a colour, with -0 as 0.
     Color([u32; 3]),
 }
 
 impl Key {
     fn of_color(color: [f32; 3]) -> Self {
-        Self::Color(color.map(|x| (x + 0.0).to_bits()))
+        Self::Color(bits(color))
     }
 }

@@ -1,4 +1,4 @@
-//! Reads MTL files: the diffuse colour and the diffuse texture of each material.
+//! Reads MTL files: the diffuse colour, the diffuse texture and the opacity of each material.
 //!
 //! The crate tobj is not used, because it panics at `Kd 0.5` (a legal grey) and does not report the line of a texture.
 
@@ -43,9 +43,21 @@ pub(super) struct Material {
     /// `Kd`; white when there is none.
     pub color: Option<[f32; 3]>,
     pub map: Option<Map>,
+    /// `map_d`.
+    pub alpha_map: Option<Map>,
+    /// `d`, and 1 less `Tr`, which counts where there is no `d`.
+    dissolve: Option<f32>,
+    solidity: Option<f32>,
 }
 
-/// A `map_Kd` statement.
+impl Material {
+    /// `d`, or 1 less `Tr`.
+    pub fn opacity(&self) -> f32 {
+        self.dissolve.or(self.solidity).unwrap_or(1.0)
+    }
+}
+
+/// A `map_Kd` or `map_d` statement.
 #[derive(Clone, PartialEq)]
 pub(super) struct Map {
     /// The image as the file names it.
@@ -119,9 +131,10 @@ fn read_library(source: &mut Source, mtl: &Path, materials: &mut Materials) {
             }
             continue;
         }
-        let is_map = keyword.eq_ignore_ascii_case("map_Kd");
-        if !is_map && keyword != "Kd" {
-            note_transparency(&statement, note);
+        let is_alpha = keyword.eq_ignore_ascii_case("map_d");
+        let is_map = is_alpha || keyword.eq_ignore_ascii_case("map_Kd");
+        // Other statements on light and reflection are outside the model and ignored.
+        if !is_map && !matches!(keyword, "Kd" | "d" | "Tr") {
             continue;
         }
         let Some(material) = materials.all.last_mut() else {
@@ -130,8 +143,15 @@ fn read_library(source: &mut Source, mtl: &Path, materials: &mut Materials) {
         };
         if is_map {
             match read_map(mtl, &statement, &mut note) {
+                Ok(map) if is_alpha => material.alpha_map = Some(map),
                 Ok(map) => material.map = Some(map),
-                Err(what) => note(format!("{what}: not used (write `map_Kd FILE.png`)")),
+                Err(what) => note(format!("{what}: not used (write `{keyword} FILE.png`)")),
+            }
+        } else if keyword != "Kd" {
+            match read_opacity(&statement) {
+                Some(value) if keyword == "d" => material.dissolve = Some(value),
+                Some(value) => material.solidity = Some(1.0 - value),
+                None => note(format!("malformed `{keyword}`: opaque (write a number from 0 to 1)")),
             }
         } else if matches!(statement.words().next(), Some("spectral" | "xyz")) {
             note("Kd by spectral curve or CIE XYZ is not read: white".into());
@@ -147,15 +167,10 @@ fn read_library(source: &mut Source, mtl: &Path, materials: &mut Materials) {
     }
 }
 
-/// Notes that a material is transparent. Other statements on light and reflection are outside the model and ignored.
-fn note_transparency(statement: &Statement, mut note: impl FnMut(String)) {
-    let value = statement.words().next().and_then(|word| word.parse::<f32>().ok());
-    match (statement.keyword(), value) {
-        ("d", Some(value)) if value < 1.0 => note("transparency is not drawn".into()),
-        ("Tr", Some(value)) if value > 0.0 => note("transparency is not drawn".into()),
-        ("map_d", _) => note("transparency is not drawn".into()),
-        _ => {}
-    }
+/// A number from 0 to 1, behind options (`-halo`).
+fn read_opacity(statement: &Statement) -> Option<f32> {
+    let value: f32 = statement.words().last()?.parse().ok()?;
+    value.is_finite().then(|| value.clamp(0.0, 1.0))
 }
 
 /// `r g b`, or `r` for a grey.
@@ -179,6 +194,7 @@ fn take<'a>(rest: &mut &'a str) -> &'a str {
 /// `[-option argument ..] file name`; the name may hold spaces.
 fn read_map(mtl: &Path, statement: &Statement, mut note: impl FnMut(String)) -> Result<Map, String> {
     let mut rest = statement.rest();
+    let keyword = statement.keyword();
     let mut wrap = Wrap::Repeat;
     while rest.starts_with('-') {
         let option = take(&mut rest);
@@ -190,7 +206,7 @@ fn read_map(mtl: &Path, statement: &Statement, mut note: impl FnMut(String)) -> 
             },
             "-blendu" | "-blendv" | "-cc" | "-texres" | "-boost" | "-bm" | "-imfchan" | "-type" => {
                 take(&mut rest);
-                note(format!("option {option} of map_Kd is not honoured"));
+                note(format!("option {option} of {keyword} is not honoured"));
             }
             "-mm" | "-o" | "-s" | "-t" => {
                 let is_number = |text: &str| text.split_whitespace().next().is_some_and(|w| w.parse::<f32>().is_ok());
@@ -199,7 +215,7 @@ fn read_map(mtl: &Path, statement: &Statement, mut note: impl FnMut(String)) -> 
                         take(&mut rest);
                     }
                 }
-                note(format!("option {option} of map_Kd is not honoured"));
+                note(format!("option {option} of {keyword} is not honoured"));
             }
             _ => return Err(format!("unknown option {option} of map_Kd")),
         }

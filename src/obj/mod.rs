@@ -50,6 +50,10 @@ pub struct Loaded {
     /// The normals of each triangle's corners as the file gives them, of any length, 0 where it gives none; empty for files
     /// without. The renderer computes normals from the triangles: these tell which of them are smooth with one another.
     pub normals: Vec<[[f32; 3]; 3]>,
+    /// The opacity of each triangle's material: `d` or 1 less `Tr` of an MTL file, the alpha of a glTF file's base colour; empty
+    /// where all are 1. The model has no glass: `softras render` blends these triangles over the others, everything else draws
+    /// them opaque. The alpha of textures is in the mesh.
+    pub opacity: Vec<f32>,
     /// What the file contains and the mesh does not, each with its line.
     pub notes: Vec<String>,
     /// All files that were read: the mesh file first, then its materials and textures.
@@ -65,6 +69,7 @@ pub(crate) struct Source<'a> {
     /// As in [`Loaded`].
     pub files: Vec<PathBuf>,
     pub normals: Vec<[[f32; 3]; 3]>,
+    pub opacity: Vec<f32>,
     /// Bytes of memory that the files still to be read may take.
     left: u64,
     /// Bytes of the mesh and material files that were read.
@@ -80,7 +85,16 @@ const BYTES_PER_NORMALS: u64 = 6;
 impl<'a> Source<'a> {
     pub fn new(path: &'a Path, options: &'a LoadOptions) -> Self {
         let left = options.memory.unwrap_or(u64::MAX);
-        Self { path, options, notes: Notes::new(path), files: vec![path.into()], normals: Vec::new(), left, read: 0 }
+        Self {
+            path,
+            options,
+            notes: Notes::new(path),
+            files: vec![path.into()],
+            normals: Vec::new(),
+            opacity: Vec::new(),
+            left,
+            read: 0,
+        }
     }
 
     /// Reads a file whole, of a size whose content the memory left can hold.
@@ -123,7 +137,8 @@ impl<'a> Source<'a> {
     /// # Errors
     /// [`Error::File`](crate::Error::File) for the first note, if the options are strict.
     pub fn loaded(self, mesh: Mesh) -> Result<Loaded> {
-        Ok(Loaded { mesh, normals: self.normals, notes: self.notes.finish(self.options.strict)?, files: self.files })
+        let notes = self.notes.finish(self.options.strict)?;
+        Ok(Loaded { mesh, normals: self.normals, opacity: self.opacity, notes, files: self.files })
     }
 }
 
@@ -131,7 +146,8 @@ impl<'a> Source<'a> {
 ///
 /// Polygons are cut into triangles. The appearance is, first of these that applies: [`Textured`] when a face has a
 /// `map_Kd` and UVs (other faces get a 1×1 image of their `Kd`), [`VertexColors`] from `v x y z r g b`, [`Surface`]
-/// with one cell per triangle from several `Kd`, else [`Uniform`]. A face without a material is white.
+/// with one cell per triangle from several `Kd`, else [`Uniform`]. A face without a material is white. The alpha of a `map_Kd`
+/// image, or a `map_d`, is that of the [`Texture`](crate::scene::Texture).
 ///
 /// What can be left out without harm to the rest is left out with a note: faces of fewer than three corners, malformed
 /// materials, textures that are not an image, over 16384 pixels a side, over 2²⁷ pixels in all, or over 2²⁴ and 16 for each
@@ -154,8 +170,9 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let mut obj = parse::parse(&mut source, &text)?;
     drop(text);
     let mut triangles = triangles::triangulate(path, &obj, &mut source.notes)?;
-    let appearance = appearance::appearance(&mut source, &mut obj, &mut triangles);
+    let (appearance, opacity) = appearance::appearance(&mut source, &mut obj, &mut triangles);
     let mesh = Mesh::new(obj.positions, triangles.vertices)?.with_appearance(appearance)?;
     source.normals = triangles.normals;
+    source.opacity = opacity;
     source.loaded(mesh)
 }

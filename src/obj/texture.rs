@@ -1,7 +1,11 @@
 //! Reads image files as textures.
 
 use super::{Source, find::find, material::Map, textures::Room};
-use crate::{files::input, scene::Texture};
+use crate::{
+    error::Result,
+    files::input,
+    scene::{Texture, Wrap},
+};
 use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
 use std::{
     io::{BufRead, Seek, SeekFrom},
@@ -11,8 +15,8 @@ use std::{
 /// The largest side of an image.
 const MAX_SIDE: u32 = 16384;
 
-/// Bytes of a pixel while it is decoded and converted: up to eight as it is in the file, twelve as three floats.
-pub(super) const BYTES_PER_PIXEL: u64 = 20;
+/// Bytes of a pixel while it is decoded and converted: up to eight as it is in the file, sixteen as four floats.
+pub(super) const BYTES_PER_PIXEL: u64 = 24;
 
 /// The file of the image that a material names; `None`, with a note, where there is none in the mesh's folder.
 pub(super) fn locate(source: &mut Source, map: &Map) -> Option<PathBuf> {
@@ -31,21 +35,44 @@ pub(super) fn locate(source: &mut Source, map: &Map) -> Option<PathBuf> {
     }
 }
 
-/// Decodes the image that a material names, of at most `room` texels; `None`, with a note, for what cannot be decoded.
+/// Decodes the image that a material names for its colour, of at most `room` texels; `None`, with a note, for what cannot be
+/// decoded.
 pub(super) fn read(source: &mut Source, map: &Map, path: &Path, room: Room) -> Option<Texture> {
-    let shown = path.display();
+    let decoded = decoded(source, map, path, source.options.srgb, room, "drawn in the material's Kd")?;
+    decoded.texture(map.wrap).ok()
+}
+
+/// The same texture with the alpha that an image gives (`map_d`), in its own alpha channel if it has one, else in its grey or
+/// red values. A texture of one texel takes the size of the image; an image of another size than the texture is noted and not
+/// used.
+pub(super) fn faded(source: &mut Source, texture: Texture, map: &Map, path: &Path, room: Room) -> Option<Texture> {
+    let Some(decoded) = decoded(source, map, path, false, room, "not used") else { return Some(texture) };
+    let Decoded { width, height, texels, alpha } = decoded;
+    let alpha = alpha.unwrap_or_else(|| texels.iter().map(|texel| texel[0].clamp(0.0, 1.0)).collect());
+    let texture = match texture.texels() {
+        [color] => Texture::new(width, height, vec![*color; alpha.len()], map.wrap).ok()?,
+        _ => texture,
+    };
+    if (texture.width(), texture.height()) != (width, height) {
+        let sizes =
+            format!("{width}×{height} texels, the texture of the colour {}×{}", texture.width(), texture.height());
+        source.notes.add_in(&map.mtl, Some(map.line), format!("map_d of {sizes}: not used"));
+        return Some(texture);
+    }
+    texture.with_alpha(alpha).ok()
+}
+
+fn decoded(source: &mut Source, map: &Map, path: &Path, srgb: bool, room: Room, without: &str) -> Option<Decoded> {
     let reader = ImageReader::open(path).map_err(|error| error.to_string());
-    match reader.and_then(|reader| decode(reader, source.options.srgb, room)) {
-        Ok(Decoded { width, height, texels, is_transparent }) => {
-            source.files.push(path.into());
-            if is_transparent {
-                let note = format!("texture {shown}: transparency is not drawn");
-                source.notes.add_in(&map.mtl, Some(map.line), note);
+    match reader.and_then(|reader| decode(reader, srgb, room)) {
+        Ok(decoded) => {
+            if !source.files.iter().any(|file| file == path) {
+                source.files.push(path.into());
             }
-            Texture::new(width, height, texels, map.wrap).ok()
+            Some(decoded)
         }
         Err(what) => {
-            let note = format!("texture {shown}: {what}: drawn in the material's Kd");
+            let note = format!("texture {}: {what}: {without}", path.display());
             source.notes.add_in(&map.mtl, Some(map.line), note);
             None
         }
@@ -57,15 +84,28 @@ pub(crate) struct Decoded {
     pub width: u32,
     pub height: u32,
     pub texels: Vec<[f32; 3]>,
-    /// Whether some texel is not opaque.
-    pub is_transparent: bool,
+    /// The alpha of each texel; `None` where all are opaque.
+    pub alpha: Option<Vec<f32>>,
+}
+
+impl Decoded {
+    /// # Errors
+    /// As [`Texture::new`] and [`Texture::with_alpha`].
+    pub fn texture(self, wrap: Wrap) -> Result<Texture> {
+        let texture = Texture::new(self.width, self.height, self.texels, wrap)?;
+        self.alpha.map_or_else(|| Ok(texture.clone()), |alpha| texture.clone().with_alpha(alpha))
+    }
 }
 
 /// Decodes an image of at most `room` texels, from sRGB to linear values if so asked.
 ///
 /// # Errors
 /// What is wrong with it.
-pub(crate) fn decode<R: BufRead + Seek>(reader: ImageReader<R>, srgb: bool, room: Room) -> Result<Decoded, String> {
+pub(crate) fn decode<R: BufRead + Seek>(
+    reader: ImageReader<R>,
+    srgb: bool,
+    room: Room,
+) -> std::result::Result<Decoded, String> {
     let undecodable =
         |error: image::ImageError| format!("{error} (use a PNG or JPEG of at most {MAX_SIDE}×{MAX_SIDE} pixels)");
     let format = reader.format();
@@ -92,8 +132,21 @@ pub(crate) fn decode<R: BufRead + Seek>(reader: ImageReader<R>, srgb: bool, room
     input::room_for("a texture", pixels * BYTES_PER_PIXEL).map_err(|error| error.to_string())?;
     limits.reserve(decoder.total_bytes()).and_then(|()| decoder.set_limits(limits)).map_err(undecodable)?;
     let image = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
-    let is_transparent = image.color().has_alpha() && image.to_rgba8().pixels().any(|pixel| pixel.0[3] != 255);
-    Ok(Decoded { width, height, texels: texels(image, srgb), is_transparent })
+    let alpha = alpha(&image);
+    Ok(Decoded { width, height, texels: texels(image, srgb), alpha })
+}
+
+/// The alpha of each texel as value / 255 (or / 65535); `None` where all are opaque.
+fn alpha(image: &DynamicImage) -> Option<Vec<f32>> {
+    let alpha: Vec<f32> = match image {
+        DynamicImage::ImageLumaA8(image) => image.pixels().map(|p| f32::from(p.0[1]) / 255.0).collect(),
+        DynamicImage::ImageRgba8(image) => image.pixels().map(|p| f32::from(p.0[3]) / 255.0).collect(),
+        DynamicImage::ImageLumaA16(image) => image.pixels().map(|p| f32::from(p.0[1]) / 65535.0).collect(),
+        DynamicImage::ImageRgba16(image) => image.pixels().map(|p| f32::from(p.0[3]) / 65535.0).collect(),
+        DynamicImage::ImageRgba32F(image) => image.pixels().map(|p| p.0[3].clamp(0.0, 1.0)).collect(),
+        _ => return None,
+    };
+    alpha.iter().any(|a| *a < 1.0).then_some(alpha)
 }
 
 /// The texels as value / 255 (or / 65535); `into_rgb32f` rounds differently for grey images.

@@ -151,11 +151,16 @@ fn png(texture: &Texture) -> Result<Vec<u8>> {
         });
     }
     let is_8_bit = values.iter().all(|value| (value * 255.0).round() / 255.0 == *value);
+    let alpha = texture.alpha().unwrap_or_default();
+    let is_8_bit = is_8_bit && alpha.iter().all(|value| (value * 255.0).round() / 255.0 == *value);
+    let pixels = texture.texels().iter().enumerate();
+    let values = pixels.flat_map(|(i, texel)| texel.iter().chain(alpha.get(i)).copied());
     let (bytes, color): (Vec<u8>, _) = if is_8_bit {
-        (values.iter().map(|value| (value * 255.0).round() as u8).collect(), ExtendedColorType::Rgb8)
+        let color = if alpha.is_empty() { ExtendedColorType::Rgb8 } else { ExtendedColorType::Rgba8 };
+        (values.map(|value| (value * 255.0).round() as u8).collect(), color)
     } else {
-        let wide = values.iter().map(|value| (value * 65535.0).round() as u16);
-        (wide.flat_map(u16::to_ne_bytes).collect(), ExtendedColorType::Rgb16)
+        let color = if alpha.is_empty() { ExtendedColorType::Rgb16 } else { ExtendedColorType::Rgba16 };
+        (values.map(|value| (value * 65535.0).round() as u16).flat_map(u16::to_ne_bytes).collect(), color)
     };
     let mut file = Vec::new();
     match PngEncoder::new(&mut file).write_image(&bytes, texture.width(), texture.height(), color) {

@@ -257,6 +257,39 @@ fn materials_of_gltf_tint_their_textures_and_repeat_them() {
     assert_refused(read(&folder, "mesh.glb", &glb(&root, &binary)), &["KHR_draco_mesh_compression", "compression"]);
 }
 
+/// The texture's alpha counts where the material says so, and the base colour's own is the triangles'.
+#[test]
+fn materials_of_gltf_mask_or_blend() {
+    let _alone = alone();
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = textured();
+    let Appearance::Textured { textures, .. } = mesh.appearance() else { panic!() };
+    let count = textures[0].texels().len();
+    let alpha: Vec<f32> = (0..count).map(|i| (i % 4) as f32 / 5.0).collect();
+    let image = image::RgbaImage::from_fn(textures[0].width(), textures[0].height(), |x, y| {
+        let at = (y * textures[0].width() + x) as usize;
+        let [r, g, b] = textures[0].texels()[at].map(|v| (v * 255.0).round() as u8);
+        image::Rgba([r, g, b, (alpha[at] * 255.0).round() as u8])
+    });
+    let mut png = std::io::Cursor::new(Vec::new());
+    image.write_to(&mut png, image::ImageFormat::Png).unwrap();
+    let (mut root, binary) = gltf(&mesh, Some(png.get_ref()));
+    let mut read_as = |mode: &str| {
+        root["materials"][0]["alphaMode"] = json!(mode);
+        root["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = json!([1.0, 1.0, 1.0, 0.5]);
+        root["materials"][0]["alphaCutoff"] = json!(0.15);
+        let loaded = read(&folder, "mesh.glb", &glb(&root, &binary)).unwrap();
+        assert_eq!(loaded.notes, [""; 0], "{mode}");
+        let Appearance::Textured { textures, .. } = loaded.mesh.appearance() else { panic!("{loaded:?}") };
+        (textures[0].alpha().map(<[f32]>::to_vec), loaded.opacity)
+    };
+    assert_eq!(read_as("OPAQUE"), (None, vec![]));
+    // 0.15 of the product with 0.5.
+    let masked = alpha.iter().map(|a| if *a >= 0.3 { 1.0 } else { 0.0 }).collect();
+    assert_eq!(read_as("MASK"), (Some(masked), vec![]));
+    assert_eq!(read_as("BLEND"), (Some(alpha), vec![0.5; mesh.triangles().len()]));
+}
+
 #[test]
 fn malformed_files_say_what_is_wrong() {
     let _alone = alone();

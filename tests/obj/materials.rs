@@ -41,7 +41,7 @@ fn missing_materials_are_white_and_noted() {
     assert_note(&loaded.notes, &["line 5", "\"red\"", "in no MTL file"]);
     let loaded = load_with_mtl(&obj.replace("gone", "mesh"), "newmtl red\nKd xyz 1 1 1\nd 0.5\n").unwrap();
     assert_note(&loaded.notes, &["mesh.mtl:2", "CIE XYZ"]);
-    assert_note(&loaded.notes, &["mesh.mtl:3", "transparency"]);
+    assert_eq!(loaded.opacity, [0.5]);
     assert_note(&loaded.notes, &["line 5", "neither Kd nor map_Kd"]);
 }
 
@@ -104,20 +104,79 @@ fn jpeg_grey_deep_and_transparent_images_are_read() {
             [("mesh.obj", TEXTURED.as_bytes()), ("mesh.mtl", b"newmtl t\nmap_Kd t.png"), ("t.png", bytes.get_ref())];
         let loaded = load_in(&folder(&files)).unwrap();
         let Appearance::Textured { textures, .. } = loaded.mesh.appearance() else { panic!() };
-        (textures[0].texels()[0], loaded.notes)
+        assert_eq!(loaded.opacity, [0.0; 0]);
+        (textures[0].texels()[0], textures[0].alpha().map(|alpha| alpha[0]), loaded.notes)
     };
     use image::{DynamicImage, ImageBuffer, ImageFormat::*};
     let grey = DynamicImage::ImageLuma8(ImageBuffer::from_pixel(3, 2, image::Luma([51])));
-    assert_eq!(write(grey, Png), ([0.2; 3], vec![]));
+    assert_eq!(write(grey, Png), ([0.2; 3], None, vec![]));
     let deep = DynamicImage::ImageRgb16(ImageBuffer::from_pixel(3, 2, image::Rgb([1, 0, 65535])));
-    assert_eq!(write(deep, Png), ([1.0 / 65535.0, 0.0, 1.0], vec![]));
+    assert_eq!(write(deep, Png), ([1.0 / 65535.0, 0.0, 1.0], None, vec![]));
     let glass = DynamicImage::ImageRgba8(ImageBuffer::from_pixel(3, 2, image::Rgba([255, 0, 0, 9])));
-    let (texel, notes) = write(glass, Png);
-    assert_eq!(texel, [1.0, 0.0, 0.0]);
-    assert_note(&notes, &["transparency"]);
+    assert_eq!(write(glass, Png), ([1.0, 0.0, 0.0], Some(9.0 / 255.0), vec![]));
+    let solid = DynamicImage::ImageRgba8(ImageBuffer::from_pixel(3, 2, image::Rgba([255, 0, 0, 255])));
+    assert_eq!(write(solid, Png), ([1.0, 0.0, 0.0], None, vec![]));
+    let deep_glass = DynamicImage::ImageLumaA16(ImageBuffer::from_pixel(3, 2, image::LumaA([0, 6553])));
+    assert_eq!(write(deep_glass, Png), ([0.0; 3], Some(6553.0 / 65535.0), vec![]));
     let photo = DynamicImage::ImageRgb8(ImageBuffer::from_pixel(8, 8, image::Rgb([128, 128, 128])));
-    let (texel, notes) = write(photo, Jpeg);
-    assert!((texel[0] - 128.0 / 255.0).abs() < 0.02 && notes.is_empty());
+    let (texel, alpha, notes) = write(photo, Jpeg);
+    assert!((texel[0] - 128.0 / 255.0).abs() < 0.02 && alpha.is_none() && notes.is_empty());
+}
+
+/// `map_d` beside a texture of the same size, alone, of another size, and of an image with an alpha channel.
+#[test]
+fn alpha_maps_give_textures_their_alpha() {
+    let png_of = |image: image::DynamicImage| {
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        image.write_to(&mut bytes, image::ImageFormat::Png).unwrap();
+        bytes.into_inner()
+    };
+    let grey =
+        |width| image::DynamicImage::from(image::GrayImage::from_raw(width, 1, vec![51; width as usize]).unwrap());
+    let own = image::DynamicImage::from(image::RgbaImage::from_raw(1, 1, vec![51, 51, 51, 102]).unwrap());
+    let read = |mtl: &str, alpha: image::DynamicImage| {
+        let files: [(&str, &[u8]); 4] = [
+            ("mesh.obj", TEXTURED.as_bytes()),
+            ("mesh.mtl", mtl.as_bytes()),
+            ("t.png", &one_pixel_png([255, 0, 0])),
+            ("a.png", &png_of(alpha)),
+        ];
+        // sRGB is of colours and never of alpha.
+        let options = LoadOptions { srgb: true, ..LoadOptions::default() };
+        let folder = folder(&files);
+        let loaded = load(&folder.path().join("mesh.obj"), &options).unwrap();
+        let Appearance::Textured { textures, .. } = loaded.mesh.appearance() else { panic!("{loaded:?}") };
+        (textures[0].texels().to_vec(), textures[0].alpha().map(<[f32]>::to_vec), loaded.notes)
+    };
+    let red = [1.0, 0.0, 0.0];
+    let both = "newmtl t\nmap_Kd t.png\nmap_d a.png";
+    assert_eq!(read(both, grey(1)), (vec![red], Some(vec![0.2]), vec![]));
+    assert_eq!(read(both, own), (vec![red], Some(vec![0.4]), vec![]));
+    // A colour of one texel takes any size, a larger one does not.
+    assert_eq!(read(both, grey(2)), (vec![red; 2], Some(vec![0.2; 2]), vec![]));
+    assert_eq!(read("newmtl t\nKd 1 0 0\nmap_d a.png", grey(2)), (vec![red; 2], Some(vec![0.2; 2]), vec![]));
+    let wide = "newmtl t\nmap_Kd a.png\nmap_d t.png";
+    let (texels, alpha, notes) = read(wide, grey(2));
+    assert_eq!((texels.len(), alpha), (2, None));
+    assert_note(&notes, &["mesh.mtl:3", "map_d of 1×1", "2×1", "not used"]);
+}
+
+#[test]
+fn opacity_is_d_or_1_less_tr() {
+    let opacity = |statements: &str| {
+        let obj = format!("mtllib mesh.mtl\n{TRIANGLE}usemtl a\nf 1 2 3\nusemtl b\nf 3 2 1\n");
+        let mtl = format!("newmtl a\nKd 1 1 1\n{statements}\nnewmtl b\nKd 1 1 1\n");
+        let loaded = load_with_mtl(&obj, &mtl).unwrap();
+        (loaded.opacity, loaded.notes)
+    };
+    assert_eq!(opacity("d 0.25"), (vec![0.25, 1.0], vec![]));
+    assert_eq!(opacity("Tr 0.25"), (vec![0.75, 1.0], vec![]));
+    assert_eq!(opacity("Tr 1\nd -halo 0.5"), (vec![0.5, 1.0], vec![]));
+    assert_eq!(opacity("d 1.0\nTr 1.0"), (vec![], vec![]));
+    assert_eq!(opacity("d 7"), (vec![], vec![]));
+    let (opaque, notes) = opacity("d one half");
+    assert_eq!(opaque, [0.0; 0]);
+    assert_note(&notes, &["mesh.mtl:3", "malformed `d`"]);
 }
 
 #[test]

@@ -224,7 +224,7 @@ fn files_are_counted_against_one_memory() {
         let options = LoadOptions { memory: Some(memory as u64), ..LoadOptions::default() };
         load(&folder.path().join("mesh.obj"), &options)
     };
-    let (obj, mtl, texels) = (24 * TEXTURED.len(), 24 * mtl.len(), 20 * 16 * 16);
+    let (obj, mtl, texels) = (24 * TEXTURED.len(), 24 * mtl.len(), 24 * 16 * 16);
     assert_refused(within(obj - 1).unwrap_err(), "mesh.obj", None, &["MiB of memory"]);
     let white = within(obj).unwrap();
     assert_note(&white.notes, &["mesh.mtl", "of memory", "white"]);

@@ -32,6 +32,8 @@ fn writing_and_reading_gives_the_mesh_back() {
         Texture::new(2, 1, vec![[0.0, 51.0 / 255.0, 1.0], [128.0 / 255.0; 3]], Wrap::Clamp).unwrap(),
         Texture::new(1, 2, vec![[1.0 / 65535.0; 3], [0.0; 3]], Wrap::Repeat).unwrap(),
     ];
+    let faded = |i: usize, alpha: f32| textures[i].clone().with_alpha(vec![alpha, 1.0]).unwrap();
+    let faded = vec![faded(0, 0.2), faded(0, 1.0 / 65535.0), faded(1, 0.0)];
     let (uvs, uv_triangles) = (vec![[0.0, 0.1], [-3.5, 0.7], [1.0, 1.0]], vec![[0, 1, 2], [2, 2, 2], [1, 0, 1]]);
     for appearance in [
         Appearance::Uniform([0.1, 0.7, 1.0 / 3.0]),
@@ -42,6 +44,12 @@ fn writing_and_reading_gives_the_mesh_back() {
             uv_triangles: uv_triangles.clone(),
             textures: textures[..1].to_vec(),
             texture_of_triangle: vec![],
+        },
+        Appearance::Textured {
+            uvs: uvs.clone(),
+            uv_triangles: uv_triangles.clone(),
+            textures: faded,
+            texture_of_triangle: vec![0, 1, 2],
         },
         Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle: vec![0, 1, 0] },
     ] {

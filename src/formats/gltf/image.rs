@@ -16,6 +16,8 @@ use std::io::Cursor;
 /// What a material makes of the triangles: their base colour, and how their UVs are placed.
 pub(super) struct Look {
     pub color: [f32; 3],
+    /// The alpha of the base colour; 1 where the material is not blended.
+    pub opacity: f32,
     /// The set of UVs of its texture, if it has one.
     pub uv_set: Option<u32>,
     offset: [f64; 2],
@@ -34,18 +36,56 @@ impl Look {
     }
 }
 
+/// What a material makes of its texture's alpha.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+enum Cut {
+    /// It is ignored.
+    Opaque,
+    /// 1 from a cutoff on, whose bits these are, and else 0.
+    Mask(u32),
+    /// It is taken as it is.
+    Blend,
+}
+
+impl Cut {
+    fn of(material: &json::Material) -> Self {
+        match material.alpha_mode {
+            Checked::Valid(AlphaMode::Blend) => Self::Blend,
+            Checked::Valid(AlphaMode::Mask) => {
+                let cutoff = material.alpha_cutoff.as_ref().map_or(0.5, |cutoff| cutoff.0);
+                // The cutoff is of the product with the base colour's alpha.
+                let factor = material.pbr_metallic_roughness.base_color_factor.0[3];
+                Self::Mask((cutoff / factor.max(f32::MIN_POSITIVE)).to_bits())
+            }
+            _ => Self::Opaque,
+        }
+    }
+
+    fn apply(self, alpha: Option<Vec<f32>>) -> Option<Vec<f32>> {
+        match self {
+            Self::Opaque => None,
+            Self::Mask(cutoff) => {
+                let cut = |a: f32| if a >= f32::from_bits(cutoff) { 1.0 } else { 0.0 };
+                alpha.map(|alpha| alpha.into_iter().map(cut).collect())
+            }
+            Self::Blend => alpha,
+        }
+    }
+}
+
 /// The look of a material; white without one.
-pub(super) fn look(source: &mut Source, root: &json::Root, material: Option<usize>) -> Result<Look, String> {
-    let mut look = Look { color: [1.0; 3], uv_set: None, offset: [0.0; 2], matrix: [[1.0, 0.0], [0.0, 1.0]] };
+pub(super) fn look(root: &json::Root, material: Option<usize>) -> Result<Look, String> {
+    let (offset, matrix) = ([0.0; 2], [[1.0, 0.0], [0.0, 1.0]]);
+    let mut look = Look { color: [1.0; 3], opacity: 1.0, uv_set: None, offset, matrix };
     let Some(index) = material else { return Ok(look) };
     let count = root.materials.len();
     let material = root.materials.get(index).ok_or_else(|| format!("material {index} but there are {count}"))?;
-    if !matches!(material.alpha_mode, Checked::Valid(AlphaMode::Opaque)) {
-        source.notes.once("transparency is not drawn");
-    }
     let pbr = &material.pbr_metallic_roughness;
-    let [r, g, b, _] = pbr.base_color_factor.0;
+    let [r, g, b, a] = pbr.base_color_factor.0;
     look.color = [r, g, b];
+    if Cut::of(material) == Cut::Blend && a.is_finite() {
+        look.opacity = a.clamp(0.0, 1.0);
+    }
     let Some(info) = &pbr.base_color_texture else { return Ok(look) };
     look.uv_set = Some(info.tex_coord);
     if let Some(transform) = info.extensions.as_ref().and_then(|all| all.texture_transform.as_ref()) {
@@ -65,9 +105,10 @@ pub(super) struct Textured {
     pub of_piece: Vec<u32>,
 }
 
-/// What makes two textures the same: the image, how it repeats, and the bits of the colour that it is multiplied with.
+/// What makes two textures the same: the image, how it repeats, what becomes of its alpha, and the bits of the colour that it is
+/// multiplied with.
 #[derive(PartialEq, Eq, Hash)]
-struct Key(Option<(usize, Wrap)>, [u32; 3]);
+struct Key(Option<(usize, Wrap, Cut)>, [u32; 3]);
 
 /// The textures; pieces without one get a 1×1 image of their colour. `None` where no image can be read.
 pub(super) fn textures(
@@ -84,10 +125,12 @@ pub(super) fn textures(
         let info = material.and_then(|material| material.pbr_metallic_roughness.base_color_texture.as_ref());
         let tint = piece.color.map(|x| (x + 0.0).to_bits());
         let mut index = None;
-        if let Some(info) = info {
+        if let (Some(info), Some(material)) = (info, material) {
             let (image, wrap) = image_of(source, root, info.index.value())?;
-            index = textures.find_or(Key(Some((image, wrap)), tint), |room| {
+            let cut = Cut::of(material);
+            index = textures.find_or(Key(Some((image, wrap, cut)), tint), |room| {
                 read(source, document, image, room)
+                    .map(|decoded| Decoded { alpha: cut.apply(decoded.alpha), ..decoded })
                     .and_then(|decoded| tinted(decoded, piece.color, wrap))
                     .map_err(|what| source.notes.add(None, format!("texture {image}: {what}: not drawn")))
                     .ok()
@@ -119,18 +162,13 @@ fn image_of(source: &mut Source, root: &json::Root, index: usize) -> Result<(usi
 
 fn read(source: &mut Source, document: &mut Document, image: usize, room: Room) -> Result<Decoded, String> {
     let file = document.image(source, image)?;
-    let decoded = texture::decode(ImageReader::new(Cursor::new(file.bytes())), source.options.srgb, room)?;
-    if decoded.is_transparent {
-        source.notes.once("transparency is not drawn");
-    }
-    Ok(decoded)
+    texture::decode(ImageReader::new(Cursor::new(file.bytes())), source.options.srgb, room)
 }
 
 /// The image times a colour.
-fn tinted(decoded: Decoded, color: [f32; 3], wrap: Wrap) -> Result<Texture, String> {
-    let Decoded { width, height, mut texels, .. } = decoded;
+fn tinted(mut decoded: Decoded, color: [f32; 3], wrap: Wrap) -> Result<Texture, String> {
     if color != [1.0; 3] {
-        texels.iter_mut().for_each(|texel| *texel = [0, 1, 2].map(|k| texel[k] * color[k]));
+        decoded.texels.iter_mut().for_each(|texel| *texel = [0, 1, 2].map(|k| texel[k] * color[k]));
     }
-    Texture::new(width, height, texels, wrap).map_err(|error| error.to_string())
+    decoded.texture(wrap).map_err(|error| error.to_string())
 }

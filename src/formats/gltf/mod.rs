@@ -14,6 +14,7 @@ use crate::{
 use document::Document;
 use glam::{DMat3, DMat4, DQuat, DVec3};
 use gltf_json as json;
+use image::Look;
 use json::{
     mesh::{Mode, Semantic},
     validation::Checked,
@@ -53,6 +54,7 @@ pub(super) fn read(source: &mut Source, bytes: &[u8]) -> Result<Mesh> {
     let mut document = Document::new(&root, binary);
     soup.add_scene(source, &mut document).map_err(wrong)?;
     let textures = image::textures(source, &mut document, &soup.pieces).map_err(wrong)?;
+    source.opacity = soup.opacity();
     soup.mesh(source, textures)
 }
 
@@ -61,6 +63,7 @@ struct Piece {
     material: Option<usize>,
     /// The base colour, without its alpha.
     color: [f32; 3],
+    opacity: f32,
     has_uvs: bool,
     /// The end of its triangles in [`Soup::triangles`].
     end: usize,
@@ -203,7 +206,7 @@ impl Soup {
     ) -> Result<(), String> {
         let attribute = |semantic| primitive.attributes.get(&Checked::Valid(semantic)).map(|index| index.value());
         let material = primitive.material.map(|material| material.value());
-        let look = image::look(source, document.root, material)?;
+        let look = image::look(document.root, material)?;
         let colors = attribute(Semantic::Colors(0)).map(|index| document.vectors::<3>(source, index)).transpose()?;
         self.has_vertex_colors |= colors.is_some();
         let colors = colors.unwrap_or_default().into_iter().chain(std::iter::repeat([1.0; 3])).take(count);
@@ -217,7 +220,8 @@ impl Soup {
             self.far_uvs += usize::from(!fits);
             self.uvs.push(if fits { uv } else { [0.0; 2] });
         }
-        self.pieces.push(Piece { material, color: look.color, has_uvs, end: self.triangles.len() });
+        let Look { color, opacity, .. } = look;
+        self.pieces.push(Piece { material, color, opacity, has_uvs, end: self.triangles.len() });
         Ok(())
     }
 
@@ -226,6 +230,14 @@ impl Soup {
         let ends = self.pieces.iter().map(|piece| piece.end);
         let starts = std::iter::once(0).chain(ends.clone());
         starts.zip(ends).enumerate().flat_map(|(piece, (start, end))| (start..end).map(move |_| piece))
+    }
+
+    /// The opacity of each triangle; empty where all are 1.
+    fn opacity(&self) -> Vec<f32> {
+        if self.pieces.iter().all(|piece| piece.opacity == 1.0) {
+            return Vec::new();
+        }
+        self.piece_of_triangle().map(|piece| self.pieces[piece].opacity).collect()
     }
 
     /// The mesh, with one vertex at each position (and colour, if vertices have colours).

@@ -10,7 +10,7 @@ use crate::{
         find::find,
         parse::FARTHEST_UV,
         polygon,
-        texture::{self, Decoded, linear_from_srgb},
+        texture::{self, linear_from_srgb},
     },
     scene::{Appearance, Mesh, Texture, Wrap},
 };
@@ -256,12 +256,9 @@ fn texture(source: &mut Source, name: &str) -> Option<Texture> {
     }
     let reader = ImageReader::open(&path).map_err(|error| error.to_string());
     match reader.and_then(|reader| texture::decode(reader, source.options.srgb, source.room())) {
-        Ok(Decoded { width, height, texels, is_transparent }) => {
-            if is_transparent {
-                source.notes.add(None, format!("texture {}: transparency is not drawn", path.display()));
-            }
+        Ok(decoded) => {
             source.files.push(path);
-            Texture::new(width, height, texels, Wrap::Repeat).ok()
+            decoded.texture(Wrap::Repeat).ok()
         }
         Err(what) => {
             source.notes.add(None, format!("texture {}: {what}", path.display()));
