@@ -2,9 +2,11 @@
 //!
 //! [`articulated`] fits the pose of a jointed figure, an experiment of the paper. [`measure`] times frames and compares them
 //! with the least possible time and with the f64 reference. [`stress`] draws random scenes and checks what softras promises
-//! of every scene. [`random`] generates all random numbers.
+//! of every scene. [`random`] generates all random numbers. [`part`] takes meshes
+//! apart.
 
 pub mod articulated;
 pub mod measure;
+pub mod part;
 pub mod random;
 pub mod stress;

@@ -4,9 +4,9 @@ use super::memory::{Budget, MemoryArgs};
 use super::outputs::Outputs;
 use super::{Failure, detail, note};
 use clap::Args;
-use softras::Mesh;
 use softras::obj::{LoadOptions, Loaded};
 use softras::scene::Appearance;
+use softras::{Error, Mesh};
 use std::path::Path;
 
 /// How mesh files are read.
@@ -23,9 +23,24 @@ pub struct ReadArgs {
 }
 
 impl ReadArgs {
-    /// Reads a mesh within the budget and prints the notes on it. None of the files read may be one that will be written.
-    /// Textures are decoded from sRGB if so asked.
+    /// Reads a mesh within the budget and prints the notes on it, for a command that draws transparent materials opaque. None
+    /// of the files read may be one that will be written. Textures are decoded from sRGB if so asked.
     pub fn read(self, path: &Path, srgb: bool, outputs: &Outputs, budget: &Budget) -> Result<Loaded, Failure> {
+        let mut loaded = self.read_layers(path, srgb, outputs, budget)?;
+        if !loaded.opacity.is_empty() {
+            let what = "transparent materials are drawn opaque: `softras render` alone blends them";
+            if self.strict {
+                let fix = "set their d to 1 and their Tr to 0, or leave --strict out".into();
+                return Err(Error::File { path: path.into(), line: None, what: what.into(), fix }.into());
+            }
+            note(what);
+            loaded.notes.push(what.into());
+        }
+        Ok(loaded)
+    }
+
+    /// The same for a command that draws [`Loaded::opacity`].
+    pub fn read_layers(self, path: &Path, srgb: bool, outputs: &Outputs, budget: &Budget) -> Result<Loaded, Failure> {
         let options =
             LoadOptions { srgb, allow_outside: self.allow_outside, strict: self.strict, memory: budget.left() };
         let loaded = softras::load(path, &options)?;

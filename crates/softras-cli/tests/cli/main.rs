@@ -17,6 +17,7 @@ mod parts;
 mod readme;
 mod render;
 mod stress;
+mod transparency;
 mod views;
 
 use command::{fails, softras, succeeds};

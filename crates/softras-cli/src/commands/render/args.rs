@@ -22,6 +22,8 @@ Files, by their ending:
         --background; depth (Z), silhouette (Y), world-space normals (RGB)
   .npy  float32 [H, W, C], row 0 at the top; values as in .exr
   .gif  several frames: --turntable or --sweep, either of which also makes a .png contact sheet
+Transparent materials (d or Tr of .mtl files, the alpha of a glTF base colour) are blended over the
+rest by depth, the nearest one in each pixel; what a texture's alpha leaves out is cut out.
 With the composite background depth and normals, too, are multiplied by alpha in .exr and .npy.";
 
 /// Render a mesh file as pictures

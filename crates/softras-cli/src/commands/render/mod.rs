@@ -9,6 +9,7 @@ mod fill;
 pub mod formats;
 pub mod framing;
 pub mod gif;
+pub mod layers;
 pub mod look;
 pub mod picture;
 mod report;
@@ -25,8 +26,10 @@ use args::{CameraArgs, Fit, Output, RenderArgs};
 use developed::Developed;
 use formats::Format;
 use framing::{Bounds, View};
+use layers::Glass;
 use picture::Shot;
 use report::{Report, Written};
+use softras::obj::Loaded;
 use softras::{Mesh, Renderer, Scene};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -38,10 +41,11 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let samples = samples(args, &targets)?;
     look::validate_alpha(args)?;
     let start = Instant::now();
-    let loaded = args.read.read(&args.mesh, !args.look.raw, &outputs, &Budget::new(&args.read.memory))?;
-    let mut notes = loaded.notes;
+    let budget = Budget::new(&args.read.memory);
+    let mut loaded = args.read.read_layers(&args.mesh, !args.look.raw, &outputs, &budget)?;
+    let mut notes = std::mem::take(&mut loaded.notes);
     let camera = upright(args, &loaded.mesh, &mut notes);
-    let mut stage = Stage::new(args, camera, loaded.mesh, &loaded.normals, samples)?;
+    let mut stage = Stage::new(args, camera, loaded, samples)?;
     if stage.view(0.0).misses(stage.bounds) {
         notes.push("the mesh lies wholly outside the depths that this camera draws".into());
         notes.last().into_iter().for_each(|text| note(text));
@@ -176,10 +180,13 @@ struct Stage<'a> {
     bounds: Bounds,
     /// The view before the first turn.
     first: View,
-    /// The mesh, with vertices split where its edges are kept.
+    /// The opaque triangles of the mesh, with vertices split where its edges are kept.
     scene: Scene,
-    /// Vertices of the mesh file.
+    /// The transparent ones.
+    glass: Option<Glass>,
+    /// Vertices and triangles of the mesh file.
     vertices: usize,
+    triangles: usize,
     renderer: Renderer,
     samples: u32,
     bands: Bands,
@@ -189,16 +196,11 @@ struct Stage<'a> {
 const BAND: usize = 4;
 
 impl<'a> Stage<'a> {
-    fn new(
-        args: &'a RenderArgs,
-        camera: CameraArgs,
-        mesh: Mesh,
-        normals: &[[[f32; 3]; 3]],
-        samples: u32,
-    ) -> Result<Self, Failure> {
+    fn new(args: &'a RenderArgs, camera: CameraArgs, loaded: Loaded, samples: u32) -> Result<Self, Failure> {
+        let (mesh, normals) = (loaded.mesh, &loaded.normals);
         let mut renderer = super::open_device(args.device.as_deref(), args.read.memory.memory)?;
         renderer.time_stages(true);
-        let (bounds, vertices) = (Bounds::of(&mesh), mesh.positions().len());
+        let (bounds, vertices, triangles) = (Bounds::of(&mesh), mesh.positions().len(), mesh.triangles().len());
         let (width, height) = args.look.size;
         let aspect = f64::from(width) / f64::from(height);
         let first = match args.frame {
@@ -219,7 +221,9 @@ impl<'a> Stage<'a> {
         let unit = BAND * samples as usize;
         // Whether a pixel is inside of a surface depends on its neighbours.
         let bands = Bands { unit, margin: if look::is_solid(args) { unit } else { 0 }, at_once: usize::MAX };
-        Ok(Self { args, camera, bounds, first, scene: Scene::new(mesh), vertices, renderer, samples, bands })
+        let (mesh, glass) = layers::separate(mesh, &loaded.opacity)?;
+        let scene = Scene::new(mesh);
+        Ok(Self { args, camera, bounds, first, scene, glass, vertices, triangles, renderer, samples, bands })
     }
 
     fn view(&self, turn: f64) -> View {
@@ -236,14 +240,24 @@ impl<'a> Stage<'a> {
     ) -> Result<(), Failure> {
         let (args, samples) = (self.args, self.samples);
         let view = self.view(turn);
-        let settings = look::settings(&args.look, &args.modes, &view, &args.output, samples, step);
+        let mut settings = look::settings(&args.look, &args.modes, &view, &args.output, samples, step);
+        // Layers are blended by depth.
+        settings.outputs.depth |= self.glass.is_some();
         let (curve, transparent) = (args.look.curve(), args.look.background.is_none());
         self.scene.lights = framing::lights(&args.light, curve, &view)?;
-        let is_solid = look::is_solid(args);
-        let Self { renderer, scene, bands, .. } = self;
-        parts::in_bands(renderer, scene, &view.camera()?, &settings, bands, |Band { frame, rows, above }| {
-            let (settings, samples) = (settings.clone(), samples as usize);
-            take(&Shot { frame, rows, above, view, settings, samples, curve, transparent, is_solid })
+        let (is_solid, camera) = (look::is_solid(args), view.camera()?);
+        let Self { renderer, scene, glass, bands, .. } = self;
+        let samples = samples as usize;
+        if let Some(glass) = glass {
+            // Both layers are rendered whole.
+            let layer = Some(glass.shoot(renderer, &camera, &scene.lights, &settings)?);
+            let frame = renderer.render(scene, &[camera], &settings)?;
+            let (rows, above) = (0..settings.height as usize, 0);
+            return take(&Shot { frame, layer, rows, above, view, settings, samples, curve, transparent, is_solid });
+        }
+        parts::in_bands(renderer, scene, &camera, &settings, bands, |Band { frame, rows, above }| {
+            let (settings, layer) = (settings.clone(), None);
+            take(&Shot { frame, layer, rows, above, view, settings, samples, curve, transparent, is_solid })
         })
     }
 }

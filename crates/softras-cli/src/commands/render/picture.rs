@@ -2,17 +2,21 @@
 
 use super::args::Output;
 use super::framing::View;
+use super::layers::{Layer, image_of};
 use super::solid::solid;
 use crate::commands::color::Curve;
 use softras::scene::{Background, ColorAggregation};
 use softras::{Frame, Image, Result, Settings};
+use std::borrow::Cow;
 use std::ops::Range;
 
 /// A rendered image, or a band of its rows, and how it was made.
 #[derive(Debug)]
 pub struct Shot {
-    /// The band with its margins.
+    /// The band with its margins; without the transparent triangles if there is a layer of them.
     pub frame: Frame,
+    /// The transparent triangles.
+    pub layer: Option<Layer>,
     /// The band's rows in the whole image.
     pub rows: Range<usize>,
     /// Rows of the frame above the band's own.
@@ -56,14 +60,12 @@ pub struct Floats {
 }
 
 impl Shot {
-    fn image(&self, output: Output) -> Result<&Image> {
-        let image = match output {
-            Output::Color => self.frame.color(),
-            Output::Silhouette => self.frame.silhouette(),
-            Output::Depth => self.frame.depth(),
-            Output::Normal => self.frame.normal(),
-        };
-        image.ok_or_else(|| softras::Error::Scene {
+    /// An image of the frame, or of both layers with alpha as `is_solid` says.
+    fn image(&self, output: Output, is_solid: bool) -> Result<Cow<'_, Image>> {
+        if let Some(layer) = &self.layer {
+            return layer.over(&self.frame, &self.settings, output, is_solid, self.transparent).map(Cow::Owned);
+        }
+        image_of(&self.frame, output).map(Cow::Borrowed).ok_or_else(|| softras::Error::Scene {
             what: format!("the frame has no {} image", output.name()),
             fix: "this is a bug in softras: please report it".into(),
         })
@@ -83,7 +85,9 @@ impl Shot {
 
     /// The least and greatest depth where the mesh covers at least half a pixel: infinity and 0 where it covers nothing.
     pub fn depth_range(&self) -> Result<(f64, f64)> {
-        let (depth, alpha) = (self.own(self.image(Output::Depth)?), self.own(self.image(Output::Silhouette)?));
+        let image = |output| self.image(output, self.is_solid);
+        let (depth, alpha) = (image(Output::Depth)?, image(Output::Silhouette)?);
+        let (depth, alpha) = (self.own(&depth), self.own(&alpha));
         let premultiplied = self.premultiplied(Output::Depth);
         let straight = |(z, a): (&f32, &f32)| f64::from(if premultiplied { z / a } else { *z });
         let covered = depth.iter().zip(alpha).filter(|(z, a)| **a >= 0.5 && **z > 0.0).map(straight);
@@ -92,9 +96,11 @@ impl Shot {
 
     /// Visits the band's pixels in order.
     pub fn for_each_pixel(&self, output: Output, mut visit: impl FnMut(Mean)) -> Result<()> {
-        let (image, alpha) = (self.image(output)?, self.image(Output::Silhouette)?);
+        let (image, alpha) = (self.image(output, self.is_solid)?, self.image(Output::Silhouette, self.is_solid)?);
+        let (image, alpha) = (image.as_ref(), alpha.as_ref());
         let (width, first) = (image.width / self.samples, self.above / self.samples);
-        let solid = self.is_solid.then(|| solid(alpha));
+        // What is blended of two layers is solid already.
+        let solid = (self.is_solid && self.layer.is_none()).then(|| solid(alpha));
         let samples = Samples { image, model: alpha.view(0), alpha: solid.as_deref().unwrap_or(alpha.view(0)) };
         for row in first..first + self.rows.len() / self.samples {
             (0..width).for_each(|column| visit(self.mean(output, &samples, (row, column))));
@@ -154,13 +160,15 @@ impl Shot {
     /// Appends the band's values of one output. Colour without a background is RGBA, premultiplied with the composite
     /// background. Returns the number of channels.
     pub fn append_floats(&self, output: Output, data: &mut Vec<f32>) -> Result<usize> {
-        let image = self.image(output)?;
+        let image = self.image(output, false)?;
         if output == Output::Color && self.transparent {
-            let alpha = self.own(self.image(Output::Silhouette)?);
-            data.extend(self.own(image).chunks_exact(3).zip(alpha).flat_map(|(c, &a)| [c[0], c[1], c[2], a]));
+            let alpha = self.image(Output::Silhouette, false)?;
+            data.extend(
+                self.own(&image).chunks_exact(3).zip(self.own(&alpha)).flat_map(|(c, &a)| [c[0], c[1], c[2], a]),
+            );
             return Ok(4);
         }
-        data.extend(self.own(image));
+        data.extend(self.own(&image));
         Ok(image.channels)
     }
 }

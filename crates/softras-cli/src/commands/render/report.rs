@@ -47,12 +47,11 @@ pub struct Report {
 impl Report {
     /// A report on the stage's mesh and device.
     pub fn new(stage: &Stage<'_>, notes: Vec<String>) -> Self {
-        let mesh = &stage.scene.meshes[0];
         Self {
             device: stage.renderer.device_name().into(),
             mesh: stage.args.mesh.display().to_string(),
             vertices: stage.vertices,
-            triangles: mesh.triangles().len(),
+            triangles: stage.triangles,
             notes,
             frames: 0,
             bands: 0,
@@ -77,7 +76,8 @@ impl Report {
         self.frames += usize::from(shot.rows.start == 0);
         self.bands += 1;
         self.samples = shot.samples;
-        for time in shot.frame.timings() {
+        let layers = shot.layer.iter().flat_map(|layer| layer.frames());
+        for time in std::iter::once(&shot.frame).chain(layers).flat_map(|frame| frame.timings()) {
             match self.timings.iter_mut().find(|(stage, _)| *stage == time.stage) {
                 Some((_, sum)) => *sum += time.milliseconds,
                 None => self.timings.push((time.stage, time.milliseconds)),
