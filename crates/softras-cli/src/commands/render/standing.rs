@@ -15,8 +15,9 @@ const LEAST_BASE: f64 = 0.1;
 /// above as below says nothing.
 const CLEAR_BASE: f64 = 0.25;
 const CLEAR_DIFFERENCE: f64 = 2.0;
-/// A mesh that is flatter than this share of its largest side is a picture, whose base says nothing.
-const LEAST_HEIGHT: f64 = 0.05;
+/// A mesh that is flatter than this share of its largest side hangs on a wall more often than it stands on its back: of 820
+/// pieces of furniture (Debian's sweethome3d-furniture, where y is up) 47 have a flat back, 37 of them flatter than this.
+const LEAST_HEIGHT: f64 = 0.6;
 
 /// The axis that is up, as a number from 0 for x to 2 for z, if it is another than y: z or x, if the mesh has a base there and
 /// does not stand on y.
@@ -112,6 +113,8 @@ mod tests {
         assert_eq!(other_axis(&bust), None);
         assert_eq!(other_axis(&mapped(&bust, |[x, y, z]| [z, x, y])), Some(2));
         assert_eq!(other_axis(&mapped(&bust, |[x, y, z]| [y, z, x])), Some(0));
+        // As flat as what hangs on a wall.
+        assert_eq!(other_axis(&mapped(&bust, |[x, y, z]| [z, x, 0.3 * y])), None);
         // Upside down it has no base.
         assert_eq!(other_axis(&mapped(&bust, |[x, y, z]| [x, z, -y])), None);
     }
