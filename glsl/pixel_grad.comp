@@ -8,9 +8,9 @@
 // background's gradients need all tiles.
 // Reads `tile_items`, the images, `saved` (pixel.glsl) and the upstream gradients. Writes
 // `pixel_gradients`: (dL/dmixture rgb, silhouette_gradient), (integer part and fraction of the reference, V, dL/ddepth),
-// (dL/dnormal, 0), with V of shaded_gradient below, and with LEAST_APART (the least 1 - D', 0, 0, 0); and `pixel_sums`, which reduce.comp adds up:
-// (dL/dC_b, dL/ds_b), (dL/ds_b times the relative log2 weight, 0, 0, 0), with s_b = ε/γ the background's log weight; zeros
-// where the frame is not complete. With these it also writes to `status` whether the frame is complete, as backward_cull does
+// (dL/dnormal, 0), with V of shaded_gradient below, and with LEAST_APART (the least 1 - D', 0, 0, 0); and `pixel_sums`, which
+// reduce.comp adds up: (dL/dC_b, dL/ds_b), (dL/ds_b times the relative log2 weight, 0, 0, 0), with s_b = ε/γ the background's
+// log weight; zeros where the frame is not complete. With these it also writes to `status` whether the frame is complete, as backward_cull does
 // for the gradients by triangles.
 
 layout(local_size_x = 32) in;

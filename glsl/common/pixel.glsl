@@ -144,9 +144,9 @@ vec4 kept_of(Pixel p) {
 }
 
 // The log2 sum of weights and the transmittance of a pixel, with LEAST_APART without its least factor: the gradient by the
-// alpha of the fragment that has this factor is the product of the others. Their least and largest value over a tile tell backward what it
-// may skip there: a triangle whose weights are all negligible beside the smallest sum, and the silhouette of a saturated
-// tile.
+// alpha of the fragment that has this factor is the product of the others. Their least and largest value over a tile tell
+// backward what it may skip there: a triangle whose weights are all negligible beside the smallest sum, and the silhouette of
+// a saturated tile.
 vec2 bounds_of(Pixel p) {
     float log_sum = p.sum > 0.0 ? p.exponent + (p.fraction + log2(p.sum)) : -3e38;
     // The hard mode and the silhouette alone have no weights.

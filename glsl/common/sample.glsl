@@ -1,5 +1,5 @@
-// Texture lookup: the colour c and the opacity α of a fragment, and their derivatives by the texture coordinates. An entry of `textures` is
-// (first texel, width, height, kind); of a surface (first texel, resolution, texels of all triangles, kind).
+// Texture lookup: the colour c and the opacity α of a fragment, and their derivatives by the texture coordinates. An entry of
+// `textures` is (first texel, width, height, kind); of a surface (first texel, resolution, texels of all triangles, kind).
 // Needs constants.glsl, modes.glsl and the buffers `textures` and `texels`.
 
 // The cell of barycentrics b on a surface of resolution R, as the official code numbers the R² cells: a lower and an upper
