@@ -11,7 +11,7 @@ use super::{
 };
 use crate::scene::{Appearance, Texture, Wrap};
 use std::{
-    collections::{HashMap, hash_map::Entry},
+    collections::{HashMap, TryReserveError, hash_map::Entry},
     mem,
     path::PathBuf,
 };
@@ -20,19 +20,31 @@ const WHITE: [f32; 3] = [1.0; 3];
 
 /// The appearance of a mesh, and the opacity of each triangle's material, empty where all are 1. Textures are preferred to
 /// vertex colours and these to material colours; what is not used is noted.
-pub(super) fn appearance(source: &mut Source, obj: &mut Obj, triangles: &mut Triangles) -> (Appearance, Vec<f32>) {
+///
+/// # Errors
+/// A lack of memory for what each face or triangle takes.
+pub(super) fn appearance(
+    source: &mut Source,
+    obj: &mut Obj,
+    triangles: &mut Triangles,
+) -> Result<(Appearance, Vec<f32>), TryReserveError> {
     let library = material::read_libraries(source, &obj.libraries);
     let used = find_used(obj, &library, &mut source.notes);
     // The material of each face; `None` is white.
-    let material_of_face: Vec<Option<&Material>> =
-        obj.faces.iter().map(|face| face.material.and_then(|m| used[m])).collect();
-    let opacity_of_face = material_of_face.iter().map(|m| m.map_or(1.0, Material::opacity));
-    let opacity_of_face: Vec<f32> = opacity_of_face.collect();
-    let mut opacity = Vec::new();
-    if opacity_of_face.iter().any(|opacity| *opacity < 1.0) {
-        opacity = triangles.faces.iter().map(|&face| opacity_of_face[face]).collect();
-    }
-    (colors(source, obj, triangles, &material_of_face), opacity)
+    let material_of_face = collected(obj.faces.iter().map(|face| face.material.and_then(|m| used[m])))?;
+    let opacity = |material: &Option<&Material>| material.map_or(1.0, Material::opacity);
+    let is_transparent = material_of_face.iter().any(|material| opacity(material) < 1.0);
+    let shown = if is_transparent { &triangles.faces[..] } else { &[] };
+    let opacity = collected(shown.iter().map(|&face| opacity(&material_of_face[face])))?;
+    Ok((colors(source, obj, triangles, &material_of_face)?, opacity))
+}
+
+/// The values in a vector for which there is memory.
+fn collected<T>(values: impl ExactSizeIterator<Item = T>) -> Result<Vec<T>, TryReserveError> {
+    let mut all = Vec::new();
+    all.try_reserve_exact(values.len())?;
+    all.extend(values);
+    Ok(all)
 }
 
 /// Whether a material has a texture.
@@ -45,32 +57,31 @@ fn colors(
     obj: &mut Obj,
     triangles: &mut Triangles,
     material_of_face: &[Option<&Material>],
-) -> Appearance {
+) -> Result<Appearance, TryReserveError> {
     let is_textured = |face: usize| obj.faces[face].has_uvs && has_map(&material_of_face[face]);
     note_textures_without_uvs(obj, material_of_face, &mut source.notes);
     let colored = !obj.colors.is_empty();
     if (0..obj.faces.len()).any(is_textured)
-        && let Some(appearance) = textured(source, obj, triangles, material_of_face)
+        && let Some(appearance) = textured(source, obj, triangles, material_of_face)?
     {
-        return appearance;
+        return Ok(appearance);
     }
     let notes = &mut source.notes;
     if !obj.uvs.is_empty() {
         notes.add(None, "texture coordinates are not kept: no face has a texture");
     }
-    let color_of_face = material_of_face.iter().map(|m| color(*m));
     if colored {
-        if color_of_face.into_iter().any(|color| color != WHITE) {
+        if material_of_face.iter().any(|material| color(*material) != WHITE) {
             notes.add(None, "material colours are not used: the vertices have colours");
         }
-        return Appearance::VertexColors(mem::take(&mut obj.colors));
+        return Ok(Appearance::VertexColors(mem::take(&mut obj.colors)));
     }
-    let color_of_face: Vec<_> = color_of_face.collect();
-    if color_of_face.iter().all(|color| *color == color_of_face[0]) {
-        return Appearance::Uniform(color_of_face[0]);
+    let first = color(material_of_face.first().copied().flatten());
+    if material_of_face.iter().all(|material| color(*material) == first) {
+        return Ok(Appearance::Uniform(first));
     }
-    let texels = triangles.faces.iter().map(|&face| color_of_face[face]).collect();
-    Appearance::Surface { resolution: 1, texels }
+    let texels = collected(triangles.faces.iter().map(|&face| color(material_of_face[face])))?;
+    Ok(Appearance::Surface { resolution: 1, texels })
 }
 
 fn color(material: Option<&Material>) -> [f32; 3] {
@@ -113,10 +124,11 @@ fn textured(
     obj: &mut Obj,
     triangles: &mut Triangles,
     material_of_face: &[Option<&Material>],
-) -> Option<Appearance> {
+) -> Result<Option<Appearance>, TryReserveError> {
     let mut textures = Textures::new(source.room());
     let mut by_kind: HashMap<(Option<usize>, bool), u32> = HashMap::new();
-    let mut texture_of_face = Vec::with_capacity(obj.faces.len());
+    let mut texture_of_face = Vec::new();
+    texture_of_face.try_reserve_exact(obj.faces.len())?;
     let mut any_file = false;
     for (face, material) in obj.faces.iter().zip(material_of_face) {
         let index = match by_kind.entry((face.material, face.has_uvs)) {
@@ -126,24 +138,27 @@ fn textured(
                 let image = material.filter(|_| face.has_uvs).and_then(|m| image(source, &mut textures, m, color));
                 any_file |= image.is_some();
                 let plain = |_| Texture::new(1, 1, vec![color], Wrap::Repeat).ok();
-                *unknown.insert(image.or_else(|| textures.find_or(Key::of_color(color), plain))?)
+                let Some(index) = image.or_else(|| textures.find_or(Key::of_color(color), plain)) else {
+                    return Ok(None);
+                };
+                *unknown.insert(index)
             }
         };
         texture_of_face.push(index);
     }
     if !any_file {
-        return None;
+        return Ok(None);
     }
     if !obj.colors.is_empty() {
         source.notes.add(None, "vertex colours are not used: the materials have textures");
     }
     let texture_of_triangle = match textures.images.len() {
         1 => Vec::new(),
-        _ => triangles.faces.iter().map(|&face| texture_of_face[face]).collect(),
+        _ => collected(triangles.faces.iter().map(|&face| texture_of_face[face]))?,
     };
     // Faces without UVs have UV index 0: any position will do on a 1×1 image.
     let (uvs, uv_triangles) = (mem::take(&mut obj.uvs), mem::take(&mut triangles.uvs));
-    Some(Appearance::Textured { uvs, uv_triangles, textures: textures.images, texture_of_triangle })
+    Ok(Some(Appearance::Textured { uvs, uv_triangles, textures: textures.images, texture_of_triangle }))
 }
 
 /// The number of the texture of a material, of its image files; `None` where there are none or they cannot be read.

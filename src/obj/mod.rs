@@ -170,7 +170,12 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let mut obj = parse::parse(&mut source, &text)?;
     drop(text);
     let mut triangles = triangles::triangulate(path, &obj, &mut source.notes)?;
-    let (appearance, opacity) = appearance::appearance(&mut source, &mut obj, &mut triangles);
+    let look = appearance::appearance(&mut source, &mut obj, &mut triangles);
+    let (appearance, opacity) = look.map_err(|_| Error::OutOfMemory {
+        what: path.display().to_string(),
+        bytes: size_of_val(&triangles.faces[..]) as u64,
+        fix: "give a smaller mesh, or allow the process more memory".into(),
+    })?;
     let mesh = Mesh::new(obj.positions, triangles.vertices)?.with_appearance(appearance)?;
     source.normals = triangles.normals;
     source.opacity = opacity;
