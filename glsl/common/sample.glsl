@@ -82,6 +82,20 @@ vec3 sample_texture(int index, int triangle, mat3x2 coordinate, vec3 b) {
     return color;
 }
 
+// An image's texel r, g, b and α between the four of a footprint, with its derivatives by u and v in `slope`.
+vec4 image_with_slope(uvec4 entry, vec2 coordinate, out mat2x4 slope) {
+    Footprint f = footprint_of(entry, coordinate);
+    vec4 t0 = texelFetch(texels, f.texel.x);
+    vec4 t1 = texelFetch(texels, f.texel.y);
+    vec4 t2 = texelFetch(texels, f.texel.z);
+    vec4 t3 = texelFetch(texels, f.texel.w);
+    float tx = f.weight.y + f.weight.w;
+    float ty = f.weight.z + f.weight.w;
+    slope[0] = float(entry.y) * ((1.0 - ty) * (t1 - t0) + ty * (t3 - t2));
+    slope[1] = -float(entry.z) * ((1.0 - tx) * (t2 - t0) + tx * (t3 - t1));
+    return t0 * f.weight.x + t1 * f.weight.y + t2 * f.weight.z + t3 * f.weight.w;
+}
+
 // An opacity below this counts as 0, so that no weight is a denormal number.
 const float LEAST_OPACITY = 1e-30;
 
@@ -92,17 +106,10 @@ float sample_opacity(int index, mat3x2 coordinate, vec3 b, out vec2 slope) {
     if (entry.w == TEXTURE_SURFACE) {
         return 1.0;
     }
-    Footprint f = footprint_of(entry, coordinate * b);
-    float a0 = texelFetch(texels, f.texel.x).a;
-    float a1 = texelFetch(texels, f.texel.y).a;
-    float a2 = texelFetch(texels, f.texel.z).a;
-    float a3 = texelFetch(texels, f.texel.w).a;
-    float tx = f.weight.y + f.weight.w;
-    float ty = f.weight.z + f.weight.w;
-    slope.x = float(entry.y) * ((1.0 - ty) * (a1 - a0) + ty * (a3 - a2));
-    slope.y = -float(entry.z) * ((1.0 - tx) * (a2 - a0) + tx * (a3 - a1));
+    mat2x4 slopes;
     // The weights' sum may exceed 1 by rounding.
-    float alpha = min(a0 * f.weight.x + a1 * f.weight.y + a2 * f.weight.z + a3 * f.weight.w, 1.0);
+    float alpha = min(image_with_slope(entry, coordinate * b, slopes).a, 1.0);
+    slope = vec2(slopes[0].a, slopes[1].a);
     return alpha < LEAST_OPACITY ? 0.0 : alpha;
 }
 
@@ -113,14 +120,8 @@ vec3 sample_with_slope(int index, int triangle, mat3x2 coordinate, vec3 b, out m
     if ((SAMPLING & SAMPLING_IMAGE) == 0u || entry.w == TEXTURE_SURFACE) {
         return sample_texture(index, triangle, coordinate, b);
     }
-    Footprint f = footprint_of(entry, coordinate * b);
-    vec3 c0 = texelFetch(texels, f.texel.x).rgb;
-    vec3 c1 = texelFetch(texels, f.texel.y).rgb;
-    vec3 c2 = texelFetch(texels, f.texel.z).rgb;
-    vec3 c3 = texelFetch(texels, f.texel.w).rgb;
-    float tx = f.weight.y + f.weight.w;
-    float ty = f.weight.z + f.weight.w;
-    slope[0] = float(entry.y) * ((1.0 - ty) * (c1 - c0) + ty * (c3 - c2));
-    slope[1] = -float(entry.z) * ((1.0 - tx) * (c2 - c0) + tx * (c3 - c1));
-    return c0 * f.weight.x + c1 * f.weight.y + c2 * f.weight.z + c3 * f.weight.w;
+    mat2x4 slopes;
+    vec3 color = image_with_slope(entry, coordinate * b, slopes).rgb;
+    slope = mat2x3(slopes);
+    return color;
 }

@@ -10,8 +10,8 @@
 //!
 //! Textures with an alpha give the silhouette alone shading records too.
 //!
-//! On a software device, for views of more than some 45,000 records, lists without room are walked in turns, which takes 1684
-//! more for each tile of at most 4096.
+//! On a software device, for views of more than some 45,000 records, lists without room are walked in turns, which takes 2836
+//! more for each tile of at most 4096, and where textures have an alpha 2964.
 //!
 //! Nothing grows with pixels × triangles.
 

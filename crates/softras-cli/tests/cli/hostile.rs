@@ -19,7 +19,7 @@ const ENDLESS: Duration = Duration::from_secs(300);
 
 /// Runs the command, which must end in time, and returns what came of it and the most memory that it had.
 #[track_caller]
-fn bounded(folder: &Path, arguments: &[&str]) -> (Output, u64) {
+pub fn bounded(folder: &Path, arguments: &[&str]) -> (Output, u64) {
     let begin = Instant::now();
     let mut command = Command::new(env!("CARGO_BIN_EXE_softras"));
     let command = command.current_dir(folder).args(arguments).stdin(Stdio::null());
@@ -57,7 +57,7 @@ fn resident_peak(id: u32) -> u64 {
 
 /// The command is refused in time with a text that has all the parts.
 #[track_caller]
-fn refused(folder: &Path, arguments: &[&str], parts: &[&str]) {
+pub fn refused(folder: &Path, arguments: &[&str], parts: &[&str]) {
     let (output, _) = bounded(folder, arguments);
     let errors = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{arguments:?}: {errors}");
@@ -66,7 +66,7 @@ fn refused(folder: &Path, arguments: &[&str], parts: &[&str]) {
 }
 
 /// A scene of one triangle in world space, less one of its keys.
-fn scene_without(key: &str, npz: Npz) -> Npz {
+pub fn scene_without(key: &str, npz: Npz) -> Npz {
     let view = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 5.0, 0.0, 0.0, 0.0, 1.0];
     let vertices = [-1.0, -1.0, 0.0, 1.0, -1.0, 0.0, 0.0, 1.0, 0.0];
     let numbers: [(&str, &[usize], &[f64]); 6] = [
@@ -81,99 +81,8 @@ fn scene_without(key: &str, npz: Npz) -> Npz {
     others.fold(npz, |npz, (name, shape, values)| npz.f64(name, shape, values))
 }
 
-fn scene(npz: Npz) -> Npz {
+pub fn scene(npz: Npz) -> Npz {
     scene_without("", npz)
-}
-
-/// Half a gigabyte of zeros under a key that nobody asks for is not even read; asked for, it is refused.
-#[cfg(target_os = "linux")]
-#[test]
-fn large_arrays_are_read_only_when_they_are_needed() {
-    let folder = tempfile::tempdir().unwrap();
-    let zeros = vec![0u8; 1 << 29];
-    scene(Npz::deflated()).raw("junk", "|u1", false, &[1 << 29], &zeros).write(&folder.path().join("a.npz"));
-    assert!(fs::metadata(folder.path().join("a.npz")).unwrap().len() < 1 << 20);
-    let arguments = ["eval", "a.npz", "-o", "o.npz", "--device", "reference"];
-    let (output, peak) = bounded(folder.path(), &arguments);
-    let errors = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success() && errors.contains("not used: junk"), "{errors}");
-    assert!(peak < 1 << 28, "{} MiB", peak >> 20);
-    scene_without("fov_y", Npz::deflated())
-        .raw("fov_y", "|u1", false, &[1 << 29], &zeros)
-        .write(&folder.path().join("a.npz"));
-    refused(folder.path(), &arguments, &["a.npz", "fov_y", "--memory"]);
-    let little = [&arguments[..], &["--memory", "1k"]].concat();
-    scene(Npz::stored()).write(&folder.path().join("a.npz"));
-    refused(folder.path(), &little, &["rendering its scene", "--memory"]);
-    succeeds(folder.path(), &arguments);
-}
-
-/// What a file multiplies is counted before it is made: meshes by views, images by their sides.
-#[test]
-fn products_of_small_arrays_are_counted() {
-    let folder = tempfile::tempdir().unwrap();
-    let arguments = ["eval", "a.npz", "-o", "o.npz", "--device", "reference"];
-    let meshes = 3000;
-    let base = || Npz::deflated().f64("fov_y", &[], &[0.5]).i64("width", &[], &[1]).i64("height", &[], &[1]);
-    base()
-        .raw("vertices", "|u1", false, &[meshes, 3, 3], &vec![1; 9 * meshes])
-        .raw("triangles", "|u1", false, &[100_000, 3], &vec![2; 300_000])
-        .f64("view", &[4, 4], &[1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 5.0, 0.0, 0.0, 0.0, 1.0])
-        .write(&folder.path().join("a.npz"));
-    refused(folder.path(), &arguments, &["a mesh for each entry", "--memory"]);
-    let views = 50_000;
-    let identity = [1u8, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 5, 0, 0, 0, 1];
-    let many =
-        scene_without("view", Npz::deflated()).raw("view", "|u1", false, &[views, 4, 4], &identity.repeat(views));
-    many.write(&folder.path().join("a.npz"));
-    refused(folder.path(), &arguments, &["rendering its scene", "--memory"]);
-}
-
-fn large_picture(path: &Path) {
-    image::GrayImage::new(8192, 8192).save(path).unwrap();
-    assert!(fs::metadata(path).unwrap().len() < 1 << 20);
-}
-
-/// Pictures are counted before one is decoded.
-#[test]
-fn pictures_out_of_proportion_are_refused() {
-    let folder = tempfile::tempdir().unwrap();
-    large_picture(&folder.path().join("a.png"));
-    let entry = r#"{"file":"a.png","distance":3,"elevation":0,"azimuth":0}"#;
-    fs::write(folder.path().join("cameras.json"), format!("[{}]", [entry; 8].join(","))).unwrap();
-    succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
-    refused(folder.path(), &["fit", "--views", ".", "-o", "o.obj"], &["a.png", "67108864 pixels", "--memory"]);
-    refused(folder.path(), &["grad", "cube.obj", "--target", "a.png", "-o", "o.png"], &["a.png", "--memory"]);
-    refused(folder.path(), &["pose", "--mesh", "cube.obj", "--image", "a.png"], &["a.png", "--memory"]);
-}
-
-/// Every command that reads meshes counts them, and with them their materials and textures.
-#[test]
-fn meshes_are_counted_by_every_command() {
-    let folder = tempfile::tempdir().unwrap();
-    succeeds(folder.path(), &["mesh", "fish", "-o", "fish.obj"]);
-    image::RgbaImage::new(8, 8).save(folder.path().join("a.png")).unwrap();
-    for arguments in [
-        &["render", "fish.obj", "-o", "o.png"][..],
-        &["iou", "fish.obj", "fish.obj"],
-        &["bench", "fish.obj"],
-        &["grad", "fish.obj", "--target", "a.png", "-o", "o.png"],
-        &["pose", "--mesh", "fish.obj", "--image", "a.png"],
-        &["fit", "--from", "fish.obj", "-o", "o.obj"],
-        &["fit", "--from", "fish.obj", "--template", "fish.obj", "-o", "o.obj"],
-    ] {
-        let little = [arguments, &["--memory", "1M"]].concat();
-        refused(folder.path(), &little, &["fish.obj", "MiB of memory", "--memory"]);
-    }
-    // Room for one mesh of two, and for a mesh but not for its texture.
-    let iou = ["iou", "fish.obj", "fish.obj", "--memory"];
-    let bytes = fs::metadata(folder.path().join("fish.obj")).unwrap().len();
-    let (one, two) = ((24 * bytes + (1 << 16)).to_string(), "1G");
-    refused(folder.path(), &[&iou[..], &[&one]].concat(), &["fish.obj", "--memory"]);
-    succeeds(folder.path(), &[&iou[..], &[two]].concat());
-    let render = ["render", "fish.obj", "-o", "o.png", "--size", "8", "--strict", "--memory"];
-    refused(folder.path(), &[&render[..], &[&one]].concat(), &["fish_texture.png", "pixels"]);
-    succeeds(folder.path(), &[&render[..], &[two]].concat());
 }
 
 /// A pipe that nobody writes into, wherever a file is read.
@@ -398,36 +307,6 @@ fn enormous_numbers_are_told_in_few_digits_under_their_key() {
         let told = errors.contains(&format!("key `{key}`")) || errors.contains(&format!("settings: {key}"));
         assert!(output.status.code() == Some(1) && told && errors.len() < 300, "{key}: {errors}");
     }
-}
-
-/// Whatever memory the system allows a process, a mesh is read or refused: no allocation that a file decides ends the process.
-#[cfg(target_os = "linux")]
-#[test]
-fn a_mesh_is_read_or_refused_in_any_memory() {
-    use std::fmt::Write;
-    let folder = tempfile::tempdir().unwrap();
-    let (mut text, side) = (String::new(), 300);
-    (0..side * side).for_each(|i| writeln!(text, "v {} {} {}", i / side, i % side, i % 7).unwrap());
-    for corner in (1..side * (side - 1)).filter(|i| i % side != 0) {
-        writeln!(text, "f {corner} {} {} {}", corner + 1, corner + side + 1, corner + side).unwrap();
-    }
-    fs::write(folder.path().join("grid.obj"), text).unwrap();
-    let (mut read, mut refused) = (0, 0);
-    for kibibytes in (17_500..55_000).step_by(2_500) {
-        let limited = format!("ulimit -v {kibibytes}; exec \"$0\" iou grid.obj grid.obj --resolution 8");
-        let mut command = Command::new("sh");
-        let command = command.args(["-c", &limited, env!("CARGO_BIN_EXE_softras")]).current_dir(folder.path());
-        let output = command.output().unwrap();
-        let errors = String::from_utf8_lossy(&output.stderr);
-        match output.status.code() {
-            Some(0) => read += 1,
-            Some(1) if errors.contains("error: ") => refused += 1,
-            // The system could not even load the program.
-            Some(127) if errors.contains("error while loading shared libraries") => {}
-            code => panic!("{kibibytes} KiB: {code:?} {errors}"),
-        }
-    }
-    assert!(read > 3 && refused > 3, "{read} {refused}");
 }
 
 /// A concave face of thousands of corners, again and again, and as many triangles on top of each other.

@@ -9,6 +9,7 @@ mod fit;
 mod gradient;
 mod hostile;
 mod killed;
+mod memory;
 mod numpy;
 mod official;
 #[path = "../../../../tests/official/mod.rs"]
