@@ -163,6 +163,12 @@ FAULTS = [
      "!self.offset.is_multiple_of(alignment.min(4)) ||", [("embed", "alignment::")]),
     ("storage at any offset", "src/vulkan/descriptors.rs", "!buffer.offset().is_multiple_of(alignment.max(1))",
      "!buffer.offset().is_multiple_of(alignment.min(1))", [("embed", "alignment::")]),
+    ("renderer: a living frame is overwritten", "src/renderer/slot.rs", "Arc::strong_count(&self.owner) == 1",
+     "Arc::strong_count(&self.owner) <= 2", [("gradient", "living::")]),
+    ("renderer: living frames take no memory", "src/renderer/mod.rs", "bytes > most.saturating_sub(taken)", "bytes > most",
+     [("gradient", "living::living_frames_count")]),
+    ("renderer: many slots for ever", "src/renderer/mod.rs", "slot.used < recently", "slot.used < recently / 1000",
+     [("gradient", "living::memory_follows")]),
     ("validation: every message accepted", "src/vulkan/own/validation.rs", "id == *accepted && text.contains(about)",
      "id != *accepted || text.contains(about)", [("internals", "vulkan::a_missing_barrier")]),
 ]

@@ -1,6 +1,7 @@
 //! Backward of the simple API: from dL/dimages to the gradients by the scene, the cameras and the settings.
 
-use super::{Frame, Renderer, StageTime};
+use super::slot::Slot;
+use super::{Frame, Renderer, Shared, StageTime};
 use crate::embed::{Decoder, Differentiate, FramePlan, GradientBindings, GradientPlan};
 use crate::error::{Error, Result};
 use crate::frame::buffers::{BufferId, Role};
@@ -11,9 +12,8 @@ use crate::scene::{Camera, Lights, Settings};
 use crate::vulkan::{CommandBuffer, Context, TimestampPool};
 use std::sync::Arc;
 
-/// The input of a saved frame. Its buffers and tables are the renderer's.
+/// The input of a saved frame. Its buffers and tables are its slot's.
 pub(super) struct Saved {
-    pub id: u64,
     pub plan: Arc<FramePlan>,
     pub cameras: Vec<Camera>,
     pub settings: Settings,
@@ -43,86 +43,87 @@ impl State {
     pub(super) fn forget(&mut self) {
         self.recorded = None;
     }
+
+    /// The stages' times of the latest pass; empty without timestamps.
+    fn timings(&self, timed: bool) -> Result<Vec<StageTime>> {
+        let Some(times) = self.times.as_ref().filter(|_| timed) else {
+            return Ok(Vec::new());
+        };
+        let stamps = times.read(BACKWARD_TIMESTAMPS)?;
+        Ok(StageTime::between(&stamps, BackwardStage::ALL.map(BackwardStage::name)))
+    }
 }
 
-fn stale<T>(what: &str, fix: &str) -> Result<T> {
+fn refused<T>(what: &str, fix: &str) -> Result<T> {
     Err(Error::Backward { what: what.into(), fix: fix.into() })
 }
 
 impl Renderer {
     /// The wanted gradients of a loss, from its gradients by the frame's images.
     ///
-    /// The frame must be this renderer's latest one, rendered with [`Renderer::render_saved`]. It can be differentiated any number
-    /// of times. Gradients of a mesh are summed over its views. The same input gives the same bits.
+    /// The frame must be one of this renderer's, rendered with [`Renderer::render_saved`]. It can be differentiated any number of
+    /// times, and other frames rendered before and between. Gradients of a mesh are summed over its views. The same input gives
+    /// the same bits.
     ///
     /// # Errors
-    /// [`Error::Backward`] for a frame that was not saved, one that is not the latest, or an upstream
-    /// gradient that does not fit it; [`Error::NotFinite`] where single precision cannot hold the gradient; otherwise as
-    /// [`Renderer::render`].
+    /// [`Error::Backward`] for a frame that was not saved, one of another renderer, or an upstream gradient that does not fit
+    /// it; [`Error::NotFinite`] where single precision cannot hold the gradient; otherwise as [`Renderer::render`].
     pub fn backward(&mut self, frame: &Frame, upstream: &ImageGradient, wanted: &Wanted) -> Result<Gradients> {
-        let Some(id) = frame.saved else {
-            return stale("the frame was rendered for looking at only", "render it with Renderer::render_saved");
+        let Some(owner) = &frame.owner else {
+            return refused("the frame was rendered for looking at only", "render it with Renderer::render_saved");
         };
-        let Some(saved) = self.saved.take() else {
-            return stale("the frame's saved state is gone", "differentiate a frame before rendering the next");
+        let Some(at) = self.slots.iter().position(|slot| slot.is_owned_by(owner)) else {
+            return refused("another renderer made the frame", "differentiate a frame with the renderer that made it");
         };
-        let result = if saved.id == id {
-            self.backward_saved(&saved, upstream, wanted)
-        } else {
-            stale(
-                "the renderer has rendered another frame since, or never rendered this one",
-                "differentiate a frame with the renderer that made it, before that renders the next",
-            )
+        let Some(saved) = self.slots[at].saved.take() else {
+            return refused("the frame's saved state is gone", "render it again");
         };
-        self.saved = Some(saved);
+        let result = self.backward_saved(at, &saved, upstream, wanted);
+        self.slots[at].saved = Some(saved);
         result
     }
 
     /// Device time of every stage of the latest backward pass, in order; 0 for a stage that was not needed. Empty unless
     /// [`Renderer::time_stages`] asked for it, or where the queue has no timestamps.
-    ///
-    /// # Errors
-    /// [`Error::Vulkan`] without a backward pass before.
-    pub fn backward_timings(&self) -> Result<Vec<StageTime>> {
-        let Some(times) = self.backward.times.as_ref().filter(|_| self.timed) else {
-            return Ok(Vec::new());
-        };
-        let stamps = times.read(BACKWARD_TIMESTAMPS)?;
-        Ok(StageTime::between(&stamps, BackwardStage::ALL.map(BackwardStage::name)))
+    pub fn backward_timings(&self) -> &[StageTime] {
+        &self.backward_timings
     }
 
-    fn backward_saved(&mut self, saved: &Saved, upstream: &ImageGradient, wanted: &Wanted) -> Result<Gradients> {
+    fn backward_saved(
+        &mut self,
+        at: usize,
+        saved: &Saved,
+        upstream: &ImageGradient,
+        wanted: &Wanted,
+    ) -> Result<Gradients> {
         let s = &saved.settings;
-        let batch = saved.cameras.len();
-        upstream.validate(s.outputs, batch, s.height as usize, s.width as usize)?;
-        let plan = self.plan_backward(&saved.plan, s, upstream, wanted)?;
-        self.validate_memory(saved.plan.buffers().iter().chain(plan.buffers()))?;
-        for needed in plan.buffers() {
-            let reserved = self.buffers.reserve(&self.context, needed.entry(), needed.size);
-            if !matches!(reserved, Ok(false)) {
-                self.backward.forget();
-            }
-            reserved?;
-        }
-        self.write_upstream(upstream)?;
-        self.prepare_backward(&plan, wanted)?;
-        self.backward.commands.submit_and_wait()?;
+        upstream.validate(s.outputs, saved.cameras.len(), s.height as usize, s.width as usize)?;
+        let plan = self.slots[at].plan_backward(&self.shared, &saved.plan, s, upstream, wanted)?;
+        self.with_room(at, |slot, shared, taken| slot.make_room_backward(shared, &saved.plan, &plan, taken))?;
+        let slot = &mut self.slots[at];
+        slot.write_upstream(upstream)?;
+        slot.prepare_backward(&self.shared, &plan, wanted, self.timed)?;
+        slot.backward.commands.submit_and_wait()?;
+        self.backward_timings = slot.backward.timings(self.timed)?;
         let decoder = Decoder {
             frame: &saved.plan,
             plan: &plan,
             wanted,
-            tables: &self.inputs.tables,
+            tables: &slot.inputs.tables,
             cameras: &saved.cameras,
             settings: &saved.settings,
             lights: &saved.lights,
         };
-        let contents = self.buffers.contents()?;
+        let contents = slot.buffers.contents()?;
         decoder.decode_floats(&|id, count| contents.floats(id, count))
     }
+}
 
+impl Slot {
     /// The last plan if nothing that it depends on has changed, else a new one.
     fn plan_backward(
         &mut self,
+        shared: &Shared,
         frame: &Arc<FramePlan>,
         settings: &Settings,
         upstream: &ImageGradient,
@@ -150,9 +151,28 @@ impl Renderer {
         {
             return Ok(plan.clone());
         }
-        let plan = Arc::new(self.rasterizer.plan_backward(frame, &differentiate)?);
+        let plan = Arc::new(shared.rasterizer.plan_backward(frame, &differentiate)?);
         self.backward.planned = Some((frame.clone(), differentiate, plan.clone()));
         Ok(plan)
+    }
+
+    /// Makes every buffer of the pass large enough, where `taken` bytes of the memory are other frames'.
+    fn make_room_backward(
+        &mut self,
+        shared: &Shared,
+        frame: &FramePlan,
+        plan: &GradientPlan,
+        taken: u64,
+    ) -> Result<()> {
+        shared.validate_memory(frame.buffers().iter().chain(plan.buffers()), taken)?;
+        for needed in plan.buffers() {
+            let reserved = self.buffers.reserve(&shared.context, needed.entry(), needed.size);
+            if !matches!(reserved, Ok(false)) {
+                self.backward.forget();
+            }
+            reserved?;
+        }
+        Ok(())
     }
 
     fn write_upstream(&mut self, upstream: &ImageGradient) -> Result<()> {
@@ -184,19 +204,25 @@ impl Renderer {
     }
 
     /// Records the pass's commands unless they are recorded already.
-    fn prepare_backward(&mut self, plan: &Arc<GradientPlan>, wanted: &Wanted) -> Result<()> {
+    fn prepare_backward(
+        &mut self,
+        shared: &Shared,
+        plan: &Arc<GradientPlan>,
+        wanted: &Wanted,
+        timed: bool,
+    ) -> Result<()> {
         let same =
             |(recorded, _): &(Arc<GradientPlan>, GradientBindings)| Arc::ptr_eq(recorded, plan) || recorded == plan;
         if self.backward.recorded.as_ref().is_some_and(same) {
             return Ok(());
         }
         let Some((_, frame)) = &self.recorded else {
-            return stale("the frame's commands are gone", "render it again");
+            return refused("the frame's commands are gone", "render it again");
         };
         let parts = self.buffers.parts(plan.buffers().iter().map(|b| b.id))?;
-        let bindings = self.rasterizer.bind_backward_parts(plan, &parts, frame)?;
-        let (rasterizer, buffers) = (&self.rasterizer, &self.buffers);
-        let times = self.backward.times.as_ref().filter(|_| self.timed);
+        let bindings = shared.rasterizer.bind_backward_parts(plan, &parts, frame)?;
+        let (rasterizer, buffers) = (&shared.rasterizer, &self.buffers);
+        let times = self.backward.times.as_ref().filter(|_| timed);
         self.backward.recorded = None;
         self.backward.commands.record(|recorder| {
             if let Some(times) = times {

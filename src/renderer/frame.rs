@@ -6,6 +6,7 @@ use crate::image::Image;
 #[cfg(doc)]
 use crate::scene::Outputs;
 use crate::scene::Settings;
+use std::sync::Arc;
 
 /// The time of one stage on the device.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,7 +40,7 @@ pub struct FrameCounts {
     pub backward_dispatches: u32,
 }
 
-/// One rendered batch.
+/// One rendered batch. A saved one keeps its buffers on the device until it and its clones are dropped.
 #[derive(Clone, Debug)]
 pub struct Frame {
     color: Option<Image>,
@@ -47,8 +48,8 @@ pub struct Frame {
     depth: Option<Image>,
     normal: Option<Image>,
     timings: Vec<StageTime>,
-    /// Its number among the frames of the process, if the renderer kept what backward needs.
-    pub(super) saved: Option<u64>,
+    /// The owner of the renderer's slot that keeps what backward needs; `None` for a frame that was not saved.
+    pub(super) owner: Option<Arc<()>>,
 }
 
 impl Frame {
@@ -80,20 +81,24 @@ impl Frame {
 }
 
 impl Frame {
+    /// The frame with what keeps its slot for it.
+    pub(super) fn owning(self, owner: Arc<()>) -> Self {
+        Self { owner: Some(owner), ..self }
+    }
+
     /// Copies the images that the settings ask for out of their buffers.
     pub(super) fn download(
         buffers: &Contents<'_>,
         batch: usize,
         settings: &Settings,
         timings: Vec<StageTime>,
-        saved: Option<u64>,
     ) -> Result<Self> {
         let outputs = settings.outputs;
         let (height, width) = (settings.height as usize, settings.width as usize);
         let pixels = batch * height * width;
         let image = |channels: usize, data: Vec<f32>| Some(Image { batch, height, width, channels, data });
         let texels = |id: BufferId| buffers.floats(id, 4 * pixels).map(|floats| floats.as_chunks::<4>().0);
-        let mut frame = Self { color: None, silhouette: None, depth: None, normal: None, timings, saved };
+        let mut frame = Self { color: None, silhouette: None, depth: None, normal: None, timings, owner: None };
         if outputs.color {
             let texels = texels(BufferId::Color)?;
             let (rgb, alpha) = split(texels, outputs.silhouette);

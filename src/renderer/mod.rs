@@ -3,21 +3,18 @@
 mod backward;
 mod frame;
 pub(crate) mod parts;
+mod slot;
 mod upload;
 
 pub use frame::{Frame, FrameCounts, StageTime};
 
 use crate::constants as c;
-use crate::embed::{BufferRequirement, FrameBindings, FramePlan, Inputs, Rasterizer, Shape, Status};
+use crate::embed::{BufferRequirement, Rasterizer, Shape};
 use crate::error::{Error, Result};
-use crate::frame::buffers::{BufferId, BufferSet, Entry, Role};
-use crate::frame::passes::{FORWARD_TIMESTAMPS, ForwardStage};
 use crate::frame::plan::Capacity;
 use crate::scene::{Camera, Scene, Settings};
-use crate::vulkan::{CacheFolder, CommandBuffer, Context, ContextOptions, DeviceInfo, Loader, TimestampPool};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
-use upload::Uploads;
+use crate::vulkan::{CacheFolder, Context, ContextOptions, DeviceInfo, Loader};
+use slot::Slot;
 
 /// How to open a renderer.
 #[derive(Clone, Debug, Default)]
@@ -40,31 +37,25 @@ pub struct RendererOptions {
     pub cache: CacheFolder,
     /// The Vulkan loader; `None`: the system's.
     pub loader: Option<Loader>,
-    /// The most bytes of device memory that the buffers of a frame with its gradients, or of a step of a fit, may take. What
-    /// needs more is refused with [`Error::OutOfMemory`], as by a device that has no more; `None`: what the device has.
+    /// The most bytes of device memory that the buffers of a frame with its gradients, with those of all saved frames that
+    /// live, or of a step of a fit, may take. What needs more is refused with [`Error::OutOfMemory`], as by a device that has no more; `None`: what the device has.
     pub memory: Option<u64>,
 }
 
-/// Numbers the saved frames of all renderers of the process, so that no renderer takes another's frame for its own.
-static FRAMES: AtomicU64 = AtomicU64::new(0);
-
-/// A device with the buffers, kernels and commands of a frame, which are kept from frame to frame.
+/// A device with the buffers, kernels and commands of frames, which are kept from frame to frame.
+///
+/// A saved frame ([`Renderer::render_saved`]) owns what [`Renderer::backward`] reads for as long as it or a clone of it lives, so
+/// several can be differentiated in any order; each takes device memory of its own. What dropped frames had is used again.
 pub struct Renderer {
-    rasterizer: Rasterizer,
-    /// The latest plan, and the settings that it was made for.
-    planned: Option<(Settings, Arc<FramePlan>)>,
-    recorded: Option<(Arc<FramePlan>, FrameBindings)>,
-    backward: backward::State,
-    /// The latest frame, if it was saved.
-    saved: Option<backward::Saved>,
-    /// Whether the recorded commands were the last to write to the buffers, and made a frame.
-    finished: bool,
-    commands: CommandBuffer,
-    times: Option<TimestampPool>,
+    shared: Shared,
+    /// At least one. A frame is rendered with the first that no living saved frame owns.
+    slots: Vec<Slot>,
+    /// The slot of the latest frame.
+    latest: usize,
+    /// The frames rendered so far.
+    rendered: u64,
     timed: bool,
-    inputs: Inputs,
-    uploads: Uploads,
-    buffers: BufferSet,
+    backward_timings: Vec<StageTime>,
     /// The capacity of the first frame, until it is rendered.
     initial: Option<Capacity>,
     /// What the frames so far had or would have needed.
@@ -72,9 +63,14 @@ pub struct Renderer {
     /// Whether lists are walked that have no room: once a frame has needed more than the device can hold. The kernels for it
     /// take as long to compile as all others together, so that a frame that has too little room is rendered again instead.
     walked: bool,
+}
+
+/// What all frames of a renderer share.
+struct Shared {
+    rasterizer: Rasterizer,
+    context: Context,
     /// As [`RendererOptions::memory`].
     memory: Option<u64>,
-    context: Context,
 }
 
 impl std::fmt::Debug for Renderer {
@@ -116,50 +112,43 @@ impl Renderer {
         if let Some(lanes) = options.lanes {
             rasterizer = rasterizer.with_lanes(lanes)?;
         }
+        let shared = Shared { rasterizer, context, memory: options.memory };
         Ok(Self {
-            rasterizer,
-            planned: None,
-            recorded: None,
-            backward: backward::State::new(&context)?,
-            saved: None,
-            finished: false,
-            commands: CommandBuffer::new(&context, "softras frame")?,
-            times: TimestampPool::new(context.device(), context.queue_family(), FORWARD_TIMESTAMPS)?,
+            slots: vec![Slot::new(&shared.context)?],
+            shared,
+            latest: 0,
+            rendered: 0,
             timed: false,
-            inputs: Inputs::default(),
-            uploads: Uploads::new(&context)?,
-            buffers: BufferSet::default(),
+            backward_timings: Vec::new(),
             initial: options.capacity,
             walked: options.capacity.is_some(),
             capacity: None,
-            memory: options.memory,
-            context,
         })
     }
 
     /// The device's name, as its driver reports it.
     pub fn device_name(&self) -> &str {
-        &self.context.info().name
+        &self.shared.context.info().name
     }
 
     /// The device with its limits and properties.
     pub fn device_info(&self) -> &DeviceInfo {
-        self.context.info()
+        self.shared.context.info()
     }
 
     /// The device, its memory and its queue, for fitting, which shares them.
     pub(crate) fn context(&self) -> &Context {
-        &self.context
+        &self.shared.context
     }
 
     /// The messages of the validation layers so far; empty without validation.
     pub fn validation_messages(&self) -> Vec<String> {
-        self.context.validation_messages()
+        self.shared.context.validation_messages()
     }
 
     /// Bytes of device memory that the renderer holds.
     pub fn device_bytes(&self) -> u64 {
-        self.buffers.bytes()
+        self.slots.iter().map(|slot| slot.buffers.bytes()).sum()
     }
 
     /// Turns timings of the stages on or off for the following frames ([`Frame::timings`],
@@ -168,7 +157,7 @@ impl Renderer {
     pub fn time_stages(&mut self, on: bool) {
         if self.timed != on {
             self.timed = on;
-            self.forget();
+            self.slots.iter_mut().for_each(Slot::forget);
         }
     }
 
@@ -177,13 +166,14 @@ impl Renderer {
     /// # Errors
     /// [`Error::Vulkan`] before the first frame.
     pub fn frame_counts(&self) -> Result<FrameCounts> {
-        let needed = self.status()?.needed;
+        let slot = &self.slots[self.latest];
+        let needed = slot.status()?.needed;
         Ok(FrameCounts {
             list_entries: needed.list.into(),
             forward_pairs: u64::from(needed.list) * u64::from(c::TILE_WIDTH * c::TILE_HEIGHT),
-            uploaded_bytes: self.uploads.bytes,
-            dispatches: self.commands.dispatches(),
-            backward_dispatches: self.backward.commands.dispatches(),
+            uploaded_bytes: slot.uploads.bytes,
+            dispatches: slot.commands.dispatches(),
+            backward_dispatches: slot.backward.commands.dispatches(),
         })
     }
 
@@ -198,19 +188,14 @@ impl Renderer {
     /// [`Error::Vulkan`].
     pub fn render(&mut self, scene: &Scene, cameras: &[Camera], settings: &Settings) -> Result<Frame> {
         let mut shape = Shape::of(scene, cameras, settings)?;
-        self.saved = None;
-        self.uploads.bytes = 0;
         let estimated = |kept: Capacity| kept.max(Capacity::estimate(settings, shape.cutoff, &shape.view_sizes()));
         shape.capacity = self.initial.take().or(self.capacity.map(estimated));
+        self.latest = self.take_slot(&shape, settings)?;
         let plan = loop {
-            let plan = self.plan(&shape, settings)?;
-            self.make_room(&plan)?;
-            self.write_inputs(scene, cameras, settings, &plan)?;
-            self.prepare(&plan)?;
-            self.uploads.record(&self.buffers)?;
-            self.commands.submit_and_wait_after(self.uploads.commands())?;
-            self.uploads.done();
-            let status = self.status()?;
+            let plan = self.slots[self.latest].plan(&self.shared, &shape, settings, self.walked)?;
+            self.with_room(self.latest, |slot, shared, taken| slot.make_room(shared, &plan, taken))?;
+            let slot = &mut self.slots[self.latest];
+            let status = slot.execute(&self.shared, scene, cameras, settings, &plan, self.timed)?;
             let larger = status.validate(&plan)?;
             if status.is_complete(&plan) {
                 // The next frame of this kind has room for what this one needed.
@@ -221,20 +206,23 @@ impl Renderer {
             self.walked = larger.is_none();
             shape.capacity = larger.or(shape.capacity);
         };
-        self.finished = true;
-        let saved = settings.save.then(|| FRAMES.fetch_add(1, Ordering::Relaxed));
-        let frame = Frame::download(&self.buffers.contents()?, cameras.len(), settings, self.timings()?, saved)?;
-        self.saved = saved.map(|id| backward::Saved {
-            id,
+        let slot = &mut self.slots[self.latest];
+        slot.finished = true;
+        let frame = Frame::download(&slot.buffers.contents()?, cameras.len(), settings, slot.timings(self.timed)?)?;
+        if !settings.save {
+            return Ok(frame);
+        }
+        let lights = scene.lights.clone();
+        Ok(frame.owning(slot.save(backward::Saved {
             plan,
             cameras: cameras.to_vec(),
             settings: settings.clone(),
-            lights: scene.lights.clone(),
-        });
-        Ok(frame)
+            lights,
+        })))
     }
 
-    /// As [`Renderer::render`], and keeps what [`Renderer::backward`] needs of the frame, whatever [`Settings::save`] says.
+    /// As [`Renderer::render`], and keeps what [`Renderer::backward`] needs of the frame for as long as the frame or a clone of it
+    /// lives, whatever [`Settings::save`] says.
     ///
     /// # Errors
     /// As [`Renderer::render`].
@@ -242,122 +230,70 @@ impl Renderer {
         self.render(scene, cameras, &Settings { save: true, ..settings.clone() })
     }
 
-    /// The last plan if nothing that it depends on has changed, else a new one.
-    fn plan(&mut self, shape: &Shape, settings: &Settings) -> Result<Arc<FramePlan>> {
-        if let Some((planned_for, plan)) = &self.planned
-            && planned_for == settings
-            && plan.is_of(shape, self.walked)
-        {
-            return Ok(plan.clone());
+    /// The slot for the next frame, which no living frame owns: one that held a frame of the same plan, if there is one.
+    fn take_slot(&mut self, shape: &Shape, settings: &Settings) -> Result<usize> {
+        self.rendered += 1;
+        let walked = self.walked;
+        let same = |slot: &Slot| slot.is_free() && slot.is_planned(shape, settings, walked);
+        let found = self.slots.iter().position(same).or_else(|| self.slots.iter().position(Slot::is_free));
+        let at = found.map_or_else(
+            || {
+                self.slots.push(Slot::new(&self.shared.context)?);
+                Ok(self.slots.len() - 1)
+            },
+            Ok,
+        )?;
+        self.slots[at].used = self.rendered;
+        // A loop that keeps some frames of each turn alive uses as many slots again; slots that it does not use are dropped.
+        let recently = self.rendered.saturating_sub(2 * self.slots.len() as u64);
+        while self.slots.last().is_some_and(|slot| slot.is_free() && slot.used < recently) {
+            self.slots.pop();
         }
-        let plan = Arc::new(self.rasterizer.plan_walked(shape, settings, self.walked)?);
-        self.planned = Some((settings.clone(), plan.clone()));
-        Ok(plan)
+        Ok(at)
     }
 
-    /// Makes every buffer of the plan large enough.
-    fn make_room(&mut self, plan: &FramePlan) -> Result<()> {
-        self.validate_memory(plan.buffers())?;
-        plan.buffers().iter().try_for_each(|needed| self.reserve(needed.entry(), needed.size))
+    /// Makes room for a frame in its slot, given the bytes that the slots of other living frames take. Where there is too little
+    /// memory, the slots of dropped frames give up theirs.
+    fn with_room<T>(&mut self, at: usize, mut make: impl FnMut(&mut Slot, &Shared, u64) -> Result<T>) -> Result<T> {
+        let others = || (0..).zip(&self.slots).filter(|(i, slot)| *i != at && !slot.is_free());
+        let taken = others().map(|(_, slot)| slot.buffers.bytes()).sum();
+        match make(&mut self.slots[at], &self.shared, taken) {
+            Err(Error::OutOfMemory { .. }) if self.release_free(at) => make(&mut self.slots[at], &self.shared, taken),
+            result => result,
+        }
+    }
+
+    /// Frees the memory of every slot but one whose frame was dropped. Returns whether there was any.
+    fn release_free(&mut self, but: usize) -> bool {
+        let mut any = false;
+        for (_, slot) in self.slots.iter_mut().enumerate().filter(|(i, slot)| *i != but && slot.is_free()) {
+            any |= slot.buffers.bytes() > 0;
+            slot.release();
+        }
+        any
     }
 
     /// Refuses buffers that together exceed [`RendererOptions::memory`].
     pub(crate) fn validate_memory<'a>(&self, buffers: impl IntoIterator<Item = &'a BufferRequirement>) -> Result<()> {
+        self.shared.validate_memory(buffers, 0)
+    }
+}
+
+impl Shared {
+    /// Refuses buffers that with the bytes that are taken exceed [`RendererOptions::memory`].
+    fn validate_memory<'a>(&self, buffers: impl IntoIterator<Item = &'a BufferRequirement>, taken: u64) -> Result<()> {
         let bytes = buffers.into_iter().map(|buffer| buffer.size).sum();
+        let fix = match taken {
+            0 => "allow more, or render smaller images, fewer triangles or fewer cameras at once",
+            _ => "allow more, or drop saved frames, which keep their memory",
+        };
         match self.memory {
-            Some(most) if bytes > most => Err(Error::OutOfMemory {
-                what: format!("a frame, which may have {most} bytes"),
+            Some(most) if bytes > most.saturating_sub(taken) => Err(Error::OutOfMemory {
+                what: format!("a frame, which may have {} bytes", most.saturating_sub(taken)),
                 bytes,
-                fix: "allow more, or render smaller images, fewer triangles or fewer cameras at once".into(),
+                fix: fix.into(),
             }),
             _ => Ok(()),
         }
-    }
-
-    /// Makes a buffer large enough. If the old one is gone, forgets the commands recorded with it.
-    fn reserve(&mut self, entry: Entry<BufferId>, size: u64) -> Result<()> {
-        let reserved = self.buffers.reserve(&self.context, entry, size);
-        if !matches!(reserved, Ok(false)) {
-            self.uploads.stale.note(entry.id, true);
-            self.forget();
-        }
-        reserved.map(drop)
-    }
-
-    /// Forgets the recorded commands.
-    fn forget(&mut self) {
-        self.recorded = None;
-        self.backward.forget();
-        self.uploads.forget();
-    }
-
-    /// Writes the inputs whose bytes on the device differ.
-    fn write_inputs(
-        &mut self,
-        scene: &Scene,
-        cameras: &[Camera],
-        settings: &Settings,
-        plan: &Arc<FramePlan>,
-    ) -> Result<()> {
-        // The buffers still hold the last frame's images if that frame succeeded and had the same commands.
-        self.inputs.background_kept = std::mem::take(&mut self.finished) && self.is_recorded(plan);
-        self.uploads.stale = self.uploads.stale.or(self.inputs.update(scene, cameras, settings, plan));
-        for (id, bytes) in self.inputs.all() {
-            if self.uploads.stale.has(id) && plan.buffer(id).is_some() {
-                self.buffers.write(id, bytes)?;
-                self.uploads.wrote(id, bytes.len());
-            }
-        }
-        Ok(())
-    }
-
-    /// Whether the recorded commands are the plan's. They depend on its sizes and constants only, not on the shape that it
-    /// was made for.
-    fn is_recorded(&self, plan: &Arc<FramePlan>) -> bool {
-        let same = |(recorded, _): &(Arc<FramePlan>, FrameBindings)| {
-            Arc::ptr_eq(recorded, plan) || recorded.forward == plan.forward
-        };
-        self.recorded.as_ref().is_some_and(same)
-    }
-
-    /// Records the frame's commands unless they are recorded already.
-    fn prepare(&mut self, plan: &Arc<FramePlan>) -> Result<()> {
-        if self.is_recorded(plan) {
-            return Ok(());
-        }
-        self.recorded = None;
-        let bindings = self.rasterizer.bind_parts(plan, self.buffers.parts(plan.buffers().iter().map(|b| b.id))?)?;
-        let (rasterizer, buffers) = (&self.rasterizer, &self.buffers);
-        let times = self.times.as_ref().filter(|_| self.timed);
-        let is_bound = |entry: Entry<BufferId>, role: Role| entry.role == role && plan.buffer(entry.id).is_some();
-        self.commands.record(|recorder| {
-            if let Some(times) = times {
-                recorder.reset_timestamps(times)?;
-            }
-            rasterizer.forward(recorder, plan, &bindings, times)?;
-            for (entry, buffer) in buffers.shared() {
-                if is_bound(entry, Role::Output) {
-                    buffer.record_download(recorder)?;
-                }
-            }
-            recorder.barrier_to_host();
-            Ok(())
-        })?;
-        self.recorded = Some((plan.clone(), bindings));
-        Ok(())
-    }
-
-    fn status(&self) -> Result<Status> {
-        let mut status = [0; Status::BYTES];
-        self.buffers.read(BufferId::Status, &mut status)?;
-        Ok(Status::from_bytes(&status))
-    }
-
-    fn timings(&self) -> Result<Vec<StageTime>> {
-        let Some(times) = self.times.as_ref().filter(|_| self.timed) else {
-            return Ok(Vec::new());
-        };
-        let stamps = times.read(FORWARD_TIMESTAMPS)?;
-        Ok(StageTime::between(&stamps, ForwardStage::ALL.map(ForwardStage::name)))
     }
 }

@@ -7,6 +7,7 @@ mod agreement;
 mod common;
 mod hazards;
 mod helpers;
+mod living;
 mod opacity;
 mod repeat;
 mod room;

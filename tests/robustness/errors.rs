@@ -393,7 +393,7 @@ fn frames_of_other_renderers() {
     let upstream = ImageGradient::silhouette(silhouette);
     for (own, other) in [(0, 1), (1, 0)] {
         let result = renderers[own].backward(&frames[other], &upstream, &Wanted::default());
-        let error = assert_says(result, &["backward", "never rendered this one", "the renderer that made it"]);
+        let error = assert_says(result, &["backward", "another renderer", "the renderer that made it"]);
         assert!(matches!(error, Error::Backward { .. }));
         renderers[own].backward(&frames[own], &upstream, &Wanted::default()).unwrap();
     }

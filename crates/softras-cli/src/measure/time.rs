@@ -87,7 +87,7 @@ pub fn times(
     for run in 0..=repeats.div_ceil(2) {
         let frame = renderer.render(&scenes[run % 2], cameras, &save)?;
         renderer.backward(&frame, &upstream, &wanted)?;
-        let stages = renderer.backward_timings()?;
+        let stages = renderer.backward_timings().to_vec();
         frame_stages.push([frame.timings(), &stages].concat());
         backward_stages.push(stages);
     }

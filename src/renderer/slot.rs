@@ -1,0 +1,219 @@
+//! The device's state of one frame: its buffers, its commands, and which inputs the device has already.
+
+use super::Shared;
+use super::backward::{Saved, State};
+use super::frame::StageTime;
+use super::upload::Uploads;
+use crate::embed::{FrameBindings, FramePlan, Inputs, Shape, Status};
+use crate::error::Result;
+use crate::frame::buffers::{BufferId, BufferSet, Entry, Role};
+use crate::frame::pack::Changes;
+use crate::frame::passes::{FORWARD_TIMESTAMPS, ForwardStage};
+use crate::scene::{Camera, Scene, Settings};
+use crate::vulkan::{CommandBuffer, Context, TimestampPool};
+use std::sync::Arc;
+
+/// Holds one frame at a time.
+pub(super) struct Slot {
+    /// Shared with the saved frame in this slot and its clones.
+    owner: Arc<()>,
+    /// The number of the renderer's frame that it was last used for.
+    pub used: u64,
+    /// The latest plan, and the settings that it was made for.
+    planned: Option<(Settings, Arc<FramePlan>)>,
+    pub recorded: Option<(Arc<FramePlan>, FrameBindings)>,
+    pub backward: State,
+    /// The input of its frame, if that was saved.
+    pub saved: Option<Saved>,
+    /// Whether the recorded commands were the last to write to the buffers, and made a frame.
+    pub finished: bool,
+    pub commands: CommandBuffer,
+    times: Option<TimestampPool>,
+    pub inputs: Inputs,
+    pub uploads: Uploads,
+    pub buffers: BufferSet,
+}
+
+impl Slot {
+    pub(super) fn new(context: &Context) -> Result<Self> {
+        Ok(Self {
+            owner: Arc::default(),
+            used: 0,
+            planned: None,
+            recorded: None,
+            backward: State::new(context)?,
+            saved: None,
+            finished: false,
+            commands: CommandBuffer::new(context, "softras frame")?,
+            times: TimestampPool::new(context.device(), context.queue_family(), FORWARD_TIMESTAMPS)?,
+            inputs: Inputs::default(),
+            uploads: Uploads::new(context)?,
+            buffers: BufferSet::default(),
+        })
+    }
+
+    /// Whether no living frame owns it.
+    pub(super) fn is_free(&self) -> bool {
+        Arc::strong_count(&self.owner) == 1
+    }
+
+    /// Whether this owner is a frame's that it holds.
+    pub(super) fn is_owned_by(&self, owner: &Arc<()>) -> bool {
+        Arc::ptr_eq(&self.owner, owner)
+    }
+
+    /// Keeps the frame for backward, until every clone of the returned owner is dropped.
+    pub(super) fn save(&mut self, saved: Saved) -> Arc<()> {
+        self.saved = Some(saved);
+        self.owner.clone()
+    }
+
+    /// Frees the buffers.
+    pub(super) fn release(&mut self) {
+        self.forget();
+        self.planned = None;
+        self.saved = None;
+        self.finished = false;
+        self.inputs = Inputs::default();
+        self.uploads.stale = Changes::ALL;
+        self.buffers = BufferSet::default();
+    }
+
+    /// Whether the latest plan is the one of this frame.
+    pub(super) fn is_planned(&self, shape: &Shape, settings: &Settings, walked: bool) -> bool {
+        self.planned.as_ref().is_some_and(|(of, plan)| of == settings && plan.is_of(shape, walked))
+    }
+
+    /// The latest plan if nothing that it depends on has changed, else a new one.
+    pub(super) fn plan(
+        &mut self,
+        shared: &Shared,
+        shape: &Shape,
+        settings: &Settings,
+        walked: bool,
+    ) -> Result<Arc<FramePlan>> {
+        self.saved = None;
+        if let Some((planned_for, plan)) = &self.planned
+            && planned_for == settings
+            && plan.is_of(shape, walked)
+        {
+            return Ok(plan.clone());
+        }
+        let plan = Arc::new(shared.rasterizer.plan_walked(shape, settings, walked)?);
+        self.planned = Some((settings.clone(), plan.clone()));
+        Ok(plan)
+    }
+
+    /// Makes every buffer of the plan large enough, where `taken` bytes of the memory are other frames'.
+    pub(super) fn make_room(&mut self, shared: &Shared, plan: &FramePlan, taken: u64) -> Result<()> {
+        shared.validate_memory(plan.buffers(), taken)?;
+        plan.buffers().iter().try_for_each(|needed| self.reserve(&shared.context, needed.entry(), needed.size))
+    }
+
+    /// Makes a buffer large enough. If the old one is gone, forgets the commands recorded with it.
+    fn reserve(&mut self, context: &Context, entry: Entry<BufferId>, size: u64) -> Result<()> {
+        let reserved = self.buffers.reserve(context, entry, size);
+        if !matches!(reserved, Ok(false)) {
+            self.uploads.stale.note(entry.id, true);
+            self.forget();
+        }
+        reserved.map(drop)
+    }
+
+    /// Forgets the recorded commands.
+    pub(super) fn forget(&mut self) {
+        self.recorded = None;
+        self.backward.forget();
+        self.uploads.forget();
+    }
+
+    /// Renders a frame whose buffers have room, and waits for it.
+    pub(super) fn execute(
+        &mut self,
+        shared: &Shared,
+        scene: &Scene,
+        cameras: &[Camera],
+        settings: &Settings,
+        plan: &Arc<FramePlan>,
+        timed: bool,
+    ) -> Result<Status> {
+        self.uploads.bytes = 0;
+        self.write_inputs(scene, cameras, settings, plan)?;
+        self.prepare(shared, plan, timed)?;
+        self.uploads.record(&self.buffers)?;
+        self.commands.submit_and_wait_after(self.uploads.commands())?;
+        self.uploads.done();
+        self.status()
+    }
+
+    /// Writes the inputs whose bytes on the device differ.
+    fn write_inputs(
+        &mut self,
+        scene: &Scene,
+        cameras: &[Camera],
+        settings: &Settings,
+        plan: &Arc<FramePlan>,
+    ) -> Result<()> {
+        // The buffers still hold the last frame's images if that frame succeeded and had the same commands.
+        self.inputs.background_kept = std::mem::take(&mut self.finished) && self.is_recorded(plan);
+        self.uploads.stale = self.uploads.stale.or(self.inputs.update(scene, cameras, settings, plan));
+        for (id, bytes) in self.inputs.all() {
+            if self.uploads.stale.has(id) && plan.buffer(id).is_some() {
+                self.buffers.write(id, bytes)?;
+                self.uploads.wrote(id, bytes.len());
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether the recorded commands are the plan's. They depend on its sizes and constants only, not on the shape that it
+    /// was made for.
+    fn is_recorded(&self, plan: &Arc<FramePlan>) -> bool {
+        let same = |(recorded, _): &(Arc<FramePlan>, FrameBindings)| {
+            Arc::ptr_eq(recorded, plan) || recorded.forward == plan.forward
+        };
+        self.recorded.as_ref().is_some_and(same)
+    }
+
+    /// Records the frame's commands unless they are recorded already.
+    fn prepare(&mut self, shared: &Shared, plan: &Arc<FramePlan>, timed: bool) -> Result<()> {
+        if self.is_recorded(plan) {
+            return Ok(());
+        }
+        self.recorded = None;
+        let bindings = shared.rasterizer.bind_parts(plan, self.buffers.parts(plan.buffers().iter().map(|b| b.id))?)?;
+        let (rasterizer, buffers) = (&shared.rasterizer, &self.buffers);
+        let times = self.times.as_ref().filter(|_| timed);
+        let is_bound = |entry: Entry<BufferId>, role: Role| entry.role == role && plan.buffer(entry.id).is_some();
+        self.commands.record(|recorder| {
+            if let Some(times) = times {
+                recorder.reset_timestamps(times)?;
+            }
+            rasterizer.forward(recorder, plan, &bindings, times)?;
+            for (entry, buffer) in buffers.shared() {
+                if is_bound(entry, Role::Output) {
+                    buffer.record_download(recorder)?;
+                }
+            }
+            recorder.barrier_to_host();
+            Ok(())
+        })?;
+        self.recorded = Some((plan.clone(), bindings));
+        Ok(())
+    }
+
+    pub(super) fn status(&self) -> Result<Status> {
+        let mut status = [0; Status::BYTES];
+        self.buffers.read(BufferId::Status, &mut status)?;
+        Ok(Status::from_bytes(&status))
+    }
+
+    /// The stages' times of the latest frame; empty without timestamps.
+    pub(super) fn timings(&self, timed: bool) -> Result<Vec<StageTime>> {
+        let Some(times) = self.times.as_ref().filter(|_| timed) else {
+            return Ok(Vec::new());
+        };
+        let stamps = times.read(FORWARD_TIMESTAMPS)?;
+        Ok(StageTime::between(&stamps, ForwardStage::ALL.map(ForwardStage::name)))
+    }
+}
