@@ -1,0 +1,61 @@
+"""softras: a differentiable soft mesh rasterizer (Liu et al., "Soft Rasterizer", ICCV 2019) on any Vulkan device.
+
+`softras.Renderer` renders meshes to numpy arrays and differentiates a loss on these images. `softras.torch` does so within
+torch's autograd, and `softras.soft_renderer` has the official package's interface. World space is right-handed with y up,
+row 0 of an image is its top, colours are linear, and the same input gives the same bits.
+"""
+
+from __future__ import annotations
+
+from . import errors, reference, shapes
+from ._softras import (
+    Camera,
+    Frame,
+    Gradients,
+    Mesh,
+    MeshGradients,
+    Renderer,
+    blurred_mask,
+    iou,
+    is_closed,
+    load,
+    mask_iou,
+    remesh,
+    voxelize,
+)
+from .errors import Error
+from .fitting import FitResult, Pose, fit, pose
+from .rendering import backward, default_renderer, render
+from .settings import DirectionalLight, Lights, Settings
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "Camera",
+    "DirectionalLight",
+    "Error",
+    "FitResult",
+    "Frame",
+    "Gradients",
+    "Lights",
+    "Mesh",
+    "MeshGradients",
+    "Pose",
+    "Renderer",
+    "Settings",
+    "backward",
+    "blurred_mask",
+    "default_renderer",
+    "errors",
+    "fit",
+    "iou",
+    "is_closed",
+    "load",
+    "mask_iou",
+    "pose",
+    "reference",
+    "remesh",
+    "render",
+    "shapes",
+    "voxelize",
+]

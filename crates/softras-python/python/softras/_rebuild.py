@@ -1,0 +1,43 @@
+"""What pickled meshes and cameras are made from, and the defaults of a mesh's appearance."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .errors import InputError
+
+_LOOK = {
+    "colors": None,
+    "surface": None,
+    "uvs": None,
+    "uv_triangles": None,
+    "textures": None,
+    "texture_of_triangle": None,
+    "wrap": "repeat",
+}
+
+
+def look(**given):
+    """All arguments of a mesh's appearance."""
+    unknown = sorted(set(given) - set(_LOOK))
+    if unknown:
+        raise InputError(f"a mesh has no {unknown[0]!r}: use {', '.join(_LOOK)}")
+    return {**_LOOK, **given}
+
+
+def mesh(positions, triangles, given):
+    """A mesh from its arrays."""
+    from ._softras import Mesh
+
+    return Mesh(positions, triangles, **given)
+
+
+def camera(view, projection):
+    """A camera from its view and its projection's fields."""
+    from ._softras import Camera
+
+    if not projection:
+        return Camera.screen()
+    if "original_size" in projection:
+        return Camera.official(view, **projection)
+    return Camera.from_matrix(np.vstack([view, [0.0, 0.0, 0.0, 1.0]]), **projection)

@@ -1,0 +1,235 @@
+"""The extension module: what `softras` exports, written in Rust."""
+
+import os
+from typing import Dict, List, Mapping, Optional, Sequence, Tuple, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from .settings import Lights, Settings
+
+_Array = npt.ArrayLike
+_Floats = npt.NDArray[np.float32]
+_Doubles = npt.NDArray[np.float64]
+_Indices = npt.NDArray[np.uint32]
+_Path = Union[str, "os.PathLike[str]"]
+_Names = Union[str, Sequence[str]]
+
+class Mesh:
+    def __init__(
+        self,
+        positions: _Array,
+        triangles: _Array,
+        *,
+        colors: Optional[_Array] = None,
+        surface: Optional[_Array] = None,
+        uvs: Optional[_Array] = None,
+        uv_triangles: Optional[_Array] = None,
+        textures: Union[None, _Array, Sequence[_Array]] = None,
+        texture_of_triangle: Optional[_Array] = None,
+        wrap: str = "repeat",
+    ) -> None: ...
+    @property
+    def positions(self) -> _Floats: ...
+    @property
+    def triangles(self) -> _Indices: ...
+    @property
+    def colors(self) -> Optional[_Floats]: ...
+    @property
+    def surface(self) -> Optional[_Floats]: ...
+    @property
+    def uvs(self) -> Optional[_Floats]: ...
+    @property
+    def uv_triangles(self) -> Optional[_Indices]: ...
+    @property
+    def textures(self) -> Optional[List[_Floats]]: ...
+    @property
+    def texture_of_triangle(self) -> Optional[_Indices]: ...
+    @property
+    def wrap(self) -> str: ...
+    @property
+    def notes(self) -> List[str]: ...
+    @property
+    def bounds(self) -> Optional[Tuple[List[float], List[float]]]: ...
+    def with_positions(self, positions: _Array) -> Mesh: ...
+    def with_look(
+        self,
+        *,
+        colors: Optional[_Array] = None,
+        surface: Optional[_Array] = None,
+        uvs: Optional[_Array] = None,
+        uv_triangles: Optional[_Array] = None,
+        textures: Union[None, _Array, Sequence[_Array]] = None,
+        texture_of_triangle: Optional[_Array] = None,
+        wrap: str = "repeat",
+    ) -> Mesh: ...
+    def save(self, path: _Path) -> List[os.PathLike[str]]: ...
+
+class Camera:
+    @staticmethod
+    def look_at(
+        eye: _Array,
+        target: _Array,
+        up: Optional[_Array] = None,
+        *,
+        fov_y: Optional[float] = None,
+        half_height: Optional[float] = None,
+        pinhole: Optional[Sequence[float]] = None,
+    ) -> Camera: ...
+    @staticmethod
+    def from_angles(
+        distance: float,
+        elevation: float,
+        azimuth: float,
+        *,
+        fov_y: Optional[float] = None,
+        half_height: Optional[float] = None,
+        pinhole: Optional[Sequence[float]] = None,
+    ) -> Camera: ...
+    @staticmethod
+    def from_matrix(
+        view: _Array,
+        *,
+        fov_y: Optional[float] = None,
+        half_height: Optional[float] = None,
+        pinhole: Optional[Sequence[float]] = None,
+    ) -> Camera: ...
+    @staticmethod
+    def official(matrix: _Array, distortion: Sequence[float] = ..., original_size: float = 512.0) -> Camera: ...
+    @staticmethod
+    def screen() -> Camera: ...
+    @property
+    def view(self) -> _Doubles: ...
+    @property
+    def projection(self) -> Dict[str, object]: ...
+
+class MeshGradients:
+    @property
+    def positions(self) -> Optional[_Floats]: ...
+    @property
+    def colors(self) -> Optional[_Floats]: ...
+    @property
+    def surface(self) -> Optional[_Floats]: ...
+    @property
+    def textures(self) -> Optional[List[_Floats]]: ...
+    @property
+    def alphas(self) -> Optional[List[Optional[_Floats]]]: ...
+    @property
+    def uvs(self) -> Optional[_Floats]: ...
+
+class Gradients:
+    @property
+    def meshes(self) -> List[MeshGradients]: ...
+    @property
+    def twists(self) -> Optional[_Doubles]: ...
+    @property
+    def projections(self) -> Optional[_Doubles]: ...
+    @property
+    def ambient_color(self) -> Optional[_Doubles]: ...
+    @property
+    def ambient_intensity(self) -> Optional[float]: ...
+    @property
+    def light_directions(self) -> Optional[_Doubles]: ...
+    @property
+    def light_colors(self) -> Optional[_Doubles]: ...
+    @property
+    def light_intensities(self) -> Optional[_Doubles]: ...
+    @property
+    def background(self) -> Optional[_Doubles]: ...
+    @property
+    def epsilon(self) -> Optional[float]: ...
+    @property
+    def sigma(self) -> Optional[float]: ...
+    @property
+    def gamma(self) -> Optional[float]: ...
+
+class Frame:
+    @property
+    def color(self) -> Optional[_Floats]: ...
+    @property
+    def silhouette(self) -> Optional[_Floats]: ...
+    @property
+    def depth(self) -> Optional[_Floats]: ...
+    @property
+    def normal(self) -> Optional[_Floats]: ...
+    def backward(
+        self,
+        *,
+        color: Optional[_Array] = None,
+        silhouette: Optional[_Array] = None,
+        depth: Optional[_Array] = None,
+        normal: Optional[_Array] = None,
+        by: Optional[_Names] = None,
+        mode: str = "exact",
+    ) -> Gradients: ...
+
+class Renderer:
+    def __init__(
+        self, device: Optional[str] = None, *, validation: bool = False, memory: Optional[int] = None
+    ) -> None: ...
+    def render(
+        self,
+        meshes: Union[Mesh, Sequence[Mesh]],
+        cameras: Union[Camera, Sequence[Camera]],
+        settings: Optional[Settings] = None,
+        lights: Optional[Lights] = None,
+        *,
+        save: bool = False,
+    ) -> Frame: ...
+    def backward(
+        self,
+        frame: Frame,
+        *,
+        color: Optional[_Array] = None,
+        silhouette: Optional[_Array] = None,
+        depth: Optional[_Array] = None,
+        normal: Optional[_Array] = None,
+        by: Optional[_Names] = None,
+        mode: str = "exact",
+    ) -> Gradients: ...
+    @property
+    def device(self) -> str: ...
+    @property
+    def device_bytes(self) -> int: ...
+    @property
+    def process(self) -> int: ...
+    def validation_messages(self) -> List[str]: ...
+
+def load(path: _Path, *, srgb: bool = False, allow_outside: bool = False, strict: bool = False) -> Mesh: ...
+def iou(a: Mesh, b: Mesh, resolution: int = 64) -> float: ...
+def mask_iou(prediction: _Array, target: _Array) -> _Doubles: ...
+def blurred_mask(mask: _Array, sigma: float, sheets: float = 2.0) -> _Floats: ...
+def remesh(mesh: Mesh, edge_length: float) -> Mesh: ...
+def is_closed(mesh: Mesh) -> bool: ...
+def voxelize(mesh: Mesh, resolution: int, low: _Array, side: float) -> npt.NDArray[np.bool_]: ...
+def depths_of(
+    meshes: Union[Mesh, Sequence[Mesh]], cameras: Union[Camera, Sequence[Camera]], margin: float
+) -> Tuple[float, float]: ...
+def shape(name: str, numbers: Sequence[float]) -> Mesh: ...
+def fit(
+    mesh: Mesh, renderer: Renderer, plan: Mapping[str, object], progress: object
+) -> Tuple[Mesh, int, Mesh, Dict[str, _Doubles], Optional[str]]: ...
+def pose(
+    mesh: Mesh, camera: Camera, renderer: Renderer, plan: Mapping[str, object], progress: object
+) -> Tuple[List[List[float]], List[float], List[float], float]: ...
+def reference_render(
+    meshes: Union[Mesh, Sequence[Mesh]],
+    cameras: Union[Camera, Sequence[Camera]],
+    settings: Optional[Settings] = None,
+    lights: Optional[Lights] = None,
+    *,
+    positions: Optional[Sequence[_Array]] = None,
+    colors: Optional[Sequence[_Array]] = None,
+) -> Dict[str, _Doubles]: ...
+def reference_gradient(
+    meshes: Union[Mesh, Sequence[Mesh]],
+    cameras: Union[Camera, Sequence[Camera]],
+    settings: Optional[Settings] = None,
+    lights: Optional[Lights] = None,
+    *,
+    color: Optional[_Array] = None,
+    silhouette: Optional[_Array] = None,
+    depth: Optional[_Array] = None,
+    normal: Optional[_Array] = None,
+    mode: str = "exact",
+) -> Gradients: ...

@@ -1,0 +1,151 @@
+"""Shape, colours and pose from images, by the library's own steps."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Callable, Dict, Optional, Tuple
+
+import numpy as np
+
+from . import _softras
+from ._softras import Camera, Mesh, Renderer
+from .rendering import default_renderer
+from .settings import Lights, Settings
+
+Progress = Callable[[int, float], None]
+
+
+@dataclasses.dataclass(frozen=True)
+class FitResult:
+    """The result of a fit."""
+
+    #: The mesh of least loss, and the number of its step.
+    mesh: Mesh
+    step: int
+    #: The mesh after the last step.
+    last: Mesh
+    #: "loss", "silhouette" and "color" of every step, before it moved anything.
+    losses: Dict[str, np.ndarray]
+    #: Why the host took the steps; None where the device did.
+    host_reason: Optional[str]
+
+    def __repr__(self) -> str:
+        return f"FitResult({self.mesh!r}, loss {self.losses['loss'][self.step]:.6g} at step {self.step})"
+
+
+def fit(
+    mesh: Mesh,
+    cameras,
+    *,
+    silhouette=None,
+    color=None,
+    steps: int = 200,
+    rate: Tuple[float, float] = (0.03, 0.005),
+    color_rate: Tuple[float, float] = (0.03, 0.005),
+    sigma: Tuple[float, float] = (1e-4, 1e-5),
+    gamma: Tuple[float, float] = (3e-2, 3e-3),
+    method: str = "smooth",
+    loss: str = "iou",
+    smoothing: Optional[float] = None,
+    laplacian: Optional[float] = None,
+    flatten: Optional[float] = None,
+    normals: Optional[float] = None,
+    fit_colors: Optional[bool] = None,
+    fit_positions: bool = True,
+    settings: Optional[Settings] = None,
+    lights: Optional[Lights] = None,
+    progress: Optional[Progress] = None,
+    on_host: bool = False,
+    renderer: Optional[Renderer] = None,
+) -> FitResult:
+    """Deforms a mesh, and recolours it, until its renderings match images.
+
+    `silhouette` is [views, height, width] in [0, 1], `color` [views, height, width, 3] linear on the settings' background;
+    at least one of them, with one camera for each view. `rate` is about the distance that a vertex moves in a step, in world
+    units, from the first step to the last; sigma and gamma are softnesses in the same way. `method` is "smooth" (vertices move
+    with their neighbours, for any template) or "official" (the demo's logit displacements). `fit_colors` is on where `color`
+    is given. `settings` default to depths close around the template and a composite background; size and outputs are the
+    targets'. `progress(step, loss)` is called about every tenth step; an exception of it, Ctrl-C too, ends the fit.
+
+    Raises FitError for targets that do not fit together, and what `Renderer.render` raises.
+    """
+    plan = {
+        "cameras": cameras,
+        "silhouette": silhouette,
+        "color": color,
+        "steps": steps,
+        "rate": rate,
+        "color_rate": color_rate,
+        "sigma": sigma,
+        "gamma": gamma,
+        "method": method,
+        "loss": loss,
+        "smoothing": smoothing,
+        "laplacian": laplacian,
+        "flatten": flatten,
+        "normals": normals,
+        "fit_colors": color is not None if fit_colors is None else fit_colors,
+        "fit_positions": fit_positions,
+        "settings": settings,
+        "lights": lights,
+        "on_host": on_host,
+    }
+    best, step, last, losses, reason = _softras.fit(mesh, renderer or default_renderer(), plan, progress)
+    return FitResult(best, step, last, losses, reason)
+
+
+@dataclasses.dataclass(frozen=True)
+class Pose:
+    """A rotation about a centre, and a translation after it."""
+
+    #: [3, 3], world axes.
+    rotation: np.ndarray
+    #: [3], world units.
+    translation: np.ndarray
+    center: np.ndarray
+    #: The loss of plain colours and silhouettes at this pose.
+    loss: float
+
+    def applied(self, mesh: Mesh) -> Mesh:
+        """The mesh in this pose."""
+        return mesh.with_positions((mesh.positions - self.center) @ self.rotation.T + self.center + self.translation)
+
+    def degrees_to(self, rotation) -> float:
+        """Degrees between this rotation and another, 0 to 180."""
+        cosine = (np.trace(self.rotation.T @ np.asarray(rotation)) - 1.0) / 2.0
+        return float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+
+
+def pose(
+    mesh: Mesh,
+    camera: Camera,
+    color,
+    silhouette,
+    *,
+    starts: int = 32,
+    steps: int = 150,
+    translate: bool = True,
+    start=None,
+    center=None,
+    settings: Optional[Settings] = None,
+    progress: Optional[Progress] = None,
+    renderer: Optional[Renderer] = None,
+) -> Pose:
+    """Finds the rotation and translation of a rigid mesh from one unlit image on black.
+
+    `color` is [1, height, width, 3], `silhouette` [1, height, width]. It starts from `starts` poses spread over all rotations,
+    or refines `start`, a rotation [3, 3] and a translation [3], in small steps. `center` defaults to that of the mesh's box.
+    """
+    plan = {
+        "color": color,
+        "silhouette": silhouette,
+        "starts": starts,
+        "steps": steps,
+        "translate": translate,
+        "center": center,
+        "settings": settings,
+        "start": start,
+    }
+    found = _softras.pose(mesh, camera, renderer or default_renderer(), plan, progress)
+    rotation, translation, center, loss = found
+    return Pose(np.array(rotation), np.array(translation), np.array(center), loss)

@@ -1,0 +1,140 @@
+//! Cameras.
+
+use crate::arrays::{matrix, vector};
+use crate::exceptions::{Raise, bad_input};
+use numpy::PyArray2;
+use pyo3::IntoPyObjectExt;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use softras::Projection;
+use softras::glam::{DMat4, DVec3};
+
+/// A view transform and a projection.
+#[pyclass(module = "softras", frozen, from_py_object)]
+#[derive(Clone)]
+pub struct Camera {
+    pub camera: softras::Camera,
+}
+
+/// The projection that exactly one of the arguments gives.
+fn projection(fov_y: Option<f64>, half_height: Option<f64>, pinhole: Option<[f64; 4]>) -> PyResult<Projection> {
+    match (fov_y, half_height, pinhole) {
+        (Some(fov_y), None, None) => Ok(Projection::Perspective { fov_y }),
+        (None, Some(half_height), None) => Ok(Projection::Orthographic { half_height }),
+        (None, None, Some([fx, fy, cx, cy])) => Ok(Projection::Pinhole { fx, fy, cx, cy }),
+        _ => Err(bad_input(
+            "a camera needs one projection",
+            "give exactly one of fov_y (radians), half_height (world units) and pinhole ((fx, fy, cx, cy) in pixels)",
+        )),
+    }
+}
+
+fn point(value: &Bound<'_, PyAny>, name: &str) -> PyResult<DVec3> {
+    vector::<3>(value, name).map(DVec3::from_array)
+}
+
+#[pymethods]
+impl Camera {
+    /// Looks from `eye` at `target`, world units; `up` is (0, 1, 0) unless given.
+    ///
+    /// Exactly one projection: `fov_y`, the full vertical angle in radians; `half_height`, world units from the image's
+    /// centre to its upper border; or `pinhole`, (fx, fy, cx, cy) in pixels, where the centre of the upper left pixel is
+    /// (0.5, 0.5). Raises CameraError.
+    #[staticmethod]
+    #[pyo3(signature = (eye, target, up = None, *, fov_y = None, half_height = None, pinhole = None))]
+    fn look_at(
+        eye: &Bound<'_, PyAny>,
+        target: &Bound<'_, PyAny>,
+        up: Option<&Bound<'_, PyAny>>,
+        fov_y: Option<f64>,
+        half_height: Option<f64>,
+        pinhole: Option<[f64; 4]>,
+    ) -> PyResult<Self> {
+        let up = up.map_or(Ok(DVec3::Y), |up| point(up, "up"))?;
+        let projection = projection(fov_y, half_height, pinhole)?;
+        let camera = softras::Camera::look_at(point(eye, "eye")?, point(target, "target")?, up, projection).raise()?;
+        Ok(Self { camera })
+    }
+
+    /// Looks at the origin from eye = d (cos e sin a, sin e, -cos e cos a), angles in degrees.
+    ///
+    /// One projection as for `look_at`. Raises CameraError.
+    #[staticmethod]
+    #[pyo3(signature = (distance, elevation, azimuth, *, fov_y = None, half_height = None, pinhole = None))]
+    fn from_angles(
+        distance: f64,
+        elevation: f64,
+        azimuth: f64,
+        fov_y: Option<f64>,
+        half_height: Option<f64>,
+        pinhole: Option<[f64; 4]>,
+    ) -> PyResult<Self> {
+        let projection = projection(fov_y, half_height, pinhole)?;
+        Ok(Self { camera: softras::Camera::from_angles(distance, elevation, azimuth, projection).raise()? })
+    }
+
+    /// A [4, 4] world-to-view matrix; view space has x right, y up and z **forward**.
+    ///
+    /// One projection as for `look_at`. Raises CameraError.
+    #[staticmethod]
+    #[pyo3(signature = (view, *, fov_y = None, half_height = None, pinhole = None))]
+    fn from_matrix(
+        view: &Bound<'_, PyAny>,
+        fov_y: Option<f64>,
+        half_height: Option<f64>,
+        pinhole: Option<[f64; 4]>,
+    ) -> PyResult<Self> {
+        let rows = matrix::<4, 4>(view, "view")?;
+        let projection = projection(fov_y, half_height, pinhole)?;
+        let view = DMat4::from_cols_array_2d(&rows).transpose();
+        Ok(Self { camera: softras::Camera::from_matrix(view, projection).raise()? })
+    }
+
+    /// The official renderer's projection camera: a [3, 4] matrix, distortion (k1, k2, p1, p2, k3), and the side of its
+    /// image in pixels. Raises CameraError.
+    #[staticmethod]
+    #[pyo3(signature = (matrix, distortion = [0.0; 5], original_size = 512.0))]
+    fn official(matrix: &Bound<'_, PyAny>, distortion: [f64; 5], original_size: f64) -> PyResult<Self> {
+        let rows = crate::arrays::matrix::<3, 4>(matrix, "matrix")?;
+        Ok(Self { camera: softras::Camera::official(rows, distortion, original_size).raise()? })
+    }
+
+    /// For meshes whose vertices are screen x, y (half the image's height each) and view depth z already.
+    #[staticmethod]
+    fn screen() -> Self {
+        Self { camera: softras::Camera::screen() }
+    }
+
+    /// The world-to-view transform, [3, 4] float64.
+    #[getter]
+    fn view<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        crate::arrays::array(py, self.camera.view().to_vec())
+    }
+
+    /// The projection's fields by name; none for screen cameras.
+    #[getter]
+    fn projection<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let named = PyDict::new(py);
+        match *self.camera.projection() {
+            Projection::Perspective { fov_y } => named.set_item("fov_y", fov_y)?,
+            Projection::Orthographic { half_height } => named.set_item("half_height", half_height)?,
+            Projection::Pinhole { fx, fy, cx, cy } => named.set_item("pinhole", (fx, fy, cx, cy))?,
+            Projection::Official { distortion, original_size } => {
+                named.set_item("distortion", distortion.to_vec())?;
+                named.set_item("original_size", original_size)?;
+            }
+            Projection::Screen => {}
+        }
+        Ok(named)
+    }
+
+    fn __repr__(&self) -> String {
+        let [x, y, z] = self.camera.view().map(|row| row.map(|x| (1e6 * x).round() / 1e6));
+        format!("softras.Camera(view=[{x:?}, {y:?}, {z:?}], {:?})", self.camera.projection())
+    }
+
+    fn __reduce__(&self, py: Python<'_>) -> PyResult<(Py<PyAny>, Py<PyAny>)> {
+        let rebuild = py.import("softras._rebuild")?.getattr("camera")?;
+        Ok((rebuild.unbind(), (self.view(py)?, self.projection(py)?).into_py_any(py)?))
+    }
+}

@@ -1,0 +1,155 @@
+//! Fits of a mesh's shape and colours to images.
+
+use crate::arrays::image;
+use crate::exceptions::{Raise, bad_input};
+use crate::mesh::Mesh;
+use crate::renderer::{Renderer, cameras};
+use crate::settings::{self, chosen};
+use numpy::PyArray1;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use softras::fit::{Fit, ImageLoss, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions, Step, Targets};
+use softras::scene::{Background, Interpolation};
+use softras::{Scene, Settings};
+
+/// Steps that are submitted between two looks at signals and losses.
+const AHEAD: usize = 10;
+
+/// The arguments of a fit, all of which `softras.fit` gives.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct Plan<'py> {
+    cameras: Bound<'py, PyAny>,
+    silhouette: Option<Bound<'py, PyAny>>,
+    color: Option<Bound<'py, PyAny>>,
+    steps: usize,
+    rate: (f64, f64),
+    color_rate: (f64, f64),
+    sigma: (f64, f64),
+    gamma: (f64, f64),
+    method: String,
+    loss: String,
+    smoothing: Option<f64>,
+    laplacian: Option<f64>,
+    flatten: Option<f64>,
+    normals: Option<f64>,
+    fit_colors: bool,
+    fit_positions: bool,
+    settings: Option<Bound<'py, PyAny>>,
+    lights: Option<Bound<'py, PyAny>>,
+    on_host: bool,
+}
+
+fn schedule((from, to): (f64, f64)) -> Schedule {
+    if from == to { Schedule::Constant(from) } else { Schedule::Exponential { from, to } }
+}
+
+impl Plan<'_> {
+    fn targets(&self) -> PyResult<Targets> {
+        let silhouette = self.silhouette.as_ref().map(|value| image(value, "silhouette", 1)).transpose()?;
+        let color = self.color.as_ref().map(|value| image(value, "color", 3)).transpose()?;
+        Ok(Targets { cameras: cameras(&self.cameras)?, silhouette, color })
+    }
+
+    fn options(&self) -> PyResult<ShapeOptions> {
+        let official = chosen("method", &self.method, &[("smooth", false), ("official", true)])?;
+        let mut options = if official { ShapeOptions::official() } else { ShapeOptions::smooth() };
+        if let Some(lambda) = self.smoothing {
+            options.parametrization = Parametrization::Smoothed { lambda };
+        }
+        let mut weights = options.regularizers.clone();
+        weights.push((Regularizer::NormalConsistency, 0.0));
+        let given = [self.laplacian, self.flatten, self.normals];
+        weights.iter_mut().zip(given).for_each(|(weight, given)| weight.1 = given.unwrap_or(weight.1));
+        options.regularizers = weights.into_iter().filter(|(_, weight)| *weight > 0.0).collect();
+        let losses = [("iou", ImageLoss::NegativeIou), ("l1", ImageLoss::L1), ("l2", ImageLoss::L2)];
+        options.silhouette.0 = chosen("loss", &self.loss, &losses)?;
+        (options.fit_colors, options.fit_positions) = (self.fit_colors, self.fit_positions);
+        Ok(options)
+    }
+
+    /// The settings of all steps, which lack the step's softness.
+    fn base(&self, mesh: &softras::Mesh, targets: &Targets) -> PyResult<Settings> {
+        let given = settings::settings(self.settings.as_ref())?;
+        if self.settings.is_some() {
+            return Ok(given);
+        }
+        Ok(Settings {
+            background: Background::Composite,
+            interpolation: Interpolation::Perspective,
+            ..given.with_depths_of(&Scene::new(mesh.clone()), &targets.cameras, 0.5)
+        })
+    }
+
+    /// The settings of a step.
+    fn at(&self, base: &Settings, step: usize) -> Settings {
+        Settings {
+            sigma: schedule(self.sigma).at_step(step, self.steps),
+            gamma: schedule(self.gamma).at_step(step, self.steps),
+            ..base.clone()
+        }
+    }
+}
+
+/// The losses of steps as one list each.
+fn report(py: Python<'_>, losses: &[Step]) -> PyResult<Py<PyDict>> {
+    let report = PyDict::new(py);
+    let column = |value: fn(&Step) -> f64| PyArray1::from_vec(py, losses.iter().map(value).collect());
+    report.set_item("loss", column(|step| step.loss))?;
+    report.set_item("silhouette", column(|step| step.silhouette))?;
+    report.set_item("color", column(|step| step.color))?;
+    Ok(report.unbind())
+}
+
+/// The best mesh, its step, the last mesh, the losses, and why the host took the steps.
+type Found = (Mesh, usize, Mesh, Py<PyDict>, Option<String>);
+
+#[pyfunction]
+pub fn fit<'py>(
+    py: Python<'py>,
+    mesh: &Mesh,
+    renderer: &Renderer,
+    plan: Plan<'py>,
+    progress: Option<Bound<'py, PyAny>>,
+) -> PyResult<Found> {
+    if plan.steps == 0 {
+        return Err(bad_input("a fit of 0 steps", "take at least one"));
+    }
+    let (targets, lights) = (plan.targets()?, settings::lights(plan.lights.as_ref())?);
+    let base = plan.base(&mesh.mesh, &targets)?;
+    let shape = ShapeFit::new(mesh.mesh.clone(), lights, plan.options()?).raise()?;
+    let shared = &renderer.shared;
+    let first = plan.at(&base, 0);
+    let mut fit = match plan.on_host {
+        true => Fit::on_host(shape, &targets, "on_host=True"),
+        false => shared.call(py, |renderer| Fit::new(renderer, shape, &targets, &first))?,
+    };
+    let mut losses: Vec<Step> = Vec::with_capacity(plan.steps);
+    let mut step = 0;
+    while step < plan.steps {
+        let until = (step + if fit.host_reason().is_some() { 1 } else { AHEAD }).min(plan.steps);
+        let next = |step: usize| {
+            let rates = [plan.rate, plan.color_rate].map(|rate| schedule(rate).at_step(step, plan.steps));
+            (plan.at(&base, step), rates)
+        };
+        let steps: Vec<(Settings, [f64; 2])> = (step..until).map(next).collect();
+        let found = shared.call(py, |renderer| {
+            for (settings, [rate, color_rate]) in &steps {
+                fit.step(renderer, settings, *rate, *color_rate)?;
+            }
+            fit.found(renderer)
+        })?;
+        losses.extend(found);
+        step = until;
+        py.check_signals()?;
+        if let (Some(progress), Some(last)) = (&progress, losses.last()) {
+            progress.call1((step, last.loss))?;
+        }
+    }
+    let (best, last) = shared.call(py, |renderer| {
+        let best = fit.best(renderer)?;
+        Ok((best, fit.shape(renderer)?.mesh().clone()))
+    })?;
+    let (best, at) = best.unwrap_or((last.clone(), plan.steps - 1));
+    Ok((best.into(), at, last.into(), report(py, &losses)?, fit.host_reason().map(str::to_owned)))
+}

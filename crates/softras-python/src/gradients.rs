@@ -1,0 +1,203 @@
+//! Upstream gradients from arrays, and gradients as arrays.
+
+use crate::arrays::{self, image};
+use crate::exceptions::bad_input;
+use numpy::{PyArray1, PyArrayMethods};
+use pyo3::IntoPyObjectExt;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use softras::scene::Appearance;
+use softras::{ImageGradient, Wanted};
+
+/// The keyword arguments `color`, `silhouette`, `depth` and `normal`.
+#[derive(Default)]
+pub struct Upstream<'py>(Vec<(String, Bound<'py, PyAny>)>);
+
+impl<'py> FromPyObject<'_, 'py> for Upstream<'py> {
+    type Error = PyErr;
+
+    fn extract(object: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        let given = object.cast::<PyDict>()?;
+        let one = |(name, value): (Bound<'py, PyAny>, Bound<'py, PyAny>)| Ok((name.extract()?, value));
+        given.iter().filter(|(_, value)| !value.is_none()).map(one).collect::<PyResult<_>>().map(Self)
+    }
+}
+
+impl Upstream<'_> {
+    /// As the library takes them.
+    pub fn images(&self) -> PyResult<ImageGradient> {
+        let mut all = ImageGradient::default();
+        for (name, value) in &self.0 {
+            match name.as_str() {
+                "color" => all.color = Some(image(value, name, 3)?),
+                "silhouette" => all.silhouette = Some(image(value, name, 1)?),
+                "depth" => all.depth = Some(image(value, name, 1)?),
+                "normal" => all.normal = Some(image(value, name, 3)?),
+                _ => {
+                    let fix = "use color, silhouette, depth and normal";
+                    return Err(bad_input(format!("an upstream gradient of {name:?}"), fix));
+                }
+            }
+        }
+        Ok(all)
+    }
+}
+
+/// The shapes of a mesh's arrays that its gradient has as well.
+pub struct Shapes {
+    triangles: usize,
+    uniform: bool,
+    cells: usize,
+    textures: Vec<[usize; 2]>,
+}
+
+impl Shapes {
+    pub fn of(mesh: &softras::Mesh) -> Self {
+        let appearance = mesh.appearance();
+        let cells = if let Appearance::Surface { resolution, .. } = appearance { resolution.pow(2) } else { 0 };
+        let textures = match appearance {
+            Appearance::Textured { textures, .. } => {
+                textures.iter().map(|t| [t.height() as usize, t.width() as usize]).collect()
+            }
+            _ => Vec::new(),
+        };
+        let uniform = matches!(appearance, Appearance::Uniform(_));
+        Self { triangles: mesh.triangles().len(), uniform, cells: cells as usize, textures }
+    }
+}
+
+/// dL by the arrays of one mesh; `None` for what was not asked for or the mesh does not have.
+#[pyclass(module = "softras", frozen, get_all)]
+pub struct MeshGradients {
+    pub positions: Option<Py<PyAny>>,
+    pub colors: Option<Py<PyAny>>,
+    pub surface: Option<Py<PyAny>>,
+    pub textures: Option<Vec<Py<PyAny>>>,
+    pub alphas: Option<Vec<Option<Py<PyAny>>>>,
+    pub uvs: Option<Py<PyAny>>,
+}
+
+/// All gradients of a loss.
+#[pyclass(module = "softras", frozen, get_all)]
+pub struct Gradients {
+    pub meshes: Vec<Py<MeshGradients>>,
+    pub twists: Option<Py<PyAny>>,
+    pub projections: Option<Py<PyAny>>,
+    pub ambient_color: Option<Py<PyAny>>,
+    pub ambient_intensity: Option<f64>,
+    pub light_directions: Option<Py<PyAny>>,
+    pub light_colors: Option<Py<PyAny>>,
+    pub light_intensities: Option<Py<PyAny>>,
+    pub background: Option<Py<PyAny>>,
+    pub epsilon: Option<f64>,
+    pub sigma: Option<f64>,
+    pub gamma: Option<f64>,
+}
+
+/// Rows as an array, unless there are none.
+fn rows<const N: usize>(py: Python<'_>, rows: Vec<[f32; N]>) -> PyResult<Option<Py<PyAny>>> {
+    if rows.is_empty() { Ok(None) } else { arrays::array(py, rows)?.into_py_any(py).map(Some) }
+}
+
+fn mesh(py: Python<'_>, found: softras::MeshGradients, shapes: &Shapes) -> PyResult<MeshGradients> {
+    let colors = match found.colors[..] {
+        [color] if shapes.uniform => Some(PyArray1::from_slice(py, &color).into_py_any(py)?),
+        _ => rows(py, found.colors)?,
+    };
+    let surface = match found.surface_texels {
+        texels if texels.is_empty() => None,
+        texels => {
+            let flat = PyArray1::from_vec(py, texels.into_flattened());
+            Some(flat.reshape([shapes.triangles, shapes.cells, 3])?.into_py_any(py)?)
+        }
+    };
+    let textures = found.texture_texels.into_iter().zip(&shapes.textures).map(|(texels, [height, width])| {
+        PyArray1::from_vec(py, texels.into_flattened()).reshape([*height, *width, 3])?.into_py_any(py)
+    });
+    let alphas = found.texture_alphas.into_iter().zip(&shapes.textures).map(|(alpha, side)| match alpha {
+        alpha if alpha.is_empty() => Ok(None),
+        alpha => PyArray1::from_vec(py, alpha).reshape(*side)?.into_py_any(py).map(Some),
+    });
+    let textures = textures.collect::<PyResult<Vec<_>>>()?;
+    let alphas = alphas.collect::<PyResult<Vec<_>>>()?;
+    Ok(MeshGradients {
+        positions: rows(py, found.positions)?,
+        colors,
+        surface,
+        textures: Some(textures).filter(|all| !all.is_empty()),
+        alphas: Some(alphas).filter(|all| all.iter().any(Option::is_some)),
+        uvs: rows(py, found.uvs)?,
+    })
+}
+
+impl Gradients {
+    /// The library's gradients as arrays.
+    pub fn new(py: Python<'_>, found: softras::Gradients, shapes: &[Shapes], wanted: &Wanted) -> PyResult<Self> {
+        let one = |(found, shapes)| Py::new(py, mesh(py, found, shapes)?);
+        let meshes = found.meshes.into_iter().zip(shapes).map(one).collect::<PyResult<_>>()?;
+        let array = |rows: Vec<[f64; 3]>| arrays::array(py, rows)?.into_py_any(py);
+        let (mut twists, mut projections) = (None, None);
+        if wanted.camera {
+            twists = Some(arrays::array(py, found.cameras.iter().map(|c| c.twist).collect())?.into_py_any(py)?);
+            projections =
+                Some(arrays::array(py, found.cameras.iter().map(|c| c.projection).collect())?.into_py_any(py)?);
+        }
+        let mut all = Self {
+            meshes,
+            twists,
+            projections,
+            ambient_color: None,
+            ambient_intensity: None,
+            light_directions: None,
+            light_colors: None,
+            light_intensities: None,
+            background: None,
+            epsilon: wanted.background.then_some(found.epsilon),
+            sigma: wanted.scalars.then_some(found.sigma),
+            gamma: wanted.scalars.then_some(found.gamma),
+        };
+        if wanted.background {
+            all.background = Some(PyArray1::from_slice(py, &found.background_color).into_py_any(py)?);
+        }
+        if let Some(lights) = found.lights {
+            all.ambient_color = Some(PyArray1::from_slice(py, &lights.ambient_color).into_py_any(py)?);
+            all.ambient_intensity = Some(lights.ambient_intensity);
+            all.light_directions = Some(array(lights.directional.iter().map(|light| light.0).collect())?);
+            all.light_colors = Some(array(lights.directional.iter().map(|light| light.1).collect())?);
+            let intensities = lights.directional.iter().map(|light| light.2).collect();
+            all.light_intensities = Some(PyArray1::from_vec(py, intensities).into_py_any(py)?);
+        }
+        Ok(all)
+    }
+}
+
+#[pymethods]
+impl MeshGradients {
+    fn __repr__(&self) -> String {
+        let present = [
+            ("positions", self.positions.is_some()),
+            ("colors", self.colors.is_some()),
+            ("surface", self.surface.is_some()),
+            ("textures", self.textures.is_some()),
+            ("alphas", self.alphas.is_some()),
+            ("uvs", self.uvs.is_some()),
+        ];
+        let names: Vec<_> = present.iter().filter(|(_, present)| *present).map(|(name, _)| *name).collect();
+        format!("softras.MeshGradients({})", names.join(", "))
+    }
+}
+
+#[pymethods]
+impl Gradients {
+    fn __repr__(&self) -> String {
+        let present = [
+            ("cameras", self.twists.is_some()),
+            ("lights", self.ambient_color.is_some()),
+            ("background", self.background.is_some()),
+            ("scalars", self.sigma.is_some()),
+        ];
+        let names: String =
+            present.iter().filter(|(_, present)| *present).map(|(name, _)| format!(", {name}")).collect();
+        format!("softras.Gradients({} meshes{names})", self.meshes.len())
+    }
+}

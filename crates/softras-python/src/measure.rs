@@ -1,0 +1,80 @@
+//! Measures of meshes and masks, and the tools around fits.
+
+use crate::arrays::{self, image, image_array};
+use crate::exceptions::Raise;
+use crate::mesh::Mesh;
+use numpy::{PyArray1, PyArray3, PyArrayMethods};
+use pyo3::prelude::*;
+use softras::internals::fit::Voxels;
+use softras::{Scene, Settings};
+
+/// The volume of the intersection of two solids over that of their union, counted in resolution³ voxels around both.
+#[pyfunction]
+#[pyo3(signature = (a, b, resolution = 64))]
+pub fn iou(py: Python<'_>, a: &Mesh, b: &Mesh, resolution: usize) -> PyResult<f64> {
+    py.detach(|| softras::fit::voxel_iou(&a.mesh, &b.mesh, resolution)).raise()
+}
+
+/// The intersection over union of each view's masks, the pixels above 1/2: [views] float64. Raises FitError.
+#[pyfunction]
+pub fn mask_iou<'py>(
+    prediction: &Bound<'py, PyAny>,
+    target: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    let py = prediction.py();
+    let (prediction, target) = (image(prediction, "prediction", 1)?, image(target, "target", 1)?);
+    let found = py.detach(|| softras::fit::mask_iou(&prediction, &target)).raise()?;
+    Ok(PyArray1::from_vec(py, found))
+}
+
+/// The soft silhouette at sigma of a surface with the outline of a mask [views, height, width].
+///
+/// `sheets` is the number of triangles at each point of the outline: 2 for a closed surface. Raises FitError.
+#[pyfunction]
+#[pyo3(signature = (mask, sigma, sheets = 2.0))]
+pub fn blurred_mask(mask: &Bound<'_, PyAny>, sigma: f64, sheets: f64) -> PyResult<Py<PyAny>> {
+    let py = mask.py();
+    let mask = image(mask, "mask", 1)?;
+    let soft = py.detach(|| softras::fit::soft_target(&mask, sigma, sheets)).raise()?;
+    image_array(py, &soft)
+}
+
+/// The mesh with triangles of about the given edge length; vertices come in a new order. Raises FitError.
+#[pyfunction]
+pub fn remesh(py: Python<'_>, mesh: &Mesh, edge_length: f64) -> PyResult<Mesh> {
+    py.detach(|| softras::fit::remeshed(&mesh.mesh, edge_length)).raise().map(Mesh::from)
+}
+
+/// Whether every edge is used by as many triangles in one direction as in the other.
+#[pyfunction]
+pub fn is_closed(py: Python<'_>, mesh: &Mesh) -> PyResult<bool> {
+    py.detach(|| softras::internals::fit::is_closed(&mesh.mesh)).raise()
+}
+
+/// Whether the centres of voxels are inside of the mesh: [resolution]³ bools, indexed x, y, z.
+///
+/// The voxels fill the cube of side `side` whose lowest corner is `low`. Raises FitError.
+#[pyfunction]
+#[pyo3(signature = (mesh, resolution, low, side))]
+pub fn voxelize<'py>(
+    py: Python<'py>,
+    mesh: &Mesh,
+    resolution: usize,
+    low: &Bound<'_, PyAny>,
+    side: f64,
+) -> PyResult<Bound<'py, PyArray3<bool>>> {
+    let low = arrays::vector::<3>(low, "low")?;
+    let voxels = py.detach(|| Voxels::new(&mesh.mesh, low, side, resolution)).raise()?;
+    let inside = PyArray1::from_slice(py, voxels.inside()).reshape([resolution; 3])?;
+    // The library's x runs fastest.
+    inside.permute(Some([2, 1, 0]))
+}
+
+/// The near and far that lie close around what the cameras see.
+#[pyfunction]
+#[pyo3(signature = (meshes, cameras, margin))]
+pub fn depths_of(meshes: &Bound<'_, PyAny>, cameras: &Bound<'_, PyAny>, margin: f64) -> PyResult<(f64, f64)> {
+    let scene = Scene::batch(crate::mesh::meshes(meshes)?);
+    let settings = Settings::default().with_depths_of(&scene, &crate::renderer::cameras(cameras)?, margin);
+    Ok((settings.near, settings.far))
+}

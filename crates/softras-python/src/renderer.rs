@@ -1,0 +1,170 @@
+//! Renderers: a device with its memory, used by one thread at a time.
+
+use crate::camera::Camera;
+use crate::exceptions::{Raise, bad_input, exception};
+use crate::frame::Frame;
+use crate::gradients::{Gradients, Upstream};
+use crate::mesh::meshes;
+use crate::settings;
+use pyo3::prelude::*;
+use softras::{RendererOptions, Result, Scene, Settings};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// A renderer, shared with its frames, and the process that opened it.
+pub struct Shared {
+    /// `None` only while it is dropped.
+    renderer: Mutex<Option<softras::Renderer>>,
+    process: u32,
+    device: String,
+}
+
+impl Shared {
+    /// Calls the renderer without the interpreter's lock, so that other threads of Python run meanwhile.
+    ///
+    /// # Errors
+    /// `ForkError` in a process that was forked from the renderer's: a driver does not survive a fork.
+    pub fn call<T: Send>(
+        &self,
+        py: Python<'_>,
+        task: impl FnOnce(&mut softras::Renderer) -> Result<T> + Send,
+    ) -> PyResult<T> {
+        if self.process != std::process::id() {
+            return Err(exception(
+                "ForkError",
+                "this renderer was opened before the process was forked, and Vulkan drivers do not survive that: \
+                 open a renderer in each worker, or start workers with the method \"spawn\"",
+            ));
+        }
+        let result = py.detach(|| {
+            let mut renderer = self.renderer.lock().unwrap_or_else(PoisonError::into_inner);
+            renderer.as_mut().map(task)
+        });
+        match result {
+            Some(result) => result.raise(),
+            None => Err(exception("Error", "the renderer is closed: open another")),
+        }
+    }
+}
+
+impl Drop for Shared {
+    fn drop(&mut self) {
+        if self.process != std::process::id() {
+            // The device belongs to the parent process; destroying it here would wait for threads that do not exist.
+            let renderer = self.renderer.get_mut().unwrap_or_else(PoisonError::into_inner).take();
+            std::mem::forget(renderer);
+        }
+    }
+}
+
+/// A Vulkan device that renders and differentiates.
+#[pyclass(module = "softras", frozen)]
+pub struct Renderer {
+    pub shared: Arc<Shared>,
+}
+
+/// A scene, its cameras and settings, as the library takes them.
+pub struct Inputs {
+    pub scene: Scene,
+    pub cameras: Vec<softras::Camera>,
+    pub settings: Settings,
+}
+
+/// The cameras of one `Camera` or a list of them.
+pub fn cameras(value: &Bound<'_, PyAny>) -> PyResult<Vec<softras::Camera>> {
+    if let Ok(one) = value.cast::<Camera>() {
+        return Ok(vec![one.get().camera]);
+    }
+    let all = value.extract::<Vec<Camera>>();
+    let all = all.map_err(|_| bad_input("cameras are no cameras", "give a softras.Camera or a list of them"))?;
+    Ok(all.into_iter().map(|one| one.camera).collect())
+}
+
+impl Inputs {
+    pub fn new(
+        meshes: &Bound<'_, PyAny>,
+        cameras: &Bound<'_, PyAny>,
+        settings: Option<&Bound<'_, PyAny>>,
+        lights: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let scene = Scene::batch(self::meshes(meshes)?).with_lights(settings::lights(lights)?);
+        Ok(Self { scene, cameras: self::cameras(cameras)?, settings: settings::settings(settings)? })
+    }
+}
+
+#[pymethods]
+impl Renderer {
+    /// Opens a device: its index or part of its name, else what SOFTRAS_DEVICE says, else the best one.
+    ///
+    /// `validation` runs under the Vulkan validation layers; `memory` is the most bytes that a frame's buffers may take.
+    /// Raises NoDeviceError, which names the package to install where there is no driver.
+    #[new]
+    #[pyo3(signature = (device = None, *, validation = false, memory = None))]
+    fn new(py: Python<'_>, device: Option<String>, validation: bool, memory: Option<u64>) -> PyResult<Self> {
+        let options = RendererOptions { device, validation, memory, ..RendererOptions::default() };
+        let renderer = py.detach(|| softras::Renderer::with_options(&options)).raise()?;
+        let device = renderer.device_name().to_owned();
+        let shared = Shared { renderer: Mutex::new(Some(renderer)), process: std::process::id(), device };
+        Ok(Self { shared: Arc::new(shared) })
+    }
+
+    /// Renders one mesh from every camera, or a list of meshes from one camera each, in one submission.
+    ///
+    /// `save` keeps what `Frame.backward` needs, 16 bytes a pixel. Other threads of Python run meanwhile. Raises SceneError,
+    /// LightError, SettingsError, InputError for what cannot be rendered; LimitError, OutOfMemoryError for what the device
+    /// cannot hold; NotFiniteError where single precision cannot; ForkError in a forked process.
+    #[pyo3(signature = (meshes, cameras, settings = None, lights = None, *, save = false))]
+    fn render(
+        &self,
+        py: Python<'_>,
+        meshes: &Bound<'_, PyAny>,
+        cameras: &Bound<'_, PyAny>,
+        settings: Option<&Bound<'_, PyAny>>,
+        lights: Option<&Bound<'_, PyAny>>,
+        save: bool,
+    ) -> PyResult<Frame> {
+        let Inputs { scene, cameras, settings } = Inputs::new(meshes, cameras, settings, lights)?;
+        let settings = Settings { save, ..settings };
+        let frame = self.shared.call(py, |renderer| renderer.render(&scene, &cameras, &settings))?;
+        Ok(Frame::new(frame, self.shared.clone(), &scene, save))
+    }
+
+    /// As `Frame.backward`.
+    #[pyo3(signature = (frame, *, by = None, mode = "exact", **upstream))]
+    fn backward(
+        &self,
+        py: Python<'_>,
+        frame: &Frame,
+        by: Option<&Bound<'_, PyAny>>,
+        mode: &str,
+        upstream: Option<Upstream<'_>>,
+    ) -> PyResult<Gradients> {
+        frame.differentiate(py, &self.shared, by, mode, upstream)
+    }
+
+    /// The device's name.
+    #[getter]
+    fn device(&self) -> &str {
+        &self.shared.device
+    }
+
+    /// Bytes of device memory that the renderer holds.
+    #[getter]
+    fn device_bytes(&self, py: Python<'_>) -> PyResult<u64> {
+        self.shared.call(py, |renderer| Ok(renderer.device_bytes()))
+    }
+
+    /// The messages of the validation layers so far.
+    fn validation_messages(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        self.shared.call(py, |renderer| Ok(renderer.validation_messages()))
+    }
+
+    /// The number of the process that opened it.
+    #[getter]
+    fn process(&self) -> u32 {
+        self.shared.process
+    }
+
+    fn __repr__(&self) -> String {
+        format!("softras.Renderer({:?})", self.shared.device)
+    }
+}

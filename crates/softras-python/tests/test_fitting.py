@@ -1,0 +1,97 @@
+"""Fits, poses and measures."""
+
+import signal
+import threading
+
+import numpy as np
+import pytest
+
+import softras
+
+
+def views(count):
+    return [softras.Camera.from_angles(4.0, 25.0, 360.0 * i / count, fov_y=0.6) for i in range(count)]
+
+
+@pytest.fixture(scope="module")
+def cube_views():
+    settings = softras.Settings(width=48, height=48).with_depths_of(softras.shapes.cube(), views(6), 0.5)
+    return softras.render(softras.shapes.cube(), views(6), settings)
+
+
+def test_a_sphere_becomes_a_cube(cube_views):
+    seen = []
+    result = softras.fit(
+        softras.shapes.icosphere(3),
+        views(6),
+        silhouette=cube_views.silhouette,
+        steps=80,
+        rate=(0.04, 0.007),
+        sigma=(3e-4, 3e-5),
+        progress=lambda step, loss: seen.append((step, loss)),
+    )
+    losses = result.losses["loss"]
+    assert losses.shape == (80,) and losses[-1] < 0.3 * losses[0]
+    settings = softras.Settings(width=48, height=48).with_depths_of(softras.shapes.cube(), views(6), 0.5)
+    silhouette = softras.render(result.mesh, views(6), settings).silhouette
+    assert (softras.mask_iou(silhouette, cube_views.silhouette) > 0.88).all()
+    assert seen[-1] == (80, losses[-1]) and 0 <= result.step < 80 and "loss" in repr(result)
+
+
+def test_the_host_takes_the_same_way(cube_views):
+    def fitted(on_host):
+        given = {"silhouette": cube_views.silhouette, "color": cube_views.color, "steps": 5, "on_host": on_host}
+        gray = softras.shapes.icosphere(2)
+        return softras.fit(gray.with_look(colors=np.full_like(gray.positions, 0.5)), views(6), **given)
+
+    device, host = fitted(False), fitted(True)
+    assert device.host_reason is None and host.host_reason == "on_host=True"
+    np.testing.assert_allclose(device.losses["loss"], host.losses["loss"], rtol=1e-3)
+    assert (device.last.colors != 0.5).any()
+
+
+def test_an_exception_ends_a_fit_and_the_renderer_goes_on(cube_views):
+    def stop(step, loss):
+        raise LookupError("enough")
+
+    before = softras.render(softras.shapes.cube(), views(2)).color
+    with pytest.raises(LookupError):
+        softras.fit(softras.shapes.icosphere(2), views(6), silhouette=cube_views.silhouette, progress=stop)
+    np.testing.assert_array_equal(softras.render(softras.shapes.cube(), views(2)).color, before)
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="this system cannot send the signal")
+def test_ctrl_c_ends_a_fit(cube_views):
+    main = threading.main_thread().ident
+    timer = threading.Timer(0.5, lambda: signal.pthread_kill(main, signal.SIGINT))
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        softras.fit(softras.shapes.icosphere(3), views(6), silhouette=cube_views.silhouette, steps=1_000_000)
+    timer.join()
+
+
+def test_a_pose_is_found():
+    cube, camera = softras.shapes.cube(), softras.Camera.look_at((0, 0, 5), (0, 0, 0), fov_y=0.5)
+    a = 0.7
+    turn = np.array([[np.cos(a), 0, np.sin(a)], [0, 1, 0], [-np.sin(a), 0, np.cos(a)]])
+    truth = cube.with_positions(cube.positions @ turn.T + [0.1, 0.0, 0.0])
+    seen = softras.render(truth, camera, softras.Settings(width=32, height=32, sigma=1e-6))
+    found = softras.pose(cube, camera, seen.color, seen.silhouette, starts=8, steps=100)
+    assert found.degrees_to(turn) < 3.0 and np.abs(found.translation - [0.1, 0, 0]).max() < 0.06
+    np.testing.assert_allclose(found.applied(cube).positions, truth.positions, atol=0.1)
+    better = softras.pose(cube, camera, seen.color, seen.silhouette, start=(found.rotation, found.translation), steps=60)
+    assert better.degrees_to(turn) < 3.0
+
+
+def test_measures():
+    cube, sphere = softras.shapes.cube(), softras.shapes.icosphere(2)
+    assert softras.iou(cube, cube) == 1.0 and 0.4 < softras.iou(cube, sphere) < 0.8
+    voxels = softras.voxelize(cube.with_positions(cube.positions * [1.0, 0.5, 0.25]), 8, (-1, -1, -1), 2.0)
+    assert voxels.dtype == bool and [voxels.any(axis).sum() for axis in ((1, 2), (0, 2), (0, 1))] == [4, 2, 2]
+    assert softras.is_closed(cube) and not softras.is_closed(softras.Mesh(cube.positions, cube.triangles[1:]))
+    mask = np.zeros((1, 8, 8), np.float32)
+    mask[:, 2:6, 2:6] = 1.0
+    assert softras.mask_iou(mask, mask).tolist() == [1.0]
+    soft = softras.blurred_mask(mask, 1e-2)
+    assert soft.shape == mask.shape and 0.0 < soft[0, 1, 4] < soft[0, 2, 4]
+    assert len(softras.remesh(sphere, 0.15).triangles) > len(sphere.triangles)

@@ -1,0 +1,262 @@
+"""Images and gradients on numpy arrays."""
+
+import dataclasses
+import os
+import pickle
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pytest
+
+import softras
+from softras import errors
+
+IMAGES = ("color", "silhouette", "depth", "normal")
+
+
+def test_images_are_those_of_the_reference(bumpy, cameras, settings):
+    frame = softras.render(bumpy, cameras, settings, softras.Lights.official())
+    exact = softras.reference.render(bumpy, cameras, settings, softras.Lights.official())
+    assert frame.color.shape == (2, 32, 40, 3) and frame.silhouette.shape == (2, 32, 40)
+    assert frame.color.dtype == np.float32 and frame.silhouette.max() > 0.99
+    for name in IMAGES:
+        np.testing.assert_allclose(getattr(frame, name), exact[name], atol=1e-4)
+    assert frame.color is frame.color
+
+
+def test_gradients_are_those_of_the_reference(bumpy, cameras, settings):
+    lights = softras.Lights.official()
+    frame = softras.render(bumpy, cameras, settings, lights, save=True)
+    random = np.random.default_rng(2)
+    upstream = {name: random.standard_normal(getattr(frame, name).shape).astype(np.float32) for name in IMAGES}
+    by = ("positions", "colors", "cameras", "lights", "background", "scalars")
+    found = frame.backward(by=by, **upstream)
+    exact = softras.reference.gradient(bumpy, cameras, settings, lights, **upstream)
+    pairs = {
+        "positions": (found.meshes[0].positions, exact.meshes[0].positions),
+        "colors": (found.meshes[0].colors, exact.meshes[0].colors),
+        **{name: (getattr(found, name), getattr(exact, name)) for name in ("twists", "projections", "ambient_color")},
+        **{name: (getattr(found, name), getattr(exact, name)) for name in ("light_directions", "background", "gamma")},
+    }
+    for name, (ours, theirs) in pairs.items():
+        assert np.linalg.norm(np.subtract(ours, theirs)) < 2e-3 * np.linalg.norm(theirs), name
+    assert found.meshes[0].uvs is None and frame.backward(silhouette=upstream["silhouette"]).twists is None
+
+
+def test_gradients_are_the_same_bits_again(bumpy, cameras, settings):
+    def once():
+        frame = softras.render(bumpy, cameras, settings, save=True)
+        return frame.backward(color=np.ones_like(frame.color)).meshes[0].positions
+
+    assert (once() == once()).all() and np.abs(once()).max() > 0
+
+
+def test_a_batch_of_different_meshes(bumpy, cameras, settings):
+    fish = softras.shapes.fish()
+    frame = softras.render([bumpy, fish], cameras, settings, save=True)
+    alone = softras.render(fish, cameras[1], settings, save=True)
+    np.testing.assert_array_equal(frame.color[1], alone.color[0])
+    upstream = np.ones_like(alone.color)
+    found = alone.backward(color=upstream, by=("texels", "uvs", "positions")).meshes[0]
+    assert found.textures[0].shape == fish.textures[0].shape and found.uvs.shape == fish.uvs.shape
+    frame = softras.render([bumpy, fish], cameras, settings, save=True)
+    both = frame.backward(color=np.stack([0 * upstream[0], upstream[0]]), by=("positions", "colors")).meshes
+    assert both[0].positions.shape == bumpy.positions.shape and not both[0].positions.any()
+    np.testing.assert_array_equal(both[1].positions, found.positions)
+
+
+def test_several_frames_are_alive(bumpy, cameras, settings):
+    other = softras.shapes.torus()
+    frames = [softras.render(mesh, cameras, settings, save=True) for mesh in (bumpy, other, bumpy)]
+    upstream = np.ones_like(frames[0].silhouette)
+    found = [frame.backward(silhouette=upstream).meshes[0].positions for frame in frames]
+    np.testing.assert_array_equal(found[0], found[2])
+    alone = softras.render(other, cameras, settings, save=True).backward(silhouette=upstream)
+    np.testing.assert_array_equal(found[1], alone.meshes[0].positions)
+    assert found[1].shape == other.positions.shape
+
+
+def test_arrays_of_any_kind_are_taken(bumpy, cameras, settings):
+    frame = softras.render(bumpy, cameras, settings)
+    positions = np.asfortranarray(bumpy.positions.astype(np.float64))
+    for triangles in (bumpy.triangles.astype(np.int64), bumpy.triangles.astype(np.int32), bumpy.triangles.tolist()):
+        same = softras.Mesh(positions, triangles, colors=bumpy.colors[::-1][::-1])
+        np.testing.assert_array_equal(softras.render(same, cameras, settings).color, frame.color)
+
+
+def test_every_mode_renders(bumpy, cameras, settings):
+    plain = softras.render(bumpy, cameras, settings)
+    modes = [
+        {"color": "hard"},
+        {"silhouette": "sum"},
+        {"silhouette": "hard"},
+        {"distance": "barycentric"},
+        {"distance": "hard"},
+        {"background": "composite"},
+        {"interpolation": "perspective"},
+        {"support": "guaranteed", "gamma": 0.05},
+        {"parity": "official"},
+    ]
+    for mode in modes:
+        changed = dataclasses.replace(settings, **mode)
+        frame, exact = (render(bumpy, cameras, changed) for render in (softras.render, softras.reference.render))
+        for name, image in exact.items():
+            # A pixel on the border of a hard mode may fall to either side.
+            assert (np.abs(getattr(frame, name) - image) > 1e-3).mean() < 2e-3, (mode, name)
+        assert any((getattr(frame, name) != getattr(plain, name)).any() for name in IMAGES), mode
+    depth = softras.render(bumpy, cameras, dataclasses.replace(settings, outputs=("depth",)))
+    assert depth.color is None and (depth.depth == plain.depth).all()
+    front = softras.render(bumpy, cameras, dataclasses.replace(settings, faces="front")).depth
+    away = dataclasses.replace(settings, faces="front", front_face="clockwise")
+    assert (softras.render(bumpy, cameras, away).depth != front).any()
+
+
+def test_errors_are_typed_and_tell_the_fix(bumpy, cameras, settings):
+    cases = [
+        (errors.MeshError, "vertex index 1", lambda: softras.Mesh([[0, 0, 0]], [[0, 1, 0]])),
+        (errors.MeshError, "vertex 0", lambda: softras.Mesh([[0, 0, np.nan]], [[0, 0, 0]])),
+        (errors.InputError, "[rows, 3]", lambda: softras.Mesh([[0, 0]], [[0, 0, 0]])),
+        (errors.InputError, "integer", lambda: softras.Mesh([[0, 0, 0]], [[0.5, 0, 0]])),
+        (errors.InputError, "hold -1", lambda: softras.Mesh([[0, 0, 0]], [[-1, 0, 0]])),
+        (errors.InputError, "'colour'", lambda: softras.Mesh([[0, 0, 0]], [[0, 0, 0]], colour=1)),
+        (errors.CameraError, "fov_y", lambda: softras.Camera.from_angles(3, 0, 0, fov_y=9.0)),
+        (errors.InputError, "one projection", lambda: softras.Camera.from_angles(3, 0, 0)),
+        (errors.SettingsError, "sigma", lambda: softras.render(bumpy, cameras, softras.Settings(sigma=-1.0))),
+        (errors.InputError, '"softmax"', lambda: softras.render(bumpy, cameras, softras.Settings(color="soft"))),
+        (errors.SceneError, "cameras", lambda: softras.render([bumpy] * 3, cameras, settings)),
+        (errors.LightError, "direction", lambda: lit(softras.DirectionalLight((0.0, 0.0, 0.0)))),
+        (errors.IoError, "nowhere.obj", lambda: softras.load("nowhere.obj")),
+        (errors.BackwardError, "save=True", lambda: softras.render(bumpy, cameras).backward(color=0)),
+        (errors.BackwardError, "shape", lambda: saved().backward(color=np.zeros((1, 2, 3, 3)))),
+        (errors.BackwardError, "no image", lambda: saved().backward()),
+        (errors.InputError, "colour", lambda: saved().backward(colour=np.zeros(1))),
+        (errors.InputError, "vertices", lambda: saved().backward(color=np.zeros((1, 1, 1, 3)), by="vertices")),
+        (errors.FitError, "image", lambda: softras.fit(bumpy, cameras, steps=1)),
+        (errors.NoDeviceError, "no such device", lambda: softras.Renderer("no such device")),
+    ]
+
+    def lit(light):
+        return softras.render(bumpy, cameras, settings, softras.Lights(directional=(light,)))
+
+    def saved():
+        return softras.render(bumpy, cameras, settings, save=True)
+
+    before = softras.render(bumpy, cameras, settings).color
+    for kind, text, call in cases:
+        with pytest.raises(kind) as caught:
+            call()
+        assert text in str(caught.value) and isinstance(caught.value, softras.Error), str(caught.value)
+        # The renderer still renders.
+        np.testing.assert_array_equal(softras.render(bumpy, cameras, settings).color, before)
+
+
+def test_a_missing_driver_names_the_package():
+    code = "import softras\ntry:\n    softras.Renderer()\nexcept softras.errors.NoDeviceError as error:\n    print(error)"
+    # Without any driver manifest the loader finds no device.
+    environment = {**os.environ, "VK_DRIVER_FILES": "/nonexistent.json", "VK_ICD_FILENAMES": "/nonexistent.json"}
+    result = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=120)
+    assert "mesa-vulkan-drivers" in result.stdout, result.stdout + result.stderr
+
+
+def test_files_keep_a_mesh(tmp_path, bumpy):
+    for mesh in (bumpy, softras.shapes.cube(), softras.shapes.fish()):
+        files = mesh.save(tmp_path / "mesh.obj")
+        read = softras.load(tmp_path / "mesh.obj")
+        np.testing.assert_array_equal(read.positions, mesh.positions)
+        np.testing.assert_array_equal(read.triangles, mesh.triangles)
+        assert all(path.exists() for path in files) and repr(read) == repr(mesh)
+    ply = tmp_path / "mesh.ply"
+    ply.write_text(
+        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+        "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
+    )
+    assert softras.load(ply).triangles.tolist() == [[0, 1, 2]]
+
+
+def test_pickles_are_equal(bumpy, cameras, settings):
+    made = softras.Camera.official(np.eye(3, 4), original_size=64.0), softras.Camera.screen(), *cameras
+    for camera in made:
+        again = pickle.loads(pickle.dumps(camera))
+        np.testing.assert_array_equal(again.view, camera.view)
+        assert again.projection == camera.projection
+    for mesh in (bumpy, softras.shapes.cube(), softras.shapes.fish()):
+        again = pickle.loads(pickle.dumps(mesh))
+        np.testing.assert_array_equal(again.positions, mesh.positions)
+        assert repr(again) == repr(mesh)
+    assert pickle.loads(pickle.dumps(settings)) == settings
+
+
+def test_threads_have_their_own_renderers(bumpy, cameras, settings):
+    expected = softras.render(bumpy, cameras, settings, save=True).color
+    found = {}
+    # Opened one after the other: validation layers do not stand opening while another thread renders.
+    renderers = [softras.Renderer() for _ in range(2)]
+
+    def work(i):
+        for _ in range(5):
+            frame = renderers[i].render(bumpy, cameras, settings, save=True)
+            frame.backward(color=np.ones_like(frame.color))
+        found[i] = frame.color
+
+    threads = [threading.Thread(target=work, args=(i,)) for i in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for color in found.values():
+        np.testing.assert_array_equal(color, expected)
+    assert len(found) == 2
+
+
+def test_other_threads_run_while_one_renders(bumpy, cameras, settings):
+    count, done = 0, threading.Event()
+
+    def render():
+        for _ in range(3):
+            softras.render(bumpy, cameras * 4, dataclasses.replace(settings, width=256, height=256))
+        done.set()
+
+    thread = threading.Thread(target=render)
+    thread.start()
+    while not done.wait(0.001):
+        count += 1
+    thread.join()
+    assert count > 3
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
+def test_a_forked_process_is_refused_and_opens_its_own():
+    code = """
+import os, softras
+renderer, mesh = softras.default_renderer(), softras.shapes.cube()
+camera = softras.Camera.from_angles(3, 20, 30, fov_y=0.8)
+settings = softras.Settings(width=16, height=16)
+expected = softras.render(mesh, camera, settings).color
+if os.fork() == 0:
+    try:
+        renderer.render(mesh, camera, settings)
+    except softras.errors.ForkError as error:
+        print("spawn" in str(error), (softras.render(mesh, camera, settings).color == expected).all(), flush=True)
+    del renderer
+    os._exit(0)
+os.wait()
+"""
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert result.stdout.split() == ["True", "True"], result.stdout + result.stderr
+
+
+def test_settings_help_themselves(bumpy, cameras):
+    settings = softras.Settings(height=128).with_blur_pixels(4.0)
+    assert abs(settings.blur_pixels() - 4.0) < 1e-9
+    near = settings.with_depths_of(bumpy, cameras)
+    assert 1.5 < near.near < 3.0 and 4.0 < near.far < 6.0
+    assert softras.Settings.official(width=8).parity == "official"
+
+
+def test_everything_tells_what_it_is(bumpy, cameras, settings):
+    frame = softras.render(bumpy, cameras, settings, save=True)
+    gradients = frame.backward(color=np.zeros_like(frame.color))
+    for thing in (bumpy, cameras[0], frame, gradients, gradients.meshes[0], softras.default_renderer()):
+        assert repr(thing).startswith(f"softras.{type(thing).__name__}(")

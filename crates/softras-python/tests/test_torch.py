@@ -1,0 +1,272 @@
+"""softras.torch: the same bits as the renderer's own gradients, and torch's check of them in double precision."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import softras
+
+torch = pytest.importorskip("torch", reason="torch is not installed: test.sh --with torch adds it")
+import softras.torch as st  # noqa: E402
+
+
+@pytest.fixture(scope="module")
+def ball():
+    sphere = softras.shapes.icosphere(1)
+    return torch.tensor(sphere.positions), torch.tensor(sphere.triangles.astype(np.int64))
+
+
+def leaf(value, dtype=torch.float32):
+    return torch.tensor(np.asarray(value), dtype=dtype).requires_grad_()
+
+
+def test_gradients_are_the_renderers_to_the_bit(bumpy, cameras, settings):
+    lights = softras.Lights.official()
+    frame = softras.render(bumpy, cameras, settings, lights, save=True)
+    random = np.random.default_rng(3)
+    upstream = {name: random.standard_normal(getattr(frame, name).shape).astype(np.float32) for name in st.Images._fields}
+    found = frame.backward(by=("positions", "colors", "lights", "background", "scalars"), **upstream)
+    vertices, colors = leaf(bumpy.positions), leaf(bumpy.colors)
+    inputs = {
+        "background": leaf(settings.background_color, torch.float64),
+        "sigma": leaf(settings.sigma, torch.float64),
+        "gamma": leaf(settings.gamma, torch.float64),
+        "ambient_color": leaf(lights.ambient_color, torch.float64),
+        "light_directions": leaf([lights.directional[0].direction], torch.float64),
+        "light_intensities": leaf([0.5], torch.float64),
+    }
+    images = st.render(
+        vertices, bumpy.triangles, cameras, colors=colors, settings=settings, lights=lights, **inputs
+    )
+    for name, image in images._asdict().items():
+        np.testing.assert_array_equal(image.detach().numpy(), getattr(frame, name))
+    sum((image * torch.from_numpy(upstream[name])).sum() for name, image in images._asdict().items()).backward()
+    np.testing.assert_array_equal(vertices.grad.numpy(), found.meshes[0].positions)
+    np.testing.assert_array_equal(colors.grad.numpy(), found.meshes[0].colors)
+    for name, tensor in inputs.items():
+        np.testing.assert_array_equal(tensor.grad.numpy(), getattr(found, name), err_msg=name)
+
+
+SCENES = [
+    {},
+    {"color": "hard"},
+    {"silhouette": "sum"},
+    {"distance": "barycentric", "sigma": 2e-2},
+    {"background": "composite"},
+    {"interpolation": "perspective"},
+    {"sigma": 3e-2, "gamma": 0.1},
+    {"background_color": (0.2, 0.5, 0.9)},
+    {"near": 0.5, "far": 20.0},
+    {"outputs": ("silhouette",)},
+]
+
+
+@pytest.mark.parametrize("fields", SCENES, ids=str)
+def test_gradcheck(fields):
+    random = np.random.default_rng(4)
+    # Values that single precision holds, and a tau so small that no fragment leaves the support.
+    vertices = random.uniform(-0.7, 0.7, (6, 3)).astype(np.float32).astype(np.float64)
+    colors = random.random((6, 3)).astype(np.float32).astype(np.float64)
+    faces = torch.tensor([[0, 1, 2], [3, 4, 5]])
+    camera = softras.Camera.look_at((0, 0, 3), (0, 0, 0), fov_y=0.8)
+    given = {"width": 6, "height": 6, "sigma": 1e-2, "gamma": 0.05, "near": 1.0, "far": 5.0, "tau": 1e-12, **fields}
+    settings = softras.Settings(**{"outputs": ("color", "silhouette"), **given})
+
+    def render(vertices, colors):
+        images = st.render(vertices, faces, camera, colors=colors, settings=settings)
+        return tuple(image for image in images if image is not None)
+
+    tensors = (leaf(vertices, torch.float64), leaf(colors, torch.float64))
+    assert torch.autograd.gradcheck(render, tensors, eps=1e-7, atol=1e-6, rtol=1e-4)
+
+
+def test_views_and_projections_have_gradients(bumpy, settings):
+    twist, eye = torch.zeros(2, 6, dtype=torch.float64), torch.tensor([[0.5, 1.0, 3.2], [2.0, 1.0, -2.4]])
+    target, up = torch.zeros(3), torch.tensor([0.0, 1.0, 0.0])
+    fov = torch.tensor([0.8, 0.9], dtype=torch.float64)
+    camera = softras.Camera.from_angles(3, 0, 0, fov_y=0.8)
+    vertices, faces = torch.tensor(bumpy.positions), torch.tensor(bumpy.triangles.astype(np.int64))
+    random = np.random.default_rng(5)
+    weights = torch.tensor(random.standard_normal((2, settings.height, settings.width)))
+    # With so small a tau no fragment enters or leaves a triangle's support.
+    soft = softras.Settings(**{**vars(settings), "sigma": 1e-2, "tau": 1e-12, "outputs": ("silhouette",)})
+
+    def loss(twist, eye, fov):
+        views = st.rigid_motion(twist) @ st.look_at(eye, target.to(eye), up.to(eye)).to(twist)
+        images = st.render(vertices.double(), faces, [camera] * 2, views=views, projections=fov, settings=soft)
+        return (images.silhouette * weights).sum()
+
+    tensors = [x.double().requires_grad_() for x in (twist, eye, fov)]
+    found = torch.autograd.grad(loss(*tensors), tensors)
+    for i, (tensor, gradient) in enumerate(zip(tensors, found)):
+        step = torch.tensor(random.standard_normal(tensor.shape))
+        moved = [[t.detach() + (h * step if k == i else 0.0) for k, t in enumerate(tensors)] for h in (1e-5, -1e-5)]
+        slope = float(loss(*moved[0]) - loss(*moved[1])) / 2e-5
+        assert abs(float((gradient * step).sum()) - slope) < 1e-3 * abs(slope) + 1e-3, i
+
+
+def test_batches_lists_and_templates(ball, cameras, settings):
+    vertices, faces = ball
+    fish = softras.shapes.fish()
+    batch = torch.stack([vertices, 0.5 * vertices]).requires_grad_()
+    together = st.render(batch, faces, cameras, settings=settings)
+    together.silhouette[1].sum().backward()
+    assert not batch.grad[0].any() and batch.grad[1].any()
+    listed = [leaf(vertices), leaf(fish.positions)]
+    images = st.render(listed, [faces, fish], cameras, settings=settings)
+    # Beside a textured mesh other kernels run.
+    np.testing.assert_allclose(images.color[0].detach(), together.color[0].detach(), atol=1e-6)
+    np.testing.assert_array_equal(images.color[1].detach(), softras.render(fish, cameras[1], settings).color[0])
+    images.color.sum().backward()
+    assert listed[0].grad.shape == vertices.shape and listed[1].grad.any()
+
+
+def test_surfaces_and_textures(ball, cameras, settings):
+    vertices, faces = ball
+    surface = torch.rand(len(faces), 4, 3).requires_grad_()
+    st.render(vertices, faces, cameras, surface=surface, settings=settings).color.sum().backward()
+    assert surface.grad.any()
+    texture, uvs = torch.rand(5, 7, 4).requires_grad_(), torch.rand(len(vertices), 2).requires_grad_()
+    images = st.render(vertices, faces, cameras, textures=texture, uvs=uvs, settings=settings)
+    images.color.square().sum().backward()
+    assert texture.grad[..., :3].any() and texture.grad[..., 3].any() and uvs.grad.any()
+    batch = torch.rand(2, 5, 7, 3).requires_grad_()
+    pair = torch.stack([vertices, vertices])
+    st.render(pair, faces, cameras, textures=batch, uvs=uvs.detach(), settings=settings).color[0].sum().backward()
+    assert batch.grad[0].any() and not batch.grad[1].any()
+
+
+def test_several_nodes_in_one_graph(ball, cameras, settings):
+    vertices, faces = ball
+    first, second = leaf(vertices), leaf(0.8 * vertices)
+
+    def loss(a, b):
+        one = st.render(a, faces, cameras, settings=settings)
+        two = st.render(b, faces, cameras, settings=settings)
+        again = st.render(a, faces, cameras[0], settings=settings)
+        return (one.silhouette * two.silhouette).sum() + again.color.sum()
+
+    loss(first, second).backward()
+    alone = leaf(vertices)
+    loss(alone, second.detach()).backward()
+    np.testing.assert_array_equal(alone.grad, first.grad)
+    assert second.grad.any()
+
+
+def test_wrong_inputs_are_named(ball, cameras, settings):
+    vertices, faces = ball
+    cases = [
+        ("'colour'", lambda: st.render(vertices, faces, cameras, colour=vertices)),
+        ("no tensor", lambda: st.render(vertices, faces, cameras, sigma=1e-3)),
+        ("for 1 meshes", lambda: st.render(vertices, faces, cameras, colors=torch.rand(2, len(vertices), 3))),
+        ("for 2 cameras", lambda: st.render(vertices, faces, cameras, views=torch.eye(4).repeat(3, 1, 1))),
+    ]
+    for text, call in cases:
+        with pytest.raises(softras.errors.InputError) as caught:
+            call()
+        assert text in str(caught.value)
+    start = leaf(vertices)
+    loss = st.render(start, faces, cameras, settings=settings).color.square().sum()
+    (slope,) = torch.autograd.grad(loss, start, create_graph=True)
+    with pytest.raises(RuntimeError, match="once_differentiable"):
+        slope.sum().backward()
+
+
+def test_compiled_code_renders(ball, cameras, settings):
+    vertices, faces = ball
+
+    def loss(vertices):
+        return (2.0 * st.render(2.0 * vertices, faces, cameras, settings=settings).silhouette).sum()
+
+    plain, compiled = leaf(vertices), leaf(vertices)
+    loss(plain).backward()
+    torch.compile(loss, backend="eager")(compiled).backward()
+    np.testing.assert_array_equal(plain.grad, compiled.grad)
+
+
+def test_arrays_are_exchanged_by_dlpack(bumpy, cameras, settings):
+    frame = softras.render(bumpy, cameras, settings)
+    tensor = torch.from_dlpack(frame.color)
+    assert tensor.data_ptr() == frame.color.ctypes.data
+
+
+WORKERS = """
+import sys, torch, softras, softras.torch as st
+
+class Views(torch.utils.data.Dataset):
+    def __len__(self):
+        return 4
+
+    def __getitem__(self, i):
+        camera = softras.Camera.from_angles(3, 20, 30.0 * i, fov_y=0.8)
+        return torch.from_numpy(softras.render(softras.shapes.cube(), camera, softras.Settings(width=16, height=16)).color[0])
+
+if __name__ == "__main__":
+    expected = torch.stack([Views()[i] for i in range(4)])
+    loader = torch.utils.data.DataLoader(Views(), batch_size=2, num_workers=2, multiprocessing_context=sys.argv[1])
+    print(torch.equal(torch.cat(list(loader)), expected))
+"""
+
+
+@pytest.mark.parametrize("method", ["fork", "spawn"] if hasattr(os, "fork") else ["spawn"])
+def test_workers_render(method, tmp_path):
+    (tmp_path / "workers.py").write_text(WORKERS)
+    command = [sys.executable, str(tmp_path / "workers.py"), method]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert result.stdout.strip() == "True", result.stdout + result.stderr
+
+
+PARALLEL = """
+import sys, torch, torch.distributed as dist, torch.multiprocessing as mp, softras, softras.torch as st
+from torch.nn.parallel import DistributedDataParallel
+
+class Shape(torch.nn.Module):
+    def __init__(self):
+        super().__init__()
+        sphere = softras.shapes.icosphere(2)
+        self.vertices = torch.nn.Parameter(torch.tensor(sphere.positions))
+        self.faces = sphere.triangles
+        self.rasterizer = st.Rasterizer(softras.Settings(width=32, height=32, sigma=1e-3, outputs=("silhouette",)))
+
+    def forward(self, cameras):
+        return self.rasterizer(self.vertices, self.faces, cameras).silhouette
+
+def curve(model, cameras, target):
+    optimizer, losses = torch.optim.SGD(model.parameters(), 0.5), []
+    for _ in range(5):
+        loss = (model(cameras) - target).square().mean()
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+        losses.append(loss.detach())
+    return torch.stack(losses)
+
+def views():
+    cameras = [softras.Camera.from_angles(3.5, 20, 90.0 * i, fov_y=0.8) for i in range(4)]
+    settings = softras.Settings(width=32, height=32, sigma=1e-3)
+    return cameras, torch.from_numpy(softras.render(softras.shapes.cube(), cameras, settings).silhouette)
+
+def work(rank, store):
+    dist.init_process_group("gloo", init_method=f"file://{store}", rank=rank, world_size=2)
+    cameras, target = views()
+    part = slice(2 * rank, 2 * rank + 2)
+    losses = curve(DistributedDataParallel(Shape()), cameras[part], target[part])
+    dist.all_reduce(losses)
+    if rank == 0:
+        alone = curve(Shape(), cameras, target)
+        print((losses / 2 - alone).abs().max().item() < 1e-5 * alone[0].item(), alone[-1].item() < alone[0].item())
+    dist.destroy_process_group()
+
+if __name__ == "__main__":
+    mp.spawn(work, (sys.argv[1],), 2)
+"""
+
+
+def test_two_processes_are_one_with_twice_the_batch(tmp_path):
+    (tmp_path / "parallel.py").write_text(PARALLEL)
+    command = [sys.executable, str(tmp_path / "parallel.py"), str(tmp_path / "store")]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert result.stdout.split() == ["True", "True"], result.stdout + result.stderr
