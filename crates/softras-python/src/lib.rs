@@ -15,6 +15,7 @@ mod pose;
 mod reference;
 mod renderer;
 mod settings;
+mod solid;
 
 use pyo3::prelude::*;
 
@@ -38,4 +39,6 @@ mod _softras {
     use super::reference::{reference_gradient, reference_render};
     #[pymodule_export]
     use super::renderer::Renderer;
+    #[pymodule_export]
+    use super::solid::solid_voxels;
 }

@@ -193,6 +193,16 @@ def _gradient(scene: _Scene, index: int, found, arrays: List[np.ndarray]) -> np.
     return np.asarray(getattr(found, name))
 
 
+def _any(array: np.ndarray) -> bool:
+    """Whether a value differs from 0; most gradients differ in some of a few places."""
+    return bool(array.reshape(-1)[::101].any() or array.any())
+
+
+def _matters(name: str, upstream: Dict[str, np.ndarray]) -> bool:
+    """Whether a loss of these images can depend on an input."""
+    return "color" in upstream if name in ("colors", "surface", "background") + _OF_LIGHTS else bool(upstream)
+
+
 class _Render(torch.autograd.Function):
     @staticmethod
     def forward(ctx, scene: _Scene, *tensors: torch.Tensor):
@@ -212,18 +222,18 @@ class _Render(torch.autograd.Function):
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(ctx, *upstream):
-        given = {name: g.detach().cpu().numpy() for name, g in zip(ctx.names, upstream) if g is not None}
-        tensors, needed = ctx.saved_tensors, ctx.needs_input_grad[1:]
-        if not given:
-            return (None,) * (1 + len(tensors))
-        scene = ctx.scene
-        by = sorted({_BY[name] for (name, _), wanted in zip(scene.inputs, needed) if wanted})
-        arrays = [tensor.detach().cpu().numpy() for tensor in tensors]
-        found = ctx.frame.backward(by=by, mode=scene.mode, **given)
+        arrays = {name: g.detach().cpu().numpy() for name, g in zip(ctx.names, upstream) if g is not None}
+        given = {name: array for name, array in arrays.items() if _any(array)}
+        tensors, scene = ctx.saved_tensors, ctx.scene
+        needed = [wanted and _matters(name, given) for (name, _), wanted in zip(scene.inputs, ctx.needs_input_grad[1:])]
+        if any(needed):
+            by = sorted({_BY[name] for (name, _), wanted in zip(scene.inputs, needed) if wanted})
+            found = ctx.frame.backward(by=by, mode=scene.mode, **given)
+            arrays = [tensor.detach().cpu().numpy() for tensor in tensors]
 
         def one(index: int):
             if not needed[index]:
-                return None
+                return torch.zeros_like(tensors[index]) if ctx.needs_input_grad[1 + index] else None
             gradient = np.ascontiguousarray(_gradient(scene, index, found, arrays))
             return torch.from_numpy(gradient).to(tensors[index]).reshape(tensors[index].shape)
 

@@ -1,0 +1,33 @@
+"""Runs a script that was written for the official package: `python -m softras.soft_renderer SCRIPT.py ARGUMENTS`.
+
+`import soft_renderer` finds this package. Without a CUDA device `.cuda()` leaves tensors and modules where they are.
+"""
+
+from __future__ import annotations
+
+import os
+import runpy
+import sys
+
+import torch
+
+from . import functional
+from .. import soft_renderer
+
+
+def main() -> int:
+    if len(sys.argv) < 2:
+        print("usage: python -m softras.soft_renderer SCRIPT.py [ARGUMENTS]", file=sys.stderr)
+        return 2
+    sys.modules["soft_renderer"] = soft_renderer
+    sys.modules["soft_renderer.functional"] = functional
+    if not torch.cuda.is_available():
+        torch.Tensor.cuda = torch.nn.Module.cuda = lambda self, *args, **kwargs: self
+    sys.argv = sys.argv[1:]
+    sys.path.insert(0, os.path.dirname(os.path.abspath(sys.argv[0])))
+    runpy.run_path(sys.argv[0], run_name="__main__")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

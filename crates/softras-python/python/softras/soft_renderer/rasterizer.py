@@ -1,0 +1,97 @@
+"""The rasterizer as a module."""
+
+from __future__ import annotations
+
+import torch.nn.functional as F
+from torch import nn
+
+from . import functional as srf
+
+
+class SoftRasterizer(nn.Module):
+    """A mesh on the screen to images [batch, 4, size, size]; see `functional.soft_rasterize`."""
+
+    def __init__(
+        self,
+        image_size=256,
+        background_color=(0, 0, 0),
+        near=1,
+        far=100,
+        anti_aliasing=False,
+        fill_back=False,
+        eps=1e-3,
+        sigma_val=1e-5,
+        dist_func="euclidean",
+        dist_eps=1e-4,
+        gamma_val=1e-4,
+        aggr_func_rgb="softmax",
+        aggr_func_alpha="prod",
+        texture_type="surface",
+        exact_gradients=False,
+    ):
+        super().__init__()
+        choices = [
+            ("dist_func", dist_func, ("hard", "euclidean", "barycentric")),
+            ("aggr_func_rgb", aggr_func_rgb, ("hard", "softmax")),
+            ("aggr_func_alpha", aggr_func_alpha, ("hard", "prod", "sum")),
+            ("texture_type", texture_type, ("surface", "vertex")),
+        ]
+        for name, value, among in choices:
+            if value not in among:
+                raise ValueError(f"{name} is {value!r}: use {', '.join(among)}")
+        self.image_size, self.background_color = image_size, background_color
+        self.near, self.far = near, far
+        self.anti_aliasing, self.fill_back, self.eps = anti_aliasing, fill_back, eps
+        self.sigma_val, self.dist_func, self.dist_eps = sigma_val, dist_func, dist_eps
+        self.gamma_val, self.aggr_func_rgb, self.aggr_func_alpha = gamma_val, aggr_func_rgb, aggr_func_alpha
+        self.texture_type, self.exact_gradients = texture_type, exact_gradients
+
+    def forward(self, mesh, mode=None):
+        images = srf.soft_rasterize(
+            mesh.face_vertices,
+            mesh.face_textures,
+            self.image_size * (2 if self.anti_aliasing else 1),
+            self.background_color,
+            self.near,
+            self.far,
+            self.fill_back,
+            self.eps,
+            self.sigma_val,
+            self.dist_func,
+            self.dist_eps,
+            self.gamma_val,
+            self.aggr_func_rgb,
+            self.aggr_func_alpha,
+            self.texture_type,
+            self.exact_gradients,
+        )
+        return F.avg_pool2d(images, kernel_size=2, stride=2) if self.anti_aliasing else images
+
+
+class Rasterizer(SoftRasterizer):
+    """The hard rasterizer that the official `Renderer` asks for, which the official package lacks: hard colour and alpha."""
+
+    def __init__(
+        self,
+        image_size=256,
+        background_color=(0, 0, 0),
+        near=1,
+        far=100,
+        anti_aliasing=True,
+        fill_back=True,
+        eps=1e-6,
+        texture_type="surface",
+    ):
+        super().__init__(
+            image_size,
+            background_color,
+            near,
+            far,
+            anti_aliasing,
+            fill_back,
+            eps,
+            dist_func="hard",
+            aggr_func_rgb="hard",
+            aggr_func_alpha="hard",
+            texture_type=texture_type,
+        )

@@ -1,0 +1,107 @@
+"""Cameras as modules, which take vertices to the screen."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import nn
+
+from . import functional as srf
+
+
+class Projection(nn.Module):
+    """Projection by matrices P [batch, 3, 4] with distortion [batch, 5], for images of `orig_size` pixels."""
+
+    def __init__(self, P, dist_coeffs=None, orig_size=512):
+        super().__init__()
+        if P is None or tuple(P.shape[1:]) != (3, 4):
+            raise ValueError("P is no matrix: give [batch, 3, 4]")
+        self.P, self.orig_size = torch.as_tensor(P), orig_size
+        self.dist_coeffs = torch.zeros(len(self.P), 5) if dist_coeffs is None else torch.as_tensor(dist_coeffs)
+
+    def forward(self, vertices):
+        P, dist_coeffs = self.P.to(vertices), self.dist_coeffs.to(vertices)
+        return srf.projection(vertices, P, dist_coeffs, self.orig_size)
+
+
+class _Eye(nn.Module):
+    """A camera with an eye, and with perspective or without."""
+
+    def __init__(self, perspective, viewing_angle, viewing_scale, eye):
+        super().__init__()
+        self.perspective, self.viewing_angle, self.viewing_scale = perspective, viewing_angle, viewing_scale
+        self._eye = eye
+        if eye is None:
+            self._eye = [0, 0, -(1.0 / math.tan(math.radians(viewing_angle)) + 1)]
+
+    def project(self, view):
+        if self.perspective:
+            return srf.perspective(view, angle=self.viewing_angle)
+        return srf.orthogonal(view, scale=self.viewing_scale)
+
+
+class LookAt(_Eye):
+    """A camera that looks at the origin; `viewing_angle` is half the angle of view in degrees."""
+
+    def __init__(self, perspective=True, viewing_angle=30, viewing_scale=1.0, eye=None):
+        super().__init__(perspective, viewing_angle, viewing_scale, eye)
+
+    def forward(self, vertices):
+        return self.project(srf.look_at(vertices, self._eye))
+
+
+class Look(_Eye):
+    """A camera that looks along a direction."""
+
+    def __init__(self, camera_direction=(0, 0, 1), perspective=True, viewing_angle=30, viewing_scale=1.0, eye=None):
+        super().__init__(perspective, viewing_angle, viewing_scale, eye)
+        self.camera_direction = camera_direction
+
+    def forward(self, vertices):
+        return self.project(srf.look(vertices, self._eye, self.camera_direction))
+
+
+class Transform(nn.Module):
+    """A camera of one of the modes "projection", "look" and "look_at", which moves a mesh's vertices to the screen."""
+
+    def __init__(
+        self,
+        camera_mode="projection",
+        P=None,
+        dist_coeffs=None,
+        orig_size=512,
+        perspective=True,
+        viewing_angle=30,
+        viewing_scale=1.0,
+        eye=None,
+        camera_direction=(0, 0, 1),
+    ):
+        super().__init__()
+        self.camera_mode = camera_mode
+        if camera_mode == "projection":
+            self.transformer = Projection(P, dist_coeffs, orig_size)
+        elif camera_mode == "look":
+            self.transformer = Look(camera_direction, perspective, viewing_angle, viewing_scale, eye)
+        elif camera_mode == "look_at":
+            self.transformer = LookAt(perspective, viewing_angle, viewing_scale, eye)
+        else:
+            raise ValueError(f"camera_mode is {camera_mode!r}: use projection, look or look_at")
+
+    def forward(self, mesh):
+        mesh.vertices = self.transformer(mesh.vertices)
+        return mesh
+
+    def set_eyes_from_angles(self, distances, elevations, azimuths):
+        """Places the eyes at distances, and angles in degrees, around the origin."""
+        self.set_eyes(srf.get_points_from_angles(distances, elevations, azimuths))
+
+    def set_eyes(self, eyes):
+        """Places the eyes: one, or one for each mesh of the batch."""
+        if self.camera_mode == "projection":
+            raise ValueError("a projection has no eyes: use camera_mode look or look_at")
+        self.transformer._eye = eyes
+
+    @property
+    def eyes(self):
+        return self.transformer._eye
