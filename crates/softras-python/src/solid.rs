@@ -63,15 +63,10 @@ impl Grid {
     /// Everything but the voxels that a way through untouched ones leads to from the border of the grid.
     fn solid(&self) -> Vec<bool> {
         let last = self.size - 1;
-        let mut solid = vec![true; self.touched.len()];
-        let mut open = Vec::new();
-        for at in 0..self.touched.len() {
-            let place = [at / (self.size * self.size), at / self.size % self.size, at % self.size];
-            if place.iter().any(|&x| x == 0 || x == last) && !self.touched[at] {
-                solid[at] = false;
-                open.push(place);
-            }
-        }
+        let place = |at: usize| [at / (self.size * self.size), at / self.size % self.size, at % self.size];
+        let is_open = |at: usize, touched: bool| !touched && place(at).iter().any(|&x| x == 0 || x == last);
+        let mut solid: Vec<bool> = self.touched.iter().enumerate().map(|(at, &touched)| !is_open(at, touched)).collect();
+        let mut open: Vec<[usize; 3]> = (0..solid.len()).filter(|&at| !solid[at]).map(place).collect();
         while let Some(place) = open.pop() {
             for axis in 0..3 {
                 for next in [place[axis].checked_sub(1), Some(place[axis] + 1).filter(|x| *x <= last)] {
