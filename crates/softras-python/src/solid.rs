@@ -65,7 +65,8 @@ impl Grid {
         let last = self.size - 1;
         let place = |at: usize| [at / (self.size * self.size), at / self.size % self.size, at % self.size];
         let is_open = |at: usize, touched: bool| !touched && place(at).iter().any(|&x| x == 0 || x == last);
-        let mut solid: Vec<bool> = self.touched.iter().enumerate().map(|(at, &touched)| !is_open(at, touched)).collect();
+        let mut solid: Vec<bool> =
+            self.touched.iter().enumerate().map(|(at, &touched)| !is_open(at, touched)).collect();
         let mut open: Vec<[usize; 3]> = (0..solid.len()).filter(|&at| !solid[at]).map(place).collect();
         while let Some(place) = open.pop() {
             for axis in 0..3 {
