@@ -4,12 +4,10 @@
 
 #[path = "../../../tests/common/mutate.rs"]
 mod mutate;
-#[allow(dead_code)] // Parts that only the command uses.
-#[path = "../src/commands/npz/npy.rs"]
-mod npy;
 
 use mutate::{cases, mutate};
 use peak_alloc::PeakAlloc;
+use softras_cli::npy;
 use softras_cli::stress::Random;
 use std::{
     fs, panic,

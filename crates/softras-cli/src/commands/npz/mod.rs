@@ -1,7 +1,5 @@
 //! Archives of numpy arrays, `.npz` files, as `np.savez` and `np.savez_compressed` write them.
 
-pub mod npy;
-
 use super::memory::Budget;
 use super::text;
 use softras::internals::files;
@@ -13,7 +11,7 @@ use std::fs::File;
 use std::io::{BufReader, Cursor, Write};
 use std::path::{Path, PathBuf};
 
-pub use npy::{Array, Data, Numbers};
+pub use softras_cli::npy::{self, Array, Data, Numbers};
 
 /// The most keys that an error names.
 const MAX_NAMED: usize = 30;

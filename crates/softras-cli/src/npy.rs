@@ -18,6 +18,7 @@ pub struct Array {
     bytes: Vec<u8>,
 }
 
+#[expect(clippy::len_without_is_empty, reason = "an array without values is not a case of its own")]
 impl Array {
     /// The number of values.
     pub fn len(&self) -> usize {
@@ -42,6 +43,11 @@ impl Array {
         (!matches!(self.kind, Kind::Unicode | Kind::Bytes)).then_some(Numbers(self))
     }
 
+    /// Its bytes; `None` for another type than uint8.
+    pub fn bytes(&self) -> Option<&[u8]> {
+        (self.kind == Kind::Unsigned && self.size == 1).then_some(&self.bytes)
+    }
+
     /// Its texts; `None` for numbers.
     pub fn texts(&self) -> Option<impl Iterator<Item = String> + '_> {
         let text = |i: usize| match self.kind {
@@ -60,6 +66,7 @@ impl Array {
 #[derive(Clone, Copy, Debug)]
 pub struct Numbers<'a>(&'a Array);
 
+#[expect(clippy::len_without_is_empty, reason = "an array without values is not a case of its own")]
 impl<'a> Numbers<'a> {
     /// How many there are.
     pub fn len(self) -> usize {
@@ -266,13 +273,19 @@ pub enum Data<'a> {
     F32(&'a [f32]),
     /// float64.
     F64(&'a [f64]),
+    /// uint8.
+    U8(&'a [u8]),
 }
 
 /// The bytes of a `.npy` file of version 1; the data starts at a multiple of 64 bytes.
 pub fn write(shape: &[usize], data: Data<'_>) -> Vec<u8> {
     let sides: String = shape.iter().map(|s| format!("{s}, ")).collect();
     let sides = if shape.len() == 1 { sides.trim_end() } else { sides.trim_end_matches(", ") };
-    let descr = if matches!(data, Data::F32(_)) { "<f4" } else { "<f8" };
+    let descr = match data {
+        Data::F32(_) => "<f4",
+        Data::F64(_) => "<f8",
+        Data::U8(_) => "|u1",
+    };
     let mut header = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': ({sides}), }}");
     let padding = 64 - (10 + header.len() + 1) % 64;
     header.push_str(&" ".repeat(padding % 64));
@@ -283,6 +296,7 @@ pub fn write(shape: &[usize], data: Data<'_>) -> Vec<u8> {
     match data {
         Data::F32(values) => values.iter().for_each(|v| bytes.extend(v.to_le_bytes())),
         Data::F64(values) => values.iter().for_each(|v| bytes.extend(v.to_le_bytes())),
+        Data::U8(values) => bytes.extend(values),
     }
     bytes
 }
@@ -313,7 +327,10 @@ mod tests {
             let array = read(&bytes[..], |_| Ok(())).unwrap();
             assert_eq!((array.dtype().as_str(), &array.shape), ("float64", &shape));
             assert_eq!(numbers(&array), values);
+            assert_eq!(array.bytes(), None);
         }
+        let array = read(&write(&[2, 1], Data::U8(&[3, 255]))[..], |_| Ok(())).unwrap();
+        assert_eq!((array.dtype().as_str(), &array.shape, array.bytes()), ("uint8", &vec![2, 1], Some(&[3, 255][..])));
     }
 
     #[test]
