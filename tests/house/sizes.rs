@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use syn::visit::{self, Visit};
 
 /// The folders whose files keep the rules.
-const FOLDERS: [&str; 2] = ["src", "crates/softras-cli/src"];
+const FOLDERS: [&str; 3] = ["src", "crates/softras-cli/src", "crates/softras-burn/src"];
 const MOST_FILE_LINES: usize = 400;
 const MOST_FUNCTION_LINES: usize = 60;
 

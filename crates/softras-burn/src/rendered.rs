@@ -1,0 +1,106 @@
+//! A rendered frame as a node of burn's graph keeps it: its packed images, and the gradients back to its inputs.
+
+use crate::render::{Role, Shared, lock};
+use crate::twist;
+use softras::{CameraGradient, Error, Frame, Gradients, Image, ImageGradient, MeshGradients, Result, Wanted};
+use std::sync::Arc;
+
+/// A rendered frame with what its backward pass needs.
+pub(crate) struct Rendered {
+    pub shared: Arc<Shared>,
+    pub frame: Frame,
+    /// The rows of each input.
+    pub rows: [usize; 4],
+    /// The cameras' motions, where a tensor gives them.
+    pub twists: Option<Vec<[f64; 6]>>,
+}
+
+impl Rendered {
+    fn parts(&self) -> impl Iterator<Item = &Image> {
+        let frame = &self.frame;
+        [frame.color(), frame.silhouette(), frame.depth(), frame.normal()].into_iter().flatten()
+    }
+
+    /// All images, the channels of one pixel after one another, and the shape `[views, height, width, channels]`.
+    pub fn images(&self) -> (Vec<f32>, [usize; 4]) {
+        let total = self.parts().map(|image| image.channels).sum();
+        let (mut data, mut shape, mut from) = (Vec::new(), [0; 4], 0);
+        for image in self.parts() {
+            shape = [image.batch, image.height, image.width, total];
+            data.resize(shape.iter().product(), 0.0);
+            for (to, values) in data.chunks_exact_mut(total).zip(image.data.chunks_exact(image.channels)) {
+                to[from..from + image.channels].copy_from_slice(values);
+            }
+            from += image.channels;
+        }
+        (data, shape)
+    }
+
+    /// The upstream gradient of each image; one that is zero everywhere is left out, as of an image that no loss uses.
+    fn unpacked(&self, packed: &[f32]) -> ImageGradient {
+        let total: usize = self.parts().map(|image| image.channels).sum();
+        let mut from = 0;
+        let mut next = |image: Option<&Image>| {
+            let image = image?;
+            let range = from..from + image.channels;
+            from = range.end;
+            let data: Vec<f32> =
+                packed.chunks_exact(total).flat_map(|pixel| pixel[range.clone()].iter().copied()).collect();
+            let Image { batch, height, width, channels, .. } = *image;
+            data.iter().any(|x| *x != 0.0).then_some(Image { batch, height, width, channels, data })
+        };
+        let frame = &self.frame;
+        let (color, silhouette) = (next(frame.color()), next(frame.silhouette()));
+        ImageGradient { color, silhouette, depth: next(frame.depth()), normal: next(frame.normal()) }
+    }
+
+    /// The gradients by the wanted inputs, from the one by the packed images. After an error, which is kept, they are NaN.
+    pub fn pull_back(&self, upstream: Option<Vec<f32>>, wanted: [bool; 4]) -> [Vec<f32>; 4] {
+        match self.differentiated(upstream, wanted) {
+            Ok(gradients) => Role::ALL.map(|role| self.flattened(&gradients, role, wanted)),
+            Err(error) => {
+                lock(&self.shared.fault).get_or_insert(error);
+                Role::ALL.map(|role| vec![f32::NAN; self.rows[role as usize] * role.columns()])
+            }
+        }
+    }
+
+    /// The renderer's gradients; without any where no image has an upstream gradient.
+    fn differentiated(&self, upstream: Option<Vec<f32>>, wanted: [bool; 4]) -> Result<Gradients> {
+        let Some(upstream) = upstream else {
+            let what = "the upstream gradient cannot be read".into();
+            return Err(Error::Backward { what, fix: "use 32-bit floats on a device that works".into() });
+        };
+        let upstream = self.unpacked(&upstream);
+        let [positions, colors, texels, camera] = wanted;
+        let wanted = Wanted { positions, colors, texels, camera, ..Wanted::NOTHING };
+        if upstream == ImageGradient::default() {
+            return Ok(Gradients::default());
+        }
+        lock(&self.shared.renderer).backward(&self.frame, &upstream, &wanted)
+    }
+
+    /// The rows of one input's gradient.
+    fn flattened(&self, gradients: &Gradients, role: Role, wanted: [bool; 4]) -> Vec<f32> {
+        let values =
+            |of: fn(&MeshGradients) -> &[[f32; 3]]| gradients.meshes.iter().flat_map(of).flatten().copied().collect();
+        let mut flat: Vec<f32> = match role {
+            _ if !wanted[role as usize] => Vec::new(),
+            Role::Positions => values(|mesh| &mesh.positions),
+            Role::Colors => values(|mesh| &mesh.colors),
+            Role::Texels => values(|mesh| &mesh.surface_texels),
+            Role::Cameras => self.by_twists(&gradients.cameras),
+        };
+        flat.resize(self.rows[role as usize] * role.columns(), 0.0);
+        flat
+    }
+
+    fn by_twists(&self, cameras: &[CameraGradient]) -> Vec<f32> {
+        let twists = self.twists.iter().flatten();
+        cameras
+            .iter()
+            .zip(twists)
+            .flat_map(|(camera, &at)| twist::pull_back(at, camera.twist).map(|x| x as f32))
+            .collect()
+    }
+}

@@ -1,0 +1,224 @@
+//! Single-view reconstruction in small: data, training that resumes to the bit, and files that are not what they should be.
+#![allow(clippy::unwrap_used)]
+
+use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
+use burn::tensor::{Device, Tensor};
+use softras::Renderer;
+use softras::internals::fit::is_closed;
+use softras_burn::reconstruct::data::{self, Set, Shard};
+use softras_burn::reconstruct::train::{Config, Row, Trainer, meshes};
+use softras_burn::reconstruct::{checkpoint, evaluate, families, picture, synthesis};
+use std::path::Path;
+
+fn config() -> Config {
+    Config {
+        width: 2,
+        steps: 6,
+        pairs: 2,
+        rate: 1e-3,
+        sigma: 1e-4,
+        laplacian: 5e-3,
+        flatten: 5e-4,
+        color: 1.0,
+        hard: false,
+        seed: 5,
+    }
+}
+
+fn small() -> Set {
+    synthesis::small(&mut Renderer::new().unwrap(), &["sofa", "table"], 2, 7).unwrap()
+}
+
+#[test]
+fn families_are_closed_and_differ() {
+    for name in families::NAMES {
+        let draw = |seed| families::object(name, seed).unwrap().unwrap();
+        assert_eq!(draw(3), draw(3));
+        for seed in 0..20 {
+            let mesh = draw(seed);
+            assert!(is_closed(&mesh).unwrap(), "{name} {seed}");
+            assert_ne!(mesh, draw(seed + 1), "{name} {seed}");
+            let (low, high) = mesh.bounds().unwrap();
+            let longest = (0..3).map(|k| high[k] - low[k]).fold(0.0, f32::max);
+            assert!((f64::from(longest) - families::EXTENT).abs() < 1e-5, "{name} {seed}: {longest}");
+        }
+    }
+    assert!(families::object("ship", 0).is_none());
+}
+
+#[test]
+fn shards_are_the_set() {
+    let folder = tempfile::tempdir().unwrap();
+    let names = ["lamp".to_string(), "bed".to_string()];
+    let mut renderer = Renderer::new().unwrap();
+    let mut make = |to: &str, shard| {
+        synthesis::families(&mut renderer, &folder.path().join(to), &names, [3, 1, 1], 9, shard, |_| {}).unwrap();
+    };
+    make("whole", Shard::WHOLE);
+    (0..2).for_each(|index| make("parts", Shard { index, count: 2 }));
+    let whole = data::read(&folder.path().join("whole"), "train", &[]).unwrap();
+    let parts = data::read(&folder.path().join("parts"), "train", &names).unwrap();
+    assert_eq!(whole.classes, ["bed", "lamp"]);
+    assert_eq!((whole.objects.len(), parts.objects.len()), (6, 6));
+    // Shards hold every second object.
+    for (class, name) in names.iter().enumerate() {
+        let of = |set: &Set, name: &str| {
+            let class = set.classes.iter().position(|n| n == name).unwrap();
+            set.objects.iter().filter(|o| o.class == class).cloned().collect::<Vec<_>>()
+        };
+        let (whole, parts) = (of(&whole, name), of(&parts, name));
+        for (i, from) in [0, 2, 1].into_iter().enumerate() {
+            assert_eq!(parts[i].pictures, whole[from].pictures, "{class} {i}");
+            assert_eq!(parts[i].solid, whole[from].solid, "{class} {i}");
+        }
+    }
+    let missing = data::read(&folder.path().join("whole"), "train", &["ship".into()]).unwrap_err().to_string();
+    assert!(missing.contains("ship_train_images.npz") && missing.contains("no such file"), "{missing}");
+    std::fs::remove_file(folder.path().join("parts/lamp_train_voxels_1_of_2.npz")).unwrap();
+    assert!(data::read(&folder.path().join("parts"), "train", &[]).is_err());
+    // A file that is cut short.
+    let path = folder.path().join("whole/lamp_train_images.npz");
+    let bytes = std::fs::read(&path).unwrap();
+    for length in [0, 100, bytes.len() / 2, bytes.len() - 1] {
+        std::fs::write(&path, &bytes[..length]).unwrap();
+        let error = data::read(&folder.path().join("whole"), "train", &[]).unwrap_err().to_string();
+        assert!(error.contains("lamp_train_images.npz"), "{length}: {error}");
+    }
+}
+
+/// Trains for so many steps more.
+fn steps(trainer: &mut Trainer, set: &Set, count: usize) -> Vec<Row> {
+    (0..count).map(|_| trainer.step(set).unwrap()).collect()
+}
+
+/// All weights of a network in training, through a checkpoint.
+fn weights(trainer: &Trainer, path: &Path) -> Vec<f32> {
+    struct Weights(Vec<f32>);
+    impl ModuleVisitor for Weights {
+        fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+            self.0.extend(param.val().try_into_vec_as::<f32>().unwrap());
+        }
+    }
+    trainer.save(path).unwrap();
+    let mut weights = Weights(Vec::new());
+    checkpoint::read(path, &Device::flex(), None).unwrap().1.visit(&mut weights);
+    weights.0
+}
+
+#[test]
+fn training_resumes_to_the_bit_and_learns() {
+    let (set, folder) = (small(), tempfile::tempdir().unwrap());
+    let mut whole = Trainer::new(config(), Renderer::new().unwrap()).unwrap();
+    let curve = steps(&mut whole, &set, 6);
+    assert!(whole.is_done());
+    assert!(curve[5].loss < curve[0].loss, "{curve:?}");
+
+    let mut part = Trainer::new(config(), Renderer::new().unwrap()).unwrap();
+    let first = steps(&mut part, &set, 3);
+    part.save(&folder.path().join("half")).unwrap();
+    let mut resumed = Trainer::resume(&folder.path().join("half"), Renderer::new().unwrap()).unwrap();
+    let second = steps(&mut resumed, &set, 3);
+    assert_eq!([first, second].concat(), curve);
+    assert_eq!(resumed.status().curve, curve);
+    let path = folder.path().join("whole");
+    assert_eq!(weights(&whole, &path), weights(&resumed, &path));
+    let (loss, is_best) = resumed.validate(&set).unwrap();
+    assert!(loss.is_finite() && is_best);
+}
+
+#[test]
+fn hard_images_and_silhouettes_alone_learn_as_well() {
+    let set = small();
+    for (hard, color) in [(true, 1.0), (false, 0.0)] {
+        let config = Config { hard, color, steps: 12, rate: 3e-3, ..config() };
+        let mut trainer = Trainer::new(config, Renderer::new().unwrap()).unwrap();
+        let curve = steps(&mut trainer, &set, 12);
+        let mean = |rows: &[Row]| rows.iter().map(|row| row.silhouette).sum::<f32>() / rows.len() as f32;
+        assert!(mean(&curve[9..]) < mean(&curve[..3]), "{hard} {color}: {curve:?}");
+        assert_eq!(curve.iter().all(|row| row.color == 0.0), color == 0.0);
+    }
+}
+
+#[test]
+fn the_table_has_every_row() {
+    let (set, device) = (small(), Device::flex());
+    let network = softras_burn::reconstruct::network::Network::new(2, true, 1, &device).unwrap();
+    let table = evaluate::table(&set, &set, &[("new".into(), network)], 2, &device).unwrap();
+    let names: Vec<&str> = table.rows.iter().map(|row| row.name.as_str()).collect();
+    assert_eq!(names.len(), 6, "{names:?}");
+    // The test set is the training set here, so that the nearest training shape is the shape itself.
+    for row in &table.rows {
+        let (least, most) = match row.name.as_str() {
+            "new" | "mean shape" | "mean shape of the family" => (0.05, 0.95),
+            _ => (1.0, 1.0),
+        };
+        assert!((least..=most).contains(&row.mean()), "{}: {}", row.name, row.mean());
+    }
+    assert!(table.to_string().lines().count() == 8);
+}
+
+#[test]
+fn checkpoints_that_are_broken_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.checkpoint");
+    Trainer::new(config(), Renderer::new().unwrap()).unwrap().save(&path).unwrap();
+    let whole = std::fs::read(&path).unwrap();
+    let refused = |bytes: &[u8]| {
+        std::fs::write(&path, bytes).unwrap();
+        checkpoint::read(&path, &Device::flex(), None).err().unwrap().to_string()
+    };
+    for length in [0, 50, whole.len() / 2, whole.len() - 1] {
+        assert!(refused(&whole[..length]).contains("a.checkpoint"));
+    }
+    // Weights that are not finite, in an archive that is whole.
+    let device = Device::flex().autodiff();
+    let network = softras_burn::reconstruct::network::Network::new(2, true, 1, &device).unwrap();
+    struct Poison;
+    impl ModuleMapper for Poison {
+        fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
+            param.map(|tensor| tensor * f32::NAN)
+        }
+    }
+    let status = checkpoint::Status { config: config(), step: 0, curve: Vec::new(), best: None };
+    let optimizer = burn::optim::AdamConfig::new().init();
+    checkpoint::write(&path, &status, &network.map(&mut Poison), &optimizer).unwrap();
+    let error = checkpoint::read(&path, &Device::flex(), None).err().unwrap().to_string();
+    assert!(error.contains("not finite"), "{error}");
+    assert!(Trainer::new(Config { width: 0, ..config() }, Renderer::new().unwrap()).is_err());
+    assert!(Trainer::new(Config { rate: f64::NAN, ..config() }, Renderer::new().unwrap()).is_err());
+}
+
+#[test]
+fn pictures_go_in_and_out() {
+    let (set, folder) = (small(), tempfile::tempdir().unwrap());
+    let path = folder.path().join("picture.png");
+    let given = set.objects[0].picture(4);
+    picture::write(&path, given).unwrap();
+    let read = picture::read(&path).unwrap();
+    // Colours are kept apart from alpha in the file, which rounds them.
+    let differ = read.iter().zip(given).filter(|(a, b)| a.abs_diff(**b) > 1).count();
+    assert_eq!(differ, 0);
+    let device = Device::flex();
+    let network = softras_burn::reconstruct::network::Network::new(2, true, 1, &device).unwrap();
+    assert_eq!(meshes(&network, &[&read], &device).unwrap()[0].positions().len(), 642);
+
+    let save = |image: image::DynamicImage| {
+        image.save(&path).unwrap();
+        picture::read(&path).unwrap_err().to_string()
+    };
+    assert!(save(image::DynamicImage::new_rgba8(65, 64)).contains("65 by 64"));
+    assert!(save(image::DynamicImage::new_rgb8(64, 64)).contains("no alpha"));
+    std::fs::write(&path, b"not a picture").unwrap();
+    assert!(picture::read(&path).unwrap_err().to_string().contains("picture.png"));
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_checkpoint_that_cannot_be_written_is_an_error() {
+    // Neither takes a file: the error says which.
+    let trainer = Trainer::new(config(), Renderer::new().unwrap()).unwrap();
+    let error = trainer.save(Path::new("/dev/full")).unwrap_err().to_string();
+    assert!(error.contains("/dev/full"), "{error}");
+    let error = trainer.save(Path::new("/proc/softras.checkpoint")).unwrap_err().to_string();
+    assert!(error.contains("/proc/softras.checkpoint"), "{error}");
+}
