@@ -4,7 +4,7 @@ use super::checkpoint;
 use super::data::{self, Set, Shard};
 use super::network::Network;
 use super::train::{Config, Row, Trainer, meshes};
-use super::{evaluate, families, file_error, fit_error, picture, synthesis};
+use super::{curves, evaluate, families, file_error, fit_error, picture, synthesis};
 use burn::module::Module;
 use burn::tensor::Device;
 use clap::{Args, Parser, Subcommand};
@@ -157,6 +157,9 @@ struct EvaluateArgs {
     /// A picture of what the first network sees in some objects
     #[arg(long, value_name = "SHEET.png", requires = "networks")]
     sheet: Option<PathBuf>,
+    /// The curves of the networks' trainings
+    #[arg(long, value_name = "CURVES.svg", requires = "networks")]
+    curves: Option<PathBuf>,
     /// A picture of the first object to try `predict` with
     #[arg(long, value_name = "PICTURE.png")]
     example: Option<PathBuf>,
@@ -275,9 +278,10 @@ fn keep(trainer: &mut Trainer, validation: &Set, folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// A network without its training.
-fn network(path: &Path, device: &Device) -> Result<Network> {
-    Ok(checkpoint::read(path, device, None)?.1.valid())
+/// A network for looking at, and the curve of its training.
+fn network(path: &Path, device: &Device) -> Result<(Network, Vec<Row>)> {
+    let (status, network, _) = checkpoint::read(path, device, None)?;
+    Ok((network.valid(), status.curve))
 }
 
 fn predict(args: &PredictArgs) -> Result<()> {
@@ -287,7 +291,7 @@ fn predict(args: &PredictArgs) -> Result<()> {
     files::check_writable(&args.output)?;
     let picture = picture::read(&args.image)?;
     let device = Device::flex();
-    let network = network(&args.network, &device)?;
+    let (network, _) = network(&args.network, &device)?;
     for mesh in meshes(&network, &[&picture], &device)? {
         softras::obj::write_obj(&mesh, &args.output)?;
     }
@@ -300,9 +304,14 @@ fn compare(args: &EvaluateArgs) -> Result<()> {
     if let Some(path) = &args.example {
         picture::write(path, test.objects[0].picture(3))?;
     }
-    let mut networks = Vec::new();
+    let (mut networks, mut trainings) = (Vec::new(), Vec::new());
     for (name, path) in &args.networks {
-        networks.push((name.clone(), network(path, &device)?));
+        let (network, curve) = network(path, &device)?;
+        networks.push((name.clone(), network));
+        trainings.push((name.clone(), curve));
+    }
+    if let Some(path) = &args.curves {
+        curves::draw(path, &trainings)?;
     }
     let train = data::read(&args.data, "train", &args.classes)?;
     print!("{}", evaluate::table(&train, &test, &networks, args.views, &device)?);
@@ -351,6 +360,7 @@ fn demo(args: &DemoArgs) -> Result<()> {
         classes: Vec::new(),
         views: 4,
         sheet: Some(args.output.join("sheet.png")),
+        curves: Some(args.output.join("curves.svg")),
         example: Some(args.output.join("picture.png")),
     })
 }

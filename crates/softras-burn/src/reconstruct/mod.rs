@@ -8,6 +8,7 @@
 
 pub mod checkpoint;
 pub mod command;
+pub mod curves;
 pub mod data;
 pub mod evaluate;
 pub mod families;
