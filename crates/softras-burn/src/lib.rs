@@ -1,4 +1,4 @@
-//! softras as a differentiable operation of the framework [burn](burn), and networks that learn shape from pictures alone.
+//! softras as a differentiable operation of the framework [burn], and networks that learn shape from pictures alone.
 //!
 //! [`SoftRas::render`] renders tensors of vertex positions, colours, texture cells and camera motions to tensors of images.
 //! It renders on the renderer's own Vulkan device, copies through host memory, and is a node of burn's graph like any

@@ -25,8 +25,16 @@ fn config() -> Config {
     }
 }
 
+/// Two objects of two families.
 fn small() -> Set {
-    synthesis::small(&mut Renderer::new().unwrap(), &["sofa", "table"], 2, 7).unwrap()
+    let names = ["sofa", "table"];
+    let mut renderer = Renderer::new().unwrap();
+    let mut object = |class: usize, seed| {
+        let mesh = families::object(names[class], seed).unwrap().unwrap();
+        synthesis::object(&mut renderer, class, mesh).unwrap()
+    };
+    let objects = [(0, 7), (0, 8), (1, 7), (1, 8)].map(|(class, seed)| object(class, seed)).to_vec();
+    Set { classes: names.map(String::from).to_vec(), objects }
 }
 
 #[test]

@@ -7,7 +7,7 @@ use softras_cli::random::Random;
 
 /// The longest side of every object.
 pub const EXTENT: f64 = 0.9;
-/// The least thickness of a part, in units of an object about 1 in size: at [`EXTENT`] and 32 voxels over 2.3 voxels.
+/// The least thickness of a part. Before they are scaled to [`EXTENT`] objects are at most 1.17 in size, so this is two voxels.
 const LEAST: f64 = 0.085;
 
 /// The names of the families.

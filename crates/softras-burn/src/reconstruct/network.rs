@@ -8,8 +8,6 @@ use burn::tensor::activation::{relu, sigmoid};
 use burn::tensor::{Device, Tensor, TensorData};
 use softras::{Mesh, Result, shapes};
 
-/// The width of the official network: channels of the first convolution.
-pub const OFFICIAL_WIDTH: usize = 64;
 /// Subdivisions of the sphere: 642 vertices.
 const SUBDIVISIONS: u32 = 3;
 /// The radius of the sphere that a new network gives, as a share of the half size of the space that shapes lie in.

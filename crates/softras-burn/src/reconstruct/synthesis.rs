@@ -1,6 +1,6 @@
 //! Sets of pictures from meshes: the procedural families, or folders of mesh files.
 
-use super::data::{Object, PICTURE, Set, Shard, write};
+use super::data::{Object, PICTURE, Shard, write};
 use super::families::{self, EXTENT};
 use super::fill::Grid;
 use super::solid::normalized;
@@ -16,11 +16,6 @@ const SAMPLES: usize = 3;
 const SETS: [(&str, u64); 3] = [("train", 0), ("val", 1 << 40), ("test", 2 << 40)];
 /// The file names that are taken for meshes.
 const MESHES: [&str; 5] = ["obj", "ply", "stl", "gltf", "glb"];
-
-/// The names of the sets.
-pub fn sets() -> [&'static str; 3] {
-    SETS.map(|(name, _)| name)
-}
 
 /// Renders the 24 pictures of a mesh and fills its solid.
 ///
@@ -153,17 +148,4 @@ fn mesh_files(folder: &Path, files: &mut Vec<PathBuf>) -> Result<()> {
         }
     }
     Ok(())
-}
-
-/// The objects of a set whose class is one of these, for sets that were made in memory.
-pub fn small(renderer: &mut Renderer, names: &[&str], count: usize, first: u64) -> Result<Set> {
-    let mut objects = Vec::new();
-    for (class, name) in names.iter().enumerate() {
-        for i in 0..count {
-            if let Some(mesh) = families::object(name, first + i as u64) {
-                objects.push(object(renderer, class, mesh?)?);
-            }
-        }
-    }
-    Ok(Set { classes: names.iter().map(|name| name.to_string()).collect(), objects })
 }
