@@ -16,6 +16,7 @@ mod reference;
 mod renderer;
 mod settings;
 mod solid;
+mod steps;
 
 use pyo3::prelude::*;
 
@@ -41,4 +42,6 @@ mod _softras {
     use super::renderer::Renderer;
     #[pymodule_export]
     use super::solid::solid_voxels;
+    #[pymodule_export]
+    use super::steps::time_steps;
 }

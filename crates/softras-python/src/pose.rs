@@ -63,6 +63,16 @@ fn is_solid(mesh: &softras::Mesh) -> softras::Result<bool> {
     Ok(is_closed(mesh)? && volume > 0.0)
 }
 
+/// Near and far around the mesh in any rotation, with room for a translation.
+fn depths(mesh: &softras::Mesh, camera: &Camera, center: DVec3) -> (f64, f64) {
+    let used = mesh.triangles().iter().flatten().map(|&i| DVec3::from(mesh.positions()[i as usize].map(f64::from)));
+    let reach = 1.4 * used.map(|p| p.distance(center)).fold(1e-9, f64::max);
+    let [x, y, z, shift] = camera.camera.view()[2];
+    let depth = DVec3::new(x, y, z).dot(center) + shift;
+    let far = (depth + reach).max(reach);
+    ((depth - reach).max(1e-2 * far), far)
+}
+
 impl Plan<'_> {
     fn poses(&self) -> PyResult<Vec<Pose>> {
         let Some((rotation, translation)) = &self.start else {
@@ -93,7 +103,8 @@ impl Plan<'_> {
         let mut settings = settings::settings(self.settings.as_ref())?;
         if self.settings.is_none() {
             let faces = if solid { Faces::Front } else { Faces::Both };
-            settings = Settings { faces, ..settings.with_depths_of(&scene, &[camera.camera], 0.6) };
+            let (near, far) = depths(&mesh.mesh, camera, center);
+            settings = Settings { faces, near, far, ..settings };
         }
         (settings.width, settings.height) = (color.width as u32, color.height as u32);
         let base = if solid { PoseOptions::default() } else { PoseOptions::both_sides() };

@@ -83,6 +83,18 @@ def test_a_pose_is_found():
     assert better.degrees_to(turn) < 3.0
 
 
+def test_a_pose_is_found_where_the_mesh_was_thin():
+    # Turned by a quarter, it reaches much farther towards the camera.
+    cube, camera = softras.shapes.cube(), softras.Camera.look_at((0, 0, 5), (0, 0, 0), fov_y=0.5)
+    plank = cube.with_positions(cube.positions * [1.6, 0.5, 0.3])
+    turn = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
+    seen = softras.render(plank.with_positions(plank.positions @ turn.T), camera, softras.Settings(width=32, height=32))
+    off = np.radians(12.0)
+    near = turn @ np.array([[np.cos(off), 0, np.sin(off)], [0, 1, 0], [-np.sin(off), 0, np.cos(off)]])
+    found = softras.pose(plank, camera, seen.color, seen.silhouette, start=(near, np.zeros(3)), steps=80)
+    assert found.degrees_to(turn) < 3.0
+
+
 def test_measures():
     cube, sphere = softras.shapes.cube(), softras.shapes.icosphere(2)
     assert softras.iou(cube, cube) == 1.0 and 0.4 < softras.iou(cube, sphere) < 0.8

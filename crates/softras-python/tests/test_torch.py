@@ -84,7 +84,7 @@ def test_gradcheck(fields):
 
 
 def test_views_and_projections_have_gradients(bumpy, settings):
-    twist, eye = torch.zeros(2, 6, dtype=torch.float64), torch.tensor([[0.5, 1.0, 3.2], [2.0, 1.0, -2.4]])
+    twist, eye = torch.full((2, 6), 0.05, dtype=torch.float64), torch.tensor([[0.5, 1.0, 3.2], [2.0, 1.0, -2.4]])
     target, up = torch.zeros(3), torch.tensor([0.0, 1.0, 0.0])
     fov = torch.tensor([0.8, 0.9], dtype=torch.float64)
     camera = softras.Camera.from_angles(3, 0, 0, fov_y=0.8)

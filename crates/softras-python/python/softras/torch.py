@@ -32,6 +32,8 @@ _OF_CAMERAS = ("views", "projections")
 _BY = {"surface": "texels", "textures": "texels", "views": "cameras", "projections": "cameras", "background": "background"}
 _BY.update({name: name for name in ("positions", "colors", "uvs")})
 _BY.update({name: "lights" for name in _OF_LIGHTS}, sigma="scalars", gamma="scalars")
+#: The last row of a view matrix.
+_LAST_ROW = (0.0, 0.0, 0.0, 1.0)
 _IMAGES = ("color", "silhouette", "depth", "normal")
 
 
@@ -105,7 +107,12 @@ class _Scene:
                 name = next(iter(projection))
                 row = np.atleast_1d(np.asarray(values["projections"][i], np.float64))
                 projection[name] = tuple(row) if name == "pinhole" else float(row[0])
-            view = values["views"][i] if "views" in values else np.vstack([camera.view, [0.0, 0.0, 0.0, 1.0]])
+            view = np.vstack([camera.view, _LAST_ROW])
+            if "views" in values:
+                view = np.array(values["views"][i], np.float64)
+                # Products of matrices round it.
+                if view.shape == (4, 4) and np.allclose(view[3], _LAST_ROW, atol=1e-6):
+                    view[3] = _LAST_ROW
             cameras.append(Camera.from_matrix(view, **projection))
         return cameras
 
