@@ -100,6 +100,35 @@ def test_the_recorded_demo(recorded):
     close(image, data["image"])
 
 
+def test_the_recorded_curve_of_the_deform_demo(recorded):
+    folder = recorded.parent / "deform"
+    images = torch.from_numpy(np.load(folder / "views.npy")[::5, 3].astype(np.float32) / 255.0)
+    cameras = torch.from_numpy(np.load(folder / "cameras.npy")[::5].astype(np.float32))
+    losses = np.loadtxt(folder / "official_loss_f64.csv", delimiter=",", skiprows=1)[:, 1]
+    mesh = sr.Mesh.from_obj(folder / "sphere_1352.obj")
+    start, faces = 0.5 * mesh.vertices, mesh.faces
+    moved, center = torch.zeros_like(start).requires_grad_(), torch.zeros(1, 1, 3).requires_grad_()
+    laplacian, flatten = sr.LaplacianLoss(start[0], faces[0]), sr.FlattenLoss(faces[0])
+    renderer = sr.SoftRenderer(
+        image_size=64, sigma_val=1e-4, aggr_func_rgb="hard", camera_mode="look_at", viewing_angle=15
+    )
+    renderer.transform.set_eyes_from_angles(*cameras.unbind(1))
+    optimizer = torch.optim.Adam([moved, center], 0.01, betas=(0.5, 0.99))
+    for step in range(15):
+        size = torch.sigmoid(torch.logit(start.abs()) + moved)
+        shift = torch.tanh(center)
+        vertices = size * start.sign() * (1 - start.sign() * shift) + shift
+        alpha = renderer(vertices.expand(len(images), -1, -1), faces)[:, 3]
+        product = alpha * images
+        iou = product.sum((1, 2)) / ((alpha + images - product).sum((1, 2)) + 1e-6)
+        loss = 1 - iou.mean() + 0.03 * laplacian(vertices).mean() + 0.0003 * flatten(vertices).mean()
+        assert abs(loss.item() - losses[step]) < 1e-3, step
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+    assert losses[0] - loss.item() > 0.02
+
+
 def sphere(texture_type="surface", batch=1):
     ball = softras.shapes.icosphere(2)
     vertices = torch.tensor(ball.positions).repeat(batch, 1, 1)

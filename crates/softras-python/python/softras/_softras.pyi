@@ -1,7 +1,7 @@
 """The extension module: what `softras` exports, written in Rust."""
 
 import os
-from typing import Dict, List, Mapping, Optional, Sequence, Tuple, Union
+from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple, Union, final
 
 import numpy as np
 import numpy.typing as npt
@@ -15,9 +15,10 @@ _Indices = npt.NDArray[np.uint32]
 _Path = Union[str, "os.PathLike[str]"]
 _Names = Union[str, Sequence[str]]
 
+@final
 class Mesh:
-    def __init__(
-        self,
+    def __new__(
+        cls,
         positions: _Array,
         triangles: _Array,
         *,
@@ -28,7 +29,7 @@ class Mesh:
         textures: Union[None, _Array, Sequence[_Array]] = None,
         texture_of_triangle: Optional[_Array] = None,
         wrap: str = "repeat",
-    ) -> None: ...
+    ) -> Mesh: ...
     @property
     def positions(self) -> _Floats: ...
     @property
@@ -65,6 +66,7 @@ class Mesh:
     ) -> Mesh: ...
     def save(self, path: _Path) -> List[os.PathLike[str]]: ...
 
+@final
 class Camera:
     @staticmethod
     def look_at(
@@ -101,8 +103,9 @@ class Camera:
     @property
     def view(self) -> _Doubles: ...
     @property
-    def projection(self) -> Dict[str, object]: ...
+    def projection(self) -> Dict[str, Any]: ...
 
+@final
 class MeshGradients:
     @property
     def positions(self) -> Optional[_Floats]: ...
@@ -117,6 +120,7 @@ class MeshGradients:
     @property
     def uvs(self) -> Optional[_Floats]: ...
 
+@final
 class Gradients:
     @property
     def meshes(self) -> List[MeshGradients]: ...
@@ -143,6 +147,7 @@ class Gradients:
     @property
     def gamma(self) -> Optional[float]: ...
 
+@final
 class Frame:
     @property
     def color(self) -> Optional[_Floats]: ...
@@ -163,10 +168,11 @@ class Frame:
         mode: str = "exact",
     ) -> Gradients: ...
 
+@final
 class Renderer:
-    def __init__(
-        self, device: Optional[str] = None, *, validation: bool = False, memory: Optional[int] = None
-    ) -> None: ...
+    def __new__(
+        cls, device: Optional[str] = None, *, validation: bool = False, memory: Optional[int] = None
+    ) -> Renderer: ...
     def render(
         self,
         meshes: Union[Mesh, Sequence[Mesh]],

@@ -75,7 +75,7 @@ class _Scene:
         """The meshes with the tensors' values."""
         found = []
         for i, template in enumerate(self.templates):
-            given = {}
+            given: Dict[str, Any] = {}
             for (name, of), array in zip(self.inputs, arrays):
                 if name in _OF_MESH and of in ("all", "each", i):
                     given[name] = array[i] if of == "each" else array
@@ -95,7 +95,7 @@ class _Scene:
         if not any(name in values for name in _OF_CAMERAS):
             return self.cameras
         cameras = []
-        count = len(values.get("views", values.get("projections")))
+        count = len(values["views"] if "views" in values else values["projections"])
         if len(self.cameras) not in (1, count):
             raise InputError(f"{count} views or projections for {len(self.cameras)} cameras: give one for each")
         for i in range(count):

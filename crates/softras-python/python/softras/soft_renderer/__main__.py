@@ -22,7 +22,8 @@ def main() -> int:
     sys.modules["soft_renderer"] = soft_renderer
     sys.modules["soft_renderer.functional"] = functional
     if not torch.cuda.is_available():
-        torch.Tensor.cuda = torch.nn.Module.cuda = lambda self, *args, **kwargs: self
+        for kind in (torch.Tensor, torch.nn.Module):
+            setattr(kind, "cuda", lambda self, *args, **kwargs: self)
     sys.argv = sys.argv[1:]
     sys.path.insert(0, os.path.dirname(os.path.abspath(sys.argv[0])))
     runpy.run_path(sys.argv[0], run_name="__main__")

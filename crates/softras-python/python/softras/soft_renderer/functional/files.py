@@ -42,15 +42,18 @@ def _cells(mesh: Mesh, resolution: int) -> np.ndarray:
     if mesh.colors is not None:
         color = mesh.colors if mesh.colors.ndim == 1 else np.ones(3)
         return np.broadcast_to(np.float32(color), (count, resolution**2, 3)).copy()
-    corners = mesh.uvs[mesh.uv_triangles]
+    uvs, images = mesh.uvs, mesh.textures
+    assert uvs is not None and images is not None, "a mesh that has no cells and no colours has textures"
+    corners = uvs[mesh.uv_triangles]
     # As the official code, which leaves what is below 0.
     corners = np.where(corners > 1, corners % 1, corners)
-    uvs = np.einsum("ck,fkd->fcd", _centres(resolution), corners)
+    places = np.einsum("ck,fkd->fcd", _centres(resolution), corners)
     of_triangle = mesh.texture_of_triangle
-    of_triangle = of_triangle if len(of_triangle) else np.zeros(count, int)
+    if of_triangle is None or not len(of_triangle):
+        of_triangle = np.zeros(count, np.uint32)
     cells = np.empty((count, resolution**2, 3), np.float32)
-    for i, image in enumerate(mesh.textures):
-        cells[of_triangle == i] = _sample(image[..., :3], uvs[of_triangle == i])
+    for i, image in enumerate(images):
+        cells[of_triangle == i] = _sample(image[..., :3], places[of_triangle == i])
     return cells
 
 
