@@ -8,8 +8,9 @@
 //!   host and lets you insert a loss of your own. [`ShapeFit::step`] is the same method in f64, around
 //!   [`Renderer::render`](crate::Renderer::render) and [`Renderer::backward`](crate::Renderer::backward).
 //! - [`PoseFit`] finds the rotation and translation of a rigid mesh from one image, many starting poses at once.
-//! - [`remeshed`] evens out triangles that a fit has stretched, [`soft_target`] softens a hard mask to the silhouette that
-//!   a mesh of that outline renders to, [`mask_iou`] and [`voxel_iou`] measure how good a fit is.
+//! - [`Targets::visual_hull`] is the largest solid with given silhouettes, to begin with. [`remeshed`] evens out triangles that a
+//!   fit has stretched, [`soft_target`] softens a hard mask to the silhouette that a mesh of that outline renders to,
+//!   [`mask_iou`] and [`voxel_iou`] measure how good a fit is.
 //!
 //! Sums run in a fixed order, so the same input gives the same bits.
 //!
@@ -51,6 +52,7 @@
 //! ```
 
 pub(crate) mod device;
+mod hull;
 pub(crate) mod image_loss;
 mod optimizer;
 pub(crate) mod pose;

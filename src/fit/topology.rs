@@ -94,6 +94,29 @@ impl Topology {
         }
     }
 
+    /// The number of parts, and the number of their handles together: the genus of a torus is 1. The genus is `None` unless every
+    /// part is a closed surface: 2 - 2 genus = vertices - edges + triangles (Euler's formula).
+    pub fn parts_and_genus(&self) -> (usize, Option<usize>) {
+        let mut part_of: Vec<u32> = (0..self.vertices as u32).collect();
+        let root = |part_of: &mut Vec<u32>, mut v: u32| {
+            while part_of[v as usize] != v {
+                part_of[v as usize] = part_of[part_of[v as usize] as usize];
+                v = part_of[v as usize];
+            }
+            v
+        };
+        for &[a, b] in &self.edges {
+            let (a, b) = (root(&mut part_of, a), root(&mut part_of, b));
+            part_of[a.max(b) as usize] = a.min(b);
+        }
+        let used = (0..self.vertices).filter(|&v| !self.neighbors(v).is_empty());
+        let (vertices, parts) =
+            used.fold((0, 0), |(all, roots), v| (all + 1, roots + usize::from(part_of[v] == v as u32)));
+        let closed = 2 * self.edges.len() == 3 * self.triangles.len() && self.flaps.len() == self.edges.len();
+        let handles = 2 * parts as i64 - (vertices as i64 - self.edges.len() as i64 + self.triangles.len() as i64);
+        (parts, usize::try_from(handles / 2).ok().filter(|_| closed && handles % 2 == 0))
+    }
+
     /// The mesh with every triangle cut into four: a vertex in the middle of each edge, after the old ones in the order
     /// of [`Topology::edges`].
     pub fn subdivided(&self) -> Vec<[u32; 3]> {

@@ -7,6 +7,7 @@ mod articulated;
 mod common;
 mod device;
 mod gradients;
+mod hull;
 mod optimizers;
 mod pose;
 mod remesh;

@@ -343,9 +343,9 @@ fn a_mesh_of_one_colour_is_fitted_under_light() {
     let torus = softras::shapes::torus(1.0, 0.4, 24, 12).unwrap();
     let white = torus.with_appearance(softras::scene::Appearance::Uniform([1.0; 3])).unwrap();
     softras::obj::write_obj(&white, &folder.path().join("torus.obj")).unwrap();
-    let (said, flat) = run(&[]);
-    assert!(said.contains("one colour") && said.contains("--shading"), "{said}");
-    let (said, lit) = run(&["--shading", "smooth"]);
+    let (said, lit) = run(&[]);
+    assert!(said.contains("one colour") && said.contains("--shading none"), "{said}");
+    let (said, flat) = run(&["--shading", "none"]);
     assert!(!said.contains("one colour"), "{said}");
     // The target is the left half, over a grey ground: white alone without light, shades with it.
     let shades = |picture: &image::RgbaImage| {
@@ -356,6 +356,28 @@ fn a_mesh_of_one_colour_is_fitted_under_light() {
     assert!((60..220).contains(&ground[0]) && ground[0].abs_diff(ground[1]) < 8, "{ground:?}");
     assert!(shades(&lit).len() > 2 * shades(&flat).len(), "{} and {}", shades(&lit).len(), shades(&flat).len());
     fails(folder.path(), &["fit", "--from", "torus.obj", "--shading", "flat", "-o", "o.obj"], 2, &["--color"]);
+}
+
+/// From six views on a fit begins with the hull, which has the torus's hole; a sphere has not, and that is told.
+#[test]
+fn a_fit_begins_with_the_hull_and_tells_what_it_has_not_found() {
+    let folder = tempfile::tempdir().unwrap();
+    softras::obj::write_obj(&softras::shapes::torus(1.0, 0.4, 32, 16).unwrap(), &folder.path().join("torus.obj"))
+        .unwrap();
+    let run = |extra: &str| {
+        let fit = format!("fit --from torus.obj --views 8 --size 32 --iterations 3 -o out.obj --json log.json {extra}");
+        let output = softras(folder.path(), &fit.split_whitespace().collect::<Vec<_>>());
+        assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+        let log = json(&folder.path().join("log.json"));
+        (String::from_utf8(output.stderr).unwrap(), log["final"].clone())
+    };
+    let (said, found) = run("");
+    assert!(!said.contains("covers a hole"), "{said}");
+    assert_eq!((found["parts"].as_u64(), found["genus"].as_u64()), (Some(1), Some(1)), "{found}");
+    assert!(found["iou_3d"].as_f64().unwrap() > 0.85, "{found}");
+    let (said, found) = run("--template sphere");
+    assert!(said.contains("covers a hole that is seen in view"), "{said}");
+    assert_eq!(found["genus"].as_u64(), Some(0), "{found}");
 }
 
 #[test]

@@ -3,11 +3,11 @@
 use crate::commands::Failure;
 use crate::commands::mesh_file::ReadArgs;
 use crate::commands::parse;
-use crate::commands::render::args::{Faces, Shading};
+use crate::commands::render::args::Faces;
 use clap::{Args, ValueEnum};
 use softras::Lights;
 use softras::fit::ImageLoss;
-use softras::scene::DirectionalLight;
+use softras::scene::{DirectionalLight, Shading};
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
@@ -39,12 +39,14 @@ Ctrl-C ends the fit and writes the best mesh so far; --checkpoint FILE with --re
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub struct FitArgs {
-    /// The mesh to begin with: `sphere`, or a mesh file (.obj, .ply, .stl, .gltf, .glb)
-    #[arg(long, value_name = "sphere|MESH", default_value = "sphere")]
+    /// The mesh to begin with: `sphere`; `hull`, the largest solid that has the silhouettes, with its holes and parts; a mesh file
+    /// (.obj, .ply, .stl, .gltf, .glb); or `auto`, a hull from 6 views on and else a sphere
+    #[arg(long, value_name = "auto|hull|sphere|MESH", default_value = "auto")]
     pub template: String,
-    /// Subdivisions of the sphere, each of which halves its edges: 3 gives 642 vertices
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=7), default_value_t = 3)]
-    pub subdivisions: u32,
+    /// Begin with a sphere, unless --template is given, of so many subdivisions, each of which halves its edges [default: 3,
+    /// which gives 642 vertices]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=7))]
+    pub subdivisions: Option<u32>,
     /// Images: a .npy file or a folder; with --from the number of views [default: 24]
     #[arg(long, value_name = "IMAGES.npy|FOLDER|N", required_unless_present = "from")]
     pub views: Option<String>,
@@ -70,10 +72,10 @@ pub struct FitArgs {
     /// Fit the colours too: the template's texels where it has a texture, else a colour for each vertex
     #[arg(long)]
     pub color: bool,
-    /// Light the views that --from renders, and the mesh that is fitted, alike: views of a mesh of one colour show nothing
-    /// but their outline without light
+    /// Light the views that --from renders, and the mesh that is fitted, alike [default: none, but with --color smooth for a
+    /// mesh of one colour, whose views show nothing but their outline without light]
     #[arg(long, value_enum, requires = "from")]
-    pub shading: Option<Shading>,
+    pub shading: Option<Lighting>,
     /// Fit the template's texture alone and leave its vertices as they are
     #[arg(long, conflicts_with = "subdivide_at")]
     pub texture: bool,
@@ -89,16 +91,21 @@ pub struct FitArgs {
 }
 
 impl FitArgs {
-    /// The lights of the views and of the fit: none, or three that shine from fixed sides, each stronger than the next, so
+    /// The lights of the views, of an object of one colour or of several, and of the fit: none, or three that shine from fixed sides, each stronger than the next, so
     /// that the brightness tells where a surface faces.
-    pub fn lights(&self) -> Lights {
-        let Some(shading) = self.shading else { return Lights::unlit() };
+    pub fn lights(&self, one_color: bool) -> Lights {
+        let shading = match self.shading {
+            Some(Lighting::None) => return Lights::unlit(),
+            None if !one_color => return Lights::unlit(),
+            Some(Lighting::Flat) => Shading::Flat,
+            Some(Lighting::Smooth) | None => Shading::Smooth,
+        };
         let one = |direction, intensity| DirectionalLight { direction, color: [1.0; 3], intensity };
         Lights {
             ambient_color: [1.0; 3],
             ambient_intensity: 0.2,
             directional: vec![one([0.5, 0.8, -0.4], 0.6), one([-0.8, 0.1, -0.3], 0.3), one([0.2, -0.3, 0.9], 0.25)],
-            shading: shading.into(),
+            shading,
         }
     }
 
@@ -113,6 +120,17 @@ impl FitArgs {
     pub fn colored(&self) -> bool {
         self.color || self.texture
     }
+}
+
+/// How views and fit are lit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Lighting {
+    /// Colours as they are
+    None,
+    /// Light by the normal of each triangle
+    Flat,
+    /// Light by interpolated normals
+    Smooth,
 }
 
 /// The set of defaults.
@@ -153,9 +171,9 @@ pub struct MethodArgs {
     /// The set of defaults
     #[arg(long, value_enum, default_value = "smooth")]
     pub preset: Preset,
-    /// Number of steps
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000), default_value_t = 500)]
-    pub iterations: u32,
+    /// Number of steps [default: 500, and 150 from a hull]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub iterations: Option<u32>,
     /// Step length, constant or from the first to the last step: 0.01 or 0.02..0.002
     #[arg(long, value_name = "RATE", value_parser = range)]
     pub rate: Option<(f64, f64)>,
@@ -180,7 +198,8 @@ pub struct MethodArgs {
     /// Samples rendered along each side of a pixel of the target
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8))]
     pub samples: Option<u32>,
-    /// How strongly steps are smoothed over the surface, λ of (I + λ L)⁻¹ [default: 5; none in the official preset]
+    /// How strongly steps are smoothed over the surface, λ of (I + λ L)⁻¹ [default: 5, 2 from a hull of one colour; none in
+    /// the official preset]
     #[arg(long, value_name = "LAMBDA", value_parser = parse::positive)]
     pub smoothing: Option<f64>,
     /// Weight of the Laplacian regulariser
@@ -192,9 +211,10 @@ pub struct MethodArgs {
     /// Weight of the normal consistency regulariser
     #[arg(long, value_name = "WEIGHT", value_parser = weight)]
     pub normals: Option<f64>,
-    /// Weight of the loss of colours, relative to that of silhouettes
-    #[arg(long, value_name = "WEIGHT", value_parser = weight, default_value_t = 3.0)]
-    pub color_weight: f64,
+    /// Weight of the loss of colours, relative to that of silhouettes [default: 3, and 5 for
+    /// an object of one colour under light]
+    #[arg(long, value_name = "WEIGHT", value_parser = weight)]
+    pub color_weight: Option<f64>,
     /// Compute the steps on the host in double precision in place of on the device
     #[arg(long)]
     pub host: bool,
@@ -204,9 +224,10 @@ pub struct MethodArgs {
     /// Remesh to triangles of even size before these steps (several separated by commas)
     #[arg(long, value_name = "STEP", value_delimiter = ',', conflicts_with = "texture")]
     pub remesh_at: Vec<u32>,
-    /// Edge length for --remesh-at in pixels of the images, constant or from the first to the last step: 1.5 or 2..1
-    #[arg(long, value_name = "PIXELS", value_parser = range, default_value = "1.5", requires = "remesh_at")]
-    pub edge: (f64, f64),
+    /// Edge length of a hull and for --remesh-at in pixels of the images, constant or from the first to the last step: 1.5 or
+    /// 2..1 [default: 1.5, and 2 for a hull]
+    #[arg(long, value_name = "PIXELS", value_parser = range)]
+    pub edge: Option<(f64, f64)>,
     /// Fit again without the schedule, without softness (sigma 1e-7), without regularisers, (with --color) without colours
     /// and with a hard renderer's gradients, and report these fits too
     #[arg(long)]

@@ -46,13 +46,13 @@ pub fn run(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Vec
     ];
     let mut found = Vec::new();
     for (name, change, _) in without.into_iter().filter(|(.., applies)| *applies) {
-        let mut setup = Setup::new(args, views)?;
+        let mut setup = Setup::new(args, views, renderer)?;
         change(&mut setup);
         let mut targets = targets::fitted(args, &views.targets);
         if !setup.options.fit_colors {
             targets.color = None;
         }
-        let mut fit = ShapeFit::new(setup.template.clone(), args.lights(), setup.options.clone())?;
+        let mut fit = ShapeFit::new(setup.template.clone(), views.lights.clone(), setup.options.clone())?;
         let progress = begun(name, &setup);
         for step in 0..setup.iterations {
             if setup.remakes(step) {
@@ -79,10 +79,10 @@ fn begun(name: &str, setup: &Setup) -> Progress {
 /// where there is no silhouette to fit or the method does not apply.
 fn hard(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Option<Baseline>, Failure> {
     let name = "hard, image-space differences";
-    let mut setup = Setup::new(args, views)?;
+    let mut setup = Setup::new(args, views, renderer)?;
     setup.options.fit_colors = false;
     let targets = Targets { color: None, ..targets::fitted(args, &views.targets) };
-    let shape = ShapeFit::new(setup.template.clone(), args.lights(), setup.options.clone())?;
+    let shape = ShapeFit::new(setup.template.clone(), views.lights.clone(), setup.options.clone())?;
     let perspective = |camera: &softras::Camera| matches!(camera.projection(), Projection::Perspective { .. });
     let possible = targets.silhouette.is_some() && targets.cameras.iter().all(perspective);
     if args.texture || !possible || DeviceFit::unsupported(&shape).is_some() {

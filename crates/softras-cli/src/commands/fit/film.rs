@@ -71,7 +71,7 @@ impl Film {
             outputs: Outputs { color: true, silhouette: true, depth: false, normal: false },
             ..setup.settings(0)
         };
-        let lights = if setup.options.fit_colors { setup.lights.clone() } else { lights(&camera) };
+        let lights = if setup.colored { setup.lights.clone() } else { lights(&camera) };
         let frame = renderer.render(&Scene::new(mesh.clone()).with_lights(lights), &[camera], &settings)?;
         let (Some(color), Some(alpha)) = (frame.color(), frame.silhouette()) else { return Ok(()) };
         let [color, alpha] = [pooled(color, SAMPLES as usize)?, pooled(alpha, SAMPLES as usize)?];

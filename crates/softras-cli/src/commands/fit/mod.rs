@@ -2,6 +2,7 @@
 
 pub mod args;
 mod baselines;
+mod begin;
 mod camera_files;
 mod cameras;
 mod checkpoint;
@@ -11,6 +12,7 @@ mod plot;
 mod report;
 mod setup;
 pub mod targets;
+mod unseen;
 
 use super::color::encoded;
 use super::memory::Budget;
@@ -46,7 +48,7 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     let outputs = Outputs::new(written.into_iter().flatten().chain(&views), [&args.out])?;
     let mut renderer = super::open_device(args.device.as_deref(), args.read.memory.memory)?;
     let views = Views::read(args, &outputs, &mut renderer)?;
-    let setup = Setup::new(args, &views)?;
+    let setup = Setup::new(args, &views, &mut renderer)?;
     let targets = targets::fitted(args, &views.targets);
     let mut work = Work::begin(args, &setup, &views, &targets, &mut renderer)?;
     let ended = work.run(args, &setup, &targets, &mut renderer);
@@ -111,7 +113,7 @@ impl Work {
         targets: &Targets,
         renderer: &mut Renderer,
     ) -> Result<Self, Failure> {
-        let begin = |mesh: Mesh| ShapeFit::new(mesh, args.lights(), setup.options.clone());
+        let begin = |mesh: Mesh| ShapeFit::new(mesh, views.lights.clone(), setup.options.clone());
         let (mut fit, mut next) = (begin(setup.template.clone())?, 0);
         if let Some(path) = args.files.checkpoint.as_ref().filter(|path| args.files.resume && path.exists()) {
             let (step, mesh, state) = checkpoint::read(path, Budget::new(&args.read.memory))?;

@@ -3,8 +3,9 @@
 use super::args::FitArgs;
 use super::setup::Setup;
 use super::targets::Views;
+use super::unseen::Unseen;
 use crate::commands::parts::{self, Bands};
-use crate::commands::{Failure, say};
+use crate::commands::{Failure, note, say};
 use glam::DVec3;
 use serde_json::{Value, json};
 use softras::fit::voxel_iou;
@@ -108,6 +109,10 @@ pub struct Scores {
     most: f64,
     /// The loss of the official demo for this mesh on the fitted views.
     official: f64,
+    /// The connected parts of the mesh, and their genus if all are closed.
+    parts: usize,
+    genus: Option<usize>,
+    unseen: Unseen,
     /// The 3D IoU with the mesh that the views were rendered from.
     solid: Option<f64>,
 }
@@ -124,9 +129,13 @@ impl Scores {
         let Some(target) = &targets.silhouette else {
             return Ok(Self::default());
         };
-        let mut masks = Vec::new();
+        let (mut masks, mut unseen) = (Vec::new(), Unseen::default());
         parts::in_batches(renderer, &scene, &targets.cameras, &hard, |views, frame| {
+            let first = views.start;
             let some = super::targets::some(target, views);
+            if let Some(image) = frame.silhouette() {
+                unseen.add(first, image, &some);
+            }
             masks.extend(frame.silhouette().map(|image| mask_iou(image, &some)).transpose()?.unwrap_or_default());
             Ok(())
         })?;
@@ -150,7 +159,9 @@ impl Scores {
         let official = 1.0 - soft_iou(renderer, setup.stride)? + official_penalty(mesh)?;
         let soft = soft_iou(renderer, 1)?;
         let solid = views.truth.as_ref().map(|truth| voxel_iou(mesh, truth, VOXELS)).transpose()?;
-        Ok(Self { fitted: mean(&fitted), masks, covered, soft, most: mean(&bounds), official, solid })
+        let (parts, genus) = Topology::new(mesh.positions().len(), mesh.triangles())?.parts_and_genus();
+        let most = mean(&bounds);
+        Ok(Self { fitted: mean(&fitted), masks, covered, soft, most, official, parts, genus, unseen, solid })
     }
 }
 
@@ -201,6 +212,10 @@ impl Scores {
             "soft_iou": self.soft,
             "most_soft_iou": self.most,
             "official_loss": self.official,
+            "parts": self.parts,
+            "genus": self.genus,
+            "covered_holes_in_views": self.unseen.covered,
+            "missed_parts_in_views": self.unseen.missed,
             "iou_3d": self.solid,
         })
     }
@@ -208,7 +223,9 @@ impl Scores {
     /// The main scores as a sentence.
     pub fn sentence(&self) -> String {
         let solid = self.solid.map_or(String::new(), |iou| format!(", 3D IoU {iou:.4}"));
-        format!("mask IoU {:.4} over {} views{solid}", mean(&self.masks), self.masks.len())
+        let genus = self.genus.map_or(String::new(), |genus| format!(" of genus {genus}"));
+        let parts = if self.parts == 1 { "1 part".into() } else { format!("{} parts", self.parts) };
+        format!("mask IoU {:.4} over {} views{solid}, {parts}{genus}", mean(&self.masks), self.masks.len())
     }
 }
 
@@ -226,6 +243,7 @@ fn official_penalty(mesh: &Mesh) -> Result<f64> {
 pub fn tell(args: &FitArgs, log: &Log, scores: &Scores, mesh: &Mesh) -> Result<(), Failure> {
     let (vertices, triangles) = (mesh.positions().len(), mesh.triangles().len());
     let least = log.losses().iter().map(|l| l.1).fold(f64::INFINITY, f64::min);
+    scores.unseen.sentences().iter().for_each(|sentence| note(sentence));
     let time = log.seconds().map_or(String::new(), |s| format!(", {:.1} ms a step", s * 1e3));
     say(&format!(
         "{}: {vertices} vertices, {triangles} triangles; loss {least:.5}, {}{time}",

@@ -1,14 +1,18 @@
 //! Converts the arguments of `softras fit` to a template, options and schedules.
 
-use super::args::{FitArgs, Preset};
+use super::args::{FitArgs, Lighting, Preset};
+use super::begin::{Begin, begin};
 use super::targets::Views;
 use crate::commands::Failure;
 use softras::fit::{ImageLoss, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions};
 use softras::scene::{Appearance, Background, Faces, Interpolation};
-use softras::{Lights, Mesh, Settings, shapes};
+use softras::{Lights, Mesh, Renderer, Settings};
 
-/// The sphere's radius as a share of the radius that the cameras see.
-const SPHERE: f64 = 0.65;
+/// Steps of a fit that begins with a sphere, and with a hull.
+const ITERATIONS: u32 = 500;
+const HULL_ITERATIONS: u32 = 150;
+/// The length of edges after remeshing, in pixels.
+const EDGE: f64 = 1.5;
 
 /// The sigma that stands for no softness: its width, a few ten-thousandths of a screen unit, is far below a pixel.
 const HARD_SIGMA: f64 = 1e-7;
@@ -34,16 +38,18 @@ pub struct Setup {
     gamma: Schedule,
     depths: (f64, f64),
     faces: Faces,
+    /// Whether colours are compared.
+    pub colored: bool,
     /// The lights of the views and of the fit.
     pub lights: Lights,
 }
 
 impl Setup {
     /// Makes the setup that the arguments ask for.
-    pub fn new(args: &FitArgs, views: &Views) -> Result<Self, Failure> {
+    pub fn new(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Self, Failure> {
         let method = &args.method;
         let official = method.preset == Preset::Official;
-        if args.shading.is_some() && !args.colored() {
+        if args.shading.is_some_and(|shading| shading != Lighting::None) && !args.colored() {
             return Err(Failure::Usage("--shading: the light is seen in colours: add --color or --texture".into()));
         }
         let steps = |given: &[u32]| given.iter().map(|&at| at as usize).collect::<Vec<usize>>();
@@ -58,20 +64,27 @@ impl Setup {
             let (from, to) = given.unwrap_or(default);
             if from == to { Schedule::Constant(from) } else { Schedule::Exponential { from, to } }
         };
-        let default = if official { ((0.01, 0.01), (1e-4, 1e-4)) } else { ((0.03, 0.005), (1e-4, 1e-5)) };
+        let begin = begin(args, views, renderer)?;
+        // Rate and sigma: a hull is near to what is sought, and is not to be blurred away.
+        let default = match (official, begin.hull) {
+            (true, _) => ((0.01, 0.01), (1e-4, 1e-4)),
+            (false, true) => ((0.02, 0.002), (3e-5, 5e-6)),
+            (false, false) => ((0.03, 0.005), (1e-4, 1e-5)),
+        };
         // The rate is in world units, so it scales with the size of the object.
         let unit = if official { 1.0 } else { views.bounds.radius / REFERENCE_RADIUS };
         let (from, to) = method.rate.unwrap_or((default.0.0 * unit, default.0.1 * unit));
         Ok(Self {
-            template: template(args, views)?,
+            colored: args.colored(),
+            options: options(args, official, &begin),
+            template: begin.mesh,
             faces: method.faces.into(),
-            lights: args.lights(),
-            options: options(args, official),
-            iterations: method.iterations as usize,
+            lights: views.lights.clone(),
+            iterations: method.iterations.unwrap_or(if begin.hull { HULL_ITERATIONS } else { ITERATIONS }) as usize,
             stride,
             subdivide_at,
             remesh_at,
-            edge: range(Some((method.edge.0 * pixel, method.edge.1 * pixel)), (pixel, pixel)),
+            edge: range(method.edge.map(|(from, to)| (from * pixel, to * pixel)), (EDGE * pixel, EDGE * pixel)),
             rate: range(Some((from, to)), (from, to)),
             colors: range(method.color_rate, (0.03, 0.005)),
             sigma: range(method.sigma, default.1),
@@ -131,7 +144,7 @@ impl Setup {
             near: self.depths.0,
             far: self.depths.1,
             // A triangle in front must not be cut off by tau while it still outweighs those behind it.
-            tau: if self.options.fit_colors { 1e-6 } else { Settings::default().tau },
+            tau: if self.colored { 1e-6 } else { Settings::default().tau },
             background: Background::Composite,
             interpolation: Interpolation::Perspective,
             faces: self.faces,
@@ -143,9 +156,14 @@ impl Setup {
 /// The radius that the cameras of the official data see around the origin; rates are for objects of this size.
 const REFERENCE_RADIUS: f64 = 0.732;
 
-fn options(args: &FitArgs, official: bool) -> ShapeOptions {
+fn options(args: &FitArgs, official: bool, begin: &Begin) -> ShapeOptions {
     let method = &args.method;
     let mut options = if official { ShapeOptions::official() } else { ShapeOptions::smooth() };
+    if begin.hull && begin.one_color {
+        // Light on a known colour shows the surface everywhere, so that less has to be assumed of it.
+        options.parametrization = Parametrization::Smoothed { lambda: 2.0 };
+        options.regularizers = vec![(Regularizer::Laplacian, 1e-4), (Regularizer::Flatten, 1e-6)];
+    }
     if let Some(lambda) = method.smoothing {
         options.parametrization = Parametrization::Smoothed { lambda };
     }
@@ -156,40 +174,7 @@ fn options(args: &FitArgs, official: bool) -> ShapeOptions {
     options.regularizers = weights.into_iter().filter(|(_, weight)| *weight > 0.0).collect();
     options.samples = method.samples.unwrap_or(1) as usize;
     options.silhouette.0 = method.loss.image_loss();
-    options.color = (ImageLoss::L1, method.color_weight);
-    (options.fit_colors, options.fit_positions) = (args.colored(), !args.texture);
+    options.color = (ImageLoss::L1, method.color_weight.unwrap_or(if begin.one_color { 5.0 } else { 3.0 }));
+    (options.fit_colors, options.fit_positions) = (args.colored() && !begin.one_color, !args.texture);
     options
-}
-
-/// The mesh to begin with, placed where the cameras look.
-fn template(args: &FitArgs, views: &Views) -> Result<Mesh, Failure> {
-    let official = args.method.preset == Preset::Official;
-    let mesh = match &views.template {
-        Some(mesh) => mesh.clone(),
-        None => {
-            let (center, radius) = (views.bounds.center.to_array(), SPHERE * views.bounds.radius);
-            let (center, radius) = if official { ([0.0; 3], 1.0) } else { (center, radius) };
-            placed(&shapes::icosphere(args.subdivisions)?, |p, k| f64::from(p) * radius + center[k])?
-        }
-    };
-    let mesh = if official { placed(&mesh, |p, _| 0.5 * f64::from(p))? } else { mesh };
-    let textured = matches!(mesh.appearance(), Appearance::Textured { .. });
-    if args.texture && !textured {
-        return Err(Failure::Usage("--texture: give a textured mesh as --template".into()));
-    }
-    if textured && !(args.method.subdivide_at.is_empty() && args.method.remesh_at.is_empty()) {
-        let what = "--subdivide-at, --remesh-at: the triangles of a textured template stay what they are";
-        return Err(Failure::Usage(what.into()));
-    }
-    let colors = vec![[0.5; 3]; mesh.positions().len()];
-    Ok(match args.colored() {
-        true if textured => mesh,
-        true => mesh.with_appearance(Appearance::VertexColors(colors))?,
-        false => mesh.with_appearance(Appearance::Uniform([0.8; 3]))?,
-    })
-}
-
-fn placed(mesh: &Mesh, place: impl Fn(f32, usize) -> f64) -> Result<Mesh, Failure> {
-    let positions = mesh.positions().iter().map(|p| [0, 1, 2].map(|k| place(p[k], k) as f32)).collect();
-    Ok(Mesh::new(positions, mesh.triangles().to_vec())?.with_appearance(mesh.appearance().clone())?)
 }

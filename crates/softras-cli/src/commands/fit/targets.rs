@@ -13,7 +13,7 @@ use softras::fit::Targets;
 use softras::internals::files::{self, Picture};
 use softras::internals::fit::pooled;
 use softras::scene::{Appearance, Background, Interpolation, Outputs};
-use softras::{Camera, Error, Image, Mesh, Renderer, Result, Scene, Settings};
+use softras::{Camera, Error, Image, Lights, Mesh, Renderer, Result, Scene, Settings};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -41,6 +41,10 @@ pub struct Views {
     pub bounds: Bounds,
     /// Nearest and farthest depth that is drawn.
     pub depths: (f64, f64),
+    /// The lights of the views and of the fit.
+    pub lights: Lights,
+    /// Whether all of the object has one colour.
+    pub one_color: bool,
 }
 
 impl Views {
@@ -49,7 +53,7 @@ impl Views {
     pub fn read(args: &FitArgs, written: &Files, renderer: &mut Renderer) -> Result<Self, Failure> {
         let budget = Budget::new(&args.read.memory);
         let template = match args.template.as_str() {
-            "sphere" => None,
+            "auto" | "sphere" | "hull" => None,
             path => Some(args.read.read(Path::new(path), true, written, &budget)?.mesh),
         };
         let views = args.views.as_deref();
@@ -66,7 +70,7 @@ impl Views {
         written.spare(files)?;
         let bounds = cameras::seen(&targets.cameras, targets.size()?);
         let depths = cameras::depths(&targets.cameras, bounds);
-        Ok(Self { targets, truth: None, template, bounds, depths })
+        Ok(Self { targets, truth: None, template, bounds, depths, lights: Lights::unlit(), one_color: false })
     }
 
     /// Renders the views from a mesh.
@@ -90,10 +94,12 @@ impl Views {
             },
             ..Settings::default()
         };
-        if let (Appearance::Uniform(_), true, None) = (mesh.appearance(), args.colored(), args.shading) {
-            note("the mesh has one colour: its views show only that and the outline (--shading smooth lights them)");
+        let one_color = matches!(mesh.appearance(), Appearance::Uniform(_)) && args.color && !args.texture;
+        if one_color && args.shading.is_none() {
+            note("the mesh has one colour, so that its views are lit (--shading none shows its outline alone)");
         }
-        let scene = Scene::new(mesh.clone()).with_lights(args.lights());
+        let lights = args.lights(one_color);
+        let scene = Scene::new(mesh.clone()).with_lights(lights.clone());
         let (mut silhouette, mut color) = (None, None);
         let progress = Progress::counted("view", count);
         parts::in_batches(renderer, &scene, &cameras, &settings, |views, frame| {
@@ -107,7 +113,8 @@ impl Views {
             camera_files::write(folder, &cameras, silhouette, color)?;
         }
         let color = color.filter(|_| args.colored());
-        Ok(Self { targets: Targets { cameras, silhouette, color }, truth: Some(mesh), template, bounds, depths })
+        let targets = Targets { cameras, silhouette, color };
+        Ok(Self { targets, truth: Some(mesh), template, bounds, depths, lights, one_color })
     }
 }
 

@@ -1,0 +1,295 @@
+//! The visual hull: the largest solid that has given silhouettes (Laurentini, "The Visual Hull Concept for Silhouette-Based
+//! Image Understanding", 1994), as a mesh to begin a fit with.
+//!
+//! A point of a solid lies within its silhouette in every picture. So the hull is where f > 0, f(p) the least, over all
+//! pictures, of the signed distance between p's projection and the silhouette's outline, in world units at p's depth. It is
+//! sampled on a grid, and the mesh is its zero level.
+
+use super::bad;
+use super::shape::Targets;
+use super::soft_target::signed_distance;
+use crate::error::Result;
+use crate::image::Image;
+use crate::scene::{Camera, Mesh, Projection};
+use glam::DVec3;
+use std::collections::HashMap;
+
+/// The most samples along a side of the grid.
+const MAX_RESOLUTION: usize = 256;
+/// Samples along a side of the first grid, which finds the box that the hull fills.
+const COARSE: usize = 48;
+/// Pictures below this height are enlarged, so that their outlines run between pixels as the grey of their pixels says.
+const FINE_HEIGHT: usize = 1024;
+/// The most that they are enlarged.
+const MOST_ENLARGED: usize = 4;
+
+impl Targets {
+    /// The visual hull of the silhouettes within the cube of side `side` around `center`, in world units. Its triangles' edges are
+    /// about as long as the hull's longest extent divided by `resolution`, 8 to 256.
+    ///
+    /// Beyond a picture's border the silhouette is taken to go on as it is at the border.
+    ///
+    /// # Errors
+    /// [`crate::Error::Fit`] where there is no hull: targets without silhouettes or that do not fit together, a silhouette without
+    /// an inside, silhouettes whose cameras have no point in common; for a camera of [`Projection::Official`] or
+    /// [`Projection::Screen`]; and for a cube or a resolution out of range.
+    pub fn visual_hull(&self, center: [f64; 3], side: f64, resolution: usize) -> Result<Mesh> {
+        if !(8..=MAX_RESOLUTION).contains(&resolution) {
+            return bad(format!("a hull of {resolution} samples a side"), "use 8 to 256");
+        }
+        if !(side > 0.0 && side.is_finite() && center.iter().all(|x| x.is_finite())) {
+            return bad(format!("a hull in a cube of side {side:?} around {center:?}"), "use a finite side above 0");
+        }
+        let views = views(self)?;
+        let center = DVec3::from(center);
+        let mut coarse = Grid::new(center - 0.5 * side, side, COARSE);
+        coarse.carve(&views);
+        let Some((low, high)) = coarse.inside() else {
+            let fix = "check that every camera belongs to its picture, and that the object is in all of them";
+            return bad("silhouettes that no solid has", fix);
+        };
+        // Two samples more on each side than the hull takes.
+        let side = (high - low).max_element() * (1.0 + 4.0 / resolution as f64);
+        let mut grid = Grid::new((low + high) * 0.5 - 0.5 * side, side, resolution);
+        grid.carve(&views);
+        (0..3).for_each(|axis| grid.blur(axis));
+        grid.mesh()
+    }
+}
+
+/// A picture's distances from its outline, and its camera.
+struct View<'a> {
+    camera: &'a Camera,
+    /// In screen units, above 0 inside.
+    distance: Image,
+    /// Pixels of the picture itself along its height.
+    height: f64,
+}
+
+fn views<'a>(targets: &'a Targets) -> Result<Vec<View<'a>>> {
+    let Some(silhouettes) = &targets.silhouette else {
+        return bad("a hull without silhouettes", "give the targets' silhouettes");
+    };
+    if silhouettes.channels != 1 || !silhouettes.is_whole() || silhouettes.batch != targets.cameras.len() {
+        let what = format!("{} cameras for silhouettes of batch {}", targets.cameras.len(), silhouettes.batch);
+        return bad(what, "give a camera and one channel of values for each picture");
+    }
+    let view = |(i, camera): (usize, &'a Camera)| {
+        if matches!(camera.projection(), Projection::Official { .. } | Projection::Screen) {
+            let what = format!("a hull from camera {i}, a {:?}", camera.projection());
+            return bad(what, "use perspective, orthographic or pinhole cameras");
+        }
+        let Image { height, width, .. } = *silhouettes;
+        let picture = Image { batch: 1, height, width, channels: 1, data: silhouettes.view(i).to_vec() };
+        if picture.data.iter().all(|x| *x <= 0.5) {
+            return bad(format!("picture {i} without an inside"), "leave out pictures that do not show the object");
+        }
+        Ok(View { camera, distance: signed_distance(&enlarged(&picture))?, height: height as f64 })
+    };
+    targets.cameras.iter().enumerate().map(view).collect()
+}
+
+/// The picture enlarged by linear interpolation.
+fn enlarged(picture: &Image) -> Image {
+    let times = (FINE_HEIGHT / picture.height).clamp(1, MOST_ENLARGED);
+    let (height, width) = (times * picture.height, times * picture.width);
+    let at = |i: usize| (i as f64 + 0.5) / times as f64;
+    let data = (0..height).flat_map(|row| (0..width).map(move |column| sample(picture, at(column), at(row)) as f32));
+    Image { height, width, data: data.collect(), ..*picture }
+}
+
+/// An image's value at a column and a row, where the centre of the first pixel is at (0.5, 0.5); that of its border beyond it.
+fn sample(image: &Image, column: f64, row: f64) -> f64 {
+    let between = |x: f64, count: usize| {
+        let x = (x - 0.5).clamp(0.0, (count - 1) as f64);
+        (x as usize, (x as usize + 1).min(count - 1), x.fract())
+    };
+    let (left, right, along) = between(column, image.width);
+    let (top, bottom, down) = between(row, image.height);
+    let at = |row: usize, column: usize| f64::from(image.data[row * image.width + column]);
+    let mix = |row: usize| at(row, left) * (1.0 - along) + at(row, right) * along;
+    mix(top) * (1.0 - down) + mix(bottom) * down
+}
+
+impl View<'_> {
+    /// The signed distance of a point from the silhouette's outline in world units; `None` behind the camera.
+    fn distance(&self, point: DVec3) -> Option<f64> {
+        let rows = self.camera.view();
+        let [x, y, z] = rows.map(|[a, b, c, d]| a * point.x + b * point.y + c * point.z + d);
+        let (height, width) = (self.distance.height as f64, self.distance.width as f64);
+        // The position in pixels of the distances' image, and the world units of a screen unit there.
+        let (column, row, unit) = match *self.camera.projection() {
+            Projection::Pinhole { fx, fy, cx, cy } => {
+                let times = height / self.height;
+                let at = (times * (fx * x / z + cx), times * (cy - fy * y / z));
+                (at.0, at.1, 0.5 * self.height * z / fx.max(fy))
+            }
+            Projection::Perspective { fov_y } => {
+                let unit = z * (fov_y / 2.0).tan();
+                (0.5 * (width + height * x / unit), 0.5 * height * (1.0 - y / unit), unit)
+            }
+            Projection::Orthographic { half_height: unit } => {
+                (0.5 * (width + height * x / unit), 0.5 * height * (1.0 - y / unit), unit)
+            }
+            Projection::Official { .. } | Projection::Screen => return None,
+        };
+        (z > 0.0).then(|| unit * sample(&self.distance, column, row))
+    }
+}
+
+/// Samples of f over a cube, x running fastest.
+struct Grid {
+    low: DVec3,
+    /// Between samples.
+    step: f64,
+    resolution: usize,
+    values: Vec<f32>,
+}
+
+impl Grid {
+    fn new(low: DVec3, side: f64, resolution: usize) -> Self {
+        let values = vec![f32::MAX; resolution.pow(3)];
+        Self { low, step: side / (resolution - 1) as f64, resolution, values }
+    }
+
+    fn position(&self, i: usize) -> DVec3 {
+        let n = self.resolution;
+        self.low + self.step * DVec3::new((i % n) as f64, (i / n % n) as f64, (i / n / n) as f64)
+    }
+
+    fn carve(&mut self, views: &[View<'_>]) {
+        // Distances beyond some samples do not matter, and what no picture shows is outside.
+        let far = (4.0 * self.step) as f32;
+        for i in 0..self.values.len() {
+            let point = self.position(i);
+            let mut value = f32::MAX;
+            for distance in views.iter().filter_map(|view| view.distance(point)) {
+                value = value.min(distance as f32);
+                if value < -far {
+                    break;
+                }
+            }
+            self.values[i] = if value == f32::MAX { -far } else { value.clamp(-far, far) };
+        }
+    }
+
+    /// The box of all points that may be inside: those nearer to a sample than the outline.
+    fn inside(&self) -> Option<(DVec3, DVec3)> {
+        // Half the diagonal of a cell.
+        let reach = 0.5 * 3f64.sqrt() * self.step;
+        let near = (0..self.values.len()).filter(|i| f64::from(self.values[*i]) > -reach);
+        let points = near.map(|i| self.position(i));
+        let bounds = points.map(|p| (p, p)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))?;
+        Some((bounds.0 - 0.5 * self.step, bounds.1 + 0.5 * self.step))
+    }
+
+    /// Weighs each sample with its neighbours along an axis by (1, 2, 1) / 4, which removes handles and cavities that are only of
+    /// the samples: the least of many distances has sharp ridges between them.
+    fn blur(&mut self, axis: usize) {
+        let n = self.resolution;
+        let stride = n.pow(axis as u32);
+        for first in (0..self.values.len()).filter(|i| (i / stride).is_multiple_of(n)) {
+            let mut before = self.values[first];
+            for i in (1..n - 1).map(|k| first + k * stride) {
+                let here = self.values[i];
+                self.values[i] = 0.25 * (before + 2.0 * here + self.values[i + stride]);
+                before = here;
+            }
+        }
+    }
+
+    /// The mesh of the zero level, closed at the cube's sides.
+    fn mesh(mut self) -> Result<Mesh> {
+        let n = self.resolution;
+        let on_side = |i: usize| [i % n, i / n % n, i / n / n].iter().any(|&k| k == 0 || k == n - 1);
+        let least = (1e-3 * self.step) as f32;
+        for (_, value) in self.values.iter_mut().enumerate().filter(|(i, _)| on_side(*i)) {
+            *value = value.min(-least);
+        }
+        let mut surface =
+            Surface { grid: &self, positions: Vec::new(), vertex_of: HashMap::new(), triangles: Vec::new() };
+        for cell in 0..self.values.len() {
+            if [cell % n, cell / n % n, cell / n / n].iter().all(|&k| k + 1 < n) {
+                surface.add_cell(cell);
+            }
+        }
+        let Surface { positions, triangles, .. } = surface;
+        if triangles.is_empty() {
+            return bad("a hull thinner than its samples", "use a higher resolution");
+        }
+        Mesh::new(positions, triangles)
+    }
+}
+
+/// The zero level by marching tetrahedra (Doi and Koide 1991): six in each cell of the grid, all along the same diagonal, so
+/// that neighbours meet in the same triangles. Unlike surface nets it is a closed surface whatever the samples are.
+struct Surface<'a> {
+    grid: &'a Grid,
+    positions: Vec<[f32; 3]>,
+    /// The vertex between two samples, the inner one first.
+    vertex_of: HashMap<[usize; 2], u32>,
+    triangles: Vec<[u32; 3]>,
+}
+
+/// The order of axes along which a tetrahedron's edges lead from a cell's lowest corner to its highest; the first three orders
+/// are even permutations.
+const PATHS: [[usize; 3]; 6] = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]];
+
+impl Surface<'_> {
+    fn add_cell(&mut self, lowest: usize) {
+        let n = self.grid.resolution;
+        let along = [1, n, n * n];
+        let inside = |sample: usize| self.grid.values[sample] > 0.0;
+        let corners = (0..8).map(|k| lowest + (k & 1) + (k >> 1 & 1) * n + (k >> 2) * n * n);
+        let count = corners.filter(|&corner| inside(corner)).count();
+        if count == 0 || count == 8 {
+            return;
+        }
+        for (path, [a, b, c]) in PATHS.into_iter().enumerate() {
+            let first = lowest + along[a];
+            let second = first + along[b];
+            let [from, to] = if path < 3 { [first, second] } else { [second, first] };
+            // In this order every tetrahedron is right-handed.
+            self.add_tetrahedron([lowest, from, to, second + along[c]]);
+        }
+    }
+
+    /// Adds the triangles that part the inner samples of a right-handed tetrahedron from the outer ones.
+    fn add_tetrahedron(&mut self, corners: [usize; 4]) {
+        // Even permutations, by which corner comes first, and by which two.
+        const FIRST: [[usize; 4]; 4] = [[0, 1, 2, 3], [1, 0, 3, 2], [2, 0, 1, 3], [3, 0, 2, 1]];
+        const PAIR: [[usize; 4]; 6] =
+            [[0, 1, 2, 3], [0, 2, 3, 1], [0, 3, 1, 2], [1, 2, 0, 3], [1, 3, 2, 0], [2, 3, 0, 1]];
+        let inside = corners.map(|corner| self.grid.values[corner] > 0.0);
+        let is_first = |order: &&[usize; 4], wanted: bool| {
+            inside[order[0]] == wanted && order[1..].iter().all(|&k| inside[k] != wanted)
+        };
+        if let Some(order) = FIRST.iter().find(|order| is_first(order, true)) {
+            let [i, j, k, l] = order.map(|k| corners[k]);
+            let triangle = [self.vertex(i, j), self.vertex(i, k), self.vertex(i, l)];
+            self.triangles.push(triangle);
+        } else if let Some(order) = FIRST.iter().find(|order| is_first(order, false)) {
+            let [i, j, k, l] = order.map(|k| corners[k]);
+            let triangle = [self.vertex(j, i), self.vertex(l, i), self.vertex(k, i)];
+            self.triangles.push(triangle);
+        } else if let Some(order) =
+            PAIR.iter().find(|[i, j, k, l]| inside[*i] && inside[*j] && !inside[*k] && !inside[*l])
+        {
+            let [i, j, k, l] = order.map(|k| corners[k]);
+            let [ik, il, jl, jk] = [self.vertex(i, k), self.vertex(i, l), self.vertex(j, l), self.vertex(j, k)];
+            self.triangles.extend([[ik, il, jl], [ik, jl, jk]]);
+        }
+    }
+
+    /// The vertex between an inner and an outer sample, where f is 0 between them.
+    fn vertex(&mut self, inner: usize, outer: usize) -> u32 {
+        let (grid, positions) = (self.grid, &mut self.positions);
+        *self.vertex_of.entry([inner, outer]).or_insert_with(|| {
+            let [a, b] = [inner, outer].map(|sample| f64::from(grid.values[sample]));
+            // Vertices of neighbouring edges do not meet.
+            let part = (a / (a - b)).clamp(0.02, 0.98);
+            positions.push(grid.position(inner).lerp(grid.position(outer), part).as_vec3().to_array());
+            positions.len() as u32 - 1
+        })
+    }
+}
