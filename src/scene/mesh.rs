@@ -117,9 +117,9 @@ impl Mesh {
     /// single precision.
     pub const FARTHEST: f32 = 1e25;
 
-    /// The largest value of a colour channel: a pixel sums the weighted colours of all triangles before it divides by
-    /// the sum of weights, and that sum must stay finite.
-    pub const BRIGHTEST: f32 = 1e30;
+    /// The largest value of a colour channel: a pixel sums the weighted colours of all triangles, under all lights, before it
+    /// divides by the sum of weights, and that sum must stay finite.
+    pub const BRIGHTEST: f32 = 1e12;
 
     /// A white mesh.
     ///

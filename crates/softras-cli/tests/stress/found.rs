@@ -4,7 +4,7 @@ use crate::common::{gradient::all_finite, renderer};
 use glam::{DMat4, DVec3};
 use softras::{
     Camera, Image, ImageGradient, Lights, Mesh, Projection, Scene, Settings, Wanted,
-    scene::{Appearance, Background, Distance, Interpolation, Outputs, Parity, Shading},
+    scene::{Appearance, Background, Distance, Interpolation, Outputs, Parity, Shading, Texture, Wrap},
 };
 
 const ALL: Outputs = Outputs { color: true, silhouette: true, depth: true, normal: true };
@@ -217,4 +217,41 @@ fn colours_whose_sum_leaves_a_float_are_refused() {
     assert!(mesh().with_appearance(Appearance::Uniform([Mesh::BRIGHTEST; 3])).is_ok());
     let refused = mesh().with_appearance(Appearance::VertexColors(vec![[1.0; 3], [2.6e38; 3], [0.0; 3]])).unwrap_err();
     assert!(refused.to_string().contains("vertex 1"), "{refused}");
+}
+
+/// Sums of colours in units of 2^60 were infinite from 1e20 on.
+#[test]
+fn the_brightest_colours_stay_finite_under_the_brightest_light() {
+    let settings = Settings {
+        width: 1,
+        height: 9,
+        near: 1e-6,
+        far: 1e12,
+        sigma: 4.77e-11,
+        gamma: 1.236e-5,
+        tau: 4.06e-11,
+        background: Background::Weighted,
+        interpolation: Interpolation::Perspective,
+        outputs: ALL,
+        ..Settings::default()
+    };
+    let corners =
+        [[-2.2318373e-7, -1.6085621e-6, 8.9e-6], [6.9749694e-7, -1.0221595e-6, 9.6e-6], [9.9e-7, -1.2e-6, 9.0e-6]];
+    // A thousand of them in one pixel.
+    let positions = corners.iter().copied().cycle().take(3000).collect();
+    let mesh = Mesh::new(positions, (0..1000).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect()).unwrap();
+    let textured = Appearance::Textured {
+        uvs: vec![[0.1, 0.2], [0.7, 0.4], [0.3, 0.9]],
+        uv_triangles: vec![[0, 1, 2]; 1000],
+        textures: vec![Texture::new(2, 1, vec![[Mesh::BRIGHTEST; 3]; 2], Wrap::Clamp).unwrap()],
+        texture_of_triangle: Vec::new(),
+    };
+    let lights = Lights { ambient_color: [1e6; 3], ambient_intensity: 1e6, ..Lights::unlit() };
+    for appearance in [textured, Appearance::Uniform([-Mesh::BRIGHTEST; 3])] {
+        let scene = Scene::new(mesh.clone().with_appearance(appearance).unwrap()).with_lights(lights.clone());
+        let frame = renderer().render(&scene, &[Camera::screen()], &settings).unwrap();
+        let color = frame.color().unwrap();
+        assert!(color.data.iter().all(|x| x.is_finite()), "{:?}", color.data);
+        assert!(color.data.iter().any(|x| x.abs() > 1e11 * Mesh::BRIGHTEST), "{:?}", color.data);
+    }
 }
