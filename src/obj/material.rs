@@ -7,7 +7,10 @@ use super::{
     find::find,
     statement::{self, Statement, statements},
 };
-use crate::{error::Error, scene::Wrap};
+use crate::{
+    error::Error,
+    scene::{Mesh, Wrap},
+};
 use std::{
     collections::{HashMap, HashSet},
     path::{Path, PathBuf},
@@ -175,8 +178,8 @@ fn read_opacity(statement: &Statement) -> Option<f32> {
 
 /// `r g b`, or `r` for a grey.
 fn read_color(statement: &Statement) -> Option<[f32; 3]> {
-    let values: Option<Vec<f32>> =
-        statement.words().map(|word| word.parse().ok().filter(|value: &f32| value.is_finite())).collect();
+    let number = |word: &str| word.parse().ok().filter(|value: &f32| value.abs() <= Mesh::BRIGHTEST);
+    let values: Option<Vec<f32>> = statement.words().map(number).collect();
     match values?[..] {
         [grey] => Some([grey; 3]),
         [r, g, b] => Some([r, g, b]),

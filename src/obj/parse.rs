@@ -216,8 +216,8 @@ impl Parser {
             }
             rgb => {
                 let color = numbers::<3>("vertex colour", rgb)?;
-                if let Some(i) = color.iter().position(|x| !x.is_finite()) {
-                    let what = format!("vertex colour {:?} is not a finite number", shown(rgb[i]));
+                if let Some(i) = color.iter().position(|x| x.is_nan() || x.abs() > Mesh::BRIGHTEST) {
+                    let what = format!("vertex colour {:?} is not within ±{:e}", shown(rgb[i]), Mesh::BRIGHTEST);
                     return Err((what, "give r, g and b from 0 to 1"));
                 }
                 self.obj.colors.push(color);
