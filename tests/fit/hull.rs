@@ -2,7 +2,7 @@
 
 use crate::common::renderer;
 use softras::fit::{Targets, voxel_iou};
-use softras::internals::fit::{Topology, Voxels, cube_around};
+use softras::internals::fit::{Topology, Voxels, cube_around, is_closed};
 use softras::{Camera, Error, Mesh, Projection, Renderer, Scene, Settings, shapes};
 
 const PERSPECTIVE: Projection = Projection::Perspective { fov_y: 0.6 };
@@ -29,6 +29,12 @@ fn genus(mesh: &Mesh) -> (usize, Option<usize>) {
     Topology::new(mesh.positions().len(), mesh.triangles()).unwrap().parts_and_genus()
 }
 
+/// The volume that the triangles enclose, above 0 if they face outwards.
+fn volume(mesh: &Mesh) -> f64 {
+    let corner = |v: u32| glam::DVec3::from(mesh.positions()[v as usize].map(f64::from));
+    mesh.triangles().iter().map(|t| corner(t[0]).dot(corner(t[1]).cross(corner(t[2]))) / 6.0).sum()
+}
+
 fn moved(mesh: &Mesh, scale: f32, by: [f32; 3]) -> Mesh {
     let positions = mesh.positions().iter().map(|p| [0, 1, 2].map(|k| scale * p[k] + by[k])).collect();
     Mesh::new(positions, mesh.triangles().to_vec()).unwrap()
@@ -53,6 +59,9 @@ fn a_hull_has_the_objects_holes_and_parts() {
         assert_eq!(genus(&hull), (parts, Some(handles)), "{name}");
         let iou = voxel_iou(&hull, mesh, 64).unwrap();
         assert!(iou > 0.9, "{name}: {iou}");
+        // Its triangles all face outwards, as those of the mesh do.
+        let share = volume(&hull) / volume(mesh);
+        assert!(is_closed(&hull).unwrap() && (0.9..1.2).contains(&share), "{name}: {share} of its volume");
         // What is in the object is in the hull, but for a layer of a quarter of a sample, which the blur takes.
         let (low, side) = cube_around(&[&hull, mesh]);
         let [inner, outer] = [mesh, &hull].map(|mesh| Voxels::new(mesh, low, side, 64).unwrap());

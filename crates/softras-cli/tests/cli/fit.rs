@@ -375,6 +375,8 @@ fn a_fit_begins_with_the_hull_and_tells_what_it_has_not_found() {
     assert!(!said.contains("covers a hole"), "{said}");
     assert_eq!((found["parts"].as_u64(), found["genus"].as_u64()), (Some(1), Some(1)), "{found}");
     assert!(found["iou_3d"].as_f64().unwrap() > 0.85, "{found}");
+    let official = ["fit", "--from", "torus.obj", "--template", "hull", "--preset", "official", "-o", "o.obj"];
+    fails(folder.path(), &official, 2, &["--template hull", "official"]);
     let (said, found) = run("--template sphere");
     assert!(said.contains("covers a hole that is seen in view"), "{said}");
     assert_eq!(found["genus"].as_u64(), Some(0), "{found}");

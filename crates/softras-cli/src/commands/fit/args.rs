@@ -91,8 +91,8 @@ pub struct FitArgs {
 }
 
 impl FitArgs {
-    /// The lights of the views, of an object of one colour or of several, and of the fit: none, or three that shine from fixed sides, each stronger than the next, so
-    /// that the brightness tells where a surface faces.
+    /// The lights of the views and of the fit: none, or three that shine from fixed sides, each stronger than the next, so that
+    /// the brightness tells where a surface faces. Where `--shading` says nothing, an object of one colour is lit.
     pub fn lights(&self, one_color: bool) -> Lights {
         let shading = match self.shading {
             Some(Lighting::None) => return Lights::unlit(),

@@ -21,7 +21,7 @@ const HULL_EDGE: f64 = 2.0;
 pub struct Begin {
     pub mesh: Mesh,
     pub hull: bool,
-    /// Whether the mesh has one colour that is known and not fitted.
+    /// Whether the mesh has one colour, which is estimated from the pictures before the fit and held.
     pub one_color: bool,
 }
 
@@ -36,7 +36,7 @@ pub fn begin(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<B
             None => (sphere(args, views, official)?, false),
         },
     };
-    let mesh = if official && !hull { placed(&mesh, |p, _| 0.5 * f64::from(p))? } else { mesh };
+    let mesh = if official { placed(&mesh, |p, _| 0.5 * f64::from(p))? } else { mesh };
     let textured = matches!(mesh.appearance(), Appearance::Textured { .. });
     if args.texture && !textured {
         return Err(Failure::Usage("--texture: give a textured mesh as --template".into()));
@@ -64,6 +64,10 @@ fn sphere(args: &FitArgs, views: &Views, official: bool) -> Result<Mesh, Failure
 /// The visual hull where it is asked for, or is likely to be nearer than a sphere; `None` for a sphere.
 fn hull(args: &FitArgs, views: &Views) -> Result<Option<Mesh>, Failure> {
     let asked = args.template == "hull";
+    if asked && args.method.preset == Preset::Official {
+        let what = "--template hull: the official method begins with its sphere: leave out one of the two";
+        return Err(Failure::Usage(what.into()));
+    }
     let targets = targets::fitted(args, &views.targets);
     let few = targets.cameras.len() < HULL_VIEWS;
     let sphere = args.subdivisions.is_some() || args.method.preset == Preset::Official || few;
