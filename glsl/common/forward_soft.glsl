@@ -31,6 +31,9 @@ Cover cover_of(Transmittance w) {
 // The factor of all weights in a pixel's sums while they are summed. Without it the products of small weights and clipped
 // barycentrics would be denormal numbers, which cost a processor some hundred cycles each.
 const float WEIGHT_UNIT = 1152921504606846976.0;
+// The factor of the colours' sums, less than that of the weights: a million of the brightest colours (Mesh::BRIGHTEST) under the
+// brightest lights stay finite.
+const float COLOR_UNIT = 1048576.0;
 
 // Eq. 5 over the entries of a word.
 void add_silhouette(Distance d[PIXELS], inout Transmittance w[PIXELS]) {
@@ -82,6 +85,7 @@ void add_shaded(Entry t, Corner c, Distance d[PIXELS], inout Pixel pixels[PIXELS
     vec3 b[PIXELS];
     float sum[PIXELS];
     Depth depth[PIXELS];
+    c.color *= COLOR_UNIT / WEIGHT_UNIT;
     for (int i = 0; i < PIXELS; ++i) {
         b[i] = clipped_barycentrics(t.inverse_height, d[i].height);
         sum[i] = b[i].x + b[i].y + b[i].z;
@@ -160,20 +164,20 @@ void gather_word(int from, uint held[HELD], uint bits, bool shows, Lane lane, in
     }
 }
 
-// With its sums in units of WEIGHT_UNIT.
+// With its sums in units of WEIGHT_UNIT, and of COLOR_UNIT.
 Pixel first_pixel() {
     Pixel p = background_pixel();
     float unit = WEIGHT_UNIT * exp2(p.fraction);
     p.fraction = 0.0;
     p.sum *= unit;
-    p.color *= unit;
+    p.color *= unit * (COLOR_UNIT / WEIGHT_UNIT);
     return p;
 }
 
 // The pixel with its sums in their true units.
 Pixel finished(Pixel p) {
     p.sum /= WEIGHT_UNIT;
-    p.color /= WEIGHT_UNIT;
+    p.color /= COLOR_UNIT;
     p.depth /= WEIGHT_UNIT;
     p.normal /= WEIGHT_UNIT;
     return p;

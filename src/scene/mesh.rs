@@ -117,8 +117,8 @@ impl Mesh {
     /// single precision.
     pub const FARTHEST: f32 = 1e25;
 
-    /// The largest value of a colour channel: a pixel sums the weighted colours of all triangles, in units of up to 2^60,
-    /// before it divides by the sum of weights, and that sum must stay finite.
+    /// The largest value of a colour channel: a pixel sums the weighted colours of all triangles, under all lights, before it
+    /// divides by the sum of weights, and that sum must stay finite.
     pub const BRIGHTEST: f32 = 1e12;
 
     /// A white mesh.

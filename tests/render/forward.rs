@@ -12,7 +12,7 @@ use crate::common::{
     tolerance,
 };
 use softras::{
-    Camera, Renderer, Scene, Settings,
+    Camera, Mesh, Renderer, Scene, Settings,
     reference::{Truncation, render, render_culled},
     scene::{Appearance, Background, Distance, Outputs, Parity},
 };
@@ -158,4 +158,32 @@ fn tau_bounds_what_is_left_out() {
     let bound = 1.0 - (1.0 - case.settings.tau).powi(triangles as i32);
     let errors = cut.silhouette.iter().zip(&whole.silhouette).map(|(a, b)| b - a);
     assert!(errors.clone().all(|e| (0.0..=bound).contains(&e)), "{:?}", errors.fold(0.0, f64::max));
+}
+
+/// With a small γ and a far plane that is far, log weights reach 1e8, where floats are 8 apart, and yet depths blend.
+/// forward_soft, whose sums are relative to an integer log weight, divided 0 by 0 there.
+#[test]
+fn log_weights_beyond_the_integers_of_a_float() {
+    let corner = |z| [[-0.8, -0.7, z], [0.9, -0.6, z], [0.1, 0.8, z]];
+    let depths = [900.0, 400.0, 250.0, 60.0];
+    let indices = (0..4).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+    let texels = vec![[1.0, 0.0, 0.2], [0.0, 1.0, 0.4], [0.3, 0.2, 1.0], [0.9, 0.8, 0.0]];
+    let mesh = Mesh::new(depths.map(corner).concat(), indices).unwrap();
+    let scene = Scene::new(mesh.with_appearance(Appearance::Surface { resolution: 1, texels }).unwrap());
+    for (gamma, epsilon) in [(1e-8, 1.0), (1.3e-8, 0.999_999_99), (1.7e-8, -1.0), (1e-7, 1e3)] {
+        let settings = Settings {
+            width: 9,
+            height: 7,
+            near: 1e-2,
+            far: 1e10,
+            sigma: 1e-2,
+            gamma,
+            epsilon,
+            background: Background::Weighted,
+            ..Settings::default()
+        };
+        let reference = render(&scene, &[Camera::screen()], &settings, Truncation::Tau).unwrap();
+        let frame = renderer().render(&scene, &[Camera::screen()], &settings).unwrap();
+        compare_frames(&frame, &reference, &tolerance::IMAGE).unwrap();
+    }
 }

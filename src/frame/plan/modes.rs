@@ -204,9 +204,16 @@ impl Modes {
     }
 }
 
-/// Whether eq. 1, 2, 3 and 5 are computed as the model has them.
+/// The largest log2 weight of eq. 3 in forward_soft, whose sums are relative to an integer log weight: a float of this size
+/// still has a resolution of a half, and beyond 2²⁴ it does not hold every integer.
+const LARGEST_SOFT_WEIGHT: f64 = 4_194_304.0;
+
+/// Whether eq. 1, 2, 3 and 5 are computed as the model has them, with log weights that forward_soft can hold.
 fn is_soft(s: &Settings) -> bool {
-    s.color == ColorAggregation::Softmax
+    // The scores of eq. 3 lie within 0 and 1, that of the background is ε.
+    let largest_weight = s.epsilon.abs().max(1.0) * std::f64::consts::LOG2_E / s.gamma;
+    largest_weight <= LARGEST_SOFT_WEIGHT
+        && s.color == ColorAggregation::Softmax
         && s.silhouette == SilhouetteAggregation::Product
         && s.distance == Distance::Euclidean
         && s.parity == Parity::Model
