@@ -6,6 +6,7 @@ mod bench;
 mod command;
 mod eval;
 mod fit;
+mod full;
 mod gradient;
 mod hostile;
 mod killed;
