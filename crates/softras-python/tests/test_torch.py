@@ -139,6 +139,73 @@ def test_surfaces_and_textures(ball, cameras, settings):
     assert batch.grad[0].any() and not batch.grad[1].any()
 
 
+@pytest.fixture(scope="module")
+def patched(ball):
+    """A ball with two textures, of which triangles show one or the other."""
+    vertices, faces = ball
+    random = np.random.default_rng(6)
+    textures = [random.random(shape, np.float32) for shape in ((5, 7, 4), (3, 4, 3))]
+    uvs, chosen = random.random((len(vertices), 2), np.float32), np.arange(len(faces)) % 2
+    return softras.Mesh(vertices, faces, uvs=uvs, textures=textures, texture_of_triangle=chosen, wrap="clamp")
+
+
+def test_several_textures_of_a_mesh(patched, cameras, settings):
+    frame = softras.render(patched, cameras, settings, save=True)
+    upstream = np.random.default_rng(7).standard_normal(frame.color.shape).astype(np.float32)
+    expected = frame.backward(color=upstream, by=("positions", "texels", "uvs")).meshes[0]
+    vertices, uvs, faces = leaf(patched.positions), leaf(patched.uvs), torch.tensor(patched.triangles.astype(np.int64))
+    # The same mesh by its arrays, and as a template of which the texels, or texels and UVs, are tensors.
+    whole = {"uvs": uvs, "texture_of_triangle": torch.tensor(patched.texture_of_triangle.astype(np.int64)), "wrap": "clamp"}
+    for template, look in ((faces, whole), (patched, {"uvs": uvs}), (patched, {})):
+        textures = [leaf(texture) for texture in patched.textures]
+        color = st.render(vertices, template, cameras, textures=textures, settings=settings, **look).color
+        np.testing.assert_array_equal(color.detach(), frame.color)
+        vertices.grad = uvs.grad = None
+        color.backward(torch.from_numpy(upstream))
+        np.testing.assert_array_equal(vertices.grad, expected.positions)
+        np.testing.assert_array_equal(textures[0].grad[..., :3], expected.textures[0])
+        np.testing.assert_array_equal(textures[0].grad[..., 3], expected.alphas[0])
+        np.testing.assert_array_equal(textures[1].grad, expected.textures[1])
+        if "uvs" in look:
+            np.testing.assert_array_equal(uvs.grad, expected.uvs)
+    only_uvs = st.render(vertices.detach(), patched, cameras, uvs=leaf(patched.uvs), settings=settings)
+    np.testing.assert_array_equal(only_uvs.color.detach(), frame.color)
+
+
+def test_texels_have_the_slope_of_the_image(patched, cameras, settings):
+    # Colours are linear in the texels of opaque textures.
+    vertices = torch.tensor(patched.positions)
+    textures, steps = ([torch.rand(4, 4, 3).requires_grad_() for _ in range(2)] for _ in range(2))
+    weights = torch.randn(2, settings.height, settings.width, 3)
+
+    def loss(textures):
+        return (st.render(vertices, patched, cameras, textures=textures, settings=settings).color * weights).double().sum()
+
+    gradients = torch.autograd.grad(loss(textures), textures)
+    with torch.no_grad():
+        change = loss([texture + step for texture, step in zip(textures, steps)]) - loss(textures)
+        slope = sum((gradient * step).double().sum() for gradient, step in zip(gradients, steps))
+    assert abs(float(change - slope)) < 1e-4 * sum(float(gradient.abs().sum()) for gradient in gradients)
+
+
+def test_meshes_with_different_numbers_of_textures(patched, ball, cameras, settings):
+    vertices, faces = ball
+    two, one = [leaf(texture) for texture in patched.textures], torch.rand(4, 4, 3).requires_grad_()
+    plain = softras.Mesh(vertices, faces, uvs=patched.uvs, textures=one.detach())
+    images = st.render([vertices, 0.9 * vertices], [patched, plain], cameras, textures=[two, [one]], settings=settings)
+    expected = softras.render([patched, plain.with_positions(0.9 * vertices)], cameras, settings)
+    np.testing.assert_array_equal(images.color.detach(), expected.color)
+    images.color[0].square().sum().backward()
+    assert two[0].grad.any() and two[1].grad.any() and not one.grad.any()
+    given = {"uvs": torch.tensor(patched.uvs), "textures": [two, one]}
+    given["texture_of_triangle"] = [patched.texture_of_triangle, None]
+    stacked = torch.stack([vertices, 0.9 * vertices])
+    again = st.render(stacked, faces, cameras, settings=settings, wrap="clamp", **given)
+    np.testing.assert_array_equal(again.color[0].detach(), images.color[0].detach())
+    with pytest.raises(softras.errors.InputError, match="texture_of_triangle has shape"):
+        st.render(stacked, faces, cameras, **{**given, "texture_of_triangle": np.zeros((3, len(faces)), int)})
+
+
 def test_several_nodes_in_one_graph(ball, cameras, settings):
     vertices, faces = ball
     first, second = leaf(vertices), leaf(0.8 * vertices)
@@ -160,7 +227,7 @@ def test_wrong_inputs_are_named(ball, cameras, settings):
     vertices, faces = ball
     cases = [
         ("'colour'", lambda: st.render(vertices, faces, cameras, colour=vertices)),
-        ("no tensor", lambda: st.render(vertices, faces, cameras, sigma=1e-3)),
+        ("no Tensor", lambda: st.render(vertices, faces, cameras, sigma=1e-3)),
         ("for 1 meshes", lambda: st.render(vertices, faces, cameras, colors=torch.rand(2, len(vertices), 3))),
         ("for 2 cameras", lambda: st.render(vertices, faces, cameras, views=torch.eye(4).repeat(3, 1, 1))),
     ]

@@ -9,32 +9,16 @@ frames. The function is not differentiable twice.
 
 from __future__ import annotations
 
-import dataclasses
-from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Union
+from typing import NamedTuple, Optional, Sequence, Union
 
 import numpy as np
 import torch
 
-from . import reference
-from ._softras import Camera, Frame, Mesh, Renderer
-from .errors import InputError
-from .rendering import default_renderer
-from .settings import DirectionalLight, Lights, Settings
+from . import _scene
+from ._softras import Camera, Renderer
+from .settings import Lights, Settings
 
 Tensors = Union[torch.Tensor, Sequence[torch.Tensor]]
-
-#: Dimensions of one mesh's array; a tensor of one more has one array for each mesh.
-_OF_MESH = {"positions": 2, "colors": 2, "surface": 3, "uvs": 2, "textures": 3}
-_OF_LIGHTS = ("ambient_color", "ambient_intensity", "light_directions", "light_colors", "light_intensities")
-_OF_SETTINGS = ("background", "sigma", "gamma")
-_OF_CAMERAS = ("views", "projections")
-#: What `Frame.backward` calls the gradient by each input.
-_BY = {"surface": "texels", "textures": "texels", "views": "cameras", "projections": "cameras", "background": "background"}
-_BY.update({name: name for name in ("positions", "colors", "uvs")})
-_BY.update({name: "lights" for name in _OF_LIGHTS}, sigma="scalars", gamma="scalars")
-#: The last row of a view matrix.
-_LAST_ROW = (0.0, 0.0, 0.0, 1.0)
-_IMAGES = ("color", "silhouette", "depth", "normal")
 
 
 class Images(NamedTuple):
@@ -50,178 +34,21 @@ class Images(NamedTuple):
     normal: Optional[torch.Tensor]
 
 
-class _Input(NamedTuple):
-    """A tensor's name, and which meshes it belongs to: "all" of them, "each" by its first dimension, or one by its number."""
-
-    name: str
-    of: Union[str, int]
-
-
-@dataclasses.dataclass
-class _Scene:
-    """What a frame is made from besides the tensors."""
-
-    inputs: List[_Input]
-    templates: List[Any]
-    uv_faces: Any
-    wrap: str
-    cameras: List[Camera]
-    settings: Settings
-    lights: Lights
-    mode: str
-    renderer: Optional[Renderer]
-
-    def meshes(self, arrays: List[np.ndarray]) -> List[Mesh]:
-        """The meshes with the tensors' values."""
-        found = []
-        for i, template in enumerate(self.templates):
-            given: Dict[str, Any] = {}
-            for (name, of), array in zip(self.inputs, arrays):
-                if name in _OF_MESH and of in ("all", "each", i):
-                    given[name] = array[i] if of == "each" else array
-            positions = given.pop("positions")
-            if "textures" in given and self.uv_faces is not None:
-                given["uv_triangles"] = self.uv_faces
-            if "textures" in given:
-                given["wrap"] = self.wrap
-            if isinstance(template, Mesh):
-                found.append(template.with_positions(positions).with_look(**given))
-            else:
-                found.append(Mesh(positions, template, **given))
-        return found
-
-    def seen(self, values: Dict[str, np.ndarray]) -> List[Camera]:
-        """The cameras with the tensors' view matrices and projections."""
-        if not any(name in values for name in _OF_CAMERAS):
-            return self.cameras
-        cameras = []
-        count = len(values["views"] if "views" in values else values["projections"])
-        if len(self.cameras) not in (1, count):
-            raise InputError(f"{count} views or projections for {len(self.cameras)} cameras: give one for each")
-        for i in range(count):
-            camera = self.cameras[i % len(self.cameras)]
-            projection = dict(camera.projection)
-            if "projections" in values:
-                if len(projection) != 1 or "original_size" in projection:
-                    raise InputError("projections of a camera without parameters: use fov_y, half_height or pinhole")
-                name = next(iter(projection))
-                row = np.atleast_1d(np.asarray(values["projections"][i], np.float64))
-                projection[name] = tuple(row) if name == "pinhole" else float(row[0])
-            view = np.vstack([camera.view, _LAST_ROW])
-            if "views" in values:
-                view = np.array(values["views"][i], np.float64)
-                # Products of matrices round it.
-                if view.shape == (4, 4) and np.allclose(view[3], _LAST_ROW, atol=1e-6):
-                    view[3] = _LAST_ROW
-            cameras.append(Camera.from_matrix(view, **projection))
-        return cameras
-
-    def lit(self, values: Dict[str, np.ndarray]) -> Lights:
-        """The lights with the tensors' values."""
-        names = [name for name in _OF_LIGHTS if name in values]
-        if not names:
-            return self.lights
-        fields: Dict[str, Any] = {}
-        if "ambient_color" in values:
-            fields["ambient_color"] = tuple(values["ambient_color"].tolist())
-        if "ambient_intensity" in values:
-            fields["ambient_intensity"] = float(values["ambient_intensity"])
-        directional = list(self.lights.directional)
-        for name, field in (("light_directions", "direction"), ("light_colors", "color"), ("light_intensities", "intensity")):
-            if name not in values:
-                continue
-            rows = values[name].tolist()
-            directional = directional or [DirectionalLight()] * len(rows)
-            if len(rows) != len(directional):
-                raise InputError(f"{len(rows)} {name} for {len(directional)} lights: give one for each")
-            directional = [dataclasses.replace(light, **{field: row}) for light, row in zip(directional, rows)]
-        return dataclasses.replace(self.lights, directional=tuple(directional), **fields)
-
-    def set(self, values: Dict[str, np.ndarray]) -> Settings:
-        """The settings with the tensors' values."""
-        fields: Dict[str, Any] = {name: float(values[name]) for name in ("sigma", "gamma") if name in values}
-        if "background" in values:
-            fields["background_color"] = tuple(values["background"].tolist())
-        return dataclasses.replace(self.settings, **fields) if fields else self.settings
-
-
-class _Reference:
-    """A frame of the reference device: as `Frame`, in double precision."""
-
-    def __init__(self, meshes, cameras, settings, lights, positions, colors):
-        self._scene = (meshes, cameras, settings, lights)
-        images = reference.render(*self._scene, positions=positions, colors=colors)
-        for name in _IMAGES:
-            setattr(self, name, images.get(name))
-
-    def backward(self, *, by, mode, **upstream):
-        return reference.gradient(*self._scene, mode=mode, **upstream)
-
-
-def _frame(scene: _Scene, arrays: List[np.ndarray], save: bool) -> Union[Frame, _Reference]:
-    values = {name: array for (name, of), array in zip(scene.inputs, arrays) if name not in _OF_MESH}
-    meshes, cameras = scene.meshes(arrays), scene.seen(values)
-    settings, lights = scene.set(values), scene.lit(values)
-    if arrays[0].dtype != np.float64:
-        return (scene.renderer or default_renderer()).render(meshes, cameras, settings, lights, save=save)
-    exact: Dict[str, list] = {"positions": [], "colors": []}
-    for i in range(len(meshes)):
-        for (name, of), array in zip(scene.inputs, arrays):
-            if name in exact and of in ("all", "each", i):
-                exact[name].append(array[i] if of == "each" else array)
-    return _Reference(meshes, cameras, settings, lights, exact["positions"], exact["colors"] or None)
-
-
-def _by_views(twists: np.ndarray, views: np.ndarray) -> np.ndarray:
-    """The gradient by view matrices V from that by ξ = (v, ω) in exp(ξ) V, for rigid motions of V."""
-    by_motion = np.zeros((len(twists), 4, 4))
-    by_motion[:, :3, 3] = twists[:, :3]
-    x, y, z = twists[:, 3] / 2, twists[:, 4] / 2, twists[:, 5] / 2
-    by_motion[:, 0, 1], by_motion[:, 0, 2], by_motion[:, 1, 2] = -z, y, -x
-    by_motion[:, 1, 0], by_motion[:, 2, 0], by_motion[:, 2, 1] = z, -y, x
-    return by_motion @ np.linalg.inv(views.astype(np.float64)).transpose(0, 2, 1)
-
-
-def _gradient(scene: _Scene, index: int, found, arrays: List[np.ndarray]) -> np.ndarray:
-    """The gradient by one of the inputs."""
-    name, of = scene.inputs[index]
-    if name in _OF_MESH:
-        chosen = [found.meshes[of]] if isinstance(of, int) else found.meshes
-        parts = [mesh.textures[0] if name == "textures" else getattr(mesh, name) for mesh in chosen]
-        if name == "textures" and arrays[index].shape[-1] == 4:
-            alphas = [mesh.alphas[0] if mesh.alphas else np.zeros(part.shape[:2]) for mesh, part in zip(chosen, parts)]
-            parts = [np.concatenate([part, alpha[..., None]], -1) for part, alpha in zip(parts, alphas)]
-        return np.stack(parts) if of == "each" else parts[0] if len(parts) == 1 else np.sum(parts, 0)
-    if name == "views":
-        return _by_views(found.twists, arrays[index])
-    if name == "projections":
-        shape = arrays[index].shape
-        return found.projections[:, : shape[1] if len(shape) == 2 else 1].reshape(shape)
-    return np.asarray(getattr(found, name))
-
-
-def _any(array: np.ndarray) -> bool:
-    """Whether a value differs from 0; most gradients differ in some of a few places."""
-    return bool(array.reshape(-1)[::101].any() or array.any())
-
-
-def _matters(name: str, upstream: Dict[str, np.ndarray]) -> bool:
-    """Whether a loss of these images can depend on an input."""
-    return "color" in upstream if name in ("colors", "surface", "background") + _OF_LIGHTS else bool(upstream)
+def _host(value) -> np.ndarray:
+    return value.detach().cpu().numpy() if isinstance(value, torch.Tensor) else np.asarray(value)
 
 
 class _Render(torch.autograd.Function):
     @staticmethod
-    def forward(ctx, scene: _Scene, *tensors: torch.Tensor):
-        arrays = [tensor.detach().cpu().numpy() for tensor in tensors]
+    def forward(ctx, scene: _scene.Scene, *tensors: torch.Tensor):
         ctx.set_materialize_grads(False)
-        ctx.scene, ctx.save = scene, any(ctx.needs_input_grad)
-        frame = _frame(scene, arrays, ctx.save)
-        if ctx.save:
+        save = any(ctx.needs_input_grad)
+        frame = _scene.render(scene, [_host(tensor) for tensor in tensors], save)
+        if save:
             # A leaf that is changed in place before backward is an error, as everywhere in torch.
             ctx.save_for_backward(*tensors)
-            ctx.frame = frame
-        images = [(name, getattr(frame, name)) for name in _IMAGES]
+            ctx.scene, ctx.frame = scene, frame
+        images = [(name, getattr(frame, name)) for name in _scene.IMAGES]
         ctx.names = [name for name, image in images if image is not None]
         device = tensors[0].device
         return tuple(torch.from_numpy(image).to(device) for _, image in images if image is not None)
@@ -229,49 +56,16 @@ class _Render(torch.autograd.Function):
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(ctx, *upstream):
-        arrays = {name: g.detach().cpu().numpy() for name, g in zip(ctx.names, upstream) if g is not None}
-        given = {name: array for name, array in arrays.items() if _any(array)}
-        tensors, scene = ctx.saved_tensors, ctx.scene
-        needed = [wanted and _matters(name, given) for (name, _), wanted in zip(scene.inputs, ctx.needs_input_grad[1:])]
-        if any(needed):
-            by = sorted({_BY[name] for (name, _), wanted in zip(scene.inputs, needed) if wanted})
-            found = ctx.frame.backward(by=by, mode=scene.mode, **given)
-            arrays = [tensor.detach().cpu().numpy() for tensor in tensors]
+        tensors, wanted = ctx.saved_tensors, ctx.needs_input_grad[1:]
+        given = {name: _host(gradient) for name, gradient in zip(ctx.names, upstream) if gradient is not None}
+        found = _scene.differentiate(ctx.scene, ctx.frame, [_host(tensor) for tensor in tensors], wanted, given)
 
-        def one(index: int):
-            if not needed[index]:
-                return torch.zeros_like(tensors[index]) if ctx.needs_input_grad[1 + index] else None
-            gradient = np.ascontiguousarray(_gradient(scene, index, found, arrays))
-            return torch.from_numpy(gradient).to(tensors[index]).reshape(tensors[index].shape)
+        def one(tensor, gradient):
+            if gradient is None:
+                return torch.zeros_like(tensor)
+            return torch.from_numpy(gradient).to(tensor).reshape(tensor.shape)
 
-        return (None, *(one(index) for index in range(len(tensors))))
-
-
-def _collect(name: str, value: Tensors, meshes: int, inputs: List[_Input], tensors: List[torch.Tensor]) -> None:
-    """Appends an argument's tensors."""
-    if isinstance(value, torch.Tensor):
-        stacked = name in _OF_MESH and value.ndim > _OF_MESH[name]
-        if stacked and len(value) != meshes:
-            raise InputError(f"{name} has shape {tuple(value.shape)} for {meshes} meshes: give one array for each")
-        inputs.append(_Input(name, "each" if stacked else "all"))
-        tensors.append(value)
-        return
-    if name not in _OF_MESH or len(value) != meshes or not all(isinstance(one, torch.Tensor) for one in value):
-        raise InputError(f"{name} is no tensor: give a tensor, or for meshes a list with one tensor for each")
-    inputs.extend(_Input(name, i) for i in range(meshes))
-    tensors.extend(value)
-
-
-def _templates(faces, meshes: int) -> List[Any]:
-    """The triangles, or the mesh to take them from, of each mesh."""
-    if isinstance(faces, Mesh):
-        return [faces] * meshes
-    if isinstance(faces, (list, tuple)) and len(faces) == meshes and not isinstance(faces[0], (list, tuple)):
-        return [one.detach().cpu().numpy() if isinstance(one, torch.Tensor) else one for one in faces]
-    array = faces.detach().cpu().numpy() if isinstance(faces, torch.Tensor) else np.asarray(faces)
-    if array.ndim == 3 and len(array) != meshes:
-        raise InputError(f"faces has shape {array.shape} for {meshes} meshes: give [F, 3], or one array for each")
-    return list(array) if array.ndim == 3 else [array] * meshes
+        return (None, *(one(*pair) if needed else None for needed, *pair in zip(wanted, tensors, found)))
 
 
 @torch.compiler.disable
@@ -284,8 +78,9 @@ def render(
     surface: Optional[Tensors] = None,
     uvs: Optional[Tensors] = None,
     uv_faces=None,
-    textures: Optional[Tensors] = None,
-    wrap: str = "repeat",
+    textures: Union[None, Tensors, Sequence[Tensors]] = None,
+    texture_of_triangle=None,
+    wrap: Optional[str] = None,
     settings: Optional[Settings] = None,
     lights: Optional[Lights] = None,
     mode: str = "exact",
@@ -299,6 +94,11 @@ def render(
     triangles and appearance are used. `colors` is [3] or [V, 3], `surface` [F, R², 3], `uvs` [U, 2] and `textures`
     [height, width, 3 or 4 with alpha] for one mesh; with one more dimension, or as a list, each mesh has its own.
 
+    A mesh may have several textures: then `textures` is a list of them for one mesh, and a list of such lists for B meshes,
+    and the constant `texture_of_triangle` [F] says which of them each triangle shows. `uv_faces` [F, 3] are the UVs of the
+    triangles' corners (the faces unless given); both may be lists with one for each mesh. `wrap` is "repeat" or "clamp". What
+    is left out and a `softras.Mesh` given as `faces` has is taken from that.
+
     As tensors by keyword:
 
     - `views`: [views, 4, 4] world-to-view matrices (view space x right, y up, z forward) in place of the cameras' own.
@@ -309,25 +109,12 @@ def render(
 
     `mode` is "exact" or "paper" (eq. 4 of the paper alone). Raises what `Renderer.render` raises.
     """
-    known = _OF_CAMERAS + _OF_LIGHTS + _OF_SETTINGS
-    unknown = sorted(set(tensors) - set(known))
-    if unknown:
-        raise InputError(f"no input is called {unknown[0]!r}: use {', '.join(known)}")
-    batched = not isinstance(vertices, torch.Tensor) or vertices.ndim == 3
-    meshes = len(vertices) if batched else 1
-    inputs: List[_Input] = []
-    flat: List[torch.Tensor] = []
-    given = {"positions": vertices, "colors": colors, "surface": surface, "uvs": uvs, "textures": textures, **tensors}
-    for name, value in given.items():
-        if value is not None:
-            _collect(name, value, meshes, inputs, flat)
-    cameras = [cameras] if isinstance(cameras, Camera) else list(cameras)
-    uv_faces = uv_faces.detach().cpu().numpy() if isinstance(uv_faces, torch.Tensor) else uv_faces
-    scene = _Scene(
-        inputs, _templates(faces, meshes), uv_faces, wrap, cameras, settings or Settings(), lights or Lights(), mode, renderer
-    )
+    given = {"positions": vertices, "colors": colors, "surface": surface, "uvs": uvs, "textures": textures}
+    constants = {"uv_faces": uv_faces, "texture_of_triangle": texture_of_triangle, "wrap": wrap}
+    constants.update(settings=settings, lights=lights, mode=mode, renderer=renderer)
+    scene, flat = _scene.build(given, tensors, faces, cameras, constants, torch.Tensor, _host)
     images = iter(_Render.apply(scene, *flat))
-    return Images(*(next(images) if name in scene.settings.outputs else None for name in _IMAGES))
+    return Images(*(next(images) if name in scene.settings.outputs else None for name in _scene.IMAGES))
 
 
 class Rasterizer(torch.nn.Module):

@@ -1,0 +1,327 @@
+"""A scene whose arrays are a framework's: what `softras.torch` and `softras.jax` share, on numpy arrays.
+
+A framework's node hands over its arrays in the order of `Scene.inputs`; `render` makes a frame of them, and `differentiate`
+returns the gradient by each of them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple, Union
+
+import numpy as np
+
+from . import reference
+from ._softras import Camera, Frame, Mesh, Renderer
+from .errors import InputError
+from .rendering import default_renderer
+from .settings import DirectionalLight, Lights, Settings
+
+IMAGES = ("color", "silhouette", "depth", "normal")
+
+#: Dimensions of one mesh's array; an array of one more has one for each mesh.
+_OF_MESH = {"positions": 2, "colors": 2, "surface": 3, "uvs": 2, "textures": 3}
+_OF_LIGHTS = ("ambient_color", "ambient_intensity", "light_directions", "light_colors", "light_intensities")
+_OF_SETTINGS = ("background", "sigma", "gamma")
+_OF_CAMERAS = ("views", "projections")
+#: What `Frame.backward` calls the gradient by each input.
+_BY = {"surface": "texels", "textures": "texels", "views": "cameras", "projections": "cameras", "background": "background"}
+_BY.update({name: name for name in ("positions", "colors", "uvs")})
+_BY.update({name: "lights" for name in _OF_LIGHTS}, sigma="scalars", gamma="scalars")
+#: The last row of a view matrix.
+_LAST_ROW = (0.0, 0.0, 0.0, 1.0)
+
+
+class Input(NamedTuple):
+    """An array's name, which meshes it belongs to ("all", "each" by its first dimension, or one by its number), and for
+    textures which of the mesh's."""
+
+    name: str
+    of: Union[str, int]
+    texture: int = 0
+
+    def belongs_to(self, mesh: int) -> bool:
+        return self.name in _OF_MESH and self.of in ("all", "each", mesh)
+
+    def part(self, array: np.ndarray, mesh: int) -> np.ndarray:
+        """A mesh's part of the array."""
+        return array[mesh] if self.of == "each" else array
+
+
+class Look(NamedTuple):
+    """The constants of a mesh's textures; None for what its template has, or for the defaults."""
+
+    uv_triangles: Optional[np.ndarray]
+    texture_of_triangle: Optional[np.ndarray]
+    wrap: Optional[str]
+
+    def complete(self, given: Dict[str, Any], template) -> None:
+        """Adds to the arrays of a textured mesh what they lack."""
+        if "textures" not in given and "uvs" not in given:
+            return
+        given.update({name: value for name, value in self._asdict().items() if value is not None})
+        if isinstance(template, Mesh) and template.textures is not None:
+            for name in ("textures", "uvs", "uv_triangles", "texture_of_triangle", "wrap"):
+                value = getattr(template, name)
+                if name not in given and len(value) > 0:
+                    given[name] = value
+
+
+@dataclasses.dataclass
+class Scene:
+    """What a frame is made from besides the arrays."""
+
+    inputs: List[Input]
+    templates: List[Any]
+    looks: List[Look]
+    cameras: List[Camera]
+    settings: Settings
+    lights: Lights
+    mode: str
+    renderer: Optional[Renderer]
+
+    def meshes(self, arrays: Sequence[np.ndarray]) -> List[Mesh]:
+        """The meshes with the arrays' values."""
+        found = []
+        for i, (template, look) in enumerate(zip(self.templates, self.looks)):
+            given: Dict[str, Any] = {}
+            for one, array in zip(self.inputs, arrays):
+                if one.belongs_to(i) and one.name == "textures":
+                    given.setdefault("textures", []).append(one.part(array, i))
+                elif one.belongs_to(i):
+                    given[one.name] = one.part(array, i)
+            positions = given.pop("positions")
+            look.complete(given, template)
+            if isinstance(template, Mesh):
+                found.append(template.with_positions(positions).with_look(**given))
+            else:
+                found.append(Mesh(positions, template, **given))
+        return found
+
+    def seen(self, values: Dict[str, np.ndarray]) -> List[Camera]:
+        """The cameras with the arrays' view matrices and projections."""
+        if not any(name in values for name in _OF_CAMERAS):
+            return self.cameras
+        cameras = []
+        count = len(values["views"] if "views" in values else values["projections"])
+        if len(self.cameras) not in (1, count):
+            raise InputError(f"{count} views or projections for {len(self.cameras)} cameras: give one for each")
+        for i in range(count):
+            camera = self.cameras[i % len(self.cameras)]
+            projection = dict(camera.projection)
+            if "projections" in values:
+                if len(projection) != 1 or "original_size" in projection:
+                    raise InputError("projections of a camera without parameters: use fov_y, half_height or pinhole")
+                name = next(iter(projection))
+                row = np.atleast_1d(np.asarray(values["projections"][i], np.float64))
+                projection[name] = tuple(row) if name == "pinhole" else float(row[0])
+            view = np.vstack([camera.view, _LAST_ROW])
+            if "views" in values:
+                view = np.array(values["views"][i], np.float64)
+                # Products of matrices round it.
+                if view.shape == (4, 4) and np.allclose(view[3], _LAST_ROW, atol=1e-6):
+                    view[3] = _LAST_ROW
+            cameras.append(Camera.from_matrix(view, **projection))
+        return cameras
+
+    def lit(self, values: Dict[str, np.ndarray]) -> Lights:
+        """The lights with the arrays' values."""
+        names = [name for name in _OF_LIGHTS if name in values]
+        if not names:
+            return self.lights
+        fields: Dict[str, Any] = {}
+        if "ambient_color" in values:
+            fields["ambient_color"] = tuple(values["ambient_color"].tolist())
+        if "ambient_intensity" in values:
+            fields["ambient_intensity"] = float(values["ambient_intensity"])
+        directional = list(self.lights.directional)
+        for name, field in (("light_directions", "direction"), ("light_colors", "color"), ("light_intensities", "intensity")):
+            if name not in values:
+                continue
+            rows = values[name].tolist()
+            directional = directional or [DirectionalLight()] * len(rows)
+            if len(rows) != len(directional):
+                raise InputError(f"{len(rows)} {name} for {len(directional)} lights: give one for each")
+            directional = [dataclasses.replace(light, **{field: row}) for light, row in zip(directional, rows)]
+        return dataclasses.replace(self.lights, directional=tuple(directional), **fields)
+
+    def set(self, values: Dict[str, np.ndarray]) -> Settings:
+        """The settings with the arrays' values."""
+        fields: Dict[str, Any] = {name: float(values[name]) for name in ("sigma", "gamma") if name in values}
+        if "background" in values:
+            fields["background_color"] = tuple(values["background"].tolist())
+        return dataclasses.replace(self.settings, **fields) if fields else self.settings
+
+
+class _Reference:
+    """A frame of the reference device: as `Frame`, in double precision."""
+
+    def __init__(self, meshes, cameras, settings, lights, positions, colors):
+        self._scene = (meshes, cameras, settings, lights)
+        images = reference.render(*self._scene, positions=positions, colors=colors)
+        for name in IMAGES:
+            setattr(self, name, images.get(name))
+
+    def backward(self, *, by, mode, **upstream):
+        return reference.gradient(*self._scene, mode=mode, **upstream)
+
+
+def render(scene: Scene, arrays: Sequence[np.ndarray], save: bool) -> Union[Frame, _Reference]:
+    """A frame of the arrays' values, by the reference device where the positions are in double precision."""
+    values = {one.name: array for one, array in zip(scene.inputs, arrays) if one.name not in _OF_MESH}
+    meshes, cameras = scene.meshes(arrays), scene.seen(values)
+    settings, lights = scene.set(values), scene.lit(values)
+    if arrays[0].dtype != np.float64:
+        return (scene.renderer or default_renderer()).render(meshes, cameras, settings, lights, save=save)
+    exact: Dict[str, list] = {"positions": [], "colors": []}
+    for i in range(len(meshes)):
+        for one, array in zip(scene.inputs, arrays):
+            if one.name in exact and one.belongs_to(i):
+                exact[one.name].append(one.part(array, i))
+    return _Reference(meshes, cameras, settings, lights, exact["positions"], exact["colors"] or None)
+
+
+def _by_views(twists: np.ndarray, views: np.ndarray) -> np.ndarray:
+    """The gradient by view matrices V from that by ξ = (v, ω) in exp(ξ) V, for rigid motions of V."""
+    by_motion = np.zeros((len(twists), 4, 4))
+    by_motion[:, :3, 3] = twists[:, :3]
+    x, y, z = twists[:, 3] / 2, twists[:, 4] / 2, twists[:, 5] / 2
+    by_motion[:, 0, 1], by_motion[:, 0, 2], by_motion[:, 1, 2] = -z, y, -x
+    by_motion[:, 1, 0], by_motion[:, 2, 0], by_motion[:, 2, 1] = z, -y, x
+    return by_motion @ np.linalg.inv(views.astype(np.float64)).transpose(0, 2, 1)
+
+
+def _of_texture(mesh, index: int, channels: int) -> np.ndarray:
+    """The gradient by one of a mesh's textures, with alpha for four channels."""
+    texels = mesh.textures[index]
+    if channels == 3:
+        return texels
+    alpha = mesh.alphas[index] if mesh.alphas else None
+    return np.concatenate([texels, np.zeros((*texels.shape[:2], 1)) if alpha is None else alpha[..., None]], -1)
+
+
+def _gradient(one: Input, found, array: np.ndarray) -> np.ndarray:
+    """The gradient by one of the inputs."""
+    if one.name in _OF_MESH:
+        chosen = [found.meshes[one.of]] if isinstance(one.of, int) else found.meshes
+        if one.name == "textures":
+            parts = [_of_texture(mesh, one.texture, array.shape[-1]) for mesh in chosen]
+        else:
+            parts = [getattr(mesh, one.name) for mesh in chosen]
+        return np.stack(parts) if one.of == "each" else parts[0] if len(parts) == 1 else np.sum(parts, 0)
+    if one.name == "views":
+        return _by_views(found.twists, array)
+    if one.name == "projections":
+        shape = array.shape
+        return found.projections[:, : shape[1] if len(shape) == 2 else 1].reshape(shape)
+    return np.asarray(getattr(found, one.name))
+
+
+def _any(array: np.ndarray) -> bool:
+    """Whether a value differs from 0; most gradients differ in some of a few places."""
+    return bool(array.reshape(-1)[::101].any() or array.any())
+
+
+def _matters(name: str, upstream: Dict[str, np.ndarray]) -> bool:
+    """Whether a loss of these images can depend on an input."""
+    return "color" in upstream if name in ("colors", "surface", "background") + _OF_LIGHTS else bool(upstream)
+
+
+def differentiate(
+    scene: Scene, frame, arrays: Sequence[np.ndarray], wanted: Sequence[bool], upstream: Dict[str, np.ndarray]
+) -> List[Optional[np.ndarray]]:
+    """The gradients by the inputs that are wanted, in their shapes; None for the others and where all is 0."""
+    given = {name: array for name, array in upstream.items() if _any(array)}
+    needed = [one and _matters(input.name, given) for input, one in zip(scene.inputs, wanted)]
+    if not any(needed):
+        return [None] * len(needed)
+    by = sorted({_BY[input.name] for input, one in zip(scene.inputs, needed) if one})
+    found = frame.backward(by=by, mode=scene.mode, **given)
+    rows = zip(scene.inputs, needed, arrays)
+    return [np.ascontiguousarray(_gradient(input, found, array)) if one else None for input, one, array in rows]
+
+
+def _collect(name: str, value, meshes: int, kind: type) -> List[Tuple[Input, Any]]:
+    """An argument's arrays with their meanings."""
+    if isinstance(value, kind):
+        stacked = name in _OF_MESH and value.ndim > _OF_MESH[name]
+        if stacked and len(value) != meshes:
+            raise InputError(f"{name} has shape {tuple(value.shape)} for {meshes} meshes: give one array for each")
+        return [(Input(name, "each" if stacked else "all"), value)]
+    wrong = InputError(f"{name} is no {kind.__name__}: give one, or for meshes a list with one for each")
+    if name not in _OF_MESH or not isinstance(value, (list, tuple)):
+        raise wrong
+    if name == "textures":
+        of_meshes = [one if isinstance(one, (list, tuple)) else [one] for one in value]
+        found = [(Input(name, i, t), one) for i, textures in enumerate(of_meshes) for t, one in enumerate(textures)]
+    else:
+        found = [(Input(name, i), one) for i, one in enumerate(value)]
+    if len(value) != meshes or not all(isinstance(one, kind) for _, one in found):
+        raise wrong
+    return found
+
+
+def _for_each(name: str, value, meshes: int, dimensions: int, host: Callable) -> List[Optional[np.ndarray]]:
+    """A constant array for all meshes, or one for each."""
+    if value is None:
+        return [None] * meshes
+    if isinstance(value, (list, tuple)) and len(value) == meshes:
+        each = [None if one is None else host(one) for one in value]
+        if all(one is None or one.ndim == dimensions for one in each):
+            return each
+    array = host(value)
+    if array.ndim == dimensions:
+        return [array] * meshes
+    if array.ndim != dimensions + 1 or len(array) != meshes:
+        raise InputError(f"{name} has shape {array.shape} for {meshes} meshes: give one array, or one for each")
+    return list(array)
+
+
+def _templates(faces, meshes: int, host: Callable) -> List[Any]:
+    """The triangles, or the mesh to take them from, of each mesh."""
+    if isinstance(faces, Mesh):
+        return [faces] * meshes
+    if isinstance(faces, (list, tuple)) and any(isinstance(one, Mesh) for one in faces):
+        if len(faces) != meshes:
+            raise InputError(f"{len(faces)} templates for {meshes} meshes: give one for each")
+        return [one if isinstance(one, Mesh) else host(one) for one in faces]
+    return _for_each("faces", faces, meshes, 2, host)
+
+
+def build(
+    given: Dict[str, Any], tensors: Dict[str, Any], faces, cameras, constants: Dict[str, Any], kind: type, host: Callable
+) -> Tuple[Scene, List[Any]]:
+    """The scene of a framework's `render`, and its arrays in the order of the inputs.
+
+    `given` are the arrays of meshes and `tensors` the others, of type `kind`; `host` makes numpy arrays of the framework's.
+    """
+    known = _OF_CAMERAS + _OF_LIGHTS + _OF_SETTINGS
+    unknown = sorted(set(tensors) - set(known))
+    if unknown:
+        raise InputError(f"no input is called {unknown[0]!r}: use {', '.join(known)}")
+    vertices, textures = given["positions"], given["textures"]
+    batched = not isinstance(vertices, kind) or vertices.ndim == 3
+    meshes = len(vertices) if batched else 1
+    if meshes == 0:
+        raise InputError("vertices of no mesh: give [V, 3], [meshes, V, 3] or a list of arrays")
+    if not batched and isinstance(textures, (list, tuple)) and all(isinstance(one, kind) for one in textures):
+        # The textures of the one mesh.
+        given = {**given, "textures": [textures]}
+    collected: List[Tuple[Input, Any]] = []
+    for name, value in {**given, **tensors}.items():
+        if value is not None:
+            collected.extend(_collect(name, value, meshes, kind))
+    uv_faces = _for_each("uv_faces", constants["uv_faces"], meshes, 2, host)
+    of_triangle = _for_each("texture_of_triangle", constants["texture_of_triangle"], meshes, 1, host)
+    looks = [Look(uvs, of, constants["wrap"]) for uvs, of in zip(uv_faces, of_triangle)]
+    scene = Scene(
+        inputs=[one for one, _ in collected],
+        templates=_templates(faces, meshes, host),
+        looks=looks,
+        cameras=[cameras] if isinstance(cameras, Camera) else list(cameras),
+        settings=constants["settings"] or Settings(),
+        lights=constants["lights"] or Lights(),
+        mode=constants["mode"],
+        renderer=constants["renderer"],
+    )
+    return scene, [array for _, array in collected]
