@@ -2,7 +2,8 @@
 # Builds the wheel, installs it in a fresh virtual environment with numpy and pytest, and runs the tests.
 #
 # Usage: test.sh [--profile PROFILE] [--with PACKAGE]...
-#   --with torch adds torch, of which the tests of softras.torch and softras.soft_renderer need some 5 GB from PyPI.
+#   --with torch adds torch, of which the tests of softras.torch and softras.soft_renderer need some 5 GB from PyPI;
+#   --with jax adds JAX, some 100 MB, for those of softras.jax.
 # Exit code 3: Python, its module venv or the packages cannot be had here.
 set -euo pipefail
 cd "$(dirname "$0")"
@@ -41,5 +42,7 @@ if [ -z "${SOFTRAS_RECORDED:-}" ] && [ -d ../../../shared/reference ]; then
     export SOFTRAS_RECORDED
 fi
 cp -r tests "$scratch/tests"
+# Its programs are tests too.
+cp ../../docs/python.md "$scratch/tests/"
 cd "$scratch"
 "$scratch/clean/bin/python" -m pytest -q -rs --durations=3 tests

@@ -1,8 +1,8 @@
 """softras: a differentiable soft mesh rasterizer (Liu et al., "Soft Rasterizer", ICCV 2019) on any Vulkan device.
 
 `softras.Renderer` renders meshes to numpy arrays and differentiates a loss on these images. `softras.torch` does so within
-torch's autograd, and `softras.soft_renderer` has the official package's interface. World space is right-handed with y up,
-row 0 of an image is its top, colours are linear, and the same input gives the same bits.
+torch's autograd, `softras.jax` within JAX's transformations, and `softras.soft_renderer` has the official package's interface.
+World space is right-handed with y up, row 0 of an image is its top, colours are linear, and the same input gives the same bits.
 """
 
 from __future__ import annotations
