@@ -1,7 +1,7 @@
 """Renders every mesh of a folder by several processes: `python folder.py MESHES PICTURES [--workers 2] [--shard 0/4]`.
 
-Each process opens a renderer of its own. `--shard I/N` takes every N-th mesh, from the I-th on, so that the jobs of an array on several
-machines share the folder.
+Each process opens a renderer of its own. `--shard I/N` takes every N-th mesh, from the I-th on, so that the jobs of an array
+on several machines share the folder.
 """
 
 import argparse

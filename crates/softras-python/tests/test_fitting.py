@@ -50,24 +50,42 @@ def test_the_host_takes_the_same_way(cube_views):
     assert (device.last.colors != 0.5).any()
 
 
-def test_an_exception_ends_a_fit_and_the_renderer_goes_on(cube_views):
-    def stop(step, loss):
-        raise LookupError("enough")
+def endless_fit(cube_views, **given):
+    softras.fit(softras.shapes.icosphere(3), views(6), silhouette=cube_views.silhouette, steps=1_000_000, **given)
 
-    before = softras.render(softras.shapes.cube(), views(2)).color
-    with pytest.raises(LookupError):
-        softras.fit(softras.shapes.icosphere(2), views(6), silhouette=cube_views.silhouette, progress=stop)
-    np.testing.assert_array_equal(softras.render(softras.shapes.cube(), views(2)).color, before)
+
+def endless_pose(cube_views, **given):
+    one = {"color": cube_views.color[:1], "silhouette": cube_views.silhouette[:1]}
+    softras.pose(softras.shapes.cube(), views(6)[0], **one, starts=2, steps=1_000_000, **given)
 
 
 @pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="this system cannot send the signal")
-def test_ctrl_c_ends_a_fit(cube_views):
-    main = threading.main_thread().ident
+@pytest.mark.parametrize("endless", [endless_fit, endless_pose])
+def test_ctrl_c_ends_it(cube_views, endless):
+    main, before = threading.main_thread().ident, softras.render(softras.shapes.cube(), views(2)).color
     timer = threading.Timer(0.5, lambda: signal.pthread_kill(main, signal.SIGINT))
     timer.start()
     with pytest.raises(KeyboardInterrupt):
-        softras.fit(softras.shapes.icosphere(3), views(6), silhouette=cube_views.silhouette, steps=1_000_000)
+        endless(cube_views)
     timer.join()
+    np.testing.assert_array_equal(softras.render(softras.shapes.cube(), views(2)).color, before)
+
+
+@pytest.mark.parametrize("endless", [endless_fit, endless_pose])
+def test_progress_tells_steps_and_losses(cube_views, endless):
+    seen = []
+
+    def enough(step, loss):
+        seen.append((step, loss))
+        if step >= 20:
+            raise LookupError("enough")
+
+    with pytest.raises(LookupError):
+        endless(cube_views, progress=enough)
+    steps, losses = zip(*seen)
+    assert list(steps) == sorted(set(steps)) and steps[-1] == 20 and np.isfinite(losses).all()
+    # The renderer goes on.
+    assert softras.render(softras.shapes.cube(), views(2)).silhouette.any()
 
 
 def test_a_pose_is_found():
