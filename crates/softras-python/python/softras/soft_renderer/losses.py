@@ -34,8 +34,8 @@ def _lengths(a, eps):
 class FlattenLoss(nn.Module):
     """Σ (1 + cos θ)² over edges, θ the angle between the two faces there, π where they lie flat, for each mesh of a batch.
 
-    As in the official code, with its small constants and over the first two edges of every face only; each edge has to belong to
-    two faces.
+    As in the official code, with its small constants and over the first two edges of every face only; each edge has to
+    belong to two faces.
     """
 
     def __init__(self, faces, average=False):

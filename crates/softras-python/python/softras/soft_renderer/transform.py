@@ -8,9 +8,20 @@ import torch
 from torch import nn
 
 from . import functional as srf
+from .mesh import Mesh
 
 
-class Projection(nn.Module):
+class _Camera(nn.Module):
+    """A camera: of vertices [batch, V, 3] it returns the screen coordinates, and a mesh it moves there, as `Transform` does."""
+
+    def forward(self, seen):
+        if not isinstance(seen, Mesh):
+            return self.on_screen(seen)
+        seen.vertices = self.on_screen(seen.vertices)
+        return seen
+
+
+class Projection(_Camera):
     """Projection by matrices P [batch, 3, 4] with distortion [batch, 5], for images of `orig_size` pixels."""
 
     def __init__(self, P, dist_coeffs=None, orig_size=512):
@@ -20,12 +31,12 @@ class Projection(nn.Module):
         self.P, self.orig_size = torch.as_tensor(P), orig_size
         self.dist_coeffs = torch.zeros(len(self.P), 5) if dist_coeffs is None else torch.as_tensor(dist_coeffs)
 
-    def forward(self, vertices):
+    def on_screen(self, vertices):
         P, dist_coeffs = self.P.to(vertices), self.dist_coeffs.to(vertices)
         return srf.projection(vertices, P, dist_coeffs, self.orig_size)
 
 
-class _Eye(nn.Module):
+class _Eye(_Camera):
     """A camera with an eye, and with perspective or without."""
 
     def __init__(self, perspective, viewing_angle, viewing_scale, eye):
@@ -34,6 +45,18 @@ class _Eye(nn.Module):
         self._eye = eye
         if eye is None:
             self._eye = [0, 0, -(1.0 / math.tan(math.radians(viewing_angle)) + 1)]
+
+    def set_eyes_from_angles(self, distances, elevations, azimuths):
+        """Places the eyes at distances, and angles in degrees, around the origin."""
+        self.set_eyes(srf.get_points_from_angles(distances, elevations, azimuths))
+
+    def set_eyes(self, eyes):
+        """Places the eyes: one, or one for each mesh of the batch."""
+        self._eye = eyes
+
+    @property
+    def eyes(self):
+        return self._eye
 
     def project(self, view):
         if self.perspective:
@@ -47,7 +70,7 @@ class LookAt(_Eye):
     def __init__(self, perspective=True, viewing_angle=30, viewing_scale=1.0, eye=None):
         super().__init__(perspective, viewing_angle, viewing_scale, eye)
 
-    def forward(self, vertices):
+    def on_screen(self, vertices):
         return self.project(srf.look_at(vertices, self._eye))
 
 
@@ -58,7 +81,7 @@ class Look(_Eye):
         super().__init__(perspective, viewing_angle, viewing_scale, eye)
         self.camera_direction = camera_direction
 
-    def forward(self, vertices):
+    def on_screen(self, vertices):
         return self.project(srf.look(vertices, self._eye, self.camera_direction))
 
 
@@ -89,8 +112,7 @@ class Transform(nn.Module):
             raise ValueError(f"camera_mode is {camera_mode!r}: use projection, look or look_at")
 
     def forward(self, mesh):
-        mesh.vertices = self.transformer(mesh.vertices)
-        return mesh
+        return self.transformer(mesh)
 
     def set_eyes_from_angles(self, distances, elevations, azimuths):
         """Places the eyes at distances, and angles in degrees, around the origin."""
@@ -100,8 +122,8 @@ class Transform(nn.Module):
         """Places the eyes: one, or one for each mesh of the batch."""
         if self.camera_mode == "projection":
             raise ValueError("a projection has no eyes: use camera_mode look or look_at")
-        self.transformer._eye = eyes
+        self.transformer.set_eyes(eyes)
 
     @property
     def eyes(self):
-        return self.transformer._eye
+        return self.transformer.eyes
