@@ -11,8 +11,8 @@ use super::soft_target::signed_distance;
 use crate::error::Result;
 use crate::image::Image;
 use crate::scene::{Camera, Mesh, Projection};
+use crate::shapes::level_set::Samples;
 use glam::DVec3;
-use std::collections::HashMap;
 
 /// The most samples along a side of the grid.
 const MAX_RESOLUTION: usize = 256;
@@ -42,7 +42,7 @@ impl Targets {
         }
         let views = views(self)?;
         let center = DVec3::from(center);
-        let mut coarse = Grid::new(center - 0.5 * side, side, COARSE);
+        let mut coarse = Samples::new(center - 0.5 * side, side, COARSE);
         coarse.carve(&views);
         let Some((low, high)) = coarse.inside() else {
             let fix = "check that every camera belongs to its picture, and that the object is in all of them";
@@ -50,10 +50,13 @@ impl Targets {
         };
         // Two samples more on each side than the hull takes.
         let side = (high - low).max_element() * (1.0 + 4.0 / resolution as f64);
-        let mut grid = Grid::new((low + high) * 0.5 - 0.5 * side, side, resolution);
+        let mut grid = Samples::new((low + high) * 0.5 - 0.5 * side, side, resolution);
         grid.carve(&views);
         (0..3).for_each(|axis| grid.blur(axis));
-        grid.mesh()
+        match grid.mesh()? {
+            Some(mesh) => Ok(mesh),
+            None => bad("a hull thinner than its samples", "use a higher resolution"),
+        }
     }
 }
 
@@ -137,26 +140,7 @@ impl View<'_> {
     }
 }
 
-/// Samples of f over a cube, x running fastest.
-struct Grid {
-    low: DVec3,
-    /// Between samples.
-    step: f64,
-    resolution: usize,
-    values: Vec<f32>,
-}
-
-impl Grid {
-    fn new(low: DVec3, side: f64, resolution: usize) -> Self {
-        let values = vec![f32::MAX; resolution.pow(3)];
-        Self { low, step: side / (resolution - 1) as f64, resolution, values }
-    }
-
-    fn position(&self, i: usize) -> DVec3 {
-        let n = self.resolution;
-        self.low + self.step * DVec3::new((i % n) as f64, (i / n % n) as f64, (i / n / n) as f64)
-    }
-
+impl Samples {
     fn carve(&mut self, views: &[View<'_>]) {
         // Distances beyond some samples do not matter, and what no picture shows is outside.
         let far = (4.0 * self.step) as f32;
@@ -196,100 +180,5 @@ impl Grid {
                 before = here;
             }
         }
-    }
-
-    /// The mesh of the zero level, closed at the cube's sides.
-    fn mesh(mut self) -> Result<Mesh> {
-        let n = self.resolution;
-        let on_side = |i: usize| [i % n, i / n % n, i / n / n].iter().any(|&k| k == 0 || k == n - 1);
-        let least = (1e-3 * self.step) as f32;
-        for (_, value) in self.values.iter_mut().enumerate().filter(|(i, _)| on_side(*i)) {
-            *value = value.min(-least);
-        }
-        let mut surface =
-            Surface { grid: &self, positions: Vec::new(), vertex_of: HashMap::new(), triangles: Vec::new() };
-        for cell in 0..self.values.len() {
-            if [cell % n, cell / n % n, cell / n / n].iter().all(|&k| k + 1 < n) {
-                surface.add_cell(cell);
-            }
-        }
-        let Surface { positions, triangles, .. } = surface;
-        if triangles.is_empty() {
-            return bad("a hull thinner than its samples", "use a higher resolution");
-        }
-        Mesh::new(positions, triangles)
-    }
-}
-
-/// The zero level by marching tetrahedra (Doi and Koide 1991): six in each cell of the grid, all along the same diagonal, so
-/// that neighbours meet in the same triangles. Unlike surface nets it is a closed surface whatever the samples are.
-struct Surface<'a> {
-    grid: &'a Grid,
-    positions: Vec<[f32; 3]>,
-    /// The vertex between two samples, the inner one first.
-    vertex_of: HashMap<[usize; 2], u32>,
-    triangles: Vec<[u32; 3]>,
-}
-
-/// The order of axes along which a tetrahedron's edges lead from a cell's lowest corner to its highest; the first three orders
-/// are even permutations.
-const PATHS: [[usize; 3]; 6] = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]];
-
-impl Surface<'_> {
-    fn add_cell(&mut self, lowest: usize) {
-        let n = self.grid.resolution;
-        let along = [1, n, n * n];
-        let inside = |sample: usize| self.grid.values[sample] > 0.0;
-        let corners = (0..8).map(|k| lowest + (k & 1) + (k >> 1 & 1) * n + (k >> 2) * n * n);
-        let count = corners.filter(|&corner| inside(corner)).count();
-        if count == 0 || count == 8 {
-            return;
-        }
-        for (path, [a, b, c]) in PATHS.into_iter().enumerate() {
-            let first = lowest + along[a];
-            let second = first + along[b];
-            let [from, to] = if path < 3 { [first, second] } else { [second, first] };
-            // In this order every tetrahedron is right-handed.
-            self.add_tetrahedron([lowest, from, to, second + along[c]]);
-        }
-    }
-
-    /// Adds the triangles that part the inner samples of a right-handed tetrahedron from the outer ones.
-    fn add_tetrahedron(&mut self, corners: [usize; 4]) {
-        // Even permutations, by which corner comes first, and by which two.
-        const FIRST: [[usize; 4]; 4] = [[0, 1, 2, 3], [1, 0, 3, 2], [2, 0, 1, 3], [3, 0, 2, 1]];
-        const PAIR: [[usize; 4]; 6] =
-            [[0, 1, 2, 3], [0, 2, 3, 1], [0, 3, 1, 2], [1, 2, 0, 3], [1, 3, 2, 0], [2, 3, 0, 1]];
-        let inside = corners.map(|corner| self.grid.values[corner] > 0.0);
-        let is_first = |order: &&[usize; 4], wanted: bool| {
-            inside[order[0]] == wanted && order[1..].iter().all(|&k| inside[k] != wanted)
-        };
-        if let Some(order) = FIRST.iter().find(|order| is_first(order, true)) {
-            let [i, j, k, l] = order.map(|k| corners[k]);
-            let triangle = [self.vertex(i, j), self.vertex(i, k), self.vertex(i, l)];
-            self.triangles.push(triangle);
-        } else if let Some(order) = FIRST.iter().find(|order| is_first(order, false)) {
-            let [i, j, k, l] = order.map(|k| corners[k]);
-            let triangle = [self.vertex(j, i), self.vertex(l, i), self.vertex(k, i)];
-            self.triangles.push(triangle);
-        } else if let Some(order) =
-            PAIR.iter().find(|[i, j, k, l]| inside[*i] && inside[*j] && !inside[*k] && !inside[*l])
-        {
-            let [i, j, k, l] = order.map(|k| corners[k]);
-            let [ik, il, jl, jk] = [self.vertex(i, k), self.vertex(i, l), self.vertex(j, l), self.vertex(j, k)];
-            self.triangles.extend([[ik, il, jl], [ik, jl, jk]]);
-        }
-    }
-
-    /// The vertex between an inner and an outer sample, where f is 0 between them.
-    fn vertex(&mut self, inner: usize, outer: usize) -> u32 {
-        let (grid, positions) = (self.grid, &mut self.positions);
-        *self.vertex_of.entry([inner, outer]).or_insert_with(|| {
-            let [a, b] = [inner, outer].map(|sample| f64::from(grid.values[sample]));
-            // Vertices of neighbouring edges do not meet.
-            let part = (a / (a - b)).clamp(0.02, 0.98);
-            positions.push(grid.position(inner).lerp(grid.position(outer), part).as_vec3().to_array());
-            positions.len() as u32 - 1
-        })
     }
 }

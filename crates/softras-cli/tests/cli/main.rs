@@ -3,6 +3,7 @@
 
 mod arguments;
 mod bench;
+mod benchmark;
 mod command;
 mod eval;
 mod fit;

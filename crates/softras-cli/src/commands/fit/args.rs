@@ -17,6 +17,7 @@ Examples:
   softras fit --from spot.obj --views 24 --size 128 --color -o fitted.obj
   softras fit --from bunny.obj --color --shading smooth -o fitted.obj --gif fit.gif
   softras fit --from spot.obj --template grey_spot.obj --texture -o textured.obj
+  softras fit --benchmark spot.obj --baselines --json table.json
 
 Views and cameras:
   IMAGES.npy   [N, 4, H, W] or [N, H, W, 4] (RGBA; alpha is the silhouette), [N, H, W] (silhouettes); bytes or
@@ -33,10 +34,15 @@ Views and cameras:
   .../images.txt       with cameras.txt: COLMAP's model as text
   --from MESH  renders the views from all around the mesh, and reports the 3D IoU with it
 
+--benchmark fits to 24 coloured views of each mesh (--views and --size change that) and prints a table: the 3D IoU by 64³ voxels, \
+the Chamfer distance (the mean distance from points of each surface to the nearest of the other's, as a share of the \
+diagonal of the mesh's box), the genus of the fit and of the mesh, and seconds. What the fit begins with has a row of its own, \
+and so have, with --baselines, a fit that begins with a sphere and the baselines.
+
 Ctrl-C ends the fit and writes the best mesh so far; --checkpoint FILE with --resume continues a fit.";
 
 /// Fit a mesh to images: its shape, and its colours with --color
-#[derive(Args, Debug)]
+#[derive(Args, Clone, Debug)]
 #[command(after_help = EXAMPLES)]
 pub struct FitArgs {
     /// The mesh to begin with: `sphere`; `hull`, the largest solid that has the silhouettes, with its holes and parts; a mesh file
@@ -48,7 +54,7 @@ pub struct FitArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=7))]
     pub subdivisions: Option<u32>,
     /// Images: a .npy file or a folder; with --from the number of views [default: 24]
-    #[arg(long, value_name = "IMAGES.npy|FOLDER|N", required_unless_present = "from")]
+    #[arg(long, value_name = "IMAGES.npy|FOLDER|N", required_unless_present_any = ["from", "benchmark"])]
     pub views: Option<String>,
     /// The cameras of the images: .npy, .json or COLMAP's images.txt [default: what the folder has of cameras.json,
     /// transforms.json and images.txt]
@@ -67,8 +73,14 @@ pub struct FitArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), default_value_t = 1)]
     pub view_stride: u32,
     /// The mesh to write
-    #[arg(short, long = "out", value_name = "OUT.obj")]
-    pub out: PathBuf,
+    #[arg(short, long = "out", value_name = "OUT.obj", required_unless_present = "benchmark")]
+    pub out: Option<PathBuf>,
+    /// Fit to views of these meshes, or of a torus, a torus of two holes, a mug and a chair, and print how near each fit comes;
+    /// --json writes the table
+    #[arg(long, value_name = "MESH", num_args = 0.., conflicts_with_all = [
+        "from", "cameras", "out", "template", "texture", "plot", "gif", "checkpoint", "write_views",
+    ])]
+    pub benchmark: Option<Vec<PathBuf>>,
     /// Fit the colours too: the template's texels where it has a texture, else a colour for each vertex
     #[arg(long)]
     pub color: bool,
@@ -107,6 +119,11 @@ impl FitArgs {
             directional: vec![one([0.5, 0.8, -0.4], 0.6), one([-0.8, 0.1, -0.3], 0.3), one([0.2, -0.3, 0.9], 0.25)],
             shading,
         }
+    }
+
+    /// The mesh to write.
+    pub fn out(&self) -> Result<&PathBuf, Failure> {
+        self.out.as_ref().ok_or_else(|| Failure::Usage("--out: name the mesh to write".into()))
     }
 
     /// The number of views that `--from` renders.
@@ -165,7 +182,7 @@ impl Loss {
 }
 
 /// The method of the fit.
-#[derive(Args, Debug)]
+#[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Method")]
 pub struct MethodArgs {
     /// The set of defaults
@@ -235,7 +252,7 @@ pub struct MethodArgs {
 }
 
 /// Files besides the mesh.
-#[derive(Args, Debug)]
+#[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Files")]
 pub struct FileArgs {
     /// Write a log of every step as JSON: losses, seconds, IoU of every view

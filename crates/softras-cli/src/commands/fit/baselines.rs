@@ -13,17 +13,31 @@ use softras::internals::fit::flow_by_vertex;
 use softras::scene::{Appearance, ColorAggregation, Outputs, SilhouetteAggregation};
 use softras::{Gradients, ImageGradient, MeshGradients};
 use softras::{Mesh, Projection, Renderer, Result, Scene, Settings};
+use std::time::Instant;
 
 /// A baseline's name, the change of the setup, and whether it applies to the fit.
 type Without = (&'static str, fn(&mut Setup), bool);
 
 /// The result of a baseline.
 pub struct Baseline {
-    name: &'static str,
+    pub name: &'static str,
+    pub mesh: Mesh,
+    pub seconds: f64,
     scores: Scores,
 }
 
 impl Baseline {
+    fn new(
+        (name, began): (&'static str, Instant),
+        mesh: &Mesh,
+        setup: &Setup,
+        views: &Views,
+        renderer: &mut Renderer,
+    ) -> Result<Self, Failure> {
+        let seconds = began.elapsed().as_secs_f64();
+        Ok(Self { name, mesh: mesh.clone(), seconds, scores: Scores::of(mesh, setup, views, renderer)? })
+    }
+
     /// The result as JSON.
     pub fn json(&self) -> Value {
         json!({ "method": self.name, "final": self.scores.json() })
@@ -46,6 +60,7 @@ pub fn run(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Vec
     ];
     let mut found = Vec::new();
     for (name, change, _) in without.into_iter().filter(|(.., applies)| *applies) {
+        let began = Instant::now();
         let mut setup = Setup::new(args, views, renderer)?;
         change(&mut setup);
         let mut targets = targets::fitted(args, &views.targets);
@@ -63,7 +78,7 @@ pub fn run(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Vec
             progress.step();
         }
         drop(progress);
-        found.push(Baseline { name, scores: Scores::of(fit.mesh(), &setup, views, renderer)? });
+        found.push(Baseline::new((name, began), fit.mesh(), &setup, views, renderer)?);
     }
     found.extend(hard(args, views, renderer)?);
     Ok(found)
@@ -78,7 +93,7 @@ fn begun(name: &str, setup: &Setup) -> Progress {
 /// Fits silhouettes alone, rendered hard, with gradients from differences between pixels ([`flow_by_vertex`]); `None`
 /// where there is no silhouette to fit or the method does not apply.
 fn hard(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Option<Baseline>, Failure> {
-    let name = "hard, image-space differences";
+    let (name, began) = ("hard, image-space differences", Instant::now());
     let mut setup = Setup::new(args, views, renderer)?;
     setup.options.fit_colors = false;
     let targets = Targets { color: None, ..targets::fitted(args, &views.targets) };
@@ -101,7 +116,7 @@ fn hard(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Option
         progress.step();
     }
     drop(progress);
-    Ok(Some(Baseline { name, scores: Scores::of(fit.mesh(), &setup, views, renderer)? }))
+    Baseline::new((name, began), fit.mesh(), &setup, views, renderer).map(Some)
 }
 
 /// The gradient of the silhouettes' loss by every vertex, with the mesh rendered hard.

@@ -3,6 +3,7 @@
 pub mod args;
 mod baselines;
 mod begin;
+mod benchmark;
 mod camera_files;
 mod cameras;
 mod checkpoint;
@@ -11,6 +12,7 @@ mod film;
 mod plot;
 mod report;
 mod setup;
+mod surface;
 pub mod targets;
 mod unseen;
 
@@ -27,7 +29,7 @@ use setup::Setup;
 use softras::fit::{ShapeFit, Targets};
 use softras::internals::files;
 use softras::{Mesh, Renderer};
-use std::sync::Arc;
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 use targets::Views;
 
@@ -38,33 +40,34 @@ const AHEAD: usize = 10;
 
 /// Runs the command.
 pub fn run(args: &FitArgs) -> Result<(), Failure> {
-    let files = &args.files;
+    if let Some(meshes) = &args.benchmark {
+        return benchmark::run(args, meshes);
+    }
+    let (files, out) = (&args.files, args.out()?);
     let written = [&files.json, &files.plot, &files.gif, &files.checkpoint];
     let mut views = Vec::new();
     if let Some(folder) = &files.write_views {
         std::fs::create_dir_all(folder).map_err(|source| softras::Error::Io { path: folder.clone(), source })?;
         views = camera_files::names(folder, args.count_of_views()?);
     }
-    let outputs = Outputs::new(written.into_iter().flatten().chain(&views), [&args.out])?;
+    let outputs = Outputs::new(written.into_iter().flatten().chain(&views), [out])?;
     let mut renderer = super::open_device(args.device.as_deref(), args.read.memory.memory)?;
     let views = Views::read(args, &outputs, &mut renderer)?;
     let setup = Setup::new(args, &views, &mut renderer)?;
     let targets = targets::fitted(args, &views.targets);
     let mut work = Work::begin(args, &setup, &views, &targets, &mut renderer)?;
     let ended = work.run(args, &setup, &targets, &mut renderer);
-    let best = match (work.best.take(), ended) {
-        (Some((best, _)), Ok(())) => best,
-        (None, Ok(())) => work.engine.shape(&mut renderer)?.mesh().clone(),
-        (None, Err(failure)) => return Err(failure),
+    if let Err(failure) = ended {
         // The best mesh found before the error is still written.
-        (Some((best, step)), Err(failure)) => {
-            softras::obj::write_obj(&encoded(&best)?, &args.out)?;
-            note(&format!("{} is the best mesh before the error, of step {step}", args.out.display()));
-            return Err(failure);
+        if let Some((best, step)) = work.best {
+            softras::obj::write_obj(&encoded(&best)?, out)?;
+            note(&format!("{} is the best mesh before the error, of step {step}", out.display()));
         }
-    };
+        return Err(failure);
+    }
+    let best = work.found(&mut renderer)?;
     let scores = Scores::of(&best, &setup, &views, &mut renderer)?;
-    softras::obj::write_obj(&encoded(&best)?, &args.out)?;
+    softras::obj::write_obj(&encoded(&best)?, out)?;
     if let Some(path) = &files.checkpoint {
         checkpoint::write(path, work.engine.shape(&mut renderer)?, work.next)?;
     }
@@ -84,7 +87,7 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
         report["baselines"] = baselines.iter().map(baselines::Baseline::json).collect();
         files::write_file(path, report.to_string().as_bytes())?;
     }
-    report::tell(args, &work.log, &scores, &best)?;
+    report::tell(out, &work.log, &scores, &best)?;
     baselines.iter().try_for_each(|baseline| super::say(&baseline.sentence()))?;
     if work.interrupted { Err(Failure::Interrupted) } else { Ok(()) }
 }
@@ -174,6 +177,14 @@ impl Work {
         Ok(())
     }
 
+    /// The mesh of least loss, or the one to begin with where no step was taken.
+    fn found(&mut self, renderer: &mut Renderer) -> Result<Mesh, Failure> {
+        match self.best.take() {
+            Some((best, _)) => Ok(best),
+            None => Ok(self.engine.shape(renderer)?.mesh().clone()),
+        }
+    }
+
     /// Logs the steps that the engine has finished since the last call.
     fn collect(&mut self, progress: &Progress, renderer: &mut Renderer) -> Result<(), Failure> {
         let found = self.engine.found(renderer)?;
@@ -198,17 +209,18 @@ impl Work {
 }
 
 /// A flag that Ctrl-C sets.
-fn interrupted() -> Result<Arc<AtomicBool>, Failure> {
-    let flag = Arc::new(AtomicBool::new(false));
-    let raised = flag.clone();
+fn interrupted() -> Result<&'static AtomicBool, Failure> {
+    static RAISED: AtomicBool = AtomicBool::new(false);
+    // A process can take the signal over once, and a benchmark fits several times.
+    static TAKEN: OnceLock<Result<(), String>> = OnceLock::new();
     // A second Ctrl-C ends the process at once, even if a step hangs.
-    let handler = move || {
-        if raised.swap(true, Ordering::Relaxed) {
+    let handler = || {
+        if RAISED.swap(true, Ordering::Relaxed) {
             std::process::exit(130);
         }
     };
-    match ctrlc::set_handler(handler) {
-        Ok(()) => Ok(flag),
+    match TAKEN.get_or_init(|| ctrlc::set_handler(handler).map_err(|error| error.to_string())) {
+        Ok(()) => Ok(&RAISED),
         Err(e) => {
             Err(softras::Error::Fit { what: format!("Ctrl-C cannot be caught ({e})"), fix: "report this".into() }
                 .into())

@@ -13,6 +13,7 @@ use softras::fit::{ImageLoss, Regularizer, Step, Targets, mask_iou};
 use softras::internals::fit::{Topology, pooled, regularize};
 use softras::scene::{Outputs, SilhouetteAggregation};
 use softras::{Camera, Error, Image, Mesh, Renderer, Result, Scene, Settings};
+use std::path::Path;
 
 /// Voxels along a side of the grid of the 3D IoU, as in the SoftRas paper.
 const VOXELS: usize = 32;
@@ -93,6 +94,11 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
+/// The number of a mesh's parts, and of their handles if all are closed surfaces.
+pub fn genus(mesh: &Mesh) -> Result<(usize, Option<usize>)> {
+    Ok(Topology::new(mesh.positions().len(), mesh.triangles())?.parts_and_genus())
+}
+
 /// Scores of a mesh.
 #[derive(Default)]
 pub struct Scores {
@@ -159,7 +165,7 @@ impl Scores {
         let official = 1.0 - soft_iou(renderer, setup.stride)? + official_penalty(mesh)?;
         let soft = soft_iou(renderer, 1)?;
         let solid = views.truth.as_ref().map(|truth| voxel_iou(mesh, truth, VOXELS)).transpose()?;
-        let (parts, genus) = Topology::new(mesh.positions().len(), mesh.triangles())?.parts_and_genus();
+        let (parts, genus) = genus(mesh)?;
         let most = mean(&bounds);
         Ok(Self { fitted: mean(&fitted), masks, covered, soft, most, official, parts, genus, unseen, solid })
     }
@@ -240,14 +246,14 @@ fn official_penalty(mesh: &Mesh) -> Result<f64> {
 }
 
 /// Prints the result of a fit.
-pub fn tell(args: &FitArgs, log: &Log, scores: &Scores, mesh: &Mesh) -> Result<(), Failure> {
+pub fn tell(out: &Path, log: &Log, scores: &Scores, mesh: &Mesh) -> Result<(), Failure> {
     let (vertices, triangles) = (mesh.positions().len(), mesh.triangles().len());
     let least = log.losses().iter().map(|l| l.1).fold(f64::INFINITY, f64::min);
     scores.unseen.sentences().iter().for_each(|sentence| note(sentence));
     let time = log.seconds().map_or(String::new(), |s| format!(", {:.1} ms a step", s * 1e3));
     say(&format!(
         "{}: {vertices} vertices, {triangles} triangles; loss {least:.5}, {}{time}",
-        args.out.display(),
+        out.display(),
         scores.sentence(),
     ))
 }

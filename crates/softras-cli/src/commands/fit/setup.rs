@@ -21,6 +21,8 @@ const HARD_SIGMA: f64 = 1e-7;
 pub struct Setup {
     /// The mesh to begin with.
     pub template: Mesh,
+    /// Whether it is a hull.
+    pub hull: bool,
     /// The options of the fit.
     pub options: ShapeOptions,
     /// The number of steps.
@@ -78,6 +80,7 @@ impl Setup {
             colored: args.colored(),
             options: options(args, official, &begin),
             template: begin.mesh,
+            hull: begin.hull,
             faces: method.faces.into(),
             lights: views.lights.clone(),
             iterations: method.iterations.unwrap_or(if begin.hull { HULL_ITERATIONS } else { ITERATIONS }) as usize,

@@ -60,7 +60,7 @@ impl Views {
         if let Some(path) = &args.from {
             let count = args.count_of_views()?;
             let mesh = args.read.read(path, true, written, &budget)?.mesh;
-            return Ok(Self::made(args, mesh, template, count, renderer)?);
+            return Self::made(args, mesh, template, count, renderer);
         }
         let path = Path::new(views.unwrap_or_default());
         let mut files = vec![path.to_path_buf()];
@@ -74,7 +74,13 @@ impl Views {
     }
 
     /// Renders the views from a mesh.
-    fn made(args: &FitArgs, mesh: Mesh, template: Option<Mesh>, count: usize, renderer: &mut Renderer) -> Result<Self> {
+    pub fn made(
+        args: &FitArgs,
+        mesh: Mesh,
+        template: Option<Mesh>,
+        count: usize,
+        renderer: &mut Renderer,
+    ) -> Result<Self, Failure> {
         let bounds = Bounds::around_box(&mesh);
         let cameras = cameras::around(bounds, count, args.fov)?;
         let depths = cameras::depths(&cameras, bounds);
