@@ -7,7 +7,8 @@
 //! - Steps on the device are in single precision, one submission each, without a wait. [`HostFit`] computes the same bits on the
 //!   host and lets you insert a loss of your own. [`ShapeFit::step`] is the same method in f64, around
 //!   [`Renderer::render`](crate::Renderer::render) and [`Renderer::backward`](crate::Renderer::backward).
-//! - [`PoseFit`] finds the rotation and translation of a rigid mesh from one image, many starting poses at once.
+//! - [`PoseSearch`] finds the rotation and translation of a rigid mesh from one image; [`PoseFit`] follows gradients from given
+//!   poses, many at once.
 //! - [`Targets::visual_hull`] is the largest solid with given silhouettes, to begin with. [`remeshed`] evens out triangles that a
 //!   fit has stretched, [`soft_target`] softens a hard mask to the silhouette that a mesh of that outline renders to,
 //!   [`mask_iou`] and [`voxel_iou`] measure how good a fit is.
@@ -69,7 +70,7 @@ pub(crate) mod voxel;
 pub use device::HostFit;
 pub use image_loss::{ImageLoss, Valued, mask_iou};
 pub use optimizer::{Method, Optimizer};
-pub use pose::{Differentiation, Pose, PoseFit, PoseOptions, PoseTarget, rotations};
+pub use pose::{Differentiation, Pose, PoseFit, PoseOptions, PoseSearch, PoseTarget};
 pub use regularizer::Regularizer;
 pub use remesh::remeshed;
 pub use run::Fit;

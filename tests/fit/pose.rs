@@ -3,10 +3,10 @@
 use crate::common::random::Random;
 use glam::{DQuat, DVec3};
 use softras::ImageGradient;
-use softras::fit::{Differentiation, ImageLoss, Pose, PoseFit, PoseOptions, PoseTarget, Schedule, rotations};
-use softras::internals::fit::{flow_by_vertex, flow_gradient};
+use softras::fit::{Differentiation, ImageLoss, Pose, PoseFit, PoseOptions, PoseSearch, PoseTarget, Schedule};
+use softras::internals::fit::{flow_by_vertex, flow_gradient, rotations};
 use softras::scene::{Appearance, Background, ColorAggregation, Outputs, SilhouetteAggregation};
-use softras::{Camera, Image, Projection, Renderer, Scene, Settings, shapes};
+use softras::{Camera, Image, Mesh, Projection, Renderer, Scene, Settings, shapes};
 
 const SETTINGS: Settings = Settings { width: 48, height: 48, near: 3.5, far: 6.5, ..DEFAULT };
 const DEFAULT: Settings = Settings {
@@ -246,4 +246,93 @@ fn angles_and_spirals_are_right() {
     let spread = rotations(200);
     let nearest = |q: &DQuat| spread.iter().filter(|p| *p != q).map(|p| p.dot(*q).abs()).fold(0.0, f64::max);
     assert!(spread.iter().all(|q| (q.length() - 1.0).abs() < 1e-9 && nearest(q) < 0.995));
+}
+
+/// A search for a mesh in a picture of it in some pose, by a camera that is given in pixels.
+fn search(renderer: &mut Renderer, mesh: &Mesh, truth: &Pose, size: u32) -> PoseSearch {
+    let (side, focal) = (f64::from(size), 1.9 * f64::from(size));
+    let projection = Projection::Pinhole { fx: focal, fy: focal, cx: 0.5 * side, cy: 0.5 * side };
+    let camera = Camera::look_at(DVec3::new(1.0, 2.0, 4.5), DVec3::ZERO, DVec3::Y, projection).unwrap();
+    let settings = Settings { width: size, height: size, ..SETTINGS };
+    let fit = PoseFit::new(
+        Scene::new(mesh.clone()),
+        camera,
+        DVec3::ZERO,
+        settings.clone(),
+        PoseOptions::default(),
+        vec![Pose::IDENTITY],
+    );
+    let seen = fit.unwrap().posed_camera(truth).unwrap();
+    let frame = renderer.render(&Scene::new(mesh.clone()), &[seen], &settings).unwrap();
+    let (color, silhouette) = (frame.color().unwrap().clone(), frame.silhouette().unwrap().clone());
+    PoseSearch::new(mesh.clone(), camera, DVec3::ZERO, settings, color, silhouette).unwrap()
+}
+
+fn finish(mut search: PoseSearch, renderer: &mut Renderer) -> PoseSearch {
+    let wanted = search.step_count();
+    let mut taken = 0;
+    while search.step(renderer).unwrap().is_some() {
+        taken += 1;
+        assert_eq!(search.found().is_empty(), taken < wanted);
+    }
+    assert_eq!((taken, search.step_count()), (wanted, 0));
+    search
+}
+
+#[test]
+fn a_search_finds_a_cube_wherever_it_is() {
+    let (mut random, mut renderer) = (Random::new(17), crate::common::renderer());
+    let cube = shapes::cube().unwrap();
+    // A picture that is reduced for all stages, and one that is not.
+    for size in [150, 48] {
+        let truth = random_pose(&mut random, 160.0, 0.25);
+        let found = finish(search(&mut renderer, &cube, &truth, size).with(6, 60), &mut renderer);
+        let (pose, loss) = found.found()[0];
+        let shift = pose.translation.distance(truth.translation);
+        assert!(pose.degrees_to(&truth) < 2.0 && shift < 0.03, "{} degrees, {shift}", pose.degrees_to(&truth));
+        assert!(found.found().iter().all(|(_, other)| *other >= loss) && found.equally_good() == 1);
+        let away = Pose { rotation: DQuat::from_rotation_x(0.1) * truth.rotation, ..truth };
+        let refined = search(&mut renderer, &cube, &truth, size).with(1, 60).refining(away).unwrap();
+        let refined = finish(refined, &mut renderer).found()[0].0;
+        assert!(refined.degrees_to(&truth) < 1.0, "{} degrees after refining", refined.degrees_to(&truth));
+    }
+}
+
+#[test]
+fn a_box_of_one_colour_has_four_poses() {
+    let mut cube = shapes::cube().unwrap().with_appearance(Appearance::Uniform([1.0; 3])).unwrap();
+    let place = |p: &[f32; 3]| [0.6 * p[0], p[1], 1.4 * p[2]];
+    cube.set_positions(cube.positions().iter().map(place).collect()).unwrap();
+    let (mut random, mut renderer) = (Random::new(3), crate::common::renderer());
+    let truth = random_pose(&mut random, 100.0, 0.0);
+    let found = finish(search(&mut renderer, &cube, &truth, 64).without_translation(), &mut renderer);
+    assert_eq!(found.equally_good(), 4, "{:?}", found.found());
+    for (pose, _) in &found.found()[..4] {
+        let turn = truth.rotation.inverse() * pose.rotation;
+        let half = Pose { rotation: turn * turn, ..Pose::IDENTITY };
+        assert!(half.degrees_to(&Pose::IDENTITY) < 4.0, "{} degrees", half.degrees_to(&Pose::IDENTITY));
+        assert!(pose.translation == DVec3::ZERO);
+    }
+}
+
+#[test]
+fn a_search_takes_one_picture_of_something() {
+    let image = |batch, channels| Image { batch, height: 2, width: 2, channels, data: vec![0.5; 4 * channels * batch] };
+    let camera = Camera::from_angles(4.0, 0.0, 0.0, Projection::Perspective { fov_y: 0.6 }).unwrap();
+    let begin = |mesh: Mesh, batch: usize, channels: usize| {
+        let begun = PoseSearch::new(mesh, camera, DVec3::ZERO, SETTINGS, image(batch, channels), image(batch, 1));
+        begun.map(|_| ()).map_err(|error| error.to_string())
+    };
+    let cube = || shapes::cube().unwrap();
+    assert_eq!(begin(cube(), 1, 3), Ok(()));
+    assert!(begin(cube(), 2, 3).unwrap_err().contains("2 pictures"));
+    assert!(begin(cube(), 1, 1).unwrap_err().contains("one size"));
+    let point = Mesh::new(vec![[0.0; 3]; 3], vec![[0, 1, 2]]).unwrap();
+    assert!(begin(point, 1, 3).unwrap_err().contains("without extent"));
+    // Without anything in it every pose is as far from the picture as the object is large, and none is NaN.
+    let mut renderer = crate::common::renderer();
+    let empty = |channels| Image { data: vec![0.0; 4 * channels], ..image(1, channels) };
+    let search = PoseSearch::new(cube(), camera, DVec3::ZERO, SETTINGS, empty(3), empty(1)).unwrap();
+    let found = finish(search.with(2, 1), &mut renderer);
+    assert!(found.found().iter().all(|(pose, loss)| loss.is_finite() && pose.translation.is_finite()));
 }

@@ -5,17 +5,20 @@
 //! images are best compared unlit.
 
 mod flow;
+mod picture;
+mod search;
 mod target;
 
 pub use flow::{flow_by_vertex, flow_gradient};
+pub use search::PoseSearch;
 pub use target::PoseTarget;
 
 use super::bad;
 use super::optimizer::{Method, Optimizer};
 use super::schedule::Schedule;
 use crate::error::Result;
-use crate::gradients::Wanted;
-use crate::renderer::Renderer;
+use crate::gradients::{ImageGradient, Wanted};
+use crate::renderer::{Frame, Renderer};
 use crate::scene::{Background, Camera, ColorAggregation, Outputs, Scene, Settings, SilhouetteAggregation};
 use glam::{DMat3, DMat4, DQuat, DVec3};
 
@@ -134,8 +137,11 @@ impl PoseFit {
             let what = format!("{} poses of {} meshes", poses.len(), scene.meshes.len());
             return bad(what, "give one mesh and at least one pose to begin at");
         }
-        let optimizers =
-            vec![Optimizer::new(Method::UniformAdam { betas: [0.8, 0.95], epsilon: 1e-12 }, 3); 2 * poses.len()];
+        let (betas, epsilon) = ([0.8, 0.95], 1e-12);
+        // A translation has step sizes of its own along the camera's axes, because its depth changes the image much less.
+        let turns = Optimizer::new(Method::UniformAdam { betas, epsilon }, 3);
+        let shifts = Optimizer::new(Method::Adam { betas, epsilon }, 3);
+        let optimizers = poses.iter().flat_map(|_| [turns.clone(), shifts.clone()]).collect();
         Ok(Self { scene, camera, center, settings, options, poses, optimizers, step: 0 })
     }
 
@@ -189,12 +195,13 @@ impl PoseFit {
         for (i, [by_turn, by_shift]) in gradients.into_iter().enumerate() {
             let (mut turn, mut shift) = ([0.0; 3], [0.0; 3]);
             self.optimizers[2 * i].step(&mut turn, &by_turn.to_array(), rate);
-            let pose = &mut self.poses[i];
-            pose.rotation = (DQuat::from_scaled_axis(DVec3::from_array(turn)) * pose.rotation).normalize();
+            let rotation = self.poses[i].rotation;
+            self.poses[i].rotation = (DQuat::from_scaled_axis(DVec3::from_array(turn)) * rotation).normalize();
             if self.options.translation_rate > 0.0 {
+                let axes = DMat3::from_mat4(self.view());
                 let rate = rate * self.options.translation_rate;
-                self.optimizers[2 * i + 1].step(&mut shift, &by_shift.to_array(), rate);
-                pose.translation += DVec3::from_array(shift);
+                self.optimizers[2 * i + 1].step(&mut shift, &(axes * by_shift).to_array(), rate);
+                self.poses[i].translation += axes.transpose() * DVec3::from_array(shift);
             }
         }
         self.step += 1;
@@ -207,11 +214,8 @@ impl PoseFit {
     /// # Errors
     /// As [`PoseFit::step`].
     pub fn differentiate(&self, renderer: &mut Renderer, target: &PoseTarget) -> Result<(Vec<f64>, Vec<[DVec3; 2]>)> {
-        let cameras = self.poses.iter().map(|pose| self.posed_camera(pose)).collect::<Result<Vec<_>>>()?;
-        let frame = renderer.render(&self.scene, &cameras, &self.settings_at(self.step))?;
-        let blur = self.options.blur.at_step(self.step, self.options.iterations) * f64::from(self.settings.height);
-        let silhouette = self.options.silhouette.at_step(self.step, self.options.iterations);
-        let (losses, upstream) = target.compare(&frame, blur, [1.0, silhouette])?;
+        let frame = self.frame(renderer, &self.poses, &self.settings_at(self.step))?;
+        let (losses, upstream) = self.compare(&frame, target)?;
         let twists: Vec<[f64; 6]> = match self.options.differentiation {
             Differentiation::Soft => {
                 let wanted = Wanted { camera: true, ..Wanted::NOTHING };
@@ -234,10 +238,29 @@ impl PoseFit {
         (sigma, gamma): (f64, f64),
         target: &PoseTarget,
     ) -> Result<Vec<f64>> {
-        let cameras = poses.iter().map(|pose| self.posed_camera(pose)).collect::<Result<Vec<_>>>()?;
         let settings = Settings { sigma, gamma, save: false, ..self.settings_at(0) };
-        let frame = renderer.render(&self.scene, &cameras, &settings)?;
+        let frame = self.frame(renderer, poses, &settings)?;
         target.compare(&frame, 0.0, [1.0; 2]).map(|(losses, _)| losses)
+    }
+
+    /// The losses of any poses as the present step compares them; the fit does not change.
+    fn losses_of_step(&self, renderer: &mut Renderer, poses: &[Pose], target: &PoseTarget) -> Result<Vec<f64>> {
+        let settings = Settings { save: false, ..self.settings_at(self.step) };
+        let frame = self.frame(renderer, poses, &settings)?;
+        self.compare(&frame, target).map(|(losses, _)| losses)
+    }
+
+    /// The mesh in each of some poses.
+    fn frame(&self, renderer: &mut Renderer, poses: &[Pose], settings: &Settings) -> Result<Frame> {
+        let cameras = poses.iter().map(|pose| self.posed_camera(pose)).collect::<Result<Vec<_>>>()?;
+        renderer.render(&self.scene, &cameras, settings)
+    }
+
+    /// The losses of a frame with the present step's blur and weights, and their gradient.
+    fn compare(&self, frame: &Frame, target: &PoseTarget) -> Result<(Vec<f64>, ImageGradient)> {
+        let blur = self.options.blur.at_step(self.step, self.options.iterations) * f64::from(self.settings.height);
+        let silhouette = self.options.silhouette.at_step(self.step, self.options.iterations);
+        target.compare(frame, blur, [1.0, silhouette])
     }
 
     /// Converts dL/dtwist of a view to dL by rotation and translation of its pose.

@@ -105,6 +105,8 @@ class Pose:
     center: np.ndarray
     #: The loss of plain colours and silhouettes at this pose.
     loss: float
+    #: How many poses explain the image as well as this one, by the object's symmetry or for want of detail.
+    equally_good: int = 1
 
     def applied(self, mesh: Mesh) -> Mesh:
         """The mesh in this pose."""
@@ -122,7 +124,7 @@ def pose(
     color,
     silhouette,
     *,
-    starts: int = 32,
+    starts: int = 24,
     steps: int = 150,
     translate: bool = True,
     start=None,
@@ -133,8 +135,9 @@ def pose(
 ) -> Pose:
     """Finds the rotation and translation of a rigid mesh from one unlit image on black.
 
-    `color` is [1, height, width, 3], `silhouette` [1, height, width]. It starts from `starts` poses spread over all rotations,
-    or refines `start`, a rotation [3, 3] and a translation [3], in small steps. `center` defaults to that of the mesh's box.
+    `color` is [1, height, width, 3], `silhouette` [1, height, width]. It compares the image with 512 rotations,
+    fits the `starts` most likely of them and refines the best, in `steps` steps together; or refines `start`, a rotation [3, 3]
+    and a translation [3], in small steps. `center` defaults to that of the mesh's box. Of `settings` only near, far and tau count.
     """
     plan = {
         "color": color,
@@ -147,5 +150,5 @@ def pose(
         "start": start,
     }
     found = _softras.pose(mesh, camera, renderer or default_renderer(), plan, progress)
-    rotation, translation, center, loss = found
-    return Pose(np.array(rotation), np.array(translation), np.array(center), loss)
+    rotation, translation, center, loss, equally_good = found
+    return Pose(np.array(rotation), np.array(translation), np.array(center), loss, equally_good)

@@ -15,7 +15,8 @@ one that `softras render --frame sphere` would use.
 
 Confidence is 1 - (least loss) / (least loss of a pose more than 10 degrees away): near 1 where only
 one pose explains the picture, 0 for a mesh that looks the same from several sides, and unknown where
-no start ended more than 10 degrees away.
+no start ended more than 10 degrees away. Poses with at most 1.5 times the least loss are counted as
+equally good and listed.
 
 The rotation is about the centre of the smallest sphere around the mesh, at which the camera looks by
 default. That centre stays where it is when the mesh turns, so a posed mesh is rendered from the same
@@ -47,10 +48,12 @@ pub struct PoseArgs {
     #[arg(long, value_name = "X,Y,Z,DEGREES[,X,Y,Z]", value_parser = init, num_args = 0..=1, default_missing_value = "0,1,0,0",
           conflicts_with_all = ["starts", "benchmark"])]
     pub init: Option<Pose>,
-    /// Number of poses to start from, spread over all rotations
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024), default_value_t = 32)]
+    /// Number of poses to fit: the most likely of 512 rotations that are compared with the picture first. With --benchmark and
+    /// --baselines the number of poses to start from, spread over all rotations
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=512), default_value_t = 24)]
     pub starts: u32,
-    /// Number of steps
+    /// Number of steps: a fifth with all starts and two fifths with the best third of them, in images of at most 64 pixels a
+    /// side, the others with the best of those in images of at most 128
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000), default_value_t = 150)]
     pub iterations: u32,
     /// Fit the rotation only, without translation

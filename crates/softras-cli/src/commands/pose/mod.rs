@@ -8,13 +8,13 @@ use super::color::encoded;
 use super::fit::targets;
 use super::memory::Budget;
 use super::outputs::Outputs;
-use super::render::framing::{Bounds, View};
+use super::render::framing::{self, Bounds};
 use super::{Failure, say};
 use args::PoseArgs;
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use serde_json::json;
-use softras::fit::{Pose, PoseFit, PoseOptions, PoseTarget, Schedule, rotations};
-use softras::internals::fit::is_closed;
+use softras::fit::{Pose, PoseFit, PoseOptions, PoseSearch, PoseTarget};
+use softras::internals::fit::rotations;
 use softras::scene::Faces;
 use softras::{Camera, Image, Mesh, Renderer, Result, Scene, Settings};
 
@@ -39,10 +39,10 @@ pub fn run(args: &PoseArgs) -> Result<(), Failure> {
     }
 }
 
-/// Bytes of a pixel of the picture: what it is read to, and for each start the target, the rendered images, their gradients
-/// and what the device keeps of them.
+/// Bytes of a pixel of the picture: what it is read to, and for each start of a baseline the target, the rendered images, their
+/// gradients and what the device keeps of them.
 fn bytes_per_pixel(args: &PoseArgs) -> u64 {
-    64 + 96 * u64::from(args.starts)
+    64 + if args.baselines { 96 * u64::from(args.starts) } else { 0 }
 }
 
 /// A target picture.
@@ -71,113 +71,95 @@ impl Target {
     }
 }
 
-/// What all fits of a mesh to a picture have in common.
-struct Search {
+/// What the search, the baselines and the landscape have in common.
+struct View {
     scene: Scene,
     camera: Camera,
     center: DVec3,
     settings: Settings,
 }
 
-impl Search {
+impl View {
     fn fit(&self, options: PoseOptions, poses: Vec<Pose>) -> Result<PoseFit> {
         PoseFit::new(self.scene.clone(), self.camera, self.center, self.settings.clone(), options, poses)
     }
 
-    /// A fit from all starts, after its last step.
-    fn run(
+    fn search(&self, args: &PoseArgs, target: &Target) -> Result<PoseSearch> {
+        let (settings, mesh) = (self.settings.clone(), self.scene.meshes[0].clone());
+        let (color, silhouette) = (target.color.clone(), target.silhouette.clone());
+        let search = PoseSearch::new(mesh, self.camera, self.center, settings, color, silhouette)?
+            .with(args.starts as usize, args.iterations as usize);
+        let search = if args.no_translation { search.without_translation() } else { search };
+        match args.init {
+            Some(pose) => search.refining(pose),
+            None => Ok(search),
+        }
+    }
+
+    /// The best pose of a baseline, from rotations that are spread evenly, by the same loss as the search's.
+    fn baseline(
         &self,
         args: &PoseArgs,
         options: PoseOptions,
-        target: &PoseTarget,
+        target: &Target,
         renderer: &mut Renderer,
-    ) -> Result<PoseFit> {
-        let mut fit = self.fit(options, starts(args))?;
-        let progress = super::progress::Progress::counted("step", args.iterations as usize);
+    ) -> Result<Option<(Pose, f64)>> {
+        let starts = rotations(args.starts as usize).into_iter().map(|rotation| Pose { rotation, ..Pose::IDENTITY });
+        let poses: Vec<Pose> = args.init.map_or_else(|| starts.collect(), |pose| vec![pose]);
+        let target = target.repeated(poses.len())?;
+        let mut fit = self.fit(options, poses)?;
         for _ in 0..args.iterations {
-            fit.step(renderer, target)?;
-            progress.step();
+            fit.step(renderer, &target)?;
         }
-        Ok(fit)
-    }
-}
-
-/// The poses to start from: one that is refined, or some that are spread over all rotations.
-fn starts(args: &PoseArgs) -> Vec<Pose> {
-    match args.init {
-        Some(pose) => vec![pose],
-        None => {
-            let rotations = rotations(args.starts as usize).into_iter();
-            rotations.map(|rotation| Pose { rotation, ..Pose::IDENTITY }).collect()
-        }
-    }
-}
-
-/// The options that refine a pose: small steps and little blur, which do not lead away from it.
-fn refining(options: PoseOptions) -> PoseOptions {
-    PoseOptions {
-        sigma: Schedule::Exponential { from: 5e-4, to: 1e-5 },
-        gamma: Schedule::Exponential { from: 1e-1, to: 3e-2 },
-        blur: Schedule::Exponential { from: 0.05, to: 0.005 },
-        silhouette: Schedule::Exponential { from: 0.3, to: 1.0 },
-        rate: Schedule::Exponential { from: 0.03, to: 0.002 },
-        ..options
+        let soft = self.fit(PoseOptions::default(), fit.poses().to_vec())?;
+        let losses = soft.losses(renderer, fit.poses(), SHARP, &target.plain())?;
+        Ok(least(fit.poses(), &losses, |_| true))
     }
 }
 
 fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) -> Result<(), Failure> {
     let bounds = Bounds::of(mesh);
     let (height, width) = (target.color.height, target.color.width);
-    let view = View::new(&args.camera, bounds, width as f64 / height as f64, 0.0);
+    let framed = framing::View::new(&args.camera, bounds, width as f64 / height as f64, 0.0);
     // The depth range has room for translations.
-    let reach = view.far - view.near;
-    let (near, far) = ((view.near - 0.2 * reach).max(0.2 * view.near), view.far + 0.2 * reach);
-    let (faces, base) = match is_solid(mesh)? {
-        true => (Faces::Front, PoseOptions::default()),
-        false => (Faces::Both, PoseOptions::both_sides()),
-    };
-    let settings = Settings { width: width as u32, height: height as u32, near, far, faces, ..Settings::default() };
-    let search = Search { scene: Scene::new(mesh.clone()), camera: view.camera()?, center: bounds.center, settings };
-    let translation_rate = if args.no_translation { 0.0 } else { 0.15 * bounds.radius };
-    let options = PoseOptions { iterations: args.iterations as usize, translation_rate, ..base };
-    let options = if args.init.is_some() { refining(options) } else { options };
-    let repeated = target.repeated(starts(args).len())?;
-    // The reported loss is that of plain colours, which is easier to interpret.
-    let plain = repeated.clone().plain();
-    let fit = search.run(args, options.clone(), &repeated, renderer)?;
-    let losses = fit.losses(renderer, fit.poses(), SHARP, &plain)?;
-    let Some((best, loss)) = least(fit.poses(), &losses, |_| true) else { return Err(Failure::Told) };
-    let other = least(fit.poses(), &losses, |pose| pose.degrees_to(&best) > OTHER);
-    let confidence = other.map(|(_, other)| (1.0 - loss / other.max(1e-12)).clamp(0.0, 1.0));
-    let agreeing = fit.poses().iter().filter(|pose| pose.degrees_to(&best) <= OTHER).count();
+    let reach = framed.far - framed.near;
+    let (near, far) = ((framed.near - 0.2 * reach).max(0.2 * framed.near), framed.far + 0.2 * reach);
+    let settings = Settings { width: width as u32, height: height as u32, near, far, ..Settings::default() };
+    let view = View { scene: Scene::new(mesh.clone()), camera: framed.camera()?, center: bounds.center, settings };
+    let mut search = view.search(args, target)?;
+    let progress = super::progress::Progress::counted("step", search.step_count());
+    while search.step(renderer)?.is_some() {
+        progress.step();
+    }
+    drop(progress);
+    let Some(&(best, loss)) = search.found().first() else { return Err(Failure::Told) };
     if let Some(path) = &args.out {
         softras::obj::write_obj(&encoded(&posed(mesh, &best, bounds)?)?, path)?;
     }
+    let both = View { settings: Settings { faces: Faces::Both, ..view.settings.clone() }, ..view };
+    let translation_rate = if args.no_translation { 0.0 } else { 0.15 * bounds.radius };
+    let options = PoseOptions { iterations: args.iterations as usize, translation_rate, ..PoseOptions::both_sides() };
     let mut baselines = Vec::new();
     for (name, options) in benchmark::baselines(&options).into_iter().filter(|_| args.baselines) {
-        let fit = search.run(args, options, &repeated, renderer)?;
-        // Baselines are compared by the same loss as the pose itself, whatever they were fitted with.
-        let soft = search.fit(PoseOptions::default(), fit.poses().to_vec())?;
-        let losses = soft.losses(renderer, fit.poses(), SHARP, &plain)?;
-        if let Some((pose, loss)) = least(fit.poses(), &losses, |_| true) {
+        if let Some((pose, loss)) = both.baseline(args, options, target, renderer)? {
             baselines.push(Baseline { name, loss, degrees: pose.degrees_to(&best) });
         }
     }
     if let Some(path) = &args.landscape {
-        let settings = Settings { faces: Faces::Both, ..search.settings.clone() };
-        let fit = Search { settings, ..search }.fit(options, vec![best])?;
-        landscape::write(path, &fit, &best, target, renderer)?;
+        landscape::write(path, &both.fit(options, vec![best])?, &best, target, renderer)?;
     }
-    tell(args, &Answer { pose: best, loss, confidence, agreeing, baselines })
+    let other = search.found().iter().find(|(pose, _)| pose.degrees_to(&best) > OTHER);
+    let confidence = other.map(|(_, other)| (1.0 - loss / other.max(1e-12)).clamp(0.0, 1.0));
+    let equally_good = search.found()[..search.equally_good()].to_vec();
+    tell(args, &Answer { equally_good, confidence, baselines })
 }
 
 /// The result of the fit.
 struct Answer {
-    pose: Pose,
-    loss: f64,
+    /// The best pose and those that explain the picture as well, with their losses.
+    equally_good: Vec<(Pose, f64)>,
     /// `None` where no start ended at another answer.
     confidence: Option<f64>,
-    agreeing: usize,
     baselines: Vec<Baseline>,
 }
 
@@ -195,13 +177,6 @@ fn least(poses: &[Pose], losses: &[f64], among: impl Fn(&Pose) -> bool) -> Optio
     pairs.min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// Whether a mesh is closed and its triangles face outwards, so that none is seen from behind.
-fn is_solid(mesh: &Mesh) -> Result<bool> {
-    let corner = |i: u32| glam::DVec3::from(mesh.positions()[i as usize].map(f64::from));
-    let volume: f64 = mesh.triangles().iter().map(|t| corner(t[0]).dot(corner(t[1]).cross(corner(t[2])))).sum();
-    Ok(is_closed(mesh)? && volume > 0.0)
-}
-
 fn posed(mesh: &Mesh, pose: &Pose, bounds: Bounds) -> Result<Mesh> {
     let place = |p: &[f32; 3]| {
         let from = glam::DVec3::from(p.map(f64::from)) - bounds.center;
@@ -212,42 +187,61 @@ fn posed(mesh: &Mesh, pose: &Pose, bounds: Bounds) -> Result<Mesh> {
     Ok(posed)
 }
 
+/// The rotation as the one of its two quaternions whose angle is at most 180 degrees.
+fn rotation_of(pose: &Pose) -> DQuat {
+    if pose.rotation.w < 0.0 { -pose.rotation } else { pose.rotation }
+}
+
 fn tell(args: &PoseArgs, answer: &Answer) -> Result<(), Failure> {
-    let Answer { pose, loss, confidence, agreeing, baselines } = answer;
-    // Of the two quaternions of a rotation the one whose angle is at most 180 degrees.
-    let rotation = if pose.rotation.w < 0.0 { -pose.rotation } else { pose.rotation };
-    let (axis, angle) = rotation.to_axis_angle();
-    let starts = starts(args).len();
-    let translation = pose.translation.to_array();
-    if args.json {
-        let report = json!({
-            "quaternion_xyzw": rotation.to_array(),
+    if args.json { say(&json_of(answer).to_string()) } else { tell_in_words(answer) }
+}
+
+fn json_of(answer: &Answer) -> serde_json::Value {
+    let pose = |(pose, loss): &(Pose, f64)| {
+        let (axis, angle) = rotation_of(pose).to_axis_angle();
+        json!({
+            "quaternion_xyzw": rotation_of(pose).to_array(),
             "axis": axis.to_array(),
             "degrees": angle.to_degrees(),
-            "translation": translation,
+            "translation": pose.translation.to_array(),
             "loss": loss,
-            "confidence": confidence,
-            "starts": starts,
-            "starts_that_agree": agreeing,
-            "baselines": baselines
-                .iter()
-                .map(|b| json!({ "method": b.name, "loss": b.loss, "degrees_from_the_answer": b.degrees }))
-                .collect::<Vec<_>>(),
-        });
-        return say(&report.to_string());
+        })
+    };
+    let mut report = pose(&answer.equally_good[0]);
+    report["confidence"] = json!(answer.confidence);
+    report["equally_good"] = answer.equally_good.iter().map(pose).collect();
+    report["baselines"] = answer
+        .baselines
+        .iter()
+        .map(|b| json!({ "method": b.name, "loss": b.loss, "degrees_from_the_answer": b.degrees }))
+        .collect();
+    report
+}
+
+fn tell_in_words(answer: &Answer) -> Result<(), Failure> {
+    let words = |pose: &Pose| {
+        let (axis, angle) = rotation_of(pose).to_axis_angle();
+        let [x, y, z] = pose.translation.to_array();
+        format!(
+            "turned by {:.2} degrees about ({:.4}, {:.4}, {:.4}), moved by ({x:.4}, {y:.4}, {z:.4})",
+            angle.to_degrees(),
+            axis.x,
+            axis.y,
+            axis.z,
+        )
+    };
+    let (best, loss) = &answer.equally_good[0];
+    let confidence = answer.confidence.map_or("unknown (no start ended elsewhere)".into(), |c| format!("{c:.3}"));
+    say(&format!("{}; loss {loss:.6}, confidence {confidence}", words(best)))?;
+    let others = &answer.equally_good[1..];
+    if !others.is_empty() {
+        say(&format!(
+            "{} equally good poses, by the object's symmetry or for want of detail; the others:",
+            others.len() + 1
+        ))?;
     }
-    let confidence = confidence.map_or("unknown (no start ended elsewhere)".into(), |c| format!("{c:.3}"));
-    say(&format!(
-        "turned by {:.2} degrees about ({:.4}, {:.4}, {:.4}), moved by ({:.4}, {:.4}, {:.4}); loss {loss:.6}, confidence \
-         {confidence}, {agreeing} of {starts} starts agree",
-        angle.to_degrees(),
-        axis.x,
-        axis.y,
-        axis.z,
-        translation[0],
-        translation[1],
-        translation[2],
-    ))?;
+    others.iter().try_for_each(|(pose, loss)| say(&format!("{}; loss {loss:.6}", words(pose))))?;
+    let baselines = &answer.baselines;
     baselines
         .iter()
         .try_for_each(|b| say(&format!("{}: loss {:.6}, {:.2} degrees from this", b.name, b.loss, b.degrees)))
