@@ -211,10 +211,12 @@ impl PoseSearch {
         found.retain(|(_, loss)| *loss <= HOPELESS * least);
         let mut poses: Vec<Pose> = found.into_iter().map(|(pose, _)| pose).collect();
         if self.translates {
-            // Of a translation the depth is what gradients find last, and the area of the silhouette at once.
+            // Of a translation the depth is what gradients find last, and the area of the silhouette at once. Most pictures show
+            // the object where the camera looks: that is tried as well.
             let mut centered = poses.clone();
             self.center_on_picture(renderer, &fits.fit, &mut centered)?;
-            poses.extend(centered);
+            let unmoved: Vec<Pose> = poses.iter().map(|pose| Pose { translation: DVec3::ZERO, ..*pose }).collect();
+            poses.extend(centered.into_iter().chain(unmoved));
         }
         Ok(poses)
     }
