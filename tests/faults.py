@@ -168,7 +168,7 @@ FAULTS = [
      "!self.offset.is_multiple_of(alignment.min(4)) ||", [("embed", "alignment::")]),
     ("storage at any offset", "src/vulkan/descriptors.rs", "!buffer.offset().is_multiple_of(alignment.max(1))",
      "!buffer.offset().is_multiple_of(alignment.min(1))", [("embed", "alignment::")]),
-    ("hull: half of the tetrahedra turned over", "src/fit/hull.rs", "if path < 3 { [first, second] } else { [second, first] }",
+    ("hull: half of the tetrahedra turned over", "src/shapes/level_set.rs", "if path < 3 { [first, second] } else { [second, first] }",
      "[first, second]", [("fit", "hull::")]),
     ("hull: the last picture alone", "src/fit/hull.rs", "value = value.min(distance as f32);", "value = distance as f32;",
      [("fit", "hull::")]),
