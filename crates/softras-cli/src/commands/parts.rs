@@ -33,40 +33,40 @@ pub struct Bands {
 }
 
 /// A band of an image.
-pub struct Band {
-    /// The rendered rows: those of the band and its margins.
-    pub frame: Frame,
+pub struct Band<T> {
+    /// What was rendered of the rows: those of the band and its margins.
+    pub frame: T,
     /// The band's rows in the whole image.
     pub rows: Range<usize>,
     /// Rows of the frame above the band's own.
     pub above: usize,
 }
 
-/// Renders an image in bands from top to bottom; `bands` keeps how large they can be.
+/// Renders an image in bands from top to bottom: `render` is given the camera and the settings of each. `bands` keeps how large
+/// they can be.
 ///
 /// # Errors
-/// As [`Renderer::render`] and [`Settings::cropped`], or of `take`.
-pub fn in_bands<E: From<Error>>(
-    renderer: &mut Renderer,
-    scene: &Scene,
+/// As [`Settings::cropped`], or of `render` or `take`.
+pub fn in_bands<T, E: From<Error>>(
     camera: &Camera,
     settings: &Settings,
     bands: &mut Bands,
-    mut take: impl FnMut(Band) -> std::result::Result<(), E>,
+    mut render: impl FnMut(&Camera, &Settings) -> Result<T>,
+    mut take: impl FnMut(Band<T>) -> std::result::Result<(), E>,
 ) -> std::result::Result<(), E> {
     let (height, Bands { unit, margin, .. }) = (settings.height as usize, *bands);
     let rows = |units: &Range<usize>| units.start * unit..height.min(units.end * unit);
-    let render = |units: Range<usize>| {
+    let band = |units: Range<usize>| {
         let rows = rows(&units);
         let (first, end) = (rows.start.saturating_sub(margin), height.min(rows.end + margin));
         let frame = if end - first == height {
-            renderer.render(scene, &[*camera], settings)?
+            render(camera, settings)?
         } else {
             let rows = first as u32..end as u32;
             let (camera, settings) = settings.cropped(camera, 0..settings.width, rows)?;
-            renderer.render(scene, &[camera], &settings)?
+            render(&camera, &settings)?
         };
         Ok(Band { frame, above: rows.start - first, rows })
     };
-    in_parts(height.div_ceil(unit), &mut bands.at_once, render, |_, band| take(band))
+    in_parts(height.div_ceil(unit), &mut bands.at_once, band, |_, band| take(band))
 }

@@ -47,6 +47,13 @@ fn transparent_materials_are_blended_by_depth() {
     let mtl = "newmtl wall\nKd 1 0 0\nnewmtl pane\nKd 0 0 1\nd 0.3\nnewmtl other\nKd 0 1 0\nTr 0.4\n";
     fs::write(folder.path().join("a.mtl"), mtl).unwrap();
     let picture = render(folder.path(), &[]);
+    // Both layers in bands are the picture again.
+    let arguments = ["render", "a.obj", "-o", "bands.png", "--json", "--memory", "500K"];
+    let said = succeeds(folder.path(), &[&arguments[..], &VIEW[..]].concat());
+    let report: serde_json::Value = serde_json::from_str(&said).unwrap();
+    assert!(report["bands"].as_u64().unwrap() > 1, "{report}");
+    let bands = image::open(folder.path().join("bands.png")).unwrap().into_rgba8();
+    assert!(picture.as_raw().iter().zip(bands.as_raw()).all(|(a, b)| a.abs_diff(*b) <= 1));
     assert_near(at(&picture, -1.5), [0, 255, 0, 153]);
     assert_near(at(&picture, -0.5), [255, 0, 0, 255]);
     assert_near(at(&picture, 0.5), [179, 0, 77, 255]);

@@ -182,7 +182,8 @@ fn covered(scene: &Scene, targets: &Targets, hard: &Settings, renderer: &mut Ren
     let one = |(view, camera): (usize, &Camera)| {
         let target = super::targets::some(target, view..view + 1);
         let mut image = Image { data: Vec::new(), ..target };
-        parts::in_bands::<Error>(renderer, scene, camera, &fine, &mut bands, |band| {
+        let render = |camera: &Camera, settings: &Settings| renderer.render(scene, &[*camera], settings);
+        parts::in_bands::<_, Error>(camera, &fine, &mut bands, render, |band| {
             let pooled = band.frame.silhouette().map(|image| pooled(image, SAMPLES as usize)).transpose()?;
             image.data.extend(pooled.into_iter().flat_map(|pooled| pooled.data));
             Ok(())

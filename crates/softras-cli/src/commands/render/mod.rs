@@ -30,7 +30,7 @@ use layers::Glass;
 use picture::Shot;
 use report::{Report, Written};
 use softras::obj::Loaded;
-use softras::{Mesh, Renderer, Scene};
+use softras::{Camera, Mesh, Renderer, Scene, Settings};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -248,15 +248,13 @@ impl<'a> Stage<'a> {
         let (is_solid, camera) = (look::is_solid(args), view.camera()?);
         let Self { renderer, scene, glass, bands, .. } = self;
         let samples = samples as usize;
-        if let Some(glass) = glass {
-            // Both layers are rendered whole.
-            let layer = Some(glass.shoot(renderer, &camera, &scene.lights, &settings)?);
-            let frame = renderer.render(scene, &[camera], &settings)?;
-            let (rows, above) = (0..settings.height as usize, 0);
-            return take(&Shot { frame, layer, rows, above, view, settings, samples, curve, transparent, is_solid });
-        }
-        parts::in_bands(renderer, scene, &camera, &settings, bands, |Band { frame, rows, above }| {
-            let (settings, layer) = (settings.clone(), None);
+        let lights = scene.lights.clone();
+        let layers = |camera: &Camera, settings: &Settings| {
+            let layer = glass.as_mut().map(|glass| glass.shoot(renderer, camera, &lights, settings)).transpose()?;
+            Ok((renderer.render(scene, &[*camera], settings)?, layer))
+        };
+        parts::in_bands(&camera, &settings, bands, layers, |Band { frame: (frame, layer), rows, above }| {
+            let settings = settings.clone();
             take(&Shot { frame, layer, rows, above, view, settings, samples, curve, transparent, is_solid })
         })
     }
