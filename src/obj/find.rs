@@ -61,7 +61,9 @@ fn is_inside(mesh: &Path, file: &Path) -> bool {
     let folder = folder_of(mesh);
     match (folder.canonicalize(), file.canonicalize()) {
         (Ok(folder), Ok(file)) => file.starts_with(folder),
-        // The file does not exist, so only its name can be checked.
-        _ => file.strip_prefix(folder).is_ok_and(|rest| rest.components().all(|c| matches!(c, Component::Normal(_)))),
+        // The file does not exist, so only its name can be checked, which begins as the mesh's own path does.
+        _ => file
+            .strip_prefix(mesh.parent().unwrap_or(folder))
+            .is_ok_and(|rest| rest.components().all(|c| matches!(c, Component::Normal(_)))),
     }
 }

@@ -44,6 +44,11 @@ impl Outputs {
         let mut all: Vec<Written> = Vec::new();
         for (path, is_mesh) in files.chain(mesh.into_iter().map(|path| (path, true))) {
             files::check_writable(path)?;
+            if is_mesh && !path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("obj")) {
+                let what =
+                    format!("{}: meshes are written as OBJ files: give a name that ends in .obj", path.display());
+                return Err(Failure::Usage(what));
+            }
             let one = Written { given: path.clone(), real: real(path), is_mesh };
             if all.iter().any(|other| other.replaces(&one.real) || one.replaces(&other.real)) {
                 return Err(Failure::Usage(format!(
@@ -95,5 +100,9 @@ mod tests {
         }
         assert!(Outputs::new([&at("a.png"), &at("./a.png")], []).is_err());
         assert!(Outputs::new([&at("a_texture.png")], [&at("a.obj")]).is_err());
+        assert!(Outputs::new([], [&at("a.OBJ")]).is_ok());
+        for name in ["a.stl", "a.obj.png", "obj"] {
+            assert!(Outputs::new([], [&at(name)]).is_err(), "{name}");
+        }
     }
 }

@@ -57,11 +57,20 @@ pub fn bytes(text: &str) -> Result<u64, String> {
     }
 }
 
+/// Three numbers that are not all 0.
+pub fn direction(text: &str) -> Result<[f64; 3], String> {
+    let direction = triple(text)?;
+    if direction == [0.0; 3] { Err("a direction has a length: use 0,1,0 for y".into()) } else { Ok(direction) }
+}
+
 /// `256` or `640x480`: width and height.
 pub fn size(text: &str) -> Result<(u32, u32), String> {
     let side = |side: &str| match side.trim().parse::<u32>() {
         Ok(n) if (1..=softras::Settings::MAX_SIZE).contains(&n) => Ok(n),
-        _ => Err(format!("{side:?} is not a side of 1 to {} pixels", softras::Settings::MAX_SIZE)),
+        _ => Err(format!(
+            "{text:?} is no size: use 256 or 640x480, sides of 1 to {} pixels",
+            softras::Settings::MAX_SIZE
+        )),
     };
     match text.split_once(['x', 'X', '×']) {
         Some((width, height)) => Ok((side(width)?, side(height)?)),

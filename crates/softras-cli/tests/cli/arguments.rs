@@ -24,6 +24,8 @@ fn senseless_arguments_exit_with_2_and_are_named() {
     };
     render(&["--size", "0"], &["--size", "16384"]);
     render(&["--size", "12by4"], &["--size", "12by4"]);
+    render(&["--size", "10x"], &["--size", "\"10x\" is no size"]);
+    render(&["--up", "0,0,0"], &["--up", "length"]);
     render(&["--eye", "1,2"], &["--eye", "three are expected"]);
     render(&["--light", "1,2,3:bright"], &["--light", "bright"]);
     render(&["--background", "#12"], &["--background", "#rrggbb"]);
@@ -42,6 +44,8 @@ fn senseless_arguments_exit_with_2_and_are_named() {
     fails(folder.path(), &["render", "a.obj", "-o", "a.gif"], 2, &["a.gif", "--turntable"]);
     fails(folder.path(), &["render", "a.obj", "-o", "a.exr", "--turntable", "4"], 2, &["a.exr", ".gif"]);
     fails(folder.path(), &["mesh", "teapot", "-o", "a.obj"], 2, &["teapot", "torus"]);
+    fails(folder.path(), &["mesh", "cube", "-o", "a.stl"], 2, &["a.stl", "ends in .obj"]);
+    fails(folder.path(), &["fit", "--from", "a.obj", "-o", "a.png"], 2, &["a.png", "ends in .obj"]);
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
 }
 
@@ -61,6 +65,23 @@ fn what_cannot_be_done_exits_with_1_and_names_the_file() {
     let device = ["render", "cube.obj", "-o", "a.png", "--device", "a device that nobody has"];
     fails(folder.path(), &device, 1, &["a device that nobody has"]);
     assert!(!folder.path().join("a.png").exists());
+}
+
+#[test]
+fn a_missing_material_is_said_to_be_missing() {
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = "mtllib none.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    fs::write(folder.path().join("a.obj"), mesh).unwrap();
+    fs::write(folder.path().join("b.obj"), mesh.replace("none.mtl", "../none.mtl")).unwrap();
+    let notes = |mesh: &str| {
+        let output = softras(folder.path(), &["render", mesh, "-o", "a.png", "--size", "8"]);
+        assert_eq!(output.status.code(), Some(0));
+        String::from_utf8(output.stderr).unwrap()
+    };
+    for mesh in ["a.obj", "./a.obj"] {
+        assert!(notes(mesh).contains("none.mtl not found"), "{}", notes(mesh));
+    }
+    assert!(notes("b.obj").contains("outside the mesh's folder"), "{}", notes("b.obj"));
 }
 
 #[test]

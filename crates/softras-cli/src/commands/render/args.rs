@@ -90,7 +90,7 @@ pub struct CameraArgs {
     pub target: Option<[f64; 3]>,
     /// The vertical axis: up in the picture, and the axis of azimuth, elevation and turntable (0,0,1 for z-up files)
     /// [default: 0,1,0; `render` takes z or x, with a note, where the mesh has a base to stand on there and none below]
-    #[arg(long, value_name = "X,Y,Z", value_parser = parse::triple, allow_hyphen_values = true)]
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse::direction, allow_hyphen_values = true)]
     pub up: Option<[f64; 3]>,
     /// Distance from the target to the camera, world units [default: so that the mesh fits]
     #[arg(long, value_name = "UNITS", value_parser = parse::positive)]
