@@ -53,16 +53,21 @@ pub struct PoseSearch {
     steps: usize,
     translates: bool,
     stage: Stage,
+    /// Poses that were fitted and not refined, with their losses by plain colours.
+    hopeless: Vec<Scored>,
 }
+
+/// A pose with its loss.
+type Scored = (Pose, f64);
 
 #[derive(Debug)]
 enum Stage {
     /// The rotations of the grid so far with their losses.
-    Grid(Vec<(Pose, f64)>),
+    Grid(Vec<Scored>),
     /// Fits from the most likely rotations, or from the pose that is refined.
     Fits(Box<Fits>),
     /// The poses with their losses, the best first.
-    Done(Vec<(Pose, f64)>),
+    Done(Vec<Scored>),
 }
 
 #[derive(Debug)]
@@ -97,7 +102,19 @@ impl PoseSearch {
         }
         let settings = Settings { faces: if is_solid(&mesh)? { Faces::Front } else { Faces::Both }, ..settings };
         let (scene, stage) = (Scene::new(mesh), Stage::Grid(Vec::with_capacity(GRID)));
-        Ok(Self { scene, camera, center, radius, settings, picture, starts: 24, steps: 150, translates: true, stage })
+        Ok(Self {
+            scene,
+            camera,
+            center,
+            radius,
+            settings,
+            picture,
+            starts: 24,
+            steps: 150,
+            translates: true,
+            stage,
+            hopeless: Vec::new(),
+        })
     }
 
     /// With so many of the grid's rotations fitted (24, at most 512), in so many steps (150): a fifth of them with all, two fifths with
@@ -185,9 +202,10 @@ impl PoseSearch {
             Stage::Fits(fits) if fits.taken == fits.steps => {
                 let found = distinct(Self::compared(fits, renderer)?, APART[1]);
                 if fits.round == LAST {
-                    Stage::Done(found)
+                    Stage::Done(distinct([found, std::mem::take(&mut self.hopeless)].concat(), APART[1]))
                 } else {
-                    let poses = self.kept(fits, found, renderer)?;
+                    let (poses, hopeless) = self.kept(fits, found, renderer)?;
+                    self.hopeless = hopeless;
                     self.fits(poses, self.steps_of(fits.round + 1), fits.round + 1)?
                 }
             }
@@ -201,15 +219,20 @@ impl PoseSearch {
         ((ROUNDS[round].1 * self.steps as f64).round() as usize).max(1)
     }
 
-    /// The poses that the round after this one begins with.
-    fn kept(&self, fits: &Fits, mut found: Vec<(Pose, f64)>, renderer: &mut Renderer) -> Result<Vec<Pose>> {
+    /// The poses that the round after this one begins with, and before the last those that it leaves out, with their losses.
+    fn kept(&self, fits: &Fits, mut found: Vec<Scored>, renderer: &mut Renderer) -> Result<(Vec<Pose>, Vec<Scored>)> {
         if fits.round + 1 < LAST {
             found.truncate(self.starts.div_ceil(PRUNED));
-            return Ok(found.into_iter().map(|(pose, _)| pose).collect());
+            return Ok((found.into_iter().map(|(pose, _)| pose).collect(), Vec::new()));
         }
-        let least = found[0].1;
-        found.retain(|(_, loss)| *loss <= HOPELESS * least);
+        let hopeful = found.iter().take_while(|(_, loss)| *loss <= HOPELESS * found[0].1).count().max(1);
         let mut poses: Vec<Pose> = found.into_iter().map(|(pose, _)| pose).collect();
+        let left_out = poses.split_off(hopeful);
+        let repeated = self.picture.at_most(ROUNDS[fits.round].0).repeated(left_out.len().max(1))?.plain();
+        let losses = match left_out.len() {
+            0 => Vec::new(),
+            _ => fits.fit.losses(renderer, &left_out, SHARP, &repeated)?,
+        };
         if self.translates {
             // Of a translation the depth is what gradients find last, and the area of the silhouette at once. Most pictures show
             // the object where the camera looks: that is tried as well.
@@ -218,12 +241,12 @@ impl PoseSearch {
             let unmoved: Vec<Pose> = poses.iter().map(|pose| Pose { translation: DVec3::ZERO, ..*pose }).collect();
             poses.extend(centered.into_iter().chain(unmoved));
         }
-        Ok(poses)
+        Ok((poses, left_out.into_iter().zip(losses).collect()))
     }
 
     /// The losses of fitted poses: as they were fitted after the first round, sharp after the others, and at the end by plain
     /// colours, which say more to a reader.
-    fn compared(fits: &Fits, renderer: &mut Renderer) -> Result<Vec<(Pose, f64)>> {
+    fn compared(fits: &Fits, renderer: &mut Renderer) -> Result<Vec<Scored>> {
         let Fits { fit, target, round, .. } = fits;
         let losses = match *round {
             0 => fit.losses_of_step(renderer, fit.poses(), target)?,
@@ -281,7 +304,7 @@ impl PoseSearch {
     }
 
     /// The next rotations of the grid, moved to where the picture shows the object, with their losses.
-    fn grid_losses(&self, renderer: &mut Renderer, from: usize) -> Result<Vec<(Pose, f64)>> {
+    fn grid_losses(&self, renderer: &mut Renderer, from: usize) -> Result<Vec<Scored>> {
         let mut poses: Vec<Pose> = rotations(GRID)[from..(from + BATCH).min(GRID)]
             .iter()
             .map(|rotation| Pose { rotation: *rotation, ..Pose::IDENTITY })
@@ -324,9 +347,9 @@ impl PoseSearch {
 }
 
 /// The poses in order of their losses without those within so many degrees of a better one.
-fn distinct(mut poses: Vec<(Pose, f64)>, degrees: f64) -> Vec<(Pose, f64)> {
+fn distinct(mut poses: Vec<Scored>, degrees: f64) -> Vec<Scored> {
     poses.sort_by(|a, b| a.1.total_cmp(&b.1));
-    let mut kept: Vec<(Pose, f64)> = Vec::new();
+    let mut kept: Vec<Scored> = Vec::new();
     for (pose, loss) in poses {
         if kept.iter().all(|(other, _)| pose.degrees_to(other) > degrees) {
             kept.push((pose, loss));
