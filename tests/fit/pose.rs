@@ -286,13 +286,13 @@ fn a_search_finds_a_cube_wherever_it_is() {
     // A picture that is reduced for all stages, and one that is not.
     for size in [150, 48] {
         let truth = random_pose(&mut random, 160.0, 0.25);
-        let found = finish(search(&mut renderer, &cube, &truth, size).with(6, 60), &mut renderer);
+        let found = finish(search(&mut renderer, &cube, &truth, size).with(15, 60), &mut renderer);
         let (pose, loss) = found.found()[0];
         let shift = pose.translation.distance(truth.translation);
         assert!(pose.degrees_to(&truth) < 2.0 && shift < 0.03, "{} degrees, {shift}", pose.degrees_to(&truth));
         assert!(found.found().iter().all(|(_, other)| *other >= loss) && found.equally_good() == 1);
-        // What other starts ended at is known, however bad it is.
-        assert!(found.found().iter().any(|(other, _)| other.degrees_to(&truth) > 10.0), "{:?}", found.found());
+        // Where fits ended that were too bad to be refined is known as well: in the larger picture one more than was refined.
+        assert!(found.found().len() >= if size == 150 { 3 } else { 2 }, "{:?}", found.found());
         let away = Pose { rotation: DQuat::from_rotation_x(0.1) * truth.rotation, ..truth };
         let refined = search(&mut renderer, &cube, &truth, size).with(1, 60).refining(away).unwrap();
         let refined = finish(refined, &mut renderer).found()[0].0;
