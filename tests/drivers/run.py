@@ -91,6 +91,7 @@ def download(package, folder):
             done = subprocess.run(["apt-get", "-q", "download", package], cwd=into, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
             files = list(pathlib.Path(into).glob("*.deb"))
             if done.returncode == 0 and files:
+                pathlib.Path(folder).parent.mkdir(parents=True, exist_ok=True)
                 subprocess.run(["dpkg", "-x", files[0], folder], check=True)
                 return
         raise Missing(f"apt-get download {package}: {done.stdout.strip().splitlines()[-1:]}")
