@@ -1,7 +1,8 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 // Vertex: projects each vertex of each view's mesh to pixel coordinates and view depth, in double floats. With smooth
-// shading it also computes the vertex's normal (the normalised sum of its triangles' area vectors) and the light on it.
+// shading it also computes the vertex's normal (the mesh's own, or the normalised sum of its triangles' area vectors) and
+// the light on it.
 // One invocation a vertex, views along y. Reads the mesh and the cameras; writes `vertices` (column and row; depth) and
 // `vertex_shading` (light, normal), which backward reads again. Derivatives: project_gradient.glsl, vertex_normal_grad.comp.
 
@@ -15,6 +16,7 @@ layout(set = 0, binding = 4) uniform usamplerBuffer adjacency;
 layout(set = 0, binding = 5) uniform samplerBuffer lights;
 layout(set = 0, binding = 6, std430) writeonly buffer Vertices { vec4 vertices[]; };
 layout(set = 0, binding = 7, std430) writeonly buffer VertexShading { vec4 vertex_shading[]; };
+layout(set = 0, binding = 8) uniform samplerBuffer vertex_normals;
 
 #include "common/constants.glsl"
 #include "common/modes.glsl"
@@ -24,6 +26,7 @@ layout(set = 0, binding = 7, std430) writeonly buffer VertexShading { vec4 verte
 #include "common/df64.glsl"
 #include "common/camera.glsl"
 #include "common/light.glsl"
+#include "common/given_normal.glsl"
 
 // The unit normal of a vertex. A mesh's `adjacency` is vertex_count + 1 offsets, then the triangle corners at each vertex,
 // each as four times the triangle plus the corner.
@@ -55,7 +58,8 @@ void main() {
     vertices[at] = vec4(column, row);
     vertices[at + 1] = vec4(v.z, 0.0, 0.0);
     if (SMOOTH) {
-        vec3 normal = smooth_normal(shape, vertex);
+        vec3 given = given_normal(shape, vertex);
+        vec3 normal = is_given(given) ? given : smooth_normal(shape, vertex);
         int to = int(VERTEX_SHADING_TEXELS) * (shape.screen_base + vertex);
         vertex_shading[to] = vec4(light_on(normal), 0.0);
         vertex_shading[to + 1] = vec4(normal, 0.0);

@@ -15,6 +15,7 @@ layout(set = 0, binding = 4) uniform samplerBuffer lights;
 layout(set = 0, binding = 5) uniform samplerBuffer corner_lights;
 layout(set = 0, binding = 6, std430) writeonly buffer AreaGradients { vec4 area_gradients[]; };
 layout(set = 0, binding = 7, std430) writeonly buffer LightRecords { vec4 light_records[]; };
+layout(set = 0, binding = 8) uniform samplerBuffer vertex_normals;
 
 #include "common/constants.glsl"
 #include "common/modes.glsl"
@@ -23,6 +24,7 @@ layout(set = 0, binding = 7, std430) writeonly buffer LightRecords { vec4 light_
 #include "common/mesh.glsl"
 #include "common/position.glsl"
 #include "common/light.glsl"
+#include "common/given_normal.glsl"
 
 void main() {
     int view = int(gl_WorkGroupID.y);
@@ -45,7 +47,10 @@ void main() {
         by_light += live ? texelFetch(corner_lights, light_at).rgb : vec3(0.0);
         by_normal += live ? texelFetch(corner_lights, light_at + 1).xyz : vec3(0.0);
     }
-    vec3 normal = unit_or_zero(area);
+    vec3 given = given_normal(shape, vertex);
+    // A normal that the mesh gives does not depend on the positions.
+    area = is_given(given) ? vec3(0.0) : area;
+    vec3 normal = is_given(given) ? given : unit_or_zero(area);
     float size = length(area);
     // n = a / |a|: dL/da = (I - n nᵀ) dL/dn / |a|.
     vec3 by_unit = by_normal + (LIT ? light_gradient(normal, by_light) : vec3(0.0));

@@ -60,7 +60,7 @@ impl Inputs {
     }
 
     /// The id and the bytes of every input; empty for an input that the frame does not need.
-    pub fn all(&self) -> [(BufferId, &[u8]); 12] {
+    pub fn all(&self) -> [(BufferId, &[u8]); 13] {
         let tables = &self.tables;
         [
             (BufferId::ViewShapes, bytemuck::cast_slice(&self.shapes)),
@@ -68,6 +68,7 @@ impl Inputs {
             (BufferId::Positions, bytemuck::cast_slice(&tables.positions)),
             (BufferId::Indices, bytemuck::cast_slice(&tables.indices)),
             (BufferId::Adjacency, bytemuck::cast_slice(&tables.adjacency)),
+            (BufferId::VertexNormals, bytemuck::cast_slice(&tables.normals)),
             (BufferId::Lights, bytemuck::cast_slice(&self.lights)),
             (BufferId::Colors, bytemuck::cast_slice(&tables.colors)),
             (BufferId::Uvs, bytemuck::cast_slice(&tables.uvs)),

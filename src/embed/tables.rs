@@ -115,7 +115,8 @@ impl Tables {
         } else {
             self.push_colors(first, vertex, ends)?
         };
-        self.shapes.push(MeshShape { vertices: vertex, triangles: triangle, most_corners, appearance });
+        let normals = false;
+        self.shapes.push(MeshShape { vertices: vertex, triangles: triangle, most_corners, appearance, normals });
         ends.vertices = sum(ends.vertices, vertex)?;
         ends.triangles = sum(ends.triangles, triangle)?;
         Ok(())

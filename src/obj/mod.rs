@@ -48,7 +48,8 @@ pub struct Loaded {
     /// The mesh.
     pub mesh: Mesh,
     /// The normals of each triangle's corners as the file gives them, of any length, 0 where it gives none; empty for files
-    /// without. The renderer computes normals from the triangles: these tell which of them are smooth with one another.
+    /// without. The mesh has one vertex for each of the file's, which may have several normals: [`Mesh::with_normals`] takes
+    /// them once its vertices are split, as `softras render` does.
     pub normals: Vec<[[f32; 3]; 3]>,
     /// The opacity of each triangle's material: `d` or 1 less `Tr` of an MTL file, the alpha of a glTF file's base colour; empty
     /// where all are 1. The model has no glass: `softras render` blends these triangles over the others, everything else draws

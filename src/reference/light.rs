@@ -39,7 +39,8 @@ impl<R: Real> Lamps<R> {
     }
 }
 
-/// A unit normal for each triangle's corner, outward where triangles are counter-clockwise; zero without area.
+/// A unit normal for each triangle's corner, outward where triangles are counter-clockwise; zero without area. With smooth
+/// shading a vertex's own normal if the mesh gives one, which is a constant.
 pub fn corner_normals<R: Real>(mesh: &Mesh, world: &[[R; 3]], shading: Shading) -> Vec<[[R; 3]; 3]> {
     let faces: Vec<[R; 3]> = mesh.triangles().iter().map(|t| face_cross(t, world)).collect();
     match shading {
@@ -51,7 +52,12 @@ pub fn corner_normals<R: Real>(mesh: &Mesh, world: &[[R; 3]], shading: Shading) 
                     sums[vertex as usize] = add(sums[vertex as usize], normal);
                 }
             }
-            let normals: Vec<[R; 3]> = sums.into_iter().map(normalize).collect();
+            let mut normals: Vec<[R; 3]> = sums.into_iter().map(normalize).collect();
+            for (normal, given) in normals.iter_mut().zip(mesh.normals()) {
+                if given.iter().any(|&x| x != 0.0) {
+                    *normal = normalize(given.map(|x| R::constant(x.into())));
+                }
+            }
             mesh.triangles().iter().map(|t| t.map(|v| normals[v as usize])).collect()
         }
     }

@@ -38,6 +38,8 @@ pub struct Mesh {
     positions: Vec<[f32; 3]>,
     triangles: Vec<[u32; 3]>,
     appearance: Appearance,
+    /// One for each vertex, or none at all.
+    normals: Vec<[f32; 3]>,
     /// Whether every vertex belongs to a triangle.
     all_used: bool,
     /// The largest number of triangle corners that share a vertex.
@@ -134,7 +136,8 @@ impl Mesh {
         triangles.iter().flatten().for_each(|&vertex| corners[vertex as usize] += 1);
         let all_used = corners.iter().all(|&n| n > 0);
         let most_corners = corners.into_iter().max().unwrap_or(0);
-        Ok(Self { positions, triangles, appearance: Appearance::Uniform([1.0; 3]), all_used, most_corners })
+        let (appearance, normals) = (Appearance::Uniform([1.0; 3]), Vec::new());
+        Ok(Self { positions, triangles, appearance, normals, all_used, most_corners })
     }
 
     /// The same mesh with another appearance.
@@ -192,7 +195,26 @@ impl Mesh {
         Ok(self)
     }
 
-    /// Replaces the vertex positions and keeps triangles and appearance: the step of an optimisation loop.
+    /// The same mesh with a normal for each vertex, `[x, y, z]` in world space and of any length, which smooth shading takes in
+    /// place of the mean of the triangles' normals; `[0, 0, 0]` stands for that mean. None at all is the mean everywhere.
+    /// They are kept as unit vectors.
+    ///
+    /// Gradients do not go through them, and [`set_positions`](Self::set_positions) drops them.
+    ///
+    /// # Errors
+    /// [`Error::Mesh`] for another count than that of the vertices, or a normal that is not finite.
+    pub fn with_normals(mut self, normals: Vec<[f32; 3]>) -> Result<Self> {
+        if !normals.is_empty() {
+            validate_count("normals", normals.len(), self.positions.len())?;
+            validate_finite(&normals, "normal", "vertex")?;
+        }
+        let unit = |n: [f32; 3]| glam::DVec3::from(n.map(f64::from)).normalize_or_zero().as_vec3().to_array();
+        self.normals = normals.into_iter().map(unit).collect();
+        Ok(self)
+    }
+
+    /// Replaces the vertex positions and keeps triangles and appearance: the step of an optimisation loop. Normals of the
+    /// mesh's own would be those of another shape, and are dropped.
     ///
     /// # Errors
     /// [`Error::Mesh`] when the count differs or a position is not finite or beyond ±[`Mesh::FARTHEST`]; the mesh is
@@ -201,6 +223,7 @@ impl Mesh {
         validate_count("positions", positions.len(), self.positions.len())?;
         validate_positions(&positions)?;
         self.positions = positions;
+        self.normals = Vec::new();
         Ok(())
     }
 
@@ -217,6 +240,12 @@ impl Mesh {
     /// Vertex indices of each triangle.
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
+    }
+
+    /// The unit normals of the vertices ([`with_normals`](Self::with_normals)), 0 where the triangles decide; empty
+    /// if they do everywhere.
+    pub fn normals(&self) -> &[[f32; 3]] {
+        &self.normals
     }
 
     /// What gives the mesh its colour.
@@ -249,6 +278,7 @@ impl Mesh {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 
@@ -272,6 +302,22 @@ mod tests {
         let with_another = [corners, vec![[9.0; 3]]].concat();
         assert_eq!(Mesh::new(with_another.clone(), vec![[2, 0, 1]]).ok().and_then(|m| m.bounds()), around);
         assert_eq!(Mesh::new(with_another, Vec::new()).ok().and_then(|m| m.bounds()), None);
+    }
+
+    #[test]
+    fn normals_are_validated_and_kept_as_unit_vectors() {
+        let mesh = Mesh::new(vec![[0.0; 3]; 3], vec![[0, 1, 2]]).unwrap();
+        let given = |normals: &[[f32; 3]]| mesh.clone().with_normals(normals.to_vec());
+        let normals = given(&[[0.0, 0.0, 3e38], [0.0; 3], [1e-40, 0.0, 0.0]]).map(|mesh| mesh.normals().to_vec());
+        assert_eq!(normals.ok(), Some(vec![[0.0, 0.0, 1.0], [0.0; 3], [1.0, 0.0, 0.0]]));
+        assert_eq!(given(&[]).ok().as_ref(), Some(&mesh));
+        let told = |normals: &[[f32; 3]]| given(normals).map_err(|error| error.to_string());
+        assert!(told(&[[1.0; 3]; 2]).is_err_and(|text| text.contains("2 normals, expected 3")));
+        let bad = [[1.0; 3], [f32::NAN; 3], [1.0; 3]];
+        assert!(told(&bad).is_err_and(|text| text.contains("vertex 1")));
+        // Of another shape they would be wrong.
+        let mut moved = given(&[[1.0; 3]; 3]).unwrap();
+        assert!(moved.set_positions(vec![[1.0; 3]; 3]).is_ok() && moved.normals().is_empty());
     }
 
     #[test]

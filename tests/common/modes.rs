@@ -18,7 +18,7 @@ pub type Change = fn(&mut Case);
 
 /// Each choice by itself, and the combinations that have code of their own. Guaranteed support is not among them: which
 /// pairs it keeps is bounded and not fixed, so that its tests (tests/render/support.rs) compare with that bound.
-pub const MODES: [(&str, Change); 34] = [
+pub const MODES: [(&str, Change); 35] = [
     ("the paper's", |_| {}),
     ("composite", |c| c.settings.background = Background::Composite),
     ("hard colour", |c| c.settings.color = ColorAggregation::Hard),
@@ -33,6 +33,7 @@ pub const MODES: [(&str, Change); 34] = [
     ("perspective-correct", |c| c.settings.interpolation = Interpolation::Perspective),
     ("official", |c| c.settings.parity = Parity::Official),
     ("smooth", |c| c.scene.lights.shading = Shading::Smooth),
+    ("normals of the meshes' own", own_normals),
     ("unlit", |c| c.scene.lights = Lights::unlit()),
     ("cut at near", |c| through_near(c, Parity::Model)),
     ("beyond far", |c| within(c, c.settings.near, depth_at(c, 0.6))),
@@ -84,6 +85,22 @@ pub const MODES: [(&str, Change); 34] = [
         c.settings.parity = Parity::Official;
     }),
 ];
+
+/// Normals of any direction and length, some of them left to the triangles, and of several meshes not all.
+fn own_normals(case: &mut Case) {
+    case.scene.lights.shading = Shading::Smooth;
+    let random = &mut Random::new(case.seed);
+    for mesh in case.scene.meshes.iter_mut().step_by(2) {
+        let normals = mesh.positions().iter().map(|_| random_normal(random)).collect();
+        *mesh = mesh.clone().with_normals(normals).unwrap();
+    }
+}
+
+/// One in four is left to the triangles.
+fn random_normal(random: &mut Random) -> [f32; 3] {
+    let length = if random.chance(0.25) { 0.0 } else { random.log_range(0.01, 100.0) };
+    (random.direction() * length).as_vec3().to_array()
+}
 
 const NOTHING: Outputs = Outputs { color: false, silhouette: false, depth: false, normal: false };
 

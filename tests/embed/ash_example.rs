@@ -316,6 +316,7 @@ fn counts_of_any_size_are_planned_or_refused() {
             triangles: count(),
             most_corners: count(),
             appearance: appearances[count() as usize % 4].clone(),
+            normals: count() > 2,
         });
         let meshes: Vec<_> = meshes.collect();
         let views = if meshes.len() == 1 { count() } else { meshes.len() as u32 };
@@ -355,8 +356,8 @@ fn records_beyond_32_bits_are_refused() {
     let limits = Limits { max_storage_buffer_range: ranges, max_texel_buffer_elements: elements, ..limits };
     let limits = Limits { max_memory_allocation_size: u64::MAX, ..limits };
     let plan = |views: u32| {
-        let mesh =
-            MeshShape { vertices: 3, triangles: 4_000_000, most_corners: 3, appearance: AppearanceShape::Uniform };
+        let (appearance, normals) = (AppearanceShape::Uniform, false);
+        let mesh = MeshShape { vertices: 3, triangles: 4_000_000, most_corners: 3, appearance, normals };
         let depth_span = DepthSpan { crosses_near: false, crosses_far: false };
         let (meshes, lights) = (vec![mesh], Lights::unlit());
         let shape = Shape {

@@ -11,7 +11,7 @@ use glam::DVec3;
 use softras::{
     Camera, Frame, Gradients, Image, ImageGradient, Lights, Mesh, Projection, Renderer, RendererOptions, Scene,
     Settings, Wanted,
-    scene::{Appearance, Background, Outputs},
+    scene::{Appearance, Background, Outputs, Shading},
     shapes,
 };
 
@@ -82,7 +82,7 @@ fn recolored(random: &mut Random, mesh: &Mesh) -> Mesh {
 }
 
 /// Counts of kinds of change; the last is none.
-const CHANGES: usize = 14;
+const CHANGES: usize = 15;
 
 fn change(state: &mut State, kind: usize, random: &mut Random) {
     let which = random.below(state.scene.meshes.len());
@@ -109,11 +109,23 @@ fn change(state: &mut State, kind: usize, random: &mut Random) {
             state.settings.background = random.choose(&[Background::Weighted, Background::Composite]);
             state.settings.width = random.choose(&[20, 33]);
         }
-        10 => state.scene.lights = if random.chance(0.5) { Lights::official() } else { Lights::unlit() },
+        10 => {
+            let shading = random.choose(&[Shading::Flat, Shading::Smooth]);
+            state.scene.lights = if random.chance(0.5) { Lights::official() } else { Lights::unlit() };
+            state.scene.lights.shading = shading;
+        }
         11 => state.scene.lights.ambient_intensity = random.range(0.1, 1.0),
         12 => {
             state.settings.outputs.depth ^= true;
             state.wanted.texels ^= true;
+        }
+        13 => {
+            let normal = (random.direction() * random.choose(&[0.0, 2.0])).as_vec3().to_array();
+            let count = if random.chance(0.3) { 0 } else { mesh_of.positions().len() };
+            let mut normals = mesh_of.normals().to_vec();
+            normals.resize(count, normal);
+            normals.first_mut().into_iter().for_each(|first| *first = normal);
+            *mesh_of = mesh_of.clone().with_normals(normals).unwrap();
         }
         _ => {}
     }

@@ -31,7 +31,9 @@ pub fn part_of(mesh: &Mesh, kept: &[usize]) -> Result<Mesh> {
             texture_of_triangle: kept.iter().filter_map(|&t| texture_of_triangle.get(t).copied()).collect(),
         },
     };
-    Mesh::new(positions, triangles)?.with_appearance(appearance)
+    let normals = if mesh.normals().is_empty() { &[] } else { &vertices[..] };
+    let normals = normals.iter().map(|&v| mesh.normals()[v as usize]).collect();
+    Mesh::new(positions, triangles)?.with_appearance(appearance)?.with_normals(normals)
 }
 
 #[cfg(test)]
@@ -43,7 +45,10 @@ mod tests {
         let positions = (0..6).map(|i| [i as f32, 0.0, 1.0]).collect();
         let mesh = Mesh::new(positions, vec![[0, 1, 2], [5, 3, 1]])?;
         let colors = (0..6).map(|i| [i as f32; 3]).collect();
-        let part = part_of(&mesh.with_appearance(Appearance::VertexColors(colors))?, &[1])?;
+        let normals = (0..6).map(|i| [0.0, i as f32, 0.0]).collect();
+        let mesh = mesh.with_appearance(Appearance::VertexColors(colors))?.with_normals(normals)?;
+        let part = part_of(&mesh, &[1])?;
+        assert_eq!(part.normals(), [[0.0, 1.0, 0.0]; 3]);
         assert_eq!(part.triangles(), [[2, 1, 0]]);
         assert_eq!(part.positions(), [[1.0, 0.0, 1.0], [3.0, 0.0, 1.0], [5.0, 0.0, 1.0]]);
         assert_eq!(*part.appearance(), Appearance::VertexColors(vec![[1.0; 3], [3.0; 3], [5.0; 3]]));

@@ -14,6 +14,8 @@ pub struct TableLengths {
     pub triangles: u64,
     /// Words of `adjacency`; 0 where neither gradients nor smooth shading need it.
     pub adjacency: u64,
+    /// Floats of `vertex_normals`; 0 where no mesh has any.
+    pub normals: u64,
     /// Floats of `colors`.
     pub colors: u64,
     /// Floats of `uvs`.

@@ -17,6 +17,8 @@ pub struct MeshShape {
     pub most_corners: u32,
     /// What colours it.
     pub appearance: AppearanceShape,
+    /// Whether its vertices have normals ([`Mesh::with_normals`]).
+    pub normals: bool,
 }
 
 /// What colours a mesh, as far as sizes depend on it.
@@ -56,7 +58,8 @@ impl MeshShape {
             },
         };
         let (vertices, triangles) = (mesh.positions().len() as u32, mesh.triangles().len() as u32);
-        Self { vertices, triangles, most_corners: mesh.most_corners(), appearance }
+        let normals = !mesh.normals().is_empty();
+        Self { vertices, triangles, most_corners: mesh.most_corners(), appearance, normals }
     }
 
     /// Whether it samples no texture.
@@ -150,6 +153,9 @@ impl TableLayout {
         }
         for shape in shapes {
             layout.push(shape, adjacency);
+        }
+        if shapes.iter().any(|shape| shape.normals) {
+            layout.lengths.normals = 3 * layout.lengths.vertices;
         }
         layout
     }

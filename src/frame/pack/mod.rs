@@ -23,6 +23,8 @@ pub struct MeshTables {
     /// For each mesh: vertices + 1 absolute offsets, then each vertex's corners in ascending order, each as four times the
     /// triangle's number plus the corner's number (0 to 2).
     pub adjacency: Vec<u32>,
+    /// x, y, z of every vertex's normal, 0 for meshes without; empty if no mesh has normals.
+    pub normals: Vec<f32>,
     /// r, g, b: one colour for each mesh, or one for each vertex.
     pub colors: Vec<f32>,
     /// u, v.
@@ -55,6 +57,9 @@ impl MeshTables {
         }
         for mesh in &scene.meshes {
             tables.push(mesh, adjacency);
+        }
+        if tables.shapes.iter().any(|shape| shape.normals) {
+            tables.normals = scene.meshes.iter().flat_map(normal_values).collect();
         }
         tables
     }
@@ -119,6 +124,12 @@ impl MeshTables {
         self.texels.extend(rgba(texture));
         self.images.push(texture.clone());
     }
+}
+
+/// x, y, z of every vertex's normal, 0 for a mesh without.
+fn normal_values(mesh: &Mesh) -> impl Iterator<Item = f32> {
+    let missing = if mesh.normals().is_empty() { 3 * mesh.positions().len() } else { 0 };
+    mesh.normals().as_flattened().iter().copied().chain(std::iter::repeat_n(0.0, missing))
 }
 
 /// Colours with an alpha of 1.

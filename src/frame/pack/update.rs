@@ -84,6 +84,9 @@ impl MeshTables {
             let vertices = layout.vertex_range();
             let positions = &mut self.positions[3 * vertices.start..3 * vertices.end];
             changes.note(BufferId::Positions, overwrite(positions, mesh.positions().as_flattened()));
+            let normals = mesh.normals().as_flattened();
+            let own = if normals.is_empty() { 0..0 } else { 3 * vertices.start..3 * vertices.end };
+            changes.note(BufferId::VertexNormals, overwrite(&mut self.normals[own], normals));
             let colors = match mesh.appearance() {
                 Appearance::Uniform(color) => &color[..],
                 Appearance::VertexColors(colors) => colors.as_flattened(),

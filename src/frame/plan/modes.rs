@@ -120,6 +120,8 @@ modes! {
         near_clip = "NEAR_CLIP",
         /// 1: vertices are lit, not triangles.
         smooth = "SMOOTH",
+        /// 1: some mesh gives the normals of its vertices, which are lit.
+        given_normals = "GIVEN_NORMALS",
         /// 1: the lights are others than [`Lights::unlit`](crate::Lights::unlit).
         lit = "LIT",
         /// 1: back faces are culled.
@@ -169,6 +171,7 @@ impl Modes {
             _ => c::DEPTH_RANGE_INSIDE,
         };
         let lit = !input.lights.is_unlit();
+        let smooth = input.lights.shading == Shading::Smooth && (s.outputs.normal || lit);
         Self {
             outputs: output_bits(s.outputs),
             color_mode: if s.color == ColorAggregation::Hard { c::COLOR_HARD } else { c::COLOR_SOFTMAX },
@@ -189,7 +192,8 @@ impl Modes {
             depth_range,
             save: u32::from(input.save),
             near_clip: u32::from(clips(input)),
-            smooth: u32::from(input.lights.shading == Shading::Smooth && (s.outputs.normal || lit)),
+            smooth: u32::from(smooth),
+            given_normals: u32::from(smooth && input.tables.normals > 0),
             lit: u32::from(lit),
             front_only: u32::from(s.faces == Faces::Front),
             clockwise_front: u32::from(s.front_face == FrontFace::Clockwise),

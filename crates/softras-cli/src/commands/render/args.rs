@@ -63,8 +63,8 @@ pub struct RenderArgs {
     pub alpha: Option<Alpha>,
     #[command(flatten)]
     pub light: LightArgs,
-    /// With smooth shading, keep edges at which the surface bends by more than this many degrees; 180 keeps none [default:
-    /// the edges at which the normals of an OBJ file differ; 40 where there are none]
+    /// With smooth shading, compute normals from the triangles, and keep edges at which the surface bends by more than this
+    /// many degrees; 180 keeps none [default: the normals of the file; 40 where it has none]
     #[arg(long, value_name = "DEGREES", value_parser = parse::crease, help_heading = "Light")]
     pub crease: Option<f64>,
     #[command(flatten)]

@@ -1,8 +1,8 @@
 //! Smooth shading that keeps the edges of a mesh.
 //!
-//! Smooth shading has one normal for each vertex, the mean of its triangles'. So the mesh is rendered with a vertex of its own
-//! for each group of triangles that are smooth with one another; vertices at one position, as at the seams of a texture, count
-//! as one.
+//! Smooth shading has one normal for each vertex: the one that the file gives, or the mean of its triangles'. So the mesh is
+//! rendered with a vertex of its own for each normal of the file at a position, and for each group of triangles that are smooth
+//! with one another; vertices at one position, as at the seams of a texture, count as one.
 
 use glam::DVec3;
 use softras::scene::Appearance;
@@ -14,12 +14,10 @@ const MOST_AT_AN_EDGE: usize = 8;
 
 /// The angle where none is given, in degrees.
 pub const DEFAULT: f64 = 40.0;
-/// Normals of a file that differ by less than this, in degrees, are those of one smooth surface.
-const SAME_NORMAL: f64 = 2.0;
 
 /// The mesh with vertices split where its surface bends by more than an angle in degrees, and joined where they lie at one
-/// position. Where the corners of two triangles have `given` normals, one array for each triangle or none at all, these
-/// decide in place of the angle. Positions, triangles and colours stay what they are.
+/// position. Corners with `given` normals, three for each triangle or none at all, keep these instead, and those with the same
+/// normal share a vertex. Positions, triangles and colours stay what they are.
 pub fn creased(mesh: &Mesh, given: &[[[f32; 3]; 3]], degrees: f64) -> Result<Mesh> {
     let welded = welded(mesh);
     let normals: Vec<Option<DVec3>> = mesh.triangles().iter().map(|triangle| normal(mesh, *triangle)).collect();
@@ -29,30 +27,19 @@ pub fn creased(mesh: &Mesh, given: &[[[f32; 3]; 3]], degrees: f64) -> Result<Mes
         (Some(a), Some(b)) => a.dot(b) >= least,
         _ => false,
     };
-    let same = SAME_NORMAL.to_radians().cos();
-    let unit = |corner: u32| {
-        let normal = given.get(corner as usize / 3)?[corner as usize % 3];
-        DVec3::from(normal.map(f64::from)).try_normalize()
-    };
     let edges = edges(&welded);
     for edge in edges.chunk_by(|a, b| a.0 == b.0) {
         for (i, (ends, first)) in edge.iter().enumerate() {
             for (_, second) in edge.iter().skip(i + 1).take(MOST_AT_AN_EDGE) {
-                let bends_little = is_smooth(*first as usize, *second as usize);
-                for end in [ends.0, ends.1] {
-                    let [a, b] = [first, second].map(|triangle| corner(&welded, *triangle, end));
-                    let is_one = match (unit(a), unit(b)) {
-                        (Some(a), Some(b)) => a.dot(b) >= same,
-                        _ => bends_little,
-                    };
-                    if is_one {
-                        groups.join(a, b);
+                if is_smooth(*first as usize, *second as usize) {
+                    for end in [ends.0, ends.1] {
+                        groups.join(corner(&welded, *first, end), corner(&welded, *second, end));
                     }
                 }
             }
         }
     }
-    split(mesh, &mut groups)
+    split(mesh, &welded, given, &mut groups)
 }
 
 /// The triangles with one index for each position.
@@ -106,20 +93,36 @@ impl Groups {
     }
 }
 
-/// The mesh with one vertex for each group (and colour, where vertices have colours).
-fn split(mesh: &Mesh, groups: &mut Groups) -> Result<Mesh> {
+/// What the corners of a vertex have in common.
+#[derive(PartialEq, Eq, Hash)]
+enum Shared {
+    /// The position and the bits of a given normal.
+    Normal(u32, [u32; 3]),
+    /// The group, by its root.
+    Group(u32),
+}
+
+/// The mesh with one vertex for each given normal at a position, and for each group of the other corners; where vertices have
+/// colours, for each colour too.
+fn split(mesh: &Mesh, welded: &[[u32; 3]], given: &[[[f32; 3]; 3]], groups: &mut Groups) -> Result<Mesh> {
     let colors = if let Appearance::VertexColors(colors) = mesh.appearance() { Some(colors) } else { None };
-    let (mut positions, mut new_colors) = (Vec::new(), Vec::new());
+    let (mut positions, mut new_colors, mut normals) = (Vec::new(), Vec::new(), Vec::new());
     let mut index_of = HashMap::new();
     let mut triangles = Vec::with_capacity(mesh.triangles().len());
     for (t, triangle) in mesh.triangles().iter().enumerate() {
         triangles.push([0, 1, 2].map(|c| {
             let vertex = triangle[c] as usize;
+            let normal = given.get(t).map_or([0.0; 3], |corners| corners[c]);
+            let shared = if normal == [0.0; 3] {
+                Shared::Group(groups.root((3 * t + c) as u32))
+            } else {
+                Shared::Normal(welded[t][c], normal.map(f32::to_bits))
+            };
             let color = colors.map(|colors| colors[vertex]);
-            let key = (groups.root((3 * t + c) as u32), color.map(|color| color.map(f32::to_bits)));
-            *index_of.entry(key).or_insert_with(|| {
+            *index_of.entry((shared, color.map(|color| color.map(f32::to_bits)))).or_insert_with(|| {
                 positions.push(mesh.positions()[vertex]);
                 new_colors.extend(color);
+                normals.push(normal);
                 positions.len() as u32 - 1
             })
         }));
@@ -128,7 +131,9 @@ fn split(mesh: &Mesh, groups: &mut Groups) -> Result<Mesh> {
         Appearance::VertexColors(_) => Appearance::VertexColors(new_colors),
         other => other.clone(),
     };
-    Mesh::new(positions, triangles)?.with_appearance(appearance)
+    let is_given = normals.iter().any(|normal| *normal != [0.0; 3]);
+    let normals = if is_given { normals } else { Vec::new() };
+    Mesh::new(positions, triangles)?.with_appearance(appearance)?.with_normals(normals)
 }
 
 #[cfg(test)]
@@ -176,15 +181,32 @@ mod tests {
     }
 
     #[test]
-    fn normals_of_a_file_decide_where_it_has_any() {
+    fn normals_of_a_file_are_kept_where_it_has_any() {
         let cube = cube();
-        let from_center = |i: u32| cube.positions()[i as usize].map(|x| x - 0.5);
-        let round: Vec<_> = cube.triangles().iter().map(|t| t.map(from_center)).collect();
+        let from_center = |i: u32| DVec3::from(cube.positions()[i as usize].map(|x| f64::from(x) - 0.5));
+        let round: Vec<_> = cube.triangles().iter().map(|t| t.map(|i| from_center(i).as_vec3().to_array())).collect();
         let flat: Vec<_> =
             cube.triangles().iter().map(|t| [normal(&cube, *t).unwrap().as_vec3().to_array(); 3]).collect();
-        let vertices = |given: &[[[f32; 3]; 3]], degrees| creased(&cube, given, degrees).unwrap().positions().len();
-        assert_eq!((vertices(&round, 40.0), vertices(&flat, 180.0)), (8, 24));
-        // Without normals at the corners the angle decides.
-        assert_eq!(vertices(&[[[0.0; 3]; 3]; 12], 40.0), 24);
+        let made = |given: &[[[f32; 3]; 3]], degrees| creased(&cube, given, degrees).unwrap();
+        let (as_sphere, as_cube) = (made(&round, 40.0), made(&flat, 180.0));
+        assert_eq!((as_sphere.positions().len(), as_cube.positions().len()), (8, 24));
+        for (mesh, given) in [(&as_sphere, &round), (&as_cube, &flat)] {
+            for (triangle, given) in mesh.triangles().iter().zip(given) {
+                for (&vertex, given) in triangle.iter().zip(given) {
+                    let unit = DVec3::from(given.map(f64::from)).normalize();
+                    let off = DVec3::from(mesh.normals()[vertex as usize].map(f64::from)) - unit;
+                    assert!(off.length() < 1e-6, "{off}");
+                }
+            }
+        }
+        // Without normals at the corners the angle decides, and the renderer computes them.
+        let none = made(&[[[0.0; 3]; 3]; 12], 40.0);
+        assert_eq!((none.positions().len(), none.normals().len()), (24, 0));
+        // A file may give normals to some corners alone.
+        let mut some = vec![[[0.0; 3]; 3]; 12];
+        some[..2].copy_from_slice(&round[..2]);
+        let some = made(&some, 40.0);
+        assert_eq!(some.normals().iter().filter(|normal| **normal != [0.0; 3]).count(), 4);
+        assert_eq!(some.positions().len(), 24);
     }
 }
