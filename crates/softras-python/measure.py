@@ -1,15 +1,18 @@
 #!/usr/bin/env python3
-"""Times a step from torch against the library's own, and watches the memory of many steps.
+"""Times a step from torch and JAX against the library's own, and watches the memory of many steps.
 
     python measure.py                # the ratios
+    python measure.py --mesh X.obj   # with another mesh than the fish
     python measure.py --steps 10000  # resident memory in the course of as many steps
 
-Needs torch, and the package built with --release. A step is a forward pass with colour and silhouette and a backward pass by
-the vertices, with the images as their own upstream gradients. Library and torch take turns of some steps each in one process, so
-that other work on the machine disturbs both; the ratio is that of the medians.
+Needs torch, and the package built with --release; JAX is timed where it is installed. A step is a forward pass with colour and
+silhouette and a backward pass by the vertices, with the images as their own upstream gradients. All take turns of some steps
+each in one process, so that other work on the machine disturbs all of them; the ratios are those of the medians and those of
+the fastest tenths.
 """
 
 import argparse
+import importlib.util
 import os
 import pathlib
 import statistics
@@ -26,9 +29,8 @@ CASES = (("256² × 1", 256, 1), ("64² × 16", 64, 16))
 TURNS, STEPS = 20, 10
 
 
-def scene(size, views):
-    fish = softras.shapes.fish()
-    mesh = softras.Mesh(fish.positions, fish.triangles, colors=np.full_like(fish.positions, 0.5))
+def scene(shape, size, views):
+    mesh = softras.Mesh(shape.positions, shape.triangles, colors=np.full_like(shape.positions, 0.5))
     cameras = [softras.Camera.from_angles(3.0, 20.0, 360.0 * i / views, fov_y=0.8) for i in range(views)]
     return mesh, cameras, softras.Settings(width=size, height=size, sigma=1e-4).with_depths_of(mesh, cameras)
 
@@ -47,19 +49,48 @@ def torch_step(mesh, cameras, settings):
     return step
 
 
-def ratios():
+def jax_step(mesh, cameras, settings):
+    """The same with a compiled function of JAX."""
+    import jax
+
+    import softras.jax as sj
+
+    @jax.jit
+    def gradient(vertices):
+        images, pull = jax.vjp(lambda vertices: sj.render(vertices, mesh, cameras, settings=settings)[:2], vertices)
+        return pull(images)[0]
+
+    vertices = jax.numpy.asarray(mesh.positions)
+
+    def step():
+        start = time.perf_counter()
+        gradient(vertices).block_until_ready()
+        return 1e3 * (time.perf_counter() - start)
+
+    return step
+
+
+def ratios(shape):
     renderer = softras.default_renderer()
-    print(renderer.device)
+    print(f"{renderer.device}, {len(shape.triangles)} triangles")
+    frameworks = {"torch": torch_step}
+    if importlib.util.find_spec("jax"):
+        frameworks["JAX"] = jax_step
     for name, size, views in CASES:
-        inputs = scene(size, views)
-        step, library, python = torch_step(*inputs), [], []
+        inputs = scene(shape, size, views)
+        steps = {framework: make(*inputs) for framework, make in frameworks.items()}
+        times = {"library": [], **{framework: [] for framework in steps}}
         for turn in range(TURNS + 1):
-            own, ours = time_steps(renderer, *inputs, STEPS), [step() for _ in range(STEPS)]
-            if turn > 0:
-                library += own
-                python += ours
-        a, b = statistics.median(library), statistics.median(python)
-        print(f"{name}: library {a:.2f} ms, torch {b:.2f} ms, ratio {b / a:.3f}", flush=True)
+            taken = {"library": time_steps(renderer, *inputs, STEPS)}
+            taken.update({framework: [step() for _ in range(STEPS)] for framework, step in steps.items()})
+            for one, found in taken.items():
+                # The first turn compiles and allocates.
+                times[one] += found if turn > 0 else []
+        tenths = {one: statistics.quantiles(found, n=10) for one, found in times.items()}
+        own = tenths.pop("library")
+        print(f"{name}: library {own[4]:.2f} ms", flush=True)
+        for one, found in tenths.items():
+            print(f"    {one} {found[4]:.2f} ms, ratios {found[4] / own[4]:.3f} and {found[0] / own[0]:.3f}", flush=True)
 
 
 def resident():
@@ -68,8 +99,8 @@ def resident():
     return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
-def memory(steps):
-    step = torch_step(*scene(64, 4))
+def memory(shape, steps):
+    step = torch_step(*scene(shape, 64, 4))
     for i in range(steps + 1):
         if i % max(steps // 10, 1) == 0:
             print(f"after {i:6} steps: {resident():.1f} MiB resident", flush=True)
@@ -78,6 +109,8 @@ def memory(steps):
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--mesh", help="a mesh file in place of the fish")
     parser.add_argument("--steps", type=int, help="watch the memory of so many steps")
     args = parser.parse_args()
-    memory(args.steps) if args.steps else ratios()
+    shape = softras.load(args.mesh) if args.mesh else softras.shapes.fish()
+    memory(shape, args.steps) if args.steps else ratios(shape)

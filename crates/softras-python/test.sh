@@ -1,9 +1,11 @@
 #!/usr/bin/env bash
-# Builds the wheel, installs it in a fresh virtual environment with numpy and pytest, and runs the tests.
+# Builds the wheel, installs it in a fresh virtual environment with numpy and pytest, and runs the tests. Pillow is there too,
+# for the examples, which are tested with smaller numbers.
 #
 # Usage: test.sh [--profile PROFILE] [--with PACKAGE]...
 #   --with torch adds torch, of which the tests of softras.torch and softras.soft_renderer need some 5 GB from PyPI;
-#   --with jax adds JAX, some 100 MB, for those of softras.jax.
+#   --with jax adds JAX, some 100 MB, for those of softras.jax;
+#   --with matplotlib is for the notebook (with torch), and --with 'ray[data]', some 600 MB, for folder.py --ray.
 # Exit code 3: Python, its module venv or the packages cannot be had here.
 set -euo pipefail
 cd "$(dirname "$0")"
@@ -35,14 +37,14 @@ python3 -m venv "$scratch/build" || unavailable "python3 has no module venv (Deb
 PATH=$scratch/build/bin:$PATH maturin build --quiet --locked --profile "$profile" --out "$scratch/wheels"
 
 python3 -m venv "$scratch/clean"
-"$scratch/clean/bin/pip" install --quiet pytest numpy "${packages[@]}" || unavailable "pytest or numpy cannot be installed"
+"$scratch/clean/bin/pip" install --quiet pytest numpy pillow "${packages[@]}" || unavailable "pytest, numpy or Pillow cannot be installed"
 "$scratch/clean/bin/pip" install --quiet --no-index "$scratch"/wheels/softras-*.whl
 if [ -z "${SOFTRAS_RECORDED:-}" ] && [ -d ../../../shared/reference ]; then
     SOFTRAS_RECORDED=$(cd ../../../shared/reference && pwd)
     export SOFTRAS_RECORDED
 fi
 cp -r tests "$scratch/tests"
-# Its programs are tests too.
-cp ../../docs/python.md "$scratch/tests/"
+# Their programs are tests too.
+cp -r examples ../../docs/python.md "$scratch/tests/"
 cd "$scratch"
 "$scratch/clean/bin/python" -m pytest -q -rs --durations=3 tests

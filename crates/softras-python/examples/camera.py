@@ -1,5 +1,7 @@
 """Where a camera stood: its view matrix from one picture. Writes camera.png."""
 
+import dataclasses
+
 import numpy as np
 import torch
 from PIL import Image
@@ -25,13 +27,15 @@ for step in range(200):
     optimizer.zero_grad()
     loss.backward()
     optimizer.step()
-    if step == 0:
-        first = image.detach()
     if step % 50 == 0:
         print(f"step {step}: loss {loss.item():.6f}")
 
 found = moved[0].detach().numpy()
 eyes = [-view[:3, :3].T @ view[:3, 3] for view in (found, true.view)]
 print(f"at last: loss {loss.item():.6f}; the eye is {np.linalg.norm(eyes[0] - eyes[1]):.3f} from the true one")
-row = np.hstack([first[0], image[0].detach(), target[0]])
+
+# From where the search began, from where it ended, and from the true place.
+ways = [start, softras.Camera.from_matrix(found, fov_y=0.75), true]
+sharp = dataclasses.replace(settings, width=240, height=240, sigma=1e-6, gamma=1e-4)
+row = np.hstack([softras.render(fish, camera, sharp).color[0] for camera in ways])
 Image.fromarray((255 * np.clip(row, 0, 1)).astype(np.uint8)).save("camera.png")

@@ -1,5 +1,7 @@
 """A mesh from silhouettes: a sphere becomes a fish. Writes fitted.obj and silhouettes.png."""
 
+import dataclasses
+
 import numpy as np
 import torch
 from PIL import Image
@@ -25,9 +27,15 @@ for step in range(300):
     if step % 50 == 0:
         print(f"step {step}: loss {loss.item():.4f}")
 
-fitted = softras.Mesh(vertices.detach(), faces, colors=[0.8, 0.7, 0.6])
+fitted = softras.Mesh(vertices.detach(), faces, colors=[1.0, 0.8, 0.6])
 fitted.save("fitted.obj")
 ious = softras.mask_iou(softras.render(fitted, cameras, settings).silhouette, target)
 print(f"IoU of the silhouettes: {ious.mean():.3f}")
-rows = [np.hstack(target[:4]), np.hstack(silhouette[:4].detach())]
-Image.fromarray((255 * np.vstack(rows)).astype(np.uint8)).save("silhouettes.png")
+
+# Above four of the masks, below the fitted mesh from there.
+light = softras.DirectionalLight((0.3, 0.8, -0.6), intensity=0.8)
+lights = softras.Lights(ambient_intensity=0.3, directional=(light,), shading="smooth")
+sharp = dataclasses.replace(settings, sigma=1e-6, outputs=("color",)).with_depths_of(fitted, cameras)
+shaded = softras.render(fitted, cameras[:4], sharp, lights).color
+rows = [np.hstack(np.repeat(target[:4, ..., None], 3, -1)), np.hstack(shaded)]
+Image.fromarray((255 * np.clip(np.vstack(rows), 0, 1)).astype(np.uint8)).save("silhouettes.png")

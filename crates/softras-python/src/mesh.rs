@@ -250,8 +250,13 @@ impl Mesh {
     }
 
     /// Writes an OBJ file with its materials and textures, each whole or not at all; returns their paths. `load` reads an
-    /// equal mesh. Raises IoError; MeshError for what OBJ cannot hold, as surface cells with R > 1.
+    /// equal mesh. Raises IoError; MeshError for what OBJ cannot hold, as surface cells with R > 1; InputError for a path
+    /// that ends as another format does.
     fn save(&self, path: PathBuf) -> PyResult<Vec<PathBuf>> {
+        let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+        if ["ply", "stl", "gltf", "glb"].contains(&ending.as_str()) {
+            return Err(bad_input(format!("{}: only OBJ can be written", path.display()), "end the path with .obj"));
+        }
         softras::obj::write_obj(&self.mesh, &path).raise()
     }
 
