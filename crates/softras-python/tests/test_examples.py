@@ -163,7 +163,7 @@ def cells():
 @needs("matplotlib")
 def test_the_notebook_runs(tmp_path, cells):
     text = "\n".join("".join(cell["source"]) for cell in cells) + '\nprint("losses", losses[0], losses[-1])\n'
-    changes = {"range(150)": "range(40)", "steps=200": "steps=40", "icosphere(4)": "icosphere(3)"}
+    changes = {"range(150)": "range(40)", "steps=300": "steps=40", "icosphere(4)": "icosphere(3)"}
     output = run(tmp_path, "tour.py", text, changes)
     first, last = numbers(output, r"losses (\S+) (\S+)")
     assert last < 0.5 * first

@@ -7,7 +7,7 @@ returns the gradient by each of them.
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple, Union
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple, Type, Union
 
 import numpy as np
 
@@ -241,7 +241,7 @@ def differentiate(
     return [np.ascontiguousarray(_gradient(input, found, array)) if one else None for input, one, array in rows]
 
 
-def _collect(name: str, value, meshes: int, kind: type) -> List[Tuple[Input, Any]]:
+def _collect(name: str, value, meshes: int, kind: Type[Any]) -> List[Tuple[Input, Any]]:
     """An argument's arrays with their meanings."""
     if isinstance(value, kind):
         stacked = name in _OF_MESH and value.ndim > _OF_MESH[name]
@@ -289,7 +289,13 @@ def _templates(faces, meshes: int, host: Callable) -> List[Any]:
 
 
 def build(
-    given: Dict[str, Any], tensors: Dict[str, Any], faces, cameras, constants: Dict[str, Any], kind: type, host: Callable
+    given: Dict[str, Any],
+    tensors: Dict[str, Any],
+    faces,
+    cameras,
+    constants: Dict[str, Any],
+    kind: Type[Any],
+    host: Callable,
 ) -> Tuple[Scene, List[Any]]:
     """The scene of a framework's `render`, and its arrays in the order of the inputs.
 
