@@ -62,12 +62,17 @@ def endless_pose(cube_views, **given):
 @pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="this system cannot send the signal")
 @pytest.mark.parametrize("endless", [endless_fit, endless_pose])
 def test_ctrl_c_ends_it(cube_views, endless):
+    # A shell has its background jobs ignore the signal, and Python leaves it so: the search would never end.
+    ignored = signal.signal(signal.SIGINT, signal.default_int_handler)
     main, before = threading.main_thread().ident, softras.render(softras.shapes.cube(), views(2)).color
     timer = threading.Timer(0.5, lambda: signal.pthread_kill(main, signal.SIGINT))
     timer.start()
-    with pytest.raises(KeyboardInterrupt):
-        endless(cube_views)
-    timer.join()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            endless(cube_views)
+    finally:
+        timer.join()
+        signal.signal(signal.SIGINT, ignored)
     np.testing.assert_array_equal(softras.render(softras.shapes.cube(), views(2)).color, before)
 
 
