@@ -90,7 +90,7 @@ pub mod validate {
 /// The one door for files that are read, and the one writer.
 #[cfg(feature = "obj")]
 pub mod files {
-    pub use crate::files::input::{open, read, room_for};
+    pub use crate::files::input::{open, read, refuse_empty, room_for};
     pub use crate::files::output::{check_writable, write_file, write_files};
     pub use crate::files::picture::Picture;
 }

@@ -34,6 +34,15 @@ pub fn read(path: &Path, most: u64) -> Result<Vec<u8>> {
     }
 }
 
+/// Refuses a file of no bytes, of which a reader of any format would only say that it is malformed.
+///
+/// # Errors
+/// [`Error::File`].
+#[cfg(feature = "obj")]
+pub fn refuse_empty(path: &Path, bytes: u64) -> Result<()> {
+    if bytes > 0 { Ok(()) } else { refuse(path, "the file is empty".into(), "write it or copy it again") }
+}
+
 /// Makes sure that so many bytes could be allocated at once, before code that ends the process if they cannot.
 ///
 /// # Errors

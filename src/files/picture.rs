@@ -31,6 +31,7 @@ impl Picture {
     pub fn open(path: &Path) -> Result<Self> {
         let file = input::open(path)?;
         let file_bytes = file.metadata().map_or(0, |metadata| metadata.len());
+        input::refuse_empty(path, file_bytes)?;
         let refuse = |error| refuse(path, &error);
         let io = |error| refuse(image::ImageError::IoError(error));
         let mut reader = ImageReader::new(BufReader::new(file));

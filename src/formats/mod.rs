@@ -9,6 +9,8 @@ mod stl;
 #[cfg(feature = "formats")]
 mod weld;
 
+#[cfg(feature = "formats")]
+use crate::files::input;
 use crate::{
     error::{Error, Result},
     obj::{self, LoadOptions, Loaded},
@@ -87,6 +89,7 @@ fn format(path: &Path) -> Result<Option<Format>> {
 fn load_bytes(format: Format, path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let mut source = obj::Source::new(path, options);
     let bytes = source.read_bytes(path)?;
+    input::refuse_empty(path, bytes.len() as u64)?;
     let mesh = match format {
         Format::Ply => ply::read(&mut source, bytes),
         Format::Stl => stl::read(&mut source, bytes),

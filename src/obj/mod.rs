@@ -167,7 +167,9 @@ impl<'a> Source<'a> {
 /// [`Error::File`]: crate::Error::File
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let mut source = Source::new(path, options);
-    let text = statement::text(path, source.read_bytes(path)?)?;
+    let bytes = source.read_bytes(path)?;
+    input::refuse_empty(path, bytes.len() as u64)?;
+    let text = statement::text(path, bytes)?;
     let mut obj = parse::parse(&mut source, &text)?;
     drop(text);
     let mut triangles = triangles::triangulate(path, &obj, &mut source.notes)?;

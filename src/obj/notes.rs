@@ -82,7 +82,8 @@ impl Notes {
                 path: note.file.clone(),
                 line: note.line,
                 what: note.what.clone(),
-                fix: "correct the file, or read it without `strict` as far as it goes".into(),
+                fix: "correct the file, or read it without `strict` (--strict in the command), which draws the rest"
+                    .into(),
             }),
             _ => {
                 let last = (self.more > 0).then(|| format!("and {} notes more", self.more));

@@ -16,9 +16,9 @@ const UNKNOWN: u64 = 8 << 30;
 /// How much memory the files may take.
 #[derive(Args, Clone, Copy, Debug, Default)]
 pub struct MemoryArgs {
-    /// The most memory that the input files may take, as 512M or 8G, and as much again for the frames of a picture or a fit,
-    /// which are rendered in parts where they need more [default: as the sizes of the files allow, mostly 640M and 128 bytes
-    /// for each of their bytes, but not over half of the machine's memory; for frames what the device has]
+    /// The most memory that the input files may take, as 512M or 8G. Files that need more are refused. Rendering may take as
+    /// much again; frames that need more are rendered in parts. [default: for files 640M and 128 times their size, but at
+    /// most half of the machine's memory; for frames what the device has]
     #[arg(long, value_name = "SIZE", value_parser = parse::bytes)]
     pub memory: Option<u64>,
 }

@@ -1,6 +1,16 @@
 //! Parsers of option values; clap prints their errors after the option's name.
 
 use super::color;
+use clap::builder::{PathBufValueParser, TypedValueParser};
+use std::path::PathBuf;
+
+/// The path of a file to write, whose name must end as its format does: in upper or lower case, and without the dot here.
+pub fn file_ending(ending: &'static str) -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(move |path: PathBuf| {
+        let fits = path.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending));
+        if fits { Ok(path) } else { Err(format!("a .{ending} file is written: give a name that ends in .{ending}")) }
+    })
+}
 
 /// `x,y,z`.
 pub fn triple(text: &str) -> Result<[f64; 3], String> {
@@ -60,7 +70,8 @@ pub fn bytes(text: &str) -> Result<u64, String> {
 /// Three numbers that are not all 0.
 pub fn direction(text: &str) -> Result<[f64; 3], String> {
     let direction = triple(text)?;
-    if direction == [0.0; 3] { Err("a direction has a length: use 0,1,0 for y".into()) } else { Ok(direction) }
+    let fix = "0,0,0 has no length, and so no direction: use 0,1,0 for y, or another one";
+    if direction == [0.0; 3] { Err(fix.into()) } else { Ok(direction) }
 }
 
 /// `256` or `640x480`: width and height.
@@ -97,9 +108,37 @@ impl Rgb {
     }
 }
 
-/// `r,g,b` in the renderer's numbers, or `#rrggbb` or `#rgb` as in CSS.
+/// The colours that have a name in CSS 2, and how else they are written there.
+const NAMED: [(&str, &str); 18] = [
+    ("black", "000000"),
+    ("silver", "c0c0c0"),
+    ("gray", "808080"),
+    ("grey", "808080"),
+    ("white", "ffffff"),
+    ("maroon", "800000"),
+    ("red", "ff0000"),
+    ("purple", "800080"),
+    ("fuchsia", "ff00ff"),
+    ("green", "008000"),
+    ("lime", "00ff00"),
+    ("olive", "808000"),
+    ("yellow", "ffff00"),
+    ("navy", "000080"),
+    ("blue", "0000ff"),
+    ("teal", "008080"),
+    ("aqua", "00ffff"),
+    ("orange", "ffa500"),
+];
+
+/// `r,g,b` in the renderer's numbers, or `#rrggbb`, `#rgb` or a name as in CSS.
 pub fn rgb(text: &str) -> Result<Rgb, String> {
-    let Some(hex) = text.strip_prefix('#') else { return triple(text).map(Rgb::Numbers) };
+    let named = NAMED.iter().find(|(name, _)| text.eq_ignore_ascii_case(name)).map(|(_, hex)| *hex);
+    let Some(hex) = named.or_else(|| text.strip_prefix('#')) else {
+        let forms =
+            "use #rrggbb, #rgb, r,g,b in linear light from 0 to 1, or one of the 17 names of CSS 2, as white or navy";
+        let other = || format!("{text:?} is no colour: {forms}");
+        return if text.contains(',') { triple(text).map(Rgb::Numbers) } else { Err(other()) };
+    };
     let digits: Option<Vec<u32>> = hex.chars().map(|c| c.to_digit(16)).collect();
     let bytes = match digits.as_deref() {
         Some(&[r, g, b]) => [r * 17, g * 17, b * 17],
@@ -137,7 +176,7 @@ pub struct Light {
 /// `x,y,z[:intensity[:r,g,b]]`.
 pub fn light(text: &str) -> Result<Light, String> {
     let mut parts = text.split(':');
-    let direction = triple(parts.next().unwrap_or_default())?;
+    let direction = direction(parts.next().unwrap_or_default())?;
     let intensity = parts.next().map_or(Ok(1.0), number)?;
     let color = parts.next().map_or(Ok(Rgb::Numbers([1.0; 3])), rgb)?;
     match parts.next() {
@@ -231,6 +270,10 @@ mod tests {
         assert!((rgb("#808080").unwrap().numbers(color::Curve::Raw)[1] - 0.5019608).abs() < 1e-6);
         let white = Rgb::Numbers([1.0; 3]);
         assert_eq!(light("0,1,0:0.5").unwrap(), Light { direction: [0.0, 1.0, 0.0], intensity: 0.5, color: white });
+        for (name, hex) in NAMED {
+            assert_eq!(rgb(name), rgb(&format!("#{hex}")));
+        }
+        assert_eq!(rgb("Blue").unwrap(), Rgb::Bytes([0.0, 0.0, 1.0]));
         assert_eq!(half_height("fit").unwrap(), HalfHeight::Fit);
     }
 
@@ -246,6 +289,8 @@ mod tests {
     fn nonsense_is_refused() {
         assert!(triple("1,2").is_err() && triple("1,2,nan").is_err());
         assert!(size("0").is_err() && size("20000").is_err() && size("3x").is_err());
+        assert!(rgb("bluish").unwrap_err().contains("#rrggbb, #rgb, r,g,b") && rgb("").is_err());
+        assert!(light("0,0,0").is_err() && direction("0,0,0").is_err());
         assert!(rgb("#12345").is_err() && rgb("#é").is_err() && light("1,2,3:4:5,6,7:8").is_err());
         assert!(sweep("sigma=0..1").is_err() && sweep("width=1..2").is_err() && sweep("sigma=1..2:1").is_err());
         assert!(positive("-1").is_err() && angle_of_view("180").is_err() && elevation("91").is_err());

@@ -39,7 +39,12 @@ fn senseless_arguments_exit_with_2_and_are_named() {
     render(&["--samples", "2", "-o", "a.npy"], &["--samples 2", "model's own values"]);
     render(&["--size", "16000", "--samples", "2"], &["--samples 2", "16384"]);
     fails(folder.path(), &["render", "a.obj"], 2, &["--out"]);
-    fails(folder.path(), &["render", "a.obj", "-o", "a.tiff"], 2, &["a.tiff", ".png, .exr or .npy"]);
+    fails(
+        folder.path(),
+        &["render", "a.obj", "-o", "a.tiff"],
+        2,
+        &["a.tiff", ".png, .exr or .npy", ".gif with --turntable"],
+    );
     fails(folder.path(), &["render", "a.obj", "-o", "a"], 2, &["ending"]);
     fails(folder.path(), &["render", "a.obj", "-o", "a.gif"], 2, &["a.gif", "--turntable"]);
     fails(folder.path(), &["render", "a.obj", "-o", "a.exr", "--turntable", "4"], 2, &["a.exr", ".gif"]);
@@ -133,8 +138,8 @@ fn no_command_overwrites_what_it_reads() {
     refused("bench fish.obj --json fish.mtl", "fish.mtl");
     fs::write(folder.path().join("scene.npz"), "").unwrap();
     refused("eval scene.npz -o scene.npz", "scene.npz");
-    let twice = ["fit", "--from", "fish.obj", "-o", "out.obj", "--json", "a.json", "--plot", "./a.json"];
-    fails(folder.path(), &twice, 2, &["a.json", "twice"]);
+    let twice = ["fit", "--from", "fish.obj", "-o", "out.obj", "--json", "a.png", "--plot", "./a.png"];
+    fails(folder.path(), &twice, 2, &["a.png", "twice"]);
     assert_eq!(files.map(|file| fs::read(folder.path().join(file)).unwrap()), before);
 }
 

@@ -73,6 +73,10 @@ fn a_quick_run_gives_rows_that_can_be_compared() {
     let text = String::from_utf8(output.stdout).unwrap();
     assert_eq!(text.lines().filter(|line| line.starts_with("torus ")).count(), 18, "{text}");
     assert!(text.contains("GFLOP/s"), "{text}");
+    // An error that tau makes is no error of the device: it is in the JSON, where it has a name, and not in the table.
+    let head = text.lines().find(|line| line.starts_with("scene ")).unwrap();
+    assert!(head.trim_end().ends_with(" error") && !head.contains("untrunc"), "{head}");
+    assert!(rows.iter().all(|row| row.get("max_error_untruncated").is_some()));
     // What is asked for in the frame's pairs is the same whatever is drawn from them.
     let needed = |mode: &str| rows.iter().find(|row| row["mode"] == mode).map(|row| row["pairs_needed"].clone());
     assert_eq!(needed("color+silhouette"), needed("silhouette"));

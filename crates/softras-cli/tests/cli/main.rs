@@ -12,6 +12,7 @@ mod gradient;
 mod hostile;
 mod killed;
 mod memory;
+mod mistakes;
 mod numpy;
 mod official;
 #[path = "../../../../tests/official/mod.rs"]

@@ -13,4 +13,6 @@ fn threads_with_several_renderers_each_give_the_same_bits() {
         assert!(told.contains(part), "no {part:?} in {told}");
     }
     fails(folder.path(), &["stress", "--cases", "0", "--renderers", "2"], 2, &["--load"]);
+    // A test of nothing is not passed.
+    fails(folder.path(), &["stress", "--cases", "0"], 2, &["--cases 0", "nothing would be tested", "--map"]);
 }

@@ -1,5 +1,6 @@
 //! The arguments of `softras articulate`.
 
+use crate::commands::parse;
 use clap::Args;
 use std::path::PathBuf;
 
@@ -18,7 +19,7 @@ Examples:
 #[command(after_help = EXAMPLES)]
 pub struct ArticulateArgs {
     /// Write a picture of the first trial: target, start, visible only and soft, from the camera and from behind
-    #[arg(short, long = "out", value_name = "FILE.png")]
+    #[arg(short, long = "out", value_name = "FILE.png", value_parser = parse::file_ending("png"))]
     pub out: Option<PathBuf>,
     /// Write the figure of the first trial in the pose of the soft fit
     #[arg(long, value_name = "POSED.obj")]

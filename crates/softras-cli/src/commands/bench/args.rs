@@ -23,7 +23,8 @@ pairs    (pixel, triangle) pairs. needed: those that the model keeps; evaluated:
 disp.    dispatches, counted as they are recorded
 error    the largest error of any value against the model in f64 at the same tau, without the few pixels
          that lie within 1e-4 of a discontinuity of the model; for backward, |device - f64| / |f64| of
-         the gradient (left out where f64 would take minutes); untruncated: against the model without tau
+         the gradient (left out where f64 would take minutes). --json has the error against the model
+         without tau as well: max_error_untruncated. It is near 1 where tau decides what a pixel shows
 
 Timings vary between runs, so compare figures of the same run.
 

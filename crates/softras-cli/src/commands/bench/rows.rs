@@ -224,7 +224,7 @@ impl Row {
     /// The headings of the columns of [`Row::text`].
     pub fn head() -> String {
         format!(
-            "{:12} {:>7} {:>5} {:16} {:8} {:>9} {:>7} {:>9} {:>9} {:>7} {:>9} {:>10} {:>5} {:>9} {:>9}",
+            "{:12} {:>7} {:>5} {:16} {:8} {:>9} {:>7} {:>9} {:>9} {:>7} {:>9} {:>10} {:>5} {:>9}",
             "scene",
             "faces",
             "size",
@@ -238,17 +238,15 @@ impl Row {
             "needed",
             "evaluated",
             "disp.",
-            "error",
-            "untrunc."
+            "error"
         )
     }
 
     /// A line of the table.
     pub fn text(&self, peak: f64) -> String {
         let floor = self.floor(peak);
-        let error = |error: Option<f64>| error.map_or("-".to_string(), |e| format!("{e:.1e}"));
         format!(
-            "{:12} {:>7} {:>5} {:16} {:8} {:>9.3} {:>7} {:>9.3} {:>9.3} {:>7.1} {:>9} {:>10} {:>5} {:>9} {:>9}",
+            "{:12} {:>7} {:>5} {:16} {:8} {:>9.3} {:>7} {:>9.3} {:>9.3} {:>7.1} {:>9} {:>10} {:>5} {:>9}",
             self.scene,
             self.faces,
             self.size,
@@ -262,8 +260,7 @@ impl Row {
             self.needed,
             self.evaluated,
             self.dispatches,
-            error(self.error),
-            error(self.untruncated),
+            self.error.map_or("-".to_string(), |e| format!("{e:.1e}")),
         )
     }
 }

@@ -10,6 +10,7 @@ use super::gradients::{self, Mode};
 use super::memory::{Budget, MemoryArgs};
 use super::npz::{self, Archive, Data};
 use super::outputs::Outputs;
+use super::parse;
 use super::progress::Progress;
 use super::{Failure, describe, note, say};
 use clap::{Args, ValueEnum};
@@ -78,7 +79,7 @@ pub struct EvalArgs {
     /// The scene, as numpy.savez or numpy.savez_compressed writes it
     pub scene: PathBuf,
     /// The archive to write
-    #[arg(short, long = "out", value_name = "FILE.npz")]
+    #[arg(short, long = "out", value_name = "FILE.npz", value_parser = parse::file_ending("npz"))]
     pub out: PathBuf,
     /// model: the rules of softras. official: the image of the official code with all its quirks; in screen space, front
     /// faces are then clockwise and the options are rounded to float32

@@ -54,7 +54,7 @@ pub struct FitArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=7))]
     pub subdivisions: Option<u32>,
     /// Images: a .npy file or a folder; with --from the number of views [default: 24]
-    #[arg(long, value_name = "IMAGES.npy|FOLDER|N", required_unless_present_any = ["from", "benchmark"])]
+    #[arg(long, value_name = "IMAGES.npy|FOLDER|N")]
     pub views: Option<String>,
     /// The cameras of the images: .npy, .json or COLMAP's images.txt [default: what the folder has of cameras.json,
     /// transforms.json and images.txt]
@@ -124,6 +124,16 @@ impl FitArgs {
     /// The mesh to write.
     pub fn out(&self) -> Result<&PathBuf, Failure> {
         self.out.as_ref().ok_or_else(|| Failure::Usage("--out: name the mesh to write".into()))
+    }
+
+    /// Refuses a fit to nothing.
+    pub fn check_source(&self) -> Result<(), Failure> {
+        if self.from.is_some() || self.views.is_some() {
+            return Ok(());
+        }
+        let what = "give --views or --from: --views names the pictures to fit to, a folder or a .npy file, and --from a mesh \
+                    that pictures are rendered of";
+        Err(Failure::Usage(what.into()))
     }
 
     /// The number of views that `--from` renders.
@@ -259,13 +269,13 @@ pub struct FileArgs {
     #[arg(long, value_name = "LOG.json")]
     pub json: Option<PathBuf>,
     /// Write a plot of the loss by step
-    #[arg(long, value_name = "FILE.png")]
+    #[arg(long, value_name = "FILE.png", value_parser = parse::file_ending("png"))]
     pub plot: Option<PathBuf>,
     /// Write the fit as an animation, with the target beside it
-    #[arg(long, value_name = "FILE.gif")]
+    #[arg(long, value_name = "FILE.gif", value_parser = parse::file_ending("gif"))]
     pub gif: Option<PathBuf>,
     /// Write the state of the fit, at the end and every 100 steps, for --resume
-    #[arg(long, value_name = "FILE.npz")]
+    #[arg(long, value_name = "FILE.npz", value_parser = parse::file_ending("npz"))]
     pub checkpoint: Option<PathBuf>,
     /// Write the views that --from renders as PNG files, with a cameras.json, into this folder, which --views then reads
     #[arg(long, value_name = "FOLDER", requires = "from")]

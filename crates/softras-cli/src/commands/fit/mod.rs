@@ -44,6 +44,7 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
         return benchmark::run(args, meshes);
     }
     let (files, out) = (&args.files, args.out()?);
+    args.check_source()?;
     let written = [&files.json, &files.plot, &files.gif, &files.checkpoint];
     let mut views = Vec::new();
     if let Some(folder) = &files.write_views {

@@ -166,7 +166,9 @@ fn fault<T>(path: &Path, what: impl Into<String>, fix: &str) -> Result<T> {
 /// A .npy file of finite numbers.
 pub fn read_array(path: &Path, budget: &Budget) -> Result<Array> {
     let file = files::open(path)?;
-    budget.count_file(file.metadata().map_or(0, |metadata| metadata.len()));
+    let bytes = file.metadata().map_or(0, |metadata| metadata.len());
+    files::refuse_empty(path, bytes)?;
+    budget.count_file(bytes);
     let room = |bytes| budget.claim(path, "the array", bytes).map_err(|error| error.to_string());
     let array = match npy::read(std::io::BufReader::new(file), room) {
         Ok(array) => array,

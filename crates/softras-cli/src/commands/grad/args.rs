@@ -35,7 +35,7 @@ pub struct GradArgs {
     #[arg(long = "target", value_name = "IMAGE.png")]
     pub target_image: PathBuf,
     /// The picture to write
-    #[arg(short, long = "out", value_name = "FILE.png")]
+    #[arg(short, long = "out", value_name = "FILE.png", value_parser = parse::file_ending("png"))]
     pub out: PathBuf,
     #[command(flatten)]
     pub read: ReadArgs,
@@ -74,7 +74,8 @@ pub struct SoftArgs {
     /// The influence on a pixel below which a triangle is ignored there
     #[arg(long, value_parser = parse::positive, default_value_t = 1e-4)]
     pub tau: f64,
-    /// The background of the image and of a transparent target: r,g,b (linear light, 0 to 1) or #rrggbb
+    /// The background of the image and of a transparent target: r,g,b (linear light, 0 to 1), #rrggbb or a
+    /// name of CSS 2, as white
     #[arg(long, value_name = "COLOUR", value_parser = parse::rgb, default_value = "0,0,0")]
     pub background: parse::Rgb,
     /// Read the bytes of textures and of the target without the sRGB curve

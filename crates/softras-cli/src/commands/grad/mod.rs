@@ -24,9 +24,6 @@ use target::{Loss, Target};
 
 /// Runs the command.
 pub fn run(args: &GradArgs) -> Result<(), Failure> {
-    if !args.out.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png")) {
-        return Err(Failure::Usage(format!("--out {}: the file's ending must be .png", args.out.display())));
-    }
     let outputs = Outputs::new([&args.out], [])?;
     outputs.spare([&args.target_image])?;
     let start = Instant::now();
@@ -36,6 +33,7 @@ pub fn run(args: &GradArgs) -> Result<(), Failure> {
     let loaded = args.read.read(&args.mesh, !args.soft.raw, &outputs, &budget)?;
     let bounds = Bounds::of(&loaded.mesh);
     let view = View::new(&args.camera, bounds, target.width as f64 / target.height as f64, 0.0);
+    framing::check_depths(&args.camera, &view)?;
     if view.misses(bounds) {
         note("the mesh lies wholly outside the depths that this camera draws");
     }

@@ -41,7 +41,9 @@ impl Archive {
     /// only when it is asked for.
     pub fn open(path: &Path, budget: Budget) -> Result<Self> {
         let file = files::open(path)?;
-        budget.count_file(file.metadata().map_or(0, |metadata| metadata.len()));
+        let bytes = file.metadata().map_or(0, |metadata| metadata.len());
+        files::refuse_empty(path, bytes)?;
+        budget.count_file(bytes);
         let broken = |e: zip::result::ZipError| Error::File {
             path: path.into(),
             line: None,

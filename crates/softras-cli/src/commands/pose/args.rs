@@ -63,7 +63,7 @@ pub struct PoseArgs {
     #[arg(long, conflicts_with = "benchmark")]
     pub baselines: bool,
     /// Draw the loss over two angles around the pose, sharp and blurred side by side
-    #[arg(long, value_name = "FILE.png")]
+    #[arg(long, value_name = "FILE.png", value_parser = parse::file_ending("png"))]
     pub landscape: Option<PathBuf>,
     /// Run the experiment of the SoftRas paper with a coloured cube: random rotations to find, with plain and with whitened
     /// colours, from one start and from several

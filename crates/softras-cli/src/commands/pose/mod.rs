@@ -121,6 +121,7 @@ fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) 
     let bounds = Bounds::of(mesh);
     let (height, width) = (target.color.height, target.color.width);
     let framed = framing::View::new(&args.camera, bounds, width as f64 / height as f64, 0.0);
+    framing::check_depths(&args.camera, &framed)?;
     // The depth range has room for translations.
     let reach = framed.far - framed.near;
     let (near, far) = ((framed.near - 0.2 * reach).max(0.2 * framed.near), framed.far + 0.2 * reach);

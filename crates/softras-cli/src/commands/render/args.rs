@@ -155,7 +155,7 @@ pub struct LookArgs {
     /// triangles reach farther
     #[arg(long, value_enum, default_value = "probability")]
     pub support: Support,
-    /// Background: r,g,b (linear light, 0 to 1) or #rrggbb [default: transparent; white in .gif files and contact sheets]
+    /// Background: r,g,b (linear light, 0 to 1), #rrggbb or a name of CSS 2, as white [default: transparent; white in .gif files and contact sheets]
     #[arg(long, value_name = "COLOUR", value_parser = parse::rgb)]
     pub background: Option<parse::Rgb>,
     /// composite: colour fades with the silhouette; weighted: the background is one more entry of the softmax, as in the

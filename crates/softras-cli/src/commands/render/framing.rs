@@ -2,6 +2,7 @@
 
 use super::args::{CameraArgs, LightArgs};
 use super::enclosing::enclosing;
+use crate::commands::Failure;
 use crate::commands::color::Curve;
 use crate::commands::parse::HalfHeight;
 use glam::{DQuat, DVec3};
@@ -162,6 +163,25 @@ pub fn depth_range(args: &CameraArgs, bounds: Bounds, eye: DVec3, target: DVec3)
     });
     let near = args.near.unwrap_or_else(|| (depth - reach).max(far * NEAREST));
     (near, far)
+}
+
+/// Refuses a farthest depth that is not beyond the nearest one.
+///
+/// # Errors
+/// [`Failure::Usage`] naming the options that say so.
+pub fn check_depths(args: &CameraArgs, view: &View) -> std::result::Result<(), Failure> {
+    // Without --far, the farthest depth lies beyond any that --near names.
+    let Some(far) = args.far.filter(|_| view.far <= view.near) else { return Ok(()) };
+    Err(Failure::Usage(match args.near {
+        Some(near) => format!(
+            "--near {near} --far {far}: what is drawn lies between them, so near must be less than far: swap them, or leave \
+             one out"
+        ),
+        None => format!(
+            "--far {far}: the mesh begins at depth {:.4}, behind all that is drawn: give a larger --far, or --near as well",
+            view.near
+        ),
+    }))
 }
 
 /// The lights that the arguments ask for, as this view's camera sees them.

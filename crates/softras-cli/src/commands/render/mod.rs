@@ -46,7 +46,8 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let mut notes = std::mem::take(&mut loaded.notes);
     let camera = upright(args, &loaded.mesh, &mut notes);
     let mut stage = Stage::new(args, camera, loaded, samples)?;
-    if stage.view(0.0).misses(stage.bounds) {
+    let misses = stage.view(0.0).misses(stage.bounds);
+    if misses {
         notes.push("the mesh lies wholly outside the depths that this camera draws".into());
         notes.last().into_iter().for_each(|text| note(text));
     }
@@ -55,6 +56,9 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
         animation::run(&mut stage, &targets, &mut report)?;
     } else {
         still(&mut stage, &targets, &mut report)?;
+    }
+    if !misses {
+        report.note_nothing(&stage);
     }
     report.print(args.json, start.elapsed())
 }
@@ -130,7 +134,7 @@ fn targets(args: &RenderArgs) -> Result<Vec<Target>, Failure> {
                 return Err(Failure::Usage(format!("--out {}: {what}", out.display())));
             }
             (None, false) => {
-                let what = "the file's ending must be .png, .exr or .npy";
+                let what = "the file's ending must be .png, .exr or .npy, or .gif with --turntable or --sweep";
                 return Err(Failure::Usage(format!("--out {}: {what}", out.display())));
             }
         };
@@ -211,6 +215,7 @@ impl<'a> Stage<'a> {
             }
             Fit::Sphere => View::new(&camera, bounds, aspect, 0.0),
         };
+        framing::check_depths(&camera, &first)?;
         let mesh = match args.light.shading {
             args::Shading::Smooth => match args.crease {
                 Some(degrees) => crease::creased(&mesh, &[], degrees)?,

@@ -83,6 +83,13 @@ impl Shot {
         &image.view(0)[self.above * row..(self.above + self.rows.len()) * row]
     }
 
+    /// Whether a pixel shows more of the mesh, or of its transparent part, than a byte of alpha can tell from nothing.
+    pub fn is_seen(&self) -> bool {
+        let layers = self.layer.iter().flat_map(|layer| layer.frames());
+        let mut alphas = std::iter::once(&self.frame).chain(layers).filter_map(Frame::silhouette);
+        alphas.any(|alpha| self.own(alpha).iter().any(|a| *a >= 0.5 / 255.0))
+    }
+
     /// The least and greatest depth where the mesh covers at least half a pixel: infinity and 0 where it covers nothing.
     pub fn depth_range(&self) -> Result<(f64, f64)> {
         let image = |output| self.image(output, self.is_solid);

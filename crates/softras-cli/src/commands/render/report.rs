@@ -2,7 +2,8 @@
 
 use super::picture::Shot;
 use super::{Failure, Stage, Target};
-use crate::commands::{describe, say};
+use crate::commands::{describe, note, say};
+use glam::DVec3;
 use serde_json::{Value, json};
 use std::time::Duration;
 
@@ -38,6 +39,8 @@ pub struct Report {
     frames: usize,
     bands: usize,
     samples: usize,
+    /// Whether some frame shows anything of the mesh.
+    is_seen: bool,
     first: Value,
     timings: Vec<(&'static str, f64)>,
     sweep: Option<(&'static str, Vec<f64>)>,
@@ -56,6 +59,7 @@ impl Report {
             frames: 0,
             bands: 0,
             samples: 0,
+            is_seen: false,
             first: Value::Null,
             timings: Vec::new(),
             sweep: stage.args.sweep.map(|s| (s.swept.name(), Vec::new())),
@@ -76,6 +80,7 @@ impl Report {
         self.frames += usize::from(shot.rows.start == 0);
         self.bands += 1;
         self.samples = shot.samples;
+        self.is_seen |= shot.is_seen();
         let layers = shot.layer.iter().flat_map(|layer| layer.frames());
         for time in std::iter::once(&shot.frame).chain(layers).flat_map(|frame| frame.timings()) {
             match self.timings.iter_mut().find(|(stage, _)| *stage == time.stage) {
@@ -95,6 +100,29 @@ impl Report {
     /// Records a file that was written.
     pub fn wrote(&mut self, written: Written) {
         self.written.push(written);
+    }
+
+    /// Notes that no frame shows anything of the mesh, if that is so, with what is likely to be the reason.
+    pub fn note_nothing(&mut self, stage: &Stage<'_>) {
+        let (camera, mesh) = (&stage.camera, &stage.scene.meshes[0]);
+        let corner = |i: u32| DVec3::from(mesh.positions()[i as usize].map(f64::from));
+        let area = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a).length();
+        let is_flat = mesh.triangles().iter().all(|corners| area(corners.map(corner)) == 0.0);
+        let is_placed = camera.eye.is_some() || camera.target.is_some() || camera.distance.is_some();
+        let is_cut = camera.near.is_some() || camera.far.is_some();
+        let text = if is_flat && stage.glass.is_none() {
+            "no triangle of the mesh has an area: at most a faint blur of them is in the picture"
+        } else if self.is_seen {
+            return;
+        } else if is_placed || is_cut || camera.orthographic.is_some() {
+            "nothing of the mesh is in the picture: it is not where the camera looks: without --eye, --look-at, --distance, \
+             --near, --far and --orthographic the camera finds it by itself"
+        } else {
+            "nothing of the mesh is in the picture: it is seen edge-on, or from behind with --faces front: give another \
+             --azimuth or --elevation"
+        };
+        note(text);
+        self.notes.push(text.into());
     }
 
     /// Prints what was written, or everything as JSON.

@@ -4,6 +4,7 @@ mod load;
 mod map;
 mod tally;
 
+use super::parse;
 use super::progress::Progress;
 use super::{Failure, say};
 use clap::Args;
@@ -19,13 +20,21 @@ use tally::Tally;
 /// Test a device with random difficult scenes and print a report
 #[derive(Args, Debug)]
 #[command(after_help = "\
-Half of the scenes are from the region in which accuracy is promised, with triangles that have no area, are
-thin, doubled, coincident or intersect each other. The other half are from everywhere: coordinates from 1e-40
-to 1e20, sigma from 1e-12 to 10, gamma from 1e-10 to 10, near and far equal, swapped or enormous, images from
-1x1 to 1x4096. Each scene is rendered and differentiated twice. It may be refused with an error that says why.
-Otherwise every value must be finite and in its range, both runs must give the same bits, and where accuracy
-is promised images and gradients must agree with the model in f64. Every violation is printed with the seed of
-its scene, and the exit code is then 1.
+Every scene is rendered and differentiated twice, and checked. What is wrong is printed with the seed of its
+scene, and the exit code is then 1.
+
+Half of the scenes lie where accuracy is promised. Some of their triangles have no area, are thin, are doubled
+or go through one another. The other half come from everywhere:
+  coordinates  1e-40 to 1e20
+  sigma        1e-12 to 10
+  gamma        1e-10 to 10
+  near, far    also equal, swapped or enormous
+  images       1x1 to 1x4096
+
+A scene passes in one of two ways:
+  refused   with an error that says why
+  rendered  every value is finite and in its range, and both runs have the same bits; where accuracy is promised,
+            images and gradients agree with the model in f64
 
 Examples:
   softras stress --cases 20000 --seed 1
@@ -42,36 +51,36 @@ pub struct StressArgs {
     /// The seed of the first scene; the others have the seeds that follow
     #[arg(long, value_name = "S", default_value_t = 1)]
     seed: u64,
-    /// Number of combinations of modes to draw from; compiling the kernels of each takes some seconds
+    /// Number of combinations of modes to draw from. The kernels of each take some seconds to compile
     #[arg(long, value_name = "N", default_value_t = FORMS as u64, value_parser = clap::value_parser!(u64).range(1..=FORMS as u64))]
     forms: u64,
-    /// Render N scenes of the same size and settings as one batch. They are checked for finite values, ranges and equal bits
-    /// only; one scene of each batch is also checked in full by itself
+    /// Render N scenes of one size and the same settings at once, which is faster. A batch is checked for finite values,
+    /// ranges and equal bits; one scene of it is checked for accuracy too
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1024))]
     batch: u64,
     /// Draw images of 64 to 512 pixels a side and meshes of up to 6000 triangles
     #[arg(long)]
     realistic: bool,
-    /// Number of renderers, or threads of --load, that work at the same time
+    /// Number of threads that render at the same time
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u64).range(1..=64))]
     jobs: u64,
-    /// Run under the Vulkan validation layers; each of their messages is a finding
+    /// Run under the Vulkan validation layers. Each of their messages counts as wrong
     #[arg(long)]
     validation: bool,
     /// The Vulkan device: its index or a part of its name, as `softras devices` lists them [default: the best one]
     #[arg(long, value_name = "DEVICE")]
     device: Option<String>,
-    /// Draw the error of images over the sigma-gamma plane
-    #[arg(long, value_name = "FILE.svg")]
+    /// Draw the error of images by sigma and gamma
+    #[arg(long, value_name = "FILE.svg", value_parser = parse::file_ending("svg"))]
     map: Option<PathBuf>,
-    /// Render and differentiate this many small frames in a row, shared by --jobs threads, and check that all of them give the
-    /// same bits and that memory does not grow
+    /// Before the scenes, render and differentiate this many small frames in a row, by --jobs threads. All must have the same
+    /// bits, and memory must not grow
     #[arg(long, value_name = "FRAMES", value_parser = clap::value_parser!(u64).range(1..))]
     load: Option<u64>,
-    /// Renderers of each thread of --load, which take turns
+    /// Number of renderers in each thread of --load. They take turns
     #[arg(long, value_name = "N", default_value_t = 1, requires = "load", value_parser = clap::value_parser!(u64).range(1..=64))]
     renderers: u64,
-    /// Reduce the scene of the first finding to the fewest triangles that still show it, and print it
+    /// Print the first scene that is wrong, reduced to the fewest triangles that still show it
     #[arg(long)]
     shrink: bool,
     /// Print one JSON object
@@ -87,10 +96,11 @@ impl StressArgs {
 
 /// Runs the command.
 pub fn run(args: &StressArgs) -> std::result::Result<(), Failure> {
+    if args.cases == 0 && args.load.is_none() && args.map.is_none() {
+        let what = "--cases 0: nothing would be tested: give a number above 0, or --load or --map as well";
+        return Err(Failure::Usage(what.into()));
+    }
     if let Some(path) = &args.map {
-        if path.extension().is_none_or(|extension| extension != "svg") {
-            return Err(Failure::Usage(format!("--map {}: the map is an .svg file", path.display())));
-        }
         files::check_writable(path)?;
     }
     let start = Instant::now();

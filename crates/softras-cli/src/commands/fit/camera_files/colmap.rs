@@ -26,7 +26,9 @@ struct Lines<'a> {
 
 impl<'a> Lines<'a> {
     fn open(path: &'a Path) -> Result<Self> {
-        Ok(Self { path, reader: BufReader::new(files::open(path)?), line: 0 })
+        let file = files::open(path)?;
+        files::refuse_empty(path, file.metadata().map_or(1, |metadata| metadata.len()))?;
+        Ok(Self { path, reader: BufReader::new(file), line: 0 })
     }
 
     fn refuse<T>(&self, what: impl Into<String>, fix: &str) -> Result<T> {

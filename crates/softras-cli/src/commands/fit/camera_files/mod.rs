@@ -65,6 +65,7 @@ pub fn read(folder: &Path, given: Option<&Path>, fov: f64) -> Result<(PathBuf, V
         colmap::read(&path)?
     } else {
         let bytes = files::read(&path, MAX_JSON)?;
+        files::refuse_empty(&path, bytes.len() as u64)?;
         let is_object = bytes.iter().find(|byte| !byte.is_ascii_whitespace()) == Some(&b'{');
         if is_object { transforms::read(&path, &bytes, fov)? } else { list::read(&path, &bytes, fov)? }
     };

@@ -1,0 +1,117 @@
+//! What is said of mistakes that are made early: names of files, options that contradict each other, empty files and pictures.
+
+use super::{fails, softras, succeeds};
+use std::fs;
+use std::path::Path;
+
+#[test]
+fn a_file_is_not_written_under_the_ending_of_another_format() {
+    let folder = tempfile::tempdir().unwrap();
+    for (line, ending) in [
+        ("fit --from a.obj -o o.obj --gif f.png", "gif"),
+        ("fit --from a.obj -o o.obj --plot f.gif", "png"),
+        ("fit --from a.obj -o o.obj --checkpoint f.bin", "npz"),
+        ("pose --mesh a.obj --image a.png --landscape f.jpg", "png"),
+        ("grad a.obj --target a.png -o f.jpg", "png"),
+        ("articulate -o f.gif", "png"),
+        ("eval a.npz -o f.npy", "npz"),
+        ("stress --cases 0 --map f.png", "svg"),
+    ] {
+        let arguments: Vec<_> = line.split(' ').collect();
+        let file = arguments.iter().find(|word| word.starts_with("f.")).unwrap();
+        fails(folder.path(), &arguments, 2, &[file, &format!("give a name that ends in .{ending}")]);
+    }
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn a_wrong_value_is_answered_with_the_forms_that_are_taken() {
+    let folder = tempfile::tempdir().unwrap();
+    let render = |extra: &[&str], parts: &[&str]| {
+        fails(folder.path(), &[&["render", "a.obj", "-o", "a.png"], extra].concat(), 2, parts);
+    };
+    render(&["--background", "bluish"], &["--background", "bluish", "#rrggbb, #rgb, r,g,b", "white"]);
+    render(&["--light", "0,0,0"], &["--light", "0,0,0 has no length", "0,1,0"]);
+    let nothing = ["fit", "-o", "x.obj"];
+    fails(folder.path(), &nothing, 2, &["give --views or --from", "a folder or a .npy file"]);
+}
+
+#[test]
+fn depths_in_the_wrong_order_name_both_options() {
+    let folder = tempfile::tempdir().unwrap();
+    succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
+    succeeds(folder.path(), &["render", "cube.obj", "-o", "cube.png", "--size", "16", "--background", "navy"]);
+    for command in [
+        &["render", "cube.obj", "-o", "a.png", "--size", "16"][..],
+        &["grad", "cube.obj", "--target", "cube.png", "-o", "a.png"],
+        &["pose", "--mesh", "cube.obj", "--image", "cube.png"],
+    ] {
+        let both = [command, &["--near", "5", "--far", "2"]].concat();
+        fails(folder.path(), &both, 2, &["--near 5 --far 2", "near must be less than far", "leave one out"]);
+        let far = [command, &["--far", "0.5"]].concat();
+        fails(folder.path(), &far, 2, &["--far 0.5: the mesh begins at depth", "--near as well"]);
+    }
+}
+
+#[test]
+fn what_strict_refuses_is_told_with_the_option() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("a.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2\n").unwrap();
+    let line = ["render", "a.obj", "-o", "a.png", "--strict"];
+    fails(folder.path(), &line, 1, &["a.obj:5", "(--strict in the command), which draws the rest"]);
+}
+
+#[test]
+fn an_empty_file_is_said_to_be_empty() {
+    let folder = tempfile::tempdir().unwrap();
+    succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
+    fs::create_dir(folder.path().join("views")).unwrap();
+    for (line, file) in [
+        ("render e.obj -o a.png", "e.obj"),
+        ("render e.ply -o a.png", "e.ply"),
+        ("render e.stl -o a.png", "e.stl"),
+        ("render e.glb -o a.png", "e.glb"),
+        ("grad cube.obj --target e.png -o a.png", "e.png"),
+        ("pose --mesh cube.obj --image e.jpg", "e.jpg"),
+        ("fit --views views -o a.obj", "views/cameras.json"),
+        ("fit --views views -o a.obj", "views/transforms.json"),
+        ("fit --views views -o a.obj", "views/images.txt"),
+        ("fit --views e.npy --cameras c.npy -o a.obj", "e.npy"),
+        ("eval e.npz -o a.npz", "e.npz"),
+    ] {
+        let path = folder.path().join(file);
+        fs::write(&path, "").unwrap();
+        fs::write(folder.path().join("views/cameras.txt"), "").unwrap();
+        let arguments: Vec<_> = line.split(' ').collect();
+        fails(folder.path(), &arguments, 1, &["the file is empty"]);
+        fs::remove_file(path).unwrap();
+    }
+}
+
+/// The notes of `softras render` on a mesh of these lines.
+fn notes(folder: &Path, mesh: &str, extra: &[&str]) -> String {
+    fs::write(folder.join("a.obj"), mesh).unwrap();
+    let output = softras(folder, &[&["render", "a.obj", "-o", "a.png", "--size", "16"], extra].concat());
+    let errors = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(0), "{errors}");
+    errors
+}
+
+#[test]
+fn a_picture_with_nothing_in_it_is_noted() {
+    let folder = tempfile::tempdir().unwrap();
+    let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    let noted = |mesh: &str, extra: &[&str]| notes(folder.path(), mesh, extra);
+    assert_eq!(noted(triangle, &[]), "");
+    assert_eq!(noted(triangle, &["--turntable", "3", "-o", "b.png"]).matches("nothing").count(), 0);
+    let flat = noted("v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", &[]);
+    assert!(flat.contains("note: no triangle of the mesh has an area"), "{flat}");
+    let beside = noted(triangle, &["--eye", "9,0,-5", "--look-at", "9,0,0"]);
+    assert!(beside.contains("note: nothing") && beside.contains("without --eye, --look-at"), "{beside}");
+    let away = noted(triangle, &["--faces", "front", "--azimuth", "0"]);
+    let towards = noted(triangle, &["--faces", "front", "--azimuth", "180"]);
+    assert!((away + &towards).matches("--faces front").count() == 1);
+    // One note tells it.
+    let behind = noted(triangle, &["--eye", "0,0,5", "--look-at", "0,0,9"]);
+    assert!(behind.contains("outside the depths") && !behind.contains("nothing"), "{behind}");
+}
