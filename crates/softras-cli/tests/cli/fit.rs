@@ -219,6 +219,8 @@ fn a_pose_is_refined_from_where_the_mesh_is() {
     run("render fish.obj -o target.png --frame sphere --unlit --size 48 --azimuth 130 --elevation 25");
     // The camera of the command turns by 15 degrees of azimuth and 5 of elevation from there.
     let refined = pose("--mesh fish.obj --image target.png -o posed.obj --init --no-translation");
+    let [iou, color] = ["silhouette_iou", "color_difference"].map(|key| refined[key].as_f64().unwrap());
+    assert!(iou > 0.9 && color < 0.2, "{refined}");
     let degrees = refined["degrees"].as_f64().unwrap();
     assert!((10.0..=20.0).contains(&degrees), "{refined}");
     assert!(refined["confidence"].is_null() && refined["equally_good"].as_array().unwrap().len() == 1, "{refined}");

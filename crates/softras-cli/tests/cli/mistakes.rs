@@ -115,3 +115,24 @@ fn a_picture_with_nothing_in_it_is_noted() {
     let behind = noted(triangle, &["--eye", "0,0,5", "--look-at", "0,0,9"]);
     assert!(behind.contains("outside the depths") && !behind.contains("nothing"), "{behind}");
 }
+
+#[test]
+fn a_pose_that_does_not_explain_the_picture_is_doubted() {
+    let folder = tempfile::tempdir().unwrap();
+    succeeds(folder.path(), &["mesh", "fish", "-o", "fish.obj"]);
+    let doubts = |how: &str| {
+        let render = format!("render fish.obj -o picture.png --size 48 {how}");
+        succeeds(folder.path(), &render.split(' ').collect::<Vec<_>>());
+        // The camera of both is the same, so that there is nothing to turn.
+        let pose = "pose --mesh fish.obj --image picture.png --init --no-translation --iterations 20";
+        let output = softras(folder.path(), &pose.split(' ').collect::<Vec<_>>());
+        assert_eq!(output.status.code(), Some(0));
+        assert!(String::from_utf8_lossy(&output.stdout).contains("silhouettes agree by 0."));
+        let noted = String::from_utf8(output.stderr).unwrap();
+        ["this pose does not explain the picture", "--unlit", "--frame sphere"].iter().all(|part| noted.contains(part))
+    };
+    let pictures = [("--frame sphere --unlit", false), ("--frame sphere", true), ("--frame box --unlit", true)];
+    for (how, is_doubted) in pictures {
+        assert_eq!(doubts(how), is_doubted, "{how}");
+    }
+}

@@ -18,6 +18,10 @@ one pose explains the picture, 0 for a mesh that looks the same from several sid
 no start ended more than 10 degrees away. Poses with at most 1.5 times the least loss are counted as
 equally good and listed.
 
+The second line compares the picture with the mesh in this pose: the silhouettes' intersection over union, and
+by how much of the picture's brightness the colours differ. A note says where they are too far apart for the
+pose to be right: of a lit picture, or one that another camera sees.
+
 The rotation is about the centre of the smallest sphere around the mesh, at which the camera looks by
 default. That centre stays where it is when the mesh turns, so a posed mesh is rendered from the same
 place; its translation moves it, and --look-at, --distance keep the camera where it was.

@@ -1,5 +1,6 @@
 //! `softras pose`: finds the rotation and translation of a mesh from a picture.
 
+mod agreement;
 pub mod args;
 mod benchmark;
 mod landscape;
@@ -9,7 +10,8 @@ use super::fit::targets;
 use super::memory::Budget;
 use super::outputs::Outputs;
 use super::render::framing::{self, Bounds};
-use super::{Failure, say};
+use super::{Failure, note, say};
+use agreement::Agreement;
 use args::PoseArgs;
 use glam::{DQuat, DVec3};
 use serde_json::json;
@@ -140,6 +142,7 @@ fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) 
     let both = View { settings: Settings { faces: Faces::Both, ..view.settings.clone() }, ..view };
     let translation_rate = if args.no_translation { 0.0 } else { 0.15 * bounds.radius };
     let options = PoseOptions { iterations: args.iterations as usize, translation_rate, ..PoseOptions::both_sides() };
+    let agreement = Agreement::of(&both, &best, target, renderer)?;
     let mut baselines = Vec::new();
     for (name, options) in benchmark::baselines(&options).into_iter().filter(|_| args.baselines) {
         if let Some((pose, loss)) = both.baseline(args, options, target, renderer)? {
@@ -152,7 +155,7 @@ fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) 
     let other = search.found().iter().find(|(pose, _)| pose.degrees_to(&best) > OTHER);
     let confidence = other.map(|(_, other)| (1.0 - loss / other.max(1e-12)).clamp(0.0, 1.0));
     let equally_good = search.found()[..search.equally_good()].to_vec();
-    tell(args, &Answer { equally_good, confidence, baselines })
+    tell(args, &Answer { equally_good, confidence, agreement, baselines })
 }
 
 /// The result of the fit.
@@ -161,6 +164,7 @@ struct Answer {
     equally_good: Vec<(Pose, f64)>,
     /// `None` where no start ended at another answer.
     confidence: Option<f64>,
+    agreement: Agreement,
     baselines: Vec<Baseline>,
 }
 
@@ -194,6 +198,7 @@ fn rotation_of(pose: &Pose) -> DQuat {
 }
 
 fn tell(args: &PoseArgs, answer: &Answer) -> Result<(), Failure> {
+    answer.agreement.doubt().into_iter().for_each(|text| note(&text));
     if args.json { say(&json_of(answer).to_string()) } else { tell_in_words(answer) }
 }
 
@@ -210,6 +215,8 @@ fn json_of(answer: &Answer) -> serde_json::Value {
     };
     let mut report = pose(&answer.equally_good[0]);
     report["confidence"] = json!(answer.confidence);
+    report["silhouette_iou"] = json!(answer.agreement.iou);
+    report["color_difference"] = json!(answer.agreement.color);
     report["equally_good"] = answer.equally_good.iter().map(pose).collect();
     report["baselines"] = answer
         .baselines
@@ -234,6 +241,7 @@ fn tell_in_words(answer: &Answer) -> Result<(), Failure> {
     let (best, loss) = &answer.equally_good[0];
     let confidence = answer.confidence.map_or("unknown (no start ended elsewhere)".into(), |c| format!("{c:.3}"));
     say(&format!("{}; loss {loss:.6}, confidence {confidence}", words(best)))?;
+    say(&answer.agreement.sentence())?;
     let others = &answer.equally_good[1..];
     if !others.is_empty() {
         say(&format!(
