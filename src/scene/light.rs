@@ -19,8 +19,8 @@ pub enum Shading {
     /// One normal per triangle (the official "surface" light mode).
     #[default]
     Flat,
-    /// One normal per vertex, the area-weighted mean of its triangles' (the official "vertex" mode); the light is
-    /// computed at the vertices and interpolated over the triangle.
+    /// One normal per vertex, the mesh's own ([`Mesh::with_normals`](crate::Mesh::with_normals)) or the area-weighted mean of
+    /// its triangles' (the official "vertex" mode); the light is computed at the vertices and interpolated over the triangle.
     Smooth,
 }
 
