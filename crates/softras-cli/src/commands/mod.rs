@@ -7,6 +7,7 @@ mod color;
 mod complete;
 mod describe;
 mod devices;
+mod each;
 mod eval;
 mod fit;
 mod grad;
@@ -30,6 +31,7 @@ pub mod text;
 use clap::{Parser, Subcommand};
 use std::io::Write;
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 const ABOUT: &str = "\
@@ -82,6 +84,7 @@ pub enum Command {
     Iou(iou::IouArgs),
     Pose(Box<pose::args::PoseArgs>),
     Articulate(articulate::args::ArticulateArgs),
+    Each(each::EachArgs),
     Completions(complete::CompletionsArgs),
     Man(complete::ManArgs),
 }
@@ -145,6 +148,7 @@ fn run_command(cli: &Cli) -> Result<(), Failure> {
         Command::Iou(args) => iou::run(args),
         Command::Pose(args) => pose::run(args),
         Command::Articulate(args) => articulate::run(args),
+        Command::Each(args) => each::run(args),
         Command::Completions(args) => complete::completions(args),
         Command::Man(args) => complete::man(args),
     }
@@ -178,4 +182,24 @@ fn open_device(selector: Option<&str>, memory: Option<u64>) -> softras::Result<s
     let renderer = softras::Renderer::with_options(&softras::RendererOptions { device, memory, ..Default::default() })?;
     detail(&format!("device: {}", renderer.device_name()));
     Ok(renderer)
+}
+
+/// A flag that Ctrl-C sets.
+fn interrupted() -> Result<&'static AtomicBool, Failure> {
+    static RAISED: AtomicBool = AtomicBool::new(false);
+    // A process can take the signal over once, and a benchmark fits several times.
+    static TAKEN: OnceLock<Result<(), String>> = OnceLock::new();
+    // A second Ctrl-C ends the process at once, even if a step hangs.
+    let handler = || {
+        if RAISED.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+    };
+    match TAKEN.get_or_init(|| ctrlc::set_handler(handler).map_err(|error| error.to_string())) {
+        Ok(()) => Ok(&RAISED),
+        Err(e) => {
+            Err(softras::Error::Fit { what: format!("Ctrl-C cannot be caught ({e})"), fix: "report this".into() }
+                .into())
+        }
+    }
 }

@@ -5,6 +5,7 @@ mod arguments;
 mod bench;
 mod benchmark;
 mod command;
+mod each;
 mod eval;
 mod fit;
 mod full;

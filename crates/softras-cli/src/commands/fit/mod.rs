@@ -29,8 +29,7 @@ use setup::Setup;
 use softras::fit::{ShapeFit, Targets};
 use softras::internals::files;
 use softras::{Mesh, Renderer};
-use std::sync::OnceLock;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use targets::Views;
 
 /// Steps between two checkpoints.
@@ -139,7 +138,7 @@ impl Work {
         targets: &Targets,
         renderer: &mut Renderer,
     ) -> Result<(), Failure> {
-        let stop = interrupted()?;
+        let stop = super::interrupted()?;
         let progress = Progress::counted("step", setup.iterations);
         progress.done(self.next);
         while self.next < setup.iterations {
@@ -206,25 +205,5 @@ impl Work {
             self.best = Some((mesh, step));
         }
         Ok(())
-    }
-}
-
-/// A flag that Ctrl-C sets.
-fn interrupted() -> Result<&'static AtomicBool, Failure> {
-    static RAISED: AtomicBool = AtomicBool::new(false);
-    // A process can take the signal over once, and a benchmark fits several times.
-    static TAKEN: OnceLock<Result<(), String>> = OnceLock::new();
-    // A second Ctrl-C ends the process at once, even if a step hangs.
-    let handler = || {
-        if RAISED.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
-        }
-    };
-    match TAKEN.get_or_init(|| ctrlc::set_handler(handler).map_err(|error| error.to_string())) {
-        Ok(()) => Ok(&RAISED),
-        Err(e) => {
-            Err(softras::Error::Fit { what: format!("Ctrl-C cannot be caught ({e})"), fix: "report this".into() }
-                .into())
-        }
     }
 }
