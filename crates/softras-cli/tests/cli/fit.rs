@@ -242,8 +242,11 @@ fn roughness(picture: &image::RgbImage, panel: u32) -> f64 {
     const CELLS: u32 = 61;
     const CELL: u32 = 4;
     const MARGIN: u32 = 6;
+    // What the names and numbers of a panel's axes take on the left, above and on the right.
+    const EDGES: [u32; 3] = [30, 12, 12];
     let value = |column: u32, row: u32| {
-        let (x, y) = (MARGIN + panel * (CELLS * CELL + MARGIN) + column * CELL, MARGIN + row * CELL);
+        let first = MARGIN + panel * (EDGES[0] + CELLS * CELL + EDGES[2] + MARGIN) + EDGES[0];
+        let (x, y) = (first + column * CELL, MARGIN + EDGES[1] + row * CELL);
         picture.get_pixel(x, y).0.map(f64::from).iter().sum::<f64>() / 765.0
     };
     let bend = |column: u32, row: u32| {

@@ -19,7 +19,7 @@ use std::path::Path;
 use trial::{Found, HIDDEN, Method, Stage, Trial};
 
 /// Pixels of each panel of the picture.
-const PANEL: (u32, u32) = (168, 240);
+const PANEL: (u32, u32) = (216, 240);
 
 /// Runs the command.
 pub fn run(args: &ArticulateArgs) -> Result<(), Failure> {

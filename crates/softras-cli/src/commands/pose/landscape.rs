@@ -17,7 +17,11 @@ const CELL: usize = 4;
 const BATCH: usize = 244;
 /// σ and γ of the two panels.
 const PANELS: [(&str, (f64, f64)); 2] =
-    [("sigma=1e-6 gamma=1e-3", (1e-6, 1e-3)), ("sigma=1e-2 gamma=3e-1", (1e-2, 3e-1))];
+    [("sharp: sigma=1e-6 gamma=1e-3", (1e-6, 1e-3)), ("soft: sigma=1e-2 gamma=3e-1", (1e-2, 3e-1))];
+/// Pixels around a panel for the names and numbers of its axes: left, above, right, below.
+const EDGES: [usize; 4] = [30, 12, 12, 24];
+const AXES: [&str; 2] = ["turned across by degrees", "turned up by degrees"];
+const INK: [u8; 4] = [40, 40, 40, 255];
 
 /// Writes both panels: the pose turned by -180 to 180 degrees about the vertical axis (across) and about the horizontal
 /// one (up), dark where the loss of plain colours is least.
@@ -37,7 +41,7 @@ pub fn write(path: &Path, fit: &PoseFit, about: &Pose, target: &Target, renderer
         for some in poses.chunks(BATCH) {
             losses.extend(fit.losses(renderer, some, softness, &target.repeated(some.len())?.plain())?);
         }
-        panels.push((panel(&losses), label.to_string()));
+        panels.push((with_axes(&panel(&losses)), label.to_string()));
     }
     formats::write_png(path, &sheet::sheet(&panels, [255; 3]))
 }
@@ -51,6 +55,23 @@ fn panel(losses: &[f64]) -> Picture {
         picture.paste(&cell, i % GRID * CELL, i / GRID * CELL);
     }
     picture
+}
+
+/// The panel with the names of its axes, and with numbers at their ends and in their middle.
+fn with_axes(panel: &Picture) -> Picture {
+    let [left, above, right, below] = EDGES;
+    let side = panel.width;
+    let mut all = Picture::filled(left + side + right, above + side + below, [255; 4]);
+    all.paste(panel, left, above);
+    let wide = |text: &str| sheet::text_width(text, 1);
+    for (i, degrees) in ["-180", "0", "180"].into_iter().enumerate() {
+        let (across, up) = (left + i * side / 2, above + (2 - i) * side / 2);
+        sheet::write_text(&mut all, degrees, across - wide(degrees) / 2, above + side + 3, 1, INK);
+        sheet::write_text(&mut all, degrees, left - 3 - wide(degrees), up - 3, 1, INK);
+    }
+    sheet::write_text(&mut all, AXES[0], left + (side - wide(AXES[0])) / 2, above + side + 14, 1, INK);
+    sheet::write_text(&mut all, AXES[1], 0, 0, 1, INK);
+    all
 }
 
 /// From dark blue through green to light yellow.
@@ -67,6 +88,15 @@ fn shade(part: f64) -> [u8; 4] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn axes_stand_around_a_panel_and_not_in_it() {
+        let panel = Picture::filled(GRID * CELL, GRID * CELL, shade(0.5));
+        let all = with_axes(&panel);
+        let count = |color: [u8; 4]| all.pixels.iter().filter(|pixel| **pixel == color).count();
+        assert_eq!(count(shade(0.5)), panel.pixels.len());
+        assert!(count(INK) > 300, "{}", count(INK));
+    }
 
     #[test]
     fn the_least_loss_is_the_darkest() {

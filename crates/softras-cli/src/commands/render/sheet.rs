@@ -73,6 +73,7 @@ fn glyph(letter: char) -> [u8; 7] {
         '.' => [0, 0, 0, 0, 0, 12, 12],
         '-' => [0, 0, 0, 31, 0, 0, 0],
         '=' => [0, 0, 31, 0, 31, 0, 0],
+        ':' => [0, 12, 12, 0, 12, 12, 0],
         '|' => [4, 4, 4, 4, 4, 4, 4],
         'a' => [0, 0, 14, 1, 15, 17, 15],
         'b' => [16, 16, 22, 25, 17, 17, 30],
@@ -109,7 +110,8 @@ mod tests {
     #[test]
     fn every_label_that_is_written_has_its_letters() {
         assert!(
-            "sigma=1.23e-5 gamma tau blur azimuth=067890 loss render target downhill seen occluded -gradient fixed key"
+            "sigma=1.23e-5 gamma tau blur azimuth=067890 loss render target downhill seen occluded -gradient fixed key \
+             turned across up by degrees sharp: soft:"
                 .chars()
                 .all(|c| c == ' ' || glyph(c) != [0; 7])
         );
