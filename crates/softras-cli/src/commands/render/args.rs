@@ -202,7 +202,8 @@ fn ambient(text: &str) -> Result<[f64; 3], String> {
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Model")]
 pub struct ModeArgs {
-    /// Triangles to draw: all, or only those whose corners are counter-clockwise in the picture
+    /// Triangles to draw: all, or only those whose corners are counter-clockwise in the picture, so that no colour of a face
+    /// turned away is in the outlines of a closed mesh
     #[arg(long, value_enum, default_value = "both")]
     pub faces: Faces,
     /// How the triangles of a pixel are combined to a colour
