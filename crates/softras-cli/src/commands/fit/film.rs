@@ -12,8 +12,8 @@ use std::path::Path;
 
 /// The most frames.
 const FRAMES: usize = 32;
-/// The height of a frame in pixels.
-const HEIGHT: u32 = 128;
+/// The height of a frame in pixels: that of the images that are fitted, within these.
+const HEIGHTS: [usize; 2] = [128, 256];
 const SAMPLES: u32 = 2;
 /// Hundredths of a second between frames.
 const DELAY: u16 = 8;
@@ -36,7 +36,7 @@ impl Film {
         let area = |view: &usize| t.silhouette.as_ref().map_or(0.0, |s| s.view(*view).iter().sum::<f32>());
         let view = (0..t.cameras.len()).max_by(|a, b| area(a).total_cmp(&area(b))).unwrap_or(0);
         let shape = t.silhouette.as_ref().map_or((1, 1), |s| (s.height, s.width));
-        let size = ((HEIGHT as usize * shape.1 / shape.0.max(1)).max(1) as u32, HEIGHT);
+        let size = frame_size(shape);
         let target = match (&t.color, &t.silhouette) {
             (Some(color), Some(alpha)) => picture(color.view(view), alpha.view(view), shape),
             (None, Some(alpha)) => {
@@ -93,6 +93,12 @@ impl Film {
     }
 }
 
+/// Width and height of the frames for images of so many rows and columns.
+fn frame_size((rows, columns): (usize, usize)) -> (u32, u32) {
+    let height = rows.clamp(HEIGHTS[0], HEIGHTS[1]);
+    ((height * columns / rows.max(1)).max(1) as u32, height as u32)
+}
+
 /// A light from the camera's upper left, and a little ambient light.
 fn lights(camera: &Camera) -> Lights {
     let view = camera.view();
@@ -123,4 +129,17 @@ fn enlarged(picture: &Picture, (width, height): (u32, u32)) -> Picture {
         picture.pixels[row * picture.width + column]
     };
     Picture { width, height, pixels: (0..width * height).map(at).collect() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::frame_size;
+
+    #[test]
+    fn frames_are_as_large_as_the_images_within_limits() {
+        assert_eq!(frame_size((64, 64)), (128, 128));
+        assert_eq!(frame_size((160, 200)), (200, 160));
+        assert_eq!(frame_size((512, 1024)), (512, 256));
+        assert_eq!(frame_size((0, 0)), (1, 128));
+    }
 }
