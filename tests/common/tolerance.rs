@@ -49,6 +49,9 @@ pub const BY_HAND: f64 = 2e-6;
 /// The same scene computed in another order: sums of up to some thousand terms, each with half a unit in its last place.
 pub const SAME_SCENE: Tolerance = Tolerance { value: 2e-5, margin: 1e-4, left_out: 0.1 };
 
+/// A gradient with the sums of another number of lanes: some hundred terms that nearly cancel, in another order.
+pub const OTHER_LANES: f64 = 1e-4;
+
 /// Some ten thousand triangles a pixel. Nearly every pixel has one of them within rounding of its cut-off, and one that
 /// falls on the other side moves a value by about τ = 1e-4; pixels at a closer call than 1e-6 are left out.
 pub const CROWD: Tolerance = Tolerance { value: 2e-4, margin: 1e-6, left_out: 0.2 };

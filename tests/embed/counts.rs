@@ -1,6 +1,7 @@
 //! Triangle counts that only the device knows, in one frame and in several in flight: images and gradients are the simple
 //! API's, bit by bit, and nothing races from one submission to the next.
 
+use super::devices::USUAL_LANES;
 use crate::common::gradient::{random_upstream, same_gradient_bits};
 use crate::common::scenes::{Case, Kind, random_case};
 use crate::common::{renderer, tolerance};
@@ -10,6 +11,7 @@ use ash::vk;
 use gpu_allocator::MemoryLocation;
 use softras::embed::{Arena, BufferId, Counts, FrameBindings, Inputs, Shape, Status};
 use softras::internals::buffers::Role;
+use softras::internals::vulkan::Device;
 use softras::scene::{Appearance, Outputs, Shading};
 use softras::{Camera, Lights, Mesh, Projection, Scene, Wanted, shapes};
 use std::process::Command;
@@ -131,8 +133,13 @@ fn counts_of_several_meshes_lie_a_stride_apart() {
     scene.meshes.extend(first_triangles(&case, 200).meshes);
     let frame = renderer().render(&scene, &case.cameras, &case.settings).unwrap();
     let due = [frame.color(), frame.silhouette(), frame.depth(), frame.normal()];
+    // The two frames' kernels are compiled for other constants. With other vectors than usual that moves a last place.
+    let has_usual_lanes = Device::from_host(&engine.host_device()).unwrap().limits().subgroups.size == USUAL_LANES;
+    let is_off = |(a, b): (&f32, &f32)| (a - b).abs() > tolerance::BY_HAND as f32 * b.abs().max(1.0);
     for ((name, image), due) in images(&case, &host).iter().zip(due) {
-        assert_eq!(difference(image, &due.unwrap().data), None, "{name}");
+        let due = &due.unwrap().data;
+        assert!(image.len() == due.len() && !image.iter().zip(due).any(is_off), "{name}");
+        assert!(!has_usual_lanes || difference(image, due).is_none(), "{name}");
     }
     drop((host, rasterizer));
     assert_silent(engine);
