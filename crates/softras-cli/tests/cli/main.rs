@@ -10,6 +10,7 @@ mod eval;
 mod fit;
 mod full;
 mod gradient;
+mod hollow;
 mod hostile;
 mod killed;
 mod memory;

@@ -1,6 +1,7 @@
 //! The mesh that a fit begins with: a sphere, the visual hull of the silhouettes, or the mesh of a file.
 
 use super::args::{FitArgs, Preset};
+use super::dig::dug;
 use super::targets::{self, Views};
 use crate::commands::{Failure, note, parts};
 use softras::fit::remeshed;
@@ -31,7 +32,7 @@ pub fn begin(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<B
     let own = views.template.is_some();
     let (mesh, hull) = match &views.template {
         Some(mesh) => (mesh.clone(), false),
-        None => match hull(args, views)? {
+        None => match hull(args, views, renderer)? {
             Some(mesh) => (mesh, true),
             None => (sphere(args, views, official)?, false),
         },
@@ -62,7 +63,7 @@ fn sphere(args: &FitArgs, views: &Views, official: bool) -> Result<Mesh, Failure
 }
 
 /// The visual hull where it is asked for, or is likely to be nearer than a sphere; `None` for a sphere.
-fn hull(args: &FitArgs, views: &Views) -> Result<Option<Mesh>, Failure> {
+fn hull(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Option<Mesh>, Failure> {
     let asked = args.template == "hull";
     if asked && args.method.preset == Preset::Official {
         let what = "--template hull: the official method begins with its sphere: leave out one of the two";
@@ -80,8 +81,16 @@ fn hull(args: &FitArgs, views: &Views) -> Result<Option<Mesh>, Failure> {
     let samples = ((SAMPLES_PER_PIXEL * pixels as f64) as usize).clamp(32, MOST_SAMPLES);
     match targets.visual_hull(center, side, samples) {
         Ok(raw) => {
-            let edge = args.method.edge.map_or(HULL_EDGE, |edge| edge.0);
-            Ok(Some(remeshed(&raw, edge * side / pixels as f64)?))
+            let edge = args.method.edge.map_or(HULL_EDGE, |edge| edge.0) * side / pixels as f64;
+            let hull = remeshed(&raw, edge)?;
+            if !(views.one_color && args.color) || views.lights.directional.is_empty() {
+                return Ok(Some(hull));
+            }
+            let (mesh, hollows) = dug(hull, edge, &targets, views, renderer)?;
+            if hollows > 0 {
+                note(&format!("by the light, the hull covers {hollows} hollow(s), which the fit begins with"));
+            }
+            Ok(Some(mesh))
         }
         Err(error) if !asked => {
             note(&format!("the fit begins with a sphere, since there is no hull: {error}"));
@@ -93,7 +102,7 @@ fn hull(args: &FitArgs, views: &Views) -> Result<Option<Mesh>, Failure> {
 
 /// The colour that a mesh needs for its renderings under the lights to be the targets', by least squares over the pixels in
 /// the object. It need not be the object's mesh, but one that faces the light alike in the mean.
-fn color_under_light(mesh: &Mesh, views: &Views, renderer: &mut Renderer) -> Result<[f32; 3], Failure> {
+pub fn color_under_light(mesh: &Mesh, views: &Views, renderer: &mut Renderer) -> Result<[f32; 3], Failure> {
     let targets = &views.targets;
     let (Some(color), Some(silhouette)) = (&targets.color, &targets.silhouette) else { return Ok([0.8; 3]) };
     let (height, width) = targets.size()?;

@@ -7,6 +7,7 @@ mod benchmark;
 mod camera_files;
 mod cameras;
 mod checkpoint;
+mod dig;
 mod engine;
 mod film;
 mod plot;
