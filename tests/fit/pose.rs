@@ -1,12 +1,13 @@
 //! Poses: gradients against differences of the loss, and a cube that is found again.
 
 use crate::common::random::Random;
+use crate::common::renderer_with;
 use glam::{DQuat, DVec3};
 use softras::ImageGradient;
 use softras::fit::{Differentiation, ImageLoss, Pose, PoseFit, PoseOptions, PoseSearch, PoseTarget, Schedule};
 use softras::internals::fit::{flow_by_vertex, flow_gradient, rotations};
 use softras::scene::{Appearance, Background, ColorAggregation, Outputs, SilhouetteAggregation};
-use softras::{Camera, Image, Mesh, Projection, Renderer, Scene, Settings, shapes};
+use softras::{Camera, Image, Mesh, Projection, Renderer, RendererOptions, Scene, Settings, shapes};
 
 const SETTINGS: Settings = Settings { width: 48, height: 48, near: 3.5, far: 6.5, ..DEFAULT };
 const DEFAULT: Settings = Settings {
@@ -44,10 +45,13 @@ fn begin_seeing(faces: softras::scene::Faces, options: PoseOptions, poses: Vec<P
     PoseFit::new(Scene::new(shapes::cube().unwrap()), camera, DVec3::ZERO, settings, options, poses).unwrap()
 }
 
+fn cameras(fit: &PoseFit, poses: &[Pose]) -> Vec<Camera> {
+    poses.iter().map(|pose| fit.posed_camera(pose).unwrap()).collect()
+}
+
 /// The cube as it looks in some poses.
 fn targets(fit: &PoseFit, renderer: &mut Renderer, poses: &[Pose]) -> PoseTarget {
-    let cameras: Vec<Camera> = poses.iter().map(|pose| fit.posed_camera(pose).unwrap()).collect();
-    let frame = renderer.render(&Scene::new(shapes::cube().unwrap()), &cameras, &SETTINGS).unwrap();
+    let frame = renderer.render(&Scene::new(shapes::cube().unwrap()), &cameras(fit, poses), &SETTINGS).unwrap();
     PoseTarget::new(frame.color().unwrap().clone(), frame.silhouette().unwrap().clone()).unwrap()
 }
 
@@ -337,4 +341,24 @@ fn a_search_takes_one_picture_of_something() {
     let search = PoseSearch::new(cube(), camera, DVec3::ZERO, SETTINGS, empty(3), empty(1)).unwrap();
     let found = finish(search.with(2, 1), &mut renderer);
     assert!(found.found().iter().all(|(pose, loss)| loss.is_finite() && pose.translation.is_finite()));
+}
+
+/// Poses that do not fit into memory at once are rendered in parts, with the same bits.
+#[test]
+fn poses_are_fitted_in_parts_where_memory_is_short() {
+    let mut random = Random::new(9);
+    let poses: Vec<Pose> = (0..24).map(|_| random_pose(&mut random, 30.0, 0.1)).collect();
+    let fit = begin(PoseOptions { translation_rate: 0.1, ..PoseOptions::default() }, poses.clone());
+    let target = targets(&fit, &mut crate::common::renderer(), &vec![Pose::IDENTITY; poses.len()]);
+    let mut roomy = crate::common::renderer();
+    let whole = fit.differentiate(&mut roomy, &target).unwrap();
+    let memory = Some(roomy.device_bytes() / 4);
+    let mut tight = renderer_with(RendererOptions { memory, ..Default::default() });
+    let at_once = tight.render_saved(&Scene::new(shapes::cube().unwrap()), &cameras(&fit, &poses), &SETTINGS);
+    assert!(at_once.is_err(), "the memory is enough for all at once");
+    assert_eq!(fit.differentiate(&mut tight, &target).unwrap(), whole);
+    // Targets for other poses are still refused.
+    let few = targets(&fit, &mut crate::common::renderer(), &poses[..5]);
+    let refused = fit.differentiate(&mut crate::common::renderer(), &few).unwrap_err().to_string();
+    assert!(refused.contains("5 targets for 24 poses"), "{refused}");
 }

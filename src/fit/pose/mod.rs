@@ -16,11 +16,12 @@ pub use target::PoseTarget;
 use super::bad;
 use super::optimizer::{Method, Optimizer};
 use super::schedule::Schedule;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gradients::{ImageGradient, Wanted};
-use crate::renderer::{Frame, Renderer};
+use crate::renderer::{Frame, Renderer, parts::in_parts};
 use crate::scene::{Background, Camera, ColorAggregation, Outputs, Scene, Settings, SilhouetteAggregation};
 use glam::{DMat3, DMat4, DQuat, DVec3};
+use std::ops::Range;
 
 /// The rotation of a mesh about a point, and its translation after that.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -214,17 +215,22 @@ impl PoseFit {
     /// # Errors
     /// As [`PoseFit::step`].
     pub fn differentiate(&self, renderer: &mut Renderer, target: &PoseTarget) -> Result<(Vec<f64>, Vec<[DVec3; 2]>)> {
-        let frame = self.frame(renderer, &self.poses, &self.settings_at(self.step))?;
-        let (losses, upstream) = self.compare(&frame, target)?;
-        let twists: Vec<[f64; 6]> = match self.options.differentiation {
-            Differentiation::Soft => {
-                let wanted = Wanted { camera: true, ..Wanted::NOTHING };
-                renderer.backward(&frame, &upstream, &wanted)?.cameras.iter().map(|c| c.twist).collect()
-            }
-            Differentiation::ImageFlow => flow_gradient(&frame, &upstream, &self.camera)?,
+        target.validate(self.poses.len())?;
+        let settings = self.settings_at(self.step);
+        let of_poses = |poses: Range<usize>| {
+            let frame = self.frame(renderer, &self.poses[poses.clone()], &settings)?;
+            let (losses, upstream) = self.compare(&frame, &target.part(poses.clone()))?;
+            let twists: Vec<[f64; 6]> = match self.options.differentiation {
+                Differentiation::Soft => {
+                    let wanted = Wanted { camera: true, ..Wanted::NOTHING };
+                    renderer.backward(&frame, &upstream, &wanted)?.cameras.iter().map(|c| c.twist).collect()
+                }
+                Differentiation::ImageFlow => flow_gradient(&frame, &upstream, &self.camera)?,
+            };
+            let gradients = self.poses[poses].iter().zip(&twists).map(|(pose, twist)| self.by_pose(pose, twist));
+            Ok(losses.into_iter().zip(gradients).collect())
         };
-        let gradients = self.poses.iter().zip(&twists).map(|(pose, twist)| self.by_pose(pose, twist));
-        Ok((losses, gradients.collect()))
+        Ok(of_each(self.poses.len(), of_poses)?.into_iter().unzip())
     }
 
     /// The losses of any poses at a given σ and γ; the fit does not change.
@@ -238,16 +244,22 @@ impl PoseFit {
         (sigma, gamma): (f64, f64),
         target: &PoseTarget,
     ) -> Result<Vec<f64>> {
+        target.validate(poses.len())?;
         let settings = Settings { sigma, gamma, save: false, ..self.settings_at(0) };
-        let frame = self.frame(renderer, poses, &settings)?;
-        target.compare(&frame, 0.0, [1.0; 2]).map(|(losses, _)| losses)
+        of_each(poses.len(), |part| {
+            let frame = self.frame(renderer, &poses[part.clone()], &settings)?;
+            target.part(part).compare(&frame, 0.0, [1.0; 2]).map(|(losses, _)| losses)
+        })
     }
 
     /// The losses of any poses as the present step compares them; the fit does not change.
     fn losses_of_step(&self, renderer: &mut Renderer, poses: &[Pose], target: &PoseTarget) -> Result<Vec<f64>> {
+        target.validate(poses.len())?;
         let settings = Settings { save: false, ..self.settings_at(self.step) };
-        let frame = self.frame(renderer, poses, &settings)?;
-        self.compare(&frame, target).map(|(losses, _)| losses)
+        of_each(poses.len(), |part| {
+            let frame = self.frame(renderer, &poses[part.clone()], &settings)?;
+            self.compare(&frame, &target.part(part)).map(|(losses, _)| losses)
+        })
     }
 
     /// The mesh in each of some poses.
@@ -274,6 +286,16 @@ impl PoseFit {
         let by_w = axes.determinant().signum() * (axes.transpose() * (by_w + by_v.cross(center)));
         [by_w, axes.transpose() * by_v]
     }
+}
+
+/// A value for each of `count` poses: `make` makes those of a range, as many at a time as the device holds.
+fn of_each<T>(count: usize, make: impl FnMut(Range<usize>) -> Result<Vec<T>>) -> Result<Vec<T>> {
+    let (mut at_once, mut all) = (usize::MAX, Vec::with_capacity(count));
+    in_parts(count, &mut at_once, make, |_, part| {
+        all.extend(part);
+        Ok::<_, Error>(())
+    })?;
+    Ok(all)
 }
 
 /// `count` rotations spread evenly over all rotations, to start [`PoseFit`] from: the super-Fibonacci spiral (Alexa

@@ -2,7 +2,7 @@
 //! likely ones in larger images.
 
 use super::picture::{Picture, Place, scaled};
-use super::{Pose, PoseFit, PoseOptions, PoseTarget, rotations};
+use super::{Pose, PoseFit, PoseOptions, PoseTarget, of_each, rotations};
 use crate::error::Result;
 use crate::fit::voxel::is_closed;
 use crate::fit::{Schedule, bad};
@@ -329,14 +329,16 @@ impl PoseSearch {
     /// Moves poses so that the silhouette of each, as sharp as at the end of a fit, has the centre and the area of the picture's.
     fn center_on_picture(&self, renderer: &mut Renderer, fit: &PoseFit, poses: &mut [Pose]) -> Result<()> {
         let settings = Settings { sigma: SHARP.0, gamma: SHARP.1, save: false, ..fit.settings_at(0) };
-        let frame = fit.frame(renderer, poses, &settings)?;
-        let Some(silhouette) = frame.silhouette() else { return Ok(()) };
-        let size = [silhouette.width, silhouette.height];
+        let places = of_each(poses.len(), |part| {
+            let frame = fit.frame(renderer, &poses[part.clone()], &settings)?;
+            let place = |i| frame.silhouette().and_then(|silhouette| Place::of(silhouette, i));
+            Ok((0..part.len()).map(place).collect())
+        })?;
+        let size = [settings.width as usize, settings.height as usize];
         let Some(goal) = self.picture.at_most(size[0].max(size[1])).place() else { return Ok(()) };
         let view = fit.view();
-        for (i, pose) in poses.iter_mut().enumerate() {
+        for (pose, place) in poses.iter_mut().zip(places) {
             let depth = view.transform_point3(self.center + pose.translation).z;
-            let place = Place::of(silhouette, i);
             let way =
                 place.map_or(DVec3::ZERO, |place| place.way_to(&goal, &fit.camera, size.map(|n| n as f64), depth));
             let to = pose.translation + DMat3::from_mat4(view).transpose() * way;

@@ -7,6 +7,7 @@ use crate::gradients::ImageGradient;
 use crate::image::Image;
 use crate::renderer::Frame;
 use glam::{DMat3, DVec3};
+use std::{borrow::Cow, ops::Range};
 
 /// Added to the variance of colours, so that colour differences below about a tenth carry no information.
 const LEAST_VARIANCE: f64 = 0.01;
@@ -52,6 +53,23 @@ impl PoseTarget {
     pub fn plain(self) -> Self {
         let metrics = vec![Metric { mean: DVec3::ZERO, inverse: DMat3::IDENTITY }; self.metrics.len()];
         Self { metrics, ..self }
+    }
+
+    /// Refuses a target that is not one for each of so many poses.
+    pub(super) fn validate(&self, poses: usize) -> Result<()> {
+        match self.metrics.len() {
+            count if count == poses => Ok(()),
+            count => bad(format!("{count} targets for {poses} poses"), "give one target for each pose"),
+        }
+    }
+
+    /// The targets of some of the poses.
+    pub(super) fn part(&self, poses: Range<usize>) -> Cow<'_, Self> {
+        if poses.len() == self.metrics.len() {
+            return Cow::Borrowed(self);
+        }
+        let (color, silhouette) = (self.color.views(poses.clone()), self.silhouette.views(poses.clone()));
+        Cow::Owned(Self { color, silhouette, metrics: self.metrics[poses].to_vec() })
     }
 
     /// Each view's loss, and the gradient of their sum by the frame's images. `blur` is the standard deviation in
