@@ -299,7 +299,8 @@ fn malformed_files_say_what_is_wrong() {
     assert_refused(read(&folder, "a.stl", &binary[..binary.len() - 60]), &["cut off", "24 triangles", "holds 22"]);
     assert_refused(read(&folder, "a.stl", b"solid x\nfacet normal 0 0 one\n"), &["malformed STL"]);
     assert_refused(read(&folder, "a.stl", b"solid x\nendsolid x\n"), &["no faces"]);
-    assert_refused(read(&folder, "a.stl", b""), &["neither"]);
+    assert_refused(read(&folder, "a.stl", b""), &["empty"]);
+    assert_refused(read(&folder, "a.stl", b"STL"), &["neither"]);
     assert_note(&read(&folder, "a.stl", &[&binary[..], b"more"].concat()).unwrap(), "4 bytes after");
     let text = String::from_utf8(ply(&torus, Ply::Text, None)).unwrap();
     assert_refused(read(&folder, "a.ply", &text.as_bytes()[..300]), &["PLY"]);
