@@ -20,7 +20,8 @@ fn assert_refused(error: Error, name: &str, line: Option<usize>, words: &[&str])
 fn malformed_meshes_are_refused_with_their_line() {
     const V: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n";
     let cases: &[Refused] = &[
-        ("", None, &["no faces", "0 vertices"]),
+        ("", None, &["empty"]),
+        ("# nothing", None, &["no faces", "0 vertices"]),
         ("V", None, &["no faces", "3 vertices"]),
         ("V f 1 2", None, &["no faces", "3 vertices"]),
         ("V f 0 1 2", Some(5), &["vertex index 0"]),
