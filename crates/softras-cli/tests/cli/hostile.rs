@@ -92,6 +92,7 @@ fn pipes_without_a_writer_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let pipe = |name: &str| assert!(Command::new("mkfifo").arg(folder.path().join(name)).status().unwrap().success());
     pipe("pipe");
+    pipe("pipe.npz");
     succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
     let told = ["pipe", "not a regular file"];
     for arguments in [
@@ -108,7 +109,7 @@ fn pipes_without_a_writer_are_refused() {
             "--size",
             "8",
             "--checkpoint",
-            "pipe",
+            "pipe.npz",
             "--resume",
             "-o",
             "o.obj",
