@@ -33,7 +33,10 @@ pub const MODES: [(&str, Change); 35] = [
     ("perspective-correct", |c| c.settings.interpolation = Interpolation::Perspective),
     ("official", |c| c.settings.parity = Parity::Official),
     ("smooth", |c| c.scene.lights.shading = Shading::Smooth),
-    ("normals of the meshes' own", own_normals),
+    ("normals of the meshes' own", |c| {
+        c.scene.lights.shading = Shading::Smooth;
+        give_normals(c);
+    }),
     ("unlit", |c| c.scene.lights = Lights::unlit()),
     ("cut at near", |c| through_near(c, Parity::Model)),
     ("beyond far", |c| within(c, c.settings.near, depth_at(c, 0.6))),
@@ -87,8 +90,7 @@ pub const MODES: [(&str, Change); 35] = [
 ];
 
 /// Normals of any direction and length, some of them left to the triangles, and of several meshes not all.
-fn own_normals(case: &mut Case) {
-    case.scene.lights.shading = Shading::Smooth;
+pub fn give_normals(case: &mut Case) {
     let random = &mut Random::new(case.seed);
     for mesh in case.scene.meshes.iter_mut().step_by(2) {
         let normals = mesh.positions().iter().map(|_| random_normal(random)).collect();

@@ -90,7 +90,7 @@ table! {
         Adjacency("adjacency", Uint, Input, [], |f| 4 * f.tables.adjacency);
         /// x, y, z of a unit normal for every vertex of every mesh, if some mesh has normals, and 0 where smooth shading is to take
         /// the mean of the triangles'.
-        VertexNormals("vertex_normals", Float, Input, [], |f| when(f.smooth, 4 * f.tables.normals));
+        VertexNormals("vertex_normals", Float, Input, [], |f| 4 * f.tables.normals);
         /// The ambient light, then direction and colour of each directional one.
         Lights("lights", Float4, Input, [], |f| 16 * (1 + 2 * f.lights));
         /// r, g, b of each mesh or of each of its vertices. A host's geometry can be written into it.
