@@ -23,10 +23,10 @@ layout(constant_id = 17) const bool SOFT = false;
 layout(constant_id = 18) const uint LOOP_PASSES = 60000;
 // Whether tiles without a list are drawn in this frame (walked_tile.glsl), so that `tile_items` has entries without a length.
 layout(constant_id = 19) const bool WALKS = true;
-// Whether some mesh gives the normals of its vertices (`vertex_normals`).
-layout(constant_id = 27) const bool GIVEN_NORMALS = false;
 // Whether some texture has an alpha below 1: D' = α D takes the place of D in eq. 2, 3 and 5.
 layout(constant_id = 25) const bool OPACITY = false;
+// Whether some mesh gives the normals of its vertices (`vertex_normals`).
+layout(constant_id = 27) const bool GIVEN_NORMALS = false;
 
 // In constant expressions choices and logic are sums and products, because glslang compiles ?:, && and || to branches, which
 // cannot stand outside a function.
