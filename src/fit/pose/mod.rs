@@ -116,6 +116,8 @@ pub struct PoseFit {
     poses: Vec<Pose>,
     optimizers: Vec<Optimizer>,
     step: usize,
+    /// The most poses that the device was seen to hold at once.
+    at_once: usize,
 }
 
 impl PoseFit {
@@ -143,7 +145,7 @@ impl PoseFit {
         let turns = Optimizer::new(Method::UniformAdam { betas, epsilon }, 3);
         let shifts = Optimizer::new(Method::Adam { betas, epsilon }, 3);
         let optimizers = poses.iter().flat_map(|_| [turns.clone(), shifts.clone()]).collect();
-        Ok(Self { scene, camera, center, settings, options, poses, optimizers, step: 0 })
+        Ok(Self { scene, camera, center, settings, options, poses, optimizers, step: 0, at_once: usize::MAX })
     }
 
     /// The poses as they are now.
@@ -191,7 +193,9 @@ impl PoseFit {
     /// [`crate::Error::Fit`] for targets that are not one for each pose; otherwise as [`Renderer::render`] and
     /// [`Renderer::backward`].
     pub fn step(&mut self, renderer: &mut Renderer, target: &PoseTarget) -> Result<Vec<f64>> {
-        let (losses, gradients) = self.differentiate(renderer, target)?;
+        let mut at_once = self.at_once;
+        let (losses, gradients) = self.differentiated(renderer, target, &mut at_once)?;
+        self.at_once = at_once;
         let rate = self.options.rate.at_step(self.step, self.options.iterations);
         for (i, [by_turn, by_shift]) in gradients.into_iter().enumerate() {
             let (mut turn, mut shift) = ([0.0; 3], [0.0; 3]);
@@ -215,6 +219,15 @@ impl PoseFit {
     /// # Errors
     /// As [`PoseFit::step`].
     pub fn differentiate(&self, renderer: &mut Renderer, target: &PoseTarget) -> Result<(Vec<f64>, Vec<[DVec3; 2]>)> {
+        self.differentiated(renderer, target, &mut { self.at_once })
+    }
+
+    fn differentiated(
+        &self,
+        renderer: &mut Renderer,
+        target: &PoseTarget,
+        at_once: &mut usize,
+    ) -> Result<(Vec<f64>, Vec<[DVec3; 2]>)> {
         target.validate(self.poses.len())?;
         let settings = self.settings_at(self.step);
         let of_poses = |poses: Range<usize>| {
@@ -230,7 +243,7 @@ impl PoseFit {
             let gradients = self.poses[poses].iter().zip(&twists).map(|(pose, twist)| self.by_pose(pose, twist));
             Ok(losses.into_iter().zip(gradients).collect())
         };
-        Ok(of_each(self.poses.len(), of_poses)?.into_iter().unzip())
+        Ok(of_each(self.poses.len(), at_once, of_poses)?.into_iter().unzip())
     }
 
     /// The losses of any poses at a given σ and γ; the fit does not change.
@@ -246,7 +259,7 @@ impl PoseFit {
     ) -> Result<Vec<f64>> {
         target.validate(poses.len())?;
         let settings = Settings { sigma, gamma, save: false, ..self.settings_at(0) };
-        of_each(poses.len(), |part| {
+        of_each(poses.len(), &mut { self.at_once }, |part| {
             let frame = self.frame(renderer, &poses[part.clone()], &settings)?;
             target.part(part).compare(&frame, 0.0, [1.0; 2]).map(|(losses, _)| losses)
         })
@@ -256,7 +269,7 @@ impl PoseFit {
     fn losses_of_step(&self, renderer: &mut Renderer, poses: &[Pose], target: &PoseTarget) -> Result<Vec<f64>> {
         target.validate(poses.len())?;
         let settings = Settings { save: false, ..self.settings_at(self.step) };
-        of_each(poses.len(), |part| {
+        of_each(poses.len(), &mut { self.at_once }, |part| {
             let frame = self.frame(renderer, &poses[part.clone()], &settings)?;
             self.compare(&frame, &target.part(part)).map(|(losses, _)| losses)
         })
@@ -289,9 +302,9 @@ impl PoseFit {
 }
 
 /// A value for each of `count` poses: `make` makes those of a range, as many at a time as the device holds.
-fn of_each<T>(count: usize, make: impl FnMut(Range<usize>) -> Result<Vec<T>>) -> Result<Vec<T>> {
-    let (mut at_once, mut all) = (usize::MAX, Vec::with_capacity(count));
-    in_parts(count, &mut at_once, make, |_, part| {
+fn of_each<T>(count: usize, at_once: &mut usize, make: impl FnMut(Range<usize>) -> Result<Vec<T>>) -> Result<Vec<T>> {
+    let mut all = Vec::with_capacity(count);
+    in_parts(count, at_once, make, |_, part| {
         all.extend(part);
         Ok::<_, Error>(())
     })?;

@@ -329,7 +329,7 @@ impl PoseSearch {
     /// Moves poses so that the silhouette of each, as sharp as at the end of a fit, has the centre and the area of the picture's.
     fn center_on_picture(&self, renderer: &mut Renderer, fit: &PoseFit, poses: &mut [Pose]) -> Result<()> {
         let settings = Settings { sigma: SHARP.0, gamma: SHARP.1, save: false, ..fit.settings_at(0) };
-        let places = of_each(poses.len(), |part| {
+        let places = of_each(poses.len(), &mut { fit.at_once }, |part| {
             let frame = fit.frame(renderer, &poses[part.clone()], &settings)?;
             let place = |i| frame.silhouette().and_then(|silhouette| Place::of(silhouette, i));
             Ok((0..part.len()).map(place).collect())
