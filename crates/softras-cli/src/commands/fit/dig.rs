@@ -16,9 +16,9 @@ use softras::{Camera, Image, ImageGradient, Mesh, Renderer, Result, Scene, Setti
 
 /// Hollows that are looked for.
 const MOST_HOLLOWS: usize = 4;
-/// Shares of the way to the other side by which a region is pushed, and what is tried around the best of them.
+/// Shares of the way to the other side by which a region is pushed, and what is tried around the best of all.
 const DEPTHS: [f64; 6] = [0.15, 0.3, 0.45, 0.6, 0.75, 0.9];
-const FINER: [f64; 4] = [-0.1, -0.05, 0.05, 0.1];
+const FINER: [f64; 4] = [-0.1, -0.05, 0.05, 0.08];
 /// Shares of the largest error from which on a vertex belongs to a region.
 const LEVELS: [f64; 3] = [0.25, 0.4, 0.6];
 /// The error that all but so many in a hundred vertices are below counts as the largest.
@@ -73,40 +73,44 @@ struct Push {
     error: f64,
 }
 
+impl Push {
+    fn new(surface: &Surface<'_>, eye: &mut Eye<'_>, region: Region, share: f64) -> Result<Self> {
+        let error = eye.error(&surface.pushed(&region, share)?)?;
+        Ok(Self { region, share, error })
+    }
+}
+
 /// The mesh after the best of all pushes, with its error; `None` if no region looks wrong. The triangles around the region are
 /// then as long as the push.
 fn deeper(mesh: &Mesh, eye: &mut Eye<'_>) -> Result<Option<(Mesh, f64)>, Failure> {
     let surface = Surface::new(mesh)?;
     let errors = surface.smoothed(eye.errors(mesh)?);
-    let mut best: Option<Push> = None;
     let mut tried: Vec<Region> = Vec::new();
-    for level in LEVELS {
-        for region in surface.regions(&errors, level) {
-            if tried.iter().any(|other| other.is_in == region.is_in) {
-                continue;
-            }
-            let mut share = 0.0;
-            for round in [&DEPTHS[..], &FINER[..]] {
-                let from = share;
-                for step in round.iter().map(|step| from + step).filter(|step| (0.05..0.97).contains(step)) {
-                    let error = eye.error(&surface.pushed(&region, step)?)?;
-                    if best.as_ref().is_none_or(|best| error < best.error) {
-                        (best, share) = (Some(Push { region: region.clone(), share: step, error }), step);
-                    }
-                }
-            }
-            tried.push(region);
+    let mut best: Option<Push> = None;
+    for region in LEVELS.iter().flat_map(|level| surface.regions(&errors, *level)) {
+        if tried.iter().any(|other| other.is_in == region.is_in) {
+            continue;
         }
+        for share in DEPTHS {
+            let push = Push::new(&surface, eye, region.clone(), share)?;
+            if best.as_ref().is_none_or(|best| push.error < best.error) {
+                best = Some(push);
+            }
+        }
+        tried.push(region);
     }
     let Some(mut best) = best else { return Ok(None) };
+    for share in FINER.map(|step| best.share + step) {
+        let push = Push::new(&surface, eye, best.region.clone(), share)?;
+        best = if push.error < best.error { push } else { best };
+    }
     for grows in [true, false] {
         for _ in 0..MOST_RINGS {
-            let region = surface.ringed(&best.region, grows);
-            let error = eye.error(&surface.pushed(&region, best.share)?)?;
-            if error >= best.error {
+            let push = Push::new(&surface, eye, surface.ringed(&best.region, grows), best.share)?;
+            if push.error >= best.error {
                 break;
             }
-            best = Push { region, error, ..best };
+            best = push;
         }
     }
     Ok(Some((surface.pushed(&best.region, best.share)?, best.error)))
