@@ -98,5 +98,6 @@ fn commands_that_cannot_be_meant_are_refused() {
     refused(&["in", "--of", "folder", "--", "fit", "--views", "{path}", "-o", "{name}.obj"], &["no folders", "--of"]);
     refused(&["in", "--shard", "2/2", "--", "iou", "{path}", "in/a.obj"], &["I from 0 to N - 1"]);
     refused(&["in"], &["COMMAND"]);
+    refused(&["in", "--", "render", "{path}", "-o", "{name}.png", "--sizes", "8"], &["--sizes"]);
     fails(folder.path(), &[&["each", "nowhere"], &RENDER[..]].concat(), 1, &["nowhere"]);
 }

@@ -15,7 +15,7 @@ use std::sync::mpsc;
 #[derive(Args, Debug)]
 #[command(after_help = "\
 In the words of the command {path} stands for the mesh's path, {file} for its name in the folder, and
-{name} for that without its ending. The folder of what a job writes is made. Each job is a process of its own, so that one that fails leaves
+{name} for that without its ending. The folders of what a job writes are made. Each job is a process of its own, so that one that fails leaves
 the others alone. Its line of JSON has:
 
   job       the name in the folder
@@ -89,8 +89,8 @@ impl Kind {
 
 /// Runs the command.
 pub fn run(args: &EachArgs) -> Result<(), Failure> {
-    job::validate(&args.command)?;
-    let mut jobs = jobs(args)?;
+    let outputs = job::outputs(&args.command)?;
+    let mut jobs = jobs(args, &outputs)?;
     let log = args.log.as_deref().map(Log::open).transpose()?;
     let all = jobs.len();
     if let Some(log) = &log {
@@ -108,7 +108,7 @@ pub fn run(args: &EachArgs) -> Result<(), Failure> {
 }
 
 /// The jobs of this shard, in the order of their names.
-fn jobs(args: &EachArgs) -> Result<Vec<Job>, Failure> {
+fn jobs(args: &EachArgs, outputs: &[String]) -> Result<Vec<Job>, Failure> {
     let refused = |source| softras::Error::Io { path: args.folder.clone(), source };
     let entries: Result<Vec<_>, _> = std::fs::read_dir(&args.folder).map_err(refused)?.collect();
     let paths = entries.map_err(refused)?.into_iter().map(|entry| entry.path());
@@ -120,7 +120,7 @@ fn jobs(args: &EachArgs) -> Result<Vec<Job>, Failure> {
         return Err(Failure::Usage(format!("{what}; --of says what else is a job")));
     }
     let (index, count) = args.shard;
-    paths.into_iter().skip(index).step_by(count).map(|path| Job::new(&path, &args.command)).collect()
+    paths.into_iter().skip(index).step_by(count).map(|path| Job::new(&path, &args.command, outputs)).collect()
 }
 
 /// Runs the jobs, some at a time, and returns how many failed.
