@@ -209,6 +209,13 @@ impl Mesh {
         Some(PyArray1::from_slice(py, texture_of_triangle))
     }
 
+    /// The vertices' own normals, [V, 3] float32 unit vectors, 0 where the triangles decide; None where they do everywhere.
+    #[getter]
+    fn normals<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f32>>>> {
+        let normals = self.mesh.normals();
+        (!normals.is_empty()).then(|| arrays::array(py, normals.to_vec())).transpose()
+    }
+
     /// What textures show outside the unit square: "repeat" or "clamp".
     #[getter]
     fn wrap(&self) -> &'static str {
@@ -230,7 +237,15 @@ impl Mesh {
         self.mesh.bounds()
     }
 
-    /// The same mesh with other positions, [V, 3]. Raises MeshError.
+    /// The same mesh with normals [V, 3] of any length, which smooth shading takes in place of the mean of the triangles'; 0
+    /// stands for that mean, and None for no normals. They are constants: gradients do not go through them, and other
+    /// positions drop them. OBJ files are written without. Raises MeshError.
+    fn with_normals(&self, normals: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let normals = normals.map_or(Ok(Vec::new()), |normals| rows(normals, "normals"))?;
+        Ok(Self { mesh: self.mesh.clone().with_normals(normals).raise()?, notes: self.notes.clone() })
+    }
+
+    /// The same mesh with other positions, [V, 3], and no normals of its own. Raises MeshError.
     fn with_positions(&self, positions: &Bound<'_, PyAny>) -> PyResult<Self> {
         let mut moved = self.clone();
         moved.mesh.set_positions(rows(positions, "positions")?).raise()?;
@@ -290,7 +305,8 @@ impl Mesh {
             }
         }
         let rebuild = py.import("softras._rebuild")?.getattr("mesh")?;
-        Ok((rebuild.unbind(), (self.positions(py)?, self.triangles(py)?, look).into_py_any(py)?))
+        let parts = (self.positions(py)?, self.triangles(py)?, look, self.normals(py)?);
+        Ok((rebuild.unbind(), parts.into_py_any(py)?))
     }
 }
 

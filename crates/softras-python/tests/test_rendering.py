@@ -191,6 +191,24 @@ def test_pickles_are_equal(bumpy, cameras, settings):
     assert pickle.loads(pickle.dumps(settings)) == settings
 
 
+def test_a_mesh_may_have_normals(bumpy, cameras, settings):
+    lights = dataclasses.replace(softras.Lights.official(), shading="smooth")
+    given = 2 * bumpy.positions
+    given[0] = 0
+    mesh = bumpy.with_normals(given)
+    unit = given / np.maximum(np.linalg.norm(given, axis=1, keepdims=True), 1e-9)
+    np.testing.assert_allclose(mesh.normals, unit, atol=1e-6)
+    plain, own = (softras.render(one, cameras, settings, lights).color for one in (bumpy, mesh))
+    assert np.abs(plain - own).max() > 0.02
+    np.testing.assert_allclose(own, softras.reference.render(mesh, cameras, settings, lights)["color"], atol=2e-4)
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(mesh)).normals, mesh.normals)
+    # Normals of another shape would be wrong.
+    for without in (bumpy, mesh.with_normals(None), mesh.with_positions(mesh.positions)):
+        assert without.normals is None
+    with pytest.raises(errors.MeshError, match="2 normals"):
+        mesh.with_normals(np.ones((2, 3)))
+
+
 def test_threads_have_their_own_renderers(bumpy, cameras, settings):
     expected = softras.render(bumpy, cameras, settings, save=True).color
     found = {}

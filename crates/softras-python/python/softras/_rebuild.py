@@ -25,11 +25,11 @@ def look(**given):
     return {**_LOOK, **given}
 
 
-def mesh(positions, triangles, given):
+def mesh(positions, triangles, given, normals=None):
     """A mesh from its arrays."""
     from ._softras import Mesh
 
-    return Mesh(positions, triangles, **given)
+    return Mesh(positions, triangles, **given).with_normals(normals)
 
 
 def camera(view, projection):
