@@ -7,7 +7,7 @@
 // frame.first), because in all other pixels every fragment has D = 0; on spot at 256² a quarter of all tiles. The
 // background's gradients need all tiles.
 // Reads `tile_items`, the images, `saved` (pixel.glsl) and the upstream gradients. Writes
-// `pixel_gradients`: (dL/dmixture rgb, silhouette_gradient), (integer part and fraction of the reference, V, dL/ddepth),
+// `silhouette_gradients`; `pixel_gradients`: (dL/dmixture rgb, silhouette_gradient), (integer part and fraction of the reference, V, dL/ddepth),
 // (dL/dnormal, 0), with V of shaded_gradient below, and with LEAST_APART (the least 1 - D', 0, 0, 0); and `pixel_sums`, which
 // reduce.comp adds up: (dL/dC_b, dL/ds_b), (dL/ds_b times the relative log2 weight, 0, 0, 0), with s_b = ε/γ the background's
 // log weight; zeros where the frame is not complete. With these it also writes to `status` whether the frame is complete, as backward_cull does
@@ -29,6 +29,7 @@ layout(set = 0, binding = 10, std430) writeonly buffer PixelSums { vec4 pixel_su
 layout(set = 0, binding = 11) uniform usamplerBuffer status;
 layout(set = 0, binding = 12, std430) writeonly buffer Status { uint status_words[]; };
 layout(set = 0, binding = 13) uniform usamplerBuffer tile_items;
+layout(set = 0, binding = 14, std430) writeonly buffer SilhouetteGradients { float silhouette_gradients[]; };
 
 #include "common/constants.glsl"
 #include "common/modes.glsl"
@@ -178,8 +179,12 @@ void main() {
     float value = shaded_gradient(at, view, kept.aggregate, background, up, mixing);
     float unblended_mixing = COLOR_MODE == COLOR_SOFTMAX ? mixing : 1.0;
     int to = at * PIXEL_STRIDE;
-    pixel_gradients[to] = vec4(up.color * mixing, silhouette_gradient(view, kept, up.alpha));
+    float by_silhouette = silhouette_gradient(view, kept, up.alpha);
+    if (UP_ALPHA) {
+        silhouette_gradients[at] = by_silhouette;
+    }
     if (UP_SHADED) {
+        pixel_gradients[to] = vec4(up.color * mixing, by_silhouette);
         pixel_gradients[to + 1] = vec4(kept.reference, value, up.depth * unblended_mixing);
         if (UP_NORMAL) {
             pixel_gradients[to + 2] = vec4(up.normal * unblended_mixing, 0.0);

@@ -3,7 +3,7 @@
 // without atomics, so that the bits are the same on every run.
 // One workgroup an item of backward_cull's list (item.glsl), its lanes taking the pixels in turn. A small item, which is
 // less work than reading its record and adding up the lanes, takes one lane alone.
-// Reads the items, the records and `pixel_gradients`; writes `partials`, which triangle_grad.comp reads, and `texel_sums`.
+// Reads the items, the records, `pixel_gradients` and `silhouette_gradients`; writes `partials`, which triangle_grad.comp reads, and `texel_sums`.
 // The body of backward.comp and backward_subgroup.comp, which differ in how lanes share data: glslang includes no file that
 // has a #version, so that neither can include the other.
 
@@ -22,6 +22,7 @@ layout(set = 0, binding = 6, std430) writeonly buffer Partials { vec4 partials[]
 #endif
 layout(set = 0, binding = 7, std430) buffer TexelSums { uint texel_sums[]; };
 layout(set = 0, binding = 8) uniform usamplerBuffer item_counts;
+layout(set = 0, binding = 12) uniform samplerBuffer silhouette_gradients;
 
 #include "common/constants.glsl"
 #include "common/modes.glsl"
@@ -120,7 +121,7 @@ void add_pairs(ItemTriangle item, Walk walk, int index, inout Sums s) {
         f[i] = fragment_of(distances[i].to_triangle);
     }
     Surface surface[PAIRS];
-    if (WANT_SHADING && (SHOWS || DEPTH_RANGE != DEPTH_RANGE_INSIDE || OPACITY)) {
+    if (has_surface()) {
         for (int i = 0; i < PAIRS; ++i) {
             surface[i] = surface_of(item, f[i]);
         }

@@ -99,8 +99,8 @@ float between(float x, float limit) {
     return lesser(greater(x, -limit), limit);
 }
 
-// `height` holds the signed edge distances of the pixel q.
-NearestPoint nearest_point(Triangle t, EdgeChoice e, vec2 q, vec3 height) {
+// The nearest boundary point of the pixel q.
+NearestPoint nearest_point(Triangle t, EdgeChoice e, vec2 q) {
     bool one = line_at(e.one_over_zero, q) > 0.0;
     float two_over_one = line_at(e.two_over_one, q);
     float two_over_zero = line_at(e.two_over_zero, q);
@@ -110,7 +110,8 @@ NearestPoint nearest_point(Triangle t, EdgeChoice e, vec2 q, vec3 height) {
     n.on_two = two;
     n.normal.x = two ? t.line2.x : (one ? t.line1.x : t.line0.x);
     n.normal.y = two ? t.line2.y : (one ? t.line1.y : t.line0.y);
-    n.signed_distance = two ? height.z : (one ? height.y : height.x);
+    float offset = two ? t.line2.z : (one ? t.line1.z : t.line0.z);
+    n.signed_distance = line_at(vec3(n.normal, offset), q);
     float middle = two ? t.line2.w : (one ? t.line1.w : t.line0.w);
     float half_length = two ? t.half_length.z : (one ? t.half_length.y : t.half_length.x);
     float slope = two ? e.slope.z : (one ? e.slope.y : e.slope.x);

@@ -1,6 +1,7 @@
 // The pixels of an item, and what forward computed for each of its fragments, that is (pixel, triangle) pairs: one function
 // for each step of eq. 1 to 3. pair_gradient.glsl holds the derivatives.
-// Needs fragment.glsl, nearest_edge.glsl, corner.glsl, gradient_modes.glsl, SHOWS and the buffer `pixel_gradients`.
+// Needs fragment.glsl, nearest_edge.glsl, corner.glsl, gradient_modes.glsl, SHOWS and the buffers `pixel_gradients` and
+// `silhouette_gradients`.
 
 // What all pairs of an item share. Push constants are copied because on a software device each read in a loop is a gather.
 struct ItemTriangle {
@@ -23,7 +24,7 @@ struct Walk {
     float inverse_width;
     // Column and row of the first pixel relative to the record's origin.
     vec2 first;
-    // Index of the first pixel in `pixel_gradients`, and the pixels there from the end of a row to the next row's start.
+    // Index of the first pixel in the images, and the pixels there from the end of a row to the next row's start.
     int first_entry;
     int row_gap;
 };
@@ -33,7 +34,7 @@ struct Pair {
     // Column and row relative to the item's first pixel, and relative to the record's origin.
     vec2 local;
     vec2 q;
-    // Index in `pixel_gradients`.
+    // Index of the pixel in the images.
     int entry;
     // False past the item's last pixel.
     bool exists;
@@ -65,21 +66,29 @@ struct PixelGradient {
 
 PixelGradient pixel_gradient_at(int entry) {
     PixelGradient g;
-    vec4 first = texelFetch(pixel_gradients, entry * PIXEL_STRIDE);
-    g.by_color = first.rgb;
-    g.by_silhouette = first.a;
     g.by_depth = 0.0;
     if (SHOWS) {
+        vec4 first = texelFetch(pixel_gradients, entry * PIXEL_STRIDE);
+        g.by_color = first.rgb;
+        g.by_silhouette = first.a;
         vec4 second = texelFetch(pixel_gradients, entry * PIXEL_STRIDE + 1);
         g.log_sum = second.xy;
         g.mean = second.z;
         g.by_depth = second.w;
+    } else {
+        // A third of the instructions of a texel of four, on a software device.
+        g.by_silhouette = UP_ALPHA ? texelFetch(silhouette_gradients, entry).x : 0.0;
     }
     if (SHOWS && UP_NORMAL) {
         g.by_normal = texelFetch(pixel_gradients, entry * PIXEL_STRIDE + 2).xyz;
     }
     g.least = LEAST_APART ? texelFetch(pixel_gradients, entry * PIXEL_STRIDE + PIXEL_LEAST_AT).x : 1.0;
     return g;
+}
+
+// Whether a fragment's gradient depends on its barycentrics, for which all three signed edge distances are needed.
+bool has_surface() {
+    return WANT_SHADING && (SHOWS || DEPTH_RANGE != DEPTH_RANGE_INSIDE || OPACITY);
 }
 
 // d² of eq. 1, its sign and its nearest point.
@@ -93,10 +102,12 @@ Distance distance_at(ItemTriangle item, Pair pair) {
     Distance d;
     Triangle t = item.edges;
     if (DISTANCE == DISTANCE_EUCLIDEAN) {
-        vec3 height = vec3(line_at(t.line0.xyz, pair.q), line_at(t.line1.xyz, pair.q), line_at(t.line2.xyz, pair.q));
-        NearestPoint n = nearest_point(t, item.choice, pair.q, height);
+        NearestPoint n = nearest_point(t, item.choice, pair.q);
         d.nearest = n;
-        d.to_triangle.height = height;
+        if (has_surface()) {
+            d.to_triangle.height =
+                vec3(line_at(t.line0.xyz, pair.q), line_at(t.line1.xyz, pair.q), line_at(t.line2.xyz, pair.q));
+        }
         d.to_triangle.squared = n.signed_distance * n.signed_distance + n.beyond * n.beyond;
         d.to_triangle.inside = n.signed_distance > item.choice.least_inside;
         d.to_triangle.kept = d.to_triangle.inside || d.to_triangle.squared < item.radius_squared;

@@ -125,7 +125,7 @@ impl GradientCounts {
 
     /// Texels of a pixel's factors of the gradients.
     pub fn pixel_texels(&self) -> u64 {
-        1 + u64::from(self.shaded()) + u64::from(self.upstream.normal) + u64::from(self.least_apart)
+        2 * u64::from(self.shaded()) + u64::from(self.upstream.normal) + u64::from(self.least_apart)
     }
 
     /// Whether a shaded image has an upstream gradient.
