@@ -1,5 +1,5 @@
 //! Compiles `glsl/*.comp` to SPIR-V, reflects each module, and writes into OUT_DIR what the library includes:
-//! `kernels.rs` (one `Kernel` for each file) and `constants.rs` (the constants that both sides share).
+//! `kernels.rs` (one `Kernel` for each file, or for each of its variants) and `constants.rs` (the constants that both sides share).
 //!
 //! Without a GLSL compiler it takes the SPIR-V of `glsl/spirv`. The environment variable SOFTRAS_SPIRV chooses otherwise:
 //! `write` compiles and replaces that folder, `check` compiles and compares with it, `packaged` takes it in any case.
@@ -16,6 +16,8 @@ mod module;
 mod packaged;
 #[path = "build/reflect.rs"]
 mod reflect;
+#[path = "build/variants.rs"]
+mod variants;
 
 use packaged::Manifest;
 use std::fmt::Write;
@@ -105,8 +107,8 @@ struct Module {
 }
 
 fn compile_all(compiler: &compile::Compiler, out: &Path) -> Result<Vec<Module>, String> {
-    let compile = |(name, source): (String, PathBuf)| {
-        let compiled = compiler.compile(&source, Path::new("glsl"), &out.join(format!("{name}.spv")))?;
+    let compile = |(name, source, macros): Kernel| {
+        let compiled = compiler.compile(&source, macros, Path::new("glsl"), &out.join(format!("{name}.spv")))?;
         for line in &compiled.warnings {
             println!("cargo::warning={line}");
         }
@@ -118,7 +120,7 @@ fn compile_all(compiler: &compile::Compiler, out: &Path) -> Result<Vec<Module>, 
 fn read_packaged() -> Result<Vec<Module>, String> {
     let manifest = Manifest::read()?.ok_or(compile::MISSING)?;
     manifest.validate_sources()?;
-    let read = |(name, source): (String, PathBuf)| {
+    let read = |(name, source, _): Kernel| {
         let path = packaged::path(&name);
         let bytes = std::fs::read(&path).map_err(|e| format!("{}: {e}", path.display()))?;
         Ok(Module { name, source, words: compile::words(&bytes) })
@@ -162,12 +164,20 @@ fn check_packaged(compiler: &compile::Compiler, modules: &[Module]) -> Result<()
     Ok(())
 }
 
-/// Each kernel's name and file, sorted so that the output does not depend on the file system.
-fn sources() -> Result<Vec<(String, PathBuf)>, String> {
+/// A kernel's name, file and macros.
+type Kernel = (String, PathBuf, &'static [compile::Macro]);
+
+/// Every kernel, sorted so that the output does not depend on the file system.
+fn sources() -> Result<Vec<Kernel>, String> {
     let entries = std::fs::read_dir("glsl").map_err(|e| format!("glsl: {e}"))?;
-    let kernels = entries.flatten().map(|e| e.path()).filter(|p| p.extension().is_some_and(|e| e == "comp"));
-    let named = |path: PathBuf| (path.file_stem().unwrap_or_default().to_string_lossy().into_owned(), path);
-    let mut found: Vec<_> = kernels.map(named).collect();
+    let files = entries.flatten().map(|e| e.path()).filter(|p| p.extension().is_some_and(|e| e == "comp"));
+    let mut found = Vec::new();
+    for path in files {
+        let file = path.file_stem().unwrap_or_default().to_string_lossy();
+        for (suffix, macros) in variants::variants_of(&file) {
+            found.push((format!("{file}{suffix}"), path.clone(), *macros));
+        }
+    }
     found.sort();
     Ok(found)
 }

@@ -3,6 +3,9 @@
 
 use std::path::Path;
 
+/// A macro and its value.
+pub type Macro = (&'static str, &'static str);
+
 /// What a compiler makes of one kernel.
 pub struct Compiled {
     pub words: Vec<u32>,
@@ -27,7 +30,7 @@ pub use installed::Compiler;
 
 #[cfg(not(feature = "shaderc"))]
 mod installed {
-    use super::{Compiled, MISSING, Path, words};
+    use super::{Compiled, MISSING, Macro, Path, words};
     use std::path::PathBuf;
     use std::process::Command;
 
@@ -65,7 +68,7 @@ mod installed {
         }
 
         /// Compiles `source`, a path relative to the package, with includes from `include`.
-        pub fn compile(&self, source: &Path, include: &Path, out: &Path) -> Result<Compiled, String> {
+        pub fn compile(&self, source: &Path, macros: &[Macro], include: &Path, out: &Path) -> Result<Compiled, String> {
             let mut command = Command::new(&self.program);
             if self.is_glslc {
                 command.args(["--target-env=vulkan1.1", "--target-spv=spv1.3", "-fshader-stage=compute", "-O0", "-I"]);
@@ -74,6 +77,7 @@ mod installed {
                 command.args(["--target-env", "vulkan1.1", "--target-env", "spirv1.3", "-V", "-S", "comp", "--quiet"]);
                 command.arg(format!("-I{}", include.display()));
             }
+            command.args(macros.iter().map(|(name, value)| format!("-D{name}={value}")));
             let output = command.arg("-o").arg(out).arg(source).output();
             let output = output.map_err(|e| format!("{} does not start: {e}", self.program.display()))?;
             let text =
@@ -94,7 +98,7 @@ pub use in_process::Compiler;
 
 #[cfg(feature = "shaderc")]
 mod in_process {
-    use super::{Compiled, Path};
+    use super::{Compiled, Macro, Path};
     use shaderc::{
         CompileOptions, EnvVersion, OptimizationLevel, ResolvedInclude, ShaderKind, SpirvVersion, TargetEnv,
     };
@@ -117,7 +121,13 @@ mod in_process {
         }
 
         /// Compiles `source`, a path relative to the package, with includes from `include`.
-        pub fn compile(&self, source: &Path, include: &Path, _out: &Path) -> Result<Compiled, String> {
+        pub fn compile(
+            &self,
+            source: &Path,
+            macros: &[Macro],
+            include: &Path,
+            _out: &Path,
+        ) -> Result<Compiled, String> {
             let name = source.display().to_string();
             let text = std::fs::read_to_string(source).map_err(|e| format!("{name}: {e}"))?;
             let mut options = CompileOptions::new().map_err(|e| format!("shaderc does not start: {e}"))?;
@@ -125,6 +135,9 @@ mod in_process {
             options.set_target_spirv(SpirvVersion::V1_3);
             // Reflection needs the names, which shaderc's optimiser strips.
             options.set_optimization_level(OptimizationLevel::Zero);
+            for (name, value) in macros {
+                options.add_macro_definition(name, Some(*value));
+            }
             options.set_include_callback(move |wanted, _kind, from, _depth| {
                 let beside = Path::new(from).parent().unwrap_or(Path::new("")).join(wanted);
                 let path = if beside.is_file() { beside } else { include.join(wanted) };

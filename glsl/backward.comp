@@ -1,5 +1,266 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Backward on any Vulkan 1.1 device: common/backward.glsl.
+#ifdef SUBGROUP_RECORDS
+#extension GL_KHR_shader_subgroup_basic : require
+#extension GL_KHR_shader_subgroup_shuffle : require
+#endif
+// Backward (eq. 4): for every triangle sums over the pixels of its box the derivative of the loss by its corners (pixels and
+// depth), their colours, texture coordinates and normals, and by sigma and gamma. The lanes' sums are added in a fixed order
+// without atomics, so that the bits are the same on every run.
+// One workgroup an item of backward_cull's list (item.glsl), its lanes taking the pixels in turn. A small item, which is
+// less work than reading its record and adding up the lanes, takes one lane alone.
+// Reads the items, the records, `pixel_gradients` and `silhouette_gradients`; writes `partials`, which triangle_grad.comp reads,
+// and `texel_sums`.
+// Compiled three times: backward for any Vulkan 1.1 device; backward_subgroup, where a workgroup is one subgroup and the
+// device has shuffles; and backward_long for the cells that found no room (long_item.glsl).
 
-#include "common/backward.glsl"
+layout(local_size_x_id = 0) in;
+
+layout(set = 0, binding = 0) uniform usamplerBuffer items;
+layout(set = 0, binding = 1) uniform samplerBuffer geometry;
+layout(set = 0, binding = 2) uniform samplerBuffer shading;
+layout(set = 0, binding = 3) uniform usamplerBuffer textures;
+layout(set = 0, binding = 4) uniform samplerBuffer texels;
+layout(set = 0, binding = 5) uniform samplerBuffer pixel_gradients;
+#ifdef LONG
+layout(set = 0, binding = 6, std430) buffer Partials { vec4 partials[]; };
+#else
+layout(set = 0, binding = 6, std430) writeonly buffer Partials { vec4 partials[]; };
+#endif
+layout(set = 0, binding = 7, std430) buffer TexelSums { uint texel_sums[]; };
+layout(set = 0, binding = 8) uniform usamplerBuffer item_counts;
+layout(set = 0, binding = 12) uniform samplerBuffer silhouette_gradients;
+
+#include "common/constants.glsl"
+#include "common/modes.glsl"
+#include "common/gradient_modes.glsl"
+
+// Whether the items' triangles contribute to the silhouette only.
+layout(constant_id = 26) const bool OUTLINE = false;
+// Whether they contribute to a shaded image.
+#ifdef LONG
+bool SHOWS;
+#else
+const bool SHOWS = uint(UP_SHADED) * uint(!OUTLINE) != 0u;
+#endif
+
+#include "common/frame.glsl"
+#include "common/extremes.glsl"
+#include "common/fragment.glsl"
+#include "common/sample.glsl"
+#include "common/corner.glsl"
+#include "common/shared_records.glsl"
+#include "common/lanes.glsl"
+#include "common/item.glsl"
+#include "common/nearest_edge.glsl"
+#include "common/pair.glsl"
+#include "common/texel_gradient.glsl"
+#include "common/pair_gradient.glsl"
+
+// Lanes that share an item.
+const int WALKERS = SMALL ? 1 : int(gl_WorkGroupSize.x);
+
+// Pixels that a lane takes at a time. Every step runs over all of them before the next step, so that their long chains of
+// dependent operations overlap: 10 % faster than one at a time. Four in an item that the lanes share are no faster, because
+// more lanes are left without a pixel at its end.
+const int PAIRS = SMALL ? 4 : 2;
+const int STEP = PAIRS * WALKERS;
+
+// The gradients through eq. 2 and 3 of a lane's fragments; adds dL/dx to `by_x` and dL/dα to `by_alpha`.
+void add_shaded(ItemTriangle item, Pair pairs[PAIRS], PixelGradient g[PAIRS], Fragment f[PAIRS], Surface surface[PAIRS],
+                Opacity opacity[PAIRS], inout float by_x[PAIRS], inout float by_alpha[PAIRS], inout Sums s) {
+    Weight weight[PAIRS];
+    for (int i = 0; i < PAIRS; ++i) {
+        weight[i] = weight_of(item, g[i], f[i], surface[i], opacity[i].alpha);
+    }
+    Value value[PAIRS];
+    for (int i = 0; i < PAIRS; ++i) {
+        value[i] = value_of(item, g[i], surface[i], weight[i].value, s);
+    }
+    float by_weight[PAIRS];
+    for (int i = 0; i < PAIRS; ++i) {
+        by_weight[i] = weight_gradient(g[i], weight[i], value[i], s);
+        // ∂s_j/∂x_j = 1 - D_j
+        by_x[i] += by_weight[i] * f[i].complement;
+    }
+    if (OPACITY) {
+        for (int i = 0; i < PAIRS; ++i) {
+            by_alpha[i] += opacity_gradient(g[i], weight[i], value[i]);
+            add_opacity(item, opacity[i], by_alpha[i], weight[i].value, value[i], s);
+        }
+    }
+    if (GRAD_GEOMETRY) {
+        for (int i = 0; i < PAIRS; ++i) {
+            surface_gradient(item, pairs[i], g[i], f[i], surface[i], value[i], weight[i].value, by_weight[i], s);
+        }
+    }
+}
+
+// The same for fragments that contribute to the silhouette only, whose opacity depends on the surface all the same.
+void add_faded(ItemTriangle item, Pair pairs[PAIRS], PixelGradient g[PAIRS], Fragment f[PAIRS], Surface surface[PAIRS],
+               Opacity opacity[PAIRS], float by_alpha[PAIRS], inout Sums s) {
+    for (int i = 0; i < PAIRS; ++i) {
+        Value value = value_from(item, surface[i]);
+        add_opacity(item, opacity[i], by_alpha[i], 0.0, value, s);
+        if (GRAD_GEOMETRY) {
+            surface_gradient(item, pairs[i], g[i], f[i], surface[i], value, 0.0, 0.0, s);
+        }
+    }
+}
+
+// Adds the gradients of a lane's next pixels.
+void add_pairs(ItemTriangle item, Walk walk, int index, inout Sums s) {
+    Pair pairs[PAIRS];
+    PixelGradient g[PAIRS];
+    for (int i = 0; i < PAIRS; ++i) {
+        pairs[i] = pair_at(walk, index + i * WALKERS);
+    }
+    for (int i = 0; i < PAIRS; ++i) {
+        g[i] = pixel_gradient_at(pairs[i].entry);
+    }
+    Distance distances[PAIRS];
+    for (int i = 0; i < PAIRS; ++i) {
+        distances[i] = distance_at(item, pairs[i]);
+        g[i] = received(g[i], distances[i].to_triangle.kept);
+    }
+    Fragment f[PAIRS];
+    for (int i = 0; i < PAIRS; ++i) {
+        f[i] = fragment_of(distances[i].to_triangle);
+    }
+    Surface surface[PAIRS];
+    if (has_surface()) {
+        for (int i = 0; i < PAIRS; ++i) {
+            surface[i] = surface_of(item, f[i]);
+        }
+    }
+    float by_x[PAIRS];
+    float by_alpha[PAIRS];
+    Opacity opacity[PAIRS];
+    for (int i = 0; i < PAIRS; ++i) {
+        by_x[i] = silhouette_by_x(g[i], f[i]);
+        if (OPACITY) {
+            opacity[i] = opacity_of(item, value_from(item, surface[i]).share);
+            // dL/dα = D dL/dD', dL/dD = α dL/dD', and dD/dx = D (1 - D).
+            by_alpha[i] = silhouette_by_faded(g[i], f[i], opacity[i].alpha) * f[i].probability;
+            by_x[i] = by_alpha[i] * opacity[i].alpha * f[i].complement;
+        }
+    }
+    if (SHOWS) {
+        add_shaded(item, pairs, g, f, surface, opacity, by_x, by_alpha, s);
+    } else if (OPACITY) {
+        add_faded(item, pairs, g, f, surface, opacity, by_alpha, s);
+    }
+    for (int i = 0; i < PAIRS; ++i) {
+        x_gradient(item, pairs[i], distances[i], f[i], by_x[i], s);
+    }
+}
+
+void put(bool writes, int at, vec4 value) {
+    vec4 sum = SMALL ? value : sum_of_lanes(value);
+    if (writes) {
+#ifdef LONG
+        sum += partials[at];
+#endif
+        partials[at] = sum;
+    }
+}
+
+void write_sums(Sums s, Corner c, bool writes, int item) {
+    vec3 near = nearness(c);
+    vec3 by_z = UP_SHADED || OPACITY ? s.depth * near * near : vec3(0.0);
+    int at = item * PARTIAL_STRIDE;
+    put(writes, at, vec4(s.corner[0], s.corner[1]));
+    put(writes, at + 1, vec4(s.corner[2], by_z.xy));
+    put(writes, at + 2, vec4(by_z.z, s.sigma, s.gamma, 0.0));
+    if (GRAD_COLOR) {
+        put(writes, at + PARTIAL_COLOR_AT, vec4(s.color[0], s.color[1].x));
+        put(writes, at + PARTIAL_COLOR_AT + 1, vec4(s.color[1].yz, s.color[2].xy));
+        put(writes, at + PARTIAL_COLOR_AT + 2, vec4(s.color[2].z, 0.0, 0.0, 0.0));
+    }
+    if (GRAD_COORDINATE) {
+        put(writes, at + PARTIAL_COORDINATE_AT, vec4(s.coordinate[0], s.coordinate[1]));
+        put(writes, at + PARTIAL_COORDINATE_AT + 1, vec4(s.coordinate[2], 0.0, 0.0));
+    }
+    if (GRAD_NORMAL) {
+        put(writes, at + PARTIAL_NORMAL_AT, vec4(s.normal[0], s.normal[1].x));
+        put(writes, at + PARTIAL_NORMAL_AT + 1, vec4(s.normal[1].yz, s.normal[2].xy));
+        put(writes, at + PARTIAL_NORMAL_AT + 2, vec4(s.normal[2].z, 0.0, 0.0, 0.0));
+    }
+}
+
+// The item's triangle, read by all lanes together if they share it.
+ItemTriangle item_triangle_of(int record_index) {
+    ItemTriangle t;
+    if (SMALL) {
+        t.edges = triangle_of(record_index);
+        if (WANT_SHADING) {
+            t.corner = corner_of(record_index);
+        }
+    } else {
+        Fetched own = fetch_record(record_index);
+        t.edges = shared_triangle_of(own);
+        if (WANT_SHADING) {
+            t.corner = shared_corner_of(own);
+        }
+    }
+    t.choice = edge_choice_of(t.edges);
+    t.record_index = record_index;
+    t.radius_squared = frame.radius_squared;
+    t.scale = frame.scale;
+    t.z0 = t.corner.depth.z / frame.score_high;
+    t.weight_slope = -frame.score_high * LN2;
+    return t;
+}
+
+Walk walk_of(Item item, vec2 origin) {
+    int width = int(frame.width);
+    int entry = (item.view * int(frame.height) + item.first.y) * width + item.first.x;
+    return Walk(item.size.x * item.size.y, float(item.size.x), 1.0 / float(item.size.x), vec2(item.first) - origin, entry,
+                width - item.size.x);
+}
+
+#ifdef LONG
+#include "common/long_item.glsl"
+#else
+// Index in `items` of this lane's item. A row holds its items from the front and its small items from the end, in reverse
+// order. A lane past the last small item takes the last one again with `exists` false.
+int item_index(out bool exists) {
+    int first = int(frame.first);
+    exists = true;
+    if (!SMALL) {
+        return first + int(gl_WorkGroupID.x);
+    }
+    int row = first / int(FORWARD_ROW);
+    int list = int(SHOWS ? ITEMS_SHOWN : ITEMS_OUTLINE) + int(ITEMS_SMALL_NUMBER);
+    int number = int(texelFetch(item_counts, row * int(ITEM_COUNT_WORDS) + list).x);
+    int end = min(first + int(FORWARD_ROW), int(frame.record_count + frame.cell_capacity));
+    int own = int(gl_GlobalInvocationID.x);
+    exists = own < number;
+    return end - 1 - min(own, number - 1);
+}
+
+void main() {
+    int lane = SMALL ? 0 : int(gl_LocalInvocationID.x);
+    bool exists;
+    Item item = unpacked(texelFetch(items, item_index(exists)));
+    ItemTriangle triangle = item_triangle_of(item.record_index);
+    Walk walk = walk_of(item, triangle.edges.origin);
+    Sums s = no_sums();
+    // No item is empty, so that the loop can test its condition at the end, where llvmpipe does not execute the body once
+    // more. All lanes take the same number of turns, the largest: in Mesa 22.3 a lane that has left the loop still takes
+    // branches of its body.
+    int turns = (walk.count + STEP - 1) / STEP;
+    turns = SMALL ? -int(least_of_lanes(vec2(-turns)).x) : turns;
+    // A lane without an item starts past its last pixel.
+    int index = exists ? lane : walk.count;
+    do {
+        add_pairs(triangle, walk, index, s);
+        index += STEP;
+        --turns;
+    } while (turns > 0);
+    if (GRAD_GEOMETRY) {
+        corners_from_barycentrics(triangle.edges, walk.first, s);
+    }
+    write_sums(s, triangle.corner, exists && lane == 0, item.index);
+}
+#endif

@@ -1,6 +1,292 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Forward on any Vulkan 1.1 device: common/forward.glsl.
+#ifdef SUBGROUP_RECORDS
+#extension GL_KHR_shader_subgroup_basic : require
+#extension GL_KHR_shader_subgroup_shuffle : require
+#endif
+// Forward in any mode; in frames of the soft model, which forward_soft.comp serves, it draws the tiles with a triangle too
+// thin for that kernel. Every pixel sums over its tile's list, in the list's order: the silhouette as a product of
+// complements (eq. 5), colour, depth and normal as a softmax by depth with a running maximum (eq. 2 and 3). Entries hidden
+// across the whole tile contribute to the silhouette only; if the tile is already saturated they are skipped.
+// One workgroup a tile of 8×4 pixels, each lane 32 / lanes of them; background.comp writes the tiles without entries.
+// Reads `tile_items`, the tile's list and the records; writes the images and, for backward, `saved` (kept_of in pixel.glsl)
+// and `tile_bounds`.
+// Compiled three times: forward for any Vulkan 1.1 device; forward_subgroup, where a workgroup is one subgroup and the device
+// has shuffles; and forward_long for the tiles whose lists are nowhere in memory (walked_tile.glsl).
 
-#include "common/forward.glsl"
+#include "common/forward_tile.glsl"
+
+// The product of eq. 5, or what SILHOUETTE_MODE has in its place.
+void add_silhouette(inout Cover cover, Fragment f) {
+    if (LEAST_APART) {
+        // The larger of the two factors goes into the product.
+        bool less = f.complement < cover.least;
+        cover.covered += cover.transmittance * (less ? cover.most : f.probability);
+        cover.transmittance *= less ? cover.least : f.complement;
+        cover.least = less ? f.complement : cover.least;
+        cover.most = less ? f.probability : cover.most;
+    } else if (SILHOUETTE_MODE == SILHOUETTE_PRODUCT) {
+        cover.covered += cover.transmittance * f.probability;
+        cover.transmittance *= f.complement;
+    } else if (SILHOUETTE_MODE == SILHOUETTE_SUM) {
+        cover.covered += f.probability;
+    } else {
+        cover.covered = f.probability > 0.5 ? 1.0 : cover.covered;
+    }
+}
+
+// A fragment's weight D exp(ζ/γ) (eq. 3) relative to the largest so far, and the factor that brings the sums before it to
+// the same reference.
+struct Share {
+    float weight;
+    float keep_old;
+};
+
+// Adds a fragment to the denominator of eq. 3; log weights have an integer part (`exponent`) and a `fraction`. In
+// the hard mode the fragment replaces the pixel if it is nearer and covers it.
+Share add_weight(inout Pixel p, int record_index, Fragment f, Corner c, Depth depth, bool kept, float scale) {
+    float difference = (c.exponent - p.exponent) + (depth.weight - p.fraction);
+    bool nearer = kept && difference > 0.0;
+    Share share;
+    if (COLOR_MODE == COLOR_SOFTMAX) {
+        float e = exp2(-abs(difference));
+        share.keep_old = nearer ? e : 1.0;
+        share.weight = (DEPTH_RANGE == DEPTH_RANGE_OFFICIAL && !kept ? 0.0 : f.probability) * (nearer ? 1.0 : e);
+    } else {
+        float lowest = min(f.height.x, min(f.height.y, f.height.z));
+        nearer = nearer && lowest >= -HARD_EDGE_PIXELS * scale;
+        share.keep_old = nearer ? 0.0 : 1.0;
+        p.nearest = nearer ? record_index : p.nearest;
+        share.weight = nearer ? 1.0 : 0.0;
+    }
+    p.exponent = nearer ? c.exponent : p.exponent;
+    p.fraction = nearer ? depth.weight : p.fraction;
+    p.sum = p.sum * share.keep_old + share.weight;
+    return share;
+}
+
+// Adds a fragment's depth, normal and colour C_j to the sums of eq. 2.
+void add_shaded(inout Pixel p, Share s, Corner c, vec3 b, float inverse_sum, Depth depth) {
+    if (WANT_DEPTH) {
+        p.depth = p.depth * s.keep_old + s.weight * (c.depth.z / frame.score_high) * depth.ratio;
+    }
+    vec3 share = b * (s.weight * inverse_sum);
+    // Perspective-correct: z / z_k = (z / z_0) (z_0 / z_k).
+    vec3 correction = PERSPECTIVE_CORRECT ? depth.ratio * vec3(1.0, 1.0 + c.depth.x, 1.0 + c.depth.y) : vec3(1.0);
+    share = PERSPECTIVE_CORRECT ? share * correction : share;
+    if (WANT_NORMAL) {
+        p.normal = p.normal * s.keep_old + c.normal * share;
+    }
+    if (WANT_COLOR) {
+        vec3 color = c.color * share;
+        if (SAMPLING != SAMPLING_NONE) {
+            vec3 at = b * inverse_sum;
+            at = PERSPECTIVE_CORRECT ? at * correction : at;
+            color *= sample_texture(c.texture_index, c.triangle, c.coordinate, at);
+        }
+        p.color = p.color * s.keep_old + color;
+    }
+}
+
+// Whether a fragment contributes to the shaded images. One beyond far does not contribute to the silhouette either, but in
+// the official code.
+bool is_shaded(inout Fragment f, Corner c, Depth depth, float inverse_score) {
+    bool shaded = f.kept && in_depth_range(c.depth.z * inverse_score * depth.ratio);
+    if (DEPTH_RANGE == DEPTH_RANGE_OFFICIAL) {
+        // Back faces contribute to the silhouette only: triangle.comp gave them no weight.
+        shaded = shaded && (!FRONT_ONLY || c.exponent > -1e38);
+    } else if (DEPTH_RANGE == DEPTH_RANGE_FAR) {
+        drop_unless(shaded, f);
+    }
+    return shaded;
+}
+
+// The opacity of a fragment: `b` is b̂ before its division by `sum`.
+float opacity_at(Corner c, vec3 b, float sum, Depth depth) {
+    vec3 at = b / sum;
+    at = PERSPECTIVE_CORRECT ? at * depth.ratio * vec3(1.0, 1.0 + c.depth.x, 1.0 + c.depth.y) : at;
+    vec2 slope;
+    return sample_opacity(c.texture_index, c.coordinate, at, slope);
+}
+
+// A fragment as the silhouette takes it. The hard one counts it whole or not at all.
+Fragment faded_for_silhouette(Fragment f, float alpha) {
+    return faded(f, SILHOUETTE_MODE == SILHOUETTE_HARD ? (alpha >= SOLID_OPACITY ? 1.0 : 0.0) : alpha);
+}
+
+// The values that all pairs of a lane share: on a software device a push constant read in a loop is a gather.
+struct Lane {
+    vec2 first;
+    float radius_squared;
+    float scale;
+    float inverse_score;
+};
+
+Lane lane_at(ivec2 first) {
+    return Lane(vec2(first), frame.radius_squared, frame.scale, 1.0 / frame.score_high);
+}
+
+Pixel first_pixel() {
+    return background_pixel();
+}
+
+Pixel finished(Pixel p) {
+    return p;
+}
+
+// The pairs of a triangle with each of a lane's pixels; all are dropped unless `live`.
+void signed_distances_of(Fetched own, bool live, Triangle t, Lane lane, out SignedDistance distances[PIXELS]) {
+    for (int i = 0; i < PIXELS; ++i) {
+        vec2 pixel = lane.first + vec2(step_of(i));
+        distances[i] = signed_distance_at(t, pixel - t.origin, lane.radius_squared, lane.scale);
+        if (DISTANCE == DISTANCE_BARYCENTRIC && OFFICIAL) {
+            ivec4 box = texelFetch(boxes, own.record_index);
+            distances[i].kept = distances[i].kept && ivec2(pixel) == clamp(ivec2(pixel), box.xy, box.zw);
+        }
+        distances[i].inside = distances[i].inside && live;
+        distances[i].kept = distances[i].kept && live;
+    }
+}
+
+// Adds a triangle to the silhouettes of a lane's pixels.
+void gather_silhouette(Fetched own, bool live, Lane lane, inout Cover covers[PIXELS]) {
+    Triangle t = shared_triangle_of(own);
+    SignedDistance distances[PIXELS];
+    signed_distances_of(own, live, t, lane, distances);
+    for (int i = 0; i < PIXELS; ++i) {
+        add_silhouette(covers[i], fragment_of(distances[i]));
+    }
+}
+
+// Adds a triangle to all of a lane's pixels. Every step runs over all pixels before the next step, so that the long chains
+// of dependent operations of several pixels overlap.
+void gather(Fetched own, bool live, Lane lane, inout Cover covers[PIXELS], inout Pixel pixels[PIXELS]) {
+    Triangle t = shared_triangle_of(own);
+    Corner c;
+    if (WANT_SHADING) {
+        c = shared_corner_of(own);
+    }
+    SignedDistance distances[PIXELS];
+    signed_distances_of(own, live, t, lane, distances);
+    Fragment fragments[PIXELS];
+    for (int i = 0; i < PIXELS; ++i) {
+        fragments[i] = fragment_of(distances[i]);
+    }
+    vec3 b[PIXELS];
+    float sum[PIXELS];
+    Depth depth[PIXELS];
+    if (WANT_SHADING) {
+        for (int i = 0; i < PIXELS; ++i) {
+            b[i] = clipped_barycentrics(t.inverse_height, fragments[i].height);
+            sum[i] = b[i].x + b[i].y + b[i].z;
+            depth[i] = depth_at(c.depth, b[i], sum[i]);
+        }
+    }
+    bool shaded[PIXELS];
+    for (int i = 0; i < PIXELS; ++i) {
+        shaded[i] = is_shaded(fragments[i], c, depth[i], lane.inverse_score);
+        Fragment outlined = fragments[i];
+        if (OPACITY) {
+            float alpha = opacity_at(c, b[i], sum[i], depth[i]);
+            outlined = faded_for_silhouette(fragments[i], alpha);
+            fragments[i] = faded(fragments[i], alpha);
+            // What has no weight must not become the reference of the sums.
+            shaded[i] = shaded[i] && alpha >= (COLOR_MODE == COLOR_HARD ? SOLID_OPACITY : LEAST_OPACITY);
+        }
+        if (WANT_SILHOUETTE) {
+            add_silhouette(covers[i], outlined);
+        }
+    }
+    if (SHADED) {
+        Share shares[PIXELS];
+        for (int i = 0; i < PIXELS; ++i) {
+            shares[i] = add_weight(pixels[i], own.record_index, fragments[i], c, depth[i], shaded[i], lane.scale);
+        }
+        for (int i = 0; i < PIXELS; ++i) {
+            add_shaded(pixels[i], shares[i], c, b[i], 1.0 / sum[i], depth[i]);
+        }
+    }
+}
+
+// The factor that brings a pixel's sums to the reference of a word that follows. In the hard mode a nearer fragment replaces
+// the pixel.
+float keep_of(Pixel p, Pixel word) {
+    float softened = exp2((p.exponent - word.exponent) + (p.fraction - word.fraction));
+    return COLOR_MODE == COLOR_SOFTMAX ? softened : (word.sum > 0.0 ? 0.0 : 1.0);
+}
+
+// The mask of the next WORD_BITS entries from `from` on that are visible beside sums of at least `least`.
+uint shown_of(int from, int end, float least) {
+    uint shown = 0u;
+    for (uint i = 0u; i < WORD_BITS; i += gl_WorkGroupSize.x) {
+        uint bit = i + gl_LocalInvocationID.x;
+        int at = min(from + int(bit), end - 1);
+        shown |= is_hidden(largest_weight(entry_at(at)), least) ? 0u : 1u << bit;
+    }
+    return bits_of_lanes(shown);
+}
+
+// The record index of the lowest bit's entry, or of the first entry if there is no bit.
+int lowest_record(int from, uint bits) {
+    return entry_at(from + max(findLSB(bits), 0));
+}
+
+// Adds the entries of a word's bits. It reads one record ahead, because the records of a large mesh miss the cache. The loop
+// tests its condition at the end because llvmpipe executes the body once more when it tests at the start; without a bit it
+// runs once and adds nothing. `shows` is a constant of the call: without it entries contribute to the silhouette only.
+void gather_word(int from, uint bits, bool shows, Lane lane, inout Pixel pixels[PIXELS]) {
+    Cover covers[PIXELS];
+    Pixel words[PIXELS];
+    for (int i = 0; i < PIXELS; ++i) {
+        covers[i] = Cover(1.0, 0.0, pixels[i].least, 1.0 - pixels[i].least);
+        words[i] = word_of(pixels[i]);
+    }
+    bool live = bits != 0u;
+    Fetched next = fetch_record(lowest_record(from, bits));
+    do {
+        Fetched own = next;
+        bits &= bits - 1u;
+        next = fetch_record(lowest_record(from, bits));
+        if (shows) {
+            gather(own, live, lane, covers, words);
+        } else {
+            gather_silhouette(own, live, lane, covers);
+        }
+    } while (bits != 0u);
+    for (int i = 0; i < PIXELS; ++i) {
+        if (WANT_SILHOUETTE) {
+            add_word_cover(covers[i], pixels[i]);
+        }
+        if (shows && SHADED) {
+            add_word_shaded(words[i], keep_of(pixels[i], words[i]), pixels[i]);
+        }
+    }
+}
+
+// Adds up to WORD_BITS entries, all of them front faces or all back faces; what is hidden among them depends on the entries
+// before. `share` is log2 of the list's length: the share of one entry, so that all hidden entries together are negligible.
+// Returns whether the entries after these can be left out.
+bool gather_entries(int from, int stop, float share, Lane lane, inout Pixel pixels[PIXELS]) {
+    uint all = 0xffffffffu >> uint(from + int(WORD_BITS) - stop);
+    vec2 bounds = bounds_of_tile(pixels);
+    bool saturated = !WANT_SILHOUETTE || bounds.y <= exp2(NEXT_TO_NOTHING);
+    uint shown = all;
+    // The silhouette of a triangle that crosses the far plane depends on its depths, and that of a texture with alpha on its
+    // coordinates, which only `gather` computes.
+    if (PARTED && ((DEPTH_RANGE != DEPTH_RANGE_FAR && !OPACITY) || saturated)) {
+        shown &= shown_of(from, stop, bounds.x - share);
+    }
+    gather_word(from, shown, true, lane, pixels);
+    if (PARTED && WANT_SILHOUETTE) {
+        gather_word(from, saturated ? 0u : all & ~shown, false, lane, pixels);
+    }
+    return !SHADED && saturated;
+}
+
+#ifdef WALKED
+// In frames of the soft model it draws those with a thin triangle.
+const bool DRAWS_THIN = true;
+#include "common/walked_tile.glsl"
+#else
 #include "common/listed_tile.glsl"
+#endif

@@ -27,7 +27,7 @@ fn main() -> ExitCode {
 fn run() -> Result<(), String> {
     let out = PathBuf::from(std::env::var_os("OUT_DIR").ok_or("OUT_DIR is not set: build with cargo")?);
     let (source, spirv) = (Path::new("naive.comp"), out.join("naive.spv"));
-    let compiled = compile::Compiler::find()?.compile(source, Path::new("../../glsl"), &spirv)?;
+    let compiled = compile::Compiler::find()?.compile(source, &[], Path::new("../../glsl"), &spirv)?;
     let reflection = reflect::reflect(&compiled.words)?;
     let bytes: Vec<u8> = compiled.words.iter().flat_map(|word| word.to_le_bytes()).collect();
     std::fs::write(&spirv, bytes).map_err(|e| format!("{}: {e}", spirv.display()))?;

@@ -1,4 +1,4 @@
-// One entry of a tile's list as forward_soft.glsl adds it: its geometry for a lane's pixels, and their distances (eq. 1).
+// One entry of a tile's list as forward_soft.comp adds it: its geometry for a lane's pixels, and their distances (eq. 1).
 // Needs forward_tile.glsl.
 
 // The values that all pairs of a lane share: on a software device a push constant read in a loop is a gather.

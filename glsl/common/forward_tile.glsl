@@ -1,6 +1,6 @@
 // What the forward kernels share: their buffers, where the entries of a tile's list are, and how a finished tile is written.
 // With WALKED the list is nowhere in memory, and the entries at hand are shared (walked_tile.glsl).
-// The file that includes this one defines first_pixel and finished, which forward_soft.glsl has in other units.
+// The file that includes this one defines first_pixel and finished, which forward_soft.comp has in other units.
 
 layout(local_size_x_id = 0) in;
 

@@ -1,6 +1,6 @@
 // The tiles that have a list in memory, one workgroup each. Tiles with a list elsewhere (walked_tile.glsl) have an entry
 // without a length here, because pixel_grad.comp goes through the same entries.
-// Needs forward.glsl or forward_soft.glsl.
+// Needs forward.comp or forward_soft.comp.
 
 // Adds a list word by word. Front faces fill words of their own.
 void gather_list(int from, int facing_end, int end, Lane lane, inout Pixel pixels[PIXELS]) {

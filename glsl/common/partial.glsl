@@ -13,7 +13,7 @@ struct Partial {
     mat3 normal;
 };
 
-// Adds one item's entry, as write_sums in backward.glsl lays it out.
+// Adds one item's entry, as write_sums in backward.comp lays it out.
 void add_partial(int item, inout Partial p) {
     int at = item * PARTIAL_STRIDE;
     vec4 a = texelFetch(partials, at);

@@ -3,7 +3,7 @@
 // Three walks over the bin count the entries, then add the front faces, then the back faces.
 // One workgroup of 32 a tile, each lane one pixel and one of the 32 blocks or entries that are looked at together. Walks of
 // more passes than a loop of the device can take go on in the next dispatch (frame.number) from `walk_state`.
-// Needs forward.glsl or forward_soft.glsl with WALKED, and DRAWS_THIN: in frames of the soft model whether the kernel draws
+// Needs forward.comp or forward_soft.comp with WALKED, and DRAWS_THIN: in frames of the soft model whether the kernel draws
 // the tiles with a thin triangle, or the others.
 
 #include "common/tile_mask.glsl"

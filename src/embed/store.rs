@@ -76,7 +76,7 @@ impl Push {
     }
 }
 
-/// The push constants of `glsl/common/store.glsl`.
+/// The push constants of `glsl/store.comp`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 struct Push {

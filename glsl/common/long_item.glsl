@@ -1,15 +1,10 @@
-#version 450
-#extension GL_GOOGLE_include_directive : require
 // Backward, long: backward for the cells beyond the first of those boxes whose cells found no room, with the same bits. Each
 // cell is processed as backward_cull and backward would have processed its item, and its sum is added to the record's own
 // entry of `partials` in the order in which triangle_grad adds the items of a record.
 // One workgroup a record of `long_records`, after backward has processed the first cells. A box of more cells than a loop of
 // the device can walk takes several turns (frame.number).
-// Reads `long_records` (as `items`), `boxes`, `tile_bounds`, the records and `pixel_gradients`; adds to `partials` and
-// `texel_sums`.
-
-#define LONG
-#include "common/backward.glsl"
+// Reads `long_records` (as `items`), `boxes`, `tile_bounds` and what backward reads; adds to `partials` and `texel_sums`.
+// Needs backward.comp with LONG.
 
 layout(set = 0, binding = 9) uniform isamplerBuffer boxes;
 layout(set = 0, binding = 10) uniform samplerBuffer tile_bounds;

@@ -1,9 +1,10 @@
+#version 450
+#extension GL_GOOGLE_include_directive : require
 // Store: copies one view of an image from its buffer into a host's storage image; on request without the background's colour,
 // encoded as sRGB, or turned from view depth into the values of the host's depth buffer.
 // One invocation a pixel, columns along x, rows along y. Reads `image_texels`, and the pixel's silhouette from
 // `alpha_texels`; writes `target`.
-// This body is an include because the four store_*.comp differ in nothing but STORE_FORMAT and STORE_CHANNELS: GLSL fixes a
-// storage image's format when it is compiled.
+// Compiled for each STORE_FORMAT, of STORE_CHANNELS: GLSL fixes a storage image's format when it is compiled.
 
 layout(local_size_x = 8, local_size_y = 8) in;
 
@@ -11,7 +12,7 @@ layout(set = 0, binding = 0) uniform samplerBuffer image_texels;
 layout(set = 0, binding = 1) uniform samplerBuffer alpha_texels;
 layout(set = 0, binding = 2, STORE_FORMAT) uniform writeonly image2D target;
 
-#include "constants.glsl"
+#include "common/constants.glsl"
 
 layout(push_constant) uniform Push {
     uint width;

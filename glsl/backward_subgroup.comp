@@ -1,8 +1,0 @@
-#version 450
-#extension GL_GOOGLE_include_directive : require
-#extension GL_KHR_shader_subgroup_basic : require
-#extension GL_KHR_shader_subgroup_shuffle : require
-// Backward where a workgroup of eight is one subgroup and the device has shuffles: common/backward.glsl.
-
-#define SUBGROUP_RECORDS
-#include "common/backward.glsl"
