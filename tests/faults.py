@@ -21,8 +21,8 @@ import tempfile
 import time
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-FRAGMENT, FORWARD = "glsl/common/fragment.glsl", "glsl/common/forward.glsl"
-SOFT, WALK = "glsl/common/forward_soft.glsl", "glsl/common/walked_tile.glsl"
+FRAGMENT, FORWARD = "glsl/common/fragment.glsl", "glsl/forward.comp"
+SOFT, WALK = "glsl/forward_soft.comp", "glsl/common/walked_tile.glsl"
 PAIR, PIXELS = "glsl/common/pair_gradient.glsl", "glsl/common/pair.glsl"
 
 # What is broken, where, the text, what stands there instead, and the tests that should see it (a test binary and
@@ -46,7 +46,7 @@ FAULTS = [
      "    vec2 near = vec2(1.05 * frame.near_high, 0.0);\n    ViewPoint", [("render", "properties_images::what_near_cuts")]),
     ("u and v swapped", "glsl/common/sample.glsl", "vec2 at = vec2(folded.x, 1.0 - folded.y)",
      "vec2 at = vec2(folded.y, 1.0 - folded.x)", [("render", "pixels::textures")]),
-    ("gamma missing in a gradient", "glsl/common/backward.glsl", "-frame.score_high * LN2", "-LN2",
+    ("gamma missing in a gradient", "glsl/backward.comp", "-frame.score_high * LN2", "-LN2",
      [("gradient", "agreement::random_scenes")]),
     ("weights beyond a float's integers in the soft kernel", "src/frame/plan/modes.rs",
      "const LARGEST_SOFT_WEIGHT: f64 = 4_194_304.0;", "const LARGEST_SOFT_WEIGHT: f64 = 1e30;",
@@ -68,7 +68,7 @@ FAULTS = [
     ("gradients through normals of a mesh's own", "glsl/vertex_normal_grad.comp", "area = is_given(given) ? vec3(0.0) : area;",
      "area = area;", [("gradient", "agreement::every_mode")]),
     ("normals of the frame before", "src/frame/pack/update.rs", "changes.note(BufferId::VertexNormals, overwrite(&mut self.normals[own], normals));",
-     "overwrite(&mut self.normals[own], normals);", [("render", "repeat_frames::a_frame_after")]),
+     "overwrite(&mut self.normals[own], normals);", [("render", "repeat_frames::a_frame_after_other_normals")]),
     ("parallel edges told apart by their lines", "glsl/common/nearest_edge.glsl", "obtuse ? past_corner :", "false ? past_corner :",
      [("gradient", "hazards::obtuse")]),
     ("a dropped fragment's pixel read", PIXELS, "g.mean = kept ? g.mean : 0.0;", "g.mean = g.mean;",
@@ -89,7 +89,7 @@ FAULTS = [
      [("gradient", "room::turns")]),
     ("back faces of a walk before front faces", WALK, "walk.phase == FRONT ? own.entries & ~own.away",
      "walk.phase == BACK ? own.entries & ~own.away", [("gradient", "room::")]),
-    ("first cell of a long box twice", "glsl/backward_long.comp", "int first = 1 + int(frame.number",
+    ("first cell of a long box twice", "glsl/common/long_item.glsl", "int first = 1 + int(frame.number",
      "int first = int(frame.number", [("gradient", "room::")]),
     ("walks left out of a frame", "src/frame/plan/walk.rs", "needed: wanted && !(has_room && at_once)",
      "needed: wanted && !has_room && !at_once", [("gradient", "room::")]),

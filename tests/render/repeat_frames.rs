@@ -192,6 +192,27 @@ fn so_it_is_where_memory_is_not_shared() {
     steps_are_as_fresh(3, CHANGES, &RendererOptions { staging: true, ..RendererOptions::default() });
 }
 
+/// Normals that take the place of others, without another change of the frame.
+#[test]
+fn a_frame_after_other_normals_is_a_fresh_renderers() {
+    let random = &mut Random::new(7);
+    let mut state = start(random);
+    state.scene.lights = Lights { shading: Shading::Smooth, ..Lights::official() };
+    let mut kept = renderer();
+    let mut last: Option<(Frame, Gradients)> = None;
+    for _ in 0..3 {
+        for mesh in &mut state.scene.meshes {
+            let normals = mesh.positions().iter().map(|_| random.direction().as_vec3().to_array()).collect();
+            *mesh = mesh.clone().with_normals(normals).unwrap();
+        }
+        let (found, due) = (step(&mut kept, &state, 7), step(&mut renderer(), &state, 7));
+        assert_eq!(same_bits(&found.0, &due.0), Ok(()));
+        assert_eq!(same_gradient_bits(&found.1, &due.1), Ok(()));
+        assert!(last.is_none_or(|last| same_bits(&last.0, &found.0).is_err()), "the normals do not show");
+        last = Some(found);
+    }
+}
+
 /// The changes are ones that images show: a comparison of what is the same anyway would find nothing.
 #[test]
 fn a_change_that_is_not_uploaded_would_show() {
