@@ -20,6 +20,7 @@ mod official;
 #[path = "../../../../tests/official/mod.rs"]
 mod official_equations;
 mod parts;
+mod pose;
 mod readme;
 mod render;
 mod stress;

@@ -32,6 +32,7 @@ Examples:
   softras pose --mesh posed.obj --image target.png -o better.obj --init
   softras pose --mesh fish.obj --image target.png -o posed.obj --init 0,1,0,90
   softras pose --benchmark --json
+  softras pose --benchmark fish.obj --trials 10
   softras pose --benchmark --trials 1 --landscape landscape.png";
 
 /// Find the rotation and translation of a mesh from a picture of it
@@ -70,12 +71,13 @@ pub struct PoseArgs {
     #[arg(long, value_name = "FILE.png", value_parser = parse::file_ending("png"))]
     pub landscape: Option<PathBuf>,
     /// Run the experiment of the SoftRas paper with a coloured cube: random rotations to find, with plain and with whitened
-    /// colours, from one start and from several
-    #[arg(long, conflicts_with_all = ["mesh", "image"])]
-    pub benchmark: bool,
-    /// Number of rotations of the benchmark
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000), default_value_t = 100)]
-    pub trials: u32,
+    /// colours, from one start and from several. With meshes: how near the search comes to random rotations of each, from one
+    /// picture of 64 pixels
+    #[arg(long, value_name = "MESH", num_args = 0.., conflicts_with_all = ["mesh", "image"])]
+    pub benchmark: Option<Vec<PathBuf>>,
+    /// Number of rotations of the benchmark [default: 100, or 40 of each mesh]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub trials: Option<u32>,
     /// Seed of the benchmark
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,

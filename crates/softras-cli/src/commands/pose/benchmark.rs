@@ -70,7 +70,7 @@ fn methods(args: &PoseArgs) -> Vec<Method> {
 
 /// Runs the benchmark.
 pub fn run(args: &PoseArgs, renderer: &mut Renderer) -> Result<(), Failure> {
-    let trials = args.trials as usize;
+    let trials = args.trials.unwrap_or(100) as usize;
     let mut random = Random::new(args.seed);
     let mut pose = || Pose { rotation: random.rotation(), ..Pose::IDENTITY };
     let pairs: Vec<[Pose; 2]> = (0..trials).map(|_| [pose(), pose()]).collect();
@@ -122,7 +122,7 @@ pub fn run(args: &PoseArgs, renderer: &mut Renderer) -> Result<(), Failure> {
 }
 
 /// The median: the middle one of the sorted numbers, or the mean of the two in the middle.
-fn median(sorted: &[f64]) -> f64 {
+pub fn median(sorted: &[f64]) -> f64 {
     let n = sorted.len();
     if n == 0 { 0.0 } else { 0.5 * (sorted[n / 2] + sorted[(n - 1) / 2]) }
 }

@@ -4,6 +4,7 @@ mod agreement;
 pub mod args;
 mod benchmark;
 mod landscape;
+mod trials;
 
 use super::color::encoded;
 use super::fit::targets;
@@ -37,7 +38,14 @@ pub fn run(args: &PoseArgs) -> Result<(), Failure> {
             let mesh = args.read.read(mesh, true, &outputs, &budget)?.mesh;
             find(args, &mesh, &Target::new(width, height, &pixels), &mut renderer)
         }
-        _ => benchmark::run(args, &mut renderer),
+        _ => match args.benchmark.as_deref() {
+            Some(meshes @ [_, ..]) if args.landscape.is_some() => {
+                let what = format!("--landscape is not drawn for {} meshes", meshes.len());
+                Err(Failure::Usage(what + ": leave it out, or leave the meshes out for the cube's"))
+            }
+            Some(meshes @ [_, ..]) => trials::run(args, meshes, &mut renderer),
+            _ => benchmark::run(args, &mut renderer),
+        },
     }
 }
 
@@ -82,6 +90,19 @@ struct View {
 }
 
 impl View {
+    /// The mesh in pictures of that size as the command's camera sees it, and the mesh's bounds.
+    fn around(args: &PoseArgs, mesh: &Mesh, width: usize, height: usize) -> Result<(Self, Bounds), Failure> {
+        let bounds = Bounds::of(mesh);
+        let framed = framing::View::new(&args.camera, bounds, width as f64 / height as f64, 0.0);
+        framing::check_depths(&args.camera, &framed)?;
+        // The depth range has room for translations.
+        let reach = framed.far - framed.near;
+        let (near, far) = ((framed.near - 0.2 * reach).max(0.2 * framed.near), framed.far + 0.2 * reach);
+        let settings = Settings { width: width as u32, height: height as u32, near, far, ..Settings::default() };
+        let view = Self { scene: Scene::new(mesh.clone()), camera: framed.camera()?, center: bounds.center, settings };
+        Ok((view, bounds))
+    }
+
     fn fit(&self, options: PoseOptions, poses: Vec<Pose>) -> Result<PoseFit> {
         PoseFit::new(self.scene.clone(), self.camera, self.center, self.settings.clone(), options, poses)
     }
@@ -120,15 +141,7 @@ impl View {
 }
 
 fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) -> Result<(), Failure> {
-    let bounds = Bounds::of(mesh);
-    let (height, width) = (target.color.height, target.color.width);
-    let framed = framing::View::new(&args.camera, bounds, width as f64 / height as f64, 0.0);
-    framing::check_depths(&args.camera, &framed)?;
-    // The depth range has room for translations.
-    let reach = framed.far - framed.near;
-    let (near, far) = ((framed.near - 0.2 * reach).max(0.2 * framed.near), framed.far + 0.2 * reach);
-    let settings = Settings { width: width as u32, height: height as u32, near, far, ..Settings::default() };
-    let view = View { scene: Scene::new(mesh.clone()), camera: framed.camera()?, center: bounds.center, settings };
+    let (view, bounds) = View::around(args, mesh, target.color.width, target.color.height)?;
     let mut search = view.search(args, target)?;
     let progress = super::progress::Progress::counted("step", search.step_count());
     while search.step(renderer)?.is_some() {

@@ -1,0 +1,139 @@
+//! `softras pose --benchmark MESH...`: the search from one picture of each of many rotations of a mesh.
+
+use super::{PoseArgs, Target, View, benchmark::median};
+use crate::commands::memory::Budget;
+use crate::commands::outputs::Outputs;
+use crate::commands::progress::Progress;
+use crate::commands::{Failure, say, text};
+use serde_json::{Value, json};
+use softras::fit::{Pose, PoseOptions};
+use softras::scene::Background;
+use softras::{Image, Renderer, Settings};
+use softras_cli::random::Random;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Side of the pictures in pixels, and of a pixel in samples.
+const SIZE: usize = 64;
+const SAMPLES: usize = 8;
+/// Rotations up to this many degrees from the true one count as found.
+const NEAR: f64 = 2.0;
+
+/// What was found of a mesh.
+struct Row {
+    mesh: String,
+    /// Degrees between the rotation that was found and the true one, of each trial.
+    degrees: Vec<f64>,
+    seconds: Vec<f64>,
+}
+
+/// Searches every mesh, and prints a row for each as soon as it is known.
+pub fn run(args: &PoseArgs, meshes: &[PathBuf], renderer: &mut Renderer) -> Result<(), Failure> {
+    let budget = Budget::new(&args.read.memory);
+    let mut report = Vec::new();
+    if !args.json {
+        say("mesh           pictures  < 2 deg   median  largest  seconds")?;
+    }
+    for path in meshes {
+        let mesh = args.read.read(path, true, &Outputs::default(), &budget)?.mesh;
+        let (view, _) = View::around(args, &mesh, SIZE, SIZE)?;
+        let mesh = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let row = searched(args, mesh, &view, renderer)?;
+        if !args.json {
+            say(&row.line())?;
+        }
+        report.push(row.json());
+    }
+    if args.json {
+        let device = renderer.device_name();
+        return say(&json!({ "seed": args.seed, "size": SIZE, "device": device, "meshes": report }).to_string());
+    }
+    Ok(())
+}
+
+fn searched(args: &PoseArgs, mesh: String, view: &View, renderer: &mut Renderer) -> Result<Row, Failure> {
+    let mut random = Random::new(args.seed);
+    let trials = args.trials.unwrap_or(40);
+    let mut row = Row { mesh, degrees: Vec::new(), seconds: Vec::new() };
+    let progress = Progress::counted("picture", trials as usize);
+    for _ in 0..trials {
+        let truth = Pose { rotation: random.rotation(), ..Pose::IDENTITY };
+        let target = picture(view, &truth, renderer)?;
+        let before = Instant::now();
+        let mut search = view.search(args, &target)?;
+        while search.step(renderer)?.is_some() {}
+        row.seconds.push(before.elapsed().as_secs_f64());
+        row.degrees.extend(search.found().first().map(|(pose, _)| pose.degrees_to(&truth)));
+        progress.step();
+    }
+    Ok(row)
+}
+
+/// The picture of a pose: sharp, without light, every pixel the mean of its samples.
+fn picture(view: &View, truth: &Pose, renderer: &mut Renderer) -> Result<Target, Failure> {
+    let side = (SIZE * SAMPLES) as u32;
+    let (sigma, gamma, background) = (1e-7, 1e-5, Background::Composite);
+    let settings = Settings { width: side, height: side, sigma, gamma, background, ..view.settings.clone() };
+    let camera = view.fit(PoseOptions::default(), vec![*truth])?.posed_camera(truth)?;
+    let frame = renderer.render(&view.scene, &[camera], &settings)?;
+    let (Some(color), Some(silhouette)) = (frame.color(), frame.silhouette()) else { return Err(Failure::Told) };
+    Ok(Target { color: shrunk(color), silhouette: shrunk(silhouette) })
+}
+
+/// An image with the mean of every block of samples as a pixel.
+fn shrunk(image: &Image) -> Image {
+    let (side, channels) = (SIZE * SAMPLES, image.channels);
+    let mut data = vec![0.0; SIZE * SIZE * channels];
+    for (i, value) in image.data.iter().enumerate() {
+        let (row, column) = (i / channels / side, i / channels % side);
+        let pixel = row / SAMPLES * SIZE + column / SAMPLES;
+        data[pixel * channels + i % channels] += value / (SAMPLES * SAMPLES) as f32;
+    }
+    Image { batch: 1, height: SIZE, width: SIZE, channels, data }
+}
+
+impl Row {
+    fn within(&self) -> usize {
+        self.degrees.iter().filter(|degrees| **degrees < NEAR).count()
+    }
+
+    fn json(&self) -> Value {
+        json!({
+            "mesh": self.mesh, "pictures": self.degrees.len(), "within_2_degrees": self.within(),
+            "degrees": self.degrees, "seconds": self.seconds,
+        })
+    }
+
+    fn line(&self) -> String {
+        let [degrees, seconds] = [&self.degrees, &self.seconds].map(|values| {
+            let mut sorted = values.clone();
+            sorted.sort_by(f64::total_cmp);
+            sorted
+        });
+        format!(
+            "{:<14} {:>8} {:>8} {:>8.2} {:>8.2} {:>8.1}",
+            text::name(&self.mesh),
+            degrees.len(),
+            self.within(),
+            median(&degrees),
+            degrees.last().copied().unwrap_or(0.0),
+            median(&seconds),
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pixel_is_the_mean_of_its_samples() {
+        let side = SIZE * SAMPLES;
+        // The samples of a pixel differ, the second channel is the column.
+        let data = (0..side * side).flat_map(|i| [(i % 2) as f32, (i % side) as f32]).collect();
+        let small = shrunk(&Image { batch: 1, height: side, width: side, channels: 2, data });
+        assert_eq!((small.height, small.width, small.data.len()), (SIZE, SIZE, 2 * SIZE * SIZE));
+        assert_eq!(small.data[..4], [0.5, 3.5, 0.5, 11.5]);
+        assert_eq!(small.data[small.data.len() - 1], side as f32 - 4.5);
+    }
+}
