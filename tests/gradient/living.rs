@@ -102,11 +102,13 @@ fn living_frames_count_towards_the_limit_of_memory() {
     let frame = render(&mut measured, &case);
     gradient(&mut measured, &frame, &case);
     let one = measured.device_bytes();
-    let mut renderer = renderer_with(RendererOptions { memory: Some(one * 5 / 2), ..RendererOptions::default() });
+    let limited = || renderer_with(RendererOptions { memory: Some(one * 5 / 2), ..RendererOptions::default() });
+    let mut renderer = limited();
     let frames = [render(&mut renderer, &case), render(&mut renderer, &case)];
     frames.iter().for_each(|frame| drop(gradient(&mut renderer, frame, &case)));
     // A frame larger than what is left, though smaller than all.
-    let large = Scene::new(shapes::icosphere(4).unwrap());
+    let large = Scene::new(shapes::icosphere(3).unwrap());
+    limited().render_saved(&large, &case.cameras, &case.settings).unwrap();
     match renderer.render_saved(&large, &case.cameras, &case.settings) {
         Err(error @ Error::OutOfMemory { .. }) => assert!(error.to_string().contains("drop saved frames"), "{error}"),
         other => panic!("{other:?}"),

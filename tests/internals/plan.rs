@@ -124,7 +124,8 @@ fn a_backward_pass_takes_the_memory_of_the_formula() {
         let by_color = upstream.color && (wanted.colors || wanted.lights || (wanted.positions && lit));
         let (by_uv, by_normal) = (upstream.color && wanted.uvs, upstream.normal && wanted.positions);
         let q = 3 + when(by_color, 3) + when(by_uv, 2) + when(by_normal, 3);
-        let expected = 16 * p * (1 + when(shaded, 1) + when(upstream.normal, 1))
+        let expected = 16 * p * (when(shaded, 2) + when(upstream.normal, 1))
+            + when(outlined, 4 * p)
             + items * (16 * q + when(shaded, 16) + when(outlined, 16))
             + 16 * s * (3 + when(by_color, 3) + when(by_uv, 2))
             + 4 * s
