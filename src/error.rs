@@ -75,7 +75,7 @@ pub enum Error {
         fix: String,
     },
     /// There is no Vulkan loader, no driver, or no device with what the kernels need.
-    #[error("no usable Vulkan device: {what}: {fix}")]
+    #[error("{what}: {fix}")]
     NoDevice {
         /// What was looked for.
         what: String,

@@ -93,7 +93,8 @@ fn find_used<'a>(obj: &Obj, library: &'a Materials, notes: &mut Notes) -> Vec<Op
     let mut find = |(name, line): &(String, usize)| {
         let material = library.find(name);
         match material {
-            None => {
+            // Of a library that cannot be read a note has told already.
+            None if library.is_whole() => {
                 let place = if obj.libraries.is_empty() { "the file names no mtllib" } else { "in no MTL file" };
                 notes.add(Some(*line), format!("unknown material {name:?} ({place}): white"));
             }

@@ -21,6 +21,8 @@ use std::{
 pub(super) struct Materials {
     all: Vec<Material>,
     by_name: HashMap<String, usize>,
+    /// Some file could not be read.
+    lacks_some: bool,
 }
 
 impl Materials {
@@ -32,6 +34,11 @@ impl Materials {
         }
         self.all.push(Material::default());
         is_new
+    }
+
+    /// Whether every file was read.
+    pub fn is_whole(&self) -> bool {
+        !self.lacks_some
     }
 
     /// The first of that name.
@@ -94,10 +101,12 @@ pub(super) fn read_libraries(source: &mut Source, libraries: &[(String, usize)])
                 }
                 Err(_) if name.is_empty() => {
                     source.notes.add(Some(*line), "material file \"\" not found: its materials are white");
+                    materials.lacks_some = true;
                     continue;
                 }
                 Err(what) => {
                     source.notes.add(Some(*line), format!("material file {what}: its materials are white"));
+                    materials.lacks_some = true;
                     continue;
                 }
             };
@@ -117,6 +126,7 @@ fn read_library(source: &mut Source, mtl: &Path, materials: &mut Materials) {
     let text = match read {
         Ok(text) => text,
         Err(error) => {
+            materials.lacks_some = true;
             let what = if let Error::File { what, .. } = error { what } else { error.to_string() };
             return notes.add_in(mtl, None, format!("{what}: its materials are white"));
         }

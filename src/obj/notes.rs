@@ -68,14 +68,9 @@ impl Notes {
     pub fn finish(self, strict: bool) -> Result<Vec<String>> {
         let sentence = |note: &Note| {
             let name = note.file.file_name().unwrap_or_default().to_string_lossy();
-            let place = match (note.line, note.more) {
-                (Some(line), _) if note.file != self.mesh => format!("{name}:{line}: "),
-                (None, _) if note.file != self.mesh => format!("{name}: "),
-                (None, _) => String::new(),
-                (Some(line), 0) => format!("line {line}: "),
-                (Some(line), more) => format!("line {line} and {more} more: "),
-            };
-            format!("{place}{}", note.what)
+            let line = note.line.map_or(String::new(), |line| format!(":{line}"));
+            let more = if note.more > 0 { format!(" and {} more", note.more) } else { String::new() };
+            format!("{name}{line}{more}: {}", note.what)
         };
         match self.all.first() {
             Some(note) if strict => Err(Error::File {

@@ -100,6 +100,14 @@ pub(super) fn parse(source: &mut Source, text: &str) -> Result<Obj> {
     }
     source.notes.extend(parser.ignored);
     let obj = parser.obj;
+    if obj.faces.is_empty() && obj.positions.is_empty() {
+        return Err(Error::File {
+            path: path.into(),
+            line: None,
+            what: "not an OBJ file: it has no vertex and no face".into(),
+            fix: "give a mesh, under a name with the ending of its format".into(),
+        });
+    }
     if obj.faces.is_empty() {
         return Err(Error::File {
             path: path.into(),
@@ -224,7 +232,9 @@ impl Parser {
             }
         }
         if !position.iter().all(|x| x.abs() <= Mesh::FARTHEST) {
-            return Err((format!("vertex {position:?} is not within ±{:e}", Mesh::FARTHEST), "remove or repair it"));
+            let bound = format!("within ±{:e}", Mesh::FARTHEST);
+            let due = if position.iter().any(|x| x.is_nan()) { "a point" } else { &bound };
+            return Err((format!("vertex {position:?} is not {due}"), "remove or repair it"));
         }
         self.obj.positions.push(position);
         Ok(())

@@ -57,7 +57,7 @@ fn polygons_are_cut_in_their_plane() {
     }
     let bow_tie = load_text("v 0 0 0\nv 1 1 0\nv 1 0 0\nv 0 1 0\nf 1 2 3 4\n").unwrap();
     assert_eq!(bow_tie.mesh.triangles().len(), 2);
-    assert_note(&bow_tie.notes, &["line 5", "cross themselves", "1 in all"]);
+    assert_note(&bow_tie.notes, &[":5: ", "cross themselves", "1 in all"]);
 }
 
 #[test]
@@ -75,14 +75,14 @@ fn vertex_colours_belong_to_their_vertices() {
     let partly = load_text("v 0 0 0\nv 1 0 0\nv 0 1 0 0 0 1\nf 1 2 3\n").unwrap();
     let expected = vec![[1.0; 3], [1.0; 3], [0.0, 0.0, 1.0]];
     assert_eq!(partly.mesh.appearance(), &Appearance::VertexColors(expected));
-    assert_note(&partly.notes, &["line 1 and 1 more", "white"]);
+    assert_note(&partly.notes, &[":1 and 1 more: ", "white"]);
 }
 
 #[test]
 fn a_fourth_coordinate_divides() {
     let loaded = load_text("v 0 0 0\nv 2 4 6 2\nv 0 1 0\nf 1 2 3\n").unwrap();
     assert_eq!(loaded.mesh.positions()[1], [1.0, 2.0, 3.0]);
-    assert_note(&loaded.notes, &["line 2", "w divides"]);
+    assert_note(&loaded.notes, &[":2: ", "w divides"]);
 }
 
 #[test]
@@ -92,10 +92,10 @@ fn what_is_not_drawn_is_noted_once() {
     );
     let notes = load_text(text).unwrap().notes;
     assert_eq!(notes.len(), 5, "{notes:#?}");
-    assert_note(&notes, &["line 7", "lines"]);
-    assert_note(&notes, &["line 8", "points"]);
-    assert_note(&notes, &["line 9", "free-form"]);
-    assert_note(&notes, &["line 10", "wobble"]);
+    assert_note(&notes, &[":7: ", "lines"]);
+    assert_note(&notes, &[":8: ", "points"]);
+    assert_note(&notes, &[":9: ", "free-form"]);
+    assert_note(&notes, &[":10: ", "wobble"]);
     assert_note(&notes, &["texture coordinates are not kept"]);
 }
 
@@ -146,7 +146,7 @@ fn normals_stay_with_their_corners() {
     let loaded = load_text(format!("{quad}f 1 2\nf 1//1 2//2 3//-3\nf 1//3 3//9 4\n")).unwrap();
     let (z, y, none) = ([0.0, 0.0, 1.0], [0.0, 2.0, 0.0], [0.0; 3]);
     assert_eq!(loaded.normals, [[z, y, z], [none; 3]]);
-    assert_note(&loaded.notes, &["line 7", "normals"]);
+    assert_note(&loaded.notes, &[":7: ", "normals"]);
     assert!(load_text(format!("{TRIANGLE}f 1 2 3\n")).unwrap().normals.is_empty());
     // A polygon's triangles keep the normals of its corners.
     let loaded = load_text(format!("{quad}f 1//1 2//2 3//1 4//2\n")).unwrap();

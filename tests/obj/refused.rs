@@ -21,7 +21,7 @@ fn malformed_meshes_are_refused_with_their_line() {
     const V: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n";
     let cases: &[Refused] = &[
         ("", None, &["empty"]),
-        ("# nothing", None, &["no faces", "0 vertices"]),
+        ("# nothing", None, &["not an OBJ file"]),
         ("V", None, &["no faces", "3 vertices"]),
         ("V f 1 2", None, &["no faces", "3 vertices"]),
         ("V f 0 1 2", Some(5), &["vertex index 0"]),
@@ -106,7 +106,7 @@ fn what_can_be_left_out_of_a_mesh_is_left_out() {
     let files: [(&str, &[u8]); 3] =
         [("mesh.obj", text.as_bytes()), ("mesh.mtl", b"newmtl t\nmap_Kd t.png"), ("t.png", &png)];
     let loaded = assert_left_out(&folder(&files), "mesh.obj", Some(10), &["fewer than three corners"]);
-    assert_note(&loaded.notes, &["line 13", "some corners only"]);
+    assert_note(&loaded.notes, &[":13: ", "some corners only"]);
     assert_eq!(loaded.mesh.triangles(), [[0, 1, 2], [1, 2, 0], [0, 1, 2]]);
     let Appearance::Textured { uv_triangles, .. } = loaded.mesh.appearance() else { panic!("{loaded:?}") };
     assert_eq!(uv_triangles, &[[0, 1, 2], [1, 2, 0], [0, 0, 0]]);
@@ -200,7 +200,7 @@ fn files_outside_the_folder_are_read_only_on_request() {
         assert_note(&loaded.notes, words);
         assert_eq!(loaded.mesh.appearance(), &Appearance::Uniform([1.0; 3]));
     };
-    untouched(&load(&path, &LoadOptions::default()).unwrap(), &["line 1", "outside"]);
+    untouched(&load(&path, &LoadOptions::default()).unwrap(), &[":1: ", "outside"]);
     let options = LoadOptions { allow_outside: true, ..LoadOptions::default() };
     let loaded = load(&path, &options).unwrap();
     assert!(matches!(loaded.mesh.appearance(), Appearance::Textured { .. }));

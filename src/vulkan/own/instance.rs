@@ -103,7 +103,10 @@ impl Instance {
         };
         drop(turn);
         if let Err(vk::Result::ERROR_INCOMPATIBLE_DRIVER) = created {
-            return Err(Error::NoDevice { what: "no driver is installed".to_string(), fix: INSTALL.to_string() });
+            return Err(Error::NoDevice {
+                what: "no Vulkan driver is installed".to_string(),
+                fix: INSTALL.to_string(),
+            });
         }
         let raw = created.named("vkCreateInstance")?;
         let mut instance = Self { raw, debug_utils, log, messenger: None };

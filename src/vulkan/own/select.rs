@@ -41,9 +41,9 @@ pub(super) fn select(adapters: Vec<Adapter>, selector: Option<&str>) -> Result<A
         let suitable = adapters.into_iter().filter(|a| a.info.suitable.is_ok());
         return suitable.min_by_key(|a| (a.info.kind, a.info.index)).ok_or_else(|| Error::NoDevice {
             what: if listing.is_empty() {
-                "there is no device".to_string()
+                "there is no Vulkan device".to_string()
             } else {
-                format!("of {listing}: none is suitable")
+                format!("no Vulkan device is suitable ({listing})")
             },
             fix: INSTALL.to_string(),
         });
@@ -62,14 +62,14 @@ pub(super) fn select(adapters: Vec<Adapter>, selector: Option<&str>) -> Result<A
             format!("`{selector}` is {name}, but {reason}")
         }
         Some(_) => String::new(),
-        None => format!("no device matches `{selector}`"),
+        None => format!("`{selector}` is no Vulkan device"),
     };
     best.filter(|a| a.info.suitable.is_ok()).ok_or_else(|| Error::NoDevice {
         what,
         fix: if listing.is_empty() {
-            format!("there is no device: {INSTALL}")
+            format!("there is none: {INSTALL}")
         } else {
-            format!("choose one by number or by part of its name: {listing}")
+            format!("choose by number or by part of a name of {listing}")
         },
     })
 }
