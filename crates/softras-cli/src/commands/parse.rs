@@ -143,8 +143,8 @@ const NAMED: [(&str, &str); 18] = [
 pub fn rgb(text: &str) -> Result<Rgb, String> {
     let named = NAMED.iter().find(|(name, _)| text.eq_ignore_ascii_case(name)).map(|(_, hex)| *hex);
     let Some(hex) = named.or_else(|| text.strip_prefix('#')) else {
-        let forms =
-            "use #rrggbb, #rgb, r,g,b in linear light from 0 to 1, or one of the 17 names of CSS 2, as white or navy";
+        let names = NAMED.map(|(name, _)| name).join(", ");
+        let forms = format!("use #rrggbb, #rgb, r,g,b in linear light from 0 to 1, or a name: {names}");
         let other = || format!("{text:?} is no colour: {forms}");
         return if text.contains(',') { triple(text).map(Rgb::Numbers) } else { Err(other()) };
     };

@@ -41,9 +41,14 @@ and so have, with --baselines, a fit that begins with a sphere and the baselines
 
 Ctrl-C ends the fit and writes the best mesh so far; --checkpoint FILE with --resume continues a fit.";
 
+const USAGE: &str = "\
+softras fit --views <IMAGES.npy|FOLDER> [--cameras <FILE>] -o <OUT.obj> [OPTIONS]
+       softras fit --from <MESH> [--views <N>] -o <OUT.obj> [OPTIONS]
+       softras fit --benchmark [<MESH>...] [OPTIONS]";
+
 /// Fit a mesh to images: its shape, and its colours with --color
 #[derive(Args, Clone, Debug)]
-#[command(after_help = EXAMPLES)]
+#[command(after_help = EXAMPLES, override_usage = USAGE)]
 pub struct FitArgs {
     /// The mesh to begin with: `sphere`; `hull`, the largest solid that has the silhouettes, with its holes and parts; a mesh file
     /// (.obj, .ply, .stl, .gltf, .glb); or `auto`, a hull from 6 views on and else a sphere

@@ -47,14 +47,21 @@ impl Agreement {
         Ok(Self::between([&target.color, &target.silhouette], [&color, &silhouette]))
     }
 
+    /// Whether picture and mesh agree as where a pose is right.
+    pub fn is_near(&self) -> bool {
+        self.iou >= LEAST_IOU && self.color <= MOST_COLOR
+    }
+
     /// The agreement in words.
     pub fn sentence(&self) -> String {
-        format!("silhouettes agree by {:.3} (IoU), colours differ by {:.0} %", self.iou, 100.0 * self.color)
+        let verdict = if self.is_near() { "the pose explains the picture: " } else { "" };
+        let color = 100.0 * self.color;
+        format!("{verdict}silhouettes agree by {:.3} (IoU), colours differ by {color:.0} %", self.iou)
     }
 
     /// What to look for where the mesh in this pose is not what the picture shows, if that is so.
     pub fn doubt(&self) -> Option<String> {
-        if self.iou >= LEAST_IOU && self.color <= MOST_COLOR {
+        if self.is_near() {
             return None;
         }
         Some(format!(

@@ -8,6 +8,10 @@ use softras::fit::Pose;
 use softras::glam::{DQuat, DVec3};
 use std::path::PathBuf;
 
+const USAGE: &str = "\
+softras pose --mesh <MESH> --image <TARGET.png> [-o <POSED.obj>] [OPTIONS]
+       softras pose --benchmark [<MESH>...] [OPTIONS]";
+
 const EXAMPLES: &str = "\
 The mesh is rendered without light, so the picture should be unlit too (`softras render --unlit`).
 The silhouette of a picture without transparency is every pixel that is not black. The camera is the
@@ -37,7 +41,7 @@ Examples:
 
 /// Find the rotation and translation of a mesh from a picture of it
 #[derive(Args, Debug)]
-#[command(after_help = EXAMPLES, allow_negative_numbers = true)]
+#[command(after_help = EXAMPLES, override_usage = USAGE, allow_negative_numbers = true)]
 pub struct PoseArgs {
     /// The mesh file to pose
     #[arg(long, value_name = "MESH", required_unless_present = "benchmark")]

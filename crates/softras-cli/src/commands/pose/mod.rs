@@ -255,7 +255,8 @@ fn tell_in_words(answer: &Answer) -> Result<(), Failure> {
     let confidence = answer.confidence.map_or("unknown (no start ended elsewhere)".into(), |c| format!("{c:.3}"));
     say(&format!("{}; loss {loss:.6}, confidence {confidence}", words(best)))?;
     say(&answer.agreement.sentence())?;
-    let others = &answer.equally_good[1..];
+    // Of poses that do not explain the picture none is good.
+    let others = if answer.agreement.is_near() { &answer.equally_good[1..] } else { &[] };
     if !others.is_empty() {
         say(&format!(
             "{} equally good poses, by the object's symmetry or for want of detail; the others:",

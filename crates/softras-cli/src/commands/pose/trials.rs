@@ -7,8 +7,9 @@ use crate::commands::progress::Progress;
 use crate::commands::{Failure, say, text};
 use serde_json::{Value, json};
 use softras::fit::{Pose, PoseOptions};
+use softras::internals::fit::pooled;
 use softras::scene::Background;
-use softras::{Image, Renderer, Settings};
+use softras::{Renderer, Settings};
 use softras_cli::random::Random;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -77,19 +78,7 @@ fn picture(view: &View, truth: &Pose, renderer: &mut Renderer) -> Result<Target,
     let camera = view.fit(PoseOptions::default(), vec![*truth])?.posed_camera(truth)?;
     let frame = renderer.render(&view.scene, &[camera], &settings)?;
     let (Some(color), Some(silhouette)) = (frame.color(), frame.silhouette()) else { return Err(Failure::Told) };
-    Ok(Target { color: shrunk(color), silhouette: shrunk(silhouette) })
-}
-
-/// An image with the mean of every block of samples as a pixel.
-fn shrunk(image: &Image) -> Image {
-    let (side, channels) = (SIZE * SAMPLES, image.channels);
-    let mut data = vec![0.0; SIZE * SIZE * channels];
-    for (i, value) in image.data.iter().enumerate() {
-        let (row, column) = (i / channels / side, i / channels % side);
-        let pixel = row / SAMPLES * SIZE + column / SAMPLES;
-        data[pixel * channels + i % channels] += value / (SAMPLES * SAMPLES) as f32;
-    }
-    Image { batch: 1, height: SIZE, width: SIZE, channels, data }
+    Ok(Target { color: pooled(color, SAMPLES)?, silhouette: pooled(silhouette, SAMPLES)? })
 }
 
 impl Row {
@@ -119,21 +108,5 @@ impl Row {
             degrees.last().copied().unwrap_or(0.0),
             median(&seconds),
         )
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_pixel_is_the_mean_of_its_samples() {
-        let side = SIZE * SAMPLES;
-        // The samples of a pixel differ, the second channel is the column.
-        let data = (0..side * side).flat_map(|i| [(i % 2) as f32, (i % side) as f32]).collect();
-        let small = shrunk(&Image { batch: 1, height: side, width: side, channels: 2, data });
-        assert_eq!((small.height, small.width, small.data.len()), (SIZE, SIZE, 2 * SIZE * SIZE));
-        assert_eq!(small.data[..4], [0.5, 3.5, 0.5, 11.5]);
-        assert_eq!(small.data[small.data.len() - 1], side as f32 - 4.5);
     }
 }

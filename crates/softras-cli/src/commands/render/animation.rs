@@ -64,11 +64,12 @@ fn moments(stage: &Stage<'_>, targets: &[Target]) -> Vec<Moment> {
     if let Some(sweep) = stage.args.sweep {
         let gif = targets.iter().any(|t| t.format == Format::Gif);
         let values = sweep.values(if gif { SWEEP_FRAMES } else { SWEEP_CELLS });
-        let label = |value: f64| format!("{}={}", sweep.swept.name(), short(value));
-        return values
-            .into_iter()
-            .map(|value| Moment { turn: 0.0, step: Some((sweep.swept, value)), label: label(value) })
-            .collect();
+        let labels = short(&values);
+        let moment = |(value, label)| {
+            let label = format!("{}={label}", sweep.swept.name());
+            Moment { turn: 0.0, step: Some((sweep.swept, value)), label }
+        };
+        return values.into_iter().zip(labels).map(moment).collect();
     }
     let azimuth = stage.args.camera.azimuth;
     let label = |turn: f64| format!("azimuth={}", ((azimuth + turn).rem_euclid(360.0) * 10.0).round() / 10.0);
@@ -81,16 +82,19 @@ pub fn turns(args: &RenderArgs) -> Vec<f64> {
     (0..count).map(|i| 360.0 * i as f64 / count as f64).collect()
 }
 
-/// Two or three digits: 1e-4, 2.15e-3, 0.5, 12.
-fn short(value: f64) -> String {
-    let plain = (0.01..10_000.0).contains(&value);
-    let digits = format!("{value:.2e}");
-    let Some((mantissa, exponent)) = digits.split_once('e') else { return digits };
-    let mantissa = mantissa.trim_end_matches('0').trim_end_matches('.');
-    match (plain, format!("{mantissa}e{exponent}").parse::<f64>()) {
-        (true, Ok(rounded)) => rounded.to_string(),
-        _ => format!("{mantissa}e{exponent}"),
-    }
+/// Numbers of up to three digits, with exponents if one of them needs one: 1e-4, 2.15e-3, 1e-2, but 0.5, 12.
+pub fn short(values: &[f64]) -> Vec<String> {
+    let plain = values.iter().all(|value| (0.01..10_000.0).contains(value));
+    let one = |value: &f64| {
+        let digits = format!("{value:.2e}");
+        let Some((mantissa, exponent)) = digits.split_once('e') else { return digits };
+        let mantissa = mantissa.trim_end_matches('0').trim_end_matches('.');
+        match (plain, format!("{mantissa}e{exponent}").parse::<f64>()) {
+            (true, Ok(rounded)) => rounded.to_string(),
+            _ => format!("{mantissa}e{exponent}"),
+        }
+    };
+    values.iter().map(one).collect()
 }
 
 /// The background of a GIF or a contact sheet, which have no transparency: white unless one is given.
@@ -120,7 +124,7 @@ mod tests {
 
     #[test]
     fn labels_are_short() {
-        let labels: Vec<_> = [1e-4, 2.154e-3, 0.5, 12.0, 1.0 / 3.0, 1e-5].map(short).into();
-        assert_eq!(labels, ["1e-4", "2.15e-3", "0.5", "12", "0.333", "1e-5"]);
+        assert_eq!(short(&[0.5, 12.0, 1.0 / 3.0]), ["0.5", "12", "0.333"]);
+        assert_eq!(short(&[1e-4, 2.154e-3, 0.01, 0.5]), ["1e-4", "2.15e-3", "1e-2", "5e-1"]);
     }
 }

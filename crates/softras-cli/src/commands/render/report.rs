@@ -1,5 +1,6 @@
 //! The report of `softras render`, as text or as JSON.
 
+use super::animation::short;
 use super::picture::Shot;
 use super::{Failure, Stage, Target};
 use crate::commands::{describe, note, say};
@@ -131,8 +132,7 @@ impl Report {
             return say(&self.json(total).to_string());
         }
         if let Some((name, values)) = &self.sweep {
-            let values: Vec<_> = values.iter().map(|v| format!("{v:.3e}")).collect();
-            say(&format!("{name}: {}", values.join(", ")))?;
+            say(&format!("{name}: {}", short(values).join(", ")))?;
         }
         for file in &self.written {
             let frames = if file.frames > 1 { format!(", {} frames", file.frames) } else { String::new() };

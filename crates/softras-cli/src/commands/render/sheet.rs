@@ -48,6 +48,8 @@ fn label_width(frames: &[(Picture, String)], scale: usize) -> usize {
 /// Writes a text, with `scale × scale` pixels for each pixel of the font.
 pub fn write_text(sheet: &mut Picture, text: &str, left: usize, top: usize, scale: usize, ink: [u8; 4]) {
     for (i, letter) in text.chars().enumerate() {
+        // Letters that reach below the line are a pixel lower.
+        let top = if matches!(letter, 'g' | 'p' | 'y') { top + scale } else { top };
         for (r, row) in glyph(letter).iter().enumerate() {
             for c in (0..5).filter(|c| row >> (4 - c) & 1 == 1) {
                 let dot = Picture::filled(scale, scale, ink);
@@ -89,7 +91,7 @@ fn glyph(letter: char) -> [u8; 7] {
         'm' => [0, 0, 26, 21, 21, 17, 17],
         'n' => [0, 0, 22, 25, 17, 17, 17],
         'o' => [0, 0, 14, 17, 17, 17, 14],
-        'p' => [0, 0, 30, 17, 30, 16, 16],
+        'p' => [0, 30, 17, 17, 30, 16, 16],
         'r' => [0, 0, 22, 25, 16, 16, 16],
         's' => [0, 0, 14, 16, 14, 1, 30],
         't' => [8, 8, 28, 8, 8, 9, 6],
@@ -97,7 +99,7 @@ fn glyph(letter: char) -> [u8; 7] {
         'v' => [0, 0, 17, 17, 17, 10, 4],
         'w' => [0, 0, 17, 17, 21, 21, 10],
         'x' => [0, 0, 17, 10, 4, 10, 17],
-        'y' => [0, 0, 17, 17, 15, 1, 14],
+        'y' => [0, 17, 17, 17, 15, 1, 14],
         'z' => [0, 0, 31, 2, 4, 8, 31],
         _ => [0; 7],
     }

@@ -110,17 +110,17 @@ impl Tally {
                 self.gradient.count, self.gradient.error, self.gradient.seed
             ),
             format!(
-                "  {:8} images without a promise: {:.1} % off by more than 1e-4, {:.1} % by more than 1e-2",
+                "  {:8} images of settings for which no error is promised: {:.1} % off by more than 1e-4, {:.1} % by 1e-2",
                 self.unpromised.len(),
                 100.0 * self.beyond(1e-4),
                 100.0 * self.beyond(1e-2)
             ),
         ];
         if self.is_clean() {
-            lines.push("  nothing found".into());
+            lines.push(format!("  PASS: no scene of {} breaks what is promised", self.cases));
             return lines;
         }
-        lines.push(format!("  FOUND: {}", counts(&self.found)));
+        lines.push(format!("  FAIL: {}", counts(&self.found)));
         lines.extend(self.findings.iter().map(|(seed, f)| format!("  seed {seed}: {}: {}", f.kind, f.what)));
         lines
     }
