@@ -46,7 +46,7 @@ fn malformed_meshes_are_refused_with_their_line() {
         ("V v 1 2 3 4 5 6 7\nf 1 2 3", Some(5), &["vertex of 7 numbers"]),
         ("V v 1 2 x\nf 1 2 3", Some(5), &["vertex coordinate \"x\"", "not a number"]),
         ("V v 1 2 1,5\nf 1 2 3", Some(5), &["vertex coordinate \"1,5\""]),
-        ("V v 1 2 nan\nf 1 2 3", Some(5), &["NaN", "not within"]),
+        ("V v 1 2 nan\nf 1 2 3", Some(5), &["NaN", "not a point"]),
         ("V # c\nv 1 -inf 0\nf 1 2 3", Some(6), &["-inf", "not within"]),
         ("V v 1 1e39 0\nf 1 2 3", Some(5), &["not within"]),
         ("V v 1 2 3 0\nf 1 2 3", Some(5), &["zero"]),
@@ -69,7 +69,7 @@ fn malformed_meshes_are_refused_with_their_line() {
     (1..=3000).for_each(|i| comb += &format!(" {i}"));
     assert_refused(load_text(comb).unwrap_err(), "mesh.obj", Some(3001), &["concave", "3000"]);
     assert_refused(load_text(b"\xff\xfev\0 \0").unwrap_err(), "mesh.obj", None, &["UTF-16"]);
-    assert_refused(load_text(one_pixel_png([0; 3])).unwrap_err(), "mesh.obj", None, &["no faces"]);
+    assert_refused(load_text(one_pixel_png([0; 3])).unwrap_err(), "mesh.obj", None, &["not an OBJ file"]);
 }
 
 /// Reads a mesh of which something can be left out: with a note on it, or an error where the options are strict.
