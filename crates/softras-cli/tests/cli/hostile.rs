@@ -195,8 +195,9 @@ fn names_give_the_terminal_no_orders() {
     let lacking = scene_without("vertices", Npz::stored()).i64(orders, &[], &[1]).i64(&long, &[], &[1]);
     lacking.write(&folder.path().join("b.npz"));
     let mtl = format!("{orders}.mtl").replace('\n', "").replace('\r', "");
-    fs::write(folder.path().join("a.obj"), format!("mtllib {mtl}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl {mtl}\nf 1 2 3\n"))
-        .unwrap();
+    let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+    fs::write(folder.path().join("a.obj"), format!("mtllib {mtl}\n{triangle}f 1 2 3\n")).unwrap();
+    fs::write(folder.path().join("b.obj"), format!("{triangle}usemtl {mtl}\nf 1 2 3\n")).unwrap();
     fs::write(folder.path().join("cameras.json"), r#"[{"file":"\u001b[31m.png","eye":[0,0,3]}]"#).unwrap();
     let file = format!("{orders}.npz");
     let missing = format!("{orders}.obj");
@@ -205,7 +206,8 @@ fn names_give_the_terminal_no_orders() {
         (&[&["eval", "a.npz"], &reference[..]].concat()[..], "\\u001b[31mred\\u009b\\u202e"),
         (&[&["eval", "b.npz"], &reference[..]].concat(), "\\u001b[31mred\\u009b\\u202e"),
         (&[&["eval", &file], &reference[..]].concat(), "\\u001b[31mred"),
-        (&["render", "a.obj", "-o", "o.png", "--size", "8"], "u{1b}[31mred"),
+        (&["render", "a.obj", "-o", "o.png", "--size", "8"], "\\u001b[31mred"),
+        (&["render", "b.obj", "-o", "o.png", "--size", "8"], "u{1b}[31mred"),
         (&["render", &missing, "-o", "o.png"], "\\u001b[31mred"),
         (&["fit", "--views", ".", "-o", "o.obj"], "\\u001b[31m.png"),
         (&["mesh", "cube", "-o", &format!("{orders}/o.obj")], "\\u001b[31mred"),
