@@ -1,6 +1,6 @@
 //! The SPIR-V in `glsl/spirv`, with which the library builds where no GLSL compiler is installed.
 //!
-//! The folder has one `.spv` for each kernel and `MANIFEST`: a hash of the GLSL that they were compiled from, and the compiler.
+//! The folder has one `.spv` for each kernel and `MANIFEST`: a hash of what they were compiled from, and the compiler.
 //! `SOFTRAS_SPIRV=write cargo check` writes it, `SOFTRAS_SPIRV=check` compares it with what the installed compiler makes.
 
 use super::{read, write};
@@ -80,9 +80,10 @@ pub fn clear() -> Result<(), String> {
     std::fs::create_dir_all(FOLDER).map_err(failed)
 }
 
-/// The FNV-1a hash of every GLSL file with its path, whatever the line endings.
+/// The FNV-1a hash of every GLSL file and of the table of variants, each with its path, whatever the line endings.
 fn hash_of_sources() -> Result<String, String> {
-    let mut files = Vec::new();
+    // What decides the SPIR-V: the macros of the variants too.
+    let mut files = vec![PathBuf::from("build/variants.rs")];
     collect(Path::new("glsl"), &mut files)?;
     files.sort();
     let mut hash = 0xcbf2_9ce4_8422_2325u64;

@@ -100,21 +100,12 @@ pub(super) fn parse(source: &mut Source, text: &str) -> Result<Obj> {
     }
     source.notes.extend(parser.ignored);
     let obj = parser.obj;
-    if obj.faces.is_empty() && obj.positions.is_empty() {
-        return Err(Error::File {
-            path: path.into(),
-            line: None,
-            what: "not an OBJ file: it has no vertex and no face".into(),
-            fix: "give a mesh, under a name with the ending of its format".into(),
-        });
-    }
     if obj.faces.is_empty() {
-        return Err(Error::File {
-            path: path.into(),
-            line: None,
-            what: format!("no faces ({} vertices)", obj.positions.len()),
-            fix: "softras draws triangles: give a mesh with `f` statements".into(),
-        });
+        let (what, fix) = match obj.positions.len() {
+            0 => ("not an OBJ file: it has no vertex and no face".into(), "give a mesh, with the ending of its format"),
+            n => (format!("no faces ({n} vertices)"), "softras draws triangles: give a mesh with `f` statements"),
+        };
+        return Err(Error::File { path: path.into(), line: None, what, fix: fix.into() });
     }
     Ok(obj)
 }

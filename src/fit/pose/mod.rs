@@ -301,7 +301,8 @@ impl PoseFit {
     }
 }
 
-/// A value for each of `count` poses: `make` makes those of a range, as many at a time as the device holds.
+/// A value for each of `count` poses: `make` makes those of a range, `at_once` at a time or as many as the device holds, which
+/// `at_once` is then.
 fn of_each<T>(count: usize, at_once: &mut usize, make: impl FnMut(Range<usize>) -> Result<Vec<T>>) -> Result<Vec<T>> {
     let mut all = Vec::with_capacity(count);
     in_parts(count, at_once, make, |_, part| {

@@ -69,7 +69,7 @@ pub(super) fn select(adapters: Vec<Adapter>, selector: Option<&str>) -> Result<A
         fix: if listing.is_empty() {
             format!("there is none: {INSTALL}")
         } else {
-            format!("choose by number or by part of a name of {listing}")
+            format!("choose one by its number or a part of its name, as of {listing}")
         },
     })
 }

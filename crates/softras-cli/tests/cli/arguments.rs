@@ -31,6 +31,7 @@ fn senseless_arguments_exit_with_2_and_are_named() {
     render(&["--background", "#12"], &["--background", "#rrggbb"]);
     render(&["--fov", "180"], &["--fov", "179"]);
     render(&["--sigma", "-1"], &["--sigma"]);
+    fails(folder.path(), &["iou", "a.obj", "b.obj", "--resolution", "0"], 2, &["--resolution"]);
     render(&["--sigma", "1e-4", "--blur", "2"], &["--sigma", "--blur"]);
     render(&["--eye", "1,2,3", "--azimuth", "4"], &["--eye", "--azimuth"]);
     render(&["--sweep", "width=1..2"], &["--sweep", "sigma=1e-5..1e-2"]);

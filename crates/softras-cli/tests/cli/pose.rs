@@ -125,6 +125,5 @@ fn the_benchmark_reports_every_method_and_draws_its_landscape() {
     };
     fails_with("pose --mesh x.obj", "--image");
     fails_with("pose --benchmark --mesh x.obj", "cannot be used with");
-    fails_with("iou a.obj b.obj --resolution 0", "--resolution");
     fails_with("fit --from x.obj --views many -o out.obj", "number of views");
 }

@@ -16,7 +16,8 @@ use softras::{Camera, Image, ImageGradient, Mesh, Renderer, Result, Scene, Setti
 
 /// Hollows that are looked for.
 const MOST_HOLLOWS: usize = 4;
-/// Shares of the way to the other side by which a region is pushed, and what is tried around the best of all.
+/// Shares of the way to the other side by which a region is pushed, and what is tried around the best of all, short of
+/// that side.
 const DEPTHS: [f64; 6] = [0.15, 0.3, 0.45, 0.6, 0.75, 0.9];
 const FINER: [f64; 4] = [-0.1, -0.05, 0.05, 0.08];
 /// Shares of the largest error from which on a vertex belongs to a region.

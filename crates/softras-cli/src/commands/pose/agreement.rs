@@ -1,10 +1,8 @@
 //! How far a picture and the mesh in the pose that was found agree.
 
 use super::{Target, View};
-use softras::fit::{Pose, PoseOptions};
-use softras::internals::fit::pooled;
-use softras::scene::{Background, Interpolation, Outputs};
-use softras::{Image, Renderer, Result, Settings};
+use softras::fit::Pose;
+use softras::{Image, Renderer, Result};
 
 /// Samples along each side of a pixel, in pictures of up to so many pixels a side; larger ones have one.
 const SAMPLES: u32 = 3;
@@ -28,23 +26,11 @@ pub struct Agreement {
 impl Agreement {
     /// Renders the mesh in a pose and compares.
     pub fn of(view: &View, pose: &Pose, target: &Target, renderer: &mut Renderer) -> Result<Self> {
-        let s = &view.settings;
-        let samples = if s.width.max(s.height) <= MOST_SAMPLED { SAMPLES } else { 1 };
-        let settings = Settings {
-            width: s.width * samples,
-            height: s.height * samples,
-            sigma: 1e-7,
-            background: Background::Composite,
-            interpolation: Interpolation::Perspective,
-            outputs: Outputs { color: true, silhouette: true, depth: false, normal: false },
-            ..s.clone()
+        let side = view.settings.width.max(view.settings.height);
+        let Some(shown) = view.picture(pose, if side <= MOST_SAMPLED { SAMPLES } else { 1 }, renderer)? else {
+            return Ok(Self { iou: 1.0, color: 0.0 });
         };
-        let camera = view.fit(PoseOptions::default(), vec![*pose])?.posed_camera(pose)?;
-        let frame = renderer.render(&view.scene, &[camera], &settings)?;
-        let shown = |image: Option<&Image>| image.map(|image| pooled(image, samples as usize)).transpose();
-        let (color, silhouette) = (shown(frame.color())?, shown(frame.silhouette())?);
-        let [Some(color), Some(silhouette)] = [color, silhouette] else { return Ok(Self { iou: 1.0, color: 0.0 }) };
-        Ok(Self::between([&target.color, &target.silhouette], [&color, &silhouette]))
+        Ok(Self::between([&target.color, &target.silhouette], [&shown.color, &shown.silhouette]))
     }
 
     /// Whether picture and mesh agree as where a pose is right.

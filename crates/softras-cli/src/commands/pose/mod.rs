@@ -17,8 +17,8 @@ use args::PoseArgs;
 use glam::{DQuat, DVec3};
 use serde_json::json;
 use softras::fit::{Pose, PoseFit, PoseOptions, PoseSearch, PoseTarget};
-use softras::internals::fit::rotations;
-use softras::scene::Faces;
+use softras::internals::fit::{pooled, rotations};
+use softras::scene::{Background, Faces, Interpolation};
 use softras::{Camera, Image, Mesh, Renderer, Result, Scene, Settings};
 
 /// Poses farther than this from the best one, in degrees, count as other answers.
@@ -103,6 +103,24 @@ impl View {
         Ok((view, bounds))
     }
 
+    /// The mesh in a pose: sharp, without light, every pixel the mean of so many samples along each side.
+    fn picture(&self, pose: &Pose, samples: u32, renderer: &mut Renderer) -> Result<Option<Target>> {
+        let s = &self.settings;
+        let settings = Settings {
+            width: s.width * samples,
+            height: s.height * samples,
+            sigma: 1e-7,
+            background: Background::Composite,
+            interpolation: Interpolation::Perspective,
+            ..s.clone()
+        };
+        let camera = self.fit(PoseOptions::default(), vec![*pose])?.posed_camera(pose)?;
+        let frame = renderer.render(&self.scene, &[camera], &settings)?;
+        let (Some(color), Some(silhouette)) = (frame.color(), frame.silhouette()) else { return Ok(None) };
+        let [color, silhouette] = [pooled(color, samples as usize)?, pooled(silhouette, samples as usize)?];
+        Ok(Some(Target { color, silhouette }))
+    }
+
     fn fit(&self, options: PoseOptions, poses: Vec<Pose>) -> Result<PoseFit> {
         PoseFit::new(self.scene.clone(), self.camera, self.center, self.settings.clone(), options, poses)
     }
@@ -167,7 +185,9 @@ fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) 
     }
     let other = search.found().iter().find(|(pose, _)| pose.degrees_to(&best) > OTHER);
     let confidence = other.map(|(_, other)| (1.0 - loss / other.max(1e-12)).clamp(0.0, 1.0));
-    let equally_good = search.found()[..search.equally_good()].to_vec();
+    // Of poses that do not explain the picture none is good.
+    let good = if agreement.is_near() { search.equally_good() } else { 1 };
+    let equally_good = search.found()[..good].to_vec();
     tell(args, &Answer { equally_good, confidence, agreement, baselines })
 }
 
@@ -255,8 +275,7 @@ fn tell_in_words(answer: &Answer) -> Result<(), Failure> {
     let confidence = answer.confidence.map_or("unknown (no start ended elsewhere)".into(), |c| format!("{c:.3}"));
     say(&format!("{}; loss {loss:.6}, confidence {confidence}", words(best)))?;
     say(&answer.agreement.sentence())?;
-    // Of poses that do not explain the picture none is good.
-    let others = if answer.agreement.is_near() { &answer.equally_good[1..] } else { &[] };
+    let others = &answer.equally_good[1..];
     if !others.is_empty() {
         say(&format!(
             "{} equally good poses, by the object's symmetry or for want of detail; the others:",

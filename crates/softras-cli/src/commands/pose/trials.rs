@@ -1,22 +1,20 @@
 //! `softras pose --benchmark MESH...`: the search from one picture of each of many rotations of a mesh.
 
-use super::{PoseArgs, Target, View, benchmark::median};
+use super::{PoseArgs, View, benchmark::median};
 use crate::commands::memory::Budget;
 use crate::commands::outputs::Outputs;
 use crate::commands::progress::Progress;
 use crate::commands::{Failure, say, text};
 use serde_json::{Value, json};
-use softras::fit::{Pose, PoseOptions};
-use softras::internals::fit::pooled;
-use softras::scene::Background;
-use softras::{Renderer, Settings};
+use softras::Renderer;
+use softras::fit::Pose;
 use softras_cli::random::Random;
 use std::path::PathBuf;
 use std::time::Instant;
 
 /// Side of the pictures in pixels, and of a pixel in samples.
 const SIZE: usize = 64;
-const SAMPLES: usize = 8;
+const SAMPLES: u32 = 8;
 /// Rotations up to this many degrees from the true one count as found.
 const NEAR: f64 = 2.0;
 
@@ -59,7 +57,7 @@ fn searched(args: &PoseArgs, mesh: String, view: &View, renderer: &mut Renderer)
     let progress = Progress::counted("picture", trials as usize);
     for _ in 0..trials {
         let truth = Pose { rotation: random.rotation(), ..Pose::IDENTITY };
-        let target = picture(view, &truth, renderer)?;
+        let Some(target) = view.picture(&truth, SAMPLES, renderer)? else { return Err(Failure::Told) };
         let before = Instant::now();
         let mut search = view.search(args, &target)?;
         while search.step(renderer)?.is_some() {}
@@ -68,17 +66,6 @@ fn searched(args: &PoseArgs, mesh: String, view: &View, renderer: &mut Renderer)
         progress.step();
     }
     Ok(row)
-}
-
-/// The picture of a pose: sharp, without light, every pixel the mean of its samples.
-fn picture(view: &View, truth: &Pose, renderer: &mut Renderer) -> Result<Target, Failure> {
-    let side = (SIZE * SAMPLES) as u32;
-    let (sigma, gamma, background) = (1e-7, 1e-5, Background::Composite);
-    let settings = Settings { width: side, height: side, sigma, gamma, background, ..view.settings.clone() };
-    let camera = view.fit(PoseOptions::default(), vec![*truth])?.posed_camera(truth)?;
-    let frame = renderer.render(&view.scene, &[camera], &settings)?;
-    let (Some(color), Some(silhouette)) = (frame.color(), frame.silhouette()) else { return Err(Failure::Told) };
-    Ok(Target { color: pooled(color, SAMPLES)?, silhouette: pooled(silhouette, SAMPLES)? })
 }
 
 impl Row {
