@@ -283,7 +283,7 @@ impl PoseFit {
 
     /// The losses of a frame with the present step's blur and weights, and their gradient.
     fn compare(&self, frame: &Frame, target: &PoseTarget) -> Result<(Vec<f64>, ImageGradient)> {
-        let blur = self.options.blur.at_step(self.step, self.options.iterations) * f64::from(self.settings.height);
+        let blur = self.options.blur.at_step(self.step, self.options.iterations) * target.height() as f64;
         let silhouette = self.options.silhouette.at_step(self.step, self.options.iterations);
         target.compare(frame, blur, [1.0, silhouette])
     }

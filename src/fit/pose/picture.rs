@@ -83,7 +83,7 @@ fn shares(from: usize, to: usize) -> Vec<Vec<(usize, f64)>> {
     (0..to).map(one).collect()
 }
 
-/// Where an object lies in an image: the centre of its silhouette and its area, in pixels.
+/// Where an object lies in an image: the centre of its silhouette and its area, as shares of the image's size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
     center: DVec2,
@@ -99,7 +99,8 @@ impl Place {
             sum += f64::from(a) * (DVec2::new(column as f64, row as f64) + 0.5);
             area += f64::from(a);
         }
-        (area > 0.5).then(|| Self { center: sum / area, area })
+        let size = DVec2::new(silhouette.width as f64, silhouette.height as f64);
+        (area > 0.5).then(|| Self { center: sum / area / size, area: area / size.element_product() })
     }
 
     /// The way, in the camera's axes, by which an object at view depth `depth` has to move from here to `goal`, in images of
@@ -115,7 +116,8 @@ impl Place {
         };
         // Twice as far is a quarter of the area.
         let to = depth * (self.area / goal.area).sqrt().clamp(0.5, 2.0);
-        let across = (goal.center - middle) * slope * to - (self.center - middle) * slope * depth;
+        let [there, here] = [goal, self].map(|place| place.center * DVec2::new(width, height) - middle);
+        let across = there * slope * to - here * slope * depth;
         across.extend(to - depth)
     }
 }

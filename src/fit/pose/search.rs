@@ -18,11 +18,14 @@ const BATCH: usize = 64;
 /// The longer side of the grid's images, in pixels.
 const GRID_SIDE: usize = 32;
 /// The rounds of fits: the longest side of their images in pixels, and their share of the steps.
-const ROUNDS: [(usize, f64); 3] = [(64, 0.2), (64, 0.4), (128, 0.4)];
-/// The round that refines.
+const ROUNDS: [(usize, f64); 4] = [(32, 0.2), (64, 0.4), (128, 0.1), (128, 0.3)];
+/// The first of the rounds that refine, and the last.
+const REFINING: usize = 2;
 const LAST: usize = ROUNDS.len() - 1;
 /// The second round takes one of so many fits.
-const PRUNED: usize = 3;
+const PRUNED: usize = 2;
+/// The last round takes at most so many fits.
+const FINALISTS: usize = 4;
 /// How images of the grid are compared: σ, γ, the blur as a fraction of the height, the weight of the silhouette.
 const GRID_LOOK: (f64, f64, f64, f64) = (1e-3, 3e-2, 0.04, 0.3);
 /// The σ and γ of the comparisons between poses that are fitted.
@@ -39,7 +42,7 @@ const TRANSLATION_RATE: f64 = 0.15;
 /// A search for the poses of a rigid mesh that explain one picture of it.
 ///
 /// 512 rotations are compared with the picture in small images, moved to where the picture's silhouette lies; the most likely are
-/// fitted by [`PoseFit`], a third of them to the end, and the best of those refined. Call [`PoseSearch::step`] until it returns `None`, then
+/// fitted by [`PoseFit`], half of them in larger images, and the best of those refined. Call [`PoseSearch::step`] until it returns `None`, then
 /// [`PoseSearch::found`]. There is no chance in it: the same input gives the same poses.
 #[derive(Debug)]
 pub struct PoseSearch {
@@ -118,7 +121,8 @@ impl PoseSearch {
     }
 
     /// With so many of the grid's rotations fitted (24, at most 512), in so many steps (150): a fifth of them with all, two fifths with
-    /// the best third, and as many with the best of those in larger images; at least one of each.
+    /// the best half in larger images, a tenth with the best of those in still larger ones, and the others with the best four; at least
+    /// one of each.
     #[must_use]
     pub fn with(self, starts: usize, steps: usize) -> Self {
         Self { starts: starts.clamp(1, GRID), steps: steps.max(1), ..self }
@@ -135,7 +139,7 @@ impl PoseSearch {
     /// # Errors
     /// As [`PoseFit::new`].
     pub fn refining(mut self, pose: Pose) -> Result<Self> {
-        self.stage = self.fits(vec![pose], self.steps, LAST)?;
+        self.stage = self.fits(vec![pose], self.steps, REFINING)?;
         Ok(self)
     }
 
@@ -205,7 +209,7 @@ impl PoseSearch {
                     Stage::Done(distinct([found, std::mem::take(&mut self.hopeless)].concat(), APART[1]))
                 } else {
                     let (poses, hopeless) = self.kept(fits, found, renderer)?;
-                    self.hopeless = hopeless;
+                    self.hopeless.extend(hopeless);
                     self.fits(poses, self.steps_of(fits.round + 1), fits.round + 1)?
                 }
             }
@@ -219,12 +223,25 @@ impl PoseSearch {
         ((ROUNDS[round].1 * self.steps as f64).round() as usize).max(1)
     }
 
-    /// The poses that the round after this one begins with, and before the last those that it leaves out, with their losses.
+    /// The poses that the round after this one begins with, and before those that refine the ones that it leaves out, with their
+    /// losses.
     fn kept(&self, fits: &Fits, mut found: Vec<Scored>, renderer: &mut Renderer) -> Result<(Vec<Pose>, Vec<Scored>)> {
-        if fits.round + 1 < LAST {
-            found.truncate(self.starts.div_ceil(PRUNED));
-            return Ok((found.into_iter().map(|(pose, _)| pose).collect(), Vec::new()));
+        let poses_of = |found: Vec<Scored>| found.into_iter().map(|(pose, _)| pose).collect();
+        match fits.round + 1 {
+            REFINING => self.hopeful(fits, found, renderer),
+            LAST => {
+                let left_out = found.split_off(FINALISTS.min(found.len()));
+                Ok((poses_of(found), left_out))
+            }
+            _ => {
+                found.truncate(self.starts.div_ceil(PRUNED));
+                Ok((poses_of(found), Vec::new()))
+            }
         }
+    }
+
+    /// The poses that are worth refining, and the others with their losses.
+    fn hopeful(&self, fits: &Fits, found: Vec<Scored>, renderer: &mut Renderer) -> Result<(Vec<Pose>, Vec<Scored>)> {
         let hopeful = found.iter().take_while(|(_, loss)| *loss <= HOPELESS * found[0].1).count().max(1);
         let mut poses: Vec<Pose> = found.into_iter().map(|(pose, _)| pose).collect();
         let left_out = poses.split_off(hopeful);
@@ -244,22 +261,24 @@ impl PoseSearch {
         Ok((poses, left_out.into_iter().zip(losses).collect()))
     }
 
-    /// The losses of fitted poses: as they were fitted after the first round, sharp after the others, and at the end by plain
-    /// colours, which say more to a reader.
+    /// The losses of fitted poses: as they were fitted after the first round, sharp after the others, and of refined ones by
+    /// plain colours, which say more to a reader.
     fn compared(fits: &Fits, renderer: &mut Renderer) -> Result<Vec<Scored>> {
         let Fits { fit, target, round, .. } = fits;
         let losses = match *round {
             0 => fit.losses_of_step(renderer, fit.poses(), target)?,
-            LAST => fit.losses(renderer, fit.poses(), SHARP, &target.clone().plain())?,
+            REFINING.. => fit.losses(renderer, fit.poses(), SHARP, &target.clone().plain())?,
             _ => fit.losses(renderer, fit.poses(), SHARP, target)?,
         };
         Ok(fit.poses().iter().copied().zip(losses).collect())
     }
 
-    /// Fits to the picture with no side longer than `side`.
+    /// Fits to the picture with no side longer than `side`. A smaller picture is compared with images of several times its pixels:
+    /// the edges of a soft image as small as the picture differ from the picture's own, and the fit moves to make up for that.
     fn fit(&self, side: usize, options: PoseOptions, poses: Vec<Pose>) -> Result<(PoseFit, PoseTarget)> {
         let small = self.picture.at_most(side);
-        let (width, height) = (small.width(), small.height());
+        let samples = (side / small.width().max(small.height())).max(1);
+        let (width, height) = (small.width() * samples, small.height() * samples);
         let scale = [width as f64 / self.picture.width() as f64, height as f64 / self.picture.height() as f64];
         let settings = Settings { width: width as u32, height: height as u32, ..self.settings.clone() };
         let target = small.repeated(poses.len())?;
@@ -274,21 +293,23 @@ impl PoseSearch {
         PoseOptions { iterations: steps, translation_rate, ..base }
     }
 
-    /// The stage of a round of fits. The last takes small steps with little blur, so as not to leave its poses.
+    /// The stage of a round of fits. Those that refine take small steps with little blur, so as not to leave their poses, and
+    /// small σ: a soft outline is wider than the picture's, and the best pose for it some degrees away.
     fn fits(&self, poses: Vec<Pose>, steps: usize, round: usize) -> Result<Stage> {
         let by = |from, to| Schedule::Exponential { from, to };
-        // The two first rounds share one schedule.
+        // The two first rounds share one schedule, and so do the two last.
+        let begun = if round < REFINING { 1.0 / 3.0 } else { 1.0 / 4.0 };
         let part = |from, to| match round {
-            0 => by(from, by(from, to).at(1.0 / 3.0)),
-            _ => by(by(from, to).at(1.0 / 3.0), to),
+            0 | REFINING => by(from, by(from, to).at(begun)),
+            _ => by(by(from, to).at(begun), to),
         };
         let options = match round {
-            LAST => PoseOptions {
-                sigma: by(5e-4, 1e-5),
-                gamma: by(1e-1, 3e-2),
-                blur: by(0.05, 0.005),
-                silhouette: by(0.3, 1.0),
-                rate: by(0.03, 0.002),
+            REFINING.. => PoseOptions {
+                sigma: part(1e-4, 1e-5),
+                gamma: part(1e-1, 3e-2),
+                blur: part(0.05, 0.005),
+                silhouette: part(0.3, 1.0),
+                rate: part(0.05, 0.002),
                 ..self.options(steps)
             },
             _ => PoseOptions {
@@ -335,7 +356,7 @@ impl PoseSearch {
             Ok((0..part.len()).map(place).collect())
         })?;
         let size = [settings.width as usize, settings.height as usize];
-        let Some(goal) = self.picture.at_most(size[0].max(size[1])).place() else { return Ok(()) };
+        let Some(goal) = self.picture.place() else { return Ok(()) };
         let view = fit.view();
         for (pose, place) in poses.iter_mut().zip(places) {
             let depth = view.transform_point3(self.center + pose.translation).z;

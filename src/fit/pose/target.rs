@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::fit::bad;
-use crate::fit::image_loss::{add_blurred_gradient, blurred};
+use crate::fit::image_loss::{add_blurred_gradient, add_pooled_gradient, blurred, pooled};
 use crate::gradients::ImageGradient;
 use crate::image::Image;
 use crate::renderer::Frame;
@@ -55,6 +55,11 @@ impl PoseTarget {
         Self { metrics, ..self }
     }
 
+    /// The images' height in pixels.
+    pub(super) fn height(&self) -> usize {
+        self.color.height
+    }
+
     /// Refuses a target that is not one for each of so many poses.
     pub(super) fn validate(&self, poses: usize) -> Result<()> {
         match self.metrics.len() {
@@ -73,14 +78,38 @@ impl PoseTarget {
     }
 
     /// Each view's loss, and the gradient of their sum by the frame's images. `blur` is the standard deviation in
-    /// pixels, `weights` are w₀ and w₁.
+    /// pixels of the target, `weights` are w₀ and w₁. Of a frame n times as wide and high as the target each n×n pixels are
+    /// compared by their mean.
     ///
     /// # Errors
-    /// [`crate::Error::Fit`] for a frame without colour or silhouette, or of another size than the target.
+    /// [`crate::Error::Fit`] for a frame without colour or silhouette, or whose size is no multiple of the target's.
     pub fn compare(&self, frame: &Frame, blur: f64, weights: [f64; 2]) -> Result<(Vec<f64>, ImageGradient)> {
         let (Some(color), Some(silhouette)) = (frame.color(), frame.silhouette()) else {
             return bad("a frame without colour or silhouette", "ask for both in Settings::outputs");
         };
+        let samples = color.width / self.color.width.max(1);
+        if samples <= 1 {
+            let (losses, by_color, by_silhouette) = self.compare_pixels(color, silhouette, blur, weights)?;
+            return Ok((losses, gradient_by(by_color, by_silhouette)));
+        }
+        let (means, coverage) = (pooled(color, samples)?, pooled(silhouette, samples)?);
+        let (losses, by_color, by_silhouette) = self.compare_pixels(&means, &coverage, blur, weights)?;
+        let spread = |image: &Image, gradient: &Image| -> Result<Image> {
+            let mut fine = Image { data: vec![0.0; image.data.len()], ..*image };
+            add_pooled_gradient(&mut fine, gradient, samples, 1.0)?;
+            Ok(fine)
+        };
+        Ok((losses, gradient_by(spread(color, &by_color)?, spread(silhouette, &by_silhouette)?)))
+    }
+
+    /// Each view's loss and the gradients by colour and by silhouette, for images of the target's size.
+    fn compare_pixels(
+        &self,
+        color: &Image,
+        silhouette: &Image,
+        blur: f64,
+        weights: [f64; 2],
+    ) -> Result<(Vec<f64>, Image, Image)> {
         let shape = |i: &Image| [i.batch, i.height, i.width, i.channels];
         if shape(color) != shape(&self.color) {
             let what = format!("a target of shape {:?} for images of shape {:?}", shape(&self.color), shape(color));
@@ -116,10 +145,12 @@ impl PoseTarget {
             let mean = self.metrics[i / pixels].mean;
             *f -= (0..3).map(|k| mean[k] * f64::from(e[k])).sum::<f64>() as f32;
         }
-        let gradient =
-            ImageGradient { color: Some(by_color), silhouette: Some(by_silhouette), ..ImageGradient::default() };
-        Ok((losses, gradient))
+        Ok((losses, by_color, by_silhouette))
     }
+}
+
+fn gradient_by(color: Image, silhouette: Image) -> ImageGradient {
+    ImageGradient { color: Some(color), silhouette: Some(silhouette), ..ImageGradient::default() }
 }
 
 impl Metric {
