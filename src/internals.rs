@@ -97,5 +97,5 @@ pub mod files {
 
 /// The built-in meshes by name.
 pub mod shapes {
-    pub use crate::shapes::named::{NAMES, by_name};
+    pub use crate::shapes::named::{NAMES, by_name, finer};
 }

@@ -8,7 +8,8 @@ use crate::{
 use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// Cross-sections from nose to tail, and vertices around each; the latter even, so that the last one can be sewn up.
+/// Cross-sections from nose to tail, and vertices around each, of a fish of detail 1; the latter even, so that the last
+/// cross-section can be sewn up.
 const RINGS: u32 = 44;
 const AROUND: u32 = 56;
 
@@ -41,20 +42,26 @@ const EYE: [f64; 3] = [0.70, 0.13, 0.12];
 /// # Errors
 /// Never; the result type is that of the other shapes.
 pub fn fish() -> Result<Mesh> {
+    fine_fish(1)
+}
+
+/// The fish with `detail` times as many cross-sections, and vertices around each.
+pub(super) fn fine_fish(detail: u32) -> Result<Mesh> {
+    let (rings, around) = (RINGS * detail, AROUND * detail);
     let (mut points, mut uvs) = (vec![surface(0.0, 0.0)], Vec::new());
     // Row 0 of the image is the nose. Half a texel from the border, where sampling would wrap from nose to tail.
     let v = |t: f64| 1.0 - (0.5 + t * f64::from(TEXTURE_HEIGHT - 1)) / f64::from(TEXTURE_HEIGHT);
-    for ring in 0..=RINGS {
-        let t = f64::from(ring) / f64::from(RINGS);
-        for j in 0..=AROUND {
-            let turn = f64::from(j) / f64::from(AROUND);
+    for ring in 0..=rings {
+        let t = f64::from(ring) / f64::from(rings);
+        for j in 0..=around {
+            let turn = f64::from(j) / f64::from(around);
             uvs.push([turn as f32, v(t) as f32]);
-            if ring > 0 && j < AROUND {
+            if ring > 0 && j < around {
                 points.push(surface(t, turn));
             }
         }
     }
-    let (triangles, uv_triangles) = triangles();
+    let (triangles, uv_triangles) = triangles(rings, around);
     let positions = points.iter().map(|p| p.as_vec3().to_array()).collect();
     Mesh::new(positions, triangles)?.with_appearance(Appearance::Textured {
         uvs,
@@ -65,16 +72,16 @@ pub fn fish() -> Result<Mesh> {
 }
 
 /// Vertex and UV indices: a fan at the nose, quads between rings, and a seam that sews the last ring's sides together.
-fn triangles() -> (Vec<[u32; 3]>, Vec<[u32; 3]>) {
+fn triangles(rings: u32, around: u32) -> (Vec<[u32; 3]>, Vec<[u32; 3]>) {
     let (mut triangles, mut uv_triangles) = (Vec::new(), Vec::new());
     let mut add = |corners: [[u32; 2]; 3]| {
         // The nose is one vertex; every other ring has its own, the UVs one more column than the vertices.
-        let vertex = |[ring, j]: [u32; 2]| if ring == 0 { 0 } else { 1 + (ring - 1) * AROUND + j % AROUND };
+        let vertex = |[ring, j]: [u32; 2]| if ring == 0 { 0 } else { 1 + (ring - 1) * around + j % around };
         triangles.push(corners.map(vertex));
-        uv_triangles.push(corners.map(|[ring, j]| ring * (AROUND + 1) + j));
+        uv_triangles.push(corners.map(|[ring, j]| ring * (around + 1) + j));
     };
-    for ring in 0..RINGS {
-        for j in 0..AROUND {
+    for ring in 0..rings {
+        for j in 0..around {
             let [a, b, c, d] = [[ring, j], [ring + 1, j], [ring + 1, j + 1], [ring, j + 1]];
             add([a, c, b]);
             if ring > 0 {
@@ -82,12 +89,12 @@ fn triangles() -> (Vec<[u32; 3]>, Vec<[u32; 3]>) {
             }
         }
     }
-    for j in 0..AROUND / 2 {
-        let [a, b, c, d] = [j, j + 1, AROUND - j - 1, AROUND - j].map(|j| [RINGS, j]);
+    for j in 0..around / 2 {
+        let [a, b, c, d] = [j, j + 1, around - j - 1, around - j].map(|j| [rings, j]);
         if j > 0 {
             add([a, c, d]);
         }
-        if j + 1 < AROUND / 2 {
+        if j + 1 < around / 2 {
             add([a, b, c]);
         }
     }

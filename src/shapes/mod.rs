@@ -129,7 +129,7 @@ fn rainbow(angle: f64) -> [f32; 3] {
 
 #[cfg(test)]
 mod tests {
-    use super::named::{NAMES, by_name};
+    use super::named::{NAMES, by_name, finer};
     use super::*;
     use std::collections::HashSet;
 
@@ -236,10 +236,28 @@ mod tests {
         Ok(())
     }
 
+    /// Finer meshes are the same shapes: closed, of nearly the same volume, and with the coarse one's points.
+    #[test]
+    fn finer_shapes_are_the_same_shapes() -> Result<()> {
+        for (name, euler) in [("fish", 2), ("torus", 0)] {
+            let [coarse, fine] = [finer(name, 1)?, finer(name, 3)?];
+            assert_eq!(coarse.positions(), by_name(name)?.positions());
+            assert_eq!(euler_characteristic(&fine), Some(euler), "{name}");
+            assert!(fine.triangles().len() > 8 * coarse.triangles().len(), "{name}");
+            assert!((volume(&fine) / volume(&coarse) - 1.0).abs() < 0.02, "{name}: {}", volume(&fine));
+            let near = |p: &[f32; 3]| fine.positions().iter().any(|q| (0..3).all(|k| (p[k] - q[k]).abs() < 1e-6));
+            assert!(coarse.positions().iter().step_by(37).all(near), "{name}");
+        }
+        Ok(())
+    }
+
     #[test]
     fn what_cannot_be_made_is_said() {
         for (shape, word) in [
             (by_name("teapot"), "cube, icosphere, torus, fish, double-torus, mug, chair"),
+            (finer("teapot", 2), "use one of"),
+            (finer("mug", 2), "fish or torus"),
+            (finer("fish", 17), "1 to 16"),
             (icosphere(10), "0 to 9"),
             (torus(1.0, 2.0, 9, 9), "0 < tube < ring"),
             (torus(1.0, f64::NAN, 9, 9), "0 < tube < ring"),

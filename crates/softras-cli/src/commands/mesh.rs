@@ -11,11 +11,14 @@ use std::path::PathBuf;
 #[command(after_help = "\
 Examples:
   softras mesh torus -o torus.obj
-  softras mesh torus -o torus.obj && softras render torus.obj -o torus.png")]
+  softras mesh fish --detail 4 -o fine.obj && softras render fine.obj -o fine.png")]
 pub struct MeshArgs {
     /// The mesh to write
     #[arg(value_parser = PossibleValuesParser::new(softras::internals::shapes::NAMES))]
     pub name: String,
+    /// Make N times as many triangles along and around: N² times in all. Of fish and torus
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=16))]
+    pub detail: u32,
     /// The file to write; materials and textures go beside it
     #[arg(short, long = "out", value_name = "FILE.obj")]
     pub out: PathBuf,
@@ -24,7 +27,7 @@ pub struct MeshArgs {
 /// Runs the command.
 pub fn run(args: &MeshArgs) -> Result<(), Failure> {
     Outputs::new([], [&args.out])?;
-    let mesh = softras::internals::shapes::by_name(&args.name)?;
+    let mesh = softras::internals::shapes::finer(&args.name, args.detail)?;
     let files = softras::obj::write_obj(&mesh, &args.out)?;
     let names: Vec<_> = files.iter().map(|f| f.display().to_string()).collect();
     let (vertices, triangles) = (mesh.positions().len(), mesh.triangles().len());

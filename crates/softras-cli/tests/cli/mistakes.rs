@@ -37,6 +37,16 @@ fn a_wrong_value_is_answered_with_the_forms_that_are_taken() {
 }
 
 #[test]
+fn only_fish_and_torus_have_a_detail() {
+    let folder = tempfile::tempdir().unwrap();
+    let line = ["mesh", "mug", "--detail", "2", "-o", "m.obj"];
+    fails(folder.path(), &line, 1, &["a mug has no detail", "fish or torus"]);
+    assert!(!folder.path().join("m.obj").exists());
+    let told = succeeds(folder.path(), &["mesh", "torus", "--detail", "2", "-o", "m.obj"]);
+    assert!(told.contains("8192 vertices, 16384 triangles"), "{told}");
+}
+
+#[test]
 fn depths_in_the_wrong_order_name_both_options() {
     let folder = tempfile::tempdir().unwrap();
     succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
