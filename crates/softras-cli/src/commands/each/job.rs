@@ -1,6 +1,6 @@
 //! One job of `softras each`.
 
-use super::super::{Failure, help};
+use super::super::{Failure, help, progress};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -90,7 +90,7 @@ impl Job {
                 status: ended.status.code(),
                 seconds,
                 output: String::from_utf8_lossy(&ended.stdout).trim_end().into(),
-                messages: String::from_utf8_lossy(&ended.stderr).trim_end().into(),
+                messages: progress::without_progress(&String::from_utf8_lossy(&ended.stderr)),
             },
             Err(error) => Outcome { status: None, seconds, output: String::new(), messages: error.to_string() },
         }

@@ -117,7 +117,12 @@ fn jobs(args: &EachArgs, outputs: &[String]) -> Result<Vec<Job>, Failure> {
     paths.sort();
     if paths.is_empty() {
         let what = format!("{}: no {} in this folder", args.folder.display(), args.of.plural());
-        return Err(Failure::Usage(format!("{what}; --of says what else is a job")));
+        let fix = if args.of == Kind::Mesh {
+            "folders in it are not searched; --of says what else is a job"
+        } else {
+            "--of says what else is a job"
+        };
+        return Err(Failure::Usage(format!("{what}; {fix}")));
     }
     let (index, count) = args.shard;
     paths.into_iter().skip(index).step_by(count).map(|path| Job::new(&path, &args.command, outputs)).collect()
