@@ -14,7 +14,8 @@ pub fn command() -> Command {
     of_width(terminal.clamp(NARROWEST, WIDEST))
 }
 
-fn of_width(width: usize) -> Command {
+/// The command, with its texts filled to a width.
+pub fn of_width(width: usize) -> Command {
     let mut command = Cli::command().term_width(width);
     for sub in command.get_subcommands_mut() {
         if let Some(text) = sub.get_after_help().map(ToString::to_string) {

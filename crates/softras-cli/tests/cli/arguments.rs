@@ -196,7 +196,13 @@ fn shells_and_man_know_the_command() {
     }
     let page = succeeds(folder.path(), &["man"]);
     assert!(page.contains(".TH softras 1") && page.contains("softras\\-render"), "{page}");
-    assert!(succeeds(folder.path(), &["man", "render"]).contains("azimuth"));
+    let page = succeeds(folder.path(), &["man", "render"]);
+    assert!(page.contains("azimuth") && page.contains("softras 0."), "{page}");
+    // The synopsis is the usage of the help, and not a list of all options; examples keep their lines.
+    let synopsis = page.split(".SH SYNOPSIS\n").nth(1).unwrap().lines().next().unwrap();
+    assert_eq!(synopsis, "\\fBsoftras render\\fR [OPTIONS] \\-\\-out <FILE> <MESH>");
+    let examples = page.split(".SH EXAMPLES\n.nf\n").nth(1).unwrap();
+    assert!(examples.starts_with("softras render ") && examples.contains("\nsoftras render "), "{examples}");
     fails(folder.path(), &["man", "nothing"], 2, &["nothing", "Usage: softras man"]);
 }
 
