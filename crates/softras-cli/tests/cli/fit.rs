@@ -137,7 +137,9 @@ fn pictures_and_cameras_are_read_from_a_folder() {
     succeeds(folder.path(), &[&arguments[..], &["--allow-outside", "--iterations", "1"]].concat());
     std::fs::write(&list, "[{\"file\": \"0.png\"}]").unwrap();
     fails(folder.path(), &fit.split_whitespace().collect::<Vec<_>>(), 1, &["camera 0 has no position"]);
-    fails(folder.path(), &["fit", "--views", "nothing.npy", "-o", "out.obj"], 2, &["--cameras"]);
+    fails(folder.path(), &["fit", "--views", "nothing", "-o", "out.obj"], 1, &["nothing: No such file"]);
+    std::fs::write(folder.path().join("views.npy"), "").unwrap();
+    fails(folder.path(), &["fit", "--views", "views.npy", "-o", "out.obj"], 2, &["--cameras"]);
 }
 
 #[test]

@@ -30,11 +30,12 @@ pub struct Film {
 }
 
 impl Film {
-    /// Shows the view in which the target is largest.
+    /// Shows the view in which the target is largest of those that see it from the side or from halfway above, as people see
+    /// things, or of all where none does.
     pub fn new(wanted: bool, setup: &Setup, views: &Views) -> Self {
         let t = &views.targets;
         let area = |view: &usize| t.silhouette.as_ref().map_or(0.0, |s| s.view(*view).iter().sum::<f32>());
-        let view = (0..t.cameras.len()).max_by(|a, b| area(a).total_cmp(&area(b))).unwrap_or(0);
+        let view = largest(&t.cameras, area);
         let shape = t.silhouette.as_ref().map_or((1, 1), |s| (s.height, s.width));
         let size = frame_size(shape);
         let target = match (&t.color, &t.silhouette) {
@@ -93,6 +94,14 @@ impl Film {
     }
 }
 
+/// The view of the largest area among those from the side or from halfway above, or among all where none is.
+fn largest(cameras: &[Camera], area: impl Fn(&usize) -> f32) -> usize {
+    // The height to which the camera looks: 0 for a level one, -1 for one that looks straight down.
+    let usual = |view: &usize| (-0.75..=0.05).contains(&cameras[*view].view()[2][1]);
+    let most = |views: &mut dyn Iterator<Item = usize>| views.max_by(|a, b| area(a).total_cmp(&area(b)));
+    most(&mut (0..cameras.len()).filter(usual)).or_else(|| most(&mut (0..cameras.len()))).unwrap_or(0)
+}
+
 /// Width and height of the frames for images of so many rows and columns.
 fn frame_size((rows, columns): (usize, usize)) -> (u32, u32) {
     let height = rows.clamp(HEIGHTS[0], HEIGHTS[1]);
@@ -132,8 +141,21 @@ fn enlarged(picture: &Picture, (width, height): (u32, u32)) -> Picture {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
-    use super::frame_size;
+    use super::{frame_size, largest};
+    use softras::{Camera, Projection};
+
+    #[test]
+    fn the_film_looks_from_the_side_or_halfway_above_where_a_view_does() {
+        let projection = Projection::Perspective { fov_y: 0.5 };
+        let camera = |elevation| Camera::from_angles(3.0, elevation, 20.0, projection).unwrap();
+        let areas = |view: &usize| [9.0, 1.0, 2.0, 8.0][*view];
+        let chosen = |elevations: [f64; 4]| largest(&elevations.map(camera), areas);
+        assert_eq!(chosen([-40.0, 0.0, 30.0, 80.0]), 2);
+        assert_eq!(chosen([-40.0, -30.0, -20.0, 80.0]), 0);
+        assert_eq!(largest(&[], areas), 0);
+    }
 
     #[test]
     fn frames_are_as_large_as_the_images_within_limits() {

@@ -203,6 +203,8 @@ fn claim_pixels(args: &FitArgs, budget: &Budget, path: &Path, pixels: u64) -> Re
 
 /// Images and cameras as numpy arrays.
 fn arrays(args: &FitArgs, path: &Path, budget: &Budget) -> Result<Targets, Failure> {
+    // What is not there is no .npy file that lacks its cameras.
+    std::fs::metadata(path).map_err(|source| softras::Error::Io { path: path.into(), source })?;
     let Some(cameras) = &args.cameras else {
         return Err(Failure::Usage("--cameras: images in a .npy file need it".into()));
     };
