@@ -171,7 +171,7 @@ impl Task {
         };
         let fit = ShapeFit::new(self.start.clone(), Lights::unlit(), options).expect("a fit");
         let silhouette = Some(targets.clone());
-        (fit, Targets { cameras: self.cameras.clone(), silhouette, color: None })
+        (fit, Targets { cameras: self.cameras.clone(), silhouette, ..Targets::default() })
     }
 
     /// Settings and rate of a step.

@@ -24,7 +24,7 @@ fn main() -> softras::Result<()> {
     let cameras: Vec<Camera> = (0..VIEWS).map(around).collect::<softras::Result<_>>()?;
     let settings = Settings { width: 64, height: 64, ..Settings::default() }.with_depths_of(&goal, &cameras, 0.5);
     let silhouette = renderer.render(&goal, &cameras, &settings)?.silhouette().cloned();
-    let targets = Targets { cameras: cameras.clone(), silhouette, color: None };
+    let targets = Targets { cameras: cameras.clone(), silhouette, ..Targets::default() };
 
     // A sphere, moved by the method of the command `softras fit`, with softness and steps that shrink.
     let shape = ShapeFit::new(shapes::icosphere(3)?, Lights::unlit(), ShapeOptions::smooth())?;

@@ -3,10 +3,11 @@
 //!
 //! A point of a solid lies within its silhouette in every picture. So the hull is where f > 0, f(p) the least, over all
 //! pictures, of the signed distance between p's projection and the silhouette's outline, in world units at p's depth. It is
-//! sampled on a grid, and the mesh is its zero level.
+//! sampled on a grid, and the mesh is its zero level. Where a picture has a depth, what lies in front of it is outside too: f is
+//! at most p's depth less the picture's.
 
 use super::bad;
-use super::shape::Targets;
+use super::shape::{COVERED, Targets};
 use super::soft_target::signed_distance;
 use crate::error::Result;
 use crate::image::Image;
@@ -18,13 +19,15 @@ use glam::DVec3;
 const MAX_RESOLUTION: usize = 256;
 /// Samples along a side of the first grid, which finds the box that the hull fills.
 const COARSE: usize = 48;
+/// A part of a hull by depths has at least this share of its samples.
+const LEAST_PART: f64 = 1e-3;
 /// Pictures below this height are enlarged, so that their outlines run between pixels as the grey of their pixels says.
 const FINE_HEIGHT: usize = 1024;
 /// The most that they are enlarged.
 const MOST_ENLARGED: usize = 4;
 
 impl Targets {
-    /// The visual hull of the silhouettes within the cube of side `side` around `center`, in world units. Its triangles' edges are
+    /// The visual hull of the silhouettes, less what the depths show to be empty, within the cube of side `side` around `center`, in world units. Its triangles' edges are
     /// about as long as the hull's longest extent divided by `resolution`, 8 to 256.
     ///
     /// Beyond a picture's border the silhouette is taken to go on as it is at the border.
@@ -43,7 +46,7 @@ impl Targets {
         let views = views(self)?;
         let center = DVec3::from(center);
         let mut coarse = Samples::new(center - 0.5 * side, side, COARSE);
-        coarse.carve(&views);
+        coarse.carve(&views, View::outline_distance);
         let Some((low, high)) = coarse.inside() else {
             let fix = "check that every camera belongs to its picture, and that the object is in all of them";
             return bad("silhouettes that no solid has", fix);
@@ -51,8 +54,11 @@ impl Targets {
         // Two samples more on each side than the hull takes.
         let side = (high - low).max_element() * (1.0 + 4.0 / resolution as f64);
         let mut grid = Samples::new((low + high) * 0.5 - 0.5 * side, side, resolution);
-        grid.carve(&views);
+        grid.carve(&views, View::distance);
         (0..3).for_each(|axis| grid.blur(axis));
+        if self.depth.is_some() {
+            grid.mend();
+        }
         match grid.mesh()? {
             Some(mesh) => Ok(mesh),
             None => bad("a hull thinner than its samples", "use a higher resolution"),
@@ -67,6 +73,8 @@ struct View<'a> {
     distance: Image,
     /// Pixels of the picture itself along its height.
     height: f64,
+    /// The depths of the surface, 0 where they are not known.
+    depths: Option<Image>,
 }
 
 fn views<'a>(targets: &'a Targets) -> Result<Vec<View<'a>>> {
@@ -87,9 +95,16 @@ fn views<'a>(targets: &'a Targets) -> Result<Vec<View<'a>>> {
         if picture.data.iter().all(|x| *x <= 0.5) {
             return bad(format!("picture {i} without an inside"), "leave out pictures that do not show the object");
         }
-        Ok(View { camera, distance: signed_distance(&enlarged(&picture))?, height: height as f64 })
+        let depths = targets.depth.as_ref().map(|depths| known_depths(depths.view(i), &picture));
+        Ok(View { camera, distance: signed_distance(&enlarged(&picture))?, height: height as f64, depths })
     };
     targets.cameras.iter().enumerate().map(view).collect()
+}
+
+/// The depths of the pixels that the silhouette covers wholly.
+fn known_depths(depths: &[f32], silhouette: &Image) -> Image {
+    let data = depths.iter().zip(&silhouette.data).map(|(z, a)| if *a >= COVERED { *z } else { 0.0 }).collect();
+    Image { data, ..*silhouette }
 }
 
 /// The picture enlarged by linear interpolation.
@@ -99,6 +114,23 @@ fn enlarged(picture: &Image) -> Image {
     let at = |i: usize| (i as f64 + 0.5) / times as f64;
     let data = (0..height).flat_map(|row| (0..width).map(move |column| sample(picture, at(column), at(row)) as f32));
     Image { height, width, data: data.collect(), ..*picture }
+}
+
+/// The depth at a place, between those of the four pixels around it or, where they differ by more than `step`, of the pixel that it
+/// lies in; `None` where one of them is not known.
+fn depth_at(depths: &Image, column: f64, row: f64, step: f64) -> Option<f64> {
+    let (left, top) = ((column - 0.5).floor(), (row - 0.5).floor());
+    if left < 0.0 || top < 0.0 || left as usize + 1 >= depths.width || top as usize + 1 >= depths.height {
+        return None;
+    }
+    let at = |down: usize, right: usize| f64::from(depths.pixel(0, top as usize + down, left as usize + right)[0]);
+    let around = [at(0, 0), at(0, 1), at(1, 0), at(1, 1)];
+    let (least, most) = around.iter().fold((f64::INFINITY, 0.0f64), |(least, most), z| (least.min(*z), most.max(*z)));
+    if least <= 0.0 {
+        return None;
+    }
+    let own = || f64::from(depths.pixel(0, row as usize, column as usize)[0]);
+    Some(if most - least <= step { sample(depths, column, row) } else { own() })
 }
 
 /// An image's value at a column and a row, where the centre of the first pixel is at (0.5, 0.5); that of its border beyond it.
@@ -116,19 +148,35 @@ fn sample(image: &Image, column: f64, row: f64) -> f64 {
 
 impl View<'_> {
     /// The signed distance of a point from the silhouette's outline in world units; `None` behind the camera.
+    fn outline_distance(&self, point: DVec3) -> Option<f64> {
+        let place = self.place(point)?;
+        Some(place.unit * sample(&self.distance, place.column, place.row))
+    }
+
+    /// The same, but at most how far the point lies behind the surface that the picture shows.
     fn distance(&self, point: DVec3) -> Option<f64> {
+        let place = self.place(point)?;
+        let times = self.distance.height as f64 / self.height;
+        // Depths differ by more than four pixels from one pixel to the next where a surface is seen at less than some 14 degrees.
+        let step = 8.0 * place.unit / self.height;
+        let shown = |depths| depth_at(depths, place.column / times, place.row / times, step);
+        let behind = self.depths.as_ref().and_then(shown).map_or(f64::INFINITY, |shown| place.depth - shown);
+        Some(behind.min(place.unit * sample(&self.distance, place.column, place.row)))
+    }
+
+    /// Where a point is seen; `None` behind the camera.
+    fn place(&self, point: DVec3) -> Option<Place> {
         let rows = self.camera.view();
-        let [x, y, z] = rows.map(|[a, b, c, d]| a * point.x + b * point.y + c * point.z + d);
+        let [x, y, depth] = rows.map(|[a, b, c, d]| a * point.x + b * point.y + c * point.z + d);
         let (height, width) = (self.distance.height as f64, self.distance.width as f64);
-        // The position in pixels of the distances' image, and the world units of a screen unit there.
         let (column, row, unit) = match *self.camera.projection() {
             Projection::Pinhole { fx, fy, cx, cy } => {
                 let times = height / self.height;
-                let at = (times * (fx * x / z + cx), times * (cy - fy * y / z));
-                (at.0, at.1, 0.5 * self.height * z / fx.max(fy))
+                let at = (times * (fx * x / depth + cx), times * (cy - fy * y / depth));
+                (at.0, at.1, 0.5 * self.height * depth / fx.max(fy))
             }
             Projection::Perspective { fov_y } => {
-                let unit = z * (fov_y / 2.0).tan();
+                let unit = depth * (fov_y / 2.0).tan();
                 (0.5 * (width + height * x / unit), 0.5 * height * (1.0 - y / unit), unit)
             }
             Projection::Orthographic { half_height: unit } => {
@@ -136,18 +184,27 @@ impl View<'_> {
             }
             Projection::Official { .. } | Projection::Screen => return None,
         };
-        (z > 0.0).then(|| unit * sample(&self.distance, column, row))
+        (depth > 0.0).then_some(Place { column, row, unit, depth })
     }
 }
 
+/// A position in pixels of the distances' image, with the world units of a screen unit there and the view depth.
+struct Place {
+    column: f64,
+    row: f64,
+    unit: f64,
+    depth: f64,
+}
+
 impl Samples {
-    fn carve(&mut self, views: &[View<'_>]) {
+    /// Sets each sample to the least of the views' distances.
+    fn carve<'a>(&mut self, views: &[View<'a>], distance: impl Fn(&View<'a>, DVec3) -> Option<f64>) {
         // Distances beyond some samples do not matter, and what no picture shows is outside.
         let far = (4.0 * self.step) as f32;
         for i in 0..self.values.len() {
             let point = self.position(i);
             let mut value = f32::MAX;
-            for distance in views.iter().filter_map(|view| view.distance(point)) {
+            for distance in views.iter().filter_map(|view| distance(view, point)) {
                 value = value.min(distance as f32);
                 if value < -far {
                     break;
@@ -165,6 +222,39 @@ impl Samples {
         let points = near.map(|i| self.position(i));
         let bounds = points.map(|p| (p, p)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))?;
         Some((bounds.0 - 0.5 * self.step, bounds.1 + 0.5 * self.step))
+    }
+
+    /// Puts small parts outside, and air that is enclosed inside: depths leave both where an outline runs before a surface farther
+    /// away, and of what is enclosed no picture shows anything.
+    fn mend(&mut self) {
+        let fewest = LEAST_PART * self.values.iter().filter(|value| **value > 0.0).count() as f64;
+        let mut seen = vec![false; self.values.len()];
+        for first in 0..self.values.len() {
+            let part = self.part(first, &mut seen);
+            // The first of all is a corner, which is outside.
+            let wrong = if self.values[first] > 0.0 { (part.len() as f64) < fewest } else { first > 0 };
+            part.iter().filter(|_| wrong).for_each(|&i| self.values[i] = -self.values[i]);
+        }
+    }
+
+    /// The samples that are connected with the first by others on the same side of the outline, and were not seen before.
+    fn part(&self, first: usize, seen: &mut [bool]) -> Vec<usize> {
+        let n = self.resolution;
+        let mut part = Vec::new();
+        let mut next = vec![first];
+        while let Some(i) = next.pop() {
+            if seen[i] || (self.values[i] > 0.0) != (self.values[first] > 0.0) {
+                continue;
+            }
+            seen[i] = true;
+            part.push(i);
+            for axis in 0..3 {
+                let stride = n.pow(axis);
+                let place = i / stride % n;
+                next.extend((place > 0).then(|| i - stride).into_iter().chain((place + 1 < n).then_some(i + stride)));
+            }
+        }
+        part
     }
 
     /// Weighs each sample with its neighbours along an axis by (1, 2, 1) / 4, which removes handles and cavities that are only of

@@ -30,7 +30,7 @@
 //!     (0..6).map(|i| Camera::from_angles(4.0, 25.0, 60.0 * f64::from(i), projection)).collect::<softras::Result<_>>()?;
 //! let settings = Settings { width: 48, height: 48, ..Settings::default() }.with_depths_of(&goal, &cameras, 0.5);
 //! let silhouette = renderer.render(&goal, &cameras, &settings)?.silhouette().cloned();
-//! let targets = Targets { cameras: cameras.clone(), silhouette, color: None };
+//! let targets = Targets { cameras: cameras.clone(), silhouette, ..Targets::default() };
 //!
 //! // The fit: a sphere, moved by the method of the command `softras fit`.
 //! let shape = ShapeFit::new(shapes::icosphere(3)?, Lights::unlit(), ShapeOptions::smooth())?;

@@ -42,7 +42,10 @@ impl Fit {
     /// [`Error::Fit`](crate::Error::Fit) for targets that do not fit together; [`Error::Limit`](crate::Error::Limit),
     /// [`Error::OutOfMemory`](crate::Error::OutOfMemory), [`Error::Vulkan`](crate::Error::Vulkan).
     pub fn new(renderer: &Renderer, shape: ShapeFit, targets: &Targets, settings: &Settings) -> Result<Self> {
-        match DeviceFit::unsupported(&shape).or_else(|| DeviceFit::unsupported_settings(settings)) {
+        let unsupported = DeviceFit::unsupported(&shape)
+            .or_else(|| DeviceFit::unsupported_targets(targets))
+            .or_else(|| DeviceFit::unsupported_settings(settings));
+        match unsupported {
             Some(reason) => Ok(Self::on_host(shape, targets, reason)),
             None => match DeviceFit::with_room(renderer, shape.clone(), targets, settings) {
                 Ok(fit) => Ok(Self { steps: Steps::Device(Box::new(fit)), reason: None }),

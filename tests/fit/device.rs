@@ -43,7 +43,7 @@ fn targets(renderer: &mut Renderer, silhouette: bool, color: bool) -> Targets {
     let settings = Settings { width: SIZE, height: SIZE, sigma: 1e-7, outputs, ..settings(0) };
     let cameras = cameras();
     let frame = renderer.render(&Scene::new(torus), &cameras, &settings).unwrap();
-    Targets { cameras, silhouette: frame.silhouette().cloned(), color: frame.color().cloned() }
+    Targets { cameras, silhouette: frame.silhouette().cloned(), color: frame.color().cloned(), ..Targets::default() }
 }
 
 fn mask() -> Image {
@@ -323,7 +323,7 @@ fn what_the_device_cannot_do_is_said() {
         channels,
         data: vec![0.0; VIEWS * (SIZE * SIZE) as usize * channels],
     };
-    let targets = Targets { cameras: cameras(), silhouette: Some(black(1)), color: None };
+    let targets = Targets { cameras: cameras(), silhouette: Some(black(1)), ..Targets::default() };
     let refused = |weights: Image| DeviceFit::new(&renderer, with(official()), &targets, Some(&weights)).err();
     assert!(refused(black(1)).unwrap().to_string().contains("all 0"));
     assert!(refused(black(3)).unwrap().to_string().contains("one weight a pixel"));

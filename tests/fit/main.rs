@@ -12,4 +12,5 @@ mod optimizers;
 mod pose;
 mod remesh;
 mod run;
+mod surface;
 mod voxels;

@@ -19,7 +19,7 @@ fn goal() -> (common::Validated, Targets, Settings) {
     let settings = Settings { width: SIDE, height: SIDE, sigma: 1e-4, ..Settings::default() }
         .with_depths_of(&scene, &cameras, 0.5);
     let silhouette = renderer.render(&scene, &cameras, &settings).unwrap().silhouette().cloned();
-    (renderer, Targets { cameras, silhouette, color: None }, settings)
+    (renderer, Targets { cameras, silhouette, ..Targets::default() }, settings)
 }
 
 /// The losses of some steps, and the step and mesh of the least.

@@ -80,7 +80,7 @@ proptest! {
         let rendered = Outputs { color: true, silhouette: true, depth: false, normal: false };
         let checked = validate::image_gradient(&gradient, rendered, a.batch, a.height, a.width);
         prop_assert!(checked.is_err() || (is_whole(&a) && is_whole(&b)));
-        let targets = Targets { cameras: vec![camera(); a.batch.min(3)], silhouette: Some(a.clone()), color: Some(b) };
+        let targets = Targets { cameras: vec![camera(); a.batch.min(3)], silhouette: Some(a.clone()), color: Some(b), ..Targets::default() };
         prop_assert!(targets.size().is_err() || is_whole(&a));
     }
 
@@ -112,7 +112,7 @@ proptest! {
 fn fits_of_absurd_lengths_are_refused() {
     let mut renderer = renderer();
     let image = |batch, height, width, count| Image { batch, height, width, channels: 1, data: vec![0.5; count] };
-    let targets = |image| Targets { cameras: vec![camera()], silhouette: Some(image), color: None };
+    let targets = |image| Targets { cameras: vec![camera()], silhouette: Some(image), ..Targets::default() };
     let fit = |samples, levels| {
         let options = ShapeOptions { samples, levels, ..ShapeOptions::official() };
         ShapeFit::new(shapes::icosphere(0).unwrap(), Lights::unlit(), options)

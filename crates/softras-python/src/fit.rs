@@ -48,7 +48,7 @@ impl Plan<'_> {
     fn targets(&self) -> PyResult<Targets> {
         let silhouette = self.silhouette.as_ref().map(|value| image(value, "silhouette", 1)).transpose()?;
         let color = self.color.as_ref().map(|value| image(value, "color", 3)).transpose()?;
-        Ok(Targets { cameras: cameras(&self.cameras)?, silhouette, color })
+        Ok(Targets { cameras: cameras(&self.cameras)?, silhouette, color, ..Targets::default() })
     }
 
     fn options(&self) -> PyResult<ShapeOptions> {

@@ -103,6 +103,12 @@ impl DeviceFit {
         }
     }
 
+    /// Why the device cannot compare these targets; `None` if it can.
+    pub fn unsupported_targets(targets: &Targets) -> Option<String> {
+        (targets.depth.is_some() || targets.normal.is_some())
+            .then(|| "depths and normals are compared on the host".into())
+    }
+
     /// Why a step with these settings cannot run on the device; `None` where it can.
     pub fn unsupported_settings(settings: &Settings) -> Option<String> {
         (settings.support == Support::Guaranteed)
@@ -138,7 +144,7 @@ impl FitPlan {
     /// # Errors
     /// [`crate::Error::Fit`] for targets or weights of other shapes, and for a fit that is [`DeviceFit::unsupported`].
     pub fn new(fit: &ShapeFit, targets: &Targets, weights: Option<&Image>) -> Result<(Self, Tables)> {
-        if let Some(reason) = DeviceFit::unsupported(fit) {
+        if let Some(reason) = DeviceFit::unsupported(fit).or_else(|| DeviceFit::unsupported_targets(targets)) {
             return bad(reason, "fit it on the host (ShapeFit)");
         }
         let (height, width) = targets.size()?;

@@ -1,25 +1,27 @@
 //! Fits a mesh's shape and colours to target images, on the host in f64.
 
 mod colors;
+mod compare;
 mod options;
 mod parametrization;
 mod targets;
 
+pub(super) use compare::COVERED;
 pub use options::ShapeOptions;
 pub use parametrization::Parametrization;
 pub use targets::Targets;
 
 use super::bad;
-use super::image_loss::{self, ImageLoss};
+use super::image_loss::ImageLoss;
 use super::optimizer::{Method, Optimizer};
 use super::remesh::remeshed;
 use super::smoothing::Smoothing;
 use super::topology::Topology;
 use crate::error::{Error, Result};
-use crate::gradients::{ImageGradient, Wanted};
-use crate::image::Image;
+use crate::gradients::Wanted;
 use crate::renderer::{Renderer, parts::in_parts};
 use crate::scene::{Appearance, Lights, Mesh, Scene, Settings};
+use compare::{ImageLosses, compare};
 use glam::DVec3;
 use parametrization::Parameters;
 use std::ops::Range;
@@ -33,6 +35,10 @@ pub struct Step {
     pub silhouette: f64,
     /// The colours' loss, unweighted; 0 without colours.
     pub color: f64,
+    /// The depths' loss, unweighted; 0 without depths.
+    pub depth: f64,
+    /// The normals' loss, unweighted; 0 without normals.
+    pub normal: f64,
     /// The regularizers' penalties, unweighted, in the options' order.
     pub regularizers: Vec<f64>,
 }
@@ -54,8 +60,7 @@ pub struct ShapeFit {
 
 /// The losses of a step and the gradients of their weighted sum, of all views or of some.
 struct Descent {
-    silhouette: f64,
-    color: f64,
+    losses: ImageLosses,
     by_positions: Vec<DVec3>,
     by_colors: Vec<f64>,
 }
@@ -63,8 +68,7 @@ struct Descent {
 impl Descent {
     /// Adds those of some views, whose share of all is `share`: every loss is a mean over views.
     fn add(&mut self, part: &Self, share: f64) {
-        self.silhouette += share * part.silhouette;
-        self.color += share * part.color;
+        self.losses.add(&part.losses, share);
         self.by_positions.resize(part.by_positions.len(), DVec3::ZERO);
         self.by_positions.iter_mut().zip(&part.by_positions).for_each(|(sum, g)| *sum += share * *g);
         self.by_colors.resize(part.by_colors.len(), 0.0);
@@ -81,6 +85,9 @@ impl ShapeFit {
     pub fn new(template: Mesh, lights: Lights, options: ShapeOptions) -> Result<Self> {
         if options.levels == 0 || options.samples == 0 {
             return bad("a fit over 0 resolutions or samples", "use at least 1");
+        }
+        if [options.depth.0, options.normal.0].contains(&ImageLoss::NegativeIou) {
+            return bad("an IoU of depths or normals", "compare them by L1, L2 or Huber");
         }
         let topology = Topology::new(template.positions().len(), template.triangles())?;
         let template = if options.parametrization == Parametrization::Logit { halved(template)? } else { template };
@@ -140,35 +147,33 @@ impl ShapeFit {
         let size = targets.size()?;
         let mut settings = self.settings(settings, size);
         settings.outputs.color = targets.color.is_some();
-        settings.outputs.silhouette = targets.silhouette.is_some();
+        // Depths are compared as they fade with the silhouette.
+        settings.outputs.silhouette = targets.silhouette.is_some() || targets.depth.is_some();
+        settings.outputs.depth = targets.depth.is_some();
+        settings.outputs.normal = targets.normal.is_some();
         settings.save = true;
         let (mut at_once, views) = (self.views_at_once, targets.cameras.len());
-        let mut all = Descent { silhouette: 0.0, color: 0.0, by_positions: Vec::new(), by_colors: Vec::new() };
+        let mut all = Descent { losses: ImageLosses::default(), by_positions: Vec::new(), by_colors: Vec::new() };
         let make = |range: Range<usize>| self.descent(renderer, &settings, &targets.views(range));
         in_parts(views, &mut at_once, make, |range, part| {
             all.add(&part, range.len() as f64 / views as f64);
             Ok::<(), Error>(())
         })?;
         self.views_at_once = at_once;
-        let Descent { silhouette, color, by_positions, by_colors } = all;
+        let Descent { losses, by_positions, by_colors } = all;
         let regularizers = self.move_vertices(by_positions, rate)?;
         if self.options.fit_colors {
             self.move_colors(&by_colors, color_rate)?;
         }
         let penalties: f64 = self.options.regularizers.iter().zip(&regularizers).map(|((_, w), r)| w * r).sum();
-        let loss = self.options.silhouette.1 * silhouette + self.options.color.1 * color + penalties;
-        Ok(Step { loss, silhouette, color, regularizers })
+        let ImageLosses { silhouette, color, depth, normal } = losses;
+        Ok(Step { loss: losses.weighted(&self.options) + penalties, silhouette, color, depth, normal, regularizers })
     }
 
     /// Renders some views, and compares and differentiates them.
     fn descent(&self, renderer: &mut Renderer, settings: &Settings, targets: &Targets) -> Result<Descent> {
         let frame = renderer.render(&self.scene, &targets.cameras, settings)?;
-        let mut upstream = ImageGradient::default();
-        let (silhouette, gradient) =
-            self.compare(frame.silhouette(), targets.silhouette.as_ref(), self.options.silhouette)?;
-        upstream.silhouette = gradient;
-        let (color, gradient) = self.compare(frame.color(), targets.color.as_ref(), self.options.color)?;
-        upstream.color = gradient;
+        let (losses, upstream) = compare(&frame, targets, &self.options)?;
         let appearance = self.mesh().appearance();
         let mut wanted = Wanted { positions: self.options.fit_positions, ..Wanted::NOTHING };
         if self.options.fit_colors {
@@ -178,39 +183,13 @@ impl ShapeFit {
         let mesh = &gradients.meshes[0];
         let by_colors = if self.options.fit_colors { colors::gradient(appearance, mesh) } else { Vec::new() };
         let by_positions = mesh.positions.iter().map(|g| DVec3::from(g.map(f64::from))).collect();
-        Ok(Descent { silhouette, color, by_positions, by_colors })
+        Ok(Descent { losses, by_positions, by_colors })
     }
 
     /// The settings with the size that the fit renders at.
     fn settings(&self, settings: &Settings, (height, width): (usize, usize)) -> Settings {
         let side = |side: usize| u32::try_from(side.saturating_mul(self.options.samples)).unwrap_or(u32::MAX);
         Settings { width: side(width), height: side(height), ..settings.clone() }
-    }
-
-    /// The unweighted loss of one image and its weighted gradient by the rendered image.
-    fn compare(
-        &self,
-        rendered: Option<&Image>,
-        target: Option<&Image>,
-        (loss, weight): (ImageLoss, f64),
-    ) -> Result<(f64, Option<Image>)> {
-        let (Some(rendered), Some(target)) = (rendered, target) else { return Ok((0.0, None)) };
-        let samples = self.options.samples;
-        let mut valued = if samples == 1 {
-            loss.multi_scale(rendered, target, None, self.options.levels)?
-        } else {
-            let coarse = image_loss::pooled(rendered, samples)?;
-            let valued = loss.multi_scale(&coarse, target, None, self.options.levels)?;
-            let mut gradient = Image { data: vec![0.0; rendered.data.len()], ..valued.gradient };
-            (gradient.height, gradient.width) = (rendered.height, rendered.width);
-            let coarse_gradient = Image { data: valued.gradient.data, ..coarse };
-            image_loss::add_pooled_gradient(&mut gradient, &coarse_gradient, samples, 1.0)?;
-            image_loss::Valued { value: valued.value, gradient }
-        };
-        if weight != 1.0 {
-            valued.gradient.data.iter_mut().for_each(|g| *g *= weight as f32);
-        }
-        Ok((valued.value, Some(valued.gradient)))
     }
 
     /// Adds the regularizers' gradients, moves the vertices, and returns the unweighted penalties.

@@ -14,6 +14,10 @@ pub struct ShapeOptions {
     pub silhouette: (ImageLoss, f64),
     /// The loss of the colours and its weight.
     pub color: (ImageLoss, f64),
+    /// The loss of the depths, in world units, and its weight.
+    pub depth: (ImageLoss, f64),
+    /// The loss of the normals and its weight.
+    pub normal: (ImageLoss, f64),
     /// Penalties with their weights.
     pub regularizers: Vec<(Regularizer, f64)>,
     /// Number of resolutions that image losses are averaged over, see [`ImageLoss::multi_scale`].
@@ -50,6 +54,8 @@ impl ShapeOptions {
             method: Method::Adam { betas: [0.5, 0.99], epsilon: 1e-8 },
             silhouette: (ImageLoss::NegativeIou, 1.0),
             color: (ImageLoss::L1, 1.0),
+            depth: (ImageLoss::L1, 1.0),
+            normal: (ImageLoss::L1, 1.0),
             regularizers: vec![(Regularizer::Laplacian, 0.03), (Regularizer::Flatten, 0.0003)],
             levels: 1,
             samples: 1,

@@ -6,7 +6,7 @@ use crate::image::Image;
 use crate::scene::Camera;
 use std::{borrow::Cow, ops::Range};
 
-/// The target images of a shape fit; at least one of silhouette and colour.
+/// The target images of a shape fit, at least one of them.
 #[derive(Clone, Debug, Default)]
 pub struct Targets {
     /// One for each view.
@@ -15,6 +15,12 @@ pub struct Targets {
     pub silhouette: Option<Image>,
     /// `[views, height, width, 3]`, linear, on the settings' background colour.
     pub color: Option<Image>,
+    /// `[views, height, width, 1]`: the view depth, in world units, of the surface that a pixel shows; 0 where it is not known.
+    /// Only pixels that the silhouette covers wholly are compared.
+    pub depth: Option<Image>,
+    /// `[views, height, width, 3]`: the surface's unit normal in world space; 0 where it is not known. Only pixels that the
+    /// silhouette covers wholly are compared.
+    pub normal: Option<Image>,
 }
 
 impl Targets {
@@ -24,8 +30,13 @@ impl Targets {
             return Cow::Borrowed(self);
         }
         let some = |image: &Option<Image>| image.as_ref().map(|image| image.views(range.clone()));
-        let (silhouette, color) = (some(&self.silhouette), some(&self.color));
-        Cow::Owned(Self { cameras: self.cameras[range].to_vec(), silhouette, color })
+        Cow::Owned(Self {
+            cameras: self.cameras[range.clone()].to_vec(),
+            silhouette: some(&self.silhouette),
+            color: some(&self.color),
+            depth: some(&self.depth),
+            normal: some(&self.normal),
+        })
     }
 
     /// Height and width of the targets.
@@ -34,10 +45,10 @@ impl Targets {
     /// [`crate::Error::Fit`] without any image, or when the images do not go with the cameras and each other.
     pub fn size(&self) -> Result<(usize, usize)> {
         let shape = |image: &Image| [image.batch, image.height, image.width];
-        let images = [(&self.silhouette, 1), (&self.color, 3)];
+        let images = [(&self.silhouette, 1), (&self.color, 3), (&self.depth, 1), (&self.normal, 3)];
         let mut shapes = images.iter().filter_map(|(image, channels)| image.as_ref().map(|i| (i, *channels)));
         let Some((first, _)) = shapes.clone().next() else {
-            return bad("targets without an image", "give silhouettes, colours or both");
+            return bad("targets without an image", "give silhouettes, colours, depths or normals");
         };
         let right = |(image, channels): (&Image, usize)| {
             shape(image) == shape(first)
@@ -47,7 +58,8 @@ impl Targets {
         };
         if !shapes.all(right) {
             let what = format!("images of shape {:?} for {} cameras", shape(first), self.cameras.len());
-            return bad(what, "give one image of the same size for each camera, 1 channel of silhouette, 3 of colour");
+            let fix = "give one image of the same size for each camera, 1 channel of silhouette and depth, 3 of colour and normal";
+            return bad(what, fix);
         }
         Ok((first.height, first.width))
     }

@@ -310,3 +310,52 @@ fn an_interrupted_fit_writes_its_best_and_exits_with_130() {
     assert_eq!(child.wait().unwrap().code(), Some(130));
     assert!(std::fs::read_to_string(folder.path().join("out.obj")).unwrap().lines().any(|line| line.starts_with("f ")));
 }
+
+#[test]
+fn depths_and_normals_are_fitted_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let run = |command: &str| succeeds(folder.path(), &command.split_whitespace().collect::<Vec<_>>());
+    let refused = |command: &str, words: &[&str]| {
+        fails(folder.path(), &command.split_whitespace().collect::<Vec<_>>(), 1, words);
+    };
+    run("mesh mug -o mug.obj");
+    let common = "--iterations 20 --json log.json -o out.obj";
+    let told = run(&format!("fit --from mug.obj --views 8 --size 40 --also depth,normal --write-views seen {common}"));
+    assert!(told.contains("genus 1"), "{told}");
+    let read = "fit --views seen --depths seen/depths --normals seen/normals";
+    run(&format!("{read} {common}"));
+    let log = json(&at("log.json"));
+    assert!(log["host_reason"].as_str().unwrap().contains("depths and normals"));
+    for name in ["depth_loss", "normal_loss"] {
+        let losses = numbers(&log[name]);
+        assert!(losses[0] > 0.0 && losses[19] < 0.9 * losses[0], "{name}: {losses:?}");
+    }
+    // With depths the fit begins with the mug's hollow, which no outline shows.
+    let iou = |out: &str| succeeds(folder.path(), &["iou", out, "mug.obj"]).trim().parse::<f64>().unwrap();
+    run("fit --views seen --iterations 20 -o outlines.obj");
+    assert!(iou("out.obj") > iou("outlines.obj") + 0.1, "{} {}", iou("out.obj"), iou("outlines.obj"));
+    // The other formats: what render writes, and pictures of 16 bits.
+    run("render mug.obj -o view_000.exr --output depth,normal --size 40");
+    for (map, name) in [("depth", "depths"), ("normal", "normals")] {
+        std::fs::remove_file(at(&format!("seen/{name}/view_000.npy"))).unwrap();
+        std::fs::rename(at(&format!("view_000_{map}.exr")), at(&format!("seen/{name}/view_000.exr"))).unwrap();
+    }
+    run(&format!("{read} --template sphere --subdivisions 1 --iterations 1 -o out.obj"));
+    std::fs::remove_file(at("seen/depths/view_000.exr")).unwrap();
+    image::GrayImage::new(40, 40).save(at("seen/depths/view_000.png")).unwrap();
+    refused(&format!("{read} -o out.obj"), &["no grey picture of 16 bits"]);
+    image::ImageBuffer::<image::Luma<u16>, _>::from_pixel(40, 40, image::Luma([4000]))
+        .save(at("seen/depths/view_000.png"))
+        .unwrap();
+    run(&format!("{read} --template sphere --subdivisions 1 --iterations 1 -o out.obj"));
+    // What does not belong to the pictures.
+    image::ImageBuffer::<image::Luma<u16>, _>::new(30, 40).save(at("seen/depths/view_000.png")).unwrap();
+    refused(&format!("{read} -o out.obj"), &["30×40 pixels, its picture 40×40"]);
+    std::fs::remove_file(at("seen/depths/view_000.png")).unwrap();
+    refused(&format!("{read} -o out.obj"), &["has no depths of view_000.png", "name it view_000.exr"]);
+    std::fs::write(at("seen/depths/view_000.exr"), b"\x76\x2f\x31\x01 and no more").unwrap();
+    refused(&format!("{read} -o out.obj"), &["view_000.exr", "OpenEXR"]);
+    std::fs::copy(at("seen/normals/view_000.exr"), at("seen/depths/view_000.exr")).unwrap();
+    refused(&format!("{read} -o out.obj"), &["has the channels B, G, R", "name the depths' channel Z"]);
+}

@@ -1,5 +1,6 @@
 //! The arguments of `softras fit`.
 
+use super::maps::Map;
 use crate::commands::Failure;
 use crate::commands::mesh_file::ReadArgs;
 use crate::commands::parse;
@@ -17,6 +18,7 @@ Examples:
   softras fit --from spot.obj --views 24 --size 128 --color -o fitted.obj
   softras fit --from bunny.obj --color --shading smooth -o fitted.obj --gif fit.gif
   softras fit --from spot.obj --template grey_spot.obj --texture -o textured.obj
+  softras fit --views scans --depths scans/depths --normals scans/normals -o shape.obj
   softras fit --benchmark spot.obj --baselines --json table.json
 
 Views and cameras:
@@ -83,7 +85,7 @@ pub struct FitArgs {
     /// Fit to views of these meshes, or of a torus, a torus of two holes, a mug and a chair, and print how near each fit comes;
     /// --json writes the table
     #[arg(long, value_name = "MESH", num_args = 0.., conflicts_with_all = [
-        "from", "cameras", "out", "template", "texture", "plot", "gif", "checkpoint", "write_views",
+        "from", "cameras", "out", "template", "texture", "plot", "gif", "checkpoint", "write_views", "depths", "normals",
     ])]
     pub benchmark: Option<Vec<PathBuf>>,
     /// Fit the colours too: the template's texels where it has a texture, else a colour for each vertex
@@ -93,6 +95,20 @@ pub struct FitArgs {
     /// mesh of one colour, whose views show nothing but their outline without light]
     #[arg(long, value_enum, requires = "from")]
     pub shading: Option<Lighting>,
+    /// Render depths or normals of --from too and fit to them
+    #[arg(long, value_name = "MAP", value_enum, value_delimiter = ',', requires = "from", conflicts_with = "texture")]
+    pub also: Vec<Map>,
+    /// Fit to depth maps too, a file of each picture's name: .exr (channel Z) or .npy ([H, W]), view depths in world units, or .png
+    /// of 16 bits; 0 where the depth is not known
+    #[arg(long, value_name = "FOLDER", requires = "views", conflicts_with_all = ["from", "texture"])]
+    pub depths: Option<PathBuf>,
+    /// World units of a step of depth maps in .png files
+    #[arg(long, value_name = "LENGTH", value_parser = parse::positive, default_value_t = 0.001)]
+    pub depth_unit: f64,
+    /// Fit to normal maps too, a file of each picture's name: .exr (R, G, B) or .npy ([H, W, 3]), unit normals in world space, or
+    /// .png, where black is -1 and white 1; 0, or black in .png, where the normal is not known
+    #[arg(long, value_name = "FOLDER", requires = "views", conflicts_with_all = ["from", "texture"])]
+    pub normals: Option<PathBuf>,
     /// Fit the template's texture alone and leave its vertices as they are
     #[arg(long, conflicts_with = "subdivide_at")]
     pub texture: bool,
@@ -242,11 +258,17 @@ pub struct MethodArgs {
     pub flatten: Option<f64>,
     /// Weight of the normal consistency regulariser
     #[arg(long, value_name = "WEIGHT", value_parser = weight)]
-    pub normals: Option<f64>,
+    pub normal_consistency: Option<f64>,
     /// Weight of the loss of colours, relative to that of silhouettes [default: 3, and 5 for
     /// an object of one colour under light]
     #[arg(long, value_name = "WEIGHT", value_parser = weight)]
     pub color_weight: Option<f64>,
+    /// Weight of the loss of depths in units of the object's radius, relative to that of silhouettes
+    #[arg(long, value_name = "WEIGHT", value_parser = weight, default_value_t = 10.0)]
+    pub depth_weight: f64,
+    /// Weight of the loss of normals, relative to that of silhouettes
+    #[arg(long, value_name = "WEIGHT", value_parser = weight, default_value_t = 0.5)]
+    pub normal_weight: f64,
     /// Compute the steps on the host in double precision in place of on the device
     #[arg(long)]
     pub host: bool,
@@ -262,7 +284,7 @@ pub struct MethodArgs {
     pub edge: Option<(f64, f64)>,
     /// Fit again without the schedule, without softness (sigma 1e-7), without regularisers, (with --color) without colours
     /// and with a hard renderer's gradients, and report these fits too
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["also", "depths", "normals"])]
     pub baselines: bool,
 }
 

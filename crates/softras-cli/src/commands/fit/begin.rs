@@ -83,7 +83,9 @@ fn hull(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Option
         Ok(raw) => {
             let edge = args.method.edge.map_or(HULL_EDGE, |edge| edge.0) * side / pixels as f64;
             let hull = remeshed(&raw, edge)?;
-            if !(views.one_color && args.color) || views.lights.directional.is_empty() {
+            // Depths have shown the hollows already.
+            let lit = views.one_color && args.color && !views.lights.directional.is_empty();
+            if !lit || targets.depth.is_some() {
                 return Ok(Some(hull));
             }
             let (mesh, hollows) = dug(hull, edge, &targets, views, renderer)?;

@@ -10,6 +10,7 @@ mod checkpoint;
 mod dig;
 mod engine;
 mod film;
+mod maps;
 mod plot;
 mod report;
 mod setup;
@@ -48,8 +49,11 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     let written = [&files.json, &files.plot, &files.gif, &files.checkpoint];
     let mut views = Vec::new();
     if let Some(folder) = &files.write_views {
-        std::fs::create_dir_all(folder).map_err(|source| softras::Error::Io { path: folder.clone(), source })?;
+        for folder in [folder.clone()].into_iter().chain(maps::folders(folder, &args.also)) {
+            std::fs::create_dir_all(&folder).map_err(|source| softras::Error::Io { path: folder, source })?;
+        }
         views = camera_files::names(folder, args.count_of_views()?);
+        views.extend(maps::names(folder, &args.also, &views));
     }
     let outputs = Outputs::new(written.into_iter().flatten().chain(&views), [out])?;
     let mut renderer = super::open_device(args.device.as_deref(), args.read.memory.memory)?;

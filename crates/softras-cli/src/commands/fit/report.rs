@@ -72,6 +72,8 @@ impl Log {
             "loss": each(|s| s.loss),
             "silhouette_loss": each(|s| s.silhouette),
             "color_loss": each(|s| s.color),
+            "depth_loss": each(|s| s.depth),
+            "normal_loss": each(|s| s.normal),
             "regularizers": names.collect::<Vec<_>>(),
             "regularizer_values": penalties,
             "seconds": self.steps.iter().map(|s| s.2).collect::<Vec<_>>(),

@@ -78,7 +78,7 @@ impl Setup {
         let (from, to) = method.rate.unwrap_or((default.0.0 * unit, default.0.1 * unit));
         Ok(Self {
             colored: args.colored(),
-            options: options(args, official, &begin),
+            options: options(args, official, &begin, views.bounds.radius),
             template: begin.mesh,
             hull: begin.hull,
             faces: method.faces.into(),
@@ -159,7 +159,8 @@ impl Setup {
 /// The radius that the cameras of the official data see around the origin; rates are for objects of this size.
 const REFERENCE_RADIUS: f64 = 0.732;
 
-fn options(args: &FitArgs, official: bool, begin: &Begin) -> ShapeOptions {
+/// `radius` is that of the object, in world units.
+fn options(args: &FitArgs, official: bool, begin: &Begin, radius: f64) -> ShapeOptions {
     let method = &args.method;
     let mut options = if official { ShapeOptions::official() } else { ShapeOptions::smooth() };
     if begin.hull && begin.one_color {
@@ -172,12 +173,14 @@ fn options(args: &FitArgs, official: bool, begin: &Begin) -> ShapeOptions {
     }
     let mut weights = options.regularizers.clone();
     weights.push((Regularizer::NormalConsistency, 0.0));
-    let given = [method.laplacian, method.flatten, method.normals];
+    let given = [method.laplacian, method.flatten, method.normal_consistency];
     weights.iter_mut().zip(given).for_each(|(weight, given)| weight.1 = given.unwrap_or(weight.1));
     options.regularizers = weights.into_iter().filter(|(_, weight)| *weight > 0.0).collect();
     options.samples = method.samples.unwrap_or(1) as usize;
     options.silhouette.0 = method.loss.image_loss();
     options.color = (ImageLoss::L1, method.color_weight.unwrap_or(if begin.one_color { 5.0 } else { 3.0 }));
+    options.depth = (ImageLoss::L1, method.depth_weight / radius);
+    options.normal = (ImageLoss::L1, method.normal_weight);
     (options.fit_colors, options.fit_positions) = (args.colored() && !begin.one_color, !args.texture);
     options
 }

@@ -1,6 +1,7 @@
 //! The targets of a fit: images and their cameras.
 
 use super::args::FitArgs;
+use super::maps::{self, Map};
 use super::{camera_files, cameras};
 use crate::commands::color::Curve;
 use crate::commands::memory::Budget;
@@ -95,8 +96,8 @@ impl Views {
             outputs: Outputs {
                 color: args.colored() || args.files.write_views.is_some(),
                 silhouette: true,
-                depth: false,
-                normal: false,
+                depth: args.also.contains(&Map::Depth),
+                normal: args.also.contains(&Map::Normal),
             },
             ..Settings::default()
         };
@@ -106,20 +107,25 @@ impl Views {
         }
         let lights = args.lights(one_color);
         let scene = Scene::new(mesh.clone()).with_lights(lights.clone());
-        let (mut silhouette, mut color) = (None, None);
+        let mut targets = Targets { cameras, ..Targets::default() };
         let progress = Progress::counted("view", count);
+        let cameras = targets.cameras.clone();
         parts::in_batches(renderer, &scene, &cameras, &settings, |views, frame| {
-            append(&mut silhouette, frame.silhouette())?;
-            append(&mut color, frame.color())?;
+            append(&mut targets.silhouette, frame.silhouette())?;
+            append(&mut targets.color, frame.color())?;
+            append(&mut targets.depth, frame.depth())?;
+            append(&mut targets.normal, frame.normal())?;
             views.for_each(|_| progress.step());
             Ok(())
         })?;
         drop(progress);
-        if let (Some(folder), Some(silhouette), Some(color)) = (&args.files.write_views, &silhouette, &color) {
+        if let (Some(folder), Some(silhouette), Some(color)) =
+            (&args.files.write_views, &targets.silhouette, &targets.color)
+        {
             camera_files::write(folder, &cameras, silhouette, color)?;
+            maps::write(folder, &targets, &camera_files::names(folder, cameras.len()))?;
         }
-        let color = color.filter(|_| args.colored());
-        let targets = Targets { cameras, silhouette, color };
+        targets.color = targets.color.filter(|_| args.colored());
         Ok(Self { targets, truth: Some(mesh), template, bounds, depths, lights, one_color })
     }
 }
@@ -156,6 +162,8 @@ pub fn every(targets: &Targets, stride: usize) -> Targets {
         cameras: views.iter().map(|&view| targets.cameras[view]).collect(),
         silhouette: targets.silhouette.as_ref().map(some),
         color: targets.color.as_ref().map(some),
+        depth: targets.depth.as_ref().map(some),
+        normal: targets.normal.as_ref().map(some),
     }
 }
 
@@ -208,6 +216,10 @@ fn arrays(args: &FitArgs, path: &Path, budget: &Budget) -> Result<Targets, Failu
     let Some(cameras) = &args.cameras else {
         return Err(Failure::Usage("--cameras: images in a .npy file need it".into()));
     };
+    if args.depths.is_some() || args.normals.is_some() {
+        let what = "--depths, --normals: their files have the names of pictures, which a .npy file of images has not";
+        return Err(Failure::Usage(what.into()));
+    }
     let array = read_array(path, budget)?;
     // The axes of [view, row, column, channel] in the file.
     let (sizes, strides) = match array.shape[..] {
@@ -263,7 +275,8 @@ impl Pixels {
 
     fn targets(self, cameras: Vec<Camera>, [batch, height, width]: [usize; 3]) -> Targets {
         let image = |channels: usize, data: Vec<f32>| Image { batch, height, width, channels, data };
-        Targets { cameras, silhouette: Some(image(1, self.silhouette)), color: self.color.map(|color| image(3, color)) }
+        let color = self.color.map(|color| image(3, color));
+        Targets { cameras, silhouette: Some(image(1, self.silhouette)), color, ..Targets::default() }
     }
 }
 
@@ -300,7 +313,15 @@ fn folder(args: &FitArgs, path: &Path, files: &mut Vec<PathBuf>, budget: &Budget
         for_each_pixel(&path.join(&view.file), |pixel| pixels.push(pixel))?;
     }
     let (width, height) = size.unwrap_or_default();
-    Ok(pixels.targets(cameras, [views.len(), height as usize, width as usize]))
+    let (width, height) = (width as usize, height as usize);
+    let mut targets = pixels.targets(cameras, [views.len(), height, width]);
+    let pictures: Vec<PathBuf> = views.into_iter().map(|view| view.file).collect();
+    let mut maps = |map: Map, folder: &Option<PathBuf>| -> Result<Option<Image>> {
+        let Some(folder) = folder else { return Ok(None) };
+        map.read_all(folder, &pictures, (width, height), args.depth_unit, files, budget).map(Some)
+    };
+    (targets.depth, targets.normal) = (maps(Map::Depth, &args.depths)?, maps(Map::Normal, &args.normals)?);
+    Ok(targets)
 }
 
 /// Refuses pictures outside the folder: a cameras.json of unknown origin must not make softras read other files.

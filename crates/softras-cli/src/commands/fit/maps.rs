@@ -1,0 +1,225 @@
+//! Maps of depths and normals beside the views of a fit: a file for each picture, of the picture's name.
+
+use super::targets::{numbers, read_array};
+use crate::commands::memory::Budget;
+use crate::commands::npz::npy;
+use clap::ValueEnum;
+use exr::prelude::{MetaData, ReadChannels, ReadLayers, read};
+use softras::fit::Targets;
+use softras::internals::files::{self, Picture};
+use softras::{Error, Image, Result};
+use std::path::{Path, PathBuf};
+
+/// What a map holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Map {
+    /// View depths
+    Depth,
+    /// Normals in world space
+    Normal,
+}
+
+/// The endings of maps, in the order in which they are looked for.
+const ENDINGS: [&str; 3] = ["exr", "npy", "png"];
+/// The most pixels along a side, as of pictures.
+const MAX_SIDE: usize = 16384;
+/// Bytes that a value takes while it is read: as it is in the file, as a sample, and as a number.
+const BYTES_PER_VALUE: u64 = 16;
+/// Normals shorter than this have no direction, and are taken as not known.
+const SHORTEST: f32 = 0.1;
+
+/// The values of one map.
+struct Values {
+    width: usize,
+    height: usize,
+    data: Vec<f32>,
+}
+
+impl Map {
+    fn channels(self) -> usize {
+        match self {
+            Self::Depth => 1,
+            Self::Normal => 3,
+        }
+    }
+
+    fn folder(self) -> &'static str {
+        match self {
+            Self::Depth => "depths",
+            Self::Normal => "normals",
+        }
+    }
+
+    /// Reads the maps of all pictures, whose names are given, and adds the files to those that were read.
+    pub fn read_all(
+        self,
+        folder: &Path,
+        pictures: &[PathBuf],
+        (width, height): (usize, usize),
+        unit: f64,
+        files: &mut Vec<PathBuf>,
+        budget: &Budget,
+    ) -> Result<Image> {
+        let mut data = Vec::new();
+        for picture in pictures {
+            let path = self.file(folder, picture)?;
+            let values = self.read(&path, unit, budget)?;
+            if (values.width, values.height) != (width, height) {
+                let what = format!("has {}×{} pixels, its picture {width}×{height}", values.width, values.height);
+                return fault(&path, what, "give it the size of the pictures");
+            }
+            data.extend(values.data.chunks_exact(self.channels()).flat_map(|pixel| self.known(pixel)));
+            files.push(path);
+        }
+        Ok(Image { batch: pictures.len(), height, width, channels: self.channels(), data })
+    }
+
+    /// The map of a picture.
+    fn file(self, folder: &Path, picture: &Path) -> Result<PathBuf> {
+        let stem = Path::new(picture.file_stem().unwrap_or_default());
+        let found =
+            ENDINGS.map(|ending| folder.join(stem).with_extension(ending)).into_iter().find(|path| path.exists());
+        match found {
+            Some(path) => Ok(path),
+            None => {
+                let what = format!("has no {} of {}", self.folder(), picture.display());
+                let fix = format!("name it {}.exr, .npy or .png", stem.display());
+                fault(folder, what, &fix)
+            }
+        }
+    }
+
+    fn read(self, path: &Path, unit: f64, budget: &Budget) -> Result<Values> {
+        match path.extension().and_then(|ending| ending.to_str()) {
+            Some("exr") => self.read_exr(path, budget),
+            Some("npy") => self.read_npy(path, budget),
+            _ => self.read_png(path, unit, budget),
+        }
+    }
+
+    fn read_npy(self, path: &Path, budget: &Budget) -> Result<Values> {
+        let array = read_array(path, budget)?;
+        let (height, width) = match (self, &array.shape[..]) {
+            (Self::Depth, &[h, w] | &[h, w, 1]) | (Self::Normal, &[h, w, 3]) => (h, w),
+            (_, shape) => {
+                let fix = if self == Self::Depth { "use [H, W]" } else { "use [H, W, 3]" };
+                return fault(path, format!("has shape {shape:?}"), fix);
+            }
+        };
+        let values = numbers(path, &array)?;
+        Ok(Values { width, height, data: (0..height * width * self.channels()).map(|i| values.at(i) as f32).collect() })
+    }
+
+    /// Depths are steps of `unit`; normals lie between -1 (black) and 1 (white), and black in all channels is not known.
+    fn read_png(self, path: &Path, unit: f64, budget: &Budget) -> Result<Values> {
+        let picture = Picture::open(path)?;
+        let (width, height) = (picture.width as usize, picture.height as usize);
+        budget.count_file(picture.file_bytes);
+        self.claim(path, width, height, self.channels(), budget)?;
+        let picture = picture.decode(path)?;
+        let data = match self {
+            Self::Depth if picture.color() != image::ColorType::L16 => {
+                return fault(path, "is no grey picture of 16 bits", "write depths as .exr, .npy, or .png of 16 bits");
+            }
+            Self::Depth => picture.into_luma16().iter().map(|step| (f64::from(*step) * unit) as f32).collect(),
+            Self::Normal => {
+                let straight = |x: u16| f32::from(x) / 32767.5 - 1.0;
+                let pixel = |p: &image::Rgb<u16>| if p.0 == [0; 3] { [0.0; 3] } else { p.0.map(straight) };
+                picture.into_rgb16().pixels().flat_map(pixel).collect()
+            }
+        };
+        Ok(Values { width, height, data })
+    }
+
+    /// Depths are the channel Z, or the only one; normals the channels R, G, B or X, Y, Z.
+    fn read_exr(self, path: &Path, budget: &Budget) -> Result<Values> {
+        let refuse = |error: exr::error::Error| {
+            fault(path, format!("is no OpenEXR file that can be read: {error}"), "write it again")
+        };
+        let meta = match MetaData::read_from_file(path, false) {
+            Ok(meta) => meta,
+            Err(error) => return refuse(error),
+        };
+        let Some(header) = meta.headers.first() else { return fault(path, "has no image", "write it again") };
+        let (width, height) = (header.layer_size.0, header.layer_size.1);
+        budget.count_file(files::open(path)?.metadata().map_or(0, |metadata| metadata.len()));
+        self.claim(path, width, height, header.channels.list.len(), budget)?;
+        let file = read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer();
+        let image = match file.all_attributes().non_parallel().from_file(path) {
+            Ok(image) => image,
+            Err(error) => return refuse(error),
+        };
+        let channels = &image.layer_data.channel_data.list;
+        let named = |name: &str| channels.iter().find(|channel| channel.name.eq(name));
+        let all = |names: [&str; 3]| names.into_iter().map(named).collect::<Option<Vec<_>>>();
+        let wanted = match self {
+            Self::Depth => named("Z").or(channels.first().filter(|_| channels.len() == 1)).map(|channel| vec![channel]),
+            Self::Normal => all(["R", "G", "B"]).or_else(|| all(["X", "Y", "Z"])),
+        };
+        let Some(wanted) = wanted else {
+            let fix = if self == Self::Depth { "name the depths' channel Z" } else { "name the channels R, G and B" };
+            let names: Vec<String> = channels.iter().map(|channel| channel.name.to_string()).collect();
+            return fault(path, format!("has the channels {}", names.join(", ")), fix);
+        };
+        let columns: Vec<Vec<f32>> =
+            wanted.iter().map(|channel| channel.sample_data.values_as_f32().collect()).collect();
+        let data = (0..width * height).flat_map(|i| columns.iter().map(move |column| column[i])).collect();
+        Ok(Values { width, height, data })
+    }
+
+    /// Claims the memory for reading a map.
+    fn claim(self, path: &Path, width: usize, height: usize, channels: usize, budget: &Budget) -> Result<()> {
+        if width.min(height) == 0 || width.max(height) > MAX_SIDE {
+            return fault(path, format!("is {width}×{height} pixels"), &format!("use 1 to {MAX_SIDE} pixels a side"));
+        }
+        let values = (width as u64 * height as u64).saturating_mul(channels as u64);
+        budget.claim(path, &format!("a map of {width}×{height} pixels"), values.saturating_mul(BYTES_PER_VALUE))
+    }
+
+    /// A pixel as it is fitted: 0 where it is not known, and normals of length 1.
+    fn known(self, pixel: &[f32]) -> Vec<f32> {
+        let finite = pixel.iter().all(|x| x.is_finite());
+        match self {
+            Self::Depth => vec![if finite { pixel[0].max(0.0) } else { 0.0 }],
+            Self::Normal => {
+                let length = pixel.iter().map(|x| x * x).sum::<f32>().sqrt();
+                let good = finite && length >= SHORTEST && length.is_finite();
+                pixel.iter().map(|x| if good { x / length } else { 0.0 }).collect()
+            }
+        }
+    }
+}
+
+/// The files that [`write`] writes for pictures of these names.
+pub fn names(folder: &Path, maps: &[Map], pictures: &[PathBuf]) -> Vec<PathBuf> {
+    let pictures = || pictures.iter().filter(|path| path.extension().is_some_and(|ending| ending == "png"));
+    maps.iter().flat_map(|map| pictures().map(|path| place(folder, *map, path))).collect()
+}
+
+/// The folders that [`write`] writes into.
+pub fn folders(folder: &Path, maps: &[Map]) -> impl Iterator<Item = PathBuf> {
+    maps.iter().map(|map| folder.join(map.folder()))
+}
+
+/// Writes the targets' maps as .npy files into folders of their own beside the pictures.
+pub fn write(folder: &Path, targets: &Targets, pictures: &[PathBuf]) -> Result<()> {
+    let mut written = Vec::new();
+    for (map, image) in [(Map::Depth, &targets.depth), (Map::Normal, &targets.normal)] {
+        let Some(image) = image else { continue };
+        for (view, picture) in pictures.iter().take(image.batch).enumerate() {
+            let shape = [image.height, image.width, image.channels];
+            let shape = if map == Map::Depth { &shape[..2] } else { &shape[..] };
+            written.push((place(folder, map, picture), npy::write(shape, npy::Data::F32(image.view(view)))));
+        }
+    }
+    files::write_files(&written)
+}
+
+fn place(folder: &Path, map: Map, picture: &Path) -> PathBuf {
+    let name = Path::new(picture.file_stem().unwrap_or_default()).with_extension("npy");
+    folder.join(map.folder()).join(name)
+}
+
+fn fault<T>(path: &Path, what: impl Into<String>, fix: &str) -> Result<T> {
+    Err(Error::File { path: path.into(), line: None, what: what.into(), fix: fix.into() })
+}
