@@ -4,7 +4,7 @@ use super::targets::{numbers, read_array};
 use crate::commands::memory::Budget;
 use crate::commands::npz::npy;
 use clap::ValueEnum;
-use exr::prelude::{MetaData, ReadChannels, ReadLayers, read};
+use exr::prelude::{AnyChannel, FlatSamples, MetaData, ReadChannels, ReadLayers, read};
 use softras::fit::Targets;
 use softras::internals::files::{self, Picture};
 use softras::{Error, Image, Result};
@@ -131,25 +131,34 @@ impl Map {
         Ok(Values { width, height, data })
     }
 
-    /// Depths are the channel Z, or the only one; normals the channels R, G, B or X, Y, Z.
     fn read_exr(self, path: &Path, budget: &Budget) -> Result<Values> {
         let refuse = |error: exr::error::Error| {
             fault(path, format!("is no OpenEXR file that can be read: {error}"), "write it again")
         };
+        budget.count_file(files::open(path)?.metadata().map_or(0, |metadata| metadata.len()));
         let meta = match MetaData::read_from_file(path, false) {
             Ok(meta) => meta,
             Err(error) => return refuse(error),
         };
-        let Some(header) = meta.headers.first() else { return fault(path, "has no image", "write it again") };
-        let (width, height) = (header.layer_size.0, header.layer_size.1);
-        budget.count_file(files::open(path)?.metadata().map_or(0, |metadata| metadata.len()));
-        self.claim(path, width, height, header.channels.list.len(), budget)?;
+        for header in &meta.headers {
+            self.claim(path, header.layer_size.0, header.layer_size.1, header.channels.list.len(), budget)?;
+        }
         let file = read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer();
-        let image = match file.all_attributes().non_parallel().from_file(path) {
-            Ok(image) => image,
+        let layer = match file.all_attributes().non_parallel().from_file(path) {
+            Ok(image) => image.layer_data,
             Err(error) => return refuse(error),
         };
-        let channels = &image.layer_data.channel_data.list;
+        let (width, height) = (layer.size.0, layer.size.1);
+        let columns = self.columns(path, &layer.channel_data.list)?;
+        if columns.iter().any(|column| column.len() != width * height) {
+            return fault(path, "has channels with fewer samples than pixels", "write a sample for each pixel");
+        }
+        let data = (0..width * height).flat_map(|i| columns.iter().map(move |column| column[i])).collect();
+        Ok(Values { width, height, data })
+    }
+
+    /// The samples of the channels that count: depths are the channel Z, or the only one; normals R, G, B or X, Y, Z.
+    fn columns(self, path: &Path, channels: &[AnyChannel<FlatSamples>]) -> Result<Vec<Vec<f32>>> {
         let named = |name: &str| channels.iter().find(|channel| channel.name.eq(name));
         let all = |names: [&str; 3]| names.into_iter().map(named).collect::<Option<Vec<_>>>();
         let wanted = match self {
@@ -161,10 +170,7 @@ impl Map {
             let names: Vec<String> = channels.iter().map(|channel| channel.name.to_string()).collect();
             return fault(path, format!("has the channels {}", names.join(", ")), fix);
         };
-        let columns: Vec<Vec<f32>> =
-            wanted.iter().map(|channel| channel.sample_data.values_as_f32().collect()).collect();
-        let data = (0..width * height).flat_map(|i| columns.iter().map(move |column| column[i])).collect();
-        Ok(Values { width, height, data })
+        Ok(wanted.into_iter().map(|channel| channel.sample_data.values_as_f32().collect()).collect())
     }
 
     /// Claims the memory for reading a map.
@@ -222,4 +228,50 @@ fn place(folder: &Path, map: Map, picture: &Path) -> PathBuf {
 
 fn fault<T>(path: &Path, what: impl Into<String>, fix: &str) -> Result<T> {
     Err(Error::File { path: path.into(), line: None, what: what.into(), fix: fix.into() })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::commands::memory::MemoryArgs;
+    use exr::prelude::{SpecificChannels, WritableImage};
+    use softras_cli::random::Random;
+
+    #[test]
+    fn no_damaged_map_is_more_than_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let budget = || Budget::new(&MemoryArgs { memory: Some(64 << 20) });
+        let mut file = std::io::Cursor::new(Vec::new());
+        let pixels = SpecificChannels::build().with_channel("Z").with_pixel_fn(|at| ((at.0 + 9 * at.1) as f32,));
+        let image = exr::prelude::Image::from_channels((9, 7), pixels);
+        image.write().non_parallel().to_buffered(&mut file).unwrap();
+        let exr = file.into_inner();
+        let numbers: Vec<f32> = (0..63).map(|i| i as f32).collect();
+        let mut png = std::io::Cursor::new(Vec::new());
+        image::ImageBuffer::<image::Luma<u16>, _>::from_fn(9, 7, |x, y| image::Luma([(x + 9 * y) as u16]))
+            .write_to(&mut png, image::ImageFormat::Png)
+            .unwrap();
+        let mut random = Random::new(7);
+        for (name, good) in
+            [("a.exr", exr), ("a.npy", npy::write(&[7, 9], npy::Data::F32(&numbers))), ("a.png", png.into_inner())]
+        {
+            let path = folder.path().join(name);
+            std::fs::write(&path, &good).unwrap();
+            let values = Map::Depth.read(&path, 1.0, &budget()).unwrap();
+            assert_eq!((values.width, values.height, &values.data), (9, 7, &numbers), "{name}");
+            for _ in 0..400 {
+                let mut bytes = good.clone();
+                for _ in 0..1 + random.below(3) {
+                    let at = random.below(bytes.len());
+                    bytes[at] = random.below(256) as u8;
+                }
+                bytes.truncate(if random.below(4) == 0 { random.below(bytes.len()) } else { bytes.len() });
+                std::fs::write(&path, &bytes).unwrap();
+                if let Ok(values) = Map::Depth.read(&path, 1.0, &budget()) {
+                    assert_eq!(values.data.len(), values.width * values.height);
+                }
+            }
+        }
+    }
 }
