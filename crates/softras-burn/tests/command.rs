@@ -40,16 +40,21 @@ fn from_data_to_a_mesh_and_the_table() {
     let curve = std::fs::read_to_string(folder.join("whole/curve.csv")).unwrap();
     assert_eq!(curve.lines().count(), 5, "{curve}");
 
-    let network = "--network whole/best.checkpoint";
-    let table =
-        "evaluate data --network a=whole/best.checkpoint --views 2 --sheet s.png --example p.png --curves c.svg";
-    let table = succeeds(folder, table);
-    assert!(table.contains("| a |") && table.contains("retrieval by silhouette"), "{table}");
+    let network = "--network whole/best.safetensors";
+    succeeds(folder, &format!("train data -o solid --voxels --steps 2 {SMALL}"));
+    let networks =
+        "--network v=solid/best.safetensors --network a=whole/best.safetensors --network a=whole/last.safetensors";
+    let table = format!("evaluate data {networks} --views 2 --sheet s.png --example p.png --curves c.svg");
+    let table = succeeds(folder, &table);
+    assert!(table.contains("| a |") && table.contains("| v |") && table.contains("retrieval by silhouette"), "{table}");
+    let of_a: Vec<&str> = table.lines().filter(|line| line.contains("| a |")).collect();
+    assert!(of_a.len() == 1 && of_a[0].contains(" to "), "{table}");
     let sheet = image::open(folder.join("s.png")).unwrap();
-    assert_eq!([sheet.width(), sheet.height()], [6 * 64, 2 * 64]);
+    assert_eq!([sheet.width(), sheet.height()], [6 * 128, 28 + 2 * 128]);
     assert!(std::fs::read_to_string(folder.join("c.svg")).unwrap().contains("IoU of silhouettes"));
 
-    succeeds(folder, &format!("predict p.png {network} -o mesh.obj"));
+    succeeds(folder, &format!("predict p.png {network} -o mesh.obj --gif turn.gif"));
+    turns(&folder.join("turn.gif"));
     let mesh = std::fs::read_to_string(folder.join("mesh.obj")).unwrap();
     assert_eq!(mesh.lines().filter(|line| line.starts_with("v ")).count(), 642);
     // A vertex colour follows each position.
@@ -59,12 +64,93 @@ fn from_data_to_a_mesh_and_the_table() {
     assert!(fails(folder, &format!("predict narrow.png {network} -o mesh.obj")).contains("32 by 64"));
     assert!(fails(folder, &format!("predict p.png {network} -o mesh.stl")).contains("mesh.stl"));
     assert!(fails(folder, "predict p.png --network p.png -o mesh.obj").contains("not a checkpoint"));
+    assert!(fails(folder, "predict p.png --network solid/best.safetensors -o mesh.obj").contains("voxel network"));
+    assert!(fails(folder, "evaluate data --network v=solid/best.safetensors --sheet s.png").contains("mesh network"));
     assert!(fails(folder, "train data -o x --classes ship").contains("ship_train_images.npz"));
     assert!(fails(folder, "train data -o x --steps 0").contains("steps = 0"));
     assert!(fails(folder, "data -o x --families ship").contains("no family \"ship\""));
     assert!(fails(folder, "data -o x --shard 2/2").contains("I below N"));
     std::fs::write(folder.join("data/sofa_test_voxels.npz"), b"PK").unwrap();
     assert!(fails(folder, "evaluate data").contains("sofa_test_voxels.npz"));
+}
+
+/// The film's left half stays the input, and its right half changes with every frame.
+fn turns(path: &Path) {
+    let reader = std::io::BufReader::new(std::fs::File::open(path).unwrap());
+    let film = image::AnimationDecoder::into_frames(image::codecs::gif::GifDecoder::new(reader).unwrap());
+    let frames = film.collect_frames().unwrap();
+    assert_eq!(frames.len(), 48);
+    let half =
+        |frame: &image::Frame, left: u32| image::imageops::crop_imm(frame.buffer(), left, 0, 128, 128).to_image();
+    let changed = frames.array_windows().filter(|[a, b]| half(a, 128) != half(b, 128)).count();
+    assert!(changed > 40, "{changed}");
+    // The palette of each frame is its own, so that colours differ a little.
+    let far = |[a, b]: [&image::Frame; 2]| {
+        half(a, 0).iter().zip(half(b, 0).iter()).map(|(a, b)| a.abs_diff(*b)).max().unwrap()
+    };
+    assert!(frames.array_windows().all(|[a, b]| far([a, b]) < 40));
+}
+
+/// An archive of furniture: a catalogue and files.
+fn archive(path: &Path, files: &[(&str, &[u8])]) {
+    let mut zip = zip::ZipWriter::new(std::fs::File::create(path).unwrap());
+    for (name, bytes) in files {
+        zip.start_file(*name, zip::write::SimpleFileOptions::default()).unwrap();
+        std::io::Write::write_all(&mut zip, bytes).unwrap();
+    }
+    zip.finish().unwrap();
+}
+
+#[test]
+fn furniture_becomes_sets_and_hostile_archives_stay_inside() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::create_dir_all(folder.join("shop")).unwrap();
+    assert!(fails(folder, "data -o data --furniture shop").contains("sweethome3d-furniture"));
+    let piece = |i: usize, name: &str, model: &str| {
+        let size = format!("width#{i}=40\ndepth#{i}=80\nheight#{i}=20\n");
+        format!("id#{i}=shop#{i:02}\nname#{i}={name}\nmodel#{i}=/{model}\n{size}")
+    };
+    let mut catalogue = String::new();
+    let mut files = Vec::new();
+    for (class, name) in ["Round table", "Sofa", "High cabinet", "Oak chair"].into_iter().enumerate() {
+        for i in 0..7 {
+            let mesh = softras_burn::reconstruct::families::object("sofa", (7 * class + i) as u64).unwrap().unwrap();
+            let path = folder.join("one.obj");
+            softras::obj::write_obj(&mesh, &path).unwrap();
+            let number = 10 * class + i;
+            catalogue += &piece(number, name, &format!("{number}/one.obj"));
+            files.push((format!("{number}/one.obj"), std::fs::read(&path).unwrap()));
+        }
+    }
+    // The same model again, one that is missing, and one beside a file whose name leads out.
+    catalogue += &piece(90, "Sofa", "0/one.obj");
+    catalogue += &piece(91, "Sofa", "gone/one.obj");
+    catalogue += &piece(92, "Sofa", "evil/one.obj");
+    files.push(("evil/one.obj".into(), b"v 0 0 0\n".to_vec()));
+    files.push(("evil/../../../outside.txt".into(), b"outside".to_vec()));
+    // A model outside of the archive, where there is such a file.
+    catalogue += &piece(93, "Sofa", "../one.obj");
+    files.push(("PluginFurnitureCatalog.properties".into(), catalogue.into_bytes()));
+    let named: Vec<(&str, &[u8])> = files.iter().map(|(name, bytes)| (name.as_str(), &bytes[..])).collect();
+    archive(&folder.join("shop/shop.sh3f"), &named);
+    let output = run(folder, "data -o data --furniture shop");
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{told}");
+    assert!(
+        told.contains("left out: shop#91") && told.contains("left out: shop#92") && !told.contains("shop#90"),
+        "{told}"
+    );
+    assert!(told.contains("left out: shop#93"), "{told}");
+    assert!(told.contains("leads out of the archive") && !folder.join("outside.txt").exists(), "{told}");
+    for class in ["cabinet", "chair", "sofa", "table"] {
+        assert!(told.contains(&format!("{class}: 1 objects for test")), "{told}");
+    }
+    assert!(succeeds(folder, "evaluate data --views 1").contains("| method | cabinet | chair | sofa | table | mean |"));
+    archive(&folder.join("shop/empty.sh3f"), &[("other.txt", b"x")]);
+    assert!(fails(folder, "data -o other --furniture shop").contains("empty.sh3f"));
+    std::fs::write(folder.join("shop/empty.sh3f"), b"PK").unwrap();
+    assert!(fails(folder, "data -o other --furniture shop").contains("not an archive"));
 }
 
 #[test]
@@ -105,15 +191,15 @@ fn ctrl_c_keeps_what_was_learned() {
     let lines = || std::fs::read_to_string(folder.join("run/curve.csv")).unwrap().lines().count();
     let before = lines();
     assert!(before > 2);
-    assert!(folder.join("run/best.checkpoint").exists());
+    assert!(folder.join("run/best.safetensors").exists());
 
     // The file system takes no more than 20 KiB a file: the checkpoints that are there stay whole.
-    let whole = std::fs::read(folder.join("run/last.checkpoint")).unwrap();
-    let line = format!("{PROGRAM} train data -o run --every 2 --resume run/last.checkpoint");
+    let whole = std::fs::read(folder.join("run/last.safetensors")).unwrap();
+    let line = format!("{PROGRAM} train data -o run --every 2 --resume run/last.safetensors");
     let limited = format!("trap '' XFSZ; ulimit -f 20; exec {line}");
     let output = Command::new("bash").current_dir(folder).args(["-c", &limited]).output().unwrap();
     let error = String::from_utf8(output.stderr).unwrap();
-    assert!(!output.status.success() && error.contains("last.checkpoint"), "{error}");
-    assert_eq!(std::fs::read(folder.join("run/last.checkpoint")).unwrap(), whole);
+    assert!(!output.status.success() && error.contains("last.safetensors"), "{error}");
+    assert_eq!(std::fs::read(folder.join("run/last.safetensors")).unwrap(), whole);
     assert_eq!(lines(), before);
 }

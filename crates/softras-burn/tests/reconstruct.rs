@@ -1,12 +1,14 @@
 //! Single-view reconstruction in small: data, training that resumes to the bit, and files that are not what they should be.
 #![allow(clippy::unwrap_used)]
 
-use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
-use burn::tensor::{Device, Tensor};
+use burn::tensor::Device;
 use softras::Renderer;
 use softras::internals::fit::is_closed;
+use softras_burn::reconstruct::config::{Config, Row};
 use softras_burn::reconstruct::data::{self, Set, Shard};
-use softras_burn::reconstruct::train::{Config, Row, Trainer, meshes};
+use softras_burn::reconstruct::model::Model;
+use softras_burn::reconstruct::network::{Network, meshes};
+use softras_burn::reconstruct::train::Trainer;
 use softras_burn::reconstruct::{checkpoint, evaluate, families, picture, synthesis};
 use std::path::Path;
 
@@ -15,12 +17,14 @@ fn config() -> Config {
         width: 2,
         steps: 6,
         pairs: 2,
+        shares: 1,
         rate: 1e-3,
         sigma: 1e-4,
         laplacian: 5e-3,
         flatten: 5e-4,
         color: 1.0,
         hard: false,
+        voxels: false,
         seed: 5,
     }
 }
@@ -101,16 +105,10 @@ fn steps(trainer: &mut Trainer, set: &Set, count: usize) -> Vec<Row> {
 
 /// All weights of a network in training, through a checkpoint.
 fn weights(trainer: &Trainer, path: &Path) -> Vec<f32> {
-    struct Weights(Vec<f32>);
-    impl ModuleVisitor for Weights {
-        fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
-            self.0.extend(param.val().try_into_vec_as::<f32>().unwrap());
-        }
-    }
     trainer.save(path).unwrap();
-    let mut weights = Weights(Vec::new());
-    checkpoint::read(path, &Device::flex(), None).unwrap().1.visit(&mut weights);
-    weights.0
+    let weights = checkpoint::read(path, &Device::flex(), None).unwrap().1.weights();
+    assert!(weights.len() > 20);
+    weights.into_iter().flat_map(|weight| weight.values).collect()
 }
 
 #[test]
@@ -148,10 +146,26 @@ fn hard_images_and_silhouettes_alone_learn_as_well() {
 }
 
 #[test]
+fn a_voxel_network_learns_solids_and_resumes() {
+    let (set, folder) = (small(), tempfile::tempdir().unwrap());
+    let config = Config { voxels: true, steps: 20, rate: 3e-3, width: 4, ..config() };
+    let mut trainer = Trainer::new(config.clone(), Renderer::new().unwrap()).unwrap();
+    let curve = steps(&mut trainer, &set, 20);
+    assert!(curve[19].loss < 0.7 * curve[0].loss, "{curve:?}");
+    let mut part = Trainer::new(config, Renderer::new().unwrap()).unwrap();
+    steps(&mut part, &set, 7);
+    part.save(&folder.path().join("part")).unwrap();
+    let mut resumed = Trainer::resume(&folder.path().join("part"), Renderer::new().unwrap()).unwrap();
+    assert_eq!(steps(&mut resumed, &set, 13), curve[7..]);
+    let path = folder.path().join("whole");
+    assert_eq!(weights(&trainer, &path), weights(&resumed, &path));
+}
+
+#[test]
 fn the_table_has_every_row() {
     let (set, device) = (small(), Device::flex());
-    let network = softras_burn::reconstruct::network::Network::new(2, true, 1, &device).unwrap();
-    let table = evaluate::table(&set, &set, &[("new".into(), network)], 2, &device).unwrap();
+    let network = Network::new(2, true, &device).unwrap();
+    let table = evaluate::table(&set, &set, &[("new".into(), Model::Mesh(network))], 2, &device).unwrap();
     let names: Vec<&str> = table.rows.iter().map(|row| row.name.as_str()).collect();
     assert_eq!(names.len(), 6, "{names:?}");
     // The test set is the training set here, so that the nearest training shape is the shape itself.
@@ -168,7 +182,7 @@ fn the_table_has_every_row() {
 #[test]
 fn checkpoints_that_are_broken_are_refused() {
     let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("a.checkpoint");
+    let path = folder.path().join("a.safetensors");
     Trainer::new(config(), Renderer::new().unwrap()).unwrap().save(&path).unwrap();
     let whole = std::fs::read(&path).unwrap();
     let refused = |bytes: &[u8]| {
@@ -176,22 +190,33 @@ fn checkpoints_that_are_broken_are_refused() {
         checkpoint::read(&path, &Device::flex(), None).err().unwrap().to_string()
     };
     for length in [0, 50, whole.len() / 2, whole.len() - 1] {
-        assert!(refused(&whole[..length]).contains("a.checkpoint"));
+        assert!(refused(&whole[..length]).contains("a.safetensors"));
     }
-    // Weights that are not finite, in an archive that is whole.
-    let device = Device::flex().autodiff();
-    let network = softras_burn::reconstruct::network::Network::new(2, true, 1, &device).unwrap();
-    struct Poison;
-    impl ModuleMapper for Poison {
-        fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
-            param.map(|tensor| tensor * f32::NAN)
-        }
-    }
-    let status = checkpoint::Status { config: config(), step: 0, curve: Vec::new(), best: None };
-    let optimizer = burn::optim::AdamConfig::new().init();
-    checkpoint::write(&path, &status, &network.map(&mut Poison), &optimizer).unwrap();
-    let error = checkpoint::read(&path, &Device::flex(), None).err().unwrap().to_string();
-    assert!(error.contains("not finite"), "{error}");
+    // A weight that is not finite, of another name or of another shape, in a file that is whole.
+    let file = safetensors::SafeTensors::deserialize(&whole).unwrap();
+    let metadata = safetensors::SafeTensors::read_metadata(&whole).unwrap().1.metadata().clone();
+    let name = "center.weight";
+    let changed = |named: &str, shape: &[usize], value: f32| {
+        let bytes: Vec<u8> = std::iter::repeat_n(value.to_le_bytes(), shape.iter().product()).flatten().collect();
+        let other = safetensors::tensor::TensorView::new(safetensors::Dtype::F32, shape.to_vec(), &bytes).unwrap();
+        let tensors = file.tensors().into_iter().filter(|(other, _)| other != name);
+        safetensors::serialize(tensors.chain([(named.to_string(), other)]), metadata.clone()).unwrap()
+    };
+    let shape = file.tensor(name).unwrap().shape().to_vec();
+    assert!(refused(&changed(name, &shape, f32::NAN)).contains("center.weight is not finite"));
+    assert!(refused(&changed(name, &[5, 3], 0.0)).contains("F32 of shape [5, 3]"));
+    assert!(refused(&changed("middle.weight", &shape, 0.0)).contains("center.weight"));
+    let foreign = safetensors::serialize(file.tensors(), None).unwrap();
+    assert!(refused(&foreign).contains("no softras in its metadata"));
+    std::fs::write(&path, changed(name, &shape, 0.0)).unwrap();
+    checkpoint::read(&path, &Device::flex(), None).unwrap();
+    // A small file cannot ask for the memory of a large network.
+    let claim =
+        metadata.map(|said| said.into_iter().map(|(k, v)| (k, v.replace("\"width\":2", "\"width\":256"))).collect());
+    let large = safetensors::serialize(file.tensors(), claim).unwrap();
+    let start = std::time::Instant::now();
+    assert!(refused(&large).contains("the network has F32 of shape"));
+    assert!(start.elapsed() < std::time::Duration::from_secs(5));
     assert!(Trainer::new(Config { width: 0, ..config() }, Renderer::new().unwrap()).is_err());
     assert!(Trainer::new(Config { rate: f64::NAN, ..config() }, Renderer::new().unwrap()).is_err());
 }
@@ -207,7 +232,7 @@ fn pictures_go_in_and_out() {
     let differ = read.iter().zip(given).filter(|(a, b)| a.abs_diff(**b) > 1).count();
     assert_eq!(differ, 0);
     let device = Device::flex();
-    let network = softras_burn::reconstruct::network::Network::new(2, true, 1, &device).unwrap();
+    let network = Network::new(2, true, &device).unwrap();
     assert_eq!(meshes(&network, &[&read], &device).unwrap()[0].positions().len(), 642);
 
     let save = |image: image::DynamicImage| {
@@ -227,6 +252,6 @@ fn a_checkpoint_that_cannot_be_written_is_an_error() {
     let trainer = Trainer::new(config(), Renderer::new().unwrap()).unwrap();
     let error = trainer.save(Path::new("/dev/full")).unwrap_err().to_string();
     assert!(error.contains("/dev/full"), "{error}");
-    let error = trainer.save(Path::new("/proc/softras.checkpoint")).unwrap_err().to_string();
-    assert!(error.contains("/proc/softras.checkpoint"), "{error}");
+    let error = trainer.save(Path::new("/proc/softras.safetensors")).unwrap_err().to_string();
+    assert!(error.contains("/proc/softras.safetensors"), "{error}");
 }

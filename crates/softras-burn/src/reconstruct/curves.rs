@@ -1,6 +1,6 @@
 //! The curves of trainings as an SVG file.
 
-use super::train::Row;
+use super::config::Row;
 use plotters::prelude::*;
 use softras::internals::files;
 use softras::{Error, Result};
@@ -10,7 +10,8 @@ use std::path::Path;
 const SMOOTHED: usize = 50;
 const SIZE: (u32, u32) = (640, 360);
 
-/// Draws the IoU of silhouettes by step, each point the mean of 50 steps, a line for each training.
+/// Draws the IoU of silhouettes by step, each point the mean of 50 steps, a line for each training; those of one name have one
+/// colour.
 ///
 /// # Errors
 /// [`Error::Io`], also for errors of drawing.
@@ -39,12 +40,15 @@ fn plot(text: &mut String, curves: &[(String, Vec<Row>)]) -> std::result::Result
         .y_label_area_size(44)
         .build_cartesian_2d(0.0..last, f64::min(low, high)..f64::max(high, low + 0.01))?;
     chart.configure_mesh().x_desc("step").y_desc("IoU of silhouettes in training").draw()?;
-    for (i, (name, points)) in curves.iter().enumerate() {
-        let color = Palette99::pick(i).to_rgba();
-        chart
-            .draw_series(LineSeries::new(points.iter().copied(), color.stroke_width(2)))?
-            .label(*name)
-            .legend(move |(x, y)| PathElement::new(vec![(x, y), (x + 16, y)], color.stroke_width(2)));
+    let mut names: Vec<&str> = Vec::new();
+    for (name, points) in &curves {
+        let known = names.iter().position(|known| known == name);
+        let color = Palette99::pick(known.unwrap_or(names.len())).to_rgba();
+        let line = chart.draw_series(LineSeries::new(points.iter().copied(), color.stroke_width(2)))?;
+        if known.is_none() {
+            names.push(name);
+            line.label(*name).legend(move |(x, y)| PathElement::new(vec![(x, y), (x + 16, y)], color.stroke_width(2)));
+        }
     }
     chart
         .configure_series_labels()
@@ -63,22 +67,16 @@ mod tests {
     #[test]
     fn every_training_has_a_line_with_its_name() {
         let rows = |slope: f32| {
-            let row = |step| Row {
-                step,
-                loss: 1.0,
-                silhouette: 1.0 - slope * step as f32,
-                color: 0.0,
-                laplacian: 0.0,
-                flatten: 0.0,
-            };
+            let row = |step| Row::new(step, [1.0, 1.0 - slope * step as f32, 0.0, 0.0, 0.0]);
             (1..=200).map(row).collect::<Vec<Row>>()
         };
         let mut text = String::new();
-        plot(&mut text, &[("steep".into(), rows(4e-3)), ("gentle".into(), rows(1e-3))]).unwrap();
-        assert!(text.contains("steep") && text.contains("gentle"));
-        // Four points each, the curve and its mark in the legend.
+        plot(&mut text, &[("steep".into(), rows(4e-3)), ("gentle".into(), rows(1e-3)), ("steep".into(), rows(5e-3))])
+            .unwrap();
+        assert!(text.matches("steep").count() == 1 && text.contains("gentle"));
+        // The three curves and the marks of two names in the legend.
         let lines = text.matches("stroke-width=\"2\"").count();
-        assert_eq!(lines, 4, "{text}");
+        assert_eq!(lines, 5, "{text}");
         plot(&mut String::new(), &[("empty".into(), Vec::new())]).unwrap();
     }
 }

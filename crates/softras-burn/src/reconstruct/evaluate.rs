@@ -2,9 +2,9 @@
 
 use super::data::{Object, Set};
 use super::fill::Grid;
-use super::network::Network;
+use super::model::Model;
+use super::network::meshes;
 use super::scores::Known;
-use super::train::meshes;
 use super::{VIEWS, fit_error};
 use burn::tensor::Device;
 use softras::Result;
@@ -15,25 +15,45 @@ use std::fmt;
 pub struct Score {
     /// The method.
     pub name: String,
-    /// One for each class of the set.
-    pub classes: Vec<f64>,
+    /// For each run, one for each class of the set; a method that is no network has one run.
+    pub runs: Vec<Vec<f64>>,
 }
 
 impl Score {
-    fn of(name: &str, set: &Set, mut iou: impl FnMut(&Object) -> Result<f64>) -> Result<Self> {
-        let (mut sums, mut counts) = (vec![0.0; set.classes.len()], vec![0usize; set.classes.len()]);
-        for object in &set.objects {
-            sums[object.class] += iou(object)?;
-            counts[object.class] += 1;
-        }
-        let classes = sums.iter().zip(counts).map(|(sum, count)| sum / count.max(1) as f64).collect();
-        Ok(Self { name: name.into(), classes })
+    fn of(name: &str, set: &Set, iou: impl FnMut(&Object) -> Result<f64>) -> Result<Self> {
+        Ok(Self { name: name.into(), runs: vec![by_class(set, iou)?] })
     }
 
-    /// The mean over classes.
-    pub fn mean(&self) -> f64 {
-        self.classes.iter().sum::<f64>() / self.classes.len().max(1) as f64
+    /// The mean over runs for each class.
+    pub fn classes(&self) -> Vec<f64> {
+        let count = self.runs.first().map_or(0, Vec::len);
+        (0..count).map(|class| mean(self.runs.iter().map(|run| run[class]))).collect()
     }
+
+    /// The mean over classes of each run.
+    pub fn means(&self) -> Vec<f64> {
+        self.runs.iter().map(|run| mean(run.iter().copied())).collect()
+    }
+
+    /// The mean over classes and runs.
+    pub fn mean(&self) -> f64 {
+        mean(self.means().into_iter())
+    }
+}
+
+/// The mean of some numbers, of none 0.
+fn mean(numbers: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let count = numbers.len().max(1);
+    numbers.sum::<f64>() / count as f64
+}
+
+fn by_class(set: &Set, mut iou: impl FnMut(&Object) -> Result<f64>) -> Result<Vec<f64>> {
+    let (mut sums, mut counts) = (vec![0.0; set.classes.len()], vec![0usize; set.classes.len()]);
+    for object in &set.objects {
+        sums[object.class] += iou(object)?;
+        counts[object.class] += 1;
+    }
+    Ok(sums.iter().zip(counts).map(|(sum, count)| sum / count.max(1) as f64).collect())
 }
 
 /// Scores of several methods.
@@ -45,14 +65,17 @@ pub struct Table {
     pub rows: Vec<Score>,
 }
 
-/// As a table of Markdown.
+/// As a table of Markdown: means over runs and, where there are several, the least and the largest mean of a run.
 impl fmt::Display for Table {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "| method | {} | mean |", self.classes.join(" | "))?;
         writeln!(f, "| --- |{}", " ---: |".repeat(self.classes.len() + 1))?;
         for row in &self.rows {
-            let cells: String = row.classes.iter().map(|iou| format!(" {iou:.3} |")).collect();
-            writeln!(f, "| {} |{cells} {:.3} |", row.name, row.mean())?;
+            let cells: String = row.classes().iter().map(|iou| format!(" {iou:.3} |")).collect();
+            let means = row.means();
+            let (least, most) = means.iter().fold((f64::MAX, f64::MIN), |(l, m), &x| (l.min(x), m.max(x)));
+            let spread = if means.len() > 1 { format!(" ({least:.3} to {most:.3})") } else { String::new() };
+            writeln!(f, "| {} |{cells} {:.3}{spread} |", row.name, row.mean())?;
         }
         Ok(())
     }
@@ -63,11 +86,12 @@ fn views(count: usize) -> impl Iterator<Item = usize> {
     (0..count).map(move |i| i * VIEWS / count)
 }
 
-/// The table of a test set. Every score is a mean over `count` views of every object.
+/// The table of a test set. Every score is a mean over `count` views of every object. Networks of one name are the runs of one
+/// row.
 ///
 /// # Errors
 /// [`softras::Error::Fit`] for a number of views outside 1 to 24; as [`meshes`].
-pub fn table(train: &Set, test: &Set, networks: &[(String, Network)], count: usize, device: &Device) -> Result<Table> {
+pub fn table(train: &Set, test: &Set, networks: &[(String, Model)], count: usize, device: &Device) -> Result<Table> {
     if !(1..=VIEWS).contains(&count) {
         return fit_error(format!("{count} views"), "use 1 to 24");
     }
@@ -88,14 +112,38 @@ pub fn table(train: &Set, test: &Set, networks: &[(String, Network)], count: usi
         })?,
     ];
     for (name, network) in networks {
-        rows.push(Score::of(name, test, |object| {
+        let run = by_class(test, |object| {
             let pictures: Vec<&[u8]> = views(count).map(|view| object.picture(view)).collect();
-            let mut sum = 0.0;
-            for mesh in meshes(network, &pictures, device)? {
-                sum += Grid::new(&mesh)?.iou(&object.solid);
-            }
-            Ok(sum / count as f64)
-        })?);
+            let seen = solids(network, &pictures, device)?;
+            Ok(mean(seen.iter().map(|solid| solid.iou(&object.solid))))
+        })?;
+        match rows.iter_mut().find(|row| row.name == *name) {
+            Some(row) => row.runs.push(run),
+            None => rows.push(Score { name: name.clone(), runs: vec![run] }),
+        }
     }
     Ok(Table { classes: test.classes.clone(), rows })
+}
+
+/// The solids that a network sees in pictures.
+fn solids(network: &Model, pictures: &[&[u8]], device: &Device) -> Result<Vec<Grid>> {
+    match network {
+        Model::Mesh(network) => meshes(network, pictures, device)?.iter().map(Grid::new).collect(),
+        Model::Voxels(network) => network.solids(pictures, device),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_row_of_several_runs_says_their_spread() {
+        let score = Score { name: "three".into(), runs: vec![vec![0.5, 0.3], vec![0.6, 0.4], vec![0.55, 0.2]] };
+        assert_eq!(score.classes().len(), 2);
+        let alone = Score { name: "one".into(), runs: vec![vec![0.25, 0.5]] };
+        let table = Table { classes: vec!["a".into(), "b".into()], rows: vec![score, alone] }.to_string();
+        assert!(table.contains("| three | 0.550 | 0.300 | 0.425 (0.375 to 0.500) |"), "{table}");
+        assert!(table.contains("| one | 0.250 | 0.500 | 0.375 |"), "{table}");
+    }
 }

@@ -6,19 +6,28 @@
 //! ever shown. [`data`] makes and reads sets of pictures, [`network`] is the network, [`train`] trains it, and [`evaluate`]
 //! compares it with what needs no network.
 
+mod catalogue;
 pub mod checkpoint;
 pub mod command;
+pub mod config;
 pub mod curves;
 pub mod data;
 pub mod evaluate;
 pub mod families;
 mod fill;
+pub mod furniture;
+pub mod model;
 pub mod network;
+mod pairs;
 pub mod picture;
 mod scores;
+pub mod sheet;
 mod solid;
 pub mod synthesis;
+pub mod team;
 pub mod train;
+pub mod voxels;
+pub mod weights;
 
 use softras::{Camera, Error, Projection, Result};
 use std::path::Path;
@@ -39,9 +48,14 @@ pub fn camera(view: usize) -> Result<Camera> {
     Camera::from_angles(2.732, 30.0, 15.0 * view as f64, Projection::Perspective { fov_y: 30f64.to_radians() })
 }
 
+/// What is wrong with a file's content, and how to fix it.
+pub(crate) fn file_fault(path: &Path, what: impl Into<String>, fix: &str) -> Error {
+    Error::File { path: path.into(), line: None, what: what.into(), fix: fix.into() }
+}
+
 /// An error about a file's content.
 pub(crate) fn file_error<T>(path: &Path, what: impl Into<String>, fix: &str) -> Result<T> {
-    Err(Error::File { path: path.into(), line: None, what: what.into(), fix: fix.into() })
+    Err(file_fault(path, what, fix))
 }
 
 /// An error about the numbers of a training or its data.

@@ -1,11 +1,12 @@
-//! The network of the paper: an encoder of convolutions, and a decoder that moves the vertices of a sphere and its centre.
+//! The network of the paper: convolutions and full layers, which move the vertices of a sphere and its centre.
 
 use super::{SIZE, fit_error};
-use burn::module::{Initializer, Module, ModuleVisitor, Param};
+use burn::module::{Initializer, Module};
 use burn::nn::conv::{Conv2d, Conv2dConfig};
 use burn::nn::{BatchNorm, BatchNormConfig, Linear, LinearConfig, PaddingConfig2d};
 use burn::tensor::activation::{relu, sigmoid};
 use burn::tensor::{Device, Tensor, TensorData};
+use softras::scene::Appearance;
 use softras::{Mesh, Result, shapes};
 
 /// Subdivisions of the sphere: 642 vertices.
@@ -15,13 +16,55 @@ const RADIUS: f64 = 0.5;
 /// How far the centre moves for an output of 1.
 const CENTER_RATE: f64 = 0.1;
 
-/// The network. All layers scale with the width of the first.
+/// The layers that every network begins with: from a picture to a code. All scale with the width of the first.
 #[derive(Module, Debug)]
-pub struct Network {
+pub struct Trunk {
     convolutions: Vec<Conv2d>,
     norms: Vec<BatchNorm>,
-    encoder: Vec<Linear>,
-    decoder: Vec<Linear>,
+    layers: Vec<Linear>,
+}
+
+impl Trunk {
+    /// Random weights.
+    ///
+    /// # Errors
+    /// [`softras::Error::Fit`] for a width outside 1 to 256.
+    pub fn new(width: usize, device: &Device) -> Result<Self> {
+        if !(1..=256).contains(&width) {
+            return fit_error(format!("a network of width {width}"), "use 1 to 256; the official network has 64");
+        }
+        let channels = [4, width, 2 * width, 4 * width];
+        let convolution = |i: usize| {
+            let config = Conv2dConfig::new([channels[i], channels[i + 1]], [5, 5]).with_stride([2, 2]);
+            config.with_padding(PaddingConfig2d::Explicit(2, 2, 2, 2)).init(device)
+        };
+        let sizes = [4 * width * (SIZE / 8).pow(2), 16 * width, 16 * width, 8 * width, 16 * width, Self::code(width)];
+        Ok(Self {
+            convolutions: (0..3).map(convolution).collect(),
+            norms: (0..3).map(|i| BatchNormConfig::new(channels[i + 1]).init(device)).collect(),
+            layers: sizes.array_windows().map(|&[from, to]| LinearConfig::new(from, to).init(device)).collect(),
+        })
+    }
+
+    /// The length of the code.
+    pub fn code(width: usize) -> usize {
+        32 * width
+    }
+
+    /// The codes `[pictures, length]` of pictures `[pictures, 4, 64, 64]`, RGBA in [0, 1].
+    pub fn forward(&self, pictures: Tensor<4>) -> Tensor<2> {
+        let mut maps = pictures;
+        for (convolution, norm) in self.convolutions.iter().zip(&self.norms) {
+            maps = relu(norm.forward(convolution.forward(maps)));
+        }
+        self.layers.iter().fold(maps.flatten(1, 3), |code, layer| relu(layer.forward(code)))
+    }
+}
+
+/// The network that sees a mesh.
+#[derive(Module, Debug)]
+pub struct Network {
+    trunk: Trunk,
     center: Linear,
     offsets: Linear,
     colors: Option<Linear>,
@@ -49,46 +92,18 @@ impl Network {
     ///
     /// # Errors
     /// [`softras::Error::Fit`] for a width outside 1 to 256.
-    pub fn new(width: usize, color: bool, seed: u64, device: &Device) -> Result<Self> {
-        if !(1..=256).contains(&width) {
-            return fit_error(format!("a network of width {width}"), "use 1 to 256; the official network has 64");
-        }
-        device.seed(seed);
+    pub fn new(width: usize, color: bool, device: &Device) -> Result<Self> {
+        let trunk = Trunk::new(width, device)?;
         let vertices = sphere()?.positions().len();
-        let channels = [4, width, 2 * width, 4 * width];
-        let convolution = |i: usize| {
-            let config = Conv2dConfig::new([channels[i], channels[i + 1]], [5, 5]).with_stride([2, 2]);
-            config.with_padding(PaddingConfig2d::Explicit(2, 2, 2, 2)).init(device)
-        };
-        let linear = |from: usize, to: usize| LinearConfig::new(from, to).init(device);
         let small = Initializer::Uniform { min: -1e-3, max: 1e-3 };
-        let last = |to: usize| LinearConfig::new(32 * width, to).with_initializer(small.clone()).init(device);
-        Ok(Self {
-            convolutions: (0..3).map(convolution).collect(),
-            norms: (0..3).map(|i| BatchNormConfig::new(channels[i + 1]).init(device)).collect(),
-            encoder: vec![
-                linear(4 * width * (SIZE / 8).pow(2), 16 * width),
-                linear(16 * width, 16 * width),
-                linear(16 * width, 8 * width),
-            ],
-            decoder: vec![linear(8 * width, 16 * width), linear(16 * width, 32 * width)],
-            center: last(3),
-            offsets: last(3 * vertices),
-            colors: color.then(|| last(3 * vertices)),
-        })
+        let last = |to: usize| LinearConfig::new(Trunk::code(width), to).with_initializer(small.clone()).init(device);
+        Ok(Self { trunk, center: last(3), offsets: last(3 * vertices), colors: color.then(|| last(3 * vertices)) })
     }
 
     /// The shapes in pictures `[pictures, 4, 64, 64]`, RGBA in [0, 1].
     pub fn forward(&self, pictures: Tensor<4>, sphere: &Tensor<3>) -> Shapes {
         let count = pictures.dims()[0];
-        let mut maps = pictures;
-        for (convolution, norm) in self.convolutions.iter().zip(&self.norms) {
-            maps = relu(norm.forward(convolution.forward(maps)));
-        }
-        let mut code: Tensor<2> = maps.flatten(1, 3);
-        for layer in self.encoder.iter().chain(&self.decoder) {
-            code = relu(layer.forward(code));
-        }
+        let code = self.trunk.forward(pictures);
         let rows = |flat: Tensor<2>| {
             let vertices = flat.dims()[1] / 3;
             flat.reshape([count, vertices, 3])
@@ -102,20 +117,6 @@ impl Network {
         let positions = (less.mask_where(positive, room) + center).mul_scalar(0.5);
         let colors = self.colors.as_ref().map(|colors| sigmoid(rows(colors.forward(code))));
         Shapes { positions, colors }
-    }
-
-    /// Whether all weights are finite.
-    pub fn is_finite(&self) -> bool {
-        struct Finite(bool);
-        impl ModuleVisitor for Finite {
-            fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
-                let sum = param.val().abs().sum().try_into_vec_as::<f32>();
-                self.0 &= sum.is_ok_and(|sum| sum.iter().all(|x| x.is_finite()));
-            }
-        }
-        let mut finite = Finite(true);
-        self.visit(&mut finite);
-        finite.0
     }
 }
 
@@ -139,4 +140,28 @@ pub fn pictures_tensor<'a>(pictures: impl IntoIterator<Item = &'a [u8]>, device:
     let values: Vec<f32> = pictures.into_iter().flatten().map(|&byte| f32::from(byte) / 255.0).collect();
     let count = values.len() / (4 * SIZE * SIZE);
     Tensor::from_data(TensorData::new(values, [count, 4, SIZE, SIZE]), device)
+}
+
+/// The meshes that a network sees in pictures, on the device of its weights.
+///
+/// # Errors
+/// [`softras::Error::Mesh`] where a vertex is not finite.
+pub fn meshes(network: &Network, pictures: &[&[u8]], device: &Device) -> Result<Vec<Mesh>> {
+    let shapes = network.forward(pictures_tensor(pictures.iter().copied(), device), &sphere_logits(device)?);
+    let host = |tensor: Tensor<3>| {
+        let read = tensor.try_into_vec_as::<f32>();
+        read.or_else(|e| fit_error(format!("the network's output cannot be read ({e})"), "report this"))
+    };
+    let (positions, colors) = (host(shapes.positions)?, shapes.colors.map(host).transpose()?);
+    let template = sphere()?;
+    let size = 3 * template.positions().len();
+    let rows = |values: &[f32], i: usize| values[i * size..(i + 1) * size].as_chunks::<3>().0.to_vec();
+    let one = |i: usize| {
+        let mesh = Mesh::new(rows(&positions, i), template.triangles().to_vec())?;
+        match &colors {
+            Some(colors) => mesh.with_appearance(Appearance::VertexColors(rows(colors, i))),
+            None => Ok(mesh),
+        }
+    };
+    (0..pictures.len()).map(one).collect()
 }

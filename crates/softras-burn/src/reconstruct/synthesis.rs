@@ -116,20 +116,38 @@ pub fn folder(
     }
     let mut sets: [Vec<Object>; 3] = Default::default();
     for i in shard.of(files.len()) {
-        let set = match i % 10 {
-            3 => 1,
-            6 | 9 => 2,
-            _ => 0,
-        };
         let loaded = softras::load(&files[i], &LoadOptions { srgb: true, ..LoadOptions::default() });
         let made = loaded.and_then(|loaded| object(renderer, 0, normalized(loaded.mesh, EXTENT)?));
         match made {
-            Ok(object) => sets[set].push(object),
+            Ok(object) => sets[set_of(i)].push(object),
             Err(error) => progress(&format!("left out: {error}")),
         }
     }
+    write_sets(folder, class, shard, &sets, &mut progress)
+}
+
+/// The set of an object that comes from a file, by its number: seven of ten train, one chooses checkpoints, two test.
+pub fn set_of(number: usize) -> usize {
+    match number % 10 {
+        3 => 1,
+        6 | 9 => 2,
+        _ => 0,
+    }
+}
+
+/// Writes the sets train, val and test of a class, or of a shard of it.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn write_sets(
+    folder: &Path,
+    class: &str,
+    shard: Shard,
+    sets: &[Vec<Object>; 3],
+    progress: &mut impl FnMut(&str),
+) -> Result<()> {
     for ((set, _), objects) in SETS.into_iter().zip(sets) {
-        write(folder, class, set, shard, &objects)?;
+        write(folder, class, set, shard, objects)?;
         progress(&format!("{class}: {} objects for {set}", objects.len()));
     }
     Ok(())

@@ -1,121 +1,33 @@
 //! Training from pairs of views: the shape that is seen in either view is rendered in both.
 
 use super::checkpoint::{self, Status};
+use super::config::{Config, Row};
 use super::data::Set;
+use super::model::Model;
 use super::network::{Network, Shapes, pictures_tensor, sphere, sphere_logits};
+use super::pairs::Pairs;
+use super::team::{Alone, Team, average_gradients, average_running};
+use super::voxels::cross_entropy;
 use super::{SIZE, VIEWS, camera, fit_error};
 use crate::{Inputs, Smoothness, SoftRas, Views, iou_loss};
 use burn::module::Module;
-use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
+use burn::optim::{AdamConfig, GradientsAccumulator, GradientsParams, ModuleOptimizer};
 use burn::tensor::{Device, Tensor};
-use serde::{Deserialize, Serialize};
 use softras::scene::{Appearance, Background, ColorAggregation, Distance, Outputs, SilhouetteAggregation};
 use softras::{Camera, Mesh, Renderer, Result, Scene, Settings};
-use softras_cli::random::Random;
 use std::path::Path;
-
-/// How a network is trained.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Config {
-    /// Channels of the first convolution; 64 in the official network.
-    pub width: usize,
-    /// Steps in all.
-    pub steps: usize,
-    /// Objects of a step, each seen in two views.
-    pub pairs: usize,
-    /// Adam's rate; × 0.3 after three fifths of the steps, as officially.
-    pub rate: f64,
-    /// σ of the renderings.
-    pub sigma: f64,
-    /// Weight of the Laplacian loss.
-    pub laplacian: f64,
-    /// Weight of the flatten loss.
-    pub flatten: f64,
-    /// Weight of the colour loss; 0 for a network of shapes alone.
-    pub color: f64,
-    /// Whether the images are hard, and their gradient that of an edge one pixel wide.
-    pub hard: bool,
-    /// Decides the first weights and the order of the pictures.
-    pub seed: u64,
-}
-
-impl Config {
-    /// Checks every number's range.
-    ///
-    /// # Errors
-    /// [`softras::Error::Fit`] naming the field.
-    pub fn validate(&self) -> Result<()> {
-        let counts = [("width", self.width, 256), ("steps", self.steps, 10_000_000), ("pairs", self.pairs, 1024)];
-        if let Some((name, value, most)) = counts.into_iter().find(|(_, value, most)| !(1..=*most).contains(value)) {
-            return fit_error(format!("{name} = {value}"), &format!("use 1 to {most}"));
-        }
-        let numbers = [
-            ("rate", self.rate, 1e-9, 1.0),
-            ("sigma", self.sigma, 1e-7, 1e-1),
-            ("laplacian", self.laplacian, 0.0, 1e3),
-            ("flatten", self.flatten, 0.0, 1e3),
-            ("color", self.color, 0.0, 1e3),
-        ];
-        match numbers.into_iter().find(|(_, value, low, high)| !(low..=high).contains(&value)) {
-            Some((name, value, low, high)) => {
-                fit_error(format!("{name} = {value}"), &format!("use {low:e} to {high:e}"))
-            }
-            None => Ok(()),
-        }
-    }
-}
-
-/// The losses of a step, each before its weight.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Row {
-    /// The step, from 1.
-    pub step: usize,
-    /// The weighted sum of all.
-    pub loss: f32,
-    /// 1 - IoU of the silhouettes.
-    pub silhouette: f32,
-    /// Mean absolute difference of the colours; 0 for networks without.
-    pub color: f32,
-    /// The Laplacian loss.
-    pub laplacian: f32,
-    /// The flatten loss.
-    pub flatten: f32,
-}
-
-/// Objects of a step, by their index, each with two views.
-struct Pairs(Vec<(usize, [usize; 2])>);
-
-impl Pairs {
-    fn draw(set: &Set, pairs: usize, seed: u64) -> Self {
-        let mut random = Random::new(seed);
-        let one = |_| {
-            let (object, first) = (random.below(set.objects.len()), random.below(VIEWS));
-            (object, [first, (first + 1 + random.below(VIEWS - 1)) % VIEWS])
-        };
-        Self((0..pairs).map(one).collect())
-    }
-
-    /// The views, one of each pair after another, then the other of each.
-    fn seen(&self) -> impl Iterator<Item = (usize, usize)> {
-        [0, 1].into_iter().flat_map(|side| self.0.iter().map(move |(object, views)| (*object, views[side])))
-    }
-
-    /// The view that each of [`Pairs::seen`] is paired with.
-    fn others(&self) -> impl Iterator<Item = (usize, usize)> {
-        [1, 0].into_iter().flat_map(|side| self.0.iter().map(move |(object, views)| (*object, views[side])))
-    }
-}
 
 /// A network in training.
 pub struct Trainer {
     status: Status,
-    network: Network,
+    model: Model,
     optimizer: ModuleOptimizer,
     softras: SoftRas,
     training: Constants,
     validation: Constants,
     template: Mesh,
     cameras: Vec<Camera>,
+    team: Box<dyn Team>,
 }
 
 /// Tensors that no step changes, on one device.
@@ -146,8 +58,8 @@ impl Trainer {
     pub fn new(config: Config, renderer: Renderer) -> Result<Self> {
         config.validate()?;
         let device = Device::flex().autodiff();
-        let network = Network::new(config.width, config.color > 0.0, config.seed, &device)?;
-        Self::with(Status { config, step: 0, curve: Vec::new(), best: None }, network, optimizer(), renderer, device)
+        let model = Model::new(&config, &device)?;
+        Self::with(Status { config, step: 0, curve: Vec::new(), best: None }, model, optimizer(), renderer, device)
     }
 
     /// Goes on from a checkpoint, as if the training had never ended.
@@ -156,13 +68,13 @@ impl Trainer {
     /// As [`checkpoint::read`].
     pub fn resume(path: &Path, renderer: Renderer) -> Result<Self> {
         let device = Device::flex().autodiff();
-        let (status, network, resumed) = checkpoint::read(path, &device, Some(optimizer()))?;
-        Self::with(status, network, resumed.unwrap_or_else(optimizer), renderer, device)
+        let (status, model, resumed) = checkpoint::read(path, &device, Some(optimizer()))?;
+        Self::with(status, model, resumed.unwrap_or_else(optimizer), renderer, device)
     }
 
     fn with(
         status: Status,
-        network: Network,
+        model: Model,
         optimizer: ModuleOptimizer,
         renderer: Renderer,
         device: Device,
@@ -177,7 +89,26 @@ impl Trainer {
         let [training, validation] = [device.clone(), device.inner()].map(Constants::new);
         let cameras = (0..VIEWS).map(camera).collect::<Result<_>>()?;
         let (softras, training, validation) = (SoftRas::new(renderer), training?, validation?);
-        Ok(Self { status, network, optimizer, softras, training, validation, template, cameras })
+        let team = Box::new(Alone);
+        Ok(Self { status, model, optimizer, softras, training, validation, template, cameras, team })
+    }
+
+    /// Shares the steps with other processes, which train the same network from the same seed.
+    ///
+    /// # Errors
+    /// [`softras::Error::Fit`] where the shares of a step cannot be divided evenly.
+    pub fn with_team(self, team: Box<dyn Team>) -> Result<Self> {
+        let shares = self.status.config.shares;
+        if !shares.is_multiple_of(team.size()) {
+            let what = format!("{shares} shares of a step for {} processes", team.size());
+            return fit_error(what, "use --shares with a multiple of the number of processes");
+        }
+        Ok(Self { team, ..self })
+    }
+
+    /// The processes that train.
+    pub fn team(&self) -> &dyn Team {
+        &*self.team
     }
 
     /// What a checkpoint says: the configuration and the curve so far.
@@ -187,7 +118,7 @@ impl Trainer {
 
     /// The number of the network's weights.
     pub fn weights(&self) -> usize {
-        self.network.num_params()
+        self.model.num_params()
     }
 
     /// Whether all steps are taken.
@@ -205,14 +136,28 @@ impl Trainer {
         let pairs = Pairs::draw(set, config.pairs, config.seed.wrapping_mul(0x9e37_79b9).wrapping_add(step << 20));
         let decayed = 5 * self.status.step >= 3 * config.steps;
         let rate = config.rate * if decayed { 0.3 } else { 1.0 };
-        let (loss, row) = self.losses(&self.network, &self.training, set, &pairs)?;
-        let gradients = loss.backward();
-        self.softras.take_fault()?;
-        let gradients = GradientsParams::from_grads(gradients, &self.network);
-        self.network = self.optimizer.step(rate, self.network.clone(), gradients);
+        let shares = pairs.shares(config.shares);
+        let own: Vec<&Pairs> = shares.iter().skip(self.team.rank()).step_by(self.team.size()).collect();
+        let (mut sum, mut losses) = (GradientsAccumulator::new(), [0.0; 5]);
+        for pairs in &own {
+            let (loss, row) = self.losses(&self.model, &self.training, set, pairs)?;
+            let gradients = loss.div_scalar(own.len() as f64).backward();
+            self.softras.take_fault()?;
+            sum.accumulate(&self.model, GradientsParams::from_grads(gradients, &self.model));
+            losses.iter_mut().zip(row.losses()).for_each(|(sum, loss)| *sum += loss / own.len() as f32);
+        }
+        self.team.average(&mut losses);
+        let row = Row::new(self.status.step + 1, losses);
+        let gradients = average_gradients(sum.grads(), &self.model, &*self.team);
+        self.model = self.optimizer.step(rate, self.model.clone(), gradients);
         self.status.step += 1;
         self.status.curve.push(row);
         Ok(row)
+    }
+
+    /// Takes the means over all processes of the batch norms' running means: what else they know is the same in all.
+    pub fn gather(&mut self) {
+        self.model = average_running(self.model.clone(), &*self.team);
     }
 
     /// The loss on pairs of another set that are the same at every call; whether it is the least so far.
@@ -221,7 +166,7 @@ impl Trainer {
     /// As [`Trainer::step`].
     pub fn validate(&mut self, set: &Set) -> Result<(f32, bool)> {
         let pairs = Pairs::draw(set, 2 * self.status.config.pairs, 1);
-        let (_, row) = self.losses(&self.network.valid(), &self.validation, set, &pairs)?;
+        let (_, row) = self.losses(&self.model.valid(), &self.validation, set, &pairs)?;
         let is_best = self.status.best.is_none_or(|best| row.loss < best);
         if is_best {
             self.status.best = Some(row.loss);
@@ -234,13 +179,36 @@ impl Trainer {
     /// # Errors
     /// As [`checkpoint::write`].
     pub fn save(&self, path: &Path) -> Result<()> {
-        checkpoint::write(path, &self.status, &self.network, &self.optimizer)
+        checkpoint::write(path, &self.status, &self.model, &self.optimizer)
     }
 
-    fn losses(&self, network: &Network, constants: &Constants, set: &Set, pairs: &Pairs) -> Result<(Tensor<1>, Row)> {
-        let config = &self.status.config;
+    fn losses(&self, model: &Model, constants: &Constants, set: &Set, pairs: &Pairs) -> Result<(Tensor<1>, Row)> {
         let pictures = pairs.seen().map(|(object, view)| set.objects[object].picture(view));
         let pictures = pictures_tensor(pictures, &constants.device);
+        let (loss, losses) = match model {
+            Model::Mesh(network) => self.by_pictures(network, constants, pictures, pairs)?,
+            Model::Voxels(network) => {
+                let loss =
+                    cross_entropy(network.forward(pictures), pairs.seen().map(|(object, _)| &set.objects[object]));
+                (loss.clone(), [loss.into_scalar(), 0.0, 0.0, 0.0, 0.0])
+            }
+        };
+        let row = Row::new(self.status.step + 1, losses);
+        if !row.loss.is_finite() {
+            return fit_error(format!("the loss of step {} is {}", row.step, row.loss), "use a smaller rate");
+        }
+        Ok((loss, row))
+    }
+
+    /// The loss of a network that sees meshes, and the losses as [`Row::losses`] orders them.
+    fn by_pictures(
+        &self,
+        network: &Network,
+        constants: &Constants,
+        pictures: Tensor<4>,
+        pairs: &Pairs,
+    ) -> Result<(Tensor<1>, [f32; 5])> {
+        let config = &self.status.config;
         let shapes = network.forward(pictures.clone(), &constants.logits);
         let cameras: Vec<Camera> = pairs.seen().chain(pairs.others()).map(|(_, view)| self.cameras[view]).collect();
         let (silhouette, color) = self.images(&shapes, cameras)?;
@@ -261,18 +229,9 @@ impl Trainer {
             loss = loss + color.clone().mul_scalar(config.color);
         }
         let value = |loss: &Tensor<1>| loss.clone().into_scalar::<f32>();
-        let row = Row {
-            step: self.status.step + 1,
-            loss: value(&loss),
-            silhouette: value(&silhouette),
-            color: color.as_ref().map_or(0.0, value),
-            laplacian: value(&laplacian),
-            flatten: value(&flatten),
-        };
-        if !row.loss.is_finite() {
-            return fit_error(format!("the loss of step {} is {}", row.step, row.loss), "use a smaller rate");
-        }
-        Ok((loss, row))
+        let color = color.as_ref().map_or(0.0, value);
+        let losses = [value(&loss), value(&silhouette), color, value(&laplacian), value(&flatten)];
+        Ok((loss, losses))
     }
 
     /// Silhouettes, and colours where the network sees them: every shape in its own view, then every shape in the other one.
@@ -329,28 +288,4 @@ fn settings(config: &Config) -> Settings {
         ..Settings::default()
     };
     if config.hard { settings.with_blur_pixels(1.0) } else { settings }
-}
-
-/// The meshes that a network sees in pictures, on the device of its weights.
-///
-/// # Errors
-/// [`softras::Error::Mesh`] where a vertex is not finite.
-pub fn meshes(network: &Network, pictures: &[&[u8]], device: &Device) -> Result<Vec<Mesh>> {
-    let shapes = network.forward(pictures_tensor(pictures.iter().copied(), device), &sphere_logits(device)?);
-    let host = |tensor: Tensor<3>| {
-        let read = tensor.try_into_vec_as::<f32>();
-        read.or_else(|e| fit_error(format!("the network's output cannot be read ({e})"), "report this"))
-    };
-    let (positions, colors) = (host(shapes.positions)?, shapes.colors.map(host).transpose()?);
-    let template = sphere()?;
-    let size = 3 * template.positions().len();
-    let rows = |values: &[f32], i: usize| values[i * size..(i + 1) * size].as_chunks::<3>().0.to_vec();
-    let one = |i: usize| {
-        let mesh = Mesh::new(rows(&positions, i), template.triangles().to_vec())?;
-        match &colors {
-            Some(colors) => mesh.with_appearance(Appearance::VertexColors(rows(colors, i))),
-            None => Ok(mesh),
-        }
-    };
-    (0..pictures.len()).map(one).collect()
 }

@@ -1,0 +1,120 @@
+//! Several processes train as one does: two threads in their place.
+#![allow(clippy::unwrap_used)]
+
+use softras::Renderer;
+use softras_burn::reconstruct::config::{Config, Row};
+use softras_burn::reconstruct::data::Set;
+use softras_burn::reconstruct::team::Team;
+use softras_burn::reconstruct::train::Trainer;
+use softras_burn::reconstruct::{families, synthesis};
+use std::sync::{Arc, Barrier, Mutex};
+
+const STEPS: usize = 4;
+
+fn config(shares: usize) -> Config {
+    Config {
+        width: 2,
+        steps: STEPS,
+        pairs: 4,
+        shares,
+        rate: 1e-3,
+        sigma: 1e-4,
+        laplacian: 3e-2,
+        flatten: 5e-4,
+        color: 1.0,
+        hard: false,
+        voxels: false,
+        seed: 3,
+    }
+}
+
+fn set() -> Set {
+    let mut renderer = Renderer::new().unwrap();
+    let mut object = |seed| {
+        let mesh = families::object("sofa", seed).unwrap().unwrap();
+        synthesis::object(&mut renderer, 0, mesh).unwrap()
+    };
+    Set { classes: vec!["sofa".into()], objects: vec![object(1), object(2), object(3)] }
+}
+
+/// Two threads that take means as two processes would.
+struct Threads {
+    rank: usize,
+    values: Arc<[Mutex<Vec<f32>>; 2]>,
+    barrier: Arc<Barrier>,
+}
+
+impl Team for Threads {
+    fn rank(&self) -> usize {
+        self.rank
+    }
+
+    fn size(&self) -> usize {
+        2
+    }
+
+    fn average(&self, values: &mut [f32]) {
+        *self.values[self.rank].lock().unwrap() = values.to_vec();
+        self.barrier.wait();
+        let [first, second] = [0, 1].map(|rank| self.values[rank].lock().unwrap().clone());
+        values.iter_mut().zip(first.iter().zip(second)).for_each(|(value, (a, b))| *value = (a + b) * 0.5);
+        self.barrier.wait();
+    }
+
+    fn abort(&self) {}
+}
+
+fn curve(trainer: &mut Trainer, set: &Set) -> Vec<Row> {
+    (0..STEPS).map(|_| trainer.step(set).unwrap()).collect()
+}
+
+#[test]
+fn two_that_share_a_step_train_as_one_does() {
+    let set = set();
+    let mut alone = Trainer::new(config(2), Renderer::new().unwrap()).unwrap();
+    let expected = curve(&mut alone, &set);
+    let (values, barrier) = (Arc::new([const { Mutex::new(Vec::new()) }; 2]), Arc::new(Barrier::new(2)));
+    let renderers = [0, 1].map(|_| Renderer::new().unwrap());
+    let alone_now = Mutex::new(());
+    let curves: Vec<Vec<Row>> = std::thread::scope(|scope| {
+        let threads = renderers.into_iter().enumerate().map(|(rank, renderer)| {
+            let team = Threads { rank, values: values.clone(), barrier: barrier.clone() };
+            let (set, barrier, alone_now) = (&set, &barrier, &alone_now);
+            scope.spawn(move || {
+                // The generator of the first weights is one for all threads.
+                let new = || {
+                    let _guard = alone_now.lock().unwrap();
+                    Trainer::new(config(2), renderer).unwrap()
+                };
+                let mut trainer = new().with_team(Box::new(team)).unwrap();
+                let rows = curve(&mut trainer, set);
+                trainer.gather();
+                // Devices are closed one after the other.
+                barrier.wait();
+                let _guard = alone_now.lock().unwrap();
+                drop(trainer);
+                rows
+            })
+        });
+        threads.collect::<Vec<_>>().into_iter().map(|thread| thread.join().unwrap()).collect()
+    });
+    assert_eq!(curves, [expected.clone(), expected.clone()]);
+    // With one share the batch norms see all pictures at once, which is another training.
+    let mut whole = Trainer::new(config(1), Renderer::new().unwrap()).unwrap();
+    let together = curve(&mut whole, &set);
+    assert_ne!(together, expected);
+    for (a, b) in together.iter().zip(&expected) {
+        assert!((a.loss - b.loss).abs() < 0.02, "{a:?} {b:?}");
+    }
+}
+
+#[test]
+fn shares_that_do_not_divide_are_refused() {
+    let refused = |config: Config| Trainer::new(config, Renderer::new().unwrap()).err().unwrap().to_string();
+    assert!(refused(config(3)).contains("3 shares of 4 pairs"));
+    assert!(refused(config(0)).contains("0 shares"));
+    let barrier = Arc::new(Barrier::new(2));
+    let team = Threads { rank: 0, values: Arc::new([const { Mutex::new(Vec::new()) }; 2]), barrier };
+    let alone = Trainer::new(config(1), Renderer::new().unwrap()).unwrap();
+    assert!(alone.with_team(Box::new(team)).err().unwrap().to_string().contains("1 shares of a step for 2 processes"));
+}
