@@ -168,7 +168,7 @@ mod tests {
 
     #[test]
     fn every_path_that_a_command_takes_is_read_or_written() {
-        const READ: [&str; 12] = [
+        const READ: [&str; 14] = [
             "mesh",
             "cameras",
             "from",
@@ -181,6 +181,8 @@ mod tests {
             "folder",
             "log",
             "views",
+            "depths",
+            "normals",
         ];
         for command in help::command().get_subcommands() {
             for argument in command.get_arguments() {
