@@ -18,7 +18,7 @@ const BATCH: usize = 64;
 /// The longer side of the grid's images, in pixels.
 const GRID_SIDE: usize = 32;
 /// The rounds of fits: the longest side of their images in pixels, and their share of the steps.
-const ROUNDS: [(usize, f64); 4] = [(32, 0.2), (64, 0.4), (128, 0.1), (128, 0.3)];
+const ROUNDS: [(usize, f64); 4] = [(32, 0.2), (64, 0.3), (128, 0.1), (128, 0.4)];
 /// The first of the rounds that refine, and the last.
 const REFINING: usize = 2;
 const LAST: usize = ROUNDS.len() - 1;
@@ -120,9 +120,9 @@ impl PoseSearch {
         })
     }
 
-    /// With so many of the grid's rotations fitted (24, at most 512), in so many steps (150): a fifth of them with all, two fifths with
-    /// the best half in larger images, a tenth with the best of those in still larger ones, and the others with the best four; at least
-    /// one of each.
+    /// With so many of the grid's rotations fitted (24, at most 512), in so many steps (150): a fifth of them with all, three tenths
+    /// with the best half in larger images, a tenth with the best of those in still larger ones, and the others with the best four; at
+    /// least one of each.
     #[must_use]
     pub fn with(self, starts: usize, steps: usize) -> Self {
         Self { starts: starts.clamp(1, GRID), steps: steps.max(1), ..self }
@@ -293,8 +293,9 @@ impl PoseSearch {
         PoseOptions { iterations: steps, translation_rate, ..base }
     }
 
-    /// The stage of a round of fits. Those that refine take small steps with little blur, so as not to leave their poses, and
-    /// small σ: a soft outline is wider than the picture's, and the best pose for it some degrees away.
+    /// The stage of a round of fits. σ is small in all of them, since a soft outline is wider than the picture's and the best pose
+    /// for it is far away: at σ = 2e-3 the first round left starts 10 degrees off at 40 and more. What reaches far is the blur, of
+    /// both images alike. The rounds that refine take small steps with little blur, so as not to leave their poses.
     fn fits(&self, poses: Vec<Pose>, steps: usize, round: usize) -> Result<Stage> {
         let by = |from, to| Schedule::Exponential { from, to };
         // The two first rounds share one schedule, and so do the two last.
@@ -313,10 +314,10 @@ impl PoseSearch {
                 ..self.options(steps)
             },
             _ => PoseOptions {
-                sigma: part(2e-3, 1e-4),
+                sigma: part(3e-4, 3e-5),
                 blur: part(0.06, 0.01),
                 silhouette: part(0.1, 1.0),
-                rate: part(0.12, 0.01),
+                rate: part(0.05, 0.01),
                 ..self.options(steps)
             },
         };

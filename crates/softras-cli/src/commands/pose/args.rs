@@ -61,8 +61,8 @@ pub struct PoseArgs {
     /// --baselines the number of poses to start from, spread over all rotations
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=512), default_value_t = 24)]
     pub starts: u32,
-    /// Number of steps: a fifth with all starts in images of at most 32 pixels a side, two fifths with the best half of them at
-    /// 64, the others with the best of those at 128
+    /// Number of steps: a fifth with all starts in images of at most 32 pixels a side, three tenths with the best half of them
+    /// at 64, the others with the best of those at 128
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000), default_value_t = 150)]
     pub iterations: u32,
     /// Fit the rotation only, without translation
