@@ -7,7 +7,7 @@
 //! at most p's depth less the picture's.
 
 use super::bad;
-use super::shape::{COVERED, Targets};
+use super::shape::{Targets, known, masked};
 use super::soft_target::signed_distance;
 use crate::error::Result;
 use crate::image::Image;
@@ -27,8 +27,8 @@ const FINE_HEIGHT: usize = 1024;
 const MOST_ENLARGED: usize = 4;
 
 impl Targets {
-    /// The visual hull of the silhouettes, less what the depths show to be empty, within the cube of side `side` around `center`, in world units. Its triangles' edges are
-    /// about as long as the hull's longest extent divided by `resolution`, 8 to 256.
+    /// The visual hull of the silhouettes, less what the depths show to be empty, within the cube of side `side` around `center`,
+    /// in world units. Its triangles' edges are about as long as the hull's longest extent divided by `resolution`, 8 to 256.
     ///
     /// Beyond a picture's border the silhouette is taken to go on as it is at the border.
     ///
@@ -81,30 +81,23 @@ fn views<'a>(targets: &'a Targets) -> Result<Vec<View<'a>>> {
     let Some(silhouettes) = &targets.silhouette else {
         return bad("a hull without silhouettes", "give the targets' silhouettes");
     };
-    if silhouettes.channels != 1 || !silhouettes.is_whole() || silhouettes.batch != targets.cameras.len() {
-        let what = format!("{} cameras for silhouettes of batch {}", targets.cameras.len(), silhouettes.batch);
-        return bad(what, "give a camera and one channel of values for each picture");
-    }
+    targets.size()?;
     let view = |(i, camera): (usize, &'a Camera)| {
         if matches!(camera.projection(), Projection::Official { .. } | Projection::Screen) {
             let what = format!("a hull from camera {i}, a {:?}", camera.projection());
             return bad(what, "use perspective, orthographic or pinhole cameras");
         }
-        let Image { height, width, .. } = *silhouettes;
-        let picture = Image { batch: 1, height, width, channels: 1, data: silhouettes.view(i).to_vec() };
+        let picture = silhouettes.views(i..i + 1);
         if picture.data.iter().all(|x| *x <= 0.5) {
             return bad(format!("picture {i} without an inside"), "leave out pictures that do not show the object");
         }
-        let depths = targets.depth.as_ref().map(|depths| known_depths(depths.view(i), &picture));
-        Ok(View { camera, distance: signed_distance(&enlarged(&picture))?, height: height as f64, depths })
+        let depths = targets.depth.as_ref().map(|depths| {
+            let depths = depths.views(i..i + 1);
+            masked(&depths, &known(&depths, Some(&picture)))
+        });
+        Ok(View { camera, distance: signed_distance(&enlarged(&picture))?, height: picture.height as f64, depths })
     };
     targets.cameras.iter().enumerate().map(view).collect()
-}
-
-/// The depths of the pixels that the silhouette covers wholly.
-fn known_depths(depths: &[f32], silhouette: &Image) -> Image {
-    let data = depths.iter().zip(&silhouette.data).map(|(z, a)| if *a >= COVERED { *z } else { 0.0 }).collect();
-    Image { data, ..*silhouette }
 }
 
 /// The picture enlarged by linear interpolation.
@@ -230,11 +223,21 @@ impl Samples {
         let fewest = LEAST_PART * self.values.iter().filter(|value| **value > 0.0).count() as f64;
         let mut seen = vec![false; self.values.len()];
         for first in 0..self.values.len() {
+            if seen[first] {
+                continue;
+            }
             let part = self.part(first, &mut seen);
-            // The first of all is a corner, which is outside.
-            let wrong = if self.values[first] > 0.0 { (part.len() as f64) < fewest } else { first > 0 };
-            part.iter().filter(|_| wrong).for_each(|&i| self.values[i] = -self.values[i]);
+            if self.values[first] > 0.0 && (part.len() as f64) < fewest {
+                part.iter().for_each(|&i| self.values[i] = -self.values[i]);
+            } else if self.values[first] <= 0.0 && !part.iter().any(|&i| self.is_border(i)) {
+                part.iter().for_each(|&i| self.values[i] = (-self.values[i]).max(f32::MIN_POSITIVE));
+            }
         }
+    }
+
+    fn is_border(&self, i: usize) -> bool {
+        let n = self.resolution;
+        [i % n, i / n % n, i / n / n].iter().any(|place| *place == 0 || place + 1 == n)
     }
 
     /// The samples that are connected with the first by others on the same side of the outline, and were not seen before.

@@ -228,6 +228,16 @@ pub fn add_pooled_gradient(fine: &mut Image, coarse: &Image, factor: usize, scal
     Ok(())
 }
 
+/// The gradient by an image whose pooled image has this gradient.
+///
+/// # Errors
+/// As [`add_pooled_gradient`].
+pub fn unpooled_gradient(image: &Image, coarse: &Image, factor: usize) -> Result<Image> {
+    let mut fine = Image { data: vec![0.0; image.data.len()], ..*image };
+    add_pooled_gradient(&mut fine, coarse, factor, 1.0)?;
+    Ok(fine)
+}
+
 /// An image blurred by a Gaussian with a standard deviation in pixels; beyond its edges the image counts as black. For
 /// a wide blur the image is first pooled by [`blur_factor`], so the result is smaller.
 ///

@@ -151,6 +151,43 @@ fn depths_carve_a_hull() {
     let iou = |targets: &Targets| voxel_iou(&targets.visual_hull([0.0; 3], 3.0, 64).unwrap(), &mug, 48).unwrap();
     let (outlines, depths) = (iou(&Targets { depth: None, ..all.clone() }), iou(&all));
     assert!(outlines < 0.65 && depths > outlines + 0.15, "{outlines} by outlines, {depths} by depths");
+    // One solid of one handle, with nothing around it and no bubbles in it.
+    let hull = all.visual_hull([0.0; 3], 3.0, 64).unwrap();
+    assert_eq!(euler_characteristic(&hull), 0);
+}
+
+/// Vertices less edges and faces: 2 for each closed part without a handle, and 2 less for every handle.
+fn euler_characteristic(mesh: &Mesh) -> i64 {
+    let edges: std::collections::BTreeSet<[u32; 2]> = mesh
+        .triangles()
+        .iter()
+        .flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]])
+        .map(|[a, b]| [a.min(b), a.max(b)])
+        .collect();
+    mesh.positions().len() as i64 - edges.len() as i64 + mesh.triangles().len() as i64
+}
+
+#[test]
+fn what_is_no_depth_is_not_known() {
+    let mut renderer = common::renderer();
+    let ball = shapes::icosphere(2).unwrap();
+    let good = targets(&mut renderer, &ball, cameras(2), 1);
+    let outlines = Targets { depth: None, normal: None, ..good.clone() };
+    let by_outlines = outlines.visual_hull([0.0; 3], 3.0, 32).unwrap();
+    assert_ne!(good.visual_hull([0.0; 3], 3.0, 32).unwrap(), by_outlines);
+    let options = ShapeOptions { depth: (ImageLoss::L1, 1.0), normal: (ImageLoss::L1, 1.0), ..plain() };
+    for value in [0.0, -4.0, f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        let all =
+            |image: &Option<Image>| image.clone().map(|image| Image { data: vec![value; image.data.len()], ..image });
+        let unknown = Targets { depth: all(&good.depth), normal: None, ..good.clone() };
+        assert_eq!(unknown.visual_hull([0.0; 3], 3.0, 32).unwrap(), by_outlines, "{value}");
+        // A negative number may well be a part of a normal.
+        let normal = if value == -4.0 { None } else { all(&good.normal) };
+        let unknown = Targets { normal, ..unknown };
+        let mut fit = ShapeFit::new(ball.clone(), Lights::unlit(), options.clone()).unwrap();
+        let step = fit.step(&mut renderer, &settings(), &unknown, 1.0, 0.0).unwrap();
+        assert!(step.depth == 0.0 && step.normal == 0.0 && fit.mesh().positions() == ball.positions(), "{value}");
+    }
 }
 
 #[test]
@@ -166,7 +203,14 @@ fn what_cannot_be_compared_is_refused() {
         assert!(fit(options).is_err_and(|e| e.to_string().contains("IoU of depths or normals")));
     }
     let one_channel = Targets { normal: good.depth.clone(), ..good.clone() };
-    assert!(one_channel.size().is_err_and(|e| e.to_string().contains("3 of colour and normal")));
+    assert!(one_channel.size().is_err_and(|e| e.to_string().contains("normals of shape [2, 24, 24, 1]")));
+    let one_view = targets(&mut renderer, &ball, cameras(1), 1);
+    let of_one_view = Targets { depth: one_view.depth, ..good.clone() };
+    assert!(
+        of_one_view
+            .visual_hull([0.0; 3], 3.0, 32)
+            .is_err_and(|e| e.to_string().contains("depths of shape [1, 24, 24, 1]"))
+    );
     let weights = good.silhouette.clone().unwrap();
     let weighted = Fit::weighted(&renderer, fit(ShapeOptions::smooth()).unwrap(), &good, &weights);
     assert!(weighted.is_err_and(|e| e.to_string().contains("compared on the host")));

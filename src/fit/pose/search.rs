@@ -42,8 +42,8 @@ const TRANSLATION_RATE: f64 = 0.15;
 /// A search for the poses of a rigid mesh that explain one picture of it.
 ///
 /// 512 rotations are compared with the picture in small images, moved to where the picture's silhouette lies; the most likely are
-/// fitted by [`PoseFit`], half of them in larger images, and the best of those refined. Call [`PoseSearch::step`] until it returns `None`, then
-/// [`PoseSearch::found`]. There is no chance in it: the same input gives the same poses.
+/// fitted by [`PoseFit`], half of them in larger images, and the best of those refined. Call [`PoseSearch::step`] until it returns
+/// `None`, then [`PoseSearch::found`]. There is no chance in it: the same input gives the same poses.
 #[derive(Debug)]
 pub struct PoseSearch {
     scene: Scene,
@@ -139,7 +139,8 @@ impl PoseSearch {
     /// # Errors
     /// As [`PoseFit::new`].
     pub fn refining(mut self, pose: Pose) -> Result<Self> {
-        self.stage = self.fits(vec![pose], self.steps, REFINING)?;
+        let steps = self.steps.saturating_sub(self.steps_of(LAST)).max(1);
+        self.stage = self.fits(vec![pose], steps, REFINING)?;
         Ok(self)
     }
 

@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::fit::bad;
-use crate::fit::image_loss::{add_blurred_gradient, add_pooled_gradient, blurred, pooled};
+use crate::fit::image_loss::{add_blurred_gradient, blurred, pooled, unpooled_gradient};
 use crate::gradients::ImageGradient;
 use crate::image::Image;
 use crate::renderer::Frame;
@@ -94,12 +94,8 @@ impl PoseTarget {
         }
         let (means, coverage) = (pooled(color, samples)?, pooled(silhouette, samples)?);
         let (losses, by_color, by_silhouette) = self.compare_pixels(&means, &coverage, blur, weights)?;
-        let spread = |image: &Image, gradient: &Image| -> Result<Image> {
-            let mut fine = Image { data: vec![0.0; image.data.len()], ..*image };
-            add_pooled_gradient(&mut fine, gradient, samples, 1.0)?;
-            Ok(fine)
-        };
-        Ok((losses, gradient_by(spread(color, &by_color)?, spread(silhouette, &by_silhouette)?)))
+        let by_color = unpooled_gradient(color, &by_color, samples)?;
+        Ok((losses, gradient_by(by_color, unpooled_gradient(silhouette, &by_silhouette, samples)?)))
     }
 
     /// Each view's loss and the gradients by colour and by silhouette, for images of the target's size.

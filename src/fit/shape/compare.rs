@@ -2,13 +2,14 @@
 
 use super::{ShapeOptions, Targets};
 use crate::error::Result;
-use crate::fit::image_loss::{ImageLoss, Valued, add_pooled_gradient, pooled};
+use crate::fit::image_loss::{ImageLoss, Valued, pooled, unpooled_gradient};
 use crate::gradients::ImageGradient;
 use crate::image::Image;
 use crate::renderer::Frame;
+use std::borrow::Cow;
 
 /// The least silhouette of a pixel of the targets at which all of it shows the surface.
-pub const COVERED: f32 = 0.99;
+const COVERED: f32 = 0.99;
 
 /// The losses of some views, unweighted; 0 for images without a target.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -39,25 +40,26 @@ impl ImageLosses {
 pub fn compare(frame: &Frame, targets: &Targets, options: &ShapeOptions) -> Result<(ImageLosses, ImageGradient)> {
     let (mut losses, mut by) = (ImageLosses::default(), ImageGradient::default());
     if let (Some(rendered), Some(target)) = (frame.silhouette(), &targets.silhouette) {
-        let pooled = Pooled::of(rendered, options)?;
-        let (loss, gradient) = pooled.against(rendered, target, options.silhouette, options)?;
-        (losses.silhouette, by.silhouette) = (loss, Some(gradient));
+        let shown = shrunk(rendered, options)?;
+        let (value, gradient) = loss(&shown, rendered, target, options.silhouette, options)?;
+        (losses.silhouette, by.silhouette) = (value, Some(gradient));
     }
     if let (Some(rendered), Some(target)) = (frame.color(), &targets.color) {
-        let (loss, gradient) = Pooled::of(rendered, options)?.against(rendered, target, options.color, options)?;
-        (losses.color, by.color) = (loss, Some(gradient));
+        let shown = shrunk(rendered, options)?;
+        let (value, gradient) = loss(&shown, rendered, target, options.color, options)?;
+        (losses.color, by.color) = (value, Some(gradient));
     }
     if let (Some(rendered), Some(target)) = (frame.normal(), &targets.normal) {
-        let mut pooled = Pooled::of(rendered, options)?;
         let known = known(target, targets.silhouette.as_ref());
-        pooled.keep(&known);
-        let (loss, mut gradient) = pooled.against(rendered, &masked(target, &known), options.normal, options)?;
-        mask_fine(&mut gradient, &known, options.samples);
-        (losses.normal, by.normal) = (loss, Some(gradient));
+        let shown = shrunk(rendered, options)?;
+        let shown = masked(&shown, &known);
+        let (value, mut gradient) = loss(&shown, rendered, &masked(target, &known), options.normal, options)?;
+        mask_samples(&mut gradient, &known, options.samples);
+        (losses.normal, by.normal) = (value, Some(gradient));
     }
     if let (Some(depth), Some(silhouette), Some(target)) = (frame.depth(), frame.silhouette(), &targets.depth) {
-        let (loss, [by_depth, by_silhouette]) = compare_depths(depth, silhouette, target, targets, options)?;
-        (losses.depth, by.depth) = (loss, Some(by_depth));
+        let (value, [by_depth, by_silhouette]) = compare_depths(depth, silhouette, target, targets, options)?;
+        (losses.depth, by.depth) = (value, Some(by_depth));
         match &mut by.silhouette {
             Some(sum) => sum.data.iter_mut().zip(&by_silhouette.data).for_each(|(sum, g)| *sum += g),
             None => by.silhouette = Some(by_silhouette),
@@ -78,75 +80,69 @@ fn compare_depths(
 ) -> Result<(f64, [Image; 2])> {
     let known = known(target, targets.silhouette.as_ref());
     let means = means(target, &known);
-    let (mut rendered, coverage) = (Pooled::of(depth, options)?, Pooled::of(silhouette, options)?);
     let pixels = target.height * target.width;
-    let mut goal = masked(target, &known);
-    for (i, (value, covered)) in rendered.image.data.iter_mut().zip(&coverage.image.data).enumerate() {
+    let mut shown = shrunk(depth, options)?.into_owned();
+    let coverage = shrunk(silhouette, options)?;
+    let mut goal = target.clone();
+    for (i, (value, covered)) in shown.data.iter_mut().zip(&coverage.data).enumerate() {
         *value -= means[i / pixels] * covered;
-        goal.data[i] -= if known[i] { means[i / pixels] } else { 0.0 };
+        goal.data[i] -= means[i / pixels];
     }
-    rendered.keep(&known);
-    let (loss, mut by_depth) = rendered.against(depth, &goal, options.depth, options)?;
-    mask_fine(&mut by_depth, &known, options.samples);
+    let (shown, goal) = (masked(&shown, &known), masked(&goal, &known));
+    let (value, mut by_depth) = loss(&shown, depth, &goal, options.depth, options)?;
+    mask_samples(&mut by_depth, &known, options.samples);
     let mut by_silhouette = by_depth.clone();
-    let fine = by_depth.height * by_depth.width;
-    by_silhouette.data.iter_mut().enumerate().for_each(|(i, g)| *g *= -means[i / fine]);
-    Ok((loss, [by_depth, by_silhouette]))
+    let samples = by_depth.height * by_depth.width;
+    by_silhouette.data.iter_mut().enumerate().for_each(|(i, g)| *g *= -means[i / samples]);
+    Ok((value, [by_depth, by_silhouette]))
 }
 
 /// A rendered image with the targets' pixels.
-struct Pooled {
-    image: Image,
+fn shrunk<'a>(rendered: &'a Image, options: &ShapeOptions) -> Result<Cow<'a, Image>> {
+    Ok(if options.samples == 1 { Cow::Borrowed(rendered) } else { Cow::Owned(pooled(rendered, options.samples)?) })
 }
 
-impl Pooled {
-    fn of(rendered: &Image, options: &ShapeOptions) -> Result<Self> {
-        Ok(Self { image: if options.samples == 1 { rendered.clone() } else { pooled(rendered, options.samples)? } })
+/// The unweighted loss of an image with the targets' pixels, and its weighted gradient by the rendered image.
+fn loss(
+    shown: &Image,
+    rendered: &Image,
+    target: &Image,
+    (loss, weight): (ImageLoss, f64),
+    options: &ShapeOptions,
+) -> Result<(f64, Image)> {
+    let Valued { value, mut gradient } = loss.multi_scale(shown, target, None, options.levels)?;
+    if options.samples > 1 {
+        gradient = unpooled_gradient(rendered, &gradient, options.samples)?;
     }
-
-    /// Makes the pixels black that are not to be compared.
-    fn keep(&mut self, known: &[bool]) {
-        self.image = masked(&self.image, known);
+    if weight != 1.0 {
+        gradient.data.iter_mut().for_each(|g| *g *= weight as f32);
     }
-
-    /// The unweighted loss and its weighted gradient by the rendered image.
-    fn against(
-        &self,
-        rendered: &Image,
-        target: &Image,
-        (loss, weight): (ImageLoss, f64),
-        options: &ShapeOptions,
-    ) -> Result<(f64, Image)> {
-        let Valued { value, mut gradient } = loss.multi_scale(&self.image, target, None, options.levels)?;
-        if options.samples > 1 {
-            let mut fine = Image { data: vec![0.0; rendered.data.len()], ..*rendered };
-            add_pooled_gradient(&mut fine, &gradient, options.samples, 1.0)?;
-            gradient = fine;
-        }
-        if weight != 1.0 {
-            gradient.data.iter_mut().for_each(|g| *g *= weight as f32);
-        }
-        Ok((value, gradient))
-    }
+    Ok((value, gradient))
 }
 
-/// Whether each pixel of a target shows the surface and nothing beside it. An unknown value is 0 in all channels.
-fn known(target: &Image, silhouette: Option<&Image>) -> Vec<bool> {
-    let given = target.data.chunks_exact(target.channels).map(|pixel| pixel.iter().any(|x| *x != 0.0));
+/// Whether each pixel of a target shows the surface and nothing beside it. A value that is 0 in all channels or not finite is not
+/// known, nor is a depth below 0.
+pub fn known(target: &Image, silhouette: Option<&Image>) -> Vec<bool> {
+    let is_given = |pixel: &[f32]| match pixel {
+        [depth] => depth.is_finite() && *depth > 0.0,
+        normal => normal.iter().all(|x| x.is_finite()) && normal.iter().any(|x| *x != 0.0),
+    };
+    let given = target.data.chunks_exact(target.channels).map(is_given);
     match silhouette {
         Some(silhouette) => given.zip(&silhouette.data).map(|(given, a)| given && *a >= COVERED).collect(),
         None => given.collect(),
     }
 }
 
-fn masked(image: &Image, known: &[bool]) -> Image {
+/// The image with 0 in the pixels that are not known.
+pub fn masked(image: &Image, known: &[bool]) -> Image {
     let pixels = image.data.chunks_exact(image.channels).zip(known);
     let data = pixels.flat_map(|(pixel, known)| pixel.iter().map(move |x| if *known { *x } else { 0.0 })).collect();
     Image { data, ..*image }
 }
 
 /// Makes the gradient 0 by the samples of pixels that are not compared.
-fn mask_fine(gradient: &mut Image, known: &[bool], samples: usize) {
+fn mask_samples(gradient: &mut Image, known: &[bool], samples: usize) {
     let (height, width, channels) = (gradient.height, gradient.width, gradient.channels);
     let coarse = width / samples;
     for (i, pixel) in gradient.data.chunks_exact_mut(channels).enumerate() {

@@ -6,7 +6,7 @@ mod options;
 mod parametrization;
 mod targets;
 
-pub(super) use compare::COVERED;
+pub(super) use compare::{known, masked};
 pub use options::ShapeOptions;
 pub use parametrization::Parametrization;
 pub use targets::Targets;

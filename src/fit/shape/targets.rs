@@ -15,11 +15,11 @@ pub struct Targets {
     pub silhouette: Option<Image>,
     /// `[views, height, width, 3]`, linear, on the settings' background colour.
     pub color: Option<Image>,
-    /// `[views, height, width, 1]`: the view depth, in world units, of the surface that a pixel shows; 0 where it is not known.
-    /// Only pixels that the silhouette covers wholly are compared.
+    /// `[views, height, width, 1]`: the view depth, in world units, of the surface that a pixel shows; 0, or what is not finite,
+    /// where it is not known. Only pixels that the silhouette covers wholly are compared.
     pub depth: Option<Image>,
-    /// `[views, height, width, 3]`: the surface's unit normal in world space; 0 where it is not known. Only pixels that the
-    /// silhouette covers wholly are compared.
+    /// `[views, height, width, 3]`: the surface's unit normal in world space; 0, or what is not finite, where it is not known. Only
+    /// pixels that the silhouette covers wholly are compared.
     pub normal: Option<Image>,
 }
 
@@ -44,22 +44,22 @@ impl Targets {
     /// # Errors
     /// [`crate::Error::Fit`] without any image, or when the images do not go with the cameras and each other.
     pub fn size(&self) -> Result<(usize, usize)> {
-        let shape = |image: &Image| [image.batch, image.height, image.width];
-        let images = [(&self.silhouette, 1), (&self.color, 3), (&self.depth, 1), (&self.normal, 3)];
-        let mut shapes = images.iter().filter_map(|(image, channels)| image.as_ref().map(|i| (i, *channels)));
-        let Some((first, _)) = shapes.clone().next() else {
+        let images = [&self.silhouette, &self.color, &self.depth, &self.normal];
+        let named = ["silhouettes", "colors", "depths", "normals"].into_iter().zip(images).zip([1, 3, 1, 3]);
+        let given = named.filter_map(|((name, image), channels)| image.as_ref().map(|image| (name, image, channels)));
+        let Some((_, first, _)) = given.clone().next() else {
             return bad("targets without an image", "give silhouettes, colours, depths or normals");
         };
-        let right = |(image, channels): (&Image, usize)| {
-            shape(image) == shape(first)
-                && image.channels == channels
-                && image.batch == self.cameras.len()
-                && image.is_whole()
-        };
-        if !shapes.all(right) {
-            let what = format!("images of shape {:?} for {} cameras", shape(first), self.cameras.len());
-            let fix = "give one image of the same size for each camera, 1 channel of silhouette and depth, 3 of colour and normal";
-            return bad(what, fix);
+        for (name, image, channels) in given {
+            let shape = [image.batch, image.height, image.width, image.channels];
+            let right = [self.cameras.len(), first.height, first.width, channels];
+            if shape != right || !image.is_whole() {
+                let what = format!("{name} of shape {shape:?} with {} values", image.data.len());
+                return bad(
+                    what,
+                    &format!("give {name} of shape {right:?}, one for each camera, as large as the other images"),
+                );
+            }
         }
         Ok((first.height, first.width))
     }

@@ -160,11 +160,12 @@ impl HostFit {
 /// A step's losses, with the penalties in the order of the options' regularizers.
 pub fn step_of(plan: &FitPlan, [loss, silhouette, color]: [f32; 3], penalties: [f32; 4]) -> Step {
     Step {
-        depth: 0.0,
-        normal: 0.0,
         loss: loss.into(),
         silhouette: silhouette.into(),
         color: color.into(),
+        // The device compares neither.
+        depth: 0.0,
+        normal: 0.0,
         regularizers: plan.penalties.iter().map(|&index| penalties[index].into()).collect(),
     }
 }

@@ -25,6 +25,8 @@ const ENDINGS: [&str; 3] = ["exr", "npy", "png"];
 const MAX_SIDE: usize = 16384;
 /// Bytes that a value takes while it is read: as it is in the file, as a sample, and as a number.
 const BYTES_PER_VALUE: u64 = 16;
+/// The least silhouette of a pixel that the object covers wholly, but for rounding.
+const COVERED: f32 = 0.999;
 /// Normals shorter than this have no direction, and are taken as not known.
 const SHORTEST: f32 = 0.1;
 
@@ -215,7 +217,12 @@ pub fn write(folder: &Path, targets: &Targets, pictures: &[PathBuf]) -> Result<(
         for (view, picture) in pictures.iter().take(image.batch).enumerate() {
             let shape = [image.height, image.width, image.channels];
             let shape = if map == Map::Depth { &shape[..2] } else { &shape[..] };
-            written.push((place(folder, map, picture), npy::write(shape, npy::Data::F32(image.view(view)))));
+            // A pixel that the object covers in part is a mean of the surface and of nothing.
+            let covered = targets.silhouette.iter().flat_map(|silhouette| silhouette.view(view)).map(|a| *a >= COVERED);
+            let pixels = image.view(view).chunks_exact(image.channels).zip(covered);
+            let values: Vec<f32> =
+                pixels.flat_map(|(pixel, covered)| pixel.iter().map(move |x| if covered { *x } else { 0.0 })).collect();
+            written.push((place(folder, map, picture), npy::write(shape, npy::Data::F32(&values))));
         }
     }
     files::write_files(&written)
