@@ -1,4 +1,4 @@
-//! Several processes train as one does: two threads in their place.
+//! Several processes train as one does: two threads in their place, and with the feature `mpi` two processes of `mpirun`.
 #![allow(clippy::unwrap_used)]
 
 use softras::Renderer;
@@ -7,6 +7,7 @@ use softras_burn::reconstruct::data::Set;
 use softras_burn::reconstruct::team::Team;
 use softras_burn::reconstruct::train::Trainer;
 use softras_burn::reconstruct::{families, synthesis};
+use std::rc::Rc;
 use std::sync::{Arc, Barrier, Mutex};
 
 const STEPS: usize = 4;
@@ -86,7 +87,7 @@ fn two_that_share_a_step_train_as_one_does() {
                     let _guard = alone_now.lock().unwrap();
                     Trainer::new(config(2), renderer).unwrap()
                 };
-                let mut trainer = new().with_team(Box::new(team)).unwrap();
+                let mut trainer = new().with_team(Rc::new(team)).unwrap();
                 let rows = curve(&mut trainer, set);
                 trainer.gather();
                 // Devices are closed one after the other.
@@ -116,5 +117,25 @@ fn shares_that_do_not_divide_are_refused() {
     let barrier = Arc::new(Barrier::new(2));
     let team = Threads { rank: 0, values: Arc::new([const { Mutex::new(Vec::new()) }; 2]), barrier };
     let alone = Trainer::new(config(1), Renderer::new().unwrap()).unwrap();
-    assert!(alone.with_team(Box::new(team)).err().unwrap().to_string().contains("1 shares of a step for 2 processes"));
+    assert!(alone.with_team(Rc::new(team)).err().unwrap().to_string().contains("1 shares of a step for 2 processes"));
+}
+
+#[cfg(feature = "mpi")]
+#[test]
+fn two_processes_train_as_one_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |program: &[&str], line: &str| {
+        let mut command = std::process::Command::new(program[0]);
+        command.args(&program[1..]).args(line.split_whitespace()).current_dir(folder.path());
+        let output = command.output().unwrap();
+        assert!(output.status.success(), "{line}: {}", String::from_utf8_lossy(&output.stderr));
+    };
+    let program = env!("CARGO_BIN_EXE_softras-reconstruct");
+    run(&[program], "data -o data --families sofa --train 3 --val 1 --test 1");
+    let line = "train data --steps 4 --width 2 --pairs 4 --shares 2 --every 4";
+    run(&[program], &format!("{line} -o alone"));
+    let two = ["mpirun", "--allow-run-as-root", "--oversubscribe", "-n", "2", program];
+    run(&two, &format!("{line} -o two"));
+    let curve = |name: &str| std::fs::read_to_string(folder.path().join(name).join("curve.csv")).unwrap();
+    assert_eq!(curve("two"), curve("alone"));
 }

@@ -1,5 +1,6 @@
 //! The network of the paper: convolutions and full layers, which move the vertices of a sphere and its centre.
 
+use super::template::Template;
 use super::{SIZE, fit_error};
 use burn::module::{Initializer, Module};
 use burn::nn::conv::{Conv2d, Conv2dConfig};
@@ -7,12 +8,8 @@ use burn::nn::{BatchNorm, BatchNormConfig, Linear, LinearConfig, PaddingConfig2d
 use burn::tensor::activation::{relu, sigmoid};
 use burn::tensor::{Device, Tensor, TensorData};
 use softras::scene::Appearance;
-use softras::{Mesh, Result, shapes};
+use softras::{Mesh, Result};
 
-/// Subdivisions of the sphere: 642 vertices.
-const SUBDIVISIONS: u32 = 3;
-/// The radius of the sphere that a new network gives, as a share of the half size of the space that shapes lie in.
-const RADIUS: f64 = 0.5;
 /// How far the centre moves for an output of 1.
 const CENTER_RATE: f64 = 0.1;
 
@@ -68,6 +65,8 @@ pub struct Network {
     center: Linear,
     offsets: Linear,
     colors: Option<Linear>,
+    #[module(skip)]
+    template: Template,
 }
 
 /// What the network sees in a batch of pictures.
@@ -79,30 +78,31 @@ pub struct Shapes {
     pub colors: Option<Tensor<3>>,
 }
 
-/// The sphere whose vertices the network moves.
-///
-/// # Errors
-/// None: the sphere is always the same.
-pub fn sphere() -> Result<Mesh> {
-    shapes::icosphere(SUBDIVISIONS)
-}
-
 impl Network {
     /// A network with random weights that gives nearly the sphere for every picture.
     ///
     /// # Errors
     /// [`softras::Error::Fit`] for a width outside 1 to 256.
     pub fn new(width: usize, color: bool, device: &Device) -> Result<Self> {
+        Self::of_template(width, color, Template::sphere()?, device)
+    }
+
+    /// A network with random weights that moves the vertices of a template.
+    ///
+    /// # Errors
+    /// As [`Network::new`].
+    pub fn of_template(width: usize, color: bool, template: Template, device: &Device) -> Result<Self> {
         let trunk = Trunk::new(width, device)?;
-        let vertices = sphere()?.positions().len();
+        let vertices = template.mesh().positions().len();
         let small = Initializer::Uniform { min: -1e-3, max: 1e-3 };
         let last = |to: usize| LinearConfig::new(Trunk::code(width), to).with_initializer(small.clone()).init(device);
-        Ok(Self { trunk, center: last(3), offsets: last(3 * vertices), colors: color.then(|| last(3 * vertices)) })
+        let (center, offsets) = (last(3), last(3 * vertices));
+        Ok(Self { trunk, center, offsets, colors: color.then(|| last(3 * vertices)), template })
     }
 
     /// The shapes in pictures `[pictures, 4, 64, 64]`, RGBA in [0, 1].
-    pub fn forward(&self, pictures: Tensor<4>, sphere: &Tensor<3>) -> Shapes {
-        let count = pictures.dims()[0];
+    pub fn forward(&self, pictures: Tensor<4>) -> Shapes {
+        let (count, device) = (pictures.dims()[0], pictures.device());
         let code = self.trunk.forward(pictures);
         let rows = |flat: Tensor<2>| {
             let vertices = flat.dims()[1] / 3;
@@ -110,7 +110,7 @@ impl Network {
         };
         let center = rows(self.center.forward(code.clone()).mul_scalar(CENTER_RATE)).tanh();
         // Within ±1, and again within ±1 after the centre has moved.
-        let around = sigmoid(rows(self.offsets.forward(code.clone())) + sphere.clone()).mul_scalar(2.0).sub_scalar(1.0);
+        let around = self.template.moved(rows(self.offsets.forward(code.clone())), &device);
         let room = (around.clone() * center.clone()).neg() + around.clone();
         let less = around.clone() * center.clone() + around.clone();
         let positive = around.greater_elem(0.0);
@@ -118,21 +118,6 @@ impl Network {
         let colors = self.colors.as_ref().map(|colors| sigmoid(rows(colors.forward(code))));
         Shapes { positions, colors }
     }
-}
-
-/// The logits of the sphere's vertices, `[1, vertices, 3]`, as [`Network::forward`] takes them.
-///
-/// # Errors
-/// None: the sphere is always the same.
-pub fn sphere_logits(device: &Device) -> Result<Tensor<3>> {
-    let sphere = sphere()?;
-    let logit = |x: f32| {
-        let share = 0.5 + 0.5 * RADIUS * f64::from(x);
-        (share / (1.0 - share)).ln() as f32
-    };
-    let logits: Vec<f32> = sphere.positions().as_flattened().iter().map(|&x| logit(x)).collect();
-    let vertices = sphere.positions().len();
-    Ok(Tensor::from_data(TensorData::new(logits, [1, vertices, 3]), device))
 }
 
 /// Pictures of four planes of bytes as a tensor `[pictures, 4, 64, 64]`.
@@ -147,13 +132,13 @@ pub fn pictures_tensor<'a>(pictures: impl IntoIterator<Item = &'a [u8]>, device:
 /// # Errors
 /// [`softras::Error::Mesh`] where a vertex is not finite.
 pub fn meshes(network: &Network, pictures: &[&[u8]], device: &Device) -> Result<Vec<Mesh>> {
-    let shapes = network.forward(pictures_tensor(pictures.iter().copied(), device), &sphere_logits(device)?);
+    let shapes = network.forward(pictures_tensor(pictures.iter().copied(), device));
     let host = |tensor: Tensor<3>| {
         let read = tensor.try_into_vec_as::<f32>();
         read.or_else(|e| fit_error(format!("the network's output cannot be read ({e})"), "report this"))
     };
     let (positions, colors) = (host(shapes.positions)?, shapes.colors.map(host).transpose()?);
-    let template = sphere()?;
+    let template = network.template.mesh();
     let size = 3 * template.positions().len();
     let rows = |values: &[f32], i: usize| values[i * size..(i + 1) * size].as_chunks::<3>().0.to_vec();
     let one = |i: usize| {

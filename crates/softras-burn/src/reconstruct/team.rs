@@ -3,6 +3,8 @@
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::optim::GradientsParams;
 use burn::tensor::{Tensor, TensorData};
+use softras::Result;
+use std::rc::Rc;
 
 /// The processes of a training.
 pub trait Team {
@@ -14,6 +16,13 @@ pub trait Team {
     fn average(&self, values: &mut [f32]);
     /// Ends the other processes, which would wait for this one for ever.
     fn abort(&self);
+
+    /// Whether any of the processes says so.
+    fn any(&self, own: bool) -> bool {
+        let mut votes = [f32::from(u8::from(own))];
+        self.average(&mut votes);
+        votes[0] > 0.0
+    }
 }
 
 /// A team of one.
@@ -32,6 +41,54 @@ impl Team for Alone {
     fn average(&self, _: &mut [f32]) {}
 
     fn abort(&self) {}
+}
+
+/// What a launcher of MPI programs tells each of them by its environment: Open MPI's, others by PMI, and those by PMIx.
+#[cfg(feature = "mpi")]
+const LAUNCHED: [&str; 3] = ["OMPI_COMM_WORLD_SIZE", "PMI_RANK", "PMIX_RANK"];
+
+/// The processes of this training: those that `mpirun` has started, where the crate is built with MPI, or this one alone.
+///
+/// # Errors
+/// [`softras::Error::Fit`] where MPI cannot be started.
+pub fn processes() -> Result<Rc<dyn Team>> {
+    #[cfg(feature = "mpi")]
+    if LAUNCHED.iter().any(|name| std::env::var_os(name).is_some()) {
+        return match mpi::initialize() {
+            Some(universe) => Ok(Rc::new(Mpi { universe })),
+            None => super::fit_error("MPI cannot be started", "use `mpirun`, or build without the feature mpi"),
+        };
+    }
+    Ok(Rc::new(Alone))
+}
+
+/// The processes that `mpirun` has started.
+#[cfg(feature = "mpi")]
+struct Mpi {
+    universe: mpi::environment::Universe,
+}
+
+#[cfg(feature = "mpi")]
+impl Team for Mpi {
+    fn rank(&self) -> usize {
+        mpi::traits::Communicator::rank(&self.universe.world()) as usize
+    }
+
+    fn size(&self) -> usize {
+        mpi::traits::Communicator::size(&self.universe.world()) as usize
+    }
+
+    fn average(&self, values: &mut [f32]) {
+        use mpi::traits::CommunicatorCollectives;
+        let own = values.to_vec();
+        self.universe.world().all_reduce_into(&own[..], values, mpi::collective::SystemOperation::sum());
+        let share = 1.0 / self.size() as f32;
+        values.iter_mut().for_each(|value| *value *= share);
+    }
+
+    fn abort(&self) {
+        mpi::traits::Communicator::abort(&self.universe.world(), 1);
+    }
 }
 
 /// The mean of the gradients of all processes.

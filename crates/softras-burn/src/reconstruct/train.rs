@@ -4,9 +4,10 @@ use super::checkpoint::{self, Status};
 use super::config::{Config, Row};
 use super::data::Set;
 use super::model::Model;
-use super::network::{Network, Shapes, pictures_tensor, sphere, sphere_logits};
+use super::network::{Network, Shapes, pictures_tensor};
 use super::pairs::Pairs;
 use super::team::{Alone, Team, average_gradients, average_running};
+use super::template::Template;
 use super::voxels::cross_entropy;
 use super::{SIZE, VIEWS, camera, fit_error};
 use crate::{Inputs, Smoothness, SoftRas, Views, iou_loss};
@@ -16,6 +17,7 @@ use burn::tensor::{Device, Tensor};
 use softras::scene::{Appearance, Background, ColorAggregation, Distance, Outputs, SilhouetteAggregation};
 use softras::{Camera, Mesh, Renderer, Result, Scene, Settings};
 use std::path::Path;
+use std::rc::Rc;
 
 /// A network in training.
 pub struct Trainer {
@@ -27,22 +29,21 @@ pub struct Trainer {
     validation: Constants,
     template: Mesh,
     cameras: Vec<Camera>,
-    team: Box<dyn Team>,
+    team: Rc<dyn Team>,
 }
 
 /// Tensors that no step changes, on one device.
 #[derive(Debug)]
 struct Constants {
     smoothness: Smoothness,
-    logits: Tensor<3>,
     device: Device,
 }
 
 impl Constants {
     fn new(device: Device) -> Result<Self> {
-        let sphere = sphere()?;
-        let smoothness = Smoothness::new(sphere.positions().len(), sphere.triangles(), &device)?;
-        Ok(Self { smoothness, logits: sphere_logits(&device)?, device })
+        let sphere = Template::sphere()?;
+        let smoothness = Smoothness::new(sphere.mesh().positions().len(), sphere.mesh().triangles(), &device)?;
+        Ok(Self { smoothness, device })
     }
 }
 
@@ -79,7 +80,7 @@ impl Trainer {
         renderer: Renderer,
         device: Device,
     ) -> Result<Self> {
-        let template = sphere()?;
+        let template = Template::sphere()?.mesh().clone();
         let template = if status.config.color > 0.0 {
             let white = vec![[1.0; 3]; template.positions().len()];
             template.with_appearance(Appearance::VertexColors(white))?
@@ -89,7 +90,7 @@ impl Trainer {
         let [training, validation] = [device.clone(), device.inner()].map(Constants::new);
         let cameras = (0..VIEWS).map(camera).collect::<Result<_>>()?;
         let (softras, training, validation) = (SoftRas::new(renderer), training?, validation?);
-        let team = Box::new(Alone);
+        let team = Rc::new(Alone);
         Ok(Self { status, model, optimizer, softras, training, validation, template, cameras, team })
     }
 
@@ -97,7 +98,7 @@ impl Trainer {
     ///
     /// # Errors
     /// [`softras::Error::Fit`] where the shares of a step cannot be divided evenly.
-    pub fn with_team(self, team: Box<dyn Team>) -> Result<Self> {
+    pub fn with_team(self, team: Rc<dyn Team>) -> Result<Self> {
         let shares = self.status.config.shares;
         if !shares.is_multiple_of(team.size()) {
             let what = format!("{shares} shares of a step for {} processes", team.size());
@@ -209,7 +210,7 @@ impl Trainer {
         pairs: &Pairs,
     ) -> Result<(Tensor<1>, [f32; 5])> {
         let config = &self.status.config;
-        let shapes = network.forward(pictures.clone(), &constants.logits);
+        let shapes = network.forward(pictures.clone());
         let cameras: Vec<Camera> = pairs.seen().chain(pairs.others()).map(|(_, view)| self.cameras[view]).collect();
         let (silhouette, color) = self.images(&shapes, cameras)?;
         // The second half of the pictures is the first half's other view.

@@ -60,19 +60,39 @@ impl ModuleMapper for Number {
     }
 }
 
-/// The network with the weights of a file.
+/// Where weights come from.
+pub trait Source {
+    /// The values of a weight of that name and shape.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    fn values(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>, String>;
+}
+
+impl Source for SafeTensors<'_> {
+    fn values(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>, String> {
+        let view = self.tensor(name).map_err(|e| e.to_string())?;
+        if (view.dtype(), view.shape()) != (Dtype::F32, shape) {
+            let found = format!("{:?} of shape {:?}", view.dtype(), view.shape());
+            return Err(format!("{name} is {found}, the network has F32 of shape {shape:?}"));
+        }
+        Ok(view.data().as_chunks().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect())
+    }
+}
+
+/// The network with the weights of a source.
 ///
 /// # Errors
 /// What is wrong with the first weight that is missing, of another shape or type, or not finite.
-pub fn load<M: Module>(network: M, file: &SafeTensors, device: &Device) -> Result<M, String> {
-    let mut load = Load { path: Vec::new(), file, device, wrong: None };
+pub fn load<M: Module>(network: M, source: &dyn Source, device: &Device) -> Result<M, String> {
+    let mut load = Load { path: Vec::new(), source, device, wrong: None };
     let network = network.map(&mut load);
     load.wrong.map_or(Ok(network), Err)
 }
 
 struct Load<'a> {
     path: Vec<String>,
-    file: &'a SafeTensors<'a>,
+    source: &'a dyn Source,
     device: &'a Device,
     wrong: Option<String>,
 }
@@ -80,12 +100,7 @@ struct Load<'a> {
 impl Load<'_> {
     fn values(&self, shape: &[usize]) -> Result<Vec<f32>, String> {
         let name = self.path.join(".");
-        let view = self.file.tensor(&name).map_err(|e| e.to_string())?;
-        if (view.dtype(), view.shape()) != (Dtype::F32, shape) {
-            let found = format!("{:?} of shape {:?}", view.dtype(), view.shape());
-            return Err(format!("{name} is {found}, the network has F32 of shape {shape:?}"));
-        }
-        let values: Vec<f32> = view.data().as_chunks().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect();
+        let values = self.source.values(&name, shape)?;
         if values.iter().all(|x| x.is_finite()) { Ok(values) } else { Err(format!("{name} is not finite")) }
     }
 }

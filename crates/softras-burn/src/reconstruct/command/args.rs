@@ -94,9 +94,9 @@ pub(super) struct TrainSettings {
     /// Objects of a step, each in two views
     #[arg(long, default_value_t = 8)]
     pub(super) pairs: usize,
-    /// Shares of a step, each with batch norms of its own
-    #[arg(long, default_value_t = 1)]
-    pub(super) shares: usize,
+    /// Shares of a step, each with batch norms of its own; several processes divide them [default: one for each process]
+    #[arg(long)]
+    pub(super) shares: Option<usize>,
     /// Adam's rate; × 0.3 after three fifths of the steps
     #[arg(long, default_value_t = 1e-3)]
     pub(super) rate: f64,
@@ -124,8 +124,9 @@ pub(super) struct TrainSettings {
 }
 
 impl TrainSettings {
-    pub(super) fn config(&self) -> Config {
+    pub(super) fn config(&self, processes: usize) -> Config {
         let Self { width, steps, pairs, shares, rate, sigma, laplacian, flatten, color, hard, voxels, seed } = *self;
+        let shares = shares.unwrap_or(processes);
         Config { width, steps, pairs, shares, rate, sigma, laplacian, flatten, color, hard, voxels, seed }
     }
 }
@@ -134,7 +135,7 @@ impl TrainSettings {
 pub(super) struct PredictArgs {
     /// A PNG picture of 64 by 64 pixels with a transparent background
     pub(super) image: PathBuf,
-    /// The checkpoint of a network
+    /// The checkpoint of a network, or a checkpoint_*.pth.tar of the official PyTorch code
     #[arg(long, value_name = "CHECKPOINT")]
     pub(super) network: PathBuf,
     /// The mesh to write, an OBJ file
@@ -150,7 +151,7 @@ pub(super) struct EvaluateArgs {
     /// The folder of the data
     pub(super) data: PathBuf,
     /// Checkpoints of networks, each with the name of its row before it: `full=runs/full/best.safetensors`; several of one
-    /// name are the runs of one row
+    /// name are the runs of one row. A checkpoint_*.pth.tar of the official PyTorch code is read, too
     #[arg(long = "network", value_name = "NAME=CHECKPOINT", value_parser = parse_network)]
     pub(super) networks: Vec<(String, PathBuf)>,
     /// Classes to evaluate [default: all that the folder has]

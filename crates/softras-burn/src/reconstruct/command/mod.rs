@@ -6,6 +6,8 @@ use super::config::Row;
 use super::data::{self, Set, Shard};
 use super::model::Model;
 use super::network::meshes;
+use super::official;
+use super::team::{Team, processes};
 use super::train::Trainer;
 use super::{checkpoint, curves, evaluate, families, file_error, fit_error, furniture, picture, sheet, synthesis};
 pub use args::Cli;
@@ -15,6 +17,7 @@ use burn::tensor::Device;
 use softras::internals::files;
 use softras::{Error, Renderer, Result};
 use std::path::Path;
+use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -63,18 +66,32 @@ fn interruption() -> Result<Arc<AtomicBool>> {
 }
 
 fn train(args: &TrainArgs) -> Result<()> {
+    let team = processes()?;
+    let trained = train_with(args, team.clone());
+    if let (Err(e), true) = (&trained, team.size() > 1) {
+        // Nothing is said after the end of all processes.
+        eprintln!("error: process {}: {e}", team.rank());
+        team.abort();
+    }
+    trained
+}
+
+fn train_with(args: &TrainArgs, team: Rc<dyn Team>) -> Result<()> {
     if args.every == 0 {
         return fit_error("checkpoints every 0 steps", "use at least 1");
     }
     let set = data::read(&args.data, "train", &args.classes)?;
     let validation = data::read(&args.data, "val", &args.classes)?;
     let renderer = Renderer::new()?;
-    let mut trainer = match &args.resume {
+    let trainer = match &args.resume {
         Some(path) => Trainer::resume(path, renderer)?,
-        None => Trainer::new(args.settings.config(), renderer)?,
+        None => Trainer::new(args.settings.config(team.size()), renderer)?,
     };
-    std::fs::create_dir_all(&args.output).map_err(|source| Error::Io { path: args.output.clone(), source })?;
-    eprintln!("{} objects of {} classes, {} weights", set.objects.len(), set.classes.len(), trainer.weights());
+    let mut trainer = trainer.with_team(team)?;
+    if trainer.team().rank() == 0 {
+        std::fs::create_dir_all(&args.output).map_err(|source| Error::Io { path: args.output.clone(), source })?;
+        eprintln!("{} objects of {} classes, {} weights", set.objects.len(), set.classes.len(), trainer.weights());
+    }
     steps(&mut trainer, &set, &validation, args)
 }
 
@@ -82,9 +99,9 @@ fn train(args: &TrainArgs) -> Result<()> {
 fn steps(trainer: &mut Trainer, set: &Set, validation: &Set, args: &TrainArgs) -> Result<()> {
     let stop = interruption()?;
     let (start, first) = (Instant::now(), trainer.status().step);
-    while !trainer.is_done() && !stop.load(Ordering::Relaxed) {
+    while !trainer.is_done() && !trainer.team().any(stop.load(Ordering::Relaxed)) {
         let row = trainer.step(set)?;
-        if row.step % 25 == 0 {
+        if row.step % 25 == 0 && trainer.team().rank() == 0 {
             let rate = (row.step - first) as f64 / start.elapsed().as_secs_f64();
             let steps = trainer.status().config.steps;
             let overlap = format!(", IoU of silhouettes {:.3}", 1.0 - row.silhouette);
@@ -99,8 +116,12 @@ fn steps(trainer: &mut Trainer, set: &Set, validation: &Set, args: &TrainArgs) -
     keep(trainer, validation, &args.output)
 }
 
-/// Validates and writes the checkpoints and the curve.
+/// Validates and writes the checkpoints and the curve, which the first process does for all.
 fn keep(trainer: &mut Trainer, validation: &Set, folder: &Path) -> Result<()> {
+    trainer.gather();
+    if trainer.team().rank() > 0 {
+        return Ok(());
+    }
     let (loss, is_best) = trainer.validate(validation)?;
     trainer.save(&folder.join("last.safetensors"))?;
     if is_best {
@@ -114,8 +135,11 @@ fn keep(trainer: &mut Trainer, validation: &Set, folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// A network for looking at, and the curve of its training.
+/// A network for looking at, and the curve of its training where the file has it.
 fn network(path: &Path, device: &Device) -> Result<(Model, Vec<Row>)> {
+    if official::is_named(path) {
+        return Ok((Model::Mesh(official::read(path, device)?), Vec::new()));
+    }
     let (status, network, _) = checkpoint::read(path, device, None)?;
     Ok((network.valid(), status.curve))
 }
@@ -154,7 +178,7 @@ fn compare(args: &EvaluateArgs) -> Result<()> {
     let (mut networks, mut trainings) = (Vec::new(), Vec::new());
     for (name, path) in &args.networks {
         let (network, curve) = network(path, &device)?;
-        if matches!(network, Model::Mesh(_)) {
+        if matches!(network, Model::Mesh(_)) && !curve.is_empty() {
             trainings.push((name.clone(), curve));
         }
         networks.push((name.clone(), network));
@@ -197,7 +221,7 @@ fn demo(args: &DemoArgs) -> Result<()> {
         width: 6,
         steps: args.steps,
         pairs: 8,
-        shares: 1,
+        shares: None,
         rate: 2e-3,
         sigma: 1e-4,
         laplacian: 3e-2,
