@@ -54,11 +54,9 @@ impl Targets {
             let shape = [image.batch, image.height, image.width, image.channels];
             let right = [self.cameras.len(), first.height, first.width, channels];
             if shape != right || !image.is_whole() {
-                let what = format!("{name} of shape {shape:?} with {} values", image.data.len());
-                return bad(
-                    what,
-                    &format!("give {name} of shape {right:?}, one for each camera, as large as the other images"),
-                );
+                let what =
+                    format!("{name} of shape {shape:?} with {} values for {} cameras", image.data.len(), right[0]);
+                return bad(what, &format!("give {name} of shape {right:?}, as large as the other images"));
             }
         }
         Ok((first.height, first.width))
