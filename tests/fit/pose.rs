@@ -305,8 +305,9 @@ fn a_search_finds_a_cube_wherever_it_is() {
         // Where fits ended that were too bad to be refined is known as well: in the larger picture one more than was refined.
         assert!(found.found().len() >= if size == 150 { 3 } else { 2 }, "{:?}", found.found());
         let away = Pose { rotation: DQuat::from_rotation_x(0.1) * truth.rotation, ..truth };
-        let refined = search(&mut renderer, &cube, &truth, size).with(1, 60).refining(away).unwrap();
-        let refined = finish(refined, &mut renderer).found()[0].0;
+        let refining = search(&mut renderer, &cube, &truth, size).with(1, 60).refining(away).unwrap();
+        assert_eq!(refining.step_count(), 60);
+        let refined = finish(refining, &mut renderer).found()[0].0;
         assert!(refined.degrees_to(&truth) < 1.0, "{} degrees after refining", refined.degrees_to(&truth));
     }
 }
