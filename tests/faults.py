@@ -178,7 +178,6 @@ FAULTS = [
      "[first, second]", [("fit", "hull::")]),
     ("hull: the last picture alone", "src/fit/hull.rs", "value = value.min(distance as f32);", "value = distance as f32;",
      [("fit", "hull::")]),
-    ("hull by depths: bubbles and crumbs stay", "src/fit/hull.rs", "            grid.mend();\n", "", [("fit", "surface::")]),
     ("depths: the outline not pulled", "src/fit/shape/compare.rs", "*g *= -means[i / samples]", "*g *= 0.0 * means[i / samples]",
      [("fit", "surface::")]),
     ("normals: unknown ones compared", "src/fit/shape/compare.rs", "given && *a >= COVERED", "given && *a >= 0.0",

@@ -275,3 +275,33 @@ impl Samples {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn crumbs_go_outside_and_enclosed_air_inside() {
+        const SIDE: usize = 24;
+        let mut samples = Samples::new(DVec3::ZERO, 1.0, SIDE);
+        let at = |x: usize, y: usize, z: usize| (z * SIDE + y) * SIDE + x;
+        // A block with a bubble in it, one sample of which lies on the outline itself, and a crumb beside it.
+        samples.values.fill(-1.0);
+        for (x, y, z) in (4..20).flat_map(|x| (4..20).flat_map(move |y| (4..16).map(move |z| (x, y, z)))) {
+            samples.values[at(x, y, z)] = 1.0;
+        }
+        let block = samples.values.clone();
+        samples.values[at(9, 9, 9)] = -0.5;
+        samples.values[at(10, 9, 9)] = 0.0;
+        samples.values[at(12, 12, 20)] = 0.5;
+        samples.mend();
+        let outside = |values: &[f32]| values.iter().map(|value| *value <= 0.0).collect::<Vec<bool>>();
+        assert_eq!(outside(&samples.values), outside(&block));
+        // Air that reaches the border of the grid stays, wherever it does.
+        samples.values.fill(1.0);
+        (0..12).for_each(|z| samples.values[at(9, 9, z)] = -1.0);
+        let tunnel = samples.values.clone();
+        samples.mend();
+        assert_eq!(samples.values, tunnel);
+    }
+}
