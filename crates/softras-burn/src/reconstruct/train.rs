@@ -102,7 +102,7 @@ impl Trainer {
         let shares = self.status.config.shares;
         if !shares.is_multiple_of(team.size()) {
             let what = format!("{shares} shares of a step for {} processes", team.size());
-            return fit_error(what, "use --shares with a multiple of the number of processes");
+            return fit_error(what, "start a number of processes that divides the shares (--shares)");
         }
         Ok(Self { team, ..self })
     }
