@@ -50,6 +50,40 @@ uint entry_on_list(uint index, uint list, bool small) {
     return small ? end - 1u - number : row * FORWARD_ROW + number;
 }
 
+// Puts an item on the list of what it contributes to. Returns whether that is nothing.
+bool is_left_out(uint index, uvec2 part) {
+    if (part.x == NO_RECORD) {
+        return false;
+    }
+    int record_index = int(part.x);
+    ivec4 box = texelFetch(boxes, record_index);
+    if (box.x > box.z || box.y > box.w) {
+        return false;
+    }
+    // view_of relies on it that records lie in the order of the views.
+    Item item = item_of(int(index), record_index, int(part.y), view_of(record_index), box);
+    bool is_record = index < frame.record_count;
+    if (is_record && texelFetch(cell_ranges, record_index).y == 0u && cells_of(box) > 1) {
+        uint row = index / FORWARD_ROW;
+        uint entry = atomicAdd(item_counts[row * ITEM_COUNT_WORDS + ITEMS_LONG], 1u);
+        long_records[row * FORWARD_ROW + entry] = index;
+    }
+    Relevance relevance = relevance_of(item);
+    // Further cells are never small, because backward_long has all lanes share them.
+    uint most = relevance.shows ? SMALL_SHOWN_WORK : SMALL_OUTLINE_WORK;
+    bool small = is_record && uint(item.size.x * item.size.y) * LANES <= most;
+    bool listed = relevance.shows || relevance.outlines;
+    if (listed) {
+        uint entry = entry_on_list(index, relevance.shows ? ITEMS_SHOWN : ITEMS_OUTLINE, small);
+        if (relevance.shows) {
+            shown_items[entry] = packed(item);
+        } else {
+            outline_items[entry] = packed(item);
+        }
+    }
+    return !listed;
+}
+
 void main() {
     uint index = gl_WorkGroupID.z * FORWARD_ROW * LINEAR_GROUP + gl_GlobalInvocationID.x;
     uint records = frame.record_count;
@@ -61,38 +95,15 @@ void main() {
     if (index == 0u) {
         status_words[STATUS_WHOLE] = finite ? 1u : 0u;
     }
-    if (!finite) {
-        // With all items on neither list every gradient is zero.
-        for (int i = 0; i < PARTIAL_STRIDE; ++i) {
-            partials[int(index) * PARTIAL_STRIDE + i] = vec4(0.0);
-        }
-        return;
+    // With all items on neither list every gradient is zero.
+    bool left_out = true;
+    if (finite) {
+        uvec2 part = index < records ? uvec2(index, 0u) : texelFetch(cells, int(index - records)).xy;
+        left_out = is_left_out(index, part);
     }
-    uvec2 part = index < records ? uvec2(index, 0u) : texelFetch(cells, int(index - records)).xy;
-    if (part.x == NO_RECORD) {
-        return;
-    }
-    int record_index = int(part.x);
-    ivec4 box = texelFetch(boxes, record_index);
-    if (box.x > box.z || box.y > box.w) {
-        return;
-    }
-    // view_of relies on it that records lie in the order of the views.
-    Item item = item_of(int(index), record_index, int(part.y), view_of(record_index), box);
-    if (index < records && texelFetch(cell_ranges, record_index).y == 0u && cells_of(box) > 1) {
-        uint row = index / FORWARD_ROW;
-        uint entry = atomicAdd(item_counts[row * ITEM_COUNT_WORDS + ITEMS_LONG], 1u);
-        long_records[row * FORWARD_ROW + entry] = index;
-    }
-    Relevance relevance = relevance_of(item);
-    // Further cells are never small, because backward_long has all lanes share them.
-    uint most = relevance.shows ? SMALL_SHOWN_WORK : SMALL_OUTLINE_WORK;
-    bool small = index < records && uint(item.size.x * item.size.y) * LANES <= most;
-    if (relevance.shows) {
-        shown_items[entry_on_list(index, ITEMS_SHOWN, small)] = packed(item);
-    } else if (relevance.outlines) {
-        outline_items[entry_on_list(index, ITEMS_OUTLINE, small)] = packed(item);
-    } else {
+    // On a software device a store that no lane makes takes as long as one of all lanes, so that the lists and the zeros are
+    // written in one place each.
+    if (left_out) {
         for (int i = 0; i < PARTIAL_STRIDE; ++i) {
             partials[int(index) * PARTIAL_STRIDE + i] = vec4(0.0);
         }

@@ -86,7 +86,7 @@ uvec3 count_entries(int words, int blocks) {
     for (int i = 0; i < blocks; ++i) {
         int at = words + i * int(BLOCK_WORDS);
         uint word = texelFetch(coarse_words, at + int(lane)).x;
-        uint away = texelFetch(coarse_words, at + int(BLOCK_WORDS) - 2).x;
+        uint away = PARTED ? texelFetch(coarse_words, at + int(BLOCK_WORDS) - 2).x : 0u;
         uint thin = SOFT ? texelFetch(coarse_words, at + int(BLOCK_WORDS) - 1).x : 0u;
         count.xy += uvec2(bitCount(word & ~away), bitCount(word));
         count.z |= word & thin;
@@ -94,24 +94,36 @@ uvec3 count_entries(int words, int blocks) {
     return count;
 }
 
+// A tile's word of a block and the block's back faces, or nothing past the last block.
+uvec2 block_words(int words, int block, int blocks) {
+    int at = words + min(block, blocks - 1) * int(BLOCK_WORDS);
+    uint word = texelFetch(coarse_words, at + int(gl_LocalInvocationID.x)).x;
+    uint away = PARTED ? texelFetch(coarse_words, at + int(BLOCK_WORDS) - 2).x : 0u;
+    return uvec2(block < blocks ? word : 0u, away);
+}
+
 // Writes one tile's list: front faces from `next` on, back faces from `next_away` on. Returns whether it is complete: Mesa
-// 22.3 ends the loops of an invocation after 65535 passes in total.
+// 22.3 ends the loops of an invocation after 65535 passes in total. One loop takes an entry a pass, and a lane goes on to its
+// next block when it has done with one: if the lanes went from block to block together, they would wait for the fullest tile
+// of each, which takes twice the passes.
 bool write_list(uint next, uint next_away, uint end, int first, int words, int blocks) {
     uint facing_end = next_away;
-    uint lane = gl_LocalInvocationID.x;
-    for (int i = 0; i < blocks; ++i) {
-        int at = words + i * int(BLOCK_WORDS);
-        uint word = texelFetch(coarse_words, at + int(lane)).x;
-        uint away = texelFetch(coarse_words, at + int(BLOCK_WORDS) - 2).x;
-        while (word != 0u) {
-            int bit = findLSB(word);
-            uint is_away = (away >> uint(bit)) & 1u;
-            tile_records[is_away == 0u ? next : next_away] = texelFetch(coarse_records, first + i * int(WORD_BITS) + bit).x;
-            word &= word - 1u;
+    int block = 0;
+    uvec2 own = block_words(words, block, blocks);
+    do {
+        if (own.x != 0u) {
+            int bit = findLSB(own.x);
+            uint is_away = (own.y >> uint(bit)) & 1u;
+            tile_records[is_away == 0u ? next : next_away] = texelFetch(coarse_records, first + block * int(WORD_BITS) + bit).x;
+            own.x &= own.x - 1u;
             next += 1u - is_away;
             next_away += is_away;
         }
-    }
+        bool ends = own.x == 0u;
+        block += ends ? 1 : 0;
+        uvec2 other = block_words(words, block, blocks);
+        own = ends ? other : own;
+    } while (block < blocks);
     return next == facing_end && next_away == end;
 }
 

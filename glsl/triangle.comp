@@ -163,14 +163,17 @@ void mark_bins(Shape shape, int record_in_view, ivec4 box, Edges e) {
     vec2 half_size = 0.5 * vec2(BIN_WIDTH - 1u, BIN_HEIGHT - 1u);
     int word = shape.word_base + record_in_view / int(WORD_BITS);
     uint bit = 1u << (uint(record_in_view) % WORD_BITS);
-    for (int y = bins.y; y <= bins.w; ++y) {
-        for (int x = bins.x; x <= bins.z; ++x) {
-            vec2 centre = vec2(x, y) * vec2(BIN_WIDTH, BIN_HEIGHT) + half_size;
-            if (may_touch(e, centre - e.origin, half_size)) {
-                atomicOr(bin_bits[word + (y * int(frame.bins_x) + x) * shape.word_count], bit);
-            }
+    ivec2 at = bins.xy;
+    // One loop over the bins that tests its condition at the end, because llvmpipe executes the body once more when it tests at
+    // the start: most boxes lie in one bin.
+    do {
+        vec2 centre = vec2(at) * vec2(BIN_WIDTH, BIN_HEIGHT) + half_size;
+        if (at.y <= bins.w && may_touch(e, centre - e.origin, half_size)) {
+            atomicOr(bin_bits[word + (at.y * int(frame.bins_x) + at.x) * shape.word_count], bit);
         }
-    }
+        bool ends_row = at.x == bins.z;
+        at = ends_row ? ivec2(bins.x, at.y + 1) : ivec2(at.x + 1, at.y);
+    } while (at.y <= bins.w);
 }
 
 void emit(Shape shape, int triangle, int record_in_view, Corners c) {

@@ -48,7 +48,9 @@ void main() {
     }
     vec3 position = vec3(0.0);
     vec3 color = vec3(0.0);
-    for (int view = first; view <= last; ++view) {
+    // The loop tests its condition at the end, because llvmpipe executes the body once more when it tests at the start.
+    int view = first;
+    do {
         Shape shape = shape_of(view);
         int at = shape.adjacency_base + vertex;
         int end = int(texelFetch(adjacency, at + 1).x);
@@ -64,7 +66,8 @@ void main() {
                 position += live ? through_normals(shape, corner >> 2, corner & 3) : vec3(0.0);
             }
         }
-    }
+        ++view;
+    } while (view <= last);
     int to = 2 * (shape_of(first).vertex_base + vertex);
     vertex_gradients[to] = vec4(position, 0.0);
     vertex_gradients[to + 1] = vec4(color, 0.0);
