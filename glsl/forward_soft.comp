@@ -103,9 +103,10 @@ void add_shaded(Entry t, Corner c, Distance d[PIXELS], inout Pixel pixels[PIXELS
     }
 }
 
-// Adds an entry to the pixels' sums; `shows` is a constant of the call: without it the entry contributes to the silhouette
-// only.
-void add_entry(Fetched own, bool live, bool shows, Lane lane, inout Transmittance w[PIXELS], inout Pixel pixels[PIXELS]) {
+// Adds an entry, the first or the second of a pair, to the pixels' sums; `shows` is a constant of the call: without it the
+// entry contributes to the silhouette only.
+void add_entry(Fetched own, bool is_second, bool live, bool shows, Lane lane, inout Transmittance w[PIXELS],
+               inout Pixel pixels[PIXELS]) {
     Entry t;
     read_entry(own, live, lane, t);
     Distance d[PIXELS];
@@ -114,7 +115,7 @@ void add_entry(Fetched own, bool live, bool shows, Lane lane, inout Transmittanc
         add_silhouette(d, w);
     }
     if (shows && SHADED) {
-        add_shaded(t, shared_corner_of(own), d, pixels);
+        add_shaded(t, paired_corner_of(own, is_second), d, pixels);
     }
 }
 
@@ -148,18 +149,20 @@ void gather_word(int from, uint held[HELD], uint bits, bool shows, Lane lane, in
         words[i] = word_of(pixels[i]);
     }
     bool any = bits != 0u;
-    Fetched first = fetch_record(lowest_record(from, held, bits), shows && WANT_SHADING);
-    Fetched second = fetch_record(lowest_record(from, held, bits & (bits - 1u)), shows && WANT_SHADING);
+    Fetched first;
+    Fetched second;
+    int next = lowest_record(from, held, bits);
+    fetch_pair(next, lowest_record(from, held, bits & (bits - 1u)), shows && WANT_SHADING, first, second);
     do {
         Fetched one = first;
         Fetched other = second;
         bits &= bits - 1u;
         bool both = bits != 0u;
         bits &= bits - 1u;
-        first = fetch_record(lowest_record(from, held, bits), shows && WANT_SHADING);
-        second = fetch_record(lowest_record(from, held, bits & (bits - 1u)), shows && WANT_SHADING);
-        add_entry(one, any, shows, lane, w, words);
-        add_entry(other, both, shows, lane, w, words);
+        next = lowest_record(from, held, bits);
+        fetch_pair(next, lowest_record(from, held, bits & (bits - 1u)), shows && WANT_SHADING, first, second);
+        add_entry(one, false, any, shows, lane, w, words);
+        add_entry(other, true, both, shows, lane, w, words);
     } while (bits != 0u);
     for (int i = 0; i < PIXELS; ++i) {
         if (WANT_SILHOUETTE) {
