@@ -47,6 +47,7 @@
 //! ```
 
 mod loss;
+mod nmr;
 mod op;
 pub mod reconstruct;
 mod render;

@@ -66,6 +66,9 @@ fn from_data_to_a_mesh_and_the_table() {
     assert!(fails(folder, "predict p.png --network p.png -o mesh.obj").contains("not a checkpoint"));
     assert!(fails(folder, "predict p.png --network solid/best.safetensors -o mesh.obj").contains("voxel network"));
     assert!(fails(folder, "evaluate data --network v=solid/best.safetensors --sheet s.png").contains("mesh network"));
+    let no_curve = fails(folder, "evaluate data --network v=solid/best.safetensors --curves none.svg");
+    assert!(no_curve.contains("solid/best.safetensors: no network has a curve"), "{no_curve}");
+    assert!(no_curve.contains("leave --curves out") && !folder.join("none.svg").exists(), "{no_curve}");
     assert!(fails(folder, "train data -o x --classes ship").contains("ship_train_images.npz"));
     assert!(fails(folder, "train data -o x --steps 0").contains("steps = 0"));
     assert!(fails(folder, "data -o x --families ship").contains("no family \"ship\""));

@@ -4,7 +4,7 @@
 use burn::tensor::Device;
 use softras::Renderer;
 use softras::internals::fit::is_closed;
-use softras_burn::reconstruct::config::{Config, Row};
+use softras_burn::reconstruct::config::{Config, Hard, Row};
 use softras_burn::reconstruct::data::{self, Set, Shard};
 use softras_burn::reconstruct::model::Model;
 use softras_burn::reconstruct::network::{Network, meshes};
@@ -23,7 +23,7 @@ fn config() -> Config {
         laplacian: 5e-3,
         flatten: 5e-4,
         color: 1.0,
-        hard: false,
+        hard: None,
         voxels: false,
         seed: 5,
     }
@@ -135,12 +135,12 @@ fn training_resumes_to_the_bit_and_learns() {
 #[test]
 fn hard_images_and_silhouettes_alone_learn_as_well() {
     let set = small();
-    for (hard, color) in [(true, 1.0), (false, 0.0)] {
+    for (hard, color) in [(Some(Hard::Edge), 1.0), (Some(Hard::Nmr), 1.0), (Some(Hard::Nmr), 0.0), (None, 0.0)] {
         let config = Config { hard, color, steps: 12, rate: 3e-3, ..config() };
         let mut trainer = Trainer::new(config, Renderer::new().unwrap()).unwrap();
         let curve = steps(&mut trainer, &set, 12);
         let mean = |rows: &[Row]| rows.iter().map(|row| row.silhouette).sum::<f32>() / rows.len() as f32;
-        assert!(mean(&curve[9..]) < mean(&curve[..3]), "{hard} {color}: {curve:?}");
+        assert!(mean(&curve[9..]) < mean(&curve[..3]), "{hard:?} {color}: {curve:?}");
         assert_eq!(curve.iter().all(|row| row.color == 0.0), color == 0.0);
     }
 }

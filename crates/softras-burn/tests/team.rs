@@ -1,12 +1,16 @@
 //! Several processes train as one does: two threads in their place, and with the feature `mpi` two processes of `mpirun`.
 #![allow(clippy::unwrap_used)]
 
+use burn::tensor::Device;
 use softras::Renderer;
+use softras_burn::reconstruct::checkpoint;
 use softras_burn::reconstruct::config::{Config, Row};
 use softras_burn::reconstruct::data::Set;
 use softras_burn::reconstruct::team::Team;
 use softras_burn::reconstruct::train::Trainer;
+use softras_burn::reconstruct::weights::Weight;
 use softras_burn::reconstruct::{families, synthesis};
+use std::path::Path;
 use std::rc::Rc;
 use std::sync::{Arc, Barrier, Mutex};
 
@@ -23,7 +27,7 @@ fn config(shares: usize) -> Config {
         laplacian: 3e-2,
         flatten: 5e-4,
         color: 1.0,
-        hard: false,
+        hard: None,
         voxels: false,
         seed: 3,
     }
@@ -69,18 +73,42 @@ fn curve(trainer: &mut Trainer, set: &Set) -> Vec<Row> {
     (0..STEPS).map(|_| trainer.step(set).unwrap()).collect()
 }
 
+/// The weights of a network in training, and its running means, as a checkpoint has them.
+fn weights(trainer: &Trainer, path: &Path) -> Vec<Weight> {
+    trainer.save(path).unwrap();
+    checkpoint::read(path, &Device::flex(), None).unwrap().1.weights()
+}
+
+/// What two processes have before and after they gather: of all weights the same, of the batch norms' running means, of which
+/// each has its own, the mean.
+fn are_gathered(before: [&[Weight]; 2], after: [&[Weight]; 2]) {
+    let mut apart = 0;
+    for i in 0..before[0].len() {
+        let [a, b] = before.map(|weights| &weights[i]);
+        let mean: Vec<f32> = a.values.iter().zip(&b.values).map(|(a, b)| (a + b) * 0.5).collect();
+        let is_running = a.name.contains("running");
+        assert!(is_running || a.values == b.values, "{}", a.name);
+        apart += usize::from(a.values != b.values);
+        for weights in after {
+            assert_eq!(weights[i].values, mean, "{}", a.name);
+        }
+    }
+    // The means and the variances of three batch norms.
+    assert_eq!(apart, 6);
+}
+
 #[test]
 fn two_that_share_a_step_train_as_one_does() {
-    let set = set();
+    let (set, folder) = (set(), tempfile::tempdir().unwrap());
     let mut alone = Trainer::new(config(2), Renderer::new().unwrap()).unwrap();
     let expected = curve(&mut alone, &set);
     let (values, barrier) = (Arc::new([const { Mutex::new(Vec::new()) }; 2]), Arc::new(Barrier::new(2)));
     let renderers = [0, 1].map(|_| Renderer::new().unwrap());
     let alone_now = Mutex::new(());
-    let curves: Vec<Vec<Row>> = std::thread::scope(|scope| {
+    let trained: Vec<_> = std::thread::scope(|scope| {
         let threads = renderers.into_iter().enumerate().map(|(rank, renderer)| {
             let team = Threads { rank, values: values.clone(), barrier: barrier.clone() };
-            let (set, barrier, alone_now) = (&set, &barrier, &alone_now);
+            let (set, barrier, alone_now, path) = (&set, &barrier, &alone_now, folder.path().join(rank.to_string()));
             scope.spawn(move || {
                 // The generator of the first weights is one for all threads.
                 let new = || {
@@ -89,17 +117,21 @@ fn two_that_share_a_step_train_as_one_does() {
                 };
                 let mut trainer = new().with_team(Rc::new(team)).unwrap();
                 let rows = curve(&mut trainer, set);
+                let before = weights(&trainer, &path);
                 trainer.gather();
+                let after = weights(&trainer, &path);
                 // Devices are closed one after the other.
                 barrier.wait();
                 let _guard = alone_now.lock().unwrap();
                 drop(trainer);
-                rows
+                (rows, before, after)
             })
         });
         threads.collect::<Vec<_>>().into_iter().map(|thread| thread.join().unwrap()).collect()
     });
-    assert_eq!(curves, [expected.clone(), expected.clone()]);
+    let [(first, before, after), (second, other_before, other_after)] = &trained[..] else { panic!("two threads") };
+    assert_eq!([first, second], [&expected; 2]);
+    are_gathered([before, other_before], [after, other_after]);
     // With one share the batch norms see all pictures at once, which is another training.
     let mut whole = Trainer::new(config(1), Renderer::new().unwrap()).unwrap();
     let together = curve(&mut whole, &set);

@@ -27,8 +27,9 @@ pub struct Config {
     pub flatten: f64,
     /// Weight of the colour loss; 0 for a network of shapes alone.
     pub color: f64,
-    /// Whether the images are hard, and their gradient that of an edge one pixel wide.
-    pub hard: bool,
+    /// For hard images in place of soft ones, how they are differentiated.
+    #[serde(default, deserialize_with = "hard")]
+    pub hard: Option<Hard>,
     /// Whether a voxel network learns from the training objects' solids, with none of the losses above.
     #[serde(default)]
     pub voxels: bool,
@@ -36,8 +37,32 @@ pub struct Config {
     pub seed: u64,
 }
 
+/// How hard images are differentiated by positions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Hard {
+    /// As soft images whose edges are one pixel wide
+    Edge,
+    /// As the Neural 3D Mesh Renderer of Kato et al. (2018) does, at twice the resolution
+    Nmr,
+}
+
 fn one() -> usize {
     1
+}
+
+/// Checkpoints before there was a choice say `true` for edges.
+fn hard<'a, D: serde::Deserializer<'a>>(from: D) -> std::result::Result<Option<Hard>, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged)]
+    enum Said {
+        Before(bool),
+        Now(Option<Hard>),
+    }
+    Ok(match Said::deserialize(from)? {
+        Said::Before(hard) => hard.then_some(Hard::Edge),
+        Said::Now(hard) => hard,
+    })
 }
 
 impl Config {
@@ -99,5 +124,34 @@ impl Row {
     /// A row of these losses.
     pub fn new(step: usize, [loss, silhouette, color, laplacian, flatten]: [f32; 5]) -> Self {
         Self { step, loss, silhouette, color, laplacian, flatten }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_older_checkpoints_say_of_hard_images_is_read() {
+        let config = |hard: &str| {
+            let numbers =
+                r#""width":8,"steps":4,"pairs":8,"rate":1e-3,"sigma":1e-4,"laplacian":0,"flatten":0,"color":1"#;
+            serde_json::from_str::<Config>(&format!("{{{numbers}{hard},\"seed\":0}}"))
+        };
+        for (said, expected) in [
+            ("", None),
+            (r#","hard":false"#, None),
+            (r#","hard":true"#, Some(Hard::Edge)),
+            (r#","hard":null"#, None),
+            (r#","hard":"edge""#, Some(Hard::Edge)),
+            (r#","hard":"nmr""#, Some(Hard::Nmr)),
+        ] {
+            let read = config(said).unwrap();
+            assert_eq!(read.hard, expected, "{said}");
+            let again: Config = serde_json::from_str(&serde_json::to_string(&read).unwrap()).unwrap();
+            assert_eq!(again, read);
+        }
+        assert!(config(r#","hard":"soft""#).is_err());
     }
 }

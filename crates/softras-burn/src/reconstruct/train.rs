@@ -1,7 +1,7 @@
 //! Training from pairs of views: the shape that is seen in either view is rendered in both.
 
 use super::checkpoint::{self, Status};
-use super::config::{Config, Row};
+use super::config::{Config, Hard, Row};
 use super::data::Set;
 use super::model::Model;
 use super::network::{Network, Shapes, pictures_tensor};
@@ -249,14 +249,28 @@ impl Trainer {
         };
         let scene = Scene::batch(vec![self.template.clone(); cameras.len()]);
         let views = Views { scene, cameras, settings: settings(config) };
-        let images = self.softras.render(&views, &inputs)?;
+        let images = match config.hard {
+            Some(Hard::Nmr) => self.softras.render_hard(&views, &inputs)?,
+            _ => self.softras.render(&views, &inputs)?,
+        };
         let (Some(silhouette), color) = (images.silhouette, images.color) else {
             return fit_error("the renderer gave no silhouette", "report this");
         };
-        if !config.hard {
-            return Ok((silhouette, color));
+        match config.hard {
+            None => Ok((silhouette, color)),
+            Some(Hard::Nmr) => Ok((halved(silhouette.unsqueeze_dim(3)).squeeze_dim(3), color.map(halved))),
+            Some(Hard::Edge) => self.hardened(silhouette, color, views, &inputs),
         }
-        // The values of the hard images with the gradient of the others.
+    }
+
+    /// The values of hard images with the gradient of soft ones.
+    fn hardened(
+        &self,
+        silhouette: Tensor<3>,
+        color: Option<Tensor<4>>,
+        views: Views,
+        inputs: &Inputs,
+    ) -> Result<(Tensor<3>, Option<Tensor<4>>)> {
         let settings = Settings {
             color: ColorAggregation::Hard,
             silhouette: SilhouetteAggregation::Hard,
@@ -274,11 +288,21 @@ impl Trainer {
     }
 }
 
+/// Images `[count, height, width, channels]` at half their resolution: the means of four pixels.
+fn halved(images: Tensor<4>) -> Tensor<4> {
+    let [count, height, width, channels] = images.dims();
+    let blocks = images.reshape([count, height / 2, 2, width / 2, 2 * channels]).sum_dim(2);
+    let blocks = blocks.reshape([count, height / 2, width / 2, 2, channels]).sum_dim(3);
+    blocks.reshape([count, height / 2, width / 2, channels]).mul_scalar(0.25)
+}
+
 /// How shapes are rendered in training.
 fn settings(config: &Config) -> Settings {
+    // The authors of that renderer render at twice the resolution.
+    let side = SIZE as u32 * if config.hard == Some(Hard::Nmr) { 2 } else { 1 };
     let settings = Settings {
-        width: SIZE as u32,
-        height: SIZE as u32,
+        width: side,
+        height: side,
         sigma: config.sigma,
         // About 0.01 world units of depth.
         near: 1.5,
@@ -288,5 +312,5 @@ fn settings(config: &Config) -> Settings {
         outputs: Outputs { color: config.color > 0.0, silhouette: true, depth: false, normal: false },
         ..Settings::default()
     };
-    if config.hard { settings.with_blur_pixels(1.0) } else { settings }
+    if config.hard == Some(Hard::Edge) { settings.with_blur_pixels(1.0) } else { settings }
 }

@@ -1,6 +1,6 @@
 //! The arguments of the command `softras-reconstruct`.
 
-use crate::reconstruct::config::Config;
+use crate::reconstruct::config::{Config, Hard};
 use crate::reconstruct::data::Shard;
 use crate::reconstruct::families;
 use clap::{Args, Parser, Subcommand};
@@ -112,9 +112,9 @@ pub(super) struct TrainSettings {
     /// Weight of the colour loss; 0 learns from silhouettes alone
     #[arg(long, default_value_t = 1.0)]
     pub(super) color: f64,
-    /// Compare hard images, whose gradient is that of an edge one pixel wide
+    /// Compare hard images, differentiated in this way
     #[arg(long)]
-    pub(super) hard: bool,
+    pub(super) hard: Option<Hard>,
     /// Train a voxel network from the training objects' solids in place of a mesh network from pictures
     #[arg(long)]
     pub(super) voxels: bool,

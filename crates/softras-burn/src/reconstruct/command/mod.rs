@@ -184,6 +184,10 @@ fn compare(args: &EvaluateArgs) -> Result<()> {
         networks.push((name.clone(), network));
     }
     if let Some(path) = &args.curves {
+        if let (true, Some((_, first))) = (trainings.is_empty(), args.networks.first()) {
+            let fix = "name a checkpoint that `train` has written of a mesh network, or leave --curves out";
+            return file_error(first, "no network has a curve of silhouettes, neither this one nor one after it", fix);
+        }
         curves::draw(path, &trainings)?;
     }
     let train = data::read(&args.data, "train", &args.classes)?;
@@ -227,7 +231,7 @@ fn demo(args: &DemoArgs) -> Result<()> {
         laplacian: 3e-2,
         flatten: 5e-4,
         color: 1.0,
-        hard: false,
+        hard: None,
         voxels: false,
         seed: 0,
     };
