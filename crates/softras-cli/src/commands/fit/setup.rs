@@ -67,11 +67,13 @@ impl Setup {
             if from == to { Schedule::Constant(from) } else { Schedule::Exponential { from, to } }
         };
         let begin = begin(args, views, renderer)?;
-        // Rate and sigma: a hull is near to what is sought, and is not to be blurred away.
-        let default = match (official, begin.hull) {
-            (true, _) => ((0.01, 0.01), (1e-4, 1e-4)),
-            (false, true) => ((0.02, 0.002), (3e-5, 5e-6)),
-            (false, false) => ((0.03, 0.005), (1e-4, 1e-5)),
+        // Rate and sigma. A hull is near to what is sought, and is not to be blurred away: silhouettes are too large by some √σ,
+        // by which the mesh ends too small. Where light tells most of the shape, a wider edge gives the better hollows.
+        let default = match (official, begin.hull, begin.one_color) {
+            (true, _, _) => ((0.01, 0.01), (1e-4, 1e-4)),
+            (false, true, true) => ((0.02, 0.002), (3e-5, 5e-6)),
+            (false, true, false) => ((0.02, 0.002), (1e-5, 3e-7)),
+            (false, false, _) => ((0.03, 0.005), (1e-4, 1e-5)),
         };
         // The rate is in world units, so it scales with the size of the object.
         let unit = if official { 1.0 } else { views.bounds.radius / REFERENCE_RADIUS };
