@@ -139,7 +139,7 @@ impl SoftRas {
     /// Renders hard colours and silhouettes, whatever the settings say of edges, with an approximate gradient by positions:
     /// that of Kato et al., "Neural 3D Mesh Renderer" (2018), which pulls a triangle's edges to the pixels that should show it
     /// and away from those that should not. The gradients by colours and texture cells are exact. It is there to compare with,
-    /// and computed on one thread of the host; triangles that the near or the far plane cuts have none.
+    /// and computed on the host; triangles that the near or the far plane cuts have none.
     ///
     /// # Errors
     /// As [`SoftRas::render`]; [`Error::Scene`] also for images, cameras or motions of cameras without such a gradient.
