@@ -129,7 +129,8 @@ fn two_that_share_a_step_train_as_one_does() {
         });
         threads.collect::<Vec<_>>().into_iter().map(|thread| thread.join().unwrap()).collect()
     });
-    let [(first, before, after), (second, other_before, other_after)] = &trained[..] else { panic!("two threads") };
+    let (first, before, after) = &trained[0];
+    let (second, other_before, other_after) = &trained[1];
     assert_eq!([first, second], [&expected; 2]);
     are_gathered([before, other_before], [after, other_after]);
     // With one share the batch norms see all pictures at once, which is another training.
