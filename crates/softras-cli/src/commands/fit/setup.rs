@@ -71,7 +71,7 @@ impl Setup {
         // by which the mesh ends too small. Where light tells most of the shape, a wider edge gives the better hollows.
         let default = match (official, begin.hull, begin.one_color) {
             (true, _, _) => ((0.01, 0.01), (1e-4, 1e-4)),
-            (false, true, true) => ((0.02, 0.002), (3e-5, 5e-6)),
+            (false, true, true) => ((0.02, 0.002), (3e-5, 2e-6)),
             (false, true, false) => ((0.02, 0.002), (1e-5, 3e-7)),
             (false, false, _) => ((0.03, 0.005), (1e-4, 1e-5)),
         };

@@ -1,0 +1,95 @@
+//! What compares a mesh with the pictures that are given.
+
+use crate::commands::fit::targets::{Views, every};
+use crate::commands::parts;
+use softras::fit::Targets;
+use softras::internals::fit::pooled;
+use softras::scene::{Appearance, Background, Lights, Outputs, Shading};
+use softras::{Camera, Image, ImageGradient, Mesh, Renderer, Result, Scene, Settings, Wanted};
+
+/// Pixels of all pictures together that a vertex must fill for its error to count.
+const LEAST_SEEN: f64 = 0.1;
+/// Pixels along the shorter side of the pictures that are compared, at least: by 64 of them the hollow of the project's mug came
+/// out deeper by a pixel, and its hull had a 3D IoU of 0.858 in place of 0.925.
+const PIXELS: usize = 128;
+/// The most pictures that are compared.
+const VIEWS: usize = 24;
+
+/// What compares a mesh with the pictures.
+pub struct Eye<'a> {
+    /// The pictures, with fewer pixels.
+    pictures: Image,
+    cameras: Vec<Camera>,
+    /// Those of the pictures, on the triangles' own normals: mean ones are not those of walls of a single long triangle.
+    lights: Lights,
+    settings: Settings,
+    pub renderer: &'a mut Renderer,
+    /// Of the object.
+    pub color: [f32; 3],
+}
+
+impl<'a> Eye<'a> {
+    /// `None` without colours.
+    pub fn new(targets: &Targets, views: &Views, renderer: &'a mut Renderer) -> Result<Option<Self>> {
+        let Targets { cameras, color: Some(color), .. } = every(targets, targets.cameras.len().div_ceil(VIEWS)) else {
+            return Ok(None);
+        };
+        let side = color.height.min(color.width);
+        let divides = |n: &usize| color.height.is_multiple_of(*n) && color.width.is_multiple_of(*n);
+        let fewer = (1..=(side / PIXELS).max(1)).rev().find(divides).unwrap_or(1);
+        let pictures = pooled(&color, fewer)?;
+        let settings = Settings {
+            width: pictures.width as u32,
+            height: pictures.height as u32,
+            near: views.depths.0,
+            far: views.depths.1,
+            background: Background::Composite,
+            outputs: Outputs { color: true, silhouette: false, depth: false, normal: false },
+            ..Settings::default()
+        };
+        let lights = Lights { shading: Shading::Flat, ..views.lights.clone() };
+        Ok(Some(Self { pictures, cameras, lights, settings, renderer, color: [1.0; 3] }))
+    }
+
+    /// The error of each pixel of a mesh's pictures.
+    fn pixels(&mut self, mesh: &Mesh) -> Result<Vec<f32>> {
+        let mesh = mesh.clone().with_appearance(Appearance::Uniform(self.color))?;
+        let scene = Scene::new(mesh).with_lights(self.lights.clone());
+        let mut errors = Vec::new();
+        let pictures = &self.pictures;
+        parts::in_batches(self.renderer, &scene, &self.cameras, &self.settings, |views, frame| {
+            let shown = frame.color().into_iter().flat_map(|image| image.data.chunks_exact(3));
+            let pairs = shown.zip(views.flat_map(|view| pictures.view(view).chunks_exact(3)));
+            errors.extend(pairs.map(|(a, b)| (0..3).map(|k| (a[k] - b[k]).abs()).sum::<f32>() / 3.0));
+            Ok(())
+        })?;
+        Ok(errors)
+    }
+
+    /// The sum of all pixels' errors.
+    pub fn error(&mut self, mesh: &Mesh) -> Result<f64> {
+        Ok(self.pixels(mesh)?.iter().map(|error| f64::from(*error)).sum())
+    }
+
+    /// Each vertex's mean error over the pixels that show it; 0 where none does.
+    pub fn errors(&mut self, mesh: &Mesh) -> Result<Vec<f64>> {
+        let pixels = self.pixels(mesh)?;
+        let white = Appearance::VertexColors(vec![[1.0; 3]; mesh.positions().len()]);
+        let scene = Scene::new(mesh.clone().with_appearance(white)?).with_lights(Lights::unlit());
+        let settings = Settings { save: true, ..self.settings.clone() };
+        let Image { height, width, .. } = self.pictures;
+        let mut sums = vec![[0.0; 2]; mesh.positions().len()];
+        for (camera, errors) in self.cameras.iter().zip(pixels.chunks_exact(height * width)) {
+            let frame = self.renderer.render(&scene, std::slice::from_ref(camera), &settings)?;
+            // The derivative by a vertex's colour adds up errors in the first channel, and in the second the pixels themselves.
+            let data = errors.iter().flat_map(|error| [*error, 1.0, 0.0]).collect();
+            let upstream = ImageGradient::color(Image { batch: 1, height, width, channels: 3, data });
+            let gradients = self.renderer.backward(&frame, &upstream, &Wanted { colors: true, ..Wanted::NOTHING })?;
+            for (sum, [error, seen, _]) in sums.iter_mut().zip(&gradients.meshes[0].colors) {
+                sum[0] += f64::from(*error);
+                sum[1] += f64::from(*seen);
+            }
+        }
+        Ok(sums.into_iter().map(|[error, seen]| if seen > LEAST_SEEN { error / seen } else { 0.0 }).collect())
+    }
+}
