@@ -15,7 +15,7 @@ fn a_hollow_is_found_by_the_light_in_it() {
         (String::from_utf8(output.stderr).unwrap(), iou.trim().parse::<f64>().unwrap())
     };
     let (told, iou) = fit(&[], "mug_fit.obj");
-    assert!(told.contains("covers 1 hollow") && iou > 0.65, "{iou}: {told}");
+    assert!(told.contains("covers 1 hollow") && iou > 0.75, "{iou}: {told}");
     // Where the light is unknown there is nothing to tell it by.
     let (told, iou) = fit(&["--shading", "none"], "hull.obj");
     assert!(!told.contains("hollow") && iou < 0.6, "{iou}: {told}");
