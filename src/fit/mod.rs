@@ -55,7 +55,6 @@
 pub(crate) mod device;
 mod hull;
 pub(crate) mod image_loss;
-mod nearest;
 mod optimizer;
 pub(crate) mod pose;
 pub(crate) mod regularizer;

@@ -2,12 +2,11 @@
 //! Approach to Multiresolution Modeling" (2004), section 4.
 //!
 //! A round splits edges longer than 4/3 of the wanted length, collapses those shorter than 4/5, flips edges until
-//! vertices have about six neighbours, moves vertices tangentially towards the mean of their neighbours, and then to the
-//! nearest point of the surface that it replaces, so that no detail is lost round by round. The topology is kept: closed
-//! surfaces stay closed, components and handles are preserved.
+//! vertices have about six neighbours, and moves vertices tangentially towards the mean of their neighbours. The
+//! topology is kept: closed surfaces stay closed, components and handles are preserved. The surface itself moves by a
+//! fraction of an edge, which a continuing fit corrects.
 
 use super::bad;
-use super::nearest::Nearest;
 use crate::error::Result;
 use crate::scene::{Appearance, Mesh};
 use glam::DVec3;
@@ -44,13 +43,11 @@ pub fn remeshed(mesh: &Mesh, edge_length: f64) -> Result<Mesh> {
         return bad(what, "use a length above 0 that makes at most 4 million triangles");
     }
     let (shortest, longest) = (0.8 * edge_length, 4.0 / 3.0 * edge_length);
-    let replaced = Nearest::new(surface.triangles.iter().flatten().map(|t| t.map(|v| surface.position(v))).collect());
     for _ in 0..ROUNDS {
         surface.split(longest);
         surface.collapse(shortest, longest);
         surface.flip();
         surface.relax();
-        surface.project(&replaced, edge_length);
     }
     surface.mesh(mesh.appearance())
 }
@@ -283,16 +280,6 @@ impl Surface {
             self.colors = moves.iter().enumerate().map(recolored).collect();
         }
         self.positions = moves.into_iter().map(|(position, _)| position).collect();
-    }
-
-    /// Moves every vertex off the boundary to the nearest point, within some distance, of a surface that faces its way.
-    fn project(&mut self, surface: &Nearest, within: f64) {
-        let moved = |v: u32| {
-            let normal = self.corners_at(v).map(|t| self.normal(t)).sum::<DVec3>();
-            let nearest = || surface.point(self.position(v), normal, within);
-            if self.on_rim(v) { None } else { nearest() }.unwrap_or(self.position(v))
-        };
-        self.positions = (0..self.positions.len() as u32).map(moved).collect();
     }
 
     /// The mesh of the remaining triangles and the vertices that they use.
