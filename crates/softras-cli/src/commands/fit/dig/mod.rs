@@ -1,9 +1,10 @@
 //! Hollows of a hull that no outline shows, such as a mug's: found by the light in them.
 //!
 //! A visual hull lies over a hollow like a lid. Of an object of one colour under known lights, the pictures show another light
-//! there than the lid has. So regions of the hull that look wrong are pushed inwards, by several depths, and the depth at which
-//! the renderings come nearest to the pictures is kept, if it is nearer than the hull. A fit's small steps do not get there: a
-//! lid that is bent a little looks no more like a hollow than a flat one does.
+//! there than the lid has. So regions of the hull that look wrong are pushed inwards, by several depths. The push that brings the
+//! renderings nearest to the pictures is kept, if it is clearly nearer than the hull, and then its depth and its outline are moved
+//! until the renderings come no nearer. A fit's small steps do not get there: a lid that is bent a little looks no more like a
+//! hollow than a flat one does.
 
 mod eye;
 mod surface;
@@ -65,7 +66,7 @@ impl Push {
         Ok(Self { region, share, error })
     }
 
-    /// The best push around this one: a step deeper or less deep, then of a larger or a smaller region.
+    /// The best push around this one: a step deeper or less deep, then of a region larger or smaller as a whole or at a side.
     fn refined(self, surface: &Surface<'_>, eye: &mut Eye<'_>, step: f64) -> Result<Self> {
         let mut best = self;
         for share in [best.share - step, (best.share + step).min(DEEPEST)] {
@@ -88,8 +89,8 @@ impl Push {
     }
 }
 
-/// The mesh after the best of all pushes; `None` if none brings the pictures nearer. The triangles around the region are then as
-/// long as the push.
+/// The mesh after the best of all pushes; `None` if none leaves less than [`GAIN`] of the error. The triangles around the region
+/// are then as long as the push.
 fn deeper(mesh: &Mesh, eye: &mut Eye<'_>) -> Result<Option<Mesh>, Failure> {
     let error = eye.error(mesh)?;
     let surface = Surface::new(mesh)?;
