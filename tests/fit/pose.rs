@@ -70,7 +70,7 @@ fn random_pose(random: &mut Random, degrees: f64, shift: f64) -> Pose {
 
 /// The largest difference between the pose's gradient and central differences of the loss, in parts of the gradient;
 /// `sign` turns the shift's gradient around. The targets have a pixel for `samples`² of the fit's.
-fn gradient_error(seed: u64, sign: f64, blur: f64, samples: usize) -> f64 {
+fn gradient_error(renderer: &mut Renderer, seed: u64, sign: f64, blur: f64, samples: usize) -> f64 {
     let both = softras::scene::Faces::Both;
     let softness = (3e-3, 1e-1);
     let options = PoseOptions {
@@ -81,15 +81,14 @@ fn gradient_error(seed: u64, sign: f64, blur: f64, samples: usize) -> f64 {
     };
     let mut random = Random::new(seed);
     let (truth, pose) = (random_pose(&mut random, 50.0, 0.1), random_pose(&mut random, 120.0, 0.1));
-    let mut renderer = crate::common::renderer();
     let fit = begin_seeing(both, options.clone(), vec![pose]);
-    let target = pooled_targets(&fit, &mut renderer, &[truth], samples);
-    let (_, gradients) = fit.differentiate(&mut renderer, &target).unwrap();
+    let target = pooled_targets(&fit, renderer, &[truth], samples);
+    let (_, gradients) = fit.differentiate(renderer, &target).unwrap();
     let [by_turn, by_shift] = gradients[0];
     let mut loss = |turn: DVec3, shift: DVec3| {
         let rotation = DQuat::from_scaled_axis(turn) * pose.rotation;
         let moved = Pose { rotation, translation: pose.translation + shift };
-        begin_seeing(both, options.clone(), vec![moved]).differentiate(&mut renderer, &target).unwrap().0[0]
+        begin_seeing(both, options.clone(), vec![moved]).differentiate(renderer, &target).unwrap().0[0]
     };
     let h = 2e-3;
     let mut worst = 0.0f64;
@@ -105,8 +104,10 @@ fn gradient_error(seed: u64, sign: f64, blur: f64, samples: usize) -> f64 {
 #[test]
 fn the_gradient_of_a_pose_is_that_of_its_loss() {
     // The middle one of several poses: where a face is seen from its edge, the model itself jumps.
-    let median = |sign: f64, blur: f64, samples: usize| {
-        let mut errors: Vec<f64> = (1..6).map(|seed| gradient_error(seed, sign, blur, samples)).collect();
+    let mut renderer = crate::common::renderer();
+    let mut median = |sign: f64, blur: f64, samples: usize| {
+        let mut error = |seed| gradient_error(&mut renderer, seed, sign, blur, samples);
+        let mut errors: Vec<f64> = (1..6).map(&mut error).collect();
         errors.sort_by(f64::total_cmp);
         errors[2]
     };

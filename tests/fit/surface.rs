@@ -49,10 +49,9 @@ fn plain() -> ShapeOptions {
 }
 
 /// The derivative of the loss along a direction of all vertices: by the gradient, and by differences of the loss.
-fn slopes(options: &ShapeOptions, seed: u64) -> [f64; 2] {
-    let mut renderer = common::renderer();
+fn slopes(renderer: &mut Renderer, options: &ShapeOptions, seed: u64) -> [f64; 2] {
     let goal = scaled(&shapes::icosphere(2).unwrap(), [0.7, 0.9, 0.8]);
-    let targets = targets(&mut renderer, &goal, cameras(2), 1);
+    let targets = targets(renderer, &goal, cameras(2), 1);
     let start = scaled(&shapes::icosphere(1).unwrap(), [0.9, 0.8, 0.75]);
     let mut random = Random::new(seed);
     let direction: Vec<f32> = (0..3 * start.positions().len()).map(|_| random.range(-1.0, 1.0) as f32).collect();
@@ -61,7 +60,7 @@ fn slopes(options: &ShapeOptions, seed: u64) -> [f64; 2] {
         let positions = flat.collect::<Vec<f32>>().chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect();
         let mesh = Mesh::new(positions, start.triangles().to_vec()).unwrap();
         let mut fit = ShapeFit::new(mesh, Lights::unlit(), options.clone()).unwrap();
-        let loss = fit.step(&mut renderer, &settings(), &targets, rate, 0.0).unwrap().loss;
+        let loss = fit.step(renderer, &settings(), &targets, rate, 0.0).unwrap().loss;
         (loss, fit.mesh().positions().as_flattened().to_vec())
     };
     let moved = stepped(0.0, 1.0).1;
@@ -91,11 +90,12 @@ fn gradients_are_those_of_the_losses() {
             },
         ),
     ];
+    let mut renderer = common::renderer();
     for (name, options) in cases {
         // The middle one of several directions: where a face is seen from its edge, the model itself jumps.
         let mut errors: Vec<[f64; 2]> = (1..6)
             .map(|seed| {
-                let [by_gradient, by_difference] = slopes(&options, seed);
+                let [by_gradient, by_difference] = slopes(&mut renderer, &options, seed);
                 [1.0, -1.0].map(|sign| (sign * by_gradient - by_difference).abs() / by_difference.abs())
             })
             .collect();

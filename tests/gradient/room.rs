@@ -9,7 +9,7 @@ use crate::common::{
     scenes::{Case, small, triangles},
     tolerance::GRADIENT,
 };
-use crate::repeat::{EYES, ball};
+use crate::repeat::{EYES, SORTS, ball};
 use softras::internals::plan::Capacity;
 use softras::{Camera, Frame, Gradients, ImageGradient, Lights, Mesh, RendererOptions, Scene, Settings, Wanted};
 
@@ -32,7 +32,7 @@ fn assert_same(what: &str, a: &(Frame, Gradients, u64), b: &(Frame, Gradients, u
 
 /// A lit ball before two cameras, so blurred that boxes are larger than a cell and lists longer than two words.
 fn blurred_ball() -> Case {
-    let mut case = ball(1, &EYES[..2], 130);
+    let mut case = ball(SORTS[2], &EYES[..2], 130);
     (case.settings.height, case.settings.sigma) = (70, 1.2e-2);
     case
 }
