@@ -180,8 +180,8 @@ fn counts_of(input: &PlanInput, push: &FramePush, modes: &Modes, totals: Totals,
     }
 }
 
-/// The most records for each lane of bin_coarse. Its loop takes about two iterations for each entry of a bin, and Mesa's
-/// software driver ends loops after 65535 iterations, which would lose the remaining entries.
+/// The most records for each lane of bin_coarse. Its loops take up to two and a half iterations for each entry of a bin, and
+/// Mesa's software driver ends loops after 65535 iterations, which would lose the remaining entries.
 const RECORDS_PER_LANE: u32 = 1 << 14;
 /// The workgroup size that every Vulkan device supports.
 const MOST_LANES: u32 = 128;
