@@ -65,9 +65,9 @@ void transpose(inout uint a[WORD_BITS]) {
     swap_blocks(a, 1, 0x55555555u);
 }
 
-// The words of a block: masks of entries from masks of tiles, by transposing the bits. Its two marked loops are no slower for
-// not being unrolled, and compile in a fifth of the time: Mesa 22.3 took 1.2 s for this kernel, more than for all the others
-// of a frame together, and takes 0.2 s. Each pass of theirs counts in coarse_lanes of frame/plan; the rows' would be too many.
+// The words of a block: masks of entries from masks of tiles, by transposing the bits. Its two marked loops are not
+// unrolled because Mesa 22.3 then compiles this kernel in a fifth of the time, which halves a first frame (`cargo bench --bench
+// cold`). Their passes count in coarse_lanes of frame/plan, where those of the loop over rows would be too many.
 void write_words(uint first, uint last, ivec2 bin) {
     uint low[WORD_BITS];
     uint high[WORD_BITS];

@@ -212,8 +212,9 @@ fn gradient_errors(renderer: &mut Renderer, seed: u64) -> [f64; 2] {
     for (i, slope) in gradient.iter().enumerate() {
         // Stiffness is measured from where a fit begins, so it is 0 in all of these.
         let difference = (at(moved(&pose, 3 + i, h)).0 - at(moved(&pose, 3 + i, -h)).0) / (2.0 * h);
-        worst = [(worst[0], 1.0), (worst[1], -1.0)]
-            .map(|(worst, factor)| worst.max((factor * slope - difference).abs() / length));
+        for (worst, factor) in worst.iter_mut().zip([1.0, -1.0]) {
+            *worst = worst.max((factor * slope - difference).abs() / length);
+        }
     }
     worst
 }

@@ -183,7 +183,8 @@ fn counts_of(input: &PlanInput, push: &FramePush, modes: &Modes, totals: Totals,
 /// The most records for each lane of bin_coarse. Its loops take up to two and a half iterations for each entry of a bin, and
 /// Mesa's software driver ends loops after 65535 iterations, which would lose the remaining entries.
 const RECORDS_PER_LANE: u32 = 1 << 14;
-/// The workgroup size that every Vulkan device supports.
+/// The workgroup size that every Vulkan device supports. It is enough: Mesa's software driver has no room for the geometry of
+/// two million records.
 const MOST_LANES: u32 = 128;
 
 /// The least number of lanes that bin_coarse may have.
