@@ -148,13 +148,13 @@ pub enum SpecValue {
 }
 
 impl SpecValue {
-    /// The four bytes that Vulkan takes.
-    pub(super) fn bytes(self) -> [u8; 4] {
+    /// The word of SPIR-V that holds it; 0 or 1 for a bool.
+    pub(super) fn word(self) -> u32 {
         match self {
-            Self::Bool(value) => u32::from(value).to_ne_bytes(),
-            Self::Int(value) => value.to_ne_bytes(),
-            Self::Uint(value) => value.to_ne_bytes(),
-            Self::Float(value) => value.to_ne_bytes(),
+            Self::Bool(value) => value.into(),
+            Self::Int(value) => value.cast_unsigned(),
+            Self::Uint(value) => value,
+            Self::Float(value) => value.to_bits(),
         }
     }
 

@@ -25,7 +25,8 @@
 //!    reference never changes.
 //! 5. **Threads.** Recording, submitting and waiting need `&mut` of the command buffer, which has a pool of its own; the
 //!    queue, the allocator and each descriptor pool are behind locks.
-//! 6. **Kernels.** SPIR-V comes from this crate's build or through the unsafe [`Kernel::new`]. A device of ours checks the
+//! 6. **Kernels.** SPIR-V comes from this crate's build or through the unsafe [`Kernel::new`], and is given to a driver without
+//!    what its specialization constants switch off (`specialized`). A device of ours checks the
 //!    bounds of buffers, so that wrong contents give a wrong image and touch no other memory; on a host's device,
 //!    [`HostCommands::new`] demands that inputs are within the documented ranges. Workgroup counts that a kernel writes for
 //!    indirect dispatch cannot be validated, so `Recorder::dispatch_indirect` is private to the crate.
@@ -48,6 +49,7 @@ mod own;
 mod pipeline;
 mod recorder;
 mod result;
+mod specialized;
 mod timestamps;
 
 pub use adapter::{DeviceInfo, DeviceKind, Limits, Subgroups};

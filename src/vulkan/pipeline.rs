@@ -5,8 +5,10 @@ use super::device::Device;
 use super::keep::Kept;
 use super::kernel::{BindingKind, Kernel, SpecValue};
 use super::result::{Named, misuse, vulkan};
+use super::specialized::specialized;
 use crate::{Error, Result};
 use ash::vk;
+use std::collections::HashMap;
 use std::sync::Arc;
 
 /// A compute pipeline. Cheap to clone.
@@ -140,16 +142,13 @@ impl BindingKind {
     }
 }
 
-/// Specialization constants as Vulkan takes them.
-struct Constants {
-    entries: Vec<vk::SpecializationMapEntry>,
-    data: Vec<u8>,
-}
+/// The values of specialization constants by their `constant_id`.
+struct Constants(HashMap<u32, u32>);
 
 impl Constants {
     fn new(kernel: &Kernel, values: &[(&str, SpecValue)]) -> Result<Self> {
         let call = "vkCreateComputePipelines";
-        let mut constants = Self { entries: Vec::new(), data: Vec::new() };
+        let mut constants = HashMap::new();
         for (name, value) in values {
             let Some(constant) = kernel.specialization.iter().find(|s| s.name == *name) else {
                 let known: Vec<_> = kernel.specialization.iter().map(|s| s.name).collect();
@@ -160,23 +159,16 @@ impl Constants {
                 let what = format!("specialization constant `{name}` is of the type of {:?}", constant.default);
                 return Err(misuse(call, kernel, &format!("{what}, not {value:?}")));
             }
-            if constants.entries.iter().any(|e| e.constant_id == constant.id) {
+            if constants.insert(constant.id, value.word()).is_some() {
                 return Err(misuse(call, kernel, &format!("specialization constant `{name}` is given twice")));
             }
-            let offset = constants.data.len() as u32;
-            constants.entries.push(vk::SpecializationMapEntry { constant_id: constant.id, offset, size: 4 });
-            constants.data.extend(value.bytes());
         }
-        Ok(constants)
+        Ok(Self(constants))
     }
 
     /// The kernel's local size with these constants.
     fn local_size(&self, kernel: &Kernel) -> [u32; 3] {
-        let given = |id: u32| {
-            let entry = self.entries.iter().find(|e| e.constant_id == id)?;
-            let bytes = self.data.get(entry.offset as usize..)?.first_chunk::<4>()?;
-            Some(u32::from_ne_bytes(*bytes))
-        };
+        let given = |id: u32| self.0.get(&id).copied();
         std::array::from_fn(|axis| kernel.local_size_ids[axis].and_then(given).unwrap_or(kernel.local_size[axis]))
     }
 }
@@ -253,19 +245,16 @@ fn create_pipeline(
     constants: &Constants,
     cache: vk::PipelineCache,
 ) -> Result<vk::Pipeline> {
-    let info = vk::ShaderModuleCreateInfo::default().code(kernel.spirv);
-    // SAFETY: the words are glslang's output for Vulkan 1.1, which every device here has.
+    let code = specialized(kernel.spirv, &constants.0);
+    let info = vk::ShaderModuleCreateInfo::default().code(&code);
+    // SAFETY: the words are glslang's output for Vulkan 1.1, which every device here has, less what its constants switch off.
     let module =
         unsafe { device.raw().create_shader_module(&info, device.callbacks()) }.named("vkCreateShaderModule")?;
     device.name_object(module, kernel.name);
-    let specialization = vk::SpecializationInfo::default().map_entries(&constants.entries).data(&constants.data);
-    let stage = vk::PipelineShaderStageCreateInfo::default()
-        .stage(vk::ShaderStageFlags::COMPUTE)
-        .module(module)
-        .name(c"main")
-        .specialization_info(&specialization);
+    let stage =
+        vk::PipelineShaderStageCreateInfo::default().stage(vk::ShaderStageFlags::COMPUTE).module(module).name(c"main");
     let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout)];
-    // SAFETY: module and layout live and were made of the same reflection; each entry lies inside the data.
+    // SAFETY: module and layout live and were made of the same reflection.
     let result = unsafe { device.raw().create_compute_pipelines(cache, &info, device.callbacks()) };
     // SAFETY: a pipeline does not need its module once it is made.
     unsafe { device.raw().destroy_shader_module(module, device.callbacks()) };

@@ -1,0 +1,259 @@
+//! Tests of the pass on the crate's own kernels, on a function made by hand, and on single operations.
+
+use super::constants::Constants;
+use super::function::Function;
+use super::{HEADER_WORDS, Instruction, instructions, made, opcode, specialized};
+use crate::vulkan::{Kernel, kernels};
+use spirv::{Decoration, Op};
+use std::collections::{HashMap, HashSet};
+
+const KERNELS: [&Kernel; 6] = [
+    &kernels::BACKWARD,
+    &kernels::FORWARD,
+    &kernels::FORWARD_SOFT_SUBGROUP,
+    &kernels::TRIANGLE,
+    &kernels::BIN_FINE,
+    &kernels::SELFTEST,
+];
+
+/// The kernel with every constant at `value`, true where that is not 0.
+fn all_at(kernel: &Kernel, value: u32) -> Vec<Instruction> {
+    let values = kernel.specialization.iter().map(|s| (s.id, value)).collect();
+    instructions(&specialized(kernel.spirv, &values)[HEADER_WORDS..])
+}
+
+fn count(code: &[Instruction], wanted: Op) -> usize {
+    code.iter().filter(|i| opcode(i) == Some(wanted)).count()
+}
+
+#[test]
+fn nothing_is_left_to_specialize() {
+    for kernel in KERNELS {
+        let before = instructions(&kernel.spirv[HEADER_WORDS..]);
+        let is_id = |i: &&Instruction| opcode(i) == Some(Op::Decorate) && i[2] == Decoration::SpecId as u32;
+        assert!(before.iter().any(|i| is_id(&i)), "{}", kernel.name);
+        for value in [0, 1, 8] {
+            let code = all_at(kernel, value);
+            for op in [Op::SpecConstant, Op::SpecConstantTrue, Op::SpecConstantFalse] {
+                assert_eq!(count(&code, op), 0, "{} at {value}: {op:?}", kernel.name);
+            }
+            assert!(!code.iter().any(|i| is_id(&i)), "{} at {value}", kernel.name);
+        }
+    }
+}
+
+#[test]
+fn what_is_switched_off_goes_and_what_is_on_stays() {
+    for kernel in [&kernels::BACKWARD, &kernels::FORWARD] {
+        let whole = instructions(&kernel.spirv[HEADER_WORDS..]).len();
+        let [off, on] = [0, 1].map(|value| all_at(kernel, value));
+        assert!(
+            off.len() < on.len() && 3 * off.len() < 2 * whole,
+            "{}: {} and {} of {whole}",
+            kernel.name,
+            off.len(),
+            on.len()
+        );
+        assert!(count(&off, Op::Function) < count(&on, Op::Function), "{}", kernel.name);
+        assert_eq!(count(&on, Op::EntryPoint), 1);
+    }
+    // Its bool is whether to add an offset.
+    let kernel = &kernels::SELFTEST;
+    let [off, on] = [0, 1].map(|value| all_at(kernel, value));
+    assert!(count(&off, Op::FAdd) < count(&on, Op::FAdd));
+}
+
+/// What the rules of structured control flow ask of a module, as far as the pass could break it.
+fn problems(code: &[Instruction]) -> Vec<String> {
+    let mut found = Vec::new();
+    let defined: HashSet<u32> = code.iter().filter(|i| matches!(opcode(i), Some(Op::Label))).map(|i| i[1]).collect();
+    let functions: HashSet<u32> = code.iter().filter(|i| opcode(i) == Some(Op::Function)).map(|i| i[2]).collect();
+    let mut leading: HashMap<u32, HashSet<u32>> = HashMap::new();
+    let mut label = 0;
+    for i in code {
+        let targets: &[u32] = match opcode(i) {
+            Some(Op::Label) => {
+                label = i[1];
+                &[]
+            }
+            Some(Op::Branch) => &i[1..2],
+            Some(Op::BranchConditional) => &i[2..4],
+            Some(Op::LoopMerge) => &i[1..3],
+            Some(Op::SelectionMerge) => &i[1..2],
+            _ => &[],
+        };
+        if targets.iter().any(|target| !defined.contains(target)) {
+            found.push(format!("{:?} of block {label} names a block that is not there", opcode(i)));
+        }
+        if matches!(opcode(i), Some(Op::Branch | Op::BranchConditional)) {
+            targets.iter().for_each(|&target| _ = leading.entry(target).or_default().insert(label));
+        }
+        if opcode(i) == Some(Op::FunctionCall) && !functions.contains(&i[3]) {
+            found.push(format!("block {label} calls a function that is not there"));
+        }
+    }
+    for i in code {
+        match opcode(i) {
+            Some(Op::Label) => label = i[1],
+            Some(Op::Phi) => {
+                let from: HashSet<u32> = i[3..].chunks_exact(2).map(|pair| pair[1]).collect();
+                if leading.get(&label).cloned().unwrap_or_default() != from {
+                    found.push(format!("a phi of block {label} is not of the blocks that lead to it"));
+                }
+            }
+            Some(Op::LoopMerge) if leading.get(&label).is_none_or(|from| from.len() != 2) => {
+                found.push(format!("the loop of block {label} has no way back, or several"));
+            }
+            _ => {}
+        }
+    }
+    found
+}
+
+#[test]
+fn control_flow_stays_whole() {
+    for kernel in KERNELS {
+        for value in [0, 1, 2, 8] {
+            let code = all_at(kernel, value);
+            assert_eq!(problems(&code), [""; 0], "{} at {value}", kernel.name);
+            // The tools see what is wrong.
+            let without = |op: Op| code.iter().filter(|i| opcode(i) != Some(op)).cloned().collect::<Vec<_>>();
+            assert_ne!(problems(&without(Op::Label)), [""; 0], "{} at {value}", kernel.name);
+        }
+    }
+}
+
+/// `if (condition) { return; }` with a phi behind it: label 10 chooses between 11 and 12, and 12 joins both.
+fn choice() -> Vec<Instruction> {
+    vec![
+        made(Op::Function, &[1, 2, 0, 3]),
+        made(Op::Label, &[10]),
+        made(Op::SelectionMerge, &[12, 0]),
+        made(Op::BranchConditional, &[5, 11, 12]),
+        made(Op::Label, &[11]),
+        made(Op::FAdd, &[4, 20, 6, 6]),
+        made(Op::Branch, &[12]),
+        made(Op::Label, &[12]),
+        made(Op::Phi, &[4, 21, 6, 10, 20, 11]),
+        made(Op::Return, &[]),
+        made(Op::FunctionEnd, &[]),
+    ]
+}
+
+#[test]
+fn a_known_choice_becomes_a_branch_and_phis_follow() {
+    let mut on = made(Op::ConstantTrue, &[3, 5]);
+    let mut off = made(Op::ConstantFalse, &[3, 5]);
+    let cut = |constant: &mut Instruction| {
+        let mut constants = Constants::new(&[made(Op::TypeBool, &[3])], &HashMap::new());
+        constants.freeze(constant);
+        let function = Function::parse(&mut choice().into_iter()).cut(&constants);
+        let removed: Vec<u32> = function.removed_results().collect();
+        (function.into_instructions().collect::<Vec<_>>(), removed)
+    };
+    let (code, removed) = cut(&mut on);
+    assert!(removed.is_empty());
+    assert_eq!(code[2], made(Op::Branch, &[11]));
+    assert!(code.contains(&made(Op::Phi, &[4, 21, 20, 11])));
+    let (code, removed) = cut(&mut off);
+    assert_eq!(removed, [20, 11]);
+    assert_eq!(code[2], made(Op::Branch, &[12]));
+    assert!(code.contains(&made(Op::Phi, &[4, 21, 6, 10])));
+    assert_eq!(count(&code, Op::FAdd), 0);
+    // An unknown condition changes nothing.
+    assert_eq!(cut(&mut made(Op::Undef, &[3, 5])), (choice(), Vec::new()));
+}
+
+/// A loop that a known condition leaves at once keeps its way back, which nothing leads to any more.
+#[test]
+fn a_loop_that_ends_at_once_stays_a_loop() {
+    let code = vec![
+        made(Op::Function, &[1, 2, 0, 3]),
+        made(Op::Label, &[10]),
+        made(Op::Branch, &[11]),
+        made(Op::Label, &[11]),
+        made(Op::LoopMerge, &[16, 15, 0]),
+        made(Op::Branch, &[12]),
+        made(Op::Label, &[12]),
+        made(Op::SelectionMerge, &[14, 0]),
+        made(Op::BranchConditional, &[5, 13, 14]),
+        made(Op::Label, &[13]),
+        made(Op::Branch, &[16]),
+        made(Op::Label, &[14]),
+        made(Op::IAdd, &[4, 20, 6, 6]),
+        made(Op::Branch, &[15]),
+        made(Op::Label, &[15]),
+        made(Op::IAdd, &[4, 21, 20, 6]),
+        made(Op::BranchConditional, &[7, 11, 16]),
+        made(Op::Label, &[16]),
+        made(Op::Return, &[]),
+        made(Op::FunctionEnd, &[]),
+    ];
+    let mut constants = Constants::new(&[made(Op::TypeBool, &[3])], &HashMap::new());
+    constants.freeze(&mut made(Op::ConstantTrue, &[3, 5]));
+    let cut = Function::parse(&mut code.into_iter()).cut(&constants);
+    assert_eq!(cut.removed_results().collect::<Vec<_>>(), [20, 21, 14]);
+    let cut: Vec<Instruction> = cut.into_instructions().collect();
+    assert_eq!(problems(&cut), [""; 0]);
+    let way_back = [made(Op::Label, &[15]), made(Op::Branch, &[11])];
+    assert!(cut.windows(2).any(|two| two == way_back));
+}
+
+#[test]
+fn operations_on_constants_have_their_values() {
+    let bits = |x: i32| x.cast_unsigned();
+    let scalars = [(1, 7), (2, 3), (3, 0), (4, bits(-8)), (5, 1)];
+    let mut constants = Constants::new(&[made(Op::TypeBool, &[90])], &HashMap::new());
+    for (id, value) in scalars {
+        constants.freeze(&mut made(Op::Constant, &[91, id, value]));
+    }
+    constants.freeze(&mut made(Op::SpecConstantComposite, &[92, 6, 1, 2, 99]));
+    let cases = [
+        (Op::IAdd, &[1, 2][..], Some(10)),
+        (Op::ISub, &[2, 1], Some(bits(-4))),
+        (Op::IMul, &[4, 2], Some(bits(-24))),
+        (Op::SDiv, &[4, 2], Some(bits(-2))),
+        (Op::UDiv, &[1, 2], Some(2)),
+        (Op::UDiv, &[1, 3], None),
+        (Op::SLessThan, &[4, 3], Some(1)),
+        (Op::ULessThan, &[4, 3], Some(0)),
+        (Op::INotEqual, &[1, 2], Some(1)),
+        (Op::BitwiseAnd, &[1, 2], Some(3)),
+        (Op::LogicalNot, &[5], Some(0)),
+        (Op::LogicalAnd, &[3, 99], Some(0)),
+        (Op::LogicalAnd, &[5, 99], None),
+        (Op::LogicalOr, &[99, 5], Some(1)),
+        (Op::Select, &[5, 1, 99], Some(7)),
+        (Op::Select, &[3, 1, 99], None),
+        (Op::CompositeExtract, &[6, 1], Some(3)),
+        (Op::CompositeExtract, &[6, 2], None),
+        (Op::FAdd, &[1, 2], None),
+    ];
+    for (op, operands, value) in cases {
+        let before = made(Op::SpecConstantOp, &[&[91, 50, op as u32], operands].concat());
+        let mut after = before.clone();
+        constants.freeze(&mut after);
+        let expected = value.map_or(before, |value| made(Op::Constant, &[91, 50, value]));
+        assert_eq!(after, expected, "{op:?} {operands:?}");
+    }
+}
+
+#[test]
+fn given_values_replace_defaults() {
+    let globals = [
+        made(Op::Decorate, &[1, Decoration::SpecId as u32, 40]),
+        made(Op::Decorate, &[2, Decoration::SpecId as u32, 41]),
+        made(Op::TypeBool, &[90]),
+    ];
+    let values = HashMap::from([(40, 5)]);
+    let mut constants = Constants::new(&globals, &values);
+    let mut frozen = |op: Op, operands: &[u32]| {
+        let mut instruction = made(op, operands);
+        constants.freeze(&mut instruction);
+        instruction
+    };
+    assert_eq!(frozen(Op::SpecConstant, &[91, 1, 3]), made(Op::Constant, &[91, 1, 5]));
+    assert_eq!(frozen(Op::SpecConstant, &[91, 2, 3]), made(Op::Constant, &[91, 2, 3]));
+    assert_eq!(frozen(Op::SpecConstantFalse, &[90, 1]), made(Op::ConstantTrue, &[90, 1]));
+    assert_eq!(frozen(Op::SpecConstantTrue, &[90, 2]), made(Op::ConstantTrue, &[90, 2]));
+}
