@@ -3,7 +3,8 @@
 //! `SOFTRAS_CASES=1000` runs that many random scenes of each kind instead of the usual few.
 
 use crate::common::{
-    gradient::{ALL_OUTPUTS, Table, all_finite, backward, check, random_upstream, small_case},
+    compare::same_bits,
+    gradient::{ALL_OUTPUTS, Table, all_finite, backward, check, random_upstream, same_gradient_bits, small_case},
     modes::in_every_mode,
     random::Random,
     renderer,
@@ -11,7 +12,7 @@ use crate::common::{
     tolerance::GRADIENT,
 };
 use softras::{
-    GradientMode, Projection, Renderer, Wanted,
+    Frame, GradientMode, Gradients, Projection, Renderer, Wanted,
     scene::{Background, Outputs, Shading},
 };
 
@@ -94,7 +95,8 @@ fn mode_base(seed: u64) -> Case {
 
 /// Each mode alone, so that a broken one is named, on one scene, for all images together; and by turns, because kernels
 /// are compiled for each, the paper's gradient of all images or the gradient of one image alone, another one each time.
-/// Whatever else they are, gradients are finite at the corners of the (σ, γ) plane and beyond.
+/// Whatever else they are, gradients are finite at the corners of the (σ, γ) plane and beyond, and images and gradients have
+/// the same bits again after the next mode.
 #[test]
 fn every_mode_alone() {
     let mut renderer = renderer();
@@ -108,7 +110,8 @@ fn every_mode_alone() {
         ("everything", ALL_OUTPUTS),
     ];
     let mut failures = Vec::new();
-    for (i, (name, case)) in in_every_mode(&base).enumerate() {
+    let mut before: Option<(&str, Case, Made)> = None;
+    for (i, (name, case)) in in_every_mode(&base).chain(in_every_mode(&base).take(1)).enumerate() {
         let rendered = case.settings.outputs;
         let both = |a: Outputs| Outputs {
             color: a.color && rendered.color,
@@ -132,8 +135,26 @@ fn every_mode_alone() {
         if let Err(error) = finite_at_every_softness(&mut renderer, &case, compiled) {
             failures.push(format!("{name}, {error}"));
         }
+        let made = made_of(&mut renderer, &case);
+        if let Some((name, case, made)) = before {
+            let again = made_of(&mut renderer, &case);
+            if let Err(error) = same_bits(&made.0, &again.0).and(same_gradient_bits(&made.1, &again.1)) {
+                failures.push(format!("{name}, again: {error}"));
+            }
+        }
+        before = Some((name, case, made));
     }
     assert!(failures.is_empty(), "{}\n{base:?}", failures.join("\n"));
+}
+
+/// A frame and its gradients.
+type Made = (Frame, Gradients);
+
+fn made_of(renderer: &mut Renderer, case: &Case) -> Made {
+    let frame = renderer.render(&case.scene, &case.cameras, &case.settings).unwrap();
+    let upstream = random_upstream(case, case.settings.outputs, &GRADIENT);
+    let gradients = renderer.backward(&frame, &upstream, &Wanted::ALL).unwrap();
+    (frame, gradients)
 }
 
 /// That no gradient is infinite or NaN down to σ and γ of 1e-8.

@@ -1,12 +1,10 @@
 //! The same gradient every time, in bounded memory, of many views and meshes; and what backward refuses.
 
 use crate::common::{
-    compare::same_bits,
     gradient::{
         ALL_OUTPUTS, Group, all_finite, backward, check, made_case, matching, norm, random_upstream, relative_error,
         same_gradient_bits, small_case, upstream_of,
     },
-    modes::in_every_mode,
     random::Random,
     renderer, renderer_with,
     scenes::{Case, Kind, random_appearance},
@@ -78,31 +76,6 @@ fn a_hundred_runs_are_the_same_bits() {
             let again = renderer.backward(&frame, &upstream, &wanted).unwrap();
             same_gradient_bits(&first, &again).unwrap_or_else(|error| panic!("run {run}, {mode:?}: {error}\n{case:?}"));
         }
-    }
-}
-
-/// Image and gradient of every mode, again after the next mode.
-#[test]
-fn every_mode_gives_the_same_bits_again() {
-    let mut renderer = renderer();
-    // Surface cells, as every_mode_alone has: the driver keeps what it has compiled.
-    let base = ball(SORTS[2], &EYES[..2], 16);
-    let mut run = |case: &Case| {
-        let frame = renderer.render(&case.scene, &case.cameras, &case.settings).unwrap();
-        let upstream = random_upstream(case, case.settings.outputs, &GRADIENT);
-        let gradients = renderer.backward(&frame, &upstream, &Wanted::ALL).unwrap();
-        (frame, gradients)
-    };
-    let after_all = in_every_mode(&base).take(1);
-    let mut before: Option<(&str, Case, _)> = None;
-    for (next_name, next) in in_every_mode(&base).chain(after_all) {
-        let made = run(&next);
-        if let Some((name, case, (frame, gradients))) = before {
-            let (again, gradients_again) = run(&case);
-            same_bits(&frame, &again).unwrap_or_else(|error| panic!("{name}: {error}"));
-            same_gradient_bits(&gradients, &gradients_again).unwrap_or_else(|error| panic!("{name}: {error}"));
-        }
-        before = Some((next_name, next, made));
     }
 }
 
