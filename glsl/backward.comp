@@ -169,13 +169,14 @@ void write_sums(Sums s, Corner c, bool writes, int item) {
     vec3 near = nearness(c);
     vec3 by_z = UP_SHADED || OPACITY ? s.depth * near * near : vec3(0.0);
     int at = item * PARTIAL_STRIDE;
-    put(writes, at, vec4(s.corner[0], s.corner[1]));
-    put(writes, at + 1, vec4(s.corner[2], by_z.xy));
-    put(writes, at + 2, vec4(by_z.z, s.sigma, s.gamma, 0.0));
+    // A texel a corner, which is what vertex_grad.comp reads of it.
+    put(writes, at, vec4(s.corner[0], by_z.x, s.sigma));
+    put(writes, at + 1, vec4(s.corner[1], by_z.y, s.gamma));
+    put(writes, at + 2, vec4(s.corner[2], by_z.z, 0.0));
     if (GRAD_COLOR) {
-        put(writes, at + PARTIAL_COLOR_AT, vec4(s.color[0], s.color[1].x));
-        put(writes, at + PARTIAL_COLOR_AT + 1, vec4(s.color[1].yz, s.color[2].xy));
-        put(writes, at + PARTIAL_COLOR_AT + 2, vec4(s.color[2].z, 0.0, 0.0, 0.0));
+        for (int k = 0; k < 3; ++k) {
+            put(writes, at + PARTIAL_COLOR_AT + k, vec4(s.color[k], 0.0));
+        }
     }
     if (GRAD_COORDINATE) {
         put(writes, at + PARTIAL_COORDINATE_AT, vec4(s.coordinate[0], s.coordinate[1]));

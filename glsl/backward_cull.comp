@@ -4,10 +4,11 @@
 // every tile of its box is visible in no shaded image and contributes to the silhouette only; where that is saturated too,
 // its gradient is 0.
 // One invocation an item. Reads `boxes`, `cells`, the records and `tile_bounds`; writes the lists `shown_items` and
-// `outline_items`, their lengths as workgroups of indirect dispatches in `item_counts`, and zeros to the `partials` of items
-// on neither list; of a frame with a vertex that is not finite all items are on neither. Writes to `status` whether the
-// frame is complete. The order of the lists does not matter: every item has its own entry of `partials`. The records whose
-// further cells found no room are listed in `long_records`, for backward_long.comp.
+// `outline_items`, their lengths as workgroups of indirect dispatches in `item_counts`, and `item_marks` (MARK_): whether an item
+// is on a list and so has an entry of `partials`, and how many further items a record has. Of a frame with a vertex that is not
+// finite all items are on neither. Writes to `status` whether the frame is complete. The order of the lists does not matter:
+// every item has its own entry of `partials`. The records whose further cells found no room are listed in `long_records`, for
+// backward_long.comp, which adds to their entries.
 
 layout(local_size_x = 64) in;
 
@@ -24,6 +25,7 @@ layout(set = 0, binding = 9, std430) writeonly buffer Partials { vec4 partials[]
 layout(set = 0, binding = 10, std430) writeonly buffer Status { uint status_words[]; };
 layout(set = 0, binding = 11) uniform usamplerBuffer cell_ranges;
 layout(set = 0, binding = 12, std430) writeonly buffer LongRecords { uint long_records[]; };
+layout(set = 0, binding = 13, std430) writeonly buffer ItemMarks { uint item_marks[]; };
 
 #include "common/constants.glsl"
 #include "common/modes.glsl"
@@ -50,20 +52,25 @@ uint entry_on_list(uint index, uint list, bool small) {
     return small ? end - 1u - number : row * FORWARD_ROW + number;
 }
 
-// Puts an item on the list of what it contributes to. Returns whether that is nothing.
-bool is_left_out(uint index, uvec2 part) {
+// Puts an item on the list of what it contributes to. Returns its mark; `is_long` tells whether further cells are added to its
+// entry of `partials`.
+uint mark_of(uint index, uvec2 part, out bool is_long) {
+    is_long = false;
     if (part.x == NO_RECORD) {
-        return false;
+        return 0u;
     }
     int record_index = int(part.x);
     ivec4 box = texelFetch(boxes, record_index);
     if (box.x > box.z || box.y > box.w) {
-        return false;
+        return 0u;
     }
     // view_of relies on it that records lie in the order of the views.
     Item item = item_of(int(index), record_index, int(part.y), view_of(record_index), box);
     bool is_record = index < frame.record_count;
-    if (is_record && texelFetch(cell_ranges, record_index).y == 0u && cells_of(box) > 1) {
+    uint further = is_record ? texelFetch(cell_ranges, record_index).y : 0u;
+    bool large = is_record && cells_of(box) > 1;
+    is_long = large && further == 0u;
+    if (is_long) {
         uint row = index / FORWARD_ROW;
         uint entry = atomicAdd(item_counts[row * ITEM_COUNT_WORDS + ITEMS_LONG], 1u);
         long_records[row * FORWARD_ROW + entry] = index;
@@ -81,7 +88,7 @@ bool is_left_out(uint index, uvec2 part) {
             outline_items[entry] = packed(item);
         }
     }
-    return !listed;
+    return (listed || is_long ? MARK_SUMMED : 0u) | (large ? MARK_LARGE : 0u) | further << MARK_FURTHER_BIT;
 }
 
 void main() {
@@ -96,16 +103,17 @@ void main() {
         status_words[STATUS_WHOLE] = finite ? 1u : 0u;
     }
     // With all items on neither list every gradient is zero.
-    bool left_out = true;
+    uint mark = 0u;
+    bool is_long = false;
     if (finite) {
         uvec2 part = index < records ? uvec2(index, 0u) : texelFetch(cells, int(index - records)).xy;
-        left_out = is_left_out(index, part);
+        mark = mark_of(index, part, is_long);
     }
-    // On a software device a store that no lane makes takes as long as one of all lanes, so that the lists and the zeros are
-    // written in one place each.
-    if (left_out) {
-        for (int i = 0; i < PARTIAL_STRIDE; ++i) {
-            partials[int(index) * PARTIAL_STRIDE + i] = vec4(0.0);
-        }
+    item_marks[index] = mark;
+    // What backward_long adds to must be there even if no list has the record itself. The number of passes is the condition,
+    // since on a software device a store that no lane makes takes as long as one of all lanes.
+    int texels = is_long ? PARTIAL_STRIDE : 0;
+    for (int i = 0; i < texels; ++i) {
+        partials[int(index) * PARTIAL_STRIDE + i] = vec4(0.0);
     }
 }

@@ -3,10 +3,10 @@
 // Triangle gradient: takes the sums of backward for a triangle's records to its three corners: through near clipping and the
 // projection to world space (project_gradient.glsl), and through light to the corners' colours and the face's normal. It
 // also computes the triangle's terms of the gradients by the view as a whole.
-// One invocation a triangle, views along y. Reads `partials`, `vertices` and the mesh; writes `corner_gradients` (three
-// world positions, three colours, two texels of texture coordinates), `corner_lights` (dL/dlight and dL/dnormal of every
-// corner, smooth shading), `light_records` (dL/dlight and the normal of the face, flat shading) and `view_sums` (twist,
-// projection, sigma, gamma).
+// One invocation a triangle, views along y; none where vertex_grad.comp does without (PER_VERTEX). Reads `partials`,
+// `item_marks`, `vertices` and the mesh; writes `corner_gradients` (three world positions, three colours, two texels of texture
+// coordinates), `corner_lights` (dL/dlight and dL/dnormal of every corner, smooth shading), `light_records` (dL/dlight and the
+// normal of the face, flat shading) and `view_sums` (twist, projection, sigma, gamma).
 
 layout(local_size_x = 64) in;
 
@@ -19,7 +19,7 @@ layout(set = 0, binding = 5) uniform samplerBuffer lights;
 layout(set = 0, binding = 6) uniform samplerBuffer colors;
 layout(set = 0, binding = 7) uniform samplerBuffer uvs;
 layout(set = 0, binding = 8) uniform usamplerBuffer uv_indices;
-layout(set = 0, binding = 9) uniform isamplerBuffer boxes;
+layout(set = 0, binding = 9) uniform usamplerBuffer item_marks;
 layout(set = 0, binding = 10) uniform usamplerBuffer cell_ranges;
 layout(set = 0, binding = 11) uniform samplerBuffer partials;
 layout(set = 0, binding = 12) uniform samplerBuffer vertices;

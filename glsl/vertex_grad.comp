@@ -2,7 +2,8 @@
 #extension GL_GOOGLE_include_directive : require
 // Vertex gradient: sums the gradients of all triangle corners at a vertex, over all views of its mesh, in the order of views
 // and of the adjacency. There are no atomics, so the bits are the same on every run.
-// One invocation a vertex, meshes along y. Reads `corner_gradients` and, with smooth shading, `area_gradients`; writes
+// One invocation a vertex, meshes along y. Reads `corner_gradients` and, with smooth shading, `area_gradients`; with PER_VERTEX
+// it reads `partials` and takes their sum through the projection once for each view, in place of three times a triangle. Writes
 // `vertex_gradients`: dL/dposition, then dL/dcolour.
 
 layout(local_size_x = 64) in;
@@ -14,6 +15,10 @@ layout(set = 0, binding = 3) uniform usamplerBuffer adjacency;
 layout(set = 0, binding = 4) uniform samplerBuffer corner_gradients;
 layout(set = 0, binding = 5) uniform samplerBuffer area_gradients;
 layout(set = 0, binding = 6, std430) writeonly buffer VertexGradients { vec4 vertex_gradients[]; };
+layout(set = 0, binding = 7) uniform samplerBuffer view_cameras;
+layout(set = 0, binding = 8) uniform samplerBuffer partials;
+layout(set = 0, binding = 9) uniform usamplerBuffer item_marks;
+layout(set = 0, binding = 10) uniform usamplerBuffer cell_ranges;
 
 #include "common/constants.glsl"
 #include "common/modes.glsl"
@@ -21,6 +26,7 @@ layout(set = 0, binding = 6, std430) writeonly buffer VertexGradients { vec4 ver
 #include "common/frame.glsl"
 #include "common/mesh.glsl"
 #include "common/position.glsl"
+#include "common/project_gradient.glsl"
 
 // dL/d(position of a triangle's corner) through the smooth normals of its three vertices, each of which sums area vectors.
 vec3 through_normals(Shape shape, int triangle, int corner) {
@@ -35,6 +41,88 @@ vec3 through_normals(Shape shape, int triangle, int corner) {
     vec3 opposite = position_of(shape, v[last]) - position_of(shape, v[next]);
     // The edges of a triangle without gradient need not be finite.
     return by_area == vec3(0.0) ? vec3(0.0) : cross(by_area, opposite);
+}
+
+// Adds the gradients by a vertex's corners in one view.
+void add_corners(Shape shape, int vertex, inout vec3 position, inout vec3 color) {
+    int at = shape.adjacency_base + vertex;
+    int end = int(texelFetch(adjacency, at + 1).x);
+    for (int i = int(texelFetch(adjacency, at).x); i < end; ++i) {
+        int corner = int(texelFetch(adjacency, i).x);
+        int from = (shape.record_base + (corner >> 2)) * CORNER_STRIDE + (corner & 3);
+        position += texelFetch(corner_gradients, from).xyz;
+        if (GRAD_COLOR) {
+            color += texelFetch(corner_gradients, from + 3).rgb;
+        }
+        if (SMOOTH) {
+            bool live = corner >> 2 < shape.triangle_count;
+            position += live ? through_normals(shape, corner >> 2, corner & 3) : vec3(0.0);
+        }
+    }
+}
+
+// Adds dL/d(column, row, z) and dL/dcolour of a triangle's corner, as one item has them.
+void add_part(int item, int corner, bool counts, inout vec3 by_screen, inout vec3 color) {
+    int from = item * PARTIAL_STRIDE + corner;
+    vec3 part = texelFetch(partials, from).xyz;
+    by_screen += mix(vec3(0.0), part, bvec3(counts));
+    if (GRAD_COLOR) {
+        vec3 part_color = texelFetch(partials, from + PARTIAL_COLOR_AT).rgb;
+        color += mix(vec3(0.0), part_color, bvec3(counts));
+    }
+}
+
+// Adds those of the triangles at a vertex whose boxes have several cells. The cells of each are added up first, as
+// backward_long.comp does where they found no room. One loop over all of them: after a triangle's record its further cells.
+void add_large(Shape shape, int next, int end, inout vec3 by_screen, inout vec3 color) {
+    vec3 own = vec3(0.0);
+    vec3 own_color = vec3(0.0);
+    int further = 0;
+    while (next < end) {
+        int corner = int(texelFetch(adjacency, next).x);
+        int record_index = corner >> 2 < shape.triangle_count ? shape.record_base + (corner >> 2) : -1;
+        uint mark = record_index < 0 ? 0u : texelFetch(item_marks, max(record_index, 0)).x;
+        int cell = int(frame.record_count + texelFetch(cell_ranges, max(record_index, 0)).x) + further - 1;
+        int item = further == 0 ? max(record_index, 0) : cell;
+        bool large = (mark & MARK_LARGE) != 0u;
+        add_part(item, corner & 3, large && (texelFetch(item_marks, item).x & MARK_SUMMED) != 0u, own, own_color);
+        bool ends = further == int(mark >> MARK_FURTHER_BIT);
+        by_screen += mix(vec3(0.0), own, bvec3(ends));
+        color += mix(vec3(0.0), own_color, bvec3(ends));
+        own = mix(own, vec3(0.0), bvec3(ends));
+        own_color = mix(own_color, vec3(0.0), bvec3(ends));
+        further = ends ? 0 : further + 1;
+        next += ends ? 1 : 0;
+    }
+}
+
+// As add_corners, from the sums over the corners' pixels and depth (PER_VERTEX).
+void add_projected(int view, Shape shape, int vertex, inout vec3 position, inout vec3 color) {
+    int at = shape.adjacency_base + vertex;
+    int first = int(texelFetch(adjacency, at).x);
+    int end = int(texelFetch(adjacency, at + 1).x);
+    vec3 by_screen = vec3(0.0);
+    uint marks = 0u;
+    for (int i = first; i < end; ++i) {
+        int corner = int(texelFetch(adjacency, i).x);
+        // A triangle count written on the device (counts.comp) may be less than planned.
+        bool live = corner >> 2 < shape.triangle_count;
+        int record_index = live ? shape.record_base + (corner >> 2) : 0;
+        uint mark = texelFetch(item_marks, record_index).x;
+        mark = live ? mark : 0u;
+        marks |= mark;
+        add_part(record_index, corner & 3, (mark & (MARK_SUMMED | MARK_LARGE)) == MARK_SUMMED, by_screen, color);
+    }
+    // Most vertices have no large triangle, so that these have a loop of their own.
+    add_large(shape, (marks & MARK_LARGE) != 0u ? first : end, end, by_screen, color);
+    // A vertex without gradient is skipped, because its projection may not exist: it may lie on the camera's plane.
+    if (GRAD_GEOMETRY && by_screen != vec3(0.0)) {
+        View camera = view_record(view);
+        vec3 p = position_of(shape, vertex);
+        vec4 by_projection;
+        position += world_gradient(
+            camera, p, project_gradient(camera, view_point(camera, p), by_screen.xy, by_screen.z, by_projection));
+    }
 }
 
 void main() {
@@ -52,19 +140,10 @@ void main() {
     int view = first;
     do {
         Shape shape = shape_of(view);
-        int at = shape.adjacency_base + vertex;
-        int end = int(texelFetch(adjacency, at + 1).x);
-        for (int i = int(texelFetch(adjacency, at).x); i < end; ++i) {
-            int corner = int(texelFetch(adjacency, i).x);
-            int from = (shape.record_base + (corner >> 2)) * CORNER_STRIDE + (corner & 3);
-            position += texelFetch(corner_gradients, from).xyz;
-            if (GRAD_COLOR) {
-                color += texelFetch(corner_gradients, from + 3).rgb;
-            }
-            if (SMOOTH) {
-                bool live = corner >> 2 < shape.triangle_count;
-                position += live ? through_normals(shape, corner >> 2, corner & 3) : vec3(0.0);
-            }
+        if (PER_VERTEX) {
+            add_projected(view, shape, vertex, position, color);
+        } else {
+            add_corners(shape, vertex, position, color);
         }
         ++view;
     } while (view <= last);

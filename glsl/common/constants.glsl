@@ -194,6 +194,12 @@ const uint ITEMS_SMALL_NUMBER = 12u;
 const uint ITEMS_LONG = 18u;
 // Words of `item_counts` for each row of FORWARD_ROW items.
 const uint ITEM_COUNT_WORDS = 21u;
+// Bit of an entry of `item_marks`: the item has an entry in `partials`.
+const uint MARK_SUMMED = 1u;
+// Bit of an entry of `item_marks`: the record's box has several cells, in one item each or all in the first.
+const uint MARK_LARGE = 2u;
+// The lowest bit of the number of a record's further items in an entry of `item_marks`.
+const uint MARK_FURTHER_BIT = 2u;
 // First word of an entry of `cells` that is part of no record's.
 const uint NO_RECORD = 0xffffffffu;
 // Cells of a record that one turn of backward_long processes. With one lane a cell takes 1106 passes of loops.

@@ -7,6 +7,9 @@ layout(constant_id = 20) const uint UPSTREAM = 3;
 layout(constant_id = 21) const uint GRADIENTS = 3;
 // Eq. 4 alone: barycentrics are held constant.
 layout(constant_id = 22) const bool PAPER = false;
+// Whether the vertices take their gradients from `partials` without triangle_grad.comp: where nothing is clipped or lit, and
+// neither textures, normals nor views want gradients, all corners at a vertex have one projection.
+layout(constant_id = 28) const bool PER_VERTEX = false;
 // Every lane takes a small item of its own.
 layout(constant_id = 23) const bool SMALL = false;
 

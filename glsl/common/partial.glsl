@@ -1,5 +1,5 @@
 // A record's gradient as backward leaves it in `partials`, summed over the cells of its box in their order.
-// Needs constants.glsl, modes.glsl, gradient_modes.glsl, frame.glsl and the buffers `partials`, `boxes` and `cell_ranges`.
+// Needs constants.glsl, modes.glsl, gradient_modes.glsl, frame.glsl and the buffers `partials`, `item_marks` and `cell_ranges`.
 
 struct Partial {
     // dL/d(column, row) and dL/dz of each corner.
@@ -20,14 +20,13 @@ void add_partial(int item, inout Partial p) {
     vec4 b = texelFetch(partials, at + 1);
     vec4 c = texelFetch(partials, at + 2);
     p.pixel[0] += a.xy;
-    p.pixel[1] += a.zw;
-    p.pixel[2] += b.xy;
-    p.depth += vec3(b.zw, c.x);
-    p.scalars += c.yz;
+    p.pixel[1] += b.xy;
+    p.pixel[2] += c.xy;
+    p.depth += vec3(a.z, b.z, c.z);
+    p.scalars += vec2(a.w, b.w);
     if (GRAD_COLOR) {
-        vec4 d = texelFetch(partials, at + PARTIAL_COLOR_AT);
-        vec4 e = texelFetch(partials, at + PARTIAL_COLOR_AT + 1);
-        p.color += mat3(d.xyz, vec3(d.w, e.xy), vec3(e.zw, texelFetch(partials, at + PARTIAL_COLOR_AT + 2).x));
+        p.color += mat3(texelFetch(partials, at + PARTIAL_COLOR_AT).rgb, texelFetch(partials, at + PARTIAL_COLOR_AT + 1).rgb,
+                        texelFetch(partials, at + PARTIAL_COLOR_AT + 2).rgb);
     }
     if (GRAD_COORDINATE) {
         vec4 d = texelFetch(partials, at + PARTIAL_COORDINATE_AT);
@@ -40,7 +39,7 @@ void add_partial(int item, inout Partial p) {
     }
 }
 
-// The sum over a record's items; zero where its box is empty, for which backward writes nothing.
+// The sum over a record's items that have an entry.
 Partial partial_of(int record_index) {
     Partial p;
     p.pixel[0] = p.pixel[1] = p.pixel[2] = vec2(0.0);
@@ -49,14 +48,16 @@ Partial partial_of(int record_index) {
     p.color = mat3(0.0);
     p.coordinate = mat3x2(0.0);
     p.normal = mat3(0.0);
-    ivec4 box = texelFetch(boxes, record_index);
-    if (box.x > box.z || box.y > box.w) {
-        return p;
+    uint mark = texelFetch(item_marks, record_index).x;
+    if ((mark & MARK_SUMMED) != 0u) {
+        add_partial(record_index, p);
     }
-    add_partial(record_index, p);
-    uvec2 cells = texelFetch(cell_ranges, record_index).xy;
-    for (uint i = 0u; i < cells.y; ++i) {
-        add_partial(int(frame.record_count + cells.x + i), p);
+    int first = int(frame.record_count + texelFetch(cell_ranges, record_index).x);
+    int end = first + int(mark >> MARK_FURTHER_BIT);
+    for (int item = first; item < end; ++item) {
+        if (texelFetch(item_marks, item).x != 0u) {
+            add_partial(item, p);
+        }
     }
     return p;
 }

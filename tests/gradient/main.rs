@@ -9,5 +9,6 @@ mod hazards;
 mod helpers;
 mod living;
 mod opacity;
+mod per_vertex;
 mod repeat;
 mod room;

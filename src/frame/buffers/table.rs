@@ -191,6 +191,8 @@ table! {
         /// Arguments of the indirect dispatches over items.
         ItemCounts("item_counts", Uint, Workspace, [TRANSFER_DST, INDIRECT_BUFFER],
             |g| bytes(g.item_rows * u64::from(c::ITEM_COUNT_WORDS), 4));
+        /// Whether each item has an entry in `partials`, and how many further cells each record has.
+        ItemMarks("item_marks", Uint, Workspace, [], |g| bytes(g.items, 4));
         /// Each item's sum over its pixels.
         Partials("partials", Float4, Workspace, [], |g| bytes(g.items * g.partial_texels, 16));
         /// Gradients by the light at a triangle's corners, with smooth shading.
@@ -205,7 +207,7 @@ table! {
             |g| when(g.has(c::GRADIENT_VIEW | c::GRADIENT_SCALARS), bytes(g.totals.records, 48)));
         /// Gradients by the corners of triangles. Cleared if only the device knows how many triangles there are.
         CornerGradients("corner_gradients", Float4, Output, [TRANSFER_DST],
-            |g| bytes(g.totals.records * g.corner_texels, 16));
+            |g| when(g.corner_texels > 0, bytes(g.totals.records * g.corner_texels, 16)));
         /// dL by position and colour of every vertex: x, y, z, 0, r, g, b, 0.
         VertexGradients("vertex_gradients", Float4, Output, [], |g| when(g.wants_vertices, bytes(g.vertices, 32)));
         /// dL by every texel: three sums in fixed point of 64 bits, four where some texture has an alpha.

@@ -3,9 +3,9 @@
 //! Memory in bytes beyond the forward frame's, with the letters of [`crate::frame::plan`], I = S + cells beyond the first
 //! items, and Q the texels of a partial gradient (3; +3 for colours, +2 for UVs, +3 for normals):
 //!
-//! `16 (1 + shaded + normal) P + (16 Q + 32) I + 16 (3 + 3 colours + 2 UVs) S + 32 V`, and if asked for `32 P` for the
-//! background, `48 S` for camera, σ and γ, `32 S` or `32 V` for lights, `96 S + 16 V` for smooth shading, `24` a texel; where
-//! textures have an alpha `32` a texel and `16 P` more.
+//! `16 (1 + shaded + normal) P + (16 Q + 36) I + 16 (3 + 3 colours + 2 UVs) S + 32 V`, without the third term where vertices
+//! take their gradients from the items' sums, and if asked for `32 P` for the background, `48 S` for camera, σ and γ, `32 S` or
+//! `32 V` for lights, `96 S + 16 V` for smooth shading, `24` a texel; where textures have an alpha `32` a texel and `16 P` more.
 //!
 //! Nothing grows with pixels × triangles.
 
@@ -138,6 +138,7 @@ impl BackwardPlan {
             paper: u32::from(input.wanted.mode == GradientMode::Paper),
             ..forward.modes
         };
+        let modes = Modes { per_vertex: u32::from(is_per_vertex(input, &modes)), ..modes };
         let smooth = modes.smooth != 0;
         let sum_pixels = has(c::GRADIENT_BACKGROUND) || has(c::GRADIENT_SCALARS);
         let sum_views = has(c::GRADIENT_VIEW) || has(c::GRADIENT_SCALARS);
@@ -147,8 +148,8 @@ impl BackwardPlan {
         Self {
             push,
             modes,
-            sizes: Sizes::of_gradients(&counts_of(input, gradients, smooth)),
-            groups: groups_of(input, gradients, smooth, sum_views, sum_pixels),
+            sizes: Sizes::of_gradients(&counts_of(input, &modes)),
+            groups: groups_of(input, &modes, sum_views, sum_pixels),
             item_rows: if triangles { item_rows(input) as u32 } else { 0 },
             long_turns: if triangles { long_turns(forward) } else { 0 },
             tile_rows: if triangles && !sum_pixels { forward.totals.tile_rows() as u32 } else { 0 },
@@ -156,6 +157,14 @@ impl BackwardPlan {
             pixel_rows: forward.totals.pixels as u32,
         }
     }
+}
+
+/// Whether all corners at a vertex have one projection, so that their sum is taken through it once: nothing is clipped, light
+/// and textures stand in no gradient's way, and no sum over the view is wanted.
+fn is_per_vertex(input: &BackwardInput, modes: &Modes) -> bool {
+    let alone = c::GRADIENT_GEOMETRY | c::GRADIENT_COLOR | c::GRADIENT_TEXEL | c::GRADIENT_BACKGROUND;
+    let lit = modes.lit != 0 && input.upstream.color;
+    modes.gradients & !alone == 0 && modes.near_clip == 0 && !lit && modes.smooth == 0 && !input.upstream.normal
 }
 
 fn item_rows(input: &BackwardInput) -> u64 {
@@ -171,7 +180,8 @@ fn long_turns(forward: &ForwardPlan) -> u32 {
     if all <= cell_capacity.into() || !forward.walks.wanted { 0 } else { (cells - 1).div_ceil(c::CELLS_PER_TURN) }
 }
 
-fn counts_of(input: &BackwardInput, gradients: u32, smooth: bool) -> GradientCounts {
+fn counts_of(input: &BackwardInput, modes: &Modes) -> GradientCounts {
+    let gradients = modes.gradients;
     let part = |flag: u32, texels: u32| if gradients & flag != 0 { u64::from(texels) } else { 0 };
     let up = input.upstream;
     let (totals, push) = (input.forward.totals, &input.forward.push);
@@ -187,13 +197,16 @@ fn counts_of(input: &BackwardInput, gradients: u32, smooth: bool) -> GradientCou
         gradients,
         opacity,
         least_apart: opacity && input.forward.modes.silhouette_mode == c::SILHOUETTE_PRODUCT,
-        smooth,
+        smooth: modes.smooth != 0,
         partial_texels: u64::from(c::PARTIAL_TEXELS)
             + part(c::GRADIENT_COLOR, c::PARTIAL_COLOR_TEXELS)
             + part(c::GRADIENT_COORDINATE, c::PARTIAL_COORDINATE_TEXELS)
             + part(c::GRADIENT_NORMAL, c::PARTIAL_NORMAL_TEXELS),
-        corner_texels: 3 + part(c::GRADIENT_COLOR, 3) + part(c::GRADIENT_COORDINATE, 2),
-        light_rows: if smooth { totals.vertices } else { totals.records },
+        corner_texels: match modes.per_vertex {
+            0 => 3 + part(c::GRADIENT_COLOR, 3) + part(c::GRADIENT_COORDINATE, 2),
+            _ => 0,
+        },
+        light_rows: if modes.smooth != 0 { totals.vertices } else { totals.records },
         wants_vertices: input.wanted.positions || input.wanted.colors,
         vertices: input.vertices,
         texels: input.texels,
@@ -201,7 +214,8 @@ fn counts_of(input: &BackwardInput, gradients: u32, smooth: bool) -> GradientCou
     }
 }
 
-fn groups_of(input: &BackwardInput, gradients: u32, smooth: bool, sum_views: bool, sum_pixels: bool) -> BackwardGroups {
+fn groups_of(input: &BackwardInput, modes: &Modes, sum_views: bool, sum_pixels: bool) -> BackwardGroups {
+    let gradients = modes.gradients;
     let has = |flag: u32| gradients & flag != 0;
     let when = |on: bool, groups: [u32; 3]| if on { groups } else { [0; 3] };
     let forward = input.forward;
@@ -210,12 +224,12 @@ fn groups_of(input: &BackwardInput, gradients: u32, smooth: bool, sum_views: boo
     let items = forward.totals.records + u64::from(forward.push.cell_capacity);
     let triangles = gradients & !c::GRADIENT_BACKGROUND != 0 && forward.totals.records > 0;
     let vertices = input.wanted.positions || input.wanted.colors;
-    let corners = gradients & !(c::GRADIENT_BACKGROUND | c::GRADIENT_TEXEL) != 0;
+    let corners = gradients & !(c::GRADIENT_BACKGROUND | c::GRADIENT_TEXEL) != 0 && modes.per_vertex == 0;
     BackwardGroups {
         pixel_grad: when(sum_pixels, rows_of(forward.totals.tiles, 1)),
         backward_cull: when(triangles, rows_of(items.div_ceil(u64::from(c::LINEAR_GROUP)), 1)),
         triangle_grad: when(corners, forward.groups.triangle),
-        vertex_normal_grad: when(corners && smooth, forward.groups.vertex),
+        vertex_normal_grad: when(corners && modes.smooth != 0, forward.groups.vertex),
         vertex_grad: when(vertices, linear(input.largest_mesh, forward.push.mesh_count)),
         reduce_views: when(sum_views, [views, 1, 1]),
         reduce_lights: when(has(c::GRADIENT_LIGHTS), [forward.push.light_count + 1, 1, 1]),

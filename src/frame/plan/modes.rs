@@ -144,6 +144,8 @@ modes! {
         gradients = "GRADIENTS",
         /// 1: the paper's gradient.
         paper = "PAPER",
+        /// 1: vertices take their gradients from the triangles' sums over pixels, without the stage between.
+        per_vertex = "PER_VERTEX",
         /// Passes of all loops of an invocation together that the device is trusted with.
         loop_passes = "LOOP_PASSES",
     }
