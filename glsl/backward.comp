@@ -165,17 +165,33 @@ void put(bool writes, int at, vec4 value) {
     }
 }
 
+// The same of three components, with a fourth that only gradients by sigma and gamma have: on a software device each component
+// that is written takes as long.
+void put(bool writes, int at, vec3 value, float scalar) {
+    if (GRAD_SCALARS) {
+        put(writes, at, vec4(value, scalar));
+        return;
+    }
+    vec3 sum = SMALL ? value : sum_of_lanes(vec4(value, 0.0)).xyz;
+    if (writes) {
+#ifdef LONG
+        sum += partials[at].xyz;
+#endif
+        partials[at].xyz = sum;
+    }
+}
+
 void write_sums(Sums s, Corner c, bool writes, int item) {
     vec3 near = nearness(c);
     vec3 by_z = UP_SHADED || OPACITY ? s.depth * near * near : vec3(0.0);
     int at = item * PARTIAL_STRIDE;
     // A texel a corner, which is what vertex_grad.comp reads of it.
-    put(writes, at, vec4(s.corner[0], by_z.x, s.sigma));
-    put(writes, at + 1, vec4(s.corner[1], by_z.y, s.gamma));
-    put(writes, at + 2, vec4(s.corner[2], by_z.z, 0.0));
+    put(writes, at, vec3(s.corner[0], by_z.x), s.sigma);
+    put(writes, at + 1, vec3(s.corner[1], by_z.y), s.gamma);
+    put(writes, at + 2, vec3(s.corner[2], by_z.z), 0.0);
     if (GRAD_COLOR) {
         for (int k = 0; k < 3; ++k) {
-            put(writes, at + PARTIAL_COLOR_AT + k, vec4(s.color[k], 0.0));
+            put(writes, at + PARTIAL_COLOR_AT + k, s.color[k], 0.0);
         }
     }
     if (GRAD_COORDINATE) {

@@ -88,7 +88,7 @@ void write_shading(Shape shape, int triangle, int record_index, Corners c, vec4 
     shading[to] = depth;
     shading[to + 1] = vec4(c0, score);
     shading[to + 2] = vec4(c1, c2.r);
-    shading[to + 3] = vec4(c2.gb, largest_weight(depth, score), 0.0);
+    shading[to + 3].xyz = vec3(c2.gb, largest_weight(depth, score));
     if (SAMPLING != SAMPLING_NONE) {
         // A surface is sampled by barycentrics, an image by UV.
         mat3x2 coordinate = mat3x2(1.0, 0.0, 0.0, 1.0, 0.0, 0.0);

@@ -226,14 +226,14 @@ void add_face_normal(Face face, Corners c, vec3 by_light, inout vec3 by_world[3]
 void write_corners(int record_index, Corners c, vec3 by_world[3]) {
     int to = record_index * CORNER_STRIDE;
     for (int k = 0; k < 3; ++k) {
-        corner_gradients[to + k] = vec4(by_world[k], 0.0);
+        corner_gradients[to + k].xyz = by_world[k];
         if (GRAD_COLOR) {
-            corner_gradients[to + 3 + k] = vec4(c.by_color[k] * c.light[k], 0.0);
+            corner_gradients[to + 3 + k].xyz = c.by_color[k] * c.light[k];
         }
         if (SMOOTH) {
             int light_at = 2 * (3 * record_index + k);
-            corner_lights[light_at] = vec4(c.by_color[k] * c.base[k], 0.0);
-            corner_lights[light_at + 1] = vec4(c.by_normal[k], 0.0);
+            corner_lights[light_at].xyz = c.by_color[k] * c.base[k];
+            corner_lights[light_at + 1].xyz = c.by_normal[k];
         }
     }
     if (GRAD_COORDINATE) {

@@ -56,12 +56,13 @@ void main() {
     to_pixels(view, v, column, row);
     int at = int(VERTEX_TEXELS) * (shape.screen_base + vertex);
     vertices[at] = vec4(column, row);
-    vertices[at + 1] = vec4(v.z, 0.0, 0.0);
+    // Of a texel only what is read is written: on a software device each component takes as long.
+    vertices[at + 1].xy = v.z;
     if (SMOOTH) {
         vec3 given = given_normal(shape, vertex);
         vec3 normal = is_given(given) ? given : smooth_normal(shape, vertex);
         int to = int(VERTEX_SHADING_TEXELS) * (shape.screen_base + vertex);
-        vertex_shading[to] = vec4(light_on(normal), 0.0);
-        vertex_shading[to + 1] = vec4(normal, 0.0);
+        vertex_shading[to].xyz = light_on(normal);
+        vertex_shading[to + 1].xyz = normal;
     }
 }

@@ -23,7 +23,7 @@ void add_partial(int item, inout Partial p) {
     p.pixel[1] += b.xy;
     p.pixel[2] += c.xy;
     p.depth += vec3(a.z, b.z, c.z);
-    p.scalars += vec2(a.w, b.w);
+    p.scalars += GRAD_SCALARS ? vec2(a.w, b.w) : vec2(0.0);
     if (GRAD_COLOR) {
         p.color += mat3(texelFetch(partials, at + PARTIAL_COLOR_AT).rgb, texelFetch(partials, at + PARTIAL_COLOR_AT + 1).rgb,
                         texelFetch(partials, at + PARTIAL_COLOR_AT + 2).rgb);
