@@ -4,7 +4,7 @@
 use burn::tensor::Device;
 use softras::Renderer;
 use softras::internals::fit::is_closed;
-use softras_burn::reconstruct::config::{Config, Hard, Row};
+use softras_burn::reconstruct::config::{Coloring, Config, Hard, Row};
 use softras_burn::reconstruct::data::{self, Set, Shard};
 use softras_burn::reconstruct::model::Model;
 use softras_burn::reconstruct::network::{Network, meshes};
@@ -23,6 +23,7 @@ fn config() -> Config {
         laplacian: 5e-3,
         flatten: 5e-4,
         color: 1.0,
+        coloring: Coloring::Palette,
         hard: None,
         voxels: false,
         seed: 5,
@@ -130,6 +131,10 @@ fn training_resumes_to_the_bit_and_learns() {
     assert_eq!(weights(&whole, &path), weights(&resumed, &path));
     let (loss, is_best) = resumed.validate(&set).unwrap();
     assert!(loss.is_finite() && is_best);
+    // The seed decides the first weights.
+    let first = |seed| weights(&Trainer::new(Config { seed, ..config() }, Renderer::new().unwrap()).unwrap(), &path);
+    assert_eq!(first(5), first(5));
+    assert_ne!(first(5), first(6));
 }
 
 #[test]
@@ -164,7 +169,7 @@ fn a_voxel_network_learns_solids_and_resumes() {
 #[test]
 fn the_table_has_every_row() {
     let (set, device) = (small(), Device::flex());
-    let network = Network::new(2, true, &device).unwrap();
+    let network = Network::new(2, Some(Coloring::Palette), &device).unwrap();
     let table = evaluate::table(&set, &set, &[("new".into(), Model::Mesh(network))], 2, &device).unwrap();
     let names: Vec<&str> = table.rows.iter().map(|row| row.name.as_str()).collect();
     assert_eq!(names.len(), 6, "{names:?}");
@@ -222,6 +227,30 @@ fn checkpoints_that_are_broken_are_refused() {
 }
 
 #[test]
+fn checkpoints_before_palettes_give_vertices_colors_of_their_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("before.safetensors");
+    let config = Config { coloring: Coloring::Vertices, ..config() };
+    let expected = weights(&Trainer::new(config, Renderer::new().unwrap()).unwrap(), &path);
+    let whole = std::fs::read(&path).unwrap();
+    let file = safetensors::SafeTensors::deserialize(&whole).unwrap();
+    let said = safetensors::SafeTensors::read_metadata(&whole).unwrap().1.metadata().clone().unwrap();
+    let write = |from: &str, to: &str| {
+        let said = said.iter().map(|(key, text)| (key.clone(), text.replace(from, to))).collect();
+        std::fs::write(&path, safetensors::serialize(file.tensors(), Some(said)).unwrap()).unwrap();
+        checkpoint::read(&path, &Device::flex(), None)
+    };
+    let read = write("\"coloring\":\"vertices\",", "").unwrap();
+    assert_eq!(read.0.config.coloring, Coloring::Vertices);
+    assert_eq!(read.1.weights().into_iter().flat_map(|weight| weight.values).collect::<Vec<f32>>(), expected);
+    // What it says must be what it has.
+    let error = write("\"coloring\":\"vertices\"", "\"coloring\":\"palette\"").err().unwrap().to_string();
+    assert!(error.contains("before.safetensors") && error.contains("palette.queries"), "{error}");
+    let error = write("\"coloring\":\"vertices\"", "\"coloring\":\"rainbow\"").err().unwrap().to_string();
+    assert!(error.contains("its status is broken") && error.contains("rainbow"), "{error}");
+}
+
+#[test]
 fn pictures_go_in_and_out() {
     let (set, folder) = (small(), tempfile::tempdir().unwrap());
     let path = folder.path().join("picture.png");
@@ -232,7 +261,7 @@ fn pictures_go_in_and_out() {
     let differ = read.iter().zip(given).filter(|(a, b)| a.abs_diff(**b) > 1).count();
     assert_eq!(differ, 0);
     let device = Device::flex();
-    let network = Network::new(2, true, &device).unwrap();
+    let network = Network::new(2, Some(Coloring::Palette), &device).unwrap();
     assert_eq!(meshes(&network, &[&read], &device).unwrap()[0].positions().len(), 642);
 
     let save = |image: image::DynamicImage| {

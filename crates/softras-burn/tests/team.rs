@@ -4,7 +4,7 @@
 use burn::tensor::Device;
 use softras::Renderer;
 use softras_burn::reconstruct::checkpoint;
-use softras_burn::reconstruct::config::{Config, Row};
+use softras_burn::reconstruct::config::{Coloring, Config, Row};
 use softras_burn::reconstruct::data::Set;
 use softras_burn::reconstruct::team::Team;
 use softras_burn::reconstruct::train::Trainer;
@@ -27,6 +27,7 @@ fn config(shares: usize) -> Config {
         laplacian: 3e-2,
         flatten: 5e-4,
         color: 1.0,
+        coloring: Coloring::Palette,
         hard: None,
         voxels: false,
         seed: 3,

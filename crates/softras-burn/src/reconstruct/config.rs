@@ -27,6 +27,9 @@ pub struct Config {
     pub flatten: f64,
     /// Weight of the colour loss; 0 for a network of shapes alone.
     pub color: f64,
+    /// How a network of colours sees them.
+    #[serde(default = "before_palettes")]
+    pub coloring: Coloring,
     /// For hard images in place of soft ones, how they are differentiated.
     #[serde(default, deserialize_with = "hard")]
     pub hard: Option<Hard>,
@@ -35,6 +38,16 @@ pub struct Config {
     pub voxels: bool,
     /// Decides the first weights and the order of the pictures.
     pub seed: u64,
+}
+
+/// How a network sees colours.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Coloring {
+    /// Each vertex mixes a palette that the network samples from the picture, as in the paper
+    Palette,
+    /// Each vertex has a colour of its own
+    Vertices,
 }
 
 /// How hard images are differentiated by positions.
@@ -49,6 +62,11 @@ pub enum Hard {
 
 fn one() -> usize {
     1
+}
+
+/// Checkpoints before there was a choice do not say it.
+fn before_palettes() -> Coloring {
+    Coloring::Vertices
 }
 
 /// Checkpoints before there was a choice say `true` for edges.
@@ -66,6 +84,11 @@ fn hard<'a, D: serde::Deserializer<'a>>(from: D) -> std::result::Result<Option<H
 }
 
 impl Config {
+    /// How the network sees colours, if it does.
+    pub fn seen_colors(&self) -> Option<Coloring> {
+        (self.color > 0.0).then_some(self.coloring)
+    }
+
     /// Checks every number's range.
     ///
     /// # Errors
@@ -133,7 +156,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_older_checkpoints_say_of_hard_images_is_read() {
+    fn what_older_checkpoints_say_is_read() {
         let config = |hard: &str| {
             let numbers =
                 r#""width":8,"steps":4,"pairs":8,"rate":1e-3,"sigma":1e-4,"laplacian":0,"flatten":0,"color":1"#;
@@ -149,6 +172,7 @@ mod tests {
         ] {
             let read = config(said).unwrap();
             assert_eq!(read.hard, expected, "{said}");
+            assert_eq!(read.coloring, Coloring::Vertices);
             let again: Config = serde_json::from_str(&serde_json::to_string(&read).unwrap()).unwrap();
             assert_eq!(again, read);
         }

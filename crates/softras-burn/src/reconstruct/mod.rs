@@ -20,6 +20,7 @@ pub mod model;
 pub mod network;
 pub mod official;
 mod pairs;
+mod palette;
 pub mod picture;
 mod scores;
 pub mod sheet;

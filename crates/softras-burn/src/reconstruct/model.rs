@@ -47,7 +47,7 @@ impl Model {
         Ok(if config.voxels {
             Self::Voxels(VoxelNetwork::new(config.width, device)?)
         } else {
-            Self::Mesh(Network::new(config.width, config.color > 0.0, device)?)
+            Self::Mesh(Network::new(config.width, config.seen_colors(), device)?)
         })
     }
 

@@ -1,5 +1,7 @@
-//! The network of the paper: convolutions and full layers, which move the vertices of a sphere and its centre.
+//! The network of the paper: convolutions and full layers, which move the vertices of a sphere and its centre, and colour them.
 
+use super::config::Coloring;
+use super::palette::Palette;
 use super::template::Template;
 use super::{SIZE, fit_error};
 use burn::module::{Initializer, Module};
@@ -48,13 +50,13 @@ impl Trunk {
         32 * width
     }
 
-    /// The codes `[pictures, length]` of pictures `[pictures, 4, 64, 64]`, RGBA in [0, 1].
-    pub fn forward(&self, pictures: Tensor<4>) -> Tensor<2> {
-        let mut maps = pictures;
-        for (convolution, norm) in self.convolutions.iter().zip(&self.norms) {
-            maps = relu(norm.forward(convolution.forward(maps)));
-        }
-        self.layers.iter().fold(maps.flatten(1, 3), |code, layer| relu(layer.forward(code)))
+    /// The codes `[pictures, length]` of pictures `[pictures, 4, 64, 64]`, RGBA in [0, 1], and the maps `[pictures, 2 × width,
+    /// 16, 16]` of the second convolution.
+    pub fn forward(&self, pictures: Tensor<4>) -> (Tensor<2>, Tensor<4>) {
+        let convolved = |maps, i: usize| relu(self.norms[i].forward(self.convolutions[i].forward(maps)));
+        let maps = convolved(convolved(pictures, 0), 1);
+        let last = convolved(maps.clone(), 2).flatten(1, 3);
+        (self.layers.iter().fold(last, |code, layer| relu(layer.forward(code))), maps)
     }
 }
 
@@ -64,7 +66,10 @@ pub struct Network {
     trunk: Trunk,
     center: Linear,
     offsets: Linear,
+    /// For networks that give each vertex a colour of its own.
     colors: Option<Linear>,
+    /// For networks that choose colours from the picture.
+    palette: Option<Palette>,
     #[module(skip)]
     template: Template,
 }
@@ -83,27 +88,30 @@ impl Network {
     ///
     /// # Errors
     /// [`softras::Error::Fit`] for a width outside 1 to 256.
-    pub fn new(width: usize, color: bool, device: &Device) -> Result<Self> {
-        Self::of_template(width, color, Template::sphere()?, device)
+    pub fn new(width: usize, coloring: Option<Coloring>, device: &Device) -> Result<Self> {
+        Self::of_template(width, coloring, Template::sphere()?, device)
     }
 
     /// A network with random weights that moves the vertices of a template.
     ///
     /// # Errors
     /// As [`Network::new`].
-    pub fn of_template(width: usize, color: bool, template: Template, device: &Device) -> Result<Self> {
+    pub fn of_template(width: usize, coloring: Option<Coloring>, template: Template, device: &Device) -> Result<Self> {
         let trunk = Trunk::new(width, device)?;
         let vertices = template.mesh().positions().len();
         let small = Initializer::Uniform { min: -1e-3, max: 1e-3 };
-        let last = |to: usize| LinearConfig::new(Trunk::code(width), to).with_initializer(small.clone()).init(device);
+        let code = Trunk::code(width);
+        let last = |to: usize| LinearConfig::new(code, to).with_initializer(small.clone()).init(device);
         let (center, offsets) = (last(3), last(3 * vertices));
-        Ok(Self { trunk, center, offsets, colors: color.then(|| last(3 * vertices)), template })
+        let colors = (coloring == Some(Coloring::Vertices)).then(|| last(3 * vertices));
+        let palette = (coloring == Some(Coloring::Palette)).then(|| Palette::new(code, 2 * width, vertices, device));
+        Ok(Self { trunk, center, offsets, colors, palette, template })
     }
 
     /// The shapes in pictures `[pictures, 4, 64, 64]`, RGBA in [0, 1].
     pub fn forward(&self, pictures: Tensor<4>) -> Shapes {
         let (count, device) = (pictures.dims()[0], pictures.device());
-        let code = self.trunk.forward(pictures);
+        let (code, maps) = self.trunk.forward(pictures.clone());
         let rows = |flat: Tensor<2>| {
             let vertices = flat.dims()[1] / 3;
             flat.reshape([count, vertices, 3])
@@ -115,7 +123,10 @@ impl Network {
         let less = around.clone() * center.clone() + around.clone();
         let positive = around.greater_elem(0.0);
         let positions = (less.mask_where(positive, room) + center).mul_scalar(0.5);
-        let colors = self.colors.as_ref().map(|colors| sigmoid(rows(colors.forward(code))));
+        let colors = match (&self.palette, &self.colors) {
+            (Some(palette), _) => Some(palette.forward(pictures, code, maps)),
+            (None, colors) => colors.as_ref().map(|colors| sigmoid(rows(colors.forward(code)))),
+        };
         Shapes { positions, colors }
     }
 }

@@ -40,7 +40,7 @@ pub fn read(path: &Path, device: &Device) -> Result<Network> {
     let width = state.0.get("encoder.conv1.weight").and_then(|weight| weight.shape().first().copied());
     let width = width.ok_or_else(|| broken("it has no encoder.conv1.weight".into()))?;
     let template = state.template().map_err(broken)??;
-    let network = Network::of_template(width, false, Template::official(template), device)?;
+    let network = Network::of_template(width, None, Template::official(template), device)?;
     weights::load(network, &state, device).map_err(broken)
 }
 

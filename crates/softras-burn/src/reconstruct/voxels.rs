@@ -44,7 +44,7 @@ impl VoxelNetwork {
 
     /// The logits `[pictures, 32³]` of each voxel's being inside, in the order of [`Grid`].
     pub fn forward(&self, pictures: Tensor<4>) -> Tensor<2> {
-        let flat = self.first.forward(self.trunk.forward(pictures));
+        let flat = self.first.forward(self.trunk.forward(pictures).0);
         let [count, length] = flat.dims();
         let mut grid: Tensor<5> = flat.reshape([count, length / FIRST.pow(3), FIRST, FIRST, FIRST]);
         for layer in &self.layers {

@@ -1,6 +1,6 @@
 //! The arguments of the command `softras-reconstruct`.
 
-use crate::reconstruct::config::{Config, Hard};
+use crate::reconstruct::config::{Coloring, Config, Hard};
 use crate::reconstruct::data::Shard;
 use crate::reconstruct::families;
 use clap::{Args, Parser, Subcommand};
@@ -112,6 +112,9 @@ pub(super) struct TrainSettings {
     /// Weight of the colour loss; 0 learns from silhouettes alone
     #[arg(long, default_value_t = 1.0)]
     pub(super) color: f64,
+    /// How colours are seen
+    #[arg(long, default_value = "palette")]
+    pub(super) coloring: Coloring,
     /// Compare hard images, differentiated in this way
     #[arg(long)]
     pub(super) hard: Option<Hard>,
@@ -125,9 +128,10 @@ pub(super) struct TrainSettings {
 
 impl TrainSettings {
     pub(super) fn config(&self, processes: usize) -> Config {
-        let Self { width, steps, pairs, shares, rate, sigma, laplacian, flatten, color, hard, voxels, seed } = *self;
+        let Self { width, steps, pairs, shares, rate, sigma, laplacian, flatten, color, coloring, hard, voxels, seed } =
+            *self;
         let shares = shares.unwrap_or(processes);
-        Config { width, steps, pairs, shares, rate, sigma, laplacian, flatten, color, hard, voxels, seed }
+        Config { width, steps, pairs, shares, rate, sigma, laplacian, flatten, color, coloring, hard, voxels, seed }
     }
 }
 

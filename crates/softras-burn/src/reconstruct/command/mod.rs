@@ -2,7 +2,7 @@
 
 mod args;
 
-use super::config::Row;
+use super::config::{Coloring, Row};
 use super::data::{self, Set, Shard};
 use super::model::Model;
 use super::network::meshes;
@@ -231,6 +231,7 @@ fn demo(args: &DemoArgs) -> Result<()> {
         laplacian: 3e-2,
         flatten: 5e-4,
         color: 1.0,
+        coloring: Coloring::Palette,
         hard: None,
         voxels: false,
         seed: 0,
