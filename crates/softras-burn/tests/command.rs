@@ -47,8 +47,11 @@ fn from_data_to_a_mesh_and_the_table() {
     let table = format!("evaluate data {networks} --views 2 --sheet s.png --example p.png --curves c.svg");
     let table = succeeds(folder, &table);
     assert!(table.contains("| a |") && table.contains("| v |") && table.contains("retrieval by silhouette"), "{table}");
+    // A row in the table of solids, and one in that of colours.
     let of_a: Vec<&str> = table.lines().filter(|line| line.contains("| a |")).collect();
-    assert!(of_a.len() == 1 && of_a[0].contains(" to "), "{table}");
+    assert!(of_a.len() == 2 && of_a.iter().all(|row| row.contains(" to ")), "{table}");
+    assert!(table.contains("| colour error | lamp | sofa | mean |"), "{table}");
+    assert_eq!(table.lines().filter(|line| line.contains("| v |")).count(), 1, "{table}");
     let sheet = image::open(folder.join("s.png")).unwrap();
     assert_eq!([sheet.width(), sheet.height()], [6 * 128, 28 + 2 * 128]);
     assert!(std::fs::read_to_string(folder.join("c.svg")).unwrap().contains("IoU of silhouettes"));

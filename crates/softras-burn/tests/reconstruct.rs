@@ -9,7 +9,7 @@ use softras_burn::reconstruct::data::{self, Set, Shard};
 use softras_burn::reconstruct::model::Model;
 use softras_burn::reconstruct::network::{Network, meshes};
 use softras_burn::reconstruct::train::Trainer;
-use softras_burn::reconstruct::{checkpoint, evaluate, families, picture, synthesis};
+use softras_burn::reconstruct::{checkpoint, colors, evaluate, families, picture, synthesis};
 use std::path::Path;
 
 fn config() -> Config {
@@ -182,6 +182,22 @@ fn the_table_has_every_row() {
         assert!((least..=most).contains(&row.mean()), "{}: {}", row.name, row.mean());
     }
     assert!(table.to_string().lines().count() == 8);
+}
+
+#[test]
+fn the_table_of_colors_has_every_row() {
+    let (set, device) = (small(), Device::flex());
+    let network = |coloring| Model::Mesh(Network::new(2, coloring, &device).unwrap());
+    let networks = [("new", network(Some(Coloring::Palette))), ("shape", network(None))];
+    let networks = networks.map(|(name, network)| (name.to_string(), network));
+    let table = colors::table(&mut Renderer::new().unwrap(), &set, &set, &networks, 2, &device).unwrap();
+    let rows: Vec<(&str, f64)> = table.rows.iter().map(|row| (row.name.as_str(), row.mean())).collect();
+    let names: Vec<&str> = rows.iter().map(|(name, _)| *name).collect();
+    assert_eq!(names, ["mean colour of the picture", "retrieval by picture", "new"]);
+    // The nearest training picture is the picture itself. A new palette gives colours of the picture, too.
+    let [painted, nearest, new] = [0, 1, 2].map(|i| rows[i].1);
+    assert!(nearest == 0.0 && painted > 0.01 && new > 0.01 && new < 2.0 * painted, "{rows:?}");
+    assert!(colors::table(&mut Renderer::new().unwrap(), &set, &set, &[], 25, &device).is_err());
 }
 
 #[test]

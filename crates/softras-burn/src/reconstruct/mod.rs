@@ -8,6 +8,7 @@
 
 mod catalogue;
 pub mod checkpoint;
+pub mod colors;
 pub mod command;
 pub mod config;
 pub mod curves;

@@ -108,6 +108,11 @@ impl Network {
         Ok(Self { trunk, center, offsets, colors, palette, template })
     }
 
+    /// Whether it sees colours.
+    pub fn is_colored(&self) -> bool {
+        self.colors.is_some() || self.palette.is_some()
+    }
+
     /// The shapes in pictures `[pictures, 4, 64, 64]`, RGBA in [0, 1].
     pub fn forward(&self, pictures: Tensor<4>) -> Shapes {
         let (count, device) = (pictures.dims()[0], pictures.device());

@@ -45,8 +45,8 @@ impl<'a> Known<'a> {
         self.set.classes.iter().position(|name| name == class).map_or(&self.mean, |class| &self.means[class])
     }
 
-    /// The training shape of the picture that is nearest by its squared difference at 16×16 pixels.
-    pub fn by_picture(&self, picture: &[u8]) -> &Grid {
+    /// The training object of the picture that is nearest by its squared difference at 16×16 pixels.
+    pub fn by_picture(&self, picture: &[u8]) -> &Object {
         let wanted = small(picture);
         let distance = |other: &[u8; SMALL_PICTURE]| -> u32 {
             other.iter().zip(&wanted).map(|(a, b)| u32::from(a.abs_diff(*b)).pow(2)).sum()
@@ -54,8 +54,8 @@ impl<'a> Known<'a> {
         self.nearest(self.small.iter().map(distance))
     }
 
-    /// The training shape of the picture whose silhouette overlaps this one's most.
-    pub fn by_silhouette(&self, picture: &[u8]) -> &Grid {
+    /// The training object of the picture whose silhouette overlaps this one's most.
+    pub fn by_silhouette(&self, picture: &[u8]) -> &Object {
         let wanted = mask(picture);
         let distance = |other: &[u64; SIZE * SIZE / 64]| {
             let (mut both, mut either) = (0u32, 0u32);
@@ -69,9 +69,9 @@ impl<'a> Known<'a> {
         self.nearest(self.masks.iter().map(distance))
     }
 
-    fn nearest<T: Ord>(&self, distances: impl Iterator<Item = T>) -> &Grid {
+    fn nearest<T: Ord>(&self, distances: impl Iterator<Item = T>) -> &Object {
         let best = distances.enumerate().min_by(|(_, a), (_, b)| a.cmp(b)).map_or(0, |(i, _)| i);
-        &self.set.objects[best / VIEWS].solid
+        &self.set.objects[best / VIEWS]
     }
 
     /// The overlap with the training shape that overlaps most: what no retrieval can exceed.

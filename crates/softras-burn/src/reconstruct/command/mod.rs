@@ -9,7 +9,9 @@ use super::network::meshes;
 use super::official;
 use super::team::{Team, processes};
 use super::train::Trainer;
-use super::{checkpoint, curves, evaluate, families, file_error, fit_error, furniture, picture, sheet, synthesis};
+use super::{
+    checkpoint, colors, curves, evaluate, families, file_error, fit_error, furniture, picture, sheet, synthesis,
+};
 pub use args::Cli;
 use args::{Command, DataArgs, DemoArgs, EvaluateArgs, PredictArgs, TrainArgs, TrainSettings};
 use burn::module::Module;
@@ -192,6 +194,10 @@ fn compare(args: &EvaluateArgs) -> Result<()> {
     }
     let train = data::read(&args.data, "train", &args.classes)?;
     print!("{}", evaluate::table(&train, &test, &networks, args.views, &device)?);
+    if networks.iter().any(|(_, network)| matches!(network, Model::Mesh(network) if network.is_colored())) {
+        let renderer = &mut Renderer::new()?;
+        print!("\n{}", colors::table(renderer, &train, &test, &networks, args.views, &device)?);
+    }
     let Some(path) = &args.sheet else { return Ok(()) };
     let first =
         networks.iter().find_map(|(_, network)| if let Model::Mesh(first) = network { Some(first) } else { None });
