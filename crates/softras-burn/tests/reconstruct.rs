@@ -89,6 +89,25 @@ fn shards_are_the_set() {
     assert!(missing.contains("ship_train_images.npz") && missing.contains("no such file"), "{missing}");
     std::fs::remove_file(folder.path().join("parts/lamp_train_voxels_1_of_2.npz")).unwrap();
     assert!(data::read(&folder.path().join("parts"), "train", &[]).is_err());
+    // Pictures of another size, and solids of another number of objects.
+    let npz = |name: &str, shape: &[usize]| {
+        let file = std::fs::File::create(folder.path().join("parts").join(name)).unwrap();
+        let mut zip = zip::ZipWriter::new(file);
+        zip.start_file("arr_0.npy", zip::write::SimpleFileOptions::default()).unwrap();
+        let values = vec![0; shape.iter().product()];
+        let array = softras_cli::npy::write(shape, softras_cli::npy::Data::U8(&values));
+        std::io::Write::write_all(&mut zip, &array).unwrap();
+        zip.finish().unwrap();
+    };
+    let refused = |images: &[usize]| {
+        npz("lamp_val_images.npz", images);
+        data::read(&folder.path().join("parts"), "val", &["lamp".into()]).unwrap_err().to_string()
+    };
+    npz("lamp_val_voxels.npz", &[1, 32, 32, 32]);
+    let size = refused(&[1, 24, 4, 32, 32]);
+    assert!(size.contains("lamp_val_images.npz") && size.contains("(objects, 24, 4, 64, 64)"), "{size}");
+    let count = refused(&[2, 24, 4, 64, 64]);
+    assert!(count.contains("lamp_val_voxels.npz") && count.contains("for 2 objects"), "{count}");
     // A file that is cut short.
     let path = folder.path().join("whole/lamp_train_images.npz");
     let bytes = std::fs::read(&path).unwrap();
