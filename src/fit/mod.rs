@@ -10,7 +10,7 @@
 //! - [`PoseSearch`] finds the rotation and translation of a rigid mesh from one image; [`PoseFit`] follows gradients from given
 //!   poses, many at once.
 //! - [`Targets::visual_hull`] is the largest solid with given silhouettes, to begin with. [`remeshed`] evens out triangles that a
-//!   fit has stretched, [`soft_target`] softens a hard mask to the silhouette that a mesh of that outline renders to,
+//!   fit has stretched, [`with_atlas`] gives a mesh without UV coordinates a texture to be fitted, [`soft_target`] softens a hard mask to the silhouette that a mesh of that outline renders to,
 //!   [`mask_iou`] and [`voxel_iou`] measure how good a fit is.
 //!
 //! Sums run in a fixed order, so the same input gives the same bits.
@@ -52,6 +52,7 @@
 //! # }
 //! ```
 
+mod atlas;
 pub(crate) mod device;
 mod hull;
 pub(crate) mod image_loss;
@@ -67,6 +68,7 @@ pub(crate) mod soft_target;
 pub(crate) mod topology;
 pub(crate) mod voxel;
 
+pub use atlas::with_atlas;
 pub use device::HostFit;
 pub use image_loss::{ImageLoss, Valued, mask_iou};
 pub use optimizer::{Method, Optimizer};

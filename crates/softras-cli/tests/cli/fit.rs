@@ -142,49 +142,95 @@ fn pictures_and_cameras_are_read_from_a_folder() {
     fails(folder.path(), &["fit", "--views", "views.npy", "-o", "out.obj"], 2, &["--cameras"]);
 }
 
-#[test]
-fn a_texture_is_fitted_and_rendered() {
-    const SIDE: u32 = 8;
-    let folder = tempfile::tempdir().unwrap();
-    let at = |name: &str| folder.path().join(name);
+/// Texels along a side of the cubes' textures.
+const TEXELS: u32 = 8;
+
+/// Writes cubes with a texture on every face, one of a pattern and one of grey, and one without: painted.obj, grey.obj and
+/// plain.obj.
+fn write_cubes(folder: &Path) {
     let corner = |i: usize| [i & 1, i >> 1 & 1, i >> 2 & 1].map(|bit| if bit == 1 { 1.0 } else { -1.0 });
-    let mut obj: String = (0..8)
+    let vertices: String = (0..8)
         .map(|i| {
             let [x, y, z] = corner(i);
             format!("v {x} {y} {z}\n")
         })
         .collect();
-    obj += "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl m\n";
+    let (mut obj, mut plain) = (format!("{vertices}vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl m\n"), vertices);
     for ring in [[2, 4, 8, 6], [1, 5, 7, 3], [3, 7, 8, 4], [1, 2, 6, 5], [5, 6, 8, 7], [1, 3, 4, 2]] {
         obj += &format!("f {}/1 {}/2 {}/3 {}/4\n", ring[0], ring[1], ring[2], ring[3]);
+        plain += &format!("f {} {} {} {}\n", ring[0], ring[1], ring[2], ring[3]);
     }
+    let at = |name: String| folder.join(name);
     let paint = |name: &str, color: &dyn Fn(u32, u32) -> [u8; 3]| {
-        image::RgbImage::from_fn(SIDE, SIDE, |x, y| image::Rgb(color(x, y))).save(at(&format!("{name}.png"))).unwrap();
-        std::fs::write(at(&format!("{name}.mtl")), format!("newmtl m\nmap_Kd {name}.png\n")).unwrap();
-        std::fs::write(at(&format!("{name}.obj")), format!("mtllib {name}.mtl\n{obj}")).unwrap();
+        let image = image::RgbImage::from_fn(TEXELS, TEXELS, |x, y| image::Rgb(color(x, y)));
+        image.save(at(format!("{name}.png"))).unwrap();
+        std::fs::write(at(format!("{name}.mtl")), format!("newmtl m\nmap_Kd {name}.png\n")).unwrap();
+        std::fs::write(at(format!("{name}.obj")), format!("mtllib {name}.mtl\n{obj}")).unwrap();
     };
     let painted =
         |x: u32, y: u32| [(30 * x) as u8, if x / 2 % 2 == y / 2 % 2 { 210 } else { 60 }, (250 - 25 * y) as u8];
     paint("painted", &painted);
     paint("grey", &|_, _| [120; 3]);
+    std::fs::write(at("plain.obj".into()), plain).unwrap();
+}
+
+/// The mean difference of two pictures, in 255ths.
+fn difference(folder: &Path, a: &str, b: &str) -> f64 {
+    let [a, b] = [a, b].map(|name| image::open(folder.join(name)).unwrap().into_rgb8());
+    let sum: u32 = a.as_raw().iter().zip(b.as_raw()).map(|(a, b)| u32::from(a.abs_diff(*b))).sum();
+    f64::from(sum) / a.as_raw().len() as f64
+}
+
+/// Renders NAME.obj to NAME_seen.png.
+fn look(folder: &Path, name: &str) {
+    let look = format!("render {name}.obj -o {name}_seen.png --size 64 --unlit --azimuth 40 --elevation 25");
+    succeeds(folder, &look.split_whitespace().collect::<Vec<_>>());
+}
+
+#[test]
+fn a_texture_is_fitted_and_rendered() {
+    let folder = tempfile::tempdir().unwrap();
+    write_cubes(folder.path());
     let fit = "fit --from painted.obj --template grey.obj --texture --views 14 --size 64 --iterations 150 -o found.obj";
     succeeds(folder.path(), &fit.split_whitespace().collect::<Vec<_>>());
     // Texture, silhouette and picture: all are those of the mesh that the views were made from.
-    let difference = |a: &str, b: &str| {
-        let [a, b] = [a, b].map(|name| image::open(at(name)).unwrap().into_rgb8());
-        let sum: u32 = a.as_raw().iter().zip(b.as_raw()).map(|(a, b)| u32::from(a.abs_diff(*b))).sum();
-        f64::from(sum) / a.as_raw().len() as f64
-    };
+    let difference = |a: &str, b: &str| difference(folder.path(), a, b);
     let (found, before) = (difference("found_texture.png", "painted.png"), difference("grey.png", "painted.png"));
     assert!(found < 8.0 && before > 50.0, "{found} of {before} before, in 255");
-    for name in ["painted", "found", "grey"] {
-        let look = format!("render {name}.obj -o {name}_seen.png --size 64 --unlit --azimuth 40 --elevation 25");
-        succeeds(folder.path(), &look.split_whitespace().collect::<Vec<_>>());
-    }
+    ["painted", "found", "grey"].iter().for_each(|name| look(folder.path(), name));
     let seen = difference("found_seen.png", "painted_seen.png");
     assert!(seen < 0.2 * difference("grey_seen.png", "painted_seen.png"), "{seen}");
-    let plain = "fit --from painted.obj --texture -o x.obj --views 2";
-    fails(folder.path(), &plain.split_whitespace().collect::<Vec<_>>(), 2, &["--texture", "textured mesh"]);
+    let depths = "fit --from painted.obj --template grey.obj --texture --also depth -o x.obj --views 2";
+    fails(folder.path(), &depths.split_whitespace().collect::<Vec<_>>(), 2, &["--texture", "texels alone", "--color"]);
+}
+
+#[test]
+fn a_texture_is_made_for_a_mesh_that_has_none() {
+    let folder = tempfile::tempdir().unwrap();
+    write_cubes(folder.path());
+    let fit = "fit --from painted.obj --template plain.obj --texture --views 14 --size 64 --iterations 30 --rate 1e-5 \
+               -o found.obj --json log.json";
+    let told = succeeds(folder.path(), &fit.split_whitespace().collect::<Vec<_>>());
+    assert!(told.contains("8 vertices, 12 triangles") && told.contains("colour error"), "{told}");
+    let log = json(&folder.path().join("log.json"));
+    assert_eq!((numbers(&log["loss"]).len(), numbers(&log["texture"]["color_loss"]).len()), (30, 100));
+    let [by_vertices, error] =
+        ["color_error_by_vertices", "color_error"].map(|key| log["texture"][key].as_f64().unwrap());
+    assert_eq!(log["final"]["color_error"].as_f64(), Some(error));
+    assert!(error < 0.25 * by_vertices && by_vertices > 0.05, "{error} with a texture, {by_vertices} by vertices");
+    // What was written is found again, with its texture, and shows the pattern.
+    ["painted", "found", "grey"].iter().for_each(|name| look(folder.path(), name));
+    let difference = |a: &str| difference(folder.path(), a, "painted_seen.png");
+    let (seen, grey) = (difference("found_seen.png"), difference("grey_seen.png"));
+    assert!(seen < 0.25 * grey, "{seen} with the texture, {grey} with grey");
+    let side = f64::from(image::image_dimensions(folder.path().join("found_texture.png")).unwrap().0);
+    assert_eq!(log["texture"]["side"].as_f64(), Some(side));
+    // Where there is no room for a chart of each triangle, the mesh with vertex colours is kept.
+    let small = "fit --from painted.obj --subdivisions 3 --texture --texture-size 64 --views 4 --size 24 --iterations 2 -o x.obj";
+    let wanted = ["1280 triangles in 64×64", "allow 13", "best mesh before the error"];
+    fails(folder.path(), &small.split_whitespace().collect::<Vec<_>>(), 1, &wanted);
+    let text = std::fs::read_to_string(folder.path().join("x.obj")).unwrap();
+    assert!(text.lines().any(|line| line.starts_with("v ") && line.split(' ').count() == 7), "no vertex colours");
 }
 
 #[test]

@@ -17,6 +17,7 @@ Examples:
   softras fit --views photos -o shape.obj --color --gif fit.gif --plot loss.png
   softras fit --from spot.obj --views 24 --size 128 --color -o fitted.obj
   softras fit --from bunny.obj --color --shading smooth -o fitted.obj --gif fit.gif
+  softras fit --from spot.obj --views 24 --size 256 --texture -o textured.obj
   softras fit --from spot.obj --template grey_spot.obj --texture -o textured.obj
   softras fit --views scans --depths scans/depths --normals scans/normals -o shape.obj
   softras fit --benchmark spot.obj --baselines --json table.json
@@ -96,22 +97,26 @@ pub struct FitArgs {
     #[arg(long, value_enum, requires = "from")]
     pub shading: Option<Lighting>,
     /// Render depths or normals of --from too and fit to them
-    #[arg(long, value_name = "MAP", value_enum, value_delimiter = ',', requires = "from", conflicts_with = "texture")]
+    #[arg(long, value_name = "MAP", value_enum, value_delimiter = ',', requires = "from")]
     pub also: Vec<Map>,
     /// Fit to depth maps too, a file of each picture's name: .exr (channel Z) or .npy ([H, W]), view depths in world units, or .png
     /// of 16 bits; 0 where the depth is not known
-    #[arg(long, value_name = "FOLDER", requires = "views", conflicts_with_all = ["from", "texture"])]
+    #[arg(long, value_name = "FOLDER", requires = "views", conflicts_with = "from")]
     pub depths: Option<PathBuf>,
     /// World units of a step of depth maps in .png files
     #[arg(long, value_name = "LENGTH", value_parser = parse::positive, default_value_t = 0.001)]
     pub depth_unit: f64,
     /// Fit to normal maps too, a file of each picture's name: .exr (R, G, B) or .npy ([H, W, 3]), unit normals in world space, or
     /// .png, where black is -1 and white 1; 0, or black in .png, where the normal is not known
-    #[arg(long, value_name = "FOLDER", requires = "views", conflicts_with_all = ["from", "texture"])]
+    #[arg(long, value_name = "FOLDER", requires = "views", conflicts_with = "from")]
     pub normals: Option<PathBuf>,
-    /// Fit the template's texture alone and leave its vertices as they are
-    #[arg(long, conflicts_with = "subdivide_at")]
+    /// Fit a texture: of a template that has one the texels alone, and its vertices stay; else first shape and vertex colours, as
+    /// --color does, then the texels of a texture that is made for the mesh
+    #[arg(long)]
     pub texture: bool,
+    /// The most texels along a side of a texture that is made; what does not fit has longer texels
+    #[arg(long, value_name = "TEXELS", requires = "texture", value_parser = clap::value_parser!(u32).range(16..=8192), default_value_t = 2048)]
+    pub texture_size: u32,
     #[command(flatten)]
     pub read: ReadArgs,
     #[command(flatten)]
@@ -276,7 +281,7 @@ pub struct MethodArgs {
     #[arg(long, value_name = "STEP", value_delimiter = ',')]
     pub subdivide_at: Vec<u32>,
     /// Remesh to triangles of even size before these steps (several separated by commas)
-    #[arg(long, value_name = "STEP", value_delimiter = ',', conflicts_with = "texture")]
+    #[arg(long, value_name = "STEP", value_delimiter = ',')]
     pub remesh_at: Vec<u32>,
     /// Edge length of a hull and for --remesh-at in pixels of the images, constant or from the first to the last step: 1.5 or
     /// 2..1 [default: 1.5, and 2 for a hull]

@@ -52,11 +52,12 @@ impl Baseline {
 /// Fits without the schedule of sigma and gamma, without softness, without regularisers, and, if colours are fitted, without
 /// colours. If the cameras have perspective, it also fits silhouettes with the gradients of a hard renderer.
 pub fn run(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Vec<Baseline>, Failure> {
+    let moves = !views.keeps_shape(args);
     let without: [Without; 4] = [
         ("without the schedule", Setup::hold_softness, true),
         ("without softness", Setup::harden, true),
-        ("without regularisers", |setup| setup.options.regularizers.clear(), !args.texture),
-        ("without colours", |setup| setup.options.fit_colors = false, args.color && !args.texture),
+        ("without regularisers", |setup| setup.options.regularizers.clear(), moves),
+        ("without colours", |setup| setup.options.fit_colors = false, args.colored() && moves),
     ];
     let mut found = Vec::new();
     for (name, change, _) in without.into_iter().filter(|(.., applies)| *applies) {
@@ -100,7 +101,7 @@ fn hard(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Option
     let shape = ShapeFit::new(setup.template.clone(), views.lights.clone(), setup.options.clone())?;
     let perspective = |camera: &softras::Camera| matches!(camera.projection(), Projection::Perspective { .. });
     let possible = targets.silhouette.is_some() && targets.cameras.iter().all(perspective);
-    if args.texture || !possible || DeviceFit::unsupported(&shape).is_some() {
+    if views.keeps_shape(args) || !possible || DeviceFit::unsupported(&shape).is_some() {
         return Ok(None);
     }
     let mut fit = HostFit::new(shape, &targets, None)?;

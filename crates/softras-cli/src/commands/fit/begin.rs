@@ -39,11 +39,13 @@ pub fn begin(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<B
     };
     let mesh = if official { placed(&mesh, |p, _| 0.5 * f64::from(p))? } else { mesh };
     let textured = matches!(mesh.appearance(), Appearance::Textured { .. });
-    if args.texture && !textured {
-        return Err(Failure::Usage("--texture: give a textured mesh as --template".into()));
-    }
     if textured && !(args.method.subdivide_at.is_empty() && args.method.remesh_at.is_empty()) {
         let what = "--subdivide-at, --remesh-at: the triangles of a textured template stay what they are";
+        return Err(Failure::Usage(what.into()));
+    }
+    if views.keeps_shape(args) && (views.targets.depth.is_some() || views.targets.normal.is_some()) {
+        let what = "--texture: of a textured template it fits the texels alone, which depths and normals do not tell: leave out \
+                    --also, --depths and --normals, or --texture for --color";
         return Err(Failure::Usage(what.into()));
     }
     let one_color = views.one_color && !own && args.color;

@@ -7,15 +7,18 @@ mod benchmark;
 mod camera_files;
 mod cameras;
 mod checkpoint;
+mod color_error;
 mod dig;
 mod engine;
 mod film;
 mod maps;
+mod paint;
 mod plot;
 mod report;
 mod setup;
 mod surface;
 pub mod targets;
+mod texels;
 mod unseen;
 
 use super::color::encoded;
@@ -26,6 +29,7 @@ use super::{Failure, note};
 use args::FitArgs;
 use engine::Engine;
 use film::Film;
+use paint::Painted;
 use report::{Log, Scores};
 use setup::Setup;
 use softras::fit::{ShapeFit, Targets};
@@ -62,6 +66,7 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     let targets = targets::fitted(args, &views.targets);
     let mut work = Work::begin(args, &setup, &views, &targets, &mut renderer)?;
     let ended = work.run(args, &setup, &targets, &mut renderer);
+    let ended = ended.and_then(|()| work.paint(args, &setup, &views, &targets, &mut renderer));
     if let Err(failure) = ended {
         // The best mesh found before the error is still written.
         if let Some((best, step)) = work.best {
@@ -89,6 +94,7 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     };
     if let Some(path) = &files.json {
         let mut report = work.log.json(args, &setup, &scores, (renderer.device_name(), work.engine.reason()), &best);
+        report["texture"] = work.painted.as_ref().map(Painted::json).into();
         report["baselines"] = baselines.iter().map(baselines::Baseline::json).collect();
         files::write_file(path, report.to_string().as_bytes())?;
     }
@@ -108,6 +114,8 @@ struct Work {
     film: Film,
     /// The mesh of least loss, and its step.
     best: Option<(Mesh, usize)>,
+    /// The best mesh with the texture that was made for it.
+    painted: Option<Painted>,
     /// Whether Ctrl-C ended the fit.
     interrupted: bool,
 }
@@ -132,7 +140,7 @@ impl Work {
         }
         let film = Film::new(args.files.gif.is_some(), setup, views);
         let engine = Engine::new(fit, targets, &setup.settings(next), args.method.host, renderer)?;
-        Ok(Self { engine, next, first: next, log: Log::default(), film, best: None, interrupted: false })
+        Ok(Self { engine, next, first: next, log: Log::default(), film, best: None, painted: None, interrupted: false })
     }
 
     /// Takes all steps, or those until Ctrl-C.
@@ -179,6 +187,30 @@ impl Work {
         self.keep_best(renderer)?;
         let mesh = self.engine.shape(renderer)?.mesh().clone();
         self.film.last(&mesh, setup, renderer)?;
+        Ok(())
+    }
+
+    /// Makes and fits a texture for the best mesh, where one is to be made and Ctrl-C has not ended the fit before.
+    fn paint(
+        &mut self,
+        args: &FitArgs,
+        setup: &Setup,
+        views: &Views,
+        targets: &Targets,
+        renderer: &mut Renderer,
+    ) -> Result<(), Failure> {
+        if !setup.paints || self.interrupted {
+            return Ok(());
+        }
+        let (mesh, step) = match &self.best {
+            Some(best) => best.clone(),
+            None => (self.engine.shape(renderer)?.mesh().clone(), self.next),
+        };
+        let painted = paint::painted(args, setup, views, targets, &mesh, renderer)?;
+        self.film.last(&painted.mesh, setup, renderer)?;
+        self.interrupted = painted.interrupted;
+        self.best = Some((painted.mesh.clone(), step));
+        self.painted = Some(painted);
         Ok(())
     }
 

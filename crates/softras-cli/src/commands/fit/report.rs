@@ -1,6 +1,7 @@
 //! The results of a fit: its log, and scores of the mesh.
 
 use super::args::FitArgs;
+use super::color_error::color_error;
 use super::setup::Setup;
 use super::targets::Views;
 use super::unseen::Unseen;
@@ -123,6 +124,8 @@ pub struct Scores {
     unseen: Unseen,
     /// The 3D IoU with the mesh that the views were rendered from.
     solid: Option<f64>,
+    /// The mean difference of the colours.
+    color: Option<f64>,
 }
 
 impl Scores {
@@ -168,8 +171,9 @@ impl Scores {
         let soft = soft_iou(renderer, 1)?;
         let solid = views.truth.as_ref().map(|truth| voxel_iou(mesh, truth, VOXELS)).transpose()?;
         let (parts, genus) = genus(mesh)?;
-        let most = mean(&bounds);
-        Ok(Self { fitted: mean(&fitted), masks, covered, soft, most, official, parts, genus, unseen, solid })
+        let (most, fitted) = (mean(&bounds), mean(&fitted));
+        let color = color_error(mesh, setup, views, renderer)?;
+        Ok(Self { fitted, masks, covered, soft, most, official, parts, genus, unseen, solid, color })
     }
 }
 
@@ -226,6 +230,7 @@ impl Scores {
             "covered_holes_in_views": self.unseen.covered,
             "missed_parts_in_views": self.unseen.missed,
             "iou_3d": self.solid,
+            "color_error": self.color,
         })
     }
 
@@ -234,7 +239,8 @@ impl Scores {
         let solid = self.solid.map_or(String::new(), |iou| format!(", 3D IoU {iou:.4}"));
         let genus = self.genus.map_or(String::new(), |genus| format!(" of genus {genus}"));
         let parts = if self.parts == 1 { "1 part".into() } else { format!("{} parts", self.parts) };
-        format!("mask IoU {:.4} over {} views{solid}, {parts}{genus}", mean(&self.masks), self.masks.len())
+        let color = self.color.map_or(String::new(), |error| format!(", colour error {error:.4}"));
+        format!("mask IoU {:.4} over {} views{solid}{color}, {parts}{genus}", mean(&self.masks), self.masks.len())
     }
 }
 

@@ -33,6 +33,8 @@ pub struct Setup {
     remesh_at: Vec<usize>,
     /// Edge length for remeshing, world units.
     edge: Schedule,
+    /// The length of a pixel of the images about the middle of the object, world units.
+    pub pixel: f64,
     /// Step length of the vertices.
     pub rate: Schedule,
     colors: Schedule,
@@ -42,6 +44,8 @@ pub struct Setup {
     faces: Faces,
     /// Whether colours are compared.
     pub colored: bool,
+    /// Whether a texture is made for the mesh that is found.
+    pub paints: bool,
     /// The lights of the views and of the fit.
     pub lights: Lights,
 }
@@ -80,7 +84,9 @@ impl Setup {
         let (from, to) = method.rate.unwrap_or((default.0.0 * unit, default.0.1 * unit));
         Ok(Self {
             colored: args.colored(),
-            options: options(args, official, &begin, views.bounds.radius),
+            options: options(args, official, &begin, views),
+            paints: args.texture && !views.keeps_shape(args),
+            pixel,
             template: begin.mesh,
             hull: begin.hull,
             faces: method.faces.into(),
@@ -161,8 +167,7 @@ impl Setup {
 /// The radius that the cameras of the official data see around the origin; rates are for objects of this size.
 const REFERENCE_RADIUS: f64 = 0.732;
 
-/// `radius` is that of the object, in world units.
-fn options(args: &FitArgs, official: bool, begin: &Begin, radius: f64) -> ShapeOptions {
+fn options(args: &FitArgs, official: bool, begin: &Begin, views: &Views) -> ShapeOptions {
     let method = &args.method;
     let mut options = if official { ShapeOptions::official() } else { ShapeOptions::smooth() };
     if begin.hull && begin.one_color {
@@ -181,8 +186,8 @@ fn options(args: &FitArgs, official: bool, begin: &Begin, radius: f64) -> ShapeO
     options.samples = method.samples.unwrap_or(1) as usize;
     options.silhouette.0 = method.loss.image_loss();
     options.color = (ImageLoss::L1, method.color_weight.unwrap_or(if begin.one_color { 5.0 } else { 3.0 }));
-    options.depth = (ImageLoss::L1, method.depth_weight / radius);
+    options.depth = (ImageLoss::L1, method.depth_weight / views.bounds.radius);
     options.normal = (ImageLoss::L1, method.normal_weight);
-    (options.fit_colors, options.fit_positions) = (args.colored() && !begin.one_color, !args.texture);
+    (options.fit_colors, options.fit_positions) = (args.colored() && !begin.one_color, !views.keeps_shape(args));
     options
 }

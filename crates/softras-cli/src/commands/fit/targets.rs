@@ -49,6 +49,12 @@ pub struct Views {
 }
 
 impl Views {
+    /// Whether the fit is one of the template's texels alone.
+    pub fn keeps_shape(&self, args: &FitArgs) -> bool {
+        let textured = |mesh: &Mesh| matches!(mesh.appearance(), Appearance::Textured { .. });
+        args.texture && self.template.as_ref().is_some_and(textured)
+    }
+
     /// Reads or renders the views that the arguments ask for, and reads the mesh to begin with. None of the files read may
     /// be one that will be written.
     pub fn read(args: &FitArgs, written: &Files, renderer: &mut Renderer) -> Result<Self, Failure> {

@@ -1,0 +1,102 @@
+//! The texture that `--texture` makes of a mesh without one: an atlas on the mesh that was found, whose texels are fitted while
+//! the shape stays.
+
+use super::args::FitArgs;
+use super::color_error::color_error;
+use super::setup::Setup;
+use super::targets::Views;
+use super::texels::Texels;
+use crate::commands::progress::Progress;
+use crate::commands::{Failure, note};
+use serde_json::{Value, json};
+use softras::fit::{Schedule, Targets, with_atlas};
+use softras::scene::Appearance;
+use softras::{Mesh, Renderer};
+use std::sync::atomic::Ordering;
+
+/// Steps of the texels.
+const STEPS: usize = 100;
+/// Their length, for colours from 0 to 1.
+const RATE: Schedule = Schedule::Exponential { from: 0.1, to: 0.005 };
+/// The length of a texel in pixels of the images, where the texture has room.
+const TEXEL: f64 = 1.0;
+
+/// A mesh with a fitted texture.
+pub struct Painted {
+    /// The mesh.
+    pub mesh: Mesh,
+    /// Whether Ctrl-C ended the fit of the texels.
+    pub interrupted: bool,
+    /// Texels along each side of the texture.
+    side: u32,
+    /// The length of a texel in pixels of the images.
+    texel: f64,
+    losses: Vec<f64>,
+    /// The error of the colours with vertex colours, and with the texture.
+    errors: [Option<f64>; 2],
+}
+
+impl Painted {
+    /// What was made, as JSON.
+    pub fn json(&self) -> Value {
+        json!({
+            "side": self.side, "texel_pixels": self.texel, "color_loss": self.losses,
+            "color_error_by_vertices": self.errors[0], "color_error": self.errors[1],
+        })
+    }
+}
+
+/// Gives a mesh that was fitted a texture in its colours, and fits the texels to the targets under the lights of the fit.
+pub fn painted(
+    args: &FitArgs,
+    setup: &Setup,
+    views: &Views,
+    targets: &Targets,
+    mesh: &Mesh,
+    renderer: &mut Renderer,
+) -> Result<Painted, Failure> {
+    let (start, texel) = with_atlas(mesh, TEXEL * setup.pixel, args.texture_size)?;
+    let texel = texel / setup.pixel;
+    let by_vertices = color_error(mesh, setup, views, renderer)?;
+    let mut texels = Texels::new(start, setup, targets, renderer)?;
+    let stop = crate::commands::interrupted()?;
+    let progress = Progress::counted("texture step", STEPS);
+    let (mut losses, mut interrupted) = (Vec::with_capacity(STEPS), false);
+    for step in 0..if texels.can_step() { STEPS } else { 0 } {
+        if stop.load(Ordering::Relaxed) {
+            interrupted = true;
+            break;
+        }
+        let loss = texels.step(RATE.at_step(step, STEPS), renderer)?;
+        progress.tell(format!("loss of colours {loss:.5}"));
+        progress.step();
+        losses.push(loss);
+    }
+    drop(progress);
+    let mesh = texels.mesh().clone();
+    let errors = [by_vertices, color_error(&mesh, setup, views, renderer)?];
+    let painted = Painted { side: side(&mesh), texel, mesh, interrupted, losses, errors };
+    note(&painted.sentence());
+    Ok(painted)
+}
+
+impl Painted {
+    fn sentence(&self) -> String {
+        let Self { side, texel, errors, .. } = self;
+        let longer = if *texel > TEXEL { ", as many as --texture-size allows" } else { "" };
+        let error = |error: Option<f64>| error.map_or("unknown".into(), |error| format!("{error:.4}"));
+        let [before, after] = errors.map(error);
+        format!(
+            "a texture of {side}×{side} texels, {texel:.2} pixels long{longer}, brings the error of the colours from {before} to \
+             {after}"
+        )
+    }
+}
+
+/// Width and height of a mesh's first texture.
+fn side(mesh: &Mesh) -> u32 {
+    match mesh.appearance() {
+        Appearance::Textured { textures, .. } => textures.first().map_or(0, |texture| texture.width()),
+        _ => 0,
+    }
+}

@@ -1,0 +1,132 @@
+//! A fit of the texels of a mesh with one texture, whose shape stays.
+
+use super::setup::Setup;
+use super::targets::some;
+use crate::commands::parts;
+use softras::fit::{ImageLoss, Method, Optimizer, Targets};
+use softras::internals::fit::{add_pooled_gradient, pooled};
+use softras::internals::in_parts;
+use softras::scene::{Appearance, Outputs};
+use softras::{Error, Image, ImageGradient, Mesh, Renderer, Result, Scene, Settings, Wanted};
+use std::ops::Range;
+
+/// Samples along each side of a pixel: the pictures show means over pixels, and a texel between single samples has no gradient.
+const SAMPLES: usize = 2;
+/// The least silhouette, of the picture and of the mesh, of a pixel whose colour is compared: the colour of a pixel at the outline
+/// is mixed with the background, and texels that only such pixels show would become dark.
+const COVERED: f32 = 0.99;
+
+/// A fit in progress.
+pub struct Texels<'a> {
+    scene: Scene,
+    targets: &'a Targets,
+    /// The weight of each pixel of the targets.
+    weights: Image,
+    settings: Settings,
+    values: Vec<f64>,
+    optimizer: Optimizer,
+    at_once: usize,
+}
+
+impl<'a> Texels<'a> {
+    /// Begins with the texels of a mesh under the lights of a fit.
+    pub fn new(mesh: Mesh, setup: &Setup, targets: &'a Targets, renderer: &mut Renderer) -> Result<Self> {
+        let (height, width) = targets.size()?;
+        let settings = Settings {
+            width: (width * SAMPLES) as u32,
+            height: (height * SAMPLES) as u32,
+            outputs: Outputs { color: true, silhouette: false, depth: false, normal: false },
+            ..setup.settings(setup.iterations)
+        };
+        let values = texels(&mesh).iter().flatten().map(|x| f64::from(*x)).collect::<Vec<f64>>();
+        let scene = Scene::new(mesh).with_lights(setup.lights.clone());
+        let weights = weights(&scene, targets, &settings, renderer)?;
+        // One step length for all, so that a texel which is hardly seen moves little.
+        let method = Method::UniformAdam { betas: [0.9, 0.999], epsilon: 1e-12 };
+        let optimizer = Optimizer::new(method, values.len());
+        Ok(Self { scene, targets, weights, settings, values, optimizer, at_once: targets.cameras.len() })
+    }
+
+    /// The mesh with the texels as they are.
+    pub fn mesh(&self) -> &Mesh {
+        &self.scene.meshes[0]
+    }
+
+    /// Whether there is a pixel to compare.
+    pub fn can_step(&self) -> bool {
+        self.targets.color.is_some() && self.weights.data.iter().any(|weight| *weight > 0.0)
+    }
+
+    /// Takes a step and returns the loss before it: the weighted mean absolute difference of the colours.
+    pub fn step(&mut self, rate: f64, renderer: &mut Renderer) -> Result<f64> {
+        let (mut loss, mut gradient, mut at_once) = (0.0, vec![0.0; self.values.len()], self.at_once);
+        let make = |views: Range<usize>| self.descent(views, renderer);
+        in_parts(self.targets.cameras.len(), &mut at_once, make, |_, (part, by_texels)| {
+            loss += part;
+            let by_texels = by_texels.iter().flat_map(|t| t.as_flattened());
+            gradient.iter_mut().zip(by_texels).for_each(|(sum, x)| *sum += f64::from(*x));
+            Ok::<(), Error>(())
+        })?;
+        self.at_once = at_once;
+        self.optimizer.step(&mut self.values, &gradient, rate);
+        self.values.iter_mut().for_each(|x| *x = x.clamp(0.0, 1.0));
+        let colors = self.values.chunks_exact(3).map(|c| [c[0] as f32, c[1] as f32, c[2] as f32]).collect();
+        self.scene.meshes[0] = with_texels(self.mesh(), colors)?;
+        Ok(loss)
+    }
+
+    /// The share of some views in the loss and in its gradient by the texels.
+    fn descent(&self, views: Range<usize>, renderer: &mut Renderer) -> Result<(f64, Vec<Vec<[f32; 3]>>)> {
+        let Some(color) = &self.targets.color else { return Ok((0.0, Vec::new())) };
+        let (color, weights) = (some(color, views.clone()), some(&self.weights, views.clone()));
+        let sum = |weights: &Image| weights.data.iter().map(|weight| f64::from(*weight)).sum::<f64>();
+        let share = sum(&weights) / sum(&self.weights);
+        if share == 0.0 {
+            return Ok((0.0, Vec::new()));
+        }
+        let frame = renderer.render_saved(&self.scene, &self.targets.cameras[views], &self.settings)?;
+        let Some(shown) = frame.color() else { return Ok((0.0, Vec::new())) };
+        let loss = ImageLoss::L1.evaluate(&pooled(shown, SAMPLES)?, &color, Some(&weights))?;
+        let mut upstream = Image { data: vec![0.0; shown.data.len()], ..*shown };
+        add_pooled_gradient(&mut upstream, &loss.gradient, SAMPLES, share)?;
+        let wanted = Wanted { texels: true, ..Wanted::NOTHING };
+        let mut gradients = renderer.backward(&frame, &ImageGradient::color(upstream), &wanted)?;
+        Ok((share * loss.value, std::mem::take(&mut gradients.meshes[0].texture_texels)))
+    }
+}
+
+/// 1 for each pixel that the object covers wholly in the picture and in the rendering of the mesh, else 0.
+fn weights(scene: &Scene, targets: &Targets, settings: &Settings, renderer: &mut Renderer) -> Result<Image> {
+    let outputs = Outputs { color: false, silhouette: true, depth: false, normal: false };
+    let settings = Settings { outputs, ..settings.clone() };
+    let (height, width) = targets.size()?;
+    let mut weights = Image { batch: targets.cameras.len(), height, width, channels: 1, data: Vec::new() };
+    parts::in_batches(renderer, scene, &targets.cameras, &settings, |views, frame| {
+        let Some(shown) = frame.silhouette() else { return Ok(()) };
+        let covered = pooled(shown, SAMPLES)?.data.into_iter().map(|x| x >= COVERED);
+        let given = targets.silhouette.as_ref().map(|silhouette| some(silhouette, views));
+        let inside = |i: usize| given.as_ref().is_none_or(|given| given.data[i] >= COVERED);
+        weights.data.extend(covered.enumerate().map(|(i, covered)| f32::from(u8::from(covered && inside(i)))));
+        Ok(())
+    })?;
+    Ok(weights)
+}
+
+/// The texels of a mesh's first texture.
+fn texels(mesh: &Mesh) -> &[[f32; 3]] {
+    match mesh.appearance() {
+        Appearance::Textured { textures, .. } => textures.first().map_or(&[], |texture| texture.texels()),
+        _ => &[],
+    }
+}
+
+/// The mesh with other texels in its one texture.
+fn with_texels(mesh: &Mesh, texels: Vec<[f32; 3]>) -> Result<Mesh> {
+    let mut appearance = mesh.appearance().clone();
+    if let Appearance::Textured { textures, .. } = &mut appearance
+        && let Some(texture) = textures.first_mut()
+    {
+        *texture = texture.with_texels(texels)?;
+    }
+    mesh.clone().with_appearance(appearance)
+}
