@@ -20,6 +20,7 @@ pub mod fit {
     pub use crate::fit::image_loss::{add_blurred_gradient, add_pooled_gradient, blur_factor, blurred, pooled};
     pub use crate::fit::pose::{flow_by_vertex, flow_gradient, rotations};
     pub use crate::fit::regularizer::laplacian_coordinates;
+    pub use crate::fit::remesh::evened;
     pub use crate::fit::smoothing::Smoothing;
     pub use crate::fit::soft_target::{CLOSED, signed_distance};
     pub use crate::fit::topology::{Flap, Topology};

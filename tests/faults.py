@@ -28,6 +28,12 @@ PAIR, PIXELS = "glsl/common/pair_gradient.glsl", "glsl/common/pair.glsl"
 # What is broken, where, the text, what stands there instead, and the tests that should see it (a test binary and
 # a filter by name).
 FAULTS = [
+    ("remeshing that leaves the surface", "src/fit/remesh/surface.rs", "(self.positions[v], self.sizes[v]) = (point, size);",
+     "(self.positions[v], self.sizes[v]) = (0.5 * (self.positions[v] + point), size);", [("fit", "remesh::no_detail")]),
+    ("edges flipped across creases", "src/fit/remesh/surface.rs", "let smooth = !self.is_kept || old.contains(&DVec3::ZERO) || alike(old[0], old[1]);",
+     "let smooth = true;", [("fit", "remesh::creases")]),
+    ("edges of one length on any curvature", "src/fit/remesh/sizing.rs", "if curvature > 0.0 {", "if curvature > 1e30 {",
+     [("fit", "remesh::edges_follow")]),
     ("sign of a vertex's pull", PAIR, "float pull = inside ? -2.0 * LN2 * by_x", "float pull = inside ? 2.0 * LN2 * by_x",
      [("gradient", "hazards::")]),
     ("clamp of barycentrics left out", FRAGMENT, "return vec3(lesser(greater(b.x, 1e-20), 1.0),",

@@ -10,7 +10,8 @@
 //! - [`PoseSearch`] finds the rotation and translation of a rigid mesh from one image; [`PoseFit`] follows gradients from given
 //!   poses, many at once.
 //! - [`Targets::visual_hull`] is the largest solid with given silhouettes, to begin with. [`remeshed`] evens out triangles that a
-//!   fit has stretched, [`with_atlas`] gives a mesh without UV coordinates a texture to be fitted, [`soft_target`] softens a hard mask to the silhouette that a mesh of that outline renders to,
+//!   fit has stretched, on the surface that they have, [`with_atlas`] gives a mesh without UV coordinates a texture to be fitted,
+//!   [`soft_target`] softens a hard mask to the silhouette that a mesh of that outline renders to,
 //!   [`mask_iou`] and [`voxel_iou`] measure how good a fit is.
 //!
 //! Sums run in a fixed order, so the same input gives the same bits.
@@ -59,7 +60,7 @@ pub(crate) mod image_loss;
 mod optimizer;
 pub(crate) mod pose;
 pub(crate) mod regularizer;
-mod remesh;
+pub(crate) mod remesh;
 mod run;
 mod schedule;
 mod shape;

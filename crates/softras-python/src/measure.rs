@@ -42,7 +42,7 @@ pub fn blurred_mask(mask: &Bound<'_, PyAny>, sigma: f64, sheets: f64) -> PyResul
 /// The mesh with triangles of about the given edge length; vertices come in a new order. Raises FitError.
 #[pyfunction]
 pub fn remesh(py: Python<'_>, mesh: &Mesh, edge_length: f64) -> PyResult<Mesh> {
-    py.detach(|| softras::fit::remeshed(&mesh.mesh, edge_length)).raise().map(Mesh::from)
+    py.detach(|| softras::fit::remeshed(&mesh.mesh, edge_length..=edge_length)).raise().map(Mesh::from)
 }
 
 /// Whether every edge is used by as many triangles in one direction as in the other.

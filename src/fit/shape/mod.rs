@@ -24,7 +24,7 @@ use crate::scene::{Appearance, Lights, Mesh, Scene, Settings};
 use compare::{ImageLosses, compare};
 use glam::DVec3;
 use parametrization::Parameters;
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 
 /// The losses of a step, before it moved anything.
 #[derive(Clone, Debug, PartialEq)]
@@ -307,13 +307,13 @@ impl ShapeFit {
         self.on(subdivided(self.mesh(), &self.topology)?)
     }
 
-    /// The same fit on the mesh remeshed to edges of about `edge_length` world units, with a new optimiser; see
+    /// The same fit on the mesh remeshed to edges as long as a range of world units says, with a new optimiser; see
     /// [`remeshed`].
     ///
     /// # Errors
     /// Those of [`remeshed`].
-    pub fn remeshed(&self, edge_length: f64) -> Result<Self> {
-        self.on(remeshed(self.mesh(), edge_length)?)
+    pub fn remeshed(&self, edges: RangeInclusive<f64>) -> Result<Self> {
+        self.on(remeshed(self.mesh(), edges)?)
     }
 
     fn on(&self, mesh: Mesh) -> Result<Self> {

@@ -4,7 +4,7 @@ use super::args::{FitArgs, Preset};
 use super::dig::dug;
 use super::targets::{self, Views};
 use crate::commands::{Failure, note, parts};
-use softras::fit::remeshed;
+use softras::internals::fit::evened;
 use softras::scene::{Appearance, Background, Outputs};
 use softras::{Mesh, Renderer, Scene, Settings, shapes};
 
@@ -84,7 +84,7 @@ fn hull(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Option
     match targets.visual_hull(center, side, samples) {
         Ok(raw) => {
             let edge = args.method.edge.map_or(HULL_EDGE, |edge| edge.0) * side / pixels as f64;
-            let hull = remeshed(&raw, edge)?;
+            let hull = evened(&raw, edge)?;
             // Depths have shown the hollows already.
             let lit = views.one_color && args.color && !views.lights.directional.is_empty();
             if !lit || targets.depth.is_some() {

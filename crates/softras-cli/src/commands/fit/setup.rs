@@ -112,7 +112,7 @@ impl Setup {
     /// The fit after subdividing or remeshing before a step.
     pub fn remade(&self, fit: &ShapeFit, step: usize) -> Result<ShapeFit, Failure> {
         let edge = self.edge.at_step(step, self.iterations);
-        let fit = if self.remesh_at.contains(&step) { fit.remeshed(edge)? } else { fit.clone() };
+        let fit = if self.remesh_at.contains(&step) { fit.remeshed(edge..=edge)? } else { fit.clone() };
         Ok(if self.subdivide_at.contains(&step) { fit.subdivided()? } else { fit })
     }
 

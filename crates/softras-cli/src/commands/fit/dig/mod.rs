@@ -13,7 +13,8 @@ use super::begin::color_under_light;
 use super::targets::Views;
 use crate::commands::Failure;
 use eye::Eye;
-use softras::fit::{Targets, remeshed};
+use softras::fit::Targets;
+use softras::internals::fit::evened;
 use softras::{Mesh, Renderer, Result};
 use surface::{Region, Surface};
 
@@ -48,7 +49,7 @@ pub fn dug(
     while hollows < MOST_HOLLOWS {
         eye.color = color_under_light(&mesh, views, eye.renderer)?;
         let Some(deeper) = deeper(&mesh, &mut eye)? else { break };
-        (mesh, hollows) = (remeshed(&deeper, edge)?, hollows + 1);
+        (mesh, hollows) = (evened(&deeper, edge)?, hollows + 1);
     }
     Ok((mesh, hollows))
 }
