@@ -27,7 +27,8 @@ pub fn lengths(surface: &Surface, edges: &RangeInclusive<f64>) -> Vec<f64> {
         let squared = 8.0 * tolerance / curvature - 4.0 * tolerance * tolerance;
         if curvature > 0.0 { squared.max(0.0).sqrt().clamp(shortest, longest) } else { longest }
     };
-    averaged((0..rings.len()).map(length).collect(), &rings)
+    // Rounding may put a mean beyond what it is of.
+    averaged((0..rings.len()).map(length).collect(), &rings).into_iter().map(|l| l.clamp(shortest, longest)).collect()
 }
 
 /// The curvature along an edge: how much the normal turns on its way.
