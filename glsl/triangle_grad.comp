@@ -226,9 +226,9 @@ void add_face_normal(Face face, Corners c, vec3 by_light, inout vec3 by_world[3]
 void write_corners(int record_index, Corners c, vec3 by_world[3]) {
     int to = record_index * CORNER_STRIDE;
     for (int k = 0; k < 3; ++k) {
-        corner_gradients[to + k].xyz = by_world[k];
+        corner_gradients[to + k] = vec4(by_world[k], 0.0);
         if (GRAD_COLOR) {
-            corner_gradients[to + 3 + k].xyz = c.by_color[k] * c.light[k];
+            corner_gradients[to + 3 + k] = vec4(c.by_color[k] * c.light[k], 0.0);
         }
         if (SMOOTH) {
             int light_at = 2 * (3 * record_index + k);
