@@ -61,6 +61,8 @@ def test_a_batch_of_different_meshes(bumpy, cameras, settings):
     upstream = np.ones_like(alone.color)
     found = alone.backward(color=upstream, by=("texels", "uvs", "positions")).meshes[0]
     assert found.textures[0].shape == fish.textures[0].shape and found.uvs.shape == fish.uvs.shape
+    # Gradients have the same bits for the same inputs, and what they are by is one of them.
+    found = alone.backward(color=upstream, by=("positions", "colors")).meshes[0]
     frame = softras.render([bumpy, fish], cameras, settings, save=True)
     both = frame.backward(color=np.stack([0 * upstream[0], upstream[0]]), by=("positions", "colors")).meshes
     assert both[0].positions.shape == bumpy.positions.shape and not both[0].positions.any()
