@@ -164,7 +164,10 @@ impl BackwardPlan {
 fn is_per_vertex(input: &BackwardInput, modes: &Modes) -> bool {
     let alone = c::GRADIENT_GEOMETRY | c::GRADIENT_COLOR | c::GRADIENT_TEXEL | c::GRADIENT_BACKGROUND;
     let lit = modes.lit != 0 && input.upstream.color;
-    modes.gradients & !alone == 0 && modes.near_clip == 0 && !lit && modes.smooth == 0 && !input.upstream.normal
+    // One invocation may walk the further cells of all triangles, if they meet in one vertex.
+    let walks = input.forward.push.cell_capacity <= modes.loop_passes / 2;
+    let plain = modes.near_clip == 0 && modes.smooth == 0 && !lit && !input.upstream.normal;
+    walks && plain && modes.gradients & !alone == 0
 }
 
 fn item_rows(input: &BackwardInput) -> u64 {
