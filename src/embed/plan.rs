@@ -338,6 +338,7 @@ impl GradientPlan {
             lit: !shape.lights.is_unlit(),
             vertices: shape.vertices(),
             largest_mesh: shape.meshes.iter().map(|m| m.vertices).max().unwrap_or(0),
+            most_corners: shape.meshes.iter().map(|m| m.most_corners).max().unwrap_or(0),
             texels: shape.texels(),
             texel_scale: texel_scale(&frame.forward, &shape.lights, differentiate.largest_upstream),
         });

@@ -115,6 +115,7 @@ fn a_backward_pass_takes_the_memory_of_the_formula() {
             lit,
             vertices: 800,
             largest_mesh: 800,
+            most_corners: 6,
             texels: 64,
             texel_scale: 1.0,
         };
@@ -259,12 +260,41 @@ fn workgroups_go_on_in_rows() {
         lit: false,
         vertices: 800,
         largest_mesh: 800,
+        most_corners: 6,
         texels: 0,
         texel_scale: 1.0,
     });
     assert_eq!((plan.groups.pixel_grad, plan.tile_rows), ([0; 3], 256));
     // 2048 × 4096 tiles in 256 rows; three texels for the view, the ambient light and the pixels each.
     assert_eq!((forward.sizes[BufferId::TileCounts], plan.sizes[BufferId::Totals]), (256 * 48, 3 * 48));
+}
+
+/// A vertex takes its gradients from the triangles alone where one loop can walk all cells of all its triangles; the room for
+/// cells is no matter, because gradients must have the same bits with any.
+#[test]
+fn the_stage_between_depends_on_the_most_corners_and_not_on_the_room() {
+    let (settings, lights) = (Settings { width: 512, height: 512, ..Settings::default() }, Lights::unlit());
+    let per_vertex = |cells: u32, most_corners: u32| {
+        let of = input(&settings, &[VIEW], &lights);
+        let capacity = Capacity { cells, ..of.capacity };
+        let forward = ForwardPlan::new(&PlanInput { capacity, loop_passes: 65535, ..of }).unwrap();
+        let plan = BackwardPlan::new(&BackwardInput {
+            forward: &forward,
+            upstream: outputs(2),
+            wanted: &Wanted { positions: true, ..Wanted::NOTHING },
+            lit: false,
+            vertices: 800,
+            largest_mesh: 800,
+            most_corners,
+            texels: 0,
+            texel_scale: 1.0,
+        });
+        plan.modes.per_vertex == 1
+    };
+    for cells in [1, 1 << 20] {
+        // 8 × 16 cells: 65535 passes are enough for 129 of each of 508 corners, and one more of the view.
+        assert!(per_vertex(cells, 508) && !per_vertex(cells, 509), "{cells}");
+    }
 }
 
 /// Rows of items for all triangles and cells, and nothing at all where there is no triangle.
@@ -281,6 +311,7 @@ fn backward_passes_of_many_triangles_and_of_none() {
             lit: false,
             vertices: 3,
             largest_mesh: 3,
+            most_corners: 6,
             texels: 64,
             texel_scale: 1.0,
         })

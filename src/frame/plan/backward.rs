@@ -68,6 +68,8 @@ pub struct BackwardInput<'a> {
     pub vertices: u64,
     /// Vertices of the largest mesh.
     pub largest_mesh: u32,
+    /// The most corners of one mesh's triangles that share a vertex.
+    pub most_corners: u32,
     /// Texels of all textures.
     pub texels: u64,
     /// Fixed-point units per 1.0 of a texel's gradient.
@@ -164,10 +166,24 @@ impl BackwardPlan {
 fn is_per_vertex(input: &BackwardInput, modes: &Modes) -> bool {
     let alone = c::GRADIENT_GEOMETRY | c::GRADIENT_COLOR | c::GRADIENT_TEXEL | c::GRADIENT_BACKGROUND;
     let lit = modes.lit != 0 && input.upstream.color;
-    // One invocation may walk the further cells of all triangles, if they meet in one vertex.
-    let walks = input.forward.push.cell_capacity <= modes.loop_passes / 2;
+    let walks = vertex_passes(input) <= modes.loop_passes.into();
     let plain = modes.near_clip == 0 && modes.smooth == 0 && !lit && !input.upstream.normal;
     walks && plain && modes.gradients & !alone == 0
+}
+
+/// The most loop passes that vertex_grad.comp can take for one vertex: all its triangles may cover every cell of the image. The
+/// room for cells is no part of it, so that gradients have the same bits with any.
+fn vertex_passes(input: &BackwardInput) -> u64 {
+    let FramePush { view_count, mesh_count, .. } = input.forward.push;
+    let views = if mesh_count == 1 { view_count } else { 1 };
+    let of_view = u64::from(input.most_corners) * u64::from(1 + image_cells(input.forward)) + 1;
+    u64::from(views) * of_view
+}
+
+/// The cells of an image, into which backward divides the boxes of triangles.
+fn image_cells(forward: &ForwardPlan) -> u32 {
+    let FramePush { width, height, .. } = forward.push;
+    width.div_ceil(c::CELL_WIDTH) * height.div_ceil(c::CELL_HEIGHT)
 }
 
 fn item_rows(input: &BackwardInput) -> u64 {
@@ -177,10 +193,13 @@ fn item_rows(input: &BackwardInput) -> u64 {
 
 /// The turns over triangles whose further cells found no room, of CELLS_PER_TURN cells of the largest box each.
 fn long_turns(forward: &ForwardPlan) -> u32 {
-    let FramePush { width, height, cell_capacity, .. } = forward.push;
-    let cells = width.div_ceil(c::CELL_WIDTH) * height.div_ceil(c::CELL_HEIGHT);
+    let cells = image_cells(forward);
     let all = forward.totals.records * u64::from(cells - 1);
-    if all <= cell_capacity.into() || !forward.walks.wanted { 0 } else { (cells - 1).div_ceil(c::CELLS_PER_TURN) }
+    if all <= forward.push.cell_capacity.into() || !forward.walks.wanted {
+        0
+    } else {
+        (cells - 1).div_ceil(c::CELLS_PER_TURN)
+    }
 }
 
 fn counts_of(input: &BackwardInput, modes: &Modes) -> GradientCounts {
