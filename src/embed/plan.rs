@@ -99,7 +99,7 @@ fn largest_buffer(limits: &Limits) -> u64 {
 
 /// Validates that a loop of the kernels can sum over each vertex's corners in so many views.
 fn validate_corners(shape: &Shape, views: u32, loop_passes: u32) -> Result<()> {
-    let most = shape.meshes.iter().map(|m| m.most_corners).max().unwrap_or(0);
+    let most = shape.most_corners();
     let needed = (u64::from(most) + 1) * u64::from(views);
     if needed <= loop_passes.into() {
         return Ok(());
@@ -338,7 +338,7 @@ impl GradientPlan {
             lit: !shape.lights.is_unlit(),
             vertices: shape.vertices(),
             largest_mesh: shape.meshes.iter().map(|m| m.vertices).max().unwrap_or(0),
-            most_corners: shape.meshes.iter().map(|m| m.most_corners).max().unwrap_or(0),
+            most_corners: shape.most_corners(),
             texels: shape.texels(),
             texel_scale: texel_scale(&frame.forward, &shape.lights, differentiate.largest_upstream),
         });

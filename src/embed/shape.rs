@@ -71,6 +71,11 @@ impl Shape {
         }
     }
 
+    /// The most corners of one mesh's triangles that share a vertex.
+    pub(super) fn most_corners(&self) -> u32 {
+        self.meshes.iter().map(|mesh| mesh.most_corners).max().unwrap_or(0)
+    }
+
     pub(super) fn sampling(&self) -> Sampling {
         let any = |f: fn(&AppearanceShape) -> bool| self.meshes.iter().any(|m| f(&m.appearance));
         let surface = any(|a| matches!(a, AppearanceShape::Surface { .. }));

@@ -3,6 +3,7 @@
 use crate::common::{
     gradient::{
         ALL_OUTPUTS, Group, backward, made_case, matching, norm, random_upstream, relative_error, same_gradient_bits,
+        upstream_of,
     },
     random::Random,
     renderer, renderer_with,
@@ -12,7 +13,9 @@ use crate::common::{
 use crate::repeat::{EYES, ball};
 use softras::internals::plan::Capacity;
 use softras::scene::{Appearance, Outputs};
-use softras::{Camera, GradientMode, Lights, Mesh, Projection, RendererOptions, Scene, Settings, Wanted, shapes};
+use softras::{
+    Camera, GradientMode, ImageGradient, Lights, Mesh, Projection, RendererOptions, Scene, Settings, Wanted, shapes,
+};
 
 /// What needs no stage between, and the same with what needs it.
 const ALONE: Wanted = Wanted { positions: true, colors: true, ..Wanted::NOTHING };
@@ -106,5 +109,41 @@ fn they_do_not_depend_on_the_room_for_cells() {
     let whole = of(1 << 10);
     for cells in [1, 3, 1 << 16] {
         same_gradient_bits(&whole, &of(cells)).unwrap_or_else(|error| panic!("room for {cells}: {error}"));
+    }
+}
+
+/// So many triangles over all of the image that share a corner outside it, the nearest of them last.
+fn fan(triangles: u32) -> Case {
+    let mut case = large_triangles();
+    (case.settings.width, case.settings.height) = (512, 512);
+    let mut positions = vec![[-3.0, -3.0, -1.0]];
+    for i in 0..triangles {
+        let z = -1.0 + (i + 1) as f32 / triangles as f32;
+        positions.extend([[9.0, -3.0, z], [-3.0, 9.0, z]]);
+    }
+    let corners = (0..triangles).map(|i| [0, 2 * i + 1, 2 * i + 2]).collect();
+    case.scene = Scene::new(colored(Mesh::new(positions, corners).unwrap(), 8));
+    case.cameras.truncate(1);
+    case
+}
+
+/// Loops on lavapipe end after 65,535 passes without a word: as many corners as they can walk are summed without the stage
+/// between, and one more with it, and neither loses the nearest triangle, which is the last.
+#[test]
+fn a_vertex_of_many_large_triangles_loses_none() {
+    let capacity = Capacity { coarse: 1 << 17, list: 1 << 23, cells: 1 << 17 };
+    let mut renderer = renderer_with(RendererOptions { capacity: Some(capacity), ..RendererOptions::default() });
+    for triangles in [508, 520] {
+        let case = fan(triangles);
+        let upstream = ImageGradient {
+            normal: None,
+            ..upstream_of(&case, |_, row, column| [0.3, -0.2, 0.5].map(|w| w + (row * 7 + column * 3) as f32 % 5.0))
+        };
+        let [alone, with_camera] =
+            [ALONE, WITH_CAMERA].map(|wanted| backward(&mut renderer, &case, &upstream, &wanted).unwrap());
+        for ((group, ours), (_, reference)) in matching(&alone, &with_camera) {
+            let error = relative_error(&Group { name: group, ours, reference: reference.clone() }, 0.0).unwrap();
+            assert!(norm(&reference) > 0.0 && error < 1e-5, "{triangles} triangles: {group} is off by {error:e}");
+        }
     }
 }

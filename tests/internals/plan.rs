@@ -292,7 +292,7 @@ fn the_stage_between_depends_on_the_most_corners_and_not_on_the_room() {
         plan.modes.per_vertex == 1
     };
     for cells in [1, 1 << 20] {
-        // 8 × 16 cells: 65535 passes are enough for 129 of each of 508 corners, and one more of the view.
+        // 8 × 16 cells: 65535 passes are just enough for 129 of each of 508 corners, and three more.
         assert!(per_vertex(cells, 508) && !per_vertex(cells, 509), "{cells}");
     }
 }

@@ -171,12 +171,13 @@ fn is_per_vertex(input: &BackwardInput, modes: &Modes) -> bool {
     walks && plain && modes.gradients & !alone == 0
 }
 
-/// The most loop passes that vertex_grad.comp can take for one vertex: all its triangles may cover every cell of the image. The
-/// room for cells is no part of it, so that gradients have the same bits with any.
+/// The most loop passes that vertex_grad.comp can take for one vertex: all its triangles may cover every cell of the image, and
+/// either loop over them takes a last pass to find its end. The room for cells is no part of it, so that gradients have the same
+/// bits with any.
 fn vertex_passes(input: &BackwardInput) -> u64 {
     let FramePush { view_count, mesh_count, .. } = input.forward.push;
     let views = if mesh_count == 1 { view_count } else { 1 };
-    let of_view = u64::from(input.most_corners) * u64::from(1 + image_cells(input.forward)) + 1;
+    let of_view = u64::from(input.most_corners) * u64::from(1 + image_cells(input.forward)) + 3;
     u64::from(views) * of_view
 }
 
