@@ -11,7 +11,7 @@ import subprocess
 import sys
 
 HOME = pathlib.Path(__file__).resolve().parent.parent
-BLOCK = re.compile(r"(<!-- run: (.*?) -->\n+```text\n).*?(```)", re.DOTALL)
+BLOCK = re.compile(r"(<!-- run: ([^\n]*) -->\n+```text\n).*?(```)", re.DOTALL)
 
 
 def measured(block):
