@@ -38,7 +38,13 @@ fn room(values: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
 ///
 /// # Errors
 /// [`softras::Error::Io`].
-fn curves(path: &Path, title: &str, axes: [&str; 2], all: &[(String, Vec<(f64, f64)>)]) -> Result<()> {
+fn curves(
+    path: &Path,
+    title: &str,
+    axes: [&str; 2],
+    names_at: SeriesLabelPosition,
+    all: &[(String, Vec<(f64, f64)>)],
+) -> Result<()> {
     svg::write(path, SIZE, |root| {
         root.fill(&WHITE)?;
         let points = || all.iter().flat_map(|(_, points)| points.iter());
@@ -68,7 +74,12 @@ fn curves(path: &Path, title: &str, axes: [&str; 2], all: &[(String, Vec<(f64, f
                 .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], style));
             chart.draw_series(points.iter().map(|&point| Circle::new(point, 3, color.filled())))?;
         }
-        chart.configure_series_labels().background_style(WHITE.mix(0.8)).border_style(BLACK.mix(0.3)).draw()?;
+        chart
+            .configure_series_labels()
+            .position(names_at)
+            .background_style(WHITE.mix(0.8))
+            .border_style(BLACK.mix(0.3))
+            .draw()?;
         Ok(())
     })
 }
@@ -82,7 +93,9 @@ pub fn front(path: &Path, title: &str, all: &[Curve]) -> Result<()> {
         .iter()
         .map(|c| (c.name.to_string(), c.points.iter().map(|p| (p.milliseconds, p.error)).collect()))
         .collect();
-    curves(path, title, ["milliseconds, forward and backward", "largest error against the untruncated model"], &series)
+    let axes = ["milliseconds, forward and backward", "largest error against the untruncated model"];
+    // The curves fall, so that no point lies at the upper right.
+    curves(path, title, axes, SeriesLabelPosition::UpperRight, &series)
 }
 
 /// Draws times against the size of inputs, with the fitted exponents in the names.
@@ -97,7 +110,9 @@ pub fn growth(path: &Path, title: &str, all: &[Growth]) -> Result<()> {
         g.points.iter().map(|p| (p.0 / first.0, p.1 / first.1)).collect()
     };
     let series: Vec<_> = all.iter().map(|g| (name(g), points(g))).collect();
-    curves(path, title, ["x, relative to the first", "milliseconds, relative to the first"], &series)
+    let axes = ["x, relative to the first", "milliseconds, relative to the first"];
+    // The curves rise, so that no point lies at the lower right.
+    curves(path, title, axes, SeriesLabelPosition::LowerRight, &series)
 }
 
 /// Draws the stages of each row of the pass `frame` as a stacked bar.
