@@ -25,9 +25,11 @@ impl Image {
 
     /// Some of the views.
     #[cfg(feature = "fit")]
-    pub(crate) fn views(&self, range: std::ops::Range<usize>) -> Self {
-        let size = self.height * self.width * self.channels;
-        Self { batch: range.len(), data: self.data[range.start * size..range.end * size].to_vec(), ..*self }
+    pub(crate) fn views(&self, views: impl ExactSizeIterator<Item = usize>) -> Self {
+        let (batch, size) = (views.len(), self.height * self.width * self.channels);
+        let mut data = Vec::with_capacity(batch * size);
+        views.for_each(|view| data.extend_from_slice(self.view(view)));
+        Self { batch, data, ..*self }
     }
 
     /// The `channels` values of one pixel.

@@ -1,11 +1,12 @@
 //! A shape fit on the device where it can be, else on the host.
 
 use super::device::DeviceFit;
-use super::shape::{ShapeFit, Step, Targets};
+use super::shape::{ShapeFit, Step, Targets, steps_of_a_turn};
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::renderer::Renderer;
 use crate::scene::{Mesh, Settings};
+use std::collections::VecDeque;
 
 /// A shape fit in progress: what to use unless a part of it is to be replaced. Its steps run on the device if that can take
 /// them, in single precision and without a wait, else on the host in double precision.
@@ -29,9 +30,27 @@ struct OnHost {
     targets: Targets,
     /// Losses that the caller has not taken yet.
     found: Vec<Step>,
-    /// The least loss, its mesh, and its step.
+    /// The mean losses of the latest steps in which every view was compared.
+    latest: VecDeque<f64>,
+    /// The least mean of them, its mesh, and its step.
     best: Option<(f64, Mesh, usize)>,
     taken: usize,
+}
+
+impl OnHost {
+    /// Keeps the mesh before a step if its loss is the least. The losses of steps with different views are not comparable, so
+    /// it is the mean over the steps in which the views had a turn; before the first turn ends, of those there are.
+    fn keep_best(&mut self, before: Mesh, loss: f64) {
+        let turn = steps_of_a_turn(self.shape.options().views_per_step, self.targets.cameras.len());
+        self.latest.push_back(loss);
+        if self.latest.len() > turn {
+            self.latest.pop_front();
+        }
+        let mean = self.latest.iter().sum::<f64>() / self.latest.len() as f64;
+        if self.taken < turn || self.best.as_ref().is_none_or(|(least, ..)| mean < *least) {
+            self.best = Some((mean, before, self.taken));
+        }
+    }
 }
 
 impl Fit {
@@ -69,7 +88,14 @@ impl Fit {
 
     /// Continues a shape fit on the host, for a reason that [`Fit::host_reason`] tells.
     pub fn on_host(shape: ShapeFit, targets: &Targets, reason: impl Into<String>) -> Self {
-        let host = OnHost { shape, targets: targets.clone(), found: Vec::new(), best: None, taken: 0 };
+        let host = OnHost {
+            shape,
+            targets: targets.clone(),
+            found: Vec::new(),
+            latest: VecDeque::new(),
+            best: None,
+            taken: 0,
+        };
         Self { steps: Steps::Host(Box::new(host)), reason: Some(reason.into()) }
     }
 
@@ -94,9 +120,7 @@ impl Fit {
         };
         let before = host.shape.mesh().clone();
         let step = host.shape.step(renderer, settings, &host.targets, rate, color_rate)?;
-        if host.best.as_ref().is_none_or(|(least, ..)| step.loss < *least) {
-            host.best = Some((step.loss, before, host.taken));
-        }
+        host.keep_best(before, step.loss);
         host.found.push(step);
         host.taken += 1;
         Ok(())

@@ -11,11 +11,17 @@ const SIDE: u32 = 32;
 
 /// A renderer, the silhouettes of a cube from four sides, and settings for fits to them.
 fn goal() -> (common::Validated, Targets, Settings) {
+    goal_of(shapes::cube().unwrap(), 4)
+}
+
+/// The same of a mesh from a number of sides.
+fn goal_of(mesh: Mesh, sides: u32) -> (common::Validated, Targets, Settings) {
     let mut renderer = common::renderer();
-    let scene = Scene::new(shapes::cube().unwrap());
+    let scene = Scene::new(mesh);
     let projection = Projection::Perspective { fov_y: 0.6 };
+    let azimuth = |i: u32| 360.0 / f64::from(sides) * f64::from(i) + 10.0;
     let cameras: Vec<Camera> =
-        (0..4).map(|i| Camera::from_angles(4.0, 20.0, 90.0 * f64::from(i) + 10.0, projection).unwrap()).collect();
+        (0..sides).map(|i| Camera::from_angles(4.0, 20.0, azimuth(i), projection).unwrap()).collect();
     let settings = Settings { width: SIDE, height: SIDE, sigma: 1e-4, ..Settings::default() }
         .with_depths_of(&scene, &cameras, 0.5);
     let silhouette = renderer.render(&scene, &cameras, &settings).unwrap().silhouette().cloned();
@@ -113,6 +119,64 @@ fn views_are_fitted_in_parts_where_memory_is_short() {
     let mut fit = Fit::new(&none, shape(), &targets, &settings).unwrap();
     assert!(matches!(fit.step(&mut none, &settings, 0.01, 0.0), Err(Error::OutOfMemory { .. })));
     drop(roomy.render(shape().scene(), &targets.cameras, &settings).unwrap());
+}
+
+/// A step that compares some of the views has their loss alone, a fit that is resumed takes the views that the other would have
+/// taken, and the best mesh is the one of the least mean over a turn of the views.
+#[test]
+fn steps_of_some_of_the_views_take_them_in_turn() {
+    // Of a bar each side has another loss.
+    let cube = shapes::cube().unwrap();
+    let long = cube.positions().iter().map(|[x, y, z]| [1.8 * x, 0.7 * y, 0.6 * z + 0.2 * x]).collect();
+    let bar = Mesh::new(long, cube.triangles().to_vec()).unwrap();
+    let (mut renderer, targets, settings) = goal_of(bar, 6);
+    let options = ShapeOptions { regularizers: vec![], views_per_step: 2, ..ShapeOptions::smooth() };
+    let shape = || ShapeFit::new(shapes::icosphere(2).unwrap(), Lights::unlit(), options.clone()).unwrap();
+    let mut fit = Fit::new(&renderer, shape(), &targets, &settings).unwrap();
+    assert!(fit.host_reason().unwrap().contains("some of the views"));
+    // The last of these steps has the views of the largest loss.
+    for _ in 0..29 {
+        fit.step(&mut renderer, &settings, 0.02, 0.0).unwrap();
+    }
+    let (_, best) = fit.best(&mut renderer).unwrap().unwrap();
+    let losses: Vec<f64> = fit.found(&mut renderer).unwrap().into_iter().map(|step| step.loss).collect();
+    let turns: Vec<f64> = losses.windows(3).map(|turn| turn.iter().sum()).collect();
+    let least = |values: &[f64]| (0..values.len()).min_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap();
+    assert!(turns[26] < 0.85 * turns[0], "{losses:?}");
+    assert_eq!(best, least(&turns) + 2, "{losses:?}");
+    assert_ne!(best, least(&losses), "the least loss of a step is of other views: {losses:?}");
+
+    // Without a step's length nothing moves, so that its loss is that of its views at the start.
+    let mut still = shape();
+    let mut of_steps = Vec::new();
+    for _ in 0..3 {
+        of_steps.push(still.step(&mut renderer, &settings, &targets, 0.0, 0.0).unwrap().loss);
+    }
+    let one_by_one = |view: usize| {
+        let picture = targets.silhouette.as_ref().unwrap();
+        let alone = Image { batch: 1, data: picture.view(view).to_vec(), ..*picture };
+        let alone = Targets { cameras: vec![targets.cameras[view]], silhouette: Some(alone), ..Targets::default() };
+        let all = ShapeOptions { views_per_step: 0, ..options.clone() };
+        let mut fit = ShapeFit::new(shapes::icosphere(2).unwrap(), Lights::unlit(), all).unwrap();
+        fit.step(&mut renderer, &settings, &alone, 0.0, 0.0).unwrap().loss
+    };
+    let each: Vec<f64> = (0..6).map(one_by_one).collect();
+    let pairs = |a: usize| (0..a).map(move |b| (a, b));
+    let is_pair = |loss: f64| (0..6).flat_map(pairs).any(|(a, b)| (loss - 0.5 * (each[a] + each[b])).abs() < 1e-5);
+    assert!(of_steps.iter().all(|&loss| is_pair(loss)), "{of_steps:?} {each:?}");
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+    assert!((mean(&of_steps) - mean(&each)).abs() < 1e-5, "{of_steps:?} {each:?}");
+
+    let (mut whole, mut first, mut second) = (shape(), shape(), shape());
+    for step in 0..3 {
+        whole.step(&mut renderer, &settings, &targets, 0.02, 0.0).unwrap();
+        let resumed = if step < 1 { &mut first } else { &mut second };
+        resumed.step(&mut renderer, &settings, &targets, 0.02, 0.0).unwrap();
+        if step == 0 {
+            second.restore(first.state()).unwrap();
+        }
+    }
+    assert_eq!(second.mesh().positions(), whole.mesh().positions());
 }
 
 #[test]

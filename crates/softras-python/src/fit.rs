@@ -35,6 +35,7 @@ pub struct Plan<'py> {
     normals: Option<f64>,
     fit_colors: bool,
     fit_positions: bool,
+    views_per_step: usize,
     settings: Option<Bound<'py, PyAny>>,
     lights: Option<Bound<'py, PyAny>>,
     on_host: bool,
@@ -65,6 +66,7 @@ impl Plan<'_> {
         let losses = [("iou", ImageLoss::NegativeIou), ("l1", ImageLoss::L1), ("l2", ImageLoss::L2)];
         options.silhouette.0 = chosen("loss", &self.loss, &losses)?;
         (options.fit_colors, options.fit_positions) = (self.fit_colors, self.fit_positions);
+        options.views_per_step = self.views_per_step;
         Ok(options)
     }
 

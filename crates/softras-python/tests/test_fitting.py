@@ -50,6 +50,19 @@ def test_the_host_takes_the_same_way(cube_views):
     assert (device.last.colors != 0.5).any()
 
 
+def test_a_step_of_some_of_the_views(cube_views):
+    def losses(count):
+        given = {"silhouette": cube_views.silhouette, "steps": 3, "rate": (1e-9, 1e-9), "views_per_step": count}
+        result = softras.fit(softras.shapes.icosphere(2), views(6), sigma=(1e-4, 1e-4), **given)
+        return result.losses["silhouette"], result.host_reason
+
+    (every, _), (some, reason) = losses(0), losses(2)
+    assert "some of the views" in reason
+    # Three steps of two views each have compared all six.
+    np.testing.assert_allclose(np.mean(some), np.mean(every), rtol=1e-4)
+    assert np.ptp(some) > 1e-4
+
+
 def endless_fit(cube_views, **given):
     softras.fit(softras.shapes.icosphere(3), views(6), silhouette=cube_views.silhouette, steps=1_000_000, **given)
 

@@ -85,6 +85,9 @@ impl DeviceFit {
         if options.fit_colors && !matches!(fit.mesh().appearance(), Appearance::VertexColors(_)) {
             return Some("only vertex colours can be fitted on the device".into());
         }
+        if options.views_per_step > 0 {
+            return Some("steps of some of the views are taken on the host".into());
+        }
         let kind = |r: &Regularizer| std::mem::discriminant(r);
         for (i, (regularizer, _)) in options.regularizers.iter().enumerate() {
             if options.regularizers[..i].iter().any(|(r, _)| kind(r) == kind(regularizer)) {

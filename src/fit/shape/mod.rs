@@ -5,6 +5,7 @@ mod compare;
 mod options;
 mod parametrization;
 mod targets;
+mod turn;
 
 pub(super) use compare::{known, masked};
 pub use options::ShapeOptions;
@@ -25,6 +26,7 @@ use compare::{ImageLosses, compare};
 use glam::DVec3;
 use parametrization::Parameters;
 use std::ops::{Range, RangeInclusive};
+pub(in crate::fit) use turn::{steps_of_a_turn, views_of_step};
 
 /// The losses of a step, before it moved anything.
 #[derive(Clone, Debug, PartialEq)]
@@ -127,8 +129,8 @@ impl ShapeFit {
         &self.options
     }
 
-    /// Renders the targets' views, compares them, and moves vertices with step size `rate` and colours with
-    /// `color_rate`.
+    /// Renders the targets' views, or those of them that [`ShapeOptions::views_per_step`] gives this step, compares them, and
+    /// moves vertices with step size `rate` and colours with `color_rate`.
     ///
     /// The fit sets size, outputs and `save` of the settings itself. Where the device or
     /// [`RendererOptions::memory`](crate::RendererOptions::memory) cannot hold all views at once, they are rendered in parts.
@@ -152,11 +154,12 @@ impl ShapeFit {
         settings.outputs.depth = targets.depth.is_some();
         settings.outputs.normal = targets.normal.is_some();
         settings.save = true;
-        let (mut at_once, views) = (self.views_at_once, targets.cameras.len());
+        let views = views_of_step(self.steps_taken(), self.options.views_per_step, targets.cameras.len());
+        let mut at_once = self.views_at_once;
         let mut all = Descent { losses: ImageLosses::default(), by_positions: Vec::new(), by_colors: Vec::new() };
-        let make = |range: Range<usize>| self.descent(renderer, &settings, &targets.views(range));
-        in_parts(views, &mut at_once, make, |range, part| {
-            all.add(&part, range.len() as f64 / views as f64);
+        let make = |range: Range<usize>| self.descent(renderer, &settings, &targets.views(&views[range]));
+        in_parts(views.len(), &mut at_once, make, |range, part| {
+            all.add(&part, range.len() as f64 / views.len() as f64);
             Ok::<(), Error>(())
         })?;
         self.views_at_once = at_once;
@@ -168,6 +171,13 @@ impl ShapeFit {
         let penalties: f64 = self.options.regularizers.iter().zip(&regularizers).map(|((_, w), r)| w * r).sum();
         let ImageLosses { silhouette, color, depth, normal } = losses;
         Ok(Step { loss: losses.weighted(&self.options) + penalties, silhouette, color, depth, normal, regularizers })
+    }
+
+    /// Steps since the optimisers were new.
+    fn steps_taken(&self) -> usize {
+        let (steps, ..) = self.optimizer.state();
+        let (color_steps, ..) = self.color_optimizer.state();
+        usize::try_from(steps.max(color_steps)).unwrap_or_default()
     }
 
     /// Renders some views, and compares and differentiates them.

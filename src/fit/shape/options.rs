@@ -25,6 +25,9 @@ pub struct ShapeOptions {
     /// Number of pixels rendered per target pixel along each side; their mean is compared. Use 2 or more for targets
     /// with antialiased outlines.
     pub samples: usize,
+    /// Number of views that a step compares, others in each step, so that all are compared as often; 0 for all views in every
+    /// step. The losses of a step are those of its views.
+    pub views_per_step: usize,
     /// Whether vertices move.
     pub fit_positions: bool,
     /// Whether the mesh's colours (vertex colours or texels) are fitted too.
@@ -59,6 +62,7 @@ impl ShapeOptions {
             regularizers: vec![(Regularizer::Laplacian, 0.03), (Regularizer::Flatten, 0.0003)],
             levels: 1,
             samples: 1,
+            views_per_step: 0,
             fit_positions: true,
             fit_colors: false,
         }

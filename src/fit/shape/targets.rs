@@ -4,7 +4,7 @@ use crate::error::Result;
 use crate::fit::bad;
 use crate::image::Image;
 use crate::scene::Camera;
-use std::{borrow::Cow, ops::Range};
+use std::borrow::Cow;
 
 /// The target images of a shape fit, at least one of them.
 #[derive(Clone, Debug, Default)]
@@ -25,13 +25,13 @@ pub struct Targets {
 
 impl Targets {
     /// The targets of some of the views.
-    pub(super) fn views(&self, range: Range<usize>) -> Cow<'_, Self> {
-        if range.len() == self.cameras.len() {
+    pub(super) fn views(&self, views: &[usize]) -> Cow<'_, Self> {
+        if views.len() == self.cameras.len() {
             return Cow::Borrowed(self);
         }
-        let some = |image: &Option<Image>| image.as_ref().map(|image| image.views(range.clone()));
+        let some = |image: &Option<Image>| image.as_ref().map(|image| image.views(views.iter().copied()));
         Cow::Owned(Self {
-            cameras: self.cameras[range.clone()].to_vec(),
+            cameras: views.iter().map(|&view| self.cameras[view]).collect(),
             silhouette: some(&self.silhouette),
             color: some(&self.color),
             depth: some(&self.depth),

@@ -104,6 +104,10 @@ fn a_fit_in_batches_is_the_whole_fit() {
         let worst = whole.iter().zip(&parts).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         assert!(whole.len() == 4 && worst < 1e-5, "{key}: {whole:?} {parts:?}");
     }
+    let some = fit("some.json", &["--views-per-step", "2"]);
+    assert!(some["host_reason"].as_str().unwrap().contains("some of the views"), "{some}");
+    assert_ne!(some["loss"], whole["loss"]);
+    fails(folder, &["fit", "--from", "cube.obj", "--views-per-step", "0", "-o", "o.obj"], 2, &["--views-per-step"]);
     let [whole, parts] = [&whole, &parts].map(|log| log["final"]["mask_iou"]["per_view"].as_array().unwrap().clone());
     let close = |(a, b): (&Value, &Value)| (a.as_f64().unwrap() - b.as_f64().unwrap()).abs() < 0.02;
     assert!(whole.len() == 6 && parts.len() == 6 && whole.iter().zip(&parts).all(close), "{whole:?} {parts:?}");

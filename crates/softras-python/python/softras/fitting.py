@@ -52,6 +52,7 @@ def fit(
     normals: Optional[float] = None,
     fit_colors: Optional[bool] = None,
     fit_positions: bool = True,
+    views_per_step: int = 0,
     settings: Optional[Settings] = None,
     lights: Optional[Lights] = None,
     progress: Optional[Progress] = None,
@@ -64,7 +65,8 @@ def fit(
     at least one of them, with one camera for each view. `rate` is about the distance that a vertex moves in a step, in world
     units, from the first step to the last; sigma and gamma are softnesses in the same way. `method` is "smooth" (vertices move
     with their neighbours, for any template) or "official" (the demo's logit displacements). `fit_colors` is on where `color`
-    is given. `settings` default to depths close around the template and a composite background; size and outputs are the
+    is given. `views_per_step` views are compared in a step, others in each, or all with 0; the losses of a step are those of its
+    views. `settings` default to depths close around the template and a composite background; size and outputs are the
     targets'. `progress(step, loss)` is called about every tenth step; an exception of it, Ctrl-C too, ends the fit.
 
     Raises FitError for targets that do not fit together, and what `Renderer.render` raises.
@@ -86,6 +88,7 @@ def fit(
         "normals": normals,
         "fit_colors": color is not None if fit_colors is None else fit_colors,
         "fit_positions": fit_positions,
+        "views_per_step": views_per_step,
         "settings": settings,
         "lights": lights,
         "on_host": on_host,

@@ -251,6 +251,10 @@ pub struct MethodArgs {
     /// Samples rendered along each side of a pixel of the target
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8))]
     pub samples: Option<u32>,
+    /// Views that a step compares, others in each, so that a step takes less time and every view is compared as often; on the
+    /// host [default: all views]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub views_per_step: Option<u32>,
     /// How strongly steps are smoothed over the surface, λ of (I + λ L)⁻¹ [default: 5, 2 from a hull of one colour; none in
     /// the official preset]
     #[arg(long, value_name = "LAMBDA", value_parser = parse::positive)]

@@ -184,6 +184,7 @@ fn options(args: &FitArgs, official: bool, begin: &Begin, views: &Views) -> Shap
     weights.iter_mut().zip(given).for_each(|(weight, given)| weight.1 = given.unwrap_or(weight.1));
     options.regularizers = weights.into_iter().filter(|(_, weight)| *weight > 0.0).collect();
     options.samples = method.samples.unwrap_or(1) as usize;
+    options.views_per_step = method.views_per_step.unwrap_or(0) as usize;
     options.silhouette.0 = method.loss.image_loss();
     options.color = (ImageLoss::L1, method.color_weight.unwrap_or(if begin.one_color { 5.0 } else { 3.0 }));
     options.depth = (ImageLoss::L1, method.depth_weight / views.bounds.radius);
