@@ -24,6 +24,7 @@ mod parts;
 mod pose;
 mod progress;
 mod render;
+mod steps;
 mod stress;
 mod svg;
 pub mod text;

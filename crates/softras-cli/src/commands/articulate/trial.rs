@@ -1,6 +1,8 @@
 //! Trials of `softras articulate`: a pose to find, a pose to start from, and the methods of fitting.
 
 use super::args::ArticulateArgs;
+use crate::commands::Failure;
+use crate::commands::steps::{Loop, each};
 use glam::DVec3;
 use softras::fit::{PoseTarget, Schedule};
 use softras::scene::Background;
@@ -164,13 +166,12 @@ impl Stage {
     }
 
     /// Fits a trial with one method.
-    pub fn fit(&self, trial: &Trial, method: &Method, renderer: &mut Renderer) -> Result<Found> {
+    pub fn fit(&self, trial: &Trial, method: &Method, renderer: &mut Renderer) -> Result<Found, Failure> {
         let before = Instant::now();
         let (figure, start) = (self.figure.clone(), trial.start.clone());
         let mut fit = FigureFit::new(figure, self.camera, self.settings.clone(), method.options.clone(), start)?;
-        for _ in 0..method.options.iterations {
-            fit.step(renderer, &trial.target)?;
-        }
+        let mut steps = each(|_, renderer| fit.step(renderer, &trial.target));
+        Loop::over(0..method.options.iterations).run(&mut steps, renderer)?;
         Ok(Found { pose: fit.pose().clone(), seconds: before.elapsed().as_secs_f64() })
     }
 

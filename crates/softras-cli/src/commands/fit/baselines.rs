@@ -5,7 +5,7 @@ use super::report::Scores;
 use super::setup::Setup;
 use super::targets::{self, Views};
 use crate::commands::Failure;
-use crate::commands::progress::Progress;
+use crate::commands::steps::{Loop, each};
 use serde_json::{Value, json};
 use softras::fit::{HostFit, ShapeFit, Targets};
 use softras::internals::fit::DeviceFit;
@@ -69,26 +69,18 @@ pub fn run(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Vec
             targets.color = None;
         }
         let mut fit = ShapeFit::new(setup.template.clone(), views.lights.clone(), setup.options.clone())?;
-        let progress = begun(name, &setup);
-        for step in 0..setup.iterations {
+        let steps = each(|step, renderer| {
             if setup.remakes(step) {
                 fit = setup.remade(&fit, step)?;
             }
             let (rate, color_rate) = (setup.rate.at_step(step, setup.iterations), setup.color_rate(step));
-            fit.step(renderer, &setup.settings(step), &targets, rate, color_rate)?;
-            progress.step();
-        }
-        drop(progress);
+            Ok::<_, Failure>(fit.step(renderer, &setup.settings(step), &targets, rate, color_rate)?)
+        });
+        Loop::over(0..setup.iterations).with_bar("step").run(&mut steps.named(name), renderer)?;
         found.push(Baseline::new((name, began), fit.mesh(), &setup, views, renderer)?);
     }
     found.extend(hard(args, views, renderer)?);
     Ok(found)
-}
-
-fn begun(name: &str, setup: &Setup) -> Progress {
-    let progress = Progress::counted("step", setup.iterations);
-    progress.tell(name.into());
-    progress
 }
 
 /// Fits silhouettes alone, rendered hard, with gradients from differences between pixels ([`flow_by_vertex`]); `None`
@@ -105,18 +97,16 @@ fn hard(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Option
         return Ok(None);
     }
     let mut fit = HostFit::new(shape, &targets, None)?;
-    let progress = begun(name, &setup);
-    for step in 0..setup.iterations {
+    let steps = each(|step, renderer| {
         if setup.remakes(step) {
-            fit = HostFit::new(setup.remade(&fit.into_shape()?, step)?, &targets, None)?;
+            fit = HostFit::new(setup.remade(&fit.clone().into_shape()?, step)?, &targets, None)?;
         }
         let by_vertex = hard_gradient(fit.mesh(), &setup, &targets, renderer)?;
         let mesh = MeshGradients { positions: by_vertex, ..MeshGradients::default() };
         let gradients = Gradients { meshes: vec![mesh], ..Gradients::default() };
-        fit.advance(&gradients, setup.rate.at_step(step, setup.iterations), 0.0)?;
-        progress.step();
-    }
-    drop(progress);
+        Ok::<_, Failure>(fit.advance(&gradients, setup.rate.at_step(step, setup.iterations), 0.0)?)
+    });
+    Loop::over(0..setup.iterations).with_bar("step").run(&mut steps.named(name), renderer)?;
     Baseline::new((name, began), fit.mesh(), &setup, views, renderer).map(Some)
 }
 

@@ -158,7 +158,7 @@ fn fitted(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Fitt
     let begin_seconds = before.elapsed().as_secs_f64();
     let targets = targets::fitted(args, &views.targets);
     let mut work = Work::begin(args, &setup, views, &targets, renderer)?;
-    work.run(args, &setup, &targets, renderer)?;
+    work.run(renderer)?;
     if work.interrupted {
         return Err(Failure::Interrupted);
     }

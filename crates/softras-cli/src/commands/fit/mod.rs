@@ -24,7 +24,7 @@ mod unseen;
 use super::color::encoded;
 use super::memory::Budget;
 use super::outputs::Outputs;
-use super::progress::Progress;
+use super::steps::{Loop, Steps};
 use super::{Failure, note};
 use args::FitArgs;
 use engine::Engine;
@@ -35,13 +35,10 @@ use setup::Setup;
 use softras::fit::{ShapeFit, Targets};
 use softras::internals::files;
 use softras::{Mesh, Renderer};
-use std::sync::atomic::Ordering;
 use targets::Views;
 
 /// Steps between two checkpoints.
 const CHECKPOINT_STEPS: usize = 100;
-/// Steps between two queries of the device's results.
-const AHEAD: usize = 10;
 
 /// Runs the command.
 pub fn run(args: &FitArgs) -> Result<(), Failure> {
@@ -65,8 +62,8 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     let setup = Setup::new(args, &views, &mut renderer)?;
     let targets = targets::fitted(args, &views.targets);
     let mut work = Work::begin(args, &setup, &views, &targets, &mut renderer)?;
-    let ended = work.run(args, &setup, &targets, &mut renderer);
-    let ended = ended.and_then(|()| work.paint(args, &setup, &views, &targets, &mut renderer));
+    let ended = work.run(&mut renderer);
+    let ended = ended.and_then(|()| work.paint(&views, &mut renderer));
     if let Err(failure) = ended {
         // The best mesh found before the error is still written.
         if let Some((best, step)) = work.best {
@@ -78,9 +75,6 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     let best = work.found(&mut renderer)?;
     let scores = Scores::of(&best, &setup, &views, &mut renderer)?;
     softras::obj::write_obj(&encoded(&best)?, out)?;
-    if let Some(path) = &files.checkpoint {
-        checkpoint::write(path, work.engine.shape(&mut renderer)?, work.next)?;
-    }
     if let Some(path) = &files.gif {
         work.film.write(path)?;
     }
@@ -104,10 +98,11 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
 }
 
 /// A fit in progress, with its log and its best mesh.
-struct Work {
+struct Work<'a> {
+    args: &'a FitArgs,
+    setup: &'a Setup,
+    targets: &'a Targets,
     engine: Engine,
-    /// The next step.
-    next: usize,
     /// The engine's first step.
     first: usize,
     log: Log,
@@ -120,94 +115,55 @@ struct Work {
     interrupted: bool,
 }
 
-impl Work {
+impl<'a> Work<'a> {
     /// Starts from the template or from a checkpoint.
     fn begin(
-        args: &FitArgs,
-        setup: &Setup,
+        args: &'a FitArgs,
+        setup: &'a Setup,
         views: &Views,
-        targets: &Targets,
+        targets: &'a Targets,
         renderer: &mut Renderer,
     ) -> Result<Self, Failure> {
         let begin = |mesh: Mesh| ShapeFit::new(mesh, views.lights.clone(), setup.options.clone());
-        let (mut fit, mut next) = (begin(setup.template.clone())?, 0);
+        let (mut fit, mut first) = (begin(setup.template.clone())?, 0);
         if let Some(path) = args.files.checkpoint.as_ref().filter(|path| args.files.resume && path.exists()) {
             let (step, mesh, state) = checkpoint::read(path, Budget::new(&args.read.memory))?;
             fit = begin(setup.resumed(step, mesh)?)?;
             fit.restore(state)?;
-            next = step;
+            first = step;
             note(&format!("going on from step {step} of {}", path.display()));
         }
         let film = Film::new(args.files.gif.is_some(), setup, views);
-        let engine = Engine::new(fit, targets, &setup.settings(next), args.method.host, renderer)?;
-        Ok(Self { engine, next, first: next, log: Log::default(), film, best: None, painted: None, interrupted: false })
+        let engine = Engine::new(fit, targets, &setup.settings(first), args.method.host, renderer)?;
+        let log = Log::default();
+        Ok(Self { args, setup, targets, engine, first, log, film, best: None, painted: None, interrupted: false })
     }
 
-    /// Takes all steps, or those until Ctrl-C.
-    fn run(
-        &mut self,
-        args: &FitArgs,
-        setup: &Setup,
-        targets: &Targets,
-        renderer: &mut Renderer,
-    ) -> Result<(), Failure> {
-        let stop = super::interrupted()?;
-        let progress = Progress::counted("step", setup.iterations);
-        progress.done(self.next);
-        while self.next < setup.iterations {
-            if stop.load(Ordering::Relaxed) {
-                self.interrupted = true;
-                note(&format!("interrupted before step {}: this is the best so far", self.next));
-                break;
-            }
-            let step = self.next;
-            if setup.remakes(step) {
-                self.collect(&progress, renderer)?;
-                self.keep_best(renderer)?;
-                let fit = setup.remade(self.engine.shape(renderer)?, step)?;
-                self.engine = Engine::new(fit, targets, &setup.settings(step), args.method.host, renderer)?;
-                self.first = step;
-            }
-            if self.film.shows(step) {
-                self.collect(&progress, renderer)?;
-                let mesh = self.engine.shape(renderer)?.mesh().clone();
-                self.film.last(&mesh, setup, renderer)?;
-            }
-            let rates = (setup.rate.at_step(step, setup.iterations), setup.color_rate(step));
-            self.engine.step(renderer, &setup.settings(step), rates)?;
-            self.next += 1;
-            if self.next.is_multiple_of(AHEAD) || self.next == setup.iterations {
-                self.collect(&progress, renderer)?;
-            }
-            if let Some(path) = args.files.checkpoint.as_ref().filter(|_| self.next.is_multiple_of(CHECKPOINT_STEPS)) {
-                checkpoint::write(path, self.engine.shape(renderer)?, self.next)?;
-            }
+    /// Takes all steps, or those until Ctrl-C, and writes the checkpoint of the end.
+    fn run(&mut self, renderer: &mut Renderer) -> Result<(), Failure> {
+        let steps = self.first..self.setup.iterations;
+        let next = Loop::over(steps).with_bar("step").until_interrupted()?.run(self, renderer)?;
+        self.interrupted = next < self.setup.iterations;
+        if self.interrupted {
+            note(&format!("interrupted before step {next}: this is the best so far"));
         }
-        self.collect(&progress, renderer)?;
         self.keep_best(renderer)?;
         let mesh = self.engine.shape(renderer)?.mesh().clone();
-        self.film.last(&mesh, setup, renderer)?;
-        Ok(())
+        self.film.last(&mesh, self.setup, renderer)?;
+        self.write_checkpoint(next, renderer)
     }
 
     /// Makes and fits a texture for the best mesh, where one is to be made and Ctrl-C has not ended the fit before.
-    fn paint(
-        &mut self,
-        args: &FitArgs,
-        setup: &Setup,
-        views: &Views,
-        targets: &Targets,
-        renderer: &mut Renderer,
-    ) -> Result<(), Failure> {
-        if !setup.paints || self.interrupted {
+    fn paint(&mut self, views: &Views, renderer: &mut Renderer) -> Result<(), Failure> {
+        if !self.setup.paints || self.interrupted {
             return Ok(());
         }
         let (mesh, step) = match &self.best {
             Some(best) => best.clone(),
-            None => (self.engine.shape(renderer)?.mesh().clone(), self.next),
+            None => (self.engine.shape(renderer)?.mesh().clone(), self.first),
         };
-        let painted = paint::painted(args, setup, views, targets, &mesh, renderer)?;
-        self.film.last(&painted.mesh, setup, renderer)?;
+        let painted = paint::painted(self.args, self.setup, views, self.targets, &mesh, renderer)?;
+        self.film.last(&painted.mesh, self.setup, renderer)?;
         self.interrupted = painted.interrupted;
         self.best = Some((painted.mesh.clone(), step));
         self.painted = Some(painted);
@@ -222,24 +178,62 @@ impl Work {
         }
     }
 
-    /// Logs the steps that the engine has finished since the last call.
-    fn collect(&mut self, progress: &Progress, renderer: &mut Renderer) -> Result<(), Failure> {
-        let found = self.engine.found(renderer)?;
-        let from = self.next - found.len();
-        for (i, (found, seconds)) in found.into_iter().enumerate() {
-            progress.tell(format!("loss {:.5}", found.loss));
-            progress.step();
-            self.log.add(from + i, found, seconds);
-        }
-        Ok(())
-    }
-
     /// Keeps the engine's best mesh if it is better than the best so far.
     fn keep_best(&mut self, renderer: &mut Renderer) -> Result<(), Failure> {
         let Some((mesh, step)) = self.engine.best(renderer)? else { return Ok(()) };
         let step = self.first + step;
         if self.best.as_ref().is_none_or(|(_, best)| self.log.loss(step) < self.log.loss(*best)) {
             self.best = Some((mesh, step));
+        }
+        Ok(())
+    }
+
+    /// Writes the state before a step, where a checkpoint is wanted.
+    fn write_checkpoint(&mut self, step: usize, renderer: &mut Renderer) -> Result<(), Failure> {
+        let Some(path) = &self.args.files.checkpoint else { return Ok(()) };
+        Ok(checkpoint::write(path, self.engine.shape(renderer)?, step)?)
+    }
+
+    /// Whether a checkpoint is due before a step. The state that the engine began with is the template's, or a checkpoint's already.
+    fn saves(&self, step: usize) -> bool {
+        self.args.files.checkpoint.is_some() && step > self.first && step.is_multiple_of(CHECKPOINT_STEPS)
+    }
+}
+
+impl Steps for Work<'_> {
+    const AHEAD: usize = 10;
+
+    fn step(&mut self, at: usize, renderer: &mut Renderer) -> Result<(), Failure> {
+        let rates = (self.setup.rate.at_step(at, self.setup.iterations), self.setup.color_rate(at));
+        Ok(self.engine.step(renderer, &self.setup.settings(at), rates)?)
+    }
+
+    fn finished(&mut self, at: usize, renderer: &mut Renderer) -> Result<Vec<String>, Failure> {
+        let found = self.engine.found(renderer)?;
+        let texts = found.iter().map(|(found, _)| format!("loss {:.5}", found.loss)).collect();
+        let from = at - found.len();
+        found.into_iter().enumerate().for_each(|(i, (found, seconds))| self.log.add(from + i, found, seconds));
+        Ok(texts)
+    }
+
+    fn pauses(&self, at: usize) -> bool {
+        self.saves(at) || self.setup.remakes(at) || self.film.shows(at)
+    }
+
+    fn pause(&mut self, at: usize, renderer: &mut Renderer) -> Result<(), Failure> {
+        if self.saves(at) {
+            self.write_checkpoint(at, renderer)?;
+        }
+        if self.setup.remakes(at) {
+            self.keep_best(renderer)?;
+            let fit = self.setup.remade(self.engine.shape(renderer)?, at)?;
+            let settings = self.setup.settings(at);
+            self.engine = Engine::new(fit, self.targets, &settings, self.args.method.host, renderer)?;
+            self.first = at;
+        }
+        if self.film.shows(at) {
+            let mesh = self.engine.shape(renderer)?.mesh().clone();
+            self.film.last(&mesh, self.setup, renderer)?;
         }
         Ok(())
     }

@@ -6,13 +6,12 @@ use super::color_error::color_error;
 use super::setup::Setup;
 use super::targets::Views;
 use super::texels::Texels;
-use crate::commands::progress::Progress;
+use crate::commands::steps::{Loop, Steps};
 use crate::commands::{Failure, note};
 use serde_json::{Value, json};
 use softras::fit::{Schedule, Targets, with_atlas};
 use softras::scene::Appearance;
 use softras::{Mesh, Renderer};
-use std::sync::atomic::Ordering;
 
 /// Steps of the texels.
 const STEPS: usize = 100;
@@ -46,6 +45,28 @@ impl Painted {
     }
 }
 
+/// A fit of texels in progress.
+struct Painting<'a> {
+    texels: Texels<'a>,
+    /// The loss before each step.
+    losses: Vec<f64>,
+    /// How many of them [`Steps::finished`] has returned.
+    shown: usize,
+}
+
+impl Steps for Painting<'_> {
+    fn step(&mut self, at: usize, renderer: &mut Renderer) -> Result<(), Failure> {
+        self.losses.push(self.texels.step(RATE.at_step(at, STEPS), renderer)?);
+        Ok(())
+    }
+
+    fn finished(&mut self, _at: usize, _renderer: &mut Renderer) -> Result<Vec<String>, Failure> {
+        let new = &self.losses[self.shown..];
+        self.shown = self.losses.len();
+        Ok(new.iter().map(|loss| format!("loss of colours {loss:.5}")).collect())
+    }
+}
+
 /// Gives a mesh that was fitted a texture in its colours, and fits the texels to the targets under the lights of the fit.
 pub fn painted(
     args: &FitArgs,
@@ -58,22 +79,11 @@ pub fn painted(
     let (start, texel) = with_atlas(mesh, TEXEL * setup.pixel, args.texture_size)?;
     let texel = texel / setup.pixel;
     let by_vertices = color_error(mesh, setup, views, renderer)?;
-    let mut texels = Texels::new(start, setup, targets, renderer)?;
-    let stop = crate::commands::interrupted()?;
-    let progress = Progress::counted("texture step", STEPS);
-    let (mut losses, mut interrupted) = (Vec::with_capacity(STEPS), false);
-    for step in 0..if texels.can_step() { STEPS } else { 0 } {
-        if stop.load(Ordering::Relaxed) {
-            interrupted = true;
-            break;
-        }
-        let loss = texels.step(RATE.at_step(step, STEPS), renderer)?;
-        progress.tell(format!("loss of colours {loss:.5}"));
-        progress.step();
-        losses.push(loss);
-    }
-    drop(progress);
-    let mesh = texels.mesh().clone();
+    let mut painting =
+        Painting { texels: Texels::new(start, setup, targets, renderer)?, losses: Vec::with_capacity(STEPS), shown: 0 };
+    let steps = if painting.texels.can_step() { STEPS } else { 0 };
+    let taken = Loop::over(0..steps).with_bar("texture step").until_interrupted()?.run(&mut painting, renderer)?;
+    let (mesh, losses, interrupted) = (painting.texels.mesh().clone(), painting.losses, taken < steps);
     let errors = [by_vertices, color_error(&mesh, setup, views, renderer)?];
     let painted = Painted { side: side(&mesh), texel, mesh, interrupted, losses, errors };
     note(&painted.sentence());

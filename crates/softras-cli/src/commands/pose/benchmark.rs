@@ -1,6 +1,7 @@
 //! The rigid pose experiment of the SoftRas paper: finds random rotations of a cube with a colour on each face.
 
 use super::{PoseArgs, SHARP, Target, landscape, least};
+use crate::commands::steps::{Loop, each};
 use crate::commands::{Failure, say};
 use glam::DVec3;
 use serde_json::json;
@@ -171,7 +172,7 @@ impl Bench {
     }
 
     /// Finds the pose of least loss for each trial.
-    fn find(&self, method: &Method, start: &[Pose], renderer: &mut Renderer) -> Result<Vec<Pose>> {
+    fn find(&self, method: &Method, start: &[Pose], renderer: &mut Renderer) -> Result<Vec<Pose>, Failure> {
         let spread = rotations(method.starts);
         // The trial's own start comes first, and the others are turned from it.
         let first = spread[0].inverse();
@@ -196,9 +197,8 @@ impl Bench {
             let target = PoseTarget::new(repeat(&self.color), repeat(&self.silhouette))?;
             let target = if method.plain { target.plain() } else { target };
             let mut fit = self.fit(&method.options, poses)?;
-            for _ in 0..method.options.iterations {
-                fit.step(renderer, &target)?;
-            }
+            let mut steps = each(|_, renderer| fit.step(renderer, &target));
+            Loop::over(0..method.options.iterations).run(&mut steps, renderer)?;
             let soft = method.options.differentiation == Differentiation::Soft;
             let losses = if method.starts > 1 || soft {
                 fit.losses(renderer, fit.poses(), SHARP, &target)?

@@ -11,6 +11,7 @@ use super::fit::targets;
 use super::memory::Budget;
 use super::outputs::Outputs;
 use super::render::framing::{self, Bounds};
+use super::steps::{Loop, each};
 use super::{Failure, note, say};
 use agreement::Agreement;
 use args::PoseArgs;
@@ -144,14 +145,13 @@ impl View {
         options: PoseOptions,
         target: &Target,
         renderer: &mut Renderer,
-    ) -> Result<Option<(Pose, f64)>> {
+    ) -> Result<Option<(Pose, f64)>, Failure> {
         let starts = rotations(args.starts as usize).into_iter().map(|rotation| Pose { rotation, ..Pose::IDENTITY });
         let poses: Vec<Pose> = args.init.map_or_else(|| starts.collect(), |pose| vec![pose]);
         let target = target.repeated(poses.len())?;
         let mut fit = self.fit(options, poses)?;
-        for _ in 0..args.iterations {
-            fit.step(renderer, &target)?;
-        }
+        let mut steps = each(|_, renderer| fit.step(renderer, &target));
+        Loop::over(0..args.iterations as usize).run(&mut steps, renderer)?;
         let soft = self.fit(PoseOptions::default(), fit.poses().to_vec())?;
         let losses = soft.losses(renderer, fit.poses(), SHARP, &target.plain())?;
         Ok(least(fit.poses(), &losses, |_| true))
@@ -161,11 +161,8 @@ impl View {
 fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) -> Result<(), Failure> {
     let (view, bounds) = View::around(args, mesh, target.color.width, target.color.height)?;
     let mut search = view.search(args, target)?;
-    let progress = super::progress::Progress::counted("step", search.step_count());
-    while search.step(renderer)?.is_some() {
-        progress.step();
-    }
-    drop(progress);
+    let steps = Loop::over(0..search.step_count()).with_bar("step");
+    steps.run(&mut each(|_, renderer| search.step(renderer)), renderer)?;
     let Some(&(best, loss)) = search.found().first() else { return Err(Failure::Told) };
     if let Some(path) = &args.out {
         softras::obj::write_obj(&encoded(&posed(mesh, &best, bounds)?)?, path)?;

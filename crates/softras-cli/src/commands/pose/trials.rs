@@ -4,6 +4,7 @@ use super::{PoseArgs, View, benchmark::median};
 use crate::commands::memory::Budget;
 use crate::commands::outputs::Outputs;
 use crate::commands::progress::Progress;
+use crate::commands::steps::{Loop, each};
 use crate::commands::{Failure, say, text};
 use serde_json::{Value, json};
 use softras::Renderer;
@@ -60,7 +61,8 @@ fn searched(args: &PoseArgs, mesh: String, view: &View, renderer: &mut Renderer)
         let Some(target) = view.picture(&truth, SAMPLES, renderer)? else { return Err(Failure::Told) };
         let before = Instant::now();
         let mut search = view.search(args, &target)?;
-        while search.step(renderer)?.is_some() {}
+        let steps = Loop::over(0..search.step_count());
+        steps.run(&mut each(|_, renderer| search.step(renderer)), renderer)?;
         row.seconds.push(before.elapsed().as_secs_f64());
         row.degrees.extend(search.found().first().map(|(pose, _)| pose.degrees_to(&truth)));
         progress.step();

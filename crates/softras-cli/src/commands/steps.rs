@@ -1,0 +1,179 @@
+//! The loop over the steps of an optimisation, with its bar, its pauses and Ctrl-C.
+
+use super::Failure;
+use super::progress::Progress;
+use softras::Renderer;
+use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// What is done step by step.
+pub trait Steps {
+    /// The loop waits for the results once in so many steps. More than one keeps the device busy.
+    const AHEAD: usize = 1;
+
+    /// Takes the step of that number, or submits it to the device.
+    fn step(&mut self, at: usize, renderer: &mut Renderer) -> Result<(), Failure>;
+
+    /// Waits for all steps before `at`, and keeps the results of those that have not been kept before. Returns the text that the
+    /// bar shows after each of these.
+    fn finished(&mut self, at: usize, renderer: &mut Renderer) -> Result<Vec<String>, Failure>;
+
+    /// Whether [`Steps::pause`] has work to do before the step of that number.
+    fn pauses(&self, _at: usize) -> bool {
+        false
+    }
+
+    /// Does what is done between two steps, such as writing a checkpoint. All results before `at` are known by then.
+    fn pause(&mut self, _at: usize, _renderer: &mut Renderer) -> Result<(), Failure> {
+        Ok(())
+    }
+}
+
+/// Which steps are taken, and how the user sees and ends them.
+pub struct Loop {
+    steps: Range<usize>,
+    bar: Option<&'static str>,
+    stop: Option<&'static AtomicBool>,
+}
+
+impl Loop {
+    /// The steps of these numbers, without a bar. Ctrl-C ends the process.
+    pub fn over(steps: Range<usize>) -> Self {
+        Self { steps, bar: None, stop: None }
+    }
+
+    /// The same with a bar that counts under this name.
+    pub fn with_bar(self, what: &'static str) -> Self {
+        Self { bar: Some(what), ..self }
+    }
+
+    /// The same, ended by Ctrl-C before the next step.
+    pub fn until_interrupted(self) -> Result<Self, Failure> {
+        Ok(Self { stop: Some(super::interrupted()?), ..self })
+    }
+
+    /// Takes the steps, and waits for them. Returns the number of the step that would be next, which is below the end of the
+    /// range where Ctrl-C has ended the loop.
+    pub fn run<S: Steps>(&self, work: &mut S, renderer: &mut Renderer) -> Result<usize, Failure> {
+        let progress = self.bar.map(|what| Progress::counted(what, self.steps.end));
+        if let Some(progress) = &progress {
+            progress.done(self.steps.start);
+        }
+        let collect = |work: &mut S, at: usize, renderer: &mut Renderer| -> Result<(), Failure> {
+            let texts = work.finished(at, renderer)?;
+            if let Some(progress) = &progress {
+                for text in texts {
+                    progress.tell(text);
+                    progress.step();
+                }
+            }
+            Ok(())
+        };
+        let mut at = self.steps.start;
+        while at < self.steps.end && !self.stop.is_some_and(|stop| stop.load(Ordering::Relaxed)) {
+            if work.pauses(at) {
+                collect(work, at, renderer)?;
+                work.pause(at, renderer)?;
+            }
+            work.step(at, renderer)?;
+            at += 1;
+            if at.is_multiple_of(S::AHEAD) {
+                collect(work, at, renderer)?;
+            }
+        }
+        collect(work, at, renderer)?;
+        Ok(at)
+    }
+}
+
+/// Steps that need nothing but a call each, which is given the step's number.
+pub struct Each<F> {
+    step: F,
+    text: &'static str,
+    /// Steps that [`Steps::finished`] has not returned yet.
+    taken: usize,
+}
+
+/// Steps that need nothing but a call each.
+pub fn each<F, T, E>(step: F) -> Each<F>
+where
+    F: FnMut(usize, &mut Renderer) -> Result<T, E>,
+{
+    Each { step, text: "", taken: 0 }
+}
+
+impl<F> Each<F> {
+    /// The same with a text beside the bar.
+    pub fn named(self, text: &'static str) -> Self {
+        Self { text, ..self }
+    }
+}
+
+impl<F, T, E> Steps for Each<F>
+where
+    F: FnMut(usize, &mut Renderer) -> Result<T, E>,
+    Failure: From<E>,
+{
+    fn step(&mut self, at: usize, renderer: &mut Renderer) -> Result<(), Failure> {
+        (self.step)(at, renderer)?;
+        self.taken += 1;
+        Ok(())
+    }
+
+    fn finished(&mut self, _at: usize, _renderer: &mut Renderer) -> Result<Vec<String>, Failure> {
+        Ok(vec![self.text.into(); std::mem::take(&mut self.taken)])
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    static STOP: AtomicBool = AtomicBool::new(false);
+
+    /// Notes what the loop calls, pauses before steps 4 and 7, and sets the flag in step 9.
+    #[derive(Default)]
+    struct Noted(Vec<(&'static str, usize)>);
+
+    impl Steps for Noted {
+        const AHEAD: usize = 3;
+
+        fn step(&mut self, at: usize, _renderer: &mut Renderer) -> Result<(), Failure> {
+            STOP.store(at == 9, Ordering::Relaxed);
+            self.0.push(("step", at));
+            Ok(())
+        }
+
+        fn finished(&mut self, at: usize, _renderer: &mut Renderer) -> Result<Vec<String>, Failure> {
+            self.0.push(("finished", at));
+            Ok(Vec::new())
+        }
+
+        fn pauses(&self, at: usize) -> bool {
+            [4, 7].contains(&at)
+        }
+
+        fn pause(&mut self, at: usize, _renderer: &mut Renderer) -> Result<(), Failure> {
+            self.0.push(("pause", at));
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn results_are_known_before_every_pause_and_at_the_end() {
+        let (mut renderer, mut work) = (Renderer::new().unwrap(), Noted::default());
+        assert_eq!(Loop::over(2..5).run(&mut work, &mut renderer).unwrap(), 5);
+        let calls = "step 2, finished 3, step 3, finished 4, pause 4, step 4, finished 5";
+        let called: Vec<String> = work.0.iter().map(|(what, at)| format!("{what} {at}")).collect();
+        assert_eq!(called.join(", "), calls);
+    }
+
+    #[test]
+    fn the_flag_ends_the_loop_before_the_next_step() {
+        let (mut renderer, mut work) = (Renderer::new().unwrap(), Noted::default());
+        let steps = Loop { stop: Some(&STOP), ..Loop::over(8..20) };
+        assert_eq!(steps.run(&mut work, &mut renderer).unwrap(), 10);
+        assert_eq!(work.0[work.0.len() - 2..], [("step", 9), ("finished", 10)]);
+    }
+}
