@@ -10,7 +10,7 @@
 //! - [`PoseSearch`] finds the rotation and translation of a rigid mesh from one image; [`PoseFit`] follows gradients from given
 //!   poses, many at once.
 //! - [`Targets::visual_hull`] is the largest solid with given silhouettes, to begin with. [`remeshed`] evens out triangles that a
-//!   fit has stretched, on the surface that they have, [`with_atlas`] gives a mesh without UV coordinates a texture to be fitted,
+//!   fit has stretched, on the surface that they have, [`Subdivision`] divides them into smaller ones, [`with_atlas`] gives a mesh without UV coordinates a texture to be fitted,
 //!   [`soft_target`] softens a hard mask to the silhouette that a mesh of that outline renders to,
 //!   [`mask_iou`] and [`voxel_iou`] measure how good a fit is.
 //!
@@ -66,6 +66,7 @@ mod schedule;
 mod shape;
 pub(crate) mod smoothing;
 pub(crate) mod soft_target;
+mod subdivision;
 pub(crate) mod topology;
 pub(crate) mod voxel;
 
@@ -80,6 +81,7 @@ pub use run::Fit;
 pub use schedule::Schedule;
 pub use shape::{Parametrization, ShapeFit, ShapeOptions, State, Step, Targets};
 pub use soft_target::soft_target;
+pub use subdivision::Subdivision;
 pub use voxel::voxel_iou;
 
 use crate::error::{Error, Result};

@@ -117,14 +117,16 @@ impl Topology {
         (parts, usize::try_from(handles / 2).ok().filter(|_| closed && handles % 2 == 0))
     }
 
-    /// The mesh with every triangle cut into four: a vertex in the middle of each edge, after the old ones in the order
-    /// of [`Topology::edges`].
+    /// The place in [`Topology::edges`] of the edge between two vertices, if there is one.
+    pub fn edge(&self, a: u32, b: u32) -> Option<usize> {
+        self.edges.binary_search(&[a.min(b), a.max(b)]).ok()
+    }
+
+    /// The mesh with every triangle cut into four: a vertex on each edge, after the old ones in the order of
+    /// [`Topology::edges`].
     pub fn subdivided(&self) -> Vec<[u32; 3]> {
-        let middle = |a: u32, b: u32| {
-            let at = self.edges.binary_search(&[a.min(b), a.max(b)]);
-            // The midpoint of an edge from a vertex to itself is that vertex.
-            at.map_or(a, |at| (self.vertices + at) as u32)
-        };
+        // The midpoint of an edge from a vertex to itself is that vertex.
+        let middle = |a: u32, b: u32| self.edge(a, b).map_or(a, |at| (self.vertices + at) as u32);
         let four = |&[a, b, c]: &[u32; 3]| {
             let [ab, bc, ca] = [middle(a, b), middle(b, c), middle(c, a)];
             [[a, ab, ca], [b, bc, ab], [c, ca, bc], [ab, bc, ca]]

@@ -13,5 +13,6 @@ mod optimizers;
 mod pose;
 mod remesh;
 mod run;
+mod subdivision;
 mod surface;
 mod voxels;

@@ -17,11 +17,12 @@ use super::image_loss::ImageLoss;
 use super::optimizer::{Method, Optimizer};
 use super::remesh::remeshed;
 use super::smoothing::Smoothing;
+use super::subdivision::Subdivision;
 use super::topology::Topology;
 use crate::error::{Error, Result};
 use crate::gradients::Wanted;
 use crate::renderer::{Renderer, parts::in_parts};
-use crate::scene::{Appearance, Lights, Mesh, Scene, Settings};
+use crate::scene::{Lights, Mesh, Scene, Settings};
 use compare::{ImageLosses, compare};
 use glam::DVec3;
 use parametrization::Parameters;
@@ -312,9 +313,9 @@ impl ShapeFit {
     /// The same fit on the mesh with every triangle divided into four, with a new optimiser.
     ///
     /// # Errors
-    /// [`crate::Error::Fit`] for a mesh with surface cells or textures.
-    pub fn subdivided(&self) -> Result<Self> {
-        self.on(subdivided(self.mesh(), &self.topology)?)
+    /// Those of [`Subdivision::of`].
+    pub fn subdivided(&self, subdivision: Subdivision) -> Result<Self> {
+        self.on(subdivision.with(self.mesh(), &self.topology)?)
     }
 
     /// The same fit on the mesh remeshed to edges as long as a range of world units says, with a new optimiser; see
@@ -355,21 +356,4 @@ pub struct State {
     pub color_values: Vec<f64>,
     /// The colours' optimiser, in the same form.
     pub color_optimizer: (i32, Vec<f64>, Vec<f64>),
-}
-
-/// The mesh with every triangle divided into four at the midpoints of its edges.
-fn subdivided(mesh: &Mesh, topology: &Topology) -> Result<Mesh> {
-    let between = |values: &[[f32; 3]]| {
-        let middle = |&[a, b]: &[u32; 2]| {
-            let (a, b) = (values[a as usize], values[b as usize]);
-            [0, 1, 2].map(|k| 0.5 * (a[k] + b[k]))
-        };
-        values.iter().copied().chain(topology.edges().iter().map(middle)).collect::<Vec<[f32; 3]>>()
-    };
-    let appearance = match mesh.appearance() {
-        Appearance::Uniform(color) => Appearance::Uniform(*color),
-        Appearance::VertexColors(colors) => Appearance::VertexColors(between(colors)),
-        _ => return bad("a textured mesh to subdivide", "use one colour or vertex colours"),
-    };
-    Mesh::new(between(mesh.positions()), topology.subdivided())?.with_appearance(appearance)
 }

@@ -63,7 +63,11 @@ fn a_fit_goes_on_where_it_was_left() {
         std::fs::read_to_string(folder.path().join(out)).unwrap()
     };
     let vertices = |text: &str| text.lines().filter(|l| l.starts_with("v ")).map(str::to_owned).collect::<Vec<_>>();
-    for (other, count) in [(&[][..], 42..=42), (&["--remesh-at", "4", "--edge", "3", "--masks"], 80..=140)] {
+    for (other, count) in [
+        (&[][..], 42..=42),
+        (&["--remesh-at", "4", "--edge", "3", "--masks"], 80..=140),
+        (&["--subdivide-at", "4", "--subdivision", "loop"], 162..=162),
+    ] {
         let checkpoint = [other, &["--checkpoint", "fit.npz"]].concat();
         let whole = fit("12", "whole.obj", other);
         let half = fit("6", "half.obj", &checkpoint);

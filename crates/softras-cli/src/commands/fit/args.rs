@@ -7,7 +7,7 @@ use crate::commands::parse;
 use crate::commands::render::args::Faces;
 use clap::{Args, ValueEnum};
 use softras::Lights;
-use softras::fit::ImageLoss;
+use softras::fit::{ImageLoss, Subdivision};
 use softras::scene::{DirectionalLight, Shading};
 use std::path::PathBuf;
 
@@ -217,6 +217,24 @@ impl Loss {
     }
 }
 
+/// How triangles are subdivided.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Scheme {
+    /// At the middle of their edges: the surface stays what it is
+    Midpoint,
+    /// By Loop's scheme, which rounds the surface off: the steps after it bring the smooth surface back to the pictures
+    Loop,
+}
+
+impl From<Scheme> for Subdivision {
+    fn from(scheme: Scheme) -> Self {
+        match scheme {
+            Scheme::Midpoint => Self::Midpoint,
+            Scheme::Loop => Self::Loop,
+        }
+    }
+}
+
 /// The method of the fit.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Method")]
@@ -284,6 +302,9 @@ pub struct MethodArgs {
     /// Subdivide every triangle into four before these steps (several separated by commas)
     #[arg(long, value_name = "STEP", value_delimiter = ',')]
     pub subdivide_at: Vec<u32>,
+    /// How --subdivide-at divides them
+    #[arg(long, value_enum, default_value = "midpoint", requires = "subdivide_at")]
+    pub subdivision: Scheme,
     /// Remesh to triangles of even size before these steps (several separated by commas)
     #[arg(long, value_name = "STEP", value_delimiter = ',')]
     pub remesh_at: Vec<u32>,

@@ -4,7 +4,7 @@ use super::args::{FitArgs, Lighting, Preset};
 use super::begin::{Begin, begin};
 use super::targets::Views;
 use crate::commands::Failure;
-use softras::fit::{ImageLoss, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions};
+use softras::fit::{ImageLoss, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions, Subdivision};
 use softras::scene::{Appearance, Background, Faces, Interpolation};
 use softras::{Lights, Mesh, Renderer, Settings};
 
@@ -30,6 +30,7 @@ pub struct Setup {
     /// Every `stride`-th view is used.
     pub stride: usize,
     subdivide_at: Vec<usize>,
+    subdivision: Subdivision,
     remesh_at: Vec<usize>,
     /// Edge length for remeshing, world units.
     edge: Schedule,
@@ -94,6 +95,7 @@ impl Setup {
             iterations: method.iterations.unwrap_or(if begin.hull { HULL_ITERATIONS } else { ITERATIONS }) as usize,
             stride,
             subdivide_at,
+            subdivision: method.subdivision.into(),
             remesh_at,
             edge: range(method.edge.map(|(from, to)| (from * pixel, to * pixel)), (EDGE * pixel, EDGE * pixel)),
             rate: range(Some((from, to)), (from, to)),
@@ -113,7 +115,7 @@ impl Setup {
     pub fn remade(&self, fit: &ShapeFit, step: usize) -> Result<ShapeFit, Failure> {
         let edge = self.edge.at_step(step, self.iterations);
         let fit = if self.remesh_at.contains(&step) { fit.remeshed(edge..=edge)? } else { fit.clone() };
-        Ok(if self.subdivide_at.contains(&step) { fit.subdivided()? } else { fit })
+        Ok(if self.subdivide_at.contains(&step) { fit.subdivided(self.subdivision)? } else { fit })
     }
 
     /// The mesh that a resumed fit starts from: the template, unless it was subdivided or remeshed before that step.
