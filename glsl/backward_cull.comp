@@ -36,16 +36,18 @@ layout(set = 0, binding = 13, std430) writeonly buffer ItemMarks { uint item_mar
 #include "common/hidden.glsl"
 #include "common/relevance.glsl"
 
-// Lanes of the workgroups that process small items.
+// Lanes that share an item which is not small.
 layout(constant_id = 24) const uint LANES = 8u;
+// Lanes of a workgroup of small items.
+layout(constant_id = 31) const uint SMALL_LANES = 8u;
 
 // Index of an item's entry on a list. Each row of FORWARD_ROW items has lists of its own, so that a length is a number of
-// workgroups along one axis. Small items fill the row from its end, a workgroup for every LANES of them.
+// workgroups along one axis. Small items fill the row from its end, a workgroup for every SMALL_LANES of them.
 uint entry_on_list(uint index, uint list, bool small) {
     uint row = index / FORWARD_ROW;
     uint counts = row * ITEM_COUNT_WORDS + list;
     uint number = atomicAdd(item_counts[counts + (small ? ITEMS_SMALL_NUMBER : 0u)], 1u);
-    if (small && number % LANES == 0u) {
+    if (small && number % SMALL_LANES == 0u) {
         atomicAdd(item_counts[counts + ITEMS_SMALL], 1u);
     }
     uint end = min((row + 1u) * FORWARD_ROW, frame.record_count + frame.cell_capacity);

@@ -211,6 +211,10 @@ const uint SMALL_SHOWN_WORK = 256u;
 // The same for items that contribute to the silhouette only, whose pixels are less work and whose lists are uneven.
 const uint SMALL_OUTLINE_WORK = 2048u;
 
+// Lanes of a workgroup of small items where its subgroups need nothing of each other. Every workgroup takes llvmpipe an
+// allocation: with 64 in place of 8 lanes silhouettes of 64² and 256² take 0.95 of the time, colours 0.99.
+const uint SMALL_GROUP = 64u;
+
 // Width of a cell in pixels: backward splits larger pixel boxes into cells, which run in parallel.
 const uint CELL_WIDTH = 64u;
 // Height of a cell in pixels.

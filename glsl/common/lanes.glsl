@@ -1,18 +1,21 @@
 // Reductions over the lanes of a workgroup, in a fixed order: with shuffles where SUBGROUP_RECORDS is defined (the workgroup
-// is one subgroup, of a power of two from 4 to 64 lanes), else through shared memory. Needs the local size.
+// is one subgroup, of a power of two from 4 to 64 lanes), else through shared memory. A workgroup of small items may be several
+// subgroups, over each of which least_of_lanes reduces. Needs the local size.
 
 #ifndef SUBGROUP_RECORDS
 shared vec4 lane_values[gl_WorkGroupSize.x];
 shared uint lane_bits[gl_WorkGroupSize.x];
 #endif
 
+#ifdef SUBGROUP_RECORDS
 // With shuffles, a lane's value is combined with that of the lane whose number differs in one bit, from the highest bit to
 // the lowest. The number of lanes is a constant when the pipeline is compiled, so the loops unroll and bits beyond it cost
 // nothing.
 const int MOST_LANE_BITS = 6;
 bool is_lane_bit(int bit) {
-    return (1u << bit) < gl_WorkGroupSize.x;
+    return (1u << bit) < min(gl_WorkGroupSize.x, gl_SubgroupSize);
 }
+#endif
 
 // The sum over the lanes; lane 0 has it.
 vec4 sum_of_lanes(vec4 value) {

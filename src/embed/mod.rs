@@ -279,15 +279,15 @@ impl Rasterizer {
 
     fn backward_pipelines(&self, plan: &GradientPlan) -> Result<[Pipeline; BACKWARD_COUNT]> {
         let lanes = self.lanes;
-        let of_frame = plan.backward.modes.list();
-        let modes = BackwardStage::ALL
-            .map(|stage| of_frame.into_iter().chain(stage.modes()).chain([("LANES", lanes)]).collect::<Vec<_>>());
+        let small_lanes = passes::small_lanes(&self.device, lanes);
+        let of_all = plan.backward.modes.list().into_iter().chain([("LANES", lanes), ("SMALL_LANES", small_lanes)]);
+        let modes = BackwardStage::ALL.map(|stage| of_all.clone().chain(stage.modes()).collect::<Vec<_>>());
         self.pipelines(BackwardStage::ALL.map(|stage| Request {
             // As for frames.
             kernel:
                 if stage.is_needed(&plan.backward) { stage } else { BackwardStage::Cull }.kernel(&self.device, lanes),
             modes: &modes[stage as usize],
-            lanes,
+            lanes: if stage.takes_small_items() { small_lanes } else { lanes },
         }))
     }
 

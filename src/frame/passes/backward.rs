@@ -108,8 +108,13 @@ impl BackwardStage {
             _ => c::REDUCTION_VIEWS,
         };
         let outline = matches!(self, S::Outline | S::OutlineSmall);
-        let small = matches!(self, S::ShownSmall | S::OutlineSmall);
-        [("REDUCTION", reduction), ("OUTLINE", u32::from(outline)), ("SMALL", u32::from(small))]
+        let small = u32::from(self.takes_small_items());
+        [("REDUCTION", reduction), ("OUTLINE", u32::from(outline)), ("SMALL", small)]
+    }
+
+    /// Whether each lane has an item of its own.
+    pub fn takes_small_items(self) -> bool {
+        matches!(self, S::ShownSmall | S::OutlineSmall)
     }
 
     /// Whether a plan may record it.

@@ -163,6 +163,11 @@ pub fn default_lanes(device: &Device) -> u32 {
     }
 }
 
+/// The lanes of a workgroup of small items, where a tile has `lanes`.
+pub fn small_lanes(device: &Device, lanes: u32) -> u32 {
+    if reads_together(device, lanes) { c::SMALL_GROUP } else { lanes }
+}
+
 /// Writes a timestamp if there is a pool for timestamps.
 fn stamp(recorder: &mut Recorder<'_>, pool: Option<&TimestampPool>, index: u32) -> Result<()> {
     match pool {
