@@ -3,7 +3,7 @@
 // Position step: moves the vertices by their changes, or to where the logit parameters put them. If this step's loss is the
 // least so far, it first saves the positions that had it.
 // One invocation a vertex. Reads `positions`, `changes` or `parameters` with `logit_template`, and `fit_state`; writes
-// `new_positions`, `best_positions`, and in `fit_state` whether a vertex left the box that the frame was planned for.
+// `new_positions`, `best_positions`, and in `fit_state` whether a vertex left the box or the ball that the frame was planned for.
 
 layout(local_size_x = 64) in;
 
@@ -30,6 +30,11 @@ layout(push_constant) uniform Push {
     float high_x;
     float high_y;
     float high_z;
+    // The ball that it was planned for: its centre and 1 over its radius, 0 where the box alone counts.
+    float centre_x;
+    float centre_y;
+    float centre_z;
+    float inverse_radius;
 } push;
 
 void main() {
@@ -61,6 +66,8 @@ void main() {
     // False for NaN.
     bool inside = moved.x >= push.low_x && moved.y >= push.low_y && moved.z >= push.low_z
         && moved.x <= push.high_x && moved.y <= push.high_y && moved.z <= push.high_z;
+    vec3 arm = (moved - vec3(push.centre_x, push.centre_y, push.centre_z)) * push.inverse_radius;
+    inside = inside && dot(arm, arm) <= 1.0;
     if (!inside) {
         atomicOr(fit_state[FIT_HALTED], HALT_OUTSIDE);
     }

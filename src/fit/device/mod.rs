@@ -240,7 +240,7 @@ impl DeviceFit {
             rates: FitPlan::rates(self.plan.method, step.steps[0], step.rate),
             color_rates: FitPlan::rates(super::optimizer::Method::ADAM, step.steps[1], step.color_rate),
             row: self.pending.len() as u32,
-            bounds: guard.bounds,
+            guard: *guard,
         };
         let (plan, memory, rasterizer) = (&self.plan, &self.memory, &self.rasterizer);
         let flight = &mut self.flights[self.submitted % 2];

@@ -2,6 +2,7 @@
 
 use super::arithmetic::Rates;
 use super::buffers::{FitBuffer, Own};
+use super::guard::Guard;
 use super::host::{edge_scale, edge_share};
 use super::memory::Memory;
 use super::plan::FitPlan;
@@ -52,8 +53,8 @@ pub struct Numbers {
     pub color_rates: Rates,
     /// The step's row in `records`.
     pub row: u32,
-    /// The box that vertices must not leave.
-    pub bounds: [[f32; 3]; 2],
+    /// The box and the ball that vertices must not leave.
+    pub guard: Guard,
 }
 
 type Modes = Vec<(&'static str, u32)>;
@@ -326,10 +327,10 @@ impl Stages {
         self.optimizer.record(recorder, &push, linear(rows))?;
         recorder.barrier();
         self.record_smoothing(recorder, plan, 1)?;
-        let mut push = [plan.vertices; 7];
-        for (to, from) in push[1..].iter_mut().zip(numbers.bounds.as_flattened()) {
-            *to = from.to_bits();
-        }
+        let mut push = [plan.vertices; 11];
+        let Guard { bounds, center, inverse_radius, .. } = &numbers.guard;
+        let limits = bounds.as_flattened().iter().chain(center).chain([inverse_radius]);
+        push[1..].iter_mut().zip(limits).for_each(|(to, from)| *to = from.to_bits());
         self.position_step.record(recorder, &push, linear(plan.vertices))?;
         recorder.barrier();
         recorder.end_label();
