@@ -47,7 +47,7 @@ impl DepthSpan {
     }
 
     /// For a ball seen by one camera.
-    pub fn of_ball(center: [f32; 3], radius: f64, camera: &Camera, settings: &Settings) -> Self {
+    pub(crate) fn of_ball(center: [f32; 3], radius: f64, camera: &Camera, settings: &Settings) -> Self {
         let [x, y, z, offset] = camera.view()[2];
         let depth = x * f64::from(center[0]) + y * f64::from(center[1]) + z * f64::from(center[2]) + offset;
         let reach = radius * (x * x + y * y + z * z).sqrt();
@@ -78,7 +78,7 @@ impl DepthSpan {
     }
 
     /// `true` where it is in both.
-    pub fn and(self, other: Self) -> Self {
+    pub(crate) fn and(self, other: Self) -> Self {
         Self {
             crosses_near: self.crosses_near && other.crosses_near,
             crosses_far: self.crosses_far && other.crosses_far,
