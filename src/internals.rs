@@ -24,7 +24,7 @@ pub mod fit {
     pub use crate::fit::smoothing::Smoothing;
     pub use crate::fit::soft_target::{CLOSED, signed_distance};
     pub use crate::fit::topology::{Flap, Topology};
-    pub use crate::fit::voxel::{MAX_RESOLUTION, Voxels, cube_around, is_closed};
+    pub use crate::fit::voxel::{MAX_RESOLUTION, Voxels, cube_around, is_closed, overlap};
 
     use crate::error::Result;
     use crate::fit::Regularizer;

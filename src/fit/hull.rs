@@ -19,7 +19,7 @@ use glam::DVec3;
 const MAX_RESOLUTION: usize = 256;
 /// Samples along a side of the first grid, which finds the box that the hull fills.
 const COARSE: usize = 48;
-/// A part of a hull by depths has at least this share of its samples.
+/// A part of a hull by depths, or of a solid that was cut, has at least this share of its samples.
 const LEAST_PART: f64 = 1e-3;
 /// Pictures below this height are enlarged, so that their outlines run between pixels as the grey of their pixels says.
 const FINE_HEIGHT: usize = 1024;
@@ -37,25 +37,7 @@ impl Targets {
     /// an inside, silhouettes whose cameras have no point in common; for a camera of [`Projection::Official`] or
     /// [`Projection::Screen`]; and for a cube or a resolution out of range.
     pub fn visual_hull(&self, center: [f64; 3], side: f64, resolution: usize) -> Result<Mesh> {
-        if !(8..=MAX_RESOLUTION).contains(&resolution) {
-            return bad(format!("a hull of {resolution} samples a side"), "use 8 to 256");
-        }
-        if !(side > 0.0 && side.is_finite() && center.iter().all(|x| x.is_finite())) {
-            return bad(format!("a hull in a cube of side {side:?} around {center:?}"), "use a finite side above 0");
-        }
-        let views = views(self)?;
-        let center = DVec3::from(center);
-        let mut coarse = Samples::new(center - 0.5 * side, side, COARSE);
-        coarse.carve(&views, View::outline_distance);
-        let Some((low, high)) = coarse.inside() else {
-            let fix = "check that every camera belongs to its picture, and that the object is in all of them";
-            return bad("silhouettes that no solid has", fix);
-        };
-        // Two samples more on each side than the hull takes.
-        let side = (high - low).max_element() * (1.0 + 4.0 / resolution as f64);
-        let mut grid = Samples::new((low + high) * 0.5 - 0.5 * side, side, resolution);
-        grid.carve(&views, View::distance);
-        (0..3).for_each(|axis| grid.blur(axis));
+        let mut grid = hull(&views(self)?, center, side, resolution)?;
         if self.depth.is_some() {
             grid.mend();
         }
@@ -66,8 +48,30 @@ impl Targets {
     }
 }
 
+/// The samples of the views' hull, on a grid around it.
+pub(super) fn hull(views: &[View<'_>], center: [f64; 3], side: f64, resolution: usize) -> Result<Samples> {
+    if !(8..=MAX_RESOLUTION).contains(&resolution) {
+        return bad(format!("a hull of {resolution} samples a side"), "use 8 to 256");
+    }
+    if !(side > 0.0 && side.is_finite() && center.iter().all(|x| x.is_finite())) {
+        return bad(format!("a hull in a cube of side {side:?} around {center:?}"), "use a finite side above 0");
+    }
+    let mut coarse = Samples::new(DVec3::from(center) - 0.5 * side, side, COARSE);
+    coarse.carve(views, View::outline_distance);
+    let Some((low, high)) = coarse.inside() else {
+        let fix = "check that every camera belongs to its picture, and that the object is in all of them";
+        return bad("silhouettes that no solid has", fix);
+    };
+    // Two samples more on each side than the hull takes.
+    let side = (high - low).max_element() * (1.0 + 4.0 / resolution as f64);
+    let mut grid = Samples::new((low + high) * 0.5 - 0.5 * side, side, resolution);
+    grid.carve(views, View::distance);
+    (0..3).for_each(|axis| grid.blur(axis));
+    Ok(grid)
+}
+
 /// A picture's distances from its outline, and its camera.
-struct View<'a> {
+pub(super) struct View<'a> {
     camera: &'a Camera,
     /// In screen units, above 0 inside.
     distance: Image,
@@ -77,7 +81,8 @@ struct View<'a> {
     depths: Option<Image>,
 }
 
-fn views<'a>(targets: &'a Targets) -> Result<Vec<View<'a>>> {
+/// The views of all targets.
+pub(super) fn views<'a>(targets: &'a Targets) -> Result<Vec<View<'a>>> {
     let Some(silhouettes) = &targets.silhouette else {
         return bad("a hull without silhouettes", "give the targets' silhouettes");
     };
@@ -157,6 +162,15 @@ impl View<'_> {
         Some(behind.min(place.unit * sample(&self.distance, place.column, place.row)))
     }
 
+    /// The column and the row of the pixel that a point is seen in; `None` behind the camera and beyond the picture.
+    pub(super) fn pixel(&self, point: DVec3) -> Option<(usize, usize)> {
+        let Place { column, row, .. } = self.place(point)?;
+        let times = self.distance.height as f64 / self.height;
+        let (column, row) = (column / times, row / times);
+        let inside = column >= 0.0 && row >= 0.0 && row < self.height && column * times < self.distance.width as f64;
+        inside.then_some((column as usize, row as usize))
+    }
+
     /// Where a point is seen; `None` behind the camera.
     fn place(&self, point: DVec3) -> Option<Place> {
         let rows = self.camera.view();
@@ -193,7 +207,7 @@ impl Samples {
     /// Sets each sample to the least of the views' distances.
     fn carve<'a>(&mut self, views: &[View<'a>], distance: impl Fn(&View<'a>, DVec3) -> Option<f64>) {
         // Distances beyond some samples do not matter, and what no picture shows is outside.
-        let far = (4.0 * self.step) as f32;
+        let far = self.far();
         for i in 0..self.values.len() {
             let point = self.position(i);
             let mut value = f32::MAX;
@@ -207,6 +221,11 @@ impl Samples {
         }
     }
 
+    /// The most that a sample is; its opposite is the least.
+    pub(super) fn far(&self) -> f32 {
+        (4.0 * self.step) as f32
+    }
+
     /// The box of all points that may be inside: those nearer to a sample than the outline.
     fn inside(&self) -> Option<(DVec3, DVec3)> {
         // Half the diagonal of a cell.
@@ -218,8 +237,8 @@ impl Samples {
     }
 
     /// Puts small parts outside, and air that is enclosed inside: depths leave both where an outline runs before a surface farther
-    /// away, and of what is enclosed no picture shows anything.
-    fn mend(&mut self) {
+    /// away, a cut leaves shavings, and of what is enclosed no picture shows anything.
+    pub(super) fn mend(&mut self) {
         let fewest = LEAST_PART * self.values.iter().filter(|value| **value > 0.0).count() as f64;
         let mut seen = vec![false; self.values.len()];
         for first in 0..self.values.len() {

@@ -9,7 +9,8 @@
 //!   [`Renderer::render`](crate::Renderer::render) and [`Renderer::backward`](crate::Renderer::backward).
 //! - [`PoseSearch`] finds the rotation and translation of a rigid mesh from one image; [`PoseFit`] follows gradients from given
 //!   poses, many at once.
-//! - [`Targets::visual_hull`] is the largest solid with given silhouettes, to begin with. [`remeshed`] evens out triangles that a
+//! - [`Targets::visual_hull`] is the largest solid with given silhouettes, to begin with. [`Targets::carved`] gives the mesh of a
+//!   fit the holes and parts that it does not have. [`remeshed`] evens out triangles that a
 //!   fit has stretched, on the surface that they have, [`Subdivision`] divides them into smaller ones, [`with_atlas`] gives a mesh without UV coordinates a texture to be fitted,
 //!   [`soft_target`] softens a hard mask to the silhouette that a mesh of that outline renders to,
 //!   [`mask_iou`] and [`voxel_iou`] measure how good a fit is.
@@ -54,6 +55,7 @@
 //! ```
 
 mod atlas;
+mod carved;
 pub(crate) mod device;
 mod hull;
 pub(crate) mod image_loss;

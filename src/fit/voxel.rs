@@ -33,15 +33,14 @@ impl Voxels {
     /// # Errors
     /// [`crate::Error::Fit`] for a resolution outside 1 to [`MAX_RESOLUTION`] or a side that is not above 0.
     pub fn new(mesh: &Mesh, low: [f64; 3], side: f64, resolution: usize) -> Result<Self> {
-        if !(1..=MAX_RESOLUTION).contains(&resolution) {
-            return bad(format!("{resolution} voxels a side"), "use 1 to 512");
-        }
-        if !(side > 0.0 && side.is_finite() && low.iter().all(|x| x.is_finite())) {
-            return bad(format!("a cube of side {side:?} from {low:?}"), "use a finite side above 0");
-        }
+        validate(low, side, resolution)?;
         let mut votes = vec![0u8; resolution.pow(3)];
         let grid = Grid { low, step: side / resolution as f64, resolution };
-        (0..3).for_each(|axis| grid.vote(mesh, axis, &mut votes));
+        for axis in 0..3 {
+            grid.walk(mesh, axis, |at, before, total| {
+                votes[at] += u8::from(before != 0) + u8::from(total - before != 0);
+            });
+        }
         Ok(Self { resolution, low, side, inside: votes.into_iter().map(|votes| votes > 3).collect() })
     }
 
@@ -73,6 +72,35 @@ pub fn voxel_iou(a: &Mesh, b: &Mesh, resolution: usize) -> Result<f64> {
     let count = |keep: fn(bool, bool) -> bool| a.inside.iter().zip(&b.inside).filter(|(a, b)| keep(**a, **b)).count();
     let (both, either) = (count(|a, b| a && b), count(|a, b| a || b));
     Ok(if either == 0 { 1.0 } else { both as f64 / either as f64 })
+}
+
+/// The share of a solid that its mesh encloses other than once: where parts of it overlap, and where it is inside out. It is
+/// counted by the voxels of a cube around the mesh with `resolution` voxels a side (1 to 512), along lines on which the mesh is
+/// closed.
+///
+/// # Errors
+/// [`crate::Error::Fit`] for a resolution outside 1 to 512.
+pub fn overlap(mesh: &Mesh, resolution: usize) -> Result<f64> {
+    let (low, side) = cube_around(&[mesh]);
+    validate(low, side, resolution)?;
+    let grid = Grid { low, step: side / resolution as f64, resolution };
+    let (mut inside, mut wrong) = (0usize, 0usize);
+    grid.walk(mesh, 0, |_, before, total| {
+        // A line into a solid crosses a triangle that faces against it, which counts -1.
+        inside += usize::from(total == 0 && before != 0);
+        wrong += usize::from(total == 0 && before != 0 && before != -1);
+    });
+    Ok(if inside == 0 { 0.0 } else { wrong as f64 / inside as f64 })
+}
+
+fn validate(low: [f64; 3], side: f64, resolution: usize) -> Result<()> {
+    if !(1..=MAX_RESOLUTION).contains(&resolution) {
+        return bad(format!("{resolution} voxels a side"), "use 1 to 512");
+    }
+    if !(side > 0.0 && side.is_finite() && low.iter().all(|x| x.is_finite())) {
+        return bad(format!("a cube of side {side:?} from {low:?}"), "use a finite side above 0");
+    }
+    Ok(())
 }
 
 /// Whether the mesh bounds a solid: every edge is used by as many triangles in one direction as in the other.
@@ -119,15 +147,22 @@ impl Grid {
         self.low[axis] + (i as f64 + 0.5 + ASIDE[axis]) * self.step
     }
 
-    /// Adds the votes of the two rays along an axis to every voxel, a few rows of its columns at a time.
-    fn vote(&self, mesh: &Mesh, axis: usize, votes: &mut [u8]) {
+    /// Calls `each` for every voxel with the crossings along an axis, counted with their directions: those before its centre and
+    /// those of the whole line. A few rows of columns are walked at a time.
+    fn walk(&self, mesh: &Mesh, axis: usize, mut each: impl FnMut(usize, i32, i32)) {
         let rows = (MOST_COUNTED / self.resolution.pow(2)).max(1);
         for first in (0..self.resolution).step_by(rows) {
-            self.vote_rows(mesh, axis, first..(first + rows).min(self.resolution), votes);
+            self.walk_rows(mesh, axis, first..(first + rows).min(self.resolution), &mut each);
         }
     }
 
-    fn vote_rows(&self, mesh: &Mesh, axis: usize, rows: std::ops::Range<usize>, votes: &mut [u8]) {
+    fn walk_rows(
+        &self,
+        mesh: &Mesh,
+        axis: usize,
+        rows: std::ops::Range<usize>,
+        each: &mut impl FnMut(usize, i32, i32),
+    ) {
         let n = self.resolution;
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
         let centers: Vec<f64> = (0..n).map(|k| self.center(axis, k)).collect();
@@ -155,7 +190,7 @@ impl Grid {
             for (k, change) in changes[..n].iter().enumerate() {
                 before += change;
                 let at = k * strides[axis] + column % n * strides[u] + (rows.start + column / n) * strides[v];
-                votes[at] += u8::from(before != 0) + u8::from(total - before != 0);
+                each(at, before, total);
             }
         }
     }

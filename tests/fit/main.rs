@@ -4,6 +4,7 @@
 
 mod articulated;
 mod atlas;
+mod carved;
 #[path = "../common/mod.rs"]
 mod common;
 mod device;

@@ -7,7 +7,7 @@
 //! to the nearest point of the old surface, whose colours and wanted lengths they take. Vertices on creases move along them
 //! alone. The topology is kept: closed surfaces stay closed, components and handles are preserved.
 
-mod nearest;
+pub(super) mod nearest;
 mod sizing;
 mod surface;
 
@@ -56,6 +56,12 @@ pub fn evened(mesh: &Mesh, edge: f64) -> Result<Mesh> {
     let mut surface = Surface::of(mesh, &edges)?;
     surface.is_kept = false;
     remade(surface, mesh, &edges)
+}
+
+/// The nearest points of a mesh, which has one colour or vertex colours.
+pub(super) fn nearest(mesh: &Mesh) -> Result<Nearest> {
+    // The length of edges does not matter where none are changed.
+    Ok(Nearest::new(&Surface::of(mesh, &(1.0..=1.0))?))
 }
 
 fn validate(edges: &RangeInclusive<f64>) -> Result<()> {
