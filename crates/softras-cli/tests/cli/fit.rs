@@ -325,9 +325,41 @@ fn a_fit_begins_with_the_hull_and_tells_what_it_has_not_found() {
     assert!(found["iou_3d"].as_f64().unwrap() > 0.85, "{found}");
     let official = ["fit", "--from", "torus.obj", "--template", "hull", "--preset", "official", "-o", "o.obj"];
     fails(folder.path(), &official, 2, &["--template hull", "official"]);
-    let (said, found) = run("--template sphere");
+    let (said, found) = run("--template sphere --keep-topology");
     assert!(said.contains("covers a hole that is seen in view"), "{said}");
     assert_eq!(found["genus"].as_u64(), Some(0), "{found}");
+}
+
+/// A sphere around a torus covers its hole until the mesh is cut anew to the silhouettes; and a checkpoint knows the new mesh.
+#[test]
+fn a_hole_that_the_mesh_covers_is_cut_while_the_fit_runs() {
+    let folder = tempfile::tempdir().unwrap();
+    succeeds(folder.path(), &["mesh", "torus", "-o", "torus.obj"]);
+    let run = |extra: &str| {
+        let fit =
+            format!("fit --from torus.obj --views 12 --size 48 --iterations 60 -o out.obj --json log.json {extra}");
+        let output = softras(folder.path(), &fit.split_whitespace().collect::<Vec<_>>());
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(0), "{said}");
+        let mesh = std::fs::read_to_string(folder.path().join("out.obj")).unwrap();
+        (said, json(&folder.path().join("log.json"))["final"].clone(), mesh)
+    };
+    let iou = |found: &Value| found["iou_3d"].as_f64().unwrap();
+    let (said, kept, _) = run("--template sphere --keep-topology");
+    assert!(!said.contains("cut anew"), "{said}");
+    assert_eq!(kept["genus"].as_u64(), Some(0));
+    let (said, cut, _) = run("--template sphere --checkpoint fit.npz");
+    assert!(said.contains("step 18: the mesh covers a hole that is seen in view"), "{said}");
+    assert!(said.contains("it was cut anew to the silhouettes, and is now 1 part of genus 1 (mask IoU 0."), "{said}");
+    assert_eq!((cut["parts"].as_u64(), cut["genus"].as_u64()), (Some(1), Some(1)), "{said}");
+    assert!(iou(&cut) > iou(&kept) + 0.1, "{} and {}", iou(&cut), iou(&kept));
+    assert_eq!(cut["covered_holes_in_views"].as_array().map(Vec::len), Some(0));
+    let (_, resumed, _) = run("--template sphere --checkpoint fit.npz --resume");
+    assert_eq!(resumed["genus"].as_u64(), Some(1));
+    // What begins with the hole is what it is without this, to the bit.
+    let (said, _, hull) = run("");
+    assert!(!said.contains("cut anew"), "{said}");
+    assert_eq!(run("--keep-topology").2, hull);
 }
 
 #[test]

@@ -77,11 +77,10 @@ fn hull(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Option
     if args.template == "sphere" || !asked && sphere {
         return Ok(None);
     }
-    let (center, side) = (views.bounds.center.to_array(), 2.0 * views.bounds.radius);
+    let (center, side) = views.cube();
     let (height, width) = targets.size()?;
     let pixels = height.min(width);
-    let samples = ((SAMPLES_PER_PIXEL * pixels as f64) as usize).clamp(32, MOST_SAMPLES);
-    match targets.visual_hull(center, side, samples) {
+    match targets.visual_hull(center, side, samples(pixels)) {
         Ok(raw) => {
             let edge = args.method.edge.map_or(HULL_EDGE, |edge| edge.0) * side / pixels as f64;
             let hull = evened(&raw, edge)?;
@@ -102,6 +101,11 @@ fn hull(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Option
         }
         Err(error) => Err(error.into()),
     }
+}
+
+/// Samples along the hull's longest side for pictures of so many pixels along the shorter side.
+pub fn samples(pixels: usize) -> usize {
+    ((SAMPLES_PER_PIXEL * pixels as f64) as usize).clamp(32, MOST_SAMPLES)
 }
 
 /// The colour that a mesh needs for its renderings under the lights to be the targets', by least squares over the pixels in

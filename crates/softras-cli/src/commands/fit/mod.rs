@@ -14,6 +14,7 @@ mod film;
 mod maps;
 mod paint;
 mod plot;
+mod recut;
 mod report;
 mod setup;
 mod surface;
@@ -178,6 +179,14 @@ impl<'a> Work<'a> {
         }
     }
 
+    /// Goes on with another fit from a step on, and keeps the best mesh of the one before.
+    fn go_on_with(&mut self, fit: ShapeFit, step: usize, renderer: &mut Renderer) -> Result<(), Failure> {
+        self.keep_best(renderer)?;
+        self.engine = Engine::new(fit, self.targets, &self.setup.settings(step), self.args.method.host, renderer)?;
+        self.first = step;
+        Ok(())
+    }
+
     /// Keeps the engine's best mesh if it is better than the best so far.
     fn keep_best(&mut self, renderer: &mut Renderer) -> Result<(), Failure> {
         let Some((mesh, step)) = self.engine.best(renderer)? else { return Ok(()) };
@@ -217,19 +226,19 @@ impl Steps for Work<'_> {
     }
 
     fn pauses(&self, at: usize) -> bool {
-        self.saves(at) || self.setup.remakes(at) || self.film.shows(at)
+        self.saves(at) || self.setup.recuts(at) || self.setup.remakes(at) || self.film.shows(at)
     }
 
     fn pause(&mut self, at: usize, renderer: &mut Renderer) -> Result<(), Failure> {
         if self.saves(at) {
             self.write_checkpoint(at, renderer)?;
         }
+        if self.setup.recuts(at) {
+            self.recut(at, renderer)?;
+        }
         if self.setup.remakes(at) {
-            self.keep_best(renderer)?;
             let fit = self.setup.remade(self.engine.shape(renderer)?, at)?;
-            let settings = self.setup.settings(at);
-            self.engine = Engine::new(fit, self.targets, &settings, self.args.method.host, renderer)?;
-            self.first = at;
+            self.go_on_with(fit, at, renderer)?;
         }
         if self.film.shows(at) {
             let mesh = self.engine.shape(renderer)?.mesh().clone();

@@ -102,6 +102,16 @@ pub fn genus(mesh: &Mesh) -> Result<(usize, Option<usize>)> {
     Ok(Topology::new(mesh.positions().len(), mesh.triangles())?.parts_and_genus())
 }
 
+/// A mesh's parts and handles in words.
+pub fn shape(mesh: &Mesh) -> Result<String> {
+    genus(mesh).map(named)
+}
+
+fn named((parts, genus): (usize, Option<usize>)) -> String {
+    let parts = if parts == 1 { "1 part".into() } else { format!("{parts} parts") };
+    parts + &genus.map_or(String::new(), |genus| format!(" of genus {genus}"))
+}
+
 /// Scores of a mesh.
 #[derive(Default)]
 pub struct Scores {
@@ -237,10 +247,9 @@ impl Scores {
     /// The main scores as a sentence.
     pub fn sentence(&self) -> String {
         let solid = self.solid.map_or(String::new(), |iou| format!(", 3D IoU {iou:.4}"));
-        let genus = self.genus.map_or(String::new(), |genus| format!(" of genus {genus}"));
-        let parts = if self.parts == 1 { "1 part".into() } else { format!("{} parts", self.parts) };
+        let shape = named((self.parts, self.genus));
         let color = self.color.map_or(String::new(), |error| format!(", colour error {error:.4}"));
-        format!("mask IoU {:.4} over {} views{solid}{color}, {parts}{genus}", mean(&self.masks), self.masks.len())
+        format!("mask IoU {:.4} over {} views{solid}{color}, {shape}", mean(&self.masks), self.masks.len())
     }
 }
 
@@ -258,7 +267,9 @@ fn official_penalty(mesh: &Mesh) -> Result<f64> {
 pub fn tell(out: &Path, log: &Log, scores: &Scores, mesh: &Mesh) -> Result<(), Failure> {
     let (vertices, triangles) = (mesh.positions().len(), mesh.triangles().len());
     let least = log.losses().iter().map(|l| l.1).fold(f64::INFINITY, f64::min);
-    scores.unseen.sentences().iter().for_each(|sentence| note(sentence));
+    for reason in scores.unseen.reasons(1) {
+        note(&format!("the mesh {reason} (--template hull begins with the holes and parts of the silhouettes)"));
+    }
     let time = log.seconds().map_or(String::new(), |s| format!(", {:.1} ms a step", s * 1e3));
     say(&format!(
         "{}: {vertices} vertices, {triangles} triangles; loss {least:.5}, {}{time}",

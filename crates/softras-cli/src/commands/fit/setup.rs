@@ -2,6 +2,7 @@
 
 use super::args::{FitArgs, Lighting, Preset};
 use super::begin::{Begin, begin};
+use super::recut;
 use super::targets::Views;
 use crate::commands::Failure;
 use softras::fit::{ImageLoss, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions, Subdivision};
@@ -32,6 +33,10 @@ pub struct Setup {
     subdivide_at: Vec<usize>,
     subdivision: Subdivision,
     remesh_at: Vec<usize>,
+    /// Steps before which the topology is looked at.
+    recut_at: Vec<usize>,
+    /// The centre and the side of the cube around the object.
+    pub cube: ([f64; 3], f64),
     /// Edge length for remeshing, world units.
     edge: Schedule,
     /// The length of a pixel of the images about the middle of the object, world units.
@@ -83,6 +88,11 @@ impl Setup {
         // The rate is in world units, so it scales with the size of the object.
         let unit = if official { 1.0 } else { views.bounds.radius / REFERENCE_RADIUS };
         let (from, to) = method.rate.unwrap_or((default.0.0 * unit, default.0.1 * unit));
+        let iterations = method.iterations.unwrap_or(if begin.hull { HULL_ITERATIONS } else { ITERATIONS }) as usize;
+        // A mesh of a file keeps its triangles, which may be what the fit is for, and the official method has none of this.
+        let recuts = !(method.keep_topology || official || views.template.is_some());
+        // Never before the first step, where a sphere covers what it is yet to shrink from.
+        let at = |share: f64| (share * iterations as f64).ceil() as usize;
         Ok(Self {
             colored: args.colored(),
             options: options(args, official, &begin, views),
@@ -92,7 +102,9 @@ impl Setup {
             hull: begin.hull,
             faces: method.faces.into(),
             lights: views.lights.clone(),
-            iterations: method.iterations.unwrap_or(if begin.hull { HULL_ITERATIONS } else { ITERATIONS }) as usize,
+            iterations,
+            recut_at: if recuts { recut::SHARES.map(at).to_vec() } else { Vec::new() },
+            cube: views.cube(),
             stride,
             subdivide_at,
             subdivision: method.subdivision.into(),
@@ -111,6 +123,11 @@ impl Setup {
         self.subdivide_at.contains(&step) || self.remesh_at.contains(&step)
     }
 
+    /// Whether the topology is looked at before a step.
+    pub fn recuts(&self, step: usize) -> bool {
+        self.recut_at.contains(&step)
+    }
+
     /// The fit after subdividing or remeshing before a step.
     pub fn remade(&self, fit: &ShapeFit, step: usize) -> Result<ShapeFit, Failure> {
         let edge = self.edge.at_step(step, self.iterations);
@@ -118,9 +135,9 @@ impl Setup {
         Ok(if self.subdivide_at.contains(&step) { fit.subdivided(self.subdivision)? } else { fit })
     }
 
-    /// The mesh that a resumed fit starts from: the template, unless it was subdivided or remeshed before that step.
+    /// The mesh that a resumed fit starts from: the template, unless it may have got other triangles before that step.
     pub fn resumed(&self, step: usize, mesh: Mesh) -> Result<Mesh, Failure> {
-        if !self.subdivide_at.iter().chain(&self.remesh_at).any(|&at| at < step) {
+        if !self.subdivide_at.iter().chain(&self.remesh_at).chain(&self.recut_at).any(|&at| at < step) {
             return Ok(self.template.clone());
         }
         let appearance = match self.template.appearance() {

@@ -55,6 +55,11 @@ impl Views {
         args.texture && self.template.as_ref().is_some_and(textured)
     }
 
+    /// The centre and the side of the cube that a hull is carved in.
+    pub fn cube(&self) -> ([f64; 3], f64) {
+        (self.bounds.center.to_array(), 2.0 * self.bounds.radius)
+    }
+
     /// Reads or renders the views that the arguments ask for, and reads the mesh to begin with. None of the files read may
     /// be one that will be written.
     pub fn read(args: &FitArgs, written: &Files, renderer: &mut Renderer) -> Result<Self, Failure> {

@@ -12,6 +12,8 @@ const WRONG: f64 = 0.9;
 pub struct Unseen {
     pub covered: Vec<usize>,
     pub missed: Vec<usize>,
+    /// The pixels of the parts that are left out, counted through all views.
+    parts: Vec<usize>,
 }
 
 impl Unseen {
@@ -30,16 +32,19 @@ impl Unseen {
             if holes.iter().filter(|region| inner(region)).any(|region| wrong(region, true)) {
                 self.covered.push(first + view);
             }
-            if regions(&target, width, true).iter().any(|region| wrong(region, false)) {
+            let parts = regions(&target, width, true).into_iter().filter(|region| wrong(region, false)).flatten();
+            let before = self.parts.len();
+            self.parts.extend(parts.map(|pixel| (first + view) * target.len() + pixel));
+            if self.parts.len() > before {
                 self.missed.push(first + view);
             }
         }
     }
 
-    /// A sentence for each kind of what was not found.
-    pub fn sentences(&self) -> Vec<String> {
+    /// What the mesh does wrong, with the numbers of the views that show it, times `stride`.
+    pub fn reasons(&self, stride: usize) -> Vec<String> {
         let list = |views: &[usize]| {
-            let first: Vec<String> = views.iter().take(8).map(usize::to_string).collect();
+            let first: Vec<String> = views.iter().take(8).map(|view| (view * stride).to_string()).collect();
             let more = if views.len() > first.len() {
                 format!(" and {} more", views.len() - first.len())
             } else {
@@ -47,20 +52,21 @@ impl Unseen {
             };
             format!("{}{more}", first.join(", "))
         };
-        let mut sentences = Vec::new();
+        let mut reasons = Vec::new();
         if !self.covered.is_empty() {
-            let views = list(&self.covered);
-            sentences.push(format!(
-                "the mesh covers a hole that is seen in view {views} (--template hull begins with holes)"
-            ));
+            reasons.push(format!("covers a hole that is seen in view {}", list(&self.covered)));
         }
         if !self.missed.is_empty() {
-            let views = list(&self.missed);
-            sentences.push(format!(
-                "the mesh leaves out a part that is seen in view {views} (--template hull begins with it)"
-            ));
+            reasons.push(format!("leaves out a part that is seen in view {}", list(&self.missed)));
         }
-        sentences
+        reasons
+    }
+
+    /// The pixels of all parts that are left out as 1 in images like the targets; `None` where there are none.
+    pub fn missing(&self, targets: &Image) -> Option<Image> {
+        let mut marks = Image { data: vec![0.0; targets.data.len()], ..*targets };
+        self.parts.iter().for_each(|pixel| marks.data[*pixel] = 1.0);
+        (!self.parts.is_empty()).then_some(marks)
     }
 }
 
@@ -115,14 +121,20 @@ mod tests {
         let mut unseen = Unseen::default();
         unseen.add(0, &target, &target);
         assert_eq!(unseen, Unseen::default());
-        assert!(unseen.sentences().is_empty());
+        assert!(unseen.reasons(1).is_empty() && unseen.missing(&target).is_none());
         unseen.add(3, &picture(|r, c| block(r, c) || part(r, c)), &target);
         unseen.add(4, &picture(|r, c| block(r, c) && !hole(r, c)), &target);
         // A hole that is open to the outside is none, and a smaller one is not told.
         let open = picture(|r, c| block(r, c) && !(hole(r, c) || c < 4 && r == 5));
         unseen.add(5, &picture(block), &open);
         unseen.add(6, &picture(block), &picture(|r, c| block(r, c) && (r, c) != (5, 5)));
-        assert_eq!(unseen, Unseen { covered: vec![3], missed: vec![4] });
-        assert_eq!(unseen.sentences().len(), 2);
+        assert_eq!((&unseen.covered[..], &unseen.missed[..]), (&[3][..], &[4][..]));
+        let told = ["covers a hole that is seen in view 6", "leaves out a part that is seen in view 8"];
+        assert_eq!(unseen.reasons(2), told);
+        // All of the part, in the view that shows it, and nothing else.
+        let views = Image { batch: 7, data: target.data.repeat(7), ..target };
+        let marks = unseen.missing(&views).map(|marks| marks.data).unwrap_or_default();
+        let expected = (0..7 * 240).map(|i| f32::from(i / 240 == 4 && part(i % 240 / 20, i % 20)));
+        assert_eq!(marks, expected.collect::<Vec<f32>>());
     }
 }

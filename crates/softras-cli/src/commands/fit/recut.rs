@@ -1,0 +1,158 @@
+//! Changes of topology while a fit runs: a mesh that covers a hole of the pictures, leaves out one of their parts, or lies in
+//! itself is cut anew to the silhouettes.
+//!
+//! No step of a fit opens a hole: a film over it has to be torn, and the gradients of an outline do not tear. So at fixed
+//! shares of the steps the mesh's silhouettes are compared with the pictures, by holes and parts. Where they differ, the
+//! mesh's solid is cut to the silhouettes, meshed and remeshed to edges as long as those it had (or shorter), and the fit goes on with
+//! the new mesh, if that is no worse.
+
+use super::Work;
+use super::begin::samples;
+use super::setup::Setup;
+use super::targets::some;
+use super::unseen::Unseen;
+use crate::commands::{Failure, note, parts};
+use softras::fit::{ShapeFit, Targets, mask_iou};
+use softras::internals::fit::{Topology, evened, overlap};
+use softras::scene::{Outputs, SilhouetteAggregation};
+use softras::{Mesh, Renderer, Result, Scene, Settings};
+
+/// Shares of the steps before which the topology is looked at. At the first the mesh has reached the outlines, so that what is
+/// covered is a hole and no outline that is yet to come. The second sees what the first has left, with enough steps behind
+/// it for a new mesh to come to rest.
+pub const SHARES: [f64; 2] = [0.3, 0.6];
+/// A mesh lies in itself where it encloses more than this share of its solid twice or inside out. Folds at creases and at the
+/// tips of thin parts enclose less than a thousandth of it.
+const GROSS: f64 = 0.02;
+/// Voxels along a side of the mesh's cube by which that is counted.
+const VOXELS: usize = 64;
+
+/// Shares of the length that the edges had, tried one after the other where a mesh of such edges is no better: a cut leaves thin
+/// parts, such as a handle, which long edges cut off. A quarter gives sixteen times the triangles, some 20000 of the sphere's.
+const FINER: [f64; 2] = [0.5, 0.25];
+
+/// What is wrong with the topology of a mesh, and how near its silhouettes are.
+struct Found {
+    unseen: Unseen,
+    /// The share of the solid that is enclosed other than once.
+    overlap: f64,
+    /// The mean mask IoU of the fitted views.
+    iou: f64,
+}
+
+impl Found {
+    fn of(mesh: &Mesh, targets: &Targets, settings: &Settings, renderer: &mut Renderer) -> Result<Self> {
+        let (height, width) = targets.size()?;
+        let settings = Settings {
+            height: height as u32,
+            width: width as u32,
+            outputs: Outputs { color: false, silhouette: true, depth: false, normal: false },
+            silhouette: SilhouetteAggregation::Hard,
+            sigma: 1e-7,
+            ..settings.clone()
+        };
+        let (mut unseen, mut iou) = (Unseen::default(), 0.0);
+        let scene = Scene::new(mesh.clone());
+        parts::in_batches(renderer, &scene, &targets.cameras, &settings, |views, frame| {
+            if let (Some(image), Some(target)) = (frame.silhouette(), &targets.silhouette) {
+                let target = some(target, views.clone());
+                unseen.add(views.start, image, &target);
+                iou += mask_iou(image, &target)?.iter().sum::<f64>();
+            }
+            Ok(())
+        })?;
+        let overlap = overlap(mesh, VOXELS)?;
+        Ok(Self { unseen, overlap, iou: iou / targets.cameras.len().max(1) as f64 })
+    }
+
+    fn views(&self) -> usize {
+        self.unseen.covered.len() + self.unseen.missed.len()
+    }
+
+    fn is_wrong(&self) -> bool {
+        self.views() > 0 || self.overlap > GROSS
+    }
+
+    /// Whether a mesh of these findings is to take the place of another: it is nearer to the silhouettes, or as near, and less
+    /// is wrong with it.
+    fn replaces(&self, old: &Self) -> bool {
+        let fewer = self.views() < old.views() || old.overlap > GROSS && self.overlap <= GROSS;
+        self.iou >= old.iou && self.views() <= old.views() && fewer
+    }
+
+    /// What is wrong, with the views counted as they were given, of which every `stride`-th is fitted.
+    fn reasons(&self, stride: usize) -> String {
+        let mut reasons = self.unseen.reasons(stride);
+        if self.overlap > GROSS {
+            reasons.push(format!("lies in itself by {:.0} % of its solid", 100.0 * self.overlap));
+        }
+        reasons.join(" and ")
+    }
+}
+
+impl Work<'_> {
+    /// Cuts the mesh anew to the silhouettes before a step at which that is looked at, where its topology is wrong and the new mesh
+    /// is better.
+    pub fn recut(&mut self, step: usize, renderer: &mut Renderer) -> Result<(), Failure> {
+        let (setup, targets, settings) = (self.setup, self.targets, self.setup.settings(step));
+        if targets.silhouette.is_none() {
+            return Ok(());
+        }
+        let old = self.engine.shape(renderer)?.mesh().clone();
+        let before = Found::of(&old, targets, &settings, renderer)?;
+        if !before.is_wrong() {
+            return Ok(());
+        }
+        let what = format!("step {step}: the mesh {}", before.reasons(setup.stride));
+        let (new, after) = match cut(&old, &before, setup, (targets, &settings), renderer) {
+            Ok(new) => new,
+            Err(error) => {
+                note(&format!("{what}; it stays as it is, since it cannot be cut to the silhouettes: {error}"));
+                return Ok(());
+            }
+        };
+        let ious = format!("mask IoU {:.4}, before {:.4}", after.iou, before.iou);
+        if !after.replaces(&before) {
+            note(&format!("{what}; cut anew to the silhouettes it would be no better ({ious}), and it stays as it is"));
+            return Ok(());
+        }
+        let shape = super::report::shape(&new)?;
+        note(&format!("{what}; it was cut anew to the silhouettes, and is now {shape} ({ious})"));
+        self.go_on_with(ShapeFit::new(new, setup.lights.clone(), setup.options.clone())?, step, renderer)
+    }
+}
+
+/// The mesh cut to the silhouettes with the parts that it leaves out, of the longest edges that make it better, or of the shortest.
+fn cut(
+    mesh: &Mesh,
+    before: &Found,
+    setup: &Setup,
+    (targets, settings): (&Targets, &Settings),
+    renderer: &mut Renderer,
+) -> Result<(Mesh, Found)> {
+    let (height, width) = targets.size()?;
+    let missing = targets.silhouette.as_ref().and_then(|silhouette| before.unseen.missing(silhouette));
+    let (center, side) = setup.cube;
+    let raw = targets.carved(mesh, missing.as_ref(), center, side, samples(height.min(width)))?;
+    let mut with_edges = |share: f64| -> Result<(Mesh, Found)> {
+        let new = evened(&raw, share * edge(mesh)?)?;
+        let found = Found::of(&new, targets, settings, renderer)?;
+        Ok((new, found))
+    };
+    let mut last = with_edges(1.0)?;
+    for share in FINER {
+        if last.1.replaces(before) {
+            break;
+        }
+        last = with_edges(share)?;
+    }
+    Ok(last)
+}
+
+/// The mean length of a mesh's edges.
+fn edge(mesh: &Mesh) -> Result<f64> {
+    let topology = Topology::new(mesh.positions().len(), mesh.triangles())?;
+    let at = |v: u32| softras::glam::DVec3::from(mesh.positions()[v as usize].map(f64::from));
+    let whole: f64 = topology.edges().iter().map(|&[a, b]| at(a).distance(at(b))).sum();
+    Ok(whole / topology.edges().len().max(1) as f64)
+}
