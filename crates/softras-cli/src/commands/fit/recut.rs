@@ -21,8 +21,8 @@ use softras::{Mesh, Renderer, Result, Scene, Settings};
 /// covered is a hole and no outline that is yet to come. The second sees what the first has left, with enough steps behind
 /// it for a new mesh to come to rest.
 pub const SHARES: [f64; 2] = [0.3, 0.6];
-/// A mesh lies in itself where it encloses more than this share of its solid twice or inside out. Folds at creases and at the
-/// tips of thin parts enclose less than a thousandth of it.
+/// A mesh lies in itself where it encloses more than this share of its solid twice or inside out. Of most fits that is nothing at
+/// 64 voxels a side, and of a chair that was drawn out of a sphere 1.3 %, by folds that steps may still draw out.
 const GROSS: f64 = 0.02;
 /// Voxels along a side of the mesh's cube by which that is counted.
 const VOXELS: usize = 64;
