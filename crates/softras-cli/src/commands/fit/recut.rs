@@ -156,3 +156,28 @@ fn edge(mesh: &Mesh) -> Result<f64> {
     let whole: f64 = topology.edges().iter().map(|&[a, b]| at(a).distance(at(b))).sum();
     Ok(whole / topology.edges().len().max(1) as f64)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn found(covered: &[usize], overlap: f64, iou: f64) -> Found {
+        let mut unseen = Unseen::default();
+        unseen.covered.extend(covered);
+        Found { unseen, overlap, iou }
+    }
+
+    #[test]
+    fn a_mesh_replaces_another_where_less_is_wrong_and_nothing_is_worse() {
+        let old = found(&[1, 4], 0.0, 0.9);
+        assert!(old.is_wrong() && found(&[4], 0.0, 0.9).replaces(&old));
+        for no_better in [found(&[1, 4], 0.0, 0.95), found(&[], 0.0, 0.89), found(&[0, 1, 4], 0.0, 0.99)] {
+            assert!(!no_better.replaces(&old), "{:?} {}", no_better.unseen, no_better.iou);
+        }
+        assert_eq!(old.reasons(5), "covers a hole that is seen in view 5, 20");
+        let folded = found(&[], 2.0 * GROSS, 0.9);
+        assert!(folded.is_wrong() && found(&[], 0.5 * GROSS, 0.9).replaces(&folded));
+        assert!(!found(&[2], 0.0, 0.95).replaces(&folded) && !found(&[], 0.0, 0.9).is_wrong());
+        assert_eq!(folded.reasons(1), "lies in itself by 4 % of its solid");
+    }
+}
