@@ -309,8 +309,8 @@ pub struct MethodArgs {
     #[arg(long, value_name = "STEP", value_delimiter = ',')]
     pub remesh_at: Vec<u32>,
     /// Leave the mesh the holes and parts that it begins with. Else a mesh that covers a hole of the pictures, leaves out a part or
-    /// lies in itself is cut anew to the silhouettes after 0.3 and 0.6 of the steps, unless --template is a mesh file or --preset
-    /// official
+    /// lies in itself is cut anew to the silhouettes after 0.3 and 0.6 of the steps, unless --template is a mesh file, with
+    /// --preset official and with --baselines
     #[arg(long)]
     pub keep_topology: bool,
     /// Edge length of a hull and for --remesh-at in pixels of the images, constant or from the first to the last step: 1.5 or

@@ -89,8 +89,9 @@ impl Setup {
         let unit = if official { 1.0 } else { views.bounds.radius / REFERENCE_RADIUS };
         let (from, to) = method.rate.unwrap_or((default.0.0 * unit, default.0.1 * unit));
         let iterations = method.iterations.unwrap_or(if begin.hull { HULL_ITERATIONS } else { ITERATIONS }) as usize;
-        // A mesh of a file keeps its triangles, which may be what the fit is for, and the official method has none of this.
-        let recuts = !(method.keep_topology || official || views.template.is_some());
+        // A mesh of a file keeps its triangles, which may be what the fit is for, and the official method has none of this. Nor have
+        // the baselines, from which a fit beside them is to differ by one thing each.
+        let recuts = !(method.keep_topology || method.baselines || official || views.template.is_some());
         // Never before the first step, where a sphere covers what it is yet to shrink from.
         let at = |share: f64| (share * iterations as f64).ceil() as usize;
         Ok(Self {
