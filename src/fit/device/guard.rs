@@ -106,7 +106,8 @@ mod tests {
         let projection = Projection::Orthographic { half_height: 1.0 };
         let camera = |azimuth: f64| Camera::from_angles(5.0, 0.0, azimuth, projection).unwrap();
         let around: Vec<Camera> = (0..8).map(|i| camera(45.0 * f64::from(i))).collect();
-        let ring: Vec<[f32; 3]> = (0..16).map(|i| (i as f32 * 0.392_7).sin_cos()).map(|(x, z)| [x, 0.0, z]).collect();
+        let ring: Vec<[f32; 3]> =
+            (0..16).map(|i| (i as f32 * std::f32::consts::FRAC_PI_8).sin_cos()).map(|(x, z)| [x, 0.0, z]).collect();
         let near_and_far = |reach: f64| Settings { near: 5.0 - reach, far: 5.0 + reach, ..Settings::default() };
         let none = DepthSpan { crosses_near: false, crosses_far: false };
         // The corners of the ring's box are 1.41 from its centre.
