@@ -1,9 +1,10 @@
 //! Meshes cut to silhouettes: holes open, parts come, overlaps go, and what no silhouette speaks against stays.
 
 use crate::common::renderer;
+use crate::hull::{both, genus, moved};
 use glam::DVec3;
 use softras::fit::Targets;
-use softras::internals::fit::{Topology, Voxels, evened, is_closed, overlap};
+use softras::internals::fit::{Voxels, evened, is_closed, overlap};
 use softras::scene::Appearance;
 use softras::{Camera, Error, Image, Mesh, Projection, Renderer, Scene, Settings, shapes};
 
@@ -22,22 +23,6 @@ fn silhouettes(renderer: &mut Renderer, mesh: &Mesh) -> Targets {
 
 fn carved(targets: &Targets, mesh: &Mesh, missing: Option<&Image>) -> Mesh {
     targets.carved(mesh, missing, [0.0; 3], 3.0, 64).unwrap()
-}
-
-fn genus(mesh: &Mesh) -> (usize, Option<usize>) {
-    Topology::new(mesh.positions().len(), mesh.triangles()).unwrap().parts_and_genus()
-}
-
-fn moved(mesh: &Mesh, scale: f32, by: [f32; 3]) -> Mesh {
-    let positions = mesh.positions().iter().map(|p| [0, 1, 2].map(|k| scale * p[k] + by[k])).collect();
-    Mesh::new(positions, mesh.triangles().to_vec()).unwrap()
-}
-
-fn both(a: &Mesh, b: &Mesh) -> Mesh {
-    let count = a.positions().len() as u32;
-    let positions = [a.positions(), b.positions()].concat();
-    let triangles = a.triangles().iter().copied().chain(b.triangles().iter().map(|t| t.map(|v| v + count)));
-    Mesh::new(positions, triangles.collect()).unwrap()
 }
 
 /// A voxel of the result is inside where it is inside the ball of radius `radius` and in every silhouette. Voxels within a pixel

@@ -25,7 +25,8 @@ fn hull(renderer: &mut Renderer, mesh: &Mesh, projection: Projection) -> Mesh {
     silhouettes(renderer, mesh, projection).visual_hull([0.0; 3], 3.0, 64).unwrap()
 }
 
-fn genus(mesh: &Mesh) -> (usize, Option<usize>) {
+/// Parts, and handles where it is closed.
+pub fn genus(mesh: &Mesh) -> (usize, Option<usize>) {
     Topology::new(mesh.positions().len(), mesh.triangles()).unwrap().parts_and_genus()
 }
 
@@ -35,12 +36,14 @@ fn volume(mesh: &Mesh) -> f64 {
     mesh.triangles().iter().map(|t| corner(t[0]).dot(corner(t[1]).cross(corner(t[2]))) / 6.0).sum()
 }
 
-fn moved(mesh: &Mesh, scale: f32, by: [f32; 3]) -> Mesh {
+/// The mesh scaled and then moved.
+pub fn moved(mesh: &Mesh, scale: f32, by: [f32; 3]) -> Mesh {
     let positions = mesh.positions().iter().map(|p| [0, 1, 2].map(|k| scale * p[k] + by[k])).collect();
     Mesh::new(positions, mesh.triangles().to_vec()).unwrap()
 }
 
-fn both(a: &Mesh, b: &Mesh) -> Mesh {
+/// Two meshes as one.
+pub fn both(a: &Mesh, b: &Mesh) -> Mesh {
     let count = a.positions().len() as u32;
     let positions = [a.positions(), b.positions()].concat();
     let triangles = a.triangles().iter().copied().chain(b.triangles().iter().map(|t| t.map(|v| v + count)));
