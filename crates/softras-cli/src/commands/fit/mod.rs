@@ -191,7 +191,13 @@ impl<'a> Work<'a> {
     fn keep_best(&mut self, renderer: &mut Renderer) -> Result<(), Failure> {
         let Some((mesh, step)) = self.engine.best(renderer)? else { return Ok(()) };
         let step = self.first + step;
-        if self.best.as_ref().is_none_or(|(_, best)| self.log.loss(step) < self.log.loss(*best)) {
+        // Losses of different views are not comparable, but means over the steps that take all views once are.
+        let turn = match self.setup.options.views_per_step {
+            0 => 1,
+            count => self.targets.cameras.len().div_ceil(count),
+        };
+        let loss = |step: usize| self.log.loss(step, turn);
+        if self.best.as_ref().is_none_or(|(_, best)| loss(step) < loss(*best)) {
             self.best = Some((mesh, step));
         }
         Ok(())

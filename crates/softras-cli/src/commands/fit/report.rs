@@ -31,9 +31,11 @@ impl Log {
         self.steps.push((step, found, seconds));
     }
 
-    /// The loss of a step; infinite where it was not taken.
-    pub fn loss(&self, step: usize) -> f64 {
-        self.steps.iter().find(|s| s.0 == step).map_or(f64::INFINITY, |s| s.1.loss)
+    /// The mean loss of a step and those before it, `turn` steps in all; infinite where none was taken.
+    pub fn loss(&self, step: usize, turn: usize) -> f64 {
+        let steps = self.steps.iter().filter(|s| s.0 <= step && step < s.0 + turn);
+        let losses: Vec<f64> = steps.map(|s| s.1.loss).collect();
+        if losses.is_empty() { f64::INFINITY } else { mean(&losses) }
     }
 
     /// All steps with their losses.
@@ -281,6 +283,17 @@ pub fn tell(out: &Path, log: &Log, scores: &Scores, mesh: &Mesh) -> Result<(), F
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_loss_of_a_step_is_a_mean_over_a_turn() {
+        let mut log = Log::default();
+        for (step, loss) in [(4, 3.0), (5, 1.0), (6, 5.0), (7, 2.0)] {
+            let [silhouette, color, depth, normal] = [0.0; 4];
+            log.add(step, Step { loss, silhouette, color, depth, normal, regularizers: Vec::new() }, 0.0);
+        }
+        assert_eq!((log.loss(6, 1), log.loss(7, 3), log.loss(5, 3)), (5.0, 8.0 / 3.0, 2.0));
+        assert_eq!(log.loss(3, 1), f64::INFINITY);
+    }
 
     #[test]
     fn no_image_overlaps_a_grey_target_more_than_this() {
