@@ -36,8 +36,10 @@ layout(set = 0, binding = 13, std430) writeonly buffer ItemMarks { uint item_mar
 #include "common/hidden.glsl"
 #include "common/relevance.glsl"
 
-// Lanes that share an item which is not small.
-layout(constant_id = 24) const uint LANES = 8u;
+// Pixels of the largest small item, which one lane processes alone: if it is visible in the shaded images, and if it contributes
+// to the silhouette only.
+layout(constant_id = 24) const uint SMALL_SHOWN_PIXELS = 8u;
+layout(constant_id = 32) const uint SMALL_OUTLINE_PIXELS = 64u;
 // Lanes of a workgroup of small items.
 layout(constant_id = 31) const uint SMALL_LANES = 8u;
 
@@ -79,8 +81,8 @@ uint mark_of(uint index, uvec2 part, out bool is_long) {
     }
     Relevance relevance = relevance_of(item);
     // Further cells are never small, because backward_long has all lanes share them.
-    uint most = relevance.shows ? SMALL_SHOWN_WORK : SMALL_OUTLINE_WORK;
-    bool small = is_record && uint(item.size.x * item.size.y) * LANES <= most;
+    uint most = relevance.shows ? SMALL_SHOWN_PIXELS : SMALL_OUTLINE_PIXELS;
+    bool small = is_record && uint(item.size.x * item.size.y) <= most;
     bool listed = relevance.shows || relevance.outlines;
     if (listed) {
         uint entry = entry_on_list(index, relevance.shows ? ITEMS_SHOWN : ITEMS_OUTLINE, small);

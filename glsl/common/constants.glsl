@@ -204,13 +204,6 @@ const uint MARK_FURTHER_BIT = 2u;
 const uint NO_RECORD = 0xffffffffu;
 // Cells of a record that one turn of backward_long processes. With one lane a cell takes 1106 passes of loops.
 const uint CELLS_PER_TURN = 48u;
-// Pixels of the largest small item, which one lane processes alone, times the lanes of a workgroup: 32 pixels with eight
-// lanes if it is visible in the shaded images. Measured on spot with eight lanes: 16 to 64 pixels are within 3 % of each
-// other at 64² and at 256², 1 pixel takes 1.6 times as long at 64², 256 pixels 1.1 times at 256².
-const uint SMALL_SHOWN_WORK = 256u;
-// The same for items that contribute to the silhouette only, whose pixels are less work and whose lists are uneven.
-const uint SMALL_OUTLINE_WORK = 2048u;
-
 // Lanes of a workgroup of small items where its subgroups need nothing of each other. Every workgroup takes llvmpipe an
 // allocation: with 64 in place of 8 lanes silhouettes of 64² and 256² take 0.95 of the time, colours 0.99.
 const uint SMALL_GROUP = 64u;

@@ -280,7 +280,12 @@ impl Rasterizer {
     fn backward_pipelines(&self, plan: &GradientPlan) -> Result<[Pipeline; BACKWARD_COUNT]> {
         let lanes = self.lanes;
         let small_lanes = passes::small_lanes(&self.device, lanes);
-        let of_all = plan.backward.modes.list().into_iter().chain([("LANES", lanes), ("SMALL_LANES", small_lanes)]);
+        let [small_shown, small_outline] = passes::small_pixels(&self.device, lanes);
+        let of_all = plan.backward.modes.list().into_iter().chain([
+            ("SMALL_LANES", small_lanes),
+            ("SMALL_SHOWN_PIXELS", small_shown),
+            ("SMALL_OUTLINE_PIXELS", small_outline),
+        ]);
         let modes = BackwardStage::ALL.map(|stage| of_all.clone().chain(stage.modes()).collect::<Vec<_>>());
         self.pipelines(BackwardStage::ALL.map(|stage| Request {
             // As for frames.
