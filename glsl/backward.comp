@@ -56,6 +56,7 @@ const bool SHOWS = uint(UP_SHADED) * uint(!OUTLINE) != 0u;
 #include "common/pair.glsl"
 #include "common/texel_gradient.glsl"
 #include "common/pair_gradient.glsl"
+#include "common/row_walk.glsl"
 
 // Lanes that share an item.
 const int WALKERS = SMALL ? 1 : int(gl_WorkGroupSize.x);
@@ -109,12 +110,8 @@ void add_faded(ItemTriangle item, Pair pairs[PAIRS], PixelGradient g[PAIRS], Fra
 }
 
 // Adds the gradients of a lane's next pixels.
-void add_pairs(ItemTriangle item, Walk walk, int index, inout Sums s) {
-    Pair pairs[PAIRS];
+void add_pairs(ItemTriangle item, Pair pairs[PAIRS], inout Sums s) {
     PixelGradient g[PAIRS];
-    for (int i = 0; i < PAIRS; ++i) {
-        pairs[i] = pair_at(walk, index + i * WALKERS);
-    }
     for (int i = 0; i < PAIRS; ++i) {
         g[i] = pixel_gradient_at(pairs[i].entry);
     }
@@ -233,7 +230,40 @@ Walk walk_of(Item item, vec2 origin) {
     int width = int(frame.width);
     int entry = (item.view * int(frame.height) + item.first.y) * width + item.first.x;
     return Walk(item.size.x * item.size.y, float(item.size.x), 1.0 / float(item.size.x), vec2(item.first) - origin, entry,
-                width - item.size.x);
+                float(width));
+}
+
+// Adds the gradients of the pixels that this lane has of an item which the lanes share. No item is empty, so that the loop can
+// test its condition at the end, where llvmpipe does not execute the body once more. All lanes take the same number of turns.
+void add_shared(ItemTriangle triangle, Walk walk, inout Sums s) {
+    int turns = (walk.count + STEP - 1) / STEP;
+    int index = int(gl_LocalInvocationID.x);
+    do {
+        Pair pairs[PAIRS];
+        for (int i = 0; i < PAIRS; ++i) {
+            pairs[i] = pair_at(walk, index + i * WALKERS);
+        }
+        add_pairs(triangle, pairs, s);
+        index += STEP;
+        --turns;
+    } while (turns > 0);
+}
+
+// Adds the gradients of a small item's pixels, if the lane has one. All lanes take the turns of the one with the most: in Mesa 22.3
+// a lane that has left the loop still takes branches of its body.
+void add_alone(ItemTriangle triangle, Walk walk, ivec2 size, bool exists, inout Sums s) {
+    ColumnBounds bounds = column_bounds_of(triangle.edges, walk, size);
+    Place place = first_place(bounds, exists);
+    bool any;
+    do {
+        Pair pairs[PAIRS];
+        for (int i = 0; i < PAIRS; ++i) {
+            pairs[i] = pair_after(walk, place, i);
+        }
+        add_pairs(triangle, pairs, s);
+        place = advanced(place, bounds, float(PAIRS));
+        any = least_of_lanes(vec2(has_pixels(place, bounds) ? 0.0 : 1.0)).x == 0.0;
+    } while (any);
 }
 
 #ifdef LONG
@@ -263,18 +293,11 @@ void main() {
     ItemTriangle triangle = item_triangle_of(item.record_index);
     Walk walk = walk_of(item, triangle.edges.origin);
     Sums s = no_sums();
-    // No item is empty, so that the loop can test its condition at the end, where llvmpipe does not execute the body once
-    // more. All lanes take the same number of turns, the largest: in Mesa 22.3 a lane that has left the loop still takes
-    // branches of its body.
-    int turns = (walk.count + STEP - 1) / STEP;
-    turns = SMALL ? -int(least_of_lanes(vec2(-turns)).x) : turns;
-    // A lane without an item starts past its last pixel.
-    int index = exists ? lane : walk.count;
-    do {
-        add_pairs(triangle, walk, index, s);
-        index += STEP;
-        --turns;
-    } while (turns > 0);
+    if (SMALL) {
+        add_alone(triangle, walk, item.size, exists, s);
+    } else {
+        add_shared(triangle, walk, s);
+    }
     if (GRAD_GEOMETRY) {
         corners_from_barycentrics(triangle.edges, walk.first, s);
     }

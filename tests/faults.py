@@ -24,6 +24,7 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 FRAGMENT, FORWARD = "glsl/common/fragment.glsl", "glsl/forward.comp"
 SOFT, WALK = "glsl/forward_soft.comp", "glsl/common/walked_tile.glsl"
 PAIR, PIXELS = "glsl/common/pair_gradient.glsl", "glsl/common/pair.glsl"
+ROWS = "glsl/common/row_walk.glsl"
 
 # What is broken, where, the text, what stands there instead, and the tests that should see it (a test binary and
 # a filter by name).
@@ -55,6 +56,12 @@ FAULTS = [
      "let walks = vertex_passes(input) <= modes.loop_passes.into();",
      "let walks = vertex_passes(input) > 0 && input.forward.push.cell_capacity < 30000;",
      [("gradient", "per_vertex::they_do_not")]),
+    ("a column short in the rows of a lane", ROWS, "float count = greater(to - from + 1.0, 0.0);",
+     "float count = greater(to - from, 0.0);", [("gradient", "hazards::")]),
+    ("rows cut at the triangle's own edges", ROWS, "reach = 1.001 * reach + 0.01 * frame.scale;", "reach = 0.0;",
+     [("gradient", "hazards::")]),
+    ("pixels of the row below taken twice", ROWS, "next.left = ends ? greater(p.below.y - over, 0.0) : p.left - count;",
+     "next.left = ends ? p.below.y : p.left - count;", [("gradient", "hazards::")]),
     ("sign of a vertex's pull", PAIR, "float pull = inside ? -2.0 * LN2 * by_x", "float pull = inside ? 2.0 * LN2 * by_x",
      [("gradient", "hazards::")]),
     ("clamp of barycentrics left out", FRAGMENT, "return vec3(lesser(greater(b.x, 1e-20), 1.0),",

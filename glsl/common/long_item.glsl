@@ -18,13 +18,7 @@ void add_item(Item item, ItemTriangle triangle) {
     int lane = int(gl_LocalInvocationID.x);
     Walk walk = walk_of(item, triangle.edges.origin);
     Sums s = no_sums();
-    int turns = (walk.count + STEP - 1) / STEP;
-    int index = lane;
-    do {
-        add_pairs(triangle, walk, index, s);
-        index += STEP;
-        --turns;
-    } while (turns > 0);
+    add_shared(triangle, walk, s);
     if (GRAD_GEOMETRY) {
         corners_from_barycentrics(triangle.edges, walk.first, s);
     }

@@ -24,9 +24,9 @@ struct Walk {
     float inverse_width;
     // Column and row of the first pixel relative to the record's origin.
     vec2 first;
-    // Index of the first pixel in the images, and the pixels there from the end of a row to the next row's start.
+    // Index of the first pixel in the images, and the width of these.
     int first_entry;
-    int row_gap;
+    float image_width;
 };
 
 // One pixel of an item.
@@ -40,12 +40,16 @@ struct Pair {
     bool exists;
 };
 
+// An item has at most 32 rows, so that a float holds the distance in the images exactly.
+Pair pair_of(Walk w, vec2 local, bool exists) {
+    return Pair(local, w.first + local, w.first_entry + int(local.y * w.image_width + local.x), exists);
+}
+
 Pair pair_at(Walk w, int index) {
     int at = min(index, w.count - 1);
     float number = float(at);
     float row = floor((number + 0.5) * w.inverse_width);
-    vec2 local = vec2(number - row * w.width, row);
-    return Pair(local, w.first + local, w.first_entry + at + int(row) * w.row_gap, index < w.count);
+    return pair_of(w, vec2(number - row * w.width, row), index < w.count);
 }
 
 // What pixel_grad.comp computed for a pixel.

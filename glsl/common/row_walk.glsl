@@ -1,0 +1,94 @@
+// The pixels of a small item as one lane walks them: row by row, of each row those between the edges' half-planes grown by the
+// culling radius. Elsewhere in the box every fragment is dropped, so that the sums have the same bits. On spot at 256² a lane
+// takes 0.82 of the pixels of the box.
+// Needs pair.glsl and extremes.glsl.
+
+// The first and the last column that each edge leaves of a row: in row 0 and the change per row. An edge bounds one side alone.
+struct ColumnBounds {
+    vec3 first;
+    vec3 first_step;
+    vec3 last;
+    vec3 last_step;
+    float last_column;
+    float last_row;
+};
+
+// Where a lane is: `left` pixels of the row from `column` on are to be taken, then those of the row below it.
+struct Place {
+    float row;
+    float column;
+    float left;
+    // First column and number of pixels in the row below.
+    vec2 below;
+};
+
+// What an edge's normal has across the columns at least, for the edge to bound them: a bound by a flatter edge loses digits.
+const float STEEP = 0.01;
+
+void bound_by(vec4 line, float inverse_height, Walk walk, int k, inout ColumnBounds b) {
+    float reach = DISTANCE == DISTANCE_BARYCENTRIC ? frame.barycentric_radius / inverse_height : sqrt(frame.radius_squared);
+    // A thousandth and a hundredth of a pixel cover rounding.
+    reach = 1.001 * reach + 0.01 * frame.scale;
+    float inverse = -1.0 / (abs(line.x) > STEEP * frame.scale ? line.x : frame.scale);
+    float column = (line.x * walk.first.x + line.y * walk.first.y + line.z + reach) * inverse;
+    float column_step = line.y * inverse;
+    // Not by the end lines of a triangle without area, whose inverse height is not positive, nor by the line of a point.
+    bool bounds = inverse_height > 0.0 && line.z < 1e14;
+    bool low = bounds && line.x > STEEP * frame.scale;
+    bool high = bounds && line.x < -STEEP * frame.scale;
+    b.first[k] = low ? column : 0.0;
+    b.first_step[k] = low ? column_step : 0.0;
+    b.last[k] = high ? column : b.last_column;
+    b.last_step[k] = high ? column_step : 0.0;
+}
+
+ColumnBounds column_bounds_of(Triangle t, Walk walk, ivec2 size) {
+    ColumnBounds b;
+    b.last_column = float(size.x - 1);
+    b.last_row = float(size.y - 1);
+    bound_by(t.line0, t.inverse_height.x, walk, 0, b);
+    bound_by(t.line1, t.inverse_height.y, walk, 1, b);
+    bound_by(t.line2, t.inverse_height.z, walk, 2, b);
+    return b;
+}
+
+// The first column of a row and the number of its pixels; none past the last row.
+vec2 span_of(ColumnBounds b, float row) {
+    vec3 first = b.first + b.first_step * row;
+    vec3 last = b.last + b.last_step * row;
+    float from = ceil(greater(greater(first.x, first.y), greater(first.z, 0.0)));
+    float to = floor(lesser(lesser(last.x, last.y), lesser(last.z, b.last_column)));
+    float count = greater(to - from + 1.0, 0.0);
+    return vec2(from, row <= b.last_row ? count : 0.0);
+}
+
+// The first place of a lane, or the place past the end.
+Place first_place(ColumnBounds b, bool exists) {
+    vec2 own = span_of(b, 0.0);
+    return Place(exists ? 0.0 : b.last_row + 1.0, own.x, exists ? own.y : 0.0, exists ? span_of(b, 1.0) : vec2(0.0));
+}
+
+bool has_pixels(Place p, ColumnBounds b) {
+    return p.row < b.last_row || (p.row == b.last_row && p.left > 0.0);
+}
+
+// The pixel `i` places further, within this row and the one below it.
+Pair pair_after(Walk walk, Place p, int i) {
+    float over = float(i) - p.left;
+    bool here = over < 0.0;
+    bool exists = over < p.below.y;
+    vec2 local = vec2(here ? p.column + float(i) : p.below.x + over, here ? p.row : p.row + 1.0);
+    return pair_of(walk, vec2(exists ? local.x : 0.0, exists ? local.y : 0.0), exists);
+}
+
+// The place after `count` pixels; fewer where this row and the one below it have no more.
+Place advanced(Place p, ColumnBounds b, float count) {
+    float over = count - p.left;
+    bool ends = over >= 0.0;
+    Place next;
+    next.row = ends ? p.row + 1.0 : p.row;
+    next.column = ends ? p.below.x + over : p.column + count;
+    next.left = ends ? greater(p.below.y - over, 0.0) : p.left - count;
+    next.below = span_of(b, next.row + 1.0);
+    return next;
+}
