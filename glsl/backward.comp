@@ -250,20 +250,29 @@ void add_shared(ItemTriangle triangle, Walk walk, inout Sums s) {
 }
 
 // Adds the gradients of a small item's pixels, if the lane has one. All lanes take the turns of the one with the most: in Mesa 22.3
-// a lane that has left the loop still takes branches of its body.
+// a lane that has left the loop still takes branches of its body. Where the lanes ask each other by shuffles, they ask after each
+// turn; elsewhere that would take barriers, and each counts its turns before.
 void add_alone(ItemTriangle triangle, Walk walk, ivec2 size, bool exists, inout Sums s) {
     ColumnBounds bounds = column_bounds_of(triangle.edges, walk, size);
     Place place = first_place(bounds, exists);
-    bool any;
+#ifdef SUBGROUP_RECORDS
+    int turns = 0;
+#else
+    int turns = -int(least_of_lanes(vec2(-turns_of(place, bounds, PAIRS))).x);
+#endif
     do {
         Pair pairs[PAIRS];
         for (int i = 0; i < PAIRS; ++i) {
             pairs[i] = pair_after(walk, place, i);
         }
         add_pairs(triangle, pairs, s);
-        place = advanced(place, bounds, float(PAIRS));
-        any = least_of_lanes(vec2(has_pixels(place, bounds) ? 0.0 : 1.0)).x == 0.0;
-    } while (any);
+        place = advanced(place, bounds, PAIRS);
+#ifdef SUBGROUP_RECORDS
+        turns = int(bits_of_lanes(has_pixels(place, bounds) ? 1u : 0u));
+#else
+        --turns;
+#endif
+    } while (turns > 0);
 }
 
 #ifdef LONG

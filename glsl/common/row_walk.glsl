@@ -3,12 +3,13 @@
 // takes 0.82 of the pixels of the box.
 // Needs pair.glsl and extremes.glsl.
 
-// The first and the last column that each edge leaves of a row: in row 0 and the change per row. An edge bounds one side alone.
+// The first and the last column that the edges leave of a row: in row 0 and the change per row. Of a triangle's edges at most two
+// bound the same side.
 struct ColumnBounds {
-    vec3 first;
-    vec3 first_step;
-    vec3 last;
-    vec3 last_step;
+    vec2 first;
+    vec2 first_step;
+    vec2 last;
+    vec2 last_step;
     float last_column;
     float last_row;
 };
@@ -25,39 +26,41 @@ struct Place {
 // What an edge's normal has across the columns at least, for the edge to bound them: a bound by a flatter edge loses digits.
 const float STEEP = 0.01;
 
-void bound_by(vec4 line, float inverse_height, Walk walk, int k, inout ColumnBounds b) {
+void bound_by(vec4 line, float inverse_height, Walk walk, inout ColumnBounds b) {
     float reach = DISTANCE == DISTANCE_BARYCENTRIC ? frame.barycentric_radius / inverse_height : sqrt(frame.radius_squared);
     // A thousandth and a hundredth of a pixel cover rounding.
     reach = 1.001 * reach + 0.01 * frame.scale;
     float inverse = -1.0 / (abs(line.x) > STEEP * frame.scale ? line.x : frame.scale);
-    float column = (line.x * walk.first.x + line.y * walk.first.y + line.z + reach) * inverse;
-    float column_step = line.y * inverse;
+    vec2 column = vec2(line.x * walk.first.x + line.y * walk.first.y + line.z + reach, line.y) * inverse;
     // Not by the end lines of a triangle without area, whose inverse height is not positive, nor by the line of a point.
     bool bounds = inverse_height > 0.0 && line.z < 1e14;
     bool low = bounds && line.x > STEEP * frame.scale;
     bool high = bounds && line.x < -STEEP * frame.scale;
-    b.first[k] = low ? column : 0.0;
-    b.first_step[k] = low ? column_step : 0.0;
-    b.last[k] = high ? column : b.last_column;
-    b.last_step[k] = high ? column_step : 0.0;
+    b.first = vec2(low ? column.x : b.first.x, low ? b.first.x : b.first.y);
+    b.first_step = vec2(low ? column.y : b.first_step.x, low ? b.first_step.x : b.first_step.y);
+    b.last = vec2(high ? column.x : b.last.x, high ? b.last.x : b.last.y);
+    b.last_step = vec2(high ? column.y : b.last_step.x, high ? b.last_step.x : b.last_step.y);
 }
 
 ColumnBounds column_bounds_of(Triangle t, Walk walk, ivec2 size) {
     ColumnBounds b;
     b.last_column = float(size.x - 1);
     b.last_row = float(size.y - 1);
-    bound_by(t.line0, t.inverse_height.x, walk, 0, b);
-    bound_by(t.line1, t.inverse_height.y, walk, 1, b);
-    bound_by(t.line2, t.inverse_height.z, walk, 2, b);
+    b.first = vec2(0.0);
+    b.last = vec2(b.last_column);
+    b.first_step = b.last_step = vec2(0.0);
+    bound_by(t.line0, t.inverse_height.x, walk, b);
+    bound_by(t.line1, t.inverse_height.y, walk, b);
+    bound_by(t.line2, t.inverse_height.z, walk, b);
     return b;
 }
 
 // The first column of a row and the number of its pixels; none past the last row.
 vec2 span_of(ColumnBounds b, float row) {
-    vec3 first = b.first + b.first_step * row;
-    vec3 last = b.last + b.last_step * row;
-    float from = ceil(greater(greater(first.x, first.y), greater(first.z, 0.0)));
-    float to = floor(lesser(lesser(last.x, last.y), lesser(last.z, b.last_column)));
+    vec2 first = b.first + b.first_step * row;
+    vec2 last = b.last + b.last_step * row;
+    float from = ceil(greater(greater(first.x, first.y), 0.0));
+    float to = floor(lesser(lesser(last.x, last.y), b.last_column));
     float count = greater(to - from + 1.0, 0.0);
     return vec2(from, row <= b.last_row ? count : 0.0);
 }
@@ -82,13 +85,23 @@ Pair pair_after(Walk walk, Place p, int i) {
 }
 
 // The place after `count` pixels; fewer where this row and the one below it have no more.
-Place advanced(Place p, ColumnBounds b, float count) {
-    float over = count - p.left;
+Place advanced(Place p, ColumnBounds b, int count) {
+    float over = float(count) - p.left;
     bool ends = over >= 0.0;
     Place next;
     next.row = ends ? p.row + 1.0 : p.row;
-    next.column = ends ? p.below.x + over : p.column + count;
-    next.left = ends ? greater(p.below.y - over, 0.0) : p.left - count;
+    next.column = ends ? p.below.x + over : p.column + float(count);
+    next.left = ends ? greater(p.below.y - over, 0.0) : p.left - float(count);
     next.below = span_of(b, next.row + 1.0);
     return next;
+}
+
+// How often a lane takes `count` pixels until none is left, at least once.
+int turns_of(Place p, ColumnBounds b, int count) {
+    int turns = 0;
+    do {
+        p = advanced(p, b, count);
+        ++turns;
+    } while (has_pixels(p, b));
+    return turns;
 }
