@@ -2,6 +2,7 @@
 
 use super::args::{FitArgs, Lighting, Preset};
 use super::begin::{Begin, begin};
+use super::cameras;
 use super::recut;
 use super::targets::Views;
 use crate::commands::Failure;
@@ -70,7 +71,7 @@ impl Setup {
             let what = "--resume: the official parametrisation cannot be taken up after --subdivide-at or --remesh-at";
             return Err(Failure::Usage(what.into()));
         }
-        let pixel = 2.0 * views.bounds.radius / views.targets.size()?.0 as f64;
+        let pixel = cameras::pixel(views.bounds, views.targets.size()?);
         let stride = args.view_stride as usize;
         let range = |given: Option<(f64, f64)>, default: (f64, f64)| {
             let (from, to) = given.unwrap_or(default);
