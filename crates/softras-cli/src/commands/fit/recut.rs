@@ -4,10 +4,12 @@
 //! No step of a fit opens a hole: a film over it has to be torn, and the gradients of an outline do not tear. So at fixed
 //! shares of the steps the mesh's silhouettes are compared with the pictures, by holes and parts. Where they differ, the
 //! mesh's solid is cut to the silhouettes, meshed and remeshed to edges as long as those it had (or shorter), and the fit goes on with
-//! the new mesh, if that is no worse.
+//! the new mesh, if that is no worse: at once, or after some steps of its own. The steps before have brought the old mesh to the
+//! outlines, and not yet the new one, but no steps take the film away that it has over a hole.
 
 use super::Work;
 use super::begin::samples;
+use super::engine::Engine;
 use super::setup::Setup;
 use super::targets::some;
 use super::unseen::Unseen;
@@ -16,6 +18,7 @@ use softras::fit::{ShapeFit, Targets, mask_iou};
 use softras::internals::fit::{Topology, evened, overlap};
 use softras::scene::{Outputs, SilhouetteAggregation};
 use softras::{Mesh, Renderer, Result, Scene, Settings};
+use std::ops::Range;
 
 /// Shares of the steps before which the topology is looked at. At the first the mesh has reached the outlines, so that what is
 /// covered is a hole and no outline that is yet to come. The second sees what the first has left, with enough steps behind
@@ -30,6 +33,9 @@ const VOXELS: usize = 64;
 /// Shares of the length that the edges had, tried one after the other where a mesh of such edges is no better: a cut leaves thin
 /// parts, such as a handle, which long edges cut off. A quarter gives sixteen times the triangles, some 20000 of the sphere's.
 const FINER: [f64; 2] = [0.5, 0.25];
+/// The share of all steps after which a mesh with less that is wrong, but farther from the silhouettes at once, is compared by its
+/// loss with the old mesh after as many steps. The optimiser has settled by then.
+const TRIAL: f64 = 0.05;
 
 /// What is wrong with the topology of a mesh, and how near its silhouettes are.
 struct Found {
@@ -73,11 +79,16 @@ impl Found {
         self.views() > 0 || self.overlap > GROSS
     }
 
-    /// Whether a mesh of these findings is to take the place of another: it is nearer to the silhouettes, or as near, and less
-    /// is wrong with it.
-    fn replaces(&self, old: &Self) -> bool {
+    /// Whether less is wrong with a mesh of these findings than with another.
+    fn is_less_wrong(&self, old: &Self) -> bool {
         let fewer = self.views() < old.views() || old.overlap > GROSS && self.overlap <= GROSS;
-        self.iou >= old.iou && self.views() <= old.views() && fewer
+        self.views() <= old.views() && fewer
+    }
+
+    /// Whether a mesh of these findings is to take the place of another at once: it is nearer to the silhouettes, or as near, and
+    /// less is wrong with it.
+    fn replaces(&self, old: &Self) -> bool {
+        self.iou >= old.iou && self.is_less_wrong(old)
     }
 
     /// What is wrong, with the views counted as they were given, of which every `stride`-th is fitted.
@@ -111,14 +122,38 @@ impl Work<'_> {
                 return Ok(());
             }
         };
-        let ious = format!("mask IoU {:.4}, before {:.4}", after.iou, before.iou);
-        if !after.replaces(&before) {
-            note(&format!("{what}; cut anew to the silhouettes it would be no better ({ious}), and it stays as it is"));
+        let mut why = format!("mask IoU {:.4}, before {:.4}", after.iou, before.iou);
+        let fit = ShapeFit::new(new, setup.lights.clone(), setup.options.clone())?;
+        let mut better = after.replaces(&before);
+        if !better && after.is_less_wrong(&before) {
+            let kept = self.engine.shape(renderer)?.clone();
+            let trial = step..step + setup.share(TRIAL).max(self.turn());
+            let new = self.tried(fit.clone(), trial.clone(), renderer)?;
+            let old = self.tried(kept, trial.clone(), renderer)?;
+            why += &format!("; after {} steps loss {new:.4}, uncut {old:.4}", trial.len());
+            better = new < old;
+        }
+        if !better {
+            note(&format!("{what}; cut anew to the silhouettes it would be no better ({why}), and it stays as it is"));
             return Ok(());
         }
-        let shape = super::report::shape(&new)?;
-        note(&format!("{what}; it was cut anew to the silhouettes, and is now {shape} ({ious})"));
-        self.go_on_with(ShapeFit::new(new, setup.lights.clone(), setup.options.clone())?, step, renderer)
+        let shape = super::report::shape(fit.mesh())?;
+        note(&format!("{what}; it was cut anew to the silhouettes, and is now {shape} ({why})"));
+        self.go_on_with(fit, step, renderer)
+    }
+
+    /// The loss of a fit after the steps of a trial: the mean of the last that take all views once.
+    fn tried(&self, fit: ShapeFit, trial: Range<usize>, renderer: &mut Renderer) -> Result<f64> {
+        let (setup, turn, on_host) = (self.setup, self.turn(), self.engine.reason().is_some());
+        let mut engine = Engine::new(fit, self.targets, &setup.settings(trial.start), on_host, renderer)?;
+        // The loss of a step is that before it moves anything, so that one more is taken.
+        for at in trial.start..=trial.end {
+            // Past its last step a fit would go on with the settings of that.
+            let at = at.min(setup.iterations - 1);
+            engine.step(renderer, &setup.settings(at), setup.rates(at))?;
+        }
+        let found = engine.found(renderer)?;
+        Ok(found.iter().rev().take(turn).map(|(step, _)| step.loss).sum::<f64>() / turn as f64)
     }
 }
 
@@ -168,12 +203,15 @@ mod tests {
     }
 
     #[test]
-    fn a_mesh_replaces_another_where_less_is_wrong_and_nothing_is_worse() {
+    fn a_mesh_replaces_another_at_once_where_less_is_wrong_and_nothing_is_worse() {
         let old = found(&[1, 4], 0.0, 0.9);
         assert!(old.is_wrong() && found(&[4], 0.0, 0.9).replaces(&old));
         for no_better in [found(&[1, 4], 0.0, 0.95), found(&[], 0.0, 0.89), found(&[0, 1, 4], 0.0, 0.99)] {
             assert!(!no_better.replaces(&old), "{:?} {}", no_better.unseen, no_better.iou);
         }
+        // Farther from the silhouettes, a mesh with less that is wrong gets a trial, and no other does.
+        assert!(found(&[4], 0.0, 0.89).is_less_wrong(&old));
+        assert!(![found(&[1, 4], 0.0, 0.89), found(&[0, 1, 4], 0.0, 0.99)].iter().any(|new| new.is_less_wrong(&old)));
         assert_eq!(old.reasons(5), "covers a hole that is seen in view 5, 20");
         let folded = found(&[], 2.0 * GROSS, 0.9);
         assert!(folded.is_wrong() && found(&[], 0.5 * GROSS, 0.9).replaces(&folded));
