@@ -32,7 +32,7 @@ const VOXELS: usize = 64;
 
 /// Shares of the length that the edges had, tried one after the other where a mesh of such edges is no better: a cut leaves thin
 /// parts, such as a handle, which long edges cut off. A quarter gives sixteen times the triangles, some 20000 of the sphere's.
-const FINER: [f64; 2] = [0.5, 0.25];
+const EDGES: [f64; 3] = [1.0, 0.5, 0.25];
 /// The share of all steps after which a mesh with less that is wrong, but farther from the silhouettes at once, is compared by its
 /// loss with the old mesh after as many steps. The optimiser has settled by then.
 const TRIAL: f64 = 0.05;
@@ -115,35 +115,65 @@ impl Work<'_> {
             return Ok(());
         }
         let what = format!("step {step}: the mesh {}", before.reasons(setup.stride));
-        let (new, after) = match cut(&old, &before, setup, (targets, &settings), renderer) {
-            Ok(new) => new,
+        let made = match cut(&old, &before, setup, (targets, &settings), renderer) {
+            Ok(made) => made,
             Err(error) => {
                 note(&format!("{what}; it stays as it is, since it cannot be cut to the silhouettes: {error}"));
                 return Ok(());
             }
         };
-        let mut why = format!("mask IoU {:.4}, before {:.4}", after.iou, before.iou);
-        let fit = ShapeFit::new(new, setup.lights.clone(), setup.options.clone())?;
-        let mut better = after.replaces(&before);
-        if !better && after.is_less_wrong(&before) {
-            let kept = self.engine.shape(renderer)?.clone();
-            let trial = step..step + setup.share(TRIAL).max(self.turn());
-            let new = self.tried(fit.clone(), trial.clone(), renderer)?;
-            let old = self.tried(kept, trial.clone(), renderer)?;
-            why += &format!("; after {} steps loss {new:.4}, uncut {old:.4}", trial.len());
-            better = new < old;
-        }
-        if !better {
+        let (better, why) = self.better(&made, &before, step, renderer)?;
+        let Some(fit) = better else {
             note(&format!("{what}; cut anew to the silhouettes it would be no better ({why}), and it stays as it is"));
             return Ok(());
-        }
+        };
         let shape = super::report::shape(fit.mesh())?;
         note(&format!("{what}; it was cut anew to the silhouettes, and is now {shape} ({why})"));
         self.go_on_with(fit, step, renderer)
     }
 
+    /// The fit of the mesh, of those that were made, that takes the place of the old one: the last where it is better at once, else the
+    /// first with less that is wrong and a lower loss after a trial. With the figures by which that is decided.
+    fn better(
+        &mut self,
+        made: &[(Mesh, Found)],
+        before: &Found,
+        step: usize,
+        renderer: &mut Renderer,
+    ) -> Result<(Option<ShapeFit>, String)> {
+        let setup = self.setup;
+        let begin = |mesh: &Mesh| ShapeFit::new(mesh.clone(), setup.lights.clone(), setup.options.clone());
+        let ious = |after: &Found| format!("mask IoU {:.4}, before {:.4}", after.iou, before.iou);
+        let mut why = String::new();
+        if let Some((mesh, after)) = made.last() {
+            why = ious(after);
+            if after.replaces(before) {
+                return Ok((Some(begin(mesh)?), why));
+            }
+        }
+        let trial = step..step + setup.share(TRIAL).max(self.turn());
+        let mut uncut = None;
+        for (mesh, after) in made.iter().filter(|(_, after)| after.is_less_wrong(before)) {
+            let old = match uncut {
+                Some(loss) => loss,
+                None => {
+                    let kept = self.engine.shape(renderer)?.clone();
+                    self.tried(kept, &trial, renderer)?
+                }
+            };
+            uncut = Some(old);
+            let fit = begin(mesh)?;
+            let new = self.tried(fit.clone(), &trial, renderer)?;
+            why = format!("{}; after {} steps loss {new:.4}, uncut {old:.4}", ious(after), trial.len());
+            if new < old {
+                return Ok((Some(fit), why));
+            }
+        }
+        Ok((None, why))
+    }
+
     /// The loss of a fit after the steps of a trial: the mean of the last that take all views once.
-    fn tried(&self, fit: ShapeFit, trial: Range<usize>, renderer: &mut Renderer) -> Result<f64> {
+    fn tried(&self, fit: ShapeFit, trial: &Range<usize>, renderer: &mut Renderer) -> Result<f64> {
         let (setup, turn, on_host) = (self.setup, self.turn(), self.engine.reason().is_some());
         let mut engine = Engine::new(fit, self.targets, &setup.settings(trial.start), on_host, renderer)?;
         // The loss of a step is that before it moves anything, so that one more is taken.
@@ -157,31 +187,29 @@ impl Work<'_> {
     }
 }
 
-/// The mesh cut to the silhouettes with the parts that it leaves out, of the longest edges that make it better, or of the shortest.
+/// The mesh cut to the silhouettes with the parts that it leaves out, of ever shorter edges, until one is better at once.
 fn cut(
     mesh: &Mesh,
     before: &Found,
     setup: &Setup,
     (targets, settings): (&Targets, &Settings),
     renderer: &mut Renderer,
-) -> Result<(Mesh, Found)> {
+) -> Result<Vec<(Mesh, Found)>> {
     let (height, width) = targets.size()?;
     let missing = targets.silhouette.as_ref().and_then(|silhouette| before.unseen.missing(silhouette));
     let (center, side) = setup.cube;
     let raw = targets.carved(mesh, missing.as_ref(), center, side, samples(height.min(width)))?;
-    let mut with_edges = |share: f64| -> Result<(Mesh, Found)> {
+    let mut made: Vec<(Mesh, Found)> = Vec::new();
+    for share in EDGES {
         let new = evened(&raw, share * edge(mesh)?)?;
         let found = Found::of(&new, targets, settings, renderer)?;
-        Ok((new, found))
-    };
-    let mut last = with_edges(1.0)?;
-    for share in FINER {
-        if last.1.replaces(before) {
+        let is_better = found.replaces(before);
+        made.push((new, found));
+        if is_better {
             break;
         }
-        last = with_edges(share)?;
     }
-    Ok(last)
+    Ok(made)
 }
 
 /// The mean length of a mesh's edges.
