@@ -2,6 +2,7 @@
 
 use super::{fails, softras, succeeds};
 use serde_json::Value;
+use std::io::BufRead;
 use std::path::Path;
 
 fn json(path: &Path) -> Value {
@@ -360,6 +361,30 @@ fn a_hole_that_the_mesh_covers_is_cut_while_the_fit_runs() {
     let (said, _, hull) = run("");
     assert!(!said.contains("cut anew"), "{said}");
     assert_eq!(run("--keep-topology").2, hull);
+}
+
+/// The mesh that has the mug's handle is farther from the outlines than the one that covers its hole, and nearer to all else of the
+/// pictures after a few steps.
+#[test]
+fn a_cut_that_loses_outlines_at_first_is_kept_where_its_loss_falls_lower() {
+    let folder = tempfile::tempdir().unwrap();
+    succeeds(folder.path(), &["mesh", "mug", "-o", "mug.obj"]);
+    let fit = "fit --from mug.obj --template sphere --color --views 12 --size 48 --iterations 200 -o out.obj";
+    let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_softras"))
+        .current_dir(folder.path())
+        .args(fit.split_whitespace())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut lines = std::io::BufReader::new(child.stderr.take().unwrap()).lines().map_while(Result::ok);
+    let said = lines.find(|line| line.contains("step 60:")).unwrap_or_default();
+    // What comes after the cut is not waited for.
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(said.contains("is now 1 part of genus 1 (mask IoU"), "{said}");
+    let after = |what: &str| said.split(what).nth(1).unwrap()[..6].parse::<f64>().unwrap_or_else(|_| panic!("{said}"));
+    assert!(after("mask IoU ") < after("before "), "{said}");
+    assert!(after("after 10 steps loss ") < after("uncut "), "{said}");
 }
 
 #[test]

@@ -73,7 +73,7 @@ pub fn run(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Vec
             if setup.remakes(step) {
                 fit = setup.remade(&fit, step)?;
             }
-            let (rate, color_rate) = (setup.rate.at_step(step, setup.iterations), setup.color_rate(step));
+            let (rate, color_rate) = setup.rates(step);
             Ok::<_, Failure>(fit.step(renderer, &setup.settings(step), &targets, rate, color_rate)?)
         });
         Loop::over(0..setup.iterations).with_bar("step").run(&mut steps.named(name), renderer)?;

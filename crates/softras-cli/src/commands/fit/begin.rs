@@ -1,6 +1,7 @@
 //! The mesh that a fit begins with: a sphere, the visual hull of the silhouettes, or the mesh of a file.
 
 use super::args::{FitArgs, Preset};
+use super::cameras;
 use super::dig::dug;
 use super::targets::{self, Views};
 use crate::commands::{Failure, note, parts};
@@ -78,11 +79,10 @@ fn hull(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Option
         return Ok(None);
     }
     let (center, side) = views.cube();
-    let (height, width) = targets.size()?;
-    let pixels = height.min(width);
-    match targets.visual_hull(center, side, samples(pixels)) {
+    let size = targets.size()?;
+    match targets.visual_hull(center, side, samples(size.0.min(size.1))) {
         Ok(raw) => {
-            let edge = args.method.edge.map_or(HULL_EDGE, |edge| edge.0) * side / pixels as f64;
+            let edge = args.method.edge.map_or(HULL_EDGE, |edge| edge.0) * cameras::pixel(views.bounds, size);
             let hull = evened(&raw, edge)?;
             // Depths have shown the hollows already.
             let lit = views.one_color && args.color && !views.lights.directional.is_empty();

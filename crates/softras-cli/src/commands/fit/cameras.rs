@@ -92,6 +92,12 @@ pub fn seen(cameras: &[Camera], (height, width): (usize, usize)) -> Bounds {
     Bounds { center, radius: if radius.is_finite() { radius } else { 1.0 } }
 }
 
+/// The length of a pixel about the middle of these bounds, world units: the narrowest view shows them along the shorter side of its
+/// picture.
+pub fn pixel(bounds: Bounds, (height, width): (usize, usize)) -> f64 {
+    2.0 * bounds.radius / height.min(width) as f64
+}
+
 fn outer(v: DVec3) -> DMat3 {
     DMat3::from_cols(v * v.x, v * v.y, v * v.z)
 }
@@ -102,4 +108,22 @@ pub fn depths(cameras: &[Camera], bounds: Bounds) -> (f64, f64) {
     let farthest = centers.iter().copied().fold(0.0, f64::max) + 1.5 * bounds.radius;
     let nearest = centers.iter().copied().fold(f64::INFINITY, f64::min) - 1.5 * bounds.radius;
     (nearest.max(0.02 * farthest), farthest)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pixel_has_one_length_in_upright_and_in_wide_pictures() {
+        let bounds = Bounds { center: DVec3::new(0.3, -0.2, 0.1), radius: 1.0 };
+        let cameras = around(bounds, 8, 30.0).unwrap();
+        // Half the height of the picture at the middle of the object.
+        let half = depth(&cameras[0], bounds.center) * 15f64.to_radians().tan();
+        for size in [(64, 64), (64, 48), (64, 96)] {
+            let found = pixel(seen(&cameras, size), size);
+            assert!((found - half / 32.0).abs() < 1e-6, "{size:?}: {found}, not {}", half / 32.0);
+        }
+    }
 }

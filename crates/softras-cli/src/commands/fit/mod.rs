@@ -187,15 +187,19 @@ impl<'a> Work<'a> {
         Ok(())
     }
 
+    /// The steps that take all views once: losses of different views are not comparable, but means over these steps are.
+    fn turn(&self) -> usize {
+        match self.setup.options.views_per_step {
+            0 => 1,
+            count => self.targets.cameras.len().div_ceil(count),
+        }
+    }
+
     /// Keeps the engine's best mesh if it is better than the best so far.
     fn keep_best(&mut self, renderer: &mut Renderer) -> Result<(), Failure> {
         let Some((mesh, step)) = self.engine.best(renderer)? else { return Ok(()) };
         let step = self.first + step;
-        // Losses of different views are not comparable, but means over the steps that take all views once are.
-        let turn = match self.setup.options.views_per_step {
-            0 => 1,
-            count => self.targets.cameras.len().div_ceil(count),
-        };
+        let turn = self.turn();
         let loss = |step: usize| self.log.loss(step, turn);
         if self.best.as_ref().is_none_or(|(_, best)| loss(step) < loss(*best)) {
             self.best = Some((mesh, step));
@@ -219,8 +223,7 @@ impl Steps for Work<'_> {
     const AHEAD: usize = 10;
 
     fn step(&mut self, at: usize, renderer: &mut Renderer) -> Result<(), Failure> {
-        let rates = (self.setup.rate.at_step(at, self.setup.iterations), self.setup.color_rate(at));
-        Ok(self.engine.step(renderer, &self.setup.settings(at), rates)?)
+        Ok(self.engine.step(renderer, &self.setup.settings(at), self.setup.rates(at))?)
     }
 
     fn finished(&mut self, at: usize, renderer: &mut Renderer) -> Result<Vec<String>, Failure> {

@@ -4,10 +4,12 @@
 //! No step of a fit opens a hole: a film over it has to be torn, and the gradients of an outline do not tear. So at fixed
 //! shares of the steps the mesh's silhouettes are compared with the pictures, by holes and parts. Where they differ, the
 //! mesh's solid is cut to the silhouettes, meshed and remeshed to edges as long as those it had (or shorter), and the fit goes on with
-//! the new mesh, if that is no worse.
+//! the new mesh, if that is no worse: at once, or after some steps of its own. The steps before have brought the old mesh to the
+//! outlines, and not yet the new one, but no steps take the film away that it has over a hole.
 
 use super::Work;
 use super::begin::samples;
+use super::engine::Engine;
 use super::setup::Setup;
 use super::targets::some;
 use super::unseen::Unseen;
@@ -16,6 +18,7 @@ use softras::fit::{ShapeFit, Targets, mask_iou};
 use softras::internals::fit::{Topology, evened, overlap};
 use softras::scene::{Outputs, SilhouetteAggregation};
 use softras::{Mesh, Renderer, Result, Scene, Settings};
+use std::ops::Range;
 
 /// Shares of the steps before which the topology is looked at. At the first the mesh has reached the outlines, so that what is
 /// covered is a hole and no outline that is yet to come. The second sees what the first has left, with enough steps behind
@@ -29,7 +32,10 @@ const VOXELS: usize = 64;
 
 /// Shares of the length that the edges had, tried one after the other where a mesh of such edges is no better: a cut leaves thin
 /// parts, such as a handle, which long edges cut off. A quarter gives sixteen times the triangles, some 20000 of the sphere's.
-const FINER: [f64; 2] = [0.5, 0.25];
+const EDGES: [f64; 3] = [1.0, 0.5, 0.25];
+/// The share of all steps after which a mesh with less that is wrong, but farther from the silhouettes at once, is compared by its
+/// loss with the old mesh after as many steps. The optimiser has settled by then.
+const TRIAL: f64 = 0.05;
 
 /// What is wrong with the topology of a mesh, and how near its silhouettes are.
 struct Found {
@@ -73,11 +79,16 @@ impl Found {
         self.views() > 0 || self.overlap > GROSS
     }
 
-    /// Whether a mesh of these findings is to take the place of another: it is nearer to the silhouettes, or as near, and less
-    /// is wrong with it.
-    fn replaces(&self, old: &Self) -> bool {
+    /// Whether less is wrong with a mesh of these findings than with another.
+    fn is_less_wrong(&self, old: &Self) -> bool {
         let fewer = self.views() < old.views() || old.overlap > GROSS && self.overlap <= GROSS;
-        self.iou >= old.iou && self.views() <= old.views() && fewer
+        self.views() <= old.views() && fewer
+    }
+
+    /// Whether a mesh of these findings is to take the place of another at once: it is nearer to the silhouettes, or as near, and
+    /// less is wrong with it.
+    fn replaces(&self, old: &Self) -> bool {
+        self.iou >= old.iou && self.is_less_wrong(old)
     }
 
     /// What is wrong, with the views counted as they were given, of which every `stride`-th is fitted.
@@ -104,49 +115,101 @@ impl Work<'_> {
             return Ok(());
         }
         let what = format!("step {step}: the mesh {}", before.reasons(setup.stride));
-        let (new, after) = match cut(&old, &before, setup, (targets, &settings), renderer) {
-            Ok(new) => new,
+        let made = match cut(&old, &before, setup, (targets, &settings), renderer) {
+            Ok(made) => made,
             Err(error) => {
                 note(&format!("{what}; it stays as it is, since it cannot be cut to the silhouettes: {error}"));
                 return Ok(());
             }
         };
-        let ious = format!("mask IoU {:.4}, before {:.4}", after.iou, before.iou);
-        if !after.replaces(&before) {
-            note(&format!("{what}; cut anew to the silhouettes it would be no better ({ious}), and it stays as it is"));
+        let (better, why) = self.better(&made, &before, step, renderer)?;
+        let Some(fit) = better else {
+            note(&format!("{what}; cut anew to the silhouettes it would be no better ({why}), and it stays as it is"));
             return Ok(());
+        };
+        let shape = super::report::shape(fit.mesh())?;
+        note(&format!("{what}; it was cut anew to the silhouettes, and is now {shape} ({why})"));
+        self.go_on_with(fit, step, renderer)
+    }
+
+    /// The fit of the mesh, of those that were made, that takes the place of the old one: the last where it is better at once, else the
+    /// first with less that is wrong and a lower loss after a trial. With the figures by which that is decided.
+    fn better(
+        &mut self,
+        made: &[(Mesh, Found)],
+        before: &Found,
+        step: usize,
+        renderer: &mut Renderer,
+    ) -> Result<(Option<ShapeFit>, String)> {
+        let setup = self.setup;
+        let begin = |mesh: &Mesh| ShapeFit::new(mesh.clone(), setup.lights.clone(), setup.options.clone());
+        let ious = |after: &Found| format!("mask IoU {:.4}, before {:.4}", after.iou, before.iou);
+        let mut why = String::new();
+        if let Some((mesh, after)) = made.last() {
+            why = ious(after);
+            if after.replaces(before) {
+                return Ok((Some(begin(mesh)?), why));
+            }
         }
-        let shape = super::report::shape(&new)?;
-        note(&format!("{what}; it was cut anew to the silhouettes, and is now {shape} ({ious})"));
-        self.go_on_with(ShapeFit::new(new, setup.lights.clone(), setup.options.clone())?, step, renderer)
+        let trial = step..step + setup.share(TRIAL).max(self.turn());
+        let mut uncut = None;
+        for (mesh, after) in made.iter().filter(|(_, after)| after.is_less_wrong(before)) {
+            let old = match uncut {
+                Some(loss) => loss,
+                None => {
+                    let kept = self.engine.shape(renderer)?.clone();
+                    self.tried(kept, &trial, renderer)?
+                }
+            };
+            uncut = Some(old);
+            let fit = begin(mesh)?;
+            let new = self.tried(fit.clone(), &trial, renderer)?;
+            why = format!("{}; after {} steps loss {new:.4}, uncut {old:.4}", ious(after), trial.len());
+            if new < old {
+                return Ok((Some(fit), why));
+            }
+        }
+        Ok((None, why))
+    }
+
+    /// The loss of a fit after the steps of a trial: the mean of the last that take all views once.
+    fn tried(&self, fit: ShapeFit, trial: &Range<usize>, renderer: &mut Renderer) -> Result<f64> {
+        let (setup, turn, on_host) = (self.setup, self.turn(), self.engine.reason().is_some());
+        let mut engine = Engine::new(fit, self.targets, &setup.settings(trial.start), on_host, renderer)?;
+        // The loss of a step is that before it moves anything, so that one more is taken.
+        for at in trial.start..=trial.end {
+            // Past its last step a fit would go on with the settings of that.
+            let at = at.min(setup.iterations - 1);
+            engine.step(renderer, &setup.settings(at), setup.rates(at))?;
+        }
+        let found = engine.found(renderer)?;
+        Ok(found.iter().rev().take(turn).map(|(step, _)| step.loss).sum::<f64>() / turn as f64)
     }
 }
 
-/// The mesh cut to the silhouettes with the parts that it leaves out, of the longest edges that make it better, or of the shortest.
+/// The mesh cut to the silhouettes with the parts that it leaves out, of ever shorter edges, until one is better at once.
 fn cut(
     mesh: &Mesh,
     before: &Found,
     setup: &Setup,
     (targets, settings): (&Targets, &Settings),
     renderer: &mut Renderer,
-) -> Result<(Mesh, Found)> {
+) -> Result<Vec<(Mesh, Found)>> {
     let (height, width) = targets.size()?;
     let missing = targets.silhouette.as_ref().and_then(|silhouette| before.unseen.missing(silhouette));
     let (center, side) = setup.cube;
     let raw = targets.carved(mesh, missing.as_ref(), center, side, samples(height.min(width)))?;
-    let mut with_edges = |share: f64| -> Result<(Mesh, Found)> {
+    let mut made: Vec<(Mesh, Found)> = Vec::new();
+    for share in EDGES {
         let new = evened(&raw, share * edge(mesh)?)?;
         let found = Found::of(&new, targets, settings, renderer)?;
-        Ok((new, found))
-    };
-    let mut last = with_edges(1.0)?;
-    for share in FINER {
-        if last.1.replaces(before) {
+        let is_better = found.replaces(before);
+        made.push((new, found));
+        if is_better {
             break;
         }
-        last = with_edges(share)?;
     }
-    Ok(last)
+    Ok(made)
 }
 
 /// The mean length of a mesh's edges.
@@ -168,12 +231,15 @@ mod tests {
     }
 
     #[test]
-    fn a_mesh_replaces_another_where_less_is_wrong_and_nothing_is_worse() {
+    fn a_mesh_replaces_another_at_once_where_less_is_wrong_and_nothing_is_worse() {
         let old = found(&[1, 4], 0.0, 0.9);
         assert!(old.is_wrong() && found(&[4], 0.0, 0.9).replaces(&old));
         for no_better in [found(&[1, 4], 0.0, 0.95), found(&[], 0.0, 0.89), found(&[0, 1, 4], 0.0, 0.99)] {
             assert!(!no_better.replaces(&old), "{:?} {}", no_better.unseen, no_better.iou);
         }
+        // Farther from the silhouettes, a mesh with less that is wrong gets a trial, and no other does.
+        assert!(found(&[4], 0.0, 0.89).is_less_wrong(&old));
+        assert!(![found(&[1, 4], 0.0, 0.89), found(&[0, 1, 4], 0.0, 0.99)].iter().any(|new| new.is_less_wrong(&old)));
         assert_eq!(old.reasons(5), "covers a hole that is seen in view 5, 20");
         let folded = found(&[], 2.0 * GROSS, 0.9);
         assert!(folded.is_wrong() && found(&[], 0.5 * GROSS, 0.9).replaces(&folded));

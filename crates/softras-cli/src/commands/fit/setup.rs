@@ -2,6 +2,7 @@
 
 use super::args::{FitArgs, Lighting, Preset};
 use super::begin::{Begin, begin};
+use super::cameras;
 use super::recut;
 use super::targets::Views;
 use crate::commands::Failure;
@@ -70,7 +71,7 @@ impl Setup {
             let what = "--resume: the official parametrisation cannot be taken up after --subdivide-at or --remesh-at";
             return Err(Failure::Usage(what.into()));
         }
-        let pixel = 2.0 * views.bounds.radius / views.targets.size()?.0 as f64;
+        let pixel = cameras::pixel(views.bounds, views.targets.size()?);
         let stride = args.view_stride as usize;
         let range = |given: Option<(f64, f64)>, default: (f64, f64)| {
             let (from, to) = given.unwrap_or(default);
@@ -92,8 +93,6 @@ impl Setup {
         // A mesh of a file keeps its triangles, which may be what the fit is for, and the official method has none of this. Nor have
         // the baselines, from which a fit beside them is to differ by one thing each.
         let recuts = !(method.keep_topology || method.baselines || official || views.template.is_some());
-        // Never before the first step, where a sphere covers what it is yet to shrink from.
-        let at = |share: f64| (share * iterations as f64).ceil() as usize;
         Ok(Self {
             colored: args.colored(),
             options: options(args, official, &begin, views),
@@ -104,7 +103,7 @@ impl Setup {
             faces: method.faces.into(),
             lights: views.lights.clone(),
             iterations,
-            recut_at: if recuts { recut::SHARES.map(at).to_vec() } else { Vec::new() },
+            recut_at: if recuts { recut::SHARES.map(|s| steps_of(s, iterations)).to_vec() } else { Vec::new() },
             cube: views.cube(),
             stride,
             subdivide_at,
@@ -117,6 +116,11 @@ impl Setup {
             gamma: range(method.gamma, (3e-2, 3e-3)),
             depths: if official { (1.0, 100.0) } else { views.depths },
         })
+    }
+
+    /// The number of steps that a share of all steps is.
+    pub fn share(&self, share: f64) -> usize {
+        steps_of(share, self.iterations)
     }
 
     /// Whether the mesh is subdivided or remeshed before a step.
@@ -162,6 +166,11 @@ impl Setup {
         self.sigma = Schedule::Constant(HARD_SIGMA);
     }
 
+    /// The step lengths of the vertices and of the colours.
+    pub fn rates(&self, step: usize) -> (f64, f64) {
+        (self.rate.at_step(step, self.iterations), self.color_rate(step))
+    }
+
     /// The step length of the colours.
     pub fn color_rate(&self, step: usize) -> f64 {
         self.colors.at_step(step, self.iterations)
@@ -186,6 +195,12 @@ impl Setup {
 
 /// The radius that the cameras of the official data see around the origin; rates are for objects of this size.
 const REFERENCE_RADIUS: f64 = 0.732;
+
+/// The number of steps that a share of all is, and never 0: nothing is cut before the first step, where a sphere covers what it is
+/// yet to shrink from.
+fn steps_of(share: f64, iterations: usize) -> usize {
+    (share * iterations as f64).ceil() as usize
+}
 
 fn options(args: &FitArgs, official: bool, begin: &Begin, views: &Views) -> ShapeOptions {
     let method = &args.method;
