@@ -7,8 +7,8 @@
 // Backward (eq. 4): for every triangle sums over the pixels of its box the derivative of the loss by its corners (pixels and
 // depth), their colours, texture coordinates and normals, and by sigma and gamma. The lanes' sums are added in a fixed order
 // without atomics, so that the bits are the same on every run.
-// One workgroup an item of backward_cull's list (item.glsl), its lanes taking the pixels in turn. A small item, which is
-// less work than reading its record and adding up the lanes, takes one lane alone.
+// One workgroup an item of backward_cull's list (item.glsl), its lanes taking the pixels in turn. A small item takes
+// one lane alone, which walks the rows of its triangle (row_walk.glsl).
 // Reads the items, the records, `pixel_gradients` and `silhouette_gradients`; writes `partials`, which triangle_grad.comp reads,
 // and `texel_sums`.
 // Compiled three times: backward for any Vulkan 1.1 device; backward_subgroup, where a workgroup is one subgroup and the
@@ -59,7 +59,7 @@ const bool SHOWS = uint(UP_SHADED) * uint(!OUTLINE) != 0u;
 #include "common/row_walk.glsl"
 
 // Lanes that share an item.
-const int WALKERS = SMALL ? 1 : int(gl_WorkGroupSize.x);
+const int WALKERS = int(gl_WorkGroupSize.x);
 
 // Pixels that a lane takes at a time. Every step runs over all of them before the next step, so that their long chains of
 // dependent operations overlap: 10 % faster than one at a time. Four in an item that the lanes share are no faster, because

@@ -24,6 +24,7 @@ mod pose;
 mod readme;
 mod render;
 mod stress;
+mod topology;
 mod transparency;
 mod views;
 

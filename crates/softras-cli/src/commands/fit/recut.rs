@@ -151,21 +151,18 @@ impl Work<'_> {
                 return Ok((Some(begin(mesh)?), why));
             }
         }
+        let candidates: Vec<_> = made.iter().filter(|(_, after)| after.is_less_wrong(before)).collect();
+        if candidates.is_empty() {
+            return Ok((None, why));
+        }
         let trial = step..step + setup.share(TRIAL).max(self.turn());
-        let mut uncut = None;
-        for (mesh, after) in made.iter().filter(|(_, after)| after.is_less_wrong(before)) {
-            let old = match uncut {
-                Some(loss) => loss,
-                None => {
-                    let kept = self.engine.shape(renderer)?.clone();
-                    self.tried(kept, &trial, renderer)?
-                }
-            };
-            uncut = Some(old);
+        let kept = self.engine.shape(renderer)?.clone();
+        let uncut = self.tried(kept, &trial, renderer)?;
+        for (mesh, after) in candidates {
             let fit = begin(mesh)?;
-            let new = self.tried(fit.clone(), &trial, renderer)?;
-            why = format!("{}; after {} steps loss {new:.4}, uncut {old:.4}", ious(after), trial.len());
-            if new < old {
+            let loss = self.tried(fit.clone(), &trial, renderer)?;
+            why = format!("{}; after {} steps loss {loss:.4}, uncut {uncut:.4}", ious(after), trial.len());
+            if loss < uncut {
                 return Ok((Some(fit), why));
             }
         }
