@@ -46,6 +46,7 @@ const bool SHOWS = uint(UP_SHADED) * uint(!OUTLINE) != 0u;
 
 #include "common/frame.glsl"
 #include "common/extremes.glsl"
+#include "common/record.glsl"
 #include "common/fragment.glsl"
 #include "common/sample.glsl"
 #include "common/corner.glsl"

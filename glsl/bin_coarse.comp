@@ -7,7 +7,7 @@
 // One workgroup a bin, views along y. First each lane compacts a run of the bitmap's words, so that the list keeps their
 // order; then each takes blocks of 32 entries. The position of a list in memory comes from an atomic counter and may differ
 // between runs; its content and order do not.
-// Reads `bin_bits`, `boxes` and `geometry`; writes `bin_ranges`, `coarse_records`, `coarse_words` and `status`.
+// Reads `bin_bits`, `boxes` and the records; writes `bin_ranges`, `coarse_records`, `coarse_words` and `status`.
 
 layout(local_size_x_id = 0) in;
 
@@ -19,12 +19,14 @@ layout(set = 0, binding = 4, std430) writeonly buffer BinRanges { uvec2 bin_rang
 layout(set = 0, binding = 5, std430) buffer CoarseRecords { uint coarse_records[]; };
 layout(set = 0, binding = 6, std430) writeonly buffer CoarseWords { uint coarse_words[]; };
 layout(set = 0, binding = 7, std430) buffer Status { uint status[]; };
+layout(set = 0, binding = 8) uniform samplerBuffer shading;
 
 #include "common/constants.glsl"
 #include "common/modes.glsl"
 #include "common/frame.glsl"
 #include "common/mesh.glsl"
 #include "common/extremes.glsl"
+#include "common/record.glsl"
 #include "common/tile_mask.glsl"
 
 shared uint counts[gl_WorkGroupSize.x];

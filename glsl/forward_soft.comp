@@ -105,17 +105,17 @@ void add_shaded(Entry t, Corner c, Distance d[PIXELS], inout Pixel pixels[PIXELS
 
 // Adds an entry, the first or the second of a pair, to the pixels' sums; `shows` is a constant of the call: without it the
 // entry contributes to the silhouette only.
-void add_entry(Fetched own, bool is_second, bool live, bool shows, Lane lane, inout Transmittance w[PIXELS],
+void add_entry(Fetched own, Rows rows, bool is_second, bool live, bool shows, Lane lane, inout Transmittance w[PIXELS],
                inout Pixel pixels[PIXELS]) {
     Entry t;
-    read_entry(own, live, lane, t);
+    read_entry(own, rows, is_second, live, lane, t);
     Distance d[PIXELS];
     measure(t, lane, d);
     if (WANT_SILHOUETTE) {
         add_silhouette(d, w);
     }
     if (shows && SHADED) {
-        add_shaded(t, paired_corner_of(own, is_second), d, pixels);
+        add_shaded(t, shared_corner_of(own, is_second), d, pixels);
     }
 }
 
@@ -152,7 +152,7 @@ void gather_word(int from, uint held[HELD], uint bits, bool shows, Lane lane, in
     Fetched first;
     Fetched second;
     int next = lowest_record(from, held, bits);
-    fetch_pair(next, lowest_record(from, held, bits & (bits - 1u)), shows && WANT_SHADING, first, second);
+    fetch_pair(next, lowest_record(from, held, bits & (bits - 1u)), shows, first, second);
     do {
         Fetched one = first;
         Fetched other = second;
@@ -160,9 +160,12 @@ void gather_word(int from, uint held[HELD], uint bits, bool shows, Lane lane, in
         bool both = bits != 0u;
         bits &= bits - 1u;
         next = lowest_record(from, held, bits);
-        fetch_pair(next, lowest_record(from, held, bits & (bits - 1u)), shows && WANT_SHADING, first, second);
-        add_entry(one, false, any, shows, lane, w, words);
-        add_entry(other, true, both, shows, lane, w, words);
+        fetch_pair(next, lowest_record(from, held, bits & (bits - 1u)), shows, first, second);
+        Rows rows;
+        rows_of_first(one, any, both, lane, rows);
+        add_entry(one, rows, false, any, shows, lane, w, words);
+        rows_of_second(other, both, lane, rows);
+        add_entry(other, rows, true, both, shows, lane, w, words);
     } while (bits != 0u);
     for (int i = 0; i < PIXELS; ++i) {
         if (WANT_SILHOUETTE) {

@@ -52,14 +52,9 @@ void skip_record(int record_index) {
     boxes[record_index] = ivec4(0, 0, -1, -1);
 }
 
-// An upper bound of the triangle's log2 weight (eq. 3) in any pixel: that of a corner with D = 1.
-float largest_weight(vec4 depth, float exponent) {
-    vec2 corners = depth.z * depth.xy / (1.0 + depth.xy);
-    return exponent + (depth.w + max(0.0, max(corners.x, corners.y)));
-}
-
-// Writes corner colours, texture coordinates and normals, each mixed as the piece's corners are.
-void write_shading(Shape shape, int triangle, int record_index, Corners c, vec4 depth, float score) {
+// Writes the geometry's tail, depths, corner colours, texture coordinates and normals, the last three mixed as the piece's corners
+// are.
+void write_shading(Shape shape, int triangle, int record_index, Corners c, vec2 tail, vec4 depth, float exponent) {
     ivec3 v = triangle_vertices(shape, triangle);
     mat3 light = mat3(1.0);
     mat3 normal = mat3(0.0);
@@ -85,10 +80,10 @@ void write_shading(Shape shape, int triangle, int record_index, Corners c, vec4 
     vec3 c1 = color * c.mixture[1];
     vec3 c2 = color * c.mixture[2];
     int to = record_index * SHADING_STRIDE;
-    shading[to] = depth;
-    shading[to + 1] = vec4(c0, score);
-    shading[to + 2] = vec4(c1, c2.r);
-    shading[to + 3].xyz = vec3(c2.gb, largest_weight(depth, score));
+    shading[to] = vec4(tail, depth.w, c0.r);
+    shading[to + 1] = vec4(depth.xyz, exponent);
+    shading[to + 2] = vec4(c0.gb, c1.rg);
+    shading[to + 3] = vec4(c1.b, c2);
     if (SAMPLING != SAMPLING_NONE) {
         // A surface is sampled by barycentrics, an image by UV.
         mat3x2 coordinate = mat3x2(1.0, 0.0, 0.0, 1.0, 0.0, 0.0);
@@ -193,17 +188,19 @@ void emit(Shape shape, int triangle, int record_in_view, Corners c) {
         return;
     }
     boxes[record_index] = box;
-    int to = record_index * int(GEOMETRY_TEXELS);
+    int to = record_index * GEOMETRY_STRIDE;
     geometry[to] = vec4(e.origin, e.half_length.xy);
     geometry[to + 1] = e.line[0];
     geometry[to + 2] = e.line[1];
     geometry[to + 3] = e.line[2];
-    geometry[to + 4] = vec4(e.half_length.z, e.inverse_height);
+    vec2 tail = vec2(e.half_length.z, e.inverse_area);
     if (WANT_SHADING) {
         float exponent;
         vec4 depth = depth_record(c, exponent);
         // With official parity a back face contributes to the silhouette but has no weight in the colour.
-        write_shading(shape, triangle, record_index, c, depth, hidden ? -3e38 : exponent);
+        write_shading(shape, triangle, record_index, c, tail, depth, hidden ? -3e38 : exponent);
+    } else {
+        geometry[to + int(GEOMETRY_TEXELS)].xy = tail;
     }
     mark_bins(shape, record_in_view, box, e);
     if (SAVE) {

@@ -66,9 +66,9 @@ const uint CAMERA_TEXELS = 11u;
 const uint VERTEX_TEXELS = 2u;
 // Texels (vec4) of one vertex's light and normal.
 const uint VERTEX_SHADING_TEXELS = 2u;
-// Texels (vec4) of one triangle's geometry record.
-const uint GEOMETRY_TEXELS = 5u;
-// Texels (vec4) of a shading record with corner colours only.
+// Texels (vec4) of one triangle's geometry record, but for its tail.
+const uint GEOMETRY_TEXELS = 4u;
+// Texels (vec4) of a shading record with corner colours only; the geometry's tail is in the first of them.
 const uint SHADING_TEXELS = 4u;
 // Texels (vec4) that texture coordinates add to a shading record.
 const uint SHADING_COORDINATE_TEXELS = 2u;

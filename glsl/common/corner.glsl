@@ -19,9 +19,10 @@ struct Corner {
 
 Corner corner_from(vec4 record[SHADING_MOST]) {
     Corner c;
-    c.depth = record[0];
+    // The first two numbers of the record are the geometry's (record.glsl).
+    c.depth = vec4(record[1].xyz, record[0].z);
     c.exponent = record[1].w;
-    c.color = mat3(record[1].rgb, record[2].rgb, vec3(record[2].w, record[3].xy));
+    c.color = mat3(vec3(record[0].w, record[2].xy), vec3(record[2].zw, record[3].x), record[3].yzw);
     if (SAMPLING != SAMPLING_NONE) {
         vec4 e = record[4];
         vec4 f = record[5];

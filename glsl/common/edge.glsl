@@ -11,8 +11,9 @@ struct Edges {
     vec4 line[3];
     // Half the edge's length times frame.scale.
     vec3 half_length;
-    // Barycentric coordinate k is the signed distance to edge k times this.
-    vec3 inverse_height;
+    // Barycentric coordinate k is the signed distance to edge k times half_length[k] times this. Negative and 0 have meanings of
+    // their own (inverse_heights_of in record.glsl).
+    float inverse_area;
     // Corners relative to the origin, pixels.
     vec2 corner[3];
     // Sign of the area with rows downwards: negative is counter-clockwise as seen. Positive without area.
@@ -45,7 +46,7 @@ float element(vec3 v, int k) {
 void flatten_to_segment(inout Edges e, int longest, vec2 along, float size) {
     e.degenerate = true;
     vec2 across = vec2(-along.y, along.x);
-    float inverse = size > 0.0 ? -1.0 / (size * frame.scale) : 0.0;
+    e.inverse_area = size > 0.0 ? -1.0 / (size * frame.scale) : 0.0;
     for (int k = 0; k < 3; ++k) {
         int next = k == 2 ? 0 : k + 1;
         int previous = k == 0 ? 2 : k - 1;
@@ -54,14 +55,15 @@ void flatten_to_segment(inout Edges e, int longest, vec2 along, float size) {
         vec4 end_line = line_record(end, e.corner[k], across, 0.0, 0.0, longest == next ? 1.0 : -1.0);
         e.line[k] = longest == k ? e.line[k] : end_line;
         e.half_length[k] = longest == k ? 0.5 * size * frame.scale : 0.0;
-        e.inverse_height[k] = longest == k ? 0.0 : inverse;
     }
     if (size == 0.0) {
         // A point has the barycentrics of its first corner: its line has the same distance everywhere.
         e.line[0] = vec4(0.0, 0.0, 1e15, 0.0);
-        e.inverse_height[0] = 1e-15;
     }
 }
+
+// Keeps the inverse area and half lengths times it within the range of a float.
+const float LEAST_INVERSE_AREA = 1e-37;
 
 Edges edges_of(vec2 column[3], vec2 row[3]) {
     Edges e;
@@ -104,8 +106,9 @@ Edges edges_of(vec2 column[3], vec2 row[3]) {
         vec2 along = size[k] > 0.0 ? side[k] / size[k] : vec2(1.0, 0.0);
         e.line[k] = line_record(e.corner[a], e.corner[b], along, size[k], cross_ab[k].x, e.orientation);
         e.half_length[k] = 0.5 * size[k] * frame.scale;
-        e.inverse_height[k] = size[k] / (max(abs(area), 1e-30) * frame.scale);
     }
+    float inverse = 2.0 / (max(abs(area), 1e-30) * frame.scale);
+    e.inverse_area = clamp(inverse / frame.scale, LEAST_INVERSE_AREA, 1.0 / LEAST_INVERSE_AREA);
     if (e.degenerate) {
         vec2 longest_side = longest == 2 ? side[2] : (longest == 1 ? side[1] : side[0]);
         vec2 along = extent > 0.0 ? longest_side / extent : vec2(1.0, 0.0);
@@ -119,7 +122,7 @@ float reach_of(Edges e, int k) {
     if (DISTANCE == DISTANCE_EUCLIDEAN) {
         return sqrt(frame.radius_squared);
     }
-    return DISTANCE == DISTANCE_BARYCENTRIC ? frame.barycentric_radius / e.inverse_height[k] : 0.0;
+    return DISTANCE == DISTANCE_BARYCENTRIC ? frame.barycentric_radius / (e.half_length[k] * e.inverse_area) : 0.0;
 }
 
 // Pixels (first column, first row, last column, last row) that may be within the culling radius; empty when last < first.

@@ -31,8 +31,8 @@ vec2 row_part(vec4 line, float y) {
 }
 
 // Every lane computes the parts of its own rows. An entry that is not live is far outside.
-void read_entry_by_pixels(Fetched own, bool live, Lane lane, out Entry t) {
-    Triangle r = shared_triangle_of(own);
+void read_entry_by_pixels(Fetched own, bool is_second, bool live, Lane lane, out Entry t) {
+    Triangle r = shared_triangle_of(own, is_second);
     r.line0.z = live ? r.line0.z : -1e18;
     t.origin_x = r.origin.x;
     for (int i = 0; i < PIXELS; ++i) {
@@ -49,40 +49,69 @@ void read_entry_by_pixels(Fetched own, bool live, Lane lane, out Entry t) {
     t.inverse_height = r.inverse_height;
 }
 
+// Where all lanes have the same rows, each computes the rows' parts of the one line that it holds, before the lanes share them.
+// In a pair of records (GEOMETRY_PAIRED) this serves both: 2 % of the time of forward_soft.comp.
+struct Rows {
+    vec2 part[PIXELS];
+};
+
 #ifdef SUBGROUP_RECORDS
-// The same where all lanes have the same rows: every lane computes the rows' parts of the one line that it holds, before the
-// lanes share them.
-void read_entry_by_rows(Fetched own, bool live, Lane lane, out Entry t) {
+// `head` is the lane with the first texel of the record that the lane holds a texel of, `live` whether that entry is.
+void rows_of(Fetched own, uint head, bool live, Lane lane, out Rows rows) {
     vec4 texel = own.geometry;
-    t.origin_x = subgroupShuffle(texel.x, 0u);
-    float y = lane.first.y - subgroupShuffle(texel.y, 0u);
+    float y = lane.first.y - subgroupShuffle(texel.y, head);
     vec4 line = vec4(texel.xy, live ? texel.z : -1e18, texel.w);
     for (int i = 0; i < PIXELS; ++i) {
-        vec2 part = row_part(line, y + float(step_of(i).y));
-        for (uint k = 0u; k < 3u; ++k) {
-            t.height[i][k] = subgroupShuffle(part.x, k + 1u);
-            t.along[i][k] = subgroupShuffle(part.y, k + 1u);
-        }
+        rows.part[i] = row_part(line, y + float(step_of(i).y));
     }
-    for (uint k = 0u; k < 3u; ++k) {
-        t.normal_x[k] = subgroupShuffle(texel.x, k + 1u);
-        t.normal_y[k] = subgroupShuffle(texel.y, k + 1u);
-    }
-    vec4 tail = TWICE ? subgroupShuffle(own.more_geometry, uint(max(4 - LANES, 0))) : subgroupShuffle(texel, 4u);
-    t.half_length = vec3(subgroupShuffle(texel.z, 0u), subgroupShuffle(texel.w, 0u), tail.x);
-    t.inverse_height = tail.yzw;
 }
+
+void rows_of_first(Fetched first, bool first_live, bool second_live, Lane lane, out Rows rows) {
+    bool holds_second = GEOMETRY_PAIRED && gl_SubgroupInvocationID >= uint(GEOMETRY_STRIDE);
+    rows_of(first, holds_second ? uint(GEOMETRY_STRIDE) : 0u, holds_second ? second_live : first_live, lane, rows);
+}
+
+void rows_of_second(Fetched second, bool live, Lane lane, inout Rows rows) {
+    if (!GEOMETRY_PAIRED) {
+        rows_of(second, 0u, live, lane, rows);
+    }
+}
+
+void read_entry_by_rows(Fetched own, Rows rows, bool is_second, out Entry t) {
+    vec4 texel = own.geometry;
+    uint head = geometry_lane(is_second);
+    t.origin_x = subgroupShuffle(texel.x, head);
+    for (uint k = 0u; k < 3u; ++k) {
+        for (int i = 0; i < PIXELS; ++i) {
+            t.height[i][k] = subgroupShuffle(rows.part[i].x, head + k + 1u);
+            t.along[i][k] = subgroupShuffle(rows.part[i].y, head + k + 1u);
+        }
+        t.normal_x[k] = subgroupShuffle(texel.x, head + k + 1u);
+        t.normal_y[k] = subgroupShuffle(texel.y, head + k + 1u);
+    }
+    vec2 tail = shared_tail_of(own, is_second);
+    t.half_length = vec3(subgroupShuffle(texel.z, head), subgroupShuffle(texel.w, head), tail.x);
+    // Tiles with a triangle without area are not drawn here.
+    t.inverse_height = t.half_length * tail.y;
+}
+#else
+void rows_of_first(Fetched first, bool first_live, bool second_live, Lane lane, out Rows rows) {
+    rows.part[0] = vec2(0.0);
+}
+
+void rows_of_second(Fetched second, bool live, Lane lane, inout Rows rows) {}
 #endif
 
-void read_entry(Fetched own, bool live, Lane lane, out Entry t) {
+// The first or the second entry of a pair.
+void read_entry(Fetched own, Rows rows, bool is_second, bool live, Lane lane, out Entry t) {
 #ifdef SUBGROUP_RECORDS
     if (LANES <= int(TILE_WIDTH)) {
-        read_entry_by_rows(own, live, lane, t);
+        read_entry_by_rows(own, rows, is_second, t);
     } else {
-        read_entry_by_pixels(own, live, lane, t);
+        read_entry_by_pixels(own, is_second, live, lane, t);
     }
 #else
-    read_entry_by_pixels(own, live, lane, t);
+    read_entry_by_pixels(own, is_second, live, lane, t);
 #endif
 }
 

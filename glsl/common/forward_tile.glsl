@@ -26,6 +26,7 @@ layout(set = 0, binding = 13) uniform isamplerBuffer boxes;
 #include "common/frame.glsl"
 #include "common/mesh.glsl"
 #include "common/extremes.glsl"
+#include "common/record.glsl"
 #include "common/fragment.glsl"
 #include "common/sample.glsl"
 #include "common/corner.glsl"

@@ -1,30 +1,6 @@
 // One fragment, that is one (pixel, triangle) pair: distance and probability (eq. 1), clipped barycentrics and depth, the
 // inputs of the colour weights (eq. 3). pair_gradient.glsl holds the derivatives.
-// Needs constants.glsl, modes.glsl, frame.glsl, extremes.glsl and the buffer `geometry`.
-
-// A triangle's geometry record. edge.glsl defines its members; triangle.comp writes it.
-struct Triangle {
-    vec2 origin;
-    vec4 line0;
-    vec4 line1;
-    vec4 line2;
-    vec3 half_length;
-    vec3 inverse_height;
-};
-
-Triangle triangle_from(vec4 record[GEOMETRY_TEXELS]) {
-    vec4 head = record[0];
-    vec4 tail = record[4];
-    return Triangle(head.xy, record[1], record[2], record[3], vec3(head.zw, tail.x), tail.yzw);
-}
-
-Triangle triangle_of(int record_index) {
-    vec4 record[GEOMETRY_TEXELS];
-    for (int i = 0; i < int(GEOMETRY_TEXELS); ++i) {
-        record[i] = texelFetch(geometry, record_index * int(GEOMETRY_TEXELS) + i);
-    }
-    return triangle_from(record);
-}
+// Needs constants.glsl, modes.glsl, frame.glsl, extremes.glsl and record.glsl.
 
 struct Fragment {
     // D of eq. 1, and 1 - D computed without cancellation.

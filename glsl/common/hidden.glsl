@@ -1,11 +1,15 @@
-// When a triangle weighs too little to change a pixel. Needs constants.glsl, modes.glsl and the buffer `shading`.
+// When a triangle weighs too little to change a pixel. Needs constants.glsl, modes.glsl, extremes.glsl and the
+// buffer `shading`.
 
 // log2 of the largest negligible quantity: half a unit in the last place of an f32 near 1.
 const float NEXT_TO_NOTHING = -24.0;
 
-// An upper bound of the triangle's log2 weight in any pixel, from its shading record.
+// An upper bound of the triangle's log2 weight (eq. 3) in any pixel, from its shading record: that of a corner with D = 1. The
+// fraction of corner 0's log weight, which lies in another texel, is at most a half.
 float largest_weight(int record_index) {
-    return texelFetch(shading, record_index * SHADING_STRIDE + 3).z;
+    vec4 record = texelFetch(shading, record_index * SHADING_STRIDE + 1);
+    vec2 corners = record.z * record.xy / (1.0 + record.xy);
+    return record.w + 0.5 + greater(greater(corners.x, corners.y), 0.0);
 }
 
 // Whether a weight of at most `largest` is negligible beside a sum of weights of at least `least`, both as log2.

@@ -46,7 +46,9 @@ const bool LEAST_APART = uint(OPACITY) * uint(SILHOUETTE_MODE == SILHOUETTE_PROD
 // Whether the tile lists hold front faces before back faces, which front faces mostly hide. The hard mode keeps one order,
 // because the first of equally near triangles wins.
 const bool PARTED = uint(SHADED) * uint(COLOR_MODE == COLOR_SOFTMAX) != 0u;
-// Offset of the normals in a shading record, and the stride of the records, in texels.
+// Offset of the normals in a shading record, and the strides of the records, in texels. Without shading the geometry record
+// has its tail as a texel of its own.
+const int GEOMETRY_STRIDE = int(GEOMETRY_TEXELS) + int(!WANT_SHADING);
 const int SHADING_NORMAL_AT = int(SHADING_TEXELS) + int(SAMPLING != SAMPLING_NONE) * int(SHADING_COORDINATE_TEXELS);
 const int SHADING_STRIDE = SHADING_NORMAL_AT + int(WANT_NORMAL) * int(SHADING_NORMAL_TEXELS);
 // What takes the place of a pixel's reference weight where it has no weights, in the soft and in the hard mode.

@@ -1,5 +1,5 @@
 // Reading a triangle's records once for all lanes of a workgroup.
-// Needs fragment.glsl and corner.glsl with their buffers; with SUBGROUP_RECORDS subgroup shuffles.
+// Needs record.glsl and corner.glsl with their buffers; with SUBGROUP_RECORDS subgroup shuffles.
 
 // With SUBGROUP_RECORDS the workgroup is one subgroup of 4 to 64 lanes. Each lane reads one texel of a record, or two where
 // there are only four lanes, and shuffles pass the texels to all: on a software device a fetch costs as many reads as there
@@ -11,90 +11,109 @@ struct Fetched {
 #ifdef SUBGROUP_RECORDS
     vec4 geometry;
     vec4 shading;
-    // The texels after the first `LANES`.
-    vec4 more_geometry;
-    vec4 more_shading;
+    // The texels of shading after the first `LANES`; without shading the geometry's tail.
+    vec4 more;
 #endif
 };
 
 #ifdef SUBGROUP_RECORDS
 const int LANES = int(gl_WorkGroupSize.x);
-// Whether the lanes are fewer than a record's texels, so that each reads a second one. Of a shading record of nine texels
-// eight lanes read the ninth directly.
-const bool TWICE = LANES < int(GEOMETRY_TEXELS);
-
-// The shading record is read only where `shaded`.
-Fetched fetch_record(int record_index, bool shaded) {
-    Fetched own;
-    own.record_index = record_index;
-    int lane = int(gl_SubgroupInvocationID);
-    int at = record_index * int(GEOMETRY_TEXELS);
-    own.geometry = texelFetch(geometry, at + min(lane, int(GEOMETRY_TEXELS) - 1));
-    if (TWICE) {
-        own.more_geometry = texelFetch(geometry, at + min(lane + LANES, int(GEOMETRY_TEXELS) - 1));
-    }
-    if (shaded) {
-        at = record_index * SHADING_STRIDE;
-        own.shading = texelFetch(shading, at + min(lane, SHADING_STRIDE - 1));
-        if (TWICE && SHADING_STRIDE > LANES) {
-            own.more_shading = texelFetch(shading, at + min(lane + LANES, SHADING_STRIDE - 1));
-        }
-    }
-    return own;
-}
-
-// Whether the lanes are enough for the shading records of two triangles, so that one fetch reads both: 6 % of the time of
-// forward_soft.comp.
+// Whether the lanes are fewer than a shading record's texels, so that each reads a second one. Of a record of nine texels eight
+// lanes read the ninth directly.
+const bool SHADING_TWICE = LANES < SHADING_STRIDE;
+// Whether the lanes are enough for the geometry, and for the shading, of two triangles, so that one fetch reads both: two
+// fetches for two records, where one by one takes four. 6 % of the time of forward_soft.comp for shading.
+const bool GEOMETRY_PAIRED = 2 * GEOMETRY_STRIDE <= LANES;
 const bool SHADING_PAIRED = 2 * SHADING_STRIDE <= LANES;
 
-// The records of two triangles. With SHADING_PAIRED both have the same texels of shading, first those of the first.
+// The texel of a lane that reads a record alone, and of one that reads two records with all others, first those of the first.
+int own_texel(int record_index, int stride, int from) {
+    return record_index * stride + min(int(gl_SubgroupInvocationID) + from, stride - 1);
+}
+
+int paired_texel(int first_index, int second_index, int stride) {
+    int lane = int(gl_SubgroupInvocationID);
+    return lane < stride ? first_index * stride + lane : second_index * stride + min(lane - stride, stride - 1);
+}
+
+// What one fetch of a record has no room for; of shading only where `shaded`.
+vec4 fetch_more(int record_index, bool shaded) {
+    vec4 more = vec4(0.0);
+    if (WANT_SHADING && SHADING_TWICE && shaded) {
+        more = texelFetch(shading, own_texel(record_index, SHADING_STRIDE, LANES));
+    } else if (!WANT_SHADING && LANES < GEOMETRY_STRIDE) {
+        more = texelFetch(geometry, own_texel(record_index, GEOMETRY_STRIDE, LANES));
+    }
+    return more;
+}
+
+Fetched fetch_record(int record_index) {
+    vec4 shaded = WANT_SHADING ? texelFetch(shading, own_texel(record_index, SHADING_STRIDE, 0)) : vec4(0.0);
+    vec4 edges = texelFetch(geometry, own_texel(record_index, GEOMETRY_STRIDE, 0));
+    return Fetched(record_index, edges, shaded, fetch_more(record_index, true));
+}
+
+// The records of two triangles. With GEOMETRY_PAIRED both have the same texels of geometry, with SHADING_PAIRED of shading.
 void fetch_pair(int first_index, int second_index, bool shaded, out Fetched first, out Fetched second) {
-    first = fetch_record(first_index, shaded && !SHADING_PAIRED);
-    second = fetch_record(second_index, shaded && !SHADING_PAIRED);
-    if (SHADING_PAIRED && shaded) {
-        int lane = int(gl_SubgroupInvocationID);
-        int record_index = lane < SHADING_STRIDE ? first_index : second_index;
-        int texel = min(lane < SHADING_STRIDE ? lane : lane - SHADING_STRIDE, SHADING_STRIDE - 1);
-        first.shading = texelFetch(shading, record_index * SHADING_STRIDE + texel);
+    first.record_index = first_index;
+    second.record_index = second_index;
+    if (GEOMETRY_PAIRED) {
+        first.geometry = texelFetch(geometry, paired_texel(first_index, second_index, GEOMETRY_STRIDE));
+        second.geometry = first.geometry;
+    } else {
+        first.geometry = texelFetch(geometry, own_texel(first_index, GEOMETRY_STRIDE, 0));
+        second.geometry = texelFetch(geometry, own_texel(second_index, GEOMETRY_STRIDE, 0));
+    }
+    if (WANT_SHADING && SHADING_PAIRED) {
+        first.shading = texelFetch(shading, paired_texel(first_index, second_index, SHADING_STRIDE));
         second.shading = first.shading;
+    } else if (WANT_SHADING) {
+        first.shading = texelFetch(shading, own_texel(first_index, SHADING_STRIDE, 0));
+        second.shading = texelFetch(shading, own_texel(second_index, SHADING_STRIDE, 0));
     }
+    first.more = fetch_more(first_index, shaded);
+    second.more = fetch_more(second_index, shaded);
 }
 
-Triangle shared_triangle_of(Fetched own) {
+// The lane that holds the first texel of geometry, or of shading, of a record that was fetched as the first or second of a pair.
+uint geometry_lane(bool is_second) {
+    return GEOMETRY_PAIRED && is_second ? uint(GEOMETRY_STRIDE) : 0u;
+}
+
+uint shading_lane(bool is_second) {
+    return SHADING_PAIRED && is_second ? uint(SHADING_STRIDE) : 0u;
+}
+
+vec2 shared_tail_of(Fetched own, bool is_second) {
+    if (WANT_SHADING) {
+        return subgroupShuffle(own.shading.xy, shading_lane(is_second));
+    }
+    return LANES < GEOMETRY_STRIDE ? own.more.xy : subgroupShuffle(own.geometry.xy, geometry_lane(is_second) + GEOMETRY_TEXELS);
+}
+
+Triangle shared_triangle_of(Fetched own, bool is_second) {
     vec4 record[GEOMETRY_TEXELS];
-    for (int i = 0; i < int(GEOMETRY_TEXELS); ++i) {
-        record[i] = i < LANES ? subgroupShuffle(own.geometry, uint(i)) : subgroupShuffle(own.more_geometry, uint(i - LANES));
+    for (uint i = 0u; i < GEOMETRY_TEXELS; ++i) {
+        record[i] = subgroupShuffle(own.geometry, geometry_lane(is_second) + i);
     }
-    return triangle_from(record);
+    return triangle_from(record, shared_tail_of(own, is_second));
 }
 
-Corner shared_corner_of(Fetched own) {
+Corner shared_corner_of(Fetched own, bool is_second) {
     vec4 record[SHADING_MOST];
     for (int i = 0; i < SHADING_STRIDE; ++i) {
         if (i < LANES) {
-            record[i] = subgroupShuffle(own.shading, uint(i));
-        } else if (TWICE && i < 2 * LANES) {
-            record[i] = subgroupShuffle(own.more_shading, uint(i - LANES));
+            record[i] = subgroupShuffle(own.shading, shading_lane(is_second) + uint(i));
+        } else if (i < 2 * LANES) {
+            record[i] = subgroupShuffle(own.more, uint(i - LANES));
         } else {
             record[i] = texelFetch(shading, own.record_index * SHADING_STRIDE + i);
         }
     }
     return corner_from(record);
 }
-
-// The same of a triangle that fetch_pair has read, the first or the second.
-Corner paired_corner_of(Fetched own, bool is_second) {
-    if (!SHADING_PAIRED) {
-        return shared_corner_of(own);
-    }
-    vec4 record[SHADING_MOST];
-    for (int i = 0; i < SHADING_STRIDE; ++i) {
-        record[i] = subgroupShuffle(own.shading, uint(is_second ? i + SHADING_STRIDE : i));
-    }
-    return corner_from(record);
-}
 #else
-Fetched fetch_record(int record_index, bool shaded) {
+Fetched fetch_record(int record_index) {
     return Fetched(record_index);
 }
 
@@ -103,19 +122,19 @@ void fetch_pair(int first_index, int second_index, bool shaded, out Fetched firs
     second = Fetched(second_index);
 }
 
-Triangle shared_triangle_of(Fetched own) {
+Triangle shared_triangle_of(Fetched own, bool is_second) {
     return triangle_of(own.record_index);
 }
 
-Corner shared_corner_of(Fetched own) {
-    return corner_of(own.record_index);
-}
-
-Corner paired_corner_of(Fetched own, bool is_second) {
+Corner shared_corner_of(Fetched own, bool is_second) {
     return corner_of(own.record_index);
 }
 #endif
 
-Fetched fetch_record(int record_index) {
-    return fetch_record(record_index, WANT_SHADING);
+Triangle shared_triangle_of(Fetched own) {
+    return shared_triangle_of(own, false);
+}
+
+Corner shared_corner_of(Fetched own) {
+    return shared_corner_of(own, false);
 }

@@ -1,6 +1,6 @@
 // Which tiles of a bin a triangle grown by the culling radius may touch: tile lists are made of these answers.
 // Everything is `precise`, so that each kernel that asks gets the same answer.
-// Needs constants.glsl, modes.glsl, frame.glsl, extremes.glsl and the buffers `boxes` and `geometry`.
+// Needs constants.glsl, modes.glsl, frame.glsl, extremes.glsl, record.glsl and the buffer `boxes`.
 
 // Past the last column.
 const float COLUMNS_END = float(BIN_TILES) + 1.0;
@@ -32,29 +32,25 @@ bool is_thin(vec3 half_length, vec3 inverse_height) {
 }
 
 Reach reach_of_record(int record_index, ivec2 bin) {
-    int at = record_index * int(GEOMETRY_TEXELS);
-    vec4 head = texelFetch(geometry, at);
-    vec2 origin = head.xy;
-    vec4 last_texel = texelFetch(geometry, at + 4);
+    Triangle t = triangle_of(record_index);
+    vec4 lines[3] = vec4[](t.line0, t.line1, t.line2);
     ivec4 box = texelFetch(boxes, record_index);
     ivec2 tile = ivec2(TILE_WIDTH, TILE_HEIGHT);
     Reach r;
     r.tiles.xy = max(box.xy / tile - bin * int(BIN_TILES), ivec2(0));
     r.tiles.zw = min(box.zw / tile - bin * int(BIN_TILES), ivec2(BIN_TILES - 1u));
     vec2 half_size = 0.5 * vec2(TILE_WIDTH - 1u, TILE_HEIGHT - 1u);
-    precise vec2 centre = vec2(bin) * vec2(BIN_WIDTH, BIN_HEIGHT) + half_size - origin;
-    vec2 normal[3];
+    precise vec2 centre = vec2(bin) * vec2(BIN_WIDTH, BIN_HEIGHT) + half_size - t.origin;
     for (int k = 0; k < 3; ++k) {
-        vec4 line = texelFetch(geometry, at + 1 + k);
-        normal[k] = line.xy;
+        vec4 line = lines[k];
         precise float reach = sqrt(frame.radius_squared);
         if (DISTANCE == DISTANCE_BARYCENTRIC) {
-            reach = frame.barycentric_radius / last_texel[k + 1];
+            reach = frame.barycentric_radius / t.inverse_height[k];
         }
         reach = 1.001 * reach + 0.01 * frame.scale;
         // Only true edges bound: not the end lines of a triangle without area, whose inverse height is not positive, nor the
         // line of a point.
-        bool bounds = last_texel[k + 1] > 0.0 && line.z < 1e14;
+        bool bounds = t.inverse_height[k] > 0.0 && line.z < 1e14;
         float nx = abs(line.x) < 1e-9 * frame.scale ? (line.x < 0.0 ? -1e-9 : 1e-9) * frame.scale : line.x;
         precise float spread = abs(line.x) * half_size.x + abs(line.y) * half_size.y;
         // The least margin by which the tile of column 0 and row 0 touches the grown triangle, as a number of columns.
@@ -71,9 +67,9 @@ Reach reach_of_record(int record_index, ivec2 bin) {
         r.last_step[k] = above ? step : 0.0;
     }
     // The edges' inner normals have the orientation of the corners.
-    precise float turn = normal[0].x * normal[1].y - normal[0].y * normal[1].x;
+    precise float turn = t.line0.x * t.line1.y - t.line0.y * t.line1.x;
     r.away = (turn < 0.0) == CLOCKWISE_FRONT;
-    r.thin = is_thin(vec3(head.zw, last_texel.x), last_texel.yzw);
+    r.thin = is_thin(t.half_length, t.inverse_height);
     return r;
 }
 

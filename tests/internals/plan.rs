@@ -72,7 +72,7 @@ fn a_frame_takes_the_memory_of_the_formula() {
         assert_eq!(plan.modes.outputs, bits.iter().map(|&(on, bit)| if on { bit } else { 0 }).sum::<u32>());
         assert_eq!((plan.sizes[BufferId::Shading] > 0, plan.modes.smooth == 1), (shaded, bit(4)));
         let q = 4 + when(bit(5) || bit(6), 2) + when(normal, 3);
-        let records = 32 * v + when(bit(4), 32 * v) + 96 * s + when(shaded, 16 * q * s);
+        let records = 32 * v + when(bit(4), 32 * v) + 80 * s + if shaded { 16 * q * s } else { 16 * s };
         // Each view has half of the records.
         let lists = b * (s / 2) / 8 + 8 * b + 12 * 3200 + 3200 / 4 + 52 * t + 4 * 4096;
         let images =

@@ -78,6 +78,13 @@ pub struct FrameCounts {
     pub resumed_rows: u64,
 }
 
+impl FrameCounts {
+    /// Texels of a geometry record, whose tail is in the shading record if there is one.
+    pub fn geometry_texels(&self) -> u32 {
+        c::GEOMETRY_TEXELS + u32::from(self.shading_texels == 0)
+    }
+}
+
 /// The counts that the sizes of the buffers of a backward pass depend on.
 #[derive(Clone, Copy, Debug)]
 pub struct GradientCounts {

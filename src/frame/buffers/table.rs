@@ -111,8 +111,8 @@ table! {
         VertexShading("vertex_shading", Float4, Workspace, [],
             |f| when(f.smooth, texels(f.totals.vertices, c::VERTEX_SHADING_TEXELS)));
         /// Each triangle record's edges, from which signed edge distances are computed.
-        Geometry("geometry", Float4, Workspace, [], |f| texels(f.totals.records, c::GEOMETRY_TEXELS));
-        /// Each triangle record's colours, depths and normals.
+        Geometry("geometry", Float4, Workspace, [], |f| texels(f.totals.records, f.geometry_texels()));
+        /// Each triangle record's colours, depths and normals, after two numbers more of its edges.
         Shading("shading", Float4, Workspace, [],
             |f| when(f.shading_texels > 0, texels(f.totals.records, f.shading_texels)));
         /// The box of pixels that each triangle's support can reach.
