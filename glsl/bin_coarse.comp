@@ -124,8 +124,10 @@ void main() {
     }
     uint padded = (total + WORD_BITS - 1u) / WORD_BITS * WORD_BITS;
     // No list is so long that the sum of all could exceed 32 bits.
-    uint longest = 0xffffffffu / (frame.view_count * frame.bins_x * frame.bins_y);
-    bool lists = total != 0u && padded <= longest;
+    uint beyond;
+    uint sum;
+    umulExtended(padded, frame.view_count * frame.bins_x * frame.bins_y, beyond, sum);
+    bool lists = total != 0u && beyond == 0u;
     if (lane == 0) {
         list_start = lists ? atomicAdd(status[STATUS_COARSE_NEEDED], padded) : 0u;
     }
@@ -150,8 +152,9 @@ void main() {
     }
     memoryBarrierBuffer();
     barrier();
-    int bins_x = int(frame.bins_x);
-    ivec2 where = ivec2(bin % bins_x, bin / bins_x);
+    // Exact for counts this small; a software device divides integers lane by lane.
+    int row = int((float(bin) + 0.5) / float(frame.bins_x));
+    ivec2 where = ivec2(bin - row * int(frame.bins_x), row);
     for (uint i = start + uint(lane) * WORD_BITS; i < start + total; i += uint(lanes) * WORD_BITS) {
         write_words(i, start + total - 1u, where);
     }

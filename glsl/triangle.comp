@@ -141,8 +141,11 @@ vec4 depth_record(Corners c, out float exponent) {
 // its cells a record has an empty range, and backward_long.comp finds them again.
 void write_cells(int record_index, ivec4 box) {
     uint more = uint(cells_of(box)) - 1u;
-    // No box has so many that the sum of all could exceed 32 bits.
-    bool lists = more != 0u && more <= 0xffffffffu / frame.record_count;
+    // No box has so many that the sum of all could exceed 32 bits. A software device divides integers lane by lane.
+    uint beyond;
+    uint sum;
+    umulExtended(more, frame.record_count, beyond, sum);
+    bool lists = more != 0u && beyond == 0u;
     uint start = lists ? atomicAdd(status[STATUS_CELLS_NEEDED], more) : 0u;
     bool fits = lists && more <= frame.cell_capacity && start <= frame.cell_capacity - more;
     cell_ranges[record_index] = uvec2(start, fits ? more : 0u);
