@@ -22,7 +22,7 @@ const int LANES = int(gl_WorkGroupSize.x);
 // lanes read the ninth directly.
 const bool SHADING_TWICE = LANES < SHADING_STRIDE;
 // Whether the lanes are enough for the geometry, and for the shading, of two triangles, so that one fetch reads both: two
-// fetches for two records, where one by one takes four. 6 % of the time of forward_soft.comp for shading.
+// fetches for two records, where one by one takes four. 6 % of the time of forward_soft.comp for shading, 4 % for geometry.
 const bool GEOMETRY_PAIRED = 2 * GEOMETRY_STRIDE <= LANES;
 const bool SHADING_PAIRED = 2 * SHADING_STRIDE <= LANES;
 
