@@ -58,6 +58,8 @@ FAULTS = [
      [("gradient", "per_vertex::they_do_not")]),
     ("the second of a pair with the tail of the first", "glsl/common/shared_records.glsl",
      "subgroupShuffle(own.shading.xy, shading_lane(is_second))", "subgroupShuffle(own.shading.xy, 0u)", [("render", "forward::")]),
+    ("two lanes for a tile of a bin, none for another", "glsl/bin_fine.comp", "lane / 2u % 4u;", "lane / 2u % 2u;",
+     [("render", "properties_images::")]),
     ("a segment with the height of an area", "glsl/common/record.glsl", "(inverse_area < 0.0 ? of_segment : of_point)",
      "(inverse_area < 0.0 ? of_area : of_point)", [("gradient", "hazards::")]),
     ("a column short in the rows of a lane", ROWS, "float count = greater(to - from + 1.0, 0.0);",
