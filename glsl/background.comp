@@ -17,6 +17,7 @@ layout(set = 0, binding = 5, std430) writeonly buffer Saved { vec4 saved[]; };
 #include "common/modes.glsl"
 #include "common/frame.glsl"
 #include "common/pixel.glsl"
+#include "common/quotient.glsl"
 #include "common/tile.glsl"
 #include "common/images.glsl"
 

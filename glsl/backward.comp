@@ -52,6 +52,7 @@ const bool SHOWS = uint(UP_SHADED) * uint(!OUTLINE) != 0u;
 #include "common/corner.glsl"
 #include "common/shared_records.glsl"
 #include "common/lanes.glsl"
+#include "common/quotient.glsl"
 #include "common/item.glsl"
 #include "common/nearest_edge.glsl"
 #include "common/pair.glsl"

@@ -32,6 +32,7 @@ layout(set = 0, binding = 13, std430) writeonly buffer ItemMarks { uint item_mar
 #include "common/gradient_modes.glsl"
 #include "common/frame.glsl"
 #include "common/mesh.glsl"
+#include "common/quotient.glsl"
 #include "common/item.glsl"
 #include "common/extremes.glsl"
 #include "common/hidden.glsl"

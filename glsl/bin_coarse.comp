@@ -28,6 +28,7 @@ layout(set = 0, binding = 8) uniform samplerBuffer shading;
 #include "common/extremes.glsl"
 #include "common/record.glsl"
 #include "common/tile_mask.glsl"
+#include "common/quotient.glsl"
 
 shared uint counts[gl_WorkGroupSize.x];
 shared uint list_start;
@@ -152,8 +153,7 @@ void main() {
     }
     memoryBarrierBuffer();
     barrier();
-    // Exact for counts this small; a software device divides integers lane by lane.
-    int row = int((float(bin) + 0.5) / float(frame.bins_x));
+    int row = quotient(bin, int(frame.bins_x));
     ivec2 where = ivec2(bin - row * int(frame.bins_x), row);
     for (uint i = start + uint(lane) * WORD_BITS; i < start + total; i += uint(lanes) * WORD_BITS) {
         write_words(i, start + total - 1u, where);

@@ -30,6 +30,7 @@ layout(set = 0, binding = 9, std430) writeonly buffer TileBounds { vec2 tile_bou
 #include "common/frame.glsl"
 #include "common/mesh.glsl"
 #include "common/pixel.glsl"
+#include "common/quotient.glsl"
 
 // `tile_items` has three parts with room for all tiles: those with entries; the empty ones, with those at the end that take
 // several turns; and in rows by the tiles' numbers those that forward draws in place of forward_soft, with those at the row's
@@ -174,8 +175,7 @@ void main() {
     bool counted = blocks < LOOP_PASSES;
     int words = first / int(WORD_BITS) * int(BLOCK_WORDS);
     uvec3 found = count_entries(own, words, counted ? int(blocks) : 0);
-    // Exact for counts this small; a software device divides integers lane by lane.
-    uint row = uint((float(index) + 0.5) / float(frame.bins_x));
+    uint row = uint(quotient(int(index), int(frame.bins_x)));
     uvec2 bin = uvec2(index - row * frame.bins_x, row);
     uvec2 at = bin * BIN_TILES + uvec2(own % BIN_TILES, own / BIN_TILES);
     bool exists = at.x < frame.tiles_x && at.y < frame.tiles_y;

@@ -36,6 +36,7 @@ layout(set = 0, binding = 14, std430) writeonly buffer SilhouetteGradients { flo
 #include "common/gradient_modes.glsl"
 #include "common/frame.glsl"
 #include "common/mesh.glsl"
+#include "common/quotient.glsl"
 #include "common/tile.glsl"
 
 // What kept_of in pixel.glsl saved of a pixel.

@@ -23,15 +23,16 @@ struct Edges {
     bool finite;
 };
 
-// The line through a and b, whose cross product is `cross_ab`; the sign `side` selects which of its sides is inside. The
-// distance of the origin is that cross product over the length: for an edge whose ends lie far outside the image, only
-// this form has a rounding error relative to the visible part.
-vec4 line_record(vec2 a, vec2 b, vec2 along, float size, float cross_ab, float side) {
+// The line through a and b, whose cross product is `cross_ab`; `along` is their direction times frame.scale and `scaled_size` their
+// distance over frame.scale. The sign `side` selects which of its sides is inside. The distance of the origin is that cross
+// product over the length: for an edge whose ends lie far outside the image, only this form has a rounding error relative to the
+// visible part.
+vec4 line_record(vec2 a, vec2 b, vec2 along, float scaled_size, float cross_ab, float side) {
     vec2 n = side * vec2(-along.y, along.x);
     vec2 middle = 0.5 * (a + b);
-    float c = size > 0.0 ? side * cross_ab / size : -dot(n, a);
+    float c = scaled_size > 0.0 ? side * cross_ab / scaled_size : -dot(n, a);
     float g = n.x * middle.y - n.y * middle.x;
-    return vec4(n, c, g) * frame.scale;
+    return vec4(n, c, g);
 }
 
 // The element of index k. An index that is no constant would keep the whole array in memory on a software device, where each
@@ -99,19 +100,21 @@ Edges edges_of(vec2 column[3], vec2 row[3]) {
     float extent = most > 1e-12 ? most : 0.0;
     e.degenerate = abs(area) <= 1e-10 * extent * extent || extent == 0.0;
     e.orientation = area < 0.0 && !e.degenerate ? -1.0 : 1.0;
+    float half_square = 0.5 * frame.scale * frame.scale;
     for (int k = 0; k < 3; ++k) {
         int a = k == 2 ? 0 : k + 1;
         int b = a == 2 ? 0 : a + 1;
+        // The line and the half length share this quotient, whose rounding cancels in the barycentric coordinate, their product.
+        float scaled_size = size[k] / frame.scale;
         // An edge of no length is a point, for which any direction is right.
-        vec2 along = size[k] > 0.0 ? side[k] / size[k] : vec2(1.0, 0.0);
-        e.line[k] = line_record(e.corner[a], e.corner[b], along, size[k], cross_ab[k].x, e.orientation);
-        e.half_length[k] = 0.5 * size[k] * frame.scale;
+        vec2 along = scaled_size > 0.0 ? side[k] / scaled_size : vec2(frame.scale, 0.0);
+        e.line[k] = line_record(e.corner[a], e.corner[b], along, scaled_size, cross_ab[k].x, e.orientation);
+        e.half_length[k] = scaled_size * half_square;
     }
-    float inverse = 2.0 / (max(abs(area), 1e-30) * frame.scale);
-    e.inverse_area = clamp(inverse / frame.scale, LEAST_INVERSE_AREA, 1.0 / LEAST_INVERSE_AREA);
+    e.inverse_area = clamp(1.0 / (max(abs(area), 1e-30) * half_square), LEAST_INVERSE_AREA, 1.0 / LEAST_INVERSE_AREA);
     if (e.degenerate) {
         vec2 longest_side = longest == 2 ? side[2] : (longest == 1 ? side[1] : side[0]);
-        vec2 along = extent > 0.0 ? longest_side / extent : vec2(1.0, 0.0);
+        vec2 along = extent > 0.0 ? longest_side / extent * frame.scale : vec2(frame.scale, 0.0);
         flatten_to_segment(e, longest, along, extent);
     }
     return e;

@@ -34,6 +34,7 @@ layout(set = 0, binding = 13) uniform isamplerBuffer boxes;
 #include "common/lanes.glsl"
 #include "common/pixel.glsl"
 #include "common/hidden.glsl"
+#include "common/quotient.glsl"
 #include "common/tile.glsl"
 #include "common/images.glsl"
 

@@ -1,5 +1,5 @@
 // The work items of backward: one for each triangle's pixel box, or for each cell of a box larger than a cell. The first
-// cell's item has the record's index; the others follow behind all records. Needs constants.glsl.
+// cell's item has the record's index; the others follow behind all records. Needs constants.glsl and quotient.glsl.
 
 struct Item {
     // Index of its entry of `partials`, and of the triangle's record.
@@ -20,8 +20,7 @@ int cells_of(ivec4 box) {
 // The item of one cell of a box.
 Item item_of(int index, int record_index, int cell, int view, ivec4 box) {
     int columns = (box.z - box.x) / int(CELL_WIDTH) + 1;
-    // Exact for counts this small; a software device divides integers lane by lane.
-    int row = int((float(cell) + 0.5) / float(columns));
+    int row = quotient(cell, columns);
     ivec2 first = box.xy + ivec2(cell - row * columns, row) * ivec2(CELL_WIDTH, CELL_HEIGHT);
     return Item(index, record_index, view, first, min(box.zw - first + 1, ivec2(CELL_WIDTH, CELL_HEIGHT)));
 }

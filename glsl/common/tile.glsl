@@ -1,19 +1,11 @@
 // Tiles and pixels of all views: where a tile lies, and the index of a pixel in the image buffers.
-// Needs constants.glsl and frame.glsl.
+// Needs constants.glsl, frame.glsl and quotient.glsl.
 
 struct TileLocation {
     int view;
     // First column and row of the tile.
     ivec2 corner;
 };
-
-// The quotient of natural numbers if it is less than 2^20, so that the division of floats errs by at most one. A software
-// device divides integers lane by lane, which took a tenth of pixel_grad.comp.
-int quotient(int number, int divisor) {
-    int q = int(float(number) / float(divisor));
-    int rest = number - q * divisor;
-    return q + (rest < 0 ? -1 : rest >= divisor ? 1 : 0);
-}
 
 // The tile with a number among the tiles of all views, of which there are at most 2^18.
 TileLocation tile_location(int number) {
