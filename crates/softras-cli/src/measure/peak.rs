@@ -6,10 +6,12 @@ use softras::internals::vulkan::{
 use softras::{Error, Result};
 use std::time::Instant;
 
-/// Operations of one pass of glsl/peak.comp's loop: 64 steps of twelve multiply-adds.
-const PASS: f64 = 64.0 * 12.0 * 2.0;
-/// A run shorter than this many milliseconds is repeated with more loops.
+/// Operations of one pass of glsl/peak.comp's loop: four steps of twelve multiply-adds.
+const PASS: f64 = 4.0 * 12.0 * 2.0;
+/// A run shorter than this many milliseconds is repeated with more passes.
 const LONG_ENOUGH: f64 = 10.0;
+/// Mesa 22.3 ends a loop after 65535 passes.
+const MOST_LOOPS: u32 = 1 << 15;
 const RUNS: usize = 12;
 const GROUPS: u32 = 2048;
 
@@ -61,7 +63,7 @@ pub fn peak_flops(device: Option<&str>) -> Result<f64> {
         let wall = start.elapsed().as_secs_f64() * 1e3;
         let stamps = times.as_ref().map(|times| times.read(2)).transpose()?;
         let milliseconds = stamps.and_then(|s| s.last().copied()).unwrap_or(wall);
-        if milliseconds < LONG_ENOUGH && loops < 1 << 14 {
+        if milliseconds < LONG_ENOUGH && loops < MOST_LOOPS {
             loops *= 2;
             continue;
         }
