@@ -65,8 +65,8 @@ const int WALKERS = int(gl_WorkGroupSize.x);
 
 // Pixels that a lane takes at a time. Every step runs over all of them before the next step, so that their long chains of
 // dependent operations overlap: 10 % faster than one at a time. More than two have no room in the sixteen registers of AVX2, where
-// four take 1.15 times as long, unless the pixels need the silhouette alone; there two take 1.03 to 1.14 times as long as four. Four in an
-// item that the lanes share are no faster, because more lanes are left without a pixel at its end.
+// four take 1.15 times as long, unless the pixels need the silhouette alone; there two take 1.03 to 1.14 times as long as four.
+// Four in an item that the lanes share are no faster, because more lanes are left without a pixel at its end.
 const int PAIRS = 2 + 2 * int(SMALL) * int(OUTLINE);
 const int STEP = PAIRS * WALKERS;
 

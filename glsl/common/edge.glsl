@@ -23,14 +23,13 @@ struct Edges {
     bool finite;
 };
 
-// The line through a and b, whose cross product is `cross_ab`; `along` is their direction times frame.scale and `scaled_size` their
-// distance over frame.scale. The sign `side` selects which of its sides is inside. The distance of the origin is that cross
-// product over the length: for an edge whose ends lie far outside the image, only this form has a rounding error relative to the
-// visible part.
-vec4 line_record(vec2 a, vec2 b, vec2 along, float scaled_size, float cross_ab, float side) {
+// The line through a and b, whose cross product is `cross_ab`; `along` is their direction times frame.scale. The sign `side` selects
+// which of its sides is inside. The distance of the origin is that cross product over the length: for an edge whose ends lie
+// far outside the image, only this form has a rounding error relative to the visible part.
+vec4 line_record(vec2 a, vec2 b, vec2 along, float size_over_scale, float cross_ab, float side) {
     vec2 n = side * vec2(-along.y, along.x);
     vec2 middle = 0.5 * (a + b);
-    float c = scaled_size > 0.0 ? side * cross_ab / scaled_size : -dot(n, a);
+    float c = size_over_scale > 0.0 ? side * cross_ab / size_over_scale : -dot(n, a);
     float g = n.x * middle.y - n.y * middle.x;
     return vec4(n, c, g);
 }
@@ -105,11 +104,11 @@ Edges edges_of(vec2 column[3], vec2 row[3]) {
         int a = k == 2 ? 0 : k + 1;
         int b = a == 2 ? 0 : a + 1;
         // The line and the half length share this quotient, whose rounding cancels in the barycentric coordinate, their product.
-        float scaled_size = size[k] / frame.scale;
+        float size_over_scale = size[k] / frame.scale;
         // An edge of no length is a point, for which any direction is right.
-        vec2 along = scaled_size > 0.0 ? side[k] / scaled_size : vec2(frame.scale, 0.0);
-        e.line[k] = line_record(e.corner[a], e.corner[b], along, scaled_size, cross_ab[k].x, e.orientation);
-        e.half_length[k] = scaled_size * half_square;
+        vec2 along = size_over_scale > 0.0 ? side[k] / size_over_scale : vec2(frame.scale, 0.0);
+        e.line[k] = line_record(e.corner[a], e.corner[b], along, size_over_scale, cross_ab[k].x, e.orientation);
+        e.half_length[k] = size_over_scale * half_square;
     }
     e.inverse_area = clamp(1.0 / (max(abs(area), 1e-30) * half_square), LEAST_INVERSE_AREA, 1.0 / LEAST_INVERSE_AREA);
     if (e.degenerate) {
