@@ -7,9 +7,9 @@
 
 use softras::internals::vulkan::CacheFolder;
 use softras::{Renderer, RendererOptions, Settings, shapes};
-use softras_cli::measure::Mode;
-use softras_cli::measure::subject::{camera, scene, settings};
-use softras_cli::measure::time::{median, upstream};
+use softras_lab::measure::Mode;
+use softras_lab::measure::subject::{camera, scene, settings};
+use softras_lab::measure::time::{median, upstream};
 use std::path::Path;
 use std::process::Command;
 use std::time::Instant;

@@ -10,10 +10,10 @@ mod published;
 mod subject;
 
 use softras::{Mesh, Renderer, Settings, shapes};
-use softras_cli::measure::subject::{camera, cameras, scene, settings};
-use softras_cli::measure::sweep::{front, front_settings};
-use softras_cli::measure::time::times;
-use softras_cli::measure::{Mode, error};
+use softras_lab::measure::subject::{camera, cameras, scene, settings};
+use softras_lab::measure::sweep::{front, front_settings};
+use softras_lab::measure::time::times;
+use softras_lab::measure::{Mode, error};
 use softras_naive as naive;
 
 fn main() {
@@ -44,7 +44,7 @@ fn curves(renderer: &mut Renderer, mesh: &Mesh) {
         let (time, image) = naive::render(&scene, &camera, &fine, 2).expect("a frame");
         let error = naive::error(&image, &exact, fine.outputs);
         println!("{:>12} {:>8.0e} {time:>10.2} {:>10} {error:>10.1e}", "naive", fine.tau, "-");
-        let better = |c: &softras_cli::measure::sweep::Curve| {
+        let better = |c: &softras_lab::measure::sweep::Curve| {
             c.points.iter().filter(|p| p.error <= error).map(|p| p.forward).fold(f64::INFINITY, f64::min)
         };
         let best = curves.iter().map(better).fold(f64::INFINITY, f64::min);

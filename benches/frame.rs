@@ -9,9 +9,9 @@
 mod subject;
 
 use softras::{Error, Mesh, Renderer, Settings, shapes};
-use softras_cli::measure::subject::{cameras, scene, settings};
-use softras_cli::measure::time::times;
-use softras_cli::measure::{Mode, floor, peak_flops};
+use softras_lab::measure::subject::{cameras, scene, settings};
+use softras_lab::measure::time::times;
+use softras_lab::measure::{Mode, floor, peak_flops};
 
 fn main() {
     let mut renderer = Renderer::new().expect("a Vulkan device");

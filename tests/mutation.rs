@@ -14,7 +14,7 @@ use softras::{
     scene::{Appearance, Texture, Wrap},
     shapes,
 };
-use softras_cli::stress::Random;
+use softras_lab::stress::Random;
 use std::{
     fs, panic,
     path::Path,

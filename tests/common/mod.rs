@@ -8,7 +8,7 @@ pub mod modes;
 pub mod scenes;
 pub mod tolerance;
 
-pub use softras_cli::random;
+pub use softras_lab::random;
 
 use softras::{Renderer, RendererOptions};
 use std::ops::{Deref, DerefMut};

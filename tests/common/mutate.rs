@@ -1,6 +1,6 @@
 //! Random mutations of files: bytes that change, vanish or repeat, and numbers and lines that are hard to read.
 
-use softras_cli::stress::Random;
+use softras_lab::stress::Random;
 
 /// `SOFTRAS_CASES` runs more of them.
 pub fn cases(usual: u64) -> u64 {

@@ -4,7 +4,7 @@ use crate::common::random::Random;
 use glam::DVec3;
 use softras::fit::{PoseTarget, Schedule};
 use softras::{Camera, Mesh, Projection, Renderer, Scene, Settings};
-use softras_cli::articulated::{
+use softras_lab::articulated::{
     Bone, Figure, FigureFit, FigureOptions, Sight, Skeleton, SkeletonPose, mannequin, visible_triangles,
 };
 use std::collections::HashSet;

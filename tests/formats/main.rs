@@ -16,7 +16,7 @@ use softras::{
     scene::{Appearance, Texture, Wrap},
     shapes,
 };
-use softras_cli::random::Random;
+use softras_lab::random::Random;
 use std::{
     fs, panic,
     path::Path,

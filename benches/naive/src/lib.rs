@@ -6,7 +6,7 @@ use softras::internals::vulkan::{
 };
 use softras::scene::{Appearance, Background, Outputs};
 use softras::{Camera, Projection, Scene, Settings};
-use softras_cli::measure::time::median;
+use softras_lab::measure::time::median;
 use std::time::Instant;
 
 /// The kernel, as the build script writes it. Of the names that a kernel may refer to, this one needs a few.

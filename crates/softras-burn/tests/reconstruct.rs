@@ -95,7 +95,7 @@ fn shards_are_the_set() {
         let mut zip = zip::ZipWriter::new(file);
         zip.start_file("arr_0.npy", zip::write::SimpleFileOptions::default()).unwrap();
         let values = vec![0; shape.iter().product()];
-        let array = softras_cli::npy::write(shape, softras_cli::npy::Data::U8(&values));
+        let array = softras_lab::npy::write(shape, softras_lab::npy::Data::U8(&values));
         std::io::Write::write_all(&mut zip, &array).unwrap();
         zip.finish().unwrap();
     };

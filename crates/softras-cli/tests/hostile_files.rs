@@ -7,8 +7,8 @@ mod mutate;
 
 use mutate::{cases, mutate};
 use peak_alloc::PeakAlloc;
-use softras_cli::npy;
-use softras_cli::stress::Random;
+use softras_lab::npy;
+use softras_lab::stress::Random;
 use std::{
     fs, panic,
     path::{Path, PathBuf},

@@ -7,7 +7,7 @@ use super::fill::Grid;
 use super::{SIZE, VIEWS, VOXELS, file_error, fit_error};
 use softras::internals::files;
 use softras::{Error, Result};
-use softras_cli::npy::{self, Array, Data};
+use softras_lab::npy::{self, Array, Data};
 use std::io::{Cursor, Write};
 use std::path::{Path, PathBuf};
 

@@ -3,7 +3,7 @@
 
 use super::solid::{Section, Solid};
 use softras::{Mesh, Result};
-use softras_cli::random::Random;
+use softras_lab::random::Random;
 
 /// The longest side of every object.
 pub const EXTENT: f64 = 0.9;

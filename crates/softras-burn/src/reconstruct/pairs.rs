@@ -2,7 +2,7 @@
 
 use super::VIEWS;
 use super::data::Set;
-use softras_cli::random::Random;
+use softras_lab::random::Random;
 
 /// Objects of a step, by their index, each with two views.
 pub struct Pairs(pub Vec<(usize, [usize; 2])>);

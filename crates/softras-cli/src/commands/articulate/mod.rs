@@ -13,8 +13,8 @@ use super::{Failure, say};
 use args::ArticulateArgs;
 use serde_json::json;
 use softras::{Error, Renderer, Result};
-use softras_cli::articulated::SkeletonPose;
-use softras_cli::random::Random;
+use softras_lab::articulated::SkeletonPose;
+use softras_lab::random::Random;
 use std::path::Path;
 use trial::{Found, HIDDEN, Method, Stage, Trial};
 

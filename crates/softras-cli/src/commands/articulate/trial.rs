@@ -7,8 +7,8 @@ use glam::DVec3;
 use softras::fit::{PoseTarget, Schedule};
 use softras::scene::Background;
 use softras::{Camera, Frame, Mesh, Projection, Renderer, Result, Scene, Settings};
-use softras_cli::articulated::{Figure, FigureFit, FigureOptions, Sight, SkeletonPose, visible_triangles};
-use softras_cli::random::Random;
+use softras_lab::articulated::{Figure, FigureFit, FigureOptions, Sight, SkeletonPose, visible_triangles};
+use softras_lab::random::Random;
 use std::time::Instant;
 
 /// The joint that is hidden, and the bones that it carries.
@@ -78,7 +78,7 @@ impl Stage {
     pub fn new(size: u32) -> Result<Self> {
         let settings =
             Settings { width: size, height: size, near: DISTANCE - 1.0, far: DISTANCE + 1.0, ..Settings::default() };
-        Ok(Self { figure: softras_cli::articulated::mannequin()?, camera: camera(1.0)?, settings })
+        Ok(Self { figure: softras_lab::articulated::mannequin()?, camera: camera(1.0)?, settings })
     }
 
     /// Renders a mesh sharply, seen by the camera or by one behind the figure.

@@ -3,7 +3,7 @@
 use crate::commands::mesh_file::ReadArgs;
 use crate::commands::parse;
 use clap::{Args, ValueEnum};
-use softras_cli::measure;
+use softras_lab::measure;
 use std::path::PathBuf;
 
 /// Measure this device: run time, floor, pairs and error by size and mode

@@ -15,7 +15,7 @@ use rows::{Expected, Job, Row, measure, rows};
 use serde_json::Value;
 use softras::internals::files;
 use softras::{Camera, Error, Mesh, Renderer, Scene, shapes};
-use softras_cli::measure::{Mode, peak_flops, subject, sweep};
+use softras_lab::measure::{Mode, peak_flops, subject, sweep};
 use std::path::Path;
 
 /// Runs the command.

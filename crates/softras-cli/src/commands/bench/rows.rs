@@ -7,9 +7,9 @@ use softras::StageTime;
 use softras::internals::reference::Pairs;
 use softras::reference::{self, ReferenceFrame};
 use softras::{Camera, Renderer, Result, Scene, Settings};
-use softras_cli::measure::error::{self, ImageError};
-use softras_cli::measure::time::{Times, times, upstream};
-use softras_cli::measure::{Mode, floor};
+use softras_lab::measure::error::{self, ImageError};
+use softras_lab::measure::time::{Times, times, upstream};
+use softras_lab::measure::{Mode, floor};
 
 /// The most pairs for which the reference computes gradients, which takes some seconds.
 const GRADIENT_PAIRS: u64 = 3_000_000;

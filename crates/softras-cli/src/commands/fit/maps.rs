@@ -243,7 +243,7 @@ mod tests {
     use super::*;
     use crate::commands::memory::MemoryArgs;
     use exr::prelude::{SpecificChannels, WritableImage};
-    use softras_cli::random::Random;
+    use softras_lab::random::Random;
 
     #[test]
     fn no_damaged_map_is_more_than_an_error() {

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use softras::Mesh;
-use softras_cli::random::Random;
+use softras_lab::random::Random;
 
 /// Points drawn from each surface.
 const POINTS: usize = 30_000;

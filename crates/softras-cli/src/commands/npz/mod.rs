@@ -11,7 +11,7 @@ use std::fs::File;
 use std::io::{BufReader, Cursor, Write};
 use std::path::{Path, PathBuf};
 
-pub use softras_cli::npy::{self, Array, Data, Numbers};
+pub use softras_lab::npy::{self, Array, Data, Numbers};
 
 /// The most keys that an error names.
 const MAX_NAMED: usize = 30;

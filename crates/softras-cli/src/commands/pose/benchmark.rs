@@ -9,7 +9,7 @@ use softras::fit::{Differentiation, Pose, PoseFit, PoseOptions, PoseTarget, Sche
 use softras::internals::fit::rotations;
 use softras::scene::{Background, Faces};
 use softras::{Camera, Image, Projection, Renderer, Result, Scene, Settings, shapes};
-use softras_cli::random::Random;
+use softras_lab::random::Random;
 use std::time::Instant;
 
 const SIZE: u32 = 32;

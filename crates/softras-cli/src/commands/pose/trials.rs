@@ -9,7 +9,7 @@ use crate::commands::{Failure, say, text};
 use serde_json::{Value, json};
 use softras::Renderer;
 use softras::fit::Pose;
-use softras_cli::random::Random;
+use softras_lab::random::Random;
 use std::path::PathBuf;
 use std::time::Instant;
 

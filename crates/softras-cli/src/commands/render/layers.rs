@@ -9,7 +9,7 @@ use super::args::Output;
 use super::solid::solid;
 use softras::scene::{Appearance, Background, ColorAggregation, Lights, Outputs};
 use softras::{Camera, Error, Frame, Image, Mesh, Renderer, Result, Scene, Settings};
-use softras_cli::part::part_of;
+use softras_lab::part::part_of;
 
 /// The transparent triangles of a mesh.
 #[derive(Debug)]

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use softras::{
     Camera, Image, ImageGradient, Projection, Renderer, RendererOptions, Result, Scene, Settings, Wanted, shapes,
 };
-use softras_cli::stress::fingerprint;
+use softras_lab::stress::fingerprint;
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;

@@ -11,7 +11,7 @@ use clap::Args;
 use serde_json::json;
 use softras::internals::files;
 use softras::{Error, RendererOptions, Result};
-use softras_cli::stress::{FORMS, Kind, Stress, batch, form};
+use softras_lab::stress::{FORMS, Kind, Stress, batch, form};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;

@@ -1,4 +1,4 @@
-//! The library of the `softras` command: what it measures and tests with, for the benchmarks and tests as well.
+//! What softras is measured and tested with, by the command, the benchmarks and the tests.
 //!
 //! [`articulated`] fits the pose of a jointed figure, an experiment of the paper. [`measure`] times frames and compares them
 //! with the least possible time and with the f64 reference. [`stress`] draws random scenes and checks what softras promises
