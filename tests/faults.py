@@ -26,215 +26,215 @@ SOFT, WALK = "glsl/forward_soft.comp", "glsl/common/walked_tile.glsl"
 PAIR, PIXELS = "glsl/common/pair_gradient.glsl", "glsl/common/pair.glsl"
 ROWS = "glsl/common/row_walk.glsl"
 
-# What is broken, where, the text, what stands there instead, and the tests that should see it (a test binary and
-# a filter by name).
+# What is broken, where, the text, what stands there instead, and the tests that should see it: a module of `cargo test --test
+# quick`, with `stress ` before it one of the laboratory's tests, with `full ` one that only the full tier's sizes let see it.
 FAULTS = [
     ("remeshing that leaves the surface", "src/fit/remesh/surface.rs", "(self.positions[v], self.sizes[v]) = (point, size);",
-     "(self.positions[v], self.sizes[v]) = (0.5 * (self.positions[v] + point), size);", [("fit", "remesh::no_detail")]),
+     "(self.positions[v], self.sizes[v]) = (0.5 * (self.positions[v] + point), size);", ["fit::remesh::no_detail"]),
     ("edges flipped across creases", "src/fit/remesh/surface.rs", "let smooth = !self.is_kept || old.contains(&DVec3::ZERO) || alike(old[0], old[1]);",
-     "let smooth = true;", [("fit", "remesh::creases")]),
+     "let smooth = true;", ["fit::remesh::creases"]),
     ("boundaries that are pulled inwards", "src/fit/subdivision.rs", "2 => toward(&boundary[v], 1.0 / 8.0),",
-     "2 => toward(topology.neighbors(v), 1.0 / 8.0),", [("fit", "subdivision::a_boundary")]),
+     "2 => toward(topology.neighbors(v), 1.0 / 8.0),", ["fit::subdivision::a_boundary"]),
     ("weights of a vertex as if six met everywhere", "src/fit/subdivision.rs", "n => 3.0 / (8.0 * n as f64),",
-     "_ => 1.0 / 16.0,", [("fit", "subdivision::the_weights")]),
+     "_ => 1.0 / 16.0,", ["fit::subdivision::the_weights"]),
     ("a cut that leaves the film over a hole", "src/fit/carved.rs", "self.values[i].min(if *inside", "(self.values[i] + far).min(if *inside",
-     [("fit", "carved::a_covered_hole")]),
+     ["fit::carved::a_covered_hole"]),
     ("overlaps that are not counted", "src/fit/voxel.rs", "wrong += usize::from(total == 0 && before != 0 && before != -1);",
-     "wrong += usize::from(total == 0 && before > 0);", [("fit", "carved::parts_that_overlap")]),
+     "wrong += usize::from(total == 0 && before > 0);", ["fit::carved::parts_that_overlap"]),
     ("edges of one length on any curvature", "src/fit/remesh/sizing.rs", "if curvature > 0.0 {", "if curvature > 1e30 {",
-     [("fit", "remesh::edges_follow")]),
+     ["fit::remesh::edges_follow"]),
     ("steps that leave some of the views out", "src/fit/shape/turn.rs", "(step % views) * count % views",
-     "(step % 2) * count % views", [("fit", "run::steps_of_some")]),
+     "(step % 2) * count % views", ["fit::run::steps_of_some"]),
     ("losses of other views compared", "src/fit/run.rs", "        if self.latest.len() > turn {", "        if self.latest.len() > 1 {",
-     [("fit", "run::steps_of_some")]),
+     ["fit::run::steps_of_some"]),
     ("vertices that leave the ball of a fit's plan", "glsl/position_step.comp", "inside = inside && dot(arm, arm) <= 1.0;",
-     "inside = inside && arm.x < 1e30;", [("fit", "device::a_step_that_was_not")]),
+     "inside = inside && arm.x < 1e30;", ["fit::device::a_step_that_was_not"]),
     ("vertices that walk more cells than a loop takes", "src/frame/plan/backward.rs",
      "let walks = vertex_passes(input) <= modes.loop_passes.into();", "let walks = vertex_passes(input) > 0;",
-     [("gradient", "per_vertex::a_vertex")]),
+     ["gradient::per_vertex::a_vertex"]),
     ("the stage between chosen by the room for cells", "src/frame/plan/backward.rs",
      "let walks = vertex_passes(input) <= modes.loop_passes.into();",
      "let walks = vertex_passes(input) > 0 && input.forward.push.cell_capacity < 30000;",
-     [("gradient", "per_vertex::they_do_not")]),
+     ["gradient::per_vertex::they_do_not"]),
     ("the second of a pair with the tail of the first", "glsl/common/shared_records.glsl",
-     "subgroupShuffle(own.shading.xy, shading_lane(is_second))", "subgroupShuffle(own.shading.xy, 0u)", [("render", "forward::")]),
+     "subgroupShuffle(own.shading.xy, shading_lane(is_second))", "subgroupShuffle(own.shading.xy, 0u)", ["render::forward::"]),
     ("two lanes for a tile of a bin, none for another", "glsl/bin_fine.comp", "lane / 2u % 4u;", "lane / 2u % 2u;",
-     [("render", "properties_images::")]),
+     ["render::properties_images::"]),
     ("a segment with the height of an area", "glsl/common/record.glsl", "(inverse_area < 0.0 ? of_segment : of_point)",
-     "(inverse_area < 0.0 ? of_area : of_point)", [("gradient", "hazards::")]),
+     "(inverse_area < 0.0 ? of_area : of_point)", ["gradient::hazards::"]),
     ("a column short in the rows of a lane", ROWS, "float count = greater(to - from + 1.0, 0.0);",
-     "float count = greater(to - from, 0.0);", [("gradient", "hazards::")]),
+     "float count = greater(to - from, 0.0);", ["gradient::hazards::"]),
     ("rows cut at the triangle's own edges", ROWS, "reach = 1.001 * reach + 0.01 * frame.scale;", "reach = 0.0;",
-     [("gradient", "hazards::")]),
+     ["gradient::hazards::"]),
     ("pixels of the row below taken twice", ROWS, "next.left = ends ? greater(p.below.y - over, 0.0) : p.left - float(count);",
-     "next.left = ends ? p.below.y : p.left - float(count);", [("gradient", "hazards::")]),
+     "next.left = ends ? p.below.y : p.left - float(count);", ["gradient::hazards::"]),
     ("sign of a vertex's pull", PAIR, "float pull = inside ? -2.0 * LN2 * by_x", "float pull = inside ? 2.0 * LN2 * by_x",
-     [("gradient", "hazards::")]),
+     ["gradient::hazards::"]),
     ("clamp of barycentrics left out", FRAGMENT, "return vec3(lesser(greater(b.x, 1e-20), 1.0),",
-     "return vec3(greater(b.x, 1e-20),", [("render", "forward::random_scenes")]),
+     "return vec3(greater(b.x, 1e-20),", ["render::forward::random_scenes"]),
     ("last triangle of a tile missing", SOFT, "uint all = 0xffffffffu >> uint(from + int(WORD_BITS) - stop);",
-     "uint all = (0xffffffffu >> uint(from + int(WORD_BITS) - stop)) >> 1u;", [("render", "pixels::")]),
+     "uint all = (0xffffffffu >> uint(from + int(WORD_BITS) - stop)) >> 1u;", ["render::pixels::"]),
     ("tile lists one tile short", "glsl/common/tile_mask.glsl", "int(floor(greater(to, -1.0))));",
-     "int(floor(greater(to, -1.0))) - 1);", [("render", "properties_images::bins")]),
+     "int(floor(greater(to, -1.0))) - 1);", ["render::properties_images::bins"]),
     ("bins one short", "glsl/triangle.comp", "bool ends_row = at.x == bins.z;",
-     "bool ends_row = at.x >= max(bins.z, 1) - 1;", [("render", "properties_images::bins")]),
+     "bool ends_row = at.x >= max(bins.z, 1) - 1;", ["render::properties_images::bins"]),
     ("barrier between stages dropped", "src/frame/passes/mod.rs", "        recorder.barrier();\n        recorder.end_label();\n",
-     "        recorder.end_label();\n", [("render", "pixels::")]),
+     "        recorder.end_label();\n", ["render::pixels::"]),
     ("barrier of a sum dropped", "glsl/reduce.comp", "        barrier();\n        if (lane < width)",
-     "        if (lane < width)", [("gradient", "repeat::"), ("gradient", "agreement::random_scenes")]),
+     "        if (lane < width)", ["gradient::repeat::", "gradient::agreement::random_scenes"]),
     ("clipped at the wrong plane", "glsl/triangle.comp", "    vec2 near = vec2(frame.near_high, frame.near_low);\n    ViewPoint",
-     "    vec2 near = vec2(1.05 * frame.near_high, 0.0);\n    ViewPoint", [("render", "properties_images::what_near_cuts")]),
+     "    vec2 near = vec2(1.05 * frame.near_high, 0.0);\n    ViewPoint", ["render::properties_images::what_near_cuts"]),
     ("u and v swapped", "glsl/common/sample.glsl", "vec2 at = vec2(folded.x, 1.0 - folded.y)",
-     "vec2 at = vec2(folded.y, 1.0 - folded.x)", [("render", "pixels::textures")]),
+     "vec2 at = vec2(folded.y, 1.0 - folded.x)", ["render::pixels::textures"]),
     ("gamma missing in a gradient", "glsl/backward.comp", "-frame.score_high * LN2", "-LN2",
-     [("gradient", "agreement::random_scenes")]),
+     ["gradient::agreement::random_scenes"]),
     ("weights beyond a float's integers in the soft kernel", "src/frame/plan/modes.rs",
      "const LARGEST_SOFT_WEIGHT: f64 = 4_194_304.0;", "const LARGEST_SOFT_WEIGHT: f64 = 1e30;",
-     [("render", "forward::log_weights")]),
+     ["render::forward::log_weights"]),
     ("colours summed in the weights' unit", SOFT, "const float COLOR_UNIT = 1048576.0;",
-     "const float COLOR_UNIT = WEIGHT_UNIT;", [("stress", "found::the_brightest")]),
+     "const float COLOR_UNIT = WEIGHT_UNIT;", ["stress found::the_brightest"]),
     ("stale bits of the frame before", "src/frame/passes/forward.rs", "    clear(recorder, bin_bits, plan.sizes[BufferId::BinBits])?;\n",
-     "    let _ = bin_bits;\n", [("render", "invariance::what_was_rendered_before"), ("render", "invariance::twenty")]),
+     "    let _ = bin_bits;\n", ["render::invariance::what_was_rendered_before", "render::invariance::twenty"]),
     ("half of a sum's lanes lost", "glsl/reduce.comp", "for (int width = LANES / 2;", "for (int width = LANES / 4;",
-     [("gradient", "agreement::random_scenes")]),
+     ["gradient::agreement::random_scenes"]),
     ("composite background by alpha", "glsl/common/images.glsl", "background * (1.0 - alpha)", "background * alpha",
-     [("render", "forward::every_mode")]),
+     ["render::forward::every_mode"]),
     ("farther triangles weigh more", FORWARD, "(c.exponent - p.exponent)", "(p.exponent - c.exponent)",
-     [("render", "forward::every_mode")]),
+     ["render::forward::every_mode"]),
     ("light from behind", "glsl/common/light.glsl", "sum += color * max(dot(normal, direction), 0.0);",
-     "sum += color * abs(dot(normal, direction));", [("render", "pixels::light")]),
+     "sum += color * abs(dot(normal, direction));", ["render::pixels::light"]),
     ("normals of a mesh's own left out", "glsl/vertex.comp", "is_given(given) ? given :", "false ? given :",
-     [("render", "forward::every_mode")]),
+     ["render::forward::every_mode"]),
     ("gradients through normals of a mesh's own", "glsl/vertex_normal_grad.comp", "area = is_given(given) ? vec3(0.0) : area;",
-     "area = area;", [("gradient", "agreement::every_mode")]),
+     "area = area;", ["gradient::agreement::every_mode"]),
     ("normals of the frame before", "src/frame/pack/update.rs", "changes.note(BufferId::VertexNormals, overwrite(&mut self.normals[own], normals));",
-     "overwrite(&mut self.normals[own], normals);", [("render", "repeat_frames::a_frame_after_other_normals")]),
+     "overwrite(&mut self.normals[own], normals);", ["render::repeat_frames::a_frame_after_other_normals"]),
     ("parallel edges told apart by their lines", "glsl/common/nearest_edge.glsl", "obtuse ? past_corner :", "false ? past_corner :",
-     [("gradient", "hazards::obtuse")]),
+     ["gradient::hazards::obtuse"]),
     ("a dropped fragment's pixel read", PIXELS, "g.mean = kept ? g.mean : 0.0;", "g.mean = g.mean;",
-     [("gradient", "repeat::pixels_beyond")]),
+     ["gradient::repeat::pixels_beyond"]),
     ("carry of texel sums dropped", "glsl/common/texel_gradient.glsl", "high + (old + low < old ? 1u : 0u)", "high",
-     [("gradient", "agreement::every_appearance")]),
+     ["gradient::agreement::every_appearance"]),
     ("a large box's first cell twice", "glsl/triangle.comp", "NO_RECORD, i - start + 1u)", "NO_RECORD, i - start)",
-     [("gradient", "hazards::saturated")]),
+     ["gradient::hazards::saturated"]),
     ("front faces by the wrong turn", "glsl/triangle.comp", "(e.orientation < 0.0) != CLOCKWISE_FRONT",
-     "(e.orientation > 0.0) != CLOCKWISE_FRONT", [("render", "pixels::back_faces")]),
+     "(e.orientation > 0.0) != CLOCKWISE_FRONT", ["render::pixels::back_faces"]),
     ("pixel centres half a pixel off", FORWARD, "Lane(vec2(first), ", "Lane(vec2(first) + 0.5, ",
-     [("render", "forward::every_mode")]),
+     ["render::forward::every_mode"]),
     ("entry of a walk lost between words", WALK, "uint waiting = entries[from + lane];",
-     "uint waiting = entries[from + lane + 1];", [("gradient", "room::")]),
+     "uint waiting = entries[from + lane + 1];", ["gradient::room::"]),
     ("thin tiles walked by the wrong kernel", WALK, "walk.thin == DRAWS_THIN", "walk.thin != DRAWS_THIN",
-     [("gradient", "room::thin")]),
+     ["gradient::room::thin"]),
     ("turns of a walk start over", WALK, "resumes && frame.number > 0u", "resumes && frame.number > 1u",
-     [("gradient", "room::turns")]),
+     ["gradient::room::turns"]),
     ("back faces of a walk before front faces", WALK, "walk.phase == FRONT ? own.entries & ~own.away",
-     "walk.phase == BACK ? own.entries & ~own.away", [("gradient", "room::")]),
+     "walk.phase == BACK ? own.entries & ~own.away", ["gradient::room::"]),
     ("first cell of a long box twice", "glsl/common/long_item.glsl", "int first = 1 + int(frame.number",
-     "int first = int(frame.number", [("gradient", "room::")]),
+     "int first = int(frame.number", ["gradient::room::"]),
     ("walks left out of a frame", "src/frame/plan/walk.rs", "needed: wanted && !(has_room && at_once)",
-     "needed: wanted && !has_room && !at_once", [("gradient", "room::")]),
+     "needed: wanted && !has_room && !at_once", ["gradient::room::"]),
     ("radius of another tau", "src/scene/settings.rs", "(1.0 / self.tau - 1.0).ln()", "(0.5 / self.tau - 1.0).ln()",
-     [("render", "support::"), ("render", "pixels::")]),
+     ["render::support::", "render::pixels::"]),
     ("background left where triangles were", "glsl/bin_fine.comp",
      "shape.background_kept && tile_marks[tile] == MARK_BACKGROUND", "shape.background_kept",
-     [("stress", "found::a_tile_that_a_triangle_has_left")]),
+     ["stress found::a_tile_that_a_triangle_has_left"]),
     ("an eighth is next to nothing", "glsl/common/hidden.glsl", "NEXT_TO_NOTHING = -24.0", "NEXT_TO_NOTHING = -3.0",
-     [("render", "forward::random_scenes")]),
+     ["render::forward::random_scenes"]),
     ("both pieces of a cut triangle in full", "glsl/common/images.glsl",
      "alpha = min(alpha / float(max(triangle_count, 1)), 1.0);", "alpha = alpha / float(max(triangle_count, 1));",
-     [("stress", "drawn::the_pieces")]),
+     ["stress drawn::the_pieces"]),
     ("gradients of a sum beyond 1", "glsl/pixel_grad.comp", "kept.aggregate > count ? 0.0 : up_alpha / count", "up_alpha / count",
-     [("stress", "drawn::the_pieces")]),
+     ["stress drawn::the_pieces"]),
     ("opacity left out of the others' product", PAIR, "LEAST_APART && own > g.least ? g.least / own : 1.0", "1.0",
-     [("gradient", "opacity::")]),
+     ["gradient::opacity::"]),
     # Of the Rust side, where the tests need no device.
     ("rounding of the layers' sums kept", "glsl/common/pixel.glsl", "precise float term = word - excess * keep;",
-     "precise float term = word;", [("robustness", "layers::")]),
+     "precise float term = word;", ["robustness::layers::"]),
     ("faint layers rounded beside 1", SOFT, "w[i].growth += w[i].growth * d[i].e + d[i].e;",
-     "w[i].growth = (1.0 + w[i].growth) * (1.0 + d[i].e) - 1.0;", [("robustness", "layers::")]),
+     "w[i].growth = (1.0 + w[i].growth) * (1.0 + d[i].e) - 1.0;", ["robustness::layers::"]),
     ("mesh: an index of the count", "src/scene/mesh.rs", "i as usize >= count", "i as usize > count",
-     [("robustness", "errors::meshes")]),
+     ["robustness::errors::meshes"]),
     ("settings: near may be far", "src/scene/settings.rs", "self.far >= self.near * (1.0 + 1e-6)",
-     "self.far >= self.near", [("robustness", "errors::scenes_lights")]),
+     "self.far >= self.near", ["robustness::errors::scenes_lights"]),
     ("plan: one workgroup short", "src/frame/plan/mod.rs", "n.div_ceil(c::LINEAR_GROUP)", "(n / c::LINEAR_GROUP)",
-     [("internals", "properties::plans")]),
+     ["internals::properties::plans"]),
     ("plan: views on top of each other", "src/frame/plan/mod.rs", "record_base: t.records as u32", "record_base: 0",
-     [("internals", "properties::plans")]),
+     ["internals::properties::plans"]),
     ("plan: no room for second pieces", "src/frame/plan/mod.rs", "if clips(input) { 2 } else { 1 }",
-     "if clips(input) { 1 } else { 1 }", [("internals", "properties::plans")]),
+     "if clips(input) { 1 } else { 1 }", ["internals::properties::plans"]),
     ("plan: twice what 32 bits index", "src/frame/plan/mod.rs", "if needed <= limit {", "if needed <= 2 * limit {",
-     [("embed", "ash_example::records_beyond")]),
+     ["embed::ash_example::records_beyond"]),
     ("support: tau twice", "src/scene/support.rs", "Background::Composite => self.tau / 2.0",
-     "Background::Composite => self.tau", [("render", "support::")]),
+     "Background::Composite => self.tau", ["render::support::"]),
 
     # Of the host's side: what reads and writes files, fits, plans and records.
     ("optimizer: no momentum", "src/fit/optimizer.rs", "*m = momentum * *m + g;", "*m = *g;",
-     [("fit", "optimizers::steps_are_those")]),
+     ["fit::optimizers::steps_are_those"]),
     ("optimizer: bias of the square kept", "src/fit/optimizer.rs", "((*v / c2).sqrt() + epsilon)", "(v.sqrt() + epsilon)",
-     [("fit", "optimizers::steps_are_those")]),
+     ["fit::optimizers::steps_are_those"]),
     ("optimizer: restored without its steps", "src/fit/optimizer.rs", "            self.steps = steps;\n",
-     "            let _ = steps;\n", [("fit", "optimizers::a_saved_optimizer")]),
+     "            let _ = steps;\n", ["fit::optimizers::a_saved_optimizer"]),
     ("schedule: the last step not reached", "src/fit/schedule.rs", "steps.saturating_sub(1).max(1)", "steps.max(1)",
-     [("fit", "optimizers::schedules")]),
+     ["fit::optimizers::schedules"]),
     ("pooling: one sample's weight for all", "src/fit/image_loss.rs", "data[at] += image.data[fine] * share",
-     "data[at] = image.data[fine] * share", [("fit", "gradients::pooling")]),
+     "data[at] = image.data[fine] * share", ["fit::gradients::pooling"]),
     ("voxels: crossings of one sense", "src/fit/voxel.rs", "sides.iter().all(|s| *s < 0.0)", "sides.iter().all(|s| *s < -1e30)",
-     [("fit", "voxels::")]),
+     ["fit::voxels::"]),
     ("polygon: a normal's side ignored", "src/obj/polygon.rs", "if normal[axis] < 0.0 { -1.0 } else { 1.0 }",
-     "if normal[axis] < -1e30 { -1.0 } else { 1.0 }", [("obj", "geometry::polygons")]),
+     "if normal[axis] < -1e30 { -1.0 } else { 1.0 }", ["obj::geometry::polygons"]),
     ("obj: -1 is the last but one", "src/obj/parse.rs", "count as u64 - magnitude", "(count as u64 - magnitude).saturating_sub(1)",
-     [("obj", "geometry::negative")]),
-    ("obj: w may be 0", "src/obj/parse.rs", "if w == 0.0 {", "if w < -1e30 {", [("obj", "refused::malformed_meshes")]),
+     ["obj::geometry::negative"]),
+    ("obj: w may be 0", "src/obj/parse.rs", "if w == 0.0 {", "if w < -1e30 {", ["obj::refused::malformed_meshes"]),
     ("obj: a texture named as a picture", "src/obj/write.rs", "{stem}_texture{number}.png", "{stem}{number}.png",
-     [("obj", "written::a_texture_is_not_named")]),
+     ["obj::written::a_texture_is_not_named"]),
     ("obj: clamped textures repeat", "src/obj/write.rs", 'texture.wrap() == Wrap::Clamp { "-clamp on " }',
-     'texture.wrap() == Wrap::Clamp { "" }', [("obj", "written::writing_and_reading")]),
+     'texture.wrap() == Wrap::Clamp { "" }', ["obj::written::writing_and_reading"]),
     ("files: permissions not kept", "src/files/output.rs", "file.as_file().set_permissions(existing.permissions())?",
-     "drop(existing)", [("obj", "written::links")]),
-    ("files: litter stays", "src/files/output.rs", "age > LITTER_AGE", "age > LITTER_AGE * 1000", [("obj", "written::litter")]),
-    ("files: one name for all writers", "src/files/output.rs", ".rand_bytes(12)", ".rand_bytes(0)", [("obj", "written::two_writers")]),
+     "drop(existing)", ["obj::written::links"]),
+    ("files: litter stays", "src/files/output.rs", "age > LITTER_AGE", "age > LITTER_AGE * 1000", ["obj::written::litter"]),
+    ("files: one name for all writers", "src/files/output.rs", ".rand_bytes(12)", ".rand_bytes(0)", ["obj::written::two_writers"]),
     ("mesh: positions too far", "src/scene/mesh.rs", "x.abs() > Mesh::FARTHEST", "x.abs() > 2.0 * Mesh::FARTHEST",
-     [("robustness", "errors::meshes_end")]),
-    ("mesh: too few colours", "src/scene/mesh.rs", "if got == expected {", "if got <= expected {", [("robustness", "errors::meshes")]),
+     ["robustness::errors::meshes_end"]),
+    ("mesh: too few colours", "src/scene/mesh.rs", "if got == expected {", "if got <= expected {", ["robustness::errors::meshes"]),
     ("camera: any angle of view", "src/scene/camera.rs", "(1e-6..std::f64::consts::PI - 1e-6)", "(1e-6..std::f64::consts::TAU)",
-     [("robustness", "errors::cameras")]),
+     ["robustness::errors::cameras"]),
     ("light: one direction too many", "src/scene/light.rs", "self.directional.len() > Self::MAX_DIRECTIONAL",
-     "self.directional.len() > Self::MAX_DIRECTIONAL + 1", [("robustness", "errors::")]),
+     "self.directional.len() > Self::MAX_DIRECTIONAL + 1", ["robustness::errors::"]),
     ("recorder: copies may overlap", "src/vulkan/recorder.rs", "source.raw() == target.raw() && overlaps",
-     "false && overlaps", [("internals", "vulkan_misuse")]),
+     "false && overlaps", ["internals::vulkan_misuse"]),
     ("recorder: dispatch beyond the limit", "src/vulkan/recorder.rs", "if needed > limit {", "if needed > limit && limit == 0 {",
-     [("internals", "vulkan_misuse")]),
+     ["internals::vulkan_misuse"]),
     ("recorder: push constants of any size", "src/vulkan/recorder.rs", "push.len() != kernel.push_constant_bytes as usize",
-     "push.len() > 4096 + kernel.push_constant_bytes as usize", [("internals", "vulkan_misuse")]),
+     "push.len() > 4096 + kernel.push_constant_bytes as usize", ["internals::vulkan_misuse"]),
     ("embed: a frame's buffer anywhere", "src/embed/bindings.rs", "!at.offset().is_multiple_of(*alignment)",
-     "!at.offset().is_multiple_of(*alignment / 2)", [("embed", "alignment::")]),
+     "!at.offset().is_multiple_of(*alignment / 2)", ["embed::alignment::"]),
     ("embed: a pass's buffer anywhere", "src/embed/memory.rs", "!given.offset().is_multiple_of(needed.alignment)",
-     "!given.offset().is_multiple_of(needed.alignment / 2)", [("embed", "alignment::")]),
+     "!given.offset().is_multiple_of(needed.alignment / 2)", ["embed::alignment::"]),
     ("texels at any offset", "src/vulkan/buffer_part.rs", "!self.offset.is_multiple_of(alignment) ||",
-     "!self.offset.is_multiple_of(alignment.min(4)) ||", [("embed", "alignment::")]),
+     "!self.offset.is_multiple_of(alignment.min(4)) ||", ["embed::alignment::"]),
     ("storage at any offset", "src/vulkan/descriptors.rs", "!buffer.offset().is_multiple_of(alignment.max(1))",
-     "!buffer.offset().is_multiple_of(alignment.min(1))", [("embed", "alignment::")]),
+     "!buffer.offset().is_multiple_of(alignment.min(1))", ["embed::alignment::"]),
     ("hull: half of the tetrahedra turned over", "src/shapes/level_set.rs", "if path < 3 { [first, second] } else { [second, first] }",
-     "[first, second]", [("fit", "hull::")]),
+     "[first, second]", ["fit::hull::"]),
     ("hull: the last picture alone", "src/fit/hull.rs", "value = value.min(distance as f32);", "value = distance as f32;",
-     [("fit", "hull::")]),
+     ["fit::hull::"]),
     ("depths: the outline not pulled", "src/fit/shape/compare.rs", "*g *= -means[i / samples]", "*g *= 0.0 * means[i / samples]",
-     [("fit", "surface::")]),
+     ["fit::surface::"]),
     ("normals: unknown ones compared", "src/fit/shape/compare.rs", "given && *a >= COVERED", "given && *a >= 0.0",
-     [("fit", "surface::")]),
+     ["fit::surface::"]),
     ("renderer: a living frame is overwritten", "src/renderer/slot.rs", "Arc::strong_count(&self.owner) == 1",
-     "Arc::strong_count(&self.owner) <= 2", [("gradient", "living::")]),
+     "Arc::strong_count(&self.owner) <= 2", ["gradient::living::"]),
     ("renderer: living frames take no memory", "src/renderer/mod.rs", "bytes > most.saturating_sub(taken)", "bytes > most",
-     [("gradient", "living::living_frames_count")]),
+     ["gradient::living::living_frames_count"]),
     ("renderer: many slots for ever", "src/renderer/mod.rs", "slot.used < recently", "slot.used < recently / 1000",
-     [("gradient", "living::memory_follows")]),
+     ["gradient::living::memory_follows"]),
     ("validation: every message accepted", "src/vulkan/own/validation.rs", "id == *accepted && text.contains(about)",
-     "id != *accepted || text.contains(about)", [("internals", "vulkan::a_missing_barrier")]),
+     "id != *accepted || text.contains(about)", ["internals::vulkan::a_missing_barrier"]),
 ]
 
 
-def run(command, folder, target, limit):
-    environment = dict(os.environ, CARGO_TARGET_DIR=str(target))
+def run(command, folder, target, limit, more):
+    environment = dict(os.environ, CARGO_TARGET_DIR=str(target), **more)
     process = subprocess.Popen(command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                                text=True, start_new_session=True)
     try:
@@ -248,24 +248,29 @@ def run(command, folder, target, limit):
 
 
 def cargo(test, arguments):
-    return ["cargo", "test", "-q", "--no-default-features", "--features", "reference", "--test", test, *arguments]
+    """The command for a test by its name in the list: `full ` before it means the full tier, `stress ` the laboratory's tests."""
+    words = test.split()
+    tier = {"SOFTRAS_TIER": "full"} if words[0] == "full" else {}
+    package = ["-p", "softras-lab", "--test", "stress"] if "stress" in words[:-1] else ["-p", "softras", "--test", "quick"]
+    return ["cargo", "test", "-q", *package, *arguments], words[-1], tier
 
 
 def caught_by(folder, target, tests, patient):
     """The first test that fails, or "" where all pass."""
-    for test, name in tests:
-        built = run(cargo(test, ["--no-run"]), folder, target, 1800)
+    for test in tests:
+        command, name, tier = cargo(test, [])
+        built = run([*command, "--no-run"], folder, target, 1800, {})
         if built is None or built.returncode != 0:
             sys.exit("does not compile: " + (built.stderr[-500:] if built else ""))
         # Frames that never end are caught too.
-        ran = run(cargo(test, ["--", name]), folder, target, patient)
+        ran = run([*command, "--", name], folder, target, patient, tier)
         if ran is None:
-            return f"{test}: does not end"
+            return f"{'full' if tier else 'quick'}: does not end"
         if "running 0 tests" in ran.stdout:
-            sys.exit(f"{test} has no test named like {name!r}")
+            sys.exit(f"there is no test named like {name!r}")
         if ran.returncode != 0:
             failed = [line.split()[1] for line in ran.stdout.splitlines() if line.startswith("---- ")]
-            return f"{test}: {', '.join(failed[:3]) or 'crashes'}"
+            return f"{'full' if tier else 'quick'}: {', '.join(failed[:2]) or 'crashes'}"
     return ""
 
 
@@ -297,7 +302,7 @@ def main():
         failing = caught_by(folder, target, whole, arguments.patience)
         if failing:
             sys.exit(f"without a fault: {failing}")
-        survivors = 0
+        survivors, by_quick = 0, 0
         for what, name, old, new, tests in chosen:
             path = folder / name
             text = path.read_text()
@@ -306,8 +311,9 @@ def main():
             outcome = caught_by(folder, target, tests, arguments.patience)
             path.write_text(text)
             survivors += outcome == ""
+            by_quick += outcome.startswith("quick")
             print(f"{what:34} {outcome or 'SURVIVES':70} {time.monotonic() - start:5.0f} s", flush=True)
-    print(f"{len(chosen)} planted, {len(chosen) - survivors} caught")
+    print(f"{len(chosen)} planted, {by_quick} caught by the quick tier, {len(chosen) - survivors - by_quick} by the full one")
     sys.exit(survivors > 0)
 
 

@@ -73,3 +73,13 @@ fn open(options: RendererOptions) -> Renderer {
 pub fn validates() -> bool {
     std::env::var("SOFTRAS_VALIDATION").is_ok_and(|value| value == "1")
 }
+
+/// What the quick tier takes, or the full one: `SOFTRAS_TIER=full`.
+pub fn tier<T>(quick: T, full: T) -> T {
+    if std::env::var("SOFTRAS_TIER").is_ok_and(|tier| tier == "full") { full } else { quick }
+}
+
+/// How many random cases: `SOFTRAS_CASES`, else what the tier takes.
+pub fn case_count(quick: u64, full: u64) -> u64 {
+    std::env::var("SOFTRAS_CASES").map_or(tier(quick, full), |count| count.parse().expect("SOFTRAS_CASES is a number"))
+}

@@ -1,4 +1,5 @@
-//! The one table of modes. Forward, gradient, reference and repeat tests go through it, so that a new mode is one line here.
+//! The tables of modes: [`MODES`], each by itself, for the full tier, and [`PAIRWISE`], the fewest scenes that hold every pair of
+//! choices, for the quick one. A new mode is a line in both.
 
 use super::{
     random::Random,
@@ -6,7 +7,7 @@ use super::{
 };
 use glam::DVec3;
 use softras::{
-    Lights,
+    GradientMode, Lights,
     scene::{
         Appearance, Background, ColorAggregation, Distance, Faces, FrontFace, Interpolation, Outputs, Parity,
         Projection, Shading, SilhouetteAggregation, Wrap,
@@ -88,6 +89,114 @@ pub const MODES: [(&str, Change); 35] = [
         c.settings.parity = Parity::Official;
     }),
 ];
+
+/// What a mode chooses, and between what: the settings that kernels are compiled for, one factor for each specialization
+/// constant or group of them. `OUTPUTS` has some of its sixteen values; `SAVE` and the paper's gradient are in [`pairwise`].
+pub const FACTORS: [(&str, &[Change]); 10] = [
+    ("COLOR_MODE", &[|_| {}, |c| c.settings.color = ColorAggregation::Hard]),
+    (
+        "SILHOUETTE_MODE",
+        &[
+            |_| {},
+            |c| c.settings.silhouette = SilhouetteAggregation::Sum,
+            |c| c.settings.silhouette = SilhouetteAggregation::Hard,
+        ],
+    ),
+    ("DISTANCE", &[|_| {}, |c| c.settings.distance = Distance::Barycentric, |c| c.settings.distance = Distance::Hard]),
+    ("COMPOSITE", &[|_| {}, |c| c.settings.background = Background::Composite]),
+    (
+        "FRONT_ONLY, CLOCKWISE_FRONT",
+        &[
+            |_| {},
+            |c| c.settings.faces = Faces::Front,
+            |c| (c.settings.faces, c.settings.front_face) = (Faces::Front, FrontFace::Clockwise),
+        ],
+    ),
+    ("PERSPECTIVE_CORRECT", &[|_| {}, |c| c.settings.interpolation = Interpolation::Perspective]),
+    (
+        "NEAR_CLIP, DEPTH_RANGE, OFFICIAL",
+        &[
+            |_| {},
+            |c| through_near(c, Parity::Model),
+            |c| within(c, c.settings.near, depth_at(c, 0.6)),
+            |c| c.settings.parity = Parity::Official,
+        ],
+    ),
+    (
+        "SAMPLING, OPACITY",
+        &[
+            |c| {
+                each_appearance(c, |random, triangles| Appearance::Surface {
+                    resolution: 1,
+                    texels: (0..triangles).map(|_| random.color()).collect(),
+                });
+            },
+            |c| each_appearance(c, surface),
+            |c| each_appearance(c, |random, count| textured(random, count, Wrap::Clamp)),
+            cut_out,
+        ],
+    ),
+    (
+        "LIT, SMOOTH, GIVEN_NORMALS",
+        &[
+            |_| {},
+            |c| c.scene.lights.shading = Shading::Smooth,
+            |c| {
+                c.scene.lights.shading = Shading::Smooth;
+                give_normals(c);
+            },
+            |c| c.scene.lights = Lights::unlit(),
+        ],
+    ),
+    (
+        "OUTPUTS",
+        &[
+            |_| {},
+            |c| c.settings.outputs = Outputs { color: true, silhouette: true, ..NOTHING },
+            |c| c.settings.outputs = Outputs { silhouette: true, ..NOTHING },
+            |c| c.settings.outputs = Outputs { depth: true, normal: true, ..NOTHING },
+        ],
+    ),
+];
+
+/// Choices of the [`FACTORS`], in their order, and of the gradient: 0 the exact one, 1 the paper's. Every pair of choices is in
+/// some row, which a test holds; a greedy search found these rows.
+pub const PAIRWISE: [&str; 22] = [
+    "00212120131",
+    "11100103000",
+    "02001031310",
+    "12110012221",
+    "10202010010",
+    "01011133021",
+    "11001022130",
+    "00112101301",
+    "00201102211",
+    "11012030200",
+    "12200121320",
+    "02110000111",
+    "00010113331",
+    "02102023231",
+    "11211111100",
+    "00101130120",
+    "12012022000",
+    "11200132330",
+    "11201023110",
+    "12002101031",
+    "02002000320",
+    "02101111221",
+];
+
+/// The case in each mode of [`PAIRWISE`], with its row and gradient.
+pub fn pairwise(base: &Case) -> impl Iterator<Item = (&'static str, Case, GradientMode)> {
+    PAIRWISE.into_iter().map(|row| {
+        let mut case = base.clone();
+        let mut choices = row.bytes().map(|digit| usize::from(digit - b'0'));
+        for ((_, changes), choice) in FACTORS.iter().zip(&mut choices) {
+            changes[choice](&mut case);
+        }
+        (row, case, [GradientMode::Exact, GradientMode::Paper][choices.next().expect("a gradient")])
+    })
+}
 
 /// Normals of any direction and length, some of them left to the triangles, and of several meshes not all.
 pub fn give_normals(case: &mut Case) {

@@ -20,6 +20,7 @@ mod heap;
 #[path = "../host/mod.rs"]
 mod host;
 mod internals;
+mod modes;
 #[path = "../common/mutate.rs"]
 mod mutate;
 mod mutation;

@@ -77,7 +77,7 @@ fn mutated_meshes_are_read_or_refused() {
     // Colours as they are in the file, so that the secret one is known again.
     let options = LoadOptions { srgb: false, ..LoadOptions::default() };
     let (mut read, mut refused, mut largest) = (0, 0, 0f64);
-    for seed in 0..cases(3000) {
+    for seed in 0..cases(1000) {
         let random = &mut Random::new(seed);
         // The OBJ file in most cases, else one of the others.
         let changed = random.choose(&[0, 0, 0, 1, 1, 2]);
@@ -109,7 +109,7 @@ fn mutated_meshes_are_read_or_refused() {
 
 #[test]
 fn an_allocation_is_seen() {
-    let (_, peak) = peak_of(|| vec![1u8; 8 * SLACK].len());
+    let (_, peak) = peak_of(|| std::hint::black_box(vec![1u8; 8 * SLACK]).len());
     assert!(peak >= 8 * SLACK, "{peak}");
 }
 
@@ -132,7 +132,7 @@ fn long_files_take_no_more_than_their_size() {
         ("one number", format!("{triangle}v {} 0 0\n", times("1", 1_000_000))),
         ("triangles", format!("{triangle}{}", times("f 1 2 3\n", 120_000))),
         ("vertices", format!("{triangle}{}", times("v 1 2 3\n", 120_000))),
-        ("missing libraries", format!("{triangle}{}", times("mtllib a b c\n", 80_000))),
+        ("missing libraries", format!("{triangle}{}", times("mtllib a b c\n", 4_000))),
     ];
     for (name, text) in texts {
         fs::write(&obj, &text).unwrap();

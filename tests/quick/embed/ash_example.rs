@@ -7,7 +7,7 @@ mod embed_ash;
 use crate::common::gradient::{random_upstream, same_gradient_bits};
 use crate::common::modes::give_normals;
 use crate::common::scenes::{Case, Kind, random_case};
-use crate::common::{renderer, tolerance, validates};
+use crate::common::{renderer, tier, tolerance, validates};
 use crate::host::{
     Backward, Host, Messages, assert_silent, difference, engine, error, forward, images, rasterizer, submit,
 };
@@ -55,7 +55,7 @@ fn images_are_the_simple_apis_bit_by_bit() {
     let engine = engine();
     let rasterizer = rasterizer(&engine);
     let mut simple = renderer();
-    for seed in 0..12 {
+    for seed in 0..tier(3, 12) {
         let mut case = random_case(seed, [Kind::Plain, Kind::Modes, Kind::Clipped][seed as usize % 3]);
         if seed % 4 < 2 {
             // Flat shading has no use for them.
@@ -86,7 +86,7 @@ fn gradients_are_the_simple_apis_bit_by_bit() {
     let engine = engine();
     let rasterizer = rasterizer(&engine);
     let mut simple = renderer();
-    for seed in 20..26 {
+    for seed in 20..tier(22, 26) {
         let mut case = random_case(seed, Kind::Plain);
         case.settings.save = true;
         let upstream = random_upstream(&case, case.settings.outputs, &tolerance::GRADIENT);

@@ -143,7 +143,8 @@ fn nodes_place_and_repeat_meshes() {
         }
     }
     // A file may draw a mesh many times, but not without end.
-    let many: Vec<_> = (0..2_000_000).map(|_| json!({ "mesh": 0 })).collect();
+    let (mut root, binary) = gltf(&shapes::icosphere(7).unwrap(), None);
+    let many: Vec<_> = (0..50).map(|_| json!({ "mesh": 0 })).collect();
     root["nodes"] = json!(many);
     root.as_object_mut().unwrap().remove("scenes");
     assert_refused(read(&folder, "mesh.glb", &glb(&root, &binary)), &["several times"]);
@@ -336,7 +337,7 @@ fn mutated_files_are_read_or_refused() {
         ("a.gltf", embedded(root, &binary)),
     ];
     let (mut read_count, mut refused) = (0, 0);
-    for seed in 0..cases(3000) {
+    for seed in 0..cases(1000) {
         let random = &mut Random::new(seed);
         let (name, original) = &files[random.below(files.len())];
         let mut bytes = original.clone();

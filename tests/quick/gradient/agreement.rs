@@ -1,14 +1,16 @@
 //! The second promise: every gradient of every scene in every mode is what the f64 reference says, within 1e-4 of its norm.
 //!
-//! `SOFTRAS_CASES=1000` runs that many random scenes of each kind instead of the usual few.
+//! `SOFTRAS_CASES=1000` runs that many random scenes of each kind instead of the usual few, which are more in the full tier.
 
 use crate::common::{
+    case_count,
     compare::same_bits,
     gradient::{ALL_OUTPUTS, Table, all_finite, backward, check, random_upstream, same_gradient_bits, small_case},
     modes::in_every_mode,
     random::Random,
     renderer,
     scenes::{Case, Kind, random_appearance},
+    tier,
     tolerance::GRADIENT,
 };
 use softras::{
@@ -20,10 +22,6 @@ const MODES: [GradientMode; 2] = [GradientMode::Exact, GradientMode::Paper];
 
 fn first_case() -> u64 {
     std::env::var("SOFTRAS_FIRST").map_or(0, |seed| seed.parse().expect("SOFTRAS_FIRST is a number"))
-}
-
-fn case_count(usual: u64) -> u64 {
-    std::env::var("SOFTRAS_CASES").map_or(usual, |count| count.parse().expect("SOFTRAS_CASES is a number"))
 }
 
 /// Some of the images that the case renders, at least one.
@@ -52,9 +50,9 @@ fn add(renderer: &mut Renderer, case: &Case, table: &mut Table, failures: &mut V
     }
 }
 
-fn assert_random_cases_agree(kind: Kind, usual: u64) {
+fn assert_random_cases_agree(kind: Kind, count: u64) {
     let (mut renderer, mut table, mut failures) = (renderer(), Table::default(), Vec::new());
-    for seed in first_case()..first_case() + case_count(usual) {
+    for seed in first_case()..first_case() + count {
         add(&mut renderer, &small_case(seed, kind), &mut table, &mut failures);
     }
     println!("{kind:?}\n{table}");
@@ -64,17 +62,17 @@ fn assert_random_cases_agree(kind: Kind, usual: u64) {
 
 #[test]
 fn random_scenes() {
-    assert_random_cases_agree(Kind::Plain, 10);
+    assert_random_cases_agree(Kind::Plain, case_count(3, 10));
 }
 
 #[test]
 fn random_scenes_in_all_modes() {
-    assert_random_cases_agree(Kind::Modes, 12);
+    assert_random_cases_agree(Kind::Modes, case_count(1, 12));
 }
 
 #[test]
 fn random_scenes_through_near_and_far() {
-    assert_random_cases_agree(Kind::Clipped, 10);
+    assert_random_cases_agree(Kind::Clipped, case_count(2, 10));
 }
 
 /// One camera before one blob or soup whose colours are textures, lit, every image asked for.
@@ -93,7 +91,7 @@ fn mode_base(seed: u64) -> Case {
     case
 }
 
-/// Each mode alone, so that a broken one is named, on one scene, for all images together; and by turns, because kernels
+/// Each mode alone (a few in the quick tier, beside `modes`), so that a broken one is named, on one scene, for all images together; and by turns, because kernels
 /// are compiled for each, the paper's gradient of all images or the gradient of one image alone, another one each time.
 /// Whatever else they are, gradients are finite at the corners of the (σ, γ) plane and beyond, and images and gradients have
 /// the same bits again after the next mode.
@@ -111,7 +109,9 @@ fn every_mode_alone() {
     ];
     let mut failures = Vec::new();
     let mut before: Option<(&str, Case, Made)> = None;
-    for (i, (name, case)) in in_every_mode(&base).chain(in_every_mode(&base).take(1)).enumerate() {
+    for (i, (name, case)) in
+        in_every_mode(&base).take(tier(1, usize::MAX)).chain(in_every_mode(&base).take(1)).enumerate()
+    {
         let rendered = case.settings.outputs;
         let both = |a: Outputs| Outputs {
             color: a.color && rendered.color,
@@ -179,7 +179,7 @@ fn every_appearance_alone() {
     let base = mode_base(40);
     let mut failures = Vec::new();
     for seed in 0..10 {
-        for shading in [Shading::Flat, Shading::Smooth] {
+        for &shading in tier(&[Shading::Flat][..], &[Shading::Flat, Shading::Smooth]) {
             let mut case = base.clone();
             case.seed = seed;
             case.scene.lights.shading = shading;
@@ -187,7 +187,7 @@ fn every_appearance_alone() {
             let appearance = random_appearance(&mut Random::new(seed), &mesh);
             case.scene.meshes.push(mesh.with_appearance(appearance).unwrap());
             let upstream = random_upstream(&case, ALL_OUTPUTS, &GRADIENT);
-            for mode in MODES {
+            for &mode in tier(&MODES[..1], &MODES) {
                 if let Err(error) = check(&mut renderer, &case, &upstream, mode, &GRADIENT) {
                     failures.push(format!("{shading:?}: {error}\n{case:?}"));
                 }
@@ -219,7 +219,7 @@ fn wanted_is_what_comes() {
         ("background", Wanted { background: true, ..nothing }),
         ("scalars", Wanted { scalars: true, ..nothing }),
     ];
-    for (name, wanted) in single {
+    for (name, wanted) in single.into_iter().step_by(tier(3, 1)) {
         let some = backward(&mut renderer, &case, &upstream, &wanted).unwrap();
         let mesh = &some.meshes[0];
         assert_eq!(mesh.positions.is_empty(), !wanted.positions, "{name}");

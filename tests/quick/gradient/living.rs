@@ -60,7 +60,7 @@ fn each_frame_has_its_own_gradient_in_any_order() {
 #[test]
 fn a_clone_keeps_the_frame_and_a_failure_takes_none() {
     let cases = cases();
-    let mut renderer = renderer();
+    let mut renderer = renderer_with(RendererOptions::default());
     let frame = render(&mut renderer, &cases[0]);
     let first = gradient(&mut renderer, &frame, &cases[0]);
     let clone = frame.clone();
@@ -79,7 +79,7 @@ fn a_clone_keeps_the_frame_and_a_failure_takes_none() {
 #[test]
 fn memory_follows_the_frames_that_live() {
     let case = ball(0, &EYES[..1], 16);
-    let mut renderer = renderer();
+    let mut renderer = renderer_with(RendererOptions::default());
     let mut step = |count: usize| {
         let frames: Vec<_> = (0..count).map(|_| render(&mut renderer, &case)).collect();
         frames.iter().for_each(|frame| drop(gradient(&mut renderer, frame, &case)));
@@ -98,7 +98,7 @@ fn memory_follows_the_frames_that_live() {
 #[test]
 fn living_frames_count_towards_the_limit_of_memory() {
     let case = ball(0, &EYES[..1], 16);
-    let mut measured = renderer();
+    let mut measured = renderer_with(RendererOptions::default());
     let frame = render(&mut measured, &case);
     gradient(&mut measured, &frame, &case);
     let one = measured.device_bytes();

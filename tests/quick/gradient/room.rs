@@ -8,6 +8,7 @@ use crate::common::{
     random::Random,
     renderer_with,
     scenes::{Case, small, triangles},
+    tier,
     tolerance::GRADIENT,
 };
 use softras::internals::plan::Capacity;
@@ -37,7 +38,7 @@ fn blurred_ball() -> Case {
     case
 }
 
-/// The modes in which the kernels that walk have code of their own.
+/// The modes in which the kernels that walk have code of their own; the quick tier takes every fifth.
 const WALKED_MODES: [&str; 12] = [
     "the paper's",
     "composite",
@@ -58,8 +59,9 @@ fn no_mode_depends_on_the_room_for_lists() {
     // Nothing at all; or the bins' lists alone, and half of what the tiles' need.
     let shorts =
         |list: u32| [Capacity { coarse: 1, list: 1, cells: 1 }, Capacity { list: list / 2, cells: 40, ..ENOUGH }];
+    let walked: Vec<_> = WALKED_MODES.into_iter().step_by(tier(5, 1)).collect();
     let mut seen = 0;
-    for (name, case) in in_every_mode(&blurred_ball()).filter(|(name, _)| WALKED_MODES.contains(name)) {
+    for (name, case) in in_every_mode(&blurred_ball()).filter(|(name, _)| walked.contains(name)) {
         let upstream = random_upstream(&case, case.settings.outputs, &GRADIENT);
         let whole = first_of(&case, &upstream, ENOUGH);
         let list = whole.2 as u32;
@@ -68,7 +70,7 @@ fn no_mode_depends_on_the_room_for_lists() {
         assert_same(&format!("{name}, {short:?}"), &whole, &first_of(&case, &upstream, short));
         seen += 1;
     }
-    assert_eq!(seen, WALKED_MODES.len());
+    assert_eq!(seen, walked.len());
 }
 
 /// Tiles with a triangle too thin for forward_soft, and tiles without, are walked by one kernel each.
@@ -104,7 +106,7 @@ fn turns_do_not_change_bits() {
             [[x, y, z], [x + 0.03, y, z], [x, y + 0.03, z]]
         })
         .collect();
-    for (thin, faded) in [(false, false), (true, false), (false, true)] {
+    for &(thin, faded) in tier(&[(false, false)][..], &[(false, false), (true, false), (false, true)]) {
         if thin {
             corners[7] = [[0.05, 0.0, 3.0], [0.05 + 1e-7, 0.1, 3.0], [0.05, 0.1, 3.0]];
         }
@@ -134,7 +136,8 @@ fn wide_workgroups_do_not_depend_on_the_room_for_lists() {
         (frame, gradients, 0)
     };
     let whole = of(ENOUGH);
-    for capacity in [Capacity { coarse: 500, ..ENOUGH }, Capacity { list: 3000, cells: 7, ..ENOUGH }] {
+    let few = [Capacity { coarse: 500, ..ENOUGH }, Capacity { list: 3000, cells: 7, ..ENOUGH }];
+    for &capacity in tier(&few[1..], &few) {
         assert_same(&format!("{capacity:?}"), &whole, &of(capacity));
     }
 }

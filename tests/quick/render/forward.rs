@@ -1,25 +1,22 @@
 //! The main promise: every image of every scene in every mode is what the f64 reference says, within 2e-5.
 //!
-//! `SOFTRAS_CASES=1000` runs that many random scenes of each kind instead of the usual few.
+//! `SOFTRAS_CASES=1000` runs that many random scenes of each kind instead of the usual few, which are more in the full tier.
 
 use crate::common::{
+    case_count,
     compare::compare_frames,
     gradient::made_case,
     modes::in_every_mode,
     random::Random,
     renderer,
     scenes::{Case, Kind, random_case, small, triangles},
-    tolerance,
+    tier, tolerance,
 };
 use softras::{
     Camera, Mesh, Renderer, Scene, Settings,
     reference::{Truncation, render, render_culled},
     scene::{Appearance, Background, Distance, Outputs, Parity},
 };
-
-fn case_count(usual: u64) -> u64 {
-    std::env::var("SOFTRAS_CASES").map_or(usual, |count| count.parse().expect("SOFTRAS_CASES is a number"))
-}
 
 /// The largest error in units of the tolerance, or what is wrong, with the case.
 fn agreement(renderer: &mut Renderer, case: &Case) -> Result<f64, String> {
@@ -31,10 +28,10 @@ fn agreement(renderer: &mut Renderer, case: &Case) -> Result<f64, String> {
     }
 }
 
-fn assert_random_cases_agree(kind: Kind, usual: u64) {
+fn assert_random_cases_agree(kind: Kind, count: u64) {
     let mut renderer = renderer();
     let (mut worst, mut failures): (f64, Vec<(u64, String)>) = (0.0, Vec::new());
-    for seed in 0..case_count(usual) {
+    for seed in 0..count {
         match agreement(&mut renderer, &random_case(seed, kind)) {
             Ok(error) => worst = worst.max(error),
             Err(error) => failures.push((seed, error)),
@@ -51,17 +48,17 @@ fn assert_random_cases_agree(kind: Kind, usual: u64) {
 
 #[test]
 fn random_scenes() {
-    assert_random_cases_agree(Kind::Plain, 15);
+    assert_random_cases_agree(Kind::Plain, case_count(4, 15));
 }
 
 #[test]
 fn random_scenes_in_all_modes() {
-    assert_random_cases_agree(Kind::Modes, 15);
+    assert_random_cases_agree(Kind::Modes, case_count(2, 15));
 }
 
 #[test]
 fn random_scenes_through_near_and_far() {
-    assert_random_cases_agree(Kind::Clipped, 15);
+    assert_random_cases_agree(Kind::Clipped, case_count(3, 15));
 }
 
 /// The official code drops what lies outside the box grown by the Euclidean radius. In this scene, of barycentric distances
@@ -73,7 +70,7 @@ fn official_box_ends_barycentric_support() {
     agreement(&mut renderer(), &case).unwrap();
 }
 
-/// Each mode alone, on one scene, so that a broken one is named.
+/// Each mode alone (a few in the quick tier, beside `modes`), on one scene, so that a broken one is named.
 #[test]
 fn every_mode_alone() {
     let mut renderer = renderer();
@@ -81,7 +78,7 @@ fn every_mode_alone() {
     base.settings.outputs = Outputs { color: true, silhouette: true, depth: true, normal: true };
     base.settings.background = Background::Weighted;
     let mut failures = Vec::new();
-    for (name, case) in in_every_mode(&base) {
+    for (name, case) in in_every_mode(&base).take(tier(2, usize::MAX)) {
         if let Err(error) = agreement(&mut renderer, &case) {
             failures.push(format!("{name}: {error}"));
         }
@@ -125,7 +122,7 @@ fn slivers_of_every_height() {
 fn outputs_are_those_asked_for() {
     let mut renderer = renderer();
     let case = random_case(3, Kind::Plain);
-    for bits in 1..16u32 {
+    for bits in (1..16u32).step_by(tier(5, 1)) {
         let [color, silhouette, depth, normal] = [0, 1, 2, 3].map(|bit| bits >> bit & 1 == 1);
         let mut case = case.clone();
         case.settings.outputs = Outputs { color, silhouette, depth, normal };

@@ -6,6 +6,7 @@ use crate::common::{
     random::Random,
     renderer, renderer_with,
     scenes::{random_alpha, random_appearance, random_texture},
+    tier,
 };
 use glam::DVec3;
 use softras::{
@@ -153,8 +154,8 @@ fn step(renderer: &mut Renderer, state: &State, seed: u64) -> (Frame, Gradients)
     (frame, gradients)
 }
 
-/// Random changes one after the other; every third step as a renderer that knows of none has it (what is not taken over
-/// stays so, and a new renderer takes a second).
+/// Random changes one after the other; every third step as a renderer has it that took none of them (what is not taken over
+/// stays so).
 fn steps_are_as_fresh(seed: u64, steps: usize, options: &RendererOptions) {
     let random = &mut Random::new(seed);
     let mut state = start(random);
@@ -189,7 +190,7 @@ fn a_frame_after_any_change_is_a_fresh_renderers() {
 
 #[test]
 fn so_it_is_where_memory_is_not_shared() {
-    steps_are_as_fresh(3, CHANGES, &RendererOptions { staging: true, ..RendererOptions::default() });
+    steps_are_as_fresh(3, tier(5, CHANGES), &RendererOptions { staging: true, ..RendererOptions::default() });
 }
 
 /// Normals that take the place of others, without another change of the frame.
@@ -273,7 +274,7 @@ fn only_what_changed_is_uploaded() {
 fn dispatches_are_counted_as_recorded() {
     let random = &mut Random::new(6);
     let mut state = start(random);
-    let mut renderer = renderer();
+    let mut renderer = renderer_with(RendererOptions::default());
     let mut counted = |state: &State| {
         step(&mut renderer, state, 5);
         let counts = renderer.frame_counts().unwrap();
@@ -293,7 +294,7 @@ fn what_is_not_asked_for_has_no_buffer() {
     let random = &mut Random::new(6);
     let state = start(random);
     let bytes = |save: bool, wanted: Option<Wanted>| {
-        let mut renderer = renderer();
+        let mut renderer = renderer_with(RendererOptions::default());
         let settings = Settings { save, ..state.settings.clone() };
         let frame = renderer.render(&state.scene, &state.cameras, &settings).unwrap();
         if let Some(wanted) = wanted {

@@ -2,7 +2,7 @@
 
 use crate::common::random::Random;
 use crate::common::scenes::{Case, Kind, random_case};
-use crate::common::{renderer, tolerance};
+use crate::common::{renderer, tier, tolerance};
 use softras::internals::reference::pairs;
 use softras::reference::{ReferenceFrame, Truncation, render, render_culled};
 use softras::scene::{Appearance, Background, ColorAggregation, Outputs, Parity, SilhouetteAggregation, Support};
@@ -70,7 +70,7 @@ fn case(seed: u64) -> Case {
 #[test]
 fn guaranteed_images_are_within_tau_of_the_untruncated_ones() {
     let mut close = 0.0f64;
-    for seed in 0..400 {
+    for seed in 0..tier(100, 400) {
         let case = case(seed);
         let exact = render(&case.scene, &case.cameras, &case.settings, Truncation::None).unwrap();
         let ours = render_culled(&case.scene, &case.cameras, &case.settings).unwrap();
@@ -125,7 +125,7 @@ fn the_device_keeps_the_promise() {
     let wanted: Option<usize> = std::env::var("SOFTRAS_CASES").ok().map(|count| count.parse().unwrap());
     let mut renderer = renderer();
     let (mut rendered, mut refused, mut largest) = (0, 0, (0.0, String::new()));
-    let few = wanted.is_none().then_some(60);
+    let few = wanted.is_none().then_some(tier(20, 60));
     let seeds = (400..).take(few.unwrap_or(usize::MAX));
     for mut case in [before_a_wall(Support::Guaranteed)].into_iter().chain(seeds.map(case)) {
         if wanted == Some(rendered) {
@@ -176,7 +176,7 @@ fn the_device_keeps_the_promise() {
         "{rendered} scenes, {refused} refused; largest error over what tau promises {:.3}: {}",
         largest.0, largest.1
     );
-    assert!(rendered > 15 || wanted.is_some(), "{rendered}");
+    assert!(rendered > 5 || wanted.is_some(), "{rendered}");
 }
 
 #[test]
