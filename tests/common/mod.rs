@@ -1,4 +1,4 @@
-//! What the tests share: renderers under validation, random scenes, comparisons, and the tables of modes and of tolerances.
+//! What the tests share: renderers, random scenes, comparisons, and the tables of modes and of tolerances.
 #![allow(dead_code, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 pub mod blame;
@@ -12,41 +12,64 @@ pub use softras_lab::random;
 
 use softras::{Renderer, RendererOptions};
 use std::ops::{Deref, DerefMut};
+use std::sync::{Mutex, PoisonError};
 
-/// A renderer under the validation layers; when it goes, the layers must have had nothing to say.
-pub struct Validated(Renderer);
+/// Renderers that no test uses, with the kernels that they have compiled.
+static IDLE: Mutex<Vec<Renderer>> = Mutex::new(Vec::new());
 
-impl Deref for Validated {
+/// A renderer on loan. Under the validation layers these must have had nothing to say when it goes; one of the pool goes back
+/// there, unless its test fails.
+pub struct Loan {
+    renderer: Option<Renderer>,
+    pooled: bool,
+}
+
+impl Deref for Loan {
     type Target = Renderer;
     fn deref(&self) -> &Renderer {
-        &self.0
+        self.renderer.as_ref().expect("it goes when the loan ends")
     }
 }
 
-impl DerefMut for Validated {
+impl DerefMut for Loan {
     fn deref_mut(&mut self) -> &mut Renderer {
-        &mut self.0
+        self.renderer.as_mut().expect("it goes when the loan ends")
     }
 }
 
-impl Drop for Validated {
+impl Drop for Loan {
     fn drop(&mut self) {
         // A second panic would hide the first.
-        if !std::thread::panicking() {
-            assert_eq!(self.0.validation_messages(), [""; 0], "the validation layers complain");
+        if std::thread::panicking() {
+            return;
+        }
+        assert_eq!(self.validation_messages(), [""; 0], "the validation layers complain");
+        if self.pooled {
+            IDLE.lock().unwrap_or_else(PoisonError::into_inner).extend(self.renderer.take());
         }
     }
 }
 
-/// The device that `SOFTRAS_DEVICE` names, else the best one, under validation unless `SOFTRAS_VALIDATION=0`.
+/// A renderer of the pool, on the device that `SOFTRAS_DEVICE` names, else on the best one. It may have rendered before.
 #[track_caller]
-pub fn renderer() -> Validated {
-    renderer_with(RendererOptions::default())
+pub fn renderer() -> Loan {
+    let idle = IDLE.lock().unwrap_or_else(PoisonError::into_inner).pop();
+    let renderer = idle.unwrap_or_else(|| open(RendererOptions::default()));
+    Loan { renderer: Some(renderer), pooled: true }
 }
 
-/// The same with other options.
+/// A renderer that has not rendered yet and ends with its test.
 #[track_caller]
-pub fn renderer_with(options: RendererOptions) -> Validated {
-    let validation = std::env::var("SOFTRAS_VALIDATION").map_or(true, |value| value != "0");
-    Validated(Renderer::with_options(&RendererOptions { validation, ..options }).expect("a Vulkan device"))
+pub fn renderer_with(options: RendererOptions) -> Loan {
+    Loan { renderer: Some(open(options)), pooled: false }
+}
+
+#[track_caller]
+fn open(options: RendererOptions) -> Renderer {
+    Renderer::with_options(&options).expect("a Vulkan device")
+}
+
+/// Whether `SOFTRAS_VALIDATION=1` asks for the validation layers.
+pub fn validates() -> bool {
+    std::env::var("SOFTRAS_VALIDATION").is_ok_and(|value| value == "1")
 }

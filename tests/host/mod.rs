@@ -8,7 +8,7 @@ pub mod engine;
 pub mod memory;
 pub mod shim;
 
-use crate::common::scenes::Case;
+use crate::common::{scenes::Case, validates};
 use ash::vk;
 use engine::{Buffer, Engine};
 use gpu_allocator::MemoryLocation;
@@ -22,7 +22,7 @@ use softras::{Gradients, ImageGradient, Scene, Wanted};
 pub type Messages = Vec<String>;
 
 pub fn engine() -> Engine {
-    Engine::new(true).expect("a Vulkan device with validation")
+    Engine::new(validates()).expect("a Vulkan device")
 }
 
 /// The engine goes; the layers must have had nothing to say, leaks included.

@@ -1,0 +1,9 @@
+//! What the gate holds beside the quick tier: the list of public items, and that the validation layers see faults at all.
+#![allow(unsafe_code, clippy::undocumented_unsafe_blocks, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+#[path = "../../examples/engine/mod.rs"]
+mod engine;
+mod public_items;
+#[path = "../quick/internals/selftest.rs"]
+mod selftest;
+mod validation;

@@ -1,0 +1,15 @@
+//! Fitting: losses, regularisers, optimisers, remeshing, voxels, poses and jointed figures.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+mod articulated;
+mod atlas;
+mod carved;
+mod gradients;
+mod hull;
+mod optimizers;
+mod pose;
+mod remesh;
+mod run;
+mod subdivision;
+mod surface;
+mod voxels;

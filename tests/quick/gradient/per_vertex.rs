@@ -1,0 +1,149 @@
+//! Gradients that vertices take from the triangles' sums over pixels, without the stage between: they are those of that stage.
+
+use super::repeat::{EYES, ball};
+use crate::common::{
+    gradient::{
+        ALL_OUTPUTS, Group, backward, made_case, matching, norm, random_upstream, relative_error, same_gradient_bits,
+        upstream_of,
+    },
+    random::Random,
+    renderer, renderer_with,
+    scenes::{Case, small},
+    tolerance::GRADIENT,
+};
+use softras::internals::plan::Capacity;
+use softras::scene::{Appearance, Outputs};
+use softras::{
+    Camera, GradientMode, ImageGradient, Lights, Mesh, Projection, RendererOptions, Scene, Settings, Wanted, shapes,
+};
+
+/// What needs no stage between, and the same with what needs it.
+const ALONE: Wanted = Wanted { positions: true, colors: true, ..Wanted::NOTHING };
+const WITH_CAMERA: Wanted = Wanted { camera: true, ..ALONE };
+
+const COLOR_AND_DEPTH: Outputs = Outputs { normal: false, ..ALL_OUTPUTS };
+
+fn unlit(mut case: Case) -> Case {
+    case.scene.lights = Lights::unlit();
+    case.settings.outputs = COLOR_AND_DEPTH;
+    case
+}
+
+fn colored(mesh: Mesh, seed: u64) -> Mesh {
+    let random = &mut Random::new(seed);
+    let colors = mesh.positions().iter().map(|_| [0; 3].map(|_| random.range(0.1, 0.9) as f32)).collect();
+    mesh.with_appearance(Appearance::VertexColors(colors)).unwrap()
+}
+
+/// A square of two triangles larger than a cell of backward, before a ball; the views see them from two sides.
+fn large_triangles() -> Case {
+    let square = Mesh::new(
+        vec![[-1.5, -1.0, -0.6], [1.4, -1.1, -0.5], [1.5, 1.2, -0.7], [-1.4, 1.0, -0.4], [9.0, 9.0, 9.0]],
+        vec![[0, 1, 2], [2, 3, 0]],
+    )
+    .unwrap();
+    let mut case = unlit(ball(1, &EYES[..2], 150));
+    case.scene = Scene::new(colored(square, 3));
+    case.settings.height = 90;
+    case
+}
+
+/// Cameras of every kind, meshes of their own for each view, boxes of one cell and of several.
+fn cases() -> Vec<(&'static str, Case)> {
+    let ball_of = |seed| colored(shapes::icosphere(1).unwrap(), seed);
+    let views = unlit(ball(1, &EYES, 24));
+    let mut meshes = unlit(ball(1, &EYES[..2], 24));
+    meshes.scene.meshes = vec![ball_of(4), colored(shapes::cube().unwrap(), 5)];
+    let projected = |projection: Projection| {
+        let camera =
+            Camera::look_at([0.3, 0.4, 3.0].into(), [0.0; 3].into(), [0.0, 1.0, 0.0].into(), projection).unwrap();
+        let settings = Settings { sigma: 1e-3, gamma: 1e-2, far: 10.0, outputs: COLOR_AND_DEPTH, ..small(24, 20) };
+        made_case(Scene::new(ball_of(6)), vec![camera], settings)
+    };
+    let on_screen = ball_of(7).positions().iter().map(|p| [0.6 * p[0], 0.6 * p[1], p[2] + 4.0]).collect();
+    let on_screen = colored(Mesh::new(on_screen, ball_of(7).triangles().to_vec()).unwrap(), 7);
+    let settings = Settings { sigma: 1e-3, gamma: 1e-2, far: 10.0, outputs: COLOR_AND_DEPTH, ..small(24, 24) };
+    vec![
+        ("three views", views),
+        ("a mesh for each view", meshes),
+        ("orthographic", projected(Projection::Orthographic { half_height: 1.3 })),
+        ("on the screen", made_case(Scene::new(on_screen), vec![Camera::screen()], settings)),
+        ("large triangles", large_triangles()),
+    ]
+}
+
+#[test]
+fn they_are_those_of_the_stage_between() {
+    let mut renderer = renderer();
+    for (name, case) in cases() {
+        for (images, mode) in [
+            (COLOR_AND_DEPTH, GradientMode::Exact),
+            (COLOR_AND_DEPTH, GradientMode::Paper),
+            (Outputs { color: false, depth: false, ..COLOR_AND_DEPTH }, GradientMode::Exact),
+        ] {
+            let upstream = random_upstream(&case, images, &GRADIENT);
+            let [alone, with_camera] = [ALONE, WITH_CAMERA]
+                .map(|wanted| backward(&mut renderer, &case, &upstream, &Wanted { mode, ..wanted }).unwrap());
+            let mut seen = 0;
+            for ((group, ours), (_, reference)) in matching(&alone, &with_camera) {
+                let error = relative_error(&Group { name: group, ours, reference: reference.clone() }, 0.0).unwrap();
+                assert!(error < 1e-5, "{name}, {images:?}, {mode:?}: {group} is off by {error:e}");
+                seen += usize::from(norm(&reference) > 0.0);
+            }
+            let of_a_mesh = if images.color { 2 } else { 1 };
+            assert_eq!(seen, of_a_mesh * case.scene.meshes.len(), "{name}, {images:?}");
+        }
+    }
+}
+
+#[test]
+fn they_do_not_depend_on_the_room_for_cells() {
+    let case = large_triangles();
+    let upstream = random_upstream(&case, COLOR_AND_DEPTH, &GRADIENT);
+    let of = |cells: u32| {
+        let capacity = Capacity { coarse: 1 << 12, list: 1 << 14, cells };
+        let mut renderer = renderer_with(RendererOptions { capacity: Some(capacity), ..RendererOptions::default() });
+        let frame = renderer.render(&case.scene, &case.cameras, &case.settings).unwrap();
+        renderer.backward(&frame, &upstream, &ALONE).unwrap()
+    };
+    let whole = of(1 << 10);
+    for cells in [1, 3, 1 << 16] {
+        same_gradient_bits(&whole, &of(cells)).unwrap_or_else(|error| panic!("room for {cells}: {error}"));
+    }
+}
+
+/// So many triangles over all of the image that share a corner outside it, the nearest of them last.
+fn fan(triangles: u32) -> Case {
+    let mut case = large_triangles();
+    (case.settings.width, case.settings.height) = (512, 512);
+    let mut positions = vec![[-3.0, -3.0, -1.0]];
+    for i in 0..triangles {
+        let z = -1.0 + (i + 1) as f32 / triangles as f32;
+        positions.extend([[9.0, -3.0, z], [-3.0, 9.0, z]]);
+    }
+    let corners = (0..triangles).map(|i| [0, 2 * i + 1, 2 * i + 2]).collect();
+    case.scene = Scene::new(colored(Mesh::new(positions, corners).unwrap(), 8));
+    case.cameras.truncate(1);
+    case
+}
+
+/// Loops on lavapipe end after 65,535 passes without a word: as many corners as they can walk are summed without the stage
+/// between, and one more with it, and neither loses the nearest triangle, which is the last.
+#[test]
+fn a_vertex_of_many_large_triangles_loses_none() {
+    let capacity = Capacity { coarse: 1 << 17, list: 1 << 23, cells: 1 << 17 };
+    let mut renderer = renderer_with(RendererOptions { capacity: Some(capacity), ..RendererOptions::default() });
+    for triangles in [508, 520] {
+        let case = fan(triangles);
+        let upstream = ImageGradient {
+            normal: None,
+            ..upstream_of(&case, |_, row, column| [0.3, -0.2, 0.5].map(|w| w + (row * 7 + column * 3) as f32 % 5.0))
+        };
+        let [alone, with_camera] =
+            [ALONE, WITH_CAMERA].map(|wanted| backward(&mut renderer, &case, &upstream, &wanted).unwrap());
+        for ((group, ours), (_, reference)) in matching(&alone, &with_camera) {
+            let error = relative_error(&Group { name: group, ours, reference: reference.clone() }, 0.0).unwrap();
+            assert!(norm(&reference) > 0.0 && error < 1e-5, "{triangles} triangles: {group} is off by {error:e}");
+        }
+    }
+}

@@ -1,0 +1,109 @@
+//! glsl/selftest.comp with its buffers: what the tests of the Vulkan folder run.
+#![allow(dead_code)]
+
+use softras::internals::vulkan::{
+    BufferDesc, CacheFolder, Context, ContextOptions, DescriptorPool, DescriptorSet, Pipeline, Recorder, SharedBuffer,
+    TexelFormat, constants, kernels,
+};
+
+pub type Outcome = Result<(), Box<dyn std::error::Error>>;
+
+pub const COUNT: u32 = 1000;
+pub const LOCAL: u32 = constants::SELFTEST_LOCAL_SIZE;
+
+/// The record of glsl/selftest.comp.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct Record {
+    pub value: [f32; 4],
+    pub index: u32,
+    pub tag: i32,
+    pub parts: [f32; 3],
+    pub padding: u32,
+    pub pair: [u32; 2],
+}
+
+/// The push constants of glsl/selftest.comp.
+#[repr(C)]
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct Push {
+    pub scale: f32,
+    pub count: u32,
+    pub offset: [f32; 2],
+}
+
+pub const PUSH: Push = Push { scale: 2.0, count: COUNT, offset: [0.25, -0.75] };
+
+pub fn context() -> softras::Result<Context> {
+    Context::new(&ContextOptions { cache: CacheFolder::Nowhere, ..Default::default() })
+}
+
+pub fn error<T>(result: softras::Result<T>) -> String {
+    result.map_or_else(|e| e.to_string(), |_| "no error".to_string())
+}
+
+/// Buffers, pipeline and set of the self test.
+pub struct SelfTest {
+    pub texels: SharedBuffer,
+    pub indices: SharedBuffer,
+    pub records: SharedBuffer,
+    pub pipeline: Pipeline,
+    pub set: DescriptorSet,
+}
+
+impl SelfTest {
+    pub fn new(context: &Context) -> softras::Result<Self> {
+        let buffer =
+            |name, size, texels| BufferDesc { name, size: u64::from(COUNT) * size, texels, ..Default::default() };
+        let mut texels = SharedBuffer::for_upload(context, &buffer("texels", 16, Some(TexelFormat::Float4)))?;
+        let mut indices = SharedBuffer::for_upload(context, &buffer("indices", 4, Some(TexelFormat::Uint)))?;
+        let records = SharedBuffer::for_download(context, &buffer("records", 48, None))?;
+        let values: Vec<[f32; 4]> = (0..COUNT).map(texel).collect();
+        let order: Vec<u32> = (0..COUNT).map(|i| COUNT - 1 - i).collect();
+        texels.write(0, bytemuck::cast_slice(&values))?;
+        indices.write(0, bytemuck::cast_slice(&order))?;
+        let specialization = [("local_size_x", LOCAL.into()), ("TAG", (-3).into()), ("FACTOR", 4.5.into())];
+        let cache = Some(context.pipeline_cache());
+        let pipeline = Pipeline::new(context.device(), &kernels::SELFTEST, &specialization, cache)?;
+        let pool = DescriptorPool::new(context.device(), &[&kernels::SELFTEST])?;
+        let parts = [("texels", texels.whole()), ("indices", indices.whole()), ("Records", records.whole())];
+        let set = pool.bind(&pipeline, &parts)?;
+        Ok(Self { texels, indices, records, pipeline, set })
+    }
+
+    pub fn record(&self, recorder: &mut Recorder<'_>) -> softras::Result<()> {
+        recorder.begin_label("self test");
+        self.texels.record_upload(recorder)?;
+        self.indices.record_upload(recorder)?;
+        recorder.barrier();
+        let groups = [COUNT.div_ceil(LOCAL), 1, 1];
+        recorder.dispatch(&self.pipeline, &self.set, bytemuck::bytes_of(&PUSH), groups)?;
+        recorder.barrier();
+        self.records.record_download(recorder)?;
+        recorder.barrier_to_host();
+        recorder.end_label();
+        Ok(())
+    }
+
+    pub fn assert_result(&self) -> softras::Result<()> {
+        let mut records = vec![bytemuck::Zeroable::zeroed(); COUNT as usize];
+        self.records.read(0, bytemuck::cast_slice_mut::<Record, u8>(&mut records))?;
+        for (i, record) in (0..).zip(records) {
+            let index = COUNT - 1 - i;
+            let expected = Record {
+                value: texel(index).map(|v| PUSH.scale * v + constants::SELFTEST_OFFSET),
+                index,
+                tag: -3,
+                parts: [4.5, 0.25, -0.75],
+                padding: record.padding,
+                pair: [i, COUNT],
+            };
+            assert_eq!(record, expected, "record {i}");
+        }
+        Ok(())
+    }
+}
+
+pub fn texel(i: u32) -> [f32; 4] {
+    [i as f32, 0.5 * i as f32, -(i as f32), 1.0]
+}

@@ -1,0 +1,32 @@
+//! The quick tier: every behaviour once, at the lowest level where it exists.
+//!
+//! Tests take their renderers from a pool that lives as long as the process (`common::renderer`), so that each kernel is
+//! compiled once. The validation layers are off unless `SOFTRAS_VALIDATION=1`; run one thread then (`--test-threads=1`), since
+//! the layers may crash when one thread opens or drops a device while another one renders.
+#![cfg(all(feature = "formats", feature = "reference", feature = "external"))]
+// Some tests play the host's half of a contract of raw handles.
+#![allow(unsafe_code, clippy::undocumented_unsafe_blocks, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+// The example brings its engine along, and so does the tests' host.
+#![allow(clippy::duplicate_mod)]
+
+#[path = "../common/mod.rs"]
+mod common;
+mod corpus;
+mod embed;
+mod fit;
+mod formats;
+mod gradient;
+mod heap;
+#[path = "../host/mod.rs"]
+mod host;
+mod internals;
+#[path = "../common/mutate.rs"]
+mod mutate;
+mod mutation;
+mod obj;
+#[path = "../official/mod.rs"]
+mod official;
+mod record;
+mod reference;
+mod render;
+mod robustness;
