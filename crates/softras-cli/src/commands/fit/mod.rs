@@ -61,7 +61,7 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     let views = Views::read(args, &outputs, &mut renderer)?;
     let setup = Setup::new(args, &views, &mut renderer)?;
     let targets = targets::fitted(args, &views.targets);
-    let mut work = Work::begin(args, &setup, &views, &targets, &mut renderer)?;
+    let mut work = Work::begin(args, &setup, &views, &targets)?;
     let ended = work.run(&mut renderer);
     let ended = ended.and_then(|()| work.paint(&views, &mut renderer));
     if let Err(failure) = ended {
@@ -122,7 +122,6 @@ impl<'a> Work<'a> {
         setup: &'a Setup,
         views: &Views,
         targets: &'a Targets,
-        renderer: &mut Renderer,
     ) -> Result<Self, Failure> {
         let begin = |mesh: Mesh| ShapeFit::new(mesh, views.lights.clone(), setup.options.clone());
         let (mut fit, mut first) = (begin(setup.template.clone())?, 0);
