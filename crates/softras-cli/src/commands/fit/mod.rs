@@ -117,12 +117,7 @@ struct Work<'a> {
 
 impl<'a> Work<'a> {
     /// Starts from the template or from a checkpoint.
-    fn begin(
-        args: &'a FitArgs,
-        setup: &'a Setup,
-        views: &Views,
-        targets: &'a Targets,
-    ) -> Result<Self, Failure> {
+    fn begin(args: &'a FitArgs, setup: &'a Setup, views: &Views, targets: &'a Targets) -> Result<Self, Failure> {
         let begin = |mesh: Mesh| ShapeFit::new(mesh, views.lights.clone(), setup.options.clone());
         let (mut fit, mut first) = (begin(setup.template.clone())?, 0);
         if let Some(path) = args.files.checkpoint.as_ref().filter(|path| args.files.resume && path.exists()) {

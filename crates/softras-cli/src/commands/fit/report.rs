@@ -51,14 +51,7 @@ impl Log {
     }
 
     /// The whole log as JSON.
-    pub fn json(
-        &self,
-        args: &FitArgs,
-        setup: &Setup,
-        scores: &Scores,
-        device: &str,
-        mesh: &Mesh,
-    ) -> Value {
+    pub fn json(&self, args: &FitArgs, setup: &Setup, scores: &Scores, device: &str, mesh: &Mesh) -> Value {
         let each = |value: fn(&Step) -> f64| self.steps.iter().map(|(_, s, _)| value(s)).collect::<Vec<f64>>();
         let names = setup.options.regularizers.iter().map(|(r, weight)| json!({ "name": name(*r), "weight": weight }));
         let penalties: Vec<_> = self.steps.iter().map(|(_, s, _)| &s.regularizers).collect();
