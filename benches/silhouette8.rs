@@ -12,7 +12,7 @@ use softras::fit::{
     ImageLoss, Method, Optimizer, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions, Targets, mask_iou,
     soft_target,
 };
-use softras::internals::fit::{CLOSED, DeviceFit, Topology, laplacian_coordinates, regularize};
+use softras::internals::fit::{CLOSED, Topology, laplacian_coordinates, regularize};
 use softras::scene::{Outputs, SilhouetteAggregation};
 use softras::{Camera, Image, ImageGradient, Lights, Mesh, Projection, Renderer, Scene, Settings, Wanted};
 use std::path::Path;
@@ -47,11 +47,8 @@ fn main() {
     let hard = &task.targets;
     let rows = [("from 1e-4 to 3e-6", 0.03 * SIGMA, hard), ("1e-4", SIGMA, hard), ("1e-4, soft targets", SIGMA, &soft)];
     for (name, last, targets) in rows {
-        println!("smoothed parameters, sigma {name}, steps on the host:");
+        println!("smoothed parameters, sigma {name}:");
         let (mesh, steps) = task.fit_smoothly(last, targets, &mut renderer);
-        task.tell(&mesh, &steps, &mut renderer);
-        println!("the same, whole steps on the device (a step's time is a tenth of ten's):");
-        let (mesh, steps) = task.fit_on_device(last, targets, &mut renderer);
         task.tell(&mesh, &steps, &mut renderer);
     }
 }
@@ -144,22 +141,6 @@ impl Task {
             times.push(start.elapsed().as_secs_f64() * 1e3);
         }
         (fit.mesh().clone(), times)
-    }
-
-    fn fit_on_device(&self, last_sigma: f64, targets: &Image, renderer: &mut Renderer) -> (Mesh, Vec<f64>) {
-        let (fit, targets) = self.smooth_fit(targets);
-        let mut fit = DeviceFit::new(renderer, fit, &targets, None).expect("a fit");
-        let mut times = Vec::new();
-        for ten in 0..STEPS / 10 {
-            let start = Instant::now();
-            for step in 10 * ten..10 * ten + 10 {
-                let (settings, rate) = Self::smooth_step(step, last_sigma);
-                fit.step(renderer, &settings, rate, 0.0).expect("a step");
-            }
-            assert_eq!(fit.found(renderer).expect("losses").len(), 10);
-            times.extend([start.elapsed().as_secs_f64() * 1e2; 10]);
-        }
-        (fit.shape(renderer).expect("a shape").mesh().clone(), times)
     }
 
     fn smooth_fit(&self, targets: &Image) -> (ShapeFit, Targets) {

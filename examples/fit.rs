@@ -28,18 +28,18 @@ fn main() -> softras::Result<()> {
 
     // A sphere, moved by the method of the command `softras fit`, with softness and steps that shrink.
     let shape = ShapeFit::new(shapes::icosphere(3)?, Lights::unlit(), ShapeOptions::smooth())?;
-    let mut fit = Fit::new(&renderer, shape, &targets, &settings)?;
+    let mut fit = Fit::new(shape, &targets);
     let rate = Schedule::Exponential { from: 0.04, to: 0.007 };
     let sigma = Schedule::Exponential { from: 3e-4, to: 1e-5 };
     for step in 0..STEPS {
         let settings = Settings { sigma: sigma.at_step(step, STEPS), ..settings.clone() };
-        fit.step(&mut renderer, &settings, rate.at_step(step, STEPS), 0.0)?;
-    }
-    for (step, found) in fit.found(&mut renderer)?.iter().enumerate().step_by(25) {
-        println!("step {step}: loss {:.4}", found.loss);
+        let found = fit.step(&mut renderer, &settings, rate.at_step(step, STEPS), 0.0)?;
+        if step.is_multiple_of(25) {
+            println!("step {step}: loss {:.4}", found.loss);
+        }
     }
 
-    let Some((mesh, step)) = fit.best(&mut renderer)? else { return Ok(()) };
+    let Some((mesh, step)) = fit.best() else { return Ok(()) };
     let seen = renderer.render(&Scene::new(mesh.clone()), &cameras, &settings)?;
     if let (Some(seen), Some(wanted)) = (seen.silhouette(), &targets.silhouette) {
         let ious = mask_iou(seen, wanted)?;

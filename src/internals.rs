@@ -16,7 +16,6 @@ pub use crate::vulkan::constants;
 /// Parts of the fits that the tests take apart.
 #[cfg(feature = "fit")]
 pub mod fit {
-    pub use crate::fit::device::{DeviceFit, KERNELS};
     pub use crate::fit::image_loss::{add_blurred_gradient, add_pooled_gradient, blur_factor, blurred, pooled};
     pub use crate::fit::pose::{flow_by_vertex, flow_gradient, rotations};
     pub use crate::fit::regularizer::laplacian_coordinates;

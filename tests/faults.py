@@ -47,8 +47,6 @@ FAULTS = [
      "(step % 2) * count % views", ["fit::run::steps_of_some"]),
     ("losses of other views compared", "src/fit/run.rs", "        if self.latest.len() > turn {", "        if self.latest.len() > 1 {",
      ["fit::run::steps_of_some"]),
-    ("vertices that leave the ball of a fit's plan", "glsl/position_step.comp", "inside = inside && dot(arm, arm) <= 1.0;",
-     "inside = inside && arm.x < 1e30;", ["fit::device::a_step_that_was_not"]),
     ("vertices that walk more cells than a loop takes", "src/frame/plan/backward.rs",
      "let walks = vertex_passes(input) <= modes.loop_passes.into();", "let walks = vertex_passes(input) > 0;",
      ["gradient::per_vertex::a_vertex"]),

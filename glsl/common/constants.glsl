@@ -226,64 +226,6 @@ const uint SELFTEST_LOCAL_SIZE = 64u;
 // The offset that the self test adds by default.
 const float SELFTEST_OFFSET = 0.5;
 
-// Invocations in a workgroup of the fitting kernels, and the width of their sums.
-const uint FIT_GROUP = 64u;
-// Pixels that an invocation of image_loss sums: summing over a workgroup costs some 30 us on a software device.
-const uint LOSS_PIXELS = 64u;
-// SILHOUETTE_LOSS, COLOR_LOSS: no loss on this image.
-const uint LOSS_NONE = 0u;
-// Loss: 1 - intersection over union.
-const uint LOSS_IOU = 1u;
-// Loss: absolute differences.
-const uint LOSS_L1 = 2u;
-// Loss: squared differences.
-const uint LOSS_L2 = 3u;
-// Loss: Huber's function of differences.
-const uint LOSS_HUBER = 4u;
-// Added to the union, so that the IoU of two empty silhouettes is finite.
-const float LOSS_IOU_EPSILON = 1e-6;
-
-// METHOD: gradient descent with momentum.
-const uint METHOD_SGD = 0u;
-// METHOD: Adam.
-const uint METHOD_ADAM = 1u;
-// METHOD: Adam with one step size for all parameters.
-const uint METHOD_UNIFORM = 2u;
-
-// Flag in the first word of a flap (two triangles that share an edge): the official flatten loss includes it.
-const uint FLAP_OFFICIAL = 0x80000000u;
-// Flag in a flap's first word: its first triangle's winding follows the edge; otherwise it opposes it.
-const uint FLAP_FIRST_ALONG = 0x40000000u;
-// Flag in a flap's first word: its second triangle's winding follows the edge.
-const uint FLAP_SECOND_ALONG = 0x20000000u;
-// Mask of the vertex in a flap's first word.
-const uint FLAP_VERTEX = 0x1fffffffu;
-
-// Word of `fit_state`: HALT_ bits that say why no further step is taken; 0 while steps are taken.
-const uint FIT_HALTED = 0u;
-// Word of `fit_state`: not 0 when this step is to be taken.
-const uint FIT_APPLY = 1u;
-// Word of `fit_state`: not 0 when this step's loss is the least so far.
-const uint FIT_BETTER = 2u;
-// Word of `fit_state`: the least loss so far, as a float's bits.
-const uint FIT_LEAST = 3u;
-// Number of words of `fit_state`.
-const uint FIT_STATE_WORDS = 4u;
-// Bit of FIT_HALTED: a vertex was not finite.
-const uint HALT_FRAME = 1u;
-// Bit of FIT_HALTED: a vertex left the box that the frame was planned for.
-const uint HALT_OUTSIDE = 2u;
-
-// Number of words of a step's record.
-const uint RECORD_WORDS = 17u;
-// Word of a step's record: the first of the four regularisers' values. The total loss, the silhouette loss and the colour
-// loss lie before it.
-const uint RECORD_PENALTIES = 3u;
-// Word of a step's record: FIT_HALTED as the step found it.
-const uint RECORD_HALTED = 7u;
-// Word of a step's record: the first of the frame's status.
-const uint RECORD_STATUS = 8u;
-
 // Bit of what `store` does: encode colour as sRGB.
 const uint STORE_SRGB = 1u;
 // Bit of what `store` does: store the triangles' colour alone, not multiplied by the silhouette.

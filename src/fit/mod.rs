@@ -1,12 +1,11 @@
 //! Fitting: a mesh's shape, colours and pose from images, by following the gradients of soft renderings.
 //!
-//! - [`Fit`] deforms, and optionally recolours, a template mesh until its renderings match [`Targets`]. It takes its steps on
-//!   the device where it can, else on the host. [`ShapeFit`] is what it begins with: a template and [`ShapeOptions`], which say
-//!   what moves (a [`Parametrization`]), what is minimised (an [`ImageLoss`] plus weighted [`Regularizer`]s) and how steps are
-//!   taken (a [`Method`]).
-//! - Steps on the device are in single precision, one submission each, without a wait. [`HostFit`] computes the same bits on the
-//!   host and lets you insert a loss of your own. [`ShapeFit::step`] is the same method in f64, around
-//!   [`Renderer::render`](crate::Renderer::render) and [`Renderer::backward`](crate::Renderer::backward).
+//! - [`Fit`] deforms, and optionally recolours, a template mesh until its renderings match [`Targets`]. [`ShapeFit`] is what it
+//!   begins with: a template and [`ShapeOptions`], which say what moves (a [`Parametrization`]), what is minimised (an
+//!   [`ImageLoss`] plus weighted [`Regularizer`]s) and how steps are taken (a [`Method`]).
+//! - A step renders and differentiates on the device, and computes losses, regularizers and the optimiser on the host in f64.
+//!   For a loss of your own, render [`ShapeFit::scene`], differentiate by the loss's gradient with
+//!   [`Renderer::backward`](crate::Renderer::backward), and call [`ShapeFit::advance`].
 //! - [`PoseSearch`] finds the rotation and translation of a rigid mesh from one image; [`PoseFit`] follows gradients from given
 //!   poses, many at once.
 //! - [`Targets::visual_hull`] is the largest solid with given silhouettes, to begin with. [`Targets::carved`] gives the mesh of a
@@ -36,18 +35,18 @@
 //!
 //! // The fit: a sphere, moved by the method of the command `softras fit`.
 //! let shape = ShapeFit::new(shapes::icosphere(3)?, Lights::unlit(), ShapeOptions::smooth())?;
-//! let mut fit = Fit::new(&renderer, shape, &targets, &settings)?;
+//! let mut fit = Fit::new(shape, &targets);
+//! let mut losses = Vec::new();
 //! let (steps, rate) = (80, Schedule::Exponential { from: 0.04, to: 0.007 });
 //! let sigma = Schedule::Exponential { from: 3e-4, to: 3e-5 };
 //! for step in 0..steps {
 //!     let settings = Settings { sigma: sigma.at_step(step, steps), ..settings.clone() };
-//!     fit.step(&mut renderer, &settings, rate.at_step(step, steps), 0.0)?;
+//!     losses.push(fit.step(&mut renderer, &settings, rate.at_step(step, steps), 0.0)?.loss);
 //! }
-//! let losses = fit.found(&mut renderer)?;
-//! assert!(losses[steps - 1].loss < 0.3 * losses[0].loss);
+//! assert!(losses[steps - 1] < 0.3 * losses[0]);
 //!
-//! let (best, _) = fit.best(&mut renderer)?.expect("steps were taken");
-//! let seen = renderer.render(&Scene::new(best), &cameras, &settings)?;
+//! let (best, _) = fit.best().expect("steps were taken");
+//! let seen = renderer.render(&Scene::new(best.clone()), &cameras, &settings)?;
 //! let (Some(seen), Some(wanted)) = (seen.silhouette(), &targets.silhouette) else { unreachable!() };
 //! assert!(mask_iou(seen, wanted)?.iter().all(|iou| *iou > 0.88));
 //! # Ok(())
@@ -56,7 +55,6 @@
 
 mod atlas;
 mod carved;
-pub(crate) mod device;
 mod hull;
 pub(crate) mod image_loss;
 mod optimizer;
@@ -73,7 +71,6 @@ pub(crate) mod topology;
 pub(crate) mod voxel;
 
 pub use atlas::with_atlas;
-pub use device::HostFit;
 pub use image_loss::{ImageLoss, Valued, mask_iou};
 pub use optimizer::{Method, Optimizer};
 pub use pose::{Differentiation, Pose, PoseFit, PoseOptions, PoseSearch, PoseTarget};

@@ -136,11 +136,6 @@ impl Renderer {
         self.shared.context.info()
     }
 
-    /// The device, its memory and its queue, for fitting, which shares them.
-    pub(crate) fn context(&self) -> &Context {
-        &self.shared.context
-    }
-
     /// The messages of the validation layers so far; empty without validation.
     pub fn validation_messages(&self) -> Vec<String> {
         self.shared.context.validation_messages()
@@ -271,11 +266,6 @@ impl Renderer {
             slot.release();
         }
         any
-    }
-
-    /// Refuses buffers that together exceed [`RendererOptions::memory`].
-    pub(crate) fn validate_memory<'a>(&self, buffers: impl IntoIterator<Item = &'a BufferRequirement>) -> Result<()> {
-        self.shared.validate_memory(buffers, 0)
     }
 }
 

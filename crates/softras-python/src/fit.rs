@@ -12,9 +12,6 @@ use softras::fit::{Fit, ImageLoss, Parametrization, Regularizer, Schedule, Shape
 use softras::scene::{Background, Interpolation};
 use softras::{Scene, Settings};
 
-/// Steps that are submitted between two looks at signals and losses.
-const AHEAD: usize = 10;
-
 /// The arguments of a fit, all of which `softras.fit` gives.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
@@ -38,7 +35,6 @@ pub struct Plan<'py> {
     views_per_step: usize,
     settings: Option<Bound<'py, PyAny>>,
     lights: Option<Bound<'py, PyAny>>,
-    on_host: bool,
 }
 
 fn schedule((from, to): (f64, f64)) -> Schedule {
@@ -103,8 +99,8 @@ fn report(py: Python<'_>, losses: &[Step]) -> PyResult<Py<PyDict>> {
     Ok(report.unbind())
 }
 
-/// The best mesh, its step, the last mesh, the losses, and why the host took the steps.
-type Found = (Mesh, usize, Mesh, Py<PyDict>, Option<String>);
+/// The best mesh, its step, the last mesh, and the losses.
+type Found = (Mesh, usize, Mesh, Py<PyDict>);
 
 #[pyfunction]
 pub fn fit<'py>(
@@ -121,37 +117,19 @@ pub fn fit<'py>(
     let base = plan.base(&mesh.mesh, &targets)?;
     let shape = ShapeFit::new(mesh.mesh.clone(), lights, plan.options()?).raise()?;
     let shared = &renderer.shared;
-    let first = plan.at(&base, 0);
-    let mut fit = match plan.on_host {
-        true => Fit::on_host(shape, &targets, "on_host=True"),
-        false => shared.call(py, |renderer| Fit::new(renderer, shape, &targets, &first))?,
-    };
+    let mut fit = Fit::new(shape, &targets);
     let mut losses: Vec<Step> = Vec::with_capacity(plan.steps);
-    let mut step = 0;
-    while step < plan.steps {
-        let until = (step + if fit.host_reason().is_some() { 1 } else { AHEAD }).min(plan.steps);
-        let next = |step: usize| {
-            let rates = [plan.rate, plan.color_rate].map(|rate| schedule(rate).at_step(step, plan.steps));
-            (plan.at(&base, step), rates)
-        };
-        let steps: Vec<(Settings, [f64; 2])> = (step..until).map(next).collect();
-        let found = shared.call(py, |renderer| {
-            for (settings, [rate, color_rate]) in &steps {
-                fit.step(renderer, settings, *rate, *color_rate)?;
-            }
-            fit.found(renderer)
-        })?;
-        losses.extend(found);
-        step = until;
+    for step in 0..plan.steps {
+        let settings = plan.at(&base, step);
+        let [rate, color_rate] = [plan.rate, plan.color_rate].map(|rate| schedule(rate).at_step(step, plan.steps));
+        let found = shared.call(py, |renderer| fit.step(renderer, &settings, rate, color_rate))?;
         py.check_signals()?;
-        if let (Some(progress), Some(last)) = (&progress, losses.last()) {
-            progress.call1((step, last.loss))?;
+        if let Some(progress) = &progress {
+            progress.call1((step + 1, found.loss))?;
         }
+        losses.push(found);
     }
-    let (best, last) = shared.call(py, |renderer| {
-        let best = fit.best(renderer)?;
-        Ok((best, fit.shape(renderer)?.mesh().clone()))
-    })?;
-    let (best, at) = best.unwrap_or((last.clone(), plan.steps - 1));
-    Ok((best.into(), at, last.into(), report(py, &losses)?, fit.host_reason().map(str::to_owned)))
+    let last = fit.shape().mesh().clone();
+    let (best, at) = fit.best().map_or_else(|| (last.clone(), plan.steps - 1), |(mesh, at)| (mesh.clone(), at));
+    Ok((best.into(), at, last.into(), report(py, &losses)?))
 }

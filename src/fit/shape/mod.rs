@@ -1,4 +1,4 @@
-//! Fits a mesh's shape and colours to target images, on the host in f64.
+//! Fits a mesh's shape and colours to target images, in f64.
 
 mod colors;
 mod compare;
@@ -16,18 +16,18 @@ use super::bad;
 use super::image_loss::ImageLoss;
 use super::optimizer::{Method, Optimizer};
 use super::remesh::remeshed;
-use super::smoothing::Smoothing;
 use super::subdivision::Subdivision;
 use super::topology::Topology;
 use crate::error::{Error, Result};
-use crate::gradients::Wanted;
+use crate::gradients::{MeshGradients, Wanted};
 use crate::renderer::{Renderer, parts::in_parts};
 use crate::scene::{Lights, Mesh, Scene, Settings};
 use compare::{ImageLosses, compare};
 use glam::DVec3;
 use parametrization::Parameters;
 use std::ops::{Range, RangeInclusive};
-pub(in crate::fit) use turn::{steps_of_a_turn, views_of_step};
+pub(in crate::fit) use turn::steps_of_a_turn;
+use turn::views_of_step;
 
 /// The losses of a step, before it moved anything.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,7 +46,7 @@ pub struct Step {
     pub regularizers: Vec<f64>,
 }
 
-/// A shape fit in progress, computed on the host in f64 around a renderer.
+/// A shape fit in progress, computed in f64 around a renderer.
 #[derive(Clone, Debug)]
 pub struct ShapeFit {
     options: ShapeOptions,
@@ -120,11 +120,6 @@ impl ShapeFit {
         &self.scene
     }
 
-    /// The mesh's edges and neighbours.
-    pub(crate) fn topology(&self) -> &Topology {
-        &self.topology
-    }
-
     /// The method of the fit.
     pub fn options(&self) -> &ShapeOptions {
         &self.options
@@ -165,10 +160,7 @@ impl ShapeFit {
         })?;
         self.views_at_once = at_once;
         let Descent { losses, by_positions, by_colors } = all;
-        let regularizers = self.move_vertices(by_positions, rate)?;
-        if self.options.fit_colors {
-            self.move_colors(&by_colors, color_rate)?;
-        }
+        let regularizers = self.move_by(by_positions, &by_colors, rate, color_rate)?;
         let penalties: f64 = self.options.regularizers.iter().zip(&regularizers).map(|((_, w), r)| w * r).sum();
         let ImageLosses { silhouette, color, depth, normal } = losses;
         Ok(Step { loss: losses.weighted(&self.options) + penalties, silhouette, color, depth, normal, regularizers })
@@ -185,16 +177,45 @@ impl ShapeFit {
     fn descent(&self, renderer: &mut Renderer, settings: &Settings, targets: &Targets) -> Result<Descent> {
         let frame = renderer.render(&self.scene, &targets.cameras, settings)?;
         let (losses, upstream) = compare(&frame, targets, &self.options)?;
-        let appearance = self.mesh().appearance();
-        let mut wanted = Wanted { positions: self.options.fit_positions, ..Wanted::NOTHING };
-        if self.options.fit_colors {
-            wanted = colors::wanted(appearance, wanted);
-        }
-        let gradients = renderer.backward(&frame, &upstream, &wanted)?;
-        let mesh = &gradients.meshes[0];
-        let by_colors = if self.options.fit_colors { colors::gradient(appearance, mesh) } else { Vec::new() };
-        let by_positions = mesh.positions.iter().map(|g| DVec3::from(g.map(f64::from))).collect();
+        let gradients = renderer.backward(&frame, &upstream, &self.wanted())?;
+        let (by_positions, by_colors) = self.gradients(&gradients.meshes[0]);
         Ok(Descent { losses, by_positions, by_colors })
+    }
+
+    /// What [`Renderer::backward`] has to differentiate by for [`ShapeFit::advance`].
+    pub fn wanted(&self) -> Wanted {
+        let wanted = Wanted { positions: self.options.fit_positions, ..Wanted::NOTHING };
+        if self.options.fit_colors { colors::wanted(self.mesh().appearance(), wanted) } else { wanted }
+    }
+
+    /// The gradients by positions and colours, each empty where the fit does not move them.
+    fn gradients(&self, mesh: &MeshGradients) -> (Vec<DVec3>, Vec<f64>) {
+        let by_positions = mesh.positions.iter().map(|g| DVec3::from(g.map(f64::from))).collect();
+        let fit_colors = self.options.fit_colors;
+        (by_positions, if fit_colors { colors::gradient(self.mesh().appearance(), mesh) } else { Vec::new() })
+    }
+
+    /// A step by a loss of the caller's: adds the regularizers' gradients to those of the loss by [`ShapeFit::mesh`], and moves
+    /// vertices with step size `rate` and colours with `color_rate`. Returns the regularizers' penalties, unweighted.
+    ///
+    /// # Errors
+    /// [`crate::Error::Fit`] for gradients of another mesh, or that lack some of [`ShapeFit::wanted`]; [`crate::Error::Mesh`]
+    /// when a vertex is not finite any more.
+    pub fn advance(&mut self, by: &MeshGradients, rate: f64, color_rate: f64) -> Result<Vec<f64>> {
+        let (by_positions, by_colors) = self.gradients(by);
+        let vertices = if self.options.fit_positions { self.topology.vertices() } else { by_positions.len() };
+        if (by_positions.len(), by_colors.len()) != (vertices, self.color_values.len()) {
+            return bad("gradients of another mesh", "differentiate a frame of this fit by what it wants");
+        }
+        self.move_by(by_positions, &by_colors, rate, color_rate)
+    }
+
+    fn move_by(&mut self, positions: Vec<DVec3>, colors: &[f64], rate: f64, color_rate: f64) -> Result<Vec<f64>> {
+        let penalties = self.move_vertices(positions, rate)?;
+        if self.options.fit_colors {
+            self.move_colors(colors, color_rate)?;
+        }
+        Ok(penalties)
     }
 
     /// The settings with the size that the fit renders at.
@@ -270,42 +291,6 @@ impl ShapeFit {
         self.place()?;
         if self.options.fit_colors {
             self.scene.meshes[0] = colors::recolored(self.mesh(), &self.color_values)?;
-        }
-        Ok(())
-    }
-
-    /// The template of the logit parametrisation; `None` with another.
-    pub(in crate::fit) fn logit_template(&self) -> Option<&[DVec3]> {
-        match &self.parameters {
-            Parameters::Logit { template } => Some(template),
-            _ => None,
-        }
-    }
-
-    /// The smoothing of the smoothed parametrisation; `None` with another.
-    pub(in crate::fit) fn smoothing(&self) -> Option<&Smoothing> {
-        match &self.parameters {
-            Parameters::Smoothed(smoothing) => Some(smoothing),
-            _ => None,
-        }
-    }
-
-    /// The parameters that give these positions; not for the logit parametrization.
-    pub(in crate::fit) fn values_at(&self, positions: &[[f32; 3]]) -> Result<Vec<f64>> {
-        let positions: Vec<DVec3> = positions.iter().map(|p| DVec3::from(p.map(f64::from))).collect();
-        let values = match &self.parameters {
-            Parameters::Smoothed(smoothing) => smoothing.undo(&positions)?,
-            _ => positions,
-        };
-        Ok(values.into_iter().flat_map(|v| v.to_array()).collect())
-    }
-
-    /// Sets the mesh's vertices, and its colours if they are fitted, without changing the parameters.
-    pub(in crate::fit) fn show(&mut self, positions: Vec<[f32; 3]>, colors: &[[f32; 3]]) -> Result<()> {
-        self.scene.meshes[0].set_positions(positions)?;
-        if self.options.fit_colors {
-            let values: Vec<f64> = colors.as_flattened().iter().map(|&x| f64::from(x)).collect();
-            self.scene.meshes[0] = colors::recolored(self.mesh(), &values)?;
         }
         Ok(())
     }

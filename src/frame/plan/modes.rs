@@ -46,14 +46,6 @@ impl DepthSpan {
         Self::of_depths(nearest, farthest, settings)
     }
 
-    /// For a ball seen by one camera.
-    pub(crate) fn of_ball(center: [f32; 3], radius: f64, camera: &Camera, settings: &Settings) -> Self {
-        let [x, y, z, offset] = camera.view()[2];
-        let depth = x * f64::from(center[0]) + y * f64::from(center[1]) + z * f64::from(center[2]) + offset;
-        let reach = radius * (x * x + y * y + z * z).sqrt();
-        Self::of_depths(depth - reach, depth + reach, settings)
-    }
-
     /// The same for the mesh's vertices, one by one if the box around them may cross: a camera whose near and far planes lie
     /// close around a mesh crosses the corners of its box and not the mesh, and a frame in which nothing crosses is faster.
     pub(crate) fn of_mesh(mesh: &Mesh, bounds: Option<Bounds>, camera: &Camera, settings: &Settings) -> Self {
@@ -75,14 +67,6 @@ impl DepthSpan {
         // The kernels compute depths in single precision, whose rounding error is below a millionth.
         let slack = 1e-6 * (nearest.abs() + farthest.abs());
         Self { crosses_near: nearest - slack < settings.near, crosses_far: farthest + slack > settings.far }
-    }
-
-    /// `true` where it is in both.
-    pub(crate) fn and(self, other: Self) -> Self {
-        Self {
-            crosses_near: self.crosses_near && other.crosses_near,
-            crosses_far: self.crosses_far && other.crosses_far,
-        }
     }
 
     /// `true` where it is in either.

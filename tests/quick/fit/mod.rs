@@ -4,7 +4,6 @@
 mod articulated;
 mod atlas;
 mod carved;
-mod device;
 mod gradients;
 mod hull;
 mod optimizers;

@@ -1,7 +1,8 @@
-//! The one type for shape fits, its presets, and frames that are saved by what asks for gradients.
+//! Shape fits, their presets, a loss of one's own, and frames that are saved by what asks for gradients.
 
 use crate::common;
-use softras::fit::{Fit, Method, Parametrization, ShapeFit, ShapeOptions, Targets};
+use softras::fit::{Fit, ImageLoss, ShapeFit, ShapeOptions, Targets};
+use softras::scene::{Appearance, Outputs};
 use softras::{
     Camera, Error, Image, ImageGradient, Lights, Mesh, Projection, Renderer, RendererOptions, Scene, Settings, Wanted,
     shapes,
@@ -30,13 +31,10 @@ fn goal_of(mesh: Mesh, sides: u32) -> (common::Loan, Targets, Settings) {
 
 /// The losses of some steps, and the step and mesh of the least.
 fn fitted(mut fit: Fit, renderer: &mut Renderer, settings: &Settings, rate: f64) -> (Vec<f64>, (Mesh, usize)) {
-    assert!(fit.best(renderer).unwrap().is_none());
-    for _ in 0..30 {
-        fit.step(renderer, settings, rate, 0.0).unwrap();
-    }
-    let losses = fit.found(renderer).unwrap().into_iter().map(|step| step.loss).collect();
-    assert!(fit.found(renderer).unwrap().is_empty());
-    (losses, fit.best(renderer).unwrap().unwrap())
+    assert!(fit.best().is_none());
+    let losses = (0..30).map(|_| fit.step(renderer, settings, rate, 0.0).unwrap().loss).collect();
+    let (mesh, step) = fit.best().unwrap();
+    (losses, (mesh.clone(), step))
 }
 
 #[test]
@@ -49,9 +47,7 @@ fn both_presets_fit_the_crates_own_sphere() {
         // The official sphere begins at half its size, the other one as it is.
         let reach = shape.mesh().positions().as_flattened().iter().fold(0.0f32, |most, x| most.max(x.abs()));
         assert_eq!(reach, start);
-        let fit = Fit::new(&renderer, shape, &targets, &settings).unwrap();
-        assert_eq!(fit.host_reason(), None);
-        let (losses, (mesh, step)) = fitted(fit, &mut renderer, &settings, rate);
+        let (losses, (mesh, step)) = fitted(Fit::new(shape, &targets), &mut renderer, &settings, rate);
         assert_eq!(losses.len(), 30);
         assert!(losses[29] < most * losses[0], "{start} {losses:?}");
         let least = losses.iter().copied().fold(f64::INFINITY, f64::min);
@@ -66,59 +62,59 @@ fn both_presets_fit_the_crates_own_sphere() {
 }
 
 #[test]
-fn the_host_takes_the_steps_that_the_device_cannot() {
+fn a_loss_of_ones_own_moves_what_the_fit_moves() {
     let (mut renderer, targets, settings) = goal();
-    let options = ShapeOptions {
-        parametrization: Parametrization::Vertices,
-        method: Method::ADAM,
-        regularizers: vec![],
-        ..ShapeOptions::smooth()
-    };
+    let ball = shapes::icosphere(2).unwrap();
+    let gray = Appearance::VertexColors(vec![[0.5; 3]; ball.positions().len()]);
+    let options = ShapeOptions { fit_colors: true, ..ShapeOptions::smooth() };
     let shape = |options: &ShapeOptions| {
-        ShapeFit::new(shapes::icosphere(2).unwrap(), Lights::unlit(), options.clone()).unwrap()
+        let mesh = ball.clone().with_appearance(gray.clone()).unwrap();
+        ShapeFit::new(mesh, Lights::unlit(), options.clone()).unwrap()
     };
-    let device = Fit::new(&renderer, shape(&options), &targets, &settings).unwrap();
-    let host = Fit::on_host(shape(&options), &targets, "asked for");
-    assert_eq!((device.host_reason(), host.host_reason()), (None, Some("asked for")));
-    let (on_device, (_, device_step)) = fitted(device, &mut renderer, &settings, 0.01);
-    let (on_host, (_, host_step)) = fitted(host, &mut renderer, &settings, 0.01);
-    let worst = on_device.iter().zip(&on_host).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-    assert!(worst < 0.01 && on_device[29] < on_device[0], "{worst} {on_device:?} {on_host:?}");
-    assert!(device_step > 0 && host_step > 0);
-    // A fit of colours alone moves no vertices, which the device does not do.
-    let still = ShapeOptions { fit_positions: false, ..options.clone() };
-    let ones = targets.silhouette.clone().map(|image| Image { data: vec![1.0; image.data.len()], ..image }).unwrap();
-    assert!(Fit::weighted(&renderer, shape(&still), &targets, &ones).is_err());
-    let weighted = Fit::weighted(&renderer, shape(&options), &targets, &ones).unwrap();
-    assert_eq!(fitted(weighted, &mut renderer, &settings, 0.01).0, on_device);
-    let fit = Fit::new(&renderer, shape(&still), &targets, &settings).unwrap();
-    assert!(fit.host_reason().unwrap().contains("moves no vertices"));
+    let (mut fit, mut own) = (shape(&options), shape(&options));
+    let step = fit.step(&mut renderer, &settings, &targets, 0.02, 0.01).unwrap();
+    let seen = Settings { outputs: Outputs { color: false, ..settings.outputs }, save: true, ..settings };
+    let frame = renderer.render(own.scene(), &targets.cameras, &seen).unwrap();
+    let silhouettes = (frame.silhouette().unwrap(), targets.silhouette.as_ref().unwrap());
+    let loss = ImageLoss::NegativeIou.evaluate(silhouettes.0, silhouettes.1, None).unwrap();
+    let gradients = renderer.backward(&frame, &ImageGradient::silhouette(loss.gradient), &own.wanted()).unwrap();
+    let penalties = own.advance(&gradients.meshes[0], 0.02, 0.01).unwrap();
+    assert_eq!((loss.value, penalties), (step.silhouette, step.regularizers));
+    assert!(own.mesh() == fit.mesh() && own.state() == fit.state() && own.mesh().positions() != ball.positions());
+    // What is not fitted stays, whatever it is given.
+    let mut by = gradients.meshes[0].clone();
+    by.colors = vec![[1.0; 3]; ball.positions().len()];
+    let mut still = shape(&ShapeOptions { fit_positions: false, ..options });
+    still.advance(&by, 0.02, 0.01).unwrap();
+    assert!(still.mesh().positions() == ball.positions() && *still.mesh().appearance() != gray);
+    by.positions.pop();
+    assert!(own.advance(&by, 0.02, 0.01).is_err_and(|error| error.to_string().contains("another mesh")));
 }
 
-/// Where the device does not hold all views at once, the host renders them in parts: the same losses but for the order of sums.
+/// Where the device does not hold all views at once they are rendered in parts: the same losses but for the order of sums.
 #[test]
 fn views_are_fitted_in_parts_where_memory_is_short() {
     let (mut renderer, targets, settings) = goal();
-    let shape = || ShapeFit::new(shapes::icosphere(3).unwrap(), Lights::unlit(), ShapeOptions::smooth()).unwrap();
-    let whole = Fit::on_host(shape(), &targets, "asked for");
-    let (expected, _) = fitted(whole, &mut renderer, &settings, 0.01);
-    let held = renderer.device_bytes();
+    let shape = || ShapeFit::new(shapes::icosphere(2).unwrap(), Lights::unlit(), ShapeOptions::smooth()).unwrap();
+    let mut steps = |fit: &mut ShapeFit, renderer: &mut Renderer| -> Vec<f64> {
+        (0..4).map(|_| fit.step(renderer, &settings, &targets, 0.01, 0.0).unwrap().loss).collect()
+    };
+    let expected = steps(&mut shape(), &mut renderer);
     let within = |memory| common::renderer_with(RendererOptions { memory: Some(memory), ..Default::default() });
-    let mut roomy = within(2 * held);
-    assert_eq!(Fit::new(&roomy, shape(), &targets, &settings).unwrap().host_reason(), None);
+    let held = {
+        let mut fresh = common::renderer_with(RendererOptions::default());
+        drop(fresh.render_saved(shape().scene(), &targets.cameras, &settings).unwrap());
+        fresh.device_bytes()
+    };
     let mut tight = within(held * 2 / 3);
     let refused = tight.render_saved(shape().scene(), &targets.cameras, &settings);
     assert!(matches!(refused, Err(Error::OutOfMemory { .. })), "{refused:?}");
-    let fit = Fit::new(&tight, shape(), &targets, &settings).unwrap();
-    assert!(fit.host_reason().unwrap().contains("in parts"));
-    let (losses, _) = fitted(fit, &mut tight, &settings, 0.01);
+    let losses = steps(&mut shape(), &mut tight);
     let worst = losses.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-    assert!(losses.len() == 30 && worst < 1e-4, "{worst} {losses:?} {expected:?}");
+    assert!(worst < 1e-4, "{worst} {losses:?} {expected:?}");
     // A view that does not fit alone is an error.
-    let mut none = within(1000);
-    let mut fit = Fit::new(&none, shape(), &targets, &settings).unwrap();
-    assert!(matches!(fit.step(&mut none, &settings, 0.01, 0.0), Err(Error::OutOfMemory { .. })));
-    drop(roomy.render(shape().scene(), &targets.cameras, &settings).unwrap());
+    let step = shape().step(&mut within(1000), &settings, &targets, 0.01, 0.0);
+    assert!(matches!(step, Err(Error::OutOfMemory { .. })));
 }
 
 /// A step that compares some of the views has their loss alone, a fit that is resumed takes the views that the other would have
@@ -132,14 +128,10 @@ fn steps_of_some_of_the_views_take_them_in_turn() {
     let (mut renderer, targets, settings) = goal_of(bar, 6);
     let options = ShapeOptions { regularizers: vec![], views_per_step: 2, ..ShapeOptions::smooth() };
     let shape = || ShapeFit::new(shapes::icosphere(2).unwrap(), Lights::unlit(), options.clone()).unwrap();
-    let mut fit = Fit::new(&renderer, shape(), &targets, &settings).unwrap();
-    assert!(fit.host_reason().unwrap().contains("some of the views"));
+    let mut fit = Fit::new(shape(), &targets);
     // The last of these steps has the views of the largest loss.
-    for _ in 0..29 {
-        fit.step(&mut renderer, &settings, 0.02, 0.0).unwrap();
-    }
-    let (_, best) = fit.best(&mut renderer).unwrap().unwrap();
-    let losses: Vec<f64> = fit.found(&mut renderer).unwrap().into_iter().map(|step| step.loss).collect();
+    let losses: Vec<f64> = (0..29).map(|_| fit.step(&mut renderer, &settings, 0.02, 0.0).unwrap().loss).collect();
+    let (_, best) = fit.best().unwrap();
     let turns: Vec<f64> = losses.windows(3).map(|turn| turn.iter().sum()).collect();
     let least = |values: &[f64]| (0..values.len()).min_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap();
     assert!(turns[26] < 0.85 * turns[0], "{losses:?}");

@@ -1,7 +1,7 @@
 //! Depths and normals as targets: their gradients, what they teach that outlines do not, and what is refused.
 
 use crate::common::{self, random::Random};
-use softras::fit::{Fit, ImageLoss, Method, Parametrization, ShapeFit, ShapeOptions, Targets, voxel_iou};
+use softras::fit::{ImageLoss, Method, Parametrization, ShapeFit, ShapeOptions, Targets, voxel_iou};
 use softras::internals::fit::pooled;
 use softras::scene::{Background, Outputs};
 use softras::{Camera, Image, Lights, Mesh, Projection, Renderer, Scene, Settings, shapes};
@@ -105,41 +105,41 @@ fn gradients_are_those_of_the_losses() {
     }
 }
 
+/// Subdivisions of the balls, and steps, with which a hollow is found.
+const FINE: u32 = 3;
+const STEPS: usize = 60;
+
 #[test]
 fn depths_and_normals_show_what_outlines_hide() {
     let mut renderer = common::renderer();
     // A ball with a deep hollow that its outlines do not show.
-    let ball = shapes::icosphere(4).unwrap();
+    let ball = shapes::icosphere(FINE).unwrap();
     let hollow = |p: &[f32; 3]| {
         let by = 1.0 - 0.5 * (1.0 - (p[0] * p[0] + p[2] * p[2]) / 0.16).max(0.0) * f32::from(u8::from(p[1] > 0.0));
         p.map(|x| by * x)
     };
     let goal = Mesh::new(ball.positions().iter().map(hollow).collect(), ball.triangles().to_vec()).unwrap();
-    let all = targets(&mut renderer, &goal, cameras(8), 2);
+    let all = targets(&mut renderer, &goal, cameras(4), 2);
     let mut reached = |targets: &Targets| {
         let options =
             ShapeOptions { depth: (ImageLoss::L1, 20.0), normal: (ImageLoss::L1, 1.0), ..ShapeOptions::smooth() };
-        let shape = ShapeFit::new(shapes::icosphere(4).unwrap(), Lights::unlit(), options).unwrap();
-        let mut fit = Fit::new(&renderer, shape, targets, &settings()).unwrap();
-        let told = fit.host_reason().map(str::to_owned);
-        for _ in 0..160 {
-            fit.step(&mut renderer, &Settings { sigma: 1e-4, ..settings() }, 0.02, 0.0).unwrap();
-        }
-        let steps = fit.found(&mut renderer).unwrap();
-        let mesh = fit.shape(&mut renderer).unwrap().mesh().clone();
+        let mut fit = ShapeFit::new(shapes::icosphere(FINE).unwrap(), Lights::unlit(), options).unwrap();
+        let soft = Settings { sigma: 1e-4, ..settings() };
+        let steps: Vec<_> = (0..STEPS).map(|_| fit.step(&mut renderer, &soft, targets, 0.04, 0.0).unwrap()).collect();
+        let mesh = fit.mesh();
         // The top's height on the axis, where the hollow is deepest.
         let inner = mesh.positions().iter().filter(|p| p[0].hypot(p[2]) < 0.12 && p[1] > 0.0);
-        (inner.map(|p| p[1]).fold(f32::INFINITY, f32::min), steps, told)
+        (inner.map(|p| p[1]).fold(f32::INFINITY, f32::min), steps)
     };
     let outlines = Targets { depth: None, normal: None, ..all.clone() };
-    let (height, steps, told) = reached(&outlines);
-    assert!(height > 0.85 && told.is_none(), "{height} {told:?}");
+    let (height, steps) = reached(&outlines);
+    assert!(height > 0.85, "{height}");
     assert!(steps.iter().all(|step| step.depth == 0.0 && step.normal == 0.0));
     for targets in [&Targets { normal: None, ..all.clone() }, &all] {
-        let (height, steps, told) = reached(targets);
+        let (height, steps) = reached(targets);
         assert!(height < 0.7, "{height}");
-        assert!(told.unwrap().contains("depths and normals"));
-        assert!(steps[159].depth < 0.5 * steps[0].depth, "{} of {}", steps[159].depth, steps[0].depth);
+        let (first, last) = (steps[0].depth, steps[STEPS - 1].depth);
+        assert!(last < 0.5 * first, "{last} of {first}");
     }
 }
 
@@ -211,9 +211,6 @@ fn what_cannot_be_compared_is_refused() {
             .visual_hull([0.0; 3], 3.0, 32)
             .is_err_and(|e| e.to_string().contains("depths of shape [1, 24, 24, 1]"))
     );
-    let weights = good.silhouette.clone().unwrap();
-    let weighted = Fit::weighted(&renderer, fit(ShapeOptions::smooth()).unwrap(), &good, &weights);
-    assert!(weighted.is_err_and(|e| e.to_string().contains("compared on the host")));
     // Nothing known is nothing to learn from.
     let unknown = Targets { depth: good.depth.clone().map(|d| Image { data: vec![0.0; d.data.len()], ..d }), ..good };
     let unknown = Targets { normal: None, silhouette: None, ..unknown };

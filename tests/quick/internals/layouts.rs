@@ -53,13 +53,11 @@ fn difference(kernel: &Kernel, mirror: &[(&str, usize)]) -> Option<String> {
     (found != mirror).then(|| format!("{}: {found:?}", kernel.name))
 }
 
-/// The kernels of a frame; the self-test, the measure of the peak what reads a host's geometry and writes its images,
-/// and those that fit have blocks of their own.
+/// The kernels of a frame; the self-test, the measure of the peak, and what reads a host's geometry and writes its images
+/// have blocks of their own.
 fn kernels() -> impl Iterator<Item = &'static Kernel> {
     let others = ["selftest", "peak", "counts", "place", "store"];
-    let is_other = move |k: &&Kernel| {
-        others.iter().any(|other| k.name.starts_with(other)) || softras::internals::fit::KERNELS.contains(&k.name)
-    };
+    let is_other = move |k: &&Kernel| others.iter().any(|other| k.name.starts_with(other));
     kernels::ALL.iter().copied().filter(move |k| !is_other(k))
 }
 

@@ -8,22 +8,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// What is done step by step.
 pub trait Steps {
-    /// The loop waits for the results once in so many steps. More than one keeps the device busy.
-    const AHEAD: usize = 1;
-
-    /// Takes the step of that number, or submits it to the device.
-    fn step(&mut self, at: usize, renderer: &mut Renderer) -> Result<(), Failure>;
-
-    /// Waits for all steps before `at`, and keeps the results of those that have not been kept before. Returns the text that the
-    /// bar shows after each of these.
-    fn finished(&mut self, at: usize, renderer: &mut Renderer) -> Result<Vec<String>, Failure>;
+    /// Takes the step of that number, and returns the text that the bar shows after it.
+    fn step(&mut self, at: usize, renderer: &mut Renderer) -> Result<String, Failure>;
 
     /// Whether [`Steps::pause`] has work to do before the step of that number.
     fn pauses(&self, _at: usize) -> bool {
         false
     }
 
-    /// Does what is done between two steps, such as writing a checkpoint. All results before `at` are known by then.
+    /// Does what is done between two steps, such as writing a checkpoint.
     fn pause(&mut self, _at: usize, _renderer: &mut Renderer) -> Result<(), Failure> {
         Ok(())
     }
@@ -52,36 +45,25 @@ impl Loop {
         Ok(Self { stop: Some(super::interrupted()?), ..self })
     }
 
-    /// Takes the steps, and waits for them. Returns the number of the step that would be next, which is below the end of the
+    /// Takes the steps. Returns the number of the step that would be next, which is below the end of the
     /// range where Ctrl-C has ended the loop.
     pub fn run<S: Steps>(&self, work: &mut S, renderer: &mut Renderer) -> Result<usize, Failure> {
         let progress = self.bar.map(|what| Progress::counted(what, self.steps.end));
         if let Some(progress) = &progress {
             progress.done(self.steps.start);
         }
-        let collect = |work: &mut S, at: usize, renderer: &mut Renderer| -> Result<(), Failure> {
-            let texts = work.finished(at, renderer)?;
-            if let Some(progress) = &progress {
-                for text in texts {
-                    progress.tell(text);
-                    progress.step();
-                }
-            }
-            Ok(())
-        };
         let mut at = self.steps.start;
         while at < self.steps.end && !self.stop.is_some_and(|stop| stop.load(Ordering::Relaxed)) {
             if work.pauses(at) {
-                collect(work, at, renderer)?;
                 work.pause(at, renderer)?;
             }
-            work.step(at, renderer)?;
+            let text = work.step(at, renderer)?;
             at += 1;
-            if at.is_multiple_of(S::AHEAD) {
-                collect(work, at, renderer)?;
+            if let Some(progress) = &progress {
+                progress.tell(text);
+                progress.step();
             }
         }
-        collect(work, at, renderer)?;
         Ok(at)
     }
 }
@@ -90,8 +72,6 @@ impl Loop {
 pub struct Each<F> {
     step: F,
     text: &'static str,
-    /// Steps that [`Steps::finished`] has not returned yet.
-    taken: usize,
 }
 
 /// Steps that need nothing but a call each.
@@ -99,7 +79,7 @@ pub fn each<F, T, E>(step: F) -> Each<F>
 where
     F: FnMut(usize, &mut Renderer) -> Result<T, E>,
 {
-    Each { step, text: "", taken: 0 }
+    Each { step, text: "" }
 }
 
 impl<F> Each<F> {
@@ -114,14 +94,9 @@ where
     F: FnMut(usize, &mut Renderer) -> Result<T, E>,
     Failure: From<E>,
 {
-    fn step(&mut self, at: usize, renderer: &mut Renderer) -> Result<(), Failure> {
+    fn step(&mut self, at: usize, renderer: &mut Renderer) -> Result<String, Failure> {
         (self.step)(at, renderer)?;
-        self.taken += 1;
-        Ok(())
-    }
-
-    fn finished(&mut self, _at: usize, _renderer: &mut Renderer) -> Result<Vec<String>, Failure> {
-        Ok(vec![self.text.into(); std::mem::take(&mut self.taken)])
+        Ok(self.text.into())
     }
 }
 
@@ -137,17 +112,10 @@ mod tests {
     struct Noted(Vec<(&'static str, usize)>);
 
     impl Steps for Noted {
-        const AHEAD: usize = 3;
-
-        fn step(&mut self, at: usize, _renderer: &mut Renderer) -> Result<(), Failure> {
+        fn step(&mut self, at: usize, _renderer: &mut Renderer) -> Result<String, Failure> {
             STOP.store(at == 9, Ordering::Relaxed);
             self.0.push(("step", at));
-            Ok(())
-        }
-
-        fn finished(&mut self, at: usize, _renderer: &mut Renderer) -> Result<Vec<String>, Failure> {
-            self.0.push(("finished", at));
-            Ok(Vec::new())
+            Ok(String::new())
         }
 
         fn pauses(&self, at: usize) -> bool {
@@ -161,10 +129,10 @@ mod tests {
     }
 
     #[test]
-    fn results_are_known_before_every_pause_and_at_the_end() {
+    fn pauses_lie_before_their_steps() {
         let (mut renderer, mut work) = (Renderer::new().unwrap(), Noted::default());
         assert_eq!(Loop::over(2..5).run(&mut work, &mut renderer).unwrap(), 5);
-        let calls = "step 2, finished 3, step 3, finished 4, pause 4, step 4, finished 5";
+        let calls = "step 2, step 3, pause 4, step 4";
         let called: Vec<String> = work.0.iter().map(|(what, at)| format!("{what} {at}")).collect();
         assert_eq!(called.join(", "), calls);
     }
@@ -174,6 +142,6 @@ mod tests {
         let (mut renderer, mut work) = (Renderer::new().unwrap(), Noted::default());
         let steps = Loop { stop: Some(&STOP), ..Loop::over(8..20) };
         assert_eq!(steps.run(&mut work, &mut renderer).unwrap(), 10);
-        assert_eq!(work.0[work.0.len() - 2..], [("step", 9), ("finished", 10)]);
+        assert_eq!(work.0[work.0.len() - 2..], [("step", 8), ("step", 9)]);
     }
 }

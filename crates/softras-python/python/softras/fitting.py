@@ -26,8 +26,6 @@ class FitResult:
     last: Mesh
     #: "loss", "silhouette" and "color" of every step, before it moved anything.
     losses: Dict[str, np.ndarray]
-    #: Why the host took the steps; None where the device did.
-    host_reason: Optional[str]
 
     def __repr__(self) -> str:
         return f"FitResult({self.mesh!r}, loss {self.losses['loss'][self.step]:.6g} at step {self.step})"
@@ -56,7 +54,6 @@ def fit(
     settings: Optional[Settings] = None,
     lights: Optional[Lights] = None,
     progress: Optional[Progress] = None,
-    on_host: bool = False,
     renderer: Optional[Renderer] = None,
 ) -> FitResult:
     """Deforms a mesh, and recolours it, until its renderings match images.
@@ -67,7 +64,7 @@ def fit(
     with their neighbours, for any template) or "official" (the demo's logit displacements). `fit_colors` is on where `color`
     is given. `views_per_step` views are compared in a step, others in each, or all with 0; the losses of a step are those of its
     views. `settings` default to depths close around the template and a composite background; size and outputs are the
-    targets'. `progress(step, loss)` is called about every tenth step; an exception of it, Ctrl-C too, ends the fit.
+    targets'. `progress(step, loss)` is called after every step; an exception of it, Ctrl-C too, ends the fit.
 
     Raises FitError for targets that do not fit together, and what `Renderer.render` raises.
     """
@@ -91,10 +88,9 @@ def fit(
         "views_per_step": views_per_step,
         "settings": settings,
         "lights": lights,
-        "on_host": on_host,
     }
-    best, step, last, losses, reason = _softras.fit(mesh, renderer or default_renderer(), plan, progress)
-    return FitResult(best, step, last, losses, reason)
+    best, step, last, losses = _softras.fit(mesh, renderer or default_renderer(), plan, progress)
+    return FitResult(best, step, last, losses)
 
 
 @dataclasses.dataclass(frozen=True)

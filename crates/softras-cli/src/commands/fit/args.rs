@@ -296,9 +296,6 @@ pub struct MethodArgs {
     /// Weight of the loss of normals, relative to that of silhouettes
     #[arg(long, value_name = "WEIGHT", value_parser = weight, default_value_t = 0.5)]
     pub normal_weight: f64,
-    /// Compute the steps on the host in double precision in place of on the device
-    #[arg(long)]
-    pub host: bool,
     /// Subdivide every triangle into four before these steps (several separated by commas)
     #[arg(long, value_name = "STEP", value_delimiter = ',')]
     pub subdivide_at: Vec<u32>,

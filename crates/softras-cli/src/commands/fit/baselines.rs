@@ -7,11 +7,10 @@ use super::targets::{self, Views};
 use crate::commands::Failure;
 use crate::commands::steps::{Loop, each};
 use serde_json::{Value, json};
-use softras::fit::{HostFit, ShapeFit, Targets};
-use softras::internals::fit::DeviceFit;
+use softras::fit::{ShapeFit, Targets};
 use softras::internals::fit::flow_by_vertex;
 use softras::scene::{Appearance, ColorAggregation, Outputs, SilhouetteAggregation};
-use softras::{Gradients, ImageGradient, MeshGradients};
+use softras::{ImageGradient, MeshGradients};
 use softras::{Mesh, Projection, Renderer, Result, Scene, Settings};
 use std::time::Instant;
 
@@ -90,21 +89,19 @@ fn hard(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Option
     let mut setup = Setup::new(args, views, renderer)?;
     setup.options.fit_colors = false;
     let targets = Targets { color: None, ..targets::fitted(args, &views.targets) };
-    let shape = ShapeFit::new(setup.template.clone(), views.lights.clone(), setup.options.clone())?;
+    let mut fit = ShapeFit::new(setup.template.clone(), views.lights.clone(), setup.options.clone())?;
     let perspective = |camera: &softras::Camera| matches!(camera.projection(), Projection::Perspective { .. });
     let possible = targets.silhouette.is_some() && targets.cameras.iter().all(perspective);
-    if views.keeps_shape(args) || !possible || DeviceFit::unsupported(&shape).is_some() {
+    if views.keeps_shape(args) || !possible {
         return Ok(None);
     }
-    let mut fit = HostFit::new(shape, &targets, None)?;
     let steps = each(|step, renderer| {
         if setup.remakes(step) {
-            fit = HostFit::new(setup.remade(&fit.clone().into_shape()?, step)?, &targets, None)?;
+            fit = setup.remade(&fit, step)?;
         }
         let by_vertex = hard_gradient(fit.mesh(), &setup, &targets, renderer)?;
         let mesh = MeshGradients { positions: by_vertex, ..MeshGradients::default() };
-        let gradients = Gradients { meshes: vec![mesh], ..Gradients::default() };
-        Ok::<_, Failure>(fit.advance(&gradients, setup.rate.at_step(step, setup.iterations), 0.0)?)
+        Ok::<_, Failure>(fit.advance(&mesh, setup.rate.at_step(step, setup.iterations), 0.0)?)
     });
     Loop::over(0..setup.iterations).with_bar("step").run(&mut steps.named(name), renderer)?;
     Baseline::new((name, began), fit.mesh(), &setup, views, renderer).map(Some)

@@ -157,12 +157,12 @@ fn fitted(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Fitt
     let setup = Setup::new(args, views, renderer)?;
     let begin_seconds = before.elapsed().as_secs_f64();
     let targets = targets::fitted(args, &views.targets);
-    let mut work = Work::begin(args, &setup, views, &targets, renderer)?;
+    let mut work = Work::begin(args, &setup, views, &targets)?;
     work.run(renderer)?;
     if work.interrupted {
         return Err(Failure::Interrupted);
     }
     let begins = if setup.hull { "hull alone" } else { "sphere alone" };
-    let mesh = work.found(renderer)?;
+    let mesh = work.found();
     Ok(Fitted { mesh, begin: setup.template, begins, begin_seconds })
 }

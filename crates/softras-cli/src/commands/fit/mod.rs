@@ -9,7 +9,6 @@ mod cameras;
 mod checkpoint;
 mod color_error;
 mod dig;
-mod engine;
 mod film;
 mod maps;
 mod paint;
@@ -28,14 +27,14 @@ use super::outputs::Outputs;
 use super::steps::{Loop, Steps};
 use super::{Failure, note};
 use args::FitArgs;
-use engine::Engine;
 use film::Film;
 use paint::Painted;
 use report::{Log, Scores};
 use setup::Setup;
-use softras::fit::{ShapeFit, Targets};
+use softras::fit::{Fit, ShapeFit, Targets};
 use softras::internals::files;
 use softras::{Mesh, Renderer};
+use std::time::Instant;
 use targets::Views;
 
 /// Steps between two checkpoints.
@@ -62,7 +61,7 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     let views = Views::read(args, &outputs, &mut renderer)?;
     let setup = Setup::new(args, &views, &mut renderer)?;
     let targets = targets::fitted(args, &views.targets);
-    let mut work = Work::begin(args, &setup, &views, &targets, &mut renderer)?;
+    let mut work = Work::begin(args, &setup, &views, &targets)?;
     let ended = work.run(&mut renderer);
     let ended = ended.and_then(|()| work.paint(&views, &mut renderer));
     if let Err(failure) = ended {
@@ -73,7 +72,7 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
         }
         return Err(failure);
     }
-    let best = work.found(&mut renderer)?;
+    let best = work.found();
     let scores = Scores::of(&best, &setup, &views, &mut renderer)?;
     softras::obj::write_obj(&encoded(&best)?, out)?;
     if let Some(path) = &files.gif {
@@ -88,7 +87,7 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
         Vec::new()
     };
     if let Some(path) = &files.json {
-        let mut report = work.log.json(args, &setup, &scores, (renderer.device_name(), work.engine.reason()), &best);
+        let mut report = work.log.json(args, &setup, &scores, renderer.device_name(), &best);
         report["texture"] = work.painted.as_ref().map(Painted::json).into();
         report["baselines"] = baselines.iter().map(baselines::Baseline::json).collect();
         files::write_file(path, report.to_string().as_bytes())?;
@@ -103,8 +102,8 @@ struct Work<'a> {
     args: &'a FitArgs,
     setup: &'a Setup,
     targets: &'a Targets,
-    engine: Engine,
-    /// The engine's first step.
+    fit: Fit,
+    /// The first step of `fit`.
     first: usize,
     log: Log,
     film: Film,
@@ -118,13 +117,7 @@ struct Work<'a> {
 
 impl<'a> Work<'a> {
     /// Starts from the template or from a checkpoint.
-    fn begin(
-        args: &'a FitArgs,
-        setup: &'a Setup,
-        views: &Views,
-        targets: &'a Targets,
-        renderer: &mut Renderer,
-    ) -> Result<Self, Failure> {
+    fn begin(args: &'a FitArgs, setup: &'a Setup, views: &Views, targets: &'a Targets) -> Result<Self, Failure> {
         let begin = |mesh: Mesh| ShapeFit::new(mesh, views.lights.clone(), setup.options.clone());
         let (mut fit, mut first) = (begin(setup.template.clone())?, 0);
         if let Some(path) = args.files.checkpoint.as_ref().filter(|path| args.files.resume && path.exists()) {
@@ -135,9 +128,8 @@ impl<'a> Work<'a> {
             note(&format!("going on from step {step} of {}", path.display()));
         }
         let film = Film::new(args.files.gif.is_some(), setup, views);
-        let engine = Engine::new(fit, targets, &setup.settings(first), args.method.host, renderer)?;
-        let log = Log::default();
-        Ok(Self { args, setup, targets, engine, first, log, film, best: None, painted: None, interrupted: false })
+        let (fit, log) = (Fit::new(fit, targets), Log::default());
+        Ok(Self { args, setup, targets, fit, first, log, film, best: None, painted: None, interrupted: false })
     }
 
     /// Takes all steps, or those until Ctrl-C, and writes the checkpoint of the end.
@@ -148,10 +140,10 @@ impl<'a> Work<'a> {
         if self.interrupted {
             note(&format!("interrupted before step {next}: this is the best so far"));
         }
-        self.keep_best(renderer)?;
-        let mesh = self.engine.shape(renderer)?.mesh().clone();
+        self.keep_best();
+        let mesh = self.fit.shape().mesh().clone();
         self.film.last(&mesh, self.setup, renderer)?;
-        self.write_checkpoint(next, renderer)
+        self.write_checkpoint(next)
     }
 
     /// Makes and fits a texture for the best mesh, where one is to be made and Ctrl-C has not ended the fit before.
@@ -161,7 +153,7 @@ impl<'a> Work<'a> {
         }
         let (mesh, step) = match &self.best {
             Some(best) => best.clone(),
-            None => (self.engine.shape(renderer)?.mesh().clone(), self.first),
+            None => (self.fit.shape().mesh().clone(), self.first),
         };
         let painted = paint::painted(self.args, self.setup, views, self.targets, &mesh, renderer)?;
         self.film.last(&painted.mesh, self.setup, renderer)?;
@@ -172,19 +164,18 @@ impl<'a> Work<'a> {
     }
 
     /// The mesh of least loss, or the one to begin with where no step was taken.
-    fn found(&mut self, renderer: &mut Renderer) -> Result<Mesh, Failure> {
+    fn found(&mut self) -> Mesh {
         match self.best.take() {
-            Some((best, _)) => Ok(best),
-            None => Ok(self.engine.shape(renderer)?.mesh().clone()),
+            Some((best, _)) => best,
+            None => self.fit.shape().mesh().clone(),
         }
     }
 
     /// Goes on with another fit from a step on, and keeps the best mesh of the one before.
-    fn go_on_with(&mut self, fit: ShapeFit, step: usize, renderer: &mut Renderer) -> Result<(), Failure> {
-        self.keep_best(renderer)?;
-        self.engine = Engine::new(fit, self.targets, &self.setup.settings(step), self.args.method.host, renderer)?;
+    fn go_on_with(&mut self, fit: ShapeFit, step: usize) {
+        self.keep_best();
+        self.fit = Fit::new(fit, self.targets);
         self.first = step;
-        Ok(())
     }
 
     /// The steps that take all views once: losses of different views are not comparable, but means over these steps are.
@@ -195,43 +186,37 @@ impl<'a> Work<'a> {
         }
     }
 
-    /// Keeps the engine's best mesh if it is better than the best so far.
-    fn keep_best(&mut self, renderer: &mut Renderer) -> Result<(), Failure> {
-        let Some((mesh, step)) = self.engine.best(renderer)? else { return Ok(()) };
+    /// Keeps the best mesh of `fit` if it is better than the best so far.
+    fn keep_best(&mut self) {
+        let Some((mesh, step)) = self.fit.best() else { return };
         let step = self.first + step;
         let turn = self.turn();
         let loss = |step: usize| self.log.loss(step, turn);
         if self.best.as_ref().is_none_or(|(_, best)| loss(step) < loss(*best)) {
-            self.best = Some((mesh, step));
+            self.best = Some((mesh.clone(), step));
         }
-        Ok(())
     }
 
     /// Writes the state before a step, where a checkpoint is wanted.
-    fn write_checkpoint(&mut self, step: usize, renderer: &mut Renderer) -> Result<(), Failure> {
+    fn write_checkpoint(&self, step: usize) -> Result<(), Failure> {
         let Some(path) = &self.args.files.checkpoint else { return Ok(()) };
-        Ok(checkpoint::write(path, self.engine.shape(renderer)?, step)?)
+        Ok(checkpoint::write(path, self.fit.shape(), step)?)
     }
 
-    /// Whether a checkpoint is due before a step. The state that the engine began with is the template's, or a checkpoint's already.
+    /// Whether a checkpoint is due before a step. The state that `fit` began with is the template's, or a checkpoint's already.
     fn saves(&self, step: usize) -> bool {
         self.args.files.checkpoint.is_some() && step > self.first && step.is_multiple_of(CHECKPOINT_STEPS)
     }
 }
 
 impl Steps for Work<'_> {
-    const AHEAD: usize = 10;
-
-    fn step(&mut self, at: usize, renderer: &mut Renderer) -> Result<(), Failure> {
-        Ok(self.engine.step(renderer, &self.setup.settings(at), self.setup.rates(at))?)
-    }
-
-    fn finished(&mut self, at: usize, renderer: &mut Renderer) -> Result<Vec<String>, Failure> {
-        let found = self.engine.found(renderer)?;
-        let texts = found.iter().map(|(found, _)| format!("loss {:.5}", found.loss)).collect();
-        let from = at - found.len();
-        found.into_iter().enumerate().for_each(|(i, (found, seconds))| self.log.add(from + i, found, seconds));
-        Ok(texts)
+    fn step(&mut self, at: usize, renderer: &mut Renderer) -> Result<String, Failure> {
+        let began = Instant::now();
+        let (rate, color_rate) = self.setup.rates(at);
+        let found = self.fit.step(renderer, &self.setup.settings(at), rate, color_rate)?;
+        let text = format!("loss {:.5}", found.loss);
+        self.log.add(at, found, began.elapsed().as_secs_f64());
+        Ok(text)
     }
 
     fn pauses(&self, at: usize) -> bool {
@@ -240,17 +225,17 @@ impl Steps for Work<'_> {
 
     fn pause(&mut self, at: usize, renderer: &mut Renderer) -> Result<(), Failure> {
         if self.saves(at) {
-            self.write_checkpoint(at, renderer)?;
+            self.write_checkpoint(at)?;
         }
         if self.setup.recuts(at) {
             self.recut(at, renderer)?;
         }
         if self.setup.remakes(at) {
-            let fit = self.setup.remade(self.engine.shape(renderer)?, at)?;
-            self.go_on_with(fit, at, renderer)?;
+            let fit = self.setup.remade(self.fit.shape(), at)?;
+            self.go_on_with(fit, at);
         }
         if self.film.shows(at) {
-            let mesh = self.engine.shape(renderer)?.mesh().clone();
+            let mesh = self.fit.shape().mesh().clone();
             self.film.last(&mesh, self.setup, renderer)?;
         }
         Ok(())

@@ -50,20 +50,13 @@ struct Painting<'a> {
     texels: Texels<'a>,
     /// The loss before each step.
     losses: Vec<f64>,
-    /// How many of them [`Steps::finished`] has returned.
-    shown: usize,
 }
 
 impl Steps for Painting<'_> {
-    fn step(&mut self, at: usize, renderer: &mut Renderer) -> Result<(), Failure> {
-        self.losses.push(self.texels.step(RATE.at_step(at, STEPS), renderer)?);
-        Ok(())
-    }
-
-    fn finished(&mut self, _at: usize, _renderer: &mut Renderer) -> Result<Vec<String>, Failure> {
-        let new = &self.losses[self.shown..];
-        self.shown = self.losses.len();
-        Ok(new.iter().map(|loss| format!("loss of colours {loss:.5}")).collect())
+    fn step(&mut self, at: usize, renderer: &mut Renderer) -> Result<String, Failure> {
+        let loss = self.texels.step(RATE.at_step(at, STEPS), renderer)?;
+        self.losses.push(loss);
+        Ok(format!("loss of colours {loss:.5}"))
     }
 }
 
@@ -80,7 +73,7 @@ pub fn painted(
     let texel = texel / setup.pixel;
     let by_vertices = color_error(mesh, setup, views, renderer)?;
     let mut painting =
-        Painting { texels: Texels::new(start, setup, targets, renderer)?, losses: Vec::with_capacity(STEPS), shown: 0 };
+        Painting { texels: Texels::new(start, setup, targets, renderer)?, losses: Vec::with_capacity(STEPS) };
     let steps = if painting.texels.can_step() { STEPS } else { 0 };
     let taken = Loop::over(0..steps).with_bar("texture step").until_interrupted()?.run(&mut painting, renderer)?;
     let (mesh, losses, interrupted) = (painting.texels.mesh().clone(), painting.losses, taken < steps);

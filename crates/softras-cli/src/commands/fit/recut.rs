@@ -9,12 +9,11 @@
 
 use super::Work;
 use super::begin::samples;
-use super::engine::Engine;
 use super::setup::Setup;
 use super::targets::some;
 use super::unseen::Unseen;
 use crate::commands::{Failure, note, parts};
-use softras::fit::{ShapeFit, Targets, mask_iou};
+use softras::fit::{Fit, ShapeFit, Targets, mask_iou};
 use softras::internals::fit::{Topology, evened, overlap};
 use softras::scene::{Outputs, SilhouetteAggregation};
 use softras::{Mesh, Renderer, Result, Scene, Settings};
@@ -109,7 +108,7 @@ impl Work<'_> {
         if targets.silhouette.is_none() {
             return Ok(());
         }
-        let old = self.engine.shape(renderer)?.mesh().clone();
+        let old = self.fit.shape().mesh().clone();
         let before = Found::of(&old, targets, &settings, renderer)?;
         if !before.is_wrong() {
             return Ok(());
@@ -129,7 +128,8 @@ impl Work<'_> {
         };
         let shape = super::report::shape(fit.mesh())?;
         note(&format!("{what}; it was cut anew to the silhouettes, and is now {shape} ({why})"));
-        self.go_on_with(fit, step, renderer)
+        self.go_on_with(fit, step);
+        Ok(())
     }
 
     /// The fit of the mesh, of those that were made, that takes the place of the old one: the last where it is better at once, else the
@@ -156,7 +156,7 @@ impl Work<'_> {
             return Ok((None, why));
         }
         let trial = step..step + setup.share(TRIAL).max(self.turn());
-        let kept = self.engine.shape(renderer)?.clone();
+        let kept = self.fit.shape().clone();
         let uncut = self.tried(kept, &trial, renderer)?;
         for (mesh, after) in candidates {
             let fit = begin(mesh)?;
@@ -171,16 +171,17 @@ impl Work<'_> {
 
     /// The loss of a fit after the steps of a trial: the mean of the last that take all views once.
     fn tried(&self, fit: ShapeFit, trial: &Range<usize>, renderer: &mut Renderer) -> Result<f64> {
-        let (setup, turn, on_host) = (self.setup, self.turn(), self.engine.reason().is_some());
-        let mut engine = Engine::new(fit, self.targets, &setup.settings(trial.start), on_host, renderer)?;
+        let (setup, turn) = (self.setup, self.turn());
+        let mut fit = Fit::new(fit, self.targets);
+        let mut losses = Vec::new();
         // The loss of a step is that before it moves anything, so that one more is taken.
         for at in trial.start..=trial.end {
             // Past its last step a fit would go on with the settings of that.
             let at = at.min(setup.iterations - 1);
-            engine.step(renderer, &setup.settings(at), setup.rates(at))?;
+            let (rate, color_rate) = setup.rates(at);
+            losses.push(fit.step(renderer, &setup.settings(at), rate, color_rate)?.loss);
         }
-        let found = engine.found(renderer)?;
-        Ok(found.iter().rev().take(turn).map(|(step, _)| step.loss).sum::<f64>() / turn as f64)
+        Ok(losses.iter().rev().take(turn).sum::<f64>() / turn as f64)
     }
 }
 

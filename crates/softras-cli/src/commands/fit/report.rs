@@ -50,22 +50,13 @@ impl Log {
         seconds.get(seconds.len() / 2).copied()
     }
 
-    /// The whole log as JSON. Beside the device's name comes the reason why the host took the steps, if it did.
-    pub fn json(
-        &self,
-        args: &FitArgs,
-        setup: &Setup,
-        scores: &Scores,
-        (device, host): (&str, Option<&str>),
-        mesh: &Mesh,
-    ) -> Value {
+    /// The whole log as JSON.
+    pub fn json(&self, args: &FitArgs, setup: &Setup, scores: &Scores, device: &str, mesh: &Mesh) -> Value {
         let each = |value: fn(&Step) -> f64| self.steps.iter().map(|(_, s, _)| value(s)).collect::<Vec<f64>>();
         let names = setup.options.regularizers.iter().map(|(r, weight)| json!({ "name": name(*r), "weight": weight }));
         let penalties: Vec<_> = self.steps.iter().map(|(_, s, _)| &s.regularizers).collect();
         json!({
             "device": device,
-            "steps_on": if host.is_some() { "host" } else { "device" },
-            "host_reason": host,
             "preset": format!("{:?}", args.method.preset).to_lowercase(),
             "vertices": mesh.positions().len(),
             "triangles": mesh.triangles().len(),
