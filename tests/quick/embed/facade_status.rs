@@ -2,7 +2,7 @@
 
 use super::facade::{Memory, Scenery, bind, run};
 use crate::common::gradient::random_upstream;
-use crate::common::tolerance;
+use crate::common::{tier, tolerance};
 use crate::host::{assert_silent, difference, engine, error, rasterizer};
 use softras::embed::{BufferId, Capacity, PassStatus};
 use softras::scene::{Background, Shading};
@@ -17,10 +17,11 @@ fn a_pass_does_not_depend_on_the_room_for_lists() {
     let case = scenery.engines.case();
     let upstream = random_upstream(&case, case.settings.outputs, &tolerance::GRADIENT);
     let outputs = [BufferId::Color, BufferId::VertexGradients, BufferId::Totals, BufferId::CornerGradients];
-    for (lights, background) in [
+    let looks = [
         (Lights::official(), Background::Weighted),
         (Lights { shading: Shading::Smooth, ..Lights::official() }, Background::Composite),
-    ] {
+    ];
+    for (lights, background) in looks.into_iter().take(tier(1, 2)) {
         let builder = rasterizer
             .pass(&scenery.meshes())
             .settings(Settings { background, ..case.settings.clone() })

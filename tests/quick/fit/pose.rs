@@ -359,7 +359,7 @@ fn poses_are_fitted_in_parts_where_memory_is_short() {
     let poses: Vec<Pose> = (0..24).map(|_| random_pose(&mut random, 30.0, 0.1)).collect();
     let fit = begin(PoseOptions { translation_rate: 0.1, ..PoseOptions::default() }, poses.clone());
     let target = targets(&fit, &mut crate::common::renderer(), &vec![Pose::IDENTITY; poses.len()]);
-    let mut roomy = crate::common::renderer();
+    let mut roomy = renderer_with(RendererOptions::default());
     let whole = fit.differentiate(&mut roomy, &target).unwrap();
     let memory = Some(roomy.device_bytes() / 4);
     let mut tight = renderer_with(RendererOptions { memory, ..Default::default() });
