@@ -28,3 +28,8 @@ pub fn fails(folder: &Path, arguments: &[&str], code: i32, parts: &[&str]) {
         assert!(errors.contains(part), "{arguments:?}: no {part:?} in {errors}");
     }
 }
+
+/// What the quick tier takes, or the full one: `SOFTRAS_TIER=full`.
+pub fn tier<T>(quick: T, full: T) -> T {
+    if std::env::var("SOFTRAS_TIER").is_ok_and(|tier| tier == "full") { full } else { quick }
+}

@@ -3,6 +3,7 @@
 //! The file system is one of memory in a name space of its own, for which Linux wants root or user name spaces; where neither is
 //! allowed the test says so and tests nothing.
 
+use super::command::tier;
 use super::eval::world;
 use super::succeeds;
 use std::{fs, path::Path, process::Command};
@@ -53,7 +54,7 @@ fn a_full_file_system_keeps_the_old_file() {
     succeeds(path, &["render", "cube.obj", "-o", "target.png", "--size", "16"]);
     world().write(&path.join("scene.npz"));
     let fit = "fit --from cube.obj --views 2 --size 8 --subdivisions 0 --iterations 1";
-    for (file, line) in [
+    let each = [
         ("fish.obj", "mesh fish -o full/fish.obj".into()),
         ("cube.png", "render cube.obj -o full/cube.png --size 16".into()),
         ("turn.gif", "render cube.obj -o full/turn.gif --turntable 2 --size 16".into()),
@@ -66,7 +67,10 @@ fn a_full_file_system_keeps_the_old_file() {
         ("grad.png", "grad cube.obj --target target.png -o full/grad.png".into()),
         ("turned.obj", "pose --mesh cube.obj --image target.png --starts 1 --iterations 1 -o full/turned.obj".into()),
         ("out.npz", "eval scene.npz -o full/out.npz --device reference".into()),
-    ] {
+    ];
+    // The first two and the last in the quick tier.
+    let quick = |(i, _): &(usize, _)| tier([0, 1, 11].contains(i), true);
+    for (_, (file, line)) in each.into_iter().enumerate().filter(quick) {
         let arguments: Vec<&str> =
             [file, env!("CARGO_BIN_EXE_softras")].into_iter().chain(line.split_whitespace()).collect();
         let output = shell(path, user_space, SCRIPT, &arguments).output().unwrap();

@@ -1,5 +1,6 @@
 //! Tests of the commands that differentiate: `eval --gradient`, `check` and `grad`.
 
+use super::command::tier;
 use super::numpy::{self, Npz};
 use super::{fails, official, succeeds};
 use std::path::Path;
@@ -215,9 +216,11 @@ fn missing_and_misshapen_upstream_gradients_are_named() {
 #[test]
 fn check_passes_here() {
     let folder = tempfile::tempdir().unwrap();
-    let text = succeeds(folder.path(), &["check"]);
-    let verdict = text.lines().last().unwrap();
-    assert!(verdict.starts_with("PASS: ") && text.lines().count() > 12 && !text.contains("FAIL"), "{text}");
+    if tier(false, true) {
+        let text = succeeds(folder.path(), &["check"]);
+        let verdict = text.lines().last().unwrap();
+        assert!(verdict.starts_with("PASS: ") && text.lines().count() > 12 && !text.contains("FAIL"), "{text}");
+    }
     let json: serde_json::Value = serde_json::from_str(&succeeds(folder.path(), &["check", "--json"])).unwrap();
     assert_eq!(json["pass"], true);
     let scenes = json["scenes"].as_array().unwrap();

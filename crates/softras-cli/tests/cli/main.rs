@@ -3,14 +3,12 @@
 
 mod arguments;
 mod bench;
-mod benchmark;
 mod command;
 mod each;
 mod eval;
 mod fit;
 mod full;
 mod gradient;
-mod hollow;
 mod hostile;
 mod killed;
 mod memory;
@@ -21,10 +19,7 @@ mod official;
 mod official_equations;
 mod parts;
 mod pose;
-mod readme;
 mod render;
-mod stress;
-mod topology;
 mod transparency;
 mod views;
 

@@ -1,9 +1,12 @@
 //! `softras fit` and the holes of what it fits: found by the hull, told where they are covered, and cut while it runs.
 
-use super::fit::json;
-use super::{fails, softras, succeeds};
+use crate::command::{fails, softras, succeeds};
 use serde_json::Value;
 use std::io::BufRead;
+
+fn json(path: &std::path::Path) -> Value {
+    serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
+}
 
 /// From six views on a fit begins with the hull, which has the torus's hole; a sphere has not, and that is told.
 #[test]

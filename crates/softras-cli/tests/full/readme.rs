@@ -2,7 +2,7 @@
 //!
 //! They are made small by default; with the environment variable `SOFTRAS_README=full` they run as written.
 
-use super::command::succeeds;
+use crate::command::succeeds;
 use std::collections::BTreeMap;
 use std::path::Path;
 

@@ -1,6 +1,6 @@
 //! Tests of `softras stress`.
 
-use super::{fails, succeeds};
+use crate::command::{fails, succeeds};
 
 /// The short form of what `--load 72000 --jobs 12 --renderers 6` does at length: renderers of several threads give the same
 /// bits frame by frame, memory stays as it is once all kernels are compiled, and it ends.

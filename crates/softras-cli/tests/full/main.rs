@@ -1,0 +1,9 @@
+//! The full tier of the command: fits to their end, the README's commands, load.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+#[path = "../cli/command.rs"]
+mod command;
+mod hollow;
+mod readme;
+mod stress;
+mod topology;
