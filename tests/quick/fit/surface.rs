@@ -106,8 +106,8 @@ fn gradients_are_those_of_the_losses() {
 }
 
 /// Subdivisions of the balls, and steps, with which a hollow is found.
-const FINE: u32 = 3;
-const STEPS: usize = 60;
+const FINE: u32 = 4;
+const STEPS: usize = 160;
 
 #[test]
 fn depths_and_normals_show_what_outlines_hide() {
@@ -119,13 +119,13 @@ fn depths_and_normals_show_what_outlines_hide() {
         p.map(|x| by * x)
     };
     let goal = Mesh::new(ball.positions().iter().map(hollow).collect(), ball.triangles().to_vec()).unwrap();
-    let all = targets(&mut renderer, &goal, cameras(4), 2);
+    let all = targets(&mut renderer, &goal, cameras(8), 2);
     let mut reached = |targets: &Targets| {
         let options =
             ShapeOptions { depth: (ImageLoss::L1, 20.0), normal: (ImageLoss::L1, 1.0), ..ShapeOptions::smooth() };
         let mut fit = ShapeFit::new(shapes::icosphere(FINE).unwrap(), Lights::unlit(), options).unwrap();
         let soft = Settings { sigma: 1e-4, ..settings() };
-        let steps: Vec<_> = (0..STEPS).map(|_| fit.step(&mut renderer, &soft, targets, 0.04, 0.0).unwrap()).collect();
+        let steps: Vec<_> = (0..STEPS).map(|_| fit.step(&mut renderer, &soft, targets, 0.02, 0.0).unwrap()).collect();
         let mesh = fit.mesh();
         // The top's height on the axis, where the hollow is deepest.
         let inner = mesh.positions().iter().filter(|p| p[0].hypot(p[2]) < 0.12 && p[1] > 0.0);

@@ -69,7 +69,7 @@ fn random_window(random: &mut Random, settings: &Settings) -> Window {
 fn a_window_shows_the_pixels_of_the_whole() {
     let mut renderer = renderer();
     let (mut cut_cases, mut equal, mut all) = (0, 0, 0);
-    for seed in 0..tier(6, 30) {
+    for seed in 0..tier(12, 30) {
         let kind = [Kind::Plain, Kind::Modes, Kind::Clipped][seed as usize % 3];
         let case = random_case(seed, kind);
         if !can_be_cut(&case) {
@@ -99,7 +99,7 @@ fn a_window_shows_the_pixels_of_the_whole() {
         }
     }
     println!("{cut_cases} cases, {equal} of {all} values have the same bits");
-    assert!(cut_cases > tier(2, 12) && equal > all / 2, "{cut_cases} {equal} {all}");
+    assert!(cut_cases > tier(3, 12) && equal > all / 2, "{cut_cases} {equal} {all}");
 }
 
 fn shape(frame: &softras::Frame) -> Image {
