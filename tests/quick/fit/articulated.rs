@@ -1,6 +1,6 @@
 //! Jointed figures: gradients to angles and lengths, what is visible, and a limb that is found behind the body.
 
-use crate::common::random::Random;
+use crate::common::{random::Random, tier};
 use glam::DVec3;
 use softras::fit::{PoseTarget, Schedule};
 use softras::{Camera, Mesh, Projection, Renderer, Scene, Settings};
@@ -180,7 +180,7 @@ fn a_hidden_forearm_is_found_by_soft_gradients_alone() {
     let target = look(&mut renderer, &figure, &truth);
     let forearm = figure.skeleton().find("left forearm").unwrap();
     let mut error = |sight: Sight| {
-        let options = FigureOptions { iterations: 150, sight, ..FigureOptions::default() };
+        let options = FigureOptions { iterations: tier(100, 150), sight, ..FigureOptions::default() };
         let iterations = options.iterations;
         let mut fit = FigureFit::new(figure.clone(), camera, settings.clone(), options, start.clone()).unwrap();
         for _ in 0..iterations {
@@ -222,8 +222,8 @@ fn gradient_errors(renderer: &mut Renderer, seed: u64) -> [f64; 2] {
 #[test]
 fn the_gradient_of_a_pose_is_that_of_its_loss() {
     let mut renderer = crate::common::renderer();
-    let mut errors: Vec<[f64; 2]> = (1..4).map(|seed| gradient_errors(&mut renderer, seed)).collect();
+    let mut errors: Vec<[f64; 2]> = (1..=tier(1, 3)).map(|seed| gradient_errors(&mut renderer, seed)).collect();
     errors.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    assert!(errors[1][0] < 0.02, "{errors:?}");
-    assert!(errors[1][1] > 0.5, "a wrong sign is not seen: {errors:?}");
+    assert!(errors[errors.len() / 2][0] < 0.02, "{errors:?}");
+    assert!(errors[errors.len() / 2][1] > 0.5, "a wrong sign is not seen: {errors:?}");
 }

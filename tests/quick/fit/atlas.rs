@@ -1,6 +1,6 @@
 //! Atlases: charts that never touch, colours that stay, what is refused, and texels that tell more than vertex colours.
 
-use crate::common::random::Random;
+use crate::common::{random::Random, tier};
 use softras::fit::{ImageLoss, Schedule, ShapeFit, ShapeOptions, Targets, with_atlas};
 use softras::internals::fit::pooled;
 use softras::scene::{Appearance, Background, DirectionalLight, Interpolation, Outputs, Texture, Wrap};
@@ -216,22 +216,22 @@ fn what_has_no_atlas_is_refused() {
 
 #[test]
 fn a_million_triangles_have_an_atlas_where_there_is_room() {
-    const SIDE: u32 = 708;
-    let positions = (0..=SIDE).flat_map(|y| (0..=SIDE).map(move |x| [x as f32, y as f32, 0.0])).collect();
+    // The quick tier has a sixteenth of them, in a quarter of the texels along each side.
+    let (side, most, count, room) =
+        tier((177, 1024, "62658 triangles", "allow 899×899"), (708, 4096, "1002528 triangles", "allow 3596×3596"));
+    let positions = (0..=side).flat_map(|y| (0..=side).map(move |x| [x as f32, y as f32, 0.0])).collect();
     let two = |i: u32| {
-        let a = i / SIDE * (SIDE + 1) + i % SIDE;
-        [[a, a + 1, a + SIDE + 2], [a, a + SIDE + 2, a + SIDE + 1]]
+        let a = i / side * (side + 1) + i % side;
+        [[a, a + 1, a + side + 2], [a, a + side + 2, a + side + 1]]
     };
-    let mesh = Mesh::new(positions, (0..SIDE * SIDE).flat_map(two).collect()).unwrap();
-    assert!(mesh.triangles().len() > 1_000_000);
-    let (what, fix) = refused(&mesh, 0.1, 2048);
-    assert!(what.contains("1002528 triangles") && fix.contains("allow 3596×3596"), "{what}: {fix}");
-    let (painted, texel) = with_atlas(&mesh, 0.1, 4096).unwrap();
-    assert!(textured(&painted).2.width() <= 4096 && texel <= 1.0, "{texel}");
+    let mesh = Mesh::new(positions, (0..side * side).flat_map(two).collect()).unwrap();
+    let (what, fix) = refused(&mesh, 0.1, most / 2);
+    assert!(what.contains(count) && fix.contains(room), "{what}: {fix}");
+    let (painted, texel) = with_atlas(&mesh, 0.1, most).unwrap();
+    assert!(textured(&painted).2.width() <= most && texel <= 1.0, "{texel}");
 }
 
 const VIEWS: u32 = 8;
-const STEPS: usize = 40;
 const PIXELS: u32 = 32;
 const FAR: (f64, f64) = (2.0, 6.0);
 
@@ -292,8 +292,9 @@ fn recolored(renderer: &mut Renderer, mesh: &Mesh, lights: &Lights, goal: &Image
     let targets = Targets { cameras: cameras(), color: Some(goal.clone()), ..Targets::default() };
     let mut fit = ShapeFit::new(mesh.clone(), lights.clone(), options).unwrap();
     let rate = Schedule::Exponential { from: 0.1, to: 0.005 };
-    for step in 0..STEPS {
-        fit.step(renderer, &settings(1e-6, 1), &targets, 0.0, rate.at_step(step, STEPS)).unwrap();
+    let steps = tier(25, 40);
+    for step in 0..steps {
+        fit.step(renderer, &settings(1e-6, 1), &targets, 0.0, rate.at_step(step, steps)).unwrap();
     }
     let seen = shown(renderer, fit.mesh(), lights);
     (fit.mesh().clone(), ImageLoss::L1.evaluate(&seen, goal, None).unwrap().value)
@@ -305,7 +306,7 @@ fn texels_show_what_vertex_colours_cannot() {
     let goal = checkered();
     let light = DirectionalLight { direction: [0.3, 0.8, 0.5], color: [1.0; 3], intensity: 0.6 };
     let lit = Lights { ambient_intensity: 0.4, directional: vec![light], ..Lights::unlit() };
-    for lights in [Lights::unlit(), lit] {
+    for lights in tier(vec![lit.clone()], vec![Lights::unlit(), lit]) {
         let target = shown(&mut renderer, &goal, &lights);
         let grey = vec![[0.5; 3]; goal.positions().len()];
         let plain = goal.clone().with_appearance(Appearance::VertexColors(grey)).unwrap();

@@ -1,7 +1,7 @@
 //! Meshes cut to silhouettes: holes open, parts come, overlaps go, and what no silhouette speaks against stays.
 
 use super::hull::{both, genus, moved};
-use crate::common::renderer;
+use crate::common::{renderer, tier};
 use glam::DVec3;
 use softras::fit::Targets;
 use softras::internals::fit::{Voxels, evened, is_closed, overlap};
@@ -61,7 +61,7 @@ fn a_covered_hole_opens_and_all_else_stays() {
     let torus = shapes::torus(0.8, 0.3, 48, 24).unwrap();
     let targets = silhouettes(&mut renderer, &torus);
     // A ball that reaches half into the torus, and one around it all.
-    for radius in [0.8f32, 1.3] {
+    for radius in tier(vec![0.8f32], vec![0.8, 1.3]) {
         let ball = moved(&shapes::icosphere(4).unwrap(), radius, [0.0; 3]);
         let cut = carved(&targets, &ball, None);
         assert!(is_closed(&cut).unwrap());

@@ -1,7 +1,6 @@
 //! Poses: gradients against differences of the loss, and a cube that is found again.
 
-use crate::common::random::Random;
-use crate::common::renderer_with;
+use crate::common::{random::Random, renderer_with, tier};
 use glam::{DQuat, DVec3};
 use softras::ImageGradient;
 use softras::fit::{Differentiation, ImageLoss, Pose, PoseFit, PoseOptions, PoseSearch, PoseTarget, Schedule};
@@ -296,7 +295,7 @@ fn a_search_finds_a_cube_wherever_it_is() {
     let (mut random, mut renderer) = (Random::new(17), crate::common::renderer());
     let cube = shapes::cube().unwrap();
     // A picture that is reduced for all stages, and one that is not.
-    for size in [150, 48] {
+    for size in tier(vec![150], vec![150, 48]) {
         let truth = random_pose(&mut random, 160.0, 0.25);
         let found = finish(search(&mut renderer, &cube, &truth, size).with(15, 60), &mut renderer);
         let (pose, loss) = found.found()[0];
@@ -320,7 +319,7 @@ fn a_box_of_one_colour_has_four_poses() {
     cube.set_positions(cube.positions().iter().map(place).collect()).unwrap();
     let (mut random, mut renderer) = (Random::new(3), crate::common::renderer());
     let truth = random_pose(&mut random, 100.0, 0.0);
-    let found = finish(search(&mut renderer, &cube, &truth, 64).without_translation(), &mut renderer);
+    let found = finish(search(&mut renderer, &cube, &truth, 64).with(16, 60).without_translation(), &mut renderer);
     assert_eq!(found.equally_good(), 4, "{:?}", found.found());
     for (pose, _) in &found.found()[..4] {
         let turn = truth.rotation.inverse() * pose.rotation;

@@ -1,6 +1,6 @@
 //! Depths and normals as targets: their gradients, what they teach that outlines do not, and what is refused.
 
-use crate::common::{self, random::Random};
+use crate::common::{self, random::Random, tier};
 use softras::fit::{ImageLoss, Method, Parametrization, ShapeFit, ShapeOptions, Targets, voxel_iou};
 use softras::internals::fit::pooled;
 use softras::scene::{Background, Outputs};
@@ -105,27 +105,24 @@ fn gradients_are_those_of_the_losses() {
     }
 }
 
-/// Subdivisions of the balls, and steps, with which a hollow is found.
-const FINE: u32 = 4;
-const STEPS: usize = 160;
-
 #[test]
 fn depths_and_normals_show_what_outlines_hide() {
     let mut renderer = common::renderer();
+    let (subdivisions, views, count, rate) = tier((3, 4, 130, 0.04), (4, 8, 160, 0.02));
     // A ball with a deep hollow that its outlines do not show.
-    let ball = shapes::icosphere(FINE).unwrap();
+    let ball = shapes::icosphere(subdivisions).unwrap();
     let hollow = |p: &[f32; 3]| {
         let by = 1.0 - 0.5 * (1.0 - (p[0] * p[0] + p[2] * p[2]) / 0.16).max(0.0) * f32::from(u8::from(p[1] > 0.0));
         p.map(|x| by * x)
     };
     let goal = Mesh::new(ball.positions().iter().map(hollow).collect(), ball.triangles().to_vec()).unwrap();
-    let all = targets(&mut renderer, &goal, cameras(8), 2);
+    let all = targets(&mut renderer, &goal, cameras(views), 2);
     let mut reached = |targets: &Targets| {
         let options =
             ShapeOptions { depth: (ImageLoss::L1, 20.0), normal: (ImageLoss::L1, 1.0), ..ShapeOptions::smooth() };
-        let mut fit = ShapeFit::new(shapes::icosphere(FINE).unwrap(), Lights::unlit(), options).unwrap();
+        let mut fit = ShapeFit::new(shapes::icosphere(subdivisions).unwrap(), Lights::unlit(), options).unwrap();
         let soft = Settings { sigma: 1e-4, ..settings() };
-        let steps: Vec<_> = (0..STEPS).map(|_| fit.step(&mut renderer, &soft, targets, 0.02, 0.0).unwrap()).collect();
+        let steps: Vec<_> = (0..count).map(|_| fit.step(&mut renderer, &soft, targets, rate, 0.0).unwrap()).collect();
         let mesh = fit.mesh();
         // The top's height on the axis, where the hollow is deepest.
         let inner = mesh.positions().iter().filter(|p| p[0].hypot(p[2]) < 0.12 && p[1] > 0.0);
@@ -135,10 +132,10 @@ fn depths_and_normals_show_what_outlines_hide() {
     let (height, steps) = reached(&outlines);
     assert!(height > 0.85, "{height}");
     assert!(steps.iter().all(|step| step.depth == 0.0 && step.normal == 0.0));
-    for targets in [&Targets { normal: None, ..all.clone() }, &all] {
-        let (height, steps) = reached(targets);
+    for targets in tier(vec![all.clone()], vec![Targets { normal: None, ..all.clone() }, all]) {
+        let (height, steps) = reached(&targets);
         assert!(height < 0.7, "{height}");
-        let (first, last) = (steps[0].depth, steps[STEPS - 1].depth);
+        let (first, last) = (steps[0].depth, steps[count - 1].depth);
         assert!(last < 0.5 * first, "{last} of {first}");
     }
 }
