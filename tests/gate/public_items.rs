@@ -1,6 +1,6 @@
 //! The public items of the library are those of `tests/public_items.txt`, so that a change of the public face is seen.
 //!
-//! `RENEW_PUBLIC_ITEMS=1 cargo test --test house` writes the list anew.
+//! `RENEW_PUBLIC_ITEMS=1 cargo test -p softras --test gate` writes the list anew.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -97,7 +97,7 @@ fn the_public_items_are_those_of_the_list() {
     let changes = difference(&std::fs::read_to_string(&path).unwrap_or_default(), &found);
     assert!(
         changes.is_empty(),
-        "the public items are not those of {}. If they are meant to change, run `{RENEW}=1 cargo test --test house`:\n{}",
+        "the public items are not those of {}. If they are meant to change, run `{RENEW}=1 cargo test -p softras --test gate`:\n{}",
         path.display(),
         changes.join("\n")
     );

@@ -119,7 +119,7 @@ fn probability_support_loses_what_outweighs_a_wall() {
     assert!(lost > 1e3, "{lost}: {place}");
 }
 
-/// `SOFTRAS_CASES=10000 cargo test --release --test render keeps_the_promise -- --nocapture` renders that many.
+/// `SOFTRAS_CASES=10000 cargo test --release -p softras --test quick -- keeps_the_promise --nocapture` renders that many.
 #[test]
 fn the_device_keeps_the_promise() {
     let wanted: Option<usize> = std::env::var("SOFTRAS_CASES").ok().map(|count| count.parse().unwrap());
