@@ -52,6 +52,7 @@ void add_empty(uint tile) {
 }
 
 void add_general(uvec4 item) {
+    atomicAdd(status[STATUS_THIN_TILES], 1u);
     uint row = item.x / FORWARD_ROW;
     uint entry = atomicAdd(tile_counts[row * TILE_COUNT_WORDS + TILES_GENERAL], 1u);
     tile_items[2u * all_tiles() + row * FORWARD_ROW + entry] = item;

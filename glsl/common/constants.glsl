@@ -152,8 +152,12 @@ const uint STATUS_EMPTY_TILES = 6u;
 const uint STATUS_WHOLE = 7u;
 // Word of `status`: tiles whose lists are nowhere in memory, in one turn or several.
 const uint STATUS_WALKED_TILES = 8u;
+// Word of `status`: tiles with a list that have a triangle too thin for forward_soft.
+const uint STATUS_THIN_TILES = 9u;
+// Word of `status`: not 0 when a triangle's box has more pixels than LARGE_BOX, in a frame that is saved.
+const uint STATUS_LARGE_BOXES = 10u;
 // Number of words of `status`.
-const uint STATUS_WORDS = 9u;
+const uint STATUS_WORDS = 11u;
 
 // Bit of GRADIENTS, the gradients that backward computes: by the vertices' positions on the image, from which those by world
 // positions and the camera follow.
@@ -212,6 +216,8 @@ const uint SMALL_GROUP = 64u;
 const uint CELL_WIDTH = 64u;
 // Height of a cell in pixels.
 const uint CELL_HEIGHT = 32u;
+// Pixels of the largest box that one lane of a software device processes alone in backward.
+const uint LARGE_BOX = 1024u;
 // Texels (vec4) of an entry of `partials` without its optional parts.
 const uint PARTIAL_TEXELS = 3u;
 // Texels (vec4) that corner colours add to an entry of `partials`.

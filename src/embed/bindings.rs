@@ -4,7 +4,7 @@ use super::plan::{BufferRequirement, FramePlan, GradientPlan};
 use crate::error::{Error, Result};
 use crate::frame::buffers::{BufferId, Parts, Sizes, UNUSED_SIZE};
 use crate::frame::passes::{BACKWARD_COUNT, BackwardStages, FORWARD_COUNT, ForwardStages};
-use crate::frame::plan::Modes;
+use crate::frame::plan::{Modes, Rare};
 use crate::gradients::Wanted;
 use crate::vulkan::{BufferPart, BufferRef, Device, Pipeline, TexelFormat, vk};
 
@@ -18,8 +18,8 @@ pub struct FrameBindings {
     pub(super) status: BufferPart,
     pub(super) bin_bits: BufferPart,
     pub(super) tile_counts: BufferPart,
-    /// The modes and the lanes of bin_coarse that its kernels were compiled for.
-    kernels: (Modes, u32),
+    /// The modes and the lanes of bin_coarse that its kernels were compiled for, and which of the rare ones there are.
+    kernels: (Modes, u32, Rare),
     /// Whether the kernel of tiles without lists was compiled.
     walks: bool,
     /// Bytes bound.
@@ -37,7 +37,8 @@ pub struct GradientBindings {
     pub(super) wanted: Wanted,
     /// The buffers that are cleared first if only the device knows how many triangles there are.
     pub(super) cleared: Vec<BufferPart>,
-    modes: Modes,
+    /// The modes that its kernels were compiled for, and whether those for large boxes are there.
+    kernels: (Modes, bool),
     ranges: Sizes,
     frame_ranges: Sizes,
 }
@@ -136,6 +137,10 @@ fn fits(sizes: &Sizes, ranges: &Sizes, same_kernels: bool) -> Result<()> {
     }
 }
 
+fn kernels_of(plan: &FramePlan) -> (Modes, u32, Rare) {
+    (plan.forward.modes, plan.forward.coarse_lanes, plan.forward.rare)
+}
+
 impl FrameBindings {
     pub(super) fn new(
         device: &Device,
@@ -149,7 +154,7 @@ impl FrameBindings {
             status: get(&parts, BufferId::Status)?.clone(),
             bin_bits: get(&parts, BufferId::BinBits)?.clone(),
             tile_counts: get(&parts, BufferId::TileCounts)?.clone(),
-            kernels: (plan.forward.modes, plan.forward.coarse_lanes),
+            kernels: kernels_of(plan),
             walks: plan.forward.walks.needed,
             ranges: ranges_of(&parts),
             parts,
@@ -166,7 +171,7 @@ impl FrameBindings {
     /// # Errors
     /// [`Error::Host`] naming the buffer that is too small, or that the kernels are compiled for other modes.
     pub fn fits(&self, plan: &FramePlan) -> Result<()> {
-        fits(&plan.forward.sizes, &self.ranges, (plan.forward.modes, plan.forward.coarse_lanes) == self.kernels)?;
+        fits(&plan.forward.sizes, &self.ranges, kernels_of(plan) == self.kernels)?;
         if plan.forward.walks.needed && !self.walks {
             let what = "the bindings were made for a plan whose lists have room for all that there can be".into();
             return host_error(what, "bind buffers for this plan");
@@ -194,7 +199,7 @@ impl GradientBindings {
             vertex_gradients: get(BufferId::VertexGradients)?,
             wanted: plan.wanted,
             cleared: cleared.into_iter().filter_map(|id| parts.get(id).cloned()).collect(),
-            modes: plan.backward.modes,
+            kernels: (plan.backward.modes, plan.backward.large),
             ranges: ranges_of(parts),
             frame_ranges: frame.ranges,
         })
@@ -205,7 +210,7 @@ impl GradientBindings {
     /// # Errors
     /// [`Error::Host`] naming the buffer that is too small, or that the kernels are compiled for other modes.
     pub fn fits(&self, plan: &GradientPlan) -> Result<()> {
-        fits(&plan.frame_sizes, &self.frame_ranges, plan.backward.modes == self.modes)?;
+        fits(&plan.frame_sizes, &self.frame_ranges, (plan.backward.modes, plan.backward.large) == self.kernels)?;
         fits(&plan.backward.sizes, &self.ranges, true)
     }
 }
@@ -218,6 +223,6 @@ impl std::fmt::Debug for FrameBindings {
 
 impl std::fmt::Debug for GradientBindings {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("GradientBindings").field("modes", &self.modes).finish_non_exhaustive()
+        f.debug_struct("GradientBindings").field("kernels", &self.kernels).finish_non_exhaustive()
     }
 }

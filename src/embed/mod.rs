@@ -72,6 +72,8 @@ use crate::error::{Error, Result};
 use crate::frame::buffers::Parts;
 use crate::frame::passes::{self, BACKWARD_COUNT, BackwardStage, FORWARD_COUNT, ForwardStage};
 use crate::frame::pipelines::{Pipelines, Request};
+#[cfg(feature = "renderer")]
+use crate::frame::plan::Rare;
 use crate::scene::Settings;
 use crate::vulkan::{Device, Pipeline, PipelineCache, Recorder, TimestampPool};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -134,8 +136,8 @@ impl Rasterizer {
 
     /// A plan for a program that looks at the status of every frame: see [`FramePlan::of`].
     #[cfg(feature = "renderer")]
-    pub(crate) fn plan_walked(&self, shape: &Shape, settings: &Settings, walked: bool) -> Result<FramePlan> {
-        FramePlan::of(self.device.limits(), self.device.kind(), shape, settings, walked)
+    pub(crate) fn plan_with(&self, shape: &Shape, settings: &Settings, rare: Rare) -> Result<FramePlan> {
+        FramePlan::of(self.device.limits(), self.device.kind(), shape, settings, rare)
     }
 
     /// Plans the gradients of a planned frame: [`GradientPlan::new`].

@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::frame::buffers::Entry;
 use crate::frame::buffers::{BufferId, Role, Sizes};
 use crate::frame::pack::{MeshLayout, TableLayout};
-use crate::frame::plan::{BackwardInput, BackwardPlan, Capacity, ForwardPlan, PlanInput, validate_views};
+use crate::frame::plan::{BackwardInput, BackwardPlan, Capacity, ForwardPlan, PlanInput, Rare, validate_views};
 use crate::gradients::Wanted;
 use crate::scene::{Lights, Outputs, Settings, Shading};
 use crate::vulkan::{BufferDesc, BufferRef, DeviceKind, Limits, Location, TexelFormat, vk};
@@ -156,17 +156,17 @@ impl FramePlan {
     /// [`Error::Scene`], [`Error::Settings`], [`Error::Light`] for invalid input, [`Error::Limit`] for a frame that exceeds
     /// what this device supports.
     pub fn new(limits: &Limits, kind: DeviceKind, shape: &Shape, settings: &Settings) -> Result<Self> {
-        Self::of(limits, kind, shape, settings, true)
+        Self::of(limits, kind, shape, settings, Rare::ALL)
     }
 
-    /// The same. Unless `walked` the kernels that find again what had no room in a list are neither compiled nor recorded, and
-    /// a frame is incomplete where [`Status::is_complete`](super::Status::is_complete) says so.
+    /// The same with these of the kernels that few frames need. The others are neither compiled nor recorded, and a frame is
+    /// incomplete where [`Status::is_complete`](super::Status::is_complete) says so.
     pub(crate) fn of(
         limits: &Limits,
         kind: DeviceKind,
         shape: &Shape,
         settings: &Settings,
-        walked: bool,
+        rare: Rare,
     ) -> Result<Self> {
         settings.validate()?;
         validate(shape)?;
@@ -188,7 +188,7 @@ impl FramePlan {
             capacity,
             save: settings.save,
             loop_passes,
-            walked,
+            rare,
         })?;
         let buffers = requirements(limits, &forward.sizes)?;
         if shape.lights.shading == Shading::Smooth {
@@ -256,8 +256,8 @@ impl FramePlan {
 
     /// Whether [`of`](Self::of) made it for this shape.
     #[cfg(feature = "renderer")]
-    pub(crate) fn is_of(&self, shape: &Shape, walked: bool) -> bool {
-        self.shape == *shape && self.forward.walks.wanted == walked
+    pub(crate) fn is_of(&self, shape: &Shape, rare: Rare) -> bool {
+        self.shape == *shape && self.forward.rare == rare
     }
 
     /// The content of the buffer `view_shapes`: for each view its mesh, and its ranges in the frame's buffers

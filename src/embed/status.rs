@@ -14,6 +14,10 @@ pub struct Status {
     pub not_finite: bool,
     /// Tiles whose lists had no room, or were longer than the device's loops walk.
     pub(crate) walked_tiles: u32,
+    /// Tiles with a list that have a triangle too thin for forward_soft.
+    pub(crate) thin_tiles: u32,
+    /// A triangle's box has more pixels than LARGE_BOX, in a saved frame.
+    pub(crate) large_boxes: bool,
 }
 
 impl Status {
@@ -40,14 +44,22 @@ impl Status {
             },
             not_finite: word(c::STATUS_NOT_FINITE) != 0,
             walked_tiles: word(c::STATUS_WALKED_TILES),
+            thin_tiles: word(c::STATUS_THIN_TILES),
+            large_boxes: word(c::STATUS_LARGE_BOXES) != 0,
         }
     }
 
-    /// Whether the frame has everything, in lists or found again.
+    /// Whether all lists had room.
+    #[cfg(feature = "renderer")]
+    pub(crate) fn had_room(&self, plan: &FramePlan) -> bool {
+        self.walked_tiles == 0 && self.needed.cells <= plan.forward.push.cell_capacity
+    }
+
+    /// Whether the frame has everything, by kernels that it was planned with.
     #[cfg(feature = "renderer")]
     pub(crate) fn is_complete(&self, plan: &FramePlan) -> bool {
-        let had_room = self.walked_tiles == 0 && self.needed.cells <= plan.forward.push.cell_capacity;
-        had_room || plan.forward.walks.wanted
+        let rare = plan.forward.rare;
+        (rare.walked || self.had_room(plan)) && (rare.thin || self.thin_tiles == 0) && (rare.large || !self.large_boxes)
     }
 
     /// The frame of this plan holds; what is returned is the capacity to plan further ones with, so that they are faster,

@@ -11,9 +11,9 @@ pub use frame::{Frame, FrameCounts, StageTime};
 use crate::constants as c;
 use crate::embed::{BufferRequirement, Rasterizer, Shape};
 use crate::error::{Error, Result};
-use crate::frame::plan::Capacity;
+use crate::frame::plan::{Capacity, Rare};
 use crate::scene::{Camera, Scene, Settings};
-use crate::vulkan::{CacheFolder, Context, ContextOptions, DeviceInfo, Loader};
+use crate::vulkan::{CacheFolder, Context, ContextOptions, DeviceInfo, DeviceKind, Loader};
 use slot::Slot;
 
 /// How to open a renderer.
@@ -60,9 +60,10 @@ pub struct Renderer {
     initial: Option<Capacity>,
     /// What the frames so far had or would have needed.
     capacity: Option<Capacity>,
-    /// Whether lists are walked that have no room: once a frame has needed more than the device can hold. The kernels for it
-    /// take as long to compile as all others together, so that a frame that has too little room is rendered again instead.
-    walked: bool,
+    /// The kernels that a frame has needed so far, of those that few frames need: they take as long to compile as all others
+    /// together, so that the first frame that needs one is rendered again. Lists are walked that have no room once a frame
+    /// has needed more than the device can hold.
+    rare: Rare,
 }
 
 /// What all frames of a renderer share.
@@ -112,6 +113,9 @@ impl Renderer {
         if let Some(lanes) = options.lanes {
             rasterizer = rasterizer.with_lanes(lanes)?;
         }
+        // Of other devices no box is so small that one lane takes it alone wherever it is.
+        let large = context.device().kind() != DeviceKind::Software;
+        let rare = Rare { walked: options.capacity.is_some(), thin: false, large };
         let shared = Shared { rasterizer, context, memory: options.memory };
         Ok(Self {
             slots: vec![Slot::new(&shared.context)?],
@@ -121,7 +125,7 @@ impl Renderer {
             timed: false,
             backward_timings: Vec::new(),
             initial: options.capacity,
-            walked: options.capacity.is_some(),
+            rare,
             capacity: None,
         })
     }
@@ -187,7 +191,7 @@ impl Renderer {
         shape.capacity = self.initial.take().or(self.capacity.map(estimated));
         self.latest = self.take_slot(&shape, settings)?;
         let plan = loop {
-            let plan = self.slots[self.latest].plan(&self.shared, &shape, settings, self.walked)?;
+            let plan = self.slots[self.latest].plan(&self.shared, &shape, settings, self.rare)?;
             self.with_room(self.latest, |slot, shared, taken| slot.make_room(shared, &plan, taken))?;
             let slot = &mut self.slots[self.latest];
             let status = slot.execute(&self.shared, scene, cameras, settings, &plan, self.timed)?;
@@ -198,7 +202,9 @@ impl Renderer {
                 self.capacity = Some(self.capacity.map_or(larger, |capacity| capacity.max(larger)));
                 break plan;
             }
-            self.walked = larger.is_none();
+            self.rare.walked |= !status.had_room(&plan) && larger.is_none();
+            self.rare.thin |= status.thin_tiles > 0;
+            self.rare.large |= status.large_boxes;
             shape.capacity = larger.or(shape.capacity);
         };
         let slot = &mut self.slots[self.latest];
@@ -228,8 +234,8 @@ impl Renderer {
     /// The slot for the next frame, which no living frame owns: one that held a frame of the same plan, if there is one.
     fn take_slot(&mut self, shape: &Shape, settings: &Settings) -> Result<usize> {
         self.rendered += 1;
-        let walked = self.walked;
-        let same = |slot: &Slot| slot.is_free() && slot.is_planned(shape, settings, walked);
+        let rare = self.rare;
+        let same = |slot: &Slot| slot.is_free() && slot.is_planned(shape, settings, rare);
         let found = self.slots.iter().position(same).or_else(|| self.slots.iter().position(Slot::is_free));
         let at = found.map_or_else(
             || {

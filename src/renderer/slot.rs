@@ -9,6 +9,7 @@ use crate::error::Result;
 use crate::frame::buffers::{BufferId, BufferSet, Entry, Role};
 use crate::frame::pack::Changes;
 use crate::frame::passes::{FORWARD_TIMESTAMPS, ForwardStage};
+use crate::frame::plan::Rare;
 use crate::scene::{Camera, Scene, Settings};
 use crate::vulkan::{CommandBuffer, Context, TimestampPool};
 use std::sync::Arc;
@@ -80,8 +81,8 @@ impl Slot {
     }
 
     /// Whether the latest plan is the one of this frame.
-    pub(super) fn is_planned(&self, shape: &Shape, settings: &Settings, walked: bool) -> bool {
-        self.planned.as_ref().is_some_and(|(of, plan)| of == settings && plan.is_of(shape, walked))
+    pub(super) fn is_planned(&self, shape: &Shape, settings: &Settings, rare: Rare) -> bool {
+        self.planned.as_ref().is_some_and(|(of, plan)| of == settings && plan.is_of(shape, rare))
     }
 
     /// The latest plan if nothing that it depends on has changed, else a new one.
@@ -90,16 +91,16 @@ impl Slot {
         shared: &Shared,
         shape: &Shape,
         settings: &Settings,
-        walked: bool,
+        rare: Rare,
     ) -> Result<Arc<FramePlan>> {
         self.saved = None;
         if let Some((planned_for, plan)) = &self.planned
             && planned_for == settings
-            && plan.is_of(shape, walked)
+            && plan.is_of(shape, rare)
         {
             return Ok(plan.clone());
         }
-        let plan = Arc::new(shared.rasterizer.plan_walked(shape, settings, walked)?);
+        let plan = Arc::new(shared.rasterizer.plan_with(shape, settings, rare)?);
         self.planned = Some((settings.clone(), plan.clone()));
         Ok(plan)
     }

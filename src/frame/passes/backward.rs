@@ -119,7 +119,19 @@ impl BackwardStage {
 
     /// Whether a plan may record it.
     pub fn is_needed(self, plan: &BackwardPlan) -> bool {
-        self != S::Long || plan.long_turns > 0
+        match self {
+            S::PixelGrad | S::Cull | S::VertexGrad => true,
+            S::Shown => plan.shades() && plan.large,
+            S::ShownSmall => plan.shades(),
+            S::Outline => plan.outlines() && plan.large,
+            S::OutlineSmall => plan.outlines(),
+            S::Long => plan.long_turns > 0,
+            S::TriangleGrad => plan.sums_corners(),
+            S::VertexNormalGrad => plan.sums_corners() && plan.modes.smooth != 0,
+            S::ReduceViews => plan.has(c::GRADIENT_VIEW | c::GRADIENT_SCALARS),
+            S::ReduceLights => plan.has(c::GRADIENT_LIGHTS),
+            S::ReducePixels => plan.has(c::GRADIENT_BACKGROUND | c::GRADIENT_SCALARS),
+        }
     }
 
     /// The buffer that a binding stands for in this stage, where stages of one kernel bind different buffers.
@@ -164,10 +176,7 @@ pub fn record_backward(
     times: Option<&TimestampPool>,
 ) -> Result<()> {
     let groups = &plan.groups;
-    let items = |offset: u32, needed: bool| {
-        let rows = if needed { plan.item_rows } else { 0 };
-        Work::List(List::of_rows(rows, 0, item_counts, c::ITEM_COUNT_WORDS, offset))
-    };
+    let items = |offset: u32| Work::List(List::of_rows(plan.item_rows, 0, item_counts, c::ITEM_COUNT_WORDS, offset));
     // `totals` holds the sums of the views, then of the lights with the ambient one, then of the pixels.
     let (lights, pixels) = (plan.push.view_count, plan.push.view_count + plan.push.light_count + 1);
     recorder.begin_label("softras backward");
@@ -177,6 +186,10 @@ pub fn record_backward(
     recorder.barrier();
     stamp(recorder, times, 0)?;
     for stage in S::ALL {
+        if !stage.is_needed(plan) {
+            stamp(recorder, times, stage as u32 + 1)?;
+            continue;
+        }
         let mut push = plan.push;
         let work = match stage {
             // The background's gradients need every pixel, all others only the tiles that have a list.
@@ -185,11 +198,11 @@ pub fn record_backward(
             }
             S::PixelGrad => Work::Groups(groups.pixel_grad),
             S::Cull => Work::Groups(groups.backward_cull),
-            S::Shown => items(c::ITEMS_SHOWN, plan.shades()),
-            S::ShownSmall => items(c::ITEMS_SHOWN + c::ITEMS_SMALL, plan.shades()),
-            S::Outline => items(c::ITEMS_OUTLINE, plan.outlines()),
-            S::OutlineSmall => items(c::ITEMS_OUTLINE + c::ITEMS_SMALL, plan.outlines()),
-            S::Long => items(c::ITEMS_LONG, plan.long_turns > 0),
+            S::Shown => items(c::ITEMS_SHOWN),
+            S::ShownSmall => items(c::ITEMS_SHOWN + c::ITEMS_SMALL),
+            S::Outline => items(c::ITEMS_OUTLINE),
+            S::OutlineSmall => items(c::ITEMS_OUTLINE + c::ITEMS_SMALL),
+            S::Long => items(c::ITEMS_LONG),
             S::TriangleGrad => Work::Groups(groups.triangle_grad),
             S::VertexNormalGrad => Work::Groups(groups.vertex_normal_grad),
             S::VertexGrad => Work::Groups(groups.vertex_grad),

@@ -87,6 +87,7 @@ impl ForwardStage {
         let soft = plan.modes.soft != 0;
         match self {
             Self::ForwardSoft => soft,
+            Self::Forward => !soft || plan.rare.thin,
             Self::ForwardSoftLong => soft && plan.walks.needed,
             Self::ForwardLong => plan.walks.needed,
             _ => true,
@@ -147,7 +148,7 @@ pub fn record_forward(
             ForwardStage::BinFine => Work::Groups(groups.bin_fine),
             ForwardStage::Background => tiles(true, count, c::TILES_EMPTY),
             ForwardStage::ForwardSoft => tiles(soft, 0, c::TILES_FILLED),
-            ForwardStage::Forward if soft => tiles(true, 2 * count, c::TILES_GENERAL),
+            ForwardStage::Forward if soft => tiles(plan.rare.thin, 2 * count, c::TILES_GENERAL),
             ForwardStage::Forward => tiles(true, 0, c::TILES_FILLED),
             ForwardStage::ForwardSoftLong | ForwardStage::ForwardLong => {
                 push.number = c::ONE_TURN;

@@ -176,7 +176,7 @@ pub fn small_lanes(device: &Device, lanes: u32) -> u32 {
 /// their pixels are less work and their lists are uneven.
 pub fn small_pixels(device: &Device, lanes: u32) -> [u32; 2] {
     match device.kind() {
-        DeviceKind::Software => [1024, 1024],
+        DeviceKind::Software => [c::LARGE_BOX; 2],
         _ => [256 / lanes, 2048 / lanes],
     }
 }

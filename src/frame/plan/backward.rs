@@ -43,6 +43,8 @@ pub struct BackwardPlan {
     pub groups: BackwardGroups,
     /// Rows of FORWARD_ROW items, each with an indirect dispatch of its own; 0 if only sums over pixels are wanted.
     pub item_rows: u32,
+    /// Whether items of large boxes are processed; if not, the frame has none.
+    pub large: bool,
     /// Turns in which the further cells of triangles are processed that found no room; 0 where there can be none.
     pub long_turns: u32,
     /// Rows of tiles with a list that the pixel gradient runs over; 0 if it runs over all pixels, or not at all.
@@ -106,9 +108,14 @@ fn rows_of(groups: u64, y: u32) -> [u32; 3] {
 }
 
 impl BackwardPlan {
-    /// Whether a GRADIENT_ bit is set.
-    pub fn has(&self, flag: u32) -> bool {
-        self.modes.gradients & flag != 0
+    /// Whether one of these GRADIENT_ bits is set.
+    pub fn has(&self, flags: u32) -> bool {
+        self.modes.gradients & flags != 0
+    }
+
+    /// Whether gradients are carried to the triangles' corners before they are summed over vertices, views or lights.
+    pub fn sums_corners(&self) -> bool {
+        self.has(!(c::GRADIENT_BACKGROUND | c::GRADIENT_TEXEL)) && self.modes.per_vertex == 0
     }
 
     /// Whether a shaded image has an upstream gradient, so that there are items visible in it.
@@ -153,6 +160,7 @@ impl BackwardPlan {
             sizes: Sizes::of_gradients(&counts_of(input, &modes)),
             groups: groups_of(input, &modes, sum_views, sum_pixels),
             item_rows: if triangles { item_rows(input) as u32 } else { 0 },
+            large: forward.rare.large,
             long_turns: if triangles { long_turns(forward) } else { 0 },
             tile_rows: if triangles && !sum_pixels { forward.totals.tile_rows() as u32 } else { 0 },
             light_rows: light_rows as u32,
@@ -196,7 +204,7 @@ fn item_rows(input: &BackwardInput) -> u64 {
 fn long_turns(forward: &ForwardPlan) -> u32 {
     let cells = image_cells(forward);
     let all = forward.totals.records * u64::from(cells - 1);
-    if all <= forward.push.cell_capacity.into() || !forward.walks.wanted {
+    if all <= forward.push.cell_capacity.into() || !forward.rare.walked {
         0
     } else {
         (cells - 1).div_ceil(c::CELLS_PER_TURN)

@@ -19,12 +19,14 @@ mod backward;
 mod capacity;
 mod frame;
 mod modes;
+mod rare;
 mod walk;
 
 pub use backward::{BackwardGroups, BackwardInput, BackwardPlan};
 pub use capacity::Capacity;
 pub use frame::{FramePush, split};
 pub use modes::{DepthSpan, Modes, Sampling};
+pub use rare::Rare;
 pub use walk::Walks;
 
 use crate::constants as c;
@@ -68,6 +70,8 @@ pub struct ForwardPlan {
     pub modes: Modes,
     /// The least number of lanes that bin_coarse may have.
     pub coarse_lanes: u32,
+    /// The kernels that few frames need.
+    pub rare: Rare,
     /// How tiles are processed whose lists have no room.
     pub walks: Walks,
     /// Each view's range in the buffers.
@@ -115,8 +119,8 @@ pub struct PlanInput<'a> {
     pub save: bool,
     /// Passes of all loops of an invocation together that the device is trusted with.
     pub loop_passes: u32,
-    /// Whether what finds no room in a list is found again where it is needed; if not, a frame may be incomplete.
-    pub walked: bool,
+    /// The kernels that few frames need; without one of them a frame may be incomplete.
+    pub rare: Rare,
 }
 
 impl ForwardPlan {
@@ -136,7 +140,7 @@ impl ForwardPlan {
         let modes = Modes::new(input);
         let coarse_lanes = coarse_lanes(&views);
         frame.record_count = totals.records as u32;
-        let walks = Walks::new(input.walked, &frame, &views, &totals, input.loop_passes);
+        let walks = Walks::new(input.rare.walked, &frame, &views, &totals, input.loop_passes);
         let sizes = Sizes::of_frame(&counts_of(input, &frame, &modes, totals, walks));
         let most = |f: fn(&ViewSize) -> u32| input.views.iter().map(f).max().unwrap_or(0);
         let count = input.views.len() as u32;
@@ -148,7 +152,7 @@ impl ForwardPlan {
             bin_coarse: bins,
             bin_fine: bins,
         };
-        Ok(Self { push: frame, modes, coarse_lanes, walks, views, sizes, groups, totals })
+        Ok(Self { push: frame, modes, coarse_lanes, rare: input.rare, walks, views, sizes, groups, totals })
     }
 }
 

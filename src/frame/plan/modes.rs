@@ -204,7 +204,7 @@ impl Modes {
             soft: u32::from(is_soft(s) && depth_range == c::DEPTH_RANGE_INSIDE && !input.sampling.opacity),
             opacity: u32::from(input.sampling.opacity),
             loop_passes: input.loop_passes,
-            walks: u32::from(input.walked),
+            walks: u32::from(input.rare.walked),
             ..Self::default()
         }
     }

@@ -4,7 +4,8 @@
 use softras::internals::buffers::{BufferId, TableLengths};
 use softras::internals::constants as c;
 use softras::internals::plan::{
-    BackwardGroups, BackwardInput, BackwardPlan, Capacity, DepthSpan, ForwardPlan, PlanInput, Sampling, ViewSize, split,
+    BackwardGroups, BackwardInput, BackwardPlan, Capacity, DepthSpan, ForwardPlan, PlanInput, Rare, Sampling, ViewSize,
+    split,
 };
 use softras::scene::{Background, Distance, Outputs, Parity, Shading};
 use softras::{Error, Lights, Settings, Wanted};
@@ -36,7 +37,7 @@ fn input<'a>(settings: &'a Settings, views: &'a [ViewSize], lights: &'a Lights) 
         capacity: CAPACITY,
         save: true,
         loop_passes: u32::MAX,
-        walked: true,
+        rare: Rare::ALL,
     }
 }
 

@@ -7,7 +7,7 @@ use softras::{
     fit::ImageLoss,
     internals::buffers::{BufferId, TableLengths},
     internals::constants as c,
-    internals::plan::{Capacity, DepthSpan, ForwardPlan, PlanInput, Sampling, ViewSize},
+    internals::plan::{Capacity, DepthSpan, ForwardPlan, PlanInput, Rare, Sampling, ViewSize},
     scene::Outputs,
 };
 
@@ -168,7 +168,7 @@ fn plan(settings: &Settings, views: &[ViewSize], crosses_near: bool) -> softras:
         capacity: Capacity::estimate(settings, settings.cutoff(), views),
         save: true,
         loop_passes: u32::MAX,
-        walked: true,
+        rare: Rare::ALL,
     })
 }
 
@@ -191,7 +191,7 @@ fn frames_for_looking_at_have_no_buffers_for_gradients() {
             capacity: Capacity::estimate(&settings, settings.cutoff(), &views),
             save,
             loop_passes: u32::MAX,
-            walked: true,
+            rare: Rare::ALL,
         };
         ForwardPlan::new(&input).unwrap().sizes
     };
