@@ -1,5 +1,6 @@
 //! The values of a module's constants, and the arithmetic of the operations on them.
 
+use super::ids::Ids;
 use super::{Instruction, made, opcode};
 use spirv::{Decoration, Op};
 use std::collections::HashMap;
@@ -15,6 +16,10 @@ pub(super) struct Constants {
     given: HashMap<u32, u32>,
     /// The type of bools.
     bool_type: Option<u32>,
+    /// The ids of scalars by type and value, and of undefined values by type.
+    known: HashMap<(u32, Option<u32>), u32>,
+    /// Instructions that define further ones.
+    pub made: Vec<Instruction>,
 }
 
 impl Constants {
@@ -61,11 +66,42 @@ impl Constants {
         };
         let Some(value) = value else { return };
         self.scalars.insert(id, value);
-        *instruction = match (self.bool_type == Some(kind), value) {
+        self.known.insert((kind, Some(value)), id);
+        *instruction = self.defined(kind, id, value);
+    }
+
+    fn defined(&self, kind: u32, id: u32, value: u32) -> Instruction {
+        match (self.bool_type == Some(kind), value) {
             (true, 0) => made(Op::ConstantFalse, &[kind, id]),
             (true, _) => made(Op::ConstantTrue, &[kind, id]),
             (false, _) => made(Op::Constant, &[kind, id, value]),
-        };
+        }
+    }
+
+    /// The id of a scalar.
+    pub(super) fn id_of(&mut self, kind: u32, value: u32, ids: &mut Ids) -> u32 {
+        if let Some(&id) = self.known.get(&(kind, Some(value))) {
+            return id;
+        }
+        let id = ids.fresh();
+        self.note(id, value);
+        self.known.insert((kind, Some(value)), id);
+        self.made.push(self.defined(kind, id, value));
+        id
+    }
+
+    /// The id of a value that was never set.
+    pub(super) fn undefined(&mut self, kind: u32, ids: &mut Ids) -> u32 {
+        *self.known.entry((kind, None)).or_insert_with(|| {
+            let id = ids.fresh();
+            self.made.push(made(Op::Undef, &[kind, id]));
+            id
+        })
+    }
+
+    /// Notes the value of a scalar.
+    pub(super) fn note(&mut self, id: u32, value: u32) {
+        self.scalars.insert(id, value);
     }
 
     /// Notes the results of a function's instructions that depend on constants alone.
@@ -80,8 +116,16 @@ impl Constants {
         }
     }
 
+    /// The result of an instruction if an id that is not known otherwise has a value.
+    pub(super) fn value_with(&mut self, id: u32, value: u32, instruction: &Instruction) -> Option<u32> {
+        self.note(id, value);
+        let result = self.value_of(opcode(instruction)?, &instruction[3..]);
+        self.scalars.remove(&id);
+        result
+    }
+
     /// The result of an operation on scalars of 32 bits and bools; `None` for other operations and where it is not known.
-    fn value_of(&self, op: Op, operands: &[u32]) -> Option<u32> {
+    pub(super) fn value_of(&self, op: Op, operands: &[u32]) -> Option<u32> {
         let known: Vec<Option<u32>> = operands.iter().map(|id| self.scalar(*id)).collect();
         match (op, operands, &known[..]) {
             (Op::CompositeExtract, &[composite, member], _) => {
@@ -98,6 +142,7 @@ impl Constants {
             (Op::LogicalOr, _, [Some(1), _] | [_, Some(1)]) => Some(1),
             (Op::LogicalNot, _, &[Some(a)]) => Some(1 - a.min(1)),
             (Op::Not, _, &[Some(a)]) => Some(!a),
+            (Op::Bitcast, _, &[Some(a)]) => Some(a),
             (_, _, &[Some(a), Some(b)]) => value_of_two(op, a, b),
             _ => None,
         }

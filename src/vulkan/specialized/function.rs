@@ -1,28 +1,29 @@
 //! A function of a module as blocks, and which of them can run.
 
 use super::constants::Constants;
+use super::ids::{resolved, result};
 use super::{Instruction, made, opcode};
 use spirv::Op;
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 /// A basic block: its label, its instructions, and the branch at its end.
-struct Block {
-    label: u32,
-    body: Vec<Instruction>,
+#[derive(Clone)]
+pub(super) struct Block {
+    pub label: u32,
+    pub body: Vec<Instruction>,
 }
 
 /// A function: what stands before its first block, and its blocks in order.
+#[derive(Clone)]
 pub(super) struct Function {
-    head: Vec<Instruction>,
-    blocks: Vec<Block>,
-    /// Results of instructions that were removed.
-    removed: Vec<u32>,
+    pub head: Vec<Instruction>,
+    pub blocks: Vec<Block>,
 }
 
 impl Function {
     /// Takes the instructions up to the end of a function.
     pub(super) fn parse(instructions: &mut impl Iterator<Item = Instruction>) -> Self {
-        let mut function = Self { head: Vec::new(), blocks: Vec::new(), removed: Vec::new() };
+        let mut function = Self { head: Vec::new(), blocks: Vec::new() };
         for instruction in instructions {
             match (opcode(&instruction), function.blocks.last_mut()) {
                 (Some(Op::FunctionEnd), _) => break,
@@ -51,12 +52,7 @@ impl Function {
         self.head.iter().chain(self.bodies()).filter_map(|i| result(i)).chain(labels)
     }
 
-    /// The ids that are no longer defined since [`Function::cut`].
-    pub(super) fn removed_results(&self) -> impl Iterator<Item = u32> {
-        self.removed.iter().copied()
-    }
-
-    fn bodies(&self) -> impl Iterator<Item = &Instruction> {
+    pub(super) fn bodies(&self) -> impl Iterator<Item = &Instruction> {
         self.blocks.iter().flat_map(|block| &block.body)
     }
 
@@ -72,7 +68,6 @@ impl Function {
             ends.extend(block.merge().map(|label| (label, made(Op::Unreachable, &[]))));
             ends.extend(block.continues().map(|label| (label, made(Op::Branch, &[block.label]))));
         }
-        let before: Vec<u32> = self.all_results().collect();
         self.blocks.retain_mut(|block| {
             let end = ends.remove(&block.label);
             if !reached.contains(&block.label) {
@@ -82,9 +77,37 @@ impl Function {
             true
         });
         self.fix_phis();
-        let after: HashSet<u32> = self.all_results().collect();
-        self.removed = before.into_iter().filter(|id| !after.contains(id)).collect();
+        self.join();
         self
+    }
+
+    /// Joins each block to the one before if nothing else leads to or names it.
+    pub(super) fn join(&mut self) {
+        let mut named: HashMap<u32, usize> = HashMap::new();
+        for i in self.blocks.iter().flat_map(|block| &block.body[block.body.len().saturating_sub(2)..]) {
+            match opcode(i) {
+                Some(Op::Branch | Op::BranchConditional | Op::SelectionMerge | Op::LoopMerge) => {
+                    i[1..].iter().for_each(|id| *named.entry(*id).or_default() += 1);
+                }
+                _ => {}
+            }
+        }
+        let mut joined: Vec<Block> = Vec::with_capacity(self.blocks.len());
+        let mut renamed = HashMap::new();
+        for block in std::mem::take(&mut self.blocks) {
+            let follows = |last: &&mut Block| last.targets() == [block.label] && last.merge().is_none();
+            match joined.last_mut().filter(follows) {
+                Some(last) if named[&block.label] == 1 && opcode(&block.body[0]) != Some(Op::Phi) => {
+                    renamed.insert(block.label, last.label);
+                    last.body.pop();
+                    last.body.extend(block.body);
+                }
+                _ => joined.push(block),
+            }
+        }
+        self.blocks = joined;
+        let phis = self.blocks.iter_mut().flat_map(|block| &mut block.body).filter(|i| opcode(i) == Some(Op::Phi));
+        phis.for_each(|phi| phi[3..].chunks_exact_mut(2).for_each(|pair| pair[1] = resolved(&renamed, pair[1])));
     }
 
     /// The labels of the blocks that branches lead to from the first.
@@ -140,7 +163,7 @@ impl Block {
     }
 
     /// The labels that its end may branch to.
-    fn targets(&self) -> Vec<u32> {
+    pub(super) fn targets(&self) -> Vec<u32> {
         let Some(end) = self.body.last() else { return Vec::new() };
         match (opcode(end), &end[1..]) {
             (Some(Op::Branch), &[target]) => vec![target],
@@ -163,27 +186,4 @@ impl Block {
         let of_loop = self.body.iter().find(|i| opcode(i) == Some(Op::LoopMerge));
         of_loop.and_then(|i| i.get(2).copied())
     }
-}
-
-/// The id that an instruction of a function defines.
-fn result(instruction: &[u32]) -> Option<u32> {
-    let without = matches!(
-        opcode(instruction)?,
-        Op::Store
-            | Op::Branch
-            | Op::BranchConditional
-            | Op::Switch
-            | Op::Return
-            | Op::ReturnValue
-            | Op::Unreachable
-            | Op::SelectionMerge
-            | Op::LoopMerge
-            | Op::ControlBarrier
-            | Op::MemoryBarrier
-            | Op::AtomicStore
-            | Op::ImageWrite
-            | Op::CopyMemory
-            | Op::Nop
-    );
-    if without { None } else { instruction.get(2).copied() }
 }

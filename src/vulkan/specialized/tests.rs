@@ -2,9 +2,11 @@
 
 use super::constants::Constants;
 use super::function::Function;
-use super::{HEADER_WORDS, Instruction, instructions, made, opcode, specialized};
+use super::ids::{Ids, ids, result};
+use super::types::Types;
+use super::{BOUND, HEADER_WORDS, Instruction, instructions, made, opcode, specialized};
 use crate::vulkan::{Kernel, kernels};
-use spirv::{Decoration, Op};
+use spirv::{Decoration, Op, StorageClass};
 use std::collections::{HashMap, HashSet};
 
 const KERNELS: [&Kernel; 6] = [
@@ -54,7 +56,6 @@ fn what_is_switched_off_goes_and_what_is_on_stays() {
             off.len(),
             on.len()
         );
-        assert!(count(&off, Op::Function) < count(&on, Op::Function), "{}", kernel.name);
         assert_eq!(count(&on, Op::EntryPoint), 1);
     }
     // Its bool is whether to add an offset.
@@ -123,6 +124,121 @@ fn control_flow_stays_whole() {
     }
 }
 
+/// Every id is defined once, before it is used but by a phi, and below the bound; no name or decoration is left of what is gone.
+#[test]
+fn ids_are_defined_before_their_use() {
+    for kernel in KERNELS {
+        for value in [0, 1, 2, 8] {
+            let values = kernel.specialization.iter().map(|s| (s.id, value)).collect();
+            let words = specialized(kernel.spirv, &values);
+            let code = instructions(&words[HEADER_WORDS..]);
+            let first = code.iter().position(|i| opcode(i) == Some(Op::Function)).unwrap();
+            let labels = code.iter().filter(|i| opcode(i) == Some(Op::Label)).map(|i| i[1]);
+            let functions = code.iter().filter(|i| opcode(i) == Some(Op::Function)).map(|i| i[2]);
+            let mut defined: HashSet<u32> = labels.chain(functions).collect();
+            let of_labels = defined.len();
+            let globals = code[..first].iter().filter(|i| !matches!(opcode(i), Some(Op::Name | Op::Decorate)));
+            defined.extend(globals.flat_map(|i| i[1..i.len().min(3)].iter().copied()));
+            assert!(defined.len() > of_labels);
+            for mut i in code[first..].iter().cloned() {
+                let (op, own) = (opcode(&i).unwrap(), result(&i));
+                assert!(
+                    op == Op::Function || own.is_none_or(|id| defined.insert(id)),
+                    "{} at {value}: {i:?}",
+                    kernel.name
+                );
+                if op != Op::Phi {
+                    assert!(ids(&mut i).all(|id| defined.contains(id)), "{} at {value}: {i:?}", kernel.name);
+                }
+            }
+            assert!(defined.iter().all(|id| *id < words[BOUND]), "{}", kernel.name);
+            for i in code[..first].iter().filter(|i| matches!(opcode(i), Some(Op::Name | Op::Decorate))) {
+                assert!(defined.contains(&i[1]), "{} at {value}: {i:?}", kernel.name);
+            }
+        }
+    }
+}
+
+/// Calls are gone but for those of functions with several returns, and of the loops those with a known number of passes; what
+/// is precise stays so in every copy.
+#[test]
+fn calls_and_short_loops_are_written_out() {
+    let before = instructions(&kernels::TRIANGLE.spirv[HEADER_WORDS..]);
+    let after = all_at(&kernels::TRIANGLE, 1);
+    let precise = |code: &[Instruction]| {
+        let precise = |i: &&Instruction| opcode(i) == Some(Op::Decorate) && i[2] == Decoration::NoContraction as u32;
+        code.iter().filter(precise).count()
+    };
+    assert!(
+        count(&after, Op::FunctionCall) < 4 && 10 * count(&after, Op::FunctionCall) < count(&before, Op::FunctionCall)
+    );
+    assert!(2 * count(&after, Op::LoopMerge) < count(&before, Op::LoopMerge));
+    assert!(precise(&after) > 4 * precise(&before), "{} of {}", precise(&after), precise(&before));
+    assert!(4 * count(&after, Op::Load) < count(&before, Op::Load) * 3);
+}
+
+/// `int i = 0; float x = 1.0; for (; i < 3; ++i) x += x;` with what follows from it.
+#[test]
+fn a_loop_is_written_out_and_its_variables_are_values() {
+    let globals = [
+        made(Op::TypeBool, &[1]),
+        made(Op::TypePointer, &[4, StorageClass::Function as u32, 2]),
+        made(Op::TypePointer, &[5, StorageClass::Function as u32, 3]),
+    ];
+    let mut constants = Constants::new(&globals, &HashMap::new());
+    let types = Types::new(&globals, &constants);
+    for (id, value) in [(10, 0), (11, 1), (12, 3)] {
+        constants.freeze(&mut made(Op::Constant, &[2, id, value]));
+    }
+    let code = [
+        made(Op::Function, &[1, 6, 0, 7]),
+        made(Op::Label, &[20]),
+        made(Op::Variable, &[4, 30, StorageClass::Function as u32]),
+        made(Op::Variable, &[5, 31, StorageClass::Function as u32]),
+        made(Op::Store, &[30, 10]),
+        made(Op::Store, &[31, 13]),
+        made(Op::Branch, &[21]),
+        made(Op::Label, &[21]),
+        made(Op::LoopMerge, &[25, 24, 0]),
+        made(Op::Branch, &[22]),
+        made(Op::Label, &[22]),
+        made(Op::Load, &[2, 40, 30]),
+        made(Op::SLessThan, &[1, 41, 40, 12]),
+        made(Op::BranchConditional, &[41, 23, 25]),
+        made(Op::Label, &[23]),
+        made(Op::Load, &[3, 42, 31]),
+        made(Op::FAdd, &[3, 43, 42, 42]),
+        made(Op::Store, &[31, 43]),
+        made(Op::Branch, &[24]),
+        made(Op::Label, &[24]),
+        made(Op::Load, &[2, 44, 30]),
+        made(Op::IAdd, &[2, 45, 44, 11]),
+        made(Op::Store, &[30, 45]),
+        made(Op::Branch, &[21]),
+        made(Op::Label, &[25]),
+        made(Op::Load, &[3, 46, 31]),
+        made(Op::Load, &[2, 47, 30]),
+        made(Op::Store, &[99, 46]),
+        made(Op::Store, &[98, 47]),
+        made(Op::Return, &[]),
+        made(Op::FunctionEnd, &[]),
+    ];
+    let mut ids = Ids::new(100);
+    let promoted = |function: Function, constants: &mut Constants, ids: &mut Ids| {
+        function.promote(&types, constants, ids).cut(constants).into_instructions().collect::<Vec<_>>()
+    };
+    // As a loop it carries both on.
+    let kept = promoted(Function::parse(&mut code.iter().cloned()), &mut constants, &mut ids);
+    assert_eq!(kept, code);
+    let mut function = Function::parse(&mut code.into_iter());
+    function.unroll(&mut constants, &mut ids);
+    let written = promoted(function, &mut constants, &mut ids);
+    assert_eq!(count(&written, Op::LoopMerge) + count(&written, Op::Load) + count(&written, Op::Variable), 0);
+    let sums: Vec<&Instruction> = written.iter().filter(|i| opcode(i) == Some(Op::FAdd)).collect();
+    assert_eq!(sums.iter().map(|i| i[3]).collect::<Vec<_>>(), [13, sums[0][2], sums[1][2]]);
+    assert!(written.contains(&made(Op::Store, &[99, sums[2][2]])) && written.contains(&made(Op::Store, &[98, 12])));
+}
+
 /// `if (condition) { return; }` with a phi behind it: label 10 chooses between 11 and 12, and 12 joins both.
 fn choice() -> Vec<Instruction> {
     vec![
@@ -148,20 +264,18 @@ fn a_known_choice_becomes_a_branch_and_phis_follow() {
         let mut constants = Constants::new(&[made(Op::TypeBool, &[3])], &HashMap::new());
         constants.freeze(constant);
         let function = Function::parse(&mut choice().into_iter()).cut(&constants);
-        let removed: Vec<u32> = function.removed_results().collect();
-        (function.into_instructions().collect::<Vec<_>>(), removed)
+        function.into_instructions().collect::<Vec<_>>()
     };
-    let (code, removed) = cut(&mut on);
-    assert!(removed.is_empty());
-    assert_eq!(code[2], made(Op::Branch, &[11]));
-    assert!(code.contains(&made(Op::Phi, &[4, 21, 20, 11])));
-    let (code, removed) = cut(&mut off);
-    assert_eq!(removed, [20, 11]);
+    // What follows without another way in is one block.
+    let code = cut(&mut on);
+    assert_eq!(code[2], made(Op::FAdd, &[4, 20, 6, 6]));
+    assert!(code.contains(&made(Op::Phi, &[4, 21, 20, 10])));
+    let code = cut(&mut off);
     assert_eq!(code[2], made(Op::Branch, &[12]));
     assert!(code.contains(&made(Op::Phi, &[4, 21, 6, 10])));
     assert_eq!(count(&code, Op::FAdd), 0);
     // An unknown condition changes nothing.
-    assert_eq!(cut(&mut made(Op::Undef, &[3, 5])), (choice(), Vec::new()));
+    assert_eq!(cut(&mut made(Op::Undef, &[3, 5])), choice());
 }
 
 /// A loop that a known condition leaves at once keeps its way back, which nothing leads to any more.
@@ -191,9 +305,8 @@ fn a_loop_that_ends_at_once_stays_a_loop() {
     ];
     let mut constants = Constants::new(&[made(Op::TypeBool, &[3])], &HashMap::new());
     constants.freeze(&mut made(Op::ConstantTrue, &[3, 5]));
-    let cut = Function::parse(&mut code.into_iter()).cut(&constants);
-    assert_eq!(cut.removed_results().collect::<Vec<_>>(), [20, 21, 14]);
-    let cut: Vec<Instruction> = cut.into_instructions().collect();
+    let cut: Vec<Instruction> = Function::parse(&mut code.into_iter()).cut(&constants).into_instructions().collect();
+    assert_eq!(count(&cut, Op::IAdd), 0);
     assert_eq!(problems(&cut), [""; 0]);
     let way_back = [made(Op::Label, &[15]), made(Op::Branch, &[11])];
     assert!(cut.windows(2).any(|two| two == way_back));
