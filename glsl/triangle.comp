@@ -142,10 +142,11 @@ vec4 depth_record(Corners c, out float exponent) {
 // its cells a record has an empty range, and backward_long.comp finds them again.
 void write_cells(int record_index, ivec4 box) {
     ivec2 size = box.zw - box.xy + 1;
-    if (uint(size.x * size.y) > LARGE_BOX) {
+    uint more = uint(cells_of(box)) - 1u;
+    // backward_cull.comp takes further cells for large ones.
+    if (more > 0u || uint(size.x * size.y) > LARGE_BOX) {
         atomicOr(status[STATUS_LARGE_BOXES], 1u);
     }
-    uint more = uint(cells_of(box)) - 1u;
     // No box has so many that the sum of all could exceed 32 bits. A software device divides integers lane by lane.
     uint beyond;
     uint sum;

@@ -154,7 +154,7 @@ const uint STATUS_WHOLE = 7u;
 const uint STATUS_WALKED_TILES = 8u;
 // Word of `status`: tiles with a list that have a triangle too thin for forward_soft.
 const uint STATUS_THIN_TILES = 9u;
-// Word of `status`: not 0 when a triangle's box has more pixels than LARGE_BOX, in a frame that is saved.
+// Word of `status`: not 0 when a triangle's box has more pixels than LARGE_BOX or several cells, in a frame that is saved.
 const uint STATUS_LARGE_BOXES = 10u;
 // Number of words of `status`.
 const uint STATUS_WORDS = 11u;

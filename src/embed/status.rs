@@ -16,7 +16,7 @@ pub struct Status {
     pub(crate) walked_tiles: u32,
     /// Tiles with a list that have a triangle too thin for forward_soft.
     pub(crate) thin_tiles: u32,
-    /// A triangle's box has more pixels than LARGE_BOX, in a saved frame.
+    /// A triangle's box has more pixels than LARGE_BOX or several cells, in a saved frame.
     pub(crate) large_boxes: bool,
 }
 

@@ -8,7 +8,7 @@ pub struct Rare {
     pub walked: bool,
     /// Of a frame of the soft model, tiles with a triangle too thin for forward_soft are drawn by forward.
     pub thin: bool,
-    /// Backward processes boxes of more pixels than LARGE_BOX.
+    /// Backward processes boxes of more pixels than LARGE_BOX, and of several cells.
     pub large: bool,
 }
 
