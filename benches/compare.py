@@ -55,6 +55,7 @@ ROWS = [
     Row("spot 256 color+silhouette, LP_NUM_THREADS=0", "spot", 256, BOTH, environment={"LP_NUM_THREADS": "0"}),
 ]
 
+NPYZ = 'npyz = { version = "0.9", default-features = false, features = ["npz"] }'
 MANIFEST = """[package]
 name = "compare"
 version = "0.0.0"
@@ -63,7 +64,7 @@ edition = "2024"
 [dependencies]
 softras = {{ path = "{source}", default-features = false, features = [{features}] }}
 glam = "*"
-npyz = {{ version = "0.9", default-features = false, features = ["npz"] }}
+{arrays}
 
 [[bin]]
 name = "frames"
@@ -94,6 +95,7 @@ class Build:
             source = self.folder / "source"
             unpack(full, source)
         self.package = self.folder / "package"
+        laboratory = source / "crates" / "softras-lab"
         self.package.mkdir(parents=True, exist_ok=True)
         known = (source / "Cargo.toml").read_text()
         # Before there was a workspace, the renderer and the fits were no features.
@@ -101,6 +103,8 @@ class Build:
         (self.package / "Cargo.toml").write_text(
             MANIFEST.format(
                 source=source,
+                # What silhouette8 of the commit reads its task with.
+                arrays=f'softras-lab = {{ path = "{laboratory}" }}' if laboratory.is_dir() else NPYZ,
                 frames=HOME / "benches" / "compare" / "frames.rs",
                 features=", ".join(f'"{name}"' for name in features),
             )

@@ -7,7 +7,6 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use glam::DVec3;
-use npyz::npz::NpzArchive;
 use softras::fit::{
     ImageLoss, Method, Optimizer, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions, Targets, mask_iou,
     soft_target,
@@ -15,6 +14,7 @@ use softras::fit::{
 use softras::internals::fit::{CLOSED, Topology, laplacian_coordinates, regularize};
 use softras::scene::{Outputs, SilhouetteAggregation};
 use softras::{Camera, Image, ImageGradient, Lights, Mesh, Projection, Renderer, Scene, Settings, Wanted};
+use softras_lab::npy;
 use std::path::Path;
 use std::time::Instant;
 
@@ -71,12 +71,12 @@ struct Task {
 
 impl Task {
     fn read(path: &Path) -> Self {
-        let mut npz = NpzArchive::open(path).expect("a readable task.npz");
-        let mut floats = |key: &str| -> Vec<f32> {
-            npz.by_name(key).unwrap().unwrap_or_else(|| panic!("no {key}")).into_vec().unwrap()
+        let numbers = |key: &str| -> Vec<f64> {
+            npy::read_from_archive(path, key).expect("an array of the task").numbers().expect("numbers").iter().collect()
         };
+        let floats = |key: &str| -> Vec<f32> { numbers(key).into_iter().map(|x| x as f32).collect() };
         let (positions, targets, eyes) = (floats("init_pos"), floats("target_masks"), floats("eye"));
-        let faces: Vec<i32> = npz.by_name("init_faces").unwrap().expect("init_faces").into_vec().unwrap();
+        let faces = numbers("init_faces");
         let projection = Projection::Perspective { fov_y: 45f64.to_radians() };
         let camera = |eye: &[f32]| {
             let eye = DVec3::new(eye[0].into(), eye[1].into(), eye[2].into());

@@ -2,19 +2,19 @@
 
 use super::{Instruction, opcode};
 use spirv::Op;
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 /// New ids of a module.
 pub(super) struct Ids {
     /// One more than the largest.
     pub bound: u32,
     /// The ids that new ones are copies of, and have the decorations of.
-    origins: HashMap<u32, u32>,
+    origins: BTreeMap<u32, u32>,
 }
 
 impl Ids {
     pub(super) fn new(bound: u32) -> Self {
-        Self { bound, origins: HashMap::new() }
+        Self { bound, origins: BTreeMap::new() }
     }
 
     pub(super) fn fresh(&mut self) -> u32 {

@@ -131,6 +131,7 @@ fn ids_are_defined_before_their_use() {
         for value in [0, 1, 2, 8] {
             let values = kernel.specialization.iter().map(|s| (s.id, value)).collect();
             let words = specialized(kernel.spirv, &values);
+            assert_eq!(words, specialized(kernel.spirv, &values), "{}: the same again", kernel.name);
             let code = instructions(&words[HEADER_WORDS..]);
             let first = code.iter().position(|i| opcode(i) == Some(Op::Function)).unwrap();
             let labels = code.iter().filter(|i| opcode(i) == Some(Op::Label)).map(|i| i[1]);

@@ -15,13 +15,13 @@ fn images_of_the_official_equations_come_back() {
         let output = softras(folder.path(), &command);
         assert!(output.status.success(), "{:?}: {}", case.mode, String::from_utf8_lossy(&output.stderr));
         assert!(output.stderr.is_empty(), "no key is unknown: {}", String::from_utf8_lossy(&output.stderr));
-        let (shape, ours) = numpy::read::<f32>(&folder.path().join("out.npz"), "soft_colors");
+        let (shape, ours) = numpy::read(&folder.path().join("out.npz"), "soft_colors");
         assert_eq!(shape, [1, 4, official::SIZE, official::SIZE]);
         // A pixel at a jump of the model may fall on its other side.
-        let wrong = ours.iter().zip(&expected).filter(|(a, b)| (f64::from(**a) - **b).abs() > 2e-4).count();
+        let wrong = ours.iter().zip(&expected).filter(|(a, b)| (**a - **b).abs() > 2e-4).count();
         assert!(wrong <= 4, "{:?}: {wrong} of {} values differ", case.mode, ours.len());
         succeeds(folder.path(), &[&command[..], &["--device", "reference"]].concat());
-        let (_, truth) = numpy::read::<f64>(&folder.path().join("out.npz"), "soft_colors");
+        let (_, truth) = numpy::read(&folder.path().join("out.npz"), "soft_colors");
         let worst = truth.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         assert!(worst < 1e-9, "{:?}: the reference differs by {worst:e}", case.mode);
     }
@@ -64,11 +64,11 @@ fn types_orders_and_compression_change_nothing() {
     let said = succeeds(folder.path(), &["eval", "a.npz", "-o", "a_out.npz"]);
     assert_eq!(said.trim(), "a_out.npz: soft_colors [1, 4, 24, 24]");
     succeeds(folder.path(), &["eval", "b.npz", "-o", "b_out.npz"]);
-    let (_, a) = numpy::read::<f32>(&folder.path().join("a_out.npz"), "soft_colors");
-    assert_eq!(a, numpy::read::<f32>(&folder.path().join("b_out.npz"), "soft_colors").1);
+    let (_, a) = numpy::read(&folder.path().join("a_out.npz"), "soft_colors");
+    assert_eq!(a, numpy::read(&folder.path().join("b_out.npz"), "soft_colors").1);
     succeeds(folder.path(), &["eval", "a.npz", "-o", "truth.npz", "--device", "reference"]);
-    let (_, truth) = numpy::read::<f64>(&folder.path().join("truth.npz"), "soft_colors");
-    let worst = a.iter().zip(&truth).map(|(a, t)| (f64::from(*a) - t).abs()).fold(0.0, f64::max);
+    let (_, truth) = numpy::read(&folder.path().join("truth.npz"), "soft_colors");
+    let worst = a.iter().zip(&truth).map(|(a, t)| (a - t).abs()).fold(0.0, f64::max);
     assert!(worst < 2e-4, "{worst}");
     // Row 0 is the top: the second triangle's lower corner is cut by the lower border, the upper border is empty.
     assert!(
@@ -102,11 +102,11 @@ fn world_scenes_give_every_output_and_agree_with_the_reference() {
     succeeds(folder.path(), &["eval", "world.npz", "-o", "device.npz"]);
     succeeds(folder.path(), &["eval", "world.npz", "-o", "truth.npz", "--device", "reference"]);
     for (key, channels) in [("color", 3), ("silhouette", 0), ("depth", 0), ("normal", 3)] {
-        let (shape, ours) = numpy::read::<f32>(&device, key);
-        let (expected_shape, expected) = numpy::read::<f64>(&truth, key);
+        let (shape, ours) = numpy::read(&device, key);
+        let (expected_shape, expected) = numpy::read(&truth, key);
         assert_eq!(shape, expected_shape);
         assert_eq!(shape, [&[2, 12, 20][..], &[channels][..usize::from(channels > 0)]].concat());
-        let worst = ours.iter().zip(&expected).map(|(a, t)| (f64::from(*a) - t).abs()).fold(0.0, f64::max);
+        let worst = ours.iter().zip(&expected).map(|(a, t)| (a - t).abs()).fold(0.0, f64::max);
         assert!(worst < 1e-3 && expected.iter().any(|v| v.abs() > 0.2), "{key}: {worst}");
     }
     let json: serde_json::Value =

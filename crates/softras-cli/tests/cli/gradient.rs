@@ -43,10 +43,10 @@ fn gradients_of_the_official_equations_come_back() {
         let arguments = ["eval", "scene.npz", "-o", "out.npz", "--parity", "official", "--gradient", "paper"];
         succeeds(folder.path(), &[&arguments[..], &["--device", "reference"]].concat());
         let corners = case.gradient.corners.as_flattened().as_flattened();
-        let of_device = |key: &str| numpy::read::<f32>(&out, key).1.into_iter().map(f64::from).collect::<Vec<_>>();
+        let of_device = |key: &str| numpy::read(&out, key).1;
         for (key, expected) in [("grad_face_vertices", corners), ("grad_textures", case.gradient.colors.as_flattened())]
         {
-            let (shape, ours) = numpy::read::<f64>(&out, key);
+            let (shape, ours) = numpy::read(&out, key);
             assert_eq!((shape[..2].to_vec(), shape[3]), (vec![1, 8], 3), "{mode:?}: {key}");
             if expected.iter().all(|x| *x == 0.0) {
                 assert!(ours.iter().all(|x| *x == 0.0), "{mode:?}: {key} {ours:?}");
@@ -130,7 +130,7 @@ const DERIVATIVES: [(&str, &[usize]); 13] = [
 fn loss(folder: &Path, npz: Npz) -> f64 {
     npz.write(&folder.join("moved.npz"));
     succeeds(folder, &["eval", "moved.npz", "-o", "images.npz", "--device", "reference"]);
-    let image = |key| numpy::read::<f64>(&folder.join("images.npz"), key).1;
+    let image = |key| numpy::read(&folder.join("images.npz"), key).1;
     let dot = |image: Vec<f64>| image.iter().zip(numbers(image.len())).map(|(a, b)| a * b).sum::<f64>();
     ["color", "silhouette", "depth", "normal"].into_iter().map(|key| dot(image(key))).sum()
 }
@@ -141,7 +141,7 @@ fn world_gradients_are_the_derivatives_of_the_world_images() {
     let sigma = 1e-2;
     with_upstream(world(&SQUARE, sigma, 0.0)).write(&folder.path().join("world.npz"));
     succeeds(folder.path(), &["eval", "world.npz", "-o", "out.npz", "--gradient", "exact", "--device", "reference"]);
-    let read = |key: &str| numpy::read::<f64>(&folder.path().join("out.npz"), key);
+    let read = |key: &str| numpy::read(&folder.path().join("out.npz"), key);
     for (key, shape) in DERIVATIVES {
         let (ours, values) = read(key);
         assert_eq!(ours, shape, "{key}");
@@ -177,10 +177,9 @@ fn the_device_gives_the_references_world_gradients() {
         succeeds(folder.path(), &truth);
         succeeds(folder.path(), &["eval", "world.npz", "-o", "device.npz", "--gradient", mode]);
         for (key, _) in DERIVATIVES {
-            let (shape, ours) = numpy::read::<f32>(&folder.path().join("device.npz"), key);
-            let (expected_shape, expected) = numpy::read::<f64>(&folder.path().join("truth.npz"), key);
+            let (shape, ours) = numpy::read(&folder.path().join("device.npz"), key);
+            let (expected_shape, expected) = numpy::read(&folder.path().join("truth.npz"), key);
             assert_eq!(shape, expected_shape, "{mode} {key}");
-            let ours: Vec<f64> = ours.into_iter().map(f64::from).collect();
             let error =
                 if expected.iter().all(|e| *e == 0.0) { norm(ours.into_iter()) } else { relative(&ours, &expected) };
             assert!(error < 1e-3, "{mode} {key}: {error:e}");

@@ -253,7 +253,7 @@ fn checkpoints_with_impossible_numbers_are_refused() {
     let resume = [&fit[..], &["--resume"]].concat();
     let keys = ["steps", "values", "mean", "square", "colors", "color_mean", "color_square", "positions", "triangles"];
     let path = folder.path().join("c.npz");
-    let original: Vec<Vec<f64>> = keys.iter().map(|key| numpy::read::<f64>(&path, key).1).collect();
+    let original: Vec<Vec<f64>> = keys.iter().map(|key| numpy::read(&path, key).1).collect();
     succeeds(folder.path(), &resume);
     for (key, at, value) in [
         ("steps", 0, 1e18),

@@ -9,10 +9,16 @@ mod eval;
 mod fit;
 mod full;
 mod gradient;
+#[allow(dead_code)]
+#[path = "../../../../tests/quick/heap.rs"]
+mod heap;
 mod hostile;
+mod hostile_files;
 mod killed;
 mod memory;
 mod mistakes;
+#[path = "../../../../tests/common/mutate.rs"]
+mod mutate;
 mod numpy;
 mod official;
 #[path = "../../../../tests/official/mod.rs"]

@@ -1,5 +1,6 @@
-//! Archives as numpy writes them, made and read here without softras' own code.
+//! Archives as numpy writes them, made here without softras' own code, and arrays of archives.
 
+use softras_lab::npy;
 use std::io::Write;
 use std::path::Path;
 
@@ -76,8 +77,13 @@ impl Npz {
 }
 
 /// The shape and values of an array of an archive.
-pub fn read<T: npyz::Deserialize>(path: &Path, key: &str) -> (Vec<usize>, Vec<T>) {
-    let mut npz = npyz::npz::NpzArchive::open(path).unwrap();
-    let array = npz.by_name(key).unwrap().unwrap_or_else(|| panic!("no {key} in {}", path.display()));
-    (array.shape().iter().map(|&n| n as usize).collect(), array.into_vec().unwrap())
+pub fn read(path: &Path, key: &str) -> (Vec<usize>, Vec<f64>) {
+    let array = npy::read_from_archive(path, key).unwrap();
+    (array.shape.clone(), array.numbers().unwrap().iter().collect())
+}
+
+/// The same of a file with one array.
+pub fn read_one(path: &Path) -> (Vec<usize>, Vec<f64>) {
+    let array = npy::read(&std::fs::read(path).unwrap()[..], |_| Ok(())).unwrap();
+    (array.shape.clone(), array.numbers().unwrap().iter().collect())
 }

@@ -1,6 +1,6 @@
 //! Tests of pictures in bands and views in batches, where a limit of memory does not hold them at once.
 
-use super::{fails, succeeds};
+use super::{fails, numpy, succeeds};
 use serde_json::Value;
 use std::path::Path;
 
@@ -57,13 +57,10 @@ fn a_picture_in_bands_is_the_whole_picture() {
         render(&format!("{name}.npy"), &["--samples", "1"]);
         render(&format!("{name}_bands.npy"), &["--samples", "1", "--memory", memory[1]]);
         for output in outputs {
-            let [whole, bands] = [name.to_string(), format!("{name}_bands")].map(|file| {
-                let file = std::fs::read(folder.join(format!("{file}_{output}.npy"))).unwrap();
-                npyz::NpyFile::new(&file[..]).unwrap().into_vec::<f32>().unwrap()
-            });
+            let [whole, bands] = [name.to_string(), format!("{name}_bands")].map(|file| numpy::read_one(&folder.join(format!("{file}_{output}.npy"))).1);
             // Where a triangle's influence ends, rounding decides whether it is cut, which changes a value by about tau, 1e-4;
             // where two faces meet, gamma magnifies the rounding of their depths.
-            let apart = |least: f32| whole.iter().zip(&bands).filter(|(a, b)| (**a - **b).abs() >= least).count();
+            let apart = |least: f64| whole.iter().zip(&bands).filter(|(a, b)| (**a - **b).abs() >= least).count();
             let (jumps, errors) = (apart(2e-5), apart(1e-3));
             assert!(
                 whole.len() == bands.len() && jumps < whole.len() / 500 && errors == 0,

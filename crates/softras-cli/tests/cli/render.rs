@@ -1,6 +1,6 @@
 //! Tests of the command `softras render`.
 
-use super::{fails, succeeds};
+use super::{fails, numpy, succeeds};
 use exr::prelude::ReadChannels;
 use exr::prelude::{ReadLayers, ReadSpecificChannel};
 use image::RgbaImage;
@@ -124,9 +124,8 @@ fn exr_and_npy_hold_the_same_numbers() {
     let said = render(folder.path(), "a.exr", &[&FRONT[..], &outputs].concat());
     assert_eq!(said.lines().count(), 8, "{said}");
     let npy = |name: &str| {
-        let bytes = fs::read(folder.path().join(name)).unwrap();
-        let array = npyz::NpyFile::new(&bytes[..]).unwrap();
-        (array.shape().to_vec(), array.into_vec::<f32>().unwrap())
+        let (shape, values) = numpy::read_one(&folder.path().join(name));
+        (shape, values.into_iter().map(|x| x as f32).collect::<Vec<_>>())
     };
     let (shape, color) = npy("a_color.npy");
     assert_eq!(shape, [16, 24, 4]);

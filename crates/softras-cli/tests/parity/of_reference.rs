@@ -64,8 +64,8 @@ pub fn surface() {
 pub fn render_demo() {
     let archive = Archive::open("spot_demo_render.npz");
     let light = archive.f32s("light");
-    let unlit: Vec<u16> = archive.array("textures_unlit_u16").1;
-    let lit: Vec<f32> = unlit.iter().enumerate().map(|(i, &t)| f32::from(t) / 65535.0 * light[i / 75]).collect();
+    let unlit = archive.f32s("textures_unlit_u16");
+    let lit: Vec<f32> = unlit.iter().enumerate().map(|(i, t)| t / 65535.0 * light[i / 75]).collect();
     let vertices = archive.f32s("face_vertices");
     let scene = Scene::new(soup(&vertices, &lit, true));
     let settings = Settings { parity: Parity::Official, ..Settings::default() };

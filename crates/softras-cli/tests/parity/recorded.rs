@@ -5,6 +5,7 @@ use softras::scene::{
     Appearance, Camera, ColorAggregation, Distance, Faces, FrontFace, Mesh, Parity, Scene, Settings,
     SilhouetteAggregation,
 };
+use softras_lab::npy;
 use std::path::{Path, PathBuf};
 
 /// Where the recorded files lie: beside the repository, which contains the package that this is compiled in.
@@ -22,23 +23,21 @@ impl Archive {
         Self(folder().join(name))
     }
 
-    pub fn array<T: npyz::Deserialize>(&self, key: &str) -> (Vec<usize>, Vec<T>) {
-        let mut npz = npyz::npz::NpzArchive::open(&self.0).expect("an npz file");
-        let array = npz.by_name(key).expect("readable").unwrap_or_else(|| panic!("no {key} in {}", self.0.display()));
-        let shape = array.shape().iter().map(|&n| n as usize).collect();
-        (shape, array.into_vec().unwrap_or_else(|e| panic!("{key}: {e}")))
+    pub fn array(&self, key: &str) -> npy::Array {
+        npy::read_from_archive(&self.0, key).expect("a recorded array")
     }
 
     pub fn f64s(&self, key: &str) -> Vec<f64> {
-        self.array(key).1
+        self.array(key).numbers().expect("numbers").iter().collect()
     }
 
     pub fn f32s(&self, key: &str) -> Vec<f32> {
-        self.array(key).1
+        self.f64s(key).into_iter().map(|x| x as f32).collect()
     }
 
     pub fn json(&self, key: &str) -> serde_json::Value {
-        serde_json::from_str(&self.array::<String>(key).1[0]).expect("JSON")
+        let text = self.array(key).texts().expect("text").next().expect("one text");
+        serde_json::from_str(&text).expect("JSON")
     }
 }
 
@@ -60,7 +59,7 @@ impl Case {
         let options = archive.json("options");
         let settings = settings(&options, &archive.json("effective_f32_options"));
         let surface = options["texture_type"] == "surface";
-        let (shape, vertices) = archive.array::<f32>("face_vertices");
+        let (shape, vertices) = (archive.array("face_vertices").shape, archive.f32s("face_vertices"));
         let colors = archive.f32s("textures");
         let (vertices, colors) = (vertices.chunks(vertices.len() / shape[0]), colors.chunks(colors.len() / shape[0]));
         let meshes = vertices.zip(colors).map(|(v, c)| soup(v, c, surface)).collect::<Vec<_>>();

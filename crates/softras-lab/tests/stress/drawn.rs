@@ -1,33 +1,27 @@
-//! Some hundred scenes drawn to hurt: `softras stress`, short. Every one is refused with a typed error, or is finite, in
+//! A hundred scenes drawn to hurt: `softras stress`, short. Every one is refused with a typed error, or is finite, in
 //! range, the same again, and where it is promised what the model in f64 says.
 
+use crate::common::{case_count, tier, validates};
 use glam::{DMat4, DVec3};
 use softras::scene::{Distance, Outputs, SilhouetteAggregation};
 use softras::{Camera, GradientMode, Mesh, Projection, RendererOptions, Scene, Settings};
 use softras_lab::stress::{Case, Kind, Promise, Stress, batch, case};
 
 /// The combinations of modes that time allows to compile here; all of them run in `softras stress`.
-const COMPILED: Kind = Kind { forms: 3, realistic: false };
-
-const ONE: Kind = Kind { forms: 1, ..COMPILED };
+const ONE: Kind = Kind { forms: 1, realistic: false };
 
 fn stress() -> Stress {
-    let validation = std::env::var("SOFTRAS_VALIDATION").map_or(true, |value| value != "0");
-    Stress::new(&RendererOptions { validation, ..RendererOptions::default() }).expect("a Vulkan device")
-}
-
-/// `SOFTRAS_CASES` runs more of them.
-fn cases(usual: u64) -> u64 {
-    std::env::var("SOFTRAS_CASES").ok().and_then(|text| text.parse().ok()).unwrap_or(usual)
+    Stress::new(&RendererOptions { validation: validates(), ..RendererOptions::default() }).expect("a Vulkan device")
 }
 
 #[test]
 fn nothing_breaks_it() {
+    let drawn_from = Kind { forms: tier(1, 3), ..ONE };
     let mut stress = stress();
     let (mut drawn, mut refused, mut images, mut gradients) = (0, 0, 0, 0);
-    for seed in 0..cases(300) {
-        let outcome = stress.seed(seed, COMPILED).unwrap();
-        assert_eq!(outcome.findings, [], "seed {seed} of {COMPILED:?}");
+    for seed in 0..case_count(100, 300) {
+        let outcome = stress.seed(seed, drawn_from).unwrap();
+        assert_eq!(outcome.findings, [], "seed {seed} of {drawn_from:?}");
         drawn += 1;
         refused += u32::from(outcome.refused.is_some());
         images += u32::from(outcome.image_error.is_some());
@@ -65,25 +59,6 @@ fn the_same_seed_is_the_same_case() {
         let text = || format!("{:?}", case(seed, Kind::default()));
         assert_eq!(text(), text());
     }
-}
-
-/// Scenes that broke a promise which said too much: a depth composited from far away, a triangle that a pixel's centre made
-/// thin, and a gradient of next to nothing at σ = 1.3e-6.
-#[test]
-fn what_was_promised_too_much_is_not() {
-    let mut stress = stress();
-    for seed in [893, 1799, 104124] {
-        assert_eq!(stress.seed(seed, Kind::default()).unwrap().findings, [], "seed {seed}");
-    }
-}
-
-/// Composited colours of a triangle that no pixel has more than 1e-7 of: A = 1 - Π(1 - D) has no more digits there, and 1 % of
-/// such a gradient was promised too much.
-#[test]
-fn a_composited_gradient_of_next_to_nothing_has_the_digits_of_its_silhouette() {
-    let outcomes = stress().batch(1_357_376, Kind::default(), 64).unwrap();
-    assert!(outcomes.iter().all(|outcome| outcome.findings.is_empty()), "{outcomes:?}");
-    assert!(outcomes.iter().any(|outcome| outcome.gradient_error.is_some()));
 }
 
 /// A case of one triangle whose images and gradients are compared with the reference's.
@@ -167,23 +142,12 @@ fn a_long_edge_is_cut_at_near() {
     }
 }
 
-/// Distances are rounded as corners are, and those of a wide image lie further out than 1: 4e-5 at σ = 7e-6.
-#[test]
-fn a_wide_image_is_promised_what_its_corners_are_rounded_to() {
-    let kind = Kind { realistic: true, ..Kind::default() };
-    let case = batch(3_004_720, kind, 8).remove(4).unwrap();
-    assert!(case.settings.width > 2 * case.settings.height && case.promise == Promise::Silhouette);
-    let outcome = stress().run(&case).unwrap();
-    assert_eq!(outcome.findings, []);
-    assert!(outcome.image_error.is_some_and(|error| error > 0.3), "{outcome:?}");
-}
-
 /// A batch finds what its scenes find by themselves.
 #[test]
 fn batches_are_held_to_the_same() {
     let mut stress = stress();
     let (mut all, mut refused) = (0, 0);
-    for seed in (0..320).step_by(16) {
+    for seed in (0..tier(64, 320)).step_by(16) {
         let outcomes = stress.batch(seed, ONE, 16).unwrap();
         assert!(outcomes.iter().all(|outcome| outcome.findings.is_empty()), "seed {seed}: {outcomes:?}");
         all += outcomes.len();
@@ -192,25 +156,5 @@ fn batches_are_held_to_the_same() {
         let drawn = batch(seed, ONE, 16).remove(0).map(|case| format!("{:?}", case.scene.meshes));
         assert_eq!(first.ok(), drawn.ok());
     }
-    assert!(all == 320 && refused < 160, "{refused} of {all}");
-}
-
-/// Many cells, whose order is an atomic counter's: invocations beside each other left the walk over their tiles at different
-/// times and went on to read others' bounds, so that what was left out hung on the order.
-#[test]
-fn what_backward_leaves_out_does_not_hang_on_the_order_of_cells() {
-    let outcomes = stress().batch(1_987_776, Kind::default(), 64).unwrap();
-    let bits: Vec<_> = outcomes.iter().flat_map(|outcome| &outcome.findings).filter(|f| f.kind == "bits").collect();
-    assert!(bits.is_empty() && outcomes.iter().filter(|outcome| outcome.refused.is_none()).count() > 32, "{bits:?}");
-}
-
-/// Of a triangle so thin that rounding puts a pixel outside all three edges, what perspective mixes must still be a mean: its
-/// colour was 1e-9 of what it is.
-#[test]
-fn perspective_shares_of_a_thin_triangle_add_up_to_1() {
-    let mut stress = stress();
-    for seed in [1_021_120, 1_820_032] {
-        let outcomes = stress.batch(seed, Kind::default(), 64).unwrap();
-        assert!(outcomes.iter().all(|outcome| outcome.findings.is_empty()), "{outcomes:?}");
-    }
+    assert!(all >= 64 && refused * 2 < all, "{refused} of {all}");
 }

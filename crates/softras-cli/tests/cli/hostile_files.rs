@@ -1,29 +1,22 @@
 //! Tests malformed and mutated files with the command and its reader of arrays: each is read or refused with an error that
 //! says why, without a panic and in little memory, whatever it claims. The names in `tests/corpus` tell which are refused.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-#[path = "../../../tests/common/mutate.rs"]
-mod mutate;
-
-use mutate::{cases, mutate};
-use peak_alloc::PeakAlloc;
+use super::heap::peak_of;
+use super::mutate::{cases, mutate};
+use super::numpy::Npz;
+use super::softras;
 use softras_lab::npy;
 use softras_lab::stress::Random;
 use std::{
     fs, panic,
     path::{Path, PathBuf},
-    sync::{Mutex, PoisonError},
 };
-
-/// Counts what is allocated.
-#[global_allocator]
-static MEMORY: PeakAlloc = PeakAlloc;
 
 /// More than any of the corpus' small files may take, whatever it claims to be.
 const MOST: usize = 8 << 20;
 /// Reading an array takes at most so many bytes for each byte of its file, besides [`SLACK`].
 const MULTIPLE: usize = 4;
-/// What other tests of this process allocate meanwhile.
+/// What it takes besides: a header, an error message.
 const SLACK: usize = 512 << 10;
 
 /// The files of a kind, in order.
@@ -33,16 +26,6 @@ fn files(kind: &str) -> Vec<PathBuf> {
     files.sort();
     assert!(files.len() >= 10, "{}", folder.display());
     files
-}
-
-/// What comes of work, and the most memory that was allocated meanwhile beyond what was before. One at a time.
-fn peak_of<T>(work: impl FnOnce() -> T) -> (T, usize) {
-    static ALONE: Mutex<()> = Mutex::new(());
-    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
-    let before = MEMORY.current_usage();
-    MEMORY.reset_peak_usage();
-    let outcome = work();
-    (outcome, MEMORY.peak_usage().saturating_sub(before))
 }
 
 #[test]
@@ -101,27 +84,15 @@ fn mutated_arrays_are_read_or_refused() {
 /// Through the command with the f64 reference, so that no device is opened.
 #[test]
 fn mutated_archives_are_read_or_refused() {
-    use npyz::WriterBuilder;
-    use std::process::Command;
     let folder = tempfile::tempdir().unwrap();
     let scene = folder.path().join("scene.npz");
-    let mut archive = npyz::npz::NpzWriter::create(&scene).unwrap();
-    let vertices: [f32; 9] = [-0.5, -0.5, 3.0, 0.6, -0.4, 3.5, 0.1, 0.7, 4.0];
-    let mut put = |name: &str, shape: &[u64], values: &[f32]| {
-        let array = archive.array(name, Default::default()).unwrap();
-        let mut array = array.default_dtype().shape(shape).begin_nd().unwrap();
-        array.extend(values.iter().copied()).unwrap();
-        array.finish().unwrap();
-    };
-    put("face_vertices", &[1, 1, 3, 3], &vertices);
-    put("textures", &[1, 1, 1, 3], &[0.2, 0.4, 0.6]);
-    put("opt_image_size", &[], &[8.0]);
-    drop(archive);
+    let vertices = [-0.5, -0.5, 3.0, 0.6, -0.4, 3.5, 0.1, 0.7, 4.0];
+    let archive = Npz::stored().f32("face_vertices", &[1, 1, 3, 3], &vertices);
+    archive.f32("textures", &[1, 1, 1, 3], &[0.2, 0.4, 0.6]).f32("opt_image_size", &[], &[8.0]).write(&scene);
     let original = fs::read(&scene).unwrap();
     let run = |bytes: &[u8]| {
         fs::write(&scene, bytes).unwrap();
-        let arguments = ["eval", "scene.npz", "-o", "image.npz", "--device", "reference"];
-        Command::new(env!("CARGO_BIN_EXE_softras")).current_dir(folder.path()).args(arguments).output().unwrap()
+        softras(folder.path(), &["eval", "scene.npz", "-o", "image.npz", "--device", "reference"])
     };
     let whole = run(&original);
     assert_eq!(whole.status.code(), Some(0), "{}", String::from_utf8_lossy(&whole.stderr));
@@ -147,11 +118,7 @@ fn malformed_cameras_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         fs::copy(&file, folder.path().join("cameras.json")).unwrap();
         image::RgbaImage::new(4, 4).save(folder.path().join("a.png")).unwrap();
-        let output = std::process::Command::new(env!("CARGO_BIN_EXE_softras"))
-            .args(["fit", "--views", folder.path().to_str().unwrap(), "-o", "never.obj"])
-            .current_dir(folder.path())
-            .output()
-            .unwrap();
+        let output = softras(folder.path(), &["fit", "--views", ".", "-o", "never.obj"]);
         let errors = String::from_utf8_lossy(&output.stderr);
         let shown = file.display();
         assert_eq!(output.status.code(), Some(1), "{shown}: {errors}");
