@@ -151,13 +151,13 @@ DRIVERS = {f.__name__: f for f in (mesa, width128, width512, swiftshader, mesa25
 
 def built():
     """The programs, built as `cargo test` builds them: paths by name."""
-    command = ["cargo", "test", "-q", "--no-run", "--message-format=json", "-p", "softras", "--test", "quick"]
+    command = ["cargo", "test", "-q", "--no-run", "--message-format=json", "--test", "quick"]
     found = {}
     for line in subprocess.run(command, cwd=HOME, check=True, stdout=subprocess.PIPE, text=True).stdout.splitlines():
         message = json.loads(line)
         if message.get("executable") and message["target"]["name"] == "quick":
             found[message["target"]["name"]] = message["executable"]
-    subprocess.run(["cargo", "build", "-q", "-p", "softras-cli"], cwd=HOME, check=True)
+    subprocess.run(["cargo", "build", "-q"], cwd=HOME, check=True)
     found["softras"] = HOME / "target" / "debug" / "softras"
     return found
 

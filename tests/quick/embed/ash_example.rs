@@ -55,7 +55,7 @@ fn images_are_the_simple_apis_bit_by_bit() {
     let engine = engine();
     let rasterizer = rasterizer(&engine);
     let mut simple = renderer();
-    for seed in 0..tier(3, 12) {
+    for seed in 0..tier(2, 12) {
         let mut case = random_case(seed, [Kind::Plain, Kind::Modes, Kind::Clipped][seed as usize % 3]);
         if seed % 4 < 2 {
             // Flat shading has no use for them.
@@ -86,7 +86,7 @@ fn gradients_are_the_simple_apis_bit_by_bit() {
     let engine = engine();
     let rasterizer = rasterizer(&engine);
     let mut simple = renderer();
-    for seed in 20..tier(22, 26) {
+    for seed in 20..tier(21, 26) {
         let mut case = random_case(seed, Kind::Plain);
         case.settings.save = true;
         let upstream = random_upstream(&case, case.settings.outputs, &tolerance::GRADIENT);

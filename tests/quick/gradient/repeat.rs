@@ -199,7 +199,7 @@ fn huge_triangle_over_the_whole_image() {
     ];
     let mesh = Mesh::new(positions, vec![[0, 1, 2], [3, 4, 5]]).unwrap();
     let mesh = mesh.with_appearance(Appearance::VertexColors(vec![[0.9, 0.2, 0.4]; 6])).unwrap();
-    let case = made_case(Scene::new(mesh), vec![Camera::screen()], settings(256));
+    let case = made_case(Scene::new(mesh), vec![Camera::screen()], settings(tier(96, 256)));
     let upstream = random_upstream(&case, ALL_OUTPUTS, &GRADIENT);
     let results = [8, 32].map(|lanes| {
         let mut renderer = renderer_with(RendererOptions { lanes: Some(lanes), ..RendererOptions::default() });

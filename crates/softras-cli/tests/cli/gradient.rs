@@ -37,7 +37,8 @@ fn comparisons_fail_on_wrong_answers() {
 fn gradients_of_the_official_equations_come_back() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out.npz");
-    for case in official::scenes() {
+    // What the library does with each of them is tested there.
+    for case in official::scenes().into_iter().step_by(tier(5, 1)) {
         let mode = case.mode;
         case.scene.write(&folder.path().join("scene.npz"));
         let arguments = ["eval", "scene.npz", "-o", "out.npz", "--parity", "official", "--gradient", "paper"];

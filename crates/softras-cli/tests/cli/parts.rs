@@ -57,7 +57,8 @@ fn a_picture_in_bands_is_the_whole_picture() {
         render(&format!("{name}.npy"), &["--samples", "1"]);
         render(&format!("{name}_bands.npy"), &["--samples", "1", "--memory", memory[1]]);
         for output in outputs {
-            let [whole, bands] = [name.to_string(), format!("{name}_bands")].map(|file| numpy::read_one(&folder.join(format!("{file}_{output}.npy"))).1);
+            let [whole, bands] = [name.to_string(), format!("{name}_bands")]
+                .map(|file| numpy::read_one(&folder.join(format!("{file}_{output}.npy"))).1);
             // Where a triangle's influence ends, rounding decides whether it is cut, which changes a value by about tau, 1e-4;
             // where two faces meet, gamma magnifies the rounding of their depths.
             let apart = |least: f64| whole.iter().zip(&bands).filter(|(a, b)| (**a - **b).abs() >= least).count();

@@ -89,8 +89,7 @@ pub fn pipeline() {
     let archive = Archive::open("pipeline.npz");
     let of = |key: &str| points(&archive.f64s(key));
     let vertices = of("vertices");
-    let faces: Vec<[u32; 3]> =
-        archive.f64s("faces").chunks(3).map(|t| [t[0], t[1], t[2]].map(|v| v as u32)).collect();
+    let faces: Vec<[u32; 3]> = archive.f64s("faces").chunks(3).map(|t| [t[0], t[1], t[2]].map(|v| v as u32)).collect();
     let eye = eye(2.732, 30.0, 40.0);
     let view = look_at(eye, &vertices);
     let by_face = surface_normals(&vertices, &faces);
