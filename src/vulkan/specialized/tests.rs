@@ -9,14 +9,8 @@ use crate::vulkan::{Kernel, kernels};
 use spirv::{Decoration, Op, StorageClass};
 use std::collections::{HashMap, HashSet};
 
-const KERNELS: [&Kernel; 6] = [
-    &kernels::BACKWARD,
-    &kernels::FORWARD,
-    &kernels::FORWARD_SOFT_SUBGROUP,
-    &kernels::TRIANGLE,
-    &kernels::BIN_FINE,
-    &kernels::SELFTEST,
-];
+const KERNELS: [&Kernel; 4] =
+    [&kernels::BACKWARD, &kernels::FORWARD_SOFT_SUBGROUP, &kernels::TRIANGLE, &kernels::SELFTEST];
 
 /// The kernel with every constant at `value`, true where that is not 0.
 fn all_at(kernel: &Kernel, value: u32) -> Vec<Instruction> {

@@ -176,7 +176,7 @@ fn look(folder: &Path, name: &str) {
 fn a_texture_is_fitted_and_rendered() {
     let folder = tempfile::tempdir().unwrap();
     write_cubes(folder.path());
-    let fit = "fit --from painted.obj --template grey.obj --texture --views 14 --size 64 --iterations 150 -o found.obj";
+    let fit = "fit --from painted.obj --template grey.obj --texture --views 6 --size 48 --iterations 80 -o found.obj";
     succeeds(folder.path(), &fit.split_whitespace().collect::<Vec<_>>());
     // Texture, silhouette and picture: all are those of the mesh that the views were made from.
     let difference = |a: &str, b: &str| difference(folder.path(), a, b);
@@ -193,7 +193,7 @@ fn a_texture_is_fitted_and_rendered() {
 fn a_texture_is_made_for_a_mesh_that_has_none() {
     let folder = tempfile::tempdir().unwrap();
     write_cubes(folder.path());
-    let fit = "fit --from painted.obj --template plain.obj --texture --views 14 --size 64 --iterations 30 --rate 1e-5 \
+    let fit = "fit --from painted.obj --template plain.obj --texture --views 8 --size 48 --iterations 30 --rate 1e-5 \
                -o found.obj --json log.json";
     let told = succeeds(folder.path(), &fit.split_whitespace().collect::<Vec<_>>());
     assert!(told.contains("8 vertices, 12 triangles") && told.contains("colour error"), "{told}");
