@@ -1,5 +1,6 @@
 //! Tests of help, exit codes, and the commands without pictures.
 
+use super::command::{commands, readme};
 use super::{fails, softras, succeeds};
 use std::fs;
 
@@ -238,5 +239,18 @@ fn a_missing_driver_is_named_with_its_package() {
         let errors = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(1), "{errors}");
         assert!(errors.contains("no Vulkan driver") && errors.contains("mesa-vulkan-drivers"), "{errors}");
+    }
+}
+
+/// The full tier runs them.
+#[test]
+fn the_commands_of_the_readme_are_understood() {
+    let folder = tempfile::tempdir().unwrap();
+    let commands = commands(&readme());
+    assert!(commands.len() >= 10, "{commands:?}");
+    for command in commands {
+        let arguments: Vec<&str> = command.split_whitespace().skip(1).chain(["--help"]).collect();
+        assert!(succeeds(folder.path(), &arguments).contains("Usage:"), "{command}");
+        fails(folder.path(), &[&arguments[..1], &["--no-such-option", "--help"]].concat(), 2, &["--no-such-option"]);
     }
 }

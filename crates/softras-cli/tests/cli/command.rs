@@ -33,3 +33,22 @@ pub fn fails(folder: &Path, arguments: &[&str], code: i32, parts: &[&str]) {
 pub fn tier<T>(quick: T, full: T) -> T {
     if std::env::var("SOFTRAS_TIER").is_ok_and(|tier| tier == "full") { full } else { quick }
 }
+
+/// The text of README.md.
+pub fn readme() -> String {
+    std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../README.md")).unwrap()
+}
+
+/// The lines of the README's blocks of shell commands that run `softras`, without their comments.
+pub fn commands(readme: &str) -> Vec<String> {
+    let mut inside = false;
+    let mut found = Vec::new();
+    for line in readme.lines() {
+        if line.starts_with("```") {
+            inside = line == "```sh";
+        } else if inside && line.starts_with("softras ") {
+            found.push(line.split(" #").next().unwrap_or(line).trim().to_owned());
+        }
+    }
+    found
+}

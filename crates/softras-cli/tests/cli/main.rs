@@ -9,7 +9,7 @@ mod eval;
 mod fit;
 mod full;
 mod gradient;
-#[allow(dead_code)]
+#[allow(dead_code, reason = "shared with the tests of the library")]
 #[path = "../../../../tests/quick/heap.rs"]
 mod heap;
 mod hostile;

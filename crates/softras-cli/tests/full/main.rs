@@ -1,6 +1,7 @@
 //! The full tier of the command: fits to their end, the README's commands, load.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+#[allow(dead_code, reason = "shared with the tests of the quick tier")]
 #[path = "../cli/command.rs"]
 mod command;
 mod hollow;
