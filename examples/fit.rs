@@ -45,7 +45,7 @@ fn main() -> softras::Result<()> {
         let ious = mask_iou(seen, wanted)?;
         println!("best at step {step}: mean mask IoU {:.3}", ious.iter().sum::<f64>() / ious.len() as f64);
     }
-    obj::write_obj(&mesh, &out)?;
+    obj::write_obj(mesh, &out)?;
     println!("{}", out.display());
     Ok(())
 }

@@ -85,11 +85,8 @@ impl Function {
     pub(super) fn join(&mut self) {
         let mut named: HashMap<u32, usize> = HashMap::new();
         for i in self.blocks.iter().flat_map(|block| &block.body[block.body.len().saturating_sub(2)..]) {
-            match opcode(i) {
-                Some(Op::Branch | Op::BranchConditional | Op::SelectionMerge | Op::LoopMerge) => {
-                    i[1..].iter().for_each(|id| *named.entry(*id).or_default() += 1);
-                }
-                _ => {}
+            if let Some(Op::Branch | Op::BranchConditional | Op::SelectionMerge | Op::LoopMerge) = opcode(i) {
+                i[1..].iter().for_each(|id| *named.entry(*id).or_default() += 1);
             }
         }
         let mut joined: Vec<Block> = Vec::with_capacity(self.blocks.len());
