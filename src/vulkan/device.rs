@@ -25,11 +25,17 @@ struct Inner {
     debug_utils: Option<debug_utils::Device>,
     limits: Limits,
     kind: DeviceKind,
+    is_lavapipe: bool,
     /// The host's allocation callbacks; none on a device of ours.
     callbacks: Callbacks,
     /// The instance, if the device is ours to destroy. Dropped after the device.
     #[cfg(feature = "renderer")]
     owned: Option<Instance>,
+}
+
+/// lavapipe calls its device by its engine, as in "llvmpipe (LLVM 15.0.6, 256 bits)".
+fn is_lavapipe(properties: &vk::PhysicalDeviceProperties) -> bool {
+    properties.device_name_as_c_str().is_ok_and(|name| name.to_bytes().starts_with(b"llvmpipe"))
 }
 
 impl Device {
@@ -54,6 +60,7 @@ impl Device {
         let debug_utils = host.debug_utils.then(|| debug_utils::Device::new(&instance, &raw));
         drop(turn);
         let kind = DeviceKind::of(properties.device_type);
+        let is_lavapipe = is_lavapipe(&properties);
         // SAFETY: the promise of `HostDevice::with_allocation_callbacks`.
         let callbacks = unsafe { Callbacks::new(host.allocation_callbacks) };
         let inner = Inner {
@@ -63,6 +70,7 @@ impl Device {
             debug_utils,
             limits,
             kind,
+            is_lavapipe,
             callbacks,
             #[cfg(feature = "renderer")]
             owned: None,
@@ -97,6 +105,8 @@ impl Device {
         // SAFETY: as above.
         let offered = unsafe { instance.raw.get_physical_device_features(physical) };
         let robust = offered.robust_buffer_access == vk::TRUE;
+        // SAFETY: as above.
+        let is_lavapipe = is_lavapipe(&unsafe { instance.raw.get_physical_device_properties(physical) });
         let features = vk::PhysicalDeviceFeatures::default().robust_buffer_access(robust);
         let info = vk::DeviceCreateInfo::default()
             .queue_create_infos(&queues)
@@ -110,7 +120,8 @@ impl Device {
         let functions = instance.raw.clone();
         let callbacks = Callbacks::default();
         let owned = Some(instance);
-        let inner = Inner { raw, instance: functions, physical, debug_utils, limits, kind, callbacks, owned };
+        let inner =
+            Inner { raw, instance: functions, physical, debug_utils, limits, kind, is_lavapipe, callbacks, owned };
         Ok(Self { inner: Arc::new(inner) })
     }
 
@@ -122,6 +133,11 @@ impl Device {
     /// Its kind.
     pub fn kind(&self) -> DeviceKind {
         self.inner.kind
+    }
+
+    /// Whether its driver is Mesa's lavapipe.
+    pub(super) fn is_lavapipe(&self) -> bool {
+        self.inner.is_lavapipe
     }
 
     /// What to create and destroy its objects with.

@@ -1,7 +1,8 @@
 //! SPIR-V for given values of its specialization constants: they become plain constants, and what they switch off goes.
 //!
 //! A driver does the same, but Mesa's lavapipe does it late and slowly: it optimises what will never run, and goes through all
-//! functions, loops and variables once more for each loop that it writes out.
+//! functions, loops and variables once more for each loop that it writes out. For it calls are inlined, loops written out and
+//! variables made values as well ([`Depth`]).
 //!
 //! The pass knows what glslang emits: structured control flow, scalars of 32 bits, no debug lines. A call, a loop or a variable
 //! of another form is kept as it is.
@@ -24,9 +25,18 @@ use types::Types;
 /// An instruction with its operands; the first word holds the number of words and the opcode.
 type Instruction = Vec<u32>;
 
+/// How much of a driver's work is done for it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Depth {
+    /// What the constants switch off goes.
+    Cut,
+    /// Besides, calls are inlined, loops are written out and variables become values.
+    Flat,
+}
+
 /// The module with its specialization constants at these values, each with its `constant_id`; those that are not named keep
 /// their defaults.
-pub(super) fn specialized(words: &[u32], values: &HashMap<u32, u32>) -> Vec<u32> {
+pub(super) fn specialized(words: &[u32], values: &HashMap<u32, u32>, depth: Depth) -> Vec<u32> {
     let (header, code) = words.split_at(words.len().min(HEADER_WORDS));
     let mut instructions = instructions(code).into_iter().peekable();
     let mut globals = Vec::new();
@@ -53,11 +63,14 @@ pub(super) fn specialized(words: &[u32], values: &HashMap<u32, u32>) -> Vec<u32>
         let Some(function) = functions.get(&id).filter(|_| kept.iter().all(|f: &Function| f.id() != id)) else {
             continue;
         };
-        let mut function = function.clone().inlined(&functions, &mut inlined, &mut ids);
-        for _ in 0..ROUNDS {
-            function.unroll(&mut constants, &mut ids);
-            function.join();
-            function = function.promote(&types, &mut constants, &mut ids).cut(&constants);
+        let mut function = function.clone();
+        if depth == Depth::Flat {
+            function = function.inlined(&functions, &mut inlined, &mut ids);
+            for _ in 0..ROUNDS {
+                function.unroll(&mut constants, &mut ids);
+                function.join();
+                function = function.promote(&types, &mut constants, &mut ids).cut(&constants);
+            }
         }
         waiting.extend(function.calls());
         kept.push(function);

@@ -4,7 +4,7 @@ use super::constants::Constants;
 use super::function::Function;
 use super::ids::{Ids, ids, result};
 use super::types::Types;
-use super::{BOUND, HEADER_WORDS, Instruction, instructions, made, opcode, specialized};
+use super::{BOUND, Depth, HEADER_WORDS, Instruction, instructions, made, opcode, specialized};
 use crate::vulkan::{Kernel, kernels};
 use spirv::{Decoration, Op, StorageClass};
 use std::collections::{HashMap, HashSet};
@@ -15,7 +15,7 @@ const KERNELS: [&Kernel; 4] =
 /// The kernel with every constant at `value`, true where that is not 0.
 fn all_at(kernel: &Kernel, value: u32) -> Vec<Instruction> {
     let values = kernel.specialization.iter().map(|s| (s.id, value)).collect();
-    instructions(&specialized(kernel.spirv, &values)[HEADER_WORDS..])
+    instructions(&specialized(kernel.spirv, &values, Depth::Flat)[HEADER_WORDS..])
 }
 
 fn count(code: &[Instruction], wanted: Op) -> usize {
@@ -122,10 +122,10 @@ fn control_flow_stays_whole() {
 #[test]
 fn ids_are_defined_before_their_use() {
     for kernel in KERNELS {
-        for value in [0, 1, 2, 8] {
+        for (value, depth) in [0, 1, 2, 8].into_iter().flat_map(|value| [(value, Depth::Cut), (value, Depth::Flat)]) {
             let values = kernel.specialization.iter().map(|s| (s.id, value)).collect();
-            let words = specialized(kernel.spirv, &values);
-            assert_eq!(words, specialized(kernel.spirv, &values), "{}: the same again", kernel.name);
+            let words = specialized(kernel.spirv, &values, depth);
+            assert_eq!(words, specialized(kernel.spirv, &values, depth), "{}: the same again", kernel.name);
             let code = instructions(&words[HEADER_WORDS..]);
             let first = code.iter().take_while(|i| opcode(i) != Some(Op::Function)).count();
             let labels = code.iter().filter(|i| opcode(i) == Some(Op::Label)).map(|i| i[1]);
