@@ -132,8 +132,15 @@ fn ids_are_defined_before_their_use() {
             let functions = code.iter().filter(|i| opcode(i) == Some(Op::Function)).map(|i| i[2]);
             let mut defined: HashSet<u32> = labels.chain(functions).collect();
             let of_labels = defined.len();
-            let globals = code[..first].iter().filter(|i| !matches!(opcode(i), Some(Op::Name | Op::Decorate)));
-            defined.extend(globals.flat_map(|i| i[1..i.len().min(3)].iter().copied()));
+            // Types and imported instructions have their id first; constants and variables have their type before it.
+            let global = |i: &Instruction| match opcode(i)? {
+                op if (Op::TypeVoid..=Op::TypeForwardPointer).contains(&op) => Some(i[1]),
+                Op::ExtInstImport => Some(i[1]),
+                op if (Op::ConstantTrue..=Op::SpecConstantOp).contains(&op) => Some(i[2]),
+                Op::Undef | Op::Variable => Some(i[2]),
+                _ => None,
+            };
+            defined.extend(code[..first].iter().filter_map(global));
             assert!(defined.len() > of_labels);
             for mut i in code[first..].iter().cloned() {
                 let (op, own) = (opcode(&i), result(&i));
@@ -142,7 +149,7 @@ fn ids_are_defined_before_their_use() {
                     "{} at {value}: {i:?}",
                     kernel.name
                 );
-                if op != Some(Op::Phi) {
+                if !matches!(op, Some(Op::Phi | Op::Function)) {
                     assert!(ids(&mut i).all(|id| defined.contains(id)), "{} at {value}: {i:?}", kernel.name);
                 }
             }
