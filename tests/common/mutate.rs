@@ -1,6 +1,16 @@
 //! Random mutations of files: bytes that change, vanish or repeat, and numbers and lines that are hard to read.
 
 use softras_lab::stress::Random;
+use std::path::{Path, PathBuf};
+
+/// The files of a kind in the package's `tests/corpus`, in order.
+pub fn corpus(kind: &str) -> Vec<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/corpus").join(kind);
+    let mut files: Vec<_> = std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    files.sort();
+    assert!(files.len() >= 10, "{}", folder.display());
+    files
+}
 
 /// `SOFTRAS_CASES` runs more of them.
 pub fn cases(usual: u64) -> u64 {

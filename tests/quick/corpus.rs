@@ -4,6 +4,7 @@
 //! lines, the line.
 
 use crate::heap::peak_of;
+use crate::mutate::corpus;
 use softras::{
     Error,
     obj::{LoadOptions, load},
@@ -17,15 +18,6 @@ use std::{
 const MOST: usize = 8 << 20;
 
 const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n";
-
-/// The files of a kind, in order.
-fn files(kind: &str) -> Vec<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/corpus").join(kind);
-    let mut files: Vec<_> = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).collect();
-    files.sort();
-    assert!(files.len() >= 10, "{}", folder.display());
-    files
-}
 
 /// What a file's name promises: refused or not, and on which line.
 fn promised(path: &Path, strict: bool) -> Option<Option<usize>> {
@@ -49,7 +41,7 @@ fn outcome<T>(result: softras::Result<T>) -> Outcome {
 
 /// Reads all files of a kind, by themselves in a folder of their own, and holds what comes to what their names say.
 fn check(kind: &str, named: &str, read: impl Fn(&Path, &LoadOptions) -> Outcome) {
-    for file in files(kind) {
+    for file in corpus(kind) {
         let shown = file.display();
         let is_strict = file.file_stem().unwrap().to_str().unwrap().starts_with("strict_");
         for strict in [false, true].into_iter().take(1 + usize::from(is_strict)) {

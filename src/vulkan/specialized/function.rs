@@ -165,9 +165,6 @@ impl Block {
         match (opcode(end), &end[1..]) {
             (Some(Op::Branch), &[target]) => vec![target],
             (Some(Op::BranchConditional), &[_, yes, no, ..]) => vec![yes, no],
-            (Some(Op::Switch), [_, default, cases @ ..]) => {
-                std::iter::once(*default).chain(cases.chunks_exact(2).map(|case| case[1])).collect()
-            }
             _ => Vec::new(),
         }
     }

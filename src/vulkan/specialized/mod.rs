@@ -4,7 +4,7 @@
 //! functions, loops and variables once more for each loop that it writes out. For it calls are inlined, loops written out and
 //! variables made values as well ([`Depth`]).
 //!
-//! The pass knows what glslang emits: structured control flow, scalars of 32 bits, no debug lines. A call, a loop or a variable
+//! The pass knows what glslang emits: structured control flow, scalars of 32 bits, no debug lines, no `switch`. A call, a loop or a variable
 //! of another form is kept as it is.
 
 mod constants;

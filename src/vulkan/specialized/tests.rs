@@ -22,6 +22,14 @@ fn count(code: &[Instruction], wanted: Op) -> usize {
     code.iter().filter(|i| opcode(i) == Some(wanted)).count()
 }
 
+/// The pass would take the numbers of its cases for ids.
+#[test]
+fn no_kernel_has_a_switch() {
+    for kernel in kernels::ALL {
+        assert_eq!(count(&instructions(&kernel.spirv[HEADER_WORDS..]), Op::Switch), 0, "{}", kernel.name);
+    }
+}
+
 #[test]
 fn nothing_is_left_to_specialize() {
     for kernel in KERNELS {

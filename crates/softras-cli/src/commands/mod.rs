@@ -7,7 +7,6 @@ mod color;
 mod complete;
 mod describe;
 mod devices;
-mod each;
 mod eval;
 mod fit;
 mod grad;
@@ -85,7 +84,6 @@ pub enum Command {
     Iou(iou::IouArgs),
     Pose(Box<pose::args::PoseArgs>),
     Articulate(articulate::args::ArticulateArgs),
-    Each(each::EachArgs),
     Completions(complete::CompletionsArgs),
     Man(complete::ManArgs),
 }
@@ -149,7 +147,6 @@ fn run_command(cli: &Cli) -> Result<(), Failure> {
         Command::Iou(args) => iou::run(args),
         Command::Pose(args) => pose::run(args),
         Command::Articulate(args) => articulate::run(args),
-        Command::Each(args) => each::run(args),
         Command::Completions(args) => complete::completions(args),
         Command::Man(args) => complete::man(args),
     }

@@ -49,15 +49,6 @@ pub fn elevation(text: &str) -> Result<f64, String> {
     number(text).and_then(|x| if x.abs() <= 90.0 { Ok(x) } else { Err("use -90 to 90 degrees".into()) })
 }
 
-/// `I/N`: one part of N, counted from 0.
-pub fn shard(text: &str) -> Result<(usize, usize), String> {
-    let parsed = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
-    match parsed {
-        Some((index, count)) if index < count => Ok((index, count)),
-        _ => Err("I/N is expected, with I from 0 to N - 1, as in 0/4".into()),
-    }
-}
-
 /// A number of bytes: `4096`, `512M` or `8GiB`; the letters K, M, G and T count in steps of 1024.
 pub fn bytes(text: &str) -> Result<u64, String> {
     let number = text.trim().trim_end_matches(|c: char| c.is_ascii_alphabetic());

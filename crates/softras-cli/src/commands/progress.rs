@@ -104,12 +104,6 @@ impl Drop for Progress {
     }
 }
 
-/// A text that a command wrote to stderr, without the lines of its progress.
-pub fn without_progress(text: &str) -> String {
-    let lines: Vec<_> = text.trim_end().lines().filter(|line| !line.starts_with(LINE)).collect();
-    lines.join("\n")
-}
-
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
@@ -128,12 +122,5 @@ mod tests {
         assert_eq!(after(22.6).unwrap(), "progress: step 200/300 after 22 s, loss 0.12345");
         progress.done(300);
         assert_eq!(after(60.0), None);
-    }
-
-    #[test]
-    fn lines_of_progress_are_no_messages() {
-        let text = "note: one\nprogress: step 40/300 after 12 s\nerror: two, in progress: no\n";
-        assert_eq!(without_progress(text), "note: one\nerror: two, in progress: no");
-        assert_eq!(without_progress("progress: row 1/2 after 10 s\n"), "");
     }
 }

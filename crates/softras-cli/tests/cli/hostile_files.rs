@@ -2,15 +2,12 @@
 //! says why, without a panic and in little memory, whatever it claims. The names in `tests/corpus` tell which are refused.
 
 use super::heap::peak_of;
-use super::mutate::{cases, mutate};
+use super::mutate::{cases, corpus, mutate};
 use super::numpy::Npz;
 use super::softras;
 use softras_lab::npy;
 use softras_lab::stress::Random;
-use std::{
-    fs, panic,
-    path::{Path, PathBuf},
-};
+use std::{fs, panic};
 
 /// More than any of the corpus' small files may take, whatever it claims to be.
 const MOST: usize = 8 << 20;
@@ -19,18 +16,9 @@ const MULTIPLE: usize = 4;
 /// What it takes besides: a header, an error message.
 const SLACK: usize = 512 << 10;
 
-/// The files of a kind, in order.
-fn files(kind: &str) -> Vec<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/corpus").join(kind);
-    let mut files: Vec<_> = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).collect();
-    files.sort();
-    assert!(files.len() >= 10, "{}", folder.display());
-    files
-}
-
 #[test]
 fn malformed_arrays_are_read_or_refused_as_their_names_say() {
-    for file in files("npy") {
+    for file in corpus("npy") {
         let name = file.file_stem().unwrap().to_str().unwrap();
         let bytes = fs::read(&file).unwrap();
         let (outcome, peak) = peak_of(|| npy::read(&bytes[..], |_| Ok(())));
@@ -57,7 +45,7 @@ fn arrays_take_as_much_memory_as_their_file() {
 /// In the reader itself: an array has as many values as its shape says, or there is an error message.
 #[test]
 fn mutated_arrays_are_read_or_refused() {
-    let files: Vec<Vec<u8>> = files("npy").iter().map(|path| fs::read(path).unwrap()).collect();
+    let files: Vec<Vec<u8>> = corpus("npy").iter().map(|path| fs::read(path).unwrap()).collect();
     let (mut read, mut refused) = (0, 0);
     for seed in 0..cases(20_000) {
         let random = &mut Random::new(seed);
@@ -114,7 +102,7 @@ fn mutated_archives_are_read_or_refused() {
 /// Through `softras fit`, which refuses them before it renders anything.
 #[test]
 fn malformed_cameras_are_refused() {
-    for file in files("cameras") {
+    for file in corpus("cameras") {
         let folder = tempfile::tempdir().unwrap();
         fs::copy(&file, folder.path().join("cameras.json")).unwrap();
         image::RgbaImage::new(4, 4).save(folder.path().join("a.png")).unwrap();

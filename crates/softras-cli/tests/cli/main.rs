@@ -4,7 +4,6 @@
 mod arguments;
 mod bench;
 mod command;
-mod each;
 mod eval;
 mod fit;
 mod full;
