@@ -228,6 +228,12 @@ FAULTS = [
      ["gradient::living::memory_follows"]),
     ("validation: every message accepted", "src/vulkan/own/validation.rs", "id == *accepted && text.contains(about)",
      "id != *accepted || text.contains(about)", ["internals::vulkan::a_missing_barrier"]),
+    ("further cells without their kernel", "glsl/triangle.comp", "if (more > 0u || uint(size.x", "if (uint(size.x",
+     ["gradient::room::thin"]),
+    ("kernels for thin triangles never asked for", "src/renderer/mod.rs", "self.rare.thin |= status.thin_tiles > 0;",
+     "", ["gradient::room::thin"]),
+    ("loops written out once too few", "src/vulkan/specialized/unroll.rs", "let (last, values) = found.values.split_last()",
+     "let (last, values) = found.values[..found.values.len() - 1].split_last()", ["render::pixels::"]),
 ]
 
 
