@@ -230,8 +230,8 @@ FAULTS = [
      "id != *accepted || text.contains(about)", ["internals::vulkan::a_missing_barrier"]),
     ("further cells without their kernel", "glsl/triangle.comp", "if (more > 0u || uint(size.x", "if (uint(size.x",
      ["gradient::room::thin"]),
-    ("kernels for thin triangles never asked for", "src/renderer/mod.rs", "self.rare.thin |= status.thin_tiles > 0;",
-     "", ["gradient::room::thin"]),
+    ("kernels for thin triangles never asked for", "src/embed/status.rs", "(rare.thin || self.thin_tiles == 0)",
+     "true", ["gradient::room::thin"]),
     ("loops written out once too few", "src/vulkan/specialized/unroll.rs", "let (last, values) = found.values.split_last()",
      "let (last, values) = found.values[..found.values.len() - 1].split_last()", ["render::pixels::"]),
 ]
