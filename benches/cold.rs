@@ -5,7 +5,7 @@
 //! driver's where it has one: lavapipe keeps its code in Mesa's shader cache). Three of each, medians.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-use softras::internals::vulkan::CacheFolder;
+use softras::CacheFolder;
 use softras::{Renderer, RendererOptions, Settings, shapes};
 use softras_lab::measure::Mode;
 use softras_lab::measure::subject::{camera, scene, settings};

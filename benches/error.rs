@@ -32,7 +32,7 @@ fn curves(renderer: &mut Renderer, mesh: &Mesh) {
         let settings = front_settings(&settings(size));
         println!("{size} pixels, sigma {:e}, gamma {:e}", settings.sigma, settings.gamma);
         println!("{:>12} {:>8} {:>10} {:>10} {:>10}", "", "tau", "forward", "frame", "error");
-        let exact = softras::internals::reference::render_untruncated(&scene, &[camera], &settings).expect("images");
+        let exact = softras_reference::render_untruncated(&scene, &[camera], &settings).expect("images");
         let curves = front(renderer, &scene, &[camera], &settings, 15).expect("frames");
         for curve in &curves {
             for p in &curve.points {
@@ -59,8 +59,8 @@ fn peers(renderer: &mut Renderer, name: &str, mesh: &Mesh) {
     let s = mode.of(&settings(256));
     let ours = times(renderer, &scene_of_peers, &[camera], &s, mode, 15).expect("frames");
     let frame = renderer.render(&scene_of_peers, &[camera], &s).expect("a frame");
-    let exact = softras::internals::reference::render_untruncated(&scene_of_peers, &[camera], &s).expect("images");
-    let culled = softras::reference::render_culled(&scene_of_peers, &[camera], &s).expect("images");
+    let exact = softras_reference::render_untruncated(&scene_of_peers, &[camera], &s).expect("images");
+    let culled = softras_reference::render_culled(&scene_of_peers, &[camera], &s).expect("images");
     let own = error::images(&frame, &exact, None);
     let rounding = error::images(&frame, &culled, Some(&culled.margin)).most;
     println!("peers: spot, 5856 triangles, 256 pixels, sigma 1e-4, gamma 1e-4, weighted background; ours: {name}");

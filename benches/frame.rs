@@ -81,7 +81,7 @@ fn row(
         }
         Err(error) => panic!("{error}"),
     };
-    let pairs = softras::internals::reference::pairs(&scene, &cameras, &settings).expect("pairs").total() as f64;
+    let pairs = softras_reference::pairs(&scene, &cameras, &settings).expect("pairs").total() as f64;
     let operations = floor::forward_operations(mode) + floor::backward_operations(mode);
     let least = pairs * operations / peak * 1e3;
     print!(

@@ -43,7 +43,7 @@ impl ImageGradient {
     ///
     /// # Errors
     /// [`Error::Backward`] naming the image.
-    pub(crate) fn validate(&self, rendered: Outputs, batch: usize, height: usize, width: usize) -> Result<()> {
+    pub fn validate(&self, rendered: Outputs, batch: usize, height: usize, width: usize) -> Result<()> {
         let images = [
             ("color", &self.color, rendered.color, 3),
             ("silhouette", &self.silhouette, rendered.silhouette, 1),

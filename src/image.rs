@@ -17,15 +17,17 @@ pub struct Image {
 
 impl Image {
     /// Whether it has at least one value, and as many as its shape says, which may be more than can be counted.
-    pub(crate) fn is_whole(&self) -> bool {
+    pub fn is_whole(&self) -> bool {
         let shape = [self.batch, self.height, self.width, self.channels];
         let count = shape.iter().try_fold(1usize, |count, &side| count.checked_mul(side));
         count == Some(self.data.len()) && !self.data.is_empty()
     }
 
     /// Some of the views.
-    #[cfg(feature = "fit")]
-    pub(crate) fn views(&self, views: impl ExactSizeIterator<Item = usize>) -> Self {
+    ///
+    /// # Panics
+    /// For a view that is not below `batch`.
+    pub fn views(&self, views: impl ExactSizeIterator<Item = usize>) -> Self {
         let (batch, size) = (views.len(), self.height * self.width * self.channels);
         let mut data = Vec::with_capacity(batch * size);
         views.for_each(|view| data.extend_from_slice(self.view(view)));

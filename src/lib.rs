@@ -45,31 +45,22 @@
 //! - [`Renderer`] opens a device, renders a [`Scene`] and differentiates the images. A scene is made of [`Mesh`]es and
 //!   [`Lights`] and is seen by [`Camera`]s under [`Settings`]; rendering returns a [`Frame`] of [`Image`]s, the backward
 //!   pass [`Gradients`]. [`scene`] has the types that these are made of.
-//! - [`shapes`] makes simple meshes, [`load`] reads mesh files, [`obj`] reads and writes Wavefront files.
-//! - [`fit`] uses the gradients to find shape, colours and pose from images.
+//! - [`shapes`] makes simple meshes.
 //! - [`embed`] records the same frames into an engine's own command buffers, with the engine's device and memory.
-//! - `reference`, behind the feature of that name, computes images and gradients on the host in f64. The kernels are tested
-//!   against it.
+//!
+//! Built on this crate: `softras-io` reads and writes meshes and pictures, `softras-view` makes pictures of meshes, `softras-fit`
+//! finds shape, colours and pose from images, `softras-reference` computes images and gradients on the host in f64, which the
+//! kernels are tested against.
 
 #![deny(unsafe_code)]
 
 pub mod embed;
 mod error;
-#[cfg(any(feature = "renderer", feature = "obj"))]
-mod files;
-#[cfg(feature = "fit")]
-pub mod fit;
-#[cfg(feature = "obj")]
-mod formats;
 mod frame;
 mod gradients;
 mod image;
 #[doc(hidden)]
 pub mod internals;
-#[cfg(feature = "obj")]
-pub mod obj;
-#[cfg(feature = "reference")]
-pub mod reference;
 #[cfg(feature = "renderer")]
 mod renderer;
 pub mod scene;
@@ -78,14 +69,12 @@ pub mod shapes;
 mod vulkan;
 
 pub use error::{Error, Result};
-#[cfg(feature = "obj")]
-pub use formats::load;
 /// Vectors and matrices, as cameras take them.
 pub use glam;
 pub use gradients::{CameraGradient, GradientMode, Gradients, ImageGradient, LightGradients, MeshGradients, Wanted};
 pub use image::Image;
 #[cfg(feature = "renderer")]
-pub use renderer::{Frame, FrameCounts, Renderer, RendererOptions, StageTime};
+pub use renderer::{Frame, FrameCounts, Renderer, RendererOptions, StageTime, parts};
 pub use scene::{Camera, Lights, Mesh, Projection, Scene, Settings};
 #[cfg(feature = "renderer")]
 pub use vulkan::{CacheFolder, Loader};

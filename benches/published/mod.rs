@@ -47,9 +47,9 @@ impl Peer {
         let case = recorded::Case::open(name);
         let image: Vec<f64> = case.archive.f32s("soft_colors_f32").into_iter().map(f64::from).collect();
         let (color, silhouette) = case.planes(&image);
-        let own = softras::reference::render_culled(&case.scene, &case.cameras, &case.settings).expect("an image");
-        let model = softras::internals::reference::render_untruncated(&case.scene, &case.cameras, &case.settings)
-            .expect("an image");
+        let own = softras_reference::render_culled(&case.scene, &case.cameras, &case.settings).expect("an image");
+        let model =
+            softras_reference::render_untruncated(&case.scene, &case.cameras, &case.settings).expect("an image");
         let silhouette_error = largest(&silhouette, &model.silhouette);
         Some(PeerError {
             untruncated: largest(&color, &model.color).max(silhouette_error),

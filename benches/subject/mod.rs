@@ -9,7 +9,7 @@ pub fn mesh(name: &str) -> (String, Mesh) {
         return ("fish".to_string(), shapes::fish().expect("the crate's own mesh"));
     }
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../shared/meshes/{name}.obj"));
-    match softras::obj::load(&path, &softras::obj::LoadOptions::default()) {
+    match softras_io::load_with(&path, &softras_io::LoadOptions::default()) {
         Ok(loaded) => (name.to_string(), loaded.mesh),
         Err(_) => {
             println!("{name} is not there: the fish instead");

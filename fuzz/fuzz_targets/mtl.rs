@@ -9,5 +9,5 @@ const MESH: &[u8] = b"mtllib mesh.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl
 
 fuzz_target!(|bytes: &[u8]| {
     folder::file("mesh.mtl", bytes);
-    let _ = softras::obj::load(&folder::file("mesh.obj", MESH), &Default::default());
+    let _ = softras_io::load_with(&folder::file("mesh.obj", MESH), &Default::default());
 });

@@ -7,7 +7,7 @@ use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {
     let path = folder::file("mesh.obj", bytes);
-    if let Ok(loaded) = softras::obj::load(&path, &Default::default()) {
+    if let Ok(loaded) = softras_io::load_with(&path, &Default::default()) {
         let mesh = loaded.mesh;
         assert!(softras::Mesh::new(mesh.positions().to_vec(), mesh.triangles().to_vec()).is_ok());
     }

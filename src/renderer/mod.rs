@@ -2,7 +2,7 @@
 
 mod backward;
 mod frame;
-pub(crate) mod parts;
+pub mod parts;
 mod slot;
 mod upload;
 

@@ -65,7 +65,7 @@ impl Lights {
     ///
     /// # Errors
     /// [`Error::Light`] for a value that is not finite, a direction of length 0, or too many lights.
-    pub(crate) fn validate(&self) -> Result<()> {
+    pub fn validate(&self) -> Result<()> {
         let bad = |field: String, value: String, fix: &str| Err(Error::Light { field, value, fix: fix.into() });
         if self.directional.len() > Self::MAX_DIRECTIONAL {
             let n = self.directional.len().to_string();

@@ -60,7 +60,7 @@ impl Scene {
     /// # Errors
     /// [`Error::Scene`] without a mesh or a camera, or for several meshes and another number of cameras;
     /// [`Error::Light`] for a light out of range.
-    pub(crate) fn validate(&self, cameras: &[Camera]) -> Result<()> {
+    pub fn validate(&self, cameras: &[Camera]) -> Result<()> {
         let (m, c) = (self.meshes.len(), cameras.len());
         if m == 0 || c == 0 {
             return Err(Error::Scene {

@@ -222,7 +222,7 @@ impl Settings {
     ///
     /// # Errors
     /// [`Error::Settings`] naming the field, its value and its range.
-    pub(crate) fn validate(&self) -> Result<()> {
+    pub fn validate(&self) -> Result<()> {
         let check = |ok: bool, field: &'static str, value: String, fix: &str| {
             if ok { Ok(()) } else { Err(Error::Settings { field, value, fix: fix.into() }) }
         };

@@ -6,12 +6,15 @@ use glam::DVec3;
 use std::collections::HashMap;
 
 /// Samples of a function over a cube, x running fastest. Its inside is where it is above 0.
-pub(crate) struct Samples {
+#[derive(Clone, Debug)]
+pub struct Samples {
+    /// The position of the first sample, the cube's lowest corner.
     pub low: DVec3,
-    /// Between samples.
+    /// The distance between samples.
     pub step: f64,
     /// Samples along a side.
     pub resolution: usize,
+    /// `resolution³` values.
     pub values: Vec<f32>,
 }
 
@@ -30,6 +33,9 @@ impl Samples {
 
     /// The mesh of the zero level, closed at the cube's sides, its triangles counter-clockwise seen from outside; `None` where
     /// no sample is inside.
+    ///
+    /// # Errors
+    /// [`Error::Mesh`](crate::Error::Mesh) for a surface of more vertices than a mesh may have.
     pub fn mesh(mut self) -> Result<Option<Mesh>> {
         let n = self.resolution;
         let on_side = |i: usize| [i % n, i / n % n, i / n / n].iter().any(|&k| k == 0 || k == n - 1);

@@ -1,11 +1,13 @@
 //! Built-in meshes: closed, counter-clockwise seen from outside, around the origin and within ±1.1.
 
 mod fish;
-pub(crate) mod level_set;
-pub(crate) mod named;
+mod level_set;
+mod named;
 mod solids;
 
 pub use fish::fish;
+pub use level_set::Samples;
+pub use named::{NAMES, by_name, finer};
 
 use crate::{
     error::{Error, Result, shown},

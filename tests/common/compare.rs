@@ -1,7 +1,8 @@
 //! Comparing what the kernels made with what the reference says.
 
 use super::tolerance::Tolerance;
-use softras::{Frame, Image, reference::ReferenceFrame};
+use softras::{Frame, Image};
+use softras_reference::ReferenceFrame;
 
 /// What a comparison found.
 #[derive(Clone, Debug)]

@@ -8,10 +8,9 @@ use super::{
     tolerance::{GradientTolerance, IMAGE},
 };
 use softras::{
-    Camera, GradientMode, Gradients, Image, ImageGradient, Renderer, Scene, Settings, Wanted,
-    reference::{self, ReferenceGradients, Upstream, render_culled},
-    scene::Outputs,
+    Camera, GradientMode, Gradients, Image, ImageGradient, Renderer, Scene, Settings, Wanted, scene::Outputs,
 };
+use softras_reference::{ReferenceGradients, Upstream, render_culled};
 use std::collections::BTreeMap;
 
 /// One gradient of a scene, ours and the reference's.
@@ -94,7 +93,8 @@ pub fn reference_upstream(upstream: &ImageGradient) -> Upstream {
 }
 
 pub fn reference_gradient(case: &Case, upstream: &ImageGradient, mode: GradientMode) -> ReferenceGradients {
-    reference::gradient(&case.scene, &case.cameras, &case.settings, &reference_upstream(upstream), mode).unwrap()
+    softras_reference::gradient(&case.scene, &case.cameras, &case.settings, &reference_upstream(upstream), mode)
+        .unwrap()
 }
 
 /// Renders and goes backward.

@@ -10,9 +10,8 @@ use crate::common::{
     tier,
     tolerance::{self, GRADIENT},
 };
-use softras::{
-    Frame, GradientMode, Gradients, Projection, Renderer, Wanted, reference::render_culled, scene::Background,
-};
+use softras::{Frame, GradientMode, Gradients, Projection, Renderer, Wanted, scene::Background};
+use softras_reference::render_culled;
 
 /// One camera before one lit blob or soup.
 fn base() -> Case {

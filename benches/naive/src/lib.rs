@@ -133,7 +133,7 @@ fn on_screen(positions: &[[f32; 3]], camera: &Camera) -> Vec<[f32; 4]> {
 }
 
 /// The largest error of colour and silhouette.
-pub fn error(image: &[[f32; 4]], reference: &softras::reference::ReferenceFrame, outputs: Outputs) -> f64 {
+pub fn error(image: &[[f32; 4]], reference: &softras_reference::ReferenceFrame, outputs: Outputs) -> f64 {
     assert!(outputs.color && outputs.silhouette && reference.silhouette.len() == image.len());
     let pixels = image.iter().zip(reference.color.chunks_exact(3)).zip(&reference.silhouette);
     let off = |(([r, g, b, a], color), alpha): ((&[f32; 4], &[f64]), &f64)| {

@@ -17,7 +17,7 @@ use picture::Picture;
 use softras::embed::{BufferId, Pass, PassStatus, Status};
 use softras::glam::DVec3;
 use softras::scene::{Background, Outputs};
-use softras::{Camera, Lights, Projection, Renderer, Scene, Settings, Wanted, obj, shapes};
+use softras::{Camera, Lights, Projection, Renderer, Scene, Settings, Wanted, shapes};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use vk_graph::Graph;
@@ -51,7 +51,7 @@ fn cameras() -> softras::Result<Vec<Camera>> {
 /// The mesh to fit, moved to the origin and scaled into the unit sphere.
 fn goal_mesh(path: Option<&Path>) -> Outcome<softras::Mesh> {
     let mesh = match path {
-        Some(path) => obj::load(path, &obj::LoadOptions { srgb: true, ..Default::default() })?.mesh,
+        Some(path) => softras_io::load(path)?,
         None => shapes::fish()?,
     };
     let points = || mesh.positions().iter().map(|p| DVec3::from(p.map(f64::from)));

@@ -2,7 +2,7 @@
 
 use burn::tensor::{Device, IndexingUpdateOp, Int, Tensor, TensorData};
 use softras::Result;
-use softras::internals::fit::Topology;
+use softras_fit::Topology;
 
 /// Keeps the IoU of two empty silhouettes finite, and the flatten loss at flat or empty edges; the official code's number.
 const EPSILON: f64 = 1e-6;
@@ -45,8 +45,7 @@ impl Smoothness {
         let share = |pair: &[u32; 2]| 1.0 / topology.neighbors(pair[0] as usize).len().max(1) as f32;
         let shares: Vec<f32> = pairs.iter().map(share).collect();
         let flaps: Vec<_> = topology.flaps().iter().filter(|flap| flap.official).collect();
-        let corner =
-            |of: fn(&softras::internals::fit::Flap) -> u32| indices(flaps.iter().map(|flap| of(flap)).collect());
+        let corner = |of: fn(&softras_fit::Flap) -> u32| indices(flaps.iter().map(|flap| of(flap)).collect());
         Ok(Self {
             shares: Tensor::from_data(TensorData::new(shares, [1, pairs.len(), 1]), device),
             vertices: indices(pairs.iter().map(|p| p[0]).collect()),

@@ -123,7 +123,7 @@ fn furniture_becomes_sets_and_hostile_archives_stay_inside() {
         for i in 0..7 {
             let mesh = softras_burn::reconstruct::families::object("sofa", (7 * class + i) as u64).unwrap().unwrap();
             let path = folder.join("one.obj");
-            softras::obj::write_obj(&mesh, &path).unwrap();
+            softras_io::save(&mesh, &path).unwrap();
             let number = 10 * class + i;
             catalogue += &piece(number, name, &format!("{number}/one.obj"));
             files.push((format!("{number}/one.obj"), std::fs::read(&path).unwrap()));
@@ -167,7 +167,7 @@ fn meshes_of_a_folder_become_sets() {
     std::fs::create_dir(folder.join("meshes")).unwrap();
     for i in 0..10 {
         let mesh = softras_burn::reconstruct::families::object("bed", i).unwrap().unwrap();
-        softras::obj::write_obj(&mesh, &folder.join(format!("meshes/{i}.obj"))).unwrap();
+        softras_io::save(&mesh, &folder.join(format!("meshes/{i}.obj"))).unwrap();
     }
     std::fs::write(folder.join("meshes/broken.obj"), "f 1 2 3").unwrap();
     let output = run(folder, "data -o data --class thing --meshes meshes");

@@ -2,11 +2,11 @@
 #![allow(clippy::unwrap_used)]
 
 use burn::tensor::{Device, Tensor, TensorData};
-use softras::fit::{ImageLoss, Regularizer};
 use softras::glam::DVec3;
-use softras::internals::fit::{Topology, regularize};
 use softras::{Image, shapes};
 use softras_burn::{Smoothness, iou_loss};
+use softras_fit::Topology;
+use softras_fit::{ImageLoss, Regularizer};
 
 fn close(found: &[f32], expected: impl ExactSizeIterator<Item = f64>) {
     assert_eq!(found.len(), expected.len());
@@ -54,7 +54,7 @@ fn smoothness_is_the_librarys() {
         let gradient: Vec<f32> = input.grad(&value.backward()).unwrap().into_data().try_to_vec().unwrap();
         let mut expected = vec![DVec3::ZERO; count];
         // The batch holds the mesh twice, and the loss is the mean over it.
-        let expected_value = regularize(regularizer, &topology, &exact, 0.5, &mut expected).unwrap();
+        let expected_value = regularizer.add(&topology, &exact, 0.5, &mut expected).unwrap();
         close(&[value.into_scalar::<f32>()], [expected_value].into_iter());
         let expected: Vec<f64> = expected.iter().flat_map(|v| v.to_array()).collect();
         close(&gradient, [&expected[..], &expected[..]].concat().into_iter());

@@ -3,13 +3,13 @@
 
 use burn::tensor::Device;
 use softras::Renderer;
-use softras::internals::fit::is_closed;
 use softras_burn::reconstruct::config::{Coloring, Config, Hard, Row};
 use softras_burn::reconstruct::data::{self, Set, Shard};
 use softras_burn::reconstruct::model::Model;
 use softras_burn::reconstruct::network::{Network, meshes};
 use softras_burn::reconstruct::train::Trainer;
 use softras_burn::reconstruct::{checkpoint, colors, evaluate, families, picture, synthesis};
+use softras_fit::is_closed;
 use std::path::Path;
 
 fn config() -> Config {
@@ -95,7 +95,7 @@ fn shards_are_the_set() {
         let mut zip = zip::ZipWriter::new(file);
         zip.start_file("arr_0.npy", zip::write::SimpleFileOptions::default()).unwrap();
         let values = vec![0; shape.iter().product()];
-        let array = softras_lab::npy::write(shape, softras_lab::npy::Data::U8(&values));
+        let array = softras_io::npy::write(shape, softras_io::npy::Data::U8(&values));
         std::io::Write::write_all(&mut zip, &array).unwrap();
         zip.finish().unwrap();
     };

@@ -3,7 +3,8 @@
 mod commands;
 
 use clap::{FromArgMatches, error::ErrorKind};
-use commands::{Cli, Failure, help, text};
+use commands::{Cli, Failure, help};
+use softras_io::text;
 use std::io::Write;
 use std::process::ExitCode;
 

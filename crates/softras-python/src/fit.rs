@@ -8,9 +8,9 @@ use crate::settings::{self, chosen};
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use softras::fit::{Fit, ImageLoss, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions, Step, Targets};
 use softras::scene::{Background, Interpolation};
 use softras::{Scene, Settings};
+use softras_fit::{Fit, ImageLoss, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions, Step, Targets};
 
 /// The arguments of a fit, all of which `softras.fit` gives.
 #[derive(FromPyObject)]

@@ -5,14 +5,14 @@ use crate::exceptions::Raise;
 use crate::mesh::Mesh;
 use numpy::{PyArray1, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
-use softras::internals::fit::Voxels;
 use softras::{Scene, Settings};
+use softras_fit::Voxels;
 
 /// The volume of the intersection of two solids over that of their union, counted in resolution³ voxels around both.
 #[pyfunction]
 #[pyo3(signature = (a, b, resolution = 64))]
 pub fn iou(py: Python<'_>, a: &Mesh, b: &Mesh, resolution: usize) -> PyResult<f64> {
-    py.detach(|| softras::fit::voxel_iou(&a.mesh, &b.mesh, resolution)).raise()
+    py.detach(|| softras_fit::voxel_iou(&a.mesh, &b.mesh, resolution)).raise()
 }
 
 /// The intersection over union of each view's masks, the pixels above 1/2: [views] float64. Raises FitError.
@@ -23,7 +23,7 @@ pub fn mask_iou<'py>(
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
     let py = prediction.py();
     let (prediction, target) = (image(prediction, "prediction", 1)?, image(target, "target", 1)?);
-    let found = py.detach(|| softras::fit::mask_iou(&prediction, &target)).raise()?;
+    let found = py.detach(|| softras_fit::mask_iou(&prediction, &target)).raise()?;
     Ok(PyArray1::from_vec(py, found))
 }
 
@@ -35,20 +35,20 @@ pub fn mask_iou<'py>(
 pub fn blurred_mask(mask: &Bound<'_, PyAny>, sigma: f64, sheets: f64) -> PyResult<Py<PyAny>> {
     let py = mask.py();
     let mask = image(mask, "mask", 1)?;
-    let soft = py.detach(|| softras::fit::soft_target(&mask, sigma, sheets)).raise()?;
+    let soft = py.detach(|| softras_fit::soft_target(&mask, sigma, sheets)).raise()?;
     image_array(py, &soft)
 }
 
 /// The mesh with triangles of about the given edge length; vertices come in a new order. Raises FitError.
 #[pyfunction]
 pub fn remesh(py: Python<'_>, mesh: &Mesh, edge_length: f64) -> PyResult<Mesh> {
-    py.detach(|| softras::fit::remeshed(&mesh.mesh, edge_length..=edge_length)).raise().map(Mesh::from)
+    py.detach(|| softras_fit::remeshed(&mesh.mesh, edge_length..=edge_length)).raise().map(Mesh::from)
 }
 
 /// Whether every edge is used by as many triangles in one direction as in the other.
 #[pyfunction]
 pub fn is_closed(py: Python<'_>, mesh: &Mesh) -> PyResult<bool> {
-    py.detach(|| softras::internals::fit::is_closed(&mesh.mesh)).raise()
+    py.detach(|| softras_fit::is_closed(&mesh.mesh)).raise()
 }
 
 /// Whether the centres of voxels are inside of the mesh: [resolution]³ bools, indexed x, y, z.

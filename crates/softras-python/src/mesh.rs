@@ -7,8 +7,8 @@ use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyUntypedArrayMethods}
 use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use softras::obj::LoadOptions;
 use softras::scene::{Appearance, Texture, Wrap};
+use softras_io::{LoadOptions, SaveOptions};
 use std::path::PathBuf;
 
 /// A triangle mesh with its appearance.
@@ -272,7 +272,7 @@ impl Mesh {
         if ["ply", "stl", "gltf", "glb"].contains(&ending.as_str()) {
             return Err(bad_input(format!("{}: only OBJ can be written", path.display()), "end the path with .obj"));
         }
-        softras::obj::write_obj(&self.mesh, &path).raise()
+        softras_io::save_with(&self.mesh, &path, &SaveOptions { srgb: false }).raise()
     }
 
     fn __repr__(&self) -> String {
@@ -332,7 +332,7 @@ pub fn meshes(value: &Bound<'_, PyAny>) -> PyResult<Vec<softras::Mesh>> {
 #[pyo3(signature = (path, *, srgb = false, allow_outside = false, strict = false))]
 pub fn load(py: Python<'_>, path: PathBuf, srgb: bool, allow_outside: bool, strict: bool) -> PyResult<Mesh> {
     let options = LoadOptions { srgb, allow_outside, strict, ..LoadOptions::default() };
-    let loaded = py.detach(|| softras::load(&path, &options)).raise()?;
+    let loaded = py.detach(|| softras_io::load_with(&path, &options)).raise()?;
     Ok(Mesh { mesh: loaded.mesh, notes: loaded.notes })
 }
 

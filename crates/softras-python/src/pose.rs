@@ -8,8 +8,8 @@ use crate::renderer::Renderer;
 use crate::settings;
 use pyo3::prelude::*;
 use softras::Settings;
-use softras::fit::{Pose, PoseSearch};
 use softras::glam::{DMat3, DQuat, DVec3};
+use softras_fit::{Pose, PoseSearch};
 
 /// The arguments of a search, all of which `softras.pose` gives.
 #[derive(FromPyObject)]

@@ -9,10 +9,10 @@ use numpy::{PyArray1, PyArrayMethods};
 use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use softras::internals::reference::render_at;
-use softras::reference::{Parameters, Upstream};
 use softras::scene::Appearance;
 use softras::{Lights, Mesh};
+use softras_reference::render_at;
+use softras_reference::{Parameters, Upstream};
 
 /// Where the arrays of a mesh begin among the parameters, whose order is that of [`Parameters::values`].
 fn starts(parameters: &Parameters, inputs: &Inputs) -> Vec<(usize, usize)> {
@@ -188,7 +188,7 @@ pub fn reference_gradient<'py>(
     let upstream = upstream.map_or(Ok(Upstream::default()), self::upstream)?;
     let mode = gradient_mode(mode)?;
     let Inputs { scene, cameras, settings } = &inputs;
-    let found = py.detach(|| softras::reference::gradient(scene, cameras, settings, &upstream, mode)).raise()?;
+    let found = py.detach(|| softras_reference::gradient(scene, cameras, settings, &upstream, mode)).raise()?;
     let one = |(i, mesh)| Py::new(py, mesh_gradients(py, &found, i, mesh)?);
     let meshes = scene.meshes.iter().enumerate().map(one).collect::<PyResult<_>>()?;
     let twist = |view| <[f64; 6]>::try_from(found.twist(view)).unwrap_or_default();

@@ -5,9 +5,12 @@ use super::super::device::Device;
 use super::super::result::Named;
 use super::context::CacheFolder;
 use crate::Result;
-use crate::files::{input, output};
 use ash::vk;
-use std::path::{Path, PathBuf};
+use std::{
+    fs, io,
+    io::{Read, Write},
+    path::{Path, PathBuf},
+};
 
 /// What our files begin with; a checksum of the driver's data follows.
 const MAGIC: &[u8; 8] = b"softras1";
@@ -62,9 +65,9 @@ impl DiskCache {
         }
         let bytes = [&MAGIC[..], &sum.to_le_bytes(), &data].concat();
         if let Some(folder) = file.parent()
-            && std::fs::create_dir_all(folder).is_ok()
+            && fs::create_dir_all(folder).is_ok()
         {
-            _ = output::write_file(file, &bytes);
+            _ = replace(file, folder, &bytes);
         }
     }
 }
@@ -79,9 +82,19 @@ impl Drop for DiskCache {
 
 /// The driver's data in a file of ours, if it is complete and of this device and driver.
 fn load(file: &Path, properties: &vk::PhysicalDeviceProperties) -> Option<Vec<u8>> {
-    let bytes = input::read(file, MOST).ok()?;
+    let mut bytes = Vec::new();
+    // A pipe or a device in the file's place might never end.
+    let is_file = fs::metadata(file).is_ok_and(|metadata| metadata.is_file() && metadata.len() <= MOST);
+    fs::File::open(file).ok().filter(|_| is_file)?.take(MOST).read_to_end(&mut bytes).ok()?;
     let (sum, data) = bytes.strip_prefix(MAGIC)?.split_first_chunk::<8>()?;
     (u64::from_le_bytes(*sum) == checksum(data) && is_header_of(data, properties)).then(|| data.to_vec())
+}
+
+/// Writes the file whole: another process reads the old one or the new one.
+fn replace(file: &Path, folder: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut new = tempfile::NamedTempFile::new_in(folder)?;
+    new.write_all(bytes)?;
+    new.persist(file).map(drop).map_err(|error| error.error)
 }
 
 /// Whether the data begins with VkPipelineCacheHeaderVersionOne for this device.

@@ -11,7 +11,8 @@ use crate::common::{
     scenes::{Case, Kind},
     tolerance::GRADIENT,
 };
-use softras::{GradientMode, Gradients, ImageGradient, Renderer, Wanted, reference::render_culled, scene::Outputs};
+use softras::{GradientMode, Gradients, ImageGradient, Renderer, Wanted, scene::Outputs};
+use softras_reference::render_culled;
 
 fn group(ours: &[f64], reference: &[f64]) -> Group {
     Group { name: "x", ours: ours.to_vec(), reference: reference.to_vec() }

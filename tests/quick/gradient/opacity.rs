@@ -11,9 +11,9 @@ use crate::common::{
 };
 use softras::{
     GradientMode, Projection, Renderer, RendererOptions, Wanted,
-    reference::render_culled,
     scene::{Appearance, Background, Outputs},
 };
+use softras_reference::render_culled;
 
 /// One camera before one lit blob or soup, every image asked for.
 fn base(seed: u64) -> Case {

@@ -9,10 +9,10 @@ use crate::common::{
 };
 use softras::{
     Camera, Error, Image, Projection, Scene, Settings,
-    reference::render_culled,
     scene::{Distance, Outputs, Parity},
     shapes,
 };
+use softras_reference::render_culled;
 
 /// A rectangle of an image.
 #[derive(Clone, Copy, Debug)]

@@ -14,9 +14,9 @@ use crate::common::{
 };
 use softras::{
     Camera, Mesh, Renderer, Scene, Settings,
-    reference::{Truncation, render, render_culled},
     scene::{Appearance, Background, Distance, Outputs, Parity},
 };
+use softras_reference::{Truncation, render, render_culled};
 
 /// The largest error in units of the tolerance, or what is wrong, with the case.
 fn agreement(renderer: &mut Renderer, case: &Case) -> Result<f64, String> {

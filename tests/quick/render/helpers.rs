@@ -9,9 +9,9 @@ use crate::common::{
 };
 use softras::{
     Image,
-    reference::render_culled,
     scene::{Appearance, Projection},
 };
+use softras_reference::render_culled;
 use std::collections::BTreeSet;
 
 /// Two views of 2×3 pixels with two channels and all values different.

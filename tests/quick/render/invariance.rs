@@ -12,10 +12,10 @@ use glam::DVec3;
 use softras::{
     Camera, Frame, Mesh, Projection, RendererOptions, Scene, Settings,
     internals::plan::Capacity,
-    reference::render_culled,
     scene::{Appearance, Outputs},
     shapes,
 };
+use softras_reference::render_culled;
 
 const ALL: Outputs = Outputs { color: true, silhouette: true, depth: true, normal: true };
 

@@ -3,12 +3,12 @@
 use crate::common::{renderer, tolerance::BY_HAND};
 use softras::{
     Camera, Frame, Lights, Mesh, Renderer, Scene, Settings,
-    reference::{Truncation, render},
     scene::{
         Appearance, Background, ColorAggregation, DirectionalLight, Faces, FrontFace, Interpolation, Outputs,
         SilhouetteAggregation, Texture, Wrap,
     },
 };
+use softras_reference::{Truncation, render};
 
 const ALL: Outputs = Outputs { color: true, silhouette: true, depth: true, normal: true };
 
@@ -42,7 +42,7 @@ fn mesh(triangles: &[[[f32; 3]; 3]], colors: &[[f32; 3]]) -> Mesh {
 /// The kernels' and the reference's values at (row, column), which must be those computed by hand.
 struct Check {
     frame: Frame,
-    reference: softras::reference::ReferenceFrame,
+    reference: softras_reference::ReferenceFrame,
 }
 
 fn check(renderer: &mut Renderer, scene: &Scene, settings: &Settings) -> Check {

@@ -9,9 +9,9 @@ use proptest::{
 };
 use softras::{
     Camera, Mesh, Projection, Renderer, Scene, Settings,
-    reference::{Truncation, render},
     scene::{Outputs, SilhouetteAggregation},
 };
+use softras_reference::{Truncation, render};
 use std::cell::RefCell;
 
 /// A few more than the lists' words have bits, so that several words come up.

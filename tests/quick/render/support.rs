@@ -3,10 +3,10 @@
 use crate::common::random::Random;
 use crate::common::scenes::{Case, Kind, random_case};
 use crate::common::{renderer, tier, tolerance};
-use softras::internals::reference::pairs;
-use softras::reference::{ReferenceFrame, Truncation, render, render_culled};
 use softras::scene::{Appearance, Background, ColorAggregation, Outputs, Parity, SilhouetteAggregation, Support};
 use softras::{Camera, Error, Lights, Mesh, Scene, Settings};
+use softras_reference::pairs;
+use softras_reference::{ReferenceFrame, Truncation, render, render_culled};
 
 const ALL: Outputs = Outputs { color: true, silhouette: true, depth: true, normal: true };
 

@@ -10,9 +10,9 @@ use crate::common::{
 use softras::{
     Camera, ImageGradient, Mesh, Renderer, RendererOptions, Scene, Settings, Wanted,
     internals::plan::Capacity,
-    reference::render_culled,
     scene::{Appearance, Outputs, SilhouetteAggregation},
 };
+use softras_reference::render_culled;
 
 fn is_software(renderer: &Renderer) -> bool {
     renderer.device_info().kind == softras::internals::vulkan::DeviceKind::Software

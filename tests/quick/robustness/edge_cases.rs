@@ -10,10 +10,10 @@ use crate::common::{
 use glam::DVec3;
 use softras::{
     Camera, Frame, Lights, Mesh, Projection, Renderer, Scene, Settings,
-    reference::{ReferenceFrame, render_culled},
     scene::{Appearance, Background, ColorAggregation, Distance, Outputs},
     shapes,
 };
+use softras_reference::{ReferenceFrame, render_culled};
 
 #[track_caller]
 fn against_reference(

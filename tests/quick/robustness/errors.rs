@@ -1,17 +1,13 @@
 //! Every kind of error is reached, and its text names the thing, the place and the fix.
-#![cfg(all(feature = "reference", feature = "obj"))]
 
 use crate::common::renderer;
 use glam::{DMat4, DVec3};
-use softras::internals::validate;
 use softras::{
     Camera, Error, Image, ImageGradient, Lights, Mesh, Projection, Renderer, RendererOptions, Result, Scene, Settings,
     Wanted,
-    obj::{LoadOptions, load, write_obj},
-    reference::{GradientMode, Upstream, gradient},
     scene::{Appearance, DirectionalLight, Outputs, Texture, Wrap},
 };
-use std::path::Path;
+use softras_reference::{GradientMode, Upstream, gradient};
 
 /// The error's text has every part.
 #[track_caller]
@@ -54,7 +50,7 @@ fn meshes() {
     assert_says(with(textured(vec![[0.0; 2]], vec![texture], vec![1])), &["texture 1", "triangle 0"]);
     assert_says(Texture::new(2, 2, vec![[0.0; 3]; 3], Wrap::Clamp), &["3 texels for 2×2", "width × height"]);
     assert_says(triangle().set_positions(vec![]), &["0 positions", "3"]);
-    assert_says(softras::internals::shapes::by_name("cow"), &["cow", "torus"]);
+    assert_says(softras::shapes::by_name("cow"), &["cow", "torus"]);
 }
 
 #[test]
@@ -170,7 +166,7 @@ fn settings_end_where_they_say() {
         let taken = |x: f64| {
             let mut settings = Settings::default();
             set(&mut settings, x);
-            validate::settings(&settings).is_ok()
+            settings.validate().is_ok()
         };
         assert_eq!(wide_range_error(low, high, taken), None, "{name}");
     }
@@ -189,13 +185,13 @@ fn lights_end_where_they_say() {
         let taken = |x: f64| {
             let mut lights = Lights::official();
             set(&mut lights, x);
-            validate::lights(&lights).is_ok()
+            lights.validate().is_ok()
         };
         assert_eq!(wide_range_error(-1e6, 1e6, taken), None, "{name}");
     }
     let many = |count: usize| Lights { directional: vec![Lights::official().directional[0]; count], ..Lights::unlit() };
-    validate::lights(&many(Lights::MAX_DIRECTIONAL)).unwrap();
-    assert_says(validate::lights(&many(Lights::MAX_DIRECTIONAL + 1)), &["directional.len() = 65", "64"]);
+    many(Lights::MAX_DIRECTIONAL).validate().unwrap();
+    assert_says(many(Lights::MAX_DIRECTIONAL + 1).validate(), &["directional.len() = 65", "64"]);
 }
 
 /// However large a number is, an error shows it in few digits, under the name of the field that it is in.
@@ -222,23 +218,18 @@ fn enormous_numbers_are_told_in_few_digits() {
         for (name, set) in settings {
             let mut s = Settings::default();
             set(&mut s, x);
-            told.extend(validate::settings(&s).err().map(|error| (name, error)));
+            told.extend(s.validate().err().map(|error| (name, error)));
         }
         for (name, set) in lights {
             let mut l = Lights::official();
             set(&mut l, x);
-            told.extend(validate::lights(&l).err().map(|error| (name, error)));
+            told.extend(l.validate().err().map(|error| (name, error)));
         }
         told.extend(Camera::from_angles(x, 0.0, 0.0, PERSPECTIVE).err().map(|error| ("camera", error)));
         told.extend(
             Camera::from_angles(2.0, 0.0, 0.0, Projection::Perspective { fov_y: x }).err().map(|e| ("fov_y", e)),
         );
         told.extend(softras::shapes::torus(x, 1.0, 3, 3).err().map(|error| ("torus", error)));
-        told.extend(
-            softras::internals::fit::blurred(&Image { batch: 1, height: 1, width: 1, channels: 1, data: vec![0.5] }, x)
-                .err()
-                .map(|e| ("blur", e)),
-        );
     }
     assert!(told.len() > 40, "{} errors", told.len());
     for (name, error) in told {
@@ -291,7 +282,7 @@ fn upstream_gradients() {
     let image =
         |channels: usize, count: usize| Image { batch: 2, height: 3, width: 4, channels, data: vec![0.5; count] };
     let rendered = Outputs { color: true, silhouette: true, depth: false, normal: false };
-    let check = |gradient: &ImageGradient| validate::image_gradient(gradient, rendered, 2, 3, 4);
+    let check = |gradient: &ImageGradient| gradient.validate(rendered, 2, 3, 4);
     let (color, silhouette) = (ImageGradient::color(image(3, 72)), ImageGradient::silhouette(image(1, 24)));
     let both = ImageGradient { silhouette: silhouette.silhouette.clone(), ..color.clone() };
     [&color, &silhouette, &both].into_iter().for_each(|good| check(good).unwrap());
@@ -299,28 +290,12 @@ fn upstream_gradients() {
     let depth = ImageGradient { depth: Some(image(1, 24)), ..color };
     assert_says(check(&depth), &["no depth image", "Settings::outputs"]);
     // The shape of another frame, and a shape that its values do not fill.
-    assert_says(
-        validate::image_gradient(&both, rendered, 2, 4, 3),
-        &["color gradient has shape [2, 3, 4, 3]", "[2, 4, 3, 3]"],
-    );
+    assert_says(both.validate(rendered, 2, 4, 3), &["color gradient has shape [2, 3, 4, 3]", "[2, 4, 3, 3]"]);
     assert_says(check(&ImageGradient::color(image(1, 24))), &["[2, 3, 4, 1]", "[2, 3, 4, 3]"]);
     assert_says(check(&ImageGradient::silhouette(image(1, 23))), &["the silhouette gradient"]);
     let mut infinite = both;
     infinite.silhouette.as_mut().unwrap().data[7] = f32::INFINITY;
     assert_says(check(&infinite), &["silhouette gradient is inf at value 7", "finite"]);
-}
-
-#[test]
-fn files() {
-    let error =
-        assert_says(load(Path::new("/no/such.obj"), &LoadOptions::default()), &["/no/such.obj", "No such file"]);
-    assert!(matches!(error, Error::Io { .. }));
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("mesh.obj");
-    std::fs::write(&path, "v 0 0 0\nf 1 2 3\n").unwrap();
-    let error = assert_says(load(&path, &LoadOptions::default()), &["mesh.obj:2: ", "index 2", "fix the index"]);
-    assert!(matches!(error, Error::File { line: Some(2), .. }));
-    assert_says(write_obj(&triangle(), &folder.path().join("no/mesh.obj")), &["/no: ", "folder", "does not exist"]);
 }
 
 #[test]

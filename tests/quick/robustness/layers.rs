@@ -8,9 +8,9 @@ use crate::common::{
 };
 use softras::{
     Camera, Mesh, Scene, Settings,
-    reference::render_culled,
     scene::{Distance, Parity, SilhouetteAggregation},
 };
+use softras_reference::render_culled;
 
 /// How the depths of layers follow each other.
 #[derive(Clone, Copy, Debug)]

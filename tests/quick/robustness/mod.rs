@@ -5,4 +5,3 @@ mod crowds;
 mod edge_cases;
 mod errors;
 mod layers;
-mod lengths;

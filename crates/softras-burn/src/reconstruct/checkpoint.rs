@@ -11,8 +11,8 @@ use burn::optim::{ModuleOptimizer, OptimizerRecord};
 use burn::tensor::{Bytes, Device};
 use safetensors::{Dtype, SafeTensors, View};
 use serde::{Deserialize, Serialize};
-use softras::internals::files;
 use softras::{Error, Result};
+use softras_io::{input, output};
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::Path;
@@ -85,7 +85,7 @@ pub fn write(path: &Path, status: &Status, model: &Model, optimizer: &ModuleOpti
         (OPTIMIZER.into(), Stored { dtype: Dtype::U8, shape: vec![optimizer.len()], bytes: optimizer }),
     ]);
     let metadata = HashMap::from([(METADATA.to_string(), said)]);
-    files::write_file(path, &safetensors::serialize(tensors, Some(metadata)).map_err(|e| io(&e))?)
+    output::write_file(path, &safetensors::serialize(tensors, Some(metadata)).map_err(|e| io(&e))?)
 }
 
 /// Reads a checkpoint. Without `resume` the optimiser is left as it is.
@@ -97,7 +97,7 @@ pub fn read(
     device: &Device,
     resume: Option<ModuleOptimizer>,
 ) -> Result<(Status, Model, Option<ModuleOptimizer>)> {
-    let bytes = files::read(path, MOST_BYTES)?;
+    let bytes = input::read(path, MOST_BYTES)?;
     let broken = |what: String| file_fault(path, what, FIX);
     let foreign = |e| broken(format!("not a checkpoint ({e})"));
     let (_, header) = SafeTensors::read_metadata(&bytes).map_err(foreign)?;

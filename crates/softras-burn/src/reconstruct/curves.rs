@@ -2,8 +2,8 @@
 
 use super::config::Row;
 use plotters::prelude::*;
-use softras::internals::files;
 use softras::{Error, Result};
+use softras_io::output;
 use std::path::Path;
 
 /// Steps whose mean is one point of a curve.
@@ -19,7 +19,7 @@ pub fn draw(path: &Path, curves: &[(String, Vec<Row>)]) -> Result<()> {
     let mut text = String::new();
     plot(&mut text, curves)
         .map_err(|e| Error::Io { path: path.into(), source: std::io::Error::other(e.to_string()) })?;
-    files::write_file(path, text.as_bytes())
+    output::write_file(path, text.as_bytes())
 }
 
 fn plot(text: &mut String, curves: &[(String, Vec<Row>)]) -> std::result::Result<(), Box<dyn std::error::Error>> {

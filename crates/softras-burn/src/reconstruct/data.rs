@@ -5,9 +5,9 @@
 
 use super::fill::Grid;
 use super::{SIZE, VIEWS, VOXELS, file_error, fit_error};
-use softras::internals::files;
 use softras::{Error, Result};
-use softras_lab::npy::{self, Array, Data};
+use softras_io::{input, output};
+use softras_io::npy::{self, Array, Data};
 use std::io::{Cursor, Write};
 use std::path::{Path, PathBuf};
 
@@ -82,7 +82,7 @@ pub fn write(folder: &Path, class: &str, set: &str, shard: Shard, objects: &[Obj
     let [images_path, voxels_path] = paths(folder, class, set, shard);
     let images = archive(&images_path, &[objects.len(), VIEWS, 4, SIZE, SIZE], &pictures)?;
     let voxels = archive(&voxels_path, &[objects.len(), VOXELS, VOXELS, VOXELS], &voxels)?;
-    files::write_files(&[(&voxels_path, voxels), (&images_path, images)])
+    output::write_files(&[(&voxels_path, voxels), (&images_path, images)])
 }
 
 /// An archive with one array, as `np.savez_compressed(file, array)` writes it.
@@ -104,13 +104,13 @@ fn archive(path: &Path, shape: &[usize], values: &[u8]) -> Result<Vec<u8>> {
 /// The first array of an archive, as the official code takes it.
 fn first_array(path: &Path) -> Result<Array> {
     let broken = "write it anew: the file is cut short or no .npz archive";
-    let file = std::io::BufReader::new(files::open(path)?);
+    let file = std::io::BufReader::new(input::open(path)?);
     let mut zip = zip::ZipArchive::new(file).or_else(|e| file_error(path, e.to_string(), broken))?;
     if zip.is_empty() {
         return file_error(path, "the archive is empty", "one array is expected");
     }
     let entry = zip.by_index(0).or_else(|e| file_error(path, e.to_string(), broken))?;
-    let room = |bytes: u64| files::room_for("an array", bytes).map_err(|error| error.to_string());
+    let room = |bytes: u64| input::room_for("an array", bytes).map_err(|error| error.to_string());
     npy::read(entry, room).or_else(|what| file_error(path, what, broken))
 }
 

@@ -2,8 +2,8 @@
 
 use super::VOXELS;
 use softras::glam::DVec3;
-use softras::internals::fit::{Voxels, is_closed};
 use softras::{Mesh, Result};
+use softras_fit::{Voxels, is_closed};
 use std::collections::VecDeque;
 
 const COUNT: usize = VOXELS * VOXELS * VOXELS;

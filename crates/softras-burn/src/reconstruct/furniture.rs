@@ -9,9 +9,9 @@ use super::solid::normalized;
 use super::synthesis::{object, set_of, write_sets};
 use super::{file_error, file_fault};
 use softras::glam::{DMat3, DVec3};
-use softras::internals::files;
-use softras::obj::LoadOptions;
 use softras::{Error, Mesh, Renderer, Result};
+use softras_io::LoadOptions;
+use softras_io::input;
 use std::collections::HashSet;
 use std::fs::File;
 use std::io::{BufReader, Read, Write};
@@ -34,7 +34,7 @@ struct Archive {
 
 impl Archive {
     fn open(path: &Path) -> Result<Self> {
-        let zip = ZipArchive::new(BufReader::new(files::open(path)?));
+        let zip = ZipArchive::new(BufReader::new(input::open(path)?));
         Ok(Self { path: path.into(), zip: zip.or_else(|e| file_error(path, format!("not an archive ({e})"), FIX))? })
     }
 
@@ -82,8 +82,8 @@ impl Archive {
             path.parent().map_or(Ok(()), std::fs::create_dir_all).map_err(io)?;
             room -= self.copy(name, room, &mut File::create_new(&path).map_err(io)?)?;
         }
-        let options = LoadOptions { srgb: true, memory: Some(MOST_MEMORY), ..LoadOptions::default() };
-        upright(softras::load(&folder.path().join(&piece.model), &options)?.mesh, piece)
+        let options = LoadOptions { memory: Some(MOST_MEMORY), ..LoadOptions::default() };
+        upright(softras_io::load_with(&folder.path().join(&piece.model), &options)?.mesh, piece)
     }
 }
 

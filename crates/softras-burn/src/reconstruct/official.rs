@@ -9,8 +9,8 @@ use super::template::Template;
 use super::{file_fault, weights};
 use burn::tensor::Device;
 use pytorch_reader::{DType, PytorchReader};
-use softras::internals::files;
 use softras::{Error, Mesh, Result};
+use softras_io::input;
 use std::path::Path;
 
 /// The most bytes of a file: the official one with its optimiser takes some 300 MB.
@@ -31,7 +31,7 @@ pub fn is_named(path: &Path) -> bool {
 /// [`Error::Io`]; [`Error::File`] for a file that is cut short, of another network, or with weights that are not finite.
 pub fn read(path: &Path, device: &Device) -> Result<Network> {
     let broken = |what: String| file_fault(path, what, FIX);
-    let size = files::open(path)?.metadata().map_err(|source| Error::Io { path: path.into(), source })?.len();
+    let size = input::open(path)?.metadata().map_err(|source| Error::Io { path: path.into(), source })?.len();
     if size > MOST_BYTES {
         return Err(broken(format!("{size} bytes; at most {MOST_BYTES} are read")));
     }

@@ -3,8 +3,8 @@
 use super::data::PICTURE;
 use super::{SIZE, file_error};
 use image::{ImageFormat, RgbaImage};
-use softras::internals::files;
 use softras::{Error, Result};
+use softras_io::{input, output};
 use std::io::Cursor;
 use std::path::Path;
 
@@ -13,7 +13,7 @@ use std::path::Path;
 /// # Errors
 /// [`Error::Io`]; [`Error::File`] for what is no PNG, another size, or a picture without transparency.
 pub fn read(path: &Path) -> Result<Vec<u8>> {
-    let reader = image::ImageReader::with_format(std::io::BufReader::new(files::open(path)?), ImageFormat::Png);
+    let reader = image::ImageReader::with_format(std::io::BufReader::new(input::open(path)?), ImageFormat::Png);
     let decoded = reader.decode().or_else(|e| file_error(path, e.to_string(), "give a PNG picture"))?;
     let size = [decoded.width(), decoded.height()];
     if size != [SIZE as u32; 2] {
@@ -49,5 +49,5 @@ pub fn write(path: &Path, picture: &[u8]) -> Result<()> {
     let mut bytes = Cursor::new(Vec::new());
     let io = |e: image::ImageError| Error::Io { path: path.into(), source: std::io::Error::other(e) };
     pixels.write_to(&mut bytes, ImageFormat::Png).map_err(io)?;
-    files::write_file(path, bytes.get_ref())
+    output::write_file(path, bytes.get_ref())
 }

@@ -7,9 +7,9 @@ use burn::tensor::Device;
 use font8x8::{BASIC_FONTS, UnicodeFonts};
 use image::codecs::gif::{GifEncoder, Repeat};
 use image::{Delay, Frame, ImageFormat, Rgb, RgbImage};
-use softras::internals::files;
 use softras::scene::{Appearance, Background, DirectionalLight};
 use softras::{Camera, Error, Lights, Mesh, Projection, Renderer, Result, Scene, Settings};
+use softras_io::output;
 use std::io::Cursor;
 use std::path::Path;
 
@@ -115,7 +115,7 @@ pub fn sheet(path: &Path, set: &Set, network: &Network, objects: &[usize], rende
     let mut bytes = Cursor::new(Vec::new());
     let io = |e: image::ImageError| Error::Io { path: path.into(), source: std::io::Error::other(e) };
     canvas.0.write_to(&mut bytes, ImageFormat::Png).map_err(io)?;
-    files::write_file(path, bytes.get_ref())
+    output::write_file(path, bytes.get_ref())
 }
 
 /// An endless GIF film: the picture that a network was given, beside the mesh that it saw there, which turns once.
@@ -140,7 +140,7 @@ pub fn turn(path: &Path, given: &[u8], mesh: &Mesh, renderer: &mut Renderer) -> 
     encoder.set_repeat(Repeat::Infinite).map_err(io)?;
     encoder.encode_frames(render(renderer, mesh, &cameras)?.into_iter().map(frame)).map_err(io)?;
     drop(encoder);
-    files::write_file(path, &bytes)
+    output::write_file(path, &bytes)
 }
 
 fn over_grey(picture: &[u8]) -> Vec<[f32; 3]> {

@@ -86,7 +86,7 @@ pub fn normalized(mut mesh: Mesh, size: f64) -> Result<Mesh> {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use softras::internals::fit::{Voxels, is_closed};
+    use softras_fit::{Voxels, is_closed};
 
     #[test]
     fn parts_are_closed_and_turned_outwards() {

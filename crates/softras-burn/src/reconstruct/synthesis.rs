@@ -5,9 +5,9 @@ use super::families::{self, EXTENT};
 use super::fill::Grid;
 use super::solid::normalized;
 use super::{SIZE, VIEWS, camera, fit_error};
-use softras::obj::LoadOptions;
 use softras::scene::{ColorAggregation, DirectionalLight, Distance, SilhouetteAggregation};
 use softras::{Error, Image, Lights, Mesh, Renderer, Result, Scene, Settings};
+use softras_io::LoadOptions;
 use std::path::{Path, PathBuf};
 
 /// Samples of a pixel along each side.
@@ -116,7 +116,7 @@ pub fn folder(
     }
     let mut sets: [Vec<Object>; 3] = Default::default();
     for i in shard.of(files.len()) {
-        let loaded = softras::load(&files[i], &LoadOptions { srgb: true, ..LoadOptions::default() });
+        let loaded = softras_io::load_with(&files[i], &LoadOptions { ..LoadOptions::default() });
         let made = loaded.and_then(|loaded| object(renderer, 0, normalized(loaded.mesh, EXTENT)?));
         match made {
             Ok(object) => sets[set_of(i)].push(object),

@@ -2,8 +2,8 @@
 
 use clap::ValueEnum;
 use softras::MeshGradients;
-use softras::reference::{Parameters, Upstream};
 use softras::{Camera, Error, GradientMode, Gradients, Image, ImageGradient, Result, Scene, Settings};
+use softras_reference::{Parameters, Upstream};
 
 /// [`GradientMode`] on the command line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

@@ -1,14 +1,14 @@
 //! `softras iou`: the intersection over union of the volumes of two meshes.
 
-use super::memory::Budget;
 use super::mesh_file::ReadArgs;
 use super::outputs::Outputs;
 use super::{Failure, note, say};
 use clap::Args;
 use serde_json::json;
 use softras::Mesh;
-use softras::fit::voxel_iou;
-use softras::internals::fit::{Voxels, cube_around, is_closed};
+use softras_fit::voxel_iou;
+use softras_fit::{Voxels, cube_around, is_closed};
+use softras_io::Budget;
 use std::path::{Path, PathBuf};
 
 /// Compare two solids: the volume of their intersection over that of their union, in voxels
@@ -38,7 +38,7 @@ pub struct IouArgs {
 
 /// Runs the command.
 pub fn run(args: &IouArgs) -> Result<(), Failure> {
-    let budget = Budget::new(&args.read.memory);
+    let budget = Budget::new(args.read.memory.memory);
     let [a, b] = [load(args, &args.a, &budget)?, load(args, &args.b, &budget)?];
     let resolution = args.resolution as usize;
     let iou = voxel_iou(&a, &b, resolution)?;

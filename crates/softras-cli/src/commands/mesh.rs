@@ -4,6 +4,7 @@ use super::outputs::Outputs;
 use super::{Failure, say};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
+use softras_io::SaveOptions;
 use std::path::PathBuf;
 
 /// Write a built-in mesh as a Wavefront OBJ file
@@ -14,7 +15,7 @@ Examples:
   softras mesh fish --detail 4 -o fine.obj && softras render fine.obj -o fine.png")]
 pub struct MeshArgs {
     /// The mesh to write
-    #[arg(value_parser = PossibleValuesParser::new(softras::internals::shapes::NAMES))]
+    #[arg(value_parser = PossibleValuesParser::new(softras::shapes::NAMES))]
     pub name: String,
     /// Make N times as many triangles along and around: N² times in all. Of fish and torus
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=16))]
@@ -27,8 +28,8 @@ pub struct MeshArgs {
 /// Runs the command.
 pub fn run(args: &MeshArgs) -> Result<(), Failure> {
     Outputs::new([], [&args.out])?;
-    let mesh = softras::internals::shapes::finer(&args.name, args.detail)?;
-    let files = softras::obj::write_obj(&mesh, &args.out)?;
+    let mesh = softras::shapes::finer(&args.name, args.detail)?;
+    let files = softras_io::save_with(&mesh, &args.out, &SaveOptions { srgb: false })?;
     let names: Vec<_> = files.iter().map(|f| f.display().to_string()).collect();
     let (vertices, triangles) = (mesh.positions().len(), mesh.triangles().len());
     say(&format!("{}: {vertices} vertices, {triangles} triangles", names.join(", ")))

@@ -1,13 +1,23 @@
 //! Reads mesh files for all commands.
 
-use super::memory::{Budget, MemoryArgs};
 use super::outputs::Outputs;
-use super::{Failure, detail, note};
+use super::{Failure, detail, note, parse};
 use clap::Args;
-use softras::obj::{LoadOptions, Loaded};
+
 use softras::scene::Appearance;
 use softras::{Error, Mesh};
+use softras_io::{Budget, LoadOptions, Loaded};
 use std::path::Path;
+
+/// How much memory the files may take.
+#[derive(Args, Clone, Copy, Debug, Default)]
+pub struct MemoryArgs {
+    /// The most memory that the input files may take, as 512M or 8G. Files that need more are refused. Rendering may take as
+    /// much again; frames that need more are rendered in parts. [default: for files 640M and 128 times their size, but at
+    /// most half of the machine's memory; for frames what the device has]
+    #[arg(long, value_name = "SIZE", value_parser = parse::bytes)]
+    pub memory: Option<u64>,
+}
 
 /// How mesh files are read.
 #[derive(Args, Clone, Copy, Debug)]
@@ -43,7 +53,7 @@ impl ReadArgs {
     pub fn read_layers(self, path: &Path, srgb: bool, outputs: &Outputs, budget: &Budget) -> Result<Loaded, Failure> {
         let options =
             LoadOptions { srgb, allow_outside: self.allow_outside, strict: self.strict, memory: budget.left() };
-        let loaded = softras::load(path, &options)?;
+        let loaded = softras_io::load_with(path, &options)?;
         if options.memory.is_some() {
             budget.claim(path, "the mesh", held(&loaded.mesh))?;
         }

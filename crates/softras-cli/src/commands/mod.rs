@@ -3,7 +3,6 @@
 mod articulate;
 mod bench;
 mod check;
-mod color;
 mod complete;
 mod describe;
 mod devices;
@@ -13,20 +12,16 @@ mod grad;
 mod gradients;
 pub mod help;
 mod iou;
-mod memory;
 mod mesh;
 mod mesh_file;
-mod npz;
 mod outputs;
 mod parse;
-mod parts;
 mod pose;
 mod progress;
 mod render;
 mod steps;
 mod stress;
 mod svg;
-pub mod text;
 
 use clap::{Parser, Subcommand};
 use std::io::Write;
@@ -155,7 +150,7 @@ fn run_command(cli: &Cli) -> Result<(), Failure> {
 /// Prints a line, or several, for the user.
 fn say(line: &str) -> Result<(), Failure> {
     let mut stdout = std::io::stdout().lock();
-    let written = writeln!(stdout, "{}", text::harmless(line, true)).and_then(|()| stdout.flush());
+    let written = writeln!(stdout, "{}", softras_io::text::harmless(line, true)).and_then(|()| stdout.flush());
     written.map_err(Failure::of_output)
 }
 
@@ -163,14 +158,14 @@ fn say(line: &str) -> Result<(), Failure> {
 fn note(text: &str) {
     if loudness() > Loudness::Quiet {
         // With stderr closed there is nowhere to report to.
-        let _ = writeln!(std::io::stderr(), "note: {}", text::harmless(text, false));
+        let _ = writeln!(std::io::stderr(), "note: {}", softras_io::text::harmless(text, false));
     }
 }
 
 /// Prints on stderr what is told with --verbose alone.
 fn detail(text: &str) {
     if loudness() == Loudness::Verbose {
-        let _ = writeln!(std::io::stderr(), "{}", text::harmless(text, false));
+        let _ = writeln!(std::io::stderr(), "{}", softras_io::text::harmless(text, false));
     }
 }
 

@@ -1,7 +1,7 @@
 //! Keeps commands from overwriting what they read.
 
 use super::Failure;
-use softras::internals::files;
+use softras_io::output;
 use std::path::{Path, PathBuf};
 
 /// The files that a command will write, known before it begins to work.
@@ -43,7 +43,7 @@ impl Outputs {
         let files = files.into_iter().map(|path| (path, false));
         let mut all: Vec<Written> = Vec::new();
         for (path, is_mesh) in files.chain(mesh.into_iter().map(|path| (path, true))) {
-            files::check_writable(path)?;
+            output::check_writable(path)?;
             if is_mesh && !path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("obj")) {
                 let what =
                     format!("{}: meshes are written as OBJ files: give a name that ends in .obj", path.display());

@@ -1,7 +1,8 @@
 //! Parsers of option values; clap prints their errors after the option's name.
 
-use super::color;
 use clap::builder::{PathBufValueParser, TypedValueParser};
+use softras_io::Curve;
+use softras_view::{HalfHeight, Swept};
 use std::path::PathBuf;
 
 /// The path of a file to write, whose name must end as its format does: in upper or lower case, and without the dot here.
@@ -100,7 +101,7 @@ pub enum Rgb {
 
 impl Rgb {
     /// The colour in the renderer's numbers; bytes are decoded by the curve that pictures are written with.
-    pub fn numbers(self, curve: color::Curve) -> [f64; 3] {
+    pub fn numbers(self, curve: Curve) -> [f64; 3] {
         match self {
             Self::Numbers(numbers) => numbers,
             Self::Bytes(bytes) => bytes.map(|byte| curve.decode(byte)),
@@ -148,15 +149,6 @@ pub fn rgb(text: &str) -> Result<Rgb, String> {
     Ok(Rgb::Bytes(bytes.map(|byte| f64::from(byte) / 255.0)))
 }
 
-/// Half the image's height: `fit`, or world units.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum HalfHeight {
-    /// Large enough for the mesh.
-    Fit,
-    /// World units.
-    Given(f64),
-}
-
 /// Parses [`HalfHeight`].
 pub fn half_height(text: &str) -> Result<HalfHeight, String> {
     if text == "fit" { Ok(HalfHeight::Fit) } else { positive(text).map(HalfHeight::Given) }
@@ -185,51 +177,21 @@ pub fn light(text: &str) -> Result<Light, String> {
     }
 }
 
-/// The setting that a sweep changes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Swept {
-    /// Settings::sigma.
-    Sigma,
-    /// Settings::gamma.
-    Gamma,
-    /// Settings::tau.
-    Tau,
-    /// Sigma by its blur radius in pixels.
-    Blur,
-}
-
-/// One `--sweep`: `steps` values from `from` to `to`, evenly spaced in their logarithm.
+/// One `--sweep`, with a number of steps if one is given.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sweep {
     /// The setting that changes.
     pub swept: Swept,
-    /// The first value.
-    pub from: f64,
-    /// The last value.
-    pub to: f64,
-    /// The number of values, if given.
-    pub steps: Option<usize>,
-}
-
-impl Swept {
-    /// The name on the command line and on contact sheets.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Sigma => "sigma",
-            Self::Gamma => "gamma",
-            Self::Tau => "tau",
-            Self::Blur => "blur",
-        }
-    }
+    from: f64,
+    to: f64,
+    steps: Option<usize>,
 }
 
 impl Sweep {
     /// The values, `default_steps` of them unless a number was given.
-    pub fn values(&self, default_steps: usize) -> Vec<f64> {
-        let steps = self.steps.unwrap_or(default_steps);
-        let ratio = (self.to / self.from).ln();
-        let at = |i: usize| self.from * (ratio * i as f64 / (steps - 1) as f64).exp();
-        (0..steps).map(|i| if i + 1 == steps { self.to } else { at(i) }).collect()
+    pub fn of(&self, default_steps: usize) -> softras_view::Sweep {
+        let Self { swept, from, to, steps } = *self;
+        softras_view::Sweep { swept, from, to, steps: steps.unwrap_or(default_steps) }
     }
 }
 
@@ -266,8 +228,8 @@ mod tests {
         assert_eq!(size("256").unwrap(), (256, 256));
         assert_eq!(size("640x480").unwrap(), (640, 480));
         assert_eq!(rgb("#fff").unwrap(), Rgb::Bytes([1.0; 3]));
-        assert!((rgb("#808080").unwrap().numbers(color::Curve::Srgb)[1] - 0.2158605).abs() < 1e-6);
-        assert!((rgb("#808080").unwrap().numbers(color::Curve::Raw)[1] - 0.5019608).abs() < 1e-6);
+        assert!((rgb("#808080").unwrap().numbers(Curve::Srgb)[1] - 0.2158605).abs() < 1e-6);
+        assert!((rgb("#808080").unwrap().numbers(Curve::Raw)[1] - 0.5019608).abs() < 1e-6);
         let white = Rgb::Numbers([1.0; 3]);
         assert_eq!(light("0,1,0:0.5").unwrap(), Light { direction: [0.0, 1.0, 0.0], intensity: 0.5, color: white });
         for (name, hex) in NAMED {
@@ -279,10 +241,10 @@ mod tests {
 
     #[test]
     fn sweeps_are_spaced_by_their_logarithm() {
-        let values = sweep("sigma=1e-5..1e-2:4").unwrap().values(9);
+        let values = sweep("sigma=1e-5..1e-2:4").unwrap().of(9).values();
         let expected = [1e-5, 1e-4, 1e-3, 1e-2];
         assert!(values.iter().zip(expected).all(|(a, b)| (a / b - 1.0).abs() < 1e-12), "{values:?}");
-        assert_eq!(sweep("gamma=1e-2..1e-5").unwrap().values(9).len(), 9);
+        assert_eq!(sweep("gamma=1e-2..1e-5").unwrap().of(9).values().len(), 9);
     }
 
     #[test]

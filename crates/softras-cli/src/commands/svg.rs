@@ -2,8 +2,8 @@
 
 use plotters::coord::Shift;
 use plotters::prelude::*;
-use softras::internals::files;
 use softras::{Error, Result};
+use softras_io::output;
 use std::path::Path;
 
 /// The area that a picture is drawn on.
@@ -24,5 +24,5 @@ pub fn write(
         let drawn = draw(&area).and_then(|()| Ok(area.present()?));
         drawn.map_err(|e| Error::Io { path: path.into(), source: std::io::Error::other(e.to_string()) })?;
     }
-    files::write_file(path, text.as_bytes())
+    output::write_file(path, text.as_bytes())
 }

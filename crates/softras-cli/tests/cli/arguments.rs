@@ -94,12 +94,16 @@ fn a_missing_material_is_said_to_be_missing() {
 #[test]
 fn own_meshes_come_back_from_their_files() {
     let folder = tempfile::tempdir().unwrap();
-    for name in softras::internals::shapes::NAMES {
+    for name in softras::shapes::NAMES {
         let file = format!("{name}.obj");
         let said = succeeds(folder.path(), &["mesh", name, "-o", &file]);
-        let expected = softras::internals::shapes::by_name(name).unwrap();
+        let expected = softras::shapes::by_name(name).unwrap();
         assert!(said.contains(&format!("{} triangles", expected.triangles().len())), "{said}");
-        let loaded = softras::obj::load(&folder.path().join(file), &softras::obj::LoadOptions::default()).unwrap();
+        let loaded = softras_io::load_with(
+            folder.path().join(file),
+            &softras_io::LoadOptions { srgb: false, ..Default::default() },
+        )
+        .unwrap();
         assert_eq!(loaded.mesh, expected, "{name}");
     }
 }

@@ -1,11 +1,11 @@
 //! Tests malformed and mutated files with the command and its reader of arrays: each is read or refused with an error that
 //! says why, without a panic and in little memory, whatever it claims. The names in `tests/corpus` tell which are refused.
 
-use super::heap::peak_of;
+use super::peak_of;
 use super::mutate::{cases, corpus, mutate};
 use super::numpy::Npz;
 use super::softras;
-use softras_lab::npy;
+use softras_io::npy;
 use softras_lab::stress::Random;
 use std::{fs, panic};
 

@@ -8,9 +8,6 @@ mod eval;
 mod fit;
 mod full;
 mod gradient;
-#[allow(dead_code, reason = "shared with the tests of the library")]
-#[path = "../../../../tests/quick/heap.rs"]
-mod heap;
 mod hostile;
 mod hostile_files;
 mod killed;
@@ -29,3 +26,10 @@ mod transparency;
 mod views;
 
 use command::{fails, softras, succeeds};
+
+/// What comes of work, and the most bytes of the heap that it had at a time.
+fn peak_of<T>(work: impl FnOnce() -> T) -> (T, usize) {
+    let mut outcome = None;
+    let info = allocation_counter::measure(|| outcome = Some(work()));
+    (outcome.unwrap(), info.bytes_max as usize)
+}

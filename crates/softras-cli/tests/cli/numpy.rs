@@ -1,6 +1,6 @@
 //! Archives as numpy writes them, made here without softras' own code, and arrays of archives.
 
-use softras_lab::npy;
+use softras_io::npy;
 use std::io::Write;
 use std::path::Path;
 

@@ -12,8 +12,7 @@ fn json(path: &std::path::Path) -> Value {
 #[test]
 fn a_fit_begins_with_the_hull_and_tells_what_it_has_not_found() {
     let folder = tempfile::tempdir().unwrap();
-    softras::obj::write_obj(&softras::shapes::torus(1.0, 0.4, 32, 16).unwrap(), &folder.path().join("torus.obj"))
-        .unwrap();
+    softras_io::save(&softras::shapes::torus(1.0, 0.4, 32, 16).unwrap(), &folder.path().join("torus.obj")).unwrap();
     let run = |extra: &str| {
         let fit = format!("fit --from torus.obj --views 8 --size 32 --iterations 3 -o out.obj --json log.json {extra}");
         let output = softras(folder.path(), &fit.split_whitespace().collect::<Vec<_>>());

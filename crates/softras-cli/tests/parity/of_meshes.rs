@@ -1,8 +1,8 @@
 //! Well-known meshes that are too large for the repository: they have the counts of their README.
 
 use crate::recorded::folder;
-use softras::obj::{LoadOptions, load};
 use softras::scene::Appearance;
+use softras_io::{LoadOptions, load_with};
 
 pub fn counts() {
     let folder = folder().join("../meshes");
@@ -15,7 +15,9 @@ pub fn counts() {
         ("cow", 2903, 5804),
         ("fandisk", 6475, 12946),
     ] {
-        let loaded = load(&folder.join(name).with_extension("obj"), &LoadOptions::default()).unwrap();
+        let loaded =
+            load_with(&folder.join(name).with_extension("obj"), &LoadOptions { srgb: false, ..LoadOptions::default() })
+                .unwrap();
         let counts = (loaded.mesh.positions().len(), loaded.mesh.triangles().len());
         assert_eq!(counts, (vertices, triangles), "{name}");
         let Appearance::Textured { uvs, textures, .. } = loaded.mesh.appearance() else { continue };

@@ -4,8 +4,8 @@ use crate::cells::{lookups_in_row, undecided_cells, unmasked};
 use crate::compare::{axes, max_difference, relative_l2, texel_sum};
 use crate::recorded::{Archive, Case, soup, split_planes};
 use crate::{GRADIENT_TOLERANCE, IMAGE_TOLERANCE, SPOT, SURFACE};
-use softras::reference::{GradientMode, ReferenceFrame, Truncation, gradient, render, render_culled};
 use softras::scene::{Camera, Parity, Scene, Settings};
+use softras_reference::{GradientMode, ReferenceFrame, Truncation, gradient, render, render_culled};
 
 fn check_image(name: &str, frame: &ReferenceFrame, official: &(Vec<f64>, Vec<f64>), tolerance: f64) {
     let color = max_difference(&frame.color, &official.0);

@@ -1,11 +1,11 @@
 //! The recorded outputs of the official kernels, as scenes and settings of softras.
 
-use softras::reference::Upstream;
 use softras::scene::{
     Appearance, Camera, ColorAggregation, Distance, Faces, FrontFace, Mesh, Parity, Scene, Settings,
     SilhouetteAggregation,
 };
-use softras_lab::npy;
+use softras_io::npy;
+use softras_reference::Upstream;
 use std::path::{Path, PathBuf};
 
 /// Where the recorded files lie: beside the repository, which contains the package that this is compiled in.

@@ -4,9 +4,9 @@ use super::bad;
 use super::{Figure, SkeletonPose, visible_triangles};
 use glam::DVec3;
 use softras::Result;
-use softras::fit::{Method, Optimizer, PoseTarget, Schedule};
 use softras::scene::{Appearance, Background, Outputs};
 use softras::{Camera, Frame, ImageGradient, Mesh, Renderer, Scene, Settings, Wanted};
+use softras_fit::{Method, Optimizer, PoseTarget, Schedule};
 
 /// Which triangles may pull at the pose.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

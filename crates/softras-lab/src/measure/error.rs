@@ -2,8 +2,8 @@
 
 use super::Mode;
 use super::time::upstream;
-use softras::reference::{self, GradientMode, ReferenceFrame, Upstream};
 use softras::{Camera, Frame, Gradients, Image, Result, Scene, Settings};
+use softras_reference::{GradientMode, ReferenceFrame, Upstream};
 
 /// Pixels nearer to a discontinuity of the model than this ([`ReferenceFrame::margin`]) are left out: there a kernel's
 /// rounding may fall on the other side.
@@ -59,7 +59,7 @@ fn one(image: &Image, expected: &[f64], margin: Option<&[f64]>) -> (f64, f64, us
 /// upstream gradient of [`super::time::times`]. The reference takes about 20 µs a (pixel, triangle) pair.
 ///
 /// # Errors
-/// As [`reference::gradient`].
+/// As [`softras_reference::gradient`].
 pub fn gradient(ours: &Gradients, scene: &Scene, cameras: &[Camera], settings: &Settings, mode: Mode) -> Result<f64> {
     let images = upstream(mode, cameras.len(), settings);
     let wide = |image: &Option<Image>| image.as_ref().map(|i| i.data.iter().map(|&x| f64::from(x)).collect());
@@ -69,7 +69,7 @@ pub fn gradient(ours: &Gradients, scene: &Scene, cameras: &[Camera], settings: &
         d_depth: wide(&images.depth),
         d_normal: wide(&images.normal),
     };
-    let expected = reference::gradient(scene, cameras, settings, &upstream, GradientMode::Exact)?;
+    let expected = softras_reference::gradient(scene, cameras, settings, &upstream, GradientMode::Exact)?;
     let (mut error, mut norm) = (0.0, 0.0);
     for (index, mesh) in ours.meshes.iter().enumerate() {
         let colors = if mode.wanted().colors { expected.colors(index) } else { &[] };

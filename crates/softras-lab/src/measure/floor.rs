@@ -1,6 +1,6 @@
 //! The least time that a frame can take: pairs needed × least operations a pair ÷ the device's measured peak rate.
 //!
-//! Pairs needed are the (pixel, triangle) pairs that the model keeps (`softras::internals::reference::pairs`): the pixel lies
+//! Pairs needed are the (pixel, triangle) pairs that the model keeps (`softras_reference::pairs`): the pixel lies
 //! inside the triangle, or D ≥ τ. Operations are counted on the model's formulas in the cheapest known form, with a record
 //! that is prepared once per triangle (edges as unit normal, offset and tangent; inverse heights; reciprocal depths). An
 //! addition, a multiplication, a comparison with select, a minimum and a maximum count as one operation each, and so do a

@@ -54,7 +54,7 @@ pub fn front(
     settings: &Settings,
     repeats: usize,
 ) -> Result<Vec<Curve>> {
-    let exact = softras::internals::reference::render_untruncated(scene, cameras, settings)?;
+    let exact = softras_reference::render_untruncated(scene, cameras, settings)?;
     let mut curves = Vec::new();
     for (support, name) in [(Support::Probability, "probability"), (Support::Guaranteed, "guaranteed")] {
         let mut points = Vec::new();

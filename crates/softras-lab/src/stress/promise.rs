@@ -10,9 +10,9 @@
 
 use super::draw::Case;
 use crate::random::Random;
-use softras::reference::{ReferenceFrame, ReferenceGradients, Upstream, gradient, render_culled};
 use softras::scene::{Appearance, Background, Outputs, Settings};
 use softras::{Frame, Gradients, Image, ImageGradient, Result};
+use softras_reference::{ReferenceFrame, ReferenceGradients, Upstream, gradient, render_culled};
 
 /// What is promised of a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,7 +89,7 @@ pub(super) fn errors(frame: &Frame, reference: &ReferenceFrame, settings: &Setti
 /// The largest error of any image of a frame against the reference, in units of max(1, |value|).
 ///
 /// # Errors
-/// As [`softras::reference::render`].
+/// As [`softras_reference::render`].
 pub fn image_error(frame: &Frame, case: &Case) -> Result<f64> {
     Ok(errors(frame, &render_culled(&case.scene, &case.cameras, &case.settings)?, &case.settings)[1])
 }
@@ -141,7 +141,7 @@ fn append(to: &mut Option<Image>, image: Option<Image>) {
 /// weights in the gradient's unit, for gradients that vanish.
 ///
 /// # Errors
-/// As [`softras::reference::gradient`].
+/// As [`softras_reference::gradient`].
 pub(super) fn gradient_error(case: &Case, upstream: &ImageGradient, ours: &Gradients) -> Result<(&'static str, f64)> {
     let reference = reference_gradient(case, upstream)?;
     let groups = groups(case, ours, &reference);

@@ -4,9 +4,9 @@ use super::bits::{bits, gradient_bits, not_finite};
 use super::draw::{Case, Kind};
 use super::promise::{self, Promise};
 use super::range::{Hull, bounds, color_hull};
-use softras::reference::render_culled;
 use softras::{Camera, Frame, Gradients, Renderer, RendererOptions, Scene, Wanted};
 use softras::{Error, Result};
+use softras_reference::render_culled;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// A violation of what must hold of every case.
@@ -96,7 +96,7 @@ impl Stress {
     fn together(&mut self, cases: &[Case]) -> Result<Vec<Outcome>> {
         let outcome = self.caught(|renderer| check_batch(renderer, cases))?;
         if outcome.refused.is_some() && cases.len() > 1 {
-            if softras::internals::validate::settings(&cases[0].settings).is_err() {
+            if cases[0].settings.validate().is_err() {
                 return Ok(vec![outcome; cases.len()]);
             }
             let (low, high) = cases.split_at(cases.len() / 2);

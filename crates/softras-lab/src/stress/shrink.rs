@@ -2,7 +2,6 @@
 
 use super::draw::Case;
 use super::run::Stress;
-use crate::part::part_of;
 use softras::{Result, Scene};
 
 impl Stress {
@@ -19,7 +18,7 @@ impl Stress {
             let mut first = 0;
             while first < count(&best) {
                 let kept: Vec<usize> = (0..count(&best)).filter(|t| !(first..first + size).contains(t)).collect();
-                let mesh = part_of(&best.scene.meshes[0], &kept)?;
+                let mesh = best.scene.meshes[0].part(&kept)?;
                 let scene = Scene::new(mesh).with_lights(best.scene.lights.clone());
                 let smaller = Case { scene, ..best.clone() };
                 if self.run(&smaller)?.findings.iter().any(|finding| finding.kind == kind) {

@@ -16,8 +16,8 @@ pub use args::Cli;
 use args::{Command, DataArgs, DemoArgs, EvaluateArgs, PredictArgs, TrainArgs, TrainSettings};
 use burn::module::Module;
 use burn::tensor::Device;
-use softras::internals::files;
 use softras::{Error, Renderer, Result};
+use softras_io::output;
 use std::path::Path;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -132,7 +132,7 @@ fn keep(trainer: &mut Trainer, validation: &Set, folder: &Path) -> Result<()> {
     let line = |row: &Row| format!("{},{}\n", row.step, row.losses().map(|loss| loss.to_string()).join(","));
     let curve: String = trainer.status().curve.iter().map(line).collect();
     let head = Row::COLUMNS.join(",");
-    files::write_file(&folder.join("curve.csv"), format!("{head}\n{curve}").as_bytes())?;
+    output::write_file(&folder.join("curve.csv"), format!("{head}\n{curve}").as_bytes())?;
     eprintln!("validation loss {loss:.4}{}", if is_best { ", the best so far" } else { "" });
     Ok(())
 }
@@ -151,7 +151,7 @@ fn predict(args: &PredictArgs) -> Result<()> {
         return file_error(&args.output, "not the name of an OBJ file", "name it *.obj");
     }
     for path in [Some(&args.output), args.gif.as_ref()].into_iter().flatten() {
-        files::check_writable(path)?;
+        output::check_writable(path)?;
     }
     let picture = picture::read(&args.image)?;
     let device = Device::flex();
@@ -163,7 +163,7 @@ fn predict(args: &PredictArgs) -> Result<()> {
         );
     };
     for mesh in meshes(&network, &[&picture], &device)? {
-        softras::obj::write_obj(&mesh, &args.output)?;
+        softras_io::save(&mesh, &args.output)?;
         if let Some(path) = &args.gif {
             sheet::turn(path, &picture, &mesh, &mut Renderer::new()?)?;
         }

@@ -3,18 +3,17 @@
 pub mod args;
 mod trial;
 
-use super::color::Curve;
 use super::outputs::Outputs;
 use super::progress::Progress;
-use super::render::formats;
-use super::render::picture::Picture;
-use super::render::sheet;
 use super::{Failure, say};
 use args::ArticulateArgs;
 use serde_json::json;
 use softras::{Error, Renderer, Result};
+use softras_io::Curve;
+use softras_io::Picture;
 use softras_lab::articulated::SkeletonPose;
 use softras_lab::random::Random;
+use softras_view as sheet;
 use std::path::Path;
 use trial::{Found, HIDDEN, Method, Stage, Trial};
 
@@ -89,7 +88,7 @@ fn show(
     let of = |name: &str| methods.iter().zip(found).find(|(m, _)| m.name == name).map(|(_, found)| &found.pose);
     let (Some(visible), Some(soft)) = (of("visible only"), of("soft")) else { return Ok(()) };
     if let Some(path) = &args.obj {
-        softras::obj::write_obj(&stage.figure.posed(soft)?, path)?;
+        softras_io::save(&stage.figure.posed(soft)?, path)?;
     }
     match &args.out {
         Some(path) => picture(path, stage, trial, visible, soft, renderer),
@@ -114,7 +113,7 @@ fn picture(
             let frame =
                 stage.look(renderer, &stage.figure.posed(pose)?, behind, (SAMPLES * PANEL.0, SAMPLES * PANEL.1))?;
             let (Some(color), Some(alpha)) = (frame.color(), frame.silhouette()) else { continue };
-            let pooled = |image| softras::internals::fit::pooled(image, SAMPLES as usize);
+            let pooled = |image| softras_fit::pooled(image, SAMPLES as usize);
             let (color, alpha) = (pooled(color)?, pooled(alpha)?);
             let byte = |c: f32, a: f32| (Curve::Srgb.encode(f64::from(c + 1.0 - a)) * 255.0).round() as u8;
             let pixel = |(c, &a): (&[f32], &f32)| [byte(c[0], a), byte(c[1], a), byte(c[2], a), 255];
@@ -128,7 +127,7 @@ fn picture(
             panels.push((Picture { width: PANEL.0 as usize, height: PANEL.1 as usize, pixels }, label));
         }
     }
-    formats::write_png(path, &sheet::sheet(&panels, [255; 3]))
+    (sheet::sheet(&panels, [255; 3])).save(path)
 }
 
 fn mean(values: &[f64]) -> f64 {

@@ -5,7 +5,6 @@ mod machine;
 mod plots;
 mod rows;
 
-use super::memory::Budget;
 use super::outputs::Outputs;
 use super::progress::Progress;
 use super::{Failure, say};
@@ -13,8 +12,9 @@ use args::BenchArgs;
 use machine::Machine;
 use rows::{Expected, Job, Row, measure, rows};
 use serde_json::Value;
-use softras::internals::files;
 use softras::{Camera, Error, Mesh, Renderer, Scene, shapes};
+use softras_io::Budget;
+use softras_io::output;
 use softras_lab::measure::{Mode, peak_flops, subject, sweep};
 use std::path::Path;
 
@@ -22,7 +22,7 @@ use std::path::Path;
 pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     let outputs = Outputs::new(&args.json, [])?;
     for size in args.sizes() {
-        softras::internals::validate::settings(&args.settings(size))?;
+        args.settings(size).validate()?;
     }
     if let Some(folder) = &args.plots {
         let io = |source| Error::Io { path: folder.clone(), source };
@@ -58,7 +58,7 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     say(&format!("peak, the best of all samples: {:.1} GFLOP/s", machine.peak / 1e9))?;
     if let Some(path) = &args.json {
         let list = Value::Array(all.iter().map(|row| row.json(&machine)).collect());
-        files::write_file(path, format!("{list:#}\n").as_bytes())?;
+        output::write_file(path, format!("{list:#}\n").as_bytes())?;
     }
     match (&args.plots, meshes.first()) {
         (Some(folder), Some((name, mesh))) => pictures(args, folder, &mut renderer, &machine, (name, mesh), &all),
@@ -134,7 +134,7 @@ fn size_rows(
 /// The given mesh, or the built-in ones.
 fn meshes(args: &BenchArgs, outputs: &Outputs) -> Result<Vec<(String, Mesh)>, Failure> {
     if let Some(path) = &args.mesh {
-        let loaded = args.read.read(path, false, outputs, &Budget::new(&args.read.memory))?;
+        let loaded = args.read.read(path, false, outputs, &Budget::new(args.read.memory.memory))?;
         let name = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
         return Ok(vec![(name, loaded.mesh)]);
     }

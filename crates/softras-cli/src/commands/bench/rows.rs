@@ -4,12 +4,12 @@ use super::machine::Machine;
 use crate::commands::describe;
 use serde_json::{Map, Value, json};
 use softras::StageTime;
-use softras::internals::reference::Pairs;
-use softras::reference::{self, ReferenceFrame};
 use softras::{Camera, Renderer, Result, Scene, Settings};
 use softras_lab::measure::error::{self, ImageError};
 use softras_lab::measure::time::{Times, times, upstream};
 use softras_lab::measure::{Mode, floor};
+use softras_reference::Pairs;
+use softras_reference::ReferenceFrame;
 
 /// The most pairs for which the reference computes gradients, which takes some seconds.
 const GRADIENT_PAIRS: u64 = 3_000_000;
@@ -35,8 +35,8 @@ impl Expected {
     /// Renders both with the f64 reference.
     pub fn of(job: &Job<'_>) -> Result<Self> {
         Ok(Self {
-            same_tau: reference::render_culled(job.scene, job.cameras, &job.settings)?,
-            untruncated: softras::internals::reference::render_untruncated(job.scene, job.cameras, &job.settings)?,
+            same_tau: softras_reference::render_culled(job.scene, job.cameras, &job.settings)?,
+            untruncated: softras_reference::render_untruncated(job.scene, job.cameras, &job.settings)?,
         })
     }
 }
@@ -59,7 +59,7 @@ pub struct Measured {
 /// # Errors
 /// As [`Renderer::render`] and [`Renderer::backward`].
 pub fn measure(renderer: &mut Renderer, job: &Job<'_>, expected: Option<&Expected>) -> Result<Measured> {
-    let pairs = softras::internals::reference::pairs(job.scene, job.cameras, &job.settings)?;
+    let pairs = softras_reference::pairs(job.scene, job.cameras, &job.settings)?;
     let times = times(renderer, job.scene, job.cameras, &job.settings, job.mode, job.repeats)?;
     renderer.render(job.scene, job.cameras, &Settings { save: false, ..job.settings.clone() })?;
     let forward_dispatches = renderer.frame_counts()?.dispatches;

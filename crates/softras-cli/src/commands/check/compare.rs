@@ -2,8 +2,8 @@
 
 use super::scenes::Case;
 use crate::commands::gradients;
-use softras::reference::{self, Parameters, ReferenceFrame};
 use softras::{Frame, Image, ImageGradient, Renderer, Result, Settings, Wanted};
+use softras_reference::{Parameters, ReferenceFrame};
 
 /// Pixels nearer to a discontinuity of the model than this are not compared: rounding may put them on its other side.
 const MARGIN: f64 = 1e-4;
@@ -40,10 +40,10 @@ impl Findings {
 /// Errors of the device.
 pub fn compare(renderer: &mut Renderer, case: &Case) -> Result<Findings> {
     let settings = Settings { save: true, ..case.settings.clone() };
-    let truth = reference::render_culled(&case.scene, &case.cameras, &settings)?;
+    let truth = softras_reference::render_culled(&case.scene, &case.cameras, &settings)?;
     let upstream = upstream(&truth, &settings);
     let weights = gradients::upstream(&upstream);
-    let expected = reference::gradient(&case.scene, &case.cameras, &settings, &weights, case.mode.into())?;
+    let expected = softras_reference::gradient(&case.scene, &case.cameras, &settings, &weights, case.mode.into())?;
     let mut run = || -> Result<(Frame, Parameters)> {
         let frame = renderer.render(&case.scene, &case.cameras, &settings)?;
         let wanted = Wanted { mode: case.mode.into(), ..Wanted::ALL };

@@ -1,9 +1,9 @@
 //! Names the gradients, and gives them the shapes of the arrays that they are gradients of.
 
 use super::{Job, Layout};
-use crate::commands::npz::Archive;
 use softras::Result;
-use softras::reference::Parameters;
+use softras_io::npz::Archive;
+use softras_reference::Parameters;
 
 /// A key, its shape and its values.
 pub type Derivative = (&'static str, Vec<usize>, Vec<f64>);

@@ -1,10 +1,10 @@
 //! Reads arrays of expected shapes from an archive, and names the modes in it.
 
-use crate::commands::npz::{Archive, Array};
 use softras::scene::{
     Background, ColorAggregation, Distance, Faces, FrontFace, Interpolation, Shading, SilhouetteAggregation, Support,
 };
 use softras::{Error, Result};
+use softras_io::npz::{Archive, Array};
 
 pub const COLOR: &[(&str, ColorAggregation)] =
     &[("softmax", ColorAggregation::Softmax), ("hard", ColorAggregation::Hard)];

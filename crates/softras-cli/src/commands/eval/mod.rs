@@ -7,16 +7,17 @@ mod upstream;
 mod world;
 
 use super::gradients::{self, Mode};
-use super::memory::{Budget, MemoryArgs};
-use super::npz::{self, Archive, Data};
 use super::outputs::Outputs;
 use super::parse;
 use super::progress::Progress;
 use super::{Failure, describe, note, say};
 use clap::{Args, ValueEnum};
 use serde_json::json;
-use softras::reference::{self, ReferenceFrame, ReferenceGradients, Truncation};
 use softras::{Camera, Error, Frame, Image, ImageGradient, Renderer, Scene, Settings, Wanted, scene};
+use crate::commands::mesh_file::MemoryArgs;
+use softras_io::Budget;
+use softras_io::npz::{self, Archive, Data};
+use softras_reference::{ReferenceFrame, ReferenceGradients, Truncation};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -138,7 +139,7 @@ enum Layout {
 pub fn run(args: &EvalArgs) -> Result<(), Failure> {
     Outputs::new([&args.out], [])?.spare([&args.scene])?;
     let start = Instant::now();
-    let archive = Archive::open(&args.scene, Budget::new(&args.memory))?;
+    let archive = Archive::open(&args.scene, Budget::new(args.memory.memory))?;
     let job = if archive.has("face_vertices") {
         screen::read(&archive, args.parity)?
     } else {
@@ -233,11 +234,11 @@ struct Results {
 fn render(args: &EvalArgs, job: &Job, wish: Option<&Wish>) -> Result<Results, Error> {
     let Job { scene, cameras, settings, .. } = job;
     if args.device.as_deref() == Some(REFERENCE) {
-        let frame = reference::render(scene, cameras, settings, Truncation::Tau)?;
+        let frame = softras_reference::render(scene, cameras, settings, Truncation::Tau)?;
         let arrays = lay_out(job, &ReferenceImages(&frame), Floats::F64)?;
         let differentiate = |wish: &Wish| {
             let upstream = gradients::upstream(&wish.upstream);
-            reference::gradient(scene, cameras, settings, &upstream, wish.mode.into())
+            softras_reference::gradient(scene, cameras, settings, &upstream, wish.mode.into())
         };
         let gradient = wish.map(differentiate).transpose()?;
         return Ok(Results { device: REFERENCE.into(), arrays, timings: Vec::new(), gradient });

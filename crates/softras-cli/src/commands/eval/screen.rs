@@ -2,9 +2,9 @@
 
 use super::keys::{self, set};
 use super::{Job, Layout, Parity};
-use crate::commands::npz::Archive;
 use softras::scene::{Appearance, Faces, FrontFace, Outputs};
 use softras::{Camera, Error, Mesh, Result, Scene, Settings};
+use softras_io::npz::Archive;
 
 const VERTICES: &str = "face_vertices";
 const TEXTURES: &str = "textures";
@@ -68,7 +68,7 @@ fn settings(archive: &Archive, parity: Parity) -> Result<Settings> {
         s.front_face = FrontFace::Clockwise;
         round_as_official(&mut s);
     }
-    softras::internals::validate::settings(&s).map(|()| s)
+    s.validate().map(|()| s)
 }
 
 /// Rounds the options as the official kernels do: they take float32, and the cut-off ln(1 / dist_eps - 1) in place of

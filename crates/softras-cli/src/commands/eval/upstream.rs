@@ -2,8 +2,8 @@
 
 use super::keys;
 use super::{Job, Layout};
-use crate::commands::npz::Archive;
 use softras::{Image, ImageGradient, Result};
+use softras_io::npz::Archive;
 
 /// The key of the gradient by `soft_colors`.
 const SOFT_COLORS: &str = "grad_soft_colors";

@@ -2,11 +2,11 @@
 
 use super::keys::{self, set};
 use super::{Job, Layout, Parity};
-use crate::commands::npz::{Archive, Array};
-use crate::commands::text;
 use glam::{DMat4, DVec4};
 use softras::scene::{Appearance, DirectionalLight, Outputs};
 use softras::{Camera, Error, Lights, Mesh, Projection, Result, Scene, Settings};
+use softras_io::npz::{Archive, Array};
+use softras_io::text;
 
 /// Reads a scene in world space.
 ///
@@ -44,7 +44,7 @@ fn settings(archive: &Archive) -> Result<Settings> {
     set(&mut s.front_face, archive.choice("front_face", keys::FRONT_FACE)?);
     set(&mut s.interpolation, archive.choice("interpolation", keys::INTERPOLATION)?);
     set(&mut s.outputs, outputs(archive)?);
-    softras::internals::validate::settings(&s).map(|()| s)
+    s.validate().map(|()| s)
 }
 
 /// `outputs`: texts, each one name or several with commas between.
@@ -228,7 +228,7 @@ fn lights(archive: &Archive) -> Result<Lights> {
     let all = directions.into_iter().zip(colors).zip(intensities);
     lights.directional =
         all.map(|((direction, color), intensity)| DirectionalLight { direction, color, intensity }).collect();
-    match softras::internals::validate::lights(&lights) {
+    match lights.validate() {
         Err(Error::Light { field, value, fix }) => {
             Err(archive.fault(light_key(&field), &format!("{field} = {value}"), &fix))
         }

@@ -7,8 +7,8 @@ use crate::commands::parse;
 use crate::commands::render::args::Faces;
 use clap::{Args, ValueEnum};
 use softras::Lights;
-use softras::fit::{ImageLoss, Subdivision};
 use softras::scene::{DirectionalLight, Shading};
+use softras_fit::{ImageLoss, Subdivision};
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\

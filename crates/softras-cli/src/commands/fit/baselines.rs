@@ -7,11 +7,11 @@ use super::targets::{self, Views};
 use crate::commands::Failure;
 use crate::commands::steps::{Loop, each};
 use serde_json::{Value, json};
-use softras::fit::{ShapeFit, Targets};
-use softras::internals::fit::flow_by_vertex;
 use softras::scene::{Appearance, ColorAggregation, Outputs, SilhouetteAggregation};
 use softras::{ImageGradient, MeshGradients};
 use softras::{Mesh, Projection, Renderer, Result, Scene, Settings};
+use softras_fit::flow_by_vertex;
+use softras_fit::{ShapeFit, Targets};
 use std::time::Instant;
 
 /// A baseline's name, the change of the setup, and whether it applies to the fit.

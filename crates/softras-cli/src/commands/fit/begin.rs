@@ -4,10 +4,11 @@ use super::args::{FitArgs, Preset};
 use super::cameras;
 use super::dig::dug;
 use super::targets::{self, Views};
-use crate::commands::{Failure, note, parts};
-use softras::internals::fit::evened;
+use crate::commands::{Failure, note};
+use softras::parts;
 use softras::scene::{Appearance, Background, Outputs};
 use softras::{Mesh, Renderer, Scene, Settings, shapes};
+use softras_fit::evened;
 
 /// The sphere's radius as a share of the radius that the cameras see.
 const SPHERE: f64 = 0.65;

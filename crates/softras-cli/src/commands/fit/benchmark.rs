@@ -7,13 +7,15 @@ use super::report::genus;
 use super::setup::Setup;
 use super::surface::chamfer;
 use super::targets::{self, Views};
-use crate::commands::memory::Budget;
 use crate::commands::outputs::Outputs;
-use crate::commands::{Failure, say, text};
+use crate::commands::{Failure, say};
+use softras_io::text;
 use serde_json::{Value, json};
-use softras::fit::voxel_iou;
-use softras::internals::{files, shapes};
+use softras::shapes;
 use softras::{Mesh, Renderer};
+use softras_fit::voxel_iou;
+use softras_io::Budget;
+use softras_io::output;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -67,7 +69,7 @@ fn line(cells: &[&str; 7]) -> String {
 pub fn run(args: &FitArgs, meshes: &[PathBuf]) -> Result<(), Failure> {
     let outputs = Outputs::new(&args.files.json, [])?;
     outputs.spare(meshes)?;
-    let budget = Budget::new(&args.read.memory);
+    let budget = Budget::new(args.read.memory.memory);
     let mut truths = Vec::new();
     if meshes.is_empty() {
         for name in MADE {
@@ -108,7 +110,7 @@ fn write(args: &FitArgs, rows: &[Row], renderer: &Renderer) -> Result<(), Failur
     let report = json!({
         "device": renderer.device_name(), "views": args.count_of_views()?, "size": size, "voxels": VOXELS, "rows": rows,
     });
-    Ok(files::write_file(path, report.to_string().as_bytes())?)
+    Ok(output::write_file(path, report.to_string().as_bytes())?)
 }
 
 /// The fit of a mesh, what it begins with, and with `--baselines` the other methods.

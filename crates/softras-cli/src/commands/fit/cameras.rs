@@ -1,10 +1,10 @@
 //! The cameras of the images of a fit.
 
 use super::targets::{direction, numbers, read_array};
-use crate::commands::memory::Budget;
-use crate::commands::render::framing::Bounds;
 use glam::{DMat3, DMat4, DVec3};
 use softras::{Camera, Error, Projection, Result};
+use softras_io::Budget;
+use softras_view::Bounds;
 use std::path::Path;
 
 /// The share of half the image's height that a mesh's bounding sphere fills.

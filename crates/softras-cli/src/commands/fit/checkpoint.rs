@@ -1,9 +1,9 @@
 //! Checkpoints: the state of a fit as an .npz file.
 
-use crate::commands::memory::Budget;
-use crate::commands::npz::{self, Archive, Data};
-use softras::fit::{ShapeFit, State};
 use softras::{Mesh, Result};
+use softras_fit::{ShapeFit, State};
+use softras_io::Budget;
+use softras_io::npz::{self, Archive, Data};
 use std::path::Path;
 
 /// More steps than any fit has taken: a hundred times the most that a run may take.

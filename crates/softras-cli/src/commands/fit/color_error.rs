@@ -2,10 +2,10 @@
 
 use super::setup::Setup;
 use super::targets::{self, Views};
-use crate::commands::parts;
-use softras::internals::fit::pooled;
+use softras::parts;
 use softras::scene::Outputs;
 use softras::{Mesh, Renderer, Result, Scene, Settings};
+use softras_fit::pooled;
 
 /// Samples along each side of a pixel.
 const SAMPLES: usize = 3;

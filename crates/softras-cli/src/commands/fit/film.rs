@@ -2,12 +2,12 @@
 
 use super::setup::Setup;
 use super::targets::Views;
-use crate::commands::color::Curve;
-use crate::commands::render::gif;
-use crate::commands::render::picture::Picture;
-use softras::internals::fit::pooled;
 use softras::scene::{Background, DirectionalLight, Outputs, Shading};
 use softras::{Camera, Lights, Mesh, Renderer, Result, Scene, Settings};
+use softras_fit::pooled;
+use softras_io::Curve;
+use softras_io::Picture;
+use softras_io::write_gif;
 use std::path::Path;
 
 /// The most frames.
@@ -90,7 +90,7 @@ impl Film {
         if let Some(last) = frames.last().cloned() {
             frames.extend(std::iter::repeat_n(last, LAST));
         }
-        gif::write(path, &frames, DELAY)
+        write_gif(path, &frames, DELAY)
     }
 }
 

@@ -1,13 +1,13 @@
 //! Maps of depths and normals beside the views of a fit: a file for each picture, of the picture's name.
 
 use super::targets::{numbers, read_array};
-use crate::commands::memory::Budget;
-use crate::commands::npz::npy;
 use clap::ValueEnum;
 use exr::prelude::{AnyChannel, FlatSamples, MetaData, ReadChannels, ReadLayers, read};
-use softras::fit::Targets;
-use softras::internals::files::{self, Picture};
 use softras::{Error, Image, Result};
+use softras_fit::Targets;
+use softras_io::Budget;
+use softras_io::npz::npy;
+use softras_io::{PictureFile, input, output};
 use std::path::{Path, PathBuf};
 
 /// What a map holds.
@@ -114,7 +114,7 @@ impl Map {
 
     /// Depths are steps of `unit`; normals lie between -1 (black) and 1 (white), and black in all channels is not known.
     fn read_png(self, path: &Path, unit: f64, budget: &Budget) -> Result<Values> {
-        let picture = Picture::open(path)?;
+        let picture = PictureFile::open(path)?;
         let (width, height) = (picture.width as usize, picture.height as usize);
         budget.count_file(picture.file_bytes);
         self.claim(path, width, height, self.channels(), budget)?;
@@ -137,7 +137,7 @@ impl Map {
         let refuse = |error: exr::error::Error| {
             fault(path, format!("is no OpenEXR file that can be read: {error}"), "write it again")
         };
-        budget.count_file(files::open(path)?.metadata().map_or(0, |metadata| metadata.len()));
+        budget.count_file(input::open(path)?.metadata().map_or(0, |metadata| metadata.len()));
         let meta = match MetaData::read_from_file(path, false) {
             Ok(meta) => meta,
             Err(error) => return refuse(error),
@@ -225,7 +225,7 @@ pub fn write(folder: &Path, targets: &Targets, pictures: &[PathBuf]) -> Result<(
             written.push((place(folder, map, picture), npy::write(shape, npy::Data::F32(&values))));
         }
     }
-    files::write_files(&written)
+    output::write_files(&written)
 }
 
 fn place(folder: &Path, map: Map, picture: &Path) -> PathBuf {
@@ -241,14 +241,14 @@ fn fault<T>(path: &Path, what: impl Into<String>, fix: &str) -> Result<T> {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::commands::memory::MemoryArgs;
+
     use exr::prelude::{SpecificChannels, WritableImage};
     use softras_lab::random::Random;
 
     #[test]
     fn no_damaged_map_is_more_than_an_error() {
         let folder = tempfile::tempdir().unwrap();
-        let budget = || Budget::new(&MemoryArgs { memory: Some(64 << 20) });
+        let budget = || Budget::new(Some(64 << 20));
         let mut file = std::io::Cursor::new(Vec::new());
         let pixels = SpecificChannels::build().with_channel("Z").with_pixel_fn(|at| ((at.0 + 9 * at.1) as f32,));
         let image = exr::prelude::Image::from_channels((9, 7), pixels);

@@ -21,8 +21,6 @@ pub mod targets;
 mod texels;
 mod unseen;
 
-use super::color::encoded;
-use super::memory::Budget;
 use super::outputs::Outputs;
 use super::steps::{Loop, Steps};
 use super::{Failure, note};
@@ -31,9 +29,10 @@ use film::Film;
 use paint::Painted;
 use report::{Log, Scores};
 use setup::Setup;
-use softras::fit::{Fit, ShapeFit, Targets};
-use softras::internals::files;
 use softras::{Mesh, Renderer};
+use softras_fit::{Fit, ShapeFit, Targets};
+use softras_io::Budget;
+use softras_io::output;
 use std::time::Instant;
 use targets::Views;
 
@@ -67,14 +66,14 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     if let Err(failure) = ended {
         // The best mesh found before the error is still written.
         if let Some((best, step)) = work.best {
-            softras::obj::write_obj(&encoded(&best)?, out)?;
+            softras_io::save(&best, out)?;
             note(&format!("{} is the best mesh before the error, of step {step}", out.display()));
         }
         return Err(failure);
     }
     let best = work.found();
     let scores = Scores::of(&best, &setup, &views, &mut renderer)?;
-    softras::obj::write_obj(&encoded(&best)?, out)?;
+    softras_io::save(&best, out)?;
     if let Some(path) = &files.gif {
         work.film.write(path)?;
     }
@@ -90,7 +89,7 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
         let mut report = work.log.json(args, &setup, &scores, renderer.device_name(), &best);
         report["texture"] = work.painted.as_ref().map(Painted::json).into();
         report["baselines"] = baselines.iter().map(baselines::Baseline::json).collect();
-        files::write_file(path, report.to_string().as_bytes())?;
+        output::write_file(path, report.to_string().as_bytes())?;
     }
     report::tell(out, &work.log, &scores, &best)?;
     baselines.iter().try_for_each(|baseline| super::say(&baseline.sentence()))?;
@@ -121,7 +120,7 @@ impl<'a> Work<'a> {
         let begin = |mesh: Mesh| ShapeFit::new(mesh, views.lights.clone(), setup.options.clone());
         let (mut fit, mut first) = (begin(setup.template.clone())?, 0);
         if let Some(path) = args.files.checkpoint.as_ref().filter(|path| args.files.resume && path.exists()) {
-            let (step, mesh, state) = checkpoint::read(path, Budget::new(&args.read.memory))?;
+            let (step, mesh, state) = checkpoint::read(path, Budget::new(args.read.memory.memory))?;
             fit = begin(setup.resumed(step, mesh)?)?;
             fit.restore(state)?;
             first = step;

@@ -9,9 +9,9 @@ use super::texels::Texels;
 use crate::commands::steps::{Loop, Steps};
 use crate::commands::{Failure, note};
 use serde_json::{Value, json};
-use softras::fit::{Schedule, Targets, with_atlas};
 use softras::scene::Appearance;
 use softras::{Mesh, Renderer};
+use softras_fit::{Schedule, Targets, with_atlas};
 
 /// Steps of the texels.
 const STEPS: usize = 100;

@@ -1,10 +1,9 @@
 //! A plot of the loss by step, with a logarithmic scale.
 
-use crate::commands::grad::canvas;
-use crate::commands::render::formats;
-use crate::commands::render::picture::Picture;
-use crate::commands::render::sheet::{text_width, write_text};
 use softras::Result;
+use softras_io::Picture;
+use softras_view::canvas;
+use softras_view::{text_width, write_text};
 use std::path::Path;
 
 const WIDTH: usize = 560;
@@ -19,7 +18,7 @@ const LINE: [u8; 3] = [31, 100, 190];
 
 /// Writes the plot of (step, loss) pairs.
 pub fn write(path: &Path, losses: &[(usize, f64)]) -> Result<()> {
-    formats::write_png(path, &plot(losses))
+    plot(losses).save(path)
 }
 
 fn plot(losses: &[(usize, f64)]) -> Picture {

@@ -12,11 +12,12 @@ use super::begin::samples;
 use super::setup::Setup;
 use super::targets::some;
 use super::unseen::Unseen;
-use crate::commands::{Failure, note, parts};
-use softras::fit::{Fit, ShapeFit, Targets, mask_iou};
-use softras::internals::fit::{Topology, evened, overlap};
+use crate::commands::{Failure, note};
+use softras::parts;
 use softras::scene::{Outputs, SilhouetteAggregation};
 use softras::{Mesh, Renderer, Result, Scene, Settings};
+use softras_fit::{Fit, ShapeFit, Targets, mask_iou};
+use softras_fit::{Topology, evened, overlap};
 use std::ops::Range;
 
 /// Shares of the steps before which the topology is looked at. At the first the mesh has reached the outlines, so that what is

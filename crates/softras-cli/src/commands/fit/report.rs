@@ -5,15 +5,15 @@ use super::color_error::color_error;
 use super::setup::Setup;
 use super::targets::Views;
 use super::unseen::Unseen;
-use crate::commands::parts::{self, Bands};
 use crate::commands::{Failure, note, say};
 use glam::DVec3;
 use serde_json::{Value, json};
-use softras::fit::voxel_iou;
-use softras::fit::{ImageLoss, Regularizer, Step, Targets, mask_iou};
-use softras::internals::fit::{Topology, pooled, regularize};
+use softras::parts::{self, Bands};
 use softras::scene::{Outputs, SilhouetteAggregation};
 use softras::{Camera, Error, Image, Mesh, Renderer, Result, Scene, Settings};
+use softras_fit::voxel_iou;
+use softras_fit::{ImageLoss, Regularizer, Step, Targets, mask_iou};
+use softras_fit::{Topology, pooled};
 use std::path::Path;
 
 /// Voxels along a side of the grid of the 3D IoU, as in the SoftRas paper.
@@ -251,8 +251,8 @@ fn official_penalty(mesh: &Mesh) -> Result<f64> {
     let positions: Vec<DVec3> = mesh.positions().iter().map(|p| DVec3::from(p.map(f64::from))).collect();
     let topology = Topology::new(positions.len(), mesh.triangles())?;
     let mut unused = vec![DVec3::ZERO; positions.len()];
-    let laplacian = regularize(Regularizer::Laplacian, &topology, &positions, 0.0, &mut unused)?;
-    let flatten = regularize(Regularizer::Flatten, &topology, &positions, 0.0, &mut unused)?;
+    let laplacian = Regularizer::Laplacian.add(&topology, &positions, 0.0, &mut unused)?;
+    let flatten = Regularizer::Flatten.add(&topology, &positions, 0.0, &mut unused)?;
     Ok(0.03 * laplacian + 0.0003 * flatten)
 }
 

@@ -6,9 +6,9 @@ use super::cameras;
 use super::recut;
 use super::targets::Views;
 use crate::commands::Failure;
-use softras::fit::{ImageLoss, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions, Subdivision};
 use softras::scene::{Appearance, Background, Faces, Interpolation};
 use softras::{Lights, Mesh, Renderer, Settings};
+use softras_fit::{ImageLoss, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions, Subdivision};
 
 /// Steps of a fit that begins with a sphere, and with a hull.
 const ITERATIONS: u32 = 500;

@@ -3,18 +3,20 @@
 use super::args::FitArgs;
 use super::maps::{self, Map};
 use super::{camera_files, cameras};
-use crate::commands::color::Curve;
-use crate::commands::memory::Budget;
-use crate::commands::npz::npy::{self, Array, Numbers};
 use crate::commands::outputs::Outputs as Files;
 use crate::commands::progress::Progress;
-use crate::commands::{Failure, note, parts, render::framing::Bounds};
+use crate::commands::{Failure, note};
 use glam::DVec3;
-use softras::fit::Targets;
-use softras::internals::files::{self, Picture};
-use softras::internals::fit::pooled;
+use softras::parts;
 use softras::scene::{Appearance, Background, Interpolation, Outputs};
 use softras::{Camera, Error, Image, Lights, Mesh, Renderer, Result, Scene, Settings};
+use softras_fit::Targets;
+use softras_fit::pooled;
+use softras_io::Budget;
+use softras_io::Curve;
+use softras_io::npz::npy::{self, Array, Numbers};
+use softras_io::{PictureFile, input};
+use softras_view::Bounds;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -63,7 +65,7 @@ impl Views {
     /// Reads or renders the views that the arguments ask for, and reads the mesh to begin with. None of the files read may
     /// be one that will be written.
     pub fn read(args: &FitArgs, written: &Files, renderer: &mut Renderer) -> Result<Self, Failure> {
-        let budget = Budget::new(&args.read.memory);
+        let budget = Budget::new(args.read.memory.memory);
         let template = match args.template.as_str() {
             "auto" | "sphere" | "hull" => None,
             path => Some(args.read.read(Path::new(path), true, written, &budget)?.mesh),
@@ -184,9 +186,9 @@ fn fault<T>(path: &Path, what: impl Into<String>, fix: &str) -> Result<T> {
 
 /// A .npy file of finite numbers.
 pub fn read_array(path: &Path, budget: &Budget) -> Result<Array> {
-    let file = files::open(path)?;
+    let file = input::open(path)?;
     let bytes = file.metadata().map_or(0, |metadata| metadata.len());
-    files::refuse_empty(path, bytes)?;
+    input::refuse_empty(path, bytes)?;
     budget.count_file(bytes);
     let room = |bytes| budget.claim(path, "the array", bytes).map_err(|error| error.to_string());
     let array = match npy::read(std::io::BufReader::new(file), room) {
@@ -308,7 +310,7 @@ fn folder(args: &FitArgs, path: &Path, files: &mut Vec<PathBuf>, budget: &Budget
     for view in &views {
         let file = path.join(&view.file);
         check_inside(path, &file, args.read.allow_outside)?;
-        let picture = Picture::open(&file)?;
+        let picture = PictureFile::open(&file)?;
         files.push(file.clone());
         let (width, height) = (picture.width, picture.height);
         cameras.push(view.camera(&list, (width, height))?);
@@ -346,7 +348,7 @@ fn check_inside(folder: &Path, file: &Path, allowed: bool) -> Result<()> {
 
 /// Decodes a picture file and visits its pixels, linear colour over black and alpha.
 fn for_each_pixel(path: &Path, mut visit: impl FnMut([f64; 4])) -> Result<()> {
-    let picture = Picture::open(path)?.decode(path)?.into_rgba8();
+    let picture = PictureFile::open(path)?.decode(path)?.into_rgba8();
     let opaque = picture.pixels().all(|p| p.0[3] == 255);
     for pixel in picture.pixels() {
         let [r, g, b, a] = pixel.0.map(|byte| f64::from(byte) / 255.0);
@@ -357,7 +359,7 @@ fn for_each_pixel(path: &Path, mut visit: impl FnMut([f64; 4])) -> Result<()> {
 
 /// Width, height and linear pixels of a picture file, each of which takes `bytes_per_pixel` of the budget.
 pub fn read_picture(path: &Path, budget: &Budget, bytes_per_pixel: u64) -> Result<(usize, usize, Vec<[f64; 4]>)> {
-    let picture = Picture::open(path)?;
+    let picture = PictureFile::open(path)?;
     let (width, height) = (picture.width as usize, picture.height as usize);
     budget.count_file(picture.file_bytes);
     let what = format!("a picture of {width}×{height} pixels");

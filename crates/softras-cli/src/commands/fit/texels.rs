@@ -2,12 +2,12 @@
 
 use super::setup::Setup;
 use super::targets::some;
-use crate::commands::parts;
-use softras::fit::{ImageLoss, Method, Optimizer, Targets};
-use softras::internals::fit::{add_pooled_gradient, pooled};
-use softras::internals::in_parts;
+use softras::parts;
+use softras::parts::in_parts;
 use softras::scene::{Appearance, Outputs};
 use softras::{Error, Image, ImageGradient, Mesh, Renderer, Result, Scene, Settings, Wanted};
+use softras_fit::{ImageLoss, Method, Optimizer, Targets};
+use softras_fit::{add_pooled_gradient, pooled};
 use std::ops::Range;
 
 /// Samples along each side of a pixel: the pictures show means over pixels, and a texel between single samples has no gradient.

@@ -1,11 +1,11 @@
 //! The negative gradient of every vertex as arrows on the screen.
 
-use super::canvas::{self, Arrow, Point};
 use super::engine::Images;
-use crate::commands::render::framing::View;
-use crate::commands::render::picture::Picture;
 use glam::DVec3;
 use softras::{Mesh, Projection, Result};
+use softras_io::Picture;
+use softras_view::Viewpoint;
+use softras_view::canvas::{self, Arrow, Point};
 
 /// A vertex is occluded if it lies behind the visible surface by more than this share of the depth range.
 const OCCLUDED: f64 = 0.03;
@@ -68,8 +68,8 @@ impl Projector {
 /// The [`Pull`] of every vertex that a triangle uses and that lies in the picture; `depth` are images rendered sharply.
 ///
 /// # Errors
-/// As [`View::camera`].
-pub fn pulls(mesh: &Mesh, gradient: &[f64], view: &View, size: [usize; 2], depth: &Images) -> Result<Vec<Pull>> {
+/// As [`Viewpoint::camera`].
+pub fn pulls(mesh: &Mesh, gradient: &[f64], view: &Viewpoint, size: [usize; 2], depth: &Images) -> Result<Vec<Pull>> {
     let [width, height] = size;
     let rows = *view.camera()?.view();
     let (w, h) = (width as f64, height as f64);

@@ -1,9 +1,9 @@
 //! Renders images and their gradient on a device or by the f64 reference.
 
 use crate::commands::gradients::{self, Mode};
-use softras::reference::{self, Parameters};
 use softras::scene::Outputs;
 use softras::{Camera, Error, Image, ImageGradient, Renderer, Result, Scene, Settings, Wanted};
+use softras_reference::Parameters;
 
 /// The renderer to use.
 pub enum Engine {
@@ -52,7 +52,7 @@ impl Engine {
         let outputs = Outputs { color: false, silhouette: true, depth: true, normal: false };
         let settings = Settings { outputs, save: false, ..settings.clone() };
         match self {
-            Self::Reference => Ok(of_reference(reference::render_culled(scene, &[camera], &settings)?)),
+            Self::Reference => Ok(of_reference(softras_reference::render_culled(scene, &[camera], &settings)?)),
             Self::Device(renderer) => Ok(of_device(&renderer.render(scene, &[camera], &settings)?)),
         }
     }
@@ -74,9 +74,9 @@ impl Engine {
         let settings = Settings { outputs, save: true, ..settings.clone() };
         match self {
             Self::Reference => {
-                let images = of_reference(reference::render_culled(scene, &[camera], &settings)?);
+                let images = of_reference(softras_reference::render_culled(scene, &[camera], &settings)?);
                 let upstream = gradients::upstream(&loss(&images)?);
-                let gradient = reference::gradient(scene, &[camera], &settings, &upstream, mode.into())?;
+                let gradient = softras_reference::gradient(scene, &[camera], &settings, &upstream, mode.into())?;
                 Ok((images, gradient))
             }
             Self::Device(renderer) => {
@@ -90,7 +90,7 @@ impl Engine {
     }
 }
 
-fn of_reference(frame: reference::ReferenceFrame) -> Images {
+fn of_reference(frame: softras_reference::ReferenceFrame) -> Images {
     Images { color: frame.color, silhouette: frame.silhouette, depth: frame.depth }
 }
 

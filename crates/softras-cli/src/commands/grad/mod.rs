@@ -2,22 +2,20 @@
 
 pub mod args;
 mod arrows;
-pub mod canvas;
 mod engine;
 mod panels;
 mod target;
 
-use super::memory::Budget;
 use super::outputs::Outputs;
 use super::progress::Progress;
-use super::render::framing::{self, Bounds, View};
-use super::render::{formats, look};
 use super::{Failure, describe, note, say};
 use args::GradArgs;
 use engine::Engine;
 use panels::Sheet;
 use serde_json::json;
 use softras::{Scene, Settings};
+use softras_io::{Budget, Curve};
+use softras_view::{Bounds, Output, Viewpoint};
 use std::path::Path;
 use std::time::Instant;
 use target::{Loss, Target};
@@ -27,17 +25,17 @@ pub fn run(args: &GradArgs) -> Result<(), Failure> {
     let outputs = Outputs::new([&args.out], [])?;
     outputs.spare([&args.target_image])?;
     let start = Instant::now();
-    let curve = if args.soft.raw { super::color::Curve::Raw } else { super::color::Curve::Srgb };
-    let budget = Budget::new(&args.read.memory);
+    let curve = if args.soft.raw { Curve::Raw } else { Curve::Srgb };
+    let budget = Budget::new(args.read.memory.memory);
     let target = Target::read(&args.target_image, curve, args.soft.background.numbers(curve), &budget)?;
     let loaded = args.read.read(&args.mesh, !args.soft.raw, &outputs, &budget)?;
     let bounds = Bounds::of(&loaded.mesh);
-    let view = View::new(&args.camera, bounds, target.width as f64 / target.height as f64, 0.0);
-    framing::check_depths(&args.camera, &view)?;
+    let view = Viewpoint::new(&args.camera.options(), bounds, target.width as f64 / target.height as f64, 0.0);
+    args.camera.check_depths(&view)?;
     if view.misses(bounds) {
         note("the mesh lies wholly outside the depths that this camera draws");
     }
-    let scene = Scene::new(loaded.mesh).with_lights(framing::lights(&args.light, curve, &view)?);
+    let scene = Scene::new(loaded.mesh).with_lights(softras_view::lights(&args.light.options(curve), &view)?);
     let settings = settings(args, &view, &target);
     let mut engine = Engine::open(args.device.as_deref())?;
     let spinner = Progress::spinner("differentiating");
@@ -53,15 +51,15 @@ pub fn run(args: &GradArgs) -> Result<(), Failure> {
     let pulls = arrows::pulls(&scene.meshes[0], gradient, &view, [target.width, target.height], &depth)?;
     let sheet = Sheet { color: &images.color, target: &target, loss: &loss, pulls: &pulls, curve };
     let (picture, arrows) = sheet.draw();
-    formats::write_png(&args.out, &picture)?;
+    picture.save(&args.out)?;
     drop(spinner);
     let report = Report { device: engine.name(), loss: &loss, gradient, arrows, path: &args.out };
     if args.json { say(&report.json(&view, &settings, start).to_string()) } else { say(&report.text()) }
 }
 
-fn settings(args: &GradArgs, view: &View, target: &Target) -> Settings {
+fn settings(args: &GradArgs, view: &Viewpoint, target: &Target) -> Settings {
     let look = args.soft.look((target.width as u32, target.height as u32));
-    look::settings(&look, &args.modes, view, &[super::render::args::Output::Color], 1, None)
+    softras_view::settings(&look.look(), &args.modes.modes(), view, &[Output::Color], 1, None)
 }
 
 /// The report of the command.
@@ -89,7 +87,7 @@ impl Report<'_> {
         )
     }
 
-    fn json(&self, view: &View, settings: &Settings, start: Instant) -> serde_json::Value {
+    fn json(&self, view: &Viewpoint, settings: &Settings, start: Instant) -> serde_json::Value {
         let camera = json!({
             "eye": view.eye.to_array(), "target": view.target.to_array(), "up": view.up.to_array(),
             "projection": describe::projection(&view.projection),

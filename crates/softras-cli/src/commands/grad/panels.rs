@@ -1,11 +1,11 @@
 //! The picture of `softras grad`: four panels side by side.
 
 use super::arrows::{self, HIDDEN, Pull, SEEN};
-use super::canvas;
 use super::target::{Loss, Target};
-use crate::commands::color::Curve;
-use crate::commands::render::picture::Picture;
-use crate::commands::render::sheet;
+use softras_io::Curve;
+use softras_io::Picture;
+use softras_view as sheet;
+use softras_view::canvas;
 
 const GROUND: [u8; 3] = [17, 19, 24];
 const INK: [u8; 3] = [222, 224, 228];

@@ -1,10 +1,10 @@
 //! The target image, and the loss against it.
 
 use super::engine::Images;
-use crate::commands::color::Curve;
-use crate::commands::memory::Budget;
-use softras::internals::files::Picture;
 use softras::{Image, ImageGradient, Result};
+use softras_io::Budget;
+use softras_io::Curve;
+use softras_io::PictureFile;
 use std::path::Path;
 
 /// Bytes of a pixel of the target, of the images that are compared with it and of the sheet that shows them all.
@@ -47,7 +47,7 @@ impl Target {
     /// [`softras::Error::Io`] and [`softras::Error::File`] for a file that is no picture, larger than an image may be or
     /// larger than the budget.
     pub fn read(path: &Path, curve: Curve, background: [f64; 3], budget: &Budget) -> Result<Self> {
-        let picture = Picture::open(path)?;
+        let picture = PictureFile::open(path)?;
         let (width, height) = (picture.width, picture.height);
         budget.count_file(picture.file_bytes);
         let what = format!("a picture of {width}×{height} pixels");

@@ -1,8 +1,8 @@
 //! How far a picture and the mesh in the pose that was found agree.
 
 use super::{Target, View};
-use softras::fit::Pose;
 use softras::{Image, Renderer, Result};
+use softras_fit::Pose;
 
 /// Samples along each side of a pixel, in pictures of up to so many pixels a side; larger ones have one.
 const SAMPLES: u32 = 3;

@@ -4,8 +4,8 @@ use crate::commands::mesh_file::ReadArgs;
 use crate::commands::parse;
 use crate::commands::render::args::CameraArgs;
 use clap::Args;
-use softras::fit::Pose;
 use softras::glam::{DQuat, DVec3};
+use softras_fit::Pose;
 use std::path::PathBuf;
 
 const USAGE: &str = "\

@@ -5,10 +5,10 @@ use crate::commands::steps::{Loop, each};
 use crate::commands::{Failure, say};
 use glam::DVec3;
 use serde_json::json;
-use softras::fit::{Differentiation, Pose, PoseFit, PoseOptions, PoseTarget, Schedule};
-use softras::internals::fit::rotations;
 use softras::scene::{Background, Faces};
 use softras::{Camera, Image, Projection, Renderer, Result, Scene, Settings, shapes};
+use softras_fit::rotations;
+use softras_fit::{Differentiation, Pose, PoseFit, PoseOptions, PoseTarget, Schedule};
 use softras_lab::random::Random;
 use std::time::Instant;
 

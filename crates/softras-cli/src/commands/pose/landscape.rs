@@ -1,12 +1,11 @@
 //! A picture of the loss over two angles, which shows its local minima, sharp and blurred.
 
 use super::Target;
-use crate::commands::render::formats;
-use crate::commands::render::picture::Picture;
-use crate::commands::render::sheet;
 use glam::DQuat;
-use softras::fit::{Pose, PoseFit};
 use softras::{Renderer, Result};
+use softras_fit::{Pose, PoseFit};
+use softras_io::Picture;
+use softras_view as sheet;
 use std::path::Path;
 
 /// Number of values of each angle.
@@ -43,7 +42,7 @@ pub fn write(path: &Path, fit: &PoseFit, about: &Pose, target: &Target, renderer
         }
         panels.push((with_axes(&panel(&losses)), label.to_string()));
     }
-    formats::write_png(path, &sheet::sheet(&panels, [255; 3]))
+    (sheet::sheet(&panels, [255; 3])).save(path)
 }
 
 fn panel(losses: &[f64]) -> Picture {

@@ -6,21 +6,20 @@ mod benchmark;
 mod landscape;
 mod trials;
 
-use super::color::encoded;
 use super::fit::targets;
-use super::memory::Budget;
 use super::outputs::Outputs;
-use super::render::framing::{self, Bounds};
 use super::steps::{Loop, each};
 use super::{Failure, note, say};
 use agreement::Agreement;
 use args::PoseArgs;
 use glam::{DQuat, DVec3};
 use serde_json::json;
-use softras::fit::{Pose, PoseFit, PoseOptions, PoseSearch, PoseTarget};
-use softras::internals::fit::{pooled, rotations};
 use softras::scene::{Background, Faces, Interpolation};
 use softras::{Camera, Image, Mesh, Renderer, Result, Scene, Settings};
+use softras_fit::{Pose, PoseFit, PoseOptions, PoseSearch, PoseTarget};
+use softras_fit::{pooled, rotations};
+use softras_io::Budget;
+use softras_view::{Bounds, Viewpoint};
 
 /// Poses farther than this from the best one, in degrees, count as other answers.
 const OTHER: f64 = 10.0;
@@ -33,7 +32,7 @@ pub fn run(args: &PoseArgs) -> Result<(), Failure> {
     let mut renderer = super::open_device(args.device.as_deref(), args.read.memory.memory)?;
     match (&args.mesh, &args.image) {
         (Some(mesh), Some(image)) => {
-            let budget = Budget::new(&args.read.memory);
+            let budget = Budget::new(args.read.memory.memory);
             let (width, height, pixels) = targets::read_picture(image, &budget, bytes_per_pixel(args))?;
             outputs.spare([image])?;
             let mesh = args.read.read(mesh, true, &outputs, &budget)?.mesh;
@@ -94,8 +93,8 @@ impl View {
     /// The mesh in pictures of that size as the command's camera sees it, and the mesh's bounds.
     fn around(args: &PoseArgs, mesh: &Mesh, width: usize, height: usize) -> Result<(Self, Bounds), Failure> {
         let bounds = Bounds::of(mesh);
-        let framed = framing::View::new(&args.camera, bounds, width as f64 / height as f64, 0.0);
-        framing::check_depths(&args.camera, &framed)?;
+        let framed = Viewpoint::new(&args.camera.options(), bounds, width as f64 / height as f64, 0.0);
+        args.camera.check_depths(&framed)?;
         // The depth range has room for translations.
         let reach = framed.far - framed.near;
         let (near, far) = ((framed.near - 0.2 * reach).max(0.2 * framed.near), framed.far + 0.2 * reach);
@@ -165,7 +164,7 @@ fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) 
     steps.run(&mut each(|_, renderer| search.step(renderer)), renderer)?;
     let Some(&(best, loss)) = search.found().first() else { return Err(Failure::Told) };
     if let Some(path) = &args.out {
-        softras::obj::write_obj(&encoded(&posed(mesh, &best, bounds)?)?, path)?;
+        softras_io::save(&posed(mesh, &best, bounds)?, path)?;
     }
     let both = View { settings: Settings { faces: Faces::Both, ..view.settings.clone() }, ..view };
     let translation_rate = if args.no_translation { 0.0 } else { 0.15 * bounds.radius };

@@ -1,14 +1,15 @@
 //! `softras pose --benchmark MESH...`: the search from one picture of each of many rotations of a mesh.
 
 use super::{PoseArgs, View, benchmark::median};
-use crate::commands::memory::Budget;
 use crate::commands::outputs::Outputs;
 use crate::commands::progress::Progress;
 use crate::commands::steps::{Loop, each};
-use crate::commands::{Failure, say, text};
+use crate::commands::{Failure, say};
+use softras_io::text;
 use serde_json::{Value, json};
 use softras::Renderer;
-use softras::fit::Pose;
+use softras_fit::Pose;
+use softras_io::Budget;
 use softras_lab::random::Random;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -29,7 +30,7 @@ struct Row {
 
 /// Searches every mesh, and prints a row for each as soon as it is known.
 pub fn run(args: &PoseArgs, meshes: &[PathBuf], renderer: &mut Renderer) -> Result<(), Failure> {
-    let budget = Budget::new(&args.read.memory);
+    let budget = Budget::new(args.read.memory.memory);
     let mut report = Vec::new();
     if !args.json {
         say("mesh           pictures  < 2 deg   median  largest  seconds")?;

@@ -1,8 +1,11 @@
 //! The arguments of `softras render`.
 
-use crate::commands::{color::Curve, mesh_file::ReadArgs, parse};
+use crate::commands::{Failure, mesh_file::ReadArgs, parse};
 use clap::{Args, ValueEnum};
 use softras::scene;
+use softras_io::Curve;
+use softras_view as view;
+use softras_view::{CameraOptions, LightOptions, Look, Modes, Motion, Options, Viewpoint};
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
@@ -108,7 +111,7 @@ pub struct CameraArgs {
     pub fov: f64,
     /// Orthographic projection: half the image's height in world units, or `fit`
     #[arg(long, value_name = "HALF_HEIGHT", value_parser = parse::half_height, conflicts_with = "fov")]
-    pub orthographic: Option<parse::HalfHeight>,
+    pub orthographic: Option<view::HalfHeight>,
     /// Nearest depth that is drawn; gamma is in units of far - near [default: just before the mesh's bounding sphere]
     #[arg(long, value_name = "UNITS", value_parser = parse::positive)]
     pub near: Option<f64>,
@@ -118,9 +121,29 @@ pub struct CameraArgs {
 }
 
 impl CameraArgs {
-    /// The vertical axis: the one given, or y.
-    pub fn up(&self) -> [f64; 3] {
-        self.up.unwrap_or([0.0, 1.0, 0.0])
+    /// The same as options.
+    pub fn options(&self) -> CameraOptions {
+        let Self { eye, target, up, distance, elevation, azimuth, fov, orthographic, near, far } = *self;
+        CameraOptions { eye, target, up, distance, elevation, azimuth, fov, orthographic, near, far }
+    }
+
+    /// Refuses a farthest depth that is not beyond the nearest one.
+    ///
+    /// # Errors
+    /// [`Failure::Usage`] naming the options that say so.
+    pub fn check_depths(&self, view: &Viewpoint) -> Result<(), Failure> {
+        // Without --far, the farthest depth lies beyond any that --near names.
+        let Some(far) = self.far.filter(|_| view.far <= view.near) else { return Ok(()) };
+        Err(Failure::Usage(match self.near {
+            Some(near) => format!(
+                "--near {near} --far {far}: what is drawn lies between them, so near must be less than far: swap them, or leave \
+             one out"
+            ),
+            None => format!(
+                "--far {far}: the mesh begins at depth {:.4}, behind all that is drawn: give a larger --far, or --near as well",
+                view.near
+            ),
+        }))
     }
 }
 
@@ -173,6 +196,23 @@ impl LookArgs {
     pub fn curve(&self) -> Curve {
         if self.raw { Curve::Raw } else { Curve::Srgb }
     }
+
+    /// The same as options.
+    pub fn look(&self) -> Look {
+        let curve = self.curve();
+        Look {
+            size: self.size,
+            sigma: self.sigma,
+            blur: self.blur,
+            gamma: self.gamma,
+            epsilon: self.epsilon,
+            tau: self.tau,
+            support: self.support.into(),
+            background: self.background.map(|color| color.numbers(curve)),
+            background_mode: self.background_mode.into(),
+            curve,
+        }
+    }
 }
 
 /// The lights. By default a key light from the upper left, a fill light from the right, a rim light from behind, all of them
@@ -192,6 +232,23 @@ pub struct LightArgs {
     /// Normals for lighting: flat has one per triangle, smooth one per vertex
     #[arg(long, value_enum, default_value = "smooth")]
     pub shading: Shading,
+}
+
+impl LightArgs {
+    /// The same as options; colours in bytes are decoded by the curve that pictures are written with.
+    pub fn options(&self, curve: Curve) -> LightOptions {
+        let given = |light: &parse::Light| scene::DirectionalLight {
+            direction: light.direction,
+            color: light.color.numbers(curve),
+            intensity: light.intensity,
+        };
+        LightOptions {
+            ambient: self.ambient,
+            lights: self.light.iter().map(given).collect(),
+            unlit: self.unlit,
+            shading: self.shading.into(),
+        }
+    }
 }
 
 fn ambient(text: &str) -> Result<[f64; 3], String> {
@@ -220,56 +277,49 @@ pub struct ModeArgs {
     pub interpolation: Interpolation,
 }
 
-/// What of the mesh fills the picture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Fit {
-    /// The box of its projected vertices fills 90 % of the picture
-    Box,
-    /// Its bounding sphere fills 85 % of the smaller side
-    Sphere,
+impl ModeArgs {
+    /// The same as options.
+    pub fn modes(&self) -> Modes {
+        Modes {
+            faces: self.faces.into(),
+            color: self.color_mode.into(),
+            silhouette: self.silhouette_mode.into(),
+            distance: self.distance_mode.into(),
+            interpolation: self.interpolation.into(),
+        }
+    }
 }
 
-/// What the alpha of a picture is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Alpha {
-    /// 1 inside of surfaces
-    Solid,
-    /// The model's silhouette
-    Model,
-}
-
-/// One kind of image.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Output {
-    /// The lit colour
-    Color,
-    /// The coverage, 0 to 1
-    Silhouette,
-    /// The view depth
-    Depth,
-    /// The surface normal
-    Normal,
-}
-
-impl Output {
-    /// The name on the command line and in file names.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Color => "color",
-            Self::Silhouette => "silhouette",
-            Self::Depth => "depth",
-            Self::Normal => "normal",
+impl RenderArgs {
+    /// Everything about the picture, for a camera with the vertical axis that was guessed. A sweep has `sweep_steps` steps unless a number
+    /// was given.
+    pub fn options(&self, camera: CameraOptions, sweep_steps: usize) -> Options {
+        let motion = match (self.turntable, &self.sweep) {
+            (Some(frames), _) => Motion::Turntable(frames),
+            (None, Some(sweep)) => Motion::Sweep(sweep.of(sweep_steps)),
+            (None, None) => Motion::Still,
+        };
+        Options {
+            camera,
+            fill: self.frame.into(),
+            look: self.look.look(),
+            samples: self.look.samples,
+            alpha: self.alpha.map(Into::into),
+            light: self.light.options(self.look.curve()),
+            crease: self.crease,
+            modes: self.modes.modes(),
+            motion,
         }
     }
 }
 
 /// Defines a clap value for a mode of the library, and the conversion to it.
 macro_rules! mode {
-    ($name:ident => $library:ident { $($(#[$doc:meta])* $variant:ident => $to:ident),+ $(,)? }) => {
-        #[doc = concat!("[`scene::", stringify!($library), "`] on the command line.")]
+    ($name:ident => $library:path { $($(#[$doc:meta])* $variant:ident => $to:ident),+ $(,)? }) => {
+        #[doc = concat!("[`", stringify!($library), "`] on the command line.")]
         #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
         pub enum $name { $($(#[$doc])* $variant),+ }
-        impl From<$name> for scene::$library {
+        impl From<$name> for $library {
             fn from(mode: $name) -> Self {
                 match mode { $($name::$variant => Self::$to),+ }
             }
@@ -277,26 +327,33 @@ macro_rules! mode {
     };
 }
 
-mode!(BackgroundMode => Background { Weighted => Weighted, Composite => Composite });
-mode!(Support => Support { Probability => Probability, Guaranteed => Guaranteed });
-mode!(Shading => Shading { Flat => Flat, Smooth => Smooth });
-mode!(Faces => Faces { Both => Both, Front => Front });
-mode!(ColorMode => ColorAggregation { Softmax => Softmax, Hard => Hard });
-mode!(SilhouetteMode => SilhouetteAggregation { Product => Product, Sum => Sum, Hard => Hard });
-mode!(DistanceMode => Distance { Euclidean => Euclidean, Barycentric => Barycentric, Hard => Hard });
-mode!(Interpolation => Interpolation { Affine => Affine, Perspective => Perspective });
-
-#[cfg(test)]
-impl CameraArgs {
-    /// What `softras render a.obj -o a.png` and these arguments say of the camera.
-    #[allow(clippy::unwrap_used)]
-    pub fn parsed(extra: &[&str]) -> Self {
-        use crate::commands::{Cli, Command};
-        use clap::Parser;
-        let line = ["softras", "render", "a.obj", "-o", "a.png"].iter().chain(extra);
-        match Cli::try_parse_from(line).unwrap().command {
-            Command::Render(args) => args.camera,
-            _ => unreachable!(),
-        }
-    }
-}
+mode!(BackgroundMode => scene::Background { Weighted => Weighted, Composite => Composite });
+mode!(Support => scene::Support { Probability => Probability, Guaranteed => Guaranteed });
+mode!(Shading => scene::Shading { Flat => Flat, Smooth => Smooth });
+mode!(Faces => scene::Faces { Both => Both, Front => Front });
+mode!(ColorMode => scene::ColorAggregation { Softmax => Softmax, Hard => Hard });
+mode!(SilhouetteMode => scene::SilhouetteAggregation { Product => Product, Sum => Sum, Hard => Hard });
+mode!(DistanceMode => scene::Distance { Euclidean => Euclidean, Barycentric => Barycentric, Hard => Hard });
+mode!(Interpolation => scene::Interpolation { Affine => Affine, Perspective => Perspective });
+mode!(Fit => view::Fill {
+    /// The box of its projected vertices fills 90 % of the picture
+    Box => Box,
+    /// Its bounding sphere fills 85 % of the smaller side
+    Sphere => Sphere,
+});
+mode!(Alpha => view::Alpha {
+    /// 1 inside of surfaces
+    Solid => Solid,
+    /// The model's silhouette
+    Model => Model,
+});
+mode!(Output => view::Output {
+    /// The lit colour
+    Color => Color,
+    /// The coverage, 0 to 1
+    Silhouette => Silhouette,
+    /// The view depth
+    Depth => Depth,
+    /// The surface normal
+    Normal => Normal,
+});

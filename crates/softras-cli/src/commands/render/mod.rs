@@ -2,35 +2,16 @@
 
 mod animation;
 pub mod args;
-mod crease;
-mod developed;
-mod enclosing;
-mod fill;
-pub mod formats;
-pub mod framing;
-pub mod gif;
-pub mod layers;
-pub mod look;
-pub mod picture;
 mod report;
-pub mod sheet;
-mod solid;
-mod standing;
 
-use super::memory::Budget;
 use super::outputs::Outputs;
-use super::parts::{self, Band, Bands};
 use super::progress::Progress;
 use super::{Failure, note};
-use args::{CameraArgs, Fit, Output, RenderArgs};
-use developed::Developed;
-use formats::Format;
-use framing::{Bounds, View};
-use layers::Glass;
-use picture::Shot;
+use args::{Fit, RenderArgs};
 use report::{Report, Written};
-use softras::obj::Loaded;
-use softras::{Camera, Mesh, Renderer, Scene, Settings};
+use softras::{Mesh, Renderer, Settings};
+use softras_io::{Budget, Loaded, PictureFormat};
+use softras_view::{Alpha, CameraOptions, Developed, Image, Output, Studio, other_axis};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -38,15 +19,14 @@ use std::time::Instant;
 pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let targets = targets(args)?;
     let outputs = Outputs::new(targets.iter().map(|target| &target.path), [])?;
-    let samples = samples(args, &targets)?;
-    look::validate_alpha(args)?;
+    check_samples(args, &targets)?;
     let start = Instant::now();
-    let budget = Budget::new(&args.read.memory);
+    let budget = Budget::new(args.read.memory.memory);
     let mut loaded = args.read.read_layers(&args.mesh, !args.look.raw, &outputs, &budget)?;
     let mut notes = std::mem::take(&mut loaded.notes);
     let camera = upright(args, &loaded.mesh, &mut notes);
-    let mut stage = Stage::new(args, camera, loaded, samples)?;
-    let misses = stage.view(0.0).misses(stage.bounds);
+    let mut stage = Stage::new(args, camera, loaded, &targets)?;
+    let misses = stage.studio.viewpoint(0.0).misses(stage.studio.bounds());
     if misses {
         notes.push("the mesh lies wholly outside the depths that this camera draws".into());
         notes.last().into_iter().for_each(|text| note(text));
@@ -65,9 +45,9 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
 
 /// Renders one picture and writes it into every target.
 fn still(stage: &mut Stage<'_>, targets: &[Target], report: &mut Report) -> Result<(), Failure> {
-    let mut made: Vec<_> = targets.iter().map(|target| Developed::new(target.output, target.format)).collect();
+    let mut made: Vec<_> = targets.iter().map(Target::developed).collect();
     let mut progress = Progress::spinner("rendering");
-    stage.shoot(0.0, None, |shot| {
+    stage.studio.shoot(&mut stage.renderer, 0.0, None, |shot| {
         let height = shot.settings.height as usize;
         if shot.rows.start == 0 && shot.rows.end < height {
             progress = Progress::counted("row", height);
@@ -75,27 +55,32 @@ fn still(stage: &mut Stage<'_>, targets: &[Target], report: &mut Report) -> Resu
         report.add(shot);
         made.iter_mut().try_for_each(|made| made.add(shot))?;
         shot.rows.clone().for_each(|_| progress.step());
-        Ok(())
+        Ok::<_, Failure>(())
     })?;
     drop(progress);
     for (target, made) in targets.iter().zip(made) {
-        let meaning = formats::write(&target.path, target.format, &made.finished(None), target.output)?;
+        let image = made.finished(None);
+        image.save(&target.path, target.output)?;
+        let meaning = match image {
+            Image::Picture(_, Some((low, high))) => Some(format!("white is depth {low:.4}, black is depth {high:.4}")),
+            _ => None,
+        };
         report.wrote(Written::still(target, meaning));
     }
     Ok(())
 }
 
-/// The arguments of the camera with a vertical axis: the one given, or one that the mesh stands on, with a note if that is not
-/// y. glTF files say that y is up, who gives the camera's place has seen the mesh's coordinates, and
-/// --frame sphere is the same camera however the mesh is turned.
-fn upright(args: &RenderArgs, mesh: &Mesh, notes: &mut Vec<String>) -> CameraArgs {
-    let mut camera = args.camera;
+/// The camera with a vertical axis: the one given, or one that the mesh stands on, with a note if that is not y. glTF files say
+/// that y is up, who gives the camera's place has seen the mesh's coordinates, and --frame sphere is the same camera however the
+/// mesh is turned.
+fn upright(args: &RenderArgs, mesh: &Mesh, notes: &mut Vec<String>) -> CameraOptions {
+    let mut camera = args.camera.options();
     let ending = args.mesh.extension().map(|ending| ending.to_ascii_lowercase()).unwrap_or_default();
     let is_given = camera.up.is_some() || camera.eye.is_some() || args.frame == Fit::Sphere;
     if is_given || ending == "gltf" || ending == "glb" {
         return camera;
     }
-    if let Some(axis) = standing::other_axis(mesh) {
+    if let Some(axis) = other_axis(mesh) {
         let mut up = [0.0; 3];
         up[axis] = 1.0;
         camera.up = Some(up);
@@ -110,22 +95,33 @@ fn upright(args: &RenderArgs, mesh: &Mesh, notes: &mut Vec<String>) -> CameraArg
 #[derive(Debug)]
 struct Target {
     path: PathBuf,
-    format: Format,
+    format: PictureFormat,
     output: Output,
+}
+
+impl Target {
+    /// Whether the file holds the model's own values.
+    fn has_floats(&self) -> bool {
+        matches!(self.format, PictureFormat::Exr | PictureFormat::Npy)
+    }
+
+    fn developed(&self) -> Developed {
+        Developed::new(self.output, self.has_floats())
+    }
 }
 
 /// One target for every output and file; with several outputs each file's name gains the output's name.
 fn targets(args: &RenderArgs) -> Result<Vec<Target>, Failure> {
-    let mut outputs = args.output.clone();
+    let mut outputs: Vec<Output> = args.output.iter().map(|&output| output.into()).collect();
     outputs.dedup();
     let animated = args.turntable.is_some() || args.sweep.is_some();
     let mut targets: Vec<Target> = Vec::new();
     for out in &args.out {
-        let format = Format::of(out);
+        let format = PictureFormat::of(out);
         let format = match (format, animated) {
-            (Some(format @ (Format::Png | Format::Gif)), true) => format,
-            (Some(format @ (Format::Png | Format::Exr | Format::Npy)), false) => format,
-            (Some(Format::Gif), false) => {
+            (Some(format @ (PictureFormat::Png | PictureFormat::Gif)), true) => format,
+            (Some(format @ (PictureFormat::Png | PictureFormat::Exr | PictureFormat::Npy)), false) => format,
+            (Some(PictureFormat::Gif), false) => {
                 let what = "is for several frames: add --turntable N or --sweep, or write .png, .exr or .npy";
                 return Err(Failure::Usage(format!("--out {}: .gif {what}", out.display())));
             }
@@ -149,23 +145,23 @@ fn targets(args: &RenderArgs) -> Result<Vec<Target>, Failure> {
     Ok(targets)
 }
 
-/// The number of samples along each side of a pixel.
-fn samples(args: &RenderArgs, targets: &[Target]) -> Result<u32, Failure> {
-    let floats = targets.iter().any(|t| matches!(t.format, Format::Exr | Format::Npy));
-    let asked_soft = args.look.sigma.is_some() || args.look.blur.is_some();
+/// Refuses samples that a file or a frame cannot have, and solid alpha in modes in which that is not known how.
+fn check_samples(args: &RenderArgs, targets: &[Target]) -> Result<(), Failure> {
+    let options = args.options(args.camera.options(), 2);
+    if options.alpha == Some(Alpha::Solid) && !options.can_be_solid() {
+        let needs = "needs --silhouette-mode product, --distance-mode euclidean and --background-mode composite";
+        return Err(Failure::Usage(format!("--alpha solid: {needs}")));
+    }
     let side = args.look.size.0.max(args.look.size.1);
-    let most = softras::Settings::MAX_SIZE / side;
     match args.look.samples {
-        Some(n) if n > 1 && floats => {
+        Some(n) if n > 1 && targets.iter().any(Target::has_floats) => {
             Err(Failure::Usage(format!("--samples {n}: .exr and .npy hold the model's own values, one a pixel")))
         }
-        Some(n) if n > most => {
+        Some(n) if n > Settings::MAX_SIZE / side => {
             let what = "pixels a side are more than the 16384 that a frame may have";
             Err(Failure::Usage(format!("--samples {n}: {} {what}", n * side)))
         }
-        Some(n) => Ok(n),
-        None if floats || asked_soft => Ok(1),
-        None => Ok(most.clamp(1, 3)),
+        _ => Ok(()),
     }
 }
 
@@ -176,91 +172,31 @@ fn named(path: &Path, output: Output) -> PathBuf {
     path.with_file_name(format!("{stem}_{}.{ending}", output.name()))
 }
 
-/// The mesh, the renderer, and the arguments that apply to every frame.
+/// Frames of a sweep that is an animation, and of one that is a contact sheet, where no number is given.
+const SWEEP_FRAMES: usize = 24;
+const SWEEP_CELLS: usize = 8;
+
+/// The mesh before the camera, the renderer, and the arguments.
 struct Stage<'a> {
     args: &'a RenderArgs,
-    /// The arguments of the camera, with the vertical axis that was guessed.
-    camera: CameraArgs,
-    bounds: Bounds,
-    /// The view before the first turn.
-    first: View,
-    /// The opaque triangles of the mesh, with vertices split where its edges are kept.
-    scene: Scene,
-    /// The transparent ones.
-    glass: Option<Glass>,
+    studio: Studio,
     /// Vertices and triangles of the mesh file.
     vertices: usize,
     triangles: usize,
     renderer: Renderer,
-    samples: u32,
-    bands: Bands,
 }
 
-/// Bands begin at multiples of so many rows of the picture, and so at the borders of tiles.
-const BAND: usize = 4;
-
 impl<'a> Stage<'a> {
-    fn new(args: &'a RenderArgs, camera: CameraArgs, loaded: Loaded, samples: u32) -> Result<Self, Failure> {
-        let (mesh, normals) = (loaded.mesh, &loaded.normals);
+    fn new(args: &'a RenderArgs, camera: CameraOptions, loaded: Loaded, targets: &[Target]) -> Result<Self, Failure> {
         let mut renderer = super::open_device(args.device.as_deref(), args.read.memory.memory)?;
         renderer.time_stages(true);
-        let (bounds, vertices, triangles) = (Bounds::of(&mesh), mesh.positions().len(), mesh.triangles().len());
-        let (width, height) = args.look.size;
-        let aspect = f64::from(width) / f64::from(height);
-        let first = match args.frame {
-            Fit::Box => {
-                let widest = look::widest(args, &View::new(&camera, bounds, aspect, 0.0));
-                let share = fill::share(widest.sigma, widest.tau, aspect);
-                fill::filling(&camera, &mesh, bounds, aspect, &animation::turns(args), share)?
-            }
-            Fit::Sphere => View::new(&camera, bounds, aspect, 0.0),
-        };
-        framing::check_depths(&camera, &first)?;
-        let mesh = match args.light.shading {
-            args::Shading::Smooth => match args.crease {
-                Some(degrees) => crease::creased(&mesh, &[], degrees)?,
-                None => crease::creased(&mesh, normals, crease::DEFAULT)?,
-            },
-            args::Shading::Flat => mesh,
-        };
-        let unit = BAND * samples as usize;
-        // Whether a pixel is inside of a surface depends on its neighbours.
-        let bands = Bands { unit, margin: if look::is_solid(args) { unit } else { 0 }, at_once: usize::MAX };
-        let (mesh, glass) = layers::separate(mesh, &loaded.opacity)?;
-        let scene = Scene::new(mesh);
-        Ok(Self { args, camera, bounds, first, scene, glass, vertices, triangles, renderer, samples, bands })
-    }
-
-    fn view(&self, turn: f64) -> View {
-        self.first.turned(&self.camera, self.bounds, turn)
-    }
-
-    /// Renders one frame, `turn` degrees around the axis and with a sweep's step, in bands from top to bottom where it is too
-    /// large to be rendered at once.
-    fn shoot(
-        &mut self,
-        turn: f64,
-        step: Option<animation::Step>,
-        mut take: impl FnMut(&Shot) -> Result<(), Failure>,
-    ) -> Result<(), Failure> {
-        let (args, samples) = (self.args, self.samples);
-        let view = self.view(turn);
-        let mut settings = look::settings(&args.look, &args.modes, &view, &args.output, samples, step);
-        // Layers are blended by depth.
-        settings.outputs.depth |= self.glass.is_some();
-        let (curve, transparent) = (args.look.curve(), args.look.background.is_none());
-        self.scene.lights = framing::lights(&args.light, curve, &view)?;
-        let (is_solid, camera) = (look::is_solid(args), view.camera()?);
-        let Self { renderer, scene, glass, bands, .. } = self;
-        let samples = samples as usize;
-        let lights = scene.lights.clone();
-        let layers = |camera: &Camera, settings: &Settings| {
-            let layer = glass.as_mut().map(|glass| glass.shoot(renderer, camera, &lights, settings)).transpose()?;
-            Ok((renderer.render(scene, &[*camera], settings)?, layer))
-        };
-        parts::in_bands(&camera, &settings, bands, layers, |Band { frame: (frame, layer), rows, above }| {
-            let settings = settings.clone();
-            take(&Shot { frame, layer, rows, above, view, settings, samples, curve, transparent, is_solid })
-        })
+        let is_animation = targets.iter().any(|target| target.format == PictureFormat::Gif);
+        let options = args.options(camera, if is_animation { SWEEP_FRAMES } else { SWEEP_CELLS });
+        let samples = options.samples(targets.iter().any(Target::has_floats));
+        let outputs: Vec<Output> = args.output.iter().map(|&output| output.into()).collect();
+        let (vertices, triangles) = (loaded.mesh.positions().len(), loaded.mesh.triangles().len());
+        let studio = Studio::new(loaded.mesh, &loaded.normals, &loaded.opacity, options, &outputs, samples)?;
+        args.camera.check_depths(&studio.viewpoint(0.0))?;
+        Ok(Self { args, studio, vertices, triangles, renderer })
     }
 }

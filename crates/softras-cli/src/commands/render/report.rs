@@ -1,11 +1,10 @@
 //! The report of `softras render`, as text or as JSON.
 
-use super::animation::short;
-use super::picture::Shot;
 use super::{Failure, Stage, Target};
 use crate::commands::{describe, note, say};
 use glam::DVec3;
 use serde_json::{Value, json};
+use softras_view::{Shot, short};
 use std::time::Duration;
 
 /// A file that was written.
@@ -105,13 +104,13 @@ impl Report {
 
     /// Notes that no frame shows anything of the mesh, if that is so, with what is likely to be the reason.
     pub fn note_nothing(&mut self, stage: &Stage<'_>) {
-        let (camera, mesh) = (&stage.camera, &stage.scene.meshes[0]);
+        let (camera, mesh) = (&stage.studio.options().camera, stage.studio.mesh());
         let corner = |i: u32| DVec3::from(mesh.positions()[i as usize].map(f64::from));
         let area = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a).length();
         let is_flat = mesh.triangles().iter().all(|corners| area(corners.map(corner)) == 0.0);
         let is_placed = camera.eye.is_some() || camera.target.is_some() || camera.distance.is_some();
         let is_cut = camera.near.is_some() || camera.far.is_some();
-        let text = if is_flat && stage.glass.is_none() {
+        let text = if is_flat && !stage.studio.has_glass() {
             "no triangle of the mesh has an area: at most a faint blur of them is in the picture"
         } else if self.is_seen {
             return;

@@ -9,8 +9,8 @@ use super::progress::Progress;
 use super::{Failure, say};
 use clap::Args;
 use serde_json::json;
-use softras::internals::files;
 use softras::{Error, RendererOptions, Result};
+use softras_io::output;
 use softras_lab::stress::{FORMS, Kind, Stress, batch, form};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -101,7 +101,7 @@ pub fn run(args: &StressArgs) -> std::result::Result<(), Failure> {
         return Err(Failure::Usage(what.into()));
     }
     if let Some(path) = &args.map {
-        files::check_writable(path)?;
+        output::check_writable(path)?;
     }
     let start = Instant::now();
     let options =

@@ -5,8 +5,8 @@
 
 use super::{Lens, MAX_PICTURES, View, posed};
 use glam::{DMat4, DQuat, DVec3};
-use softras::internals::files;
 use softras::{Error, Result};
+use softras_io::input;
 use std::collections::HashMap;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
@@ -26,8 +26,8 @@ struct Lines<'a> {
 
 impl<'a> Lines<'a> {
     fn open(path: &'a Path) -> Result<Self> {
-        let file = files::open(path)?;
-        files::refuse_empty(path, file.metadata().map_or(1, |metadata| metadata.len()))?;
+        let file = input::open(path)?;
+        input::refuse_empty(path, file.metadata().map_or(1, |metadata| metadata.len()))?;
         Ok(Self { path, reader: BufReader::new(file), line: 0 })
     }
 

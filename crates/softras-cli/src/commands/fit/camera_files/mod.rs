@@ -11,8 +11,8 @@ mod write;
 pub use write::{names, write};
 
 use glam::{DMat4, DVec3};
-use softras::internals::files;
 use softras::{Camera, Error, Projection, Result};
+use softras_io::input;
 use std::path::{Path, PathBuf};
 
 /// The most bytes of a JSON file: a hundred thousand cameras.
@@ -64,8 +64,8 @@ pub fn read(folder: &Path, given: Option<&Path>, fov: f64) -> Result<(PathBuf, V
     let views = if path.extension().is_some_and(|extension| extension == "txt") {
         colmap::read(&path)?
     } else {
-        let bytes = files::read(&path, MAX_JSON)?;
-        files::refuse_empty(&path, bytes.len() as u64)?;
+        let bytes = input::read(&path, MAX_JSON)?;
+        input::refuse_empty(&path, bytes.len() as u64)?;
         let is_object = bytes.iter().find(|byte| !byte.is_ascii_whitespace()) == Some(&b'{');
         if is_object { transforms::read(&path, &bytes, fov)? } else { list::read(&path, &bytes, fov)? }
     };
@@ -161,7 +161,7 @@ fn json<'a, T: serde::Deserialize<'a>>(path: &Path, bytes: &'a [u8]) -> Result<T
     let parsed: T = match serde_path_to_error::deserialize(&mut *json) {
         Ok(parsed) => parsed,
         Err(error) => {
-            let place = crate::commands::text::name(&error.path().to_string());
+            let place = softras_io::text::name(&error.path().to_string());
             return refuse(format!("at {place}: {}", error.inner()));
         }
     };

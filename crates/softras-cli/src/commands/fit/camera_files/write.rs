@@ -1,10 +1,10 @@
 //! Pictures and cameras.json as `--write-views` writes them.
 
-use crate::commands::color::Curve;
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use serde_json::{Value, json};
-use softras::internals::files;
 use softras::{Camera, Error, Image, Projection, Result};
+use softras_io::Curve;
+use softras_io::output;
 use std::path::{Path, PathBuf};
 
 /// The files of so many views: pictures, and last the file that names them.
@@ -34,7 +34,7 @@ pub fn write(folder: &Path, cameras: &[Camera], silhouette: &Image, color: &Imag
     }
     let lines: Vec<String> = entries.iter().map(|entry| format!("  {entry}")).collect();
     written.push((folder.join("cameras.json"), format!("[\n{}\n]\n", lines.join(",\n")).into_bytes()));
-    files::write_files(&written)
+    output::write_files(&written)
 }
 
 /// A picture of linear colours over black and of alpha.

@@ -1,11 +1,11 @@
 //! What compares a mesh with the pictures that are given.
 
 use crate::commands::fit::targets::{Views, every};
-use crate::commands::parts;
-use softras::fit::Targets;
-use softras::internals::fit::pooled;
+use softras::parts;
 use softras::scene::{Appearance, Background, Lights, Outputs, Shading};
 use softras::{Camera, Image, ImageGradient, Mesh, Renderer, Result, Scene, Settings, Wanted};
+use softras_fit::Targets;
+use softras_fit::pooled;
 
 /// Pixels of all pictures together that a vertex must fill for its error to count.
 const LEAST_SEEN: f64 = 0.1;

@@ -13,9 +13,9 @@ use super::begin::color_under_light;
 use super::targets::Views;
 use crate::commands::Failure;
 use eye::Eye;
-use softras::fit::Targets;
-use softras::internals::fit::evened;
 use softras::{Mesh, Renderer, Result};
+use softras_fit::Targets;
+use softras_fit::evened;
 use surface::{Region, Surface};
 
 /// Hollows that are looked for.

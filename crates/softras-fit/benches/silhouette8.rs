@@ -1,0 +1,201 @@
+//! Eight silhouettes of the bunny, 128², fitted by a sphere of 1280 faces in 150 steps: `cargo bench --bench silhouette8`.
+//!
+//! A task that another Vulkan rasterizer has published figures for, from `../shared/silhouette8/task.npz`; without that
+//! file this says so and does nothing. Time is the median of steps 21 to 150, each a whole step: eight views forward,
+//! loss, backward, regularisers, optimiser. Score is the IoU of the hard masks. Machines are noisy: compare within one
+//! run.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+use glam::DVec3;
+use softras::scene::{Outputs, SilhouetteAggregation};
+use softras::{Camera, Image, ImageGradient, Lights, Mesh, Projection, Renderer, Scene, Settings, Wanted};
+use softras_fit::{CLOSED, Topology, laplacian_coordinates};
+use softras_fit::{
+    ImageLoss, Method, Optimizer, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions, Targets, mask_iou,
+    soft_target,
+};
+use softras_io::npy;
+use std::path::Path;
+use std::time::Instant;
+
+const STEPS: usize = 150;
+const SIGMA: f64 = 1e-4;
+
+fn main() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/silhouette8/task.npz");
+    if !path.is_file() {
+        println!("skipped: there is no {}", path.display());
+        return;
+    }
+    let task = Task::read(&path);
+    let mut renderer = Renderer::new().expect("a Vulkan device");
+    println!("8 views of 128², {} triangles, on {}", task.topology.triangles().len(), renderer.device_name());
+    println!("the task's own regularisers and optimiser, sigma 1e-4:");
+    let mut times = Times::default();
+    let mesh = task.fit(&task.targets, &mut renderer, &mut times);
+    task.tell(&mesh, &times.step, &mut renderer);
+    let part = |name: &str, values: &[f64]| println!("    {name:<32} {:>7.2} ms", median(&values[20..]));
+    part("forward, wall", &times.forward);
+    part("loss", &times.loss);
+    part("backward, wall", &times.backward);
+    part("regularisers, optimiser", &times.host);
+    let soft = soft_target(&task.targets, SIGMA, CLOSED).expect("soft targets");
+    println!("the same, sigma 1e-4, against targets as soft as a closed surface:");
+    let mut times = Times::default();
+    let mesh = task.fit(&soft, &mut renderer, &mut times);
+    task.tell(&mesh, &times.step, &mut renderer);
+    let hard = &task.targets;
+    let rows = [("from 1e-4 to 3e-6", 0.03 * SIGMA, hard), ("1e-4", SIGMA, hard), ("1e-4, soft targets", SIGMA, &soft)];
+    for (name, last, targets) in rows {
+        println!("smoothed parameters, sigma {name}:");
+        let (mesh, steps) = task.fit_smoothly(last, targets, &mut renderer);
+        task.tell(&mesh, &steps, &mut renderer);
+    }
+}
+
+#[derive(Default)]
+struct Times {
+    step: Vec<f64>,
+    forward: Vec<f64>,
+    loss: Vec<f64>,
+    backward: Vec<f64>,
+    host: Vec<f64>,
+}
+
+struct Task {
+    cameras: Vec<Camera>,
+    targets: Image,
+    start: Mesh,
+    topology: Topology,
+}
+
+impl Task {
+    fn read(path: &Path) -> Self {
+        let numbers = |key: &str| -> Vec<f64> {
+            npy::read_from_archive(path, key)
+                .expect("an array of the task")
+                .numbers()
+                .expect("numbers")
+                .iter()
+                .collect()
+        };
+        let floats = |key: &str| -> Vec<f32> { numbers(key).into_iter().map(|x| x as f32).collect() };
+        let (positions, targets, eyes) = (floats("init_pos"), floats("target_masks"), floats("eye"));
+        let faces = numbers("init_faces");
+        let projection = Projection::Perspective { fov_y: 45f64.to_radians() };
+        let camera = |eye: &[f32]| {
+            let eye = DVec3::new(eye[0].into(), eye[1].into(), eye[2].into());
+            Camera::look_at(eye, DVec3::ZERO, DVec3::Y, projection).unwrap()
+        };
+        let triangles: Vec<[u32; 3]> = faces.chunks_exact(3).map(|f| [f[0], f[1], f[2]].map(|i| i as u32)).collect();
+        let positions: Vec<[f32; 3]> = positions.chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect();
+        Self {
+            cameras: eyes.chunks_exact(3).map(camera).collect(),
+            targets: Image { batch: 8, height: 128, width: 128, channels: 1, data: targets },
+            topology: Topology::new(positions.len(), &triangles).unwrap(),
+            start: Mesh::new(positions, triangles).unwrap(),
+        }
+    }
+
+    fn settings() -> Settings {
+        let outputs = Outputs { color: false, silhouette: true, depth: false, normal: false };
+        Settings { width: 128, height: 128, near: 0.1, far: 10.0, sigma: SIGMA, outputs, ..Settings::default() }
+    }
+
+    fn fit(&self, targets: &Image, renderer: &mut Renderer, times: &mut Times) -> Mesh {
+        let settings = Settings { save: true, ..Self::settings() };
+        let mut scene = Scene::new(self.start.clone());
+        let mut values: Vec<f64> = self.start.positions().as_flattened().iter().map(|&x| f64::from(x)).collect();
+        let mut optimizer = Optimizer::new(Method::ADAM, values.len());
+        for _ in 0..STEPS {
+            let start = Instant::now();
+            let mut last = start;
+            let mut lap = |into: &mut Vec<f64>| {
+                into.push(last.elapsed().as_secs_f64() * 1e3);
+                last = Instant::now();
+            };
+            let frame = renderer.render(&scene, &self.cameras, &settings).expect("a frame");
+            lap(&mut times.forward);
+            // The task's loss is the sum over views of the mean over pixels.
+            let mut loss = ImageLoss::L2.evaluate(frame.silhouette().unwrap(), targets, None).unwrap();
+            loss.gradient.data.iter_mut().for_each(|g| *g *= 8.0);
+            lap(&mut times.loss);
+            let upstream = ImageGradient::silhouette(loss.gradient);
+            let gradients = renderer.backward(&frame, &upstream, &Wanted::default()).expect("gradients");
+            lap(&mut times.backward);
+            let gradient = self.regularized(&values, &gradients.meshes[0].positions);
+            optimizer.step(&mut values, &gradient, 0.01);
+            let positions = values.chunks_exact(3).map(|p| [p[0], p[1], p[2]].map(|x| x as f32)).collect();
+            scene.meshes[0].set_positions(positions).expect("finite positions");
+            lap(&mut times.host);
+            times.step.push(start.elapsed().as_secs_f64() * 1e3);
+        }
+        scene.meshes.remove(0)
+    }
+
+    /// Smoothed parameters, 1 - IoU, a shrinking step, and a σ that shrinks too: at 1e-4 many triangles near an outline
+    /// together cover what none of them does, so a hard mask of the same mesh is 5 % smaller than the soft one. Targets made
+    /// soft in the same way take that away at its root.
+    fn fit_smoothly(&self, last_sigma: f64, targets: &Image, renderer: &mut Renderer) -> (Mesh, Vec<f64>) {
+        let (mut fit, targets) = self.smooth_fit(targets);
+        let mut times = Vec::new();
+        for step in 0..STEPS {
+            let start = Instant::now();
+            let (settings, rate) = Self::smooth_step(step, last_sigma);
+            fit.step(renderer, &settings, &targets, rate, 0.0).expect("a step");
+            times.push(start.elapsed().as_secs_f64() * 1e3);
+        }
+        (fit.mesh().clone(), times)
+    }
+
+    fn smooth_fit(&self, targets: &Image) -> (ShapeFit, Targets) {
+        let options = ShapeOptions {
+            parametrization: Parametrization::Smoothed { lambda: 1.0 },
+            method: Method::UniformAdam { betas: [0.9, 0.999], epsilon: 1e-8 },
+            regularizers: vec![(Regularizer::Laplacian, 0.001)],
+            ..ShapeOptions::official()
+        };
+        let fit = ShapeFit::new(self.start.clone(), Lights::unlit(), options).expect("a fit");
+        let silhouette = Some(targets.clone());
+        (fit, Targets { cameras: self.cameras.clone(), silhouette, ..Targets::default() })
+    }
+
+    /// Settings and rate of a step.
+    fn smooth_step(step: usize, last_sigma: f64) -> (Settings, f64) {
+        let rate = Schedule::Exponential { from: 0.03, to: 0.005 };
+        let sigma = Schedule::Exponential { from: SIGMA, to: last_sigma };
+        (Settings { sigma: sigma.at_step(step, STEPS), ..Self::settings() }, rate.at_step(step, STEPS))
+    }
+
+    fn tell(&self, mesh: &Mesh, steps: &[f64], renderer: &mut Renderer) {
+        let score = self.score(mesh, renderer);
+        println!("  step {:.2} ms (median of steps 21 to {STEPS}); mask IoU {score:.4}", median(&steps[20..]));
+    }
+
+    /// g + 0.15 rms(g)/rms(l) l + 0.4 rms(g)/rms(n) n.
+    fn regularized(&self, values: &[f64], gradient: &[[f32; 3]]) -> Vec<f64> {
+        let positions: Vec<DVec3> = values.chunks_exact(3).map(DVec3::from_slice).collect();
+        let gradient: Vec<DVec3> = gradient.iter().map(|g| DVec3::from(g.map(f64::from))).collect();
+        let laplacian = laplacian_coordinates(&self.topology, &positions);
+        let mut normals = vec![DVec3::ZERO; positions.len()];
+        Regularizer::NormalConsistency.add(&self.topology, &positions, 1.0, &mut normals).unwrap();
+        let rms = |v: &[DVec3]| (v.iter().map(|x| x.length_squared()).sum::<f64>() / v.len() as f64).sqrt().max(1e-12);
+        let (l, n) = (0.15 * rms(&gradient) / rms(&laplacian), 0.4 * rms(&gradient) / rms(&normals));
+        let sum = |i: usize| gradient[i] + l * laplacian[i] + n * normals[i];
+        (0..positions.len()).flat_map(|i| sum(i).to_array()).collect()
+    }
+
+    /// The mean IoU of the hard masks.
+    fn score(&self, mesh: &Mesh, renderer: &mut Renderer) -> f64 {
+        let settings = Settings { silhouette: SilhouetteAggregation::Hard, sigma: 1e-7, ..Self::settings() };
+        let frame = renderer.render(&Scene::new(mesh.clone()), &self.cameras, &settings).expect("a frame");
+        let ious = mask_iou(frame.silhouette().unwrap(), &self.targets).unwrap();
+        ious.iter().sum::<f64>() / ious.len() as f64
+    }
+}
+
+fn median(values: &[f64]) -> f64 {
+    let mut values = values.to_vec();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}

@@ -1,0 +1,110 @@
+//! A texture for a mesh without UV coordinates: an image with a chart for each triangle, in the mesh's own colours.
+//!
+//! The chart of a triangle is a right triangle whose corners are centres of texels. Two of them, one turned by half a turn,
+//! share a rectangle of the image, and the rectangles are packed on shelves. All texels that bilinear filtering reads within a
+//! triangle belong to its chart alone, and a border of texels that belong to none lies around each chart, so that a coordinate
+//! that is rounded outwards reads no other chart either.
+
+mod layout;
+
+use super::bad;
+use crate::shown;
+use layout::{Chart, Layout};
+use softras::{
+    Result,
+    scene::{Appearance, Mesh, Texture, Wrap},
+};
+
+/// The mesh with UV coordinates and one square texture that shows the colours it has, and the length of the texture's texels.
+///
+/// Every triangle has a chart of its own, and texels of at most `texel` world units along its edges. Where the image would be
+/// wider or higher than `most` texels, all charts have longer texels, as short as the image has room for: that length is
+/// returned, in world units. A chart has at least a texel along its edges, so that 12.5 texels are the least for a triangle.
+///
+/// Texels are interpolated between the colours of the triangle's corners, and at its corners they are these colours. Beyond the
+/// edges, where filtering reads as well, they go on by the same slope, within the range of the three colours. Charts may be
+/// mirrored. Positions, triangles and normals are those of the mesh; the same input gives the same bits.
+///
+/// [`ShapeFit`](crate::ShapeFit) fits these texels like those of any texture, with
+/// [`ShapeOptions::fit_colors`](crate::ShapeOptions::fit_colors); a texel that no view shows keeps its colour.
+///
+/// # Errors
+/// [`softras::Error::Fit`] for a mesh that has no triangles, or surface cells or textures already; for a texel that is not above 0;
+/// and where the charts do not fit into the image however long their texels are, which says how large it would have to be.
+///
+/// ```
+/// use softras::{fit::with_atlas, scene::Appearance, shapes};
+///
+/// let ball = shapes::icosphere(2)?;
+/// let colors = ball.positions().iter().map(|p| p.map(|x| 0.5 + 0.5 * x)).collect();
+/// let (painted, texel) = with_atlas(&ball.with_appearance(Appearance::VertexColors(colors))?, 0.02, 1024)?;
+/// assert_eq!(texel, 0.02);
+/// let Appearance::Textured { textures, .. } = painted.appearance() else { unreachable!() };
+/// assert!(textures[0].width() <= 1024);
+/// # Ok::<(), softras::Error>(())
+/// ```
+pub fn with_atlas(mesh: &Mesh, texel: f64, most: u32) -> Result<(Mesh, f64)> {
+    if mesh.triangles().is_empty() {
+        return bad("an atlas of a mesh without triangles", "give a mesh with at least one");
+    }
+    if !(texel > 0.0 && texel.is_finite()) {
+        return bad(format!("an atlas with texels of {}", shown(texel)), "use a length above 0, in world units");
+    }
+    let color = corner_colors(mesh)?;
+    let Layout { side, texel, charts } = layout::layout(mesh, texel, most)?;
+    let mut image = Image { side, texels: vec![[0.0; 3]; side as usize * side as usize] };
+    let mut uvs = vec![[0.0; 2]; 3 * charts.len()];
+    for (triangle, chart) in &charts {
+        let triangle = *triangle as usize;
+        let colors = chart.corners.map(|corner| color(mesh.triangles()[triangle][corner]));
+        image.paint(chart, colors);
+        for (corner, place) in chart.corners.into_iter().zip(chart.places()) {
+            uvs[3 * triangle + corner] = place.map(|x| ((f64::from(x) + 0.5) / f64::from(side)) as f32);
+        }
+    }
+    let uv_triangles = (0..mesh.triangles().len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+    let textures = vec![Texture::new(side, side, image.texels, Wrap::Repeat)?];
+    let appearance = Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle: Vec::new() };
+    Ok((mesh.clone().with_appearance(appearance)?, texel))
+}
+
+/// The colour of a vertex, by its index.
+fn corner_colors(mesh: &Mesh) -> Result<impl Fn(u32) -> [f32; 3]> {
+    let (one, each): ([f32; 3], &[[f32; 3]]) = match mesh.appearance() {
+        Appearance::Uniform(color) => (*color, &[]),
+        Appearance::VertexColors(colors) => ([0.0; 3], colors),
+        _ => return bad("an atlas of a mesh with a texture", "give a mesh of one colour or with vertex colours"),
+    };
+    Ok(move |vertex: u32| each.get(vertex as usize).copied().unwrap_or(one))
+}
+
+/// The square image of an atlas, row 0 at the top.
+struct Image {
+    side: u32,
+    texels: Vec<[f32; 3]>,
+}
+
+impl Image {
+    /// Paints a chart and its border with the colours of its corners. The border between two charts of a rectangle is painted
+    /// by the first of them, which fills the rectangle before the second one is painted.
+    fn paint(&mut self, chart: &Chart, colors: [[f32; 3]; 3]) {
+        let [width, height] = chart.reach();
+        let among = |most: fn(f32, f32) -> f32| [0, 1, 2].map(|k| most(most(colors[0][k], colors[1][k]), colors[2][k]));
+        let (low, high) = (among(f32::min), among(f32::max));
+        for j in -1..=height {
+            for i in -1..=width {
+                if chart.turned && !chart.reads(i, j) {
+                    continue;
+                }
+                let (along, up) = (f64::from(i) / f64::from(chart.legs[0]), f64::from(j) / f64::from(chart.legs[1]));
+                let one = |k: usize| {
+                    let [a, b, c] = colors.map(|color| f64::from(color[k]));
+                    ((a + along * (b - a) + up * (c - a)) as f32).clamp(low[k], high[k])
+                };
+                let [column, row] = chart.place(i, j);
+                let at = (self.side - 1 - row) as usize * self.side as usize + column as usize;
+                self.texels[at] = [one(0), one(1), one(2)];
+            }
+        }
+    }
+}

@@ -1,0 +1,325 @@
+//! The visual hull: the largest solid that has given silhouettes (Laurentini, "The Visual Hull Concept for Silhouette-Based
+//! Image Understanding", 1994), as a mesh to begin a fit with.
+//!
+//! A point of a solid lies within its silhouette in every picture. So the hull is where f > 0, f(p) the least, over all
+//! pictures, of the signed distance between p's projection and the silhouette's outline, in world units at p's depth. It is
+//! sampled on a grid, and the mesh is its zero level. Where a picture has a depth, what lies in front of it is outside too: f is
+//! at most p's depth less the picture's.
+
+use super::bad;
+use super::shape::{Targets, known, masked};
+use super::soft_target::signed_distance;
+use glam::DVec3;
+use softras::{
+    Image, Result,
+    scene::{Camera, Mesh, Projection},
+    shapes::Samples,
+};
+
+/// The most samples along a side of the grid.
+const MAX_RESOLUTION: usize = 256;
+/// Samples along a side of the first grid, which finds the box that the hull fills.
+const COARSE: usize = 48;
+/// A part of a hull by depths, or of a solid that was cut, has at least this share of its samples.
+const LEAST_PART: f64 = 1e-3;
+/// Pictures below this height are enlarged, so that their outlines run between pixels as the grey of their pixels says.
+const FINE_HEIGHT: usize = 1024;
+/// The most that they are enlarged.
+const MOST_ENLARGED: usize = 4;
+
+impl Targets {
+    /// The visual hull of the silhouettes, less what the depths show to be empty, within the cube of side `side` around `center`,
+    /// in world units. Its triangles' edges are about as long as the hull's longest extent divided by `resolution`, 8 to 256.
+    ///
+    /// Beyond a picture's border the silhouette is taken to go on as it is at the border.
+    ///
+    /// # Errors
+    /// [`softras::Error::Fit`] where there is no hull: targets without silhouettes or that do not fit together, a silhouette without
+    /// an inside, silhouettes whose cameras have no point in common; for a camera of [`Projection::Official`] or
+    /// [`Projection::Screen`]; and for a cube or a resolution out of range.
+    pub fn visual_hull(&self, center: [f64; 3], side: f64, resolution: usize) -> Result<Mesh> {
+        let mut grid = hull(&views(self)?, center, side, resolution)?;
+        if self.depth.is_some() {
+            mend(&mut grid);
+        }
+        match grid.mesh()? {
+            Some(mesh) => Ok(mesh),
+            None => bad("a hull thinner than its samples", "use a higher resolution"),
+        }
+    }
+}
+
+/// The samples of the views' hull, on a grid around it.
+pub(super) fn hull(views: &[View<'_>], center: [f64; 3], side: f64, resolution: usize) -> Result<Samples> {
+    if !(8..=MAX_RESOLUTION).contains(&resolution) {
+        return bad(format!("a hull of {resolution} samples a side"), "use 8 to 256");
+    }
+    if !(side > 0.0 && side.is_finite() && center.iter().all(|x| x.is_finite())) {
+        return bad(format!("a hull in a cube of side {side:?} around {center:?}"), "use a finite side above 0");
+    }
+    let mut coarse = Samples::new(DVec3::from(center) - 0.5 * side, side, COARSE);
+    carve(&mut coarse, views, View::outline_distance);
+    let Some((low, high)) = inside(&coarse) else {
+        let fix = "check that every camera belongs to its picture, and that the object is in all of them";
+        return bad("silhouettes that no solid has", fix);
+    };
+    // Two samples more on each side than the hull takes.
+    let side = (high - low).max_element() * (1.0 + 4.0 / resolution as f64);
+    let mut grid = Samples::new((low + high) * 0.5 - 0.5 * side, side, resolution);
+    carve(&mut grid, views, View::distance);
+    (0..3).for_each(|axis| blur(&mut grid, axis));
+    Ok(grid)
+}
+
+/// A picture's distances from its outline, and its camera.
+pub(super) struct View<'a> {
+    camera: &'a Camera,
+    /// In screen units, above 0 inside.
+    distance: Image,
+    /// Pixels of the picture itself along its height.
+    height: f64,
+    /// The depths of the surface, 0 where they are not known.
+    depths: Option<Image>,
+}
+
+/// The views of all targets.
+pub(super) fn views<'a>(targets: &'a Targets) -> Result<Vec<View<'a>>> {
+    let Some(silhouettes) = &targets.silhouette else {
+        return bad("a hull without silhouettes", "give the targets' silhouettes");
+    };
+    targets.size()?;
+    let view = |(i, camera): (usize, &'a Camera)| {
+        if matches!(camera.projection(), Projection::Official { .. } | Projection::Screen) {
+            let what = format!("a hull from camera {i}, a {:?}", camera.projection());
+            return bad(what, "use perspective, orthographic or pinhole cameras");
+        }
+        let picture = silhouettes.views(i..i + 1);
+        if picture.data.iter().all(|x| *x <= 0.5) {
+            return bad(format!("picture {i} without an inside"), "leave out pictures that do not show the object");
+        }
+        let depths = targets.depth.as_ref().map(|depths| {
+            let depths = depths.views(i..i + 1);
+            masked(&depths, &known(&depths, Some(&picture)))
+        });
+        Ok(View { camera, distance: signed_distance(&enlarged(&picture))?, height: picture.height as f64, depths })
+    };
+    targets.cameras.iter().enumerate().map(view).collect()
+}
+
+/// The picture enlarged by linear interpolation.
+fn enlarged(picture: &Image) -> Image {
+    let times = (FINE_HEIGHT / picture.height).clamp(1, MOST_ENLARGED);
+    let (height, width) = (times * picture.height, times * picture.width);
+    let at = |i: usize| (i as f64 + 0.5) / times as f64;
+    let data = (0..height).flat_map(|row| (0..width).map(move |column| sample(picture, at(column), at(row)) as f32));
+    Image { height, width, data: data.collect(), ..*picture }
+}
+
+/// The depth at a place, between those of the four pixels around it or, where they differ by more than `step`, of the pixel that it
+/// lies in; `None` where one of them is not known.
+fn depth_at(depths: &Image, column: f64, row: f64, step: f64) -> Option<f64> {
+    let (left, top) = ((column - 0.5).floor(), (row - 0.5).floor());
+    if left < 0.0 || top < 0.0 || left as usize + 1 >= depths.width || top as usize + 1 >= depths.height {
+        return None;
+    }
+    let at = |down: usize, right: usize| f64::from(depths.pixel(0, top as usize + down, left as usize + right)[0]);
+    let around = [at(0, 0), at(0, 1), at(1, 0), at(1, 1)];
+    let (least, most) = around.iter().fold((f64::INFINITY, 0.0f64), |(least, most), z| (least.min(*z), most.max(*z)));
+    if least <= 0.0 {
+        return None;
+    }
+    let own = || f64::from(depths.pixel(0, row as usize, column as usize)[0]);
+    Some(if most - least <= step { sample(depths, column, row) } else { own() })
+}
+
+/// An image's value at a column and a row, where the centre of the first pixel is at (0.5, 0.5); that of its border beyond it.
+fn sample(image: &Image, column: f64, row: f64) -> f64 {
+    let between = |x: f64, count: usize| {
+        let x = (x - 0.5).clamp(0.0, (count - 1) as f64);
+        (x as usize, (x as usize + 1).min(count - 1), x.fract())
+    };
+    let (left, right, along) = between(column, image.width);
+    let (top, bottom, down) = between(row, image.height);
+    let at = |row: usize, column: usize| f64::from(image.data[row * image.width + column]);
+    let mix = |row: usize| at(row, left) * (1.0 - along) + at(row, right) * along;
+    mix(top) * (1.0 - down) + mix(bottom) * down
+}
+
+impl View<'_> {
+    /// The signed distance of a point from the silhouette's outline in world units; `None` behind the camera.
+    fn outline_distance(&self, point: DVec3) -> Option<f64> {
+        let place = self.place(point)?;
+        Some(place.unit * sample(&self.distance, place.column, place.row))
+    }
+
+    /// The same, but at most how far the point lies behind the surface that the picture shows.
+    fn distance(&self, point: DVec3) -> Option<f64> {
+        let place = self.place(point)?;
+        let times = self.distance.height as f64 / self.height;
+        // Depths differ by more than four pixels from one pixel to the next where a surface is seen at less than some 14 degrees.
+        let step = 8.0 * place.unit / self.height;
+        let shown = |depths| depth_at(depths, place.column / times, place.row / times, step);
+        let behind = self.depths.as_ref().and_then(shown).map_or(f64::INFINITY, |shown| place.depth - shown);
+        Some(behind.min(place.unit * sample(&self.distance, place.column, place.row)))
+    }
+
+    /// The column and the row of the pixel that a point is seen in; `None` behind the camera and beyond the picture.
+    pub(super) fn pixel(&self, point: DVec3) -> Option<(usize, usize)> {
+        let Place { column, row, .. } = self.place(point)?;
+        let times = self.distance.height as f64 / self.height;
+        let (column, row) = (column / times, row / times);
+        let inside = column >= 0.0 && row >= 0.0 && row < self.height && column * times < self.distance.width as f64;
+        inside.then_some((column as usize, row as usize))
+    }
+
+    /// Where a point is seen; `None` behind the camera.
+    fn place(&self, point: DVec3) -> Option<Place> {
+        let rows = self.camera.view();
+        let [x, y, depth] = rows.map(|[a, b, c, d]| a * point.x + b * point.y + c * point.z + d);
+        let (height, width) = (self.distance.height as f64, self.distance.width as f64);
+        let (column, row, unit) = match *self.camera.projection() {
+            Projection::Pinhole { fx, fy, cx, cy } => {
+                let times = height / self.height;
+                let at = (times * (fx * x / depth + cx), times * (cy - fy * y / depth));
+                (at.0, at.1, 0.5 * self.height * depth / fx.max(fy))
+            }
+            Projection::Perspective { fov_y } => {
+                let unit = depth * (fov_y / 2.0).tan();
+                (0.5 * (width + height * x / unit), 0.5 * height * (1.0 - y / unit), unit)
+            }
+            Projection::Orthographic { half_height: unit } => {
+                (0.5 * (width + height * x / unit), 0.5 * height * (1.0 - y / unit), unit)
+            }
+            Projection::Official { .. } | Projection::Screen => return None,
+        };
+        (depth > 0.0).then_some(Place { column, row, unit, depth })
+    }
+}
+
+/// A position in pixels of the distances' image, with the world units of a screen unit there and the view depth.
+struct Place {
+    column: f64,
+    row: f64,
+    unit: f64,
+    depth: f64,
+}
+
+/// Sets each sample to the least of the views' distances.
+fn carve<'a>(grid: &mut Samples, views: &[View<'a>], distance: impl Fn(&View<'a>, DVec3) -> Option<f64>) {
+    // Distances beyond some samples do not matter, and what no picture shows is outside.
+    let far = far(grid);
+    for i in 0..grid.values.len() {
+        let point = grid.position(i);
+        let mut value = f32::MAX;
+        for distance in views.iter().filter_map(|view| distance(view, point)) {
+            value = value.min(distance as f32);
+            if value < -far {
+                break;
+            }
+        }
+        grid.values[i] = if value == f32::MAX { -far } else { value.clamp(-far, far) };
+    }
+}
+
+/// The most that a sample is; its opposite is the least.
+pub fn far(grid: &Samples) -> f32 {
+    (4.0 * grid.step) as f32
+}
+
+/// The box of all points that may be inside: those nearer to a sample than the outline.
+fn inside(grid: &Samples) -> Option<(DVec3, DVec3)> {
+    // Half the diagonal of a cell.
+    let reach = 0.5 * 3f64.sqrt() * grid.step;
+    let near = (0..grid.values.len()).filter(|i| f64::from(grid.values[*i]) > -reach);
+    let points = near.map(|i| grid.position(i));
+    let bounds = points.map(|p| (p, p)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))?;
+    Some((bounds.0 - 0.5 * grid.step, bounds.1 + 0.5 * grid.step))
+}
+
+/// Puts small parts outside, and air that is enclosed inside: depths leave both where an outline runs before a surface farther
+/// away, a cut leaves shavings, and of what is enclosed no picture shows anything.
+pub fn mend(grid: &mut Samples) {
+    let fewest = LEAST_PART * grid.values.iter().filter(|value| **value > 0.0).count() as f64;
+    let mut seen = vec![false; grid.values.len()];
+    for first in 0..grid.values.len() {
+        if seen[first] {
+            continue;
+        }
+        let part = part(grid, first, &mut seen);
+        if grid.values[first] > 0.0 && (part.len() as f64) < fewest {
+            part.iter().for_each(|&i| grid.values[i] = -grid.values[i]);
+        } else if grid.values[first] <= 0.0 && !part.iter().any(|&i| is_border(grid, i)) {
+            part.iter().for_each(|&i| grid.values[i] = (-grid.values[i]).max(f32::MIN_POSITIVE));
+        }
+    }
+}
+
+fn is_border(grid: &Samples, i: usize) -> bool {
+    let n = grid.resolution;
+    [i % n, i / n % n, i / n / n].iter().any(|place| *place == 0 || place + 1 == n)
+}
+
+/// The samples that are connected with the first by others on the same side of the outline, and were not seen before.
+fn part(grid: &Samples, first: usize, seen: &mut [bool]) -> Vec<usize> {
+    let n = grid.resolution;
+    let mut part = Vec::new();
+    let mut next = vec![first];
+    while let Some(i) = next.pop() {
+        if seen[i] || (grid.values[i] > 0.0) != (grid.values[first] > 0.0) {
+            continue;
+        }
+        seen[i] = true;
+        part.push(i);
+        for axis in 0..3 {
+            let stride = n.pow(axis);
+            let place = i / stride % n;
+            next.extend((place > 0).then(|| i - stride).into_iter().chain((place + 1 < n).then_some(i + stride)));
+        }
+    }
+    part
+}
+
+/// Weighs each sample with its neighbours along an axis by (1, 2, 1) / 4, which removes handles and cavities that are only of
+/// the samples: the least of many distances has sharp ridges between them.
+fn blur(grid: &mut Samples, axis: usize) {
+    let n = grid.resolution;
+    let stride = n.pow(axis as u32);
+    for first in (0..grid.values.len()).filter(|i| (i / stride).is_multiple_of(n)) {
+        let mut before = grid.values[first];
+        for i in (1..n - 1).map(|k| first + k * stride) {
+            let here = grid.values[i];
+            grid.values[i] = 0.25 * (before + 2.0 * here + grid.values[i + stride]);
+            before = here;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn crumbs_go_outside_and_enclosed_air_inside() {
+        const SIDE: usize = 24;
+        let mut samples = Samples::new(DVec3::ZERO, 1.0, SIDE);
+        let at = |x: usize, y: usize, z: usize| (z * SIDE + y) * SIDE + x;
+        // A block with a bubble in it, one sample of which lies on the outline itself, and a crumb beside it.
+        samples.values.fill(-1.0);
+        for (x, y, z) in (4..20).flat_map(|x| (4..20).flat_map(move |y| (4..16).map(move |z| (x, y, z)))) {
+            samples.values[at(x, y, z)] = 1.0;
+        }
+        let block = samples.values.clone();
+        samples.values[at(9, 9, 9)] = -0.5;
+        samples.values[at(10, 9, 9)] = 0.0;
+        samples.values[at(12, 12, 20)] = 0.5;
+        mend(&mut samples);
+        let outside = |values: &[f32]| values.iter().map(|value| *value <= 0.0).collect::<Vec<bool>>();
+        assert_eq!(outside(&samples.values), outside(&block));
+        // Air that reaches the border of the grid stays, wherever it does.
+        samples.values.fill(1.0);
+        (0..12).for_each(|z| samples.values[at(9, 9, z)] = -1.0);
+        let tunnel = samples.values.clone();
+        mend(&mut samples);
+        assert_eq!(samples.values, tunnel);
+    }
+}

@@ -1,0 +1,132 @@
+//! One picture of an object, in several sizes, and where the object lies in it.
+
+use super::PoseTarget;
+use crate::bad;
+use glam::{DVec2, DVec3};
+use softras::{
+    Image, Result,
+    scene::{Camera, Projection},
+};
+
+/// A picture: colours on black and the silhouette.
+#[derive(Clone, Debug)]
+pub struct Picture {
+    color: Image,
+    silhouette: Image,
+}
+
+impl Picture {
+    /// # Errors
+    /// [`softras::Error::Fit`] for images of other shapes than `[1, height, width, 3]` and `[1, height, width, 1]`.
+    pub fn new(color: Image, silhouette: Image) -> Result<Self> {
+        if color.batch != 1 {
+            return bad(format!("{} pictures", color.batch), "a pose is found from one");
+        }
+        PoseTarget::new(color.clone(), silhouette.clone())?;
+        Ok(Self { color, silhouette })
+    }
+
+    pub fn width(&self) -> usize {
+        self.color.width
+    }
+
+    pub fn height(&self) -> usize {
+        self.color.height
+    }
+
+    /// The same picture with no side longer than `most` pixels.
+    pub fn at_most(&self, most: usize) -> Self {
+        let longer = self.width().max(self.height());
+        if longer <= most {
+            return self.clone();
+        }
+        let side = |side: usize| ((side * most + longer / 2) / longer).max(1);
+        let (width, height) = (side(self.width()), side(self.height()));
+        Self { color: averaged(&self.color, width, height), silhouette: averaged(&self.silhouette, width, height) }
+    }
+
+    /// The picture as the target of each of several poses.
+    pub fn repeated(&self, count: usize) -> Result<PoseTarget> {
+        let one = |image: &Image| Image { batch: count, data: image.data.repeat(count), ..*image };
+        PoseTarget::new(one(&self.color), one(&self.silhouette))
+    }
+
+    pub fn place(&self) -> Option<Place> {
+        Place::of(&self.silhouette, 0)
+    }
+}
+
+/// The image with fewer pixels, each the mean of those under it.
+fn averaged(image: &Image, width: usize, height: usize) -> Image {
+    let (rows, columns) = (shares(image.height, height), shares(image.width, width));
+    let mut data = Vec::with_capacity(width * height * image.channels);
+    for row in &rows {
+        for column in &columns {
+            for channel in 0..image.channels {
+                let across = |r: usize| column.iter().map(move |&(c, w)| w * f64::from(image.pixel(0, r, c)[channel]));
+                data.push(row.iter().map(|&(r, w)| w * across(r).sum::<f64>()).sum::<f64>() as f32);
+            }
+        }
+    }
+    Image { width, height, data, ..*image }
+}
+
+/// For each of `to` intervals the ones of `from` under it, with the share of each.
+fn shares(from: usize, to: usize) -> Vec<Vec<(usize, f64)>> {
+    let length = from as f64 / to as f64;
+    let one = |i: usize| {
+        let (begin, end) = (i as f64 * length, (i + 1) as f64 * length);
+        let last = (end.ceil() as usize).min(from);
+        (begin as usize..last)
+            .map(|k| (k, ((end.min(k as f64 + 1.0)) - begin.max(k as f64)).max(0.0) / length))
+            .collect()
+    };
+    (0..to).map(one).collect()
+}
+
+/// Where an object lies in an image: the centre of its silhouette and its area, as shares of the image's size.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    center: DVec2,
+    area: f64,
+}
+
+impl Place {
+    /// `None` where the image shows nothing.
+    pub fn of(silhouette: &Image, view: usize) -> Option<Self> {
+        let (mut sum, mut area) = (DVec2::ZERO, 0.0);
+        for (i, &a) in silhouette.view(view).iter().enumerate() {
+            let (row, column) = (i / silhouette.width, i % silhouette.width);
+            sum += f64::from(a) * (DVec2::new(column as f64, row as f64) + 0.5);
+            area += f64::from(a);
+        }
+        let size = DVec2::new(silhouette.width as f64, silhouette.height as f64);
+        (area > 0.5).then(|| Self { center: sum / area / size, area: area / size.element_product() })
+    }
+
+    /// The way, in the camera's axes, by which an object at view depth `depth` has to move from here to `goal`, in images of
+    /// this size. Zero for cameras other than with perspective.
+    pub fn way_to(&self, goal: &Self, camera: &Camera, [width, height]: [f64; 2], depth: f64) -> DVec3 {
+        let (slope, middle) = match *camera.projection() {
+            Projection::Perspective { fov_y } => {
+                let slope = 2.0 * (fov_y / 2.0).tan() / height;
+                (DVec2::new(slope, -slope), DVec2::new(width, height) / 2.0)
+            }
+            Projection::Pinhole { fx, fy, cx, cy } => (DVec2::new(1.0 / fx, -1.0 / fy), DVec2::new(cx, cy)),
+            _ => return DVec3::ZERO,
+        };
+        // Twice as far is a quarter of the area.
+        let to = depth * (self.area / goal.area).sqrt().clamp(0.5, 2.0);
+        let [there, here] = [goal, self].map(|place| place.center * DVec2::new(width, height) - middle);
+        let across = there * slope * to - here * slope * depth;
+        across.extend(to - depth)
+    }
+}
+
+/// The camera for images of another size. Only that of [`Projection::Pinhole`] is in pixels.
+pub fn scaled(camera: &Camera, [x, y]: [f64; 2]) -> Result<Camera> {
+    let Projection::Pinhole { fx, fy, cx, cy } = *camera.projection() else { return Ok(*camera) };
+    let [a, b, c] = *camera.view();
+    let view = glam::DMat4::from_cols_array_2d(&[a, b, c, [0.0, 0.0, 0.0, 1.0]]).transpose();
+    Camera::from_matrix(view, Projection::Pinhole { fx: x * fx, fy: y * fy, cx: x * cx, cy: y * cy })
+}

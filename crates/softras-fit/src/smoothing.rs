@@ -1,0 +1,186 @@
+//! Positions as smoothed parameters: "Large Steps in Inverse Rendering of Geometry" (Nicolet, Jacobson, Jakob 2021).
+//!
+//! The parameters are u = (I + λ L) x with L the mesh's graph Laplacian (degree on the diagonal, -1 for an edge), so
+//! x = (I + λ L)⁻¹ u, and dL/du = (I + λ L)⁻¹ dL/dx. A step in u moves neighbouring vertices together where a step
+//! in x would move single vertices, and every shape can still be reached. The matrix is factored once, by Cholesky
+//! within its envelope after a reverse Cuthill-McKee ordering: for a mesh of n vertices the envelope has about n·√n
+//! entries.
+
+use super::bad;
+use super::topology::Topology;
+use crate::shown;
+use glam::DVec3;
+use softras::Result;
+use std::collections::VecDeque;
+
+/// The largest number of entries of the factor, 2 GiB of them.
+const MOST_ENTRIES: usize = 1 << 28;
+
+/// The factored matrix I + λ L of a mesh.
+#[derive(Clone, Debug)]
+pub struct Smoothing {
+    lambda: f64,
+    topology: Topology,
+    /// The vertex of each row of the ordered matrix.
+    order: Vec<u32>,
+    /// For each row of the factor its first column within the envelope.
+    first: Vec<usize>,
+    /// Where each row begins in `entries`; a row ends with its diagonal entry.
+    start: Vec<usize>,
+    entries: Vec<f64>,
+}
+
+impl Smoothing {
+    /// Factors the matrix of a mesh; λ of 10 to 50 is usual, 0 smooths nothing.
+    ///
+    /// # Errors
+    /// [`softras::Error::Fit`] for a λ that is negative or not finite, or a mesh whose factor needs over 2 GiB.
+    pub fn new(topology: &Topology, lambda: f64) -> Result<Self> {
+        if !(0.0..=1e9).contains(&lambda) {
+            return bad(format!("a smoothing of λ = {}", shown(lambda)), "use 0 to 1e9; 10 to 50 is usual");
+        }
+        let order = cuthill_mckee(topology);
+        let mut row_of = vec![0usize; order.len()];
+        order.iter().enumerate().for_each(|(at, &vertex)| row_of[vertex as usize] = at);
+        let first_of = |(at, &vertex): (usize, &u32)| {
+            let lowest = topology.neighbors(vertex as usize).iter().map(|&j| row_of[j as usize]).min();
+            lowest.map_or(at, |low| low.min(at))
+        };
+        let first: Vec<usize> = order.iter().enumerate().map(first_of).collect();
+        let mut start = vec![0usize];
+        for (row, first) in first.iter().enumerate() {
+            start.push(start[row] + row + 1 - first);
+        }
+        let count = start.last().copied().unwrap_or(0);
+        if count > MOST_ENTRIES {
+            return bad(format!("a factor of {count} entries"), "use a mesh with fewer vertices, or another optimiser");
+        }
+        let mut entries = vec![0.0; count];
+        for (row, &vertex) in order.iter().enumerate() {
+            let neighbors = topology.neighbors(vertex as usize);
+            entries[start[row + 1] - 1] = 1.0 + lambda * neighbors.len() as f64;
+            for column in neighbors.iter().map(|&j| row_of[j as usize]).filter(|&column| column < row) {
+                entries[start[row] + column - first[row]] = -lambda;
+            }
+        }
+        let mut smoothing = Self { lambda, topology: topology.clone(), order, first, start, entries };
+        smoothing.factor();
+        Ok(smoothing)
+    }
+
+    /// λ.
+    pub fn lambda(&self) -> f64 {
+        self.lambda
+    }
+
+    /// Computes Cholesky's factor within the envelope, row by row. It exists, since the matrix is strictly diagonally
+    /// dominant and so positive definite.
+    fn factor(&mut self) {
+        for row in 0..self.order.len() {
+            let (done, rest) = self.entries.split_at_mut(self.start[row]);
+            let (first, length) = (self.first[row], row + 1 - self.first[row]);
+            for column in first..row {
+                let from = self.first[column].max(first);
+                let above = &done[self.start[column] + from - self.first[column]..self.start[column + 1]];
+                let (diagonal, above) = (above[above.len() - 1], &above[..above.len() - 1]);
+                let sum: f64 = above.iter().zip(&rest[from - first..]).map(|(a, b)| a * b).sum();
+                rest[column - first] = (rest[column - first] - sum) / diagonal;
+            }
+            let sum: f64 = rest[..length - 1].iter().map(|x| x * x).sum();
+            rest[length - 1] = (rest[length - 1] - sum).sqrt();
+        }
+    }
+
+    fn row(&self, row: usize) -> &[f64] {
+        &self.entries[self.start[row]..self.start[row + 1]]
+    }
+
+    /// Multiplies one vector for each vertex by (I + λ L)⁻¹, in place: parameters become positions, and dL/dpositions
+    /// becomes dL/dparameters.
+    ///
+    /// # Errors
+    /// [`softras::Error::Fit`] unless there is one vector for each vertex.
+    pub fn apply(&self, vectors: &mut [DVec3]) -> Result<()> {
+        self.validate(vectors.len())?;
+        let mut solved: Vec<DVec3> = self.order.iter().map(|&i| vectors[i as usize]).collect();
+        for row in 0..solved.len() {
+            let (entries, first) = (self.row(row), self.first[row]);
+            let (diagonal, entries) = (entries[entries.len() - 1], &entries[..entries.len() - 1]);
+            let sum: DVec3 = entries.iter().zip(&solved[first..row]).map(|(l, x)| *l * *x).sum();
+            solved[row] = (solved[row] - sum) / diagonal;
+        }
+        for row in (0..solved.len()).rev() {
+            let (entries, first) = (self.row(row), self.first[row]);
+            let x = solved[row] / entries[entries.len() - 1];
+            solved[row] = x;
+            solved[first..row].iter_mut().zip(entries).for_each(|(y, l)| *y -= *l * x);
+        }
+        self.order.iter().zip(solved).for_each(|(&i, x)| vectors[i as usize] = x);
+        Ok(())
+    }
+
+    /// One vector for each vertex multiplied by I + λ L: positions become parameters.
+    ///
+    /// # Errors
+    /// As [`Smoothing::apply`].
+    pub fn undo(&self, vectors: &[DVec3]) -> Result<Vec<DVec3>> {
+        self.validate(vectors.len())?;
+        let one = |(i, &x): (usize, &DVec3)| {
+            let neighbors = self.topology.neighbors(i);
+            let sum: DVec3 = neighbors.iter().map(|&j| vectors[j as usize]).sum();
+            x + self.lambda * (neighbors.len() as f64 * x - sum)
+        };
+        Ok(vectors.iter().enumerate().map(one).collect())
+    }
+
+    fn validate(&self, count: usize) -> Result<()> {
+        if count == self.order.len() {
+            return Ok(());
+        }
+        bad(format!("{count} vectors for {} vertices", self.order.len()), "give one for each vertex")
+    }
+}
+
+/// The reverse Cuthill-McKee ordering: for each component breadth first from a vertex at its rim, then all reversed.
+fn cuthill_mckee(topology: &Topology) -> Vec<u32> {
+    let count = topology.vertices();
+    let mut placed = vec![false; count];
+    let mut order = Vec::with_capacity(count);
+    for seed in 0..count {
+        if placed[seed] {
+            continue;
+        }
+        if topology.neighbors(seed).is_empty() {
+            placed[seed] = true;
+            order.push(seed as u32);
+            continue;
+        }
+        // The last vertex of a breadth-first walk lies far from its start; after two walks it is close to the rim.
+        let mut start = seed;
+        for _ in 0..2 {
+            let walked = walk(topology, start, &mut placed.clone());
+            start = walked.last().map_or(start, |&i| i as usize);
+        }
+        order.extend(walk(topology, start, &mut placed));
+    }
+    order.reverse();
+    order
+}
+
+/// Breadth-first order from `start`; a vertex's neighbours are visited in the order of their degrees.
+fn walk(topology: &Topology, start: usize, placed: &mut [bool]) -> Vec<u32> {
+    let mut order = Vec::new();
+    let mut waiting = VecDeque::from([start as u32]);
+    placed[start] = true;
+    while let Some(vertex) = waiting.pop_front() {
+        order.push(vertex);
+        let mut next: Vec<u32> = topology.neighbors(vertex as usize).to_vec();
+        next.retain(|&j| !placed[j as usize]);
+        next.sort_by_key(|&j| (topology.neighbors(j as usize).len(), j));
+        for j in next {
+            placed[j as usize] = true;
+            waiting.push_back(j);
+        }
+    }
+    order
+}

@@ -1,0 +1,19 @@
+//! Fitting: losses, regularisers, optimisers, remeshing, voxels, poses and jointed figures.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+mod articulated;
+mod atlas;
+mod carved;
+#[path = "../../../../tests/common/pool.rs"]
+mod common;
+mod gradients;
+mod hull;
+mod lengths;
+mod losses;
+mod optimizers;
+mod pose;
+mod remesh;
+mod run;
+mod subdivision;
+mod surface;
+mod voxels;

@@ -1,0 +1,64 @@
+//! Finds the files that a mesh file names, within its folder.
+
+use std::path::{Component, Path, PathBuf};
+
+/// The file that `parent` names, or the file of that name in its folder or the mesh's: a file from another computer names
+/// places on that computer's disk. With a file that was found by its name comes a note.
+///
+/// # Errors
+/// What is wrong, where there is no such file in the mesh's folder.
+pub fn find(mesh: &Path, parent: &Path, name: &str, allow_outside: bool) -> Result<(PathBuf, Option<String>), String> {
+    let path = locate(parent, name);
+    let allowed = allow_outside || is_inside(mesh, &path);
+    if allowed && path.is_file() {
+        return Ok((path, None));
+    }
+    let last = name.rsplit(['/', '\\']).next().unwrap_or_default();
+    for folder in [folder_of(parent), folder_of(mesh)] {
+        if let Some(found) = named(folder, last).filter(|found| is_inside(mesh, found)) {
+            let note = format!("{name:?} not found: {} is taken in its place", found.display());
+            return Ok((found, Some(note)));
+        }
+    }
+    let shown = path.display();
+    if allowed { Err(format!("{shown} not found")) } else { Err(format!("{shown} lies outside the mesh's folder")) }
+}
+
+/// The regular file of that name in a folder, in upper or lower case.
+fn named(folder: &Path, name: &str) -> Option<PathBuf> {
+    let is_name = matches!(Path::new(name).components().next(), Some(Component::Normal(_)));
+    let exact = folder.join(name);
+    if !is_name || exact.is_file() {
+        return is_name.then_some(exact);
+    }
+    let entries = folder.read_dir().ok()?.filter_map(|entry| entry.ok().map(|entry| entry.path()));
+    let same = |path: &PathBuf| path.file_name().is_some_and(|other| other.eq_ignore_ascii_case(name));
+    // The least of several, so that the order of the folder does not matter.
+    entries.filter(same).filter(|path| path.is_file()).min()
+}
+
+/// The path of a file that `parent` names, relative to the folder of `parent`.
+fn locate(parent: &Path, name: &str) -> PathBuf {
+    let folder = parent.parent().unwrap_or(Path::new(""));
+    let path = folder.join(name);
+    // Files from Windows separate folders by backslashes.
+    if path.is_file() || !name.contains('\\') { path } else { folder.join(name.replace('\\', "/")) }
+}
+
+fn folder_of(file: &Path) -> &Path {
+    let folder = file.parent().unwrap_or(Path::new(""));
+    if folder == Path::new("") { Path::new(".") } else { folder }
+}
+
+/// Whether a path stays in the folder of the mesh, which it may leave by `..`, as an absolute path or by a link: a mesh
+/// from elsewhere must not make softras read other files.
+fn is_inside(mesh: &Path, file: &Path) -> bool {
+    let folder = folder_of(mesh);
+    match (folder.canonicalize(), file.canonicalize()) {
+        (Ok(folder), Ok(file)) => file.starts_with(folder),
+        // The file does not exist, so only its name can be checked, which begins as the mesh's own path does.
+        _ => file
+            .strip_prefix(mesh.parent().unwrap_or(folder))
+            .is_ok_and(|rest| rest.components().all(|c| matches!(c, Component::Normal(_)))),
+    }
+}

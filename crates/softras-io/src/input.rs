@@ -1,0 +1,57 @@
+//! The one door for files that are read: regular files alone, of a bounded size, in memory that is there.
+//!
+//! Opening a pipe waits for its other end, reading a device may never end, and an allocation that fails ends the process.
+//! So what a path leads to is asked before it is opened, and room is asked for before it is filled.
+
+use softras::{Error, Result};
+use std::{fs, io::Read, path::Path};
+
+/// Opens a regular file.
+///
+/// # Errors
+/// [`Error::Io`] when it cannot be opened; [`Error::File`] for a folder, a pipe or a device.
+pub fn open(path: &Path) -> Result<fs::File> {
+    let io = |source| Error::Io { path: path.into(), source };
+    if !fs::metadata(path).map_err(io)?.is_file() {
+        return refuse(path, "not a regular file".into(), "give the path of a file");
+    }
+    fs::File::open(path).map_err(io)
+}
+
+/// Reads a whole file of at most `most` bytes.
+///
+/// # Errors
+/// As [`open`]; [`Error::File`] for a larger file; [`Error::Io`] without memory for it.
+pub fn read(path: &Path, most: u64) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    // One byte more than is allowed tells a file that is too large, even one whose length the system does not know.
+    // Reading reserves memory in such a way that a lack of it is an error.
+    let read = open(path)?.take(most.saturating_add(1)).read_to_end(&mut bytes);
+    read.map_err(|source| Error::Io { path: path.into(), source })?;
+    match bytes.len() as u64 > most {
+        true => refuse(path, format!("more than {most} bytes"), "give a smaller file"),
+        false => Ok(bytes),
+    }
+}
+
+/// Refuses a file of no bytes, of which a reader of any format would only say that it is malformed.
+///
+/// # Errors
+/// [`Error::File`].
+pub fn refuse_empty(path: &Path, bytes: u64) -> Result<()> {
+    if bytes > 0 { Ok(()) } else { refuse(path, "the file is empty".into(), "write it or copy it again") }
+}
+
+/// Makes sure that so many bytes could be allocated at once, before code that ends the process if they cannot.
+///
+/// # Errors
+/// [`Error::OutOfMemory`].
+pub fn room_for(what: &str, bytes: u64) -> Result<()> {
+    let room = usize::try_from(bytes).is_ok_and(|bytes| Vec::<u8>::new().try_reserve_exact(bytes).is_ok());
+    let fix = "give smaller files, or allow the process more memory";
+    if room { Ok(()) } else { Err(Error::OutOfMemory { what: what.into(), bytes, fix: fix.into() }) }
+}
+
+fn refuse<T>(path: &Path, what: String, fix: &str) -> Result<T> {
+    Err(Error::File { path: path.into(), line: None, what, fix: fix.into() })
+}

@@ -1,0 +1,204 @@
+//! Files of softras: meshes in OBJ, PLY, STL and glTF, and pictures in PNG and JPEG.
+//!
+//! [`load`] reads a mesh with its colours and textures, [`save`] writes one. [`load_with`] also tells what a file has that
+//! softras does not draw: [`Loaded::notes`]. A reader takes regular files alone, counts their memory before it is taken, and
+//! never reads outside of the mesh's folder unless it is told to. A writer leaves the old file or the new one, never half of one.
+//!
+//! ```
+//! # fn main() -> softras::Result<()> {
+//! # let folder = tempfile::tempdir().expect("a folder");
+//! # let path = folder.path().join("fish.obj");
+//! softras_io::save(&softras::shapes::fish()?, &path)?;
+//! let mesh = softras_io::load(&path)?;
+//! assert_eq!(mesh.triangles(), softras::shapes::fish()?.triangles());
+//! # Ok(())
+//! # }
+//! ```
+
+mod budget;
+mod color;
+mod find;
+mod gif;
+mod gltf;
+pub mod input;
+mod notes;
+pub mod npy;
+pub mod npz;
+mod obj;
+pub mod output;
+mod picture;
+mod picture_file;
+mod ply;
+mod polygon;
+mod source;
+mod stl;
+pub mod text;
+mod texture;
+mod textures;
+mod weld;
+
+pub use budget::Budget;
+pub use color::Curve;
+pub use gif::write_gif;
+pub use picture::{Floats, Picture, PictureFormat};
+pub use picture_file::PictureFile;
+pub use source::{LoadOptions, Loaded};
+
+use softras::{Error, Mesh, Result};
+use source::Source;
+use std::{
+    fs,
+    io::Read,
+    path::{Path, PathBuf},
+};
+
+/// Reads a mesh file: [`load_with`] without options. Notes are lost.
+///
+/// # Errors
+/// Those of [`load_with`].
+pub fn load(path: impl AsRef<Path>) -> Result<Mesh> {
+    load_with(path, &LoadOptions::default()).map(|loaded| loaded.mesh)
+}
+
+/// Reads a mesh file: .obj, .ply, .stl, .gltf and .glb.
+///
+/// The format is that of the file's content where that tells (PLY, binary glTF), else that of its ending.
+/// - OBJ: every `v` statement becomes a vertex, in the same order, because meshes are fitted and compared vertex by vertex. All
+///   objects and groups become one mesh, polygons are cut into triangles. The appearance is, first of these that applies:
+///   [`Textured`] when a face has a `map_Kd` and UVs (other faces get a 1×1 image of their `Kd`), [`VertexColors`] from `v x y z r
+///   g b`, [`Surface`] with one cell per triangle from several `Kd`, else [`Uniform`]. A face without a material is white. The
+///   alpha of a `map_Kd` image, or a `map_d`, is that of the [`Texture`](softras::scene::Texture).
+/// - PLY: vertices in their order, polygons, normals, vertex colours or colours of faces, UVs by vertex or by corner with the image
+///   that a `comment TextureFile NAME` names. Colours in bytes are decoded as textures are.
+/// - STL: triangles; vertices at one position become one.
+/// - glTF: all triangles of the scene, placed by their nodes, with normals, base colours and their textures, or vertex colours.
+///   Vertices at one position become one; v runs up, as in OBJ files.
+///
+/// What can be left out without harm to the rest is left out with a note: faces of fewer than three corners, malformed
+/// materials, textures that are not an image, over 16384 pixels a side, over 2²⁷ pixels in all, or over 2²⁴ and 16 for each
+/// byte of their files. A material file or texture that is missing or lies outside the mesh's folder is looked for by its name
+/// in the folder.
+///
+/// # Errors
+/// [`Error::Io`] when the file cannot be read; [`Error::File`] for other formats, and with the line for what leaves no mesh to
+/// trust: a coordinate that is malformed or not finite, an index out of range, no faces at all; under [`LoadOptions::strict`]
+/// for every note.
+///
+/// [`Textured`]: softras::scene::Appearance::Textured
+/// [`VertexColors`]: softras::scene::Appearance::VertexColors
+/// [`Surface`]: softras::scene::Appearance::Surface
+/// [`Uniform`]: softras::scene::Appearance::Uniform
+pub fn load_with(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded> {
+    let path = path.as_ref();
+    let Some(format) = format(path)? else {
+        let ending = path.extension().map(|ending| ending.to_string_lossy().into_owned());
+        let what = ending.map_or("no ending tells its format".into(), |ending| format!("no mesh format: .{ending}"));
+        return Err(fault(path, what, "softras reads .obj, .ply, .stl, .gltf and .glb"));
+    };
+    let mut source = Source::new(path, options);
+    let bytes = source.read_bytes(path)?;
+    input::refuse_empty(path, bytes.len() as u64)?;
+    let mesh = match format {
+        Format::Obj => obj::read(&mut source, bytes),
+        Format::Ply => ply::read(&mut source, bytes),
+        Format::Stl => stl::read(&mut source, bytes),
+        Format::Gltf => gltf::read(&mut source, &bytes),
+    };
+    // What is wrong with a mesh that a file holds is wrong with the file.
+    let mesh = mesh.map_err(|error| match error {
+        Error::Mesh { what, place, fix } => {
+            Error::File { path: path.into(), line: None, what: format!("{what} at {place}"), fix }
+        }
+        other => other,
+    })?;
+    if mesh.triangles().is_empty() {
+        let what = format!("no faces ({} vertices)", mesh.positions().len());
+        return Err(fault(path, what, "give a mesh with triangles"));
+    }
+    source.loaded(mesh)
+}
+
+/// Writes a mesh as an OBJ file with its materials and textures beside it: [`save_with`] with textures in sRGB.
+///
+/// # Errors
+/// Those of [`save_with`].
+pub fn save(mesh: &Mesh, path: impl AsRef<Path>) -> Result<Vec<PathBuf>> {
+    save_with(mesh, path, &SaveOptions::default())
+}
+
+/// Options for writing a mesh.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SaveOptions {
+    /// Encode textures from linear numbers to sRGB, in 8 bits a channel, as picture files have them. Off, a texel is its
+    /// number, in 8 bits where that is exact, else in 16; [`LoadOptions::srgb`] must be off too to read it back.
+    pub srgb: bool,
+}
+
+impl Default for SaveOptions {
+    fn default() -> Self {
+        Self { srgb: true }
+    }
+}
+
+/// Writes a mesh such that [`load_with`] reads back an equal one: numbers keep all their digits.
+///
+/// Vertex colours go into the `v` lines of the OBJ file, other colours into `NAME.mtl`, textures into `NAME_texture.png`
+/// (or `NAME_texture_0.png`, `NAME_texture_1.png`, ..). Each file appears whole or not at all; the OBJ file comes last, when
+/// those that it names are complete. Returns the files written, the OBJ file last.
+///
+/// # Errors
+/// [`Error::File`] for an ending other than .obj; [`Error::Io`]; [`Error::Mesh`] for what the format cannot hold: surface textures
+/// of more than one cell, texels outside [0, 1].
+pub fn save_with(mesh: &Mesh, path: impl AsRef<Path>, options: &SaveOptions) -> Result<Vec<PathBuf>> {
+    let path = path.as_ref();
+    if by_ending(path) != Some(Format::Obj) {
+        return Err(fault(path, "not a name of a mesh file to write", "give a name that ends in .obj"));
+    }
+    let files = if options.srgb { obj::files_of(&color::encoded(mesh)?, path) } else { obj::files_of(mesh, path) }?;
+    output::write_files(&files)?;
+    Ok(files.into_iter().map(|(path, _)| path).collect())
+}
+
+/// A format of mesh files.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Format {
+    Obj,
+    Ply,
+    Stl,
+    Gltf,
+}
+
+/// The format of a file by its first bytes or, where they do not tell, by its ending.
+fn format(path: &Path) -> Result<Option<Format>> {
+    let by_ending = by_ending(path);
+    let io = |source| Error::Io { path: path.into(), source };
+    // Opening something else, as a pipe, may wait forever; the readers refuse it.
+    if !fs::metadata(path).map_err(io)?.is_file() {
+        return Ok(by_ending.or(Some(Format::Obj)));
+    }
+    let mut head = Vec::new();
+    fs::File::open(path).and_then(|file| file.take(4).read_to_end(&mut head)).map_err(io)?;
+    Ok(match head[..] {
+        [b'p', b'l', b'y', b'\r' | b'\n'] => Some(Format::Ply),
+        [b'g', b'l', b'T', b'F'] => Some(Format::Gltf),
+        _ => by_ending,
+    })
+}
+
+fn by_ending(path: &Path) -> Option<Format> {
+    let ending = path.extension()?.to_string_lossy().to_ascii_lowercase();
+    match ending.as_str() {
+        "obj" => Some(Format::Obj),
+        "ply" => Some(Format::Ply),
+        "stl" => Some(Format::Stl),
+        "gltf" | "glb" => Some(Format::Gltf),
+        _ => None,
+    }
+}
+
+/// An error of a file without lines.
+fn fault(path: &Path, what: impl Into<String>, fix: &str) -> Error {
+    // What a parser quotes of a file may be as long as the file.
+    let what: String = what.into().chars().take(300).collect();
+    Error::File { path: path.into(), line: None, what, fix: fix.into() }
+}

@@ -1,0 +1,219 @@
+//! Archives of numpy arrays, `.npz` files, as `np.savez` and `np.savez_compressed` write them.
+
+use crate::Budget;
+use crate::text;
+use crate::{input, output};
+use softras::{Error, Result};
+use std::borrow::Cow;
+use std::cell::{Cell, OnceCell, RefCell};
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufReader, Cursor, Write};
+use std::path::{Path, PathBuf};
+
+pub use crate::npy::{self, Array, Data, Numbers};
+
+/// The most keys that an error names.
+const MAX_NAMED: usize = 30;
+/// Bytes that a value takes once it has been converted for the renderer, besides what it takes in the file.
+const CONVERTED: u64 = 8;
+
+/// The arrays of a file by key. An array is read when it is asked for.
+#[derive(Debug)]
+pub struct Archive {
+    path: PathBuf,
+    zip: RefCell<zip::ZipArchive<BufReader<File>>>,
+    entries: BTreeMap<String, Entry>,
+    budget: Budget,
+}
+
+/// An array of the file.
+#[derive(Debug)]
+struct Entry {
+    /// Its number in the file.
+    index: usize,
+    array: OnceCell<Result<Array, String>>,
+    asked: Cell<bool>,
+}
+
+impl Archive {
+    /// Opens a file and lists its keys. An array that cannot be read, or for which the budget has no memory, is an error
+    /// only when it is asked for.
+    pub fn open(path: &Path, budget: Budget) -> Result<Self> {
+        let file = input::open(path)?;
+        let bytes = file.metadata().map_or(0, |metadata| metadata.len());
+        input::refuse_empty(path, bytes)?;
+        budget.count_file(bytes);
+        let broken = |e: zip::result::ZipError| Error::File {
+            path: path.into(),
+            line: None,
+            what: format!("not a readable .npz archive ({e})"),
+            fix: "write it with numpy.savez or numpy.savez_compressed".into(),
+        };
+        let zip = zip::ZipArchive::new(BufReader::new(file)).map_err(broken)?;
+        let mut entries = BTreeMap::new();
+        for index in 0..zip.len() {
+            let Some(file) = zip.name_for_index(index).transpose().map_err(broken)?.map(Cow::into_owned) else {
+                continue;
+            };
+            let Some(name) = file.strip_suffix(".npy") else { continue };
+            entries.insert(name.to_string(), Entry { index, array: OnceCell::new(), asked: Cell::new(false) });
+        }
+        Ok(Self { path: path.into(), zip: RefCell::new(zip), entries, budget })
+    }
+
+    /// Claims memory for something that the file's arrays decide.
+    ///
+    /// # Errors
+    /// [`Error::File`] when the budget does not have it.
+    pub fn claim(&self, what: &str, bytes: u64) -> Result<()> {
+        self.budget.claim(&self.path, what, bytes)
+    }
+
+    /// An error that names this file and the key.
+    pub fn fault(&self, key: &str, what: &str, fix: &str) -> Error {
+        let what = format!("key `{key}`: {what}");
+        Error::File { path: self.path.clone(), line: None, what, fix: fix.into() }
+    }
+
+    /// Whether the file has the key.
+    pub fn has(&self, key: &str) -> bool {
+        self.entries.contains_key(key)
+    }
+
+    /// The array of a key, if the file has it.
+    pub fn get(&self, key: &str) -> Result<Option<&Array>> {
+        let Some(entry) = self.entries.get(key) else { return Ok(None) };
+        entry.asked.set(true);
+        match entry.array.get_or_init(|| self.read(key, entry.index)) {
+            Ok(array) => Ok(Some(array)),
+            Err(what) => Err(self.fault(key, what, "write it with numpy.savez, as a plain array")),
+        }
+    }
+
+    fn read(&self, key: &str, index: usize) -> Result<Array, String> {
+        let mut zip = self.zip.borrow_mut();
+        let data = zip.by_index(index).map_err(|e| format!("its data cannot be read ({e})"))?;
+        let array = npy::read(data, |bytes| self.room(key, bytes))?;
+        self.room(key, CONVERTED * array.len() as u64)?;
+        Ok(array)
+    }
+
+    /// Claims memory for a key; the error is a sentence without the file's name.
+    fn room(&self, key: &str, bytes: u64) -> Result<(), String> {
+        self.claim(key, bytes).map_err(|error| match error {
+            Error::File { what, fix, .. } => format!("{what}: {fix}"),
+            other => other.to_string(),
+        })
+    }
+
+    /// Marks a key as used, whatever it holds.
+    pub fn ignore(&self, key: &str) {
+        if let Some(entry) = self.entries.get(key) {
+            entry.asked.set(true);
+        }
+    }
+
+    /// The array of a key that must be present; `expected` describes its shape.
+    pub fn require(&self, key: &str, expected: &str) -> Result<&Array> {
+        let keys = || listed(self.entries.keys().map(String::as_str));
+        self.get(key)?.ok_or_else(|| self.fault(key, &format!("missing (the file has: {})", keys()), expected))
+    }
+
+    /// The numbers of an array.
+    pub fn numbers<'a>(&self, key: &str, array: &'a Array) -> Result<Numbers<'a>> {
+        let text = || self.fault(key, &format!("holds text ({})", array.dtype()), "numbers are expected");
+        array.numbers().ok_or_else(text)
+    }
+
+    /// A single finite number: 0-d or with one element.
+    pub fn number(&self, key: &str) -> Result<Option<f64>> {
+        let Some(array) = self.get(key)? else { return Ok(None) };
+        match self.numbers(key, array)?.all() {
+            Some([x]) if x.is_finite() => Ok(Some(x)),
+            Some([x]) => Err(self.fault(key, &format!("is {x}"), "a finite number is expected")),
+            None => Err(self.fault(key, &format!("has shape {:?}", array.shape), "a single number is expected")),
+        }
+    }
+
+    /// A single text.
+    pub fn text(&self, key: &str) -> Result<Option<String>> {
+        let Some(array) = self.get(key)? else { return Ok(None) };
+        match array.texts().filter(|_| array.len() == 1).and_then(|mut texts| texts.next()) {
+            Some(text) => Ok(Some(text)),
+            None => {
+                let what = format!("is {} of shape {:?}", array.dtype(), array.shape);
+                Err(self.fault(key, &what, "a single text is expected"))
+            }
+        }
+    }
+
+    /// A text that must be one of the given choices.
+    pub fn choice<T: Copy>(&self, key: &str, choices: &[(&str, T)]) -> Result<Option<T>> {
+        let Some(text) = self.text(key)? else { return Ok(None) };
+        match choices.iter().find(|(name, _)| *name == text) {
+            Some((_, value)) => Ok(Some(*value)),
+            None => {
+                let names: Vec<_> = choices.iter().map(|(name, _)| *name).collect();
+                Err(self.fault(
+                    key,
+                    &format!("is {:?}", text::name(&text)),
+                    &format!("use one of {}", names.join(", ")),
+                ))
+            }
+        }
+    }
+
+    /// True or false: a bool, or the numbers 0 and 1.
+    pub fn flag(&self, key: &str) -> Result<Option<bool>> {
+        match self.number(key)? {
+            None => Ok(None),
+            Some(0.0) => Ok(Some(false)),
+            Some(1.0) => Ok(Some(true)),
+            Some(x) => Err(self.fault(key, &format!("is {x:?}"), "True or False is expected")),
+        }
+    }
+
+    /// Three numbers, or one for all three.
+    pub fn triple(&self, key: &str) -> Result<Option<[f64; 3]>> {
+        let Some(array) = self.get(key)? else { return Ok(None) };
+        let numbers = self.numbers(key, array)?;
+        match numbers.all().map(|[x]| [x; 3]).or(numbers.all()) {
+            Some(triple) => Ok(Some(triple)),
+            None => Err(self.fault(key, &format!("has shape {:?}", array.shape), "three numbers are expected")),
+        }
+    }
+
+    /// The keys that nobody asked for.
+    pub fn unasked(&self) -> Vec<&str> {
+        self.entries.iter().filter(|(_, entry)| !entry.asked.get()).map(|(key, _)| key.as_str()).collect()
+    }
+}
+
+/// The first of some keys, as a message shows them.
+pub fn listed<'a>(keys: impl ExactSizeIterator<Item = &'a str>) -> String {
+    let more = keys.len().saturating_sub(MAX_NAMED);
+    let mut names: Vec<String> = keys.take(MAX_NAMED).map(text::name).collect();
+    if more > 0 {
+        names.push(format!("and {more} more"));
+    }
+    names.join(", ")
+}
+
+/// Writes arrays as an uncompressed archive, in the order given.
+pub fn write(path: &Path, arrays: &[(&str, Vec<usize>, Data<'_>)]) -> Result<()> {
+    let mut zip = zip::ZipWriter::new(Cursor::new(Vec::new()));
+    let options = zip::write::SimpleFileOptions::default()
+        .compression_method(zip::CompressionMethod::Stored)
+        .large_file(arrays.iter().any(|(_, shape, _)| shape.iter().product::<usize>() > 1 << 28));
+    let mut pack = || -> zip::result::ZipResult<()> {
+        for (key, shape, data) in arrays {
+            zip.start_file(format!("{key}.npy"), options)?;
+            zip.write_all(&npy::write(shape, *data))?;
+        }
+        Ok(())
+    };
+    let io = |e: zip::result::ZipError| Error::Io { path: path.into(), source: std::io::Error::other(e) };
+    pack().map_err(io)?;
+    output::write_file(path, zip.finish().map_err(io)?.get_ref())
+}

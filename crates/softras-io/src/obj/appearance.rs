@@ -1,0 +1,201 @@
+//! Chooses the appearance of a mesh from its vertex colours, materials and textures.
+
+use super::{
+    material::{self, Map, Material, Materials},
+    parse::Obj,
+    texture,
+    triangles::Triangles,
+};
+use crate::{notes::Notes, source::Source, textures::Textures};
+use softras::scene::{Appearance, Texture, Wrap};
+use std::{
+    collections::{HashMap, TryReserveError, hash_map::Entry},
+    mem,
+    path::PathBuf,
+};
+
+const WHITE: [f32; 3] = [1.0; 3];
+
+/// The appearance of a mesh, and the opacity of each triangle's material, empty where all are 1. Textures are preferred to
+/// vertex colours and these to material colours; what is not used is noted.
+///
+/// # Errors
+/// A lack of memory for what each face or triangle takes.
+pub(super) fn appearance(
+    source: &mut Source,
+    obj: &mut Obj,
+    triangles: &mut Triangles,
+) -> Result<(Appearance, Vec<f32>), TryReserveError> {
+    let library = material::read_libraries(source, &obj.libraries);
+    let used = find_used(obj, &library, &mut source.notes);
+    // The material of each face; `None` is white.
+    let material_of_face = collected(obj.faces.iter().map(|face| face.material.and_then(|m| used[m])))?;
+    let opacity = |material: &Option<&Material>| material.map_or(1.0, Material::opacity);
+    let is_transparent = material_of_face.iter().any(|material| opacity(material) < 1.0);
+    let shown = if is_transparent { &triangles.faces[..] } else { &[] };
+    let opacity = collected(shown.iter().map(|&face| opacity(&material_of_face[face])))?;
+    Ok((colors(source, obj, triangles, &material_of_face)?, opacity))
+}
+
+/// The values in a vector for which there is memory.
+fn collected<T>(values: impl ExactSizeIterator<Item = T>) -> Result<Vec<T>, TryReserveError> {
+    let mut all = Vec::new();
+    all.try_reserve_exact(values.len())?;
+    all.extend(values);
+    Ok(all)
+}
+
+/// Whether a material has a texture.
+fn has_map(material: &Option<&Material>) -> bool {
+    material.is_some_and(|m| m.map.is_some() || m.alpha_map.is_some())
+}
+
+fn colors(
+    source: &mut Source,
+    obj: &mut Obj,
+    triangles: &mut Triangles,
+    material_of_face: &[Option<&Material>],
+) -> Result<Appearance, TryReserveError> {
+    let is_textured = |face: usize| obj.faces[face].has_uvs && has_map(&material_of_face[face]);
+    note_textures_without_uvs(obj, material_of_face, &mut source.notes);
+    let colored = !obj.colors.is_empty();
+    if (0..obj.faces.len()).any(is_textured)
+        && let Some(appearance) = textured(source, obj, triangles, material_of_face)?
+    {
+        return Ok(appearance);
+    }
+    let notes = &mut source.notes;
+    if !obj.uvs.is_empty() {
+        notes.add(None, "texture coordinates are not kept: no face has a texture");
+    }
+    if colored {
+        if material_of_face.iter().any(|material| color(*material) != WHITE) {
+            notes.add(None, "material colours are not used: the vertices have colours");
+        }
+        return Ok(Appearance::VertexColors(mem::take(&mut obj.colors)));
+    }
+    let first = color(material_of_face.first().copied().flatten());
+    if material_of_face.iter().all(|material| color(*material) == first) {
+        return Ok(Appearance::Uniform(first));
+    }
+    let texels = collected(triangles.faces.iter().map(|&face| color(material_of_face[face])))?;
+    Ok(Appearance::Surface { resolution: 1, texels })
+}
+
+fn color(material: Option<&Material>) -> [f32; 3] {
+    material.and_then(|m| m.color).unwrap_or(WHITE)
+}
+
+/// The material of each name that `usemtl` gives.
+fn find_used<'a>(obj: &Obj, library: &'a Materials, notes: &mut Notes) -> Vec<Option<&'a Material>> {
+    let mut find = |(name, line): &(String, usize)| {
+        let material = library.find(name);
+        match material {
+            // Of a library that cannot be read a note has told already.
+            None if library.is_whole() => {
+                let place = if obj.libraries.is_empty() { "the file names no mtllib" } else { "in no MTL file" };
+                notes.add(Some(*line), format!("unknown material {name:?} ({place}): white"));
+            }
+            Some(Material { color: None, map: None, alpha_map: None, .. }) => {
+                notes.add(Some(*line), format!("material {name:?} has neither Kd nor map_Kd: white"));
+            }
+            _ => {}
+        }
+        material
+    };
+    obj.materials.iter().map(&mut find).collect()
+}
+
+fn note_textures_without_uvs(obj: &Obj, material_of_face: &[Option<&Material>], notes: &mut Notes) {
+    let faces = obj.faces.iter().zip(material_of_face);
+    let mut bare = faces.filter(|(face, material)| has_map(material) && !face.has_uvs).map(|(face, _)| face.line);
+    if let Some(line) = bare.next() {
+        let count = 1 + bare.count();
+        let note = format!("faces with a texture but no UVs are drawn in their material's Kd ({count} in all)");
+        notes.add(Some(line), note);
+    }
+}
+
+/// The appearance of a mesh with textures; faces without a texture get a 1×1 image of their colour. `None` where no texture
+/// can be read.
+fn textured(
+    source: &mut Source,
+    obj: &mut Obj,
+    triangles: &mut Triangles,
+    material_of_face: &[Option<&Material>],
+) -> Result<Option<Appearance>, TryReserveError> {
+    let mut textures = Textures::new(source.room());
+    let mut by_kind: HashMap<(Option<usize>, bool), u32> = HashMap::new();
+    let mut texture_of_face = Vec::new();
+    texture_of_face.try_reserve_exact(obj.faces.len())?;
+    let mut any_file = false;
+    for (face, material) in obj.faces.iter().zip(material_of_face) {
+        let index = match by_kind.entry((face.material, face.has_uvs)) {
+            Entry::Occupied(known) => *known.get(),
+            Entry::Vacant(unknown) => {
+                let color = color(*material);
+                let image = material.filter(|_| face.has_uvs).and_then(|m| image(source, &mut textures, m, color));
+                any_file |= image.is_some();
+                let plain = |_| Texture::new(1, 1, vec![color], Wrap::Repeat).ok();
+                let Some(index) = image.or_else(|| textures.find_or(Key::of_color(color), plain)) else {
+                    return Ok(None);
+                };
+                *unknown.insert(index)
+            }
+        };
+        texture_of_face.push(index);
+    }
+    if !any_file {
+        return Ok(None);
+    }
+    if !obj.colors.is_empty() {
+        source.notes.add(None, "vertex colours are not used: the materials have textures");
+    }
+    let texture_of_triangle = match textures.images.len() {
+        1 => Vec::new(),
+        _ => collected(triangles.faces.iter().map(|&face| texture_of_face[face]))?,
+    };
+    // Faces without UVs have UV index 0: any position will do on a 1×1 image.
+    let (uvs, uv_triangles) = (mem::take(&mut obj.uvs), mem::take(&mut triangles.uvs));
+    Ok(Some(Appearance::Textured { uvs, uv_triangles, textures: textures.images, texture_of_triangle }))
+}
+
+/// The number of the texture of a material, of its image files; `None` where there are none or they cannot be read.
+fn image(source: &mut Source, textures: &mut Textures<Key>, material: &Material, color: [f32; 3]) -> Option<u32> {
+    let mut locate = |map: &Option<Map>| Some((map.clone()?, texture::locate(source, map.as_ref()?)?));
+    let (map, alpha) = (locate(&material.map), locate(&material.alpha_map));
+    let wrap = map.as_ref().or(alpha.as_ref())?.0.wrap;
+    let path = |map: &Option<(Map, PathBuf)>| map.as_ref().map(|(_, path)| path.clone());
+    // The colour shows only where there is no image of it.
+    let bits = if map.is_some() { [0; 3] } else { bits(color) };
+    textures.find_or(Key::Files(path(&map), path(&alpha), wrap, bits), |room| {
+        let texture = match &map {
+            Some((map, path)) => texture::read(source, map, path, room)?,
+            None => Texture::new(1, 1, vec![color], wrap).ok()?,
+        };
+        match &alpha {
+            Some((map, path)) => texture::faded(source, texture, map, path, room),
+            None => Some(texture),
+        }
+    })
+}
+
+/// The bits of a colour, with -0 as 0.
+fn bits(color: [f32; 3]) -> [u32; 3] {
+    color.map(|x| (x + 0.0).to_bits())
+}
+
+/// What makes two textures the same.
+#[derive(PartialEq, Eq, Hash)]
+enum Key {
+    /// The files of the colour and of the alpha, and the bits of the colour that stands in for the first.
+    Files(Option<PathBuf>, Option<PathBuf>, Wrap, [u32; 3]),
+    /// The bits of a colour, with -0 as 0.
+    Color([u32; 3]),
+}
+
+impl Key {
+    fn of_color(color: [f32; 3]) -> Self {
+        Self::Color(bits(color))
+    }
+}

@@ -1,0 +1,38 @@
+//! Wavefront OBJ files with their MTL materials and textures, read and written.
+//!
+//! Every `v` statement of the file becomes a vertex of the mesh, in the same order, because meshes are fitted and compared
+//! vertex by vertex. All objects and groups become one mesh. [`Loaded::notes`](crate::Loaded::notes) lists what the file contains and softras does
+//! not draw, except for names, smoothing groups and reflection parameters (`Ka`, `Ks`, `illum`, bump maps, ..), which are
+//! ignored silently.
+
+mod appearance;
+mod material;
+mod parse;
+mod statement;
+mod texture;
+mod triangles;
+mod write;
+
+pub use parse::FARTHEST_UV;
+pub use write::files_of;
+
+use crate::source::Source;
+use softras::{Error, Mesh, Result};
+
+/// Reads an OBJ file, its materials and its textures.
+pub fn read(source: &mut Source, bytes: Vec<u8>) -> Result<Mesh> {
+    let path = source.path;
+    let text = statement::text(path, bytes)?;
+    let mut obj = parse::parse(source, &text)?;
+    drop(text);
+    let mut triangles = triangles::triangulate(path, &obj, &mut source.notes)?;
+    let look = appearance::appearance(source, &mut obj, &mut triangles);
+    let (appearance, opacity) = look.map_err(|_| Error::OutOfMemory {
+        what: path.display().to_string(),
+        bytes: size_of_val(&triangles.faces[..]) as u64,
+        fix: "give a smaller mesh, or allow the process more memory".into(),
+    })?;
+    source.normals = triangles.normals;
+    source.opacity = opacity;
+    Mesh::new(obj.positions, triangles.vertices)?.with_appearance(appearance)
+}

@@ -1,0 +1,68 @@
+//! Splits OBJ and MTL files into statements with line numbers.
+
+use crate::input;
+use softras::{Error, Result};
+use std::{borrow::Cow, path::Path};
+
+/// The text of a file; bytes that are not UTF-8 (names in an old code page) become replacement characters.
+pub(super) fn text(path: &Path, bytes: Vec<u8>) -> Result<String> {
+    if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
+        let (what, fix) = ("UTF-16 text".into(), "save the file as UTF-8".into());
+        return Err(Error::File { path: path.into(), line: None, what, fix });
+    }
+    let text = String::from_utf8(bytes).or_else(|error| {
+        // A replacement character takes three bytes.
+        input::room_for(&path.display().to_string(), 3 * error.as_bytes().len() as u64)?;
+        Ok(String::from_utf8_lossy(error.as_bytes()).into_owned())
+    })?;
+    Ok(match text.strip_prefix('\u{feff}') {
+        Some(rest) => rest.into(),
+        None => text,
+    })
+}
+
+/// One statement: a line with its continuations, neither blank nor a comment.
+pub(super) struct Statement<'a> {
+    /// The line on which it starts, counted from 1.
+    pub line: usize,
+    body: Cow<'a, str>,
+}
+
+impl Statement<'_> {
+    /// The first word.
+    pub fn keyword(&self) -> &str {
+        self.body.split_whitespace().next().unwrap_or_default()
+    }
+
+    /// Everything after the first word, trimmed: names may hold spaces.
+    pub fn rest(&self) -> &str {
+        self.body.split_once(char::is_whitespace).map_or("", |(_, rest)| rest.trim())
+    }
+
+    /// The words after the first, up to a comment.
+    pub fn words(&self) -> impl Iterator<Item = &str> {
+        self.body.split_whitespace().skip(1).take_while(|word| !word.starts_with('#'))
+    }
+}
+
+/// The statements of a text with any line ends, lines that end in `\` joined with the next.
+pub(super) fn statements(text: &str) -> impl Iterator<Item = Statement<'_>> {
+    let line_end = if text.contains('\n') { '\n' } else { '\r' };
+    let mut lines = text.split(line_end).zip(1..);
+    std::iter::from_fn(move || {
+        let (first, line) = lines.next()?;
+        let mut body = Cow::Borrowed(first.trim());
+        while let Some(head) = body.strip_suffix('\\') {
+            let Some((next, _)) = lines.next() else { break };
+            // Appended in place, so that a long chain of continuations takes linear time.
+            let length = head.len();
+            let mut joined = body.into_owned();
+            joined.truncate(length);
+            joined.push(' ');
+            joined.push_str(next.trim());
+            body = Cow::Owned(joined);
+        }
+        Some(Statement { line, body })
+    })
+    .filter(|statement| !statement.body.is_empty() && !statement.body.starts_with('#'))
+}

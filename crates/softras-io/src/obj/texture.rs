@@ -1,0 +1,73 @@
+//! The textures that materials name.
+
+use super::material::Map;
+use crate::{
+    find::find,
+    source::Source,
+    texture::{Decoded, decode},
+    textures::Room,
+};
+use image::ImageReader;
+use softras::scene::Texture;
+use std::path::{Path, PathBuf};
+
+/// The file of the image that a material names; `None`, with a note, where there is none in the mesh's folder.
+pub(super) fn locate(source: &mut Source, map: &Map) -> Option<PathBuf> {
+    let found = find(source.path, &map.mtl, &map.name, source.options.allow_outside);
+    match found {
+        Ok((path, None)) => Some(path),
+        Ok((path, Some(note))) => {
+            source.notes.add_in(&map.mtl, Some(map.line), format!("texture {note}"));
+            Some(path)
+        }
+        Err(what) => {
+            let note = format!("texture {what}: drawn in the material's Kd");
+            source.notes.add_in(&map.mtl, Some(map.line), note);
+            None
+        }
+    }
+}
+
+/// Decodes the image that a material names for its colour, of at most `room` texels; `None`, with a note, for what cannot be
+/// decoded.
+pub(super) fn read(source: &mut Source, map: &Map, path: &Path, room: Room) -> Option<Texture> {
+    let decoded = decoded(source, map, path, source.options.srgb, room, "drawn in the material's Kd")?;
+    decoded.texture(map.wrap).ok()
+}
+
+/// The same texture with the alpha that an image gives (`map_d`), in its own alpha channel if it has one, else in its grey or
+/// red values. A texture of one texel takes the size of the image; an image of another size than the texture is noted and not
+/// used.
+pub(super) fn faded(source: &mut Source, texture: Texture, map: &Map, path: &Path, room: Room) -> Option<Texture> {
+    let Some(decoded) = decoded(source, map, path, false, room, "not used") else { return Some(texture) };
+    let Decoded { width, height, texels, alpha } = decoded;
+    let alpha = alpha.unwrap_or_else(|| texels.iter().map(|texel| texel[0].clamp(0.0, 1.0)).collect());
+    let texture = match texture.texels() {
+        [color] => Texture::new(width, height, vec![*color; alpha.len()], map.wrap).ok()?,
+        _ => texture,
+    };
+    if (texture.width(), texture.height()) != (width, height) {
+        let sizes =
+            format!("{width}×{height} texels, the texture of the colour {}×{}", texture.width(), texture.height());
+        source.notes.add_in(&map.mtl, Some(map.line), format!("map_d of {sizes}: not used"));
+        return Some(texture);
+    }
+    texture.with_alpha(alpha).ok()
+}
+
+fn decoded(source: &mut Source, map: &Map, path: &Path, srgb: bool, room: Room, without: &str) -> Option<Decoded> {
+    let reader = ImageReader::open(path).map_err(|error| error.to_string());
+    match reader.and_then(|reader| decode(reader, srgb, room)) {
+        Ok(decoded) => {
+            if !source.files.iter().any(|file| file == path) {
+                source.files.push(path.into());
+            }
+            Some(decoded)
+        }
+        Err(what) => {
+            let note = format!("texture {}: {what}: {without}", path.display());
+            source.notes.add_in(&map.mtl, Some(map.line), note);
+            None
+        }
+    }
+}

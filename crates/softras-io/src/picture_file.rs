@@ -1,0 +1,79 @@
+//! PNG and JPEG files: their sizes are known, and may be counted, before a pixel is decoded.
+
+use crate::input;
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+use softras::{Error, Result};
+use std::{io::BufReader, path::Path};
+
+/// The largest side of a picture.
+pub const MAX_SIDE: u32 = 16384;
+
+/// Bytes of a pixel while it is decoded and converted: up to eight as it is in the file and sixteen as four floats.
+const BYTES_PER_PIXEL: u64 = 24;
+
+/// A picture of which only the header has been read.
+pub struct PictureFile {
+    /// Columns, from 1 to 16384.
+    pub width: u32,
+    /// Rows, from 1 to 16384.
+    pub height: u32,
+    /// Bytes of the file.
+    pub file_bytes: u64,
+    decoder: Box<dyn ImageDecoder>,
+    limits: Limits,
+}
+
+impl PictureFile {
+    /// Reads the header. The content tells the format rather than the name, which may be wrong.
+    ///
+    /// # Errors
+    /// As [`input::open`]; [`Error::File`] for what is no picture or has sides of 0 or more than 16384 pixels.
+    pub fn open(path: &Path) -> Result<Self> {
+        let file = input::open(path)?;
+        let file_bytes = file.metadata().map_or(0, |metadata| metadata.len());
+        input::refuse_empty(path, file_bytes)?;
+        let refuse = |error| refuse(path, &error);
+        let io = |error| refuse(image::ImageError::IoError(error));
+        let mut reader = ImageReader::new(BufReader::new(file));
+        if let Ok(format) = ImageFormat::from_path(path) {
+            reader.set_format(format);
+        }
+        let mut reader = reader.with_guessed_format().map_err(io)?;
+        let mut limits = Limits::default();
+        limits.max_image_width = Some(MAX_SIDE);
+        limits.max_image_height = Some(MAX_SIDE);
+        // The caller counts pixels; this is for what a decoder needs besides them.
+        limits.max_alloc = Some(u64::from(MAX_SIDE) * u64::from(MAX_SIDE) * BYTES_PER_PIXEL);
+        reader.limits(limits.clone());
+        let decoder: Box<dyn ImageDecoder> = Box::new(reader.into_decoder().map_err(refuse)?);
+        let (width, height) = decoder.dimensions();
+        if width.min(height) == 0 || width.max(height) > MAX_SIDE {
+            let what = format!("is {width}×{height} pixels");
+            let fix = format!("use 1 to {MAX_SIDE} pixels a side");
+            return Err(Error::File { path: path.into(), line: None, what, fix });
+        }
+        Ok(Self { width, height, file_bytes, decoder, limits })
+    }
+
+    /// The number of pixels.
+    pub fn pixels(&self) -> u64 {
+        u64::from(self.width) * u64::from(self.height)
+    }
+
+    /// Decodes the pixels.
+    ///
+    /// # Errors
+    /// [`Error::File`] for a malformed picture; [`Error::OutOfMemory`].
+    pub fn decode(self, path: &Path) -> Result<DynamicImage> {
+        input::room_for(&format!("the picture {}", path.display()), self.pixels() * BYTES_PER_PIXEL)?;
+        let Self { mut decoder, mut limits, .. } = self;
+        let refuse = |error| refuse(path, &error);
+        limits.reserve(decoder.total_bytes()).and_then(|()| decoder.set_limits(limits)).map_err(refuse)?;
+        DynamicImage::from_decoder(decoder).map_err(refuse)
+    }
+}
+
+fn refuse(path: &Path, error: &image::ImageError) -> Error {
+    let fix = format!("give a PNG or JPEG file of at most {MAX_SIDE}×{MAX_SIDE} pixels");
+    Error::File { path: path.into(), line: None, what: format!("not a readable picture ({error})"), fix }
+}

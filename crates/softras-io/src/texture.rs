@@ -1,0 +1,100 @@
+//! Decodes image files to texels.
+
+use crate::{input, textures::Room};
+use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
+use softras::{
+    Result,
+    scene::{Texture, Wrap},
+};
+use std::io::{BufRead, Seek, SeekFrom};
+
+/// The largest side of an image.
+const MAX_SIDE: u32 = 16384;
+
+/// Bytes of a pixel while it is decoded and converted: up to eight as it is in the file, sixteen as four floats.
+pub(super) const BYTES_PER_PIXEL: u64 = 24;
+
+/// A decoded image.
+pub struct Decoded {
+    pub width: u32,
+    pub height: u32,
+    pub texels: Vec<[f32; 3]>,
+    /// The alpha of each texel; `None` where all are opaque.
+    pub alpha: Option<Vec<f32>>,
+}
+
+impl Decoded {
+    /// # Errors
+    /// As [`Texture::new`] and [`Texture::with_alpha`].
+    pub fn texture(self, wrap: Wrap) -> Result<Texture> {
+        let texture = Texture::new(self.width, self.height, self.texels, wrap)?;
+        self.alpha.map_or_else(|| Ok(texture.clone()), |alpha| texture.clone().with_alpha(alpha))
+    }
+}
+
+/// Decodes an image of at most `room` texels, from sRGB to linear values if so asked.
+///
+/// # Errors
+/// What is wrong with it.
+pub fn decode<R: BufRead + Seek>(
+    reader: ImageReader<R>,
+    srgb: bool,
+    room: Room,
+) -> std::result::Result<Decoded, String> {
+    let undecodable =
+        |error: image::ImageError| format!("{error} (use a PNG or JPEG of at most {MAX_SIDE}×{MAX_SIDE} pixels)");
+    let format = reader.format();
+    let mut file = reader.into_inner();
+    let length = file.seek(SeekFrom::End(0)).and_then(|length| file.rewind().map(|()| length));
+    let most = room.texels(length.map_err(|error| error.to_string())?);
+    let mut reader = ImageReader::new(file);
+    if let Some(format) = format {
+        reader.set_format(format);
+    }
+    // The format is guessed from the content, because the name may be wrong.
+    let mut reader = reader.with_guessed_format().map_err(|error| error.to_string())?;
+    let mut limits = Limits::default();
+    limits.max_image_width = Some(MAX_SIDE);
+    limits.max_image_height = Some(MAX_SIDE);
+    reader.limits(limits.clone());
+    let mut decoder = reader.into_decoder().map_err(undecodable)?;
+    let (width, height) = decoder.dimensions();
+    let pixels = u64::from(width) * u64::from(height);
+    if pixels > most {
+        let fix = "scale the images down, or save them with more detail";
+        return Err(format!("{width}×{height} pixels are more than the {most} that its file may still have ({fix})"));
+    }
+    input::room_for("a texture", pixels * BYTES_PER_PIXEL).map_err(|error| error.to_string())?;
+    limits.reserve(decoder.total_bytes()).and_then(|()| decoder.set_limits(limits)).map_err(undecodable)?;
+    let image = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
+    let alpha = alpha(&image);
+    Ok(Decoded { width, height, texels: texels(image, srgb), alpha })
+}
+
+/// The alpha of each texel as value / 255 (or / 65535); `None` where all are opaque.
+fn alpha(image: &DynamicImage) -> Option<Vec<f32>> {
+    let alpha: Vec<f32> = match image {
+        DynamicImage::ImageLumaA8(image) => image.pixels().map(|p| f32::from(p.0[1]) / 255.0).collect(),
+        DynamicImage::ImageRgba8(image) => image.pixels().map(|p| f32::from(p.0[3]) / 255.0).collect(),
+        DynamicImage::ImageLumaA16(image) => image.pixels().map(|p| f32::from(p.0[1]) / 65535.0).collect(),
+        DynamicImage::ImageRgba16(image) => image.pixels().map(|p| f32::from(p.0[3]) / 65535.0).collect(),
+        DynamicImage::ImageRgba32F(image) => image.pixels().map(|p| p.0[3].clamp(0.0, 1.0)).collect(),
+        _ => return None,
+    };
+    alpha.iter().any(|a| *a < 1.0).then_some(alpha)
+}
+
+/// The texels as value / 255 (or / 65535); `into_rgb32f` rounds differently for grey images.
+fn texels(image: DynamicImage, srgb: bool) -> Vec<[f32; 3]> {
+    let value = |x: f32| if srgb { linear_from_srgb(x) } else { x };
+    match image.color().bytes_per_pixel() / image.color().channel_count() {
+        1 => image.into_rgb8().pixels().map(|p| p.0.map(|x| value(f32::from(x) / 255.0))).collect(),
+        2 => image.into_rgb16().pixels().map(|p| p.0.map(|x| value(f32::from(x) / 65535.0))).collect(),
+        _ => image.into_rgb32f().pixels().map(|p| p.0.map(value)).collect(),
+    }
+}
+
+/// IEC 61966-2-1.
+pub fn linear_from_srgb(x: f32) -> f32 {
+    if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
+}

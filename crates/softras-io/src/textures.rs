@@ -1,0 +1,67 @@
+//! The images of a mesh, each once.
+
+use crate::texture::BYTES_PER_PIXEL;
+use softras::scene::Texture;
+use std::{
+    collections::{HashMap, hash_map::Entry},
+    hash::Hash,
+};
+
+/// The most texels of all images of a mesh, 1.5 GiB.
+const MAX_TEXELS: u64 = 1 << 27;
+/// Texels that images may have whatever the size of their files, 4096² in all, and those that each byte of a file adds: a
+/// picture of a few kilobytes may claim, and even hold, a hundred million pixels of one colour.
+const FREE_TEXELS: u64 = 1 << 24;
+const TEXELS_PER_BYTE: u64 = 16;
+
+/// How many texels the next image of a mesh may have.
+#[derive(Clone, Copy)]
+pub struct Room {
+    /// The most texels of all images.
+    most: u64,
+    /// Texels of the images before it.
+    taken: u64,
+}
+
+impl Room {
+    /// For the first or only image, where all of them may take so many bytes of memory.
+    pub fn within(memory: u64) -> Self {
+        Self { most: MAX_TEXELS.min(memory / BYTES_PER_PIXEL), taken: 0 }
+    }
+
+    /// The most texels of an image whose file has so many bytes.
+    pub fn texels(self, bytes: u64) -> u64 {
+        let by_size = FREE_TEXELS.saturating_sub(self.taken).saturating_add(bytes.saturating_mul(TEXELS_PER_BYTE));
+        by_size.min(self.most.saturating_sub(self.taken))
+    }
+}
+
+/// Each image once, in order of first use.
+pub struct Textures<K> {
+    pub images: Vec<Texture>,
+    /// The index of each image; `None` for one that cannot be read.
+    by_key: HashMap<K, Option<u32>>,
+    room: Room,
+}
+
+impl<K: Eq + Hash> Textures<K> {
+    pub fn new(room: Room) -> Self {
+        Self { images: Vec::new(), by_key: HashMap::new(), room }
+    }
+
+    /// The index of an image; a new one is made, with at most so many texels as `make` is told.
+    pub fn find_or(&mut self, key: K, make: impl FnOnce(Room) -> Option<Texture>) -> Option<u32> {
+        match self.by_key.entry(key) {
+            Entry::Occupied(known) => *known.get(),
+            Entry::Vacant(unknown) => {
+                let image = make(self.room);
+                let index = image.map(|image| {
+                    self.room.taken += image.texels().len() as u64;
+                    self.images.push(image);
+                    self.images.len() as u32 - 1
+                });
+                *unknown.insert(index)
+            }
+        }
+    }
+}
