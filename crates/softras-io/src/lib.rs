@@ -35,6 +35,7 @@ mod stl;
 pub mod text;
 mod texture;
 mod textures;
+mod views;
 mod weld;
 
 pub use budget::Budget;
@@ -43,10 +44,12 @@ pub use gif::write_gif;
 pub use picture::{Floats, Picture, PictureFormat};
 pub use picture_file::PictureFile;
 pub use source::{LoadOptions, Loaded};
+pub use views::{Map, Views, ViewsOptions, read_picture};
 
 use softras::{Error, Mesh, Result};
 use source::Source;
 use std::{
+    borrow::Cow,
     fs,
     io::Read,
     path::{Path, PathBuf},
@@ -118,7 +121,7 @@ pub fn load_with(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded
     source.loaded(mesh)
 }
 
-/// Writes a mesh as an OBJ file with its materials and textures beside it: [`save_with`] with textures in sRGB.
+/// Writes a mesh as .obj, .ply or .glb: [`save_with`] with textures in sRGB.
 ///
 /// # Errors
 /// Those of [`save_with`].
@@ -129,8 +132,8 @@ pub fn save(mesh: &Mesh, path: impl AsRef<Path>) -> Result<Vec<PathBuf>> {
 /// Options for writing a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SaveOptions {
-    /// Encode textures from linear numbers to sRGB, in 8 bits a channel, as picture files have them. Off, a texel is its
-    /// number, in 8 bits where that is exact, else in 16; [`LoadOptions::srgb`] must be off too to read it back.
+    /// Encode textures, and colours in bytes, from linear numbers to sRGB, in 8 bits a channel, as picture files have them. Off,
+    /// a texel is its number, in 8 bits where that is exact, else in 16; [`LoadOptions::srgb`] must be off too to read it back.
     pub srgb: bool,
 }
 
@@ -140,21 +143,35 @@ impl Default for SaveOptions {
     }
 }
 
-/// Writes a mesh such that [`load_with`] reads back an equal one: numbers keep all their digits.
+/// Writes a mesh in the format of the path's ending. Positions and UVs keep all their digits.
+/// - .obj: vertices in their order, vertex colours in the `v` lines with all their digits, other colours in `NAME.mtl`, textures in
+///   `NAME_texture.png` (or `NAME_texture_0.png`, `NAME_texture_1.png`, ..).
+/// - .ply: binary; vertices in their order, normals, colours in bytes, one texture in `NAME_texture.png`.
+/// - .glb: everything in one file; a vertex is repeated for each of its UVs, and with colours by face for each of its faces.
 ///
-/// Vertex colours go into the `v` lines of the OBJ file, other colours into `NAME.mtl`, textures into `NAME_texture.png`
-/// (or `NAME_texture_0.png`, `NAME_texture_1.png`, ..). Each file appears whole or not at all; the OBJ file comes last, when
-/// those that it names are complete. Returns the files written, the OBJ file last.
+/// Each file appears whole or not at all; the mesh file comes last, when those that it names are complete. Returns the files
+/// written, the mesh file last.
 ///
 /// # Errors
-/// [`Error::File`] for an ending other than .obj; [`Error::Io`]; [`Error::Mesh`] for what the format cannot hold: surface textures
-/// of more than one cell, texels outside [0, 1].
+/// [`Error::File`] for other endings; [`Error::Io`]; [`Error::Mesh`] for what the format cannot hold: surface textures of more than
+/// one cell, texels outside [0, 1], several textures in a .ply file.
 pub fn save_with(mesh: &Mesh, path: impl AsRef<Path>, options: &SaveOptions) -> Result<Vec<PathBuf>> {
     let path = path.as_ref();
-    if by_ending(path) != Some(Format::Obj) {
-        return Err(fault(path, "not a name of a mesh file to write", "give a name that ends in .obj"));
-    }
-    let files = if options.srgb { obj::files_of(&color::encoded(mesh)?, path) } else { obj::files_of(mesh, path) }?;
+    let encoded = if options.srgb { Cow::Owned(color::encoded(mesh)?) } else { Cow::Borrowed(mesh) };
+    let curve = if options.srgb { Curve::Srgb } else { Curve::Raw };
+    let is_binary = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("glb"));
+    let files = match by_ending(path) {
+        Some(Format::Obj) => obj::files_of(&encoded, path)?,
+        Some(Format::Ply) => ply::files_of(&encoded, path, curve)?,
+        Some(Format::Gltf) if is_binary => vec![(path.to_path_buf(), gltf::glb(&encoded)?)],
+        _ => {
+            return Err(fault(
+                path,
+                "not a name of a mesh file to write",
+                "give a name that ends in .obj, .ply or .glb",
+            ));
+        }
+    };
     output::write_files(&files)?;
     Ok(files.into_iter().map(|(path, _)| path).collect())
 }

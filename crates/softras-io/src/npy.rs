@@ -314,6 +314,42 @@ pub fn write(shape: &[usize], data: Data<'_>) -> Vec<u8> {
     bytes
 }
 
+fn fault<T>(path: &Path, what: impl Into<String>, fix: &str) -> softras::Result<T> {
+    Err(softras::Error::File { path: path.into(), line: None, what: what.into(), fix: fix.into() })
+}
+
+/// A .npy file of finite numbers, which takes its memory of a budget.
+///
+/// # Errors
+/// [`softras::Error::File`] for what is no such file, or larger than the budget; [`softras::Error::Io`].
+pub fn read_file(path: &Path, budget: &crate::Budget) -> softras::Result<Array> {
+    let file = crate::input::open(path)?;
+    let bytes = file.metadata().map_or(0, |metadata| metadata.len());
+    crate::input::refuse_empty(path, bytes)?;
+    budget.count_file(bytes);
+    let room = |bytes| budget.claim(path, "the array", bytes).map_err(|error| error.to_string());
+    let array = match read(std::io::BufReader::new(file), room) {
+        Ok(array) => array,
+        Err(what) => return fault(path, what, "write it with numpy.save, as a plain array"),
+    };
+    let odd = numbers(path, &array)?.iter().enumerate().find(|(_, x)| !x.is_finite());
+    match odd {
+        Some((i, x)) => fault(path, format!("value {i} is {x:?}"), "every number must be finite"),
+        None => Ok(array),
+    }
+}
+
+/// The numbers of a file's array.
+///
+/// # Errors
+/// [`softras::Error::File`] for text.
+pub fn numbers<'a>(path: &Path, array: &'a Array) -> softras::Result<Numbers<'a>> {
+    match array.numbers() {
+        Some(numbers) => Ok(numbers),
+        None => fault(path, format!("holds text ({})", array.dtype()), "numbers are expected"),
+    }
+}
+
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {

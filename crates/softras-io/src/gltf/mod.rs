@@ -4,6 +4,9 @@
 mod accessor;
 mod document;
 mod image;
+mod write;
+
+pub use write::glb;
 
 use crate::{fault, obj::FARTHEST_UV, source::Source, weld::Weld};
 use document::Document;

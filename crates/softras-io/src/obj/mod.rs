@@ -14,7 +14,7 @@ mod triangles;
 mod write;
 
 pub use parse::FARTHEST_UV;
-pub use write::files_of;
+pub use write::{files_of, png};
 
 use crate::source::Source;
 use softras::{Error, Mesh, Result};

@@ -1,6 +1,9 @@
 //! Reads PLY files: vertices, polygons, colours, and UVs with their image.
 
 mod rows;
+mod write;
+
+pub use write::files_of;
 
 use crate::{
     fault,

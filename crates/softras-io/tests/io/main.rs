@@ -9,6 +9,7 @@ mod formats;
 mod mutate;
 mod mutation;
 mod obj;
+mod save;
 
 /// What comes of work, and the most bytes of the heap that it had at a time.
 fn peak_of<T>(work: impl FnOnce() -> T) -> (T, usize) {

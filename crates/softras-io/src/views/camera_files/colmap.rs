@@ -3,10 +3,10 @@
 //! A pose is world to camera, X' = R(q) X + t with a unit quaternion q = (w, x, y, z), and the camera's axes are x right,
 //! y down, z forward. The centre of the upper left pixel is (0.5, 0.5). Of the points of pictures nothing is kept.
 
-use super::{Lens, MAX_PICTURES, View, posed};
+use super::{Entry, Lens, MAX_PICTURES, posed};
+use crate::input;
 use glam::{DMat4, DQuat, DVec3};
 use softras::{Error, Result};
-use softras_io::input;
 use std::collections::HashMap;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
@@ -91,7 +91,7 @@ struct Calibrated {
 }
 
 /// The pictures of an images.txt, or of the images.txt beside a cameras.txt.
-pub(super) fn read(path: &Path) -> Result<Vec<View>> {
+pub(super) fn read(path: &Path) -> Result<Vec<Entry>> {
     let cameras = cameras(&path.with_file_name("cameras.txt"))?;
     let path = path.with_file_name("images.txt");
     let mut lines = Lines::open(&path)?;
@@ -115,7 +115,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<View>> {
         // A name may hold spaces: it is the rest of the line.
         let name = words[..9].iter().fold(&text[..], |rest, word| rest.trim_start()[word.len()..].trim_start());
         let place = format!("line {}", lines.line);
-        views.push(View { file: name.into(), size: Some(*size), place, view, lens: *lens });
+        views.push(Entry { file: name.into(), size: Some(*size), place, view, lens: *lens });
         if views.len() > MAX_PICTURES {
             return lines.refuse("more than 100000 pictures", "use fewer");
         }

@@ -8,11 +8,11 @@ mod list;
 mod transforms;
 mod write;
 
-pub use write::{names, write};
+pub use write::{files, names};
 
+use crate::input;
 use glam::{DMat4, DVec3};
 use softras::{Camera, Error, Projection, Result};
-use softras_io::input;
 use std::path::{Path, PathBuf};
 
 /// The most bytes of a JSON file: a hundred thousand cameras.
@@ -26,7 +26,7 @@ const ROTATION_ERROR: f64 = 1e-3;
 
 /// A picture and its camera.
 #[derive(Clone, Debug)]
-pub struct View {
+pub struct Entry {
     /// The picture's path, from the folder of views.
     pub file: PathBuf,
     /// Width and height that the file says the picture has.
@@ -54,7 +54,7 @@ enum Lens {
 ///
 /// # Errors
 /// [`Error::File`] naming the place and the field, or the line, of anything that does not belong there.
-pub fn read(folder: &Path, given: Option<&Path>, fov: f64) -> Result<(PathBuf, Vec<View>)> {
+pub fn read(folder: &Path, given: Option<&Path>, fov: f64) -> Result<(PathBuf, Vec<Entry>)> {
     let names = ["cameras.json", "transforms.json", "images.txt"];
     let found = || names.map(|name| folder.join(name)).into_iter().find(|path| path.exists());
     let path = given.map(Path::to_path_buf).or_else(found).unwrap_or_else(|| folder.join(names[0]));
@@ -81,7 +81,7 @@ const FORMAT: &str = "write it, as [{\"file\": \"0.png\", \"distance\": 3, \"ele
     {\"file\": \"1.png\", \"eye\": [0, 1, 3], \"target\": [0, 0, 0], \"fov\": 30}], or give a transforms.json (NeRF) or \
     cameras.txt and images.txt (COLMAP)";
 
-impl View {
+impl Entry {
     /// The camera, for a picture of this size.
     ///
     /// # Errors
@@ -161,7 +161,7 @@ fn json<'a, T: serde::Deserialize<'a>>(path: &Path, bytes: &'a [u8]) -> Result<T
     let parsed: T = match serde_path_to_error::deserialize(&mut *json) {
         Ok(parsed) => parsed,
         Err(error) => {
-            let place = softras_io::text::name(&error.path().to_string());
+            let place = crate::text::name(&error.path().to_string());
             return refuse(format!("at {place}: {}", error.inner()));
         }
     };

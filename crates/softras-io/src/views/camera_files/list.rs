@@ -1,6 +1,6 @@
 //! cameras.json: a list of pictures, each with its position in one of four forms, and its lens in one of two.
 
-use super::{Lens, View, fault, json, matrix, perspective, posed};
+use super::{Entry, Lens, fault, json, matrix, perspective, posed};
 use glam::{DMat4, DVec3};
 use serde::Deserialize;
 use softras::{Camera, Result};
@@ -12,7 +12,7 @@ const OPENCV: DVec3 = DVec3::new(1.0, -1.0, 1.0);
 /// An entry.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Entry {
+struct Listed {
     /// The picture's name.
     file: String,
     /// Vertical angle of view, degrees.
@@ -33,9 +33,9 @@ struct Entry {
 }
 
 /// The pictures of a cameras.json.
-pub(super) fn read(path: &Path, bytes: &[u8], fov: f64) -> Result<Vec<View>> {
-    let entries: Vec<Entry> = json(path, bytes)?;
-    let one = |(i, entry): (usize, Entry)| {
+pub(super) fn read(path: &Path, bytes: &[u8], fov: f64) -> Result<Vec<Entry>> {
+    let entries: Vec<Listed> = json(path, bytes)?;
+    let one = |(i, entry): (usize, Listed)| {
         let place = format!("camera {i}");
         let refuse = |what: String, fix: &str| fault(path, format!("{place}: {what}"), fix);
         let view = match position(&entry) {
@@ -58,7 +58,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], fov: f64) -> Result<Vec<View>> {
             }
             (None, own) => Lens::Degrees(own.unwrap_or(fov)),
         };
-        Ok(View { file: entry.file.into(), size: None, place, view, lens })
+        Ok(Entry { file: entry.file.into(), size: None, place, view, lens })
     };
     entries.into_iter().enumerate().map(one).collect()
 }
@@ -72,7 +72,7 @@ enum Position {
 }
 
 /// World to view.
-fn position(entry: &Entry) -> Result<DMat4, Position> {
+fn position(entry: &Listed) -> Result<DMat4, Position> {
     let angles = [entry.distance, entry.elevation, entry.azimuth];
     let matrices = (entry.world_to_camera.as_ref(), entry.camera_to_world.as_ref());
     let alone = entry.target.is_none() && entry.up.is_none();

@@ -4,7 +4,7 @@
 //! (<https://docs.nerf.studio/quickstart/data_conventions.html>). Names without an extension are those of PNG files, as in
 //! the scenes of the NeRF paper.
 
-use super::{Lens, View, fault, json, matrix, posed};
+use super::{Entry, Lens, fault, json, matrix, posed};
 use glam::DVec3;
 use serde::Deserialize;
 use softras::Result;
@@ -64,7 +64,7 @@ struct Frame {
 }
 
 /// The pictures of a transforms.json.
-pub(super) fn read(path: &Path, bytes: &[u8], fov: f64) -> Result<Vec<View>> {
+pub(super) fn read(path: &Path, bytes: &[u8], fov: f64) -> Result<Vec<Entry>> {
     let file: Transforms = json(path, bytes)?;
     let distorted = [file.k1, file.k2, file.k3, file.k4, file.p1, file.p2].iter().flatten().any(|k| *k != 0.0);
     let model = file.camera_model.as_deref().unwrap_or("PINHOLE");
@@ -75,7 +75,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], fov: f64) -> Result<Vec<View>> {
     file.frames.iter().enumerate().map(|(i, frame)| view(path, &file, i, frame, fov)).collect()
 }
 
-fn view(path: &Path, file: &Transforms, i: usize, frame: &Frame, fov: f64) -> Result<View> {
+fn view(path: &Path, file: &Transforms, i: usize, frame: &Frame, fov: f64) -> Result<Entry> {
     let place = format!("frames[{i}]");
     let refuse = |what: String, fix: &str| fault(path, format!("{place}: {what}"), fix);
     let pose = matrix(&frame.transform_matrix);
@@ -120,5 +120,5 @@ fn view(path: &Path, file: &Transforms, i: usize, frame: &Frame, fov: f64) -> Re
     if name.extension().is_none() {
         name.set_extension("png");
     }
-    Ok(View { file: name, size, place, view, lens })
+    Ok(Entry { file: name, size, place, view, lens })
 }

@@ -1,21 +1,20 @@
 //! Maps of depths and normals beside the views of a fit: a file for each picture, of the picture's name.
 
-use super::targets::{numbers, read_array};
-use clap::ValueEnum;
+use super::Views;
+use crate::{
+    Budget, PictureFile, input,
+    npy::{self, numbers, read_file},
+};
 use exr::prelude::{AnyChannel, FlatSamples, MetaData, ReadChannels, ReadLayers, read};
 use softras::{Error, Image, Result};
-use softras_fit::Targets;
-use softras_io::Budget;
-use softras_io::npz::npy;
-use softras_io::{PictureFile, input, output};
 use std::path::{Path, PathBuf};
 
 /// What a map holds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Map {
-    /// View depths
+    /// View depths.
     Depth,
-    /// Normals in world space
+    /// Normals in world space.
     Normal,
 }
 
@@ -45,7 +44,8 @@ impl Map {
         }
     }
 
-    fn folder(self) -> &'static str {
+    /// The folder beside the pictures that [`Views::save`] writes maps into.
+    pub fn folder(self) -> &'static str {
         match self {
             Self::Depth => "depths",
             Self::Normal => "normals",
@@ -100,7 +100,7 @@ impl Map {
     }
 
     fn read_npy(self, path: &Path, budget: &Budget) -> Result<Values> {
-        let array = read_array(path, budget)?;
+        let array = read_file(path, budget)?;
         let (height, width) = match (self, &array.shape[..]) {
             (Self::Depth, &[h, w] | &[h, w, 1]) | (Self::Normal, &[h, w, 3]) => (h, w),
             (_, shape) => {
@@ -198,34 +198,29 @@ impl Map {
     }
 }
 
-/// The files that [`write`] writes for pictures of these names.
+/// The files of maps that [`Views::save`] writes for pictures of these names.
 pub fn names(folder: &Path, maps: &[Map], pictures: &[PathBuf]) -> Vec<PathBuf> {
     let pictures = || pictures.iter().filter(|path| path.extension().is_some_and(|ending| ending == "png"));
     maps.iter().flat_map(|map| pictures().map(|path| place(folder, *map, path))).collect()
 }
 
-/// The folders that [`write`] writes into.
-pub fn folders(folder: &Path, maps: &[Map]) -> impl Iterator<Item = PathBuf> {
-    maps.iter().map(|map| folder.join(map.folder()))
-}
-
-/// Writes the targets' maps as .npy files into folders of their own beside the pictures.
-pub fn write(folder: &Path, targets: &Targets, pictures: &[PathBuf]) -> Result<()> {
+/// The contents of these files.
+pub fn files(folder: &Path, views: &Views, pictures: &[PathBuf]) -> Vec<(PathBuf, Vec<u8>)> {
     let mut written = Vec::new();
-    for (map, image) in [(Map::Depth, &targets.depth), (Map::Normal, &targets.normal)] {
+    for (map, image) in [(Map::Depth, &views.depth), (Map::Normal, &views.normal)] {
         let Some(image) = image else { continue };
         for (view, picture) in pictures.iter().take(image.batch).enumerate() {
             let shape = [image.height, image.width, image.channels];
             let shape = if map == Map::Depth { &shape[..2] } else { &shape[..] };
             // A pixel that the object covers in part is a mean of the surface and of nothing.
-            let covered = targets.silhouette.iter().flat_map(|silhouette| silhouette.view(view)).map(|a| *a >= COVERED);
+            let covered = views.silhouette.iter().flat_map(|silhouette| silhouette.view(view)).map(|a| *a >= COVERED);
             let pixels = image.view(view).chunks_exact(image.channels).zip(covered);
             let values: Vec<f32> =
                 pixels.flat_map(|(pixel, covered)| pixel.iter().map(move |x| if covered { *x } else { 0.0 })).collect();
             written.push((place(folder, map, picture), npy::write(shape, npy::Data::F32(&values))));
         }
     }
-    output::write_files(&written)
+    written
 }
 
 fn place(folder: &Path, map: Map, picture: &Path) -> PathBuf {

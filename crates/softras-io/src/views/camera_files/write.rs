@@ -1,10 +1,9 @@
 //! Pictures and cameras.json as `--write-views` writes them.
 
+use crate::Curve;
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use serde_json::{Value, json};
 use softras::{Camera, Error, Image, Projection, Result};
-use softras_io::Curve;
-use softras_io::output;
 use std::path::{Path, PathBuf};
 
 /// The files of so many views: pictures, and last the file that names them.
@@ -17,11 +16,11 @@ fn name(view: usize) -> String {
     format!("view_{view:03}.png")
 }
 
-/// Writes the views as PNG files, sRGB with the silhouette as alpha, and their cameras with intrinsics and matrices.
+/// The contents of these files: PNG files, sRGB with the silhouette as alpha, and their cameras with intrinsics and matrices.
 ///
 /// # Errors
-/// [`Error::Io`]; then no file has changed, unless a rename itself failed.
-pub fn write(folder: &Path, cameras: &[Camera], silhouette: &Image, color: &Image) -> Result<()> {
+/// [`Error::Io`] for a picture that cannot be encoded.
+pub fn files(folder: &Path, cameras: &[Camera], silhouette: &Image, color: &Image) -> Result<Vec<(PathBuf, Vec<u8>)>> {
     let size = (silhouette.width, silhouette.height);
     let mut written = Vec::with_capacity(cameras.len() + 1);
     let mut entries = Vec::with_capacity(cameras.len());
@@ -34,7 +33,7 @@ pub fn write(folder: &Path, cameras: &[Camera], silhouette: &Image, color: &Imag
     }
     let lines: Vec<String> = entries.iter().map(|entry| format!("  {entry}")).collect();
     written.push((folder.join("cameras.json"), format!("[\n{}\n]\n", lines.join(",\n")).into_bytes()));
-    output::write_files(&written)
+    Ok(written)
 }
 
 /// A picture of linear colours over black and of alpha.

@@ -1,0 +1,356 @@
+//! Views of an object: pictures, silhouettes, depths and normals, with their cameras.
+
+mod camera_files;
+mod maps;
+
+pub use maps::Map;
+
+use crate::{Budget, Curve, PictureFile, npy, output};
+use glam::DMat4;
+use softras::{Camera, Error, Image, Projection, Result};
+use std::{
+    borrow::Cow,
+    path::{Path, PathBuf},
+};
+
+/// Views of an object, with at least one kind of image.
+#[derive(Clone, Debug, Default)]
+pub struct Views {
+    /// One for each view.
+    pub cameras: Vec<Camera>,
+    /// `[views, height, width, 1]`.
+    pub silhouette: Option<Image>,
+    /// `[views, height, width, 3]`, linear, over black.
+    pub color: Option<Image>,
+    /// `[views, height, width, 1]`: the view depth, in world units, of the surface that a pixel shows; 0, or what is not finite,
+    /// where it is not known. Only pixels that the silhouette covers wholly are compared.
+    pub depth: Option<Image>,
+    /// `[views, height, width, 3]`: the surface's unit normal in world space; 0, or what is not finite, where it is not known. Only
+    /// pixels that the silhouette covers wholly are compared.
+    pub normal: Option<Image>,
+}
+
+/// What is read of views, and how.
+#[derive(Clone, Debug)]
+pub struct ViewsOptions {
+    /// The file of cameras; `None`: what the folder has of cameras.json, transforms.json and images.txt.
+    pub cameras: Option<PathBuf>,
+    /// The vertical angle of view of cameras whose file does not give one, degrees.
+    pub fov: f64,
+    /// Whether colours are kept.
+    pub color: bool,
+    /// The folder of depth maps.
+    pub depths: Option<PathBuf>,
+    /// World units of a step of depth maps in PNG files.
+    pub depth_unit: f64,
+    /// The folder of normal maps.
+    pub normals: Option<PathBuf>,
+    /// Allow pictures outside of the folder.
+    pub allow_outside: bool,
+    /// Bytes of the budget that a pixel takes, with all that is made of it later.
+    pub bytes_per_pixel: u64,
+}
+
+impl Default for ViewsOptions {
+    fn default() -> Self {
+        Self {
+            cameras: None,
+            fov: 30.0,
+            color: true,
+            depths: None,
+            depth_unit: 0.001,
+            normals: None,
+            allow_outside: false,
+            bytes_per_pixel: 112,
+        }
+    }
+}
+
+impl Views {
+    /// Reads a folder of pictures with their cameras: [`Views::open_with`] without options.
+    ///
+    /// # Errors
+    /// Those of [`Views::open_with`].
+    pub fn open(folder: impl AsRef<Path>) -> Result<Self> {
+        Ok(Self::open_with(folder, &ViewsOptions::default(), &Budget::new(None))?.0)
+    }
+
+    /// Reads a folder of PNG and JPEG pictures with a file of their cameras, or a .npy file of images (`[N, 4, H, W]` or `[N, H, W,
+    /// 4]`: RGBA, alpha is the silhouette; `[N, H, W]`: silhouettes) with a file of theirs (`[N, 3]`: distance, elevation, azimuth in
+    /// degrees of the official data, whose images are mirrored; `[N, 4, 4]`: world to view). The silhouette of a picture without
+    /// transparency is every pixel that is not black. Returns all files that were read, too.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::File`] with the place of what is malformed, does not fit together, or exceeds the budget.
+    pub fn open_with(path: impl AsRef<Path>, options: &ViewsOptions, budget: &Budget) -> Result<(Self, Vec<PathBuf>)> {
+        let path = path.as_ref();
+        let mut files = vec![path.to_path_buf()];
+        files.extend(options.cameras.clone());
+        let views =
+            if path.is_dir() { folder(options, path, &mut files, budget)? } else { arrays(options, path, budget)? };
+        Ok((views, files))
+    }
+
+    /// The files that [`Views::save`] writes into a folder for so many views with these maps.
+    pub fn files(folder: &Path, count: usize, maps: &[Map]) -> Vec<PathBuf> {
+        let mut files = camera_files::names(folder, count);
+        files.extend(maps::names(folder, maps, &files));
+        files
+    }
+
+    /// Writes pictures with alpha, their cameras.json, and maps of depths and normals in folders beside them, as
+    /// [`Views::open_with`] reads them. Folders are made.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; then no file has changed, unless a rename itself failed. [`Error::File`] without colours and silhouettes.
+    pub fn save(&self, folder: &Path) -> Result<()> {
+        let (Some(silhouette), Some(color)) = (&self.silhouette, &self.color) else {
+            return fault(folder, "the views have no colours or no silhouettes", "give both");
+        };
+        let maps =
+            [(Map::Depth, &self.depth), (Map::Normal, &self.normal)].into_iter().filter(|(_, map)| map.is_some());
+        for folder in [folder.to_path_buf()].into_iter().chain(maps.map(|(map, _)| folder.join(map.folder()))) {
+            std::fs::create_dir_all(&folder).map_err(|source| Error::Io { path: folder, source })?;
+        }
+        let names = camera_files::names(folder, self.cameras.len());
+        output::write_files(&camera_files::files(folder, &self.cameras, silhouette, color)?)?;
+        output::write_files(&maps::files(folder, self, &names))
+    }
+
+    /// Some of the views.
+    ///
+    /// # Panics
+    /// For a view that there is not.
+    pub fn some(&self, views: &[usize]) -> Cow<'_, Self> {
+        if views.len() == self.cameras.len() {
+            return Cow::Borrowed(self);
+        }
+        let some = |image: &Option<Image>| image.as_ref().map(|image| image.views(views.iter().copied()));
+        Cow::Owned(Self {
+            cameras: views.iter().map(|&view| self.cameras[view]).collect(),
+            silhouette: some(&self.silhouette),
+            color: some(&self.color),
+            depth: some(&self.depth),
+            normal: some(&self.normal),
+        })
+    }
+
+    /// Every `stride`-th view.
+    pub fn every(&self, stride: usize) -> Self {
+        let views: Vec<usize> = (0..self.cameras.len()).step_by(stride.max(1)).collect();
+        self.some(&views).into_owned()
+    }
+
+    /// Height and width of the images.
+    ///
+    /// # Errors
+    /// [`Error::Fit`] without any image, or when the images do not go with the cameras and each other.
+    pub fn size(&self) -> Result<(usize, usize)> {
+        let bad = |what: String, fix: String| Err(Error::Fit { what, fix });
+        let images = [&self.silhouette, &self.color, &self.depth, &self.normal];
+        let named = ["silhouettes", "colors", "depths", "normals"].into_iter().zip(images).zip([1, 3, 1, 3]);
+        let given = named.filter_map(|((name, image), channels)| image.as_ref().map(|image| (name, image, channels)));
+        let Some((_, first, _)) = given.clone().next() else {
+            return bad("views without an image".into(), "give silhouettes, colours, depths or normals".into());
+        };
+        for (name, image, channels) in given {
+            let shape = [image.batch, image.height, image.width, image.channels];
+            let right = [self.cameras.len(), first.height, first.width, channels];
+            if shape != right || !image.is_whole() {
+                let what =
+                    format!("{name} of shape {shape:?} with {} values for {} cameras", image.data.len(), right[0]);
+                return bad(what, format!("give {name} of shape {right:?}, as large as the other images"));
+            }
+        }
+        Ok((first.height, first.width))
+    }
+}
+
+fn fault<T>(path: &Path, what: impl Into<String>, fix: &str) -> Result<T> {
+    Err(Error::File { path: path.into(), line: None, what: what.into(), fix: fix.into() })
+}
+
+/// Claims the memory for so many pixels.
+fn claim_pixels(options: &ViewsOptions, budget: &Budget, path: &Path, pixels: u64) -> Result<()> {
+    budget.claim(path, &format!("a fit to {pixels} pixels"), pixels.saturating_mul(options.bytes_per_pixel))
+}
+
+/// Images and cameras as numpy arrays.
+fn arrays(options: &ViewsOptions, path: &Path, budget: &Budget) -> Result<Views> {
+    // What is not there is no .npy file that lacks its cameras.
+    std::fs::metadata(path).map_err(|source| Error::Io { path: path.into(), source })?;
+    let Some(cameras) = &options.cameras else {
+        return fault(path, "images in a .npy file have no cameras with them", "give the file of their cameras too");
+    };
+    if options.depths.is_some() || options.normals.is_some() {
+        let what = "depths and normals have the names of pictures, which a .npy file of images has not";
+        return fault(path, what, "give a folder of pictures");
+    }
+    let array = npy::read_file(path, budget)?;
+    // The axes of [view, row, column, channel] in the file.
+    let (sizes, strides) = match array.shape[..] {
+        [n, c @ (1 | 3 | 4), h, w] => ([n, h, w, c], [c * h * w, w, 1, h * w]),
+        [n, h, w, c @ (1 | 3 | 4)] => ([n, h, w, c], [h * w * c, w * c, c, 1]),
+        [n, h, w] => ([n, h, w, 1], [h * w, w, 1, 0]),
+        ref shape => {
+            return fault(path, format!("has shape {shape:?}"), "use [N, 4, H, W], [N, H, W, 4] or [N, H, W]");
+        }
+    };
+    let [batch, height, width, channels] = sizes;
+    if sizes.contains(&0) {
+        return fault(path, format!("has shape {:?}", array.shape), "give at least one pixel");
+    }
+    claim_pixels(options, budget, path, (batch * height * width) as u64)?;
+    let values = npy::numbers(path, &array)?;
+    let scale = if array.dtype() == "uint8" { 255.0 } else { 1.0 };
+    let mut pixels = Pixels::new(options.color);
+    for view in 0..batch {
+        for row in 0..height {
+            for column in 0..width {
+                let at = view * strides[0] + row * strides[1] + column * strides[2];
+                let channel = |k: usize| values.at(at + k * strides[3]) / scale;
+                pixels.push(match channels {
+                    1 => [channel(0); 4],
+                    3 => rgba([channel(0), channel(1), channel(2)], None),
+                    _ => rgba([channel(0), channel(1), channel(2)], Some(channel(3))),
+                });
+            }
+        }
+    }
+    let cameras = read_cameras(cameras, options.fov, budget)?;
+    Ok(pixels.views(cameras, [batch, height, width]))
+}
+
+/// The pixels of all views.
+struct Pixels {
+    silhouette: Vec<f32>,
+    color: Option<Vec<f32>>,
+}
+
+impl Pixels {
+    fn new(color: bool) -> Self {
+        Self { silhouette: Vec::new(), color: color.then(Vec::new) }
+    }
+
+    fn push(&mut self, [r, g, b, a]: [f64; 4]) {
+        self.silhouette.push(a as f32);
+        if let Some(color) = &mut self.color {
+            color.extend([r as f32, g as f32, b as f32]);
+        }
+    }
+
+    fn views(self, cameras: Vec<Camera>, [batch, height, width]: [usize; 3]) -> Views {
+        let image = |channels: usize, data: Vec<f32>| Image { batch, height, width, channels, data };
+        let color = self.color.map(|color| image(3, color));
+        Views { cameras, silhouette: Some(image(1, self.silhouette)), color, ..Views::default() }
+    }
+}
+
+/// Linear colour over black, and the silhouette; without alpha, the silhouette is every pixel that is not black.
+fn rgba(bytes: [f64; 3], alpha: Option<f64>) -> [f64; 4] {
+    let a = alpha.unwrap_or_else(|| f64::from(u8::from(bytes.iter().sum::<f64>() > 0.0)));
+    let [r, g, b] = bytes.map(|byte| a * Curve::Srgb.decode(byte));
+    [r, g, b, a]
+}
+
+/// Reads pictures with their cameras from a file of them, and adds all these files to those that were read.
+fn folder(options: &ViewsOptions, path: &Path, files: &mut Vec<PathBuf>, budget: &Budget) -> Result<Views> {
+    let (list, views) = camera_files::read(path, options.cameras.as_deref(), options.fov)?;
+    files.push(list.clone());
+    let mut cameras = Vec::with_capacity(views.len());
+    let mut size: Option<(u32, u32)> = None;
+    // All pictures are counted before the first is decoded.
+    for view in &views {
+        let file = path.join(&view.file);
+        check_inside(path, &file, options.allow_outside)?;
+        let picture = PictureFile::open(&file)?;
+        files.push(file.clone());
+        let (width, height) = (picture.width, picture.height);
+        cameras.push(view.camera(&list, (width, height))?);
+        if *size.get_or_insert((width, height)) != (width, height) {
+            let what = format!("is {width}×{height} pixels, others are not");
+            return fault(&file, what, "use images of one size");
+        }
+        budget.count_file(picture.file_bytes);
+        claim_pixels(options, budget, &file, picture.pixels())?;
+    }
+    let mut pixels = Pixels::new(options.color);
+    for view in &views {
+        for_each_pixel(&path.join(&view.file), |pixel| pixels.push(pixel))?;
+    }
+    let (width, height) = size.unwrap_or_default();
+    let (width, height) = (width as usize, height as usize);
+    let mut made = pixels.views(cameras, [views.len(), height, width]);
+    let pictures: Vec<PathBuf> = views.into_iter().map(|view| view.file).collect();
+    let mut maps = |map: Map, folder: &Option<PathBuf>| -> Result<Option<Image>> {
+        let Some(folder) = folder else { return Ok(None) };
+        map.read_all(folder, &pictures, (width, height), options.depth_unit, files, budget).map(Some)
+    };
+    (made.depth, made.normal) = (maps(Map::Depth, &options.depths)?, maps(Map::Normal, &options.normals)?);
+    Ok(made)
+}
+
+/// Refuses pictures outside the folder: a cameras.json of unknown origin must not make softras read other files.
+fn check_inside(folder: &Path, file: &Path, allowed: bool) -> Result<()> {
+    let real = |path: &Path| path.canonicalize().map_err(|source| Error::Io { path: path.into(), source });
+    if allowed || real(file)?.starts_with(real(folder)?) {
+        return Ok(());
+    }
+    fault(file, "lies outside the folder of views", "move it into the folder, or use --allow-outside")
+}
+
+/// Decodes a picture file and visits its pixels, linear colour over black and alpha.
+fn for_each_pixel(path: &Path, mut visit: impl FnMut([f64; 4])) -> Result<()> {
+    let picture = PictureFile::open(path)?.decode(path)?.into_rgba8();
+    let opaque = picture.pixels().all(|p| p.0[3] == 255);
+    for pixel in picture.pixels() {
+        let [r, g, b, a] = pixel.0.map(|byte| f64::from(byte) / 255.0);
+        visit(rgba([r, g, b], (!opaque).then_some(a)));
+    }
+    Ok(())
+}
+
+/// Width, height and pixels of a picture file, linear colour over black and alpha; each takes `bytes_per_pixel` of the budget. The alpha
+/// of a picture without transparency is 1 where it is not black.
+///
+/// # Errors
+/// [`Error::Io`]; [`Error::File`] for what is no picture or larger than the budget.
+pub fn read_picture(path: &Path, budget: &Budget, bytes_per_pixel: u64) -> Result<(usize, usize, Vec<[f64; 4]>)> {
+    let picture = PictureFile::open(path)?;
+    let (width, height) = (picture.width as usize, picture.height as usize);
+    budget.count_file(picture.file_bytes);
+    let what = format!("a picture of {width}×{height} pixels");
+    budget.claim(path, &what, picture.pixels().saturating_mul(bytes_per_pixel))?;
+    let mut pixels = Vec::with_capacity(width * height);
+    for_each_pixel(path, |pixel| pixels.push(pixel))?;
+    Ok((width, height, pixels))
+}
+
+/// Reads cameras from a numpy array: the angles of the official data, or matrices.
+fn read_cameras(path: &Path, fov: f64, budget: &Budget) -> Result<Vec<Camera>> {
+    let array = npy::read_file(path, budget)?;
+    let values = npy::numbers(path, &array)?;
+    let row = |at: usize, i: usize| values.at(at + i);
+    match array.shape[..] {
+        [n, 3] => (0..n).map(|c| official([0, 1, 2].map(|i| row(3 * c, i)), fov)).collect(),
+        [n, 4, 4] => {
+            let matrix = |c: usize| DMat4::from_cols_array(&std::array::from_fn(|i| row(16 * c, i))).transpose();
+            (0..n).map(|c| Camera::from_matrix(matrix(c), perspective(fov))).collect()
+        }
+        ref shape => {
+            fault(path, format!("has shape {shape:?}"), "use [N, 3] (distance, elevation, azimuth) or [N, 4, 4]")
+        }
+    }
+}
+
+/// A camera of the official renderer, whose images are mirrored.
+fn official([distance, elevation, azimuth]: [f64; 3], fov: f64) -> Result<Camera> {
+    let straight = Camera::from_angles(distance, elevation, azimuth, perspective(fov))?;
+    let [right, up, forward] = *straight.view();
+    let rows = [right.map(|x| -x), up, forward, [0.0, 0.0, 0.0, 1.0]];
+    Camera::from_matrix(DMat4::from_cols_array_2d(&rows).transpose(), perspective(fov))
+}
+
+fn perspective(fov: f64) -> Projection {
+    Projection::Perspective { fov_y: fov.to_radians() }
+}
