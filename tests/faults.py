@@ -27,7 +27,7 @@ PAIR, PIXELS = "glsl/common/pair_gradient.glsl", "glsl/common/pair.glsl"
 ROWS = "glsl/common/row_walk.glsl"
 
 # What is broken, where, the text, what stands there instead, and the tests that should see it: a module of `cargo test --test
-# quick`, with `stress ` before it one of the laboratory's tests, with `full ` one that only the full tier's sizes let see it.
+# quick`, with `lab ` before it one of the laboratory's tests, with `full ` one that only the full tier's sizes let see it.
 FAULTS = [
     ("remeshing that leaves the surface", "src/fit/remesh/surface.rs", "(self.positions[v], self.sizes[v]) = (point, size);",
      "(self.positions[v], self.sizes[v]) = (0.5 * (self.positions[v] + point), size);", ["fit::remesh::no_detail"]),
@@ -90,7 +90,7 @@ FAULTS = [
      "const LARGEST_SOFT_WEIGHT: f64 = 4_194_304.0;", "const LARGEST_SOFT_WEIGHT: f64 = 1e30;",
      ["render::forward::log_weights"]),
     ("colours summed in the weights' unit", SOFT, "const float COLOR_UNIT = 1048576.0;",
-     "const float COLOR_UNIT = WEIGHT_UNIT;", ["stress found::the_brightest"]),
+     "const float COLOR_UNIT = WEIGHT_UNIT;", ["lab found::the_brightest"]),
     ("stale bits of the frame before", "src/frame/passes/forward.rs", "    clear(recorder, bin_bits, plan.sizes[BufferId::BinBits])?;\n",
      "    let _ = bin_bits;\n", ["render::invariance::what_was_rendered_before", "render::invariance::twenty"]),
     ("half of a sum's lanes lost", "glsl/reduce.comp", "for (int width = LANES / 2;", "for (int width = LANES / 4;",
@@ -135,14 +135,14 @@ FAULTS = [
      ["render::support::", "render::pixels::"]),
     ("background left where triangles were", "glsl/bin_fine.comp",
      "shape.background_kept && tile_marks[tile] == MARK_BACKGROUND", "shape.background_kept",
-     ["stress found::a_tile_that_a_triangle_has_left"]),
+     ["lab found::a_tile_that_a_triangle_has_left"]),
     ("an eighth is next to nothing", "glsl/common/hidden.glsl", "NEXT_TO_NOTHING = -24.0", "NEXT_TO_NOTHING = -3.0",
      ["render::forward::random_scenes"]),
     ("both pieces of a cut triangle in full", "glsl/common/images.glsl",
      "alpha = min(alpha / float(max(triangle_count, 1)), 1.0);", "alpha = alpha / float(max(triangle_count, 1));",
-     ["stress drawn::the_pieces"]),
+     ["lab drawn::the_pieces"]),
     ("gradients of a sum beyond 1", "glsl/pixel_grad.comp", "kept.aggregate > count ? 0.0 : up_alpha / count", "up_alpha / count",
-     ["stress drawn::the_pieces"]),
+     ["lab drawn::the_pieces"]),
     ("opacity left out of the others' product", PAIR, "LEAST_APART && own > g.least ? g.least / own : 1.0", "1.0",
      ["gradient::opacity::"]),
     # Of the Rust side, where the tests need no device.
@@ -252,10 +252,10 @@ def run(command, folder, target, limit, more):
 
 
 def cargo(test, arguments):
-    """The command for a test by its name in the list: `full ` before it means the full tier, `stress ` the laboratory's tests."""
+    """The command for a test by its name in the list: `full ` before it means the full tier, `lab ` the laboratory's tests."""
     words = test.split()
     tier = {"SOFTRAS_TIER": "full"} if words[0] == "full" else {}
-    package = ["-p", "softras-lab", "--test", "stress"] if "stress" in words[:-1] else ["-p", "softras", "--test", "quick"]
+    package = ["-p", "softras-lab", "--test", "lab"] if "lab" in words[:-1] else ["-p", "softras", "--test", "quick"]
     return ["cargo", "test", "-q", *package, *arguments], words[-1], tier
 
 

@@ -10,7 +10,8 @@ use super::{
 use softras::{
     Camera, GradientMode, Gradients, Image, ImageGradient, Renderer, Scene, Settings, Wanted, scene::Outputs,
 };
-use softras_reference::{ReferenceGradients, Upstream, render_culled};
+use softras_lab::gradients;
+use softras_reference::{ReferenceGradients, render_culled};
 use std::collections::BTreeMap;
 
 /// One gradient of a scene, ours and the reference's.
@@ -81,19 +82,8 @@ pub fn upstream_of(case: &Case, weight: impl Fn(&str, usize, usize) -> [f32; 3])
     }
 }
 
-/// The same for the reference.
-pub fn reference_upstream(upstream: &ImageGradient) -> Upstream {
-    let wide = |image: &Option<Image>| image.as_ref().map(|i| i.data.iter().map(|&x| f64::from(x)).collect());
-    Upstream {
-        d_color: wide(&upstream.color),
-        d_silhouette: wide(&upstream.silhouette),
-        d_depth: wide(&upstream.depth),
-        d_normal: wide(&upstream.normal),
-    }
-}
-
 pub fn reference_gradient(case: &Case, upstream: &ImageGradient, mode: GradientMode) -> ReferenceGradients {
-    softras_reference::gradient(&case.scene, &case.cameras, &case.settings, &reference_upstream(upstream), mode)
+    softras_reference::gradient(&case.scene, &case.cameras, &case.settings, &gradients::upstream(upstream), mode)
         .unwrap()
 }
 

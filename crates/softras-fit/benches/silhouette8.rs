@@ -14,7 +14,7 @@ use softras_fit::{
     ImageLoss, Method, Optimizer, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions, Targets, mask_iou,
     soft_target,
 };
-use softras_io::npy;
+use softras_io::npz;
 use std::path::Path;
 use std::time::Instant;
 
@@ -72,12 +72,7 @@ struct Task {
 impl Task {
     fn read(path: &Path) -> Self {
         let numbers = |key: &str| -> Vec<f64> {
-            npy::read_from_archive(path, key)
-                .expect("an array of the task")
-                .numbers()
-                .expect("numbers")
-                .iter()
-                .collect()
+            npz::read(path, key).expect("an array of the task").numbers().expect("numbers").iter().collect()
         };
         let floats = |key: &str| -> Vec<f32> { numbers(key).into_iter().map(|x| x as f32).collect() };
         let (positions, targets, eyes) = (floats("init_pos"), floats("target_masks"), floats("eye"));

@@ -4,7 +4,6 @@
 //! nested brackets in exponential time and overflow when it multiplies the sides of a shape.
 
 use std::io::Read;
-use std::path::Path;
 
 /// An array with its shape and its values in the type that the file gives them.
 #[derive(Clone, Debug, PartialEq)]
@@ -140,18 +139,6 @@ pub fn read(mut source: impl Read, admit: impl FnOnce(u64) -> Result<(), String>
     }
     let bytes = if fortran && shape.len() > 1 { to_c_order(&data, &shape, size)? } else { data };
     Ok(Array { shape, kind, size, big_endian, bytes })
-}
-
-/// Reads the array of a key from an archive as `numpy.savez` writes it, whatever memory it takes.
-///
-/// # Errors
-/// A sentence that says what is wrong with the file or the array.
-pub fn read_from_archive(path: &Path, key: &str) -> Result<Array, String> {
-    let broken = |e: &dyn std::fmt::Display| format!("{}, `{key}`: {e}", path.display());
-    let file = std::fs::File::open(path).map_err(|e| broken(&e))?;
-    let mut archive = zip::ZipArchive::new(std::io::BufReader::new(file)).map_err(|e| broken(&e))?;
-    let entry = archive.by_name(&format!("{key}.npy")).map_err(|e| broken(&e))?;
-    read(entry, |_| Ok(())).map_err(|e| broken(&e))
 }
 
 fn read_header(source: &mut impl Read) -> Result<Header, String> {

@@ -1,17 +1,16 @@
 //! Archives of numpy arrays, `.npz` files, as `np.savez` and `np.savez_compressed` write them.
 
 use crate::Budget;
+use crate::npy::{self, Array, Data, Numbers};
 use crate::text;
 use crate::{input, output};
 use softras::{Error, Result};
 use std::borrow::Cow;
-use std::cell::{Cell, OnceCell, RefCell};
+use std::cell::{OnceCell, RefCell};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufReader, Cursor, Write};
 use std::path::{Path, PathBuf};
-
-pub use crate::npy::{self, Array, Data, Numbers};
 
 /// The most keys that an error names.
 const MAX_NAMED: usize = 30;
@@ -33,7 +32,6 @@ struct Entry {
     /// Its number in the file.
     index: usize,
     array: OnceCell<Result<Array, String>>,
-    asked: Cell<bool>,
 }
 
 impl Archive {
@@ -57,17 +55,9 @@ impl Archive {
                 continue;
             };
             let Some(name) = file.strip_suffix(".npy") else { continue };
-            entries.insert(name.to_string(), Entry { index, array: OnceCell::new(), asked: Cell::new(false) });
+            entries.insert(name.to_string(), Entry { index, array: OnceCell::new() });
         }
         Ok(Self { path: path.into(), zip: RefCell::new(zip), entries, budget })
-    }
-
-    /// Claims memory for something that the file's arrays decide.
-    ///
-    /// # Errors
-    /// [`Error::File`] when the budget does not have it.
-    pub fn claim(&self, what: &str, bytes: u64) -> Result<()> {
-        self.budget.claim(&self.path, what, bytes)
     }
 
     /// An error that names this file and the key.
@@ -84,7 +74,6 @@ impl Archive {
     /// The array of a key, if the file has it.
     pub fn get(&self, key: &str) -> Result<Option<&Array>> {
         let Some(entry) = self.entries.get(key) else { return Ok(None) };
-        entry.asked.set(true);
         match entry.array.get_or_init(|| self.read(key, entry.index)) {
             Ok(array) => Ok(Some(array)),
             Err(what) => Err(self.fault(key, what, "write it with numpy.savez, as a plain array")),
@@ -101,17 +90,10 @@ impl Archive {
 
     /// Claims memory for a key; the error is a sentence without the file's name.
     fn room(&self, key: &str, bytes: u64) -> Result<(), String> {
-        self.claim(key, bytes).map_err(|error| match error {
+        self.budget.claim(&self.path, key, bytes).map_err(|error| match error {
             Error::File { what, fix, .. } => format!("{what}: {fix}"),
             other => other.to_string(),
         })
-    }
-
-    /// Marks a key as used, whatever it holds.
-    pub fn ignore(&self, key: &str) {
-        if let Some(entry) = self.entries.get(key) {
-            entry.asked.set(true);
-        }
     }
 
     /// The array of a key that must be present; `expected` describes its shape.
@@ -126,67 +108,9 @@ impl Archive {
         array.numbers().ok_or_else(text)
     }
 
-    /// A single finite number: 0-d or with one element.
-    pub fn number(&self, key: &str) -> Result<Option<f64>> {
-        let Some(array) = self.get(key)? else { return Ok(None) };
-        match self.numbers(key, array)?.all() {
-            Some([x]) if x.is_finite() => Ok(Some(x)),
-            Some([x]) => Err(self.fault(key, &format!("is {x}"), "a finite number is expected")),
-            None => Err(self.fault(key, &format!("has shape {:?}", array.shape), "a single number is expected")),
-        }
-    }
-
-    /// A single text.
-    pub fn text(&self, key: &str) -> Result<Option<String>> {
-        let Some(array) = self.get(key)? else { return Ok(None) };
-        match array.texts().filter(|_| array.len() == 1).and_then(|mut texts| texts.next()) {
-            Some(text) => Ok(Some(text)),
-            None => {
-                let what = format!("is {} of shape {:?}", array.dtype(), array.shape);
-                Err(self.fault(key, &what, "a single text is expected"))
-            }
-        }
-    }
-
-    /// A text that must be one of the given choices.
-    pub fn choice<T: Copy>(&self, key: &str, choices: &[(&str, T)]) -> Result<Option<T>> {
-        let Some(text) = self.text(key)? else { return Ok(None) };
-        match choices.iter().find(|(name, _)| *name == text) {
-            Some((_, value)) => Ok(Some(*value)),
-            None => {
-                let names: Vec<_> = choices.iter().map(|(name, _)| *name).collect();
-                Err(self.fault(
-                    key,
-                    &format!("is {:?}", text::name(&text)),
-                    &format!("use one of {}", names.join(", ")),
-                ))
-            }
-        }
-    }
-
-    /// True or false: a bool, or the numbers 0 and 1.
-    pub fn flag(&self, key: &str) -> Result<Option<bool>> {
-        match self.number(key)? {
-            None => Ok(None),
-            Some(0.0) => Ok(Some(false)),
-            Some(1.0) => Ok(Some(true)),
-            Some(x) => Err(self.fault(key, &format!("is {x:?}"), "True or False is expected")),
-        }
-    }
-
-    /// Three numbers, or one for all three.
-    pub fn triple(&self, key: &str) -> Result<Option<[f64; 3]>> {
-        let Some(array) = self.get(key)? else { return Ok(None) };
-        let numbers = self.numbers(key, array)?;
-        match numbers.all().map(|[x]| [x; 3]).or(numbers.all()) {
-            Some(triple) => Ok(Some(triple)),
-            None => Err(self.fault(key, &format!("has shape {:?}", array.shape), "three numbers are expected")),
-        }
-    }
-
-    /// The keys that nobody asked for.
-    pub fn unasked(&self) -> Vec<&str> {
-        self.entries.iter().filter(|(_, entry)| !entry.asked.get()).map(|(key, _)| key.as_str()).collect()
+    /// The keys whose arrays nobody asked for.
+    pub fn unread(&self) -> Vec<&str> {
+        self.entries.iter().filter(|(_, entry)| entry.array.get().is_none()).map(|(key, _)| key.as_str()).collect()
     }
 }
 
@@ -198,6 +122,14 @@ pub fn listed<'a>(keys: impl ExactSizeIterator<Item = &'a str>) -> String {
         names.push(format!("and {more} more"));
     }
     names.join(", ")
+}
+
+/// Reads the array of a key.
+///
+/// # Errors
+/// As [`Archive::open`] and [`Archive::require`].
+pub fn read(path: &Path, key: &str) -> Result<Array> {
+    Archive::open(path, Budget::new(None))?.require(key, "an array is expected").cloned()
 }
 
 /// Writes arrays as an uncompressed archive, in the order given.

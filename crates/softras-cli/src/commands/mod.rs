@@ -6,10 +6,8 @@ mod check;
 mod complete;
 mod describe;
 mod devices;
-mod eval;
 mod fit;
 mod grad;
-mod gradients;
 pub mod help;
 mod iou;
 mod mesh;
@@ -68,7 +66,6 @@ fn loudness() -> Loudness {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     Render(Box<render::args::RenderArgs>),
-    Eval(eval::EvalArgs),
     Check(check::CheckArgs),
     Stress(stress::StressArgs),
     Bench(Box<bench::args::BenchArgs>),
@@ -131,7 +128,6 @@ pub fn run(cli: &Cli) -> Result<(), Failure> {
 fn run_command(cli: &Cli) -> Result<(), Failure> {
     match &cli.command {
         Command::Render(args) => render::run(args),
-        Command::Eval(args) => eval::run(args),
         Command::Grad(args) => grad::run(args),
         Command::Check(args) => check::run(args),
         Command::Stress(args) => stress::run(args),

@@ -8,7 +8,7 @@ use std::fs;
 fn every_command_has_help_with_examples() {
     let folder = tempfile::tempdir().unwrap();
     let all = succeeds(folder.path(), &["--help"]);
-    for command in ["render", "eval", "grad", "check", "devices", "mesh"] {
+    for command in ["render", "grad", "check", "devices", "mesh"] {
         assert!(all.contains(command), "{all}");
         assert!(succeeds(folder.path(), &[command, "--help"]).contains("Examples:"), "{command}");
     }
@@ -64,9 +64,7 @@ fn what_cannot_be_done_exits_with_1_and_names_the_file() {
     fails(folder.path(), &["render", "none.obj", "-o", "a.png"], 1, &["none.obj"]);
     fails(folder.path(), &["render", "broken.obj", "-o", "a.png"], 1, &["broken.obj:3", "oops"]);
     fails(folder.path(), &["render", "broken.obj", "-o", "no/a.png"], 1, &["no", "folder"]);
-    fails(folder.path(), &["eval", "none.npz", "-o", "b.npz"], 1, &["none.npz"]);
-    fails(folder.path(), &["eval", "broken.obj", "-o", "b.npz"], 1, &["broken.obj", "numpy.savez"]);
-    fails(folder.path(), &["eval", ".", "-o", "b.npz"], 1, &["."]);
+    fails(folder.path(), &["render", ".", "-o", "a.png"], 1, &["."]);
     fails(folder.path(), &["mesh", "cube", "-o", "no/a.obj"], 1, &["no", "folder"]);
     succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
     let device = ["render", "cube.obj", "-o", "a.png", "--device", "a device that nobody has"];
@@ -142,8 +140,6 @@ fn no_command_overwrites_what_it_reads() {
     refused("pose --mesh fish.obj --image fish.png -o fish.obj", "fish.obj");
     refused("pose --mesh fish.obj --image fish.png --landscape fish.png", "fish.png");
     refused("bench fish.obj --json fish.mtl", "fish.mtl");
-    fs::write(folder.path().join("scene.npz"), "").unwrap();
-    refused("eval scene.npz -o scene.npz", "scene.npz");
     let twice = ["fit", "--from", "fish.obj", "-o", "out.obj", "--json", "a.png", "--plot", "./a.png"];
     fails(folder.path(), &twice, 2, &["a.png", "twice"]);
     assert_eq!(files.map(|file| fs::read(folder.path().join(file)).unwrap()), before);

@@ -1,6 +1,7 @@
 //! Files: what is read, noted and refused, in how much memory, and that what is written is read back.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod arrays;
 #[path = "../../../../tests/common/pool.rs"]
 mod common;
 mod corpus;
@@ -8,6 +9,8 @@ mod formats;
 #[path = "../../../../tests/common/mutate.rs"]
 mod mutate;
 mod mutation;
+#[allow(dead_code, reason = "shared with the tests of the command and of the laboratory")]
+mod numpy;
 mod obj;
 mod save;
 

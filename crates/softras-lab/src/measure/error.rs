@@ -2,8 +2,9 @@
 
 use super::Mode;
 use super::time::upstream;
+use crate::gradients;
 use softras::{Camera, Frame, Gradients, Image, Result, Scene, Settings};
-use softras_reference::{GradientMode, ReferenceFrame, Upstream};
+use softras_reference::{GradientMode, ReferenceFrame};
 
 /// Pixels nearer to a discontinuity of the model than this ([`ReferenceFrame::margin`]) are left out: there a kernel's
 /// rounding may fall on the other side.
@@ -61,14 +62,7 @@ fn one(image: &Image, expected: &[f64], margin: Option<&[f64]>) -> (f64, f64, us
 /// # Errors
 /// As [`softras_reference::gradient`].
 pub fn gradient(ours: &Gradients, scene: &Scene, cameras: &[Camera], settings: &Settings, mode: Mode) -> Result<f64> {
-    let images = upstream(mode, cameras.len(), settings);
-    let wide = |image: &Option<Image>| image.as_ref().map(|i| i.data.iter().map(|&x| f64::from(x)).collect());
-    let upstream = Upstream {
-        d_color: wide(&images.color),
-        d_silhouette: wide(&images.silhouette),
-        d_depth: wide(&images.depth),
-        d_normal: wide(&images.normal),
-    };
+    let upstream = gradients::upstream(&upstream(mode, cameras.len(), settings));
     let expected = softras_reference::gradient(scene, cameras, settings, &upstream, GradientMode::Exact)?;
     let (mut error, mut norm) = (0.0, 0.0);
     for (index, mesh) in ours.meshes.iter().enumerate() {

@@ -9,10 +9,11 @@
 //! the last bit of a silhouette.
 
 use super::draw::Case;
+use crate::gradients;
 use crate::random::Random;
 use softras::scene::{Appearance, Background, Outputs, Settings};
 use softras::{Frame, Gradients, Image, ImageGradient, Result};
-use softras_reference::{ReferenceFrame, ReferenceGradients, Upstream, gradient, render_culled};
+use softras_reference::{ReferenceFrame, ReferenceGradients, gradient, render_culled};
 
 /// What is promised of a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -167,14 +168,7 @@ fn most(errors: impl Iterator<Item = (&'static str, f64)>) -> (&'static str, f64
 }
 
 fn reference_gradient(case: &Case, upstream: &ImageGradient) -> Result<ReferenceGradients> {
-    let wide = |image: &Option<Image>| image.as_ref().map(|i| i.data.iter().map(|&x| f64::from(x)).collect());
-    let upstream = Upstream {
-        d_color: wide(&upstream.color),
-        d_silhouette: wide(&upstream.silhouette),
-        d_depth: wide(&upstream.depth),
-        d_normal: wide(&upstream.normal),
-    };
-    gradient(&case.scene, &case.cameras, &case.settings, &upstream, case.gradient)
+    gradient(&case.scene, &case.cameras, &case.settings, &gradients::upstream(upstream), case.gradient)
 }
 
 type Values = (&'static str, Vec<f64>);

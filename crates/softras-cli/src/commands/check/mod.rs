@@ -1,14 +1,10 @@
 //! `softras check`: compares a device with the f64 reference on small scenes.
 
-mod compare;
-mod scenes;
-
 use super::{Failure, say};
 use clap::Args;
-use compare::{Findings, GRADIENTS, IMAGE_TOLERANCE, IMAGES, compare};
-use scenes::Case;
 use serde_json::{Value, json};
 use softras::Renderer;
+use softras_lab::check::{Case, Findings, GRADIENTS, IMAGE_TOLERANCE, IMAGES, cases, compare};
 use std::time::Instant;
 
 /// Test a device: render and differentiate small scenes and compare them with the model in f64
@@ -41,7 +37,7 @@ pub fn run(args: &CheckArgs) -> Result<(), Failure> {
         Some(selector) => Renderer::with_device(selector)?,
         None => Renderer::new()?,
     };
-    let cases = scenes::all()?;
+    let cases = cases()?;
     if !args.json {
         header(&renderer)?;
     }

@@ -3,7 +3,8 @@
 use softras::{Mesh, Result};
 use softras_fit::{ShapeFit, State};
 use softras_io::Budget;
-use softras_io::npz::{self, Archive, Data};
+use softras_io::npy::Data;
+use softras_io::npz::{self, Archive};
 use std::path::Path;
 
 /// More steps than any fit has taken: a hundred times the most that a run may take.

@@ -14,7 +14,7 @@ use softras_fit::Targets;
 use softras_fit::pooled;
 use softras_io::Budget;
 use softras_io::Curve;
-use softras_io::npz::npy::{self, Array, Numbers};
+use softras_io::npy::{self, Array, Numbers};
 use softras_io::{PictureFile, input};
 use softras_view::Bounds;
 use std::ops::Range;

@@ -1,10 +1,10 @@
 //! The arguments of `softras grad`.
 
-use crate::commands::gradients::Mode;
 use crate::commands::mesh_file::ReadArgs;
 use crate::commands::parse;
 use crate::commands::render::args::{BackgroundMode, CameraArgs, LightArgs, LookArgs, ModeArgs, Support};
-use clap::Args;
+use clap::{Args, ValueEnum};
+use softras::GradientMode;
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
@@ -56,6 +56,24 @@ pub struct GradArgs {
     pub light: LightArgs,
     #[command(flatten)]
     pub modes: ModeArgs,
+}
+
+/// [`GradientMode`] on the command line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Mode {
+    /// The exact derivative of the image
+    Exact,
+    /// The gradient of the paper's eq. 4 and of the official code, with barycentrics held constant
+    Paper,
+}
+
+impl From<Mode> for GradientMode {
+    fn from(mode: Mode) -> Self {
+        match mode {
+            Mode::Exact => Self::Exact,
+            Mode::Paper => Self::Paper,
+        }
+    }
 }
 
 /// The softness of the image. By default it is much softer than a picture, so that gradients reach far.

@@ -1,9 +1,8 @@
 //! Renders images and their gradient on a device or by the f64 reference.
 
-use crate::commands::gradients::{self, Mode};
 use softras::scene::Outputs;
-use softras::{Camera, Error, Image, ImageGradient, Renderer, Result, Scene, Settings, Wanted};
-use softras_reference::Parameters;
+use softras::{Camera, Error, GradientMode, Image, ImageGradient, Renderer, Result, Scene, Settings, Wanted};
+use softras_lab::gradients;
 
 /// The renderer to use.
 pub enum Engine {
@@ -67,24 +66,25 @@ impl Engine {
         scene: &Scene,
         camera: Camera,
         settings: &Settings,
-        mode: Mode,
+        mode: GradientMode,
         loss: impl FnOnce(&Images) -> Result<ImageGradient, Error>,
-    ) -> Result<(Images, Parameters)> {
+    ) -> Result<(Images, Vec<f64>)> {
         let outputs = Outputs { color: true, silhouette: true, depth: false, normal: false };
         let settings = Settings { outputs, save: true, ..settings.clone() };
         match self {
             Self::Reference => {
                 let images = of_reference(softras_reference::render_culled(scene, &[camera], &settings)?);
                 let upstream = gradients::upstream(&loss(&images)?);
-                let gradient = softras_reference::gradient(scene, &[camera], &settings, &upstream, mode.into())?;
-                Ok((images, gradient))
+                let gradient = softras_reference::gradient(scene, &[camera], &settings, &upstream, mode)?;
+                Ok((images, gradient.positions(0).to_vec()))
             }
             Self::Device(renderer) => {
                 let frame = renderer.render(scene, &[camera], &settings)?;
                 let images = of_device(&frame);
-                let wanted = Wanted { positions: true, mode: mode.into(), ..Wanted::NOTHING };
+                let wanted = Wanted { positions: true, mode, ..Wanted::NOTHING };
                 let gradient = renderer.backward(&frame, &loss(&images)?, &wanted)?;
-                Ok((images, gradients::as_parameters(&gradient, scene, &[camera], &settings)?))
+                let positions = gradient.meshes.iter().flat_map(|mesh| mesh.positions.as_flattened());
+                Ok((images, positions.map(|&x| x.into()).collect()))
             }
         }
     }

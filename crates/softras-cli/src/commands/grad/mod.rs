@@ -40,20 +40,20 @@ pub fn run(args: &GradArgs) -> Result<(), Failure> {
     let mut engine = Engine::open(args.device.as_deref())?;
     let spinner = Progress::spinner("differentiating");
     let mut loss = Loss::default();
-    let (images, gradient) = engine.differentiate(&scene, view.camera()?, &settings, args.gradient, |images| {
-        let (measured, upstream) = target.loss(images);
-        loss = measured;
-        Ok(upstream)
-    })?;
+    let (images, gradient) =
+        engine.differentiate(&scene, view.camera()?, &settings, args.gradient.into(), |images| {
+            let (measured, upstream) = target.loss(images);
+            loss = measured;
+            Ok(upstream)
+        })?;
     let sharp = Settings { gamma: 1e-4, ..settings.clone() }.with_blur_pixels(1.23);
     let depth = engine.depth(&scene, view.camera()?, &sharp)?;
-    let gradient = gradient.positions(0);
-    let pulls = arrows::pulls(&scene.meshes[0], gradient, &view, [target.width, target.height], &depth)?;
+    let pulls = arrows::pulls(&scene.meshes[0], &gradient, &view, [target.width, target.height], &depth)?;
     let sheet = Sheet { color: &images.color, target: &target, loss: &loss, pulls: &pulls, curve };
     let (picture, arrows) = sheet.draw();
     picture.save(&args.out)?;
     drop(spinner);
-    let report = Report { device: engine.name(), loss: &loss, gradient, arrows, path: &args.out };
+    let report = Report { device: engine.name(), loss: &loss, gradient: &gradient, arrows, path: &args.out };
     if args.json { say(&report.json(&view, &settings, start).to_string()) } else { say(&report.text()) }
 }
 

@@ -1,7 +1,7 @@
 //! Compares one scene between the device and the f64 reference.
 
 use super::scenes::Case;
-use crate::commands::gradients;
+use crate::gradients;
 use softras::{Frame, Image, ImageGradient, Renderer, Result, Settings, Wanted};
 use softras_reference::{Parameters, ReferenceFrame};
 
@@ -43,10 +43,10 @@ pub fn compare(renderer: &mut Renderer, case: &Case) -> Result<Findings> {
     let truth = softras_reference::render_culled(&case.scene, &case.cameras, &settings)?;
     let upstream = upstream(&truth, &settings);
     let weights = gradients::upstream(&upstream);
-    let expected = softras_reference::gradient(&case.scene, &case.cameras, &settings, &weights, case.mode.into())?;
+    let expected = softras_reference::gradient(&case.scene, &case.cameras, &settings, &weights, case.mode)?;
     let mut run = || -> Result<(Frame, Parameters)> {
         let frame = renderer.render(&case.scene, &case.cameras, &settings)?;
-        let wanted = Wanted { mode: case.mode.into(), ..Wanted::ALL };
+        let wanted = Wanted { mode: case.mode, ..Wanted::ALL };
         let gradients = renderer.backward(&frame, &upstream, &wanted)?;
         let gradients = gradients::as_parameters(&gradients, &case.scene, &case.cameras, &settings)?;
         Ok((frame, gradients))

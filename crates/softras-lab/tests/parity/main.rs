@@ -6,18 +6,18 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod cells;
-#[allow(dead_code, reason = "shared with the tests of the command line")]
-#[path = "../cli/command.rs"]
-mod command;
 mod compare;
 #[path = "../../../../tests/official/equations.rs"]
 mod equations;
-mod of_command;
 mod of_equations;
+mod of_eval;
 mod of_meshes;
 mod of_reference;
 #[path = "../../../../tests/official/pipeline.rs"]
 mod pipeline;
+#[allow(dead_code, reason = "shared with the tests of the quick tier")]
+#[path = "../lab/program.rs"]
+mod program;
 mod recorded;
 
 use std::panic::catch_unwind;
@@ -60,12 +60,12 @@ fn main() -> ExitCode {
         checks.push((format!("image of the reference, {scene}"), Box::new(move || of_reference::image(scene))));
         checks.push((format!("gradient of the reference, {scene}"), Box::new(move || of_reference::gradients(scene))));
         checks.push((format!("equations, {scene}"), Box::new(move || of_equations::image_and_gradient(scene))));
-        checks.push((format!("softras eval, {scene}"), Box::new(move || of_command::image(scene))));
-        checks.push((format!("gradient of softras eval, {scene}"), Box::new(move || of_command::gradients(scene))));
+        checks.push((format!("eval, {scene}"), Box::new(move || of_eval::image(scene))));
+        checks.push((format!("gradient of eval, {scene}"), Box::new(move || of_eval::gradients(scene))));
     }
     checks.push(("surface texture of the reference".into(), Box::new(of_reference::surface)));
     checks.push(("surface texture of the equations".into(), Box::new(of_equations::surface)));
-    checks.push(("surface texture of softras eval".into(), Box::new(|| of_command::image(SURFACE))));
+    checks.push(("surface texture of eval".into(), Box::new(|| of_eval::image(SURFACE))));
     checks.push(("render demo of the reference".into(), Box::new(of_reference::render_demo)));
     checks.push(("pipeline of the equations".into(), Box::new(of_equations::pipeline)));
     checks.push(("counts of meshes".into(), Box::new(of_meshes::counts)));

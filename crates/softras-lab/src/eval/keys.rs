@@ -4,7 +4,9 @@ use softras::scene::{
     Background, ColorAggregation, Distance, Faces, FrontFace, Interpolation, Shading, SilhouetteAggregation, Support,
 };
 use softras::{Error, Result};
-use softras_io::npz::{Archive, Array};
+use softras_io::npy::Array;
+use softras_io::npz::Archive;
+use softras_io::text::name;
 
 pub const COLOR: &[(&str, ColorAggregation)] =
     &[("softmax", ColorAggregation::Softmax), ("hard", ColorAggregation::Hard)];
@@ -25,6 +27,60 @@ pub const SUPPORT: &[(&str, Support)] = &[("probability", Support::Probability),
 pub const INTERPOLATION: &[(&str, Interpolation)] =
     &[("affine", Interpolation::Affine), ("perspective", Interpolation::Perspective)];
 pub const SHADING: &[(&str, Shading)] = &[("flat", Shading::Flat), ("smooth", Shading::Smooth)];
+
+/// A single finite number: 0-d or with one element.
+pub fn number(archive: &Archive, key: &str) -> Result<Option<f64>> {
+    let Some(array) = archive.get(key)? else { return Ok(None) };
+    match archive.numbers(key, array)?.all() {
+        Some([x]) if x.is_finite() => Ok(Some(x)),
+        Some([x]) => Err(archive.fault(key, &format!("is {x}"), "a finite number is expected")),
+        None => Err(archive.fault(key, &format!("has shape {:?}", array.shape), "a single number is expected")),
+    }
+}
+
+/// A single text.
+pub fn text(archive: &Archive, key: &str) -> Result<Option<String>> {
+    let Some(array) = archive.get(key)? else { return Ok(None) };
+    match array.texts().filter(|_| array.len() == 1).and_then(|mut texts| texts.next()) {
+        Some(text) => Ok(Some(text)),
+        None => {
+            let what = format!("is {} of shape {:?}", array.dtype(), array.shape);
+            Err(archive.fault(key, &what, "a single text is expected"))
+        }
+    }
+}
+
+/// A text that must be one of the given choices.
+pub fn choice<T: Copy>(archive: &Archive, key: &str, choices: &[(&str, T)]) -> Result<Option<T>> {
+    let Some(text) = text(archive, key)? else { return Ok(None) };
+    match choices.iter().find(|(name, _)| *name == text) {
+        Some((_, value)) => Ok(Some(*value)),
+        None => {
+            let names: Vec<_> = choices.iter().map(|(name, _)| *name).collect();
+            Err(archive.fault(key, &format!("is \"{}\"", name(&text)), &format!("use one of {}", names.join(", "))))
+        }
+    }
+}
+
+/// True or false: a bool, or the numbers 0 and 1.
+pub fn flag(archive: &Archive, key: &str) -> Result<Option<bool>> {
+    match number(archive, key)? {
+        None => Ok(None),
+        Some(0.0) => Ok(Some(false)),
+        Some(1.0) => Ok(Some(true)),
+        Some(x) => Err(archive.fault(key, &format!("is {x:?}"), "True or False is expected")),
+    }
+}
+
+/// Three numbers, or one for all three.
+pub fn triple(archive: &Archive, key: &str) -> Result<Option<[f64; 3]>> {
+    let Some(array) = archive.get(key)? else { return Ok(None) };
+    let numbers = archive.numbers(key, array)?;
+    match numbers.all().map(|[x]| [x; 3]).or(numbers.all()) {
+        Some(triple) => Ok(Some(triple)),
+        None => Err(archive.fault(key, &format!("has shape {:?}", array.shape), "three numbers are expected")),
+    }
+}
 
 /// The key's error for a shape that is not the expected one.
 pub fn misshapen(archive: &Archive, key: &str, array: &Array, expected: &str) -> Error {
@@ -61,14 +117,5 @@ pub fn pixels(archive: &Archive, key: &str, number: f64) -> Result<u32> {
 pub fn set<T>(field: &mut T, value: Option<T>) {
     if let Some(value) = value {
         *field = value;
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    #[test]
-    fn places_are_by_axis() {
-        assert_eq!(super::place(7, &[2, 2, 3]), [1, 0, 1]);
-        assert_eq!(super::place(0, &[]), [0usize; 0]);
     }
 }

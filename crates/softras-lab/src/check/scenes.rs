@@ -1,13 +1,12 @@
-//! The scenes of `softras check`, each small and for one part of the model.
+//! The scenes, each small and for one part of the model.
 
-use crate::commands::gradients::Mode;
 use glam::DVec3;
 use softras::scene::{
     Appearance, Background, ColorAggregation, DirectionalLight, Distance, Faces, Interpolation, Outputs, Shading,
     SilhouetteAggregation, Texture, Wrap,
 };
 use softras::shapes::{cube, icosphere, torus};
-use softras::{Camera, Lights, Mesh, Projection, Result, Scene, Settings};
+use softras::{Camera, GradientMode, Lights, Mesh, Projection, Result, Scene, Settings};
 
 /// One scene, rendered and differentiated.
 pub struct Case {
@@ -22,7 +21,7 @@ pub struct Case {
     /// The settings.
     pub settings: Settings,
     /// The mode of the gradient.
-    pub mode: Mode,
+    pub mode: GradientMode,
     /// The tolerance of a gradient, |device - f64| / |f64|.
     pub gradient_tolerance: f64,
 }
@@ -33,13 +32,21 @@ const FOV: Projection = Projection::Perspective { fov_y: 0.6 };
 ///
 /// # Errors
 /// None that depend on the device.
-pub fn all() -> Result<Vec<Case>> {
+pub fn cases() -> Result<Vec<Case>> {
     Ok([softmax_cases()?, mode_cases()?, appearance_cases()?, hard_places()?].into_iter().flatten().collect())
 }
 
 fn case(name: &'static str, about: &'static str, mesh: Mesh, settings: Settings) -> Result<Case> {
     let cameras = vec![camera(4.0, FOV)?];
-    Ok(Case { name, about, scene: Scene::new(mesh), cameras, settings, mode: Mode::Exact, gradient_tolerance: 1e-3 })
+    Ok(Case {
+        name,
+        about,
+        scene: Scene::new(mesh),
+        cameras,
+        settings,
+        mode: GradientMode::Exact,
+        gradient_tolerance: 1e-3,
+    })
 }
 
 /// A camera a little above the scene, so that no edge is parallel to the rows of pixels.
@@ -70,7 +77,7 @@ fn softmax_cases() -> Result<Vec<Case>> {
     let composite = Settings { background: Background::Composite, ..soft() };
     Ok(vec![
         case("softmax", "the paper's model", ring()?, soft())?,
-        Case { mode: Mode::Paper, ..case("paper", "the gradient of the paper's eq. 4", ring()?, soft())? },
+        Case { mode: GradientMode::Paper, ..case("paper", "the gradient of the paper's eq. 4", ring()?, soft())? },
         case("composite", "colour that fades with the silhouette", ring()?, composite)?,
     ])
 }

@@ -1,8 +1,9 @@
-//! Tests of the command `softras eval`.
+//! Tests of `eval`.
 
-use super::command::tier;
+use super::common::tier;
 use super::numpy::{self, Npz};
-use super::{fails, official, softras, succeeds};
+use super::official;
+use super::program::{fails, lab, succeeds};
 
 #[test]
 fn images_of_the_official_equations_come_back() {
@@ -13,7 +14,7 @@ fn images_of_the_official_equations_come_back() {
         case.scene.write(&folder.path().join("scene.npz"));
         let expected = official::planes(&case.image.color, &case.image.silhouette);
         let command = ["eval", "scene.npz", "-o", "out.npz", "--parity", "official"];
-        let output = softras(folder.path(), &command);
+        let output = lab(folder.path(), &command);
         assert!(output.status.success(), "{:?}: {}", case.mode, String::from_utf8_lossy(&output.stderr));
         assert!(output.stderr.is_empty(), "no key is unknown: {}", String::from_utf8_lossy(&output.stderr));
         let (shape, ours) = numpy::read(&folder.path().join("out.npz"), "soft_colors");
@@ -78,7 +79,7 @@ fn types_orders_and_compression_change_nothing() {
 }
 
 /// A world-space scene of two views of a square of two triangles.
-pub fn world() -> Npz {
+fn world() -> Npz {
     let view = |x: f64| [1.0, 0.0, 0.0, x, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 4.0, 0.0, 0.0, 0.0, 1.0];
     Npz::deflated()
         .f64("vertices", &[4, 3], &[-1.0, -1.0, 0.0, 1.0, -1.0, 0.0, 1.0, 1.0, 0.3, -1.0, 1.0, 0.0])
@@ -110,17 +111,13 @@ fn world_scenes_give_every_output_and_agree_with_the_reference() {
         let worst = ours.iter().zip(&expected).map(|(a, t)| (a - t).abs()).fold(0.0, f64::max);
         assert!(worst < 1e-3 && expected.iter().any(|v| v.abs() > 0.2), "{key}: {worst}");
     }
-    let json: serde_json::Value =
-        serde_json::from_str(&succeeds(folder.path(), &["eval", "world.npz", "-o", "device.npz", "--json"])).unwrap();
-    assert_eq!(json["arrays"]["color"], serde_json::json!([2, 12, 20, 3]));
-    assert_eq!(json["settings"]["background"], "composite");
 }
 
 #[test]
 fn unknown_keys_are_named() {
     let folder = tempfile::tempdir().unwrap();
     world().f64("sigmma", &[], &[1e-5]).write(&folder.path().join("world.npz"));
-    let output = softras(folder.path(), &["eval", "world.npz", "-o", "out.npz"]);
+    let output = lab(folder.path(), &["eval", "world.npz", "-o", "out.npz"]);
     assert!(output.status.success() && String::from_utf8_lossy(&output.stderr).contains("sigmma"));
 }
 
@@ -156,25 +153,22 @@ fn malformed_scenes_are_refused_with_key_shape_and_expectation() {
 }
 
 #[test]
-fn no_damage_to_a_file_makes_a_panic() {
+fn senseless_arguments_are_named() {
     let folder = tempfile::tempdir().unwrap();
-    let shape = [1, 2, 3, 3];
-    let whole = official_options(Npz::deflated()).f32("face_vertices", &shape, &CORNERS).bytes();
-    for (step, kind) in [(whole.len() / 12, "cut"), (whole.len() / 40, "flipped")] {
-        for at in (0..whole.len()).step_by(step.max(1)) {
-            let mut bytes = whole.clone();
-            if kind == "cut" {
-                bytes.truncate(at)
-            } else {
-                bytes[at] ^= 0x55
-            }
-            std::fs::write(folder.path().join("scene.npz"), bytes).unwrap();
-            let output = softras(folder.path(), &["eval", "scene.npz", "-o", "out.npz", "--device", "reference"]);
-            let errors = String::from_utf8_lossy(&output.stderr);
-            assert!(
-                matches!(output.status.code(), Some(0 | 1)) && !errors.contains("panicked"),
-                "{kind} {at}: {errors}"
-            );
-        }
-    }
+    let refused = |line: &str, part: &str| {
+        fails(folder.path(), &line.split_whitespace().collect::<Vec<_>>(), 2, &[part, "Usage: softras-lab eval"]);
+    };
+    refused("evaluate a.npz -o b.npz", "`eval`");
+    refused("eval -o b.npz", "SCENE.npz");
+    refused("eval a.npz", "-o OUT.npz");
+    refused("eval a.npz -o a.npz", "overwritten");
+    refused("eval a.npz -o b.npz c.npz", "c.npz");
+    refused("eval a.npz -o b.npz --json", "--json");
+    refused("eval a.npz -o b.npz --parity exact", "model or official");
+    refused("eval a.npz -o b.npz --gradient", "--gradient needs a value");
+    refused("eval a.npz -o b.npz --gradient model", "exact or paper");
+    fails(folder.path(), &["eval", "none.npz", "-o", "b.npz"], 1, &["none.npz"]);
+    std::fs::write(folder.path().join("a.obj"), "v 0 0 0\n").unwrap();
+    fails(folder.path(), &["eval", "a.obj", "-o", "b.npz"], 1, &["a.obj", "numpy.savez"]);
+    assert!(succeeds(folder.path(), &["--help"]).contains("grad_face_vertices"));
 }

@@ -4,7 +4,7 @@ use softras::scene::{
     Appearance, Camera, ColorAggregation, Distance, Faces, FrontFace, Mesh, Parity, Scene, Settings,
     SilhouetteAggregation,
 };
-use softras_io::npy;
+use softras_io::{npy, npz};
 use softras_reference::Upstream;
 use std::path::{Path, PathBuf};
 
@@ -24,7 +24,7 @@ impl Archive {
     }
 
     pub fn array(&self, key: &str) -> npy::Array {
-        npy::read_from_archive(&self.0, key).expect("a recorded array")
+        npz::read(&self.0, key).expect("a recorded array")
     }
 
     pub fn f64s(&self, key: &str) -> Vec<f64> {

@@ -1,18 +1,15 @@
 //! Names the gradients, and gives them the shapes of the arrays that they are gradients of.
 
-use super::{Job, Layout};
+use super::{Entry, Job, Layout};
 use softras::Result;
 use softras_io::npz::Archive;
 use softras_reference::Parameters;
-
-/// A key, its shape and its values.
-pub type Derivative = (&'static str, Vec<usize>, Vec<f64>);
 
 /// All gradients of the layout.
 ///
 /// # Errors
 /// None for an archive that the job was read from.
-pub fn arrays(archive: &Archive, job: &Job, gradient: &Parameters) -> Result<Vec<Derivative>> {
+pub fn arrays(archive: &Archive, job: &Job, gradient: &Parameters) -> Result<Vec<Entry>> {
     match job.layout {
         Layout::Screen => screen(archive, job, gradient),
         Layout::World => world(archive, job, gradient),
@@ -33,7 +30,7 @@ fn colors(gradient: &Parameters, mesh: usize) -> Vec<f64> {
     [gradient.colors(mesh), gradient.surface_texels(mesh)].concat()
 }
 
-fn screen(archive: &Archive, job: &Job, gradient: &Parameters) -> Result<Vec<Derivative>> {
+fn screen(archive: &Archive, job: &Job, gradient: &Parameters) -> Result<Vec<Entry>> {
     let mut arrays = Vec::new();
     if let Some(shape) = shape(archive, "face_vertices")? {
         arrays.push(("grad_face_vertices", shape, each(job, |mesh| gradient.positions(mesh).to_vec())));
@@ -44,7 +41,7 @@ fn screen(archive: &Archive, job: &Job, gradient: &Parameters) -> Result<Vec<Der
     Ok(arrays)
 }
 
-fn world(archive: &Archive, job: &Job, gradient: &Parameters) -> Result<Vec<Derivative>> {
+fn world(archive: &Archive, job: &Job, gradient: &Parameters) -> Result<Vec<Entry>> {
     let mut arrays = Vec::new();
     if let Some(shape) = shape(archive, "vertices")? {
         arrays.push(("grad_vertices", shape, each(job, |mesh| gradient.positions(mesh).to_vec())));
@@ -70,7 +67,7 @@ fn world(archive: &Archive, job: &Job, gradient: &Parameters) -> Result<Vec<Deri
     Ok(arrays)
 }
 
-fn lights(count: usize, gradient: &Parameters) -> [Derivative; 5] {
+fn lights(count: usize, gradient: &Parameters) -> [Entry; 5] {
     let rows = |row: &dyn Fn(usize) -> Vec<f64>| (0..count).flat_map(row).collect::<Vec<f64>>();
     [
         ("grad_ambient_color", vec![3], gradient.ambient_color().to_vec()),
@@ -88,13 +85,4 @@ fn sum(values: &[f64], size: usize) -> Vec<f64> {
         total.iter_mut().zip(chunk).for_each(|(total, value)| *total += value);
     }
     total
-}
-
-#[cfg(test)]
-mod tests {
-    #[test]
-    fn chunks_are_added() {
-        assert_eq!(super::sum(&[1.0, 2.0, 10.0, 20.0], 2), [11.0, 22.0]);
-        assert_eq!(super::sum(&[], 3), [0.0; 3]);
-    }
 }

@@ -1,19 +1,16 @@
 //! Reads scenes in screen space, the inputs of the official renderer's kernels.
 
 use super::keys::{self, set};
-use super::{Job, Layout, Parity};
-use softras::scene::{Appearance, Faces, FrontFace, Outputs};
+use super::{Job, Layout};
+use softras::scene::{Appearance, Faces, FrontFace, Outputs, Parity};
 use softras::{Camera, Error, Mesh, Result, Scene, Settings};
 use softras_io::npz::Archive;
 
 const VERTICES: &str = "face_vertices";
 const TEXTURES: &str = "textures";
 
-/// Bytes of a triangle of its own in a mesh: three positions and three indices.
-const MESH_BYTES_PER_TRIANGLE: u64 = 48;
-
 /// Keys of files made with the official renderer that are not inputs, and for which no note is printed.
-const KNOWN: &[&str] = &[
+pub const KNOWN: &[&str] = &[
     "soft_colors",
     "grad_soft_colors",
     "grad_face_vertices",
@@ -34,7 +31,6 @@ const KNOWN: &[&str] = &[
 /// # Errors
 /// [`Error::File`] naming the key, what it holds and what was expected.
 pub fn read(archive: &Archive, parity: Parity) -> Result<Job> {
-    KNOWN.iter().for_each(|key| archive.ignore(key));
     let settings = settings(archive, parity)?;
     let meshes = meshes(archive)?;
     let cameras = vec![Camera::screen(); meshes.len()];
@@ -44,31 +40,31 @@ pub fn read(archive: &Archive, parity: Parity) -> Result<Job> {
 fn settings(archive: &Archive, parity: Parity) -> Result<Settings> {
     let mut s = Settings {
         outputs: Outputs { color: true, silhouette: true, depth: false, normal: false },
-        parity: parity.into(),
+        parity,
         ..Settings::default()
     };
     if let Some((height, width)) = image_size(archive)? {
         (s.height, s.width) = (height, width);
     }
-    set(&mut s.background_color, archive.triple("opt_background_color")?);
-    set(&mut s.near, archive.number("opt_near")?);
-    set(&mut s.far, archive.number("opt_far")?);
-    set(&mut s.epsilon, archive.number("opt_eps")?);
-    set(&mut s.sigma, archive.number("opt_sigma_val")?);
-    set(&mut s.gamma, archive.number("opt_gamma_val")?);
-    set(&mut s.tau, archive.number("opt_dist_eps")?);
-    set(&mut s.distance, archive.choice("opt_dist_func", keys::DISTANCE)?);
-    set(&mut s.color, archive.choice("opt_aggr_func_rgb", keys::COLOR)?);
-    set(&mut s.silhouette, archive.choice("opt_aggr_func_alpha", keys::SILHOUETTE)?);
-    set(&mut s.front_face, archive.choice("front_face", keys::FRONT_FACE)?);
-    if archive.flag("opt_fill_back")? == Some(false) {
+    set(&mut s.background_color, keys::triple(archive, "opt_background_color")?);
+    set(&mut s.near, keys::number(archive, "opt_near")?);
+    set(&mut s.far, keys::number(archive, "opt_far")?);
+    set(&mut s.epsilon, keys::number(archive, "opt_eps")?);
+    set(&mut s.sigma, keys::number(archive, "opt_sigma_val")?);
+    set(&mut s.gamma, keys::number(archive, "opt_gamma_val")?);
+    set(&mut s.tau, keys::number(archive, "opt_dist_eps")?);
+    set(&mut s.distance, keys::choice(archive, "opt_dist_func", keys::DISTANCE)?);
+    set(&mut s.color, keys::choice(archive, "opt_aggr_func_rgb", keys::COLOR)?);
+    set(&mut s.silhouette, keys::choice(archive, "opt_aggr_func_alpha", keys::SILHOUETTE)?);
+    set(&mut s.front_face, keys::choice(archive, "front_face", keys::FRONT_FACE)?);
+    if keys::flag(archive, "opt_fill_back")? == Some(false) {
         s.faces = Faces::Front;
     }
     if parity == Parity::Official {
         s.front_face = FrontFace::Clockwise;
         round_as_official(&mut s);
     }
-    s.validate().map(|()| s)
+    Ok(s)
 }
 
 /// Rounds the options as the official kernels do: they take float32, and the cut-off ln(1 / dist_eps - 1) in place of
@@ -100,7 +96,6 @@ fn meshes(archive: &Archive) -> Result<Vec<Mesh>> {
     if batch == 0 {
         return Err(keys::misshapen(archive, VERTICES, array, "at least one entry in the batch"));
     }
-    archive.claim("a mesh for each entry", MESH_BYTES_PER_TRIANGLE.saturating_mul((batch * faces) as u64))?;
     let corners = keys::rows::<3>(archive, VERTICES, array)?;
     let appearances = appearances(archive, batch, faces)?;
     let mut meshes = Vec::with_capacity(batch);
@@ -116,7 +111,7 @@ fn meshes(archive: &Archive) -> Result<Vec<Mesh>> {
 
 /// The colours of every entry of the batch; white without `textures`.
 fn appearances(archive: &Archive, batch: usize, faces: usize) -> Result<Vec<Appearance>> {
-    let surface = archive.choice("opt_texture_type", &[("vertex", false), ("surface", true)])?;
+    let surface = keys::choice(archive, "opt_texture_type", &[("vertex", false), ("surface", true)])?;
     let Some(array) = archive.get(TEXTURES)? else {
         return Ok(vec![Appearance::Uniform([1.0; 3]); batch]);
     };

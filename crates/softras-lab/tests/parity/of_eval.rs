@@ -1,16 +1,16 @@
-//! `softras eval` of the recorded scenes, on the device and by the reference.
+//! `eval` of the recorded scenes, on the device and by the reference.
 
-use crate::command::softras;
 use crate::compare::{median_face, relative_l2};
+use crate::program::lab;
 use crate::recorded::Archive;
 use crate::{GRADIENT_TOLERANCE, SPOT};
 
-/// What the command made of a recorded scene.
+/// What came of a recorded scene.
 fn eval(name: &str, options: &[&str]) -> (Archive, tempfile::TempDir) {
     let folder = tempfile::tempdir().unwrap();
     let scene = Archive::open(name).0;
     let arguments = ["eval", scene.to_str().unwrap(), "-o", "out.npz", "--parity", "official"];
-    let output = softras(folder.path(), &[&arguments, options].concat());
+    let output = lab(folder.path(), &[&arguments, options].concat());
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success() && errors.is_empty(), "{name}: {errors}");
     (Archive(folder.path().join("out.npz")), folder)
@@ -28,11 +28,11 @@ pub fn image(name: &str) {
     let (ours, theirs) = (out.f64s("soft_colors"), official.f64s("soft_colors"));
     let close = ours.iter().zip(&theirs).filter(|(a, b)| (**a - **b).abs() <= 2e-4).count();
     let part = close as f64 / ours.len() as f64;
-    println!("softras eval, {name}: {part} of the values agree");
+    println!("eval, {name}: {part} of the values agree");
     assert!(part >= 0.995, "{name}: {part}");
 }
 
-/// The reference's gradient through the command, and the device's: as near as the official float32 run.
+/// The reference's gradient, and the device's: as near as the official float32 run.
 pub fn gradients(name: &str) {
     let official = Archive::open(name);
     if name != SPOT {
@@ -50,7 +50,7 @@ pub fn gradients(name: &str) {
     let single = relative_l2(&wide(official.f32s("grad_face_vertices_f32")), &theirs);
     let textures = relative_l2(&wide(out.f32s("grad_textures")), &official.f64s("grad_textures"));
     println!(
-        "softras eval, {name}: median face {median:.1e}, whole {whole:.1e}, official float32 {single:.1e}, textures {textures:.1e}"
+        "eval, {name}: median face {median:.1e}, whole {whole:.1e}, official float32 {single:.1e}, textures {textures:.1e}"
     );
     assert!(median < 1e-3, "{name}: median face {median:e}");
     assert!(whole <= single, "{name}: {whole:e}, the official float32 run {single:e}");

@@ -1,6 +1,6 @@
 //! Archives as numpy writes them, made here without softras' own code, and arrays of archives.
 
-use softras_io::npy;
+use softras_io::{npy, npz};
 use std::io::Write;
 use std::path::Path;
 
@@ -78,7 +78,7 @@ impl Npz {
 
 /// The shape and values of an array of an archive.
 pub fn read(path: &Path, key: &str) -> (Vec<usize>, Vec<f64>) {
-    let array = npy::read_from_archive(path, key).unwrap();
+    let array = npz::read(path, key).unwrap();
     (array.shape.clone(), array.numbers().unwrap().iter().collect())
 }
 

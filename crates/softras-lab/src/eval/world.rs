@@ -1,19 +1,20 @@
 //! Reads scenes in world space: meshes, cameras, lights, and settings by their names in the library.
 
 use super::keys::{self, set};
-use super::{Job, Layout, Parity};
+use super::{Job, Layout};
 use glam::{DMat4, DVec4};
-use softras::scene::{Appearance, DirectionalLight, Outputs};
+use softras::scene::{Appearance, DirectionalLight, Outputs, Parity};
 use softras::{Camera, Error, Lights, Mesh, Projection, Result, Scene, Settings};
-use softras_io::npz::{Archive, Array};
-use softras_io::text;
+use softras_io::npy::Array;
+use softras_io::npz::Archive;
+use softras_io::text::name;
 
 /// Reads a scene in world space.
 ///
 /// # Errors
 /// [`Error::File`] naming the key, what it holds and what was expected.
 pub fn read(archive: &Archive, parity: Parity) -> Result<Job> {
-    let settings = Settings { parity: parity.into(), ..settings(archive)? };
+    let settings = Settings { parity, ..settings(archive)? };
     let meshes = meshes(archive)?;
     let cameras = cameras(archive, meshes.len())?;
     let lights = lights(archive)?;
@@ -24,27 +25,27 @@ pub fn read(archive: &Archive, parity: Parity) -> Result<Job> {
 fn settings(archive: &Archive) -> Result<Settings> {
     let mut s = Settings::default();
     for (key, field) in [("width", &mut s.width), ("height", &mut s.height)] {
-        if let Some(number) = archive.number(key)? {
+        if let Some(number) = keys::number(archive, key)? {
             *field = keys::pixels(archive, key, number)?;
         }
     }
-    set(&mut s.sigma, archive.number("sigma")?);
-    set(&mut s.gamma, archive.number("gamma")?);
-    set(&mut s.epsilon, archive.number("epsilon")?);
-    set(&mut s.tau, archive.number("tau")?);
-    set(&mut s.support, archive.choice("support", keys::SUPPORT)?);
-    set(&mut s.near, archive.number("near")?);
-    set(&mut s.far, archive.number("far")?);
-    set(&mut s.color, archive.choice("color", keys::COLOR)?);
-    set(&mut s.silhouette, archive.choice("silhouette", keys::SILHOUETTE)?);
-    set(&mut s.distance, archive.choice("distance", keys::DISTANCE)?);
-    set(&mut s.background, archive.choice("background", keys::BACKGROUND)?);
-    set(&mut s.background_color, archive.triple("background_color")?);
-    set(&mut s.faces, archive.choice("faces", keys::FACES)?);
-    set(&mut s.front_face, archive.choice("front_face", keys::FRONT_FACE)?);
-    set(&mut s.interpolation, archive.choice("interpolation", keys::INTERPOLATION)?);
+    set(&mut s.sigma, keys::number(archive, "sigma")?);
+    set(&mut s.gamma, keys::number(archive, "gamma")?);
+    set(&mut s.epsilon, keys::number(archive, "epsilon")?);
+    set(&mut s.tau, keys::number(archive, "tau")?);
+    set(&mut s.support, keys::choice(archive, "support", keys::SUPPORT)?);
+    set(&mut s.near, keys::number(archive, "near")?);
+    set(&mut s.far, keys::number(archive, "far")?);
+    set(&mut s.color, keys::choice(archive, "color", keys::COLOR)?);
+    set(&mut s.silhouette, keys::choice(archive, "silhouette", keys::SILHOUETTE)?);
+    set(&mut s.distance, keys::choice(archive, "distance", keys::DISTANCE)?);
+    set(&mut s.background, keys::choice(archive, "background", keys::BACKGROUND)?);
+    set(&mut s.background_color, keys::triple(archive, "background_color")?);
+    set(&mut s.faces, keys::choice(archive, "faces", keys::FACES)?);
+    set(&mut s.front_face, keys::choice(archive, "front_face", keys::FRONT_FACE)?);
+    set(&mut s.interpolation, keys::choice(archive, "interpolation", keys::INTERPOLATION)?);
     set(&mut s.outputs, outputs(archive)?);
-    s.validate().map(|()| s)
+    Ok(s)
 }
 
 /// `outputs`: texts, each one name or several with commas between.
@@ -63,7 +64,7 @@ fn outputs(archive: &Archive) -> Result<Option<Outputs>> {
                 "depth" => wanted.depth = true,
                 "normal" => wanted.normal = true,
                 _ => {
-                    let what = format!("asks for {:?}", text::name(name));
+                    let what = format!("asks for \"{}\"", name(name));
                     return Err(archive.fault(key, &what, "use color, silhouette, depth, normal"));
                 }
             }
@@ -84,9 +85,6 @@ fn meshes(archive: &Archive) -> Result<Vec<Mesh>> {
     let positions = keys::rows::<3>(archive, key, array)?;
     let triangles = triangles(archive, count)?;
     let entries = batch.unwrap_or(1);
-    // Each has a copy of its positions, of the triangles that they share and of the colours.
-    let each = 24u64.saturating_mul(count as u64).saturating_add(48u64.saturating_mul(triangles.len() as u64));
-    archive.claim("a mesh for each entry", each.saturating_mul(entries as u64))?;
     let colors = colors(archive, batch, count, triangles.len())?;
     let mut meshes = Vec::with_capacity(entries);
     for b in 0..entries {
@@ -135,7 +133,7 @@ impl Colors {
 /// The `colors`, per mesh, vertex or triangle depending on the shape; white without the key.
 fn colors(archive: &Archive, batch: Option<usize>, vertices: usize, faces: usize) -> Result<Colors> {
     let key = "colors";
-    let per_triangle = archive.choice("colors_per", &[("vertex", false), ("triangle", true)])?;
+    let per_triangle = keys::choice(archive, "colors_per", &[("vertex", false), ("triangle", true)])?;
     let Some(array) = archive.get(key)? else {
         return Ok(Colors { rows: vec![[1.0; 3]], per_triangle: None, count: 1, own: false });
     };
@@ -215,9 +213,9 @@ fn per_view(archive: &Archive, key: &str, batch: usize) -> Result<Vec<f64>> {
 
 fn lights(archive: &Archive) -> Result<Lights> {
     let mut lights = Lights::unlit();
-    set(&mut lights.ambient_color, archive.triple("ambient_color")?);
-    set(&mut lights.ambient_intensity, archive.number("ambient_intensity")?);
-    set(&mut lights.shading, archive.choice("shading", keys::SHADING)?);
+    set(&mut lights.ambient_color, keys::triple(archive, "ambient_color")?);
+    set(&mut lights.ambient_intensity, keys::number(archive, "ambient_intensity")?);
+    set(&mut lights.shading, keys::choice(archive, "shading", keys::SHADING)?);
     let directions = triples(archive, "light_directions", None)?.unwrap_or_default();
     let count = directions.len();
     let colors = triples(archive, "light_colors", Some(count))?.unwrap_or_else(|| vec![[1.0; 3]; count]);
@@ -228,23 +226,7 @@ fn lights(archive: &Archive) -> Result<Lights> {
     let all = directions.into_iter().zip(colors).zip(intensities);
     lights.directional =
         all.map(|((direction, color), intensity)| DirectionalLight { direction, color, intensity }).collect();
-    match lights.validate() {
-        Err(Error::Light { field, value, fix }) => {
-            Err(archive.fault(light_key(&field), &format!("{field} = {value}"), &fix))
-        }
-        other => other.map(|()| lights),
-    }
-}
-
-/// The key that a field of the lights is read from.
-fn light_key(field: &str) -> &'static str {
-    match field {
-        "ambient_color" => "ambient_color",
-        "ambient_intensity" => "ambient_intensity",
-        _ if field.ends_with(".color") => "light_colors",
-        _ if field.ends_with(".intensity") => "light_intensities",
-        _ => "light_directions",
-    }
+    Ok(lights)
 }
 
 /// `[L, 3]`, or `[3]` for a single one; as many as `count` where it is given.

@@ -1,27 +1,8 @@
 //! Converts the device's gradients to the reference's layout, so that all other code handles one layout only.
 
-use clap::ValueEnum;
 use softras::MeshGradients;
-use softras::{Camera, Error, GradientMode, Gradients, Image, ImageGradient, Result, Scene, Settings};
+use softras::{Camera, Error, Gradients, Image, ImageGradient, Result, Scene, Settings};
 use softras_reference::{Parameters, Upstream};
-
-/// [`GradientMode`] on the command line.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Mode {
-    /// The exact derivative of the image
-    Exact,
-    /// The gradient of the paper's eq. 4 and of the official code, with barycentrics held constant
-    Paper,
-}
-
-impl From<Mode> for GradientMode {
-    fn from(mode: Mode) -> Self {
-        match mode {
-            Mode::Exact => Self::Exact,
-            Mode::Paper => Self::Paper,
-        }
-    }
-}
 
 /// dL/dimage in the form that the reference takes.
 pub fn upstream(images: &ImageGradient) -> Upstream {
