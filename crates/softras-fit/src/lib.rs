@@ -75,9 +75,7 @@ pub use image_loss::{
     ImageLoss, Valued, add_blurred_gradient, add_pooled_gradient, blur_factor, blurred, mask_iou, pooled,
 };
 pub use optimizer::{Method, Optimizer};
-pub use pose::{
-    Differentiation, Pose, PoseFit, PoseOptions, PoseSearch, PoseTarget, flow_by_vertex, flow_gradient, rotations,
-};
+pub use pose::{Differentiation, Pose, PoseFit, PoseOptions, PoseSearch, PoseTarget, rotations};
 pub use regularizer::{Regularizer, laplacian_coordinates};
 pub use remesh::{evened, remeshed};
 pub use run::Fit;

@@ -6,7 +6,6 @@
 //!
 //! The program of this package renders archives of arrays: `cargo run --release -p softras-lab -- eval --help`.
 
-pub mod articulated;
 pub mod check;
 pub mod gradients;
 pub mod measure;

@@ -6,8 +6,8 @@
 use super::fill::Grid;
 use super::{SIZE, VIEWS, VOXELS, file_error, fit_error};
 use softras::{Error, Result};
-use softras_io::{input, output};
 use softras_io::npy::{self, Array, Data};
+use softras_io::{input, output};
 use std::io::{Cursor, Write};
 use std::path::{Path, PathBuf};
 

@@ -1,6 +1,5 @@
 //! The command line: subcommands, exit codes and output to the terminal.
 
-mod articulate;
 mod bench;
 mod check;
 mod complete;
@@ -75,7 +74,6 @@ pub enum Command {
     Fit(Box<fit::args::FitArgs>),
     Iou(iou::IouArgs),
     Pose(Box<pose::args::PoseArgs>),
-    Articulate(articulate::args::ArticulateArgs),
     Completions(complete::CompletionsArgs),
     Man(complete::ManArgs),
 }
@@ -137,7 +135,6 @@ fn run_command(cli: &Cli) -> Result<(), Failure> {
         Command::Fit(args) => fit::run(args),
         Command::Iou(args) => iou::run(args),
         Command::Pose(args) => pose::run(args),
-        Command::Articulate(args) => articulate::run(args),
         Command::Completions(args) => complete::completions(args),
         Command::Man(args) => complete::man(args),
     }
@@ -176,7 +173,7 @@ fn open_device(selector: Option<&str>, memory: Option<u64>) -> softras::Result<s
 /// A flag that Ctrl-C sets.
 fn interrupted() -> Result<&'static AtomicBool, Failure> {
     static RAISED: AtomicBool = AtomicBool::new(false);
-    // A process can take the signal over once, and a benchmark fits several times.
+    // A process can take the signal over once, and a fit has several loops.
     static TAKEN: OnceLock<Result<(), String>> = OnceLock::new();
     // A second Ctrl-C ends the process at once, even if a step hangs.
     let handler = || {

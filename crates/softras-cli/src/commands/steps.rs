@@ -68,38 +68,6 @@ impl Loop {
     }
 }
 
-/// Steps that need nothing but a call each, which is given the step's number.
-pub struct Each<F> {
-    step: F,
-    text: &'static str,
-}
-
-/// Steps that need nothing but a call each.
-pub fn each<F, T, E>(step: F) -> Each<F>
-where
-    F: FnMut(usize, &mut Renderer) -> Result<T, E>,
-{
-    Each { step, text: "" }
-}
-
-impl<F> Each<F> {
-    /// The same with a text beside the bar.
-    pub fn named(self, text: &'static str) -> Self {
-        Self { text, ..self }
-    }
-}
-
-impl<F, T, E> Steps for Each<F>
-where
-    F: FnMut(usize, &mut Renderer) -> Result<T, E>,
-    Failure: From<E>,
-{
-    fn step(&mut self, at: usize, renderer: &mut Renderer) -> Result<String, Failure> {
-        (self.step)(at, renderer)?;
-        Ok(self.text.into())
-    }
-}
-
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {

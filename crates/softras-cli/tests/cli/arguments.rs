@@ -138,7 +138,6 @@ fn no_command_overwrites_what_it_reads() {
     refused("fit --from fish.obj --views 1 --size 8 -o out.obj --plot fish_texture.png", "fish_texture.png");
     refused("fit --from fish.obj --template fish.obj --views 1 --size 8 -o out.obj --json fish.mtl", "fish.mtl");
     refused("pose --mesh fish.obj --image fish.png -o fish.obj", "fish.obj");
-    refused("pose --mesh fish.obj --image fish.png --landscape fish.png", "fish.png");
     refused("bench fish.obj --json fish.mtl", "fish.mtl");
     let twice = ["fit", "--from", "fish.obj", "-o", "out.obj", "--json", "a.png", "--plot", "./a.png"];
     fails(folder.path(), &twice, 2, &["a.png", "twice"]);

@@ -11,9 +11,7 @@ fn a_file_is_not_written_under_the_ending_of_another_format() {
         ("fit --from a.obj -o o.obj --gif f.png", "gif"),
         ("fit --from a.obj -o o.obj --plot f.gif", "png"),
         ("fit --from a.obj -o o.obj --checkpoint f.bin", "npz"),
-        ("pose --mesh a.obj --image a.png --landscape f.jpg", "png"),
         ("grad a.obj --target a.png -o f.jpg", "png"),
-        ("articulate -o f.gif", "png"),
         ("stress --cases 0 --map f.png", "svg"),
     ] {
         let arguments: Vec<_> = line.split(' ').collect();

@@ -9,14 +9,10 @@ fn a_pose_is_found_from_a_picture() {
     succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
     let render = "render cube.obj -o target.png --frame sphere --unlit --size 32 --azimuth 250 --elevation -10";
     succeeds(folder.path(), &render.split_whitespace().collect::<Vec<_>>());
-    let pose = "pose --mesh cube.obj --image target.png --json --baselines -o posed.obj";
+    let pose = "pose --mesh cube.obj --image target.png --json -o posed.obj";
     let report: Value =
         serde_json::from_str(&succeeds(folder.path(), &pose.split_whitespace().collect::<Vec<_>>())).unwrap();
     assert!(report["loss"].as_f64().unwrap() < 0.02 && report["confidence"].as_f64().unwrap() > 0.5, "{report}");
-    let baselines = report["baselines"].as_array().unwrap();
-    assert_eq!(baselines.len(), 2);
-    let least = 0.9 * report["loss"].as_f64().unwrap();
-    assert!(baselines.iter().all(|b| b["loss"].as_f64().unwrap() >= least), "{report}");
     // Seen from where the fit looked from, the posed cube is the target again.
     let look = "grad posed.obj --target target.png -o grad.png --json --blur 2 --gamma 0.01 --unlit";
     let near: Value =

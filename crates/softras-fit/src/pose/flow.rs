@@ -5,9 +5,9 @@
 //! shows the mesh.
 
 use crate::bad;
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use softras::{
-    Frame, Image, ImageGradient, Renderer, Result, Wanted,
+    Frame, Image, ImageGradient, Result,
     scene::{Camera, Projection},
 };
 
@@ -21,47 +21,13 @@ pub fn flow_gradient(frame: &Frame, upstream: &ImageGradient, camera: &Camera) -
     let slope = slope(camera)?;
     let one = |view: usize| {
         let mut twist = [0.0; 6];
-        flow.each(view, slope, |_, point, by_point| {
+        flow.each(view, slope, |point, by_point| {
             let both = by_point.to_array().into_iter().chain(point.cross(by_point).to_array());
             twist.iter_mut().zip(both).for_each(|(sum, x)| *sum += x);
         });
         twist
     };
     Ok((0..flow.depth.batch).map(one).collect())
-}
-
-/// The estimated gradient dL by each vertex, loss per world unit. The frame shows one mesh with vertex colours, one
-/// camera a view; it is hard in colour, has depth, and is saved for backward.
-///
-/// # Errors
-/// [`softras::Error::Fit`] for a frame without depth, gradients of another shape than its images, a camera without
-/// perspective, or cameras that are not the frame's; otherwise as [`Renderer::backward`].
-pub fn flow_by_vertex(
-    renderer: &mut Renderer,
-    frame: &Frame,
-    upstream: &ImageGradient,
-    cameras: &[Camera],
-) -> Result<Vec<[f32; 3]>> {
-    let flow = Flow::new(frame, upstream)?;
-    let Image { batch, height, width, .. } = *flow.depth;
-    if cameras.len() != batch {
-        return bad(format!("{} cameras for {batch} views", cameras.len()), "give the frame's own");
-    }
-    let mut by_points = Image { batch, height, width, channels: 3, data: vec![0.0; 3 * flow.depth.data.len()] };
-    for (view, camera) in cameras.iter().enumerate() {
-        let [x, y, z] = camera.view().map(|row| DVec3::new(row[0], row[1], row[2]));
-        let to_world = DMat3::from_cols(x, y, z);
-        flow.each(view, slope(camera)?, |(row, column), _, by_point| {
-            let at = 3 * ((view * height + row) * width + column);
-            let by_world = (to_world * by_point).to_array();
-            by_points.data[at..at + 3].iter_mut().zip(by_world).for_each(|(sum, x)| *sum += x as f32);
-        });
-    }
-    // Positions and colours of a surface point are the same weighted means of those of its triangle's corners. So the
-    // gradient by vertex colours, with dL by the points in place of dL by the colours, is the gradient by positions.
-    let wanted = Wanted { colors: true, ..Wanted::NOTHING };
-    let gradients = renderer.backward(frame, &ImageGradient::color(by_points), &wanted)?;
-    Ok(gradients.meshes.into_iter().next().map(|mesh| mesh.colors).unwrap_or_default())
 }
 
 /// Tangent of half the angle of view.
@@ -92,9 +58,9 @@ impl<'a> Flow<'a> {
         Ok(Self { depth, images })
     }
 
-    /// Visits every pixel that moves with the mesh, with the row and column of the pixel that shows the surface point,
-    /// that point, and dL by the point's motion, both in view space.
-    fn each(&self, view: usize, slope: f64, mut visit: impl FnMut((usize, usize), DVec3, DVec3)) {
+    /// Visits every pixel that moves with the mesh, with the surface point that it shows and dL by the point's motion, both in
+    /// view space.
+    fn each(&self, view: usize, slope: f64, mut visit: impl FnMut(DVec3, DVec3)) {
         let (height, width) = (self.depth.height, self.depth.width);
         let half = height as f64 / 2.0;
         for row in 0..height {
@@ -103,8 +69,7 @@ impl<'a> Flow<'a> {
                 let (above, below) = (row.saturating_sub(1), (row + 1).min(height - 1));
                 let around = [(row, column), (row, left), (row, right), (above, column), (below, column)];
                 let depth = |(r, c): (usize, usize)| f64::from(self.depth.pixel(view, r, c)[0]);
-                let Some(seen) = around.into_iter().find(|at| depth(*at) > 0.0) else { continue };
-                let z = depth(seen);
+                let Some(z) = around.into_iter().map(depth).find(|z| *z > 0.0) else { continue };
                 let difference = |a: (usize, usize), b: (usize, usize), pixels: usize| -> f64 {
                     let of = |(image, by): &(&Image, &Image)| -> f64 {
                         let (a, b) = (image.pixel(view, a.0, a.1), image.pixel(view, b.0, b.1));
@@ -121,7 +86,7 @@ impl<'a> Flow<'a> {
                 // Motion in pixels per view-space motion of the point.
                 let scale = half / (slope * z);
                 let by_point = DVec3::new(by_right * scale, by_up * scale, -(by_right * x + by_up * y) * slope * scale);
-                visit(seen, point, by_point);
+                visit(point, by_point);
             }
         }
     }

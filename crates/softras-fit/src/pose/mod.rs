@@ -9,7 +9,7 @@ mod picture;
 mod search;
 mod target;
 
-pub use flow::{flow_by_vertex, flow_gradient};
+use flow::flow_gradient;
 pub use search::PoseSearch;
 pub use target::PoseTarget;
 

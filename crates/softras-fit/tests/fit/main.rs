@@ -1,11 +1,11 @@
 //! Fitting: losses, regularisers, optimisers, remeshing, voxels, poses and jointed figures.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-mod articulated;
 mod atlas;
 mod carved;
 #[path = "../../../../tests/common/pool.rs"]
 mod common;
+mod forearm;
 mod gradients;
 mod hull;
 mod lengths;

@@ -2,11 +2,9 @@
 
 use crate::common::{renderer_with, tier};
 use glam::{DQuat, DVec3};
-use softras::ImageGradient;
-use softras::scene::{Appearance, Background, ColorAggregation, Outputs, SilhouetteAggregation};
+use softras::scene::{Appearance, Background};
 use softras::{Camera, Image, Mesh, Projection, Renderer, RendererOptions, Scene, Settings, shapes};
-use softras_fit::{Differentiation, ImageLoss, Pose, PoseFit, PoseOptions, PoseSearch, PoseTarget, Schedule};
-use softras_fit::{flow_by_vertex, flow_gradient, pooled, rotations};
+use softras_fit::{Differentiation, Pose, PoseFit, PoseOptions, PoseSearch, PoseTarget, Schedule, pooled, rotations};
 use softras_lab::random::Random;
 
 const SETTINGS: Settings = Settings { width: 48, height: 48, near: 3.5, far: 6.5, ..DEFAULT };
@@ -149,64 +147,6 @@ fn the_hard_images_flow_points_downhill() {
     let target = targets(&fit, &mut renderer, &[Pose::IDENTITY]);
     let (losses, gradients) = fit.differentiate(&mut renderer, &target).unwrap();
     assert!(losses[0] > 0.0 && gradients[0][1].x > 0.0, "{gradients:?}");
-}
-
-/// A sphere of some radius and shift, hard, seen by two cameras: dL by vertices and by twists of 1 - IoU with a larger one.
-fn hard_sphere(radius: f32, shift: f32) -> (Vec<DVec3>, Vec<DVec3>, Vec<[f64; 6]>, [Camera; 2]) {
-    let projection = Projection::Perspective { fov_y: 30f64.to_radians() };
-    let cameras = [DVec3::new(1.0, 2.0, 4.5), DVec3::new(-3.0, 0.5, 4.0)]
-        .map(|eye| Camera::look_at(eye, DVec3::ZERO, DVec3::Y, projection).unwrap());
-    let settings = Settings {
-        far: 7.0,
-        color: ColorAggregation::Hard,
-        silhouette: SilhouetteAggregation::Hard,
-        outputs: Outputs { color: true, silhouette: true, depth: true, normal: false },
-        save: true,
-        ..SETTINGS
-    };
-    let sphere = |radius: f32, shift: f32| {
-        let mut mesh = shapes::icosphere(2).unwrap();
-        let place = |p: &[f32; 3]| [radius * p[0] + shift, radius * p[1], radius * p[2]];
-        mesh.set_positions(mesh.positions().iter().map(place).collect()).unwrap();
-        let colors = vec![[0.0; 3]; mesh.positions().len()];
-        mesh.with_appearance(Appearance::VertexColors(colors)).unwrap()
-    };
-    let mut renderer = crate::common::renderer();
-    let target = renderer.render(&Scene::new(sphere(0.8, 0.0)), &cameras, &settings).unwrap();
-    let mesh = sphere(radius, shift);
-    let positions = mesh.positions().iter().map(|p| DVec3::from(p.map(f64::from))).collect();
-    let frame = renderer.render(&Scene::new(mesh), &cameras, &settings).unwrap();
-    let (is, wanted) = (frame.silhouette().unwrap(), target.silhouette().unwrap());
-    let upstream = ImageGradient::silhouette(ImageLoss::NegativeIou.evaluate(is, wanted, None).unwrap().gradient);
-    let by_vertex = flow_by_vertex(&mut renderer, &frame, &upstream, &cameras).unwrap();
-    assert!(flow_by_vertex(&mut renderer, &frame, &upstream, &cameras[..1]).is_err());
-    let smaller = Image { width: 1, data: vec![0.0; 2 * is.height], ..is.clone() };
-    assert!(flow_gradient(&frame, &ImageGradient::silhouette(smaller), &cameras[0]).is_err());
-    // One angle of view for both.
-    let twists = flow_gradient(&frame, &upstream, &cameras[0]).unwrap();
-    (positions, by_vertex.iter().map(|g| DVec3::from(g.map(f64::from))).collect(), twists, cameras)
-}
-
-#[test]
-fn a_hard_silhouettes_flow_moves_vertices_towards_the_target() {
-    let outwards = |radius: f32| {
-        let (positions, by_vertex, ..) = hard_sphere(radius, 0.0);
-        positions.iter().zip(&by_vertex).map(|(p, g)| -g.dot(*p)).sum::<f64>()
-    };
-    assert!(outwards(0.6) > 0.0 && outwards(0.95) < 0.0, "{} and {}", outwards(0.6), outwards(0.95));
-    let across = |shift: f32| hard_sphere(0.8, shift).1.into_iter().sum::<DVec3>().x;
-    assert!(across(0.1) > 0.0 && across(-0.1) < 0.0, "{} and {}", across(0.1), across(-0.1));
-    // Vertices share what pulls at the points between them: in all it is what pulls at the cameras.
-    let (_, by_vertex, twists, cameras) = hard_sphere(0.7, 0.1);
-    let in_world = |(twist, camera): (&[f64; 6], &Camera)| {
-        let row = |k: usize| DVec3::new(camera.view()[k][0], camera.view()[k][1], camera.view()[k][2]);
-        (0..3).map(|k| twist[k] * row(k)).sum::<DVec3>()
-    };
-    let by_cameras: DVec3 = twists.iter().zip(&cameras).map(in_world).sum();
-    let by_vertices: DVec3 = by_vertex.iter().sum();
-    let error = |factor: f64| (factor * by_vertices - by_cameras).length() / by_cameras.length();
-    assert!(error(1.0) < 1e-3, "{by_vertices} and {by_cameras}");
-    assert!(error(1.1) > 0.05 && error(-1.0) > 1.0, "a wrong gradient is not seen");
 }
 
 #[test]

@@ -1,9 +1,9 @@
 //! Tests malformed and mutated arrays and archives: each is read or refused with an error that says why, without a panic and
 //! in little memory, whatever it claims. The names in `tests/corpus` tell which arrays are refused.
 
-use super::peak_of;
 use super::mutate::{cases, corpus, mutate};
 use super::numpy::Npz;
+use super::peak_of;
 use softras_io::npz::Archive;
 use softras_io::{Budget, npy};
 use softras_lab::stress::Random;

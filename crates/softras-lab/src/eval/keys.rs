@@ -6,7 +6,7 @@ use softras::scene::{
 use softras::{Error, Result};
 use softras_io::npy::Array;
 use softras_io::npz::Archive;
-use softras_io::text::name;
+use softras_io::text::name as shown;
 
 pub const COLOR: &[(&str, ColorAggregation)] =
     &[("softmax", ColorAggregation::Softmax), ("hard", ColorAggregation::Hard)];
@@ -57,7 +57,7 @@ pub fn choice<T: Copy>(archive: &Archive, key: &str, choices: &[(&str, T)]) -> R
         Some((_, value)) => Ok(Some(*value)),
         None => {
             let names: Vec<_> = choices.iter().map(|(name, _)| *name).collect();
-            Err(archive.fault(key, &format!("is \"{}\"", name(&text)), &format!("use one of {}", names.join(", "))))
+            Err(archive.fault(key, &format!("is \"{}\"", shown(&text)), &format!("use one of {}", names.join(", "))))
         }
     }
 }

@@ -8,10 +8,10 @@ mod world;
 
 use softras::scene::Parity;
 use softras::{Camera, Error, Frame, GradientMode, Image, ImageGradient, Renderer, Result, Scene, Settings, Wanted};
-use softras_lab::gradients;
-use softras_io::npy::Data;
 use softras_io::Budget;
+use softras_io::npy::Data;
 use softras_io::npz::{self, Archive};
+use softras_lab::gradients;
 use softras_reference::{ReferenceFrame, ReferenceGradients, Truncation};
 use std::path::PathBuf;
 

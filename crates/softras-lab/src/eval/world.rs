@@ -7,7 +7,7 @@ use softras::scene::{Appearance, DirectionalLight, Outputs, Parity};
 use softras::{Camera, Error, Lights, Mesh, Projection, Result, Scene, Settings};
 use softras_io::npy::Array;
 use softras_io::npz::Archive;
-use softras_io::text::name;
+use softras_io::text::name as shown;
 
 /// Reads a scene in world space.
 ///
@@ -64,7 +64,7 @@ fn outputs(archive: &Archive) -> Result<Option<Outputs>> {
                 "depth" => wanted.depth = true,
                 "normal" => wanted.normal = true,
                 _ => {
-                    let what = format!("asks for \"{}\"", name(name));
+                    let what = format!("asks for \"{}\"", shown(name));
                     return Err(archive.fault(key, &what, "use color, silhouette, depth, normal"));
                 }
             }

@@ -20,7 +20,6 @@ Examples:
   softras fit --from spot.obj --views 24 --size 256 --texture -o textured.obj
   softras fit --from spot.obj --template grey_spot.obj --texture -o textured.obj
   softras fit --views scans --depths scans/depths --normals scans/normals -o shape.obj
-  softras fit --benchmark spot.obj --baselines --json table.json
 
 Views and cameras:
   IMAGES.npy   [N, 4, H, W] or [N, H, W, 4] (RGBA; alpha is the silhouette), [N, H, W] (silhouettes); bytes or
@@ -37,17 +36,11 @@ Views and cameras:
   .../images.txt       with cameras.txt: COLMAP's model as text
   --from MESH  renders the views from all around the mesh, and reports the 3D IoU with it
 
---benchmark fits to 24 coloured views of each mesh (--views and --size change that) and prints a table: the 3D IoU by 64³ voxels, \
-the Chamfer distance (the mean distance from points of each surface to the nearest of the other's, as a share of the \
-diagonal of the mesh's box), the genus of the fit and of the mesh, and seconds. What the fit begins with has a row of its own, \
-and so have, with --baselines, a fit that begins with a sphere and the baselines.
-
 Ctrl-C ends the fit and writes the best mesh so far; --checkpoint FILE with --resume continues a fit.";
 
 const USAGE: &str = "\
 softras fit --views <IMAGES.npy|FOLDER> [--cameras <FILE>] -o <OUT.obj> [OPTIONS]
-       softras fit --from <MESH> [--views <N>] -o <OUT.obj> [OPTIONS]
-       softras fit --benchmark [<MESH>...] [OPTIONS]";
+       softras fit --from <MESH> [--views <N>] -o <OUT.obj> [OPTIONS]";
 
 /// Fit a mesh to images: its shape, and its colours with --color
 #[derive(Args, Clone, Debug)]
@@ -81,14 +74,8 @@ pub struct FitArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), default_value_t = 1)]
     pub view_stride: u32,
     /// The mesh to write
-    #[arg(short, long = "out", value_name = "OUT.obj", required_unless_present = "benchmark")]
-    pub out: Option<PathBuf>,
-    /// Fit to views of these meshes, or of a torus, a torus of two holes, a mug and a chair, and print how near each fit comes;
-    /// --json writes the table
-    #[arg(long, value_name = "MESH", num_args = 0.., conflicts_with_all = [
-        "from", "cameras", "out", "template", "texture", "plot", "gif", "checkpoint", "write_views", "depths", "normals",
-    ])]
-    pub benchmark: Option<Vec<PathBuf>>,
+    #[arg(short, long = "out", value_name = "OUT.obj")]
+    pub out: PathBuf,
     /// Fit the colours too: the template's texels where it has a texture, else a colour for each vertex
     #[arg(long)]
     pub color: bool,
@@ -145,11 +132,6 @@ impl FitArgs {
             directional: vec![one([0.5, 0.8, -0.4], 0.6), one([-0.8, 0.1, -0.3], 0.3), one([0.2, -0.3, 0.9], 0.25)],
             shading,
         }
-    }
-
-    /// The mesh to write.
-    pub fn out(&self) -> Result<&PathBuf, Failure> {
-        self.out.as_ref().ok_or_else(|| Failure::Usage("--out: name the mesh to write".into()))
     }
 
     /// Refuses a fit to nothing.
@@ -306,18 +288,14 @@ pub struct MethodArgs {
     #[arg(long, value_name = "STEP", value_delimiter = ',')]
     pub remesh_at: Vec<u32>,
     /// Leave the mesh the holes and parts that it begins with. Else a mesh that covers a hole of the pictures, leaves out a part or
-    /// lies in itself is cut anew to the silhouettes after 0.3 and 0.6 of the steps, unless --template is a mesh file, with
-    /// --preset official and with --baselines
+    /// lies in itself is cut anew to the silhouettes after 0.3 and 0.6 of the steps, unless --template is a mesh file and with
+    /// --preset official
     #[arg(long)]
     pub keep_topology: bool,
     /// Edge length of a hull and for --remesh-at in pixels of the images, constant or from the first to the last step: 1.5 or
     /// 2..1 [default: 1.5, and 2 for a hull]
     #[arg(long, value_name = "PIXELS", value_parser = range)]
     pub edge: Option<(f64, f64)>,
-    /// Fit again without the schedule, without softness (sigma 1e-7), without regularisers, (with --color) without colours
-    /// and with a hard renderer's gradients, and report these fits too
-    #[arg(long, conflicts_with_all = ["also", "depths", "normals"])]
-    pub baselines: bool,
 }
 
 /// Files besides the mesh.

@@ -1,9 +1,7 @@
 //! `softras fit`: fits a mesh to images.
 
 pub mod args;
-mod baselines;
 mod begin;
-mod benchmark;
 mod camera_files;
 mod cameras;
 mod checkpoint;
@@ -16,7 +14,6 @@ mod plot;
 mod recut;
 mod report;
 mod setup;
-mod surface;
 pub mod targets;
 mod texels;
 mod unseen;
@@ -41,10 +38,7 @@ const CHECKPOINT_STEPS: usize = 100;
 
 /// Runs the command.
 pub fn run(args: &FitArgs) -> Result<(), Failure> {
-    if let Some(meshes) = &args.benchmark {
-        return benchmark::run(args, meshes);
-    }
-    let (files, out) = (&args.files, args.out()?);
+    let (files, out) = (&args.files, &args.out);
     args.check_source()?;
     let written = [&files.json, &files.plot, &files.gif, &files.checkpoint];
     let mut views = Vec::new();
@@ -80,19 +74,12 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     if let Some(path) = &files.plot {
         plot::write(path, &work.log.losses())?;
     }
-    let baselines = if args.method.baselines && !work.interrupted {
-        baselines::run(args, &views, &mut renderer)?
-    } else {
-        Vec::new()
-    };
     if let Some(path) = &files.json {
         let mut report = work.log.json(args, &setup, &scores, renderer.device_name(), &best);
         report["texture"] = work.painted.as_ref().map(Painted::json).into();
-        report["baselines"] = baselines.iter().map(baselines::Baseline::json).collect();
         output::write_file(path, report.to_string().as_bytes())?;
     }
     report::tell(out, &work.log, &scores, &best)?;
-    baselines.iter().try_for_each(|baseline| super::say(&baseline.sentence()))?;
     if work.interrupted { Err(Failure::Interrupted) } else { Ok(()) }
 }
 

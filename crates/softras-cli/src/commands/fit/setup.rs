@@ -16,15 +16,10 @@ const HULL_ITERATIONS: u32 = 150;
 /// The length of edges after remeshing, in pixels.
 const EDGE: f64 = 1.5;
 
-/// The sigma that stands for no softness: its width, a few ten-thousandths of a screen unit, is far below a pixel.
-const HARD_SIGMA: f64 = 1e-7;
-
 /// Everything about a fit that does not change while it runs.
 pub struct Setup {
     /// The mesh to begin with.
     pub template: Mesh,
-    /// Whether it is a hull.
-    pub hull: bool,
     /// The options of the fit.
     pub options: ShapeOptions,
     /// The number of steps.
@@ -90,16 +85,14 @@ impl Setup {
         let unit = if official { 1.0 } else { views.bounds.radius / REFERENCE_RADIUS };
         let (from, to) = method.rate.unwrap_or((default.0.0 * unit, default.0.1 * unit));
         let iterations = method.iterations.unwrap_or(if begin.hull { HULL_ITERATIONS } else { ITERATIONS }) as usize;
-        // A mesh of a file keeps its triangles, which may be what the fit is for, and the official method has none of this. Nor have
-        // the baselines, from which a fit beside them is to differ by one thing each.
-        let recuts = !(method.keep_topology || method.baselines || official || views.template.is_some());
+        // A mesh of a file keeps its triangles, which may be what the fit is for, and the official method has none of this.
+        let recuts = !(method.keep_topology || official || views.template.is_some());
         Ok(Self {
             colored: args.colored(),
             options: options(args, official, &begin, views),
             paints: args.texture && !views.keeps_shape(args),
             pixel,
             template: begin.mesh,
-            hull: begin.hull,
             faces: method.faces.into(),
             lights: views.lights.clone(),
             iterations,
@@ -151,19 +144,6 @@ impl Setup {
             other => other.clone(),
         };
         Ok(mesh.with_appearance(appearance)?)
-    }
-
-    /// Replaces the schedules of σ and γ by their last values.
-    pub fn hold_softness(&mut self) {
-        self.sigma = Schedule::Constant(self.sigma.at(1.0));
-        self.gamma = Schedule::Constant(self.gamma.at(1.0));
-    }
-
-    /// Makes edges as hard as single precision allows, so that there is a gradient only where an edge passes a pixel's
-    /// centre.
-    pub fn harden(&mut self) {
-        self.hold_softness();
-        self.sigma = Schedule::Constant(HARD_SIGMA);
     }
 
     /// The step lengths of the vertices and of the colours.

@@ -1,8 +1,7 @@
 //! How far a picture and the mesh in the pose that was found agree.
 
 use super::{Target, View};
-use softras::{Image, Renderer, Result};
-use softras_fit::Pose;
+use softras::{Image, Mesh, Renderer, Result};
 
 /// Samples along each side of a pixel, in pictures of up to so many pixels a side; larger ones have one.
 const SAMPLES: u32 = 3;
@@ -24,10 +23,10 @@ pub struct Agreement {
 }
 
 impl Agreement {
-    /// Renders the mesh in a pose and compares.
-    pub fn of(view: &View, pose: &Pose, target: &Target, renderer: &mut Renderer) -> Result<Self> {
+    /// Renders the posed mesh and compares.
+    pub fn of(view: &View, posed: &Mesh, target: &Target, renderer: &mut Renderer) -> Result<Self> {
         let side = view.settings.width.max(view.settings.height);
-        let Some(shown) = view.picture(pose, if side <= MOST_SAMPLED { SAMPLES } else { 1 }, renderer)? else {
+        let Some(shown) = view.picture(posed, if side <= MOST_SAMPLED { SAMPLES } else { 1 }, renderer)? else {
             return Ok(Self { iou: 1.0, color: 0.0 });
         };
         Ok(Self::between([&target.color, &target.silhouette], [&shown.color, &shown.silhouette]))

@@ -8,10 +8,6 @@ use softras::glam::{DQuat, DVec3};
 use softras_fit::Pose;
 use std::path::PathBuf;
 
-const USAGE: &str = "\
-softras pose --mesh <MESH> --image <TARGET.png> [-o <POSED.obj>] [OPTIONS]
-       softras pose --benchmark [<MESH>...] [OPTIONS]";
-
 const EXAMPLES: &str = "\
 The mesh is rendered without light, so the picture should be unlit too (`softras render --unlit`).
 The silhouette of a picture without transparency is every pixel that is not black. The camera is the
@@ -34,31 +30,27 @@ Examples:
   softras render fish.obj -o target.png --frame sphere --unlit --size 64 --azimuth 250 --elevation -10
   softras pose --mesh fish.obj --image target.png -o posed.obj
   softras pose --mesh posed.obj --image target.png -o better.obj --init
-  softras pose --mesh fish.obj --image target.png -o posed.obj --init 0,1,0,90
-  softras pose --benchmark --json
-  softras pose --benchmark fish.obj --trials 10
-  softras pose --benchmark --trials 1 --landscape landscape.png";
+  softras pose --mesh fish.obj --image target.png -o posed.obj --init 0,1,0,90";
 
 /// Find the rotation and translation of a mesh from a picture of it
 #[derive(Args, Debug)]
-#[command(after_help = EXAMPLES, override_usage = USAGE, allow_negative_numbers = true)]
+#[command(after_help = EXAMPLES, allow_negative_numbers = true)]
 pub struct PoseArgs {
     /// The mesh file to pose
-    #[arg(long, value_name = "MESH", required_unless_present = "benchmark")]
-    pub mesh: Option<PathBuf>,
+    #[arg(long, value_name = "MESH")]
+    pub mesh: PathBuf,
     /// The picture to fit the pose to
-    #[arg(long, value_name = "TARGET.png", required_unless_present = "benchmark")]
-    pub image: Option<PathBuf>,
+    #[arg(long, value_name = "TARGET.png")]
+    pub image: PathBuf,
     /// Write the mesh in its pose
-    #[arg(short, long = "out", value_name = "POSED.obj", conflicts_with = "benchmark")]
+    #[arg(short, long = "out", value_name = "POSED.obj")]
     pub out: Option<PathBuf>,
     /// Refine one pose in small steps, in place of searching: that which the mesh has (--init alone), or one that is given
     /// as rotation and translation: the axis, the angle in degrees and, if there is one, the way moved
     #[arg(long, value_name = "X,Y,Z,DEGREES[,X,Y,Z]", value_parser = init, num_args = 0..=1, default_missing_value = "0,1,0,0",
-          conflicts_with_all = ["starts", "benchmark"])]
+          conflicts_with = "starts")]
     pub init: Option<Pose>,
-    /// Number of poses to fit: the most likely of 512 rotations that are compared with the picture first. With --benchmark and
-    /// --baselines the number of poses to start from, spread over all rotations
+    /// Number of poses to fit: the most likely of 512 rotations that are compared with the picture first
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=512), default_value_t = 24)]
     pub starts: u32,
     /// Number of steps: a fifth with all starts in images of at most 32 pixels a side, three tenths with the best half of them
@@ -68,23 +60,6 @@ pub struct PoseArgs {
     /// Fit the rotation only, without translation
     #[arg(long)]
     pub no_translation: bool,
-    /// Also fit without the schedule and with a hard renderer's gradients, from the same starts, and report their losses
-    #[arg(long, conflicts_with = "benchmark")]
-    pub baselines: bool,
-    /// Draw the loss over two angles around the pose, sharp and blurred side by side
-    #[arg(long, value_name = "FILE.png", value_parser = parse::file_ending("png"))]
-    pub landscape: Option<PathBuf>,
-    /// Run the experiment of the SoftRas paper with a coloured cube: random rotations to find, with plain and with whitened
-    /// colours, from one start and from several. With meshes: how near the search comes to random rotations of each, from one
-    /// picture of 64 pixels
-    #[arg(long, value_name = "MESH", num_args = 0.., conflicts_with_all = ["mesh", "image"])]
-    pub benchmark: Option<Vec<PathBuf>>,
-    /// Number of rotations of the benchmark [default: 100, or 40 of each mesh]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
-    pub trials: Option<u32>,
-    /// Seed of the benchmark
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    pub seed: u64,
     /// Print one JSON object
     #[arg(long)]
     pub json: bool,

@@ -1,18 +1,20 @@
-//! Trials of `softras articulate`: a pose to find, a pose to start from, and the methods of fitting.
+//! Trials: a pose to find, a pose to start from, and the methods of fitting.
 
-use super::args::ArticulateArgs;
-use crate::commands::Failure;
-use crate::commands::steps::{Loop, each};
-use glam::DVec3;
+use super::figure::Figure;
+use super::fit::{FigureFit, FigureOptions, Sight};
+use super::mannequin::mannequin;
+use super::skeleton::SkeletonPose;
+use super::visible::visible_triangles;
+use softras::glam::DVec3;
 use softras::scene::Background;
 use softras::{Camera, Frame, Mesh, Projection, Renderer, Result, Scene, Settings};
 use softras_fit::{PoseTarget, Schedule};
-use softras_lab::articulated::{Figure, FigureFit, FigureOptions, Sight, SkeletonPose, visible_triangles};
 use softras_lab::random::Random;
-use std::time::Instant;
 
 /// The joint that is hidden, and the bones that it carries.
 pub const HIDDEN: &str = "left forearm";
+/// Side of the fitted picture in pixels.
+const SIZE: u32 = 64;
 const DISTANCE: f64 = 5.0;
 /// The most draws of a pose until the limb is hidden at the start and partly visible in the target.
 const DRAWS: usize = 500;
@@ -20,28 +22,14 @@ const DRAWS: usize = 500;
 const LEAST_SEEN: f64 = 0.03;
 const MOST_SEEN: f64 = 0.3;
 
-/// A method of fitting.
-pub struct Method {
-    /// Its name.
-    pub name: &'static str,
-    /// Its options.
-    pub options: FigureOptions,
-}
-
-/// All methods, the baselines first.
-pub fn methods(args: &ArticulateArgs) -> Vec<Method> {
-    let soft = FigureOptions { iterations: args.iterations as usize, ..FigureOptions::default() };
+/// All methods by name, the baselines first.
+pub fn methods() -> [(&'static str, FigureOptions); 4] {
+    let soft = FigureOptions::default();
     let visible = FigureOptions { sight: Sight::VisibleOnly, ..soft.clone() };
     let silhouette = FigureOptions { weights: [0.0, soft.weights[1]], ..soft.clone() };
     // The same gamma, and the best of three sigmas on other seeds.
     let constant = FigureOptions { sigma: Schedule::Constant(1e-4), blur: Schedule::Constant(0.0), ..soft.clone() };
-    let method = |name, options| Method { name, options };
-    vec![
-        method("visible only", visible),
-        method("soft, silhouette only", silhouette),
-        method("soft, no schedule", constant),
-        method("soft", soft),
-    ]
+    [("visible only", visible), ("soft, silhouette only", silhouette), ("soft, no schedule", constant), ("soft", soft)]
 }
 
 /// The figure, its camera and the image size.
@@ -60,25 +48,15 @@ pub struct Trial {
     pub truth: SkeletonPose,
     /// The pose that the fits start from.
     pub start: SkeletonPose,
-    /// The share of the limb's triangles that the target shows.
-    pub seen: f64,
     target: PoseTarget,
-}
-
-/// The result of a method.
-pub struct Found {
-    /// The pose that was found.
-    pub pose: SkeletonPose,
-    /// The time of the whole fit.
-    pub seconds: f64,
 }
 
 impl Stage {
     /// The mannequin, and a camera at the height of its chest.
-    pub fn new(size: u32) -> Result<Self> {
-        let settings =
-            Settings { width: size, height: size, near: DISTANCE - 1.0, far: DISTANCE + 1.0, ..Settings::default() };
-        Ok(Self { figure: softras_lab::articulated::mannequin()?, camera: camera(1.0)?, settings })
+    pub fn new() -> Result<Self> {
+        let (near, far) = (DISTANCE - 1.0, DISTANCE + 1.0);
+        let settings = Settings { width: SIZE, height: SIZE, near, far, ..Settings::default() };
+        Ok(Self { figure: mannequin()?, camera: camera(1.0)?, settings })
     }
 
     /// Renders a mesh sharply, seen by the camera or by one behind the figure.
@@ -105,11 +83,11 @@ impl Stage {
     fn seen(&self, renderer: &mut Renderer, pose: &SkeletonPose) -> Result<f64> {
         let mesh = self.figure.posed(pose)?;
         let visible = visible_triangles(renderer, &mesh, &self.camera, &self.settings)?;
-        let limb = self.figure.skeleton().find(HIDDEN);
+        let limb = self.figure.skeleton.find(HIDDEN);
         let bones = self.figure.bone_of_triangle();
         let (mut seen, mut all) = (0, 0);
         for (bone, visible) in bones.into_iter().zip(visible) {
-            if Some(bone) == limb {
+            if bone == limb {
                 (seen, all) = (seen + usize::from(visible), all + 1);
             }
         }
@@ -129,7 +107,7 @@ impl Stage {
             let frame = self.look(renderer, &self.figure.posed(&truth)?, false, size)?;
             if let (Some(color), Some(silhouette)) = (frame.color(), frame.silhouette()) {
                 let target = PoseTarget::new(color.clone(), silhouette.clone())?;
-                return Ok(Some(Trial { truth, start, seen, target }));
+                return Ok(Some(Trial { truth, start, target }));
             }
         }
         Ok(None)
@@ -137,7 +115,7 @@ impl Stage {
 
     /// Draws target and start; the start is within 7 degrees of the target in every angle but the hidden elbow.
     fn poses(&self, random: &mut Random) -> (SkeletonPose, SkeletonPose) {
-        let skeleton = self.figure.skeleton();
+        let skeleton = &self.figure.skeleton;
         let (mut truth, mut start) = (skeleton.rest(), skeleton.rest());
         // Middle and spread of every angle in degrees, as `mannequin` lists them.
         let ranges: [&[(f64, f64)]; 10] = [
@@ -152,7 +130,7 @@ impl Stage {
             &[(-10.0, 15.0), (14.0, 8.0)],
             &[(15.0, 15.0)],
         ];
-        let hidden = skeleton.find(HIDDEN).map_or(0..0, |bone| skeleton.angles_of(bone));
+        let hidden = skeleton.angles_of(skeleton.find(HIDDEN));
         for (i, &(middle, spread)) in ranges.into_iter().flatten().enumerate() {
             let angle = middle + random.range(-spread, spread);
             // The elbow starts bent further, with the hand higher up behind the back.
@@ -165,24 +143,24 @@ impl Stage {
         (truth, start)
     }
 
-    /// Fits a trial with one method.
-    pub fn fit(&self, trial: &Trial, method: &Method, renderer: &mut Renderer) -> Result<Found, Failure> {
-        let before = Instant::now();
-        let (figure, start) = (self.figure.clone(), trial.start.clone());
-        let mut fit = FigureFit::new(figure, self.camera, self.settings.clone(), method.options.clone(), start)?;
-        let mut steps = each(|_, renderer| fit.step(renderer, &trial.target));
-        Loop::over(0..method.options.iterations).run(&mut steps, renderer)?;
-        Ok(Found { pose: fit.pose().clone(), seconds: before.elapsed().as_secs_f64() })
+    /// The pose that a trial's fit ends with.
+    pub fn fit(&self, trial: &Trial, options: &FigureOptions, renderer: &mut Renderer) -> Result<SkeletonPose> {
+        let (settings, start) = (self.settings.clone(), trial.start.clone());
+        let mut fit = FigureFit::new(&self.figure, self.camera, settings, options.clone(), start);
+        for _ in 0..options.iterations {
+            fit.step(renderer, &trial.target)?;
+        }
+        Ok(fit.pose)
     }
 
     /// The error of the hidden joint in degrees, and the mean error of all others.
     pub fn errors(&self, pose: &SkeletonPose, truth: &SkeletonPose) -> [f64; 2] {
-        let skeleton = self.figure.skeleton();
-        let hidden = skeleton.find(HIDDEN).unwrap_or(0);
-        let of =
-            |bone: usize| skeleton.direction(pose, bone).angle_between(skeleton.direction(truth, bone)).to_degrees();
-        let others: Vec<f64> = (0..skeleton.bones().len()).filter(|&bone| bone != hidden).map(of).collect();
-        [skeleton.degrees_between(pose, truth, hidden), others.iter().sum::<f64>() / others.len().max(1) as f64]
+        let skeleton = &self.figure.skeleton;
+        let hidden = skeleton.find(HIDDEN);
+        let pairs = skeleton.directions(pose).into_iter().zip(skeleton.directions(truth)).enumerate();
+        let others = pairs.filter(|(bone, _)| *bone != hidden).map(|(_, (a, b))| a.angle_between(b).to_degrees());
+        let mean = others.sum::<f64>() / (skeleton.bones.len() - 1) as f64;
+        [skeleton.degrees_between(pose, truth, hidden), mean]
     }
 }
 

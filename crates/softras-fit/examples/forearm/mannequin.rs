@@ -1,10 +1,10 @@
 //! A jointed doll: torso, head, two arms and two legs, each a closed tube in colours of its own.
 
-use super::{Bone, Figure, Skeleton, Weights};
-use glam::DVec3;
-use softras::Mesh;
-use softras::Result;
+use super::figure::{Figure, Weights};
+use super::skeleton::{Bone, Skeleton};
+use softras::glam::DVec3;
 use softras::scene::Appearance;
+use softras::{Mesh, Result};
 use std::f64::consts::TAU;
 
 /// Vertices around a tube.
@@ -57,9 +57,6 @@ const KNEE: f64 = -0.58;
 ///
 /// Positive angles about the first axis of shoulders and hips (x) swing a limb back, those about the second (z) swing it
 /// towards +x; a shoulder's third (y) twists the arm. Elbows and knees bend about x, back for positive angles.
-///
-/// # Errors
-/// None; the signature is that of the other shapes.
 pub fn mannequin() -> Result<Figure> {
     let arm = |sleeve: Color, hand: Color| {
         [
@@ -97,7 +94,7 @@ pub fn mannequin() -> Result<Figure> {
     let mut parts = Parts::default();
     tubes.iter().for_each(|tube| parts.add(tube));
     let mesh = Mesh::new(parts.positions, parts.triangles)?.with_appearance(Appearance::VertexColors(parts.colors))?;
-    Figure::new(mesh, Skeleton::new(bones())?, parts.weights)
+    Ok(Figure { mesh, skeleton: Skeleton { bones: bones() }, weights: parts.weights })
 }
 
 fn bones() -> Vec<Bone> {

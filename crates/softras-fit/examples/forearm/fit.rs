@@ -1,25 +1,24 @@
 //! A figure's pose from one image.
 
-use super::bad;
-use super::{Figure, SkeletonPose, visible_triangles};
-use glam::DVec3;
-use softras::Result;
+use super::figure::Figure;
+use super::skeleton::SkeletonPose;
+use super::visible::visible_triangles;
+use softras::glam::DVec3;
 use softras::scene::{Appearance, Background, Outputs};
-use softras::{Camera, Frame, ImageGradient, Mesh, Renderer, Scene, Settings, Wanted};
+use softras::{Camera, Frame, ImageGradient, Mesh, Renderer, Result, Scene, Settings, Wanted};
 use softras_fit::{Method, Optimizer, PoseTarget, Schedule};
 
 /// Which triangles may pull at the pose.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy)]
 pub enum Sight {
     /// All that weigh in the soft image, hidden ones too.
-    #[default]
     Soft,
     /// Only those that a hard rasterization shows: the baseline that hidden ones are held against.
     VisibleOnly,
 }
 
 /// How a figure is fitted.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone)]
 pub struct FigureOptions {
     /// Steps.
     pub iterations: usize,
@@ -31,10 +30,8 @@ pub struct FigureOptions {
     pub blur: Schedule,
     /// Length of a step of every angle, radians.
     pub rate: Schedule,
-    /// Length of a step of the shift, world units, as a part of that; 0 keeps the figure in its place.
+    /// Length of a step of the shift, world units, as a part of that.
     pub shift_rate: f64,
-    /// Length of a step of the bones' lengths as a part of that; 0 keeps them.
-    pub length_rate: f64,
     /// Weights of colour and of silhouette in the loss of [`PoseTarget`].
     pub weights: [f64; 2],
     /// Weight of half the sum of the squares of how far the angles have gone from where they began, radians²: what the
@@ -54,7 +51,6 @@ impl Default for FigureOptions {
             blur: Schedule::Exponential { from: 0.03, to: 0.003 },
             rate: Schedule::Exponential { from: 0.04, to: 0.003 },
             shift_rate: 0.1,
-            length_rate: 0.0,
             weights: [1.0, 20.0],
             stiffness: 3e-3,
             sight: Sight::Soft,
@@ -63,65 +59,36 @@ impl Default for FigureOptions {
 }
 
 /// A figure whose pose is being fitted.
-#[derive(Clone, Debug)]
-pub struct FigureFit {
-    figure: Figure,
+pub struct FigureFit<'a> {
+    figure: &'a Figure,
     camera: Camera,
     settings: Settings,
     options: FigureOptions,
     start: SkeletonPose,
-    pose: SkeletonPose,
+    /// The pose as it is now.
+    pub pose: SkeletonPose,
     angles: Optimizer,
     shift: Optimizer,
-    lengths: Optimizer,
     step: usize,
 }
 
-impl FigureFit {
+impl<'a> FigureFit<'a> {
     /// Begins at a pose. Of the settings size, depths and background colour count.
-    ///
-    /// # Errors
-    /// [`softras::Error::Fit`] for a pose of another skeleton, one that is not finite, or a figure whose colours are no
-    /// vertex colours.
     pub fn new(
-        figure: Figure,
+        figure: &'a Figure,
         camera: Camera,
         settings: Settings,
         options: FigureOptions,
         pose: SkeletonPose,
-    ) -> Result<Self> {
-        figure.skeleton().validate(&pose)?;
-        if !matches!(figure.mesh().appearance(), Appearance::VertexColors(_)) {
-            return bad("a figure without vertex colours", "give Appearance::VertexColors");
-        }
+    ) -> Self {
         // Angles that nothing in the image tells must not be moved by rounding: ε is a part of a usual gradient.
         let method = Method::Adam { betas: [0.8, 0.95], epsilon: 3e-4 };
-        Ok(Self {
-            angles: Optimizer::new(method, pose.angles.len()),
-            shift: Optimizer::new(method, 3),
-            lengths: Optimizer::new(method, pose.lengths.len()),
-            figure,
-            camera,
-            settings,
-            options,
-            start: pose.clone(),
-            pose,
-            step: 0,
-        })
-    }
-
-    /// The pose as it is now.
-    pub fn pose(&self) -> &SkeletonPose {
-        &self.pose
-    }
-
-    /// The figure.
-    pub fn figure(&self) -> &Figure {
-        &self.figure
+        let (angles, shift) = (Optimizer::new(method, pose.angles.len()), Optimizer::new(method, 3));
+        Self { figure, camera, settings, options, start: pose.clone(), pose, angles, shift, step: 0 }
     }
 
     /// How the present step is rendered.
-    pub fn settings(&self) -> Settings {
+    fn settings(&self) -> Settings {
         let (step, steps) = (self.step, self.options.iterations);
         Settings {
             sigma: self.options.sigma.at_step(step, steps),
@@ -135,32 +102,20 @@ impl FigureFit {
         }
     }
 
-    /// Renders the pose, compares it with an image of one view, and moves it; the loss before the move comes back.
-    ///
-    /// # Errors
-    /// [`softras::Error::Fit`] for targets of another size; otherwise as [`Renderer::render`] and [`Renderer::backward`].
-    pub fn step(&mut self, renderer: &mut Renderer, target: &PoseTarget) -> Result<f64> {
-        let (loss, gradient) = self.differentiate(renderer, target)?;
+    /// Renders the pose, compares it with an image of one view, and moves it.
+    pub fn step(&mut self, renderer: &mut Renderer, target: &PoseTarget) -> Result<()> {
+        let gradient = self.gradient(renderer, target)?;
         let rate = self.options.rate.at_step(self.step, self.options.iterations);
         self.angles.step(&mut self.pose.angles, &gradient.angles, rate);
-        if self.options.shift_rate > 0.0 {
-            let mut shift = self.pose.shift.to_array();
-            self.shift.step(&mut shift, &gradient.shift.to_array(), rate * self.options.shift_rate);
-            self.pose.shift = DVec3::from_array(shift);
-        }
-        if self.options.length_rate > 0.0 {
-            self.lengths.step(&mut self.pose.lengths, &gradient.lengths, rate * self.options.length_rate);
-            self.pose.lengths.iter_mut().for_each(|length| *length = length.clamp(0.3, 3.0));
-        }
+        let mut shift = self.pose.shift.to_array();
+        self.shift.step(&mut shift, &gradient.shift.to_array(), rate * self.options.shift_rate);
+        self.pose.shift = DVec3::from_array(shift);
         self.step += 1;
-        Ok(loss)
+        Ok(())
     }
 
-    /// The loss of the pose and its gradient.
-    ///
-    /// # Errors
-    /// As [`FigureFit::step`].
-    pub fn differentiate(&self, renderer: &mut Renderer, target: &PoseTarget) -> Result<(f64, SkeletonPose)> {
+    /// The gradient of the loss by the pose.
+    fn gradient(&self, renderer: &mut Renderer, target: &PoseTarget) -> Result<SkeletonPose> {
         let settings = self.settings();
         let mesh = self.figure.posed(&self.pose)?;
         let (mesh, visible) = match self.options.sight {
@@ -172,37 +127,35 @@ impl FigureFit {
         };
         let frame = renderer.render(&Scene::new(mesh), &[self.camera], &settings)?;
         let blur = self.options.blur.at_step(self.step, self.options.iterations) * f64::from(settings.height);
-        let (losses, upstream) = target.compare(&frame, blur, self.options.weights)?;
-        let mut loss: f64 = losses.iter().sum();
-        let by_corner = self.by_position(renderer, &frame, &upstream)?;
+        let (_, upstream) = target.compare(&frame, blur, self.options.weights)?;
+        let by_corner = by_position(renderer, &frame, &upstream)?;
         let by_vertex = match visible {
             None => by_corner,
             Some(visible) => self.gathered(&by_corner, &visible),
         };
-        let mut gradient = self.figure.pull(&self.pose, &by_vertex)?;
+        let mut gradient = self.figure.pull(&self.pose, &by_vertex);
         let stiffness = self.options.stiffness;
         for ((slope, now), start) in gradient.angles.iter_mut().zip(&self.pose.angles).zip(&self.start.angles) {
             *slope += stiffness * (now - start);
-            loss += 0.5 * stiffness * (now - start).powi(2);
         }
-        Ok((loss, gradient))
-    }
-
-    fn by_position(&self, renderer: &mut Renderer, frame: &Frame, upstream: &ImageGradient) -> Result<Vec<DVec3>> {
-        let gradients = renderer.backward(frame, upstream, &Wanted::default())?;
-        let positions = gradients.meshes.first().map_or(&[][..], |mesh| &mesh.positions);
-        Ok(positions.iter().map(|g| DVec3::from(g.map(f64::from))).collect())
+        Ok(gradient)
     }
 
     /// By vertex from by corner of every triangle, those of the visible ones alone.
     fn gathered(&self, by_corner: &[DVec3], visible: &[bool]) -> Vec<DVec3> {
-        let mut by_vertex = vec![DVec3::ZERO; self.figure.mesh().positions().len()];
-        let corners = self.figure.mesh().triangles().iter().zip(by_corner.chunks_exact(3)).zip(visible);
+        let mut by_vertex = vec![DVec3::ZERO; self.figure.mesh.positions().len()];
+        let corners = self.figure.mesh.triangles().iter().zip(by_corner.chunks_exact(3)).zip(visible);
         for ((triangle, gradients), _) in corners.filter(|(_, visible)| **visible) {
             triangle.iter().zip(gradients).for_each(|(&i, g)| by_vertex[i as usize] += *g);
         }
         by_vertex
     }
+}
+
+fn by_position(renderer: &mut Renderer, frame: &Frame, upstream: &ImageGradient) -> Result<Vec<DVec3>> {
+    let gradients = renderer.backward(frame, upstream, &Wanted::default())?;
+    let positions = gradients.meshes.first().map_or(&[][..], |mesh| &mesh.positions);
+    Ok(positions.iter().map(|g| DVec3::from(g.map(f64::from))).collect())
 }
 
 /// The same mesh, each triangle with corners of its own.

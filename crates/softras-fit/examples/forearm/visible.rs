@@ -1,17 +1,9 @@
 //! Which triangles a hard renderer would draw.
 
-use super::bad;
-use softras::Renderer;
-use softras::Result;
 use softras::scene::{Appearance, Camera, ColorAggregation, Mesh, Outputs, Scene, Settings};
-
-/// Numbers up to here, and sums of barycentric parts of them, round to themselves in f32.
-const MOST: usize = 1 << 20;
+use softras::{Renderer, Result};
 
 /// For each triangle whether a hard rasterization of the settings' size shows it at the centre of a pixel or more.
-///
-/// # Errors
-/// [`softras::Error::Fit`] for over a million triangles; otherwise as [`Renderer::render`].
 pub fn visible_triangles(
     renderer: &mut Renderer,
     mesh: &Mesh,
@@ -19,9 +11,6 @@ pub fn visible_triangles(
     settings: &Settings,
 ) -> Result<Vec<bool>> {
     let count = mesh.triangles().len();
-    if count > MOST {
-        return bad(format!("{count} triangles to be told apart"), "use at most 1048576");
-    }
     // Every triangle in a colour of its own: its number, counted from 1.
     let texels = (1..=count).map(|t| [t as f32, 0.0, 0.0]).collect();
     let numbered = mesh.clone().with_appearance(Appearance::Surface { resolution: 1, texels })?;
