@@ -9,7 +9,6 @@ use super::bad;
 use super::hull::{View, far, hull, mend, views};
 use super::remesh::nearest;
 use super::remesh::nearest::Nearest;
-use super::shape::Targets;
 use super::voxel::Voxels;
 use glam::DVec3;
 use softras::{
@@ -17,60 +16,59 @@ use softras::{
     scene::{Appearance, Mesh},
     shapes::Samples,
 };
+use softras_io::Views;
 
-impl Targets {
-    /// The solid of a mesh less all that a silhouette shows to be empty, as a mesh of new triangles in the colours of the nearest
-    /// points. What `missing` marks above ½ in a view, a part of its silhouette that the mesh leaves out, is added as the
-    /// [hull](Targets::visual_hull) has it. Parts of less than a thousandth of the solid are left out, and air that is enclosed is
-    /// filled.
-    ///
-    /// The cube and the resolution are those of [`Targets::visual_hull`].
-    ///
-    /// # Errors
-    /// Those of [`Targets::visual_hull`]; [`softras::Error::Fit`] for a mesh with surface cells or textures, for marks of another size
-    /// than the silhouettes, and where nothing is left of the mesh.
-    pub fn carved(
-        &self,
-        mesh: &Mesh,
-        missing: Option<&Image>,
-        center: [f64; 3],
-        side: f64,
-        resolution: usize,
-    ) -> Result<Mesh> {
-        let views = views(self)?;
-        let old = nearest(mesh)?;
-        let mut grid = hull(&views, center, side, resolution)?;
-        let added = missing.map(|missing| self.added(missing, &views, &grid)).transpose()?;
-        cut(&mut grid, mesh, &old)?;
-        let both = grid.values.iter_mut().zip(added.into_iter().flatten());
-        both.for_each(|(value, added)| *value = value.max(added));
-        mend(&mut grid);
-        match grid.mesh()? {
-            Some(new) => colored(new, mesh, &old),
-            None => bad("a mesh of which the silhouettes leave nothing", "begin with a mesh that lies within them"),
-        }
+/// The solid of a mesh less all that a silhouette shows to be empty, as a mesh of new triangles in the colours of the nearest
+/// points. What `missing` marks above ½ in a view, a part of its silhouette that the mesh leaves out, is added as the
+/// [hull](crate::visual_hull) has it. Parts of less than a thousandth of the solid are left out, and air that is enclosed is
+/// filled.
+///
+/// The cube and the resolution are those of [`visual_hull`](crate::visual_hull).
+///
+/// # Errors
+/// Those of [`visual_hull`](crate::visual_hull); [`softras::Error::Fit`] for a mesh with surface cells or textures, for marks of another size
+/// than the silhouettes, and where nothing is left of the mesh.
+pub fn carved(
+    of: &Views,
+    mesh: &Mesh,
+    missing: Option<&Image>,
+    center: [f64; 3],
+    side: f64,
+    resolution: usize,
+) -> Result<Mesh> {
+    let views = views(of)?;
+    let old = nearest(mesh)?;
+    let mut grid = hull(&views, center, side, resolution)?;
+    let added = missing.map(|missing| added(of, missing, &views, &grid)).transpose()?;
+    cut(&mut grid, mesh, &old)?;
+    let both = grid.values.iter_mut().zip(added.into_iter().flatten());
+    both.for_each(|(value, added)| *value = value.max(added));
+    mend(&mut grid);
+    match grid.mesh()? {
+        Some(new) => colored(new, mesh, &old),
+        None => bad("a mesh of which the silhouettes leave nothing", "begin with a mesh that lies within them"),
     }
+}
 
-    /// The hull's samples where a marked pixel or one beside it shows them, and the least elsewhere. Between a silhouette's parts
-    /// lies at least one pixel of background, where the hull's samples are outside: no part is cut off at its marks.
-    fn added(&self, missing: &Image, views: &[View<'_>], hull: &Samples) -> Result<Vec<f32>> {
-        let size = |image: &Image| (image.batch, image.height, image.width, image.channels);
-        if self.silhouette.as_ref().map(size) != Some(size(missing)) {
-            return bad(format!("marks of size {:?}", size(missing)), "give one for each pixel of the silhouettes");
-        }
-        let is_marked = |view: usize, (column, row): (usize, usize)| {
-            let columns = column.saturating_sub(1)..(column + 2).min(missing.width);
-            let mut rows = row.saturating_sub(1)..(row + 2).min(missing.height);
-            rows.any(|row| columns.clone().any(|column| missing.pixel(view, row, column)[0] > 0.5))
-        };
-        let marked: Vec<usize> = (0..views.len()).filter(|&v| missing.view(v).iter().any(|x| *x > 0.5)).collect();
-        let one = |(i, &value): (usize, &f32)| {
-            let point = hull.position(i);
-            let shown = |&view: &usize| views[view].pixel(point).is_some_and(|pixel| is_marked(view, pixel));
-            if value > -far(hull) && marked.iter().any(shown) { value } else { -far(hull) }
-        };
-        Ok(hull.values.iter().enumerate().map(one).collect())
+/// The hull's samples where a marked pixel or one beside it shows them, and the least elsewhere. Between a silhouette's parts
+/// lies at least one pixel of background, where the hull's samples are outside: no part is cut off at its marks.
+fn added(of: &Views, missing: &Image, views: &[View<'_>], hull: &Samples) -> Result<Vec<f32>> {
+    let size = |image: &Image| (image.batch, image.height, image.width, image.channels);
+    if of.silhouette.as_ref().map(size) != Some(size(missing)) {
+        return bad(format!("marks of size {:?}", size(missing)), "give one for each pixel of the silhouettes");
     }
+    let is_marked = |view: usize, (column, row): (usize, usize)| {
+        let columns = column.saturating_sub(1)..(column + 2).min(missing.width);
+        let mut rows = row.saturating_sub(1)..(row + 2).min(missing.height);
+        rows.any(|row| columns.clone().any(|column| missing.pixel(view, row, column)[0] > 0.5))
+    };
+    let marked: Vec<usize> = (0..views.len()).filter(|&v| missing.view(v).iter().any(|x| *x > 0.5)).collect();
+    let one = |(i, &value): (usize, &f32)| {
+        let point = hull.position(i);
+        let shown = |&view: &usize| views[view].pixel(point).is_some_and(|pixel| is_marked(view, pixel));
+        if value > -far(hull) && marked.iter().any(shown) { value } else { -far(hull) }
+    };
+    Ok(hull.values.iter().enumerate().map(one).collect())
 }
 
 /// Lowers each sample to its signed distance from a mesh's surface.

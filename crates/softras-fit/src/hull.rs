@@ -7,7 +7,7 @@
 //! at most p's depth less the picture's.
 
 use super::bad;
-use super::shape::{Targets, known, masked};
+use super::shape::{known, masked};
 use super::soft_target::signed_distance;
 use glam::DVec3;
 use softras::{
@@ -15,6 +15,7 @@ use softras::{
     scene::{Camera, Mesh, Projection},
     shapes::Samples,
 };
+use softras_io::Views;
 
 /// The most samples along a side of the grid.
 const MAX_RESOLUTION: usize = 256;
@@ -27,25 +28,23 @@ const FINE_HEIGHT: usize = 1024;
 /// The most that they are enlarged.
 const MOST_ENLARGED: usize = 4;
 
-impl Targets {
-    /// The visual hull of the silhouettes, less what the depths show to be empty, within the cube of side `side` around `center`,
-    /// in world units. Its triangles' edges are about as long as the hull's longest extent divided by `resolution`, 8 to 256.
-    ///
-    /// Beyond a picture's border the silhouette is taken to go on as it is at the border.
-    ///
-    /// # Errors
-    /// [`softras::Error::Fit`] where there is no hull: targets without silhouettes or that do not fit together, a silhouette without
-    /// an inside, silhouettes whose cameras have no point in common; for a camera of [`Projection::Official`] or
-    /// [`Projection::Screen`]; and for a cube or a resolution out of range.
-    pub fn visual_hull(&self, center: [f64; 3], side: f64, resolution: usize) -> Result<Mesh> {
-        let mut grid = hull(&views(self)?, center, side, resolution)?;
-        if self.depth.is_some() {
-            mend(&mut grid);
-        }
-        match grid.mesh()? {
-            Some(mesh) => Ok(mesh),
-            None => bad("a hull thinner than its samples", "use a higher resolution"),
-        }
+/// The visual hull of the silhouettes, less what the depths show to be empty, within the cube of side `side` around `center`,
+/// in world units. Its triangles' edges are about as long as the hull's longest extent divided by `resolution`, 8 to 256.
+///
+/// Beyond a picture's border the silhouette is taken to go on as it is at the border.
+///
+/// # Errors
+/// [`softras::Error::Fit`] where there is no hull: targets without silhouettes or that do not fit together, a silhouette without
+/// an inside, silhouettes whose cameras have no point in common; for a camera of [`Projection::Official`] or
+/// [`Projection::Screen`]; and for a cube or a resolution out of range.
+pub fn visual_hull(of: &Views, center: [f64; 3], side: f64, resolution: usize) -> Result<Mesh> {
+    let mut grid = hull(&views(of)?, center, side, resolution)?;
+    if of.depth.is_some() {
+        mend(&mut grid);
+    }
+    match grid.mesh()? {
+        Some(mesh) => Ok(mesh),
+        None => bad("a hull thinner than its samples", "use a higher resolution"),
     }
 }
 
@@ -83,7 +82,7 @@ pub(super) struct View<'a> {
 }
 
 /// The views of all targets.
-pub(super) fn views<'a>(targets: &'a Targets) -> Result<Vec<View<'a>>> {
+pub(super) fn views<'a>(targets: &'a Views) -> Result<Vec<View<'a>>> {
     let Some(silhouettes) = &targets.silhouette else {
         return bad("a hull without silhouettes", "give the targets' silhouettes");
     };

@@ -54,37 +54,61 @@
 //! ```
 
 mod atlas;
+mod begin;
+mod cameras;
 mod carved;
+mod checkpoint;
+mod color_error;
+mod dig;
+mod film;
+mod fit;
 mod hull;
 mod image_loss;
 mod optimizer;
+mod options;
+mod paint;
 mod pose;
+mod recut;
 mod regularizer;
 mod remesh;
 mod run;
 mod schedule;
+mod scores;
+mod setup;
 mod shape;
 mod smoothing;
 mod soft_target;
 mod subdivision;
+mod subject;
+mod texels;
 mod topology;
+mod unseen;
 mod voxel;
 
 pub use atlas::with_atlas;
+pub use carved::carved;
+pub use film::Film;
+pub use fit::{Fit, Fitted, Fitting, Progress, Taken};
+pub use hull::visual_hull;
 pub use image_loss::{
     ImageLoss, Valued, add_blurred_gradient, add_pooled_gradient, blur_factor, blurred, mask_iou, pooled,
 };
 pub use optimizer::{Method, Optimizer};
+pub use options::{FitOptions, Preset, Template};
+pub use paint::Painted;
 pub use pose::{Differentiation, Pose, PoseFit, PoseOptions, PoseSearch, PoseTarget, rotations};
 pub use regularizer::{Regularizer, laplacian_coordinates};
 pub use remesh::{evened, remeshed};
-pub use run::Fit;
+pub use run::ShapeRun;
 pub use schedule::Schedule;
-pub use shape::{Parametrization, ShapeFit, ShapeOptions, State, Step, Targets};
+pub use scores::Scores;
+pub use shape::{Parametrization, ShapeFit, ShapeOptions, State, Step};
 pub use smoothing::Smoothing;
 pub use soft_target::{CLOSED, signed_distance, soft_target};
 pub use subdivision::Subdivision;
+pub use subject::{Lighting, Sphere, Subject, ViewsOfMesh};
 pub use topology::{Flap, Topology};
+pub use unseen::Unseen;
 pub use voxel::{MAX_RESOLUTION, Voxels, cube_around, is_closed, overlap, voxel_iou};
 
 use softras::{Error, Result};

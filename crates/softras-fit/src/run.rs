@@ -1,17 +1,18 @@
 //! A shape fit with its targets and the best mesh that it has found.
 
-use super::shape::{ShapeFit, Step, Targets, steps_of_a_turn};
+use super::shape::{ShapeFit, Step, steps_of_a_turn};
 use softras::{
     Renderer, Result,
     scene::{Mesh, Settings},
 };
+use softras_io::Views;
 use std::collections::VecDeque;
 
-/// A shape fit in progress: what to use unless a part of it is to be replaced.
+/// A shape fit in progress: it remembers its best mesh.
 #[derive(Clone, Debug)]
-pub struct Fit {
+pub struct ShapeRun {
     shape: ShapeFit,
-    targets: Targets,
+    targets: Views,
     /// The mean losses of the latest steps in which every view was compared.
     latest: VecDeque<f64>,
     /// The least mean of them, its mesh, and its step.
@@ -19,9 +20,9 @@ pub struct Fit {
     taken: usize,
 }
 
-impl Fit {
+impl ShapeRun {
     /// Continues a shape fit.
-    pub fn new(shape: ShapeFit, targets: &Targets) -> Self {
+    pub fn new(shape: ShapeFit, targets: &Views) -> Self {
         Self { shape, targets: targets.clone(), latest: VecDeque::new(), best: None, taken: 0 }
     }
 

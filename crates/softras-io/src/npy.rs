@@ -3,7 +3,7 @@
 //! The crate npyz 0.9 does not read them, because a hostile header makes it allocate the 4 GiB that the header claims, parse
 //! nested brackets in exponential time and overflow when it multiplies the sides of a shape.
 
-use std::io::Read;
+use std::{io::Read, path::Path};
 
 /// An array with its shape and its values in the type that the file gives them.
 #[derive(Clone, Debug, PartialEq)]

@@ -16,7 +16,6 @@ mod parse;
 mod pose;
 mod progress;
 mod render;
-mod steps;
 mod stress;
 mod svg;
 

@@ -1,8 +1,9 @@
 //! The losses of a shape fit's images, each with its weighted gradient by the rendered images.
 
-use super::{ShapeOptions, Targets};
+use super::ShapeOptions;
 use crate::image_loss::{ImageLoss, Valued, pooled, unpooled_gradient};
 use softras::{Frame, Image, ImageGradient, Result};
+use softras_io::Views;
 use std::borrow::Cow;
 
 /// The least silhouette of a pixel of the targets at which all of it shows the surface.
@@ -34,7 +35,7 @@ impl ImageLosses {
 }
 
 /// The losses of a frame against the targets, and the gradient of their weighted sum by its images.
-pub fn compare(frame: &Frame, targets: &Targets, options: &ShapeOptions) -> Result<(ImageLosses, ImageGradient)> {
+pub fn compare(frame: &Frame, targets: &Views, options: &ShapeOptions) -> Result<(ImageLosses, ImageGradient)> {
     let (mut losses, mut by) = (ImageLosses::default(), ImageGradient::default());
     if let (Some(rendered), Some(target)) = (frame.silhouette(), &targets.silhouette) {
         let shown = shrunk(rendered, options)?;
@@ -72,7 +73,7 @@ fn compare_depths(
     depth: &Image,
     silhouette: &Image,
     target: &Image,
-    targets: &Targets,
+    targets: &Views,
     options: &ShapeOptions,
 ) -> Result<(f64, [Image; 2])> {
     let known = known(target, targets.silhouette.as_ref());

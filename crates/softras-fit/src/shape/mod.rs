@@ -4,13 +4,11 @@ mod colors;
 mod compare;
 mod options;
 mod parametrization;
-mod targets;
 mod turn;
 
 pub(super) use compare::{known, masked};
 pub use options::ShapeOptions;
 pub use parametrization::Parametrization;
-pub use targets::Targets;
 
 use super::bad;
 use super::image_loss::ImageLoss;
@@ -25,6 +23,7 @@ use softras::{
     Error, MeshGradients, Renderer, Result, Wanted,
     scene::{Lights, Mesh, Scene, Settings},
 };
+use softras_io::Views;
 use std::ops::{Range, RangeInclusive};
 pub(crate) use turn::steps_of_a_turn;
 use turn::views_of_step;
@@ -138,7 +137,7 @@ impl ShapeFit {
         &mut self,
         renderer: &mut Renderer,
         settings: &Settings,
-        targets: &Targets,
+        targets: &Views,
         rate: f64,
         color_rate: f64,
     ) -> Result<Step> {
@@ -153,7 +152,7 @@ impl ShapeFit {
         let views = views_of_step(self.steps_taken(), self.options.views_per_step, targets.cameras.len());
         let mut at_once = self.views_at_once;
         let mut all = Descent { losses: ImageLosses::default(), by_positions: Vec::new(), by_colors: Vec::new() };
-        let make = |range: Range<usize>| self.descent(renderer, &settings, &targets.views(&views[range]));
+        let make = |range: Range<usize>| self.descent(renderer, &settings, &targets.some(&views[range]));
         softras::parts::in_parts(views.len(), &mut at_once, make, |range, part| {
             all.add(&part, range.len() as f64 / views.len() as f64);
             Ok::<(), Error>(())
@@ -174,7 +173,7 @@ impl ShapeFit {
     }
 
     /// Renders some views, and compares and differentiates them.
-    fn descent(&self, renderer: &mut Renderer, settings: &Settings, targets: &Targets) -> Result<Descent> {
+    fn descent(&self, renderer: &mut Renderer, settings: &Settings, targets: &Views) -> Result<Descent> {
         let frame = renderer.render(&self.scene, &targets.cameras, settings)?;
         let (losses, upstream) = compare(&frame, targets, &self.options)?;
         let gradients = renderer.backward(&frame, &upstream, &self.wanted())?;

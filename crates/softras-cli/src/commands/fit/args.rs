@@ -1,15 +1,14 @@
 //! The arguments of `softras fit`.
 
-use super::maps::Map;
 use crate::commands::Failure;
 use crate::commands::mesh_file::ReadArgs;
 use crate::commands::parse;
-use crate::commands::render::args::Faces;
+use crate::commands::render::args::{Faces, mode};
 use clap::{Args, ValueEnum};
-use softras::Lights;
-use softras::scene::{DirectionalLight, Shading};
-use softras_fit::{ImageLoss, Subdivision};
-use std::path::PathBuf;
+use softras::{Mesh, scene::Appearance};
+use softras_fit::{FitOptions, ImageLoss, Subdivision, Template, ViewsOfMesh};
+use softras_io::ViewsOptions;
+use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -116,26 +115,121 @@ pub struct FitArgs {
 }
 
 impl FitArgs {
-    /// The lights of the views and of the fit: none, or three that shine from fixed sides, each stronger than the next, so that
-    /// the brightness tells where a surface faces. Where `--shading` says nothing, an object of one colour is lit.
-    pub fn lights(&self, one_color: bool) -> Lights {
-        let shading = match self.shading {
-            Some(Lighting::None) => return Lights::unlit(),
-            None if !one_color => return Lights::unlit(),
-            Some(Lighting::Flat) => Shading::Flat,
-            Some(Lighting::Smooth) | None => Shading::Smooth,
-        };
-        let one = |direction, intensity| DirectionalLight { direction, color: [1.0; 3], intensity };
-        Lights {
-            ambient_color: [1.0; 3],
-            ambient_intensity: 0.2,
-            directional: vec![one([0.5, 0.8, -0.4], 0.6), one([-0.8, 0.1, -0.3], 0.3), one([0.2, -0.3, 0.9], 0.25)],
-            shading,
+    /// The method of the fit, for a template that was read.
+    pub fn options(&self, template: Template) -> FitOptions {
+        let method = &self.method;
+        let steps = |given: &[u32]| given.iter().map(|&at| at as usize).collect();
+        FitOptions {
+            template,
+            subdivisions: self.subdivisions,
+            color: self.color,
+            texture: self.texture.then_some(self.texture_size),
+            view_stride: self.view_stride as usize,
+            preset: method.preset.into(),
+            iterations: method.iterations.map(|steps| steps as usize),
+            rate: method.rate,
+            color_rate: method.color_rate,
+            sigma: method.sigma,
+            gamma: method.gamma,
+            loss: method.loss.image_loss(),
+            masks: method.masks,
+            faces: method.faces.into(),
+            samples: method.samples.unwrap_or(1) as usize,
+            views_per_step: method.views_per_step.unwrap_or(0) as usize,
+            smoothing: method.smoothing,
+            laplacian: method.laplacian,
+            flatten: method.flatten,
+            normal_consistency: method.normal_consistency,
+            color_weight: method.color_weight,
+            depth_weight: method.depth_weight,
+            normal_weight: method.normal_weight,
+            subdivide_at: steps(&method.subdivide_at),
+            subdivision: method.subdivision.into(),
+            remesh_at: steps(&method.remesh_at),
+            keep_topology: method.keep_topology,
+            edge: method.edge,
         }
     }
 
+    /// How views of `--from` are rendered. An object of one colour is lit where `--shading` says nothing, if colours are fitted and not
+    /// a texture.
+    pub fn views_of_mesh(&self, count: usize) -> ViewsOfMesh {
+        let unlit = (!self.color || self.texture).then_some(softras_fit::Lighting::None);
+        ViewsOfMesh {
+            count,
+            size: self.size,
+            fov: self.fov,
+            color: self.colored() || self.files.write_views.is_some(),
+            maps: self.also.iter().map(|&map| map.into()).collect(),
+            shading: self.shading.map(Into::into).or(unlit),
+        }
+    }
+
+    /// How views are read. A pixel takes four floats as it is read, as it is fitted and on the device, and as much again for each of
+    /// the rendered samples under it, their gradients and what the device keeps of them.
+    pub fn views_options(&self) -> ViewsOptions {
+        let samples = u64::from(self.method.samples.unwrap_or(1));
+        ViewsOptions {
+            cameras: self.cameras.clone(),
+            fov: self.fov,
+            color: self.colored(),
+            depths: self.depths.clone(),
+            depth_unit: self.depth_unit,
+            normals: self.normals.clone(),
+            allow_outside: self.read.allow_outside,
+            bytes_per_pixel: 48 + 64 * samples * samples,
+        }
+    }
+
+    /// Refuses options that exclude each other.
+    pub fn check(&self) -> Result<(), Failure> {
+        self.check_source()?;
+        let refuse = |what: &str| Err(Failure::Usage(what.into()));
+        let official = self.method.preset == Preset::Official;
+        if self.shading.is_some_and(|shading| shading != Lighting::None) && !self.colored() {
+            return refuse("--shading: the light is seen in colours: add --color or --texture");
+        }
+        if official && self.files.resume && self.method.has_new_triangles() {
+            return refuse(
+                "--resume: the official parametrisation cannot be taken up after --subdivide-at or --remesh-at",
+            );
+        }
+        if official && self.template == "hull" {
+            return refuse("--template hull: the official method begins with its sphere: leave out one of the two");
+        }
+        let path = self.views.as_deref().filter(|_| self.from.is_none()).map(Path::new);
+        if path.is_some_and(Path::is_file) {
+            if self.cameras.is_none() {
+                return refuse("--cameras: images in a .npy file need it");
+            }
+            if self.depths.is_some() || self.normals.is_some() {
+                return refuse(
+                    "--depths, --normals: their files have the names of pictures, which a .npy file of images has not",
+                );
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses what a template with a texture excludes.
+    pub fn check_template(&self, template: &Mesh) -> Result<(), Failure> {
+        if !matches!(template.appearance(), Appearance::Textured { .. }) {
+            return Ok(());
+        }
+        if self.method.has_new_triangles() {
+            let what = "--subdivide-at, --remesh-at: the triangles of a textured template stay what they are";
+            return Err(Failure::Usage(what.into()));
+        }
+        if self.texture && (self.depths.is_some() || self.normals.is_some() || !self.also.is_empty()) {
+            let what = "--texture: of a textured template it fits the texels alone, which depths and normals do not tell: leave out \
+                        --also, --depths and --normals, or --texture for --color";
+            return Err(Failure::Usage(what.into()));
+        }
+        Ok(())
+    }
+
     /// Refuses a fit to nothing.
-    pub fn check_source(&self) -> Result<(), Failure> {
+    fn check_source(&self) -> Result<(), Failure> {
         if self.from.is_some() || self.views.is_some() {
             return Ok(());
         }
@@ -157,25 +251,32 @@ impl FitArgs {
     }
 }
 
-/// How views and fit are lit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Lighting {
+mode!(Lighting => softras_fit::Lighting {
     /// Colours as they are
-    None,
+    None => None,
     /// Light by the normal of each triangle
-    Flat,
+    Flat => Flat,
     /// Light by interpolated normals
-    Smooth,
-}
-
-/// The set of defaults.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Preset {
+    Smooth => Smooth,
+});
+mode!(Preset => softras_fit::Preset {
     /// Smoothed parameters, a shrinking sigma, and steps that do not tear the surface
-    Smooth,
+    Smooth => Smooth,
     /// The official demo: displacements in logit space, Adam with rate 0.01, sigma 1e-4, the template at half its size
-    Official,
-}
+    Official => Official,
+});
+mode!(Scheme => Subdivision {
+    /// At the middle of their edges: the surface stays what it is
+    Midpoint => Midpoint,
+    /// By Loop's scheme, which rounds the surface off: the steps after it bring the smooth surface back to the pictures
+    Loop => Loop,
+});
+mode!(Map => softras_io::Map {
+    /// View depths
+    Depth => Depth,
+    /// Normals in world space
+    Normal => Normal,
+});
 
 /// The loss between silhouettes and their targets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -195,24 +296,6 @@ impl Loss {
             Self::Iou => ImageLoss::NegativeIou,
             Self::L1 => ImageLoss::L1,
             Self::L2 => ImageLoss::L2,
-        }
-    }
-}
-
-/// How triangles are subdivided.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Scheme {
-    /// At the middle of their edges: the surface stays what it is
-    Midpoint,
-    /// By Loop's scheme, which rounds the surface off: the steps after it bring the smooth surface back to the pictures
-    Loop,
-}
-
-impl From<Scheme> for Subdivision {
-    fn from(scheme: Scheme) -> Self {
-        match scheme {
-            Scheme::Midpoint => Self::Midpoint,
-            Scheme::Loop => Self::Loop,
         }
     }
 }
@@ -296,6 +379,13 @@ pub struct MethodArgs {
     /// 2..1 [default: 1.5, and 2 for a hull]
     #[arg(long, value_name = "PIXELS", value_parser = range)]
     pub edge: Option<(f64, f64)>,
+}
+
+impl MethodArgs {
+    /// Whether the mesh gets other triangles at steps that are given.
+    fn has_new_triangles(&self) -> bool {
+        !(self.subdivide_at.is_empty() && self.remesh_at.is_empty())
+    }
 }
 
 /// Files besides the mesh.

@@ -3,9 +3,8 @@
 mod agreement;
 pub mod args;
 
-use super::fit::targets;
 use super::outputs::Outputs;
-use super::steps::{Loop, Steps};
+use super::progress::Progress;
 use super::{Failure, note, say};
 use agreement::Agreement;
 use args::PoseArgs;
@@ -14,7 +13,7 @@ use serde_json::json;
 use softras::scene::{Background, Interpolation};
 use softras::{Camera, Image, Mesh, Renderer, Result, Scene, Settings};
 use softras_fit::{Pose, PoseSearch, pooled};
-use softras_io::Budget;
+use softras_io::{Budget, read_picture};
 use softras_view::{Bounds, Viewpoint};
 
 /// Poses farther than this from the best one, in degrees, count as other answers.
@@ -27,7 +26,7 @@ pub fn run(args: &PoseArgs) -> Result<(), Failure> {
     let outputs = Outputs::new([], &args.out)?;
     let mut renderer = super::open_device(args.device.as_deref(), args.read.memory.memory)?;
     let budget = Budget::new(args.read.memory.memory);
-    let (width, height, pixels) = targets::read_picture(&args.image, &budget, BYTES_PER_PIXEL)?;
+    let (width, height, pixels) = read_picture(&args.image, &budget, BYTES_PER_PIXEL)?;
     outputs.spare([&args.image])?;
     let mesh = args.read.read(&args.mesh, true, &outputs, &budget)?.mesh;
     find(args, &mesh, &Target::new(width, height, &pixels), &mut renderer)
@@ -99,18 +98,16 @@ impl View {
     }
 }
 
-impl Steps for PoseSearch {
-    fn step(&mut self, _at: usize, renderer: &mut Renderer) -> Result<String, Failure> {
-        Self::step(self, renderer)?;
-        Ok(String::new())
-    }
-}
-
 fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) -> Result<(), Failure> {
     let bounds = Bounds::of(mesh);
     let view = View::around(args, bounds, target.color.width, target.color.height)?;
     let mut search = view.search(args, mesh, bounds.center, target)?;
-    Loop::over(0..search.step_count()).with_bar("step").run(&mut search, renderer)?;
+    let progress = Progress::counted("step", search.step_count());
+    for _ in 0..search.step_count() {
+        search.step(renderer)?;
+        progress.step();
+    }
+    drop(progress);
     let Some(&(best, loss)) = search.found().first() else { return Err(Failure::Told) };
     let posed = posed(mesh, &best, bounds.center)?;
     if let Some(path) = &args.out {

@@ -327,6 +327,8 @@ macro_rules! mode {
     };
 }
 
+pub(crate) use mode;
+
 mode!(BackgroundMode => scene::Background { Weighted => Weighted, Composite => Composite });
 mode!(Support => scene::Support { Probability => Probability, Guaranteed => Guaranteed });
 mode!(Shading => scene::Shading { Flat => Flat, Smooth => Smooth });

@@ -7,17 +7,15 @@
 //! the new mesh, if that is no worse: at once, or after some steps of its own. The steps before have brought the old mesh to the
 //! outlines, and not yet the new one, but no steps take the film away that it has over a hole.
 
-use super::Work;
-use super::begin::samples;
-use super::setup::Setup;
-use super::targets::some;
-use super::unseen::Unseen;
-use crate::commands::{Failure, note};
-use softras::parts;
-use softras::scene::{Outputs, SilhouetteAggregation};
-use softras::{Mesh, Renderer, Result, Scene, Settings};
-use softras_fit::{Fit, ShapeFit, Targets, mask_iou};
-use softras_fit::{Topology, evened, overlap};
+use crate::{
+    Fitting, ShapeFit, ShapeRun, Topology, begin::samples, carved, evened, mask_iou, overlap, scores::shape,
+    setup::Setup, unseen::Unseen,
+};
+use softras::{
+    Mesh, Renderer, Result, Scene, Settings, parts,
+    scene::{Outputs, SilhouetteAggregation},
+};
+use softras_io::Views;
 use std::ops::Range;
 
 /// Shares of the steps before which the topology is looked at. At the first the mesh has reached the outlines, so that what is
@@ -47,7 +45,7 @@ struct Found {
 }
 
 impl Found {
-    fn of(mesh: &Mesh, targets: &Targets, settings: &Settings, renderer: &mut Renderer) -> Result<Self> {
+    fn of(mesh: &Mesh, targets: &Views, settings: &Settings, renderer: &mut Renderer) -> Result<Self> {
         let (height, width) = targets.size()?;
         let settings = Settings {
             height: height as u32,
@@ -61,7 +59,7 @@ impl Found {
         let scene = Scene::new(mesh.clone());
         parts::in_batches(renderer, &scene, &targets.cameras, &settings, |views, frame| {
             if let (Some(image), Some(target)) = (frame.silhouette(), &targets.silhouette) {
-                let target = some(target, views.clone());
+                let target = target.views(views.clone());
                 unseen.add(views.start, image, &target);
                 iou += mask_iou(image, &target)?.iter().sum::<f64>();
             }
@@ -101,34 +99,37 @@ impl Found {
     }
 }
 
-impl Work<'_> {
+impl Fitting {
     /// Cuts the mesh anew to the silhouettes before a step at which that is looked at, where its topology is wrong and the new mesh
     /// is better.
-    pub fn recut(&mut self, step: usize, renderer: &mut Renderer) -> Result<(), Failure> {
-        let (setup, targets, settings) = (self.setup, self.targets, self.setup.settings(step));
-        if targets.silhouette.is_none() {
+    pub(crate) fn recut(&mut self, step: usize, renderer: &mut Renderer) -> Result<()> {
+        let settings = self.setup.settings(step);
+        if self.views.silhouette.is_none() {
             return Ok(());
         }
-        let old = self.fit.shape().mesh().clone();
-        let before = Found::of(&old, targets, &settings, renderer)?;
+        let old = self.mesh().clone();
+        let before = Found::of(&old, &self.views, &settings, renderer)?;
         if !before.is_wrong() {
             return Ok(());
         }
-        let what = format!("step {step}: the mesh {}", before.reasons(setup.stride));
-        let made = match cut(&old, &before, setup, (targets, &settings), renderer) {
+        let what = format!("step {step}: the mesh {}", before.reasons(self.setup.stride));
+        let made = match cut(&old, &before, &self.setup, (&self.views, &settings), renderer) {
             Ok(made) => made,
             Err(error) => {
-                note(&format!("{what}; it stays as it is, since it cannot be cut to the silhouettes: {error}"));
+                let why = format!("since it cannot be cut to the silhouettes: {error}");
+                self.notes.push(format!("{what}; it stays as it is, {why}"));
                 return Ok(());
             }
         };
         let (better, why) = self.better(&made, &before, step, renderer)?;
         let Some(fit) = better else {
-            note(&format!("{what}; cut anew to the silhouettes it would be no better ({why}), and it stays as it is"));
+            let whole =
+                format!("{what}; cut anew to the silhouettes it would be no better ({why}), and it stays as it is");
+            self.notes.push(whole);
             return Ok(());
         };
-        let shape = super::report::shape(fit.mesh())?;
-        note(&format!("{what}; it was cut anew to the silhouettes, and is now {shape} ({why})"));
+        let shape = shape(fit.mesh())?;
+        self.notes.push(format!("{what}; it was cut anew to the silhouettes, and is now {shape} ({why})"));
         self.go_on_with(fit, step);
         Ok(())
     }
@@ -136,13 +137,13 @@ impl Work<'_> {
     /// The fit of the mesh, of those that were made, that takes the place of the old one: the last where it is better at once, else the
     /// first with less that is wrong and a lower loss after a trial. With the figures by which that is decided.
     fn better(
-        &mut self,
+        &self,
         made: &[(Mesh, Found)],
         before: &Found,
         step: usize,
         renderer: &mut Renderer,
     ) -> Result<(Option<ShapeFit>, String)> {
-        let setup = self.setup;
+        let setup = &self.setup;
         let begin = |mesh: &Mesh| ShapeFit::new(mesh.clone(), setup.lights.clone(), setup.options.clone());
         let ious = |after: &Found| format!("mask IoU {:.4}, before {:.4}", after.iou, before.iou);
         let mut why = String::new();
@@ -157,7 +158,7 @@ impl Work<'_> {
             return Ok((None, why));
         }
         let trial = step..step + setup.share(TRIAL).max(self.turn());
-        let kept = self.fit.shape().clone();
+        let kept = self.run.shape().clone();
         let uncut = self.tried(kept, &trial, renderer)?;
         for (mesh, after) in candidates {
             let fit = begin(mesh)?;
@@ -172,15 +173,15 @@ impl Work<'_> {
 
     /// The loss of a fit after the steps of a trial: the mean of the last that take all views once.
     fn tried(&self, fit: ShapeFit, trial: &Range<usize>, renderer: &mut Renderer) -> Result<f64> {
-        let (setup, turn) = (self.setup, self.turn());
-        let mut fit = Fit::new(fit, self.targets);
+        let (setup, turn) = (&self.setup, self.turn());
+        let mut run = ShapeRun::new(fit, &self.views);
         let mut losses = Vec::new();
         // The loss of a step is that before it moves anything, so that one more is taken.
         for at in trial.start..=trial.end {
             // Past its last step a fit would go on with the settings of that.
             let at = at.min(setup.iterations - 1);
             let (rate, color_rate) = setup.rates(at);
-            losses.push(fit.step(renderer, &setup.settings(at), rate, color_rate)?.loss);
+            losses.push(run.step(renderer, &setup.settings(at), rate, color_rate)?.loss);
         }
         Ok(losses.iter().rev().take(turn).sum::<f64>() / turn as f64)
     }
@@ -191,13 +192,13 @@ fn cut(
     mesh: &Mesh,
     before: &Found,
     setup: &Setup,
-    (targets, settings): (&Targets, &Settings),
+    (targets, settings): (&Views, &Settings),
     renderer: &mut Renderer,
 ) -> Result<Vec<(Mesh, Found)>> {
     let (height, width) = targets.size()?;
     let missing = targets.silhouette.as_ref().and_then(|silhouette| before.unseen.missing(silhouette));
     let (center, side) = setup.cube;
-    let raw = targets.carved(mesh, missing.as_ref(), center, side, samples(height.min(width)))?;
+    let raw = carved(targets, mesh, missing.as_ref(), center, side, samples(height.min(width)))?;
     let mut made: Vec<(Mesh, Found)> = Vec::new();
     for share in EDGES {
         let new = evened(&raw, share * edge(mesh)?)?;

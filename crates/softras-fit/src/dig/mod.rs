@@ -9,13 +9,10 @@
 mod eye;
 mod surface;
 
-use super::begin::color_under_light;
-use super::targets::Views;
-use crate::commands::Failure;
+use crate::{begin::color_under_light, evened, subject::Subject};
 use eye::Eye;
 use softras::{Mesh, Renderer, Result};
-use softras_fit::Targets;
-use softras_fit::evened;
+use softras_io::Views;
 use surface::{Region, Surface};
 
 /// Hollows that are looked for.
@@ -37,17 +34,11 @@ const GAIN: f64 = 0.97;
 ///
 /// # Errors
 /// As of rendering and remeshing.
-pub fn dug(
-    hull: Mesh,
-    edge: f64,
-    targets: &Targets,
-    views: &Views,
-    renderer: &mut Renderer,
-) -> Result<(Mesh, usize), Failure> {
-    let Some(mut eye) = Eye::new(targets, views, renderer)? else { return Ok((hull, 0)) };
+pub fn dug(hull: Mesh, edge: f64, views: &Views, subject: &Subject, renderer: &mut Renderer) -> Result<(Mesh, usize)> {
+    let Some(mut eye) = Eye::new(views, subject, renderer)? else { return Ok((hull, 0)) };
     let (mut mesh, mut hollows) = (hull, 0);
     while hollows < MOST_HOLLOWS {
-        eye.color = color_under_light(&mesh, views, eye.renderer)?;
+        eye.color = color_under_light(&mesh, subject, eye.renderer)?;
         let Some(deeper) = deeper(&mesh, &mut eye)? else { break };
         (mesh, hollows) = (evened(&deeper, edge)?, hollows + 1);
     }
@@ -92,7 +83,7 @@ impl Push {
 
 /// The mesh after the best of all pushes; `None` if none leaves less than [`GAIN`] of the error. The triangles around the region
 /// are then as long as the push.
-fn deeper(mesh: &Mesh, eye: &mut Eye<'_>) -> Result<Option<Mesh>, Failure> {
+fn deeper(mesh: &Mesh, eye: &mut Eye<'_>) -> Result<Option<Mesh>> {
     let error = eye.error(mesh)?;
     let surface = Surface::new(mesh)?;
     let errors = surface.smoothed(eye.errors(mesh)?);

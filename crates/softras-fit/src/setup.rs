@@ -1,22 +1,26 @@
-//! Converts the arguments of `softras fit` to a template, options and schedules.
+//! Converts the options of a fit to a template, options of its steps, and schedules.
 
-use super::args::{FitArgs, Lighting, Preset};
-use super::begin::{Begin, begin};
-use super::cameras;
-use super::recut;
-use super::targets::Views;
-use crate::commands::Failure;
-use softras::scene::{Appearance, Background, Faces, Interpolation};
-use softras::{Lights, Mesh, Renderer, Settings};
-use softras_fit::{ImageLoss, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions, Subdivision};
+use crate::{
+    ImageLoss, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions, Subdivision,
+    begin::{Begin, begin},
+    cameras,
+    options::{FitOptions, Preset, Template},
+    recut,
+    subject::Subject,
+};
+use softras::{
+    Lights, Mesh, Renderer, Result, Settings,
+    scene::{Appearance, Background, Faces, Interpolation},
+};
 
 /// Steps of a fit that begins with a sphere, and with a hull.
-const ITERATIONS: u32 = 500;
-const HULL_ITERATIONS: u32 = 150;
+const ITERATIONS: usize = 500;
+const HULL_ITERATIONS: usize = 150;
 /// The length of edges after remeshing, in pixels.
 const EDGE: f64 = 1.5;
 
 /// Everything about a fit that does not change while it runs.
+#[derive(Clone, Debug)]
 pub struct Setup {
     /// The mesh to begin with.
     pub template: Mesh,
@@ -53,26 +57,20 @@ pub struct Setup {
 }
 
 impl Setup {
-    /// Makes the setup that the arguments ask for.
-    pub fn new(args: &FitArgs, views: &Views, renderer: &mut Renderer) -> Result<Self, Failure> {
-        let method = &args.method;
-        let official = method.preset == Preset::Official;
-        if args.shading.is_some_and(|shading| shading != Lighting::None) && !args.colored() {
-            return Err(Failure::Usage("--shading: the light is seen in colours: add --color or --texture".into()));
-        }
-        let steps = |given: &[u32]| given.iter().map(|&at| at as usize).collect::<Vec<usize>>();
-        let (subdivide_at, remesh_at) = (steps(&method.subdivide_at), steps(&method.remesh_at));
-        if official && args.files.resume && !(subdivide_at.is_empty() && remesh_at.is_empty()) {
-            let what = "--resume: the official parametrisation cannot be taken up after --subdivide-at or --remesh-at";
-            return Err(Failure::Usage(what.into()));
-        }
-        let pixel = cameras::pixel(views.bounds, views.targets.size()?);
-        let stride = args.view_stride as usize;
+    /// Makes the setup that the options ask for.
+    pub fn new(
+        options: &FitOptions,
+        subject: &Subject,
+        notes: &mut Vec<String>,
+        renderer: &mut Renderer,
+    ) -> Result<Self> {
+        let official = options.preset == Preset::Official;
+        let pixel = cameras::pixel(subject.bounds, subject.views.size()?);
         let range = |given: Option<(f64, f64)>, default: (f64, f64)| {
             let (from, to) = given.unwrap_or(default);
             if from == to { Schedule::Constant(from) } else { Schedule::Exponential { from, to } }
         };
-        let begin = begin(args, views, renderer)?;
+        let begin = begin(options, subject, notes, renderer)?;
         // Rate and sigma. A hull is near to what is sought, and is not to be blurred away: silhouettes are too large by some √σ,
         // by which the mesh ends too small. Where light tells most of the shape, a wider edge gives the better hollows.
         let default = match (official, begin.hull, begin.one_color) {
@@ -82,32 +80,32 @@ impl Setup {
             (false, false, _) => ((0.03, 0.005), (1e-4, 1e-5)),
         };
         // The rate is in world units, so it scales with the size of the object.
-        let unit = if official { 1.0 } else { views.bounds.radius / REFERENCE_RADIUS };
-        let (from, to) = method.rate.unwrap_or((default.0.0 * unit, default.0.1 * unit));
-        let iterations = method.iterations.unwrap_or(if begin.hull { HULL_ITERATIONS } else { ITERATIONS }) as usize;
+        let unit = if official { 1.0 } else { subject.bounds.radius / REFERENCE_RADIUS };
+        let (from, to) = options.rate.unwrap_or((default.0.0 * unit, default.0.1 * unit));
+        let iterations = options.iterations.unwrap_or(if begin.hull { HULL_ITERATIONS } else { ITERATIONS });
         // A mesh of a file keeps its triangles, which may be what the fit is for, and the official method has none of this.
-        let recuts = !(method.keep_topology || official || views.template.is_some());
+        let recuts = !(options.keep_topology || official || matches!(options.template, Template::Mesh(_)));
         Ok(Self {
-            colored: args.colored(),
-            options: options(args, official, &begin, views),
-            paints: args.texture && !views.keeps_shape(args),
+            colored: options.is_colored(),
+            options: shape_options(options, official, &begin, subject),
+            paints: options.texture.is_some() && !options.keeps_shape(),
             pixel,
             template: begin.mesh,
-            faces: method.faces.into(),
-            lights: views.lights.clone(),
+            faces: options.faces,
+            lights: subject.lights.clone(),
             iterations,
             recut_at: if recuts { recut::SHARES.map(|s| steps_of(s, iterations)).to_vec() } else { Vec::new() },
-            cube: views.cube(),
-            stride,
-            subdivide_at,
-            subdivision: method.subdivision.into(),
-            remesh_at,
-            edge: range(method.edge.map(|(from, to)| (from * pixel, to * pixel)), (EDGE * pixel, EDGE * pixel)),
+            cube: subject.cube(),
+            stride: options.view_stride,
+            subdivide_at: options.subdivide_at.clone(),
+            subdivision: options.subdivision,
+            remesh_at: options.remesh_at.clone(),
+            edge: range(options.edge.map(|(from, to)| (from * pixel, to * pixel)), (EDGE * pixel, EDGE * pixel)),
             rate: range(Some((from, to)), (from, to)),
-            colors: range(method.color_rate, (0.03, 0.005)),
-            sigma: range(method.sigma, default.1),
-            gamma: range(method.gamma, (3e-2, 3e-3)),
-            depths: if official { (1.0, 100.0) } else { views.depths },
+            colors: range(options.color_rate, (0.03, 0.005)),
+            sigma: range(options.sigma, default.1),
+            gamma: range(options.gamma, (3e-2, 3e-3)),
+            depths: if official { (1.0, 100.0) } else { subject.depths },
         })
     }
 
@@ -126,15 +124,20 @@ impl Setup {
         self.recut_at.contains(&step)
     }
 
+    /// Whether the mesh gets other triangles at steps that were given.
+    pub fn has_new_triangles(&self) -> bool {
+        !(self.subdivide_at.is_empty() && self.remesh_at.is_empty())
+    }
+
     /// The fit after subdividing or remeshing before a step.
-    pub fn remade(&self, fit: &ShapeFit, step: usize) -> Result<ShapeFit, Failure> {
+    pub fn remade(&self, fit: &ShapeFit, step: usize) -> Result<ShapeFit> {
         let edge = self.edge.at_step(step, self.iterations);
         let fit = if self.remesh_at.contains(&step) { fit.remeshed(edge..=edge)? } else { fit.clone() };
         Ok(if self.subdivide_at.contains(&step) { fit.subdivided(self.subdivision)? } else { fit })
     }
 
     /// The mesh that a resumed fit starts from: the template, unless it may have got other triangles before that step.
-    pub fn resumed(&self, step: usize, mesh: Mesh) -> Result<Mesh, Failure> {
+    pub fn resumed(&self, step: usize, mesh: Mesh) -> Result<Mesh> {
         if !self.subdivide_at.iter().chain(&self.remesh_at).chain(&self.recut_at).any(|&at| at < step) {
             return Ok(self.template.clone());
         }
@@ -143,7 +146,7 @@ impl Setup {
             Appearance::VertexColors(_) => Appearance::VertexColors(vec![[0.5; 3]; mesh.positions().len()]),
             other => other.clone(),
         };
-        Ok(mesh.with_appearance(appearance)?)
+        mesh.with_appearance(appearance)
     }
 
     /// The step lengths of the vertices and of the colours.
@@ -182,28 +185,27 @@ fn steps_of(share: f64, iterations: usize) -> usize {
     (share * iterations as f64).ceil() as usize
 }
 
-fn options(args: &FitArgs, official: bool, begin: &Begin, views: &Views) -> ShapeOptions {
-    let method = &args.method;
+fn shape_options(given: &FitOptions, official: bool, begin: &Begin, subject: &Subject) -> ShapeOptions {
     let mut options = if official { ShapeOptions::official() } else { ShapeOptions::smooth() };
     if begin.hull && begin.one_color {
         // Light on a known colour shows the surface everywhere, so that less has to be assumed of it.
         options.parametrization = Parametrization::Smoothed { lambda: 2.0 };
         options.regularizers = vec![(Regularizer::Laplacian, 1e-4), (Regularizer::Flatten, 1e-6)];
     }
-    if let Some(lambda) = method.smoothing {
+    if let Some(lambda) = given.smoothing {
         options.parametrization = Parametrization::Smoothed { lambda };
     }
     let mut weights = options.regularizers.clone();
     weights.push((Regularizer::NormalConsistency, 0.0));
-    let given = [method.laplacian, method.flatten, method.normal_consistency];
-    weights.iter_mut().zip(given).for_each(|(weight, given)| weight.1 = given.unwrap_or(weight.1));
+    let own = [given.laplacian, given.flatten, given.normal_consistency];
+    weights.iter_mut().zip(own).for_each(|(weight, own)| weight.1 = own.unwrap_or(weight.1));
     options.regularizers = weights.into_iter().filter(|(_, weight)| *weight > 0.0).collect();
-    options.samples = method.samples.unwrap_or(1) as usize;
-    options.views_per_step = method.views_per_step.unwrap_or(0) as usize;
-    options.silhouette.0 = method.loss.image_loss();
-    options.color = (ImageLoss::L1, method.color_weight.unwrap_or(if begin.one_color { 5.0 } else { 3.0 }));
-    options.depth = (ImageLoss::L1, method.depth_weight / views.bounds.radius);
-    options.normal = (ImageLoss::L1, method.normal_weight);
-    (options.fit_colors, options.fit_positions) = (args.colored() && !begin.one_color, !views.keeps_shape(args));
+    options.samples = given.samples;
+    options.views_per_step = given.views_per_step;
+    options.silhouette.0 = given.loss;
+    options.color = (ImageLoss::L1, given.color_weight.unwrap_or(if begin.one_color { 5.0 } else { 3.0 }));
+    options.depth = (ImageLoss::L1, given.depth_weight / subject.bounds.radius);
+    options.normal = (ImageLoss::L1, given.normal_weight);
+    (options.fit_colors, options.fit_positions) = (given.is_colored() && !begin.one_color, !given.keeps_shape());
     options
 }

@@ -1,11 +1,11 @@
 //! What compares a mesh with the pictures that are given.
 
-use crate::commands::fit::targets::{Views, every};
-use softras::parts;
-use softras::scene::{Appearance, Background, Lights, Outputs, Shading};
-use softras::{Camera, Image, ImageGradient, Mesh, Renderer, Result, Scene, Settings, Wanted};
-use softras_fit::Targets;
-use softras_fit::pooled;
+use crate::{pooled, subject::Subject};
+use softras::{
+    Camera, Image, ImageGradient, Mesh, Renderer, Result, Scene, Settings, Wanted, parts,
+    scene::{Appearance, Background, Lights, Outputs, Shading},
+};
+use softras_io::Views;
 
 /// Pixels of all pictures together that a vertex must fill for its error to count.
 const LEAST_SEEN: f64 = 0.1;
@@ -30,8 +30,8 @@ pub struct Eye<'a> {
 
 impl<'a> Eye<'a> {
     /// `None` without colours.
-    pub fn new(targets: &Targets, views: &Views, renderer: &'a mut Renderer) -> Result<Option<Self>> {
-        let Targets { cameras, color: Some(color), .. } = every(targets, targets.cameras.len().div_ceil(VIEWS)) else {
+    pub fn new(views: &Views, subject: &Subject, renderer: &'a mut Renderer) -> Result<Option<Self>> {
+        let Views { cameras, color: Some(color), .. } = views.every(views.cameras.len().div_ceil(VIEWS)) else {
             return Ok(None);
         };
         let side = color.height.min(color.width);
@@ -41,13 +41,13 @@ impl<'a> Eye<'a> {
         let settings = Settings {
             width: pictures.width as u32,
             height: pictures.height as u32,
-            near: views.depths.0,
-            far: views.depths.1,
+            near: subject.depths.0,
+            far: subject.depths.1,
             background: Background::Composite,
             outputs: Outputs { color: true, silhouette: false, depth: false, normal: false },
             ..Settings::default()
         };
-        let lights = Lights { shading: Shading::Flat, ..views.lights.clone() };
+        let lights = Lights { shading: Shading::Flat, ..subject.lights.clone() };
         Ok(Some(Self { pictures, cameras, lights, settings, renderer, color: [1.0; 3] }))
     }
 

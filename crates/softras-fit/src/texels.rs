@@ -1,13 +1,11 @@
 //! A fit of the texels of a mesh with one texture, whose shape stays.
 
-use super::setup::Setup;
-use super::targets::some;
-use softras::parts;
-use softras::parts::in_parts;
-use softras::scene::{Appearance, Outputs};
-use softras::{Error, Image, ImageGradient, Mesh, Renderer, Result, Scene, Settings, Wanted};
-use softras_fit::{ImageLoss, Method, Optimizer, Targets};
-use softras_fit::{add_pooled_gradient, pooled};
+use crate::{ImageLoss, Method, Optimizer, add_pooled_gradient, pooled, setup::Setup};
+use softras::{
+    Error, Image, ImageGradient, Mesh, Renderer, Result, Scene, Settings, Wanted, parts,
+    scene::{Appearance, Outputs},
+};
+use softras_io::Views;
 use std::ops::Range;
 
 /// Samples along each side of a pixel: the pictures show means over pixels, and a texel between single samples has no gradient.
@@ -19,7 +17,7 @@ const COVERED: f32 = 0.99;
 /// A fit in progress.
 pub struct Texels<'a> {
     scene: Scene,
-    targets: &'a Targets,
+    targets: &'a Views,
     /// The weight of each pixel of the targets.
     weights: Image,
     settings: Settings,
@@ -30,7 +28,7 @@ pub struct Texels<'a> {
 
 impl<'a> Texels<'a> {
     /// Begins with the texels of a mesh under the lights of a fit.
-    pub fn new(mesh: Mesh, setup: &Setup, targets: &'a Targets, renderer: &mut Renderer) -> Result<Self> {
+    pub fn new(mesh: Mesh, setup: &Setup, targets: &'a Views, renderer: &mut Renderer) -> Result<Self> {
         let (height, width) = targets.size()?;
         let settings = Settings {
             width: (width * SAMPLES) as u32,
@@ -61,7 +59,7 @@ impl<'a> Texels<'a> {
     pub fn step(&mut self, rate: f64, renderer: &mut Renderer) -> Result<f64> {
         let (mut loss, mut gradient, mut at_once) = (0.0, vec![0.0; self.values.len()], self.at_once);
         let make = |views: Range<usize>| self.descent(views, renderer);
-        in_parts(self.targets.cameras.len(), &mut at_once, make, |_, (part, by_texels)| {
+        parts::in_parts(self.targets.cameras.len(), &mut at_once, make, |_, (part, by_texels)| {
             loss += part;
             let by_texels = by_texels.iter().flat_map(|t| t.as_flattened());
             gradient.iter_mut().zip(by_texels).for_each(|(sum, x)| *sum += f64::from(*x));
@@ -78,7 +76,7 @@ impl<'a> Texels<'a> {
     /// The share of some views in the loss and in its gradient by the texels.
     fn descent(&self, views: Range<usize>, renderer: &mut Renderer) -> Result<(f64, Vec<Vec<[f32; 3]>>)> {
         let Some(color) = &self.targets.color else { return Ok((0.0, Vec::new())) };
-        let (color, weights) = (some(color, views.clone()), some(&self.weights, views.clone()));
+        let (color, weights) = (color.views(views.clone()), self.weights.views(views.clone()));
         let sum = |weights: &Image| weights.data.iter().map(|weight| f64::from(*weight)).sum::<f64>();
         let share = sum(&weights) / sum(&self.weights);
         if share == 0.0 {
@@ -96,7 +94,7 @@ impl<'a> Texels<'a> {
 }
 
 /// 1 for each pixel that the object covers wholly in the picture and in the rendering of the mesh, else 0.
-fn weights(scene: &Scene, targets: &Targets, settings: &Settings, renderer: &mut Renderer) -> Result<Image> {
+fn weights(scene: &Scene, targets: &Views, settings: &Settings, renderer: &mut Renderer) -> Result<Image> {
     let outputs = Outputs { color: false, silhouette: true, depth: false, normal: false };
     let settings = Settings { outputs, ..settings.clone() };
     let (height, width) = targets.size()?;
@@ -104,7 +102,7 @@ fn weights(scene: &Scene, targets: &Targets, settings: &Settings, renderer: &mut
     parts::in_batches(renderer, scene, &targets.cameras, &settings, |views, frame| {
         let Some(shown) = frame.silhouette() else { return Ok(()) };
         let covered = pooled(shown, SAMPLES)?.data.into_iter().map(|x| x >= COVERED);
-        let given = targets.silhouette.as_ref().map(|silhouette| some(silhouette, views));
+        let given = targets.silhouette.as_ref().map(|silhouette| silhouette.views(views));
         let inside = |i: usize| given.as_ref().is_none_or(|given| given.data[i] >= COVERED);
         weights.data.extend(covered.enumerate().map(|(i, covered)| f32::from(u8::from(covered && inside(i)))));
         Ok(())

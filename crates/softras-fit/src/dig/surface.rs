@@ -1,8 +1,8 @@
 //! The surface of a hull, and regions of it.
 
+use crate::Topology;
 use glam::DVec3;
 use softras::{Mesh, Result};
-use softras_fit::Topology;
 
 /// The error that all but so many in a hundred vertices are below counts as the largest.
 const LARGEST: f64 = 0.97;

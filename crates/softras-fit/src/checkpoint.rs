@@ -1,7 +1,7 @@
 //! Checkpoints: the state of a fit as an .npz file.
 
+use crate::{ShapeFit, State};
 use softras::{Mesh, Result};
-use softras_fit::{ShapeFit, State};
 use softras_io::Budget;
 use softras_io::npy::Data;
 use softras_io::npz::{self, Archive};

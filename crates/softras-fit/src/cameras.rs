@@ -1,56 +1,24 @@
 //! The cameras of the images of a fit.
 
-use super::targets::{direction, numbers, read_array};
-use glam::{DMat3, DMat4, DVec3};
-use softras::{Camera, Error, Projection, Result};
-use softras_io::Budget;
-use softras_view::Bounds;
-use std::path::Path;
+use crate::subject::Sphere;
+use glam::{DMat3, DVec3};
+use softras::{Camera, Projection, Result};
 
 /// The share of half the image's height that a mesh's bounding sphere fills.
 const FILL: f64 = 0.9;
-
-fn fault<T>(path: &Path, what: String, fix: &str) -> Result<T> {
-    Err(Error::File { path: path.into(), line: None, what, fix: fix.into() })
-}
 
 fn perspective(fov: f64) -> Projection {
     Projection::Perspective { fov_y: fov.to_radians() }
 }
 
 /// Cameras spread around a mesh.
-pub fn around(bounds: Bounds, count: usize, fov: f64) -> Result<Vec<Camera>> {
+pub fn around(bounds: Sphere, count: usize, fov: f64) -> Result<Vec<Camera>> {
     let distance = bounds.radius / (FILL * (fov.to_radians() / 2.0).tan()).atan().sin();
     let one = |i: usize| {
         let eye = bounds.center + distance * direction(i, count);
         Camera::look_at(eye, bounds.center, DVec3::Y, perspective(fov))
     };
     (0..count).map(one).collect()
-}
-
-/// Reads cameras from a numpy array: the angles of the official data, or matrices.
-pub fn read(path: &Path, fov: f64, budget: &Budget) -> Result<Vec<Camera>> {
-    let array = read_array(path, budget)?;
-    let values = numbers(path, &array)?;
-    let row = |at: usize, i: usize| values.at(at + i);
-    match array.shape[..] {
-        [n, 3] => (0..n).map(|c| official([0, 1, 2].map(|i| row(3 * c, i)), fov)).collect(),
-        [n, 4, 4] => {
-            let matrix = |c: usize| DMat4::from_cols_array(&std::array::from_fn(|i| row(16 * c, i))).transpose();
-            (0..n).map(|c| Camera::from_matrix(matrix(c), perspective(fov))).collect()
-        }
-        ref shape => {
-            fault(path, format!("has shape {shape:?}"), "use [N, 3] (distance, elevation, azimuth) or [N, 4, 4]")
-        }
-    }
-}
-
-/// A camera of the official renderer, whose images are mirrored.
-fn official([distance, elevation, azimuth]: [f64; 3], fov: f64) -> Result<Camera> {
-    let straight = Camera::from_angles(distance, elevation, azimuth, perspective(fov))?;
-    let [right, up, forward] = *straight.view();
-    let rows = [right.map(|x| -x), up, forward, [0.0, 0.0, 0.0, 1.0]];
-    Camera::from_matrix(DMat4::from_cols_array_2d(&rows).transpose(), perspective(fov))
 }
 
 fn rows(camera: &Camera) -> ([DVec3; 3], DVec3) {
@@ -68,7 +36,7 @@ fn depth(camera: &Camera, point: DVec3) -> f64 {
 
 /// The region that all cameras look at: the point nearest to their axes, and the radius around it that the narrowest view
 /// shows.
-pub fn seen(cameras: &[Camera], (height, width): (usize, usize)) -> Bounds {
+pub fn seen(cameras: &[Camera], (height, width): (usize, usize)) -> Sphere {
     let (mut matrix, mut vector) = (DMat3::ZERO, DVec3::ZERO);
     for camera in cameras {
         let (axes, offset) = rows(camera);
@@ -89,12 +57,12 @@ pub fn seen(cameras: &[Camera], (height, width): (usize, usize)) -> Bounds {
         _ => depth(camera, center),
     };
     let radius = cameras.iter().map(half).filter(|r| *r > 0.0).fold(f64::INFINITY, f64::min);
-    Bounds { center, radius: if radius.is_finite() { radius } else { 1.0 } }
+    Sphere { center, radius: if radius.is_finite() { radius } else { 1.0 } }
 }
 
 /// The length of a pixel about the middle of these bounds, world units: the narrowest view shows them along the shorter side of its
 /// picture.
-pub fn pixel(bounds: Bounds, (height, width): (usize, usize)) -> f64 {
+pub fn pixel(bounds: Sphere, (height, width): (usize, usize)) -> f64 {
     2.0 * bounds.radius / height.min(width) as f64
 }
 
@@ -103,11 +71,20 @@ fn outer(v: DVec3) -> DMat3 {
 }
 
 /// Near and far for all cameras, at 1.5 radii before and behind the centre of the bounds.
-pub fn depths(cameras: &[Camera], bounds: Bounds) -> (f64, f64) {
+pub fn depths(cameras: &[Camera], bounds: Sphere) -> (f64, f64) {
     let centers: Vec<f64> = cameras.iter().map(|c| depth(c, bounds.center)).collect();
     let farthest = centers.iter().copied().fold(0.0, f64::max) + 1.5 * bounds.radius;
     let nearest = centers.iter().copied().fold(f64::INFINITY, f64::min) - 1.5 * bounds.radius;
     (nearest.max(0.02 * farthest), farthest)
+}
+
+/// Direction `i` of `count`, on a spiral over the unit sphere from low to high.
+fn direction(i: usize, count: usize) -> DVec3 {
+    // The spiral leaves out the poles, where (0, 1, 0) is not a valid up vector.
+    let y = 0.92 * ((2 * i + 1) as f64 / count as f64 - 1.0);
+    let turn = i as f64 * std::f64::consts::PI * (3.0 - 5f64.sqrt());
+    let radius = (1.0 - y * y).sqrt();
+    DVec3::new(radius * turn.cos(), y, radius * turn.sin())
 }
 
 #[cfg(test)]
@@ -117,7 +94,7 @@ mod tests {
 
     #[test]
     fn a_pixel_has_one_length_in_upright_and_in_wide_pictures() {
-        let bounds = Bounds { center: DVec3::new(0.3, -0.2, 0.1), radius: 1.0 };
+        let bounds = Sphere { center: DVec3::new(0.3, -0.2, 0.1), radius: 1.0 };
         let cameras = around(bounds, 8, 30.0).unwrap();
         // Half the height of the picture at the middle of the object.
         let half = depth(&cameras[0], bounds.center) * 15f64.to_radians().tan();

@@ -8,9 +8,11 @@ const LEAST_PIXELS: usize = 8;
 const WRONG: f64 = 0.9;
 
 /// The views in which the mesh covers a hole, and those in which it leaves out a part, counted from 0.
-#[derive(Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Unseen {
+    /// Views in which the mesh covers a hole.
     pub covered: Vec<usize>,
+    /// Views in which the mesh leaves out a part.
     pub missed: Vec<usize>,
     /// The pixels of the parts that are left out, counted through all views.
     parts: Vec<usize>,
@@ -18,7 +20,7 @@ pub struct Unseen {
 
 impl Unseen {
     /// Compares the views' silhouettes with those of the mesh from the `first`th view on.
-    pub fn add(&mut self, first: usize, mesh: &Image, targets: &Image) {
+    pub(crate) fn add(&mut self, first: usize, mesh: &Image, targets: &Image) {
         for view in 0..mesh.batch {
             let inside = |image: &Image| image.view(view).iter().map(|x| *x > 0.5).collect::<Vec<bool>>();
             let (mesh, target) = (inside(mesh), inside(targets));
@@ -63,7 +65,7 @@ impl Unseen {
     }
 
     /// The pixels of all parts that are left out as 1 in images like the targets; `None` where there are none.
-    pub fn missing(&self, targets: &Image) -> Option<Image> {
+    pub(crate) fn missing(&self, targets: &Image) -> Option<Image> {
         let mut marks = Image { data: vec![0.0; targets.data.len()], ..*targets };
         self.parts.iter().for_each(|pixel| marks.data[*pixel] = 1.0);
         (!self.parts.is_empty()).then_some(marks)

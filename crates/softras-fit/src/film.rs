@@ -1,13 +1,11 @@
 //! The animation of a fit, with the target on the left and the mesh on the right.
 
-use super::setup::Setup;
-use super::targets::Views;
-use softras::scene::{Background, DirectionalLight, Outputs, Shading};
-use softras::{Camera, Lights, Mesh, Renderer, Result, Scene, Settings};
-use softras_fit::pooled;
-use softras_io::Curve;
-use softras_io::Picture;
-use softras_io::write_gif;
+use crate::{Fitting, pooled};
+use softras::{
+    Camera, Lights, Mesh, Renderer, Result, Scene, Settings,
+    scene::{Background, DirectionalLight, Outputs, Shading},
+};
+use softras_io::{Curve, Picture, write_gif};
 use std::path::Path;
 
 /// The most frames.
@@ -20,20 +18,24 @@ const DELAY: u16 = 8;
 /// How many times the last frame is repeated.
 const LAST: usize = 15;
 
-/// The frames so far; none when no animation was requested.
+/// The frames so far.
+#[derive(Clone, Debug)]
 pub struct Film {
-    frames: Option<Vec<Picture>>,
+    frames: Vec<Picture>,
     every: usize,
     camera: Option<Camera>,
     target: Picture,
     size: (u32, u32),
+    settings: Settings,
+    /// Those of the fit; `None` where it has no colours.
+    lights: Option<Lights>,
 }
 
 impl Film {
     /// Shows the view in which the target is largest of those that see it from the side or from halfway above, as people see
     /// things, or of all where none does.
-    pub fn new(wanted: bool, setup: &Setup, views: &Views) -> Self {
-        let t = &views.targets;
+    pub fn new(fitting: &Fitting) -> Self {
+        let (t, setup) = (&fitting.subject.views, &fitting.setup);
         let area = |view: &usize| t.silhouette.as_ref().map_or(0.0, |s| s.view(*view).iter().sum::<f32>());
         let view = largest(&t.cameras, area);
         let shape = t.silhouette.as_ref().map_or((1, 1), |s| (s.height, s.width));
@@ -47,22 +49,27 @@ impl Film {
             _ => Picture::filled(1, 1, [255; 4]),
         };
         Self {
-            frames: wanted.then(Vec::new),
+            frames: Vec::new(),
             every: setup.iterations.div_ceil(FRAMES),
             camera: t.cameras.get(view).copied(),
             target: enlarged(&target, size),
             size,
+            settings: setup.settings(0),
+            lights: setup.colored.then(|| setup.lights.clone()),
         }
     }
 
     /// Whether the mesh of a step is a frame of the animation.
     pub fn shows(&self, step: usize) -> bool {
-        self.frames.is_some() && step.is_multiple_of(self.every)
+        step.is_multiple_of(self.every)
     }
 
-    /// Adds a frame.
-    pub fn last(&mut self, mesh: &Mesh, setup: &Setup, renderer: &mut Renderer) -> Result<()> {
-        let (Some(frames), Some(camera)) = (&mut self.frames, self.camera) else { return Ok(()) };
+    /// Adds a frame of the mesh.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`].
+    pub fn add(&mut self, mesh: &Mesh, renderer: &mut Renderer) -> Result<()> {
+        let Some(camera) = self.camera else { return Ok(()) };
         let settings = Settings {
             width: self.size.0 * SAMPLES,
             height: self.size.1 * SAMPLES,
@@ -70,9 +77,9 @@ impl Film {
             gamma: 1e-5,
             background: Background::Composite,
             outputs: Outputs { color: true, silhouette: true, depth: false, normal: false },
-            ..setup.settings(0)
+            ..self.settings.clone()
         };
-        let lights = if setup.colored { setup.lights.clone() } else { lights(&camera) };
+        let lights = self.lights.clone().unwrap_or_else(|| lights(&camera));
         let frame = renderer.render(&Scene::new(mesh.clone()).with_lights(lights), &[camera], &settings)?;
         let (Some(color), Some(alpha)) = (frame.color(), frame.silhouette()) else { return Ok(()) };
         let [color, alpha] = [pooled(color, SAMPLES as usize)?, pooled(alpha, SAMPLES as usize)?];
@@ -80,17 +87,19 @@ impl Film {
         let mut both = Picture::filled(2 * shown.width, shown.height, [255; 4]);
         both.paste(&self.target, 0, 0);
         both.paste(&shown, shown.width, 0);
-        frames.push(both);
+        self.frames.push(both);
         Ok(())
     }
 
     /// Writes the animation, with its last frame held.
+    ///
+    /// # Errors
+    /// [`softras::Error::Io`].
     pub fn write(mut self, path: &Path) -> Result<()> {
-        let mut frames = self.frames.take().unwrap_or_default();
-        if let Some(last) = frames.last().cloned() {
-            frames.extend(std::iter::repeat_n(last, LAST));
+        if let Some(last) = self.frames.last().cloned() {
+            self.frames.extend(std::iter::repeat_n(last, LAST));
         }
-        write_gif(path, &frames, DELAY)
+        write_gif(path, &self.frames, DELAY)
     }
 }
 

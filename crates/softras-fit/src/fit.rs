@@ -1,0 +1,362 @@
+//! A fit from views to a mesh, as `softras fit` does it.
+
+use crate::{
+    ShapeFit, ShapeOptions, ShapeRun, Step, bad, checkpoint,
+    options::{FitOptions, Template},
+    paint::{self, Painted},
+    scores::Scores,
+    setup::Setup,
+    shape::steps_of_a_turn,
+    subject::{Subject, ViewsOfMesh},
+};
+use softras::{Mesh, Renderer, Result};
+use softras_io::{Budget, Views};
+use std::{ops::ControlFlow, path::Path, time::Instant};
+
+/// A fit that is to be made: views of an object, and how.
+///
+/// ```
+/// use softras::{Renderer, shapes};
+/// use softras_fit::{Fit, ViewsOfMesh};
+/// use std::ops::ControlFlow;
+///
+/// # fn main() -> softras::Result<()> {
+/// let mut renderer = Renderer::new()?;
+/// // Views of a mesh; `Views::open` reads photographs.
+/// let views = ViewsOfMesh { count: 6, size: (32, 32), ..ViewsOfMesh::default() };
+/// let mut fit = Fit::of_mesh(shapes::torus(0.7, 0.3, 24, 12)?, &views, &mut renderer)?.color();
+/// fit.options.iterations = Some(4);
+/// let fitted = fit.run(&mut renderer, |_| ControlFlow::Continue(()))?;
+/// assert!(fitted.scores.mean_mask_iou() > 0.8 && fitted.steps.len() == 4);
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// The views, and what is known of the object in them.
+    pub subject: Subject,
+    /// The method.
+    pub options: FitOptions,
+}
+
+impl Fit {
+    /// A fit of the shape alone, by the silhouettes of views.
+    ///
+    /// # Errors
+    /// Those of [`Views::size`].
+    pub fn new(views: Views) -> Result<Self> {
+        Ok(Self { subject: Subject::of(views)?, options: FitOptions::default() })
+    }
+
+    /// A fit to views that are rendered from all around a mesh, which are lit where `views` says so.
+    ///
+    /// # Errors
+    /// Those of [`Subject::rendered`].
+    pub fn of_mesh(mesh: Mesh, views: &ViewsOfMesh, renderer: &mut Renderer) -> Result<Self> {
+        Ok(Self { subject: Subject::rendered(mesh, views, renderer, || ())?, options: FitOptions::default() })
+    }
+
+    /// Colours too.
+    pub fn color(mut self) -> Self {
+        self.options.color = true;
+        self
+    }
+
+    /// A texture too, of at most so many texels a side.
+    pub fn texture(mut self, side: u32) -> Self {
+        self.options.texture = Some(side);
+        self
+    }
+
+    /// The mesh to begin with.
+    pub fn template(mut self, template: Template) -> Self {
+        self.options.template = template;
+        self
+    }
+
+    /// The whole method.
+    pub fn options(mut self, options: FitOptions) -> Self {
+        self.options = options;
+        self
+    }
+
+    /// Makes the mesh to begin with, and what else does not change.
+    ///
+    /// # Errors
+    /// [`softras::Error::Fit`] for options that exclude each other or views that do not fit together; otherwise as
+    /// [`Renderer::render`].
+    pub fn begin(self, renderer: &mut Renderer) -> Result<Fitting> {
+        let Self { mut subject, options } = self;
+        if !options.is_colored() {
+            subject.views.color = None;
+        }
+        let mut notes = Vec::new();
+        let setup = Setup::new(&options, &subject, &mut notes, renderer)?;
+        let views = options.compared(&subject.views);
+        let shape = ShapeFit::new(setup.template.clone(), subject.lights.clone(), setup.options.clone())?;
+        let run = ShapeRun::new(shape, &views);
+        Ok(Fitting { subject, options, setup, views, run, first: 0, at: 0, steps: Vec::new(), best: None, notes })
+    }
+
+    /// Fits to the end, or until `progress` breaks it.
+    ///
+    /// # Errors
+    /// As [`Fit::begin`] and [`Fitting::step`].
+    pub fn run(
+        self,
+        renderer: &mut Renderer,
+        mut progress: impl FnMut(&Progress) -> ControlFlow<()>,
+    ) -> Result<Fitted> {
+        let mut fitting = self.begin(renderer)?;
+        let mut is_broken = false;
+        while !is_broken && let Some(step) = fitting.step(renderer)? {
+            is_broken = progress(&step).is_break();
+        }
+        let painted = if is_broken { None } else { fitting.paint(renderer, &mut progress)? };
+        fitting.finish(painted, renderer)
+    }
+}
+
+/// Where a fit is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Progress {
+    /// Whether it is the texture that is fitted, after the shape.
+    pub is_texture: bool,
+    /// Steps taken.
+    pub taken: usize,
+    /// Steps in all.
+    pub of: usize,
+    /// The loss before the last step.
+    pub loss: f64,
+}
+
+/// A step of a fit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Taken {
+    /// Its number.
+    pub at: usize,
+    /// The losses before it moved anything.
+    pub losses: Step,
+    /// The seconds that it took.
+    pub seconds: f64,
+}
+
+/// A fit in progress.
+#[derive(Clone, Debug)]
+pub struct Fitting {
+    pub(crate) subject: Subject,
+    options: FitOptions,
+    pub(crate) setup: Setup,
+    /// The views that are compared.
+    pub(crate) views: Views,
+    pub(crate) run: ShapeRun,
+    /// The first step of `run`.
+    first: usize,
+    /// The next step.
+    at: usize,
+    steps: Vec<Taken>,
+    /// The mesh of least loss, and its step.
+    best: Option<(Mesh, usize)>,
+    /// What the user should know.
+    pub(crate) notes: Vec<String>,
+}
+
+impl Fitting {
+    /// Takes the next step, before which the mesh may get other triangles; `None` at the end.
+    ///
+    /// # Errors
+    /// As [`ShapeFit::step`], and of what the mesh is subdivided, remeshed or cut with.
+    pub fn step(&mut self, renderer: &mut Renderer) -> Result<Option<Progress>> {
+        let (at, of) = (self.at, self.setup.iterations);
+        if at >= of {
+            return Ok(None);
+        }
+        if self.setup.recuts(at) {
+            self.recut(at, renderer)?;
+        }
+        if self.setup.remakes(at) {
+            let shape = self.setup.remade(self.run.shape(), at)?;
+            self.go_on_with(shape, at);
+        }
+        let began = Instant::now();
+        let (rate, color_rate) = self.setup.rates(at);
+        let losses = self.run.step(renderer, &self.setup.settings(at), rate, color_rate)?;
+        let loss = losses.loss;
+        self.steps.push(Taken { at, losses, seconds: began.elapsed().as_secs_f64() });
+        self.at += 1;
+        Ok(Some(Progress { is_texture: false, taken: self.at, of, loss }))
+    }
+
+    /// The number of the next step.
+    pub fn next_step(&self) -> usize {
+        self.at
+    }
+
+    /// The number of steps in all.
+    pub fn step_count(&self) -> usize {
+        self.setup.iterations
+    }
+
+    /// The mesh as it is.
+    pub fn mesh(&self) -> &Mesh {
+        self.run.shape().mesh()
+    }
+
+    /// The mesh of least loss so far, and its step; `None` before the first.
+    pub fn best(&mut self) -> Option<(&Mesh, usize)> {
+        self.keep_best();
+        self.best.as_ref().map(|(best, step)| (best, *step))
+    }
+
+    /// The mesh of least loss, or the one to begin with where no step was taken.
+    fn found(&mut self) -> Mesh {
+        let best = self.best().map(|(best, _)| best.clone());
+        best.unwrap_or_else(|| self.mesh().clone())
+    }
+
+    /// Takes what the user should know since the last call: where the mesh was cut anew, and why it begins with what it does.
+    pub fn take_notes(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.notes)
+    }
+
+    /// Makes a texture for the best mesh and fits its texels, where one is to be made, until `progress` breaks it.
+    ///
+    /// # Errors
+    /// Those of [`with_atlas`](crate::with_atlas), and of rendering.
+    pub fn paint(
+        &mut self,
+        renderer: &mut Renderer,
+        progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    ) -> Result<Option<Painted>> {
+        let Some(side) = self.options.texture.filter(|_| self.setup.paints) else { return Ok(None) };
+        let best = self.found();
+        let painted = paint::painted(&best, side, &self.setup, &self.subject, &self.views, (renderer, progress))?;
+        self.notes.push(painted.sentence());
+        Ok(Some(painted))
+    }
+
+    /// The end: the best mesh, or the painted one, and how good it is.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`].
+    pub fn finish(mut self, painted: Option<Painted>, renderer: &mut Renderer) -> Result<Fitted> {
+        let best = self.found();
+        let mesh = painted.as_ref().map_or(best, |painted| painted.mesh.clone());
+        let scores = Scores::of(&mesh, &self.setup, &self.subject, renderer)?;
+        let is_complete =
+            self.at == self.setup.iterations && painted.as_ref().is_none_or(|painted| painted.is_complete);
+        let (options, view_stride) = (self.setup.options, self.setup.stride);
+        Ok(Fitted { mesh, scores, steps: self.steps, painted, is_complete, options, view_stride, notes: self.notes })
+    }
+
+    /// Writes the state before the next step as an .npz file, which [`Fitting::resume`] reads.
+    ///
+    /// # Errors
+    /// [`softras::Error::Io`].
+    pub fn save_checkpoint(&self, path: &Path) -> Result<()> {
+        checkpoint::write(path, self.run.shape(), self.at)
+    }
+
+    /// Goes on from a file of [`Fitting::save_checkpoint`], made with the same views and options. Returns the number of the next step.
+    ///
+    /// # Errors
+    /// [`softras::Error::File`] for what is no such file, [`softras::Error::Fit`] for one of another fit.
+    pub fn resume(&mut self, path: &Path, budget: Budget) -> Result<usize> {
+        let (step, mesh, state) = checkpoint::read(path, budget)?;
+        if self.options.preset == crate::Preset::Official && self.setup.has_new_triangles() {
+            return bad(
+                "the official parametrization after --subdivide-at or --remesh-at",
+                "it cannot be taken up: leave out one of them",
+            );
+        }
+        let mesh = self.setup.resumed(step, mesh)?;
+        let mut shape = ShapeFit::new(mesh, self.subject.lights.clone(), self.setup.options.clone())?;
+        shape.restore(state)?;
+        self.run = ShapeRun::new(shape, &self.views);
+        (self.first, self.at) = (step, step);
+        Ok(step)
+    }
+
+    /// Goes on with another shape from a step on, and keeps the best mesh of the one before.
+    pub(crate) fn go_on_with(&mut self, shape: ShapeFit, step: usize) {
+        self.keep_best();
+        self.run = ShapeRun::new(shape, &self.views);
+        self.first = step;
+    }
+
+    /// The steps that take all views once: losses of different views are not comparable, but means over these steps are.
+    pub(crate) fn turn(&self) -> usize {
+        steps_of_a_turn(self.setup.options.views_per_step, self.views.cameras.len())
+    }
+
+    /// Keeps the best mesh of `run` if it is better than the best so far.
+    fn keep_best(&mut self) {
+        let Some((mesh, step)) = self.run.best() else { return };
+        let step = self.first + step;
+        let turn = self.turn();
+        let loss = |step: usize| mean_loss(&self.steps, step, turn);
+        if self.best.as_ref().is_none_or(|(_, best)| loss(step) < loss(*best)) {
+            self.best = Some((mesh.clone(), step));
+        }
+    }
+}
+
+/// The mean loss of a step and those before it, `turn` steps in all; infinite where none was taken.
+fn mean_loss(steps: &[Taken], step: usize, turn: usize) -> f64 {
+    let steps = steps.iter().filter(|taken| taken.at <= step && step < taken.at + turn);
+    let (count, sum) = steps.fold((0, 0.0), |(count, sum), taken| (count + 1, sum + taken.losses.loss));
+    if count == 0 { f64::INFINITY } else { sum / f64::from(count) }
+}
+
+/// A mesh that was fitted.
+#[derive(Clone, Debug)]
+pub struct Fitted {
+    /// The mesh of least loss, with its texture where one was made.
+    pub mesh: Mesh,
+    /// How good it is.
+    pub scores: Scores,
+    /// All steps with their losses.
+    pub steps: Vec<Taken>,
+    /// The texture that was made.
+    pub painted: Option<Painted>,
+    /// Whether all steps were taken.
+    pub is_complete: bool,
+    /// The options of the steps, as the fit chose them.
+    pub options: ShapeOptions,
+    /// Every so many views was used.
+    pub view_stride: usize,
+    /// What the user should know.
+    pub notes: Vec<String>,
+}
+
+impl Fitted {
+    /// The numbers of all steps with their losses.
+    pub fn losses(&self) -> Vec<(usize, f64)> {
+        self.steps.iter().map(|taken| (taken.at, taken.losses.loss)).collect()
+    }
+
+    /// The median of a step's seconds; `None` without steps.
+    pub fn seconds_per_step(&self) -> Option<f64> {
+        let mut seconds: Vec<f64> = self.steps.iter().map(|taken| taken.seconds).collect();
+        seconds.sort_by(f64::total_cmp);
+        seconds.get(seconds.len() / 2).copied()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_loss_of_a_step_is_a_mean_over_a_turn() {
+        let one = |(at, loss)| {
+            let [silhouette, color, depth, normal] = [0.0; 4];
+            let losses = Step { loss, silhouette, color, depth, normal, regularizers: Vec::new() };
+            Taken { at, losses, seconds: 0.0 }
+        };
+        let steps = [(4, 3.0), (5, 1.0), (6, 5.0), (7, 2.0)].map(one);
+        let mean = |step, turn| mean_loss(&steps, step, turn);
+        assert_eq!((mean(6, 1), mean(7, 3), mean(5, 3)), (5.0, 8.0 / 3.0, 2.0));
+        assert_eq!(mean(3, 1), f64::INFINITY);
+    }
+}

@@ -1,0 +1,153 @@
+//! What a fit begins with, and how it goes on.
+
+use crate::{ImageLoss, Subdivision};
+use softras::{
+    Mesh,
+    scene::{Appearance, Faces},
+};
+use softras_io::Views;
+
+/// The mesh that a fit begins with.
+#[derive(Clone, Debug, Default)]
+pub enum Template {
+    /// A hull from six views on, and else a sphere.
+    #[default]
+    Auto,
+    /// The largest solid that has the silhouettes, with its holes and parts.
+    Hull,
+    /// A sphere.
+    Sphere,
+    /// A mesh, whose triangles stay what they are. Of one with a texture, [`FitOptions::texture`] fits the texels alone.
+    Mesh(Box<Mesh>),
+}
+
+/// The set of defaults.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Preset {
+    /// Smoothed parameters, a shrinking sigma, and steps that do not tear the surface.
+    #[default]
+    Smooth,
+    /// The official demo: displacements in logit space, Adam with rate 0.01, sigma 1e-4, the template at half its size.
+    Official,
+}
+
+/// The method of a fit. Where a field is `None`, the fit chooses by its preset and its template.
+#[derive(Clone, Debug)]
+pub struct FitOptions {
+    /// The mesh to begin with.
+    pub template: Template,
+    /// Begin with a sphere of so many subdivisions, unless the template is a hull or a mesh; `None`: 3, and only where the template
+    /// asks for a sphere.
+    pub subdivisions: Option<u32>,
+    /// Fit the colours too: the template's texels where it has a texture, else a colour for each vertex.
+    pub color: bool,
+    /// Fit a texture of at most so many texels a side: of a template that has one the texels alone, else that of an atlas that is
+    /// made for the mesh that was found.
+    pub texture: Option<u32>,
+    /// Every so many views is used.
+    pub view_stride: usize,
+    /// The set of defaults.
+    pub preset: Preset,
+    /// The number of steps; `None`: 500, and 150 from a hull.
+    pub iterations: Option<usize>,
+    /// Step length of the vertices from the first to the last step, world units.
+    pub rate: Option<(f64, f64)>,
+    /// Step length of the colours.
+    pub color_rate: Option<(f64, f64)>,
+    /// Softness of edges, screen units².
+    pub sigma: Option<(f64, f64)>,
+    /// Softness of the depth order, in units of far - near.
+    pub gamma: Option<(f64, f64)>,
+    /// The loss between silhouettes and their targets.
+    pub loss: ImageLoss,
+    /// Whether the silhouettes become masks: pixels above ½ become 1, the others 0.
+    pub masks: bool,
+    /// Triangles to draw.
+    pub faces: Faces,
+    /// Samples along each side of a pixel of the views.
+    pub samples: usize,
+    /// Views that a step compares, others in each; 0: all.
+    pub views_per_step: usize,
+    /// How strongly steps are smoothed over the surface, λ of (I + λ L)⁻¹; `None`: 5, 2 from a hull of one colour.
+    pub smoothing: Option<f64>,
+    /// Weight of the Laplacian regularizer.
+    pub laplacian: Option<f64>,
+    /// Weight of the flatten regularizer.
+    pub flatten: Option<f64>,
+    /// Weight of the normal consistency regularizer; `None`: 0.
+    pub normal_consistency: Option<f64>,
+    /// Weight of the loss of colours, relative to that of silhouettes; `None`: 3, and 5 for an object of one colour under light.
+    pub color_weight: Option<f64>,
+    /// Weight of the loss of depths in units of the object's radius.
+    pub depth_weight: f64,
+    /// Weight of the loss of normals.
+    pub normal_weight: f64,
+    /// Steps before which every triangle is divided into four.
+    pub subdivide_at: Vec<usize>,
+    /// How they are divided.
+    pub subdivision: Subdivision,
+    /// Steps before which the mesh is remeshed to triangles of even size.
+    pub remesh_at: Vec<usize>,
+    /// Leave the mesh the holes and parts that it begins with. Else it is cut anew to the silhouettes after 0.3 and 0.6 of the steps
+    /// where it covers a hole, leaves out a part or lies in itself, unless the template is a mesh or the preset is the official one.
+    pub keep_topology: bool,
+    /// Edge length of a hull and of remeshing in pixels of the views, from the first to the last step; `None`: 1.5, and 2 for a hull.
+    pub edge: Option<(f64, f64)>,
+}
+
+impl Default for FitOptions {
+    fn default() -> Self {
+        Self {
+            template: Template::Auto,
+            subdivisions: None,
+            color: false,
+            texture: None,
+            view_stride: 1,
+            preset: Preset::Smooth,
+            iterations: None,
+            rate: None,
+            color_rate: None,
+            sigma: None,
+            gamma: None,
+            loss: ImageLoss::NegativeIou,
+            masks: false,
+            faces: Faces::Both,
+            samples: 1,
+            views_per_step: 0,
+            smoothing: None,
+            laplacian: None,
+            flatten: None,
+            normal_consistency: None,
+            color_weight: None,
+            depth_weight: 10.0,
+            normal_weight: 0.5,
+            subdivide_at: Vec::new(),
+            subdivision: Subdivision::Midpoint,
+            remesh_at: Vec::new(),
+            keep_topology: false,
+            edge: None,
+        }
+    }
+}
+
+impl FitOptions {
+    /// Whether the fit is one of the template's texels alone.
+    pub(crate) fn keeps_shape(&self) -> bool {
+        let Template::Mesh(mesh) = &self.template else { return false };
+        self.texture.is_some() && matches!(mesh.appearance(), Appearance::Textured { .. })
+    }
+
+    /// The views that are compared.
+    pub(crate) fn compared(&self, views: &Views) -> Views {
+        let mut some = views.every(self.view_stride);
+        if let Some(silhouette) = some.silhouette.as_mut().filter(|_| self.masks) {
+            silhouette.data.iter_mut().for_each(|x| *x = f32::from(*x > 0.5));
+        }
+        some
+    }
+
+    /// Whether colours are fitted.
+    pub fn is_colored(&self) -> bool {
+        self.color || self.texture.is_some()
+    }
+}

@@ -1,0 +1,79 @@
+//! The texture that `--texture` makes of a mesh without one: an atlas on the mesh that was found, whose texels are fitted while
+//! the shape stays.
+
+use crate::{Progress, Schedule, color_error::color_error, setup::Setup, subject::Subject, texels::Texels, with_atlas};
+use softras::{Mesh, Renderer, Result, scene::Appearance};
+use softras_io::Views;
+use std::ops::ControlFlow;
+
+/// Steps of the texels.
+const STEPS: usize = 100;
+/// Their length, for colours from 0 to 1.
+const RATE: Schedule = Schedule::Exponential { from: 0.1, to: 0.005 };
+/// The length of a texel in pixels of the images, where the texture has room.
+const TEXEL: f64 = 1.0;
+
+/// A mesh with a fitted texture.
+#[derive(Clone, Debug)]
+pub struct Painted {
+    /// The mesh.
+    pub mesh: Mesh,
+    /// Whether all steps of the texels were taken.
+    pub is_complete: bool,
+    /// Texels along each side of the texture.
+    pub side: u32,
+    /// The length of a texel in pixels of the views.
+    pub texel: f64,
+    /// The loss before each step.
+    pub losses: Vec<f64>,
+    /// The error of the colours with vertex colours, and with the texture.
+    pub errors: [Option<f64>; 2],
+}
+
+/// Gives a mesh that was fitted a texture of at most `most` texels a side in its colours, and fits the texels to the views under the
+/// lights of the fit, until `progress` breaks it.
+pub fn painted(
+    mesh: &Mesh,
+    most: u32,
+    setup: &Setup,
+    subject: &Subject,
+    views: &Views,
+    (renderer, progress): (&mut Renderer, &mut dyn FnMut(&Progress) -> ControlFlow<()>),
+) -> Result<Painted> {
+    let (start, texel) = with_atlas(mesh, TEXEL * setup.pixel, most)?;
+    let texel = texel / setup.pixel;
+    let by_vertices = color_error(mesh, setup, subject, renderer)?;
+    let mut texels = Texels::new(start, setup, views, renderer)?;
+    let (mut losses, mut is_broken) = (Vec::with_capacity(STEPS), false);
+    while texels.can_step() && losses.len() < STEPS && !is_broken {
+        let loss = texels.step(RATE.at_step(losses.len(), STEPS), renderer)?;
+        losses.push(loss);
+        is_broken = progress(&Progress { is_texture: true, taken: losses.len(), of: STEPS, loss }).is_break();
+    }
+    let is_complete = !is_broken || losses.len() == STEPS;
+    let mesh = texels.mesh().clone();
+    let errors = [by_vertices, color_error(&mesh, setup, subject, renderer)?];
+    Ok(Painted { side: side(&mesh), texel, mesh, is_complete, losses, errors })
+}
+
+impl Painted {
+    /// What was made, in a sentence.
+    pub fn sentence(&self) -> String {
+        let Self { side, texel, errors, .. } = self;
+        let longer = if *texel > TEXEL { ", as many as the texture may have" } else { "" };
+        let error = |error: Option<f64>| error.map_or("unknown".into(), |error| format!("{error:.4}"));
+        let [before, after] = errors.map(error);
+        format!(
+            "a texture of {side}×{side} texels, {texel:.2} pixels long{longer}, brings the error of the colours from {before} to \
+             {after}"
+        )
+    }
+}
+
+/// Width and height of a mesh's first texture.
+fn side(mesh: &Mesh) -> u32 {
+    match mesh.appearance() {
+        Appearance::Textured { textures, .. } => textures.first().map_or(0, |texture| texture.width()),
+        _ => 0,
+    }
+}

@@ -1,0 +1,196 @@
+//! How good a mesh is that was fitted.
+
+use crate::{
+    ImageLoss, Regularizer, Topology, Unseen, color_error::color_error, mask_iou, pooled, setup::Setup,
+    subject::Subject, voxel_iou,
+};
+use glam::DVec3;
+use softras::{
+    Camera, Error, Image, Mesh, Renderer, Result, Scene, Settings,
+    parts::{self, Bands},
+    scene::{Outputs, SilhouetteAggregation},
+};
+use softras_io::Views;
+
+/// Voxels along a side of the grid of the 3D IoU, as in the SoftRas paper.
+const VOXELS: usize = 32;
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+/// The number of a mesh's parts, and of their handles if all are closed surfaces.
+pub fn genus(mesh: &Mesh) -> Result<(usize, Option<usize>)> {
+    Ok(Topology::new(mesh.positions().len(), mesh.triangles())?.parts_and_genus())
+}
+
+/// A mesh's parts and handles in words.
+pub fn shape(mesh: &Mesh) -> Result<String> {
+    genus(mesh).map(named)
+}
+
+fn named((parts, genus): (usize, Option<usize>)) -> String {
+    let parts = if parts == 1 { "1 part".into() } else { format!("{parts} parts") };
+    parts + &genus.map_or(String::new(), |genus| format!(" of genus {genus}"))
+}
+
+/// How good a mesh is.
+#[derive(Clone, Debug, Default)]
+pub struct Scores {
+    /// The mask IoU of every view, fitted or not: pixels whose centre the mesh covers, against pixels of the target above
+    /// ½.
+    pub masks: Vec<f64>,
+    /// Its mean over the fitted views.
+    pub fitted: f64,
+    /// The mask IoU of pixels that the mesh covers by more than half, by 8 × 8 samples.
+    pub covered: Vec<f64>,
+    /// The mean over all views of the soft IoU of silhouettes at sigma 1e-4.
+    pub soft: f64,
+    /// The mean of the largest soft IoU that any image could have, which is below 1 where targets are grey.
+    pub most: f64,
+    /// The loss of the official demo for this mesh on the fitted views.
+    pub official: f64,
+    /// The connected parts of the mesh, and their genus if all are closed.
+    pub parts: usize,
+    /// `None` where a surface is not closed.
+    pub genus: Option<usize>,
+    /// Holes that the mesh covers, and parts that it leaves out.
+    pub unseen: Unseen,
+    /// The 3D IoU with the mesh that the views were rendered from.
+    pub solid: Option<f64>,
+    /// The mean difference of the colours.
+    pub color: Option<f64>,
+}
+
+impl Scores {
+    /// Computes the scores of a mesh over all views.
+    pub(crate) fn of(mesh: &Mesh, setup: &Setup, subject: &Subject, renderer: &mut Renderer) -> Result<Self> {
+        let targets = &subject.views;
+        let (height, width) = targets.size()?;
+        let outputs = Outputs { color: false, silhouette: true, depth: false, normal: false };
+        let settings = Settings { height: height as u32, width: width as u32, outputs, ..setup.settings(0) };
+        let hard = Settings { silhouette: SilhouetteAggregation::Hard, sigma: 1e-7, ..settings.clone() };
+        let scene = Scene::new(mesh.clone());
+        let Some(target) = &targets.silhouette else {
+            return Ok(Self::default());
+        };
+        let (mut masks, mut unseen) = (Vec::new(), Unseen::default());
+        parts::in_batches(renderer, &scene, &targets.cameras, &hard, |views, frame| {
+            let first = views.start;
+            let some = target.views(views);
+            if let Some(image) = frame.silhouette() {
+                unseen.add(first, image, &some);
+            }
+            masks.extend(frame.silhouette().map(|image| mask_iou(image, &some)).transpose()?.unwrap_or_default());
+            Ok(())
+        })?;
+        let covered = covered(&scene, targets, &hard, renderer)?;
+        let bounds: Vec<f64> = (0..target.batch).map(|view| most_iou(target.view(view))).collect();
+        let soft_iou = |renderer: &mut Renderer, stride: usize| -> Result<f64> {
+            let some = targets.every(stride);
+            let settings = Settings { sigma: 1e-4, ..settings.clone() };
+            let (mut loss, count) = (0.0, some.cameras.len() as f64);
+            parts::in_batches(renderer, &scene, &some.cameras, &settings, |views, frame| {
+                let share = views.len() as f64 / count;
+                if let (Some(image), Some(target)) = (frame.silhouette(), &some.silhouette) {
+                    let target = target.views(views);
+                    loss += share * ImageLoss::NegativeIou.evaluate(image, &target, None)?.value;
+                }
+                Ok(())
+            })?;
+            Ok(1.0 - loss)
+        };
+        let fitted: Vec<f64> = masks.iter().step_by(setup.stride).copied().collect();
+        let official = 1.0 - soft_iou(renderer, setup.stride)? + official_penalty(mesh)?;
+        let soft = soft_iou(renderer, 1)?;
+        let solid = subject.truth.as_ref().map(|truth| voxel_iou(mesh, truth, VOXELS)).transpose()?;
+        let (parts, genus) = genus(mesh)?;
+        let (most, fitted) = (mean(&bounds), mean(&fitted));
+        let color = color_error(mesh, setup, subject, renderer)?;
+        Ok(Self { fitted, masks, covered, soft, most, official, parts, genus, unseen, solid, color })
+    }
+}
+
+/// Samples along each side of a pixel, for the covered share of it.
+const SAMPLES: u32 = 8;
+
+/// The mask IoU of every view, by the pixels that the mesh covers by more than half.
+fn covered(scene: &Scene, targets: &Views, hard: &Settings, renderer: &mut Renderer) -> Result<Vec<f64>> {
+    let Some(target) = &targets.silhouette else { return Ok(Vec::new()) };
+    let fine = Settings { height: hard.height * SAMPLES, width: hard.width * SAMPLES, ..hard.clone() };
+    let mut bands = Bands { unit: 4 * SAMPLES as usize, margin: 0, at_once: usize::MAX };
+    let one = |(view, camera): (usize, &Camera)| {
+        let target = target.views(view..view + 1);
+        let mut image = Image { data: Vec::new(), ..target };
+        let render = |camera: &Camera, settings: &Settings| renderer.render(scene, &[*camera], settings);
+        parts::in_bands::<_, Error>(camera, &fine, &mut bands, render, |band| {
+            let pooled = band.frame.silhouette().map(|image| pooled(image, SAMPLES as usize)).transpose()?;
+            image.data.extend(pooled.into_iter().flat_map(|pooled| pooled.data));
+            Ok(())
+        })?;
+        Ok(mean(&mask_iou(&image, &target)?))
+    };
+    targets.cameras.iter().enumerate().map(one).collect()
+}
+
+/// The largest soft IoU Σ P T / Σ (P + T - P T) that any P in [0, 1] has with a target T. Numerator and denominator are
+/// linear in every pixel of P, so the maximum is reached by a P of zeros and ones, with ones where T is largest.
+fn most_iou(target: &[f32]) -> f64 {
+    let mut values: Vec<f64> = target.iter().map(|t| f64::from(*t)).collect();
+    values.sort_by(|a, b| b.total_cmp(a));
+    let all: f64 = values.iter().sum();
+    if all <= 0.0 {
+        return 1.0;
+    }
+    let (mut both, mut most) = (0.0, 0.0f64);
+    for (count, value) in values.into_iter().enumerate() {
+        both += value;
+        most = most.max(both / ((count + 1) as f64 + all - both));
+    }
+    most
+}
+
+impl Scores {
+    /// The mean mask IoU over all views.
+    pub fn mean_mask_iou(&self) -> f64 {
+        mean(&self.masks)
+    }
+
+    /// The main scores as a sentence.
+    pub fn sentence(&self) -> String {
+        let solid = self.solid.map_or(String::new(), |iou| format!(", 3D IoU {iou:.4}"));
+        let shape = named((self.parts, self.genus));
+        let color = self.color.map_or(String::new(), |error| format!(", colour error {error:.4}"));
+        format!("mask IoU {:.4} over {} views{solid}{color}, {shape}", mean(&self.masks), self.masks.len())
+    }
+}
+
+/// The regularisers of the official demo with its weights.
+fn official_penalty(mesh: &Mesh) -> Result<f64> {
+    let positions: Vec<DVec3> = mesh.positions().iter().map(|p| DVec3::from(p.map(f64::from))).collect();
+    let topology = Topology::new(positions.len(), mesh.triangles())?;
+    let mut unused = vec![DVec3::ZERO; positions.len()];
+    let laplacian = Regularizer::Laplacian.add(&topology, &positions, 0.0, &mut unused)?;
+    let flatten = Regularizer::Flatten.add(&topology, &positions, 0.0, &mut unused)?;
+    Ok(0.03 * laplacian + 0.0003 * flatten)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_image_overlaps_a_grey_target_more_than_this() {
+        assert_eq!(most_iou(&[0.0, 1.0, 1.0, 0.0]), 1.0);
+        assert_eq!(most_iou(&[0.0; 4]), 1.0);
+        let target = [0.9f32, 0.5, 0.3, 0.1];
+        let iou = |p: [f64; 4]| {
+            let pairs = || p.iter().zip(target.map(f64::from));
+            pairs().map(|(p, t)| p * t).sum::<f64>() / pairs().map(|(p, t)| p + t - p * t).sum::<f64>()
+        };
+        let grid = |i: usize| [0, 1, 2, 3].map(|k| (i / 5usize.pow(k) % 5) as f64 / 4.0);
+        let best = (0..625).map(|i| iou(grid(i))).fold(0.0, f64::max);
+        assert!((most_iou(&target) - best).abs() < 1e-12, "{best}");
+        assert!(iou(target.map(f64::from)) < best - 0.05, "the target itself is not the best");
+    }
+}

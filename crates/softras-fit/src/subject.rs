@@ -1,0 +1,181 @@
+//! What is known of the object that a fit is to find.
+
+use crate::{cameras, pooled};
+use glam::DVec3;
+use softras::{
+    Image, Lights, Mesh, Renderer, Result, Scene, Settings, parts,
+    scene::{Appearance, Background, DirectionalLight, Interpolation, Outputs, Shading},
+};
+use softras_io::{Map, Views};
+
+/// Samples along each side of a pixel of views that are rendered.
+const SAMPLES: u32 = 3;
+
+/// A sphere around an object.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sphere {
+    /// The centre.
+    pub center: DVec3,
+    /// World units.
+    pub radius: f64,
+}
+
+impl Sphere {
+    /// The sphere around the vertices that triangles use whose centre is that of their box; of radius 1 for a mesh without extent.
+    fn around(mesh: &Mesh) -> Self {
+        let point = |p: [f32; 3]| DVec3::from_array(p.map(f64::from));
+        let Some((low, high)) = mesh.bounds() else { return Self { center: DVec3::ZERO, radius: 1.0 } };
+        let center = (point(low) + point(high)) / 2.0;
+        let used = mesh.triangles().iter().flatten().map(|&i| point(mesh.positions()[i as usize]));
+        let radius = used.map(|p| p.distance(center)).fold(0.0, f64::max);
+        Self { center, radius: if radius > 0.0 { radius } else { 1.0 } }
+    }
+}
+
+/// Views of an object, and what is known of it besides.
+#[derive(Clone, Debug)]
+pub struct Subject {
+    /// The views.
+    pub views: Views,
+    /// The mesh that the views were rendered from, if known.
+    pub truth: Option<Mesh>,
+    /// A sphere around the object.
+    pub bounds: Sphere,
+    /// Nearest and farthest depth that is drawn.
+    pub depths: (f64, f64),
+    /// The lights of the views and of the fit.
+    pub lights: Lights,
+    /// Whether all of the object has one colour, which the light on it shows the shape of.
+    pub one_color: bool,
+}
+
+impl Subject {
+    /// An object where all cameras look, unlit, of any colours.
+    ///
+    /// # Errors
+    /// Those of [`Views::size`].
+    pub fn of(views: Views) -> Result<Self> {
+        let bounds = cameras::seen(&views.cameras, views.size()?);
+        let depths = cameras::depths(&views.cameras, bounds);
+        Ok(Self { views, truth: None, bounds, depths, lights: Lights::unlit(), one_color: false })
+    }
+
+    /// The centre and the side of the cube that a hull is carved in.
+    pub(crate) fn cube(&self) -> ([f64; 3], f64) {
+        (self.bounds.center.to_array(), 2.0 * self.bounds.radius)
+    }
+
+    /// Renders views of a mesh from all around; `done` is told of each.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`].
+    pub fn rendered(
+        mesh: Mesh,
+        options: &ViewsOfMesh,
+        renderer: &mut Renderer,
+        mut done: impl FnMut(),
+    ) -> Result<Self> {
+        let bounds = Sphere::around(&mesh);
+        let cameras = cameras::around(bounds, options.count, options.fov)?;
+        let depths = cameras::depths(&cameras, bounds);
+        let settings = Settings {
+            width: options.size.0 * SAMPLES,
+            height: options.size.1 * SAMPLES,
+            sigma: 1e-7,
+            near: depths.0,
+            far: depths.1,
+            background: Background::Composite,
+            interpolation: Interpolation::Perspective,
+            outputs: Outputs {
+                color: options.color,
+                silhouette: true,
+                depth: options.maps.contains(&Map::Depth),
+                normal: options.maps.contains(&Map::Normal),
+            },
+            ..Settings::default()
+        };
+        let one_color = matches!(mesh.appearance(), Appearance::Uniform(_)) && options.color;
+        let lights = options.lights(one_color);
+        let scene = Scene::new(mesh).with_lights(lights.clone());
+        let mut views = Views { cameras, ..Views::default() };
+        let cameras = views.cameras.clone();
+        parts::in_batches(renderer, &scene, &cameras, &settings, |range, frame| {
+            append(&mut views.silhouette, frame.silhouette())?;
+            append(&mut views.color, frame.color())?;
+            append(&mut views.depth, frame.depth())?;
+            append(&mut views.normal, frame.normal())?;
+            range.for_each(|_| done());
+            Ok(())
+        })?;
+        let truth = scene.meshes.into_iter().next();
+        Ok(Self { views, truth, bounds, depths, lights, one_color })
+    }
+}
+
+/// Appends views, shrunk to the size of the others.
+fn append(all: &mut Option<Image>, views: Option<&Image>) -> Result<()> {
+    let Some(views) = views else { return Ok(()) };
+    let part = pooled(views, SAMPLES as usize)?;
+    match all {
+        Some(all) => {
+            all.batch += part.batch;
+            all.data.extend(part.data);
+        }
+        None => *all = Some(part),
+    }
+    Ok(())
+}
+
+/// How a mesh is rendered to views.
+#[derive(Clone, Debug)]
+pub struct ViewsOfMesh {
+    /// The number of views.
+    pub count: usize,
+    /// Width and height in pixels.
+    pub size: (u32, u32),
+    /// The vertical angle of view, degrees.
+    pub fov: f64,
+    /// Whether the views have colours.
+    pub color: bool,
+    /// What else they have.
+    pub maps: Vec<Map>,
+    /// How they are lit; `None`: a mesh of one colour is lit smoothly, since its views show nothing but their outline without light.
+    pub shading: Option<Lighting>,
+}
+
+impl Default for ViewsOfMesh {
+    fn default() -> Self {
+        Self { count: 24, size: (128, 128), fov: 30.0, color: true, maps: Vec::new(), shading: None }
+    }
+}
+
+/// How views and fit are lit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lighting {
+    /// Colours as they are.
+    None,
+    /// Light by the normal of each triangle.
+    Flat,
+    /// Light by interpolated normals.
+    Smooth,
+}
+
+impl ViewsOfMesh {
+    /// None, or three lights that shine from fixed sides, each stronger than the next, so that the brightness tells where a surface
+    /// faces.
+    fn lights(&self, one_color: bool) -> Lights {
+        let shading = match self.shading {
+            Some(Lighting::None) => return Lights::unlit(),
+            None if !one_color => return Lights::unlit(),
+            Some(Lighting::Flat) => Shading::Flat,
+            Some(Lighting::Smooth) | None => Shading::Smooth,
+        };
+        let one = |direction, intensity| DirectionalLight { direction, color: [1.0; 3], intensity };
+        Lights {
+            ambient_color: [1.0; 3],
+            ambient_intensity: 0.2,
+            directional: vec![one([0.5, 0.8, -0.4], 0.6), one([-0.8, 0.1, -0.3], 0.3), one([0.2, -0.3, 0.9], 0.25)],
+            shading,
+        }
+    }
+}
