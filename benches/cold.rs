@@ -5,8 +5,7 @@
 //! driver's where it has one: lavapipe keeps its code in Mesa's shader cache). Three of each, medians.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-use softras::CacheFolder;
-use softras::{Renderer, RendererOptions, Settings, shapes};
+use softras::{CacheFolder, Renderer, RendererOptions, Settings, shapes};
 use softras_lab::measure::Mode;
 use softras_lab::measure::subject::{camera, scene, settings};
 use softras_lab::measure::time::{median, upstream};

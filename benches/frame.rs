@@ -23,8 +23,7 @@ fn main() {
         (_, true) => &[256],
         _ => &[64, 128, 256, 512],
     };
-    let index = renderer.device_info().index.to_string();
-    let peak = (0..3).map(|_| peak_flops(Some(&index)).expect("a peak")).fold(0.0, f64::max);
+    let peak = (0..3).map(|_| peak_flops(renderer.device_info()).expect("a peak")).fold(0.0, f64::max);
     println!("{}, {:.1} GFLOP/s measured", renderer.device_name(), peak / 1e9);
     println!(
         "{:>10} {:>8} {:>5} {:>17} {:>9} {:>9} {:>9} {:>8} {:>8}   stages (ms)",

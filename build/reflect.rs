@@ -15,7 +15,6 @@ pub struct Binding {
     pub name: String,
     pub binding: u32,
     pub kind: Kind,
-    pub readonly: bool,
 }
 
 /// One member of a record.
@@ -120,7 +119,7 @@ impl Module {
         let kind = match self.ty(image)? {
             Type::Struct { .. } if storage_buffer => "StorageBuffer",
             Type::Struct { .. } if self.decoration(pointee, Decoration::BufferBlock).is_some() => "StorageBuffer",
-            Type::Struct { .. } => "UniformBuffer",
+            Type::Struct { .. } => return Err(format!("`{name}`: no kernel has a uniform block")),
             Type::Image { dim: Some(Dim::DimBuffer), sampled: 1, texel, .. } => match self.ty(*texel)? {
                 Type::Int { signed: true, .. } => "UniformTexelBufferInt",
                 Type::Int { .. } => "UniformTexelBufferUint",
@@ -138,12 +137,7 @@ impl Module {
                 return Err(format!("`{name}`: only buffers, uniform texel buffers, textures and images can be bound"));
             }
         };
-        // A `readonly` block carries the decoration on the variable or on each member.
-        let readonly = self.decoration(id, Decoration::NonWritable).is_some()
-            || self.member_decorations.contains_key(&(pointee, 0, Decoration::NonWritable))
-            || kind.starts_with("Uniform")
-            || kind == "SampledImage";
-        Ok(Binding { name, binding, kind, readonly })
+        Ok(Binding { name, binding, kind })
     }
 
     /// Bytes of a type in the layout that `matrix_stride` and the decorations give; 0 for a runtime array.

@@ -56,16 +56,17 @@
 
 pub mod embed;
 mod error;
+// What the renderer alone uses of this folder and of `vulkan` has no feature of its own.
+#[cfg_attr(not(feature = "renderer"), allow(dead_code, unused_imports))]
 mod frame;
 mod gradients;
 mod image;
-#[doc(hidden)]
-pub mod internals;
 #[cfg(feature = "renderer")]
 mod renderer;
 pub mod scene;
 pub mod shapes;
 #[allow(unsafe_code)]
+#[cfg_attr(not(feature = "renderer"), allow(dead_code, unused_imports))]
 mod vulkan;
 
 pub use error::{Error, Result};

@@ -27,7 +27,8 @@ PAIR, PIXELS = "glsl/common/pair_gradient.glsl", "glsl/common/pair.glsl"
 ROWS = "glsl/common/row_walk.glsl"
 
 # What is broken, where, the text, what stands there instead, and the tests that should see it: a module of `cargo test --test
-# quick`, with `lab ` before it one of the laboratory's tests, with `full ` one that only the full tier's sizes let see it.
+# quick`, with `unit ` before it one of the library's unit tests, with `lab ` one of the laboratory's tests, with `full ` one
+# that only the full tier's sizes let see it.
 FAULTS = [
     ("remeshing that leaves the surface", "src/fit/remesh/surface.rs", "(self.positions[v], self.sizes[v]) = (point, size);",
      "(self.positions[v], self.sizes[v]) = (0.5 * (self.positions[v] + point), size);", ["fit::remesh::no_detail"]),
@@ -155,11 +156,11 @@ FAULTS = [
     ("settings: near may be far", "src/scene/settings.rs", "self.far >= self.near * (1.0 + 1e-6)",
      "self.far >= self.near", ["robustness::errors::scenes_lights"]),
     ("plan: one workgroup short", "src/frame/plan/mod.rs", "n.div_ceil(c::LINEAR_GROUP)", "(n / c::LINEAR_GROUP)",
-     ["internals::properties::plans"]),
+     ["unit frame::plan::tests::properties::plans"]),
     ("plan: views on top of each other", "src/frame/plan/mod.rs", "record_base: t.records as u32", "record_base: 0",
-     ["internals::properties::plans"]),
+     ["unit frame::plan::tests::properties::plans"]),
     ("plan: no room for second pieces", "src/frame/plan/mod.rs", "if clips(input) { 2 } else { 1 }",
-     "if clips(input) { 1 } else { 1 }", ["internals::properties::plans"]),
+     "if clips(input) { 1 } else { 1 }", ["unit frame::plan::tests::properties::plans"]),
     ("plan: twice what 32 bits index", "src/frame/plan/mod.rs", "if needed <= limit {", "if needed <= 2 * limit {",
      ["embed::ash_example::records_beyond"]),
     ("support: tau twice", "src/scene/support.rs", "Background::Composite => self.tau / 2.0",
@@ -199,11 +200,11 @@ FAULTS = [
     ("light: one direction too many", "src/scene/light.rs", "self.directional.len() > Self::MAX_DIRECTIONAL",
      "self.directional.len() > Self::MAX_DIRECTIONAL + 1", ["robustness::errors::"]),
     ("recorder: copies may overlap", "src/vulkan/recorder.rs", "source.raw() == target.raw() && overlaps",
-     "false && overlaps", ["internals::vulkan_misuse"]),
+     "false && overlaps", ["unit vulkan::tests::misuse::"]),
     ("recorder: dispatch beyond the limit", "src/vulkan/recorder.rs", "if needed > limit {", "if needed > limit && limit == 0 {",
-     ["internals::vulkan_misuse"]),
+     ["unit vulkan::tests::misuse::"]),
     ("recorder: push constants of any size", "src/vulkan/recorder.rs", "push.len() != kernel.push_constant_bytes as usize",
-     "push.len() > 4096 + kernel.push_constant_bytes as usize", ["internals::vulkan_misuse"]),
+     "push.len() > 4096 + kernel.push_constant_bytes as usize", ["unit vulkan::tests::misuse::"]),
     ("embed: a frame's buffer anywhere", "src/embed/bindings.rs", "!at.offset().is_multiple_of(*alignment)",
      "!at.offset().is_multiple_of(*alignment / 2)", ["embed::alignment::"]),
     ("embed: a pass's buffer anywhere", "src/embed/memory.rs", "!given.offset().is_multiple_of(needed.alignment)",
@@ -222,12 +223,12 @@ FAULTS = [
      ["fit::surface::"]),
     ("renderer: a living frame is overwritten", "src/renderer/slot.rs", "Arc::strong_count(&self.owner) == 1",
      "Arc::strong_count(&self.owner) <= 2", ["gradient::living::"]),
-    ("renderer: living frames take no memory", "src/renderer/mod.rs", "bytes > most.saturating_sub(taken)", "bytes > most",
+    ("renderer: living frames take no memory", "src/renderer/shared.rs", "bytes > most.saturating_sub(taken)", "bytes > most",
      ["gradient::living::living_frames_count"]),
     ("renderer: many slots for ever", "src/renderer/mod.rs", "slot.used < recently", "slot.used < recently / 1000",
      ["gradient::living::memory_follows"]),
     ("validation: every message accepted", "src/vulkan/own/validation.rs", "id == *accepted && text.contains(about)",
-     "id != *accepted || text.contains(about)", ["internals::vulkan::a_missing_barrier"]),
+     "id != *accepted || text.contains(about)", ["unit vulkan::own::validation::"]),
     ("further cells without their kernel", "glsl/triangle.comp", "if (more > 0u || uint(size.x", "if (uint(size.x",
      ["gradient::room::thin"]),
     ("kernels for thin triangles never asked for", "src/embed/status.rs", "(rare.thin || self.thin_tiles == 0)",
@@ -252,11 +253,12 @@ def run(command, folder, target, limit, more):
 
 
 def cargo(test, arguments):
-    """The command for a test by its name in the list: `full ` before it means the full tier, `lab ` the laboratory's tests."""
+    """The command for a test by its name in the list, with the words before it that the list explains."""
     words = test.split()
     tier = {"SOFTRAS_TIER": "full"} if words[0] == "full" else {}
-    package = ["-p", "softras-lab", "--test", "lab"] if "lab" in words[:-1] else ["-p", "softras", "--test", "quick"]
-    return ["cargo", "test", "-q", *package, *arguments], words[-1], tier
+    programs = {"unit": ["-p", "softras", "--lib"], "lab": ["-p", "softras-lab", "--test", "lab"]}
+    program = programs.get(words[-2] if words[1:] else "", ["-p", "softras", "--test", "quick"])
+    return ["cargo", "test", "-q", *program, *arguments], words[-1], tier
 
 
 def caught_by(folder, target, tests, patient):

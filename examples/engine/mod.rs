@@ -13,10 +13,7 @@ use validation::{Log, messenger_info};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
-use softras::embed::{BufferRef, HostAdapter, HostCommands, HostDevice};
-// An engine has one device and does without: the tests make and destroy many at once, which the Vulkan loader of Debian 13
-// does not bear.
-use softras::internals::vulkan::changing_devices;
+use softras::embed::{BufferRef, HostAdapter, HostCommands, HostDevice, changing_devices};
 use std::ffi::CStr;
 use std::sync::{Arc, Mutex};
 
@@ -88,6 +85,7 @@ impl Engine {
         let log = Arc::new(Log::default());
         let application = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_1);
         let info = vk::InstanceCreateInfo::default().application_info(&application);
+        // Tests make and destroy many engines at once; a program with one device does without.
         let turn = changing_devices();
         let instance = match validation {
             true => unsafe { validation::instance(&entry, info, &log) }?,

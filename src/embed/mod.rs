@@ -28,7 +28,6 @@ mod mesh;
 mod pass;
 mod place;
 mod place_mesh;
-mod place_step;
 mod plan;
 mod rebind;
 mod requirements;
@@ -64,7 +63,7 @@ pub use crate::vulkan::external;
 #[doc(hidden)]
 pub use crate::vulkan::vk;
 pub use crate::vulkan::{
-    BufferRef, HostAdapter, HostCommands, HostDevice, ImageFormat, ImageRef, TexelFormat, TextureRef,
+    BufferRef, HostAdapter, HostCommands, HostDevice, ImageFormat, ImageRef, TexelFormat, TextureRef, changing_devices,
 };
 
 use crate::constants as c;

@@ -2,8 +2,6 @@
 
 use super::shape::Shape;
 use crate::error::{Error, Result};
-#[cfg(feature = "renderer")]
-use crate::frame::buffers::Entry;
 use crate::frame::buffers::{BufferId, Role, Sizes};
 use crate::frame::pack::{MeshLayout, TableLayout};
 use crate::frame::plan::{BackwardInput, BackwardPlan, Capacity, ForwardPlan, PlanInput, Rare, validate_views};
@@ -68,14 +66,6 @@ pub struct GradientPlan {
     pub(super) wanted: Wanted,
     /// [`Shape::device_counts`] of the frame.
     pub(super) device_counts: bool,
-}
-
-#[cfg(feature = "renderer")]
-impl BufferRequirement {
-    /// The entry of this buffer in a set of our own.
-    pub(crate) fn entry(&self) -> Entry<BufferId> {
-        Entry { id: self.id, format: self.format, role: self.role }
-    }
 }
 
 fn requirement(limits: &Limits, id: BufferId, size: u64) -> Result<BufferRequirement> {

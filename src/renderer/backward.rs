@@ -1,58 +1,15 @@
 //! Backward of the simple API: from dL/dimages to the gradients by the scene, the cameras and the settings.
 
-use super::slot::Slot;
-use super::{Frame, Renderer, Shared, StageTime};
+use super::shared::Shared;
+use super::slot::{Saved, Slot};
+use super::{Frame, Renderer, StageTime};
 use crate::embed::{Decoder, Differentiate, FramePlan, GradientBindings, GradientPlan};
 use crate::error::{Error, Result};
 use crate::frame::buffers::{BufferId, Role};
-use crate::frame::passes::{BACKWARD_TIMESTAMPS, BackwardStage};
 use crate::gradients::{Gradients, ImageGradient, Wanted};
 use crate::image::Image;
-use crate::scene::{Camera, Lights, Settings};
-use crate::vulkan::{CommandBuffer, Context, TimestampPool};
+use crate::scene::Settings;
 use std::sync::Arc;
-
-/// The input of a saved frame. Its buffers and tables are its slot's.
-pub(super) struct Saved {
-    pub plan: Arc<FramePlan>,
-    pub cameras: Vec<Camera>,
-    pub settings: Settings,
-    pub lights: Lights,
-}
-
-/// The plan and the commands of backward, kept from pass to pass.
-pub(super) struct State {
-    /// The latest plan, and the input that it was made for.
-    planned: Option<(Arc<FramePlan>, Differentiate, Arc<GradientPlan>)>,
-    recorded: Option<(Arc<GradientPlan>, GradientBindings)>,
-    pub commands: CommandBuffer,
-    times: Option<TimestampPool>,
-}
-
-impl State {
-    pub(super) fn new(context: &Context) -> Result<Self> {
-        Ok(Self {
-            planned: None,
-            recorded: None,
-            commands: CommandBuffer::new(context, "softras backward")?,
-            times: TimestampPool::new(context.device(), context.queue_family(), BACKWARD_TIMESTAMPS)?,
-        })
-    }
-
-    /// Forgets the recorded commands, whose buffers were replaced.
-    pub(super) fn forget(&mut self) {
-        self.recorded = None;
-    }
-
-    /// The stages' times of the latest pass; empty without timestamps.
-    fn timings(&self, timed: bool) -> Result<Vec<StageTime>> {
-        let Some(times) = self.times.as_ref().filter(|_| timed) else {
-            return Ok(Vec::new());
-        };
-        let stamps = times.read(BACKWARD_TIMESTAMPS)?;
-        Ok(StageTime::between(&stamps, BackwardStage::ALL.map(BackwardStage::name)))
-    }
-}
 
 fn refused<T>(what: &str, fix: &str) -> Result<T> {
     Err(Error::Backward { what: what.into(), fix: fix.into() })
@@ -166,7 +123,7 @@ impl Slot {
     ) -> Result<()> {
         shared.validate_memory(frame.buffers().iter().chain(plan.buffers()), taken)?;
         for needed in plan.buffers() {
-            let reserved = self.buffers.reserve(&shared.context, needed.entry(), needed.size);
+            let reserved = self.buffers.reserve(&shared.context, needed.id, needed.size);
             if !matches!(reserved, Ok(false)) {
                 self.backward.forget();
             }
@@ -228,14 +185,14 @@ impl Slot {
             if let Some(times) = times {
                 recorder.reset_timestamps(times)?;
             }
-            for (entry, buffer) in buffers.shared() {
-                if entry.role == Role::Input && plan.buffer(entry.id).is_some() {
+            for (id, buffer) in buffers.shared() {
+                if id.row().role == Role::Input && plan.buffer(id).is_some() {
                     buffer.record_upload(recorder)?;
                 }
             }
             rasterizer.backward(recorder, plan, &bindings, times)?;
-            for (entry, buffer) in buffers.shared() {
-                let read = match entry.id {
+            for (id, buffer) in buffers.shared() {
+                let read = match id {
                     BufferId::CornerGradients => wanted.uvs,
                     BufferId::TexelSums => wanted.texels,
                     BufferId::VertexGradients => wanted.positions || wanted.colors,

@@ -3,18 +3,20 @@
 mod backward;
 mod frame;
 pub mod parts;
+mod shared;
 mod slot;
 mod upload;
 
 pub use frame::{Frame, FrameCounts, StageTime};
 
 use crate::constants as c;
-use crate::embed::{BufferRequirement, Rasterizer, Shape};
+use crate::embed::{Rasterizer, Shape};
 use crate::error::{Error, Result};
 use crate::frame::plan::{Capacity, Rare};
 use crate::scene::{Camera, Scene, Settings};
 use crate::vulkan::{CacheFolder, Context, ContextOptions, DeviceInfo, DeviceKind, Loader};
-use slot::Slot;
+use shared::Shared;
+use slot::{Saved, Slot};
 
 /// How to open a renderer.
 #[derive(Clone, Debug, Default)]
@@ -29,9 +31,11 @@ pub struct RendererOptions {
     /// Invocations that share a tile, 1 to 32, a power of two; `None`: a subgroup's on software devices, 32 elsewhere. The
     /// images do not depend on it.
     pub lanes: Option<u32>,
-    /// The initial capacities of lists, for tests of lists without room; `None`: estimated.
+    /// For this package's tests of lists without room: the initial capacities. `None`: estimated.
+    #[doc(hidden)]
     pub capacity: Option<Capacity>,
-    /// Copy between host and device even if they share memory, as on a discrete GPU; for tests.
+    /// For this package's tests: copy between host and device even if they share memory, as on a discrete GPU.
+    #[doc(hidden)]
     pub staging: bool,
     /// The folder that keeps compiled kernels between runs.
     pub cache: CacheFolder,
@@ -64,14 +68,6 @@ pub struct Renderer {
     /// together, so that the first frame that needs one is rendered again. Lists are walked that have no room once a frame
     /// has needed more than the device can hold.
     rare: Rare,
-}
-
-/// What all frames of a renderer share.
-struct Shared {
-    rasterizer: Rasterizer,
-    context: Context,
-    /// As [`RendererOptions::memory`].
-    memory: Option<u64>,
 }
 
 impl std::fmt::Debug for Renderer {
@@ -128,6 +124,14 @@ impl Renderer {
             rare,
             capacity: None,
         })
+    }
+
+    /// The Vulkan devices of this machine, suitable or not, by the indices that [`RendererOptions::device`] takes.
+    ///
+    /// # Errors
+    /// [`Error::NoDevice`] without a Vulkan loader or driver; [`Error::Vulkan`].
+    pub fn devices() -> Result<Vec<DeviceInfo>> {
+        Context::devices()
     }
 
     /// The device's name, as its driver reports it.
@@ -214,12 +218,7 @@ impl Renderer {
             return Ok(frame);
         }
         let lights = scene.lights.clone();
-        Ok(frame.owning(slot.save(backward::Saved {
-            plan,
-            cameras: cameras.to_vec(),
-            settings: settings.clone(),
-            lights,
-        })))
+        Ok(frame.owning(slot.save(Saved { plan, cameras: cameras.to_vec(), settings: settings.clone(), lights })))
     }
 
     /// As [`Renderer::render`], and keeps what [`Renderer::backward`] needs of the frame for as long as the frame or a clone of it
@@ -272,24 +271,5 @@ impl Renderer {
             slot.release();
         }
         any
-    }
-}
-
-impl Shared {
-    /// Refuses buffers that with the bytes that are taken exceed [`RendererOptions::memory`].
-    fn validate_memory<'a>(&self, buffers: impl IntoIterator<Item = &'a BufferRequirement>, taken: u64) -> Result<()> {
-        let bytes = buffers.into_iter().map(|buffer| buffer.size).sum();
-        let fix = match taken {
-            0 => "allow more, or render smaller images, fewer triangles or fewer cameras at once",
-            _ => "allow more, or drop saved frames, which keep their memory",
-        };
-        match self.memory {
-            Some(most) if bytes > most.saturating_sub(taken) => Err(Error::OutOfMemory {
-                what: format!("a frame, which may have {} bytes", most.saturating_sub(taken)),
-                bytes,
-                fix: fix.into(),
-            }),
-            _ => Ok(()),
-        }
     }
 }

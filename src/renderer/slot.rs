@@ -1,18 +1,59 @@
 //! The device's state of one frame: its buffers, its commands, and which inputs the device has already.
 
-use super::Shared;
-use super::backward::{Saved, State};
 use super::frame::StageTime;
+use super::shared::Shared;
 use super::upload::Uploads;
-use crate::embed::{FrameBindings, FramePlan, Inputs, Shape, Status};
+use crate::embed::{Differentiate, FrameBindings, FramePlan, GradientBindings, GradientPlan, Inputs, Shape, Status};
 use crate::error::Result;
-use crate::frame::buffers::{BufferId, BufferSet, Entry, Role};
+use crate::frame::buffers::{BufferId, BufferSet, Role};
 use crate::frame::pack::Changes;
-use crate::frame::passes::{FORWARD_TIMESTAMPS, ForwardStage};
+use crate::frame::passes::{BACKWARD_TIMESTAMPS, BackwardStage, FORWARD_TIMESTAMPS, ForwardStage};
 use crate::frame::plan::Rare;
-use crate::scene::{Camera, Scene, Settings};
+use crate::scene::{Camera, Lights, Scene, Settings};
 use crate::vulkan::{CommandBuffer, Context, TimestampPool};
 use std::sync::Arc;
+
+/// The input of a saved frame. Its buffers and tables are its slot's.
+pub(super) struct Saved {
+    pub plan: Arc<FramePlan>,
+    pub cameras: Vec<Camera>,
+    pub settings: Settings,
+    pub lights: Lights,
+}
+
+/// The plan and the commands of backward, kept from pass to pass.
+pub(super) struct Backward {
+    /// The latest plan, and the input that it was made for.
+    pub planned: Option<(Arc<FramePlan>, Differentiate, Arc<GradientPlan>)>,
+    pub recorded: Option<(Arc<GradientPlan>, GradientBindings)>,
+    pub commands: CommandBuffer,
+    pub times: Option<TimestampPool>,
+}
+
+impl Backward {
+    pub(super) fn new(context: &Context) -> Result<Self> {
+        Ok(Self {
+            planned: None,
+            recorded: None,
+            commands: CommandBuffer::new(context, "softras backward")?,
+            times: TimestampPool::new(context.device(), context.queue_family(), BACKWARD_TIMESTAMPS)?,
+        })
+    }
+
+    /// Forgets the recorded commands, whose buffers were replaced.
+    pub(super) fn forget(&mut self) {
+        self.recorded = None;
+    }
+
+    /// The stages' times of the latest pass; empty without timestamps.
+    pub(super) fn timings(&self, timed: bool) -> Result<Vec<StageTime>> {
+        let Some(times) = self.times.as_ref().filter(|_| timed) else {
+            return Ok(Vec::new());
+        };
+        let stamps = times.read(BACKWARD_TIMESTAMPS)?;
+        Ok(StageTime::between(&stamps, BackwardStage::ALL.map(BackwardStage::name)))
+    }
+}
 
 /// Holds one frame at a time.
 pub(super) struct Slot {
@@ -23,7 +64,7 @@ pub(super) struct Slot {
     /// The latest plan, and the settings that it was made for.
     planned: Option<(Settings, Arc<FramePlan>)>,
     pub recorded: Option<(Arc<FramePlan>, FrameBindings)>,
-    pub backward: State,
+    pub backward: Backward,
     /// The input of its frame, if that was saved.
     pub saved: Option<Saved>,
     /// Whether the recorded commands were the last to write to the buffers, and made a frame.
@@ -42,7 +83,7 @@ impl Slot {
             used: 0,
             planned: None,
             recorded: None,
-            backward: State::new(context)?,
+            backward: Backward::new(context)?,
             saved: None,
             finished: false,
             commands: CommandBuffer::new(context, "softras frame")?,
@@ -108,14 +149,14 @@ impl Slot {
     /// Makes every buffer of the plan large enough, where `taken` bytes of the memory are other frames'.
     pub(super) fn make_room(&mut self, shared: &Shared, plan: &FramePlan, taken: u64) -> Result<()> {
         shared.validate_memory(plan.buffers(), taken)?;
-        plan.buffers().iter().try_for_each(|needed| self.reserve(&shared.context, needed.entry(), needed.size))
+        plan.buffers().iter().try_for_each(|needed| self.reserve(&shared.context, needed.id, needed.size))
     }
 
     /// Makes a buffer large enough. If the old one is gone, forgets the commands recorded with it.
-    fn reserve(&mut self, context: &Context, entry: Entry<BufferId>, size: u64) -> Result<()> {
-        let reserved = self.buffers.reserve(context, entry, size);
+    fn reserve(&mut self, context: &Context, id: BufferId, size: u64) -> Result<()> {
+        let reserved = self.buffers.reserve(context, id, size);
         if !matches!(reserved, Ok(false)) {
-            self.uploads.stale.note(entry.id, true);
+            self.uploads.stale.note(id, true);
             self.forget();
         }
         reserved.map(drop)
@@ -185,14 +226,13 @@ impl Slot {
         let bindings = shared.rasterizer.bind_parts(plan, self.buffers.parts(plan.buffers().iter().map(|b| b.id))?)?;
         let (rasterizer, buffers) = (&shared.rasterizer, &self.buffers);
         let times = self.times.as_ref().filter(|_| timed);
-        let is_bound = |entry: Entry<BufferId>, role: Role| entry.role == role && plan.buffer(entry.id).is_some();
         self.commands.record(|recorder| {
             if let Some(times) = times {
                 recorder.reset_timestamps(times)?;
             }
             rasterizer.forward(recorder, plan, &bindings, times)?;
-            for (entry, buffer) in buffers.shared() {
-                if is_bound(entry, Role::Output) {
+            for (id, buffer) in buffers.shared() {
+                if id.row().role == Role::Output && plan.buffer(id).is_some() {
                     buffer.record_download(recorder)?;
                 }
             }

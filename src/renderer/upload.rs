@@ -38,8 +38,8 @@ impl Uploads {
     /// Records the copies of the inputs that were written, unless they are those recorded last, as in an optimization loop.
     pub(super) fn record(&mut self, buffers: &BufferSet) -> Result<()> {
         let mut wanted = Changes::default();
-        for (entry, buffer) in buffers.shared() {
-            wanted.note(entry.id, self.written.has(entry.id) && !buffer.is_direct());
+        for (id, buffer) in buffers.shared() {
+            wanted.note(id, self.written.has(id) && !buffer.is_direct());
         }
         if wanted == self.recorded {
             return Ok(());
@@ -47,7 +47,7 @@ impl Uploads {
         self.recorded = Changes::default();
         if !wanted.is_empty() {
             self.commands.record(|recorder| {
-                let written = buffers.shared().filter(|(entry, _)| wanted.has(entry.id));
+                let written = buffers.shared().filter(|(id, _)| wanted.has(*id));
                 written.into_iter().try_for_each(|(_, buffer)| buffer.record_upload(recorder))
             })?;
         }

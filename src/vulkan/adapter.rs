@@ -69,8 +69,6 @@ impl std::fmt::Display for DeviceKind {
 pub struct Limits {
     /// maxStorageBufferRange in bytes.
     pub max_storage_buffer_range: u64,
-    /// maxUniformBufferRange in bytes.
-    pub max_uniform_buffer_range: u64,
     /// maxTexelBufferElements.
     pub max_texel_buffer_elements: u64,
     /// maxMemoryAllocationSize in bytes.
@@ -91,8 +89,6 @@ pub struct Limits {
     pub max_texel_buffers: u32,
     /// minStorageBufferOffsetAlignment in bytes.
     pub storage_offset_alignment: u64,
-    /// minUniformBufferOffsetAlignment in bytes.
-    pub uniform_offset_alignment: u64,
     /// minTexelBufferOffsetAlignment in bytes.
     pub texel_offset_alignment: u64,
     /// timestampPeriod in nanoseconds.
@@ -157,7 +153,6 @@ impl Limits {
         let has = |operation| in_compute && subgroup.supported_operations.contains(operation);
         Self {
             max_storage_buffer_range: limits.max_storage_buffer_range.into(),
-            max_uniform_buffer_range: limits.max_uniform_buffer_range.into(),
             max_texel_buffer_elements: limits.max_texel_buffer_elements.into(),
             max_memory_allocation_size: maintenance3.max_memory_allocation_size,
             max_workgroup_count: limits.max_compute_work_group_count,
@@ -168,7 +163,6 @@ impl Limits {
             max_storage_buffers: limits.max_per_stage_descriptor_storage_buffers,
             max_texel_buffers: limits.max_per_stage_descriptor_sampled_images,
             storage_offset_alignment: limits.min_storage_buffer_offset_alignment,
-            uniform_offset_alignment: limits.min_uniform_buffer_offset_alignment,
             texel_offset_alignment: limits.min_texel_buffer_offset_alignment,
             timestamp_period: limits.timestamp_period,
             device_heap: memory.memory_heaps_as_slice().iter().filter(local).map(|h| h.size).max().unwrap_or(0),

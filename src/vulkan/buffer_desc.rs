@@ -107,7 +107,6 @@ impl BufferDesc<'_> {
         vk::BufferUsageFlags::TRANSFER_SRC.as_raw()
             | vk::BufferUsageFlags::TRANSFER_DST.as_raw()
             | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER.as_raw()
-            | vk::BufferUsageFlags::UNIFORM_BUFFER.as_raw()
             | vk::BufferUsageFlags::STORAGE_BUFFER.as_raw()
             | vk::BufferUsageFlags::INDIRECT_BUFFER.as_raw(),
     );
@@ -128,9 +127,6 @@ impl BufferDesc<'_> {
         let size = self.size.max(1).checked_next_multiple_of(16).unwrap_or(u64::MAX);
         if self.usage.contains(vk::BufferUsageFlags::STORAGE_BUFFER) {
             limit_error(self.name, size, "bytes", "maxStorageBufferRange", limits.max_storage_buffer_range)?;
-        }
-        if self.usage.contains(vk::BufferUsageFlags::UNIFORM_BUFFER) {
-            limit_error(self.name, size, "bytes", "maxUniformBufferRange", limits.max_uniform_buffer_range)?;
         }
         if let Some(texels) = self.texels {
             check_texels(limits, self.name, size, texels)?;

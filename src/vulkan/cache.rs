@@ -14,9 +14,9 @@ pub struct PipelineCache(Arc<Inner>);
 struct Inner {
     device: Device,
     raw: vk::PipelineCache,
-    /// What saves and destroys a cache of ours.
+    /// What saves and destroys a cache of ours when it is dropped.
     #[cfg(feature = "renderer")]
-    disk: Option<DiskCache>,
+    _disk: Option<DiskCache>,
 }
 
 impl PipelineCache {
@@ -27,7 +27,7 @@ impl PipelineCache {
             device: device.clone(),
             raw,
             #[cfg(feature = "renderer")]
-            disk: None,
+            _disk: None,
         };
         (raw != vk::PipelineCache::null()).then(|| Self(Arc::new(inner())))
     }
@@ -39,19 +39,7 @@ impl PipelineCache {
     #[cfg(feature = "renderer")]
     pub fn in_folder(device: &Device, folder: &super::own::CacheFolder) -> crate::Result<Self> {
         let disk = DiskCache::new(device, folder)?;
-        Ok(Self(Arc::new(Inner { device: device.clone(), raw: disk.raw(), disk: Some(disk) })))
-    }
-
-    /// Writes the file now, if anything changed. The last drop does so as well.
-    #[cfg(feature = "renderer")]
-    pub fn save(&self) {
-        self.0.disk.iter().for_each(DiskCache::save);
-    }
-
-    /// The file, if there is one.
-    #[cfg(feature = "renderer")]
-    pub fn file(&self) -> Option<&std::path::Path> {
-        self.0.disk.as_ref()?.file()
+        Ok(Self(Arc::new(Inner { device: device.clone(), raw: disk.raw(), _disk: Some(disk) })))
     }
 
     /// The handle, valid as long as this cache lives.

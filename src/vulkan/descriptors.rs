@@ -232,9 +232,6 @@ fn check_buffer(device: &Device, kernel: &Kernel, binding: &Binding, buffer: &Bu
         BindingKind::StorageBuffer => {
             (limits.storage_offset_alignment, limits.max_storage_buffer_range, "maxStorageBufferRange")
         }
-        BindingKind::UniformBuffer => {
-            (limits.uniform_offset_alignment, limits.max_uniform_buffer_range, "maxUniformBufferRange")
-        }
         BindingKind::StorageImage(_) | BindingKind::SampledImage => {
             return fail("it is an image, and was given a buffer");
         }
@@ -333,7 +330,7 @@ unsafe fn write(device: &Device, set: vk::DescriptorSet, matched: &[(&Binding, R
                 .dst_binding(binding.binding)
                 .descriptor_type(binding.kind.descriptor_type());
             match binding.kind {
-                BindingKind::StorageBuffer | BindingKind::UniformBuffer => write.buffer_info(&info.buffer),
+                BindingKind::StorageBuffer => write.buffer_info(&info.buffer),
                 BindingKind::StorageImage(_) | BindingKind::SampledImage => write.image_info(&info.image),
                 _ => write.texel_buffer_view(&info.view),
             }

@@ -4,13 +4,9 @@ use super::host_memory::ImageFormat;
 
 /// A compute kernel: its SPIR-V and all that the SPIR-V says about its interface.
 ///
-/// It derefs to its [`KernelData`]. Drivers do not validate SPIR-V, so that a kernel of safe code is one of [`kernels`].
+/// Drivers do not validate SPIR-V, so that every kernel is one of [`kernels`].
 #[derive(Debug)]
-pub struct Kernel(KernelData);
-
-/// What a kernel is made of.
-#[derive(Debug)]
-pub struct KernelData {
+pub struct Kernel {
     /// The file's name without `.comp`.
     pub name: &'static str,
     /// SPIR-V 1.3.
@@ -28,40 +24,20 @@ pub struct KernelData {
     pub bindings: &'static [Binding],
     /// Size of the push constants in bytes, a multiple of four.
     pub push_constant_bytes: u32,
-    /// The push constants.
+    /// The push constants, which tests compare with their mirrors in Rust.
+    #[cfg(test)]
     pub push_members: &'static [Member],
     /// The specialization constants, in the order of their ids.
     pub specialization: &'static [Specialization],
-    /// Every record in a storage or uniform buffer, blocks included, in the order of the SPIR-V.
+    /// Every record in a storage or uniform buffer, blocks included, in the order of the SPIR-V; for tests as well.
+    #[cfg(test)]
     pub structs: &'static [Struct],
 }
 
 impl Kernel {
-    /// Takes SPIR-V with its interface.
-    ///
-    /// # Safety
-    /// The words are a valid module for Vulkan 1.1 with the entry point `main` for compute, and the other fields say what the
-    /// module does.
-    pub const unsafe fn new(data: KernelData) -> Self {
-        Self(data)
-    }
-
     /// The binding of this name.
     pub fn binding(&self, name: &str) -> Option<&'static Binding> {
         self.bindings.iter().find(|b| b.name == name)
-    }
-
-    /// The record of this name.
-    pub fn record(&self, name: &str) -> Option<&'static Struct> {
-        self.structs.iter().find(|s| s.name == name)
-    }
-}
-
-impl std::ops::Deref for Kernel {
-    type Target = KernelData;
-
-    fn deref(&self) -> &KernelData {
-        &self.0
     }
 }
 
@@ -74,8 +50,6 @@ pub struct Binding {
     pub binding: u32,
     /// What is bound.
     pub kind: BindingKind,
-    /// The kernel cannot write it.
-    pub readonly: bool,
 }
 
 /// What a binding holds.
@@ -83,8 +57,6 @@ pub struct Binding {
 pub enum BindingKind {
     /// `buffer` block.
     StorageBuffer,
-    /// `uniform` block.
-    UniformBuffer,
     /// `samplerBuffer` or `textureBuffer`.
     UniformTexelBufferFloat,
     /// `isamplerBuffer`.
@@ -98,6 +70,7 @@ pub enum BindingKind {
 }
 
 /// One member of a record or of the push constants.
+#[cfg(test)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Member {
     /// Its name in GLSL.
@@ -111,6 +84,7 @@ pub struct Member {
 }
 
 /// A record as it lies in a buffer.
+#[cfg(test)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Struct {
     /// Its name in GLSL.
@@ -190,7 +164,9 @@ impl From<f32> for SpecValue {
 
 /// One static for each file of `glsl/*.comp`, in capitals: `glsl/forward.comp` is `FORWARD`.
 pub mod kernels {
-    use super::{Binding, BindingKind, ImageFormat, Kernel, KernelData, Member, SpecValue, Specialization, Struct};
+    use super::{Binding, BindingKind, ImageFormat, Kernel, SpecValue, Specialization};
+    #[cfg(test)]
+    use super::{Member, Struct};
 
     /// Turns a SPIR-V file into words at compile time, because included bytes have no alignment.
     const fn words<const N: usize>(bytes: &[u8]) -> [u32; N] {
@@ -207,8 +183,8 @@ pub mod kernels {
     include!(concat!(env!("OUT_DIR"), "/kernels.rs"));
 }
 
-/// The constants of `glsl/common/constants.glsl`.
-#[allow(clippy::approx_constant, clippy::excessive_precision, clippy::unreadable_literal)]
+/// The constants of `glsl/common/constants.glsl`, of which some are the kernels' alone.
+#[allow(dead_code, clippy::approx_constant, clippy::excessive_precision, clippy::unreadable_literal)]
 pub mod constants {
     include!(concat!(env!("OUT_DIR"), "/constants.rs"));
 }

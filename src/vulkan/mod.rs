@@ -25,7 +25,7 @@
 //!    reference never changes.
 //! 5. **Threads.** Recording, submitting and waiting need `&mut` of the command buffer, which has a pool of its own; the
 //!    queue, the allocator and each descriptor pool are behind locks.
-//! 6. **Kernels.** SPIR-V comes from this crate's build or through the unsafe [`Kernel::new`], and is given to a driver without
+//! 6. **Kernels.** SPIR-V comes from this crate's build, and is given to a driver without
 //!    what its specialization constants switch off (`specialized`). A device of ours checks the
 //!    bounds of buffers, so that wrong contents give a wrong image and touch no other memory; on a host's device,
 //!    [`HostCommands::new`] demands that inputs are within the documented ranges. Workgroup counts that a kernel writes for
@@ -50,6 +50,8 @@ mod pipeline;
 mod recorder;
 mod result;
 mod specialized;
+#[cfg(all(test, feature = "renderer"))]
+mod tests;
 mod timestamps;
 
 pub use adapter::{DeviceInfo, DeviceKind, Limits, Subgroups};
@@ -61,13 +63,9 @@ pub use device::Device;
 pub use devices_lock::changing_devices;
 pub use host::{HostAdapter, HostCommands, HostDevice};
 pub use host_memory::{BufferRef, ImageFormat, ImageRef, TextureRef};
-pub use kernel::{
-    Binding, BindingKind, Kernel, KernelData, Member, SpecValue, Specialization, Struct, constants, kernels,
-};
+pub use kernel::{BindingKind, Kernel, SpecValue, constants, kernels};
 #[cfg(feature = "renderer")]
-pub use own::{
-    Buffer, CacheFolder, CommandBuffer, Context, ContextOptions, Loader, Mapped, MappedMut, SharedBuffer, ValidationLog,
-};
+pub use own::{Buffer, CacheFolder, CommandBuffer, Context, ContextOptions, Loader, Mapped, MappedMut, SharedBuffer};
 pub use pipeline::Pipeline;
 pub use recorder::Recorder;
 pub use timestamps::TimestampPool;

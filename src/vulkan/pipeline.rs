@@ -65,11 +65,6 @@ impl Pipeline {
         self.0.kernel
     }
 
-    /// Invocations in a workgroup, as specialized.
-    pub fn local_size(&self) -> [u32; 3] {
-        self.0.local_size
-    }
-
     pub(super) fn inner(&self) -> &Arc<Inner> {
         &self.0
     }
@@ -120,7 +115,6 @@ impl BindingKind {
     pub fn buffer_usage(self) -> vk::BufferUsageFlags {
         match self {
             Self::StorageBuffer => vk::BufferUsageFlags::STORAGE_BUFFER,
-            Self::UniformBuffer => vk::BufferUsageFlags::UNIFORM_BUFFER,
             Self::UniformTexelBufferFloat | Self::UniformTexelBufferInt | Self::UniformTexelBufferUint => {
                 vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER
             }
@@ -132,7 +126,6 @@ impl BindingKind {
     pub(super) fn descriptor_type(self) -> vk::DescriptorType {
         match self {
             Self::StorageBuffer => vk::DescriptorType::STORAGE_BUFFER,
-            Self::UniformBuffer => vk::DescriptorType::UNIFORM_BUFFER,
             Self::UniformTexelBufferFloat | Self::UniformTexelBufferInt | Self::UniformTexelBufferUint => {
                 vk::DescriptorType::UNIFORM_TEXEL_BUFFER
             }

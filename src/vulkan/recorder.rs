@@ -65,13 +65,9 @@ impl<'a> Recorder<'a> {
     }
 
     /// The command buffer.
+    #[cfg(test)]
     pub fn raw(&self) -> vk::CommandBuffer {
         self.raw
-    }
-
-    /// The device.
-    pub fn device(&self) -> &Device {
-        &self.device
     }
 
     /// Runs a kernel over `groups` workgroups. With none along an axis, nothing is recorded.

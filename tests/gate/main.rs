@@ -4,6 +4,6 @@
 #[path = "../../examples/engine/mod.rs"]
 mod engine;
 mod public_items;
-#[path = "../quick/internals/selftest.rs"]
-mod selftest;
+#[path = "../host/shim/mod.rs"]
+mod shim;
 mod validation;

@@ -16,7 +16,6 @@ mod gradient;
 mod heap;
 #[path = "../host/mod.rs"]
 mod host;
-mod internals;
 mod modes;
 mod record;
 mod render;

@@ -9,10 +9,10 @@ mod table;
 pub use counts::{FrameCounts, GradientCounts, TableLengths, Totals, bytes};
 pub use parts::Parts;
 #[cfg(feature = "renderer")]
-pub use set::{BufferSet, Contents, Key};
+pub use set::{BufferSet, Contents};
 pub use table::{BufferId, Formula};
 
-use crate::vulkan::{TexelFormat, kernels, vk};
+use crate::vulkan::{kernels, vk};
 use std::sync::OnceLock;
 
 /// Who fills a buffer. Where its memory should lie follows from that.
@@ -26,17 +26,6 @@ pub enum Role {
     Workspace,
     /// The kernels fill it for the host. It lies in device-local memory that is copied from, or mapped as an input.
     Output,
-}
-
-/// What one owned buffer is: its id, the element that kernels read, and who fills it.
-#[derive(Clone, Copy, Debug)]
-pub struct Entry<K> {
-    /// Its id.
-    pub id: K,
-    /// The element that kernels read.
-    pub format: TexelFormat,
-    /// Who fills it.
-    pub role: Role,
 }
 
 /// Bytes of [`BufferId::Unused`]: one texel of any format.
@@ -78,6 +67,7 @@ impl Sizes {
     }
 
     /// The bytes of all buffers that are not filled by the host.
+    #[cfg(test)]
     pub fn device_filled(&self) -> u64 {
         self.iter()
             .filter(|(id, _)| id.row().role != Role::Input && *id != BufferId::Unused)
@@ -133,6 +123,14 @@ impl BufferId {
     }
 }
 
+/// The kernels whose buffers are those of the table. The self-test, and what reads a host's geometry and writes its images,
+/// have buffers and push constants of their own.
+#[cfg(test)]
+pub fn kernels_of_a_frame() -> impl Iterator<Item = &'static crate::vulkan::Kernel> {
+    const OTHERS: [&str; 4] = ["counts", "place", "selftest", "store"];
+    kernels::ALL.iter().copied().filter(|kernel| !OTHERS.iter().any(|other| kernel.name.starts_with(other)))
+}
+
 /// Whether a binding has a buffer's name: in snake case, or in camel case as the name of a block.
 pub fn is_binding_of(binding: &str, name: &str) -> bool {
     if binding == name {
@@ -148,25 +146,39 @@ pub fn is_binding_of(binding: &str, name: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// Kernels whose buffers are not of the table but are listed where the kernels are recorded.
-    const BOUND_ELSEWHERE: [&str; 5] = ["counts", "place", "store", "selftest", "peak"];
-
-    fn is_of_a_frame(kernel: &str) -> bool {
-        !BOUND_ELSEWHERE.iter().any(|other| kernel.starts_with(other))
-    }
+    use crate::vulkan::{BindingKind, TexelFormat};
 
     fn resolves(binding: &str) -> bool {
         ALIASES.iter().any(|(alias, _)| *alias == binding) != BufferId::of_binding(binding).is_some()
     }
 
+    /// The buffers that a binding can stand for: several of an alias, or the one of its name.
+    fn buffers_of(binding: &str) -> Vec<BufferId> {
+        let alias = ALIASES.iter().find(|(alias, _)| *alias == binding).map_or(&[][..], |(_, ids)| ids);
+        alias.iter().copied().chain(BufferId::of_binding(binding)).collect()
+    }
+
     #[test]
     fn every_binding_of_a_frames_kernels_is_in_the_table() {
         let mut kernels_seen = 0;
-        for kernel in kernels::ALL.iter().filter(|kernel| is_of_a_frame(kernel.name)) {
+        for kernel in kernels_of_a_frame() {
             kernels_seen += 1;
             for binding in kernel.bindings {
                 assert!(resolves(binding.name), "{}: `{}`", kernel.name, binding.name);
+                for id in buffers_of(binding.name) {
+                    let (format, kind) = (id.row().format, binding.kind);
+                    let fits = match kind {
+                        BindingKind::UniformTexelBufferFloat => {
+                            matches!(format, TexelFormat::Float | TexelFormat::Float2 | TexelFormat::Float4)
+                        }
+                        BindingKind::UniformTexelBufferUint => {
+                            matches!(format, TexelFormat::Uint | TexelFormat::Uint2 | TexelFormat::Uint4)
+                        }
+                        BindingKind::UniformTexelBufferInt => matches!(format, TexelFormat::Int4),
+                        kind => kind == BindingKind::StorageBuffer,
+                    };
+                    assert!(fits, "{}: {id} is {format:?} read as {kind:?}", kernel.name);
+                }
             }
         }
         assert!(kernels_seen >= 16, "{kernels_seen}");

@@ -1,22 +1,10 @@
 //! Buffers that softras owns itself, which are replaced by larger ones when a plan needs more.
 
-use super::{BufferId, Entry, Parts, Role, UNUSED_SIZE};
+use super::{BufferId, Parts, Role, UNUSED_SIZE};
 use crate::error::{Error, Result};
 use crate::vulkan::{
     Buffer, BufferDesc, BufferPart, Context, Location, Mapped, MappedMut, SharedBuffer, TexelFormat, vk,
 };
-
-/// The id of a buffer in a [`BufferSet`].
-pub trait Key: Copy + PartialEq {
-    /// Its label in debuggers and in errors.
-    fn name(self) -> &'static str;
-}
-
-impl Key for BufferId {
-    fn name(self) -> &'static str {
-        Self::name(self)
-    }
-}
 
 /// One buffer of our own.
 #[derive(Debug)]
@@ -43,15 +31,14 @@ impl Owned {
 
 /// The content of a set's shared buffers by their ids.
 #[derive(Debug)]
-pub struct Contents<'a, K = BufferId>(Vec<(K, Mapped<'a>)>);
+pub struct Contents<'a>(Vec<(BufferId, Mapped<'a>)>);
 
-impl<K: Key> Contents<'_, K> {
+impl Contents<'_> {
     /// The first `count` floats of a buffer.
     ///
     /// # Errors
     /// [`Error::Vulkan`] when it is not that large, or there is no such buffer that the host reaches.
-    pub fn floats(&self, id: impl Into<K>, count: usize) -> Result<&[f32]> {
-        let id = id.into();
+    pub fn floats(&self, id: BufferId, count: usize) -> Result<&[f32]> {
         let (_, bytes) = self.0.iter().find(|(found, _)| *found == id).ok_or_else(|| missing(id))?;
         let range = bytes.get(..4 * count).ok_or_else(|| {
             let result = format!("buffer `{}` has {} bytes, not {count} floats", id.name(), bytes.len());
@@ -62,45 +49,34 @@ impl<K: Key> Contents<'_, K> {
 }
 
 /// Buffers of our own by their ids.
-#[derive(Debug)]
-pub struct BufferSet<K = BufferId> {
-    owned: Vec<(Entry<K>, Owned)>,
+#[derive(Debug, Default)]
+pub struct BufferSet {
+    owned: Vec<(BufferId, Owned)>,
 }
 
-impl<K> Default for BufferSet<K> {
-    fn default() -> Self {
-        Self { owned: Vec::new() }
-    }
-}
-
-fn missing<K: Key>(id: K) -> Error {
+fn missing(id: BufferId) -> Error {
     Error::Vulkan { call: "buffer access", result: format!("there is no buffer `{}`", id.name()) }
 }
 
-fn unreachable_by_host<K: Key>(id: K) -> Error {
+fn unreachable_by_host(id: BufferId) -> Error {
     Error::Vulkan { call: "buffer access", result: format!("the host cannot reach the buffer `{}`", id.name()) }
 }
 
-impl<K: Key> BufferSet<K> {
-    /// A buffer's reference for descriptors.
-    pub fn get(&self, id: impl Into<K>) -> Option<&BufferPart> {
-        self.find(id.into()).ok().map(Owned::whole)
-    }
-
-    fn find(&self, id: K) -> Result<&Owned> {
-        let found = self.owned.iter().find(|(entry, _)| entry.id == id);
+impl BufferSet {
+    fn find(&self, id: BufferId) -> Result<&Owned> {
+        let found = self.owned.iter().find(|(found, _)| *found == id);
         found.map(|(_, owned)| owned).ok_or_else(|| missing(id))
     }
 
-    fn find_shared(&self, id: K) -> Result<&SharedBuffer> {
+    fn find_shared(&self, id: BufferId) -> Result<&SharedBuffer> {
         match self.find(id)? {
             Owned::Shared(buffer) => Ok(buffer),
             Owned::Device(_) => Err(unreachable_by_host(id)),
         }
     }
 
-    fn find_shared_mut(&mut self, id: K) -> Result<&mut SharedBuffer> {
-        match self.owned.iter_mut().find(|(entry, _)| entry.id == id) {
+    fn find_shared_mut(&mut self, id: BufferId) -> Result<&mut SharedBuffer> {
+        match self.owned.iter_mut().find(|(found, _)| *found == id) {
             Some((_, Owned::Shared(buffer))) => Ok(buffer),
             Some((_, Owned::Device(_))) => Err(unreachable_by_host(id)),
             None => Err(missing(id)),
@@ -112,32 +88,32 @@ impl<K: Key> BufferSet<K> {
     ///
     /// # Errors
     /// [`crate::Error::Limit`] or [`crate::Error::OutOfMemory`] when it cannot be allocated; the old buffer is then gone.
-    pub fn reserve(&mut self, context: &Context, entry: Entry<K>, size: u64) -> Result<bool> {
-        if self.find(entry.id).is_ok_and(|owned| owned.buffer().size() >= size.max(1)) {
+    pub fn reserve(&mut self, context: &Context, id: BufferId, size: u64) -> Result<bool> {
+        if self.find(id).is_ok_and(|owned| owned.buffer().size() >= size.max(1)) {
             return Ok(false);
         }
         let desc = BufferDesc {
-            name: entry.id.name(),
+            name: id.name(),
             size,
             usage: vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::INDIRECT_BUFFER,
             location: Location::Device,
-            texels: Some(entry.format),
+            texels: Some(id.row().format),
         };
         // The old one is freed first, so that growing does not need memory for both.
-        self.owned.retain(|(e, _)| e.id != entry.id);
-        let owned = match entry.role {
+        self.owned.retain(|(found, _)| *found != id);
+        let owned = match id.row().role {
             Role::Input => Owned::Shared(SharedBuffer::for_upload(context, &desc)?),
             Role::Output => Owned::Shared(SharedBuffer::for_download(context, &desc)?),
             Role::Workspace => Owned::Device(Buffer::new(context, &desc)?),
         };
-        self.owned.push((entry, owned));
+        self.owned.push((id, owned));
         Ok(true)
     }
 
     /// Every buffer that the host and the device share.
-    pub fn shared(&self) -> impl Iterator<Item = (Entry<K>, &SharedBuffer)> {
-        self.owned.iter().filter_map(|(entry, owned)| match owned {
-            Owned::Shared(buffer) => Some((*entry, buffer)),
+    pub fn shared(&self) -> impl Iterator<Item = (BufferId, &SharedBuffer)> {
+        self.owned.iter().filter_map(|(id, owned)| match owned {
+            Owned::Shared(buffer) => Some((*id, buffer)),
             Owned::Device(_) => None,
         })
     }
@@ -146,18 +122,18 @@ impl<K: Key> BufferSet<K> {
     ///
     /// # Errors
     /// If the bytes do not fit, or there is no such buffer, or the host cannot reach it.
-    pub fn write(&mut self, id: impl Into<K>, bytes: &[u8]) -> Result<()> {
-        self.find_shared_mut(id.into())?.write(0, bytes)
+    pub fn write(&mut self, id: BufferId, bytes: &[u8]) -> Result<()> {
+        self.find_shared_mut(id)?.write(0, bytes)
     }
 
     /// The content of the shared buffers, in mapped memory. While it is held, no work that uses them can be submitted.
     ///
     /// # Errors
     /// [`Error::Vulkan`] while such work is pending.
-    pub fn contents(&self) -> Result<Contents<'_, K>> {
+    pub fn contents(&self) -> Result<Contents<'_>> {
         let mut contents = Vec::with_capacity(self.owned.len());
-        for (entry, buffer) in self.shared() {
-            contents.push((entry.id, buffer.bytes(buffer.buffer().size())?));
+        for (id, buffer) in self.shared() {
+            contents.push((id, buffer.bytes(buffer.buffer().size())?));
         }
         Ok(Contents(contents))
     }
@@ -166,29 +142,26 @@ impl<K: Key> BufferSet<K> {
     ///
     /// # Errors
     /// If it is smaller, there is no such buffer, the host cannot reach it, or pending work uses it.
-    pub fn bytes_mut(&mut self, id: impl Into<K>, range: usize) -> Result<MappedMut<'_>> {
-        self.find_shared_mut(id.into())?.bytes_mut(range as u64)
+    pub fn bytes_mut(&mut self, id: BufferId, range: usize) -> Result<MappedMut<'_>> {
+        self.find_shared_mut(id)?.bytes_mut(range as u64)
     }
 
     /// Reads an output from its start.
     ///
     /// # Errors
     /// If it is smaller, there is no such buffer, the host cannot reach it, or pending work uses it.
-    pub fn read(&self, id: impl Into<K>, bytes: &mut [u8]) -> Result<()> {
-        self.find_shared(id.into())?.read(0, bytes)
+    pub fn read(&self, id: BufferId, bytes: &mut [u8]) -> Result<()> {
+        self.find_shared(id)?.read(0, bytes)
     }
 
     /// The buffers that a plan's kernels bind.
     ///
     /// # Errors
     /// [`Error::Vulkan`] if one of the buffers was not reserved.
-    pub fn parts(&self, required: impl IntoIterator<Item = BufferId>) -> Result<Parts>
-    where
-        BufferId: Into<K>,
-    {
+    pub fn parts(&self, required: impl IntoIterator<Item = BufferId>) -> Result<Parts> {
         let mut parts = Parts::default();
         for id in required {
-            let owned = self.find(id.into())?;
+            let owned = self.find(id)?;
             if id == BufferId::Unused {
                 for format in TexelFormat::ALL {
                     parts.unused.push((format, owned.buffer().texel_part(0, UNUSED_SIZE, format)?));
@@ -212,7 +185,7 @@ mod tests {
 
     #[test]
     fn an_absent_buffer_is_an_error() {
-        let mut set = BufferSet::<BufferId>::default();
+        let mut set = BufferSet::default();
         let mut bytes = [0; 4];
         let errors = [
             set.write(BufferId::Positions, &bytes).err(),
@@ -225,6 +198,5 @@ mod tests {
         for (error, name) in errors.into_iter().zip(names) {
             assert!(error.is_some_and(|e| e.to_string().contains(&format!("no buffer `{name}`"))), "{name}");
         }
-        assert!(set.get(BufferId::Positions).is_none());
     }
 }

@@ -188,3 +188,30 @@ fn record_turns(
     }
     Ok(())
 }
+
+#[cfg(all(test, feature = "renderer"))]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::ForwardStage;
+    use crate::frame::passes::default_lanes;
+    use crate::vulkan::{CacheFolder, Context, ContextOptions, DeviceKind};
+
+    /// A tile whose lanes are one subgroup reads records by shuffles, whatever the size of the subgroup.
+    #[test]
+    fn one_subgroup_reads_records_together() {
+        let context = Context::new(&ContextOptions { cache: CacheFolder::Nowhere, ..Default::default() }).unwrap();
+        let device = context.device();
+        let subgroups = device.limits().subgroups;
+        let most = if device.kind() == DeviceKind::Software { subgroups.size } else { subgroups.size.min(8) };
+        for lanes in [1, 2, 4, 8, 16, 32] {
+            let together = subgroups.shuffle && (4..=most).contains(&lanes);
+            let names = [ForwardStage::Forward, ForwardStage::ForwardSoft].map(|stage| stage.kernel(device, lanes));
+            let expected =
+                if together { ["forward_subgroup", "forward_soft_subgroup"] } else { ["forward", "forward_soft"] };
+            assert_eq!(names.map(|kernel| kernel.name), expected, "{lanes} of {}", subgroups.size);
+        }
+        if device.kind() == DeviceKind::Software && subgroups.shuffle {
+            assert_eq!(default_lanes(device), subgroups.size, "a tile takes one subgroup");
+        }
+    }
+}

@@ -90,3 +90,77 @@ pub(super) fn push_of(settings: &Settings, cutoff: f64) -> FramePush {
         ..FramePush::default()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::FramePush;
+    use crate::frame::buffers::kernels_of_a_frame;
+    use crate::vulkan::{Kernel, kernels};
+    use std::mem::offset_of;
+
+    /// Name and offset of every field of the Rust mirror.
+    fn rust_members() -> Vec<(&'static str, usize)> {
+        macro_rules! fields {
+            ($($name:ident),* $(,)?) => { vec![$((stringify!($name), offset_of!(FramePush, $name))),*] };
+        }
+        fields![
+            width,
+            height,
+            tiles_x,
+            tiles_y,
+            bins_x,
+            bins_y,
+            coarse_capacity,
+            list_capacity,
+            scale,
+            radius_squared,
+            radius_pixels,
+            barycentric_scale,
+            barycentric_radius,
+            near_high,
+            near_low,
+            far_high,
+            far_low,
+            score_high,
+            score_low,
+            background_exponent,
+            background_fraction,
+            background_red,
+            background_green,
+            background_blue,
+            light_count,
+            record_count,
+            cell_capacity,
+            view_count,
+            mesh_count,
+            number,
+            first,
+            texel_scale,
+        ]
+    }
+
+    /// What differs between a kernel's push constants and the mirror.
+    fn difference(kernel: &Kernel, mirror: &[(&str, usize)]) -> Option<String> {
+        let found: Vec<_> = kernel.push_members.iter().map(|m| (m.name, m.offset as usize)).collect();
+        (found != mirror).then(|| format!("{}: {found:?}", kernel.name))
+    }
+
+    #[test]
+    fn push_constants_lie_as_the_kernels_have_them() {
+        let mirror = rust_members();
+        for kernel in kernels_of_a_frame() {
+            assert_eq!(difference(kernel, &mirror), None);
+            assert_eq!(kernel.push_constant_bytes as usize, size_of::<FramePush>(), "{}", kernel.name);
+        }
+    }
+
+    #[test]
+    fn a_wrong_mirror_is_noticed() {
+        let mut moved = rust_members();
+        moved[3].1 += 4;
+        assert!(difference(&kernels::FORWARD, &moved).is_some());
+        let mut renamed = rust_members();
+        renamed[0].0 = "breadth";
+        assert!(difference(&kernels::FORWARD, &renamed).is_some());
+    }
+}

@@ -20,9 +20,11 @@ mod capacity;
 mod frame;
 mod modes;
 mod rare;
+#[cfg(test)]
+mod tests;
 mod walk;
 
-pub use backward::{BackwardGroups, BackwardInput, BackwardPlan};
+pub use backward::{BackwardInput, BackwardPlan};
 pub use capacity::Capacity;
 pub use frame::{FramePush, split};
 pub use modes::{DepthSpan, Modes, Sampling};

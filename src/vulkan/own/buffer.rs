@@ -100,11 +100,6 @@ impl Buffer {
         unsafe { part.with_view(&self.inner.shared.device, format, &self.inner.name) }
     }
 
-    /// Its name.
-    pub fn name(&self) -> &str {
-        &self.inner.name
-    }
-
     /// Its size in bytes, as rounded up.
     pub fn size(&self) -> u64 {
         self.inner.size

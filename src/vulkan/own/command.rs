@@ -113,14 +113,7 @@ impl CommandBuffer {
     }
 
     /// The same with another command buffer's work before it, in one submission. Both are borrowed mutably, so that neither
-    /// can be submitted a second time meanwhile:
-    ///
-    /// ```compile_fail,E0308
-    /// # use softras::internals::vulkan::CommandBuffer;
-    /// fn shared(own: &mut CommandBuffer, before: &CommandBuffer) -> softras::Result<()> {
-    ///     own.submit_and_wait_after(Some(before))
-    /// }
-    /// ```
+    /// can be submitted a second time meanwhile.
     ///
     /// # Errors
     /// As [`submit_and_wait`](Self::submit_and_wait); [`Error::Vulkan`] for a command buffer of another device.

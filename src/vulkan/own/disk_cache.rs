@@ -50,12 +50,8 @@ impl DiskCache {
         self.raw
     }
 
-    pub(in crate::vulkan) fn file(&self) -> Option<&Path> {
-        self.file.as_deref()
-    }
-
     /// Writes the file, if anything changed.
-    pub(in crate::vulkan) fn save(&self) {
+    fn save(&self) {
         let Some(file) = &self.file else { return };
         // SAFETY: the cache is ours and lives.
         let Ok(data) = (unsafe { self.device.raw().get_pipeline_cache_data(self.raw) }) else { return };

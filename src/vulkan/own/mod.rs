@@ -20,4 +20,3 @@ pub(super) use disk_cache::DiskCache;
 pub(super) use instance::Instance;
 pub use instance::Loader;
 pub use shared_buffer::SharedBuffer;
-pub use validation::ValidationLog;

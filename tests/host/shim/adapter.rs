@@ -1,5 +1,5 @@
 //! A physical device shown otherwise than it is: without shuffles or timestamps, its queue family behind others and for
-//! compute alone.
+//! compute alone; and commands recorded without their barriers.
 // Named as what they stand before.
 #![allow(non_snake_case)]
 
@@ -13,6 +13,7 @@ static BEFORE: AtomicU32 = AtomicU32::new(0);
 static FLAGS: AtomicU32 = AtomicU32::new(u32::MAX);
 static NO_TIMESTAMPS: AtomicBool = AtomicBool::new(false);
 static NO_SHUFFLES: AtomicBool = AtomicBool::new(false);
+static NO_BARRIERS: AtomicBool = AtomicBool::new(false);
 /// Stages that barriers have named.
 static STAGES: AtomicU32 = AtomicU32::new(0);
 
@@ -22,6 +23,7 @@ pub fn show_all() {
     FLAGS.store(u32::MAX, Relaxed);
     NO_TIMESTAMPS.store(false, Relaxed);
     NO_SHUFFLES.store(false, Relaxed);
+    NO_BARRIERS.store(false, Relaxed);
     STAGES.store(0, Relaxed);
 }
 
@@ -37,6 +39,11 @@ pub fn hide_timestamps() {
 
 pub fn hide_shuffles() {
     NO_SHUFFLES.store(true, Relaxed);
+}
+
+/// Leaves out every barrier that is recorded.
+pub fn drop_barriers() {
+    NO_BARRIERS.store(true, Relaxed);
 }
 
 /// Stages that barriers recorded through this loader have named.
@@ -137,6 +144,9 @@ pub unsafe extern "system" fn vkCmdPipelineBarrier(
     images: *const vk::ImageMemoryBarrier<'_>,
 ) {
     STAGES.fetch_or((from | to).as_raw(), Relaxed);
+    if NO_BARRIERS.load(Relaxed) {
+        return;
+    }
     let real = real!(vkCmdPipelineBarrier as vk::PFN_vkCmdPipelineBarrier);
     unsafe {
         real(commands, from, to, dependency, memory_count, memory, buffer_count, buffers, image_count, images);

@@ -12,7 +12,7 @@ use adapter::{
     vkGetPhysicalDeviceQueueFamilyProperties,
 };
 use ash::vk;
-use softras::internals::vulkan::Loader;
+use softras::Loader;
 use std::collections::BTreeMap;
 use std::ffi::{CStr, c_char};
 use std::sync::atomic::{AtomicI64, AtomicUsize, Ordering::Relaxed};

@@ -8,8 +8,7 @@ use crate::common::tolerance;
 use crate::host::{Backward, Host, assert_silent, engine, rasterizer};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
-use softras::embed::{BufferId, BufferRef, Counts, Geometry, GeometryBuffers, GeometryGradients, Shape};
-use softras::internals::vulkan::Device;
+use softras::embed::{BufferId, BufferRef, Counts, Geometry, GeometryBuffers, GeometryGradients, Shape, requirements};
 use softras::{Error, Wanted};
 
 /// The part of a buffer that lies `by` bytes further on.
@@ -79,7 +78,7 @@ fn every_buffer_of_a_frame_lies_as_its_plan_says() {
 fn offsets_of_a_hosts_own_buffers_are_multiples_of_the_devices_limits() {
     let engine = engine();
     let rasterizer = rasterizer(&engine);
-    let limits = *Device::from_host(&engine.host_device()).unwrap().limits();
+    let limits = requirements().validate(&engine.host_adapter()).unwrap().limits;
     let scenery = Scenery::new(&engine);
     let case = scenery.engines.case();
     let mut shape = Shape::of(&case.scene, &case.cameras, &case.settings).unwrap();

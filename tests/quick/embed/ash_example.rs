@@ -11,15 +11,12 @@ use crate::common::{renderer, tier, tolerance, validates};
 use crate::host::{
     Backward, Host, Messages, assert_silent, difference, engine, error, forward, images, rasterizer, submit,
 };
-use ash::vk;
+use ash::vk::{self, Handle};
 use softras::embed::{
-    AppearanceShape, Arena, BufferId, BufferRef, Differentiate, FrameBindings, FramePlan, GradientPlan, HostAdapter,
-    HostCommands, HostDevice, MeshShape, Rasterizer, Shape, requirements,
+    AppearanceShape, Arena, BufferId, BufferRef, Capacity, DepthSpan, Differentiate, FrameBindings, FramePlan,
+    GradientPlan, HostAdapter, HostCommands, HostDevice, MeshShape, Rasterizer, Shape, requirements,
 };
-use softras::internals::plan::{Capacity, DepthSpan};
-use softras::internals::vulkan::vk::Handle;
-use softras::internals::vulkan::{Device, DeviceKind, Limits};
-use softras::{Error, Lights, Scene, Wanted};
+use softras::{DeviceKind, Error, Lights, Limits, Scene, Wanted};
 use std::ffi::c_void;
 
 #[test]
@@ -296,7 +293,7 @@ fn what_does_not_fit_is_an_error_that_names_it() {
 #[test]
 fn counts_of_any_size_are_planned_or_refused() {
     let random = &mut crate::common::random::Random::new(7);
-    let limits = *Device::from_host(&engine().host_device()).unwrap().limits();
+    let limits = requirements().validate(&engine().host_adapter()).unwrap().limits;
     let unlimited = Limits {
         max_storage_buffer_range: u64::MAX,
         max_texel_buffer_elements: u64::MAX,
@@ -356,7 +353,7 @@ fn counts_of_any_size_are_planned_or_refused() {
 /// Kernels index texels with 32 bits, the sign one of them.
 #[test]
 fn records_beyond_32_bits_are_refused() {
-    let limits = *Device::from_host(&engine().host_device()).unwrap().limits();
+    let limits = requirements().validate(&engine().host_adapter()).unwrap().limits;
     let (ranges, elements) = (u64::MAX, u64::MAX);
     let limits = Limits { max_storage_buffer_range: ranges, max_texel_buffer_elements: elements, ..limits };
     let limits = Limits { max_memory_allocation_size: u64::MAX, ..limits };

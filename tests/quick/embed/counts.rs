@@ -9,9 +9,7 @@ use crate::host::engine::{Buffer, Commands, Engine};
 use crate::host::{Backward, Host, assert_silent, difference, engine, error, images, rasterizer, submit};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
-use softras::embed::{Arena, BufferId, Counts, FrameBindings, Inputs, Shape, Status};
-use softras::internals::buffers::Role;
-use softras::internals::vulkan::Device;
+use softras::embed::{Arena, BufferId, Counts, FrameBindings, Inputs, Role, Shape, Status, requirements};
 use softras::scene::{Appearance, Outputs, Shading};
 use softras::{Camera, Lights, Mesh, Projection, Scene, Wanted, shapes};
 
@@ -133,7 +131,8 @@ fn counts_of_several_meshes_lie_a_stride_apart() {
     let frame = renderer().render(&scene, &case.cameras, &case.settings).unwrap();
     let due = [frame.color(), frame.silhouette(), frame.depth(), frame.normal()];
     // The two frames' kernels are compiled for other constants. With other vectors than usual that moves a last place.
-    let has_usual_lanes = Device::from_host(&engine.host_device()).unwrap().limits().subgroups.size == USUAL_LANES;
+    let device = requirements().validate(&engine.host_adapter()).unwrap();
+    let has_usual_lanes = device.limits.subgroups.size == USUAL_LANES;
     let is_off = |(a, b): (&f32, &f32)| (a - b).abs() > tolerance::BY_HAND as f32 * b.abs().max(1.0);
     for ((name, image), due) in images(&case, &host).iter().zip(due) {
         let due = &due.unwrap().data;

@@ -9,8 +9,7 @@ use crate::host::{Backward, Host, Messages, assert_silent, difference, engine, e
 use ash::vk;
 use shim::adapter;
 use softras::embed::{HostAdapter, HostDevice, Rasterizer, requirements};
-use softras::internals::vulkan::{CacheFolder, Device};
-use softras::{Error, Gradients, Image, ImageGradient, Renderer, RendererOptions, Wanted};
+use softras::{CacheFolder, Error, Gradients, Image, ImageGradient, Renderer, RendererOptions, Wanted};
 
 /// Lanes of a workgroup where there are no shuffles, and of most processors' subgroups.
 pub const USUAL_LANES: u32 = 8;
@@ -103,20 +102,15 @@ fn what_is_optional_changes_no_bit() {
     assert_eq!(differs(&due, &outcomes(&engine, &unnamed, &cases)), None, "without VK_EXT_debug_utils");
 
     let core = engine.core();
-    let shown = || unsafe {
-        let adapter = HostAdapter::new(shim::function(), core.instance.handle(), core.physical);
-        HostDevice::new(adapter, core.device.handle())
-    };
-    let shuffles = |host: &HostDevice| Device::from_host(host).unwrap().limits().subgroups.shuffle;
-    let as_it_is = shown();
-    assert!(shuffles(&as_it_is), "the device has no shuffles, so there is nothing to hide");
+    let shown = unsafe { HostAdapter::new(shim::function(), core.instance.handle(), core.physical) };
+    let subgroups = || requirements().validate(&shown).unwrap().limits.subgroups;
+    let as_it_is = subgroups();
+    assert!(as_it_is.shuffle, "the device has no shuffles, so there is nothing to hide");
     adapter::hide_shuffles();
-    let without = shown();
-    assert!(!shuffles(&without));
-    let found = outcomes(&engine, &without, &cases);
+    assert!(!subgroups().shuffle);
+    let found = outcomes(&engine, &unsafe { HostDevice::new(shown, core.device.handle()) }, &cases);
     // Without shuffles workgroups have the lanes that most processors' subgroups have; with others, sums have another order.
-    let is_usual = Device::from_host(&as_it_is).unwrap().limits().subgroups.size == USUAL_LANES;
-    let what = if is_usual { differs(&due, &found) } else { strays(&due, &found) };
+    let what = if as_it_is.size == USUAL_LANES { differs(&due, &found) } else { strays(&due, &found) };
     assert_eq!(what, None, "without subgroup shuffles");
     assert_silent(engine);
 

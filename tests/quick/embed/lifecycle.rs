@@ -13,8 +13,7 @@ use softras::embed::{
     GeometryGradients, GradientPlan, HostAdapter, HostCommands, HostDevice, ImageFormat, ImageRef, Layout, Rasterizer,
     Shape,
 };
-use softras::internals::vulkan::CacheFolder;
-use softras::{Error, ImageGradient, Renderer, RendererOptions, Wanted};
+use softras::{CacheFolder, Error, ImageGradient, Renderer, RendererOptions, Wanted};
 
 /// A frame with gradients: its plans, and memory for them.
 struct Planned {

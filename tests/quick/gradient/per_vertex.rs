@@ -12,7 +12,7 @@ use crate::common::{
     tier,
     tolerance::GRADIENT,
 };
-use softras::internals::plan::Capacity;
+use softras::embed::Capacity;
 use softras::scene::{Appearance, Outputs};
 use softras::{
     Camera, GradientMode, ImageGradient, Lights, Mesh, Projection, RendererOptions, Scene, Settings, Wanted, shapes,

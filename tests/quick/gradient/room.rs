@@ -11,7 +11,7 @@ use crate::common::{
     tier,
     tolerance::GRADIENT,
 };
-use softras::internals::plan::Capacity;
+use softras::embed::Capacity;
 use softras::{Camera, Frame, Gradients, ImageGradient, Lights, Mesh, RendererOptions, Scene, Settings, Wanted};
 
 /// A frame and its gradients by a renderer of its own, whose first frame has this capacity; and the entries of all lists.

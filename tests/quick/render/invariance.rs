@@ -11,7 +11,7 @@ use crate::common::{
 use glam::DVec3;
 use softras::{
     Camera, Frame, Mesh, Projection, RendererOptions, Scene, Settings,
-    internals::plan::Capacity,
+    embed::Capacity,
     scene::{Appearance, Outputs},
     shapes,
 };

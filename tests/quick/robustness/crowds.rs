@@ -9,13 +9,13 @@ use crate::common::{
 };
 use softras::{
     Camera, ImageGradient, Mesh, Renderer, RendererOptions, Scene, Settings, Wanted,
-    internals::plan::Capacity,
+    embed::Capacity,
     scene::{Appearance, Outputs, SilhouetteAggregation},
 };
 use softras_reference::render_culled;
 
 fn is_software(renderer: &Renderer) -> bool {
-    renderer.device_info().kind == softras::internals::vulkan::DeviceKind::Software
+    renderer.device_info().kind == softras::DeviceKind::Software
 }
 
 /// Triangles about the centre of pixel (7, 8) of a 16×16 image, which some half of them cover.

@@ -5,3 +5,4 @@ mod crowds;
 mod edge_cases;
 mod errors;
 mod layers;
+mod properties;

@@ -3,7 +3,7 @@
 use super::{Failure, say};
 use clap::Args;
 use serde_json::{Value, json};
-use softras::internals::vulkan::{Context, DeviceInfo, Limits};
+use softras::{DeviceInfo, Limits, Renderer};
 
 /// List the Vulkan devices and their limits
 #[derive(Args, Debug)]
@@ -23,7 +23,7 @@ pub struct DevicesArgs {
 
 /// Runs the command.
 pub fn run(args: &DevicesArgs) -> Result<(), Failure> {
-    let devices = Context::devices()?;
+    let devices = Renderer::devices()?;
     if args.json {
         return say(&Value::Array(devices.iter().map(as_json).collect()).to_string());
     }

@@ -2,7 +2,6 @@
 
 use serde_json::{Value, json};
 use softras::Renderer;
-use softras::internals::vulkan::kernels;
 use std::path::Path;
 use std::process::Command;
 
@@ -16,8 +15,6 @@ pub struct Machine {
     /// The commit of the checkout that contains the program, with a + if files were changed since; none for an installed
     /// program.
     pub commit: Option<String>,
-    /// A hash of the compiled kernels, equal if the same GPU code ran.
-    pub kernels: String,
     pub threads: usize,
     /// The measured peak in operations a second.
     pub peak: f64,
@@ -33,7 +30,6 @@ impl Machine {
             driver: format!("{} {}", info.driver, info.driver_version),
             version: env!("CARGO_PKG_VERSION"),
             commit: commit(),
-            kernels: hash(),
             threads: std::thread::available_parallelism().map_or(1, usize::from),
             peak,
         }
@@ -43,8 +39,7 @@ impl Machine {
     pub fn json(&self) -> Value {
         json!({
             "device": self.device, "device_kind": self.kind, "driver": self.driver, "version": self.version,
-            "commit": self.commit, "kernels": self.kernels, "host_threads": self.threads,
-            "peak_gflops": self.peak / 1e9,
+            "commit": self.commit, "host_threads": self.threads, "peak_gflops": self.peak / 1e9,
         })
     }
 
@@ -53,17 +48,9 @@ impl Machine {
         let commit = self.commit.as_ref().map(|c| format!(", commit {c}")).unwrap_or_default();
         [
             format!("{} ({}, {}), {} host threads", self.device, self.kind, self.driver, self.threads),
-            format!("softras {}{commit}, kernels {}", self.version, self.kernels),
+            format!("softras {}{commit}", self.version),
         ]
     }
-}
-
-/// FNV-1a over all kernels' words.
-fn hash() -> String {
-    let words = kernels::ALL.iter().flat_map(|kernel| kernel.spirv);
-    let bytes = words.flat_map(|word| word.to_le_bytes());
-    let hash = bytes.fold(0xcbf2_9ce4_8422_2325u64, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3));
-    format!("{hash:016x}")
 }
 
 /// The checkout's commit, if the program lies in a checkout and git is installed.

@@ -30,8 +30,7 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     }
     let meshes = meshes(args, &outputs)?;
     let mut renderer = super::open_device(args.device.as_deref(), args.read.memory.memory)?;
-    let index = renderer.device_info().index.to_string();
-    let mut machine = Machine::of(&renderer, peak_flops(Some(&index))?);
+    let mut machine = Machine::of(&renderer, peak_flops(renderer.device_info())?);
     for line in machine.lines() {
         say(&line)?;
     }
@@ -51,7 +50,7 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
         let scene = subject::scene(mesh)?;
         for size in args.sizes() {
             // Other work on the machine can only lower the measured peak, so the highest one counts.
-            machine.peak = machine.peak.max(peak_flops(Some(&index))?);
+            machine.peak = machine.peak.max(peak_flops(renderer.device_info())?);
             all.extend(size_rows(args, &mut renderer, machine.peak, name, &scene, &cameras, size)?);
         }
     }

@@ -1,14 +1,19 @@
 //! What a plan says before there is a device: the memory of a frame and of a backward pass by the documented formulas, where
 //! plans end, and the numbers that the kernels get.
 
-use softras::internals::buffers::{BufferId, TableLengths};
-use softras::internals::constants as c;
-use softras::internals::plan::{
-    BackwardGroups, BackwardInput, BackwardPlan, Capacity, DepthSpan, ForwardPlan, PlanInput, Rare, Sampling, ViewSize,
-    split,
+#![allow(clippy::unwrap_used)]
+
+mod depth_span;
+mod properties;
+
+use super::backward::BackwardGroups;
+use super::{
+    BackwardInput, BackwardPlan, Capacity, DepthSpan, ForwardPlan, PlanInput, Rare, Sampling, ViewSize, split,
 };
-use softras::scene::{Background, Distance, Outputs, Parity, Shading};
-use softras::{Error, Lights, Settings, Wanted};
+use crate::constants as c;
+use crate::frame::buffers::{BufferId, TableLengths};
+use crate::scene::{Background, Distance, Outputs, Parity, Shading};
+use crate::{Error, Lights, Settings, Wanted};
 
 const INSIDE: DepthSpan = DepthSpan { crosses_near: false, crosses_far: false };
 /// Multiples of all that sizes are rounded to, so that the formulas hold to the byte.
@@ -393,7 +398,7 @@ fn numbers_are_those_of_the_settings() {
         exact(both(high, low), expected);
     }
     close(f.background_exponent, (0.7 * log2e / 0.3).round());
-    let background = |f: softras::internals::plan::FramePush| both(f.background_exponent, f.background_fraction);
+    let background = |f: super::FramePush| both(f.background_exponent, f.background_fraction);
     assert!((background(f) - 0.7 * log2e / 0.3).abs() < 1e-7);
     let official = numbers(&Settings { parity: Parity::Official, ..settings.clone() });
     assert!((background(official) - 1.4 * log2e / 0.3).abs() < 1e-7);

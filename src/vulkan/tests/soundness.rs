@@ -1,8 +1,8 @@
-//! Safe code cannot make the Vulkan folder break a rule: what would be undefined behaviour is an error, on either side.
+//! Safe code cannot make this folder break a rule: what would be undefined behaviour is an error, on either side.
 
-use super::selftest::{Outcome, PUSH, SelfTest, context, error};
-use softras::Error;
-use softras::internals::vulkan::{
+use super::{Outcome, PUSH, SelfTest, context, error};
+use crate::Error;
+use crate::vulkan::{
     Buffer, BufferDesc, CommandBuffer, Context, DescriptorPool, Location, Pipeline, TexelFormat, TimestampPool,
     kernels, vk,
 };
@@ -10,12 +10,12 @@ use softras::internals::vulkan::{
 const SIZE: u64 = 1 << 20;
 
 /// A buffer that the host maps on every device.
-fn mapped(context: &Context) -> softras::Result<Buffer> {
+fn mapped(context: &Context) -> crate::Result<Buffer> {
     Buffer::new(context, &BufferDesc { name: "mapped", size: SIZE, location: Location::Readback, ..Default::default() })
 }
 
 /// Commands that fill a buffer with a word, many times.
-fn fills(context: &Context, buffer: &Buffer, word: u32) -> softras::Result<CommandBuffer> {
+fn fills(context: &Context, buffer: &Buffer, word: u32) -> crate::Result<CommandBuffer> {
     let mut commands = CommandBuffer::new(context, "fills")?;
     commands.record(|recorder| {
         for word in [!word; 50].into_iter().chain([word]) {

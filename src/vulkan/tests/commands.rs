@@ -1,12 +1,12 @@
-//! The Vulkan folder by itself: a small kernel runs end to end with nothing said by the validation layer, reflection
+//! A small kernel runs end to end with nothing said by the validation layer, reflection
 //! knows the layouts, misuse and limits are errors, and objects may be dropped in any order.
 
-use super::selftest::{COUNT, LOCAL, Outcome, PUSH, Record, SelfTest, context, error, texel};
-use softras::internals::passes::{ForwardStage, default_lanes};
-use softras::internals::vulkan::{
+use super::super::kernel::Member;
+use super::{COUNT, LOCAL, Outcome, PUSH, Record, SelfTest, context, error, texel};
+use crate::vulkan::{
     BindingKind, Buffer, BufferDesc, BufferPart, BufferRef, CacheFolder, CommandBuffer, Context, ContextOptions,
-    DescriptorPool, Device, DeviceKind, HostAdapter, HostCommands, HostDevice, Location, Member, Pipeline, Recorder,
-    SharedBuffer, SpecValue, TexelFormat, TimestampPool, constants, kernels,
+    DescriptorPool, Device, HostAdapter, HostCommands, HostDevice, Location, Pipeline, Recorder, SharedBuffer,
+    SpecValue, TexelFormat, TimestampPool, constants, kernels,
 };
 
 #[test]
@@ -14,7 +14,6 @@ fn a_kernel_runs_end_to_end() -> Outcome {
     let context = context()?;
     let log = context.validation_log();
     let test = SelfTest::new(&context)?;
-    assert_eq!(test.pipeline.local_size(), [LOCAL, 1, 1]);
     let mut commands = CommandBuffer::new(&context, "self test")?;
     commands.record(|recorder| test.record(recorder))?;
     commands.submit_and_wait()?;
@@ -160,14 +159,14 @@ fn reflection_knows_the_interface() {
         member("parts", std::mem::offset_of!(Record, parts) as u32, 12, 4),
         member("pair", std::mem::offset_of!(Record, pair) as u32, 8, 0),
     ];
-    let record = kernel.record("Record").map(|s| (s.size, s.stride, s.members));
+    let record = kernel.structs.iter().find(|s| s.name == "Record").map(|s| (s.size, s.stride, s.members));
     assert_eq!(record, Some((48, size_of::<Record>() as u32, &expected[..])));
 }
 
 /// Devices that come and go while other threads make objects on theirs.
 #[test]
 fn contexts_work_and_go_beside_each_other() -> Outcome {
-    let run = || -> softras::Result<()> {
+    let run = || -> crate::Result<()> {
         for _ in 0..8 {
             let context = context()?;
             let log = context.validation_log();
@@ -209,17 +208,18 @@ fn objects_may_be_dropped_in_any_order() -> Outcome {
 
 #[test]
 fn the_pipeline_cache_is_kept_on_disk() -> Outcome {
-    let folder = tempfile::tempdir()?;
-    let cache = CacheFolder::At(folder.path().join("deep/cache"));
-    let options = ContextOptions { cache, ..Default::default() };
+    let scratch = tempfile::tempdir()?;
+    let folder = scratch.path().join("deep/cache");
+    let options = ContextOptions { cache: CacheFolder::At(folder.clone()), ..Default::default() };
+    // The one file that is there afterwards.
     let run = || -> Result<_, Box<dyn std::error::Error>> {
         let context = Context::new(&options)?;
         SelfTest::new(&context)?;
-        let file = context.pipeline_cache().file().map(std::path::Path::to_path_buf).ok_or("no file")?;
-        let messages = context.validation_messages();
+        assert_eq!(context.validation_messages(), Vec::<String>::new());
         drop(context);
-        assert_eq!(messages, Vec::<String>::new());
-        Ok(file)
+        let files: Vec<_> = std::fs::read_dir(&folder)?.collect();
+        assert_eq!(files.len(), 1, "temporary files are left");
+        Ok(folder.join(files[0].as_ref().map_err(|e| e.to_string())?.file_name()))
     };
     let file = run()?;
     let written = std::fs::read(&file)?;
@@ -230,8 +230,6 @@ fn the_pipeline_cache_is_kept_on_disk() -> Outcome {
         run()?;
         assert!(std::fs::read(&file)?.starts_with(b"softras1"), "not replaced");
     }
-    let others = std::fs::read_dir(file.parent().ok_or("no folder")?)?.count();
-    assert_eq!(others, 1, "temporary files are left");
     Ok(())
 }
 
@@ -290,23 +288,4 @@ fn a_host_records_with_its_own_device() -> Outcome {
     commands.submit_and_wait()?;
     assert_eq!(host.validation_messages(), Vec::<String>::new());
     Ok(())
-}
-
-/// A tile whose lanes are one subgroup reads records by shuffles, whatever the size of the subgroup.
-#[test]
-fn one_subgroup_reads_records_together() {
-    let context = context().unwrap();
-    let device = context.device();
-    let subgroups = device.limits().subgroups;
-    let most = if device.kind() == DeviceKind::Software { subgroups.size } else { subgroups.size.min(8) };
-    for lanes in [1, 2, 4, 8, 16, 32] {
-        let together = subgroups.shuffle && (4..=most).contains(&lanes);
-        let names = [ForwardStage::Forward, ForwardStage::ForwardSoft].map(|stage| stage.kernel(device, lanes));
-        let expected =
-            if together { ["forward_subgroup", "forward_soft_subgroup"] } else { ["forward", "forward_soft"] };
-        assert_eq!(names.map(|kernel| kernel.name), expected, "{lanes} of {}", subgroups.size);
-    }
-    if device.kind() == DeviceKind::Software && subgroups.shuffle {
-        assert_eq!(default_lanes(device), subgroups.size, "a tile takes one subgroup");
-    }
 }

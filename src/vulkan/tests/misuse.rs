@@ -1,8 +1,8 @@
-//! The Vulkan folder by itself: misuse, limits and devices that are not there are errors that name what is wrong.
+//! Misuse, limits and devices that are not there are errors that name what is wrong.
 
-use super::selftest::{Outcome, PUSH, SelfTest, context, error};
-use softras::Error;
-use softras::internals::vulkan::{
+use super::{Outcome, PUSH, SelfTest, context, error};
+use crate::Error;
+use crate::vulkan::{
     Buffer, BufferDesc, BufferPart, CacheFolder, CommandBuffer, Context, ContextOptions, DescriptorPool, Pipeline,
     Recorder, SpecValue, TexelFormat, kernels, vk,
 };
@@ -59,7 +59,7 @@ fn misuse_is_an_error_that_names_it() -> Outcome {
     let mut commands = CommandBuffer::new(&context, "misuse")?;
     assert!(error(commands.submit_and_wait()).contains("nothing was recorded"));
     let push = bytemuck::bytes_of(&PUSH);
-    let mut recording = |work: &dyn Fn(&mut Recorder<'_>) -> softras::Result<()>| error(commands.record(|r| work(r)));
+    let mut recording = |work: &dyn Fn(&mut Recorder<'_>) -> crate::Result<()>| error(commands.record(|r| work(r)));
     let short = recording(&|r| r.dispatch(&test.pipeline, &test.set, &push[..12], [1; 3]));
     assert!(short.contains("12 bytes") && short.contains("16"), "{short}");
     let many = recording(&|r| r.dispatch(&test.pipeline, &test.set, push, [1, u32::MAX, 1]));
@@ -72,7 +72,7 @@ fn misuse_is_an_error_that_names_it() -> Outcome {
     assert!(onto_itself.contains("overlap"), "{onto_itself}");
     assert_eq!(recording(&|r| r.dispatch(&test.pipeline, &test.set, push, [0, 1, 1])), "no error");
 
-    let other = self::context()?;
+    let other = super::context()?;
     let foreign = SelfTest::new(&other)?;
     let foreign = recording(&|r| r.dispatch(&foreign.pipeline, &foreign.set, push, [1; 3]));
     assert!(foreign.contains("another device"), "{foreign}");

@@ -1,58 +1,62 @@
-//! glsl/selftest.comp with its buffers: what the tests of the Vulkan folder run.
-#![allow(dead_code)]
+//! Tests of this folder by itself, all on the kernel glsl/selftest.comp.
+#![allow(clippy::unwrap_used)]
 
-use softras::internals::vulkan::{
+mod commands;
+mod misuse;
+mod soundness;
+
+use super::{
     BufferDesc, CacheFolder, Context, ContextOptions, DescriptorPool, DescriptorSet, Pipeline, Recorder, SharedBuffer,
     TexelFormat, constants, kernels,
 };
 
-pub type Outcome = Result<(), Box<dyn std::error::Error>>;
+type Outcome = Result<(), Box<dyn std::error::Error>>;
 
-pub const COUNT: u32 = 1000;
-pub const LOCAL: u32 = constants::SELFTEST_LOCAL_SIZE;
+const COUNT: u32 = 1000;
+const LOCAL: u32 = constants::SELFTEST_LOCAL_SIZE;
 
 /// The record of glsl/selftest.comp.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
-pub struct Record {
-    pub value: [f32; 4],
-    pub index: u32,
-    pub tag: i32,
-    pub parts: [f32; 3],
-    pub padding: u32,
-    pub pair: [u32; 2],
+struct Record {
+    value: [f32; 4],
+    index: u32,
+    tag: i32,
+    parts: [f32; 3],
+    padding: u32,
+    pair: [u32; 2],
 }
 
 /// The push constants of glsl/selftest.comp.
 #[repr(C)]
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-pub struct Push {
-    pub scale: f32,
-    pub count: u32,
-    pub offset: [f32; 2],
+struct Push {
+    scale: f32,
+    count: u32,
+    offset: [f32; 2],
 }
 
-pub const PUSH: Push = Push { scale: 2.0, count: COUNT, offset: [0.25, -0.75] };
+const PUSH: Push = Push { scale: 2.0, count: COUNT, offset: [0.25, -0.75] };
 
-pub fn context() -> softras::Result<Context> {
+fn context() -> crate::Result<Context> {
     Context::new(&ContextOptions { cache: CacheFolder::Nowhere, ..Default::default() })
 }
 
-pub fn error<T>(result: softras::Result<T>) -> String {
+fn error<T>(result: crate::Result<T>) -> String {
     result.map_or_else(|e| e.to_string(), |_| "no error".to_string())
 }
 
 /// Buffers, pipeline and set of the self test.
-pub struct SelfTest {
-    pub texels: SharedBuffer,
-    pub indices: SharedBuffer,
-    pub records: SharedBuffer,
-    pub pipeline: Pipeline,
-    pub set: DescriptorSet,
+struct SelfTest {
+    texels: SharedBuffer,
+    indices: SharedBuffer,
+    records: SharedBuffer,
+    pipeline: Pipeline,
+    set: DescriptorSet,
 }
 
 impl SelfTest {
-    pub fn new(context: &Context) -> softras::Result<Self> {
+    fn new(context: &Context) -> crate::Result<Self> {
         let buffer =
             |name, size, texels| BufferDesc { name, size: u64::from(COUNT) * size, texels, ..Default::default() };
         let mut texels = SharedBuffer::for_upload(context, &buffer("texels", 16, Some(TexelFormat::Float4)))?;
@@ -71,7 +75,7 @@ impl SelfTest {
         Ok(Self { texels, indices, records, pipeline, set })
     }
 
-    pub fn record(&self, recorder: &mut Recorder<'_>) -> softras::Result<()> {
+    fn record(&self, recorder: &mut Recorder<'_>) -> crate::Result<()> {
         recorder.begin_label("self test");
         self.texels.record_upload(recorder)?;
         self.indices.record_upload(recorder)?;
@@ -85,7 +89,7 @@ impl SelfTest {
         Ok(())
     }
 
-    pub fn assert_result(&self) -> softras::Result<()> {
+    fn assert_result(&self) -> crate::Result<()> {
         let mut records = vec![bytemuck::Zeroable::zeroed(); COUNT as usize];
         self.records.read(0, bytemuck::cast_slice_mut::<Record, u8>(&mut records))?;
         for (i, record) in (0..).zip(records) {
@@ -104,6 +108,6 @@ impl SelfTest {
     }
 }
 
-pub fn texel(i: u32) -> [f32; 4] {
+fn texel(i: u32) -> [f32; 4] {
     [i as f32, 0.5 * i as f32, -(i as f32), 1.0]
 }

@@ -1,11 +1,10 @@
 //! Whether a frame's meshes may cross its near and far planes, on which its kernels depend.
 
+use super::INSIDE;
+use crate::embed::Shape;
+use crate::frame::plan::DepthSpan;
+use crate::{Camera, Projection, Scene, Settings, shapes};
 use glam::DVec3;
-use softras::embed::Shape;
-use softras::internals::plan::DepthSpan;
-use softras::{Camera, Projection, Scene, Settings, shapes};
-
-const INSIDE: DepthSpan = DepthSpan { crosses_near: false, crosses_far: false };
 
 /// A box crosses a plane where one of its eight corners lies beyond it, or so near that rounding may have it there.
 #[test]

@@ -1,0 +1,51 @@
+//! What holds of every mesh and every camera, whatever the numbers: proptest shrinks what does not.
+
+use glam::DVec3;
+use proptest::prelude::*;
+use softras::{Camera, Mesh, Projection};
+
+/// Any float there is, and more often a usual one.
+fn float() -> impl Strategy<Value = f32> {
+    prop_oneof![2 => -10f32..10.0, 1 => any::<f32>(), 1 => Just(f32::NAN), 1 => Just(f32::INFINITY)]
+}
+
+fn double() -> impl Strategy<Value = f64> {
+    prop_oneof![3 => -10f64..10.0, 1 => any::<f64>(), 1 => Just(f64::NAN)]
+}
+
+/// A camera's view-space place of a world point.
+fn seen(camera: &Camera, p: DVec3) -> DVec3 {
+    DVec3::from_array(camera.view().map(|r| r[0] * p.x + r[1] * p.y + r[2] * p.z + r[3]))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// A mesh is refused exactly where a value is not finite or too large, or an index names no vertex.
+    #[test]
+    fn meshes_are_validated(
+        positions in prop::collection::vec([float(), float(), float()], 0..6),
+        triangles in prop::collection::vec([0u32..7, 0u32..7, 0u32..7], 0..6),
+    ) {
+        let finite = positions.iter().flatten().all(|x| x.abs() <= Mesh::FARTHEST);
+        let inside = triangles.iter().flatten().all(|&i| (i as usize) < positions.len());
+        prop_assert_eq!(Mesh::new(positions, triangles).is_ok(), finite && inside);
+    }
+
+    /// A camera that is not refused is a rigid motion that keeps its target before it, in the middle.
+    #[test]
+    fn cameras_look_at_their_targets(
+        eye in [double(), double(), double()], target in [double(), double(), double()],
+        up in [double(), double(), double()], fov_y in 0.01f64..3.0,
+    ) {
+        let (eye, target, up) = (DVec3::from(eye), DVec3::from(target), DVec3::from(up));
+        let Ok(camera) = Camera::look_at(eye, target, up, Projection::Perspective { fov_y }) else { return Ok(()) };
+        let (distance, size) = ((target - eye).length(), eye.length().max(target.length()).max(1.0));
+        let p = seen(&camera, target);
+        prop_assert!((p - DVec3::new(0.0, 0.0, distance)).length() <= 1e-12 * size, "{p} at {distance}");
+        prop_assert!(seen(&camera, eye).length() <= 1e-12 * size);
+        let rows = camera.view().map(|r| DVec3::new(r[0], r[1], r[2]));
+        // x right, y up, z forward: not mirrored is x × y = -z.
+        prop_assert!((rows[0].cross(rows[1]) + rows[2]).length() < 1e-9, "{rows:?}");
+    }
+}
