@@ -78,10 +78,12 @@ impl Drop for DiskCache {
 
 /// The driver's data in a file of ours, if it is complete and of this device and driver.
 fn load(file: &Path, properties: &vk::PhysicalDeviceProperties) -> Option<Vec<u8>> {
+    // Opening a pipe in the file's place might never end.
+    if !fs::metadata(file).is_ok_and(|metadata| metadata.is_file() && metadata.len() <= MOST) {
+        return None;
+    }
     let mut bytes = Vec::new();
-    // A pipe or a device in the file's place might never end.
-    let is_file = fs::metadata(file).is_ok_and(|metadata| metadata.is_file() && metadata.len() <= MOST);
-    fs::File::open(file).ok().filter(|_| is_file)?.take(MOST).read_to_end(&mut bytes).ok()?;
+    fs::File::open(file).ok()?.take(MOST).read_to_end(&mut bytes).ok()?;
     let (sum, data) = bytes.strip_prefix(MAGIC)?.split_first_chunk::<8>()?;
     (u64::from_le_bytes(*sum) == checksum(data) && is_header_of(data, properties)).then(|| data.to_vec())
 }

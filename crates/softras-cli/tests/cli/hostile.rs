@@ -181,7 +181,7 @@ fn names_give_the_terminal_no_orders() {
     let fit = "fit --from cube.obj --views 1 --size 8 --subdivisions 0 -o o.obj --checkpoint a.npz --resume";
     let fit: Vec<&str> = fit.split_whitespace().collect();
     for (arguments, part) in [
-        (&fit[..], "u{1b}[31mred"),
+        (&fit[..], "\\u001b[31mred\\u009b\\u202e"),
         (&["render", "a.obj", "-o", "o.png", "--size", "8"], "\\u001b[31mred"),
         (&["render", "b.obj", "-o", "o.png", "--size", "8"], "u{1b}[31mred"),
         (&["render", &missing, "-o", "o.png"], "\\u001b[31mred"),
