@@ -11,9 +11,9 @@ use softras::scene::{Outputs, SilhouetteAggregation};
 use softras::{Camera, Image, ImageGradient, Lights, Mesh, Projection, Renderer, Scene, Settings, Wanted};
 use softras_fit::{CLOSED, Topology, laplacian_coordinates};
 use softras_fit::{
-    ImageLoss, Method, Optimizer, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions, Targets, mask_iou,
-    soft_target,
+    ImageLoss, Method, Optimizer, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions, mask_iou, soft_target,
 };
+use softras_io::Views;
 use softras_io::npz;
 use std::path::Path;
 use std::time::Instant;
@@ -129,7 +129,7 @@ impl Task {
     }
 
     /// Smoothed parameters, 1 - IoU, a shrinking step, and a σ that shrinks too: at 1e-4 many triangles near an outline
-    /// together cover what none of them does, so a hard mask of the same mesh is 5 % smaller than the soft one. Targets made
+    /// together cover what none of them does, so a hard mask of the same mesh is 5 % smaller than the soft one. Views made
     /// soft in the same way take that away at its root.
     fn fit_smoothly(&self, last_sigma: f64, targets: &Image, renderer: &mut Renderer) -> (Mesh, Vec<f64>) {
         let (mut fit, targets) = self.smooth_fit(targets);
@@ -143,7 +143,7 @@ impl Task {
         (fit.mesh().clone(), times)
     }
 
-    fn smooth_fit(&self, targets: &Image) -> (ShapeFit, Targets) {
+    fn smooth_fit(&self, targets: &Image) -> (ShapeFit, Views) {
         let options = ShapeOptions {
             parametrization: Parametrization::Smoothed { lambda: 1.0 },
             method: Method::UniformAdam { betas: [0.9, 0.999], epsilon: 1e-8 },
@@ -152,7 +152,7 @@ impl Task {
         };
         let fit = ShapeFit::new(self.start.clone(), Lights::unlit(), options).expect("a fit");
         let silhouette = Some(targets.clone());
-        (fit, Targets { cameras: self.cameras.clone(), silhouette, ..Targets::default() })
+        (fit, Views { cameras: self.cameras.clone(), silhouette, ..Views::default() })
     }
 
     /// Settings and rate of a step.

@@ -4,7 +4,8 @@
 //! them. Writes the fitted mesh to `fitted.obj` in the working folder, or to the file that is given as argument.
 
 use softras::{Camera, Lights, Projection, Renderer, Scene, Settings, shapes};
-use softras_fit::{Fit, Schedule, ShapeFit, ShapeOptions, Targets, mask_iou};
+use softras_fit::{Schedule, ShapeFit, ShapeOptions, ShapeRun, mask_iou};
+use softras_io::Views;
 use std::path::PathBuf;
 
 const STEPS: usize = 150;
@@ -24,11 +25,11 @@ fn main() -> softras::Result<()> {
     let cameras: Vec<Camera> = (0..VIEWS).map(around).collect::<softras::Result<_>>()?;
     let settings = Settings { width: 64, height: 64, ..Settings::default() }.with_depths_of(&goal, &cameras, 0.5);
     let silhouette = renderer.render(&goal, &cameras, &settings)?.silhouette().cloned();
-    let targets = Targets { cameras: cameras.clone(), silhouette, ..Targets::default() };
+    let targets = Views { cameras: cameras.clone(), silhouette, ..Views::default() };
 
     // A sphere, moved by the method of the command `softras fit`, with softness and steps that shrink.
     let shape = ShapeFit::new(shapes::icosphere(3)?, Lights::unlit(), ShapeOptions::smooth())?;
-    let mut fit = Fit::new(shape, &targets);
+    let mut fit = ShapeRun::new(shape, &targets);
     let rate = Schedule::Exponential { from: 0.04, to: 0.007 };
     let sigma = Schedule::Exponential { from: 3e-4, to: 1e-5 };
     for step in 0..STEPS {

@@ -1,57 +1,23 @@
-//! Fitting: a mesh's shape, colours and pose from images, by following the gradients of soft renderings.
+//! Meshes from pictures: shape, colour, texture and pose, by the gradients of soft renderings.
 //!
-//! - [`Fit`] deforms, and optionally recolours, a template mesh until its renderings match [`Targets`]. [`ShapeFit`] is what it
-//!   begins with: a template and [`ShapeOptions`], which say what moves (a [`Parametrization`]), what is minimised (an
-//!   [`ImageLoss`] plus weighted [`Regularizer`]s) and how steps are taken (a [`Method`]).
-//! - A step renders and differentiates on the device, and computes losses, regularizers and the optimiser on the host in f64.
-//!   For a loss of your own, render [`ShapeFit::scene`], differentiate by the loss's gradient with
-//!   [`Renderer::backward`](softras::Renderer::backward), and call [`ShapeFit::advance`].
-//! - [`PoseSearch`] finds the rotation and translation of a rigid mesh from one image; [`PoseFit`] follows gradients from given
-//!   poses, many at once.
-//! - [`Targets::visual_hull`] is the largest solid with given silhouettes, to begin with. [`Targets::carved`] gives the mesh of a
-//!   fit the holes and parts that it does not have. [`remeshed`] evens out triangles that a
-//!   fit has stretched, on the surface that they have, [`Subdivision`] divides them into smaller ones, [`with_atlas`] gives a mesh without UV coordinates a texture to be fitted,
-//!   [`soft_target`] softens a hard mask to the silhouette that a mesh of that outline renders to,
-//!   [`mask_iou`] and [`voxel_iou`] measure how good a fit is.
+//! [`Fit`] is what `softras fit` does: from [`Views`](softras_io::Views) to a mesh, with a hull to begin with, its hollows, changes
+//! of topology, and a texture. It runs to its end or steps one at a time, and ends with a mesh, its losses and its scores.
+//! [`PoseSearch`] finds the rotation and translation of a rigid mesh from one picture.
 //!
-//! Sums run in a fixed order, so the same input gives the same bits.
+//! Both are made of parts that serve alone:
+//! - [`ShapeFit`] is a mesh whose vertices and colours move by gradients: a template and [`ShapeOptions`], which say what moves (a
+//!   [`Parametrization`]), what is minimised (an [`ImageLoss`] plus weighted [`Regularizer`]s) and how steps are taken (a
+//!   [`Method`]). [`ShapeRun`] remembers its best mesh. For a loss of your own, render [`ShapeFit::scene`], differentiate by the
+//!   loss's gradient with [`Renderer::backward`](softras::Renderer::backward), and call [`ShapeFit::advance`].
+//! - [`PoseFit`] follows gradients from given poses, many at once.
+//! - [`visual_hull`] is the largest solid with given silhouettes, [`carved`] gives a mesh the holes and parts that it does not
+//!   have, [`remeshed`] evens out triangles on the surface that they have, [`Subdivision`] divides them into smaller ones,
+//!   [`with_atlas`] gives a mesh without UV coordinates a texture, [`soft_target`] softens a hard mask to the silhouette that a mesh
+//!   of that outline renders to.
+//! - [`mask_iou`] and [`voxel_iou`] measure how good a fit is.
 //!
-//! A cube's silhouettes from six sides turn a sphere into that cube; `examples/fit.rs` is the same with a written mesh:
-//!
-//! ```
-//! use softras_fit::{Fit, Schedule, ShapeFit, ShapeOptions, Targets, mask_iou};
-//! use softras::{Camera, Lights, Projection, Renderer, Scene, Settings, shapes};
-//!
-//! # fn main() -> softras::Result<()> {
-//! let mut renderer = Renderer::new()?;
-//! // The targets, which would be photographs' masks: a cube from six sides.
-//! let goal = Scene::new(shapes::cube()?);
-//! let projection = Projection::Perspective { fov_y: 0.6 };
-//! let cameras: Vec<Camera> =
-//!     (0..6).map(|i| Camera::from_angles(4.0, 25.0, 60.0 * f64::from(i), projection)).collect::<softras::Result<_>>()?;
-//! let settings = Settings { width: 48, height: 48, ..Settings::default() }.with_depths_of(&goal, &cameras, 0.5);
-//! let silhouette = renderer.render(&goal, &cameras, &settings)?.silhouette().cloned();
-//! let targets = Targets { cameras: cameras.clone(), silhouette, ..Targets::default() };
-//!
-//! // The fit: a sphere, moved by the method of the command `softras fit`.
-//! let shape = ShapeFit::new(shapes::icosphere(3)?, Lights::unlit(), ShapeOptions::smooth())?;
-//! let mut fit = Fit::new(shape, &targets);
-//! let mut losses = Vec::new();
-//! let (steps, rate) = (80, Schedule::Exponential { from: 0.04, to: 0.007 });
-//! let sigma = Schedule::Exponential { from: 3e-4, to: 3e-5 };
-//! for step in 0..steps {
-//!     let settings = Settings { sigma: sigma.at_step(step, steps), ..settings.clone() };
-//!     losses.push(fit.step(&mut renderer, &settings, rate.at_step(step, steps), 0.0)?.loss);
-//! }
-//! assert!(losses[steps - 1] < 0.3 * losses[0]);
-//!
-//! let (best, _) = fit.best().expect("steps were taken");
-//! let seen = renderer.render(&Scene::new(best.clone()), &cameras, &settings)?;
-//! let (Some(seen), Some(wanted)) = (seen.silhouette(), &targets.silhouette) else { unreachable!() };
-//! assert!(mask_iou(seen, wanted)?.iter().all(|iou| *iou > 0.88));
-//! # Ok(())
-//! # }
-//! ```
+//! A step renders and differentiates on the device, and computes losses, regularizers and the optimiser on the host in f64. Sums run
+//! in a fixed order, so the same input gives the same bits.
 
 mod atlas;
 mod begin;

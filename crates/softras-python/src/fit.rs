@@ -10,7 +10,8 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use softras::scene::{Background, Interpolation};
 use softras::{Scene, Settings};
-use softras_fit::{Fit, ImageLoss, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions, Step, Targets};
+use softras_fit::{ImageLoss, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions, ShapeRun, Step};
+use softras_io::Views;
 
 /// The arguments of a fit, all of which `softras.fit` gives.
 #[derive(FromPyObject)]
@@ -42,10 +43,10 @@ fn schedule((from, to): (f64, f64)) -> Schedule {
 }
 
 impl Plan<'_> {
-    fn targets(&self) -> PyResult<Targets> {
+    fn targets(&self) -> PyResult<Views> {
         let silhouette = self.silhouette.as_ref().map(|value| image(value, "silhouette", 1)).transpose()?;
         let color = self.color.as_ref().map(|value| image(value, "color", 3)).transpose()?;
-        Ok(Targets { cameras: cameras(&self.cameras)?, silhouette, color, ..Targets::default() })
+        Ok(Views { cameras: cameras(&self.cameras)?, silhouette, color, ..Views::default() })
     }
 
     fn options(&self) -> PyResult<ShapeOptions> {
@@ -67,7 +68,7 @@ impl Plan<'_> {
     }
 
     /// The settings of all steps, which lack the step's softness.
-    fn base(&self, mesh: &softras::Mesh, targets: &Targets) -> PyResult<Settings> {
+    fn base(&self, mesh: &softras::Mesh, targets: &Views) -> PyResult<Settings> {
         let given = settings::settings(self.settings.as_ref())?;
         if self.settings.is_some() {
             return Ok(given);
@@ -117,7 +118,7 @@ pub fn fit<'py>(
     let base = plan.base(&mesh.mesh, &targets)?;
     let shape = ShapeFit::new(mesh.mesh.clone(), lights, plan.options()?).raise()?;
     let shared = &renderer.shared;
-    let mut fit = Fit::new(shape, &targets);
+    let mut fit = ShapeRun::new(shape, &targets);
     let mut losses: Vec<Step> = Vec::with_capacity(plan.steps);
     for step in 0..plan.steps {
         let settings = plan.at(&base, step);

@@ -4,7 +4,8 @@ use crate::common::tier;
 use softras::scene::{Appearance, Background, DirectionalLight, Interpolation, Outputs, Texture, Wrap};
 use softras::{Camera, Error, Image, Lights, Mesh, Projection, Renderer, Scene, Settings, shapes};
 use softras_fit::pooled;
-use softras_fit::{ImageLoss, Schedule, ShapeFit, ShapeOptions, Targets, with_atlas};
+use softras_fit::{ImageLoss, Schedule, ShapeFit, ShapeOptions, with_atlas};
+use softras_io::Views;
 use softras_lab::random::Random;
 use std::collections::HashMap;
 
@@ -290,7 +291,7 @@ fn recolored(renderer: &mut Renderer, mesh: &Mesh, lights: &Lights, goal: &Image
         regularizers: vec![],
         ..ShapeOptions::smooth()
     };
-    let targets = Targets { cameras: cameras(), color: Some(goal.clone()), ..Targets::default() };
+    let targets = Views { cameras: cameras(), color: Some(goal.clone()), ..Views::default() };
     let mut fit = ShapeFit::new(mesh.clone(), lights.clone(), options).unwrap();
     let rate = Schedule::Exponential { from: 0.1, to: 0.005 };
     let steps = tier(25, 40);

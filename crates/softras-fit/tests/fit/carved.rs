@@ -5,29 +5,29 @@ use crate::common::{renderer, tier};
 use glam::DVec3;
 use softras::scene::Appearance;
 use softras::{Camera, Error, Image, Mesh, Projection, Renderer, Scene, Settings, shapes};
-use softras_fit::Targets;
 use softras_fit::{Voxels, evened, is_closed, overlap};
+use softras_io::Views;
 
 const PERSPECTIVE: Projection = Projection::Perspective { fov_y: 0.6 };
 const HEIGHT: u32 = 64;
 const WIDTH: u32 = 80;
 
-fn silhouettes(renderer: &mut Renderer, mesh: &Mesh) -> Targets {
+fn silhouettes(renderer: &mut Renderer, mesh: &Mesh) -> Views {
     let angles = (0..14).map(|i| [f64::from((i * 37) % 150 - 75), 51.0 * f64::from(i)]);
     let camera = |[elevation, azimuth]: [f64; 2]| Camera::from_angles(5.0, elevation, azimuth, PERSPECTIVE).unwrap();
     let cameras: Vec<Camera> = angles.map(camera).collect();
     let settings = Settings { width: WIDTH, height: HEIGHT, sigma: 1e-7, ..Settings::default() };
     let frame = renderer.render(&Scene::new(mesh.clone()), &cameras, &settings).unwrap();
-    Targets { silhouette: frame.silhouette().cloned(), cameras, ..Targets::default() }
+    Views { silhouette: frame.silhouette().cloned(), cameras, ..Views::default() }
 }
 
-fn carved(targets: &Targets, mesh: &Mesh, missing: Option<&Image>) -> Mesh {
-    targets.carved(mesh, missing, [0.0; 3], 3.0, 64).unwrap()
+fn carved(targets: &Views, mesh: &Mesh, missing: Option<&Image>) -> Mesh {
+    softras_fit::carved(&targets, mesh, missing, [0.0; 3], 3.0, 64).unwrap()
 }
 
 /// A voxel of the result is inside where it is inside the ball of radius `radius` and in every silhouette. Voxels within a pixel
 /// of an outline or a sample of the ball are left out: the samples are of that size.
-fn differs(result: &Mesh, targets: &Targets, radius: f64) -> (usize, usize) {
+fn differs(result: &Mesh, targets: &Views, radius: f64) -> (usize, usize) {
     const N: usize = 40;
     let (low, side) = ([-1.5; 3], 3.0);
     let voxels = Voxels::new(result, low, side, N).unwrap();
@@ -94,7 +94,7 @@ fn a_part_that_is_left_out_comes_as_the_hull_has_it() {
         marks
     };
     assert_eq!(genus(&carved(&targets, &left, None)), (1, Some(0)));
-    let hull = targets.visual_hull([0.0; 3], 3.0, 64).unwrap();
+    let hull = softras_fit::visual_hull(&targets, [0.0; 3], 3.0, 64).unwrap();
     let found = carved(&targets, &left, Some(&only(0)));
     assert_eq!(genus(&found), (2, Some(0)));
     let of_right = |mesh: &Mesh| mesh.positions().iter().filter(|p| p[0] > 0.3).copied().collect::<Vec<_>>();
@@ -102,12 +102,18 @@ fn a_part_that_is_left_out_comes_as_the_hull_has_it() {
     let mut few = marks.clone();
     few.batch -= 1;
     few.data.truncate(few.batch * (HEIGHT * WIDTH) as usize);
-    let refused = targets.carved(&left, Some(&few), [0.0; 3], 3.0, 64);
+    let refused = softras_fit::carved(&targets, &left, Some(&few), [0.0; 3], 3.0, 64);
     assert!(matches!(refused, Err(Error::Fit { .. })), "marks of fewer views");
     let away = moved(&ball, 0.1, [0.0, 1.2, 0.0]);
-    assert!(matches!(targets.carved(&away, None, [0.0; 3], 3.0, 64), Err(Error::Fit { .. })), "nothing is left");
+    assert!(
+        matches!(softras_fit::carved(&targets, &away, None, [0.0; 3], 3.0, 64), Err(Error::Fit { .. })),
+        "nothing is left"
+    );
     targets.silhouette = None;
-    assert!(matches!(targets.carved(&left, None, [0.0; 3], 3.0, 64), Err(Error::Fit { .. })), "no silhouettes");
+    assert!(
+        matches!(softras_fit::carved(&targets, &left, None, [0.0; 3], 3.0, 64), Err(Error::Fit { .. })),
+        "no silhouettes"
+    );
 }
 
 #[test]

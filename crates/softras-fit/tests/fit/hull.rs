@@ -2,8 +2,9 @@
 
 use crate::common::renderer;
 use softras::{Camera, Error, Mesh, Projection, Renderer, Scene, Settings, shapes};
-use softras_fit::{Targets, voxel_iou};
+use softras_fit::voxel_iou;
 use softras_fit::{Topology, Voxels, cube_around, is_closed};
+use softras_io::Views;
 
 const PERSPECTIVE: Projection = Projection::Perspective { fov_y: 0.6 };
 
@@ -14,15 +15,15 @@ fn cameras(projection: Projection) -> Vec<Camera> {
     all.map(|[elevation, azimuth]| Camera::from_angles(5.0, elevation, azimuth, projection).unwrap()).collect()
 }
 
-fn silhouettes(renderer: &mut Renderer, mesh: &Mesh, projection: Projection) -> Targets {
+fn silhouettes(renderer: &mut Renderer, mesh: &Mesh, projection: Projection) -> Views {
     let cameras = cameras(projection);
     let settings = Settings { width: 80, height: 64, sigma: 1e-7, ..Settings::default() };
     let frame = renderer.render(&Scene::new(mesh.clone()), &cameras, &settings).unwrap();
-    Targets { silhouette: frame.silhouette().cloned(), cameras, ..Targets::default() }
+    Views { silhouette: frame.silhouette().cloned(), cameras, ..Views::default() }
 }
 
 fn hull(renderer: &mut Renderer, mesh: &Mesh, projection: Projection) -> Mesh {
-    silhouettes(renderer, mesh, projection).visual_hull([0.0; 3], 3.0, 64).unwrap()
+    softras_fit::visual_hull(&silhouettes(renderer, mesh, projection), [0.0; 3], 3.0, 64).unwrap()
 }
 
 /// Parts, and handles where it is closed.
@@ -100,12 +101,13 @@ fn every_kind_of_camera_sees_the_same_hull() {
 fn silhouettes_of_no_solid_are_refused() {
     let mut renderer = renderer();
     let targets = silhouettes(&mut renderer, &shapes::icosphere(2).unwrap(), PERSPECTIVE);
-    let refused =
-        |targets: &Targets, side: f64, samples: usize, part: &str| match targets.visual_hull([0.0; 3], side, samples) {
-            Err(error @ Error::Fit { .. }) => assert!(error.to_string().contains(part), "{error} without {part}"),
-            other => panic!("{other:?} without {part}"),
-        };
-    let changed = |change: &dyn Fn(&mut Targets)| {
+    let refused = |targets: &Views, side: f64, samples: usize, part: &str| match softras_fit::visual_hull(
+        &targets, [0.0; 3], side, samples,
+    ) {
+        Err(error @ Error::Fit { .. }) => assert!(error.to_string().contains(part), "{error} without {part}"),
+        other => panic!("{other:?} without {part}"),
+    };
+    let changed = |change: &dyn Fn(&mut Views)| {
         let mut targets = targets.clone();
         change(&mut targets);
         targets
@@ -117,10 +119,10 @@ fn silhouettes_of_no_solid_are_refused() {
     refused(&changed(&|t| t.cameras.truncate(3)), 3.0, 64, "3 cameras");
     refused(&changed(&|t| t.cameras[2] = Camera::screen()), 3.0, 64, "camera 2");
     let pixels = 80 * 64;
-    let black = |t: &mut Targets| t.silhouette.as_mut().unwrap().data[pixels..2 * pixels].fill(0.0);
+    let black = |t: &mut Views| t.silhouette.as_mut().unwrap().data[pixels..2 * pixels].fill(0.0);
     refused(&changed(&black), 3.0, 64, "picture 1");
     // Two pictures whose objects are far apart.
-    let apart = |t: &mut Targets| {
+    let apart = |t: &mut Views| {
         let data = &mut t.silhouette.as_mut().unwrap().data;
         (0..2).for_each(|view| data[view * pixels..(view + 1) * pixels].fill(0.0));
         data[..80].fill(1.0);

@@ -4,12 +4,11 @@ use crate::common::renderer;
 use proptest::prelude::*;
 use softras::scene::{Appearance, Outputs, Texture, Wrap};
 use softras::{Camera, Image, ImageGradient, Lights, Mesh, Projection, Settings, shapes};
-use softras_fit::{
-    ImageLoss, Method, Optimizer, PoseTarget, ShapeFit, ShapeOptions, Targets, mask_iou, soft_target, voxel_iou,
-};
+use softras_fit::{ImageLoss, Method, Optimizer, PoseTarget, ShapeFit, ShapeOptions, mask_iou, soft_target, voxel_iou};
 use softras_fit::{
     Topology, Voxels, add_blurred_gradient, add_pooled_gradient, blur_factor, blurred, pooled, signed_distance,
 };
+use softras_io::Views;
 
 /// A length: a small one, or one whose product with others wraps.
 fn length() -> impl Strategy<Value = usize> {
@@ -77,7 +76,7 @@ proptest! {
         let rendered = Outputs { color: true, silhouette: true, depth: false, normal: false };
         let checked = gradient.validate(rendered, a.batch, a.height, a.width);
         prop_assert!(checked.is_err() || (is_whole(&a) && is_whole(&b)));
-        let targets = Targets { cameras: vec![camera(); a.batch.min(3)], silhouette: Some(a.clone()), color: Some(b), ..Targets::default() };
+        let targets = Views { cameras: vec![camera(); a.batch.min(3)], silhouette: Some(a.clone()), color: Some(b), ..Views::default() };
         prop_assert!(targets.size().is_err() || is_whole(&a));
     }
 
@@ -109,7 +108,7 @@ proptest! {
 fn fits_of_absurd_lengths_are_refused() {
     let mut renderer = renderer();
     let image = |batch, height, width, count| Image { batch, height, width, channels: 1, data: vec![0.5; count] };
-    let targets = |image| Targets { cameras: vec![camera()], silhouette: Some(image), ..Targets::default() };
+    let targets = |image| Views { cameras: vec![camera()], silhouette: Some(image), ..Views::default() };
     let fit = |samples, levels| {
         let options = ShapeOptions { samples, levels, ..ShapeOptions::official() };
         ShapeFit::new(shapes::icosphere(0).unwrap(), Lights::unlit(), options)

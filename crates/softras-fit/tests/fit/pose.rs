@@ -306,7 +306,7 @@ fn poses_are_fitted_in_parts_where_memory_is_short() {
     let at_once = tight.render_saved(&Scene::new(shapes::cube().unwrap()), &cameras(&fit, &poses), &SETTINGS);
     assert!(at_once.is_err(), "the memory is enough for all at once");
     assert_eq!(fit.differentiate(&mut tight, &target).unwrap(), whole);
-    // Targets for other poses are still refused.
+    // Views for other poses are still refused.
     let few = targets(&fit, &mut crate::common::renderer(), &poses[..5]);
     let refused = fit.differentiate(&mut crate::common::renderer(), &few).unwrap_err().to_string();
     assert!(refused.contains("5 targets for 24 poses"), "{refused}");

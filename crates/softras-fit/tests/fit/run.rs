@@ -6,17 +6,18 @@ use softras::{
     Camera, Error, Image, ImageGradient, Lights, Mesh, Projection, Renderer, RendererOptions, Scene, Settings, Wanted,
     shapes,
 };
-use softras_fit::{Fit, ImageLoss, ShapeFit, ShapeOptions, Targets};
+use softras_fit::{ImageLoss, ShapeFit, ShapeOptions, ShapeRun};
+use softras_io::Views;
 
 const SIDE: u32 = 32;
 
 /// A renderer, the silhouettes of a cube from four sides, and settings for fits to them.
-fn goal() -> (common::Loan, Targets, Settings) {
+fn goal() -> (common::Loan, Views, Settings) {
     goal_of(shapes::cube().unwrap(), 4)
 }
 
 /// The same of a mesh from a number of sides.
-fn goal_of(mesh: Mesh, sides: u32) -> (common::Loan, Targets, Settings) {
+fn goal_of(mesh: Mesh, sides: u32) -> (common::Loan, Views, Settings) {
     let mut renderer = common::renderer();
     let scene = Scene::new(mesh);
     let projection = Projection::Perspective { fov_y: 0.6 };
@@ -26,11 +27,11 @@ fn goal_of(mesh: Mesh, sides: u32) -> (common::Loan, Targets, Settings) {
     let settings = Settings { width: SIDE, height: SIDE, sigma: 1e-4, ..Settings::default() }
         .with_depths_of(&scene, &cameras, 0.5);
     let silhouette = renderer.render(&scene, &cameras, &settings).unwrap().silhouette().cloned();
-    (renderer, Targets { cameras, silhouette, ..Targets::default() }, settings)
+    (renderer, Views { cameras, silhouette, ..Views::default() }, settings)
 }
 
 /// The losses of some steps, and the step and mesh of the least.
-fn fitted(mut fit: Fit, renderer: &mut Renderer, settings: &Settings, rate: f64) -> (Vec<f64>, (Mesh, usize)) {
+fn fitted(mut fit: ShapeRun, renderer: &mut Renderer, settings: &Settings, rate: f64) -> (Vec<f64>, (Mesh, usize)) {
     assert!(fit.best().is_none());
     let losses = (0..30).map(|_| fit.step(renderer, settings, rate, 0.0).unwrap().loss).collect();
     let (mesh, step) = fit.best().unwrap();
@@ -47,7 +48,7 @@ fn both_presets_fit_the_crates_own_sphere() {
         // The official sphere begins at half its size, the other one as it is.
         let reach = shape.mesh().positions().as_flattened().iter().fold(0.0f32, |most, x| most.max(x.abs()));
         assert_eq!(reach, start);
-        let (losses, (mesh, step)) = fitted(Fit::new(shape, &targets), &mut renderer, &settings, rate);
+        let (losses, (mesh, step)) = fitted(ShapeRun::new(shape, &targets), &mut renderer, &settings, rate);
         assert_eq!(losses.len(), 30);
         assert!(losses[29] < most * losses[0], "{start} {losses:?}");
         let least = losses.iter().copied().fold(f64::INFINITY, f64::min);
@@ -128,7 +129,7 @@ fn steps_of_some_of_the_views_take_them_in_turn() {
     let (mut renderer, targets, settings) = goal_of(bar, 6);
     let options = ShapeOptions { regularizers: vec![], views_per_step: 2, ..ShapeOptions::smooth() };
     let shape = || ShapeFit::new(shapes::icosphere(2).unwrap(), Lights::unlit(), options.clone()).unwrap();
-    let mut fit = Fit::new(shape(), &targets);
+    let mut fit = ShapeRun::new(shape(), &targets);
     // The last of these steps has the views of the largest loss.
     let losses: Vec<f64> = (0..29).map(|_| fit.step(&mut renderer, &settings, 0.02, 0.0).unwrap().loss).collect();
     let (_, best) = fit.best().unwrap();
@@ -147,7 +148,7 @@ fn steps_of_some_of_the_views_take_them_in_turn() {
     let one_by_one = |view: usize| {
         let picture = targets.silhouette.as_ref().unwrap();
         let alone = Image { batch: 1, data: picture.view(view).to_vec(), ..*picture };
-        let alone = Targets { cameras: vec![targets.cameras[view]], silhouette: Some(alone), ..Targets::default() };
+        let alone = Views { cameras: vec![targets.cameras[view]], silhouette: Some(alone), ..Views::default() };
         let all = ShapeOptions { views_per_step: 0, ..options.clone() };
         let mut fit = ShapeFit::new(shapes::icosphere(2).unwrap(), Lights::unlit(), all).unwrap();
         fit.step(&mut renderer, &settings, &alone, 0.0, 0.0).unwrap().loss

@@ -4,7 +4,8 @@ use crate::common::{self, tier};
 use softras::scene::{Background, Outputs};
 use softras::{Camera, Image, Lights, Mesh, Projection, Renderer, Scene, Settings, shapes};
 use softras_fit::pooled;
-use softras_fit::{ImageLoss, Method, Parametrization, ShapeFit, ShapeOptions, Targets, voxel_iou};
+use softras_fit::{ImageLoss, Method, Parametrization, ShapeFit, ShapeOptions, voxel_iou};
+use softras_io::Views;
 use softras_lab::random::Random;
 
 const SIDE: u32 = 24;
@@ -22,13 +23,13 @@ fn settings() -> Settings {
 }
 
 /// What some views show of a mesh, each pixel the mean of so many rendered ones along each side.
-fn targets(renderer: &mut Renderer, mesh: &Mesh, cameras: Vec<Camera>, samples: u32) -> Targets {
+fn targets(renderer: &mut Renderer, mesh: &Mesh, cameras: Vec<Camera>, samples: u32) -> Views {
     let side = SIDE * samples;
     let sharp = Settings { width: side, height: side, sigma: 1e-7, gamma: 1e-4, outputs: ALL, ..settings() };
     let frame = renderer.render(&Scene::new(mesh.clone()), &cameras, &sharp).unwrap();
     let image = |image: Option<&Image>| Some(pooled(image.unwrap(), samples as usize).unwrap());
     let (silhouette, depth, normal) = (image(frame.silhouette()), image(frame.depth()), image(frame.normal()));
-    Targets { cameras, silhouette, color: None, depth, normal }
+    Views { cameras, silhouette, color: None, depth, normal }
 }
 
 fn scaled(mesh: &Mesh, by: [f32; 3]) -> Mesh {
@@ -118,7 +119,7 @@ fn depths_and_normals_show_what_outlines_hide() {
     };
     let goal = Mesh::new(ball.positions().iter().map(hollow).collect(), ball.triangles().to_vec()).unwrap();
     let all = targets(&mut renderer, &goal, cameras(views), 2);
-    let mut reached = |targets: &Targets| {
+    let mut reached = |targets: &Views| {
         let options =
             ShapeOptions { depth: (ImageLoss::L1, 20.0), normal: (ImageLoss::L1, 1.0), ..ShapeOptions::smooth() };
         let mut fit = ShapeFit::new(shapes::icosphere(subdivisions).unwrap(), Lights::unlit(), options).unwrap();
@@ -129,11 +130,11 @@ fn depths_and_normals_show_what_outlines_hide() {
         let inner = mesh.positions().iter().filter(|p| p[0].hypot(p[2]) < 0.12 && p[1] > 0.0);
         (inner.map(|p| p[1]).fold(f32::INFINITY, f32::min), steps)
     };
-    let outlines = Targets { depth: None, normal: None, ..all.clone() };
+    let outlines = Views { depth: None, normal: None, ..all.clone() };
     let (height, steps) = reached(&outlines);
     assert!(height > 0.85, "{height}");
     assert!(steps.iter().all(|step| step.depth == 0.0 && step.normal == 0.0));
-    for targets in tier(vec![all.clone()], vec![Targets { normal: None, ..all.clone() }, all]) {
+    for targets in tier(vec![all.clone()], vec![Views { normal: None, ..all.clone() }, all]) {
         let (height, steps) = reached(&targets);
         assert!(height < 0.7, "{height}");
         let (first, last) = (steps[0].depth, steps[count - 1].depth);
@@ -146,11 +147,12 @@ fn depths_carve_a_hull() {
     let mut renderer = common::renderer();
     let mug = softras::shapes::by_name("mug").unwrap();
     let all = targets(&mut renderer, &mug, cameras(16), 2);
-    let iou = |targets: &Targets| voxel_iou(&targets.visual_hull([0.0; 3], 3.0, 64).unwrap(), &mug, 48).unwrap();
-    let (outlines, depths) = (iou(&Targets { depth: None, ..all.clone() }), iou(&all));
+    let iou =
+        |targets: &Views| voxel_iou(&softras_fit::visual_hull(&targets, [0.0; 3], 3.0, 64).unwrap(), &mug, 48).unwrap();
+    let (outlines, depths) = (iou(&Views { depth: None, ..all.clone() }), iou(&all));
     assert!(outlines < 0.65 && depths > outlines + 0.15, "{outlines} by outlines, {depths} by depths");
     // One solid of one handle, with nothing around it and no bubbles in it.
-    let hull = all.visual_hull([0.0; 3], 3.0, 64).unwrap();
+    let hull = softras_fit::visual_hull(&all, [0.0; 3], 3.0, 64).unwrap();
     assert_eq!(euler_characteristic(&hull), 0);
 }
 
@@ -170,18 +172,18 @@ fn what_is_no_depth_is_not_known() {
     let mut renderer = common::renderer();
     let ball = shapes::icosphere(2).unwrap();
     let good = targets(&mut renderer, &ball, cameras(2), 1);
-    let outlines = Targets { depth: None, normal: None, ..good.clone() };
-    let by_outlines = outlines.visual_hull([0.0; 3], 3.0, 32).unwrap();
-    assert_ne!(good.visual_hull([0.0; 3], 3.0, 32).unwrap(), by_outlines);
+    let outlines = Views { depth: None, normal: None, ..good.clone() };
+    let by_outlines = softras_fit::visual_hull(&outlines, [0.0; 3], 3.0, 32).unwrap();
+    assert_ne!(softras_fit::visual_hull(&good, [0.0; 3], 3.0, 32).unwrap(), by_outlines);
     let options = ShapeOptions { depth: (ImageLoss::L1, 1.0), normal: (ImageLoss::L1, 1.0), ..plain() };
     for value in [0.0, -4.0, f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
         let all =
             |image: &Option<Image>| image.clone().map(|image| Image { data: vec![value; image.data.len()], ..image });
-        let unknown = Targets { depth: all(&good.depth), normal: None, ..good.clone() };
-        assert_eq!(unknown.visual_hull([0.0; 3], 3.0, 32).unwrap(), by_outlines, "{value}");
+        let unknown = Views { depth: all(&good.depth), normal: None, ..good.clone() };
+        assert_eq!(softras_fit::visual_hull(&unknown, [0.0; 3], 3.0, 32).unwrap(), by_outlines, "{value}");
         // A negative number may well be a part of a normal.
         let normal = if value == -4.0 { None } else { all(&good.normal) };
-        let unknown = Targets { normal, ..unknown };
+        let unknown = Views { normal, ..unknown };
         let mut fit = ShapeFit::new(ball.clone(), Lights::unlit(), options.clone()).unwrap();
         let step = fit.step(&mut renderer, &settings(), &unknown, 1.0, 0.0).unwrap();
         assert!(step.depth == 0.0 && step.normal == 0.0 && fit.mesh().positions() == ball.positions(), "{value}");
@@ -200,18 +202,17 @@ fn what_cannot_be_compared_is_refused() {
     ] {
         assert!(fit(options).is_err_and(|e| e.to_string().contains("IoU of depths or normals")));
     }
-    let one_channel = Targets { normal: good.depth.clone(), ..good.clone() };
+    let one_channel = Views { normal: good.depth.clone(), ..good.clone() };
     assert!(one_channel.size().is_err_and(|e| e.to_string().contains("normals of shape [2, 24, 24, 1]")));
     let one_view = targets(&mut renderer, &ball, cameras(1), 1);
-    let of_one_view = Targets { depth: one_view.depth, ..good.clone() };
+    let of_one_view = Views { depth: one_view.depth, ..good.clone() };
     assert!(
-        of_one_view
-            .visual_hull([0.0; 3], 3.0, 32)
+        softras_fit::visual_hull(&of_one_view, [0.0; 3], 3.0, 32)
             .is_err_and(|e| e.to_string().contains("depths of shape [1, 24, 24, 1]"))
     );
     // Nothing known is nothing to learn from.
-    let unknown = Targets { depth: good.depth.clone().map(|d| Image { data: vec![0.0; d.data.len()], ..d }), ..good };
-    let unknown = Targets { normal: None, silhouette: None, ..unknown };
+    let unknown = Views { depth: good.depth.clone().map(|d| Image { data: vec![0.0; d.data.len()], ..d }), ..good };
+    let unknown = Views { normal: None, silhouette: None, ..unknown };
     let mut shape = fit(ShapeOptions { depth: (ImageLoss::L1, 1.0), ..plain() }).unwrap();
     let step = shape.step(&mut renderer, &settings(), &unknown, 1.0, 0.0).unwrap();
     assert!(step.loss == 0.0 && shape.mesh().positions() == ball.positions());

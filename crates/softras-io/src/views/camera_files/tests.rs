@@ -145,7 +145,7 @@ fn what_is_written_is_read_again() {
     };
     let folder = tempfile::tempdir().unwrap();
     // Half covered by linear 0.5: sRGB's byte 188.
-    write(folder.path(), &made, &image(1, |_| 0.5), &image(3, |_| 0.25)).unwrap();
+    crate::output::write_files(&files(folder.path(), &made, &image(1, |_| 0.5), &image(3, |_| 0.25)).unwrap()).unwrap();
     let (path, views) = read(folder.path(), None, 30.0).unwrap();
     for (view, made) in views.iter().zip(&made) {
         let camera = view.camera(&path, SIZE).unwrap();
