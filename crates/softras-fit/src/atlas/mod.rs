@@ -33,7 +33,8 @@ use softras::{
 /// and where the charts do not fit into the image however long their texels are, which says how large it would have to be.
 ///
 /// ```
-/// use softras::{fit::with_atlas, scene::Appearance, shapes};
+/// use softras::{scene::Appearance, shapes};
+/// use softras_fit::with_atlas;
 ///
 /// let ball = shapes::icosphere(2)?;
 /// let colors = ball.positions().iter().map(|p| p.map(|x| 0.5 + 0.5 * x)).collect();
