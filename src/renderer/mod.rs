@@ -31,12 +31,6 @@ pub struct RendererOptions {
     /// Invocations that share a tile, 1 to 32, a power of two; `None`: a subgroup's on software devices, 32 elsewhere. The
     /// images do not depend on it.
     pub lanes: Option<u32>,
-    /// For this package's tests of lists without room: the initial capacities. `None`: estimated.
-    #[doc(hidden)]
-    pub capacity: Option<Capacity>,
-    /// For this package's tests: copy between host and device even if they share memory, as on a discrete GPU.
-    #[doc(hidden)]
-    pub staging: bool,
     /// The folder that keeps compiled kernels between runs.
     pub cache: CacheFolder,
     /// The Vulkan loader; `None`: the system's.
@@ -60,8 +54,6 @@ pub struct Renderer {
     rendered: u64,
     timed: bool,
     backward_timings: Vec<StageTime>,
-    /// The capacity of the first frame, until it is rendered.
-    initial: Option<Capacity>,
     /// What the frames so far had or would have needed.
     capacity: Option<Capacity>,
     /// The kernels that a frame has needed so far, of those that few frames need: they take as long to compile as all others
@@ -101,7 +93,6 @@ impl Renderer {
         let context = Context::new(&ContextOptions {
             device: options.device.clone(),
             validation: options.validation,
-            staging: options.staging,
             cache: options.cache.clone(),
             loader: options.loader,
         })?;
@@ -111,7 +102,7 @@ impl Renderer {
         }
         // Of other devices no box is so small that one lane takes it alone wherever it is.
         let large = context.device().kind() != DeviceKind::Software;
-        let rare = Rare { walked: options.capacity.is_some(), thin: false, large };
+        let rare = Rare { walked: false, thin: false, large };
         let shared = Shared { rasterizer, context, memory: options.memory };
         Ok(Self {
             slots: vec![Slot::new(&shared.context)?],
@@ -120,7 +111,6 @@ impl Renderer {
             rendered: 0,
             timed: false,
             backward_timings: Vec::new(),
-            initial: options.capacity,
             rare,
             capacity: None,
         })
@@ -192,7 +182,7 @@ impl Renderer {
     pub fn render(&mut self, scene: &Scene, cameras: &[Camera], settings: &Settings) -> Result<Frame> {
         let mut shape = Shape::of(scene, cameras, settings)?;
         let estimated = |kept: Capacity| kept.max(Capacity::estimate(settings, shape.cutoff, &shape.view_sizes()));
-        shape.capacity = self.initial.take().or(self.capacity.map(estimated));
+        shape.capacity = self.capacity.map(estimated);
         self.latest = self.take_slot(&shape, settings)?;
         let plan = loop {
             let plan = self.slots[self.latest].plan(&self.shared, &shape, settings, self.rare)?;

@@ -8,16 +8,16 @@ pub mod engine;
 pub mod memory;
 pub mod shim;
 
-use crate::common::{scenes::Case, validates};
+use crate::common::{gradient::same_gradient_bits, scenes::Case, validates};
 use ash::vk;
 use engine::{Buffer, Engine};
 use gpu_allocator::MemoryLocation;
 use softras::embed::{
-    Arena, BufferId, Decoder, Differentiate, FrameBindings, FramePlan, GradientBindings, GradientPlan, HostCommands,
-    Inputs, Rasterizer, Shape, Status,
+    Arena, BufferId, Capacity, Decoder, Differentiate, FrameBindings, FramePlan, GradientBindings, GradientPlan,
+    HostCommands, Inputs, Rasterizer, Shape, Status,
 };
 use softras::scene::Outputs;
-use softras::{Gradients, ImageGradient, Scene, Wanted};
+use softras::{Frame, Gradients, ImageGradient, Scene, Wanted};
 
 pub type Messages = Vec<String>;
 
@@ -140,6 +140,76 @@ pub fn images(case: &Case, host: &Host) -> Vec<(&'static str, Vec<f32>)> {
         images.push(("normal", rgb(&host.floats(BufferId::Normals)[..4 * pixels])));
     }
     images
+}
+
+/// A host that plans frames with any room for their lists.
+pub struct Planner {
+    engine: Engine,
+    rasterizer: Rasterizer,
+}
+
+/// What a [`Planner`] rendered: images, gradients, and the entries that the tiles' lists would have needed.
+pub struct Planned {
+    pub images: Vec<(&'static str, Vec<f32>)>,
+    pub gradients: Gradients,
+    pub list_entries: u32,
+}
+
+impl Planner {
+    pub fn new() -> Self {
+        let engine = engine();
+        let rasterizer = rasterizer(&engine);
+        Self { engine, rasterizer }
+    }
+
+    pub fn with_lanes(self, lanes: u32) -> Self {
+        Self { rasterizer: self.rasterizer.with_lanes(lanes).unwrap(), ..self }
+    }
+
+    /// One frame of a saved case and its gradients, whatever its lists lack.
+    pub fn render(&self, case: &Case, upstream: &ImageGradient, wanted: Wanted, capacity: Capacity) -> Planned {
+        let (engine, rasterizer) = (&self.engine, &self.rasterizer);
+        let shape = Shape::of(&case.scene, &case.cameras, &case.settings).unwrap();
+        let host = Host::of_shape(engine, rasterizer, case, &Shape { capacity: Some(capacity), ..shape });
+        let backward = Backward::new(engine, rasterizer, &host, upstream, wanted);
+        submit(engine, |commands| {
+            rasterizer.record_forward(commands, &host.plan, &host.bindings).unwrap();
+            backward.record(rasterizer, commands);
+        });
+        let gradients = backward.decode(&host, case, &case.scene);
+        Planned { images: images(case, &host), gradients, list_entries: host.status().needed.list }
+    }
+
+    /// The validation layers had nothing to say.
+    pub fn assert_silent(self) {
+        drop(self.rasterizer);
+        assert_silent(self.engine);
+    }
+}
+
+impl Planned {
+    /// A renderer's frame with its gradients, to compare with.
+    pub fn of(frame: &Frame, gradients: Gradients) -> Self {
+        let images = [
+            ("color", frame.color()),
+            ("silhouette", frame.silhouette()),
+            ("depth", frame.depth()),
+            ("normal", frame.normal()),
+        ];
+        let images = images.into_iter().filter_map(|(name, image)| Some((name, image?.data.clone())));
+        Self { images: images.collect(), gradients, list_entries: 0 }
+    }
+
+    /// Where the bits of another frame differ.
+    pub fn difference(&self, other: &Self) -> Option<String> {
+        assert_eq!(self.images.len(), other.images.len());
+        for ((name, ours), (_, theirs)) in self.images.iter().zip(&other.images) {
+            if let Some(at) = difference(ours, theirs) {
+                return Some(format!("{name} at {at}"));
+            }
+        }
+        same_gradient_bits(&self.gradients, &other.gradients).err()
+    }
 }
 
 /// The first value whose bits differ.

@@ -22,8 +22,6 @@ pub struct ContextOptions {
     pub device: Option<String>,
     /// Run under the validation layer with its checks of synchronization and best practices. SOFTRAS_VALIDATION=1 turns it on as well.
     pub validation: bool,
-    /// Copy between host and device even where the memory is shared, as a discrete GPU must. For tests.
-    pub staging: bool,
     /// Where compiled kernels are kept for the next process.
     pub cache: CacheFolder,
     /// The Vulkan loader; `None`: the system's.
@@ -88,7 +86,7 @@ impl Context {
             allocator: Mutex::new(allocator),
             queue: Mutex::new(queue),
             queue_family,
-            direct_types: if options.staging { 0 } else { direct_types(&device, adapter.info.kind) },
+            direct_types: direct_types(&device, adapter.info.kind),
             device,
         });
         Ok(Self { cache, info: adapter.info, shared })

@@ -6,7 +6,7 @@ use super::{COUNT, LOCAL, Outcome, PUSH, Record, SelfTest, context, error, texel
 use crate::vulkan::{
     BindingKind, Buffer, BufferDesc, BufferPart, BufferRef, CacheFolder, CommandBuffer, Context, ContextOptions,
     DescriptorPool, Device, HostAdapter, HostCommands, HostDevice, Location, Pipeline, Recorder, SharedBuffer,
-    SpecValue, TexelFormat, TimestampPool, constants, kernels,
+    SpecValue, TexelFormat, TimestampPool, kernels,
 };
 
 #[test]
@@ -29,27 +29,6 @@ fn a_kernel_runs_end_to_end() -> Outcome {
     test.assert_result()?;
     drop((context, test, commands));
     assert_eq!(log.messages(), Vec::<String>::new());
-    Ok(())
-}
-
-/// What a discrete GPU must do: on shared memory nothing is copied.
-#[test]
-fn host_data_is_staged_where_memory_is_not_shared() -> Outcome {
-    let options = ContextOptions { staging: true, cache: CacheFolder::Nowhere, ..Default::default() };
-    let context = Context::new(&options)?;
-    let mut test = SelfTest::new(&context)?;
-    assert!(!test.records.is_direct() && !test.texels.is_direct() && !test.records.buffer().is_mapped());
-    let mut commands = CommandBuffer::new(&context, "staged")?;
-    commands.record(|recorder| test.record(recorder))?;
-    commands.submit_and_wait()?;
-    test.assert_result()?;
-    // The host's writes between two submissions arrive.
-    test.texels.write(0, &[0; 16])?;
-    commands.submit_and_wait()?;
-    let mut last = [1.0f32; 4];
-    test.records.read(u64::from(COUNT - 1) * 48, bytemuck::cast_slice_mut(&mut last))?;
-    assert_eq!(last, [constants::SELFTEST_OFFSET; 4]);
-    assert_eq!(context.validation_messages(), Vec::<String>::new());
     Ok(())
 }
 

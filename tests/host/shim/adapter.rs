@@ -1,4 +1,4 @@
-//! A physical device shown otherwise than it is: without shuffles or timestamps, its queue family behind others and for
+//! A physical device shown otherwise than it is: without shuffles, timestamps or cached memory, its queue family behind others and for
 //! compute alone; and commands recorded without their barriers.
 // Named as what they stand before.
 #![allow(non_snake_case)]
@@ -13,6 +13,7 @@ static BEFORE: AtomicU32 = AtomicU32::new(0);
 static FLAGS: AtomicU32 = AtomicU32::new(u32::MAX);
 static NO_TIMESTAMPS: AtomicBool = AtomicBool::new(false);
 static NO_SHUFFLES: AtomicBool = AtomicBool::new(false);
+static NO_CACHED_MEMORY: AtomicBool = AtomicBool::new(false);
 static NO_BARRIERS: AtomicBool = AtomicBool::new(false);
 /// Stages that barriers have named.
 static STAGES: AtomicU32 = AtomicU32::new(0);
@@ -23,6 +24,7 @@ pub fn show_all() {
     FLAGS.store(u32::MAX, Relaxed);
     NO_TIMESTAMPS.store(false, Relaxed);
     NO_SHUFFLES.store(false, Relaxed);
+    NO_CACHED_MEMORY.store(false, Relaxed);
     NO_BARRIERS.store(false, Relaxed);
     STAGES.store(0, Relaxed);
 }
@@ -39,6 +41,11 @@ pub fn hide_timestamps() {
 
 pub fn hide_shuffles() {
     NO_SHUFFLES.store(true, Relaxed);
+}
+
+/// No memory of the device is cached by the host, so that softras copies between device and host as on a discrete GPU.
+pub fn hide_cached_memory() {
+    NO_CACHED_MEMORY.store(true, Relaxed);
 }
 
 /// Leaves out every barrier that is recorded.
@@ -104,6 +111,18 @@ pub unsafe extern "system" fn vkGetPhysicalDeviceProperties2(
             subgroups.supported_operations = vk::SubgroupFeatureFlags::BASIC;
         }
         next = link.p_next;
+    }
+}
+
+pub unsafe extern "system" fn vkGetPhysicalDeviceMemoryProperties(
+    physical: vk::PhysicalDevice,
+    properties: *mut vk::PhysicalDeviceMemoryProperties,
+) {
+    let real = real!(vkGetPhysicalDeviceMemoryProperties as vk::PFN_vkGetPhysicalDeviceMemoryProperties);
+    unsafe { real(physical, properties) };
+    if NO_CACHED_MEMORY.load(Relaxed) {
+        let kinds = unsafe { &mut (*properties).memory_types };
+        kinds.iter_mut().for_each(|kind| kind.property_flags &= !vk::MemoryPropertyFlags::HOST_CACHED);
     }
 }
 

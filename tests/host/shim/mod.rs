@@ -8,8 +8,8 @@
 pub mod adapter;
 
 use adapter::{
-    vkCmdPipelineBarrier, vkCreateDevice, vkGetDeviceQueue, vkGetPhysicalDeviceProperties2,
-    vkGetPhysicalDeviceQueueFamilyProperties,
+    vkCmdPipelineBarrier, vkCreateDevice, vkGetDeviceQueue, vkGetPhysicalDeviceMemoryProperties,
+    vkGetPhysicalDeviceProperties2, vkGetPhysicalDeviceQueueFamilyProperties,
 };
 use ash::vk;
 use softras::Loader;
@@ -123,8 +123,8 @@ functions! {
     vkFreeMemory vkDestroyBuffer vkDestroyBufferView vkDestroyDescriptorSetLayout vkDestroyDescriptorPool
     vkDestroyPipelineLayout vkDestroyShaderModule vkDestroyPipeline vkDestroyPipelineCache vkDestroyCommandPool
     vkDestroyFence vkDestroyQueryPool
-    vkCreateDevice vkGetPhysicalDeviceQueueFamilyProperties vkGetPhysicalDeviceProperties2 vkGetDeviceQueue
-    vkCmdPipelineBarrier
+    vkCreateDevice vkGetPhysicalDeviceQueueFamilyProperties vkGetPhysicalDeviceProperties2
+    vkGetPhysicalDeviceMemoryProperties vkGetDeviceQueue vkCmdPipelineBarrier
 }
 
 /// Makes one object: counted, or refused.
@@ -312,5 +312,6 @@ unsafe extern "system" fn get_instance_proc_addr(
     let name = unsafe { CStr::from_ptr(name) }.to_str().unwrap_or_default();
     stand_before!(given, name, [
         vkGetDeviceProcAddr vkCreateDevice vkGetPhysicalDeviceQueueFamilyProperties vkGetPhysicalDeviceProperties2
+        vkGetPhysicalDeviceMemoryProperties
     ])
 }

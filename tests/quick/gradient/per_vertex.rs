@@ -2,21 +2,17 @@
 
 use super::repeat::{EYES, ball};
 use crate::common::{
-    gradient::{
-        ALL_OUTPUTS, Group, backward, made_case, matching, norm, random_upstream, relative_error, same_gradient_bits,
-        upstream_of,
-    },
+    gradient::{ALL_OUTPUTS, Group, backward, made_case, matching, norm, random_upstream, relative_error, upstream_of},
     random::Random,
-    renderer, renderer_with,
+    renderer,
     scenes::{Case, small},
     tier,
     tolerance::GRADIENT,
 };
+use crate::host::Planner;
 use softras::embed::Capacity;
 use softras::scene::{Appearance, Outputs};
-use softras::{
-    Camera, GradientMode, ImageGradient, Lights, Mesh, Projection, RendererOptions, Scene, Settings, Wanted, shapes,
-};
+use softras::{Camera, GradientMode, ImageGradient, Lights, Mesh, Projection, Scene, Settings, Wanted, shapes};
 
 /// What needs no stage between, and the same with what needs it.
 const ALONE: Wanted = Wanted { positions: true, colors: true, ..Wanted::NOTHING };
@@ -102,16 +98,13 @@ fn they_are_those_of_the_stage_between() {
 fn they_do_not_depend_on_the_room_for_cells() {
     let case = large_triangles();
     let upstream = random_upstream(&case, COLOR_AND_DEPTH, &GRADIENT);
-    let of = |cells: u32| {
-        let capacity = Capacity { coarse: 1 << 12, list: 1 << 14, cells };
-        let mut renderer = renderer_with(RendererOptions { capacity: Some(capacity), ..RendererOptions::default() });
-        let frame = renderer.render(&case.scene, &case.cameras, &case.settings).unwrap();
-        renderer.backward(&frame, &upstream, &ALONE).unwrap()
-    };
+    let planner = Planner::new();
+    let of = |cells| planner.render(&case, &upstream, ALONE, Capacity { coarse: 1 << 12, list: 1 << 14, cells });
     let whole = of(1 << 10);
-    for &cells in tier(&[3][..], &[1, 3, 1 << 16]) {
-        same_gradient_bits(&whole, &of(cells)).unwrap_or_else(|error| panic!("room for {cells}: {error}"));
+    for &cells in tier(&[3, 1 << 16][..], &[1, 3, 1 << 16]) {
+        assert_eq!(whole.difference(&of(cells)), None, "room for {cells}");
     }
+    planner.assert_silent();
 }
 
 /// So many triangles over all of the image that share a corner outside it, the nearest of them last.
@@ -133,8 +126,7 @@ fn fan(triangles: u32) -> Case {
 /// between, and one more with it, and neither loses the nearest triangle, which is the last.
 #[test]
 fn a_vertex_of_many_large_triangles_loses_none() {
-    let capacity = Capacity { coarse: 1 << 17, list: 1 << 23, cells: 1 << 17 };
-    let mut renderer = renderer_with(RendererOptions { capacity: Some(capacity), ..RendererOptions::default() });
+    let mut renderer = renderer();
     for triangles in [508, 520] {
         let case = fan(triangles);
         let upstream = ImageGradient {

@@ -2,8 +2,7 @@
 
 use super::repeat::{EYES, SORTS, ball};
 use crate::common::{
-    compare::same_bits,
-    gradient::{ALL_OUTPUTS, made_case, random_upstream, same_gradient_bits},
+    gradient::{ALL_OUTPUTS, made_case, random_upstream},
     modes::{cut_out, in_every_mode},
     random::Random,
     renderer_with,
@@ -11,25 +10,11 @@ use crate::common::{
     tier,
     tolerance::GRADIENT,
 };
+use crate::host::{Planned, Planner};
 use softras::embed::Capacity;
-use softras::{Camera, Frame, Gradients, ImageGradient, Lights, Mesh, RendererOptions, Scene, Settings, Wanted};
+use softras::{Camera, Lights, Mesh, RendererOptions, Scene, Settings, Wanted};
 
-/// A frame and its gradients by a renderer of its own, whose first frame has this capacity; and the entries of all lists.
-fn first_of(case: &Case, upstream: &ImageGradient, capacity: Capacity) -> (Frame, Gradients, u64) {
-    let mut renderer = renderer_with(RendererOptions { capacity: Some(capacity), ..RendererOptions::default() });
-    let frame = renderer.render(&case.scene, &case.cameras, &case.settings).unwrap();
-    let entries = renderer.frame_counts().unwrap().list_entries;
-    let gradients = renderer.backward(&frame, upstream, &Wanted::ALL).unwrap();
-    (frame, gradients, entries)
-}
-
-const ENOUGH: Capacity = Capacity { coarse: 1 << 16, list: 1 << 20, cells: 1 << 12 };
-
-#[track_caller]
-fn assert_same(what: &str, a: &(Frame, Gradients, u64), b: &(Frame, Gradients, u64)) {
-    same_bits(&a.0, &b.0).unwrap_or_else(|error| panic!("{what}: {error}"));
-    same_gradient_bits(&a.1, &b.1).unwrap_or_else(|error| panic!("{what}: {error}"));
-}
+const ENOUGH: Capacity = Capacity { coarse: 1 << 18, list: 1 << 20, cells: 1 << 12 };
 
 /// A lit ball before two cameras, so blurred that boxes are larger than a cell and lists longer than two words.
 fn blurred_ball() -> Case {
@@ -60,20 +45,23 @@ fn no_mode_depends_on_the_room_for_lists() {
     let shorts =
         |list: u32| [Capacity { coarse: 1, list: 1, cells: 1 }, Capacity { list: list / 2, cells: 40, ..ENOUGH }];
     let walked: Vec<_> = WALKED_MODES.into_iter().step_by(tier(12, 1)).collect();
-    let mut seen = 0;
+    let (planner, mut seen) = (Planner::new(), 0);
     for (name, case) in in_every_mode(&blurred_ball()).filter(|(name, _)| walked.contains(name)) {
         let upstream = random_upstream(&case, case.settings.outputs, &GRADIENT);
-        let whole = first_of(&case, &upstream, ENOUGH);
-        let list = whole.2 as u32;
+        let of = |capacity| planner.render(&case, &upstream, Wanted::ALL, capacity);
+        let whole = of(ENOUGH);
+        let list = whole.list_entries;
         assert!(list > 900 && list < ENOUGH.list, "{name}: {list}");
         let short = shorts(list)[seen % 2];
-        assert_same(&format!("{name}, {short:?}"), &whole, &first_of(&case, &upstream, short));
+        assert_eq!(whole.difference(&of(short)), None, "{name}, {short:?}");
         seen += 1;
     }
     assert_eq!(seen, walked.len());
+    planner.assert_silent();
 }
 
-/// Tiles with a triangle too thin for forward_soft, and tiles without, are walked by one kernel each.
+/// Tiles with a triangle too thin for forward_soft, and tiles without, are walked by one kernel each. A new renderer finds out
+/// which kernels the frame needs, and so does one that has rendered larger triangles before, of which none was thin.
 #[test]
 fn thin_triangles_do_not_depend_on_the_room_for_lists() {
     let mut case = blurred_ball();
@@ -89,24 +77,37 @@ fn thin_triangles_do_not_depend_on_the_room_for_lists() {
     let mesh = Mesh::new(positions, corners).unwrap();
     case.scene = Scene::new(mesh).with_lights(Lights::official());
     let upstream = random_upstream(&case, ALL_OUTPUTS, &GRADIENT);
-    let whole = first_of(&case, &upstream, ENOUGH);
+    let planner = Planner::new();
+    let of = |capacity| planner.render(&case, &upstream, Wanted::ALL, capacity);
+    let whole = of(ENOUGH);
     for short in [Capacity { coarse: 1, list: 1, cells: 1 }, Capacity { list: 700, ..ENOUGH }] {
-        assert_same(&format!("{short:?}"), &whole, &first_of(&case, &upstream, short));
+        assert_eq!(whole.difference(&of(short)), None, "{short:?}");
+    }
+    planner.assert_silent();
+    for before in [None, Some(blurred_ball())] {
+        let mut renderer = renderer_with(RendererOptions::default());
+        if let Some(before) = &before {
+            renderer.render(&before.scene, &before.cameras, &before.settings).unwrap();
+        }
+        let frame = renderer.render(&case.scene, &case.cameras, &case.settings).unwrap();
+        let gradients = renderer.backward(&frame, &upstream, &Wanted::ALL).unwrap();
+        assert_eq!(whole.difference(&Planned::of(&frame, gradients)), None, "after {before:?}");
     }
 }
 
-/// A list that one loop of lavapipe's walks, whose search in the bin's bitmap takes more than one.
+/// A list that one loop of lavapipe's walks, whose search in the bin's bitmap takes more than one; and a list that takes several.
 #[test]
 fn turns_do_not_change_bits() {
-    let random = &mut Random::new(3);
-    let mut corners: Vec<[[f32; 3]; 3]> = (0..48_000)
-        .map(|i| {
+    let planner = Planner::new();
+    let all = [(48_000, false, false), (48_000, true, false), (48_000, false, true), (130_000, false, false)];
+    for &(count, thin, faded) in tier(&all[..1], &all) {
+        let random = &mut Random::new(3);
+        let place = |i: u32| {
             let (x, y) = (0.0525 + random.range(-0.02, 0.02) as f32, 0.0525 + random.range(-0.02, 0.02) as f32);
-            let z = 2.0 + 10.0 * i as f32 / 48_000.0;
+            let z = 2.0 + 10.0 * i as f32 / count as f32;
             [[x, y, z], [x + 0.03, y, z], [x, y + 0.03, z]]
-        })
-        .collect();
-    for &(thin, faded) in tier(&[(false, false)][..], &[(false, false), (true, false), (false, true)]) {
+        };
+        let mut corners: Vec<[[f32; 3]; 3]> = (0..count).map(place).collect();
         if thin {
             corners[7] = [[0.05, 0.0, 3.0], [0.05 + 1e-7, 0.1, 3.0], [0.05, 0.1, 3.0]];
         }
@@ -116,11 +117,13 @@ fn turns_do_not_change_bits() {
             cut_out(&mut case);
         }
         let upstream = random_upstream(&case, case.settings.outputs, &GRADIENT);
-        let whole = first_of(&case, &upstream, ENOUGH);
-        assert!(whole.2 > 40_000 && whole.2 < u64::from(ENOUGH.list), "{}", whole.2);
+        let of = |capacity| planner.render(&case, &upstream, Wanted::ALL, capacity);
+        let whole = of(ENOUGH);
+        assert!((40_001..ENOUGH.list).contains(&whole.list_entries), "{}", whole.list_entries);
         let short = Capacity { coarse: 1, list: 1, cells: 1 };
-        assert_same(&format!("thin {thin}, faded {faded}"), &whole, &first_of(&case, &upstream, short));
+        assert_eq!(whole.difference(&of(short)), None, "{count}, thin {thin}, faded {faded}");
     }
+    planner.assert_silent();
 }
 
 /// As many lanes as a GPU has for a tile, and bins of which some have lists.
@@ -128,16 +131,12 @@ fn turns_do_not_change_bits() {
 fn wide_workgroups_do_not_depend_on_the_room_for_lists() {
     let case = blurred_ball();
     let upstream = random_upstream(&case, ALL_OUTPUTS, &GRADIENT);
-    let of = |capacity| {
-        let options = RendererOptions { capacity: Some(capacity), lanes: Some(32), ..RendererOptions::default() };
-        let mut renderer = renderer_with(options);
-        let frame = renderer.render(&case.scene, &case.cameras, &case.settings).unwrap();
-        let gradients = renderer.backward(&frame, &upstream, &Wanted::ALL).unwrap();
-        (frame, gradients, 0)
-    };
+    let planner = Planner::new().with_lanes(32);
+    let of = |capacity| planner.render(&case, &upstream, Wanted::ALL, capacity);
     let whole = of(ENOUGH);
     let few = [Capacity { coarse: 500, ..ENOUGH }, Capacity { list: 3000, cells: 7, ..ENOUGH }];
     for &capacity in tier(&few[1..], &few) {
-        assert_same(&format!("{capacity:?}"), &whole, &of(capacity));
+        assert_eq!(whole.difference(&of(capacity)), None, "{capacity:?}");
     }
+    planner.assert_silent();
 }

@@ -3,17 +3,18 @@
 
 use crate::common::{
     compare::{compare, images, mirrored, same_bits, same_image_bits, view_of},
+    gradient::{made_case, random_upstream},
     random::Random,
     renderer, renderer_with,
-    scenes::{Case, Kind, blob, random_appearance, random_case, random_lights, random_settings},
+    scenes::{Case, Kind, blob, random_appearance, random_case, random_lights, random_settings, small, triangles},
     tier, tolerance,
 };
+use crate::host::{Planner, difference};
 use glam::DVec3;
 use softras::{
-    Camera, Frame, Mesh, Projection, RendererOptions, Scene, Settings,
+    Camera, Frame, Mesh, Projection, RendererOptions, Scene, Settings, Wanted,
     embed::Capacity,
     scene::{Appearance, Outputs},
-    shapes,
 };
 use softras_reference::render_culled;
 
@@ -207,21 +208,32 @@ fn what_was_rendered_before_leaves_no_trace() {
     }
 }
 
-/// A scene whose lists outgrow the room they begin with comes out whole.
+/// A scene whose lists outgrow the room they begin with comes out whole. Room is estimated for triangles that cover the image
+/// once together; each of these covers all of it.
 #[test]
 fn lists_grow_until_all_fits() {
-    let scene = Scene::new(shapes::icosphere(3).unwrap());
-    let projection = Projection::Perspective { fov_y: 0.5 };
-    let cameras = [0.0, 120.0].map(|azimuth| Camera::from_angles(4.0, 20.0, azimuth, projection).unwrap());
-    let settings = Settings { width: 200, height: 90, outputs: ALL, ..Settings::default() }.with_blur_pixels(6.0);
-    let expected = renderer().render(&scene, &cameras, &settings).unwrap();
-    let short = [(1, 1), (1 << 20, 1), (1, 1 << 20)];
-    for &(coarse, list) in tier(&short[..2], &short) {
-        let capacity = Capacity { coarse, list, cells: 1 };
-        let mut renderer = renderer_with(RendererOptions { capacity: Some(capacity), ..RendererOptions::default() });
-        for repeat in 0..2 {
-            let frame = renderer.render(&scene, &cameras, &settings).unwrap();
-            same_bits(&expected, &frame).unwrap_or_else(|e| panic!("{capacity:?}, repeat {repeat}: {e}"));
+    let random = &mut Random::new(9);
+    let corners: Vec<_> = (0..400)
+        .map(|_| {
+            let z = random.range(2.0, 9.0) as f32;
+            [[-9.0, -3.0, z], [9.0, -3.0, z], [random.range(-1.0, 1.0) as f32, 9.0, z]]
+        })
+        .collect();
+    let settings = Settings { save: true, ..small(200, 90) };
+    let case = made_case(Scene::new(triangles(&corners)), vec![Camera::screen()], settings);
+    let mut kept = renderer_with(RendererOptions::default());
+    let frames = [0; 3].map(|_| render(&mut kept, &case));
+    let tiles = 25 * 23;
+    assert_eq!(kept.frame_counts().unwrap().list_entries, 400 * tiles);
+    let upstream = random_upstream(&case, ALL, &tolerance::GRADIENT);
+    let capacity = Capacity { coarse: 1 << 14, list: 1 << 18, cells: 1 << 12 };
+    let planner = Planner::new();
+    let whole = planner.render(&case, &upstream, Wanted::default(), capacity);
+    planner.assert_silent();
+    for frame in frames {
+        let found = [frame.color(), frame.silhouette(), frame.depth(), frame.normal()];
+        for ((name, due), found) in whole.images.iter().zip(found) {
+            assert_eq!(difference(&found.unwrap().data, due), None, "{name}");
         }
     }
 }

@@ -8,6 +8,7 @@ use crate::common::{
     scenes::{random_alpha, random_appearance, random_texture},
     tier,
 };
+use crate::host::shim::{self, adapter};
 use glam::DVec3;
 use softras::{
     Camera, Frame, Gradients, Image, ImageGradient, Lights, Mesh, Projection, Renderer, RendererOptions, Scene,
@@ -190,7 +191,10 @@ fn a_frame_after_any_change_is_a_fresh_renderers() {
 
 #[test]
 fn so_it_is_where_memory_is_not_shared() {
-    steps_are_as_fresh(3, tier(5, CHANGES), &RendererOptions { staging: true, ..RendererOptions::default() });
+    let _turn = shim::lock();
+    adapter::hide_cached_memory();
+    let options = RendererOptions { loader: Some(shim::loader()), ..RendererOptions::default() };
+    steps_are_as_fresh(3, tier(5, CHANGES), &options);
 }
 
 /// Normals that take the place of others, without another change of the frame.
@@ -237,10 +241,16 @@ fn a_change_that_is_not_uploaded_would_show() {
 
 #[test]
 fn only_what_changed_is_uploaded() {
-    for staging in [false, true] {
+    let _turn = shim::lock();
+    let mut buffers = Vec::new();
+    for is_shared in [true, false] {
+        if !is_shared {
+            adapter::hide_cached_memory();
+        }
         let random = &mut Random::new(5);
         let mut state = start(random);
-        let mut renderer = renderer_with(RendererOptions { staging, ..RendererOptions::default() });
+        let mut renderer =
+            renderer_with(RendererOptions { loader: Some(shim::loader()), ..RendererOptions::default() });
         let mut uploaded = |state: &State| {
             step(&mut renderer, state, 5);
             renderer.frame_counts().unwrap().uploaded_bytes
@@ -266,7 +276,10 @@ fn only_what_changed_is_uploaded() {
         change(&mut state, 5, random);
         assert_eq!(uploaded(&state), all, "another topology");
         assert_eq!(uploaded(&state), 0);
+        drop(renderer);
+        buffers.push(shim::objects()["Buffer"][0] - buffers.iter().sum::<i64>());
     }
+    assert!(buffers[1] > buffers[0], "nothing is copied: {buffers:?}");
 }
 
 /// Stages that nothing asks for are not dispatched, and a pass that is recorded anew is counted anew.

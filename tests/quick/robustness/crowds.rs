@@ -3,13 +3,12 @@
 use crate::common::{
     compare::compare_frames,
     random::Random,
-    renderer, renderer_with,
+    renderer,
     scenes::{small, triangles},
     tier, tolerance,
 };
 use softras::{
-    Camera, ImageGradient, Mesh, Renderer, RendererOptions, Scene, Settings, Wanted,
-    embed::Capacity,
+    Camera, ImageGradient, Mesh, Renderer, Scene, Settings, Wanted,
     scene::{Appearance, Outputs, SilhouetteAggregation},
 };
 use softras_reference::render_culled;
@@ -32,14 +31,12 @@ fn crowd(count: usize) -> (Scene, Settings) {
     (Scene::new(triangles(&corners)), settings)
 }
 
-/// One list that a loop walks, one that takes several turns, and the same from the bitmap of a bin without a list.
+/// One list that a loop walks, and one that takes several turns.
 #[test]
 fn a_tile_holds_any_number_of_triangles() {
-    for &(count, coarse) in tier(&[(130_000, Some(1))][..], &[(50_000, None), (130_000, None), (130_000, Some(1))]) {
+    for &count in tier(&[130_000][..], &[50_000, 130_000]) {
         let (scene, settings) = crowd(count as usize);
-        let capacity = coarse.map(|coarse| Capacity { coarse, list: 1 << 20, cells: 1 });
-        let mut renderer = renderer_with(RendererOptions { capacity, ..RendererOptions::default() });
-        let frame = renderer.render(&scene, &[Camera::screen()], &settings).unwrap();
+        let frame = renderer().render(&scene, &[Camera::screen()], &settings).unwrap();
         let reference = render_culled(&scene, &[Camera::screen()], &settings).unwrap();
         compare_frames(&frame, &reference, &tolerance::CROWD).unwrap_or_else(|error| panic!("{count}: {error}"));
         let count = f64::from(count);
