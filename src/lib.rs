@@ -79,6 +79,6 @@ pub use renderer::{Frame, FrameCounts, Renderer, RendererOptions, StageTime, par
 pub use scene::{Camera, Lights, Mesh, Projection, Scene, Settings};
 #[cfg(feature = "renderer")]
 pub use vulkan::{CacheFolder, Loader};
-pub use vulkan::{DeviceInfo, DeviceKind, Limits, Subgroups};
+pub use vulkan::{DeviceInfo, DeviceKind, Limits};
 
 use vulkan::constants;

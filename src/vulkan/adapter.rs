@@ -95,42 +95,10 @@ pub struct Limits {
     pub timestamp_period: f32,
     /// Size of the largest device-local heap in bytes.
     pub device_heap: u64,
-    /// Subgroups.
-    pub subgroups: Subgroups,
-}
-
-/// A device's subgroups in compute kernels. Vulkan 1.1 promises only size and the basic operations.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Subgroups {
-    /// Invocations in a subgroup.
-    pub size: u32,
-    /// subgroupAny, subgroupAll.
-    pub vote: bool,
-    /// subgroupBallot, subgroupBroadcast.
-    pub ballot: bool,
-    /// subgroupAdd, subgroupMin, ...
-    pub arithmetic: bool,
-    /// subgroupShuffle, subgroupShuffleXor.
-    pub shuffle: bool,
-    /// subgroupShuffleUp, subgroupShuffleDown.
-    pub shuffle_relative: bool,
-    /// subgroupClusteredAdd, ...
-    pub clustered: bool,
-}
-
-impl Subgroups {
-    /// Whether the device supports the SPIR-V capability of this name. True for one that is no subgroup operation.
-    pub fn has(&self, capability: &str) -> bool {
-        match capability {
-            "GroupNonUniformVote" => self.vote,
-            "GroupNonUniformBallot" => self.ballot,
-            "GroupNonUniformArithmetic" => self.arithmetic,
-            "GroupNonUniformShuffle" => self.shuffle,
-            "GroupNonUniformShuffleRelative" => self.shuffle_relative,
-            "GroupNonUniformClustered" => self.clustered,
-            _ => true,
-        }
-    }
+    /// subgroupSize: invocations in a subgroup.
+    pub subgroup_size: u32,
+    /// Whether compute kernels have subgroupShuffle, which Vulkan 1.1 does not promise.
+    pub subgroup_shuffle: bool,
 }
 
 impl Limits {
@@ -150,7 +118,6 @@ impl Limits {
         let memory = unsafe { instance.get_physical_device_memory_properties(physical) };
         let local = |heap: &&vk::MemoryHeap| heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL);
         let in_compute = subgroup.supported_stages.contains(vk::ShaderStageFlags::COMPUTE);
-        let has = |operation| in_compute && subgroup.supported_operations.contains(operation);
         Self {
             max_storage_buffer_range: limits.max_storage_buffer_range.into(),
             max_texel_buffer_elements: limits.max_texel_buffer_elements.into(),
@@ -166,15 +133,8 @@ impl Limits {
             texel_offset_alignment: limits.min_texel_buffer_offset_alignment,
             timestamp_period: limits.timestamp_period,
             device_heap: memory.memory_heaps_as_slice().iter().filter(local).map(|h| h.size).max().unwrap_or(0),
-            subgroups: Subgroups {
-                size: subgroup.subgroup_size,
-                vote: has(vk::SubgroupFeatureFlags::VOTE),
-                ballot: has(vk::SubgroupFeatureFlags::BALLOT),
-                arithmetic: has(vk::SubgroupFeatureFlags::ARITHMETIC),
-                shuffle: has(vk::SubgroupFeatureFlags::SHUFFLE),
-                shuffle_relative: has(vk::SubgroupFeatureFlags::SHUFFLE_RELATIVE),
-                clustered: has(vk::SubgroupFeatureFlags::CLUSTERED),
-            },
+            subgroup_size: subgroup.subgroup_size,
+            subgroup_shuffle: in_compute && subgroup.supported_operations.contains(vk::SubgroupFeatureFlags::SHUFFLE),
         }
     }
 }

@@ -54,7 +54,7 @@ mod specialized;
 mod tests;
 mod timestamps;
 
-pub use adapter::{DeviceInfo, DeviceKind, Limits, Subgroups};
+pub use adapter::{DeviceInfo, DeviceKind, Limits};
 pub use buffer_desc::{BufferDesc, Location, TexelFormat};
 pub use buffer_part::BufferPart;
 pub use cache::PipelineCache;

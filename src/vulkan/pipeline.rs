@@ -1,5 +1,6 @@
 //! A kernel compiled for a device: layouts from its reflection, specialization constants by name.
 
+use super::adapter::Limits;
 use super::cache::PipelineCache;
 use super::device::Device;
 use super::keep::Kept;
@@ -166,6 +167,16 @@ impl Constants {
     }
 }
 
+/// Whether a device has a capability, by SPIR-V's name.
+fn has(limits: &Limits, capability: &str) -> bool {
+    match capability {
+        // Of every device of Vulkan 1.1.
+        "Shader" | "SampledBuffer" | "GroupNonUniform" => true,
+        "GroupNonUniformShuffle" => limits.subgroup_shuffle,
+        _ => false,
+    }
+}
+
 fn check_limits(device: &Device, kernel: &Kernel, local_size: [u32; 3]) -> Result<()> {
     let limits = device.limits();
     let check = |what: &str, needed: u64, unit, limit_name, limit: u64| {
@@ -175,7 +186,7 @@ fn check_limits(device: &Device, kernel: &Kernel, local_size: [u32; 3]) -> Resul
         let (what, fix) = (format!("kernel `{}`: {what}", kernel.name), "use another device".to_string());
         Err(Error::Limit { what, needed, unit, limit_name, limit, fix })
     };
-    if let Some(capability) = kernel.capabilities.iter().find(|c| !limits.subgroups.has(c)) {
+    if let Some(capability) = kernel.capabilities.iter().find(|c| !has(limits, c)) {
         let what = format!("kernel `{}` asks for {capability}, which the device lacks", kernel.name);
         return Err(Error::NoDevice { what, fix: "use another device".to_string() });
     }

@@ -201,17 +201,17 @@ mod tests {
     fn one_subgroup_reads_records_together() {
         let context = Context::new(&ContextOptions { cache: CacheFolder::Nowhere, ..Default::default() }).unwrap();
         let device = context.device();
-        let subgroups = device.limits().subgroups;
-        let most = if device.kind() == DeviceKind::Software { subgroups.size } else { subgroups.size.min(8) };
+        let (size, shuffle) = (device.limits().subgroup_size, device.limits().subgroup_shuffle);
+        let most = if device.kind() == DeviceKind::Software { size } else { size.min(8) };
         for lanes in [1, 2, 4, 8, 16, 32] {
-            let together = subgroups.shuffle && (4..=most).contains(&lanes);
+            let together = shuffle && (4..=most).contains(&lanes);
             let names = [ForwardStage::Forward, ForwardStage::ForwardSoft].map(|stage| stage.kernel(device, lanes));
             let expected =
                 if together { ["forward_subgroup", "forward_soft_subgroup"] } else { ["forward", "forward_soft"] };
-            assert_eq!(names.map(|kernel| kernel.name), expected, "{lanes} of {}", subgroups.size);
+            assert_eq!(names.map(|kernel| kernel.name), expected, "{lanes} of {size}");
         }
-        if device.kind() == DeviceKind::Software && subgroups.shuffle {
-            assert_eq!(default_lanes(device), subgroups.size, "a tile takes one subgroup");
+        if device.kind() == DeviceKind::Software && shuffle {
+            assert_eq!(default_lanes(device), size, "a tile takes one subgroup");
         }
     }
 }

@@ -147,15 +147,15 @@ const SUBGROUPS: std::ops::RangeInclusive<u32> = 4..=64;
 /// subgroups of software devices are as large as they say. A GPU's driver may compile a kernel for smaller ones, but none
 /// for less than eight.
 fn reads_together(device: &Device, lanes: u32) -> bool {
-    let subgroups = &device.limits().subgroups;
-    let one_subgroup = lanes <= subgroups.size && (device.kind() == DeviceKind::Software || lanes <= 8);
-    subgroups.shuffle && SUBGROUPS.contains(&lanes) && one_subgroup
+    let limits = device.limits();
+    let one_subgroup = lanes <= limits.subgroup_size && (device.kind() == DeviceKind::Software || lanes <= 8);
+    limits.subgroup_shuffle && SUBGROUPS.contains(&lanes) && one_subgroup
 }
 
 /// The lanes of a tile where nobody chooses. Software devices have slow shared memory, so that a tile takes one subgroup.
 pub fn default_lanes(device: &Device) -> u32 {
     let most = c::TILE_WIDTH * c::TILE_HEIGHT;
-    let size = device.limits().subgroups.size.min(most);
+    let size = device.limits().subgroup_size.min(most);
     match device.kind() {
         DeviceKind::Software if size.is_power_of_two() && reads_together(device, size) => size,
         DeviceKind::Software => 8,

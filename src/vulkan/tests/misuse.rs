@@ -11,7 +11,7 @@ use crate::vulkan::{
 fn devices_are_listed_and_selected() -> Outcome {
     let devices = Context::devices()?;
     let first = devices.first().ok_or("no device")?;
-    assert!(first.limits.max_workgroup_invocations >= 128 && first.limits.subgroups.size > 0, "{first:?}");
+    assert!(first.limits.max_workgroup_invocations >= 128 && first.limits.subgroup_size > 0, "{first:?}");
     for selector in [first.index.to_string(), first.name.to_uppercase()] {
         let options = ContextOptions { device: Some(selector), cache: CacheFolder::Nowhere, ..Default::default() };
         assert_eq!(Context::new(&options)?.info().index, first.index);

@@ -132,7 +132,7 @@ fn counts_of_several_meshes_lie_a_stride_apart() {
     let due = [frame.color(), frame.silhouette(), frame.depth(), frame.normal()];
     // The two frames' kernels are compiled for other constants. With other vectors than usual that moves a last place.
     let device = requirements().validate(&engine.host_adapter()).unwrap();
-    let has_usual_lanes = device.limits.subgroups.size == USUAL_LANES;
+    let has_usual_lanes = device.limits.subgroup_size == USUAL_LANES;
     let is_off = |(a, b): (&f32, &f32)| (a - b).abs() > tolerance::BY_HAND as f32 * b.abs().max(1.0);
     for ((name, image), due) in images(&case, &host).iter().zip(due) {
         let due = &due.unwrap().data;

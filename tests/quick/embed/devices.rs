@@ -103,14 +103,14 @@ fn what_is_optional_changes_no_bit() {
 
     let core = engine.core();
     let shown = unsafe { HostAdapter::new(shim::function(), core.instance.handle(), core.physical) };
-    let subgroups = || requirements().validate(&shown).unwrap().limits.subgroups;
-    let as_it_is = subgroups();
-    assert!(as_it_is.shuffle, "the device has no shuffles, so there is nothing to hide");
+    let limits = || requirements().validate(&shown).unwrap().limits;
+    let as_it_is = limits();
+    assert!(as_it_is.subgroup_shuffle, "the device has no shuffles, so there is nothing to hide");
     adapter::hide_shuffles();
-    assert!(!subgroups().shuffle);
+    assert!(!limits().subgroup_shuffle);
     let found = outcomes(&engine, &unsafe { HostDevice::new(shown, core.device.handle()) }, &cases);
     // Without shuffles workgroups have the lanes that most processors' subgroups have; with others, sums have another order.
-    let what = if as_it_is.size == USUAL_LANES { differs(&due, &found) } else { strays(&due, &found) };
+    let what = if as_it_is.subgroup_size == USUAL_LANES { differs(&due, &found) } else { strays(&due, &found) };
     assert_eq!(what, None, "without subgroup shuffles");
     assert_silent(engine);
 

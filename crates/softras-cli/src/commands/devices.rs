@@ -35,7 +35,7 @@ fn version((major, minor, patch): (u32, u32, u32)) -> String {
 }
 
 fn as_text(device: &DeviceInfo) -> String {
-    let Limits { device_heap, max_storage_buffer_range, max_texel_buffer_elements, subgroups, .. } = device.limits;
+    let Limits { device_heap, max_storage_buffer_range, max_texel_buffer_elements, subgroup_size, .. } = device.limits;
     let usable = match &device.suitable {
         Ok(()) => "usable".to_string(),
         Err(why) => format!("NOT usable: {why}"),
@@ -53,7 +53,7 @@ fn as_text(device: &DeviceInfo) -> String {
         mib(device_heap),
         mib(max_storage_buffer_range),
         mib(max_texel_buffer_elements),
-        subgroups.size,
+        subgroup_size,
     )
 }
 
@@ -75,6 +75,6 @@ fn as_json(device: &DeviceInfo) -> Value {
         "max_workgroup_invocations": limits.max_workgroup_invocations,
         "max_shared_memory": limits.max_shared_memory,
         "timestamp_period_nanoseconds": limits.timestamp_period,
-        "subgroup_size": limits.subgroups.size,
+        "subgroup_size": limits.subgroup_size,
     })
 }
