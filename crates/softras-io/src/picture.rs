@@ -92,12 +92,11 @@ impl Picture {
         }
     }
 
-    /// Writes a PNG file: RGBA, or RGB where all is opaque.
+    /// The content of a PNG file: RGBA, or RGB where all is opaque.
     ///
     /// # Errors
-    /// [`Error::Io`] when the file cannot be written.
-    pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
-        let path = path.as_ref();
+    /// [`Error::Mesh`] for a picture without pixels or larger than PNG files may be.
+    pub fn png(&self) -> Result<Vec<u8>> {
         let (bytes, color): (Cow<[u8]>, _) = if self.is_opaque() {
             (self.pixels.iter().flat_map(|p| [p[0], p[1], p[2]]).collect(), ExtendedColorType::Rgb8)
         } else {
@@ -105,8 +104,21 @@ impl Picture {
         };
         let mut file = Vec::new();
         let (width, height) = (self.width as u32, self.height as u32);
-        PngEncoder::new(&mut file).write_image(&bytes, width, height, color).map_err(|e| failed(path, e))?;
-        output::write_file(path, &file)
+        let written = PngEncoder::new(&mut file).write_image(&bytes, width, height, color);
+        written.map_err(|error| Error::Mesh {
+            what: format!("a picture of {width}×{height} pixels cannot be encoded ({error})"),
+            place: "picture".into(),
+            fix: "give at least one pixel and a smaller picture".into(),
+        })?;
+        Ok(file)
+    }
+
+    /// Writes a PNG file.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when the file cannot be written; those of [`Picture::png`].
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
+        output::write_file(path.as_ref(), &self.png()?)
     }
 }
 

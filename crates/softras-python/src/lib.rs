@@ -17,6 +17,8 @@ mod renderer;
 mod settings;
 mod solid;
 mod steps;
+mod view;
+mod views;
 
 use pyo3::prelude::*;
 
@@ -44,4 +46,8 @@ mod _softras {
     use super::solid::solid_voxels;
     #[pymodule_export]
     use super::steps::time_steps;
+    #[pymodule_export]
+    use super::view::{png, save_pictures, view};
+    #[pymodule_export]
+    use super::views::{fit_views, load_views};
 }

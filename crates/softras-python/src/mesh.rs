@@ -264,15 +264,12 @@ impl Mesh {
         Ok(Self { mesh, notes: self.notes.clone() })
     }
 
-    /// Writes an OBJ file with its materials and textures, each whole or not at all; returns their paths. `load` reads an
-    /// equal mesh. Raises IoError; MeshError for what OBJ cannot hold, as surface cells with R > 1; InputError for a path
-    /// that ends as another format does.
-    fn save(&self, path: PathBuf) -> PyResult<Vec<PathBuf>> {
-        let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-        if ["ply", "stl", "gltf", "glb"].contains(&ending.as_str()) {
-            return Err(bad_input(format!("{}: only OBJ can be written", path.display()), "end the path with .obj"));
-        }
-        softras_io::save_with(&self.mesh, &path, &SaveOptions { srgb: false }).raise()
+    /// Writes a mesh file, .obj with its materials and textures, .ply or .glb, each file whole or not at all; returns their paths.
+    /// `srgb` encodes textures from linear numbers; otherwise a texel is its number, and `load` reads an equal mesh of an .obj file.
+    /// Raises IoError; MeshError for what the format cannot hold, as surface cells with R > 1; FileError for other endings.
+    #[pyo3(signature = (path, *, srgb = false))]
+    fn save(&self, path: PathBuf, srgb: bool) -> PyResult<Vec<PathBuf>> {
+        softras_io::save_with(&self.mesh, &path, &SaveOptions { srgb }).raise()
     }
 
     fn __repr__(&self) -> String {

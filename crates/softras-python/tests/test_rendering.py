@@ -175,9 +175,11 @@ def test_files_keep_a_mesh(tmp_path, bumpy):
         "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
     )
     assert softras.load(ply).triangles.tolist() == [[0, 1, 2]]
-    with pytest.raises(errors.InputError, match="other.PLY: only OBJ"):
-        bumpy.save(tmp_path / "other.PLY")
-    assert not (tmp_path / "other.PLY").exists()
+    bumpy.save(tmp_path / "other.PLY")
+    np.testing.assert_array_equal(softras.load(tmp_path / "other.PLY").positions, bumpy.positions)
+    with pytest.raises(errors.FileError, match=".obj, .ply or .glb"):
+        bumpy.save(tmp_path / "other.stl")
+    assert not (tmp_path / "other.stl").exists()
 
 
 def test_pickles_are_equal(bumpy, cameras, settings):

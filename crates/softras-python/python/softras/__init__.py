@@ -27,6 +27,7 @@ from .errors import Error
 from .fitting import FitResult, Pose, fit, pose
 from .rendering import backward, default_renderer, render
 from .settings import DirectionalLight, Lights, Settings
+from .views import Fitted, Picture, Views, load_views, view
 
 __version__ = "0.1.0"
 
@@ -35,14 +36,17 @@ __all__ = [
     "DirectionalLight",
     "Error",
     "FitResult",
+    "Fitted",
     "Frame",
     "Gradients",
     "Lights",
     "Mesh",
     "MeshGradients",
+    "Picture",
     "Pose",
     "Renderer",
     "Settings",
+    "Views",
     "backward",
     "blurred_mask",
     "default_renderer",
@@ -51,11 +55,13 @@ __all__ = [
     "iou",
     "is_closed",
     "load",
+    "load_views",
     "mask_iou",
     "pose",
     "reference",
     "remesh",
     "render",
     "shapes",
+    "view",
     "voxelize",
 ]

@@ -28,17 +28,22 @@ __all__ = [
     "blurred_mask",
     "depths_of",
     "fit",
+    "fit_views",
     "iou",
     "is_closed",
     "load",
+    "load_views",
     "mask_iou",
+    "png",
     "pose",
     "reference_gradient",
     "reference_render",
     "remesh",
+    "save_pictures",
     "shape",
     "solid_voxels",
     "time_steps",
+    "view",
     "voxelize",
 ]
 
@@ -94,7 +99,7 @@ class Mesh:
         texture_of_triangle: Optional[_Array] = None,
         wrap: str = "repeat",
     ) -> Mesh: ...
-    def save(self, path: _Path) -> List[os.PathLike[str]]: ...
+    def save(self, path: _Path, *, srgb: bool = False) -> List[os.PathLike[str]]: ...
 
 @final
 class Camera:
@@ -231,6 +236,22 @@ class Renderer:
     def process(self) -> int: ...
     def validation_messages(self) -> List[str]: ...
 
+def load_views(
+    path: _Path,
+    *,
+    cameras: Optional[_Path],
+    fov: float,
+    depths: Optional[_Path],
+    depth_unit: float,
+    normals: Optional[_Path],
+    allow_outside: bool,
+) -> Tuple[List[Camera], List[_MaybeFloats]]: ...
+def fit_views(
+    renderer: Renderer, plan: Mapping[str, Any], progress: Any
+) -> Tuple[Mesh, Dict[str, Any], Dict[str, Any], List[str]]: ...
+def view(subject: Union[Mesh, str], renderer: Renderer, plan: Mapping[str, Any]) -> npt.NDArray[np.uint8]: ...
+def save_pictures(path: _Path, frames: npt.NDArray[np.uint8], delay: int) -> None: ...
+def png(picture: npt.NDArray[np.uint8]) -> bytes: ...
 def load(path: _Path, *, srgb: bool = False, allow_outside: bool = False, strict: bool = False) -> Mesh: ...
 def iou(a: Mesh, b: Mesh, resolution: int = 64) -> float: ...
 def mask_iou(prediction: _Array, target: _Array) -> _Doubles: ...

@@ -1,0 +1,192 @@
+"""Pictures of meshes, and meshes from pictures: what the commands `softras render` and `softras fit` do."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple, Union
+
+import numpy as np
+
+from . import _softras
+from ._softras import Camera, Mesh, Renderer
+from .rendering import default_renderer
+
+Range = Tuple[float, float]
+
+
+class Picture(np.ndarray):
+    """A picture, [height, width, 4] bytes in sRGB with straight alpha, or frames of an animation, [frames, height, width, 4].
+
+    It shows itself in a notebook, and `save` writes it.
+    """
+
+    #: Hundredths of a second between frames.
+    delay = 4
+
+    def save(self, path: Union[str, "os.PathLike[str]"]) -> None:
+        """Writes a picture as .png, or frames as .gif. Raises IoError, InputError."""
+        frames = np.ascontiguousarray(self if self.ndim == 4 else self[None], np.uint8)
+        _softras.save_pictures(os.fspath(path), frames, self.delay)
+
+    def _repr_png_(self) -> bytes:
+        return _softras.png(np.ascontiguousarray(self if self.ndim == 3 else self[0], np.uint8))
+
+
+def view(
+    subject: Union[Mesh, str, "os.PathLike[str]"],
+    *,
+    size: Union[int, Tuple[int, int]] = 256,
+    azimuth: float = 145.0,
+    elevation: float = 20.0,
+    fov: float = 30.0,
+    up: Optional[Sequence[float]] = None,
+    background: Optional[Sequence[float]] = None,
+    sigma: Optional[float] = None,
+    gamma: float = 1e-4,
+    samples: Optional[int] = None,
+    shading: str = "smooth",
+    crease: Optional[float] = None,
+    unlit: bool = False,
+    turntable: Optional[int] = None,
+    renderer: Optional[Renderer] = None,
+) -> Picture:
+    """A picture of a mesh, or of a mesh file, as `softras render` makes it: framed, lit, with sharp creases.
+
+    `size` is a side or (width, height) in pixels; angles are in degrees; `background` is linear light from 0 to 1, and
+    transparent without. `turntable` makes so many frames of one turn. Textures are linear light: a file is decoded so, and
+    `load(path, srgb=True)` decodes one. Raises what `load` and `Renderer.render` raise.
+    """
+    plan = {
+        "size": (size, size) if isinstance(size, int) else tuple(size),
+        "azimuth": azimuth,
+        "elevation": elevation,
+        "fov": fov,
+        "up": None if up is None else [float(x) for x in up],
+        "background": None if background is None else [float(x) for x in background],
+        "sigma": sigma,
+        "gamma": gamma,
+        "samples": samples,
+        "shading": shading,
+        "crease": crease,
+        "unlit": unlit,
+        "turntable": turntable,
+    }
+    given = subject if isinstance(subject, Mesh) else os.fspath(subject)
+    frames = _softras.view(given, renderer or default_renderer(), plan)
+    return (frames[0] if turntable is None else frames).view(Picture)
+
+
+@dataclasses.dataclass(frozen=True)
+class Fitted:
+    """A mesh that was fitted to views."""
+
+    mesh: Mesh
+    #: "loss", "silhouette" and "color" of every step, before it moved anything.
+    losses: Dict[str, np.ndarray]
+    #: "mask_iou" and "covered_mask_iou" of each view, "soft_iou", "parts", "genus" and "color_error".
+    measures: Dict[str, Any]
+    #: Where the mesh was cut anew, and why it began with what it did.
+    notes: List[str]
+
+    def __repr__(self) -> str:
+        return f"Fitted({self.mesh!r}, mask IoU {np.mean(self.measures['mask_iou']):.4f})"
+
+
+@dataclasses.dataclass(frozen=True)
+class Views:
+    """Views of an object: cameras, and at least one kind of image, [views, height, width] or [views, height, width, 3].
+
+    Colours are linear over black, depths view depths in world units, normals unit vectors in world space; 0 where a depth or a normal
+    is not known.
+    """
+
+    cameras: Sequence[Camera]
+    silhouette: Optional[np.ndarray] = None
+    color: Optional[np.ndarray] = None
+    depth: Optional[np.ndarray] = None
+    normal: Optional[np.ndarray] = None
+
+    def fit(
+        self,
+        *,
+        color: bool = False,
+        texture: Optional[int] = None,
+        template: Optional[Mesh] = None,
+        begin: str = "auto",
+        method: str = "smooth",
+        steps: Optional[int] = None,
+        rate: Optional[Range] = None,
+        sigma: Optional[Range] = None,
+        gamma: Optional[Range] = None,
+        loss: str = "iou",
+        masks: bool = False,
+        front_faces: bool = False,
+        samples: int = 1,
+        views_per_step: int = 0,
+        smoothing: Optional[float] = None,
+        keep_topology: bool = False,
+        edge: Optional[Range] = None,
+        progress: Optional[Callable[[int, float], None]] = None,
+        renderer: Optional[Renderer] = None,
+    ) -> Fitted:
+        """Finds the mesh that looks like the views, as `softras fit` does.
+
+        `color` fits a colour for each vertex, `texture` a texture of at most so many texels a side. The fit begins with `template`, or
+        with `begin`: a "hull", a "sphere", or "auto", a hull from six views on. What is None is chosen by the method and by what it
+        begins with. `progress(step, loss)` is called after every step; an exception of it, Ctrl-C too, ends the fit.
+
+        Raises FitError, and what `Renderer.render` raises.
+        """
+        plan = {
+            "cameras": self.cameras,
+            "silhouette": self.silhouette,
+            "color": self.color,
+            "depth": self.depth,
+            "normal": self.normal,
+            "fit_colors": color,
+            "texture": texture,
+            "template": template,
+            "begin": begin,
+            "method": method,
+            "steps": steps,
+            "rate": rate,
+            "sigma": sigma,
+            "gamma": gamma,
+            "loss": loss,
+            "masks": masks,
+            "front_faces": front_faces,
+            "samples": samples,
+            "views_per_step": views_per_step,
+            "smoothing": smoothing,
+            "keep_topology": keep_topology,
+            "edge": edge,
+        }
+        return Fitted(*_softras.fit_views(renderer or default_renderer(), plan, progress))
+
+
+def load_views(
+    path: Union[str, "os.PathLike[str]"],
+    *,
+    cameras: Union[str, "os.PathLike[str]", None] = None,
+    fov: float = 30.0,
+    depths: Union[str, "os.PathLike[str]", None] = None,
+    depth_unit: float = 0.001,
+    normals: Union[str, "os.PathLike[str]", None] = None,
+    allow_outside: bool = False,
+) -> Views:
+    """Reads a folder of pictures with a file of their cameras, or a .npy file of images, as `softras fit --views` does.
+
+    Cameras are in cameras.json, transforms.json (NeRF) or COLMAP's text; `fov` is the vertical angle of view in degrees of those
+    whose file does not give one. `depths` and `normals` are folders of maps. Raises IoError, FileError.
+    """
+    read, images = _softras.load_views(
+        path,
+        cameras=cameras,
+        fov=fov,
+        depths=depths,
+        depth_unit=depth_unit,
+        normals=normals,
+        allow_outside=allow_outside,
+    )
+    return Views(read, *images)

@@ -1,0 +1,117 @@
+//! Pictures of meshes for people.
+
+use crate::exceptions::{Raise, bad_input};
+use crate::mesh::Mesh;
+use crate::renderer::Renderer;
+use crate::settings::chosen;
+use numpy::{PyArray1, PyArray4, PyArrayMethods, PyReadonlyArray3, PyReadonlyArray4, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+use softras::scene::Shading;
+use softras_io::{LoadOptions, Picture};
+use softras_view::{CameraOptions, LightOptions, Look, Options, View};
+use std::path::PathBuf;
+
+/// The arguments of a picture, all of which `softras.view` gives.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct Plan {
+    size: (u32, u32),
+    azimuth: f64,
+    elevation: f64,
+    fov: f64,
+    up: Option<[f64; 3]>,
+    background: Option<[f64; 3]>,
+    sigma: Option<f64>,
+    gamma: f64,
+    samples: Option<u32>,
+    shading: String,
+    crease: Option<f64>,
+    unlit: bool,
+    turntable: Option<usize>,
+}
+
+impl Plan {
+    fn options(&self) -> PyResult<Options> {
+        let Self { azimuth, elevation, fov, up, .. } = *self;
+        let shading = chosen("shading", &self.shading, &[("smooth", Shading::Smooth), ("flat", Shading::Flat)])?;
+        let look = Look {
+            size: self.size,
+            sigma: self.sigma,
+            gamma: self.gamma,
+            background: self.background,
+            ..Look::default()
+        };
+        Ok(Options {
+            camera: CameraOptions { azimuth, elevation, fov, up, ..CameraOptions::default() },
+            look,
+            samples: self.samples,
+            crease: self.crease,
+            light: LightOptions { shading, unlit: self.unlit, ..LightOptions::default() },
+            ..Options::default()
+        })
+    }
+}
+
+/// What is looked at: a mesh, or a mesh file with its normals and transparent materials.
+#[derive(FromPyObject)]
+pub enum Subject {
+    Mesh(Mesh),
+    File(PathBuf),
+}
+
+/// [frames, height, width, 4] bytes, sRGB with straight alpha: one frame, or those of a turntable.
+#[pyfunction]
+pub fn view<'py>(
+    py: Python<'py>,
+    subject: Subject,
+    renderer: &Renderer,
+    plan: Plan,
+) -> PyResult<Bound<'py, PyArray4<u8>>> {
+    let made = match subject {
+        Subject::Mesh(mesh) => View::of(&mesh.mesh),
+        Subject::File(path) => {
+            View::of_loaded(py.detach(|| softras_io::load_with(&path, &LoadOptions::default())).raise()?)
+        }
+    };
+    let view = made.options(plan.options()?);
+    let frames = renderer.shared.call(py, |renderer| match plan.turntable {
+        Some(frames) => view.turntable(frames, renderer),
+        None => Ok(vec![view.render(renderer)?]),
+    })?;
+    let (width, height) = frames.first().map_or((0, 0), |frame| (frame.width, frame.height));
+    let bytes: Vec<u8> = frames.iter().flat_map(|frame| frame.pixels.as_flattened()).copied().collect();
+    PyArray1::from_vec(py, bytes).reshape([frames.len(), height, width, 4])
+}
+
+fn pictures(frames: &PyReadonlyArray4<'_, u8>) -> PyResult<Vec<Picture>> {
+    let &[_, height, width, channels] = frames.shape() else { return Ok(Vec::new()) };
+    if channels != 4 || height * width == 0 {
+        return Err(bad_input(format!("frames have shape {:?}", frames.shape()), "give [frames, height, width, 4]"));
+    }
+    let bytes = frames.as_slice()?.chunks_exact(height * width * 4);
+    Ok(bytes.map(|frame| Picture { width, height, pixels: frame.as_chunks::<4>().0.to_vec() }).collect())
+}
+
+/// Writes pictures [frames, height, width, 4]: one as .png, several as .gif with `delay` hundredths of a second between them.
+#[pyfunction]
+pub fn save_pictures(py: Python<'_>, path: PathBuf, frames: PyReadonlyArray4<'_, u8>, delay: u16) -> PyResult<()> {
+    let frames = pictures(&frames)?;
+    let is_gif = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("gif"));
+    match (&frames[..], is_gif) {
+        (frames, true) => {
+            let frames: Vec<Picture> = frames.iter().map(|frame| frame.clone().flattened([255; 3])).collect();
+            py.detach(|| softras_io::write_gif(&path, &frames, delay)).raise()
+        }
+        ([one], false) => py.detach(|| one.save(&path)).raise(),
+        _ => Err(bad_input(format!("{}: {} frames", path.display(), frames.len()), "write several as .gif")),
+    }
+}
+
+/// The bytes of a PNG file of a picture [height, width, 4].
+#[pyfunction]
+pub fn png<'py>(py: Python<'py>, picture: PyReadonlyArray3<'py, u8>) -> PyResult<Bound<'py, PyBytes>> {
+    let &[height, width, _] = picture.shape() else { return Ok(PyBytes::new(py, &[])) };
+    let pixels = picture.as_slice()?.as_chunks::<4>().0.to_vec();
+    Ok(PyBytes::new(py, &Picture { width, height, pixels }.png().raise()?))
+}

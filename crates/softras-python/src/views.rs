@@ -1,0 +1,157 @@
+//! Views of an object, and fits to them as `softras fit` does them.
+
+use crate::arrays::{image, image_array};
+use crate::camera::Camera;
+use crate::exceptions::Raise;
+use crate::mesh::Mesh;
+use crate::renderer::{Renderer, cameras};
+use crate::settings::chosen;
+use numpy::PyArray1;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use softras::scene::Faces;
+use softras_fit::{Fit, FitOptions, ImageLoss, Preset, Scores, Taken, Template};
+use softras_io::{Budget, Views, ViewsOptions};
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+
+/// Cameras, silhouettes, colours, depths and normals.
+type Arrays = (Vec<Camera>, [Option<Py<PyAny>>; 4]);
+
+/// Reads pictures with their cameras; see `softras.load_views`.
+#[pyfunction]
+#[pyo3(signature = (path, *, cameras, fov, depths, depth_unit, normals, allow_outside))]
+#[allow(clippy::too_many_arguments)]
+pub fn load_views(
+    py: Python<'_>,
+    path: PathBuf,
+    cameras: Option<PathBuf>,
+    fov: f64,
+    depths: Option<PathBuf>,
+    depth_unit: f64,
+    normals: Option<PathBuf>,
+    allow_outside: bool,
+) -> PyResult<Arrays> {
+    let options = ViewsOptions { cameras, fov, depths, depth_unit, normals, allow_outside, ..ViewsOptions::default() };
+    let views = py.detach(|| Views::open_with(&path, &options, &Budget::new(None))).raise()?.0;
+    let array = |image: &Option<softras::Image>| image.as_ref().map(|image| image_array(py, image)).transpose();
+    let images = [array(&views.silhouette)?, array(&views.color)?, array(&views.depth)?, array(&views.normal)?];
+    Ok((views.cameras.into_iter().map(|camera| Camera { camera }).collect(), images))
+}
+
+/// The arguments of a fit to views, all of which `softras.Views.fit` gives.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct Plan<'py> {
+    cameras: Bound<'py, PyAny>,
+    silhouette: Option<Bound<'py, PyAny>>,
+    color: Option<Bound<'py, PyAny>>,
+    depth: Option<Bound<'py, PyAny>>,
+    normal: Option<Bound<'py, PyAny>>,
+    fit_colors: bool,
+    texture: Option<u32>,
+    template: Option<Mesh>,
+    begin: String,
+    method: String,
+    steps: Option<usize>,
+    rate: Option<(f64, f64)>,
+    sigma: Option<(f64, f64)>,
+    gamma: Option<(f64, f64)>,
+    loss: String,
+    masks: bool,
+    front_faces: bool,
+    samples: usize,
+    views_per_step: usize,
+    smoothing: Option<f64>,
+    keep_topology: bool,
+    edge: Option<(f64, f64)>,
+}
+
+impl Plan<'_> {
+    fn views(&self) -> PyResult<Views> {
+        let array = |value: &Option<Bound<'_, PyAny>>, name: &str, channels: usize| {
+            value.as_ref().map(|value| image(value, name, channels)).transpose()
+        };
+        Ok(Views {
+            cameras: cameras(&self.cameras)?,
+            silhouette: array(&self.silhouette, "silhouette", 1)?,
+            color: array(&self.color, "color", 3)?,
+            depth: array(&self.depth, "depth", 1)?,
+            normal: array(&self.normal, "normal", 3)?,
+        })
+    }
+
+    fn options(&self) -> PyResult<FitOptions> {
+        let begins = [("auto", Template::Auto), ("hull", Template::Hull), ("sphere", Template::Sphere)];
+        let begin = begins.iter().find(|(name, _)| *name == self.begin).map(|(_, template)| template.clone());
+        chosen("begin", &self.begin, &[("auto", ()), ("hull", ()), ("sphere", ())])?;
+        let losses = [("iou", ImageLoss::NegativeIou), ("l1", ImageLoss::L1), ("l2", ImageLoss::L2)];
+        let own = self.template.as_ref().map(|mesh| Template::Mesh(Box::new(mesh.mesh.clone())));
+        Ok(FitOptions {
+            template: own.or(begin).unwrap_or_default(),
+            color: self.fit_colors,
+            texture: self.texture,
+            preset: chosen("method", &self.method, &[("smooth", Preset::Smooth), ("official", Preset::Official)])?,
+            iterations: self.steps,
+            rate: self.rate,
+            sigma: self.sigma,
+            gamma: self.gamma,
+            loss: chosen("loss", &self.loss, &losses)?,
+            masks: self.masks,
+            faces: if self.front_faces { Faces::Front } else { Faces::Both },
+            samples: self.samples,
+            views_per_step: self.views_per_step,
+            smoothing: self.smoothing,
+            keep_topology: self.keep_topology,
+            edge: self.edge,
+            ..FitOptions::default()
+        })
+    }
+}
+
+fn losses(py: Python<'_>, steps: &[Taken]) -> PyResult<Py<PyDict>> {
+    let report = PyDict::new(py);
+    let column = |value: fn(&Taken) -> f64| PyArray1::from_vec(py, steps.iter().map(value).collect());
+    report.set_item("loss", column(|taken| taken.losses.loss))?;
+    report.set_item("silhouette", column(|taken| taken.losses.silhouette))?;
+    report.set_item("color", column(|taken| taken.losses.color))?;
+    Ok(report.unbind())
+}
+
+fn measures(py: Python<'_>, scores: &Scores) -> PyResult<Py<PyDict>> {
+    let report = PyDict::new(py);
+    report.set_item("mask_iou", PyArray1::from_slice(py, &scores.masks))?;
+    report.set_item("covered_mask_iou", PyArray1::from_slice(py, &scores.covered))?;
+    report.set_item("soft_iou", scores.soft)?;
+    report.set_item("parts", scores.parts)?;
+    report.set_item("genus", scores.genus)?;
+    report.set_item("color_error", scores.color)?;
+    Ok(report.unbind())
+}
+
+/// The mesh, the losses, the measures and the notes.
+type Found = (Mesh, Py<PyDict>, Py<PyDict>, Vec<String>);
+
+#[pyfunction]
+pub fn fit_views<'py>(
+    py: Python<'py>,
+    renderer: &Renderer,
+    plan: Plan<'py>,
+    progress: Option<Bound<'py, PyAny>>,
+) -> PyResult<Found> {
+    let fit = Fit::new(plan.views()?).raise()?.options(plan.options()?);
+    let shared = &renderer.shared;
+    let mut fitting = shared.call(py, |renderer| fit.begin(renderer))?;
+    let mut notes = fitting.take_notes();
+    while let Some(step) = shared.call(py, |renderer| fitting.step(renderer))? {
+        py.check_signals()?;
+        notes.extend(fitting.take_notes());
+        if let Some(progress) = &progress {
+            progress.call1((step.taken, step.loss))?;
+        }
+    }
+    let painted = shared.call(py, |renderer| fitting.paint(renderer, &mut |_| ControlFlow::Continue(())))?;
+    let fitted = shared.call(py, |renderer| fitting.finish(painted, renderer))?;
+    notes.extend(fitted.notes);
+    Ok((fitted.mesh.into(), losses(py, &fitted.steps)?, measures(py, &fitted.scores)?, notes))
+}

@@ -1,0 +1,78 @@
+"""Pictures of meshes, and meshes from pictures."""
+
+import json
+
+import numpy as np
+import pytest
+
+import softras
+
+
+def test_a_view_shows_all_of_a_mesh_and_is_saved(tmp_path):
+    picture = softras.view(softras.shapes.fish(), size=(96, 64))
+    assert picture.shape == (64, 96, 4) and picture.dtype == np.uint8
+    alpha = picture[..., 3]
+    # Nothing touches the border, and the mesh fills the picture.
+    assert alpha[0].max() == alpha[-1].max() == alpha[:, 0].max() == alpha[:, -1].max() == 0
+    assert (alpha.max(0) > 0).mean() > 0.8 and (alpha == 255).mean() > 0.2
+    picture.save(tmp_path / "fish.png")
+    assert (tmp_path / "fish.png").read_bytes() == picture._repr_png_()
+    with pytest.raises(softras.errors.InputError, match="gif"):
+        softras.view(softras.shapes.cube(), size=16, turntable=3).save(tmp_path / "turn.png")
+
+
+def test_a_mesh_file_is_seen_as_its_mesh_and_turns(tmp_path):
+    softras.shapes.fish().save(tmp_path / "fish.obj")
+    mesh = softras.load(tmp_path / "fish.obj", srgb=True)
+    seen = softras.view(tmp_path / "fish.obj", size=48, background=[1, 1, 1])
+    assert np.array_equal(seen, softras.view(mesh, size=48, background=[1, 1, 1]))
+    assert (seen[..., 3] == 255).all() and (seen[0, 0] == 255).all()
+    turn = softras.view(mesh, size=32, turntable=4)
+    assert turn.shape == (4, 32, 32, 4) and not np.array_equal(turn[0], turn[2])
+    turn.save(tmp_path / "turn.gif")
+    assert (tmp_path / "turn.gif").read_bytes()[:6] == b"GIF89a"
+
+
+def ball_from(count, size):
+    """Pictures of an orange ball and their cameras: distance, elevation and azimuth."""
+    ball = softras.shapes.icosphere(3).with_look(colors=[1.0, 0.5, 0.1])
+    places = [(3.0, 40.0 * (-1) ** i, 360.0 * i / count) for i in range(count)]
+    cameras = [softras.Camera.from_angles(*place, fov_y=np.radians(50.0)) for place in places]
+    frame = softras.render(ball, cameras, softras.Settings(width=size, height=size, sigma=1e-6, near=1.0, far=6.0))
+    return frame, cameras, places
+
+
+def test_a_folder_of_pictures_becomes_a_mesh(tmp_path):
+    frame, cameras, places = ball_from(6, 48)
+    alpha = (255 * np.asarray(frame.silhouette)).astype(np.uint8)
+    for i, (distance, elevation, azimuth) in enumerate(places):
+        pixels = np.full((48, 48, 4), (255, 188, 89, 0), np.uint8)
+        pixels[..., 3] = alpha[i]
+        pixels.view(softras.Picture).save(tmp_path / f"{i}.png")
+    entry = ["file", "distance", "elevation", "azimuth", "fov"]
+    listed = [dict(zip(entry, (f"{i}.png", *place, 50.0))) for i, place in enumerate(places)]
+    (tmp_path / "cameras.json").write_text(json.dumps(listed))
+
+    views = softras.load_views(tmp_path)
+    assert len(views.cameras) == 6 and views.silhouette.shape == (6, 48, 48) and views.color.shape == (6, 48, 48, 3)
+    assert np.abs(views.silhouette - frame.silhouette).max() < 0.01
+    steps = []
+    fitted = views.fit(color=True, steps=12, progress=lambda step, loss: steps.append((step, loss)))
+    assert [step for step, _ in steps] == list(range(1, 13))
+    assert np.allclose([loss for _, loss in steps], fitted.losses["loss"])
+    assert fitted.measures["mask_iou"].min() > 0.9 and fitted.measures["parts"] == 1 and fitted.measures["genus"] == 0
+    assert softras.iou(fitted.mesh, softras.shapes.icosphere(3)) > 0.85
+    fitted.mesh.save(tmp_path / "ball.glb", srgb=True)
+    assert len(softras.load(tmp_path / "ball.glb").triangles) == len(fitted.mesh.triangles)
+
+
+def test_what_does_not_fit_together_is_refused(tmp_path):
+    frame, cameras, _ = ball_from(2, 16)
+    with pytest.raises(softras.errors.FitError, match="cameras"):
+        softras.Views(cameras[:1], silhouette=frame.silhouette).fit(steps=1)
+    with pytest.raises(softras.errors.FitError, match="image"):
+        softras.Views(cameras).fit(steps=1)
+    with pytest.raises(softras.errors.InputError, match="begin"):
+        softras.Views(cameras, silhouette=frame.silhouette).fit(begin="cube")
+    with pytest.raises(softras.errors.FileError, match="cameras.json"):
+        softras.load_views(tmp_path)
