@@ -5,6 +5,18 @@
 //! [`gradients`] brings a device's gradients into the reference's layout. [`random`] generates all random numbers.
 //!
 //! The program of this package renders archives of arrays: `cargo run --release -p softras-lab -- eval --help`.
+//!
+//! ```
+//! use softras_lab::check::{cases, compare};
+//!
+//! # fn main() -> softras::Result<()> {
+//! let mut renderer = softras::Renderer::new()?;
+//! let case = &cases()?[0];
+//! let found = compare(&mut renderer, case)?;
+//! assert!(found.pass(case.gradient_tolerance), "{}: {:?}", case.name, found.images);
+//! # Ok(())
+//! # }
+//! ```
 
 pub mod check;
 pub mod gradients;
