@@ -60,8 +60,6 @@ pub use crate::frame::pack::{AppearanceShape, MeshShape, camera_texels, light_te
 pub use crate::frame::plan::{Capacity, DepthSpan};
 #[cfg(all(feature = "external", unix))]
 pub use crate::vulkan::external;
-#[doc(hidden)]
-pub use crate::vulkan::vk;
 pub use crate::vulkan::{
     BufferRef, HostAdapter, HostCommands, HostDevice, ImageFormat, ImageRef, TexelFormat, TextureRef, changing_devices,
 };

@@ -105,6 +105,28 @@ fn the_public_items_are_those_of_the_list() {
     assert!(count <= MOST_ITEMS, "{count} public items, at most {MOST_ITEMS}: make what users do not need pub(crate)");
 }
 
+/// What another crate can reach is in the documentation: no package of this repository has a door of its own.
+#[test]
+fn nothing_public_is_hidden() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let crates = std::fs::read_dir(root.join("crates")).unwrap().map(|entry| entry.unwrap().path().join("src"));
+    let mut folders: Vec<PathBuf> = crates.chain([root.join("src")]).collect();
+    let (mut hidden, mut files) = (Vec::new(), 0);
+    while let Some(folder) = folders.pop() {
+        for path in std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|extension| extension == "rs") {
+                files += 1;
+                let text = std::fs::read_to_string(&path).unwrap();
+                hidden.extend(text.contains("doc(hidden)").then_some(path));
+            }
+        }
+    }
+    assert!(files > 100, "{files} files");
+    assert_eq!(hidden, [PathBuf::new(); 0]);
+}
+
 #[test]
 fn a_change_is_seen() {
     let all = r#"<ul class="all-items"><li><a href="enum.Error.html">Error</a></li>

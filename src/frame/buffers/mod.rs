@@ -117,8 +117,7 @@ impl BufferId {
 
     /// The buffer of a kernel's binding: `bin_ranges`, or the block `BinRanges` if the kernel writes it. `None` for the
     /// [`ALIASES`] and for names that are no buffer of a frame.
-    #[doc(hidden)]
-    pub fn of_binding(binding: &str) -> Option<Self> {
+    pub(crate) fn of_binding(binding: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|id| is_binding_of(binding, id.name()))
     }
 }

@@ -46,8 +46,7 @@ macro_rules! table {
             pub(crate) const COUNT: usize = [$(stringify!($frame),)* $(stringify!($gradient),)*].len();
 
             /// Its row of the table.
-            #[doc(hidden)]
-            pub fn row(self) -> &'static Row {
+            pub(crate) fn row(self) -> &'static Row {
                 static ROWS: [Row; BufferId::COUNT] =
                     [$(table!(@row Frame $frame_row),)* $(table!(@row Gradients $gradient_row),)*];
                 &ROWS[self as usize]
