@@ -130,6 +130,9 @@ pub struct Progress {
     pub loss: f64,
 }
 
+/// What is told of each step, and may end the fit.
+pub type Told<'a> = dyn FnMut(&Progress) -> ControlFlow<()> + 'a;
+
 /// A step of a fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Taken {
@@ -219,18 +222,14 @@ impl Fitting {
         std::mem::take(&mut self.notes)
     }
 
-    /// Makes a texture for the best mesh and fits its texels, where one is to be made, until `progress` breaks it.
+    /// Makes a texture for the best mesh and fits its texels, where one is to be made, until `told` breaks it.
     ///
     /// # Errors
     /// Those of [`with_atlas`](crate::with_atlas), and of rendering.
-    pub fn paint(
-        &mut self,
-        renderer: &mut Renderer,
-        progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-    ) -> Result<Option<Painted>> {
+    pub fn paint(&mut self, renderer: &mut Renderer, told: &mut Told) -> Result<Option<Painted>> {
         let Some(side) = self.options.texture.filter(|_| self.setup.paints) else { return Ok(None) };
         let best = self.found();
-        let painted = paint::painted(&best, side, &self.setup, &self.subject, &self.views, (renderer, progress))?;
+        let painted = paint::painted(&best, side, &self.setup, &self.subject, &self.views, (renderer, told))?;
         self.notes.push(painted.sentence());
         Ok(Some(painted))
     }

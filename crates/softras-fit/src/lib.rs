@@ -7,8 +7,7 @@
 //! Both are made of parts that serve alone:
 //! - [`ShapeFit`] is a mesh whose vertices and colours move by gradients: a template and [`ShapeOptions`], which say what moves (a
 //!   [`Parametrization`]), what is minimised (an [`ImageLoss`] plus weighted [`Regularizer`]s) and how steps are taken (a
-//!   [`Method`]). [`ShapeRun`] remembers its best mesh. For a loss of your own, render [`ShapeFit::scene`], differentiate by the
-//!   loss's gradient with [`Renderer::backward`](softras::Renderer::backward), and call [`ShapeFit::advance`].
+//!   [`Method`]). [`ShapeRun`] remembers its best mesh. [`ShapeFit::step_by`] takes a loss of your own.
 //! - [`PoseFit`] follows gradients from given poses, many at once.
 //! - [`visual_hull`] is the largest solid with given silhouettes, [`carved`] gives a mesh the holes and parts that it does not
 //!   have, [`remeshed`] evens out triangles on the surface that they have, [`Subdivision`] divides them into smaller ones,
@@ -54,7 +53,7 @@ mod voxel;
 pub use atlas::with_atlas;
 pub use carved::carved;
 pub use film::Film;
-pub use fit::{Fit, Fitted, Fitting, Progress, Taken};
+pub use fit::{Fit, Fitted, Fitting, Progress, Taken, Told};
 pub use hull::visual_hull;
 pub use image_loss::{
     ImageLoss, Valued, add_blurred_gradient, add_pooled_gradient, blur_factor, blurred, mask_iou, pooled,

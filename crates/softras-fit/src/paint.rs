@@ -1,10 +1,11 @@
 //! The texture that `--texture` makes of a mesh without one: an atlas on the mesh that was found, whose texels are fitted while
 //! the shape stays.
 
-use crate::{Progress, Schedule, color_error::color_error, setup::Setup, subject::Subject, texels::Texels, with_atlas};
+use crate::{
+    Progress, Schedule, Told, color_error::color_error, setup::Setup, subject::Subject, texels::Texels, with_atlas,
+};
 use softras::{Mesh, Renderer, Result, scene::Appearance};
 use softras_io::Views;
-use std::ops::ControlFlow;
 
 /// Steps of the texels.
 const STEPS: usize = 100;
@@ -31,14 +32,14 @@ pub struct Painted {
 }
 
 /// Gives a mesh that was fitted a texture of at most `most` texels a side in its colours, and fits the texels to the views under the
-/// lights of the fit, until `progress` breaks it.
+/// lights of the fit, until `told` breaks it.
 pub fn painted(
     mesh: &Mesh,
     most: u32,
     setup: &Setup,
     subject: &Subject,
     views: &Views,
-    (renderer, progress): (&mut Renderer, &mut dyn FnMut(&Progress) -> ControlFlow<()>),
+    (renderer, told): (&mut Renderer, &mut Told),
 ) -> Result<Painted> {
     let (start, texel) = with_atlas(mesh, TEXEL * setup.pixel, most)?;
     let texel = texel / setup.pixel;
@@ -48,7 +49,7 @@ pub fn painted(
     while texels.can_step() && losses.len() < STEPS && !is_broken {
         let loss = texels.step(RATE.at_step(losses.len(), STEPS), renderer)?;
         losses.push(loss);
-        is_broken = progress(&Progress { is_texture: true, taken: losses.len(), of: STEPS, loss }).is_break();
+        is_broken = told(&Progress { is_texture: true, taken: losses.len(), of: STEPS, loss }).is_break();
     }
     let is_complete = !is_broken || losses.len() == STEPS;
     let mesh = texels.mesh().clone();

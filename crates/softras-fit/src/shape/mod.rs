@@ -20,7 +20,7 @@ use compare::{ImageLosses, compare};
 use glam::DVec3;
 use parametrization::Parameters;
 use softras::{
-    Error, MeshGradients, Renderer, Result, Wanted,
+    Camera, Error, Frame, ImageGradient, MeshGradients, Renderer, Result, Wanted,
     scene::{Lights, Mesh, Scene, Settings},
 };
 use softras_io::Views;
@@ -194,7 +194,27 @@ impl ShapeFit {
         (by_positions, if fit_colors { colors::gradient(self.mesh().appearance(), mesh) } else { Vec::new() })
     }
 
-    /// A step by a loss of the caller's: adds the regularizers' gradients to those of the loss by [`ShapeFit::mesh`], and moves
+    /// Renders some cameras' views, and takes a step by a loss of the caller's, who gives its value and its gradient by the images.
+    /// Settings say the size and which images there are. Returns the value.
+    ///
+    /// # Errors
+    /// Those of `loss`; otherwise as [`ShapeFit::step`] and [`ShapeFit::advance`].
+    pub fn step_by(
+        &mut self,
+        renderer: &mut Renderer,
+        settings: &Settings,
+        cameras: &[Camera],
+        loss: impl FnOnce(&Frame) -> Result<(f64, ImageGradient)>,
+        (rate, color_rate): (f64, f64),
+    ) -> Result<f64> {
+        let frame = renderer.render_saved(&self.scene, cameras, settings)?;
+        let (value, upstream) = loss(&frame)?;
+        let gradients = renderer.backward(&frame, &upstream, &self.wanted())?;
+        self.advance(&gradients.meshes[0], rate, color_rate)?;
+        Ok(value)
+    }
+
+    /// A step by gradients of the caller's: adds the regularizers' gradients to those of the loss by [`ShapeFit::mesh`], and moves
     /// vertices with step size `rate` and colours with `color_rate`. Returns the regularizers' penalties, unweighted.
     ///
     /// # Errors

@@ -22,7 +22,7 @@ fn silhouettes(renderer: &mut Renderer, mesh: &Mesh) -> Views {
 }
 
 fn carved(targets: &Views, mesh: &Mesh, missing: Option<&Image>) -> Mesh {
-    softras_fit::carved(&targets, mesh, missing, [0.0; 3], 3.0, 64).unwrap()
+    softras_fit::carved(targets, mesh, missing, [0.0; 3], 3.0, 64).unwrap()
 }
 
 /// A voxel of the result is inside where it is inside the ball of radius `radius` and in every silhouette. Voxels within a pixel

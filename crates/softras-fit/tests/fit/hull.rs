@@ -102,7 +102,7 @@ fn silhouettes_of_no_solid_are_refused() {
     let mut renderer = renderer();
     let targets = silhouettes(&mut renderer, &shapes::icosphere(2).unwrap(), PERSPECTIVE);
     let refused = |targets: &Views, side: f64, samples: usize, part: &str| match softras_fit::visual_hull(
-        &targets, [0.0; 3], side, samples,
+        targets, [0.0; 3], side, samples,
     ) {
         Err(error @ Error::Fit { .. }) => assert!(error.to_string().contains(part), "{error} without {part}"),
         other => panic!("{other:?} without {part}"),

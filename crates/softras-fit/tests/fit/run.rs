@@ -3,8 +3,8 @@
 use crate::common;
 use softras::scene::{Appearance, Outputs};
 use softras::{
-    Camera, Error, Image, ImageGradient, Lights, Mesh, Projection, Renderer, RendererOptions, Scene, Settings, Wanted,
-    shapes,
+    Camera, Error, Frame, Image, ImageGradient, Lights, Mesh, Projection, Renderer, RendererOptions, Scene, Settings,
+    Wanted, shapes,
 };
 use softras_fit::{ImageLoss, ShapeFit, ShapeOptions, ShapeRun};
 use softras_io::Views;
@@ -82,6 +82,14 @@ fn a_loss_of_ones_own_moves_what_the_fit_moves() {
     let penalties = own.advance(&gradients.meshes[0], 0.02, 0.01).unwrap();
     assert_eq!((loss.value, penalties), (step.silhouette, step.regularizers));
     assert!(own.mesh() == fit.mesh() && own.state() == fit.state() && own.mesh().positions() != ball.positions());
+    let mut third = shape(&options);
+    let target = targets.silhouette.as_ref().unwrap();
+    let by_iou = |frame: &Frame| {
+        let loss = ImageLoss::NegativeIou.evaluate(frame.silhouette().unwrap(), target, None)?;
+        Ok((loss.value, ImageGradient::silhouette(loss.gradient)))
+    };
+    let value = third.step_by(&mut renderer, &seen, &targets.cameras, by_iou, (0.02, 0.01)).unwrap();
+    assert!(value == step.silhouette && third.state() == fit.state());
     // What is not fitted stays, whatever it is given.
     let mut by = gradients.meshes[0].clone();
     by.colors = vec![[1.0; 3]; ball.positions().len()];

@@ -148,7 +148,7 @@ fn depths_carve_a_hull() {
     let mug = softras::shapes::by_name("mug").unwrap();
     let all = targets(&mut renderer, &mug, cameras(16), 2);
     let iou =
-        |targets: &Views| voxel_iou(&softras_fit::visual_hull(&targets, [0.0; 3], 3.0, 64).unwrap(), &mug, 48).unwrap();
+        |targets: &Views| voxel_iou(&softras_fit::visual_hull(targets, [0.0; 3], 3.0, 64).unwrap(), &mug, 48).unwrap();
     let (outlines, depths) = (iou(&Views { depth: None, ..all.clone() }), iou(&all));
     assert!(outlines < 0.65 && depths > outlines + 0.15, "{outlines} by outlines, {depths} by depths");
     // One solid of one handle, with nothing around it and no bubbles in it.
