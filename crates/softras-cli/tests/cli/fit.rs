@@ -238,7 +238,7 @@ fn a_mesh_of_one_colour_is_fitted_under_light() {
     };
     let torus = softras::shapes::torus(1.0, 0.4, 24, 12).unwrap();
     let white = torus.with_appearance(softras::scene::Appearance::Uniform([1.0; 3])).unwrap();
-    softras_io::save(&white, &folder.path().join("torus.obj")).unwrap();
+    softras_io::save(&white, folder.path().join("torus.obj")).unwrap();
     let (said, lit) = run(&[]);
     assert!(said.contains("one colour") && said.contains("--shading none"), "{said}");
     let (said, flat) = run(&["--shading", "none"]);
