@@ -86,7 +86,7 @@ fn mutated_meshes_are_read_or_refused() {
         (0..random.choose(&[1, 1, 2, 5])).for_each(|_| mutate(random, &mut bytes));
         fs::write(folder.join(name), &bytes).unwrap();
         let size = files.iter().map(|(_, bytes)| bytes.len()).sum::<usize>() - original.len() + bytes.len();
-        let (outcome, peak) = peak_of(|| panic::catch_unwind(|| load(&folder.join("mesh.obj"), &options)));
+        let (outcome, peak) = peak_of(|| panic::catch_unwind(|| load(folder.join("mesh.obj"), &options)));
         assert!(peak <= SLACK + MULTIPLE * size, "seed {seed}: {peak} bytes for files of {size}");
         largest = largest.max(peak as f64 / size as f64);
         match outcome {

@@ -69,7 +69,7 @@ fn every_format_renders_to_the_bits_of_its_obj() {
     let colored = torus.clone().with_appearance(Appearance::VertexColors(colors)).unwrap();
     for (mesh, has_color) in [(torus, false), (colored, true), (textured(), true)] {
         save(&mesh, &folder.path().join("mesh.obj")).unwrap();
-        let obj = load(&folder.path().join("mesh.obj"), &RAW).unwrap();
+        let obj = load(folder.path().join("mesh.obj"), &RAW).unwrap();
         let expected = pixels(&mut renderer, &obj.mesh);
         assert!(expected.iter().filter(|x| **x != 0).count() > 1000);
         let image = match mesh.appearance() {
@@ -200,11 +200,11 @@ fn colours_of_bytes_and_of_faces_are_read() {
     assert_eq!(colors[0], [1.0, 0.0, 0.2]);
     // As the bytes of pictures are read.
     let options = LoadOptions { srgb: true, ..RAW };
-    let linear = load(&folder.path().join("mesh.ply"), &options).unwrap();
+    let linear = load(folder.path().join("mesh.ply"), &options).unwrap();
     let Appearance::VertexColors(colors) = linear.mesh.appearance() else { panic!("{linear:?}") };
     assert!((colors[0][2] - 0.033_104_77).abs() < 1e-6);
     let strict = LoadOptions { strict: true, ..RAW };
-    assert_refused(load(&folder.path().join("mesh.ply"), &strict), &["fewer than three"]);
+    assert_refused(load(folder.path().join("mesh.ply"), &strict), &["fewer than three"]);
     let face_colors = "element face 1\nproperty list uchar uint vertex_index\n".to_owned() + rgb + "end_header\n";
     let text = format!("{head}{xyz}{face_colors}0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2 0 255 0");
     let mesh = read(&folder, "mesh.ply", text.as_bytes()).unwrap().mesh;
@@ -343,7 +343,7 @@ fn mutated_files_are_read_or_refused() {
         let mut bytes = original.clone();
         (0..random.choose(&[1, 1, 2, 5])).for_each(|_| mutate(random, &mut bytes));
         fs::write(folder.path().join(name), &bytes).unwrap();
-        let load = || load(&folder.path().join(name), &RAW);
+        let load = || load(folder.path().join(name), &RAW);
         let (outcome, peak) = peak_of(|| panic::catch_unwind(load));
         assert!(peak <= SLACK + MULTIPLE * bytes.len(), "seed {seed}, {name}: {peak} bytes for {}", bytes.len());
         match outcome.unwrap_or_else(|_| panic!("seed {seed}, {name}: a panic")) {

@@ -68,7 +68,7 @@ fn textures_keep_their_rows_values_and_corners() {
         texture_of_triangle: vec![],
     };
     assert_eq!(loaded.mesh.appearance(), &expected);
-    let linear = load(&folder.path().join("mesh.obj"), &LoadOptions { srgb: true, ..RAW }).unwrap();
+    let linear = load(folder.path().join("mesh.obj"), &LoadOptions { srgb: true, ..RAW }).unwrap();
     let Appearance::Textured { textures, .. } = linear.mesh.appearance() else { panic!() };
     assert!((textures[0].texels()[1][0] - 0.033_104_77).abs() < 1e-6);
     assert_eq!(textures[0].texels()[1][1..], [0.0, 1.0]);
@@ -144,7 +144,7 @@ fn alpha_maps_give_textures_their_alpha() {
         // sRGB is of colours and never of alpha.
         let options = LoadOptions { srgb: true, ..RAW };
         let folder = folder(&files);
-        let loaded = load(&folder.path().join("mesh.obj"), &options).unwrap();
+        let loaded = load(folder.path().join("mesh.obj"), &options).unwrap();
         let Appearance::Textured { textures, .. } = loaded.mesh.appearance() else { panic!("{loaded:?}") };
         (textures[0].texels().to_vec(), textures[0].alpha().map(<[f32]>::to_vec), loaded.notes)
     };

@@ -25,7 +25,7 @@ fn folder<B: AsRef<[u8]>>(files: &[(&str, B)]) -> TempDir {
 }
 
 fn load_in(folder: &TempDir) -> softras::Result<Loaded> {
-    load(&folder.path().join("mesh.obj"), &RAW)
+    load(folder.path().join("mesh.obj"), &RAW)
 }
 
 fn load_text(obj: impl AsRef<[u8]>) -> softras::Result<Loaded> {

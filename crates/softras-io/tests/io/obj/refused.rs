@@ -78,7 +78,7 @@ fn assert_left_out(folder: &TempDir, name: &str, line: Option<usize>, words: &[&
     let loaded = load_in(folder).unwrap();
     assert_note(&loaded.notes, words);
     let options = LoadOptions { strict: true, ..RAW };
-    assert_refused(load(&folder.path().join("mesh.obj"), &options).unwrap_err(), name, line, words);
+    assert_refused(load(folder.path().join("mesh.obj"), &options).unwrap_err(), name, line, words);
     loaded
 }
 
@@ -225,7 +225,7 @@ fn files_are_counted_against_one_memory() {
         folder(&[("mesh.obj", TEXTURED.as_bytes()), ("mesh.mtl", mtl.as_bytes()), ("t.png", png.get_ref().as_slice())]);
     let within = |memory: usize| {
         let options = LoadOptions { memory: Some(memory as u64), ..RAW };
-        load(&folder.path().join("mesh.obj"), &options)
+        load(folder.path().join("mesh.obj"), &options)
     };
     let (obj, mtl, texels) = (24 * TEXTURED.len(), 24 * mtl.len(), 24 * 16 * 16);
     assert_refused(within(obj - 1).unwrap_err(), "mesh.obj", None, &["MiB of memory"]);
@@ -244,7 +244,7 @@ fn files_are_counted_against_one_memory() {
 #[test]
 fn unreadable_files_name_themselves() {
     let folder = tempfile::tempdir().unwrap();
-    let error = load(&folder.path().join("none.obj"), &RAW).unwrap_err();
+    let error = load(folder.path().join("none.obj"), &RAW).unwrap_err();
     assert!(matches!(error, Error::Io { .. }) && error.to_string().contains("none.obj"), "{error}");
     let error = load(folder.path(), &RAW).unwrap_err();
     assert!(error.to_string().contains("not a regular file"), "{error}");
