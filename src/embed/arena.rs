@@ -36,7 +36,7 @@ impl Arena {
             arena.alignment = arena.alignment.max(own);
             let offset = arena.size.next_multiple_of(own);
             // Whole texels, so that a view of the part can cover it.
-            let size = requirement.size.next_multiple_of(requirement.format.bytes());
+            let size = requirement.size.next_multiple_of(requirement.id.row().format.bytes());
             arena.parts.push((requirement.id, offset, size));
             arena.usage |= requirement.usage;
             arena.size = offset + size;

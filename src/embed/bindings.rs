@@ -65,14 +65,14 @@ pub(super) fn parts_of_host(
         };
         validate(requirement, at)?;
         // A buffer view must end with a whole texel.
-        let at = at.part(0, at.range() - at.range() % requirement.format.bytes())?;
+        let at = at.part(0, at.range() - at.range() % id.row().format.bytes())?;
         let texels = |format| BufferPart::texels_of_host(device, &at, format, id.name());
         if id == BufferId::Unused {
             for format in TexelFormat::ALL {
                 parts.unused.push((format, texels(format)?));
             }
         } else if requirement.usage.contains(vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER) {
-            parts.bound.push((id, texels(requirement.format)?));
+            parts.bound.push((id, texels(id.row().format)?));
         } else {
             parts.bound.push((id, BufferPart::of_host(device, &at)));
         }

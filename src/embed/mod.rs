@@ -61,7 +61,7 @@ pub use crate::frame::plan::{Capacity, DepthSpan};
 #[cfg(all(feature = "external", unix))]
 pub use crate::vulkan::external;
 pub use crate::vulkan::{
-    BufferRef, HostAdapter, HostCommands, HostDevice, ImageFormat, ImageRef, TexelFormat, TextureRef, changing_devices,
+    BufferRef, HostAdapter, HostCommands, HostDevice, ImageFormat, ImageRef, TextureRef, changing_devices,
 };
 
 use crate::constants as c;

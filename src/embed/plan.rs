@@ -7,7 +7,7 @@ use crate::frame::pack::{MeshLayout, TableLayout};
 use crate::frame::plan::{BackwardInput, BackwardPlan, Capacity, ForwardPlan, PlanInput, Rare, validate_views};
 use crate::gradients::Wanted;
 use crate::scene::{Lights, Outputs, Settings, Shading};
-use crate::vulkan::{BufferDesc, BufferRef, DeviceKind, Limits, Location, TexelFormat, vk};
+use crate::vulkan::{BufferDesc, BufferRef, DeviceKind, Limits, Location, vk};
 
 /// Passes of all loops of an invocation together that a software device is trusted with. Mesa before 23 ends them after 65535
 /// without an error, which would leave a hole in the image.
@@ -24,8 +24,6 @@ pub struct BufferRequirement {
     pub alignment: u64,
     /// How softras uses it. The host adds its own usages, such as a copy into an input or from an output.
     pub usage: vk::BufferUsageFlags,
-    /// The element that kernels read.
-    pub format: TexelFormat,
     /// Who fills it, which suggests the kind of memory.
     pub role: Role,
 }
@@ -74,7 +72,7 @@ fn requirement(limits: &Limits, id: BufferId, size: u64) -> Result<BufferRequire
     BufferDesc { name, size, usage, location: Location::Device, texels }.validate(limits)?;
     // 16 bytes are a texel of four floats, and the alignment that copies to images need.
     let alignment = limits.storage_offset_alignment.max(limits.texel_offset_alignment).max(16);
-    Ok(BufferRequirement { id, size, alignment, usage, format, role })
+    Ok(BufferRequirement { id, size, alignment, usage, role })
 }
 
 fn requirements(limits: &Limits, sizes: &Sizes) -> Result<Vec<BufferRequirement>> {
