@@ -92,7 +92,7 @@ impl HostDevice {
     ///
     /// # Safety
     /// - The device was made of the adapter's physical device, with a queue of a family that computes.
-    /// - It stays valid until every [`Device`](super::Device), rasterizer and binding made with it is dropped.
+    /// - It stays valid until every rasterizer and binding made with it is dropped.
     pub unsafe fn new(adapter: HostAdapter, device: vk::Device) -> Self {
         let pipeline_cache = vk::PipelineCache::null();
         Self { adapter, device, debug_utils: false, pipeline_cache, allocation_callbacks: None }
