@@ -29,7 +29,13 @@ def programs():
 
 @pytest.mark.parametrize(
     "heading, package",
-    [("Arrays", "numpy"), ("torch", "torch"), ("JAX", "jax"), ("The official package's interface", "torch")],
+    [
+        ("Arrays", "numpy"),
+        ("Pictures, and meshes from pictures", "numpy"),
+        ("torch", "torch"),
+        ("JAX", "jax"),
+        ("The official package's interface", "torch"),
+    ],
 )
 def test_the_guide_runs(programs, heading, package, tmp_path):
     if importlib.util.find_spec(package) is None:
