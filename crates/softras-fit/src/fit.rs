@@ -14,23 +14,6 @@ use softras_io::{Budget, Views};
 use std::{ops::ControlFlow, path::Path, time::Instant};
 
 /// A fit that is to be made: views of an object, and how.
-///
-/// ```
-/// use softras::{Renderer, shapes};
-/// use softras_fit::{Fit, ViewsOfMesh};
-/// use std::ops::ControlFlow;
-///
-/// # fn main() -> softras::Result<()> {
-/// let mut renderer = Renderer::new()?;
-/// // Views of a mesh; `Views::open` reads photographs.
-/// let views = ViewsOfMesh { count: 6, size: (32, 32), ..ViewsOfMesh::default() };
-/// let mut fit = Fit::of_mesh(shapes::torus(0.7, 0.3, 24, 12)?, &views, &mut renderer)?.color();
-/// fit.options.iterations = Some(4);
-/// let fitted = fit.run(&mut renderer, |_| ControlFlow::Continue(()))?;
-/// assert!(fitted.scores.mean_mask_iou() > 0.8 && fitted.steps.len() == 4);
-/// # Ok(())
-/// # }
-/// ```
 #[derive(Clone, Debug)]
 pub struct Fit {
     /// The views, and what is known of the object in them.

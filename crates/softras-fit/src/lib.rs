@@ -17,6 +17,23 @@
 //!
 //! A step renders and differentiates on the device, and computes losses, regularizers and the optimiser on the host in f64. Sums run
 //! in a fixed order, so the same input gives the same bits.
+//!
+//! ```
+//! use softras::{Renderer, shapes};
+//! use softras_fit::{Fit, ViewsOfMesh};
+//! use std::ops::ControlFlow;
+//!
+//! # fn main() -> softras::Result<()> {
+//! let mut renderer = Renderer::new()?;
+//! // Views of a mesh; `Views::open` reads photographs.
+//! let views = ViewsOfMesh { count: 6, size: (32, 32), ..ViewsOfMesh::default() };
+//! let mut fit = Fit::of_mesh(shapes::torus(0.7, 0.3, 24, 12)?, &views, &mut renderer)?.color();
+//! fit.options.iterations = Some(4);
+//! let fitted = fit.run(&mut renderer, |_| ControlFlow::Continue(()))?;
+//! assert!(fitted.scores.mean_mask_iou() > 0.8 && fitted.steps.len() == 4);
+//! # Ok(())
+//! # }
+//! ```
 
 mod atlas;
 mod begin;

@@ -4,6 +4,22 @@
 //! tile. The code is generic over the number type `real::Real`; run over numbers that record their operations, the same
 //! code that renders gives the gradient. Its stages are `setup` (transform, light, cut, project) → `geometry`
 //! (distance, barycentrics) → `fragment` → `aggregate`.
+//!
+//! ```
+//! use softras::{Camera, Projection, Scene, Settings, shapes};
+//! use softras_reference::{GradientMode, Upstream, gradient, render_culled};
+//!
+//! # fn main() -> softras::Result<()> {
+//! let scene = Scene::new(shapes::cube()?);
+//! let camera = [Camera::from_angles(3.0, 30.0, 40.0, Projection::Perspective { fov_y: 0.8 })?];
+//! let settings = Settings { width: 16, height: 16, ..Settings::default() };
+//! let frame = render_culled(&scene, &camera, &settings)?;
+//! let upstream = Upstream { d_silhouette: Some(frame.silhouette), ..Upstream::default() };
+//! let gradients = gradient(&scene, &camera, &settings, &upstream, GradientMode::Exact)?;
+//! assert!(gradients.positions(0).iter().any(|g| *g != 0.0));
+//! # Ok(())
+//! # }
+//! ```
 
 mod aggregate;
 mod candidates;
