@@ -31,7 +31,7 @@ void main() {
         int at = pixel_index(tile.view, pixel);
         write_images(p, at, 1);
         if (SAVE) {
-            saved[at] = kept_of(p);
+            saved[at] = saved_of(p);
         }
     }
 }

@@ -61,17 +61,17 @@ const bool SHOWS = uint(UP_SHADED) * uint(!OUTLINE) != 0u;
 #include "common/row_walk.glsl"
 
 // Lanes that share an item.
-const int WALKERS = int(gl_WorkGroupSize.x);
+const int ITEM_LANES = int(gl_WorkGroupSize.x);
 
 // Pixels that a lane takes at a time. Every step runs over all of them before the next step, so that their long chains of
 // dependent operations overlap: 10 % faster than one at a time. More than two have no room in the sixteen registers of AVX2, where
 // four take 1.15 times as long, unless the pixels need the silhouette alone; there two take 1.03 to 1.14 times as long as four.
 // Four in an item that the lanes share are no faster, because more lanes are left without a pixel at its end.
 const int PAIRS = 2 + 2 * int(SMALL) * int(OUTLINE);
-const int STEP = PAIRS * WALKERS;
+const int STEP = PAIRS * ITEM_LANES;
 
 // The gradients through eq. 2 and 3 of a lane's fragments; adds dL/dx to `by_x` and dL/dα to `by_alpha`.
-void add_shaded(ItemTriangle item, Pair pairs[PAIRS], PixelGradient g[PAIRS], Fragment f[PAIRS], Surface surface[PAIRS],
+void add_shading_gradients(ItemTriangle item, Pair pairs[PAIRS], PixelGradient g[PAIRS], Fragment f[PAIRS], Surface surface[PAIRS],
                 Opacity opacity[PAIRS], inout float by_x[PAIRS], inout float by_alpha[PAIRS], inout Sums s) {
     Weight weight[PAIRS];
     for (int i = 0; i < PAIRS; ++i) {
@@ -101,7 +101,7 @@ void add_shaded(ItemTriangle item, Pair pairs[PAIRS], PixelGradient g[PAIRS], Fr
 }
 
 // The same for fragments that contribute to the silhouette only, whose opacity depends on the surface all the same.
-void add_faded(ItemTriangle item, Pair pairs[PAIRS], PixelGradient g[PAIRS], Fragment f[PAIRS], Surface surface[PAIRS],
+void add_opacity_gradients(ItemTriangle item, Pair pairs[PAIRS], PixelGradient g[PAIRS], Fragment f[PAIRS], Surface surface[PAIRS],
                Opacity opacity[PAIRS], float by_alpha[PAIRS], inout Sums s) {
     for (int i = 0; i < PAIRS; ++i) {
         Value value = value_from(item, surface[i]);
@@ -118,9 +118,9 @@ void add_pairs(ItemTriangle item, Pair pairs[PAIRS], inout Sums s) {
     for (int i = 0; i < PAIRS; ++i) {
         g[i] = pixel_gradient_at(pairs[i].entry);
     }
-    Distance distances[PAIRS];
+    PairDistance distances[PAIRS];
     for (int i = 0; i < PAIRS; ++i) {
-        distances[i] = distance_at(item, pairs[i]);
+        distances[i] = distance_of_pair(item, pairs[i]);
         g[i] = received(g[i], distances[i].to_triangle.kept);
     }
     Fragment f[PAIRS];
@@ -146,9 +146,9 @@ void add_pairs(ItemTriangle item, Pair pairs[PAIRS], inout Sums s) {
         }
     }
     if (SHOWS) {
-        add_shaded(item, pairs, g, f, surface, opacity, by_x, by_alpha, s);
+        add_shading_gradients(item, pairs, g, f, surface, opacity, by_x, by_alpha, s);
     } else if (OPACITY) {
-        add_faded(item, pairs, g, f, surface, opacity, by_alpha, s);
+        add_opacity_gradients(item, pairs, g, f, surface, opacity, by_alpha, s);
     }
     for (int i = 0; i < PAIRS; ++i) {
         x_gradient(item, pairs[i], distances[i], f[i], by_x[i], s);
@@ -229,22 +229,22 @@ ItemTriangle item_triangle_of(int record_index) {
     return t;
 }
 
-Walk walk_of(Item item, vec2 origin) {
+ItemPixels pixels_of(Item item, vec2 origin) {
     int width = int(frame.width);
     int entry = (item.view * int(frame.height) + item.first.y) * width + item.first.x;
-    return Walk(item.size.x * item.size.y, float(item.size.x), 1.0 / float(item.size.x), vec2(item.first) - origin, entry,
+    return ItemPixels(item.size.x * item.size.y, float(item.size.x), 1.0 / float(item.size.x), vec2(item.first) - origin, entry,
                 float(width));
 }
 
 // Adds the gradients of the pixels that this lane has of an item which the lanes share. No item is empty, so that the loop can
 // test its condition at the end, where llvmpipe does not execute the body once more. All lanes take the same number of turns.
-void add_shared(ItemTriangle triangle, Walk walk, inout Sums s) {
-    int turns = (walk.count + STEP - 1) / STEP;
+void add_shared(ItemTriangle triangle, ItemPixels pixels, inout Sums s) {
+    int turns = (pixels.count + STEP - 1) / STEP;
     int index = int(gl_LocalInvocationID.x);
     do {
         Pair pairs[PAIRS];
         for (int i = 0; i < PAIRS; ++i) {
-            pairs[i] = pair_at(walk, index + i * WALKERS);
+            pairs[i] = pair_at(pixels, index + i * ITEM_LANES);
         }
         add_pairs(triangle, pairs, s);
         index += STEP;
@@ -255,23 +255,23 @@ void add_shared(ItemTriangle triangle, Walk walk, inout Sums s) {
 // Adds the gradients of a small item's pixels, if the lane has one. All lanes take the turns of the one with the most: in Mesa 22.3
 // a lane that has left the loop still takes branches of its body. Where the lanes ask each other by shuffles, they ask after each
 // turn; elsewhere that would take barriers, and each counts its turns before.
-void add_alone(ItemTriangle triangle, Walk walk, ivec2 size, bool exists, inout Sums s) {
-    ColumnBounds bounds = column_bounds_of(triangle.edges, walk, size);
-    Place place = first_place(bounds, exists);
+void add_alone(ItemTriangle triangle, ItemPixels pixels, ivec2 size, bool exists, inout Sums s) {
+    ColumnBounds bounds = column_bounds_of(triangle.edges, pixels, size);
+    RowPosition position = first_position(bounds, exists);
 #ifdef SUBGROUP_RECORDS
     int turns = 0;
 #else
-    int turns = -int(least_of_lanes(vec2(-turns_of(place, bounds, PAIRS))).x);
+    int turns = -int(least_of_lanes(vec2(-turns_of(position, bounds, PAIRS))).x);
 #endif
     do {
         Pair pairs[PAIRS];
         for (int i = 0; i < PAIRS; ++i) {
-            pairs[i] = pair_after(walk, place, i);
+            pairs[i] = pair_after(pixels, position, i);
         }
         add_pairs(triangle, pairs, s);
-        place = advanced(place, bounds, PAIRS);
+        position = advanced(position, bounds, PAIRS);
 #ifdef SUBGROUP_RECORDS
-        turns = int(bits_of_lanes(has_pixels(place, bounds) ? 1u : 0u));
+        turns = int(bits_of_lanes(has_pixels(position, bounds) ? 1u : 0u));
 #else
         --turns;
 #endif
@@ -303,15 +303,15 @@ void main() {
     bool exists;
     Item item = unpacked(texelFetch(items, item_index(exists)));
     ItemTriangle triangle = item_triangle_of(item.record_index);
-    Walk walk = walk_of(item, triangle.edges.origin);
+    ItemPixels pixels = pixels_of(item, triangle.edges.origin);
     Sums s = no_sums();
     if (SMALL) {
-        add_alone(triangle, walk, item.size, exists, s);
+        add_alone(triangle, pixels, item.size, exists, s);
     } else {
-        add_shared(triangle, walk, s);
+        add_shared(triangle, pixels, s);
     }
     if (GRAD_GEOMETRY) {
-        corners_from_barycentrics(triangle.edges, walk.first, s);
+        corners_from_barycentrics(triangle.edges, pixels.first, s);
     }
     write_sums(s, triangle.corner, exists && lane == 0, item.index);
 }

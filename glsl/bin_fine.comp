@@ -193,7 +193,7 @@ void main() {
         return;
     }
     uint tile = (uint(view) * frame.tiles_y + at.y) * frame.tiles_x + at.x;
-    bool is_kept = shape.background_kept && tile_marks[tile] == MARK_BACKGROUND;
+    bool holds_background = shape.marks_valid && tile_marks[tile] == MARK_BACKGROUND;
     bool empty = listed && counted && count == 0u;
     tile_marks[tile] = empty ? MARK_BACKGROUND : 0u;
     if (lists && complete) {
@@ -205,10 +205,10 @@ void main() {
     } else if (!empty) {
         blocks = listed ? blocks : uint(shape.word_count);
         add_walked(tile, blocks, min(blocks, range.y), listed && counted ? count : range.y);
-    } else if (!is_kept) {
+    } else if (!holds_background) {
         add_empty(tile);
         if (SAVE) {
-            tile_bounds[tile] = bounds_of(background_pixel());
+            tile_bounds[tile] = bounds_of_pixel(background_pixel());
         }
     }
 }

@@ -9,7 +9,7 @@
 // complements (eq. 5), colour, depth and normal as a softmax by depth with a running maximum (eq. 2 and 3). Entries hidden
 // across the whole tile contribute to the silhouette only; if the tile is already saturated they are skipped.
 // One workgroup a tile of 8×4 pixels, each lane 32 / lanes of them; background.comp writes the tiles without entries.
-// Reads `tile_items`, the tile's list and the records; writes the images and, for backward, `saved` (kept_of in pixel.glsl)
+// Reads `tile_items`, the tile's list and the records; writes the images and, for backward, `saved` (saved_of in pixel.glsl)
 // and `tile_bounds`.
 // Compiled three times: forward for any Vulkan 1.1 device; forward_subgroup, where a workgroup is one subgroup and the device
 // has shuffles; and forward_long for the tiles whose lists are nowhere in memory (walked_tile.glsl).
@@ -37,48 +37,48 @@ void add_silhouette(inout Cover cover, Fragment f) {
 
 // A fragment's weight D exp(ζ/γ) (eq. 3) relative to the largest so far, and the factor that brings the sums before it to
 // the same reference.
-struct Share {
+struct AddedWeight {
     float weight;
     float keep_old;
 };
 
 // Adds a fragment to the denominator of eq. 3; log weights have an integer part (`exponent`) and a `fraction`. In
 // the hard mode the fragment replaces the pixel if it is nearer and covers it.
-Share add_weight(inout Pixel p, int record_index, Fragment f, Corner c, Depth depth, bool kept, float scale) {
+AddedWeight add_weight(inout Pixel p, int record_index, Fragment f, Corner c, Depth depth, bool shaded, float scale) {
     float difference = (c.exponent - p.exponent) + (depth.weight - p.fraction);
-    bool nearer = kept && difference > 0.0;
-    Share share;
+    bool nearer = shaded && difference > 0.0;
+    AddedWeight added;
     if (COLOR_MODE == COLOR_SOFTMAX) {
         float e = exp2(-abs(difference));
-        share.keep_old = nearer ? e : 1.0;
-        share.weight = (DEPTH_RANGE == DEPTH_RANGE_OFFICIAL && !kept ? 0.0 : f.probability) * (nearer ? 1.0 : e);
+        added.keep_old = nearer ? e : 1.0;
+        added.weight = (DEPTH_RANGE == DEPTH_RANGE_OFFICIAL && !shaded ? 0.0 : f.probability) * (nearer ? 1.0 : e);
     } else {
         float lowest = min(f.height.x, min(f.height.y, f.height.z));
         nearer = nearer && lowest >= -HARD_EDGE_PIXELS * scale;
-        share.keep_old = nearer ? 0.0 : 1.0;
+        added.keep_old = nearer ? 0.0 : 1.0;
         p.nearest = nearer ? record_index : p.nearest;
-        share.weight = nearer ? 1.0 : 0.0;
+        added.weight = nearer ? 1.0 : 0.0;
     }
     p.exponent = nearer ? c.exponent : p.exponent;
     p.fraction = nearer ? depth.weight : p.fraction;
-    p.sum = p.sum * share.keep_old + share.weight;
-    return share;
+    p.sum = p.sum * added.keep_old + added.weight;
+    return added;
 }
 
 // Adds a fragment's depth, normal and colour C_j to the sums of eq. 2.
-void add_shaded(inout Pixel p, Share s, Corner c, vec3 b, float inverse_sum, Depth depth) {
+void add_attributes(inout Pixel p, AddedWeight s, Corner c, vec3 b, float inverse_sum, Depth depth) {
     if (WANT_DEPTH) {
         p.depth = p.depth * s.keep_old + s.weight * (c.depth.z / frame.score_high) * depth.ratio;
     }
-    vec3 share = b * (s.weight * inverse_sum);
+    vec3 mixed = b * (s.weight * inverse_sum);
     // Perspective-correct: z / z_k = (z / z_0) (z_0 / z_k).
     vec3 correction = PERSPECTIVE_CORRECT ? depth.ratio * vec3(1.0, 1.0 + c.depth.x, 1.0 + c.depth.y) : vec3(1.0);
-    share = PERSPECTIVE_CORRECT ? share * correction : share;
+    mixed = PERSPECTIVE_CORRECT ? mixed * correction : mixed;
     if (WANT_NORMAL) {
-        p.normal = p.normal * s.keep_old + c.normal * share;
+        p.normal = p.normal * s.keep_old + c.normal * mixed;
     }
     if (WANT_COLOR) {
-        vec3 color = c.color * share;
+        vec3 color = c.color * mixed;
         if (SAMPLING != SAMPLING_NONE) {
             vec3 at = b * inverse_sum;
             at = PERSPECTIVE_CORRECT ? at * correction : at;
@@ -198,12 +198,12 @@ void gather(Fetched own, bool live, Lane lane, inout Cover covers[PIXELS], inout
         }
     }
     if (SHADED) {
-        Share shares[PIXELS];
+        AddedWeight added[PIXELS];
         for (int i = 0; i < PIXELS; ++i) {
-            shares[i] = add_weight(pixels[i], own.record_index, fragments[i], c, depth[i], shaded[i], lane.scale);
+            added[i] = add_weight(pixels[i], own.record_index, fragments[i], c, depth[i], shaded[i], lane.scale);
         }
         for (int i = 0; i < PIXELS; ++i) {
-            add_shaded(pixels[i], shares[i], c, b[i], 1.0 / sum[i], depth[i]);
+            add_attributes(pixels[i], added[i], c, b[i], 1.0 / sum[i], depth[i]);
         }
     }
 }
@@ -266,7 +266,7 @@ void gather_word(int from, uint bits, bool shows, Lane lane, inout Pixel pixels[
 // Adds up to WORD_BITS entries, all of them front faces or all back faces; what is hidden among them depends on the entries
 // before. `share` is log2 of the list's length: the share of one entry, so that all hidden entries together are negligible.
 // Returns whether the entries after these can be left out.
-bool gather_entries(int from, int stop, float share, Lane lane, inout Pixel pixels[PIXELS]) {
+bool gather_entries(int from, int stop, float log_count, Lane lane, inout Pixel pixels[PIXELS]) {
     uint all = 0xffffffffu >> uint(from + int(WORD_BITS) - stop);
     vec2 bounds = bounds_of_tile(pixels);
     bool saturated = !WANT_SILHOUETTE || bounds.y <= exp2(NEXT_TO_NOTHING);
@@ -274,7 +274,7 @@ bool gather_entries(int from, int stop, float share, Lane lane, inout Pixel pixe
     // The silhouette of a triangle that crosses the far plane depends on its depths, and that of a texture with alpha on its
     // coordinates, which only `gather` computes.
     if (PARTED && ((DEPTH_RANGE != DEPTH_RANGE_FAR && !OPACITY) || saturated)) {
-        shown &= shown_of(from, stop, bounds.x - share);
+        shown &= shown_of(from, stop, bounds.x - log_count);
     }
     gather_word(from, shown, true, lane, pixels);
     if (PARTED && WANT_SILHOUETTE) {

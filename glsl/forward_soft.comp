@@ -13,7 +13,7 @@
 // - Entries are added two at a time, and the lanes hold the record indices of a word.
 // A tile with a triangle so thin that rounding could choose the wrong edge is drawn by forward.comp (bin_fine.comp).
 // One workgroup a tile of 8×4 pixels, each lane 32 / lanes of them.
-// Reads `tile_items`, the tile's list and the records; writes the images and, for backward, `saved` (kept_of in pixel.glsl) and
+// Reads `tile_items`, the tile's list and the records; writes the images and, for backward, `saved` (saved_of in pixel.glsl) and
 // `tile_bounds`.
 // Compiled three times, as forward.comp is: forward_soft, forward_soft_subgroup and forward_soft_long.
 
@@ -43,7 +43,7 @@ const float WEIGHT_UNIT = 1152921504606846976.0;
 const float COLOR_UNIT = 1048576.0;
 
 // Eq. 5 over the entries of a word.
-void add_silhouette(Distance d[PIXELS], inout Transmittance w[PIXELS]) {
+void add_transmittance(EntryDistance d[PIXELS], inout Transmittance w[PIXELS]) {
     for (int i = 0; i < PIXELS; ++i) {
         w[i].growth += w[i].growth * d[i].e + d[i].e;
         w[i].inside += d[i].inside ? d[i].squared : 0.0;
@@ -57,7 +57,7 @@ float power_of_two(float x) {
 
 // Adds D exp(ζ/γ) and its products with colour, depth and normal to the sums of eq. 2 and 3. They are relative to an integer
 // log weight, at least the largest so far: a fragment above it brings them to its own first.
-void add_weighted(Distance d, vec3 b, float sum, Depth depth, Corner c, inout Pixel p) {
+void add_weighted(EntryDistance d, vec3 b, float sum, Depth depth, Corner c, inout Pixel p) {
     float log_weight = depth.weight + c.exponent;
     bool nearer = d.kept && log_weight > p.exponent;
     float exponent = nearer ? ceil(log_weight) : p.exponent;
@@ -66,11 +66,11 @@ void add_weighted(Distance d, vec3 b, float sum, Depth depth, Corner c, inout Pi
     // Only a dropped fragment, with D = 0, lies above the reference.
     float relative = lesser(depth.weight + (c.exponent - exponent), 1.0);
     float weight = (d.inside ? WEIGHT_UNIT : d.e * WEIGHT_UNIT) * exp2(relative);
-    float share = weight / ((1.0 + d.e) * sum);
+    float weight_over_sum = weight / ((1.0 + d.e) * sum);
     // z / z_k = (z / z_0) (z_0 / z_k)
     vec3 correction = PERSPECTIVE_CORRECT ? depth.ratio * vec3(1.0, 1.0 + c.depth.x, 1.0 + c.depth.y) : vec3(1.0);
-    vec3 mixed = PERSPECTIVE_CORRECT ? b * share * correction : b * share;
-    p.sum = p.sum * keep + share * sum;
+    vec3 mixed = PERSPECTIVE_CORRECT ? b * weight_over_sum * correction : b * weight_over_sum;
+    p.sum = p.sum * keep + weight_over_sum * sum;
     if (WANT_COLOR) {
         vec3 shown = c.color * mixed;
         if (SAMPLING != SAMPLING_NONE) {
@@ -80,7 +80,7 @@ void add_weighted(Distance d, vec3 b, float sum, Depth depth, Corner c, inout Pi
         p.color = p.color * keep + shown;
     }
     if (WANT_DEPTH) {
-        p.depth = p.depth * keep + share * sum * depth.ratio * (c.depth.z / frame.score_high);
+        p.depth = p.depth * keep + weight_over_sum * sum * depth.ratio * (c.depth.z / frame.score_high);
     }
     if (WANT_NORMAL) {
         p.normal = p.normal * keep + c.normal * mixed;
@@ -88,7 +88,7 @@ void add_weighted(Distance d, vec3 b, float sum, Depth depth, Corner c, inout Pi
 }
 
 // Every step runs over all pixels before the next, so that their long chains of dependent operations overlap.
-void add_shaded(Entry t, Corner c, Distance d[PIXELS], inout Pixel pixels[PIXELS]) {
+void add_shading(Entry t, Corner c, EntryDistance d[PIXELS], inout Pixel pixels[PIXELS]) {
     vec3 b[PIXELS];
     float sum[PIXELS];
     Depth depth[PIXELS];
@@ -109,13 +109,13 @@ void add_entry(Fetched own, Rows rows, bool is_second, bool live, bool shows, La
                inout Pixel pixels[PIXELS]) {
     Entry t;
     read_entry(own, rows, is_second, live, lane, t);
-    Distance d[PIXELS];
+    EntryDistance d[PIXELS];
     measure(t, lane, d);
     if (WANT_SILHOUETTE) {
-        add_silhouette(d, w);
+        add_transmittance(d, w);
     }
     if (shows && SHADED) {
-        add_shaded(t, shared_corner_of(own, is_second), d, pixels);
+        add_shading(t, shared_corner_of(own, is_second), d, pixels);
     }
 }
 
@@ -199,7 +199,7 @@ Pixel finished(Pixel p) {
 // Adds up to WORD_BITS entries, all of them front faces or all back faces; what is hidden among them depends on the entries
 // before. `share` is log2 of the list's length: the share of one entry, so that all hidden entries together are negligible.
 // Returns whether the entries after these can be left out.
-bool gather_entries(int from, int stop, float share, Lane lane, inout Pixel pixels[PIXELS]) {
+bool gather_entries(int from, int stop, float log_count, Lane lane, inout Pixel pixels[PIXELS]) {
     uint all = 0xffffffffu >> uint(from + int(WORD_BITS) - stop);
     vec2 bounds = bounds_of_tile(pixels);
     bool saturated = !WANT_SILHOUETTE || bounds.y <= exp2(NEXT_TO_NOTHING);
@@ -209,7 +209,7 @@ bool gather_entries(int from, int stop, float share, Lane lane, inout Pixel pixe
         int bit = i * LANES + int(gl_LocalInvocationID.x);
         held[i] = uint(entry_at(min(from + bit, stop - 1)));
         if (SHADED) {
-            shown |= is_hidden(largest_weight(int(held[i])), bounds.x - share) ? 0u : 1u << uint(bit);
+            shown |= is_hidden(largest_weight(int(held[i])), bounds.x - log_count) ? 0u : 1u << uint(bit);
         }
     }
     shown = SHADED ? bits_of_lanes(shown) & all : all;

@@ -39,39 +39,39 @@ layout(set = 0, binding = 14, std430) writeonly buffer SilhouetteGradients { flo
 #include "common/quotient.glsl"
 #include "common/tile.glsl"
 
-// What kept_of in pixel.glsl saved of a pixel.
-struct Kept {
+// What saved_of in pixel.glsl saved of a pixel.
+struct SavedPixel {
     // Integer part and fraction of the pixel's log2 sum of weights; for the hard mode the nearest record's index.
     vec2 reference;
     // Whether the pixel has weights.
-    bool any;
+    bool has_weights;
     // The silhouette's aggregate, and the factors of the product of eq. 5: the least one with LEAST_APART, and the others'.
     float aggregate;
     float others;
     float least;
 };
 
-Kept kept_at(int at) {
+SavedPixel saved_at(int at) {
     vec4 texel = texelFetch(saved, at);
-    Kept k;
-    k.others = texel.w;
-    k.least = 1.0;
+    SavedPixel s;
+    s.others = texel.w;
+    s.least = 1.0;
     if (LEAST_APART) {
-        k.reference = texel.xy;
-        k.any = texel.xy != (COLOR_MODE == COLOR_HARD ? NO_RECORD_KEPT : NO_WEIGHTS);
-        k.others = texel.z;
-        k.least = texel.w;
+        s.reference = texel.xy;
+        s.has_weights = texel.xy != (COLOR_MODE == COLOR_HARD ? NO_NEAREST : NO_WEIGHTS);
+        s.others = texel.z;
+        s.least = texel.w;
     } else {
         // w_j = D_j exp2(log weight - reference) (eq. 3), with the inverse sum folded into the reference's fraction. In a
         // pixel without weights every w is 0.
-        k.any = texel.z > 0.0;
-        k.reference = k.any ? vec2(texel.x, texel.y - log2(texel.z)) : NO_WEIGHTS;
+        s.has_weights = texel.z > 0.0;
+        s.reference = s.has_weights ? vec2(texel.x, texel.y - log2(texel.z)) : NO_WEIGHTS;
         if (COLOR_MODE == COLOR_HARD) {
-            k.reference = k.any ? texel.xy : NO_RECORD_KEPT;
+            s.reference = s.has_weights ? texel.xy : NO_NEAREST;
         }
     }
-    k.aggregate = k.others * k.least;
-    return k;
+    s.aggregate = s.others * s.least;
+    return s;
 }
 
 // Number of triangles by which SILHOUETTE_SUM divides.
@@ -131,32 +131,32 @@ float shaded_gradient(int at, int view, float aggregate, vec3 background, inout 
 // dL/dx_j of the silhouette without the fragment's factor (eq. 4): ∂A/∂x_j = (1 - A) D_j for the product of eq. 5;
 // D_j (1 - D_j) / n for the sum, 0 where that is cut off at 1; 0 for the hard silhouette. backward.glsl multiplies by D_j, or
 // with LEAST_APART by the least factor too, where that is not the fragment's own.
-float silhouette_gradient(int view, Kept kept, float up_alpha) {
+float silhouette_gradient(int view, SavedPixel sums, float up_alpha) {
     float factor = 0.0;
     if (SILHOUETTE_MODE == SILHOUETTE_PRODUCT) {
-        factor = up_alpha * kept.others;
+        factor = up_alpha * sums.others;
     } else if (SILHOUETTE_MODE == SILHOUETTE_SUM) {
         float count = count_of(view);
-        factor = kept.aggregate > count ? 0.0 : up_alpha / count;
+        factor = sums.aggregate > count ? 0.0 : up_alpha / count;
     }
     return factor;
 }
 
 // ∂I/∂C_b = w_b and ∂I/∂s_b = w_b (C_b - I) (eq. 4), w_b being the background's share of the pixel.
-void write_background_gradient(int at, bool finite, Kept kept, vec3 background, vec3 up_color, float value, float mixing) {
+void write_background_gradient(int at, bool finite, SavedPixel sums, vec3 background, vec3 up_color, float value, float mixing) {
     bool entry = !COMPOSITE && COLOR_MODE == COLOR_SOFTMAX;
     float relative = 0.0;
-    float share = 0.0;
+    float weight = 0.0;
     if (entry && UP_SHADED) {
-        relative = (frame.background_exponent - kept.reference.x) + (frame.background_fraction - kept.reference.y);
-        share = exp2(min(relative, 1.0));
+        relative = (frame.background_exponent - sums.reference.x) + (frame.background_fraction - sums.reference.y);
+        weight = exp2(min(relative, 1.0));
     } else if (COMPOSITE) {
-        share = kept.any ? 1.0 - mixing : 1.0;
+        weight = sums.has_weights ? 1.0 - mixing : 1.0;
     } else {
-        share = kept.any ? 0.0 : 1.0;
+        weight = sums.has_weights ? 0.0 : 1.0;
     }
-    float by_weight = entry ? share * (dot(up_color, background) - value) : 0.0;
-    pixel_sums[2 * at] = finite ? vec4(up_color * share, by_weight) : vec4(0.0);
+    float by_weight = entry ? weight * (dot(up_color, background) - value) : 0.0;
+    pixel_sums[2 * at] = finite ? vec4(up_color * weight, by_weight) : vec4(0.0);
     pixel_sums[2 * at + 1] = finite ? vec4(by_weight * relative, 0.0, 0.0, 0.0) : vec4(0.0);
 }
 
@@ -173,32 +173,32 @@ void main() {
         return;
     }
     int at = pixel_index(view, pixel);
-    Kept kept = kept_at(at);
+    SavedPixel sums = saved_at(at);
     Upstream up = upstream_of(at);
     vec3 background = vec3(frame.background_red, frame.background_green, frame.background_blue);
     float mixing;
-    float value = shaded_gradient(at, view, kept.aggregate, background, up, mixing);
+    float value = shaded_gradient(at, view, sums.aggregate, background, up, mixing);
     float unblended_mixing = COLOR_MODE == COLOR_SOFTMAX ? mixing : 1.0;
     int to = at * PIXEL_STRIDE;
-    float by_silhouette = silhouette_gradient(view, kept, up.alpha);
+    float by_silhouette = silhouette_gradient(view, sums, up.alpha);
     if (UP_ALPHA) {
         silhouette_gradients[at] = by_silhouette;
     }
     if (UP_SHADED) {
         pixel_gradients[to] = vec4(up.color * mixing, by_silhouette);
-        pixel_gradients[to + 1] = vec4(kept.reference, value, up.depth * unblended_mixing);
+        pixel_gradients[to + 1] = vec4(sums.reference, value, up.depth * unblended_mixing);
         if (UP_NORMAL) {
             pixel_gradients[to + 2] = vec4(up.normal * unblended_mixing, 0.0);
         }
     }
     if (LEAST_APART) {
-        pixel_gradients[to + PIXEL_LEAST_AT] = vec4(kept.least, 0.0, 0.0, 0.0);
+        pixel_gradients[to + PIXEL_LEAST_AT] = vec4(sums.least, 0.0, 0.0, 0.0);
     }
     if (GRAD_BACKGROUND) {
         bool finite = texelFetch(status, int(STATUS_NOT_FINITE)).x == 0u;
         if (at == 0) {
             status_words[STATUS_WHOLE] = finite ? 1u : 0u;
         }
-        write_background_gradient(at, finite, kept, background, up.color, value, mixing);
+        write_background_gradient(at, finite, sums, background, up.color, value, mixing);
     }
 }

@@ -42,7 +42,7 @@ layout(set = 0, binding = 17, std430) writeonly buffer Cells { uvec2 cells[]; };
 #include "common/item.glsl"
 
 // The corners of a triangle or piece: pixel position, depth, and each corner as a mixture of the original three.
-struct Corners {
+struct PieceCorners {
     vec2 column[3];
     vec2 row[3];
     vec2 z[3];
@@ -55,7 +55,7 @@ void skip_record(int record_index) {
 
 // Writes the geometry's tail, depths, corner colours, texture coordinates and normals, the last three mixed as the piece's corners
 // are.
-void write_shading(Shape shape, int triangle, int record_index, Corners c, vec2 tail, vec4 depth, float exponent) {
+void write_shading(Shape shape, int triangle, int record_index, PieceCorners c, vec2 tail, vec4 depth, float exponent) {
     ivec3 v = triangle_vertices(shape, triangle);
     mat3 light = mat3(1.0);
     mat3 normal = mat3(0.0);
@@ -120,7 +120,7 @@ const float LEAST_NEARNESS = 5.9604645e-8;
 // Depth relative to corner 0: (z0/z1 - 1, z0/z2 - 1, z0 in log2 weights, fraction of corner 0's log2 weight), the log weight
 // being ζ/γ of eq. 3. Its integer part is kept apart in `exponent`, because the difference of two integers is exact for any
 // gamma.
-vec4 depth_record(Corners c, out float exponent) {
+vec4 depth_record(PieceCorners c, out float exponent) {
     vec2 k = vec2(frame.score_high, frame.score_low);
     vec2 weight = df_mul(df_sub(vec2(frame.far_high, frame.far_low), c.z[0]), k);
     // A corner so far away that its weight overflows a float belongs to an invisible triangle.
@@ -180,7 +180,7 @@ void mark_bins(Shape shape, int record_in_view, ivec4 box, Edges e) {
     } while (at.y <= bins.w);
 }
 
-void emit(Shape shape, int triangle, int record_in_view, Corners c) {
+void emit(Shape shape, int triangle, int record_in_view, PieceCorners c) {
     int record_index = shape.record_base + record_in_view;
     Edges e = edges_of(c.column, c.row);
     bool front = e.degenerate || (e.orientation < 0.0) != CLOCKWISE_FRONT;
@@ -252,7 +252,7 @@ void emit_clipped(int view, Shape shape, int triangle, ivec3 v) {
             skip_record(shape.record_base + record_in_view);
             continue;
         }
-        Corners c;
+        PieceCorners c;
         for (int k = 0; k < 3; ++k) {
             int i = k == 0 ? 0 : k + piece;
             to_pixels(view, polygon[i], c.column[k], c.row[k]);
@@ -271,7 +271,7 @@ void main() {
         return;
     }
     ivec3 v = triangle_vertices(shape, triangle);
-    Corners c;
+    PieceCorners c;
     int nearer = 0;
     for (int k = 0; k < 3; ++k) {
         int at = int(VERTEX_TEXELS) * (shape.screen_base + v[k]);

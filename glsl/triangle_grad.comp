@@ -40,7 +40,7 @@ layout(set = 0, binding = 16, std430) writeonly buffer ViewSums { vec4 view_sums
 #include "common/project_gradient.glsl"
 
 // The corners of the triangle before clipping, and the gradients by them.
-struct Corners {
+struct TriangleGradient {
     // In view space.
     vec3 point[3];
     // z - near of each corner, with the precision that forward clips with.
@@ -62,8 +62,8 @@ struct Corners {
     vec2 scalars;
 };
 
-Corners corners_of(Shape shape, View camera, int triangle, ivec3 v, vec3 face_normal) {
-    Corners c;
+TriangleGradient corners_of(Shape shape, View camera, int triangle, ivec3 v, vec3 face_normal) {
+    TriangleGradient c;
     for (int k = 0; k < 3; ++k) {
         c.point[k] = view_point(camera, position_of(shape, v[k]));
         if (NEAR_CLIP) {
@@ -104,7 +104,7 @@ bool is_zero(Partial p, int i) {
 
 // Adds corner i of a piece: original corner k itself (k = l), or the point (1 - t) p_k + t p_l where the near plane cuts the
 // edge from corner k to corner l.
-void add_corner(View camera, inout Corners c, Partial p, int i, int k, int l, float near) {
+void add_corner(View camera, inout TriangleGradient c, Partial p, int i, int k, int l, float near) {
     // A corner without gradient is skipped, because its projection may not exist: it may lie on the camera's plane.
     if (is_zero(p, i)) {
         return;
@@ -140,7 +140,7 @@ void add_corner(View camera, inout Corners c, Partial p, int i, int k, int l, fl
 }
 
 // A triangle that is never clipped has one record with its own corners.
-void add_unclipped(View camera, Shape shape, int triangle, inout Corners c) {
+void add_unclipped(View camera, Shape shape, int triangle, inout TriangleGradient c) {
     Partial p = partial_of(shape.record_base + triangle);
     for (int k = 0; k < 3; ++k) {
         add_corner(camera, c, p, k, k, k, 0.0);
@@ -149,7 +149,7 @@ void add_unclipped(View camera, Shape shape, int triangle, inout Corners c) {
 }
 
 // The pieces of a clipped triangle, their corners in the order of emit_clipped in triangle.comp.
-void add_pieces(View camera, Shape shape, int triangle, inout Corners c) {
+void add_pieces(View camera, Shape shape, int triangle, inout TriangleGradient c) {
     float near = frame.near_high;
     ivec2 corner[4];
     int count = 0;
@@ -204,7 +204,7 @@ Face face_of(Shape shape, ivec3 v) {
 }
 
 // Flat shading: dL by the face's normal (through light and the normal image), taken to the corners' world positions.
-void add_face_normal(Face face, Corners c, vec3 by_light, inout vec3 by_world[3]) {
+void add_face_normal(Face face, TriangleGradient c, vec3 by_light, inout vec3 by_world[3]) {
     vec3 by_normal = c.by_normal[0] + c.by_normal[1] + c.by_normal[2];
     if (LIT) {
         by_normal += light_gradient(face.normal, by_light);
@@ -223,7 +223,7 @@ void add_face_normal(Face face, Corners c, vec3 by_light, inout vec3 by_world[3]
     by_world[2] += by_edge2;
 }
 
-void write_corners(int record_index, Corners c, vec3 by_world[3]) {
+void write_corners(int record_index, TriangleGradient c, vec3 by_world[3]) {
     int to = record_index * CORNER_STRIDE;
     for (int k = 0; k < 3; ++k) {
         corner_gradients[to + k] = vec4(by_world[k], 0.0);
@@ -252,7 +252,7 @@ void main() {
     ivec3 v = triangle_vertices(shape, triangle);
     Face face = face_of(shape, v);
     View camera = view_record(view);
-    Corners c = corners_of(shape, camera, triangle, v, face.normal);
+    TriangleGradient c = corners_of(shape, camera, triangle, v, face.normal);
     int record_index = shape.record_base + triangle;
     if (NEAR_CLIP) {
         add_pieces(camera, shape, triangle, c);

@@ -57,7 +57,7 @@ const uint MARK_BACKGROUND = 1u;
 // Flag of an entry of `view_shapes`: one colour for the whole mesh.
 const uint SHAPE_UNIFORM_COLOR = 1u;
 // Flag of an entry of `view_shapes`: `tile_marks` are valid, since nothing else has written to the images after them.
-const uint SHAPE_BACKGROUND_KEPT = 2u;
+const uint SHAPE_MARKS_VALID = 2u;
 // Texels (uvec4) of one entry of `view_shapes`.
 const uint SHAPE_TEXELS = 4u;
 // Texels (vec4) of one entry of `view_cameras`.

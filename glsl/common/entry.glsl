@@ -116,7 +116,7 @@ void read_entry(Fetched own, Rows rows, bool is_second, bool live, Lane lane, ou
 }
 
 // A pixel's distance to an entry.
-struct Distance {
+struct EntryDistance {
     // Signed distances to the lines of the three edges.
     vec3 height;
     // d² log2(e) / σ of eq. 1.
@@ -136,7 +136,7 @@ struct Distance {
 // h_k < h_i would need s_j h_j > (s_i + s_k) |h_i| > s_j |h_i| by the triangle inequality. But where b is the nearest point
 // the angle between the pixel's direction from b and either edge is at least a right one, so that h_j <= |h_i|.
 // Rounding can break this for a triangle whose height is no more than the rounding of h (is_thin in tile_mask.glsl).
-void nearest_edge(vec3 height, vec3 along, vec3 half_length, out Distance d) {
+void nearest_edge(vec3 height, vec3 along, vec3 half_length, out EntryDistance d) {
     bool second = height.y < height.x;
     float nearest = second ? height.y : height.x;
     float position = second ? along.y : along.x;
@@ -151,7 +151,7 @@ void nearest_edge(vec3 height, vec3 along, vec3 half_length, out Distance d) {
     d.inside = nearest > 0.0;
 }
 
-void measure(Entry t, Lane lane, out Distance d[PIXELS]) {
+void measure(Entry t, Lane lane, out EntryDistance d[PIXELS]) {
     float x = lane.first.x - t.origin_x;
     vec3 across = t.normal_x * x;
     vec3 along = t.normal_y * x;

@@ -75,13 +75,13 @@ Pixel first_pixel();
 // The pixel with its sums as images.glsl expects them.
 Pixel finished(Pixel p);
 
-// The least log sum and the largest transmittance of all lanes' pixels (bounds_of). Pixels beyond the image's border are
+// The least log sum and the largest transmittance of all lanes' pixels (bounds_of_pixel). Pixels beyond the image's border are
 // included; they can only reduce what is skipped.
 vec2 bounds_of_tile(Pixel pixels[PIXELS]) {
     // The largest transmittance is found as the minimum of its negative.
     vec2 least = vec2(3e38);
     for (int i = 0; i < PIXELS; ++i) {
-        vec2 own = bounds_of(finished(pixels[i]));
+        vec2 own = bounds_of_pixel(finished(pixels[i]));
         least = vec2(lesser(least.x, own.x), lesser(least.y, -own.y));
     }
     least = least_of_lanes(least);
@@ -94,7 +94,7 @@ void write_pixel(TileLocation tile, ivec2 where, Pixel p, int triangle_count) {
         int to = pixel_index(tile.view, where);
         write_images(p, to, triangle_count);
         if (SAVE) {
-            saved[to] = kept_of(p);
+            saved[to] = saved_of(p);
         }
     }
 }

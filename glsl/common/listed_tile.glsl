@@ -4,10 +4,10 @@
 
 // Adds a list word by word. Front faces fill words of their own.
 void gather_list(int from, int facing_end, int end, Lane lane, inout Pixel pixels[PIXELS]) {
-    float share = log2(float(end - from));
+    float log_count = log2(float(end - from));
     do {
         int stop = min(from + int(WORD_BITS), from < facing_end ? facing_end : end);
-        from = gather_entries(from, stop, share, lane, pixels) ? end : stop;
+        from = gather_entries(from, stop, log_count, lane, pixels) ? end : stop;
     } while (from < end);
 }
 

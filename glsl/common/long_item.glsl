@@ -2,7 +2,7 @@
 // cell is processed as backward_cull and backward would have processed its item, and its sum is added to the record's own
 // entry of `partials` in the order in which triangle_grad adds the items of a record.
 // One workgroup a record of `long_records`, after backward has processed the first cells. A box of more cells than a loop of
-// the device can walk takes several turns (frame.number).
+// the device can pixels takes several turns (frame.number).
 // Reads `long_records` (as `items`), `boxes`, `tile_bounds` and what backward reads; adds to `partials` and `texel_sums`.
 // Needs backward.comp with LONG.
 
@@ -16,11 +16,11 @@ layout(set = 0, binding = 11) uniform usamplerBuffer view_shapes;
 
 void add_item(Item item, ItemTriangle triangle) {
     int lane = int(gl_LocalInvocationID.x);
-    Walk walk = walk_of(item, triangle.edges.origin);
+    ItemPixels pixels = pixels_of(item, triangle.edges.origin);
     Sums s = no_sums();
-    add_shared(triangle, walk, s);
+    add_shared(triangle, pixels, s);
     if (GRAD_GEOMETRY) {
-        corners_from_barycentrics(triangle.edges, walk.first, s);
+        corners_from_barycentrics(triangle.edges, pixels.first, s);
     }
     write_sums(s, triangle.corner, lane == 0, item.index);
 }

@@ -19,7 +19,7 @@ struct Shape {
     int color_base;
     bool uniform_color;
     // Whether empty tiles that `tile_marks` says hold the background need not be written.
-    bool background_kept;
+    bool marks_valid;
     // Texture coordinates: first float and first index, -1 for none. First of the triangles' texture numbers, or -1 less the
     // one number for all triangles.
     int uv_base;
@@ -36,7 +36,7 @@ Shape shape_of(int view) {
     ivec4 c = ivec4(texelFetch(view_shapes, at + 2));
     ivec4 d = ivec4(texelFetch(view_shapes, at + 3));
     return Shape(a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w, c.x, c.y, c.z, (uint(c.w) & SHAPE_UNIFORM_COLOR) != 0u,
-                 (uint(c.w) & SHAPE_BACKGROUND_KEPT) != 0u, d.x, d.y, d.z, d.w);
+                 (uint(c.w) & SHAPE_MARKS_VALID) != 0u, d.x, d.y, d.z, d.w);
 }
 
 // The view that a record belongs to: the views' records follow each other. Bisection serves batches of many views.

@@ -53,4 +53,4 @@ const int SHADING_NORMAL_AT = int(SHADING_TEXELS) + int(SAMPLING != SAMPLING_NON
 const int SHADING_STRIDE = SHADING_NORMAL_AT + int(WANT_NORMAL) * int(SHADING_NORMAL_TEXELS);
 // What takes the place of a pixel's reference weight where it has no weights, in the soft and in the hard mode.
 const vec2 NO_WEIGHTS = vec2(0.0, 1e30);
-const vec2 NO_RECORD_KEPT = vec2(-1.0);
+const vec2 NO_NEAREST = vec2(-1.0);

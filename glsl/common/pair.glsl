@@ -18,7 +18,7 @@ struct ItemTriangle {
 };
 
 // The pixels of an item, row by row.
-struct Walk {
+struct ItemPixels {
     int count;
     float width;
     float inverse_width;
@@ -41,15 +41,15 @@ struct Pair {
 };
 
 // An item has at most 32 rows, so that a float holds the distance in the images exactly.
-Pair pair_of(Walk w, vec2 local, bool exists) {
-    return Pair(local, w.first + local, w.first_entry + int(local.y * w.image_width + local.x), exists);
+Pair pair_of(ItemPixels p, vec2 local, bool exists) {
+    return Pair(local, p.first + local, p.first_entry + int(local.y * p.image_width + local.x), exists);
 }
 
-Pair pair_at(Walk w, int index) {
-    int at = min(index, w.count - 1);
+Pair pair_at(ItemPixels p, int index) {
+    int at = min(index, p.count - 1);
     float number = float(at);
-    float row = floor((number + 0.5) * w.inverse_width);
-    return pair_of(w, vec2(number - row * w.width, row), index < w.count);
+    float row = floor((number + 0.5) * p.inverse_width);
+    return pair_of(p, vec2(number - row * p.width, row), index < p.count);
 }
 
 // What pixel_grad.comp computed for a pixel.
@@ -96,14 +96,14 @@ bool has_surface() {
 }
 
 // d² of eq. 1, its sign and its nearest point.
-struct Distance {
+struct PairDistance {
     SignedDistance to_triangle;
     // For the Euclidean distance alone.
     NearestPoint nearest;
 };
 
-Distance distance_at(ItemTriangle item, Pair pair) {
-    Distance d;
+PairDistance distance_of_pair(ItemTriangle item, Pair pair) {
+    PairDistance d;
     Triangle t = item.edges;
     if (DISTANCE == DISTANCE_EUCLIDEAN) {
         NearestPoint n = nearest_point(t, item.choice, pair.q);

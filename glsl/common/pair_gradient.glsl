@@ -267,7 +267,7 @@ void barycentric_distance_gradient(ItemTriangle item, Pair pair, Fragment f, flo
 }
 
 // dL by x: to the corners through d², and to sigma.
-void x_gradient(ItemTriangle item, Pair pair, Distance d, Fragment f, float by_x, inout Sums s) {
+void x_gradient(ItemTriangle item, Pair pair, PairDistance d, Fragment f, float by_x, inout Sums s) {
     if (DISTANCE == DISTANCE_EUCLIDEAN && GRAD_GEOMETRY) {
         distance_gradient(d.nearest, d.to_triangle.inside, by_x, s);
     } else if (DISTANCE == DISTANCE_BARYCENTRIC && GRAD_GEOMETRY) {

@@ -74,17 +74,17 @@ Pixel word_of(Pixel p) {
 // Adds a word's sum to a total, `keep` times as large as before.
 void add_word(float word, float keep, inout float total, inout float excess) {
     precise float term = word - excess * keep;
-    precise float kept = total * keep;
-    precise float next = kept + term;
-    excess = (next - kept) - term;
+    precise float old = total * keep;
+    precise float next = old + term;
+    excess = (next - old) - term;
     total = next;
 }
 
 void add_word(vec3 word, float keep, inout vec3 total, inout vec3 excess) {
     precise vec3 term = word - excess * keep;
-    precise vec3 kept = total * keep;
-    precise vec3 next = kept + term;
-    excess = (next - kept) - term;
+    precise vec3 old = total * keep;
+    precise vec3 next = old + term;
+    excess = (next - old) - term;
     total = next;
 }
 
@@ -131,13 +131,13 @@ float aggregate_of(Pixel p) {
 // What forward saves for backward: the log2 weight that the sums are relative to (integer part and fraction; for the hard
 // mode the record index), the inverse of `sum`, and the silhouette's aggregate. With LEAST_APART `sum` is part of the
 // reference, which marks a pixel without weights, and the aggregate takes two numbers.
-vec4 kept_of(Pixel p) {
+vec4 saved_of(Pixel p) {
     // The record index goes into two floats that hold it exactly.
     bool hard = COLOR_MODE == COLOR_HARD;
     vec2 reference = hard ? vec2(p.nearest >> 12, p.nearest & 4095) : vec2(p.exponent, p.fraction);
     if (LEAST_APART) {
         reference.y += hard ? 0.0 : log2(p.sum);
-        reference = p.sum > 0.0 ? reference : (hard ? NO_RECORD_KEPT : NO_WEIGHTS);
+        reference = p.sum > 0.0 ? reference : (hard ? NO_NEAREST : NO_WEIGHTS);
         return vec4(reference, p.silhouette, p.least);
     }
     return vec4(reference, p.sum > 0.0 ? 1.0 / p.sum : 0.0, p.silhouette);
@@ -147,7 +147,7 @@ vec4 kept_of(Pixel p) {
 // alpha of the fragment that has this factor is the product of the others. Their least and largest value over a tile tell
 // backward what it may skip there: a triangle whose weights are all negligible beside the smallest sum, and the silhouette of
 // a saturated tile.
-vec2 bounds_of(Pixel p) {
+vec2 bounds_of_pixel(Pixel p) {
     float log_sum = p.sum > 0.0 ? p.exponent + (p.fraction + log2(p.sum)) : -3e38;
     // The hard mode and the silhouette alone have no weights.
     bool known = SHADED && COLOR_MODE == COLOR_SOFTMAX;

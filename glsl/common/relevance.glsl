@@ -8,7 +8,7 @@ struct Relevance {
 };
 
 // The least log sum and the largest transmittance of the tiles that the item's pixels lie in.
-vec2 bounds_of(Item item) {
+vec2 bounds_of_item(Item item) {
     ivec2 tile = ivec2(TILE_WIDTH, TILE_HEIGHT);
     int stride = int(frame.tiles_x);
     ivec2 at = item.first / tile;
@@ -34,7 +34,7 @@ vec2 bounds_of(Item item) {
 Relevance relevance_of(Item item) {
     Relevance r = Relevance(UP_SHADED, UP_ALPHA);
     if (COLOR_MODE == COLOR_SOFTMAX || !UP_SHADED) {
-        vec2 bounds = bounds_of(item);
+        vec2 bounds = bounds_of_item(item);
         r.shows = UP_SHADED && !is_hidden(largest_weight(item.record_index), bounds.x);
         r.outlines = UP_ALPHA && bounds.y > exp2(NEXT_TO_NOTHING);
     }

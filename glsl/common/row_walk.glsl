@@ -15,7 +15,7 @@ struct ColumnBounds {
 };
 
 // Where a lane is: `left` pixels of the row from `column` on are to be taken, then those of the row below it.
-struct Place {
+struct RowPosition {
     float row;
     float column;
     float left;
@@ -26,12 +26,12 @@ struct Place {
 // What an edge's normal has across the columns at least, for the edge to bound them: a bound by a flatter edge loses digits.
 const float STEEP = 0.01;
 
-void bound_by(vec4 line, float inverse_height, Walk walk, inout ColumnBounds b) {
+void bound_by(vec4 line, float inverse_height, ItemPixels pixels, inout ColumnBounds b) {
     float reach = DISTANCE == DISTANCE_BARYCENTRIC ? frame.barycentric_radius / inverse_height : sqrt(frame.radius_squared);
     // A thousandth and a hundredth of a pixel cover rounding.
     reach = 1.001 * reach + 0.01 * frame.scale;
     float inverse = -1.0 / (abs(line.x) > STEEP * frame.scale ? line.x : frame.scale);
-    vec2 column = vec2(line.x * walk.first.x + line.y * walk.first.y + line.z + reach, line.y) * inverse;
+    vec2 column = vec2(line.x * pixels.first.x + line.y * pixels.first.y + line.z + reach, line.y) * inverse;
     // Not by the end lines of a triangle without area, whose inverse height is not positive, nor by the line of a point.
     bool bounds = inverse_height > 0.0 && line.z < 1e14;
     bool low = bounds && line.x > STEEP * frame.scale;
@@ -42,16 +42,16 @@ void bound_by(vec4 line, float inverse_height, Walk walk, inout ColumnBounds b) 
     b.last_step = vec2(high ? column.y : b.last_step.x, high ? b.last_step.x : b.last_step.y);
 }
 
-ColumnBounds column_bounds_of(Triangle t, Walk walk, ivec2 size) {
+ColumnBounds column_bounds_of(Triangle t, ItemPixels pixels, ivec2 size) {
     ColumnBounds b;
     b.last_column = float(size.x - 1);
     b.last_row = float(size.y - 1);
     b.first = vec2(0.0);
     b.last = vec2(b.last_column);
     b.first_step = b.last_step = vec2(0.0);
-    bound_by(t.line0, t.inverse_height.x, walk, b);
-    bound_by(t.line1, t.inverse_height.y, walk, b);
-    bound_by(t.line2, t.inverse_height.z, walk, b);
+    bound_by(t.line0, t.inverse_height.x, pixels, b);
+    bound_by(t.line1, t.inverse_height.y, pixels, b);
+    bound_by(t.line2, t.inverse_height.z, pixels, b);
     return b;
 }
 
@@ -66,29 +66,29 @@ vec2 span_of(ColumnBounds b, float row) {
 }
 
 // The first place of a lane, or the place past the end.
-Place first_place(ColumnBounds b, bool exists) {
+RowPosition first_position(ColumnBounds b, bool exists) {
     vec2 own = span_of(b, 0.0);
-    return Place(exists ? 0.0 : b.last_row + 1.0, own.x, exists ? own.y : 0.0, exists ? span_of(b, 1.0) : vec2(0.0));
+    return RowPosition(exists ? 0.0 : b.last_row + 1.0, own.x, exists ? own.y : 0.0, exists ? span_of(b, 1.0) : vec2(0.0));
 }
 
-bool has_pixels(Place p, ColumnBounds b) {
+bool has_pixels(RowPosition p, ColumnBounds b) {
     return p.row < b.last_row || (p.row == b.last_row && p.left > 0.0);
 }
 
 // The pixel `i` places further, within this row and the one below it.
-Pair pair_after(Walk walk, Place p, int i) {
+Pair pair_after(ItemPixels pixels, RowPosition p, int i) {
     float over = float(i) - p.left;
     bool here = over < 0.0;
     bool exists = over < p.below.y;
     vec2 local = vec2(here ? p.column + float(i) : p.below.x + over, here ? p.row : p.row + 1.0);
-    return pair_of(walk, vec2(exists ? local.x : 0.0, exists ? local.y : 0.0), exists);
+    return pair_of(pixels, vec2(exists ? local.x : 0.0, exists ? local.y : 0.0), exists);
 }
 
 // The place after `count` pixels; fewer where this row and the one below it have no more.
-Place advanced(Place p, ColumnBounds b, int count) {
+RowPosition advanced(RowPosition p, ColumnBounds b, int count) {
     float over = float(count) - p.left;
     bool ends = over >= 0.0;
-    Place next;
+    RowPosition next;
     next.row = ends ? p.row + 1.0 : p.row;
     next.column = ends ? p.below.x + over : p.column + float(count);
     next.left = ends ? greater(p.below.y - over, 0.0) : p.left - float(count);
@@ -97,7 +97,7 @@ Place advanced(Place p, ColumnBounds b, int count) {
 }
 
 // How often a lane takes `count` pixels until none is left, at least once.
-int turns_of(Place p, ColumnBounds b, int count) {
+int turns_of(RowPosition p, ColumnBounds b, int count) {
     int turns = 0;
     do {
         p = advanced(p, b, count);

@@ -164,13 +164,13 @@ uint take_group(Source s, inout Walk walk) {
 // Adds the entries at hand to the pixel word by word; a word that is not full waits for the next group unless this is the
 // last. Returns passes of loops.
 uint gather_entries_at_hand(bool is_last, Lane constant, inout Walk walk, inout Pixel pixels[PIXELS]) {
-    float share = log2(float(walk.count));
+    float log_count = log2(float(walk.count));
     int lane = int(gl_LocalInvocationID.x);
     int from = 0;
     uint passes = 0u;
     while (walk.phase != DONE && from < walk.fill && (is_last || from + int(WORD_BITS) <= walk.fill)) {
         int stop = min(from + int(WORD_BITS), walk.fill);
-        bool finished = gather_entries(from, stop, share, constant, pixels);
+        bool finished = gather_entries(from, stop, log_count, constant, pixels);
         walk.phase = finished ? DONE : walk.phase;
         from = stop;
         passes += WALK_LIST_PASSES;
@@ -292,7 +292,7 @@ void main() {
     if (walk.phase == DONE && walk.count == 0) {
         // As background.comp and bin_fine.comp write tiles that are known to be empty.
         write_pixel(tile, lane_corner(tile), background_pixel(), 1);
-        write_bounds(number, bounds_of(background_pixel()));
+        write_bounds(number, bounds_of_pixel(background_pixel()));
     } else if (walk.phase == DONE) {
         write_tile(tile, number, pixels);
     }

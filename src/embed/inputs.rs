@@ -50,7 +50,7 @@ impl Inputs {
         });
         let mut shapes = plan.view_shapes();
         if self.background_kept {
-            shapes.iter_mut().for_each(|shape| shape[SHAPE_FLAGS] |= c::SHAPE_BACKGROUND_KEPT);
+            shapes.iter_mut().for_each(|shape| shape[SHAPE_FLAGS] |= c::SHAPE_MARKS_VALID);
         }
         let cameras = cameras.iter().map(|camera| camera_texels(camera, settings)).collect();
         changes.note(BufferId::ViewShapes, renew(&mut self.shapes, shapes));
