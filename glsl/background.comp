@@ -1,8 +1,8 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Background: writes the pixels of tiles without a list as forward would: A = 0 (eq. 5) and I = C_b (eq. 2 with w_b = 1).
+// Background: writes the pixels of tiles without entries as forward would: A = 0 (eq. 5) and I = C_b (eq. 2 with w_b = 1).
 // One workgroup a tile of the row of `tile_items` that begins at frame.first, one invocation a pixel.
-// Reads `tile_items`; writes the images and, for backward, `saved`.
+// Reads `tile_items`. Writes the images and, for backward, `saved`.
 
 layout(local_size_x = 32) in;
 
@@ -17,7 +17,7 @@ layout(set = 0, binding = 5, std430) writeonly buffer Saved { vec4 saved[]; };
 #include "common/modes.glsl"
 #include "common/frame.glsl"
 #include "common/pixel.glsl"
-#include "common/quotient.glsl"
+#include "common/arithmetic.glsl"
 #include "common/tile.glsl"
 #include "common/images.glsl"
 

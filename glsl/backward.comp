@@ -4,15 +4,20 @@
 #extension GL_KHR_shader_subgroup_basic : require
 #extension GL_KHR_shader_subgroup_shuffle : require
 #endif
-// Backward (eq. 4): for every triangle sums over the pixels of its box the derivative of the loss by its corners (pixels and
-// depth), their colours, texture coordinates and normals, and by sigma and gamma. The lanes' sums are added in a fixed order
-// without atomics, so that the bits are the same on every run.
-// One workgroup an item of backward_cull's list (item.glsl), its lanes taking the pixels in turn. A small item takes
-// one lane alone, which walks the rows of its triangle (row_walk.glsl).
-// Reads the items, the records, `pixel_gradients` and `silhouette_gradients`; writes `partials`, which triangle_grad.comp reads,
+// Backward (eq. 4). For every triangle it sums, over the pixels of the triangle's box, the derivative of the loss by the corners
+// (pixels and depth), their colours, texture coordinates and normals, and by sigma and gamma. It adds the lanes' sums in a fixed
+// order without atomics, so that the bits are the same on every run.
+// One workgroup an item of backward_cull's list (item.glsl), whose lanes take the pixels in turn. A small item takes one lane
+// alone (item_pixels.glsl).
+// Reads the items, the records, `pixel_gradients` and `silhouette_gradients`. Writes `partials`, which triangle_grad.comp reads,
 // and `texel_sums`.
-// Compiled three times: backward for any Vulkan 1.1 device; backward_subgroup, where a workgroup is one subgroup and the
-// device has shuffles; and backward_long for the cells that found no room (long_item.glsl).
+// Compiled three times: backward, for any Vulkan 1.1 device; backward_subgroup, for workgroups of one subgroup with shuffles; and
+// backward_long, for the cells that found no room.
+//
+// backward_long gives the same bits as if they had found room. It processes each cell beyond a box's first as backward_cull and
+// backward would have processed its item, and adds the sum to the record's own entry of `partials`, in the order in which
+// triangle_grad.comp adds the items of a record. It runs after backward has processed the first cells, one workgroup a record of
+// `long_records` (bound as `items`). A box of more cells than a loop of the device can walk takes several turns (frame.number).
 
 layout(local_size_x_id = 0) in;
 
@@ -35,7 +40,7 @@ layout(set = 0, binding = 12) uniform samplerBuffer silhouette_gradients;
 #include "common/modes.glsl"
 #include "common/gradient_modes.glsl"
 
-// Whether the items' triangles contribute to the silhouette only.
+// Whether the triangles of the items contribute to the silhouette only.
 layout(constant_id = 26) const bool OUTLINE = false;
 // Whether they contribute to a shaded image.
 #ifdef LONG
@@ -45,32 +50,30 @@ const bool SHOWS = uint(UP_SHADED) * uint(!OUTLINE) != 0u;
 #endif
 
 #include "common/frame.glsl"
-#include "common/extremes.glsl"
+#include "common/arithmetic.glsl"
 #include "common/record.glsl"
+#include "common/distance.glsl"
 #include "common/fragment.glsl"
 #include "common/sample.glsl"
-#include "common/corner.glsl"
 #include "common/shared_records.glsl"
 #include "common/lanes.glsl"
-#include "common/quotient.glsl"
 #include "common/item.glsl"
-#include "common/nearest_edge.glsl"
+#include "common/item_pixels.glsl"
 #include "common/pair.glsl"
 #include "common/texel_gradient.glsl"
 #include "common/pair_gradient.glsl"
-#include "common/row_walk.glsl"
 
 // Lanes that share an item.
 const int ITEM_LANES = int(gl_WorkGroupSize.x);
 
 // Pixels that a lane takes at a time. Every step runs over all of them before the next step, so that their long chains of
-// dependent operations overlap: 10 % faster than one at a time. More than two have no room in the sixteen registers of AVX2, where
-// four take 1.15 times as long, unless the pixels need the silhouette alone; there two take 1.03 to 1.14 times as long as four.
-// Four in an item that the lanes share are no faster, because more lanes are left without a pixel at its end.
+// dependent operations overlap: two at a time are 10 % faster than one. Four take 1.15 times as long as two, because the sixteen
+// registers of AVX2 have no room for them. If the pixels need the silhouette alone there is room, and two take 1.03 to 1.14 times
+// as long as four. In an item that the lanes share four are no faster: more lanes are left without a pixel at its end.
 const int PAIRS = 2 + 2 * int(SMALL) * int(OUTLINE);
 const int STEP = PAIRS * ITEM_LANES;
 
-// The gradients through eq. 2 and 3 of a lane's fragments; adds dL/dx to `by_x` and dL/dα to `by_alpha`.
+// Adds the gradients of a lane's fragments through eq. 2 and 3. It adds dL/dx to `by_x` and dL/dα to `by_alpha`.
 void add_shading_gradients(ItemTriangle item, Pair pairs[PAIRS], PixelGradient g[PAIRS], Fragment f[PAIRS], Surface surface[PAIRS],
                 Opacity opacity[PAIRS], inout float by_x[PAIRS], inout float by_alpha[PAIRS], inout Sums s) {
     Weight weight[PAIRS];
@@ -100,7 +103,7 @@ void add_shading_gradients(ItemTriangle item, Pair pairs[PAIRS], PixelGradient g
     }
 }
 
-// The same for fragments that contribute to the silhouette only, whose opacity depends on the surface all the same.
+// The same for fragments that contribute to the silhouette only. Their opacity depends on the surface too.
 void add_opacity_gradients(ItemTriangle item, Pair pairs[PAIRS], PixelGradient g[PAIRS], Fragment f[PAIRS], Surface surface[PAIRS],
                Opacity opacity[PAIRS], float by_alpha[PAIRS], inout Sums s) {
     for (int i = 0; i < PAIRS; ++i) {
@@ -155,6 +158,7 @@ void add_pairs(ItemTriangle item, Pair pairs[PAIRS], inout Sums s) {
     }
 }
 
+// Writes the sum over the lanes to `partials`.
 void put(bool writes, int at, vec4 value) {
     vec4 sum = SMALL ? value : sum_of_lanes(value);
     if (writes) {
@@ -165,8 +169,8 @@ void put(bool writes, int at, vec4 value) {
     }
 }
 
-// The same of three components, with a fourth that only gradients by sigma and gamma have: on a software device each component
-// that is written takes as long.
+// The same for three components, and a fourth that only gradients by sigma and gamma have. On a software device each component
+// that is written takes the same time.
 void put(bool writes, int at, vec3 value, float scalar) {
     if (GRAD_SCALARS) {
         put(writes, at, vec4(value, scalar));
@@ -185,7 +189,7 @@ void write_sums(Sums s, Corner c, bool writes, int item) {
     vec3 near = nearness(c);
     vec3 by_z = UP_SHADED || OPACITY ? s.depth * near * near : vec3(0.0);
     int at = item * PARTIAL_STRIDE;
-    // A texel a corner, which is what vertex_grad.comp reads of it.
+    // One texel a corner: vertex_grad.comp reads no more of a corner.
     put(writes, at, vec3(s.corner[0], by_z.x), s.sigma);
     put(writes, at + 1, vec3(s.corner[1], by_z.y), s.gamma);
     put(writes, at + 2, vec3(s.corner[2], by_z.z), 0.0);
@@ -205,7 +209,7 @@ void write_sums(Sums s, Corner c, bool writes, int item) {
     }
 }
 
-// The item's triangle, read by all lanes together if they share it.
+// The triangle of an item. If the lanes share the item, they read it together.
 ItemTriangle item_triangle_of(int record_index) {
     ItemTriangle t;
     if (SMALL) {
@@ -236,8 +240,8 @@ ItemPixels pixels_of(Item item, vec2 origin) {
                 float(width));
 }
 
-// Adds the gradients of the pixels that this lane has of an item which the lanes share. No item is empty, so that the loop can
-// test its condition at the end, where llvmpipe does not execute the body once more. All lanes take the same number of turns.
+// Adds the gradients of this lane's pixels of an item that the lanes share. The loop tests its condition at the end, since no item
+// is empty: llvmpipe executes the body once more if it tests at the start. All lanes take the same number of turns.
 void add_shared(ItemTriangle triangle, ItemPixels pixels, inout Sums s) {
     int turns = (pixels.count + STEP - 1) / STEP;
     int index = int(gl_LocalInvocationID.x);
@@ -252,9 +256,9 @@ void add_shared(ItemTriangle triangle, ItemPixels pixels, inout Sums s) {
     } while (turns > 0);
 }
 
-// Adds the gradients of a small item's pixels, if the lane has one. All lanes take the turns of the one with the most: in Mesa 22.3
-// a lane that has left the loop still takes branches of its body. Where the lanes ask each other by shuffles, they ask after each
-// turn; elsewhere that would take barriers, and each counts its turns before.
+// Adds the gradients of a small item's pixels, if the lane has one. All lanes take as many turns as the lane with the most: in
+// Mesa 22.3 a lane that has left the loop still takes branches of its body. With shuffles the lanes ask each other after each
+// turn. Without shuffles that would take barriers, so each lane counts its turns before.
 void add_alone(ItemTriangle triangle, ItemPixels pixels, ivec2 size, bool exists, inout Sums s) {
     ColumnBounds bounds = column_bounds_of(triangle.edges, pixels, size);
     RowPosition position = first_position(bounds, exists);
@@ -279,10 +283,45 @@ void add_alone(ItemTriangle triangle, ItemPixels pixels, ivec2 size, bool exists
 }
 
 #ifdef LONG
-#include "common/long_item.glsl"
+layout(set = 0, binding = 9) uniform isamplerBuffer boxes;
+layout(set = 0, binding = 10) uniform samplerBuffer tile_bounds;
+layout(set = 0, binding = 11) uniform usamplerBuffer view_shapes;
+
+#include "common/mesh.glsl"
+#include "common/hidden.glsl"
+#include "common/relevance.glsl"
+
+// Adds a further cell to the record's entry of `partials`.
+void add_item(Item item, ItemTriangle triangle) {
+    int lane = int(gl_LocalInvocationID.x);
+    ItemPixels pixels = pixels_of(item, triangle.edges.origin);
+    Sums s = no_sums();
+    add_shared(triangle, pixels, s);
+    if (GRAD_GEOMETRY) {
+        corners_from_barycentrics(triangle.edges, pixels.first, s);
+    }
+    write_sums(s, triangle.corner, lane == 0, item.index);
+}
+
+void main() {
+    int record_index = int(texelFetch(items, int(frame.first + gl_WorkGroupID.x)).x);
+    ivec4 box = texelFetch(boxes, record_index);
+    int view = view_of(record_index);
+    ItemTriangle triangle = item_triangle_of(record_index);
+    int first = 1 + int(frame.number * CELLS_PER_TURN);
+    int end = min(first + int(CELLS_PER_TURN), cells_of(box));
+    for (int cell = first; cell < end; ++cell) {
+        Item item = item_of(record_index, record_index, cell, view, box);
+        Relevance relevance = relevance_of(item);
+        SHOWS = relevance.shows;
+        if (relevance.shows || relevance.outlines) {
+            add_item(item, triangle);
+        }
+    }
+}
 #else
-// Index in `items` of this lane's item. A row holds its items from the front and its small items from the end, in reverse
-// order. A lane past the last small item takes the last one again with `exists` false.
+// The index in `items` of this lane's item. A row has its items at the front, and its small items at the end in reverse order. A
+// lane past the last small item takes the last one again, with `exists` false.
 int item_index(out bool exists) {
     int first = int(frame.first);
     exists = true;

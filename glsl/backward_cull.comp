@@ -1,14 +1,15 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Backward, cull: selects the items that the upstream gradients depend on. A triangle whose largest weight is negligible in
-// every tile of its box is visible in no shaded image and contributes to the silhouette only; where that is saturated too,
-// its gradient is 0.
-// One invocation an item. Reads `boxes`, `cells`, the records and `tile_bounds`; writes the lists `shown_items` and
-// `outline_items`, their lengths as workgroups of indirect dispatches in `item_counts`, and `item_marks` (MARK_): whether an item
-// is on a list and so has an entry of `partials`, and how many further items a record has. Of a frame with a vertex that is not
-// finite all items are on neither. Writes to `status` whether the frame is complete. The order of the lists does not matter:
-// every item has its own entry of `partials`. The records whose further cells found no room are listed in `long_records`, for
-// backward_long.comp, which adds to their entries.
+// Backward, cull: lists the items that the upstream gradients depend on. A triangle whose largest weight is negligible in every
+// tile of its box is visible in no shaded image: it contributes to the silhouette only. If the silhouette is saturated too, the
+// triangle's gradient is 0.
+// One invocation an item. Reads `boxes`, `cells`, the records and `tile_bounds`. Writes:
+// - the lists `shown_items` and `outline_items`, in any order: every item has its own entry of `partials`;
+// - `item_counts`: the lengths of the lists, as workgroups of indirect dispatches;
+// - `item_marks` (MARK_): whether an item is on a list and so has an entry of `partials`, and how many further items a record has;
+// - `long_records`: the records whose further cells found no room. backward_long adds these to the records' entries;
+// - `status`: whether the frame is complete.
+// If any vertex is not finite, both lists stay empty.
 
 layout(local_size_x = 64) in;
 
@@ -32,21 +33,21 @@ layout(set = 0, binding = 13, std430) writeonly buffer ItemMarks { uint item_mar
 #include "common/gradient_modes.glsl"
 #include "common/frame.glsl"
 #include "common/mesh.glsl"
-#include "common/quotient.glsl"
+#include "common/arithmetic.glsl"
 #include "common/item.glsl"
-#include "common/extremes.glsl"
 #include "common/hidden.glsl"
 #include "common/relevance.glsl"
 
-// Pixels of the largest small item, which one lane processes alone: if it is visible in the shaded images, and if it contributes
-// to the silhouette only.
+// The most pixels of a small item, which one lane processes alone: of an item that is visible in the shaded images, and of one
+// that contributes to the silhouette only.
 layout(constant_id = 24) const uint SMALL_SHOWN_PIXELS = 8u;
 layout(constant_id = 32) const uint SMALL_OUTLINE_PIXELS = 64u;
 // Lanes of a workgroup of small items.
 layout(constant_id = 31) const uint SMALL_LANES = 8u;
 
-// Index of an item's entry on a list. Each row of FORWARD_ROW items has lists of its own, so that a length is a number of
-// workgroups along one axis. Small items fill the row from its end, a workgroup for every SMALL_LANES of them.
+// Makes room for an item on a list, and returns the index of its entry. Each row of FORWARD_ROW items has lists of its own, so
+// that a length is a number of workgroups along one axis. Small items fill the row from its end, and each SMALL_LANES of them take
+// one workgroup.
 uint entry_on_list(uint index, uint list, bool small) {
     uint row = index / FORWARD_ROW;
     uint counts = row * ITEM_COUNT_WORDS + list;
@@ -58,8 +59,8 @@ uint entry_on_list(uint index, uint list, bool small) {
     return small ? end - 1u - number : row * FORWARD_ROW + number;
 }
 
-// Puts an item on the list of what it contributes to. Returns its mark; `is_long` tells whether further cells are added to its
-// entry of `partials`.
+// Puts an item on the list of what it contributes to. Returns its mark. `is_long` tells whether backward_long adds further cells
+// to its entry of `partials`.
 uint mark_of(uint index, uvec2 part, out bool is_long) {
     is_long = false;
     if (part.x == NO_RECORD) {
@@ -70,7 +71,7 @@ uint mark_of(uint index, uvec2 part, out bool is_long) {
     if (box.x > box.z || box.y > box.w) {
         return 0u;
     }
-    // view_of relies on it that records lie in the order of the views.
+    // view_of needs the records in the order of the views.
     Item item = item_of(int(index), record_index, int(part.y), view_of(record_index), box);
     bool is_record = index < frame.record_count;
     uint further = is_record ? texelFetch(cell_ranges, record_index).y : 0u;
@@ -108,7 +109,7 @@ void main() {
     if (index == 0u) {
         status_words[STATUS_WHOLE] = finite ? 1u : 0u;
     }
-    // With all items on neither list every gradient is zero.
+    // If both lists are empty, every gradient is zero.
     uint mark = 0u;
     bool is_long = false;
     if (finite) {
@@ -116,8 +117,8 @@ void main() {
         mark = mark_of(index, part, is_long);
     }
     item_marks[index] = mark;
-    // What backward_long adds to must be there even if no list has the record itself. The number of passes is the condition,
-    // since on a software device a store that no lane makes takes as long as one of all lanes.
+    // backward_long adds to this entry even if no list has the record itself. The condition is a number of passes: on a software
+    // device a store that no lane makes takes as long as one of all lanes.
     int texels = is_long ? PARTIAL_STRIDE : 0;
     for (int i = 0; i < texels; ++i) {
         partials[int(index) * PARTIAL_STRIDE + i] = vec4(0.0);

@@ -1,13 +1,13 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
-// Bin, coarse: turns each bin's bitmap into its list of record indices in ascending order, and the tiles that each entry may
-// touch into masks: 32 entries at a time give one word for each of the 64 tiles, a bit for each entry, and two last words
-// that mark the back faces and the thin triangles.
-// One workgroup a bin, views along y. First each lane compacts a run of the bitmap's words, so that the list keeps their
-// order; then each takes blocks of 32 entries. The position of a list in memory comes from an atomic counter and may differ
-// between runs; its content and order do not.
-// Reads `bin_bits`, `boxes` and the records; writes `bin_ranges`, `coarse_records`, `coarse_words` and `status`.
+// Bin, coarse: turns each bin's bitmap into a list of record indices in ascending order, and finds the tiles that each entry may
+// touch. A block of 32 entries has one word for each of the bin's 64 tiles, with a bit for each entry that may touch the tile. Two
+// last words mark the back faces and the thin triangles.
+// One workgroup a bin, views along y. First each lane compacts a run of the bitmap's words, so that the list keeps their order.
+// Then each lane takes blocks of 32 entries. An atomic counter places a list in memory: its place may differ between runs, its
+// content and order do not.
+// Reads `bin_bits`, `boxes` and the records. Writes `bin_ranges`, `coarse_records`, `coarse_words` and `status`.
 
 layout(local_size_x_id = 0) in;
 
@@ -25,15 +25,14 @@ layout(set = 0, binding = 8) uniform samplerBuffer shading;
 #include "common/modes.glsl"
 #include "common/frame.glsl"
 #include "common/mesh.glsl"
-#include "common/extremes.glsl"
+#include "common/arithmetic.glsl"
 #include "common/record.glsl"
 #include "common/tile_mask.glsl"
-#include "common/quotient.glsl"
 
 shared uint counts[gl_WorkGroupSize.x];
 shared uint list_start;
 
-// The mask of the tiles that an entry may touch, and whether the entry is a back face, and thin.
+// The tiles that an entry may touch, whether it is a back face, and whether it is thin.
 struct Mask {
     uvec2 tiles;
     bool away;
@@ -68,16 +67,16 @@ void transpose(inout uint a[WORD_BITS]) {
     swap_blocks(a, 1, 0x55555555u);
 }
 
-// The words of a block: masks of entries from masks of tiles, by transposing the bits. Its two marked loops are not
-// unrolled because Mesa 22.3 then compiles this kernel in a fifth of the time, which halves a first frame (`cargo bench --bench
-// cold`). Their passes count in coarse_lanes of frame/plan, where those of the loop over rows would be too many.
+// Writes the words of a block. It transposes masks of tiles into masks of entries. The two marked loops are not unrolled: so Mesa
+// 22.3 compiles this kernel in a fifth of the time, which halves a first frame (`cargo bench --bench cold`). Their passes count in
+// coarse_lanes of frame/plan. Those of the loop over rows would be too many.
 void write_words(uint first, uint last, ivec2 bin) {
     uint low[WORD_BITS];
     uint high[WORD_BITS];
     uint away = 0u;
     uint thin = 0u;
     [[dont_unroll]] for (uint i = 0u; i < WORD_BITS; ++i) {
-        // Past the last entry the last one is repeated and masked out.
+        // Past the end it repeats the last entry and masks it out.
         Mask mask = tile_mask(int(coarse_records[min(first + i, last)]), bin);
         mask.tiles = first + i > last ? uvec2(0u) : mask.tiles;
         low[i] = mask.tiles.x;
@@ -92,7 +91,7 @@ void write_words(uint first, uint last, ivec2 bin) {
             words[i] = part == 0u ? low[i] : high[i];
         }
         transpose(words);
-        // A software device stores in a loop over lanes, so two words at a time take 0.95 of this kernel's time.
+        // A software device stores in a loop over lanes. With two words at a time this kernel takes 0.95 of its time.
         for (uint i = 0u; i < WORD_BITS; i += 2u) {
             coarse_words[to + (part + i) / 2u] = uvec2(words[i], words[i + 1u]);
         }
@@ -136,7 +135,7 @@ void main() {
     uint start = list_start;
     lists = lists && padded <= frame.coarse_capacity && start <= frame.coarse_capacity - padded;
     if (lane == 0) {
-        // Without room for its list a bin says how many entries it has; its tiles then find them in the bitmap.
+        // Without room for its list a bin gives the number of its entries. Its tiles then find them in the bitmap.
         bin_ranges[shape.bin_base + bin] = total == 0u ? uvec2(0u) : uvec2(lists ? start : NO_LIST, total);
     }
     if (!lists) {

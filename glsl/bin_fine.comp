@@ -1,15 +1,16 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Bin, fine: turns a bin's words into one list of record indices for each tile, in the same ascending order but back faces
-// last. One workgroup a bin, views along y, one lane a tile: each counts the bits of its words, then writes their records.
-// A tile with entries becomes an entry of `tile_items`, which forward_soft or forward processes: the tile's number among all
-// views', where its list begins, the number of front faces, and the number of entries. Where forward_soft serves the frame, a
-// tile with a thin triangle is on a third list as well, and forward draws it. A tile whose list has no room, or is longer than
-// a loop of the device can walk, has no length there, and becomes an entry for forward_soft_long and forward_long: on one
-// list if it can be processed at once, else on another. A tile without entries becomes an entry for background.comp, unless
-// the previous frame left the background there, as `tile_marks` say. `tile_counts` holds the numbers of entries as workgroups
-// of indirect dispatches. The order of the entries does not matter.
-// Reads `bin_ranges`, `coarse_records` and `coarse_words`; writes `tile_items`, `tile_counts`, `tile_records`, `tile_marks`,
+// Bin, fine: turns a bin's words into a list of record indices for each tile, in the same ascending order but with back faces
+// last. One workgroup a bin, views along y, one lane a tile. Each lane counts the bits of its words, then writes their records.
+// Every tile becomes an entry of `tile_items`, in any order, and `tile_counts` has the numbers of entries as workgroups of indirect
+// dispatches:
+// - A tile with entries is on the list of forward_soft or forward. Its entry is (the tile's number among all views', where its
+//   list begins, the number of front faces, the number of entries).
+// - If forward_soft serves the frame, a tile with a thin triangle is also on the list of forward.
+// - If a tile's list has no room, or is longer than a loop of the device can walk, its entry has no length. The tile is also on a
+//   list of forward_soft_long and forward_long: on one if it can be processed at once, else on the other.
+// - A tile without entries is on the list of background, unless `tile_marks` say that it holds the background already.
+// Reads `bin_ranges`, `coarse_records` and `coarse_words`. Writes `tile_items`, `tile_counts`, `tile_records`, `tile_marks`,
 // `status` and, for empty tiles, `tile_bounds`.
 
 layout(local_size_x = 64) in;
@@ -30,11 +31,12 @@ layout(set = 0, binding = 9, std430) writeonly buffer TileBounds { vec2 tile_bou
 #include "common/frame.glsl"
 #include "common/mesh.glsl"
 #include "common/pixel.glsl"
-#include "common/quotient.glsl"
+#include "common/arithmetic.glsl"
 
-// `tile_items` has three parts with room for all tiles: those with entries; the empty ones, with those at the end that take
-// several turns; and in rows by the tiles' numbers those that forward draws in place of forward_soft, with those at the row's
-// end that are walked.
+// `tile_items` has three parts, each with room for all tiles:
+// - the tiles with entries;
+// - the empty tiles, and at the end the tiles that take several turns;
+// - in rows by the tiles' numbers those that forward draws in place of forward_soft, and at a row's end those that are walked.
 uint all_tiles() {
     return frame.view_count * frame.tiles_x * frame.tiles_y;
 }
@@ -58,7 +60,8 @@ void add_general(uvec4 item) {
     tile_items[2u * all_tiles() + row * FORWARD_ROW + entry] = item;
 }
 
-// `blocks` of the bin's words or of its bitmap's, at most `live` of them with entries, hold at most `count` of the tile's.
+// Adds a tile whose list is not in memory. The bin's words, or its bitmap's, have so many blocks. At most `live` of them have
+// entries, and at most `count` entries are the tile's.
 void add_walked(uint tile, uint blocks, uint live, uint count) {
     atomicAdd(status[STATUS_WALKED_TILES], 1u);
     if (!WALKS) {
@@ -80,8 +83,8 @@ void add_walked(uint tile, uint blocks, uint live, uint count) {
     add_filled(item);
 }
 
-// The tile of a lane among those of the bin. Eight lanes wait for the fullest of their tiles, so they take a square of 2×4
-// tiles and not a row, which takes 1.6 times the passes of write_list.
+// The tile of a lane among those of the bin. Eight lanes wait for the fullest of their tiles, so they take 2×4 tiles: with a row
+// of eight, write_list takes 1.6 times the passes.
 uint tile_of_lane() {
     uint lane = gl_LocalInvocationID.x;
     uint column = lane / 8u % 4u * 2u + lane % 2u;
@@ -89,8 +92,7 @@ uint tile_of_lane() {
     return row * BIN_TILES + column;
 }
 
-// The number of front faces and of all entries in a tile's words, and whether a thin triangle is among them. A block has 64
-// words, one a tile, one that marks the back faces, and one that marks the thin triangles.
+// The number of front faces and of all entries in a tile's words, and whether a thin triangle is among them.
 uvec3 count_entries(uint tile, int words, int blocks) {
     uvec3 count = uvec3(0u);
     for (int i = 0; i < blocks; ++i) {
@@ -104,13 +106,13 @@ uvec3 count_entries(uint tile, int words, int blocks) {
     return count;
 }
 
-// A tile's words of blocks that follow each other, with what is left of their entries, and the blocks' back faces.
+// The words of a tile in four blocks that follow each other: the entries that are left, and the back faces.
 struct Words {
     uvec4 entries;
     uvec4 away;
 };
 
-// Those of four blocks; past the last block they have no entries.
+// The words from `block` on. Past the last block there are no entries.
 Words words_of(uint tile, int words, int block, int blocks) {
     Words w;
     for (int i = 0; i < 4; ++i) {
@@ -140,10 +142,10 @@ int next_entry(inout Words w, out uint is_away) {
     return word == 0u ? -1 : passed + bit;
 }
 
-// Writes one tile's list: front faces from `next` on, back faces from `next_away` on. Returns whether it is complete: Mesa
-// 22.3 ends the loops of an invocation after 65535 passes in total. The inner loop takes an entry a pass. Its lanes wait for
-// each other after four blocks: at every block that takes 1.3 times the passes, and with no waiting at all every pass fetches
-// the words of a next block, so that the kernel takes 1.1 to 1.2 times as long.
+// Writes one tile's list: front faces from `next` on, back faces from `next_away` on. Returns whether it is complete: Mesa 22.3
+// ends the loops of an invocation after 65535 passes in total. The inner loop takes one entry a pass. Its lanes wait for each
+// other after four blocks. If they waited at every block, they would take 1.3 times the passes. If they never waited, every pass
+// would fetch the words of a next block, and the kernel would take 1.1 to 1.2 times as long.
 bool write_list(uint tile, uint next, uint next_away, uint end, int first, int words, int blocks) {
     uint facing_end = next_away;
     int block = 0;
@@ -181,7 +183,7 @@ void main() {
     uvec2 at = bin * BIN_TILES + uvec2(own % BIN_TILES, own / BIN_TILES);
     bool exists = at.x < frame.tiles_x && at.y < frame.tiles_y;
     uint count = exists ? found.y : 0u;
-    // Forward walks a list in less than LOOP_PASSES, and no list is so long that the sum of all could exceed 32 bits.
+    // Forward walks a list in less than LOOP_PASSES. No list is so long that the sum of all could exceed 32 bits.
     uint beyond;
     uint sum;
     umulExtended(count, all_tiles(), beyond, sum);

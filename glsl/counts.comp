@@ -1,8 +1,8 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Counts: reads how many of its mesh's triangles a view draws from the device's own count, at most the planned number.
-// One invocation a record, views along y. Reads `counts`, a word a mesh; writes the number into `view_shapes` and empties
-// the boxes of the records that the frame will not write.
+// Counts: takes the number of triangles that a view draws from a count on the device, at most the planned number.
+// One invocation a record, views along y. Reads `counts`, one word a mesh. Writes the number into `view_shapes`, and empties the
+// boxes of the records that the frame will not write.
 
 layout(local_size_x = 64) in;
 
@@ -13,7 +13,7 @@ layout(set = 0, binding = 2, std430) writeonly buffer Boxes { ivec4 boxes[]; };
 #include "common/constants.glsl"
 
 layout(push_constant) uniform Push {
-    // Words from one mesh's count to the next; 0 where all views see one mesh.
+    // Words from one mesh's count to the next. 0 if all views see one mesh.
     uint stride;
     // Divisor of a count: 3 when it counts indices, 1 when it counts triangles.
     uint divisor;

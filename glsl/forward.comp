@@ -4,19 +4,21 @@
 #extension GL_KHR_shader_subgroup_basic : require
 #extension GL_KHR_shader_subgroup_shuffle : require
 #endif
-// Forward in any mode; in frames of the soft model, which forward_soft.comp serves, it draws the tiles with a triangle too
-// thin for that kernel. Every pixel sums over its tile's list, in the list's order: the silhouette as a product of
-// complements (eq. 5), colour, depth and normal as a softmax by depth with a running maximum (eq. 2 and 3). Entries hidden
-// across the whole tile contribute to the silhouette only; if the tile is already saturated they are skipped.
-// One workgroup a tile of 8×4 pixels, each lane 32 / lanes of them; background.comp writes the tiles without entries.
-// Reads `tile_items`, the tile's list and the records; writes the images and, for backward, `saved` (saved_of in pixel.glsl)
-// and `tile_bounds`.
-// Compiled three times: forward for any Vulkan 1.1 device; forward_subgroup, where a workgroup is one subgroup and the device
-// has shuffles; and forward_long for the tiles whose lists are nowhere in memory (walked_tile.glsl).
+// Forward, in any mode. If forward_soft.comp serves the frame, this kernel draws only the tiles that have a triangle too thin for
+// that kernel. Every pixel sums over its tile's list, in the list's order. The silhouette is a product of complements (eq. 5).
+// Colour, depth and normal are a softmax by depth with a running maximum (eq. 2 and 3). An entry that is hidden in the whole tile
+// contributes to the silhouette only. If the tile is saturated already, it is skipped.
+// One workgroup a tile of 8×4 pixels, and 32 / lanes pixels a lane. background.comp writes the tiles without entries.
+// Reads `tile_items`, the tile's list and the records. Writes the images and, for backward, `saved` (saved_of in pixel.glsl) and
+// `tile_bounds`.
+// Compiled three times: forward, for any Vulkan 1.1 device; forward_subgroup, for workgroups of one subgroup with shuffles; and
+// forward_long, for tiles whose lists are not in memory (walked_tile.glsl).
 
+// In frames that forward_soft.comp serves, forward_long draws the tiles with a thin triangle.
+const bool DRAWS_THIN = true;
 #include "common/forward_tile.glsl"
 
-// The product of eq. 5, or what SILHOUETTE_MODE has in its place.
+// Adds a fragment to the product of eq. 5, or to what SILHOUETTE_MODE has in its place.
 void add_silhouette(inout Cover cover, Fragment f) {
     if (LEAST_APART) {
         // The larger of the two factors goes into the product.
@@ -35,15 +37,15 @@ void add_silhouette(inout Cover cover, Fragment f) {
     }
 }
 
-// A fragment's weight D exp(ζ/γ) (eq. 3) relative to the largest so far, and the factor that brings the sums before it to
-// the same reference.
+// A fragment's weight D exp(ζ/γ) (eq. 3) relative to the largest so far, and the factor that brings the sums before it to the
+// same reference.
 struct AddedWeight {
     float weight;
     float keep_old;
 };
 
-// Adds a fragment to the denominator of eq. 3; log weights have an integer part (`exponent`) and a `fraction`. In
-// the hard mode the fragment replaces the pixel if it is nearer and covers it.
+// Adds a fragment to the denominator of eq. 3. A log weight has an integer part (`exponent`) and a `fraction`. In the hard mode
+// the fragment replaces the pixel if it is nearer and covers it.
 AddedWeight add_weight(inout Pixel p, int record_index, Fragment f, Corner c, Depth depth, bool shaded, float scale) {
     float difference = (c.exponent - p.exponent) + (depth.weight - p.fraction);
     bool nearer = shaded && difference > 0.0;
@@ -88,12 +90,12 @@ void add_attributes(inout Pixel p, AddedWeight s, Corner c, vec3 b, float invers
     }
 }
 
-// Whether a fragment contributes to the shaded images. One beyond far does not contribute to the silhouette either, but in
-// the official code.
+// Whether a fragment contributes to the shaded images. A fragment beyond far does not contribute to the silhouette either. Only
+// in the official code it does.
 bool is_shaded(inout Fragment f, Corner c, Depth depth, float inverse_score) {
     bool shaded = f.kept && in_depth_range(c.depth.z * inverse_score * depth.ratio);
     if (DEPTH_RANGE == DEPTH_RANGE_OFFICIAL) {
-        // Back faces contribute to the silhouette only: triangle.comp gave them no weight.
+        // Back faces contribute to the silhouette only. triangle.comp gave them no weight.
         shaded = shaded && (!FRONT_ONLY || c.exponent > -1e38);
     } else if (DEPTH_RANGE == DEPTH_RANGE_FAR) {
         drop_unless(shaded, f);
@@ -109,21 +111,9 @@ float opacity_at(Corner c, vec3 b, float sum, Depth depth) {
     return sample_opacity(c.texture_index, c.coordinate, at, slope);
 }
 
-// A fragment as the silhouette takes it. The hard one counts it whole or not at all.
+// A fragment as the silhouette takes it. The hard silhouette counts it whole or not at all.
 Fragment faded_for_silhouette(Fragment f, float alpha) {
     return faded(f, SILHOUETTE_MODE == SILHOUETTE_HARD ? (alpha >= SOLID_OPACITY ? 1.0 : 0.0) : alpha);
-}
-
-// The values that all pairs of a lane share: on a software device a push constant read in a loop is a gather.
-struct Lane {
-    vec2 first;
-    float radius_squared;
-    float scale;
-    float inverse_score;
-};
-
-Lane lane_at(ivec2 first) {
-    return Lane(vec2(first), frame.radius_squared, frame.scale, 1.0 / frame.score_high);
 }
 
 Pixel first_pixel() {
@@ -134,11 +124,11 @@ Pixel finished(Pixel p) {
     return p;
 }
 
-// The pairs of a triangle with each of a lane's pixels; all are dropped unless `live`.
-void signed_distances_of(Fetched own, bool live, Triangle t, Lane lane, out SignedDistance distances[PIXELS]) {
+// The distances of a lane's pixels to a triangle (eq. 1). Unless `live`, all pairs are dropped.
+void signed_distances_of(Fetched own, bool live, Triangle t, LaneConstants constants, out SignedDistance distances[PIXELS]) {
     for (int i = 0; i < PIXELS; ++i) {
-        vec2 pixel = lane.first + vec2(step_of(i));
-        distances[i] = signed_distance_at(t, pixel - t.origin, lane.radius_squared, lane.scale);
+        vec2 pixel = constants.first + vec2(step_of(i));
+        distances[i] = signed_distance_at(t, pixel - t.origin, constants.radius_squared, constants.scale);
         if (DISTANCE == DISTANCE_BARYCENTRIC && OFFICIAL) {
             ivec4 box = texelFetch(boxes, own.record_index);
             distances[i].kept = distances[i].kept && ivec2(pixel) == clamp(ivec2(pixel), box.xy, box.zw);
@@ -149,25 +139,25 @@ void signed_distances_of(Fetched own, bool live, Triangle t, Lane lane, out Sign
 }
 
 // Adds a triangle to the silhouettes of a lane's pixels.
-void gather_silhouette(Fetched own, bool live, Lane lane, inout Cover covers[PIXELS]) {
+void gather_silhouette(Fetched own, bool live, LaneConstants constants, inout Cover covers[PIXELS]) {
     Triangle t = shared_triangle_of(own);
     SignedDistance distances[PIXELS];
-    signed_distances_of(own, live, t, lane, distances);
+    signed_distances_of(own, live, t, constants, distances);
     for (int i = 0; i < PIXELS; ++i) {
         add_silhouette(covers[i], fragment_of(distances[i]));
     }
 }
 
-// Adds a triangle to all of a lane's pixels. Every step runs over all pixels before the next step, so that the long chains
-// of dependent operations of several pixels overlap.
-void gather(Fetched own, bool live, Lane lane, inout Cover covers[PIXELS], inout Pixel pixels[PIXELS]) {
+// Adds a triangle to all of a lane's pixels. Every step runs over all pixels before the next step, so that their long chains of
+// dependent operations overlap.
+void gather(Fetched own, bool live, LaneConstants constants, inout Cover covers[PIXELS], inout Pixel pixels[PIXELS]) {
     Triangle t = shared_triangle_of(own);
     Corner c;
     if (WANT_SHADING) {
         c = shared_corner_of(own);
     }
     SignedDistance distances[PIXELS];
-    signed_distances_of(own, live, t, lane, distances);
+    signed_distances_of(own, live, t, constants, distances);
     Fragment fragments[PIXELS];
     for (int i = 0; i < PIXELS; ++i) {
         fragments[i] = fragment_of(distances[i]);
@@ -184,13 +174,13 @@ void gather(Fetched own, bool live, Lane lane, inout Cover covers[PIXELS], inout
     }
     bool shaded[PIXELS];
     for (int i = 0; i < PIXELS; ++i) {
-        shaded[i] = is_shaded(fragments[i], c, depth[i], lane.inverse_score);
+        shaded[i] = is_shaded(fragments[i], c, depth[i], constants.inverse_score);
         Fragment outlined = fragments[i];
         if (OPACITY) {
             float alpha = opacity_at(c, b[i], sum[i], depth[i]);
             outlined = faded_for_silhouette(fragments[i], alpha);
             fragments[i] = faded(fragments[i], alpha);
-            // What has no weight must not become the reference of the sums.
+            // A fragment without weight must not become the reference of the sums.
             shaded[i] = shaded[i] && alpha >= (COLOR_MODE == COLOR_HARD ? SOLID_OPACITY : LEAST_OPACITY);
         }
         if (WANT_SILHOUETTE) {
@@ -200,7 +190,7 @@ void gather(Fetched own, bool live, Lane lane, inout Cover covers[PIXELS], inout
     if (SHADED) {
         AddedWeight added[PIXELS];
         for (int i = 0; i < PIXELS; ++i) {
-            added[i] = add_weight(pixels[i], own.record_index, fragments[i], c, depth[i], shaded[i], lane.scale);
+            added[i] = add_weight(pixels[i], own.record_index, fragments[i], c, depth[i], shaded[i], constants.scale);
         }
         for (int i = 0; i < PIXELS; ++i) {
             add_attributes(pixels[i], added[i], c, b[i], 1.0 / sum[i], depth[i]);
@@ -208,14 +198,14 @@ void gather(Fetched own, bool live, Lane lane, inout Cover covers[PIXELS], inout
     }
 }
 
-// The factor that brings a pixel's sums to the reference of a word that follows. In the hard mode a nearer fragment replaces
+// The factor that brings a pixel's sums to the reference of the word that follows. In the hard mode a nearer fragment replaces
 // the pixel.
 float keep_of(Pixel p, Pixel word) {
     float softened = exp2((p.exponent - word.exponent) + (p.fraction - word.fraction));
     return COLOR_MODE == COLOR_SOFTMAX ? softened : (word.sum > 0.0 ? 0.0 : 1.0);
 }
 
-// The mask of the next WORD_BITS entries from `from` on that are visible beside sums of at least `least`.
+// The mask of the entries that are visible beside sums of at least `least`, among the next WORD_BITS from `from` on.
 uint shown_of(int from, int end, float least) {
     uint shown = 0u;
     for (uint i = 0u; i < WORD_BITS; i += gl_WorkGroupSize.x) {
@@ -232,9 +222,9 @@ int lowest_record(int from, uint bits) {
 }
 
 // Adds the entries of a word's bits. It reads one record ahead, because the records of a large mesh miss the cache. The loop
-// tests its condition at the end because llvmpipe executes the body once more when it tests at the start; without a bit it
-// runs once and adds nothing. `shows` is a constant of the call: without it entries contribute to the silhouette only.
-void gather_word(int from, uint bits, bool shows, Lane lane, inout Pixel pixels[PIXELS]) {
+// tests its condition at the end: llvmpipe executes the body once more if it tests at the start. Without a bit the loop runs
+// once and adds nothing. `shows` is a constant of the call: without it the entries contribute to the silhouette only.
+void gather_word(int from, uint bits, bool shows, LaneConstants constants, inout Pixel pixels[PIXELS]) {
     Cover covers[PIXELS];
     Pixel words[PIXELS];
     for (int i = 0; i < PIXELS; ++i) {
@@ -248,9 +238,9 @@ void gather_word(int from, uint bits, bool shows, Lane lane, inout Pixel pixels[
         bits &= bits - 1u;
         next = fetch_record(lowest_record(from, bits));
         if (shows) {
-            gather(own, live, lane, covers, words);
+            gather(own, live, constants, covers, words);
         } else {
-            gather_silhouette(own, live, lane, covers);
+            gather_silhouette(own, live, constants, covers);
         }
     } while (bits != 0u);
     for (int i = 0; i < PIXELS; ++i) {
@@ -263,30 +253,19 @@ void gather_word(int from, uint bits, bool shows, Lane lane, inout Pixel pixels[
     }
 }
 
-// Adds up to WORD_BITS entries, all of them front faces or all back faces; what is hidden among them depends on the entries
-// before. `share` is log2 of the list's length: the share of one entry, so that all hidden entries together are negligible.
-// Returns whether the entries after these can be left out.
-bool gather_entries(int from, int stop, float log_count, Lane lane, inout Pixel pixels[PIXELS]) {
+bool gather_entries(int from, int stop, float log_count, LaneConstants constants, inout Pixel pixels[PIXELS]) {
     uint all = 0xffffffffu >> uint(from + int(WORD_BITS) - stop);
     vec2 bounds = bounds_of_tile(pixels);
     bool saturated = !WANT_SILHOUETTE || bounds.y <= exp2(NEXT_TO_NOTHING);
     uint shown = all;
-    // The silhouette of a triangle that crosses the far plane depends on its depths, and that of a texture with alpha on its
-    // coordinates, which only `gather` computes.
+    // The silhouette depends on the depths if a triangle crosses the far plane, and on the texture coordinates if a texture has
+    // alpha. Only `gather` computes these.
     if (PARTED && ((DEPTH_RANGE != DEPTH_RANGE_FAR && !OPACITY) || saturated)) {
         shown &= shown_of(from, stop, bounds.x - log_count);
     }
-    gather_word(from, shown, true, lane, pixels);
+    gather_word(from, shown, true, constants, pixels);
     if (PARTED && WANT_SILHOUETTE) {
-        gather_word(from, saturated ? 0u : all & ~shown, false, lane, pixels);
+        gather_word(from, saturated ? 0u : all & ~shown, false, constants, pixels);
     }
     return !SHADED && saturated;
 }
-
-#ifdef WALKED
-// In frames of the soft model it draws those with a thin triangle.
-const bool DRAWS_THIN = true;
-#include "common/walked_tile.glsl"
-#else
-#include "common/listed_tile.glsl"
-#endif

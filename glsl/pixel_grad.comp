@@ -1,17 +1,18 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Pixel gradient: computes what backward needs of a pixel: dL by the mixture Σ w C, the pixel's factor (1 - A) dL/dA of the
-// silhouette, and the reference that turns a fragment's log weight into w (eq. 3 and 4). For the gradients by the background
-// it also computes the pixel's own terms.
-// One workgroup a tile, one invocation a pixel: the tiles that have a list (the row of `tile_items` that begins at
-// frame.first), because in all other pixels every fragment has D = 0; on spot at 256² a quarter of all tiles. The
-// background's gradients need all tiles.
-// Reads `tile_items`, the images, `saved` (pixel.glsl) and the upstream gradients. Writes
-// `silhouette_gradients`; `pixel_gradients`: (dL/dmixture rgb, silhouette_gradient), (integer part and fraction of the reference, V, dL/ddepth),
-// (dL/dnormal, 0), with V of shaded_gradient below, and with LEAST_APART (the least 1 - D', 0, 0, 0); and `pixel_sums`, which
-// reduce.comp adds up: (dL/dC_b, dL/ds_b), (dL/ds_b times the relative log2 weight, 0, 0, 0), with s_b = ε/γ the background's
-// log weight; zeros where the frame is not complete. With these it also writes to `status` whether the frame is complete, as backward_cull does
-// for the gradients by triangles.
+// Pixel gradient: computes what backward needs of a pixel. That is dL by the mixture Σ w C, the pixel's factor (1 - A) dL/dA of the
+// silhouette, and the reference that turns a fragment's log weight into w (eq. 3 and 4). For the gradients by the background it
+// computes the pixel's own terms too.
+// One workgroup a tile, one invocation a pixel. It takes the tiles that have a list (the row of `tile_items` that begins at
+// frame.first), because every fragment of another pixel has D = 0: on spot at 256² a quarter of all tiles. The background's
+// gradients need all tiles.
+// Reads `tile_items`, the images, `saved` (pixel.glsl) and the upstream gradients. Writes:
+// - `silhouette_gradients`;
+// - `pixel_gradients`: (dL/dmixture rgb, silhouette gradient), (integer part and fraction of the reference, V, dL/ddepth),
+//   (dL/dnormal, 0), with V of shaded_gradient below, and with LEAST_APART (the least 1 - D', 0, 0, 0);
+// - `pixel_sums`, which reduce.comp adds up: (dL/dC_b, dL/ds_b), (dL/ds_b times the relative log2 weight, 0, 0, 0), with the
+//   background's log weight s_b = ε/γ. They are zeros if the frame is not complete;
+// - with these, to `status`, whether the frame is complete. backward_cull.comp does so for the gradients by triangles.
 
 layout(local_size_x = 32) in;
 
@@ -36,16 +37,17 @@ layout(set = 0, binding = 14, std430) writeonly buffer SilhouetteGradients { flo
 #include "common/gradient_modes.glsl"
 #include "common/frame.glsl"
 #include "common/mesh.glsl"
-#include "common/quotient.glsl"
+#include "common/arithmetic.glsl"
 #include "common/tile.glsl"
 
 // What saved_of in pixel.glsl saved of a pixel.
 struct SavedPixel {
-    // Integer part and fraction of the pixel's log2 sum of weights; for the hard mode the nearest record's index.
+    // The pixel's log2 sum of weights, as integer part and fraction. In the hard mode the nearest record's index.
     vec2 reference;
     // Whether the pixel has weights.
     bool has_weights;
-    // The silhouette's aggregate, and the factors of the product of eq. 5: the least one with LEAST_APART, and the others'.
+    // The silhouette's aggregate, and its parts in the product of eq. 5: with LEAST_APART the least factor, and the product of the
+    // others.
     float aggregate;
     float others;
     float least;
@@ -62,8 +64,8 @@ SavedPixel saved_at(int at) {
         s.others = texel.z;
         s.least = texel.w;
     } else {
-        // w_j = D_j exp2(log weight - reference) (eq. 3), with the inverse sum folded into the reference's fraction. In a
-        // pixel without weights every w is 0.
+        // w_j = D_j exp2(log weight - reference) (eq. 3), where the reference's fraction includes the inverse sum. In a pixel
+        // without weights every w is 0.
         s.has_weights = texel.z > 0.0;
         s.reference = s.has_weights ? vec2(texel.x, texel.y - log2(texel.z)) : NO_WEIGHTS;
         if (COLOR_MODE == COLOR_HARD) {
@@ -74,7 +76,7 @@ SavedPixel saved_at(int at) {
     return s;
 }
 
-// Number of triangles by which SILHOUETTE_SUM divides.
+// The number of triangles, by which SILHOUETTE_SUM divides.
 float count_of(int view) {
     return float(max(shape_of(view).triangle_count, 1));
 }
@@ -97,7 +99,7 @@ Upstream upstream_of(int at) {
 }
 
 // V = Σ_j w_j v_j with v_j = dL/dI · C_j + dL/ddepth z_j + dL/dnormal · n_j, so that eq. 4 reads ∂L/∂s_j = w_j (v_j - V).
-// With the composite background I = A Σ w C + (1 - A) C_b the product rule adds a term to dL/dA, and V and all v_j gain the
+// The composite background has I = A Σ w C + (1 - A) C_b. There the product rule adds a term to dL/dA, and V and all v_j gain the
 // factor A, which is returned in `mixing`.
 float shaded_gradient(int at, int view, float aggregate, vec3 background, inout Upstream up, out float mixing) {
     float value = 0.0;
@@ -128,9 +130,9 @@ float shaded_gradient(int at, int view, float aggregate, vec3 background, inout 
     return value;
 }
 
-// dL/dx_j of the silhouette without the fragment's factor (eq. 4): ∂A/∂x_j = (1 - A) D_j for the product of eq. 5;
-// D_j (1 - D_j) / n for the sum, 0 where that is cut off at 1; 0 for the hard silhouette. backward.glsl multiplies by D_j, or
-// with LEAST_APART by the least factor too, where that is not the fragment's own.
+// dL/dx_j of the silhouette without the fragment's factor (eq. 4). ∂A/∂x_j is (1 - A) D_j for the product of eq. 5. For the sum it
+// is D_j (1 - D_j) / n, or 0 where the sum is cut off at 1. For the hard silhouette it is 0. backward.comp multiplies by D_j, and
+// with LEAST_APART also by the least factor, unless that is the fragment's own.
 float silhouette_gradient(int view, SavedPixel sums, float up_alpha) {
     float factor = 0.0;
     if (SILHOUETTE_MODE == SILHOUETTE_PRODUCT) {
@@ -142,7 +144,7 @@ float silhouette_gradient(int view, SavedPixel sums, float up_alpha) {
     return factor;
 }
 
-// ∂I/∂C_b = w_b and ∂I/∂s_b = w_b (C_b - I) (eq. 4), w_b being the background's share of the pixel.
+// ∂I/∂C_b = w_b and ∂I/∂s_b = w_b (C_b - I) (eq. 4), with the background's weight w_b.
 void write_background_gradient(int at, bool finite, SavedPixel sums, vec3 background, vec3 up_color, float value, float mixing) {
     bool entry = !COMPOSITE && COLOR_MODE == COLOR_SOFTMAX;
     float relative = 0.0;

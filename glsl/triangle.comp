@@ -38,7 +38,7 @@ layout(set = 0, binding = 17, std430) writeonly buffer Cells { uvec2 cells[]; };
 #include "common/camera.glsl"
 #include "common/light.glsl"
 #include "common/edge.glsl"
-#include "common/quotient.glsl"
+#include "common/arithmetic.glsl"
 #include "common/item.glsl"
 
 // The corners of a triangle or piece: pixel position, depth, and each corner as a mixture of the original three.

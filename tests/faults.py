@@ -24,7 +24,7 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 FRAGMENT, FORWARD = "glsl/common/fragment.glsl", "glsl/forward.comp"
 SOFT, WALK = "glsl/forward_soft.comp", "glsl/common/walked_tile.glsl"
 PAIR, PIXELS = "glsl/common/pair_gradient.glsl", "glsl/common/pair.glsl"
-ROWS = "glsl/common/row_walk.glsl"
+ROWS = "glsl/common/item_pixels.glsl"
 
 # What is broken, where, the text, what stands there instead, and the tests that should see it: a module of `cargo test --test
 # quick`, with `unit ` before it one of the library's unit tests, with `fit `, `io ` or `lab ` one of that
@@ -108,7 +108,7 @@ FAULTS = [
      "area = area;", ["gradient::agreement::every_mode"]),
     ("normals of the frame before", "src/frame/pack/update.rs", "changes.note(BufferId::VertexNormals, overwrite(&mut self.normals[own], normals));",
      "overwrite(&mut self.normals[own], normals);", ["render::repeat_frames::a_frame_after_other_normals"]),
-    ("parallel edges told apart by their lines", "glsl/common/nearest_edge.glsl", "obtuse ? past_corner :", "false ? past_corner :",
+    ("parallel edges told apart by their lines", "glsl/common/distance.glsl", "obtuse ? past_corner :", "false ? past_corner :",
      ["gradient::hazards::obtuse"]),
     ("a dropped fragment's pixel read", PIXELS, "g.mean = kept ? g.mean : 0.0;", "g.mean = g.mean;",
      ["gradient::repeat::pixels_beyond"]),
@@ -118,7 +118,7 @@ FAULTS = [
      ["gradient::hazards::saturated"]),
     ("front faces by the wrong turn", "glsl/triangle.comp", "(e.orientation < 0.0) != CLOCKWISE_FRONT",
      "(e.orientation > 0.0) != CLOCKWISE_FRONT", ["render::pixels::back_faces"]),
-    ("pixel centres half a pixel off", FORWARD, "Lane(vec2(first), ", "Lane(vec2(first) + 0.5, ",
+    ("pixel centres half a pixel off", "glsl/common/forward_tile.glsl", "LaneConstants(vec2(first), ", "LaneConstants(vec2(first) + 0.5, ",
      ["render::forward::every_mode"]),
     ("entry of a walk lost between words", WALK, "uint waiting = entries[from + lane];",
      "uint waiting = entries[from + lane + 1];", ["gradient::room::"]),
@@ -128,21 +128,21 @@ FAULTS = [
      ["gradient::room::turns"]),
     ("back faces of a walk before front faces", WALK, "walk.phase == FRONT ? own.entries & ~own.away",
      "walk.phase == BACK ? own.entries & ~own.away", ["gradient::room::"]),
-    ("first cell of a long box twice", "glsl/common/long_item.glsl", "int first = 1 + int(frame.number",
+    ("first cell of a long box twice", "glsl/backward.comp", "int first = 1 + int(frame.number",
      "int first = int(frame.number", ["gradient::room::"]),
     ("walks left out of a frame", "src/frame/plan/walk.rs", "needed: wanted && !(has_room && at_once)",
      "needed: wanted && !has_room && !at_once", ["gradient::room::"]),
     ("radius of another tau", "src/scene/settings.rs", "(1.0 / self.tau - 1.0).ln()", "(0.5 / self.tau - 1.0).ln()",
      ["render::support::", "render::pixels::"]),
     ("background left where triangles were", "glsl/bin_fine.comp",
-     "shape.background_kept && tile_marks[tile] == MARK_BACKGROUND", "shape.background_kept",
+     "shape.marks_valid && tile_marks[tile] == MARK_BACKGROUND", "shape.marks_valid",
      ["lab found::a_tile_that_a_triangle_has_left"]),
     ("an eighth is next to nothing", "glsl/common/hidden.glsl", "NEXT_TO_NOTHING = -24.0", "NEXT_TO_NOTHING = -3.0",
      ["render::forward::random_scenes"]),
     ("both pieces of a cut triangle in full", "glsl/common/images.glsl",
      "alpha = min(alpha / float(max(triangle_count, 1)), 1.0);", "alpha = alpha / float(max(triangle_count, 1));",
      ["lab drawn::the_pieces"]),
-    ("gradients of a sum beyond 1", "glsl/pixel_grad.comp", "kept.aggregate > count ? 0.0 : up_alpha / count", "up_alpha / count",
+    ("gradients of a sum beyond 1", "glsl/pixel_grad.comp", "sums.aggregate > count ? 0.0 : up_alpha / count", "up_alpha / count",
      ["lab drawn::the_pieces"]),
     ("opacity left out of the others' product", PAIR, "LEAST_APART && own > g.least ? g.least / own : 1.0", "1.0",
      ["gradient::opacity::"]),

@@ -1,6 +1,6 @@
-// What the forward kernels share: their buffers, where the entries of a tile's list are, and how a finished tile is written.
-// With WALKED the list is nowhere in memory, and the entries at hand are shared (walked_tile.glsl).
-// The file that includes this one defines first_pixel and finished, which forward_soft.comp has in other units.
+// What the forward kernels have in common: their buffers, the tile's list, and how they write a finished tile.
+// With WALKED the list is not in memory, and the lanes share the entries at hand (walked_tile.glsl).
+// The file that includes this one defines first_pixel, finished and gather_entries.
 
 layout(local_size_x_id = 0) in;
 
@@ -25,21 +25,20 @@ layout(set = 0, binding = 13) uniform isamplerBuffer boxes;
 #include "common/modes.glsl"
 #include "common/frame.glsl"
 #include "common/mesh.glsl"
-#include "common/extremes.glsl"
+#include "common/arithmetic.glsl"
 #include "common/record.glsl"
+#include "common/distance.glsl"
 #include "common/fragment.glsl"
 #include "common/sample.glsl"
-#include "common/corner.glsl"
 #include "common/shared_records.glsl"
 #include "common/lanes.glsl"
 #include "common/pixel.glsl"
 #include "common/hidden.glsl"
-#include "common/quotient.glsl"
 #include "common/tile.glsl"
 #include "common/images.glsl"
 
 #ifdef WALKED
-// The entries at hand of a list that is nowhere in memory (walked_tile.glsl).
+// The entries at hand of a list that is not in memory.
 shared uint entries[WALK_WINDOW];
 #endif
 
@@ -70,13 +69,30 @@ ivec2 lane_corner(TileLocation tile) {
     return tile.corner + ivec2(lane % int(TILE_WIDTH), lane / int(TILE_WIDTH));
 }
 
+// What all pairs of a lane have in common. Push constants are copied: on a software device each read in a loop is a gather.
+struct LaneConstants {
+    // The lane's first pixel.
+    vec2 first;
+    float radius_squared;
+    float scale;
+    float inverse_score;
+};
+
+LaneConstants lane_constants(ivec2 first) {
+    return LaneConstants(vec2(first), frame.radius_squared, frame.scale, 1.0 / frame.score_high);
+}
+
 // A pixel before its first entry.
 Pixel first_pixel();
 // The pixel with its sums as images.glsl expects them.
 Pixel finished(Pixel p);
+// Adds up to WORD_BITS entries, which are all front faces or all back faces. The entries before them decide which of them are
+// hidden. `log_count` is log2 of the list's length: all hidden entries together must be negligible. Returns whether the entries
+// after these can be left out.
+bool gather_entries(int from, int stop, float log_count, LaneConstants constants, inout Pixel pixels[PIXELS]);
 
-// The least log sum and the largest transmittance of all lanes' pixels (bounds_of_pixel). Pixels beyond the image's border are
-// included; they can only reduce what is skipped.
+// The least log sum and the largest transmittance of all lanes' pixels (bounds_of_pixel). Pixels beyond the image's border count
+// too. They can only make the tile skip less.
 vec2 bounds_of_tile(Pixel pixels[PIXELS]) {
     // The largest transmittance is found as the minimum of its negative.
     vec2 least = vec2(3e38);
@@ -88,7 +104,7 @@ vec2 bounds_of_tile(Pixel pixels[PIXELS]) {
     return vec2(least.x, -least.y);
 }
 
-// Writes a finished pixel: the images and what backward needs.
+// Writes a finished pixel: its images, and what backward needs.
 void write_pixel(TileLocation tile, ivec2 where, Pixel p, int triangle_count) {
     if (where.x < int(frame.width) && where.y < int(frame.height)) {
         int to = pixel_index(tile.view, where);
@@ -114,3 +130,31 @@ void write_tile(TileLocation tile, int number, Pixel pixels[PIXELS]) {
         write_bounds(number, bounds_of_tile(pixels));
     }
 }
+
+#ifdef WALKED
+#include "common/walked_tile.glsl"
+#else
+// Adds a list that is in memory, word by word. Front faces fill words of their own.
+void gather_list(int from, int facing_end, int end, LaneConstants constants, inout Pixel pixels[PIXELS]) {
+    float log_count = log2(float(end - from));
+    do {
+        int stop = min(from + int(WORD_BITS), from < facing_end ? facing_end : end);
+        from = gather_entries(from, stop, log_count, constants, pixels) ? end : stop;
+    } while (from < end);
+}
+
+void main() {
+    ivec4 item = ivec4(texelFetch(tile_items, int(frame.first + gl_WorkGroupID.x)));
+    // A tile whose list is not in memory has an entry without a length: pixel_grad.comp goes through the same entries.
+    if (WALKS && item.w == 0) {
+        return;
+    }
+    TileLocation tile = tile_location(item.x);
+    Pixel pixels[PIXELS];
+    for (int i = 0; i < PIXELS; ++i) {
+        pixels[i] = first_pixel();
+    }
+    gather_list(item.y, item.y + item.z, item.y + item.w, lane_constants(lane_corner(tile)), pixels);
+    write_tile(tile, item.x, pixels);
+}
+#endif

@@ -1,11 +1,11 @@
-// When a triangle weighs too little to change a pixel. Needs constants.glsl, modes.glsl, extremes.glsl and the
-// buffer `shading`.
+// Whether a triangle weighs too little to change a pixel. Needs constants.glsl, modes.glsl, arithmetic.glsl and the buffer
+// `shading`.
 
 // log2 of the largest negligible quantity: half a unit in the last place of an f32 near 1.
 const float NEXT_TO_NOTHING = -24.0;
 
-// An upper bound of the triangle's log2 weight (eq. 3) in any pixel, from its shading record: that of a corner with D = 1. The
-// fraction of corner 0's log weight, which lies in another texel, is at most a half.
+// An upper bound of the triangle's log2 weight (eq. 3) in any pixel, from its shading record: the weight of the nearest corner
+// with D = 1. The fraction of corner 0's log weight lies in another texel, and is at most a half.
 float largest_weight(int record_index) {
     vec4 record = texelFetch(shading, record_index * SHADING_STRIDE + 1);
     vec2 corners = record.z * record.xy / (1.0 + record.xy);

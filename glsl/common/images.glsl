@@ -1,12 +1,12 @@
-// The values that a finished pixel writes (eq. 2 and 5).
+// The image values of a finished pixel (eq. 2 and 5).
 // Needs constants.glsl, modes.glsl, frame.glsl, pixel.glsl and the image buffers.
 
-// A = 1 - Π(1 - D) (eq. 5), I = Σ w C + w_b C_b (eq. 2), and soft depth and normal, to index `at`. With the composite
+// Writes A = 1 - Π(1 - D) (eq. 5), I = Σ w C + w_b C_b (eq. 2), and soft depth and normal, to index `at`. With the composite
 // background I = A Σ w' C + (1 - A) C_b.
 void write_images(Pixel p, int at, int triangle_count) {
     float alpha = SILHOUETTE_MODE == SILHOUETTE_PRODUCT ? 1.0 - aggregate_of(p) : p.silhouette;
     if (SILHOUETTE_MODE == SILHOUETTE_SUM) {
-        // Along their seam the two pieces of a triangle cut by the near plane may add up to more than the triangle.
+        // The near plane may cut a triangle in two pieces. Along their seam these may add up to more than the triangle.
         alpha = min(alpha / float(max(triangle_count, 1)), 1.0);
     }
     vec3 background = vec3(frame.background_red, frame.background_green, frame.background_blue);

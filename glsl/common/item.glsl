@@ -1,8 +1,8 @@
-// The work items of backward: one for each triangle's pixel box, or for each cell of a box larger than a cell. The first
-// cell's item has the record's index; the others follow behind all records. Needs constants.glsl and quotient.glsl.
+// The work items of backward: one for each triangle's pixel box, or one for each cell of a box larger than a cell. The first cell's
+// item has the record's index. The others follow behind all records. Needs constants.glsl and arithmetic.glsl.
 
 struct Item {
-    // Index of its entry of `partials`, and of the triangle's record.
+    // The index of its entry of `partials`, and that of the triangle's record.
     int index;
     int record_index;
     int view;

@@ -1,6 +1,6 @@
-// Reductions over the lanes of a workgroup, in a fixed order: with shuffles where SUBGROUP_RECORDS is defined (the workgroup
-// is one subgroup, of a power of two from 4 to 64 lanes), else through shared memory. A workgroup of small items may be several
-// subgroups, over each of which least_of_lanes reduces. Needs the local size.
+// Reductions over the lanes of a workgroup, in a fixed order. With SUBGROUP_RECORDS the workgroup is one subgroup of 4 to 64 lanes,
+// a power of two, and they use shuffles. Else they use shared memory. A workgroup of small items may have several subgroups: then
+// least_of_lanes and bits_of_lanes reduce over each of them. Needs the local size.
 
 #ifndef SUBGROUP_RECORDS
 shared vec4 lane_values[gl_WorkGroupSize.x];
@@ -8,16 +8,15 @@ shared uint lane_bits[gl_WorkGroupSize.x];
 #endif
 
 #ifdef SUBGROUP_RECORDS
-// With shuffles, a lane's value is combined with that of the lane whose number differs in one bit, from the highest bit to
-// the lowest. The number of lanes is a constant when the pipeline is compiled, so the loops unroll and bits beyond it cost
-// nothing.
+// With shuffles, each lane combines its value with that of the lane whose number differs in one bit, from the highest bit to the
+// lowest. The number of lanes is a constant when the pipeline is compiled. So the loops unroll, and bits beyond it cost nothing.
 const int MOST_LANE_BITS = 6;
 bool is_lane_bit(int bit) {
     return (1u << bit) < min(gl_WorkGroupSize.x, gl_SubgroupSize);
 }
 #endif
 
-// The sum over the lanes; lane 0 has it.
+// The sum over the lanes. Lane 0 has it.
 vec4 sum_of_lanes(vec4 value) {
 #ifdef SUBGROUP_RECORDS
     for (int bit = MOST_LANE_BITS - 1; bit >= 0; --bit) {
@@ -40,7 +39,7 @@ vec4 sum_of_lanes(vec4 value) {
 #endif
 }
 
-// The least over the lanes; all have it.
+// The least over the lanes. All lanes have it.
 vec2 least_of_lanes(vec2 value) {
 #ifdef SUBGROUP_RECORDS
     for (int bit = MOST_LANE_BITS - 1; bit >= 0; --bit) {
@@ -61,7 +60,7 @@ vec2 least_of_lanes(vec2 value) {
 #endif
 }
 
-// The bits that any lane has; all lanes have them.
+// The bits that any lane has. All lanes have them.
 uint bits_of_lanes(uint value) {
 #ifdef SUBGROUP_RECORDS
     for (int bit = MOST_LANE_BITS - 1; bit >= 0; --bit) {

@@ -1,9 +1,9 @@
-// The pixels of an item, and what forward computed for each of its fragments, that is (pixel, triangle) pairs: one function
-// for each step of eq. 1 to 3. pair_gradient.glsl holds the derivatives.
-// Needs fragment.glsl, nearest_edge.glsl, corner.glsl, gradient_modes.glsl, SHOWS and the buffers `pixel_gradients` and
+// What forward computed for a fragment, that is for a (pixel, triangle) pair, as backward computes it again: one function for
+// each step of eq. 1 to 3. pair_gradient.glsl has the derivatives.
+// Needs fragment.glsl, item_pixels.glsl, gradient_modes.glsl, SHOWS and the buffers `pixel_gradients` and
 // `silhouette_gradients`.
 
-// What all pairs of an item share. Push constants are copied because on a software device each read in a loop is a gather.
+// What all pairs of an item have in common. Push constants are copied: on a software device each read in a loop is a gather.
 struct ItemTriangle {
     Triangle edges;
     Corner corner;
@@ -17,41 +17,6 @@ struct ItemTriangle {
     float weight_slope;
 };
 
-// The pixels of an item, row by row.
-struct ItemPixels {
-    int count;
-    float width;
-    float inverse_width;
-    // Column and row of the first pixel relative to the record's origin.
-    vec2 first;
-    // Index of the first pixel in the images, and the width of these.
-    int first_entry;
-    float image_width;
-};
-
-// One pixel of an item.
-struct Pair {
-    // Column and row relative to the item's first pixel, and relative to the record's origin.
-    vec2 local;
-    vec2 q;
-    // Index of the pixel in the images.
-    int entry;
-    // False past the item's last pixel.
-    bool exists;
-};
-
-// An item has at most 32 rows, so that a float holds the distance in the images exactly.
-Pair pair_of(ItemPixels p, vec2 local, bool exists) {
-    return Pair(local, p.first + local, p.first_entry + int(local.y * p.image_width + local.x), exists);
-}
-
-Pair pair_at(ItemPixels p, int index) {
-    int at = min(index, p.count - 1);
-    float number = float(at);
-    float row = floor((number + 0.5) * p.inverse_width);
-    return pair_of(p, vec2(number - row * p.width, row), index < p.count);
-}
-
 // What pixel_grad.comp computed for a pixel.
 struct PixelGradient {
     // dL by the mixture Σ w C, by the depth and by the normal.
@@ -60,7 +25,7 @@ struct PixelGradient {
     vec3 by_normal;
     // The pixel's factor of dL/dx through the silhouette.
     float by_silhouette;
-    // The pixel's log2 sum of weights as integer part and fraction; for the hard mode the nearest record's index.
+    // The pixel's log2 sum of weights, as integer part and fraction. In the hard mode the nearest record's index.
     vec2 log_sum;
     // V = Σ w v of eq. 4.
     float mean;
@@ -90,7 +55,7 @@ PixelGradient pixel_gradient_at(int entry) {
     return g;
 }
 
-// Whether a fragment's gradient depends on its barycentrics, for which all three signed edge distances are needed.
+// Whether a fragment's gradient depends on its barycentrics. These need the signed distances to all three lines.
 bool has_surface() {
     return WANT_SHADING && (SHOWS || DEPTH_RANGE != DEPTH_RANGE_INSIDE || OPACITY);
 }
@@ -109,8 +74,7 @@ PairDistance distance_of_pair(ItemTriangle item, Pair pair) {
         NearestPoint n = nearest_point(t, item.choice, pair.q);
         d.nearest = n;
         if (has_surface()) {
-            d.to_triangle.height =
-                vec3(line_at(t.line0.xyz, pair.q), line_at(t.line1.xyz, pair.q), line_at(t.line2.xyz, pair.q));
+            d.to_triangle.height = heights_at(t, pair.q);
         }
         d.to_triangle.squared = n.signed_distance * n.signed_distance + n.beyond * n.beyond;
         d.to_triangle.inside = n.signed_distance > item.choice.least_inside;
@@ -123,7 +87,7 @@ PairDistance distance_of_pair(ItemTriangle item, Pair pair) {
     return d;
 }
 
-// A dropped fragment takes no gradient from its pixel, whose entry pixel_grad.comp may not have written.
+// A dropped fragment takes no gradient from its pixel: pixel_grad.comp may not have written that pixel's entry.
 PixelGradient received(PixelGradient g, bool kept) {
     g.by_color = vec3(kept ? g.by_color.x : 0.0, kept ? g.by_color.y : 0.0, kept ? g.by_color.z : 0.0);
     g.by_normal = vec3(kept ? g.by_normal.x : 0.0, kept ? g.by_normal.y : 0.0, kept ? g.by_normal.z : 0.0);
@@ -160,7 +124,7 @@ Surface surface_of(ItemTriangle item, inout Fragment f) {
 }
 
 struct Weight {
-    // w_j of eq. 3, and w_j/α.
+    // w_j of eq. 3, and w_j / α.
     float value;
     float by_alpha;
     // The log2 weight without D relative to the pixel's log2 sum.
@@ -170,7 +134,7 @@ struct Weight {
 Weight weight_of(ItemTriangle item, PixelGradient g, Fragment f, Surface s, float alpha) {
     Weight w;
     w.relative = (item.corner.exponent - g.log_sum.x) + (s.depth.weight - g.log_sum.y);
-    // Only dropped fragments, with D = 0, exceed 2¹⁰⁰.
+    // Only a dropped fragment, which has D = 0, exceeds 2¹⁰⁰.
     w.by_alpha = (s.shaded ? f.probability : 0.0) * exp2(lesser(w.relative, 100.0));
     w.value = OPACITY ? w.by_alpha * alpha : w.by_alpha;
     if (COLOR_MODE == COLOR_HARD) {

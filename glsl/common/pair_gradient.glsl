@@ -1,12 +1,12 @@
-// The derivatives of one fragment (eq. 4): each function is the transpose of one step of pair.glsl, nearest_edge.glsl or
-// sample.glsl and adds to a lane's sums. `by_X` is the derivative of the loss by X, X being the name that forward uses.
+// The derivatives of one fragment (eq. 4). Each function is the transpose of one step of pair.glsl, distance.glsl or sample.glsl,
+// and adds to a lane's sums. `by_X` is the derivative of the loss by X, where X is the name that forward uses.
 // Needs pair.glsl, texel_gradient.glsl and what these need.
 
 struct Sums {
     // dL/d(column, row) of each corner, in pixels.
     vec2 corner[3];
-    // dL by the barycentric coordinates b_k, and these times the pixel's column and row in the item: ∂b_k/∂p_m = -b_m ∇b_k
-    // is linear in the pixel, so that corners_from_barycentrics applies it once to the sums.
+    // dL by the barycentric coordinates b_k, and the same times the pixel's column and row in the item. ∂b_k/∂p_m = -b_m ∇b_k is
+    // linear in the pixel, so corners_from_barycentrics applies it once to the sums.
     vec3 by_b;
     vec3 by_b_column;
     vec3 by_b_row;
@@ -44,7 +44,7 @@ void add_by_b(vec3 by_b, Pair pair, inout Sums s) {
     s.by_b_row += by_b * pair.local.y;
 }
 
-// ∂A/∂x_j = (1 - A) D_j with x = ± d² / sigma (eq. 4); pixel_grad.comp computed the pixel's factor.
+// ∂A/∂x_j = (1 - A) D_j (eq. 4). pixel_grad.comp computed the pixel's factor.
 float silhouette_by_x(PixelGradient g, Fragment f) {
     float by_x = UP_ALPHA ? g.by_silhouette * f.probability : 0.0;
     return SILHOUETTE_MODE == SILHOUETTE_SUM ? by_x * f.complement : by_x;
@@ -62,8 +62,8 @@ Opacity opacity_of(ItemTriangle item, vec3 share) {
     return o;
 }
 
-// dL by D' = α D through the silhouette (eq. 5): ∂A/∂D'_j is the product of the other fragments' 1 - D'. A factor that is the
-// least, or differs from it by rounding, is its own.
+// dL by D' = α D through the silhouette (eq. 5): ∂A/∂D'_j is the product of the other fragments' 1 - D'. If the fragment's own
+// factor is the least, or differs from it by rounding only, `by_silhouette` leaves it out already.
 float silhouette_by_faded(PixelGradient g, Fragment f, float alpha) {
     float own = faded(f, alpha).complement;
     return UP_ALPHA ? g.by_silhouette * (LEAST_APART && own > g.least ? g.least / own : 1.0) : 0.0;
@@ -74,8 +74,8 @@ vec3 nearness(Corner c) {
     return vec3(1.0, 1.0 + c.depth.x, 1.0 + c.depth.y);
 }
 
-// v_j = dL/dI · C_j + dL/dnormal · n_j + dL/ddepth z_j of a fragment, and its derivatives by the mixing shares of the corners:
-// b̂ z/z_k with perspective correction, b̂ without.
+// v_j = dL/dI · C_j + dL/dnormal · n_j + dL/ddepth z_j of a fragment, and its derivatives by the corners' shares in the mixture.
+// A share is b̂_k z/z_k with perspective correction, and b̂_k without.
 struct Value {
     float value;
     vec3 share;
@@ -86,7 +86,7 @@ struct Value {
     vec3 correction;
 };
 
-// Adds w_j ∂C_j/∂c_k = w_j share_k (eq. 4: ∂I/∂C_j = w_j) times `by_light`, dL by the colour that a texture multiplies.
+// Adds w_j ∂C_j/∂c_k = w_j share_k (eq. 4: ∂I/∂C_j = w_j) times `by_light`: dL by the colour that a texture multiplies.
 void add_light(vec3 by_light, vec3 weighted, inout Sums s) {
     if (GRAD_COLOR) {
         s.color[0] += by_light * weighted.x;
@@ -95,8 +95,8 @@ void add_light(vec3 by_light, vec3 weighted, inout Sums s) {
     }
 }
 
-// The part of v_j by the colour, C_j in forward's own order of operations: where one fragment makes up nearly all of the
-// pixel, v_j - V then cancels to nothing, as it should.
+// The colour's part of v_j. C_j is computed in forward's order of operations: where one fragment makes up nearly all of a pixel,
+// v_j - V then cancels to 0, as it should.
 void add_color(Corner c, vec3 by_color, float weight, vec3 weighted, inout Value v, inout Sums s) {
     vec3 light = c.color * v.share;
     if (SAMPLING == SAMPLING_NONE) {
@@ -169,7 +169,7 @@ Value value_of(ItemTriangle item, PixelGradient g, Surface surface, float weight
     return v;
 }
 
-// ∂L/∂s_j = w_j (v_j - V) (eq. 4), s_j = log D_j + ζ_j/γ being the log weight of eq. 3. The hard mode has no weights.
+// ∂L/∂s_j = w_j (v_j - V) (eq. 4) with the log weight s_j = log D_j + ζ_j/γ of eq. 3. The hard mode has no weights.
 float weight_gradient(PixelGradient g, Weight w, Value v, inout Sums s) {
     float by_weight = COLOR_MODE == COLOR_SOFTMAX ? w.value * (v.value - g.mean) : 0.0;
     if (GRAD_SCALARS) {
@@ -179,8 +179,8 @@ float weight_gradient(PixelGradient g, Weight w, Value v, inout Sums s) {
     return by_weight;
 }
 
-// The limit of what multiplies v_j - V in ∂L/∂α. w_j/α, which is at most 1/α, would overflow for a fragment with α = 0 before
-// all others.
+// The largest factor of v_j - V in ∂L/∂α. The true factor w_j/α is at most 1/α. It would overflow for a fragment with α = 0 in
+// front of all others.
 const float STEEPEST = 256.0;
 
 // ∂L/∂α_j through eq. 3: (w_j/α) (v_j - V). The hard mode has no weights.
@@ -188,8 +188,8 @@ float opacity_gradient(PixelGradient g, Weight w, Value v) {
     return COLOR_MODE == COLOR_SOFTMAX ? lesser(w.by_alpha, STEEPEST) * (v.value - g.mean) : 0.0;
 }
 
-// Carries dL/dα to the texels' alpha, the texture coordinates and the shares; the derivatives by the shares are those of
-// w_j v_j afterwards.
+// Carries dL/dα to the texels' alpha, the texture coordinates and the shares. Afterwards the derivatives by the shares are those
+// of w_j v_j.
 void add_opacity(ItemTriangle item, Opacity o, float by_alpha, float weight, inout Value v, inout Sums s) {
     Corner c = item.corner;
     vec2 by_coordinate = by_alpha * o.slope;
@@ -206,8 +206,8 @@ void add_opacity(ItemTriangle item, Opacity o, float by_alpha, float weight, ino
     v.by_all_shares = v.by_all_shares * weight + dot(by_share, v.share);
 }
 
-// Derivatives of the depth z, and through the shares and z of the barycentric coordinates b, of which b̂ = clamp(b, 0, 1) / sum.
-// With 1/z = Σ b̂_k/z_k: ∂z/∂z_k = b̂_k (z/z_k)² and ∂z/∂b̂_k = -z²/z_k.
+// dL by the corners' depths, and by the barycentric coordinates b through the shares and through z. b̂ = clamp(b, 0, 1) / sum.
+// From 1/z = Σ b̂_k/z_k follow ∂z/∂z_k = b̂_k (z/z_k)² and ∂z/∂b̂_k = -z²/z_k.
 void surface_gradient(ItemTriangle item, Pair pair, PixelGradient g, Fragment f, Surface surface, Value v, float weight,
                       float by_weight, inout Sums s) {
     Corner c = item.corner;
@@ -228,7 +228,7 @@ void surface_gradient(ItemTriangle item, Pair pair, PixelGradient g, Fragment f,
     float by_ratio = by_z * ratio * ratio * surface.inverse_sum;
     s.depth += by_ratio * surface.clipped;
     if (!PAPER) {
-        // z/z_k - 1 from the differences of z_0/z_k, which are small: z/z_k itself would cancel to nothing.
+        // z/z_k - 1 comes from the differences of z_0/z_k, which are small. z/z_k itself would lose all digits.
         vec3 excess = vec3(0.0, c.depth.xy);
         float mean_excess = (surface.clipped.y * c.depth.x + surface.clipped.z * c.depth.y) * surface.inverse_sum;
         vec3 by_share = PERSPECTIVE_CORRECT ? v.by_share * v.correction : v.by_share;
@@ -241,8 +241,8 @@ void surface_gradient(ItemTriangle item, Pair pair, PixelGradient g, Fragment f,
     }
 }
 
-// Derivative of d² (eq. 1) by the corners: with the nearest boundary point n = Σ β_k p_k, ∂d²/∂p_k = 2 β_k (n - pixel), and
-// dL/dd² = ± log(2) dL/dx in the units of the record.
+// dL by the corners through d² of eq. 1. The nearest boundary point is n = Σ β_k p_k, so ∂d²/∂p_k = 2 β_k (n - pixel). In the
+// units of the record dL/dd² = ± log(2) dL/dx.
 void distance_gradient(NearestPoint n, bool inside, float by_x, inout Sums s) {
     float pull = inside ? -2.0 * LN2 * by_x : 2.0 * LN2 * by_x;
     float across = pull * n.signed_distance;
@@ -255,18 +255,18 @@ void distance_gradient(NearestPoint n, bool inside, float by_x, inout Sums s) {
     s.corner[2] += (n.on_two ? 0.0 : (n.on_one ? rest : t)) * force;
 }
 
-// Derivative of x = ± m² / sigma (eq. 1 with the barycentric distance), m being the smallest barycentric coordinate.
+// dL by the corners through the barycentric distance: in place of d, eq. 1 has the smallest barycentric coordinate.
 void barycentric_distance_gradient(ItemTriangle item, Pair pair, Fragment f, float by_x, inout Sums s) {
     vec3 b = f.height * item.edges.inverse_height;
     bool first = b.x <= b.y && b.x <= b.z;
     bool second = !first && b.y <= b.z;
     float least = first ? b.x : (second ? b.y : b.z);
-    // Without a gradient of x the factor is not evaluated: it may be infinite far from the triangle.
+    // If dL/dx is 0, so is the product. Far from the triangle the other factor may be infinite.
     float by_least = by_x == 0.0 ? 0.0 : 2.0 * abs(least) * frame.barycentric_scale * LN2 * by_x;
     add_by_b(vec3(first ? by_least : 0.0, second ? by_least : 0.0, first || second ? 0.0 : by_least), pair, s);
 }
 
-// dL by x: to the corners through d², and to sigma.
+// Carries dL/dx to the corners, through d², and to sigma.
 void x_gradient(ItemTriangle item, Pair pair, PairDistance d, Fragment f, float by_x, inout Sums s) {
     if (DISTANCE == DISTANCE_EUCLIDEAN && GRAD_GEOMETRY) {
         distance_gradient(d.nearest, d.to_triangle.inside, by_x, s);
@@ -274,12 +274,12 @@ void x_gradient(ItemTriangle item, Pair pair, PairDistance d, Fragment f, float 
         barycentric_distance_gradient(item, pair, f, by_x, s);
     }
     if (DISTANCE != DISTANCE_HARD && GRAD_SCALARS) {
-        // x = log(D / (1 - D)); where D vanishes by_x does too.
+        // x = log(D / (1 - D)). Where D is 0, by_x is 0 too.
         s.sigma += by_x * log(max(f.probability, 1e-37) / max(f.complement, 1e-37));
     }
 }
 
-// For a triangle without area: -1 at the first corner of its segment, 1 at the second, 0 at the third. Zero for all others.
+// For a triangle without area: -1 at the first corner of its segment, 1 at the second, 0 at the third. For all others: zeros.
 // `end_line` marks the lines across the segment's end points (flatten_to_segment in edge.glsl).
 vec3 ends_of_segment(bvec3 end_line) {
     if (!any(end_line)) {
@@ -288,7 +288,7 @@ vec3 ends_of_segment(bvec3 end_line) {
     return !end_line.x ? vec3(0.0, -1.0, 1.0) : (!end_line.y ? vec3(1.0, 0.0, -1.0) : vec3(-1.0, 1.0, 0.0));
 }
 
-// Relative to the pixel q.
+// The line relative to the pixel q.
 vec4 line_from(vec4 line, vec2 q) {
     return line + vec4(0.0, 0.0, line.x * q.x + line.y * q.y, line.y * q.x - line.x * q.y);
 }
@@ -303,8 +303,8 @@ void corners_from_barycentrics(Triangle t, vec2 first, inout Sums s) {
         vec3 sums = by_b_height[m] * t.inverse_height * t.inverse_height[m];
         s.corner[m] -= sums.x * t.line0.xy + sums.y * t.line1.xy + sums.z * t.line2.xy;
     }
-    // For a triangle without area: the nearest point of a segment moves along it when the segment rotates, so that ∂t/∂p has
-    // a component across the segment, the distance over the squared length.
+    // For a triangle without area: when a segment turns, the nearest point moves along it. So ∂t/∂p has a component across the
+    // segment: the distance over the squared length.
     bvec3 end_line = lessThan(t.inverse_height, vec3(0.0));
     vec3 side = ends_of_segment(end_line);
     vec3 by_b_distance = !end_line.x ? by_b_height[0] : (!end_line.y ? by_b_height[1] : by_b_height[2]);

@@ -2,8 +2,8 @@
 // I = Σ_j w_j C_j + w_b C_b (eq. 2), w_j = D_j exp(ζ_j/γ) / (Σ_k D_k exp(ζ_k/γ) + exp(ε/γ)) (eq. 3), A = 1 - Π_j (1 - D_j)
 // (eq. 5). Needs constants.glsl, modes.glsl and frame.glsl.
 
-// What the rounding of every addition has left too much in a pixel's sums; the next addition takes it off (Kahan, Further
-// remarks on reducing truncation errors, 1965).
+// Kahan compensation: the rounding error so far of each of a pixel's sums, subtracted from the next term (Kahan, Further remarks
+// on reducing truncation errors, 1965).
 struct Excess {
     float silhouette;
     float sum;
@@ -12,12 +12,12 @@ struct Excess {
     vec3 normal;
 };
 
-// What the entries of a word do to a pixel's silhouette: the factor Π(1 - D), and 1 - Π(1 - D), which keeps its own digits
-// where D is small. Other modes than the product have their own aggregate in `covered`.
+// The entries of a word in a pixel's silhouette: the factor Π(1 - D), and 1 - Π(1 - D), which keeps its own digits where D is
+// small. The modes other than the product have their aggregate in `covered`.
 struct Cover {
     float transmittance;
     float covered;
-    // With LEAST_APART the least 1 - D so far, of this word and of those before, which the others leave out, and its D.
+    // With LEAST_APART the least 1 - D of this word and of those before, and its D. The numbers above leave it out.
     float least;
     float most;
 };
@@ -25,23 +25,23 @@ struct Cover {
 struct Pixel {
     // The aggregate of SILHOUETTE_MODE: the transmittance Π(1 - D) (eq. 5), Σ D, or 1 where any D > 1/2.
     float silhouette;
-    // With LEAST_APART the least factor of the transmittance, which `silhouette` leaves out: ∂A/∂D' of a fragment is the
-    // product of the other fragments' factors, and where 1 - D is 0 it cannot be found from the product of all.
+    // With LEAST_APART the least factor of the transmittance, which `silhouette` leaves out. ∂A/∂D' of a fragment is the product
+    // of the other fragments' factors. If 1 - D is 0, it cannot be found from the product of all.
     float least;
-    // The largest log2 weight log2 exp(ζ/γ) so far (eq. 3), as integer part and fraction. `sum`, the denominator of eq. 3,
-    // and the images' sums that follow are relative to it.
+    // The largest log2 weight log2 exp(ζ/γ) so far (eq. 3), as integer part and fraction. `sum`, which is the denominator of
+    // eq. 3, and the images' sums below are relative to it.
     float exponent;
     float fraction;
     float sum;
     vec3 color;
     float depth;
     vec3 normal;
-    // For the hard mode: the nearest triangle's record index.
+    // In the hard mode the record index of the nearest triangle.
     int nearest;
     Excess excess;
 };
 
-// A pixel without fragments: its sums hold the background's weight exp(ε/γ) of eq. 3, unless the background is composite.
+// A pixel without fragments. Unless the background is composite, its sums hold the background's weight exp(ε/γ) of eq. 3.
 Pixel background_pixel() {
     Pixel p;
     p.silhouette = SILHOUETTE_MODE == SILHOUETTE_PRODUCT ? 1.0 : 0.0;
@@ -58,10 +58,10 @@ Pixel background_pixel() {
     return p;
 }
 
-// The entries of a word are summed by themselves and then added to the pixel's sums, with compensation: so an error is that of
-// 32 additions, however many layers there are.
+// A word's entries have sums of their own, which are then added to the pixel's sums with compensation. So the error is that of 32
+// additions, however many layers there are.
 
-// A pixel before a word: the same reference, and sums of nothing.
+// A pixel before a word: the pixel's reference, and empty sums.
 Pixel word_of(Pixel p) {
     Pixel word = p;
     word.sum = 0.0;
@@ -88,7 +88,7 @@ void add_word(vec3 word, float keep, inout vec3 total, inout vec3 excess) {
     total = next;
 }
 
-// Adds a word's sums of eq. 2 and 3. `keep` brings the pixel's sums to the word's reference, which is at least theirs.
+// Adds a word's sums of eq. 2 and 3. `keep` brings the pixel's sums to the word's reference, which is not less than theirs.
 void add_word_shaded(Pixel word, float keep, inout Pixel p) {
     p.exponent = word.exponent;
     p.fraction = word.fraction;
@@ -105,8 +105,8 @@ void add_word_shaded(Pixel word, float keep, inout Pixel p) {
     }
 }
 
-// Adds a word to the silhouette (eq. 5). A factor near 1 is taken off as a difference, so that it loses no digits beside 1; one
-// below 1/2 is multiplied, so that a small transmittance keeps its digits.
+// Adds a word to the silhouette (eq. 5). A factor near 1 is subtracted as a difference, so that it loses no digits beside 1. A
+// factor below 1/2 is multiplied, so that a small transmittance keeps its digits.
 void add_word_cover(Cover word, inout Pixel p) {
     if (SILHOUETTE_MODE == SILHOUETTE_PRODUCT) {
         float total = p.silhouette;
@@ -128,9 +128,9 @@ float aggregate_of(Pixel p) {
     return LEAST_APART ? p.silhouette * p.least : p.silhouette;
 }
 
-// What forward saves for backward: the log2 weight that the sums are relative to (integer part and fraction; for the hard
-// mode the record index), the inverse of `sum`, and the silhouette's aggregate. With LEAST_APART `sum` is part of the
-// reference, which marks a pixel without weights, and the aggregate takes two numbers.
+// What forward saves for backward: the log2 weight that the sums are relative to, as integer part and fraction, the inverse of
+// `sum`, and the silhouette's aggregate. In the hard mode the record index stands in place of the log2 weight. With LEAST_APART
+// the reference includes `sum` and marks a pixel without weights, and the aggregate takes two numbers.
 vec4 saved_of(Pixel p) {
     // The record index goes into two floats that hold it exactly.
     bool hard = COLOR_MODE == COLOR_HARD;
@@ -143,10 +143,10 @@ vec4 saved_of(Pixel p) {
     return vec4(reference, p.sum > 0.0 ? 1.0 / p.sum : 0.0, p.silhouette);
 }
 
-// The log2 sum of weights and the transmittance of a pixel, with LEAST_APART without its least factor: the gradient by the
-// alpha of the fragment that has this factor is the product of the others. Their least and largest value over a tile tell
-// backward what it may skip there: a triangle whose weights are all negligible beside the smallest sum, and the silhouette of
-// a saturated tile.
+// The log2 sum of weights and the transmittance of a pixel. The least sum and the largest transmittance of a tile tell backward
+// what to skip there: a triangle whose weights are all negligible beside the least sum, and the silhouette of a saturated tile.
+// With LEAST_APART the transmittance leaves out its least factor: the gradient by the alpha of the fragment with this factor is
+// the product of the others.
 vec2 bounds_of_pixel(Pixel p) {
     float log_sum = p.sum > 0.0 ? p.exponent + (p.fraction + log2(p.sum)) : -3e38;
     // The hard mode and the silhouette alone have no weights.

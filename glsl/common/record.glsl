@@ -1,7 +1,8 @@
-// A triangle's geometry record: what the signed edge distances of eq. 1 and the barycentrics are computed from. edge.glsl defines
-// the members. Of its 18 numbers 16 fill GEOMETRY_TEXELS texels: the records of two triangles are eight texels, which eight lanes
-// read at once (shared_records.glsl). The tail, (half length 2, inverse area), is the head of the first texel of the shading record,
-// which a subgroup reads in the same way; without shading it is a fifth texel.
+// A triangle's two records, as triangle.comp writes them.
+// The geometry record gives the signed distances of eq. 1 and the barycentrics. edge.glsl defines its members. 16 of its 18 numbers
+// fill GEOMETRY_TEXELS texels: the records of two triangles are eight texels, which eight lanes read at once (shared_records.glsl).
+// The tail, (half length 2, inverse area), is the head of the shading record's first texel. Without shading it is a fifth texel.
+// The shading record has the depth, colours, texture coordinates and normals of the corners.
 // Needs constants.glsl, modes.glsl and the buffers `geometry` and `shading`.
 
 struct Triangle {
@@ -13,10 +14,10 @@ struct Triangle {
     vec3 inverse_height;
 };
 
-// The inverse heights over the three edges. The height over an edge of half length s is A / s with the area A, so that the inverse area
-// serves all three. A segment, a triangle without area, has the inverse of its length, negative, in its place: its longest
-// edge alone has a length, and the other two lines are those through its ends. A point has 0, and the barycentrics of its
-// first corner (flatten_to_segment in edge.glsl).
+// The inverse heights over the three edges. The height over an edge of half length s is A / s with the area A, so the inverse area
+// serves all three. A triangle without area is a segment or a point (flatten_to_segment in edge.glsl). In place of the inverse
+// area a segment has the inverse of its length, negated: only its longest edge has a length, and the other two lines are those
+// through its ends. A point has 0, and the barycentrics of its first corner.
 vec3 inverse_heights_of(vec3 half_length, float inverse_area) {
     vec3 of_area = half_length * inverse_area;
     vec3 of_segment = mix(vec3(inverse_area), vec3(0.0), greaterThan(half_length, vec3(0.0)));
@@ -40,4 +41,50 @@ Triangle triangle_of(int record_index) {
         record[i] = texelFetch(geometry, record_index * GEOMETRY_STRIDE + i);
     }
     return triangle_from(record, geometry_tail(record_index));
+}
+
+// Texels of the longest shading record. A frame uses SHADING_STRIDE of them.
+const int SHADING_MOST = int(SHADING_TEXELS + SHADING_COORDINATE_TEXELS + SHADING_NORMAL_TEXELS);
+
+struct Corner {
+    // The depth_record of triangle.comp, and the integer part of corner 0's log2 weight.
+    vec4 depth;
+    float exponent;
+    // A column a corner, as with all that follows.
+    mat3 color;
+    mat3x2 coordinate;
+    // Entry of `textures`, and the triangle's number in its mesh.
+    int texture_index;
+    int triangle;
+    mat3 normal;
+};
+
+Corner corner_from(vec4 record[SHADING_MOST]) {
+    Corner c;
+    // The first two numbers of the record are the geometry's (record.glsl).
+    c.depth = vec4(record[1].xyz, record[0].z);
+    c.exponent = record[1].w;
+    c.color = mat3(vec3(record[0].w, record[2].xy), vec3(record[2].zw, record[3].x), record[3].yzw);
+    if (SAMPLING != SAMPLING_NONE) {
+        vec4 e = record[4];
+        vec4 f = record[5];
+        c.coordinate = mat3x2(e.xy, e.zw, f.xy);
+        c.texture_index = int(f.z);
+        c.triangle = int(f.w);
+    }
+    if (WANT_NORMAL) {
+        vec4 e = record[SHADING_NORMAL_AT];
+        vec4 f = record[SHADING_NORMAL_AT + 1];
+        vec4 g = record[SHADING_NORMAL_AT + 2];
+        c.normal = mat3(e.xyz, f.xyz, vec3(f.w, g.xy));
+    }
+    return c;
+}
+
+Corner corner_of(int record_index) {
+    vec4 record[SHADING_MOST];
+    for (int i = 0; i < SHADING_STRIDE; ++i) {
+        record[i] = texelFetch(shading, record_index * SHADING_STRIDE + i);
+    }
+    return corner_from(record);
 }

@@ -1,4 +1,4 @@
-// What an item can still contribute to, as far as the upstream gradients depend on it.
+// What an item contributes to, among the images that have upstream gradients.
 // Needs constants.glsl, modes.glsl, gradient_modes.glsl, frame.glsl, item.glsl, hidden.glsl and the buffer `tile_bounds`.
 
 struct Relevance {
@@ -18,7 +18,7 @@ vec2 bounds_of_item(Item item) {
     int count = across * (last.y - at.y + 1);
     int x = 0;
     vec2 bounds = vec2(3e38, 0.0);
-    // One loop over the tiles, row by row.
+    // One loop takes the tiles row by row.
     do {
         vec2 own = texelFetch(tile_bounds, row + x).xy;
         bool mine = count > 0;

@@ -1,32 +1,31 @@
 // Reading a triangle's records once for all lanes of a workgroup.
-// Needs record.glsl and corner.glsl with their buffers; with SUBGROUP_RECORDS subgroup shuffles.
+// Needs record.glsl with its buffers, and with SUBGROUP_RECORDS subgroup shuffles.
 
-// With SUBGROUP_RECORDS the workgroup is one subgroup of 4 to 64 lanes. Each lane reads one texel of a record, or two where
-// there are only four lanes, and shuffles pass the texels to all: on a software device a fetch costs as many reads as there
-// are lanes even when all lanes fetch the same texel, and a shuffle from a known lane is one instruction. Fetching a triangle
-// ahead hides the latency.
+// With SUBGROUP_RECORDS the workgroup is one subgroup of 4 to 64 lanes. Each lane reads one texel of a record, or two if there are
+// only four lanes, and shuffles pass the texels to all lanes. On a software device a fetch costs as many reads as there are lanes,
+// even if all lanes fetch the same texel, and a shuffle from a known lane is one instruction. Fetching a triangle ahead hides the
+// latency.
 struct Fetched {
-    // Record index.
     int record_index;
 #ifdef SUBGROUP_RECORDS
     vec4 geometry;
     vec4 shading;
-    // The texels of shading after the first `LANES`; without shading the geometry's tail.
+    // The texels of shading after the first LANES. Without shading the geometry's tail.
     vec4 more;
 #endif
 };
 
 #ifdef SUBGROUP_RECORDS
 const int LANES = int(gl_WorkGroupSize.x);
-// Whether the lanes are fewer than a shading record's texels, so that each reads a second one. Of a record of nine texels eight
-// lanes read the ninth directly.
+// Whether a shading record has more texels than there are lanes, so that each lane reads a second one. If eight lanes read a
+// record of nine texels, they fetch the ninth directly.
 const bool SHADING_TWICE = LANES < SHADING_STRIDE;
-// Whether the lanes are enough for the geometry, and for the shading, of two triangles, so that one fetch reads both: two
-// fetches for two records, where one by one takes four. 6 % of the time of forward_soft.comp for shading, 4 % for geometry.
+// Whether the lanes suffice for the geometry, or for the shading, of two triangles. Then one fetch reads both, which saves 4 % of
+// the time of forward_soft.comp for geometry and 6 % for shading.
 const bool GEOMETRY_PAIRED = 2 * GEOMETRY_STRIDE <= LANES;
 const bool SHADING_PAIRED = 2 * SHADING_STRIDE <= LANES;
 
-// The texel of a lane that reads a record alone, and of one that reads two records with all others, first those of the first.
+// The texel that a lane fetches of one record, or of two records, where the texels of the first come first.
 int own_texel(int record_index, int stride, int from) {
     return record_index * stride + min(int(gl_SubgroupInvocationID) + from, stride - 1);
 }
@@ -36,7 +35,7 @@ int paired_texel(int first_index, int second_index, int stride) {
     return lane < stride ? first_index * stride + lane : second_index * stride + min(lane - stride, stride - 1);
 }
 
-// What one fetch of a record has no room for; of shading only where `shaded`.
+// The texels of a record that one fetch has no room for. Those of shading are read only if `shaded`.
 vec4 fetch_more(int record_index, bool shaded) {
     vec4 more = vec4(0.0);
     if (WANT_SHADING && SHADING_TWICE && shaded) {
@@ -75,7 +74,7 @@ void fetch_pair(int first_index, int second_index, bool shaded, out Fetched firs
     second.more = fetch_more(second_index, shaded);
 }
 
-// The lane that holds the first texel of geometry, or of shading, of a record that was fetched as the first or second of a pair.
+// The lane with the first texel of geometry, or of shading, of the first or the second record of a pair.
 uint geometry_lane(bool is_second) {
     return GEOMETRY_PAIRED && is_second ? uint(GEOMETRY_STRIDE) : 0u;
 }

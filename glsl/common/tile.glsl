@@ -1,5 +1,5 @@
 // Tiles and pixels of all views: where a tile lies, and the index of a pixel in the image buffers.
-// Needs constants.glsl, frame.glsl and quotient.glsl.
+// Needs constants.glsl, frame.glsl and arithmetic.glsl.
 
 struct TileLocation {
     int view;

@@ -1,14 +1,14 @@
-// Which tiles of a bin a triangle grown by the culling radius may touch: tile lists are made of these answers.
-// Everything is `precise`, so that each kernel that asks gets the same answer.
-// Needs constants.glsl, modes.glsl, frame.glsl, extremes.glsl, record.glsl and the buffer `boxes`.
+// Which tiles of a bin a triangle grown by the culling radius may touch. The tile lists are made of these answers.
+// Everything is `precise`, so that each kernel gets the same answer.
+// Needs constants.glsl, modes.glsl, frame.glsl, arithmetic.glsl, record.glsl and the buffer `boxes`.
 
 // Past the last column.
 const float COLUMNS_END = float(BIN_TILES) + 1.0;
 
 // A triangle as the rows of a bin's tiles see it.
 struct Reach {
-    // An edge bounds the columns of the tiles that touch the grown triangle from below or from above. Its bound in row 0 and
-    // the change per row; -1 or COLUMNS_END if it is the other sort.
+    // An edge bounds the columns of the tiles that touch the grown triangle, from below or from above. These are its bound in row 0
+    // and the change per row. If the edge bounds the other side, they are -1 or COLUMNS_END, and 0.
     vec3 first;
     vec3 first_step;
     vec3 last;
@@ -20,9 +20,9 @@ struct Reach {
     bool thin;
 };
 
-// Whether a triangle has no area, or the least of its heights is so small that rounding could change which of its edges is
-// the nearest (nearest_edge in entry.glsl): rounding adds some 1e-7 of the distances within the culling radius, a hundredth
-// of what is asked here.
+// Whether a triangle has no area, or its least height is so small that rounding could change which edge is the nearest
+// (soft_distance in distance.glsl). Rounding adds some 1e-7 of the distances within the culling radius. This test asks for a
+// hundred times as much.
 bool is_thin(vec3 half_length, vec3 inverse_height) {
     float least = min(inverse_height.x, min(inverse_height.y, inverse_height.z));
     float most = max(inverse_height.x, max(inverse_height.y, inverse_height.z));
@@ -48,12 +48,11 @@ Reach reach_of_record(int record_index, ivec2 bin) {
             reach = frame.barycentric_radius / t.inverse_height[k];
         }
         reach = 1.001 * reach + 0.01 * frame.scale;
-        // Only true edges bound: not the end lines of a triangle without area, whose inverse height is not positive, nor the
-        // line of a point.
+        // The end lines of a triangle without area bound nothing: their inverse height is not positive. Nor does a point's line.
         bool bounds = t.inverse_height[k] > 0.0 && line.z < 1e14;
         float nx = abs(line.x) < 1e-9 * frame.scale ? (line.x < 0.0 ? -1e-9 : 1e-9) * frame.scale : line.x;
         precise float spread = abs(line.x) * half_size.x + abs(line.y) * half_size.y;
-        // The least margin by which the tile of column 0 and row 0 touches the grown triangle, as a number of columns.
+        // The margin by which the tile of column 0 and row 0 touches the grown triangle, in the units of the line.
         precise float margin = line.x * centre.x + line.y * centre.y + line.z + spread + reach;
         precise float inverse = -1.0 / (nx * float(TILE_WIDTH));
         precise float column = margin * inverse;

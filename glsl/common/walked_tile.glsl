@@ -1,10 +1,10 @@
-// The tiles whose lists are nowhere in memory, with the same bits as if they were: their entries are found again in the words
-// of the tile's bin or, where those had no room either, by testing the triangles of the bin's bitmap as bin_coarse does.
-// Three walks over the bin count the entries, then add the front faces, then the back faces.
-// One workgroup of 32 a tile, each lane one pixel and one of the 32 blocks or entries that are looked at together. Walks of
-// more passes than a loop of the device can take go on in the next dispatch (frame.number) from `walk_state`.
-// Needs forward.comp or forward_soft.comp with WALKED, and DRAWS_THIN: in frames of the soft model whether the kernel draws
-// the tiles with a thin triangle, or the others.
+// The tiles whose lists are not in memory, with the same bits as if they were. The kernel finds their entries again in the words
+// of the tile's bin. If those had no room either, it tests the triangles of the bin's bitmap as bin_coarse.comp does. It walks
+// over the bin three times: the first walk counts the entries, the second adds the front faces, the third the back faces.
+// One workgroup of 32 lanes a tile. Each lane has one pixel, and one of the 32 blocks or entries that are looked at together. If
+// a walk takes more passes than a loop of the device can, the next dispatch (frame.number) goes on from `walk_state`.
+// Needs forward_tile.glsl with WALKED, and DRAWS_THIN: whether this kernel draws the tiles with a thin triangle, or the others,
+// in frames that forward_soft.comp serves.
 
 #include "common/tile_mask.glsl"
 
@@ -18,7 +18,7 @@ layout(set = 0, binding = 17, std430) buffer WalkState { uint walk_state[]; };
 shared uint block_entries[WORD_BITS];
 shared uint block_aways[WORD_BITS];
 shared uint block_thins[WORD_BITS];
-// A bit for each lane that has something to say.
+// The bits of bits_of_workgroup.
 shared uint lanes_live;
 shared uint lanes_away;
 shared uint lanes_thin;
@@ -31,9 +31,9 @@ const uint DONE = 3u;
 // The tile is the other kernel's.
 const uint NOT_OURS = 4u;
 
-// Where the entries of a tile are to be found.
+// Where to find the entries of a tile.
 struct Source {
-    // Whether the bin has a list; otherwise there is its bitmap.
+    // Whether the bin has a list. Else there is its bitmap.
     bool listed;
     // First entry of the bin's list, or first record of the view, and the first word.
     int first;
@@ -79,7 +79,7 @@ struct Block {
     uint thin;
 };
 
-// Every lane's bits, in all lanes.
+// The masks of the lanes whose arguments are true. All lanes have them.
 Block bits_of_workgroup(bool live, bool away, bool thin) {
     uint lane = gl_LocalInvocationID.x;
     barrier();
@@ -96,7 +96,7 @@ Block bits_of_workgroup(bool live, bool away, bool thin) {
     return Block(lanes_live, lanes_away, lanes_thin);
 }
 
-// Reads the words of a group of blocks, a lane each. Returns the mask of blocks that have entries or, without a list,
+// Reads the words of a group of blocks, one block a lane. Returns the mask of the blocks that have entries or, without a list,
 // candidates.
 uint read_group(Source s, int group) {
     int lane = int(gl_LocalInvocationID.x);
@@ -120,7 +120,7 @@ uint read_group(Source s, int group) {
     return bits_of_workgroup(word != 0u, false, false).entries;
 }
 
-// `first` is the record of a bitmap's block.
+// The masks of a block of the group. Without a list its candidates are tested; `first` is the record of its first bit.
 Block block_of(Source s, int block, int first) {
     Block own = Block(block_entries[block], block_aways[block], block_thins[block] & block_entries[block]);
     if (!s.listed) {
@@ -134,7 +134,7 @@ Block block_of(Source s, int block, int first) {
     return own;
 }
 
-// Counts the entries of the next group, or adds those of the walk's side to the entries at hand. Returns passes of loops.
+// Counts the entries of the next group, or adds those of the walk's side to the entries at hand. Returns the passes of loops.
 uint take_group(Source s, inout Walk walk) {
     uint lane = gl_LocalInvocationID.x;
     uint live = read_group(s, walk.group);
@@ -161,16 +161,16 @@ uint take_group(Source s, inout Walk walk) {
     return passes;
 }
 
-// Adds the entries at hand to the pixel word by word; a word that is not full waits for the next group unless this is the
-// last. Returns passes of loops.
-uint gather_entries_at_hand(bool is_last, Lane constant, inout Walk walk, inout Pixel pixels[PIXELS]) {
+// Adds the entries at hand to the pixel, word by word. A word that is not full waits for the next group, unless this group is
+// the last. Returns the passes of loops.
+uint gather_entries_at_hand(bool is_last, LaneConstants constants, inout Walk walk, inout Pixel pixels[PIXELS]) {
     float log_count = log2(float(walk.count));
     int lane = int(gl_LocalInvocationID.x);
     int from = 0;
     uint passes = 0u;
     while (walk.phase != DONE && from < walk.fill && (is_last || from + int(WORD_BITS) <= walk.fill)) {
         int stop = min(from + int(WORD_BITS), walk.fill);
-        bool finished = gather_entries(from, stop, log_count, constant, pixels);
+        bool finished = gather_entries(from, stop, log_count, constants, pixels);
         walk.phase = finished ? DONE : walk.phase;
         from = stop;
         passes += WALK_LIST_PASSES;
@@ -183,7 +183,7 @@ uint gather_entries_at_hand(bool is_last, Lane constant, inout Walk walk, inout 
     return passes;
 }
 
-// The walk continues with the next group, or is followed by the next walk.
+// Goes on with the next group, or with the next walk.
 void advance(bool is_last, inout Walk walk) {
     walk.group = is_last ? 0 : walk.group + 1;
     bool ours = !SOFT || walk.thin == DRAWS_THIN;
@@ -193,14 +193,13 @@ void advance(bool is_last, inout Walk walk) {
     walk.phase = is_last && walk.phase != DONE ? next : walk.phase;
 }
 
-// The word of an entry of `walk_state`.
+// The index in `walk_state` of a word of this tile's entry.
 uint state_at(int word) {
     return gl_WorkGroupID.x * (WALK_STATE_WORDS + (OPACITY ? WALK_OPACITY_WORDS : 0u)) + uint(word);
 }
 
-// The floats of a pixel's state.
+// An entry of `walk_state` has the floats of each pixel, then the nearest records, the entries at hand, and the walk.
 const int STATE_FLOATS = 20;
-// After them come the nearest record, the entries at hand, and the walk.
 const int STATE_NEAREST = 32 * STATE_FLOATS;
 const int STATE_ENTRIES = STATE_NEAREST + 32;
 const int STATE_WALK = STATE_ENTRIES + 32;
@@ -252,8 +251,8 @@ void load_state(out Walk walk, out Pixel p) {
     walk.thin = walk_state[state_at(STATE_WALK + 4)] != 0u;
 }
 
-// The number of the workgroup's tile. Tiles that are walked at once lie at the ends of the rows of the third part of
-// `tile_items`, those that take several turns at the end of the second (bin_fine.comp).
+// The number of the workgroup's tile. The tiles that are walked at once lie at the ends of the rows of the third part of
+// `tile_items`. Those that take several turns lie at the end of the second part (bin_fine.comp).
 int tile_number(bool resumes) {
     uint tiles = frame.view_count * frame.tiles_x * frame.tiles_y;
     uint end = resumes ? 2u * tiles - frame.first : 2u * tiles + min(frame.first + FORWARD_ROW, tiles);
@@ -264,7 +263,7 @@ void main() {
     bool resumes = frame.number != ONE_TURN;
     int number = tile_number(resumes);
     TileLocation tile = tile_location(number);
-    Lane constant = lane_at(lane_corner(tile));
+    LaneConstants constants = lane_constants(lane_corner(tile));
     Source source = source_of(tile);
     int groups = (source.blocks + int(WORD_BITS) - 1) / int(WORD_BITS);
     Walk walk = Walk(COUNT, 0, 0, 0, false);
@@ -283,14 +282,14 @@ void main() {
     do {
         bool is_last = walk.group + 1 == groups;
         passes += take_group(source, walk);
-        passes += gather_entries_at_hand(is_last, constant, walk, pixels);
+        passes += gather_entries_at_hand(is_last, constants, walk, pixels);
         advance(is_last, walk);
     } while (walk.phase < DONE && passes < budget);
     if (resumes) {
         save_state(walk, pixels[0]);
     }
     if (walk.phase == DONE && walk.count == 0) {
-        // As background.comp and bin_fine.comp write tiles that are known to be empty.
+        // background.comp and bin_fine.comp write the same for tiles that are known to be empty.
         write_pixel(tile, lane_corner(tile), background_pixel(), 1);
         write_bounds(number, bounds_of_pixel(background_pixel()));
     } else if (walk.phase == DONE) {

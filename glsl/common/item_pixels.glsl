@@ -1,10 +1,45 @@
-// The pixels of a small item as one lane walks them: row by row, of each row those between the edges' half-planes grown by the
-// culling radius. Elsewhere in the box every fragment is dropped, so that the sums have the same bits. On spot at 256² a lane
-// takes 0.82 of the pixels of the box.
-// Needs pair.glsl and extremes.glsl.
+// The pixels of an item of backward. Lanes that share an item take its pixels by number (pair_at). A lane that has a small item
+// alone takes them row by row, and of each row only those between the edges' half-planes grown by the culling radius. Every
+// other fragment of the box is dropped, so the sums have the same bits. On spot at 256² a lane takes 0.82 of the box's pixels.
+// Needs constants.glsl, modes.glsl, frame.glsl, arithmetic.glsl and record.glsl.
 
-// The first and the last column that the edges leave of a row: in row 0 and the change per row. Of a triangle's edges at most two
-// bound the same side.
+// The pixels of an item.
+struct ItemPixels {
+    int count;
+    float width;
+    float inverse_width;
+    // Column and row of the first pixel relative to the record's origin.
+    vec2 first;
+    // Index of the first pixel in the images, and the width of these.
+    int first_entry;
+    float image_width;
+};
+
+// One pixel of an item.
+struct Pair {
+    // Column and row relative to the item's first pixel, and relative to the record's origin.
+    vec2 local;
+    vec2 q;
+    // Index of the pixel in the images.
+    int entry;
+    // False past the item's last pixel.
+    bool exists;
+};
+
+// An item has at most 32 rows, so that a float holds the distance in the images exactly.
+Pair pair_of(ItemPixels p, vec2 local, bool exists) {
+    return Pair(local, p.first + local, p.first_entry + int(local.y * p.image_width + local.x), exists);
+}
+
+Pair pair_at(ItemPixels p, int index) {
+    int at = min(index, p.count - 1);
+    float number = float(at);
+    float row = floor((number + 0.5) * p.inverse_width);
+    return pair_of(p, vec2(number - row * p.width, row), index < p.count);
+}
+
+// The first and the last column that the edges leave of a row: in row 0, and the change per row. At most two of a triangle's
+// edges bound the same side.
 struct ColumnBounds {
     vec2 first;
     vec2 first_step;
@@ -14,7 +49,7 @@ struct ColumnBounds {
     float last_row;
 };
 
-// Where a lane is: `left` pixels of the row from `column` on are to be taken, then those of the row below it.
+// Where a lane is. Next it takes `left` pixels of the row from `column` on, then those of the row below.
 struct RowPosition {
     float row;
     float column;
@@ -23,16 +58,16 @@ struct RowPosition {
     vec2 below;
 };
 
-// What an edge's normal has across the columns at least, for the edge to bound them: a bound by a flatter edge loses digits.
+// An edge bounds the columns only if its normal has at least this component across them. The bound of a flatter edge loses digits.
 const float STEEP = 0.01;
 
 void bound_by(vec4 line, float inverse_height, ItemPixels pixels, inout ColumnBounds b) {
     float reach = DISTANCE == DISTANCE_BARYCENTRIC ? frame.barycentric_radius / inverse_height : sqrt(frame.radius_squared);
-    // A thousandth and a hundredth of a pixel cover rounding.
+    // 0.1 % and a hundredth of a pixel cover rounding.
     reach = 1.001 * reach + 0.01 * frame.scale;
     float inverse = -1.0 / (abs(line.x) > STEEP * frame.scale ? line.x : frame.scale);
     vec2 column = vec2(line.x * pixels.first.x + line.y * pixels.first.y + line.z + reach, line.y) * inverse;
-    // Not by the end lines of a triangle without area, whose inverse height is not positive, nor by the line of a point.
+    // The end lines of a triangle without area bound nothing: their inverse height is not positive. Nor does a point's line.
     bool bounds = inverse_height > 0.0 && line.z < 1e14;
     bool low = bounds && line.x > STEEP * frame.scale;
     bool high = bounds && line.x < -STEEP * frame.scale;
@@ -55,7 +90,7 @@ ColumnBounds column_bounds_of(Triangle t, ItemPixels pixels, ivec2 size) {
     return b;
 }
 
-// The first column of a row and the number of its pixels; none past the last row.
+// The first column of a row and the number of its pixels. A row past the last one has none.
 vec2 span_of(ColumnBounds b, float row) {
     vec2 first = b.first + b.first_step * row;
     vec2 last = b.last + b.last_step * row;
@@ -65,7 +100,7 @@ vec2 span_of(ColumnBounds b, float row) {
     return vec2(from, row <= b.last_row ? count : 0.0);
 }
 
-// The first place of a lane, or the place past the end.
+// The first position of a lane. Without an item it is past the end.
 RowPosition first_position(ColumnBounds b, bool exists) {
     vec2 own = span_of(b, 0.0);
     return RowPosition(exists ? 0.0 : b.last_row + 1.0, own.x, exists ? own.y : 0.0, exists ? span_of(b, 1.0) : vec2(0.0));
@@ -75,7 +110,7 @@ bool has_pixels(RowPosition p, ColumnBounds b) {
     return p.row < b.last_row || (p.row == b.last_row && p.left > 0.0);
 }
 
-// The pixel `i` places further, within this row and the one below it.
+// The pixel `i` places further on, within this row and the one below it.
 Pair pair_after(ItemPixels pixels, RowPosition p, int i) {
     float over = float(i) - p.left;
     bool here = over < 0.0;
@@ -84,7 +119,7 @@ Pair pair_after(ItemPixels pixels, RowPosition p, int i) {
     return pair_of(pixels, vec2(exists ? local.x : 0.0, exists ? local.y : 0.0), exists);
 }
 
-// The place after `count` pixels; fewer where this row and the one below it have no more.
+// The position after `count` pixels, or after fewer if this row and the one below it have no more.
 RowPosition advanced(RowPosition p, ColumnBounds b, int count) {
     float over = float(count) - p.left;
     bool ends = over >= 0.0;
@@ -96,7 +131,7 @@ RowPosition advanced(RowPosition p, ColumnBounds b, int count) {
     return next;
 }
 
-// How often a lane takes `count` pixels until none is left, at least once.
+// How often a lane takes `count` pixels until none is left. It is at least once.
 int turns_of(RowPosition p, ColumnBounds b, int count) {
     int turns = 0;
     do {
