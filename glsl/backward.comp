@@ -4,20 +4,21 @@
 #extension GL_KHR_shader_subgroup_basic : require
 #extension GL_KHR_shader_subgroup_shuffle : require
 #endif
-// Backward (eq. 4). For every triangle it sums, over the pixels of the triangle's box, the derivative of the loss by the corners
-// (pixels and depth), their colours, texture coordinates and normals, and by sigma and gamma. It adds the lanes' sums in a fixed
-// order without atomics, so that the bits are the same on every run.
+// Backward (eq. 4). For every triangle it sums, over the pixels of the triangle's box, the derivative of the loss by the
+// corners (pixels and depth), their colours, texture coordinates and normals, and by sigma and gamma. It adds the lanes' sums
+// in a fixed order without atomics, so that the bits are the same on every run.
 // One workgroup an item of backward_cull's list (item.glsl), whose lanes take the pixels in turn. A small item takes one lane
 // alone (item_pixels.glsl).
-// Reads the items, the records, `pixel_gradients` and `silhouette_gradients`. Writes `partials`, which triangle_grad.comp reads,
-// and `texel_sums`.
-// Compiled three times: backward, for any Vulkan 1.1 device; backward_subgroup, for workgroups of one subgroup with shuffles; and
-// backward_long, for the cells that found no room.
+// Reads the items, the records, `pixel_gradients` and `silhouette_gradients`. Writes `partials`, which triangle_grad.comp
+// reads, and `texel_sums`.
+// Compiled three times: backward, for any Vulkan 1.1 device; backward_subgroup, for workgroups of one subgroup with shuffles;
+// and backward_long, for the cells that found no room.
 //
 // backward_long gives the same bits as if they had found room. It processes each cell beyond a box's first as backward_cull and
 // backward would have processed its item, and adds the sum to the record's own entry of `partials`, in the order in which
-// triangle_grad.comp adds the items of a record. It runs after backward has processed the first cells, one workgroup a record of
-// `long_records` (bound as `items`). A box of more cells than a loop of the device can walk takes several turns (frame.number).
+// triangle_grad.comp adds the items of a record. It runs after backward has processed the first cells, one workgroup a record
+// of `long_records` (bound as `items`). A box of more cells than a loop of the device can walk takes several turns
+// (frame.number).
 
 layout(local_size_x_id = 0) in;
 
@@ -67,15 +68,17 @@ const bool SHOWS = uint(UP_SHADED) * uint(!OUTLINE) != 0u;
 const int ITEM_LANES = int(gl_WorkGroupSize.x);
 
 // Pixels that a lane takes at a time. Every step runs over all of them before the next step, so that their long chains of
-// dependent operations overlap: two at a time are 10 % faster than one. Four take 1.15 times as long as two, because the sixteen
-// registers of AVX2 have no room for them. If the pixels need the silhouette alone there is room, and two take 1.03 to 1.14 times
-// as long as four. In an item that the lanes share four are no faster: more lanes are left without a pixel at its end.
+// dependent operations overlap: two at a time are 10 % faster than one. Four take 1.15 times as long as two, because the
+// sixteen registers of AVX2 have no room for them. If the pixels need the silhouette alone there is room, and two take 1.03 to
+// 1.14 times as long as four. In an item that the lanes share four are no faster: more lanes are left without a pixel at its
+// end.
 const int PAIRS = 2 + 2 * int(SMALL) * int(OUTLINE);
 const int STEP = PAIRS * ITEM_LANES;
 
 // Adds the gradients of a lane's fragments through eq. 2 and 3. It adds dL/dx to `by_x` and dL/dα to `by_alpha`.
-void add_shading_gradients(ItemTriangle item, Pair pairs[PAIRS], PixelGradient g[PAIRS], Fragment f[PAIRS], Surface surface[PAIRS],
-                Opacity opacity[PAIRS], inout float by_x[PAIRS], inout float by_alpha[PAIRS], inout Sums s) {
+void add_shading_gradients(ItemTriangle item, Pair pairs[PAIRS], PixelGradient g[PAIRS], Fragment f[PAIRS],
+                           Surface surface[PAIRS], Opacity opacity[PAIRS], inout float by_x[PAIRS],
+                           inout float by_alpha[PAIRS], inout Sums s) {
     Weight weight[PAIRS];
     for (int i = 0; i < PAIRS; ++i) {
         weight[i] = weight_of(item, g[i], f[i], surface[i], opacity[i].alpha);
@@ -104,8 +107,8 @@ void add_shading_gradients(ItemTriangle item, Pair pairs[PAIRS], PixelGradient g
 }
 
 // The same for fragments that contribute to the silhouette only. Their opacity depends on the surface too.
-void add_opacity_gradients(ItemTriangle item, Pair pairs[PAIRS], PixelGradient g[PAIRS], Fragment f[PAIRS], Surface surface[PAIRS],
-               Opacity opacity[PAIRS], float by_alpha[PAIRS], inout Sums s) {
+void add_opacity_gradients(ItemTriangle item, Pair pairs[PAIRS], PixelGradient g[PAIRS], Fragment f[PAIRS],
+                           Surface surface[PAIRS], Opacity opacity[PAIRS], float by_alpha[PAIRS], inout Sums s) {
     for (int i = 0; i < PAIRS; ++i) {
         Value value = value_from(item, surface[i]);
         add_opacity(item, opacity[i], by_alpha[i], 0.0, value, s);
@@ -240,8 +243,8 @@ ItemPixels pixels_of(Item item, vec2 origin) {
                 float(width));
 }
 
-// Adds the gradients of this lane's pixels of an item that the lanes share. The loop tests its condition at the end, since no item
-// is empty: llvmpipe executes the body once more if it tests at the start. All lanes take the same number of turns.
+// Adds the gradients of this lane's pixels of an item that the lanes share. The loop tests its condition at the end, since no
+// item is empty: llvmpipe executes the body once more if it tests at the start. All lanes take the same number of turns.
 void add_shared(ItemTriangle triangle, ItemPixels pixels, inout Sums s) {
     int turns = (pixels.count + STEP - 1) / STEP;
     int index = int(gl_LocalInvocationID.x);
@@ -320,8 +323,8 @@ void main() {
     }
 }
 #else
-// The index in `items` of this lane's item. A row has its items at the front, and its small items at the end in reverse order. A
-// lane past the last small item takes the last one again, with `exists` false.
+// The index in `items` of this lane's item. A row has its items at the front, and its small items at the end in reverse order.
+// A lane past the last small item takes the last one again, with `exists` false.
 int item_index(out bool exists) {
     int first = int(frame.first);
     exists = true;

@@ -6,7 +6,8 @@
 // One invocation an item. Reads `boxes`, `cells`, the records and `tile_bounds`. Writes:
 // - the lists `shown_items` and `outline_items`, in any order: every item has its own entry of `partials`;
 // - `item_counts`: the lengths of the lists, as workgroups of indirect dispatches;
-// - `item_marks` (MARK_): whether an item is on a list and so has an entry of `partials`, and how many further items a record has;
+// - `item_marks` (MARK_): whether an item is on a list and so has an entry of `partials`, and how many further items a record
+//   has;
 // - `long_records`: the records whose further cells found no room. backward_long adds these to the records' entries;
 // - `status`: whether the frame is complete.
 // If any vertex is not finite, both lists stay empty.
@@ -46,8 +47,8 @@ layout(constant_id = 32) const uint SMALL_OUTLINE_PIXELS = 64u;
 layout(constant_id = 31) const uint SMALL_LANES = 8u;
 
 // Makes room for an item on a list, and returns the index of its entry. Each row of FORWARD_ROW items has lists of its own, so
-// that a length is a number of workgroups along one axis. Small items fill the row from its end, and each SMALL_LANES of them take
-// one workgroup.
+// that a length is a number of workgroups along one axis. Small items fill the row from its end, and each SMALL_LANES of them
+// take one workgroup.
 uint entry_on_list(uint index, uint list, bool small) {
     uint row = index / FORWARD_ROW;
     uint counts = row * ITEM_COUNT_WORDS + list;
@@ -59,8 +60,8 @@ uint entry_on_list(uint index, uint list, bool small) {
     return small ? end - 1u - number : row * FORWARD_ROW + number;
 }
 
-// Puts an item on the list of what it contributes to. Returns its mark. `is_long` tells whether backward_long adds further cells
-// to its entry of `partials`.
+// Puts an item on the list of what it contributes to. Returns its mark. `is_long` tells whether backward_long adds further
+// cells to its entry of `partials`.
 uint mark_of(uint index, uvec2 part, out bool is_long) {
     is_long = false;
     if (part.x == NO_RECORD) {
@@ -117,8 +118,8 @@ void main() {
         mark = mark_of(index, part, is_long);
     }
     item_marks[index] = mark;
-    // backward_long adds to this entry even if no list has the record itself. The condition is a number of passes: on a software
-    // device a store that no lane makes takes as long as one of all lanes.
+    // backward_long adds to this entry even if no list has the record itself. The condition is a number of passes: on a
+    // software device a store that no lane makes takes as long as one of all lanes.
     int texels = is_long ? PARTIAL_STRIDE : 0;
     for (int i = 0; i < texels; ++i) {
         partials[int(index) * PARTIAL_STRIDE + i] = vec4(0.0);

@@ -1,9 +1,9 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
-// Bin, coarse: turns each bin's bitmap into a list of record indices in ascending order, and finds the tiles that each entry may
-// touch. A block of 32 entries has one word for each of the bin's 64 tiles, with a bit for each entry that may touch the tile. Two
-// last words mark the back faces and the thin triangles.
+// Bin, coarse: turns each bin's bitmap into a list of record indices in ascending order, and finds the tiles that each entry
+// may touch. A block of 32 entries has one word for each of the bin's 64 tiles, with a bit for each entry that may touch the
+// tile. Two last words mark the back faces and the thin triangles.
 // One workgroup a bin, views along y. First each lane compacts a run of the bitmap's words, so that the list keeps their order.
 // Then each lane takes blocks of 32 entries. An atomic counter places a list in memory: its place may differ between runs, its
 // content and order do not.
@@ -67,9 +67,9 @@ void transpose(inout uint a[WORD_BITS]) {
     swap_blocks(a, 1, 0x55555555u);
 }
 
-// Writes the words of a block. It transposes masks of tiles into masks of entries. The two marked loops are not unrolled: so Mesa
-// 22.3 compiles this kernel in a fifth of the time, which halves a first frame (`cargo bench --bench cold`). Their passes count in
-// coarse_lanes of frame/plan. Those of the loop over rows would be too many.
+// Writes the words of a block. It transposes masks of tiles into masks of entries. The two marked loops are not unrolled: so
+// Mesa 22.3 compiles this kernel in a fifth of the time, which halves a first frame (`cargo bench --bench cold`). Their passes
+// count in coarse_lanes of frame/plan. Those of the loop over rows would be too many.
 void write_words(uint first, uint last, ivec2 bin) {
     uint low[WORD_BITS];
     uint high[WORD_BITS];

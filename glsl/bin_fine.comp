@@ -2,13 +2,13 @@
 #extension GL_GOOGLE_include_directive : require
 // Bin, fine: turns a bin's words into a list of record indices for each tile, in the same ascending order but with back faces
 // last. One workgroup a bin, views along y, one lane a tile. Each lane counts the bits of its words, then writes their records.
-// Every tile becomes an entry of `tile_items`, in any order, and `tile_counts` has the numbers of entries as workgroups of indirect
-// dispatches:
+// Every tile becomes an entry of `tile_items`, in any order, and `tile_counts` has the numbers of entries as workgroups of
+// indirect dispatches:
 // - A tile with entries is on the list of forward_soft or forward. Its entry is (the tile's number among all views', where its
 //   list begins, the number of front faces, the number of entries).
 // - If forward_soft serves the frame, a tile with a thin triangle is also on the list of forward.
-// - If a tile's list has no room, or is longer than a loop of the device can walk, its entry has no length. The tile is also on a
-//   list of forward_soft_long and forward_long: on one if it can be processed at once, else on the other.
+// - If a tile's list has no room, or is longer than a loop of the device can walk, its entry has no length. The tile is also on
+//   a list of forward_soft_long and forward_long: on one if it can be processed at once, else on the other.
 // - A tile without entries is on the list of background, unless `tile_marks` say that it holds the background already.
 // Reads `bin_ranges`, `coarse_records` and `coarse_words`. Writes `tile_items`, `tile_counts`, `tile_records`, `tile_marks`,
 // `status` and, for empty tiles, `tile_bounds`.
@@ -83,8 +83,8 @@ void add_walked(uint tile, uint blocks, uint live, uint count) {
     add_filled(item);
 }
 
-// The tile of a lane among those of the bin. Eight lanes wait for the fullest of their tiles, so they take 2×4 tiles: with a row
-// of eight, write_list takes 1.6 times the passes.
+// The tile of a lane among those of the bin. Eight lanes wait for the fullest of their tiles, so they take 2×4 tiles: with a
+// row of eight, write_list takes 1.6 times the passes.
 uint tile_of_lane() {
     uint lane = gl_LocalInvocationID.x;
     uint column = lane / 8u % 4u * 2u + lane % 2u;
@@ -144,8 +144,8 @@ int next_entry(inout Words w, out uint is_away) {
 
 // Writes one tile's list: front faces from `next` on, back faces from `next_away` on. Returns whether it is complete: Mesa 22.3
 // ends the loops of an invocation after 65535 passes in total. The inner loop takes one entry a pass. Its lanes wait for each
-// other after four blocks. If they waited at every block, they would take 1.3 times the passes. If they never waited, every pass
-// would fetch the words of a next block, and the kernel would take 1.1 to 1.2 times as long.
+// other after four blocks. If they waited at every block, they would take 1.3 times the passes. If they never waited, every
+// pass would fetch the words of a next block, and the kernel would take 1.1 to 1.2 times as long.
 bool write_list(uint tile, uint next, uint next_away, uint end, int first, int words, int blocks) {
     uint facing_end = next_away;
     int block = 0;

@@ -1,8 +1,8 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 // Counts: takes the number of triangles that a view draws from a count on the device, at most the planned number.
-// One invocation a record, views along y. Reads `counts`, one word a mesh. Writes the number into `view_shapes`, and empties the
-// boxes of the records that the frame will not write.
+// One invocation a record, views along y. Reads `counts`, one word a mesh. Writes the number into `view_shapes`, and empties
+// the boxes of the records that the frame will not write.
 
 layout(local_size_x = 64) in;
 

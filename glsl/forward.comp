@@ -4,13 +4,14 @@
 #extension GL_KHR_shader_subgroup_basic : require
 #extension GL_KHR_shader_subgroup_shuffle : require
 #endif
-// Forward, in any mode. If forward_soft.comp serves the frame, this kernel draws only the tiles that have a triangle too thin for
-// that kernel. Every pixel sums over its tile's list, in the list's order. The silhouette is a product of complements (eq. 5).
-// Colour, depth and normal are a softmax by depth with a running maximum (eq. 2 and 3). An entry that is hidden in the whole tile
-// contributes to the silhouette only. If the tile is saturated already, it is skipped.
+// Forward, in any mode. If forward_soft.comp serves the frame, this kernel draws only the tiles that have a triangle too thin
+// for that kernel. Every pixel sums over its tile's list, in the list's order. The silhouette is a product of complements (eq.
+// 5).
+// Colour, depth and normal are a softmax by depth with a running maximum (eq. 2 and 3). An entry that is hidden in the whole
+// tile contributes to the silhouette only. If the tile is saturated already, it is skipped.
 // One workgroup a tile of 8×4 pixels, and 32 / lanes pixels a lane. background.comp writes the tiles without entries.
-// Reads `tile_items`, the tile's list and the records. Writes the images and, for backward, `saved` (saved_of in pixel.glsl) and
-// `tile_bounds`.
+// Reads `tile_items`, the tile's list and the records. Writes the images and, for backward, `saved` (saved_of in pixel.glsl)
+// and `tile_bounds`.
 // Compiled three times: forward, for any Vulkan 1.1 device; forward_subgroup, for workgroups of one subgroup with shuffles; and
 // forward_long, for tiles whose lists are not in memory (walked_tile.glsl).
 

@@ -4,8 +4,8 @@
 #extension GL_KHR_shader_subgroup_basic : require
 #extension GL_KHR_shader_subgroup_shuffle : require
 #endif
-// Forward of the soft model: eq. 1 with the Euclidean distance (soft_distance in distance.glsl), the softmax of eq. 2 and 3, and
-// the product of eq. 5. It gives the same as forward.comp, which knows every mode, in three quarters of the time:
+// Forward of the soft model: eq. 1 with the Euclidean distance (soft_distance in distance.glsl), the softmax of eq. 2 and 3,
+// and the product of eq. 5. It gives the same as forward.comp, which knows every mode, in three quarters of the time:
 // - It measures one edge for a pixel's distance, where forward.comp measures all three.
 // - It computes once what a signed distance has in common in the pixels of a row, before the lanes share it.
 // - Its sums are relative to an integer log weight, so that a shift of exponents brings them to another.
@@ -13,8 +13,8 @@
 // - It adds two entries at a time, and the lanes hold the record indices of a word.
 // forward.comp draws the tiles with a triangle so thin that rounding could choose the wrong edge (bin_fine.comp).
 // One workgroup a tile of 8×4 pixels, and 32 / lanes pixels a lane.
-// Reads `tile_items`, the tile's list and the records. Writes the images and, for backward, `saved` (saved_of in pixel.glsl) and
-// `tile_bounds`.
+// Reads `tile_items`, the tile's list and the records. Writes the images and, for backward, `saved` (saved_of in pixel.glsl)
+// and `tile_bounds`.
 // Compiled three times, as forward.comp is: forward_soft, forward_soft_subgroup and forward_soft_long.
 
 // forward_soft_long draws the tiles without a thin triangle.
@@ -180,8 +180,8 @@ float power_of_two(float x) {
     return intBitsToFloat((int(greater(x, -127.0)) + 127) << 23);
 }
 
-// Adds D exp(ζ/γ) and its products with colour, depth and normal to the sums of eq. 2 and 3. The sums are relative to an integer
-// log weight that is at least the largest so far. A fragment above it first brings them to its own.
+// Adds D exp(ζ/γ) and its products with colour, depth and normal to the sums of eq. 2 and 3. The sums are relative to an
+// integer log weight that is at least the largest so far. A fragment above it first brings them to its own.
 void add_weighted(SoftDistance d, vec3 b, float sum, Depth depth, Corner c, inout Pixel p) {
     float log_weight = depth.weight + c.exponent;
     bool nearer = d.kept && log_weight > p.exponent;
@@ -229,10 +229,10 @@ void add_shading(Entry t, Corner c, SoftDistance d[PIXELS], inout Pixel pixels[P
     }
 }
 
-// Adds an entry, the first or the second of a pair, to the pixels' sums. `shows` is a constant of the call: without it the entry
-// contributes to the silhouette only.
-void add_entry(Fetched own, Rows rows, bool is_second, bool live, bool shows, LaneConstants constants, inout Transmittance w[PIXELS],
-               inout Pixel pixels[PIXELS]) {
+// Adds an entry, the first or the second of a pair, to the pixels' sums. `shows` is a constant of the call: without it the
+// entry contributes to the silhouette only.
+void add_entry(Fetched own, Rows rows, bool is_second, bool live, bool shows, LaneConstants constants,
+               inout Transmittance w[PIXELS], inout Pixel pixels[PIXELS]) {
     Entry t;
     read_entry(own, rows, is_second, live, constants, t);
     SoftDistance d[PIXELS];

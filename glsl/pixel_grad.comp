@@ -1,8 +1,8 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Pixel gradient: computes what backward needs of a pixel. That is dL by the mixture Σ w C, the pixel's factor (1 - A) dL/dA of the
-// silhouette, and the reference that turns a fragment's log weight into w (eq. 3 and 4). For the gradients by the background it
-// computes the pixel's own terms too.
+// Pixel gradient: computes what backward needs of a pixel. That is dL by the mixture Σ w C, the pixel's factor (1 - A) dL/dA of
+// the silhouette, and the reference that turns a fragment's log weight into w (eq. 3 and 4). For the gradients by the
+// background it computes the pixel's own terms too.
 // One workgroup a tile, one invocation a pixel. It takes the tiles that have a list (the row of `tile_items` that begins at
 // frame.first), because every fragment of another pixel has D = 0: on spot at 256² a quarter of all tiles. The background's
 // gradients need all tiles.
@@ -46,8 +46,8 @@ struct SavedPixel {
     vec2 reference;
     // Whether the pixel has weights.
     bool has_weights;
-    // The silhouette's aggregate, and its parts in the product of eq. 5: with LEAST_APART the least factor, and the product of the
-    // others.
+    // The silhouette's aggregate, and its parts in the product of eq. 5: with LEAST_APART the least factor, and the product of
+    // the others.
     float aggregate;
     float others;
     float least;
@@ -99,8 +99,8 @@ Upstream upstream_of(int at) {
 }
 
 // V = Σ_j w_j v_j with v_j = dL/dI · C_j + dL/ddepth z_j + dL/dnormal · n_j, so that eq. 4 reads ∂L/∂s_j = w_j (v_j - V).
-// The composite background has I = A Σ w C + (1 - A) C_b. There the product rule adds a term to dL/dA, and V and all v_j gain the
-// factor A, which is returned in `mixing`.
+// The composite background has I = A Σ w C + (1 - A) C_b. There the product rule adds a term to dL/dA, and V and all v_j gain
+// the factor A, which is returned in `mixing`.
 float shaded_gradient(int at, int view, float aggregate, vec3 background, inout Upstream up, out float mixing) {
     float value = 0.0;
     float unblended = 0.0;
@@ -130,9 +130,9 @@ float shaded_gradient(int at, int view, float aggregate, vec3 background, inout 
     return value;
 }
 
-// dL/dx_j of the silhouette without the fragment's factor (eq. 4). ∂A/∂x_j is (1 - A) D_j for the product of eq. 5. For the sum it
-// is D_j (1 - D_j) / n, or 0 where the sum is cut off at 1. For the hard silhouette it is 0. backward.comp multiplies by D_j, and
-// with LEAST_APART also by the least factor, unless that is the fragment's own.
+// dL/dx_j of the silhouette without the fragment's factor (eq. 4). ∂A/∂x_j is (1 - A) D_j for the product of eq. 5. For the sum
+// it is D_j (1 - D_j) / n, or 0 where the sum is cut off at 1. For the hard silhouette it is 0. backward.comp multiplies by
+// D_j, and with LEAST_APART also by the least factor, unless that is the fragment's own.
 float silhouette_gradient(int view, SavedPixel sums, float up_alpha) {
     float factor = 0.0;
     if (SILHOUETTE_MODE == SILHOUETTE_PRODUCT) {
@@ -145,7 +145,8 @@ float silhouette_gradient(int view, SavedPixel sums, float up_alpha) {
 }
 
 // ∂I/∂C_b = w_b and ∂I/∂s_b = w_b (C_b - I) (eq. 4), with the background's weight w_b.
-void write_background_gradient(int at, bool finite, SavedPixel sums, vec3 background, vec3 up_color, float value, float mixing) {
+void write_background_gradient(int at, bool finite, SavedPixel sums, vec3 background, vec3 up_color, float value,
+                               float mixing) {
     bool entry = !COMPOSITE && COLOR_MODE == COLOR_SOFTMAX;
     float relative = 0.0;
     float weight = 0.0;

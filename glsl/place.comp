@@ -1,9 +1,9 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// SignedDistance, vertices: copies the vertices of a host's draws, once for each instance and moved by its transform, into the packed
-// `positions` that the other kernels read. Without transforms it copies any three floats, such as colours.
-// One invocation a placed vertex (draws.glsl). Reads `draws`, the host's vertices and transforms (three rows of four
-// floats); writes `target`. Derivatives: place_vertex_grad.comp, place_transform_grad.comp.
+// Place, vertices: copies the vertices of a host's draws into the packed `positions` that the other kernels read, once for each
+// instance and moved by its transform. Without transforms it copies any three floats, such as colours.
+// One invocation a placed vertex (draws.glsl). Reads `draws`, the host's vertices and transforms (three rows of four floats).
+// Writes `target`. place_vertex_grad.comp and place_transform_grad.comp have the derivatives.
 
 layout(local_size_x = 64) in;
 

@@ -1,8 +1,8 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// SignedDistance, indices: copies the indices of a host's draws, 16 or 32 bits each, once for each instance, into the packed
-// `indices` that the other kernels read, renumbered to the placed vertices.
-// One invocation a corner of a placed triangle (draws.glsl). Reads `draws` and the host's indices; writes `target`.
+// Place, indices: copies the indices of a host's draws, of 16 or 32 bits each, into the packed `indices` that the other kernels
+// read, once for each instance. It renumbers them to the placed vertices.
+// One invocation a corner of a placed triangle (draws.glsl). Reads `draws` and the host's indices. Writes `target`.
 
 layout(local_size_x = 64) in;
 

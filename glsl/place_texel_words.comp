@@ -1,8 +1,8 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// SignedDistance, texels from a buffer: a host's packed texels of four bytes each, linear or encoded as sRGB, into the packed `texels`
-// that the other kernels read. One invocation a texel. Reads the host's words, r in the lowest byte; writes `target`:
-// r, g, b, 0.
+// Place, texels from a buffer: copies a host's texels of four bytes each, linear or encoded as sRGB, into the packed `texels`
+// that the other kernels read. One invocation a texel. Reads the host's words, with r in the lowest byte. Writes `target`: r,
+// g, b, 0.
 
 layout(local_size_x = 64) in;
 

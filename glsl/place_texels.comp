@@ -1,9 +1,9 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_samplerless_texture_functions : require
-// SignedDistance, texels: a host's sampled image into the packed `texels` that the other kernels read, row by row from the top. What
-// the image's format encodes (bytes, sRGB) the device decodes on the way. One invocation a texel.
-// Reads `source`; writes `target`: r, g, b, 0.
+// Place, texels: copies a host's sampled image into the packed `texels` that the other kernels read, row by row from the top.
+// The device decodes the image's format (bytes, sRGB) on the way. One invocation a texel. Reads `source`. Writes `target`: r,
+// g, b, 0.
 
 layout(local_size_x = 64) in;
 

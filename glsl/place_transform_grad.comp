@@ -1,9 +1,10 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// SignedDistance, transform gradient: dL by the three rows of four numbers of an instance's transform. That by row r is the sum over
-// the instance's vertices of dL/dposition[r] times (x, y, z, 1).
-// One workgroup an instance; lane l sums every 128th vertex from l on, and the lanes' sums are added pairwise, so that the
-// order is fixed. Reads `draws`, the host's vertices and `vertex_gradients`; writes twelve floats an instance to `target`.
+// Place, transform gradient: computes dL by the three rows of four numbers of an instance's transform. The gradient by row r is
+// the sum, over the instance's vertices, of dL/dposition[r] times (x, y, z, 1).
+// One workgroup an instance. Lane l sums every 128th vertex from l on. Then the lanes' sums are added pairwise, in a fixed
+// order.
+// Reads `draws`, the host's vertices and `vertex_gradients`. Writes twelve floats an instance to `target`.
 
 layout(local_size_x = 128) in;
 
@@ -15,7 +16,7 @@ layout(set = 0, binding = 3, std430) writeonly buffer Target { float target[]; }
 #include "common/draws.glsl"
 #include "common/geometry_push.glsl"
 
-// As in reduce.comp, so that no loop takes 65535 passes, at which Mesa 22.3 ends it.
+// As in reduce.comp: Mesa 22.3 ends a loop after 65535 passes.
 const int LANES = 128;
 
 shared vec4 lane_sums[3 * LANES];

@@ -1,7 +1,7 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// SignedDistance, UVs: the texture coordinates of the vertices of a host's draws, once for each instance, into the packed `uvs` that
-// the other kernels read. One invocation a placed vertex. Reads `draws` and the host's vertices; writes `target`.
+// Place, UVs: copies the texture coordinates of the vertices of a host's draws into the packed `uvs` that the other kernels
+// read, once for each instance. One invocation a placed vertex. Reads `draws` and the host's vertices. Writes `target`.
 
 layout(local_size_x = 64) in;
 
@@ -24,6 +24,6 @@ void main() {
     uint from = uint(draw.first_vertex + local - instance * draw.vertices) * push.stride + push.offset;
     uint to = 2u * (push.first + uint(i));
     target[to] = source[from];
-    // Here v grows upwards; `select` is 1 where the host's grows downwards.
+    // Here v grows upwards. `select` is 1 if the host's v grows downwards.
     target[to + 1u] = push.select == 1u ? 1.0 - source[from + 1u] : source[from + 1u];
 }

@@ -1,9 +1,10 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// SignedDistance, vertex gradient: for each vertex of a host's buffer sums the gradients of its placed copies, draw by draw and
-// instance by instance, each times its transform's transpose. There are no atomics, so the bits are the same on every run.
-// One invocation a vertex of the host. Reads `draws`, `vertex_gradients` and the transforms; writes three floats a vertex to
-// `target` in the host's own stride.
+// Place, vertex gradient: for each vertex of a host's buffer it sums the gradients of the vertex's placed copies, draw by draw
+// and instance by instance, each times the transpose of its transform. There are no atomics, so the bits are the same on every
+// run.
+// One invocation a vertex of the host. Reads `draws`, `vertex_gradients` and the transforms. Writes three floats a vertex to
+// `target`, in the host's own stride.
 
 layout(local_size_x = 64) in;
 

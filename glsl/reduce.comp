@@ -1,10 +1,9 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Reduce: sums rows in a fixed order, as REDUCTION says: `view_sums` over each view's triangles, `light_records` for each
-// light, or `pixel_sums` over all pixels.
-// One workgroup a sum (along x: a view, a light, or one); lane l sums every 128th row from l on, and the lanes' sums are
-// added pairwise. Reads `rows`, the table to sum, and `lights`; writes three texels of `totals` a sum, the ambient light's
-// first.
+// Reduce: sums rows in a fixed order. REDUCTION selects the rows: `view_sums` over each view's triangles, `light_records` for
+// each light, or `pixel_sums` over all pixels.
+// One workgroup a sum, along x: a view, a light (the ambient light first), or one. Lane l sums every 128th row from l on. Then
+// the lanes' sums are added pairwise. Reads `rows`, the table to sum, and `lights`. Writes three texels of `totals` a sum.
 
 layout(local_size_x = 128) in;
 
@@ -19,13 +18,12 @@ layout(constant_id = 30) const uint REDUCTION = 0;
 #include "common/frame.glsl"
 #include "common/mesh.glsl"
 
-// As many lanes as every device allows. Mesa 22.3 ends a loop after 65535 passes, so that they sum 8 million rows.
+// As many lanes as every device allows. Mesa 22.3 ends a loop after 65535 passes, so they sum at most 8 million rows.
 const int LANES = 128;
 
 shared vec4 lane_sums[3 * LANES];
 
-// One row of dL by a light's direction and colour (light_on in light.glsl). Light 0 is the ambient light, which has no
-// direction.
+// One row of dL by a light's direction and colour (light_on in light.glsl). Light 0 is the ambient light. It has no direction.
 void light_row(int row, int light, out vec4 by_direction, out vec4 by_color) {
     vec3 by_light = texelFetch(rows, 2 * row).rgb;
     vec3 normal = texelFetch(rows, 2 * row + 1).xyz;

@@ -1,7 +1,7 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Self test: shows that a device runs kernels of this kind: texels in, a storage buffer of records out, push and
-// specialization constants. One invocation an element. Reads `texels` and `indices`; writes records[i] =
+// Self test: shows that a device runs kernels of this kind, with texels in, a storage buffer of records out, and push and
+// specialization constants. One invocation an element. Reads `texels` and `indices`. Writes records[i] =
 // (scale · texels[indices[i]] + SELFTEST_OFFSET, indices[i], TAG, (FACTOR, offset), (i, count)) for i < count.
 
 #include "common/constants.glsl"

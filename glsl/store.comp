@@ -1,10 +1,10 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Store: copies one view of an image from its buffer into a host's storage image; on request without the background's colour,
-// encoded as sRGB, or turned from view depth into the values of the host's depth buffer.
-// One invocation a pixel, columns along x, rows along y. Reads `image_texels`, and the pixel's silhouette from
-// `alpha_texels`; writes `target`.
-// Compiled for each STORE_FORMAT, of STORE_CHANNELS: GLSL fixes a storage image's format when it is compiled.
+// Store: copies one view of an image from its buffer into a host's storage image. On request it takes the background's colour
+// out, encodes the image as sRGB, or turns view depths into the values of the host's depth buffer.
+// One invocation a pixel, columns along x, rows along y. Reads `image_texels`, and the pixel's silhouette from `alpha_texels`.
+// Writes `target`.
+// Compiled for each STORE_FORMAT, of STORE_CHANNELS: GLSL fixes the format of a storage image when it is compiled.
 
 layout(local_size_x = 8, local_size_y = 8) in;
 
@@ -25,8 +25,8 @@ layout(push_constant) uniform Push {
     uint alpha_component;
     // STORE_ bits.
     uint flags;
-    // Of a depth buffer: a constant, and a factor of the view depth or of its inverse; the value of what is not covered; and
-    // the silhouette from which on a pixel is covered.
+    // Of a depth buffer: a constant, a factor of the view depth or of its inverse, the value of pixels that are not covered,
+    // and the silhouette from which on a pixel is covered.
     float depth_constant;
     float depth_factor;
     float depth_clear;
@@ -46,7 +46,7 @@ vec3 encoded(vec3 linear) {
     return mix(12.92 * c, 1.055 * pow(c, vec3(1.0 / 2.4)) - 0.055, greaterThan(c, vec3(0.0031308)));
 }
 
-// What triangles alone gave: with the composite background I = A mixture + (1 - A) background, else the mixture itself.
+// The colour of the triangles alone. With the composite background I = A mixture + (1 - A) background, else I is the mixture.
 vec3 foreground(vec3 shown, float alpha) {
     vec3 drawn = shown;
     if (has(STORE_COMPOSITE)) {

@@ -1,12 +1,11 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Triangle: clips at the near plane, makes the record of all that a (pixel, triangle) pair needs and the pixel box grown by
-// the culling radius, and sets the triangle's bit in the bitmap of every bin that it may touch.
-// One invocation a triangle, views along y. A triangle that crosses the near plane becomes one or two pieces: the first
-// takes the triangle's own record index, the second the one `triangle_count` later, so that the order of records never
-// depends on timing.
-// Reads `vertices`, the mesh and the lights; writes `geometry`, `shading`, `boxes`, `bin_bits` and `status`, and for
-// backward `cell_ranges` and `cells`: the cells of a large box beyond its first. Derivatives: triangle_grad.comp.
+// Triangle: clips each triangle at the near plane, makes the records of all that a (pixel, triangle) pair needs and the pixel
+// box grown by the culling radius, and sets the triangle's bit in the bitmap of every bin that it may touch.
+// One invocation a triangle, views along y. A triangle that crosses the near plane becomes one or two pieces. The first has the
+// triangle's own record index, the second the index `triangle_count` later. So the order of records never depends on timing.
+// Reads `vertices`, the mesh and the lights. Writes `geometry`, `shading`, `boxes`, `bin_bits` and `status`, and for backward
+// `cell_ranges` and `cells`: the cells of a large box beyond its first. triangle_grad.comp has the derivatives.
 
 layout(local_size_x = 64) in;
 
@@ -41,7 +40,7 @@ layout(set = 0, binding = 17, std430) writeonly buffer Cells { uvec2 cells[]; };
 #include "common/arithmetic.glsl"
 #include "common/item.glsl"
 
-// The corners of a triangle or piece: pixel position, depth, and each corner as a mixture of the original three.
+// The corners of a triangle or of a piece: their pixels, their depths, and each corner as a mixture of the original three.
 struct PieceCorners {
     vec2 column[3];
     vec2 row[3];
@@ -53,8 +52,8 @@ void skip_record(int record_index) {
     boxes[record_index] = ivec4(0, 0, -1, -1);
 }
 
-// Writes the geometry's tail, depths, corner colours, texture coordinates and normals, the last three mixed as the piece's corners
-// are.
+// Writes the shading record: the geometry's tail, the depths, and the corners' colours, texture coordinates and normals, mixed
+// as the piece's corners are.
 void write_shading(Shape shape, int triangle, int record_index, PieceCorners c, vec2 tail, vec4 depth, float exponent) {
     ivec3 v = triangle_vertices(shape, triangle);
     mat3 light = mat3(1.0);
@@ -111,19 +110,18 @@ void write_shading(Shape shape, int triangle, int record_index, PieceCorners c, 
     }
 }
 
-// Bounds that keep everything computed from depth finite. Visible triangles stay far within them.
+// These bounds keep finite whatever is computed from depth. Visible triangles stay far within them.
 const float FARTHEST_WEIGHT = 1e30;
 const float FARTHEST_RATIO = 1e18;
 // 2⁻²⁴, half a unit in the last place of 1.
 const float LEAST_NEARNESS = 5.9604645e-8;
 
-// Depth relative to corner 0: (z0/z1 - 1, z0/z2 - 1, z0 in log2 weights, fraction of corner 0's log2 weight), the log weight
-// being ζ/γ of eq. 3. Its integer part is kept apart in `exponent`, because the difference of two integers is exact for any
-// gamma.
+// Depth relative to corner 0: (z0/z1 - 1, z0/z2 - 1, z0 in log2 weights, fraction of corner 0's log2 weight). The log weight is
+// ζ/γ of eq. 3. Its integer part is apart in `exponent`, because the difference of two integers is exact for any gamma.
 vec4 depth_record(PieceCorners c, out float exponent) {
     vec2 k = vec2(frame.score_high, frame.score_low);
     vec2 weight = df_mul(df_sub(vec2(frame.far_high, frame.far_low), c.z[0]), k);
-    // A corner so far away that its weight overflows a float belongs to an invisible triangle.
+    // If a corner is so far away that its weight overflows a float, its triangle is invisible.
     bool holds = abs(weight.x) < FARTHEST_WEIGHT;
     exponent = holds ? floor(weight.x + 0.5) : (c.z[0].x < 0.0 ? FARTHEST_WEIGHT : -FARTHEST_WEIGHT);
     float fraction = holds ? (weight.x - exponent) + weight.y : 0.0;
@@ -132,22 +130,22 @@ vec4 depth_record(PieceCorners c, out float exponent) {
     float z2 = c.z[2].x == 0.0 ? 1e-20 : c.z[2].x;
     vec2 excess = vec2(df_sub(c.z[0], c.z[1]).x / z1, df_sub(c.z[0], c.z[2]).x / z2);
     excess = clamp(excess, -FARTHEST_RATIO, FARTHEST_RATIO);
-    // z0 / zk must not be 0, because backward divides by it.
+    // Backward divides by z0 / zk, so it must not be 0.
     excess = mix(excess, vec2(LEAST_NEARNESS - 1.0), lessThan(abs(1.0 + excess), vec2(LEAST_NEARNESS)));
     return vec4(excess, clamp(z0 * k.x, -FARTHEST_WEIGHT, FARTHEST_WEIGHT), fraction);
 }
 
-// Backward processes a box cell by cell; the first cell has the record's index. The position of the others in `cells` comes
-// from an atomic counter; their order within the triangle, in which they are summed, does not depend on it. Without room for
-// its cells a record has an empty range, and backward_long.comp finds them again.
+// Writes the cells of a box beyond its first, which has the record's index. Backward processes a box cell by cell. An atomic
+// counter places the cells in `cells`, but backward sums them in their order within the triangle. If a record's cells have no
+// room, its range is empty, and backward_long finds them again.
 void write_cells(int record_index, ivec4 box) {
     ivec2 size = box.zw - box.xy + 1;
     uint more = uint(cells_of(box)) - 1u;
-    // backward_cull.comp takes further cells for large ones.
+    // backward_cull.comp takes further cells for large boxes.
     if (more > 0u || uint(size.x * size.y) > LARGE_BOX) {
         atomicOr(status[STATUS_LARGE_BOXES], 1u);
     }
-    // No box has so many that the sum of all could exceed 32 bits. A software device divides integers lane by lane.
+    // No box has so many cells that the sum of all could exceed 32 bits. A software device would divide integers lane by lane.
     uint beyond;
     uint sum;
     umulExtended(more, frame.record_count, beyond, sum);
@@ -168,8 +166,8 @@ void mark_bins(Shape shape, int record_in_view, ivec4 box, Edges e) {
     int word = shape.word_base + record_in_view / int(WORD_BITS);
     uint bit = 1u << (uint(record_in_view) % WORD_BITS);
     ivec2 at = bins.xy;
-    // One loop over the bins that tests its condition at the end, because llvmpipe executes the body once more when it tests at
-    // the start: most boxes lie in one bin.
+    // One loop takes all bins, and most boxes lie in one bin. It tests its condition at the end: llvmpipe executes the body
+    // once more if it tests at the start.
     do {
         vec2 centre = vec2(at) * vec2(BIN_WIDTH, BIN_HEIGHT) + half_size;
         if (at.y <= bins.w && may_touch(e, centre - e.origin, half_size)) {
@@ -180,6 +178,7 @@ void mark_bins(Shape shape, int record_in_view, ivec4 box, Edges e) {
     } while (at.y <= bins.w);
 }
 
+// Makes the records and the box of a triangle or of a piece, or skips it.
 void emit(Shape shape, int triangle, int record_in_view, PieceCorners c) {
     int record_index = shape.record_base + record_in_view;
     Edges e = edges_of(c.column, c.row);
@@ -206,7 +205,7 @@ void emit(Shape shape, int triangle, int record_in_view, PieceCorners c) {
     if (WANT_SHADING) {
         float exponent;
         vec4 depth = depth_record(c, exponent);
-        // With official parity a back face contributes to the silhouette but has no weight in the colour.
+        // With official parity a back face contributes to the silhouette, but has no weight in the colour.
         write_shading(shape, triangle, record_index, c, tail, depth, hidden ? -3e38 : exponent);
     } else {
         geometry[to + int(GEOMETRY_TEXELS)].xy = tail;
@@ -217,7 +216,7 @@ void emit(Shape shape, int triangle, int record_in_view, PieceCorners c) {
     }
 }
 
-// Sutherland-Hodgman against z = near, corner 0 first; a fourth corner makes a second piece (0, 2, 3).
+// Clips at z = near (Sutherland and Hodgman), corner 0 first. A fourth corner makes a second piece (0, 2, 3).
 void emit_clipped(int view, Shape shape, int triangle, ivec3 v) {
     vec2 near = vec2(frame.near_high, frame.near_low);
     ViewPoint corner[3];

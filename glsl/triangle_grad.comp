@@ -1,12 +1,14 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Triangle gradient: takes the sums of backward for a triangle's records to its three corners: through near clipping and the
-// projection to world space (project_gradient.glsl), and through light to the corners' colours and the face's normal. It
-// also computes the triangle's terms of the gradients by the view as a whole.
-// One invocation a triangle, views along y; none where vertex_grad.comp does without (PER_VERTEX). Reads `partials`,
-// `item_marks`, `vertices` and the mesh; writes `corner_gradients` (three world positions, three colours, two texels of texture
-// coordinates), `corner_lights` (dL/dlight and dL/dnormal of every corner, smooth shading), `light_records` (dL/dlight and the
-// normal of the face, flat shading) and `view_sums` (twist, projection, sigma, gamma).
+// Triangle gradient: carries backward's sums for a triangle's records to its three corners: through near clipping and the
+// projection to world space (project_gradient.glsl), and through light to the corners' colours and the face's normal. It also
+// computes the triangle's terms of the gradients by the whole view.
+// One invocation a triangle, views along y. With PER_VERTEX vertex_grad.comp does without this kernel.
+// Reads `partials`, `item_marks`, `vertices` and the mesh. Writes:
+// - `corner_gradients`: by three world positions, three colours, and two texels of texture coordinates;
+// - `corner_lights`: dL/dlight and dL/dnormal of every corner, with smooth shading;
+// - `light_records`: dL/dlight and the normal of the face, with flat shading;
+// - `view_sums`: by twist, projection, sigma and gamma.
 
 layout(local_size_x = 64) in;
 
@@ -102,17 +104,17 @@ bool is_zero(Partial p, int i) {
     return sum == vec3(0.0);
 }
 
-// Adds corner i of a piece: original corner k itself (k = l), or the point (1 - t) p_k + t p_l where the near plane cuts the
-// edge from corner k to corner l.
+// Adds corner i of a piece. It is the original corner k if k = l. Else it is the point (1 - t) p_k + t p_l, where the near
+// plane cuts the edge from corner k to corner l.
 void add_corner(View camera, inout TriangleGradient c, Partial p, int i, int k, int l, float near) {
-    // A corner without gradient is skipped, because its projection may not exist: it may lie on the camera's plane.
+    // Skip a corner without gradient. It may lie on the camera's plane, where it has no projection.
     if (is_zero(p, i)) {
         return;
     }
     float from = c.beyond_near[k];
     float to = c.beyond_near[l];
     float t = k == l ? 0.0 : from / (from - to);
-    // 1 - t by a quotient: as a difference it has no digits when t is close to 1.
+    // 1 - t as a quotient. As a difference it has no digits if t is close to 1.
     float u = k == l ? 1.0 : -to / (from - to);
     vec3 point = u * c.point[k] + t * c.point[l];
     // Exactly on the plane, for edges of any length.
@@ -139,7 +141,7 @@ void add_corner(View camera, inout TriangleGradient c, Partial p, int i, int k, 
     }
 }
 
-// A triangle that is never clipped has one record with its own corners.
+// A triangle that is not clipped has one record, with its own corners.
 void add_unclipped(View camera, Shape shape, int triangle, inout TriangleGradient c) {
     Partial p = partial_of(shape.record_base + triangle);
     for (int k = 0; k < 3; ++k) {
@@ -148,7 +150,7 @@ void add_unclipped(View camera, Shape shape, int triangle, inout TriangleGradien
     c.scalars = p.scalars;
 }
 
-// The pieces of a clipped triangle, their corners in the order of emit_clipped in triangle.comp.
+// The pieces of a clipped triangle. Their corners have the order of emit_clipped in triangle.comp.
 void add_pieces(View camera, Shape shape, int triangle, inout TriangleGradient c) {
     float near = frame.near_high;
     ivec2 corner[4];
@@ -178,9 +180,9 @@ void add_pieces(View camera, Shape shape, int triangle, inout TriangleGradient c
     }
 }
 
-// Derivative of the normalisation n = a / |a|: dL/da = (I - n nᵀ) dL/dn / |a|.
+// The derivative of the normalisation n = a / |a|: dL/da = (I - n nᵀ) dL/dn / |a|.
 vec3 area_gradient(vec3 area, vec3 by_normal) {
-    // `area` is made of edges of size 1: a shorter one is a segment's, whose normal is noise.
+    // `area` comes from edges of size 1. A shorter vector is a segment's, whose normal is noise.
     float size = length(area);
     vec3 n = size > 1e-18 ? area / size : vec3(0.0);
     return size > 1e-18 ? (by_normal - n * dot(n, by_normal)) / size : vec3(0.0);
@@ -203,14 +205,14 @@ Face face_of(Shape shape, ivec3 v) {
     return f;
 }
 
-// Flat shading: dL by the face's normal (through light and the normal image), taken to the corners' world positions.
+// Carries dL by the face's normal, through light and the normal image, to the corners' world positions (flat shading).
 void add_face_normal(Face face, TriangleGradient c, vec3 by_light, inout vec3 by_world[3]) {
     vec3 by_normal = c.by_normal[0] + c.by_normal[1] + c.by_normal[2];
     if (LIT) {
         by_normal += light_gradient(face.normal, by_light);
     }
-    // The normal does not depend on `size`; the division makes this the gradient by the true edges. A triangle so small that
-    // the quotient would overflow counts as a point.
+    // The normal does not depend on `size`. The division makes this the gradient by the true edges. If a triangle is so small
+    // that the quotient would overflow, it counts as a point.
     vec3 by_cross = length(face.area) * face.size > 1e-30 ? area_gradient(face.area, by_normal) / face.size : vec3(0.0);
     // The edges of a triangle without gradient need not be finite.
     if (by_cross == vec3(0.0)) {

@@ -1,10 +1,10 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Vertex: projects each vertex of each view's mesh to pixel coordinates and view depth, in double floats. With smooth
-// shading it also computes the vertex's normal (the mesh's own, or the normalised sum of its triangles' area vectors) and
-// the light on it.
-// One invocation a vertex, views along y. Reads the mesh and the cameras; writes `vertices` (column and row; depth) and
-// `vertex_shading` (light, normal), which backward reads again. Derivatives: project_gradient.glsl, vertex_normal_grad.comp.
+// Vertex: projects each vertex of each view's mesh to pixel coordinates and view depth, in double floats. With smooth shading
+// it also computes the vertex's normal and the light on it. The normal is the mesh's own, or the normalised sum of the
+// triangles' area vectors.
+// One invocation a vertex, views along y. Reads the mesh and the cameras. Writes `vertices` (column and row; depth) and
+// `vertex_shading` (light, normal). project_gradient.glsl and vertex_normal_grad.comp have the derivatives.
 
 layout(local_size_x = 64) in;
 
@@ -28,15 +28,15 @@ layout(set = 0, binding = 8) uniform samplerBuffer vertex_normals;
 #include "common/light.glsl"
 #include "common/given_normal.glsl"
 
-// The unit normal of a vertex. A mesh's `adjacency` is vertex_count + 1 offsets, then the triangle corners at each vertex,
-// each as four times the triangle plus the corner.
+// The unit normal of a vertex. A mesh's `adjacency` has vertex_count + 1 offsets, then the triangle corners at each vertex. A
+// corner is four times the triangle's number plus the corner's.
 vec3 smooth_normal(Shape shape, int vertex) {
     int at = shape.adjacency_base + vertex;
     int end = int(texelFetch(adjacency, at + 1).x);
     vec3 sum = vec3(0.0);
     for (int i = int(texelFetch(adjacency, at).x); i < end; ++i) {
         int triangle = int(texelFetch(adjacency, i).x) >> 2;
-        // A triangle count written on the device (counts.comp) may be less than planned.
+        // The device may write a smaller triangle count than planned (counts.comp).
         sum += triangle < shape.triangle_count ? area_vector(shape, triangle_vertices(shape, triangle)) : vec3(0.0);
     }
     return unit_or_zero(sum);
@@ -56,7 +56,7 @@ void main() {
     to_pixels(view, v, column, row);
     int at = int(VERTEX_TEXELS) * (shape.screen_base + vertex);
     vertices[at] = vec4(column, row);
-    // Of a texel only what is read is written: on a software device each component takes as long.
+    // It writes only what is read of a texel: on a software device each component takes the same time.
     vertices[at + 1].xy = v.z;
     if (SMOOTH) {
         vec3 given = given_normal(shape, vertex);

@@ -1,9 +1,9 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Vertex gradient: sums the gradients of all triangle corners at a vertex, over all views of its mesh, in the order of views
-// and of the adjacency. There are no atomics, so the bits are the same on every run.
-// One invocation a vertex, meshes along y. Reads `corner_gradients` and, with smooth shading, `area_gradients`; with PER_VERTEX
-// it reads `partials` and takes their sum through the projection once for each view, in place of three times a triangle. Writes
+// Vertex gradient: sums the gradients of all triangle corners at a vertex, over all views of its mesh, in the order of the
+// views and of the adjacency. There are no atomics, so the bits are the same on every run.
+// One invocation a vertex, meshes along y. Reads `corner_gradients` and, with smooth shading, `area_gradients`. With PER_VERTEX
+// it reads `partials` and carries their sum through the projection once a view, in place of three times a triangle. Writes
 // `vertex_gradients`: dL/dposition, then dL/dcolour.
 
 layout(local_size_x = 64) in;
@@ -34,8 +34,8 @@ vec3 through_normals(Shape shape, int triangle, int corner) {
     vec3 by_area = texelFetch(area_gradients, shape.screen_base + v.x).xyz
                  + texelFetch(area_gradients, shape.screen_base + v.y).xyz
                  + texelFetch(area_gradients, shape.screen_base + v.z).xyz;
-    // The area vector is the same cross product seen from each corner; its derivative by a corner is the cross product with
-    // the opposite edge.
+    // The area vector is the same cross product from each corner. Its derivative by a corner is the cross product with the
+    // opposite edge.
     int next = corner == 2 ? 0 : corner + 1;
     int last = next == 2 ? 0 : next + 1;
     vec3 opposite = position_of(shape, v[last]) - position_of(shape, v[next]);
@@ -72,8 +72,8 @@ void add_part(int item, int corner, bool counts, inout vec3 by_screen, inout vec
     }
 }
 
-// Adds those of the triangles at a vertex whose boxes have several cells. The cells of each are added up first, as
-// backward_long.comp does where they found no room. One loop over all of them: after a triangle's record its further cells.
+// Adds those of the triangles at a vertex whose boxes have several cells. It first adds up the cells of each triangle, as
+// backward_long does for cells without room. One loop takes them all: a triangle's record, then its further cells.
 void add_large(Shape shape, int next, int end, inout vec3 by_screen, inout vec3 color) {
     vec3 own = vec3(0.0);
     vec3 own_color = vec3(0.0);
@@ -96,7 +96,7 @@ void add_large(Shape shape, int next, int end, inout vec3 by_screen, inout vec3 
     }
 }
 
-// As add_corners, from the sums over the corners' pixels and depth (PER_VERTEX).
+// The same with PER_VERTEX, from the sums of backward by the corners' pixels and depth.
 void add_projected(int view, Shape shape, int vertex, inout vec3 position, inout vec3 color) {
     int at = shape.adjacency_base + vertex;
     int first = int(texelFetch(adjacency, at).x);
@@ -105,7 +105,7 @@ void add_projected(int view, Shape shape, int vertex, inout vec3 position, inout
     uint marks = 0u;
     for (int i = first; i < end; ++i) {
         int corner = int(texelFetch(adjacency, i).x);
-        // A triangle count written on the device (counts.comp) may be less than planned.
+        // The device may write a smaller triangle count than planned (counts.comp).
         bool live = corner >> 2 < shape.triangle_count;
         int record_index = live ? shape.record_base + (corner >> 2) : 0;
         uint mark = texelFetch(item_marks, record_index).x;
@@ -113,9 +113,9 @@ void add_projected(int view, Shape shape, int vertex, inout vec3 position, inout
         marks |= mark;
         add_part(record_index, corner & 3, (mark & (MARK_SUMMED | MARK_LARGE)) == MARK_SUMMED, by_screen, color);
     }
-    // Most vertices have no large triangle, so that these have a loop of their own.
+    // Most vertices have no large triangle, so large triangles have a loop of their own.
     add_large(shape, (marks & MARK_LARGE) != 0u ? first : end, end, by_screen, color);
-    // A vertex without gradient is skipped, because its projection may not exist: it may lie on the camera's plane.
+    // Skip a vertex without gradient. It may lie on the camera's plane, where it has no projection.
     if (GRAD_GEOMETRY && by_screen != vec3(0.0)) {
         View camera = view_record(view);
         vec3 p = position_of(shape, vertex);
@@ -128,7 +128,7 @@ void add_projected(int view, Shape shape, int vertex, inout vec3 position, inout
 void main() {
     int mesh = int(gl_WorkGroupID.y);
     int vertex = int(gl_GlobalInvocationID.x);
-    // A single mesh is drawn in all views, each of several in its own view.
+    // A single mesh is drawn in all views. Of several meshes each is drawn in its own view.
     int first = frame.mesh_count == 1u ? 0 : mesh;
     int last = frame.mesh_count == 1u ? int(frame.view_count) - 1 : mesh;
     if (vertex >= shape_of(first).vertex_count) {
@@ -136,7 +136,7 @@ void main() {
     }
     vec3 position = vec3(0.0);
     vec3 color = vec3(0.0);
-    // The loop tests its condition at the end, because llvmpipe executes the body once more when it tests at the start.
+    // The loop tests its condition at the end: llvmpipe executes the body once more if it tests at the start.
     int view = first;
     do {
         Shape shape = shape_of(view);

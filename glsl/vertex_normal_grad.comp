@@ -1,9 +1,9 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Vertex normal gradient, with smooth shading only: sums dL/dlight and dL/dnormal of all corners at a vertex in the order of
-// the adjacency, and takes them through light and normalisation to the sum of area vectors (smooth_normal in vertex.comp).
-// One invocation a vertex of a view, views along y. Reads `corner_lights` and the mesh; writes `area_gradients`
-// (dL/d(sum of area vectors), for vertex_grad.comp) and `light_records` (dL/dlight, normal, for reduce.comp).
+// Vertex normal gradient, with smooth shading only: sums dL/dlight and dL/dnormal of all corners at a vertex, in the order of
+// the adjacency, and carries them through light and normalisation to the sum of area vectors (smooth_normal in vertex.comp).
+// One invocation a vertex of a view, views along y. Reads `corner_lights` and the mesh. Writes `area_gradients`, which is
+// dL/d(sum of area vectors) for vertex_grad.comp, and `light_records`, which is (dL/dlight, normal) for reduce.comp.
 
 layout(local_size_x = 64) in;
 
@@ -48,13 +48,13 @@ void main() {
         by_normal += live ? texelFetch(corner_lights, light_at + 1).xyz : vec3(0.0);
     }
     vec3 given = given_normal(shape, vertex);
-    // A normal that the mesh gives does not depend on the positions.
+    // A normal of the mesh's own does not depend on the positions.
     area = is_given(given) ? vec3(0.0) : area;
     vec3 normal = is_given(given) ? given : unit_or_zero(area);
     float size = length(area);
     // n = a / |a|: dL/da = (I - n nᵀ) dL/dn / |a|.
     vec3 by_unit = by_normal + (LIT ? light_gradient(normal, by_light) : vec3(0.0));
-    // Area vectors whose square leaves the range of a float have no gradient.
+    // If the square of an area vector leaves the range of a float, the vector has no gradient.
     vec3 by_area = size > 1e-30 && size < 1e30 ? (by_unit - normal * dot(normal, by_unit)) / size : vec3(0.0);
     int to = shape.screen_base + vertex;
     area_gradients[to] = vec4(by_area, 0.0);

@@ -1,4 +1,4 @@
-// From world space to view space to pixels, in double floats. project_gradient.glsl is the derivative.
+// From world space to view space to pixels, in double floats. project_gradient.glsl has the derivatives.
 // Needs constants.glsl, modes.glsl, df64.glsl and the buffer `view_cameras`.
 
 // A point in view space, each coordinate a double float.
@@ -8,10 +8,10 @@ struct ViewPoint {
     vec2 z;
 };
 
-// Beyond this many pixels a vertex is far outside any image; the bound keeps products finite.
+// A vertex this many pixels away is far outside any image. The bound keeps products finite.
 const float FARTHEST_PIXEL = 1e12;
 
-// One row of the view transform, whose high and low parts lie in two texels, times (p, 1).
+// One row of the view transform times (p, 1). The row's high and low parts lie in two texels.
 vec2 view_row(int at, vec3 p) {
     vec4 high = texelFetch(view_cameras, at);
     vec4 low = texelFetch(view_cameras, at + 1);
@@ -51,7 +51,7 @@ vec2 bounded(vec2 a) {
     return abs(a.x) < FARTHEST_PIXEL ? a : vec2(clamp(a.x, -FARTHEST_PIXEL, FARTHEST_PIXEL), 0.0);
 }
 
-// Pixel coordinates (column, row), each a double float; the centre of pixel (r, c) is at (c, r).
+// Pixel coordinates (column, row), each a double float. The centre of pixel (r, c) is at (c, r).
 void to_pixels(int view, ViewPoint v, out vec2 column, out vec2 row) {
     int at = view * int(CAMERA_TEXELS);
     vec4 a = texelFetch(view_cameras, at + 6);

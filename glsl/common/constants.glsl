@@ -1,54 +1,54 @@
-// The constants that Rust and GLSL share; build.rs turns each into a Rust constant, documented by the comment above it.
+// The constants that Rust and GLSL have in common. build.rs turns each into a Rust constant, with the comment above as its
+// documentation.
 
 // Width of a tile in pixels.
 const uint TILE_WIDTH = 8u;
-// Height of a tile in pixels: 8×4 is what one subgroup of eight lanes holds in registers, four pixels a lane.
+// Height of a tile in pixels. One subgroup of eight lanes holds 8×4 pixels in registers, four pixels a lane.
 const uint TILE_HEIGHT = 4u;
-// Tiles of a bin along each axis; 8×8 tiles are the 64 bits of a mask.
+// Tiles of a bin along each axis. 8×8 tiles are the 64 bits of a mask.
 const uint BIN_TILES = 8u;
 // Width of a bin in pixels.
 const uint BIN_WIDTH = 64u;
 // Height of a bin in pixels.
 const uint BIN_HEIGHT = 32u;
-// Workgroups of one indirect dispatch: a device need only allow 65535 along an axis, so longer lists take several rows.
+// Workgroups of one indirect dispatch. A device need only allow 65535 along an axis, so a longer list takes several rows.
 const uint FORWARD_ROW = 32768u;
 // Invocations of a workgroup of the vertex and triangle stages.
 const uint LINEAR_GROUP = 64u;
-// Word of `tile_counts` where the three workgroup counts for a row of tiles with a list begin.
+// Word of `tile_counts` where the three workgroup counts of a row of tiles with entries begin.
 const uint TILES_FILLED = 0u;
-// Word of `tile_counts` where the three workgroup counts for a row of tiles that need the background begin.
+// Word of `tile_counts` where those of a row of tiles that need the background begin.
 const uint TILES_EMPTY = 3u;
-// Word of `tile_counts` where the three workgroup counts for a row of tiles begin that have a triangle too thin for
-// forward_soft, so that forward draws them.
+// Word of `tile_counts` where those of a row of tiles with a triangle too thin for forward_soft begin. forward draws them.
 const uint TILES_GENERAL = 6u;
-// Word of `tile_counts` where those for a row of tiles begin that forward_soft_long and forward_long process at once.
+// Word of `tile_counts` where those of a row of tiles that forward_soft_long and forward_long process at once begin.
 const uint TILES_WALKED = 9u;
 // Words of `tile_counts` for each row of FORWARD_ROW tiles.
 const uint TILE_COUNT_WORDS = 12u;
-// Tiles of a row of those that they process in several turns, for each of which `walk_state` has an entry. The three
-// workgroup counts of each such row lie behind those of all other rows.
+// Tiles of a row of those that forward_soft_long and forward_long process in several turns. `walk_state` has an entry for each
+// tile of a row. The three workgroup counts of these rows lie behind those of all other rows.
 const uint RESUMED_ROW = 4096u;
 // Triangles in one word of a bin's bitmap.
 const uint WORD_BITS = 32u;
-// Words of a block of WORD_BITS entries of a bin's list: a mask for each tile of the entries that may touch it, a mask of the
+// Words of a block of WORD_BITS entries of a bin's list: for each tile a mask of the entries that may touch it, a mask of the
 // back faces, and a mask of the thin triangles.
 const uint BLOCK_WORDS = 66u;
 
 // First word of an entry of `bin_ranges` whose bin has no list, because there was no room for it.
 const uint NO_LIST = 0xffffffffu;
-// Entries at hand that a walk has room for: those of WORD_BITS blocks, and less than two words more.
+// The entries at hand that a walk has room for: those of WORD_BITS blocks, and less than two words more.
 const uint WALK_WINDOW = 1088u;
 // Words of an entry of `walk_state`: 21 for each of 32 pixels, 32 entries, and where the walk stands.
 const uint WALK_STATE_WORDS = 709u;
-// Words that textures with an alpha add to it: one for each of 32 pixels.
+// Words that textures with an alpha add to an entry of `walk_state`: one for each of 32 pixels.
 const uint WALK_OPACITY_WORDS = 32u;
-// Passes of loops that WORD_BITS blocks take beyond one for each with entries.
+// Passes of loops that WORD_BITS blocks take, besides one for each block with entries.
 const uint WALK_GROUP_PASSES = 8u;
 // Passes of loops that WORD_BITS entries of a list take.
 const uint WALK_LIST_PASSES = 38u;
 // The most passes that a group of WORD_BITS blocks takes, with the entries that it completes.
 const uint WALK_MOST_PASSES = 1300u;
-// Value of frame.number where tiles are walked at once.
+// Value of frame.number for tiles that are walked at once.
 const uint ONE_TURN = 0xffffffffu;
 
 // Value in `tile_marks`: the tile's pixels hold the background.
@@ -56,7 +56,7 @@ const uint MARK_BACKGROUND = 1u;
 
 // Flag of an entry of `view_shapes`: one colour for the whole mesh.
 const uint SHAPE_UNIFORM_COLOR = 1u;
-// Flag of an entry of `view_shapes`: `tile_marks` are valid, since nothing else has written to the images after them.
+// Flag of an entry of `view_shapes`: `tile_marks` are valid, because nothing else has written to the images since.
 const uint SHAPE_MARKS_VALID = 2u;
 // Texels (uvec4) of one entry of `view_shapes`.
 const uint SHAPE_TEXELS = 4u;
@@ -66,9 +66,9 @@ const uint CAMERA_TEXELS = 11u;
 const uint VERTEX_TEXELS = 2u;
 // Texels (vec4) of one vertex's light and normal.
 const uint VERTEX_SHADING_TEXELS = 2u;
-// Texels (vec4) of one triangle's geometry record, but for its tail.
+// Texels (vec4) of one triangle's geometry record, without its tail.
 const uint GEOMETRY_TEXELS = 4u;
-// Texels (vec4) of a shading record with corner colours only; the geometry's tail is in the first of them.
+// Texels (vec4) of a shading record with corner colours only. The geometry's tail is in the first of them.
 const uint SHADING_TEXELS = 4u;
 // Texels (vec4) that texture coordinates add to a shading record.
 const uint SHADING_COORDINATE_TEXELS = 2u;
@@ -93,7 +93,7 @@ const uint COLOR_HARD = 1u;
 const uint SILHOUETTE_PRODUCT = 0u;
 // SILHOUETTE_MODE: sum of D over the number of triangles, at most 1.
 const uint SILHOUETTE_SUM = 1u;
-// SILHOUETTE_MODE: 1 where any D > 1/2.
+// SILHOUETTE_MODE: 1 if any D > 1/2, else 0.
 const uint SILHOUETTE_HARD = 2u;
 
 // DISTANCE: squared distance to the boundary, d² of eq. 1.
@@ -110,7 +110,7 @@ const uint SAMPLING_SURFACE = 1u;
 // SAMPLING bit: some mesh has image textures.
 const uint SAMPLING_IMAGE = 2u;
 
-// DEPTH_RANGE: every fragment is known to lie within [near, far].
+// DEPTH_RANGE: every fragment lies within [near, far].
 const uint DEPTH_RANGE_INSIDE = 0u;
 // DEPTH_RANGE: fragments beyond far are dropped.
 const uint DEPTH_RANGE_FAR = 1u;
@@ -147,22 +147,22 @@ const uint STATUS_CELLS_NEEDED = 4u;
 const uint STATUS_FILLED_TILES = 5u;
 // Word of `status`: tiles that received the background.
 const uint STATUS_EMPTY_TILES = 6u;
-// Word of `status`: 1 once a backward pass has found its frame complete, so that its gradients may be used; 0 before that and
-// for a frame with a vertex that is not finite. All gradients of such a frame are zero.
+// Word of `status`: 1 once a backward pass has found its frame complete, so that its gradients may be used. 0 before that, and
+// if a vertex is not finite: then all gradients are zero.
 const uint STATUS_WHOLE = 7u;
-// Word of `status`: tiles whose lists are nowhere in memory, in one turn or several.
+// Word of `status`: tiles whose lists are not in memory, in one turn or several.
 const uint STATUS_WALKED_TILES = 8u;
 // Word of `status`: tiles with a list that have a triangle too thin for forward_soft.
 const uint STATUS_THIN_TILES = 9u;
-// Word of `status`: not 0 when a triangle's box has more pixels than LARGE_BOX or several cells, in a frame that is saved.
+// Word of `status`: not 0 if, in a frame that is saved, a triangle's box has more pixels than LARGE_BOX or several cells.
 const uint STATUS_LARGE_BOXES = 10u;
 // Number of words of `status`.
 const uint STATUS_WORDS = 11u;
 
-// Bit of GRADIENTS, the gradients that backward computes: by the vertices' positions on the image, from which those by world
-// positions and the camera follow.
+// Bit of GRADIENTS, the gradients that backward computes: by the vertices' positions on the image. Those by world positions and
+// the camera follow from them.
 const uint GRADIENT_GEOMETRY = 1u;
-// Bit of GRADIENTS: by corner colours, from which those by vertex colours and lights follow.
+// Bit of GRADIENTS: by corner colours. Those by vertex colours and lights follow from them.
 const uint GRADIENT_COLOR = 2u;
 // Bit of GRADIENTS: by texture coordinates.
 const uint GRADIENT_COORDINATE = 4u;
@@ -200,19 +200,19 @@ const uint ITEMS_LONG = 18u;
 const uint ITEM_COUNT_WORDS = 21u;
 // Bit of an entry of `item_marks`: the item has an entry in `partials`.
 const uint MARK_SUMMED = 1u;
-// Bit of an entry of `item_marks`: the record's box has several cells, in one item each or all in the first.
+// Bit of an entry of `item_marks`: the record's box has several cells, either one an item or all in the first item.
 const uint MARK_LARGE = 2u;
 // The lowest bit of the number of a record's further items in an entry of `item_marks`.
 const uint MARK_FURTHER_BIT = 2u;
-// First word of an entry of `cells` that is part of no record's.
+// First word of an entry of `cells` that belongs to no record.
 const uint NO_RECORD = 0xffffffffu;
 // Cells of a record that one turn of backward_long processes. With one lane a cell takes 1106 passes of loops.
 const uint CELLS_PER_TURN = 48u;
-// Lanes of a workgroup of small items where its subgroups need nothing of each other. Every workgroup takes llvmpipe an
-// allocation: with 64 in place of 8 lanes silhouettes of 64² and 256² take 0.95 of the time, colours 0.99.
+// Lanes of a workgroup of small items, if its subgroups need nothing of each other. llvmpipe makes an allocation for every
+// workgroup: with 64 in place of 8 lanes silhouettes of 64² and 256² take 0.95 of the time, colours 0.99.
 const uint SMALL_GROUP = 64u;
 
-// Width of a cell in pixels: backward splits larger pixel boxes into cells, which run in parallel.
+// Width of a cell in pixels. Backward splits larger pixel boxes into cells, which run in parallel.
 const uint CELL_WIDTH = 64u;
 // Height of a cell in pixels.
 const uint CELL_HEIGHT = 32u;

@@ -1,6 +1,7 @@
-// Double floats: a number as the sum of two floats (high, low), some 48 bits of mantissa (Dekker 1971; Knuth, TAOCP 4.2.2).
-// They keep the positions of small and distant triangles exact relative to each other. Every function rests on `precise`,
-// which forbids contraction and reassociation; none uses fma, which some drivers round twice. Needs nothing.
+// Double floats: a number as the sum of two floats (high, low), with some 48 bits of mantissa (Dekker 1971; Knuth, TAOCP
+// 4.2.2).
+// They keep the positions of small and distant triangles exact relative to each other. Every function needs `precise`, which
+// forbids contraction and reassociation. None uses fma, which some drivers round twice. Needs nothing.
 
 vec2 quick_two_sum(float a, float b) {
     precise float s = a + b;

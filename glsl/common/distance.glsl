@@ -2,7 +2,7 @@
 //
 //     x = ±d² / σ,   D = 1 / (1 + exp(-x))                                                               (eq. 1)
 //
-// d is the distance from the pixel to the nearest point of the triangle's boundary; the sign is + inside and - outside.
+// d is the distance from the pixel to the nearest point of the triangle's boundary. The sign is + inside and - outside.
 // The kernels compute d in three ways:
 // - signed_distance_at measures all three edges. forward.comp uses it, in every mode.
 // - soft_distance measures the edge whose line has the least signed distance. forward_soft.comp uses it.
@@ -146,8 +146,8 @@ void soft_distance(vec3 height, vec3 along, vec3 half_length, out SoftDistance d
 // nearest_point compares two edges by the sign of a line function, the separator. It is zero where both edges are equally near.
 // At an acute corner it is the difference of the signed distances. At an obtuse corner this difference loses all digits as the
 // edges become parallel. There the separator is the distance past the corner along both edges, which is zero on the same line.
-// In a triangle without area the longest edge is nearest to every pixel (flatten_to_segment in edge.glsl), so the separators are
-// constants. On spot at 256² these comparisons and the sums of pair_gradient.glsl take 18 % off the time of backward.
+// In a triangle without area the longest edge is nearest to every pixel (flatten_to_segment in edge.glsl), so the separators
+// are constants. On spot at 256² these comparisons and the sums of pair_gradient.glsl take 18 % off the time of backward.
 // What nearest_point needs of a triangle. It is computed once for all pixels.
 struct EdgeChoice {
     // Line functions (x, y, c): x column + y row + c is positive where edge 1 is nearer than edge 0, edge 2 nearer than

@@ -1,14 +1,13 @@
-// A host's draws: which of its vertices, indices and instances make which vertices and triangles of the frame. "Placed"
-// names the frame's copies: every draw's vertices and triangles, once for each of its instances.
-// Needs the buffer `draws`.
+// A host's draws: which of its vertices, indices and instances make which vertices and triangles of the frame. The frame's
+// copies are called "placed": every draw's vertices and triangles, once for each of its instances. Needs the buffer `draws`.
 
 struct Draw {
-    // First placed vertex, vertices of one instance, their first in the host's buffer, first transform.
+    // First placed vertex; vertices of one instance; the first of them in the host's buffer; first transform.
     int placed_vertex;
     int vertices;
     int first_vertex;
     int first_instance;
-    // First placed triangle, triangles of one instance, their first index in the host's buffer; instances.
+    // First placed triangle; triangles of one instance; their first index in the host's buffer; number of instances.
     int placed_triangle;
     int triangles;
     int first_index;
@@ -22,8 +21,8 @@ Draw draw_of(int index) {
 }
 
 // The draw that element `number` belongs to: the last of `count` draws that begins at or before it. `part` and `component`
-// select what is numbered: (0, 0) placed vertices, (1, 0) placed triangles, (0, 3) instances. An empty draw begins where
-// the next one does, so that it is never the last.
+// select the elements: (0, 0) are placed vertices, (1, 0) placed triangles, (0, 3) instances. An empty draw begins where the
+// next one does, so it is never the last.
 int draw_at(int number, int count, int part, int component) {
     int low = 0;
     int high = count - 1;

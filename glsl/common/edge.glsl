@@ -1,31 +1,32 @@
-// The three edges of a triangle on the image as signed distance functions (d of eq. 1), its pixel box grown by the culling
-// radius, and a conservative test against rectangles. All is relative to a whole-numbered pixel near the triangle, so that
-// a pixel's offset from it is exact and rounding is relative to the triangle's size, not to the image's.
+// The three edges of a triangle on the image, from which d of eq. 1 is computed, the pixel box grown by the culling radius, and
+// a conservative test against rectangles. Everything is relative to a whole-numbered pixel near the triangle. So a pixel's
+// offset from it is exact, and rounding is relative to the triangle's size, not to the image's.
 // Needs constants.glsl, modes.glsl, frame.glsl and df64.glsl.
 
 struct Edges {
     // Whole-numbered pixel (column, row) that everything is relative to.
     vec2 origin;
-    // Edge k lies opposite corner k: (n.x, n.y, c, g). n·q + c is the signed edge distance, positive inside;
-    // n.y q.x - n.x q.y + g is the distance along the edge from its midpoint; both times frame.scale.
+    // Edge k lies opposite corner k, and its record is (n.x, n.y, c, g). n·q + c is the signed distance of the pixel q to the
+    // edge's line, positive inside. n.y q.x - n.x q.y + g is the distance along the edge from its midpoint. Both are times
+    // frame.scale.
     vec4 line[3];
     // Half the edge's length times frame.scale.
     vec3 half_length;
-    // Barycentric coordinate k is the signed distance to edge k times half_length[k] times this. Negative and 0 have meanings of
-    // their own (inverse_heights_of in record.glsl).
+    // Barycentric coordinate k is the signed distance to edge k, times half_length[k], times this. A negative number or 0 has a
+    // meaning of its own (inverse_heights_of in record.glsl).
     float inverse_area;
     // Corners relative to the origin, pixels.
     vec2 corner[3];
-    // Sign of the area with rows downwards: negative is counter-clockwise as seen. Positive without area.
+    // The sign of the area with rows downwards: negative is counter-clockwise as seen. Without area it is positive.
     float orientation;
     // No area: the record describes a segment or a point.
     bool degenerate;
     bool finite;
 };
 
-// The line through a and b, whose cross product is `cross_ab`; `along` is their direction times frame.scale. The sign `side` selects
-// which of its sides is inside. The distance of the origin is that cross product over the length: for an edge whose ends lie
-// far outside the image, only this form has a rounding error relative to the visible part.
+// The record of the line through a and b. `cross_ab` is their cross product, `along` their direction times frame.scale, and the
+// sign `side` selects the inside. The distance of the origin is the cross product over the length: if an edge's ends lie far
+// outside the image, only this form has a rounding error relative to the visible part.
 vec4 line_record(vec2 a, vec2 b, vec2 along, float size_over_scale, float cross_ab, float side) {
     vec2 n = side * vec2(-along.y, along.x);
     vec2 middle = 0.5 * (a + b);
@@ -34,15 +35,15 @@ vec4 line_record(vec2 a, vec2 b, vec2 along, float size_over_scale, float cross_
     return vec4(n, c, g);
 }
 
-// The element of index k. An index that is no constant would keep the whole array in memory on a software device, where each
-// access goes lane by lane: 40 % of the time of triangle.comp.
+// The element of index k. If an index is not a constant, a software device keeps the whole array in memory and accesses it lane
+// by lane, which took 40 % of the time of triangle.comp.
 float element(vec3 v, int k) {
     return k == 2 ? v.z : (k == 1 ? v.y : v.x);
 }
 
-// Reduces a triangle without area to its longest edge. That edge keeps its record; the other two become the segment's end
-// points: lines across it, whose signed distances times the inverse heights are the barycentrics of the nearest point.
-// These are never both positive, so that no pixel is inside.
+// Reduces a triangle without area to its longest edge. That edge keeps its record. The other two become the lines across the
+// segment's ends, whose signed distances times the inverse heights are the barycentrics of the nearest point. No pixel has a
+// positive distance to all three, so no pixel is inside.
 void flatten_to_segment(inout Edges e, int longest, vec2 along, float size) {
     e.degenerate = true;
     vec2 across = vec2(-along.y, along.x);
@@ -50,26 +51,27 @@ void flatten_to_segment(inout Edges e, int longest, vec2 along, float size) {
     for (int k = 0; k < 3; ++k) {
         int next = k == 2 ? 0 : k + 1;
         int previous = k == 0 ? 2 : k - 1;
-        // The line through an end belongs to the edge opposite the other end and measures that one's barycentric coordinate.
+        // The line through an end belongs to the edge opposite the other end, and measures the other end's barycentric
+        // coordinate.
         vec2 end = longest == next ? e.corner[previous] : e.corner[next];
         vec4 end_line = line_record(end, e.corner[k], across, 0.0, 0.0, longest == next ? 1.0 : -1.0);
         e.line[k] = longest == k ? e.line[k] : end_line;
         e.half_length[k] = longest == k ? 0.5 * size * frame.scale : 0.0;
     }
     if (size == 0.0) {
-        // A point has the barycentrics of its first corner: its line has the same distance everywhere.
+        // A point has the barycentrics of its first corner: this line has the same distance everywhere.
         e.line[0] = vec4(0.0, 0.0, 1e15, 0.0);
     }
 }
 
-// Keeps the inverse area and half lengths times it within the range of a float.
+// This bound keeps the inverse area, and its product with half lengths, within the range of a float.
 const float LEAST_INVERSE_AREA = 1e-37;
 
 Edges edges_of(vec2 column[3], vec2 row[3]) {
     Edges e;
     vec2 low = vec2(min(column[0].x, min(column[1].x, column[2].x)), min(row[0].x, min(row[1].x, row[2].x)));
     vec2 high = vec2(max(column[0].x, max(column[1].x, column[2].x)), max(row[0].x, max(row[1].x, row[2].x)));
-    // Clamped to the image: for a triangle that reaches far beyond it the visible part must be exact.
+    // Clamped to the image: if a triangle reaches far beyond it, the visible part must be exact.
     e.origin = floor(clamp(0.5 * (low + high), vec2(0.0), vec2(frame.width, frame.height)));
     vec2 x[3];
     vec2 y[3];
@@ -94,7 +96,7 @@ Edges edges_of(vec2 column[3], vec2 row[3]) {
     float area = df_add(df_add(cross_ab[0], cross_ab[1]), cross_ab[2]).x;
     e.finite = abs(area) < 1e30;
     int longest = size.x >= size.y ? (size.x >= size.z ? 0 : 2) : (size.y >= size.z ? 1 : 2);
-    // Shorter than this in pixels is a point: quotients by its size would overflow a float.
+    // A segment shorter than this, in pixels, is a point: quotients by its size would overflow a float.
     float most = element(size, longest);
     float extent = most > 1e-12 ? most : 0.0;
     e.degenerate = abs(area) <= 1e-10 * extent * extent || extent == 0.0;
@@ -103,9 +105,10 @@ Edges edges_of(vec2 column[3], vec2 row[3]) {
     for (int k = 0; k < 3; ++k) {
         int a = k == 2 ? 0 : k + 1;
         int b = a == 2 ? 0 : a + 1;
-        // The line and the half length share this quotient, whose rounding cancels in the barycentric coordinate, their product.
+        // The line and the half length have this quotient in common. Its rounding cancels in their product, the barycentric
+        // coordinate.
         float size_over_scale = size[k] / frame.scale;
-        // An edge of no length is a point, for which any direction is right.
+        // An edge without length is a point. Any direction is right.
         vec2 along = size_over_scale > 0.0 ? side[k] / size_over_scale : vec2(frame.scale, 0.0);
         e.line[k] = line_record(e.corner[a], e.corner[b], along, size_over_scale, cross_ab[k].x, e.orientation);
         e.half_length[k] = size_over_scale * half_square;
@@ -119,7 +122,7 @@ Edges edges_of(vec2 column[3], vec2 row[3]) {
     return e;
 }
 
-// The culling radius in the units of edge k's line: how far outside of it the triangle still has fragments.
+// The culling radius in the units of edge k's line: how far outside of the line the triangle still has fragments.
 float reach_of(Edges e, int k) {
     if (DISTANCE == DISTANCE_EUCLIDEAN) {
         return sqrt(frame.radius_squared);
@@ -127,13 +130,13 @@ float reach_of(Edges e, int k) {
     return DISTANCE == DISTANCE_BARYCENTRIC ? frame.barycentric_radius / (e.half_length[k] * e.inverse_area) : 0.0;
 }
 
-// Pixels (first column, first row, last column, last row) that may be within the culling radius; empty when last < first.
+// The pixels that may be within the culling radius: (first column, first row, last column, last row). Empty if last < first.
 ivec4 grown_box(Edges e) {
     vec2 low = min(e.corner[0], min(e.corner[1], e.corner[2]));
     vec2 high = max(e.corner[0], max(e.corner[1], e.corner[2]));
     float grow = DISTANCE == DISTANCE_EUCLIDEAN ? frame.radius_pixels : 0.0;
     if (DISTANCE == DISTANCE_BARYCENTRIC) {
-        // The triangle grown about its centroid: each corner moves by the radius times its distance from the others.
+        // The triangle grows about its centroid: each corner moves by the radius times its distance from the others.
         float r = frame.barycentric_radius;
         vec2 sum = e.corner[0] + e.corner[1] + e.corner[2];
         for (int k = 0; k < 3; ++k) {
@@ -143,12 +146,12 @@ ivec4 grown_box(Edges e) {
         }
     }
     if (DISTANCE == DISTANCE_BARYCENTRIC && OFFICIAL) {
-        // The official code drops what lies outside the box grown by the Euclidean radius, whatever the distance.
+        // With any distance, the official code drops pixels outside the box grown by the Euclidean radius.
         vec2 radius = vec2(frame.radius_pixels);
         low = max(low, min(e.corner[0], min(e.corner[1], e.corner[2])) - radius);
         high = min(high, max(e.corner[0], max(e.corner[1], e.corner[2])) + radius);
     }
-    // A hundredth of a pixel covers the rounding of these sums; signed_distance_at makes the exact test.
+    // A hundredth of a pixel covers the rounding of these sums. signed_distance_at makes the exact test.
     vec2 margin = vec2(grow + 0.01);
     vec2 bound = vec2(frame.width, frame.height);
     vec2 first = clamp(ceil(e.origin + low - margin), vec2(0.0), bound);
@@ -156,8 +159,7 @@ ivec4 grown_box(Edges e) {
     return ivec4(first, last);
 }
 
-// Whether any pixel of the rectangle of `half_size` around `centre` (relative to the origin) may be within the culling
-// radius of the triangle.
+// Whether any pixel of a rectangle may be within the triangle's culling radius. `centre` is relative to the origin.
 bool may_touch(Edges e, vec2 centre, vec2 half_size) {
     bool touch = true;
     for (int k = 0; k < 3; ++k) {

@@ -91,8 +91,8 @@ Pixel finished(Pixel p);
 // after these can be left out.
 bool gather_entries(int from, int stop, float log_count, LaneConstants constants, inout Pixel pixels[PIXELS]);
 
-// The least log sum and the largest transmittance of all lanes' pixels (bounds_of_pixel). Pixels beyond the image's border count
-// too. They can only make the tile skip less.
+// The least log sum and the largest transmittance of all lanes' pixels (bounds_of_pixel). Pixels beyond the image's border
+// count too. They can only make the tile skip less.
 vec2 bounds_of_tile(Pixel pixels[PIXELS]) {
     // The largest transmittance is found as the minimum of its negative.
     vec2 least = vec2(3e38);

@@ -1,8 +1,8 @@
 // A fragment is one (pixel, triangle) pair. Here: its clipped barycentrics b̂, its depth, and the log weight ζ/γ of eq. 3.
 // pair_gradient.glsl has the derivatives. Needs distance.glsl.
 
-// clamp(b, 0, 1): b̂ before its division by the sum. The lower bound stands for 0. It keeps the sum positive if a triangle is so
-// thin that rounding puts a pixel outside all three edges.
+// clamp(b, 0, 1): b̂ before its division by the sum. The lower bound stands for 0. It keeps the sum positive if a triangle is
+// so thin that rounding puts a pixel outside all three edges.
 vec3 clipped_barycentrics(vec3 inverse_height, vec3 height) {
     vec3 b = height * inverse_height;
     return vec3(lesser(greater(b.x, 1e-20), 1.0), lesser(greater(b.y, 1e-20), 1.0), lesser(greater(b.z, 1e-20), 1.0));

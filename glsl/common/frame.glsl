@@ -1,4 +1,4 @@
-// The numbers of a frame: one push constant block for every stage of the rasterizer (`FramePush` in Rust). Needs nothing.
+// The numbers of a frame: one push constant block for every kernel of the rasterizer (`FramePush` in Rust). Needs nothing.
 
 layout(push_constant) uniform Frame {
     uint width;
@@ -11,9 +11,9 @@ layout(push_constant) uniform Frame {
     // Capacity of the bins' lists and of the tiles' lists, in entries.
     uint coarse_capacity;
     uint list_capacity;
-    // Factor of distances in pixels that makes exp2(-d²) the exponential of eq. 1: sqrt(log2(e) / sigma) · 2 / height.
+    // Times this factor, a distance d in pixels makes exp2(-d²) the exponential of eq. 1: sqrt(log2(e) / sigma) · 2 / height.
     float scale;
-    // The culling radius: squared in those units, and in pixels.
+    // The culling radius: squared in units of 1 / scale pixels, and in pixels.
     float radius_squared;
     float radius_pixels;
     // Barycentric distance: log2(e) / sigma, and the radius in barycentric units.
@@ -24,7 +24,7 @@ layout(push_constant) uniform Frame {
     float near_low;
     float far_high;
     float far_low;
-    // log2(e) / ((far - near) gamma), a double float: view depth to the log2 weight of eq. 3.
+    // log2(e) / ((far - near) gamma), a double float. It turns view depth into the log2 weight of eq. 3.
     float score_high;
     float score_low;
     // The background's log2 weight log2 exp(ε/γ) (eq. 3) as integer part and fraction.
@@ -39,11 +39,12 @@ layout(push_constant) uniform Frame {
     uint cell_capacity;
     uint view_count;
     uint mesh_count;
-    // Rows that `reduce` sums when they are not a view's triangles. Of `forward_soft_long`, `forward_long` and
-    // `backward_long` the number of the turn: of the dispatches over the same tiles or triangles, each of which goes on where the one before has ended.
+    // For `reduce` the number of rows, unless they are a view's triangles. For `forward_soft_long`, `forward_long` and
+    // `backward_long` the number of the turn: a tile or triangle may take several dispatches, each of which goes on where the
+    // one before has ended.
     uint number;
-    // First entry of `totals` that `reduce` writes; first entry of the row of items that `background`, `forward` and
-    // `backward` process.
+    // For `reduce` the first entry of `totals` to write. For `background`, `forward` and `backward` the first entry of the row
+    // of items to process.
     uint first;
     // Fixed-point units per unit of a texel's gradient.
     float texel_scale;

@@ -1,7 +1,7 @@
-// The numbers of a host's geometry: one push constant block for every place*.comp kernel. Needs nothing.
+// The numbers of a host's geometry: one push constant block for the place kernels, but those of texels. Needs nothing.
 
 layout(push_constant) uniform Push {
-    // Elements: invocations, or workgroups where a workgroup takes one element.
+    // Elements. Each takes one invocation, or one workgroup.
     uint count;
     // Draws in the table.
     uint draws;
@@ -9,13 +9,14 @@ layout(push_constant) uniform Push {
     uint first;
     // Added to each index: the number of the mesh's vertices before the placed ones.
     uint base;
-    // Layout of the host's vertices, or of its gradients where these are written: words from one to the next, and before
-    // the first.
+    // Layout of the host's vertices, or of its gradients if the kernel writes these: words from one to the next, and before the
+    // first.
     uint stride;
     uint offset;
     // The same for transforms.
     uint transform_stride;
     uint transform_offset;
-    // Bits of an index; or which texel of `vertex_gradients` is read: 0 for positions, 1 for colours.
+    // place_indices: bits of an index. place_uvs: 1 if the host's v grows downwards. place_vertex_grad: the texel of
+    // `vertex_gradients` to read, 0 for positions and 1 for colours.
     uint select;
 } push;

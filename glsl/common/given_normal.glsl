@@ -1,6 +1,6 @@
 // The normals that meshes give their vertices. Needs mesh.glsl and the buffer `vertex_normals`.
 
-// The vertex's given normal, a unit vector, or zero where the triangles decide.
+// The vertex's given normal, a unit vector, or zero if the triangles decide.
 vec3 given_normal(Shape shape, int vertex) {
     if (!GIVEN_NORMALS) {
         return vec3(0.0);

@@ -1,16 +1,17 @@
-// Specialization constants of the backward pass: which gradients it computes, and the strides that follow.
+// The modes of the backward pass as specialization constants: which gradients it computes, and the strides that follow from
+// them.
 // Needs constants.glsl and modes.glsl.
 
-// OUTPUT_ bits of the images that have an upstream gradient dL/dimage.
+// OUTPUT_ bits of the images with an upstream gradient dL/dimage.
 layout(constant_id = 20) const uint UPSTREAM = 3;
 // GRADIENT_ bits.
 layout(constant_id = 21) const uint GRADIENTS = 3;
-// Eq. 4 alone: barycentrics are held constant.
+// Eq. 4 alone, as in the paper: the barycentrics count as constants.
 layout(constant_id = 22) const bool PAPER = false;
-// Whether the vertices take their gradients from `partials` without triangle_grad.comp: where nothing is clipped or lit, and
-// neither textures, normals nor views want gradients, all corners at a vertex have one projection.
+// Whether vertex_grad.comp takes gradients from `partials`, without triangle_grad.comp. If nothing is clipped or lit, and no
+// texture, normal or view needs a gradient, then all corners at a vertex have one projection.
 layout(constant_id = 28) const bool PER_VERTEX = false;
-// Every lane takes a small item of its own.
+// Whether every lane takes a small item of its own.
 layout(constant_id = 23) const bool SMALL = false;
 
 const bool UP_COLOR = (UPSTREAM & OUTPUT_COLOR) != 0u;
@@ -32,8 +33,8 @@ const int PARTIAL_COLOR_AT = int(PARTIAL_TEXELS);
 const int PARTIAL_COORDINATE_AT = PARTIAL_COLOR_AT + int(GRAD_COLOR) * int(PARTIAL_COLOR_TEXELS);
 const int PARTIAL_NORMAL_AT = PARTIAL_COORDINATE_AT + int(GRAD_COORDINATE) * int(PARTIAL_COORDINATE_TEXELS);
 const int PARTIAL_STRIDE = PARTIAL_NORMAL_AT + int(GRAD_NORMAL) * int(PARTIAL_NORMAL_TEXELS);
-// Texels of an entry of `pixel_gradients` (pixel_grad.comp): two for the shaded images, one for the normal, one for the least
-// factor of the transmittance.
+// Texels of an entry of `pixel_gradients` (pixel_grad.comp): two for the shaded images, one for the normal, and one for the
+// least factor of the transmittance.
 const int PIXEL_LEAST_AT = 2 * int(UP_SHADED) + int(UP_NORMAL);
 const int PIXEL_STRIDE = PIXEL_LEAST_AT + int(LEAST_APART);
 // Gradients by the camera or by sigma and gamma are summed over a whole view.

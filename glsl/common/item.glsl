@@ -1,5 +1,5 @@
-// The work items of backward: one for each triangle's pixel box, or one for each cell of a box larger than a cell. The first cell's
-// item has the record's index. The others follow behind all records. Needs constants.glsl and arithmetic.glsl.
+// The work items of backward: one for each triangle's pixel box, or one for each cell of a box larger than a cell. The first
+// cell's item has the record's index. The others follow behind all records. Needs constants.glsl and arithmetic.glsl.
 
 struct Item {
     // The index of its entry of `partials`, and that of the triangle's record.

@@ -58,7 +58,8 @@ struct RowPosition {
     vec2 below;
 };
 
-// An edge bounds the columns only if its normal has at least this component across them. The bound of a flatter edge loses digits.
+// An edge bounds the columns only if its normal has at least this component across them. The bound of a flatter edge loses
+// digits.
 const float STEEP = 0.01;
 
 void bound_by(vec4 line, float inverse_height, ItemPixels pixels, inout ColumnBounds b) {

@@ -1,6 +1,6 @@
-// Reductions over the lanes of a workgroup, in a fixed order. With SUBGROUP_RECORDS the workgroup is one subgroup of 4 to 64 lanes,
-// a power of two, and they use shuffles. Else they use shared memory. A workgroup of small items may have several subgroups: then
-// least_of_lanes and bits_of_lanes reduce over each of them. Needs the local size.
+// Reductions over the lanes of a workgroup, in a fixed order. With SUBGROUP_RECORDS the workgroup is one subgroup of 4 to 64
+// lanes, a power of two, and they use shuffles. Else they use shared memory. A workgroup of small items may have several
+// subgroups: then least_of_lanes and bits_of_lanes reduce over each of them. Needs the local size.
 
 #ifndef SUBGROUP_RECORDS
 shared vec4 lane_values[gl_WorkGroupSize.x];
@@ -8,8 +8,9 @@ shared uint lane_bits[gl_WorkGroupSize.x];
 #endif
 
 #ifdef SUBGROUP_RECORDS
-// With shuffles, each lane combines its value with that of the lane whose number differs in one bit, from the highest bit to the
-// lowest. The number of lanes is a constant when the pipeline is compiled. So the loops unroll, and bits beyond it cost nothing.
+// With shuffles, each lane combines its value with that of the lane whose number differs in one bit, from the highest bit to
+// the lowest. The number of lanes is a constant when the pipeline is compiled. So the loops unroll, and bits beyond it cost
+// nothing.
 const int MOST_LANE_BITS = 6;
 bool is_lane_bit(int bit) {
     return (1u << bit) < min(gl_WorkGroupSize.x, gl_SubgroupSize);

@@ -1,5 +1,5 @@
-// Ambient and directional light on a normal, and its derivative; the unit vector along a normal.
-// Needs frame.glsl and the buffer `lights`: the ambient colour, then direction and colour of each light in turn.
+// Ambient and directional light on a normal, with its derivative, and the unit vector along a normal.
+// Needs frame.glsl and the buffer `lights`: the ambient colour, then the direction and the colour of each light.
 
 // ambient + Σ color max(normal · direction, 0).
 vec3 light_on(vec3 normal) {
@@ -13,7 +13,7 @@ vec3 light_on(vec3 normal) {
     return sum;
 }
 
-// Derivative of light_on by the normal: dL/dnormal from dL/dlight.
+// The derivative of light_on by the normal: dL/dnormal from dL/dlight.
 vec3 light_gradient(vec3 normal, vec3 by_light) {
     vec3 sum = vec3(0.0);
     uint count = frame.light_count;
@@ -25,8 +25,8 @@ vec3 light_gradient(vec3 normal, vec3 by_light) {
     return sum;
 }
 
-// The unit vector along v, or zero where v is zero or not finite. v is scaled by its largest component first, so that no
-// square overflows or vanishes.
+// The unit vector along v, or zero if v is zero or not finite. v is first divided by its largest component, so that no square
+// overflows or vanishes.
 vec3 unit_or_zero(vec3 v) {
     vec3 a = abs(v);
     float largest = max(a.x, max(a.y, a.z));

@@ -7,7 +7,7 @@ struct Shape {
     int vertex_count;
     int triangle_base;
     int triangle_count;
-    // First of this view's transformed vertices, records, bins and bitmap words.
+    // The first of this view's transformed vertices, records, bins and bitmap words.
     int screen_base;
     int record_base;
     int bin_base;
@@ -15,13 +15,13 @@ struct Shape {
     // Records (two a triangle where the near plane may cut it) and bitmap words of a bin.
     int record_count;
     int word_count;
-    // First float of the mesh's colours; `uniform_color` means one colour for the whole mesh.
+    // First float of the mesh's colours, and whether the whole mesh has one colour.
     int color_base;
     bool uniform_color;
-    // Whether empty tiles that `tile_marks` says hold the background need not be written.
+    // Whether `tile_marks` are valid. Then an empty tile that is marked holds the background already.
     bool marks_valid;
-    // Texture coordinates: first float and first index, -1 for none. First of the triangles' texture numbers, or -1 less the
-    // one number for all triangles.
+    // Texture coordinates: first float and first index, or -1 without them. The first of the triangles' texture numbers, or -1
+    // less the one number for all triangles.
     int uv_base;
     int uv_index_base;
     int texture_base;
@@ -39,7 +39,7 @@ Shape shape_of(int view) {
                  (uint(c.w) & SHAPE_MARKS_VALID) != 0u, d.x, d.y, d.z, d.w);
 }
 
-// The view that a record belongs to: the views' records follow each other. Bisection serves batches of many views.
+// The view that a record belongs to, by bisection: the views' records follow each other.
 int view_of(int record_index) {
     int low = 0;
     int high = int(frame.view_count) - 1;

@@ -1,5 +1,5 @@
-// Specialization constants of the rasterizer: what a frame computes is fixed when a pipeline is made, so that no code is
-// compiled for what is not asked for. Needs constants.glsl.
+// The modes of a frame are specialization constants: they are fixed when a pipeline is made, so the driver compiles no code for
+// other modes. Needs constants.glsl.
 
 layout(constant_id = 1) const uint OUTPUTS = 3;
 layout(constant_id = 2) const uint COLOR_MODE = 0;
@@ -19,38 +19,39 @@ layout(constant_id = 15) const bool OFFICIAL = false;
 layout(constant_id = 16) const bool DISTORTED = false;
 // Whether forward_soft serves the frame's modes.
 layout(constant_id = 17) const bool SOFT = false;
-// Passes of all loops of an invocation together that the device is trusted with.
+// The most passes that all loops of an invocation together may take on the device.
 layout(constant_id = 18) const uint LOOP_PASSES = 60000;
-// Whether tiles without a list are drawn in this frame (walked_tile.glsl), so that `tile_items` has entries without a length.
+// Whether the frame draws tiles whose lists are not in memory (walked_tile.glsl). Then `tile_items` has entries without a
+// length.
 layout(constant_id = 19) const bool WALKS = true;
-// Whether some texture has an alpha below 1: D' = α D takes the place of D in eq. 2, 3 and 5.
+// Whether some texture has an alpha below 1. Then D' = α D takes the place of D in eq. 2, 3 and 5.
 layout(constant_id = 25) const bool OPACITY = false;
 // Whether some mesh gives the normals of its vertices (`vertex_normals`).
 layout(constant_id = 27) const bool GIVEN_NORMALS = false;
 
-// In constant expressions choices and logic are sums and products, because glslang compiles ?:, && and || to branches, which
-// cannot stand outside a function.
+// Constant expressions here use sums and products for logic. glslang compiles ?:, && and || to branches, which cannot stand
+// outside a function.
 
 // Whether any image needs the weights of eq. 3.
 const bool SHADED = (OUTPUTS & (OUTPUT_COLOR | OUTPUT_DEPTH | OUTPUT_NORMAL)) != 0u;
 const bool WANT_COLOR = (OUTPUTS & OUTPUT_COLOR) != 0u;
 const bool WANT_DEPTH = (OUTPUTS & OUTPUT_DEPTH) != 0u;
 const bool WANT_NORMAL = (OUTPUTS & OUTPUT_NORMAL) != 0u;
-// The composite background is blended by the silhouette, asked for or not.
+// The composite background needs the silhouette even if the caller does not.
 const bool WANT_SILHOUETTE = ((OUTPUTS & OUTPUT_SILHOUETTE) | uint(COMPOSITE) * uint(SHADED)) != 0u;
-// The shading record holds the depth and the texture coordinates too, so a silhouette with a depth range or with textures'
-// alpha needs it.
+// The shading record has the depth and the texture coordinates too. So a silhouette needs it with a depth range, or if textures
+// have alpha.
 const bool WANT_SHADING = (uint(SHADED) | DEPTH_RANGE | uint(OPACITY)) != 0u;
-// Whether the product of eq. 5 is kept with its least factor apart (pixel.glsl).
+// Whether the least factor of the product of eq. 5 is apart (pixel.glsl).
 const bool LEAST_APART = uint(OPACITY) * uint(SILHOUETTE_MODE == SILHOUETTE_PRODUCT) != 0u;
-// Whether the tile lists hold front faces before back faces, which front faces mostly hide. The hard mode keeps one order,
-// because the first of equally near triangles wins.
+// Whether the tile lists have front faces before back faces, which front faces mostly hide. The hard mode has one order for
+// all, because the first of equally near triangles wins.
 const bool PARTED = uint(SHADED) * uint(COLOR_MODE == COLOR_SOFTMAX) != 0u;
-// Offset of the normals in a shading record, and the strides of the records, in texels. Without shading the geometry record
-// has its tail as a texel of its own.
+// The offset of the normals in a shading record, and the strides of the records, in texels. Without shading the geometry
+// record's tail is a texel of its own.
 const int GEOMETRY_STRIDE = int(GEOMETRY_TEXELS) + int(!WANT_SHADING);
 const int SHADING_NORMAL_AT = int(SHADING_TEXELS) + int(SAMPLING != SAMPLING_NONE) * int(SHADING_COORDINATE_TEXELS);
 const int SHADING_STRIDE = SHADING_NORMAL_AT + int(WANT_NORMAL) * int(SHADING_NORMAL_TEXELS);
-// What takes the place of a pixel's reference weight where it has no weights, in the soft and in the hard mode.
+// The saved reference of a pixel without weights, in the soft mode and in the hard mode (saved_of in pixel.glsl).
 const vec2 NO_WEIGHTS = vec2(0.0, 1e30);
 const vec2 NO_NEAREST = vec2(-1.0);

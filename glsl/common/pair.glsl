@@ -13,7 +13,7 @@ struct ItemTriangle {
     float scale;
     // Depth of corner 0.
     float z0;
-    // dL/dz over dL/ds, s being the log weight ζ/γ of eq. 3: -1/((far - near) γ).
+    // dL/dz over dL/ds, with the log weight s = ζ/γ of eq. 3: -1/((far - near) γ).
     float weight_slope;
 };
 

@@ -1,12 +1,12 @@
-// The derivatives of one fragment (eq. 4). Each function is the transpose of one step of pair.glsl, distance.glsl or sample.glsl,
-// and adds to a lane's sums. `by_X` is the derivative of the loss by X, where X is the name that forward uses.
+// The derivatives of one fragment (eq. 4). Each function is the transpose of one step of pair.glsl, distance.glsl or
+// sample.glsl, and adds to a lane's sums. `by_X` is the derivative of the loss by X, where X is the name that forward uses.
 // Needs pair.glsl, texel_gradient.glsl and what these need.
 
 struct Sums {
     // dL/d(column, row) of each corner, in pixels.
     vec2 corner[3];
-    // dL by the barycentric coordinates b_k, and the same times the pixel's column and row in the item. ∂b_k/∂p_m = -b_m ∇b_k is
-    // linear in the pixel, so corners_from_barycentrics applies it once to the sums.
+    // dL by the barycentric coordinates b_k, and the same times the pixel's column and row in the item. ∂b_k/∂p_m = -b_m ∇b_k
+    // is linear in the pixel, so corners_from_barycentrics applies it once to the sums.
     vec3 by_b;
     vec3 by_b_column;
     vec3 by_b_row;
@@ -74,7 +74,8 @@ vec3 nearness(Corner c) {
     return vec3(1.0, 1.0 + c.depth.x, 1.0 + c.depth.y);
 }
 
-// v_j = dL/dI · C_j + dL/dnormal · n_j + dL/ddepth z_j of a fragment, and its derivatives by the corners' shares in the mixture.
+// v_j = dL/dI · C_j + dL/dnormal · n_j + dL/ddepth z_j of a fragment, and its derivatives by the corners' shares in the
+// mixture.
 // A share is b̂_k z/z_k with perspective correction, and b̂_k without.
 struct Value {
     float value;
@@ -95,8 +96,8 @@ void add_light(vec3 by_light, vec3 weighted, inout Sums s) {
     }
 }
 
-// The colour's part of v_j. C_j is computed in forward's order of operations: where one fragment makes up nearly all of a pixel,
-// v_j - V then cancels to 0, as it should.
+// The colour's part of v_j. C_j is computed in forward's order of operations: where one fragment makes up nearly all of a
+// pixel, v_j - V then cancels to 0, as it should.
 void add_color(Corner c, vec3 by_color, float weight, vec3 weighted, inout Value v, inout Sums s) {
     vec3 light = c.color * v.share;
     if (SAMPLING == SAMPLING_NONE) {
@@ -188,8 +189,8 @@ float opacity_gradient(PixelGradient g, Weight w, Value v) {
     return COLOR_MODE == COLOR_SOFTMAX ? lesser(w.by_alpha, STEEPEST) * (v.value - g.mean) : 0.0;
 }
 
-// Carries dL/dα to the texels' alpha, the texture coordinates and the shares. Afterwards the derivatives by the shares are those
-// of w_j v_j.
+// Carries dL/dα to the texels' alpha, the texture coordinates and the shares. Afterwards the derivatives by the shares are
+// those of w_j v_j.
 void add_opacity(ItemTriangle item, Opacity o, float by_alpha, float weight, inout Value v, inout Sums s) {
     Corner c = item.corner;
     vec2 by_coordinate = by_alpha * o.slope;

@@ -13,7 +13,7 @@ struct Partial {
     mat3 normal;
 };
 
-// Adds one item's entry, as write_sums in backward.comp lays it out.
+// Adds one item's entry. write_sums in backward.comp has its layout.
 void add_partial(int item, inout Partial p) {
     int at = item * PARTIAL_STRIDE;
     vec4 a = texelFetch(partials, at);

@@ -2,8 +2,8 @@
 // I = Σ_j w_j C_j + w_b C_b (eq. 2), w_j = D_j exp(ζ_j/γ) / (Σ_k D_k exp(ζ_k/γ) + exp(ε/γ)) (eq. 3), A = 1 - Π_j (1 - D_j)
 // (eq. 5). Needs constants.glsl, modes.glsl and frame.glsl.
 
-// Kahan compensation: the rounding error so far of each of a pixel's sums, subtracted from the next term (Kahan, Further remarks
-// on reducing truncation errors, 1965).
+// Kahan compensation: the rounding error so far of each of a pixel's sums, subtracted from the next term (Kahan, Further
+// remarks on reducing truncation errors, 1965).
 struct Excess {
     float silhouette;
     float sum;
@@ -25,8 +25,8 @@ struct Cover {
 struct Pixel {
     // The aggregate of SILHOUETTE_MODE: the transmittance Π(1 - D) (eq. 5), Σ D, or 1 where any D > 1/2.
     float silhouette;
-    // With LEAST_APART the least factor of the transmittance, which `silhouette` leaves out. ∂A/∂D' of a fragment is the product
-    // of the other fragments' factors. If 1 - D is 0, it cannot be found from the product of all.
+    // With LEAST_APART the least factor of the transmittance, which `silhouette` leaves out. ∂A/∂D' of a fragment is the
+    // product of the other fragments' factors. If 1 - D is 0, it cannot be found from the product of all.
     float least;
     // The largest log2 weight log2 exp(ζ/γ) so far (eq. 3), as integer part and fraction. `sum`, which is the denominator of
     // eq. 3, and the images' sums below are relative to it.
@@ -58,8 +58,8 @@ Pixel background_pixel() {
     return p;
 }
 
-// A word's entries have sums of their own, which are then added to the pixel's sums with compensation. So the error is that of 32
-// additions, however many layers there are.
+// A word's entries have sums of their own, which are then added to the pixel's sums with compensation. So the error is that of
+// 32 additions, however many layers there are.
 
 // A pixel before a word: the pixel's reference, and empty sums.
 Pixel word_of(Pixel p) {

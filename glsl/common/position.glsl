@@ -10,7 +10,7 @@ ivec3 triangle_vertices(Shape shape, int triangle) {
     return ivec3(texelFetch(indices, at).x, texelFetch(indices, at + 1).x, texelFetch(indices, at + 2).x);
 }
 
-// Two edges divided by their largest component `size`, so that their product neither overflows nor vanishes.
+// Two edges, divided by their largest component `size` so that their product neither overflows nor vanishes.
 void unit_edges(vec3 p0, vec3 p1, vec3 p2, out vec3 edge1, out vec3 edge2, out float size) {
     edge1 = p1 - p0;
     edge2 = p2 - p0;

@@ -1,4 +1,4 @@
-// The derivative of camera.glsl: from pixels and depth back to view space, to the mesh's positions and to the projection's
+// The derivatives of camera.glsl: from pixels and depth back to view space, to the mesh's positions and to the projection's
 // parameters. `by_X` is the derivative of the loss by X.
 // Needs constants.glsl, modes.glsl and the buffer `view_cameras`.
 
@@ -26,8 +26,8 @@ View view_record(int view) {
     return View(rotation, vec3(x.w, y.w, z.w), uint(a.x), vec2(a.z, b.x), at);
 }
 
-// A depth to divide by. Official parity does not clip at the near plane, so that a visible triangle may have a corner on the
-// camera's plane; so close to it the projection is clamped anyway.
+// A depth to divide by. Official parity does not clip at the near plane, so a visible triangle may have a corner on the
+// camera's plane. So close to the plane the projection is clamped anyway.
 float from_plane(float z) {
     return abs(z) < 1e-20 ? 1e-20 : z;
 }
@@ -38,7 +38,7 @@ vec3 view_point(View v, vec3 p) {
     return v.kind == PROJECTION_SCREEN ? vec3(q.xy * from_plane(q.z), from_plane(q.z)) : q;
 }
 
-// Derivative of `distort` by the undistorted x, y; `by` is dL by the distorted ones, whose values it returns as well.
+// The derivative of `distort` by the undistorted x and y. `by` is dL by the distorted ones. It returns their values too.
 vec2 distort_gradient(View v, vec2 q, vec2 by, out vec2 distorted) {
     vec4 k = texelFetch(view_cameras, v.at + 9);
     float k3 = texelFetch(view_cameras, v.at + 10).x;
@@ -53,10 +53,10 @@ vec2 distort_gradient(View v, vec2 q, vec2 by, out vec2 distorted) {
     return from_radial + tangential;
 }
 
-// FARTHEST_PIXEL of camera.glsl, to which that file clamps projected units too.
+// FARTHEST_PIXEL of camera.glsl, which clamps projected units to it too.
 const float FARTHEST_SHOWN = 1e12;
 
-// Derivative of to_pixels: dL/d(view-space point), and dL by the four numbers that map projected units to pixels (two
+// The derivative of to_pixels: dL/d(view-space point), and dL by the four numbers that map projected units to pixels (two
 // scales, two offsets).
 vec3 project_gradient(View v, vec3 p, vec2 by_pixel, float by_depth, out vec4 by_projection) {
     vec2 by = by_pixel * v.scale;
@@ -75,7 +75,7 @@ vec3 project_gradient(View v, vec3 p, vec2 by_pixel, float by_depth, out vec4 by
     return vec3(by / z, by_depth - (flat_projection ? 0.0 : dot(by, q) / z));
 }
 
-// Derivative of view_point: dL/d(position in the mesh) from dL/d(view-space point); `p` is the position in the mesh.
+// The derivative of view_point: dL/d(position in the mesh) from dL/d(view-space point). `p` is the position in the mesh.
 vec3 world_gradient(View v, vec3 p, vec3 by_view) {
     // Screen vertices (x, y, z) stand for the point (x z, y z, z).
     return v.kind == PROJECTION_SCREEN

@@ -1,7 +1,9 @@
 // A triangle's two records, as triangle.comp writes them.
-// The geometry record gives the signed distances of eq. 1 and the barycentrics. edge.glsl defines its members. 16 of its 18 numbers
-// fill GEOMETRY_TEXELS texels: the records of two triangles are eight texels, which eight lanes read at once (shared_records.glsl).
-// The tail, (half length 2, inverse area), is the head of the shading record's first texel. Without shading it is a fifth texel.
+// The geometry record gives the signed distances of eq. 1 and the barycentrics. edge.glsl defines its members. 16 of its 18
+// numbers fill GEOMETRY_TEXELS texels: the records of two triangles are eight texels, which eight lanes read at once
+// (shared_records.glsl).
+// The tail, (half length 2, inverse area), is the head of the shading record's first texel. Without shading it is a fifth
+// texel.
 // The shading record has the depth, colours, texture coordinates and normals of the corners.
 // Needs constants.glsl, modes.glsl and the buffers `geometry` and `shading`.
 
@@ -14,10 +16,10 @@ struct Triangle {
     vec3 inverse_height;
 };
 
-// The inverse heights over the three edges. The height over an edge of half length s is A / s with the area A, so the inverse area
-// serves all three. A triangle without area is a segment or a point (flatten_to_segment in edge.glsl). In place of the inverse
-// area a segment has the inverse of its length, negated: only its longest edge has a length, and the other two lines are those
-// through its ends. A point has 0, and the barycentrics of its first corner.
+// The inverse heights over the three edges. The height over an edge of half length s is A / s with the area A, so the inverse
+// area serves all three. A triangle without area is a segment or a point (flatten_to_segment in edge.glsl). In place of the
+// inverse area a segment has the inverse of its length, negated: only its longest edge has a length, and the other two lines
+// are those through its ends. A point has 0, and the barycentrics of its first corner.
 vec3 inverse_heights_of(vec3 half_length, float inverse_area) {
     vec3 of_area = half_length * inverse_area;
     vec3 of_segment = mix(vec3(inverse_area), vec3(0.0), greaterThan(half_length, vec3(0.0)));

@@ -1,10 +1,11 @@
 // Texture lookup: the colour c and the opacity α of a fragment, and their derivatives by the texture coordinates. An entry of
-// `textures` is (first texel, width, height, kind); of a surface (first texel, resolution, texels of all triangles, kind).
+// `textures` is (first texel, width, height, kind). A surface's entry is (first texel, resolution, texels of all triangles,
+// kind).
 // Needs constants.glsl, modes.glsl and the buffers `textures` and `texels`.
 
-// The cell of barycentrics b on a surface of resolution R, as the official code numbers the R² cells: a lower and an upper
-// triangle of cells. The official test of the lower half, R b0 - x + R b1 - y <= 1, is made with b2 instead: b2 is exactly 0
-// beyond the edge opposite corner 2, where rounding disturbs the sum.
+// The cell of barycentrics b on a surface of resolution R. The official code numbers the R² cells so: a lower and an upper
+// triangle of cells. It tests for the lower half by R b0 - x + R b1 - y <= 1. Here the test uses b2, which is exactly 0 beyond
+// the edge opposite corner 2, where rounding disturbs that sum.
 int surface_cell(vec3 b, int resolution) {
     vec3 scaled = b * float(resolution);
     ivec2 cell = ivec2(floor(scaled.xy));
@@ -18,7 +19,7 @@ int surface_cell(vec3 b, int resolution) {
     return c.y * resolution + c.x;
 }
 
-// Barycentrics in the original triangle from those in a clipped piece; `coordinate` holds the first two barycentrics of the
+// The barycentrics in the original triangle, from those in a clipped piece. `coordinate` has the first two barycentrics of the
 // piece's corners.
 vec3 surface_barycentrics(mat3x2 coordinate, vec3 b) {
     vec3 third = vec3(1.0) - vec3(coordinate[0].x, coordinate[1].x, coordinate[2].x)
@@ -28,7 +29,7 @@ vec3 surface_barycentrics(mat3x2 coordinate, vec3 b) {
     return vec3(coordinate * exact, dot(max(third, vec3(0.0)), exact));
 }
 
-// Texel coordinates repeated or clamped into the image.
+// Texel coordinates, repeated or clamped into the image.
 ivec2 wrapped(ivec2 texel, ivec2 size, bool repeat) {
     ivec2 clamped = clamp(texel, ivec2(0), size - 1);
     ivec2 repeated = texel - size * ivec2(floor(vec2(texel) / vec2(size)));
@@ -44,11 +45,11 @@ struct Footprint {
     vec4 weight;
 };
 
-// The footprint of texture coordinates uv, v upwards; texel centres lie at half-integers.
+// The footprint of texture coordinates uv, with v upwards. Texel centres lie at half-integers.
 Footprint footprint_of(uvec4 entry, vec2 uv) {
     ivec2 size = ivec2(entry.yz);
     bool repeat = entry.w == TEXTURE_REPEAT;
-    // Whole periods are removed first, so that large UVs keep the precision of their fraction.
+    // Without their whole periods large UVs keep the precision of their fraction.
     vec2 folded = repeat ? uv - floor(uv) : uv;
     vec2 at = vec2(folded.x, 1.0 - folded.y) * vec2(size) - 0.5;
     at = clamp(at, vec2(-2.0), vec2(size) + 1.0);
@@ -61,7 +62,7 @@ Footprint footprint_of(uvec4 entry, vec2 uv) {
     return Footprint(texel, vec4((1.0 - t.x) * (1.0 - t.y), t.x * (1.0 - t.y), (1.0 - t.x) * t.y, t.x * t.y));
 }
 
-// The texture's colour at a fragment: `coordinate` holds the corners' texture coordinates, `b` is b̂.
+// The texture's colour at a fragment. `coordinate` has the corners' texture coordinates, and `b` is b̂.
 vec3 sample_texture(int index, int triangle, mat3x2 coordinate, vec3 b) {
     uvec4 entry = texelFetch(textures, index);
     vec3 color = vec3(1.0);
@@ -82,7 +83,7 @@ vec3 sample_texture(int index, int triangle, mat3x2 coordinate, vec3 b) {
     return color;
 }
 
-// An image's texel r, g, b and α between the four of a footprint, with its derivatives by u and v in `slope`.
+// An image's r, g, b and α between the four texels of a footprint, with the derivatives by u and v in `slope`.
 vec4 image_with_slope(uvec4 entry, vec2 coordinate, out mat2x4 slope) {
     Footprint f = footprint_of(entry, coordinate);
     vec4 t0 = texelFetch(texels, f.texel.x);
@@ -96,10 +97,10 @@ vec4 image_with_slope(uvec4 entry, vec2 coordinate, out mat2x4 slope) {
     return t0 * f.weight.x + t1 * f.weight.y + t2 * f.weight.z + t3 * f.weight.w;
 }
 
-// An opacity below this counts as 0, so that no weight is a denormal number.
+// A smaller opacity counts as 0, so that no weight is a denormal number.
 const float LEAST_OPACITY = 1e-30;
 
-// The texture's opacity α at a fragment, with its derivatives by u and v in `slope`. Surface cells are opaque.
+// The texture's opacity α at a fragment, with the derivatives by u and v in `slope`. Surface cells are opaque.
 float sample_opacity(int index, mat3x2 coordinate, vec3 b, out vec2 slope) {
     slope = vec2(0.0);
     uvec4 entry = texelFetch(textures, index);

@@ -1,10 +1,10 @@
 // Reading a triangle's records once for all lanes of a workgroup.
 // Needs record.glsl with its buffers, and with SUBGROUP_RECORDS subgroup shuffles.
 
-// With SUBGROUP_RECORDS the workgroup is one subgroup of 4 to 64 lanes. Each lane reads one texel of a record, or two if there are
-// only four lanes, and shuffles pass the texels to all lanes. On a software device a fetch costs as many reads as there are lanes,
-// even if all lanes fetch the same texel, and a shuffle from a known lane is one instruction. Fetching a triangle ahead hides the
-// latency.
+// With SUBGROUP_RECORDS the workgroup is one subgroup of 4 to 64 lanes. Each lane reads one texel of a record, or two if there
+// are only four lanes, and shuffles pass the texels to all lanes. On a software device a fetch costs as many reads as there are
+// lanes, even if all lanes fetch the same texel, and a shuffle from a known lane is one instruction. Fetching a triangle ahead
+// hides the latency.
 struct Fetched {
     int record_index;
 #ifdef SUBGROUP_RECORDS
@@ -20,8 +20,8 @@ const int LANES = int(gl_WorkGroupSize.x);
 // Whether a shading record has more texels than there are lanes, so that each lane reads a second one. If eight lanes read a
 // record of nine texels, they fetch the ninth directly.
 const bool SHADING_TWICE = LANES < SHADING_STRIDE;
-// Whether the lanes suffice for the geometry, or for the shading, of two triangles. Then one fetch reads both, which saves 4 % of
-// the time of forward_soft.comp for geometry and 6 % for shading.
+// Whether the lanes suffice for the geometry, or for the shading, of two triangles. Then one fetch reads both, which saves 4 %
+// of the time of forward_soft.comp for geometry and 6 % for shading.
 const bool GEOMETRY_PAIRED = 2 * GEOMETRY_STRIDE <= LANES;
 const bool SHADING_PAIRED = 2 * SHADING_STRIDE <= LANES;
 

@@ -1,10 +1,10 @@
 // Derivatives of sample_texture and sample_opacity (sample.glsl) by the texels.
 // Needs sample.glsl and the buffer `texel_sums`.
 
-// Sums of a texel: by r, g, b and, where textures have one, by alpha.
+// The sums of a texel: by r, g, b and, if textures have one, by alpha.
 const int TEXEL_CHANNELS = OPACITY ? 4 : 3;
 
-// Adds to one sum of a texel in 64-bit fixed point (low word first): integer sums have the same bits in any order.
+// Adds to one sum of a texel, in 64-bit fixed point with the low word first. Integer sums have the same bits in any order.
 void add_channel(int texel, int channel, float value) {
     float scaled = abs(value) * frame.texel_scale;
     float upper = floor(scaled * (1.0 / 4294967296.0));
@@ -26,7 +26,7 @@ void add_texel(int texel, vec3 value) {
     }
 }
 
-// Derivative of sample_texture by the texels: adds `by_sample` to those that the sample was made of.
+// The derivative of sample_texture by the texels: adds `by_sample` to the texels of the sample.
 void scatter_texels(int index, int triangle, mat3x2 coordinate, vec3 b, vec3 by_sample) {
     uvec4 entry = texelFetch(textures, index);
     if (entry.w == TEXTURE_SURFACE) {
@@ -44,7 +44,7 @@ void scatter_texels(int index, int triangle, mat3x2 coordinate, vec3 b, vec3 by_
     }
 }
 
-// Derivative of sample_opacity by the texels' alpha.
+// The derivative of sample_opacity by the texels' alpha.
 void scatter_opacity(int index, mat3x2 coordinate, vec3 b, float by_alpha) {
     uvec4 entry = texelFetch(textures, index);
     if (entry.w != TEXTURE_SURFACE) {

@@ -1,4 +1,4 @@
-// The numbers of one texture that is read from a host.
+// The numbers of one texture of a host: the push constants of place_texels.comp and place_texel_words.comp. Needs nothing.
 
 layout(push_constant) uniform Push {
     uint width;

@@ -7,8 +7,8 @@ const float COLUMNS_END = float(BIN_TILES) + 1.0;
 
 // A triangle as the rows of a bin's tiles see it.
 struct Reach {
-    // An edge bounds the columns of the tiles that touch the grown triangle, from below or from above. These are its bound in row 0
-    // and the change per row. If the edge bounds the other side, they are -1 or COLUMNS_END, and 0.
+    // An edge bounds the columns of the tiles that touch the grown triangle, from below or from above. These are its bound in
+    // row 0 and the change per row. If the edge bounds the other side, they are -1 or COLUMNS_END, and 0.
     vec3 first;
     vec3 first_step;
     vec3 last;
@@ -48,7 +48,8 @@ Reach reach_of_record(int record_index, ivec2 bin) {
             reach = frame.barycentric_radius / t.inverse_height[k];
         }
         reach = 1.001 * reach + 0.01 * frame.scale;
-        // The end lines of a triangle without area bound nothing: their inverse height is not positive. Nor does a point's line.
+        // The end lines of a triangle without area bound nothing: their inverse height is not positive. Nor does a point's
+        // line.
         bool bounds = t.inverse_height[k] > 0.0 && line.z < 1e14;
         float nx = abs(line.x) < 1e-9 * frame.scale ? (line.x < 0.0 ? -1e-9 : 1e-9) * frame.scale : line.x;
         precise float spread = abs(line.x) * half_size.x + abs(line.y) * half_size.y;

@@ -1,8 +1,8 @@
-// The tiles whose lists are not in memory, with the same bits as if they were. The kernel finds their entries again in the words
-// of the tile's bin. If those had no room either, it tests the triangles of the bin's bitmap as bin_coarse.comp does. It walks
-// over the bin three times: the first walk counts the entries, the second adds the front faces, the third the back faces.
-// One workgroup of 32 lanes a tile. Each lane has one pixel, and one of the 32 blocks or entries that are looked at together. If
-// a walk takes more passes than a loop of the device can, the next dispatch (frame.number) goes on from `walk_state`.
+// The tiles whose lists are not in memory, with the same bits as if they were. The kernel finds their entries again in the
+// words of the tile's bin. If those had no room either, it tests the triangles of the bin's bitmap as bin_coarse.comp does. It
+// walks over the bin three times: the first walk counts the entries, the second adds the front faces, the third the back faces.
+// One workgroup of 32 lanes a tile. Each lane has one pixel, and one of the 32 blocks or entries that are looked at together.
+// If a walk takes more passes than a loop of the device can, the next dispatch (frame.number) goes on from `walk_state`.
 // Needs forward_tile.glsl with WALKED, and DRAWS_THIN: whether this kernel draws the tiles with a thin triangle, or the others,
 // in frames that forward_soft.comp serves.
 
@@ -208,8 +208,8 @@ void save_state(Walk walk, Pixel p) {
     int lane = int(gl_LocalInvocationID.x);
     Excess x = p.excess;
     float values[STATE_FLOATS] = float[](
-        p.silhouette, p.exponent, p.fraction, p.sum, p.color.r, p.color.g, p.color.b, p.depth, p.normal.x, p.normal.y, p.normal.z,
-        x.silhouette, x.sum, x.color.r, x.color.g, x.color.b, x.depth, x.normal.x, x.normal.y, x.normal.z);
+        p.silhouette, p.exponent, p.fraction, p.sum, p.color.r, p.color.g, p.color.b, p.depth, p.normal.x, p.normal.y,
+        p.normal.z, x.silhouette, x.sum, x.color.r, x.color.g, x.color.b, x.depth, x.normal.x, x.normal.y, x.normal.z);
     for (int i = 0; i < STATE_FLOATS; ++i) {
         walk_state[state_at(i * 32 + lane)] = floatBitsToUint(values[i]);
     }
