@@ -158,6 +158,50 @@ impl Camera {
         &self.view
     }
 
+    /// World to view as a 4×4 matrix, as [`Camera::from_matrix`] takes it.
+    pub fn matrix(&self) -> DMat4 {
+        let [x, y, z] = self.view;
+        DMat4::from_cols_array_2d(&[x, y, z, [0.0, 0.0, 0.0, 1.0]]).transpose()
+    }
+
+    /// The camera's right, up and forward direction in world space: the rows of the view without the translation.
+    pub fn axes(&self) -> [DVec3; 3] {
+        self.view.map(|[x, y, z, _]| DVec3::new(x, y, z))
+    }
+
+    /// A world point in view space.
+    pub fn to_view(&self, point: DVec3) -> DVec3 {
+        DVec3::from_array(self.view.map(|[x, y, z, shift]| x * point.x + y * point.y + z * point.z + shift))
+    }
+
+    /// Where a world point lies in an image of so many columns and rows: its column, its row and its view depth. `None` if the
+    /// point is not before the camera.
+    ///
+    /// Columns and rows are in pixels. The centre of the upper left pixel is (0.5, 0.5). The place may lie beyond the image.
+    pub fn project(&self, point: DVec3, (columns, rows): (u32, u32)) -> Option<[f64; 3]> {
+        let DVec3 { x, y, z } = self.to_view(point);
+        let (center, half_height) = (f64::from(columns) / 2.0, f64::from(rows) / 2.0);
+        let on_screen = |x: f64, y: f64| [center + half_height * x, half_height - half_height * y];
+        let [column, row] = match self.projection {
+            Projection::Perspective { fov_y } => {
+                let unit = z * (fov_y / 2.0).tan();
+                on_screen(x / unit, y / unit)
+            }
+            Projection::Orthographic { half_height } => on_screen(x / half_height, y / half_height),
+            Projection::Pinhole { fx, fy, cx, cy } => [fx * x / z + cx, cy - fy * y / z],
+            Projection::Official { distortion: [k1, k2, p1, p2, k3], original_size } => {
+                let (x, y) = (x / (z + 1e-5), y / (z + 1e-5));
+                let r2 = x * x + y * y;
+                let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
+                let distorted_x = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x);
+                let distorted_y = y * radial + 2.0 * p2 * x * y + p1 * (r2 + 2.0 * y * y);
+                on_screen(2.0 * distorted_x / original_size - 1.0, 2.0 * distorted_y / original_size - 1.0)
+            }
+            Projection::Screen => on_screen(x, y),
+        };
+        (z > 0.0).then_some([column, row, z])
+    }
+
     /// The projection.
     pub fn projection(&self) -> &Projection {
         &self.projection
@@ -171,15 +215,11 @@ mod tests {
 
     const FOV: Projection = Projection::Perspective { fov_y: 0.5 };
 
-    fn transform(camera: &Camera, p: DVec3) -> DVec3 {
-        DVec3::from_array(camera.view().map(|r| r[0] * p.x + r[1] * p.y + r[2] * p.z + r[3]))
-    }
-
     #[test]
     fn look_at_does_not_mirror() {
         // A viewer on +z looking at the origin has world +x on the right.
         let camera = Camera::look_at(DVec3::new(0.0, 0.0, 5.0), DVec3::ZERO, DVec3::Y, FOV).unwrap();
-        let v = transform(&camera, DVec3::new(1.0, 2.0, 1.0));
+        let v = camera.to_view(DVec3::new(1.0, 2.0, 1.0));
         assert!((v - DVec3::new(1.0, 2.0, 4.0)).length() < 1e-12, "{v}");
     }
 
@@ -187,8 +227,29 @@ mod tests {
     fn angles_give_the_official_eye() {
         let camera = Camera::from_angles(2.732, 30.0, 40.0, FOV).unwrap();
         let eye = DVec3::new(1.52082353, 1.366, -1.81244691);
-        assert!(transform(&camera, eye).length() < 1e-7);
-        assert!((transform(&camera, DVec3::ZERO).z - 2.732).abs() < 1e-12);
+        assert!(camera.to_view(eye).length() < 1e-7);
+        assert!((camera.to_view(DVec3::ZERO).z - 2.732).abs() < 1e-12);
+    }
+
+    /// The expected numbers are by hand.
+    #[test]
+    fn points_project_as_documented() {
+        let distorted = Projection::Official { distortion: [0.1, 0.2, 0.01, 0.02, 0.3], original_size: 0.8 };
+        let cases = [
+            (Projection::Perspective { fov_y: 2.0 * 0.5f64.atan() }, 4.0, [40.0, 0.0]),
+            (Projection::Orthographic { half_height: 4.0 }, 4.0, [35.0, 10.0]),
+            (Projection::Pinhole { fx: 8.0, fy: 12.0, cx: 31.0, cy: 19.0 }, 4.0, [33.0, 13.0]),
+            (Projection::Screen, 4.0, [50.0, -20.0]),
+            (distorted, 4.0 - 1e-5, [23.81170654296875, 12.8453369140625]),
+        ];
+        for (projection, depth, [column, row]) in cases {
+            let view = DMat4::from_translation(DVec3::new(0.0, 0.0, depth - 1.0));
+            let camera = Camera::from_matrix(view, projection).unwrap();
+            let found = DVec3::from(camera.project(DVec3::new(1.0, 2.0, 1.0), (60, 40)).unwrap());
+            let expected = DVec3::new(column, row, depth);
+            assert!((found - expected).length() < 1e-12, "{projection:?}: {found}, not {expected}");
+            assert_eq!(camera.project(DVec3::new(0.0, 0.0, -3.5), (60, 40)), None);
+        }
     }
 
     #[test]

@@ -1,7 +1,8 @@
 //! The support of a triangle: the distance from which its fragments are dropped.
 
-use super::{Background, Camera, ColorAggregation, Projection, Scene, Settings};
+use super::{Background, Camera, ColorAggregation, Scene, Settings};
 use crate::error::{Error, Result};
+use glam::DVec3;
 
 /// Which images τ bounds the error of.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -99,11 +100,7 @@ impl Settings {
 
 /// The least and greatest view depth of a view's mesh; `None` without vertices.
 fn depths(scene: &Scene, view: usize, camera: &Camera) -> Option<[f64; 2]> {
-    let row = match camera.projection() {
-        Projection::Screen => [0.0, 0.0, 1.0, 0.0],
-        _ => camera.view()[2],
-    };
-    let depth = |p: &[f32; 3]| (0..3).map(|k| row[k] * f64::from(p[k])).sum::<f64>() + row[3];
+    let depth = |p: &[f32; 3]| camera.to_view(DVec3::from(p.map(f64::from))).z;
     let positions = scene.meshes.get(scene.mesh_of_view(view))?.positions();
     let around = |[low, high]: [f64; 2], z: f64| [low.min(z), high.max(z)];
     let span = positions.iter().map(depth).fold([f64::INFINITY, f64::NEG_INFINITY], around);
@@ -114,8 +111,7 @@ fn depths(scene: &Scene, view: usize, camera: &Camera) -> Option<[f64; 2]> {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::shapes;
-    use glam::DVec3;
+    use crate::{Projection, shapes};
 
     #[test]
     fn near_and_far_are_close_around_what_is_seen() {

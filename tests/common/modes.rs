@@ -9,8 +9,8 @@ use glam::DVec3;
 use softras::{
     GradientMode, Lights,
     scene::{
-        Appearance, Background, ColorAggregation, Distance, Faces, FrontFace, Interpolation, Outputs, Parity,
-        Projection, Shading, SilhouetteAggregation, Wrap,
+        Appearance, Background, ColorAggregation, Distance, Faces, FrontFace, Interpolation, Outputs, Parity, Shading,
+        SilhouetteAggregation, Wrap,
     },
 };
 
@@ -227,11 +227,7 @@ pub fn in_every_mode(base: &Case) -> impl Iterator<Item = (&'static str, Case)> 
 /// The depth at a share of the way from the nearest vertex of all views to the farthest.
 fn depth_at(case: &Case, share: f64) -> f64 {
     let points = || case.scene.meshes.iter().flat_map(|mesh| mesh.positions()).map(|p| DVec3::from(p.map(f64::from)));
-    let depth = |camera: &softras::Camera, p: DVec3| match camera.projection() {
-        Projection::Screen => p.z,
-        _ => DVec3::from_slice(&camera.view()[2][..3]).dot(p) + camera.view()[2][3],
-    };
-    let depths = || case.cameras.iter().flat_map(|camera| points().map(move |p| depth(camera, p)));
+    let depths = || case.cameras.iter().flat_map(|camera| points().map(move |p| camera.to_view(p).z));
     let (low, high) = (depths().fold(f64::INFINITY, f64::min), depths().fold(f64::NEG_INFINITY, f64::max));
     low + share * (high - low)
 }

@@ -10,6 +10,7 @@
 //! up to the image's border; the colours at the edge are those of the two pixels beside it; δx grows by 1e-3 of half the image,
 //! so that it is never 0; and (I' - I) is one number, the sum over all channels of its product with ∂L/∂I.
 
+use softras::glam::DVec3;
 use softras::scene::{Camera, Projection, Settings};
 use softras::{Error, Mesh, Result};
 
@@ -21,7 +22,7 @@ const NOTHING: u32 = u32::MAX;
 /// From world space to pixels: column = cx + fx x / z, row = cy - fy y / z, without z for orthographic cameras.
 #[derive(Clone, Debug)]
 struct Lens {
-    view: [[f64; 4]; 3],
+    camera: Camera,
     focal: [f64; 2],
     center: [f64; 2],
     by_depth: bool,
@@ -44,12 +45,11 @@ impl Lens {
             }
         };
         // A pixel's centre is its number here.
-        Ok(Self { view: *camera.view(), focal, center: center.map(|c| c - 0.5), by_depth })
+        Ok(Self { camera: *camera, focal, center: center.map(|c| c - 0.5), by_depth })
     }
 
     fn to_view(&self, p: [f32; 3]) -> [f64; 3] {
-        let p = p.map(f64::from);
-        self.view.map(|row| row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3])
+        self.camera.to_view(DVec3::from(p.map(f64::from))).to_array()
     }
 
     fn project(&self, position: [f32; 3]) -> Corner {
@@ -66,7 +66,8 @@ impl Lens {
         let scale = if self.by_depth { 1.0 / z } else { 1.0 };
         let (by_x, by_y) = (by_column * self.focal[0] * scale, -by_row * self.focal[1] * scale);
         let by_z = if self.by_depth { -(by_x * x + by_y * y) * scale } else { 0.0 };
-        [0, 1, 2].map(|k| by_x * self.view[0][k] + by_y * self.view[1][k] + by_z * self.view[2][k])
+        let [right, up, forward] = self.camera.axes();
+        (by_x * right + by_y * up + by_z * forward).to_array()
     }
 }
 

@@ -242,10 +242,8 @@ fn twists_of(values: &[f32]) -> Vec<[f64; 6]> {
 fn moved(cameras: &[Camera], twists: Option<&[[f64; 6]]>) -> Result<Vec<Camera>> {
     let Some(twists) = twists else { return Ok(cameras.to_vec()) };
     let one = |(camera, &twist): (&Camera, &[f64; 6])| {
-        let [x, y, z] = *camera.view();
-        let view = DMat4::from_cols_array_2d(&[x, y, z, [0.0, 0.0, 0.0, 1.0]]).transpose();
         // The last row of a product of rigid motions is (0, 0, 0, 1) exactly: its terms are zeros and ones.
-        Camera::from_matrix(twist::exponential(twist) * view, *camera.projection())
+        Camera::from_matrix(twist::exponential(twist) * camera.matrix(), *camera.projection())
     };
     cameras.iter().zip(twists).map(one).collect()
 }

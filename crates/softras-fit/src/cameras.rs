@@ -21,27 +21,14 @@ pub fn around(bounds: Sphere, count: usize, fov: f64) -> Result<Vec<Camera>> {
     (0..count).map(one).collect()
 }
 
-fn rows(camera: &Camera) -> ([DVec3; 3], DVec3) {
-    let view = camera.view();
-    let axes = [0, 1, 2].map(|i| DVec3::new(view[i][0], view[i][1], view[i][2]));
-    let offset = DVec3::new(view[0][3], view[1][3], view[2][3]);
-    (axes, offset)
-}
-
-/// The view depth of a point.
-fn depth(camera: &Camera, point: DVec3) -> f64 {
-    let (axes, offset) = rows(camera);
-    axes[2].dot(point) + offset.z
-}
-
 /// The region that all cameras look at: the point nearest to their axes, and the radius around it that the narrowest view
 /// shows.
 pub fn seen(cameras: &[Camera], (height, width): (usize, usize)) -> Sphere {
     let (mut matrix, mut vector) = (DMat3::ZERO, DVec3::ZERO);
     for camera in cameras {
-        let (axes, offset) = rows(camera);
+        let axes = camera.axes();
         // Calibrated cameras have oblique axes: the middle of the picture lies along what the first two are perpendicular to.
-        let eye = -(DMat3::from_cols(axes[0], axes[1], axes[2]).transpose().inverse() * offset);
+        let eye = camera.matrix().inverse().transform_point3(DVec3::ZERO);
         let axis = axes[0].cross(axes[1]).normalize_or(axes[2]);
         // Least squares of the distances to the axes. The small diagonal decides between points that are equally good: it
         // prefers the one nearer to the origin.
@@ -52,9 +39,9 @@ pub fn seen(cameras: &[Camera], (height, width): (usize, usize)) -> Sphere {
     let center = if matrix.determinant().abs() > 1e-12 { matrix.inverse() * vector } else { DVec3::ZERO };
     let aspect = (width as f64 / height as f64).min(1.0);
     let half = |camera: &Camera| match *camera.projection() {
-        Projection::Perspective { fov_y } => depth(camera, center) * (fov_y / 2.0).tan() * aspect,
+        Projection::Perspective { fov_y } => camera.to_view(center).z * (fov_y / 2.0).tan() * aspect,
         Projection::Orthographic { half_height } => half_height * aspect,
-        _ => depth(camera, center),
+        _ => camera.to_view(center).z,
     };
     let radius = cameras.iter().map(half).filter(|r| *r > 0.0).fold(f64::INFINITY, f64::min);
     Sphere { center, radius: if radius.is_finite() { radius } else { 1.0 } }
@@ -72,7 +59,7 @@ fn outer(v: DVec3) -> DMat3 {
 
 /// Near and far for all cameras, at 1.5 radii before and behind the centre of the bounds.
 pub fn depths(cameras: &[Camera], bounds: Sphere) -> (f64, f64) {
-    let centers: Vec<f64> = cameras.iter().map(|c| depth(c, bounds.center)).collect();
+    let centers: Vec<f64> = cameras.iter().map(|c| c.to_view(bounds.center).z).collect();
     let farthest = centers.iter().copied().fold(0.0, f64::max) + 1.5 * bounds.radius;
     let nearest = centers.iter().copied().fold(f64::INFINITY, f64::min) - 1.5 * bounds.radius;
     (nearest.max(0.02 * farthest), farthest)
@@ -97,7 +84,7 @@ mod tests {
         let bounds = Sphere { center: DVec3::new(0.3, -0.2, 0.1), radius: 1.0 };
         let cameras = around(bounds, 8, 30.0).unwrap();
         // Half the height of the picture at the middle of the object.
-        let half = depth(&cameras[0], bounds.center) * 15f64.to_radians().tan();
+        let half = cameras[0].to_view(bounds.center).z * 15f64.to_radians().tan();
         for size in [(64, 64), (64, 48), (64, 96)] {
             let found = pixel(seen(&cameras, size), size);
             assert!((found - half / 32.0).abs() < 1e-6, "{size:?}: {found}, not {}", half / 32.0);

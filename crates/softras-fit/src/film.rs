@@ -106,7 +106,7 @@ impl Film {
 /// The view of the largest area among those from the side or from halfway above, or among all where none is.
 fn largest(cameras: &[Camera], area: impl Fn(&usize) -> f32) -> usize {
     // The height to which the camera looks: 0 for a level one, -1 for one that looks straight down.
-    let usual = |view: &usize| (-0.75..=0.05).contains(&cameras[*view].view()[2][1]);
+    let usual = |view: &usize| (-0.75..=0.05).contains(&cameras[*view].axes()[2].y);
     let most = |views: &mut dyn Iterator<Item = usize>| views.max_by(|a, b| area(a).total_cmp(&area(b)));
     most(&mut (0..cameras.len()).filter(usual)).or_else(|| most(&mut (0..cameras.len()))).unwrap_or(0)
 }
@@ -119,8 +119,8 @@ fn frame_size((rows, columns): (usize, usize)) -> (u32, u32) {
 
 /// A light from the camera's upper left, and a little ambient light.
 fn lights(camera: &Camera) -> Lights {
-    let view = camera.view();
-    let direction = [0, 1, 2].map(|k| -0.5 * view[0][k] + 0.7 * view[1][k] - 0.7 * view[2][k]);
+    let [right, up, forward] = camera.axes();
+    let direction = (-0.5 * right + 0.7 * up - 0.7 * forward).to_array();
     Lights {
         ambient_color: [1.0; 3],
         ambient_intensity: 0.15,

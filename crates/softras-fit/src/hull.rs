@@ -173,25 +173,16 @@ impl View<'_> {
 
     /// Where a point is seen; `None` behind the camera.
     fn place(&self, point: DVec3) -> Option<Place> {
-        let rows = self.camera.view();
-        let [x, y, depth] = rows.map(|[a, b, c, d]| a * point.x + b * point.y + c * point.z + d);
-        let (height, width) = (self.distance.height as f64, self.distance.width as f64);
-        let (column, row, unit) = match *self.camera.projection() {
-            Projection::Pinhole { fx, fy, cx, cy } => {
-                let times = height / self.height;
-                let at = (times * (fx * x / depth + cx), times * (cy - fy * y / depth));
-                (at.0, at.1, 0.5 * self.height * depth / fx.max(fy))
-            }
-            Projection::Perspective { fov_y } => {
-                let unit = depth * (fov_y / 2.0).tan();
-                (0.5 * (width + height * x / unit), 0.5 * height * (1.0 - y / unit), unit)
-            }
-            Projection::Orthographic { half_height: unit } => {
-                (0.5 * (width + height * x / unit), 0.5 * height * (1.0 - y / unit), unit)
-            }
+        let (width, height) = (self.distance.width as f64, self.distance.height as f64);
+        let times = height / self.height;
+        let [column, row, depth] = self.camera.project(point, ((width / times) as u32, self.height as u32))?;
+        let unit = match *self.camera.projection() {
+            Projection::Pinhole { fx, fy, .. } => 0.5 * self.height * depth / fx.max(fy),
+            Projection::Perspective { fov_y } => depth * (fov_y / 2.0).tan(),
+            Projection::Orthographic { half_height } => half_height,
             Projection::Official { .. } | Projection::Screen => return None,
         };
-        (depth > 0.0).then_some(Place { column, row, unit, depth })
+        Some(Place { column: times * column, row: times * row, unit, depth })
     }
 }
 

@@ -32,8 +32,7 @@ type Found = ([[f64; 3]; 3], [f64; 3], [f64; 3], f64, usize);
 fn depths(mesh: &softras::Mesh, camera: &Camera, center: DVec3) -> (f64, f64) {
     let used = mesh.triangles().iter().flatten().map(|&i| DVec3::from(mesh.positions()[i as usize].map(f64::from)));
     let reach = 1.4 * used.map(|p| p.distance(center)).fold(1e-9, f64::max);
-    let [x, y, z, shift] = camera.camera.view()[2];
-    let depth = DVec3::new(x, y, z).dot(center) + shift;
+    let depth = camera.camera.to_view(center).z;
     let far = (depth + reach).max(reach);
     ((depth - reach).max(1e-2 * far), far)
 }

@@ -49,7 +49,7 @@ pub fn filling(
     if is_given {
         return Ok(view);
     }
-    let [right, up, forward] = view.camera()?.view().map(|row| DVec3::new(row[0], row[1], row[2]));
+    let [right, up, forward] = view.camera()?.axes();
     let (axis, pivot) = (framing::vertical(options), view.target);
     let seen: Vec<DVec3> = turns
         .iter()
@@ -148,15 +148,11 @@ mod tests {
 
     /// The box of a mesh in a view, in halves of the picture: left, right, low, high.
     fn projected(mesh: &Mesh, view: &Viewpoint, aspect: f64) -> [f64; 4] {
-        let [right, up, forward] = view.camera().unwrap().view().map(|row| DVec3::new(row[0], row[1], row[2]));
+        // Halves of a picture that is 2 pixels high.
+        let camera = view.camera().unwrap();
         used_once(mesh).fold([1.0, -1.0, 1.0, -1.0], |[left, r, low, high], p| {
-            let p = p - view.eye;
-            let half = match view.projection {
-                Projection::Perspective { fov_y } => (fov_y / 2.0).tan() * forward.dot(p),
-                Projection::Orthographic { half_height } => half_height,
-                _ => f64::NAN,
-            };
-            let (x, y) = (right.dot(p) / half / aspect, up.dot(p) / half);
+            let [column, row, _] = camera.project(p, (2, 2)).unwrap();
+            let (x, y) = ((column - 1.0) / aspect, 1.0 - row);
             [left.min(x), r.max(x), low.min(y), high.max(y)]
         })
     }

@@ -143,7 +143,7 @@ pub fn lights(options: &LightOptions, view: &Viewpoint) -> Result<Lights> {
         return Ok(Lights { shading, ..Lights::unlit() });
     }
     let camera = view.camera()?;
-    let [right, up, forward] = camera.view().map(|row| DVec3::new(row[0], row[1], row[2]));
+    let [right, up, forward] = camera.axes();
     let white = |direction: DVec3, intensity: f64| DirectionalLight {
         direction: direction.to_array(),
         color: [1.0; 3],

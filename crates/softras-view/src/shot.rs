@@ -97,7 +97,7 @@ impl Shot {
 
     /// Appends the band's pixels to a picture of one output other than depth.
     pub fn append_pixels(&self, output: Output, pixels: &mut Vec<[u8; 4]>) -> Result<()> {
-        let axes = self.view.camera()?.view().map(|row| [row[0], row[1], row[2]]);
+        let axes = self.view.camera()?.axes().map(|axis| axis.to_array());
         self.for_each_pixel(output, |mean| {
             pixels.push(match output {
                 Output::Color => self.color_pixel(&mean),

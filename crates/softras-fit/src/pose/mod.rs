@@ -178,12 +178,7 @@ impl PoseFit {
         let moved = DMat4::from_translation(self.center + pose.translation)
             * DMat4::from_quat(pose.rotation)
             * DMat4::from_translation(-self.center);
-        Camera::from_matrix(self.view() * moved, *self.camera.projection())
-    }
-
-    fn view(&self) -> DMat4 {
-        let [a, b, c] = *self.camera.view();
-        DMat4::from_cols_array_2d(&[a, b, c, [0.0, 0.0, 0.0, 1.0]]).transpose()
+        Camera::from_matrix(self.camera.matrix() * moved, *self.camera.projection())
     }
 
     /// Renders all poses with the current step's softness, compares them with the targets and moves each. Returns each
@@ -203,7 +198,7 @@ impl PoseFit {
             let rotation = self.poses[i].rotation;
             self.poses[i].rotation = (DQuat::from_scaled_axis(DVec3::from_array(turn)) * rotation).normalize();
             if self.options.translation_rate > 0.0 {
-                let axes = DMat3::from_mat4(self.view());
+                let axes = DMat3::from_mat4(self.camera.matrix());
                 let rate = rate * self.options.translation_rate;
                 self.optimizers[2 * i + 1].step(&mut shift, &(axes * by_shift).to_array(), rate);
                 self.poses[i].translation += axes.transpose() * DVec3::from_array(shift);
@@ -290,7 +285,7 @@ impl PoseFit {
 
     /// Converts dL/dtwist of a view to dL by rotation and translation of its pose.
     fn by_pose(&self, pose: &Pose, twist: &[f64; 6]) -> [DVec3; 2] {
-        let view = self.view();
+        let view = self.camera.matrix();
         let axes = DMat3::from_mat4(view);
         let (by_v, by_w) = (DVec3::from_slice(&twist[..3]), DVec3::from_slice(&twist[3..]));
         // Moves the rotation's centre from the camera to the mesh's, then from view axes, which may be left-handed, to

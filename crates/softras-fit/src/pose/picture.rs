@@ -126,7 +126,5 @@ impl Place {
 /// The camera for images of another size. Only that of [`Projection::Pinhole`] is in pixels.
 pub fn scaled(camera: &Camera, [x, y]: [f64; 2]) -> Result<Camera> {
     let Projection::Pinhole { fx, fy, cx, cy } = *camera.projection() else { return Ok(*camera) };
-    let [a, b, c] = *camera.view();
-    let view = glam::DMat4::from_cols_array_2d(&[a, b, c, [0.0, 0.0, 0.0, 1.0]]).transpose();
-    Camera::from_matrix(view, Projection::Pinhole { fx: x * fx, fy: y * fy, cx: x * cx, cy: y * cy })
+    Camera::from_matrix(camera.matrix(), Projection::Pinhole { fx: x * fx, fy: y * fy, cx: x * cx, cy: y * cy })
 }

@@ -359,7 +359,7 @@ impl PoseSearch {
         })?;
         let size = [settings.width as usize, settings.height as usize];
         let Some(goal) = self.picture.place() else { return Ok(()) };
-        let view = fit.view();
+        let view = fit.camera.matrix();
         for (pose, place) in poses.iter_mut().zip(places) {
             let depth = view.transform_point3(self.center + pose.translation).z;
             let way =

@@ -37,9 +37,7 @@ fn differs(result: &Mesh, targets: &Views, radius: f64) -> (usize, usize) {
         let p = DVec3::from([i % N, i / N % N, i / N / N].map(|k| (k as f64 + 0.5) * side / N as f64 - 1.5));
         let mut seen = Vec::new();
         for (view, camera) in targets.cameras.iter().enumerate() {
-            let [x, y, z] = camera.view().map(|[a, b, c, d]| a * p.x + b * p.y + c * p.z + d);
-            let unit = z * 0.3f64.tan();
-            let (column, row) = (0.5 * (80.0 + 64.0 * x / unit), 0.5 * 64.0 * (1.0 - y / unit));
+            let [column, row, _] = camera.project(p, (80, 64)).unwrap();
             for (down, right) in (-1..=1).flat_map(|down| (-1..=1).map(move |right| (down, right))) {
                 let (row, column) = (row as i64 + down, column as i64 + right);
                 let shown = (0..64).contains(&row) && (0..80).contains(&column);

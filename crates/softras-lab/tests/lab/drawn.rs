@@ -110,8 +110,7 @@ fn a_corner_that_near_just_leaves_is_whole_in_backward_too() {
     let centre = DVec3::new(31.0, -17.0, 23.0);
     let camera = Camera::look_at(centre + DVec3::new(1.1, 0.7, -2.3), centre, DVec3::Y, lens).unwrap();
     let positions = [[31.31, -16.78, 22.17], [30.45, -17.35, 23.4], [31.6, -17.5, 23.3]];
-    let depth =
-        camera.view()[2].iter().zip(positions[0].map(f64::from).iter().chain([&1.0])).map(|(a, b)| a * b).sum::<f64>();
+    let depth = camera.to_view(DVec3::from(positions[0].map(f64::from))).z;
     for share in [-5e-8, -2e-8, 1e-5] {
         let settings = Settings {
             width: 40,

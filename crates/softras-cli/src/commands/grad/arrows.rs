@@ -2,7 +2,7 @@
 
 use super::engine::Images;
 use glam::DVec3;
-use softras::{Mesh, Projection, Result};
+use softras::{Mesh, Result};
 use softras_io::Picture;
 use softras_view::Viewpoint;
 use softras_view::canvas::{self, Arrow, Point};
@@ -40,41 +40,19 @@ impl Pull {
     }
 }
 
-/// The projection from the world to pixels.
-struct Projector {
-    rows: [[f64; 4]; 3],
-    projection: Projection,
-    width: f64,
-    height: f64,
-    near: f64,
-    far: f64,
-}
-
-impl Projector {
-    /// Pixel position and depth; `None` outside [near, far].
-    fn project(&self, p: DVec3) -> Option<(Point, f64)> {
-        let [x, y, z] = self.rows.map(|r| r[0] * p.x + r[1] * p.y + r[2] * p.z + r[3]);
-        let scale = match self.projection {
-            Projection::Orthographic { half_height } => 1.0 / half_height,
-            Projection::Perspective { fov_y } => 1.0 / (z * (fov_y / 2.0).tan()),
-            // The command line offers no other projections.
-            _ => return None,
-        };
-        let at = [(self.width + self.height * x * scale) / 2.0, self.height * (1.0 - y * scale) / 2.0];
-        (z >= self.near && z <= self.far).then_some((at, z))
-    }
-}
-
 /// The [`Pull`] of every vertex that a triangle uses and that lies in the picture; `depth` are images rendered sharply.
 ///
 /// # Errors
 /// As [`Viewpoint::camera`].
 pub fn pulls(mesh: &Mesh, gradient: &[f64], view: &Viewpoint, size: [usize; 2], depth: &Images) -> Result<Vec<Pull>> {
     let [width, height] = size;
-    let rows = *view.camera()?.view();
     let (w, h) = (width as f64, height as f64);
-    let projector =
-        Projector { rows, projection: view.projection, width: w, height: h, near: view.near, far: view.far };
+    let camera = view.camera()?;
+    // Nothing outside of near and far is drawn.
+    let project = |p: DVec3| {
+        let [column, row, z] = camera.project(p, (width as u32, height as u32))?;
+        (view.near..=view.far).contains(&z).then_some(([column, row], z))
+    };
     let mut used: Vec<usize> = mesh.triangles().iter().flatten().map(|&i| i as usize).collect();
     used.sort_unstable();
     used.dedup();
@@ -82,11 +60,11 @@ pub fn pulls(mesh: &Mesh, gradient: &[f64], view: &Viewpoint, size: [usize; 2], 
     let pull = |i: usize| {
         let position = DVec3::from_array(mesh.positions()[i].map(f64::from));
         let downhill = -DVec3::from_slice(&gradient[3 * i..3 * i + 3]);
-        let (at, z) = projector.project(position)?;
+        let (at, z) = project(position)?;
         let inside = (0.0..w).contains(&at[0]) && (0.0..h).contains(&at[1]);
         let (direction, length) = (downhill.try_normalize()?, downhill.length());
         let small = 1e-5 * reach;
-        let (moved, _) = projector.project(position + small * direction)?;
+        let (moved, _) = project(position + small * direction)?;
         let step = [0, 1].map(|k| (moved[k] - at[k]) / small * length);
         let occluded = inside && hidden(at, z - OCCLUDED * (view.far - view.near), size, depth);
         inside.then_some(Pull { at, step, occluded })

@@ -7,12 +7,10 @@ use std::fs;
 const SIZE: (u32, u32) = (60, 40);
 const POINTS: [[f64; 3]; 4] = [[0.0, 0.0, 0.0], [0.3, -0.2, 0.1], [-0.4, 0.1, 0.5], [0.2, 0.6, -0.3]];
 
-/// Column and row by the camera, as [`Projection`] is documented.
+/// Column and row by the camera.
 fn by_camera(camera: &Camera, p: [f64; 3]) -> [f64; 2] {
-    let [x, y, z] = camera.view().map(|r| r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3]);
-    let Projection::Perspective { fov_y } = *camera.projection() else { unreachable!() };
-    let scale = f64::from(SIZE.1) / 2.0 / (z * (fov_y / 2.0).tan());
-    [f64::from(SIZE.0) / 2.0 + scale * x, f64::from(SIZE.1) / 2.0 - scale * y]
+    let [column, row, _] = camera.project(p.into(), SIZE).unwrap();
+    [column, row]
 }
 
 /// Column and row of a point in OpenCV's camera axes.
