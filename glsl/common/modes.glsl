@@ -1,5 +1,5 @@
 // The modes of a frame are specialization constants: they are fixed when a pipeline is made, so the driver compiles no code for
-// other modes. Needs constants.glsl.
+// other modes. README.md lists them. Needs constants.glsl.
 
 layout(constant_id = 1) const uint OUTPUTS = 3;
 layout(constant_id = 2) const uint COLOR_MODE = 0;
