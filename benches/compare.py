@@ -72,7 +72,7 @@ path = "{frames}"
 
 [[bin]]
 name = "silhouette8"
-path = "{source}/benches/silhouette8.rs"
+path = "{silhouette8}"
 
 [profile.release]
 lto = "thin"
@@ -95,7 +95,10 @@ class Build:
             source = self.folder / "source"
             unpack(full, source)
         self.package = self.folder / "package"
-        laboratory = source / "crates" / "softras-lab"
+        # Crates that silhouette8 of the commit takes; before there were any, it read its task with npyz.
+        crates = [source / "crates" / f"softras-{name}" for name in ("lab", "io", "fit")]
+        arrays = [f'{crate.name} = {{ path = "{crate}" }}' for crate in crates if crate.is_dir()] or [NPYZ]
+        own = crates[-1] / "benches" / "silhouette8.rs"
         self.package.mkdir(parents=True, exist_ok=True)
         known = (source / "Cargo.toml").read_text()
         # Before there was a workspace, the renderer and the fits were no features.
@@ -103,8 +106,8 @@ class Build:
         (self.package / "Cargo.toml").write_text(
             MANIFEST.format(
                 source=source,
-                # What silhouette8 of the commit reads its task with.
-                arrays=f'softras-lab = {{ path = "{laboratory}" }}' if laboratory.is_dir() else NPYZ,
+                silhouette8=own if own.is_file() else source / "benches" / "silhouette8.rs",
+                arrays="\n".join(arrays),
                 frames=HOME / "benches" / "compare" / "frames.rs",
                 features=", ".join(f'"{name}"' for name in features),
             )
