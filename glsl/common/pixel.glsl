@@ -105,8 +105,8 @@ void add_word_shaded(Pixel word, float keep, inout Pixel p) {
     }
 }
 
-// Adds a word to the silhouette (eq. 5). A factor near 1 is subtracted as a difference, so that it loses no digits beside 1. A
-// factor below 1/2 is multiplied, so that a small transmittance keeps its digits.
+// Adds a word to the silhouette (eq. 5). If its factor is above 1/2, the transmittance loses a difference, which keeps its digits
+// beside 1. Else the factor is multiplied, so that a small transmittance keeps its digits.
 void add_word_cover(Cover word, inout Pixel p) {
     if (SILHOUETTE_MODE == SILHOUETTE_PRODUCT) {
         float total = p.silhouette;
