@@ -195,9 +195,9 @@ void main() {
         return;
     }
     uint tile = (uint(view) * frame.tiles_y + at.y) * frame.tiles_x + at.x;
-    bool holds_background = shape.marks_valid && tile_marks[tile] == MARK_BACKGROUND;
+    bool holds_background = shape.marks_valid && tile_marks[tile] == TILE_BACKGROUND;
     bool empty = listed && counted && count == 0u;
-    tile_marks[tile] = empty ? MARK_BACKGROUND : 0u;
+    tile_marks[tile] = empty ? TILE_BACKGROUND : 0u;
     if (lists && complete) {
         uvec4 item = uvec4(tile, next, found.x, count);
         add_filled(item);

@@ -135,7 +135,7 @@ FAULTS = [
     ("radius of another tau", "src/scene/settings.rs", "(1.0 / self.tau - 1.0).ln()", "(0.5 / self.tau - 1.0).ln()",
      ["render::support::", "render::pixels::"]),
     ("background left where triangles were", "glsl/bin_fine.comp",
-     "shape.marks_valid && tile_marks[tile] == MARK_BACKGROUND", "shape.marks_valid",
+     "shape.marks_valid && tile_marks[tile] == TILE_BACKGROUND", "shape.marks_valid",
      ["lab found::a_tile_that_a_triangle_has_left"]),
     ("an eighth is next to nothing", "glsl/common/hidden.glsl", "NEXT_TO_NOTHING = -24.0", "NEXT_TO_NOTHING = -3.0",
      ["render::forward::random_scenes"]),

@@ -52,7 +52,7 @@ const uint WALK_MOST_PASSES = 1300u;
 const uint ONE_TURN = 0xffffffffu;
 
 // Value in `tile_marks`: the tile's pixels hold the background.
-const uint MARK_BACKGROUND = 1u;
+const uint TILE_BACKGROUND = 1u;
 
 // Flag of an entry of `view_shapes`: one colour for the whole mesh.
 const uint SHAPE_UNIFORM_COLOR = 1u;

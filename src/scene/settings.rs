@@ -1,4 +1,5 @@
-//! The settings of a frame; their defaults are those of the official renderer.
+//! The settings of a frame. Their defaults are those of the official renderer. The numbers of equations are those of the
+//! paper's poster, which `glsl/README.md` has.
 
 use super::Support;
 use crate::error::{Error, Result, shown};
