@@ -198,21 +198,12 @@ impl HostCamera {
 mod tests {
     use super::*;
     use glam::{DVec3, DVec4};
+    use softras_lab::random::Random;
 
     const SIZE: (u32, u32) = (320, 200);
 
-    /// Numbers in [-1, 1).
-    struct Random(u64);
-
-    impl Random {
-        fn next(&mut self) -> f64 {
-            self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-        }
-
-        fn vector(&mut self) -> DVec3 {
-            DVec3::new(self.next(), self.next(), self.next())
-        }
+    fn vector(random: &mut Random) -> DVec3 {
+        DVec3::from([(); 3].map(|()| random.range(-1.0, 1.0)))
     }
 
     /// A rigid view matrix: z forward where it is left-handed, backward where it is right-handed.
@@ -229,11 +220,11 @@ mod tests {
         let bit = |i: u32| kind >> i & 1 == 1;
         let (left_handed, symmetric, reversed, infinite, parallel) = (bit(0), bit(2), bit(3), bit(4), bit(5));
         let clip = ClipSpace { y_up: bit(1), symmetric_z: symmetric, reversed_z: reversed };
-        let eye = 3.0 * random.vector();
-        let toward = random.vector().normalize();
+        let eye = 3.0 * vector(random);
+        let toward = vector(random).normalize();
         let view = look(eye, toward, left_handed);
         let handed = if left_handed { 1.0 } else { -1.0 };
-        let (near, far) = (0.1 + 0.05 * random.next(), 50.0 + random.next());
+        let (near, far) = (0.1 + 0.05 * random.range(-1.0, 1.0), 50.0 + random.range(-1.0, 1.0));
         // Depths 0 and 1 as the standard: z = a + b / d with perspective, a + b d without.
         let (at_near, at_far) = if reversed { (1.0, 0.0) } else { (0.0, 1.0) };
         let (mut a, mut b) = if parallel {
@@ -248,8 +239,11 @@ mod tests {
         if symmetric {
             (a, b) = (2.0 * a - 1.0, 2.0 * b);
         }
-        let (fx, fy) = (1.5 + 0.5 * random.next(), (1.5 + 0.5 * random.next()) * if bit(6) { -1.0 } else { 1.0 });
-        let jitter = [0.01 * random.next(), 0.3 * random.next()];
+        let (fx, fy) = (
+            1.5 + 0.5 * random.range(-1.0, 1.0),
+            (1.5 + 0.5 * random.range(-1.0, 1.0)) * if bit(6) { -1.0 } else { 1.0 },
+        );
+        let jitter = [0.01 * random.range(-1.0, 1.0), 0.3 * random.range(-1.0, 1.0)];
         let rows = if parallel {
             [
                 [fx / 3.0, 0.0, 0.0, jitter[0]],
@@ -259,7 +253,7 @@ mod tests {
             ]
         } else {
             [
-                [fx, 0.0, jitter[0], 0.01 * random.next()],
+                [fx, 0.0, jitter[0], 0.01 * random.range(-1.0, 1.0)],
                 [0.0, fy, jitter[1], 0.0],
                 [0.0, 0.0, a * handed, b],
                 [0.0, 0.0, handed, 0.0],
@@ -280,13 +274,13 @@ mod tests {
 
     #[test]
     fn points_project_as_by_the_hosts_matrices() {
-        let mut random = Random(7);
+        let random = &mut Random::new(7);
         for kind in 0..128 {
             for _ in 0..20 {
-                let (view, projection, clip) = matrices(&mut random, kind);
+                let (view, projection, clip) = matrices(random, kind);
                 let host = HostCamera::new(view, projection, clip, SIZE).unwrap();
                 for _ in 0..20 {
-                    let p = 4.0 * random.vector();
+                    let p = 4.0 * vector(random);
                     // Nearer than near there is nothing to compare: quotients are as large as one likes.
                     let seen = host.camera().project(p, SIZE).filter(|[.., depth]| *depth >= host.planes()[0]);
                     let Some([column, row, depth]) = seen else { continue };
@@ -302,9 +296,9 @@ mod tests {
 
     #[test]
     fn planes_and_clear_values_are_the_projections() {
-        let mut random = Random(3);
+        let random = &mut Random::new(3);
         for kind in 0..64 {
-            let (view, projection, clip) = matrices(&mut random, kind);
+            let (view, projection, clip) = matrices(random, kind);
             let host = HostCamera::new(view, projection, clip, SIZE).unwrap();
             let [near, far] = host.planes();
             assert!((0.05..=0.15).contains(&near), "kind {kind}: {near}");
@@ -317,7 +311,7 @@ mod tests {
 
     #[test]
     fn what_no_camera_can_be_is_named() {
-        let (view, projection, clip) = matrices(&mut Random(1), 0);
+        let (view, projection, clip) = matrices(&mut Random::new(1), 0);
         let made = |change: &dyn Fn(&mut DMat4, &mut DMat4)| {
             let (mut view, mut projection) = (view, projection);
             change(&mut view, &mut projection);
@@ -332,7 +326,7 @@ mod tests {
         assert!(made(&|_, p| p.x_axis.z = 0.1).contains("oblique"));
         assert!(made(&|_, p| p.w_axis.z = 0.0).contains("depth must change"));
         assert!(made(&|_, p| p.x_axis.x = f64::NAN).contains("finite"));
-        let (view, mut projection, clip) = matrices(&mut Random(1), 32);
+        let (view, mut projection, clip) = matrices(&mut Random::new(1), 32);
         projection.z_axis.x = 0.1;
         assert!(HostCamera::new(view, projection, clip, SIZE).is_err());
     }

@@ -121,7 +121,7 @@ impl Mesh {
 
     /// The largest value of a colour channel: a pixel sums the weighted colours of all triangles, under all lights, before it
     /// divides by the sum of weights, and that sum must stay finite.
-    pub const BRIGHTEST: f32 = 1e12;
+    pub const BRIGHTEST: f32 = super::texture::BRIGHTEST;
 
     /// A white mesh.
     ///

@@ -1,8 +1,10 @@
 //! An image texture, sampled bilinearly at UV coordinates.
 
-use super::mesh::Mesh;
 use crate::error::{Error, Result};
 use std::sync::Arc;
+
+/// The largest value of a colour, see [`Mesh::BRIGHTEST`](crate::Mesh::BRIGHTEST).
+pub(super) const BRIGHTEST: f32 = 1e12;
 
 /// What a texture shows at UV coordinates outside the unit square.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -33,7 +35,7 @@ impl Texture {
     ///
     /// # Errors
     /// [`Error::Mesh`] when a side is 0, the count does not fit, or a texel is not finite or beyond
-    /// ±[`Mesh::BRIGHTEST`].
+    /// ±[`Mesh::BRIGHTEST`](crate::Mesh::BRIGHTEST).
     pub fn new(width: u32, height: u32, texels: Vec<[f32; 3]>, wrap: Wrap) -> Result<Self> {
         let expected = u64::from(width) * u64::from(height);
         if expected == 0 || texels.len() as u64 != expected {
@@ -43,9 +45,9 @@ impl Texture {
                 fix: "give width × height texels, at least one".into(),
             });
         }
-        if let Some(i) = texels.iter().position(|t| !t.iter().all(|x| x.abs() <= Mesh::BRIGHTEST)) {
+        if let Some(i) = texels.iter().position(|t| !t.iter().all(|x| x.abs() <= BRIGHTEST)) {
             return Err(Error::Mesh {
-                what: format!("texel {:?} is not within ±{:e}", texels[i], Mesh::BRIGHTEST),
+                what: format!("texel {:?} is not within ±{BRIGHTEST:e}", texels[i]),
                 place: format!("texture row {}, column {}", i / width as usize, i % width as usize),
                 fix: "use finite values that are no larger".into(),
             });

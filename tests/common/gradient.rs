@@ -3,24 +3,16 @@
 use super::{
     blame::blame,
     compare::compare_frames,
-    random::Random,
     scenes::{Case, Kind, random_case},
     tolerance::{GradientTolerance, IMAGE},
 };
 use softras::{
     Camera, GradientMode, Gradients, Image, ImageGradient, Renderer, Scene, Settings, Wanted, scene::Outputs,
 };
-use softras_lab::gradients;
+use softras_lab::agreement;
+pub use softras_lab::agreement::{Group, norm, numbers, relative_error, upstream_norm, with_random_signs};
 use softras_reference::{ReferenceGradients, render_culled};
 use std::collections::BTreeMap;
-
-/// One gradient of a scene, ours and the reference's.
-#[derive(Clone, Debug)]
-pub struct Group {
-    pub name: &'static str,
-    pub ours: Vec<f64>,
-    pub reference: Vec<f64>,
-}
 
 /// What one comparison found: each gradient's relative error.
 pub type Errors = Vec<(&'static str, f64)>;
@@ -44,24 +36,9 @@ pub fn small_case(seed: u64, kind: Kind) -> Case {
 }
 
 /// A random signed weight for every value of the images, 0 where the model jumps within the kernels' rounding.
-pub fn random_upstream(case: &Case, images: Outputs, tolerance: &GradientTolerance) -> ImageGradient {
+pub fn random_upstream(case: &Case, images: Outputs) -> ImageGradient {
     let reference = render_culled(&case.scene, &case.cameras, &case.settings).unwrap();
-    let (batch, height, width) = (reference.batch, reference.height, reference.width);
-    let random = &mut Random::new(case.seed ^ 0x5eed);
-    let mut weights = |wanted: bool, channels: usize| {
-        wanted.then(|| {
-            let weight =
-                |i: usize, w: f64| if reference.margin[i / channels] < tolerance.margin { 0.0 } else { w as f32 };
-            let data = (0..reference.margin.len() * channels).map(|i| weight(i, random.range(-1.0, 1.0))).collect();
-            Image { batch, height, width, channels, data }
-        })
-    };
-    ImageGradient {
-        color: weights(images.color, 3),
-        silhouette: weights(images.silhouette, 1),
-        depth: weights(images.depth, 1),
-        normal: weights(images.normal, 3),
-    }
+    agreement::random_upstream(case.subject(), case.seed, images, Some(&reference.margin))
 }
 
 /// The weights that `weight` gives for an image's name, row and column, the same in every view; the first where an image
@@ -83,8 +60,7 @@ pub fn upstream_of(case: &Case, weight: impl Fn(&str, usize, usize) -> [f32; 3])
 }
 
 pub fn reference_gradient(case: &Case, upstream: &ImageGradient, mode: GradientMode) -> ReferenceGradients {
-    softras_reference::gradient(&case.scene, &case.cameras, &case.settings, &gradients::upstream(upstream), mode)
-        .unwrap()
+    agreement::reference_gradient(case.subject(), upstream, mode).unwrap()
 }
 
 /// Renders and goes backward.
@@ -102,38 +78,6 @@ pub fn backward(
     renderer.backward(&frame, upstream, wanted).map_err(|e| e.to_string())
 }
 
-fn flat<const N: usize>(rows: &[[f32; N]]) -> Vec<f64> {
-    rows.iter().flatten().map(|&x| f64::from(x)).collect()
-}
-
-/// Every number of a result by the gradient it belongs to, a mesh's and a view's by themselves.
-pub fn numbers(g: &Gradients) -> Vec<(&'static str, Vec<f64>)> {
-    let mut all = Vec::new();
-    for mesh in &g.meshes {
-        all.push(("positions", flat(&mesh.positions)));
-        all.push(("colors", flat(&mesh.colors)));
-        all.push(("surface texels", flat(&mesh.surface_texels)));
-        all.push(("UVs", flat(&mesh.uvs)));
-        mesh.texture_texels.iter().for_each(|t| all.push(("texture texels", flat(t))));
-        let alphas = mesh.texture_alphas.iter().map(|alpha| alpha.iter().map(|&a| f64::from(a)).collect());
-        all.extend(alphas.map(|alpha| ("texture alpha", alpha)));
-    }
-    for camera in &g.cameras {
-        all.push(("twist", camera.twist.to_vec()));
-        all.push(("projection", camera.projection.to_vec()));
-    }
-    if let Some(lights) = &g.lights {
-        all.push(("ambient", [&lights.ambient_color[..], &[lights.ambient_intensity]].concat()));
-        for (direction, color, intensity) in &lights.directional {
-            all.push(("light direction", direction.to_vec()));
-            all.push(("light color", [&color[..], &[*intensity]].concat()));
-        }
-    }
-    all.push(("background", g.background_color.to_vec()));
-    all.extend([("epsilon", vec![g.epsilon]), ("sigma", vec![g.sigma]), ("gamma", vec![g.gamma])]);
-    all
-}
-
 type Numbers = (&'static str, Vec<f64>);
 
 /// The gradients that `some` has, each with what `all` says.
@@ -146,67 +90,12 @@ pub fn matching(some: &Gradients, all: &Gradients) -> Vec<(Numbers, Numbers)> {
     pairs.map(|i| (some[i].clone(), find(some[i].0, place(i)).expect("all has it"))).collect()
 }
 
-/// The reference's, in the same order and shapes.
-pub fn reference_numbers(case: &Case, g: &ReferenceGradients) -> Vec<(&'static str, Vec<f64>)> {
-    let mut all = Vec::new();
-    for (i, mesh) in case.scene.meshes.iter().enumerate() {
-        all.push(("positions", g.positions(i).to_vec()));
-        all.push(("colors", g.colors(i).to_vec()));
-        all.push(("surface texels", g.surface_texels(i).to_vec()));
-        all.push(("UVs", g.uvs(i).to_vec()));
-        if let softras::scene::Appearance::Textured { textures, .. } = mesh.appearance() {
-            (0..textures.len()).for_each(|t| all.push(("texture texels", g.texture_texels(i, t).to_vec())));
-            (0..textures.len()).for_each(|t| all.push(("texture alpha", g.texture_alpha(i, t).to_vec())));
-        }
-    }
-    for i in 0..case.cameras.len() {
-        all.push(("twist", g.twist(i).to_vec()));
-        let mut projection = g.projection(i).to_vec();
-        projection.resize(4, 0.0);
-        all.push(("projection", projection));
-    }
-    all.push(("ambient", [g.ambient_color(), &[g.ambient_intensity()]].concat()));
-    for i in 0..case.scene.lights.directional.len() {
-        all.push(("light direction", g.light_direction(i).to_vec()));
-        all.push(("light color", [g.light_color(i), &[g.light_intensity(i)]].concat()));
-    }
-    all.push(("background", g.background().to_vec()));
-    all.extend([("epsilon", vec![g.epsilon()]), ("sigma", vec![g.sigma()]), ("gamma", vec![g.gamma()])]);
-    all
-}
-
 /// Both side by side.
 ///
 /// # Errors
 /// Where the shapes differ.
 pub fn groups(case: &Case, ours: &Gradients, reference: &ReferenceGradients) -> Result<Vec<Group>, String> {
-    let (ours, reference) = (numbers(ours), reference_numbers(case, reference));
-    let shape = |all: &[(&'static str, Vec<f64>)]| all.iter().map(|(name, v)| (*name, v.len())).collect::<Vec<_>>();
-    if shape(&ours) != shape(&reference) {
-        return Err(format!("the gradient has {:?}, the reference's {:?}", shape(&ours), shape(&reference)));
-    }
-    Ok(ours.into_iter().zip(reference).map(|((name, ours), (_, reference))| Group { name, ours, reference }).collect())
-}
-
-pub fn norm(values: &[f64]) -> f64 {
-    values.iter().map(|x| x * x).sum::<f64>().sqrt()
-}
-
-/// |ours - reference| / max(|reference|, floor), 0 where both are 0.
-///
-/// # Errors
-/// The first number that is not finite.
-pub fn relative_error(group: &Group, floor: f64) -> Result<f64, String> {
-    let Group { name, ours, reference } = group;
-    if ours.len() != reference.len() {
-        return Err(format!("{name}: {} numbers, {} of the reference's", ours.len(), reference.len()));
-    }
-    if let Some(i) = ours.iter().zip(reference).position(|(a, b)| !a.is_finite() || !b.is_finite()) {
-        return Err(format!("{name}: number {i} is {}, the reference's {}", ours[i], reference[i]));
-    }
-    let difference = norm(&ours.iter().zip(reference).map(|(a, b)| a - b).collect::<Vec<_>>());
-    let size = norm(reference).max(floor);
-    Ok(if difference == 0.0 { 0.0 } else { difference / size })
+    agreement::groups(case.subject(), ours, reference)
 }
 
 /// The number that is farthest off, for people.
@@ -219,11 +108,10 @@ pub fn worst_number(group: &Group) -> String {
     })
 }
 
-/// Each gradient's error; the floor of a gradient is `tolerance.floor` of the same gradient's root mean square over other
-/// signs of the upstream weights, so that numbers that cancel by chance are not held to their accidental size; and `tolerance.nothing` of the weights.
+/// Each gradient's error.
 ///
 /// # Errors
-/// Shapes that differ, a number that is not finite.
+/// As [`agreement::errors`].
 pub fn errors(
     case: &Case,
     upstream: &ImageGradient,
@@ -231,71 +119,7 @@ pub fn errors(
     ours: &Gradients,
     tolerance: &GradientTolerance,
 ) -> Result<Vec<(Group, f64)>, String> {
-    let reference = reference_gradient(case, upstream, mode);
-    let groups = groups(case, ours, &reference)?;
-    let strict: Result<Vec<(Group, f64)>, String> =
-        groups.into_iter().map(|g| relative_error(&g, 0.0).map(|e| (g, e))).collect();
-    let mut strict = strict?;
-    if strict.iter().all(|(_, error)| *error <= tolerance.usual) {
-        return Ok(strict);
-    }
-    let usual = usual_sizes(case, upstream, mode);
-    let weights = upstream_norm(upstream);
-    for ((group, error), size) in strict.iter_mut().zip(usual) {
-        *error =
-            relative_error(group, (tolerance.floor * size).max(tolerance.nothing * weights * unit(case, group.name)))?;
-    }
-    Ok(strict)
-}
-
-/// What a gradient is of, when all of an image changes by as much as it may: the size that rounding has to be seen
-/// against. log weights are ζ / γ, distances are in units of √σ.
-fn unit(case: &Case, name: &str) -> f64 {
-    let s = &case.settings;
-    let deepest = if s.outputs.depth { s.far.min(10.0) } else { 1.0 };
-    let positions = 1.0 / ((s.far - s.near) * s.gamma) + 1.0 / s.sigma.sqrt();
-    // View space is as large as its matrix makes it.
-    let matrix = case.cameras.iter().flat_map(|c| c.view().as_flattened()).fold(1.0, |m: f64, x| m.max(x.abs()));
-    deepest
-        * match name {
-            "positions" => positions,
-            "twist" | "projection" => positions * matrix,
-            "sigma" => 1.0 / s.sigma,
-            "gamma" | "epsilon" => 1.0 / s.gamma,
-            _ => 1e-6,
-        }
-}
-
-/// The norm of all weights together.
-pub fn upstream_norm(upstream: &ImageGradient) -> f64 {
-    let images = [&upstream.color, &upstream.silhouette, &upstream.depth, &upstream.normal];
-    let squares = images.into_iter().flatten().flat_map(|image| &image.data).map(|&x| f64::from(x).powi(2));
-    squares.sum::<f64>().sqrt()
-}
-
-/// The root mean square of each gradient's norm over random signs of the pixels' weights.
-fn usual_sizes(case: &Case, upstream: &ImageGradient, mode: GradientMode) -> Vec<f64> {
-    const SIGNS: usize = 4;
-    let mut squares: Vec<f64> = Vec::new();
-    for round in 0..SIGNS {
-        let flipped = with_random_signs(upstream, round as u64);
-        let gradient = reference_numbers(case, &reference_gradient(case, &flipped, mode));
-        squares.resize(gradient.len(), 0.0);
-        for (sum, (_, values)) in squares.iter_mut().zip(&gradient) {
-            *sum += norm(values).powi(2) / SIGNS as f64;
-        }
-    }
-    squares.into_iter().map(f64::sqrt).collect()
-}
-
-pub fn with_random_signs(upstream: &ImageGradient, seed: u64) -> ImageGradient {
-    let random = &mut Random::new(seed);
-    let mut flipped = upstream.clone();
-    let images = [&mut flipped.color, &mut flipped.silhouette, &mut flipped.depth, &mut flipped.normal];
-    for image in images.into_iter().flatten() {
-        image.data.iter_mut().filter(|_| random.chance(0.5)).for_each(|x| *x = -*x);
-    }
-    flipped
+    agreement::errors(case.subject(), upstream, mode, ours, (tolerance.usual, tolerance))
 }
 
 /// Renders, goes backward and compares everything, each gradient within `tolerance.worst`.
@@ -328,6 +152,7 @@ pub fn check(
     }
     Err(report.join("\n"))
 }
+
 /// Every number the same bits.
 ///
 /// # Errors

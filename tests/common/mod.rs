@@ -1,5 +1,5 @@
 //! What the tests share: renderers, random scenes, comparisons, and the tables of modes and of tolerances.
-#![allow(dead_code, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+#![allow(dead_code, unused_imports, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 pub mod blame;
 pub mod compare;

@@ -21,6 +21,12 @@ pub struct Case {
     pub settings: Settings,
 }
 
+impl Case {
+    pub fn subject(&self) -> softras_lab::agreement::Subject<'_> {
+        softras_lab::agreement::Subject { scene: &self.scene, cameras: &self.cameras, settings: &self.settings }
+    }
+}
+
 /// What a failing test prints: enough to run the case again.
 impl std::fmt::Debug for Case {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {

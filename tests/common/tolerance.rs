@@ -2,6 +2,7 @@
 
 use super::scenes::{Case, Kind};
 use softras::{Projection, scene::Distance};
+pub use softras_lab::agreement::{GRADIENT, GradientTolerance};
 
 /// How far the kernels may be from the reference.
 #[derive(Clone, Copy, Debug)]
@@ -71,34 +72,3 @@ pub fn cut_at(near: f64, depth: f64) -> Tolerance {
 /// The same frame from kernels specialised otherwise: the compiler orders some sums otherwise, so a few last places of
 /// values up to about 4.
 pub const OTHER_KERNEL: f32 = 5e-6;
-
-/// How far a gradient may be from the reference's, as a share of its L2 norm.
-#[derive(Clone, Copy, Debug)]
-pub struct GradientTolerance {
-    /// In all scenes but a few.
-    pub usual: f64,
-    /// In those few.
-    pub worst: f64,
-    /// How many the few are.
-    pub share: f64,
-    /// Pixels with a smaller margin have no upstream gradient: there the model jumps within the kernels' rounding.
-    pub margin: f64,
-    /// A gradient that is smaller than this share of its usual size, over random signs of the upstream weights, has
-    /// cancelled by chance and is held to that share of the usual size.
-    pub floor: f64,
-    /// A gradient that is smaller than this share of the upstream weights, in its natural unit, is nothing: f32 images
-    /// are good to 1e-7, so that is what a difference of two of a pixel's colours is good to.
-    pub nothing: f64,
-}
-
-impl GradientTolerance {
-    /// For scenes that are made, not drawn by chance.
-    pub fn without_exceptions(self) -> Self {
-        Self { worst: self.usual, ..self }
-    }
-}
-
-/// The main promise of backward. Where sigma is 1e-6 a pixel counts within 1e-3 of an edge, of which f32 positions on the
-/// screen leave 6e-8 open: 1e-4 is what f32 can hold there.
-pub const GRADIENT: GradientTolerance =
-    GradientTolerance { usual: 1e-4, worst: 1e-3, share: 0.01, margin: 1e-3, floor: 0.1, nothing: 1e-3 };

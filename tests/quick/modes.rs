@@ -46,7 +46,7 @@ type Made = (Frame, Gradients);
 
 fn made(renderer: &mut Renderer, case: &Case, mode: GradientMode) -> softras::Result<Made> {
     let frame = renderer.render(&case.scene, &case.cameras, &case.settings)?;
-    let upstream = random_upstream(case, case.settings.outputs, &GRADIENT);
+    let upstream = random_upstream(case, case.settings.outputs);
     let gradients = renderer.backward(&frame, &upstream, &Wanted { mode, ..Wanted::ALL })?;
     Ok((frame, gradients))
 }
@@ -56,7 +56,7 @@ fn agrees(renderer: &mut Renderer, case: &Case, mode: GradientMode) -> Result<Ma
     let first = made(renderer, case, mode).map_err(|error| error.to_string())?;
     let reference = render_culled(&case.scene, &case.cameras, &case.settings).unwrap();
     compare_frames(&first.0, &reference, &tolerance::of(case))?;
-    check(renderer, case, &random_upstream(case, case.settings.outputs, &GRADIENT), mode, &GRADIENT)?;
+    check(renderer, case, &random_upstream(case, case.settings.outputs), mode, &GRADIENT)?;
     let corners = [(1e-8, 1e-8), (1.0, 1.0), (1e-8, 1.0), (1e-2, 1e-8), (1e-6, 1e-5), (1e-2, 1e-5)];
     for &(sigma, gamma) in tier(&corners[..2], &corners) {
         let mut case = case.clone();

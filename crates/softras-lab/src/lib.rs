@@ -2,7 +2,7 @@
 //!
 //! [`check`] compares a device with the f64 reference on small scenes. [`stress`] draws random scenes and checks what softras
 //! promises of every scene. [`measure`] times frames and compares them with the least possible time and with the f64 reference.
-//! [`gradients`] brings a device's gradients into the reference's layout. [`random`] generates all random numbers.
+//! [`agreement`] says how far gradients are from the reference's. [`gradients`] brings a device's gradients into the reference's layout. [`random`] generates all random numbers.
 //!
 //! The program of this package renders archives of arrays: `cargo run --release -p softras-lab -- eval --help`.
 //!
@@ -18,6 +18,7 @@
 //! # }
 //! ```
 
+pub mod agreement;
 pub mod check;
 pub mod gradients;
 pub mod measure;

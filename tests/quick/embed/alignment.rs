@@ -4,7 +4,6 @@ use super::facade::{Memory, Scenery};
 use super::geometry::{POSITION, storage};
 use crate::common::gradient::random_upstream;
 use crate::common::scenes::{Kind, random_case};
-use crate::common::tolerance;
 use crate::host::{Backward, Host, assert_silent, engine, rasterizer};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
@@ -41,7 +40,7 @@ fn every_buffer_of_a_frame_lies_as_its_plan_says() {
     let mut case = random_case(0, Kind::Plain);
     case.settings.save = true;
     let host = Host::new(&engine, &rasterizer, &case);
-    let upstream = random_upstream(&case, case.settings.outputs, &tolerance::GRADIENT);
+    let upstream = random_upstream(&case, case.settings.outputs);
     let backward = Backward::new(&engine, &rasterizer, &host, &upstream, Wanted::default());
     let both = host.plan.buffers().iter().map(|r| (r, true)).chain(backward.plan.buffers().iter().map(|r| (r, false)));
     let mut tried = 0;
@@ -84,7 +83,7 @@ fn offsets_of_a_hosts_own_buffers_are_multiples_of_the_devices_limits() {
     let mut shape = Shape::of(&case.scene, &case.cameras, &case.settings).unwrap();
     shape.device_counts = true;
     let host = Host::of_shape(&engine, &rasterizer, &case, &shape);
-    let upstream = random_upstream(&case, case.settings.outputs, &tolerance::GRADIENT);
+    let upstream = random_upstream(&case, case.settings.outputs);
     let backward = Backward::new(&engine, &rasterizer, &host, &upstream, Wanted::default());
 
     let geometry = Geometry::new(scenery.engines.draws.clone()).unwrap();

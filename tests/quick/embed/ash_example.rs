@@ -7,7 +7,7 @@ mod embed_ash;
 use crate::common::gradient::{random_upstream, same_gradient_bits};
 use crate::common::modes::give_normals;
 use crate::common::scenes::{Case, Kind, random_case};
-use crate::common::{renderer, tier, tolerance, validates};
+use crate::common::{renderer, tier, validates};
 use crate::host::{
     Backward, Host, Messages, assert_silent, difference, engine, error, forward, images, rasterizer, submit,
 };
@@ -86,7 +86,7 @@ fn gradients_are_the_simple_apis_bit_by_bit() {
     for seed in 20..tier(21, 26) {
         let mut case = random_case(seed, Kind::Plain);
         case.settings.save = true;
-        let upstream = random_upstream(&case, case.settings.outputs, &tolerance::GRADIENT);
+        let upstream = random_upstream(&case, case.settings.outputs);
         let frame = simple.render(&case.scene, &case.cameras, &case.settings).unwrap();
         let expected = simple.backward(&frame, &upstream, &Wanted::ALL).unwrap();
         assert_eq!(same_gradient_bits(&expected, &expected), Ok(()));
@@ -276,7 +276,7 @@ fn what_does_not_fit_is_an_error_that_names_it() {
     let mut saved = case.clone();
     saved.settings.save = true;
     let frame = Host::new(&engine, &rasterizer, &saved);
-    let upstream = random_upstream(&saved, saved.settings.outputs, &tolerance::GRADIENT);
+    let upstream = random_upstream(&saved, saved.settings.outputs);
     let backward = Backward::new(&engine, &rasterizer, &frame, &upstream, Wanted::default());
     let capacity = frame.plan.capacity();
     let capacity = Some(Capacity { list: 2 * capacity.list, ..capacity });

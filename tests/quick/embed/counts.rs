@@ -53,7 +53,7 @@ fn a_count_that_only_the_device_knows_is_drawn() {
         let mut shape = Shape::of(&case.scene, &case.cameras, &case.settings).unwrap();
         shape.device_counts = true;
         let host = Host::of_shape(&engine, &rasterizer, &case, &shape);
-        let upstream = random_upstream(&case, case.settings.outputs, &tolerance::GRADIENT);
+        let upstream = random_upstream(&case, case.settings.outputs);
         let wanted = Wanted { uvs: false, texels: false, lights: views == 1, ..Wanted::ALL };
         let backward = Backward::new(&engine, &rasterizer, &host, &upstream, wanted);
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER;

@@ -20,7 +20,7 @@ fn cases() -> Vec<(Case, ImageGradient)> {
     let case = |seed| {
         let mut case = random_case(seed, Kind::Plain);
         case.settings.save = true;
-        let upstream = random_upstream(&case, case.settings.outputs, &tolerance::GRADIENT);
+        let upstream = random_upstream(&case, case.settings.outputs);
         (case, upstream)
     };
     (40..tier(41, 44)).map(case).collect()

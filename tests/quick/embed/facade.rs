@@ -5,8 +5,8 @@
 
 use super::geometry::{COLOR, Engines, POSITION, TRANSFORM, VERTEX, storage};
 use crate::common::gradient::random_upstream;
+use crate::common::renderer;
 use crate::common::scenes::Case;
-use crate::common::{renderer, tolerance};
 use crate::host::engine::{Buffer, Engine};
 use crate::host::{assert_silent, difference, engine, error, rasterizer, submit, upstream_bytes};
 use gpu_allocator::MemoryLocation;
@@ -154,7 +154,7 @@ fn several_meshes_of_a_host_render_as_one_scene() {
     let mut simple = renderer();
     let frame = simple.render(&case.scene, &case.cameras, &case.settings).unwrap();
     let wanted = Wanted { colors: true, camera: true, lights: true, ..Wanted::default() };
-    let upstream = random_upstream(&case, case.settings.outputs, &tolerance::GRADIENT);
+    let upstream = random_upstream(&case, case.settings.outputs);
     let expected = simple.backward(&frame, &upstream, &wanted).unwrap();
 
     for (on_device, alignment) in [(false, 1), (true, 256)] {
@@ -217,7 +217,7 @@ fn each_view_may_have_a_mesh_and_the_host_buffers_of_its_own() {
     let mut simple = renderer();
     let frame = simple.render(&scene, &case.cameras, &case.settings).unwrap();
     let batch = Case { scene, ..case.clone() };
-    let upstream = random_upstream(&batch, case.settings.outputs, &tolerance::GRADIENT);
+    let upstream = random_upstream(&batch, case.settings.outputs);
     let wanted = Wanted { colors: true, ..Wanted::default() };
     let expected = simple.backward(&frame, &upstream, &wanted).unwrap();
 

@@ -2,7 +2,7 @@
 
 use super::facade::{Memory, Scenery, bind, run};
 use crate::common::gradient::random_upstream;
-use crate::common::{tier, tolerance};
+use crate::common::tier;
 use crate::host::{assert_silent, difference, engine, error, rasterizer};
 use softras::embed::{BufferId, Capacity, PassStatus};
 use softras::scene::{Background, Shading};
@@ -15,7 +15,7 @@ fn a_pass_does_not_depend_on_the_room_for_lists() {
     let rasterizer = rasterizer(&engine);
     let scenery = Scenery::new(&engine);
     let case = scenery.engines.case();
-    let upstream = random_upstream(&case, case.settings.outputs, &tolerance::GRADIENT);
+    let upstream = random_upstream(&case, case.settings.outputs);
     let outputs = [BufferId::Color, BufferId::VertexGradients, BufferId::Totals, BufferId::CornerGradients];
     let looks = [
         (Lights::official(), Background::Weighted),
@@ -77,7 +77,7 @@ fn a_frame_that_is_not_finite_has_no_gradients() {
     let rasterizer = rasterizer(&engine);
     let mut scenery = Scenery::new(&engine);
     let case = scenery.engines.case();
-    let upstream = random_upstream(&case, case.settings.outputs, &tolerance::GRADIENT);
+    let upstream = random_upstream(&case, case.settings.outputs);
     let mut vertices = scenery.engines.vertices();
     for vertex in &mut vertices {
         vertex[3..6].fill(f32::NAN);

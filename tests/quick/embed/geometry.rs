@@ -4,8 +4,8 @@
 #![allow(clippy::needless_range_loop, clippy::neg_cmp_op_on_partial_ord)]
 
 use crate::common::gradient::{random_upstream, same_gradient_bits};
+use crate::common::renderer;
 use crate::common::scenes::{Case, Kind, random_case};
-use crate::common::{renderer, tolerance};
 use crate::host::engine::{Buffer, Engine};
 use crate::host::{Backward, Host, assert_silent, difference, engine, error, images, rasterizer, submit};
 use ash::vk;
@@ -198,7 +198,7 @@ fn a_hosts_instances_are_rendered_and_differentiated_where_they_lie() {
     let mut simple = renderer();
     let frame = simple.render(&case.scene, &case.cameras, &case.settings).unwrap();
     let wanted = Wanted { colors: true, ..Wanted::default() };
-    let upstream = random_upstream(&case, case.settings.outputs, &tolerance::GRADIENT);
+    let upstream = random_upstream(&case, case.settings.outputs);
     let expected = simple.backward(&frame, &upstream, &wanted).unwrap();
 
     let vertices = storage(&engine, bytemuck::cast_slice(&engines.vertices()));
@@ -318,7 +318,7 @@ fn misfits(engine: &Engine, rasterizer: &Rasterizer, engines: &Engines, case: &C
 
     // Gradients that the pass does not compute, or of other geometry than the frame's.
     let bound = rasterizer.bind_geometry(&geometry, &good, &host.bindings).unwrap();
-    let upstream = random_upstream(case, case.settings.outputs, &tolerance::GRADIENT);
+    let upstream = random_upstream(case, case.settings.outputs);
     let none = GeometryGradients::default();
     let bind = |wanted, gradients, case| {
         let host = Host::new(engine, rasterizer, case);

@@ -41,7 +41,7 @@ fn random_images(case: &Case) -> Outputs {
 
 fn add(renderer: &mut Renderer, case: &Case, table: &mut Table, failures: &mut Vec<String>) {
     let images = random_images(case);
-    let upstream = random_upstream(case, images, &GRADIENT);
+    let upstream = random_upstream(case, images);
     for mode in MODES {
         match check(renderer, case, &upstream, mode, &GRADIENT) {
             Ok(errors) => table.add(mode, case.seed, &errors),
@@ -126,7 +126,7 @@ fn every_mode_alone() {
             if outputs == none {
                 continue;
             }
-            let upstream = random_upstream(&case, outputs, &GRADIENT);
+            let upstream = random_upstream(&case, outputs);
             if let Err(error) = check(&mut renderer, &case, &upstream, mode, &GRADIENT) {
                 failures.push(format!("{name}, upstream of {image}: {error}"));
             }
@@ -152,7 +152,7 @@ type Made = (Frame, Gradients);
 
 fn made_of(renderer: &mut Renderer, case: &Case) -> Made {
     let frame = renderer.render(&case.scene, &case.cameras, &case.settings).unwrap();
-    let upstream = random_upstream(case, case.settings.outputs, &GRADIENT);
+    let upstream = random_upstream(case, case.settings.outputs);
     let gradients = renderer.backward(&frame, &upstream, &Wanted::ALL).unwrap();
     (frame, gradients)
 }
@@ -162,7 +162,7 @@ fn finite_at_every_softness(renderer: &mut Renderer, base: &Case, modes: &[Gradi
     for (sigma, gamma) in [(1e-8, 1e-8), (1e-8, 1.0), (1e-2, 1e-8), (1e-6, 1e-5), (1e-2, 1e-5), (1.0, 1.0)] {
         let mut case = base.clone();
         (case.settings.sigma, case.settings.gamma) = (sigma, gamma);
-        let upstream = random_upstream(&case, case.settings.outputs, &GRADIENT);
+        let upstream = random_upstream(&case, case.settings.outputs);
         for &mode in modes {
             backward(renderer, &case, &upstream, &Wanted { mode, ..Wanted::ALL })
                 .and_then(|gradients| all_finite(&gradients))
@@ -186,7 +186,7 @@ fn every_appearance_alone() {
             let mesh = case.scene.meshes.remove(0);
             let appearance = random_appearance(&mut Random::new(seed), &mesh);
             case.scene.meshes.push(mesh.with_appearance(appearance).unwrap());
-            let upstream = random_upstream(&case, ALL_OUTPUTS, &GRADIENT);
+            let upstream = random_upstream(&case, ALL_OUTPUTS);
             for &mode in tier(&MODES[..1], &MODES) {
                 if let Err(error) = check(&mut renderer, &case, &upstream, mode, &GRADIENT) {
                     failures.push(format!("{shading:?}: {error}\n{case:?}"));
@@ -207,7 +207,7 @@ fn wanted_is_what_comes() {
     let seeds = (0..).map(|seed| random_appearance(&mut Random::new(seed), &mesh));
     let textured = seeds.into_iter().find(|a| matches!(a, softras::scene::Appearance::Textured { .. })).unwrap();
     case.scene.meshes.push(mesh.with_appearance(textured).unwrap());
-    let upstream = random_upstream(&case, ALL_OUTPUTS, &GRADIENT);
+    let upstream = random_upstream(&case, ALL_OUTPUTS);
     let all = backward(&mut renderer, &case, &upstream, &Wanted::ALL).unwrap();
     let nothing = Wanted::NOTHING;
     let single: [(&str, Wanted); 7] = [

@@ -53,7 +53,7 @@ fn case(mesh: Mesh, cameras: Vec<Camera>, settings: Settings) -> Case {
 /// Both modes against the reference, with random weights on every image; the exact gradient.
 #[track_caller]
 fn assert_agrees(renderer: &mut Renderer, case: &Case) -> Gradients {
-    assert_agrees_under(renderer, case, &random_upstream(case, ALL_OUTPUTS, &GRADIENT))
+    assert_agrees_under(renderer, case, &random_upstream(case, ALL_OUTPUTS))
 }
 
 #[track_caller]
@@ -181,7 +181,7 @@ fn degenerate_and_duplicate_triangles() {
     let case = on_screen(&[[a, b, c], point, line, [a, a, b]], settings(33, 33));
     for sigma in [1e-2, 1e-5, 1e-8] {
         let case = Case { settings: Settings { sigma, ..case.settings.clone() }, ..case.clone() };
-        let upstream = random_upstream(&case, ALL_OUTPUTS, &GRADIENT);
+        let upstream = random_upstream(&case, ALL_OUTPUTS);
         for &mode in tier(&MODES[..1], &MODES) {
             all_finite(&backward(&mut renderer, &case, &upstream, &Wanted { mode, ..Wanted::ALL }).unwrap()).unwrap();
         }
@@ -241,7 +241,7 @@ fn rotated_and_off_centre_camera() {
 fn weighted_loss_per_pixel() {
     let mut renderer = renderer();
     let case = on_screen(&[triangle(), [[-0.2, 0.9, 3.0], [0.9, 0.1, 2.5], [0.8, 0.83, 1.5]]], settings(24, 24));
-    let upstream = random_upstream(&case, ALL_OUTPUTS, &GRADIENT);
+    let upstream = random_upstream(&case, ALL_OUTPUTS);
     let whole = assert_agrees_under(&mut renderer, &case, &upstream);
     // Each pixel teaches what the reference says of it alone, and all of them together the sum.
     let mut sum = [0.0; 18];
@@ -315,7 +315,7 @@ fn thousand_overlapping_faces() {
     let mut renderer = renderer();
     for (gamma, sigma) in [(1e-1, 1e-2), (1e-3, 1e-4)] {
         let case = on_screen(&faces, Settings { gamma, sigma, ..settings(16, 16) });
-        let upstream = random_upstream(&case, ALL_OUTPUTS, &GRADIENT);
+        let upstream = random_upstream(&case, ALL_OUTPUTS);
         for &mode in tier(&MODES[..1], &MODES) {
             // The crowd's shares are small differences of a pixel's 1000 colours from their mean.
             let errors = check(&mut renderer, &case, &upstream, mode, &GRADIENT).unwrap();

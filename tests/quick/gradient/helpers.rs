@@ -82,7 +82,7 @@ const WRONGS: [fn(&mut Gradients); 11] = [
 #[test]
 fn a_wrong_number_in_any_gradient_is_seen() {
     let (mut renderer, case) = (renderer(), base());
-    let upstream = random_upstream(&case, ALL_OUTPUTS, &GRADIENT);
+    let upstream = random_upstream(&case, ALL_OUTPUTS);
     let right = result(&mut renderer, &case, &upstream);
     let worst = |g: &Gradients| {
         let errors = errors(&case, &upstream, GradientMode::Exact, g, &GRADIENT).unwrap();
@@ -118,7 +118,7 @@ fn a_wrong_number_in_any_gradient_is_seen() {
 #[test]
 fn modes_and_upstreams_are_told_apart() {
     let (mut renderer, case) = (renderer(), base());
-    let upstream = random_upstream(&case, ALL_OUTPUTS, &GRADIENT);
+    let upstream = random_upstream(&case, ALL_OUTPUTS);
     let exact = result(&mut renderer, &case, &upstream);
     let of = |mode, upstream: &ImageGradient| {
         let errors = errors(&case, upstream, mode, &exact, &GRADIENT).unwrap();
@@ -141,7 +141,7 @@ fn softras_tolerance(worst: f64) -> crate::common::tolerance::GradientTolerance 
 fn upstreams_are_what_they_say() {
     let case = base();
     let images = Outputs { color: true, silhouette: false, depth: true, normal: false };
-    let upstream = random_upstream(&case, images, &GRADIENT);
+    let upstream = random_upstream(&case, images);
     assert_eq!(upstream.outputs(), images);
     let margin = render_culled(&case.scene, &case.cameras, &case.settings).unwrap().margin;
     let color = &upstream.color.as_ref().unwrap().data;
@@ -171,7 +171,7 @@ fn upstreams_are_what_they_say() {
 fn the_blamed_pixel_is_the_wrong_one() {
     let (mut renderer, mut case) = (renderer(), base());
     case.cameras.truncate(1);
-    let upstream = random_upstream(&case, ALL_OUTPUTS, &GRADIENT);
+    let upstream = random_upstream(&case, ALL_OUTPUTS);
     let said = blame(&mut renderer, &case, &upstream, GradientMode::Exact, 0);
     assert!(said.starts_with("view 0, row ") && said.matches("off by").count() == 3, "{said}");
 }

@@ -42,7 +42,7 @@ fn image_and_gradients_agree(
     let frame = renderer.render(&case.scene, &case.cameras, &case.settings).map_err(|e| e.to_string())?;
     let reference = render_culled(&case.scene, &case.cameras, &case.settings).unwrap();
     compare_frames(&frame, &reference, &tolerance::of(case))?;
-    let upstream = random_upstream(case, images, &GRADIENT);
+    let upstream = random_upstream(case, images);
     let mut compared = false;
     for mode in modes {
         let errors = check(renderer, case, &upstream, *mode, &GRADIENT)?;
@@ -112,7 +112,7 @@ fn an_alpha_of_1_changes_no_bit() {
         case
     };
     let [bare, opaque, other] = [None, Some(1.0), Some(0.75)].map(of_alpha);
-    let upstream = random_upstream(&bare, ALL_OUTPUTS, &GRADIENT);
+    let upstream = random_upstream(&bare, ALL_OUTPUTS);
     let mut run = |case: &Case| {
         let frame = renderer.render(&case.scene, &case.cameras, &case.settings).unwrap();
         (frame, backward(&mut renderer, case, &upstream, &Wanted::ALL).unwrap())

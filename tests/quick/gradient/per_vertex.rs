@@ -7,7 +7,6 @@ use crate::common::{
     renderer,
     scenes::{Case, small},
     tier,
-    tolerance::GRADIENT,
 };
 use crate::host::Planner;
 use softras::embed::Capacity;
@@ -79,7 +78,7 @@ fn they_are_those_of_the_stage_between() {
             (COLOR_AND_DEPTH, GradientMode::Paper),
         ];
         for (images, mode) in each.into_iter().take(tier(1, 3)) {
-            let upstream = random_upstream(&case, images, &GRADIENT);
+            let upstream = random_upstream(&case, images);
             let [alone, with_camera] = [ALONE, WITH_CAMERA]
                 .map(|wanted| backward(&mut renderer, &case, &upstream, &Wanted { mode, ..wanted }).unwrap());
             let mut seen = 0;
@@ -97,7 +96,7 @@ fn they_are_those_of_the_stage_between() {
 #[test]
 fn they_do_not_depend_on_the_room_for_cells() {
     let case = large_triangles();
-    let upstream = random_upstream(&case, COLOR_AND_DEPTH, &GRADIENT);
+    let upstream = random_upstream(&case, COLOR_AND_DEPTH);
     let planner = Planner::new();
     let of = |cells| planner.render(&case, &upstream, ALONE, Capacity { coarse: 1 << 12, list: 1 << 14, cells });
     let whole = of(1 << 10);

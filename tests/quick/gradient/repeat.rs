@@ -70,7 +70,7 @@ fn many_runs_are_the_same_bits() {
     let each = SORTS.into_iter().flat_map(|sort| MODES.map(|mode| (sort, mode)));
     for (sort, mode) in each.step_by(tier(3, 1)) {
         let case = ball(sort, &EYES[..1], 24);
-        let upstream = random_upstream(&case, ALL_OUTPUTS, &GRADIENT);
+        let upstream = random_upstream(&case, ALL_OUTPUTS);
         let wanted = Wanted { mode, ..Wanted::ALL };
         let first = backward(&mut renderer, &case, &upstream, &wanted).unwrap();
         let frame = renderer.render(&case.scene, &case.cameras, &case.settings).unwrap();
@@ -85,11 +85,11 @@ fn many_runs_are_the_same_bits() {
 fn other_frames_in_between_leave_no_trace() {
     let mut renderer = renderer();
     let case = ball(1, &EYES[..2], 32);
-    let upstream = random_upstream(&case, ALL_OUTPUTS, &GRADIENT);
+    let upstream = random_upstream(&case, ALL_OUTPUTS);
     let first = backward(&mut renderer, &case, &upstream, &Wanted::ALL).unwrap();
     for seed in 0..tier(1, 6) {
         let other = small_case(seed, Kind::Modes);
-        let other_upstream = random_upstream(&other, other.settings.outputs, &GRADIENT);
+        let other_upstream = random_upstream(&other, other.settings.outputs);
         backward(&mut renderer, &other, &other_upstream, &Wanted::ALL).unwrap();
         let again = backward(&mut renderer, &case, &upstream, &Wanted::ALL).unwrap();
         same_gradient_bits(&first, &again).unwrap_or_else(|error| panic!("after {other:?}: {error}"));
@@ -109,7 +109,7 @@ fn assert_same_but_for_rounding(name: &str, a: &Gradients, b: &Gradients) {
 fn numbers_of_lanes_agree_to_rounding() {
     for &sort in tier(&SORTS[..1], &SORTS) {
         let case = ball(sort, &EYES[..1], 32);
-        let upstream = random_upstream(&case, ALL_OUTPUTS, &GRADIENT);
+        let upstream = random_upstream(&case, ALL_OUTPUTS);
         // Every number of lanes is a set of kernels of its own to compile: all of them for one sort, two for the others.
         let all = [8, 32, 1, 4, 16];
         let lanes = if sort == SORTS[3] { &all[..] } else { &all[..2] };
@@ -135,7 +135,7 @@ fn batch_of_one_mesh_sums_over_views() {
     let mut renderer = renderer();
     for &sort in tier(&SORTS[..1], &SORTS) {
         let case = ball(sort, &EYES, 24);
-        let upstream = random_upstream(&case, ALL_OUTPUTS, &GRADIENT);
+        let upstream = random_upstream(&case, ALL_OUTPUTS);
         for &mode in tier(&MODES[..1], &MODES) {
             check(&mut renderer, &case, &upstream, mode, &GRADIENT.without_exceptions())
                 .unwrap_or_else(|error| panic!("{error}\n{case:?}"));
@@ -179,7 +179,7 @@ fn batch_of_many_meshes_of_different_appearance() {
         mesh.with_appearance(appearance).unwrap()
     };
     case.scene.meshes = meshes.into_iter().enumerate().map(with_sort).collect();
-    let upstream = random_upstream(&case, ALL_OUTPUTS, &GRADIENT);
+    let upstream = random_upstream(&case, ALL_OUTPUTS);
     for &mode in tier(&MODES[..1], &MODES) {
         check(&mut renderer, &case, &upstream, mode, &GRADIENT.without_exceptions())
             .unwrap_or_else(|error| panic!("{error}\n{case:?}"));
@@ -200,7 +200,7 @@ fn huge_triangle_over_the_whole_image() {
     let mesh = Mesh::new(positions, vec![[0, 1, 2], [3, 4, 5]]).unwrap();
     let mesh = mesh.with_appearance(Appearance::VertexColors(vec![[0.9, 0.2, 0.4]; 6])).unwrap();
     let case = made_case(Scene::new(mesh), vec![Camera::screen()], settings(tier(96, 256)));
-    let upstream = random_upstream(&case, ALL_OUTPUTS, &GRADIENT);
+    let upstream = random_upstream(&case, ALL_OUTPUTS);
     let results = [8, 32].map(|lanes| {
         let mut renderer = renderer_with(RendererOptions { lanes: Some(lanes), ..RendererOptions::default() });
         for &mode in tier(&MODES[..1], &MODES) {
@@ -337,7 +337,7 @@ fn wrong_uses_are_refused() {
 fn pixels_beyond_all_triangles_pass_nothing_on() {
     let wanted = Wanted { positions: true, colors: true, ..Wanted::NOTHING };
     let small = ball(1, &EYES[..1], 64);
-    let upstream = random_upstream(&small, ALL_OUTPUTS, &GRADIENT);
+    let upstream = random_upstream(&small, ALL_OUTPUTS);
     let expected = backward(&mut renderer(), &small, &upstream, &wanted).unwrap();
     let large = vec![[-9.0, -9.0, 2.0], [9.0, -9.0, 2.0], [0.0, 9.0, 2.0]];
     let all = Mesh::new(large, vec![[0, 1, 2]]).unwrap();

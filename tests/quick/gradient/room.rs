@@ -8,7 +8,6 @@ use crate::common::{
     renderer_with,
     scenes::{Case, small, triangles},
     tier,
-    tolerance::GRADIENT,
 };
 use crate::host::{Planned, Planner};
 use softras::embed::Capacity;
@@ -47,7 +46,7 @@ fn no_mode_depends_on_the_room_for_lists() {
     let walked: Vec<_> = WALKED_MODES.into_iter().step_by(tier(12, 1)).collect();
     let (planner, mut seen) = (Planner::new(), 0);
     for (name, case) in in_every_mode(&blurred_ball()).filter(|(name, _)| walked.contains(name)) {
-        let upstream = random_upstream(&case, case.settings.outputs, &GRADIENT);
+        let upstream = random_upstream(&case, case.settings.outputs);
         let of = |capacity| planner.render(&case, &upstream, Wanted::ALL, capacity);
         let whole = of(ENOUGH);
         let list = whole.list_entries;
@@ -76,7 +75,7 @@ fn thin_triangles_do_not_depend_on_the_room_for_lists() {
     }
     let mesh = Mesh::new(positions, corners).unwrap();
     case.scene = Scene::new(mesh).with_lights(Lights::official());
-    let upstream = random_upstream(&case, ALL_OUTPUTS, &GRADIENT);
+    let upstream = random_upstream(&case, ALL_OUTPUTS);
     let planner = Planner::new();
     let of = |capacity| planner.render(&case, &upstream, Wanted::ALL, capacity);
     let whole = of(ENOUGH);
@@ -116,7 +115,7 @@ fn turns_do_not_change_bits() {
         if faded {
             cut_out(&mut case);
         }
-        let upstream = random_upstream(&case, case.settings.outputs, &GRADIENT);
+        let upstream = random_upstream(&case, case.settings.outputs);
         let of = |capacity| planner.render(&case, &upstream, Wanted::ALL, capacity);
         let whole = of(ENOUGH);
         assert!((40_001..ENOUGH.list).contains(&whole.list_entries), "{}", whole.list_entries);
@@ -130,7 +129,7 @@ fn turns_do_not_change_bits() {
 #[test]
 fn wide_workgroups_do_not_depend_on_the_room_for_lists() {
     let case = blurred_ball();
-    let upstream = random_upstream(&case, ALL_OUTPUTS, &GRADIENT);
+    let upstream = random_upstream(&case, ALL_OUTPUTS);
     let planner = Planner::new().with_lanes(32);
     let of = |capacity| planner.render(&case, &upstream, Wanted::ALL, capacity);
     let whole = of(ENOUGH);

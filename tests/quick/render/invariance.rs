@@ -225,7 +225,7 @@ fn lists_grow_until_all_fits() {
     let frames = [0; 3].map(|_| render(&mut kept, &case));
     let tiles = 25 * 23;
     assert_eq!(kept.frame_counts().unwrap().list_entries, 400 * tiles);
-    let upstream = random_upstream(&case, ALL, &tolerance::GRADIENT);
+    let upstream = random_upstream(&case, ALL);
     let capacity = Capacity { coarse: 1 << 14, list: 1 << 18, cells: 1 << 12 };
     let planner = Planner::new();
     let whole = planner.render(&case, &upstream, Wanted::default(), capacity);

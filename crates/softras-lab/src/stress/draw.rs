@@ -1,12 +1,24 @@
 //! Draws difficult scenes from seeds.
 
 use super::form::{FORMS, Form, TABLE};
-use super::promise::Promise;
 use super::soup::{Place, Soup, soup};
 use crate::random::Random;
 use glam::{DMat4, DVec3};
 use softras::scene::{Lights, Parity, Support};
 use softras::{Camera, GradientMode, Mesh, Projection, Result, Scene, Settings};
+
+/// What is promised of a case.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Promise {
+    /// Values are in range and a second run gives the same bits; promised of every case.
+    Bounds,
+    /// The silhouette's error is bounded too.
+    Silhouette,
+    /// The error of every image is bounded too.
+    Images,
+    /// The error of every gradient is bounded too.
+    Gradients,
+}
 
 /// A scene to render and differentiate, and the seed it was drawn from.
 #[derive(Clone, Debug)]

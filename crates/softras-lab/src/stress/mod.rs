@@ -10,6 +10,7 @@
 mod bits;
 mod draw;
 mod form;
+mod outcome;
 mod promise;
 mod range;
 mod run;
@@ -18,7 +19,8 @@ mod soup;
 
 pub use crate::random::Random;
 pub use bits::fingerprint;
-pub use draw::{Case, Kind, at, batch, case, form};
+pub use draw::{Case, Kind, Promise, at, batch, case, form};
 pub use form::FORMS;
-pub use promise::{Promise, image_error};
-pub use run::{Finding, Outcome, Stress};
+pub use outcome::{Finding, Outcome};
+pub use promise::image_error;
+pub use run::Stress;

@@ -1,7 +1,7 @@
 //! The ranges that the values of images must lie in.
 
 use super::draw::Case;
-use super::run::Outcome;
+use super::outcome::Outcome;
 use softras::scene::{Appearance, Lights, Parity};
 use softras::{Frame, Image, Settings};
 

@@ -1,43 +1,14 @@
 //! Runs cases on the device and checks what must hold of them.
 
 use super::bits::{bits, gradient_bits, not_finite};
-use super::draw::{Case, Kind};
-use super::promise::{self, Promise};
+use super::draw::{Case, Kind, Promise};
+use super::outcome::Outcome;
+use super::promise;
 use super::range::{Hull, bounds, color_hull};
 use softras::{Camera, Frame, Gradients, Renderer, RendererOptions, Scene, Wanted};
 use softras::{Error, Result};
 use softras_reference::render_culled;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-
-/// A violation of what must hold of every case.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Finding {
-    /// Its kind: "panic", "not finite", "range", "bits", "error", "image", "gradient", "reference" or "validation".
-    pub kind: &'static str,
-    /// What was found and where.
-    pub what: String,
-}
-
-/// The result of running a case.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Outcome {
-    /// The kind of error with which the case was refused, if it was.
-    pub refused: Option<&'static str>,
-    /// The violations.
-    pub findings: Vec<Finding>,
-    /// The largest error of the images that have a promise, in units of the tolerance; `None` without a promise.
-    pub image_error: Option<f64>,
-    /// The largest relative error of its gradients, where they were compared.
-    pub gradient_error: Option<f64>,
-    /// The largest error of any image of a case without a promise, in units of max(1, |value|).
-    pub unpromised_error: Option<f64>,
-}
-
-impl Outcome {
-    pub(super) fn find(&mut self, kind: &'static str, what: impl Into<String>) {
-        self.findings.push(Finding { kind, what: what.into() });
-    }
-}
 
 /// A renderer that runs one case after another.
 #[derive(Debug)]
@@ -279,11 +250,11 @@ fn gradients(renderer: &mut Renderer, case: &Case, frame: &Frame, margin: Option
         match promise::gradient_error(case, &upstream, &first) {
             Ok((name, error)) => {
                 outcome.gradient_error = Some(error);
-                if error.is_nan() || error > promise::gradient_tolerance(case) {
+                if error > promise::gradient_tolerance(case) {
                     outcome.find("gradient", format!("by {name} is off by {error:.1e} of its norm"));
                 }
             }
-            Err(error) => outcome.find("reference", error.to_string()),
+            Err(error) => outcome.find("reference", error),
         }
     }
 }

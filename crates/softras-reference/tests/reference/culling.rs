@@ -1,19 +1,14 @@
 //! What is left out changes nothing, or what it is promised to.
 
 use super::*;
+use softras_lab::random::Random;
 
 pub fn culled(scene: &Scene, settings: &Settings) -> ReferenceFrame {
     render_culled(scene, &[Camera::screen()], settings).unwrap()
 }
 
-/// Numbers in [0, 1) that are the same every time.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> f32 {
-        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        (self.0 >> 40) as f32 / (1u64 << 24) as f32
-    }
+fn share(random: &mut Random) -> f32 {
+    random.range(0.0, 1.0) as f32
 }
 
 /// Triangles of all sizes, beyond the image, the near and the far plane too; some without area.
@@ -21,20 +16,20 @@ fn random_scene(random: &mut Random, triangles: usize) -> Scene {
     let mut positions = Vec::new();
     for t in 0..triangles {
         let size = [0.05, 0.3, 2.0, 0.0][t % 4];
-        let centre = [3.0 * random.next() - 1.5, 3.0 * random.next() - 1.5];
-        let z = 0.5 + 5.0 * random.next();
+        let centre = [3.0 * share(random) - 1.5, 3.0 * share(random) - 1.5];
+        let z = 0.5 + 5.0 * share(random);
         for _ in 0..3 {
-            let [x, y] = centre.map(|c| c + size * (random.next() - 0.5));
-            positions.push([x, y, z + size * random.next()]);
+            let [x, y] = centre.map(|c| c + size * (share(random) - 0.5));
+            positions.push([x, y, z + size * share(random)]);
         }
     }
-    let colors: Vec<[f32; 3]> = positions.iter().map(|_| [random.next(), random.next(), random.next()]).collect();
+    let colors: Vec<[f32; 3]> = positions.iter().map(|_| random.color()).collect();
     colored(&positions, &colors)
 }
 
 #[test]
 fn culling_changes_nothing() {
-    let mut random = Random(7);
+    let mut random = Random::new(7);
     let scene = random_scene(&mut random, 60);
     let base = Settings { width: 37, height: 26, near: 0.8, far: 5.0, outputs: ALL, ..Settings::default() };
     let mut checked = 0;
@@ -56,7 +51,7 @@ fn culling_changes_nothing() {
 /// A smaller γ and σ leave fewer pairs that weigh anything, larger ones all of them.
 #[test]
 fn leaving_out_what_weighs_nothing_changes_nothing() {
-    let mut random = Random(11);
+    let mut random = Random::new(11);
     let scene = random_scene(&mut random, 60);
     let base = Settings { width: 37, height: 26, near: 0.8, far: 5.0, outputs: ALL, ..Settings::default() };
     for (sigma, gamma) in [(1e-5, 1e-4), (1e-4, 1e-2), (1e-3, 1e-2), (0.1, 1.0)] {
@@ -85,7 +80,7 @@ fn leaving_out_what_weighs_nothing_changes_nothing() {
 
 #[test]
 fn untruncated_images_are_not_truncated_ones() {
-    let scene = random_scene(&mut Random(11), 60);
+    let scene = random_scene(&mut Random::new(11), 60);
     let settings = Settings { width: 37, height: 26, near: 0.8, sigma: 1e-3, outputs: ALL, ..Settings::default() };
     let untruncated = render_untruncated(&scene, &[Camera::screen()], &settings).unwrap();
     assert!(difference(&untruncated, &culled(&scene, &settings)) > 1e-3);
