@@ -1,7 +1,6 @@
 //! The renderer as an operation of burn's graph: an image tensor whose backward step runs the renderer's backward pass.
 
-use crate::render::Role;
-use crate::rendered::Rendered;
+use crate::rendered::{Rendered, Role};
 use burn::backend::autodiff::Autodiff;
 use burn::backend::autodiff::checkpoint::{base::Checkpointer, strategy::CheckpointStrategy};
 use burn::backend::autodiff::grads::Gradients;

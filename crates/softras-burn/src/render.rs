@@ -1,28 +1,16 @@
 //! Tensors into images: what is rendered, from which tensors, and the gradients back.
 
 use crate::nmr::HardViews;
-use crate::rendered::Rendered;
+use crate::rendered::{Rendered, Role, Shared, lock};
 use crate::{op, twist};
 use burn::tensor::{Device, Tensor, TensorData};
-use softras::glam::DMat4;
 use softras::scene::{Appearance, ColorAggregation, Distance, Outputs, SilhouetteAggregation};
-use softras::{Camera, Error, Mesh, Renderer, Result, Scene, Settings};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use softras::{Camera, Error, Renderer, Result, Scene, Settings};
+use std::sync::{Arc, Mutex};
 
 /// A renderer for burn's tensors. Clones share the device.
 #[derive(Clone, Debug)]
 pub struct SoftRas(Arc<Shared>);
-
-#[derive(Debug)]
-pub(crate) struct Shared {
-    pub renderer: Mutex<Renderer>,
-    /// The first error of a backward pass, which burn's own backward cannot return.
-    pub fault: Mutex<Option<Error>>,
-}
-
-pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
 
 /// What is rendered, apart from tensors.
 #[derive(Clone, Debug)]
@@ -63,47 +51,11 @@ pub struct Images {
     pub normal: Option<Tensor<4>>,
 }
 
-/// The inputs in the order of the operation's arguments.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Role {
-    Positions,
-    Colors,
-    Texels,
-    Cameras,
-}
-
-impl Role {
-    pub const ALL: [Self; 4] = [Self::Positions, Self::Colors, Self::Texels, Self::Cameras];
-
-    pub fn columns(self) -> usize {
-        if self == Self::Cameras { 6 } else { 3 }
-    }
-
-    fn name(self) -> &'static str {
-        match self {
-            Self::Positions => "positions",
-            Self::Colors => "colors",
-            Self::Texels => "texels",
-            Self::Cameras => "cameras",
-        }
-    }
-
-    /// How many rows of this input a mesh has.
-    fn rows_of(self, mesh: &Mesh) -> usize {
-        match (self, mesh.appearance()) {
-            (Self::Positions, _) => mesh.positions().len(),
-            (Self::Colors, Appearance::Uniform(_)) => 1,
-            (Self::Colors, Appearance::VertexColors(colors)) => colors.len(),
-            (Self::Texels, Appearance::Surface { texels, .. }) => texels.len(),
-            _ => 0,
-        }
-    }
-
-    fn rows(self, views: &Views) -> usize {
-        match self {
-            Self::Cameras => views.cameras.len(),
-            _ => views.scene.meshes.iter().map(|mesh| self.rows_of(mesh)).sum(),
-        }
+/// How many rows of an input the views have.
+fn rows(role: Role, views: &Views) -> usize {
+    match role {
+        Role::Cameras => views.cameras.len(),
+        _ => views.scene.meshes.iter().map(|mesh| role.rows_of(mesh)).sum(),
     }
 }
 
@@ -175,7 +127,7 @@ impl SoftRas {
         let twists = values[3].as_deref().map(twists_of);
         let cameras = moved(&views.cameras, twists.as_deref())?;
         let frame = lock(&self.0.renderer).render(&scene, &cameras, &settings)?;
-        let rows = Role::ALL.map(|role| role.rows(views));
+        let rows = Role::ALL.map(|role| rows(role, views));
         let hard = hard.then(|| HardViews::new(scene.meshes, &cameras, &settings)).transpose()?;
         let rendered = Rendered { shared: self.0.clone(), frame, rows, twists, hard };
         let absent = |tensor: &Option<Tensor<2>>| tensor.clone().unwrap_or_else(|| Tensor::zeros([1, 1], &device));
@@ -194,7 +146,7 @@ impl SoftRas {
 
 /// The values of an input, one for each that the scene has.
 fn host_values(tensor: &Tensor<2>, role: Role, views: &Views) -> Result<Vec<f32>> {
-    let (shape, expected) = (tensor.dims(), [role.rows(views), role.columns()]);
+    let (shape, expected) = (tensor.dims(), [rows(role, views), role.columns()]);
     if shape != expected {
         let what = format!("{} of shape {shape:?}, the scene has {expected:?}", role.name());
         return bad(what, "pack the rows of all meshes after one another, in the order of the meshes");

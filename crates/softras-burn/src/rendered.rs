@@ -1,10 +1,61 @@
 //! A rendered frame as a node of burn's graph keeps it: its packed images, and the gradients back to its inputs.
 
 use crate::nmr::HardViews;
-use crate::render::{Role, Shared, lock};
 use crate::twist;
-use softras::{CameraGradient, Error, Frame, Gradients, Image, ImageGradient, MeshGradients, Result, Wanted};
-use std::sync::Arc;
+use softras::scene::Appearance;
+use softras::{
+    CameraGradient, Error, Frame, Gradients, Image, ImageGradient, Mesh, MeshGradients, Renderer, Result, Wanted,
+};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// What clones of a renderer share.
+#[derive(Debug)]
+pub(crate) struct Shared {
+    pub renderer: Mutex<Renderer>,
+    /// The first error of a backward pass, which burn's own backward cannot return.
+    pub fault: Mutex<Option<Error>>,
+}
+
+pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The inputs in the order of the operation's arguments.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Role {
+    Positions,
+    Colors,
+    Texels,
+    Cameras,
+}
+
+impl Role {
+    pub const ALL: [Self; 4] = [Self::Positions, Self::Colors, Self::Texels, Self::Cameras];
+
+    pub fn columns(self) -> usize {
+        if self == Self::Cameras { 6 } else { 3 }
+    }
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Positions => "positions",
+            Self::Colors => "colors",
+            Self::Texels => "texels",
+            Self::Cameras => "cameras",
+        }
+    }
+
+    /// How many rows of this input a mesh has.
+    pub fn rows_of(self, mesh: &Mesh) -> usize {
+        match (self, mesh.appearance()) {
+            (Self::Positions, _) => mesh.positions().len(),
+            (Self::Colors, Appearance::Uniform(_)) => 1,
+            (Self::Colors, Appearance::VertexColors(colors)) => colors.len(),
+            (Self::Texels, Appearance::Surface { texels, .. }) => texels.len(),
+            _ => 0,
+        }
+    }
+}
 
 /// A rendered frame with what its backward pass needs.
 pub(crate) struct Rendered {

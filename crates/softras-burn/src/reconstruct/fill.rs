@@ -3,8 +3,7 @@
 use super::VOXELS;
 use softras::glam::DVec3;
 use softras::{Mesh, Result};
-use softras_fit::{Voxels, is_closed};
-use std::collections::VecDeque;
+use softras_fit::{Voxels, enclosed, is_closed};
 
 const COUNT: usize = VOXELS * VOXELS * VOXELS;
 /// The grid spans [-16/31, 16/31]: the official evaluation scales vertices by 31/32 into the unit cube.
@@ -112,24 +111,9 @@ fn filled(mesh: &Mesh) -> Vec<bool> {
             }
         }
     }
-    let mut outside = vec![false; surface.len()];
-    let mut waiting = VecDeque::from([0]);
-    outside[0] = true;
-    while let Some(at) = waiting.pop_front() {
-        let [x, y, z] = [at % wide, at / wide % wide, at / (wide * wide)];
-        let sides = [(x, 1), (y, wide), (z, wide * wide)];
-        let steps = sides
-            .into_iter()
-            .flat_map(|(k, stride)| [(k > 0).then(|| at - stride), (k + 1 < wide).then(|| at + stride)]);
-        for next in steps.flatten() {
-            if !outside[next] && !surface[next] {
-                outside[next] = true;
-                waiting.push_back(next);
-            }
-        }
-    }
+    let solid = enclosed(&surface, wide);
     let inner = |i: usize| [i % VOXELS, i / VOXELS % VOXELS, i / (VOXELS * VOXELS)].map(|k| k + 1);
-    (0..COUNT).map(inner).map(|[x, y, z]| !outside[(z * wide + y) * wide + x]).collect()
+    (0..COUNT).map(inner).map(|[x, y, z]| solid[(z * wide + y) * wide + x]).collect()
 }
 
 #[cfg(test)]
