@@ -15,6 +15,7 @@ use softras_fit::{
 };
 use softras_io::Views;
 use softras_io::npz;
+use softras_lab::measure::time::median;
 use std::path::Path;
 use std::time::Instant;
 
@@ -34,7 +35,7 @@ fn main() {
     let mut times = Times::default();
     let mesh = task.fit(&task.targets, &mut renderer, &mut times);
     task.tell(&mesh, &times.step, &mut renderer);
-    let part = |name: &str, values: &[f64]| println!("    {name:<32} {:>7.2} ms", median(&values[20..]));
+    let part = |name: &str, values: &[f64]| println!("    {name:<32} {:>7.2} ms", median(values[20..].to_vec()));
     part("forward, wall", &times.forward);
     part("loss", &times.loss);
     part("backward, wall", &times.backward);
@@ -164,7 +165,7 @@ impl Task {
 
     fn tell(&self, mesh: &Mesh, steps: &[f64], renderer: &mut Renderer) {
         let score = self.score(mesh, renderer);
-        println!("  step {:.2} ms (median of steps 21 to {STEPS}); mask IoU {score:.4}", median(&steps[20..]));
+        println!("  step {:.2} ms (median of steps 21 to {STEPS}); mask IoU {score:.4}", median(steps[20..].to_vec()));
     }
 
     /// g + 0.15 rms(g)/rms(l) l + 0.4 rms(g)/rms(n) n.
@@ -187,10 +188,4 @@ impl Task {
         let ious = mask_iou(frame.silhouette().unwrap(), &self.targets).unwrap();
         ious.iter().sum::<f64>() / ious.len() as f64
     }
-}
-
-fn median(values: &[f64]) -> f64 {
-    let mut values = values.to_vec();
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }

@@ -141,8 +141,8 @@ pub struct Fitting {
     /// The next step.
     at: usize,
     steps: Vec<Taken>,
-    /// The mesh of least loss, and its step.
-    best: Option<(Mesh, usize)>,
+    /// The least mean loss over a turn of the views, its mesh, and its step.
+    best: Option<(f64, Mesh, usize)>,
     /// What the user should know.
     pub(crate) notes: Vec<String>,
 }
@@ -191,7 +191,7 @@ impl Fitting {
     /// The mesh of least loss so far, and its step; `None` before the first.
     pub fn best(&mut self) -> Option<(&Mesh, usize)> {
         self.keep_best();
-        self.best.as_ref().map(|(best, step)| (best, *step))
+        self.best.as_ref().map(|(_, best, step)| (best, *step))
     }
 
     /// The mesh of least loss, or the one to begin with where no step was taken.
@@ -274,20 +274,10 @@ impl Fitting {
     /// Keeps the best mesh of `run` if it is better than the best so far.
     fn keep_best(&mut self) {
         let Some((mesh, step)) = self.run.best() else { return };
-        let step = self.first + step;
-        let turn = self.turn();
-        let loss = |step: usize| mean_loss(&self.steps, step, turn);
-        if self.best.as_ref().is_none_or(|(_, best)| loss(step) < loss(*best)) {
-            self.best = Some((mesh.clone(), step));
+        if self.best.as_ref().is_none_or(|(least, ..)| self.run.least() < *least) {
+            self.best = Some((self.run.least(), mesh.clone(), self.first + step));
         }
     }
-}
-
-/// The mean loss of a step and those before it, `turn` steps in all; infinite where none was taken.
-fn mean_loss(steps: &[Taken], step: usize, turn: usize) -> f64 {
-    let steps = steps.iter().filter(|taken| taken.at <= step && step < taken.at + turn);
-    let (count, sum) = steps.fold((0, 0.0), |(count, sum), taken| (count + 1, sum + taken.losses.loss));
-    if count == 0 { f64::INFINITY } else { sum / f64::from(count) }
 }
 
 /// A mesh that was fitted.
@@ -322,23 +312,5 @@ impl Fitted {
         let mut seconds: Vec<f64> = self.steps.iter().map(|taken| taken.seconds).collect();
         seconds.sort_by(f64::total_cmp);
         seconds.get(seconds.len() / 2).copied()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_loss_of_a_step_is_a_mean_over_a_turn() {
-        let one = |(at, loss)| {
-            let [silhouette, color, depth, normal] = [0.0; 4];
-            let losses = Step { loss, silhouette, color, depth, normal, regularizers: Vec::new() };
-            Taken { at, losses, seconds: 0.0 }
-        };
-        let steps = [(4, 3.0), (5, 1.0), (6, 5.0), (7, 2.0)].map(one);
-        let mean = |step, turn| mean_loss(&steps, step, turn);
-        assert_eq!((mean(6, 1), mean(7, 3), mean(5, 3)), (5.0, 8.0 / 3.0, 2.0));
-        assert_eq!(mean(3, 1), f64::INFINITY);
     }
 }

@@ -91,7 +91,7 @@ pub use subdivision::Subdivision;
 pub use subject::{Lighting, Sphere, Subject, ViewsOfMesh};
 pub use topology::{Flap, Topology};
 pub use unseen::Unseen;
-pub use voxel::{MAX_RESOLUTION, Voxels, cube_around, is_closed, overlap, voxel_iou};
+pub use voxel::{MAX_RESOLUTION, Voxels, cube_around, enclosed, is_closed, overlap, voxel_iou};
 
 use softras::{Error, Result};
 

@@ -83,13 +83,6 @@ impl Optimizer {
         }
     }
 
-    /// Resets the running means, as before the first step.
-    pub fn reset(&mut self) {
-        self.first.fill(0.0);
-        self.second.fill(0.0);
-        self.steps = 0;
-    }
-
     /// Its state, to be saved: the number of steps taken, the mean gradient (or momentum), the mean square (empty for
     /// SGD).
     pub fn state(&self) -> (i32, &[f64], &[f64]) {

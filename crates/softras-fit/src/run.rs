@@ -64,4 +64,9 @@ impl ShapeRun {
     pub fn best(&self) -> Option<(&Mesh, usize)> {
         self.best.as_ref().map(|(_, mesh, step)| (mesh, *step))
     }
+
+    /// The mean loss of the best mesh's turn; infinite before the first step.
+    pub(crate) fn least(&self) -> f64 {
+        self.best.as_ref().map_or(f64::INFINITY, |(least, ..)| *least)
+    }
 }

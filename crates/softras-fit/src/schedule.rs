@@ -19,13 +19,6 @@ pub enum Schedule {
         /// At progress 1.
         to: f64,
     },
-    /// From one value to another along half a cosine, slowly at both ends.
-    Cosine {
-        /// At progress 0.
-        from: f64,
-        /// At progress 1.
-        to: f64,
-    },
 }
 
 impl Schedule {
@@ -36,7 +29,6 @@ impl Schedule {
             Self::Constant(value) => value,
             Self::Linear { from, to } => from + t * (to - from),
             Self::Exponential { from, to } => from * (to / from).powf(t),
-            Self::Cosine { from, to } => to + (from - to) * (0.5 + 0.5 * (std::f64::consts::PI * t).cos()),
         }
     }
 

@@ -102,6 +102,32 @@ fn validate(low: [f64; 3], side: f64, resolution: usize) -> Result<()> {
     Ok(())
 }
 
+/// The voxels of a cube with `side` voxels a side that a surface touches, and those that it encloses: no way through untouched
+/// voxels leads to them from the cube's border. Empty where there are not side³ voxels.
+pub fn enclosed(touched: &[bool], side: usize) -> Vec<bool> {
+    if side.checked_pow(3) != Some(touched.len()) {
+        return Vec::new();
+    }
+    let strides = [1, side, side * side];
+    let is_border = |at: usize| strides.iter().any(|stride| [0, side - 1].contains(&(at / stride % side)));
+    let mut open: Vec<usize> = (0..touched.len()).filter(|&at| !touched[at] && is_border(at)).collect();
+    let mut solid = vec![true; touched.len()];
+    open.iter().for_each(|&at| solid[at] = false);
+    while let Some(at) = open.pop() {
+        for stride in strides {
+            let place = at / stride % side;
+            let steps = [(place > 0).then(|| at - stride), (place + 1 < side).then(|| at + stride)];
+            for next in steps.into_iter().flatten() {
+                if solid[next] && !touched[next] {
+                    solid[next] = false;
+                    open.push(next);
+                }
+            }
+        }
+    }
+    solid
+}
+
 /// Whether the mesh bounds a solid: every edge is used by as many triangles in one direction as in the other.
 ///
 /// # Errors

@@ -5,9 +5,6 @@ use crate::exceptions::bad_input;
 use numpy::{PyArray1, PyArray3, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
-/// The most voxels along a side.
-const MOST: usize = 512;
-
 /// A grid of voxels of side 1, voxel (i, j, k) from (i, j, k) to (i + 1, j + 1, k + 1).
 struct Grid {
     size: usize,
@@ -59,31 +56,6 @@ impl Grid {
             }
         }
     }
-
-    /// Everything but the voxels that a way through untouched ones leads to from the border of the grid.
-    fn solid(&self) -> Vec<bool> {
-        let last = self.size - 1;
-        let place = |at: usize| [at / (self.size * self.size), at / self.size % self.size, at % self.size];
-        let is_open = |at: usize, touched: bool| !touched && place(at).iter().any(|&x| x == 0 || x == last);
-        let mut solid: Vec<bool> =
-            self.touched.iter().enumerate().map(|(at, &touched)| !is_open(at, touched)).collect();
-        let mut open: Vec<[usize; 3]> = (0..solid.len()).filter(|&at| !solid[at]).map(place).collect();
-        while let Some(place) = open.pop() {
-            for axis in 0..3 {
-                for next in [place[axis].checked_sub(1), Some(place[axis] + 1).filter(|x| *x <= last)] {
-                    let Some(next) = next else { continue };
-                    let mut to = place;
-                    to[axis] = next;
-                    let index = self.index(to);
-                    if solid[index] && !self.touched[index] {
-                        solid[index] = false;
-                        open.push(to);
-                    }
-                }
-            }
-        }
-        solid
-    }
 }
 
 /// The solid of triangles [F, 3, 3] in units of voxels.
@@ -91,7 +63,7 @@ impl Grid {
 pub fn solid_voxels<'py>(faces: &Bound<'py, PyAny>, size: usize) -> PyResult<Bound<'py, PyArray3<bool>>> {
     let py = faces.py();
     let array = floats(faces, "faces")?;
-    if !matches!(array.shape(), [_, 3, 3]) || !(1..=MOST).contains(&size) {
+    if !matches!(array.shape(), [_, 3, 3]) || !(1..=softras_fit::MAX_RESOLUTION).contains(&size) {
         let what = format!("faces of shape {:?} in {size} voxels a side", array.shape());
         return Err(bad_input(what, "give [F, 3, 3] and 1 to 512 voxels"));
     }
@@ -102,7 +74,7 @@ pub fn solid_voxels<'py>(faces: &Bound<'py, PyAny>, size: usize) -> PyResult<Bou
             (0..3).for_each(|axis| grid.cross(triangle, axis));
             triangle.iter().for_each(|corner| grid.touch(corner.map(f64::floor)));
         }
-        grid.solid()
+        softras_fit::enclosed(&grid.touched, size)
     });
     PyArray1::from_vec(py, solid).reshape([size; 3])
 }

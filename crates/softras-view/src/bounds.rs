@@ -25,14 +25,4 @@ impl Bounds {
         let (center, radius) = enclosing(used(mesh)).unwrap_or((DVec3::ZERO, 0.0));
         Self { center, radius: if radius > 0.0 { radius } else { 1.0 } }
     }
-
-    /// The sphere around the vertices that triangles use whose centre is that of their box: what the views of `fit --from`
-    /// show, so that published figures of fits stay comparable.
-    pub fn around_box(mesh: &Mesh) -> Self {
-        let Some((low, high)) = mesh.bounds() else { return Self { center: DVec3::ZERO, radius: 1.0 } };
-        let point = |p: [f32; 3]| DVec3::from_array(p.map(f64::from));
-        let center = (point(low) + point(high)) / 2.0;
-        let radius = used(mesh).map(|p| p.distance(center)).fold(0.0, f64::max);
-        Self { center, radius: if radius > 0.0 { radius } else { 1.0 } }
-    }
 }

@@ -16,11 +16,6 @@ pub enum Regularizer {
     /// Σ (1 + cos θ)² over edges, θ the angle between the two triangles there, π where they lie flat. As in the
     /// official code, with its small constants and over the first two edges of every face only.
     Flatten,
-    /// The mean over edges of (length - target)².
-    EdgeLength {
-        /// World units; 0 shrinks all edges.
-        target: f64,
-    },
     /// Σ (1 - n·m) over edges, n and m the unit normals of the two triangles there.
     NormalConsistency,
 }
@@ -39,7 +34,6 @@ impl Regularizer {
         Ok(match self {
             Self::Laplacian => laplacian(topology, positions, weight, gradient),
             Self::Flatten => flatten::add(topology, positions, weight, gradient),
-            Self::EdgeLength { target } => edge_length(topology, positions, target, weight, gradient),
             Self::NormalConsistency => normals::add(topology, positions, weight, gradient),
         })
     }
@@ -65,21 +59,4 @@ fn laplacian(topology: &Topology, positions: &[DVec3], weight: f64, gradient: &m
         neighbors.iter().for_each(|&j| gradient[j as usize] -= share);
     }
     offsets.iter().map(|o| o.length_squared()).sum()
-}
-
-fn edge_length(topology: &Topology, positions: &[DVec3], target: f64, weight: f64, gradient: &mut [DVec3]) -> f64 {
-    let edges = topology.edges();
-    let share = 1.0 / edges.len().max(1) as f64;
-    let mut sum = 0.0;
-    for &[a, b] in edges {
-        let edge = positions[b as usize] - positions[a as usize];
-        let length = edge.length();
-        sum += (length - target).powi(2);
-        // An edge of length 0 has no direction, so its gradient is 0.
-        let factor = if length > 0.0 { 1.0 - target / length } else { 0.0 };
-        let slope = 2.0 * weight * share * factor * edge;
-        gradient[b as usize] += slope;
-        gradient[a as usize] -= slope;
-    }
-    sum * share
 }

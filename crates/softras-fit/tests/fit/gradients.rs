@@ -9,12 +9,7 @@ use softras_lab::random::Random;
 
 const LOSSES: [ImageLoss; 4] = [ImageLoss::NegativeIou, ImageLoss::L1, ImageLoss::L2, ImageLoss::Huber { delta: 0.2 }];
 
-const REGULARIZERS: [Regularizer; 4] = [
-    Regularizer::Laplacian,
-    Regularizer::Flatten,
-    Regularizer::EdgeLength { target: 0.3 },
-    Regularizer::NormalConsistency,
-];
+const REGULARIZERS: [Regularizer; 3] = [Regularizer::Laplacian, Regularizer::Flatten, Regularizer::NormalConsistency];
 
 fn image(random: &mut Random, channels: usize) -> Image {
     let (batch, height, width) = (2, 5, 7);
@@ -233,8 +228,6 @@ fn regularizers_have_the_values_of_their_formulas() {
     };
     assert!((value(Regularizer::Flatten, &corners) - 1.0).abs() < 1e-4);
     assert!((value(Regularizer::NormalConsistency, &corners) - 1.0).abs() < 1e-12);
-    // Edges 01, 02, 12, 13, 03: three of length 1 and two of √2.
-    assert!((value(Regularizer::EdgeLength { target: 0.0 }, &corners) - (3.0 + 4.0) / 5.0).abs() < 1e-12);
     // Offsets of -(1, 1, 1) / 3, (3, -1, -1) / 3, (-1, 2, 0) / 2 and (-1, 0, 2) / 2.
     let laplacian = 3.0 / 9.0 + 11.0 / 9.0 + 2.0 * 5.0 / 4.0;
     assert!((value(Regularizer::Laplacian, &corners) - laplacian).abs() < 1e-12);

@@ -65,17 +65,13 @@ fn a_saved_optimizer_goes_on_as_if_nothing_had_happened() {
     assert!(!second.restore(1, &[0.0; 2], &[0.0; 3]) && !second.restore(1, &[0.0; 3], &[0.0; 2]));
     (5..10).for_each(|i| second.step(&mut y, &gradient(i), 0.1));
     assert_eq!(x, y);
-    second.reset();
-    assert_eq!(second, Optimizer::new(Method::ADAM, 2));
 }
 
 #[test]
 fn schedules_go_from_one_end_to_the_other() {
-    for (schedule, middle) in [
-        (Schedule::Linear { from: 2.0, to: 8.0 }, 5.0),
-        (Schedule::Exponential { from: 2.0, to: 8.0 }, 4.0),
-        (Schedule::Cosine { from: 2.0, to: 8.0 }, 5.0),
-    ] {
+    for (schedule, middle) in
+        [(Schedule::Linear { from: 2.0, to: 8.0 }, 5.0), (Schedule::Exponential { from: 2.0, to: 8.0 }, 4.0)]
+    {
         let at = [-1.0, 0.0, 0.5, 1.0, 2.0].map(|t| schedule.at(t));
         let expected = [2.0, 2.0, middle, 8.0, 8.0];
         assert!(at.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{schedule:?}: {at:?}");

@@ -62,7 +62,6 @@ fn name(regularizer: Regularizer) -> &'static str {
     match regularizer {
         Regularizer::Laplacian => "laplacian",
         Regularizer::Flatten => "flatten",
-        Regularizer::EdgeLength { .. } => "edge_length",
         Regularizer::NormalConsistency => "normals",
     }
 }
