@@ -1,4 +1,4 @@
-//! How far a device's gradients are from the reference's, and how far they may be.
+//! How far a device's images and gradients are from the reference's, and how far gradients may be.
 
 use crate::gradients;
 use crate::random::Random;
@@ -35,6 +35,26 @@ impl GradientTolerance {
     pub fn without_exceptions(self) -> Self {
         Self { worst: self.usual, ..self }
     }
+}
+
+/// Pixels with a smaller [`ReferenceFrame::margin`](softras_reference::ReferenceFrame::margin) are not compared: within the
+/// kernels' rounding the model is discontinuous there.
+pub const IMAGE_MARGIN: f64 = 1e-4;
+
+/// The index of every value of an image whose pixel counts, and how far it is from what is expected: infinitely far where it is
+/// a NaN, and once where the image has another size.
+pub fn differences<'a>(
+    image: &'a Image,
+    expected: &'a [f64],
+    counts: impl Fn(usize) -> bool + 'a,
+) -> impl Iterator<Item = (usize, f64)> + 'a {
+    let fits = image.data.len() == expected.len();
+    let pairs = image.data.iter().zip(expected).enumerate().filter(move |(i, _)| fits && counts(i / image.channels));
+    let far = |(i, (&ours, expected)): (usize, (&f32, &f64))| {
+        let difference = (f64::from(ours) - expected).abs();
+        (i, if difference.is_nan() { f64::INFINITY } else { difference })
+    };
+    (!fits).then_some((0, f64::INFINITY)).into_iter().chain(pairs.map(far))
 }
 
 /// What was rendered and differentiated.

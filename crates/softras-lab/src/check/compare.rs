@@ -1,12 +1,11 @@
 //! Compares one scene between the device and the f64 reference.
 
 use super::scenes::Case;
+use crate::agreement::{self, IMAGE_MARGIN, norm};
 use crate::gradients;
 use softras::{Frame, Image, ImageGradient, Renderer, Result, Settings, Wanted};
 use softras_reference::{Parameters, ReferenceFrame};
 
-/// Pixels nearer to a discontinuity of the model than this are not compared: rounding may put them on its other side.
-const MARGIN: f64 = 1e-4;
 /// The tolerance of a value of an image: of a colour in [0, 1], or of a depth in world units.
 pub const IMAGE_TOLERANCE: f64 = 1e-4;
 
@@ -67,7 +66,7 @@ fn upstream(truth: &ReferenceFrame, settings: &Settings) -> ImageGradient {
         let weight = |i: usize| {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             let random = (state >> 40) as f32 / (1u64 << 23) as f32 - 1.0;
-            if truth.margin[i / channels] > MARGIN { random } else { 0.0 }
+            if truth.margin[i / channels] > IMAGE_MARGIN { random } else { 0.0 }
         };
         let data = (0..truth.margin.len() * channels).map(weight).collect();
         Image { batch: truth.batch, height: truth.height, width: truth.width, channels, data }
@@ -83,14 +82,8 @@ fn upstream(truth: &ReferenceFrame, settings: &Settings) -> ImageGradient {
 
 fn image_errors(frame: &Frame, truth: &ReferenceFrame) -> [Option<f64>; 4] {
     let error = |image: Option<&Image>, expected: &[f64]| {
-        let image = image?;
-        if image.data.len() != expected.len() {
-            return Some(f64::INFINITY);
-        }
-        let pairs = image.data.iter().zip(expected).enumerate();
-        let counted = pairs.filter(|(i, _)| truth.margin[i / image.channels] > MARGIN);
-        let differences = counted.map(|(_, (ours, expected))| (f64::from(*ours) - expected).abs());
-        Some(differences.fold(0.0, |worst, d| if d.is_nan() { f64::INFINITY } else { d.max(worst) }))
+        let differences = agreement::differences(image?, expected, |pixel| truth.margin[pixel] > IMAGE_MARGIN);
+        Some(differences.fold(0.0, |worst: f64, (_, d)| d.max(worst)))
     };
     [
         error(frame.color(), &truth.color),
@@ -124,11 +117,11 @@ fn groups(all: &Parameters, case: &Case) -> [Vec<f64>; 8] {
 
 /// |ours - expected| / |expected|; `None` if both are all zeros.
 fn relative(ours: &[f64], expected: &[f64]) -> Option<f64> {
-    let norm = |values: &mut dyn Iterator<Item = f64>| values.map(|x| x * x).sum::<f64>().sqrt();
     if ours.iter().chain(expected).all(|x| *x == 0.0) {
         return None;
     }
-    let error = norm(&mut ours.iter().zip(expected).map(|(a, b)| a - b)) / norm(&mut expected.iter().copied());
+    let difference: Vec<f64> = ours.iter().zip(expected).map(|(a, b)| a - b).collect();
+    let error = norm(&difference) / norm(expected);
     Some(if error.is_nan() { f64::INFINITY } else { error })
 }
 

@@ -2,13 +2,10 @@
 
 use super::Mode;
 use super::time::upstream;
+use crate::agreement::{self, IMAGE_MARGIN};
 use crate::gradients;
 use softras::{Camera, Frame, Gradients, Image, Result, Scene, Settings};
 use softras_reference::{GradientMode, ReferenceFrame};
-
-/// Pixels nearer to a discontinuity of the model than this ([`ReferenceFrame::margin`]) are left out: there a kernel's
-/// rounding may fall on the other side.
-pub const MARGIN: f64 = 1e-4;
 
 /// The largest errors of a frame's images.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -24,7 +21,7 @@ pub struct ImageError {
 }
 
 /// Compares a frame with the reference's. Errors are infinite where a value is NaN or the sizes differ; with `margin`, pixels
-/// below [`MARGIN`] are left out.
+/// below [`IMAGE_MARGIN`] are left out.
 pub fn images(frame: &Frame, expected: &ReferenceFrame, margin: Option<&[f64]>) -> ImageError {
     let parts = [
         (frame.color(), &expected.color),
@@ -44,16 +41,9 @@ pub fn images(frame: &Frame, expected: &ReferenceFrame, margin: Option<&[f64]>) 
 
 /// The largest difference, the sum of squares, and the number of values that counted.
 fn one(image: &Image, expected: &[f64], margin: Option<&[f64]>) -> (f64, f64, usize) {
-    if image.data.len() != expected.len() {
-        return (f64::INFINITY, f64::INFINITY, 1);
-    }
-    let counts = |i: usize| margin.is_none_or(|m| m.get(i / image.channels).is_some_and(|&m| m >= MARGIN));
-    let pairs = image.data.iter().zip(expected).enumerate().filter(|(i, _)| counts(*i));
-    pairs.fold((0.0, 0.0, 0), |(most, sum, n), (_, (&ours, reference))| {
-        let d = (f64::from(ours) - reference).abs();
-        let d = if d.is_nan() { f64::INFINITY } else { d };
-        (d.max(most), sum + d * d, n + 1)
-    })
+    let counts = |pixel: usize| margin.is_none_or(|m| m.get(pixel).is_some_and(|&m| m >= IMAGE_MARGIN));
+    let differences = agreement::differences(image, expected, counts);
+    differences.fold((0.0, 0.0, 0), |(most, sum, n), (_, d)| (d.max(most), sum + d * d, n + 1))
 }
 
 /// The error |ours - reference| / |reference| of the gradient by the inputs of the mode ([`Mode::wanted`]), for the
@@ -82,18 +72,4 @@ pub fn gradient(ours: &Gradients, scene: &Scene, cameras: &[Camera], settings: &
     let relative = (error / norm).sqrt();
     // Without an error the quotient may be 0 / 0: nothing was wanted and nothing came back.
     Ok(if error == 0.0 { 0.0 } else { relative })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_wrong_image_is_far_off() {
-        let image = |data: Vec<f32>| Image { batch: 1, height: 1, width: data.len(), channels: 1, data };
-        assert_eq!(one(&image(vec![0.5, 0.25]), &[0.5, 0.75], None), (0.5, 0.25, 2));
-        assert_eq!(one(&image(vec![0.5, 0.25]), &[0.5, 0.75], Some(&[1.0, 1e-5])), (0.0, 0.0, 1));
-        assert_eq!(one(&image(vec![f32::NAN]), &[0.5], None).0, f64::INFINITY);
-        assert_eq!(one(&image(vec![0.5]), &[], None).0, f64::INFINITY);
-    }
 }

@@ -9,14 +9,10 @@
 //! the last bit of a silhouette.
 
 use super::draw::Case;
-use crate::agreement::{self, GRADIENT, Subject, random_upstream};
+use crate::agreement::{self, GRADIENT, IMAGE_MARGIN, Subject, random_upstream};
 use softras::scene::{Background, Settings};
 use softras::{Frame, Gradients, Image, ImageGradient};
 use softras_reference::{ReferenceFrame, render_culled};
-
-/// Pixels with a smaller [`ReferenceFrame::margin`] do not count: within the kernels' rounding the model is discontinuous
-/// there.
-const MARGIN: f64 = 1e-4;
 
 /// The factor on tolerances for small σ: the rounding error of a distance is that of the corners, and x = d²/σ magnifies
 /// it by 1/√σ.
@@ -44,15 +40,9 @@ fn worst(image: Option<&Image>, expected: &[f64], margin: &[f64]) -> f64 {
 /// The largest error of an image, in units of max(`unit` of the value's index, |value|).
 fn worst_in(image: Option<&Image>, expected: &[f64], margin: &[f64], unit: impl Fn(usize) -> f64) -> f64 {
     let Some(image) = image else { return 0.0 };
-    if image.data.len() != expected.len() {
-        return f64::INFINITY;
-    }
-    let pairs = image.data.iter().zip(expected).enumerate();
-    let counted = pairs.filter(|(i, _)| margin.get(i / image.channels).is_some_and(|m| *m >= MARGIN));
-    counted.fold(0.0, |worst, (i, (&is, should))| {
-        let error = (f64::from(is) - should).abs() / should.abs().max(unit(i));
-        if error.is_nan() { f64::INFINITY } else { error.max(worst) }
-    })
+    let counts = |pixel: usize| margin.get(pixel).is_some_and(|m| *m >= IMAGE_MARGIN);
+    let size = |i: usize| expected.get(i).map_or(1.0, |should| should.abs()).max(unit(i));
+    agreement::differences(image, expected, counts).fold(0.0, |worst, (i, error)| worst.max(error / size(i)))
 }
 
 /// The largest error of the silhouette, and the largest error of any image.

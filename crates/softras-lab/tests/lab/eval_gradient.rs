@@ -1,6 +1,7 @@
 //! Tests of `eval --gradient`.
 
 use super::common::tier;
+use super::compare::{self, median_face, relative_l2 as relative};
 use super::numpy::{self, Npz};
 use super::official;
 use super::program::{fails, succeeds};
@@ -10,28 +11,9 @@ fn norm(values: impl Iterator<Item = f64>) -> f64 {
     values.map(|v| v * v).sum::<f64>().sqrt()
 }
 
-/// |a - b| / |b|; infinite where either is not a number or lengths differ.
-fn relative(a: &[f64], b: &[f64]) -> f64 {
-    let difference = norm(a.iter().zip(b).map(|(a, b)| a - b));
-    if a.len() == b.len() && difference.is_finite() { difference / norm(b.iter().copied()) } else { f64::INFINITY }
-}
-
-/// The median over the faces that have a gradient of |a - b| / |b|.
-fn median_face(a: &[f64], b: &[f64]) -> f64 {
-    let faces = a.chunks(9).zip(b.chunks(9)).filter(|(_, b)| b.iter().any(|x| *x != 0.0));
-    let mut errors: Vec<f64> = faces.map(|(a, b)| relative(a, b)).collect();
-    errors.sort_by(f64::total_cmp);
-    errors[errors.len() / 2]
-}
-
 #[test]
 fn comparisons_fail_on_wrong_answers() {
-    let right: Vec<f64> = (0..27).map(f64::from).collect();
-    let wrong: Vec<f64> = right.iter().map(|x| 1.01 * x).collect();
-    assert_eq!(median_face(&right, &right), 0.0);
-    assert!((relative(&wrong, &right) - 0.01).abs() < 1e-12 && (median_face(&wrong, &right) - 0.01).abs() < 1e-12);
-    assert_eq!(relative(&[f64::NAN], &[1.0]), f64::INFINITY);
-    assert_eq!(relative(&[1.0], &[]), f64::INFINITY);
+    compare::self_test();
 }
 
 #[test]

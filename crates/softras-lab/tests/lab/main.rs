@@ -3,6 +3,9 @@
 
 #[path = "../../../../tests/common/mod.rs"]
 mod common;
+#[allow(dead_code, reason = "shared with the comparison with recorded files")]
+#[path = "../parity/compare.rs"]
+mod compare;
 mod drawn;
 mod eval;
 mod eval_gradient;
