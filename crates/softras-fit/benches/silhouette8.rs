@@ -24,7 +24,8 @@ const SIGMA: f64 = 1e-4;
 
 fn main() {
     let folders = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors();
-    let Some(path) = folders.map(|folder| folder.join("shared/silhouette8/task.npz")).find(|path| path.is_file()) else {
+    let Some(path) = folders.map(|folder| folder.join("shared/silhouette8/task.npz")).find(|path| path.is_file())
+    else {
         println!("skipped: there is no shared/silhouette8/task.npz in a folder above");
         return;
     };

@@ -2,14 +2,15 @@
 
 use super::facade::*;
 use super::geometry::storage;
+use super::images::{after_store, change_use, whole_image};
 use crate::common::renderer;
-use crate::host::engine::{Engine, Image, color_range};
+use crate::host::engine::{Engine, Image};
 use crate::host::{assert_silent, engine, rasterizer, submit};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use softras::embed::{
-    BufferId, ClipSpace, FrameImage, HostCamera, HostCommands, ImageFormat, ImageRef, Layout, MeshBuffers, MeshLook,
-    Pass, PassMesh, PassStatus, TexelSource, TextureRef,
+    BufferId, ClipSpace, FrameImage, HostCamera, HostCommands, ImageFormat, Layout, MeshBuffers, MeshLook, Pass,
+    PassMesh, PassStatus, TexelSource, TextureRef,
 };
 use softras::glam::{DMat4, DVec3};
 use softras::scene::{Appearance, Background, Outputs, Texture, Wrap};
@@ -24,19 +25,14 @@ fn texture(engine: &Engine, format: vk::Format, size: (u32, u32), texels: &[u8])
     source.write(0, texels);
     submit(engine, |commands| {
         use vk::{AccessFlags as A, ImageLayout as L, PipelineStageFlags as S};
-        layout(
+        change_use(
             engine,
             commands,
             &image,
             (L::UNDEFINED, A::empty(), S::TOP_OF_PIPE),
             (L::TRANSFER_DST_OPTIMAL, A::TRANSFER_WRITE, S::TRANSFER),
         );
-        let layers = vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
-        let copy = [vk::BufferImageCopy::default().image_subresource(layers).image_extent(vk::Extent3D {
-            width: size.0,
-            height: size.1,
-            depth: 1,
-        })];
+        let copy = [whole_image(size)];
         unsafe {
             engine.device().cmd_copy_buffer_to_image(
                 commands.raw(),
@@ -46,7 +42,7 @@ fn texture(engine: &Engine, format: vk::Format, size: (u32, u32), texels: &[u8])
                 &copy,
             )
         };
-        layout(
+        change_use(
             engine,
             commands,
             &image,
@@ -56,22 +52,6 @@ fn texture(engine: &Engine, format: vk::Format, size: (u32, u32), texels: &[u8])
     });
     let texture = unsafe { TextureRef::new(image.view, size.0, size.1) };
     (image, texture)
-}
-
-type Use = (vk::ImageLayout, vk::AccessFlags, vk::PipelineStageFlags);
-
-fn layout(engine: &Engine, commands: &HostCommands, image: &Image, from: Use, to: Use) {
-    let barrier = [vk::ImageMemoryBarrier::default()
-        .image(image.raw)
-        .subresource_range(color_range())
-        .old_layout(from.0)
-        .new_layout(to.0)
-        .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-        .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-        .src_access_mask(from.1)
-        .dst_access_mask(to.1)];
-    let none = vk::DependencyFlags::empty();
-    unsafe { engine.device().cmd_pipeline_barrier(commands.raw(), from.2, to.2, none, &[], &[], &barrier) };
 }
 
 /// A textured quad of a host: x, y, z, u, v with v growing downwards.
@@ -184,37 +164,11 @@ fn textures_come_straight_from_a_hosts_images_and_buffers() {
 }
 
 /// An image's texels after a store.
-fn stored(engine: &Engine, pass: &Pass, image: FrameImage, format: ImageFormat, texel: u64) -> Vec<u8> {
-    let size = pass.plan().image_size();
-    let usage = vk::ImageUsageFlags::STORAGE | vk::ImageUsageFlags::TRANSFER_SRC;
-    let target = engine.image_of(format.format(), size, usage).unwrap();
-    let view = unsafe { ImageRef::new(target.view, format, size.0, size.1) };
-    let bound = pass.bind_image(image, 0, &view).unwrap();
-    let bytes = texel * u64::from(size.0 * size.1);
-    let back = engine.buffer(bytes, vk::BufferUsageFlags::TRANSFER_DST, MemoryLocation::GpuToCpu).unwrap();
-    submit(engine, |commands| {
-        use vk::{AccessFlags as A, ImageLayout as L, PipelineStageFlags as S};
-        let general = (L::GENERAL, A::SHADER_WRITE, S::COMPUTE_SHADER);
-        layout(engine, commands, &target, (L::UNDEFINED, A::empty(), S::TOP_OF_PIPE), general);
-        pass.record_store(commands, &bound).unwrap();
-        layout(engine, commands, &target, general, (L::TRANSFER_SRC_OPTIMAL, A::TRANSFER_READ, S::TRANSFER));
-        let layers = vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
-        let copy = [vk::BufferImageCopy::default().image_subresource(layers).image_extent(vk::Extent3D {
-            width: size.0,
-            height: size.1,
-            depth: 1,
-        })];
-        unsafe {
-            engine.device().cmd_copy_image_to_buffer(
-                commands.raw(),
-                target.raw,
-                L::TRANSFER_SRC_OPTIMAL,
-                back.raw,
-                &copy,
-            )
-        };
-    });
-    back.bytes()[..bytes as usize].to_vec()
+fn stored(engine: &Engine, pass: &Pass, image: FrameImage, format: ImageFormat) -> Vec<u8> {
+    after_store(engine, format, pass.plan().image_size(), |target| {
+        let bound = pass.bind_image(image, 0, target).unwrap();
+        move |commands: &mut HostCommands| pass.record_store(commands, &bound).unwrap()
+    })
 }
 
 /// A right-handed Vulkan projection with reversed infinite depth, as many engines have it.
@@ -273,7 +227,7 @@ fn matrices_render_and_store_as_the_hosts_rasterizer_would() {
     // The depth buffer: what the host's rasterizer would have written at the mean depth, and 0 far away.
     let host = HostCamera::new(view, projection, ClipSpace::default(), (48, 32)).unwrap();
     let image = FrameImage::DepthBuffer { least_silhouette: 0.5 };
-    let values = stored(&engine, &pass, image, ImageFormat::R32Float, 4);
+    let values = stored(&engine, &pass, image, ImageFormat::R32Float);
     let values: &[f32] = bytemuck::cast_slice(&values);
     let mut covered = 0;
     for (pixel, &value) in values.iter().enumerate() {
@@ -293,7 +247,7 @@ fn matrices_render_and_store_as_the_hosts_rasterizer_would() {
     // background its own image.
     let four = |premultiplied| {
         let image = FrameImage::Foreground { premultiplied, srgb: false };
-        let bytes = stored(&engine, &pass, image, ImageFormat::Rgba32Float, 16);
+        let bytes = stored(&engine, &pass, image, ImageFormat::Rgba32Float);
         bytemuck::cast_slice::<u8, f32>(&bytes).to_vec()
     };
     let (straight, premultiplied) = (four(false), four(true));

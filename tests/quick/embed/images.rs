@@ -17,56 +17,64 @@ fn image(engine: &Engine, format: ImageFormat, size: (u32, u32)) -> (Image, Imag
     (image, target)
 }
 
-fn barrier(engine: &Engine, commands: &HostCommands, image: &Image, to: vk::ImageLayout) {
-    use vk::{AccessFlags as A, ImageLayout as L, PipelineStageFlags as S};
-    let general = to == L::GENERAL;
-    let (from, source) = if general { (L::UNDEFINED, A::empty()) } else { (L::GENERAL, A::SHADER_WRITE) };
+/// An image's layout, and who accesses it there at which stage.
+pub type Use = (vk::ImageLayout, vk::AccessFlags, vk::PipelineStageFlags);
+
+pub fn change_use(engine: &Engine, commands: &HostCommands, image: &Image, from: Use, to: Use) {
     let barrier = [vk::ImageMemoryBarrier::default()
         .image(image.raw)
         .subresource_range(color_range())
-        .old_layout(from)
-        .new_layout(to)
+        .old_layout(from.0)
+        .new_layout(to.0)
         .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
         .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-        .src_access_mask(source)
-        .dst_access_mask(if general { A::SHADER_WRITE } else { A::TRANSFER_READ })];
-    let (from, to) = if general { (S::TOP_OF_PIPE, S::COMPUTE_SHADER) } else { (S::COMPUTE_SHADER, S::TRANSFER) };
+        .src_access_mask(from.1)
+        .dst_access_mask(to.1)];
     let none = vk::DependencyFlags::empty();
-    unsafe { engine.device().cmd_pipeline_barrier(commands.raw(), from, to, none, &[], &[], &barrier) };
+    unsafe { engine.device().cmd_pipeline_barrier(commands.raw(), from.2, to.2, none, &[], &[], &barrier) };
+}
+
+/// All of an image, packed.
+pub fn whole_image((width, height): (u32, u32)) -> vk::BufferImageCopy {
+    let layers = vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
+    vk::BufferImageCopy::default().image_subresource(layers).image_extent(vk::Extent3D { width, height, depth: 1 })
+}
+
+/// The bytes of a new image of this format and size after `store` has recorded a store to it.
+pub fn after_store<F: FnOnce(&mut HostCommands)>(
+    engine: &Engine,
+    format: ImageFormat,
+    size: (u32, u32),
+    store: impl FnOnce(&ImageRef) -> F,
+) -> Vec<u8> {
+    use vk::{AccessFlags as A, ImageLayout as L, PipelineStageFlags as S};
+    let (image, target) = image(engine, format, size);
+    let record = store(&target);
+    let texel = match format {
+        ImageFormat::Rgba32Float => 16,
+        ImageFormat::Rgba16Float => 8,
+        ImageFormat::Rgba8Unorm | ImageFormat::R32Float => 4,
+    };
+    let bytes = texel * u64::from(size.0 * size.1);
+    let back: Buffer = engine.buffer(bytes, vk::BufferUsageFlags::TRANSFER_DST, MemoryLocation::GpuToCpu).unwrap();
+    submit(engine, |commands| {
+        let general = (L::GENERAL, A::SHADER_WRITE, S::COMPUTE_SHADER);
+        change_use(engine, commands, &image, (L::UNDEFINED, A::empty(), S::TOP_OF_PIPE), general);
+        record(commands);
+        change_use(engine, commands, &image, general, (L::TRANSFER_SRC_OPTIMAL, A::TRANSFER_READ, S::TRANSFER));
+        let (from, copy) = (L::TRANSFER_SRC_OPTIMAL, [whole_image(size)]);
+        unsafe { engine.device().cmd_copy_image_to_buffer(commands.raw(), image.raw, from, back.raw, &copy) };
+    });
+    back.bytes()[..bytes as usize].to_vec()
 }
 
 /// The texels' bytes, packed, after the storing of one view.
 fn stored(engine: &Engine, host: &Host, what: FrameImage, view: u32, format: ImageFormat) -> Vec<u8> {
-    let rasterizer = rasterizer(engine);
-    let (width, height) = host.plan.image_size();
-    let (image, target) = image(engine, format, (width, height));
-    let bound = rasterizer.bind_image(&host.plan, &host.bindings, what, view, &target).unwrap();
-    let texel = [16, 8, 4, 4][[
-        ImageFormat::Rgba32Float,
-        ImageFormat::Rgba16Float,
-        ImageFormat::Rgba8Unorm,
-        ImageFormat::R32Float,
-    ]
-    .iter()
-    .position(|f| *f == format)
-    .unwrap()];
-    let size = texel * u64::from(width * height);
-    let back: Buffer = engine.buffer(size, vk::BufferUsageFlags::TRANSFER_DST, MemoryLocation::GpuToCpu).unwrap();
-    submit(engine, |commands| {
-        barrier(engine, commands, &image, vk::ImageLayout::GENERAL);
-        rasterizer.record_image(commands, &bound).unwrap();
-        barrier(engine, commands, &image, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
-        let mut copy = host.plan.image_copy(image_buffer(host), 0, &back.whole()).unwrap();
-        copy.buffer_offset = 0;
-        let layout = vk::ImageLayout::TRANSFER_SRC_OPTIMAL;
-        unsafe { engine.device().cmd_copy_image_to_buffer(commands.raw(), image.raw, layout, back.raw, &[copy]) };
-    });
-    back.bytes()[..size as usize].to_vec()
-}
-
-/// Some image that the frame has, for the extent of a copy.
-fn image_buffer(host: &Host) -> BufferId {
-    [BufferId::Color, BufferId::Silhouette].into_iter().find(|id| host.plan.buffer(*id).is_some()).unwrap()
+    let rasterizer = &rasterizer(engine);
+    after_store(engine, format, host.plan.image_size(), |target| {
+        let bound = rasterizer.bind_image(&host.plan, &host.bindings, what, view, target).unwrap();
+        move |commands: &mut HostCommands| rasterizer.record_image(commands, &bound).unwrap()
+    })
 }
 
 fn case(outputs: Outputs) -> Case {

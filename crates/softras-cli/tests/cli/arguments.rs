@@ -73,23 +73,6 @@ fn what_cannot_be_done_exits_with_1_and_names_the_file() {
 }
 
 #[test]
-fn a_missing_material_is_said_to_be_missing() {
-    let folder = tempfile::tempdir().unwrap();
-    let mesh = "mtllib none.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
-    fs::write(folder.path().join("a.obj"), mesh).unwrap();
-    fs::write(folder.path().join("b.obj"), mesh.replace("none.mtl", "../none.mtl")).unwrap();
-    let notes = |mesh: &str| {
-        let output = softras(folder.path(), &["render", mesh, "-o", "a.png", "--size", "8"]);
-        assert_eq!(output.status.code(), Some(0));
-        String::from_utf8(output.stderr).unwrap()
-    };
-    for mesh in ["a.obj", "./a.obj"] {
-        assert!(notes(mesh).contains("none.mtl not found"), "{}", notes(mesh));
-    }
-    assert!(notes("b.obj").contains("outside the mesh's folder"), "{}", notes("b.obj"));
-}
-
-#[test]
 fn own_meshes_come_back_from_their_files() {
     let folder = tempfile::tempdir().unwrap();
     for name in softras::shapes::NAMES {

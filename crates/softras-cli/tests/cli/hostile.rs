@@ -3,7 +3,7 @@
 
 use super::command::tier;
 use super::numpy::{self, Npz};
-use super::{fails, softras, succeeds};
+use super::{softras, succeeds};
 use std::{
     fs,
     path::Path,
@@ -194,27 +194,6 @@ fn names_give_the_terminal_no_orders() {
         let is_order = |c: char| (c.is_control() && c != '\n') || c == '\u{202e}';
         assert!(!told.contains(is_order) && told.contains(part), "{arguments:?}: {told:?}");
         assert!(told.len() < 2000, "{arguments:?}: {} bytes", told.len());
-    }
-}
-
-/// Fields that are unknown, of another type or in doubt are refused by their place.
-#[test]
-fn cameras_are_refused_by_field() {
-    let folder = tempfile::tempdir().unwrap();
-    image::RgbaImage::new(4, 4).save(folder.path().join("a.png")).unwrap();
-    for (fields, parts) in [
-        (r#""eye":[0,0,4],"target":[1,2]"#, &["at [1].target", "length 2"][..]),
-        (r#""eye":[0,0,4],"up":"z""#, &["at [1].up", "string"]),
-        (r#""eye":[0,0,4],"fov":"60""#, &["at [1].fov", "string"]),
-        (r#""eye":[0,0,4],"fovy":60"#, &["at [1].fovy", "unknown field"]),
-        (r#""eye":[0,0,4],"distance":3"#, &["camera 1", "more than one"]),
-        (r#""distance":3,"elevation":0,"azimuth":0,"up":[0,1,0]"#, &["camera 1", "give eye"]),
-        (r#""eye":[0,0,4],"fov":1e300"#, &["camera 1", "fov_y", "e298"]),
-    ] {
-        let list = format!(r#"[{{"file":"a.png","eye":[0,0,4]}},{{"file":"a.png",{fields}}}]"#);
-        fs::write(folder.path().join("cameras.json"), list).unwrap();
-        let parts = [parts, &["cameras.json"]].concat();
-        fails(folder.path(), &["fit", "--views", ".", "--iterations", "1", "-o", "o.obj"], 1, &parts);
     }
 }
 
