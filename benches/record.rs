@@ -11,9 +11,9 @@ use ash::vk;
 use engine::{Commands, Engine};
 use gpu_allocator::MemoryLocation;
 use softras::embed::{
-    Arena, Differentiate, HostCommands, Layout, MeshBuffers, PassMemory, PassMesh, Rasterizer, Shape,
+    Arena, Differentiate, FrameShape, HostCommands, Layout, MeshBuffers, PassMemory, PassMesh, Rasterizer,
 };
-use softras::{Camera, Projection, Scene, Settings, Wanted, shapes};
+use softras::{Camera, GradientRequest, Projection, Scene, Settings, shapes};
 use std::time::Instant;
 
 const RUNS: usize = 2000;
@@ -25,11 +25,11 @@ fn main() {
     let cameras = [Camera::from_angles(3.0, 20.0, 30.0, Projection::Perspective { fov_y: 1.0 }).expect("a camera")];
     let settings = Settings { sigma: 1e-4, save: true, ..Settings::default() };
     let plan = Instant::now();
-    let shape = Shape::of(&scene, &cameras, &settings).expect("a shape");
+    let shape = FrameShape::of(&scene, &cameras, &settings).expect("a shape");
     let shaped = plan.elapsed();
     let plan = rasterizer.plan(&shape, &settings).expect("a plan");
     println!("{:>24} {:>10} {:>10}", "", "median µs", "worst µs");
-    for (name, wanted) in [("positions", Wanted::default()), ("all gradients", Wanted::ALL)] {
+    for (name, wanted) in [("positions", GradientRequest::default()), ("all gradients", GradientRequest::ALL)] {
         let differentiate = Differentiate { upstream: settings.outputs, wanted, largest_upstream: 1.0 };
         let gradient_plan = rasterizer.plan_backward(&plan, &differentiate).expect("a plan");
         let (arena, gradient_arena) = (Arena::of(plan.buffers()), Arena::of(gradient_plan.buffers()));
@@ -80,7 +80,9 @@ fn measure(engine: &Engine, frame: &Commands, name: &str, mut record: impl FnMut
 fn facade(engine: &Engine, rasterizer: &Rasterizer, cameras: &[Camera], settings: &Settings) {
     let mesh = shapes::icosphere(4).expect("a mesh");
     let vertices = mesh.positions().len();
-    for (name, wanted) in [("pass, positions", Wanted::default()), ("pass, all gradients", Wanted::ALL)] {
+    for (name, wanted) in
+        [("pass, positions", GradientRequest::default()), ("pass, all gradients", GradientRequest::ALL)]
+    {
         let plan = rasterizer
             .pass(&[PassMesh::new(vertices as u32, mesh.triangles().as_flattened())])
             .settings(settings.clone())

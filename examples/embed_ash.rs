@@ -20,7 +20,7 @@ use softras::embed::{
     MeshLook, Pass, PassMemory, PassMesh, PassPlan, PassStatus, Rasterizer, requirements,
 };
 use softras::scene::Background;
-use softras::{Camera, Projection, Settings, Wanted};
+use softras::{Camera, GradientRequest, Projection, Settings};
 use std::path::Path;
 
 const SIZE: u32 = 256;
@@ -282,7 +282,7 @@ impl Shared {
             .settings(Settings { sigma: 1e-3, background: Background::Composite, ..Settings::default() })
             .image_size(SIZE, SIZE)
             .cameras(&[camera])
-            .gradients(Wanted::default())
+            .gradients(GradientRequest::default())
             .build()?;
         Ok(Self {
             vertices: filled(Usage::STORAGE_BUFFER | Usage::VERTEX_BUFFER, bytemuck::cast_slice(&vertices))?,

@@ -89,7 +89,7 @@ pub enum GradientMode {
 
 /// The inputs to differentiate by. What is not asked for is not computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Wanted {
+pub struct GradientRequest {
     /// Vertex positions.
     pub positions: bool,
     /// Vertex colours, or a mesh's one colour.
@@ -110,7 +110,7 @@ pub struct Wanted {
     pub mode: GradientMode,
 }
 
-impl Wanted {
+impl GradientRequest {
     /// Nothing: the base to switch single inputs on from.
     pub const NOTHING: Self = Self {
         positions: false,
@@ -138,7 +138,7 @@ impl Wanted {
     };
 }
 
-impl Default for Wanted {
+impl Default for GradientRequest {
     /// The exact gradient by vertex positions.
     fn default() -> Self {
         Self { positions: true, ..Self::NOTHING }

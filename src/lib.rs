@@ -7,7 +7,7 @@
 //! pixel, hidden ones too, gets a gradient from it.
 //!
 //! ```
-//! use softras::{Camera, Image, ImageGradient, Projection, Renderer, Scene, Settings, Wanted, shapes};
+//! use softras::{Camera, Image, ImageGradient, Projection, Renderer, Scene, Settings, GradientRequest, shapes};
 //!
 //! # fn main() -> softras::Result<()> {
 //! let mut renderer = Renderer::new()?;
@@ -20,7 +20,7 @@
 //! let silhouette = frame.silhouette().expect("asked for by default");
 //! let weight = 1.0 / silhouette.data.len() as f32;
 //! let upstream = Image { data: vec![weight; silhouette.data.len()], ..silhouette.clone() };
-//! let gradients = renderer.backward(&frame, &ImageGradient::silhouette(upstream), &Wanted::default())?;
+//! let gradients = renderer.backward(&frame, &ImageGradient::silhouette(upstream), &GradientRequest::default())?;
 //! assert_eq!(gradients.meshes[0].positions.len(), scene.meshes[0].positions().len());
 //! # Ok(())
 //! # }
@@ -72,7 +72,9 @@ mod vulkan;
 pub use error::{Error, Result};
 /// Vectors and matrices, as cameras take them.
 pub use glam;
-pub use gradients::{CameraGradient, GradientMode, Gradients, ImageGradient, LightGradients, MeshGradients, Wanted};
+pub use gradients::{
+    CameraGradient, GradientMode, GradientRequest, Gradients, ImageGradient, LightGradients, MeshGradients,
+};
 pub use image::Image;
 #[cfg(feature = "renderer")]
 pub use renderer::{Frame, FrameCounts, Renderer, RendererOptions, StageTime, parts};

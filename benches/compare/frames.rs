@@ -7,7 +7,7 @@
 //! both commits has, so it cannot be part of the workspace.
 
 use softras::scene::{Appearance, Outputs};
-use softras::{Camera, Image, ImageGradient, Mesh, Projection, Renderer, Scene, Settings, Wanted, shapes};
+use softras::{Camera, Image, ImageGradient, Mesh, Projection, Renderer, Scene, Settings, GradientRequest, shapes};
 use std::io::BufRead;
 use std::time::Instant;
 
@@ -84,7 +84,7 @@ struct Work {
     cameras: Vec<Camera>,
     settings: Settings,
     upstream: ImageGradient,
-    wanted: Wanted,
+    wanted: GradientRequest,
 }
 
 impl Work {
@@ -117,7 +117,7 @@ impl Work {
             cameras,
             settings,
             upstream,
-            wanted: Wanted { positions: true, colors: color, ..Wanted::NOTHING },
+            wanted: GradientRequest { positions: true, colors: color, ..GradientRequest::NOTHING },
         })
     }
 

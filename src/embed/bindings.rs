@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::frame::buffers::{BufferId, Parts, Sizes, UNUSED_SIZE};
 use crate::frame::passes::{BACKWARD_COUNT, BackwardStages, FORWARD_COUNT, ForwardStages};
 use crate::frame::plan::{Modes, Rare};
-use crate::gradients::Wanted;
+use crate::gradients::GradientRequest;
 use crate::vulkan::{BufferPart, BufferRef, Device, Pipeline, TexelFormat, vk};
 
 /// One frame's buffers bound to the forward kernels: descriptor sets, buffer views and pipelines. Two frames in flight need
@@ -34,7 +34,7 @@ pub struct GradientBindings {
     pub(super) item_counts: BufferPart,
     pub(super) tile_counts: BufferPart,
     pub(super) vertex_gradients: BufferPart,
-    pub(super) wanted: Wanted,
+    pub(super) wanted: GradientRequest,
     /// The buffers that are cleared first if only the device knows how many triangles there are.
     pub(super) cleared: Vec<BufferPart>,
     /// The modes that its kernels were compiled for, and whether those for large boxes are there.

@@ -4,13 +4,13 @@ use super::camera::{ClipSpace, HostCamera};
 use super::memory::{Layouts, MemoryKind, MemoryRequirement, Wishes};
 use super::mesh::PassMesh;
 use super::plan::{BufferRequirement, Differentiate, FramePlan, GradientPlan};
-use super::shape::Shape;
+use super::shape::FrameShape;
 use super::tables::Tables;
 use super::{Rasterizer, Status};
 use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
 use crate::frame::plan::{Capacity, DepthSpan};
-use crate::gradients::Wanted;
+use crate::gradients::GradientRequest;
 use crate::scene::{Background, Camera, Lights, Outputs, Projection, Settings, Shading, Support};
 use crate::vulkan::{DeviceKind, Limits, vk};
 use glam::DMat4;
@@ -28,7 +28,7 @@ pub struct PassBuilder {
     planes_of_matrices: bool,
     inside_planes: bool,
     lights: Lights,
-    wanted: Option<Wanted>,
+    wanted: Option<GradientRequest>,
     upstream: Option<Outputs>,
     largest_upstream: f64,
     capacity: Option<Capacity>,
@@ -154,7 +154,7 @@ impl PassBuilder {
     }
 
     /// What to differentiate by; without this call there is no backward pass.
-    pub fn gradients(mut self, wanted: Wanted) -> Self {
+    pub fn gradients(mut self, wanted: GradientRequest) -> Self {
         self.wanted = Some(wanted);
         self
     }
@@ -224,7 +224,7 @@ impl PassBuilder {
             if self.separate { self.meshes.chunks(1).collect() } else { vec![&self.meshes[..]] };
         let adjacency = settings.save || self.lights.shading == Shading::Smooth;
         let tables = Tables::new(&groups, adjacency)?;
-        let shape = Shape {
+        let shape = FrameShape {
             meshes: tables.shapes.clone(),
             views: cameras.len() as u32,
             lights: self.lights.clone(),

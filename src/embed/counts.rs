@@ -37,7 +37,7 @@ struct Push {
 }
 
 impl Rasterizer {
-    /// Binds counts to a frame that was planned with [`Shape::device_counts`](super::Shape::device_counts). They serve frames
+    /// Binds counts to a frame that was planned with [`FrameShape::device_counts`](super::FrameShape::device_counts). They serve frames
     /// of this plan; for one of another shape, bind them anew.
     ///
     /// # Errors
@@ -47,7 +47,7 @@ impl Rasterizer {
         frame.fits(plan)?;
         let misfit = |what: String, fix: &str| Err(Error::Host { what, fix: fix.into() });
         if !plan.shape.device_counts {
-            return misfit("the frame was planned with counts known".into(), "set Shape::device_counts");
+            return misfit("the frame was planned with counts known".into(), "set FrameShape::device_counts");
         }
         let Counts { buffer, stride, of_indices } = counts;
         let meshes = plan.shape.meshes.len() as u64;

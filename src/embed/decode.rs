@@ -5,7 +5,7 @@ use crate::constants as c;
 use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
 use crate::frame::pack::{AppearanceShape, MeshLayout, MeshShape, MeshTables};
-use crate::gradients::{CameraGradient, Gradients, LightGradients, MeshGradients, Wanted};
+use crate::gradients::{CameraGradient, GradientRequest, Gradients, LightGradients, MeshGradients};
 use crate::scene::{Background, Camera, Lights, Parity, Projection, Settings, Texture};
 use std::ops::Range;
 
@@ -17,7 +17,7 @@ pub struct Decoder<'a> {
     /// The pass's plan.
     pub plan: &'a GradientPlan,
     /// The gradients that the pass was planned for.
-    pub wanted: &'a Wanted,
+    pub wanted: &'a GradientRequest,
     /// The frame's meshes: [`Inputs::tables`](super::Inputs::tables).
     pub tables: &'a MeshTables,
     /// The frame's cameras.

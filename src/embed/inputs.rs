@@ -29,7 +29,7 @@ pub struct Inputs {
 const SHAPE_FLAGS: usize = 11;
 
 impl Inputs {
-    /// Lays out the inputs of a scene's frame. The plan was made for this scene's [`Shape`](super::Shape).
+    /// Lays out the inputs of a scene's frame. The plan was made for this scene's [`FrameShape`](super::FrameShape).
     pub fn new(scene: &Scene, cameras: &[Camera], settings: &Settings, plan: &FramePlan) -> Self {
         let mut inputs = Self::default();
         inputs.update(scene, cameras, settings, plan);

@@ -2,7 +2,7 @@
 //!
 //! [`Rasterizer`] holds the kernels on a device. A frame goes through three steps, each with types of its own:
 //!
-//! 1. **Plan**, from counts and settings, without memory: [`FramePlan`] from a [`Shape`] lists the buffers that a frame
+//! 1. **Plan**, from counts and settings, without memory: [`FramePlan`] from a [`FrameShape`] lists the buffers that a frame
 //!    needs, and [`GradientPlan`] from [`Differentiate`] those that its gradients need besides.
 //! 2. **Bind**, once: [`FrameBindings`] and [`GradientBindings`] check the host's buffers and write the descriptors.
 //!    [`Arena`] divides one buffer into many, and [`Inputs`] lays out the bytes of a scene in the host's memory.
@@ -51,7 +51,7 @@ pub use place::{GeometryBindings, GeometryBuffers, GeometryGradientBindings, Geo
 pub use plan::{BufferRequirement, Differentiate, FramePlan, GradientPlan};
 pub use rebind::Rebound;
 pub use requirements::{Requirements, requirements};
-pub use shape::Shape;
+pub use shape::FrameShape;
 pub use status::Status;
 pub use store::{FrameImage, ImageBindings};
 
@@ -127,13 +127,13 @@ impl Rasterizer {
     ///
     /// # Errors
     /// As [`FramePlan::new`].
-    pub fn plan(&self, shape: &Shape, settings: &Settings) -> Result<FramePlan> {
+    pub fn plan(&self, shape: &FrameShape, settings: &Settings) -> Result<FramePlan> {
         FramePlan::new(self.device.limits(), self.device.kind(), shape, settings)
     }
 
     /// A plan for a program that looks at the status of every frame: see [`FramePlan::of`].
     #[cfg(feature = "renderer")]
-    pub(crate) fn plan_with(&self, shape: &Shape, settings: &Settings, rare: Rare) -> Result<FramePlan> {
+    pub(crate) fn plan_with(&self, shape: &FrameShape, settings: &Settings, rare: Rare) -> Result<FramePlan> {
         FramePlan::of(self.device.limits(), self.device.kind(), shape, settings, rare)
     }
 

@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
 use crate::frame::passes::Stage;
 use crate::frame::pipelines::Request;
-use crate::gradients::Wanted;
+use crate::gradients::GradientRequest;
 use crate::vulkan::{BufferPart, BufferRef, DescriptorPool, HostCommands, Kernel, Recorder, TexelFormat, kernels};
 
 /// Where a host's geometry lies. Every buffer but `draws` has the usage STORAGE_BUFFER, and begins at a multiple of
@@ -326,14 +326,14 @@ impl Rasterizer {
 }
 
 /// Nothing is asked for that the backward pass does not compute.
-fn validate_wanted(gradients: &GeometryGradients, wanted: Wanted) -> Result<()> {
+fn validate_wanted(gradients: &GeometryGradients, wanted: GradientRequest) -> Result<()> {
     let by_position = gradients.positions.is_some() || gradients.transforms.is_some();
     for (asked, planned, name) in
         [(by_position, wanted.positions, "positions"), (gradients.colors.is_some(), wanted.colors, "colors")]
     {
         if asked && !planned {
             let what = format!("the backward pass does not differentiate by {name}");
-            return misfit(what, &format!("plan it with Wanted::{name} in Differentiate::wanted"));
+            return misfit(what, &format!("plan it with GradientRequest::{name} in Differentiate::wanted"));
         }
     }
     Ok(())

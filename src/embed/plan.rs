@@ -1,11 +1,11 @@
 //! The plans of a frame and of its gradients: the buffers that they need, before any memory is allocated.
 
-use super::shape::Shape;
+use super::shape::FrameShape;
 use crate::error::{Error, Result};
 use crate::frame::buffers::{BufferId, Role, Sizes};
 use crate::frame::pack::{MeshLayout, TableLayout};
 use crate::frame::plan::{BackwardInput, BackwardPlan, Capacity, ForwardPlan, PlanInput, Rare, validate_views};
-use crate::gradients::Wanted;
+use crate::gradients::GradientRequest;
 use crate::scene::{Lights, Outputs, Settings, Shading};
 use crate::vulkan::{BufferDesc, BufferRef, DeviceKind, Limits, Location, vk};
 
@@ -32,7 +32,7 @@ pub struct BufferRequirement {
 #[derive(Clone, Debug, PartialEq)]
 pub struct FramePlan {
     pub(crate) forward: ForwardPlan,
-    pub(super) shape: Shape,
+    pub(super) shape: FrameShape,
     layouts: Vec<MeshLayout>,
     buffers: Vec<BufferRequirement>,
     pub(super) capacity: Capacity,
@@ -45,8 +45,8 @@ pub struct Differentiate {
     /// The images that have an upstream gradient: at least one, and only images that the frame renders.
     pub upstream: Outputs,
     /// The inputs to differentiate by.
-    pub wanted: Wanted,
-    /// An upper bound of |dL/dcolour| over all channels and pixels. Only [`Wanted::texels`] uses it: its sums are in fixed
+    pub wanted: GradientRequest,
+    /// An upper bound of |dL/dcolour| over all channels and pixels. Only [`GradientRequest::texels`] uses it: its sums are in fixed
     /// point, so that a sum beyond the bound wraps around, and one far below it loses precision. Where textures have an
     /// alpha it also bounds |dL/dsilhouette|, |dL/dnormal|, |dL/ddepth| times the far plane, and |dL/dcolour| times the
     /// largest texel and background.
@@ -61,8 +61,8 @@ pub struct GradientPlan {
     buffers: Vec<BufferRequirement>,
     /// Bytes of the frame's buffers.
     pub(super) frame_sizes: Sizes,
-    pub(super) wanted: Wanted,
-    /// [`Shape::device_counts`] of the frame.
+    pub(super) wanted: GradientRequest,
+    /// [`FrameShape::device_counts`] of the frame.
     pub(super) device_counts: bool,
 }
 
@@ -86,7 +86,7 @@ fn largest_buffer(limits: &Limits) -> u64 {
 }
 
 /// Validates that a loop of the kernels can sum over each vertex's corners in so many views.
-fn validate_corners(shape: &Shape, views: u32, loop_passes: u32) -> Result<()> {
+fn validate_corners(shape: &FrameShape, views: u32, loop_passes: u32) -> Result<()> {
     let most = shape.most_corners();
     let needed = (u64::from(most) + 1) * u64::from(views);
     if needed <= loop_passes.into() {
@@ -107,7 +107,7 @@ fn validate_corners(shape: &Shape, views: u32, loop_passes: u32) -> Result<()> {
 const FARTHEST: f64 = 70.0;
 
 /// Validates the counts and the radius of support of a shape.
-fn validate(shape: &Shape) -> Result<()> {
+fn validate(shape: &FrameShape) -> Result<()> {
     validate_views(shape.views.into())?;
     let fail = |what: String, fix: &str| Err(Error::Scene { what, fix: fix.into() });
     let (meshes, views) = (shape.meshes.len(), shape.views as usize);
@@ -143,7 +143,7 @@ impl FramePlan {
     /// # Errors
     /// [`Error::Scene`], [`Error::Settings`], [`Error::Light`] for invalid input, [`Error::Limit`] for a frame that exceeds
     /// what this device supports.
-    pub fn new(limits: &Limits, kind: DeviceKind, shape: &Shape, settings: &Settings) -> Result<Self> {
+    pub fn new(limits: &Limits, kind: DeviceKind, shape: &FrameShape, settings: &Settings) -> Result<Self> {
         Self::of(limits, kind, shape, settings, Rare::ALL)
     }
 
@@ -152,7 +152,7 @@ impl FramePlan {
     pub(crate) fn of(
         limits: &Limits,
         kind: DeviceKind,
-        shape: &Shape,
+        shape: &FrameShape,
         settings: &Settings,
         rare: Rare,
     ) -> Result<Self> {
@@ -244,7 +244,7 @@ impl FramePlan {
 
     /// Whether [`of`](Self::of) made it for this shape.
     #[cfg(feature = "renderer")]
-    pub(crate) fn is_of(&self, shape: &Shape, rare: Rare) -> bool {
+    pub(crate) fn is_of(&self, shape: &FrameShape, rare: Rare) -> bool {
         self.shape == *shape && self.forward.rare == rare
     }
 

@@ -5,10 +5,10 @@ use crate::frame::pack::{AppearanceShape, MeshShape};
 use crate::frame::plan::{Capacity, DepthSpan, Sampling, ViewSize};
 use crate::scene::{Camera, Lights, Mesh, Projection, Scene, Settings};
 
-/// The shape of a frame, from which its plan is made. [`Shape::of`] takes it from a scene; a host that keeps its meshes on
+/// The shape of a frame, from which its plan is made. [`FrameShape::of`] takes it from a scene; a host that keeps its meshes on
 /// the device fills it in.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Shape {
+pub struct FrameShape {
     /// The meshes: one that every view sees, or one for each view. At least one.
     pub meshes: Vec<MeshShape>,
     /// The number of cameras; at least 1.
@@ -35,7 +35,7 @@ pub struct Shape {
     pub device_counts: bool,
 }
 
-impl Shape {
+impl FrameShape {
     /// The shape of a valid scene with its cameras.
     ///
     /// # Errors

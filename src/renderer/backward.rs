@@ -6,7 +6,7 @@ use super::{Frame, Renderer, StageTime};
 use crate::embed::{Decoder, Differentiate, FramePlan, GradientBindings, GradientPlan};
 use crate::error::{Error, Result};
 use crate::frame::buffers::{BufferId, Role};
-use crate::gradients::{Gradients, ImageGradient, Wanted};
+use crate::gradients::{GradientRequest, Gradients, ImageGradient};
 use crate::image::Image;
 use crate::scene::Settings;
 use std::sync::Arc;
@@ -25,7 +25,7 @@ impl Renderer {
     /// # Errors
     /// [`Error::Backward`] for a frame that was not saved, one of another renderer, or an upstream gradient that does not fit
     /// it; [`Error::NotFinite`] where single precision cannot hold the gradient; otherwise as [`Renderer::render`].
-    pub fn backward(&mut self, frame: &Frame, upstream: &ImageGradient, wanted: &Wanted) -> Result<Gradients> {
+    pub fn backward(&mut self, frame: &Frame, upstream: &ImageGradient, wanted: &GradientRequest) -> Result<Gradients> {
         let Some(owner) = &frame.owner else {
             return refused("the frame was rendered for looking at only", "render it with Renderer::render_saved");
         };
@@ -51,7 +51,7 @@ impl Renderer {
         at: usize,
         saved: &Saved,
         upstream: &ImageGradient,
-        wanted: &Wanted,
+        wanted: &GradientRequest,
     ) -> Result<Gradients> {
         let s = &saved.settings;
         upstream.validate(s.outputs, saved.cameras.len(), s.height as usize, s.width as usize)?;
@@ -84,7 +84,7 @@ impl Slot {
         frame: &Arc<FramePlan>,
         settings: &Settings,
         upstream: &ImageGradient,
-        wanted: &Wanted,
+        wanted: &GradientRequest,
     ) -> Result<Arc<GradientPlan>> {
         let largest = |image: &Image| f64::from(image.data.iter().fold(0.0f32, |m, &x| m.max(x.abs())));
         let differentiate = Differentiate {
@@ -165,7 +165,7 @@ impl Slot {
         &mut self,
         shared: &Shared,
         plan: &Arc<GradientPlan>,
-        wanted: &Wanted,
+        wanted: &GradientRequest,
         timed: bool,
     ) -> Result<()> {
         let same =

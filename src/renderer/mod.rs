@@ -10,7 +10,7 @@ mod upload;
 pub use frame::{Frame, FrameCounts, StageTime};
 
 use crate::constants as c;
-use crate::embed::{Rasterizer, Shape};
+use crate::embed::{FrameShape, Rasterizer};
 use crate::error::{Error, Result};
 use crate::frame::plan::{Capacity, Rare};
 use crate::scene::{Camera, Scene, Settings};
@@ -180,7 +180,7 @@ impl Renderer {
     /// [`Error::OutOfMemory`] for what the device cannot hold; [`Error::NotFinite`] when its arithmetic overflowed;
     /// [`Error::Vulkan`].
     pub fn render(&mut self, scene: &Scene, cameras: &[Camera], settings: &Settings) -> Result<Frame> {
-        let mut shape = Shape::of(scene, cameras, settings)?;
+        let mut shape = FrameShape::of(scene, cameras, settings)?;
         let estimated = |kept: Capacity| kept.max(Capacity::estimate(settings, shape.cutoff, &shape.view_sizes()));
         shape.capacity = self.capacity.map(estimated);
         self.latest = self.take_slot(&shape, settings)?;
@@ -221,7 +221,7 @@ impl Renderer {
     }
 
     /// The slot for the next frame, which no living frame owns: one that held a frame of the same plan, if there is one.
-    fn take_slot(&mut self, shape: &Shape, settings: &Settings) -> Result<usize> {
+    fn take_slot(&mut self, shape: &FrameShape, settings: &Settings) -> Result<usize> {
         self.rendered += 1;
         let rare = self.rare;
         let same = |slot: &Slot| slot.is_free() && slot.is_planned(shape, settings, rare);

@@ -3,7 +3,9 @@
 use super::frame::StageTime;
 use super::shared::Shared;
 use super::upload::Uploads;
-use crate::embed::{Differentiate, FrameBindings, FramePlan, GradientBindings, GradientPlan, Inputs, Shape, Status};
+use crate::embed::{
+    Differentiate, FrameBindings, FramePlan, FrameShape, GradientBindings, GradientPlan, Inputs, Status,
+};
 use crate::error::Result;
 use crate::frame::buffers::{BufferId, BufferSet, Role};
 use crate::frame::pack::Changes;
@@ -122,7 +124,7 @@ impl Slot {
     }
 
     /// Whether the latest plan is the one of this frame.
-    pub(super) fn is_planned(&self, shape: &Shape, settings: &Settings, rare: Rare) -> bool {
+    pub(super) fn is_planned(&self, shape: &FrameShape, settings: &Settings, rare: Rare) -> bool {
         self.planned.as_ref().is_some_and(|(of, plan)| of == settings && plan.is_of(shape, rare))
     }
 
@@ -130,7 +132,7 @@ impl Slot {
     pub(super) fn plan(
         &mut self,
         shared: &Shared,
-        shape: &Shape,
+        shape: &FrameShape,
         settings: &Settings,
         rare: Rare,
     ) -> Result<Arc<FramePlan>> {

@@ -2,7 +2,7 @@
 
 use super::gradient::{Group, backward, groups, norm, reference_gradient};
 use super::scenes::Case;
-use softras::{GradientMode, Image, ImageGradient, Renderer, Wanted};
+use softras::{GradientMode, GradientRequest, Image, ImageGradient, Renderer};
 
 /// The upstream gradient of one pixel, counted over the batch; zero elsewhere.
 pub fn only_pixel(upstream: &ImageGradient, pixel: usize) -> ImageGradient {
@@ -35,7 +35,9 @@ pub fn blame(
     let mut found = Vec::new();
     for pixel in 0..case.cameras.len() * width * height {
         let alone = only_pixel(upstream, pixel);
-        let Ok(ours) = backward(renderer, case, &alone, &Wanted { mode, ..Wanted::ALL }) else { continue };
+        let Ok(ours) = backward(renderer, case, &alone, &GradientRequest { mode, ..GradientRequest::ALL }) else {
+            continue;
+        };
         let Ok(groups) = groups(case, &ours, &reference_gradient(case, &alone, mode)) else { continue };
         let group = &groups[index];
         found.push((off(group), norm(&group.reference), pixel));

@@ -7,7 +7,7 @@ use super::{
     tolerance::{GradientTolerance, IMAGE},
 };
 use softras::{
-    Camera, GradientMode, Gradients, Image, ImageGradient, Renderer, Scene, Settings, Wanted, scene::Outputs,
+    Camera, GradientMode, GradientRequest, Gradients, Image, ImageGradient, Renderer, Scene, Settings, scene::Outputs,
 };
 use softras_lab::agreement;
 pub use softras_lab::agreement::{Group, norm, numbers, relative_error, upstream_norm, with_random_signs};
@@ -71,7 +71,7 @@ pub fn backward(
     renderer: &mut Renderer,
     case: &Case,
     upstream: &ImageGradient,
-    wanted: &Wanted,
+    wanted: &GradientRequest,
 ) -> Result<Gradients, String> {
     let settings = softras::Settings { save: true, ..case.settings.clone() };
     let frame = renderer.render(&case.scene, &case.cameras, &settings).map_err(|e| e.to_string())?;
@@ -133,7 +133,7 @@ pub fn check(
     mode: GradientMode,
     tolerance: &GradientTolerance,
 ) -> Result<Errors, String> {
-    let ours = backward(renderer, case, upstream, &Wanted { mode, ..Wanted::ALL })?;
+    let ours = backward(renderer, case, upstream, &GradientRequest { mode, ..GradientRequest::ALL })?;
     let errors = errors(case, upstream, mode, &ours, tolerance)?;
     let wrong: Vec<usize> = (0..errors.len()).filter(|&i| errors[i].1 > tolerance.worst).collect();
     if wrong.is_empty() {

@@ -4,9 +4,10 @@
 use crate::host::{engine::Engine, shim};
 use gpu_allocator::MemoryLocation;
 use peak_alloc::PeakAlloc;
-use softras::embed::{Arena, Differentiate, HostAdapter, HostDevice, Inputs, Rasterizer, Shape};
+use softras::embed::{Arena, Differentiate, FrameShape, HostAdapter, HostDevice, Inputs, Rasterizer};
 use softras::{
-    CacheFolder, Camera, Image, ImageGradient, Projection, Renderer, RendererOptions, Scene, Settings, Wanted, shapes,
+    CacheFolder, Camera, GradientRequest, Image, ImageGradient, Projection, Renderer, RendererOptions, Scene, Settings,
+    shapes,
 };
 
 /// Counts what Rust allocates; the driver's memory is not among it.
@@ -44,9 +45,9 @@ fn ten_thousand_frames_leak_nothing() {
     let frame = engine.commands().unwrap();
     let mut settled = 0;
     for hundred in 0..100 {
-        let plan = rasterizer.plan(&Shape::of(&scene, &cameras, &settings).unwrap(), &settings).unwrap();
+        let plan = rasterizer.plan(&FrameShape::of(&scene, &cameras, &settings).unwrap(), &settings).unwrap();
         let differentiate =
-            Differentiate { upstream: settings.outputs, wanted: Wanted::default(), largest_upstream: 1.0 };
+            Differentiate { upstream: settings.outputs, wanted: GradientRequest::default(), largest_upstream: 1.0 };
         let gradient_plan = rasterizer.plan_backward(&plan, &differentiate).unwrap();
         let (arena, gradient_arena) = (Arena::of(plan.buffers()), Arena::of(gradient_plan.buffers()));
         let buffer = |arena: &Arena| engine.buffer(arena.size, arena.usage, MemoryLocation::CpuToGpu).unwrap();
@@ -110,7 +111,7 @@ fn renderers_that_come_and_go_leave_nothing_behind() {
         let frame = renderer.render(&scene, &cameras, &settings).unwrap();
         let silhouette = frame.silhouette().unwrap();
         let upstream = Image { data: vec![1.0; silhouette.data.len()], ..silhouette.clone() };
-        renderer.backward(&frame, &ImageGradient::silhouette(upstream), &Wanted::default()).unwrap();
+        renderer.backward(&frame, &ImageGradient::silhouette(upstream), &GradientRequest::default()).unwrap();
     };
     whole();
     let allocated = MEMORY.current_usage();

@@ -13,11 +13,11 @@ use ash::vk;
 use engine::{Buffer, Engine};
 use gpu_allocator::MemoryLocation;
 use softras::embed::{
-    Arena, BufferId, Capacity, Decoder, Differentiate, FrameBindings, FramePlan, GradientBindings, GradientPlan,
-    HostCommands, Inputs, Rasterizer, Shape, Status,
+    Arena, BufferId, Capacity, Decoder, Differentiate, FrameBindings, FramePlan, FrameShape, GradientBindings,
+    GradientPlan, HostCommands, Inputs, Rasterizer, Status,
 };
 use softras::scene::Outputs;
-use softras::{Frame, Gradients, ImageGradient, Scene, Wanted};
+use softras::{Frame, GradientRequest, Gradients, ImageGradient, Scene};
 
 pub type Messages = Vec<String>;
 
@@ -50,11 +50,11 @@ pub struct Host {
 
 impl Host {
     pub fn new(engine: &Engine, rasterizer: &Rasterizer, case: &Case) -> Self {
-        let shape = Shape::of(&case.scene, &case.cameras, &case.settings).unwrap();
+        let shape = FrameShape::of(&case.scene, &case.cameras, &case.settings).unwrap();
         Self::of_shape(engine, rasterizer, case, &shape)
     }
 
-    pub fn of_shape(engine: &Engine, rasterizer: &Rasterizer, case: &Case, shape: &Shape) -> Self {
+    pub fn of_shape(engine: &Engine, rasterizer: &Rasterizer, case: &Case, shape: &FrameShape) -> Self {
         let plan = rasterizer.plan(shape, &case.settings).unwrap();
         let arena = Arena::of(plan.buffers());
         let mut buffer = engine.buffer(arena.size, arena.usage, MemoryLocation::GpuToCpu).unwrap();
@@ -77,7 +77,7 @@ impl Host {
 
     /// A frame, executed, whose lists have had room.
     pub fn whole_frame(engine: &Engine, rasterizer: &Rasterizer, case: &Case) -> Self {
-        let mut shape = Shape::of(&case.scene, &case.cameras, &case.settings).unwrap();
+        let mut shape = FrameShape::of(&case.scene, &case.cameras, &case.settings).unwrap();
         loop {
             let host = Self::of_shape(engine, rasterizer, case, &shape);
             forward(engine, rasterizer, &host);
@@ -167,10 +167,16 @@ impl Planner {
     }
 
     /// One frame of a saved case and its gradients, whatever its lists lack.
-    pub fn render(&self, case: &Case, upstream: &ImageGradient, wanted: Wanted, capacity: Capacity) -> Planned {
+    pub fn render(
+        &self,
+        case: &Case,
+        upstream: &ImageGradient,
+        wanted: GradientRequest,
+        capacity: Capacity,
+    ) -> Planned {
         let (engine, rasterizer) = (&self.engine, &self.rasterizer);
-        let shape = Shape::of(&case.scene, &case.cameras, &case.settings).unwrap();
-        let host = Host::of_shape(engine, rasterizer, case, &Shape { capacity: Some(capacity), ..shape });
+        let shape = FrameShape::of(&case.scene, &case.cameras, &case.settings).unwrap();
+        let host = Host::of_shape(engine, rasterizer, case, &FrameShape { capacity: Some(capacity), ..shape });
         let backward = Backward::new(engine, rasterizer, &host, upstream, wanted);
         submit(engine, |commands| {
             rasterizer.record_forward(commands, &host.plan, &host.bindings).unwrap();
@@ -245,7 +251,7 @@ pub struct Backward {
     pub arena: Arena,
     pub buffer: Buffer,
     pub bindings: GradientBindings,
-    pub wanted: Wanted,
+    pub wanted: GradientRequest,
 }
 
 impl Backward {
@@ -254,7 +260,7 @@ impl Backward {
         rasterizer: &Rasterizer,
         host: &Host,
         upstream: &ImageGradient,
-        wanted: Wanted,
+        wanted: GradientRequest,
     ) -> Self {
         let color = upstream.color.iter().flat_map(|image| &image.data);
         let largest_upstream = color.fold(0.0f64, |m, &x| m.max(f64::from(x.abs())));

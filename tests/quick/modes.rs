@@ -10,7 +10,7 @@ use crate::common::{
     tier,
     tolerance::{self, GRADIENT},
 };
-use softras::{Frame, GradientMode, Gradients, Projection, Renderer, Wanted, scene::Background};
+use softras::{Frame, GradientMode, GradientRequest, Gradients, Projection, Renderer, scene::Background};
 use softras_reference::render_culled;
 
 /// One camera before one lit blob or soup.
@@ -47,7 +47,7 @@ type Made = (Frame, Gradients);
 fn made(renderer: &mut Renderer, case: &Case, mode: GradientMode) -> softras::Result<Made> {
     let frame = renderer.render(&case.scene, &case.cameras, &case.settings)?;
     let upstream = random_upstream(case, case.settings.outputs);
-    let gradients = renderer.backward(&frame, &upstream, &Wanted { mode, ..Wanted::ALL })?;
+    let gradients = renderer.backward(&frame, &upstream, &GradientRequest { mode, ..GradientRequest::ALL })?;
     Ok((frame, gradients))
 }
 

@@ -5,9 +5,9 @@ use crate::host::engine::Engine;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use softras::embed::{
-    Arena, BufferId, Differentiate, Layout as Lie, MeshBuffers, PassMemory, PassMesh, Rasterizer, Shape,
+    Arena, BufferId, Differentiate, FrameShape, Layout as Lie, MeshBuffers, PassMemory, PassMesh, Rasterizer,
 };
-use softras::{Camera, Lights, Projection, Scene, Settings, Wanted, shapes};
+use softras::{Camera, GradientRequest, Lights, Projection, Scene, Settings, shapes};
 
 #[test]
 fn an_allocation_is_counted() {
@@ -25,8 +25,9 @@ fn recording_allocates_nothing() {
         let cameras =
             [0.0, 90.0].map(|a| Camera::from_angles(3.0, 20.0, a, Projection::Perspective { fov_y: 1.0 }).unwrap());
         let settings = Settings { sigma: 1e-4, save: true, ..Settings::default() };
-        let plan = rasterizer.plan(&Shape::of(&scene, &cameras, &settings).unwrap(), &settings).unwrap();
-        let differentiate = Differentiate { upstream: settings.outputs, wanted: Wanted::ALL, largest_upstream: 1.0 };
+        let plan = rasterizer.plan(&FrameShape::of(&scene, &cameras, &settings).unwrap(), &settings).unwrap();
+        let differentiate =
+            Differentiate { upstream: settings.outputs, wanted: GradientRequest::ALL, largest_upstream: 1.0 };
         let gradient_plan = rasterizer.plan_backward(&plan, &differentiate).unwrap();
         let arena = Arena::of(plan.buffers());
         let gradient_arena = Arena::of(gradient_plan.buffers());
@@ -67,7 +68,7 @@ fn recording_a_pass_allocates_nothing() {
             .settings(Settings { sigma: 1e-4, ..Settings::default() })
             .cameras(&cameras)
             .lights(Lights::official())
-            .gradients(Wanted::ALL)
+            .gradients(GradientRequest::ALL)
             .read_back(&[BufferId::Color, BufferId::Totals])
             .build()
             .unwrap();

@@ -17,7 +17,7 @@ use picture::Picture;
 use softras::embed::{BufferId, Pass, PassStatus, Status};
 use softras::glam::DVec3;
 use softras::scene::{Background, Outputs};
-use softras::{Camera, Lights, Projection, Renderer, Scene, Settings, Wanted, shapes};
+use softras::{Camera, GradientRequest, Lights, Projection, Renderer, Scene, Settings, shapes};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use vk_graph::Graph;
@@ -92,7 +92,9 @@ impl Fit {
         let plan =
             engine.rasterizer.pass(std::slice::from_ref(&mesh.shape)).settings(settings(SIZE, BLUR)).outputs(outputs);
         let plan = plan.cameras(&cameras()?).lights(Lights::official()).inside_planes();
-        let plan = plan.gradients(Wanted { colors: true, ..Wanted::default() }).alignment(engine.storage_alignment());
+        let plan = plan
+            .gradients(GradientRequest { colors: true, ..GradientRequest::default() })
+            .alignment(engine.storage_alignment());
         let bytes = mesh.vertices.info.size;
         let partial_sums = BufferInfo::host_mem(4 * (goal.len() as u64 / 4).div_ceil(64), Usage::STORAGE_BUFFER);
         let moved = BufferInfo::device_mem(bytes, Usage::STORAGE_BUFFER | Usage::TRANSFER_SRC);

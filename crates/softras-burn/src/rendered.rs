@@ -4,7 +4,8 @@ use crate::nmr::HardViews;
 use crate::twist;
 use softras::scene::Appearance;
 use softras::{
-    CameraGradient, Error, Frame, Gradients, Image, ImageGradient, Mesh, MeshGradients, Renderer, Result, Wanted,
+    CameraGradient, Error, Frame, GradientRequest, Gradients, Image, ImageGradient, Mesh, MeshGradients, Renderer,
+    Result,
 };
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -143,7 +144,7 @@ impl Rendered {
             return Ok(Gradients::default());
         }
         let [positions, colors, texels, camera] = wanted;
-        let wanted = Wanted { positions, colors, texels, camera, ..Wanted::NOTHING };
+        let wanted = GradientRequest { positions, colors, texels, camera, ..GradientRequest::NOTHING };
         lock(&self.shared.renderer).backward(&self.frame, &upstream, &wanted)
     }
 

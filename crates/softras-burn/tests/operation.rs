@@ -3,7 +3,9 @@
 
 use burn::tensor::{Device, Tensor, TensorData};
 use softras::scene::{Appearance, Background, Outputs};
-use softras::{Camera, Error, Image, ImageGradient, Mesh, Projection, Renderer, Scene, Settings, Wanted, shapes};
+use softras::{
+    Camera, Error, GradientRequest, Image, ImageGradient, Mesh, Projection, Renderer, Scene, Settings, shapes,
+};
 use softras_burn::{Inputs, SoftRas, Views, packed_positions};
 
 const SIZE: usize = 24;
@@ -101,7 +103,7 @@ fn gradients_are_the_renderers_to_the_bit() {
     let frame = renderer.render_saved(&views.scene, &views.cameras, &views.settings).unwrap();
     let image = |channels| Image { batch: 3, height: SIZE, width: SIZE, channels, data: weights(channels) };
     let upstream = ImageGradient { color: Some(image(3)), silhouette: Some(image(1)), ..ImageGradient::default() };
-    let wanted = Wanted { colors: true, texels: true, camera: true, ..Wanted::default() };
+    let wanted = GradientRequest { colors: true, texels: true, camera: true, ..GradientRequest::default() };
     let expected = renderer.backward(&frame, &upstream, &wanted).unwrap();
     let of = |get: fn(&softras::MeshGradients) -> &[[f32; 3]]| {
         expected.meshes.iter().flat_map(get).flatten().copied().collect::<Vec<f32>>()

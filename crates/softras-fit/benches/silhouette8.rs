@@ -8,7 +8,7 @@
 
 use glam::DVec3;
 use softras::scene::{Outputs, SilhouetteAggregation};
-use softras::{Camera, Image, ImageGradient, Lights, Mesh, Projection, Renderer, Scene, Settings, Wanted};
+use softras::{Camera, GradientRequest, Image, ImageGradient, Lights, Mesh, Projection, Renderer, Scene, Settings};
 use softras_fit::{CLOSED, Topology, laplacian_coordinates};
 use softras_fit::{
     ImageLoss, Method, Optimizer, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions, mask_iou, soft_target,
@@ -118,7 +118,7 @@ impl Task {
             loss.gradient.data.iter_mut().for_each(|g| *g *= 8.0);
             lap(&mut times.loss);
             let upstream = ImageGradient::silhouette(loss.gradient);
-            let gradients = renderer.backward(&frame, &upstream, &Wanted::default()).expect("gradients");
+            let gradients = renderer.backward(&frame, &upstream, &GradientRequest::default()).expect("gradients");
             lap(&mut times.backward);
             let gradient = self.regularized(&values, &gradients.meshes[0].positions);
             optimizer.step(&mut values, &gradient, 0.01);

@@ -1,7 +1,7 @@
 //! A fit from views to a mesh, as `softras fit` does it.
 
 use crate::{
-    ShapeFit, ShapeOptions, ShapeRun, Step, bad, checkpoint,
+    ShapeFit, ShapeOptions, ShapeRun, StepLosses, bad, checkpoint,
     options::{FitOptions, Template},
     paint::{self, Painted},
     scores::Scores,
@@ -122,7 +122,7 @@ pub struct Taken {
     /// Its number.
     pub at: usize,
     /// The losses before it moved anything.
-    pub losses: Step,
+    pub losses: StepLosses,
     /// The seconds that it took.
     pub seconds: f64,
 }

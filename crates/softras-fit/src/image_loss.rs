@@ -11,7 +11,7 @@ const IOU_EPSILON: f64 = 1e-6;
 
 /// A loss and its gradient.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Valued {
+pub struct LossGradient {
     /// The loss.
     pub value: f64,
     /// dL/dprediction, in the prediction's shape.
@@ -39,7 +39,7 @@ impl ImageLoss {
     ///
     /// # Errors
     /// [`softras::Error::Fit`] when shapes differ, a weight is negative or not finite, all are 0, or δ is not above 0.
-    pub fn evaluate(self, prediction: &Image, target: &Image, weights: Option<&Image>) -> Result<Valued> {
+    pub fn evaluate(self, prediction: &Image, target: &Image, weights: Option<&Image>) -> Result<LossGradient> {
         validate(prediction, target, weights)?;
         let weight = Weight::new(prediction, weights);
         let penalty: fn(f64, f64) -> (f64, f64) = match self {
@@ -68,7 +68,7 @@ impl ImageLoss {
             (share * slope) as f32
         });
         let data = data.collect();
-        Ok(Valued { value, gradient: Image { data, ..shape_of(prediction) } })
+        Ok(LossGradient { value, gradient: Image { data, ..shape_of(prediction) } })
     }
 
     /// The mean of the loss over `levels` resolutions, each half the one before. At coarse resolutions a shape overlaps
@@ -84,7 +84,7 @@ impl ImageLoss {
         target: &Image,
         weights: Option<&Image>,
         levels: usize,
-    ) -> Result<Valued> {
+    ) -> Result<LossGradient> {
         if levels == 0 {
             return bad("a loss over 0 resolutions", "use at least 1");
         }
@@ -162,7 +162,7 @@ fn shape_of(image: &Image) -> Image {
     Image { data: Vec::new(), ..*image }
 }
 
-fn negative_iou(prediction: &Image, target: &Image, weight: &Weight<'_>) -> Valued {
+fn negative_iou(prediction: &Image, target: &Image, weight: &Weight<'_>) -> LossGradient {
     let views = prediction.batch as f64;
     let mut value = 0.0;
     let mut data = Vec::with_capacity(prediction.data.len());
@@ -180,7 +180,7 @@ fn negative_iou(prediction: &Image, target: &Image, weight: &Weight<'_>) -> Valu
         let slope_of = |w: f64, t: f64| -w * (t * either - both * (1.0 - t)) / (either * either * views);
         data.extend(t.iter().enumerate().map(|(i, &t)| slope_of(weight.at(first + i), f64::from(t)) as f32));
     }
-    Valued { value, gradient: Image { data, ..shape_of(prediction) } }
+    LossGradient { value, gradient: Image { data, ..shape_of(prediction) } }
 }
 
 /// An image `factor` times smaller, sides rounded up: a pixel is the mean of the up to factor² fine ones under it.

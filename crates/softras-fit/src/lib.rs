@@ -73,7 +73,7 @@ pub use film::Film;
 pub use fit::{Fit, Fitted, Fitting, Progress, Taken, Told};
 pub use hull::visual_hull;
 pub use image_loss::{
-    ImageLoss, Valued, add_blurred_gradient, add_pooled_gradient, blur_factor, blurred, mask_iou, pooled,
+    ImageLoss, LossGradient, add_blurred_gradient, add_pooled_gradient, blur_factor, blurred, mask_iou, pooled,
 };
 pub use optimizer::{Method, Optimizer};
 pub use options::{FitOptions, Preset, Template};
@@ -84,7 +84,7 @@ pub use remesh::{evened, remeshed};
 pub use run::ShapeRun;
 pub use schedule::Schedule;
 pub use scores::Scores;
-pub use shape::{Parametrization, ShapeFit, ShapeOptions, State, Step};
+pub use shape::{Parametrization, ShapeFit, ShapeOptions, State, StepLosses};
 pub use smoothing::Smoothing;
 pub use soft_target::{CLOSED, signed_distance, soft_target};
 pub use subdivision::Subdivision;

@@ -1,6 +1,6 @@
 //! A shape fit with its targets and the best mesh that it has found.
 
-use super::shape::{ShapeFit, Step, steps_of_a_turn};
+use super::shape::{ShapeFit, StepLosses, steps_of_a_turn};
 use softras::{
     Renderer, Result,
     scene::{Mesh, Settings},
@@ -33,7 +33,13 @@ impl ShapeRun {
     ///
     /// # Errors
     /// As [`ShapeFit::step`].
-    pub fn step(&mut self, renderer: &mut Renderer, settings: &Settings, rate: f64, color_rate: f64) -> Result<Step> {
+    pub fn step(
+        &mut self,
+        renderer: &mut Renderer,
+        settings: &Settings,
+        rate: f64,
+        color_rate: f64,
+    ) -> Result<StepLosses> {
         let before = self.shape.mesh().clone();
         let step = self.shape.step(renderer, settings, &self.targets, rate, color_rate)?;
         self.keep_best(before, step.loss);

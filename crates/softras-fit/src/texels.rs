@@ -2,7 +2,7 @@
 
 use crate::{ImageLoss, Method, Optimizer, add_pooled_gradient, pooled, setup::Setup};
 use softras::{
-    Error, Image, ImageGradient, Mesh, Renderer, Result, Scene, Settings, Wanted, parts,
+    Error, GradientRequest, Image, ImageGradient, Mesh, Renderer, Result, Scene, Settings, parts,
     scene::{Appearance, Outputs},
 };
 use softras_io::Views;
@@ -87,7 +87,7 @@ impl<'a> Texels<'a> {
         let loss = ImageLoss::L1.evaluate(&pooled(shown, SAMPLES)?, &color, Some(&weights))?;
         let mut upstream = Image { data: vec![0.0; shown.data.len()], ..*shown };
         add_pooled_gradient(&mut upstream, &loss.gradient, SAMPLES, share)?;
-        let wanted = Wanted { texels: true, ..Wanted::NOTHING };
+        let wanted = GradientRequest { texels: true, ..GradientRequest::NOTHING };
         let mut gradients = renderer.backward(&frame, &ImageGradient::color(upstream), &wanted)?;
         Ok((share * loss.value, std::mem::take(&mut gradients.meshes[0].texture_texels)))
     }

@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use softras::scene::{Background, Interpolation};
 use softras::{Scene, Settings};
-use softras_fit::{ImageLoss, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions, ShapeRun, Step};
+use softras_fit::{ImageLoss, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions, ShapeRun, StepLosses};
 use softras_io::Views;
 
 /// The arguments of a fit, all of which `softras.fit` gives.
@@ -91,9 +91,9 @@ impl Plan<'_> {
 }
 
 /// The losses of steps as one list each.
-fn report(py: Python<'_>, losses: &[Step]) -> PyResult<Py<PyDict>> {
+fn report(py: Python<'_>, losses: &[StepLosses]) -> PyResult<Py<PyDict>> {
     let report = PyDict::new(py);
-    let column = |value: fn(&Step) -> f64| PyArray1::from_vec(py, losses.iter().map(value).collect());
+    let column = |value: fn(&StepLosses) -> f64| PyArray1::from_vec(py, losses.iter().map(value).collect());
     report.set_item("loss", column(|step| step.loss))?;
     report.set_item("silhouette", column(|step| step.silhouette))?;
     report.set_item("color", column(|step| step.color))?;
@@ -119,7 +119,7 @@ pub fn fit<'py>(
     let shape = ShapeFit::new(mesh.mesh.clone(), lights, plan.options()?).raise()?;
     let shared = &renderer.shared;
     let mut fit = ShapeRun::new(shape, &targets);
-    let mut losses: Vec<Step> = Vec::with_capacity(plan.steps);
+    let mut losses: Vec<StepLosses> = Vec::with_capacity(plan.steps);
     for step in 0..plan.steps {
         let settings = plan.at(&base, step);
         let [rate, color_rate] = [plan.rate, plan.color_rate].map(|rate| schedule(rate).at_step(step, plan.steps));

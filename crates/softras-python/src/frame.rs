@@ -7,7 +7,7 @@ use crate::renderer::Shared;
 use crate::settings::wanted;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
-use softras::{Image, Scene, Wanted};
+use softras::{GradientRequest, Image, Scene};
 use std::sync::Arc;
 
 /// A rendered batch, with the renderer that made it.
@@ -58,7 +58,7 @@ impl Frame {
         let upstream = upstream.unwrap_or_default().images()?;
         let wanted = match by {
             Some(by) => wanted(by, mode)?,
-            None => Wanted { mode: crate::settings::gradient_mode(mode)?, ..Wanted::default() },
+            None => GradientRequest { mode: crate::settings::gradient_mode(mode)?, ..GradientRequest::default() },
         };
         let found = shared.call(py, |renderer| renderer.backward(&self.frame, &upstream, &wanted))?;
         Gradients::new(py, found, &self.shapes, &wanted)

@@ -7,7 +7,7 @@ use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use softras::scene::Appearance;
-use softras::{ImageGradient, Wanted};
+use softras::{GradientRequest, ImageGradient};
 
 /// The keyword arguments `color`, `silhouette`, `depth` and `normal`.
 #[derive(Default)]
@@ -132,7 +132,12 @@ fn mesh(py: Python<'_>, found: softras::MeshGradients, shapes: &Shapes) -> PyRes
 
 impl Gradients {
     /// The library's gradients as arrays.
-    pub fn new(py: Python<'_>, found: softras::Gradients, shapes: &[Shapes], wanted: &Wanted) -> PyResult<Self> {
+    pub fn new(
+        py: Python<'_>,
+        found: softras::Gradients,
+        shapes: &[Shapes],
+        wanted: &GradientRequest,
+    ) -> PyResult<Self> {
         let one = |(found, shapes)| Py::new(py, mesh(py, found, shapes)?);
         let meshes = found.meshes.into_iter().zip(shapes).map(one).collect::<PyResult<_>>()?;
         let array = |rows: Vec<[f64; 3]>| arrays::array(py, rows)?.into_py_any(py);

@@ -7,7 +7,7 @@ use softras::scene::{
     Background, ColorAggregation, DirectionalLight, Distance, Faces, FrontFace, Interpolation, Outputs, Parity,
     Shading, SilhouetteAggregation, Support,
 };
-use softras::{GradientMode, Lights, Settings, Wanted};
+use softras::{GradientMode, GradientRequest, Lights, Settings};
 
 /// The value of a name among some.
 pub fn chosen<T: Copy>(field: &str, name: &str, among: &[(&str, T)]) -> PyResult<T> {
@@ -129,8 +129,8 @@ pub fn gradient_mode(name: &str) -> PyResult<GradientMode> {
 }
 
 /// What to differentiate by.
-pub fn wanted(by: &Bound<'_, PyAny>, mode: &str) -> PyResult<Wanted> {
-    let mut wanted = Wanted { mode: gradient_mode(mode)?, ..Wanted::NOTHING };
+pub fn wanted(by: &Bound<'_, PyAny>, mode: &str) -> PyResult<GradientRequest> {
+    let mut wanted = GradientRequest { mode: gradient_mode(mode)?, ..GradientRequest::NOTHING };
     for name in names(by)? {
         match name.as_str() {
             "positions" => wanted.positions = true,

@@ -3,7 +3,7 @@
 use crate::exceptions::bad_input;
 use crate::renderer::{Inputs, Renderer};
 use pyo3::prelude::*;
-use softras::{ImageGradient, Wanted};
+use softras::{GradientRequest, ImageGradient};
 use std::time::Instant;
 
 /// Milliseconds of each of some steps that the library takes without Python: new positions, a saved frame, the frame's own
@@ -30,7 +30,7 @@ pub fn time_steps(
             let frame = renderer.render_saved(&scene, &cameras, &settings)?;
             let mut upstream = ImageGradient::default();
             (upstream.color, upstream.silhouette) = (frame.color().cloned(), frame.silhouette().cloned());
-            renderer.backward(&frame, &upstream, &Wanted::default())?;
+            renderer.backward(&frame, &upstream, &GradientRequest::default())?;
             times.push(1e3 * start.elapsed().as_secs_f64());
         }
         Ok(times)

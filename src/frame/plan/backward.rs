@@ -13,7 +13,7 @@ use super::modes::output_bits;
 use super::{ForwardPlan, FramePush, Modes};
 use crate::constants as c;
 use crate::frame::buffers::{GradientCounts, Sizes};
-use crate::gradients::{GradientMode, Wanted};
+use crate::gradients::{GradientMode, GradientRequest};
 use crate::scene::Outputs;
 
 /// Workgroups of each stage; 0 for a stage that is not needed.
@@ -63,7 +63,7 @@ pub struct BackwardInput<'a> {
     /// The images that have an upstream gradient.
     pub upstream: Outputs,
     /// The inputs to differentiate by.
-    pub wanted: &'a Wanted,
+    pub wanted: &'a GradientRequest,
     /// Whether the lights are others than [`Lights::unlit`](crate::Lights::unlit), so that normals matter to colours.
     pub lit: bool,
     /// Vertices of all meshes.

@@ -7,8 +7,10 @@ use crate::common::scenes::{Kind, random_case};
 use crate::host::{Backward, Host, assert_silent, engine, rasterizer};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
-use softras::embed::{BufferId, BufferRef, Counts, Geometry, GeometryBuffers, GeometryGradients, Shape, requirements};
-use softras::{Error, Wanted};
+use softras::embed::{
+    BufferId, BufferRef, Counts, FrameShape, Geometry, GeometryBuffers, GeometryGradients, requirements,
+};
+use softras::{Error, GradientRequest};
 
 /// The part of a buffer that lies `by` bytes further on.
 fn moved(whole: &BufferRef, at: &BufferRef, by: u64) -> BufferRef {
@@ -41,7 +43,7 @@ fn every_buffer_of_a_frame_lies_as_its_plan_says() {
     case.settings.save = true;
     let host = Host::new(&engine, &rasterizer, &case);
     let upstream = random_upstream(&case, case.settings.outputs);
-    let backward = Backward::new(&engine, &rasterizer, &host, &upstream, Wanted::default());
+    let backward = Backward::new(&engine, &rasterizer, &host, &upstream, GradientRequest::default());
     let both = host.plan.buffers().iter().map(|r| (r, true)).chain(backward.plan.buffers().iter().map(|r| (r, false)));
     let mut tried = 0;
     for (requirement, is_frame) in both {
@@ -80,11 +82,11 @@ fn offsets_of_a_hosts_own_buffers_are_multiples_of_the_devices_limits() {
     let limits = requirements().validate(&engine.host_adapter()).unwrap().limits;
     let scenery = Scenery::new(&engine);
     let case = scenery.engines.case();
-    let mut shape = Shape::of(&case.scene, &case.cameras, &case.settings).unwrap();
+    let mut shape = FrameShape::of(&case.scene, &case.cameras, &case.settings).unwrap();
     shape.device_counts = true;
     let host = Host::of_shape(&engine, &rasterizer, &case, &shape);
     let upstream = random_upstream(&case, case.settings.outputs);
-    let backward = Backward::new(&engine, &rasterizer, &host, &upstream, Wanted::default());
+    let backward = Backward::new(&engine, &rasterizer, &host, &upstream, GradientRequest::default());
 
     let geometry = Geometry::new(scenery.engines.draws.clone()).unwrap();
     let (table, vertices) = (geometry.table(), scenery.engines.vertices());
@@ -127,7 +129,7 @@ fn offsets_of_a_hosts_own_buffers_are_multiples_of_the_devices_limits() {
         .pass(&scenery.meshes())
         .settings(case.settings.clone())
         .cameras(&case.cameras)
-        .gradients(Wanted { colors: true, ..Wanted::default() })
+        .gradients(GradientRequest { colors: true, ..GradientRequest::default() })
         .build()
         .unwrap();
     let memory = Memory::new(&engine, &plan);

@@ -14,9 +14,9 @@ use crate::host::{
 use ash::vk::{self, Handle};
 use softras::embed::{
     AppearanceShape, Arena, BufferId, BufferRef, Capacity, DepthSpan, Differentiate, FrameBindings, FramePlan,
-    GradientPlan, HostAdapter, HostCommands, HostDevice, MeshShape, Rasterizer, Shape, requirements,
+    FrameShape, GradientPlan, HostAdapter, HostCommands, HostDevice, MeshShape, Rasterizer, requirements,
 };
-use softras::{DeviceKind, Error, Lights, Limits, Scene, Wanted};
+use softras::{DeviceKind, Error, GradientRequest, Lights, Limits, Scene};
 use std::ffi::c_void;
 
 #[test]
@@ -88,11 +88,11 @@ fn gradients_are_the_simple_apis_bit_by_bit() {
         case.settings.save = true;
         let upstream = random_upstream(&case, case.settings.outputs);
         let frame = simple.render(&case.scene, &case.cameras, &case.settings).unwrap();
-        let expected = simple.backward(&frame, &upstream, &Wanted::ALL).unwrap();
+        let expected = simple.backward(&frame, &upstream, &GradientRequest::ALL).unwrap();
         assert_eq!(same_gradient_bits(&expected, &expected), Ok(()));
 
         let host = Host::whole_frame(&engine, &rasterizer, &case);
-        let backward = Backward::new(&engine, &rasterizer, &host, &upstream, Wanted::ALL);
+        let backward = Backward::new(&engine, &rasterizer, &host, &upstream, GradientRequest::ALL);
         submit(&engine, |commands| backward.record(&rasterizer, commands));
         let made = backward.decode(&host, &case, &case.scene);
         assert_eq!(same_gradient_bits(&expected, &made), Ok(()), "{case:?}");
@@ -125,7 +125,7 @@ fn the_status_tells_what_room_the_lists_needed() {
     let engine = engine();
     let rasterizer = rasterizer(&engine);
     let case = random_case(1, Kind::Plain);
-    let mut shape = Shape::of(&case.scene, &case.cameras, &case.settings).unwrap();
+    let mut shape = FrameShape::of(&case.scene, &case.cameras, &case.settings).unwrap();
     shape.capacity = Some(Capacity { coarse: 1, list: 1, cells: 1 });
     let small = Host::of_shape(&engine, &rasterizer, &case, &shape);
     forward(&engine, &rasterizer, &small);
@@ -177,7 +177,7 @@ fn requirements_are_known_before_there_is_a_device() {
     }
     // A plan needs no device either.
     let case = random_case(0, Kind::Plain);
-    let shape = Shape::of(&case.scene, &case.cameras, &case.settings).unwrap();
+    let shape = FrameShape::of(&case.scene, &case.cameras, &case.settings).unwrap();
     let plan = FramePlan::new(&info.limits, info.kind, &shape, &case.settings).unwrap();
     assert_eq!(plan, rasterizer(&engine).plan(&shape, &case.settings).unwrap());
     assert_silent(engine);
@@ -256,7 +256,7 @@ fn what_does_not_fit_is_an_error_that_names_it() {
     assert!(error(whole.part(16, whole.range())).contains("outside"));
 
     // A plan of another size or other kernels is not recorded with these bindings.
-    let shape = Shape::of(&case.scene, &case.cameras, &case.settings).unwrap();
+    let shape = FrameShape::of(&case.scene, &case.cameras, &case.settings).unwrap();
     let replan = |change: &dyn Fn(&mut softras::Settings)| {
         let mut settings = case.settings.clone();
         change(&mut settings);
@@ -269,7 +269,7 @@ fn what_does_not_fit_is_an_error_that_names_it() {
     assert!(host.bindings.fits(&replan(&|s| s.background_color = [0.5; 3])).is_ok());
     let unsaved = replan(&|s| s.save = false);
     let differentiate =
-        Differentiate { upstream: case.settings.outputs, wanted: Wanted::default(), largest_upstream: 1.0 };
+        Differentiate { upstream: case.settings.outputs, wanted: GradientRequest::default(), largest_upstream: 1.0 };
     assert!(matches!(rasterizer.plan_backward(&unsaved, &differentiate), Err(Error::Backward { .. })));
 
     // Nor is a backward pass of a frame with more room than was bound, though its own buffers are no larger.
@@ -277,10 +277,10 @@ fn what_does_not_fit_is_an_error_that_names_it() {
     saved.settings.save = true;
     let frame = Host::new(&engine, &rasterizer, &saved);
     let upstream = random_upstream(&saved, saved.settings.outputs);
-    let backward = Backward::new(&engine, &rasterizer, &frame, &upstream, Wanted::default());
+    let backward = Backward::new(&engine, &rasterizer, &frame, &upstream, GradientRequest::default());
     let capacity = frame.plan.capacity();
     let capacity = Some(Capacity { list: 2 * capacity.list, ..capacity });
-    let roomier = rasterizer.plan(&Shape { capacity, ..shape.clone() }, &saved.settings).unwrap();
+    let roomier = rasterizer.plan(&FrameShape { capacity, ..shape.clone() }, &saved.settings).unwrap();
     let roomier = rasterizer.plan_backward(&roomier, &differentiate).unwrap();
     assert!(backward.bindings.fits(&backward.plan).is_ok());
     assert!(error(backward.bindings.fits(&roomier)).contains("is bound where"));
@@ -327,7 +327,8 @@ fn counts_of_any_size_are_planned_or_refused() {
         let (lights, device_counts) = (Lights::official(), count() > 2);
         let opacity = count() > 2;
         let (distorted, cutoff) = (false, 9.0);
-        let shape = Shape { meshes, views, lights, depth_span, opacity, distorted, cutoff, capacity, device_counts };
+        let shape =
+            FrameShape { meshes, views, lights, depth_span, opacity, distorted, cutoff, capacity, device_counts };
         let sizes = [1, 8, 640, 16384];
         let (width, height) = (sizes[count() as usize % 4], sizes[count() as usize % 4]);
         let settings = softras::Settings { width, height, save: count() > 2, ..Default::default() };
@@ -339,7 +340,7 @@ fn counts_of_any_size_are_planned_or_refused() {
             made += 1;
             assert_eq!(plan.view_shapes().len(), views as usize);
             let differentiate =
-                Differentiate { upstream: settings.outputs, wanted: Wanted::ALL, largest_upstream: 1.0 };
+                Differentiate { upstream: settings.outputs, wanted: GradientRequest::ALL, largest_upstream: 1.0 };
             if settings.save
                 && let Ok(gradients) = GradientPlan::new(&plan, &differentiate)
             {
@@ -362,7 +363,7 @@ fn records_beyond_32_bits_are_refused() {
         let mesh = MeshShape { vertices: 3, triangles: 4_000_000, most_corners: 3, appearance, normals };
         let depth_span = DepthSpan { crosses_near: false, crosses_far: false };
         let (meshes, lights) = (vec![mesh], Lights::unlit());
-        let shape = Shape {
+        let shape = FrameShape {
             meshes,
             views,
             lights,

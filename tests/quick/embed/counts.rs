@@ -9,9 +9,9 @@ use crate::host::engine::{Buffer, Commands, Engine};
 use crate::host::{Backward, Host, assert_silent, difference, engine, error, images, rasterizer, submit};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
-use softras::embed::{Arena, BufferId, Counts, FrameBindings, Inputs, Role, Shape, Status, requirements};
+use softras::embed::{Arena, BufferId, Counts, FrameBindings, FrameShape, Inputs, Role, Status, requirements};
 use softras::scene::{Appearance, Outputs, Shading};
-use softras::{Camera, Lights, Mesh, Projection, Scene, Wanted, shapes};
+use softras::{Camera, GradientRequest, Lights, Mesh, Projection, Scene, shapes};
 
 /// An icosphere of 320 triangles from one or two sides.
 fn case(distance: f64, lights: Lights, views: usize) -> Case {
@@ -50,11 +50,11 @@ fn a_count_that_only_the_device_knows_is_drawn() {
     let kinds = [(3.0, Lights::official(), 1), (1.2, Lights::official(), 2), (3.0, smooth(), 2)];
     for (distance, lights, views) in kinds.into_iter().take(tier(2, 3)) {
         let case = case(distance, lights, views);
-        let mut shape = Shape::of(&case.scene, &case.cameras, &case.settings).unwrap();
+        let mut shape = FrameShape::of(&case.scene, &case.cameras, &case.settings).unwrap();
         shape.device_counts = true;
         let host = Host::of_shape(&engine, &rasterizer, &case, &shape);
         let upstream = random_upstream(&case, case.settings.outputs);
-        let wanted = Wanted { uvs: false, texels: false, lights: views == 1, ..Wanted::ALL };
+        let wanted = GradientRequest { uvs: false, texels: false, lights: views == 1, ..GradientRequest::ALL };
         let backward = Backward::new(&engine, &rasterizer, &host, &upstream, wanted);
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER;
         let mut word = engine.buffer(16, usage, MemoryLocation::CpuToGpu).unwrap();
@@ -109,7 +109,7 @@ fn counts_of_several_meshes_lie_a_stride_apart() {
     let rasterizer = rasterizer(&engine);
     let mut case = case(3.0, Lights::official(), 2);
     case.scene.meshes.push(case.scene.meshes[0].clone());
-    let mut shape = Shape::of(&case.scene, &case.cameras, &case.settings).unwrap();
+    let mut shape = FrameShape::of(&case.scene, &case.cameras, &case.settings).unwrap();
     shape.device_counts = true;
     let host = Host::of_shape(&engine, &rasterizer, &case, &shape);
     let mut words = engine.buffer(16, vk::BufferUsageFlags::STORAGE_BUFFER, MemoryLocation::CpuToGpu).unwrap();
@@ -159,7 +159,7 @@ fn frames_in_flight_are_each_their_own() {
     let engine = engine();
     let rasterizer = rasterizer(&engine);
     let case = case(3.0, Lights::official(), 1);
-    let mut shape = Shape::of(&case.scene, &case.cameras, &case.settings).unwrap();
+    let mut shape = FrameShape::of(&case.scene, &case.cameras, &case.settings).unwrap();
     shape.device_counts = true;
     let plan = rasterizer.plan(&shape, &case.settings).unwrap();
     let is_input = |id: BufferId| plan.buffer(id).is_some_and(|b| b.role == Role::Input);

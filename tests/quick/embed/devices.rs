@@ -9,7 +9,7 @@ use crate::host::{Backward, Host, Messages, assert_silent, difference, engine, e
 use ash::vk;
 use shim::adapter;
 use softras::embed::{HostAdapter, HostDevice, Rasterizer, requirements};
-use softras::{CacheFolder, Error, Gradients, Image, ImageGradient, Renderer, RendererOptions, Wanted};
+use softras::{CacheFolder, Error, GradientRequest, Gradients, Image, ImageGradient, Renderer, RendererOptions};
 
 /// Lanes of a workgroup where there are no shuffles, and of most processors' subgroups.
 pub const USUAL_LANES: u32 = 8;
@@ -31,7 +31,7 @@ fn outcomes(engine: &Engine, device: &HostDevice, cases: &[(Case, ImageGradient)
     let rasterizer = Rasterizer::new(device).unwrap();
     let outcome = |(case, upstream): &(Case, ImageGradient)| {
         let host = Host::whole_frame(engine, &rasterizer, case);
-        let backward = Backward::new(engine, &rasterizer, &host, upstream, Wanted::ALL);
+        let backward = Backward::new(engine, &rasterizer, &host, upstream, GradientRequest::ALL);
         submit(engine, |commands| backward.record(&rasterizer, commands));
         (images(case, &host), backward.decode(&host, case, &case.scene))
     };
@@ -129,7 +129,7 @@ fn simple(case: &Case, upstream: &ImageGradient) -> (Vec<Image>, Gradients, bool
     let shown = [frame.color(), frame.silhouette(), frame.depth(), frame.normal()];
     let images = shown.into_iter().flatten().cloned().collect();
     let timed = !frame.timings().is_empty();
-    let gradients = renderer.backward(&frame, upstream, &Wanted::ALL).unwrap();
+    let gradients = renderer.backward(&frame, upstream, &GradientRequest::ALL).unwrap();
     assert_eq!(renderer.validation_messages(), Messages::new());
     (images, gradients, timed)
 }

@@ -15,7 +15,7 @@ use softras::embed::{
     PassPlan, PassStatus, Rasterizer, Status, TexelSource,
 };
 use softras::scene::{Appearance, Wrap};
-use softras::{Frame, ImageGradient, Lights, Mesh, Scene, Settings, Wanted};
+use softras::{Frame, GradientRequest, ImageGradient, Lights, Mesh, Scene, Settings};
 
 /// Two triangles, and the texels of their texture across and down.
 pub const QUAD: [u16; 6] = [0, 1, 2, 0, 2, 3];
@@ -153,7 +153,7 @@ fn several_meshes_of_a_host_render_as_one_scene() {
     let case = scenery.engines.case();
     let mut simple = renderer();
     let frame = simple.render(&case.scene, &case.cameras, &case.settings).unwrap();
-    let wanted = Wanted { colors: true, camera: true, lights: true, ..Wanted::default() };
+    let wanted = GradientRequest { colors: true, camera: true, lights: true, ..GradientRequest::default() };
     let upstream = random_upstream(&case, case.settings.outputs);
     let expected = simple.backward(&frame, &upstream, &wanted).unwrap();
 
@@ -218,7 +218,7 @@ fn each_view_may_have_a_mesh_and_the_host_buffers_of_its_own() {
     let frame = simple.render(&scene, &case.cameras, &case.settings).unwrap();
     let batch = Case { scene, ..case.clone() };
     let upstream = random_upstream(&batch, case.settings.outputs);
-    let wanted = Wanted { colors: true, ..Wanted::default() };
+    let wanted = GradientRequest { colors: true, ..GradientRequest::default() };
     let expected = simple.backward(&frame, &upstream, &wanted).unwrap();
 
     let indices = |mesh: &Mesh| mesh.triangles().as_flattened().to_vec();

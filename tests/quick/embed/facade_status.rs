@@ -6,7 +6,7 @@ use crate::common::tier;
 use crate::host::{assert_silent, difference, engine, error, rasterizer};
 use softras::embed::{BufferId, Capacity, PassStatus};
 use softras::scene::{Background, Shading};
-use softras::{Lights, Settings, Wanted};
+use softras::{GradientRequest, Lights, Settings};
 
 /// A pass without room gives the same images and gradients as one with room, and says what would be faster.
 #[test]
@@ -28,7 +28,7 @@ fn a_pass_does_not_depend_on_the_room_for_lists() {
             .cameras(&case.cameras)
             .lights(lights)
             .inside_planes()
-            .gradients(Wanted { texels: false, uvs: false, ..Wanted::ALL });
+            .gradients(GradientRequest { texels: false, uvs: false, ..GradientRequest::ALL });
         let full = Capacity { coarse: 1 << 12, list: 1 << 16, cells: 1 << 10 };
         let of = |capacity: Capacity| {
             let plan = builder.clone().capacity(capacity).build().unwrap();
@@ -89,7 +89,7 @@ fn a_frame_that_is_not_finite_has_no_gradients() {
         .cameras(&case.cameras)
         .lights(Lights::official())
         .inside_planes()
-        .gradients(Wanted { texels: false, uvs: false, ..Wanted::ALL })
+        .gradients(GradientRequest { texels: false, uvs: false, ..GradientRequest::ALL })
         .build()
         .unwrap();
     let mut memory = Memory::new(&engine, &plan);

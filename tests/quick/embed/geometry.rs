@@ -15,7 +15,7 @@ use softras::embed::{
     BufferId, BufferRef, Draw, Geometry, GeometryBuffers, GeometryGradients, IndexFormat, Layout, Rasterizer,
 };
 use softras::scene::Appearance;
-use softras::{Camera, Lights, Mesh, Projection, Scene, Wanted, shapes};
+use softras::{Camera, GradientRequest, Lights, Mesh, Projection, Scene, shapes};
 
 pub type Transform = [[f32; 4]; 3];
 
@@ -197,7 +197,7 @@ fn a_hosts_instances_are_rendered_and_differentiated_where_they_lie() {
     let case = engines.case();
     let mut simple = renderer();
     let frame = simple.render(&case.scene, &case.cameras, &case.settings).unwrap();
-    let wanted = Wanted { colors: true, ..Wanted::default() };
+    let wanted = GradientRequest { colors: true, ..GradientRequest::default() };
     let upstream = random_upstream(&case, case.settings.outputs);
     let expected = simple.backward(&frame, &upstream, &wanted).unwrap();
 
@@ -328,12 +328,12 @@ fn misfits(engine: &Engine, rasterizer: &Rasterizer, engines: &Engines, case: &C
     let positions = GeometryGradients { positions: Some((vertices, POSITION)), ..none };
     let transforms = GeometryGradients { transforms: Some((transforms, TRANSFORM)), ..none };
     let colors = GeometryGradients { colors: Some((vertices, COLOR)), ..none };
-    let by_color = Wanted { colors: true, ..Wanted::NOTHING };
-    assert_eq!(bind(Wanted::default(), positions, case), "no error");
-    assert_eq!(bind(Wanted { camera: true, ..Wanted::NOTHING }, none, case), "no error");
-    assert!(bind(Wanted::default(), colors, case).contains("Wanted::colors"));
-    assert!(bind(by_color, positions, case).contains("Wanted::positions"));
-    assert!(bind(by_color, transforms, case).contains("Wanted::positions"));
+    let by_color = GradientRequest { colors: true, ..GradientRequest::NOTHING };
+    assert_eq!(bind(GradientRequest::default(), positions, case), "no error");
+    assert_eq!(bind(GradientRequest { camera: true, ..GradientRequest::NOTHING }, none, case), "no error");
+    assert!(bind(GradientRequest::default(), colors, case).contains("GradientRequest::colors"));
+    assert!(bind(by_color, positions, case).contains("GradientRequest::positions"));
+    assert!(bind(by_color, transforms, case).contains("GradientRequest::positions"));
     let smaller = Case { scene: Scene::new(shapes::cube().unwrap()), ..case.clone() };
-    assert!(bind(Wanted::default(), positions, &smaller).contains("`vertex_gradients`"));
+    assert!(bind(GradientRequest::default(), positions, &smaller).contains("`vertex_gradients`"));
 }

@@ -9,11 +9,11 @@ use crate::host::{Backward, Host, assert_silent, engine, images, rasterizer, shi
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use softras::embed::{
-    Arena, BufferId, BufferRef, Counts, Differentiate, Draw, FrameImage, FramePlan, Geometry, GeometryBuffers,
-    GeometryGradients, GradientPlan, HostAdapter, HostCommands, HostDevice, ImageFormat, ImageRef, Layout, Rasterizer,
-    Shape,
+    Arena, BufferId, BufferRef, Counts, Differentiate, Draw, FrameImage, FramePlan, FrameShape, Geometry,
+    GeometryBuffers, GeometryGradients, GradientPlan, HostAdapter, HostCommands, HostDevice, ImageFormat, ImageRef,
+    Layout, Rasterizer,
 };
-use softras::{CacheFolder, Error, ImageGradient, Renderer, RendererOptions, Wanted};
+use softras::{CacheFolder, Error, GradientRequest, ImageGradient, Renderer, RendererOptions};
 
 /// A frame with gradients: its plans, and memory for them.
 struct Planned {
@@ -31,10 +31,13 @@ fn saved_case() -> Case {
 
 impl Planned {
     fn new(engine: &Engine, case: &Case) -> Self {
-        let shape = Shape::of(&case.scene, &case.cameras, &case.settings).unwrap();
+        let shape = FrameShape::of(&case.scene, &case.cameras, &case.settings).unwrap();
         let plan = rasterizer(engine).plan(&shape, &case.settings).unwrap();
-        let differentiate =
-            Differentiate { upstream: case.settings.outputs, wanted: Wanted::default(), largest_upstream: 1.0 };
+        let differentiate = Differentiate {
+            upstream: case.settings.outputs,
+            wanted: GradientRequest::default(),
+            largest_upstream: 1.0,
+        };
         let gradient_plan = rasterizer(engine).plan_backward(&plan, &differentiate).unwrap();
         let arenas = [Arena::of(plan.buffers()), Arena::of(gradient_plan.buffers())];
         let buffers = arenas.each_ref().map(|a| engine.buffer(a.size, a.usage, MemoryLocation::GpuToCpu).unwrap());
@@ -124,7 +127,8 @@ fn simple(options: RendererOptions) -> softras::Result<Renderer> {
 fn frame_and_gradients(renderer: &mut Renderer, case: &Case) -> softras::Result<(Vec<f32>, Vec<[f32; 3]>)> {
     let frame = renderer.render(&case.scene, &case.cameras, &case.settings)?;
     let image = frame.silhouette().expect("a silhouette").clone();
-    let gradients = renderer.backward(&frame, &ImageGradient::silhouette(image.clone()), &Wanted::default())?;
+    let gradients =
+        renderer.backward(&frame, &ImageGradient::silhouette(image.clone()), &GradientRequest::default())?;
     Ok((image.data, gradients.meshes[0].positions.clone()))
 }
 
@@ -239,7 +243,7 @@ impl Bound {
         case.scene = softras::Scene::new(softras::shapes::cube().unwrap());
         case.cameras.truncate(1);
         case.settings.outputs.color = true;
-        let mut shape = Shape::of(&case.scene, &case.cameras, &case.settings).unwrap();
+        let mut shape = FrameShape::of(&case.scene, &case.cameras, &case.settings).unwrap();
         shape.device_counts = true;
         let host = Host::of_shape(engine, rasterizer, &case, &shape);
         let size = (case.settings.width, case.settings.height);
@@ -251,7 +255,7 @@ impl Bound {
             data: vec![1e-3; (3 * size.0 * size.1) as usize],
         };
         let upstream = ImageGradient { color: Some(image), ..Default::default() };
-        let backward = Backward::new(engine, rasterizer, &host, &upstream, Wanted::default());
+        let backward = Backward::new(engine, rasterizer, &host, &upstream, GradientRequest::default());
         let vertices = case.scene.meshes[0].positions();
         let draw = Draw { vertices: vertices.len() as u32, triangles: 12, instances: 1, ..Draw::default() };
         let geometry = Geometry::new(vec![draw]).unwrap();

@@ -14,7 +14,7 @@ use crate::common::{
     tolerance::GRADIENT,
 };
 use softras::{
-    Frame, GradientMode, Gradients, Projection, Renderer, Wanted,
+    Frame, GradientMode, GradientRequest, Gradients, Projection, Renderer,
     scene::{Background, Outputs, Shading},
 };
 
@@ -153,7 +153,7 @@ type Made = (Frame, Gradients);
 fn made_of(renderer: &mut Renderer, case: &Case) -> Made {
     let frame = renderer.render(&case.scene, &case.cameras, &case.settings).unwrap();
     let upstream = random_upstream(case, case.settings.outputs);
-    let gradients = renderer.backward(&frame, &upstream, &Wanted::ALL).unwrap();
+    let gradients = renderer.backward(&frame, &upstream, &GradientRequest::ALL).unwrap();
     (frame, gradients)
 }
 
@@ -164,7 +164,7 @@ fn finite_at_every_softness(renderer: &mut Renderer, base: &Case, modes: &[Gradi
         (case.settings.sigma, case.settings.gamma) = (sigma, gamma);
         let upstream = random_upstream(&case, case.settings.outputs);
         for &mode in modes {
-            backward(renderer, &case, &upstream, &Wanted { mode, ..Wanted::ALL })
+            backward(renderer, &case, &upstream, &GradientRequest { mode, ..GradientRequest::ALL })
                 .and_then(|gradients| all_finite(&gradients))
                 .map_err(|error| format!("{mode:?}, sigma {sigma:e}, gamma {gamma:e}: {error}"))?;
         }
@@ -208,16 +208,16 @@ fn wanted_is_what_comes() {
     let textured = seeds.into_iter().find(|a| matches!(a, softras::scene::Appearance::Textured { .. })).unwrap();
     case.scene.meshes.push(mesh.with_appearance(textured).unwrap());
     let upstream = random_upstream(&case, ALL_OUTPUTS);
-    let all = backward(&mut renderer, &case, &upstream, &Wanted::ALL).unwrap();
-    let nothing = Wanted::NOTHING;
-    let single: [(&str, Wanted); 7] = [
-        ("positions", Wanted { positions: true, ..nothing }),
-        ("texels", Wanted { texels: true, ..nothing }),
-        ("uvs", Wanted { uvs: true, ..nothing }),
-        ("camera", Wanted { camera: true, ..nothing }),
-        ("lights", Wanted { lights: true, ..nothing }),
-        ("background", Wanted { background: true, ..nothing }),
-        ("scalars", Wanted { scalars: true, ..nothing }),
+    let all = backward(&mut renderer, &case, &upstream, &GradientRequest::ALL).unwrap();
+    let nothing = GradientRequest::NOTHING;
+    let single: [(&str, GradientRequest); 7] = [
+        ("positions", GradientRequest { positions: true, ..nothing }),
+        ("texels", GradientRequest { texels: true, ..nothing }),
+        ("uvs", GradientRequest { uvs: true, ..nothing }),
+        ("camera", GradientRequest { camera: true, ..nothing }),
+        ("lights", GradientRequest { lights: true, ..nothing }),
+        ("background", GradientRequest { background: true, ..nothing }),
+        ("scalars", GradientRequest { scalars: true, ..nothing }),
     ];
     for (name, wanted) in single.into_iter().step_by(tier(3, 1)) {
         let some = backward(&mut renderer, &case, &upstream, &wanted).unwrap();

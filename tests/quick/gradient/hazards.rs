@@ -13,7 +13,8 @@ use crate::common::{
 };
 use glam::DVec3;
 use softras::{
-    Camera, GradientMode, Gradients, ImageGradient, Lights, Mesh, Projection, Renderer, Scene, Settings, Wanted,
+    Camera, GradientMode, GradientRequest, Gradients, ImageGradient, Lights, Mesh, Projection, Renderer, Scene,
+    Settings,
     scene::{Appearance, Background, Shading, Texture, Wrap},
     shapes,
 };
@@ -63,7 +64,7 @@ fn assert_agrees_under(renderer: &mut Renderer, case: &Case, upstream: &ImageGra
             panic!("{error}\n{case:?}{:?}", case.scene);
         }
     }
-    backward(renderer, case, upstream, &Wanted::ALL).unwrap()
+    backward(renderer, case, upstream, &GradientRequest::ALL).unwrap()
 }
 
 fn size_of_vertex(gradients: &Gradients, vertex: usize) -> f64 {
@@ -183,7 +184,10 @@ fn degenerate_and_duplicate_triangles() {
         let case = Case { settings: Settings { sigma, ..case.settings.clone() }, ..case.clone() };
         let upstream = random_upstream(&case, ALL_OUTPUTS);
         for &mode in tier(&MODES[..1], &MODES) {
-            all_finite(&backward(&mut renderer, &case, &upstream, &Wanted { mode, ..Wanted::ALL }).unwrap()).unwrap();
+            all_finite(
+                &backward(&mut renderer, &case, &upstream, &GradientRequest { mode, ..GradientRequest::ALL }).unwrap(),
+            )
+            .unwrap();
         }
     }
 }
@@ -205,7 +209,9 @@ fn pixel_exactly_on_an_edge_or_a_vertex() {
             let case = on_screen(&[triangle], Settings { sigma, gamma, ..settings(size, size) });
             let upstream = upstream_of(&case, |_, row, column| [1.0, -1.0, 0.5].map(|w| w + (row * 7 + column) as f32));
             for &mode in tier(&MODES[..1], &MODES) {
-                let gradients = backward(&mut renderer, &case, &upstream, &Wanted { mode, ..Wanted::ALL }).unwrap();
+                let gradients =
+                    backward(&mut renderer, &case, &upstream, &GradientRequest { mode, ..GradientRequest::ALL })
+                        .unwrap();
                 all_finite(&gradients).unwrap_or_else(|error| panic!("{triangle:?}, sigma {sigma}: {error}"));
             }
         }
@@ -247,7 +253,7 @@ fn weighted_loss_per_pixel() {
     let mut sum = [0.0; 18];
     for pixel in 0..24 * 24 {
         let alone = only_pixel(&upstream, pixel);
-        let ours = backward(&mut renderer, &case, &alone, &Wanted::default()).unwrap();
+        let ours = backward(&mut renderer, &case, &alone, &GradientRequest::default()).unwrap();
         let ours: Vec<f64> = ours.meshes[0].positions.iter().flatten().map(|&x| f64::from(x)).collect();
         sum.iter_mut().zip(&ours).for_each(|(sum, x)| *sum += x);
         if pixel % 13 == 5 {

@@ -11,7 +11,7 @@ use crate::common::{
     scenes::{Case, Kind},
     tolerance::GRADIENT,
 };
-use softras::{GradientMode, Gradients, ImageGradient, Renderer, Wanted, scene::Outputs};
+use softras::{GradientMode, GradientRequest, Gradients, ImageGradient, Renderer, scene::Outputs};
 use softras_reference::render_culled;
 
 fn group(ours: &[f64], reference: &[f64]) -> Group {
@@ -61,7 +61,7 @@ fn base() -> Case {
 }
 
 fn result(renderer: &mut Renderer, case: &Case, upstream: &ImageGradient) -> Gradients {
-    backward(renderer, case, upstream, &Wanted::ALL).unwrap()
+    backward(renderer, case, upstream, &GradientRequest::ALL).unwrap()
 }
 
 /// Ways to be wrong, each in another gradient.

@@ -6,7 +6,7 @@ use crate::common::{
     renderer, renderer_with,
     scenes::Case,
 };
-use softras::{Error, Frame, Gradients, ImageGradient, Renderer, RendererOptions, Scene, Wanted, shapes};
+use softras::{Error, Frame, GradientRequest, Gradients, ImageGradient, Renderer, RendererOptions, Scene, shapes};
 
 /// Frames of other meshes, sizes, numbers of cameras and modes, the first two of the same plan.
 fn cases() -> Vec<Case> {
@@ -30,7 +30,7 @@ fn upstream(case: &Case) -> ImageGradient {
 }
 
 fn gradient(renderer: &mut Renderer, frame: &Frame, case: &Case) -> Gradients {
-    renderer.backward(frame, &upstream(case), &Wanted::ALL).unwrap()
+    renderer.backward(frame, &upstream(case), &GradientRequest::ALL).unwrap()
 }
 
 #[test]

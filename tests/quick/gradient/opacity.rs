@@ -10,7 +10,7 @@ use crate::common::{
     tolerance::{self, GRADIENT},
 };
 use softras::{
-    GradientMode, Projection, Renderer, RendererOptions, Wanted,
+    GradientMode, GradientRequest, Projection, Renderer, RendererOptions,
     scene::{Appearance, Background, Outputs},
 };
 use softras_reference::render_culled;
@@ -115,7 +115,7 @@ fn an_alpha_of_1_changes_no_bit() {
     let upstream = random_upstream(&bare, ALL_OUTPUTS);
     let mut run = |case: &Case| {
         let frame = renderer.render(&case.scene, &case.cameras, &case.settings).unwrap();
-        (frame, backward(&mut renderer, case, &upstream, &Wanted::ALL).unwrap())
+        (frame, backward(&mut renderer, case, &upstream, &GradientRequest::ALL).unwrap())
     };
     let [(frame, gradients), (same_frame, same_gradients), (other_frame, other_gradients)] =
         [&bare, &opaque, &other].map(&mut run);

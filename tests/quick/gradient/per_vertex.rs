@@ -11,11 +11,13 @@ use crate::common::{
 use crate::host::Planner;
 use softras::embed::Capacity;
 use softras::scene::{Appearance, Outputs};
-use softras::{Camera, GradientMode, ImageGradient, Lights, Mesh, Projection, Scene, Settings, Wanted, shapes};
+use softras::{
+    Camera, GradientMode, GradientRequest, ImageGradient, Lights, Mesh, Projection, Scene, Settings, shapes,
+};
 
 /// What needs no stage between, and the same with what needs it.
-const ALONE: Wanted = Wanted { positions: true, colors: true, ..Wanted::NOTHING };
-const WITH_CAMERA: Wanted = Wanted { camera: true, ..ALONE };
+const ALONE: GradientRequest = GradientRequest { positions: true, colors: true, ..GradientRequest::NOTHING };
+const WITH_CAMERA: GradientRequest = GradientRequest { camera: true, ..ALONE };
 
 const COLOR_AND_DEPTH: Outputs = Outputs { normal: false, ..ALL_OUTPUTS };
 
@@ -80,7 +82,7 @@ fn they_are_those_of_the_stage_between() {
         for (images, mode) in each.into_iter().take(tier(1, 3)) {
             let upstream = random_upstream(&case, images);
             let [alone, with_camera] = [ALONE, WITH_CAMERA]
-                .map(|wanted| backward(&mut renderer, &case, &upstream, &Wanted { mode, ..wanted }).unwrap());
+                .map(|wanted| backward(&mut renderer, &case, &upstream, &GradientRequest { mode, ..wanted }).unwrap());
             let mut seen = 0;
             for ((group, ours), (_, reference)) in matching(&alone, &with_camera) {
                 let error = relative_error(&Group { name: group, ours, reference: reference.clone() }, 0.0).unwrap();

@@ -13,8 +13,8 @@ use crate::common::{
 };
 use glam::DVec3;
 use softras::{
-    Camera, Error, GradientMode, Gradients, Image, ImageGradient, Lights, Mesh, Projection, RendererOptions, Scene,
-    Settings, Wanted,
+    Camera, Error, GradientMode, GradientRequest, Gradients, Image, ImageGradient, Lights, Mesh, Projection,
+    RendererOptions, Scene, Settings,
     scene::{Appearance, Outputs, Texture, Wrap},
     shapes,
 };
@@ -71,7 +71,7 @@ fn many_runs_are_the_same_bits() {
     for (sort, mode) in each.step_by(tier(3, 1)) {
         let case = ball(sort, &EYES[..1], 24);
         let upstream = random_upstream(&case, ALL_OUTPUTS);
-        let wanted = Wanted { mode, ..Wanted::ALL };
+        let wanted = GradientRequest { mode, ..GradientRequest::ALL };
         let first = backward(&mut renderer, &case, &upstream, &wanted).unwrap();
         let frame = renderer.render(&case.scene, &case.cameras, &case.settings).unwrap();
         for run in 0..tier(20, 100) {
@@ -86,12 +86,12 @@ fn other_frames_in_between_leave_no_trace() {
     let mut renderer = renderer();
     let case = ball(1, &EYES[..2], 32);
     let upstream = random_upstream(&case, ALL_OUTPUTS);
-    let first = backward(&mut renderer, &case, &upstream, &Wanted::ALL).unwrap();
+    let first = backward(&mut renderer, &case, &upstream, &GradientRequest::ALL).unwrap();
     for seed in 0..tier(1, 6) {
         let other = small_case(seed, Kind::Modes);
         let other_upstream = random_upstream(&other, other.settings.outputs);
-        backward(&mut renderer, &other, &other_upstream, &Wanted::ALL).unwrap();
-        let again = backward(&mut renderer, &case, &upstream, &Wanted::ALL).unwrap();
+        backward(&mut renderer, &other, &other_upstream, &GradientRequest::ALL).unwrap();
+        let again = backward(&mut renderer, &case, &upstream, &GradientRequest::ALL).unwrap();
         same_gradient_bits(&first, &again).unwrap_or_else(|error| panic!("after {other:?}: {error}"));
     }
 }
@@ -117,8 +117,8 @@ fn numbers_of_lanes_agree_to_rounding() {
             let mut renderer = renderer_with(RendererOptions { lanes: Some(lanes), ..RendererOptions::default() });
             check(&mut renderer, &case, &upstream, GradientMode::Exact, &GRADIENT)
                 .unwrap_or_else(|error| panic!("{lanes} lanes: {error}\n{case:?}"));
-            let first = backward(&mut renderer, &case, &upstream, &Wanted::ALL).unwrap();
-            let again = backward(&mut renderer, &case, &upstream, &Wanted::ALL).unwrap();
+            let first = backward(&mut renderer, &case, &upstream, &GradientRequest::ALL).unwrap();
+            let again = backward(&mut renderer, &case, &upstream, &GradientRequest::ALL).unwrap();
             same_gradient_bits(&first, &again).unwrap();
             first
         };
@@ -140,11 +140,11 @@ fn batch_of_one_mesh_sums_over_views() {
             check(&mut renderer, &case, &upstream, mode, &GRADIENT.without_exceptions())
                 .unwrap_or_else(|error| panic!("{error}\n{case:?}"));
         }
-        let all = backward(&mut renderer, &case, &upstream, &Wanted::ALL).unwrap();
+        let all = backward(&mut renderer, &case, &upstream, &GradientRequest::ALL).unwrap();
         let mut sum = vec![0.0; 3 * all.meshes[0].positions.len()];
         for view in 0..3 {
             let alone = Case { cameras: vec![case.cameras[view]], ..case.clone() };
-            let own = backward(&mut renderer, &alone, &of_view(&upstream, view), &Wanted::ALL).unwrap();
+            let own = backward(&mut renderer, &alone, &of_view(&upstream, view), &GradientRequest::ALL).unwrap();
             let positions = own.meshes[0].positions.as_flattened();
             sum.iter_mut().zip(positions).for_each(|(sum, &x)| *sum += f64::from(x));
             let off = own.cameras[0].twist.iter().zip(all.cameras[view].twist).map(|(a, b)| a - b).collect::<Vec<_>>();
@@ -206,9 +206,9 @@ fn huge_triangle_over_the_whole_image() {
         for &mode in tier(&MODES[..1], &MODES) {
             check(&mut renderer, &case, &upstream, mode, &GRADIENT.without_exceptions()).unwrap();
         }
-        let first = backward(&mut renderer, &case, &upstream, &Wanted::ALL).unwrap();
+        let first = backward(&mut renderer, &case, &upstream, &GradientRequest::ALL).unwrap();
         for _ in 0..tier(3, 10) {
-            let again = backward(&mut renderer, &case, &upstream, &Wanted::ALL).unwrap();
+            let again = backward(&mut renderer, &case, &upstream, &GradientRequest::ALL).unwrap();
             same_gradient_bits(&first, &again).unwrap();
         }
         first
@@ -230,7 +230,7 @@ fn memory_does_not_grow_with_pixels_times_triangles() {
         let frame = renderer.render(&case.scene, &case.cameras, &case.settings).unwrap();
         let before = renderer.device_bytes();
         let upstream = upstream_of(&case, |_, _, _| [1.0; 3]);
-        let gradients = renderer.backward(&frame, &upstream, &Wanted::ALL).unwrap();
+        let gradients = renderer.backward(&frame, &upstream, &GradientRequest::ALL).unwrap();
         all_finite(&gradients).unwrap();
         (renderer.device_bytes() - before) as f64
     };
@@ -273,7 +273,7 @@ fn a_large_texture_gets_the_same_gradient_again() {
     let mut renderer = renderer();
     let frame = renderer.render(&scene, &[Camera::screen()], &settings(32)).unwrap();
     let ones = frame.color().map(|image| Image { data: vec![1.0; image.data.len()], ..image.clone() }).unwrap();
-    let wanted = Wanted { texels: true, ..Wanted::NOTHING };
+    let wanted = GradientRequest { texels: true, ..GradientRequest::NOTHING };
     let mut gradient = || renderer.backward(&frame, &ImageGradient::color(ones.clone()), &wanted).unwrap();
     let (first, again) = (gradient(), gradient());
     assert_eq!(first, again);
@@ -288,7 +288,7 @@ fn wrong_uses_are_refused() {
     let mut renderer = renderer();
     let case = ball(1, &EYES[..1], 16);
     let upstream = upstream_of(&case, |_, _, _| [1.0; 3]);
-    let wanted = Wanted::default();
+    let wanted = GradientRequest::default();
     let not_saved = Settings { save: false, ..case.settings.clone() };
     let frame = renderer.render(&case.scene, &case.cameras, &not_saved).unwrap();
     assert_refused(renderer.backward(&frame, &upstream, &wanted), "Renderer::render_saved");
@@ -335,7 +335,7 @@ fn wrong_uses_are_refused() {
 /// What an earlier pass left in pixels that no triangle reaches any more, infinities here, does not enter the sums.
 #[test]
 fn pixels_beyond_all_triangles_pass_nothing_on() {
-    let wanted = Wanted { positions: true, colors: true, ..Wanted::NOTHING };
+    let wanted = GradientRequest { positions: true, colors: true, ..GradientRequest::NOTHING };
     let small = ball(1, &EYES[..1], 64);
     let upstream = random_upstream(&small, ALL_OUTPUTS);
     let expected = backward(&mut renderer(), &small, &upstream, &wanted).unwrap();

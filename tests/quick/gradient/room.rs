@@ -11,7 +11,7 @@ use crate::common::{
 };
 use crate::host::{Planned, Planner};
 use softras::embed::Capacity;
-use softras::{Camera, Lights, Mesh, RendererOptions, Scene, Settings, Wanted};
+use softras::{Camera, GradientRequest, Lights, Mesh, RendererOptions, Scene, Settings};
 
 const ENOUGH: Capacity = Capacity { coarse: 1 << 18, list: 1 << 20, cells: 1 << 12 };
 
@@ -47,7 +47,7 @@ fn no_mode_depends_on_the_room_for_lists() {
     let (planner, mut seen) = (Planner::new(), 0);
     for (name, case) in in_every_mode(&blurred_ball()).filter(|(name, _)| walked.contains(name)) {
         let upstream = random_upstream(&case, case.settings.outputs);
-        let of = |capacity| planner.render(&case, &upstream, Wanted::ALL, capacity);
+        let of = |capacity| planner.render(&case, &upstream, GradientRequest::ALL, capacity);
         let whole = of(ENOUGH);
         let list = whole.list_entries;
         assert!(list > 900 && list < ENOUGH.list, "{name}: {list}");
@@ -77,7 +77,7 @@ fn thin_triangles_do_not_depend_on_the_room_for_lists() {
     case.scene = Scene::new(mesh).with_lights(Lights::official());
     let upstream = random_upstream(&case, ALL_OUTPUTS);
     let planner = Planner::new();
-    let of = |capacity| planner.render(&case, &upstream, Wanted::ALL, capacity);
+    let of = |capacity| planner.render(&case, &upstream, GradientRequest::ALL, capacity);
     let whole = of(ENOUGH);
     for short in [Capacity { coarse: 1, list: 1, cells: 1 }, Capacity { list: 700, ..ENOUGH }] {
         assert_eq!(whole.difference(&of(short)), None, "{short:?}");
@@ -89,7 +89,7 @@ fn thin_triangles_do_not_depend_on_the_room_for_lists() {
             renderer.render(&before.scene, &before.cameras, &before.settings).unwrap();
         }
         let frame = renderer.render(&case.scene, &case.cameras, &case.settings).unwrap();
-        let gradients = renderer.backward(&frame, &upstream, &Wanted::ALL).unwrap();
+        let gradients = renderer.backward(&frame, &upstream, &GradientRequest::ALL).unwrap();
         assert_eq!(whole.difference(&Planned::of(&frame, gradients)), None, "after {before:?}");
     }
 }
@@ -116,7 +116,7 @@ fn turns_do_not_change_bits() {
             cut_out(&mut case);
         }
         let upstream = random_upstream(&case, case.settings.outputs);
-        let of = |capacity| planner.render(&case, &upstream, Wanted::ALL, capacity);
+        let of = |capacity| planner.render(&case, &upstream, GradientRequest::ALL, capacity);
         let whole = of(ENOUGH);
         assert!((40_001..ENOUGH.list).contains(&whole.list_entries), "{}", whole.list_entries);
         let short = Capacity { coarse: 1, list: 1, cells: 1 };
@@ -131,7 +131,7 @@ fn wide_workgroups_do_not_depend_on_the_room_for_lists() {
     let case = blurred_ball();
     let upstream = random_upstream(&case, ALL_OUTPUTS);
     let planner = Planner::new().with_lanes(32);
-    let of = |capacity| planner.render(&case, &upstream, Wanted::ALL, capacity);
+    let of = |capacity| planner.render(&case, &upstream, GradientRequest::ALL, capacity);
     let whole = of(ENOUGH);
     let few = [Capacity { coarse: 500, ..ENOUGH }, Capacity { list: 3000, cells: 7, ..ENOUGH }];
     for &capacity in tier(&few[1..], &few) {

@@ -12,7 +12,7 @@ use crate::common::{
 use crate::host::{Planner, difference};
 use glam::DVec3;
 use softras::{
-    Camera, Frame, Mesh, Projection, RendererOptions, Scene, Settings, Wanted,
+    Camera, Frame, GradientRequest, Mesh, Projection, RendererOptions, Scene, Settings,
     embed::Capacity,
     scene::{Appearance, Outputs},
 };
@@ -228,7 +228,7 @@ fn lists_grow_until_all_fits() {
     let upstream = random_upstream(&case, ALL);
     let capacity = Capacity { coarse: 1 << 14, list: 1 << 18, cells: 1 << 12 };
     let planner = Planner::new();
-    let whole = planner.render(&case, &upstream, Wanted::default(), capacity);
+    let whole = planner.render(&case, &upstream, GradientRequest::default(), capacity);
     planner.assert_silent();
     for frame in frames {
         let found = [frame.color(), frame.silhouette(), frame.depth(), frame.normal()];

@@ -11,8 +11,8 @@ use crate::common::{
 use crate::host::shim::{self, adapter};
 use glam::DVec3;
 use softras::{
-    Camera, Frame, Gradients, Image, ImageGradient, Lights, Mesh, Projection, Renderer, RendererOptions, Scene,
-    Settings, Wanted,
+    Camera, Frame, GradientRequest, Gradients, Image, ImageGradient, Lights, Mesh, Projection, Renderer,
+    RendererOptions, Scene, Settings,
     scene::{Appearance, Background, Outputs, Shading},
     shapes,
 };
@@ -23,7 +23,7 @@ struct State {
     scene: Scene,
     cameras: Vec<Camera>,
     settings: Settings,
-    wanted: Wanted,
+    wanted: GradientRequest,
 }
 
 fn camera(eye: [f64; 3]) -> Camera {
@@ -44,7 +44,7 @@ fn start(random: &mut Random) -> State {
     };
     let cameras = vec![camera([0.4, 0.7, 3.1]), camera([-2.9, 0.3, 0.8])];
     let meshes = vec![mesh(random), mesh(random)];
-    State { scene: Scene::batch(meshes), cameras, settings, wanted: Wanted::ALL }
+    State { scene: Scene::batch(meshes), cameras, settings, wanted: GradientRequest::ALL }
 }
 
 fn mesh(random: &mut Random) -> Mesh {
@@ -296,7 +296,7 @@ fn dispatches_are_counted_as_recorded() {
     let (forward, backward) = counted(&state);
     assert!(forward > 0 && backward > 0);
     assert_eq!(counted(&state), (forward, backward), "the very same frame");
-    state.wanted = Wanted { colors: true, ..Wanted::NOTHING };
+    state.wanted = GradientRequest { colors: true, ..GradientRequest::NOTHING };
     let (same, fewer) = counted(&state);
     assert!(same == forward && fewer < backward, "{fewer} of {backward}");
 }
@@ -306,7 +306,7 @@ fn dispatches_are_counted_as_recorded() {
 fn what_is_not_asked_for_has_no_buffer() {
     let random = &mut Random::new(6);
     let state = start(random);
-    let bytes = |save: bool, wanted: Option<Wanted>| {
+    let bytes = |save: bool, wanted: Option<GradientRequest>| {
         let mut renderer = renderer_with(RendererOptions::default());
         let settings = Settings { save, ..state.settings.clone() };
         let frame = renderer.render(&state.scene, &state.cameras, &settings).unwrap();
@@ -318,9 +318,12 @@ fn what_is_not_asked_for_has_no_buffer() {
     let pixels = 2 * 20 * 13;
     let (look, saved) = (bytes(false, None), bytes(true, None));
     assert!(saved >= look + 16 * pixels, "{look} {saved}");
-    let of = |wanted: Wanted| bytes(true, Some(wanted));
-    let (camera, colors) = (Wanted { camera: true, ..Wanted::NOTHING }, Wanted { colors: true, ..Wanted::NOTHING });
-    let all = of(Wanted::ALL);
+    let of = |wanted: GradientRequest| bytes(true, Some(wanted));
+    let (camera, colors) = (
+        GradientRequest { camera: true, ..GradientRequest::NOTHING },
+        GradientRequest { colors: true, ..GradientRequest::NOTHING },
+    );
+    let all = of(GradientRequest::ALL);
     assert!(saved < of(camera) && of(camera) < all, "{saved} {} {all}", of(camera));
     assert!(saved < of(colors) && of(colors) < all, "{saved} {} {all}", of(colors));
 }

@@ -8,7 +8,7 @@ use crate::common::{
     tier, tolerance,
 };
 use softras::{
-    Camera, ImageGradient, Mesh, Renderer, Scene, Settings, Wanted,
+    Camera, GradientRequest, ImageGradient, Mesh, Renderer, Scene, Settings,
     scene::{Appearance, Outputs, SilhouetteAggregation},
 };
 use softras_reference::render_culled;
@@ -116,7 +116,7 @@ fn a_vertex_of_too_many_triangles_is_an_error() {
         let settings = Settings { save: true, sigma: 1e-5, ..small(8, 8) };
         let frame = renderer.render(&Scene::new(fan(count)), &vec![Camera::screen(); views], &settings)?;
         let upstream = ImageGradient::silhouette(frame.silhouette().unwrap().clone());
-        renderer.backward(&frame, &upstream, &Wanted { positions: true, ..Wanted::NOTHING })
+        renderer.backward(&frame, &upstream, &GradientRequest { positions: true, ..GradientRequest::NOTHING })
     };
     let at_centre = |g: softras::Gradients| g.meshes[0].positions[0][0];
     assert!(at_centre(gradients(300, 3).unwrap()).is_finite());
@@ -145,7 +145,7 @@ fn a_background_of_four_million_pixels_is_summed_to_the_end() {
     let shown: f64 = color.data.iter().step_by(3).map(|&x| f64::from(x)).sum();
     let mut ones = color.clone();
     ones.data.fill(1.0);
-    let wanted = Wanted { background: true, ..Wanted::NOTHING };
+    let wanted = GradientRequest { background: true, ..GradientRequest::NOTHING };
     let gradients = renderer.backward(&frame, &ImageGradient::color(ones), &wanted).unwrap();
     let off = (gradients.background_color[0] / shown - 1.0).abs();
     assert!(shown > 3e6 && off < 1e-6, "{:?} should be {shown}", gradients.background_color);

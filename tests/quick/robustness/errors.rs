@@ -3,8 +3,8 @@
 use crate::common::renderer;
 use glam::{DMat4, DVec3};
 use softras::{
-    Camera, Error, Image, ImageGradient, Lights, Mesh, Projection, Renderer, RendererOptions, Result, Scene, Settings,
-    Wanted,
+    Camera, Error, GradientRequest, Image, ImageGradient, Lights, Mesh, Projection, Renderer, RendererOptions, Result,
+    Scene, Settings,
     scene::{Appearance, DirectionalLight, Outputs, Texture, Wrap},
 };
 use softras_reference::{GradientMode, Upstream, gradient};
@@ -317,8 +317,10 @@ fn numbers_beyond_arithmetic() {
     let frame = renderer.render(&scene, &[camera()], &settings).unwrap();
     let silhouette = frame.silhouette().map(|image| Image { data: vec![3e38; image.data.len()], ..image.clone() });
     let upstream = ImageGradient { silhouette, ..ImageGradient::default() };
-    let error =
-        assert_says(renderer.backward(&frame, &upstream, &Wanted::ALL), &["not finite", "backward", "overflow"]);
+    let error = assert_says(
+        renderer.backward(&frame, &upstream, &GradientRequest::ALL),
+        &["not finite", "backward", "overflow"],
+    );
     assert!(matches!(error, Error::NotFinite { .. }));
     renderer.render(&scene, &[camera()], &settings).unwrap();
 }
@@ -367,9 +369,9 @@ fn frames_of_other_renderers() {
     let silhouette = frames[0].silhouette().unwrap().clone();
     let upstream = ImageGradient::silhouette(silhouette);
     for (own, other) in [(0, 1), (1, 0)] {
-        let result = renderers[own].backward(&frames[other], &upstream, &Wanted::default());
+        let result = renderers[own].backward(&frames[other], &upstream, &GradientRequest::default());
         let error = assert_says(result, &["backward", "another renderer", "the renderer that made it"]);
         assert!(matches!(error, Error::Backward { .. }));
-        renderers[own].backward(&frames[own], &upstream, &Wanted::default()).unwrap();
+        renderers[own].backward(&frames[own], &upstream, &GradientRequest::default()).unwrap();
     }
 }

@@ -5,7 +5,7 @@ use super::skeleton::SkeletonPose;
 use super::visible::visible_triangles;
 use softras::glam::DVec3;
 use softras::scene::{Appearance, Background, Outputs};
-use softras::{Camera, Frame, ImageGradient, Mesh, Renderer, Result, Scene, Settings, Wanted};
+use softras::{Camera, Frame, GradientRequest, ImageGradient, Mesh, Renderer, Result, Scene, Settings};
 use softras_fit::{Method, Optimizer, PoseTarget, Schedule};
 
 /// Which triangles may pull at the pose.
@@ -153,7 +153,7 @@ impl<'a> FigureFit<'a> {
 }
 
 fn by_position(renderer: &mut Renderer, frame: &Frame, upstream: &ImageGradient) -> Result<Vec<DVec3>> {
-    let gradients = renderer.backward(frame, upstream, &Wanted::default())?;
+    let gradients = renderer.backward(frame, upstream, &GradientRequest::default())?;
     let positions = gradients.meshes.first().map_or(&[][..], |mesh| &mesh.positions);
     Ok(positions.iter().map(|g| DVec3::from(g.map(f64::from))).collect())
 }

@@ -2,7 +2,7 @@
 
 use crate::{pooled, subject::Subject};
 use softras::{
-    Camera, Image, ImageGradient, Mesh, Renderer, Result, Scene, Settings, Wanted, parts,
+    Camera, GradientRequest, Image, ImageGradient, Mesh, Renderer, Result, Scene, Settings, parts,
     scene::{Appearance, Background, Lights, Outputs, Shading},
 };
 use softras_io::Views;
@@ -84,7 +84,11 @@ impl<'a> Eye<'a> {
             // The derivative by a vertex's colour adds up errors in the first channel, and in the second the pixels themselves.
             let data = errors.iter().flat_map(|error| [*error, 1.0, 0.0]).collect();
             let upstream = ImageGradient::color(Image { batch: 1, height, width, channels: 3, data });
-            let gradients = self.renderer.backward(&frame, &upstream, &Wanted { colors: true, ..Wanted::NOTHING })?;
+            let gradients = self.renderer.backward(
+                &frame,
+                &upstream,
+                &GradientRequest { colors: true, ..GradientRequest::NOTHING },
+            )?;
             for (sum, [error, seen, _]) in sums.iter_mut().zip(&gradients.meshes[0].colors) {
                 sum[0] += f64::from(*error);
                 sum[1] += f64::from(*seen);

@@ -18,7 +18,7 @@ use super::optimizer::{Method, Optimizer};
 use super::schedule::Schedule;
 use glam::{DMat3, DMat4, DQuat, DVec3};
 use softras::{
-    Error, Frame, ImageGradient, Renderer, Result, Wanted,
+    Error, Frame, GradientRequest, ImageGradient, Renderer, Result,
     scene::{Background, Camera, ColorAggregation, Outputs, Scene, Settings, SilhouetteAggregation},
 };
 use std::ops::Range;
@@ -230,7 +230,7 @@ impl PoseFit {
             let (losses, upstream) = self.compare(&frame, &target.part(poses.clone()))?;
             let twists: Vec<[f64; 6]> = match self.options.differentiation {
                 Differentiation::Soft => {
-                    let wanted = Wanted { camera: true, ..Wanted::NOTHING };
+                    let wanted = GradientRequest { camera: true, ..GradientRequest::NOTHING };
                     renderer.backward(&frame, &upstream, &wanted)?.cameras.iter().map(|c| c.twist).collect()
                 }
                 Differentiation::ImageFlow => flow_gradient(&frame, &upstream, &self.camera)?,

@@ -1,7 +1,7 @@
 //! A mesh's colours as parameters of an optimiser.
 
 use softras::{
-    MeshGradients, Result, Wanted,
+    GradientRequest, MeshGradients, Result,
     scene::{Appearance, Mesh, Texture},
 };
 
@@ -50,9 +50,9 @@ pub fn gradient(appearance: &Appearance, gradients: &MeshGradients) -> Vec<f64> 
 }
 
 /// The gradients that the colours of an appearance need.
-pub fn wanted(appearance: &Appearance, wanted: Wanted) -> Wanted {
+pub fn wanted(appearance: &Appearance, wanted: GradientRequest) -> GradientRequest {
     match appearance {
-        Appearance::Uniform(_) | Appearance::VertexColors(_) => Wanted { colors: true, ..wanted },
-        Appearance::Surface { .. } | Appearance::Textured { .. } => Wanted { texels: true, ..wanted },
+        Appearance::Uniform(_) | Appearance::VertexColors(_) => GradientRequest { colors: true, ..wanted },
+        Appearance::Surface { .. } | Appearance::Textured { .. } => GradientRequest { texels: true, ..wanted },
     }
 }

@@ -1,7 +1,7 @@
 //! The losses of a shape fit's images, each with its weighted gradient by the rendered images.
 
 use super::ShapeOptions;
-use crate::image_loss::{ImageLoss, Valued, pooled, unpooled_gradient};
+use crate::image_loss::{ImageLoss, LossGradient, pooled, unpooled_gradient};
 use softras::{Frame, Image, ImageGradient, Result};
 use softras_io::Views;
 use std::borrow::Cow;
@@ -108,7 +108,7 @@ fn loss(
     (loss, weight): (ImageLoss, f64),
     options: &ShapeOptions,
 ) -> Result<(f64, Image)> {
-    let Valued { value, mut gradient } = loss.multi_scale(shown, target, None, options.levels)?;
+    let LossGradient { value, mut gradient } = loss.multi_scale(shown, target, None, options.levels)?;
     if options.samples > 1 {
         gradient = unpooled_gradient(rendered, &gradient, options.samples)?;
     }

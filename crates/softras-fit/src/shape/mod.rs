@@ -20,7 +20,7 @@ use compare::{ImageLosses, compare};
 use glam::DVec3;
 use parametrization::Parameters;
 use softras::{
-    Camera, Error, Frame, ImageGradient, MeshGradients, Renderer, Result, Wanted,
+    Camera, Error, Frame, GradientRequest, ImageGradient, MeshGradients, Renderer, Result,
     scene::{Lights, Mesh, Scene, Settings},
 };
 use softras_io::Views;
@@ -30,7 +30,7 @@ use turn::views_of_step;
 
 /// The losses of a step, before it moved anything.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Step {
+pub struct StepLosses {
     /// The weighted sum of all losses and penalties.
     pub loss: f64,
     /// The silhouettes' loss, unweighted; 0 without silhouettes.
@@ -140,7 +140,7 @@ impl ShapeFit {
         targets: &Views,
         rate: f64,
         color_rate: f64,
-    ) -> Result<Step> {
+    ) -> Result<StepLosses> {
         let size = targets.size()?;
         let mut settings = self.settings(settings, size);
         settings.outputs.color = targets.color.is_some();
@@ -162,7 +162,14 @@ impl ShapeFit {
         let regularizers = self.move_by(by_positions, &by_colors, rate, color_rate)?;
         let penalties: f64 = self.options.regularizers.iter().zip(&regularizers).map(|((_, w), r)| w * r).sum();
         let ImageLosses { silhouette, color, depth, normal } = losses;
-        Ok(Step { loss: losses.weighted(&self.options) + penalties, silhouette, color, depth, normal, regularizers })
+        Ok(StepLosses {
+            loss: losses.weighted(&self.options) + penalties,
+            silhouette,
+            color,
+            depth,
+            normal,
+            regularizers,
+        })
     }
 
     /// Steps since the optimisers were new.
@@ -182,8 +189,8 @@ impl ShapeFit {
     }
 
     /// What [`Renderer::backward`] has to differentiate by for [`ShapeFit::advance`].
-    pub fn wanted(&self) -> Wanted {
-        let wanted = Wanted { positions: self.options.fit_positions, ..Wanted::NOTHING };
+    pub fn wanted(&self) -> GradientRequest {
+        let wanted = GradientRequest { positions: self.options.fit_positions, ..GradientRequest::NOTHING };
         if self.options.fit_colors { colors::wanted(self.mesh().appearance(), wanted) } else { wanted }
     }
 

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use softras::Image;
 use softras::shapes;
-use softras_fit::{ImageLoss, Regularizer, Valued, mask_iou};
+use softras_fit::{ImageLoss, LossGradient, Regularizer, mask_iou};
 use softras_fit::{Topology, add_blurred_gradient, add_pooled_gradient, blurred, pooled};
 use softras_lab::random::Random;
 
@@ -37,7 +37,7 @@ fn check_loss(
     seed: u64,
     channels: usize,
     weighted: bool,
-    evaluate: impl Fn(&Image, &Image, Option<&Image>) -> Valued,
+    evaluate: impl Fn(&Image, &Image, Option<&Image>) -> LossGradient,
     factor: f64,
 ) -> Result<(), String> {
     let mut random = Random::new(seed);

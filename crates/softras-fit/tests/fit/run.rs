@@ -3,8 +3,8 @@
 use crate::common;
 use softras::scene::{Appearance, Outputs};
 use softras::{
-    Camera, Error, Frame, Image, ImageGradient, Lights, Mesh, Projection, Renderer, RendererOptions, Scene, Settings,
-    Wanted, shapes,
+    Camera, Error, Frame, GradientRequest, Image, ImageGradient, Lights, Mesh, Projection, Renderer, RendererOptions,
+    Scene, Settings, shapes,
 };
 use softras_fit::{ImageLoss, ShapeFit, ShapeOptions, ShapeRun};
 use softras_io::Views;
@@ -189,10 +189,10 @@ fn a_frame_that_is_saved_can_be_differentiated_whatever_the_settings_say() {
     assert!(!settings.save);
     let plain = renderer.render(&scene, &targets.cameras, &settings).unwrap();
     let of_plain = upstream(plain.silhouette().unwrap());
-    let error = renderer.backward(&plain, &of_plain, &Wanted::default()).unwrap_err();
+    let error = renderer.backward(&plain, &of_plain, &GradientRequest::default()).unwrap_err();
     assert!(matches!(error, Error::Backward { .. }) && error.to_string().contains("render_saved"), "{error}");
     let saved = renderer.render_saved(&scene, &targets.cameras, &settings).unwrap();
     assert_eq!(saved.silhouette().unwrap().data, plain.silhouette().unwrap().data);
-    let gradients = renderer.backward(&saved, &of_plain, &Wanted::default()).unwrap();
+    let gradients = renderer.backward(&saved, &of_plain, &GradientRequest::default()).unwrap();
     assert!(gradients.meshes[0].positions.iter().any(|g| *g != [0.0; 3]));
 }

@@ -3,7 +3,7 @@
 use super::scenes::Case;
 use crate::agreement::{self, IMAGE_MARGIN, norm};
 use crate::gradients;
-use softras::{Frame, Image, ImageGradient, Renderer, Result, Settings, Wanted};
+use softras::{Frame, GradientRequest, Image, ImageGradient, Renderer, Result, Settings};
 use softras_reference::{Parameters, ReferenceFrame};
 
 /// The tolerance of a value of an image: of a colour in [0, 1], or of a depth in world units.
@@ -45,7 +45,7 @@ pub fn compare(renderer: &mut Renderer, case: &Case) -> Result<Findings> {
     let expected = softras_reference::gradient(&case.scene, &case.cameras, &settings, &weights, case.mode)?;
     let mut run = || -> Result<(Frame, Parameters)> {
         let frame = renderer.render(&case.scene, &case.cameras, &settings)?;
-        let wanted = Wanted { mode: case.mode, ..Wanted::ALL };
+        let wanted = GradientRequest { mode: case.mode, ..GradientRequest::ALL };
         let gradients = renderer.backward(&frame, &upstream, &wanted)?;
         let gradients = gradients::as_parameters(&gradients, &case.scene, &case.cameras, &settings)?;
         Ok((frame, gradients))

@@ -7,7 +7,9 @@ mod upstream;
 mod world;
 
 use softras::scene::Parity;
-use softras::{Camera, Error, Frame, GradientMode, Image, ImageGradient, Renderer, Result, Scene, Settings, Wanted};
+use softras::{
+    Camera, Error, Frame, GradientMode, GradientRequest, Image, ImageGradient, Renderer, Result, Scene, Settings,
+};
 use softras_io::Budget;
 use softras_io::npy::Data;
 use softras_io::npz::{self, Archive};
@@ -238,10 +240,12 @@ fn of_device(frame: &Frame) -> Images {
 }
 
 /// The gradients that the layout has keys for.
-fn wanted(layout: Layout, mode: GradientMode) -> Wanted {
+fn wanted(layout: Layout, mode: GradientMode) -> GradientRequest {
     match layout {
-        Layout::Screen => Wanted { positions: true, colors: true, texels: true, mode, ..Wanted::NOTHING },
-        Layout::World => Wanted { uvs: false, mode, ..Wanted::ALL },
+        Layout::Screen => {
+            GradientRequest { positions: true, colors: true, texels: true, mode, ..GradientRequest::NOTHING }
+        }
+        Layout::World => GradientRequest { uvs: false, mode, ..GradientRequest::ALL },
     }
 }
 

@@ -1,7 +1,7 @@
 //! The kinds of frame that are measured.
 
 use softras::scene::{ColorAggregation, Distance, Outputs, SilhouetteAggregation};
-use softras::{Settings, Wanted};
+use softras::{GradientRequest, Settings};
 
 /// The images of a measured frame, and how they are made and differentiated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -78,11 +78,11 @@ impl Mode {
 
     /// The inputs that a frame of this mode is differentiated by: vertex positions and, with a colour image, colours, unless
     /// the mode names other inputs.
-    pub fn wanted(self) -> Wanted {
+    pub fn wanted(self) -> GradientRequest {
         match self {
-            Self::ToColors => Wanted { colors: true, ..Wanted::NOTHING },
-            Self::ToCamera => Wanted { camera: true, ..Wanted::NOTHING },
-            _ => Wanted { positions: true, colors: self.outputs().color, ..Wanted::NOTHING },
+            Self::ToColors => GradientRequest { colors: true, ..GradientRequest::NOTHING },
+            Self::ToCamera => GradientRequest { camera: true, ..GradientRequest::NOTHING },
+            _ => GradientRequest { positions: true, colors: self.outputs().color, ..GradientRequest::NOTHING },
         }
     }
 }

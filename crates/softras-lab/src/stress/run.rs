@@ -5,7 +5,7 @@ use super::draw::{Case, Kind, Promise};
 use super::outcome::Outcome;
 use super::promise;
 use super::range::{Hull, bounds, color_hull};
-use softras::{Camera, Frame, Gradients, Renderer, RendererOptions, Scene, Wanted};
+use softras::{Camera, Frame, GradientRequest, Gradients, Renderer, RendererOptions, Scene};
 use softras::{Error, Result};
 use softras_reference::render_culled;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -162,7 +162,7 @@ fn check_batch(renderer: &mut Renderer, cases: &[Case]) -> Outcome {
     };
     let cameras: Vec<Camera> = cases.iter().flat_map(|case| case.cameras.clone()).collect();
     let upstream = promise::upstream_of(cases);
-    let wanted = Wanted { mode: one.gradient, ..Wanted::ALL };
+    let wanted = GradientRequest { mode: one.gradient, ..GradientRequest::ALL };
     let mut twice = || {
         let frame = renderer.render(&scene, &cameras, &one.settings)?;
         let gradients = renderer.backward(&frame, &upstream, &wanted)?;
@@ -228,7 +228,7 @@ fn images(case: &Case, frame: &Frame, outcome: &mut Outcome) -> Option<Vec<f64>>
 /// Differentiates the frame, repeats the whole run, and compares promised gradients with the reference's.
 fn gradients(renderer: &mut Renderer, case: &Case, frame: &Frame, margin: Option<&[f64]>, outcome: &mut Outcome) {
     let upstream = promise::upstream(case, margin);
-    let wanted = Wanted { mode: case.gradient, ..Wanted::ALL };
+    let wanted = GradientRequest { mode: case.gradient, ..GradientRequest::ALL };
     let first = match renderer.backward(frame, &upstream, &wanted) {
         Ok(gradients) => gradients,
         Err(error) => {

@@ -3,7 +3,7 @@
 use crate::common::{gradient::all_finite, renderer};
 use glam::{DMat4, DVec3};
 use softras::{
-    Camera, Image, ImageGradient, Lights, Mesh, Projection, Scene, Settings, Wanted,
+    Camera, GradientRequest, Image, ImageGradient, Lights, Mesh, Projection, Scene, Settings,
     scene::{Appearance, Background, Distance, Interpolation, Outputs, Parity, Shading, Texture, Wrap},
 };
 
@@ -42,7 +42,7 @@ fn stays_finite(corners: [[f32; 3]; 3], camera: Camera, settings: &Settings, lig
         depth: weights(frame.depth()),
         normal: weights(frame.normal()),
     };
-    all_finite(&renderer.backward(&frame, &upstream, &Wanted::ALL).unwrap()).unwrap();
+    all_finite(&renderer.backward(&frame, &upstream, &GradientRequest::ALL).unwrap()).unwrap();
 }
 
 fn forward(projection: Projection) -> Camera {
@@ -137,7 +137,7 @@ fn a_corner_that_is_held_at_the_farthest_pixel_pulls_on_nothing() {
         ..image.clone()
     });
     let upstream = ImageGradient { color: weights, ..ImageGradient::default() };
-    let gradients = renderer.backward(&frame, &upstream, &Wanted::ALL).unwrap();
+    let gradients = renderer.backward(&frame, &upstream, &GradientRequest::ALL).unwrap();
     all_finite(&gradients).unwrap();
     let by = &gradients.meshes[0].positions;
     assert!(by[0][0] == 0.0 && by[0][1] != 0.0, "{by:?}");
@@ -164,7 +164,7 @@ fn a_tiny_gamma_tells_neighbouring_floats_apart() {
         assert_eq!(color.data[middle..middle + 3], nearer, "{first} before {second}");
         let ones = |image: &Image| Image { data: vec![1.0; image.data.len()], ..image.clone() };
         let upstream = ImageGradient { color: Some(ones(color)), ..ImageGradient::default() };
-        all_finite(&renderer.backward(&frame, &upstream, &Wanted::ALL).unwrap()).unwrap();
+        all_finite(&renderer.backward(&frame, &upstream, &GradientRequest::ALL).unwrap()).unwrap();
     }
 }
 

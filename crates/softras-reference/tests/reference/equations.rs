@@ -15,7 +15,7 @@ use crate::official::{
     scenes::{Mode, every_mode, mesh, random_triangles},
 };
 use softras::scene::{Camera, ColorAggregation, Distance, Scene, Settings, SilhouetteAggregation};
-use softras::{Image, ImageGradient, Wanted};
+use softras::{GradientRequest, Image, ImageGradient};
 use softras_reference::{GradientMode, Upstream, gradient, render_culled};
 
 const SIZE: [u32; 2] = [20, 16];
@@ -236,7 +236,7 @@ fn the_kernels_are_the_official_equations() {
             silhouette: Some(as_image(&case.weights.silhouette, 1)),
             ..ImageGradient::default()
         };
-        let wanted = Wanted { mode: softras::GradientMode::Paper, ..Wanted::ALL };
+        let wanted = GradientRequest { mode: softras::GradientMode::Paper, ..GradientRequest::ALL };
         let ours = renderer.backward(&frame, &upstream, &wanted).unwrap().meshes.remove(0);
         let wide = |rows: &[[f32; 3]]| rows.as_flattened().iter().map(|&x| f64::from(x)).collect::<Vec<_>>();
         let colors = [wide(&ours.colors), wide(&ours.surface_texels)].concat();

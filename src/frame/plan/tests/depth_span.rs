@@ -1,7 +1,7 @@
 //! Whether a frame's meshes may cross its near and far planes, on which its kernels depend.
 
 use super::INSIDE;
-use crate::embed::Shape;
+use crate::embed::FrameShape;
 use crate::frame::plan::DepthSpan;
 use crate::{Camera, Projection, Scene, Settings, shapes};
 use glam::DVec3;
@@ -52,7 +52,7 @@ fn a_mesh_crosses_where_a_vertex_does() {
     let middle = 12f64.sqrt();
     let span = |near: f64, far: f64| {
         let settings = Settings { near: middle - near, far: middle + far, ..Settings::default() };
-        Shape::of(&scene, &[camera], &settings).unwrap().depth_span
+        FrameShape::of(&scene, &[camera], &settings).unwrap().depth_span
     };
     assert_eq!(span(1.01, 1.01), INSIDE);
     assert_eq!(span(0.9, 1.01), DepthSpan { crosses_near: true, crosses_far: false });

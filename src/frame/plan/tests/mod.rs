@@ -13,7 +13,7 @@ use super::{
 use crate::constants as c;
 use crate::frame::buffers::{BufferId, TableLengths};
 use crate::scene::{Background, Distance, Outputs, Parity, Shading};
-use crate::{Error, Lights, Settings, Wanted};
+use crate::{Error, GradientRequest, Lights, Settings};
 
 const INSIDE: DepthSpan = DepthSpan { crosses_near: false, crosses_far: false };
 /// Multiples of all that sizes are rounded to, so that the formulas hold to the byte.
@@ -102,7 +102,7 @@ fn a_backward_pass_takes_the_memory_of_the_formula() {
         let settings = Settings { width: 256, height: 128, outputs: all, background, ..Settings::default() };
         let lights = if bit(5) { smooth() } else { Lights::official() };
         let forward = ForwardPlan::new(&input(&settings, &views, &lights)).unwrap();
-        let wanted = Wanted {
+        let wanted = GradientRequest {
             positions: bit(6),
             colors: bit(7),
             texels: bit(8),
@@ -111,7 +111,7 @@ fn a_backward_pass_takes_the_memory_of_the_formula() {
             lights: bit(8),
             background: bit(7),
             scalars: bit(9) && bit(4),
-            ..Wanted::default()
+            ..GradientRequest::default()
         };
         let lit = bit(9);
         let input = BackwardInput {
@@ -262,7 +262,7 @@ fn workgroups_go_on_in_rows() {
     let plan = BackwardPlan::new(&BackwardInput {
         forward: &forward,
         upstream: outputs(2),
-        wanted: &Wanted::default(),
+        wanted: &GradientRequest::default(),
         lit: false,
         vertices: 800,
         largest_mesh: 800,
@@ -287,7 +287,7 @@ fn the_stage_between_depends_on_the_most_corners_and_not_on_the_room() {
         let plan = BackwardPlan::new(&BackwardInput {
             forward: &forward,
             upstream: outputs(2),
-            wanted: &Wanted { positions: true, ..Wanted::NOTHING },
+            wanted: &GradientRequest { positions: true, ..GradientRequest::NOTHING },
             lit: false,
             vertices: 800,
             largest_mesh: 800,
@@ -313,7 +313,7 @@ fn backward_passes_of_many_triangles_and_of_none() {
         BackwardPlan::new(&BackwardInput {
             forward: &forward,
             upstream: outputs(1),
-            wanted: &Wanted { texels: true, ..Wanted::default() },
+            wanted: &GradientRequest { texels: true, ..GradientRequest::default() },
             lit: false,
             vertices: 3,
             largest_mesh: 3,

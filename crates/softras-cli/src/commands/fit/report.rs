@@ -3,13 +3,13 @@
 use super::args::FitArgs;
 use crate::commands::{Failure, note, say};
 use serde_json::{Value, json};
-use softras_fit::{Fitted, Painted, Regularizer, Scores, Step};
+use softras_fit::{Fitted, Painted, Regularizer, Scores, StepLosses};
 use std::path::Path;
 
 /// Everything as JSON.
 pub fn json(args: &FitArgs, fitted: &Fitted, device: &str) -> Value {
     let Fitted { mesh, scores, steps, options, .. } = fitted;
-    let each = |value: fn(&Step) -> f64| steps.iter().map(|taken| value(&taken.losses)).collect::<Vec<f64>>();
+    let each = |value: fn(&StepLosses) -> f64| steps.iter().map(|taken| value(&taken.losses)).collect::<Vec<f64>>();
     let names = options.regularizers.iter().map(|(r, weight)| json!({ "name": name(*r), "weight": weight }));
     let penalties: Vec<_> = steps.iter().map(|taken| &taken.losses.regularizers).collect();
     json!({

@@ -1,7 +1,7 @@
 //! Renders images and their gradient on a device or by the f64 reference.
 
 use softras::scene::Outputs;
-use softras::{Camera, Error, GradientMode, Image, ImageGradient, Renderer, Result, Scene, Settings, Wanted};
+use softras::{Camera, Error, GradientMode, GradientRequest, Image, ImageGradient, Renderer, Result, Scene, Settings};
 use softras_lab::gradients;
 
 /// The renderer to use.
@@ -81,7 +81,7 @@ impl Engine {
             Self::Device(renderer) => {
                 let frame = renderer.render(scene, &[camera], &settings)?;
                 let images = of_device(&frame);
-                let wanted = Wanted { positions: true, mode, ..Wanted::NOTHING };
+                let wanted = GradientRequest { positions: true, mode, ..GradientRequest::NOTHING };
                 let gradient = renderer.backward(&frame, &loss(&images)?, &wanted)?;
                 let positions = gradient.meshes.iter().flat_map(|mesh| mesh.positions.as_flattened());
                 Ok((images, positions.map(|&x| x.into()).collect()))

@@ -5,7 +5,8 @@ use crate::commands::progress::Progress;
 use glam::DVec3;
 use serde_json::{Value, json};
 use softras::{
-    Camera, Image, ImageGradient, Projection, Renderer, RendererOptions, Result, Scene, Settings, Wanted, shapes,
+    Camera, GradientRequest, Image, ImageGradient, Projection, Renderer, RendererOptions, Result, Scene, Settings,
+    shapes,
 };
 use softras_lab::stress::fingerprint;
 use std::ops::Range;
@@ -193,7 +194,7 @@ fn rendered(frame: u64, renderer: &mut Renderer) -> Result<u64> {
         silhouette: image.silhouette().map(ones),
         ..ImageGradient::default()
     };
-    let gradients = renderer.backward(&image, &upstream, &Wanted::ALL)?;
+    let gradients = renderer.backward(&image, &upstream, &GradientRequest::ALL)?;
     Ok(fingerprint(&image, &gradients))
 }
 
