@@ -18,6 +18,15 @@ pub struct Outputs {
     pub normal: bool,
 }
 
+impl Outputs {
+    /// Every image.
+    pub const ALL: Self = Self { color: true, silhouette: true, depth: true, normal: true };
+    /// No image, to add to.
+    pub const NOTHING: Self = Self { color: false, silhouette: false, depth: false, normal: false };
+    /// The silhouette alone.
+    pub const SILHOUETTE: Self = Self { silhouette: true, ..Self::NOTHING };
+}
+
 /// How the triangles near a pixel become its colour.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ColorAggregation {

@@ -17,7 +17,7 @@ use std::collections::BTreeMap;
 /// What one comparison found: each gradient's relative error.
 pub type Errors = Vec<(&'static str, f64)>;
 
-pub const ALL_OUTPUTS: Outputs = Outputs { color: true, silhouette: true, depth: true, normal: true };
+pub const ALL_OUTPUTS: Outputs = Outputs::ALL;
 
 /// A case that no seed has made.
 pub fn made_case(scene: Scene, cameras: Vec<Camera>, settings: Settings) -> Case {

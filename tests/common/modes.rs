@@ -213,7 +213,7 @@ fn random_normal(random: &mut Random) -> [f32; 3] {
     (random.direction() * length).as_vec3().to_array()
 }
 
-const NOTHING: Outputs = Outputs { color: false, silhouette: false, depth: false, normal: false };
+const NOTHING: Outputs = Outputs::NOTHING;
 
 /// The case in each mode, with the mode's name.
 pub fn in_every_mode(base: &Case) -> impl Iterator<Item = (&'static str, Case)> {

@@ -83,8 +83,8 @@ const DISTANCE: f64 = 4.0;
 pub fn random_settings(random: &mut Random, kind: Kind) -> Settings {
     let bit = |random: &mut Random| random.chance(0.5);
     let mut outputs = Outputs { color: bit(random), silhouette: bit(random), depth: bit(random), normal: bit(random) };
-    if outputs == (Outputs { color: false, silhouette: false, depth: false, normal: false }) {
-        outputs = Outputs { color: true, silhouette: true, depth: true, normal: true };
+    if outputs == (Outputs::NOTHING) {
+        outputs = Outputs::ALL;
     }
     let (near, far) = match kind {
         Kind::Clipped => (random.range(2.5, 4.0), random.range(4.1, 5.0)),
@@ -289,6 +289,5 @@ pub fn triangles(corners: &[[[f32; 3]; 3]]) -> Mesh {
 
 /// Every image, small.
 pub fn small(width: u32, height: u32) -> Settings {
-    let outputs = Outputs { color: true, silhouette: true, depth: true, normal: true };
-    Settings { width, height, outputs, sigma: 1e-4, gamma: 1e-2, far: 20.0, ..Settings::default() }
+    Settings { width, height, outputs: Outputs::ALL, sigma: 1e-4, gamma: 1e-2, far: 20.0, ..Settings::default() }
 }

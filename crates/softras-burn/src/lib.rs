@@ -21,7 +21,7 @@
 //!     width: 32,
 //!     height: 32,
 //!     sigma: 1e-3,
-//!     outputs: Outputs { color: false, silhouette: true, depth: false, normal: false },
+//!     outputs: Outputs::SILHOUETTE,
 //!     ..Settings::default()
 //! };
 //! let scene = Scene::batch(vec![shapes::icosphere(1)?, shapes::cube()?]);

@@ -11,7 +11,7 @@ use softras_burn::{Inputs, SoftRas, Views, packed_positions};
 const SIDE: usize = 8;
 /// What the distance grows by: 1e-3 of half the image.
 const LEAST: f32 = 4e-3;
-const SILHOUETTE: Outputs = Outputs { color: false, silhouette: true, depth: false, normal: false };
+const SILHOUETTE: Outputs = Outputs::SILHOUETTE;
 
 /// A camera whose world units are pixels of an image of so many.
 fn orthographic(side: usize) -> Camera {

@@ -95,7 +95,7 @@ impl Task {
     }
 
     fn settings() -> Settings {
-        let outputs = Outputs { color: false, silhouette: true, depth: false, normal: false };
+        let outputs = Outputs::SILHOUETTE;
         Settings { width: 128, height: 128, near: 0.1, far: 10.0, sigma: SIGMA, outputs, ..Settings::default() }
     }
 

@@ -50,7 +50,7 @@ impl Found {
         let settings = Settings {
             height: height as u32,
             width: width as u32,
-            outputs: Outputs { color: false, silhouette: true, depth: false, normal: false },
+            outputs: Outputs::SILHOUETTE,
             silhouette: SilhouetteAggregation::Hard,
             sigma: 1e-7,
             ..settings.clone()

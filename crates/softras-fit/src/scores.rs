@@ -67,7 +67,7 @@ impl Scores {
     pub(crate) fn of(mesh: &Mesh, setup: &Setup, subject: &Subject, renderer: &mut Renderer) -> Result<Self> {
         let targets = &subject.views;
         let (height, width) = targets.size()?;
-        let outputs = Outputs { color: false, silhouette: true, depth: false, normal: false };
+        let outputs = Outputs::SILHOUETTE;
         let settings = Settings { height: height as u32, width: width as u32, outputs, ..setup.settings(0) };
         let hard = Settings { silhouette: SilhouetteAggregation::Hard, sigma: 1e-7, ..settings.clone() };
         let scene = Scene::new(mesh.clone());

@@ -95,7 +95,7 @@ impl<'a> Texels<'a> {
 
 /// 1 for each pixel that the object covers wholly in the picture and in the rendering of the mesh, else 0.
 fn weights(scene: &Scene, targets: &Views, settings: &Settings, renderer: &mut Renderer) -> Result<Image> {
-    let outputs = Outputs { color: false, silhouette: true, depth: false, normal: false };
+    let outputs = Outputs::SILHOUETTE;
     let settings = Settings { outputs, ..settings.clone() };
     let (height, width) = targets.size()?;
     let mut weights = Image { batch: targets.cameras.len(), height, width, channels: 1, data: Vec::new() };

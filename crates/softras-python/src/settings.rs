@@ -34,7 +34,7 @@ fn number<'py, T: for<'a> FromPyObject<'a, 'py>>(value: &Bound<'py, PyAny>, fiel
 }
 
 fn outputs(value: &Bound<'_, PyAny>) -> PyResult<Outputs> {
-    let mut outputs = Outputs { color: false, silhouette: false, depth: false, normal: false };
+    let mut outputs = Outputs::NOTHING;
     for name in names(value)? {
         match name.as_str() {
             "color" => outputs.color = true,

@@ -42,8 +42,7 @@ impl Pipeline {
         let lights = Lights { shading, ..Lights::official() };
         let scene = Scene::new(Mesh::new(rounded, self.triangles.clone()).unwrap()).with_lights(lights);
         let cameras = [Camera::from_angles(2.732, 30.0, 40.0, projection).unwrap()];
-        let outputs = Outputs { color: true, silhouette: true, depth: true, normal: true };
-        let settings = Settings { outputs, ..Settings::default() };
+        let settings = Settings { outputs: Outputs::ALL, ..Settings::default() };
         let mut parameters = Parameters::new(&scene, &cameras, &settings);
         parameters.values_mut()[..3 * self.points.len()].copy_from_slice(self.points.as_flattened());
         (scene, cameras, settings, parameters)

@@ -23,8 +23,14 @@ fn case(distance: f64, lights: Lights, views: usize) -> Case {
     let camera = |a| Camera::from_angles(distance, 20.0, a, Projection::Perspective { fov_y: 0.8 }).unwrap();
     case.cameras = vec![camera(10.0), camera(130.0)];
     case.cameras.truncate(views);
-    let outputs = Outputs { color: true, silhouette: true, depth: true, normal: true };
-    case.settings = softras::Settings { width: 40, height: 32, sigma: 1e-3, save: true, outputs, ..Default::default() };
+    case.settings = softras::Settings {
+        width: 40,
+        height: 32,
+        sigma: 1e-3,
+        save: true,
+        outputs: Outputs::ALL,
+        ..Default::default()
+    };
     case
 }
 

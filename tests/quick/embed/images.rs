@@ -120,7 +120,7 @@ fn a_far_value_is_noticed() {
 fn images_are_stored_as_they_are() {
     let engine = engine();
     let rasterizer = rasterizer(&engine);
-    let case = case(Outputs { color: true, silhouette: true, depth: true, normal: true });
+    let case = case(Outputs::ALL);
     let host = Host::new(&engine, &rasterizer, &case);
     forward(&engine, &rasterizer, &host);
     let pixels = 37 * 21;
@@ -158,7 +158,7 @@ fn images_are_stored_as_they_are() {
 fn images_that_do_not_fit_are_errors() {
     let engine = engine();
     let rasterizer = rasterizer(&engine);
-    let case = case(Outputs { color: false, silhouette: true, depth: false, normal: false });
+    let case = case(Outputs::SILHOUETTE);
     let host = Host::new(&engine, &rasterizer, &case);
     forward(&engine, &rasterizer, &host);
     let silhouette = stored(&engine, &host, FrameImage::Silhouette, 0, ImageFormat::R32Float);

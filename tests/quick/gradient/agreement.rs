@@ -35,7 +35,7 @@ fn random_images(case: &Case) -> Outputs {
         depth: some(rendered.depth),
         normal: some(rendered.normal),
     };
-    let none = Outputs { color: false, silhouette: false, depth: false, normal: false };
+    let none = Outputs::NOTHING;
     if images == none { rendered } else { images }
 }
 
@@ -99,7 +99,7 @@ fn mode_base(seed: u64) -> Case {
 fn every_mode_alone() {
     let mut renderer = renderer();
     let base = mode_base(11);
-    let none = Outputs { color: false, silhouette: false, depth: false, normal: false };
+    let none = Outputs::NOTHING;
     let images = [
         ("colour", Outputs { color: true, ..none }),
         ("silhouette", Outputs { silhouette: true, ..none }),

@@ -61,7 +61,7 @@ fn every_mode_with_cut_outs() {
         cut_out(&mut case);
         let rendered = case.settings.outputs;
         let alone = rendered.silhouette && i % 3 == 1;
-        let silhouette = Outputs { color: false, silhouette: true, depth: false, normal: false };
+        let silhouette = Outputs::SILHOUETTE;
         let images = if alone { silhouette } else { rendered };
         match image_and_gradients_agree(&mut renderer, &case, images, &MODES[..1 + i % 2]) {
             // Hard images have none.

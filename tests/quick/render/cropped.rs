@@ -114,12 +114,8 @@ fn bands_make_the_whole_picture() {
     let mut renderer = renderer();
     let scene = Scene::new(shapes::fish().unwrap());
     let camera = Camera::from_angles(3.0, 20.0, 130.0, Projection::Perspective { fov_y: 0.7 }).unwrap();
-    let outputs = Outputs { color: true, silhouette: true, depth: true, normal: true };
-    let settings = Settings { width: 200, height: 192, sigma: 3e-5, outputs, ..Settings::default() }.with_depths_of(
-        &scene,
-        &[camera],
-        0.05,
-    );
+    let settings = Settings { width: 200, height: 192, sigma: 3e-5, outputs: Outputs::ALL, ..Settings::default() }
+        .with_depths_of(&scene, &[camera], 0.05);
     let whole = renderer.render(&scene, &[camera], &settings).unwrap();
     for rows in [64, 192] {
         for first in (0..192).step_by(rows as usize) {

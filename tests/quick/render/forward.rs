@@ -75,7 +75,7 @@ fn official_box_ends_barycentric_support() {
 fn every_mode_alone() {
     let mut renderer = renderer();
     let mut base = random_case(16, Kind::Plain);
-    base.settings.outputs = Outputs { color: true, silhouette: true, depth: true, normal: true };
+    base.settings.outputs = Outputs::ALL;
     base.settings.background = Background::Weighted;
     let mut failures = Vec::new();
     for (name, case) in in_every_mode(&base).take(tier(2, usize::MAX)) {

@@ -87,7 +87,7 @@ fn bits_and_views_and_mirrors_are_told_apart() {
 fn frames_are_compared_image_by_image() {
     let mut renderer = renderer();
     let mut case = random_case(4, Kind::Plain);
-    let all = softras::scene::Outputs { color: true, silhouette: true, depth: true, normal: true };
+    let all = softras::scene::Outputs::ALL;
     case.settings.outputs = all;
     let frame = renderer.render(&case.scene, &case.cameras, &case.settings).unwrap();
     let reference = render_culled(&case.scene, &case.cameras, &case.settings).unwrap();

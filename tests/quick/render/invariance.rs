@@ -18,8 +18,6 @@ use softras::{
 };
 use softras_reference::render_culled;
 
-const ALL: Outputs = Outputs { color: true, silhouette: true, depth: true, normal: true };
-
 #[track_caller]
 fn render(renderer: &mut softras::Renderer, case: &Case) -> Frame {
     renderer.render(&case.scene, &case.cameras, &case.settings).unwrap_or_else(|e| panic!("{e}\n{case:?}"))
@@ -39,7 +37,7 @@ fn assert_close(a: &Frame, b: &Frame, case: &Case) {
 /// A blob in front of a camera on the plane x = 0, and both mirrored in that plane.
 fn mirror_pair(seed: u64) -> [Case; 2] {
     let random = &mut Random::new(seed);
-    let settings = Settings { width: 70, height: 50, outputs: ALL, ..random_settings(random, Kind::Plain) };
+    let settings = Settings { width: 70, height: 50, outputs: Outputs::ALL, ..random_settings(random, Kind::Plain) };
     let mesh = blob(random);
     let appearance = match random_appearance(random, &mesh) {
         // Its cells do not turn with the winding.
@@ -225,7 +223,7 @@ fn lists_grow_until_all_fits() {
     let frames = [0; 3].map(|_| render(&mut kept, &case));
     let tiles = 25 * 23;
     assert_eq!(kept.frame_counts().unwrap().list_entries, 400 * tiles);
-    let upstream = random_upstream(&case, ALL);
+    let upstream = random_upstream(&case, Outputs::ALL);
     let capacity = Capacity { coarse: 1 << 14, list: 1 << 18, cells: 1 << 12 };
     let planner = Planner::new();
     let whole = planner.render(&case, &upstream, GradientRequest::default(), capacity);

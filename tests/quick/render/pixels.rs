@@ -10,8 +10,6 @@ use softras::{
 };
 use softras_reference::{Truncation, render};
 
-const ALL: Outputs = Outputs { color: true, silhouette: true, depth: true, normal: true };
-
 /// 2×2 pixels centred at ±½; near 1 and far 3, so that z = 2 has ζ = ½; γ = ½ / ln 2, so that exp(ζ/γ) = 2^(2ζ);
 /// σ = ¼ / ln 3, so that half a unit inside an edge D = ¾ and outside D = ¼; background black with exp(ε/γ) = 1.
 fn settings() -> Settings {
@@ -23,7 +21,7 @@ fn settings() -> Settings {
         sigma: 0.25 / 3f64.ln(),
         gamma: 0.5 / 2f64.ln(),
         epsilon: 0.0,
-        outputs: ALL,
+        outputs: Outputs::ALL,
         ..Settings::default()
     }
 }

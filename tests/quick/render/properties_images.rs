@@ -49,7 +49,7 @@ fn summed(width: u32, height: u32, sigma: f64) -> Settings {
         sigma,
         tau: 0.3,
         silhouette: SilhouetteAggregation::Sum,
-        outputs: Outputs { color: false, silhouette: true, depth: false, normal: false },
+        outputs: Outputs::SILHOUETTE,
         ..Settings::default()
     }
 }

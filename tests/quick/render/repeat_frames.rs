@@ -11,11 +11,12 @@ use crate::common::{
 use crate::host::shim::{self, adapter};
 use glam::DVec3;
 use softras::{
-    Camera, Frame, GradientRequest, Gradients, Image, ImageGradient, Lights, Mesh, Projection, Renderer,
-    RendererOptions, Scene, Settings,
-    scene::{Appearance, Background, Outputs, Shading},
+    Camera, Frame, Gradients, ImageGradient, Lights, Mesh, Projection, Renderer, RendererOptions, Scene, Settings,
+    Wanted,
+    scene::{Appearance, Background, Shading},
     shapes,
 };
+use softras_lab::agreement::{Subject, random_upstream};
 
 /// What a loop has in its hands from step to step.
 #[derive(Clone)]
@@ -134,19 +135,8 @@ fn change(state: &mut State, kind: usize, random: &mut Random) {
 }
 
 fn upstream(state: &State, seed: u64) -> ImageGradient {
-    let random = &mut Random::new(seed);
-    let (batch, height, width) = (state.cameras.len(), state.settings.height as usize, state.settings.width as usize);
-    let mut image = |wanted: bool, channels: usize| {
-        let data = (0..batch * height * width * channels).map(|_| random.range(-1.0, 1.0) as f32).collect();
-        wanted.then_some(Image { batch, height, width, channels, data })
-    };
-    let Outputs { color, silhouette, depth, normal } = state.settings.outputs;
-    ImageGradient {
-        color: image(color, 3),
-        silhouette: image(silhouette, 1),
-        depth: image(depth, 1),
-        normal: image(normal, 3),
-    }
+    let State { scene, cameras, settings, .. } = state;
+    random_upstream(Subject { scene, cameras, settings }, seed, settings.outputs, None)
 }
 
 fn step(renderer: &mut Renderer, state: &State, seed: u64) -> (Frame, Gradients) {

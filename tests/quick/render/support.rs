@@ -8,8 +8,6 @@ use softras::{Camera, Error, Lights, Mesh, Scene, Settings};
 use softras_reference::pairs;
 use softras_reference::{ReferenceFrame, Truncation, render, render_culled};
 
-const ALL: Outputs = Outputs { color: true, silhouette: true, depth: true, normal: true };
-
 /// The largest |image - untruncated| over what the pixel's dropped pairs allow, and where it is; `slack` is for an
 /// image that has errors of its own.
 fn worst(images: &ReferenceFrame, untruncated: &ReferenceFrame, case: &Case, slack: f64) -> (f64, String) {
@@ -53,7 +51,7 @@ fn case(seed: u64) -> Case {
     let random = &mut Random::new(seed ^ 0xfeed);
     case.scene.lights = Lights::unlit();
     let s = &mut case.settings;
-    (s.width, s.height, s.outputs) = (s.width.min(24), s.height.min(20), ALL);
+    (s.width, s.height, s.outputs) = (s.width.min(24), s.height.min(20), Outputs::ALL);
     s.tau = random.log_range(1e-5, 0.2);
     s.gamma = random.log_range(1e-4, 0.3);
     s.silhouette = random.choose(&[
@@ -98,7 +96,7 @@ fn before_a_wall(support: Support) -> Case {
         near: 1.0,
         far: 5.0,
         background: Background::Composite,
-        outputs: ALL,
+        outputs: Outputs::ALL,
         support,
         ..Settings::default()
     };
@@ -209,7 +207,7 @@ fn the_radius_grows_only_where_depth_mixes() {
     let case = before_a_wall(Support::Guaranteed);
     let cutoff = |settings: &Settings| settings.cutoff_of(&case.scene, &case.cameras);
     let s = &case.settings;
-    let alone = Outputs { color: false, silhouette: true, depth: false, normal: false };
+    let alone = Outputs::SILHOUETTE;
     for plain in [
         Settings { outputs: alone, ..s.clone() },
         Settings { color: ColorAggregation::Hard, ..s.clone() },
@@ -267,7 +265,7 @@ fn cutoffs_by_hand() {
     let batch = Scene::batch(vec![mesh(8.0, 9.0).unwrap(), mesh(2.0, 4.0).unwrap()]);
     close(cutoff(&settings, &batch, &[Camera::screen(); 2]), plain + (0.9 - 0.3) / 0.5);
     // Nothing more where no image is mixed by depth.
-    let silhouette = Outputs { color: false, silhouette: true, depth: false, normal: false };
+    let silhouette = Outputs::SILHOUETTE;
     for same in [
         Settings { support: Support::Probability, ..settings.clone() },
         Settings { color: ColorAggregation::Hard, ..settings.clone() },

@@ -58,12 +58,8 @@ fn dust(count: usize) -> Vec<[[f32; 3]; 3]> {
 }
 
 fn silhouette_sums(renderer: &mut Renderer, corners: &[[[f32; 3]; 3]]) -> softras::Result<Vec<f64>> {
-    let settings = Settings {
-        silhouette: SilhouetteAggregation::Sum,
-        outputs: Outputs { color: false, silhouette: true, depth: false, normal: false },
-        sigma: 1e-5,
-        ..small(64, 32)
-    };
+    let settings =
+        Settings { silhouette: SilhouetteAggregation::Sum, outputs: Outputs::SILHOUETTE, sigma: 1e-5, ..small(64, 32) };
     let frame = renderer.render(&Scene::new(triangles(corners)), &[Camera::screen()], &settings)?;
     Ok(frame.silhouette().unwrap().data.iter().map(|&x| f64::from(x) * corners.len() as f64).collect())
 }

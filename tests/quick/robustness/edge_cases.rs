@@ -48,7 +48,7 @@ fn small_faces_keep_their_edges() {
         width: SIDE,
         height: SIDE,
         sigma: (0.3 * edge).powi(2),
-        outputs: Outputs { color: false, silhouette: true, depth: false, normal: false },
+        outputs: Outputs::SILHOUETTE,
         ..Settings::default()
     };
     let random = &mut Random::new(1);

@@ -95,7 +95,7 @@ fn scenes_lights_and_settings() {
     );
     assert!(matches!(error, Error::Light { .. }));
 
-    let none = Outputs { color: false, silhouette: false, depth: false, normal: false };
+    let none = Outputs::NOTHING;
     type Change = fn(&mut Settings);
     let wrong: [(&str, &str, Change); 9] = [
         ("width = 0", "1 to 16384", |s| s.width = 0),
@@ -340,8 +340,7 @@ fn limits() {
 #[test]
 fn memory() {
     let mut renderer = renderer();
-    let outputs = Outputs { color: true, silhouette: true, depth: true, normal: true };
-    let huge = Settings { width: 16384, height: 8192, outputs, ..Settings::default() };
+    let huge = Settings { width: 16384, height: 8192, outputs: Outputs::ALL, ..Settings::default() };
     let scene = Scene::new(triangle());
     match renderer.render(&scene, &[camera()], &huge) {
         Err(error @ (Error::Limit { .. } | Error::OutOfMemory { .. })) => {

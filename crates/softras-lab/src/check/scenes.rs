@@ -98,8 +98,7 @@ fn mode_cases() -> Result<Vec<Case>> {
 
 fn appearance_cases() -> Result<Vec<Case>> {
     let perspective = Settings { interpolation: Interpolation::Perspective, ..soft() };
-    let outputs = Outputs { color: true, silhouette: true, depth: true, normal: true };
-    let all = Settings { outputs, background: Background::Composite, ..soft() };
+    let all = Settings { outputs: Outputs::ALL, background: Background::Composite, ..soft() };
     let mut smooth = case("smooth", "smooth light, depth and normals", icosphere(1)?, all)?;
     smooth.scene.lights = lights(Shading::Smooth);
     Ok(vec![case("textured", "image texture, correct in perspective", textured()?, perspective)?, smooth])

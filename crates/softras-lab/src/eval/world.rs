@@ -55,7 +55,7 @@ fn outputs(archive: &Archive) -> Result<Option<Outputs>> {
     let Some(texts) = array.texts() else {
         return Err(archive.fault(key, &format!("is {}", array.dtype()), "texts are expected, as ['color', 'depth']"));
     };
-    let mut wanted = Outputs { color: false, silhouette: false, depth: false, normal: false };
+    let mut wanted = Outputs::NOTHING;
     for text in texts {
         for name in text.split(',').map(str::trim) {
             match name {

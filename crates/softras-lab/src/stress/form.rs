@@ -7,9 +7,8 @@ use softras::scene::{
 };
 use softras::{GradientMode, Result};
 
-const ALL: Outputs = Outputs { color: true, silhouette: true, depth: true, normal: true };
 const USUAL: Outputs = Outputs { color: true, silhouette: true, depth: false, normal: false };
-const SILHOUETTE: Outputs = Outputs { color: false, silhouette: true, depth: false, normal: false };
+const SILHOUETTE: Outputs = Outputs::SILHOUETTE;
 
 /// The kind of appearance of a form's meshes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,20 +57,26 @@ pub const FORMS: usize = 10;
 /// All combinations, from the most to the least used.
 pub(super) const TABLE: [Form; FORMS] = [
     PAPER,
-    Form { look: Look::Uniform, lit: Some(Shading::Flat), outputs: ALL, background: Background::Composite, ..PAPER },
+    Form {
+        look: Look::Uniform,
+        lit: Some(Shading::Flat),
+        outputs: Outputs::ALL,
+        background: Background::Composite,
+        ..PAPER
+    },
     Form { look: Look::Uniform, outputs: SILHOUETTE, ..PAPER },
     Form {
         look: Look::Images,
         lit: Some(Shading::Smooth),
-        outputs: ALL,
+        outputs: Outputs::ALL,
         interpolation: Interpolation::Perspective,
         ..PAPER
     },
-    Form { look: Look::Surface, color: ColorAggregation::Hard, faces: Faces::Front, outputs: ALL, ..PAPER },
-    Form { distance: Distance::Barycentric, silhouette: SilhouetteAggregation::Sum, outputs: ALL, ..PAPER },
+    Form { look: Look::Surface, color: ColorAggregation::Hard, faces: Faces::Front, outputs: Outputs::ALL, ..PAPER },
+    Form { distance: Distance::Barycentric, silhouette: SilhouetteAggregation::Sum, outputs: Outputs::ALL, ..PAPER },
     Form { distance: Distance::Hard, silhouette: SilhouetteAggregation::Hard, ..PAPER },
     Form { look: Look::Surface, parity: Parity::Official, gradient: GradientMode::Paper, ..PAPER },
-    Form { background: Background::Composite, support: Support::Guaranteed, outputs: ALL, ..PAPER },
+    Form { background: Background::Composite, support: Support::Guaranteed, outputs: Outputs::ALL, ..PAPER },
     Form { parity: Parity::Official, distance: Distance::Barycentric, gradient: GradientMode::Paper, ..PAPER },
 ];
 

@@ -118,7 +118,7 @@ fn a_corner_that_near_just_leaves_is_whole_in_backward_too() {
             sigma: 1e-2,
             near: depth * (1.0 + share),
             far: 10.0,
-            outputs: Outputs { color: false, silhouette: true, depth: false, normal: false },
+            outputs: Outputs::SILHOUETTE,
             save: true,
             ..Settings::default()
         };

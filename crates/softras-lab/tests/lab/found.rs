@@ -7,7 +7,6 @@ use softras::{
     scene::{Appearance, Background, Distance, Interpolation, Outputs, Parity, Shading, Texture, Wrap},
 };
 
-const ALL: Outputs = Outputs { color: true, silhouette: true, depth: true, normal: true };
 const USUAL: Outputs = Outputs { color: true, silhouette: true, depth: false, normal: false };
 
 fn settings(near: f64, far: f64) -> Settings {
@@ -18,7 +17,7 @@ fn settings(near: f64, far: f64) -> Settings {
         far,
         sigma: 0.5,
         gamma: 1e-3,
-        outputs: ALL,
+        outputs: Outputs::ALL,
         save: true,
         ..Settings::default()
     }
@@ -232,7 +231,7 @@ fn the_brightest_colours_stay_finite_under_the_brightest_light() {
         tau: 4.06e-11,
         background: Background::Weighted,
         interpolation: Interpolation::Perspective,
-        outputs: ALL,
+        outputs: Outputs::ALL,
         ..Settings::default()
     };
     let corners =

@@ -228,7 +228,8 @@ fn lights_by_hand() {
 
 #[test]
 fn mirrored_scenes_have_mirrored_images() {
-    let settings = Settings { width: 9, height: 6, sigma: 1e-2, gamma: 0.05, outputs: ALL, ..Settings::default() };
+    let settings =
+        Settings { width: 9, height: 6, sigma: 1e-2, gamma: 0.05, outputs: Outputs::ALL, ..Settings::default() };
     let positions = [[-1.0f32, -0.5, 2.0], [0.5, -0.75, 3.0], [0.25, 0.75, 2.5], [1.0, 0.5, 4.0]];
     let triangles = [[0u32, 1, 2], [1, 3, 2]];
     let image = |sign: f32| {
@@ -251,7 +252,7 @@ fn mirrored_scenes_have_mirrored_images() {
 
 #[test]
 fn batches_are_their_views() {
-    let settings = Settings { width: 10, height: 10, sigma: 1e-3, outputs: ALL, ..Settings::default() };
+    let settings = Settings { width: 10, height: 10, sigma: 1e-3, outputs: Outputs::ALL, ..Settings::default() };
     let meshes = [0.1, 0.4].map(|below| screen_mesh(&triangle_above(below, 2.0)));
     let cameras = [Camera::screen(), pinhole_at_origin()];
     let single = |mesh: &Mesh, camera: Camera| {
@@ -266,7 +267,7 @@ fn batches_are_their_views() {
 
 #[test]
 fn only_asked_images_are_made_and_bad_settings_refused() {
-    let outputs = Outputs { color: false, silhouette: true, depth: false, normal: false };
+    let outputs = Outputs::SILHOUETTE;
     let scene = Scene::new(screen_mesh(&triangle_above(0.1, 2.0)));
     let frame = on_screen(&scene, &Settings { outputs, ..one_pixel() });
     assert!(frame.color.is_empty() && frame.depth.is_empty() && frame.normal.is_empty());

@@ -31,7 +31,7 @@ fn random_scene(random: &mut Random, triangles: usize) -> Scene {
 fn culling_changes_nothing() {
     let mut random = Random::new(7);
     let scene = random_scene(&mut random, 60);
-    let base = Settings { width: 37, height: 26, near: 0.8, far: 5.0, outputs: ALL, ..Settings::default() };
+    let base = Settings { width: 37, height: 26, near: 0.8, far: 5.0, outputs: Outputs::ALL, ..Settings::default() };
     let mut checked = 0;
     for (sigma, gamma) in [(1e-5, 1e-4), (1e-3, 1e-2), (0.1, 1.0)] {
         for distance in [Distance::Euclidean, Distance::Barycentric, Distance::Hard] {
@@ -53,7 +53,7 @@ fn culling_changes_nothing() {
 fn leaving_out_what_weighs_nothing_changes_nothing() {
     let mut random = Random::new(11);
     let scene = random_scene(&mut random, 60);
-    let base = Settings { width: 37, height: 26, near: 0.8, far: 5.0, outputs: ALL, ..Settings::default() };
+    let base = Settings { width: 37, height: 26, near: 0.8, far: 5.0, outputs: Outputs::ALL, ..Settings::default() };
     for (sigma, gamma) in [(1e-5, 1e-4), (1e-4, 1e-2), (1e-3, 1e-2), (0.1, 1.0)] {
         for (background, epsilon) in
             [(Background::Weighted, 1e-3), (Background::Weighted, 0.7), (Background::Composite, 0.0)]
@@ -81,7 +81,8 @@ fn leaving_out_what_weighs_nothing_changes_nothing() {
 #[test]
 fn untruncated_images_are_not_truncated_ones() {
     let scene = random_scene(&mut Random::new(11), 60);
-    let settings = Settings { width: 37, height: 26, near: 0.8, sigma: 1e-3, outputs: ALL, ..Settings::default() };
+    let settings =
+        Settings { width: 37, height: 26, near: 0.8, sigma: 1e-3, outputs: Outputs::ALL, ..Settings::default() };
     let untruncated = render_untruncated(&scene, &[Camera::screen()], &settings).unwrap();
     assert!(difference(&untruncated, &culled(&scene, &settings)) > 1e-3);
 }

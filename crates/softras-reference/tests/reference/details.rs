@@ -73,7 +73,7 @@ fn moved_scenes_have_moved_images() {
             gamma: 0.1,
             distance,
             parity,
-            outputs: ALL,
+            outputs: Outputs::ALL,
             ..Settings::default()
         };
         on_screen(&colored(&triangle(by), &[[1.0, 0.0, 0.5], [0.0, 1.0, 0.5], [0.2, 0.3, 1.0]]), &settings)

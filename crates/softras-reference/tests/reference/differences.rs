@@ -62,7 +62,7 @@ fn settings() -> Settings {
         tau: 1e-5,
         far: 10.0,
         background_color: [0.1, 0.4, 0.2],
-        outputs: Outputs { color: true, silhouette: true, depth: true, normal: true },
+        outputs: Outputs::ALL,
         ..Settings::default()
     }
 }

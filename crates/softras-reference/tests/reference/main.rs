@@ -21,11 +21,9 @@ use softras::scene::{
 use softras_reference::{ReferenceFrame, Truncation, render, render_culled};
 use softras_reference::{pairs, render_untruncated};
 
-const ALL: Outputs = Outputs { color: true, silhouette: true, depth: true, normal: true };
-
 /// One pixel, at the screen's origin.
 fn one_pixel() -> Settings {
-    Settings { width: 1, height: 1, sigma: 0.01, gamma: 0.1, outputs: ALL, ..Settings::default() }
+    Settings { width: 1, height: 1, sigma: 0.01, gamma: 0.1, outputs: Outputs::ALL, ..Settings::default() }
 }
 
 fn screen_mesh(positions: &[[f32; 3]]) -> Mesh {

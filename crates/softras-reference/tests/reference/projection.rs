@@ -39,7 +39,7 @@ fn one_corner_cut_off_leaves_two_pieces() {
 
 #[test]
 fn screen_triangles_are_cut_like_the_view_space_ones_they_stand_for() {
-    let settings = Settings { width: 16, height: 16, sigma: 1e-3, outputs: ALL, ..Settings::default() };
+    let settings = Settings { width: 16, height: 16, sigma: 1e-3, outputs: Outputs::ALL, ..Settings::default() };
     let view = [[-1.0f32, -0.5, 2.0], [1.0, -0.5, 4.0], [0.25, 0.25, 0.5]];
     let screen = view.map(|[x, y, z]| [x / z, y / z, z]);
     let in_view = render(&Scene::new(screen_mesh(&view)), &[pinhole_at_origin()], &settings, Truncation::Tau).unwrap();
@@ -54,7 +54,7 @@ fn screen_triangles_are_cut_like_the_view_space_ones_they_stand_for() {
 
 #[test]
 fn projections_agree_on_the_same_camera() {
-    let settings = Settings { width: 12, height: 8, sigma: 1e-3, outputs: ALL, ..Settings::default() };
+    let settings = Settings { width: 12, height: 8, sigma: 1e-3, outputs: Outputs::ALL, ..Settings::default() };
     let scene = Scene::new(screen_mesh(&[[-1.0, -0.75, 3.0], [1.5, -0.5, 2.5], [0.25, 1.0, 2.0]]));
     let image = |projection, settings: &Settings| {
         let camera = Camera::from_matrix(DMat4::IDENTITY, projection).unwrap();
