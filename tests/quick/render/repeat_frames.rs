@@ -11,8 +11,8 @@ use crate::common::{
 use crate::host::shim::{self, adapter};
 use glam::DVec3;
 use softras::{
-    Camera, Frame, Gradients, ImageGradient, Lights, Mesh, Projection, Renderer, RendererOptions, Scene, Settings,
-    Wanted,
+    Camera, Frame, GradientRequest, Gradients, ImageGradient, Lights, Mesh, Projection, Renderer, RendererOptions,
+    Scene, Settings,
     scene::{Appearance, Background, Shading},
     shapes,
 };
