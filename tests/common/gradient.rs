@@ -176,12 +176,7 @@ pub fn same_gradient_bits(a: &Gradients, b: &Gradients) -> Result<(), String> {
 /// # Errors
 /// The first that is not.
 pub fn all_finite(gradients: &Gradients) -> Result<(), String> {
-    for (name, values) in numbers(gradients) {
-        if let Some(i) = values.iter().position(|x| !x.is_finite()) {
-            return Err(format!("{name}: number {i} is {}", values[i]));
-        }
-    }
-    Ok(())
+    agreement::not_finite(gradients).map_or(Ok(()), Err)
 }
 
 /// Errors of many scenes by mode and gradient.

@@ -145,6 +145,14 @@ pub fn numbers(g: &Gradients) -> Vec<(&'static str, Vec<f64>)> {
     all
 }
 
+/// Names the first number of a gradient that is not finite.
+pub fn not_finite(gradients: &Gradients) -> Option<String> {
+    numbers(gradients).into_iter().find_map(|(name, values)| {
+        let i = values.iter().position(|x| !x.is_finite())?;
+        Some(format!("{name}: number {i} is {}", values[i]))
+    })
+}
+
 /// The reference's, in the same order and shapes.
 fn reference_numbers(of: Subject<'_>, g: &ReferenceGradients) -> Vec<(&'static str, Vec<f64>)> {
     let mut all = Vec::new();

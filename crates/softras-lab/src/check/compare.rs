@@ -1,10 +1,9 @@
 //! Compares one scene between the device and the f64 reference.
 
 use super::scenes::Case;
-use crate::agreement::{self, IMAGE_MARGIN, norm};
-use crate::gradients;
-use softras::{Frame, GradientRequest, Image, ImageGradient, Renderer, Result, Settings};
-use softras_reference::{Parameters, ReferenceFrame};
+use crate::agreement::{self, Group, IMAGE_MARGIN, Subject, norm};
+use softras::{Error, Frame, GradientRequest, Gradients, Image, ImageGradient, Renderer, Result, Settings};
+use softras_reference::ReferenceFrame;
 
 /// The tolerance of a value of an image: of a colour in [0, 1], or of a depth in world units.
 pub const IMAGE_TOLERANCE: f64 = 1e-4;
@@ -41,20 +40,18 @@ pub fn compare(renderer: &mut Renderer, case: &Case) -> Result<Findings> {
     let settings = Settings { save: true, ..case.settings.clone() };
     let truth = softras_reference::render_culled(&case.scene, &case.cameras, &settings)?;
     let upstream = upstream(&truth, &settings);
-    let weights = gradients::upstream(&upstream);
-    let expected = softras_reference::gradient(&case.scene, &case.cameras, &settings, &weights, case.mode)?;
-    let mut run = || -> Result<(Frame, Parameters)> {
+    let subject = Subject { scene: &case.scene, cameras: &case.cameras, settings: &settings };
+    let expected = agreement::reference_gradient(subject, &upstream, case.mode)?;
+    let mut run = || -> Result<(Frame, Gradients)> {
         let frame = renderer.render(&case.scene, &case.cameras, &settings)?;
         let wanted = GradientRequest { mode: case.mode, ..GradientRequest::ALL };
         let gradients = renderer.backward(&frame, &upstream, &wanted)?;
-        let gradients = gradients::as_parameters(&gradients, &case.scene, &case.cameras, &settings)?;
         Ok((frame, gradients))
     };
     let (frame, ours) = run()?;
     let (again, ours_again) = run()?;
-    let errors = groups(&ours, case).into_iter().zip(groups(&expected, case));
-    let mut gradients = [None; 8];
-    gradients.iter_mut().zip(errors).for_each(|(field, (ours, expected))| *field = relative(&ours, &expected));
+    let bug = |what| Error::Backward { what, fix: "this is a bug in softras: please report it".into() };
+    let gradients = gradient_errors(agreement::groups(subject, &ours, &expected).map_err(bug)?);
     let repeats = bits(&frame, &ours) == bits(&again, &ours_again);
     Ok(Findings { images: image_errors(&frame, &truth), gradients, repeats })
 }
@@ -93,26 +90,30 @@ fn image_errors(frame: &Frame, truth: &ReferenceFrame) -> [Option<f64>; 4] {
     ]
 }
 
-/// The gradients by the columns of the table.
-fn groups(all: &Parameters, case: &Case) -> [Vec<f64>; 8] {
-    let (meshes, views) = (0..case.scene.meshes.len(), 0..case.cameras.len());
-    let texels = |mesh: usize| match case.scene.meshes[mesh].appearance() {
-        softras::scene::Appearance::Textured { .. } => all.texture_texels(mesh, 0),
-        _ => all.surface_texels(mesh),
-    };
-    let each = |values: &dyn Fn(usize) -> Vec<f64>| meshes.clone().flat_map(values).collect::<Vec<f64>>();
-    let lights = (0..case.scene.lights.directional.len())
-        .flat_map(|l| [all.light_direction(l), all.light_color(l), &[all.light_intensity(l)]].concat());
-    [
-        each(&|mesh| all.positions(mesh).to_vec()),
-        each(&|mesh| all.colors(mesh).to_vec()),
-        each(&|mesh| texels(mesh).to_vec()),
-        each(&|mesh| all.uvs(mesh).to_vec()),
-        views.flat_map(|view| [all.twist(view), all.projection(view)].concat()).collect(),
-        [all.ambient_color(), &[all.ambient_intensity()]].concat().into_iter().chain(lights).collect(),
-        [all.background(), &[all.epsilon()]].concat(),
-        vec![all.sigma(), all.gamma()],
-    ]
+/// The column of the table that a gradient belongs to.
+fn column(name: &str) -> Option<usize> {
+    Some(match name {
+        "positions" => 0,
+        "colors" => 1,
+        "surface texels" | "texture texels" => 2,
+        "UVs" => 3,
+        "twist" | "projection" => 4,
+        "ambient" | "light direction" | "light color" => 5,
+        "background" | "epsilon" => 6,
+        "sigma" | "gamma" => 7,
+        _ => return None,
+    })
+}
+
+/// The error of each column of the table.
+fn gradient_errors(groups: Vec<Group>) -> [Option<f64>; 8] {
+    let mut columns = [const { (Vec::new(), Vec::new()) }; 8];
+    for Group { name, ours, reference } in groups {
+        let Some(column) = column(name) else { continue };
+        columns[column].0.extend(ours);
+        columns[column].1.extend(reference);
+    }
+    columns.map(|(ours, reference)| relative(&ours, &reference))
 }
 
 /// |ours - expected| / |expected|; `None` if both are all zeros.
@@ -125,10 +126,11 @@ fn relative(ours: &[f64], expected: &[f64]) -> Option<f64> {
     Some(if error.is_nan() { f64::INFINITY } else { error })
 }
 
-fn bits(frame: &Frame, gradients: &Parameters) -> (Vec<u32>, Vec<u64>) {
+fn bits(frame: &Frame, gradients: &Gradients) -> (Vec<u32>, Vec<u64>) {
     let images = [frame.color(), frame.silhouette(), frame.depth(), frame.normal()];
     let values = images.into_iter().flatten().flat_map(|image| &image.data);
-    (values.map(|x| x.to_bits()).collect(), gradients.values().iter().map(|x| x.to_bits()).collect())
+    let numbers = agreement::numbers(gradients).into_iter().flat_map(|(_, values)| values);
+    (values.map(|x| x.to_bits()).collect(), numbers.map(f64::to_bits).collect())
 }
 
 #[cfg(test)]

@@ -1,10 +1,11 @@
 //! Runs cases on the device and checks what must hold of them.
 
-use super::bits::{bits, gradient_bits, not_finite};
+use super::bits::{bits, gradient_bits};
 use super::draw::{Case, Kind, Promise};
 use super::outcome::Outcome;
 use super::promise;
 use super::range::{Hull, bounds, color_hull};
+use crate::agreement::not_finite;
 use softras::{Camera, Frame, GradientRequest, Gradients, Renderer, RendererOptions, Scene};
 use softras::{Error, Result};
 use softras_reference::render_culled;
