@@ -1,10 +1,10 @@
-//! Shape fits, their presets, a loss of one's own, and frames that are saved by what asks for gradients.
+//! Shape fits, their presets, and a loss of one's own.
 
 use crate::common;
 use softras::scene::{Appearance, Outputs};
 use softras::{
-    Camera, Error, Frame, GradientRequest, Image, ImageGradient, Lights, Mesh, Projection, Renderer, RendererOptions,
-    Scene, Settings, shapes,
+    Camera, Error, Frame, Image, ImageGradient, Lights, Mesh, Projection, Renderer, RendererOptions, Scene, Settings,
+    shapes,
 };
 use softras_fit::{ImageLoss, ShapeFit, ShapeOptions, ShapeRun};
 use softras_io::Views;
@@ -178,21 +178,4 @@ fn steps_of_some_of_the_views_take_them_in_turn() {
         }
     }
     assert_eq!(second.mesh().positions(), whole.mesh().positions());
-}
-
-#[test]
-fn a_frame_that_is_saved_can_be_differentiated_whatever_the_settings_say() {
-    let (mut renderer, targets, settings) = goal();
-    let scene = Scene::new(shapes::icosphere(1).unwrap());
-    let upstream =
-        |image: &Image| ImageGradient::silhouette(Image { data: vec![1.0; image.data.len()], ..image.clone() });
-    assert!(!settings.save);
-    let plain = renderer.render(&scene, &targets.cameras, &settings).unwrap();
-    let of_plain = upstream(plain.silhouette().unwrap());
-    let error = renderer.backward(&plain, &of_plain, &GradientRequest::default()).unwrap_err();
-    assert!(matches!(error, Error::Backward { .. }) && error.to_string().contains("render_saved"), "{error}");
-    let saved = renderer.render_saved(&scene, &targets.cameras, &settings).unwrap();
-    assert_eq!(saved.silhouette().unwrap().data, plain.silhouette().unwrap().data);
-    let gradients = renderer.backward(&saved, &of_plain, &GradientRequest::default()).unwrap();
-    assert!(gradients.meshes[0].positions.iter().any(|g| *g != [0.0; 3]));
 }
