@@ -1,7 +1,7 @@
 //! Gradients of images: the kernels against the f64 reference, one hazard at a time, and the same bits every time.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-mod agreement;
+pub mod agreement;
 mod hazards;
 mod helpers;
 mod living;
