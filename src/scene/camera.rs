@@ -169,8 +169,11 @@ impl Camera {
         self.view.map(|[x, y, z, _]| DVec3::new(x, y, z))
     }
 
-    /// A world point in view space.
+    /// A world point in view space. Under [`Projection::Screen`], whose points are given as they are seen, the point itself.
     pub fn to_view(&self, point: DVec3) -> DVec3 {
+        if self.projection == Projection::Screen {
+            return point;
+        }
         DVec3::from_array(self.view.map(|[x, y, z, shift]| x * point.x + y * point.y + z * point.z + shift))
     }
 
@@ -239,11 +242,13 @@ mod tests {
             (Projection::Perspective { fov_y: 2.0 * 0.5f64.atan() }, 4.0, [40.0, 0.0]),
             (Projection::Orthographic { half_height: 4.0 }, 4.0, [35.0, 10.0]),
             (Projection::Pinhole { fx: 8.0, fy: 12.0, cx: 31.0, cy: 19.0 }, 4.0, [33.0, 13.0]),
-            (Projection::Screen, 4.0, [50.0, -20.0]),
+            // The point itself, whatever the view beside it: depths of 1 and, at the end, of -3.5.
+            (Projection::Screen, 1.0, [50.0, -20.0]),
             (distorted, 4.0 - 1e-5, [23.81170654296875, 12.8453369140625]),
         ];
         for (projection, depth, [column, row]) in cases {
-            let view = DMat4::from_translation(DVec3::new(0.0, 0.0, depth - 1.0));
+            let shift = if projection == Projection::Screen { 3.0 } else { depth - 1.0 };
+            let view = DMat4::from_translation(DVec3::new(0.0, 0.0, shift));
             let camera = Camera::from_matrix(view, projection).unwrap();
             let found = DVec3::from(camera.project(DVec3::new(1.0, 2.0, 1.0), (60, 40)).unwrap());
             let expected = DVec3::new(column, row, depth);
