@@ -41,7 +41,7 @@ pub fn whole_image((width, height): (u32, u32)) -> vk::BufferImageCopy {
 }
 
 /// The bytes of a new image of this format and size after `store` has recorded a store to it.
-pub fn after_store<F: FnOnce(&mut HostCommands)>(
+pub fn after_store<F: Fn(&mut HostCommands)>(
     engine: &Engine,
     format: ImageFormat,
     size: (u32, u32),
@@ -49,6 +49,7 @@ pub fn after_store<F: FnOnce(&mut HostCommands)>(
 ) -> Vec<u8> {
     use vk::{AccessFlags as A, ImageLayout as L, PipelineStageFlags as S};
     let (image, target) = image(engine, format, size);
+    // What it is bound with lives in it, until the commands have run.
     let record = store(&target);
     let texel = match format {
         ImageFormat::Rgba32Float => 16,
