@@ -40,7 +40,8 @@ pub enum Projection {
         /// S, the side in pixels of the square image that P was made for, above 0.
         original_size: f64,
     },
-    /// Vertices are given on the screen already: (x, y) in screen units, z the view depth.
+    /// Vertices are given on the screen already: (x, y) in screen units, z the view depth. A camera with it has no view
+    /// transform: the one that it is made with is left out.
     Screen,
 }
 
@@ -125,8 +126,10 @@ impl Camera {
 
     /// For scenes whose vertices are screen x, y and view depth z already.
     pub fn screen() -> Self {
-        let view = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
-        Self { view, projection: Projection::Screen }
+        Self {
+            view: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
+            projection: Projection::Screen,
+        }
     }
 
     fn from_rows(view: [[f64; 4]; 3], projection: Projection) -> Result<Self> {
@@ -149,6 +152,7 @@ impl Camera {
             {
                 bad("distortion, original_size", (distortion, original_size), "use finite, size above 0")
             }
+            Projection::Screen => Ok(Self::screen()),
             _ => Ok(Self { view, projection }),
         }
     }
@@ -169,11 +173,8 @@ impl Camera {
         self.view.map(|[x, y, z, _]| DVec3::new(x, y, z))
     }
 
-    /// A world point in view space. Under [`Projection::Screen`], whose points are given as they are seen, the point itself.
+    /// A world point in view space.
     pub fn to_view(&self, point: DVec3) -> DVec3 {
-        if self.projection == Projection::Screen {
-            return point;
-        }
         DVec3::from_array(self.view.map(|[x, y, z, shift]| x * point.x + y * point.y + z * point.z + shift))
     }
 
@@ -242,19 +243,20 @@ mod tests {
             (Projection::Perspective { fov_y: 2.0 * 0.5f64.atan() }, 4.0, [40.0, 0.0]),
             (Projection::Orthographic { half_height: 4.0 }, 4.0, [35.0, 10.0]),
             (Projection::Pinhole { fx: 8.0, fy: 12.0, cx: 31.0, cy: 19.0 }, 4.0, [33.0, 13.0]),
-            // The point itself, whatever the view beside it: depths of 1 and, at the end, of -3.5.
-            (Projection::Screen, 1.0, [50.0, -20.0]),
             (distorted, 4.0 - 1e-5, [23.81170654296875, 12.8453369140625]),
         ];
         for (projection, depth, [column, row]) in cases {
-            let shift = if projection == Projection::Screen { 3.0 } else { depth - 1.0 };
-            let view = DMat4::from_translation(DVec3::new(0.0, 0.0, shift));
+            let view = DMat4::from_translation(DVec3::new(0.0, 0.0, depth - 1.0));
             let camera = Camera::from_matrix(view, projection).unwrap();
             let found = DVec3::from(camera.project(DVec3::new(1.0, 2.0, 1.0), (60, 40)).unwrap());
             let expected = DVec3::new(column, row, depth);
             assert!((found - expected).length() < 1e-12, "{projection:?}: {found}, not {expected}");
             assert_eq!(camera.project(DVec3::new(0.0, 0.0, -3.5), (60, 40)), None);
         }
+        // A point of the screen is seen where it is, whatever view the camera was made with.
+        let screen = Camera::look_at(DVec3::Z, DVec3::ZERO, DVec3::Y, Projection::Screen).unwrap();
+        assert_eq!(screen, Camera::screen());
+        assert_eq!(screen.project(DVec3::new(1.0, 2.0, 1.0), (60, 40)), Some([50.0, -20.0, 1.0]));
     }
 
     #[test]

@@ -6,6 +6,7 @@ use crate::scene::{
     Background, Camera, ColorAggregation, Distance, Faces, FrontFace, Interpolation, Mesh, Outputs, Parity, Settings,
     Shading, SilhouetteAggregation,
 };
+use glam::DVec3;
 
 /// The smallest and largest corner of a box.
 type Bounds = ([f32; 3], [f32; 3]);
@@ -54,9 +55,7 @@ impl DepthSpan {
         if of_box == inside {
             return inside;
         }
-        let row = camera.view()[2];
-        let depth =
-            |p: [f32; 3]| row[0] * f64::from(p[0]) + row[1] * f64::from(p[1]) + row[2] * f64::from(p[2]) + row[3];
+        let depth = |p: [f32; 3]| camera.to_view(DVec3::from(p.map(f64::from))).z;
         let widest = (f64::INFINITY, f64::NEG_INFINITY);
         let (nearest, farthest) =
             mesh.used_positions().map(depth).fold(widest, |(low, high), z| (low.min(z), high.max(z)));
