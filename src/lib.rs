@@ -17,7 +17,7 @@
 //!
 //! let frame = renderer.render_saved(&scene, &[camera], &settings)?;
 //! // The loss is the mean silhouette: its gradient is the same everywhere.
-//! let silhouette = frame.silhouette().expect("asked for by default");
+//! let silhouette = frame.silhouette()?;
 //! let weight = 1.0 / silhouette.data.len() as f32;
 //! let upstream = Image { data: vec![weight; silhouette.data.len()], ..silhouette.clone() };
 //! let gradients = renderer.backward(&frame, &ImageGradient::silhouette(upstream), &GradientRequest::default())?;

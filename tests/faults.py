@@ -93,7 +93,7 @@ FAULTS = [
     ("colours summed in the weights' unit", SOFT, "const float COLOR_UNIT = 1048576.0;",
      "const float COLOR_UNIT = WEIGHT_UNIT;", ["lab found::the_brightest"]),
     ("stale bits of the frame before", "src/frame/passes/forward.rs", "    clear(recorder, bin_bits, plan.sizes[BufferId::BinBits])?;\n",
-     "    let _ = bin_bits;\n", ["render::invariance::what_was_rendered_before", "render::invariance::twenty"]),
+     "    let _ = bin_bits;\n", ["embed::ash_example::images_are_the_simple_apis"]),
     ("half of a sum's lanes lost", "glsl/reduce.comp", "for (int width = LANES / 2;", "for (int width = LANES / 4;",
      ["gradient::agreement::random_scenes"]),
     ("composite background by alpha", "glsl/common/images.glsl", "background * (1.0 - alpha)", "background * alpha",

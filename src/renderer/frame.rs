@@ -1,6 +1,6 @@
 //! A rendered batch with its images, timings and counts.
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::frame::buffers::{BufferId, Contents};
 use crate::image::Image;
 #[cfg(doc)]
@@ -53,24 +53,47 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// RGB, linear, `[batch, height, width, 3]`; `None` unless [`Outputs`] asked for it.
-    pub fn color(&self) -> Option<&Image> {
-        self.color.as_ref()
+    /// RGB, linear, `[batch, height, width, 3]`.
+    ///
+    /// # Errors
+    /// [`Error::Settings`] unless [`Outputs`] asked for it. That is so for each of the images.
+    pub fn color(&self) -> Result<&Image> {
+        asked("outputs.color", &self.color)
     }
 
-    /// The silhouette in [0, 1], `[batch, height, width, 1]`; `None` unless asked for.
-    pub fn silhouette(&self) -> Option<&Image> {
-        self.silhouette.as_ref()
+    /// The silhouette in [0, 1], `[batch, height, width, 1]`.
+    ///
+    /// # Errors
+    /// As [`Frame::color`].
+    pub fn silhouette(&self) -> Result<&Image> {
+        asked("outputs.silhouette", &self.silhouette)
     }
 
-    /// Σ w z in world units, `[batch, height, width, 1]`, 0 where no triangle contributes; `None` unless asked for.
-    pub fn depth(&self) -> Option<&Image> {
-        self.depth.as_ref()
+    /// Σ w z in world units, `[batch, height, width, 1]`, 0 where no triangle contributes.
+    ///
+    /// # Errors
+    /// As [`Frame::color`].
+    pub fn depth(&self) -> Result<&Image> {
+        asked("outputs.depth", &self.depth)
     }
 
-    /// Σ w n in world space, `[batch, height, width, 3]`; `None` unless asked for.
-    pub fn normal(&self) -> Option<&Image> {
-        self.normal.as_ref()
+    /// Σ w n in world space, `[batch, height, width, 3]`.
+    ///
+    /// # Errors
+    /// As [`Frame::color`].
+    pub fn normal(&self) -> Result<&Image> {
+        asked("outputs.normal", &self.normal)
+    }
+
+    /// The images that [`Outputs`] asked for, by its fields' names and in their order.
+    pub fn images(&self) -> impl Iterator<Item = (&'static str, &Image)> {
+        let all = [
+            ("color", &self.color),
+            ("silhouette", &self.silhouette),
+            ("depth", &self.depth),
+            ("normal", &self.normal),
+        ];
+        all.into_iter().filter_map(|(name, image)| Some((name, image.as_ref()?)))
     }
 
     /// Device time of every stage, in the order in which they ran; empty unless
@@ -115,6 +138,10 @@ impl Frame {
         }
         Ok(frame)
     }
+}
+
+fn asked<'a>(field: &'static str, image: &'a Option<Image>) -> Result<&'a Image> {
+    image.as_ref().ok_or_else(|| Error::Settings { field, value: "false".into(), fix: "ask for it".into() })
 }
 
 /// The first three of every four floats, and the fourth ones if they are wanted.

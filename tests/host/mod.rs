@@ -196,14 +196,8 @@ impl Planner {
 impl Planned {
     /// A renderer's frame with its gradients, to compare with.
     pub fn of(frame: &Frame, gradients: Gradients) -> Self {
-        let images = [
-            ("color", frame.color()),
-            ("silhouette", frame.silhouette()),
-            ("depth", frame.depth()),
-            ("normal", frame.normal()),
-        ];
-        let images = images.into_iter().filter_map(|(name, image)| Some((name, image?.data.clone())));
-        Self { images: images.collect(), gradients, list_entries: 0 }
+        let images = frame.images().map(|(name, image)| (name, image.data.clone())).collect();
+        Self { images, gradients, list_entries: 0 }
     }
 
     /// Where the bits of another frame differ.

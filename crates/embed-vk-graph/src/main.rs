@@ -67,7 +67,7 @@ fn goal_mesh(path: Option<&Path>) -> Outcome<softras::Mesh> {
 fn goal_images(path: Option<&Path>) -> Outcome<Vec<f32>> {
     let scene = Scene::new(goal_mesh(path)?).with_lights(Lights::official());
     let frame = Renderer::new()?.render(&scene, &cameras()?, &settings(SIZE, BLUR))?;
-    let (color, silhouette) = (frame.color().ok_or("no colour")?, frame.silhouette().ok_or("no silhouette")?);
+    let (color, silhouette) = (frame.color()?, frame.silhouette()?);
     let pixels = color.data.chunks_exact(3).zip(&silhouette.data);
     Ok(pixels.flat_map(|(rgb, a)| [rgb[0], rgb[1], rgb[2], *a]).collect())
 }

@@ -72,8 +72,7 @@ pub(crate) struct Rendered {
 
 impl Rendered {
     fn parts(&self) -> impl Iterator<Item = &Image> {
-        let frame = &self.frame;
-        [frame.color(), frame.silhouette(), frame.depth(), frame.normal()].into_iter().flatten()
+        self.frame.images().map(|(_, image)| image)
     }
 
     /// All images, the channels of one pixel after one another, and the shape `[views, height, width, channels]`.
@@ -95,8 +94,8 @@ impl Rendered {
     fn unpacked(&self, packed: &[f32]) -> ImageGradient {
         let total: usize = self.parts().map(|image| image.channels).sum();
         let mut from = 0;
-        let mut next = |image: Option<&Image>| {
-            let image = image?;
+        let mut next = |image: softras::Result<&Image>| {
+            let image = image.ok()?;
             let range = from..from + image.channels;
             from = range.end;
             let data: Vec<f32> =

@@ -24,7 +24,7 @@ fn main() -> softras::Result<()> {
     };
     let cameras: Vec<Camera> = (0..VIEWS).map(around).collect::<softras::Result<_>>()?;
     let settings = Settings { width: 64, height: 64, ..Settings::default() }.with_depths_of(&goal, &cameras, 0.5);
-    let silhouette = renderer.render(&goal, &cameras, &settings)?.silhouette().cloned();
+    let silhouette = Some(renderer.render(&goal, &cameras, &settings)?.silhouette()?.clone());
     let targets = Views { cameras: cameras.clone(), silhouette, ..Views::default() };
 
     // A sphere, moved by the method of the command `softras fit`, with softness and steps that shrink.
@@ -42,8 +42,8 @@ fn main() -> softras::Result<()> {
 
     let Some((mesh, step)) = fit.best() else { return Ok(()) };
     let seen = renderer.render(&Scene::new(mesh.clone()), &cameras, &settings)?;
-    if let (Some(seen), Some(wanted)) = (seen.silhouette(), &targets.silhouette) {
-        let ious = mask_iou(seen, wanted)?;
+    if let Some(wanted) = &targets.silhouette {
+        let ious = mask_iou(seen.silhouette()?, wanted)?;
         println!("best at step {step}: mean mask IoU {:.3}", ious.iter().sum::<f64>() / ious.len() as f64);
     }
     softras_io::save(mesh, &out)?;

@@ -140,7 +140,7 @@ pub fn color_under_light(mesh: &Mesh, subject: &Subject, renderer: &mut Renderer
     let scene = Scene::new(white).with_lights(subject.lights.clone());
     let (mut by_light, mut of_light) = ([0.0; 3], [0.0; 3]);
     parts::in_batches(renderer, &scene, &targets.cameras, &settings, |range, frame| {
-        let (Some(light), Some(alpha)) = (frame.color(), frame.silhouette()) else { return Ok(()) };
+        let (light, alpha) = (frame.color()?, frame.silhouette()?);
         let targets = range.flat_map(|view| color.view(view).chunks_exact(3).zip(silhouette.view(view)));
         let lights = light.data.chunks_exact(3).zip(&alpha.data);
         for ((target, inside), (light, covered)) in targets.zip(lights) {

@@ -22,8 +22,7 @@ pub fn color_error(mesh: &Mesh, setup: &Setup, subject: &Subject, renderer: &mut
     let scene = Scene::new(mesh.clone()).with_lights(setup.lights.clone());
     let (mut sum, mut count) = (0.0, 0usize);
     parts::in_batches(renderer, &scene, &subject.views.cameras, &settings, |range, frame| {
-        let Some(shown) = frame.color() else { return Ok(()) };
-        let shown = pooled(shown, SAMPLES)?;
+        let shown = pooled(frame.color()?, SAMPLES)?;
         let (color, silhouette) = (color.views(range.clone()), silhouette.views(range));
         let pixels = shown.data.chunks_exact(3).zip(color.data.chunks_exact(3)).zip(&silhouette.data);
         for ((shown, wanted), _) in pixels.filter(|(_, inside)| **inside > 0.5) {

@@ -81,8 +81,8 @@ impl Film {
         };
         let lights = self.lights.clone().unwrap_or_else(|| lights(&camera));
         let frame = renderer.render(&Scene::new(mesh.clone()).with_lights(lights), &[camera], &settings)?;
-        let (Some(color), Some(alpha)) = (frame.color(), frame.silhouette()) else { return Ok(()) };
-        let [color, alpha] = [pooled(color, SAMPLES as usize)?, pooled(alpha, SAMPLES as usize)?];
+        let [color, alpha] =
+            [pooled(frame.color()?, SAMPLES as usize)?, pooled(frame.silhouette()?, SAMPLES as usize)?];
         let shown = picture(&color.data, &alpha.data, (self.size.1 as usize, self.size.0 as usize));
         let mut both = Picture::filled(2 * shown.width, shown.height, [255; 4]);
         both.paste(&self.target, 0, 0);

@@ -58,8 +58,8 @@ impl Found {
         let (mut unseen, mut iou) = (Unseen::default(), 0.0);
         let scene = Scene::new(mesh.clone());
         parts::in_batches(renderer, &scene, &targets.cameras, &settings, |views, frame| {
-            if let (Some(image), Some(target)) = (frame.silhouette(), &targets.silhouette) {
-                let target = target.views(views.clone());
+            if let Some(target) = &targets.silhouette {
+                let (image, target) = (frame.silhouette()?, target.views(views.clone()));
                 unseen.add(views.start, image, &target);
                 iou += mask_iou(image, &target)?.iter().sum::<f64>();
             }

@@ -78,10 +78,9 @@ impl Scores {
         parts::in_batches(renderer, &scene, &targets.cameras, &hard, |views, frame| {
             let first = views.start;
             let some = target.views(views);
-            if let Some(image) = frame.silhouette() {
-                unseen.add(first, image, &some);
-            }
-            masks.extend(frame.silhouette().map(|image| mask_iou(image, &some)).transpose()?.unwrap_or_default());
+            let image = frame.silhouette()?;
+            unseen.add(first, image, &some);
+            masks.extend(mask_iou(image, &some)?);
             Ok(())
         })?;
         let covered = covered(&scene, targets, &hard, renderer)?;
@@ -92,9 +91,9 @@ impl Scores {
             let (mut loss, count) = (0.0, some.cameras.len() as f64);
             parts::in_batches(renderer, &scene, &some.cameras, &settings, |views, frame| {
                 let share = views.len() as f64 / count;
-                if let (Some(image), Some(target)) = (frame.silhouette(), &some.silhouette) {
+                if let Some(target) = &some.silhouette {
                     let target = target.views(views);
-                    loss += share * ImageLoss::NegativeIou.evaluate(image, &target, None)?.value;
+                    loss += share * ImageLoss::NegativeIou.evaluate(frame.silhouette()?, &target, None)?.value;
                 }
                 Ok(())
             })?;
@@ -124,8 +123,7 @@ fn covered(scene: &Scene, targets: &Views, hard: &Settings, renderer: &mut Rende
         let mut image = Image { data: Vec::new(), ..target };
         let render = |camera: &Camera, settings: &Settings| renderer.render(scene, &[*camera], settings);
         parts::in_bands::<_, Error>(camera, &fine, &mut bands, render, |band| {
-            let pooled = band.frame.silhouette().map(|image| pooled(image, SAMPLES as usize)).transpose()?;
-            image.data.extend(pooled.into_iter().flat_map(|pooled| pooled.data));
+            image.data.extend(pooled(band.frame.silhouette()?, SAMPLES as usize)?.data);
             Ok(())
         })?;
         Ok(mean(&mask_iou(&image, &target)?))

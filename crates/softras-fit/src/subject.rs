@@ -100,10 +100,10 @@ impl Subject {
         let mut views = Views { cameras, ..Views::default() };
         let cameras = views.cameras.clone();
         parts::in_batches(renderer, &scene, &cameras, &settings, |range, frame| {
-            append(&mut views.silhouette, frame.silhouette())?;
-            append(&mut views.color, frame.color())?;
-            append(&mut views.depth, frame.depth())?;
-            append(&mut views.normal, frame.normal())?;
+            append(&mut views.silhouette, frame.silhouette().ok())?;
+            append(&mut views.color, frame.color().ok())?;
+            append(&mut views.depth, frame.depth().ok())?;
+            append(&mut views.normal, frame.normal().ok())?;
             range.for_each(|_| done());
             Ok(())
         })?;

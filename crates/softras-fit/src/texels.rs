@@ -83,7 +83,7 @@ impl<'a> Texels<'a> {
             return Ok((0.0, Vec::new()));
         }
         let frame = renderer.render_saved(&self.scene, &self.targets.cameras[views], &self.settings)?;
-        let Some(shown) = frame.color() else { return Ok((0.0, Vec::new())) };
+        let shown = frame.color()?;
         let loss = ImageLoss::L1.evaluate(&pooled(shown, SAMPLES)?, &color, Some(&weights))?;
         let mut upstream = Image { data: vec![0.0; shown.data.len()], ..*shown };
         add_pooled_gradient(&mut upstream, &loss.gradient, SAMPLES, share)?;
@@ -100,8 +100,7 @@ fn weights(scene: &Scene, targets: &Views, settings: &Settings, renderer: &mut R
     let (height, width) = targets.size()?;
     let mut weights = Image { batch: targets.cameras.len(), height, width, channels: 1, data: Vec::new() };
     parts::in_batches(renderer, scene, &targets.cameras, &settings, |views, frame| {
-        let Some(shown) = frame.silhouette() else { return Ok(()) };
-        let covered = pooled(shown, SAMPLES)?.data.into_iter().map(|x| x >= COVERED);
+        let covered = pooled(frame.silhouette()?, SAMPLES)?.data.into_iter().map(|x| x >= COVERED);
         let given = targets.silhouette.as_ref().map(|silhouette| silhouette.views(views));
         let inside = |i: usize| given.as_ref().is_none_or(|given| given.data[i] >= COVERED);
         weights.data.extend(covered.enumerate().map(|(i, covered)| f32::from(u8::from(covered && inside(i)))));

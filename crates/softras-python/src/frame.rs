@@ -35,10 +35,10 @@ impl Frame {
     fn images(&self) -> [(&'static str, Option<&Image>); 4] {
         let frame = &self.frame;
         [
-            ("color", frame.color()),
-            ("silhouette", frame.silhouette()),
-            ("depth", frame.depth()),
-            ("normal", frame.normal()),
+            ("color", frame.color().ok()),
+            ("silhouette", frame.silhouette().ok()),
+            ("depth", frame.depth().ok()),
+            ("normal", frame.normal().ok()),
         ]
     }
 

@@ -29,7 +29,7 @@ pub fn time_steps(
             scene.meshes[0].set_positions(positions)?;
             let frame = renderer.render_saved(&scene, &cameras, &settings)?;
             let mut upstream = ImageGradient::default();
-            (upstream.color, upstream.silhouette) = (frame.color().cloned(), frame.silhouette().cloned());
+            (upstream.color, upstream.silhouette) = (frame.color().ok().cloned(), frame.silhouette().ok().cloned());
             renderer.backward(&frame, &upstream, &GradientRequest::default())?;
             times.push(1e3 * start.elapsed().as_secs_f64());
         }

@@ -7,7 +7,7 @@
 
 use crate::{options::Output, solid::solid};
 use softras::scene::{Appearance, Background, ColorAggregation, Lights, Outputs};
-use softras::{Camera, Error, Frame, Image, Mesh, Renderer, Result, Scene, Settings};
+use softras::{Camera, Frame, Image, Mesh, Renderer, Result, Scene, Settings};
 
 /// The transparent triangles of a mesh.
 #[derive(Debug)]
@@ -83,7 +83,7 @@ struct Surface<'a> {
 }
 
 /// The frame's image of an output.
-pub fn image_of(frame: &Frame, output: Output) -> Option<&Image> {
+pub fn image_of(frame: &Frame, output: Output) -> Result<&Image> {
     match output {
         Output::Color => frame.color(),
         Output::Silhouette => frame.silhouette(),
@@ -98,19 +98,12 @@ fn factor(settings: &Settings, output: Output, alpha: f32) -> f32 {
     if settings.background == Background::Composite && blended { alpha } else { 1.0 }
 }
 
-fn missing<T>(image: Option<T>) -> Result<T> {
-    image.ok_or_else(|| Error::Scene {
-        what: "an image of a layer was not rendered".into(),
-        fix: "this is a bug in softras: please report it".into(),
-    })
-}
-
 impl<'a> Surface<'a> {
     fn of(frame: &'a Frame, output: Output, is_solid: bool) -> Result<Self> {
-        let silhouette = missing(frame.silhouette())?;
+        let silhouette = frame.silhouette()?;
         let alpha = if is_solid { solid(silhouette) } else { silhouette.view(0).to_vec() };
-        let depth = missing(frame.depth())?;
-        Ok(Self { image: missing(image_of(frame, output))?, depth: depth.view(0), model: silhouette.view(0), alpha })
+        let depth = frame.depth()?;
+        Ok(Self { image: image_of(frame, output)?, depth: depth.view(0), model: silhouette.view(0), alpha })
     }
 
     /// A value without the background.
@@ -135,14 +128,17 @@ impl Layer {
         std::iter::once(&self.frame).chain(others)
     }
 
-    fn opacity(&self, settings: &Settings, pixel: usize) -> f32 {
+    /// How much it hides where it is, by pixel.
+    fn opacities(&self, settings: &Settings) -> Result<Vec<f32>> {
         match &self.opacity {
-            Opacity::One(opacity) => *opacity,
+            Opacity::One(opacity) => Ok(vec![*opacity; self.frame.silhouette()?.data.len()]),
             Opacity::Several(frame) => {
-                let (Some(color), Some(alpha)) = (frame.color(), frame.silhouette()) else { return 1.0 };
-                let alpha = alpha.data[pixel];
-                let value = color.data[3 * pixel] / factor(settings, Output::Color, alpha);
-                if alpha > 0.0 { value.clamp(0.0, 1.0) } else { 0.0 }
+                let (color, alpha) = (frame.color()?, frame.silhouette()?);
+                let opacity = |(grey, &alpha): (&[f32], &f32)| {
+                    let value = grey[0] / factor(settings, Output::Color, alpha);
+                    if alpha > 0.0 { value.clamp(0.0, 1.0) } else { 0.0 }
+                };
+                Ok(color.data.chunks_exact(3).zip(&alpha.data).map(opacity).collect())
             }
         }
     }
@@ -152,7 +148,7 @@ impl Layer {
     /// `transparent`, colours are straight.
     ///
     /// # Errors
-    /// [`Error::Scene`] for an image that the frames do not have.
+    /// [`softras::Error::Settings`] for an image that the frames do not have.
     pub fn over(
         &self,
         opaque: &Frame,
@@ -163,10 +159,11 @@ impl Layer {
     ) -> Result<Image> {
         let below = Surface::of(opaque, output, is_solid)?;
         let above = Surface::of(&self.frame, output, is_solid)?;
+        let opacities = self.opacities(settings)?;
         let channels = below.image.channels;
         let mut image = below.image.clone();
         for (pixel, values) in image.data.chunks_exact_mut(channels).enumerate() {
-            let glass = above.alpha[pixel] * self.opacity(settings, pixel);
+            let glass = above.alpha[pixel] * opacities[pixel];
             let is_front = above.depth(settings, pixel) < below.depth(settings, pixel);
             let alphas = if is_front { [glass, below.alpha[pixel]] } else { [below.alpha[pixel], glass] };
             let surfaces = if is_front { [&above, &below] } else { [&below, &above] };

@@ -45,10 +45,7 @@ impl Shot {
         if let Some(layer) = &self.layer {
             return layer.over(&self.frame, &self.settings, output, is_solid, self.transparent).map(Cow::Owned);
         }
-        image_of(&self.frame, output).map(Cow::Borrowed).ok_or_else(|| softras::Error::Scene {
-            what: format!("the frame has no {} image", output.name()),
-            fix: "this is a bug in softras: please report it".into(),
-        })
+        image_of(&self.frame, output).map(Cow::Borrowed)
     }
 
     /// Whether an output's values are multiplied by alpha already, as the composite background's model has them.
@@ -66,7 +63,7 @@ impl Shot {
     /// Whether a pixel shows more of the mesh, or of its transparent part, than a byte of alpha can tell from nothing.
     pub fn is_seen(&self) -> bool {
         let layers = self.layer.iter().flat_map(|layer| layer.frames());
-        let mut alphas = std::iter::once(&self.frame).chain(layers).filter_map(Frame::silhouette);
+        let mut alphas = std::iter::once(&self.frame).chain(layers).filter_map(|frame| frame.silhouette().ok());
         alphas.any(|alpha| self.own(alpha).iter().any(|a| *a >= 0.5 / 255.0))
     }
 

@@ -128,12 +128,19 @@ fn outputs_are_those_asked_for() {
         case.settings.outputs = Outputs { color, silhouette, depth, normal };
         agreement(&mut renderer, &case).unwrap_or_else(|e| panic!("{e}"));
         let frame = renderer.render(&case.scene, &case.cameras, &case.settings).unwrap();
-        let made = [frame.color(), frame.silhouette(), frame.depth(), frame.normal()].map(|image| image.is_some());
+        let made = [frame.color(), frame.silhouette(), frame.depth(), frame.normal()].map(|image| image.is_ok());
         assert_eq!(made, [color, silhouette, depth, normal]);
+        assert_eq!(frame.images().count() as u32, bits.count_ones());
         let (batch, size) = (case.cameras.len(), (case.settings.height as usize, case.settings.width as usize));
         for (image, channels) in [(frame.color(), 3), (frame.silhouette(), 1), (frame.depth(), 1), (frame.normal(), 3)]
         {
-            let Some(image) = image else { continue };
+            let image = match image {
+                Ok(image) => image,
+                Err(error) => {
+                    assert!(error.to_string().starts_with("settings: outputs."), "{error}");
+                    continue;
+                }
+            };
             assert_eq!((image.batch, (image.height, image.width), image.channels), (batch, size, channels));
         }
     }

@@ -146,7 +146,8 @@ fn the_device_keeps_the_promise() {
             Err(error) => panic!("{error}: {case:?}"),
         };
         let exact = render(&case.scene, &case.cameras, &case.settings, Truncation::None).unwrap();
-        let data = |image: Option<&softras::Image>| image.unwrap().data.iter().copied().map(f64::from).collect();
+        let data =
+            |image: softras::Result<&softras::Image>| image.unwrap().data.iter().copied().map(f64::from).collect();
         let mut ours = ReferenceFrame {
             color: data(frame.color()),
             silhouette: data(frame.silhouette()),

@@ -8,7 +8,7 @@ use super::evaluate::{Score, Table, add_run, by_class, check_views, mean, views}
 use super::model::Model;
 use super::network::{Network, meshes};
 use super::scores::Known;
-use super::{SIZE, VIEWS, camera, fit_error};
+use super::{SIZE, VIEWS, camera};
 use burn::tensor::Device;
 use softras::scene::{ColorAggregation, Distance, SilhouetteAggregation};
 use softras::{Mesh, Renderer, Result, Scene, Settings};
@@ -95,9 +95,7 @@ fn of_meshes(
     };
     let cameras = views.map(camera).collect::<Result<Vec<_>>>()?;
     let frame = renderer.render(&Scene::batch(meshes), &cameras, &settings)?;
-    let (Some(color), Some(silhouette)) = (frame.color(), frame.silhouette()) else {
-        return fit_error("the renderer gave no images", "report this");
-    };
+    let (color, silhouette) = (frame.color()?, frame.silhouette()?);
     let color = |mesh: usize, i: usize| {
         let (row, column) = (i / SIZE, i % SIZE);
         (silhouette.pixel(mesh, row, column)[0] > 0.5).then(|| [0, 1, 2].map(|k| color.pixel(mesh, row, column)[k]))

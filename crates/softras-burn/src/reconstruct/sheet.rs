@@ -82,7 +82,7 @@ fn render(renderer: &mut Renderer, mesh: &Mesh, cameras: &[Camera]) -> Result<Ve
     let settings =
         Settings { width, height, background, background_color: [f64::from(GREY); 3], ..Settings::default() };
     let frame = renderer.render(&scene, cameras, &settings)?;
-    let Some(image) = frame.color() else { return fit_error("the renderer gave no colour", "report this") };
+    let image = frame.color()?;
     Ok((0..cameras.len()).map(|view| image.view(view).as_chunks::<3>().0.to_vec()).collect())
 }
 

@@ -40,9 +40,7 @@ pub fn object(renderer: &mut Renderer, class: usize, mesh: Mesh) -> Result<Objec
         ..Settings::default()
     };
     let frame = renderer.render(&Scene::new(mesh).with_lights(lights), &cameras, &settings)?;
-    let (Some(color), Some(silhouette)) = (frame.color(), frame.silhouette()) else {
-        return fit_error("the renderer gave no images", "report this");
-    };
+    let (color, silhouette) = (frame.color()?, frame.silhouette()?);
     let pictures = (0..VIEWS).flat_map(|view| picture(color, silhouette, view)).collect();
     Ok(Object { class, pictures, solid })
 }

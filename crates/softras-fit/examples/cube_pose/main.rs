@@ -120,9 +120,7 @@ impl Cube {
         let (background, faces) = (Background::Composite, Faces::Front);
         let sharp = Settings { sigma: 1e-7, gamma: 1e-5, background, faces, ..cube.settings.clone() };
         let frame = renderer.render(&cube.scene, &cameras, &sharp)?;
-        if let (Some(color), Some(silhouette)) = (frame.color(), frame.silhouette()) {
-            (cube.color, cube.silhouette) = (color.clone(), silhouette.clone());
-        }
+        (cube.color, cube.silhouette) = (frame.color()?.clone(), frame.silhouette()?.clone());
         Ok(cube)
     }
 

@@ -77,8 +77,7 @@ fn draw(path: &Path, stage: &Stage, trial: &Trial, fits: [&SkeletonPose; 2], ren
     for (behind, (name, pose)) in [false, true].into_iter().flat_map(|behind| poses.map(|pose| (behind, pose))) {
         let size = ((SAMPLES * width) as u32, (SAMPLES * height) as u32);
         let frame = stage.look(renderer, &stage.figure.posed(pose)?, behind, size)?;
-        let (Some(color), Some(alpha)) = (frame.color(), frame.silhouette()) else { continue };
-        let (color, alpha) = (pooled(color, SAMPLES)?, pooled(alpha, SAMPLES)?);
+        let (color, alpha) = (pooled(frame.color()?, SAMPLES)?, pooled(frame.silhouette()?, SAMPLES)?);
         let byte = |c: f32, a: f32| (Curve::Srgb.encode(f64::from(c + 1.0 - a)) * 255.0).round() as u8;
         let pixel = |(c, &a): (&[f32], &f32)| [byte(c[0], a), byte(c[1], a), byte(c[2], a), 255];
         let pixels = color.data.chunks_exact(3).zip(&alpha.data).map(pixel).collect();

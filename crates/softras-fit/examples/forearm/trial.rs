@@ -105,10 +105,8 @@ impl Stage {
             }
             let size = (self.settings.width, self.settings.height);
             let frame = self.look(renderer, &self.figure.posed(&truth)?, false, size)?;
-            if let (Some(color), Some(silhouette)) = (frame.color(), frame.silhouette()) {
-                let target = PoseTarget::new(color.clone(), silhouette.clone())?;
-                return Ok(Some(Trial { truth, start, target }));
-            }
+            let target = PoseTarget::new(frame.color()?.clone(), frame.silhouette()?.clone())?;
+            return Ok(Some(Trial { truth, start, target }));
         }
         Ok(None)
     }

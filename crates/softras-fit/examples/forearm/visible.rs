@@ -24,7 +24,7 @@ pub fn visible_triangles(
     };
     let frame = renderer.render(&Scene::new(numbered), &[*camera], &settings)?;
     let mut visible = vec![false; count];
-    for number in frame.color().iter().flat_map(|image| image.data.iter().step_by(3)) {
+    for number in frame.color()?.data.iter().step_by(3) {
         if let Some(seen) = (number.round() as usize).checked_sub(1).and_then(|t| visible.get_mut(t)) {
             *seen = true;
         }

@@ -58,7 +58,7 @@ impl<'a> Eye<'a> {
         let mut errors = Vec::new();
         let pictures = &self.pictures;
         parts::in_batches(self.renderer, &scene, &self.cameras, &self.settings, |views, frame| {
-            let shown = frame.color().into_iter().flat_map(|image| image.data.chunks_exact(3));
+            let shown = frame.color()?.data.chunks_exact(3);
             let pairs = shown.zip(views.flat_map(|view| pictures.view(view).chunks_exact(3)));
             errors.extend(pairs.map(|(a, b)| (0..3).map(|k| (a[k] - b[k]).abs()).sum::<f32>() / 3.0));
             Ok(())

@@ -46,10 +46,8 @@ struct Flow<'a> {
 
 impl<'a> Flow<'a> {
     fn new(frame: &'a Frame, upstream: &'a ImageGradient) -> Result<Self> {
-        let Some(depth) = frame.depth() else {
-            return bad("a frame without depth", "ask for it in Settings::outputs");
-        };
-        let pairs = [(frame.color(), &upstream.color), (frame.silhouette(), &upstream.silhouette)];
+        let depth = frame.depth()?;
+        let pairs = [(frame.color().ok(), &upstream.color), (frame.silhouette().ok(), &upstream.silhouette)];
         let images: Vec<_> = pairs.into_iter().filter_map(|(image, gradient)| image.zip(gradient.as_ref())).collect();
         let shape = |image: &Image| ([image.batch, image.height, image.width, image.channels], image.data.len());
         if images.iter().any(|(image, gradient)| shape(image) != shape(gradient)) {

@@ -354,8 +354,8 @@ impl PoseSearch {
         let settings = Settings { sigma: SHARP.0, gamma: SHARP.1, save: false, ..fit.settings_at(0) };
         let places = of_each(poses.len(), &mut { fit.at_once }, |part| {
             let frame = fit.frame(renderer, &poses[part.clone()], &settings)?;
-            let place = |i| frame.silhouette().and_then(|silhouette| Place::of(silhouette, i));
-            Ok((0..part.len()).map(place).collect())
+            let silhouette = frame.silhouette()?;
+            Ok((0..part.len()).map(|i| Place::of(silhouette, i)).collect())
         })?;
         let size = [settings.width as usize, settings.height as usize];
         let Some(goal) = self.picture.place() else { return Ok(()) };

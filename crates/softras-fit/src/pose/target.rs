@@ -79,11 +79,10 @@ impl PoseTarget {
     /// compared by their mean.
     ///
     /// # Errors
-    /// [`softras::Error::Fit`] for a frame without colour or silhouette, or whose size is no multiple of the target's.
+    /// [`softras::Error::Settings`] for a frame without colour or silhouette, [`softras::Error::Fit`] for one whose size is no
+    /// multiple of the target's.
     pub fn compare(&self, frame: &Frame, blur: f64, weights: [f64; 2]) -> Result<(Vec<f64>, ImageGradient)> {
-        let (Some(color), Some(silhouette)) = (frame.color(), frame.silhouette()) else {
-            return bad("a frame without colour or silhouette", "ask for both in Settings::outputs");
-        };
+        let (color, silhouette) = (frame.color()?, frame.silhouette()?);
         let samples = color.width / self.color.width.max(1);
         if samples <= 1 {
             let (losses, by_color, by_silhouette) = self.compare_pixels(color, silhouette, blur, weights)?;

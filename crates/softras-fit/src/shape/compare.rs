@@ -37,17 +37,17 @@ impl ImageLosses {
 /// The losses of a frame against the targets, and the gradient of their weighted sum by its images.
 pub fn compare(frame: &Frame, targets: &Views, options: &ShapeOptions) -> Result<(ImageLosses, ImageGradient)> {
     let (mut losses, mut by) = (ImageLosses::default(), ImageGradient::default());
-    if let (Some(rendered), Some(target)) = (frame.silhouette(), &targets.silhouette) {
+    if let (Ok(rendered), Some(target)) = (frame.silhouette(), &targets.silhouette) {
         let shown = shrunk(rendered, options)?;
         let (value, gradient) = loss(&shown, rendered, target, options.silhouette, options)?;
         (losses.silhouette, by.silhouette) = (value, Some(gradient));
     }
-    if let (Some(rendered), Some(target)) = (frame.color(), &targets.color) {
+    if let (Ok(rendered), Some(target)) = (frame.color(), &targets.color) {
         let shown = shrunk(rendered, options)?;
         let (value, gradient) = loss(&shown, rendered, target, options.color, options)?;
         (losses.color, by.color) = (value, Some(gradient));
     }
-    if let (Some(rendered), Some(target)) = (frame.normal(), &targets.normal) {
+    if let (Ok(rendered), Some(target)) = (frame.normal(), &targets.normal) {
         let known = known(target, targets.silhouette.as_ref());
         let shown = shrunk(rendered, options)?;
         let shown = masked(&shown, &known);
@@ -55,7 +55,7 @@ pub fn compare(frame: &Frame, targets: &Views, options: &ShapeOptions) -> Result
         mask_samples(&mut gradient, &known, options.samples);
         (losses.normal, by.normal) = (value, Some(gradient));
     }
-    if let (Some(depth), Some(silhouette), Some(target)) = (frame.depth(), frame.silhouette(), &targets.depth) {
+    if let (Ok(depth), Ok(silhouette), Some(target)) = (frame.depth(), frame.silhouette(), &targets.depth) {
         let (value, [by_depth, by_silhouette]) = compare_depths(depth, silhouette, target, targets, options)?;
         (losses.depth, by.depth) = (value, Some(by_depth));
         match &mut by.silhouette {

@@ -18,7 +18,7 @@ fn silhouettes(renderer: &mut Renderer, mesh: &Mesh) -> Views {
     let cameras: Vec<Camera> = angles.map(camera).collect();
     let settings = Settings { width: WIDTH, height: HEIGHT, sigma: 1e-7, ..Settings::default() };
     let frame = renderer.render(&Scene::new(mesh.clone()), &cameras, &settings).unwrap();
-    Views { silhouette: frame.silhouette().cloned(), cameras, ..Views::default() }
+    Views { silhouette: frame.silhouette().ok().cloned(), cameras, ..Views::default() }
 }
 
 fn carved(targets: &Views, mesh: &Mesh, missing: Option<&Image>) -> Mesh {

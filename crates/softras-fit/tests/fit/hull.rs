@@ -19,7 +19,7 @@ fn silhouettes(renderer: &mut Renderer, mesh: &Mesh, projection: Projection) -> 
     let cameras = cameras(projection);
     let settings = Settings { width: 80, height: 64, sigma: 1e-7, ..Settings::default() };
     let frame = renderer.render(&Scene::new(mesh.clone()), &cameras, &settings).unwrap();
-    Views { silhouette: frame.silhouette().cloned(), cameras, ..Views::default() }
+    Views { silhouette: frame.silhouette().ok().cloned(), cameras, ..Views::default() }
 }
 
 fn hull(renderer: &mut Renderer, mesh: &Mesh, projection: Projection) -> Mesh {

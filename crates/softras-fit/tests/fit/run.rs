@@ -26,7 +26,7 @@ fn goal_of(mesh: Mesh, sides: u32) -> (common::Loan, Views, Settings) {
         (0..sides).map(|i| Camera::from_angles(4.0, 20.0, azimuth(i), projection).unwrap()).collect();
     let settings = Settings { width: SIDE, height: SIDE, sigma: 1e-4, ..Settings::default() }
         .with_depths_of(&scene, &cameras, 0.5);
-    let silhouette = renderer.render(&scene, &cameras, &settings).unwrap().silhouette().cloned();
+    let silhouette = renderer.render(&scene, &cameras, &settings).unwrap().silhouette().ok().cloned();
     (renderer, Views { cameras, silhouette, ..Views::default() }, settings)
 }
 

@@ -27,7 +27,7 @@ fn targets(renderer: &mut Renderer, mesh: &Mesh, cameras: Vec<Camera>, samples: 
     let side = SIDE * samples;
     let sharp = Settings { width: side, height: side, sigma: 1e-7, gamma: 1e-4, outputs: ALL, ..settings() };
     let frame = renderer.render(&Scene::new(mesh.clone()), &cameras, &sharp).unwrap();
-    let image = |image: Option<&Image>| Some(pooled(image.unwrap(), samples as usize).unwrap());
+    let image = |image: softras::Result<&Image>| Some(pooled(image.unwrap(), samples as usize).unwrap());
     let (silhouette, depth, normal) = (image(frame.silhouette()), image(frame.depth()), image(frame.normal()));
     Views { cameras, silhouette, color: None, depth, normal }
 }

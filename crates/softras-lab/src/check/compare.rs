@@ -78,8 +78,8 @@ fn upstream(truth: &ReferenceFrame, settings: &Settings) -> ImageGradient {
 }
 
 fn image_errors(frame: &Frame, truth: &ReferenceFrame) -> [Option<f64>; 4] {
-    let error = |image: Option<&Image>, expected: &[f64]| {
-        let differences = agreement::differences(image?, expected, |pixel| truth.margin[pixel] > IMAGE_MARGIN);
+    let error = |image: softras::Result<&Image>, expected: &[f64]| {
+        let differences = agreement::differences(image.ok()?, expected, |pixel| truth.margin[pixel] > IMAGE_MARGIN);
         Some(differences.fold(0.0, |worst: f64, (_, d)| d.max(worst)))
     };
     [
@@ -127,8 +127,7 @@ fn relative(ours: &[f64], expected: &[f64]) -> Option<f64> {
 }
 
 fn bits(frame: &Frame, gradients: &Gradients) -> (Vec<u32>, Vec<u64>) {
-    let images = [frame.color(), frame.silhouette(), frame.depth(), frame.normal()];
-    let values = images.into_iter().flatten().flat_map(|image| &image.data);
+    let values = frame.images().flat_map(|(_, image)| &image.data);
     let numbers = agreement::numbers(gradients).into_iter().flat_map(|(_, values)| values);
     (values.map(|x| x.to_bits()).collect(), numbers.map(f64::to_bits).collect())
 }

@@ -230,7 +230,8 @@ fn render(options: &Options, job: &Job, wish: Option<&Wish>) -> Result<(Images, 
 }
 
 fn of_device(frame: &Frame) -> Images {
-    let wide = |image: Option<&Image>| image.map_or(Vec::new(), |i| i.data.iter().map(|&x| x.into()).collect());
+    let wide =
+        |image: softras::Result<&Image>| image.map_or(Vec::new(), |i| i.data.iter().map(|&x| x.into()).collect());
     Images {
         color: wide(frame.color()),
         silhouette: wide(frame.silhouette()),

@@ -6,8 +6,7 @@ use std::hash::{DefaultHasher, Hasher};
 
 /// The bits of all values of a frame's images.
 pub(super) fn bits(frame: &Frame) -> impl Iterator<Item = u32> {
-    let images = [frame.color(), frame.silhouette(), frame.depth(), frame.normal()];
-    images.into_iter().flatten().flat_map(|image| image.data.iter().map(|x| x.to_bits()))
+    frame.images().flat_map(|(_, image)| image.data.iter().map(|x| x.to_bits()))
 }
 
 /// The bits of all gradients.

@@ -47,15 +47,15 @@ fn worst_in(image: Option<&Image>, expected: &[f64], margin: &[f64], unit: impl 
 
 /// The largest error of the silhouette, and the largest error of any image.
 pub(super) fn errors(frame: &Frame, reference: &ReferenceFrame, settings: &Settings) -> [f64; 2] {
-    let silhouette = worst(frame.silhouette(), &reference.silhouette, &reference.margin);
-    let others = [(frame.color(), &reference.color), (frame.normal(), &reference.normal)];
+    let silhouette = worst(frame.silhouette().ok(), &reference.silhouette, &reference.margin);
+    let others = [(frame.color().ok(), &reference.color), (frame.normal().ok(), &reference.normal)];
     let all = others.map(|(image, expected)| worst(image, expected, &reference.margin));
     // Over a composite background, a depth is the silhouette times the depth that is seen; the latter is the unit.
     let shown = |i: usize| match settings.background {
         Background::Composite => reference.depth[i] / reference.silhouette.get(i).copied().unwrap_or(1.0).max(1e-6),
         Background::Weighted => 1.0,
     };
-    let depth = worst_in(frame.depth(), &reference.depth, &reference.margin, |i| shown(i).max(1.0));
+    let depth = worst_in(frame.depth().ok(), &reference.depth, &reference.margin, |i| shown(i).max(1.0));
     [silhouette, all.into_iter().fold(silhouette.max(depth), f64::max)]
 }
 

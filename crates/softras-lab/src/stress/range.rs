@@ -11,13 +11,13 @@ pub(super) type Hull = [[f64; 2]; 3];
 /// Checks that every value is finite and in its range: colours within each view's hull, silhouettes in [0, 1], depths in
 /// [0, far], components of normals in [-1, 1].
 pub(super) fn bounds(frame: &Frame, settings: &Settings, hulls: &[Hull], outcome: &mut Outcome) {
-    for (name, image, ranges) in [
-        ("color", frame.color(), hulls),
-        ("silhouette", frame.silhouette(), &[[[0.0, 1.0]; 3]]),
-        ("depth", frame.depth(), &[[[0.0, settings.far]; 3]]),
-        ("normal", frame.normal(), &[[[-1.0, 1.0]; 3]]),
-    ] {
-        let Some(image) = image else { continue };
+    for (name, image) in frame.images() {
+        let ranges = match name {
+            "color" => hulls,
+            "silhouette" => &[[[0.0, 1.0]; 3]],
+            "depth" => &[[[0.0, settings.far]; 3]],
+            _ => &[[[-1.0, 1.0]; 3]],
+        };
         if let Some(i) = image.data.iter().position(|x| !x.is_finite()) {
             outcome.find("not finite", format!("{name}, value {i} is {}", image.data[i]));
         } else if let Some((i, [low, high])) = outside(image, ranges, name != "silhouette") {

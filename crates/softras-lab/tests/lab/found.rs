@@ -29,12 +29,12 @@ fn stays_finite(corners: [[f32; 3]; 3], camera: Camera, settings: &Settings, lig
     let mut renderer = renderer();
     let scene = Scene::new(Mesh::new(corners.to_vec(), vec![[0, 1, 2]]).unwrap()).with_lights(lights);
     let frame = renderer.render(&scene, &[camera], settings).unwrap();
-    let weights = |image: Option<&Image>| {
-        let image = image?;
+    let weights = |image: softras::Result<&Image>| {
+        let image = image.ok()?;
         assert!(image.data.iter().all(|x| x.is_finite()), "{:?}", image.data);
         Some(Image { data: (0..image.data.len()).map(|i| 1.0 - (i % 5) as f32 / 2.0).collect(), ..image.clone() })
     };
-    assert!(frame.color().is_some() && frame.silhouette().is_some());
+    assert!(frame.color().is_ok() && frame.silhouette().is_ok());
     let upstream = ImageGradient {
         color: weights(frame.color()),
         silhouette: weights(frame.silhouette()),
@@ -131,11 +131,9 @@ fn a_corner_that_is_held_at_the_farthest_pixel_pulls_on_nothing() {
     let settings = Settings { gamma: 0.1, outputs: USUAL, ..settings(1e-6, 10.0) };
     let camera = forward(Projection::Perspective { fov_y: 1.0 });
     let frame = renderer.render(&Scene::new(mesh), &[camera], &settings).unwrap();
-    let weights = frame.color().map(|image| Image {
-        data: (0..image.data.len()).map(|i| 1.0 - (i % 5) as f32 / 2.0).collect(),
-        ..image.clone()
-    });
-    let upstream = ImageGradient { color: weights, ..ImageGradient::default() };
+    let image = frame.color().unwrap();
+    let weights = (0..image.data.len()).map(|i| 1.0 - (i % 5) as f32 / 2.0).collect();
+    let upstream = ImageGradient::color(Image { data: weights, ..image.clone() });
     let gradients = renderer.backward(&frame, &upstream, &GradientRequest::ALL).unwrap();
     all_finite(&gradients).unwrap();
     let by = &gradients.meshes[0].positions;

@@ -95,6 +95,7 @@ fn of_reference(frame: softras_reference::ReferenceFrame) -> Images {
 }
 
 fn of_device(frame: &softras::Frame) -> Images {
-    let exact = |image: Option<&Image>| image.map_or(Vec::new(), |i| i.data.iter().copied().map(f64::from).collect());
+    let exact =
+        |image: softras::Result<&Image>| image.map_or(Vec::new(), |i| i.data.iter().copied().map(f64::from).collect());
     Images { color: exact(frame.color()), silhouette: exact(frame.silhouette()), depth: exact(frame.depth()) }
 }

@@ -26,9 +26,7 @@ impl Agreement {
     /// Renders the posed mesh and compares.
     pub fn of(view: &View, posed: &Mesh, target: &Target, renderer: &mut Renderer) -> Result<Self> {
         let side = view.settings.width.max(view.settings.height);
-        let Some(shown) = view.picture(posed, if side <= MOST_SAMPLED { SAMPLES } else { 1 }, renderer)? else {
-            return Ok(Self { iou: 1.0, color: 0.0 });
-        };
+        let shown = view.picture(posed, if side <= MOST_SAMPLED { SAMPLES } else { 1 }, renderer)?;
         Ok(Self::between([&target.color, &target.silhouette], [&shown.color, &shown.silhouette]))
     }
 

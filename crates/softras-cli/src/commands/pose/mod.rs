@@ -71,7 +71,7 @@ impl View {
     }
 
     /// A posed mesh: sharp, without light, every pixel the mean of so many samples along each side.
-    fn picture(&self, posed: &Mesh, samples: u32, renderer: &mut Renderer) -> Result<Option<Target>> {
+    fn picture(&self, posed: &Mesh, samples: u32, renderer: &mut Renderer) -> Result<Target> {
         let settings = Settings {
             width: self.settings.width * samples,
             height: self.settings.height * samples,
@@ -81,9 +81,8 @@ impl View {
             ..self.settings.clone()
         };
         let frame = renderer.render(&Scene::new(posed.clone()), &[self.camera], &settings)?;
-        let (Some(color), Some(silhouette)) = (frame.color(), frame.silhouette()) else { return Ok(None) };
-        let [color, silhouette] = [pooled(color, samples as usize)?, pooled(silhouette, samples as usize)?];
-        Ok(Some(Target { color, silhouette }))
+        let samples = samples as usize;
+        Ok(Target { color: pooled(frame.color()?, samples)?, silhouette: pooled(frame.silhouette()?, samples)? })
     }
 
     fn search(&self, args: &PoseArgs, mesh: &Mesh, center: DVec3, target: &Target) -> Result<PoseSearch> {

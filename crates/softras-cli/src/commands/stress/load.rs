@@ -190,8 +190,8 @@ fn rendered(frame: u64, renderer: &mut Renderer) -> Result<u64> {
     let image = renderer.render(&scene, &[camera], &settings)?;
     let ones = |image: &Image| Image { data: vec![1.0; image.data.len()], ..image.clone() };
     let upstream = ImageGradient {
-        color: image.color().map(ones),
-        silhouette: image.silhouette().map(ones),
+        color: Some(ones(image.color()?)),
+        silhouette: Some(ones(image.silhouette()?)),
         ..ImageGradient::default()
     };
     let gradients = renderer.backward(&image, &upstream, &GradientRequest::ALL)?;
