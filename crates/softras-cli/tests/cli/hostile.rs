@@ -270,12 +270,12 @@ fn faces_that_take_long_do_not_take_too_long() {
         writeln!(text, "v {:.7} {:.7} 0", radius * angle.cos(), radius * angle.sin()).unwrap();
     }
     let face: String = (1..=2048).map(|i| format!(" {i}")).collect();
-    while text.len() + face.len() < tier(1 << 18, 1 << 20) {
+    while text.len() + face.len() < tier(1 << 16, 1 << 20) {
         writeln!(text, "f{face}").unwrap();
     }
     fs::write(folder.path().join("spirals.obj"), text).unwrap();
     let mut text = "v -1 -1 0\nv 1 -1 0.5\nv 0 1 1\n".to_string();
-    while text.len() < tier(1 << 18, 1 << 20) - 100 {
+    while text.len() < tier(1 << 16, 1 << 20) - 100 {
         text.push_str("f 1 2 3\n");
     }
     fs::write(folder.path().join("layers.obj"), text).unwrap();

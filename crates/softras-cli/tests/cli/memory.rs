@@ -1,5 +1,6 @@
 //! Tests of memory: what little files ask for is counted before it is taken, and a lack of memory is an error.
 
+use super::command::tier;
 use super::hostile::{bounded, refused};
 use super::numpy::{self, Npz};
 use super::succeeds;
@@ -92,7 +93,7 @@ fn a_mesh_is_read_or_refused_in_any_memory() {
     }
     fs::write(folder.path().join("grid.obj"), text).unwrap();
     let (mut read, mut refused) = (0, 0);
-    for kibibytes in (17_500..55_000).step_by(2_500) {
+    for kibibytes in (17_500..55_000).step_by(tier(5_000, 2_500)) {
         let iou = |mesh: &str| {
             let limited = format!("ulimit -v {kibibytes}; exec \"$0\" iou {mesh} {mesh} --resolution 8");
             let mut command = Command::new("sh");
@@ -110,5 +111,5 @@ fn a_mesh_is_read_or_refused_in_any_memory() {
             code => panic!("{kibibytes} KiB: {code:?} {errors}"),
         }
     }
-    assert!(read > 3 && refused > 3, "{read} {refused}");
+    assert!(read > 1 && refused > 1, "{read} {refused}");
 }
