@@ -11,8 +11,9 @@ layout(local_size_x = 128) in;
 layout(set = 0, binding = 0) uniform usamplerBuffer draws;
 layout(set = 0, binding = 1) uniform samplerBuffer vertex_gradients;
 layout(set = 0, binding = 2, std430) readonly buffer Vertices { float source[]; };
-layout(set = 0, binding = 3, std430) writeonly buffer Target { float target[]; };
+layout(set = 0, binding = 3, std430) buffer Target { float target[]; };
 
+#include "common/constants.glsl"
 #include "common/draws.glsl"
 #include "common/geometry_push.glsl"
 
@@ -32,7 +33,8 @@ void main() {
     vec4 rows[3] = vec4[3](vec4(0.0), vec4(0.0), vec4(0.0));
     uint stride = push.stride;
     uint offset = push.offset;
-    for (int v = lane; v < draw.vertices; v += LANES) {
+    int vertices = push.target_use == TARGET_CLEAR ? 0 : draw.vertices;
+    for (int v = lane; v < vertices; v += LANES) {
         vec3 g = texelFetch(vertex_gradients, 2 * (placed + v)).xyz;
         uint from = uint(draw.first_vertex + v) * stride + offset;
         vec4 p = vec4(source[from], source[from + 1u], source[from + 2u], 1.0);
@@ -53,7 +55,8 @@ void main() {
     }
     barrier();
     if (lane < 12) {
-        uint to = uint(instance) * push.transform_stride + push.transform_offset;
-        target[to + uint(lane)] = lane_sums[lane / 4][lane % 4];
+        uint to = uint(instance) * push.transform_stride + push.transform_offset + uint(lane);
+        float before = push.target_use == TARGET_ADD ? target[to] : 0.0;
+        target[to] = before + lane_sums[lane / 4][lane % 4];
     }
 }

@@ -4,17 +4,18 @@
 // and instance by instance, each times the transpose of its transform. There are no atomics, so the bits are the same on every
 // run.
 // One invocation a vertex of the host. Reads `draws`, `vertex_gradients` and the transforms. Writes three floats a vertex to
-// `target`, in the host's own stride.
+// `target`, in the host's own stride; a vertex that no draw reads keeps what it has.
 
 layout(local_size_x = 64) in;
 
 layout(set = 0, binding = 0) uniform usamplerBuffer draws;
 layout(set = 0, binding = 1) uniform samplerBuffer vertex_gradients;
 layout(set = 0, binding = 2, std430) readonly buffer Transforms { float transforms[]; };
-layout(set = 0, binding = 3, std430) writeonly buffer Target { float target[]; };
+layout(set = 0, binding = 3, std430) buffer Target { float target[]; };
 
 layout(constant_id = 0) const bool TRANSFORMED = false;
 
+#include "common/constants.glsl"
 #include "common/draws.glsl"
 #include "common/geometry_push.glsl"
 
@@ -32,10 +33,13 @@ void main() {
     // `base` is the first vertex that any draw reads.
     int vertex = int(push.base) + i;
     vec3 sum = vec3(0.0);
+    bool drawn = false;
     for (int d = 0; d < int(push.draws); ++d) {
         Draw draw = draw_of(d);
         int local = vertex - draw.first_vertex;
         int instances = local >= 0 && local < draw.vertices ? draw.instances : 0;
+        drawn = drawn || instances > 0;
+        instances = push.target_use == TARGET_CLEAR ? 0 : instances;
         for (int k = 0; k < instances; ++k) {
             int from = int(push.first) + draw.placed_vertex + k * draw.vertices + local;
             vec3 g = texelFetch(vertex_gradients, 2 * from + int(push.select)).xyz;
@@ -46,7 +50,13 @@ void main() {
             sum += g;
         }
     }
+    if (!drawn) {
+        return;
+    }
     uint to = uint(vertex) * push.stride + push.offset;
+    if (push.target_use == TARGET_ADD) {
+        sum += vec3(target[to], target[to + 1u], target[to + 2u]);
+    }
     target[to] = sum.x;
     target[to + 1u] = sum.y;
     target[to + 2u] = sum.z;

@@ -99,11 +99,11 @@ pub enum Error {
         fix: String,
     },
     /// An allocation of host or device memory failed.
-    #[error("out of memory for {what} ({bytes} bytes): {fix}")]
+    #[error("out of memory for {what}{size}: {fix}", size = if *bytes > 0 { format!(" ({bytes} bytes)") } else { String::new() })]
     OutOfMemory {
         /// The buffer that could not be allocated.
         what: String,
-        /// Its size in bytes.
+        /// Its size in bytes; 0 where it is not known.
         bytes: u64,
         /// How to fix it.
         fix: String,

@@ -232,6 +232,13 @@ const uint SELFTEST_LOCAL_SIZE = 64u;
 // The offset that the self test adds by default.
 const float SELFTEST_OFFSET = 0.5;
 
+// What a place kernel does with the gradients in a host's buffer: write them.
+const uint TARGET_WRITE = 0u;
+// Or write zeros, which precedes TARGET_ADD.
+const uint TARGET_CLEAR = 1u;
+// Or add them, where several meshes have one buffer.
+const uint TARGET_ADD = 2u;
+
 // Bit of what `store` does: encode colour as sRGB.
 const uint STORE_SRGB = 1u;
 // Bit of what `store` does: store the triangles' colour alone, not multiplied by the silhouette.

@@ -1,4 +1,4 @@
-// The numbers of a host's geometry: one push constant block for the place kernels, but those of texels. Needs nothing.
+// The numbers of a host's geometry: one push constant block for the place kernels, but those of texels. Needs constants.glsl where `target_use` is read.
 
 layout(push_constant) uniform Push {
     // Elements. Each takes one invocation, or one workgroup.
@@ -19,4 +19,6 @@ layout(push_constant) uniform Push {
     // place_indices: bits of an index. place_uvs: 1 if the host's v grows downwards. place_vertex_grad: the texel of
     // `vertex_gradients` to read, 0 for positions and 1 for colours.
     uint select;
+    // TARGET_: what the kernels of gradients do with their target.
+    uint target_use;
 } push;

@@ -7,6 +7,7 @@ use crate::frame::passes::{BACKWARD_COUNT, BackwardStages, FORWARD_COUNT, Forwar
 use crate::frame::plan::{Modes, Rare};
 use crate::gradients::GradientRequest;
 use crate::vulkan::{BufferPart, BufferRef, Device, Pipeline, TexelFormat, vk};
+use std::sync::Arc;
 
 /// One frame's buffers bound to the forward kernels: descriptor sets, buffer views and pipelines. Two frames in flight need
 /// two of them with different buffers; inputs that are not written meanwhile may be shared.
@@ -25,6 +26,8 @@ pub struct FrameBindings {
     /// Bytes bound.
     ranges: Sizes,
     pub(super) parts: Parts,
+    /// Tells these bindings from all others.
+    pub(super) identity: Arc<()>,
 }
 
 /// One frame's buffers bound to the backward kernels, with those of its [`FrameBindings`]. It must be kept as long as these.
@@ -158,6 +161,7 @@ impl FrameBindings {
             walks: plan.forward.walks.needed,
             ranges: ranges_of(&parts),
             parts,
+            identity: Arc::default(),
         })
     }
 

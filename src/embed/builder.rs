@@ -1,6 +1,7 @@
 //! From what a host has to the plan of a pass: pure, so that a host can ask before it owns a byte.
 
 use super::camera::{ClipSpace, HostCamera};
+use super::decode::Decoder;
 use super::memory::{Layouts, MemoryKind, MemoryRequirement, Wishes};
 use super::mesh::PassMesh;
 use super::plan::{BufferRequirement, Differentiate, FramePlan, GradientPlan};
@@ -9,11 +10,13 @@ use super::tables::Tables;
 use super::{Rasterizer, Status};
 use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
+use crate::frame::pack::MeshTables;
 use crate::frame::plan::{Capacity, DepthSpan};
-use crate::gradients::GradientRequest;
+use crate::gradients::{GradientRequest, Gradients};
 use crate::scene::{Background, Camera, Lights, Outputs, Projection, Settings, Shading, Support};
 use crate::vulkan::{DeviceKind, Limits, vk};
 use glam::DMat4;
+use std::sync::Arc;
 
 /// What a pass is to render, and what of it is to be differentiated. Made by [`Rasterizer::pass`].
 #[derive(Clone, Debug)]
@@ -23,14 +26,16 @@ pub struct PassBuilder {
     kind: DeviceKind,
     meshes: Vec<PassMesh>,
     separate: bool,
-    settings: Settings,
-    views: Vec<View>,
-    planes_of_matrices: bool,
+    /// The tables of these meshes, where they were made before.
+    tables: Option<Arc<Tables>>,
+    pub(super) settings: Settings,
+    pub(super) views: Vec<View>,
+    pub(super) planes: Option<[f64; 2]>,
     inside_planes: bool,
     lights: Lights,
-    wanted: Option<GradientRequest>,
+    pub(super) wanted: Option<GradientRequest>,
     upstream: Option<Outputs>,
-    largest_upstream: f64,
+    pub(super) largest_upstream: f64,
     capacity: Option<Capacity>,
     alignment: u64,
     usages: [vk::BufferUsageFlags; 3],
@@ -40,7 +45,7 @@ pub struct PassBuilder {
 
 /// A camera as it was given.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum View {
+pub(super) enum View {
     Camera(Camera),
     Matrices(DMat4, DMat4, ClipSpace),
 }
@@ -60,7 +65,7 @@ pub struct PassPlan {
     pub(super) gradients: Option<GradientPlan>,
     pub(super) settings: Settings,
     pub(super) cameras: Vec<ViewCamera>,
-    pub(super) tables: Tables,
+    pub(super) tables: Arc<Tables>,
     pub(super) layouts: Layouts,
 }
 
@@ -72,9 +77,10 @@ impl Rasterizer {
             kind: self.device.kind(),
             meshes: meshes.to_vec(),
             separate: false,
+            tables: None,
             settings: Settings::default(),
             views: Vec::new(),
-            planes_of_matrices: false,
+            planes: None,
             inside_planes: false,
             lights: Lights::unlit(),
             wanted: None,
@@ -93,12 +99,14 @@ impl PassBuilder {
     /// Other meshes.
     pub fn meshes(mut self, meshes: &[PassMesh]) -> Self {
         self.meshes = meshes.to_vec();
+        self.tables = None;
         self
     }
 
     /// Each view sees one of the meshes, in their order, in place of all.
     pub fn one_mesh_a_view(mut self) -> Self {
         self.separate = true;
+        self.tables = None;
         self
     }
 
@@ -133,10 +141,11 @@ impl PassBuilder {
         self
     }
 
-    /// Takes [`Settings::near`] and [`Settings::far`] from the matrices: the nearest near plane, and the farthest far plane
-    /// where all are finite. Depth scores are relative to both, so γ means less the farther they are apart.
-    pub fn planes_of_matrices(mut self) -> Self {
-        self.planes_of_matrices = true;
+    /// The near and the far plane, as view depths. Without this call they are those of the matrices: the nearest near plane and
+    /// the farthest far one, or [`Settings::far`] where one is infinite; and of [`cameras`](Self::cameras) they are the settings'.
+    /// Depth scores are relative to both, so γ means less the farther they are apart.
+    pub fn planes(mut self, near: f64, far: f64) -> Self {
+        self.planes = Some([near, far]);
         self
     }
 
@@ -209,21 +218,27 @@ impl PassBuilder {
     /// [`Error::Camera`], [`Error::Settings`], [`Error::Light`], [`Error::Scene`] and [`Error::Mesh`] for what cannot be
     /// rendered, [`Error::Backward`] for gradients of no image, [`Error::Host`] for buffers that there are not,
     /// [`Error::Limit`] for what this device cannot hold.
-    pub fn build(self) -> Result<PassPlan> {
+    pub fn build(mut self) -> Result<PassPlan> {
         if !self.alignment.is_power_of_two() {
             let what = format!("an alignment of {}", self.alignment);
             return Err(Error::Host { what, fix: "use a power of two".into() });
         }
         let mut settings = self.settings.clone();
-        let cameras = self.view_cameras(&settings)?;
-        if self.planes_of_matrices {
-            set_planes(&mut settings, &cameras)?;
-        }
+        let size = (settings.width, settings.height);
+        let cameras = self.views.iter().map(|view| view.camera(size)).collect::<Result<Vec<_>>>()?;
+        let planes = cameras.iter().map(ViewCamera::planes).fold(None, widest);
+        set_planes(&mut settings, self.planes.or(planes))?;
         settings.save |= self.wanted.is_some();
-        let groups: Vec<&[PassMesh]> =
-            if self.separate { self.meshes.chunks(1).collect() } else { vec![&self.meshes[..]] };
         let adjacency = settings.save || self.lights.shading == Shading::Smooth;
-        let tables = Tables::new(&groups, adjacency)?;
+        let tables = match self.tables.take().filter(|made| made.adjacency == adjacency) {
+            Some(made) => made,
+            None => {
+                let groups: Vec<&[PassMesh]> =
+                    if self.separate { self.meshes.chunks(1).collect() } else { vec![&self.meshes[..]] };
+                Arc::new(Tables::new(&groups, adjacency)?)
+            }
+        };
+        self.tables = Some(tables.clone());
         let shape = FrameShape {
             meshes: tables.shapes.clone(),
             views: cameras.len() as u32,
@@ -244,27 +259,44 @@ impl PassBuilder {
         let layouts = Layouts::new(frame.buffers(), added, &tables, &wishes)?;
         Ok(PassPlan { builder: self, frame, gradients, settings, cameras, tables, layouts })
     }
+}
 
-    pub(super) fn view_cameras(&self, settings: &Settings) -> Result<Vec<ViewCamera>> {
-        let size = (settings.width, settings.height);
-        let of = |view: &View| match *view {
-            View::Camera(camera) => Ok(ViewCamera { camera, host: None }),
-            View::Matrices(view, projection, clip) => {
+impl View {
+    /// As it is rendered with, in images of a size.
+    pub fn camera(&self, size: (u32, u32)) -> Result<ViewCamera> {
+        match *self {
+            Self::Camera(camera) => Ok(ViewCamera { camera, host: None }),
+            Self::Matrices(view, projection, clip) => {
                 let host = HostCamera::new(view, projection, clip, size)?;
                 Ok(ViewCamera { camera: *host.camera(), host: Some(host) })
             }
-        };
-        self.views.iter().map(of).collect()
+        }
     }
 }
 
-fn set_planes(settings: &mut Settings, cameras: &[ViewCamera]) -> Result<()> {
-    let mut planes = cameras.iter().filter_map(|camera| camera.host).map(|host| host.planes());
-    let Some(first) = planes.next() else {
-        let what = "near and far are to be those of matrices, and no camera has such".into();
-        return Err(Error::Scene { what, fix: "give camera_matrices, or set near and far in the settings".into() });
-    };
-    let [near, far] = planes.fold(first, |[near, far], own| [near.min(own[0]), far.max(own[1])]);
+impl ViewCamera {
+    /// Near and far of the matrices.
+    pub fn planes(&self) -> Option<[f64; 2]> {
+        self.host.map(|host| host.planes())
+    }
+}
+
+/// The nearest and the farthest of planes.
+pub(super) fn widest(planes: Option<[f64; 2]>, more: Option<[f64; 2]>) -> Option<[f64; 2]> {
+    match (planes, more) {
+        (Some([near, far]), Some(own)) => Some([near.min(own[0]), far.max(own[1])]),
+        (planes, more) => planes.or(more),
+    }
+}
+
+/// Near and far as [`PassBuilder::planes`] says.
+pub(super) fn set_planes(settings: &mut Settings, planes: Option<[f64; 2]>) -> Result<()> {
+    let Some([near, far]) = planes else { return Ok(()) };
+    if near <= 0.0 {
+        let fix =
+            "move the viewer back behind what is drawn, or give PassBuilder::planes that begin in front of it".into();
+        return Err(Error::Camera { field: "near plane", value: near.to_string(), fix });
+    }
     settings.near = near;
     // An infinite plane leaves the settings' own.
     settings.far = if far <= 1e12 { far } else { settings.far };
@@ -272,7 +304,7 @@ fn set_planes(settings: &mut Settings, cameras: &[ViewCamera]) -> Result<()> {
 }
 
 /// The support that the settings promise, whatever the depths between near and far.
-fn cutoff_of(settings: &Settings) -> f64 {
+pub(super) fn cutoff_of(settings: &Settings) -> f64 {
     let Outputs { color, depth, normal, .. } = settings.outputs;
     if settings.support == Support::Probability || !(color || depth || normal) {
         return settings.cutoff();
@@ -297,7 +329,8 @@ impl PassPlan {
 
     /// What it was made of, to be changed: other meshes, more room.
     pub fn builder(&self) -> PassBuilder {
-        self.builder.clone()
+        // What changed since it was bound.
+        PassBuilder { lights: self.frame.shape.lights.clone(), ..self.builder.clone() }
     }
 
     /// Width and height of its images.
@@ -333,6 +366,44 @@ impl PassPlan {
         Ok(match Status::from_bytes(bytes).validate(&self.frame)? {
             None => PassStatus::Whole,
             Some(capacity) => PassStatus::Grow(capacity),
+        })
+    }
+}
+
+impl PassPlan {
+    pub(super) fn decode_gradients(&self, readback: &[u8]) -> Result<Gradients> {
+        let Some(plan) = &self.gradients else {
+            let what = "the pass computes no gradients".into();
+            return Err(Error::Backward { what, fix: "plan it with PassBuilder::gradients".into() });
+        };
+        let has = |id| self.layouts.backward.iter().any(|copy| copy.id == id);
+        let (vertices, totals) = (has(BufferId::VertexGradients), has(BufferId::Totals));
+        let asked = plan.wanted;
+        let wanted = GradientRequest {
+            positions: asked.positions && vertices,
+            colors: asked.colors && vertices,
+            texels: asked.texels && has(BufferId::TexelSums),
+            uvs: asked.uvs && has(BufferId::CornerGradients),
+            camera: asked.camera && totals,
+            lights: asked.lights && totals,
+            background: asked.background && totals,
+            scalars: asked.scalars && totals,
+            ..asked
+        };
+        let uv_indices = self.tables.segments.iter().filter(|segment| segment.id == BufferId::UvIndices);
+        let tables = MeshTables {
+            layouts: self.frame.layouts.clone(),
+            shapes: self.frame.shape.meshes.clone(),
+            uv_indices: uv_indices.flat_map(|segment| bytemuck::pod_collect_to_vec(&segment.bytes)).collect(),
+            ..MeshTables::default()
+        };
+        let cameras: Vec<Camera> = self.cameras.iter().map(|view| view.camera).collect();
+        let (wanted, lights) = (&wanted, &self.frame.shape.lights);
+        let (tables, cameras, settings) = (&tables, &cameras[..], &self.settings);
+        let decoder = Decoder { frame: &self.frame, plan, wanted, tables, cameras, settings, lights };
+        decoder.decode_parts(|id| {
+            let (at, size) = self.readback_part(id)?;
+            readback.get(at as usize..(at + size) as usize)
         })
     }
 }

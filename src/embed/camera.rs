@@ -161,9 +161,9 @@ impl HostCamera {
             if depth.perspective { depth.factor / left } else { left / depth.factor }
         };
         let ends = [plane(0.0), plane(1.0)];
-        // A plane that is not in front of the viewer is infinitely far away: the rounding of an infinite projection may put
-        // it anywhere beyond.
-        let front = ends.map(|z| if z > 0.0 { z } else { f64::INFINITY });
+        // With perspective a plane that is not in front of the viewer is infinitely far away: the rounding of an infinite
+        // projection may put it anywhere beyond. Without, it may lie behind the viewer.
+        let front = ends.map(|z| if z > 0.0 || !depth.perspective { z } else { f64::INFINITY });
         let (near, far) = (front[0].min(front[1]), front[0].max(front[1]));
         depth.clear = if front[0] > front[1] { 0.0 } else { 1.0 };
         if depth.factor == 0.0 || !near.is_finite() {
@@ -178,7 +178,8 @@ impl HostCamera {
         &self.camera
     }
 
-    /// View depths of the near and the far plane; the far one is infinite where the projection has none.
+    /// View depths of the near and the far plane; the far one is infinite where the projection has none, and an orthographic
+    /// projection's near one may be negative.
     pub fn planes(&self) -> [f64; 2] {
         self.planes
     }

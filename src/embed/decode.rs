@@ -42,6 +42,11 @@ impl Decoder<'_> {
     /// do not belong together; [`Error::NotFinite`] if the gradient overflows single precision.
     pub fn decode<'b>(&'b self, bytes: impl Fn(BufferId) -> Option<&'b [u8]> + 'b) -> Result<Gradients> {
         self.validate()?;
+        self.decode_parts(bytes)
+    }
+
+    /// The same of a plan's own meshes, cameras and lights.
+    pub(super) fn decode_parts<'b>(&'b self, bytes: impl Fn(BufferId) -> Option<&'b [u8]> + 'b) -> Result<Gradients> {
         self.decode_floats(&|id, count| {
             let fail = |what: String| Err(Error::Host { what, fix: "give the bytes of the whole buffer".into() });
             match bytes(id).map(|bytes| (bytes.len(), bytes.get(..4 * count).map(bytemuck::try_cast_slice))) {
@@ -80,8 +85,12 @@ impl Decoder<'_> {
         let Self { plan, wanted, cameras, settings: s, lights, .. } = self;
         let mut gradients = Gradients { meshes: self.meshes(floats)?, ..Gradients::default() };
         let views = cameras.len();
-        let totals = floats(BufferId::Totals, 12 * (views + lights.directional.len() + 2))?;
-        let row = |i: usize| &totals[12 * i..12 * (i + 1)];
+        let sums = wanted.camera || wanted.lights || wanted.background || wanted.scalars;
+        let totals = match 12 * (views + lights.directional.len() + 2) {
+            count if sums => floats(BufferId::Totals, count)?,
+            _ => &[],
+        };
+        let row = |i: usize| totals.get(12 * i..12 * (i + 1)).unwrap_or(&[0.0; 12]);
         if wanted.camera {
             let height = f64::from(s.height);
             let gradient = |(i, camera)| camera_gradient(camera, row(i), height);
@@ -122,7 +131,7 @@ impl Decoder<'_> {
     fn meshes(&self, floats: Floats<'_>) -> Result<Vec<MeshGradients>> {
         let Self { plan, wanted, tables, .. } = self;
         let vertices: &[[f32; 8]] = if wanted.positions || wanted.colors {
-            floats(BufferId::VertexGradients, 8 * tables.positions.len() / 3)?.as_chunks().0
+            floats(BufferId::VertexGradients, 8 * tables.vertices())?.as_chunks().0
         } else {
             &[]
         };

@@ -181,6 +181,9 @@ impl Layouts {
                 let what = format!("the {:?} buffer {what}", needed.kind).to_lowercase();
                 Err(Error::Host { what, fix: "make it as PassPlan::memory says".into() })
             };
+            if given.raw() == vk::Buffer::null() {
+                return fail("is null".into());
+            }
             if given.range() < needed.size {
                 return fail(format!("has {} bytes, the pass needs {}", given.range(), needed.size));
             }

@@ -2,6 +2,7 @@
 
 use super::geometry::{Draw, Geometry, IndexFormat, Layout};
 use super::place::GeometryGradients;
+use super::targets::Floats;
 use crate::error::{Error, Result};
 use crate::scene::Wrap;
 use crate::vulkan::{BufferRef, TextureRef};
@@ -76,7 +77,8 @@ impl PassMesh {
     /// A mesh of `vertices` vertices and all triangles of `indices`, white, drawn once. The indices are those of the host's
     /// index buffer, of 16 or 32 bits.
     pub fn new<T: Copy + Into<u32>>(vertices: u32, indices: &[T]) -> Self {
-        let triangles = u32::try_from(indices.len() / 3).unwrap_or(u32::MAX);
+        // A part of a triangle is refused with the plan: there is no such index.
+        let triangles = u32::try_from(indices.len().div_ceil(3)).unwrap_or(u32::MAX);
         let draw = Draw { first_vertex: 0, vertices, first_index: 0, triangles, instances: 1 };
         Self {
             geometry: Geometry::of_draws(vec![draw]),
@@ -129,6 +131,21 @@ fn bad_index<T>(mesh: usize, corner: usize, what: String) -> Result<T> {
 }
 
 impl MeshBuffers {
+    /// The arrays that are read, of what draws read.
+    pub(super) fn sources(&self, geometry: &Geometry) -> impl Iterator<Item = Floats> {
+        let (first, end) = geometry.source_vertices();
+        let vertices = move |array: (BufferRef, Layout), floats| Floats::new(&array, first, end - first, floats);
+        let transforms = self.transforms.map(|array| Floats::new(&array, 0, geometry.instances(), 12));
+        let texels = match self.texels {
+            Some(TexelSource::Floats(at) | TexelSource::Bytes { at, .. }) => Some(Floats::whole(&at)),
+            Some(TexelSource::Image(_)) | None => None,
+        };
+        let indices = self.indices.map(|(at, _)| Floats::whole(&at));
+        let by_vertex =
+            [Some(vertices(self.positions, 3)), self.colors.map(|a| vertices(a, 3)), self.uvs.map(|a| vertices(a, 2))];
+        by_vertex.into_iter().chain([transforms, texels, indices]).flatten()
+    }
+
     /// A mesh of positions alone.
     pub fn new(positions: BufferRef, layout: Layout) -> Self {
         Self {

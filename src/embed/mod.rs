@@ -35,6 +35,7 @@ mod shape;
 mod status;
 mod store;
 mod tables;
+mod targets;
 
 pub use arena::Arena;
 pub use bindings::{FrameBindings, GradientBindings};

@@ -5,14 +5,18 @@ use super::bindings::{FrameBindings, GradientBindings};
 use super::builder::{PassPlan, PassStatus};
 use super::memory::{Copy, PassMemory};
 use super::mesh::MeshBuffers;
-use super::place::{GeometryGradients, Step};
+use super::place::{By, GeometryGradients, GradientStep, Step};
 use super::place_mesh::TexelStep;
 use super::plan::FramePlan;
 use super::store::{FrameImage, ImageBindings};
+use super::targets::{Floats, Overlap};
+use crate::constants as c;
 use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
 use crate::frame::pack::{camera_texels, light_texels};
+use crate::gradients::Gradients;
 use crate::vulkan::{BufferPart, BufferRef, HostCommands, ImageRef, Recorder};
+use std::sync::atomic::{AtomicU8, Ordering};
 
 /// A plan bound to a host's buffers. Two frames in flight take two of them, with memory of their own; the meshes' buffers may
 /// be shared.
@@ -32,8 +36,20 @@ pub struct Pass {
     setup: Vec<Step>,
     texels: Vec<TexelStep>,
     vertices: Vec<Step>,
-    back: Vec<Step>,
+    back: Vec<Back>,
+    /// How far it was recorded: [`NOTHING`], [`SETUP`] or [`FORWARD`].
+    recorded: AtomicU8,
 }
+
+/// A step of gradients, and whether other meshes write into the same array.
+struct Back {
+    step: GradientStep,
+    shared: bool,
+}
+
+const NOTHING: u8 = 0;
+const SETUP: u8 = 1;
+const FORWARD: u8 = 2;
 
 impl Rasterizer {
     /// Binds a plan to memory and to the meshes' buffers, one for each mesh of the plan, in their order. Compiles what was not
@@ -69,10 +85,15 @@ impl Rasterizer {
             texels: Vec::new(),
             vertices: Vec::new(),
             back: Vec::new(),
+            recorded: AtomicU8::new(NOTHING),
         };
         for (number, buffers) in meshes.iter().enumerate() {
-            pass.bind_mesh(number, buffers, &memory.device)?;
+            pass.bind_mesh(number, buffers, &memory.device).map_err(|error| of_mesh(number, error))?;
         }
+        let workspace = [memory.upload, memory.device, memory.readback].into_iter();
+        let workspace: Vec<Floats> =
+            workspace.chain(memory.own.iter().map(|(_, at)| *at)).map(|at| Floats::whole(&at)).collect();
+        pass.share_targets(&workspace, meshes)?;
         Ok(pass)
     }
 
@@ -92,12 +113,12 @@ impl Pass {
         let placed = &plan.tables.placed[number];
         let (at, offset, size) = plan.layouts.draws[number];
         let draws = device.part(offset, size)?;
-        let bound = rasterizer.bind_mesh(number, placed, buffers, draws, frame)?;
+        let bound = rasterizer.bind_mesh(placed, buffers, draws, frame)?;
         let back = match &self.gradients {
             Some(backward) => rasterizer.bind_geometry_gradients(&bound.geometry, &buffers.gradients, backward)?.steps,
             None if buffers.gradients == GeometryGradients::default() => Vec::new(),
             None => {
-                let what = format!("mesh {number} wants gradients, and the pass computes none");
+                let what = "gradients are wanted, and the pass computes none".into();
                 return Err(Error::Host { what, fix: "plan it with PassBuilder::gradients".into() });
             }
         };
@@ -105,7 +126,43 @@ impl Pass {
         self.setup.extend(bound.setup);
         self.texels.extend(bound.texels);
         self.vertices.extend(bound.geometry.vertices);
-        self.back.extend(back);
+        self.back.extend(back.into_iter().map(|step| Back { step, shared: false }));
+        Ok(())
+    }
+
+    /// Finds the arrays that several meshes have their gradients in, and refuses those that cannot be: another kind of gradient
+    /// or the pass's own memory lies there, or what a mesh is read from.
+    fn share_targets(&mut self, workspace: &[Floats], meshes: &[MeshBuffers]) -> Result<()> {
+        let mut sources = Vec::new();
+        for (placed, mesh) in self.plan.tables.placed.iter().zip(meshes) {
+            sources.extend(mesh.sources(&placed.geometry));
+        }
+        let fail = |by: By, what: &str| {
+            Err(Error::Host {
+                what: format!("the gradients by {by:?} lie {what}").to_lowercase(),
+                fix: "give gradients an array of their own; only the same gradient of several meshes may share one"
+                    .into(),
+            })
+        };
+        let overlaps = |floats: &[Floats], target: &Floats| floats.iter().any(|f| f.overlap(target) != Overlap::None);
+        for i in 0..self.back.len() {
+            let GradientStep { by, target, .. } = &self.back[i].step;
+            if overlaps(workspace, target) {
+                return fail(*by, "in the pass's own memory");
+            }
+            if overlaps(&sources, target) {
+                return fail(*by, "on what a mesh is read from");
+            }
+            let mut shared = false;
+            for (_, other) in self.back.iter().enumerate().filter(|(j, _)| *j != i) {
+                match target.overlap(&other.step.target) {
+                    Overlap::None => {}
+                    Overlap::Elements if *by == other.step.by => shared = true,
+                    _ => return fail(*by, &format!("among those by {:?}", other.step.by)),
+                }
+            }
+            self.back[i].shared = shared;
+        }
         Ok(())
     }
 
@@ -193,6 +250,7 @@ impl Pass {
         }
         recorder.barrier();
         recorder.end_label();
+        self.recorded.fetch_max(SETUP, Ordering::Relaxed);
         Ok(())
     }
 
@@ -200,8 +258,9 @@ impl Pass {
     /// buffer. Allocates, maps, submits and waits for nothing.
     ///
     /// # Errors
-    /// As [`record_setup`](Self::record_setup).
+    /// [`Error::Host`] where no setup was recorded before; otherwise as [`record_setup`](Self::record_setup).
     pub fn record_forward(&self, commands: &mut HostCommands) -> Result<()> {
+        self.needs(SETUP, "record_setup")?;
         let mut recorder = Recorder::on_host(&self.rasterizer.device, commands);
         recorder.begin_label("softras pass");
         recorder.barrier();
@@ -212,28 +271,54 @@ impl Pass {
         self.rasterizer.forward(&mut recorder, &self.plan.frame, &self.frame, None)?;
         self.copy_out(&mut recorder, &self.plan.layouts.forward)?;
         recorder.end_label();
+        self.recorded.fetch_max(FORWARD, Ordering::Relaxed);
         Ok(())
+    }
+
+    /// Refuses what would read memory that nothing wrote: on the device its loops might not end.
+    fn needs(&self, recorded: u8, call: &str) -> Result<()> {
+        if self.recorded.load(Ordering::Relaxed) >= recorded {
+            return Ok(());
+        }
+        let what = format!("{call} was not recorded since the pass was bound");
+        Err(Error::Host { what, fix: format!("record it first: {call}(commands)") })
     }
 
     /// Records the gradients of the frame recorded last, from the upstream gradients that the host's kernels wrote, into the
     /// meshes' own buffers and the readback buffer.
     ///
     /// # Errors
-    /// [`Error::Backward`] for a pass without gradients; otherwise as [`record_setup`](Self::record_setup).
+    /// [`Error::Backward`] for a pass without gradients; [`Error::Host`] where no frame was recorded before; otherwise as
+    /// [`record_setup`](Self::record_setup).
     pub fn record_backward(&self, commands: &mut HostCommands) -> Result<()> {
         let (Some(plan), Some(bindings)) = (&self.plan.gradients, &self.gradients) else {
             let what = "the pass computes no gradients".into();
             return Err(Error::Backward { what, fix: "plan it with PassBuilder::gradients".into() });
         };
+        self.needs(FORWARD, "record_forward")?;
         let mut recorder = Recorder::on_host(&self.rasterizer.device, commands);
         self.rasterizer.backward(&mut recorder, plan, bindings, None)?;
-        for step in &self.back {
-            step.record(&mut recorder)?;
+        self.record_back(&mut recorder)?;
+        self.copy_out(&mut recorder, &self.plan.layouts.backward)
+    }
+
+    /// Records the way of the gradients into the meshes' arrays. An array of several meshes is cleared where they read, and then
+    /// each adds to it, in their order.
+    fn record_back(&self, recorder: &mut Recorder<'_>) -> Result<()> {
+        for back in self.back.iter().filter(|back| back.shared) {
+            back.step.step.record_use(recorder, c::TARGET_CLEAR)?;
+            recorder.barrier();
+        }
+        for Back { step, shared } in &self.back {
+            step.step.record_use(recorder, if *shared { c::TARGET_ADD } else { c::TARGET_WRITE })?;
+            if *shared {
+                recorder.barrier();
+            }
         }
         if !self.back.is_empty() {
             recorder.barrier();
         }
-        self.copy_out(&mut recorder, &self.plan.layouts.backward)
+        Ok(())
     }
 
     fn copy_in(&self, recorder: &mut Recorder<'_>, copies: &[Copy]) -> Result<()> {
@@ -269,13 +354,19 @@ impl Pass {
     }
 
     /// Records the storing of an image: [`Rasterizer::record_image`]. A depth buffer's values are those of the view's
-    /// matrices.
+    /// matrices, and what is blended is blended with the background colour of the settings, as both are now.
     ///
     /// # Errors
-    /// As [`Rasterizer::record_image`].
+    /// [`Error::Host`] for an image that another pass bound, or this one before it was bound anew; otherwise as
+    /// [`Rasterizer::record_image`].
     pub fn record_store(&self, commands: &mut HostCommands, image: &ImageBindings) -> Result<()> {
+        if !image.is_of(&self.frame) {
+            let what = "an image is stored that another pass bound, or this one before it was bound anew".into();
+            return Err(Error::Host { what, fix: "bind it with Pass::bind_image".into() });
+        }
         let camera = self.plan.cameras.get(image.view() as usize).and_then(|camera| camera.host);
-        self.rasterizer.record_stored(commands, image, camera.map(|camera| camera.depth()))
+        let depth = camera.map(|camera| camera.depth());
+        self.rasterizer.record_stored(commands, image, depth, self.plan.frame.background())
     }
 
     /// What the readback buffer's bytes say of the frame recorded last, once it is done.
@@ -286,9 +377,29 @@ impl Pass {
         self.plan.status(readback)
     }
 
+    /// The gradients in the readback buffer's bytes once the device is done: those of the buffers that
+    /// [`PassBuilder::read_back`](super::PassBuilder::read_back) named. [`BufferId::Totals`] has those by cameras, lights,
+    /// background and scalars, [`BufferId::VertexGradients`] those by positions and colours of each view's placed vertices,
+    /// [`BufferId::TexelSums`] those by texels, [`BufferId::CornerGradients`] those by UVs.
+    ///
+    /// # Errors
+    /// [`Error::Backward`] for a pass without gradients; [`Error::Host`] for fewer bytes than the readback buffer has, or bytes
+    /// that do not begin at a multiple of 4; [`Error::NotFinite`] if a gradient overflows single precision.
+    pub fn decode_gradients(&self, readback: &[u8]) -> Result<Gradients> {
+        self.plan.decode_gradients(readback)
+    }
+
     /// The frame's plan and bindings beneath, for what only they can do.
     pub fn frame(&self) -> (&FramePlan, &FrameBindings) {
         (&self.plan.frame, &self.frame)
+    }
+}
+
+/// An error of binding, with the mesh that it is about.
+fn of_mesh(number: usize, error: Error) -> Error {
+    match error {
+        Error::Host { what, fix } => Error::Host { what: format!("mesh {number} of the pass: {what}"), fix },
+        other => other,
     }
 }
 

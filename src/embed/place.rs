@@ -3,12 +3,13 @@
 use super::Rasterizer;
 use super::bindings::{FrameBindings, GradientBindings};
 use super::geometry::{Geometry, IndexFormat, Layout, linear_groups, rows_of};
+use super::targets::Floats;
 use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
 use crate::frame::passes::Stage;
 use crate::frame::pipelines::Request;
 use crate::gradients::GradientRequest;
-use crate::vulkan::{BufferPart, BufferRef, DescriptorPool, HostCommands, Kernel, Recorder, TexelFormat, kernels};
+use crate::vulkan::{BufferPart, BufferRef, DescriptorPool, HostCommands, Kernel, Recorder, TexelFormat, kernels, vk};
 
 /// Where a host's geometry lies. Every buffer but `draws` has the usage STORAGE_BUFFER, and begins at a multiple of
 /// minStorageBufferOffsetAlignment.
@@ -50,7 +51,22 @@ pub struct GeometryBindings {
 
 /// The gradients of a host's geometry bound to a backward pass. To be kept as [`GradientBindings`].
 pub struct GeometryGradientBindings {
-    pub(super) steps: Vec<Step>,
+    pub(super) steps: Vec<GradientStep>,
+}
+
+/// A stage that writes gradients into a host's array.
+pub(super) struct GradientStep {
+    pub step: Step,
+    pub by: By,
+    pub target: Floats,
+}
+
+/// What a gradient is by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum By {
+    Positions,
+    Colors,
+    Transforms,
 }
 
 /// The numbers of `glsl/common/geometry_push.glsl`.
@@ -66,6 +82,7 @@ pub(super) struct Push {
     pub transform_stride: u32,
     pub transform_offset: u32,
     pub select: u32,
+    pub target_use: u32,
 }
 
 /// A stage with its numbers.
@@ -79,6 +96,11 @@ impl Step {
     pub fn record(&self, recorder: &mut Recorder<'_>) -> Result<()> {
         self.stage.record(recorder, bytemuck::bytes_of(&self.push), self.groups)
     }
+
+    /// The same with one of the TARGET_ uses.
+    pub fn record_use(&self, recorder: &mut Recorder<'_>, target_use: u32) -> Result<()> {
+        self.stage.record(recorder, bytemuck::bytes_of(&Push { target_use, ..self.push }), self.groups)
+    }
 }
 
 impl GeometryBindings {
@@ -91,18 +113,18 @@ impl GeometryBindings {
     pub(super) fn push(&self, count: u32) -> Push {
         Push { count, draws: self.geometry.draws().len() as u32, first: self.geometry.first_vertex, ..Push::default() }
     }
-
-    /// The same with a vertex array's layout, and with the transforms' where there are such.
-    fn vertex_push(&self, count: u32, (stride, offset): (u32, u32)) -> Result<Push> {
-        let (transform_stride, transform_offset) = match &self.buffers.transforms {
-            Some(transforms) => layout_words("transforms", transforms, self.geometry.instances(), 12)?,
-            None => (0, 0),
-        };
-        Ok(Push { stride, offset, transform_stride, transform_offset, ..self.push(count) })
-    }
 }
 
 impl Rasterizer {
+    /// [`GeometryBindings::push`] with a vertex array's layout, and with the transforms' where there are such.
+    fn vertex_push(&self, made: &GeometryBindings, count: u32, (stride, offset): (u32, u32)) -> Result<Push> {
+        let (transform_stride, transform_offset) = match &made.buffers.transforms {
+            Some(transforms) => self.layout_words("transforms", transforms, made.geometry.instances(), 12)?,
+            None => (0, 0),
+        };
+        Ok(Push { stride, offset, transform_stride, transform_offset, ..made.push(count) })
+    }
+
     /// Binds a host's vertices, indices and transforms, and the frame's arrays that they go into.
     ///
     /// # Errors
@@ -115,7 +137,10 @@ impl Rasterizer {
         frame: &FrameBindings,
     ) -> Result<GeometryBindings> {
         let table = 32 * geometry.draws().len() as u64;
-        validate_bytes("draws", &buffers.draws, table)?;
+        if table > buffers.draws.range() {
+            let what = format!("draws has {} bytes, its table {table}", buffers.draws.range());
+            return misfit(what, "bind a larger part");
+        }
         let table = buffers.draws.part(0, table)?;
         // Of no draws nothing is recorded.
         let draws = if geometry.draws().is_empty() {
@@ -151,8 +176,8 @@ impl Rasterizer {
     ) -> Result<Step> {
         let geometry = &made.geometry;
         let count = geometry.vertices();
-        let words = layout_words(id.name(), source, geometry.source_vertices().1, 3)?;
-        let push = Push { first, ..made.vertex_push(count, words)? };
+        let words = self.layout_words(id.name(), source, geometry.source_vertices().1, 3)?;
+        let push = Push { first, ..self.vertex_push(made, count, words)? };
         let target = frame.array(id)?;
         validate_target(id, target, 12 * (u64::from(first) + u64::from(count)))?;
         let moved = made.buffers.transforms.as_ref().filter(|_| id == BufferId::Positions);
@@ -174,7 +199,7 @@ impl Rasterizer {
         let geometry = &made.geometry;
         let bytes = geometry.source_indices() * u64::from(format.bits() / 8);
         // Whole words are read.
-        validate_bytes("indices", at, bytes.next_multiple_of(4))?;
+        self.validate_storage("indices", at, bytes.next_multiple_of(4))?;
         let target = frame.array(id)?;
         let triangles = geometry.triangles();
         validate_target(id, target, 12 * (u64::from(first) + u64::from(triangles)))?;
@@ -204,9 +229,9 @@ impl Rasterizer {
         let placed = u64::from(geometry.geometry.first_vertex) + u64::from(geometry.geometry.vertices());
         validate_target(BufferId::VertexGradients, &backward.vertex_gradients, 32 * placed)?;
         if geometry.geometry.vertices() > 0 {
-            for (select, target) in (0..).zip([&gradients.positions, &gradients.colors]) {
+            for (by, target) in [(By::Positions, &gradients.positions), (By::Colors, &gradients.colors)] {
                 if let Some(target) = target {
-                    steps.push(self.place_vertex_grad(geometry, target, select, backward)?);
+                    steps.push(self.place_vertex_grad(geometry, target, by, backward)?);
                 }
             }
         }
@@ -227,13 +252,15 @@ impl Rasterizer {
         &self,
         made: &GeometryBindings,
         target: &(BufferRef, Layout),
-        select: u32,
+        by: By,
         backward: &GradientBindings,
-    ) -> Result<Step> {
+    ) -> Result<GradientStep> {
         let (first, end) = made.geometry.source_vertices();
-        let words = layout_words("the gradients", target, end, 3)?;
-        let push = Push { base: first, select, ..made.vertex_push(end - first, words)? };
-        let moved = made.buffers.transforms.as_ref().filter(|_| select == 0);
+        let words = self.layout_words("the gradients", target, end, 3)?;
+        let floats = Floats::new(target, first, end - first, 3);
+        let push =
+            Push { base: first, select: u32::from(by == By::Colors), ..self.vertex_push(made, end - first, words)? };
+        let moved = made.buffers.transforms.as_ref().filter(|_| by == By::Positions);
         let target = BufferPart::of_host(&self.device, &target.0);
         let transforms = BufferPart::of_host(&self.device, moved.map_or(&made.buffers.positions.0, |(at, _)| at));
         let buffers = [
@@ -244,7 +271,7 @@ impl Rasterizer {
         ];
         let modes = [("TRANSFORMED", u32::from(moved.is_some()))];
         let stage = self.stage(&kernels::PLACE_VERTEX_GRAD, &modes, &buffers)?;
-        Ok(Step { stage, push, groups: linear_groups(end - first) })
+        Ok(GradientStep { step: Step { stage, push, groups: linear_groups(end - first) }, by, target: floats })
     }
 
     fn place_transform_grad(
@@ -252,12 +279,14 @@ impl Rasterizer {
         made: &GeometryBindings,
         target: &(BufferRef, Layout),
         backward: &GradientBindings,
-    ) -> Result<Step> {
+    ) -> Result<GradientStep> {
         let instances = made.geometry.instances();
         let end = made.geometry.source_vertices().1;
-        let (stride, offset) = layout_words("positions", &made.buffers.positions, end, 3)?;
-        let (transform_stride, transform_offset) = layout_words("the transforms' gradients", target, instances, 12)?;
+        let (stride, offset) = self.layout_words("positions", &made.buffers.positions, end, 3)?;
+        let (transform_stride, transform_offset) =
+            self.layout_words("the transforms' gradients", target, instances, 12)?;
         let push = Push { stride, offset, transform_stride, transform_offset, ..made.push(instances) };
+        let floats = Floats::new(target, 0, instances, 12);
         let target = BufferPart::of_host(&self.device, &target.0);
         let buffers = [
             ("draws", &made.draws),
@@ -266,7 +295,40 @@ impl Rasterizer {
             ("Target", &target),
         ];
         let stage = self.stage(&kernels::PLACE_TRANSFORM_GRAD, &[], &buffers)?;
-        Ok(Step { stage, push, groups: rows_of(instances) })
+        Ok(GradientStep { step: Step { stage, push, groups: rows_of(instances) }, by: By::Transforms, target: floats })
+    }
+
+    /// The words of a layout whose last of `count` elements of `words` words each lies inside a buffer.
+    pub(super) fn layout_words(
+        &self,
+        name: &str,
+        (at, layout): &(BufferRef, Layout),
+        count: u32,
+        words: u64,
+    ) -> Result<(u32, u32)> {
+        let Layout { stride, offset } = *layout;
+        if stride % 4 != 0 || offset % 4 != 0 || u64::from(stride) < 4 * words {
+            let what = format!("{name} of {stride} bytes each, read at {offset}");
+            return misfit(what, "use multiples of four, and a stride of at least what is read");
+        }
+        let last = u64::from(count.saturating_sub(1)) * u64::from(stride) + u64::from(offset) + 4 * words;
+        self.validate_storage(name, at, if count == 0 { 0 } else { last })?;
+        Ok((stride / 4, offset / 4))
+    }
+
+    /// A host's buffer can be bound as storage, and has so many bytes.
+    pub(super) fn validate_storage(&self, name: &str, at: &BufferRef, needed: u64) -> Result<()> {
+        validate_made(name, at, vk::BufferUsageFlags::STORAGE_BUFFER)?;
+        let alignment = self.device.limits().storage_offset_alignment;
+        if !at.offset().is_multiple_of(alignment) {
+            let what = format!("{name} begins at byte {}, no multiple of {alignment}", at.offset());
+            return misfit(what, "give a part that begins at one, and the rest as Layout::offset");
+        }
+        // Kernels count words with 32 bits.
+        if needed > at.range() || needed > 4 * u64::from(u32::MAX) {
+            return misfit(format!("{name} has {} bytes, the draws need {needed}", at.range()), "bind a larger part");
+        }
+        Ok(())
     }
 
     /// A kernel bound to buffers by the names of its bindings.
@@ -309,10 +371,15 @@ impl Rasterizer {
         commands: &mut HostCommands,
         bindings: &GeometryGradientBindings,
     ) -> Result<()> {
-        self.record_steps(commands, "softras geometry gradients", &bindings.steps)
+        self.record_steps(commands, "softras geometry gradients", bindings.steps.iter().map(|gradient| &gradient.step))
     }
 
-    fn record_steps(&self, commands: &mut HostCommands, label: &str, steps: &[Step]) -> Result<()> {
+    fn record_steps<'a>(
+        &self,
+        commands: &mut HostCommands,
+        label: &str,
+        steps: impl IntoIterator<Item = &'a Step>,
+    ) -> Result<()> {
         let mut recorder = Recorder::on_host(&self.device, commands);
         recorder.begin_label(label);
         recorder.barrier();
@@ -343,27 +410,13 @@ fn misfit<T>(what: String, fix: &str) -> Result<T> {
     Err(Error::Host { what, fix: fix.into() })
 }
 
-/// The words of a layout whose last of `count` elements of `words` words each lies inside a buffer.
-pub(super) fn layout_words(
-    name: &str,
-    (at, layout): &(BufferRef, Layout),
-    count: u32,
-    words: u64,
-) -> Result<(u32, u32)> {
-    let Layout { stride, offset } = *layout;
-    if stride % 4 != 0 || offset % 4 != 0 || u64::from(stride) < 4 * words {
-        let what = format!("{name} of {stride} bytes each, read at {offset}");
-        return misfit(what, "use multiples of four, and a stride of at least what is read");
+/// A host's buffer is one, and was made for a use.
+pub(super) fn validate_made(name: &str, at: &BufferRef, usage: vk::BufferUsageFlags) -> Result<()> {
+    if at.raw() == vk::Buffer::null() {
+        return misfit(format!("{name}: the buffer is null"), "give a buffer with memory bound to it");
     }
-    let last = u64::from(count.saturating_sub(1)) * u64::from(stride) + u64::from(offset) + 4 * words;
-    validate_bytes(name, at, if count == 0 { 0 } else { last })?;
-    Ok((stride / 4, offset / 4))
-}
-
-pub(super) fn validate_bytes(name: &str, at: &BufferRef, needed: u64) -> Result<()> {
-    // Kernels count words with 32 bits.
-    if needed > at.range() || needed > 4 * u64::from(u32::MAX) {
-        return misfit(format!("{name} has {} bytes, the draws need {needed}", at.range()), "bind a larger part");
+    if !at.usage().contains(usage) {
+        return misfit(format!("{name}: the buffer was made for {:?}", at.usage()), &format!("add {usage:?}"));
     }
     Ok(())
 }
@@ -407,6 +460,7 @@ mod tests {
             ("transform_stride", offset_of!(Push, transform_stride)),
             ("transform_offset", offset_of!(Push, transform_offset)),
             ("select", offset_of!(Push, select)),
+            ("target_use", offset_of!(Push, target_use)),
         ];
         let linear = [&kernels::PLACE, &kernels::PLACE_INDICES, &kernels::PLACE_VERTEX_GRAD];
         for kernel in linear.into_iter().chain([&kernels::PLACE_TRANSFORM_GRAD]) {

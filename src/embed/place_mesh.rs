@@ -4,13 +4,13 @@ use super::Rasterizer;
 use super::bindings::FrameBindings;
 use super::geometry::{Layout, linear_groups};
 use super::mesh::{MeshBuffers, MeshLook, TexelSource};
-use super::place::{GeometryBindings, GeometryBuffers, Push, Step, layout_words, validate_bytes};
+use super::place::{GeometryBindings, GeometryBuffers, Push, Step, validate_made};
 use super::tables::Placed;
 use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
 use crate::frame::passes::Stage;
 use crate::frame::pipelines::Request;
-use crate::vulkan::{BufferPart, BufferRef, DescriptorPool, Recorder, TextureRef, kernels};
+use crate::vulkan::{BufferPart, BufferRef, DescriptorPool, Recorder, TextureRef, kernels, vk};
 
 /// A mesh's steps: what is placed every frame, and what once.
 pub(super) struct BoundMesh {
@@ -36,15 +36,14 @@ impl TexelStep {
     }
 }
 
-fn misfit<T>(mesh: usize, what: &str, fix: &str) -> Result<T> {
-    Err(Error::Host { what: format!("mesh {mesh} of the pass {what}"), fix: fix.into() })
+fn misfit<T>(what: &str, fix: &str) -> Result<T> {
+    Err(Error::Host { what: what.into(), fix: fix.into() })
 }
 
 impl Rasterizer {
     /// Binds what a mesh is placed from. `draws` is its table on the device.
     pub(super) fn bind_mesh(
         &self,
-        number: usize,
         placed: &Placed,
         buffers: &MeshBuffers,
         draws: BufferRef,
@@ -53,7 +52,7 @@ impl Rasterizer {
         let instances = placed.geometry.instances();
         if buffers.transforms.is_none() && instances > placed.geometry.draws().len() as u32 {
             let fix = "give MeshBuffers::transforms, one for each instance";
-            return misfit(number, &format!("has {instances} instances and no transforms"), fix);
+            return misfit(&format!("{instances} instances and no transforms"), fix);
         }
         let places = GeometryBuffers {
             draws,
@@ -68,7 +67,7 @@ impl Rasterizer {
         let any = placed.geometry.vertices() > 0;
         match (placed.look, &buffers.colors) {
             (MeshLook::VertexColors, None) => {
-                return misfit(number, "has vertex colours and no buffer of them", "give MeshBuffers::colors");
+                return misfit("vertex colours and no buffer of them", "give MeshBuffers::colors");
             }
             (MeshLook::VertexColors, Some(colors)) if any => {
                 let colors = self.place(&bound, colors, (BufferId::Colors, placed.color), frame)?;
@@ -78,7 +77,7 @@ impl Rasterizer {
         }
         if let MeshLook::Texture { size, v_down, .. } = placed.look {
             let Some(uvs) = &buffers.uvs else {
-                return misfit(number, "has a texture and no coordinates", "give MeshBuffers::uvs");
+                return misfit("a texture and no coordinates", "give MeshBuffers::uvs");
             };
             if any {
                 setup.push(self.place_uvs(&bound, uvs, placed.uv, v_down, frame)?);
@@ -92,7 +91,7 @@ impl Rasterizer {
                 )?);
             }
             if let Some(source) = &buffers.texels {
-                texels.push(self.place_texels(number, source, size, placed.texel, frame)?);
+                texels.push(self.place_texels(source, size, placed.texel, frame)?);
             }
         }
         Ok(BoundMesh { geometry: bound, setup, texels })
@@ -108,7 +107,7 @@ impl Rasterizer {
     ) -> Result<Step> {
         let (draws, geometry) = made.table();
         let count = geometry.vertices();
-        let (stride, offset) = layout_words("UVs", source, geometry.source_vertices().1, 2)?;
+        let (stride, offset) = self.layout_words("UVs", source, geometry.source_vertices().1, 2)?;
         let push = Push { first, stride, offset, select: u32::from(v_down), ..made.push(count) };
         let (source, target) = (BufferPart::of_host(&self.device, &source.0), frame.array(BufferId::Uvs)?);
         let buffers = [("draws", draws), ("Vertices", &source), ("Target", target)];
@@ -117,7 +116,6 @@ impl Rasterizer {
 
     fn place_texels(
         &self,
-        number: usize,
         source: &TexelSource,
         (width, height): (u32, u32),
         first: u32,
@@ -130,20 +128,24 @@ impl Rasterizer {
             TexelSource::Image(texture) => {
                 if texture.size() != (width, height) {
                     let what =
-                        format!("has an image of {:?} texels for a texture of {:?}", texture.size(), (width, height));
-                    return misfit(number, &what, "plan it with the image's size");
+                        format!("an image of {:?} texels for a texture of {:?}", texture.size(), (width, height));
+                    return misfit(&what, "plan it with the image's size");
                 }
                 let stage = self.texture_stage(&texture, target)?;
                 Ok(TexelStep::Place { stage, push: [width, height, first, 0], groups })
             }
             TexelSource::Bytes { at, srgb } => {
-                validate_bytes("texels", &at, 4 * count)?;
+                self.validate_storage("texels", &at, 4 * count)?;
                 let buffers = [("Source", &BufferPart::of_host(&self.device, &at)), ("Target", target)];
                 let stage = self.stage(&kernels::PLACE_TEXEL_WORDS, &[], &buffers)?;
                 Ok(TexelStep::Place { stage, push: [width, height, first, u32::from(srgb)], groups })
             }
             TexelSource::Floats(at) => {
-                validate_bytes("texels", &at, 16 * count)?;
+                validate_made("texels", &at, vk::BufferUsageFlags::TRANSFER_SRC)?;
+                if 16 * count > at.range() || !at.offset().is_multiple_of(4) {
+                    let what = format!("{} bytes of texels at {} for {count} texels", at.range(), at.offset());
+                    return misfit(&what, "give 16 bytes a texel, beginning at a multiple of four");
+                }
                 let (from, to) = (BufferPart::of_host(&self.device, &at), target.clone());
                 Ok(TexelStep::Copy { from, to, at: 16 * u64::from(first), size: 16 * count })
             }

@@ -2,9 +2,11 @@
 
 use super::shape::FrameShape;
 use crate::error::{Error, Result};
-use crate::frame::buffers::{BufferId, Role, Sizes};
+use crate::frame::buffers::{BufferId, Role, Sizes, TableLengths};
 use crate::frame::pack::{MeshLayout, TableLayout};
-use crate::frame::plan::{BackwardInput, BackwardPlan, Capacity, ForwardPlan, PlanInput, Rare, validate_views};
+use crate::frame::plan::{
+    BackwardInput, BackwardPlan, Capacity, ForwardPlan, FramePush, PlanInput, Rare, validate_views,
+};
 use crate::gradients::GradientRequest;
 use crate::scene::{Lights, Outputs, Settings, Shading};
 use crate::vulkan::{BufferDesc, BufferRef, DeviceKind, Limits, Location, vk};
@@ -33,7 +35,8 @@ pub struct BufferRequirement {
 pub struct FramePlan {
     pub(crate) forward: ForwardPlan,
     pub(super) shape: FrameShape,
-    layouts: Vec<MeshLayout>,
+    pub(super) layouts: Vec<MeshLayout>,
+    tables: TableLengths,
     buffers: Vec<BufferRequirement>,
     pub(super) capacity: Capacity,
     limits: Limits,
@@ -106,6 +109,21 @@ fn validate_corners(shape: &FrameShape, views: u32, loop_passes: u32) -> Result<
 /// which leaves a factor of 1e7 above the least normal number for the terms that D is multiplied with.
 const FARTHEST: f64 = 70.0;
 
+/// Validates a squared radius of support.
+fn validate_cutoff(cutoff: f64) -> Result<()> {
+    if !(cutoff > 0.0 && cutoff <= FARTHEST) {
+        return Err(Error::Settings {
+            field: "support",
+            value: format!("one where D falls to exp(-{cutoff:.0})"),
+            fix: format!(
+                "the kernels follow D down to exp(-{FARTHEST}): use a larger gamma, bring near and far close around the \
+                 scene, use the composite background, or support probability"
+            ),
+        });
+    }
+    Ok(())
+}
+
 /// Validates the counts and the radius of support of a shape.
 fn validate(shape: &FrameShape) -> Result<()> {
     validate_views(shape.views.into())?;
@@ -123,17 +141,7 @@ fn validate(shape: &FrameShape) -> Result<()> {
         let what = format!("{vertices} vertices, {triangles} triangles, {uvs} UV pairs and {texels} texels");
         return fail(what, "render fewer meshes or smaller textures at once: kernels index with 32 bits");
     }
-    if !(shape.cutoff > 0.0 && shape.cutoff <= FARTHEST) {
-        let cutoff = shape.cutoff;
-        return Err(Error::Settings {
-            field: "support",
-            value: format!("one where D falls to exp(-{cutoff:.0})"),
-            fix: format!(
-                "the kernels follow D down to exp(-{FARTHEST}): use a larger gamma, bring near and far close around the \
-                 scene, use the composite background, or support probability"
-            ),
-        });
-    }
+    validate_cutoff(shape.cutoff)?;
     shape.lights.validate()
 }
 
@@ -182,7 +190,35 @@ impl FramePlan {
         if shape.lights.shading == Shading::Smooth {
             validate_corners(shape, 1, loop_passes)?;
         }
-        Ok(Self { forward, layouts: tables.meshes, shape: shape.clone(), buffers, capacity, limits: *limits })
+        let (layouts, tables) = (tables.meshes, tables.lengths);
+        Ok(Self { forward, layouts, tables, shape: shape.clone(), buffers, capacity, limits: *limits })
+    }
+
+    /// The push constants with other settings and lights. Allocates only for an error.
+    ///
+    /// # Errors
+    /// [`Error::Host`] where these need other kernels.
+    pub(super) fn push_with(&self, settings: &Settings, cutoff: f64, lights: &Lights) -> Result<FramePush> {
+        settings.validate()?;
+        validate_cutoff(cutoff)?;
+        let push = self.forward.push_with(&PlanInput {
+            settings,
+            cutoff,
+            views: &[],
+            tables: self.tables,
+            lights,
+            sampling: self.shape.sampling(),
+            depth_span: self.shape.depth_span,
+            distorted: self.shape.distorted,
+            capacity: self.capacity,
+            save: settings.save,
+            loop_passes: self.forward.modes.loop_passes,
+            rare: self.forward.rare,
+        });
+        push.ok_or_else(|| Error::Host {
+            what: "outputs, modes, shading or the number of lights are others than were planned".into(),
+            fix: "plan and rebind".into(),
+        })
     }
 
     /// The buffers to give to [`Rasterizer::bind`](super::Rasterizer::bind), in no particular order.
@@ -231,6 +267,11 @@ impl FramePlan {
     /// Width and height of its images in pixels.
     pub fn image_size(&self) -> (u32, u32) {
         (self.forward.push.width, self.forward.push.height)
+    }
+
+    pub(super) fn background(&self) -> [f32; 3] {
+        let push = &self.forward.push;
+        [push.background_red, push.background_green, push.background_blue]
     }
 
     /// The number of its views.
@@ -333,6 +374,12 @@ impl GradientPlan {
         let buffers = requirements(&frame.limits, &backward.sizes)?;
         let (frame_sizes, device_counts) = (frame.forward.sizes, shape.device_counts);
         Ok(Self { backward, buffers, frame_sizes, wanted: differentiate.wanted, device_counts })
+    }
+
+    /// Follows a frame whose push constants change, and whose lights do.
+    pub(super) fn set_push(&mut self, push: FramePush, frame: &FramePlan, lights: &Lights, largest_upstream: f64) {
+        let texel_scale = texel_scale(&frame.forward, lights, largest_upstream);
+        self.backward.push = FramePush { texel_scale, ..push };
     }
 
     /// The buffers to give to [`Rasterizer::bind_backward`](super::Rasterizer::bind_backward) beyond the frame's.

@@ -1,6 +1,6 @@
 //! What of a bound pass can change: cameras, lights and settings in place, all else by binding anew.
 
-use super::builder::{PassBuilder, PassPlan, ViewCamera};
+use super::builder::{PassPlan, View, ViewCamera, cutoff_of, set_planes, widest};
 use super::camera::ClipSpace;
 use super::memory::PassMemory;
 use super::mesh::MeshBuffers;
@@ -21,78 +21,61 @@ pub struct Rebound {
 }
 
 impl Pass {
-    /// Other cameras, as many as before, from the next [`write_frame`](Self::write_frame) on.
+    /// Other cameras, as many as before: see [`set_camera_matrices`](Self::set_camera_matrices).
     ///
     /// # Errors
     /// [`Error::Scene`] for another number of them, [`Error::Host`] where they need other kernels.
     pub fn set_cameras(&mut self, cameras: &[Camera]) -> Result<()> {
-        self.set_views(self.plan.builder().cameras(cameras))
+        self.plan.set_views(cameras.len(), cameras.iter().copied().map(View::Camera))
     }
 
-    /// The same from matrices, as [`PassBuilder::camera_matrices`](super::PassBuilder::camera_matrices). Near and far stay.
+    /// The same from matrices, as [`PassBuilder::camera_matrices`](super::PassBuilder::camera_matrices); near and far are
+    /// theirs, as [`PassBuilder::planes`](super::PassBuilder::planes) says. The next [`write_frame`](Self::write_frame) and the
+    /// next recording have them. Allocates only for an error.
     ///
     /// # Errors
     /// As [`set_cameras`](Self::set_cameras), and [`HostCamera::new`](super::HostCamera::new).
     pub fn set_camera_matrices(&mut self, matrices: &[(DMat4, DMat4)], clip: ClipSpace) -> Result<()> {
-        self.set_views(self.plan.builder().camera_matrices(matrices, clip))
+        let views = matrices.iter().map(|&(view, projection)| View::Matrices(view, projection, clip));
+        self.plan.set_views(matrices.len(), views)
     }
 
-    fn set_views(&mut self, builder: PassBuilder) -> Result<()> {
-        let cameras = builder.view_cameras(&self.plan.settings)?;
-        if cameras.len() != self.plan.cameras.len() {
-            return Err(Error::Scene {
-                what: format!("{} cameras for a pass of {} views", cameras.len(), self.plan.cameras.len()),
-                fix: "plan and rebind for another number of views".into(),
-            });
-        }
-        let distorts = |view: &ViewCamera| matches!(view.camera.projection(), Projection::Official { .. });
-        if cameras.iter().any(distorts) && !self.plan.frame.shape.distorted {
-            let what = "the pass was planned without cameras that distort".into();
-            return Err(Error::Host { what, fix: "plan and rebind with one".into() });
-        }
-        (self.plan.cameras, self.plan.builder) = (cameras, builder);
-        Ok(())
-    }
-
-    /// Other settings of the same kernels and sizes: σ, γ, the background colour. What is recorded from now on has them.
+    /// Other settings of the same kernels and sizes: σ, γ, the background colour. What is recorded from now on has them, also
+    /// what is stored by images that were bound before. Allocates only for an error.
     ///
     /// # Errors
-    /// [`Error::Host`] where they need other kernels or more memory; as [`PassBuilder::build`](super::PassBuilder::build).
+    /// [`Error::Settings`], and [`Error::Host`] where they need other kernels or more memory.
     pub fn set_settings(&mut self, settings: Settings) -> Result<()> {
-        let cameras = self.plan.cameras.clone();
-        let capacity = self.plan.frame.capacity();
-        let plan = self.plan.builder().settings(settings).capacity(capacity).build()?;
-        self.frame.fits(&plan.frame)?;
-        if let (Some(bindings), Some(gradients)) = (&self.gradients, &plan.gradients) {
-            bindings.fits(gradients)?;
-        }
-        if plan.image_size() != self.plan.image_size() {
-            let what = format!("images of {:?} pixels for a pass of {:?}", plan.image_size(), self.plan.image_size());
+        let builder = &self.plan.builder;
+        let (mut used, new_size) = (settings.clone(), (settings.width, settings.height));
+        let planes = self.plan.cameras.iter().map(ViewCamera::planes).fold(None, widest);
+        set_planes(&mut used, builder.planes.or(planes))?;
+        used.save |= builder.wanted.is_some();
+        if new_size != self.plan.image_size() {
+            let what = format!("images of {new_size:?} pixels for a pass of {:?}", self.plan.image_size());
             return Err(Error::Host { what, fix: "plan and rebind for another size".into() });
         }
-        self.plan = PassPlan { cameras, ..plan };
+        self.plan.set_frame(used, None)?;
+        self.plan.builder.settings = settings;
         Ok(())
     }
 
-    /// Other lights, as many as before and of the same shading, from the next [`write_frame`](Self::write_frame) on.
+    /// Other lights, as many as before and of the same shading: the next [`write_frame`](Self::write_frame) and the next
+    /// recording have them. Allocates only for an error.
     ///
     /// # Errors
     /// [`Error::Light`]; [`Error::Host`] where they need other kernels.
     pub fn set_lights(&mut self, lights: Lights) -> Result<()> {
-        let cameras = self.plan.cameras.clone();
-        let capacity = self.plan.frame.capacity();
-        let plan = self.plan.builder().lights(lights).capacity(capacity).build()?;
-        self.frame.fits(&plan.frame)?;
-        if plan.layouts != self.plan.layouts {
+        lights.validate()?;
+        if lights.directional.len() != self.plan.frame.shape.lights.directional.len() {
             let what = "another number of lights than was planned".into();
             return Err(Error::Host { what, fix: "plan and rebind with as many".into() });
         }
-        self.plan = PassPlan { cameras, ..plan };
-        Ok(())
+        self.plan.set_frame(self.plan.settings.clone(), Some(lights))
     }
 
-    /// Binds another plan in place of this one: more room, other meshes, another size. The inputs must be written and the setup
-    /// recorded again. Where it fails, the pass is as it was.
+    /// Binds another plan in place of this one: more room, other meshes, another size. The inputs must be written, the setup
+    /// recorded and images bound again. Where it fails, the pass is as it was.
     ///
     /// # Errors
     /// As [`Rasterizer::bind_pass`](super::Rasterizer::bind_pass).
@@ -104,5 +87,48 @@ impl Pass {
         ids.dedup();
         let moved = ids.into_iter().filter(|id| old.buffer(*id) != self.buffer(*id)).collect();
         Ok(Rebound { old, moved })
+    }
+}
+
+impl PassPlan {
+    fn set_views(&mut self, count: usize, views: impl Iterator<Item = View> + Clone) -> Result<()> {
+        if count != self.cameras.len() {
+            return Err(Error::Scene {
+                what: format!("{count} cameras for a pass of {} views", self.cameras.len()),
+                fix: "plan and rebind for another number of views".into(),
+            });
+        }
+        let size = self.image_size();
+        let mut planes = None;
+        for view in views.clone() {
+            let camera = view.camera(size)?;
+            if matches!(camera.camera.projection(), Projection::Official { .. }) && !self.frame.shape.distorted {
+                let what = "the pass was planned without cameras that distort".into();
+                return Err(Error::Host { what, fix: "plan and rebind with one".into() });
+            }
+            planes = widest(planes, camera.planes());
+        }
+        let mut settings = self.settings.clone();
+        set_planes(&mut settings, self.builder.planes.or(planes))?;
+        self.set_frame(settings, None)?;
+        for ((own, camera), view) in self.builder.views.iter_mut().zip(&mut self.cameras).zip(views) {
+            (*own, *camera) = (view, view.camera(size)?);
+        }
+        Ok(())
+    }
+
+    /// Other settings, with near and far as they are used, and other lights, where these need the same kernels and buffers.
+    fn set_frame(&mut self, settings: Settings, lights: Option<Lights>) -> Result<()> {
+        let lights_used = lights.as_ref().unwrap_or(&self.frame.shape.lights);
+        let push = self.frame.push_with(&settings, cutoff_of(&settings), lights_used)?;
+        if let Some(gradients) = &mut self.gradients {
+            gradients.set_push(push, &self.frame, lights_used, self.builder.largest_upstream);
+        }
+        self.frame.forward.push = push;
+        if let Some(lights) = lights {
+            self.frame.shape.lights = lights;
+        }
+        self.settings = settings;
+        Ok(())
     }
 }

@@ -10,6 +10,7 @@ use crate::frame::buffers::BufferId;
 use crate::frame::passes::Stage;
 use crate::frame::pipelines::Request;
 use crate::vulkan::{DescriptorPool, HostCommands, ImageFormat, ImageRef, Kernel, Recorder, kernels};
+use std::sync::Arc;
 
 /// One of a frame's images.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,6 +50,8 @@ pub struct ImageBindings {
     push: Push,
     view: u32,
     camera_set: bool,
+    /// [`FrameBindings::identity`] of the frame.
+    frame: Arc<()>,
 }
 
 impl ImageBindings {
@@ -56,6 +59,10 @@ impl ImageBindings {
     pub fn set_camera(&mut self, camera: &HostCamera) {
         self.push = self.push.with_depth(&camera.depth());
         self.camera_set = true;
+    }
+
+    pub(super) fn is_of(&self, frame: &FrameBindings) -> bool {
+        Arc::ptr_eq(&self.frame, &frame.identity)
     }
 
     /// The view that it stores.
@@ -150,8 +157,8 @@ impl Rasterizer {
     /// Binds one view of an image of a frame to a host's storage image of its size. It serves frames of this plan's size.
     ///
     /// # Errors
-    /// [`Error::Host`] for a plan that the frame was not bound for, an image that the frame does not have, a view that there is not, another size, or a format with
-    /// another number of channels; otherwise as [`prepare`](Self::prepare).
+    /// [`Error::Host`] for a plan that the frame was not bound for, an image that the frame does not have, a view that there
+    /// is not, another size, or a format with another number of channels; otherwise as [`prepare`](Self::prepare).
     pub fn bind_image(
         &self,
         plan: &FramePlan,
@@ -186,11 +193,10 @@ impl Rasterizer {
         };
         let buffers = [("image_texels", frame.array(id)?), ("alpha_texels", frame.array(alpha)?)];
         let stage = Stage::new(pipeline.clone(), pool.bind_with_image(&pipeline, &buffers, ("target", target))?);
-        let (frame, modes) = (&plan.forward.push, &plan.forward.modes);
+        let modes = &plan.forward.modes;
         let hard_depth = id == BufferId::Depths && modes.color_mode == c::COLOR_HARD;
         let flags = image.flags(modes.composite != 0 && !hard_depth);
         let least_alpha = if let FrameImage::DepthBuffer { least_silhouette } = image { least_silhouette } else { 0.0 };
-        let background = [frame.background_red, frame.background_green, frame.background_blue];
         let first = view * width * height;
         let push = Push {
             width,
@@ -200,10 +206,10 @@ impl Rasterizer {
             alpha_component,
             flags,
             least_alpha,
-            background,
+            background: plan.background(),
             ..Push::default()
         };
-        Ok(ImageBindings { stage, push, view, camera_set: false })
+        Ok(ImageBindings { stage, push, view, camera_set: false, frame: frame.identity.clone() })
     }
 
     /// Records the storing of an image: behind [`record_forward`](Self::record_forward). Begins and ends with barriers as that
@@ -212,21 +218,22 @@ impl Rasterizer {
     /// # Errors
     /// [`Error::Limit`] for more workgroups than the device allows; [`Error::Host`] for a depth buffer without a camera.
     pub fn record_image(&self, commands: &mut HostCommands, bindings: &ImageBindings) -> Result<()> {
-        self.record_stored(commands, bindings, None)
+        self.record_stored(commands, bindings, None, bindings.push.background)
     }
 
-    /// The same with a camera's depths in place of those of the bindings.
+    /// The same with a camera's depths and a background colour in place of those of the bindings.
     pub(super) fn record_stored(
         &self,
         commands: &mut HostCommands,
         bindings: &ImageBindings,
         depth: Option<DepthMap>,
+        background: [f32; 3],
     ) -> Result<()> {
         if bindings.push.flags & c::STORE_DEPTH != 0 && !bindings.camera_set && depth.is_none() {
             let fix = "give the pass matrices for cameras, or call set_camera";
             return misfit("a depth buffer is stored without the host's projection".into(), fix);
         }
-        let push = depth.map_or(bindings.push, |depth| bindings.push.with_depth(&depth));
+        let push = Push { background, ..depth.map_or(bindings.push, |depth| bindings.push.with_depth(&depth)) };
         let Push { width, height, .. } = push;
         let mut recorder = Recorder::on_host(&self.device, commands);
         recorder.begin_label("softras image");

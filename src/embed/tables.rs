@@ -5,7 +5,7 @@ use super::mesh::{MeshLook, PassMesh};
 use crate::constants as c;
 use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
-use crate::frame::pack::{AppearanceShape, MeshShape};
+use crate::frame::pack::{AppearanceShape, MeshShape, push_adjacency};
 use crate::scene::Wrap;
 
 /// Bytes that go from the upload buffer into one of the frame's.
@@ -34,6 +34,8 @@ pub(super) struct Placed {
 /// All meshes of a pass.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Tables {
+    /// Whether they have an adjacency.
+    pub adjacency: bool,
     pub shapes: Vec<MeshShape>,
     pub placed: Vec<Placed>,
     pub segments: Vec<Segment>,
@@ -48,7 +50,7 @@ struct Ends {
     uvs: u32,
     uv_triangles: u32,
     texels: u32,
-    adjacency: u32,
+    adjacency: Vec<u32>,
     textures: Vec<[u32; 4]>,
     triangle_textures: Vec<u32>,
 }
@@ -56,7 +58,7 @@ struct Ends {
 impl Tables {
     /// Lays out the meshes that each view sees together, `groups` of them, one after the other.
     pub fn new(groups: &[&[PassMesh]], adjacency: bool) -> Result<Self> {
-        let mut made = Self { shapes: Vec::new(), placed: Vec::new(), segments: Vec::new() };
+        let mut made = Self { adjacency, shapes: Vec::new(), placed: Vec::new(), segments: Vec::new() };
         let mut ends = Ends::default();
         let textured = |mesh: &PassMesh| matches!(mesh.look, MeshLook::Texture { .. });
         if groups.iter().any(|group| group.iter().any(textured)) {
@@ -66,7 +68,10 @@ impl Tables {
             ends.texels = 1;
         }
         for group in groups {
-            made.push_group(group, adjacency, &mut ends)?;
+            made.push_group(group, &mut ends)?;
+        }
+        if adjacency {
+            made.segment(BufferId::Adjacency, 0, &ends.adjacency);
         }
         if !ends.textures.is_empty() {
             made.segment(BufferId::Textures, 0, &ends.textures);
@@ -84,7 +89,7 @@ impl Tables {
         }
     }
 
-    fn push_group(&mut self, group: &[PassMesh], adjacency: bool, ends: &mut Ends) -> Result<()> {
+    fn push_group(&mut self, group: &[PassMesh], ends: &mut Ends) -> Result<()> {
         let first = self.placed.len();
         let mut triangles = Vec::new();
         let (mut vertex, mut triangle) = (0, 0);
@@ -101,14 +106,12 @@ impl Tables {
             let (color, uv, uv_triangle, texel) = (ends.colors, ends.uvs, ends.uv_triangles, 0);
             self.placed.push(Placed { geometry, color, uv, uv_triangle, texel, look: mesh.look });
         }
-        let corners = corners_of(vertex, &triangles);
-        let most_corners = corners.iter().map(Vec::len).max().unwrap_or(0) as u32;
         self.segment(BufferId::Indices, 12 * u64::from(ends.triangles), &triangles);
-        if adjacency {
-            let table = adjacency_of(&corners, ends.adjacency);
-            self.segment(BufferId::Adjacency, 4 * u64::from(ends.adjacency), &table);
-            ends.adjacency = sum(ends.adjacency, table.len() as u32)?;
-        }
+        let before = ends.adjacency.len();
+        sum(sum(before as u32 + 1, vertex)?, 3 * triangle)?;
+        push_adjacency(&mut ends.adjacency, vertex as usize, &triangles);
+        let rows = &ends.adjacency[before..=before + vertex as usize];
+        let most_corners = rows.windows(2).map(|ends| ends[1] - ends[0]).max().unwrap_or(0);
         let appearance = if group.iter().any(|mesh| matches!(mesh.look, MeshLook::Texture { .. })) {
             self.segment(BufferId::UvIndices, 12 * u64::from(ends.uv_triangles), &triangles);
             self.push_textures(first, vertex, triangle, ends)?
@@ -211,27 +214,4 @@ fn sum(count: u32, more: u32) -> Result<u32> {
         limit: i32::MAX as u64,
         fix: "spread them over several passes".into(),
     })
-}
-
-/// Of each vertex its corners: four times the triangle plus the corner.
-fn corners_of(vertices: u32, triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
-    let mut rows = vec![Vec::new(); vertices as usize];
-    for (t, triangle) in (0..).zip(triangles) {
-        for (corner, &vertex) in (0..).zip(triangle) {
-            rows[vertex as usize].push(4 * t + corner);
-        }
-    }
-    rows
-}
-
-/// The frame's `adjacency` of one mesh, `before` words behind that of the meshes before it.
-fn adjacency_of(corners: &[Vec<u32>], before: u32) -> Vec<u32> {
-    let mut next = before + corners.len() as u32 + 1;
-    let mut table = vec![next];
-    for row in corners {
-        next += row.len() as u32;
-        table.push(next);
-    }
-    table.extend(corners.iter().flatten());
-    table
 }

@@ -233,34 +233,29 @@ impl Settings {
     /// # Errors
     /// [`Error::Settings`] naming the field, its value and its range.
     pub fn validate(&self) -> Result<()> {
-        let check = |ok: bool, field: &'static str, value: String, fix: &str| {
-            if ok { Ok(()) } else { Err(Error::Settings { field, value, fix: fix.into() }) }
+        // A value becomes a text only where it is wrong: a frame's settings change without an allocation.
+        let check = |ok: bool, field: &'static str, value: &dyn Fn() -> String, fix: &str| {
+            if ok { Ok(()) } else { Err(Error::Settings { field, value: value(), fix: fix.into() }) }
         };
-        let size = 1..=Self::MAX_SIZE;
-        check(size.contains(&self.width), "width", self.width.to_string(), "use 1 to 16384 pixels")?;
-        check(size.contains(&self.height), "height", self.height.to_string(), "use 1 to 16384 pixels")?;
-        let ranged = |value: f64, low: f64, high: f64| value >= low && value <= high;
-        check(ranged(self.sigma, 1e-12, 1e3), "sigma", shown(self.sigma), "use 1e-12 to 1e3 screen units²")?;
-        check(ranged(self.gamma, 1e-10, 1e6), "gamma", shown(self.gamma), "use 1e-10 to 1e6")?;
-        check(ranged(self.epsilon, -1e3, 1e3), "epsilon", shown(self.epsilon), "use -1000 to 1000")?;
-        check(ranged(self.tau, 1e-12, 0.4), "tau", shown(self.tau), "use 1e-12 to 0.4; 1e-4 is usual")?;
-        check(ranged(self.near, 1e-6, 1e9), "near", shown(self.near), "use 1e-6 to 1e9 world units")?;
-        check(
-            self.far <= 1e12 && self.far >= self.near * (1.0 + 1e-6),
-            "far",
-            shown(self.far),
-            "must lie beyond near, at most at 1e12",
-        )?;
-        let background = format!("{:?}", self.background_color);
-        let finite = self.background_color.iter().all(|c| c.abs() <= 1e6);
-        check(finite, "background_color", background, "use values within ±1e6")?;
+        for (field, size) in [("width", self.width), ("height", self.height)] {
+            check((1..=Self::MAX_SIZE).contains(&size), field, &|| size.to_string(), "use 1 to 16384 pixels")?;
+        }
+        for (field, value, low, high, fix) in [
+            ("sigma", self.sigma, 1e-12, 1e3, "use 1e-12 to 1e3 screen units²"),
+            ("gamma", self.gamma, 1e-10, 1e6, "use 1e-10 to 1e6"),
+            ("epsilon", self.epsilon, -1e3, 1e3, "use -1000 to 1000"),
+            ("tau", self.tau, 1e-12, 0.4, "use 1e-12 to 0.4; 1e-4 is usual"),
+            ("near", self.near, 1e-6, 1e9, "use 1e-6 to 1e9 world units"),
+            ("far", self.far, self.near * (1.0 + 1e-6), 1e12, "must lie beyond near, at most at 1e12"),
+        ] {
+            check(value >= low && value <= high, field, &|| shown(value), fix)?;
+        }
+        let background = &self.background_color;
+        let finite = background.iter().all(|c| c.abs() <= 1e6);
+        check(finite, "background_color", &|| format!("{background:?}"), "use values within ±1e6")?;
         let Outputs { color, silhouette, depth, normal } = self.outputs;
-        check(
-            color || silhouette || depth || normal,
-            "outputs",
-            "none".into(),
-            "ask for at least one of color, silhouette, depth, normal",
-        )?;
+        let fix = "ask for at least one of color, silhouette, depth, normal";
+        check(color || silhouette || depth || normal, "outputs", &|| "none".into(), fix)?;
         self.validate_support()
     }
 }

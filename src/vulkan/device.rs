@@ -57,6 +57,12 @@ impl Device {
         }
         // SAFETY: both belong together and are of Vulkan 1.1.
         let limits = unsafe { Limits::query(&instance, physical) };
+        if limits.max_memory_allocation_size == 0 {
+            return Err(Error::NoDevice {
+                what: "the host's instance was made for Vulkan 1.0, so the device does not tell its limits".to_string(),
+                fix: "set VkApplicationInfo::apiVersion to Vulkan 1.1 or later".to_string(),
+            });
+        }
         let debug_utils = host.debug_utils.then(|| debug_utils::Device::new(&instance, &raw));
         drop(turn);
         let kind = DeviceKind::of(properties.device_type);

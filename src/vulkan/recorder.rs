@@ -341,6 +341,15 @@ impl<'a> Recorder<'a> {
     }
 }
 
+/// Sections that an error left open are ended.
+impl Drop for Recorder<'_> {
+    fn drop(&mut self) {
+        while self.labels > 0 {
+            self.end_label();
+        }
+    }
+}
+
 impl std::fmt::Debug for Recorder<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "Recorder({:?})", self.raw)

@@ -64,38 +64,18 @@ impl MeshTables {
         tables
     }
 
+    /// Vertices of all meshes.
+    pub(crate) fn vertices(&self) -> usize {
+        self.layouts.iter().map(|mesh| mesh.vertices as usize).sum()
+    }
+
     fn push(&mut self, mesh: &Mesh, adjacency: bool) {
         self.positions.extend(mesh.positions().iter().flatten());
         self.indices.extend(mesh.triangles().iter().flatten());
         if adjacency {
-            self.push_adjacency(mesh);
+            push_adjacency(&mut self.adjacency, mesh.positions().len(), mesh.triangles());
         }
         self.push_appearance(mesh);
-    }
-
-    /// Sorts the corners by vertex (counting sort), so that each vertex's corners ascend.
-    fn push_adjacency(&mut self, mesh: &Mesh) {
-        let vertices = mesh.positions().len();
-        let start = self.adjacency.len() + vertices + 1;
-        let mut ends = vec![0u32; vertices];
-        for &v in mesh.triangles().iter().flatten() {
-            ends[v as usize] += 1;
-        }
-        let mut next = start as u32;
-        self.adjacency.push(next);
-        for end in &mut ends {
-            next += *end;
-            self.adjacency.push(next);
-            *end = next - *end;
-        }
-        self.adjacency.resize(next as usize, 0);
-        for (t, triangle) in mesh.triangles().iter().enumerate() {
-            for (corner, &v) in triangle.iter().enumerate() {
-                let next = &mut ends[v as usize];
-                self.adjacency[*next as usize] = 4 * t as u32 + corner as u32;
-                *next += 1;
-            }
-        }
     }
 
     fn push_appearance(&mut self, mesh: &Mesh) {
@@ -123,6 +103,29 @@ impl MeshTables {
         self.textures.push([self.texels.len() as u32, texture.width(), texture.height(), kind_of(texture)]);
         self.texels.extend(rgba(texture));
         self.images.push(texture.clone());
+    }
+}
+
+/// Appends one mesh's entry of `adjacency`: the corners sorted by vertex (counting sort), so that each vertex's corners ascend.
+pub(crate) fn push_adjacency(adjacency: &mut Vec<u32>, vertices: usize, triangles: &[[u32; 3]]) {
+    let mut ends = vec![0u32; vertices];
+    for &v in triangles.as_flattened() {
+        ends[v as usize] += 1;
+    }
+    let mut next = (adjacency.len() + vertices + 1) as u32;
+    adjacency.push(next);
+    for end in &mut ends {
+        next += *end;
+        adjacency.push(next);
+        *end = next - *end;
+    }
+    adjacency.resize(next as usize, 0);
+    for (t, triangle) in (0..).zip(triangles) {
+        for (corner, &v) in (0..).zip(triangle) {
+            let next = &mut ends[v as usize];
+            adjacency[*next as usize] = 4 * t + corner;
+            *next += 1;
+        }
     }
 }
 

@@ -156,6 +156,27 @@ impl ForwardPlan {
         };
         Ok(Self { push: frame, modes, coarse_lanes, rare: input.rare, walks, views, sizes, groups, totals })
     }
+
+    /// The push constants of the same frame with other settings and lights; `None` where these need other kernels or sizes.
+    /// `input` is that of the plan, but for its views, which are not looked at.
+    pub(crate) fn push_with(&self, input: &PlanInput) -> Option<FramePush> {
+        let FramePush { width, height, coarse_capacity, list_capacity, cell_capacity, .. } = self.push;
+        let FramePush { light_count, record_count, view_count, mesh_count, .. } = self.push;
+        let push = frame::push_of(input.settings, input.cutoff);
+        let same = (push.width, push.height) == (width, height)
+            && input.lights.directional.len() as u32 == light_count
+            && Modes::new(input) == self.modes;
+        same.then_some(FramePush {
+            coarse_capacity,
+            list_capacity,
+            cell_capacity,
+            light_count,
+            record_count,
+            view_count,
+            mesh_count,
+            ..push
+        })
+    }
 }
 
 /// Whether triangles have shading records: for colour, depth or normals, to reject fragments beyond the far plane, or for

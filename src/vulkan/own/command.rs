@@ -90,6 +90,7 @@ impl CommandBuffer {
         let mut recorder = unsafe { Recorder::keeping(&device, self.raw, self.shared.queue_family, &mut self.keep) };
         work(&mut recorder)?;
         let dispatches = recorder.dispatches();
+        drop(recorder);
         // SAFETY: the buffer is recording.
         unsafe { device.raw().end_command_buffer(self.raw) }.named("vkEndCommandBuffer")?;
         self.uses = Uses::of(&self.keep);

@@ -119,8 +119,8 @@ fn offsets_of_a_hosts_own_buffers_are_multiples_of_the_devices_limits() {
                 false => assert_misaligned(found, name),
             };
         expected(texel, bind(by, 0, 0, 0), "draws");
-        expected(storage, bind(0, by, 0, 0), "Vertices");
-        expected(storage, bind(0, 0, by, 0), "Target");
+        expected(storage, bind(0, by, 0, 0), "positions");
+        expected(storage, bind(0, 0, by, 0), "the gradients");
         expected(storage, bind(0, 0, 0, by), "Counts");
     }
     drop((backward, host));

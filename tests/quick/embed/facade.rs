@@ -298,7 +298,6 @@ fn misfits_of_a_pass_are_named() {
     assert!(error(rasterizer.pass(std::slice::from_ref(&mesh)).build()).contains("0 views"));
     assert!(error(builder(&mesh).alignment(24).build()).contains("power of two"));
     assert!(error(builder(&mesh).read_back(&[BufferId::Totals]).build()).contains("`totals`"));
-    assert!(error(builder(&mesh).planes_of_matrices().build()).contains("camera_matrices"));
     let textured = mesh.clone().with_look(MeshLook::Texture { size: SIZE, wrap: Wrap::Clamp, v_down: false });
     let colored = mesh.clone().with_look(MeshLook::VertexColors);
     let both = rasterizer.pass(&[textured.clone(), colored.clone()]).cameras(&case.cameras).build();

@@ -210,7 +210,7 @@ fn matrices_render_and_store_as_the_hosts_rasterizer_would() {
     let mesh = PassMesh::new(cube.positions().len() as u32, &indices);
     let builder = rasterizer.pass(&[mesh]).settings(settings.clone());
     let matrices = [(view, projection)];
-    let plan = builder.camera_matrices(&matrices, ClipSpace::default()).planes_of_matrices().build().unwrap();
+    let plan = builder.camera_matrices(&matrices, ClipSpace::default()).build().unwrap();
     let mut memory = Memory::new(&engine, &plan);
     let buffers = [MeshBuffers::new(vertices.whole(), Layout { stride: 12, offset: 0 })];
     let pass = bind(&rasterizer, &plan, &mut memory, &buffers);

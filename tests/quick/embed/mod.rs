@@ -15,3 +15,4 @@ mod facade_status;
 mod geometry;
 mod images;
 mod lifecycle;
+mod misuse;
