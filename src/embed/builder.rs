@@ -344,6 +344,13 @@ impl PassPlan {
         copies.find(|copy| copy.id == id).map(|copy| (copy.mapped, copy.size))
     }
 
+    /// The part of the upload buffer that [`Pass::write_frame`](super::Pass::write_frame) writes, from its beginning: cameras and
+    /// lights, in bytes. A host that does not wait for the frames in flight calls it with bytes of its own and records a copy of
+    /// that many into the upload buffer, before [`record_forward`](super::Pass::record_forward).
+    pub fn frame_bytes(&self) -> u64 {
+        self.layouts.frame.iter().map(|copy| copy.mapped + copy.size).max().unwrap_or(0)
+    }
+
     /// The plan of the frame beneath.
     pub fn frame(&self) -> &FramePlan {
         &self.frame

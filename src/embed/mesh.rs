@@ -48,7 +48,7 @@ pub struct MeshBuffers {
     /// `None` where vertices are in the world already.
     pub transforms: Option<(BufferRef, Layout)>,
     /// Indices on the device, read in place of those that the mesh was planned with. They must be the same, or at least
-    /// have the same triangles at each vertex.
+    /// have the same triangles at each vertex. One beyond its draw's vertices counts as the last of them.
     pub indices: Option<(BufferRef, IndexFormat)>,
     /// The texture's texels; `None` where a kernel of the host's writes its part of `texels`
     /// ([`Pass::texels`](super::Pass::texels)).

@@ -10,9 +10,10 @@ use crate::heap::allocations;
 use crate::host::engine::{Buffer, Engine};
 use crate::host::{assert_silent, difference, engine, error, rasterizer, submit};
 use ash::vk;
+use gpu_allocator::MemoryLocation;
 use softras::embed::{
-    BufferId, BufferRef, ClipSpace, Draw, FrameImage, GeometryGradients, HostCommands, ImageFormat, Layout,
-    MeshBuffers, MeshLook, Pass, PassBuilder, PassMemory, PassMesh, PassStatus, Rasterizer,
+    BufferId, BufferRef, ClipSpace, Draw, FrameImage, GeometryGradients, HostCommands, ImageFormat, IndexFormat,
+    Layout, MemoryKind, MeshBuffers, MeshLook, Pass, PassBuilder, PassMemory, PassMesh, PassStatus, Rasterizer,
 };
 use softras::glam::{DMat4, DVec3};
 use softras::scene::{Background, DirectionalLight};
@@ -330,6 +331,94 @@ fn gradients_are_decoded_from_what_was_read_back() {
     assert_eq!((totals.cameras, totals.lights), (expected.cameras, expected.lights));
     assert!(totals.meshes[0].positions.is_empty());
     drop(simple);
+    drop(rasterizer);
+    assert_silent(engine);
+}
+
+/// Indices that only the device knows lead nowhere else, whatever they are.
+#[test]
+fn indices_out_of_range_stay_in_their_mesh() {
+    let engine = engine();
+    let rasterizer = rasterizer(&engine);
+    let model = shapes::cube().unwrap();
+    let case = case(&model);
+    let vertices = storage(&engine, bytemuck::cast_slice(model.positions()));
+    let last = model.positions().len() as u32 - 1;
+    let color = |out: u32| {
+        let wild: Vec<u32> =
+            indices(&model).iter().enumerate().map(|(i, &v)| if i % 5 == 0 { out } else { v }).collect();
+        let on_device = storage(&engine, bytemuck::cast_slice(&wild));
+        let plan = builder(&rasterizer, &[pass_mesh(&model)], &case).gradients(GradientRequest::default());
+        let plan = plan.build().unwrap();
+        let mut memory = Memory::new(&engine, &plan);
+        let buffers = MeshBuffers {
+            indices: Some((on_device.whole(), IndexFormat::Uint32)),
+            ..MeshBuffers::new(vertices.whole(), PACKED)
+        };
+        let pass = bind(&rasterizer, &plan, &mut memory, &[buffers]);
+        run(&engine, &pass);
+        assert_eq!(pass.status(memory.readback.bytes()).unwrap(), PassStatus::Whole);
+        memory.floats(&pass, BufferId::Color)
+    };
+    let expected = color(last);
+    for out in [last + 1, 1 << 20, u32::MAX] {
+        assert_eq!(difference(&color(out), &expected), None, "{out}");
+    }
+    drop((vertices, rasterizer));
+    assert_silent(engine);
+}
+
+/// Passes of one queue may have one workspace: each frame is the same as in a workspace of its own. And a frame's cameras may be
+/// copied into the upload buffer by the host, between two frames of one submission.
+#[test]
+fn passes_share_a_workspace_and_cameras_come_by_a_copy() {
+    let engine = engine();
+    let rasterizer = rasterizer(&engine);
+    let (model, other) = (shapes::cube().unwrap(), shapes::icosphere(2).unwrap());
+    let case = case(&model);
+    let angles = |angle| Camera::from_angles(3.0, 20.0, angle, Projection::Perspective { fov_y: 0.8 }).unwrap();
+    let plan_of = |model: &Mesh| {
+        let plan = builder(&rasterizer, &[pass_mesh(model)], &case).gradients(GradientRequest::default());
+        plan.usage(MemoryKind::Upload, vk::BufferUsageFlags::TRANSFER_DST).read_back(&[BufferId::Color])
+    };
+    let alone = |model: &Mesh, angle| {
+        let mut bound = Bound::new(&engine, &rasterizer, model, plan_of(model).cameras(&[angles(angle)]));
+        bound.color(&engine)
+    };
+    let mut one = Bound::new(&engine, &rasterizer, &model, plan_of(&model));
+    let mut two = Bound::new(&engine, &rasterizer, &other, plan_of(&other));
+    assert!(one.memory.device.whole().range() <= two.memory.device.whole().range());
+    let refs = PassMemory { device: two.memory.device.whole(), ..one.memory.refs() };
+    let plan = plan_of(&model).build().unwrap();
+    let buffers = [MeshBuffers::new(one._vertices.whole(), PACKED)];
+    let old = one.pass.rebind(plan, refs, &buffers).unwrap();
+    for bound in [&mut one, &mut two] {
+        bound.pass.write_inputs(bound.memory.upload.bytes_mut()).unwrap();
+    }
+    // Another camera, in a buffer of the host's.
+    one.pass.set_cameras(&[angles(120.0)]).unwrap();
+    let frame_bytes = one.pass.plan().frame_bytes();
+    let mut bytes = vec![0; one.memory.upload.whole().range() as usize];
+    one.pass.write_frame(&mut bytes).unwrap();
+    let mut staged = engine.buffer(frame_bytes, vk::BufferUsageFlags::TRANSFER_SRC, MemoryLocation::CpuToGpu).unwrap();
+    staged.write(0, &bytes[..frame_bytes as usize]);
+    submit(&engine, |commands| {
+        let copy = [vk::BufferCopy { src_offset: 0, dst_offset: 0, size: frame_bytes }];
+        unsafe { engine.device().cmd_copy_buffer(commands.raw(), staged.raw, one.memory.upload.raw, &copy) };
+        for bound in [&one, &two] {
+            bound.pass.record_setup(commands).unwrap();
+            bound.pass.record_forward(commands).unwrap();
+            bound.pass.record_backward(commands).unwrap();
+        }
+    });
+    for (bound, expected) in [(&one, alone(&model, 120.0)), (&two, alone(&other, 30.0))] {
+        let (at, size) = bound.pass.plan().readback_part(BufferId::Color).unwrap();
+        assert_eq!(
+            difference(&bound.memory.readback.floats(at, size as usize / 4), &expected[..size as usize / 4]),
+            None
+        );
+    }
+    drop((old, staged, one, two));
     drop(rasterizer);
     assert_silent(engine);
 }
