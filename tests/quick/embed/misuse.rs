@@ -422,22 +422,3 @@ fn passes_share_a_workspace_and_cameras_come_by_a_copy() {
     drop(rasterizer);
     assert_silent(engine);
 }
-
-/// An error while recording leaves no debug label open; the layers would say so.
-#[test]
-fn a_recording_that_fails_ends_its_labels() {
-    let engine = engine();
-    let rasterizer = rasterizer(&engine);
-    let model = shapes::cube().unwrap();
-    let case = case(&model);
-    let plan = builder(&rasterizer, &[pass_mesh(&model)], &case);
-    let bound = Bound::new(&engine, &rasterizer, &model, plan);
-    submit(&engine, |commands| {
-        let _ = bound.pass.record_forward(commands);
-        bound.pass.record_setup(commands).unwrap();
-        bound.pass.record_forward(commands).unwrap();
-    });
-    drop(bound);
-    drop(rasterizer);
-    assert_silent(engine);
-}
