@@ -19,8 +19,8 @@ impl Renderer {
     /// The wanted gradients of a loss, from its gradients by the frame's images.
     ///
     /// The frame must be one of this renderer's, rendered with [`Renderer::render_saved`]. It can be differentiated any number of
-    /// times, and other frames rendered before and between. Gradients of a mesh are summed over its views. The same input gives
-    /// the same bits.
+    /// times, and other frames rendered before and between. Gradients of a mesh are summed over its views. The same input and
+    /// the same request give the same bits; a request for more may change the last places of what was asked for before.
     ///
     /// # Errors
     /// [`Error::Backward`] for a frame that was not saved, one of another renderer, or an upstream gradient that does not fit

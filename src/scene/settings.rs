@@ -248,7 +248,10 @@ impl Settings {
             ("near", self.near, 1e-6, 1e9, "use 1e-6 to 1e9 world units"),
             ("far", self.far, self.near * (1.0 + 1e-6), 1e12, "must lie beyond near, at most at 1e12"),
         ] {
-            check(value >= low && value <= high, field, &|| shown(value), fix)?;
+            // A bound that went through single precision is the bound still.
+            let rounded = |bound: f64| f64::from(bound as f32);
+            let within = value >= f64::min(low, rounded(low)) && value <= f64::max(high, rounded(high));
+            check(within, field, &|| shown(value), fix)?;
         }
         let background = &self.background_color;
         let finite = background.iter().all(|c| c.abs() <= 1e6);

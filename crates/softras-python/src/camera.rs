@@ -7,7 +7,8 @@ use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use softras::Projection;
-use softras::glam::{DMat4, DVec3};
+use softras::embed::{ClipSpace, HostCamera};
+use softras::glam::{DMat3, DMat4, DVec3};
 
 /// A view transform and a projection.
 #[pyclass(module = "softras", frozen, from_py_object)]
@@ -31,6 +32,31 @@ fn projection(fov_y: Option<f64>, half_height: Option<f64>, pinhole: Option<[f64
 
 fn point(value: &Bound<'_, PyAny>, name: &str) -> PyResult<DVec3> {
     vector::<3>(value, name).map(DVec3::from_array)
+}
+
+/// A world-to-view matrix, with or without its last row.
+fn affine(view: &Bound<'_, PyAny>) -> PyResult<DMat4> {
+    let rows = match matrix::<3, 4>(view, "view") {
+        Ok([x, y, z]) => [x, y, z, [0.0, 0.0, 0.0, 1.0]],
+        Err(_) => matrix::<4, 4>(view, "view")?,
+    };
+    Ok(DMat4::from_cols_array_2d(&rows).transpose())
+}
+
+/// A rotation, and a translation behind it.
+fn rigid([x, y, z]: [[f64; 3]; 3], [a, b, c]: [f64; 3]) -> DMat4 {
+    let rows = [[x[0], x[1], x[2], a], [y[0], y[1], y[2], b], [z[0], z[1], z[2], c], [0.0, 0.0, 0.0, 1.0]];
+    DMat4::from_cols_array_2d(&rows).transpose()
+}
+
+fn flipped(axes: [f64; 3]) -> DMat4 {
+    DMat4::from_scale(DVec3::from_array(axes))
+}
+
+impl Camera {
+    fn of(view: DMat4, projection: Projection) -> PyResult<Self> {
+        Ok(Self { camera: softras::Camera::from_matrix(view, projection).raise()? })
+    }
 }
 
 #[pymethods]
@@ -73,21 +99,76 @@ impl Camera {
         Ok(Self { camera: softras::Camera::from_angles(distance, elevation, azimuth, projection).raise()? })
     }
 
-    /// A [4, 4] world-to-view matrix; view space has x right, y up and z **forward**.
+    /// A [4, 4] or [3, 4] world-to-view matrix; view space has x right, y up and z **forward**, so that its determinant is
+    /// negative unless `mirrored`.
     ///
-    /// One projection as for `look_at`. Raises CameraError.
+    /// One projection as for `look_at`. Raises CameraError; InputError for a matrix of another convention.
     #[staticmethod]
-    #[pyo3(signature = (view, *, fov_y = None, half_height = None, pinhole = None))]
+    #[pyo3(signature = (view, *, fov_y = None, half_height = None, pinhole = None, mirrored = false))]
     fn from_matrix(
         view: &Bound<'_, PyAny>,
         fov_y: Option<f64>,
         half_height: Option<f64>,
         pinhole: Option<[f64; 4]>,
+        mirrored: bool,
     ) -> PyResult<Self> {
-        let rows = matrix::<4, 4>(view, "view")?;
-        let projection = projection(fov_y, half_height, pinhole)?;
-        let view = DMat4::from_cols_array_2d(&rows).transpose();
-        Ok(Self { camera: softras::Camera::from_matrix(view, projection).raise()? })
+        let view = affine(view)?;
+        if !mirrored && DMat3::from_mat4(view).determinant() > 0.0 {
+            return Err(bad_input(
+                "the view matrix mirrors: its y points down, or its z backward",
+                "use from_opencv, from_opengl or from_pytorch3d for their matrices, or say mirrored=True",
+            ));
+        }
+        Self::of(view, projection(fov_y, half_height, pinhole)?)
+    }
+
+    /// OpenCV's camera (COLMAP's too): the intrinsic matrix [3, 3] in pixels of the image that is rendered, the rotation [3, 3]
+    /// and translation [3] from the world to a view with y down. OpenCV counts from the centre of the first pixel. Raises
+    /// CameraError; InputError for skew.
+    #[staticmethod]
+    #[pyo3(signature = (intrinsics, rotation, translation))]
+    fn from_opencv(
+        intrinsics: &Bound<'_, PyAny>,
+        rotation: &Bound<'_, PyAny>,
+        translation: &Bound<'_, PyAny>,
+    ) -> PyResult<Self> {
+        let k = matrix::<3, 3>(intrinsics, "intrinsics")?;
+        if k[0][1] != 0.0 || k[1][0] != 0.0 || k[2] != [0.0, 0.0, 1.0] {
+            return Err(bad_input("the intrinsic matrix has skew", "use [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]"));
+        }
+        let view = rigid(matrix(rotation, "rotation")?, vector(translation, "translation")?);
+        let (fx, fy, cx, cy) = (k[0][0], k[1][1], k[0][2] + 0.5, k[1][2] + 0.5);
+        Self::of(flipped([1.0, -1.0, 1.0]) * view, Projection::Pinhole { fx, fy, cx, cy })
+    }
+
+    /// OpenGL's camera: the view matrix [4, 4], whose z points backward, the projection matrix [4, 4], both for column vectors, and
+    /// (width, height) of the image that is rendered. Raises CameraError.
+    #[staticmethod]
+    #[pyo3(signature = (view, projection, size))]
+    fn from_opengl(view: &Bound<'_, PyAny>, projection: &Bound<'_, PyAny>, size: (u32, u32)) -> PyResult<Self> {
+        let clip = ClipSpace { y_up: true, symmetric_z: true, reversed_z: false };
+        let projection = DMat4::from_cols_array_2d(&matrix::<4, 4>(projection, "projection")?).transpose();
+        Ok(Self { camera: *HostCamera::new(affine(view)?, projection, clip, size).raise()?.camera() })
+    }
+
+    /// PyTorch3D's camera: R [3, 3] and T [3] of its cameras, which take row vectors to a view with x to the left.
+    ///
+    /// One projection as for `look_at`: `fov_y` is FoVPerspectiveCameras' fov in radians where the image is not higher than
+    /// wide. Raises CameraError.
+    #[staticmethod]
+    #[pyo3(signature = (R, T, *, fov_y = None, half_height = None, pinhole = None))]
+    #[expect(non_snake_case, reason = "PyTorch3D's names")]
+    fn from_pytorch3d(
+        R: &Bound<'_, PyAny>,
+        T: &Bound<'_, PyAny>,
+        fov_y: Option<f64>,
+        half_height: Option<f64>,
+        pinhole: Option<[f64; 4]>,
+    ) -> PyResult<Self> {
+        let rows = matrix::<3, 3>(R, "R")?;
+        let columns = std::array::from_fn(|i| std::array::from_fn(|j| rows[j][i]));
+        let view = rigid(columns, vector(T, "T")?);
+        Self::of(flipped([-1.0, 1.0, 1.0]) * view, projection(fov_y, half_height, pinhole)?)
     }
 
     /// The official renderer's projection camera: a [3, 4] matrix, distortion (k1, k2, p1, p2, k3), and the side of its

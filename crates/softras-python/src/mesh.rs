@@ -62,8 +62,9 @@ fn surface(value: &Bound<'_, PyAny>) -> PyResult<Appearance> {
     Ok(Appearance::Surface { resolution, texels: array.as_slice()?.as_chunks::<3>().0.to_vec() })
 }
 
-/// A texture of `[height, width, 3]`, or 4 with alpha.
+/// A texture of `[height, width, 3]`, or 4 with alpha; of bytes, or Pillow's, it is a picture in sRGB.
 fn texture(value: &Bound<'_, PyAny>, wrap: Wrap) -> PyResult<Texture> {
+    let value = &value.py().import("softras._rebuild")?.getattr("linear")?.call1((value,))?;
     let array = floats(value, "texture")?;
     let side = |side: usize| u32::try_from(side).unwrap_or(u32::MAX);
     match *array.shape() {
@@ -85,7 +86,8 @@ fn texture(value: &Bound<'_, PyAny>, wrap: Wrap) -> PyResult<Texture> {
 
 /// Textures from one array or several.
 fn textures(value: &Bound<'_, PyAny>, wrap: Wrap) -> PyResult<Vec<Texture>> {
-    if value.hasattr("ndim")? && value.getattr("ndim")?.extract::<usize>()? == 3 {
+    let is_array = value.hasattr("ndim")? && value.getattr("ndim")?.extract::<usize>()? == 3;
+    if is_array || value.hasattr("getbands")? {
         return Ok(vec![texture(value, wrap)?]);
     }
     value.try_iter()?.map(|one| texture(&one?, wrap)).collect()
@@ -127,7 +129,7 @@ impl Mesh {
     /// counter-clockwise seen from outside.
     ///
     /// One appearance: `colors` [3] or [V, 3]; `surface` [T, R², 3], the official surface cells; or `textures`, one array
-    /// [height, width, 3 or 4 with alpha] or several, with `uvs` [U, 2], `uv_triangles` [T, 3] (the triangles unless
+    /// [height, width, 3 or 4 with alpha] or several, linear floats or a picture in sRGB (uint8, or Pillow's), with `uvs` [U, 2], `uv_triangles` [T, 3] (the triangles unless
     /// given), `texture_of_triangle` [T] and `wrap` ("repeat", "clamp"). White without any. Raises MeshError, InputError.
     #[new]
     #[pyo3(signature = (positions, triangles, *, **look))]

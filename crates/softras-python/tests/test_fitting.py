@@ -46,6 +46,18 @@ def test_colors_are_fitted_too(cube_views):
     assert (result.last.colors != 0.5).any() and result.losses["color"][-1] < result.losses["color"][0]
 
 
+def test_a_mesh_of_one_colour_is_fitted_by_vertices():
+    target = softras.shapes.icosphere(1)
+    colors = np.where(target.positions[:, :1] > 0, [1.0, 0.0, 0.0], [0.0, 0.0, 1.0])
+    cameras = [softras.Camera.from_angles(3.0, 20.0, angle, fov_y=0.8) for angle in (0.0, 120.0, 240.0)]
+    settings = softras.Settings(width=24, height=24, sigma=1e-4, background="composite").with_depths_of(target, cameras)
+    images = softras.render(target.with_look(colors=colors), cameras, settings)
+    given = {"silhouette": images.silhouette, "color": images.color, "settings": settings, "steps": 10}
+    plain = softras.Mesh(target.positions, target.triangles)
+    assert softras.fit(plain, cameras, **given).mesh.colors.shape == (len(target.positions), 3)
+    assert softras.fit(plain, cameras, fit_colors="one", **given).mesh.colors.shape == (3,)
+
+
 def test_a_step_of_some_of_the_views(cube_views):
     def losses(count):
         given = {"silhouette": cube_views.silhouette, "steps": 3, "rate": (1e-9, 1e-9), "views_per_step": count}

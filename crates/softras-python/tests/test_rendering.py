@@ -115,6 +115,43 @@ def test_every_mode_renders(bumpy, cameras, settings):
     assert (softras.render(bumpy, cameras, away).depth != front).any()
 
 
+def test_cameras_of_other_conventions_are_the_same_camera(bumpy, settings):
+    width, height = settings.width, settings.height
+    fov_y, near, far = 0.8, 0.5, 20.0
+    own = softras.Camera.from_angles(3.5, 20.0, 10.0, fov_y=fov_y)
+    view = np.vstack([own.view, [0.0, 0.0, 0.0, 1.0]])
+    f = height / 2 / np.tan(fov_y / 2)
+    opencv = np.diag([1.0, -1.0, 1.0, 1.0]) @ view
+    opengl = np.diag([1.0, 1.0, -1.0, 1.0]) @ view
+    pytorch3d = np.diag([-1.0, 1.0, 1.0, 1.0]) @ view
+    k = [[f, 0.0, width / 2 - 0.5], [0.0, f, height / 2 - 0.5], [0.0, 0.0, 1.0]]
+    a, b = (far + near) / (near - far), 2 * far * near / (near - far)
+    clip = [[2 * f / width, 0, 0, 0], [0, 2 * f / height, 0, 0], [0, 0, a, b], [0, 0, -1, 0]]
+    same = [
+        softras.Camera.from_matrix(own.view, **own.projection),
+        softras.Camera.from_opencv(k, opencv[:3, :3], opencv[:3, 3]),
+        softras.Camera.from_opengl(opengl, clip, (width, height)),
+        softras.Camera.from_pytorch3d(pytorch3d[:3, :3].T, pytorch3d[:3, 3], fov_y=fov_y),
+    ]
+    expected = softras.render(bumpy, own, settings).color
+    for camera in same:
+        assert np.abs(softras.render(bumpy, camera, settings).color - expected).max() < 1e-4, camera
+    for foreign in (opencv, opengl):
+        with pytest.raises(softras.errors.InputError, match="from_opencv, from_opengl or from_pytorch3d"):
+            softras.Camera.from_matrix(foreign, fov_y=fov_y)
+    assert softras.Camera.from_matrix(opencv, fov_y=fov_y, mirrored=True).view.shape == (3, 4)
+    with pytest.raises(softras.errors.InputError, match="skew"):
+        softras.Camera.from_opencv([[1, 2, 3], [0, 1, 0], [0, 0, 1]], np.eye(3), np.zeros(3))
+
+
+def test_pictures_are_textures_in_srgb():
+    image = pytest.importorskip("PIL.Image").new("RGB", (4, 2), (128, 0, 255))
+    positions, triangles = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], [[0, 1, 2], [0, 2, 3]]
+    for picture in (image, np.asarray(image), [image.convert("RGBA")]):
+        mesh = softras.Mesh(positions, triangles, textures=picture, uvs=[[0, 0], [1, 0], [1, 1], [0, 1]])
+        assert np.allclose(mesh.textures[0][0, 0, :3], [0.21586, 0.0, 1.0], atol=1e-5)
+
+
 def test_errors_are_typed_and_tell_the_fix(bumpy, cameras, settings):
     cases = [
         (errors.MeshError, "vertex index 1", lambda: softras.Mesh([[0, 0, 0]], [[0, 1, 0]])),

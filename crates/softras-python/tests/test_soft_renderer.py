@@ -228,6 +228,66 @@ def test_losses_by_hand():
         sr.FlattenLoss(faces[:1])
 
 
+TRIANGLE = torch.tensor([[[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.0, 0.5, 0.0]]])
+FACE = torch.tensor([[[0, 1, 2]]]).int()
+
+
+def seen(**settings):
+    renderer = sr.SoftRenderer(image_size=16, camera_mode="look_at", **settings)
+    renderer.transform.set_eyes_from_angles(2.7, 30, 0)
+    return renderer
+
+
+def test_the_sharpest_sigma_comes_in_single_precision():
+    images = seen(sigma_val=1e-12).render_mesh(sr.Mesh(TRIANGLE, FACE))
+    assert images.shape == (1, 4, 16, 16) and images.is_contiguous() and images.view(1, -1).shape == (1, 1024)
+
+
+def test_tensors_of_a_graph_are_taken_as_numbers():
+    vertices = TRIANGLE.clone().requires_grad_()
+    renderer, known = seen(), seen(near=2.0, far=4.0, sigma_val=1e-4)
+    renderer.rasterizer.near, renderer.rasterizer.far = vertices.max() * 4.0, vertices.max() * 8.0
+    renderer.set_sigma(vertices.sum() * 0 + 1e-4)
+    images = renderer.render_mesh(sr.Mesh(vertices, FACE))
+    assert torch.equal(images, known.render_mesh(sr.Mesh(vertices, FACE)))
+    images.sum().backward()
+    assert vertices.grad.any()
+
+
+@pytest.mark.parametrize("near", [0, -0.7])
+def test_a_near_plane_behind_the_eye_weighs_as_in_the_official_code(near):
+    vertices = torch.cat((TRIANGLE, TRIANGLE + torch.tensor([0.1, 0.1, 0.02])), 1)
+    faces = torch.tensor([[[0, 1, 2], [3, 4, 5]]]).int()
+    colors = torch.tensor([[[[1.0, 0, 0]], [[0, 1.0, 0]]]])
+    # 1 - ζ is (z - near) / (far - near): a smaller gamma by a larger near has the same weights.
+    with pytest.warns(UserWarning, match="near = "):
+        images = seen(near=near, gamma_val=1e-3, eps=0.3).render_mesh(sr.Mesh(vertices, faces, colors))
+    factor = (100 - near) / (100 - 1e-3)
+    known = seen(near=1e-3, gamma_val=1e-3 * factor, eps=0.3 * factor).render_mesh(sr.Mesh(vertices, faces, colors))
+    assert (images - known).abs().max() < 1e-4 and images[0, :2].amax((1, 2)).min() > 0.1
+
+
+def test_reset_takes_the_textures_that_a_program_set():
+    mesh = sr.Mesh(TRIANGLE, FACE, texture_type="vertex")
+    mesh._textures = mesh._origin_textures = torch.zeros(1, 3, 3)
+    mesh.textures = torch.ones(1, 3, 3)
+    mesh.reset_()
+    assert mesh.textures.max() == 0.0
+
+
+def test_modules_run_without_a_gpu(tmp_path):
+    (tmp_path / "pkg").mkdir()
+    (tmp_path / "pkg" / "main.py").write_text(
+        "import sys, torch, soft_renderer.functional.voxels, soft_renderer as sr\n"
+        "torch.cuda.set_device(0)\n"
+        "a = torch.zeros(3, device='cuda:0') + torch.zeros(3).to(torch.device('cuda')) + torch.cuda.FloatTensor(3).fill_(1)\n"
+        "print(a.sum().item(), torch.nn.Linear(2, 2).to('cuda').weight.device, sys.argv[1:], __name__)\n"
+    )
+    command = [sys.executable, "-m", "softras.soft_renderer", "-m", "pkg.main", "x"]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=tmp_path)
+    assert result.stdout.strip() == "3.0 cpu ['x'] __main__", result.stdout + result.stderr
+
+
 def test_scripts_of_the_official_package_run(tmp_path):
     script = tmp_path / "script.py"
     script.write_text(

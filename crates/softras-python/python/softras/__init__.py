@@ -2,7 +2,7 @@
 
 `softras.Renderer` renders meshes to numpy arrays and differentiates a loss on these images. `softras.torch` does so within
 torch's autograd, `softras.jax` within JAX's transformations, and `softras.soft_renderer` has the official package's interface.
-World space is right-handed with y up, row 0 of an image is its top, colours are linear, and the same input gives the same bits.
+World space is right-handed with y up, row 0 of an image is its top, colours are linear, and the same call gives the same bits.
 """
 
 from __future__ import annotations

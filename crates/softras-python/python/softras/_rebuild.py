@@ -40,4 +40,16 @@ def camera(view, projection):
         return Camera.screen()
     if "original_size" in projection:
         return Camera.official(view, **projection)
-    return Camera.from_matrix(np.vstack([view, [0.0, 0.0, 0.0, 1.0]]), **projection)
+    return Camera.from_matrix(view, **projection, mirrored=True)
+
+
+def linear(texture):
+    """Linear floats of a picture of bytes, as numpy or Pillow have it; anything else as it is."""
+    if hasattr(texture, "getbands"):
+        texture = np.asarray(texture.convert("RGBA" if "A" in texture.getbands() else "RGB"))
+    if getattr(texture, "dtype", None) != np.uint8:
+        return texture
+    values = texture.astype(np.float32) / 255.0
+    rgb = values[..., :3]
+    values[..., :3] = np.where(rgb > 0.04045, ((rgb + 0.055) / 1.055) ** 2.4, rgb / 12.92)
+    return values

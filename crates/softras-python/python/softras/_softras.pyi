@@ -130,6 +130,20 @@ class Camera:
         fov_y: Optional[float] = None,
         half_height: Optional[float] = None,
         pinhole: Optional[Sequence[float]] = None,
+        mirrored: bool = False,
+    ) -> Camera: ...
+    @staticmethod
+    def from_opencv(intrinsics: _Array, rotation: _Array, translation: _Array) -> Camera: ...
+    @staticmethod
+    def from_opengl(view: _Array, projection: _Array, size: Tuple[int, int]) -> Camera: ...
+    @staticmethod
+    def from_pytorch3d(
+        R: _Array,
+        T: _Array,
+        *,
+        fov_y: Optional[float] = None,
+        half_height: Optional[float] = None,
+        pinhole: Optional[Sequence[float]] = None,
     ) -> Camera: ...
     @staticmethod
     def official(matrix: _Array, distortion: Sequence[float] = ..., original_size: float = 512.0) -> Camera: ...

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Callable, Dict, Optional, Tuple
+from typing import Callable, Dict, Literal, Optional, Tuple, Union
 
 import numpy as np
 
@@ -48,7 +48,7 @@ def fit(
     laplacian: Optional[float] = None,
     flatten: Optional[float] = None,
     normals: Optional[float] = None,
-    fit_colors: Optional[bool] = None,
+    fit_colors: Union[bool, Literal["one"], None] = None,
     fit_positions: bool = True,
     views_per_step: int = 0,
     settings: Optional[Settings] = None,
@@ -62,12 +62,16 @@ def fit(
     at least one of them, with one camera for each view. `rate` is about the distance that a vertex moves in a step, in world
     units, from the first step to the last; sigma and gamma are softnesses in the same way. `method` is "smooth" (vertices move
     with their neighbours, for any template) or "official" (the demo's logit displacements). `fit_colors` is on where `color`
-    is given. `views_per_step` views are compared in a step, others in each, or all with 0; the losses of a step are those of its
+    is given; then a mesh of one colour has that colour at every vertex to begin with, and fit_colors="one" keeps it one. `views_per_step` views are compared in a step, others in each, or all with 0; the losses of a step are those of its
     views. `settings` default to depths close around the template and a composite background; size and outputs are the
     targets'. `progress(step, loss)` is called after every step; an exception of it, Ctrl-C too, ends the fit.
 
     Raises FitError for targets that do not fit together, and what `Renderer.render` raises.
     """
+    if fit_colors is None:
+        fit_colors = color is not None
+    if fit_colors is True and mesh.colors is not None and mesh.colors.ndim == 1:
+        mesh = mesh.with_look(colors=np.tile(mesh.colors, (len(mesh.positions), 1)))
     plan = {
         "cameras": cameras,
         "silhouette": silhouette,
@@ -83,7 +87,7 @@ def fit(
         "laplacian": laplacian,
         "flatten": flatten,
         "normals": normals,
-        "fit_colors": color is not None if fit_colors is None else fit_colors,
+        "fit_colors": bool(fit_colors),
         "fit_positions": fit_positions,
         "views_per_step": views_per_step,
         "settings": settings,

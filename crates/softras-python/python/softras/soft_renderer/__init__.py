@@ -2,12 +2,14 @@
 
 Images and gradients are the official code's, its deviations from the paper's mathematics included; `exact_gradients=True`,
 which rasterizers and renderers take as well, gives the exact gradient of the same image. Tensors stay on their device, the CPU
-too. `python -m softras.soft_renderer SCRIPT.py` runs a script of the official package as it is, without a GPU.
+too. `python -m softras.soft_renderer SCRIPT.py` runs a script of the official package as it is, without a GPU; `install()` does
+the same for a notebook.
 """
 
 from __future__ import annotations
 
 from . import functional
+from .install import install
 from .lighting import AmbientLighting, DirectionalLighting, Lighting
 from .losses import FlattenLoss, LaplacianLoss
 from .mesh import Mesh
@@ -33,4 +35,5 @@ __all__ = [
     "SoftRenderer",
     "Transform",
     "functional",
+    "install",
 ]

@@ -42,7 +42,8 @@ class Mesh:
         textures = _tensor(textures, torch.float32)
         self._textures = textures[None] if textures.ndim == (3 if surface else 2) else textures
         self.texture_res = math.isqrt(self._textures.shape[2]) if surface else 1
-        self._origin = self._vertices, self._faces, self._textures
+        # What `reset_` takes back; programs of the official package set them.
+        self._origin_vertices, self._origin_faces, self._origin_textures = self._vertices, self._faces, self._textures
 
     @property
     def vertices(self):
@@ -109,7 +110,7 @@ class Mesh:
 
     def reset_(self):
         """Takes back every change since the mesh was made."""
-        self.vertices, self.faces, self.textures = self._origin
+        self.vertices, self.faces, self.textures = self._origin_vertices, self._origin_faces, self._origin_textures
         self._fill_back = False
 
     @classmethod

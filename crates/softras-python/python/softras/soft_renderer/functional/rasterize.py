@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import torch
 
@@ -10,6 +12,8 @@ from ..._softras import Camera
 from ...errors import InputError
 from ...settings import Settings
 
+#: The nearest depth that is drawn.
+_NEAREST = 1e-6
 _ALPHA = {"hard": "hard", "sum": "sum", "prod": "product"}
 
 
@@ -17,24 +21,33 @@ def _settings(image_size, background_color, near, far, fill_back, eps, sigma_val
     if alpha not in _ALPHA:
         raise InputError(f"aggr_func_alpha is {alpha!r}: use hard, sum or prod")
 
+    def number(x) -> float:
+        return float(x.detach()) if isinstance(x, torch.Tensor) else float(x)
+
     def rounded(x) -> float:
         # The official kernels take float32.
-        return float(np.float32(x))
+        return float(np.float32(number(x)))
 
+    near, far, gamma, eps = rounded(near), rounded(far), rounded(gamma_val), rounded(eps)
+    if near < _NEAREST:
+        warnings.warn(f"near = {near:g}: what lies nearer than {_NEAREST:g} in front of the eye is not drawn", stacklevel=4)
+        # The kernels weigh by (far - z) / (far - near) / gamma, which stays as it is.
+        scale = (far - near) / (far - _NEAREST)
+        near, gamma, eps = _NEAREST, gamma * scale, eps * scale
     # They take the cut-off in place of dist_eps.
-    cutoff = rounded(np.log(1.0 / dist_eps - 1.0))
+    cutoff = rounded(np.log(1.0 / number(dist_eps) - 1.0))
     return Settings.official(
         width=image_size,
         height=image_size,
-        background_color=tuple(float(x) for x in background_color),
-        near=rounded(near),
-        far=rounded(far),
+        background_color=tuple(number(x) for x in background_color),
+        near=near,
+        far=far,
         faces="both" if fill_back else "front",
-        epsilon=rounded(eps),
+        epsilon=eps,
         sigma=rounded(sigma_val),
         distance=dist_func,
         tau=1.0 / (1.0 + float(np.exp(cutoff))),
-        gamma=rounded(gamma_val),
+        gamma=gamma,
         color=rgb,
         silhouette=_ALPHA[alpha],
     )
@@ -87,4 +100,4 @@ def soft_rasterize(
         mode="exact" if exact_gradients else "paper",
         **{name: value.float() for name, value in look.items()},
     )
-    return torch.cat((images.color, images.silhouette[..., None]), dim=3).permute(0, 3, 1, 2)
+    return torch.cat((images.color, images.silhouette[..., None]), dim=3).permute(0, 3, 1, 2).contiguous()
