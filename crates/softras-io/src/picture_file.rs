@@ -19,6 +19,8 @@ pub struct PictureFile {
     pub height: u32,
     /// Bytes of the file.
     pub file_bytes: u64,
+    /// Whether its format changes the pixels, as JPEG does.
+    pub is_lossy: bool,
     decoder: Box<dyn ImageDecoder>,
     limits: Limits,
 }
@@ -39,6 +41,7 @@ impl PictureFile {
             reader.set_format(format);
         }
         let mut reader = reader.with_guessed_format().map_err(io)?;
+        let is_lossy = matches!(reader.format(), Some(ImageFormat::Jpeg | ImageFormat::WebP));
         let mut limits = Limits::default();
         limits.max_image_width = Some(MAX_SIDE);
         limits.max_image_height = Some(MAX_SIDE);
@@ -52,7 +55,7 @@ impl PictureFile {
             let fix = format!("use 1 to {MAX_SIDE} pixels a side");
             return Err(Error::File { path: path.into(), line: None, what, fix });
         }
-        Ok(Self { width, height, file_bytes, decoder, limits })
+        Ok(Self { width, height, file_bytes, is_lossy, decoder, limits })
     }
 
     /// The number of pixels.

@@ -78,17 +78,25 @@ impl Views {
     /// Reads a folder of PNG and JPEG pictures with a file of their cameras, or a .npy file of images (`[N, 4, H, W]` or `[N, H, W,
     /// 4]`: RGBA, alpha is the silhouette; `[N, H, W]`: silhouettes) with a file of theirs (`[N, 3]`: distance, elevation, azimuth in
     /// degrees of the official data, whose images are mirrored; `[N, 4, 4]`: world to view). The silhouette of a picture without
-    /// transparency is every pixel that is not black. Returns all files that were read, too.
+    /// transparency is every pixel that is not black; in JPEG and WebP pictures, every pixel with a value above 32 of 255. Returns all
+    /// files that were read, and notes.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::File`] with the place of what is malformed, does not fit together, or exceeds the budget.
-    pub fn open_with(path: impl AsRef<Path>, options: &ViewsOptions, budget: &Budget) -> Result<(Self, Vec<PathBuf>)> {
+    pub fn open_with(
+        path: impl AsRef<Path>,
+        options: &ViewsOptions,
+        budget: &Budget,
+    ) -> Result<(Self, Vec<PathBuf>, Vec<String>)> {
         let path = path.as_ref();
-        let mut files = vec![path.to_path_buf()];
+        let (mut files, mut notes) = (vec![path.to_path_buf()], Vec::new());
         files.extend(options.cameras.clone());
-        let views =
-            if path.is_dir() { folder(options, path, &mut files, budget)? } else { arrays(options, path, budget)? };
-        Ok((views, files))
+        let views = if path.is_dir() {
+            folder(options, path, &mut files, &mut notes, budget)?
+        } else {
+            arrays(options, path, budget)?
+        };
+        Ok((views, files, notes))
     }
 
     /// The files that [`Views::save`] writes into a folder for so many views with these maps.
@@ -211,8 +219,8 @@ fn arrays(options: &ViewsOptions, path: &Path, budget: &Budget) -> Result<Views>
                 let channel = |k: usize| values.at(at + k * strides[3]) / scale;
                 pixels.push(match channels {
                     1 => [channel(0); 4],
-                    3 => rgba([channel(0), channel(1), channel(2)], None),
-                    _ => rgba([channel(0), channel(1), channel(2)], Some(channel(3))),
+                    3 => rgba([channel(0), channel(1), channel(2)], None, 0.0),
+                    _ => rgba([channel(0), channel(1), channel(2)], Some(channel(3)), 0.0),
                 });
             }
         }
@@ -246,15 +254,24 @@ impl Pixels {
     }
 }
 
-/// Linear colour over black, and the silhouette; without alpha, the silhouette is every pixel that is not black.
-fn rgba(bytes: [f64; 3], alpha: Option<f64>) -> [f64; 4] {
-    let a = alpha.unwrap_or_else(|| f64::from(u8::from(bytes.iter().sum::<f64>() > 0.0)));
+/// The brightest value of the background in a picture of a format that changes pixels: beside an edge JPEG leaves traces of it.
+const LOSSY_BLACK: u8 = 32;
+
+/// Linear colour over black, and the silhouette; without alpha, the silhouette is every pixel with a value above `black`.
+fn rgba(bytes: [f64; 3], alpha: Option<f64>, black: f64) -> [f64; 4] {
+    let a = alpha.unwrap_or_else(|| f64::from(u8::from(bytes.iter().any(|byte| *byte > black))));
     let [r, g, b] = bytes.map(|byte| a * Curve::Srgb.decode(byte));
     [r, g, b, a]
 }
 
 /// Reads pictures with their cameras from a file of them, and adds all these files to those that were read.
-fn folder(options: &ViewsOptions, path: &Path, files: &mut Vec<PathBuf>, budget: &Budget) -> Result<Views> {
+fn folder(
+    options: &ViewsOptions,
+    path: &Path,
+    files: &mut Vec<PathBuf>,
+    notes: &mut Vec<String>,
+    budget: &Budget,
+) -> Result<Views> {
     let (list, views) = camera_files::read(path, options.cameras.as_deref(), options.fov)?;
     files.push(list.clone());
     let mut cameras = Vec::with_capacity(views.len());
@@ -276,7 +293,9 @@ fn folder(options: &ViewsOptions, path: &Path, files: &mut Vec<PathBuf>, budget:
     }
     let mut pixels = Pixels::new(options.color);
     for view in &views {
-        for_each_pixel(&path.join(&view.file), |pixel| pixels.push(pixel))?;
+        let note = for_each_pixel(&path.join(&view.file), |pixel| pixels.push(pixel))?;
+        // One note is enough for all pictures.
+        notes.extend(note.filter(|_| notes.is_empty()));
     }
     let (width, height) = size.unwrap_or_default();
     let (width, height) = (width as usize, height as usize);
@@ -299,31 +318,39 @@ fn check_inside(folder: &Path, file: &Path, allowed: bool) -> Result<()> {
     fault(file, "lies outside the folder of views", "move it into the folder, or use --allow-outside")
 }
 
-/// Decodes a picture file and visits its pixels, linear colour over black and alpha.
-fn for_each_pixel(path: &Path, mut visit: impl FnMut([f64; 4])) -> Result<()> {
-    let picture = PictureFile::open(path)?.decode(path)?.into_rgba8();
+/// Decodes a picture file and visits its pixels, linear colour over black and alpha. Returns a note on its silhouette.
+fn for_each_pixel(path: &Path, mut visit: impl FnMut([f64; 4])) -> Result<Option<String>> {
+    let picture = PictureFile::open(path)?;
+    let black = if picture.is_lossy { f64::from(LOSSY_BLACK) / 255.0 } else { 0.0 };
+    let picture = picture.decode(path)?.into_rgba8();
     let opaque = picture.pixels().all(|p| p.0[3] == 255);
     for pixel in picture.pixels() {
         let [r, g, b, a] = pixel.0.map(|byte| f64::from(byte) / 255.0);
-        visit(rgba([r, g, b], (!opaque).then_some(a)));
+        visit(rgba([r, g, b], (!opaque).then_some(a), black));
     }
-    Ok(())
+    Ok((opaque && black > 0.0).then(|| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        format!("{name}: values up to {LOSSY_BLACK} of 255 are taken as background (a PNG with alpha says it exactly)")
+    }))
 }
 
+/// Width, height, pixels, and a note.
+type Pixelated = (usize, usize, Vec<[f64; 4]>, Option<String>);
+
 /// Width, height and pixels of a picture file, linear colour over black and alpha; each takes `bytes_per_pixel` of the budget. The alpha
-/// of a picture without transparency is 1 where it is not black.
+/// of a picture without transparency is 1 where it is not black, as [`Views::open_with`] has it; how is noted.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::File`] for what is no picture or larger than the budget.
-pub fn read_picture(path: &Path, budget: &Budget, bytes_per_pixel: u64) -> Result<(usize, usize, Vec<[f64; 4]>)> {
+pub fn read_picture(path: &Path, budget: &Budget, bytes_per_pixel: u64) -> Result<Pixelated> {
     let picture = PictureFile::open(path)?;
     let (width, height) = (picture.width as usize, picture.height as usize);
     budget.count_file(picture.file_bytes);
     let what = format!("a picture of {width}×{height} pixels");
     budget.claim(path, &what, picture.pixels().saturating_mul(bytes_per_pixel))?;
     let mut pixels = Vec::with_capacity(width * height);
-    for_each_pixel(path, |pixel| pixels.push(pixel))?;
-    Ok((width, height, pixels))
+    let note = for_each_pixel(path, |pixel| pixels.push(pixel))?;
+    Ok((width, height, pixels, note))
 }
 
 /// Reads cameras from a numpy array: the angles of the official data, or matrices.

@@ -93,7 +93,8 @@ fn template(args: &FitArgs, outputs: &Outputs, budget: &Budget) -> Result<Templa
 fn subject(args: &FitArgs, outputs: &Outputs, budget: &Budget, renderer: &mut Renderer) -> Result<Subject, Failure> {
     let Some(path) = &args.from else {
         let path = Path::new(args.views.as_deref().unwrap_or_default());
-        let (views, files) = Views::open_with(path, &args.views_options(), budget)?;
+        let (views, files, notes) = Views::open_with(path, &args.views_options(), budget)?;
+        notes.iter().for_each(|text| note(text));
         outputs.spare(files)?;
         return Ok(Subject::of(views)?);
     };

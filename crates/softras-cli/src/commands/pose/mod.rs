@@ -26,7 +26,8 @@ pub fn run(args: &PoseArgs) -> Result<(), Failure> {
     let outputs = Outputs::new([], &args.out)?;
     let mut renderer = super::open_device(args.device.as_deref(), args.read.memory.memory)?;
     let budget = Budget::new(args.read.memory.memory);
-    let (width, height, pixels) = read_picture(&args.image, &budget, BYTES_PER_PIXEL)?;
+    let (width, height, pixels, about) = read_picture(&args.image, &budget, BYTES_PER_PIXEL)?;
+    about.iter().for_each(|text| note(text));
     outputs.spare([&args.image])?;
     let mesh = args.read.read(&args.mesh, true, &outputs, &budget)?.mesh;
     find(args, &mesh, &Target::new(width, height, &pixels), &mut renderer)

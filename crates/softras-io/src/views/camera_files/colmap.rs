@@ -22,13 +22,15 @@ struct Lines<'a> {
     path: &'a Path,
     reader: BufReader<std::fs::File>,
     line: usize,
+    /// A line that was looked at and not taken.
+    waiting: Option<String>,
 }
 
 impl<'a> Lines<'a> {
     fn open(path: &'a Path) -> Result<Self> {
         let file = input::open(path)?;
         input::refuse_empty(path, file.metadata().map_or(1, |metadata| metadata.len()))?;
-        Ok(Self { path, reader: BufReader::new(file), line: 0 })
+        Ok(Self { path, reader: BufReader::new(file), line: 0, waiting: None })
     }
 
     fn refuse<T>(&self, what: impl Into<String>, fix: &str) -> Result<T> {
@@ -41,6 +43,9 @@ impl<'a> Lines<'a> {
 
     /// The next line that is neither empty nor a comment.
     fn next(&mut self) -> Result<Option<String>> {
+        if self.waiting.is_some() {
+            return Ok(self.waiting.take());
+        }
         loop {
             let mut bytes = Vec::new();
             self.line += 1;
@@ -62,11 +67,22 @@ impl<'a> Lines<'a> {
         }
     }
 
-    /// Passes over a line of any length.
-    fn skip(&mut self) -> Result<()> {
+    /// Passes over a picture's line of points, of any length. A file may lack these lines: then this one is a picture's.
+    fn skip_points(&mut self) -> Result<()> {
         self.line += 1;
-        let skipped = self.reader.skip_until(b'\n');
-        self.io(skipped).map(|_| ())
+        let mut bytes = Vec::new();
+        let read = (&mut self.reader).take(MAX_LINE).read_until(b'\n', &mut bytes);
+        if self.io(read)? as u64 == MAX_LINE && bytes.last() != Some(&b'\n') {
+            let skipped = self.reader.skip_until(b'\n');
+            return self.io(skipped).map(|_| ());
+        }
+        let text = String::from_utf8_lossy(&bytes);
+        // Points are numbers alone; the tenth word of a picture is its name.
+        let is_name = |word: &str| word.parse::<f64>().is_err();
+        if text.split_whitespace().nth(9).is_some_and(is_name) && !text.trim_start().starts_with('#') {
+            self.waiting = Some(text.trim().to_string());
+        }
+        Ok(())
     }
 
     /// The words as finite numbers.
@@ -119,7 +135,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<Entry>> {
         if views.len() > MAX_PICTURES {
             return lines.refuse("more than 100000 pictures", "use fewer");
         }
-        lines.skip()?;
+        lines.skip_points()?;
     }
     Ok(views)
 }

@@ -58,8 +58,14 @@ pub fn read(folder: &Path, given: Option<&Path>, fov: f64) -> Result<(PathBuf, V
     let names = ["cameras.json", "transforms.json", "images.txt"];
     let found = || names.map(|name| folder.join(name)).into_iter().find(|path| path.exists());
     let path = given.map(Path::to_path_buf).or_else(found).unwrap_or_else(|| folder.join(names[0]));
+    if !path.exists() && given.is_none() && folder.join("images.bin").exists() {
+        return fault(&folder.join("images.bin"), "is a binary COLMAP model".into(), TO_TEXT);
+    }
     if !path.exists() {
         return fault(&path, "not found".into(), FORMAT);
+    }
+    if path.extension().is_some_and(|extension| extension == "bin") {
+        return fault(&path, "is a binary COLMAP model".into(), TO_TEXT);
     }
     let views = if path.extension().is_some_and(|extension| extension == "txt") {
         colmap::read(&path)?
@@ -75,6 +81,10 @@ pub fn read(folder: &Path, given: Option<&Path>, fov: f64) -> Result<(PathBuf, V
         _ => Ok((path, views)),
     }
 }
+
+/// How a binary COLMAP model becomes one that is read.
+const TO_TEXT: &str =
+    "convert it: colmap model_converter --input_path . --output_path . --output_type TXT, then give images.txt";
 
 /// What a cameras.json looks like.
 const FORMAT: &str = "write it, as [{\"file\": \"0.png\", \"distance\": 3, \"elevation\": 20, \"azimuth\": 45}, \

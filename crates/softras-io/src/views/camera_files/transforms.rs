@@ -61,14 +61,29 @@ struct Frame {
     sharpness: Option<f64>,
     rotation: Option<f64>,
     colmap_im_id: Option<u64>,
+    camera_model: Option<String>,
+    k1: Option<f64>,
+    k2: Option<f64>,
+    k3: Option<f64>,
+    k4: Option<f64>,
+    p1: Option<f64>,
+    p2: Option<f64>,
+    mask_path: Option<String>,
+    depth_file_path: Option<String>,
 }
 
 /// The pictures of a transforms.json.
 pub(super) fn read(path: &Path, bytes: &[u8], fov: f64) -> Result<Vec<Entry>> {
     let file: Transforms = json(path, bytes)?;
-    let distorted = [file.k1, file.k2, file.k3, file.k4, file.p1, file.p2].iter().flatten().any(|k| *k != 0.0);
-    let model = file.camera_model.as_deref().unwrap_or("PINHOLE");
-    if distorted || file.is_fisheye == Some(true) || !["PINHOLE", "SIMPLE_PINHOLE", "OPENCV"].contains(&model) {
+    let of_frame = |frame: &Frame| [frame.k1, frame.k2, frame.k3, frame.k4, frame.p1, frame.p2];
+    let own = file.frames.iter().flat_map(of_frame);
+    let all = [file.k1, file.k2, file.k3, file.k4, file.p1, file.p2].into_iter().chain(own);
+    let distorted = all.flatten().any(|k| k != 0.0);
+    let models = file.frames.iter().filter_map(|frame| frame.camera_model.as_deref());
+    let is_straight = |model: &&str| ["PINHOLE", "SIMPLE_PINHOLE", "OPENCV"].contains(model);
+    let bent = models.chain(file.camera_model.as_deref()).find(|model| !is_straight(model));
+    let model = bent.or(file.camera_model.as_deref()).unwrap_or("PINHOLE");
+    if distorted || file.is_fisheye == Some(true) || bent.is_some() {
         let what = format!("cameras with distortion (camera_model {model:?})");
         return fault(path, what, "undistort the pictures first, then leave k1 ... p2 out");
     }
