@@ -19,8 +19,8 @@ const CLEAR_DIFFERENCE: f64 = 2.0;
 /// pieces of furniture (Debian's sweethome3d-furniture, where y is up) 47 have a flat back, 37 of them flatter than this.
 const LEAST_HEIGHT: f64 = 0.6;
 
-/// The axis that is up, as a number from 0 for x to 2 for z, if it is another than y: z or x, if the mesh has a base there and
-/// does not stand on y.
+/// The axis that is up, as a number from 0 for x to 2 for z, if it is another than y: z, if the mesh has a base there and does
+/// not stand on y. Of forty public files that stand on x alone, one has x up: x is never taken.
 pub fn other_axis(mesh: &Mesh) -> Option<usize> {
     let points: Vec<DVec3> = mesh.triangles().iter().flatten().map(|&i| point(mesh, i)).collect();
     let (low, high) = points.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
@@ -33,7 +33,7 @@ pub fn other_axis(mesh: &Mesh) -> Option<usize> {
         let is_flat = size[*axis] < LEAST_HEIGHT * size.max_element();
         !is_flat && below >= CLEAR_BASE && below >= CLEAR_DIFFERENCE * above
     };
-    [2, 0].into_iter().find(is_clear)
+    Some(2).filter(is_clear)
 }
 
 fn point(mesh: &Mesh, index: u32) -> DVec3 {
@@ -107,12 +107,12 @@ mod tests {
     }
 
     #[test]
-    fn a_mesh_that_stands_on_z_or_x_alone_is_found() {
+    fn a_mesh_that_stands_on_z_alone_is_found_and_x_is_never_up() {
         // A bust: a ball that was cut off below.
         let bust = mapped(&shapes::icosphere(4).unwrap(), |p| [p[0], p[1].max(-0.8), p[2] * 0.9]);
         assert_eq!(other_axis(&bust), None);
         assert_eq!(other_axis(&mapped(&bust, |[x, y, z]| [z, x, y])), Some(2));
-        assert_eq!(other_axis(&mapped(&bust, |[x, y, z]| [y, z, x])), Some(0));
+        assert_eq!(other_axis(&mapped(&bust, |[x, y, z]| [y, z, x])), None);
         // As flat as what hangs on a wall.
         assert_eq!(other_axis(&mapped(&bust, |[x, y, z]| [z, x, 0.3 * y])), None);
         // Upside down it has no base.
