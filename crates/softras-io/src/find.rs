@@ -21,7 +21,11 @@ pub fn find(mesh: &Path, parent: &Path, name: &str, allow_outside: bool) -> Resu
         }
     }
     let shown = path.display();
-    if allowed { Err(format!("{shown} not found")) } else { Err(format!("{shown} lies outside the mesh's folder")) }
+    if allowed {
+        Err(format!("{shown} not found"))
+    } else {
+        Err(format!("{shown} lies outside the mesh's folder (--allow-outside reads it)"))
+    }
 }
 
 /// The regular file of that name in a folder, in upper or lower case.

@@ -17,7 +17,11 @@
 
 mod budget;
 mod color;
+mod fate;
 mod find;
+#[cfg(test)]
+#[allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+mod formats;
 mod gif;
 mod gltf;
 pub mod input;
@@ -26,6 +30,7 @@ pub mod npy;
 pub mod npz;
 mod obj;
 pub mod output;
+mod paint;
 mod picture;
 mod picture_file;
 mod ply;
@@ -55,12 +60,12 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// Reads a mesh file: [`load_with`] without options. Notes are lost.
+/// Reads a mesh file: [`load_with`] without options, at its place in the file. Notes are lost.
 ///
 /// # Errors
 /// Those of [`load_with`].
 pub fn load(path: impl AsRef<Path>) -> Result<Mesh> {
-    load_with(path, &LoadOptions::default()).map(|loaded| loaded.mesh)
+    load_with(path, &LoadOptions::default()).map(|loaded| loaded.at_place().mesh)
 }
 
 /// Reads a mesh file: .obj, .ply, .stl, .gltf and .glb.
@@ -144,7 +149,7 @@ impl Default for SaveOptions {
 }
 
 /// Writes a mesh in the format of the path's ending. Positions and UVs keep all their digits.
-/// - .obj: vertices in their order, vertex colours in the `v` lines with all their digits, other colours in `NAME.mtl`, textures in
+/// - .obj: vertices in their order, vertex colours in the `v` lines with all their digits, as sRGB, other colours in `NAME.mtl`, textures in
 ///   `NAME_texture.png` (or `NAME_texture_0.png`, `NAME_texture_1.png`, ..).
 /// - .ply: binary; vertices in their order, normals, colours in bytes, one texture in `NAME_texture.png`.
 /// - .glb: everything in one file; a vertex is repeated for each of its UVs, and with colours by face for each of its faces.
@@ -161,7 +166,7 @@ pub fn save_with(mesh: &Mesh, path: impl AsRef<Path>, options: &SaveOptions) -> 
     let curve = if options.srgb { Curve::Srgb } else { Curve::Raw };
     let is_binary = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("glb"));
     let files = match by_ending(path) {
-        Some(Format::Obj) => obj::files_of(&encoded, path)?,
+        Some(Format::Obj) => obj::files_of(&encoded, path, curve)?,
         Some(Format::Ply) => ply::files_of(&encoded, path, curve)?,
         Some(Format::Gltf) if is_binary => vec![(path.to_path_buf(), gltf::glb(&encoded)?)],
         _ => {

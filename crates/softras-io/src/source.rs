@@ -1,7 +1,10 @@
 //! A mesh file that is being read, and what reading one gives.
 
 use crate::{input, notes::Notes, textures::Room};
-use softras::{Error, Mesh, Result};
+use softras::{
+    Error, Mesh, Result,
+    scene::{Appearance, Texture},
+};
 use std::path::{Path, PathBuf};
 
 /// Options for reading a file.
@@ -38,10 +41,33 @@ pub struct Loaded {
     /// where all are 1. The model has no glass: `softras render` blends these triangles over the others, everything else draws
     /// them opaque. The alpha of textures is in the mesh.
     pub opacity: Vec<f32>,
+    /// Whether all materials of the file say that light does not shade them.
+    pub unlit: bool,
+    /// Where the mesh's origin lies in the file's coordinates: 0, but for a mesh that lies so far from there that 32-bit numbers
+    /// would lose its shape.
+    pub origin: [f64; 3],
     /// What the file contains and the mesh does not, each with its line.
     pub notes: Vec<String>,
     /// All files that were read: the mesh file first, then its materials and textures.
     pub files: Vec<PathBuf>,
+}
+
+impl Loaded {
+    /// The mesh in the file's own coordinates, in 32 bits: with a note on what that loses of a mesh that lies far from 0.
+    pub fn at_place(mut self) -> Self {
+        let origin = std::mem::take(&mut self.origin);
+        if origin != [0.0; 3] {
+            let moved = |p: &[f32; 3]| [0, 1, 2].map(|k| (f64::from(p[k]) + origin[k]) as f32);
+            let positions: Vec<_> = self.mesh.positions().iter().map(moved).collect();
+            let far = positions.as_flattened().iter().fold(0.0f32, |far, x| far.max(x.abs()));
+            let step = (far.log2().floor() - 23.0).exp2();
+            self.notes
+                .push(format!("coordinates up to {far} are rounded to steps of {step}: move the mesh nearer to 0"));
+            // As many finite positions as before.
+            let _ = self.mesh.set_positions(positions);
+        }
+        self
+    }
 }
 
 /// A mesh file that is being read, with what is known of it besides its content.
@@ -54,6 +80,8 @@ pub struct Source<'a> {
     pub files: Vec<PathBuf>,
     pub normals: Vec<[[f32; 3]; 3]>,
     pub opacity: Vec<f32>,
+    pub unlit: bool,
+    pub origin: [f64; 3],
     /// Bytes of memory that the files still to be read may take.
     left: u64,
     /// Bytes of the mesh and material files that were read.
@@ -68,6 +96,11 @@ const MEMORY_PER_BYTE: u64 = 24;
 /// The least bytes of a file for each triangle whose normals are kept: fewer only where vertices are drawn many times.
 const BYTES_PER_NORMALS: u64 = 6;
 
+/// How many times its size a mesh may lie from 0 before it has an origin of its own.
+const FAR: f64 = 8.0;
+/// Steps of coordinates beyond this share of a mesh's size are seen.
+const COARSE: f64 = 1e-3;
+
 impl<'a> Source<'a> {
     pub fn new(path: &'a Path, options: &'a LoadOptions) -> Self {
         let left = options.memory.unwrap_or(u64::MAX);
@@ -78,6 +111,8 @@ impl<'a> Source<'a> {
             files: vec![path.into()],
             normals: Vec::new(),
             opacity: Vec::new(),
+            unlit: false,
+            origin: [0.0; 3],
             left,
             read: 0,
         }
@@ -110,19 +145,56 @@ impl<'a> Source<'a> {
             self.notes.add(None, "normals are not used: the file draws its vertices too many times");
             return;
         }
-        let normal = |corner: u32| of_vertex.get(corner as usize).copied().unwrap_or_default();
+        let bad = of_vertex.iter().filter(|normal| !normal.iter().all(|x| x.is_finite())).count();
+        if bad > 0 {
+            self.notes.add(None, format!("normals that are not finite are not used ({bad} in all)"));
+        }
+        let finite = |normal: &&[f32; 3]| normal.iter().all(|x| x.is_finite());
+        let normal = |corner: u32| of_vertex.get(corner as usize).filter(finite).copied().unwrap_or_default();
         self.normals = triangles.iter().map(|triangle| triangle.map(normal)).collect();
+    }
+
+    /// Positions as 32-bit numbers. Those of a mesh that lies far from 0 are relative to its origin, which is kept; where the file's
+    /// own numbers are too coarse there, that is noted.
+    pub fn placed(&mut self, positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<[f32; 3]> {
+        let used = || triangles.iter().flatten().filter_map(|&corner| positions.get(corner as usize));
+        let ends = |least: fn(f64, f64) -> f64, start: f64| {
+            used().fold([start; 3], |ends, p| [0, 1, 2].map(|k| least(ends[k], p[k])))
+        };
+        let (low, high) = (ends(f64::min, f64::INFINITY), ends(f64::max, f64::NEG_INFINITY));
+        let size = [0, 1, 2].map(|k| high[k] - low[k]).into_iter().fold(0.0, f64::max);
+        let far = low.iter().chain(&high).fold(0.0f64, |far, x| far.max(x.abs()));
+        if size > 0.0 && far > FAR * size && far.is_finite() {
+            // Whole powers of two, so that differences are exact.
+            let unit = size.log2().floor().exp2();
+            self.origin = [0, 1, 2].map(|k| ((low[k] + high[k]) / 2.0 / unit).round() * unit);
+            let step = (far.log2().floor() - 23.0).exp2();
+            if step > COARSE * size && used().flatten().all(|x| f64::from(*x as f32) == *x) {
+                let what =
+                    format!("coordinates up to {far} have steps of {step} in the file, which is {size:.3} large");
+                self.notes.add(None, format!("{what}: its shape is coarse (write them with more digits)"));
+            }
+        }
+        let origin = self.origin;
+        positions.iter().map(|p| [0, 1, 2].map(|k| (p[k] - origin[k]) as f32)).collect()
     }
 
     /// How many texels the mesh's first image may have.
     pub fn room(&self) -> Room {
-        Room::within(self.left)
+        Room::within(self.left, self.options.memory.is_some())
     }
 
     /// # Errors
     /// [`Error::File`](softras::Error::File) for the first note, if the options are strict.
-    pub fn loaded(self, mesh: Mesh) -> Result<Loaded> {
+    pub fn loaded(mut self, mesh: Mesh) -> Result<Loaded> {
+        let is_clear = |texture: &Texture| texture.alpha().is_some_and(|alpha| alpha.iter().all(|a| *a == 0.0));
+        if let Appearance::Textured { textures, .. } = mesh.appearance()
+            && textures.iter().any(is_clear)
+        {
+            self.notes.add(None, "a texture is wholly transparent (alpha 0): its triangles are not to be seen");
+        }
         let notes = self.notes.finish(self.options.strict)?;
-        Ok(Loaded { mesh, normals: self.normals, opacity: self.opacity, notes, files: self.files })
+        let Self { normals, opacity, unlit, origin, files, .. } = self;
+        Ok(Loaded { mesh, normals, opacity, unlit, origin, notes, files })
     }
 }

@@ -1,30 +1,23 @@
-//! Reads STL files, binary and text. The crate stl_io reads the triangles; which of the two formats a file has is decided
-//! here, because many binary files begin with the word `solid` as those of text do.
+//! Reads STL files, binary and text. No crate is used: stl_io refuses solids whose names hold a keyword, normals that are not
+//! numbers, and lines that end as on old Macintoshes, and drops colours.
 
-use crate::{fault, source::Source, weld::Weld};
-use softras::{Error, Result, scene::Mesh};
-use std::{io::Cursor, path::Path};
-use stl_io::create_stl_reader;
+use crate::{fault, source::Source, texture::linear_from_srgb, weld::Weld};
+use softras::{
+    Error, Result,
+    scene::{Appearance, Mesh},
+};
 
 /// The bytes before the first triangle of a binary file, and those of each triangle.
 const HEADER: usize = 84;
 const TRIANGLE: usize = 50;
 
-pub(super) fn read(source: &mut Source, mut bytes: Vec<u8>) -> Result<Mesh> {
+pub(super) fn read(source: &mut Source, bytes: Vec<u8>) -> Result<Mesh> {
     let path = source.path;
     let count = bytes.get(80..HEADER).map(|n| u32::from_le_bytes([n[0], n[1], n[2], n[3]]) as usize);
     let expected = count.map(|count| HEADER as u64 + TRIANGLE as u64 * count as u64);
     let length = bytes.len() as u64;
-    let mut triangles = Triangles { weld: Weld::new(), all: Vec::new() };
     if is_text(&bytes) && expected != Some(length) {
-        // Several solids may follow one another.
-        let text = String::from_utf8_lossy(&bytes).to_ascii_lowercase();
-        drop(bytes);
-        for solid in text.split("endsolid").filter(|solid| solid.contains("facet")) {
-            let facets = solid.find("facet").map_or("", |at| &solid[at..]);
-            triangles.add(path, format!("solid \n{facets}\nendsolid\n").into_bytes())?;
-        }
-        return triangles.mesh();
+        return text(source, &bytes);
     }
     match (count, expected) {
         (Some(count), Some(expected)) if length < expected => {
@@ -36,10 +29,7 @@ pub(super) fn read(source: &mut Source, mut bytes: Vec<u8>) -> Result<Mesh> {
             if length > expected {
                 source.notes.add(None, format!("{} bytes after the last triangle are not read", length - expected));
             }
-            // Not `solid`, which would make it a text for the crate.
-            bytes[..5].fill(0);
-            triangles.add(path, bytes)?;
-            triangles.mesh()
+            binary(source, &bytes[..expected as usize])
         }
         _ => Err(fault(path, "neither a text nor a binary STL file", "export it again, as binary STL")),
     }
@@ -49,29 +39,82 @@ pub(super) fn read(source: &mut Source, mut bytes: Vec<u8>) -> Result<Mesh> {
 fn is_text(bytes: &[u8]) -> bool {
     let start = &bytes[..bytes.len().min(2048)];
     let text = String::from_utf8_lossy(start).to_ascii_lowercase();
-    let text = text.trim_start();
-    text.starts_with("solid") && (text.contains("facet") || text.contains("endsolid"))
+    let text = text.trim_start_matches('\u{feff}').trim_start();
+    text.starts_with("solid") && ["facet", "endsolid", "end solid"].iter().any(|word| text.contains(word))
 }
 
-struct Triangles {
-    weld: Weld<()>,
-    all: Vec<[u32; 3]>,
-}
-
-impl Triangles {
-    /// Adds those of a file.
-    fn add(&mut self, path: &Path, bytes: Vec<u8>) -> Result<()> {
-        let wrong = |error: std::io::Error| fault(path, format!("malformed STL: {error}"), "export the file again");
-        let mut cursor = Cursor::new(bytes);
-        for triangle in create_stl_reader(&mut cursor).map_err(wrong)? {
-            let corners = triangle.map_err(wrong)?.vertices;
-            // Fewer than u32 can count: each takes 12 bytes or more of a file of at most 4 GiB.
-            self.all.push(corners.map(|corner| self.weld.vertex([corner[0], corner[1], corner[2]], ()).0));
+/// Reads the triangles of all solids of a text. A line's first word says what it is; names may hold any word.
+fn text(source: &mut Source, bytes: &[u8]) -> Result<Mesh> {
+    let (mut positions, mut corners) = (Vec::<[f64; 3]>::new(), 0);
+    let text = String::from_utf8_lossy(bytes);
+    for (line, number) in text.trim_start_matches('\u{feff}').split(['\n', '\r']).zip(1..) {
+        let wrong = |what: String| Error::File {
+            path: source.path.into(),
+            line: (!text.contains('\r')).then_some(number),
+            what,
+            fix: "export the file again, as binary STL".into(),
+        };
+        let mut words = line.split_whitespace();
+        let word = words.next().unwrap_or_default().to_ascii_lowercase();
+        match word.as_str() {
+            "vertex" => {
+                let numbers: Vec<f64> = words.filter_map(|word| word.parse().ok()).collect();
+                let [x, y, z] = numbers[..] else { return Err(wrong("a vertex needs three numbers".into())) };
+                positions.push([x, y, z]);
+                corners += 1;
+            }
+            "facet" | "endfacet" | "endloop" if corners % 3 == 0 && corners < 4 => corners = 0,
+            "facet" | "endfacet" | "endloop" => return Err(wrong(format!("a facet of {corners} vertices"))),
+            "" | "solid" | "outer" | "end" | "endsolid" | "color" => {}
+            other => return Err(wrong(format!("unknown word {:?}", other.chars().take(32).collect::<String>()))),
         }
-        Ok(())
     }
+    if positions.len() % 3 != 0 {
+        return Err(fault(source.path, "cut off within a facet", "copy or export the file again"));
+    }
+    mesh(source, &positions, Vec::new())
+}
 
-    fn mesh(self) -> Result<Mesh, Error> {
-        Mesh::new(self.weld.positions, self.all)
+/// Reads the triangles of a binary file, with their colours: those of Materialise where the header gives a default, else those of
+/// VisCAM.
+fn binary(source: &mut Source, bytes: &[u8]) -> Result<Mesh> {
+    let number = |bytes: &[u8]| f64::from(f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]));
+    let usual = bytes[..80]
+        .windows(10)
+        .find(|window| window.starts_with(b"COLOR="))
+        .map(|window| [window[6], window[7], window[8]]);
+    let curve = |x: f32| if source.options.srgb { linear_from_srgb(x) } else { x };
+    let fifth = |word: u16, low: u16| curve(f32::from(word >> low & 31) / 31.0);
+    let (mut positions, mut colors, mut is_colored) = (Vec::new(), Vec::new(), usual.is_some());
+    for triangle in bytes[HEADER..].chunks_exact(TRIANGLE) {
+        positions.extend([12, 24, 36].map(|at| [0, 4, 8].map(|k| number(&triangle[at + k..]))));
+        let word = u16::from_le_bytes([triangle[48], triangle[49]]);
+        // Materialise sets the highest bit where the object's colour counts; MeshLab reads a colour beside it all the same.
+        let has_own = match usual {
+            Some(_) => word & 0x8000 == 0 || !matches!(word & 0x7fff, 0 | 0x7fff),
+            None => word & 0x8000 != 0,
+        };
+        is_colored |= has_own;
+        colors.push(match usual {
+            _ if has_own && usual.is_some() => [0, 5, 10].map(|low| fifth(word, low)),
+            _ if has_own => [10, 5, 0].map(|low| fifth(word, low)),
+            Some(usual) => usual.map(|byte| curve(f32::from(byte) / 255.0)),
+            None => [1.0; 3],
+        });
     }
+    mesh(source, &positions, if is_colored { colors } else { Vec::new() })
+}
+
+/// The mesh of the corners of all triangles; vertices at one position become one.
+fn mesh(source: &mut Source, corners: &[[f64; 3]], colors: Vec<[f32; 3]>) -> Result<Mesh> {
+    let own: Vec<[u32; 3]> = (0..corners.len() as u32 / 3).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+    let positions = source.placed(corners, &own);
+    let mut weld = Weld::new();
+    let triangles = own.iter().map(|corners| corners.map(|c| weld.vertex(positions[c as usize], ()).0)).collect();
+    let appearance = match colors.first() {
+        None => Appearance::Uniform([1.0; 3]),
+        Some(first) if colors.iter().all(|color| color == first) => Appearance::Uniform(*first),
+        Some(_) => Appearance::Surface { resolution: 1, texels: colors },
+    };
+    Mesh::new(weld.positions, triangles)?.with_appearance(appearance)
 }

@@ -41,8 +41,9 @@ pub fn decode<R: BufRead + Seek>(
     srgb: bool,
     room: Room,
 ) -> std::result::Result<Decoded, String> {
-    let undecodable =
-        |error: image::ImageError| format!("{error} (use a PNG or JPEG of at most {MAX_SIDE}×{MAX_SIDE} pixels)");
+    let undecodable = |error: image::ImageError| {
+        format!("{error} (use a PNG or JPEG of at most {MAX_SIDE}×{MAX_SIDE} pixels: magick IN OUT.png)")
+    };
     let format = reader.format();
     let mut file = reader.into_inner();
     let length = file.seek(SeekFrom::End(0)).and_then(|length| file.rewind().map(|()| length));
@@ -97,4 +98,9 @@ fn texels(image: DynamicImage, srgb: bool) -> Vec<[f32; 3]> {
 /// IEC 61966-2-1.
 pub fn linear_from_srgb(x: f32) -> f32 {
     if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
+}
+
+/// The inverse, also beyond [0, 1].
+pub fn srgb_from_linear(x: f32) -> f32 {
+    if x <= 0.003_130_8 { x * 12.92 } else { (1.055 * f64::from(x).powf(1.0 / 2.4) - 0.055) as f32 }
 }

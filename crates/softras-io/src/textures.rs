@@ -21,18 +21,26 @@ pub struct Room {
     most: u64,
     /// Texels of the images before it.
     taken: u64,
+    is_asked: bool,
 }
 
 impl Room {
     /// For the first or only image, where all of them may take so many bytes of memory.
-    pub fn within(memory: u64) -> Self {
-        Self { most: MAX_TEXELS.min(memory / BYTES_PER_PIXEL), taken: 0 }
+    /// If that was asked for, the sizes of files do not matter.
+    pub fn within(memory: u64, is_asked: bool) -> Self {
+        Self { most: MAX_TEXELS.min(memory / BYTES_PER_PIXEL), taken: 0, is_asked }
+    }
+
+    /// Counts the texels of an image.
+    pub fn take(&mut self, texels: usize) {
+        self.taken += texels as u64;
     }
 
     /// The most texels of an image whose file has so many bytes.
     pub fn texels(self, bytes: u64) -> u64 {
         let by_size = FREE_TEXELS.saturating_sub(self.taken).saturating_add(bytes.saturating_mul(TEXELS_PER_BYTE));
-        by_size.min(self.most.saturating_sub(self.taken))
+        let left = self.most.saturating_sub(self.taken);
+        if self.is_asked { left } else { by_size.min(left) }
     }
 }
 
@@ -47,6 +55,11 @@ pub struct Textures<K> {
 impl<K: Eq + Hash> Textures<K> {
     pub fn new(room: Room) -> Self {
         Self { images: Vec::new(), by_key: HashMap::new(), room }
+    }
+
+    /// Some images that are found by no key.
+    pub fn having(images: Vec<Texture>) -> Self {
+        Self { images, ..Self::new(Room::within(u64::MAX, false)) }
     }
 
     /// The index of an image; a new one is made, with at most so many texels as `make` is told.

@@ -331,7 +331,7 @@ pub fn meshes(value: &Bound<'_, PyAny>) -> PyResult<Vec<softras::Mesh>> {
 #[pyo3(signature = (path, *, srgb = false, allow_outside = false, strict = false))]
 pub fn load(py: Python<'_>, path: PathBuf, srgb: bool, allow_outside: bool, strict: bool) -> PyResult<Mesh> {
     let options = LoadOptions { srgb, allow_outside, strict, ..LoadOptions::default() };
-    let loaded = py.detach(|| softras_io::load_with(&path, &options)).raise()?;
+    let loaded = py.detach(|| softras_io::load_with(&path, &options)).raise()?.at_place();
     Ok(Mesh { mesh: loaded.mesh, notes: loaded.notes })
 }
 

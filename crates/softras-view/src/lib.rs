@@ -29,6 +29,7 @@ mod look;
 mod options;
 mod sheet;
 mod shot;
+mod shrink;
 mod solid;
 mod standing;
 mod studio;
@@ -45,6 +46,7 @@ pub use options::{
 };
 pub use sheet::{sheet, text_width, write_text};
 pub use shot::{Mean, Shot};
+pub use shrink::shrunk;
 pub use standing::other_axis;
 pub use studio::Studio;
 pub use view::View;

@@ -105,6 +105,13 @@ impl Default for CameraOptions {
 }
 
 impl CameraOptions {
+    /// The same camera where points are given from an origin in its coordinates ([`softras_io::Loaded::origin`]).
+    pub fn relative_to(mut self, origin: [f64; 3]) -> Self {
+        let moved = |point: [f64; 3]| [0, 1, 2].map(|k| point[k] - origin[k]);
+        (self.eye, self.target) = (self.eye.map(moved), self.target.map(moved));
+        self
+    }
+
     /// The vertical axis: the one given, or y.
     pub fn vertical(&self) -> [f64; 3] {
         self.up.unwrap_or([0.0, 1.0, 0.0])

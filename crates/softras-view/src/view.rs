@@ -4,6 +4,7 @@ use crate::{
     animation::{self, Moment},
     developed::Developed,
     options::{Motion, Options, Output},
+    shrink::shrunk,
     studio::Studio,
 };
 use softras::{Error, Mesh, Renderer, Result};
@@ -15,19 +16,23 @@ pub struct View {
     mesh: Mesh,
     normals: Vec<[[f32; 3]; 3]>,
     opacity: Vec<f32>,
+    origin: [f64; 3],
+    /// Whether the file says that light does not shade it.
+    unlit: bool,
     options: Options,
 }
 
 impl View {
     /// All of a mesh, 256 by 256 pixels, from the front and a little from above, on a transparent background.
     pub fn of(mesh: &Mesh) -> Self {
-        Self { mesh: mesh.clone(), normals: Vec::new(), opacity: Vec::new(), options: Options::default() }
+        let (normals, opacity, origin) = (Vec::new(), Vec::new(), [0.0; 3]);
+        Self { mesh: mesh.clone(), normals, opacity, origin, unlit: false, options: Options::default() }
     }
 
     /// The same of a mesh file, with its normals and its transparent materials.
     pub fn of_loaded(loaded: Loaded) -> Self {
-        let Loaded { mesh, normals, opacity, .. } = loaded;
-        Self { mesh, normals, opacity, options: Options::default() }
+        let Loaded { mesh, normals, opacity, origin, unlit, .. } = loaded;
+        Self { mesh, normals, opacity, origin, unlit, options: Options::default() }
     }
 
     /// The size in pixels.
@@ -89,9 +94,11 @@ impl View {
     }
 
     fn frames(&self, motion: Motion, moments: Vec<Moment>, renderer: &mut Renderer) -> Result<Vec<Picture>> {
-        let options = Options { motion, ..self.options.clone() };
+        let mut options = Options { motion, ..self.options.clone() };
+        options.camera = options.camera.relative_to(self.origin);
+        options.light.unlit |= self.unlit && options.light.lights.is_empty() && options.light.ambient.is_none();
         let samples = options.samples(false);
-        let mesh = self.mesh.clone();
+        let mesh = shrunk(self.mesh.clone(), &renderer.device_info().limits)?.0;
         let mut studio = Studio::new(mesh, &self.normals, &self.opacity, options, &[Output::Color], samples)?;
         let one = |moment: Moment| {
             let mut made = Developed::new(Output::Color, false);

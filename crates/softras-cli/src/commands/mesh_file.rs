@@ -36,7 +36,16 @@ impl ReadArgs {
     /// Reads a mesh within the budget and prints the notes on it, for a command that draws transparent materials opaque. None
     /// of the files read may be one that will be written. Textures are decoded from sRGB if so asked.
     pub fn read(self, path: &Path, srgb: bool, outputs: &Outputs, budget: &Budget) -> Result<Loaded, Failure> {
-        let mut loaded = self.read_layers(path, srgb, outputs, budget)?;
+        let loaded = self.read_layers(path, srgb, outputs, budget)?;
+        let known = loaded.notes.len();
+        let mut loaded = loaded.at_place();
+        for text in &loaded.notes[known..] {
+            if self.strict {
+                let fix = "move the mesh nearer to 0, or leave --strict out".into();
+                return Err(Error::File { path: path.into(), line: None, what: text.clone(), fix }.into());
+            }
+            note(text);
+        }
         if !loaded.opacity.is_empty() {
             let what = "transparent materials are drawn opaque: `softras render` alone blends them";
             if self.strict {

@@ -1,104 +1,181 @@
-//! Reads the arrays of a glTF file: positions, colours, UVs, indices.
+//! Reads the arrays of a glTF file: positions, colours, UVs, indices, matrices.
 
-use super::document::Document;
-use crate::source::Source;
-use gltf_json::{
-    accessor::{Accessor, ComponentType, Type},
-    validation::Checked,
+use super::{
+    document::Document,
+    json::{Accessor, SparsePart},
 };
+use crate::source::Source;
 
-/// The bytes of a component.
-fn size(kind: ComponentType) -> usize {
-    match kind {
-        ComponentType::I8 | ComponentType::U8 => 1,
-        ComponentType::I16 | ComponentType::U16 => 2,
-        ComponentType::U32 | ComponentType::F32 => 4,
+/// The most elements of an accessor without data in the file, which are zeros.
+const MOST_ZEROS: usize = 1 << 20;
+
+/// The type of a component.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    I8,
+    U8,
+    I16,
+    U16,
+    U32,
+    F32,
+}
+
+impl Kind {
+    fn of(number: usize) -> Option<Self> {
+        Some(match number {
+            5120 => Self::I8,
+            5121 => Self::U8,
+            5122 => Self::I16,
+            5123 => Self::U16,
+            5125 => Self::U32,
+            5126 => Self::F32,
+            _ => return None,
+        })
+    }
+
+    /// The bytes of a component.
+    fn size(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::U32 | Self::F32 => 4,
+        }
+    }
+
+    /// The value of a component, as a number or as a share of the largest.
+    fn value(self, is_share: bool, bytes: &[u8]) -> f32 {
+        let share = |x: f32, most: f32| if is_share { (x / most).max(-1.0) } else { x };
+        match (self, bytes) {
+            (Self::I8, &[a, ..]) => share(f32::from(a as i8), 127.0),
+            (Self::U8, &[a, ..]) => share(f32::from(a), 255.0),
+            (Self::I16, &[a, b, ..]) => share(f32::from(i16::from_le_bytes([a, b])), 32767.0),
+            (Self::U16, &[a, b, ..]) => share(f32::from(u16::from_le_bytes([a, b])), 65535.0),
+            (Self::U32, &[a, b, c, d, ..]) => share(u32::from_le_bytes([a, b, c, d]) as f32, u32::MAX as f32),
+            (Self::F32, &[a, b, c, d, ..]) => f32::from_le_bytes([a, b, c, d]),
+            _ => 0.0,
+        }
     }
 }
 
-/// The value of a component, as a number or as a share of the largest.
-fn value(kind: ComponentType, is_share: bool, bytes: &[u8]) -> f32 {
-    let share = |x: f32, most: f32| if is_share { (x / most).max(-1.0) } else { x };
-    match (kind, bytes) {
-        (ComponentType::I8, &[a, ..]) => share(f32::from(a as i8), 127.0),
-        (ComponentType::U8, &[a, ..]) => share(f32::from(a), 255.0),
-        (ComponentType::I16, &[a, b, ..]) => share(f32::from(i16::from_le_bytes([a, b])), 32767.0),
-        (ComponentType::U16, &[a, b, ..]) => share(f32::from(u16::from_le_bytes([a, b])), 65535.0),
-        (ComponentType::U32, &[a, b, c, d, ..]) => share(u32::from_le_bytes([a, b, c, d]) as f32, u32::MAX as f32),
-        (ComponentType::F32, &[a, b, c, d, ..]) => f32::from_le_bytes([a, b, c, d]),
-        _ => 0.0,
+/// A whole number of one, two or four bytes.
+fn whole(bytes: &[u8]) -> u32 {
+    match *bytes {
+        [a] => u32::from(a),
+        [a, b] => u32::from(u16::from_le_bytes([a, b])),
+        [a, b, c, d] => u32::from_le_bytes([a, b, c, d]),
+        _ => 0,
     }
 }
 
 impl Document<'_> {
-    /// Vectors of `N` components; further components of the file are left out.
+    /// Vectors of `N` components; further components of the file are left out, and those that it lacks are 1.
     pub fn vectors<const N: usize>(&mut self, source: &mut Source, index: usize) -> Result<Vec<[f32; N]>, String> {
         let (accessor, kind) = self.accessor(index)?;
-        let is_share = accessor.normalized;
-        let least = size(kind);
-        self.elements(source, index, N, |bytes| {
-            std::array::from_fn(|k| value(kind, is_share, bytes.get(k * least..).unwrap_or_default()))
-        })
+        let (is_share, least) = (accessor.normalized, kind.size());
+        let has = components(accessor);
+        // Colours may lack their alpha.
+        let needed = if N == 4 { 3 } else { N };
+        // The columns of a matrix of small numbers begin at multiples of four bytes, and only floats are needed.
+        let value = |bytes: &[u8], k: usize| if k < has { kind.value(is_share, &bytes[k * least..]) } else { 1.0 };
+        self.elements(source, index, needed, |bytes| std::array::from_fn(|k| value(bytes, k)))
     }
 
     /// Whole numbers.
     pub fn indices(&mut self, source: &mut Source, index: usize) -> Result<Vec<u32>, String> {
-        let (_, kind) = self.accessor(index)?;
-        if !matches!(kind, ComponentType::U8 | ComponentType::U16 | ComponentType::U32) {
-            return Err(format!("accessor {index}: indices must be unsigned whole numbers"));
-        }
-        self.elements(source, index, 1, |bytes| match *bytes {
-            [a] => u32::from(a),
-            [a, b] => u32::from(u16::from_le_bytes([a, b])),
-            [a, b, c, d] => u32::from_le_bytes([a, b, c, d]),
-            _ => 0,
-        })
+        self.refuse_fractions(index)?;
+        self.elements(source, index, 1, whole)
     }
 
-    fn accessor(&self, index: usize) -> Result<(&Accessor, ComponentType), String> {
+    /// Four whole numbers each.
+    pub fn joints(&mut self, source: &mut Source, index: usize) -> Result<Vec<[u32; 4]>, String> {
+        let size = self.refuse_fractions(index)?.size();
+        self.elements(source, index, 4, |bytes| std::array::from_fn(|k| whole(&bytes[k * size..(k + 1) * size])))
+    }
+
+    fn refuse_fractions(&self, index: usize) -> Result<Kind, String> {
+        match self.accessor(index)?.1 {
+            kind @ (Kind::U8 | Kind::U16 | Kind::U32) => Ok(kind),
+            _ => Err(format!("accessor {index}: indices must be unsigned whole numbers")),
+        }
+    }
+
+    fn accessor(&self, index: usize) -> Result<(&Accessor, Kind), String> {
         let count = self.root.accessors.len();
         let accessor =
             self.root.accessors.get(index).ok_or_else(|| format!("accessor {index} but there are {count}"))?;
-        match &accessor.component_type {
-            Checked::Valid(kind) => Ok((accessor, kind.0)),
-            Checked::Invalid => Err(format!("accessor {index} has an unknown component type")),
-        }
+        let kind = Kind::of(accessor.component_type.0);
+        kind.map(|kind| (accessor, kind)).ok_or_else(|| format!("accessor {index} has an unknown component type"))
     }
 
     /// Reads each element, which must have at least so many components, from its bytes.
-    fn elements<T>(
+    fn elements<T: Clone>(
         &mut self,
         source: &mut Source,
         index: usize,
-        components: usize,
+        needed: usize,
         read: impl Fn(&[u8]) -> T,
     ) -> Result<Vec<T>, String> {
         let (accessor, kind) = self.accessor(index)?;
-        let has = match accessor.type_ {
-            Checked::Valid(Type::Scalar) => 1,
-            Checked::Valid(Type::Vec2) => 2,
-            Checked::Valid(Type::Vec3) => 3,
-            Checked::Valid(Type::Vec4) => 4,
-            _ => 0,
-        };
-        if has < components {
-            return Err(format!("accessor {index} has {has} components, {components} are needed"));
+        let has = components(accessor);
+        if has < needed {
+            return Err(format!("accessor {index} has {has} components, {needed} are needed"));
         }
-        if accessor.sparse.is_some() {
-            return Err(format!("accessor {index} is sparse, which softras does not read"));
+        let (element, count, offset) = (has * kind.size(), accessor.count.0, accessor.byte_offset.0);
+        let sparse = accessor.sparse.as_ref();
+        let sparse = sparse.map(|sparse| (sparse.count.0, part(&sparse.indices), part(&sparse.values)));
+        let mut values = match accessor.buffer_view.map(|view| view.0) {
+            Some(view) => self.strided(source, (view, offset), element, count, &read),
+            // Without data an accessor holds zeros, which take no bytes of the file.
+            None if count > MOST_ZEROS.max(self.held) => Err(format!("{count} elements without data")),
+            None => Ok(vec![read(&vec![0; element]); count]),
         }
-        let Some(view) = accessor.buffer_view else { return Err(format!("accessor {index} has no data")) };
-        let (start, count) = (accessor.byte_offset.map_or(0, |offset| offset.0), accessor.count.0);
-        let element = has * size(kind);
-        let (view, stride) = self.view(source, view.value())?;
-        let stride = stride.filter(|&stride| stride > 0).unwrap_or(element);
+        .map_err(|what| format!("accessor {index}: {what}"))?;
+        if let Some((changed, indices, new)) = sparse {
+            let size = Kind::of(indices.1).map_or(0, Kind::size);
+            let at = self.strided(source, indices.0, size, changed, &whole)?;
+            let new = self.strided(source, new.0, element, changed, &read)?;
+            for (at, new) in at.into_iter().zip(new) {
+                let outside = || format!("accessor {index}: sparse index {at} but there are {count}");
+                *values.get_mut(at as usize).ok_or_else(outside)? = new;
+            }
+        }
+        Ok(values)
+    }
+
+    /// Reads elements of so many bytes from a place in a view: its number and an offset.
+    fn strided<T>(
+        &mut self,
+        source: &mut Source,
+        (view, offset): (usize, usize),
+        element: usize,
+        count: usize,
+        read: &impl Fn(&[u8]) -> T,
+    ) -> Result<Vec<T>, String> {
+        let (view, stride) = self.view(source, view)?;
+        let stride = if stride > 0 { stride } else { element };
         let bytes = view.bytes();
-        let length = (stride as u64).saturating_mul(count.saturating_sub(1)).saturating_add(element as u64);
-        let end = start.saturating_add(if count == 0 { 0 } else { length });
-        if end > bytes.len() as u64 || stride < element {
-            return Err(format!("accessor {index} has {count} elements, more than its view of {} bytes", bytes.len()));
+        let length = (stride as u64).saturating_mul((count as u64).saturating_sub(1)).saturating_add(element as u64);
+        let end = (offset as u64).saturating_add(if count == 0 { 0 } else { length });
+        if end > bytes.len() as u64 || stride < element || element == 0 {
+            return Err(format!("{count} elements, more than its view of {} bytes", bytes.len()));
         }
-        let at = |i: u64| (start + i * stride as u64) as usize;
-        Ok((0..count).map(|i| read(&bytes[at(i)..at(i) + element])).collect())
+        Ok((0..count).map(|i| read(&bytes[offset + i * stride..][..element])).collect())
+    }
+}
+
+/// A part of a sparse accessor: its view and offset, and the type of its components.
+fn part(part: &SparsePart) -> ((usize, usize), usize) {
+    ((part.buffer_view.0, part.byte_offset.0), part.component_type.0)
+}
+
+fn components(accessor: &Accessor) -> usize {
+    match accessor.kind.as_str() {
+        "SCALAR" => 1,
+        "VEC2" => 2,
+        "VEC3" => 3,
+        "VEC4" | "MAT2" => 4,
+        "MAT3" => 9,
+        "MAT4" => 16,
+        _ => 0,
     }
 }

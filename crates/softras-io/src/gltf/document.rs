@@ -1,8 +1,8 @@
 //! The parts of a glTF file and the buffers that it names.
 
+use super::json;
 use crate::{find::find, source::Source};
 use base64::{Engine, engine::general_purpose::STANDARD};
-use gltf_json as json;
 use std::{borrow::Cow, collections::HashMap, path::PathBuf, rc::Rc};
 
 /// The JSON and the binary chunk of a file; a file of text is all JSON.
@@ -31,7 +31,7 @@ pub(super) fn split(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), String> {
 
 /// The JSON with its buffers, which are read when they are first used.
 pub(super) struct Document<'a> {
-    pub root: &'a json::Root,
+    pub root: &'a json::Root<'a>,
     binary: Option<&'a [u8]>,
     buffers: HashMap<usize, Rc<Cow<'a, [u8]>>>,
     files: HashMap<PathBuf, Rc<Cow<'a, [u8]>>>,
@@ -40,7 +40,7 @@ pub(super) struct Document<'a> {
 }
 
 impl<'a> Document<'a> {
-    pub fn new(root: &'a json::Root, binary: Option<&'a [u8]>) -> Self {
+    pub fn new(root: &'a json::Root<'a>, binary: Option<&'a [u8]>) -> Self {
         let held = binary.map_or(0, <[u8]>::len);
         Self { root, binary, buffers: HashMap::new(), files: HashMap::new(), held }
     }
@@ -83,18 +83,20 @@ impl<'a> Document<'a> {
         Ok(bytes)
     }
 
-    /// The content of a part of a buffer, and its stride.
-    pub fn view(&mut self, source: &mut Source, index: usize) -> Result<(View<'a>, Option<usize>), String> {
+    /// The content of a part of a buffer, and its stride, 0 where there is none.
+    pub fn view(&mut self, source: &mut Source, index: usize) -> Result<(View<'a>, usize), String> {
         let count = self.root.buffer_views.len();
         let view = self.root.buffer_views.get(index).ok_or_else(|| format!("view {index} but there are {count}"))?;
-        let buffer = self.buffer(source, view.buffer.value())?;
-        let start = view.byte_offset.map_or(0, |offset| offset.0);
+        if view.extensions.keys().any(|name| name.ends_with("meshopt_compression")) {
+            return Err(format!("view {index} is compressed (meshopt): {UNPACK}"));
+        }
+        let buffer = self.buffer(source, view.buffer.0)?;
+        let start = view.byte_offset.0;
         let end = start.saturating_add(view.byte_length.0);
-        if end > buffer.len() as u64 {
+        if end > buffer.len() {
             return Err(format!("view {index} ends at byte {end} of a buffer of {}", buffer.len()));
         }
-        let view_of = View { buffer, start: start as usize, end: end as usize };
-        Ok((view_of, view.byte_stride.as_ref().map(|stride| stride.0)))
+        Ok((View { buffer, start, end }, view.byte_stride.0))
     }
 
     /// The bytes of an image file.
@@ -102,7 +104,7 @@ impl<'a> Document<'a> {
         let count = self.root.images.len();
         let image = self.root.images.get(index).ok_or_else(|| format!("image {index} but there are {count}"))?;
         let buffer = match (image.buffer_view, image.uri.as_deref()) {
-            (Some(view), _) => return Ok(self.view(source, view.value())?.0),
+            (Some(view), _) => return Ok(self.view(source, view.0)?.0),
             (None, Some(uri)) => match embedded(uri) {
                 Some(bytes) => Rc::new(Cow::Owned(bytes?)),
                 None => self.file(source, uri)?,
@@ -113,6 +115,9 @@ impl<'a> Document<'a> {
         Ok(View { buffer, start: 0, end })
     }
 }
+
+/// How a compressed file becomes one that softras reads.
+pub(super) const UNPACK: &str = "unpack it: npx @gltf-transform/cli cp IN.glb OUT.glb";
 
 /// A part of a buffer.
 pub(super) struct View<'a> {

@@ -1,29 +1,69 @@
-//! Base colours of glTF files and their textures.
+//! Materials of glTF files: base colours, emitted light, and their textures.
 
-use super::{Piece, document::Document};
+use super::{
+    Piece,
+    document::Document,
+    json::{self, Material, TextureInfo, Transform},
+};
 use crate::{
+    paint::{Canvas, Edge, on_canvas},
     source::Source,
     texture::{self, Decoded},
     textures::{Room, Textures},
 };
-use gltf_json::{self as json, material::AlphaMode, texture::WrappingMode, validation::Checked};
 use image::ImageReader;
-use softras::scene::{Texture, Wrap};
+use serde::Deserialize;
+use softras::scene::Texture;
 use std::io::Cursor;
 
-/// What a material makes of the triangles: their base colour, and how their UVs are placed.
+/// Numbers of glTF's modes of wrapping and filtering.
+const CLAMP: usize = 33071;
+const MIRROR: usize = 33648;
+const NEAREST: usize = 9728;
+
+/// What a material makes of the triangles.
+#[derive(Clone)]
 pub(super) struct Look {
     pub color: [f32; 3],
-    /// The alpha of the base colour; 1 where the material is not blended.
-    pub opacity: f32,
-    /// The set of UVs of its texture, if it has one.
-    pub uv_set: Option<u32>,
+    /// Emitted light.
+    pub glow: [f32; 3],
+    /// The alpha of the base colour.
+    pub alpha: f32,
+    pub cut: Cut,
+    pub is_unlit: bool,
+    /// Its texture: that of the base colour, or else that of emitted light.
+    pub map: Option<Map>,
+}
+
+/// A texture and how UVs are placed in it.
+#[derive(Clone)]
+pub(super) struct Map {
+    info: TextureInfo,
+    pub uv_set: usize,
     offset: [f64; 2],
     /// Columns.
     matrix: [[f64; 2]; 2],
+    /// Texture of emitted light that is added, at the same UVs.
+    glow: Option<usize>,
+    /// Whether it is that of emitted light alone.
+    is_glow: bool,
 }
 
-impl Look {
+impl Map {
+    fn of(info: &TextureInfo) -> Self {
+        let transform = info.extensions.get("KHR_texture_transform");
+        let transform = transform.and_then(|value| Transform::deserialize(value).ok()).unwrap_or_default();
+        let ([sx, sy], (sin, cos)) = (transform.scale, transform.rotation.sin_cos());
+        Self {
+            info: info.clone(),
+            uv_set: transform.tex_coord.unwrap_or(info.tex_coord).0,
+            offset: transform.offset,
+            matrix: [[sx * cos, -sx * sin], [sy * sin, sy * cos]],
+            glow: None,
+            is_glow: false,
+        }
+    }
+
     /// A UV of the file as one that runs up.
     pub fn transformed(&self, [u, v]: [f32; 2]) -> [f32; 2] {
         if self.offset == [0.0; 2] && self.matrix == [[1.0, 0.0], [0.0, 1.0]] {
@@ -34,9 +74,9 @@ impl Look {
     }
 }
 
-/// What a material makes of its texture's alpha.
+/// What a material makes of alpha.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
-enum Cut {
+pub(super) enum Cut {
     /// It is ignored.
     Opaque,
     /// 1 from a cutoff on, whose bits these are, and else 0.
@@ -46,127 +86,179 @@ enum Cut {
 }
 
 impl Cut {
-    fn of(material: &json::Material) -> Self {
-        match material.alpha_mode {
-            Checked::Valid(AlphaMode::Blend) => Self::Blend,
-            Checked::Valid(AlphaMode::Mask) => {
-                let cutoff = material.alpha_cutoff.as_ref().map_or(0.5, |cutoff| cutoff.0);
-                // The cutoff is of the product with the base colour's alpha.
-                let factor = material.pbr_metallic_roughness.base_color_factor.0[3];
-                Self::Mask((cutoff / factor.max(f32::MIN_POSITIVE)).to_bits())
-            }
+    fn of(material: &Material) -> Self {
+        match material.alpha_mode.as_str() {
+            "BLEND" => Self::Blend,
+            "MASK" => Self::Mask((material.alpha_cutoff.unwrap_or(0.5) as f32).to_bits()),
             _ => Self::Opaque,
         }
     }
 
-    fn apply(self, alpha: Option<Vec<f32>>) -> Option<Vec<f32>> {
+    /// The alpha that shows of one that a material and a vertex give.
+    pub fn apply(self, alpha: f32) -> f32 {
         match self {
-            Self::Opaque => None,
-            Self::Mask(cutoff) => {
-                let cut = |a: f32| if a >= f32::from_bits(cutoff) { 1.0 } else { 0.0 };
-                alpha.map(|alpha| alpha.into_iter().map(cut).collect())
-            }
-            Self::Blend => alpha,
+            Self::Opaque => 1.0,
+            Self::Mask(cutoff) if alpha >= f32::from_bits(cutoff) => 1.0,
+            Self::Mask(_) => 0.0,
+            Self::Blend if alpha.is_finite() => alpha.clamp(0.0, 1.0),
+            Self::Blend => 1.0,
         }
     }
 }
 
 /// The look of a material; white without one.
-pub(super) fn look(root: &json::Root, material: Option<usize>) -> Result<Look, String> {
-    let (offset, matrix) = ([0.0; 2], [[1.0, 0.0], [0.0, 1.0]]);
-    let mut look = Look { color: [1.0; 3], opacity: 1.0, uv_set: None, offset, matrix };
-    let Some(index) = material else { return Ok(look) };
+pub(super) fn look(source: &mut Source, root: &json::Root, index: Option<usize>) -> Result<Look, String> {
+    let white = Material::default();
     let count = root.materials.len();
-    let material = root.materials.get(index).ok_or_else(|| format!("material {index} but there are {count}"))?;
-    let pbr = &material.pbr_metallic_roughness;
-    let [r, g, b, a] = pbr.base_color_factor.0;
-    look.color = [r, g, b];
-    if Cut::of(material) == Cut::Blend && a.is_finite() {
-        look.opacity = a.clamp(0.0, 1.0);
+    let material = match index {
+        Some(index) => root.materials.get(index).ok_or_else(|| format!("material {index} but there are {count}"))?,
+        None => &white,
+    };
+    let extension = |name: &str| material.extensions.get(name);
+    let diffuse = extension("KHR_materials_pbrSpecularGlossiness").and_then(|value| json::Pbr::deserialize(value).ok());
+    let pbr = diffuse.as_ref().unwrap_or(&material.pbr_metallic_roughness);
+    let [r, g, b, a] = pbr.base_color_factor.unwrap_or([1.0; 4]).map(|x| x as f32);
+    let is_unlit = extension("KHR_materials_unlit").is_some();
+    let strength = extension("KHR_materials_emissive_strength").and_then(|value| value["emissiveStrength"].as_f64());
+    let glow = material.emissive_factor.map(|x| (x * strength.unwrap_or(1.0)) as f32);
+    let glow = if is_unlit { [0.0; 3] } else { glow };
+    let mut map = pbr.base_color_texture.as_ref().map(Map::of);
+    if glow != [0.0; 3] {
+        source.notes.once("emitted light is drawn as colour, which lamps shade: --unlit shows it as it is");
+        let emitted = material.emissive_texture.as_ref().map(Map::of);
+        match (&mut map, emitted) {
+            (_, None) => {}
+            (None, Some(emitted)) => map = Some(Map { is_glow: true, ..emitted }),
+            (Some(map), Some(emitted)) => {
+                let same = (map.uv_set, map.offset, map.matrix) == (emitted.uv_set, emitted.offset, emitted.matrix);
+                map.glow = same.then_some(emitted.info.index.0);
+                if !same {
+                    source
+                        .notes
+                        .once("a texture of emitted light at other UVs than that of the base colour is not drawn");
+                    return Ok(Look {
+                        color: [r, g, b],
+                        glow: [0.0; 3],
+                        alpha: a,
+                        cut: Cut::of(material),
+                        is_unlit,
+                        map: Some(map.clone()),
+                    });
+                }
+            }
+        }
     }
-    let Some(info) = &pbr.base_color_texture else { return Ok(look) };
-    look.uv_set = Some(info.tex_coord);
-    if let Some(transform) = info.extensions.as_ref().and_then(|all| all.texture_transform.as_ref()) {
-        let ([sx, sy], angle) = (transform.scale.0.map(f64::from), f64::from(transform.rotation.0));
-        let (sin, cos) = angle.sin_cos();
-        look.offset = transform.offset.0.map(f64::from);
-        look.matrix = [[sx * cos, -sx * sin], [sy * sin, sy * cos]];
-        look.uv_set = transform.tex_coord.or(look.uv_set);
-    }
-    Ok(look)
+    Ok(Look { color: [r, g, b], glow, alpha: a, cut: Cut::of(material), is_unlit, map })
 }
 
-/// The textures of all pieces.
-pub(super) struct Textured {
-    pub images: Vec<Texture>,
-    /// An index into `images`.
-    pub of_piece: Vec<u32>,
-}
+/// A piece's texture, by its number, and the place of its UVs there.
+pub(super) type Image = Option<(u32, Canvas)>;
 
-/// What makes two textures the same: the image, how it repeats, what becomes of its alpha, and the bits of the colour that it is
-/// multiplied with.
+/// What makes two textures the same: their numbers, and the bits of alpha and of the colours that they are multiplied with.
 #[derive(PartialEq, Eq, Hash)]
-struct Key(Option<(usize, Wrap, Cut)>, [u32; 3]);
+struct Key(Vec<usize>, Cut, Vec<u32>);
 
-/// The textures; pieces without one get a 1×1 image of their colour. `None` where no image can be read.
+/// The textures of all pieces, each once; a piece whose image cannot be read has none.
 pub(super) fn textures(
     source: &mut Source,
     document: &mut Document,
     pieces: &[Piece],
-) -> Result<Option<Textured>, String> {
-    let root = document.root;
+) -> Result<(Vec<Texture>, Vec<Image>), String> {
     let mut textures = Textures::new(source.room());
-    let mut any_image = false;
+    let mut canvases: Vec<Canvas> = Vec::new();
     let mut of_piece = Vec::with_capacity(pieces.len());
-    for piece in pieces {
-        let material = piece.material.and_then(|index| root.materials.get(index)).filter(|_| piece.has_uvs);
-        let info = material.and_then(|material| material.pbr_metallic_roughness.base_color_texture.as_ref());
-        let tint = piece.color.map(|x| (x + 0.0).to_bits());
-        let mut index = None;
-        if let (Some(info), Some(material)) = (info, material) {
-            let (image, wrap) = image_of(source, root, info.index.value())?;
-            let cut = Cut::of(material);
-            index = textures.find_or(Key(Some((image, wrap, cut)), tint), |room| {
-                read(source, document, image, room)
-                    .map(|decoded| Decoded { alpha: cut.apply(decoded.alpha), ..decoded })
-                    .and_then(|decoded| tinted(decoded, piece.color, wrap))
-                    .map_err(|what| source.notes.add(None, format!("texture {image}: {what}: not drawn")))
-                    .ok()
+    for Piece { look, tint, uv_range, .. } in pieces {
+        let (Some(map), Some(range)) = (&look.map, uv_range) else {
+            of_piece.push(None);
+            continue;
+        };
+        let (number, edges, wrap_range) = placed(source, document, map, *range)?;
+        let color = [0, 1, 2].map(|k| look.color[k] * tint[k]);
+        let bits = color.iter().chain(&look.glow).chain([&look.alpha]).map(|x| (x + 0.0).to_bits()).collect();
+        let key =
+            Key(vec![number, map.glow.map_or(0, |glow| glow + 1), map.is_glow.into(), wrap_range], look.cut, bits);
+        let index = textures.find_or(key, |room| {
+            let read = painted(source, document, map, number, look, color, room).and_then(|decoded| {
+                let (texture, canvas) = on_canvas(decoded, edges, *range)?;
+                canvases.push(canvas);
+                Ok(texture)
             });
+            read.map_err(|what| source.notes.add(None, format!("texture {number}: {what}: not drawn"))).ok()
+        });
+        of_piece.push(index.map(|index| (index, canvases[index as usize])));
+    }
+    Ok((textures.images, of_piece))
+}
+
+/// The number of the image of a map, how it goes on beyond its edges along u and v, and what of a piece's UVs makes other texels.
+fn placed(
+    source: &mut Source,
+    document: &Document,
+    map: &Map,
+    range: [[f32; 2]; 2],
+) -> Result<(usize, [Edge; 2], usize), String> {
+    let root = document.root;
+    let index = map.info.index.0;
+    let texture =
+        root.textures.get(index).ok_or_else(|| format!("texture {index} but there are {}", root.textures.len()))?;
+    let sampler = texture.sampler.and_then(|sampler| root.samplers.get(sampler.0));
+    let mode = |mode: Option<json::Whole>| match mode.map(|mode| mode.0) {
+        Some(CLAMP) => Edge::Clamp,
+        Some(MIRROR) => Edge::Mirror,
+        _ => Edge::Repeat,
+    };
+    if sampler.is_some_and(|sampler| sampler.mag_filter == Some(json::Whole(NEAREST))) {
+        source.notes.once("textures are drawn smoothly, not by the nearest texel");
+    }
+    let edges = sampler.map_or([Edge::Repeat; 2], |sampler| [mode(sampler.wrap_s), mode(sampler.wrap_t)]);
+    let reach =
+        if edges[0] == edges[1] { 0 } else { range.as_flattened().iter().fold(0.0f32, |m, x| m.max(x.abs())) as usize };
+    Ok((index, edges, reach))
+}
+
+/// The texture of a map times its colours, with the alpha that shows.
+fn painted(
+    source: &mut Source,
+    document: &mut Document,
+    map: &Map,
+    number: usize,
+    look: &Look,
+    color: [f32; 3],
+    room: Room,
+) -> Result<Decoded, String> {
+    let mut decoded = read(source, document, number, room)?;
+    let glow = map.glow.map(|glow| read(source, document, glow, room)).transpose()?;
+    let (width, height) = (decoded.width as usize, decoded.height as usize);
+    let (times, plus) = if map.is_glow { (look.glow, color) } else { (color, look.glow) };
+    let plain = times == [1.0; 3] && plus == [0.0; 3];
+    for (i, texel) in decoded.texels.iter_mut().enumerate().filter(|_| !plain) {
+        let emitted = glow.as_ref().map_or([1.0; 3], |glow| {
+            let (row, column) = (i / width * glow.height as usize / height, i % width * glow.width as usize / width);
+            glow.texels[row * glow.width as usize + column]
+        });
+        *texel = [0, 1, 2].map(|k| texel[k] * times[k] + plus[k] * emitted[k]);
+    }
+    decoded.alpha = match (look.cut, decoded.alpha.filter(|_| !map.is_glow)) {
+        (Cut::Opaque, _) | (_, None) => None,
+        // The material's own alpha is that of its triangles.
+        (Cut::Blend, alpha) => alpha,
+        (cut, Some(alpha)) => Some(alpha.into_iter().map(|a| cut.apply(a * look.alpha)).collect()),
+    };
+    Ok(decoded)
+}
+
+fn read(source: &mut Source, document: &mut Document, index: usize, room: Room) -> Result<Decoded, String> {
+    let root = document.root;
+    let texture = root.textures.get(index).ok_or_else(|| format!("there are {} textures", root.textures.len()))?;
+    let webp = texture.extensions.get("EXT_texture_webp").and_then(|value| value["source"].as_u64());
+    let image = match (texture.source, webp) {
+        (Some(image), _) => image.0,
+        (None, Some(image)) => image as usize,
+        (None, None) if texture.extensions.contains_key("KHR_texture_basisu") => {
+            return Err("a KTX2 image, which is not read (npx @gltf-transform/cli ktxdecompress IN.glb OUT.glb)".into());
         }
-        any_image |= index.is_some();
-        let plain = |_| Texture::new(1, 1, vec![piece.color], Wrap::Repeat).ok();
-        let index = index.or_else(|| textures.find_or(Key(None, tint), plain));
-        of_piece.push(index.ok_or("a base colour that is not finite")?);
-    }
-    Ok(any_image.then_some(Textured { images: textures.images, of_piece }))
-}
-
-/// The image of a texture, and how it repeats.
-fn image_of(source: &mut Source, root: &json::Root, index: usize) -> Result<(usize, Wrap), String> {
-    let count = root.textures.len();
-    let texture = root.textures.get(index).ok_or_else(|| format!("texture {index} but there are {count}"))?;
-    let sampler = texture.sampler.and_then(|sampler| root.samplers.get(sampler.value()));
-    let clamps = |mode: &Checked<WrappingMode>| matches!(mode, Checked::Valid(WrappingMode::ClampToEdge));
-    let Some(sampler) = sampler else { return Ok((texture.source.value(), Wrap::Repeat)) };
-    let modes = [&sampler.wrap_s, &sampler.wrap_t];
-    let mirrors = |mode: &Checked<WrappingMode>| matches!(mode, Checked::Valid(WrappingMode::MirroredRepeat));
-    if modes.into_iter().any(mirrors) || clamps(modes[0]) != clamps(modes[1]) {
-        source.notes.once("textures repeat or end at their edges alike in both directions, and are not mirrored");
-    }
-    let wrap = if modes.into_iter().all(clamps) { Wrap::Clamp } else { Wrap::Repeat };
-    Ok((texture.source.value(), wrap))
-}
-
-fn read(source: &mut Source, document: &mut Document, image: usize, room: Room) -> Result<Decoded, String> {
+        (None, None) => return Err("it names no image".into()),
+    };
     let file = document.image(source, image)?;
     texture::decode(ImageReader::new(Cursor::new(file.bytes())), source.options.srgb, room)
-}
-
-/// The image times a colour.
-fn tinted(mut decoded: Decoded, color: [f32; 3], wrap: Wrap) -> Result<Texture, String> {
-    if color != [1.0; 3] {
-        decoded.texels.iter_mut().for_each(|texel| *texel = [0, 1, 2].map(|k| texel[k] * color[k]));
-    }
-    decoded.texture(wrap).map_err(|error| error.to_string())
 }

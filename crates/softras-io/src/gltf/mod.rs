@@ -1,82 +1,98 @@
-//! Reads glTF files, as text and binary. The crate gltf-json reads the JSON; what it names is looked up here, because the
-//! crate gltf panics on some malformed files and allocates what others claim.
+//! Reads glTF files, as text and binary.
 
 mod accessor;
 mod document;
 mod image;
+mod json;
+mod properties;
+mod scene;
 mod write;
 
+#[cfg(test)]
+pub use properties::{PROPERTIES, note_all};
 pub use write::glb;
 
-use crate::{fault, obj::FARTHEST_UV, source::Source, weld::Weld};
-use document::Document;
-use glam::{DMat3, DMat4, DQuat, DVec3};
-use gltf_json as json;
-use image::Look;
-use json::{
-    mesh::{Mode, Semantic},
-    validation::Checked,
+use crate::{
+    fault,
+    obj::FARTHEST_UV,
+    paint::{self, Patch},
+    source::Source,
+    textures::Textures,
+    weld::Weld,
 };
+use document::Document;
+use glam::{DMat3, DMat4, DVec3};
+use image::Look;
+use scene::Placed;
+use serde::Deserialize;
+use serde_json::Value;
 use softras::{
     Result,
-    scene::{Appearance, Mesh},
+    scene::{Appearance, Mesh, Texture, Wrap},
 };
 
 /// The most vertices, and the most triangles, where a file draws its meshes several times; without that, the bytes of its
 /// buffers are the limit.
 const MAX_DRAWN: usize = 1 << 22;
-/// What does not change how the triangles are read.
-const HARMLESS: [&str; 14] = [
-    "KHR_mesh_quantization",
-    "KHR_texture_transform",
-    "KHR_lights_punctual",
-    "KHR_materials_anisotropy",
-    "KHR_materials_clearcoat",
-    "KHR_materials_emissive_strength",
-    "KHR_materials_ior",
-    "KHR_materials_iridescence",
-    "KHR_materials_sheen",
-    "KHR_materials_specular",
-    "KHR_materials_transmission",
-    "KHR_materials_unlit",
-    "KHR_materials_variants",
-    "KHR_materials_volume",
-];
+/// The numbers of the modes that draw triangles.
+const TRIANGLES: usize = 4;
+const STRIP: usize = 5;
+const FAN: usize = 6;
 
 pub(super) fn read(source: &mut Source, bytes: &[u8]) -> Result<Mesh> {
     let path = source.path;
     let wrong = |what: String| fault(path, what, "export the file again, as .glb without compression");
     let (text, binary) = document::split(bytes).map_err(wrong)?;
-    let root = json::Root::from_slice(text).map_err(|error| wrong(format!("malformed glTF: {error}")))?;
-    let unknown = root.extensions_required.iter().find(|name| !HARMLESS.contains(&name.as_str()));
-    if let Some(name) = unknown {
-        return Err(wrong(format!("it needs the extension {name}, which softras does not read")));
+    let malformed = |error: serde_json::Error| wrong(format!("malformed glTF: {error}"));
+    let value: Value = serde_json::from_slice(text).map_err(malformed)?;
+    let version = value["asset"]["version"].as_str().unwrap_or("2.0");
+    if !version.starts_with("2.") {
+        let what = format!("glTF of version {version:.20}; version 2.0 is read");
+        return Err(fault(path, what, "convert it: npx gltf-pipeline -i IN.gltf -o OUT.glb"));
     }
+    let root = json::Root::deserialize(&value).map_err(malformed)?;
+    if let Some(name) = root.extensions_required.iter().find(|name| !properties::is_readable(name)) {
+        let what = format!("it needs the extension {name}, which softras does not read");
+        return Err(fault(path, what, document::UNPACK));
+    }
+    properties::note_all(source, &value);
     let mut soup = Soup::default();
     let mut document = Document::new(&root, binary);
-    soup.add_scene(source, &mut document).map_err(wrong)?;
-    let textures = image::textures(source, &mut document, &soup.pieces).map_err(wrong)?;
+    scene::add_scene(&mut soup, source, &mut document).map_err(wrong)?;
+    let (textures, of_piece) = image::textures(source, &mut document, &soup.pieces).map_err(wrong)?;
+    soup.note_looks(source, &root);
     source.opacity = soup.opacity();
-    soup.mesh(source, textures)
+    soup.mesh(source, textures, &of_piece)
 }
 
 /// The triangles of one primitive at one node.
 struct Piece {
     material: Option<usize>,
-    /// The base colour, without its alpha.
-    color: [f32; 3],
-    opacity: f32,
-    has_uvs: bool,
-    /// The end of its triangles in [`Soup::triangles`].
+    look: Look,
+    /// The colour of all its vertices, white where they differ.
+    tint: [f32; 3],
+    /// Whether its vertices differ in colour.
+    varies: bool,
+    /// The least and greatest UVs, if it has any.
+    uv_range: Option<[[f32; 2]; 2]>,
+    /// The ends of its vertices and triangles in [`Soup`].
+    vertices: usize,
     end: usize,
+}
+
+impl Piece {
+    /// Its colour without a texture, where a vertex has a colour.
+    fn color(&self, of_vertex: [f32; 3]) -> [f32; 3] {
+        [0, 1, 2].map(|k| self.look.color[k] * of_vertex[k] + self.look.glow[k])
+    }
 }
 
 /// All triangles of the scene, with vertices as the file has them.
 #[derive(Default)]
 struct Soup {
-    positions: Vec<[f32; 3]>,
-    /// Vertex colours times base colours.
-    colors: Vec<[f32; 3]>,
+    positions: Vec<[f64; 3]>,
+    /// Vertex colours with alpha.
+    colors: Vec<[f32; 4]>,
     uvs: Vec<[f32; 2]>,
     /// Of the vertices up to the last that has one; 0 for vertices without.
     normals: Vec<[f32; 3]>,
@@ -86,88 +102,37 @@ struct Soup {
     far_uvs: usize,
 }
 
-/// The transform of a node within its parent; `None` where it does nothing.
-fn local(node: &json::Node) -> Option<DMat4> {
-    if let Some(matrix) = node.matrix {
-        return Some(DMat4::from_cols_array(&matrix.map(f64::from))).filter(|matrix| *matrix != DMat4::IDENTITY);
-    }
-    let triple = |value: [f32; 3]| DVec3::from(value.map(f64::from));
-    let scale = node.scale.map_or(DVec3::ONE, triple);
-    let rotation = node.rotation.map_or(DQuat::IDENTITY, |q| DQuat::from_array(q.0.map(f64::from)));
-    // A quaternion of no length turns nothing.
-    let rotation = if rotation.length_squared() > 0.0 { rotation.normalize() } else { DQuat::IDENTITY };
-    let translation = node.translation.map_or(DVec3::ZERO, triple);
-    let matrix = DMat4::from_scale_rotation_translation(scale, rotation, translation);
-    Some(matrix).filter(|matrix| *matrix != DMat4::IDENTITY)
-}
-
 impl Soup {
-    /// Adds the meshes of all nodes of the scene.
-    fn add_scene(&mut self, source: &mut Source, document: &mut Document) -> Result<(), String> {
-        let root = document.root;
-        let scene = root.scene.map_or(0, |scene| scene.value());
-        let mut waiting: Vec<(usize, Option<DMat4>)> = match root.scenes.get(scene) {
-            Some(scene) => scene.nodes.iter().rev().map(|node| (node.value(), None)).collect(),
-            None => {
-                let children = root.nodes.iter().flat_map(|node| node.children.iter().flatten());
-                let children: std::collections::HashSet<usize> = children.map(|node| node.value()).collect();
-                (0..root.nodes.len()).rev().filter(|node| !children.contains(node)).map(|node| (node, None)).collect()
-            }
-        };
-        // Nodes form trees, so that one that comes again is part of a cycle.
-        let mut visited = vec![false; root.nodes.len()];
-        while let Some((index, parent)) = waiting.pop() {
-            let node =
-                root.nodes.get(index).ok_or_else(|| format!("node {index} but there are {}", root.nodes.len()))?;
-            if std::mem::replace(&mut visited[index], true) {
-                continue;
-            }
-            let place = match (parent, local(node)) {
-                (Some(parent), Some(local)) => Some(parent * local),
-                (parent, local) => parent.or(local),
-            };
-            if let Some(mesh) = node.mesh {
-                let mesh = mesh.value();
-                let of =
-                    root.meshes.get(mesh).ok_or_else(|| format!("mesh {mesh} but there are {}", root.meshes.len()))?;
-                if node.skin.is_some() || of.primitives.iter().any(|primitive| primitive.targets.is_some()) {
-                    source.notes.once("skins and morph targets are not applied");
-                }
-                for (number, primitive) in of.primitives.iter().enumerate() {
-                    let place_of = |what: String| format!("mesh {mesh}, primitive {number}: {what}");
-                    self.add(source, document, primitive, place).map_err(place_of)?;
-                }
-            }
-            waiting.extend(node.children.iter().flatten().rev().map(|child| (child.value(), place)));
-        }
-        Ok(())
-    }
-
+    /// Adds a primitive, its vertices moved to their place.
     fn add(
         &mut self,
         source: &mut Source,
         document: &mut Document,
-        primitive: &json::mesh::Primitive,
-        place: Option<DMat4>,
+        primitive: &json::Primitive,
+        weights: &[f64],
+        placed: &Placed,
     ) -> Result<(), String> {
-        let mode = match primitive.mode {
-            Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => mode,
-            Checked::Valid(_) => {
-                source.notes.once("lines and points are not drawn");
-                return Ok(());
-            }
-            Checked::Invalid => return Err("an unknown mode".into()),
-        };
-        let attribute = |semantic| primitive.attributes.get(&Checked::Valid(semantic)).map(|index| index.value());
-        let Some(positions) = attribute(Semantic::Positions) else {
+        let mode = primitive.mode.map_or(TRIANGLES, |mode| mode.0);
+        if mode < TRIANGLES {
+            source.notes.once("lines and points are not drawn");
+            return Ok(());
+        }
+        if mode > FAN {
+            return Err("an unknown mode".into());
+        }
+        let Some(position) = primitive.attribute("POSITION") else {
             source.notes.once("a primitive without positions is not drawn");
             return Ok(());
         };
+        let is_packed = primitive.extensions.contains_key("KHR_draco_mesh_compression");
+        if is_packed && document.root.accessors.get(position).is_some_and(|accessor| accessor.buffer_view.is_none()) {
+            return Err(format!("it is compressed (Draco): {}", document::UNPACK));
+        }
         let start = self.positions.len();
-        let positions = document.vectors::<3>(source, positions)?;
+        let mut positions = document.vectors::<3>(source, position)?;
         let count = positions.len();
         let corners = match primitive.indices {
-            Some(indices) => document.indices(source, indices.value())?,
+            Some(indices) => document.indices(source, indices.0)?,
             None => (0..count as u32).collect(),
         };
         let most = document.held.max(MAX_DRAWN);
@@ -177,21 +142,24 @@ impl Soup {
         if let Some(corner) = corners.iter().find(|&&corner| corner as usize >= count) {
             return Err(format!("vertex index {corner} but there are {count}"));
         }
-        let mirrored = place.is_some_and(|place| place.determinant() < 0.0);
+        let places = placed.of_vertices(source, document, primitive, count)?;
+        let mirrored = places.first().is_some_and(|place| place.determinant() < 0.0);
         self.triangles.extend(triangles(&corners, mode).map(|[a, b, c]| {
             let [b, c] = if mirrored { [c, b] } else { [b, c] };
             [a, b, c].map(|corner| start as u32 + corner)
         }));
-        self.positions.extend(positions.into_iter().map(|point| match place {
-            Some(place) => place.project_point3(DVec3::from(point.map(f64::from))).as_vec3().to_array(),
-            None => point,
+        morph(source, document, primitive, "POSITION", weights, &mut positions)?;
+        let place_of = |i: usize| if places.len() == 1 { places.first() } else { places.get(i) };
+        self.positions.extend(positions.into_iter().enumerate().map(|(i, point)| match place_of(i) {
+            Some(place) => place.transform_point3(DVec3::from(point.map(f64::from))).to_array(),
+            None => point.map(f64::from),
         }));
-        if let Some(normals) = attribute(Semantic::Normals) {
-            let turn = place.map(|place| DMat3::from_mat4(place).inverse().transpose());
-            let normals = document.vectors::<3>(source, normals)?.into_iter().take(count);
+        if let Some(normals) = primitive.attribute("NORMAL") {
+            let mut normals = document.vectors::<3>(source, normals)?;
+            morph(source, document, primitive, "NORMAL", weights, &mut normals)?;
             self.normals.resize(start, [0.0; 3]);
-            self.normals.extend(normals.map(|normal| match turn {
-                Some(turn) => (turn * DVec3::from(normal.map(f64::from))).as_vec3().to_array(),
+            self.normals.extend(normals.into_iter().take(count).enumerate().map(|(i, normal)| match place_of(i) {
+                Some(place) => turned(place, normal),
                 None => normal,
             }));
         }
@@ -203,27 +171,43 @@ impl Soup {
         &mut self,
         source: &mut Source,
         document: &mut Document,
-        primitive: &json::mesh::Primitive,
+        primitive: &json::Primitive,
         count: usize,
     ) -> Result<(), String> {
-        let attribute = |semantic| primitive.attributes.get(&Checked::Valid(semantic)).map(|index| index.value());
-        let material = primitive.material.map(|material| material.value());
-        let look = image::look(document.root, material)?;
-        let colors = attribute(Semantic::Colors(0)).map(|index| document.vectors::<3>(source, index)).transpose()?;
+        let material = primitive.material.map(|material| material.0);
+        let look = image::look(source, document.root, material)?;
+        let colors = primitive.attribute("COLOR_0").map(|index| document.vectors::<4>(source, index)).transpose()?;
         self.has_vertex_colors |= colors.is_some();
-        let colors = colors.unwrap_or_default().into_iter().chain(std::iter::repeat([1.0; 3])).take(count);
-        self.colors.extend(colors.map(|color| [0, 1, 2].map(|k| color[k] * look.color[k])));
-        let uvs = look.uv_set.and_then(|set| attribute(Semantic::TexCoords(set)));
+        let start = self.colors.len();
+        self.colors.extend(colors.unwrap_or_default().into_iter().take(count));
+        self.colors.resize(start + count, [1.0; 4]);
+        let rgb = |[r, g, b, _]: [f32; 4]| [r, g, b];
+        let first = self.colors.get(start).copied().map_or([1.0; 3], rgb);
+        let varies = self.colors[start..].iter().any(|color| rgb(*color) != first);
+        let uvs = look.map.as_ref().and_then(|map| primitive.attribute(&format!("TEXCOORD_{}", map.uv_set)));
         let uvs = uvs.map(|index| document.vectors::<2>(source, index)).transpose()?;
-        let has_uvs = uvs.is_some();
-        let uvs = uvs.unwrap_or_default().into_iter().map(|uv| look.transformed(uv));
-        for uv in uvs.chain(std::iter::repeat([0.0; 2])).take(count) {
+        let mut range = [[0.0f32; 2], [1.0; 2]];
+        for uv in uvs.iter().flatten().take(count) {
+            let uv = look.map.as_ref().map_or(*uv, |map| map.transformed(*uv));
             let fits = uv.iter().all(|x| x.abs() <= FARTHEST_UV);
             self.far_uvs += usize::from(!fits);
-            self.uvs.push(if fits { uv } else { [0.0; 2] });
+            let uv = if fits { uv } else { [0.0; 2] };
+            range = [[0, 1].map(|k| range[0][k].min(uv[k])), [0, 1].map(|k| range[1][k].max(uv[k]))];
+            self.uvs.push(uv);
         }
-        let Look { color, opacity, .. } = look;
-        self.pieces.push(Piece { material, color, opacity, has_uvs, end: self.triangles.len() });
+        self.uvs.resize(start + count, [0.0; 2]);
+        if look.map.is_some() && uvs.is_none() {
+            source.notes.once("a texture whose UVs are missing is not drawn");
+        }
+        self.pieces.push(Piece {
+            material,
+            look,
+            tint: if varies { [1.0; 3] } else { first },
+            varies,
+            uv_range: uvs.map(|_| range),
+            vertices: self.positions.len(),
+            end: self.triangles.len(),
+        });
         Ok(())
     }
 
@@ -236,30 +220,66 @@ impl Soup {
 
     /// The opacity of each triangle; empty where all are 1.
     fn opacity(&self) -> Vec<f32> {
-        if self.pieces.iter().all(|piece| piece.opacity == 1.0) {
-            return Vec::new();
-        }
-        self.piece_of_triangle().map(|piece| self.pieces[piece].opacity).collect()
+        let of = |(t, piece): (usize, usize)| {
+            let Piece { look, uv_range, .. } = &self.pieces[piece];
+            let vertices = self.triangles[t].map(|corner| self.colors[corner as usize][3]);
+            let alpha = look.alpha * vertices.iter().sum::<f32>() / 3.0;
+            match look.cut {
+                // The cutoff is of the product with the texture, which has met it.
+                image::Cut::Mask(_) if look.map.is_some() && uv_range.is_some() => 1.0,
+                cut => cut.apply(alpha),
+            }
+        };
+        let opacity: Vec<f32> = self.piece_of_triangle().enumerate().map(of).collect();
+        if opacity.iter().all(|opacity| *opacity == 1.0) { Vec::new() } else { opacity }
     }
 
-    /// The mesh, with one vertex at each position (and colour, if vertices have colours).
-    fn mesh(self, source: &mut Source, textures: Option<image::Textured>) -> Result<Mesh> {
+    /// Notes what of the materials depends on all pieces.
+    fn note_looks(&self, source: &mut Source, root: &json::Root) {
+        let is_drawn = |piece: &&Piece| piece.end > 0;
+        let unlit = self.pieces.iter().filter(is_drawn).filter(|piece| piece.look.is_unlit).count();
+        source.unlit = unlit > 0 && unlit == self.pieces.len();
+        if unlit > 0 && !source.unlit {
+            source.notes.add(None, "unlit materials are lit as the others are: --unlit shows colours as they are");
+        }
+        let clear = |piece: &Piece| piece.look.cut.apply(piece.look.alpha) == 0.0;
+        if let Some(piece) = self.pieces.iter().find(|piece| clear(piece)) {
+            let material = piece.material.and_then(|index| root.materials.get(index));
+            let name: String = material.map_or("", |material| &material.name).chars().take(40).collect();
+            source
+                .notes
+                .add(None, format!("material {name:?} is wholly transparent: its triangles are not to be seen"));
+        }
         if self.far_uvs > 0 {
             let note = format!("texture coordinates that are not within ±{FARTHEST_UV} are taken as 0");
             source.notes.add(None, format!("{note} ({} in all)", self.far_uvs));
         }
-        if textures.is_some() && self.has_vertex_colors {
-            source.notes.add(None, "vertex colours are not used: the materials have textures");
+        let blends = |piece: &Piece| piece.look.cut != image::Cut::Opaque;
+        if self.colors.iter().any(|color| color[3] != 1.0) && self.pieces.iter().any(blends) {
+            source.notes.add(None, "the alpha of vertex colours is taken as one for each triangle");
         }
+    }
+
+    /// The mesh, with one vertex at each position (and colour, if vertices have colours).
+    fn mesh(mut self, source: &mut Source, textures: Vec<Texture>, of_piece: &[image::Image]) -> Result<Mesh> {
         source.keep_normals(&self.normals, &self.triangles);
-        let by_color = textures.is_none() && self.has_vertex_colors;
+        let positions = source.placed(&self.positions, &self.triangles);
+        let is_textured = !textures.is_empty();
+        let by_color = !is_textured && self.has_vertex_colors;
+        let mut starts = Vec::with_capacity(self.positions.len());
+        for (index, piece) in self.pieces.iter().enumerate() {
+            starts.resize(piece.vertices, index);
+        }
         let mut weld = Weld::new();
         let mut colors = Vec::new();
         let mut vertex = |&corner: &u32| {
             let corner = corner as usize;
-            let color = self.colors[corner];
-            let key = if by_color { color.map(f32::to_bits) } else { [0; 3] };
-            let (index, is_new) = weld.vertex(self.positions[corner], key);
+            let color = || {
+                let [r, g, b, _] = self.colors[corner];
+                self.pieces[starts[corner]].color([r, g, b])
+            };
+            let color = if by_color { color() } else { [0.0; 3] };
+            let (index, is_new) = weld.vertex(positions[corner], color.map(f32::to_bits));
             if by_color && is_new {
                 colors.push(color);
             }
@@ -267,34 +287,113 @@ impl Soup {
         };
         let triangles: Vec<[u32; 3]> =
             self.triangles.iter().map(|[a, b, c]| [vertex(a), vertex(b), vertex(c)]).collect();
-        let appearance = if let Some(image::Textured { images, of_piece }) = textures {
-            let texture_of_triangle = match images.len() {
-                1 => Vec::new(),
-                _ => self.piece_of_triangle().map(|piece| of_piece[piece]).collect(),
-            };
-            Appearance::Textured { uvs: self.uvs, uv_triangles: self.triangles, textures: images, texture_of_triangle }
+        let appearance = if is_textured {
+            self.textured(source, textures, of_piece)?
         } else if by_color {
             Appearance::VertexColors(colors)
         } else {
-            let first = self.pieces.first().map_or([1.0; 3], |piece| piece.color);
-            if self.pieces.iter().all(|piece| piece.color == first) {
+            let plain = |piece: &Piece| piece.color(piece.tint);
+            let first = self.pieces.first().map_or([1.0; 3], plain);
+            if self.pieces.iter().all(|piece| plain(piece) == first) {
                 Appearance::Uniform(first)
             } else {
-                let texels = self.piece_of_triangle().map(|piece| self.pieces[piece].color).collect();
+                let texels = self.piece_of_triangle().map(|piece| plain(&self.pieces[piece])).collect();
                 Appearance::Surface { resolution: 1, texels }
             }
         };
         Mesh::new(weld.positions, triangles)?.with_appearance(appearance)
     }
+
+    /// Textures for all pieces: images, one texel for a colour, and a texture that is made for vertices of different colours.
+    fn textured(&mut self, source: &mut Source, images: Vec<Texture>, of_piece: &[image::Image]) -> Result<Appearance> {
+        let mut start = 0;
+        for (piece, canvas) in self.pieces.iter().zip(of_piece) {
+            if let Some((_, canvas)) = canvas {
+                self.uvs[start..piece.vertices].iter_mut().for_each(|uv| *uv = canvas.place(*uv));
+            }
+            start = piece.vertices;
+        }
+        let pieces: Vec<usize> = self.piece_of_triangle().collect();
+        let mut uv_triangles = self.triangles.clone();
+        let varying: Vec<usize> = (0..pieces.len()).filter(|&t| self.pieces[pieces[t]].varies).collect();
+        let patch = |&t: &usize| {
+            let (piece, corners) = (&self.pieces[pieces[t]], self.triangles[t].map(|corner| corner as usize));
+            let image =
+                of_piece[pieces[t]].map(|(index, _)| (&images[index as usize], corners.map(|corner| self.uvs[corner])));
+            let rgb = corners.map(|corner| [self.colors[corner][0], self.colors[corner][1], self.colors[corner][2]]);
+            Patch { colors: if image.is_some() { rgb } else { rgb.map(|color| piece.color(color)) }, image }
+        };
+        let patches: Vec<Patch> = varying.iter().map(patch).collect();
+        if patches.iter().any(|patch| patch.image.is_some()) {
+            source.notes.once("vertex colours times a texture are drawn as a new texture");
+        }
+        let most = source.room().texels(0).max(4 * patches.len() as u64);
+        let made = if patches.is_empty() { None } else { Some(paint::patches(&patches, most)) };
+        let made = made.transpose().map_err(|what| fault(source.path, what, "remove its vertex colours"))?;
+        drop(patches);
+        let mut textures = Textures::having(images);
+        let mut plain = Vec::with_capacity(self.pieces.len());
+        for (piece, image) in self.pieces.iter().zip(of_piece) {
+            let color = piece.color(piece.tint);
+            let one = |_| Texture::new(1, 1, vec![color], Wrap::Repeat).ok();
+            let index = image.map(|(index, _)| index);
+            let index = index.or_else(|| textures.find_or(color.map(|x| (x + 0.0).to_bits()), one));
+            plain.push(index.ok_or_else(|| fault(source.path, "a base colour that is not finite", "correct it"))?);
+        }
+        let mut texture_of_triangle: Vec<u32> = pieces.iter().map(|&piece| plain[piece]).collect();
+        let mut uvs = std::mem::take(&mut self.uvs);
+        if let Some((texture, corners)) = made {
+            let index = textures.images.len() as u32;
+            textures.images.push(texture);
+            for (t, corners) in varying.into_iter().zip(corners) {
+                texture_of_triangle[t] = index;
+                uv_triangles[t] = [0, 1, 2].map(|k| uvs.len() as u32 + k);
+                uvs.extend(corners);
+            }
+        }
+        if textures.images.len() == 1 {
+            texture_of_triangle = Vec::new();
+        }
+        Ok(Appearance::Textured { uvs, uv_triangles, textures: textures.images, texture_of_triangle })
+    }
+}
+
+/// A normal at a place; 0, for the triangles to decide, where the place is flat.
+fn turned(place: &DMat4, normal: [f32; 3]) -> [f32; 3] {
+    let columns = DMat3::from_mat4(*place);
+    // The cofactors are the inverse's transpose times the determinant, and exist where that is 0.
+    let [x, y, z] = [columns.x_axis, columns.y_axis, columns.z_axis];
+    let cofactors = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y));
+    let determinant = columns.determinant();
+    let scale = if determinant == 0.0 { 1.0 } else { determinant };
+    (cofactors * DVec3::from(normal.map(f64::from)) / scale).as_vec3().to_array()
+}
+
+/// Adds the morph targets of an attribute by their weights.
+fn morph(
+    source: &mut Source,
+    document: &mut Document,
+    primitive: &json::Primitive,
+    name: &str,
+    weights: &[f64],
+    values: &mut [[f32; 3]],
+) -> Result<(), String> {
+    for (target, weight) in primitive.targets.iter().zip(weights).filter(|(_, weight)| **weight != 0.0) {
+        let Some(offsets) = target.get(name) else { continue };
+        for (value, offset) in values.iter_mut().zip(document.vectors::<3>(source, offsets.0)?) {
+            *value = [0, 1, 2].map(|k| value[k] + *weight as f32 * offset[k]);
+        }
+    }
+    Ok(())
 }
 
 /// The triangles of a list, a strip or a fan of corners.
-fn triangles(corners: &[u32], mode: Mode) -> impl Iterator<Item = [u32; 3]> {
-    let count = if mode == Mode::Triangles { corners.len() / 3 } else { corners.len().saturating_sub(2) };
+fn triangles(corners: &[u32], mode: usize) -> impl Iterator<Item = [u32; 3]> {
+    let count = if mode == TRIANGLES { corners.len() / 3 } else { corners.len().saturating_sub(2) };
     (0..count).map(move |i| match mode {
-        Mode::TriangleStrip if i % 2 == 1 => [corners[i + 1], corners[i], corners[i + 2]],
-        Mode::TriangleStrip => [corners[i], corners[i + 1], corners[i + 2]],
-        Mode::TriangleFan => [corners[0], corners[i + 1], corners[i + 2]],
+        STRIP if i % 2 == 1 => [corners[i + 1], corners[i], corners[i + 2]],
+        STRIP => [corners[i], corners[i + 1], corners[i + 2]],
+        FAN => [corners[0], corners[i + 1], corners[i + 2]],
         _ => [corners[3 * i], corners[3 * i + 1], corners[3 * i + 2]],
     })
 }

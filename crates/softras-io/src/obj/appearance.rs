@@ -2,11 +2,16 @@
 
 use super::{
     material::{self, Map, Material, Materials},
-    parse::Obj,
+    parse::{FARTHEST_UV, Obj},
     texture,
     triangles::Triangles,
 };
-use crate::{notes::Notes, source::Source, textures::Textures};
+use crate::{
+    notes::Notes,
+    paint::{self, Patch},
+    source::Source,
+    textures::Textures,
+};
 use softras::scene::{Appearance, Texture, Wrap};
 use std::{
     collections::{HashMap, TryReserveError, hash_map::Entry},
@@ -28,8 +33,18 @@ pub(super) fn appearance(
 ) -> Result<(Appearance, Vec<f32>), TryReserveError> {
     let library = material::read_libraries(source, &obj.libraries);
     let used = find_used(obj, &library, &mut source.notes);
+    // A file without `usemtl` means its only material.
+    let only = library.only().filter(|_| obj.materials.is_empty());
+    if obj.materials.is_empty() && !library.is_empty() {
+        let taken = if only.is_some() { "its only material is taken" } else { "its faces are white" };
+        source.notes.add(None, format!("materials without a `usemtl`: {taken}"));
+    }
     // The material of each face; `None` is white.
-    let material_of_face = collected(obj.faces.iter().map(|face| face.material.and_then(|m| used[m])))?;
+    let material_of_face = collected(obj.faces.iter().map(|face| face.material.map_or(only, |m| used[m])))?;
+    if let Some(clear) = obj.faces.iter().zip(&material_of_face).find(|(_, m)| m.is_some_and(|m| m.opacity() == 0.0)) {
+        let name = clear.0.material.map_or("", |m| &obj.materials[m].0);
+        source.notes.add(None, format!("material {name:?} is wholly transparent: its faces are not to be seen"));
+    }
     let opacity = |material: &Option<&Material>| material.map_or(1.0, Material::opacity);
     let is_transparent = material_of_face.iter().any(|material| opacity(material) < 1.0);
     let shown = if is_transparent { &triangles.faces[..] } else { &[] };
@@ -65,9 +80,6 @@ fn colors(
         return Ok(appearance);
     }
     let notes = &mut source.notes;
-    if !obj.uvs.is_empty() {
-        notes.add(None, "texture coordinates are not kept: no face has a texture");
-    }
     if colored {
         if material_of_face.iter().any(|material| color(*material) != WHITE) {
             notes.add(None, "material colours are not used: the vertices have colours");
@@ -83,7 +95,9 @@ fn colors(
 }
 
 fn color(material: Option<&Material>) -> [f32; 3] {
-    material.and_then(|m| m.color).unwrap_or(WHITE)
+    let glow = material.map_or([0.0; 3], |m| m.glow);
+    let base = material.and_then(|m| m.color).unwrap_or(WHITE);
+    [0, 1, 2].map(|k| base[k] + glow[k])
 }
 
 /// The material of each name that `usemtl` gives.
@@ -148,16 +162,53 @@ fn textured(
     if !any_file {
         return Ok(None);
     }
+    let mut texture_of_triangle: Vec<u32> = collected(triangles.faces.iter().map(|&face| texture_of_face[face]))?;
+    let (mut uvs, mut uv_triangles) = (mem::take(&mut obj.uvs), mem::take(&mut triangles.uvs));
+    // Files whose UVs are all missing have a texture on no face.
+    uv_triangles.resize(triangles.faces.len(), [0; 3]);
+    let map = |face: usize| material_of_face[face].and_then(|m| m.map.as_ref().or(m.alpha_map.as_ref()));
+    place_uvs(&mut uvs, &mut uv_triangles, |t| map(triangles.faces[t]));
     if !obj.colors.is_empty() {
-        source.notes.add(None, "vertex colours are not used: the materials have textures");
+        let is_image = |face: usize| obj.faces[face].has_uvs && map(face).is_some();
+        let bare: Vec<usize> = (0..triangles.faces.len()).filter(|&t| !is_image(triangles.faces[t])).collect();
+        if bare.len() < triangles.faces.len() {
+            source.notes.add(None, "vertex colours are not used where a material has a texture");
+        }
+        let patch = |&t: &usize| Patch { colors: triangles.vertices[t].map(|v| obj.colors[v as usize]), image: None };
+        let patches: Vec<Patch> = bare.iter().map(patch).collect();
+        if !patches.is_empty()
+            && let Ok((texture, corners)) = paint::patches(&patches, u64::MAX)
+        {
+            textures.images.push(texture);
+            for (t, corners) in bare.into_iter().zip(corners) {
+                texture_of_triangle[t] = textures.images.len() as u32 - 1;
+                uv_triangles[t] = [0, 1, 2].map(|k| uvs.len() as u32 + k);
+                uvs.extend(corners);
+            }
+        }
     }
-    let texture_of_triangle = match textures.images.len() {
-        1 => Vec::new(),
-        _ => collected(triangles.faces.iter().map(|&face| texture_of_face[face]))?,
-    };
+    if textures.images.len() == 1 {
+        texture_of_triangle = Vec::new();
+    }
     // Faces without UVs have UV index 0: any position will do on a 1×1 image.
-    let (uvs, uv_triangles) = (mem::take(&mut obj.uvs), mem::take(&mut triangles.uvs));
     Ok(Some(Appearance::Textured { uvs, uv_triangles, textures: textures.images, texture_of_triangle }))
+}
+
+/// Gives the triangles whose image is scaled or moved (`-s`, `-o`) UVs of their own.
+fn place_uvs<'a>(uvs: &mut Vec<[f32; 2]>, uv_triangles: &mut [[u32; 3]], map_of: impl Fn(usize) -> Option<&'a Map>) {
+    let mut known = HashMap::new();
+    for (t, triangle) in uv_triangles.iter_mut().enumerate() {
+        let Some(map) = map_of(t).filter(|map| map.scale != [1.0; 2] || map.offset != [0.0; 2]) else { continue };
+        *triangle = triangle.map(|uv| {
+            let place =
+                |k: usize| (uvs[uv as usize][k] * map.scale[k] + map.offset[k]).clamp(-FARTHEST_UV, FARTHEST_UV);
+            let placed = [place(0), place(1)];
+            *known.entry((uv, placed.map(f32::to_bits))).or_insert_with(|| {
+                uvs.push(placed);
+                uvs.len() as u32 - 1
+            })
+        });
+    }
 }
 
 /// The number of the texture of a material, of its image files; `None` where there are none or they cannot be read.

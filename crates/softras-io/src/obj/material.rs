@@ -2,8 +2,13 @@
 //!
 //! The crate tobj is not used, because it panics at `Kd 0.5` (a legal grey) and does not report the line of a texture.
 
-use super::statement::{self, Statement, statements};
-use crate::{find::find, source::Source};
+use super::statement::{self, Statement, before_comment, statements};
+use crate::{
+    fate::{Approximated, Drawn, Fate, NotDrawn, Silent},
+    find::find,
+    notes::Notes,
+    source::Source,
+};
 use softras::{
     Error,
     scene::{Mesh, Wrap},
@@ -12,6 +17,59 @@ use std::{
     collections::{HashMap, HashSet},
     path::{Path, PathBuf},
 };
+
+/// What becomes of each statement.
+pub const STATEMENTS: &[(&str, Fate)] = &[
+    ("newmtl", Drawn),
+    ("Kd", Drawn),
+    ("d", Drawn),
+    ("Tr", Drawn),
+    ("Ke", Approximated("emitted light is drawn as colour, which lamps shade")),
+    ("map_Kd", Drawn),
+    ("map_d", Drawn),
+    ("map_Ke", NotDrawn("textures of emitted light are not drawn")),
+    ("map_Bump", NotDrawn("bump maps are not drawn")),
+    ("map_bump", NotDrawn("bump maps are not drawn")),
+    ("bump", NotDrawn("bump maps are not drawn")),
+    ("norm", NotDrawn("normal maps are not drawn")),
+    ("map_Kn", NotDrawn("normal maps are not drawn")),
+    ("disp", NotDrawn("displacements are not drawn")),
+    ("map_disp", NotDrawn("displacements are not drawn")),
+    ("decal", NotDrawn("decals are not drawn")),
+    ("Ka", Silent),
+    ("Ks", Silent),
+    ("Ns", Silent),
+    ("Ni", Silent),
+    ("Tf", Silent),
+    ("Km", Silent),
+    ("illum", Silent),
+    ("sharpness", Silent),
+    ("refl", Silent),
+    ("map_Ka", Silent),
+    ("map_Ks", Silent),
+    ("map_Ns", Silent),
+    ("map_refl", Silent),
+    ("map_aat", Silent),
+    ("Pr", Silent),
+    ("Pm", Silent),
+    ("Ps", Silent),
+    ("Pc", Silent),
+    ("Pcr", Silent),
+    ("aniso", Silent),
+    ("anisor", Silent),
+    ("map_Pr", Silent),
+    ("map_Pm", Silent),
+    ("map_Ps", Silent),
+    ("map_RMA", Silent),
+    ("map_ORM", Silent),
+];
+
+/// The fate of a statement; keywords of maps are written in upper or lower case.
+fn fate(keyword: &str) -> Option<Fate> {
+    let exact = STATEMENTS.iter().find(|(name, _)| *name == keyword);
+    let same = |(name, _): &&(&str, Fate)| name.contains("map") && name.eq_ignore_ascii_case(keyword);
+    exact.or_else(|| STATEMENTS.iter().find(same)).map(|(_, fate)| *fate)
+}
 
 /// All `newmtl` blocks of all files, and the first of each name.
 #[derive(Default)]
@@ -40,7 +98,35 @@ impl Materials {
 
     /// The first of that name.
     pub fn find(&self, name: &str) -> Option<&Material> {
-        self.by_name.get(name).map(|&at| &self.all[at])
+        let at = self.by_name.get(name).or_else(|| self.by_name.get(before_comment(name)));
+        at.map(|&at| &self.all[at])
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.all.is_empty()
+    }
+
+    /// The only one, if there is but one.
+    pub fn only(&self) -> Option<&Material> {
+        if let [only] = &self.all[..] { Some(only) } else { None }
+    }
+
+    /// Decides what `Tr` means. MeshLab writes 1 for opaque; so does whoever writes it in every material.
+    fn settle_tr(&mut self, notes: &mut Notes, mtl: &Path, first: usize, is_meshlab: bool) {
+        let own = &mut self.all[first..];
+        let is_clear = |material: &Material| material.dissolve.is_none() && material.solidity == Some(0.0);
+        let all_clear = !own.is_empty() && own.iter().all(is_clear);
+        if is_meshlab || all_clear {
+            own.iter_mut().for_each(|material| material.solidity = material.solidity.map(|x| 1.0 - x));
+        }
+        if all_clear && !is_meshlab {
+            notes.add_in(
+                mtl,
+                None,
+                "`Tr 1` in every material is taken as opaque, as MeshLab writes it (write `d 0` for invisible)",
+            );
+        }
     }
 }
 
@@ -52,6 +138,8 @@ pub(super) struct Material {
     pub map: Option<Map>,
     /// `map_d`.
     pub alpha_map: Option<Map>,
+    /// `Ke`.
+    pub glow: [f32; 3],
     /// `d`, and 1 less `Tr`, which counts where there is no `d`.
     dissolve: Option<f32>,
     solidity: Option<f32>,
@@ -70,6 +158,9 @@ pub(super) struct Map {
     /// The image as the file names it.
     pub name: String,
     pub wrap: Wrap,
+    /// The UVs of the image are those of the file times `-s`, plus `-o`.
+    pub scale: [f32; 2],
+    pub offset: [f32; 2],
     /// The MTL file and the line that name it.
     pub mtl: PathBuf,
     pub line: usize,
@@ -82,11 +173,15 @@ pub(super) fn read_libraries(source: &mut Source, libraries: &[(String, usize)])
     let mut known = HashSet::new();
     for (names, line) in libraries {
         // One name with spaces, or several names.
+        let words = before_comment(names);
         let whole = names.trim_matches('"');
         let locate = |name: &str| find(source.path, source.path, name, source.options.allow_outside);
         let mut found = vec![(whole, locate(whole))];
-        if found[0].1.is_err() && names.split_whitespace().nth(1).is_some() {
-            found = names.split_whitespace().map(|name| (name, locate(name))).collect();
+        if found[0].1.is_err() && words != names {
+            found = vec![(words, locate(words))];
+        }
+        if found[0].1.is_err() && words.split_whitespace().nth(1).is_some() {
+            found = words.split_whitespace().map(|name| (name, locate(name))).collect();
         }
         for (name, file) in found {
             let mtl = match file {
@@ -128,11 +223,14 @@ fn read_library(source: &mut Source, mtl: &Path, materials: &mut Materials) {
             return notes.add_in(mtl, None, format!("{what}: its materials are white"));
         }
     };
+    let first = materials.all.len();
+    let is_meshlab =
+        text.lines().take(8).any(|line| line.starts_with('#') && line.to_ascii_lowercase().contains("meshlab"));
     for statement in statements(&text) {
         let mut note = |text: String| notes.add_in(mtl, Some(statement.line), text);
         let keyword = statement.keyword();
         if keyword == "newmtl" {
-            let name = statement.rest();
+            let name = statement.name();
             if name.is_empty() {
                 note("material without a name: write `newmtl NAME`".into());
             }
@@ -143,9 +241,17 @@ fn read_library(source: &mut Source, mtl: &Path, materials: &mut Materials) {
         }
         let is_alpha = keyword.eq_ignore_ascii_case("map_d");
         let is_map = is_alpha || keyword.eq_ignore_ascii_case("map_Kd");
-        // Other statements on light and reflection are outside the model and ignored.
-        if !is_map && !matches!(keyword, "Kd" | "d" | "Tr") {
-            continue;
+        match fate(keyword) {
+            Some(Fate::NotDrawn(what)) if !materials.all.is_empty() => {
+                note(format!("{keyword}: {what}"));
+                continue;
+            }
+            Some(Fate::Drawn | Fate::Approximated(_)) => {}
+            Some(_) => continue,
+            None => {
+                note(format!("unknown statement {:?} ignored", keyword.chars().take(32).collect::<String>()));
+                continue;
+            }
         }
         let Some(material) = materials.all.last_mut() else {
             note(format!("{keyword} before any material is not used: write `newmtl NAME` first"));
@@ -156,6 +262,12 @@ fn read_library(source: &mut Source, mtl: &Path, materials: &mut Materials) {
                 Ok(map) if is_alpha => material.alpha_map = Some(map),
                 Ok(map) => material.map = Some(map),
                 Err(what) => note(format!("{what}: not used (write `{keyword} FILE.png`)")),
+            }
+        } else if keyword == "Ke" {
+            let glow = read_color(&statement).unwrap_or_default();
+            material.glow = glow;
+            if glow != [0.0; 3] {
+                note("emitted light (Ke) is drawn as colour, which lamps shade".into());
             }
         } else if keyword != "Kd" {
             match read_opacity(&statement) {
@@ -175,6 +287,7 @@ fn read_library(source: &mut Source, mtl: &Path, materials: &mut Materials) {
             }
         }
     }
+    materials.settle_tr(notes, mtl, first, is_meshlab);
 }
 
 /// A number from 0 to 1, behind options (`-halo`).
@@ -206,6 +319,7 @@ fn read_map(mtl: &Path, statement: &Statement, mut note: impl FnMut(String)) -> 
     let mut rest = statement.rest();
     let keyword = statement.keyword();
     let mut wrap = Wrap::Repeat;
+    let (mut scale, mut offset) = ([1.0; 2], [0.0; 2]);
     while rest.starts_with('-') {
         let option = take(&mut rest);
         match option {
@@ -219,19 +333,25 @@ fn read_map(mtl: &Path, statement: &Statement, mut note: impl FnMut(String)) -> 
                 note(format!("option {option} of {keyword} is not honoured"));
             }
             "-mm" | "-o" | "-s" | "-t" => {
-                let is_number = |text: &str| text.split_whitespace().next().is_some_and(|w| w.parse::<f32>().is_ok());
-                for _ in 0..if option == "-mm" { 2 } else { 3 } {
-                    if is_number(rest) {
-                        take(&mut rest);
-                    }
+                let most = if option == "-mm" { 2 } else { 3 };
+                let number = |text: &str| text.split_whitespace().next().and_then(|word| word.parse::<f32>().ok());
+                let mut numbers = Vec::new();
+                while let Some(x) = number(rest).filter(|x| x.is_finite() && numbers.len() < most) {
+                    numbers.push(x);
+                    take(&mut rest);
                 }
-                note(format!("option {option} of {keyword} is not honoured"));
+                let given = |k: usize, usual: f32| numbers.get(k).copied().unwrap_or(usual);
+                match option {
+                    "-s" => scale = [given(0, 1.0), given(1, 1.0)],
+                    "-o" => offset = [given(0, 0.0), given(1, 0.0)],
+                    _ => note(format!("option {option} of {keyword} is not honoured")),
+                }
             }
             _ => return Err(format!("unknown option {option} of map_Kd")),
         }
     }
     match rest.trim_matches('"') {
         "" => Err("map_Kd without a file".into()),
-        name => Ok(Map { name: name.into(), wrap, mtl: mtl.into(), line: statement.line }),
+        name => Ok(Map { name: name.into(), wrap, scale, offset, mtl: mtl.into(), line: statement.line }),
     }
 }

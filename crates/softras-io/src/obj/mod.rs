@@ -13,6 +13,8 @@ mod texture;
 mod triangles;
 mod write;
 
+#[cfg(test)]
+pub use material::STATEMENTS;
 pub use parse::FARTHEST_UV;
 pub use write::{files_of, png};
 
@@ -34,5 +36,6 @@ pub fn read(source: &mut Source, bytes: Vec<u8>) -> Result<Mesh> {
     })?;
     source.normals = triangles.normals;
     source.opacity = opacity;
-    Mesh::new(obj.positions, triangles.vertices)?.with_appearance(appearance)
+    let positions = source.placed(&obj.positions, &triangles.vertices);
+    Mesh::new(positions, triangles.vertices)?.with_appearance(appearance)
 }

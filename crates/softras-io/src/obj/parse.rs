@@ -7,9 +7,9 @@
 //! that both read rightly.
 
 use super::statement::{Statement, statements};
-use crate::{notes::Ignored, source::Source};
+use crate::{notes::Ignored, source::Source, texture::linear_from_srgb};
 use softras::{Error, Result, scene::Mesh};
-use std::collections::HashMap;
+use std::{collections::HashMap, str::FromStr};
 
 /// The largest magnitude of a texture coordinate; beyond it f32 has too few digits left for the position in an image.
 pub const FARTHEST_UV: f32 = 1e4;
@@ -18,9 +18,11 @@ pub const FARTHEST_UV: f32 = 1e4;
 #[derive(Default)]
 pub(super) struct Obj {
     /// One per `v`, in file order.
-    pub positions: Vec<[f32; 3]>,
+    pub positions: Vec<[f64; 3]>,
     /// One per position, or none at all.
     pub colors: Vec<[f32; 3]>,
+    /// Whether bytes of colours are sRGB.
+    srgb: bool,
     /// One per `vt`, in file order.
     pub uvs: Vec<[f32; 2]>,
     /// The faces in file order.
@@ -60,6 +62,10 @@ pub(super) struct Face {
 struct Totals {
     vertices: usize,
     colored: usize,
+    /// Of those of seven numbers, how many there are, how many have 1 as the fourth, and how many as the last.
+    sevens: [usize; 3],
+    /// Of those with a colour, how many have a value above 1.
+    bright: usize,
     uvs: usize,
     normals: usize,
     faces: usize,
@@ -79,6 +85,7 @@ pub(super) fn parse(source: &mut Source, text: &str) -> Result<Obj> {
     let path = source.path;
     let totals = count(text);
     let mut parser = Parser { totals, ..Parser::default() };
+    parser.obj.srgb = source.options.srgb;
     parser.obj.reserve(&totals).map_err(|_| Error::OutOfMemory {
         what: path.display().to_string(),
         bytes: text.len() as u64,
@@ -112,7 +119,7 @@ fn count(text: &str) -> Totals {
         match statement.keyword() {
             "v" => {
                 totals.vertices += 1;
-                totals.colored += usize::from(statement.words().count() == 6);
+                totals.count_colors(&statement);
             }
             "vt" => totals.uvs += 1,
             "vn" => totals.normals += 1,
@@ -124,6 +131,25 @@ fn count(text: &str) -> Totals {
         }
     }
     totals
+}
+
+impl Totals {
+    fn count_colors(&mut self, statement: &Statement) {
+        let number = |at: usize| statement.words().nth(at).and_then(|word| word.parse::<f32>().ok());
+        let count = statement.words().count();
+        self.colored += usize::from(count == 6 || count == 7);
+        self.bright += usize::from(count == 6 && (3..6).any(|at| number(at).is_some_and(|x| x > 1.0)));
+        if count == 7 {
+            let is_one = |at: usize| usize::from(number(at) == Some(1.0));
+            self.sevens = [self.sevens[0] + 1, self.sevens[1] + is_one(3), self.sevens[2] + is_one(6)];
+        }
+    }
+
+    /// Whether vertices of seven numbers are x y z w r g b, and not x y z r g b a: all w, but not all a, are 1.
+    fn has_weights(&self) -> bool {
+        let [all, weights, alphas] = self.sevens;
+        weights == all && alphas < all
+    }
 }
 
 impl Obj {
@@ -176,47 +202,55 @@ impl Parser {
         Ok(())
     }
 
-    /// `v x y z`, `v x y z w` or `v x y z r g b`.
+    /// `v x y z`, with w, r g b, r g b a or w r g b behind.
     fn vertex(&mut self, statement: &Statement) -> Checked {
-        let words: Vec<&str> = statement.words().collect();
-        let file_has_colors = self.totals.colored > 0;
-        let (xyz, rest) = match words.len() {
-            3 | 4 | 6 => words.split_at(3),
-            n => return Err((format!("vertex of {n} numbers"), "give x y z, x y z w or x y z r g b")),
+        let mut numbers = [""; 7];
+        let mut count = 0;
+        for word in statement.words() {
+            if let Some(number) = numbers.get_mut(count) {
+                *number = word;
+            }
+            count += 1;
+        }
+        let [x, y, z, rest @ ..] = numbers;
+        let (w, color) = match (count, rest) {
+            (3, _) => (None, None),
+            (4, [w, ..]) => (Some(w), None),
+            (6, [r, g, b, _]) => (None, Some([r, g, b])),
+            (7, [w, r, g, b]) if self.totals.has_weights() => (Some(w), Some([r, g, b])),
+            (7, [r, g, b, a]) => {
+                if a.parse() != Ok(1.0f32) {
+                    self.ignored.add("the alpha of vertex colours is not drawn", statement.line);
+                }
+                (None, Some([r, g, b]))
+            }
+            (n, _) => return Err((format!("vertex of {n} numbers"), "give x y z, x y z w or x y z r g b")),
         };
-        let mut position = numbers::<3>("vertex coordinate", xyz)?;
-        match rest {
-            [] if !file_has_colors => {}
-            [] => {
+        self.position([x, y, z], w, statement.line)?;
+        match color {
+            Some(color) => self.color(color, statement.line)?,
+            None if self.totals.colored > 0 => {
                 self.ignored.add("vertex without a colour among others that have one: white", statement.line);
                 self.obj.colors.push([1.0; 3]);
             }
-            [_] if file_has_colors => {
-                return Err((
-                    "vertex with w among vertices with colours".into(),
-                    "divide x, y, z by w and leave w out",
-                ));
-            }
-            [w] => {
-                let [w] = numbers("vertex coordinate", &[w])?;
-                if w == 0.0 {
-                    return Err(("the fourth coordinate w is zero".into(), "give a finite point"));
-                }
-                if w != 1.0 {
-                    self.ignored.add("the fourth coordinate w divides x, y and z", statement.line);
-                }
-                position = position.map(|x| x / w);
-            }
-            rgb => {
-                let color = numbers::<3>("vertex colour", rgb)?;
-                if let Some(i) = color.iter().position(|x| x.is_nan() || x.abs() > Mesh::BRIGHTEST) {
-                    let what = format!("vertex colour {:?} is not within ±{:e}", shown(rgb[i]), Mesh::BRIGHTEST);
-                    return Err((what, "give r, g and b from 0 to 1"));
-                }
-                self.obj.colors.push(color);
-            }
+            None => {}
         }
-        if !position.iter().all(|x| x.abs() <= Mesh::FARTHEST) {
+        Ok(())
+    }
+
+    fn position(&mut self, xyz: [&str; 3], w: Option<&str>, line: usize) -> Checked {
+        let mut position = numbers::<f64, 3>("vertex coordinate", &xyz)?;
+        if let Some(w) = w {
+            let [w] = numbers::<f64, 1>("vertex coordinate", &[w])?;
+            if w == 0.0 {
+                return Err(("the fourth coordinate w is zero".into(), "give a finite point"));
+            }
+            if w != 1.0 {
+                self.ignored.add("the fourth coordinate w divides x, y and z", line);
+            }
+            position = position.map(|x| x / w);
+        }
+        if !position.iter().all(|x| x.abs() <= f64::from(Mesh::FARTHEST)) {
             let bound = format!("within ±{:e}", Mesh::FARTHEST);
             let due = if position.iter().any(|x| x.is_nan()) { "a point" } else { &bound };
             return Err((format!("vertex {position:?} is not {due}"), "remove or repair it"));
@@ -225,11 +259,26 @@ impl Parser {
         Ok(())
     }
 
+    /// A vertex colour, which is as bright as the same number in a picture.
+    fn color(&mut self, rgb: [&str; 3], line: usize) -> Checked {
+        let mut color = numbers::<f32, 3>("vertex colour", &rgb)?;
+        if let Some(i) = color.iter().position(|x| x.is_nan() || x.abs() > Mesh::BRIGHTEST) {
+            let what = format!("vertex colour {:?} is not within ±{:e}", shown(rgb[i]), Mesh::BRIGHTEST);
+            return Err((what, "give r, g and b from 0 to 1"));
+        }
+        if self.totals.bright * 2 > self.totals.colored {
+            self.ignored.add("vertex colours up to 255 are divided by 255", line);
+            color = color.map(|x| x / 255.0);
+        }
+        self.obj.colors.push(if self.obj.srgb { color.map(linear_from_srgb) } else { color });
+        Ok(())
+    }
+
     /// `vt u`, `vt u v` or `vt u v w`.
     fn uv(&mut self, statement: &Statement) -> Checked {
         let words: Vec<&str> = statement.words().collect();
         let uv = match words[..] {
-            [u] => numbers("texture coordinate", &[u, "0"])?,
+            [u] => numbers::<f32, 2>("texture coordinate", &[u, "0"])?,
             [u, v] => numbers("texture coordinate", &[u, v])?,
             [u, v, w] => {
                 if w.parse() != Ok(0.0f32) {
@@ -252,7 +301,7 @@ impl Parser {
     /// `vn x y z`.
     fn normal(&mut self, statement: &Statement) {
         let words: Vec<&str> = statement.words().collect();
-        let normal = <[&str; 3]>::try_from(&words[..]).ok().and_then(|words| numbers::<3>("normal", &words).ok());
+        let normal = <[&str; 3]>::try_from(&words[..]).ok().and_then(|words| numbers::<f32, 3>("normal", &words).ok());
         let normal = normal.filter(|normal| normal.iter().all(|x| x.is_finite()));
         if normal.is_none() {
             self.ignored.add("normals that are not three finite numbers are not used", statement.line);
@@ -264,7 +313,7 @@ impl Parser {
         let (mut arity, mut with_uv) = (0, 0);
         let start = self.obj.corners.len();
         for word in statement.words() {
-            let (vertex, uv, normal) = self.corner(word)?;
+            let (vertex, uv, normal) = self.corner(word, statement.line)?;
             self.obj.corners.push(vertex);
             if self.totals.normals > 0 {
                 self.obj.normal_corners.push(normal);
@@ -292,7 +341,7 @@ impl Parser {
     }
 
     /// The indices of `v`, `v/vt`, `v//vn` or `v/vt/vn`; of a normal that does not exist, [`NO_NORMAL`].
-    fn corner(&self, word: &str) -> Checked<(u32, Option<u32>, u32)> {
+    fn corner(&mut self, word: &str, line: usize) -> Checked<(u32, Option<u32>, u32)> {
         let mut parts = word.split('/');
         let (vertex, uv, normal) = (parts.next().unwrap_or_default(), parts.next(), parts.next());
         if parts.next().is_some() {
@@ -307,6 +356,10 @@ impl Parser {
             None => NO_NORMAL,
         };
         let Some(uv) = uv.filter(|uv| !uv.is_empty()) else { return Ok((vertex, None, normal)) };
+        if self.totals.uvs == 0 {
+            self.ignored.add("texture coordinates that the file names and does not give are left out", line);
+            return Ok((vertex, None, normal));
+        }
         let uv = index("texture coordinate", uv, self.obj.uvs.len(), self.totals.uvs)?;
         Ok((vertex, Some(uv), normal))
     }
@@ -327,8 +380,8 @@ impl Parser {
 }
 
 /// The words as numbers, which may still be infinite or NaN; there must be `N` words.
-fn numbers<const N: usize>(what: &str, words: &[&str]) -> Checked<[f32; N]> {
-    let mut values = [0.0; N];
+fn numbers<T: Copy + Default + FromStr, const N: usize>(what: &str, words: &[&str]) -> Checked<[T; N]> {
+    let mut values = [T::default(); N];
     for (value, word) in values.iter_mut().zip(words) {
         *value = word
             .parse()

@@ -39,10 +39,21 @@ impl Statement<'_> {
         self.body.split_once(char::is_whitespace).map_or("", |(_, rest)| rest.trim())
     }
 
+    /// The same up to a comment: what follows a `#` may belong to a name.
+    pub fn name(&self) -> &str {
+        before_comment(self.rest())
+    }
+
     /// The words after the first, up to a comment.
     pub fn words(&self) -> impl Iterator<Item = &str> {
         self.body.split_whitespace().skip(1).take_while(|word| !word.starts_with('#'))
     }
+}
+
+/// A text up to a word that begins with `#`.
+pub(super) fn before_comment(text: &str) -> &str {
+    let at = text.match_indices('#').map(|(at, _)| at).find(|&at| text[..at].ends_with(char::is_whitespace));
+    at.map_or(text, |at| text[..at].trim_end())
 }
 
 /// The statements of a text with any line ends, lines that end in `\` joined with the next.
@@ -52,8 +63,12 @@ pub(super) fn statements(text: &str) -> impl Iterator<Item = Statement<'_>> {
     std::iter::from_fn(move || {
         let (first, line) = lines.next()?;
         let mut body = Cow::Borrowed(first.trim());
-        while let Some(head) = body.strip_suffix('\\') {
+        // A comment ends at its line, whatever its last letter.
+        let is_comment = |line: &str| line.split_whitespace().any(|word| word.starts_with('#'));
+        let mut is_over = is_comment(&body);
+        while let Some(head) = body.strip_suffix('\\').filter(|_| !is_over) {
             let Some((next, _)) = lines.next() else { break };
+            is_over = is_comment(next);
             // Appended in place, so that a long chain of continuations takes linear time.
             let length = head.len();
             let mut joined = body.into_owned();

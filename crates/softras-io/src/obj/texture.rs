@@ -1,6 +1,6 @@
 //! The textures that materials name.
 
-use super::material::Map;
+use super::{material::Map, statement::before_comment};
 use crate::{
     find::find,
     source::Source,
@@ -13,7 +13,12 @@ use std::path::{Path, PathBuf};
 
 /// The file of the image that a material names; `None`, with a note, where there is none in the mesh's folder.
 pub(super) fn locate(source: &mut Source, map: &Map) -> Option<PathBuf> {
-    let found = find(source.path, &map.mtl, &map.name, source.options.allow_outside);
+    let locate = |name: &str| find(source.path, &map.mtl, name, source.options.allow_outside);
+    // What follows a `#` belongs to the name if there is such a file.
+    let found = locate(&map.name).or_else(|what| match before_comment(&map.name) {
+        name if name == map.name => Err(what),
+        name => locate(name),
+    });
     match found {
         Ok((path, None)) => Some(path),
         Ok((path, Some(note))) => {

@@ -49,7 +49,7 @@ pub(super) fn triangulate(path: &Path, obj: &Obj, notes: &mut Notes) -> Result<T
         let normals = obj.normal_corners.get(start..start + face.arity);
         let normal = |corner: u32| obj.normals.get(corner as usize).copied().unwrap_or_default();
         start += face.arity;
-        let polygon: Vec<_> = corners.iter().map(|&v| obj.positions[v as usize].map(f64::from)).collect();
+        let polygon: Vec<_> = corners.iter().map(|&v| obj.positions[v as usize]).collect();
         let cut = polygon::triangulate(&polygon).map_err(|what| Error::File {
             path: path.into(),
             line: Some(face.line),

@@ -1,5 +1,6 @@
 //! Writes meshes as OBJ, MTL and PNG files.
 
+use crate::{color::Curve, texture::srgb_from_linear};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use softras::{
     Error, Mesh, Result,
@@ -14,7 +15,7 @@ use std::{
 ///
 /// # Errors
 /// [`Error::Mesh`] for what these formats cannot hold.
-pub fn files_of(mesh: &Mesh, path: &Path) -> Result<Vec<(PathBuf, Vec<u8>)>> {
+pub fn files_of(mesh: &Mesh, path: &Path, curve: Curve) -> Result<Vec<(PathBuf, Vec<u8>)>> {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let mut files = Vec::new();
     let materials = materials(mesh, &stem)?;
@@ -27,7 +28,7 @@ pub fn files_of(mesh: &Mesh, path: &Path) -> Result<Vec<(PathBuf, Vec<u8>)>> {
         files.push((path.with_file_name(&name), materials.mtl.into_bytes()));
         mtllib = Some(name);
     }
-    files.push((path.into(), obj(mesh, mtllib.as_deref(), &materials.of_triangle).into_bytes()));
+    files.push((path.into(), obj(mesh, mtllib.as_deref(), &materials.of_triangle, curve).into_bytes()));
     Ok(files)
 }
 
@@ -93,7 +94,7 @@ fn materials<'a>(mesh: &'a Mesh, stem: &str) -> Result<Materials<'a>> {
     Ok(materials)
 }
 
-fn obj(mesh: &Mesh, mtllib: Option<&str>, material_of_triangle: &[u32]) -> String {
+fn obj(mesh: &Mesh, mtllib: Option<&str>, material_of_triangle: &[u32], curve: Curve) -> String {
     let mut text = String::from("# softras\n");
     if let Some(name) = mtllib {
         let _ = writeln!(text, "mtllib {name}");
@@ -101,7 +102,7 @@ fn obj(mesh: &Mesh, mtllib: Option<&str>, material_of_triangle: &[u32]) -> Strin
     for (i, [x, y, z]) in mesh.positions().iter().enumerate() {
         let _ = match mesh.appearance() {
             Appearance::VertexColors(colors) => {
-                let [r, g, b] = colors[i];
+                let [r, g, b] = if curve == Curve::Srgb { colors[i].map(srgb_from_linear) } else { colors[i] };
                 writeln!(text, "v {x} {y} {z} {r} {g} {b}")
             }
             _ => writeln!(text, "v {x} {y} {z}"),

@@ -12,6 +12,7 @@ use crate::{
     polygon,
     source::Source,
     texture::{self, linear_from_srgb},
+    textures::Room,
 };
 use image::ImageReader;
 use rows::{Row, Table, VALUES, least_bytes};
@@ -36,12 +37,17 @@ const VERTEX: [&[&str]; VALUES] = [
     &["ny"],
     &["nz"],
 ];
-const FACE: [&[&str]; 5] = [&["red"], &["green"], &["blue"], &["vertex_indices", "vertex_index"], &["texcoord"]];
+const FACE: [&[&str]; 6] =
+    [&["red"], &["green"], &["blue"], &["texnumber"], &["vertex_indices", "vertex_index"], &["texcoord"]];
+/// The lists of faces among these.
+const LISTS: usize = 4;
+/// Properties that change the picture and are not drawn.
+const NOT_DRAWN: [&str; 2] = ["alpha", "a"];
 
 /// What the file holds.
 #[derive(Default)]
 struct Ply {
-    positions: Vec<[f32; 3]>,
+    positions: Vec<[f64; 3]>,
     colors: Vec<[f32; 3]>,
     uvs: Vec<[f32; 2]>,
     normals: Vec<[f32; 3]>,
@@ -50,17 +56,31 @@ struct Ply {
     face_colors: Vec<[f32; 3]>,
     /// The UVs of each triangle's corners, or none.
     corner_uvs: Vec<[[f32; 2]; 3]>,
-    /// The image that a comment names.
-    image: Option<String>,
+    /// For each triangle the number of its image, or none.
+    image_of_triangle: Vec<u32>,
+    /// The images that comments name.
+    images: Vec<String>,
+    /// Faces before the vertices that they name, and strips.
+    waiting: Vec<Waiting>,
     short_faces: usize,
     far_uvs: usize,
     not_simple: usize,
+}
+
+/// A face that is drawn when all vertices are read.
+struct Waiting {
+    number: usize,
+    corners: Vec<f64>,
+    color: Option<[f32; 3]>,
+    uvs: Option<Vec<f64>>,
+    image: Option<u32>,
 }
 
 pub(super) fn read(source: &mut Source, mut bytes: Vec<u8>) -> Result<Mesh> {
     clean_header(&mut bytes);
     let mut ply = parse(source, &bytes).map_err(|what| fault(source.path, what, "export the file again"))?;
     drop(bytes);
+    ply.settle_colors(source);
     if ply.short_faces > 0 {
         source.notes.add(None, format!("faces of fewer than three corners are not drawn ({} in all)", ply.short_faces));
     }
@@ -76,6 +96,7 @@ pub(super) fn read(source: &mut Source, mut bytes: Vec<u8>) -> Result<Mesh> {
     }
     let (positions, triangles) = (mem::take(&mut ply.positions), mem::take(&mut ply.triangles));
     source.keep_normals(&mem::take(&mut ply.normals), &triangles);
+    let positions = source.placed(&positions, &triangles);
     let appearance = appearance(source, ply, &triangles);
     Mesh::new(positions, triangles)?.with_appearance(appearance)
 }
@@ -103,8 +124,8 @@ fn parse(source: &mut Source, bytes: &[u8]) -> Result<Ply, String> {
     let malformed = |error: serde_ply::DeserializeError| format!("malformed PLY: {error}");
     let mut reader = PlyReader::from_reader(Cursor::new(bytes)).map_err(malformed)?;
     let header = reader.header().clone();
-    let named = header.comments.iter().chain(&header.obj_info).find_map(|text| text.strip_prefix("TextureFile "));
-    let mut ply = Ply { image: named.map(|name| name.trim().into()), ..Ply::default() };
+    let named = header.comments.iter().chain(&header.obj_info).filter_map(|text| text.strip_prefix("TextureFile "));
+    let mut ply = Ply { images: named.map(|name| name.trim().into()).collect(), ..Ply::default() };
     for element in &header.elem_defs {
         let least = least_bytes(element, header.format);
         if least.saturating_mul(element.count as u64) > bytes.len() as u64 {
@@ -112,14 +133,22 @@ fn parse(source: &mut Source, bytes: &[u8]) -> Result<Ply, String> {
             return Err(format!("cut off: it claims {count} rows of {name:?} and holds {} bytes", bytes.len()));
         }
         let mut table = Table::new(element, least);
+        let names = element.properties.iter().map(|property| property.name.as_str());
+        for name in names.filter(|name| NOT_DRAWN.contains(name) && element.count > 0) {
+            source.notes.add(None, format!("property {name:?} of element {:?} is not drawn", element.name));
+        }
         match element.name.as_str() {
             "vertex" => {
                 table.choose(&VERTEX, VERTEX.len());
                 table.read(&mut reader, &mut ply.take_vertex(&table, source.options.srgb)?)?;
             }
             "face" => {
-                table.choose(&FACE, 3);
+                table.choose(&FACE, LISTS);
                 table.read(&mut reader, &mut ply.take_face(&table, source.options.srgb)?)?;
+            }
+            "tristrips" => {
+                table.choose(&FACE, LISTS);
+                table.read(&mut reader, &mut |row| ply.take_strips(row))?;
             }
             name => {
                 if element.count > 0 && !matches!(name, "material" | "camera" | "user" | "multi_texture_vertex") {
@@ -129,6 +158,9 @@ fn parse(source: &mut Source, bytes: &[u8]) -> Result<Ply, String> {
             }
         }
     }
+    for Waiting { number, corners, color, uvs, image } in mem::take(&mut ply.waiting) {
+        ply.add_face(number, &corners, color, uvs.as_deref(), image)?;
+    }
     Ok(ply)
 }
 
@@ -137,6 +169,8 @@ fn shade(kind: Option<ScalarType>, srgb: bool) -> impl Fn(f64) -> f32 {
     let most = match kind {
         Some(ScalarType::U8) => Some(255.0),
         Some(ScalarType::U16) => Some(65535.0),
+        // Bytes in a wider type.
+        Some(ScalarType::I8 | ScalarType::I16 | ScalarType::I32 | ScalarType::U32) => Some(255.0),
         _ => None,
     };
     move |x| match most {
@@ -156,7 +190,7 @@ impl Ply {
         let shade = shade(table.kind(3), srgb);
         Ok(move |row: &Row| {
             let [x, y, z, r, g, b, u, v, normal @ ..] = row.values;
-            self.positions.push([x as f32, y as f32, z as f32]);
+            self.positions.push([x, y, z]);
             if colored {
                 self.colors.push([r, g, b].map(&shade));
             }
@@ -173,40 +207,88 @@ impl Ply {
 
     /// What is done with a row of faces.
     fn take_face(&mut self, table: &Table, srgb: bool) -> Result<impl FnMut(&Row) -> Result<(), String>, String> {
-        if !table.has(3..4) {
+        if !table.has(LISTS..LISTS + 1) {
             return Err("its faces have no list vertex_indices".into());
         }
-        let (colored, mapped) = (table.has(0..3), table.has(4..5));
+        let (colored, numbered, mapped) = (table.has(0..3), table.has(3..4), table.has(LISTS + 1..LISTS + 2));
         let shade = shade(table.kind(0), srgb);
         let mut number = 0;
+        // A row may come before the vertices that it names, and is drawn when all are read.
         Ok(move |row: &Row| {
             number += 1;
-            let count = self.positions.len();
-            let corner = |&x: &f64| {
-                let fits = x >= 0.0 && x.fract() == 0.0 && x < count as f64;
-                fits.then_some(x as u32).ok_or(format!("face {number} names vertex {x}, there are {count}"))
-            };
-            let corners = row.lists[3].iter().map(corner).collect::<Result<Vec<u32>, String>>()?;
-            if corners.len() < 3 {
-                self.short_faces += 1;
+            let color = colored.then(|| [row.values[0], row.values[1], row.values[2]].map(&shade));
+            let corners = &row.lists[LISTS];
+            let uvs = mapped.then(|| &row.lists[LISTS + 1][..]);
+            let image = numbered.then_some(row.values[3] as u32);
+            if self.positions.is_empty() {
+                let (corners, uvs) = (corners.clone(), uvs.map(<[f64]>::to_vec));
+                self.waiting.push(Waiting { number, corners, color, uvs, image });
                 return Ok(());
             }
-            let polygon: Vec<_> = corners.iter().map(|&v| self.positions[v as usize].map(f64::from)).collect();
-            let cut = polygon::triangulate(&polygon).map_err(|what| format!("face {number}: {what}"))?;
-            self.not_simple += usize::from(!cut.is_simple);
-            let uvs = Some(&row.lists[4]).filter(|uvs| uvs.len() == 2 * corners.len());
-            for triangle in cut.triangles {
-                self.triangles.push(triangle.map(|c| corners[c]));
-                if colored {
-                    self.face_colors.push([row.values[0], row.values[1], row.values[2]].map(&shade));
-                }
-                if mapped {
-                    let uv = triangle.map(|c| uvs.map_or([0.0; 2], |uvs| self.checked([uvs[2 * c], uvs[2 * c + 1]])));
-                    self.corner_uvs.push(uv);
+            self.add_face(number, corners, color, uvs, image)
+        })
+    }
+
+    fn add_face(
+        &mut self,
+        number: usize,
+        corners: &[f64],
+        color: Option<[f32; 3]>,
+        uvs: Option<&[f64]>,
+        image: Option<u32>,
+    ) -> Result<(), String> {
+        let count = self.positions.len();
+        let corner = |&x: &f64| {
+            let fits = x >= 0.0 && x.fract() == 0.0 && x < count as f64;
+            fits.then_some(x as u32).ok_or(format!("face {number} names vertex {x}, there are {count}"))
+        };
+        let corners = corners.iter().map(corner).collect::<Result<Vec<u32>, String>>()?;
+        if corners.len() < 3 {
+            self.short_faces += 1;
+            return Ok(());
+        }
+        let polygon: Vec<_> = corners.iter().map(|&v| self.positions[v as usize]).collect();
+        let cut = polygon::triangulate(&polygon).map_err(|what| format!("face {number}: {what}"))?;
+        self.not_simple += usize::from(!cut.is_simple);
+        let fitting = uvs.filter(|uvs| uvs.len() == 2 * corners.len());
+        for triangle in cut.triangles {
+            self.triangles.push(triangle.map(|c| corners[c]));
+            self.face_colors.extend(color);
+            self.image_of_triangle.extend(image);
+            if uvs.is_some() {
+                let uv = triangle.map(|c| fitting.map_or([0.0; 2], |uvs| self.checked([uvs[2 * c], uvs[2 * c + 1]])));
+                self.corner_uvs.push(uv);
+            }
+        }
+        Ok(())
+    }
+
+    /// A list of strips of triangles, each ended by -1.
+    fn take_strips(&mut self, row: &Row) -> Result<(), String> {
+        for strip in row.lists[LISTS].split(|&x| x < 0.0) {
+            for (i, corners) in strip.windows(3).enumerate() {
+                let [a, b, c] = if i % 2 == 0 { [0, 1, 2] } else { [1, 0, 2] }.map(|k| corners[k]);
+                // Strips turn by triangles without an area.
+                if a != b && b != c && c != a {
+                    let corners = vec![a, b, c];
+                    self.waiting.push(Waiting { number: i + 1, corners, color: None, uvs: None, image: None });
                 }
             }
-            Ok(())
-        })
+        }
+        Ok(())
+    }
+
+    /// Floats from 0 to 255 are colours in bytes.
+    fn settle_colors(&mut self, source: &mut Source) {
+        for colors in [&mut self.colors, &mut self.face_colors] {
+            let bright = colors.iter().filter(|color| color.iter().any(|x| *x > 1.0)).count();
+            if bright * 2 > colors.len() && colors.as_flattened().iter().all(|x| (0.0..=255.0).contains(x)) {
+                source.notes.add(None, "colours up to 255 are divided by 255");
+                let srgb = source.options.srgb;
+                let one = |x: f32| if srgb { linear_from_srgb(x / 255.0) } else { x / 255.0 };
+                colors.iter_mut().for_each(|color| *color = color.map(one));
+            }
+        }
     }
 
     /// A UV, or 0 for one that is out of range.
@@ -221,8 +303,13 @@ impl Ply {
 /// An image at UVs is preferred to colours of vertices and these to those of faces; what is not used is noted.
 fn appearance(source: &mut Source, ply: Ply, triangles: &[[u32; 3]]) -> Appearance {
     let has_uvs = !(ply.uvs.is_empty() && ply.corner_uvs.is_empty());
-    let texture = ply.image.as_deref().filter(|_| has_uvs).and_then(|name| texture(source, name));
-    if let Some(texture) = texture {
+    let (mut room, mut images) = (source.room(), Vec::new());
+    for name in ply.images.iter().filter(|_| has_uvs) {
+        let image = texture(source, name, room);
+        room.take(image.as_ref().map_or(0, |image| image.texels().len()));
+        images.push(image);
+    }
+    if images.iter().any(Option::is_some) {
         if !(ply.colors.is_empty() && ply.face_colors.is_empty()) {
             source.notes.add(None, "colours are not used: there is a texture");
         }
@@ -232,10 +319,20 @@ fn appearance(source: &mut Source, ply: Ply, triangles: &[[u32; 3]]) -> Appearan
             let corners = 0..triangles.len() as u32;
             (ply.corner_uvs.as_flattened().to_vec(), corners.map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect())
         };
-        return Appearance::Textured { uvs, uv_triangles, textures: vec![texture], texture_of_triangle: Vec::new() };
-    }
-    if has_uvs {
-        source.notes.add(None, "texture coordinates are not kept: there is no texture");
+        // An image that cannot be read, or that there is not, is white.
+        let white = Texture::new(1, 1, vec![[1.0; 3]], Wrap::Repeat).ok();
+        let mut textures: Vec<Texture> =
+            images.into_iter().filter_map(|image| image.or_else(|| white.clone())).collect();
+        let mut texture_of_triangle = Vec::new();
+        if ply.image_of_triangle.iter().any(|&image| image > 0) && textures.len() > 1 {
+            let last = textures.len() as u32;
+            textures.extend(white);
+            texture_of_triangle = ply.image_of_triangle.iter().map(|&image| image.min(last)).collect();
+        } else if textures.len() > 1 {
+            source.notes.add(None, "of several textures the first is drawn: faces have no texnumber");
+            textures.truncate(1);
+        }
+        return Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle };
     }
     if !ply.colors.is_empty() {
         if !ply.face_colors.is_empty() {
@@ -250,7 +347,7 @@ fn appearance(source: &mut Source, ply: Ply, triangles: &[[u32; 3]]) -> Appearan
 }
 
 /// The image of that name in the mesh's folder.
-fn texture(source: &mut Source, name: &str) -> Option<Texture> {
+fn texture(source: &mut Source, name: &str, room: Room) -> Option<Texture> {
     let (path, note) = find(source.path, source.path, name, source.options.allow_outside)
         .map_err(|what| source.notes.add(None, format!("texture {what}")))
         .ok()?;
@@ -258,7 +355,7 @@ fn texture(source: &mut Source, name: &str) -> Option<Texture> {
         source.notes.add(None, format!("texture {note}"));
     }
     let reader = ImageReader::open(&path).map_err(|error| error.to_string());
-    match reader.and_then(|reader| texture::decode(reader, source.options.srgb, source.room())) {
+    match reader.and_then(|reader| texture::decode(reader, source.options.srgb, room)) {
         Ok(decoded) => {
             source.files.push(path);
             decoded.texture(Wrap::Repeat).ok()

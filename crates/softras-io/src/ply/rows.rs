@@ -39,7 +39,7 @@ pub(super) const VALUES: usize = 11;
 #[derive(Default)]
 pub(super) struct Row {
     pub values: [f64; VALUES],
-    pub lists: [Vec<f64>; 5],
+    pub lists: [Vec<f64>; 6],
 }
 
 /// The columns of an element, and which of them are read.

@@ -11,7 +11,7 @@ use args::{Fit, RenderArgs};
 use report::{Report, Written};
 use softras::{Mesh, Renderer, Settings};
 use softras_io::{Budget, Loaded, PictureFormat};
-use softras_view::{Alpha, CameraOptions, Developed, Image, Output, Studio, other_axis};
+use softras_view::{Alpha, CameraOptions, Developed, Image, Output, Studio, other_axis, shrunk};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -24,8 +24,8 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let budget = Budget::new(args.read.memory.memory);
     let mut loaded = args.read.read_layers(&args.mesh, !args.look.raw, &outputs, &budget)?;
     let mut notes = std::mem::take(&mut loaded.notes);
-    let camera = upright(args, &loaded.mesh, &mut notes);
-    let mut stage = Stage::new(args, camera, loaded, &targets)?;
+    let camera = upright(args, &loaded.mesh, &mut notes).relative_to(loaded.origin);
+    let mut stage = Stage::new(args, camera, loaded, &targets, &mut notes)?;
     let misses = stage.studio.viewpoint(0.0).misses(stage.studio.bounds());
     if misses {
         notes.push("the mesh lies wholly outside the depths that this camera draws".into());
@@ -180,6 +180,8 @@ const SWEEP_CELLS: usize = 8;
 struct Stage<'a> {
     args: &'a RenderArgs,
     studio: Studio,
+    /// The place of the mesh's origin in its file.
+    origin: [f64; 3],
     /// Vertices and triangles of the mesh file.
     vertices: usize,
     triangles: usize,
@@ -187,16 +189,27 @@ struct Stage<'a> {
 }
 
 impl<'a> Stage<'a> {
-    fn new(args: &'a RenderArgs, camera: CameraOptions, loaded: Loaded, targets: &[Target]) -> Result<Self, Failure> {
+    fn new(
+        args: &'a RenderArgs,
+        camera: CameraOptions,
+        loaded: Loaded,
+        targets: &[Target],
+        notes: &mut Vec<String>,
+    ) -> Result<Self, Failure> {
         let mut renderer = super::open_device(args.device.as_deref(), args.read.memory.memory)?;
         renderer.time_stages(true);
         let is_animation = targets.iter().any(|target| target.format == PictureFormat::Gif);
-        let options = args.options(camera, if is_animation { SWEEP_FRAMES } else { SWEEP_CELLS });
+        let mut options = args.options(camera, if is_animation { SWEEP_FRAMES } else { SWEEP_CELLS });
+        options.light.unlit |= loaded.unlit && options.light.lights.is_empty() && options.light.ambient.is_none();
         let samples = options.samples(targets.iter().any(Target::has_floats));
         let outputs: Vec<Output> = args.output.iter().map(|&output| output.into()).collect();
         let (vertices, triangles) = (loaded.mesh.positions().len(), loaded.mesh.triangles().len());
-        let studio = Studio::new(loaded.mesh, &loaded.normals, &loaded.opacity, options, &outputs, samples)?;
+        let origin = loaded.origin;
+        let (mesh, about) = shrunk(loaded.mesh, &renderer.device_info().limits)?;
+        about.iter().for_each(|text| note(text));
+        notes.extend(about);
+        let studio = Studio::new(mesh, &loaded.normals, &loaded.opacity, options, &outputs, samples)?;
         args.camera.check_depths(&studio.viewpoint(0.0))?;
-        Ok(Self { args, studio, vertices, triangles, renderer })
+        Ok(Self { args, studio, origin, vertices, triangles, renderer })
     }
 }

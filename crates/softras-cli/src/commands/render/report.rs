@@ -41,6 +41,7 @@ pub struct Report {
     samples: usize,
     /// Whether some frame shows anything of the mesh.
     is_seen: bool,
+    origin: DVec3,
     first: Value,
     timings: Vec<(&'static str, f64)>,
     sweep: Option<(&'static str, Vec<f64>)>,
@@ -60,6 +61,7 @@ impl Report {
             bands: 0,
             samples: 0,
             is_seen: false,
+            origin: stage.origin.into(),
             first: Value::Null,
             timings: Vec::new(),
             sweep: stage.args.sweep.map(|s| (s.swept.name(), Vec::new())),
@@ -72,7 +74,7 @@ impl Report {
         if self.frames == 0 {
             let (view, s) = (&shot.view, &shot.settings);
             let camera = json!({
-                "eye": view.eye.to_array(), "target": view.target.to_array(), "up": view.up.to_array(),
+                "eye": (view.eye + self.origin).to_array(), "target": (view.target + self.origin).to_array(), "up": view.up.to_array(),
                 "projection": describe::projection(&view.projection),
             });
             self.first = json!({ "camera": camera, "settings": describe::settings(s) });

@@ -8,7 +8,7 @@ use softras::{
 };
 use std::fmt::Write;
 
-fn little(values: impl IntoIterator<Item = f32>) -> Vec<u8> {
+pub fn little(values: impl IntoIterator<Item = f32>) -> Vec<u8> {
     values.into_iter().flat_map(f32::to_le_bytes).collect()
 }
 

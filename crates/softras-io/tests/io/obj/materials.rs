@@ -189,10 +189,10 @@ fn unhonoured_texture_options_are_noted() {
     let folder = folder(&files);
     fs::create_dir(folder.path().join("sub")).unwrap();
     let notes = load_in(&folder).unwrap().notes;
-    for option in ["-s", "-blendu", "-mm"] {
+    for option in ["-blendu", "-mm"] {
         assert_note(&notes, &["mesh.mtl:2", &format!("option {option} of map_Kd")]);
     }
-    assert_eq!(notes.len(), 3);
+    assert_eq!(notes.len(), 2);
 }
 
 /// As many materials as a megabyte holds are looked up in no time.

@@ -1,0 +1,84 @@
+//! The table of docs/formats.md is that of the readers, and what it calls not drawn is noted.
+
+use crate::{
+    LoadOptions,
+    fate::{Approximated, Drawn, Fate, NotDrawn, Silent},
+    gltf::{PROPERTIES, note_all},
+    load_with,
+    obj::STATEMENTS,
+    source::Source,
+};
+use serde_json::{Value, json};
+use std::{fs, path::Path};
+
+/// A row of the table.
+fn row(name: &str, fate: Fate) -> String {
+    match fate {
+        Drawn => format!("| `{name}` | drawn | |"),
+        Approximated(note) => format!("| `{name}` | approximated | {note} |"),
+        NotDrawn(note) => format!("| `{name}` | not drawn | {note} |"),
+        Silent => format!("| `{name}` | no part of the picture | |"),
+    }
+}
+
+#[test]
+fn the_table_of_formats_is_that_of_the_readers() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/formats.md");
+    let text = fs::read_to_string(&path).unwrap_or_default();
+    let mut whole = text.clone();
+    for (title, rows) in [("glTF 2.0", PROPERTIES), ("MTL", STATEMENTS)] {
+        let head = format!("## {title}\n\n| property | fate | note |\n| --- | --- | --- |\n");
+        let table: String = rows.iter().map(|(name, fate)| row(name, *fate) + "\n").collect();
+        let start = text.find(&head).unwrap_or_else(|| panic!("docs/formats.md has no table {title:?}")) + head.len();
+        let old: String = text[start..].split_inclusive('\n').take_while(|line| line.starts_with('|')).collect();
+        whole = whole.replacen(&(head.clone() + &old), &(head + &table), 1);
+    }
+    if std::env::var_os("RENEW_FORMATS").is_some() {
+        fs::write(&path, &whole).unwrap();
+    } else {
+        assert!(whole == text, "renew docs/formats.md: RENEW_FORMATS=1 cargo test -p softras-io formats::");
+    }
+}
+
+/// A document with a property at a path: lists where glTF has lists, objects elsewhere.
+fn document(path: &str) -> Value {
+    let nested = |path: &str, inner: Value| {
+        path.rsplit('.').fold(inner, |value, name| {
+            let is_list = matches!(name, "materials" | "meshes" | "primitives" | "nodes" | "samplers");
+            json!({ name: if is_list { json!([value]) } else { value } })
+        })
+    };
+    match path.strip_prefix("extensions.") {
+        Some(_) => nested(&format!("materials.{path}"), json!({})),
+        None => nested(&path.replace("COLOR_n", "COLOR_1"), json!(1)),
+    }
+}
+
+#[test]
+fn what_is_not_drawn_is_noted() {
+    let options = LoadOptions::default();
+    let notes = |document: Value| {
+        let mut source = Source::new(Path::new("a.gltf"), &options);
+        note_all(&mut source, &document);
+        source.notes.finish(false).unwrap_or_default().join(" ")
+    };
+    for (path, fate) in PROPERTIES {
+        let told = notes(document(path));
+        match fate {
+            NotDrawn(note) => assert!(told.contains(note), "{path}: {told:?}"),
+            _ => assert_eq!(told, "", "{path}"),
+        }
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.obj");
+    fs::write(&path, "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n").expect("a file");
+    for (name, fate) in STATEMENTS {
+        fs::write(path.with_extension("mtl"), format!("newmtl a\nKd 1 1 1\n{name} 0\n")).expect("a file");
+        let told = load_with(&path, &options).expect("a mesh").notes.join(" ");
+        match fate {
+            NotDrawn(note) => assert!(told.contains(note) && told.contains("a.mtl:3"), "{name}: {told:?}"),
+            Silent => assert_eq!(told, "", "{name}"),
+            _ => {}
+        }
+    }
+}

@@ -1,0 +1,394 @@
+//! What strangers' files hold, small: each was drawn wrong without a note, or refused although it is valid.
+
+use super::*;
+use crate::formats::write::little;
+use serde_json::Value;
+
+const V: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+const PNG: [[u8; 3]; 2] = [[255, 0, 0], [0, 0, 255]];
+
+/// A picture of one pixel.
+fn pixel(color: [u8; 3]) -> Vec<u8> {
+    png(&Texture::new(1, 1, vec![color.map(|x| f32::from(x) / 255.0)], Wrap::Repeat).unwrap())
+}
+
+/// Reads an OBJ file with its materials, and a red picture beside them.
+fn obj(text: &str, mtl: &str) -> softras::Result<Loaded> {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("m.mtl"), mtl).unwrap();
+    fs::write(folder.path().join("t.png"), pixel(PNG[0])).unwrap();
+    read(&folder, "a.obj", text.as_bytes())
+}
+
+fn ply_text(head: &str, body: &str) -> softras::Result<Loaded> {
+    let folder = tempfile::tempdir().unwrap();
+    PNG.iter().zip(["a.png", "b.png"]).for_each(|(c, name)| fs::write(folder.path().join(name), pixel(*c)).unwrap());
+    read(&folder, "a.ply", format!("ply\nformat ascii 1.0\n{head}end_header\n{body}").as_bytes())
+}
+
+/// A glTF file of a triangle with UVs, normals and a colour at each corner, changed.
+fn changed(change: impl FnOnce(&mut Value)) -> softras::Result<Loaded> {
+    let mut binary = Vec::new();
+    let mut add = |values: &[f32]| {
+        let start = binary.len();
+        binary.extend(little(values.iter().copied()));
+        json!({ "buffer": 0, "byteOffset": start, "byteLength": binary.len() - start })
+    };
+    let views = [
+        add(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]),
+        add(&[0.0, 0.0, 1.0, 0.0, 0.0, 1.0]),
+        add(&[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]),
+        add(&[0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0]),
+    ];
+    let accessor = |view: usize, kind: &str, count: usize| json!({ "bufferView": view, "componentType": 5126, "type": kind, "count": count });
+    let image = pixel(PNG[0]);
+    let mut root = json!({
+        "asset": { "version": "2.0" },
+        "scenes": [{ "nodes": [0] }],
+        "nodes": [{ "mesh": 0 }],
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0, "TEXCOORD_0": 1, "NORMAL": 3 }, "material": 0 }] }],
+        "materials": [{ "name": "m" }],
+        "accessors": [accessor(0, "VEC3", 3), accessor(1, "VEC2", 3), accessor(2, "VEC3", 3), accessor(3, "VEC3", 3)],
+        "bufferViews": views,
+        "images": [{ "bufferView": 4 }],
+        "textures": [{ "source": 0 }],
+    });
+    let place = json!({ "buffer": 0, "byteOffset": binary.len(), "byteLength": image.len() });
+    root["bufferViews"].as_array_mut().unwrap().push(place);
+    binary.extend(&image);
+    root["buffers"] = json!([{ "byteLength": binary.len() }]);
+    change(&mut root);
+    read(&tempfile::tempdir().unwrap(), "a.glb", &glb(&root, &binary))
+}
+
+fn primitive(root: &mut Value) -> &mut Value {
+    &mut root["meshes"][0]["primitives"][0]
+}
+
+fn textured_by(root: &mut Value) {
+    root["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = json!({ "index": 0 });
+}
+
+fn colors(loaded: &Loaded) -> Vec<[f32; 3]> {
+    match loaded.mesh.appearance() {
+        Appearance::Uniform(color) => vec![*color],
+        Appearance::VertexColors(colors) => colors.clone(),
+        Appearance::Surface { texels, .. } => texels.clone(),
+        Appearance::Textured { textures, .. } => {
+            textures.iter().flat_map(|texture| texture.texels().to_vec()).collect()
+        }
+    }
+}
+
+/// The colour that a textured mesh shows at each corner of a triangle, at the nearest texel.
+fn at_corners(loaded: &Loaded, t: usize) -> [[f32; 3]; 3] {
+    let Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle } = loaded.mesh.appearance() else {
+        panic!("{loaded:?}")
+    };
+    let texture = &textures[texture_of_triangle.get(t).copied().unwrap_or_default() as usize];
+    uv_triangles[t].map(|uv| {
+        let [u, v] = uvs[uv as usize];
+        let at = |x: f32, side: u32| ((x * side as f32).floor() as i64).rem_euclid(side.into()) as usize;
+        texture.texels()[at(1.0 - v, texture.height()) * texture.width() as usize + at(u, texture.width())]
+    })
+}
+
+const RGB: [[f32; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
+#[test]
+fn a_mesh_far_from_0_keeps_its_shape() {
+    let far = [500_000.0, 4_649_776.0, -3e6];
+    let ball = shapes::icosphere(2).unwrap();
+    let text = |to: &dyn Fn(f64, usize) -> f64| -> String {
+        let line = |p: &[f32; 3]| format!("v {} {} {}\n", to(p[0].into(), 0), to(p[1].into(), 1), to(p[2].into(), 2));
+        let face = |t: &[u32; 3]| format!("f {} {} {}\n", t[0] + 1, t[1] + 1, t[2] + 1);
+        ball.positions().iter().map(line).chain(ball.triangles().iter().map(face)).collect()
+    };
+    let loaded = obj(&text(&|x, k| x + far[k]), "").unwrap();
+    assert_eq!((loaded.notes.len(), loaded.origin.map(f64::round)), (0, far));
+    for (p, q) in loaded.mesh.positions().iter().zip(ball.positions()) {
+        assert!(
+            (0..3).all(|k| (f64::from(p[k]) + loaded.origin[k] - far[k] - f64::from(q[k])).abs() < 1e-7),
+            "{p:?} {q:?}"
+        );
+    }
+    // In 32 bits it is coarse, which is said; so is a file whose numbers are.
+    let placed = loaded.at_place();
+    assert_note(&placed, "steps of 0.5");
+    assert_eq!(placed.origin, [0.0; 3]);
+    assert_note(&obj(&text(&|x, k| f64::from((x + far[k]) as f32)), "").unwrap(), "steps of 0.5");
+    assert_eq!(obj(&text(&|x, k| x + far[k] * 1e-6), "").unwrap().origin, [0.0; 3]);
+    let node = changed(|root| root["nodes"][0]["translation"] = json!([4076138.0, -619000.25, 4853850.0])).unwrap();
+    let mut found = node.mesh.positions().to_vec();
+    found.sort_by(|a, b| a.partial_cmp(b).unwrap());
+    let sides = [[0, 1, 0], [1, 0, 0]].map(|d: [i32; 3]| [0, 1, 2].map(|k| d[k] as f32));
+    let from = |p: [f32; 3]| [0, 1, 2].map(|k| p[k] - found[0][k]);
+    assert_eq!([from(found[1]), from(found[2])], sides);
+}
+
+#[test]
+fn statements_of_obj_are_read_as_others_read_them() {
+    let kept = obj("v 0 0 0\nv 1 0 0\nv 0 1 0\n# C:\\models\\\nf 1 2 3\nf 3 2 1 # C:\\\nf 2 1 3\n", "").unwrap();
+    assert_eq!((kept.mesh.triangles().len(), kept.notes.len()), (3, 0));
+    let mtl = "newmtl red # first\nKd 1 0 0\nnewmtl green\nKd 0 1 0\n";
+    let named = obj(&format!("mtllib m.mtl # materials\n{V}usemtl red # the red one\nf 1 2 3\n"), mtl).unwrap();
+    assert_eq!((colors(&named), named.notes.len()), (vec![RGB[0]], 0));
+    assert_note(&obj(&format!("{V}f 1/1 2/2 3/3\n"), "").unwrap(), "left out");
+    let only = obj(&format!("mtllib m.mtl\n{V}f 1 2 3\n"), "newmtl a\nKd 1 0 0\n").unwrap();
+    assert_eq!(colors(&only), [RGB[0]]);
+    assert_note(&only, "usemtl");
+    assert_note(&obj(&format!("mtllib m.mtl\n{V}f 1 2 3\n"), mtl).unwrap(), "white");
+    // Seven numbers: with an alpha behind, or with w before.
+    for text in [
+        "v 0 0 0 1 0 0 1\nv 1 0 0 0 1 0 1\nv 0 1 0 0 0 1 1\nf 1 2 3\n",
+        "v 0 0 0 1 1 0 0\nv 1 0 0 1 0 1 0\nv 0 1 0 1 0 0 1\nf 1 2 3\n",
+    ] {
+        let loaded = obj(text, "").unwrap();
+        assert_eq!((colors(&loaded), loaded.notes.len()), (RGB.to_vec(), 0), "{text}");
+    }
+    assert_note(&obj("v 0 0 0 1\nv 1 0 0 1 0 0\nv 0 1 0 0 1 0\nf 1 2 3\n", "").unwrap(), "white");
+    let placed = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 1 2\nusemtl a\nf 1/1 2/1 3/1\n";
+    let placed = obj(placed, "newmtl a\nmap_Kd -s 2 3 1 -o 0.5 0.25 t.png\n").unwrap();
+    let Appearance::Textured { uvs, uv_triangles, .. } = placed.mesh.appearance() else { panic!("{placed:?}") };
+    assert_eq!((uvs[uv_triangles[0][0] as usize], placed.notes.len()), ([2.5, 6.25], 0));
+    let unused = obj(&format!("{V}vt 0 0\nf 1/1 2/1 3/1\n"), "").unwrap();
+    assert_eq!(unused.notes, [""; 0]);
+}
+
+#[test]
+fn vertex_colours_of_obj_are_as_bright_as_those_of_ply() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.obj");
+    fs::write(&path, "v 0 0 0 .5 .5 .5\nv 1 0 0 .5 .5 .5\nv 0 1 0 .5 .5 .5\nf 1 2 3\n").unwrap();
+    let mesh = softras_io::load(&path).unwrap();
+    let Appearance::VertexColors(found) = mesh.appearance() else { panic!() };
+    assert!((found[0][0] - 0.214_041).abs() < 1e-5, "{found:?}");
+    softras_io::save(&mesh, &path).unwrap();
+    assert!(fs::read_to_string(&path).unwrap().contains(" 0.5 0.5 0.5"));
+}
+
+#[test]
+fn tr_1_of_all_materials_is_opaque() {
+    let text = format!("mtllib m.mtl\n{V}usemtl a\nf 1 2 3\n");
+    let opacity = |mtl: &str| {
+        let loaded = obj(&text, mtl).unwrap();
+        (loaded.opacity, loaded.notes.join(" "))
+    };
+    let (opaque, notes) = opacity("newmtl a\nKd 1 0 0\nTr 1.0\n");
+    assert!(opaque.is_empty() && notes.contains("MeshLab"), "{notes}");
+    assert_eq!(opacity("# Converted by Meshlab Group\nnewmtl a\nKd 1 0 0\nTr 1.000000\n"), (vec![], String::new()));
+    let (clear, notes) = opacity("newmtl a\nKd 1 0 0\nd 0.0\n");
+    assert!(clear == [0.0] && notes.contains("wholly transparent"), "{notes}");
+    let (half, _) = opacity("newmtl a\nKd 1 0 0\nTr 1\nnewmtl b\nTr 0\n");
+    assert_eq!(half, [0.0]);
+}
+
+#[test]
+fn vertex_colours_stay_beside_textures() {
+    let loaded = changed(|root| {
+        textured_by(root);
+        let mut second = primitive(root).clone();
+        second["attributes"]["COLOR_0"] = json!(2);
+        second["material"] = json!(1);
+        root["materials"] = json!([root["materials"][0], {}]);
+        root["meshes"][0]["primitives"] = json!([root["meshes"][0]["primitives"][0], second]);
+    })
+    .unwrap();
+    assert_eq!((at_corners(&loaded, 0), at_corners(&loaded, 1)), ([RGB[0]; 3], RGB));
+    assert_eq!(loaded.notes, [""; 0]);
+    // Of one primitive, the product: here the texture is red.
+    let product = changed(|root| {
+        textured_by(root);
+        primitive(root)["attributes"]["COLOR_0"] = json!(2);
+    })
+    .unwrap();
+    assert_eq!(at_corners(&product, 0), [RGB[0], [0.0; 3], [0.0; 3]]);
+    assert_note(&product, "times a texture");
+    let bare = format!(
+        "mtllib m.mtl\n{}vt 0 0\nusemtl a\nf 1/1 2/1 3/1\nusemtl b\nf 1 2 3\n",
+        "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\n"
+    );
+    let bare = obj(&bare, "newmtl a\nmap_Kd t.png\nnewmtl b\nKd 1 1 1\n").unwrap();
+    assert_eq!((at_corners(&bare, 0), at_corners(&bare, 1)), ([RGB[0]; 3], RGB));
+}
+
+#[test]
+fn materials_of_gltf_are_drawn_or_noted() {
+    let with = |material: Value| changed(|root| root["materials"][0] = material).unwrap();
+    let black = json!({ "baseColorFactor": [0, 0, 0, 1] });
+    let emissive = with(json!({ "pbrMetallicRoughness": black, "emissiveFactor": [0, 1, 0] }));
+    assert_eq!(colors(&emissive), [RGB[1]]);
+    assert_note(&emissive, "emitted light");
+    let map = json!({ "index": 0 });
+    let lamp = with(json!({ "pbrMetallicRoughness": black, "emissiveFactor": [1, 1, 1], "emissiveTexture": map }));
+    assert_eq!(colors(&lamp), [RGB[0]]);
+    let unlit = with(json!({ "extensions": { "KHR_materials_unlit": {} } }));
+    assert!(unlit.unlit && unlit.notes.is_empty());
+    let glossy = json!({ "extensions": { "KHR_materials_pbrSpecularGlossiness": { "diffuseTexture": map } } });
+    assert_eq!(colors(&with(glossy)), [RGB[0]]);
+    let masked = json!({ "alphaMode": "MASK", "pbrMetallicRoughness": { "baseColorFactor": [1, 0, 0, 0.2] } });
+    let masked = with(masked);
+    assert_eq!(masked.opacity, [0.0]);
+    assert_note(&masked, "wholly transparent");
+    assert_note(&with(json!({ "normalTexture": { "index": 0 } })), "materials[0].normalTexture: normal maps");
+    assert_note(&with(json!({ "extensions": { "X_new": {} } })), "extension X_new");
+    assert_note(&with(json!({ "wobble": 3 })), "materials[0].wobble");
+}
+
+#[test]
+fn edges_of_textures_are_mirrored_or_mixed() {
+    let with = |sampler: Value, image: usize| {
+        changed(|root| {
+            textured_by(root);
+            root["samplers"] = json!([sampler]);
+            root["textures"] = json!([{ "source": image, "sampler": 0 }]);
+        })
+        .unwrap()
+    };
+    let size = |loaded: &Loaded| {
+        let Appearance::Textured { textures, .. } = loaded.mesh.appearance() else { panic!("{loaded:?}") };
+        (textures[0].width(), textures[0].height(), textures[0].wrap())
+    };
+    let mirrored = with(json!({ "wrapS": 33648, "wrapT": 33648 }), 0);
+    assert_eq!((size(&mirrored), mirrored.notes.len()), ((2, 2, Wrap::Repeat), 0));
+    let mixed = with(json!({ "wrapS": 33071, "wrapT": 10497 }), 0);
+    assert_eq!((size(&mixed), mixed.notes.len()), ((3, 1, Wrap::Repeat), 0));
+    assert_eq!(at_corners(&mixed, 0), [RGB[0]; 3]);
+    assert_note(&with(json!({ "magFilter": 9728 }), 0), "nearest");
+    let none = changed(|root| {
+        textured_by(root);
+        root["textures"] = json!([{ "extensions": { "KHR_texture_basisu": { "source": 0 } } }]);
+    });
+    assert_note(&none.unwrap(), "KTX2");
+    let webp = changed(|root| {
+        textured_by(root);
+        root["textures"] = json!([{ "extensions": { "EXT_texture_webp": { "source": 0 } } }]);
+        root["extensionsRequired"] = json!(["EXT_texture_webp"]);
+    });
+    assert_eq!(colors(&webp.unwrap()), [RGB[0]]);
+}
+
+#[test]
+fn valid_gltf_is_not_refused() {
+    let count = |loaded: softras::Result<Loaded>| loaded.unwrap().mesh.triangles().len();
+    let flat = changed(|root| root["nodes"][0]["scale"] = json!([1, 1, 0])).unwrap();
+    assert!(flat.normals[0].iter().flatten().all(|x| x.is_finite()));
+    for extras in [json!(3), json!("x"), json!([1]), Value::Null] {
+        assert_eq!(count(changed(|root| primitive(root)["extras"] = extras)), 1);
+    }
+    assert_eq!(count(changed(|root| root["accessors"][0]["count"] = json!(3.0))), 1);
+    assert_eq!(count(changed(|root| root["animations"] = json!([{ "channels": [{ "sampler": 0, "target": 7 }] }]))), 1);
+    let harmless =
+        ["EXT_mesh_features", "KHR_animation_pointer", "KHR_materials_dispersion", "KHR_xmp_json_ld", "CESIUM_RTC"];
+    assert_eq!(count(changed(|root| root["extensionsRequired"] = json!(harmless))), 1);
+    let packed = changed(|root| root["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]));
+    assert_refused(packed, &["KHR_draco", "gltf-transform"]);
+    assert_eq!(
+        count(changed(|root| root["nodes"] =
+            json!([{ "children": [1, 2] }, { "children": [3] }, { "children": [3] }, { "mesh": 0 }]))),
+        2
+    );
+    let cycle = changed(|root| root["nodes"] = json!([{ "mesh": 0, "children": [0] }])).unwrap();
+    assert_note(&cycle, "descendant");
+    let empty = changed(|root| root["scenes"] = json!([{ "name": "none" }]));
+    assert_refused(empty, &["no faces"]);
+    let zeros = changed(|root| {
+        root["accessors"][3] = json!({ "componentType": 5126, "type": "VEC3", "count": 3 });
+    });
+    assert_eq!(zeros.unwrap().normals, [[[0.0; 3]; 3]]);
+    let old = read(&tempfile::tempdir().unwrap(), "a.gltf", br#"{ "asset": { "version": "1.0" }, "meshes": {} }"#);
+    assert_refused(old, &["version 1.0", "2.0"]);
+}
+
+#[test]
+fn accessors_may_be_sparse_and_meshes_bent() {
+    let corner = |loaded: softras::Result<Loaded>| loaded.unwrap().mesh.positions().to_vec();
+    let sparse = changed(|root| {
+        let values = json!({ "bufferView": 0, "byteOffset": 12 });
+        root["accessors"][0]["sparse"] =
+            json!({ "count": 1, "indices": { "bufferView": 0, "componentType": 5125 }, "values": values });
+    });
+    // Vertex 0 becomes a copy of vertex 1.
+    assert_eq!(corner(sparse), [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    let morphed = changed(|root| {
+        primitive(root)["targets"] = json!([{ "POSITION": 3 }]);
+        root["meshes"][0]["weights"] = json!([2.0]);
+    });
+    assert!(corner(morphed).iter().all(|p| p[2] == 2.0));
+    let instanced = changed(|root| {
+        root["nodes"][0]["extensions"] = json!({ "EXT_mesh_gpu_instancing": { "attributes": { "TRANSLATION": 3 } } });
+    });
+    assert_eq!(instanced.unwrap().mesh.triangles().len(), 3);
+}
+
+#[test]
+fn properties_of_ply_in_other_orders_and_types_are_read() {
+    let xyz = "element vertex 3\nproperty float x\nproperty float y\nproperty float z\n";
+    let list = "property list uchar int vertex_indices\n";
+    let points = "0 0 0\n1 0 0\n0 1 0\n";
+    let first = ply_text(&format!("element face 1\n{list}{xyz}"), &format!("3 0 1 2\n{points}")).unwrap();
+    assert_eq!(first.mesh.triangles(), [[0, 1, 2]]);
+    let strips = ply_text(
+        &format!("{xyz}element tristrips 1\nproperty list int int vertex_indices\n"),
+        &format!("{points}7 0 1 2 -1 2 1 0\n"),
+    );
+    assert_eq!(strips.unwrap().mesh.triangles(), [[0, 1, 2], [2, 1, 0]]);
+    for kind in ["int", "uchar", "short", "float"] {
+        let rgb: String = ["red", "green", "blue"].map(|name| format!("property {kind} {name}\n")).concat();
+        let text = "0 0 0 255 0 0\n1 0 0 0 255 0\n0 1 0 0 0 255\n3 0 1 2\n";
+        assert_eq!(colors(&ply_text(&format!("{xyz}{rgb}element face 1\n{list}"), text).unwrap()), RGB, "{kind}");
+    }
+    let two = format!(
+        "comment TextureFile a.png\ncomment TextureFile b.png\n{xyz}element face 2\n{list}property list uchar float texcoord\nproperty int texnumber\n"
+    );
+    let two = ply_text(&two, &format!("{points}3 0 1 2 6 0 0 0 0 0 0 0\n3 0 1 2 6 0 0 0 0 0 0 1\n")).unwrap();
+    assert_eq!((at_corners(&two, 0), at_corners(&two, 1)), ([RGB[0]; 3], [RGB[2]; 3]));
+    assert_eq!(two.notes, [""; 0]);
+}
+
+#[test]
+fn spellings_of_stl_are_read_with_their_colours() {
+    let folder = tempfile::tempdir().unwrap();
+    let facet = "facet normal nan nan nan\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n";
+    let texts = [
+        (format!("solid facet_plate v2\n{facet}endsolid facet_plate v2\n"), 1),
+        (format!("solid p\n{facet}end solid p\n"), 1),
+        (format!("solid p\n{}endsolid p\n", facet.replace("endloop", "end loop")), 1),
+        (format!("\u{feff}solid p\n{facet}endsolid\nsolid multifacet B\n{facet}endsolid multifacet B\n"), 2),
+        (format!("solid a\n{facet}endsolid a\n").replace('\n', "\r"), 1),
+    ];
+    for (text, count) in texts {
+        let loaded = read(&folder, "a.stl", text.as_bytes()).unwrap();
+        assert_eq!((loaded.mesh.triangles().len(), loaded.notes.len()), (count, 0), "{text:?}");
+    }
+    let torus = torus(3, 3);
+    let mut binary = stl(&torus);
+    binary[84 + 48..][..2].copy_from_slice(&0xfc00u16.to_le_bytes());
+    assert_eq!(colors(&read(&folder, "a.stl", &binary).unwrap())[..2], [RGB[0], [1.0; 3]]);
+    binary[..10].copy_from_slice(b"COLOR=\x00\xff\x00\xff");
+    binary[84 + 48..][..2].copy_from_slice(&0x7c00u16.to_le_bytes());
+    binary[84 + 50 + 48..][..2].copy_from_slice(&0x8000u16.to_le_bytes());
+    assert_eq!(colors(&read(&folder, "a.stl", &binary).unwrap())[..2], [RGB[2], RGB[1]]);
+}
+
+/// JPEG leaves traces of an edge beside it, which are not the object.
+#[test]
+fn silhouettes_of_jpeg_pictures_are_those_of_png() {
+    let folder = tempfile::tempdir().unwrap();
+    let image = image::RgbImage::from_fn(64, 64, |x, y| {
+        let is_inside = (f64::from(x) - 31.5).hypot(f64::from(y) - 31.5) < 20.0;
+        image::Rgb(if is_inside { [200, 120 + (x % 16) as u8 * 4, 60] } else { [0; 3] })
+    });
+    let covered = |name: &str| {
+        let path = folder.path().join(name);
+        image.save(&path).unwrap();
+        let budget = softras_io::Budget::new(None);
+        let (_, _, pixels, note) = softras_io::read_picture(&path, &budget, 64).unwrap();
+        assert_eq!(note.is_some(), name.ends_with("jpg"));
+        pixels.iter().map(|pixel| pixel[3] > 0.0).collect::<Vec<_>>()
+    };
+    let (png, jpeg) = (covered("a.png"), covered("a.jpg"));
+    let both = |f: fn(bool, bool) -> bool| png.iter().zip(&jpeg).filter(|(a, b)| f(**a, **b)).count() as f64;
+    let iou = both(|a, b| a && b) / both(|a, b| a || b);
+    assert!(iou > 0.97, "{iou}");
+}
