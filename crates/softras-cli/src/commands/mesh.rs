@@ -4,6 +4,7 @@ use super::outputs::Outputs;
 use super::{Failure, say};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
+use softras::scene::Appearance;
 use softras_io::SaveOptions;
 use std::path::PathBuf;
 
@@ -29,7 +30,9 @@ pub struct MeshArgs {
 pub fn run(args: &MeshArgs) -> Result<(), Failure> {
     Outputs::new([], [&args.out])?;
     let mesh = softras::shapes::finer(&args.name, args.detail)?;
-    let files = softras_io::save_with(&mesh, &args.out, &SaveOptions { srgb: false })?;
+    // Vertex colours are linear light; the fish's texels are those of its PNG.
+    let srgb = matches!(mesh.appearance(), Appearance::VertexColors(_));
+    let files = softras_io::save_with(&mesh, &args.out, &SaveOptions { srgb })?;
     let names: Vec<_> = files.iter().map(|f| f.display().to_string()).collect();
     let (vertices, triangles) = (mesh.positions().len(), mesh.triangles().len());
     say(&format!("{}: {vertices} vertices, {triangles} triangles", names.join(", ")))
