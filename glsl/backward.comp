@@ -76,9 +76,9 @@ const int PAIRS = 2 + 2 * int(SMALL) * int(OUTLINE);
 const int STEP = PAIRS * ITEM_LANES;
 
 // Adds the gradients of a lane's fragments through eq. 2 and 3. It adds dL/dx to `by_x` and dL/dα to `by_alpha`.
-void add_shading_gradients(ItemTriangle item, Pair pairs[PAIRS], PixelGradient g[PAIRS], Fragment f[PAIRS],
-                           Surface surface[PAIRS], Opacity opacity[PAIRS], inout float by_x[PAIRS],
-                           inout float by_alpha[PAIRS], inout Sums s) {
+void add_shading_gradients(ItemTriangle item, Pair pairs[PAIRS], PairDistance distances[PAIRS], PixelGradient g[PAIRS],
+                           Fragment f[PAIRS], Surface surface[PAIRS], Opacity opacity[PAIRS], inout float by_x[PAIRS],
+                           inout float by_t[PAIRS], inout float by_alpha[PAIRS], inout Sums s) {
     Weight weight[PAIRS];
     for (int i = 0; i < PAIRS; ++i) {
         weight[i] = weight_of(item, g[i], f[i], surface[i], opacity[i].alpha);
@@ -101,19 +101,21 @@ void add_shading_gradients(ItemTriangle item, Pair pairs[PAIRS], PixelGradient g
     }
     if (GRAD_GEOMETRY) {
         for (int i = 0; i < PAIRS; ++i) {
-            surface_gradient(item, pairs[i], g[i], f[i], surface[i], value[i], weight[i].value, by_weight[i], s);
+            surface_gradient(item, pairs[i], distances[i].nearest, g[i], f[i], surface[i], value[i], weight[i].value,
+                             by_weight[i], by_t[i], s);
         }
     }
 }
 
 // The same for fragments that contribute to the silhouette only. Their opacity depends on the surface too.
-void add_opacity_gradients(ItemTriangle item, Pair pairs[PAIRS], PixelGradient g[PAIRS], Fragment f[PAIRS],
-                           Surface surface[PAIRS], Opacity opacity[PAIRS], float by_alpha[PAIRS], inout Sums s) {
+void add_opacity_gradients(ItemTriangle item, Pair pairs[PAIRS], PairDistance distances[PAIRS], PixelGradient g[PAIRS],
+                           Fragment f[PAIRS], Surface surface[PAIRS], Opacity opacity[PAIRS], float by_alpha[PAIRS],
+                           inout float by_t[PAIRS], inout Sums s) {
     for (int i = 0; i < PAIRS; ++i) {
         Value value = value_from(item, surface[i]);
         add_opacity(item, opacity[i], by_alpha[i], 0.0, value, s);
         if (GRAD_GEOMETRY) {
-            surface_gradient(item, pairs[i], g[i], f[i], surface[i], value, 0.0, 0.0, s);
+            surface_gradient(item, pairs[i], distances[i].nearest, g[i], f[i], surface[i], value, 0.0, 0.0, by_t[i], s);
         }
     }
 }
@@ -136,14 +138,16 @@ void add_pairs(ItemTriangle item, Pair pairs[PAIRS], inout Sums s) {
     Surface surface[PAIRS];
     if (has_surface()) {
         for (int i = 0; i < PAIRS; ++i) {
-            surface[i] = surface_of(item, f[i]);
+            surface[i] = surface_of(item, distances[i].nearest, f[i]);
         }
     }
     float by_x[PAIRS];
+    float by_t[PAIRS];
     float by_alpha[PAIRS];
     Opacity opacity[PAIRS];
     for (int i = 0; i < PAIRS; ++i) {
         by_x[i] = silhouette_by_x(g[i], f[i]);
+        by_t[i] = 0.0;
         if (OPACITY) {
             opacity[i] = opacity_of(item, value_from(item, surface[i]).share);
             // dL/dα = D dL/dD', dL/dD = α dL/dD', and dD/dx = D (1 - D).
@@ -152,12 +156,12 @@ void add_pairs(ItemTriangle item, Pair pairs[PAIRS], inout Sums s) {
         }
     }
     if (SHOWS) {
-        add_shading_gradients(item, pairs, g, f, surface, opacity, by_x, by_alpha, s);
+        add_shading_gradients(item, pairs, distances, g, f, surface, opacity, by_x, by_t, by_alpha, s);
     } else if (OPACITY) {
-        add_opacity_gradients(item, pairs, g, f, surface, opacity, by_alpha, s);
+        add_opacity_gradients(item, pairs, distances, g, f, surface, opacity, by_alpha, by_t, s);
     }
     for (int i = 0; i < PAIRS; ++i) {
-        x_gradient(item, pairs[i], distances[i], f[i], by_x[i], s);
+        x_gradient(item, pairs[i], distances[i], f[i], by_x[i], by_t[i], s);
     }
 }
 
@@ -227,7 +231,7 @@ ItemTriangle item_triangle_of(int record_index) {
             t.corner = shared_corner_of(own);
         }
     }
-    t.choice = edge_choice_of(t.edges);
+    t.choice = edge_choice_of(t.edges, has_surface());
     t.record_index = record_index;
     t.radius_squared = frame.radius_squared;
     t.scale = frame.scale;

@@ -167,8 +167,11 @@ void gather(Fetched own, bool live, LaneConstants constants, inout Cover covers[
     float sum[PIXELS];
     Depth depth[PIXELS];
     if (WANT_SHADING) {
+        EdgeChoice choice = edge_choice_of(t, true);
         for (int i = 0; i < PIXELS; ++i) {
-            b[i] = clipped_barycentrics(t.inverse_height, fragments[i].height);
+            vec3 height = fragments[i].height;
+            NearestPoint nearest = nearest_point(t, choice, height, constants.first + vec2(step_of(i)) - t.origin);
+            b[i] = sampled_barycentrics(t, height, nearest);
             sum[i] = b[i].x + b[i].y + b[i].z;
             depth[i] = depth_at(c.depth, b[i], sum[i]);
         }

@@ -30,6 +30,7 @@ struct Entry {
     vec3 height[PIXELS];
     vec3 along[PIXELS];
     vec3 half_length;
+    vec3 slopes;
     vec3 inverse_height;
 };
 
@@ -55,6 +56,7 @@ void read_entry_by_pixels(Fetched own, bool is_second, bool live, LaneConstants 
     t.normal_x = vec3(r.line0.x, r.line1.x, r.line2.x);
     t.normal_y = vec3(r.line0.y, r.line1.y, r.line2.y);
     t.half_length = r.half_length;
+    t.slopes = slopes_of(r.half_length, r.orientation);
     t.inverse_height = r.inverse_height;
 }
 
@@ -99,7 +101,9 @@ void read_entry_by_rows(Fetched own, Rows rows, bool is_second, out Entry t) {
         t.normal_y[k] = subgroupShuffle(texel.y, head + k + 1u);
     }
     vec2 tail = shared_tail_of(own, is_second);
-    t.half_length = vec3(subgroupShuffle(texel.z, head), subgroupShuffle(texel.w, head), tail.x);
+    float signed_length = subgroupShuffle(texel.z, head);
+    t.half_length = vec3(abs(signed_length), subgroupShuffle(texel.w, head), tail.x);
+    t.slopes = slopes_of(t.half_length, orientation_of(signed_length));
     // Tiles with a triangle without area are not drawn here.
     t.inverse_height = t.half_length * tail.y;
 }
@@ -134,7 +138,7 @@ void measure(Entry t, LaneConstants constants, out SoftDistance d[PIXELS]) {
             across = t.normal_x * (x + float(column));
             along = t.normal_y * (x + float(column));
         }
-        soft_distance(across + t.height[i], along + t.along[i], t.half_length, d[i]);
+        soft_distance(across + t.height[i], along + t.along[i], t.half_length, t.slopes, d[i]);
     }
     for (int i = 0; i < PIXELS; ++i) {
         d[i].kept = d[i].inside || d[i].squared < constants.radius_squared;
@@ -212,6 +216,16 @@ void add_weighted(SoftDistance d, vec3 b, float sum, Depth depth, Corner c, inou
     }
 }
 
+// b̂ before its division by the sum. A pixel inside has no b to clip.
+vec3 soft_barycentrics(vec3 inverse_height, SoftDistance d) {
+    if (SURFACE_POINT == SURFACE_POINT_CLIP) {
+        return clipped_barycentrics(inverse_height, d.height);
+    }
+    vec3 b = d.height * inverse_height;
+    vec3 e = edge_barycentrics(d.on_one, d.on_two, d.t);
+    return vec3(d.inside ? b.x : e.x, d.inside ? b.y : e.y, d.inside ? b.z : e.z);
+}
+
 // Adds an entry to the shaded images' sums. Every step runs over all pixels before the next step, so that their long chains of
 // dependent operations overlap.
 void add_shading(Entry t, Corner c, SoftDistance d[PIXELS], inout Pixel pixels[PIXELS]) {
@@ -220,7 +234,7 @@ void add_shading(Entry t, Corner c, SoftDistance d[PIXELS], inout Pixel pixels[P
     Depth depth[PIXELS];
     c.color *= COLOR_UNIT / WEIGHT_UNIT;
     for (int i = 0; i < PIXELS; ++i) {
-        b[i] = clipped_barycentrics(t.inverse_height, d[i].height);
+        b[i] = soft_barycentrics(t.inverse_height, d[i]);
         sum[i] = b[i].x + b[i].y + b[i].z;
         depth[i] = depth_at(c.depth, b[i], sum[i]);
     }

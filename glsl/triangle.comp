@@ -197,7 +197,7 @@ void emit(Shape shape, int triangle, int record_in_view, PieceCorners c) {
     }
     boxes[record_index] = box;
     int to = record_index * GEOMETRY_STRIDE;
-    geometry[to] = vec4(e.origin, e.half_length.xy);
+    geometry[to] = vec4(e.origin, e.orientation * e.half_length.x, e.half_length.y);
     geometry[to + 1] = e.line[0];
     geometry[to + 2] = e.line[1];
     geometry[to + 3] = e.line[2];

@@ -103,6 +103,11 @@ const uint DISTANCE_BARYCENTRIC = 1u;
 // DISTANCE: D is 1 inside and 0 outside.
 const uint DISTANCE_HARD = 2u;
 
+// SURFACE_POINT: outside a triangle b̂ is that of the triangle's nearest point.
+const uint SURFACE_POINT_NEAREST = 0u;
+// SURFACE_POINT: b̂ is clamp(b, 0, 1) over its sum, as in the paper.
+const uint SURFACE_POINT_CLIP = 1u;
+
 // SAMPLING: corner colours only.
 const uint SAMPLING_NONE = 0u;
 // SAMPLING bit: some mesh has surface cells.

@@ -6,7 +6,8 @@
 // The kernels compute d in three ways:
 // - signed_distance_at measures all three edges. forward.comp uses it, in every mode.
 // - soft_distance measures the edge whose line has the least signed distance. forward_soft.comp uses it.
-// - nearest_point compares the edges two by two, and finds the nearest point as well. The backward kernels use it.
+// - nearest_point compares the edges two by two, and finds the nearest point as well. The backward kernels use it, and
+//   forward.comp to sample a triangle there.
 //
 // The last two measure one edge in place of three. They rest on a lemma. Let h_k be the pixel's signed distance to the line of
 // edge k, positive inside. In a triangle with an area, the edge with the least h holds the nearest boundary point.
@@ -113,6 +114,23 @@ Fragment fragment_of(SignedDistance p) {
     return f;
 }
 
+// The point of edge k at t is (1 - t) times the edge's first corner plus t times its second: corners k + 1 and k + 2. `slope` is
+// dt over the distance along the edge, which is `along` at the pixel's foot.
+float edge_parameter(float along, float slope) {
+    return lesser(greater(0.5 + slope * along, 0.0), 1.0);
+}
+
+// 0.5 / half length of each edge, negative where the distance along the edges runs from second to first corners.
+vec3 slopes_of(vec3 half_length, float orientation) {
+    return 0.5 * orientation / half_length;
+}
+
+// The barycentric coordinates of an edge's point: on edge 1, on edge 2, or else on edge 0.
+vec3 edge_barycentrics(bool on_one, bool on_two, float t) {
+    float rest = 1.0 - t;
+    return vec3(on_two ? rest : (on_one ? t : 0.0), on_two ? t : (on_one ? 0.0 : rest), on_two ? 0.0 : (on_one ? rest : t));
+}
+
 // The distance as forward_soft.comp has it.
 struct SoftDistance {
     // Signed distances to the lines of the three edges.
@@ -124,23 +142,32 @@ struct SoftDistance {
     bool kept;
     // e = exp(-d²/σ). D is 1 / (1 + e) inside and e / (1 + e) outside.
     float e;
+    // The nearest boundary point, as in NearestPoint.
+    bool on_one;
+    bool on_two;
+    float t;
 };
 
 // The distance of a pixel whose signed distances to the three lines, and distances along them, are `height` and `along`. The
 // caller sets `kept` and `e`.
-void soft_distance(vec3 height, vec3 along, vec3 half_length, out SoftDistance d) {
+void soft_distance(vec3 height, vec3 along, vec3 half_length, vec3 slopes, out SoftDistance d) {
     bool second = height.y < height.x;
     float nearest = second ? height.y : height.x;
     float position = second ? along.y : along.x;
     float size = second ? half_length.y : half_length.x;
+    float slope = second ? slopes.y : slopes.x;
     bool third = height.z < nearest;
     nearest = third ? height.z : nearest;
     position = third ? along.z : position;
     size = third ? half_length.z : size;
+    slope = third ? slopes.z : slope;
     float beyond = greater(abs(position) - size, 0.0);
     d.height = height;
     d.squared = nearest * nearest + beyond * beyond;
     d.inside = nearest > 0.0;
+    d.on_one = second && !third;
+    d.on_two = third;
+    d.t = edge_parameter(position, slope);
 }
 
 // nearest_point compares two edges by the sign of a line function, the separator. It is zero where both edges are equally near.
@@ -155,10 +182,13 @@ struct EdgeChoice {
     vec3 one_over_zero;
     vec3 two_over_one;
     vec3 two_over_zero;
-    // 0.5 / half length of each edge, negative where the distance along the edges runs from second to first corners.
+    // slopes_of the triangle.
     vec3 slope;
     // A pixel whose signed distance exceeds this is inside. It is 0, or too large for any pixel if the triangle has no area.
     float least_inside;
+    // Whether the nearest edge is that of the least signed distance, as in soft_distance. Then forward and backward sample the
+    // triangle at the same points.
+    bool by_height;
 };
 
 // The nearest boundary point of a pixel.
@@ -173,6 +203,10 @@ struct NearestPoint {
     float beyond;
     // The point is (1 - t) times the edge's first corner plus t times its second: corners k + 1 and k + 2 of edge k.
     float t;
+    // The edge's element of EdgeChoice::slope: dt over the distance along the edge.
+    float slope;
+    // Whether the pixel lies outside a triangle that has an area.
+    bool outside;
 };
 
 // The comparison of edge a with edge b, which follows it around the triangle: positive where b is nearer.
@@ -182,31 +216,16 @@ vec3 separator(vec4 a, float half_a, vec4 b, float half_b, float orientation) {
     return obtuse ? past_corner : a.xyz - b.xyz;
 }
 
-// 1 if the distance along the edges runs from each edge's first corner to its second, -1 if it runs back. It is the sign of the
-// cross products of the edges. If two edges are parallel but for rounding, it is the order of their midpoints.
-float orientation_of(Triangle t) {
-    vec2 a = t.line0.xy;
-    vec2 b = t.line1.xy;
-    vec2 c = t.line2.xy;
-    float turn = (a.x * b.y - a.y * b.x) + (b.x * c.y - b.y * c.x) + (c.x * a.y - c.y * a.x);
-    float parallel = 0.9999 * dot(a, a);
-    turn = dot(a, b) > parallel ? t.line0.w - t.line1.w : turn;
-    turn = dot(b, c) > parallel ? t.line1.w - t.line2.w : turn;
-    turn = dot(c, a) > parallel ? t.line2.w - t.line0.w : turn;
-    return turn < 0.0 ? -1.0 : 1.0;
-}
-
-EdgeChoice edge_choice_of(Triangle t) {
+// `sampled` tells whether the triangle is sampled at its nearest points.
+EdgeChoice edge_choice_of(Triangle t, bool sampled) {
     bvec3 end_line = lessThan(t.inverse_height, vec3(0.0));
     bool segment = any(end_line);
     // flatten_to_segment gives a point a line without a direction.
     bool point = t.line0.x == 0.0 && t.line0.y == 0.0;
-    // The lines of a segment do not show its orientation. edge.glsl sets it positive.
-    float orientation = segment ? 1.0 : orientation_of(t);
     EdgeChoice e;
-    e.one_over_zero = separator(t.line0, t.half_length.x, t.line1, t.half_length.y, orientation);
-    e.two_over_one = separator(t.line1, t.half_length.y, t.line2, t.half_length.z, orientation);
-    e.two_over_zero = -separator(t.line2, t.half_length.z, t.line0, t.half_length.x, orientation);
+    e.one_over_zero = separator(t.line0, t.half_length.x, t.line1, t.half_length.y, t.orientation);
+    e.two_over_one = separator(t.line1, t.half_length.y, t.line2, t.half_length.z, t.orientation);
+    e.two_over_zero = -separator(t.line2, t.half_length.z, t.line0, t.half_length.x, t.orientation);
     if (segment || point) {
         // A point is on any of its lines that has a direction, such as line 1.
         bool on_zero = segment && !end_line.x;
@@ -215,17 +234,19 @@ EdgeChoice edge_choice_of(Triangle t) {
         e.two_over_one = vec3(0.0, 0.0, on_two ? 1.0 : -1.0);
         e.two_over_zero = e.two_over_one;
     }
-    e.slope = 0.5 * orientation / max(t.half_length, vec3(1e-30));
+    e.slope = slopes_of(max(t.half_length, vec3(1e-30)), t.orientation);
     e.least_inside = segment || point ? 3e38 : 0.0;
+    e.by_height = sampled && SURFACE_POINT == SURFACE_POINT_NEAREST && !is_thin(t.half_length, t.inverse_height);
     return e;
 }
 
-// The nearest boundary point of the pixel q.
-NearestPoint nearest_point(Triangle t, EdgeChoice e, vec2 q) {
-    bool one = line_at(e.one_over_zero, q) > 0.0;
+// The nearest boundary point of the pixel q. `height` has its signed distances to the three lines, if e.by_height needs them.
+NearestPoint nearest_point(Triangle t, EdgeChoice e, vec3 height, vec2 q) {
+    bool one = e.by_height ? height.y < height.x : line_at(e.one_over_zero, q) > 0.0;
     float two_over_one = line_at(e.two_over_one, q);
     float two_over_zero = line_at(e.two_over_zero, q);
-    bool two = (one ? two_over_one : two_over_zero) > 0.0;
+    bool lower = height.z < (one ? height.y : height.x);
+    bool two = e.by_height ? lower : (one ? two_over_one : two_over_zero) > 0.0;
     NearestPoint n;
     n.on_one = one && !two;
     n.on_two = two;
@@ -235,10 +256,13 @@ NearestPoint nearest_point(Triangle t, EdgeChoice e, vec2 q) {
     n.signed_distance = line_at(vec3(n.normal, offset), q);
     float middle = two ? t.line2.w : (one ? t.line1.w : t.line0.w);
     float half_length = two ? t.half_length.z : (one ? t.half_length.y : t.half_length.x);
-    float slope = two ? e.slope.z : (one ? e.slope.y : e.slope.x);
-    float along = n.normal.y * q.x - n.normal.x * q.y + middle;
+    n.slope = two ? e.slope.z : (one ? e.slope.y : e.slope.x);
+    // To sample at the very points of forward, the sum has the order of row_part in forward_soft.comp.
+    float along = SURFACE_POINT == SURFACE_POINT_NEAREST ? n.normal.y * q.x + (middle - n.normal.x * q.y)
+                                                         : n.normal.y * q.x - n.normal.x * q.y + middle;
     float on_edge = between(along, half_length);
     n.beyond = along - on_edge;
-    n.t = 0.5 + slope * on_edge;
+    n.t = SURFACE_POINT == SURFACE_POINT_NEAREST ? edge_parameter(along, n.slope) : 0.5 + n.slope * on_edge;
+    n.outside = e.least_inside == 0.0 && n.signed_distance <= 0.0;
     return n;
 }

@@ -1,4 +1,4 @@
-// A fragment is one (pixel, triangle) pair. Here: its clipped barycentrics b̂, its depth, and the log weight ζ/γ of eq. 3.
+// A fragment is one (pixel, triangle) pair. Here: the barycentrics b̂ that it is sampled at, its depth, and the log weight ζ/γ of eq. 3.
 // pair_gradient.glsl has the derivatives. Needs distance.glsl.
 
 // clamp(b, 0, 1): b̂ before its division by the sum. The lower bound stands for 0. It keeps the sum positive if a triangle is
@@ -6,6 +6,17 @@
 vec3 clipped_barycentrics(vec3 inverse_height, vec3 height) {
     vec3 b = height * inverse_height;
     return vec3(lesser(greater(b.x, 1e-20), 1.0), lesser(greater(b.y, 1e-20), 1.0), lesser(greater(b.z, 1e-20), 1.0));
+}
+
+// b̂ before its division by the sum, of a pixel with the signed distances `height`. Inside, b is clipped all the same: rounding
+// may put a pixel of a thin triangle outside.
+vec3 sampled_barycentrics(Triangle t, vec3 height, NearestPoint n) {
+    vec3 b = clipped_barycentrics(t.inverse_height, height);
+    if (SURFACE_POINT == SURFACE_POINT_NEAREST && DISTANCE != DISTANCE_HARD) {
+        vec3 e = edge_barycentrics(n.on_one, n.on_two, n.t);
+        b = vec3(n.outside ? e.x : b.x, n.outside ? e.y : b.y, n.outside ? e.z : b.z);
+    }
+    return b;
 }
 
 struct Depth {

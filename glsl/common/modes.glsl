@@ -26,6 +26,8 @@ layout(constant_id = 18) const uint LOOP_PASSES = 60000;
 layout(constant_id = 19) const bool WALKS = true;
 // Whether some texture has an alpha below 1. Then D' = α D takes the place of D in eq. 2, 3 and 5.
 layout(constant_id = 25) const bool OPACITY = false;
+// Where a triangle is sampled outside itself.
+layout(constant_id = 29) const uint SURFACE_POINT = 0;
 // Whether some mesh gives the normals of its vertices (`vertex_normals`).
 layout(constant_id = 27) const bool GIVEN_NORMALS = false;
 

@@ -63,19 +63,19 @@ bool has_surface() {
 // d² of eq. 1, its sign and its nearest point.
 struct PairDistance {
     SignedDistance to_triangle;
-    // For the Euclidean distance alone.
+    // For the Euclidean distance, and where the triangle is sampled there.
     NearestPoint nearest;
 };
 
 PairDistance distance_of_pair(ItemTriangle item, Pair pair) {
     PairDistance d;
     Triangle t = item.edges;
+    if (has_surface()) {
+        d.to_triangle.height = heights_at(t, pair.q);
+    }
+    NearestPoint n = nearest_point(t, item.choice, d.to_triangle.height, pair.q);
+    d.nearest = n;
     if (DISTANCE == DISTANCE_EUCLIDEAN) {
-        NearestPoint n = nearest_point(t, item.choice, pair.q);
-        d.nearest = n;
-        if (has_surface()) {
-            d.to_triangle.height = heights_at(t, pair.q);
-        }
         d.to_triangle.squared = n.signed_distance * n.signed_distance + n.beyond * n.beyond;
         d.to_triangle.inside = n.signed_distance > item.choice.least_inside;
         d.to_triangle.kept = d.to_triangle.inside || d.to_triangle.squared < item.radius_squared;
@@ -100,8 +100,8 @@ PixelGradient received(PixelGradient g, bool kept) {
 
 // Barycentrics and depth of a fragment.
 struct Surface {
-    // clamp(b, 0, 1), which is b̂ times its sum.
-    vec3 clipped;
+    // b̂ times its sum.
+    vec3 sampled;
     float inverse_sum;
     Depth depth;
     // Whether the fragment contributes to the shaded images.
@@ -109,12 +109,12 @@ struct Surface {
 };
 
 // A fragment outside the depth range has D = 0 and the complement 1.
-Surface surface_of(ItemTriangle item, inout Fragment f) {
+Surface surface_of(ItemTriangle item, NearestPoint nearest, inout Fragment f) {
     Surface s;
-    s.clipped = clipped_barycentrics(item.edges.inverse_height, f.height);
-    float sum = s.clipped.x + s.clipped.y + s.clipped.z;
+    s.sampled = sampled_barycentrics(item.edges, f.height, nearest);
+    float sum = s.sampled.x + s.sampled.y + s.sampled.z;
     s.inverse_sum = 1.0 / sum;
-    s.depth = depth_at(item.corner.depth, s.clipped, sum);
+    s.depth = depth_at(item.corner.depth, s.sampled, sum);
     s.shaded = f.kept && in_depth_range(item.z0 * s.depth.ratio);
     // The official backward pass gives no gradient to a fragment that its colour leaves out.
     if (DEPTH_RANGE == DEPTH_RANGE_FAR || (DEPTH_RANGE == DEPTH_RANGE_OFFICIAL && PAPER)) {

@@ -144,7 +144,7 @@ void add_normal(Corner c, vec3 by_normal, vec3 weighted, inout Value v, inout Su
 // The shares of a fragment, and a v_j of 0.
 Value value_from(ItemTriangle item, Surface surface) {
     Value v;
-    vec3 share = surface.clipped * surface.inverse_sum;
+    vec3 share = surface.sampled * surface.inverse_sum;
     v.correction = surface.depth.ratio * nearness(item.corner);
     v.share = PERSPECTIVE_CORRECT ? share * v.correction : share;
     v.by_share = vec3(0.0);
@@ -207,10 +207,17 @@ void add_opacity(ItemTriangle item, Opacity o, float by_alpha, float weight, ino
     v.by_all_shares = v.by_all_shares * weight + dot(by_share, v.share);
 }
 
-// dL by the corners' depths, and by the barycentric coordinates b through the shares and through z. b̂ = clamp(b, 0, 1) / sum.
+// -1 at the first corner of the nearest edge, 1 at its second, 0 at the third.
+vec3 edge_ends(NearestPoint n) {
+    return vec3(n.on_two ? -1.0 : (n.on_one ? 1.0 : 0.0), n.on_two ? 1.0 : (n.on_one ? 0.0 : -1.0),
+                n.on_two ? 0.0 : (n.on_one ? -1.0 : 1.0));
+}
+
+// dL by the corners' depths, and by b̂ through the shares and through z: to the barycentric coordinates b of a pixel that is
+// sampled where it is or at clamp(b, 0, 1) / sum, and to the parameter t of one that is sampled at the nearest boundary point.
 // From 1/z = Σ b̂_k/z_k follow ∂z/∂z_k = b̂_k (z/z_k)² and ∂z/∂b̂_k = -z²/z_k.
-void surface_gradient(ItemTriangle item, Pair pair, PixelGradient g, Fragment f, Surface surface, Value v, float weight,
-                      float by_weight, inout Sums s) {
+void surface_gradient(ItemTriangle item, Pair pair, NearestPoint nearest, PixelGradient g, Fragment f, Surface surface,
+                      Value v, float weight, float by_weight, inout float by_t, inout Sums s) {
     Corner c = item.corner;
     float ratio = surface.depth.ratio;
     // add_opacity has multiplied by the weight already.
@@ -227,33 +234,49 @@ void surface_gradient(ItemTriangle item, Pair pair, PixelGradient g, Fragment f,
         s.depth -= v.by_share * v.share * (mixed * ratio * inverse_z) / nearness(c);
     }
     float by_ratio = by_z * ratio * ratio * surface.inverse_sum;
-    s.depth += by_ratio * surface.clipped;
+    s.depth += by_ratio * surface.sampled;
     if (!PAPER) {
         // z/z_k - 1 comes from the differences of z_0/z_k, which are small. z/z_k itself would lose all digits.
         vec3 excess = vec3(0.0, c.depth.xy);
-        float mean_excess = (surface.clipped.y * c.depth.x + surface.clipped.z * c.depth.y) * surface.inverse_sum;
+        float mean_excess = (surface.sampled.y * c.depth.x + surface.sampled.z * c.depth.y) * surface.inverse_sum;
         vec3 by_share = PERSPECTIVE_CORRECT ? v.by_share * v.correction : v.by_share;
         vec3 by_b = weighted * (by_share - v.by_all_shares) - by_ratio * item.z0 * (excess - mean_excess);
+        if (SURFACE_POINT == SURFACE_POINT_NEAREST) {
+            // A clamped t has derivative 0.
+            by_t = nearest.outside && nearest.beyond == 0.0 ? dot(by_b, edge_ends(nearest)) : 0.0;
+            by_b = nearest.outside ? vec3(0.0) : by_b;
+        }
         // A clamped b has derivative 0, however large it is.
         vec3 b = f.height * item.edges.inverse_height;
-        by_b = vec3(b.x == surface.clipped.x ? by_b.x : 0.0, b.y == surface.clipped.y ? by_b.y : 0.0,
-                    b.z == surface.clipped.z ? by_b.z : 0.0);
+        by_b = vec3(b.x == surface.sampled.x ? by_b.x : 0.0, b.y == surface.sampled.y ? by_b.y : 0.0,
+                    b.z == surface.sampled.z ? by_b.z : 0.0);
         add_by_b(by_b, pair, s);
     }
 }
 
-// dL by the corners through d² of eq. 1. The nearest boundary point is n = Σ β_k p_k, so ∂d²/∂p_k = 2 β_k (n - pixel). In the
-// units of the record dL/dd² = ± log(2) dL/dx.
-void distance_gradient(NearestPoint n, bool inside, float by_x, inout Sums s) {
+// dL by the corners through d² of eq. 1, and through t of the nearest boundary point. That point is n = Σ β_k p_k, so ∂d²/∂p_k =
+// 2 β_k (n - pixel). In the units of the record dL/dd² = ± log(2) dL/dx. When the edge's corners move along it, t changes by -β_k
+// over the edge's length. When they move across it, the edge turns, and t changes by the pixel's distance over the squared
+// length.
+void distance_gradient(NearestPoint n, bool inside, float by_x, float by_t, inout Sums s) {
     float pull = inside ? -2.0 * LN2 * by_x : 2.0 * LN2 * by_x;
     float across = pull * n.signed_distance;
     float along = pull * n.beyond;
+    if (SURFACE_POINT == SURFACE_POINT_NEAREST) {
+        along -= by_t * n.slope;
+    }
     vec2 force = vec2(across * n.normal.x + along * n.normal.y, across * n.normal.y - along * n.normal.x);
-    float t = n.t;
-    float rest = 1.0 - t;
-    s.corner[0] += (n.on_two ? rest : (n.on_one ? t : 0.0)) * force;
-    s.corner[1] += (n.on_two ? t : (n.on_one ? 0.0 : rest)) * force;
-    s.corner[2] += (n.on_two ? 0.0 : (n.on_one ? rest : t)) * force;
+    vec3 share = edge_barycentrics(n.on_one, n.on_two, n.t);
+    s.corner[0] += share.x * force;
+    s.corner[1] += share.y * force;
+    s.corner[2] += share.z * force;
+    if (SURFACE_POINT == SURFACE_POINT_NEAREST) {
+        vec2 turn = n.normal * (by_t * n.slope * n.slope * n.signed_distance);
+        vec3 end = edge_ends(n);
+        s.corner[0] += end.x * turn;
+        s.corner[1] += end.y * turn;
+        s.corner[2] += end.z * turn;
+    }
 }
 
 // dL by the corners through the barycentric distance: in place of d, eq. 1 has the smallest barycentric coordinate.
@@ -267,12 +290,15 @@ void barycentric_distance_gradient(ItemTriangle item, Pair pair, Fragment f, flo
     add_by_b(vec3(first ? by_least : 0.0, second ? by_least : 0.0, first || second ? 0.0 : by_least), pair, s);
 }
 
-// Carries dL/dx to the corners, through d², and to sigma.
-void x_gradient(ItemTriangle item, Pair pair, PairDistance d, Fragment f, float by_x, inout Sums s) {
+// Carries dL/dx to the corners, through d², and to sigma, and dL/dt of the nearest boundary point to the corners.
+void x_gradient(ItemTriangle item, Pair pair, PairDistance d, Fragment f, float by_x, float by_t, inout Sums s) {
     if (DISTANCE == DISTANCE_EUCLIDEAN && GRAD_GEOMETRY) {
-        distance_gradient(d.nearest, d.to_triangle.inside, by_x, s);
+        distance_gradient(d.nearest, d.to_triangle.inside, by_x, by_t, s);
     } else if (DISTANCE == DISTANCE_BARYCENTRIC && GRAD_GEOMETRY) {
         barycentric_distance_gradient(item, pair, f, by_x, s);
+        if (SURFACE_POINT == SURFACE_POINT_NEAREST) {
+            distance_gradient(d.nearest, true, 0.0, by_t, s);
+        }
     }
     if (DISTANCE != DISTANCE_HARD && GRAD_SCALARS) {
         // x = log(D / (1 - D)). Where D is 0, by_x is 0 too.

@@ -1,6 +1,6 @@
 // A triangle's two records, as triangle.comp writes them.
-// The geometry record gives the signed distances of eq. 1 and the barycentrics. edge.glsl defines its members. 16 of its 18
-// numbers fill GEOMETRY_TEXELS texels: the records of two triangles are eight texels, which eight lanes read at once
+// The geometry record gives the signed distances of eq. 1 and the barycentrics. edge.glsl defines its members. The sign of
+// half length 0 is the orientation. 16 of its 18 numbers fill GEOMETRY_TEXELS texels: the records of two triangles are eight texels, which eight lanes read at once
 // (shared_records.glsl).
 // The tail, (half length 2, inverse area), is the head of the shading record's first texel. Without shading it is a fifth
 // texel.
@@ -14,6 +14,8 @@ struct Triangle {
     vec4 line2;
     vec3 half_length;
     vec3 inverse_height;
+    // 1 if the distance along the edges runs from each edge's first corner to its second, -1 if it runs back.
+    float orientation;
 };
 
 // The inverse heights over the three edges. The height over an edge of half length s is A / s with the area A, so the inverse
@@ -27,9 +29,25 @@ vec3 inverse_heights_of(vec3 half_length, float inverse_area) {
     return inverse_area > 0.0 ? of_area : (inverse_area < 0.0 ? of_segment : of_point);
 }
 
+float orientation_of(float half_length_0) {
+    return half_length_0 < 0.0 ? -1.0 : 1.0;
+}
+
 Triangle triangle_from(vec4 record[GEOMETRY_TEXELS], vec2 tail) {
-    vec3 half_length = vec3(record[0].zw, tail.x);
-    return Triangle(record[0].xy, record[1], record[2], record[3], half_length, inverse_heights_of(half_length, tail.y));
+    vec3 half_length = vec3(abs(record[0].z), record[0].w, tail.x);
+    return Triangle(record[0].xy, record[1], record[2], record[3], half_length, inverse_heights_of(half_length, tail.y),
+                    orientation_of(record[0].z));
+}
+
+// Whether a triangle has no area, or its least height is so small that rounding could change which edge is the nearest
+// (soft_distance in distance.glsl). Rounding adds some 1e-7 of the distances within the culling radius. This test asks for a
+// hundred times as much.
+bool is_thin(vec3 half_length, vec3 inverse_height) {
+    float least = min(inverse_height.x, min(inverse_height.y, inverse_height.z));
+    float most = max(inverse_height.x, max(inverse_height.y, inverse_height.z));
+    float longest = 2.0 * max(half_length.x, max(half_length.y, half_length.z));
+    precise float ratio = most * (longest + 2.0 * sqrt(frame.radius_squared));
+    return !(least > 0.0 && ratio < 1e5);
 }
 
 vec2 geometry_tail(int record_index) {

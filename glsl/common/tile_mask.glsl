@@ -20,17 +20,6 @@ struct Reach {
     bool thin;
 };
 
-// Whether a triangle has no area, or its least height is so small that rounding could change which edge is the nearest
-// (soft_distance in distance.glsl). Rounding adds some 1e-7 of the distances within the culling radius. This test asks for a
-// hundred times as much.
-bool is_thin(vec3 half_length, vec3 inverse_height) {
-    float least = min(inverse_height.x, min(inverse_height.y, inverse_height.z));
-    float most = max(inverse_height.x, max(inverse_height.y, inverse_height.z));
-    float longest = 2.0 * max(half_length.x, max(half_length.y, half_length.z));
-    precise float ratio = most * (longest + 2.0 * sqrt(frame.radius_squared));
-    return !(least > 0.0 && ratio < 1e5);
-}
-
 Reach reach_of_record(int record_index, ivec2 bin) {
     Triangle t = triangle_of(record_index);
     vec4 lines[3] = vec4[](t.line0, t.line1, t.line2);

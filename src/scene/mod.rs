@@ -14,7 +14,7 @@ pub(crate) use mesh::first_not_finite;
 pub use mesh::{Appearance, Mesh};
 pub use settings::{
     Background, ColorAggregation, Distance, Faces, FrontFace, Interpolation, Outputs, Parity, Settings,
-    SilhouetteAggregation,
+    SilhouetteAggregation, SurfacePoint,
 };
 pub use support::Support;
 pub use texture::{Texture, Wrap};

@@ -102,6 +102,18 @@ pub enum Interpolation {
     Perspective,
 }
 
+/// Where a triangle is sampled for a pixel outside it: the barycentrics b̂ of its depth, colour, UV and normal there.
+/// Inside they are the pixel's own.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SurfacePoint {
+    /// At the triangle's point nearest to the pixel, to which d is measured.
+    #[default]
+    Nearest,
+    /// At the pixel's barycentrics clamped to [0, 1] and divided by their sum (the paper). On a needle that point lies far
+    /// along it, so that a hidden needle may show through the surface before it.
+    Clip,
+}
+
 /// Which rules apply where the official code differs from the paper's mathematics.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Parity {
@@ -109,7 +121,7 @@ pub enum Parity {
     #[default]
     Model,
     /// The official code's image: background score 2ε, no near clipping, silhouettes that count triangles outside
-    /// [near, far] and back faces, barycentric support cut by the box of the Euclidean radius.
+    /// [near, far] and back faces, barycentric support cut by the box of the Euclidean radius, [`SurfacePoint::Clip`].
     Official,
 }
 
@@ -171,6 +183,8 @@ pub struct Settings {
     pub front_face: FrontFace,
     /// Affine or perspective-correct colours.
     pub interpolation: Interpolation,
+    /// Where a triangle is sampled outside itself; [`Parity::Official`] has [`SurfacePoint::Clip`] whatever this is.
+    pub surface_point: SurfacePoint,
     /// The paper's model, or the official code's deviations from it.
     pub parity: Parity,
     /// Keep what the backward pass needs, 16 bytes a pixel; a frame without it cannot be differentiated. What asks for
@@ -199,6 +213,7 @@ impl Default for Settings {
             faces: Faces::Both,
             front_face: FrontFace::CounterClockwise,
             interpolation: Interpolation::Affine,
+            surface_point: SurfacePoint::Nearest,
             parity: Parity::Model,
             save: false,
         }

@@ -10,7 +10,7 @@ use softras::{
     GradientMode, Lights,
     scene::{
         Appearance, Background, ColorAggregation, Distance, Faces, FrontFace, Interpolation, Outputs, Parity, Shading,
-        SilhouetteAggregation, Wrap,
+        SilhouetteAggregation, SurfacePoint, Wrap,
     },
 };
 
@@ -19,9 +19,10 @@ pub type Change = fn(&mut Case);
 
 /// Each choice by itself, and the combinations that have code of their own. Guaranteed support is not among them: which
 /// pairs it keeps is bounded and not fixed, so that its tests (tests/render/support.rs) compare with that bound.
-pub const MODES: [(&str, Change); 35] = [
+pub const MODES: [(&str, Change); 36] = [
     ("the paper's", |_| {}),
     ("composite", |c| c.settings.background = Background::Composite),
+    ("clipped barycentrics", |c| c.settings.surface_point = SurfacePoint::Clip),
     ("hard colour", |c| c.settings.color = ColorAggregation::Hard),
     ("sum", |c| c.settings.silhouette = SilhouetteAggregation::Sum),
     ("hard silhouette", |c| c.settings.silhouette = SilhouetteAggregation::Hard),
@@ -114,7 +115,7 @@ pub const FACTORS: [(&str, &[Change]); 10] = [
     ),
     ("PERSPECTIVE_CORRECT", &[|_| {}, |c| c.settings.interpolation = Interpolation::Perspective]),
     (
-        "NEAR_CLIP, DEPTH_RANGE, OFFICIAL",
+        "NEAR_CLIP, DEPTH_RANGE, OFFICIAL, SURFACE_POINT",
         &[
             |_| {},
             |c| through_near(c, Parity::Model),

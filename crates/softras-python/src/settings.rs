@@ -5,7 +5,7 @@ use crate::exceptions::bad_input;
 use pyo3::prelude::*;
 use softras::scene::{
     Background, ColorAggregation, DirectionalLight, Distance, Faces, FrontFace, Interpolation, Outputs, Parity,
-    Shading, SilhouetteAggregation, Support,
+    Shading, SilhouetteAggregation, Support, SurfacePoint,
 };
 use softras::{GradientMode, GradientRequest, Lights, Settings};
 
@@ -98,6 +98,11 @@ pub fn settings(value: Option<&Bound<'_, PyAny>>) -> PyResult<Settings> {
             value,
             "interpolation",
             &[("affine", Interpolation::Affine), ("perspective", Interpolation::Perspective)],
+        )?,
+        surface_point: field(
+            value,
+            "surface_point",
+            &[("nearest", SurfacePoint::Nearest), ("clip", SurfacePoint::Clip)],
         )?,
         parity: field(value, "parity", &[("model", Parity::Model), ("official", Parity::Official)])?,
         save: false,

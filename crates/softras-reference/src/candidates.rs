@@ -111,7 +111,7 @@ impl Scores {
 
     /// Over the pixels within `reach` of `centre`: the largest log D, and the least and the largest log D + ζ / γ.
     fn over(&self, knobs: &Knobs<'_, f64>, piece: &Piece<f64>, centre: [f64; 2], reach: f64) -> [f64; 3] {
-        let location = locate(&piece.screen(), centre);
+        let location = locate(&piece.screen(), centre, knobs.surface_point());
         let outside = if location.inside { -location.distance2.sqrt() } else { location.distance2.sqrt() };
         let log_d = |d: f64| -(d * d.abs() / knobs.sigma).softplus();
         let (most, fewest) = (log_d(outside - reach), log_d(outside + reach));

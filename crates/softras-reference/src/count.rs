@@ -54,7 +54,7 @@ fn needed(view: &View<'_>, row: usize, column: usize) -> u32 {
     let centre = pixel_centre(view.knobs.settings, row, column);
     let kept = |&&i: &&u32| {
         let piece = &view.pieces[i as usize];
-        coverage(&view.knobs, piece, &locate(&piece.screen(), centre), centre).is_some()
+        coverage(&view.knobs, piece, &locate(&piece.screen(), centre, view.knobs.surface_point()), centre).is_some()
     };
     view.candidates.of(row, column).iter().filter(kept).count() as u32
 }

@@ -6,7 +6,7 @@ use super::parameters::{MeshSlots, Parameters, Source};
 use super::real::{Real, blend, dot, multiply};
 use super::setup::Piece;
 use super::texture::{opacity, sample};
-use softras::scene::{Distance, Faces, Interpolation, Mesh, Parity, Settings};
+use softras::scene::{Distance, Faces, Interpolation, Mesh, Parity, Settings, SurfacePoint};
 
 /// The settings that a pixel is computed from, the differentiable ones as numbers that may carry derivatives.
 #[derive(Clone, Debug)]
@@ -51,6 +51,14 @@ impl<'a, R: Real> Knobs<'a, R> {
             mode,
         }
     }
+
+    /// Where a triangle is sampled outside itself: in official parity as the official code does.
+    pub fn surface_point(&self) -> SurfacePoint {
+        match self.settings.parity {
+            Parity::Model => self.settings.surface_point,
+            Parity::Official => SurfacePoint::Clip,
+        }
+    }
 }
 
 /// The coverage D of a fragment: the probability that its triangle covers the pixel.
@@ -72,7 +80,7 @@ pub struct Fragment<R> {
     /// The pixel's centre is in the triangle.
     pub inside: bool,
     /// Depth, colour and normal; `None` for a fragment that counts in the silhouette only.
-    pub surface: Option<SurfacePoint<R>>,
+    pub surface: Option<Surface<R>>,
 }
 
 impl<R: Real> Coverage<R> {
@@ -102,7 +110,7 @@ impl<R: Real> Fragment<R> {
 
 /// The point of a piece's surface that a fragment shows.
 #[derive(Clone, Copy, Debug)]
-pub struct SurfacePoint<R> {
+pub struct Surface<R> {
     /// View depth.
     pub z: R,
     /// Lit colour.
@@ -183,7 +191,7 @@ pub fn fragment<S: Source>(
 ) -> Option<Fragment<S::R>> {
     let coverage = coverage(knobs, piece, location, pixel)?;
     let paper = knobs.mode == GradientMode::Paper;
-    let b = if paper { location.clipped.map(Real::detach) } else { location.clipped };
+    let b = if paper { location.sampled.map(Real::detach) } else { location.sampled };
     let z = depth(piece, b);
     let seen = in_range(knobs.settings, z.value());
     let weights = weights(knobs.settings, piece, b, z);
@@ -218,9 +226,9 @@ fn surface_point<S: Source>(
     piece: &Piece<S::R>,
     weights: [S::R; 3],
     z: S::R,
-) -> SurfacePoint<S::R> {
+) -> Surface<S::R> {
     let corners = &piece.corners;
-    let mut point = SurfacePoint { z, color: [S::R::zero(); 3], normal: [S::R::zero(); 3] };
+    let mut point = Surface { z, color: [S::R::zero(); 3], normal: [S::R::zero(); 3] };
     if settings.outputs.color {
         let original = blend(weights, corners.map(|c| c.original));
         let uv = blend(weights, corners.map(|c| c.uv));

@@ -74,7 +74,7 @@ impl<'a> View<'a> {
         let mut origins: Vec<(&Piece<f64>, Location<f64>)> = Vec::new();
         for &i in self.candidates.of(row, column) {
             let piece = &self.pieces[i as usize];
-            let location = locate(&piece.screen(), centre);
+            let location = locate(&piece.screen(), centre, knobs.surface_point());
             margin.pair(knobs, piece, &location, centre);
             if coverage(knobs, piece, &location, centre).is_none() {
                 continue;

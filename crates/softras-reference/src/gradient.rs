@@ -89,10 +89,10 @@ fn pixel(
     let fragments = view.candidates.of(row, column).iter().filter_map(|&i| {
         let piece = &view.pieces[i as usize];
         // Dropped pairs need not be recorded.
-        coverage(&view.knobs, piece, &locate(&piece.screen(), centre), centre)?;
+        coverage(&view.knobs, piece, &locate(&piece.screen(), centre, view.knobs.surface_point()), centre)?;
         let start = parameters.values().len() + i as usize * Piece::<f64>::SCALARS;
         let piece = piece.map(|value, scalar| tape::leaf(value, start + scalar));
-        let location = locate(&piece.screen(), centre);
+        let location = locate(&piece.screen(), centre, view.knobs.surface_point());
         fragment(&knobs, view.mesh, view.slots, &source, &piece, &location, centre)
     });
     let fragments: Vec<_> = fragments.collect();

@@ -14,7 +14,7 @@
 //! and at most 1. It does not cover jumps of whole triangles (turning a back face to the camera, crossing the near
 //! plane, degenerating), nor kinks, where only the derivative jumps.
 
-use super::fragment::{Fragment, Knobs, SurfacePoint, box_excess, depth, smallest};
+use super::fragment::{Fragment, Knobs, Surface, box_excess, depth, smallest};
 use super::geometry::Location;
 use super::real::blend;
 use super::setup::Piece;
@@ -64,7 +64,7 @@ impl Margin {
 
     /// The depth of a pair that was not dropped for its distance.
     pub fn depth(&mut self, knobs: &Knobs<'_, f64>, piece: &Piece<f64>, location: &Location<f64>) {
-        let z = depth(piece, location.clipped);
+        let z = depth(piece, location.sampled);
         self.limit(z / knobs.settings.far - 1.0);
         if knobs.settings.parity == Parity::Official {
             self.limit(z / knobs.settings.near - 1.0);
@@ -87,7 +87,7 @@ impl Margin {
         appearance: &Appearance,
         piece: &Piece<f64>,
         location: &Location<f64>,
-        (fragment, point): (&Fragment<f64>, &SurfacePoint<f64>),
+        (fragment, point): (&Fragment<f64>, &Surface<f64>),
         share: f64,
     ) {
         if knobs.settings.color == ColorAggregation::Hard && location.inside && fragment.is_solid() {
@@ -101,9 +101,9 @@ impl Margin {
             && share > VISIBLE_SHARE
         {
             let weights = match knobs.settings.interpolation {
-                Interpolation::Affine => location.clipped,
+                Interpolation::Affine => location.sampled,
                 Interpolation::Perspective => {
-                    std::array::from_fn(|k| location.clipped[k] * point.z / piece.corners[k].z)
+                    std::array::from_fn(|k| location.sampled[k] * point.z / piece.corners[k].z)
                 }
             };
             self.limit(cell_border(*resolution, blend(weights, piece.corners.map(|c| c.original))));

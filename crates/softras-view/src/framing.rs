@@ -11,8 +11,9 @@ use softras::{Camera, Lights, Projection, Result, scene::DirectionalLight};
 const FILL: f64 = 0.85;
 /// Near and far lie this many radii before and behind the mesh's centre: a little more than the sphere.
 const DEPTH_MARGIN: f64 = 1.05;
-/// Near is at least this share of far, for a camera inside the sphere.
-const NEAREST: f64 = 1e-3;
+/// Near is at least this share of far, for a camera inside the sphere. The depth order is linear in depth, so that a small near
+/// costs it no digits.
+const NEAREST: f64 = 1e-5;
 
 /// The lights of the studio: where each comes from, in camera axes (right, up, towards the viewer), and its intensity.
 const KEY: ([f64; 3], f64) = ([-0.65, 0.7, 0.5], 0.66);
@@ -247,6 +248,14 @@ mod tests {
         let inside =
             Viewpoint::new(&CameraOptions { eye: Some([0.0, 0.0, 0.1]), ..CameraOptions::default() }, bounds, 1.0, 0.0);
         assert!(inside.near > 0.0 && inside.far > inside.near && !inside.misses(bounds));
+        // In a scene of 10 km a house 6 m away is in view.
+        let (near, _) = depth_range(
+            &CameraOptions::default(),
+            Bounds { center: DVec3::ZERO, radius: 7071.0 },
+            DVec3::new(0.0, 5.0, 6.0),
+            DVec3::new(0.0, 5.0, 0.0),
+        );
+        assert!(near < 1.0, "{near}");
         let away = Viewpoint::new(
             &CameraOptions { eye: Some([0.0, 0.0, 5.0]), target: Some([0.0, 0.0, 9.0]), ..CameraOptions::default() },
             bounds,

@@ -40,6 +40,7 @@ pub fn settings(
         background_color: look.background.unwrap_or_default(),
         faces: modes.faces,
         interpolation: modes.interpolation,
+        surface_point: modes.surface_point,
         ..Settings::default()
     };
     // The blur is given in pixels of the picture.

@@ -4,7 +4,7 @@ use softras::{
     Settings,
     scene::{
         Background, ColorAggregation, DirectionalLight, Distance, Faces, Interpolation, Shading, SilhouetteAggregation,
-        Support,
+        Support, SurfacePoint,
     },
 };
 use softras_io::Curve;
@@ -127,7 +127,8 @@ pub struct Look {
     pub sigma: Option<f64>,
     /// Softness of edges as the distance in pixels that a triangle's influence reaches; it takes the place of `sigma`.
     pub blur: Option<f64>,
-    /// Softness of the depth order, in units of far - near.
+    /// Softness of the depth order, in units of far - near. By default it is 1e-6, about what single precision tells apart: a
+    /// sign hides the wall behind it however large the scene is.
     pub gamma: f64,
     /// Score of the background against the triangles, with the weighted background.
     pub epsilon: f64,
@@ -149,7 +150,7 @@ impl Default for Look {
             size: (256, 256),
             sigma: None,
             blur: None,
-            gamma: 1e-4,
+            gamma: 1e-6,
             epsilon: 1e-3,
             tau: 1e-4,
             support: Support::Probability,
@@ -173,6 +174,8 @@ pub struct Modes {
     pub distance: Distance,
     /// Interpolation of colours over a triangle.
     pub interpolation: Interpolation,
+    /// Where a triangle is sampled outside itself.
+    pub surface_point: SurfacePoint,
 }
 
 impl Default for Modes {
@@ -183,6 +186,7 @@ impl Default for Modes {
             silhouette: SilhouetteAggregation::Product,
             distance: Distance::Euclidean,
             interpolation: Interpolation::Perspective,
+            surface_point: SurfacePoint::Nearest,
         }
     }
 }

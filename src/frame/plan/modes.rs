@@ -4,7 +4,7 @@ use super::PlanInput;
 use crate::constants as c;
 use crate::scene::{
     Background, Camera, ColorAggregation, Distance, Faces, FrontFace, Interpolation, Mesh, Outputs, Parity, Settings,
-    Shading, SilhouetteAggregation,
+    Shading, SilhouetteAggregation, SurfacePoint,
 };
 use glam::DVec3;
 
@@ -109,6 +109,8 @@ modes! {
         sampling = "SAMPLING",
         /// 1: attributes are interpolated with perspective correction.
         perspective_correct = "PERSPECTIVE_CORRECT",
+        /// SURFACE_POINT_: where a triangle is sampled outside itself.
+        surface_point = "SURFACE_POINT",
         /// 1: the background is composited by the silhouette.
         composite = "COMPOSITE",
         /// DEPTH_RANGE_: how fragments beyond the far plane are rejected.
@@ -189,6 +191,10 @@ impl Modes {
             sampling: u32::from(input.sampling.surface) * c::SAMPLING_SURFACE
                 + u32::from(input.sampling.image) * c::SAMPLING_IMAGE,
             perspective_correct: u32::from(s.interpolation == Interpolation::Perspective),
+            surface_point: match s.surface_point {
+                SurfacePoint::Nearest if !official => c::SURFACE_POINT_NEAREST,
+                _ => c::SURFACE_POINT_CLIP,
+            },
             composite: u32::from(s.background == Background::Composite),
             depth_range,
             save: u32::from(input.save),

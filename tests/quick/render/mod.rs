@@ -5,6 +5,7 @@ mod cropped;
 mod forward;
 mod helpers;
 mod invariance;
+mod needles;
 mod pixels;
 mod properties_images;
 mod repeat_frames;

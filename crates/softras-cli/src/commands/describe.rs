@@ -13,7 +13,8 @@ pub fn settings(s: &Settings) -> Value {
         "near": s.near, "far": s.far,
         "color": lower(&s.color), "silhouette": lower(&s.silhouette), "distance": lower(&s.distance),
         "background": lower(&s.background), "background_color": s.background_color,
-        "faces": lower(&s.faces), "interpolation": lower(&s.interpolation), "parity": lower(&s.parity),
+        "faces": lower(&s.faces), "interpolation": lower(&s.interpolation),
+        "surface_point": lower(&s.surface_point), "parity": lower(&s.parity),
     })
 }
 

@@ -75,6 +75,24 @@ fn without_background_a_picture_is_transparent_and_with_one_it_is_opaque() {
     assert_eq!(picture(&folder.path().join("raw.png")).get_pixel(0, 0).0, [128, 128, 128, 255]);
 }
 
+#[test]
+fn a_sign_hides_the_wall_behind_it_in_a_scene_of_any_size() {
+    let folder = tempfile::tempdir().unwrap();
+    let quad = |[x, y, z]: [f32; 3], [w, h]: [f32; 2], color: &str| {
+        [[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]].map(|[u, v]| format!("v {} {} {z} {color}\n", x + u, y + v)).concat()
+    };
+    let floor = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(|[x, z]| format!("v {} 0 {} 1 0 0\n", 5000 * x, 5000 * z));
+    let (wall, sign) = (quad([-5.0, 0.0, 0.0], [10.0, 10.0], "1 0 0"), quad([-2.0, 3.0, 0.2], [4.0, 4.0], "0 0 1"));
+    let obj = floor.concat() + &wall + &sign + "f 4 3 2 1\nf 5 6 7 8\nf 9 10 11 12\n";
+    std::fs::write(folder.path().join("sign.obj"), obj).unwrap();
+    // From afar, and from nearer than a thousandth of the scene.
+    for eye in ["0,6,40", "0,5,6"] {
+        let view = ["--size", "96", "--unlit", "--eye", eye, "--look-at", "0,5,0"];
+        succeeds(folder.path(), &[&["render", "sign.obj", "-o", "sign.png"], &view[..]].concat());
+        assert_eq!(picture(&folder.path().join("sign.png")).get_pixel(48, 48).0[..3], [0, 0, 255], "{eye}");
+    }
+}
+
 /// Whether a pixel and all others within three pixels of it are covered.
 fn is_inside(covered: &RgbaImage, column: u32, row: u32) -> bool {
     let around = |at: u32, end: u32| at.saturating_sub(3)..(at + 4).min(end);

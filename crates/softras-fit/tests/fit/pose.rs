@@ -27,6 +27,7 @@ const DEFAULT: Settings = Settings {
     faces: softras::scene::Faces::Front,
     front_face: softras::scene::FrontFace::CounterClockwise,
     interpolation: softras::scene::Interpolation::Affine,
+    surface_point: softras::scene::SurfacePoint::Nearest,
     parity: softras::scene::Parity::Model,
     save: false,
 };

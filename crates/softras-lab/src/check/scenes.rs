@@ -3,7 +3,7 @@
 use glam::DVec3;
 use softras::scene::{
     Appearance, Background, ColorAggregation, DirectionalLight, Distance, Faces, Interpolation, Outputs, Shading,
-    SilhouetteAggregation, Texture, Wrap,
+    SilhouetteAggregation, SurfacePoint, Texture, Wrap,
 };
 use softras::shapes::{cube, icosphere, torus};
 use softras::{Camera, GradientMode, Lights, Mesh, Projection, Result, Scene, Settings};
@@ -74,10 +74,14 @@ fn ring() -> Result<Mesh> {
 }
 
 fn softmax_cases() -> Result<Vec<Case>> {
+    let clip = Settings { surface_point: SurfacePoint::Clip, ..soft() };
     let composite = Settings { background: Background::Composite, ..soft() };
     Ok(vec![
         case("softmax", "the paper's model", ring()?, soft())?,
-        Case { mode: GradientMode::Paper, ..case("paper", "the gradient of the paper's eq. 4", ring()?, soft())? },
+        Case {
+            mode: GradientMode::Paper,
+            ..case("paper", "the paper's clipped barycentrics and eq. 4", ring()?, clip)?
+        },
         case("composite", "colour that fades with the silhouette", ring()?, composite)?,
     ])
 }

@@ -2,6 +2,7 @@
 
 use softras::scene::{
     Background, ColorAggregation, Distance, Faces, FrontFace, Interpolation, Shading, SilhouetteAggregation, Support,
+    SurfacePoint,
 };
 use softras::{Error, Result};
 use softras_io::npy::Array;
@@ -26,6 +27,7 @@ pub const FRONT_FACE: &[(&str, FrontFace)] =
 pub const SUPPORT: &[(&str, Support)] = &[("probability", Support::Probability), ("guaranteed", Support::Guaranteed)];
 pub const INTERPOLATION: &[(&str, Interpolation)] =
     &[("affine", Interpolation::Affine), ("perspective", Interpolation::Perspective)];
+pub const SURFACE_POINT: &[(&str, SurfacePoint)] = &[("nearest", SurfacePoint::Nearest), ("clip", SurfacePoint::Clip)];
 pub const SHADING: &[(&str, Shading)] = &[("flat", Shading::Flat), ("smooth", Shading::Smooth)];
 
 /// A single finite number: 0-d or with one element.

@@ -37,7 +37,7 @@ A scene in WORLD SPACE:
   view           [4, 4] or [B, 4, 4]: world to view; x right, y up, z forward
   fov_y (radians), or half_height, or fx fy cx cy (pixels): numbers or [B]
   width height sigma gamma epsilon tau support near far color silhouette distance
-  background background_color faces front_face interpolation: the settings, as the library names them
+  background background_color faces front_face interpolation surface_point: the settings, as the library names them
   ambient_color  ambient_intensity  light_directions [L, 3]  light_colors [L, 3]
   light_intensities [L]  shading
   outputs        any of color, silhouette, depth, normal [default: color, silhouette]

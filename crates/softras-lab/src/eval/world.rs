@@ -44,6 +44,7 @@ fn settings(archive: &Archive) -> Result<Settings> {
     set(&mut s.faces, keys::choice(archive, "faces", keys::FACES)?);
     set(&mut s.front_face, keys::choice(archive, "front_face", keys::FRONT_FACE)?);
     set(&mut s.interpolation, keys::choice(archive, "interpolation", keys::INTERPOLATION)?);
+    set(&mut s.surface_point, keys::choice(archive, "surface_point", keys::SURFACE_POINT)?);
     set(&mut s.outputs, outputs(archive)?);
     Ok(s)
 }

@@ -51,7 +51,9 @@ class Settings:
     front_face: Literal["counter_clockwise", "clockwise"] = "counter_clockwise"
     #: How corner values are interpolated over a triangle.
     interpolation: Literal["affine", "perspective"] = "affine"
-    #: The model of this library, or the official code's image with its deviations.
+    #: Where a triangle is sampled for a pixel outside it: at its nearest point, or at clipped barycentrics (the paper).
+    surface_point: Literal["nearest", "clip"] = "nearest"
+    #: The model of this library, or the official code's image with its deviations, among them surface_point "clip".
     parity: Literal["model", "official"] = "model"
 
     @classmethod

@@ -162,9 +162,11 @@ impl Case {
         for (group, range) in groups(&parameters, &self.scene) {
             let worst = mismatch(&ours.values()[range.clone()], &expected[range.clone()]);
             let size = expected[range.clone()].iter().fold(0.0, |size: f64, x| size.max(x.abs()));
+            // The steps of σ and γ are shorter.
+            let floor = if group == "σ" || group == "γ" { 10.0 * FLOOR } else { FLOOR };
             println!("{name}: {group} {worst:.1e} of {size:.2e}");
             assert!(
-                worst * size < TOLERANCE * size + FLOOR,
+                worst * size < TOLERANCE * size + floor,
                 "{name}, {group}: {worst:e}\n{:?}\n{:?}",
                 &ours.values()[range.clone()],
                 &expected[range]

@@ -165,8 +165,9 @@ pub struct LookArgs {
     /// Softness of edges, as the distance in pixels that a triangle's influence reaches beyond its edges
     #[arg(long, value_name = "PIXELS", value_parser = parse::positive, conflicts_with = "sigma")]
     pub blur: Option<f64>,
-    /// Softness of the depth order, in units of far - near
-    #[arg(long, value_parser = parse::positive, default_value_t = 1e-4)]
+    /// Softness of the depth order, in units of far - near; the default shows what is nearer and nothing behind it, the
+    /// model's own is 1e-4
+    #[arg(long, value_parser = parse::positive, default_value_t = 1e-6)]
     pub gamma: f64,
     /// Score of the background against the triangles, with --background-mode weighted
     #[arg(long, value_parser = parse::number, allow_hyphen_values = true, default_value_t = 1e-3)]
@@ -275,6 +276,10 @@ pub struct ModeArgs {
     /// Interpolation of colours over a triangle: affine on the screen, as in the paper, or perspective-correct
     #[arg(long, value_enum, default_value = "perspective")]
     pub interpolation: Interpolation,
+    /// Where a triangle is sampled for a pixel outside it: at its point nearest to the pixel, or, as in the paper, at
+    /// barycentric coordinates clipped to [0, 1], which on a needle lie far from the pixel
+    #[arg(long, value_enum, default_value = "nearest")]
+    pub surface_point: SurfacePoint,
 }
 
 impl ModeArgs {
@@ -286,6 +291,7 @@ impl ModeArgs {
             silhouette: self.silhouette_mode.into(),
             distance: self.distance_mode.into(),
             interpolation: self.interpolation.into(),
+            surface_point: self.surface_point.into(),
         }
     }
 }
@@ -337,6 +343,7 @@ mode!(ColorMode => scene::ColorAggregation { Softmax => Softmax, Hard => Hard })
 mode!(SilhouetteMode => scene::SilhouetteAggregation { Product => Product, Sum => Sum, Hard => Hard });
 mode!(DistanceMode => scene::Distance { Euclidean => Euclidean, Barycentric => Barycentric, Hard => Hard });
 mode!(Interpolation => scene::Interpolation { Affine => Affine, Perspective => Perspective });
+mode!(SurfacePoint => scene::SurfacePoint { Nearest => Nearest, Clip => Clip });
 mode!(Fit => view::Fill {
     /// The box of its projected vertices fills 90 % of the picture
     Box => Box,
