@@ -264,8 +264,8 @@ impl Settings {
             ("far", self.far, self.near * (1.0 + 1e-6), 1e12, "must lie beyond near, at most at 1e12"),
         ] {
             // A bound that went through single precision is the bound still.
-            let rounded = |bound: f64| f64::from(bound as f32);
-            let within = value >= f64::min(low, rounded(low)) && value <= f64::max(high, rounded(high));
+            let is_bound = [low, high].iter().any(|&bound: &f64| value == f64::from(bound as f32));
+            let within = (value >= low && value <= high) || is_bound;
             check(within, field, &|| shown(value), fix)?;
         }
         let background = &self.background_color;

@@ -156,7 +156,11 @@ impl<'a> Source<'a> {
 
     /// Positions as 32-bit numbers. Those of a mesh that lies far from 0 are relative to its origin, which is kept; where the file's
     /// own numbers are too coarse there, that is noted.
-    pub fn placed(&mut self, positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<[f32; 3]> {
+    ///
+    /// # Errors
+    /// [`softras::Error::OutOfMemory`].
+    pub fn placed(&mut self, positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<Vec<[f32; 3]>> {
+        input::room_for(&self.path.display().to_string(), 12 * positions.len() as u64)?;
         let used = || triangles.iter().flatten().filter_map(|&corner| positions.get(corner as usize));
         let ends = |least: fn(f64, f64) -> f64, start: f64| {
             used().fold([start; 3], |ends, p| [0, 1, 2].map(|k| least(ends[k], p[k])))
@@ -176,7 +180,7 @@ impl<'a> Source<'a> {
             }
         }
         let origin = self.origin;
-        positions.iter().map(|p| [0, 1, 2].map(|k| (p[k] - origin[k]) as f32)).collect()
+        Ok(positions.iter().map(|p| [0, 1, 2].map(|k| (p[k] - origin[k]) as f32)).collect())
     }
 
     /// How many texels the mesh's first image may have.

@@ -108,7 +108,7 @@ fn binary(source: &mut Source, bytes: &[u8]) -> Result<Mesh> {
 /// The mesh of the corners of all triangles; vertices at one position become one.
 fn mesh(source: &mut Source, corners: &[[f64; 3]], colors: Vec<[f32; 3]>) -> Result<Mesh> {
     let own: Vec<[u32; 3]> = (0..corners.len() as u32 / 3).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
-    let positions = source.placed(corners, &own);
+    let positions = source.placed(corners, &own)?;
     let mut weld = Weld::new();
     let triangles = own.iter().map(|corners| corners.map(|c| weld.vertex(positions[c as usize], ()).0)).collect();
     let appearance = match colors.first() {

@@ -127,7 +127,7 @@ pub struct Look {
     pub sigma: Option<f64>,
     /// Softness of edges as the distance in pixels that a triangle's influence reaches; it takes the place of `sigma`.
     pub blur: Option<f64>,
-    /// Softness of the depth order, in units of far - near. By default it is 1e-6, about what single precision tells apart: a
+    /// Softness of the depth order, in units of far - near. By default it is 3e-6, about what single precision tells apart: a
     /// sign hides the wall behind it however large the scene is.
     pub gamma: f64,
     /// Score of the background against the triangles, with the weighted background.
@@ -150,7 +150,7 @@ impl Default for Look {
             size: (256, 256),
             sigma: None,
             blur: None,
-            gamma: 1e-6,
+            gamma: 3e-6,
             epsilon: 1e-3,
             tau: 1e-4,
             support: Support::Probability,

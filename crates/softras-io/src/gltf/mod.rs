@@ -263,7 +263,7 @@ impl Soup {
     /// The mesh, with one vertex at each position (and colour, if vertices have colours).
     fn mesh(mut self, source: &mut Source, textures: Vec<Texture>, of_piece: &[image::Image]) -> Result<Mesh> {
         source.keep_normals(&self.normals, &self.triangles);
-        let positions = source.placed(&self.positions, &self.triangles);
+        let positions = source.placed(&self.positions, &self.triangles)?;
         let is_textured = !textures.is_empty();
         let by_color = !is_textured && self.has_vertex_colors;
         let mut starts = Vec::with_capacity(self.positions.len());

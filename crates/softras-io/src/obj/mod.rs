@@ -36,6 +36,6 @@ pub fn read(source: &mut Source, bytes: Vec<u8>) -> Result<Mesh> {
     })?;
     source.normals = triangles.normals;
     source.opacity = opacity;
-    let positions = source.placed(&obj.positions, &triangles.vertices);
+    let positions = source.placed(&obj.positions, &triangles.vertices)?;
     Mesh::new(positions, triangles.vertices)?.with_appearance(appearance)
 }

@@ -96,7 +96,7 @@ pub(super) fn read(source: &mut Source, mut bytes: Vec<u8>) -> Result<Mesh> {
     }
     let (positions, triangles) = (mem::take(&mut ply.positions), mem::take(&mut ply.triangles));
     source.keep_normals(&mem::take(&mut ply.normals), &triangles);
-    let positions = source.placed(&positions, &triangles);
+    let positions = source.placed(&positions, &triangles)?;
     let appearance = appearance(source, ply, &triangles);
     Mesh::new(positions, triangles)?.with_appearance(appearance)
 }

@@ -43,7 +43,7 @@ def view(
     up: Optional[Sequence[float]] = None,
     background: Optional[Sequence[float]] = None,
     sigma: Optional[float] = None,
-    gamma: float = 1e-6,
+    gamma: float = 3e-6,
     samples: Optional[int] = None,
     shading: str = "smooth",
     crease: Optional[float] = None,

@@ -167,7 +167,7 @@ pub struct LookArgs {
     pub blur: Option<f64>,
     /// Softness of the depth order, in units of far - near; the default shows what is nearer and nothing behind it, the
     /// model's own is 1e-4
-    #[arg(long, value_parser = parse::positive, default_value_t = 1e-6)]
+    #[arg(long, value_parser = parse::positive, default_value_t = 3e-6)]
     pub gamma: f64,
     /// Score of the background against the triangles, with --background-mode weighted
     #[arg(long, value_parser = parse::number, allow_hyphen_values = true, default_value_t = 1e-3)]
