@@ -17,7 +17,7 @@ use glam::DVec3;
 use gpu_allocator::MemoryLocation;
 use softras::embed::{
     BufferId, FrameImage, GeometryGradients, ImageBindings, ImageFormat, ImageRef, Layout, MemoryKind, MeshBuffers,
-    MeshLook, Pass, PassMemory, PassMesh, PassPlan, PassStatus, Rasterizer, requirements,
+    MeshLook, Pass, PassMemory, PassMesh, PassPlan, PassStatus, Rasterizer, Requirements,
 };
 use softras::scene::Background;
 use softras::{Camera, GradientRequest, Projection, Settings};
@@ -134,7 +134,7 @@ pub fn run(path: Option<&Path>, validation: bool) -> Outcome<Report> {
     let engine = Engine::new(validation)?;
     let log = engine.log();
     // Could be asked before there is a device.
-    let about = requirements().validate(&engine.host_adapter())?;
+    let about = Requirements::new().validate(&engine.host_adapter())?;
     println!("softras on {}", about.name);
     let rasterizer = Rasterizer::new(&engine.host_device())?;
 

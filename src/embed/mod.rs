@@ -51,7 +51,7 @@ pub use pass::Pass;
 pub use place::{GeometryBindings, GeometryBuffers, GeometryGradientBindings, GeometryGradients};
 pub use plan::{BufferRequirement, Differentiate, FramePlan, GradientPlan};
 pub use rebind::Rebound;
-pub use requirements::{Requirements, requirements};
+pub use requirements::Requirements;
 pub use shape::FrameShape;
 pub use status::Status;
 pub use store::{FrameImage, ImageBindings};

@@ -20,32 +20,34 @@ pub struct Requirements {
     pub optional: &'static [(&'static str, &'static str)],
 }
 
-/// The requirements of this version of softras.
-pub fn requirements() -> Requirements {
-    let most = |f: &dyn Fn(&Kernel) -> u64| kernels::ALL.iter().map(|k| f(k)).max().unwrap_or(0);
-    let bound = |kind: fn(BindingKind) -> bool| most(&|k| k.bindings.iter().filter(|b| kind(b.kind)).count() as u64);
-    let is_texels = |kind: BindingKind| kind.buffer_usage() == vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER;
-    Requirements {
-        api_version: vk::API_VERSION_1_1,
-        queue_flags: vk::QueueFlags::COMPUTE,
-        features: &[],
-        extensions: &[],
-        limits: vec![
-            ("maxPushConstantsSize", most(&|k| k.push_constant_bytes.into())),
-            ("maxPerStageDescriptorStorageBuffers", bound(|kind| kind == BindingKind::StorageBuffer)),
-            ("maxPerStageDescriptorSampledImages", bound(is_texels)),
-            ("maxComputeSharedMemorySize", most(&|k| k.shared_bytes.into())),
-            ("maxComputeWorkGroupInvocations", most(&|k| k.local_size.iter().map(|&n| u64::from(n)).product())),
-        ],
-        optional: &[
-            ("subgroup shuffle in compute", "a tile's lanes read records together"),
-            ("VK_EXT_debug_utils", "names and labels in graphics debuggers"),
-            ("timestamps", "Renderer's timings; an embedding host times itself"),
-        ],
-    }
-}
-
+#[expect(clippy::new_without_default, reason = "a default that asks for limits would surprise")]
 impl Requirements {
+    /// The requirements of this version of softras.
+    pub fn new() -> Self {
+        let most = |f: &dyn Fn(&Kernel) -> u64| kernels::ALL.iter().map(|k| f(k)).max().unwrap_or(0);
+        let bound =
+            |kind: fn(BindingKind) -> bool| most(&|k| k.bindings.iter().filter(|b| kind(b.kind)).count() as u64);
+        let is_texels = |kind: BindingKind| kind.buffer_usage() == vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER;
+        Self {
+            api_version: vk::API_VERSION_1_1,
+            queue_flags: vk::QueueFlags::COMPUTE,
+            features: &[],
+            extensions: &[],
+            limits: vec![
+                ("maxPushConstantsSize", most(&|k| k.push_constant_bytes.into())),
+                ("maxPerStageDescriptorStorageBuffers", bound(|kind| kind == BindingKind::StorageBuffer)),
+                ("maxPerStageDescriptorSampledImages", bound(is_texels)),
+                ("maxComputeSharedMemorySize", most(&|k| k.shared_bytes.into())),
+                ("maxComputeWorkGroupInvocations", most(&|k| k.local_size.iter().map(|&n| u64::from(n)).product())),
+            ],
+            optional: &[
+                ("subgroup shuffle in compute", "a tile's lanes read records together"),
+                ("VK_EXT_debug_utils", "names and labels in graphics debuggers"),
+                ("timestamps", "Renderer's timings; an embedding host times itself"),
+            ],
+        }
+    }
+
     /// Validates a physical device before a device is created on it.
     ///
     /// The needs of a frame for maxStorageBufferRange and maxTexelBufferElements depend on its size;

@@ -3,7 +3,7 @@
 use super::Outcome;
 use softras::embed::{
     BufferId, BufferRef, GeometryGradients, HostAdapter, HostCommands, HostDevice, Layout, MeshBuffers, MeshLook, Pass,
-    PassMemory, PassMesh, PassPlan, Rasterizer, requirements,
+    PassMemory, PassMesh, PassPlan, Rasterizer, Requirements,
 };
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
@@ -41,7 +41,7 @@ impl Engine {
         // SAFETY: the handles are the engine's, whose device outlives the rasterizer and the passes.
         let host = unsafe {
             let adapter = HostAdapter::new(get_instance_proc_addr, instance.handle(), device.physical.handle);
-            requirements().validate(&adapter)?;
+            Requirements::new().validate(&adapter)?;
             HostDevice::new(adapter, device.handle())
         };
         Ok(Self { rasterizer: Rasterizer::new(&host)?, failure: Arc::default(), pool: HashPool::new(&device), device })

@@ -8,7 +8,7 @@
 use ash::vk;
 use softras::embed::{
     BufferId, BufferRef, ClipSpace, HostAdapter, HostCommands, HostDevice, Layout, MemoryKind, MemoryRequirement,
-    MeshBuffers, MeshLook, Pass, PassMemory, PassMesh, PassStatus, Rasterizer, requirements,
+    MeshBuffers, MeshLook, Pass, PassMemory, PassMesh, PassStatus, Rasterizer, Requirements,
 };
 use softras::glam::DVec3;
 use softras::glam::dcamera::rh::{proj::directx::perspective, view::look_at_mat4};
@@ -118,7 +118,7 @@ fn rasterizer(device: &wgpu::Device) -> Outcome<(Rasterizer, impl Fn(MemoryRequi
     // SAFETY: the handles are wgpu's, whose device outlives the rasterizer.
     let host = unsafe {
         let adapter = HostAdapter::new(get_instance_proc_addr, instance.handle(), physical);
-        requirements().validate(&adapter)?;
+        Requirements::new().validate(&adapter)?;
         HostDevice::new(adapter, raw.handle())
     };
     Ok((Rasterizer::new(&host)?, move |needs| Memory::new(&instance, physical, &raw, needs)))

@@ -8,7 +8,7 @@ use crate::host::{Backward, Host, assert_silent, engine, rasterizer};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use softras::embed::{
-    BufferId, BufferRef, Counts, FrameShape, Geometry, GeometryBuffers, GeometryGradients, requirements,
+    BufferId, BufferRef, Counts, FrameShape, Geometry, GeometryBuffers, GeometryGradients, Requirements,
 };
 use softras::{Error, GradientRequest};
 
@@ -79,7 +79,7 @@ fn every_buffer_of_a_frame_lies_as_its_plan_says() {
 fn offsets_of_a_hosts_own_buffers_are_multiples_of_the_devices_limits() {
     let engine = engine();
     let rasterizer = rasterizer(&engine);
-    let limits = requirements().validate(&engine.host_adapter()).unwrap().limits;
+    let limits = Requirements::new().validate(&engine.host_adapter()).unwrap().limits;
     let scenery = Scenery::new(&engine);
     let case = scenery.engines.case();
     let mut shape = FrameShape::of(&case.scene, &case.cameras, &case.settings).unwrap();

@@ -14,7 +14,7 @@ use crate::host::{
 use ash::vk::{self, Handle};
 use softras::embed::{
     AppearanceShape, Arena, BufferId, BufferRef, Capacity, DepthSpan, Differentiate, FrameBindings, FramePlan,
-    FrameShape, GradientPlan, HostAdapter, HostCommands, HostDevice, MeshShape, Rasterizer, requirements,
+    FrameShape, GradientPlan, HostAdapter, HostCommands, HostDevice, MeshShape, Rasterizer, Requirements,
 };
 use softras::{DeviceKind, Error, GradientRequest, Lights, Limits, Scene};
 use std::ffi::c_void;
@@ -143,7 +143,7 @@ fn the_status_tells_what_room_the_lists_needed() {
 #[test]
 fn requirements_are_known_before_there_is_a_device() {
     let engine = engine();
-    let needed = requirements();
+    let needed = Requirements::new();
     let info = needed.validate(&engine.host_adapter()).unwrap();
     assert!(info.suitable.is_ok() && !info.name.is_empty());
     assert_eq!((needed.features, needed.extensions), (&[][..], &[][..]));
@@ -162,7 +162,7 @@ fn requirements_are_known_before_there_is_a_device() {
         other => panic!("{other}"),
     };
     for (i, (name, _)) in needed.limits.iter().enumerate() {
-        let mut most = requirements();
+        let mut most = Requirements::new();
         most.limits[i].1 = has(name).into();
         most.validate(&engine.host_adapter()).unwrap();
         most.limits[i].1 += 1;
@@ -287,7 +287,7 @@ fn what_does_not_fit_is_an_error_that_names_it() {
 #[test]
 fn counts_of_any_size_are_planned_or_refused() {
     let random = &mut crate::common::random::Random::new(7);
-    let limits = requirements().validate(&engine().host_adapter()).unwrap().limits;
+    let limits = Requirements::new().validate(&engine().host_adapter()).unwrap().limits;
     let unlimited = Limits {
         max_storage_buffer_range: u64::MAX,
         max_texel_buffer_elements: u64::MAX,
@@ -348,7 +348,7 @@ fn counts_of_any_size_are_planned_or_refused() {
 /// Kernels index texels with 32 bits, the sign one of them.
 #[test]
 fn records_beyond_32_bits_are_refused() {
-    let limits = requirements().validate(&engine().host_adapter()).unwrap().limits;
+    let limits = Requirements::new().validate(&engine().host_adapter()).unwrap().limits;
     let (ranges, elements) = (u64::MAX, u64::MAX);
     let limits = Limits { max_storage_buffer_range: ranges, max_texel_buffer_elements: elements, ..limits };
     let limits = Limits { max_memory_allocation_size: u64::MAX, ..limits };

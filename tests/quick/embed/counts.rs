@@ -9,7 +9,7 @@ use crate::host::engine::{Buffer, Commands, Engine};
 use crate::host::{Backward, Host, assert_silent, difference, engine, error, images, rasterizer, submit};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
-use softras::embed::{Arena, BufferId, Counts, FrameBindings, FrameShape, Inputs, Role, Status, requirements};
+use softras::embed::{Arena, BufferId, Counts, FrameBindings, FrameShape, Inputs, Requirements, Role, Status};
 use softras::scene::{Appearance, Outputs, Shading};
 use softras::{Camera, GradientRequest, Lights, Mesh, Projection, Scene, shapes};
 
@@ -137,7 +137,7 @@ fn counts_of_several_meshes_lie_a_stride_apart() {
     let frame = renderer().render(&scene, &case.cameras, &case.settings).unwrap();
     let due = [frame.color(), frame.silhouette(), frame.depth(), frame.normal()];
     // The two frames' kernels are compiled for other constants. With other vectors than usual that moves a last place.
-    let device = requirements().validate(&engine.host_adapter()).unwrap();
+    let device = Requirements::new().validate(&engine.host_adapter()).unwrap();
     let has_usual_lanes = device.limits.subgroup_size == USUAL_LANES;
     let is_off = |(a, b): (&f32, &f32)| (a - b).abs() > tolerance::BY_HAND as f32 * b.abs().max(1.0);
     for ((name, image), due) in images(&case, &host).iter().zip(due) {

@@ -8,7 +8,7 @@ use crate::host::engine::Engine;
 use crate::host::{Backward, Host, Messages, assert_silent, difference, engine, error, images, shim, submit};
 use ash::vk;
 use shim::adapter;
-use softras::embed::{HostAdapter, HostDevice, Rasterizer, requirements};
+use softras::embed::{HostAdapter, HostDevice, Rasterizer, Requirements};
 use softras::{CacheFolder, Error, GradientRequest, Gradients, Image, ImageGradient, Renderer, RendererOptions};
 
 /// Lanes of a workgroup where there are no shuffles, and of most processors' subgroups.
@@ -91,7 +91,7 @@ fn a_difference_is_noticed() {
 #[test]
 fn what_is_optional_changes_no_bit() {
     let _guard = shim::lock();
-    let names: Vec<_> = requirements().optional.iter().map(|(name, _)| *name).collect();
+    let names: Vec<_> = Requirements::new().optional.iter().map(|(name, _)| *name).collect();
     assert_eq!(names, ["subgroup shuffle in compute", "VK_EXT_debug_utils", "timestamps"], "test the new one too");
     let cases = cases();
     let engine = engine();
@@ -103,7 +103,7 @@ fn what_is_optional_changes_no_bit() {
 
     let core = engine.core();
     let shown = unsafe { HostAdapter::new(shim::function(), core.instance.handle(), core.physical) };
-    let limits = || requirements().validate(&shown).unwrap().limits;
+    let limits = || Requirements::new().validate(&shown).unwrap().limits;
     let as_it_is = limits();
     assert!(as_it_is.subgroup_shuffle, "the device has no shuffles, so there is nothing to hide");
     adapter::hide_shuffles();
@@ -165,7 +165,7 @@ fn any_queue_family_that_computes_will_do() {
     let engine = engine();
     let core = engine.core();
     let host = unsafe { HostAdapter::new(shim::function(), core.instance.handle(), core.physical) };
-    let refused = error(requirements().validate(&host));
+    let refused = error(Requirements::new().validate(&host));
     assert!(refused.contains("no queue that computes"), "{refused}");
     assert_silent(engine);
 }
