@@ -401,7 +401,7 @@ impl PassPlan {
         let tables = MeshTables {
             layouts: self.frame.layouts.clone(),
             shapes: self.frame.shape.meshes.clone(),
-            uv_indices: uv_indices.flat_map(|segment| bytemuck::pod_collect_to_vec(&segment.bytes)).collect(),
+            uv_indices: uv_indices.flat_map(|s| s.bytes.as_chunks().0).map(|&word| u32::from_ne_bytes(word)).collect(),
             ..MeshTables::default()
         };
         let cameras: Vec<Camera> = self.cameras.iter().map(|view| view.camera).collect();
