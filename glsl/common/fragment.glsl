@@ -1,4 +1,5 @@
-// A fragment is one (pixel, triangle) pair. Here: the barycentrics b̂ that it is sampled at, its depth, and the log weight ζ/γ of eq. 3.
+// A fragment is one (pixel, triangle) pair. Here: the barycentrics b̂ that it is sampled at, its depth, and the log weight ζ/γ of
+// eq. 3.
 // pair_gradient.glsl has the derivatives. Needs distance.glsl.
 
 // clamp(b, 0, 1): b̂ before its division by the sum. The lower bound stands for 0. It keeps the sum positive if a triangle is

@@ -1,4 +1,5 @@
-// The numbers of a host's geometry: one push constant block for the place kernels, but those of texels. Needs constants.glsl where `target_use` is read.
+// The numbers of a host's geometry: one push constant block for the place kernels, but those of texels. Needs nothing; what
+// reads `target_use` needs constants.glsl.
 
 layout(push_constant) uniform Push {
     // Elements. Each takes one invocation, or one workgroup.

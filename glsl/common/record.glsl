@@ -1,7 +1,7 @@
 // A triangle's two records, as triangle.comp writes them.
 // The geometry record gives the signed distances of eq. 1 and the barycentrics. edge.glsl defines its members. The sign of
-// half length 0 is the orientation. 16 of its 18 numbers fill GEOMETRY_TEXELS texels: the records of two triangles are eight texels, which eight lanes read at once
-// (shared_records.glsl).
+// half length 0 is the orientation. 16 of its 18 numbers fill GEOMETRY_TEXELS texels: the records of two triangles are eight
+// texels, which eight lanes read at once (shared_records.glsl).
 // The tail, (half length 2, inverse area), is the head of the shading record's first texel. Without shading it is a fifth
 // texel.
 // The shading record has the depth, colours, texture coordinates and normals of the corners.

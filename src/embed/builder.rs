@@ -1,7 +1,6 @@
 //! From what a host has to the plan of a pass: pure, so that a host can ask before it owns a byte.
 
 use super::camera::{ClipSpace, HostCamera};
-use super::decode::Decoder;
 use super::memory::{Layouts, MemoryKind, MemoryRequirement, Wishes};
 use super::mesh::PassMesh;
 use super::plan::{BufferRequirement, Differentiate, FramePlan, GradientPlan};
@@ -10,9 +9,8 @@ use super::tables::Tables;
 use super::{Rasterizer, Status};
 use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
-use crate::frame::pack::MeshTables;
 use crate::frame::plan::{Capacity, DepthSpan};
-use crate::gradients::{GradientRequest, Gradients};
+use crate::gradients::GradientRequest;
 use crate::scene::{Background, Camera, Lights, Outputs, Projection, Settings, Shading, Support};
 use crate::vulkan::{DeviceKind, Limits, vk};
 use glam::DMat4;
@@ -373,44 +371,6 @@ impl PassPlan {
         Ok(match Status::from_bytes(bytes).validate(&self.frame)? {
             None => PassStatus::Whole,
             Some(capacity) => PassStatus::Grow(capacity),
-        })
-    }
-}
-
-impl PassPlan {
-    pub(super) fn decode_gradients(&self, readback: &[u8]) -> Result<Gradients> {
-        let Some(plan) = &self.gradients else {
-            let what = "the pass computes no gradients".into();
-            return Err(Error::Backward { what, fix: "plan it with PassBuilder::gradients".into() });
-        };
-        let has = |id| self.layouts.backward.iter().any(|copy| copy.id == id);
-        let (vertices, totals) = (has(BufferId::VertexGradients), has(BufferId::Totals));
-        let asked = plan.wanted;
-        let wanted = GradientRequest {
-            positions: asked.positions && vertices,
-            colors: asked.colors && vertices,
-            texels: asked.texels && has(BufferId::TexelSums),
-            uvs: asked.uvs && has(BufferId::CornerGradients),
-            camera: asked.camera && totals,
-            lights: asked.lights && totals,
-            background: asked.background && totals,
-            scalars: asked.scalars && totals,
-            ..asked
-        };
-        let uv_indices = self.tables.segments.iter().filter(|segment| segment.id == BufferId::UvIndices);
-        let tables = MeshTables {
-            layouts: self.frame.layouts.clone(),
-            shapes: self.frame.shape.meshes.clone(),
-            uv_indices: uv_indices.flat_map(|s| s.bytes.as_chunks().0).map(|&word| u32::from_ne_bytes(word)).collect(),
-            ..MeshTables::default()
-        };
-        let cameras: Vec<Camera> = self.cameras.iter().map(|view| view.camera).collect();
-        let (wanted, lights) = (&wanted, &self.frame.shape.lights);
-        let (tables, cameras, settings) = (&tables, &cameras[..], &self.settings);
-        let decoder = Decoder { frame: &self.frame, plan, wanted, tables, cameras, settings, lights };
-        decoder.decode_parts(|id| {
-            let (at, size) = self.readback_part(id)?;
-            readback.get(at as usize..(at + size) as usize)
         })
     }
 }

@@ -14,7 +14,6 @@ use crate::constants as c;
 use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
 use crate::frame::pack::{camera_texels, light_texels};
-use crate::gradients::Gradients;
 use crate::vulkan::{BufferPart, BufferRef, HostCommands, ImageRef, Recorder};
 use std::sync::atomic::{AtomicU8, Ordering};
 
@@ -375,18 +374,6 @@ impl Pass {
     /// As [`PassPlan::status`].
     pub fn status(&self, readback: &[u8]) -> Result<PassStatus> {
         self.plan.status(readback)
-    }
-
-    /// The gradients in the readback buffer's bytes once the device is done: those of the buffers that
-    /// [`PassBuilder::read_back`](super::PassBuilder::read_back) named. [`BufferId::Totals`] has those by cameras, lights,
-    /// background and scalars, [`BufferId::VertexGradients`] those by positions and colours of each view's placed vertices,
-    /// [`BufferId::TexelSums`] those by texels, [`BufferId::CornerGradients`] those by UVs.
-    ///
-    /// # Errors
-    /// [`Error::Backward`] for a pass without gradients; [`Error::Host`] for fewer bytes than the readback buffer has, or bytes
-    /// that do not begin at a multiple of 4; [`Error::NotFinite`] if a gradient overflows single precision.
-    pub fn decode_gradients(&self, readback: &[u8]) -> Result<Gradients> {
-        self.plan.decode_gradients(readback)
     }
 
     /// The frame's plan and bindings beneath, for what only they can do.

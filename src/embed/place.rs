@@ -210,7 +210,8 @@ impl Rasterizer {
         Ok(Step { stage, push, groups: linear_groups(3 * triangles) })
     }
 
-    /// Binds the arrays that the gradients of a host's geometry go into.
+    /// Binds the arrays that the gradients of a host's geometry go into. They are written, not added: where several bindings share
+    /// an array, only [`Pass`](super::Pass) adds.
     ///
     /// # Errors
     /// As [`bind_geometry`](Self::bind_geometry); [`Error::Host`] for transforms' gradients of geometry without any, and for

@@ -148,7 +148,7 @@ fn buffers_that_cannot_be_are_refused_when_bound() {
 struct Bound {
     pass: Pass,
     memory: Memory,
-    _vertices: Buffer,
+    vertices: Buffer,
 }
 
 impl Bound {
@@ -157,7 +157,7 @@ impl Bound {
         let vertices = storage(engine, bytemuck::cast_slice(model.positions()));
         let mut memory = Memory::new(engine, &plan);
         let pass = bind(rasterizer, &plan, &mut memory, &[MeshBuffers::new(vertices.whole(), PACKED)]);
-        Self { pass, memory, _vertices: vertices }
+        Self { pass, memory, vertices }
     }
 
     fn color(&mut self, engine: &Engine) -> Vec<f32> {
@@ -197,7 +197,7 @@ fn orders_of_calls_that_cannot_be_are_refused() {
     after_store(&engine, ImageFormat::Rgba32Float, size, |target| {
         let (before, others) = [&one, &other].map(|bound| bound.pass.bind_image(image, 0, target).unwrap()).into();
         let memory = Memory::new(&engine, one.pass.plan());
-        let buffers = [MeshBuffers::new(one._vertices.whole(), PACKED)];
+        let buffers = [MeshBuffers::new(one.vertices.whole(), PACKED)];
         let old = one.pass.rebind(plan.build().unwrap(), memory.refs(), &buffers).unwrap();
         move |commands: &mut HostCommands| {
             let _keep = (&old, &memory);
@@ -390,7 +390,7 @@ fn passes_share_a_workspace_and_cameras_come_by_a_copy() {
     assert!(one.memory.device.whole().range() <= two.memory.device.whole().range());
     let refs = PassMemory { device: two.memory.device.whole(), ..one.memory.refs() };
     let plan = plan_of(&model).build().unwrap();
-    let buffers = [MeshBuffers::new(one._vertices.whole(), PACKED)];
+    let buffers = [MeshBuffers::new(one.vertices.whole(), PACKED)];
     let old = one.pass.rebind(plan, refs, &buffers).unwrap();
     for bound in [&mut one, &mut two] {
         bound.pass.write_inputs(bound.memory.upload.bytes_mut()).unwrap();

@@ -50,6 +50,11 @@ pub(super) struct Map {
 }
 
 impl Map {
+    /// Whether both take the same UVs to the same places.
+    fn is_at(&self, other: &Self) -> bool {
+        (self.uv_set, self.offset, self.matrix) == (other.uv_set, other.offset, other.matrix)
+    }
+
     fn of(info: &TextureInfo) -> Self {
         let transform = info.extensions.get("KHR_texture_transform");
         let transform = transform.and_then(|value| Transform::deserialize(value).ok()).unwrap_or_default();
@@ -121,7 +126,7 @@ pub(super) fn look(source: &mut Source, root: &json::Root, index: Option<usize>)
     let is_unlit = extension("KHR_materials_unlit").is_some();
     let strength = extension("KHR_materials_emissive_strength").and_then(|value| value["emissiveStrength"].as_f64());
     let glow = material.emissive_factor.map(|x| (x * strength.unwrap_or(1.0)) as f32);
-    let glow = if is_unlit { [0.0; 3] } else { glow };
+    let mut glow = if is_unlit { [0.0; 3] } else { glow };
     let mut map = pbr.base_color_texture.as_ref().map(Map::of);
     if glow != [0.0; 3] {
         source.notes.once("emitted light is drawn as colour, which lamps shade: --unlit shows it as it is");
@@ -129,22 +134,10 @@ pub(super) fn look(source: &mut Source, root: &json::Root, index: Option<usize>)
         match (&mut map, emitted) {
             (_, None) => {}
             (None, Some(emitted)) => map = Some(Map { is_glow: true, ..emitted }),
-            (Some(map), Some(emitted)) => {
-                let same = (map.uv_set, map.offset, map.matrix) == (emitted.uv_set, emitted.offset, emitted.matrix);
-                map.glow = same.then_some(emitted.info.index.0);
-                if !same {
-                    source
-                        .notes
-                        .once("a texture of emitted light at other UVs than that of the base colour is not drawn");
-                    return Ok(Look {
-                        color: [r, g, b],
-                        glow: [0.0; 3],
-                        alpha: a,
-                        cut: Cut::of(material),
-                        is_unlit,
-                        map: Some(map.clone()),
-                    });
-                }
+            (Some(map), Some(emitted)) if map.is_at(&emitted) => map.glow = Some(emitted.info.index.0),
+            (Some(_), Some(_)) => {
+                source.notes.once("a texture of emitted light at other UVs than that of the base colour is not drawn");
+                glow = [0.0; 3];
             }
         }
     }
@@ -156,7 +149,7 @@ pub(super) type Image = Option<(u32, Canvas)>;
 
 /// What makes two textures the same: their numbers, and the bits of alpha and of the colours that they are multiplied with.
 #[derive(PartialEq, Eq, Hash)]
-struct Key(Vec<usize>, Cut, Vec<u32>);
+struct Key([usize; 3], Cut, Vec<u32>);
 
 /// The textures of all pieces, each once; a piece whose image cannot be read has none.
 pub(super) fn textures(
@@ -172,11 +165,13 @@ pub(super) fn textures(
             of_piece.push(None);
             continue;
         };
-        let (number, edges, wrap_range) = placed(source, document, map, *range)?;
+        let (number, edges) = placed(source, document, map)?;
         let color = [0, 1, 2].map(|k| look.color[k] * tint[k]);
-        let bits = color.iter().chain(&look.glow).chain([&look.alpha]).map(|x| (x + 0.0).to_bits()).collect();
-        let key =
-            Key(vec![number, map.glow.map_or(0, |glow| glow + 1), map.is_glow.into(), wrap_range], look.cut, bits);
+        // Where one side ends and the other goes on, the texels depend on how far the UVs reach.
+        let reach = if edges[0] == edges[1] { &[][..] } else { range.as_flattened() };
+        let bits =
+            color.iter().chain(&look.glow).chain([&look.alpha]).chain(reach).map(|x| (x + 0.0).to_bits()).collect();
+        let key = Key([number, map.glow.map_or(0, |glow| glow + 1), map.is_glow.into()], look.cut, bits);
         let index = textures.find_or(key, |room| {
             let read = painted(source, document, map, number, look, color, room).and_then(|decoded| {
                 let (texture, canvas) = on_canvas(decoded, edges, *range)?;
@@ -190,13 +185,8 @@ pub(super) fn textures(
     Ok((textures.images, of_piece))
 }
 
-/// The number of the image of a map, how it goes on beyond its edges along u and v, and what of a piece's UVs makes other texels.
-fn placed(
-    source: &mut Source,
-    document: &Document,
-    map: &Map,
-    range: [[f32; 2]; 2],
-) -> Result<(usize, [Edge; 2], usize), String> {
+/// The number of the texture of a map, and how it goes on beyond its edges along u and v.
+fn placed(source: &mut Source, document: &Document, map: &Map) -> Result<(usize, [Edge; 2]), String> {
     let root = document.root;
     let index = map.info.index.0;
     let texture =
@@ -211,9 +201,7 @@ fn placed(
         source.notes.once("textures are drawn smoothly, not by the nearest texel");
     }
     let edges = sampler.map_or([Edge::Repeat; 2], |sampler| [mode(sampler.wrap_s), mode(sampler.wrap_t)]);
-    let reach =
-        if edges[0] == edges[1] { 0 } else { range.as_flattened().iter().fold(0.0f32, |m, x| m.max(x.abs())) as usize };
-    Ok((index, edges, reach))
+    Ok((index, edges))
 }
 
 /// The texture of a map times its colours, with the alpha that shows.

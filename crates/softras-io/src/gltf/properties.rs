@@ -91,7 +91,7 @@ pub const PROPERTIES: &[(&str, Fate)] = &[
     ("extensions.KHR_materials_pbrSpecularGlossiness", Drawn),
     ("extensions.EXT_mesh_gpu_instancing", Drawn),
     ("extensions.EXT_texture_webp", Drawn),
-    ("extensions.CESIUM_RTC", Drawn),
+    ("extensions.CESIUM_RTC", Silent),
     ("extensions.KHR_draco_mesh_compression", NotDrawn(UNPACK)),
     ("extensions.EXT_meshopt_compression", NotDrawn(UNPACK)),
     ("extensions.KHR_texture_basisu", NotDrawn("KTX2 textures are not read: npx @gltf-transform/cli ktxdecompress")),

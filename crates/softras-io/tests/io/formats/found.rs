@@ -254,6 +254,22 @@ fn edges_of_textures_are_mirrored_or_mixed() {
     let mixed = with(json!({ "wrapS": 33071, "wrapT": 10497 }), 0);
     assert_eq!((size(&mixed), mixed.notes.len()), ((3, 1, Wrap::Repeat), 0));
     assert_eq!(at_corners(&mixed, 0), [RGB[0]; 3]);
+    // A piece whose UVs reach farther has texels of its own.
+    let farther = changed(|root| {
+        textured_by(root);
+        let mut material = root["materials"][0].clone();
+        material["pbrMetallicRoughness"]["baseColorTexture"]["extensions"] =
+            json!({ "KHR_texture_transform": { "scale": [1.5, 1.0] } });
+        root["materials"].as_array_mut().unwrap().push(material);
+        let mut second = primitive(root).clone();
+        second["material"] = json!(1);
+        root["meshes"][0]["primitives"].as_array_mut().unwrap().push(second);
+        root["samplers"] = json!([{ "wrapS": 33071, "wrapT": 10497 }]);
+        root["textures"] = json!([{ "source": 0, "sampler": 0 }]);
+    });
+    let farther = farther.unwrap();
+    let Appearance::Textured { textures, .. } = farther.mesh.appearance() else { panic!("{farther:?}") };
+    assert_eq!(textures.iter().map(|texture| texture.width()).collect::<Vec<_>>(), [3, 4]);
     assert_note(&with(json!({ "magFilter": 9728 }), 0), "nearest");
     let none = changed(|root| {
         textured_by(root);
