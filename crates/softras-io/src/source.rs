@@ -162,10 +162,13 @@ impl<'a> Source<'a> {
     pub fn placed(&mut self, positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<Vec<[f32; 3]>> {
         input::room_for(&self.path.display().to_string(), 12 * positions.len() as u64)?;
         let used = || triangles.iter().flatten().filter_map(|&corner| positions.get(corner as usize));
-        let ends = |least: fn(f64, f64) -> f64, start: f64| {
-            used().fold([start; 3], |ends, p| [0, 1, 2].map(|k| least(ends[k], p[k])))
-        };
-        let (low, high) = (ends(f64::min, f64::INFINITY), ends(f64::max, f64::NEG_INFINITY));
+        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        for p in used() {
+            for k in 0..3 {
+                low[k] = if p[k] < low[k] { p[k] } else { low[k] };
+                high[k] = if p[k] > high[k] { p[k] } else { high[k] };
+            }
+        }
         let size = [0, 1, 2].map(|k| high[k] - low[k]).into_iter().fold(0.0, f64::max);
         let far = low.iter().chain(&high).fold(0.0f64, |far, x| far.max(x.abs()));
         if size > 0.0 && far > FAR * size && far.is_finite() {

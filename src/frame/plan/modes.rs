@@ -173,6 +173,10 @@ impl Modes {
             (false, true) => c::DEPTH_RANGE_FAR,
             _ => c::DEPTH_RANGE_INSIDE,
         };
+        // Hard colours are those of pixels inside, where both points are the pixel's own. Depths outside matter where the range of
+        // depths decides, and so do texels where they have an alpha.
+        let hard = s.color == ColorAggregation::Hard;
+        let samples_outside = !hard || depth_range != c::DEPTH_RANGE_INSIDE || input.sampling.opacity;
         let lit = !input.lights.is_unlit();
         let smooth = input.lights.shading == Shading::Smooth && (s.outputs.normal || lit);
         Self {
@@ -192,7 +196,7 @@ impl Modes {
                 + u32::from(input.sampling.image) * c::SAMPLING_IMAGE,
             perspective_correct: u32::from(s.interpolation == Interpolation::Perspective),
             surface_point: match s.surface_point {
-                SurfacePoint::Nearest if !official => c::SURFACE_POINT_NEAREST,
+                SurfacePoint::Nearest if !official && samples_outside => c::SURFACE_POINT_NEAREST,
                 _ => c::SURFACE_POINT_CLIP,
             },
             composite: u32::from(s.background == Background::Composite),

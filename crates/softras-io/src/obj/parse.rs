@@ -133,14 +133,26 @@ fn count(text: &str) -> Totals {
     totals
 }
 
+/// The number of words of a vertex, and the first seven.
+fn vertex_words<'a>(statement: &'a Statement) -> (usize, [&'a str; 7]) {
+    let (mut count, mut words) = (0, [""; 7]);
+    for word in statement.words() {
+        if let Some(place) = words.get_mut(count) {
+            *place = word;
+        }
+        count += 1;
+    }
+    (count, words)
+}
+
 impl Totals {
     fn count_colors(&mut self, statement: &Statement) {
-        let number = |at: usize| statement.words().nth(at).and_then(|word| word.parse::<f32>().ok());
-        let count = statement.words().count();
+        let (count, words) = vertex_words(statement);
+        let number = |at: usize| words[at].parse::<f32>().unwrap_or_default();
         self.colored += usize::from(count == 6 || count == 7);
-        self.bright += usize::from(count == 6 && (3..6).any(|at| number(at).is_some_and(|x| x > 1.0)));
+        self.bright += usize::from(count == 6 && (3..6).any(|at| number(at) > 1.0));
         if count == 7 {
-            let is_one = |at: usize| usize::from(number(at) == Some(1.0));
+            let is_one = |at: usize| usize::from(number(at) == 1.0);
             self.sevens = [self.sevens[0] + 1, self.sevens[1] + is_one(3), self.sevens[2] + is_one(6)];
         }
     }
@@ -204,15 +216,7 @@ impl Parser {
 
     /// `v x y z`, with w, r g b, r g b a or w r g b behind.
     fn vertex(&mut self, statement: &Statement) -> Checked {
-        let mut numbers = [""; 7];
-        let mut count = 0;
-        for word in statement.words() {
-            if let Some(number) = numbers.get_mut(count) {
-                *number = word;
-            }
-            count += 1;
-        }
-        let [x, y, z, rest @ ..] = numbers;
+        let (count, [x, y, z, rest @ ..]) = vertex_words(statement);
         let (w, color) = match (count, rest) {
             (3, _) => (None, None),
             (4, [w, ..]) => (Some(w), None),

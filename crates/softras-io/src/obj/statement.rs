@@ -56,6 +56,11 @@ pub(super) fn before_comment(text: &str) -> &str {
     at.map_or(text, |at| text[..at].trim_end())
 }
 
+/// Whether a line ends in `\`. A comment ends at its line, whatever its last letter.
+fn goes_on_after(line: &str) -> bool {
+    line.ends_with('\\') && !line.split_whitespace().any(|word| word.starts_with('#'))
+}
+
 /// The statements of a text with any line ends, lines that end in `\` joined with the next.
 pub(super) fn statements(text: &str) -> impl Iterator<Item = Statement<'_>> {
     let line_end = if text.contains('\n') { '\n' } else { '\r' };
@@ -63,16 +68,13 @@ pub(super) fn statements(text: &str) -> impl Iterator<Item = Statement<'_>> {
     std::iter::from_fn(move || {
         let (first, line) = lines.next()?;
         let mut body = Cow::Borrowed(first.trim());
-        // A comment ends at its line, whatever its last letter.
-        let is_comment = |line: &str| line.split_whitespace().any(|word| word.starts_with('#'));
-        let mut is_over = is_comment(&body);
-        while let Some(head) = body.strip_suffix('\\').filter(|_| !is_over) {
+        let mut goes_on = goes_on_after(&body);
+        while goes_on {
             let Some((next, _)) = lines.next() else { break };
-            is_over = is_comment(next);
+            goes_on = goes_on_after(next.trim());
             // Appended in place, so that a long chain of continuations takes linear time.
-            let length = head.len();
             let mut joined = body.into_owned();
-            joined.truncate(length);
+            joined.pop();
             joined.push(' ');
             joined.push_str(next.trim());
             body = Cow::Owned(joined);
