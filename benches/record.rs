@@ -102,6 +102,8 @@ fn facade(engine: &Engine, rasterizer: &Rasterizer, cameras: &[Camera], settings
         let memories = PassMemory { upload, device, readback, own: &[] };
         let pass = rasterizer.bind_pass(plan, memories, &[buffers]).expect("a pass");
         let frame = engine.commands().expect("a command buffer");
+        frame.begin().expect("a command buffer");
+        pass.record_setup(&mut frame.host()).expect("recorded");
         measure(engine, &frame, name, |commands, part| match part {
             0 => pass.record_forward(commands).expect("recorded"),
             _ => pass.record_backward(commands).expect("recorded"),

@@ -200,7 +200,7 @@ struct Face {
 Face face_of(Shape shape, ivec3 v) {
     Face f;
     unit_edges(position_of(shape, v.x), position_of(shape, v.y), position_of(shape, v.z), f.edge1, f.edge2, f.size);
-    f.area = cross(f.edge1, f.edge2);
+    f.area = edge_product(f.edge1, f.edge2);
     f.normal = unit_or_zero(f.area);
     return f;
 }

@@ -234,7 +234,8 @@ EdgeChoice edge_choice_of(Triangle t, bool sampled) {
         e.two_over_one = vec3(0.0, 0.0, on_two ? 1.0 : -1.0);
         e.two_over_zero = e.two_over_one;
     }
-    e.slope = slopes_of(max(t.half_length, vec3(1e-30)), t.orientation);
+    // The least half length keeps the square of the slope finite, in which backward multiplies a derivative of 0.
+    e.slope = slopes_of(max(t.half_length, vec3(1e-18)), t.orientation);
     e.least_inside = segment || point ? 3e38 : 0.0;
     e.by_height = sampled && SURFACE_POINT == SURFACE_POINT_NEAREST && !is_thin(t.half_length, t.inverse_height);
     return e;

@@ -21,17 +21,24 @@ void unit_edges(vec3 p0, vec3 p1, vec3 p2, out vec3 edge1, out vec3 edge2, out f
     edge2 *= inverse;
 }
 
+// The cross product of two edges. GLSL's cross may fuse a product with the difference and round only the other one. The edges of
+// a triangle without area then have a product of some 1e-8, and the triangle has a normal.
+vec3 edge_product(vec3 a, vec3 b) {
+    precise vec3 product = a.yzx * b.zxy - a.zxy * b.yzx;
+    return product;
+}
+
 // A vector of any length along the triangle's normal.
 vec3 normal_direction(Shape shape, ivec3 v) {
     vec3 edge1;
     vec3 edge2;
     float size;
     unit_edges(position_of(shape, v.x), position_of(shape, v.y), position_of(shape, v.z), edge1, edge2, size);
-    return cross(edge1, edge2);
+    return edge_product(edge1, edge2);
 }
 
 // The triangle's normal, as long as twice its area.
 vec3 area_vector(Shape shape, ivec3 v) {
     vec3 p0 = position_of(shape, v.x);
-    return cross(position_of(shape, v.y) - p0, position_of(shape, v.z) - p0);
+    return edge_product(position_of(shape, v.y) - p0, position_of(shape, v.z) - p0);
 }

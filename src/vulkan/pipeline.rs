@@ -249,8 +249,7 @@ fn create_pipeline(
     constants: &Constants,
     cache: vk::PipelineCache,
 ) -> Result<vk::Pipeline> {
-    // Other drivers were not measured, but for SwiftShader: `softras check` takes 28 s there, and with flat kernels it had not ended
-    // after ten minutes.
+    // SwiftShader does not end compiling flat kernels within ten minutes.
     let depth = if device.is_lavapipe() { Depth::Flat } else { Depth::Cut };
     let code = specialized(kernel.spirv, &constants.0, depth);
     let info = vk::ShaderModuleCreateInfo::default().code(&code);

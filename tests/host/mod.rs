@@ -144,8 +144,9 @@ pub fn images(case: &Case, host: &Host) -> Vec<(&'static str, Vec<f32>)> {
 
 /// A host that plans frames with any room for their lists.
 pub struct Planner {
-    engine: Engine,
+    // Dropped first: a test that fails unwinds.
     rasterizer: Rasterizer,
+    engine: Engine,
 }
 
 /// What a [`Planner`] rendered: images, gradients, and the entries that the tiles' lists would have needed.

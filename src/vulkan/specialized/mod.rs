@@ -28,9 +28,11 @@ type Instruction = Vec<u32>;
 /// How much of a driver's work is done for it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Depth {
-    /// What the constants switch off goes.
+    /// What the constants switch off goes. The driver may not fuse products and sums: a GPU's compiler chooses which ones by
+    /// what stands around them, so that two kernels would compute the same pair with different bits.
     Cut,
-    /// Besides, calls are inlined, loops are written out and variables become values.
+    /// What the constants switch off goes, calls are inlined, loops are written out and variables become values. For lavapipe,
+    /// which fuses nothing.
     Flat,
 }
 
@@ -88,6 +90,9 @@ pub(super) fn specialized(words: &[u32], values: &HashMap<u32, u32>, depth: Dept
             described.push(i);
         }
     }
+    if depth == Depth::Cut {
+        forbid_contraction(&mut described, &kept);
+    }
     described.append(&mut constants.made);
     let kept = kept.into_iter().flat_map(Function::into_instructions);
     let mut header = header.to_vec();
@@ -130,6 +135,36 @@ fn is_about(instruction: &[u32], ids: &HashSet<u32>) -> bool {
 
 fn is_decoration(instruction: &[u32]) -> bool {
     matches!(opcode(instruction), Some(Op::Decorate | Op::DecorateId))
+}
+
+/// Decorates all arithmetic with NoContraction.
+fn forbid_contraction(globals: &mut Vec<Instruction>, functions: &[Function]) {
+    let forbids = |i: &Instruction| is_decoration(i) && i.get(2) == Some(&(Decoration::NoContraction as u32));
+    let exact: HashSet<u32> = globals.iter().filter(|i| forbids(i)).map(|i| i[1]).collect();
+    let results = functions.iter().flat_map(Function::bodies).filter(|i| is_arithmetic(i)).map(|i| i[2]);
+    let forbidden = results.filter(|id| !exact.contains(id));
+    let decorations: Vec<_> = forbidden.map(|id| made(Op::Decorate, &[id, Decoration::NoContraction as u32])).collect();
+    let after_last = globals.iter().rposition(|i| is_decoration(i)).map_or(globals.len(), |last| last + 1);
+    globals.splice(after_last..after_last, decorations);
+}
+
+/// Whether a compiler may fuse an instruction's product or sum with another.
+fn is_arithmetic(instruction: &Instruction) -> bool {
+    use Op::{Dot, FAdd, FMul, FSub};
+    use Op::{MatrixTimesMatrix, MatrixTimesScalar, MatrixTimesVector, VectorTimesMatrix, VectorTimesScalar};
+    matches!(
+        opcode(instruction),
+        Some(
+            FAdd | FSub
+                | FMul
+                | Dot
+                | VectorTimesScalar
+                | MatrixTimesScalar
+                | VectorTimesMatrix
+                | MatrixTimesVector
+                | MatrixTimesMatrix
+        )
+    )
 }
 
 fn is_specialization_id(instruction: &[u32]) -> bool {

@@ -4,7 +4,7 @@ use super::constants::Constants;
 use super::function::Function;
 use super::ids::{Ids, ids, result};
 use super::types::Types;
-use super::{BOUND, Depth, HEADER_WORDS, Instruction, instructions, made, opcode, specialized};
+use super::{BOUND, Depth, HEADER_WORDS, Instruction, instructions, is_arithmetic, made, opcode, specialized};
 use crate::vulkan::{Kernel, kernels};
 use spirv::{Decoration, Op, StorageClass};
 use std::collections::{HashMap, HashSet};
@@ -43,6 +43,22 @@ fn nothing_is_left_to_specialize() {
             }
             assert!(!code.iter().any(|i| is_id(&i)), "{} at {value}", kernel.name);
         }
+    }
+}
+
+/// The bits of a pair depend neither on the kernel that computes it nor on the room for lists.
+#[test]
+fn a_gpu_may_not_fuse_products_and_sums() {
+    for kernel in kernels::ALL {
+        let code = instructions(&specialized(kernel.spirv, &HashMap::new(), Depth::Cut)[HEADER_WORDS..]);
+        let forbids =
+            |i: &&Instruction| opcode(i) == Some(Op::Decorate) && i.get(2) == Some(&(Decoration::NoContraction as u32));
+        let mut exact: Vec<u32> = code.iter().filter(forbids).map(|i| i[1]).collect();
+        exact.sort_unstable();
+        let mut arithmetic: Vec<u32> = code.iter().filter(|i| is_arithmetic(i)).map(|i| i[2]).collect();
+        arithmetic.sort_unstable();
+        assert!(arithmetic.iter().all(|id| exact.binary_search(id).is_ok()), "{}", kernel.name);
+        assert!(exact.windows(2).all(|two| two[0] != two[1]), "{}: decorated twice", kernel.name);
     }
 }
 

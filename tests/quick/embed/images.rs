@@ -145,10 +145,11 @@ fn images_are_stored_as_they_are() {
         assert_eq!(far(&halves, &due, 1e-7, 1.0 / 1024.0), None);
         let bytes = |what| -> Vec<f64> { floats(what, Rgba8Unorm).iter().map(|&b| f64::from(b) / 255.0).collect() };
         let due: Vec<f64> = due.iter().map(|x| x.clamp(0.0, 1.0)).collect();
-        assert_eq!(far(&bytes(plain), &due, 0.51 / 255.0, 0.0), None);
+        // Vulkan allows a conversion to fixed point an error of 0.6 of its last place.
+        assert_eq!(far(&bytes(plain), &due, 0.61 / 255.0, 0.0), None);
         let encoded = |(i, &x): (usize, &f32)| if i % 4 == 3 { f64::from(x) } else { srgb(x) };
         let due: Vec<f64> = color.iter().enumerate().map(encoded).collect();
-        assert_eq!(far(&bytes(FrameImage::Color { srgb: true }), &due, 0.52 / 255.0, 0.0), None);
+        assert_eq!(far(&bytes(FrameImage::Color { srgb: true }), &due, 0.61 / 255.0, 0.0), None);
     }
     drop((host, rasterizer));
     assert_silent(engine);

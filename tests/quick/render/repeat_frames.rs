@@ -11,8 +11,8 @@ use crate::common::{
 use crate::host::shim::{self, adapter};
 use glam::DVec3;
 use softras::{
-    Camera, Frame, GradientRequest, Gradients, ImageGradient, Lights, Mesh, Projection, Renderer, RendererOptions,
-    Scene, Settings,
+    Camera, DeviceKind, Frame, GradientRequest, Gradients, ImageGradient, Lights, Mesh, Projection, Renderer,
+    RendererOptions, Scene, Settings,
     scene::{Appearance, Background, Shading},
     shapes,
 };
@@ -232,7 +232,7 @@ fn a_change_that_is_not_uploaded_would_show() {
 #[test]
 fn only_what_changed_is_uploaded() {
     let _turn = shim::lock();
-    let mut buffers = Vec::new();
+    let (mut buffers, mut copies) = (Vec::new(), false);
     for is_shared in [true, false] {
         if !is_shared {
             adapter::hide_cached_memory();
@@ -266,10 +266,12 @@ fn only_what_changed_is_uploaded() {
         change(&mut state, 5, random);
         assert_eq!(uploaded(&state), all, "another topology");
         assert_eq!(uploaded(&state), 0);
+        copies = renderer.device_info().kind == DeviceKind::Discrete;
         drop(renderer);
         buffers.push(shim::objects()["Buffer"][0] - buffers.iter().sum::<i64>());
     }
-    assert!(buffers[1] > buffers[0], "nothing is copied: {buffers:?}");
+    // A discrete GPU copies in both.
+    assert!(copies || buffers[1] > buffers[0], "nothing is copied: {buffers:?}");
 }
 
 /// Stages that nothing asks for are not dispatched, and a pass that is recorded anew is counted anew.

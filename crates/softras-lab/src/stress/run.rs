@@ -233,7 +233,13 @@ fn gradients(renderer: &mut Renderer, case: &Case, frame: &Frame, margin: Option
     let first = match renderer.backward(frame, &upstream, &wanted) {
         Ok(gradients) => gradients,
         Err(error) => {
-            *outcome = Outcome { findings: std::mem::take(&mut outcome.findings), ..refused(&error) };
+            let mut ended = refused(&error);
+            ended.findings.append(&mut outcome.findings);
+            // Where gradients are promised, they are finite.
+            if let (Promise::Gradients, Error::NotFinite { .. }) = (case.promise, &error) {
+                ended.find("not finite", error.to_string());
+            }
+            *outcome = ended;
             return;
         }
     };
