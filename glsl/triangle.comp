@@ -130,6 +130,9 @@ vec4 depth_record(PieceCorners c, out float exponent) {
     float z2 = c.z[2].x == 0.0 ? 1e-20 : c.z[2].x;
     vec2 excess = vec2(df_sub(c.z[0], c.z[1]).x / z1, df_sub(c.z[0], c.z[2]).x / z2);
     excess = clamp(excess, -FARTHEST_RATIO, FARTHEST_RATIO);
+    // A GPU's quotient may be off by some units in its last place, and then lie beyond -1, behind the camera.
+    vec2 nearest = max(excess, vec2(LEAST_NEARNESS - 1.0));
+    excess = mix(excess, nearest, lessThan(vec2(0.0), sign(z0) * vec2(z1, z2)));
     // Backward divides by z0 / zk, so it must not be 0.
     excess = mix(excess, vec2(LEAST_NEARNESS - 1.0), lessThan(abs(1.0 + excess), vec2(LEAST_NEARNESS)));
     return vec4(excess, clamp(z0 * k.x, -FARTHEST_WEIGHT, FARTHEST_WEIGHT), fraction);

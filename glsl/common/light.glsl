@@ -25,12 +25,16 @@ vec3 light_gradient(vec3 normal, vec3 by_light) {
     return sum;
 }
 
-// The unit vector along v, or zero if v is zero or not finite. v is first divided by its largest component, so that no square
-// overflows or vanishes.
+// The unit vector along v, or zero if v is zero or not finite. v is first brought near 1 by a power of two, and divided by its
+// largest component, so that no square overflows or vanishes: a GPU takes the reciprocal of a number above 2^126 for 0.
 vec3 unit_or_zero(vec3 v) {
     vec3 a = abs(v);
+    bool is_finite = a.x + a.y + a.z < 3e38;
+    float power = max(a.x, max(a.y, a.z)) > 1.0 ? 5.4210109e-20 : 1.8446744e19;
+    v *= power;
+    a *= power;
     float largest = max(a.x, max(a.y, a.z));
-    bool has_direction = largest > 0.0 && a.x + a.y + a.z < 3e38;
+    bool has_direction = largest > 0.0 && is_finite;
     vec3 w = v / (has_direction ? largest : 1.0);
     float squared = dot(w, w);
     return has_direction ? w * inversesqrt(squared) : vec3(0.0);

@@ -1,5 +1,6 @@
 """softras.soft_renderer: the official package's interface, and its recorded outputs where they are."""
 
+import os
 import subprocess
 import sys
 
@@ -284,7 +285,8 @@ def test_modules_run_without_a_gpu(tmp_path):
         "print(a.sum().item(), torch.nn.Linear(2, 2).to('cuda').weight.device, sys.argv[1:], __name__)\n"
     )
     command = [sys.executable, "-m", "softras.soft_renderer", "-m", "pkg.main", "x"]
-    result = subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=tmp_path)
+    hidden = {**os.environ, "CUDA_VISIBLE_DEVICES": ""}
+    result = subprocess.run(command, env=hidden, capture_output=True, text=True, timeout=120, cwd=tmp_path)
     assert result.stdout.strip() == "3.0 cpu ['x'] __main__", result.stdout + result.stderr
 
 

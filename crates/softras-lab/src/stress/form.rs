@@ -3,7 +3,7 @@
 use crate::random::Random;
 use softras::scene::{
     Appearance, Background, ColorAggregation, DirectionalLight, Distance, Faces, Interpolation, Lights, Mesh, Outputs,
-    Parity, Settings, Shading, SilhouetteAggregation, Support, Texture, Wrap,
+    Parity, Settings, Shading, SilhouetteAggregation, Support, SurfacePoint, Texture, Wrap,
 };
 use softras::{GradientMode, Result};
 
@@ -33,6 +33,7 @@ pub(super) struct Form {
     faces: Faces,
     interpolation: Interpolation,
     parity: Parity,
+    surface_point: SurfacePoint,
     pub support: Support,
 }
 
@@ -48,6 +49,7 @@ const PAPER: Form = Form {
     faces: Faces::Both,
     interpolation: Interpolation::Affine,
     parity: Parity::Model,
+    surface_point: SurfacePoint::Nearest,
     support: Support::Probability,
 };
 
@@ -67,6 +69,7 @@ pub(super) const TABLE: [Form; FORMS] = [
     Form { look: Look::Uniform, outputs: SILHOUETTE, ..PAPER },
     Form {
         look: Look::Images,
+        surface_point: SurfacePoint::Clip,
         lit: Some(Shading::Smooth),
         outputs: Outputs::ALL,
         interpolation: Interpolation::Perspective,
@@ -75,8 +78,20 @@ pub(super) const TABLE: [Form; FORMS] = [
     Form { look: Look::Surface, color: ColorAggregation::Hard, faces: Faces::Front, outputs: Outputs::ALL, ..PAPER },
     Form { distance: Distance::Barycentric, silhouette: SilhouetteAggregation::Sum, outputs: Outputs::ALL, ..PAPER },
     Form { distance: Distance::Hard, silhouette: SilhouetteAggregation::Hard, ..PAPER },
-    Form { look: Look::Surface, parity: Parity::Official, gradient: GradientMode::Paper, ..PAPER },
-    Form { background: Background::Composite, support: Support::Guaranteed, outputs: Outputs::ALL, ..PAPER },
+    Form {
+        look: Look::Surface,
+        parity: Parity::Official,
+        surface_point: SurfacePoint::Clip,
+        gradient: GradientMode::Paper,
+        ..PAPER
+    },
+    Form {
+        background: Background::Composite,
+        support: Support::Guaranteed,
+        surface_point: SurfacePoint::Clip,
+        outputs: Outputs::ALL,
+        ..PAPER
+    },
     Form { parity: Parity::Official, distance: Distance::Barycentric, gradient: GradientMode::Paper, ..PAPER },
 ];
 
@@ -92,6 +107,7 @@ impl Form {
             faces: self.faces,
             interpolation: self.interpolation,
             parity: self.parity,
+            surface_point: self.surface_point,
             support: self.support,
             save: true,
             ..numbers
