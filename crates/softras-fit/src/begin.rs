@@ -95,7 +95,8 @@ fn hull(
     let size = targets.size()?;
     match visual_hull(&targets, center, side, samples(size.0.min(size.1))) {
         Ok(raw) => {
-            let edge = options.edge.map_or(HULL_EDGE, |edge| edge.0) * cameras::pixel(subject.bounds, size);
+            let edge = options.edge.map_or(HULL_EDGE, |edge| edge.0)
+                * cameras::pixel(&targets.cameras, subject.bounds.center, size);
             let hull = evened(&raw, edge)?;
             // Depths have shown the hollows already.
             let lit = subject.one_color && options.color && !subject.lights.directional.is_empty();

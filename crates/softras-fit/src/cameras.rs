@@ -1,8 +1,9 @@
 //! The cameras of the images of a fit.
 
-use crate::subject::Sphere;
+use crate::{bad, subject::Sphere};
 use glam::{DMat3, DVec3};
-use softras::{Camera, Projection, Result};
+use softras::{Camera, Image, Projection, Result};
+use softras_io::Views;
 
 /// The share of half the image's height that a mesh's bounding sphere fills.
 const FILL: f64 = 0.9;
@@ -21,9 +22,8 @@ pub fn around(bounds: Sphere, count: usize, fov: f64) -> Result<Vec<Camera>> {
     (0..count).map(one).collect()
 }
 
-/// The region that all cameras look at: the point nearest to their axes, and the radius around it that the narrowest view
-/// shows.
-pub fn seen(cameras: &[Camera], (height, width): (usize, usize)) -> Sphere {
+/// The point nearest to the axes of all cameras.
+fn middle(cameras: &[Camera]) -> DVec3 {
     let (mut matrix, mut vector) = (DMat3::ZERO, DVec3::ZERO);
     for camera in cameras {
         let axes = camera.axes();
@@ -36,21 +36,77 @@ pub fn seen(cameras: &[Camera], (height, width): (usize, usize)) -> Sphere {
         matrix += across + DMat3::from_diagonal(DVec3::splat(1e-9));
         vector += across * eye;
     }
-    let center = if matrix.determinant().abs() > 1e-12 { matrix.inverse() * vector } else { DVec3::ZERO };
-    let aspect = (width as f64 / height as f64).min(1.0);
-    let half = |camera: &Camera| match *camera.projection() {
-        Projection::Perspective { fov_y } => camera.to_view(center).z * (fov_y / 2.0).tan() * aspect,
-        Projection::Orthographic { half_height } => half_height * aspect,
-        _ => camera.to_view(center).z,
-    };
-    let radius = cameras.iter().map(half).filter(|r| *r > 0.0).fold(f64::INFINITY, f64::min);
-    Sphere { center, radius: if radius.is_finite() { radius } else { 1.0 } }
+    if matrix.determinant().abs() > 1e-12 { matrix.inverse() * vector } else { DVec3::ZERO }
 }
 
-/// The length of a pixel about the middle of these bounds, world units: the narrowest view shows them along the shorter side of its
-/// picture.
-pub fn pixel(bounds: Sphere, (height, width): (usize, usize)) -> f64 {
-    2.0 * bounds.radius / height.min(width) as f64
+/// Half the shorter side of what a view shows at a point's depth, world units; not above 0 behind the camera.
+fn half(camera: &Camera, point: DVec3, (height, width): (usize, usize)) -> f64 {
+    let aspect = (width as f64 / height as f64).min(1.0);
+    let depth = camera.to_view(point).z;
+    match *camera.projection() {
+        Projection::Perspective { fov_y } => depth * (fov_y / 2.0).tan() * aspect,
+        Projection::Orthographic { half_height } => half_height * aspect,
+        Projection::Pinhole { fx, fy, .. } => 0.5 * depth * height.min(width) as f64 / fx.max(fy),
+        _ => depth,
+    }
+}
+
+/// The region that the cameras look at: the point nearest to their axes, and the radius around it that the narrowest view shows,
+/// or the radius that a mask takes where that is more. Views whose mask the border cuts tell neither.
+///
+/// # Errors
+/// [`softras::Error::Fit`] where more than half of the cameras look away from that point.
+pub fn seen(views: &Views) -> Result<Sphere> {
+    let (cameras, size) = (&views.cameras, views.size()?);
+    let center = middle(cameras);
+    let away = cameras.iter().filter(|camera| camera.to_view(center).z <= 0.0).count();
+    if 2 * away > cameras.len() {
+        return bad(
+            format!("{away} of {} cameras look away from where they all look", cameras.len()),
+            "give matrices from world to view with x to the right, y up and z into the picture; OpenCV's have y down, OpenGL's z out of it",
+        );
+    }
+    let masks: Vec<Option<f64>> =
+        (0..cameras.len()).map(|view| whole_mask(views.silhouette.as_ref()?, view, &cameras[view], center)).collect();
+    let halves = cameras.iter().map(|camera| half(camera, center, size));
+    let told: Vec<(f64, f64)> =
+        halves.clone().zip(&masks).filter_map(|(half, mask)| Some((half, (*mask)? * half))).collect();
+    let narrowest = |halves: &mut dyn Iterator<Item = f64>| halves.filter(|r| *r > 0.0).fold(f64::INFINITY, f64::min);
+    let radius = if told.is_empty() {
+        narrowest(&mut halves.into_iter())
+    } else {
+        told.iter().map(|(_, mask)| *mask).fold(narrowest(&mut told.iter().map(|(half, _)| *half)), f64::max)
+    };
+    Ok(Sphere { center, radius: if radius.is_finite() { radius } else { 1.0 } })
+}
+
+/// How far a mask reaches from where a point is seen, in units of half the picture's shorter side; `None` for one that is empty or
+/// that the border cuts.
+fn whole_mask(silhouettes: &Image, view: usize, camera: &Camera, center: DVec3) -> Option<f64> {
+    let (height, width) = (silhouettes.height, silhouettes.width);
+    let [column, row, _] = camera.project(center, (width as u32, height as u32))?;
+    let inside = |(i, x): (usize, &f32)| (*x > 0.5).then_some((i % width, i / width));
+    let mut farthest = None;
+    for (x, y) in silhouettes.view(view).iter().enumerate().filter_map(inside) {
+        if x == 0 || y == 0 || x + 1 == width || y + 1 == height {
+            return None;
+        }
+        let distance = (x as f64 + 0.5 - column).hypot(y as f64 + 0.5 - row);
+        farthest = Some(f64::max(distance, farthest.unwrap_or(0.0)));
+    }
+    Some(2.0 * farthest? / height.min(width) as f64)
+}
+
+/// The length of a view's pixel about a point, world units.
+pub fn pixel_of(camera: &Camera, point: DVec3, size: (usize, usize)) -> f64 {
+    2.0 * half(camera, point, size) / size.0.min(size.1) as f64
+}
+
+/// The length of a pixel about a point, world units: that of the median view.
+pub fn pixel(cameras: &[Camera], center: DVec3, size: (usize, usize)) -> f64 {
+    let mut pixels: Vec<f64> = cameras.iter().map(|c| pixel_of(c, center, size)).filter(|r| *r > 0.0).collect();
+    pixels.sort_by(f64::total_cmp);
+    pixels.get(pixels.len() / 2).copied().unwrap_or(2.0 / size.0.min(size.1) as f64)
 }
 
 fn outer(v: DVec3) -> DMat3 {
@@ -85,8 +141,8 @@ mod tests {
         let cameras = around(bounds, 8, 30.0).unwrap();
         // Half the height of the picture at the middle of the object.
         let half = cameras[0].to_view(bounds.center).z * 15f64.to_radians().tan();
-        for size in [(64, 64), (64, 48), (64, 96)] {
-            let found = pixel(seen(&cameras, size), size);
+        for size in [(64, 64), (64, 96)] {
+            let found = pixel(&cameras, bounds.center, size);
             assert!((found - half / 32.0).abs() < 1e-6, "{size:?}: {found}, not {}", half / 32.0);
         }
     }

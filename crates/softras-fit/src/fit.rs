@@ -2,7 +2,7 @@
 
 use crate::{
     ShapeFit, ShapeOptions, ShapeRun, StepLosses, bad, checkpoint,
-    options::{FitOptions, Template},
+    options::{FitOptions, Preset, Template},
     paint::{self, Painted},
     scores::Scores,
     setup::Setup,
@@ -74,6 +74,9 @@ impl Fit {
             subject.views.color = None;
         }
         let mut notes = Vec::new();
+        if !options.keep_views && options.preset != Preset::Official {
+            subject.settle(&mut notes)?;
+        }
         let setup = Setup::new(&options, &subject, &mut notes, renderer)?;
         let views = options.compared(&subject.views);
         let shape = ShapeFit::new(setup.template.clone(), subject.lights.clone(), setup.options.clone())?;
@@ -245,7 +248,7 @@ impl Fitting {
     /// [`softras::Error::File`] for what is no such file, [`softras::Error::Fit`] for one of another fit.
     pub fn resume(&mut self, path: &Path, budget: Budget) -> Result<usize> {
         let (step, mesh, state) = checkpoint::read(path, budget)?;
-        if self.options.preset == crate::Preset::Official && self.setup.has_new_triangles() {
+        if self.options.preset == Preset::Official && self.setup.has_new_triangles() {
             return bad(
                 "the official parametrization after --subdivide-at or --remesh-at",
                 "it cannot be taken up: leave out one of them",

@@ -31,7 +31,7 @@ const MOST_ENLARGED: usize = 4;
 /// The visual hull of the silhouettes, less what the depths show to be empty, within the cube of side `side` around `center`,
 /// in world units. Its triangles' edges are about as long as the hull's longest extent divided by `resolution`, 8 to 256.
 ///
-/// Beyond a picture's border the silhouette is taken to go on as it is at the border.
+/// Beyond the border of a picture nothing is, or nothing is known where the border cuts the silhouette.
 ///
 /// # Errors
 /// [`softras::Error::Fit`] where there is no hull: targets without silhouettes or that do not fit together, a silhouette without
@@ -77,6 +77,8 @@ pub(super) struct View<'a> {
     distance: Image,
     /// Pixels of the picture itself along its height.
     height: f64,
+    /// Whether the picture's border cuts the silhouette: then it tells nothing of what lies beyond.
+    is_cut: bool,
     /// The depths of the surface, 0 where they are not known.
     depths: Option<Image>,
 }
@@ -100,9 +102,20 @@ pub(super) fn views<'a>(targets: &'a Views) -> Result<Vec<View<'a>>> {
             let depths = depths.views(i..i + 1);
             masked(&depths, &known(&depths, Some(&picture)))
         });
-        Ok(View { camera, distance: signed_distance(&enlarged(&picture))?, height: picture.height as f64, depths })
+        let distance = signed_distance(&enlarged(&picture))?;
+        Ok(View { camera, distance, height: picture.height as f64, is_cut: is_cut(&picture), depths })
     };
     targets.cameras.iter().enumerate().map(view).collect()
+}
+
+/// Whether a silhouette reaches the border of its picture.
+fn is_cut(picture: &Image) -> bool {
+    let (height, width) = (picture.height, picture.width);
+    let at_border = |i: usize| {
+        let (row, column) = (i / width, i % width);
+        row == 0 || column == 0 || row + 1 == height || column + 1 == width
+    };
+    picture.data.iter().enumerate().any(|(i, x)| *x > 0.5 && at_border(i))
 }
 
 /// The picture enlarged by linear interpolation.
@@ -146,7 +159,7 @@ fn sample(image: &Image, column: f64, row: f64) -> f64 {
 
 impl View<'_> {
     /// The signed distance of a point from the silhouette's outline in world units; `None` behind the camera.
-    fn outline_distance(&self, point: DVec3) -> Option<f64> {
+    pub(super) fn outline_distance(&self, point: DVec3) -> Option<f64> {
         let place = self.place(point)?;
         Some(place.unit * sample(&self.distance, place.column, place.row))
     }
@@ -171,11 +184,15 @@ impl View<'_> {
         inside.then_some((column as usize, row as usize))
     }
 
-    /// Where a point is seen; `None` behind the camera.
+    /// Where a point is seen; `None` behind the camera, and beyond the border of a picture that cuts its silhouette.
     fn place(&self, point: DVec3) -> Option<Place> {
         let (width, height) = (self.distance.width as f64, self.distance.height as f64);
         let times = height / self.height;
         let [column, row, depth] = self.camera.project(point, ((width / times) as u32, self.height as u32))?;
+        let is_inside = column >= 0.0 && row >= 0.0 && column * times < width && row < self.height;
+        if self.is_cut && !is_inside {
+            return None;
+        }
         let unit = match *self.camera.projection() {
             Projection::Pinhole { fx, fy, .. } => 0.5 * self.height * depth / fx.max(fy),
             Projection::Perspective { fov_y } => depth * (fov_y / 2.0).tan(),

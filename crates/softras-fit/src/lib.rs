@@ -42,6 +42,7 @@ mod carved;
 mod checkpoint;
 mod color_error;
 mod dig;
+mod doubt;
 mod film;
 mod fit;
 mod hull;

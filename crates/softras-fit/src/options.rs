@@ -44,6 +44,8 @@ pub struct FitOptions {
     /// Fit a texture of at most so many texels a side: of a template that has one the texels alone, else that of an atlas that is
     /// made for the mesh that was found.
     pub texture: Option<u32>,
+    /// Keep views that do not agree with the others, and holes that one mask alone shows.
+    pub keep_views: bool,
     /// Every so many views is used.
     pub view_stride: usize,
     /// The set of defaults.
@@ -102,6 +104,7 @@ impl Default for FitOptions {
             subdivisions: None,
             color: false,
             texture: None,
+            keep_views: false,
             view_stride: 1,
             preset: Preset::Smooth,
             iterations: None,

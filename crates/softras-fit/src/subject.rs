@@ -1,6 +1,6 @@
 //! What is known of the object that a fit is to find.
 
-use crate::{cameras, pooled};
+use crate::{cameras, doubt, pooled};
 use glam::DVec3;
 use softras::{
     Image, Lights, Mesh, Renderer, Result, Scene, Settings, parts,
@@ -53,11 +53,16 @@ impl Subject {
     /// An object where all cameras look, unlit, of any colours.
     ///
     /// # Errors
-    /// Those of [`Views::size`].
+    /// Those of [`Views::size`]; [`softras::Error::Fit`] for cameras that look away from each other.
     pub fn of(views: Views) -> Result<Self> {
-        let bounds = cameras::seen(&views.cameras, views.size()?);
+        let bounds = cameras::seen(&views)?;
         let depths = cameras::depths(&views.cameras, bounds);
         Ok(Self { views, truth: None, bounds, depths, lights: Lights::unlit(), one_color: false })
+    }
+
+    /// Leaves out views that do not agree with the others and fills holes that one alone shows, unless the views were rendered.
+    pub(crate) fn settle(&mut self, notes: &mut Vec<String>) -> Result<()> {
+        if self.truth.is_none() { doubt::settle(&mut self.views, self.bounds, notes) } else { Ok(()) }
     }
 
     /// The centre and the side of the cube that a hull is carved in.

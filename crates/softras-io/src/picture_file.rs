@@ -1,7 +1,7 @@
 //! PNG and JPEG files: their sizes are known, and may be counted, before a pixel is decoded.
 
 use crate::input;
-use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits, metadata::Orientation};
 use softras::{Error, Result};
 use std::{io::BufReader, path::Path};
 
@@ -13,7 +13,7 @@ const BYTES_PER_PIXEL: u64 = 24;
 
 /// A picture of which only the header has been read.
 pub struct PictureFile {
-    /// Columns, from 1 to 16384.
+    /// Columns, from 1 to 16384, of the picture as its EXIF orientation turns it.
     pub width: u32,
     /// Rows, from 1 to 16384.
     pub height: u32,
@@ -21,6 +21,7 @@ pub struct PictureFile {
     pub file_bytes: u64,
     /// Whether its format changes the pixels, as JPEG does.
     pub is_lossy: bool,
+    orientation: Orientation,
     decoder: Box<dyn ImageDecoder>,
     limits: Limits,
 }
@@ -48,14 +49,25 @@ impl PictureFile {
         // The caller counts pixels; this is for what a decoder needs besides them.
         limits.max_alloc = Some(u64::from(MAX_SIDE) * u64::from(MAX_SIDE) * BYTES_PER_PIXEL);
         reader.limits(limits.clone());
-        let decoder: Box<dyn ImageDecoder> = Box::new(reader.into_decoder().map_err(refuse)?);
-        let (width, height) = decoder.dimensions();
+        let mut decoder: Box<dyn ImageDecoder> = Box::new(reader.into_decoder().map_err(refuse)?);
+        // What cannot be read of the orientation changes nothing.
+        let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
+        let (width, height) = match (orientation, decoder.dimensions()) {
+            (
+                Orientation::Rotate90
+                | Orientation::Rotate270
+                | Orientation::Rotate90FlipH
+                | Orientation::Rotate270FlipH,
+                (width, height),
+            ) => (height, width),
+            (_, size) => size,
+        };
         if width.min(height) == 0 || width.max(height) > MAX_SIDE {
             let what = format!("is {width}×{height} pixels");
             let fix = format!("use 1 to {MAX_SIDE} pixels a side");
             return Err(Error::File { path: path.into(), line: None, what, fix });
         }
-        Ok(Self { width, height, file_bytes, is_lossy, decoder, limits })
+        Ok(Self { width, height, file_bytes, is_lossy, orientation, decoder, limits })
     }
 
     /// The number of pixels.
@@ -63,16 +75,23 @@ impl PictureFile {
         u64::from(self.width) * u64::from(self.height)
     }
 
-    /// Decodes the pixels.
+    /// Whether its EXIF orientation turns or mirrors it.
+    pub fn is_turned(&self) -> bool {
+        self.orientation != Orientation::NoTransforms
+    }
+
+    /// Decodes the pixels, turned as the EXIF orientation says.
     ///
     /// # Errors
     /// [`Error::File`] for a malformed picture; [`Error::OutOfMemory`].
     pub fn decode(self, path: &Path) -> Result<DynamicImage> {
         input::room_for(&format!("the picture {}", path.display()), self.pixels() * BYTES_PER_PIXEL)?;
-        let Self { mut decoder, mut limits, .. } = self;
+        let Self { mut decoder, mut limits, orientation, .. } = self;
         let refuse = |error| refuse(path, &error);
         limits.reserve(decoder.total_bytes()).and_then(|()| decoder.set_limits(limits)).map_err(refuse)?;
-        DynamicImage::from_decoder(decoder).map_err(refuse)
+        let mut picture = DynamicImage::from_decoder(decoder).map_err(refuse)?;
+        picture.apply_orientation(orientation);
+        Ok(picture)
     }
 }
 

@@ -78,6 +78,7 @@ impl Plan<'_> {
             color: array(&self.color, "color", 3)?,
             depth: array(&self.depth, "depth", 1)?,
             normal: array(&self.normal, "normal", 3)?,
+            ..Views::default()
         })
     }
 

@@ -29,7 +29,7 @@ fn targets(renderer: &mut Renderer, mesh: &Mesh, cameras: Vec<Camera>, samples: 
     let frame = renderer.render(&Scene::new(mesh.clone()), &cameras, &sharp).unwrap();
     let image = |image: softras::Result<&Image>| Some(pooled(image.unwrap(), samples as usize).unwrap());
     let (silhouette, depth, normal) = (image(frame.silhouette()), image(frame.depth()), image(frame.normal()));
-    Views { cameras, silhouette, color: None, depth, normal }
+    Views { cameras, silhouette, depth, normal, ..Views::default() }
 }
 
 fn scaled(mesh: &Mesh, by: [f32; 3]) -> Mesh {

@@ -28,6 +28,8 @@ pub struct Views {
     /// `[views, height, width, 3]`: the surface's unit normal in world space; 0, or what is not finite, where it is not known. Only
     /// pixels that the silhouette covers wholly are compared.
     pub normal: Option<Image>,
+    /// The pictures' file names, for notes; empty where there are none.
+    pub names: Vec<String>,
 }
 
 /// What is read of views, and how.
@@ -140,6 +142,7 @@ impl Views {
             color: some(&self.color),
             depth: some(&self.depth),
             normal: some(&self.normal),
+            names: views.iter().filter_map(|&view| self.names.get(view).cloned()).collect(),
         })
     }
 
@@ -292,15 +295,18 @@ fn folder(
         claim_pixels(options, budget, &file, picture.pixels())?;
     }
     let mut pixels = Pixels::new(options.color);
+    let mut kinds = [None, None];
     for view in &views {
-        let note = for_each_pixel(&path.join(&view.file), |pixel| pixels.push(pixel))?;
-        // One note is enough for all pictures.
-        notes.extend(note.filter(|_| notes.is_empty()));
+        // One note of a kind is enough for all pictures.
+        let noted = for_each_pixel(&path.join(&view.file), |pixel| pixels.push(pixel))?;
+        kinds.iter_mut().zip(noted).for_each(|(kind, note)| *kind = kind.take().or(note));
     }
+    notes.extend(kinds.into_iter().flatten());
     let (width, height) = size.unwrap_or_default();
     let (width, height) = (width as usize, height as usize);
     let mut made = pixels.views(cameras, [views.len(), height, width]);
     let pictures: Vec<PathBuf> = views.into_iter().map(|view| view.file).collect();
+    made.names = pictures.iter().map(|picture| picture.display().to_string()).collect();
     let mut maps = |map: Map, folder: &Option<PathBuf>| -> Result<Option<Image>> {
         let Some(folder) = folder else { return Ok(None) };
         map.read_all(folder, &pictures, (width, height), options.depth_unit, files, budget).map(Some)
@@ -318,9 +324,12 @@ fn check_inside(folder: &Path, file: &Path, allowed: bool) -> Result<()> {
     fault(file, "lies outside the folder of views", "move it into the folder, or use --allow-outside")
 }
 
-/// Decodes a picture file and visits its pixels, linear colour over black and alpha. Returns a note on its silhouette.
-fn for_each_pixel(path: &Path, mut visit: impl FnMut([f64; 4])) -> Result<Option<String>> {
+/// Decodes a picture file and visits its pixels, linear colour over black and alpha. Returns notes on its silhouette and on how it
+/// was turned.
+fn for_each_pixel(path: &Path, mut visit: impl FnMut([f64; 4])) -> Result<[Option<String>; 2]> {
     let picture = PictureFile::open(path)?;
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let turned = picture.is_turned().then(|| format!("{name}: turned as its EXIF orientation says"));
     let black = if picture.is_lossy { f64::from(LOSSY_BLACK) / 255.0 } else { 0.0 };
     let picture = picture.decode(path)?.into_rgba8();
     let opaque = picture.pixels().all(|p| p.0[3] == 255);
@@ -328,14 +337,14 @@ fn for_each_pixel(path: &Path, mut visit: impl FnMut([f64; 4])) -> Result<Option
         let [r, g, b, a] = pixel.0.map(|byte| f64::from(byte) / 255.0);
         visit(rgba([r, g, b], (!opaque).then_some(a), black));
     }
-    Ok((opaque && black > 0.0).then(|| {
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let cut = (opaque && black > 0.0).then(|| {
         format!("{name}: values up to {LOSSY_BLACK} of 255 are taken as background (a PNG with alpha says it exactly)")
-    }))
+    });
+    Ok([cut, turned])
 }
 
-/// Width, height, pixels, and a note.
-type Pixelated = (usize, usize, Vec<[f64; 4]>, Option<String>);
+/// Width, height, pixels, and notes.
+type Pixelated = (usize, usize, Vec<[f64; 4]>, Vec<String>);
 
 /// Width, height and pixels of a picture file, linear colour over black and alpha; each takes `bytes_per_pixel` of the budget. The alpha
 /// of a picture without transparency is 1 where it is not black, as [`Views::open_with`] has it; how is noted.
@@ -349,8 +358,8 @@ pub fn read_picture(path: &Path, budget: &Budget, bytes_per_pixel: u64) -> Resul
     let what = format!("a picture of {width}×{height} pixels");
     budget.claim(path, &what, picture.pixels().saturating_mul(bytes_per_pixel))?;
     let mut pixels = Vec::with_capacity(width * height);
-    let note = for_each_pixel(path, |pixel| pixels.push(pixel))?;
-    Ok((width, height, pixels, note))
+    let notes = for_each_pixel(path, |pixel| pixels.push(pixel))?;
+    Ok((width, height, pixels, notes.into_iter().flatten().collect()))
 }
 
 /// Reads cameras from a numpy array: the angles of the official data, or matrices.

@@ -70,6 +70,9 @@ pub struct FitArgs {
     /// Size in pixels of the images that --from renders
     #[arg(long, value_name = "SIZE", value_parser = parse::size, default_value = "128")]
     pub size: (u32, u32),
+    /// Keep views that do not agree with the others, and holes that one mask alone shows
+    #[arg(long)]
+    pub keep_views: bool,
     /// Use only every N-th view
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), default_value_t = 1)]
     pub view_stride: u32,
@@ -125,6 +128,7 @@ impl FitArgs {
             subdivisions: self.subdivisions,
             color: self.color,
             texture: self.texture.then_some(self.texture_size),
+            keep_views: self.keep_views,
             view_stride: self.view_stride as usize,
             preset: method.preset.into(),
             iterations: method.iterations.map(|steps| steps as usize),

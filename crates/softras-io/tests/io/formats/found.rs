@@ -399,7 +399,7 @@ fn silhouettes_of_jpeg_pictures_are_those_of_png() {
         let path = folder.path().join(name);
         image.save(&path).unwrap();
         let budget = softras_io::Budget::new(None);
-        let (_, _, pixels, note) = softras_io::read_picture(&path, &budget, 64).unwrap();
+        let (_, _, pixels, notes) = softras_io::read_picture(&path, &budget, 64).unwrap();
         assert_eq!(note.is_some(), name.ends_with("jpg"));
         pixels.iter().map(|pixel| pixel[3] > 0.0).collect::<Vec<_>>()
     };

@@ -1,0 +1,252 @@
+//! Views that do not agree with the others, which are left out, and holes of masks that one picture alone shows, which are filled.
+//!
+//! A solid's silhouette covers the mask of every view. So views agree where the hull of all masks covers each of them. One wrong
+//! mask carves away what the others show, and leaving it out is what makes the others agree.
+
+use crate::{
+    cameras,
+    hull::{View, views as pictures},
+    subject::Sphere,
+};
+use glam::DVec3;
+use softras::{Image, Result, shapes::Samples};
+use softras_io::Views;
+
+/// Views from which on one can be told from the others.
+const FEWEST: usize = 6;
+/// Views beyond which none is looked for: each is compared with each.
+const MOST: usize = 256;
+/// Samples along a side of the hull.
+const RESOLUTION: usize = 64;
+/// Samples of the hull along a side of the squares that masks are compared in.
+const SAMPLES_A_CELL: f64 = 2.0;
+/// Leaving out a view makes this share of the others' masks agree, and this many times what the median view would.
+const LEAST_GAIN: f64 = 0.005;
+const TIMES_THE_MEDIAN: f64 = 4.0;
+/// What remains uncovered then is at most this share of what was.
+const MOST_LEFT: f64 = 0.7;
+/// A mask with a larger share of its picture shows nothing but the object.
+const FULL: f64 = 0.995;
+/// A larger hole, as a share of its mask, is always taken for one.
+const LARGEST_HOLE: f64 = 0.1;
+
+/// Leaves out the views that are empty, full, or do not agree with the others, at most a quarter of them, and fills small holes that
+/// one mask alone has. Each is noted. Fewer than six views stay as they are.
+pub fn settle(views: &mut Views, bounds: Sphere, notes: &mut Vec<String>) -> Result<()> {
+    let count = views.cameras.len();
+    let Some(silhouettes) = &views.silhouette else { return Ok(()) };
+    if !(FEWEST..=MOST).contains(&count) {
+        return Ok(());
+    }
+    let mut out: Vec<(usize, &str)> = (0..count)
+        .filter_map(|view| {
+            let mask = silhouettes.view(view);
+            let share = mask.iter().filter(|x| **x > 0.5).count() as f64 / mask.len() as f64;
+            let is_plain = share == 0.0 || share > FULL;
+            is_plain.then_some((view, if share == 0.0 { "shows nothing of the object" } else { "is all object" }))
+        })
+        .collect();
+    let most = count / 4;
+    let mut left: Vec<usize> = (0..count).filter(|view| out.iter().all(|(other, _)| other != view)).collect();
+    let seen = views.some(&left).into_owned();
+    let Ok(all) = pictures(&seen) else { return Ok(()) };
+    let mut using: Vec<usize> = (0..left.len()).collect();
+    while out.len() < most
+        && let Some(worst) = worst(&seen, &all, &using, bounds)
+    {
+        out.push((left[using.remove(worst)], "does not agree with the others"));
+    }
+    drop(all);
+    if out.len() > most {
+        return Ok(());
+    }
+    left.retain(|view| out.iter().all(|(other, _)| other != view));
+    out.sort_unstable();
+    for (view, why) in out {
+        notes.push(format!("{} {why}: it is left out", name(views, view)));
+    }
+    *views = views.some(&left).into_owned();
+    fill(views, bounds, notes)
+}
+
+fn name(views: &Views, view: usize) -> String {
+    views.names.get(view).cloned().unwrap_or_else(|| format!("view {view}"))
+}
+
+/// The place in `using` of the view without which the others agree much better.
+fn worst(views: &Views, all: &[View<'_>], using: &[usize], bounds: Sphere) -> Option<usize> {
+    let uncovered = uncovered(views, all, using, bounds)?;
+    let n = using.len();
+    // The mean over all views, and over the others where one is left out.
+    let whole = (0..n).map(|u| uncovered[u * (n + 1) + n]).sum::<f64>() / n as f64;
+    let without =
+        |c: usize| (0..n).filter(|u| *u != c).map(|u| uncovered[u * (n + 1) + c]).sum::<f64>() / (n - 1).max(1) as f64;
+    let gains: Vec<f64> = (0..n).map(|c| whole - without(c)).collect();
+    let mut sorted = gains.clone();
+    sorted.sort_by(f64::total_cmp);
+    let (at, gain) = gains.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))?;
+    let is_worse = *gain > LEAST_GAIN && *gain > TIMES_THE_MEDIAN * sorted[n / 2] && whole - gain < MOST_LEFT * whole;
+    is_worse.then_some(at)
+}
+
+/// The share of each view's mask that the hull leaves uncovered: a row a view, a column for the hull without each view, and at last
+/// one for the hull of all.
+fn uncovered(views: &Views, all: &[View<'_>], using: &[usize], bounds: Sphere) -> Option<Vec<f64>> {
+    let silhouettes = views.silhouette.as_ref()?;
+    let n = using.len();
+    let grid = Samples::new(bounds.center - bounds.radius, 2.0 * bounds.radius, RESOLUTION);
+    let mut cells: Vec<Cells> =
+        using.iter().map(|view| Cells::of(views, silhouettes, *view, bounds.center, grid.step, n + 1)).collect();
+    // A sample stands for all of its cube.
+    let reach = 0.5 * grid.step;
+    for point in (0..grid.values.len()).map(|i| grid.position(i)) {
+        let mut carvers = (0..n).filter(|u| all[using[*u]].outline_distance(point).is_some_and(|d| d < -reach));
+        let (first, second) = (carvers.next(), carvers.next());
+        if second.is_some() {
+            continue;
+        }
+        for (u, cells) in cells.iter_mut().enumerate() {
+            if let Some(covered) = all[using[u]].pixel(point).and_then(|pixel| cells.at(pixel)) {
+                match first {
+                    None => covered.fill(true),
+                    Some(carver) => covered[carver] = true,
+                }
+            }
+        }
+    }
+    Some(cells.iter().flat_map(|cells| (0..=n).map(|column| cells.open(column))).collect())
+}
+
+/// A mask in squares, each some samples of the hull wide, and by which hulls each square is covered.
+struct Cells {
+    /// Pixels along a side of a square.
+    side: usize,
+    columns: usize,
+    hulls: usize,
+    /// Whether the mask fills a square.
+    is_inside: Vec<bool>,
+    covered: Vec<bool>,
+}
+
+impl Cells {
+    fn of(views: &Views, silhouettes: &Image, view: usize, center: DVec3, step: f64, hulls: usize) -> Self {
+        let (height, width) = (silhouettes.height, silhouettes.width);
+        let pixel = cameras::pixel_of(&views.cameras[view], center, (height, width));
+        let side = ((SAMPLES_A_CELL * step / pixel).ceil() as usize).clamp(1, height.min(width));
+        let (rows, columns) = (height / side, width / side);
+        let mask = silhouettes.view(view);
+        let is_inside = |at: usize| {
+            let (row, column) = (at / columns * side, at % columns * side);
+            2 * (0..side * side).filter(|i| mask[(row + i / side) * width + column + i % side] > 0.5).count()
+                > side * side
+        };
+        let is_inside = (0..rows * columns).map(is_inside).collect();
+        Self { side, columns, hulls, is_inside, covered: vec![false; rows * columns * hulls] }
+    }
+
+    /// By which hulls the square around a pixel is covered.
+    fn at(&mut self, (column, row): (usize, usize)) -> Option<&mut [bool]> {
+        let (column, row) = (column / self.side, row / self.side);
+        let at = row * self.columns + column;
+        (column < self.columns).then_some(())?;
+        self.covered.get_mut(at * self.hulls..(at + 1) * self.hulls)
+    }
+
+    /// The share of the mask's squares that a hull leaves open.
+    fn open(&self, hull: usize) -> f64 {
+        let inside = || self.is_inside.iter().enumerate().filter(|(_, is)| **is).map(|(at, _)| at);
+        let open = inside().filter(|at| !self.covered[at * self.hulls + hull]).count();
+        open as f64 / inside().count().max(1) as f64
+    }
+}
+
+/// Fills the small holes of masks through which no other picture shows the background.
+fn fill(views: &mut Views, bounds: Sphere, notes: &mut Vec<String>) -> Result<()> {
+    let Some(silhouettes) = &views.silhouette else { return Ok(()) };
+    let (height, width) = (silhouettes.height, silhouettes.width);
+    let holes: Vec<Holes> = (0..views.cameras.len()).map(|v| Holes::of(silhouettes.view(v), width)).collect();
+    if holes.iter().all(|holes| holes.pixels.is_empty()) {
+        return Ok(());
+    }
+    let all = pictures(views)?;
+    let grid = Samples::new(bounds.center - bounds.radius, 2.0 * bounds.radius, RESOLUTION);
+    // For each view the holes through which another picture looks too.
+    let mut shared: Vec<Vec<bool>> = holes.iter().map(|holes| vec![false; holes.pixels.len()]).collect();
+    for point in (0..grid.values.len()).map(|i| grid.position(i)) {
+        let seen: Vec<(usize, usize)> = (0..all.len())
+            .filter_map(|view| {
+                let (column, row) = all[view].pixel(point)?;
+                Some((view, holes[view].near(column, row, (height, width))?))
+            })
+            .collect();
+        if seen.len() > 1 {
+            seen.into_iter().for_each(|(view, hole)| shared[view][hole] = true);
+        }
+    }
+    drop(all);
+    let Some(silhouettes) = &mut views.silhouette else { return Ok(()) };
+    for (view, (holes, shared)) in holes.iter().zip(shared).enumerate() {
+        let area = silhouettes.view(view).iter().filter(|x| **x > 0.5).count() as f64;
+        let is_small = |hole: &&Vec<usize>| hole.len() as f64 <= LARGEST_HOLE * area;
+        let alone: Vec<&Vec<usize>> = holes
+            .pixels
+            .iter()
+            .zip(shared)
+            .filter(|(_, shared)| !shared)
+            .map(|(hole, _)| hole)
+            .filter(is_small)
+            .collect();
+        if alone.is_empty() {
+            continue;
+        }
+        let count: usize = alone.iter().map(|hole| hole.len()).sum();
+        alone.into_iter().flatten().for_each(|at| silhouettes.data[view * height * width + at] = 1.0);
+        let name = views.names.get(view).cloned().unwrap_or_else(|| format!("view {view}"));
+        notes.push(format!("{name}: holes of {count} pixels, through which no other picture looks, are filled"));
+    }
+    Ok(())
+}
+
+/// The parts of the background of a mask that do not reach its border.
+struct Holes {
+    pixels: Vec<Vec<usize>>,
+    /// One more than the number of each pixel's hole, or 0.
+    of_pixel: Vec<usize>,
+}
+
+impl Holes {
+    fn of(mask: &[f32], width: usize) -> Self {
+        let height = mask.len() / width;
+        let mut holes = Self { pixels: Vec::new(), of_pixel: vec![0; mask.len()] };
+        let mut seen: Vec<bool> = mask.iter().map(|x| *x > 0.5).collect();
+        for first in 0..mask.len() {
+            let (mut part, mut next, mut is_open) = (Vec::new(), vec![first], false);
+            while let Some(at) = next.pop() {
+                if std::mem::replace(&mut seen[at], true) {
+                    continue;
+                }
+                part.push(at);
+                let (row, column) = (at / width, at % width);
+                if row == 0 || column == 0 || row + 1 == height || column + 1 == width {
+                    is_open = true;
+                }
+                next.extend((row > 0).then(|| at - width));
+                next.extend((row + 1 < height).then_some(at + width));
+                next.extend((column > 0).then(|| at - 1));
+                next.extend((column + 1 < width).then_some(at + 1));
+            }
+            if !is_open && !part.is_empty() {
+                part.iter().for_each(|at| holes.of_pixel[*at] = holes.pixels.len() + 1);
+                holes.pixels.push(part);
+            }
+        }
+        holes
+    }
+
+    /// A hole in or beside a pixel.
+    fn near(&self, column: usize, row: usize, (height, width): (usize, usize)) -> Option<usize> {
+        let rows = row.saturating_sub(1)..(row + 2).min(height);
+        let mut around = rows.flat_map(|r| (column.saturating_sub(1)..(column + 2).min(width)).map(move |c| (r, c)));
+        around.find_map(|(r, c)| self.of_pixel[r * width + c].checked_sub(1))
+    }
+}
