@@ -1,7 +1,7 @@
 //! The mesh that a fit begins with: a sphere, the visual hull of the silhouettes, or the mesh of a file.
 
 use crate::{
-    bad, cameras,
+    bad,
     dig::dug,
     evened,
     options::{FitOptions, Preset, Template},
@@ -95,8 +95,7 @@ fn hull(
     let size = targets.size()?;
     match visual_hull(&targets, center, side, samples(size.0.min(size.1))) {
         Ok(raw) => {
-            let edge = options.edge.map_or(HULL_EDGE, |edge| edge.0)
-                * cameras::pixel(&targets.cameras, subject.bounds.center, size);
+            let edge = options.edge.map_or(HULL_EDGE, |edge| edge.0) * subject.pixel;
             let hull = evened(&raw, edge)?;
             // Depths have shown the hollows already.
             let lit = subject.one_color && options.color && !subject.lights.directional.is_empty();

@@ -3,7 +3,6 @@
 use crate::{
     ImageLoss, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions, Subdivision,
     begin::{Begin, begin},
-    cameras,
     options::{FitOptions, Preset, Template},
     recut,
     subject::Subject,
@@ -65,7 +64,7 @@ impl Setup {
         renderer: &mut Renderer,
     ) -> Result<Self> {
         let official = options.preset == Preset::Official;
-        let pixel = cameras::pixel(&subject.views.cameras, subject.bounds.center, subject.views.size()?);
+        let pixel = subject.pixel;
         let range = |given: Option<(f64, f64)>, default: (f64, f64)| {
             let (from, to) = given.unwrap_or(default);
             if from == to { Schedule::Constant(from) } else { Schedule::Exponential { from, to } }

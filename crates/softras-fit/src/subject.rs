@@ -41,6 +41,8 @@ pub struct Subject {
     pub truth: Option<Mesh>,
     /// A sphere around the object.
     pub bounds: Sphere,
+    /// The length of a pixel about the middle of the object, world units.
+    pub pixel: f64,
     /// Nearest and farthest depth that is drawn.
     pub depths: (f64, f64),
     /// The lights of the views and of the fit.
@@ -57,7 +59,8 @@ impl Subject {
     pub fn of(views: Views) -> Result<Self> {
         let bounds = cameras::seen(&views)?;
         let depths = cameras::depths(&views.cameras, bounds);
-        Ok(Self { views, truth: None, bounds, depths, lights: Lights::unlit(), one_color: false })
+        let pixel = cameras::pixel(&views.cameras, bounds.center, views.size()?);
+        Ok(Self { views, truth: None, bounds, pixel, depths, lights: Lights::unlit(), one_color: false })
     }
 
     /// Leaves out views that do not agree with the others and fills holes that one alone shows, unless the views were rendered.
@@ -113,7 +116,9 @@ impl Subject {
             Ok(())
         })?;
         let truth = scene.meshes.into_iter().next();
-        Ok(Self { views, truth, bounds, depths, lights, one_color })
+        // The views show little more than the sphere.
+        let pixel = 2.0 * bounds.radius / f64::from(options.size.0.min(options.size.1));
+        Ok(Self { views, truth, bounds, pixel, depths, lights, one_color })
     }
 }
 

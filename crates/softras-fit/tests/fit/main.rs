@@ -5,6 +5,7 @@ mod atlas;
 mod carved;
 #[path = "../../../../tests/common/pool.rs"]
 mod common;
+mod doubt;
 mod forearm;
 mod gradients;
 mod hull;

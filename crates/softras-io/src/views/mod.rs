@@ -7,6 +7,7 @@ pub use maps::Map;
 
 use crate::{Budget, Curve, PictureFile, npy, output};
 use glam::DMat4;
+use image::RgbaImage;
 use softras::{Camera, Error, Image, Projection, Result};
 use std::{
     borrow::Cow,
@@ -80,8 +81,8 @@ impl Views {
     /// Reads a folder of PNG and JPEG pictures with a file of their cameras, or a .npy file of images (`[N, 4, H, W]` or `[N, H, W,
     /// 4]`: RGBA, alpha is the silhouette; `[N, H, W]`: silhouettes) with a file of theirs (`[N, 3]`: distance, elevation, azimuth in
     /// degrees of the official data, whose images are mirrored; `[N, 4, 4]`: world to view). The silhouette of a picture without
-    /// transparency is every pixel that is not black; in JPEG and WebP pictures, every pixel with a value above 32 of 255. Returns all
-    /// files that were read, and notes.
+    /// transparency is every pixel that is not black; in JPEG and WebP pictures, every pixel with a value above 32 of 255. Pixels of the
+    /// outline count in part, as they are bright. Returns all files that were read, and notes.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::File`] with the place of what is malformed, does not fit together, or exceeds the budget.
@@ -222,8 +223,8 @@ fn arrays(options: &ViewsOptions, path: &Path, budget: &Budget) -> Result<Views>
                 let channel = |k: usize| values.at(at + k * strides[3]) / scale;
                 pixels.push(match channels {
                     1 => [channel(0); 4],
-                    3 => rgba([channel(0), channel(1), channel(2)], None, 0.0),
-                    _ => rgba([channel(0), channel(1), channel(2)], Some(channel(3)), 0.0),
+                    3 => rgba([channel(0), channel(1), channel(2)], None),
+                    _ => rgba([channel(0), channel(1), channel(2)], Some(channel(3))),
                 });
             }
         }
@@ -260,11 +261,31 @@ impl Pixels {
 /// The brightest value of the background in a picture of a format that changes pixels: beside an edge JPEG leaves traces of it.
 const LOSSY_BLACK: u8 = 32;
 
-/// Linear colour over black, and the silhouette; without alpha, the silhouette is every pixel with a value above `black`.
-fn rgba(bytes: [f64; 3], alpha: Option<f64>, black: f64) -> [f64; 4] {
-    let a = alpha.unwrap_or_else(|| f64::from(u8::from(bytes.iter().any(|byte| *byte > black))));
+/// Linear colour over black, and the silhouette; without alpha, the silhouette is every pixel that is not black.
+fn rgba(bytes: [f64; 3], alpha: Option<f64>) -> [f64; 4] {
+    let a = alpha.unwrap_or_else(|| f64::from(u8::from(bytes.iter().any(|byte| *byte > 0.0))));
     let [r, g, b] = bytes.map(|byte| a * Curve::Srgb.decode(byte));
     [r, g, b, a]
+}
+
+/// The silhouette of an opaque picture over black: 0 up to `black`, and 1 where no pixel around is as dark. A pixel of the outline
+/// shows some of the background, so that it counts as much as it is bright beside the brightest pixel around.
+fn matte(picture: &RgbaImage, black: u8) -> Vec<f64> {
+    let (width, height) = (picture.width() as usize, picture.height() as usize);
+    let brightest: Vec<u8> = picture.pixels().map(|p| p.0[0].max(p.0[1]).max(p.0[2])).collect();
+    let alpha = |at: usize| {
+        let (row, column) = (at / width, at % width);
+        let rows = row.saturating_sub(1)..(row + 2).min(height);
+        let around =
+            rows.flat_map(|r| brightest[r * width..][column.saturating_sub(1)..(column + 2).min(width)].iter());
+        let (least, most) = around.fold((u8::MAX, 0), |(least, most), x| (least.min(*x), most.max(*x)));
+        match brightest[at] {
+            own if own <= black => 0.0,
+            _ if least > black => 1.0,
+            own => f64::from(own) / f64::from(most),
+        }
+    };
+    (0..width * height).map(alpha).collect()
 }
 
 /// Reads pictures with their cameras from a file of them, and adds all these files to those that were read.
@@ -330,14 +351,16 @@ fn for_each_pixel(path: &Path, mut visit: impl FnMut([f64; 4])) -> Result<[Optio
     let picture = PictureFile::open(path)?;
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let turned = picture.is_turned().then(|| format!("{name}: turned as its EXIF orientation says"));
-    let black = if picture.is_lossy { f64::from(LOSSY_BLACK) / 255.0 } else { 0.0 };
+    let black = if picture.is_lossy { LOSSY_BLACK } else { 0 };
     let picture = picture.decode(path)?.into_rgba8();
     let opaque = picture.pixels().all(|p| p.0[3] == 255);
+    let mut matte = opaque.then(|| matte(&picture, black)).into_iter().flatten();
     for pixel in picture.pixels() {
         let [r, g, b, a] = pixel.0.map(|byte| f64::from(byte) / 255.0);
-        visit(rgba([r, g, b], (!opaque).then_some(a), black));
+        let [red, green, blue, a] = rgba([r, g, b], Some(a));
+        visit([red, green, blue, matte.next().unwrap_or(a)]);
     }
-    let cut = (opaque && black > 0.0).then(|| {
+    let cut = (opaque && black > 0).then(|| {
         format!("{name}: values up to {LOSSY_BLACK} of 255 are taken as background (a PNG with alpha says it exactly)")
     });
     Ok([cut, turned])
@@ -347,7 +370,7 @@ fn for_each_pixel(path: &Path, mut visit: impl FnMut([f64; 4])) -> Result<[Optio
 type Pixelated = (usize, usize, Vec<[f64; 4]>, Vec<String>);
 
 /// Width, height and pixels of a picture file, linear colour over black and alpha; each takes `bytes_per_pixel` of the budget. The alpha
-/// of a picture without transparency is 1 where it is not black, as [`Views::open_with`] has it; how is noted.
+/// of a picture without transparency is as [`Views::open_with`] has it; how is noted.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::File`] for what is no picture or larger than the budget.

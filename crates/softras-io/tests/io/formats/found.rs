@@ -400,11 +400,31 @@ fn silhouettes_of_jpeg_pictures_are_those_of_png() {
         image.save(&path).unwrap();
         let budget = softras_io::Budget::new(None);
         let (_, _, pixels, notes) = softras_io::read_picture(&path, &budget, 64).unwrap();
-        assert_eq!(note.is_some(), name.ends_with("jpg"));
+        assert_eq!(!notes.is_empty(), name.ends_with("jpg"));
         pixels.iter().map(|pixel| pixel[3] > 0.0).collect::<Vec<_>>()
     };
     let (png, jpeg) = (covered("a.png"), covered("a.jpg"));
     let both = |f: fn(bool, bool) -> bool| png.iter().zip(&jpeg).filter(|(a, b)| f(**a, **b)).count() as f64;
     let iou = both(|a, b| a && b) / both(|a, b| a || b);
     assert!(iou > 0.97, "{iou}");
+}
+
+/// A phone stores a picture as its sensor lay, and says how to turn it.
+#[test]
+fn pictures_are_turned_as_they_say() {
+    use image::ImageEncoder;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.jpg");
+    // Bright at the left; orientation 6: to be turned by a quarter clockwise, so that it is bright at the top.
+    let image = image::RgbImage::from_fn(48, 32, |x, _| image::Rgb([if x < 24 { 250 } else { 100 }; 3]));
+    let mut bytes = Vec::new();
+    let mut encoder = image::codecs::jpeg::JpegEncoder::new(&mut bytes);
+    let exif = [b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0".as_slice(), &[6, 0, 0, 0, 0, 0, 0, 0]].concat();
+    encoder.set_exif_metadata(exif).unwrap();
+    encoder.write_image(&image, 48, 32, image::ExtendedColorType::Rgb8).unwrap();
+    std::fs::write(&path, bytes).unwrap();
+    let (width, height, pixels, notes) = softras_io::read_picture(&path, &softras_io::Budget::new(None), 64).unwrap();
+    assert_eq!((width, height), (32, 48));
+    assert!(pixels[5][0] > 0.8 && pixels[47 * 32 + 5][0] < 0.2);
+    assert!(notes.iter().any(|note| note == "a.jpg: turned as its EXIF orientation says"), "{notes:?}");
 }

@@ -1,0 +1,113 @@
+//! Views as people have them: one of them wrong, close-ups, objects that fill the picture's height, cameras the wrong way round.
+
+use crate::common::renderer;
+use glam::DMat4;
+use softras::{Camera, Error, Image, Mesh, Projection, Renderer, Scene, Settings, shapes};
+use softras_fit::{Fit, Subject};
+use softras_io::Views;
+
+const WIDE: Projection = Projection::Perspective { fov_y: 0.6 };
+
+fn solid() -> Mesh {
+    let fish = shapes::fish().unwrap();
+    let positions = fish.positions().iter().map(|p| [0.6 * p[0], 0.9 * p[1] + 0.05, 0.6 * p[2]]).collect();
+    Mesh::new(positions, fish.triangles().to_vec()).unwrap()
+}
+
+fn views(renderer: &mut Renderer, mesh: &Mesh, cameras: Vec<Camera>, (width, height): (u32, u32)) -> Views {
+    let settings = Settings { width, height, sigma: 1e-7, ..Settings::default() };
+    let frame = renderer.render(&Scene::new(mesh.clone()), &cameras, &settings).unwrap();
+    let names = (0..cameras.len()).map(|i| format!("{i}.png")).collect();
+    Views { silhouette: frame.silhouette().ok().cloned(), cameras, names, ..Views::default() }
+}
+
+fn around(count: usize) -> Vec<Camera> {
+    let angle = |i: usize| (20.0 * (i % 3) as f64 - 10.0, 360.0 * i as f64 / count as f64);
+    (0..count).map(|i| Camera::from_angles(4.0, angle(i).0, angle(i).1, WIDE).unwrap()).collect()
+}
+
+/// The notes of a fit's begin.
+fn notes(views: Views, renderer: &mut Renderer) -> Vec<String> {
+    Fit::new(views).unwrap().begin(renderer).unwrap().take_notes()
+}
+
+/// A change of a mask.
+type Change<'a> = &'a dyn Fn(&mut [f32]);
+
+fn masks(views: &mut Views) -> &mut Image {
+    views.silhouette.as_mut().unwrap()
+}
+
+#[test]
+fn a_wrong_view_is_left_out_by_its_name_and_a_right_one_stays() {
+    let mut renderer = renderer();
+    let good = views(&mut renderer, &solid(), around(12), (64, 64));
+    assert_eq!(notes(good.clone(), &mut renderer), [""; 0]);
+    let pixels = 64 * 64;
+    let mask = |views: &mut Views, change: Change<'_>| change(&mut masks(views).data[5 * pixels..6 * pixels]);
+    let rolled = |mask: &mut [f32]| mask.rotate_right(64 * 9 + 11);
+    let changes: [(&str, Change<'_>); 4] = [
+        ("does not agree with the others", &|mask| mask.reverse()),
+        ("does not agree with the others", &rolled),
+        ("shows nothing of the object", &|mask| mask.fill(0.0)),
+        ("is all object", &|mask| mask.fill(1.0)),
+    ];
+    for (why, change) in changes {
+        let mut wrong = good.clone();
+        mask(&mut wrong, change);
+        assert_eq!(notes(wrong.clone(), &mut renderer), [format!("5.png {why}: it is left out")], "{why}");
+    }
+    // Two of twelve.
+    let mut wrong = good.clone();
+    mask(&mut wrong, &rolled);
+    masks(&mut wrong).data[8 * pixels..9 * pixels].fill(0.0);
+    assert_eq!(notes(wrong, &mut renderer).len(), 2);
+}
+
+#[test]
+fn a_hole_needs_two_pictures() {
+    let mut renderer = renderer();
+    let mut pierced = views(&mut renderer, &solid(), around(12), (64, 64));
+    let at = |row: usize, column: usize| (5 * 64 + row) * 64 + column;
+    for (row, column) in (31..34).flat_map(|row| (30..33).map(move |column| (row, column))) {
+        masks(&mut pierced).data[at(row, column)] = 0.0;
+    }
+    let due = "5.png: holes of 9 pixels, through which no other picture looks, are filled";
+    assert_eq!(notes(pierced, &mut renderer), [due]);
+    // A hole that the object has.
+    let torus = shapes::torus(0.7, 0.25, 48, 24).unwrap();
+    let seen = views(&mut renderer, &torus, around(12), (64, 64));
+    assert_eq!(notes(seen, &mut renderer), [""; 0]);
+}
+
+#[test]
+fn close_ups_and_tall_objects_leave_the_object_whole() {
+    let mut renderer = renderer();
+    let radius = |views| Subject::of(views).unwrap().bounds.radius;
+    let whole = views(&mut renderer, &solid(), around(12), (64, 64));
+    let mut cameras = around(12);
+    cameras[3] = Camera::from_angles(4.0, 10.0, 90.0, Projection::Perspective { fov_y: 0.12 }).unwrap();
+    let close = views(&mut renderer, &solid(), cameras, (64, 64));
+    assert_eq!(radius(close.clone()), radius(whole));
+    assert_eq!(notes(close, &mut renderer), [""; 0]);
+    // Half the height of the picture is 1.2 at the middle, half its width 0.4.
+    let positions = solid().positions().iter().map(|p| [0.3 * p[0], 1.5 * p[1], 0.3 * p[2]]).collect();
+    let tall = Mesh::new(positions, solid().triangles().to_vec()).unwrap();
+    let reach = tall.positions().iter().map(|p| f64::from(p[1].abs())).fold(0.0, f64::max);
+    let seen = radius(views(&mut renderer, &tall, around(12), (32, 96)));
+    assert!(reach < 1.1 && seen > reach && seen < 1.3 * reach, "{seen} for {reach}");
+}
+
+#[test]
+fn cameras_that_look_away_are_refused() {
+    let mut renderer = renderer();
+    let mut views = views(&mut renderer, &solid(), around(8), (32, 32));
+    let turned = DMat4::from_diagonal(glam::DVec4::new(-1.0, 1.0, -1.0, 1.0));
+    let away = |camera: &Camera| Camera::from_matrix(turned * camera.matrix(), WIDE).unwrap();
+    views.cameras = views.cameras.iter().map(away).collect();
+    let error = Fit::new(views).unwrap_err();
+    assert!(
+        matches!(&error, Error::Fit { what, fix } if what.starts_with("8 of 8") && fix.contains("OpenCV")),
+        "{error}"
+    );
+}
