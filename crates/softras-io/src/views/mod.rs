@@ -296,12 +296,13 @@ fn folder(
     notes: &mut Vec<String>,
     budget: &Budget,
 ) -> Result<Views> {
-    let (list, views) = camera_files::read(path, options.cameras.as_deref(), options.fov)?;
+    let (list, mut views) = camera_files::read(path, options.cameras.as_deref(), options.fov)?;
     files.push(list.clone());
     let mut cameras = Vec::with_capacity(views.len());
     let mut size: Option<(u32, u32)> = None;
     // All pictures are counted before the first is decoded.
-    for view in &views {
+    let mut missing = None;
+    for view in &mut views {
         let file = path.join(&view.file);
         check_inside(path, &file, options.allow_outside)?;
         let picture = PictureFile::open(&file)?;
@@ -314,12 +315,38 @@ fn folder(
         }
         budget.count_file(picture.file_bytes);
         claim_pixels(options, budget, &file, picture.pixels())?;
+        if let Some(name) = view.mask.take_if(|mask| !path.join(mask).exists()) {
+            missing.get_or_insert_with(|| {
+                format!("{}: not found, so that pictures show their own silhouette", name.display())
+            });
+        }
+        if let Some(mask) = view.mask.as_ref().map(|mask| path.join(mask)) {
+            check_inside(path, &mask, options.allow_outside)?;
+            files.push(mask);
+        }
+    }
+    notes.extend(missing);
+    if let Some(view) = views.iter().find(|view| view.bend.is_some()) {
+        if options.depths.is_some() || options.normals.is_some() {
+            let what = format!("{}: a camera with distortion, beside depths or normals", view.file.display());
+            return fault(&list, what, "undistort pictures and maps first");
+        }
+        notes.push(format!("{}: undistorted, as others", view.file.display()));
     }
     let mut pixels = Pixels::new(options.color);
     let mut kinds = [None, None];
     for view in &views {
         // One note of a kind is enough for all pictures.
-        let noted = for_each_pixel(&path.join(&view.file), |pixel| pixels.push(pixel))?;
+        let mut picture = Vec::new();
+        let noted = for_each_pixel(&path.join(&view.file), |pixel| picture.push(pixel))?;
+        let (width, height) = size.unwrap_or_default();
+        if let Some(mask) = &view.mask {
+            masked(&mut picture, &path.join(mask), (width, height))?;
+        }
+        if view.bend.is_some() {
+            picture = straightened(&picture, view, width as usize);
+        }
+        picture.into_iter().for_each(|pixel| pixels.push(pixel));
         kinds.iter_mut().zip(noted).for_each(|(kind, note)| *kind = kind.take().or(note));
     }
     notes.extend(kinds.into_iter().flatten());
@@ -334,6 +361,42 @@ fn folder(
     };
     (made.depth, made.normal) = (maps(Map::Depth, &options.depths)?, maps(Map::Normal, &options.normals)?);
     Ok(made)
+}
+
+/// Takes the silhouette of a picture from its mask, white inside.
+fn masked(picture: &mut [[f64; 4]], path: &Path, size: (u32, u32)) -> Result<()> {
+    let mask = PictureFile::open(path)?;
+    if (mask.width, mask.height) != size {
+        let what = format!("is {}×{} pixels, and its picture {}×{}", mask.width, mask.height, size.0, size.1);
+        return fault(path, what, "give a mask of the picture's size");
+    }
+    let mask = mask.decode(path)?.into_luma8();
+    for (pixel, mask) in picture.iter_mut().zip(mask.pixels()) {
+        let (alpha, own) = (f64::from(mask.0[0]) / 255.0, pixel[3]);
+        // Colours lie over black already.
+        let scale = if own > 0.0 { alpha / own } else { 0.0 };
+        *pixel = [scale * pixel[0], scale * pixel[1], scale * pixel[2], alpha];
+    }
+    Ok(())
+}
+
+/// A distorted picture as a pinhole camera would have taken it, between the four pixels around each place; nothing beyond its border.
+fn straightened(picture: &[[f64; 4]], view: &camera_files::Entry, width: usize) -> Vec<[f64; 4]> {
+    let height = picture.len() / width;
+    let at = |row: f64, column: f64| -> [f64; 4] {
+        let is_inside = row >= 0.0 && column >= 0.0 && row < height as f64 && column < width as f64;
+        if is_inside { picture[row as usize * width + column as usize] } else { [0.0; 4] }
+    };
+    let straight = |i: usize| {
+        let [column, row] = view.bent([(i % width) as f64 + 0.5, (i / width) as f64 + 0.5]);
+        let (column, row) = (column - 0.5, row - 0.5);
+        let (left, top) = (column.floor(), row.floor());
+        let (along, down) = (column - left, row - top);
+        let corners = [at(top, left), at(top, left + 1.0), at(top + 1.0, left), at(top + 1.0, left + 1.0)];
+        let weights = [(1.0 - down) * (1.0 - along), (1.0 - down) * along, down * (1.0 - along), down * along];
+        std::array::from_fn(|k| corners.iter().zip(weights).map(|(corner, weight)| corner[k] * weight).sum())
+    };
+    (0..picture.len()).map(straight).collect()
 }
 
 /// Refuses pictures outside the folder: a cameras.json of unknown origin must not make softras read other files.

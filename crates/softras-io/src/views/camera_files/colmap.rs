@@ -1,4 +1,4 @@
-//! COLMAP's text model, cameras.txt and images.txt (<https://colmap.github.io/format.html>).
+//! COLMAP's model, cameras.txt and images.txt, or the same in binary (<https://colmap.github.io/format.html>).
 //!
 //! A pose is world to camera, X' = R(q) X + t with a unit quaternion q = (w, x, y, z), and the camera's axes are x right,
 //! y down, z forward. The centre of the upper left pixel is (0.5, 0.5). Of the points of pictures nothing is kept.
@@ -20,7 +20,7 @@ const MAX_LINE: u64 = 16 << 10;
 /// The lines of a file, and the number of the last one.
 struct Lines<'a> {
     path: &'a Path,
-    reader: BufReader<std::fs::File>,
+    reader: Box<dyn BufRead>,
     line: usize,
     /// A line that was looked at and not taken.
     waiting: Option<String>,
@@ -30,7 +30,14 @@ impl<'a> Lines<'a> {
     fn open(path: &'a Path) -> Result<Self> {
         let file = input::open(path)?;
         input::refuse_empty(path, file.metadata().map_or(1, |metadata| metadata.len()))?;
-        Ok(Self { path, reader: BufReader::new(file), line: 0, waiting: None })
+        let mut reader = BufReader::new(file);
+        let io = |source| Error::Io { path: path.into(), source };
+        let reader: Box<dyn BufRead> =
+            match is_binary(path).then(|| as_text(path, &mut reader)).transpose().map_err(io)? {
+                Some(text) => Box::new(std::io::Cursor::new(text)),
+                None => Box::new(reader),
+            };
+        Ok(Self { path, reader, line: 0, waiting: None })
     }
 
     fn refuse<T>(&self, what: impl Into<String>, fix: &str) -> Result<T> {
@@ -104,12 +111,70 @@ impl<'a> Lines<'a> {
 struct Calibrated {
     size: (u32, u32),
     lens: Lens,
+    bend: Option<[f64; 4]>,
 }
 
-/// The pictures of an images.txt, or of the images.txt beside a cameras.txt.
+fn is_binary(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension == "bin")
+}
+
+/// A binary file of the model as the text would be, without points.
+fn as_text(path: &Path, reader: &mut impl BufRead) -> std::io::Result<String> {
+    fn some<const N: usize>(reader: &mut impl Read) -> std::io::Result<[u8; N]> {
+        let mut bytes = [0; N];
+        reader.read_exact(&mut bytes).map(|()| bytes)
+    }
+    let bad = |what: &str| std::io::Error::new(std::io::ErrorKind::InvalidData, what.to_string());
+    let mut text = String::new();
+    for _ in 0..u64::from_le_bytes(some(reader)?) {
+        text += &i32::from_le_bytes(some(reader)?).to_string();
+        let numbers = |reader: &mut _, count: usize| -> std::io::Result<String> {
+            (0..count).map(|_| Ok(format!(" {}", f64::from_le_bytes(some(reader)?)))).collect()
+        };
+        if path.file_name().is_some_and(|name| name == "cameras.bin") {
+            let model = i32::from_le_bytes(some(reader)?);
+            let (name, count) = *usize::try_from(model)
+                .ok()
+                .and_then(|model| MODELS.get(model))
+                .ok_or_else(|| bad("an unknown camera model"))?;
+            let [width, height] = [u64::from_le_bytes(some(reader)?), u64::from_le_bytes(some(reader)?)];
+            text += &format!(" {name} {width} {height}{}\n", numbers(reader, count)?);
+        } else {
+            let pose = numbers(reader, 7)?;
+            let camera = i32::from_le_bytes(some(reader)?);
+            let mut name = Vec::new();
+            (&mut *reader).take(MAX_LINE).read_until(0, &mut name)?;
+            let name = name.strip_suffix(&[0]).ok_or_else(|| bad("a name without an end"))?;
+            let points = u64::from_le_bytes(some(reader)?).checked_mul(24).ok_or_else(|| bad("too many points"))?;
+            if std::io::copy(&mut (&mut *reader).take(points), &mut std::io::sink())? < points {
+                return Err(bad("fewer points than are said"));
+            }
+            text += &format!("{pose} {camera} {}\n\n", String::from_utf8_lossy(name));
+        }
+    }
+    Ok(text)
+}
+
+/// COLMAP's camera models by their numbers, with the numbers of their parameters.
+const MODELS: [(&str, usize); 11] = [
+    ("SIMPLE_PINHOLE", 3),
+    ("PINHOLE", 4),
+    ("SIMPLE_RADIAL", 4),
+    ("RADIAL", 5),
+    ("OPENCV", 8),
+    ("OPENCV_FISHEYE", 8),
+    ("FULL_OPENCV", 12),
+    ("FOV", 5),
+    ("SIMPLE_RADIAL_FISHEYE", 4),
+    ("RADIAL_FISHEYE", 5),
+    ("THIN_PRISM_FISHEYE", 12),
+];
+
+/// The pictures of an images.txt or images.bin, or of that beside a file of cameras.
 pub(super) fn read(path: &Path) -> Result<Vec<Entry>> {
-    let cameras = cameras(&path.with_file_name("cameras.txt"))?;
-    let path = path.with_file_name("images.txt");
+    let ending = if is_binary(path) { "bin" } else { "txt" };
+    let cameras = cameras(&path.with_file_name(format!("cameras.{ending}")))?;
+    let path = path.with_file_name(format!("images.{ending}"));
     let mut lines = Lines::open(&path)?;
     let mut views = Vec::new();
     while let Some(text) = lines.next()? {
@@ -119,8 +184,8 @@ pub(super) fn read(path: &Path) -> Result<Vec<Entry>> {
         };
         lines.id(id)?;
         let [w, x, y, z, tx, ty, tz] = lines.numbers::<7>(pose)?;
-        let Some(Calibrated { size, lens }) = cameras.get(&lines.id(camera)?) else {
-            return lines.refuse(format!("camera {camera} is not in cameras.txt"), "give its line there");
+        let Some(Calibrated { size, lens, bend }) = cameras.get(&lines.id(camera)?) else {
+            return lines.refuse(format!("camera {camera} is not in the file of cameras"), "give it there");
         };
         let turn = DQuat::from_xyzw(x, y, z, w);
         if (turn.length() - 1.0).abs() > 1e-2 {
@@ -131,7 +196,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<Entry>> {
         // A name may hold spaces: it is the rest of the line.
         let name = words[..9].iter().fold(&text[..], |rest, word| rest.trim_start()[word.len()..].trim_start());
         let place = format!("line {}", lines.line);
-        views.push(Entry { file: name.into(), size: Some(*size), place, view, lens: *lens });
+        views.push(Entry { size: Some(*size), bend: *bend, ..Entry::new(name, place, view, *lens) });
         if views.len() > MAX_PICTURES {
             return lines.refuse("more than 100000 pictures", "use fewer");
         }
@@ -140,7 +205,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<Entry>> {
     Ok(views)
 }
 
-/// The cameras of a cameras.txt by their ids.
+/// The cameras of a file of cameras by their ids.
 fn cameras(path: &Path) -> Result<HashMap<u32, Calibrated>> {
     let mut lines = Lines::open(path)?;
     let mut cameras = HashMap::new();
@@ -150,12 +215,9 @@ fn cameras(path: &Path) -> Result<HashMap<u32, Calibrated>> {
             return lines.refuse("a camera needs five words or more", "give CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]");
         };
         let [id, width, height] = [lines.id(id)?, lines.id(width)?, lines.id(height)?];
-        let (lens, distortion) = lens(&lines, model, parameters)?;
-        if distortion.iter().any(|k| *k != 0.0) {
-            let fix = "undistort the pictures first (`colmap image_undistorter`)";
-            return lines.refuse("a camera with distortion", fix);
-        }
-        if cameras.insert(id, Calibrated { size: (width, height), lens }).is_some() {
+        let (lens, bend) = lens(&lines, model, parameters)?;
+        let bend = Some(bend).filter(|bend| bend.iter().any(|k| *k != 0.0));
+        if cameras.insert(id, Calibrated { size: (width, height), lens, bend }).is_some() {
             return lines.refuse(format!("camera {id} again"), "give each camera one line");
         }
         if cameras.len() > MAX_PICTURES {
@@ -166,23 +228,23 @@ fn cameras(path: &Path) -> Result<HashMap<u32, Calibrated>> {
 }
 
 /// The lens of a model, and the parameters of its distortion.
-fn lens(lines: &Lines<'_>, model: &str, parameters: &[&str]) -> Result<(Lens, Vec<f64>)> {
-    let single = |[f, cx, cy]: [f64; 3]| Lens::Pixels { fx: f, fy: f, cx, cy };
-    let double = |[fx, fy, cx, cy]: [f64; 4]| Lens::Pixels { fx, fy, cx, cy };
+fn lens(lines: &Lines<'_>, model: &str, parameters: &[&str]) -> Result<(Lens, [f64; 4])> {
+    let single = |[f, cx, cy]: [f64; 3]| Lens::Pixels { fx: f, fy: f, cx, cy, skew: 0.0 };
+    let double = |[fx, fy, cx, cy]: [f64; 4]| Lens::Pixels { fx, fy, cx, cy, skew: 0.0 };
     Ok(match model {
-        "SIMPLE_PINHOLE" => (single(lines.numbers(parameters)?), Vec::new()),
-        "PINHOLE" => (double(lines.numbers(parameters)?), Vec::new()),
+        "SIMPLE_PINHOLE" => (single(lines.numbers(parameters)?), [0.0; 4]),
+        "PINHOLE" => (double(lines.numbers(parameters)?), [0.0; 4]),
         "SIMPLE_RADIAL" => {
             let [f, cx, cy, k] = lines.numbers(parameters)?;
-            (single([f, cx, cy]), vec![k])
+            (single([f, cx, cy]), [k, 0.0, 0.0, 0.0])
         }
         "RADIAL" => {
             let [f, cx, cy, k1, k2] = lines.numbers(parameters)?;
-            (single([f, cx, cy]), vec![k1, k2])
+            (single([f, cx, cy]), [k1, k2, 0.0, 0.0])
         }
         "OPENCV" => {
-            let [fx, fy, cx, cy, rest @ ..] = lines.numbers::<8>(parameters)?;
-            (double([fx, fy, cx, cy]), rest.to_vec())
+            let [fx, fy, cx, cy, bend @ ..] = lines.numbers::<8>(parameters)?;
+            (double([fx, fy, cx, cy]), bend)
         }
         _ => {
             let fix = "use SIMPLE_PINHOLE or PINHOLE, as `colmap image_undistorter` writes";

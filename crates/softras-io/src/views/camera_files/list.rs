@@ -1,6 +1,6 @@
 //! cameras.json: a list of pictures, each with its position in one of four forms, and its lens in one of two.
 
-use super::{Entry, Lens, fault, json, matrix, perspective, posed};
+use super::{Entry, Lens, calibrated, fault, json, matrix, perspective, posed};
 use glam::{DMat4, DVec3};
 use serde::Deserialize;
 use softras::{Camera, Result};
@@ -49,16 +49,16 @@ pub(super) fn read(path: &Path, bytes: &[u8], fov: f64) -> Result<Vec<Entry>> {
         };
         let lens = match (entry.intrinsics, entry.fov) {
             (Some(_), Some(_)) => return refuse("has intrinsics and fov".into(), "give one of them"),
-            (Some([[fx, skew, cx], [zero, fy, cy], last]), None) => {
-                if skew != 0.0 || zero != 0.0 || last != [0.0, 0.0, 1.0] {
-                    let fix = "give [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels";
-                    return refuse("intrinsics of another form, or with skew".into(), fix);
+            (Some(intrinsics), None) => match calibrated::lens(intrinsics) {
+                Some(lens) => lens,
+                None => {
+                    let fix = "give [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] in pixels";
+                    return refuse("intrinsics of another form".into(), fix);
                 }
-                Lens::Pixels { fx, fy, cx, cy }
-            }
+            },
             (None, own) => Lens::Degrees(own.unwrap_or(fov)),
         };
-        Ok(Entry { file: entry.file.into(), size: None, place, view, lens })
+        Ok(Entry::new(entry.file, place, view, lens))
     };
     entries.into_iter().enumerate().map(one).collect()
 }

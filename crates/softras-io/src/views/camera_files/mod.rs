@@ -1,8 +1,10 @@
-//! The files that say from where pictures were taken: cameras.json, NeRF's transforms.json, and COLMAP's text model.
+//! The files that say from where pictures were taken: cameras.json, NeRF's transforms.json, COLMAP's models, Middlebury's
+//! `_par.txt`, and the cameras.npz of IDR and NeuS.
 //!
 //! Each gives the pictures with a pose and a lens. Their camera axes differ, and become x right, y up, z forward here. A pixel
 //! position counts from the upper left corner of the picture, so that the centre of the first pixel is (0.5, 0.5).
 
+mod calibrated;
 mod colmap;
 mod list;
 mod transforms;
@@ -36,6 +38,10 @@ pub struct Entry {
     /// World to view, x right, y up, z forward.
     view: DMat4,
     lens: Lens,
+    /// OpenCV's distortion k1, k2, p1, p2, where there is any. Its lens is in pixels.
+    pub bend: Option<[f64; 4]>,
+    /// The picture's mask.
+    pub mask: Option<PathBuf>,
 }
 
 /// From view space to the picture.
@@ -43,31 +49,29 @@ pub struct Entry {
 enum Lens {
     /// Vertical angle of view in degrees, with square pixels and the axis in the picture's middle.
     Degrees(f64),
-    /// column = fx x / z + cx, row = cy - fy y / z.
-    Pixels { fx: f64, fy: f64, cx: f64, cy: f64 },
+    /// column = (fx x - skew y) / z + cx, row = cy - fy y / z.
+    Pixels { fx: f64, fy: f64, cx: f64, cy: f64, skew: f64 },
     /// Horizontal and vertical angle of view in radians; without the latter, pixels are square. The principal point is in the
     /// picture's middle unless it is given.
     Angles { x: f64, y: Option<f64>, center: [Option<f64>; 2] },
 }
 
-/// Reads the file of cameras of a folder of pictures: `given`, or what the folder has of the three.
+/// Reads the file of cameras of a folder of pictures: `given`, which may be the folder of a COLMAP model, or what the folder of
+/// pictures has.
 ///
 /// # Errors
 /// [`Error::File`] naming the place and the field, or the line, of anything that does not belong there.
 pub fn read(folder: &Path, given: Option<&Path>, fov: f64) -> Result<(PathBuf, Vec<Entry>)> {
-    let names = ["cameras.json", "transforms.json", "images.txt"];
-    let found = || names.map(|name| folder.join(name)).into_iter().find(|path| path.exists());
-    let path = given.map(Path::to_path_buf).or_else(found).unwrap_or_else(|| folder.join(names[0]));
-    if !path.exists() && given.is_none() && folder.join("images.bin").exists() {
-        return fault(&folder.join("images.bin"), "is a binary COLMAP model".into(), TO_TEXT);
-    }
+    let given = given.map(|given| if given.is_dir() { found(given) } else { Some(given.to_path_buf()) });
+    let path = given.unwrap_or_else(|| found(folder)).unwrap_or_else(|| folder.join(NAMES[0]));
     if !path.exists() {
         return fault(&path, "not found".into(), FORMAT);
     }
-    if path.extension().is_some_and(|extension| extension == "bin") {
-        return fault(&path, "is a binary COLMAP model".into(), TO_TEXT);
-    }
-    let views = if path.extension().is_some_and(|extension| extension == "txt") {
+    let views = if path.extension().is_some_and(|extension| extension == "npz") {
+        calibrated::archive(&path, folder)?
+    } else if is_middlebury(&path) {
+        calibrated::middlebury(&path)?
+    } else if path.extension().is_some_and(|extension| extension == "txt" || extension == "bin") {
         colmap::read(&path)?
     } else {
         let bytes = input::read(&path, MAX_JSON)?;
@@ -82,16 +86,43 @@ pub fn read(folder: &Path, given: Option<&Path>, fov: f64) -> Result<(PathBuf, V
     }
 }
 
-/// How a binary COLMAP model becomes one that is read.
-const TO_TEXT: &str =
-    "convert it: colmap model_converter --input_path . --output_path . --output_type TXT, then give images.txt";
+/// The files of cameras that a folder is searched for, besides those of Middlebury.
+const NAMES: [&str; 5] = ["cameras.json", "transforms.json", "images.txt", "images.bin", "cameras.npz"];
+
+/// The file of cameras of a folder.
+fn found(folder: &Path) -> Option<PathBuf> {
+    let listed =
+        || std::fs::read_dir(folder).ok()?.find_map(|entry| Some(entry.ok()?.path()).filter(|p| is_middlebury(p)));
+    NAMES.map(|name| folder.join(name)).into_iter().find(|path| path.exists()).or_else(listed)
+}
+
+fn is_middlebury(path: &Path) -> bool {
+    path.file_name().is_some_and(|name| name.to_string_lossy().ends_with("_par.txt"))
+}
 
 /// What a cameras.json looks like.
 const FORMAT: &str = "write it, as [{\"file\": \"0.png\", \"distance\": 3, \"elevation\": 20, \"azimuth\": 45}, \
     {\"file\": \"1.png\", \"eye\": [0, 1, 3], \"target\": [0, 0, 0], \"fov\": 30}], or give a transforms.json (NeRF) or \
-    cameras.txt and images.txt (COLMAP)";
+    the files of a COLMAP model";
 
 impl Entry {
+    fn new(file: impl Into<PathBuf>, place: String, view: DMat4, lens: Lens) -> Self {
+        Self { file: file.into(), size: None, place, view, lens, bend: None, mask: None }
+    }
+
+    /// Where the distorted picture shows what a pinhole's picture has at a column and a row.
+    pub fn bent(&self, [column, row]: [f64; 2]) -> [f64; 2] {
+        let (Some([k1, k2, p1, p2]), Lens::Pixels { fx, fy, cx, cy, .. }) = (self.bend, self.lens) else {
+            return [column, row];
+        };
+        let (x, y) = ((column - cx) / fx, (row - cy) / fy);
+        let square = x * x + y * y;
+        let radial = 1.0 + square * (k1 + square * k2);
+        let bent_x = x * radial + 2.0 * p1 * x * y + p2 * (square + 2.0 * x * x);
+        let bent_y = y * radial + p1 * (square + 2.0 * y * y) + 2.0 * p2 * x * y;
+        [fx * bent_x + cx, fy * bent_y + cy]
+    }
+
     /// The camera, for a picture of this size.
     ///
     /// # Errors
@@ -105,13 +136,13 @@ impl Entry {
         let (w, h) = (f64::from(width), f64::from(height));
         let camera = match self.lens {
             Lens::Degrees(fov) => Camera::from_matrix(self.view, perspective(fov.to_radians())),
-            Lens::Pixels { fx, fy, cx, cy } => pinhole(self.view, [fx, fy, cx, cy], [w, h]),
+            Lens::Pixels { fx, fy, cx, cy, skew } => pinhole(self.view, [fx, fy, cx, cy], skew, [w, h]),
             Lens::Angles { x, y, center } => {
                 let focal = |side: f64, angle: f64| side / 2.0 / (angle / 2.0).tan();
                 let fx = focal(w, x);
                 let fy = y.map_or(fx, |y| focal(h, y));
                 let [cx, cy] = [center[0].unwrap_or(w / 2.0), center[1].unwrap_or(h / 2.0)];
-                pinhole(self.view, [fx, fy, cx, cy], [w, h])
+                pinhole(self.view, [fx, fy, cx, cy], 0.0, [w, h])
             }
         };
         camera.or_else(|error| fault(path, format!("{}: {error}", self.place), "see docs/fitting.md"))
@@ -123,17 +154,22 @@ fn perspective(fov_y: f64) -> Projection {
 }
 
 /// A calibrated camera as one with its axis in the picture's middle and square pixels, which serves pictures of any size: what
-/// the principal point and the ratio of the focal lengths ask for goes into the view's rows, x' = (fx x + (cx - w/2) z) / fy and
-/// y' = y + (h/2 - cy) / fy z.
-fn pinhole(view: DMat4, [fx, fy, cx, cy]: [f64; 4], [width, height]: [f64; 2]) -> Result<Camera> {
+/// the principal point, the skew and the ratio of the focal lengths ask for goes into the view's rows,
+/// x' = (fx x - skew y + (cx - w/2) z) / fy and y' = y + (h/2 - cy) / fy z.
+fn pinhole(view: DMat4, [fx, fy, cx, cy]: [f64; 4], skew: f64, [width, height]: [f64; 2]) -> Result<Camera> {
     let good = |focal: f64| focal.is_finite() && focal > 0.0;
-    if !good(fx) || !good(fy) || !cx.is_finite() || !cy.is_finite() {
+    if !good(fx) || !good(fy) || !(cx + cy + skew).is_finite() {
         let value = format!("{:?}", (fx, fy, cx, cy));
         let fix = "use pixels, focal lengths above 0".to_string();
         return Err(Error::Camera { field: "fx, fy, cx, cy", value, fix });
     }
     let [x, y, z] = [0, 1, 2].map(|row| view.row(row));
-    let rows = [x * (fx / fy) + z * ((cx - width / 2.0) / fy), y + z * ((height / 2.0 - cy) / fy), z, view.row(3)];
+    let rows = [
+        x * (fx / fy) - y * (skew / fy) + z * ((cx - width / 2.0) / fy),
+        y + z * ((height / 2.0 - cy) / fy),
+        z,
+        view.row(3),
+    ];
     let matrix = DMat4::from_cols_array_2d(&rows.map(|row| row.to_array())).transpose();
     Camera::from_matrix(matrix, perspective(2.0 * (height / 2.0 / fy).atan()))
 }

@@ -75,17 +75,15 @@ struct Frame {
 /// The pictures of a transforms.json.
 pub(super) fn read(path: &Path, bytes: &[u8], fov: f64) -> Result<Vec<Entry>> {
     let file: Transforms = json(path, bytes)?;
-    let of_frame = |frame: &Frame| [frame.k1, frame.k2, frame.k3, frame.k4, frame.p1, frame.p2];
-    let own = file.frames.iter().flat_map(of_frame);
-    let all = [file.k1, file.k2, file.k3, file.k4, file.p1, file.p2].into_iter().chain(own);
-    let distorted = all.flatten().any(|k| k != 0.0);
+    let higher = file.frames.iter().flat_map(|frame| [frame.k3, frame.k4]).chain([file.k3, file.k4]);
+    let distorted = higher.flatten().any(|k| k != 0.0);
     let models = file.frames.iter().filter_map(|frame| frame.camera_model.as_deref());
     let is_straight = |model: &&str| ["PINHOLE", "SIMPLE_PINHOLE", "OPENCV"].contains(model);
     let bent = models.chain(file.camera_model.as_deref()).find(|model| !is_straight(model));
     let model = bent.or(file.camera_model.as_deref()).unwrap_or("PINHOLE");
     if distorted || file.is_fisheye == Some(true) || bent.is_some() {
         let what = format!("cameras with distortion (camera_model {model:?})");
-        return fault(path, what, "undistort the pictures first, then leave k1 ... p2 out");
+        return fault(path, what, "undistort the pictures first, then leave the distortion out");
     }
     file.frames.iter().enumerate().map(|(i, frame)| view(path, &file, i, frame, fov)).collect()
 }
@@ -111,12 +109,13 @@ fn view(path: &Path, file: &Transforms, i: usize, frame: &Frame, fov: f64) -> Re
     let is_angle = |angle: f64| angle > 0.0 && angle < std::f64::consts::PI;
     let lens = match (focal, file.camera_angle_x, file.camera_angle_y) {
         ([Some(fx), fy], ..) => match (center, size) {
-            ([Some(cx), Some(cy)], _) => Lens::Pixels { fx, fy: fy.unwrap_or(fx), cx, cy },
+            ([Some(cx), Some(cy)], _) => Lens::Pixels { fx, fy: fy.unwrap_or(fx), cx, cy, skew: 0.0 },
             ([cx, cy], Some((w, h))) => Lens::Pixels {
                 fx,
                 fy: fy.unwrap_or(fx),
                 cx: cx.unwrap_or(f64::from(w) / 2.0),
                 cy: cy.unwrap_or(f64::from(h) / 2.0),
+                skew: 0.0,
             },
             _ => return refuse("fl_x without a principal point".into(), "give cx and cy, or w and h"),
         },
@@ -135,5 +134,11 @@ fn view(path: &Path, file: &Transforms, i: usize, frame: &Frame, fov: f64) -> Re
     if name.extension().is_none() {
         name.set_extension("png");
     }
-    Ok(Entry { file: name, size, place, view, lens })
+    let bend = [frame.k1.or(file.k1), frame.k2.or(file.k2), frame.p1.or(file.p1), frame.p2.or(file.p2)];
+    let bend = Some(bend.map(|k| k.unwrap_or(0.0))).filter(|bend| bend.iter().any(|k| *k != 0.0));
+    if bend.is_some() && !matches!(lens, Lens::Pixels { .. }) {
+        return refuse("distortion without fl_x".into(), "give fl_x");
+    }
+    let mask = frame.mask_path.as_ref().map(PathBuf::from);
+    Ok(Entry { size, bend, mask, ..Entry::new(name, place, view, lens) })
 }

@@ -428,3 +428,33 @@ fn pictures_are_turned_as_they_say() {
     assert!(pixels[5][0] > 0.8 && pixels[47 * 32 + 5][0] < 0.2);
     assert!(notes.iter().any(|note| note == "a.jpg: turned as its EXIF orientation says"), "{notes:?}");
 }
+
+/// nerfstudio names a mask for each picture, and a lens that bends.
+#[test]
+fn masks_and_lenses_of_transforms_are_followed() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    image::RgbImage::from_pixel(32, 32, image::Rgb([200; 3])).save(at("a.png")).unwrap();
+    let disc = |x: u32, y: u32| (f64::from(x) - 15.5).hypot(f64::from(y) - 15.5) < 10.0;
+    std::fs::create_dir(at("masks")).unwrap();
+    image::GrayImage::from_fn(32, 32, |x, y| image::Luma([255 * u8::from(disc(x, y))]))
+        .save(at("masks/a.png"))
+        .unwrap();
+    let read = |k1: f64, mask: &str| {
+        let text = format!(
+            r#"{{"fl_x": 30, "cx": 16, "cy": 16, "k1": {k1}, "frames": [{{"file_path": "a.png", "mask_path": "{mask}",
+                "transform_matrix": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 3], [0, 0, 0, 1]]}}]}}"#
+        );
+        std::fs::write(at("transforms.json"), text).unwrap();
+        let (options, budget) = (softras_io::ViewsOptions::default(), softras_io::Budget::new(None));
+        let (views, _, notes) = softras_io::Views::open_with(folder.path(), &options, &budget).unwrap();
+        (views.silhouette.unwrap().data.iter().map(|x| f64::from(*x)).sum::<f64>(), notes)
+    };
+    let (straight, notes) = read(0.0, "masks/a.png");
+    assert!((straight - 314.0).abs() < 4.0 && notes.is_empty(), "{straight}, {notes:?}");
+    // The pinhole's disc of radius r is shown at r (1 + k1 (r / 30)²) = 10: r = 9.05 for k1 = 1.15.
+    let (bent, notes) = read(1.15, "masks/a.png");
+    assert!((bent - 257.0).abs() < 3.0 && notes == ["a.png: undistorted, as others"], "{bent}, {notes:?}");
+    let (whole, notes) = read(0.0, "masks/b.png");
+    assert!(whole == 1024.0 && notes.len() == 1 && notes[0].starts_with("masks/b.png: not found"), "{notes:?}");
+}
