@@ -161,6 +161,13 @@ fn detail(text: &str) {
     }
 }
 
+/// The mesh with textures that the device holds; smaller ones are noted.
+fn held(mesh: softras::Mesh, renderer: &softras::Renderer) -> softras::Result<softras::Mesh> {
+    let (mesh, about) = softras_view::shrunk(mesh, &renderer.device_info().limits)?;
+    about.iter().for_each(|text| note(text));
+    Ok(mesh)
+}
+
 /// The device that a selector names, or the best one. `memory` is the most that a frame may take there.
 fn open_device(selector: Option<&str>, memory: Option<u64>) -> softras::Result<softras::Renderer> {
     let device = selector.map(str::to_owned);

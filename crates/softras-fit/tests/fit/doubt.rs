@@ -1,9 +1,9 @@
 //! Views as people have them: one of them wrong, close-ups, objects that fill the picture's height, cameras the wrong way round.
 
 use crate::common::renderer;
-use glam::DMat4;
+use glam::{DMat4, DVec3};
 use softras::{Camera, Error, Image, Mesh, Projection, Renderer, Scene, Settings, shapes};
-use softras_fit::{Fit, Subject};
+use softras_fit::{Fit, Subject, Voxels};
 use softras_io::Views;
 
 const WIDE: Projection = Projection::Perspective { fov_y: 0.6 };
@@ -67,13 +67,17 @@ fn a_wrong_view_is_left_out_by_its_name_and_a_right_one_stays() {
 #[test]
 fn a_hole_needs_two_pictures() {
     let mut renderer = renderer();
-    let mut pierced = views(&mut renderer, &solid(), around(12), (64, 64));
-    let at = |row: usize, column: usize| (5 * 64 + row) * 64 + column;
-    for (row, column) in (31..34).flat_map(|row| (30..33).map(move |column| (row, column))) {
-        masks(&mut pierced).data[at(row, column)] = 0.0;
-    }
+    let whole = views(&mut renderer, &solid(), around(12), (64, 64));
+    let pierced = |views: &[usize]| {
+        let mut pierced = whole.clone();
+        for (row, column) in (31..34).flat_map(|row| (30..33).map(move |column| (row, column))) {
+            views.iter().for_each(|view| masks(&mut pierced).data[(view * 64 + row) * 64 + column] = 0.0);
+        }
+        pierced
+    };
     let due = "5.png: holes of 9 pixels, through which no other picture looks, are filled";
-    assert_eq!(notes(pierced, &mut renderer), [due]);
+    assert_eq!(notes(pierced(&[5]), &mut renderer), [due]);
+    assert_eq!(notes(pierced(&[5, 7]), &mut renderer), [""; 0]);
     // A hole that the object has.
     let torus = shapes::torus(0.7, 0.25, 48, 24).unwrap();
     let seen = views(&mut renderer, &torus, around(12), (64, 64));
@@ -88,7 +92,20 @@ fn close_ups_and_tall_objects_leave_the_object_whole() {
     let mut cameras = around(12);
     cameras[3] = Camera::from_angles(4.0, 10.0, 90.0, Projection::Perspective { fov_y: 0.12 }).unwrap();
     let close = views(&mut renderer, &solid(), cameras, (64, 64));
-    assert_eq!(radius(close.clone()), radius(whole));
+    assert_eq!(radius(close.clone()), radius(whole.clone()));
+    let volume = |views: &Views| {
+        let hull = softras_fit::visual_hull(views, [0.0; 3], 3.0, 48).unwrap();
+        Voxels::new(&hull, [-1.5; 3], 3.0, 64).unwrap().volume()
+    };
+    // One side of a ring, with its hole at the border, beyond which the other side is.
+    let ring = shapes::torus(0.7, 0.25, 48, 24).unwrap();
+    let [mut cameras, alone] = [around(12), around(12)];
+    cameras.push(
+        Camera::look_at(DVec3::new(0.5, 0.1, 4.0), DVec3::X * 0.7, DVec3::Y, Projection::Perspective { fov_y: 0.25 })
+            .unwrap(),
+    );
+    let [with, without] = [cameras, alone].map(|cameras| volume(&views(&mut renderer, &ring, cameras, (64, 64))));
+    assert!(with > 0.9 * without && with < 1.01 * without, "{with} for {without}");
     assert_eq!(notes(close, &mut renderer), [""; 0]);
     // Half the height of the picture is 1.2 at the middle, half its width 0.4.
     let positions = solid().positions().iter().map(|p| [0.3 * p[0], 1.5 * p[1], 0.3 * p[2]]).collect();

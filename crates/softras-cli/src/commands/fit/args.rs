@@ -33,7 +33,9 @@ Views and cameras:
                        \"elevation\" and \"azimuth\", \"world_to_camera\", \"camera_to_world\" (4x4, OpenCV's axes);
                        and \"fov\", the vertical angle of view in degrees, or \"intrinsics\" (3x3, pixels)
   .../transforms.json  as of NeRF, instant-ngp and nerfstudio
-  .../images.txt       with cameras.txt: COLMAP's model as text
+  .../images.txt       with cameras.txt, or images.bin with cameras.bin: COLMAP's model
+  .../cameras.npz      of IDR and NeuS
+  .../NAME_par.txt     of Middlebury's data
   --from MESH  renders the views from all around the mesh, and reports the 3D IoU with it
 
 Ctrl-C ends the fit and writes the best mesh so far; --checkpoint FILE with --resume continues a fit.";
@@ -57,8 +59,8 @@ pub struct FitArgs {
     /// Images: a .npy file or a folder; with --from the number of views [default: 24]
     #[arg(long, value_name = "IMAGES.npy|FOLDER|N")]
     pub views: Option<String>,
-    /// The cameras of the images: .npy, .json or COLMAP's images.txt [default: what the folder has of cameras.json,
-    /// transforms.json and images.txt]
+    /// The cameras of the images: .npy, .json, .npz, _par.txt, or COLMAP's model, also as its folder [default: what the folder of
+    /// images has]
     #[arg(long, value_name = "FILE", conflicts_with = "from")]
     pub cameras: Option<PathBuf>,
     /// Vertical angle of view of cameras whose file does not give one, degrees

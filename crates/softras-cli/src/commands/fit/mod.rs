@@ -29,7 +29,7 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     let outputs = Outputs::new(written.into_iter().flatten().chain(&views), [out])?;
     let mut renderer = super::open_device(args.device.as_deref(), args.read.memory.memory)?;
     let budget = Budget::new(args.read.memory.memory);
-    let template = template(args, &outputs, &budget)?;
+    let template = template(args, &outputs, &budget, &renderer)?;
     let subject = subject(args, &outputs, &budget, &mut renderer)?;
     let mut fitting = Fit { subject, options: args.options(template) }.begin(&mut renderer)?;
     tell(&mut fitting);
@@ -76,13 +76,13 @@ fn view_files(args: &FitArgs) -> Result<Vec<PathBuf>, Failure> {
 }
 
 /// The mesh to begin with. None of the files read may be one that will be written.
-fn template(args: &FitArgs, outputs: &Outputs, budget: &Budget) -> Result<Template, Failure> {
+fn template(args: &FitArgs, outputs: &Outputs, budget: &Budget, renderer: &Renderer) -> Result<Template, Failure> {
     Ok(match args.template.as_str() {
         "auto" => Template::Auto,
         "sphere" => Template::Sphere,
         "hull" => Template::Hull,
         path => {
-            let mesh = args.read.read(Path::new(path), true, outputs, budget)?.mesh;
+            let mesh = super::held(args.read.read(Path::new(path), true, outputs, budget)?.mesh, renderer)?;
             args.check_template(&mesh)?;
             Template::Mesh(Box::new(mesh))
         }
@@ -99,7 +99,7 @@ fn subject(args: &FitArgs, outputs: &Outputs, budget: &Budget, renderer: &mut Re
         return Ok(Subject::of(views)?);
     };
     let count = args.count_of_views()?;
-    let mesh = args.read.read(path, true, outputs, budget)?.mesh;
+    let mesh = super::held(args.read.read(path, true, outputs, budget)?.mesh, renderer)?;
     let one_color = matches!(mesh.appearance(), Appearance::Uniform(_)) && args.color && !args.texture;
     if one_color && args.shading.is_none() {
         note("the mesh has one colour, so that its views are lit (--shading none shows its outline alone)");

@@ -35,9 +35,13 @@ pub fn run(args: &GradArgs) -> Result<(), Failure> {
     if view.misses(bounds) {
         note("the mesh lies wholly outside the depths that this camera draws");
     }
-    let scene = Scene::new(loaded.mesh).with_lights(softras_view::lights(&args.light.options(curve), &view)?);
-    let settings = settings(args, &view, &target);
     let mut engine = Engine::open(args.device.as_deref())?;
+    let mesh = match &engine {
+        Engine::Device(renderer) => super::held(loaded.mesh, renderer)?,
+        Engine::Reference => loaded.mesh,
+    };
+    let scene = Scene::new(mesh).with_lights(softras_view::lights(&args.light.options(curve), &view)?);
+    let settings = settings(args, &view, &target);
     let spinner = Progress::spinner("differentiating");
     let mut loss = Loss::default();
     let (images, gradient) =

@@ -29,7 +29,7 @@ pub fn run(args: &PoseArgs) -> Result<(), Failure> {
     let (width, height, pixels, about) = read_picture(&args.image, &budget, BYTES_PER_PIXEL)?;
     about.iter().for_each(|text| note(text));
     outputs.spare([&args.image])?;
-    let mesh = args.read.read(&args.mesh, true, &outputs, &budget)?.mesh;
+    let mesh = super::held(args.read.read(&args.mesh, true, &outputs, &budget)?.mesh, &renderer)?;
     find(args, &mesh, &Target::new(width, height, &pixels), &mut renderer)
 }
 
