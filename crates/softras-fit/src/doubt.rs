@@ -185,6 +185,7 @@ fn fill(views: &mut Views, bounds: Sphere, notes: &mut Vec<String>) -> Result<()
     }
     drop(all);
     let Some(silhouettes) = &mut views.silhouette else { return Ok(()) };
+    let (mut pierced, mut count) = (Vec::new(), 0);
     for (view, (holes, shared)) in holes.iter().zip(shared).enumerate() {
         let area = silhouettes.view(view).iter().filter(|x| **x > 0.5).count() as f64;
         let is_small = |hole: &&Vec<usize>| hole.len() as f64 <= LARGEST_HOLE * area;
@@ -199,10 +200,16 @@ fn fill(views: &mut Views, bounds: Sphere, notes: &mut Vec<String>) -> Result<()
         if alone.is_empty() {
             continue;
         }
-        let count: usize = alone.iter().map(|hole| hole.len()).sum();
+        pierced.push(view);
+        count += alone.iter().map(|hole| hole.len()).sum::<usize>();
         alone.into_iter().flatten().for_each(|at| silhouettes.data[view * height * width + at] = 1.0);
-        let name = views.names.get(view).cloned().unwrap_or_else(|| format!("view {view}"));
-        notes.push(format!("{name}: holes of {count} pixels, through which no other picture looks, are filled"));
+    }
+    if let [first, more @ ..] = &pierced[..] {
+        let others = if more.is_empty() { String::new() } else { format!(" and {} more", more.len()) };
+        let name = name(views, *first);
+        notes.push(format!(
+            "{name}{others}: holes, {count} pixels in all, that no other picture looks through are filled"
+        ));
     }
     Ok(())
 }
