@@ -6,7 +6,7 @@
 //! alone.
 
 use super::bad;
-use super::hull::{View, far, hull, mend, views};
+use super::hull::{MOST_ENLARGED, View, far, hull, mend, views};
 use super::remesh::nearest;
 use super::remesh::nearest::Nearest;
 use super::voxel::Voxels;
@@ -36,7 +36,7 @@ pub fn carved(
     side: f64,
     resolution: usize,
 ) -> Result<Mesh> {
-    let views = views(of)?;
+    let views = views(of, MOST_ENLARGED)?;
     let old = nearest(mesh)?;
     let mut grid = hull(&views, center, side, resolution)?;
     let added = missing.map(|missing| added(of, missing, &views, &grid)).transpose()?;

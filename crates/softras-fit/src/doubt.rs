@@ -48,8 +48,8 @@ pub fn settle(views: &mut Views, bounds: Sphere, notes: &mut Vec<String>) -> Res
         .collect();
     let most = count / 4;
     let mut left: Vec<usize> = (0..count).filter(|view| out.iter().all(|(other, _)| other != view)).collect();
-    let seen = views.some(&left).into_owned();
-    let Ok(all) = pictures(&seen) else { return Ok(()) };
+    let seen = views.some(&left);
+    let Ok(all) = pictures(&seen, 1) else { return Ok(()) };
     let mut using: Vec<usize> = (0..left.len()).collect();
     while out.len() < most
         && let Some(worst) = worst(&seen, &all, &using, bounds)
@@ -57,6 +57,7 @@ pub fn settle(views: &mut Views, bounds: Sphere, notes: &mut Vec<String>) -> Res
         out.push((left[using.remove(worst)], "does not agree with the others"));
     }
     drop(all);
+    drop(seen);
     if out.len() > most {
         return Ok(());
     }
@@ -65,7 +66,9 @@ pub fn settle(views: &mut Views, bounds: Sphere, notes: &mut Vec<String>) -> Res
     for (view, why) in out {
         notes.push(format!("{} {why}: it is left out", name(views, view)));
     }
-    *views = views.some(&left).into_owned();
+    if left.len() < count {
+        *views = views.some(&left).into_owned();
+    }
     fill(views, bounds, notes)
 }
 
@@ -168,7 +171,7 @@ fn fill(views: &mut Views, bounds: Sphere, notes: &mut Vec<String>) -> Result<()
     if holes.iter().all(|holes| holes.pixels.is_empty()) {
         return Ok(());
     }
-    let all = pictures(views)?;
+    let all = pictures(views, 1)?;
     let grid = Samples::new(bounds.center - bounds.radius, 2.0 * bounds.radius, RESOLUTION);
     // For each view the holes through which another picture looks too.
     let mut shared: Vec<Vec<bool>> = holes.iter().map(|holes| vec![false; holes.pixels.len()]).collect();

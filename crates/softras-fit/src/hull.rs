@@ -26,7 +26,7 @@ const LEAST_PART: f64 = 1e-3;
 /// Pictures below this height are enlarged, so that their outlines run between pixels as the grey of their pixels says.
 const FINE_HEIGHT: usize = 1024;
 /// The most that they are enlarged.
-const MOST_ENLARGED: usize = 4;
+pub(super) const MOST_ENLARGED: usize = 4;
 
 /// The visual hull of the silhouettes, less what the depths show to be empty, within the cube of side `side` around `center`,
 /// in world units. Its triangles' edges are about as long as the hull's longest extent divided by `resolution`, 8 to 256.
@@ -38,7 +38,7 @@ const MOST_ENLARGED: usize = 4;
 /// an inside, silhouettes whose cameras have no point in common; for a camera of [`Projection::Official`] or
 /// [`Projection::Screen`]; and for a cube or a resolution out of range.
 pub fn visual_hull(of: &Views, center: [f64; 3], side: f64, resolution: usize) -> Result<Mesh> {
-    let mut grid = hull(&views(of)?, center, side, resolution)?;
+    let mut grid = hull(&views(of, MOST_ENLARGED)?, center, side, resolution)?;
     if of.depth.is_some() {
         mend(&mut grid);
     }
@@ -83,8 +83,8 @@ pub(super) struct View<'a> {
     depths: Option<Image>,
 }
 
-/// The views of all targets.
-pub(super) fn views<'a>(targets: &'a Views) -> Result<Vec<View<'a>>> {
+/// The views of all targets, their silhouettes enlarged so many times at most.
+pub(super) fn views<'a>(targets: &'a Views, times: usize) -> Result<Vec<View<'a>>> {
     let Some(silhouettes) = &targets.silhouette else {
         return bad("a hull without silhouettes", "give the targets' silhouettes");
     };
@@ -102,7 +102,7 @@ pub(super) fn views<'a>(targets: &'a Views) -> Result<Vec<View<'a>>> {
             let depths = depths.views(i..i + 1);
             masked(&depths, &known(&depths, Some(&picture)))
         });
-        let distance = signed_distance(&enlarged(&picture))?;
+        let distance = signed_distance(&enlarged(&picture, times))?;
         Ok(View { camera, distance, height: picture.height as f64, is_cut: is_cut(&picture), depths })
     };
     targets.cameras.iter().enumerate().map(view).collect()
@@ -119,8 +119,8 @@ fn is_cut(picture: &Image) -> bool {
 }
 
 /// The picture enlarged by linear interpolation.
-fn enlarged(picture: &Image) -> Image {
-    let times = (FINE_HEIGHT / picture.height).clamp(1, MOST_ENLARGED);
+fn enlarged(picture: &Image, most: usize) -> Image {
+    let times = (FINE_HEIGHT / picture.height).clamp(1, most);
     let (height, width) = (times * picture.height, times * picture.width);
     let at = |i: usize| (i as f64 + 0.5) / times as f64;
     let data = (0..height).flat_map(|row| (0..width).map(move |column| sample(picture, at(column), at(row)) as f32));

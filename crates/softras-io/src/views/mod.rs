@@ -337,16 +337,22 @@ fn folder(
     let mut kinds = [None, None];
     for view in &views {
         // One note of a kind is enough for all pictures.
-        let mut picture = Vec::new();
-        let noted = for_each_pixel(&path.join(&view.file), |pixel| picture.push(pixel))?;
-        let (width, height) = size.unwrap_or_default();
-        if let Some(mask) = &view.mask {
-            masked(&mut picture, &path.join(mask), (width, height))?;
-        }
-        if view.bend.is_some() {
-            picture = straightened(&picture, view, width as usize);
-        }
-        picture.into_iter().for_each(|pixel| pixels.push(pixel));
+        let file = path.join(&view.file);
+        let noted = if view.mask.is_none() && view.bend.is_none() {
+            for_each_pixel(&file, |pixel| pixels.push(pixel))?
+        } else {
+            let mut picture = Vec::new();
+            let noted = for_each_pixel(&file, |pixel| picture.push(pixel))?;
+            let (width, height) = size.unwrap_or_default();
+            if let Some(mask) = &view.mask {
+                masked(&mut picture, &path.join(mask), (width, height))?;
+            }
+            if view.bend.is_some() {
+                picture = straightened(&picture, view, width as usize);
+            }
+            picture.into_iter().for_each(|pixel| pixels.push(pixel));
+            noted
+        };
         kinds.iter_mut().zip(noted).for_each(|(kind, note)| *kind = kind.take().or(note));
     }
     notes.extend(kinds.into_iter().flatten());

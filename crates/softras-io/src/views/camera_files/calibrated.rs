@@ -20,7 +20,9 @@ pub(super) fn middlebury(path: &Path) -> Result<Vec<Entry>> {
     let bytes = input::read(path, MAX_JSON)?;
     let text = String::from_utf8_lossy(&bytes);
     let mut views = Vec::new();
-    for line in text.lines().skip(1).filter(|line| !line.trim().is_empty()) {
+    let mut lines = text.lines().filter(|line| !line.trim().is_empty());
+    let count = lines.next().and_then(|line| line.trim().parse().ok());
+    for line in lines {
         let place = format!("picture {}", views.len());
         let mut words = line.split_whitespace();
         let file = PathBuf::from(words.next().unwrap_or_default());
@@ -35,12 +37,16 @@ pub(super) fn middlebury(path: &Path) -> Result<Vec<Entry>> {
             .or_else(|what| fault(path, format!("{place}: {what}"), "give R as a rotation"))?;
         views.push(Entry::new(file, place, view, lens));
     }
+    if count != Some(views.len()) {
+        let what = format!("{} pictures, which the first line does not say", views.len());
+        return fault(path, what, "begin with the number of pictures");
+    }
     Ok(views)
 }
 
 /// The pictures of a folder in the order of their names, with the matrices `world_mat_0`, ... of an archive.
 pub(super) fn archive(path: &Path, folder: &Path) -> Result<Vec<Entry>> {
-    let archive = Archive::open(path, Budget::new(None))?;
+    let archive = Archive::open(path, Budget::new(Some(MAX_JSON)))?;
     let listed = std::fs::read_dir(folder)
         .map_err(|source| softras::Error::Io { path: folder.into(), source })?
         .filter_map(|entry| Some(PathBuf::from(entry.ok()?.file_name())));
@@ -50,6 +56,11 @@ pub(super) fn archive(path: &Path, folder: &Path) -> Result<Vec<Entry>> {
     };
     let mut pictures: Vec<PathBuf> = listed.filter(is_picture).collect();
     pictures.sort();
+    let next = format!("world_mat_{}", pictures.len());
+    if archive.has(&next) {
+        let what = format!("the folder has only {} pictures", pictures.len());
+        return Err(archive.fault(&next, &what, "give a picture for each matrix, in the order of their names"));
+    }
     let one = |(i, file): (usize, PathBuf)| {
         let key = format!("world_mat_{i}");
         let array =

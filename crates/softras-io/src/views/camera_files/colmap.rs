@@ -126,7 +126,11 @@ fn as_text(path: &Path, reader: &mut impl BufRead) -> std::io::Result<String> {
     }
     let bad = |what: &str| std::io::Error::new(std::io::ErrorKind::InvalidData, what.to_string());
     let mut text = String::new();
-    for _ in 0..u64::from_le_bytes(some(reader)?) {
+    let count = u64::from_le_bytes(some(reader)?);
+    if count > MAX_PICTURES as u64 {
+        return Err(bad("more than 100000 entries"));
+    }
+    for _ in 0..count {
         text += &i32::from_le_bytes(some(reader)?).to_string();
         let numbers = |reader: &mut _, count: usize| -> std::io::Result<String> {
             (0..count).map(|_| Ok(format!(" {}", f64::from_le_bytes(some(reader)?)))).collect()
@@ -144,7 +148,8 @@ fn as_text(path: &Path, reader: &mut impl BufRead) -> std::io::Result<String> {
             let camera = i32::from_le_bytes(some(reader)?);
             let mut name = Vec::new();
             (&mut *reader).take(MAX_LINE).read_until(0, &mut name)?;
-            let name = name.strip_suffix(&[0]).ok_or_else(|| bad("a name without an end"))?;
+            let name = name.strip_suffix(&[0]).filter(|name| !name.contains(&b'\n'));
+            let name = name.ok_or_else(|| bad("a name without an end, or of two lines"))?;
             let points = u64::from_le_bytes(some(reader)?).checked_mul(24).ok_or_else(|| bad("too many points"))?;
             if std::io::copy(&mut (&mut *reader).take(points), &mut std::io::sink())? < points {
                 return Err(bad("fewer points than are said"));

@@ -200,6 +200,7 @@ fn malformed_files_are_refused_by_their_place() {
         (colmap(good, "1 2 0 0 0 0 0 4 7 a.png\n".into()), "another length than 1"),
         (colmap(good, "1 1 0 0 nan 0 0 4 7 a.png\n".into()), "7 numbers are expected"),
         (colmap(good, "x".repeat(20_000)), "more than 16384 bytes"),
+        (vec![("a_par.txt", "2\na.png 1 0 0 0 1 0 0 0 1 1 0 0 0 1 0 0 0 1 0 0 4\n".to_string())], "1 pictures, which"),
         (colmap("7 PINHOLE 61 40 50 55 28 23", images(7)), "is 60×40 pixels, and not 61×40"),
     ];
     for (files, part) in cases {
@@ -242,6 +243,8 @@ fn points_project_by_matrices_with_skew() {
     let mats = ["world_mat_0", "world_mat_1"].map(|key| (key, vec![4, 4], crate::npy::Data::F64(&p)));
     crate::npz::write(&folder.path().join("cameras.npz"), &mats).unwrap();
     let (path, views) = read(folder.path(), None, 30.0).unwrap();
+    fs::remove_file(folder.path().join("b.png")).unwrap();
+    assert!(read(folder.path(), None, 30.0).unwrap_err().to_string().contains("only 1 pictures"));
     assert_eq!(views[0].file, Path::new("a.png"));
     let camera = views[1].camera(&path, SIZE).unwrap();
     POINTS.iter().for_each(|p| assert_close(by_camera(&camera, *p), by_k(*p)));
