@@ -1,7 +1,7 @@
 //! PNG and JPEG files: their sizes are known, and may be counted, before a pixel is decoded.
 
 use crate::input;
-use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits, metadata::Orientation};
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits, RgbaImage, metadata::Orientation};
 use softras::{Error, Result};
 use std::{io::BufReader, path::Path};
 
@@ -93,6 +93,50 @@ impl PictureFile {
         picture.apply_orientation(orientation);
         Ok(picture)
     }
+
+    /// Decodes the pixels, and the silhouette of the object that a picture shows: its alpha, or in an opaque picture what is not
+    /// black. Notes how the latter was told, and that the picture was turned.
+    ///
+    /// # Errors
+    /// Those of [`PictureFile::decode`].
+    pub fn decode_object(self, path: &Path) -> Result<(RgbaImage, Vec<f64>, [Option<String>; 2])> {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let turned = self.is_turned().then(|| format!("{name}: turned as its EXIF orientation says"));
+        let black = if self.is_lossy { LOSSY_BLACK } else { 0 };
+        let picture = self.decode(path)?.into_rgba8();
+        let is_opaque = picture.pixels().all(|p| p.0[3] == 255);
+        let alpha = || picture.pixels().map(|p| f64::from(p.0[3]) / 255.0).collect();
+        let silhouette = if is_opaque { matte(&picture, black) } else { alpha() };
+        let cut = (is_opaque && black > 0).then(|| {
+            format!(
+                "{name}: values up to {LOSSY_BLACK} of 255 are taken as background (a PNG with alpha says it exactly)"
+            )
+        });
+        Ok((picture, silhouette, [cut, turned]))
+    }
+}
+
+/// The brightest value of the background in a picture of a format that changes pixels: beside an edge JPEG leaves traces of it.
+const LOSSY_BLACK: u8 = 32;
+
+/// The silhouette of an opaque picture over black: 0 up to `black`, and 1 where no pixel around is as dark. A pixel of the outline
+/// shows some of the background, so that it counts as much as it is bright beside the brightest pixel around.
+fn matte(picture: &RgbaImage, black: u8) -> Vec<f64> {
+    let (width, height) = (picture.width() as usize, picture.height() as usize);
+    let brightest: Vec<u8> = picture.pixels().map(|p| p.0[0].max(p.0[1]).max(p.0[2])).collect();
+    let alpha = |at: usize| {
+        let (row, column) = (at / width, at % width);
+        let rows = row.saturating_sub(1)..(row + 2).min(height);
+        let around =
+            rows.flat_map(|r| brightest[r * width..][column.saturating_sub(1)..(column + 2).min(width)].iter());
+        let (least, most) = around.fold((u8::MAX, 0), |(least, most), x| (least.min(*x), most.max(*x)));
+        match brightest[at] {
+            own if own <= black => 0.0,
+            _ if least > black => 1.0,
+            own => f64::from(own) / f64::from(most),
+        }
+    };
+    (0..width * height).map(alpha).collect()
 }
 
 fn refuse(path: &Path, error: &image::ImageError) -> Error {

@@ -64,6 +64,7 @@ pub struct Plan<'py> {
     views_per_step: usize,
     smoothing: Option<f64>,
     keep_topology: bool,
+    keep_views: bool,
     edge: Option<(f64, f64)>,
 }
 
@@ -104,6 +105,7 @@ impl Plan<'_> {
             views_per_step: self.views_per_step,
             smoothing: self.smoothing,
             keep_topology: self.keep_topology,
+            keep_views: self.keep_views,
             edge: self.edge,
             ..FitOptions::default()
         })

@@ -7,7 +7,6 @@ pub use maps::Map;
 
 use crate::{Budget, Curve, PictureFile, npy, output};
 use glam::DMat4;
-use image::RgbaImage;
 use softras::{Camera, Error, Image, Projection, Result};
 use std::{
     borrow::Cow,
@@ -258,34 +257,11 @@ impl Pixels {
     }
 }
 
-/// The brightest value of the background in a picture of a format that changes pixels: beside an edge JPEG leaves traces of it.
-const LOSSY_BLACK: u8 = 32;
-
 /// Linear colour over black, and the silhouette; without alpha, the silhouette is every pixel that is not black.
 fn rgba(bytes: [f64; 3], alpha: Option<f64>) -> [f64; 4] {
     let a = alpha.unwrap_or_else(|| f64::from(u8::from(bytes.iter().any(|byte| *byte > 0.0))));
     let [r, g, b] = bytes.map(|byte| a * Curve::Srgb.decode(byte));
     [r, g, b, a]
-}
-
-/// The silhouette of an opaque picture over black: 0 up to `black`, and 1 where no pixel around is as dark. A pixel of the outline
-/// shows some of the background, so that it counts as much as it is bright beside the brightest pixel around.
-fn matte(picture: &RgbaImage, black: u8) -> Vec<f64> {
-    let (width, height) = (picture.width() as usize, picture.height() as usize);
-    let brightest: Vec<u8> = picture.pixels().map(|p| p.0[0].max(p.0[1]).max(p.0[2])).collect();
-    let alpha = |at: usize| {
-        let (row, column) = (at / width, at % width);
-        let rows = row.saturating_sub(1)..(row + 2).min(height);
-        let around =
-            rows.flat_map(|r| brightest[r * width..][column.saturating_sub(1)..(column + 2).min(width)].iter());
-        let (least, most) = around.fold((u8::MAX, 0), |(least, most), x| (least.min(*x), most.max(*x)));
-        match brightest[at] {
-            own if own <= black => 0.0,
-            _ if least > black => 1.0,
-            own => f64::from(own) / f64::from(most),
-        }
-    };
-    (0..width * height).map(alpha).collect()
 }
 
 /// Reads pictures with their cameras from a file of them, and adds all these files to those that were read.
@@ -414,25 +390,16 @@ fn check_inside(folder: &Path, file: &Path, allowed: bool) -> Result<()> {
     fault(file, "lies outside the folder of views", "move it into the folder, or use --allow-outside")
 }
 
-/// Decodes a picture file and visits its pixels, linear colour over black and alpha. Returns notes on its silhouette and on how it
-/// was turned.
+/// Decodes a picture file and visits its pixels, linear colour over black and alpha. Returns the notes of
+/// [`PictureFile::decode_object`].
 fn for_each_pixel(path: &Path, mut visit: impl FnMut([f64; 4])) -> Result<[Option<String>; 2]> {
-    let picture = PictureFile::open(path)?;
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let turned = picture.is_turned().then(|| format!("{name}: turned as its EXIF orientation says"));
-    let black = if picture.is_lossy { LOSSY_BLACK } else { 0 };
-    let picture = picture.decode(path)?.into_rgba8();
-    let opaque = picture.pixels().all(|p| p.0[3] == 255);
-    let mut matte = opaque.then(|| matte(&picture, black)).into_iter().flatten();
-    for pixel in picture.pixels() {
+    let (picture, silhouette, notes) = PictureFile::open(path)?.decode_object(path)?;
+    for (pixel, alpha) in picture.pixels().zip(silhouette) {
         let [r, g, b, a] = pixel.0.map(|byte| f64::from(byte) / 255.0);
-        let [red, green, blue, a] = rgba([r, g, b], Some(a));
-        visit([red, green, blue, matte.next().unwrap_or(a)]);
+        let [red, green, blue, _] = rgba([r, g, b], Some(a));
+        visit([red, green, blue, alpha]);
     }
-    let cut = (opaque && black > 0).then(|| {
-        format!("{name}: values up to {LOSSY_BLACK} of 255 are taken as background (a PNG with alpha says it exactly)")
-    });
-    Ok([cut, turned])
+    Ok(notes)
 }
 
 /// Width, height, pixels, and notes.

@@ -84,9 +84,9 @@ class Fitted:
     mesh: Mesh
     #: "loss", "silhouette" and "color" of every step, before it moved anything.
     losses: Dict[str, np.ndarray]
-    #: "mask_iou" and "covered_mask_iou" of each view, "soft_iou", "parts", "genus" and "color_error".
+    #: "mask_iou" and "covered_mask_iou" of each view that was kept, "soft_iou", "parts", "genus" and "color_error".
     measures: Dict[str, Any]
-    #: Where the mesh was cut anew, and why it began with what it did.
+    #: Which views were left out, where the mesh was cut anew, and why it began with what it did.
     notes: List[str]
 
     def __repr__(self) -> str:
@@ -126,6 +126,7 @@ class Views:
         views_per_step: int = 0,
         smoothing: Optional[float] = None,
         keep_topology: bool = False,
+        keep_views: bool = False,
         edge: Optional[Range] = None,
         progress: Optional[Callable[[int, float], None]] = None,
         renderer: Optional[Renderer] = None,
@@ -134,7 +135,8 @@ class Views:
 
         `color` fits a colour for each vertex, `texture` a texture of at most so many texels a side. The fit begins with `template`, or
         with `begin`: a "hull", a "sphere", or "auto", a hull from six views on. What is None is chosen by the method and by what it
-        begins with. `progress(step, loss)` is called after every step; an exception of it, Ctrl-C too, ends the fit.
+        begins with. Views that do not agree with the others are left out, and holes that one mask alone shows filled, each with a note,
+        unless `keep_views`. `progress(step, loss)` is called after every step; an exception of it, Ctrl-C too, ends the fit.
 
         Raises FitError, and what `Renderer.render` raises.
         """
@@ -160,6 +162,7 @@ class Views:
             "views_per_step": views_per_step,
             "smoothing": smoothing,
             "keep_topology": keep_topology,
+            "keep_views": keep_views,
             "edge": edge,
         }
         return Fitted(*_softras.fit_views(renderer or default_renderer(), plan, progress))

@@ -1,6 +1,7 @@
 //! The target image, and the loss against it.
 
 use super::engine::Images;
+use crate::commands::note;
 use softras::{Image, ImageGradient, Result};
 use softras_io::Budget;
 use softras_io::Curve;
@@ -52,14 +53,13 @@ impl Target {
         budget.count_file(picture.file_bytes);
         let what = format!("a picture of {width}×{height} pixels");
         budget.claim(path, &what, picture.pixels().saturating_mul(BYTES_PER_PIXEL))?;
-        let picture = picture.decode(path)?.into_rgba8();
-        let opaque = picture.pixels().all(|p| p.0[3] == 255);
-        let (mut color, mut silhouette) = (Vec::new(), Vec::new());
+        let (picture, silhouette, notes) = picture.decode_object(path)?;
+        notes.iter().flatten().for_each(|text| note(text));
+        let mut color = Vec::new();
         for pixel in picture.pixels() {
             let [r, g, b, a] = pixel.0.map(|byte| f64::from(byte) / 255.0);
             let straight = [r, g, b].map(|byte| curve.decode(byte));
             color.extend((0..3).map(|k| a * straight[k] + (1.0 - a) * background[k]));
-            silhouette.push(if opaque { f64::from(u8::from(r + g + b > 0.0)) } else { a });
         }
         Ok(Self { width: width as usize, height: height as usize, color, silhouette })
     }
