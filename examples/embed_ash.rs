@@ -198,7 +198,7 @@ fn record(engine: &Engine, shared: &Shared, flight: &Flight, commands: vk::Comma
 
     // For the host to look at.
     image(L::COLOR_ATTACHMENT_OPTIMAL, L::TRANSFER_SRC_OPTIMAL, drawn, (S::TRANSFER, A::TRANSFER_READ));
-    let copy = pass.plan().frame().image_copy(BufferId::Color, 0, &flight.picture.whole()).ok_or("no colour")?;
+    let copy = pass.plan().image_copy(BufferId::Color, 0, &flight.picture.whole()).ok_or("no colour")?;
     unsafe {
         let layout = L::TRANSFER_SRC_OPTIMAL;
         device.cmd_copy_image_to_buffer(commands, flight.image.raw, layout, flight.picture.raw, &[copy]);

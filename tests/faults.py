@@ -248,7 +248,7 @@ FAULTS = [
      ["embed::misuse::meshes"]),
     ("host gradients in the pass's own memory", "src/embed/pass.rs", "if overlaps(workspace, target) {", "if false {", ["embed::misuse::buffers"]),
     ("a frame without a setup", "src/embed/pass.rs", "self.recorded.load(Ordering::Relaxed) >= recorded", "true", ["embed::misuse::orders"]),
-    ("a store of another pass", "src/embed/pass.rs", "if !image.is_of(&self.frame) {", "if false {", ["embed::misuse::orders"]),
+    ("a store of another pass", "src/embed/store.rs", "if !Arc::ptr_eq(&image.frame, &self.frame.identity) {", "if false {", ["embed::misuse::orders"]),
     ("a foreground over an old background", "src/embed/store.rs", "let push = Push { background, ..depth", "let push = Push { ..depth",
      ["embed::misuse::what_changes"]),
     ("lights that stay as they were planned", "src/embed/rebind.rs", "self.frame.shape.lights = lights;", "drop(lights);", ["embed::misuse::what_changes"]),

@@ -14,7 +14,6 @@ use ash::vk;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
 use softras::embed::{BufferRef, HostAdapter, HostCommands, HostDevice, changing_devices};
-use std::ffi::CStr;
 use std::sync::{Arc, Mutex};
 
 pub type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
@@ -66,21 +65,15 @@ impl Engine {
     /// Opens the first device with a queue that draws and computes; with `validation`, under the validation layer with its
     /// checks of synchronisation and best practices.
     pub fn new(validation: bool) -> Outcome<Self> {
-        Self::open(validation, &[], false)
-    }
-
-    /// The same with extensions of the device.
-    pub fn with_extensions(validation: bool, extensions: &[&CStr]) -> Outcome<Self> {
-        Self::open(validation, extensions, false)
+        Self::open(validation, false)
     }
 
     /// The same with every feature that Vulkan 1.0 knows and the device has.
     pub fn with_features(validation: bool) -> Outcome<Self> {
-        Self::open(validation, &[], true)
+        Self::open(validation, true)
     }
 
-    fn open(validation: bool, extensions: &[&CStr], features: bool) -> Outcome<Self> {
-        let device_extensions: Vec<_> = extensions.iter().map(|name| name.as_ptr()).collect();
+    fn open(validation: bool, features: bool) -> Outcome<Self> {
         let entry = unsafe { ash::Entry::load() }?;
         let log = Arc::new(Log::default());
         let application = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_1);
@@ -104,10 +97,7 @@ impl Engine {
         let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&priorities)];
         let all = unsafe { instance.get_physical_device_features(physical) };
         let enabled = if features { all } else { vk::PhysicalDeviceFeatures::default() };
-        let info = vk::DeviceCreateInfo::default()
-            .queue_create_infos(&queues)
-            .enabled_extension_names(&device_extensions)
-            .enabled_features(&enabled);
+        let info = vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_features(&enabled);
         let device = {
             let _turn = changing_devices();
             unsafe { instance.create_device(physical, &info, None) }?

@@ -1,30 +1,29 @@
 //! From what a host has to the plan of a pass: pure, so that a host can ask before it owns a byte.
 
-use super::camera::{ClipSpace, HostCamera};
+use super::Rasterizer;
+use super::camera::{CameraMatrices, ClipSpace, HostCamera};
 use super::memory::{Layouts, MemoryKind, MemoryRequirement, Wishes};
 use super::mesh::PassMesh;
 use super::plan::{BufferRequirement, Differentiate, FramePlan, GradientPlan};
 use super::shape::FrameShape;
+use super::status::Status;
 use super::tables::Tables;
-use super::{Rasterizer, Status};
 use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
 use crate::frame::plan::{Capacity, DepthSpan};
 use crate::gradients::GradientRequest;
-use crate::scene::{Background, Camera, Lights, Outputs, Projection, Settings, Shading, Support};
-use crate::vulkan::{DeviceKind, Limits, vk};
-use glam::DMat4;
+use crate::scene::{Background, Camera, Lights, Outputs, Projection, Scene, Settings, Shading, Support};
+use crate::vulkan::{BufferRef, DeviceKind, Limits, vk};
 use std::sync::Arc;
 
-/// What a pass is to render, and what of it is to be differentiated. Made by [`Rasterizer::pass`].
+/// What a pass is to render, and what of it is to be differentiated. Made by [`Rasterizer::pass`] or [`Rasterizer::scene_pass`].
 #[derive(Clone, Debug)]
 #[must_use]
 pub struct PassBuilder {
     limits: Limits,
     kind: DeviceKind,
-    meshes: Vec<PassMesh>,
-    separate: bool,
-    /// The tables of these meshes, where they were made before.
+    pub(super) content: Content,
+    /// The tables of the content, where they were made before.
     tables: Option<Arc<Tables>>,
     pub(super) settings: Settings,
     pub(super) views: Vec<View>,
@@ -39,13 +38,24 @@ pub struct PassBuilder {
     usages: [vk::BufferUsageFlags; 3],
     own: Vec<BufferId>,
     read_back: Vec<BufferId>,
+    read_back_gradients: bool,
+    device_counts: bool,
+}
+
+/// What is drawn.
+#[derive(Clone, Debug)]
+pub(super) enum Content {
+    /// A host's meshes, all of them in every view or, `separate`, one a view.
+    Meshes { meshes: Vec<PassMesh>, separate: bool },
+    /// A scene in the host's memory.
+    Scene(Arc<Scene>),
 }
 
 /// A camera as it was given.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum View {
     Camera(Camera),
-    Matrices(DMat4, DMat4, ClipSpace),
+    Matrices(CameraMatrices, ClipSpace),
 }
 
 /// A camera as it is rendered with; the host's own projection where it gave one.
@@ -70,17 +80,27 @@ pub struct PassPlan {
 impl Rasterizer {
     /// Begins the plan of a pass over a host's meshes, which every view sees all together.
     pub fn pass(&self, meshes: &[PassMesh]) -> PassBuilder {
+        self.builder(Content::Meshes { meshes: meshes.to_vec(), separate: false }, Lights::unlit())
+    }
+
+    /// Begins the plan of a pass over a scene in the host's memory, with its lights. [`Pass::write_inputs`](super::Pass::write_inputs)
+    /// uploads its meshes, and it is bound with no [`MeshBuffers`](super::MeshBuffers). Whether triangles cross the near or the far
+    /// plane is found out from the scene.
+    pub fn scene_pass(&self, scene: &Scene) -> PassBuilder {
+        self.builder(Content::Scene(Arc::new(scene.clone())), scene.lights.clone())
+    }
+
+    fn builder(&self, content: Content, lights: Lights) -> PassBuilder {
         PassBuilder {
             limits: *self.device.limits(),
             kind: self.device.kind(),
-            meshes: meshes.to_vec(),
-            separate: false,
+            content,
             tables: None,
             settings: Settings::default(),
             views: Vec::new(),
             planes: None,
             inside_planes: false,
-            lights: Lights::unlit(),
+            lights,
             wanted: None,
             upstream: None,
             largest_upstream: 1.0,
@@ -89,22 +109,34 @@ impl Rasterizer {
             usages: [vk::BufferUsageFlags::empty(); 3],
             own: Vec::new(),
             read_back: Vec::new(),
+            read_back_gradients: false,
+            device_counts: false,
         }
     }
 }
 
 impl PassBuilder {
-    /// Other meshes.
+    /// Other meshes, in place of those or of the scene that the plan had.
     pub fn meshes(mut self, meshes: &[PassMesh]) -> Self {
-        self.meshes = meshes.to_vec();
+        let separate = matches!(self.content, Content::Meshes { separate: true, .. });
+        self.content = Content::Meshes { meshes: meshes.to_vec(), separate };
         self.tables = None;
         self
     }
 
-    /// Each view sees one of the meshes, in their order, in place of all.
+    /// Each view sees one of the meshes, in their order, in place of all. A scene's views always do.
     pub fn one_mesh_a_view(mut self) -> Self {
-        self.separate = true;
-        self.tables = None;
+        if let Content::Meshes { separate, .. } = &mut self.content {
+            *separate = true;
+            self.tables = None;
+        }
+        self
+    }
+
+    /// Only the device knows how many triangles are drawn: the meshes' own counts are upper bounds, and
+    /// [`Pass::bind_counts`](super::Pass::bind_counts) says where the numbers lie. Each view sees one mesh, drawn once.
+    pub fn device_counts(mut self) -> Self {
+        self.device_counts = true;
         self
     }
 
@@ -133,9 +165,9 @@ impl PassBuilder {
         self
     }
 
-    /// One view for each pair of a world-to-view and a view-to-clip matrix: [`HostCamera::new`].
-    pub fn camera_matrices(mut self, matrices: &[(DMat4, DMat4)], clip: ClipSpace) -> Self {
-        self.views = matrices.iter().map(|&(view, projection)| View::Matrices(view, projection, clip)).collect();
+    /// One view for each pair of matrices, which [`HostCamera::new`] takes apart.
+    pub fn camera_matrices(mut self, matrices: &[CameraMatrices], clip: ClipSpace) -> Self {
+        self.views = matrices.iter().map(|&matrices| View::Matrices(matrices, clip)).collect();
         self
     }
 
@@ -172,7 +204,10 @@ impl PassBuilder {
         self
     }
 
-    /// A bound of |dL/dcolour|, for gradients by texels: [`Differentiate::largest_upstream`]. The default is 1.
+    /// An upper bound of |dL/dcolour| over all channels and pixels, for [`GradientRequest::texels`]; the default is 1. Their sums
+    /// are in fixed point: a sum beyond the bound wraps around, and one far below it loses precision. Where textures have an
+    /// alpha it also bounds |dL/dsilhouette|, |dL/dnormal|, |dL/ddepth| times the far plane, and |dL/dcolour| times the largest
+    /// texel and background.
     pub fn largest_upstream(mut self, bound: f64) -> Self {
         self.largest_upstream = bound;
         self
@@ -210,6 +245,12 @@ impl PassBuilder {
         self
     }
 
+    /// Everything that [`Pass::decode_gradients`](super::Pass::decode_gradients) decodes is copied into the readback buffer.
+    pub fn read_back_gradients(mut self) -> Self {
+        self.read_back_gradients = true;
+        self
+    }
+
     /// The plan.
     ///
     /// # Errors
@@ -230,32 +271,75 @@ impl PassBuilder {
         let adjacency = settings.save || self.lights.shading == Shading::Smooth;
         let tables = match self.tables.take().filter(|made| made.adjacency == adjacency) {
             Some(made) => made,
-            None => {
-                let groups: Vec<&[PassMesh]> =
-                    if self.separate { self.meshes.chunks(1).collect() } else { vec![&self.meshes[..]] };
-                Arc::new(Tables::new(&groups, adjacency)?)
-            }
+            None => Arc::new(self.content.tables(adjacency)?),
         };
         self.tables = Some(tables.clone());
-        let shape = FrameShape {
-            meshes: tables.shapes.clone(),
-            views: cameras.len() as u32,
-            lights: self.lights.clone(),
-            depth_span: DepthSpan { crosses_near: !self.inside_planes, crosses_far: !self.inside_planes },
-            opacity: false,
-            distorted: cameras.iter().any(|c| matches!(c.camera.projection(), Projection::Official { .. })),
-            cutoff: cutoff_of(&settings),
-            capacity: self.capacity,
-            device_counts: false,
-        };
-        let frame = FramePlan::new(&self.limits, self.kind, &shape, &settings)?;
+        let frame = FramePlan::new(&self.limits, self.kind, &self.shape(&tables, &cameras, &settings)?, &settings)?;
         let upstream = self.upstream.unwrap_or(settings.outputs);
         let differentiate = |wanted| Differentiate { upstream, wanted, largest_upstream: self.largest_upstream };
         let gradients = self.wanted.map(|wanted| GradientPlan::new(&frame, &differentiate(wanted))).transpose()?;
-        let wishes = Wishes { alignment: self.alignment, own: &self.own, read_back: &self.read_back };
+        let mut read_back = self.read_back.clone();
+        if let Some(gradients) = gradients.as_ref().filter(|_| self.read_back_gradients) {
+            read_back.extend(DECODED.into_iter().filter(|id| gradients.buffer(*id).is_some()));
+        }
+        let wishes = Wishes { alignment: self.alignment, own: &self.own, read_back: &read_back };
         let added = gradients.as_ref().map_or(&[][..], GradientPlan::buffers);
         let layouts = Layouts::new(frame.buffers(), added, &tables, &wishes)?;
         Ok(PassPlan { builder: self, frame, gradients, settings, cameras, tables, layouts })
+    }
+
+    fn shape(&self, tables: &Tables, cameras: &[ViewCamera], settings: &Settings) -> Result<FrameShape> {
+        let mut shape = match &self.content {
+            Content::Scene(scene) => {
+                let cameras: Vec<Camera> = cameras.iter().map(|view| view.camera).collect();
+                FrameShape::of(scene, &cameras, settings)?
+            }
+            Content::Meshes { .. } => FrameShape {
+                meshes: tables.shapes.clone(),
+                views: cameras.len() as u32,
+                lights: Lights::unlit(),
+                depth_span: DepthSpan { crosses_near: true, crosses_far: true },
+                opacity: false,
+                distorted: cameras.iter().any(|c| matches!(c.camera.projection(), Projection::Official { .. })),
+                cutoff: cutoff_of(settings),
+                capacity: None,
+                device_counts: false,
+            },
+        };
+        if self.inside_planes {
+            shape.depth_span = DepthSpan { crosses_near: false, crosses_far: false };
+        }
+        if self.device_counts && !self.content.is_drawn_once() {
+            let what = "counts of meshes that share a view, or have several draws or instances".into();
+            return Err(Error::Host { what, fix: "give each view one mesh of one draw".into() });
+        }
+        let (lights, capacity, device_counts) = (self.lights.clone(), self.capacity, self.device_counts);
+        Ok(FrameShape { lights, capacity, device_counts, ..shape })
+    }
+}
+
+/// The buffers that gradients are decoded from.
+const DECODED: [BufferId; 4] =
+    [BufferId::VertexGradients, BufferId::Totals, BufferId::TexelSums, BufferId::CornerGradients];
+
+impl Content {
+    fn tables(&self, adjacency: bool) -> Result<Tables> {
+        match self {
+            Self::Scene(scene) => Ok(Tables::of_scene(scene, adjacency)),
+            Self::Meshes { meshes, separate: true } => Tables::new(&meshes.chunks(1).collect::<Vec<_>>(), adjacency),
+            Self::Meshes { meshes, separate: false } => Tables::new(&[&meshes[..]], adjacency),
+        }
+    }
+
+    /// Whether each view sees one mesh that is drawn once.
+    fn is_drawn_once(&self) -> bool {
+        match self {
+            Self::Scene(_) => true,
+            Self::Meshes { meshes, separate } => {
+                let once = |mesh: &PassMesh| matches!(mesh.geometry.draws(), [draw] if draw.instances == 1);
+                (*separate || meshes.len() == 1) && meshes.iter().all(once)
+            }
+        }
     }
 }
 
@@ -264,8 +348,8 @@ impl View {
     pub fn camera(&self, size: (u32, u32)) -> Result<ViewCamera> {
         match *self {
             Self::Camera(camera) => Ok(ViewCamera { camera, host: None }),
-            Self::Matrices(view, projection, clip) => {
-                let host = HostCamera::new(view, projection, clip, size)?;
+            Self::Matrices(matrices, clip) => {
+                let host = HostCamera::new(&matrices, clip, size)?;
                 Ok(ViewCamera { camera: *host.camera(), host: Some(host) })
             }
         }
@@ -349,20 +433,48 @@ impl PassPlan {
         self.layouts.frame.iter().map(|copy| copy.mapped + copy.size).max().unwrap_or(0)
     }
 
-    /// The plan of the frame beneath.
-    pub fn frame(&self) -> &FramePlan {
-        &self.frame
+    /// Whether it has gradients.
+    pub fn has_gradients(&self) -> bool {
+        self.gradients.is_some()
     }
 
-    /// The plan of the gradients beneath.
-    pub fn gradients(&self) -> Option<&GradientPlan> {
-        self.gradients.as_ref()
+    /// The region of one view of an image in a buffer that holds it as the pass's own does, for vkCmdCopyBufferToImage.
+    ///
+    /// | buffer | format of the image | texel |
+    /// | --- | --- | --- |
+    /// | `color` | R32G32B32A32_SFLOAT | linear r, g, b, silhouette |
+    /// | `silhouette` | R32_SFLOAT | only if colour is not rendered |
+    /// | `depths` | R32_SFLOAT | Σ w z in world units |
+    /// | `normals` | R32G32B32A32_SFLOAT | Σ w n, world space, and 0 |
+    ///
+    /// Rows are packed, row 0 at the top. The host brings the image into the layout TRANSFER_DST_OPTIMAL or GENERAL.
+    pub fn image_copy(&self, id: BufferId, view: u32, at: &BufferRef) -> Option<vk::BufferImageCopy> {
+        let texel = match id {
+            BufferId::Color | BufferId::Normals => 16,
+            BufferId::Silhouette | BufferId::Depths => 4,
+            _ => return None,
+        };
+        if self.frame.buffer(id).is_none() || view >= self.frame.views() {
+            return None;
+        }
+        let (width, height) = self.image_size();
+        let subresource = vk::ImageSubresourceLayers::default()
+            .aspect_mask(vk::ImageAspectFlags::COLOR)
+            .mip_level(0)
+            .base_array_layer(0)
+            .layer_count(1);
+        let copy = vk::BufferImageCopy::default()
+            .buffer_offset(at.offset() + u64::from(view) * u64::from(width) * u64::from(height) * texel)
+            .image_subresource(subresource)
+            .image_extent(vk::Extent3D { width, height, depth: 1 });
+        Some(copy)
     }
 
     /// What the status in the readback buffer's bytes says of a frame of this plan.
     ///
     /// # Errors
-    /// [`Error::Host`] for fewer bytes than a status has; otherwise as [`Status::validate`].
+    /// [`Error::Host`] for fewer bytes than a status has; [`Error::NotFinite`] where the device's arithmetic
+    /// overflowed: the frame's images mean nothing.
     pub fn status(&self, readback: &[u8]) -> Result<PassStatus> {
         let Some(bytes) = readback.first_chunk() else {
             let what = format!("a readback buffer of {} bytes", readback.len());
@@ -383,4 +495,11 @@ pub enum PassStatus {
     /// Its images and gradients hold, but some of its lists had no room, so that it took longer. A plan with this
     /// [`capacity`](PassBuilder::capacity), bound by [`rebind`](super::Pass::rebind), is faster.
     Grow(Capacity),
+}
+
+impl PassStatus {
+    /// Where in the `status` buffer the word lies that tells the device itself, a 32-bit unsigned integer: 1 once
+    /// [`Pass::record_backward`](super::Pass::record_backward) has found every vertex of the frame to be finite, else 0. Every
+    /// gradient of a frame with 0 is zero; an optimiser on the device that has momentum should step only where the word is 1.
+    pub const WHOLE_OFFSET: u64 = 4 * crate::constants::STATUS_WHOLE as u64;
 }

@@ -17,6 +17,15 @@ pub struct ClipSpace {
     pub reversed_z: bool,
 }
 
+/// A host's two matrices of a view, by their columns and for column vectors.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CameraMatrices {
+    /// From the world to view space.
+    pub view: [[f64; 4]; 4],
+    /// From view space to clip space.
+    pub projection: [[f64; 4]; 4],
+}
+
 /// A host's camera: what softras renders with, and how its depths become those of the host's depth buffer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HostCamera {
@@ -52,8 +61,7 @@ fn nothing(entry: f64, beside: f64) -> bool {
 }
 
 impl HostCamera {
-    /// The camera of a world-to-view matrix and a view-to-clip matrix, both for column vectors, that fill an image of so
-    /// many pixels across and down. A world point projects to the same pixel position as by the matrices; its depth is its
+    /// The camera of matrices that fill an image of so many pixels across and down. A world point projects to the same pixel position as by the matrices; its depth is its
     /// distance along the view's z axis, in units of view space, growing away from the viewer.
     ///
     /// View space may be of either handedness; the projection may be reversed, infinite, mirrored, or off centre (jitter).
@@ -61,7 +69,9 @@ impl HostCamera {
     /// # Errors
     /// [`Error::Camera`] naming the matrix and the entry: for a view matrix that is not affine, and for a projection with
     /// skew, whose w does not run along z alone, or that does not project at all.
-    pub fn new(view: DMat4, projection: DMat4, clip: ClipSpace, (width, height): (u32, u32)) -> Result<Self> {
+    pub fn new(matrices: &CameraMatrices, clip: ClipSpace, (width, height): (u32, u32)) -> Result<Self> {
+        let [view, projection] =
+            [matrices.view, matrices.projection].map(|columns| DMat4::from_cols_array_2d(&columns));
         if !view.is_finite() || !projection.is_finite() {
             return bad("view or projection matrix", (view, projection), "every entry must be a finite number");
         }
@@ -208,6 +218,10 @@ mod tests {
     }
 
     /// A rigid view matrix: z forward where it is left-handed, backward where it is right-handed.
+    fn of(view: DMat4, projection: DMat4) -> CameraMatrices {
+        CameraMatrices { view: view.to_cols_array_2d(), projection: projection.to_cols_array_2d() }
+    }
+
     fn look(eye: DVec3, toward: DVec3, left_handed: bool) -> DMat4 {
         let z = if left_handed { toward } else { -toward };
         let x = DVec3::Y.cross(z).normalize();
@@ -279,7 +293,7 @@ mod tests {
         for kind in 0..128 {
             for _ in 0..20 {
                 let (view, projection, clip) = matrices(random, kind);
-                let host = HostCamera::new(view, projection, clip, SIZE).unwrap();
+                let host = HostCamera::new(&of(view, projection), clip, SIZE).unwrap();
                 for _ in 0..20 {
                     let p = 4.0 * vector(random);
                     // Nearer than near there is nothing to compare: quotients are as large as one likes.
@@ -300,7 +314,7 @@ mod tests {
         let random = &mut Random::new(3);
         for kind in 0..64 {
             let (view, projection, clip) = matrices(random, kind);
-            let host = HostCamera::new(view, projection, clip, SIZE).unwrap();
+            let host = HostCamera::new(&of(view, projection), clip, SIZE).unwrap();
             let [near, far] = host.planes();
             assert!((0.05..=0.15).contains(&near), "kind {kind}: {near}");
             let infinite = kind >> 4 & 1 == 1 && kind >> 5 & 1 == 0;
@@ -316,7 +330,7 @@ mod tests {
         let made = |change: &dyn Fn(&mut DMat4, &mut DMat4)| {
             let (mut view, mut projection) = (view, projection);
             change(&mut view, &mut projection);
-            HostCamera::new(view, projection, clip, SIZE).map_or_else(|e| e.to_string(), |_| "fine".into())
+            HostCamera::new(&of(view, projection), clip, SIZE).map_or_else(|e| e.to_string(), |_| "fine".into())
         };
         assert_eq!(made(&|_, _| {}), "fine");
         assert!(made(&|v, _| v.x_axis.w = 0.1).contains("view matrix, last row"));
@@ -329,6 +343,6 @@ mod tests {
         assert!(made(&|_, p| p.x_axis.x = f64::NAN).contains("finite"));
         let (view, mut projection, clip) = matrices(&mut Random::new(1), 32);
         projection.z_axis.x = 0.1;
-        assert!(HostCamera::new(view, projection, clip, SIZE).is_err());
+        assert!(HostCamera::new(&of(view, projection), clip, SIZE).is_err());
     }
 }

@@ -2,14 +2,15 @@
 
 use super::Rasterizer;
 use super::bindings::FrameBindings;
+use super::place::misfit;
 use super::plan::FramePlan;
 use crate::constants as c;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::frame::buffers::BufferId;
 use crate::frame::passes::Stage;
-use crate::vulkan::{BufferPart, BufferRef, HostCommands, Recorder, kernels};
+use crate::vulkan::{BufferPart, BufferRef, Recorder, kernels};
 
-/// Words of a host's buffer that say how many triangles of each mesh are drawn: the first ones of its `indices`.
+/// Words of a host's buffer that say how many triangles of each view's mesh are drawn: the first ones of its indices.
 #[derive(Clone, Copy, Debug)]
 pub struct Counts {
     /// The first mesh's word at its start, of usage STORAGE_BUFFER.
@@ -20,8 +21,8 @@ pub struct Counts {
     pub of_indices: bool,
 }
 
-/// Counts bound to a frame. To be kept as [`FrameBindings`].
-pub struct CountBindings {
+/// Counts bound to a frame.
+pub(super) struct CountStep {
     stage: Stage,
     push: Push,
     groups: [u32; 3],
@@ -36,19 +37,8 @@ struct Push {
     pieces: u32,
 }
 
-impl Rasterizer {
-    /// Binds counts to a frame that was planned with [`FrameShape::device_counts`](super::FrameShape::device_counts). They serve frames
-    /// of this plan; for one of another shape, bind them anew.
-    ///
-    /// # Errors
-    /// [`Error::Host`] for a frame planned otherwise or bound for less, or counts that lie outside their buffer; otherwise as
-    /// [`prepare`](Self::prepare).
-    pub fn bind_counts(&self, plan: &FramePlan, frame: &FrameBindings, counts: &Counts) -> Result<CountBindings> {
-        frame.fits(plan)?;
-        let misfit = |what: String, fix: &str| Err(Error::Host { what, fix: fix.into() });
-        if !plan.shape.device_counts {
-            return misfit("the frame was planned with counts known".into(), "set FrameShape::device_counts");
-        }
+impl CountStep {
+    pub fn new(rasterizer: &Rasterizer, plan: &FramePlan, frame: &FrameBindings, counts: &Counts) -> Result<Self> {
         let Counts { buffer, stride, of_indices } = counts;
         let meshes = plan.shape.meshes.len() as u64;
         let needed = (meshes - 1) * u64::from(*stride) + 4;
@@ -56,41 +46,26 @@ impl Rasterizer {
             let what = format!("{meshes} counts {stride} bytes apart in {} bytes", buffer.range());
             return misfit(what, "use a multiple of four, and bind a larger part");
         }
-        let source = BufferPart::of_host(&self.device, buffer);
+        rasterizer.validate_storage("counts", buffer, needed)?;
+        let source = BufferPart::of_host(&rasterizer.device, buffer);
         let buffers = [
             ("Counts", &source),
             ("ViewShapes", frame.array(BufferId::ViewShapes)?),
             ("Boxes", frame.array(BufferId::Boxes)?),
         ];
-        let stage = self.stage(&kernels::COUNTS, &[], &buffers)?;
+        let stage = rasterizer.stage(&kernels::COUNTS, &[], &buffers)?;
         let push = Push {
             stride: if meshes == 1 { 0 } else { stride / 4 },
             divisor: if *of_indices { 3 } else { 1 },
             pieces: if plan.forward.modes.near_clip != 0 { 2 } else { 1 },
         };
         let most = plan.forward.views.iter().map(|view| view.records).max().unwrap_or(0);
-        Ok(CountBindings { stage, push, groups: [most.div_ceil(c::LINEAR_GROUP), plan.views(), 1] })
+        Ok(Self { stage, push, groups: [most.div_ceil(c::LINEAR_GROUP), plan.views(), 1] })
     }
 
-    /// Records the reading of the counts: before [`record_forward`](Self::record_forward), in every frame. More than was
-    /// planned count as that. Begins and ends with barriers as that does.
-    ///
-    /// # Errors
-    /// [`Error::Limit`] for more workgroups than the device allows.
-    pub fn record_counts(&self, commands: &mut HostCommands, bindings: &CountBindings) -> Result<()> {
-        let mut recorder = Recorder::on_host(&self.device, commands);
-        recorder.begin_label("softras counts");
-        recorder.barrier();
-        bindings.stage.record(&mut recorder, bytemuck::bytes_of(&bindings.push), bindings.groups)?;
-        recorder.barrier();
-        recorder.end_label();
-        Ok(())
-    }
-}
-
-impl std::fmt::Debug for CountBindings {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("CountBindings").field("push", &self.push).finish_non_exhaustive()
+    /// Records the reading of the counts, before the frame. More than was planned count as that.
+    pub fn record(&self, recorder: &mut Recorder<'_>) -> Result<()> {
+        self.stage.record(recorder, bytemuck::bytes_of(&self.push), self.groups)
     }
 }
 

@@ -20,7 +20,7 @@ pub struct Decoder<'a> {
     pub plan: &'a GradientPlan,
     /// The gradients that the pass was planned for.
     pub wanted: &'a GradientRequest,
-    /// The frame's meshes: [`Inputs::tables`](super::Inputs::tables).
+    /// The frame's meshes.
     pub tables: &'a MeshTables,
     /// The frame's cameras.
     pub cameras: &'a [Camera],
@@ -34,55 +34,6 @@ pub struct Decoder<'a> {
 type Floats<'a> = &'a dyn Fn(BufferId, usize) -> Result<&'a [f32]>;
 
 impl Decoder<'_> {
-    /// What [`Renderer::backward`](crate::Renderer::backward) returns, from the bytes of the buffers [`BufferId::Totals`],
-    /// [`VertexGradients`](BufferId::VertexGradients), [`TexelSums`](BufferId::TexelSums) and
-    /// [`CornerGradients`](BufferId::CornerGradients), once the pass has been executed; the bytes begin at
-    /// addresses that are multiples of 4. Those that the plan does not have are not asked for.
-    ///
-    /// # Errors
-    /// [`Error::Host`] for a buffer that is missing, too short or misaligned, and for plans, meshes, cameras or lights that
-    /// do not belong together; [`Error::NotFinite`] if the gradient overflows single precision.
-    pub fn decode<'b>(&'b self, bytes: impl Fn(BufferId) -> Option<&'b [u8]> + 'b) -> Result<Gradients> {
-        self.validate()?;
-        self.decode_parts(bytes)
-    }
-
-    /// The same of a plan's own meshes, cameras and lights.
-    pub(super) fn decode_parts<'b>(&'b self, bytes: impl Fn(BufferId) -> Option<&'b [u8]> + 'b) -> Result<Gradients> {
-        self.decode_floats(&|id, count| {
-            let fail = |what: String| Err(Error::Host { what, fix: "give the bytes of the whole buffer".into() });
-            match bytes(id).map(|bytes| (bytes.len(), bytes.get(..4 * count).map(bytemuck::try_cast_slice))) {
-                None => fail(format!("there are no bytes of `{id}`")),
-                Some((length, None)) => fail(format!("`{id}` has {length} bytes, its gradients {}", 4 * count)),
-                Some((_, Some(Err(error)))) => fail(format!("the bytes of `{id}`: {error}")),
-                Some((_, Some(Ok(floats)))) => Ok(floats),
-            }
-        })
-    }
-
-    /// Validates that the fields are those that the pass was planned with; there may be fewer triangles.
-    fn validate(&self) -> Result<()> {
-        let (shape, frame) = (&self.frame.shape, &self.plan.backward.push);
-        let mesh = |(layout, shape): (&MeshLayout, &MeshShape)| {
-            layout.vertices == shape.vertices && layout.triangles <= shape.triangles
-        };
-        let layouts = &self.tables.layouts;
-        let belongs = [
-            (self.plan.frame_sizes == self.frame.forward.sizes, "the frame's plan"),
-            (self.plan.wanted == *self.wanted, "what is wanted"),
-            (layouts.len() == shape.meshes.len() && layouts.iter().zip(&shape.meshes).all(mesh), "the meshes"),
-            (self.cameras.len() == frame.view_count as usize, "the cameras"),
-            (self.lights.directional.len() == frame.light_count as usize, "the lights"),
-        ];
-        match belongs.iter().find(|(belongs, _)| !belongs) {
-            None => Ok(()),
-            Some((_, name)) => Err(Error::Host {
-                what: format!("the backward pass was planned with others than {name} given"),
-                fix: "decode with what the pass was planned with".into(),
-            }),
-        }
-    }
-
     pub(crate) fn decode_floats(&self, floats: Floats<'_>) -> Result<Gradients> {
         let Self { plan, wanted, cameras, settings: s, lights, .. } = self;
         let mut gradients = Gradients { meshes: self.meshes(floats)?, ..Gradients::default() };
@@ -178,7 +129,7 @@ impl Decoder<'_> {
     }
 
     /// Adds the gradients by a mesh's texels, and by the alpha of those of its textures that have one. `images` are those of this
-    /// mesh and of the meshes after it; a host that fills in the shapes itself has none in its tables.
+    /// mesh and of the meshes after it; a host's own meshes have none.
     fn add_texels(
         &self,
         layout: &MeshLayout,
@@ -244,7 +195,8 @@ impl Decoder<'_> {
 
 impl Pass {
     /// The gradients in the readback buffer's bytes once the device is done: those of the buffers that
-    /// [`PassBuilder::read_back`](super::PassBuilder::read_back) named. [`BufferId::Totals`] has those by cameras, lights,
+    /// [`PassBuilder::read_back`](super::PassBuilder::read_back) named; all of them after
+    /// [`read_back_gradients`](super::PassBuilder::read_back_gradients). [`BufferId::Totals`] has those by cameras, lights,
     /// background and scalars, [`BufferId::VertexGradients`] those by positions and colours of each view's placed vertices,
     /// [`BufferId::TexelSums`] those by texels, [`BufferId::CornerGradients`] those by UVs.
     ///
@@ -275,15 +227,21 @@ impl Pass {
         let tables = MeshTables {
             layouts: frame.layouts.clone(),
             shapes: frame.shape.meshes.clone(),
+            images: tables.images.clone(),
             uv_indices: uv_indices.flat_map(|s| s.bytes.as_chunks().0).map(|&word| u32::from_ne_bytes(word)).collect(),
             ..MeshTables::default()
         };
         let cameras: Vec<Camera> = cameras.iter().map(|view| view.camera).collect();
         let (wanted, lights) = (&wanted, &frame.shape.lights);
         let decoder = Decoder { frame, plan, wanted, tables: &tables, cameras: &cameras, settings, lights };
-        decoder.decode_parts(|id| {
-            let (at, size) = self.plan.readback_part(id)?;
-            readback.get(at as usize..(at + size) as usize)
+        decoder.decode_floats(&|id, count| {
+            let part = self.plan.readback_part(id).map(|(at, size)| at as usize..(at + size) as usize);
+            let fail = |what: String| Err(Error::Host { what, fix: "give the whole readback buffer".into() });
+            match part.and_then(|part| readback.get(part)?.get(..4 * count)).map(bytemuck::try_cast_slice) {
+                None => fail(format!("{} bytes, of which `{id}` lies beyond the last", readback.len())),
+                Some(Err(error)) => fail(format!("the bytes of `{id}`: {error}")),
+                Some(Ok(floats)) => Ok(floats),
+            }
         })
     }
 }

@@ -48,7 +48,7 @@ impl IndexFormat {
 /// The draws that make one mesh of a frame, or a part of one: its vertices are those of the draws, in order, each draw's
 /// once for each of its instances; so are its triangles.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Geometry {
+pub(super) struct Geometry {
     draws: Vec<Draw>,
     /// Where it begins in the frame's `positions`, in vertices; 0 unless other geometry or other meshes come before.
     pub first_vertex: u32,
@@ -63,19 +63,13 @@ pub struct Geometry {
 const MOST: u64 = 60_000;
 
 impl Geometry {
-    /// Geometry at the beginning of the frame's arrays.
-    ///
-    /// # Errors
-    /// [`Error::Limit`] for more placed vertices or corners than kernels can index, or more than 60000 draws and
-    /// instances together.
-    pub fn new(draws: Vec<Draw>) -> Result<Self> {
-        let geometry = Self::of_draws(draws);
-        geometry.validate()?;
-        Ok(geometry)
+    /// Geometry at the beginning of the frame's arrays; [`validate`](Self::validate) checks its counts.
+    pub fn new(draws: Vec<Draw>) -> Self {
+        Self { draws, ..Self::default() }
     }
 
-    /// Checks what [`new`](Self::new) says.
-    pub(super) fn validate(&self) -> Result<()> {
+    /// Refuses more placed vertices or corners than kernels can index, and more than 60000 draws and instances together.
+    pub fn validate(&self) -> Result<()> {
         let draws = &self.draws;
         let sum = |each: fn(&Draw) -> u64| draws.iter().map(each).fold(0u64, u64::saturating_add);
         let limit = |what: &str, needed: u64, unit: &'static str, limit: u64| {
@@ -93,11 +87,6 @@ impl Geometry {
         limit("a host's vertex buffer", last, "vertices", elements)?;
         let last = draws.iter().map(|d| end(d.first_index, 3 * u64::from(d.triangles))).max().unwrap_or(0);
         limit("a host's index buffer", last, "indices", elements)
-    }
-
-    /// The same without checks, which [`validate`](Self::validate) makes up for.
-    pub(super) fn of_draws(draws: Vec<Draw>) -> Self {
-        Self { draws, ..Self::default() }
     }
 
     /// The draws.
@@ -121,19 +110,19 @@ impl Geometry {
     }
 
     /// The vertices of the host's buffer that draws read: the first, and one behind the last.
-    pub(super) fn source_vertices(&self) -> (u32, u32) {
+    pub fn source_vertices(&self) -> (u32, u32) {
         let drawn = || self.draws.iter().filter(|d| d.instances > 0);
         let first = drawn().map(|d| d.first_vertex).min().unwrap_or(0);
         (first, drawn().map(|d| d.first_vertex + d.vertices).max().unwrap_or(0))
     }
 
     /// One behind the last index that draws read.
-    pub(super) fn source_indices(&self) -> u64 {
+    pub fn source_indices(&self) -> u64 {
         let drawn = self.draws.iter().filter(|d| d.instances > 0);
         drawn.map(|d| u64::from(d.first_index) + 3 * u64::from(d.triangles)).max().unwrap_or(0)
     }
 
-    /// What the buffer [`GeometryBuffers::draws`](super::GeometryBuffers::draws) holds: `glsl/common/draws.glsl`.
+    /// The table of draws as kernels read it: `glsl/common/draws.glsl`.
     pub fn table(&self) -> Vec<[u32; 8]> {
         let (mut vertex, mut instance, mut triangle) = (0, 0, 0);
         let row = |d: &Draw| {
@@ -144,48 +133,6 @@ impl Geometry {
             row
         };
         self.draws.iter().map(row).collect()
-    }
-
-    /// The frame's `adjacency` of a mesh that is this geometry alone, `before` words behind the adjacency of the meshes
-    /// before it: it depends on the indices alone. `index` gives those of the host's index buffer by their number.
-    ///
-    /// Vertices that an index beyond its draw's names are left out.
-    pub fn adjacency(&self, before: u32, index: impl Fn(usize) -> u32) -> Vec<u32> {
-        let rows = self.corners_of_vertices(index);
-        let mut next = before + rows.len() as u32 + 1;
-        let mut adjacency = vec![next];
-        for row in &rows {
-            next += row.len() as u32;
-            adjacency.push(next);
-        }
-        adjacency.extend(rows.into_iter().flatten());
-        adjacency
-    }
-
-    /// [`MeshShape::most_corners`](super::MeshShape::most_corners) of that mesh.
-    pub fn most_corners(&self, index: impl Fn(usize) -> u32) -> u32 {
-        self.corners_of_vertices(index).iter().map(Vec::len).max().unwrap_or(0) as u32
-    }
-
-    /// Of each placed vertex its corners: four times the triangle plus the corner.
-    fn corners_of_vertices(&self, index: impl Fn(usize) -> u32) -> Vec<Vec<u32>> {
-        let mut rows: Vec<Vec<u32>> = vec![Vec::new(); self.vertices() as usize];
-        let mut triangle = 0;
-        for (draw, row) in self.draws.iter().zip(self.table()) {
-            for instance in 0..draw.instances {
-                let base = row[0] + instance * draw.vertices;
-                for t in 0..draw.triangles {
-                    for corner in 0..3 {
-                        let vertex = index((draw.first_index + 3 * t + corner) as usize);
-                        if vertex < draw.vertices {
-                            rows[(base + vertex) as usize].push(4 * triangle + corner);
-                        }
-                    }
-                    triangle += 1;
-                }
-            }
-        }
-        rows
     }
 }
 
@@ -203,7 +150,6 @@ pub(super) fn rows_of(groups: u32) -> [u32; 3] {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::{Mesh, Scene, frame::pack::MeshTables};
 
     #[test]
     fn the_table_counts_what_was_placed_before() {
@@ -214,22 +160,23 @@ mod tests {
             triangles,
             instances,
         };
-        let geometry = Geometry::new(vec![draw(5, 4, 9, 2, 3), draw(0, 3, 0, 1, 0), draw(0, 3, 0, 1, 2)]).unwrap();
+        let geometry = Geometry::new(vec![draw(5, 4, 9, 2, 3), draw(0, 3, 0, 1, 0), draw(0, 3, 0, 1, 2)]);
         let expected = vec![[0, 4, 5, 0, 0, 2, 9, 3], [12, 3, 0, 3, 6, 1, 0, 0], [12, 3, 0, 3, 6, 1, 0, 2]];
         assert_eq!(geometry.table(), expected);
         assert_eq!((geometry.vertices(), geometry.triangles(), geometry.instances()), (18, 8, 5));
         assert_eq!((geometry.source_vertices(), geometry.source_indices()), ((0, 9), 15));
         // What is not drawn is not read.
-        let hidden = Geometry::new(vec![draw(5, 4, 9, 2, 3), draw(1, 30, 900, 10, 0)]).unwrap();
+        let hidden = Geometry::new(vec![draw(5, 4, 9, 2, 3), draw(1, 30, 900, 10, 0)]);
         assert_eq!((hidden.source_vertices(), hidden.source_indices()), ((5, 9), 15));
-        assert!(matches!(Geometry::new(vec![draw(0, 1, 0, 1, 60_001)]), Err(Error::Limit { .. })));
-        assert!(matches!(Geometry::new(vec![draw(0, u32::MAX, 0, 1, 1)]), Err(Error::Limit { .. })));
+        assert!(matches!(Geometry::new(vec![draw(0, 1, 0, 1, 60_001)]).validate(), Err(Error::Limit { .. })));
+        assert!(matches!(Geometry::new(vec![draw(0, u32::MAX, 0, 1, 1)]).validate(), Err(Error::Limit { .. })));
     }
 
     /// Every count ends where a signed index of 32 bits does, draws and instances at 60000.
     #[test]
     fn geometry_ends_where_indices_do() {
-        let fits = |draw: Draw| Geometry::new(vec![Draw { instances: draw.instances.max(1), ..draw }]).is_ok();
+        let fits =
+            |draw: Draw| Geometry::new(vec![Draw { instances: draw.instances.max(1), ..draw }]).validate().is_ok();
         let (most, none) = (i32::MAX as u32, Draw::default());
         for (last, beyond) in [
             (Draw { instances: 59_999, ..none }, Draw { instances: 60_000, ..none }),
@@ -262,26 +209,5 @@ mod tests {
         assert_eq!(linear_groups(1), [1, 1, 1]);
         assert_eq!(linear_groups(c::LINEAR_GROUP * c::FORWARD_ROW), [c::FORWARD_ROW, 1, 1]);
         assert_eq!(linear_groups(c::LINEAR_GROUP * c::FORWARD_ROW + 1), [c::FORWARD_ROW, 2, 1]);
-    }
-
-    #[test]
-    fn the_adjacency_is_that_of_the_mesh_it_stands_for() {
-        let indices = [0u32, 1, 2, 2, 1, 3];
-        let mesh = |copies: u32| {
-            let triangles =
-                (0..copies).flat_map(|k| [[4 * k, 4 * k + 1, 4 * k + 2], [4 * k + 2, 4 * k + 1, 4 * k + 3]]);
-            Mesh::new(vec![[0.0; 3]; 4 * copies as usize], triangles.collect()).unwrap()
-        };
-        let scene = Scene { meshes: vec![mesh(2), mesh(3)], ..Scene::new(mesh(1)) };
-        let expected = MeshTables::new(&scene, true).adjacency;
-        let geometry = |instances| {
-            Geometry::new(vec![Draw { first_vertex: 0, vertices: 4, first_index: 0, triangles: 2, instances }]).unwrap()
-        };
-        let mut made = geometry(2).adjacency(0, |i| indices[i]);
-        made.extend(geometry(3).adjacency(made.len() as u32, |i| indices[i]));
-        assert_eq!(made, expected);
-        assert_eq!(geometry(3).most_corners(|i| indices[i]), 2);
-        // An index of no vertex of its draw is none of the next instance's first.
-        assert_eq!(geometry(2).most_corners(|i| [0, 1, 2, 4, 4, 3][i]), 1);
     }
 }

@@ -1,6 +1,5 @@
 //! The three buffers of a pass: what each is made with, and what lies where.
 
-use super::arena::Arena;
 use super::plan::BufferRequirement;
 use super::tables::Tables;
 use crate::error::{Error, Result};
@@ -55,10 +54,45 @@ pub(super) struct Copy {
     pub size: u64,
 }
 
+/// Where each of several required buffers lies within one VkBuffer.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Arena {
+    size: u64,
+    /// What the buffers need, and transfer in both directions.
+    usage: vk::BufferUsageFlags,
+    alignment: u64,
+    /// Id, offset and bytes of each.
+    parts: Vec<(BufferId, u64, u64)>,
+}
+
+impl Arena {
+    /// Lays buffers one after the other, each aligned as it needs and as the host wishes.
+    fn new<'a>(buffers: impl Iterator<Item = &'a BufferRequirement>, alignment: u64) -> Self {
+        let usage = vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST;
+        let mut arena = Self { size: 0, usage, alignment, parts: Vec::new() };
+        for requirement in buffers {
+            let own = requirement.alignment.max(alignment);
+            arena.alignment = arena.alignment.max(own);
+            let offset = arena.size.next_multiple_of(own);
+            // Whole texels, so that a view of the part can cover it.
+            let size = requirement.size.next_multiple_of(requirement.id.row().format.bytes());
+            arena.parts.push((requirement.id, offset, size));
+            arena.usage |= requirement.usage;
+            arena.size = offset + size;
+        }
+        arena
+    }
+
+    fn refs(&self, buffer: &BufferRef) -> Result<Vec<(BufferId, BufferRef)>> {
+        let part = |&(id, offset, range): &(_, u64, u64)| Ok((id, buffer.part(offset, range)?));
+        self.parts.iter().map(part).collect()
+    }
+}
+
 /// What lies where.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Layouts {
-    pub arena: Arena,
+    arena: Arena,
     /// What the host binds itself.
     pub own: Vec<BufferRequirement>,
     /// Table of draws of each mesh: offset in the upload and in the device buffer, bytes.
@@ -100,7 +134,7 @@ impl Layouts {
             });
         }
         let is_own = |requirement: &&BufferRequirement| wishes.own.contains(&requirement.id);
-        let arena = Arena::aligned(all().filter(|r| !is_own(r)), wishes.alignment);
+        let arena = Arena::new(all().filter(|r| !is_own(r)), wishes.alignment);
         let transfer = vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST;
         let own = all().filter(is_own).map(|r| BufferRequirement { usage: r.usage | transfer, ..*r }).collect();
         let (mut upload, mut device) = (0, arena.size);

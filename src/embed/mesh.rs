@@ -1,7 +1,6 @@
 //! A host's meshes as a pass takes them: counts and kinds when it is planned, buffers when it is bound.
 
 use super::geometry::{Draw, Geometry, IndexFormat, Layout};
-use super::place::GeometryGradients;
 use super::targets::Floats;
 use crate::error::{Error, Result};
 use crate::scene::Wrap;
@@ -14,6 +13,7 @@ pub struct PassMesh {
     pub(super) geometry: Geometry,
     pub(super) indices: Arc<[u32]>,
     pub(super) look: MeshLook,
+    pub(super) has_normals: bool,
 }
 
 /// What colours a mesh.
@@ -57,6 +57,17 @@ pub struct MeshBuffers {
     pub gradients: GeometryGradients,
 }
 
+/// Where a host wants the gradients of a mesh, in layouts of its own; what is `None` is not computed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct GeometryGradients {
+    /// dL/dx, dL/dy, dL/dz of each vertex that a draw reads, summed over its instances in their order.
+    pub positions: Option<(BufferRef, Layout)>,
+    /// dL/dr, dL/dg, dL/db of each, likewise.
+    pub colors: Option<(BufferRef, Layout)>,
+    /// dL by each number of each transform.
+    pub transforms: Option<(BufferRef, Layout)>,
+}
+
 /// A texture's texels, row 0 at the top.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum TexelSource {
@@ -81,27 +92,33 @@ impl PassMesh {
         let triangles = u32::try_from(indices.len().div_ceil(3)).unwrap_or(u32::MAX);
         let draw = Draw { first_vertex: 0, vertices, first_index: 0, triangles, instances: 1 };
         Self {
-            geometry: Geometry::of_draws(vec![draw]),
+            geometry: Geometry::new(vec![draw]),
             indices: indices.iter().map(|&index| index.into()).collect(),
             look: MeshLook::Color([1.0; 3]),
+            has_normals: false,
         }
     }
 
     /// The mesh of several draws over one vertex and one index buffer, each with instances.
     pub fn of_draws<T: Copy + Into<u32>>(draws: Vec<Draw>, indices: &[T]) -> Self {
-        Self { geometry: Geometry::of_draws(draws), ..Self::new(0, indices) }
+        Self { geometry: Geometry::new(draws), ..Self::new(0, indices) }
     }
 
     /// The same, drawn so many times, each time with the next of [`MeshBuffers::transforms`].
     pub fn with_instances(mut self, instances: u32) -> Self {
         let draws = self.geometry.draws().iter().map(|draw| Draw { instances, ..*draw }).collect();
-        self.geometry = Geometry::of_draws(draws);
+        self.geometry = Geometry::new(draws);
         self
     }
 
     /// The same in other colours.
     pub fn with_look(self, look: MeshLook) -> Self {
         Self { look, ..self }
+    }
+
+    /// The same with vertex normals of the host's for smooth shading, which its kernels write into [`Pass::normals`](super::Pass::normals).
+    pub fn with_normals(self) -> Self {
+        Self { has_normals: true, ..self }
     }
 
     /// The three vertices of every placed triangle, counted from `base`.

@@ -1,33 +1,21 @@
 //! The embedded API: softras on a host's device, in a host's command buffer, with a host's memory.
 //!
-//! [`Rasterizer`] holds the kernels on a device. A frame goes through three steps, each with types of its own:
-//!
-//! 1. **Plan**, from counts and settings, without memory: [`FramePlan`] from a [`FrameShape`] lists the buffers that a frame
-//!    needs, and [`GradientPlan`] from [`Differentiate`] those that its gradients need besides.
-//! 2. **Bind**, once: [`FrameBindings`] and [`GradientBindings`] check the host's buffers and write the descriptors.
-//!    [`Arena`] divides one buffer into many, and [`Inputs`] lays out the bytes of a scene in the host's memory.
-//! 3. **Record**, every frame, without allocating: the stages of a frame, then those of its gradients. [`Status`] says
-//!    whether the lists had room, and [`Decoder`] turns the bytes of the gradients into [`Gradients`](crate::Gradients).
-//!
-//! Steps around these three take a host's own data: [`Geometry`] reads vertex and index buffers, [`Counts`] takes numbers of
-//! triangles that only the device knows, and [`FrameImage`] stores into images. [`Pass`] does all of it for a program that
-//! wants no layer between its handles and its gradients.
+//! [`Rasterizer`] holds the kernels on a device. A [`Pass`] is all that a host binds once and records every frame:
+//! [`PassBuilder`] plans it from counts and settings, [`Rasterizer::bind_pass`] binds it to the host's buffers, and its
+//! `record_` calls write commands without allocating.
 //!
 #![doc = include_str!("guide.md")]
 
-mod arena;
 mod bindings;
 mod builder;
 mod camera;
 mod counts;
 mod decode;
 mod geometry;
-mod inputs;
 mod memory;
 mod mesh;
 mod pass;
 mod place;
-mod place_mesh;
 mod plan;
 mod rebind;
 mod requirements;
@@ -36,44 +24,39 @@ mod status;
 mod store;
 mod tables;
 mod targets;
+mod texels;
 
-pub use arena::Arena;
-pub use bindings::{FrameBindings, GradientBindings};
 pub use builder::{PassBuilder, PassPlan, PassStatus};
-pub use camera::{ClipSpace, HostCamera};
-pub use counts::{CountBindings, Counts};
-pub use decode::Decoder;
-pub use geometry::{Draw, Geometry, IndexFormat, Layout};
-pub use inputs::Inputs;
+pub use camera::{CameraMatrices, ClipSpace, HostCamera};
+pub use counts::Counts;
+pub use geometry::{Draw, IndexFormat, Layout};
 pub use memory::{MemoryKind, MemoryRequirement, PassMemory};
-pub use mesh::{MeshBuffers, MeshLook, PassMesh, TexelSource};
+pub use mesh::{GeometryGradients, MeshBuffers, MeshLook, PassMesh, TexelSource};
 pub use pass::Pass;
-pub use place::{GeometryBindings, GeometryBuffers, GeometryGradientBindings, GeometryGradients};
-pub use plan::{BufferRequirement, Differentiate, FramePlan, GradientPlan};
+pub use plan::BufferRequirement;
 pub use rebind::Rebound;
 pub use requirements::Requirements;
-pub use shape::FrameShape;
-pub use status::Status;
 pub use store::{FrameImage, ImageBindings};
 
-pub use crate::frame::buffers::{BufferId, Role};
-pub use crate::frame::pack::{AppearanceShape, MeshShape, camera_texels, light_texels};
-pub use crate::frame::plan::{Capacity, DepthSpan};
-#[cfg(all(feature = "external", unix))]
-pub use crate::vulkan::external;
+pub use crate::frame::buffers::BufferId;
+pub use crate::frame::plan::Capacity;
 pub use crate::vulkan::{
     BufferRef, HostAdapter, HostCommands, HostDevice, ImageFormat, ImageRef, TextureRef, changing_devices,
 };
+
+pub(crate) use bindings::{FrameBindings, GradientBindings};
+pub(crate) use plan::{FramePlan, GradientPlan};
+#[cfg(feature = "renderer")]
+pub(crate) use {decode::Decoder, plan::Differentiate, shape::FrameShape, status::Status};
 
 use crate::constants as c;
 use crate::error::{Error, Result};
 use crate::frame::buffers::Parts;
 use crate::frame::passes::{self, BACKWARD_COUNT, BackwardStage, FORWARD_COUNT, ForwardStage};
 use crate::frame::pipelines::{Pipelines, Request};
-#[cfg(feature = "renderer")]
-use crate::frame::plan::Rare;
-use crate::scene::Settings;
 use crate::vulkan::{Device, Pipeline, PipelineCache, Recorder, TimestampPool};
+#[cfg(feature = "renderer")]
+use crate::{frame::plan::Rare, scene::Settings};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// The kernels on a device, from which frames are planned, bound and recorded. It owns no memory, no queue and no command
@@ -95,8 +78,8 @@ impl std::fmt::Debug for Rasterizer {
 }
 
 impl Rasterizer {
-    /// A rasterizer on a host's device. Kernels are not compiled yet but when a plan is first bound, or
-    /// [`prepare`](Self::prepare)d.
+    /// A rasterizer on a host's device. Kernels are compiled when a plan is first bound, or by
+    /// [`prepare_pass`](Self::prepare_pass).
     ///
     /// # Errors
     /// [`Error::NoDevice`] for a device of Vulkan 1.0; [`Error::Host`] for null handles.
@@ -124,97 +107,10 @@ impl Rasterizer {
         Ok(self)
     }
 
-    /// Plans a frame: [`FramePlan::new`] with this device's limits.
-    ///
-    /// # Errors
-    /// As [`FramePlan::new`].
-    pub fn plan(&self, shape: &FrameShape, settings: &Settings) -> Result<FramePlan> {
-        FramePlan::new(self.device.limits(), self.device.kind(), shape, settings)
-    }
-
     /// A plan for a program that looks at the status of every frame: see [`FramePlan::of`].
     #[cfg(feature = "renderer")]
     pub(crate) fn plan_with(&self, shape: &FrameShape, settings: &Settings, rare: Rare) -> Result<FramePlan> {
         FramePlan::of(self.device.limits(), self.device.kind(), shape, settings, rare)
-    }
-
-    /// Plans the gradients of a planned frame: [`GradientPlan::new`].
-    ///
-    /// # Errors
-    /// As [`GradientPlan::new`].
-    pub fn plan_backward(&self, frame: &FramePlan, differentiate: &Differentiate) -> Result<GradientPlan> {
-        GradientPlan::new(frame, differentiate)
-    }
-
-    /// Compiles a plan's kernels unless they are compiled already, in parallel on threads that end with the call. It takes
-    /// some hundred milliseconds, which a loading screen can hide.
-    ///
-    /// # Errors
-    /// [`Error::Vulkan`], [`Error::Limit`], [`Error::OutOfMemory`].
-    pub fn prepare(&self, plan: &FramePlan) -> Result<()> {
-        self.forward_pipelines(plan).map(drop)
-    }
-
-    /// The same for gradients.
-    ///
-    /// # Errors
-    /// As [`prepare`](Self::prepare).
-    pub fn prepare_backward(&self, plan: &GradientPlan) -> Result<()> {
-        self.backward_pipelines(plan).map(drop)
-    }
-
-    /// Binds a frame's buffers: `(id, part)` for each of [`FramePlan::buffers`]. It is done once and not for every frame.
-    ///
-    /// # Errors
-    /// [`Error::Host`] naming a buffer that is missing, unknown, too small, misaligned or made for other uses; otherwise
-    /// as [`prepare`](Self::prepare).
-    pub fn bind(&self, plan: &FramePlan, buffers: &[(BufferId, BufferRef)]) -> Result<FrameBindings> {
-        self.bind_parts(plan, bindings::parts_of_host(&self.device, plan.buffers(), buffers)?)
-    }
-
-    /// Binds the buffers of a backward pass: `(id, part)` for each of [`GradientPlan::buffers`]; the frame's come from
-    /// its own bindings, whose buffers these bindings need too.
-    ///
-    /// # Errors
-    /// As [`bind`](Self::bind).
-    pub fn bind_backward(
-        &self,
-        plan: &GradientPlan,
-        frame: &FrameBindings,
-        buffers: &[(BufferId, BufferRef)],
-    ) -> Result<GradientBindings> {
-        let parts = bindings::parts_of_host(&self.device, plan.buffers(), buffers)?;
-        self.bind_backward_parts(plan, &parts, frame)
-    }
-
-    /// Records a frame. It does not allocate, map, submit or wait.
-    ///
-    /// The plan need not be the one that was bound if [`FrameBindings::fits`] accepts it: it may have another σ, γ or
-    /// background colour, or another mesh that fits into the bytes bound.
-    ///
-    /// # Errors
-    /// [`Error::Host`] if the plan does not fit the bindings, [`Error::Limit`] for more workgroups than the device allows.
-    /// The commands recorded until then may be executed, but do not make a frame.
-    pub fn record_forward(
-        &self,
-        commands: &mut HostCommands,
-        plan: &FramePlan,
-        bindings: &FrameBindings,
-    ) -> Result<()> {
-        self.forward(&mut Recorder::on_host(&self.device, commands), plan, bindings, None)
-    }
-
-    /// Records the gradients of the frame that was last recorded with the same buffers.
-    ///
-    /// # Errors
-    /// As [`record_forward`](Self::record_forward).
-    pub fn record_backward(
-        &self,
-        commands: &mut HostCommands,
-        plan: &GradientPlan,
-        bindings: &GradientBindings,
-    ) -> Result<()> {
-        self.backward(&mut Recorder::on_host(&self.device, commands), plan, bindings, None)
     }
 
     pub(crate) fn bind_parts(&self, plan: &FramePlan, parts: Parts) -> Result<FrameBindings> {

@@ -1,20 +1,19 @@
 //! A pass: everything that a host binds once and records every frame.
 
 use super::Rasterizer;
-use super::bindings::{FrameBindings, GradientBindings};
+use super::bindings::{FrameBindings, GradientBindings, parts_of_host};
 use super::builder::{PassPlan, PassStatus};
+use super::counts::{CountStep, Counts};
 use super::memory::{Copy, PassMemory};
 use super::mesh::MeshBuffers;
-use super::place::{By, GeometryGradients, GradientStep, Step};
-use super::place_mesh::TexelStep;
-use super::plan::FramePlan;
-use super::store::{FrameImage, ImageBindings};
+use super::place::{By, GradientStep, Step, misfit};
 use super::targets::{Floats, Overlap};
+use super::texels::TexelStep;
 use crate::constants as c;
 use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
 use crate::frame::pack::{camera_texels, light_texels};
-use crate::vulkan::{BufferPart, BufferRef, HostCommands, ImageRef, Recorder};
+use crate::vulkan::{BufferPart, BufferRef, HostCommands, Recorder};
 use std::sync::atomic::{AtomicU8, Ordering};
 
 /// A plan bound to a host's buffers. Two frames in flight take two of them, with memory of their own; the meshes' buffers may
@@ -36,6 +35,7 @@ pub struct Pass {
     texels: Vec<TexelStep>,
     vertices: Vec<Step>,
     back: Vec<Back>,
+    counts: Option<CountStep>,
     /// How far it was recorded: [`NOTHING`], [`SETUP`] or [`FORWARD`].
     recorded: AtomicU8,
 }
@@ -51,12 +51,12 @@ const SETUP: u8 = 1;
 const FORWARD: u8 = 2;
 
 impl Rasterizer {
-    /// Binds a plan to memory and to the meshes' buffers, one for each mesh of the plan, in their order. Compiles what was not
-    /// compiled yet ([`prepare_pass`](Self::prepare_pass)).
+    /// Binds a plan to memory and to the meshes' buffers, one for each mesh of the plan, in their order; none for a scene's.
+    /// Compiles what was not compiled yet ([`prepare_pass`](Self::prepare_pass)).
     ///
     /// # Errors
     /// [`Error::Host`] for memory or a mesh's buffer that is too small, misaligned or made for other uses, and for meshes
-    /// without what their look or the gradients need; otherwise as [`prepare`](Self::prepare).
+    /// without what their look or the gradients need; otherwise as [`prepare_pass`](Self::prepare_pass).
     pub fn bind_pass(&self, plan: PassPlan, memory: PassMemory<'_>, meshes: &[MeshBuffers]) -> Result<Pass> {
         let placed = plan.tables.placed.len();
         if meshes.len() != placed {
@@ -66,8 +66,13 @@ impl Rasterizer {
         let buffers = plan.layouts.refs(&memory)?;
         let of_frame = |id: &BufferId| plan.frame.buffer(*id).is_some();
         let (frame, added): (Vec<_>, Vec<_>) = buffers.iter().copied().partition(|(id, _)| of_frame(id));
-        let frame = self.bind(&plan.frame, &frame)?;
-        let gradients = plan.gradients.as_ref().map(|plan| self.bind_backward(plan, &frame, &added)).transpose()?;
+        let parts = |required, given: &[_]| parts_of_host(&self.device, required, given);
+        let frame = self.bind_parts(&plan.frame, parts(plan.frame.buffers(), &frame)?)?;
+        let gradients = match &plan.gradients {
+            Some(plan) => Some(self.bind_backward_parts(plan, &parts(plan.buffers(), &added)?, &frame)?),
+            // Refuses what is given beyond the frame's.
+            None => parts(&[], &added).map(|_| None)?,
+        };
         let part = |at| BufferPart::of_host(&self.device, at);
         let (upload, readback) = (part(&memory.upload), part(&memory.readback));
         let rasterizer = self.clone();
@@ -84,6 +89,7 @@ impl Rasterizer {
             texels: Vec::new(),
             vertices: Vec::new(),
             back: Vec::new(),
+            counts: None,
             recorded: AtomicU8::new(NOTHING),
         };
         for (number, buffers) in meshes.iter().enumerate() {
@@ -96,36 +102,29 @@ impl Rasterizer {
         Ok(pass)
     }
 
-    /// Compiles a pass's kernels unless that was done, as [`prepare`](Self::prepare).
+    /// Compiles a pass's kernels unless that was done, in parallel on threads that end with the call. It takes some hundred
+    /// milliseconds, which a loading screen can hide.
     ///
     /// # Errors
-    /// As [`prepare`](Self::prepare).
+    /// [`Error::Vulkan`], [`Error::Limit`], [`Error::OutOfMemory`].
     pub fn prepare_pass(&self, plan: &PassPlan) -> Result<()> {
-        self.prepare(&plan.frame)?;
-        plan.gradients.as_ref().map_or(Ok(()), |gradients| self.prepare_backward(gradients))
+        self.forward_pipelines(&plan.frame)?;
+        plan.gradients.as_ref().map_or(Ok(()), |gradients| self.backward_pipelines(gradients).map(drop))
     }
 }
 
 impl Pass {
     fn bind_mesh(&mut self, number: usize, buffers: &MeshBuffers, device: &BufferRef) -> Result<()> {
-        let Self { rasterizer, plan, frame, .. } = &*self;
-        let placed = &plan.tables.placed[number];
+        let Self { rasterizer, plan, frame, gradients, .. } = &*self;
         let (at, offset, size) = plan.layouts.draws[number];
         let draws = device.part(offset, size)?;
-        let bound = rasterizer.bind_mesh(placed, buffers, draws, frame)?;
-        let back = match &self.gradients {
-            Some(backward) => rasterizer.bind_geometry_gradients(&bound.geometry, &buffers.gradients, backward)?.steps,
-            None if buffers.gradients == GeometryGradients::default() => Vec::new(),
-            None => {
-                let what = "gradients are wanted, and the pass computes none".into();
-                return Err(Error::Host { what, fix: "plan it with PassBuilder::gradients".into() });
-            }
-        };
+        let placed = &plan.tables.placed[number];
+        let bound = rasterizer.bind_mesh(placed, buffers, &draws, frame, gradients.as_ref())?;
         self.draws.push((at, BufferPart::of_host(&self.rasterizer.device, &draws)));
         self.setup.extend(bound.setup);
         self.texels.extend(bound.texels);
-        self.vertices.extend(bound.geometry.vertices);
-        self.back.extend(back.into_iter().map(|step| Back { step, shared: false }));
+        self.vertices.extend(bound.vertices);
+        self.back.extend(bound.back.into_iter().map(|step| Back { step, shared: false }));
         Ok(())
     }
 
@@ -183,6 +182,28 @@ impl Pass {
         let super::MeshLook::Texture { size: (width, height), .. } = placed.look else { return None };
         let at = self.buffer(BufferId::Texels)?;
         at.part(16 * u64::from(placed.texel), 16 * u64::from(width) * u64::from(height)).ok()
+    }
+
+    /// The part of `vertex_normals` that a mesh planned [`with_normals`](super::PassMesh::with_normals) has: three floats, of unit
+    /// length, for each of its vertices as they are placed. A kernel of the host's writes it, behind the setup.
+    pub fn normals(&self, mesh: usize) -> Option<BufferRef> {
+        let geometry = &self.plan.tables.placed.get(mesh)?.geometry;
+        let at = self.buffer(BufferId::VertexNormals)?;
+        at.part(12 * u64::from(geometry.first_vertex), 12 * u64::from(geometry.vertices())).ok()
+    }
+
+    /// Binds the counts of a pass planned with [`PassBuilder::device_counts`](super::PassBuilder::device_counts), which every frame
+    /// recorded from now on reads. Commands that were recorded with other counts must have been executed.
+    ///
+    /// # Errors
+    /// [`Error::Host`] for a pass planned otherwise, or counts that lie outside their buffer; otherwise as
+    /// [`Rasterizer::prepare_pass`].
+    pub fn bind_counts(&mut self, counts: &Counts) -> Result<()> {
+        if !self.plan.frame.shape.device_counts {
+            return misfit("the pass was planned with counts known".into(), "plan it with PassBuilder::device_counts");
+        }
+        self.counts = Some(CountStep::new(&self.rasterizer, &self.plan.frame, &self.frame, counts)?);
+        Ok(())
     }
 
     /// Writes everything that the CPU gives into the mapped bytes of the upload buffer: tables, cameras and lights. To be
@@ -257,15 +278,23 @@ impl Pass {
     /// buffer. Allocates, maps, submits and waits for nothing.
     ///
     /// # Errors
-    /// [`Error::Host`] where no setup was recorded before; otherwise as [`record_setup`](Self::record_setup).
+    /// [`Error::Host`] where no setup was recorded before, or no counts are bound that the plan needs; otherwise as
+    /// [`record_setup`](Self::record_setup).
     pub fn record_forward(&self, commands: &mut HostCommands) -> Result<()> {
         self.needs(SETUP, "record_setup")?;
+        if self.plan.frame.shape.device_counts && self.counts.is_none() {
+            return misfit("the pass has no counts".into(), "bind them with Pass::bind_counts");
+        }
         let mut recorder = Recorder::on_host(&self.rasterizer.device, commands);
         recorder.begin_label("softras pass");
         recorder.barrier();
         self.copy_in(&mut recorder, &self.plan.layouts.frame)?;
         for step in &self.vertices {
             step.record(&mut recorder)?;
+        }
+        if let Some(counts) = &self.counts {
+            counts.record(&mut recorder)?;
+            recorder.barrier();
         }
         self.rasterizer.forward(&mut recorder, &self.plan.frame, &self.frame, None)?;
         self.copy_out(&mut recorder, &self.plan.layouts.forward)?;
@@ -344,41 +373,12 @@ impl Pass {
         })
     }
 
-    /// Binds one view of an image to a host's storage image: [`Rasterizer::bind_image`].
-    ///
-    /// # Errors
-    /// As [`Rasterizer::bind_image`].
-    pub fn bind_image(&self, image: FrameImage, view: u32, target: &ImageRef) -> Result<ImageBindings> {
-        self.rasterizer.bind_image(&self.plan.frame, &self.frame, image, view, target)
-    }
-
-    /// Records the storing of an image: [`Rasterizer::record_image`]. A depth buffer's values are those of the view's
-    /// matrices, and what is blended is blended with the background colour of the settings, as both are now.
-    ///
-    /// # Errors
-    /// [`Error::Host`] for an image that another pass bound, or this one before it was bound anew; otherwise as
-    /// [`Rasterizer::record_image`].
-    pub fn record_store(&self, commands: &mut HostCommands, image: &ImageBindings) -> Result<()> {
-        if !image.is_of(&self.frame) {
-            let what = "an image is stored that another pass bound, or this one before it was bound anew".into();
-            return Err(Error::Host { what, fix: "bind it with Pass::bind_image".into() });
-        }
-        let camera = self.plan.cameras.get(image.view() as usize).and_then(|camera| camera.host);
-        let depth = camera.map(|camera| camera.depth());
-        self.rasterizer.record_stored(commands, image, depth, self.plan.frame.background())
-    }
-
     /// What the readback buffer's bytes say of the frame recorded last, once it is done.
     ///
     /// # Errors
     /// As [`PassPlan::status`].
     pub fn status(&self, readback: &[u8]) -> Result<PassStatus> {
         self.plan.status(readback)
-    }
-
-    /// The frame's plan and bindings beneath, for what only they can do.
-    pub fn frame(&self) -> (&FramePlan, &FrameBindings) {
-        (&self.plan.frame, &self.frame)
     }
 }
 

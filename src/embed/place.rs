@@ -1,57 +1,24 @@
-//! Recording a host's geometry into a frame's arrays, and its gradients back into the host's.
+//! One mesh of a pass bound to the host's buffers: its geometry goes into the frame's arrays, and its gradients come back.
 
 use super::Rasterizer;
 use super::bindings::{FrameBindings, GradientBindings};
-use super::geometry::{Geometry, IndexFormat, Layout, linear_groups, rows_of};
+use super::geometry::{IndexFormat, Layout, linear_groups, rows_of};
+use super::mesh::{GeometryGradients, MeshBuffers, MeshLook};
+use super::tables::Placed;
 use super::targets::Floats;
+use super::texels::TexelStep;
 use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
 use crate::frame::passes::Stage;
 use crate::frame::pipelines::Request;
-use crate::gradients::GradientRequest;
-use crate::vulkan::{BufferPart, BufferRef, DescriptorPool, HostCommands, Kernel, Recorder, TexelFormat, kernels, vk};
+use crate::vulkan::{BufferPart, BufferRef, DescriptorPool, Kernel, Recorder, TexelFormat, kernels, vk};
 
-/// Where a host's geometry lies. Every buffer but `draws` has the usage STORAGE_BUFFER, and begins at a multiple of
-/// minStorageBufferOffsetAlignment.
-#[derive(Clone, Copy, Debug)]
-pub struct GeometryBuffers {
-    /// [`Geometry::table`], of usage UNIFORM_TEXEL_BUFFER, at a multiple of minTexelBufferOffsetAlignment.
-    pub draws: BufferRef,
-    /// Vertices: x, y, z as floats.
-    pub positions: (BufferRef, Layout),
-    /// r, g, b as floats for each vertex, in the same vertices' order; `None` where the frame's `colors` are filled
-    /// otherwise.
-    pub colors: Option<(BufferRef, Layout)>,
-    /// Indices; `None` where the frame's are filled otherwise.
-    pub indices: Option<(BufferRef, IndexFormat)>,
-    /// One for each instance: three rows of four floats that take (x, y, z, 1) to the world, as VkTransformMatrixKHR;
-    /// `None` where vertices are in the world already.
-    pub transforms: Option<(BufferRef, Layout)>,
-}
-
-/// Where a host wants the gradients of its geometry, in layouts of its own; what is `None` is not computed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct GeometryGradients {
-    /// dL/dx, dL/dy, dL/dz of each vertex that a draw reads, summed over its instances in their order.
-    pub positions: Option<(BufferRef, Layout)>,
-    /// dL/dr, dL/dg, dL/db of each, likewise.
-    pub colors: Option<(BufferRef, Layout)>,
-    /// dL by each number of each transform.
-    pub transforms: Option<(BufferRef, Layout)>,
-}
-
-/// A host's geometry bound to a frame. To be kept as [`FrameBindings`].
-pub struct GeometryBindings {
-    geometry: Geometry,
-    buffers: GeometryBuffers,
-    draws: BufferPart,
-    pub(super) vertices: Vec<Step>,
-    pub(super) indices: Option<Step>,
-}
-
-/// The gradients of a host's geometry bound to a backward pass. To be kept as [`GradientBindings`].
-pub struct GeometryGradientBindings {
-    pub(super) steps: Vec<GradientStep>,
+/// A mesh's steps: what is placed once and every frame, and where its gradients go.
+pub(super) struct BoundMesh {
+    pub setup: Vec<Step>,
+    pub texels: Vec<TexelStep>,
+    pub vertices: Vec<Step>,
+    pub back: Vec<GradientStep>,
 }
 
 /// A stage that writes gradients into a host's array.
@@ -73,23 +40,23 @@ pub(super) enum By {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
 pub(super) struct Push {
-    pub count: u32,
-    pub draws: u32,
-    pub first: u32,
-    pub base: u32,
-    pub stride: u32,
-    pub offset: u32,
-    pub transform_stride: u32,
-    pub transform_offset: u32,
-    pub select: u32,
-    pub target_use: u32,
+    count: u32,
+    draws: u32,
+    first: u32,
+    base: u32,
+    stride: u32,
+    offset: u32,
+    transform_stride: u32,
+    transform_offset: u32,
+    select: u32,
+    target_use: u32,
 }
 
 /// A stage with its numbers.
 pub(super) struct Step {
-    pub stage: Stage,
-    pub push: Push,
-    pub groups: [u32; 3],
+    stage: Stage,
+    push: Push,
+    groups: [u32; 3],
 }
 
 impl Step {
@@ -103,204 +70,54 @@ impl Step {
     }
 }
 
-impl GeometryBindings {
-    /// The table of draws, and what it was made of.
-    pub(super) fn table(&self) -> (&BufferPart, &Geometry) {
-        (&self.draws, &self.geometry)
-    }
-
-    /// The numbers that every stage has.
-    pub(super) fn push(&self, count: u32) -> Push {
-        Push { count, draws: self.geometry.draws().len() as u32, first: self.geometry.first_vertex, ..Push::default() }
-    }
+/// A mesh while its steps are bound.
+struct Binder<'a> {
+    rasterizer: &'a Rasterizer,
+    placed: &'a Placed,
+    buffers: &'a MeshBuffers,
+    /// [`Geometry::table`](super::geometry::Geometry::table) on the device.
+    draws: BufferPart,
+    frame: &'a FrameBindings,
 }
 
 impl Rasterizer {
-    /// [`GeometryBindings::push`] with a vertex array's layout, and with the transforms' where there are such.
-    fn vertex_push(&self, made: &GeometryBindings, count: u32, (stride, offset): (u32, u32)) -> Result<Push> {
-        let (transform_stride, transform_offset) = match &made.buffers.transforms {
-            Some(transforms) => self.layout_words("transforms", transforms, made.geometry.instances(), 12)?,
-            None => (0, 0),
-        };
-        Ok(Push { stride, offset, transform_stride, transform_offset, ..made.push(count) })
-    }
-
-    /// Binds a host's vertices, indices and transforms, and the frame's arrays that they go into.
-    ///
-    /// # Errors
-    /// [`Error::Host`] where draws reach beyond a buffer, a layout is no multiple of four, or the frame has fewer vertices or
-    /// triangles; [`Error::Vulkan`] for a misaligned offset or a missing usage; [`Error::Limit`].
-    pub fn bind_geometry(
+    /// Binds what a mesh is placed from, and where its gradients go. `draws` is its table on the device.
+    pub(super) fn bind_mesh(
         &self,
-        geometry: &Geometry,
-        buffers: &GeometryBuffers,
+        placed: &Placed,
+        buffers: &MeshBuffers,
+        draws: &BufferRef,
         frame: &FrameBindings,
-    ) -> Result<GeometryBindings> {
-        let table = 32 * geometry.draws().len() as u64;
-        if table > buffers.draws.range() {
-            let what = format!("draws has {} bytes, its table {table}", buffers.draws.range());
-            return misfit(what, "bind a larger part");
+        gradients: Option<&GradientBindings>,
+    ) -> Result<BoundMesh> {
+        let geometry = &placed.geometry;
+        let instances = geometry.instances();
+        if buffers.transforms.is_none() && instances > geometry.draws().len() as u32 {
+            let fix = "give MeshBuffers::transforms, one for each instance";
+            return misfit(format!("{instances} instances and no transforms"), fix);
         }
-        let table = buffers.draws.part(0, table)?;
         // Of no draws nothing is recorded.
         let draws = if geometry.draws().is_empty() {
-            BufferPart::of_host(&self.device, &table)
+            BufferPart::of_host(&self.device, draws)
         } else {
-            BufferPart::texels_of_host(&self.device, &table, TexelFormat::Uint4, "draws")?
+            BufferPart::texels_of_host(&self.device, draws, TexelFormat::Uint4, "draws")?
         };
-        let geometry = geometry.clone();
-        let mut made = GeometryBindings { geometry, buffers: *buffers, draws, vertices: Vec::new(), indices: None };
-        let first = made.geometry.first_vertex;
-        if made.geometry.vertices() > 0 {
-            let positions = self.place(&made, &buffers.positions, (BufferId::Positions, first), frame)?;
-            made.vertices.push(positions);
-            if let Some(colors) = &buffers.colors {
-                let colors = self.place(&made, colors, (BufferId::Colors, first), frame)?;
-                made.vertices.push(colors);
+        let binder = Binder { rasterizer: self, placed, buffers, draws, frame };
+        let mut bound = BoundMesh { setup: Vec::new(), texels: Vec::new(), vertices: Vec::new(), back: Vec::new() };
+        binder.bind_sources(&mut bound)?;
+        match gradients {
+            Some(gradients) => bound.back = binder.gradients(&buffers.gradients, gradients)?,
+            None if buffers.gradients == GeometryGradients::default() => {}
+            None => {
+                let what = "gradients are wanted, and the pass computes none".into();
+                return misfit(what, "plan it with PassBuilder::gradients");
             }
         }
-        if let (Some((at, format)), true) = (&buffers.indices, made.geometry.triangles() > 0) {
-            let target = (BufferId::Indices, made.geometry.first_triangle);
-            made.indices = Some(self.place_indices(&made, (at, *format), target, frame)?);
-        }
-        Ok(made)
-    }
-
-    /// The stage that fills `positions` or `colors` from an element on.
-    pub(super) fn place(
-        &self,
-        made: &GeometryBindings,
-        source: &(BufferRef, Layout),
-        (id, first): (BufferId, u32),
-        frame: &FrameBindings,
-    ) -> Result<Step> {
-        let geometry = &made.geometry;
-        let count = geometry.vertices();
-        let words = self.layout_words(id.name(), source, geometry.source_vertices().1, 3)?;
-        let push = Push { first, ..self.vertex_push(made, count, words)? };
-        let target = frame.array(id)?;
-        validate_target(id, target, 12 * (u64::from(first) + u64::from(count)))?;
-        let moved = made.buffers.transforms.as_ref().filter(|_| id == BufferId::Positions);
-        let source = BufferPart::of_host(&self.device, &source.0);
-        let transforms = moved.map_or_else(|| source.clone(), |(at, _)| BufferPart::of_host(&self.device, at));
-        let buffers = [("draws", &made.draws), ("Vertices", &source), ("Transforms", &transforms), ("Target", target)];
-        let modes = [("TRANSFORMED", u32::from(moved.is_some()))];
-        Ok(Step { stage: self.stage(&kernels::PLACE, &modes, &buffers)?, push, groups: linear_groups(count) })
-    }
-
-    /// The stage that fills `indices` or `uv_indices` from a triangle on.
-    pub(super) fn place_indices(
-        &self,
-        made: &GeometryBindings,
-        (at, format): (&BufferRef, IndexFormat),
-        (id, first): (BufferId, u32),
-        frame: &FrameBindings,
-    ) -> Result<Step> {
-        let geometry = &made.geometry;
-        let bytes = geometry.source_indices() * u64::from(format.bits() / 8);
-        // Whole words are read.
-        self.validate_storage("indices", at, bytes.next_multiple_of(4))?;
-        let target = frame.array(id)?;
-        let triangles = geometry.triangles();
-        validate_target(id, target, 12 * (u64::from(first) + u64::from(triangles)))?;
-        let (base, select) = (geometry.mesh_vertex, format.bits());
-        let push = Push { first, base, select, ..made.push(3 * triangles) };
-        let buffers = [("draws", &made.draws), ("Indices", &BufferPart::of_host(&self.device, at)), ("Target", target)];
-        let stage = self.stage(&kernels::PLACE_INDICES, &[], &buffers)?;
-        Ok(Step { stage, push, groups: linear_groups(3 * triangles) })
-    }
-
-    /// Binds the arrays that the gradients of a host's geometry go into. They are written, not added: where several bindings share
-    /// an array, only [`Pass`](super::Pass) adds.
-    ///
-    /// # Errors
-    /// As [`bind_geometry`](Self::bind_geometry); [`Error::Host`] for transforms' gradients of geometry without any, and for
-    /// gradients that the pass was not planned for.
-    pub fn bind_geometry_gradients(
-        &self,
-        geometry: &GeometryBindings,
-        gradients: &GeometryGradients,
-        backward: &GradientBindings,
-    ) -> Result<GeometryGradientBindings> {
-        validate_wanted(gradients, backward.wanted)?;
-        let mut steps = Vec::new();
-        if *gradients == GeometryGradients::default() {
-            return Ok(GeometryGradientBindings { steps });
-        }
-        let placed = u64::from(geometry.geometry.first_vertex) + u64::from(geometry.geometry.vertices());
-        validate_target(BufferId::VertexGradients, &backward.vertex_gradients, 32 * placed)?;
-        if geometry.geometry.vertices() > 0 {
-            for (by, target) in [(By::Positions, &gradients.positions), (By::Colors, &gradients.colors)] {
-                if let Some(target) = target {
-                    steps.push(self.place_vertex_grad(geometry, target, by, backward)?);
-                }
-            }
-        }
-        match (&gradients.transforms, &geometry.buffers.transforms) {
-            (None, _) => {}
-            (Some(_), None) => {
-                return misfit("there are no transforms to differentiate by".into(), "bind the geometry with some");
-            }
-            (Some(target), Some(_)) if geometry.geometry.instances() > 0 => {
-                steps.push(self.place_transform_grad(geometry, target, backward)?);
-            }
-            _ => {}
-        }
-        Ok(GeometryGradientBindings { steps })
-    }
-
-    fn place_vertex_grad(
-        &self,
-        made: &GeometryBindings,
-        target: &(BufferRef, Layout),
-        by: By,
-        backward: &GradientBindings,
-    ) -> Result<GradientStep> {
-        let (first, end) = made.geometry.source_vertices();
-        let words = self.layout_words("the gradients", target, end, 3)?;
-        let floats = Floats::new(target, first, end - first, 3);
-        let push =
-            Push { base: first, select: u32::from(by == By::Colors), ..self.vertex_push(made, end - first, words)? };
-        let moved = made.buffers.transforms.as_ref().filter(|_| by == By::Positions);
-        let target = BufferPart::of_host(&self.device, &target.0);
-        let transforms = BufferPart::of_host(&self.device, moved.map_or(&made.buffers.positions.0, |(at, _)| at));
-        let buffers = [
-            ("draws", &made.draws),
-            ("vertex_gradients", &backward.vertex_gradients),
-            ("Transforms", &transforms),
-            ("Target", &target),
-        ];
-        let modes = [("TRANSFORMED", u32::from(moved.is_some()))];
-        let stage = self.stage(&kernels::PLACE_VERTEX_GRAD, &modes, &buffers)?;
-        Ok(GradientStep { step: Step { stage, push, groups: linear_groups(end - first) }, by, target: floats })
-    }
-
-    fn place_transform_grad(
-        &self,
-        made: &GeometryBindings,
-        target: &(BufferRef, Layout),
-        backward: &GradientBindings,
-    ) -> Result<GradientStep> {
-        let instances = made.geometry.instances();
-        let end = made.geometry.source_vertices().1;
-        let (stride, offset) = self.layout_words("positions", &made.buffers.positions, end, 3)?;
-        let (transform_stride, transform_offset) =
-            self.layout_words("the transforms' gradients", target, instances, 12)?;
-        let push = Push { stride, offset, transform_stride, transform_offset, ..made.push(instances) };
-        let floats = Floats::new(target, 0, instances, 12);
-        let target = BufferPart::of_host(&self.device, &target.0);
-        let buffers = [
-            ("draws", &made.draws),
-            ("vertex_gradients", &backward.vertex_gradients),
-            ("Vertices", &BufferPart::of_host(&self.device, &made.buffers.positions.0)),
-            ("Target", &target),
-        ];
-        let stage = self.stage(&kernels::PLACE_TRANSFORM_GRAD, &[], &buffers)?;
-        Ok(GradientStep { step: Step { stage, push, groups: rows_of(instances) }, by: By::Transforms, target: floats })
+        Ok(bound)
     }
 
     /// The words of a layout whose last of `count` elements of `words` words each lies inside a buffer.
-    pub(super) fn layout_words(
+    fn layout_words(
         &self,
         name: &str,
         (at, layout): &(BufferRef, Layout),
@@ -343,71 +160,188 @@ impl Rasterizer {
         let set = DescriptorPool::new(&self.device, &[kernel])?.bind(&pipeline, buffers)?;
         Ok(Stage::new(pipeline, set))
     }
+}
 
-    /// Records the placing of vertices (and colours): before [`record_forward`](Self::record_forward), in any frame in which
-    /// vertices or transforms changed. Begins and ends with barriers as that does.
-    ///
-    /// # Errors
-    /// [`Error::Limit`] for more workgroups than the device allows.
-    pub fn record_vertices(&self, commands: &mut HostCommands, bindings: &GeometryBindings) -> Result<()> {
-        self.record_steps(commands, "softras vertices", &bindings.vertices)
+impl Binder<'_> {
+    fn part(&self, at: &BufferRef) -> BufferPart {
+        BufferPart::of_host(&self.rasterizer.device, at)
     }
 
-    /// The same of indices, in any frame in which they changed. The frame's `adjacency` depends on them
-    /// ([`Geometry::adjacency`]).
-    ///
-    /// # Errors
-    /// As [`record_vertices`](Self::record_vertices).
-    pub fn record_indices(&self, commands: &mut HostCommands, bindings: &GeometryBindings) -> Result<()> {
-        self.record_steps(commands, "softras indices", bindings.indices.as_slice())
+    /// The numbers that every stage has.
+    fn push(&self, count: u32) -> Push {
+        let geometry = &self.placed.geometry;
+        Push { count, draws: geometry.draws().len() as u32, first: geometry.first_vertex, ..Push::default() }
     }
 
-    /// Records the way of the gradients back into the host's layouts: behind
-    /// [`record_backward`](Self::record_backward). Begins and ends with barriers as that does.
-    ///
-    /// # Errors
-    /// As [`record_vertices`](Self::record_vertices).
-    pub fn record_geometry_gradients(
-        &self,
-        commands: &mut HostCommands,
-        bindings: &GeometryGradientBindings,
-    ) -> Result<()> {
-        self.record_steps(commands, "softras geometry gradients", bindings.steps.iter().map(|gradient| &gradient.step))
+    /// The same with a vertex array's layout, and with the transforms' where there are such.
+    fn vertex_push(&self, count: u32, (stride, offset): (u32, u32)) -> Result<Push> {
+        let (transform_stride, transform_offset) = match &self.buffers.transforms {
+            Some(transforms) => {
+                self.rasterizer.layout_words("transforms", transforms, self.placed.geometry.instances(), 12)?
+            }
+            None => (0, 0),
+        };
+        Ok(Push { stride, offset, transform_stride, transform_offset, ..self.push(count) })
     }
 
-    fn record_steps<'a>(
-        &self,
-        commands: &mut HostCommands,
-        label: &str,
-        steps: impl IntoIterator<Item = &'a Step>,
-    ) -> Result<()> {
-        let mut recorder = Recorder::on_host(&self.device, commands);
-        recorder.begin_label(label);
-        recorder.barrier();
-        for step in steps {
-            step.record(&mut recorder)?;
+    /// Binds everything that is read of the mesh.
+    fn bind_sources(&self, bound: &mut BoundMesh) -> Result<()> {
+        let Self { rasterizer, placed, buffers, frame, .. } = self;
+        let (vertices, triangles) = (placed.geometry.vertices() > 0, placed.geometry.triangles() > 0);
+        if vertices {
+            let first = placed.geometry.first_vertex;
+            bound.vertices.push(self.place(&buffers.positions, (BufferId::Positions, first))?);
         }
-        recorder.barrier();
-        recorder.end_label();
+        let indices = buffers.indices.as_ref().filter(|_| triangles);
+        if let Some(indices) = indices {
+            bound.setup.push(self.place_indices(indices, (BufferId::Indices, placed.geometry.first_triangle))?);
+        }
+        match (placed.look, &buffers.colors) {
+            (MeshLook::VertexColors, None) => {
+                return misfit("vertex colours and no buffer of them".into(), "give MeshBuffers::colors");
+            }
+            (MeshLook::VertexColors, Some(colors)) if vertices => {
+                bound.vertices.push(self.place(colors, (BufferId::Colors, placed.color))?);
+            }
+            _ => {}
+        }
+        if let MeshLook::Texture { size, v_down, .. } = placed.look {
+            let Some(uvs) = &buffers.uvs else {
+                return misfit("a texture and no coordinates".into(), "give MeshBuffers::uvs");
+            };
+            if vertices {
+                bound.setup.push(self.place_uvs(uvs, v_down)?);
+            }
+            if let Some(indices) = indices {
+                bound.setup.push(self.place_indices(indices, (BufferId::UvIndices, placed.uv_triangle))?);
+            }
+            if let Some(source) = &buffers.texels {
+                bound.texels.push(TexelStep::new(rasterizer, source, size, placed.texel, frame)?);
+            }
+        }
         Ok(())
     }
-}
 
-/// Nothing is asked for that the backward pass does not compute.
-fn validate_wanted(gradients: &GeometryGradients, wanted: GradientRequest) -> Result<()> {
-    let by_position = gradients.positions.is_some() || gradients.transforms.is_some();
-    for (asked, planned, name) in
-        [(by_position, wanted.positions, "positions"), (gradients.colors.is_some(), wanted.colors, "colors")]
-    {
-        if asked && !planned {
-            let what = format!("the backward pass does not differentiate by {name}");
-            return misfit(what, &format!("plan it with GradientRequest::{name} in Differentiate::wanted"));
-        }
+    /// The stage that fills `positions` or `colors` from an element on.
+    fn place(&self, source: &(BufferRef, Layout), (id, first): (BufferId, u32)) -> Result<Step> {
+        let geometry = &self.placed.geometry;
+        let count = geometry.vertices();
+        let words = self.rasterizer.layout_words(id.name(), source, geometry.source_vertices().1, 3)?;
+        let push = Push { first, ..self.vertex_push(count, words)? };
+        let moved = self.buffers.transforms.as_ref().filter(|_| id == BufferId::Positions);
+        let source = self.part(&source.0);
+        let transforms = moved.map_or_else(|| source.clone(), |(at, _)| self.part(at));
+        let target = self.frame.array(id)?;
+        let buffers = [("draws", &self.draws), ("Vertices", &source), ("Transforms", &transforms), ("Target", target)];
+        let modes = [("TRANSFORMED", u32::from(moved.is_some()))];
+        Ok(Step {
+            stage: self.rasterizer.stage(&kernels::PLACE, &modes, &buffers)?,
+            push,
+            groups: linear_groups(count),
+        })
     }
-    Ok(())
+
+    /// The stage that fills `indices` or `uv_indices` from a triangle on.
+    fn place_indices(&self, (at, format): &(BufferRef, IndexFormat), (id, first): (BufferId, u32)) -> Result<Step> {
+        let geometry = &self.placed.geometry;
+        let bytes = geometry.source_indices() * u64::from(format.bits() / 8);
+        // Whole words are read.
+        self.rasterizer.validate_storage("indices", at, bytes.next_multiple_of(4))?;
+        let corners = 3 * geometry.triangles();
+        let push = Push { first, base: geometry.mesh_vertex, select: format.bits(), ..self.push(corners) };
+        let buffers = [("draws", &self.draws), ("Indices", &self.part(at)), ("Target", self.frame.array(id)?)];
+        let stage = self.rasterizer.stage(&kernels::PLACE_INDICES, &[], &buffers)?;
+        Ok(Step { stage, push, groups: linear_groups(corners) })
+    }
+
+    fn place_uvs(&self, source: &(BufferRef, Layout), v_down: bool) -> Result<Step> {
+        let geometry = &self.placed.geometry;
+        let count = geometry.vertices();
+        let (stride, offset) = self.rasterizer.layout_words("UVs", source, geometry.source_vertices().1, 2)?;
+        let push = Push { first: self.placed.uv, stride, offset, select: u32::from(v_down), ..self.push(count) };
+        let target = self.frame.array(BufferId::Uvs)?;
+        let buffers = [("draws", &self.draws), ("Vertices", &self.part(&source.0)), ("Target", target)];
+        let stage = self.rasterizer.stage(&kernels::PLACE_UVS, &[], &buffers)?;
+        Ok(Step { stage, push, groups: linear_groups(count) })
+    }
+
+    /// Binds the arrays that the gradients go into. Each is written, not added to; [`Pass`](super::Pass) sums what meshes share.
+    fn gradients(&self, wanted: &GeometryGradients, backward: &GradientBindings) -> Result<Vec<GradientStep>> {
+        let planned = backward.wanted;
+        let by_position = wanted.positions.is_some() || wanted.transforms.is_some();
+        for (asked, planned, name) in
+            [(by_position, planned.positions, "positions"), (wanted.colors.is_some(), planned.colors, "colors")]
+        {
+            if asked && !planned {
+                let what = format!("the backward pass does not differentiate by {name}");
+                return misfit(what, &format!("plan it with GradientRequest::{name}"));
+            }
+        }
+        let geometry = &self.placed.geometry;
+        let mut steps = Vec::new();
+        if geometry.vertices() > 0 {
+            for (by, target) in [(By::Positions, &wanted.positions), (By::Colors, &wanted.colors)] {
+                if let Some(target) = target {
+                    steps.push(self.place_vertex_grad(target, by, backward)?);
+                }
+            }
+        }
+        if let Some(target) = &wanted.transforms {
+            if self.buffers.transforms.is_none() {
+                let fix = "give MeshBuffers::transforms";
+                return misfit("there are no transforms to differentiate by".into(), fix);
+            }
+            if geometry.instances() > 0 {
+                steps.push(self.place_transform_grad(target, backward)?);
+            }
+        }
+        Ok(steps)
+    }
+
+    fn place_vertex_grad(
+        &self,
+        target: &(BufferRef, Layout),
+        by: By,
+        backward: &GradientBindings,
+    ) -> Result<GradientStep> {
+        let (first, end) = self.placed.geometry.source_vertices();
+        let words = self.rasterizer.layout_words("the gradients", target, end, 3)?;
+        let floats = Floats::new(target, first, end - first, 3);
+        let push = Push { base: first, select: u32::from(by == By::Colors), ..self.vertex_push(end - first, words)? };
+        let moved = self.buffers.transforms.as_ref().filter(|_| by == By::Positions);
+        let target = self.part(&target.0);
+        let transforms = self.part(moved.map_or(&self.buffers.positions.0, |(at, _)| at));
+        let buffers = [
+            ("draws", &self.draws),
+            ("vertex_gradients", &backward.vertex_gradients),
+            ("Transforms", &transforms),
+            ("Target", &target),
+        ];
+        let modes = [("TRANSFORMED", u32::from(moved.is_some()))];
+        let stage = self.rasterizer.stage(&kernels::PLACE_VERTEX_GRAD, &modes, &buffers)?;
+        Ok(GradientStep { step: Step { stage, push, groups: linear_groups(end - first) }, by, target: floats })
+    }
+
+    fn place_transform_grad(&self, target: &(BufferRef, Layout), backward: &GradientBindings) -> Result<GradientStep> {
+        let geometry = &self.placed.geometry;
+        let (instances, end) = (geometry.instances(), geometry.source_vertices().1);
+        let (stride, offset) = self.rasterizer.layout_words("positions", &self.buffers.positions, end, 3)?;
+        let (transform_stride, transform_offset) =
+            self.rasterizer.layout_words("the transforms' gradients", target, instances, 12)?;
+        let push = Push { stride, offset, transform_stride, transform_offset, ..self.push(instances) };
+        let floats = Floats::new(target, 0, instances, 12);
+        let buffers = [
+            ("draws", &self.draws),
+            ("vertex_gradients", &backward.vertex_gradients),
+            ("Vertices", &self.part(&self.buffers.positions.0)),
+            ("Target", &self.part(&target.0)),
+        ];
+        let stage = self.rasterizer.stage(&kernels::PLACE_TRANSFORM_GRAD, &[], &buffers)?;
+        Ok(GradientStep { step: Step { stage, push, groups: rows_of(instances) }, by: By::Transforms, target: floats })
+    }
 }
 
-fn misfit<T>(what: String, fix: &str) -> Result<T> {
+pub(super) fn misfit<T>(what: String, fix: &str) -> Result<T> {
     Err(Error::Host { what, fix: fix.into() })
 }
 
@@ -420,27 +354,6 @@ pub(super) fn validate_made(name: &str, at: &BufferRef, usage: vk::BufferUsageFl
         return misfit(format!("{name}: the buffer was made for {:?}", at.usage()), &format!("add {usage:?}"));
     }
     Ok(())
-}
-
-/// A frame's array has room for what is placed.
-fn validate_target(id: BufferId, target: &BufferPart, needed: u64) -> Result<()> {
-    if needed > target.range() {
-        let what = format!("the frame's `{id}` has {} bytes, the draws fill {needed}", target.range());
-        return misfit(what, "plan the frame with a shape of as many vertices and triangles");
-    }
-    Ok(())
-}
-
-impl std::fmt::Debug for GeometryBindings {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("GeometryBindings").field("geometry", &self.geometry).finish_non_exhaustive()
-    }
-}
-
-impl std::fmt::Debug for GeometryGradientBindings {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("GeometryGradientBindings").field("stages", &self.steps.len()).finish()
-    }
 }
 
 #[cfg(test)]

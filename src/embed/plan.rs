@@ -2,20 +2,20 @@
 
 use super::shape::FrameShape;
 use crate::error::{Error, Result};
-use crate::frame::buffers::{BufferId, Role, Sizes, TableLengths};
+use crate::frame::buffers::{BufferId, Sizes, TableLengths};
 use crate::frame::pack::{MeshLayout, TableLayout};
 use crate::frame::plan::{
     BackwardInput, BackwardPlan, Capacity, ForwardPlan, FramePush, PlanInput, Rare, validate_views,
 };
 use crate::gradients::GradientRequest;
 use crate::scene::{Lights, Outputs, Settings, Shading};
-use crate::vulkan::{BufferDesc, BufferRef, DeviceKind, Limits, Location, vk};
+use crate::vulkan::{BufferDesc, DeviceKind, Limits, Location, vk};
 
 /// Passes of all loops of an invocation together that a software device is trusted with. Mesa before 23 ends them after 65535
 /// without an error, which would leave a hole in the image.
 const SOFTWARE_LOOP_PASSES: u32 = 60_000;
 
-/// A buffer that a frame needs.
+/// A buffer that a pass needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BufferRequirement {
     /// Its id.
@@ -26,19 +26,17 @@ pub struct BufferRequirement {
     pub alignment: u64,
     /// How softras uses it. The host adds its own usages, such as a copy into an input or from an output.
     pub usage: vk::BufferUsageFlags,
-    /// Who fills it, which suggests the kind of memory.
-    pub role: Role,
 }
 
-/// The plan of a forward frame: sizes, counts and constants. Made by [`Rasterizer::plan`](super::Rasterizer::plan).
+/// The plan of a forward frame: sizes, counts and constants.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FramePlan {
     pub(crate) forward: ForwardPlan,
-    pub(super) shape: FrameShape,
+    pub(crate) shape: FrameShape,
     pub(super) layouts: Vec<MeshLayout>,
     tables: TableLengths,
     buffers: Vec<BufferRequirement>,
-    pub(super) capacity: Capacity,
+    pub(crate) capacity: Capacity,
     limits: Limits,
 }
 
@@ -56,8 +54,7 @@ pub struct Differentiate {
     pub largest_upstream: f64,
 }
 
-/// The plan of a backward pass. Made by
-/// [`Rasterizer::plan_backward`](super::Rasterizer::plan_backward).
+/// The plan of a backward pass.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GradientPlan {
     pub(crate) backward: BackwardPlan,
@@ -70,12 +67,12 @@ pub struct GradientPlan {
 }
 
 fn requirement(limits: &Limits, id: BufferId, size: u64) -> Result<BufferRequirement> {
-    let (name, format, role, usage) = (id.name(), id.row().format, id.row().role, id.usage());
+    let (name, format, usage) = (id.name(), id.row().format, id.usage());
     let texels = usage.contains(vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER).then_some(format);
     BufferDesc { name, size, usage, location: Location::Device, texels }.validate(limits)?;
     // 16 bytes are a texel of four floats, and the alignment that copies to images need.
     let alignment = limits.storage_offset_alignment.max(limits.texel_offset_alignment).max(16);
-    Ok(BufferRequirement { id, size, alignment, usage, role })
+    Ok(BufferRequirement { id, size, alignment, usage })
 }
 
 fn requirements(limits: &Limits, sizes: &Sizes) -> Result<Vec<BufferRequirement>> {
@@ -221,7 +218,7 @@ impl FramePlan {
         })
     }
 
-    /// The buffers to give to [`Rasterizer::bind`](super::Rasterizer::bind), in no particular order.
+    /// The buffers that it needs, in no particular order.
     pub fn buffers(&self) -> &[BufferRequirement] {
         &self.buffers
     }
@@ -230,38 +227,6 @@ impl FramePlan {
     /// [`Outputs::color`]).
     pub fn buffer(&self, id: BufferId) -> Option<&BufferRequirement> {
         self.buffers.iter().find(|b| b.id == id)
-    }
-
-    /// The region of one view of an image in its buffer, for vkCmdCopyBufferToImage. `at` is the buffer as it was bound.
-    ///
-    /// | buffer | format of the image | texel |
-    /// | --- | --- | --- |
-    /// | `color` | R32G32B32A32_SFLOAT | linear r, g, b, silhouette |
-    /// | `silhouette` | R32_SFLOAT | only if colour is not rendered |
-    /// | `depths` | R32_SFLOAT | Σ w z in world units |
-    /// | `normals` | R32G32B32A32_SFLOAT | Σ w n, world space, and 0 |
-    ///
-    /// Rows are packed, row 0 at the top. The host brings the image into the layout TRANSFER_DST_OPTIMAL or GENERAL.
-    pub fn image_copy(&self, id: BufferId, view: u32, at: &BufferRef) -> Option<vk::BufferImageCopy> {
-        let texel = match id {
-            BufferId::Color | BufferId::Normals => 16,
-            BufferId::Silhouette | BufferId::Depths => 4,
-            _ => return None,
-        };
-        if self.buffer(id).is_none() || view >= self.shape.views {
-            return None;
-        }
-        let (width, height) = (self.forward.push.width, self.forward.push.height);
-        let subresource = vk::ImageSubresourceLayers::default()
-            .aspect_mask(vk::ImageAspectFlags::COLOR)
-            .mip_level(0)
-            .base_array_layer(0)
-            .layer_count(1);
-        let copy = vk::BufferImageCopy::default()
-            .buffer_offset(at.offset() + u64::from(view) * u64::from(width) * u64::from(height) * texel)
-            .image_subresource(subresource)
-            .image_extent(vk::Extent3D { width, height, depth: 1 });
-        Some(copy)
     }
 
     /// Width and height of its images in pixels.
@@ -322,11 +287,6 @@ impl FramePlan {
         let records = self.shape.view_sizes().iter().map(|view| 2 * u64::from(view.triangles)).sum();
         capacity.within(largest_buffer(&self.limits), records)
     }
-
-    /// The capacities of its lists: as many entries as were asked for, or as the device can bind.
-    pub fn capacity(&self) -> Capacity {
-        self.capacity
-    }
 }
 
 impl GradientPlan {
@@ -382,7 +342,7 @@ impl GradientPlan {
         self.backward.push = FramePush { texel_scale, ..push };
     }
 
-    /// The buffers to give to [`Rasterizer::bind_backward`](super::Rasterizer::bind_backward) beyond the frame's.
+    /// The buffers that it needs beyond the frame's.
     pub fn buffers(&self) -> &[BufferRequirement] {
         &self.buffers
     }
@@ -412,4 +372,113 @@ fn texel_scale(plan: &ForwardPlan, lights: &Lights, largest_upstream: f64) -> f3
         most = 16.0 * plan.totals.pixels as f64 * largest_upstream * (ambient + directional).max(1.0) * 4096.0;
     }
     if most > 0.0 { ((61.0 - most.log2().ceil()).clamp(-100.0, 100.0)).exp2() as f32 } else { 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::pack::{AppearanceShape, MeshShape};
+    use crate::frame::plan::DepthSpan;
+    use proptest::prelude::*;
+
+    const UNLIMITED: Limits = Limits {
+        max_storage_buffer_range: u64::MAX,
+        max_texel_buffer_elements: u64::MAX,
+        max_memory_allocation_size: u64::MAX,
+        max_workgroup_count: [65535; 3],
+        max_workgroup_size: [1024; 3],
+        max_workgroup_invocations: 1024,
+        max_shared_memory: 32768,
+        max_push_constants: 256,
+        max_storage_buffers: 16,
+        max_texel_buffers: 16,
+        storage_offset_alignment: 16,
+        texel_offset_alignment: 16,
+        timestamp_period: 1.0,
+        device_heap: u64::MAX,
+        subgroup_size: 8,
+        subgroup_shuffle: true,
+    };
+    /// What lavapipe has.
+    const LIMITED: Limits =
+        Limits { max_storage_buffer_range: 1 << 27, max_texel_buffer_elements: 1 << 27, ..UNLIMITED };
+
+    fn shape(meshes: Vec<MeshShape>, views: u32) -> FrameShape {
+        FrameShape {
+            meshes,
+            views,
+            lights: Lights::unlit(),
+            depth_span: DepthSpan { crosses_near: false, crosses_far: false },
+            opacity: false,
+            distorted: false,
+            cutoff: 9.0,
+            capacity: None,
+            device_counts: false,
+        }
+    }
+
+    fn count() -> impl Strategy<Value = u32> {
+        prop::sample::select(vec![0, 1, 2, 3, 100, 70_000, 1 << 20, (1 << 31) - 1, 1 << 31, u32::MAX])
+    }
+
+    fn appearance() -> impl Strategy<Value = AppearanceShape> {
+        prop_oneof![
+            Just(AppearanceShape::Uniform),
+            Just(AppearanceShape::VertexColors),
+            count().prop_map(|resolution| AppearanceShape::Surface { resolution }),
+            (count(), prop::collection::vec((count(), count()), 2), any::<bool>())
+                .prop_map(|(uvs, textures, of_triangle)| AppearanceShape::Textured { uvs, textures, of_triangle }),
+        ]
+    }
+
+    fn mesh() -> impl Strategy<Value = MeshShape> {
+        (count(), count(), count(), appearance(), any::<bool>()).prop_map(
+            |(vertices, triangles, most_corners, appearance, normals)| MeshShape {
+                vertices,
+                triangles,
+                most_corners,
+                appearance,
+                normals,
+            },
+        )
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 5000, failure_persistence: None, ..ProptestConfig::default() })]
+
+        /// Whatever counts a host has, a plan is made or refused; none is too large to be counted.
+        #[test]
+        fn counts_of_any_size_are_planned_or_refused(
+            meshes in prop::collection::vec(mesh(), 0..4), views in count(), capacity in prop::option::of((count(), count(), count())),
+            flags in any::<[bool; 4]>(), size in prop::sample::select(vec![1u32, 8, 640, 16384]), save in any::<bool>(),
+        ) {
+            let views = if meshes.len() == 1 { views } else { meshes.len() as u32 };
+            let [crosses_near, crosses_far, opacity, device_counts] = flags;
+            let capacity = capacity.map(|(coarse, list, cells)| Capacity { coarse, list, cells });
+            let depth_span = DepthSpan { crosses_near, crosses_far };
+            let shape = FrameShape { depth_span, opacity, capacity, device_counts, lights: Lights::official(), ..shape(meshes, views) };
+            let settings = Settings { width: size, height: 16384 / size, save, ..Settings::default() };
+            for limits in [&LIMITED, &UNLIMITED] {
+                let Ok(plan) = FramePlan::new(limits, DeviceKind::Discrete, &shape, &settings) else { continue };
+                prop_assert_eq!(plan.view_shapes().len(), views as usize);
+                let (upstream, wanted) = (settings.outputs, GradientRequest::ALL);
+                let gradients = GradientPlan::new(&plan, &Differentiate { upstream, wanted, largest_upstream: 1.0 });
+                prop_assert!(save || gradients.is_err());
+            }
+        }
+    }
+
+    /// Kernels index texels with 32 bits, the sign one of them.
+    #[test]
+    fn records_beyond_32_bits_are_refused() {
+        let plan = |views: u32| {
+            let (appearance, normals) = (AppearanceShape::Uniform, false);
+            let mesh = MeshShape { vertices: 3, triangles: 4_000_000, most_corners: 3, appearance, normals };
+            FramePlan::new(&UNLIMITED, DeviceKind::Discrete, &shape(vec![mesh], views), &Settings::default())
+        };
+        // Nine texels a triangle: 36 million a view.
+        assert!(plan(59).is_ok());
+        let error = plan(60).map(drop).map_err(|error| error.to_string());
+        assert!(error.as_ref().is_err_and(|e| e.contains("32-bit index") && e.contains("2160000000")), "{error:?}");
+    }
 }

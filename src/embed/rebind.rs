@@ -1,14 +1,14 @@
 //! What of a bound pass can change: cameras, lights and settings in place, all else by binding anew.
 
-use super::builder::{PassPlan, View, ViewCamera, cutoff_of, set_planes, widest};
-use super::camera::ClipSpace;
+use super::builder::{Content, PassPlan, View, ViewCamera, cutoff_of, set_planes, widest};
+use super::camera::{CameraMatrices, ClipSpace};
 use super::memory::PassMemory;
 use super::mesh::MeshBuffers;
 use super::pass::Pass;
+use super::shape::FrameShape;
 use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
 use crate::scene::{Camera, Lights, Projection, Settings};
-use glam::DMat4;
 
 /// What a [`rebind`](Pass::rebind) changed.
 #[derive(Debug)]
@@ -35,8 +35,8 @@ impl Pass {
     ///
     /// # Errors
     /// As [`set_cameras`](Self::set_cameras), and [`HostCamera::new`](super::HostCamera::new).
-    pub fn set_camera_matrices(&mut self, matrices: &[(DMat4, DMat4)], clip: ClipSpace) -> Result<()> {
-        let views = matrices.iter().map(|&(view, projection)| View::Matrices(view, projection, clip));
+    pub fn set_camera_matrices(&mut self, matrices: &[CameraMatrices], clip: ClipSpace) -> Result<()> {
+        let views = matrices.iter().map(|&matrices| View::Matrices(matrices, clip));
         self.plan.set_views(matrices.len(), views)
     }
 
@@ -55,7 +55,8 @@ impl Pass {
             let what = format!("images of {new_size:?} pixels for a pass of {:?}", self.plan.image_size());
             return Err(Error::Host { what, fix: "plan and rebind for another size".into() });
         }
-        self.plan.set_frame(used, None)?;
+        let cutoff = self.plan.cutoff(self.plan.cameras.iter().map(|view| view.camera), &used)?;
+        self.plan.set_frame(used, cutoff, None)?;
         self.plan.builder.settings = settings;
         Ok(())
     }
@@ -71,7 +72,7 @@ impl Pass {
             let what = "another number of lights than was planned".into();
             return Err(Error::Host { what, fix: "plan and rebind with as many".into() });
         }
-        self.plan.set_frame(self.plan.settings.clone(), Some(lights))
+        self.plan.set_frame(self.plan.settings.clone(), self.plan.frame.shape.cutoff, Some(lights))
     }
 
     /// Binds another plan in place of this one: more room, other meshes, another size. The inputs must be written, the setup
@@ -110,17 +111,32 @@ impl PassPlan {
         }
         let mut settings = self.settings.clone();
         set_planes(&mut settings, self.builder.planes.or(planes))?;
-        self.set_frame(settings, None)?;
+        let cameras = views.clone().map(|view| view.camera(size)).collect::<Result<Vec<_>>>();
+        let cutoff = self.cutoff(cameras.into_iter().flatten().map(|view| view.camera), &settings)?;
+        self.set_frame(settings, cutoff, None)?;
         for ((own, camera), view) in self.builder.views.iter_mut().zip(&mut self.cameras).zip(views) {
             (*own, *camera) = (view, view.camera(size)?);
         }
         Ok(())
     }
 
+    /// The squared radius of support with other cameras and settings. Refuses those with which a scene's triangles cross a plane
+    /// that the plan left out. Allocates for a scene alone.
+    fn cutoff(&self, cameras: impl Iterator<Item = Camera>, settings: &Settings) -> Result<f64> {
+        let Content::Scene(scene) = &self.builder.content else { return Ok(cutoff_of(settings)) };
+        let shape = FrameShape::of(scene, &cameras.collect::<Vec<_>>(), settings)?;
+        let planned = self.frame.shape.depth_span;
+        if planned.or(shape.depth_span) != planned {
+            let what = "with these cameras the scene crosses the near or the far plane".into();
+            return Err(Error::Host { what, fix: "plan and rebind with them".into() });
+        }
+        Ok(shape.cutoff)
+    }
+
     /// Other settings, with near and far as they are used, and other lights, where these need the same kernels and buffers.
-    fn set_frame(&mut self, settings: Settings, lights: Option<Lights>) -> Result<()> {
+    fn set_frame(&mut self, settings: Settings, cutoff: f64, lights: Option<Lights>) -> Result<()> {
         let lights_used = lights.as_ref().unwrap_or(&self.frame.shape.lights);
-        let push = self.frame.push_with(&settings, cutoff_of(&settings), lights_used)?;
+        let push = self.frame.push_with(&settings, cutoff, lights_used)?;
         if let Some(gradients) = &mut self.gradients {
             gradients.set_push(push, &self.frame, lights_used, self.builder.largest_upstream);
         }

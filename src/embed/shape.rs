@@ -5,8 +5,8 @@ use crate::frame::pack::{AppearanceShape, MeshShape};
 use crate::frame::plan::{Capacity, DepthSpan, Sampling, ViewSize};
 use crate::scene::{Camera, Lights, Mesh, Projection, Scene, Settings};
 
-/// The shape of a frame, from which its plan is made. [`FrameShape::of`] takes it from a scene; a host that keeps its meshes on
-/// the device fills it in.
+/// The shape of a frame, from which its plan is made. [`FrameShape::of`] takes it from a scene; a pass over a host's own meshes
+/// fills it in.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameShape {
     /// The meshes: one that every view sees, or one for each view. At least one.
@@ -28,7 +28,7 @@ pub struct FrameShape {
     /// with [`Support::Guaranteed`](crate::scene::Support) what [`Settings::cutoff_of`] says. At most 70.
     pub cutoff: f64,
     /// The capacities of lists whose lengths are only known on the device; `None`: estimated. After a frame,
-    /// [`Status`](super::Status) says what it needed.
+    /// its status says what it needed.
     pub capacity: Option<Capacity>,
     /// Whether only the device knows how many triangles are drawn; the counts of the meshes are then upper bounds. See
     /// [`Counts`](super::Counts).

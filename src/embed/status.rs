@@ -24,12 +24,6 @@ impl Status {
     /// Bytes of the buffer that are read.
     pub const BYTES: usize = 4 * c::STATUS_WORDS as usize;
 
-    /// Where in the `status` buffer the word lies that tells the device itself, a 32-bit unsigned integer: 1 once
-    /// [`record_backward`](super::Rasterizer::record_backward) has found every vertex of the frame to be finite, 0 before
-    /// that and for good where one is not. Every gradient of such a frame is zero; an optimiser on the device that has
-    /// momentum or other terms should not step unless the word is 1.
-    pub const WHOLE_OFFSET: u64 = 4 * c::STATUS_WHOLE as u64;
-
     /// From the buffer's first [`BYTES`](Self::BYTES).
     pub fn from_bytes(bytes: &[u8; Self::BYTES]) -> Self {
         let word = |at: u32| {

@@ -1,11 +1,12 @@
 //! A frame's images into a host's, by a kernel that stores texels.
 
-use super::Rasterizer;
-use super::bindings::FrameBindings;
-use super::camera::{DepthMap, HostCamera};
+use super::builder::PassPlan;
+use super::camera::DepthMap;
+use super::pass::Pass;
+use super::place::misfit;
 use super::plan::FramePlan;
 use crate::constants as c;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::frame::buffers::BufferId;
 use crate::frame::passes::Stage;
 use crate::frame::pipelines::Request;
@@ -34,8 +35,8 @@ pub enum FrameImage {
     Silhouette,
     /// Σ w z in world units. Into one channel.
     Depth,
-    /// What a host's depth buffer would hold: the mean view depth of the triangles by the host's own projection
-    /// ([`ImageBindings::set_camera`]). Into one channel.
+    /// What a host's depth buffer would hold: the mean view depth of the triangles by the host's own projection, in a pass that
+    /// was planned with [`camera_matrices`](super::PassBuilder::camera_matrices). Into one channel.
     DepthBuffer {
         /// Pixels of a smaller silhouette get the value farthest away, as if nothing were drawn.
         least_silhouette: f32,
@@ -44,31 +45,13 @@ pub enum FrameImage {
     Normal,
 }
 
-/// A frame's image bound to a host's. To be kept as [`FrameBindings`].
+/// A frame's image bound to a host's. To be kept as [`Pass`].
 pub struct ImageBindings {
     stage: Stage,
     push: Push,
     view: u32,
-    camera_set: bool,
-    /// [`FrameBindings::identity`] of the frame.
+    /// `FrameBindings::identity` of the frame.
     frame: Arc<()>,
-}
-
-impl ImageBindings {
-    /// The projection by which [`FrameImage::DepthBuffer`] turns view depths into the host's; no other image needs it.
-    pub fn set_camera(&mut self, camera: &HostCamera) {
-        self.push = self.push.with_depth(&camera.depth());
-        self.camera_set = true;
-    }
-
-    pub(super) fn is_of(&self, frame: &FrameBindings) -> bool {
-        Arc::ptr_eq(&self.frame, &frame.identity)
-    }
-
-    /// The view that it stores.
-    pub fn view(&self) -> u32 {
-        self.view
-    }
 }
 
 impl Push {
@@ -102,10 +85,6 @@ struct Push {
 
 /// Pixels of a workgroup along each axis.
 const GROUP: u32 = 8;
-
-fn misfit<T>(what: String, fix: &str) -> Result<T> {
-    Err(Error::Host { what, fix: fix.into() })
-}
 
 fn kernel_of(format: ImageFormat) -> &'static Kernel {
     match format {
@@ -153,40 +132,33 @@ impl FrameImage {
     }
 }
 
-impl Rasterizer {
-    /// Binds one view of an image of a frame to a host's storage image of its size. It serves frames of this plan's size.
+impl Pass {
+    /// Binds one view of an image to a host's storage image of the pass's size.
     ///
     /// # Errors
-    /// [`Error::Host`] for a plan that the frame was not bound for, an image that the frame does not have, a view that there
-    /// is not, another size, or a format with another number of channels; otherwise as [`prepare`](Self::prepare).
-    pub fn bind_image(
-        &self,
-        plan: &FramePlan,
-        frame: &FrameBindings,
-        image: FrameImage,
-        view: u32,
-        target: &ImageRef,
-    ) -> Result<ImageBindings> {
-        frame.fits(plan)?;
+    /// [`Error::Host`](crate::Error::Host) for an image that the pass does not make, a view that there is not, another size, or a
+    /// format with another number of channels; otherwise as [`Rasterizer::prepare_pass`](super::Rasterizer::prepare_pass).
+    pub fn bind_image(&self, image: FrameImage, view: u32, target: &ImageRef) -> Result<ImageBindings> {
+        let Self { rasterizer, plan: PassPlan { frame: plan, .. }, frame, .. } = self;
         let (id, component) = image.place(plan);
         let (width, height) = plan.image_size();
         if plan.buffer(id).is_none() || (image.needs_silhouette() && !plan.has_silhouette()) {
-            return misfit(format!("the frame has no image {image:?}"), "ask for it in Settings::outputs");
+            return misfit(format!("the pass has no image {image:?}"), "ask for it in Settings::outputs");
         }
         if view >= plan.views() {
-            return misfit(format!("the frame has no view {view}"), "count views from 0");
+            return misfit(format!("the pass has no view {view}"), "count views from 0");
         }
         if target.size() != (width, height) {
             let what = format!("an image of {:?} texels for {:?} pixels", target.size(), (width, height));
-            return misfit(what, "give one of the frame's size");
+            return misfit(what, "give one of the pass's size");
         }
         if target.format().channels() != image.channels() {
             let what = format!("{image:?} has {} channels, {:?} others", image.channels(), target.format());
             return misfit(what, "give a format of as many");
         }
         let kernel = kernel_of(target.format());
-        let [pipeline] = self.pipelines([Request { kernel, modes: &[], lanes: self.lanes }])?;
-        let pool = DescriptorPool::new(&self.device, &[kernel])?;
+        let [pipeline] = rasterizer.pipelines([Request { kernel, modes: &[], lanes: rasterizer.lanes }])?;
+        let pool = DescriptorPool::new(&rasterizer.device, &[kernel])?;
         let (alpha, alpha_component) = match plan.has_silhouette() {
             true => FrameImage::Silhouette.place(plan),
             false => (id, 0),
@@ -198,48 +170,37 @@ impl Rasterizer {
         let flags = image.flags(modes.composite != 0 && !hard_depth);
         let least_alpha = if let FrameImage::DepthBuffer { least_silhouette } = image { least_silhouette } else { 0.0 };
         let first = view * width * height;
-        let push = Push {
-            width,
-            height,
-            first,
-            component,
-            alpha_component,
-            flags,
-            least_alpha,
-            background: plan.background(),
-            ..Push::default()
-        };
-        Ok(ImageBindings { stage, push, view, camera_set: false, frame: frame.identity.clone() })
+        let push = Push { width, height, first, component, alpha_component, flags, least_alpha, ..Push::default() };
+        Ok(ImageBindings { stage, push, view, frame: frame.identity.clone() })
     }
 
-    /// Records the storing of an image: behind [`record_forward`](Self::record_forward). Begins and ends with barriers as that
-    /// does; the image is in the layout GENERAL before and after.
+    /// Records the storing of an image, behind [`record_forward`](Self::record_forward). Begins and ends with barriers as that
+    /// does; the image is in the layout GENERAL before and after. A depth buffer's values are those of the view's matrices, and
+    /// what is blended is blended with the background colour of the settings, as both are now.
     ///
     /// # Errors
-    /// [`Error::Limit`] for more workgroups than the device allows; [`Error::Host`] for a depth buffer without a camera.
-    pub fn record_image(&self, commands: &mut HostCommands, bindings: &ImageBindings) -> Result<()> {
-        self.record_stored(commands, bindings, None, bindings.push.background)
-    }
-
-    /// The same with a camera's depths and a background colour in place of those of the bindings.
-    pub(super) fn record_stored(
-        &self,
-        commands: &mut HostCommands,
-        bindings: &ImageBindings,
-        depth: Option<DepthMap>,
-        background: [f32; 3],
-    ) -> Result<()> {
-        if bindings.push.flags & c::STORE_DEPTH != 0 && !bindings.camera_set && depth.is_none() {
-            let fix = "give the pass matrices for cameras, or call set_camera";
-            return misfit("a depth buffer is stored without the host's projection".into(), fix);
+    /// [`Error::Limit`](crate::Error::Limit) for more workgroups than the device allows; [`Error::Host`](crate::Error::Host) for an
+    /// image that another pass bound, or this one before it was bound anew, and for a depth buffer of a camera without matrices.
+    pub fn record_store(&self, commands: &mut HostCommands, image: &ImageBindings) -> Result<()> {
+        if !Arc::ptr_eq(&image.frame, &self.frame.identity) {
+            let what = "an image is stored that another pass bound, or this one before it was bound anew".into();
+            return misfit(what, "bind it with Pass::bind_image");
         }
-        let push = Push { background, ..depth.map_or(bindings.push, |depth| bindings.push.with_depth(&depth)) };
-        let Push { width, height, .. } = push;
-        let mut recorder = Recorder::on_host(&self.device, commands);
+        let camera = self.plan.cameras.get(image.view as usize).and_then(|camera| camera.host);
+        let push = match camera {
+            Some(camera) => image.push.with_depth(&camera.depth()),
+            None if image.push.flags & c::STORE_DEPTH != 0 => {
+                let what = "a depth buffer is stored without the host's projection".into();
+                return misfit(what, "give the pass matrices for cameras");
+            }
+            None => image.push,
+        };
+        let push = Push { background: self.plan.frame.background(), ..push };
+        let mut recorder = Recorder::on_host(&self.rasterizer.device, commands);
         recorder.begin_label("softras image");
         recorder.barrier();
-        let groups = [width.div_ceil(GROUP), height.div_ceil(GROUP), 1];
-        bindings.stage.record(&mut recorder, bytemuck::bytes_of(&push), groups)?;
+        let groups = [push.width.div_ceil(GROUP), push.height.div_ceil(GROUP), 1];
+        image.stage.record(&mut recorder, bytemuck::bytes_of(&push), groups)?;
         recorder.barrier();
         recorder.end_label();
         Ok(())

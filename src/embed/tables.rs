@@ -5,8 +5,8 @@ use super::mesh::{MeshLook, PassMesh};
 use crate::constants as c;
 use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
-use crate::frame::pack::{AppearanceShape, MeshShape, push_adjacency};
-use crate::scene::Wrap;
+use crate::frame::pack::{AppearanceShape, MeshShape, MeshTables, push_adjacency};
+use crate::scene::{Scene, Texture, Wrap};
 
 /// Bytes that go from the upload buffer into one of the frame's.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,13 +32,15 @@ pub(super) struct Placed {
 }
 
 /// All meshes of a pass.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Tables {
     /// Whether they have an adjacency.
     pub adjacency: bool,
     pub shapes: Vec<MeshShape>,
     pub placed: Vec<Placed>,
     pub segments: Vec<Segment>,
+    /// The textures of a scene.
+    pub images: Vec<Texture>,
 }
 
 /// What was laid out so far.
@@ -56,9 +58,26 @@ struct Ends {
 }
 
 impl Tables {
+    /// Lays out a scene's meshes, which the host has in its own memory: nothing of them is placed by kernels.
+    pub fn of_scene(scene: &Scene, adjacency: bool) -> Self {
+        let tables = MeshTables::new(scene, adjacency);
+        let mut made = Self { adjacency, shapes: tables.shapes, images: tables.images, ..Self::default() };
+        made.segment(BufferId::Positions, 0, &tables.positions);
+        made.segment(BufferId::Indices, 0, &tables.indices);
+        made.segment(BufferId::Adjacency, 0, &tables.adjacency);
+        made.segment(BufferId::VertexNormals, 0, &tables.normals);
+        made.segment(BufferId::Colors, 0, &tables.colors);
+        made.segment(BufferId::Uvs, 0, &tables.uvs);
+        made.segment(BufferId::UvIndices, 0, &tables.uv_indices);
+        made.segment(BufferId::TriangleTextures, 0, &tables.triangle_textures);
+        made.segment(BufferId::Textures, 0, &tables.textures);
+        made.segment(BufferId::Texels, 0, &tables.texels);
+        made
+    }
+
     /// Lays out the meshes that each view sees together, `groups` of them, one after the other.
     pub fn new(groups: &[&[PassMesh]], adjacency: bool) -> Result<Self> {
-        let mut made = Self { adjacency, shapes: Vec::new(), placed: Vec::new(), segments: Vec::new() };
+        let mut made = Self { adjacency, ..Self::default() };
         let mut ends = Ends::default();
         let textured = |mesh: &PassMesh| matches!(mesh.look, MeshLook::Texture { .. });
         if groups.iter().any(|group| group.iter().any(textured)) {
@@ -73,11 +92,15 @@ impl Tables {
         if adjacency {
             made.segment(BufferId::Adjacency, 0, &ends.adjacency);
         }
-        if !ends.textures.is_empty() {
-            made.segment(BufferId::Textures, 0, &ends.textures);
-        }
-        if !ends.triangle_textures.is_empty() {
-            made.segment(BufferId::TriangleTextures, 0, &ends.triangle_textures);
+        made.segment(BufferId::Textures, 0, &ends.textures);
+        made.segment(BufferId::TriangleTextures, 0, &ends.triangle_textures);
+        if made.shapes.iter().any(|shape| shape.normals) {
+            for (placed, mesh) in made.placed.clone().iter().zip(groups.iter().copied().flatten()) {
+                // A zero is no normal: the mean of the triangles' is taken.
+                let count = if mesh.has_normals { 0 } else { placed.geometry.vertices() };
+                let at = 12 * u64::from(placed.geometry.first_vertex);
+                made.segment(BufferId::VertexNormals, at, &vec![[0.0f32; 3]; count as usize]);
+            }
         }
         Ok(made)
     }
@@ -118,7 +141,7 @@ impl Tables {
         } else {
             self.push_colors(first, vertex, ends)?
         };
-        let normals = false;
+        let normals = group.iter().any(|mesh| mesh.has_normals);
         self.shapes.push(MeshShape { vertices: vertex, triangles: triangle, most_corners, appearance, normals });
         ends.vertices = sum(ends.vertices, vertex)?;
         ends.triangles = sum(ends.triangles, triangle)?;

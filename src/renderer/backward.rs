@@ -55,7 +55,7 @@ impl Renderer {
     ) -> Result<Gradients> {
         let s = &saved.settings;
         upstream.validate(s.outputs, saved.cameras.len(), s.height as usize, s.width as usize)?;
-        let plan = self.slots[at].plan_backward(&self.shared, &saved.plan, s, upstream, wanted)?;
+        let plan = self.slots[at].plan_backward(&saved.plan, s, upstream, wanted)?;
         self.with_room(at, |slot, shared, taken| slot.make_room_backward(shared, &saved.plan, &plan, taken))?;
         let slot = &mut self.slots[at];
         slot.write_upstream(upstream)?;
@@ -80,7 +80,6 @@ impl Slot {
     /// The last plan if nothing that it depends on has changed, else a new one.
     fn plan_backward(
         &mut self,
-        shared: &Shared,
         frame: &Arc<FramePlan>,
         settings: &Settings,
         upstream: &ImageGradient,
@@ -108,7 +107,7 @@ impl Slot {
         {
             return Ok(plan.clone());
         }
-        let plan = Arc::new(shared.rasterizer.plan_backward(frame, &differentiate)?);
+        let plan = Arc::new(GradientPlan::new(frame, &differentiate)?);
         self.backward.planned = Some((frame.clone(), differentiate, plan.clone()));
         Ok(plan)
     }

@@ -2,6 +2,7 @@
 
 mod backward;
 mod frame;
+mod inputs;
 pub mod parts;
 mod shared;
 mod slot;
@@ -192,7 +193,7 @@ impl Renderer {
             let larger = status.validate(&plan)?;
             if status.is_complete(&plan) {
                 // The next frame of this kind has room for what this one needed.
-                let larger = larger.unwrap_or(plan.capacity());
+                let larger = larger.unwrap_or(plan.capacity);
                 self.capacity = Some(self.capacity.map_or(larger, |capacity| capacity.max(larger)));
                 break plan;
             }

@@ -1,11 +1,10 @@
 //! The device's state of one frame: its buffers, its commands, and which inputs the device has already.
 
 use super::frame::StageTime;
+use super::inputs::Inputs;
 use super::shared::Shared;
 use super::upload::Uploads;
-use crate::embed::{
-    Differentiate, FrameBindings, FramePlan, FrameShape, GradientBindings, GradientPlan, Inputs, Status,
-};
+use crate::embed::{Differentiate, FrameBindings, FramePlan, FrameShape, GradientBindings, GradientPlan, Status};
 use crate::error::Result;
 use crate::frame::buffers::{BufferId, BufferSet, Role};
 use crate::frame::pack::Changes;

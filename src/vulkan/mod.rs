@@ -5,8 +5,7 @@
 //! - What an embedding host needs works on a [`Device`] alone, which may be the host's: [`Pipeline`],
 //!   [`DescriptorPool`] and [`DescriptorSet`], [`Recorder`], [`TimestampPool`]. None of it submits, waits, or allocates
 //!   device memory. A host's raw handles enter through the `unsafe` constructors of [`HostAdapter`], [`HostDevice`],
-//!   [`HostCommands`], [`BufferRef`] and [`ImageRef`], which say what the host must keep alive. `external` shares memory and
-//!   semaphores between a host's devices.
+//!   [`HostCommands`], [`BufferRef`] and [`ImageRef`], which say what the host must keep alive.
 //! - The folder `own`, behind the feature `renderer`, opens a device of its own, the `Context`, and does what a host does
 //!   for itself: `Buffer` and `SharedBuffer` own memory, `CommandBuffer` submits and waits, a file keeps the pipeline cache,
 //!   the validation layer writes into a log.
@@ -38,8 +37,6 @@ mod cache;
 mod descriptors;
 mod device;
 mod devices_lock;
-#[cfg(all(feature = "external", unix))]
-pub mod external;
 mod host;
 mod host_memory;
 mod keep;

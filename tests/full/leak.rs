@@ -4,7 +4,7 @@
 use crate::host::{engine::Engine, shim};
 use gpu_allocator::MemoryLocation;
 use peak_alloc::PeakAlloc;
-use softras::embed::{Arena, Differentiate, FrameShape, HostAdapter, HostDevice, Inputs, Rasterizer};
+use softras::embed::{HostAdapter, HostDevice, PassMemory, Rasterizer};
 use softras::{
     CacheFolder, Camera, GradientRequest, Image, ImageGradient, Projection, Renderer, RendererOptions, Scene, Settings,
     shapes,
@@ -45,28 +45,21 @@ fn ten_thousand_frames_leak_nothing() {
     let frame = engine.commands().unwrap();
     let mut settled = 0;
     for hundred in 0..100 {
-        let plan = rasterizer.plan(&FrameShape::of(&scene, &cameras, &settings).unwrap(), &settings).unwrap();
-        let differentiate =
-            Differentiate { upstream: settings.outputs, wanted: GradientRequest::default(), largest_upstream: 1.0 };
-        let gradient_plan = rasterizer.plan_backward(&plan, &differentiate).unwrap();
-        let (arena, gradient_arena) = (Arena::of(plan.buffers()), Arena::of(gradient_plan.buffers()));
-        let buffer = |arena: &Arena| engine.buffer(arena.size, arena.usage, MemoryLocation::CpuToGpu).unwrap();
-        let (mut one, mut two) = (buffer(&arena), buffer(&gradient_arena));
-        two.bytes_mut().fill(0);
-        for (name, bytes) in Inputs::new(&scene, &cameras, &settings, &plan).all() {
-            if let Some((offset, _)) = arena.part(name) {
-                one.write(offset, bytes);
-            }
-        }
-        let forward = rasterizer.bind(&plan, &arena.refs(&one.whole()).unwrap()).unwrap();
-        let backward =
-            rasterizer.bind_backward(&gradient_plan, &forward, &gradient_arena.refs(&two.whole()).unwrap()).unwrap();
+        let plan = rasterizer.scene_pass(&scene).cameras(&cameras).settings(settings.clone());
+        let plan = plan.gradients(GradientRequest::default()).build().unwrap();
+        let memory = plan.memory().map(|m| engine.buffer(m.size, m.usage, MemoryLocation::CpuToGpu).unwrap());
+        let [mut upload, mut device, readback] = memory;
+        device.bytes_mut().fill(0);
+        let refs = PassMemory { upload: upload.whole(), device: device.whole(), readback: readback.whole(), own: &[] };
+        let pass = rasterizer.bind_pass(plan, refs, &[]).unwrap();
+        pass.write_inputs(upload.bytes_mut()).unwrap();
         let bound = shim::objects();
         for _ in 0..100 {
             frame.begin().unwrap();
             let mut commands = frame.host();
-            rasterizer.record_forward(&mut commands, &plan, &forward).unwrap();
-            rasterizer.record_backward(&mut commands, &gradient_plan, &backward).unwrap();
+            pass.record_setup(&mut commands).unwrap();
+            pass.record_forward(&mut commands).unwrap();
+            pass.record_backward(&mut commands).unwrap();
             engine.submit(&frame).unwrap();
         }
         frame.wait().unwrap();

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// All features but shaderc, which changes nothing public and compiles for minutes.
-const FEATURES: &str = "renderer,external";
+const FEATURES: &str = "renderer";
 const MOST_ITEMS: usize = 119;
 const RENEW: &str = "RENEW_PUBLIC_ITEMS";
 

@@ -1,4 +1,4 @@
-//! What the tests of the embedded API share: the examples' engine, a frame in its memory, a submission.
+//! What the tests of the embedded API share: the examples' engine, a pass in its memory, a submission.
 // A host's half of a contract of raw handles. Not every test needs every part.
 #![allow(unsafe_code, dead_code, clippy::undocumented_unsafe_blocks)]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
@@ -13,11 +13,10 @@ use ash::vk;
 use engine::{Buffer, Engine};
 use gpu_allocator::MemoryLocation;
 use softras::embed::{
-    Arena, BufferId, Capacity, Decoder, Differentiate, FrameBindings, FramePlan, FrameShape, GradientBindings,
-    GradientPlan, HostCommands, Inputs, Rasterizer, Status,
+    BufferId, Capacity, HostCommands, MeshBuffers, Pass, PassBuilder, PassMemory, PassPlan, PassStatus, Rasterizer,
 };
 use softras::scene::Outputs;
-use softras::{Frame, GradientRequest, Gradients, ImageGradient, Scene};
+use softras::{Frame, GradientRequest, Gradients, ImageGradient};
 
 pub type Messages = Vec<String>;
 
@@ -40,63 +39,119 @@ pub fn error<T>(result: softras::Result<T>) -> String {
     result.map_or_else(|e| e.to_string(), |_| "no error".to_string())
 }
 
-/// A case's frame with every buffer in one, mapped.
+/// The three buffers of a pass, all of them mapped so that a test sees everything.
+pub struct Memory {
+    pub upload: Buffer,
+    pub device: Buffer,
+    pub readback: Buffer,
+}
+
+impl Memory {
+    pub fn new(engine: &Engine, plan: &PassPlan) -> Self {
+        let [upload, device, readback] = plan.memory().map(|needed| {
+            let mut buffer = engine.buffer(needed.size, needed.usage, MemoryLocation::GpuToCpu).unwrap();
+            // What nobody writes must not matter.
+            buffer.bytes_mut().fill(0xcd);
+            buffer
+        });
+        Self { upload, device, readback }
+    }
+
+    pub fn refs(&self) -> PassMemory<'static> {
+        let [upload, device, readback] = [&self.upload, &self.device, &self.readback].map(Buffer::whole);
+        PassMemory { upload, device, readback, own: &[] }
+    }
+
+    pub fn floats(&self, pass: &Pass, id: BufferId) -> Vec<f32> {
+        let at = pass.buffer(id).unwrap();
+        self.device.floats(at.offset(), at.range() as usize / 4)
+    }
+
+    pub fn whole_word(&self, pass: &Pass) -> u32 {
+        let at = pass.buffer(BufferId::Status).unwrap().offset() + PassStatus::WHOLE_OFFSET;
+        self.device.floats(at, 1)[0].to_bits()
+    }
+
+    pub fn write_upstream(&mut self, pass: &Pass, upstream: &ImageGradient) {
+        for (id, values) in upstream_bytes(upstream) {
+            self.device.write(pass.buffer(id).unwrap().offset(), bytemuck::cast_slice(&values));
+        }
+    }
+}
+
+pub fn bind(rasterizer: &Rasterizer, plan: &PassPlan, memory: &mut Memory, meshes: &[MeshBuffers]) -> Pass {
+    let pass = rasterizer.bind_pass(plan.clone(), memory.refs(), meshes).unwrap();
+    pass.write_inputs(memory.upload.bytes_mut()).unwrap();
+    pass
+}
+
+/// All that a pass records.
+pub fn record(pass: &Pass, commands: &mut HostCommands) {
+    pass.record_setup(commands).unwrap();
+    pass.record_forward(commands).unwrap();
+    if pass.plan().has_gradients() {
+        pass.record_backward(commands).unwrap();
+    }
+}
+
+pub fn run(engine: &Engine, pass: &Pass) {
+    submit(engine, |commands| record(pass, commands));
+}
+
+/// The plan of a case's frame, to be changed and built.
+pub fn plan_of(rasterizer: &Rasterizer, case: &Case) -> PassBuilder {
+    rasterizer.scene_pass(&case.scene).settings(case.settings.clone()).cameras(&case.cameras)
+}
+
+/// The same with gradients.
+pub fn plan_backward(plan: PassBuilder, upstream: &ImageGradient, wanted: GradientRequest) -> PassBuilder {
+    let color = upstream.color.iter().flat_map(|image| &image.data);
+    let largest = color.fold(0.0f64, |m, &x| m.max(f64::from(x.abs())));
+    plan.gradients(wanted).upstream(upstream.outputs()).largest_upstream(largest).read_back_gradients()
+}
+
+/// A case's pass in its memory.
 pub struct Host {
-    pub plan: FramePlan,
-    pub arena: Arena,
-    pub buffer: Buffer,
-    pub bindings: FrameBindings,
+    pub pass: Pass,
+    pub memory: Memory,
 }
 
 impl Host {
-    pub fn new(engine: &Engine, rasterizer: &Rasterizer, case: &Case) -> Self {
-        let shape = FrameShape::of(&case.scene, &case.cameras, &case.settings).unwrap();
-        Self::of_shape(engine, rasterizer, case, &shape)
+    pub fn new(engine: &Engine, rasterizer: &Rasterizer, plan: PassBuilder) -> Self {
+        let plan = plan.build().unwrap();
+        let mut memory = Memory::new(engine, &plan);
+        let pass = bind(rasterizer, &plan, &mut memory, &[]);
+        Self { pass, memory }
     }
 
-    pub fn of_shape(engine: &Engine, rasterizer: &Rasterizer, case: &Case, shape: &FrameShape) -> Self {
-        let plan = rasterizer.plan(shape, &case.settings).unwrap();
-        let arena = Arena::of(plan.buffers());
-        let mut buffer = engine.buffer(arena.size, arena.usage, MemoryLocation::GpuToCpu).unwrap();
-        // What the device does not write itself must not matter.
-        buffer.bytes_mut().fill(0xcd);
-        let inputs = Inputs::new(&case.scene, &case.cameras, &case.settings, &plan);
-        for (name, bytes) in inputs.all() {
-            match arena.part(name) {
-                Some((offset, size)) => {
-                    assert_eq!(plan.buffer(name).unwrap().size, bytes.len() as u64, "{name}: {case:?}");
-                    assert!(size >= bytes.len() as u64);
-                    buffer.write(offset, bytes);
-                }
-                None => assert!(bytes.is_empty(), "{name} has bytes and no buffer"),
-            }
-        }
-        let bindings = rasterizer.bind(&plan, &arena.refs(&buffer.whole()).unwrap()).unwrap();
-        Self { plan, arena, buffer, bindings }
+    /// With upstream gradients.
+    pub fn with_upstream(mut self, upstream: &ImageGradient) -> Self {
+        self.memory.write_upstream(&self.pass, upstream);
+        self
     }
 
-    /// A frame, executed, whose lists have had room.
-    pub fn whole_frame(engine: &Engine, rasterizer: &Rasterizer, case: &Case) -> Self {
-        let mut shape = FrameShape::of(&case.scene, &case.cameras, &case.settings).unwrap();
+    /// Executed, with room in its lists.
+    pub fn whole(engine: &Engine, rasterizer: &Rasterizer, mut plan: PassBuilder, upstream: &ImageGradient) -> Self {
         loop {
-            let host = Self::of_shape(engine, rasterizer, case, &shape);
-            forward(engine, rasterizer, &host);
-            match host.status().validate(&host.plan).unwrap() {
-                None => return host,
-                capacity => shape.capacity = capacity,
+            let host = Self::new(engine, rasterizer, plan.clone()).with_upstream(upstream);
+            run(engine, &host.pass);
+            match host.status() {
+                PassStatus::Whole => return host,
+                PassStatus::Grow(capacity) => plan = plan.capacity(capacity),
             }
         }
     }
 
     pub fn floats(&self, id: BufferId) -> Vec<f32> {
-        let (offset, size) = self.arena.part(id).unwrap();
-        self.buffer.floats(offset, size as usize / 4)
+        self.memory.floats(&self.pass, id)
     }
 
-    pub fn status(&self) -> Status {
-        let (offset, _) = self.arena.part(BufferId::Status).unwrap();
-        let bytes = &self.buffer.bytes()[offset as usize..];
-        Status::from_bytes(bytes.first_chunk().unwrap())
+    pub fn status(&self) -> PassStatus {
+        self.pass.status(self.memory.readback.bytes()).unwrap()
+    }
+
+    pub fn gradients(&self) -> Gradients {
+        self.pass.decode_gradients(self.memory.readback.bytes()).unwrap()
     }
 }
 
@@ -112,10 +167,6 @@ pub fn submit(engine: &Engine, record: impl FnOnce(&mut HostCommands)) {
     unsafe { engine.device().cmd_pipeline_barrier(commands, from, to, none, &barrier, &[], &[]) };
     engine.submit(&frame).unwrap();
     frame.wait().unwrap();
-}
-
-pub fn forward(engine: &Engine, rasterizer: &Rasterizer, host: &Host) {
-    submit(engine, |commands| rasterizer.record_forward(commands, &host.plan, &host.bindings).unwrap());
 }
 
 /// Images as the simple API packs them.
@@ -149,11 +200,10 @@ pub struct Planner {
     engine: Engine,
 }
 
-/// What a [`Planner`] rendered: images, gradients, and the entries that the tiles' lists would have needed.
+/// What a [`Planner`] rendered: images and gradients.
 pub struct Planned {
     pub images: Vec<(&'static str, Vec<f32>)>,
     pub gradients: Gradients,
-    pub list_entries: u32,
 }
 
 impl Planner {
@@ -167,7 +217,7 @@ impl Planner {
         Self { rasterizer: self.rasterizer.with_lanes(lanes).unwrap(), ..self }
     }
 
-    /// One frame of a saved case and its gradients, whatever its lists lack.
+    /// One frame of a case and its gradients, whatever its lists lack.
     pub fn render(
         &self,
         case: &Case,
@@ -176,15 +226,10 @@ impl Planner {
         capacity: Capacity,
     ) -> Planned {
         let (engine, rasterizer) = (&self.engine, &self.rasterizer);
-        let shape = FrameShape::of(&case.scene, &case.cameras, &case.settings).unwrap();
-        let host = Host::of_shape(engine, rasterizer, case, &FrameShape { capacity: Some(capacity), ..shape });
-        let backward = Backward::new(engine, rasterizer, &host, upstream, wanted);
-        submit(engine, |commands| {
-            rasterizer.record_forward(commands, &host.plan, &host.bindings).unwrap();
-            backward.record(rasterizer, commands);
-        });
-        let gradients = backward.decode(&host, case, &case.scene);
-        Planned { images: images(case, &host), gradients, list_entries: host.status().needed.list }
+        let plan = plan_backward(plan_of(rasterizer, case).capacity(capacity), upstream, wanted);
+        let host = Host::new(engine, rasterizer, plan).with_upstream(upstream);
+        run(engine, &host.pass);
+        Planned { images: images(case, &host), gradients: host.gradients() }
     }
 
     /// The validation layers had nothing to say.
@@ -198,7 +243,7 @@ impl Planned {
     /// A renderer's frame with its gradients, to compare with.
     pub fn of(frame: &Frame, gradients: Gradients) -> Self {
         let images = frame.images().map(|(name, image)| (name, image.data.clone())).collect();
-        Self { images, gradients, list_entries: 0 }
+        Self { images, gradients }
     }
 
     /// Where the bits of another frame differ.
@@ -238,70 +283,4 @@ pub fn upstream_bytes(upstream: &ImageGradient) -> Vec<(BufferId, Vec<f32>)> {
         buffers.push((BufferId::UpstreamNormals, texels.collect()));
     }
     buffers
-}
-
-/// A backward pass of a frame, its own buffers in one, mapped.
-pub struct Backward {
-    pub plan: GradientPlan,
-    pub arena: Arena,
-    pub buffer: Buffer,
-    pub bindings: GradientBindings,
-    pub wanted: GradientRequest,
-}
-
-impl Backward {
-    pub fn new(
-        engine: &Engine,
-        rasterizer: &Rasterizer,
-        host: &Host,
-        upstream: &ImageGradient,
-        wanted: GradientRequest,
-    ) -> Self {
-        let color = upstream.color.iter().flat_map(|image| &image.data);
-        let largest_upstream = color.fold(0.0f64, |m, &x| m.max(f64::from(x.abs())));
-        let differentiate = Differentiate { upstream: upstream.outputs(), wanted, largest_upstream };
-        let plan = rasterizer.plan_backward(&host.plan, &differentiate).unwrap();
-        let arena = Arena::of(plan.buffers());
-        let mut buffer = engine.buffer(arena.size, arena.usage, MemoryLocation::GpuToCpu).unwrap();
-        buffer.bytes_mut().fill(0xcd);
-        for (id, values) in upstream_bytes(upstream) {
-            buffer.write(arena.part(id).unwrap().0, bytemuck::cast_slice(&values));
-        }
-        let refs = arena.refs(&buffer.whole()).unwrap();
-        let bindings = rasterizer.bind_backward(&plan, &host.bindings, &refs).unwrap();
-        Self { plan, arena, buffer, bindings, wanted }
-    }
-
-    pub fn record(&self, rasterizer: &Rasterizer, commands: &mut HostCommands) {
-        rasterizer.record_backward(commands, &self.plan, &self.bindings).unwrap();
-    }
-
-    /// The bytes of one of its buffers.
-    pub fn part(&self, id: BufferId) -> Option<&[u8]> {
-        self.arena.part(id).map(|(at, size)| &self.buffer.bytes()[at as usize..][..size as usize])
-    }
-
-    /// What it computed, of a scene that is the case's but for its meshes, from what `cut` leaves of each buffer's bytes.
-    pub fn decode_cut<'a>(
-        &'a self,
-        host: &Host,
-        case: &Case,
-        scene: &Scene,
-        cut: impl Fn(&'a [u8]) -> Option<&'a [u8]>,
-    ) -> softras::Result<Gradients> {
-        let decoder = Decoder {
-            frame: &host.plan,
-            plan: &self.plan,
-            wanted: &self.wanted,
-            tables: &Inputs::new(scene, &case.cameras, &case.settings, &host.plan).tables,
-            cameras: &case.cameras,
-            settings: &case.settings,
-            lights: &scene.lights,
-        };
-        decoder.decode(|name| cut(self.part(name)?))
-    }
-
-    pub fn decode(&self, host: &Host, case: &Case, scene: &Scene) -> Gradients {
-        self.decode_cut(host, case, scene, Some).unwrap()
-    }
 }

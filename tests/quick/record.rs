@@ -4,10 +4,8 @@ use crate::heap::allocations;
 use crate::host::engine::Engine;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
-use softras::embed::{
-    Arena, BufferId, Differentiate, FrameShape, Layout as Lie, MeshBuffers, PassMemory, PassMesh, Rasterizer,
-};
-use softras::{Camera, GradientRequest, Lights, Projection, Scene, Settings, shapes};
+use softras::embed::{BufferId, Layout as Lie, MeshBuffers, PassMemory, PassMesh, Rasterizer};
+use softras::{Camera, GradientRequest, Lights, Projection, Settings, shapes};
 
 #[test]
 fn an_allocation_is_counted() {
@@ -15,45 +13,7 @@ fn an_allocation_is_counted() {
     assert_eq!(allocations(|| drop(std::hint::black_box(vec![1; 10].clone()))), 2);
 }
 
-#[test]
-fn recording_allocates_nothing() {
-    // Validation turns debug labels on.
-    for validation in [false, true] {
-        let engine = Engine::new(validation).unwrap();
-        let rasterizer = Rasterizer::new(&engine.host_device()).unwrap();
-        let scene = Scene::new(shapes::icosphere(2).unwrap()).with_lights(Lights::official());
-        let cameras =
-            [0.0, 90.0].map(|a| Camera::from_angles(3.0, 20.0, a, Projection::Perspective { fov_y: 1.0 }).unwrap());
-        let settings = Settings { sigma: 1e-4, save: true, ..Settings::default() };
-        let plan = rasterizer.plan(&FrameShape::of(&scene, &cameras, &settings).unwrap(), &settings).unwrap();
-        let differentiate =
-            Differentiate { upstream: settings.outputs, wanted: GradientRequest::ALL, largest_upstream: 1.0 };
-        let gradient_plan = rasterizer.plan_backward(&plan, &differentiate).unwrap();
-        let arena = Arena::of(plan.buffers());
-        let gradient_arena = Arena::of(gradient_plan.buffers());
-        let buffer = |arena: &Arena| engine.buffer(arena.size, arena.usage, MemoryLocation::GpuOnly).unwrap();
-        let buffers = [buffer(&arena), buffer(&gradient_arena)];
-        let forward = rasterizer.bind(&plan, &arena.refs(&buffers[0].whole()).unwrap()).unwrap();
-        let backward =
-            rasterizer.bind_backward(&gradient_plan, &forward, &gradient_arena.refs(&buffers[1].whole()).unwrap());
-        let backward = backward.unwrap();
-        let frame = engine.commands().unwrap();
-        frame.begin().unwrap();
-        let mut commands = frame.host();
-        let count = allocations(|| {
-            for _ in 0..10 {
-                rasterizer.record_forward(&mut commands, &plan, &forward).unwrap();
-                rasterizer.record_backward(&mut commands, &gradient_plan, &backward).unwrap();
-            }
-        });
-        assert_eq!(count, 0, "validation {validation}");
-        let log = engine.log();
-        drop((frame, forward, backward, buffers, rasterizer, engine));
-        assert_eq!(*log.lock().unwrap(), Vec::<String>::new());
-    }
-}
-
-/// The facade's setup, frame and gradients, into a host's own vertices and into the readback buffer.
+/// A pass's setup, frame and gradients, into a host's own vertices and into the readback buffer.
 #[test]
 fn recording_a_pass_allocates_nothing() {
     for validation in [false, true] {

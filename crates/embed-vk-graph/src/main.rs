@@ -14,7 +14,7 @@ mod picture;
 
 use engine::{Engine, Mesh, Soft, shader};
 use picture::Picture;
-use softras::embed::{BufferId, Pass, PassStatus, Status};
+use softras::embed::{BufferId, Pass, PassStatus};
 use softras::glam::DVec3;
 use softras::scene::{Background, Outputs};
 use softras::{Camera, GradientRequest, Lights, Projection, Renderer, Scene, Settings, shapes};
@@ -176,7 +176,7 @@ impl Fit {
             .shader_subresource_access(5, frame, self.soft.part(BufferId::Status)?, AccessType::ComputeShaderReadOther)
             .record_cmd(move |cmd| {
                 let [smoothness, rate, color_rate] = [SMOOTHNESS, rate, 2.0 * rate].map(f32::to_bits);
-                let push = [count, step, smoothness, rate, color_rate, Status::WHOLE_OFFSET as u32 / 4];
+                let push = [count, step, smoothness, rate, color_rate, PassStatus::WHOLE_OFFSET as u32 / 4];
                 cmd.push_constants(0, bytemuck::cast_slice(&push)).dispatch(count.div_ceil(64), 1, 1);
             });
         graph.copy_buffer(moved, vertices);

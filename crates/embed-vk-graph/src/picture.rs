@@ -3,7 +3,7 @@
 use super::Outcome;
 use super::engine::{Engine, Mesh, Soft, shader};
 use softras::Lights;
-use softras::embed::{ClipSpace, FrameImage, ImageBindings, ImageFormat, ImageRef, MeshBuffers};
+use softras::embed::{CameraMatrices, ClipSpace, FrameImage, ImageBindings, ImageFormat, ImageRef, MeshBuffers};
 use softras::glam::DVec3;
 use softras::glam::dcamera::rh::{proj::vulkan::perspective_infinite_reverse, view::look_at_mat4};
 use softras::scene::Outputs;
@@ -41,8 +41,9 @@ impl Picture {
         // The engine's own camera: right-handed, y down in clip space, depth reversed and without a far plane.
         let view = look_at_mat4(DVec3::new(1.7, 0.9, -2.3), DVec3::ZERO, DVec3::Y);
         let projection = perspective_infinite_reverse(0.75, 1.0, 1.0);
+        let matrices = CameraMatrices { view: view.to_cols_array_2d(), projection: projection.to_cols_array_2d() };
         let plan = engine.rasterizer.pass(std::slice::from_ref(&mesh.shape)).settings(super::settings(SIZE, 1.0));
-        let plan = plan.camera_matrices(&[(view, projection)], ClipSpace::default()).lights(Lights::official());
+        let plan = plan.camera_matrices(&[matrices], ClipSpace::default()).lights(Lights::official());
         let plan = plan.outputs(Outputs { color: true, silhouette: true, depth: true, normal: false });
         let soft = engine.bind(plan.build()?, &MeshBuffers { gradients: Default::default(), ..mesh.buffers() })?;
 

@@ -7,8 +7,8 @@
 
 use ash::vk;
 use softras::embed::{
-    BufferId, BufferRef, ClipSpace, HostAdapter, HostCommands, HostDevice, Layout, MemoryKind, MemoryRequirement,
-    MeshBuffers, MeshLook, Pass, PassMemory, PassMesh, PassStatus, Rasterizer, Requirements,
+    BufferId, BufferRef, CameraMatrices, ClipSpace, HostAdapter, HostCommands, HostDevice, Layout, MemoryKind,
+    MemoryRequirement, MeshBuffers, MeshLook, Pass, PassMemory, PassMesh, PassStatus, Rasterizer, Requirements,
 };
 use softras::glam::DVec3;
 use softras::glam::dcamera::rh::{proj::directx::perspective, view::look_at_mat4};
@@ -137,11 +137,13 @@ pub fn run(path: Option<&Path>, validation: bool) -> Outcome<Vec<u8>> {
     let torus = shapes::torus(0.75, 0.32, 48, 24)?;
     let mesh = PassMesh::new(torus.positions().len() as u32, torus.triangles().as_flattened());
     let view = look_at_mat4(DVec3::new(1.2, 1.8, 2.6), DVec3::ZERO, DVec3::Y);
+    let projection = perspective(0.7, 1.0, 1.0, 100.0).to_cols_array_2d();
+    let matrices = CameraMatrices { view: view.to_cols_array_2d(), projection };
     let plan = rasterizer
         .pass(&[mesh.with_look(MeshLook::Color([0.9, 0.35, 0.2]))])
         .settings(Settings { sigma: 1e-4, background: Background::Composite, ..Settings::default() })
         .image_size(SIZE, SIZE)
-        .camera_matrices(&[(view, perspective(0.7, 1.0, 1.0, 100.0))], ClipSpace { y_up: true, ..ClipSpace::default() })
+        .camera_matrices(&[matrices], ClipSpace { y_up: true, ..ClipSpace::default() })
         .lights(Lights::official())
         .alignment(device.limits().min_storage_buffer_offset_alignment.into())
         .build()?;

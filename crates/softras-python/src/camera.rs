@@ -7,7 +7,7 @@ use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use softras::Projection;
-use softras::embed::{ClipSpace, HostCamera};
+use softras::embed::{CameraMatrices, ClipSpace, HostCamera};
 use softras::glam::{DMat3, DMat4, DVec3};
 
 /// A view transform and a projection.
@@ -148,7 +148,9 @@ impl Camera {
     fn from_opengl(view: &Bound<'_, PyAny>, projection: &Bound<'_, PyAny>, size: (u32, u32)) -> PyResult<Self> {
         let clip = ClipSpace { y_up: true, symmetric_z: true, reversed_z: false };
         let projection = DMat4::from_cols_array_2d(&matrix::<4, 4>(projection, "projection")?).transpose();
-        Ok(Self { camera: *HostCamera::new(affine(view)?, projection, clip, size).raise()?.camera() })
+        let matrices =
+            CameraMatrices { view: affine(view)?.to_cols_array_2d(), projection: projection.to_cols_array_2d() };
+        Ok(Self { camera: *HostCamera::new(&matrices, clip, size).raise()?.camera() })
     }
 
     /// PyTorch3D's camera: R [3, 3] and T [3] of its cameras, which take row vectors to a view with x to the left.

@@ -138,7 +138,7 @@ table! {
         TileMarks("tile_marks", Uint, Workspace, [], |f| bytes(f.totals.tiles, 4));
         /// The tiles' lists of record indices.
         TileRecords("tile_records", Uint, Workspace, [], |f| bytes(f.capacity[1], 4));
-        /// Whether the frame is complete: see [`Status`](crate::embed::Status).
+        /// Whether the frame holds, and what room its lists needed.
         Status("status", Uint, Output, [TRANSFER_DST], |_| bytes(c::STATUS_WORDS.into(), 4));
         /// Linear r, g, b and the silhouette of every pixel.
         Color("color", Float4, Output, [UNIFORM_TEXEL_BUFFER], |f| when(f.outputs.color, bytes(f.totals.pixels, 16)));

@@ -4,19 +4,24 @@
 #[path = "../../../examples/embed_ash.rs"]
 mod embed_ash;
 
+use super::facade::assert_images;
+use super::geometry::storage;
 use crate::common::gradient::{random_upstream, same_gradient_bits};
 use crate::common::modes::give_normals;
-use crate::common::scenes::{Case, Kind, random_case};
+use crate::common::scenes::{Kind, random_case};
 use crate::common::{renderer, tier, validates};
 use crate::host::{
-    Backward, Host, Messages, assert_silent, difference, engine, error, forward, images, rasterizer, submit,
+    Host, Memory, Messages, assert_silent, bind, difference, engine, error, images, plan_backward, plan_of, rasterizer,
+    record, submit,
 };
 use ash::vk::{self, Handle};
+use gpu_allocator::MemoryLocation;
 use softras::embed::{
-    AppearanceShape, Arena, BufferId, BufferRef, Capacity, DepthSpan, Differentiate, FrameBindings, FramePlan,
-    FrameShape, GradientPlan, HostAdapter, HostCommands, HostDevice, MeshShape, Rasterizer, Requirements,
+    BufferId, BufferRef, HostAdapter, HostCommands, HostDevice, ImageBindings, Layout, MeshBuffers, Pass, PassMemory,
+    PassMesh, PassPlan, Rasterizer, Requirements,
 };
-use softras::{DeviceKind, Error, GradientRequest, Lights, Limits, Scene};
+use softras::scene::Shading;
+use softras::{Camera, GradientRequest, ImageGradient, Lights, Mesh, Projection, Scene, Settings};
 use std::ffi::c_void;
 
 #[test]
@@ -59,7 +64,7 @@ fn images_are_the_simple_apis_bit_by_bit() {
             give_normals(&mut case);
         }
         let frame = simple.render(&case.scene, &case.cameras, &case.settings).unwrap();
-        let host = Host::whole_frame(&engine, &rasterizer, &case);
+        let host = Host::whole(&engine, &rasterizer, plan_of(&rasterizer, &case), &ImageGradient::default());
         let made = images(&case, &host);
         assert_eq!(made.len(), frame.images().count());
         for (name, image) in made {
@@ -85,59 +90,22 @@ fn gradients_are_the_simple_apis_bit_by_bit() {
         let expected = simple.backward(&frame, &upstream, &GradientRequest::ALL).unwrap();
         assert_eq!(same_gradient_bits(&expected, &expected), Ok(()));
 
-        let host = Host::whole_frame(&engine, &rasterizer, &case);
-        let backward = Backward::new(&engine, &rasterizer, &host, &upstream, GradientRequest::ALL);
-        submit(&engine, |commands| backward.record(&rasterizer, commands));
-        let made = backward.decode(&host, &case, &case.scene);
-        assert_eq!(same_gradient_bits(&expected, &made), Ok(()), "{case:?}");
-        let rows: &[f32] = bytemuck::cast_slice(backward.part(BufferId::VertexGradients).unwrap());
+        let plan = plan_backward(plan_of(&rasterizer, &case), &upstream, GradientRequest::ALL);
+        let host = Host::whole(&engine, &rasterizer, plan, &upstream);
+        assert_eq!(same_gradient_bits(&expected, &host.gradients()), Ok(()), "{case:?}");
+        let rows = host.floats(BufferId::VertexGradients);
         let raw: Vec<f32> = rows.chunks_exact(8).flat_map(|r| [r[0], r[1], r[2]]).collect();
         let positions: Vec<f32> = expected.meshes.iter().flat_map(|m| m.positions.iter().flatten().copied()).collect();
         assert_eq!(difference(&raw[..positions.len()], &positions), None, "{case:?}");
         assert!(positions.iter().any(|&x| x != 0.0), "nothing to compare: {case:?}");
 
-        let none = backward.decode_cut(&host, &case, &case.scene, |_| None);
-        assert!(error(none).contains("no bytes of"));
-        let short = backward.decode_cut(&host, &case, &case.scene, |bytes| Some(&bytes[..8]));
-        assert!(error(short).contains("has 8 bytes"));
-        let crooked = backward.decode_cut(&host, &case, &case.scene, |bytes| Some(&bytes[1..]));
-        assert!(error(crooked).contains("bytes"));
-        let other = Case { cameras: case.cameras.repeat(2), ..case.clone() };
-        let cameras = backward.decode_cut(&host, &other, &case.scene, Some);
-        assert!(error(cameras).contains("the cameras"));
-        let other = Scene::batch(case.scene.meshes.iter().map(|_| softras::shapes::cube().unwrap()).collect());
-        let meshes = backward.decode_cut(&host, &case, &other, Some);
-        assert!(error(meshes).contains("the meshes"));
+        let bytes = host.memory.readback.bytes();
+        let decode = |bytes| error(host.pass.decode_gradients(bytes));
+        assert!(decode(&bytes[..64]).contains("64 bytes, of which"));
+        assert!(decode(&bytes[1..]).contains("the bytes of"));
     }
     drop(rasterizer);
     assert_silent(engine);
-}
-
-/// Room that is too small is told, not hidden.
-#[test]
-fn the_status_tells_what_room_the_lists_needed() {
-    let engine = engine();
-    let rasterizer = rasterizer(&engine);
-    let case = random_case(1, Kind::Plain);
-    let mut shape = FrameShape::of(&case.scene, &case.cameras, &case.settings).unwrap();
-    shape.capacity = Some(Capacity { coarse: 1, list: 1, cells: 1 });
-    let small = Host::of_shape(&engine, &rasterizer, &case, &shape);
-    forward(&engine, &rasterizer, &small);
-    let mut needed = small.status().validate(&small.plan).unwrap().expect("more room");
-    // A short bin list hides what its tiles need.
-    for _ in 0..3 {
-        shape.capacity = Some(needed);
-        let larger = Host::of_shape(&engine, &rasterizer, &case, &shape);
-        forward(&engine, &rasterizer, &larger);
-        match larger.status().validate(&larger.plan).unwrap() {
-            Some(more) => needed = more,
-            None => {
-                drop((larger, small, rasterizer));
-                return assert_silent(engine);
-            }
-        }
-    }
-    panic!("the lists never fit: {needed:?}");
 }
 
 #[test]
@@ -169,11 +137,6 @@ fn requirements_are_known_before_there_is_a_device() {
         let message = error(most.validate(&engine.host_adapter()));
         assert!(message.contains(&format!("{name} is {}", has(name))), "{message}");
     }
-    // A plan needs no device either.
-    let case = random_case(0, Kind::Plain);
-    let shape = FrameShape::of(&case.scene, &case.cameras, &case.settings).unwrap();
-    let plan = FramePlan::new(&info.limits, info.kind, &shape, &case.settings).unwrap();
-    assert_eq!(plan, rasterizer(&engine).plan(&shape, &case.settings).unwrap());
     assert_silent(engine);
 }
 
@@ -189,16 +152,15 @@ fn handles_may_be_plain_numbers() {
     let cache = unsafe { engine.device().create_pipeline_cache(&Default::default(), None) }.unwrap();
     let rasterizer = Rasterizer::new(&unsafe { device.with_pipeline_cache(cache) }).unwrap();
     let case = random_case(0, Kind::Plain);
-    let mut host = Host::new(&engine, &rasterizer, &case);
-    let whole = host.buffer.whole();
+    let plan = plan_of(&rasterizer, &case).build().unwrap();
+    let mut memory = Memory::new(&engine, &plan);
+    let whole = memory.device.whole();
     let raw = unsafe { BufferRef::from_raw(whole.raw().as_raw(), whole.range(), whole.usage().as_raw()) };
     assert_eq!(raw, whole);
-    host.bindings = rasterizer.bind(&host.plan, &host.arena.refs(&raw).unwrap()).unwrap();
-    submit(&engine, |commands| {
-        let mut commands = unsafe { HostCommands::from_raw(commands.raw().as_raw()) };
-        rasterizer.record_forward(&mut commands, &host.plan, &host.bindings).unwrap();
-    });
-    assert!(!host.status().not_finite);
+    let pass = rasterizer.bind_pass(plan, PassMemory { device: raw, ..memory.refs() }, &[]).unwrap();
+    pass.write_inputs(memory.upload.bytes_mut()).unwrap();
+    submit(&engine, |commands| record(&pass, &mut unsafe { HostCommands::from_raw(commands.raw().as_raw()) }));
+    pass.status(memory.readback.bytes()).unwrap();
     let nulls = [(std::ptr::null(), instance, physical), (function, 0, physical), (function, instance, 0)];
     for (function, instance, physical) in nulls {
         let null = error(unsafe { HostAdapter::from_raw(function, instance, physical) });
@@ -208,7 +170,7 @@ fn handles_may_be_plain_numbers() {
     assert!(null.contains("the device is null"), "{null}");
     let null = error(Rasterizer::new(&unsafe { HostDevice::new(adapter, vk::Device::null()) }));
     assert!(null.contains("the device is null"), "{null}");
-    drop((host, rasterizer));
+    drop((pass, memory, rasterizer));
     assert!(unsafe { engine.device().get_pipeline_cache_data(cache) }.is_ok());
     unsafe { engine.device().destroy_pipeline_cache(cache, None) };
     assert_silent(engine);
@@ -219,161 +181,87 @@ fn what_does_not_fit_is_an_error_that_names_it() {
     let engine = engine();
     let rasterizer = rasterizer(&engine);
     let case = random_case(0, Kind::Plain);
-    let host = Host::new(&engine, &rasterizer, &case);
-    let refs = host.arena.refs(&host.buffer.whole()).unwrap();
-    let bind = |refs: &[(BufferId, BufferRef)]| error(rasterizer.bind(&host.plan, refs));
+    let ids = [BufferId::Positions, BufferId::Geometry, BufferId::Boxes];
+    let plan = plan_of(&rasterizer, &case).own_buffers(&ids).build().unwrap();
+    let memory = Memory::new(&engine, &plan);
+    let own: Vec<_> = plan
+        .own_buffers()
+        .iter()
+        .map(|r| (r.id, engine.buffer(r.size, r.usage, MemoryLocation::GpuToCpu).unwrap()))
+        .collect();
+    let refs: Vec<_> = own.iter().map(|(id, buffer)| (*id, buffer.whole())).collect();
+    let bind = |own: &[(BufferId, BufferRef)]| {
+        error(rasterizer.bind_pass(plan.clone(), PassMemory { own, ..memory.refs() }, &[]))
+    };
+    assert_eq!(bind(&refs), "no error");
     let changed = |id: BufferId, change: &dyn Fn(BufferRef) -> BufferRef| {
         let mut refs = refs.clone();
         let at = &mut refs.iter_mut().find(|(i, _)| *i == id).unwrap().1;
         *at = change(*at);
         bind(&refs)
     };
-    assert_eq!(bind(&refs), "no error");
     let missing = bind(&refs[1..]);
-    assert!(missing.contains(&format!("no buffer `{}`", refs[0].0)), "{missing}");
+    assert!(missing.contains("there is no buffer"), "{missing}");
     let unknown = bind(&[&refs[..], &[(BufferId::PixelSums, refs[0].1)]].concat());
     assert!(unknown.contains("`pixel_sums`"), "{unknown}");
     let twice = bind(&[&refs[..], &refs[..1]].concat());
     assert!(twice.contains("twice"), "{twice}");
     let small = changed(BufferId::Positions, &|at| at.part(0, at.range() - 4).unwrap());
     assert!(small.contains("positions") && small.contains("needs"), "{small}");
-    let whole = host.buffer.whole();
-    let crooked =
-        changed(BufferId::Geometry, &|at| whole.part(at.offset() + 4, whole.range() - at.offset() - 4).unwrap());
-    assert!(crooked.contains("geometry") && crooked.contains("multiple"), "{crooked}");
     let null = changed(BufferId::Boxes, &|at| unsafe { BufferRef::new(vk::Buffer::null(), at.range(), at.usage()) });
     assert!(null.contains("boxes") && null.contains("null"), "{null}");
-    let useless = changed(BufferId::Boxes, &|_| unsafe {
-        BufferRef::new(whole.raw(), whole.range(), vk::BufferUsageFlags::TRANSFER_DST)
+    let useless = changed(BufferId::Boxes, &|at| unsafe {
+        BufferRef::new(at.raw(), at.range(), vk::BufferUsageFlags::TRANSFER_DST)
     });
     assert!(useless.contains("boxes") && useless.contains("STORAGE_BUFFER"), "{useless}");
+    let whole = memory.device.whole();
     assert!(error(whole.part(16, whole.range())).contains("outside"));
 
-    // A plan of another size or other kernels is not recorded with these bindings.
-    let shape = FrameShape::of(&case.scene, &case.cameras, &case.settings).unwrap();
-    let replan = |change: &dyn Fn(&mut softras::Settings)| {
-        let mut settings = case.settings.clone();
-        change(&mut settings);
-        rasterizer.plan(&shape, &settings).unwrap()
-    };
-    let larger = replan(&|s| (s.width, s.height) = (4 * s.width, 4 * s.height));
-    assert!(error(host.bindings.fits(&larger)).contains("bytes"), "{}", error(host.bindings.fits(&larger)));
-    let others = replan(&|s| s.outputs.depth = !s.outputs.depth);
-    assert!(error(host.bindings.fits(&others)).contains("other kernels"));
-    assert!(host.bindings.fits(&replan(&|s| s.background_color = [0.5; 3])).is_ok());
-    let unsaved = replan(&|s| s.save = false);
-    let differentiate =
-        Differentiate { upstream: case.settings.outputs, wanted: GradientRequest::default(), largest_upstream: 1.0 };
-    assert!(matches!(rasterizer.plan_backward(&unsaved, &differentiate), Err(Error::Backward { .. })));
-
-    // Nor is a backward pass of a frame with more room than was bound, though its own buffers are no larger.
-    let mut saved = case.clone();
-    saved.settings.save = true;
-    let frame = Host::new(&engine, &rasterizer, &saved);
-    let upstream = random_upstream(&saved, saved.settings.outputs);
-    let backward = Backward::new(&engine, &rasterizer, &frame, &upstream, GradientRequest::default());
-    let capacity = frame.plan.capacity();
-    let capacity = Some(Capacity { list: 2 * capacity.list, ..capacity });
-    let roomier = rasterizer.plan(&FrameShape { capacity, ..shape.clone() }, &saved.settings).unwrap();
-    let roomier = rasterizer.plan_backward(&roomier, &differentiate).unwrap();
-    assert!(backward.bindings.fits(&backward.plan).is_ok());
-    assert!(error(backward.bindings.fits(&roomier)).contains("is bound where"));
-    drop((backward, frame));
-    drop((host, rasterizer));
+    // Other kernels are not recorded with these bindings, and neither is a scene that crosses a plane that was left out.
+    let mut pass = rasterizer.bind_pass(plan.clone(), PassMemory { own: &refs, ..memory.refs() }, &[]).unwrap();
+    let mut others = case.settings.clone();
+    others.outputs.depth = !others.outputs.depth;
+    assert!(error(pass.set_settings(others)).contains("outputs"));
+    let cube = Scene::new(softras::shapes::cube().unwrap());
+    let camera = |distance| Camera::from_angles(distance, 0.0, 0.0, Projection::Perspective { fov_y: 0.8 }).unwrap();
+    let settings = Settings { width: 16, height: 16, near: 1.0, far: 100.0, ..Settings::default() };
+    let plan = rasterizer.scene_pass(&cube).settings(settings).cameras(&[camera(5.0)]).build().unwrap();
+    let memory = Memory::new(&engine, &plan);
+    pass = rasterizer.bind_pass(plan, memory.refs(), &[]).unwrap();
+    assert_eq!(error(pass.set_cameras(&[camera(6.0)])), "no error");
+    assert!(error(pass.set_cameras(&[camera(1.2)])).contains("crosses the near or the far plane"));
+    drop((pass, memory, own, rasterizer));
     assert_silent(engine);
 }
 
-/// Whatever counts a host asks for, a plan is made or refused; none is too large to be counted.
+/// Smooth shading by normals that a host's kernel wrote.
 #[test]
-fn counts_of_any_size_are_planned_or_refused() {
-    let random = &mut crate::common::random::Random::new(7);
-    let limits = Requirements::new().validate(&engine().host_adapter()).unwrap().limits;
-    let unlimited = Limits {
-        max_storage_buffer_range: u64::MAX,
-        max_texel_buffer_elements: u64::MAX,
-        max_memory_allocation_size: u64::MAX,
-        ..limits
-    };
-    let (mut made, mut refused) = (0, 0);
-    for _ in 0..20_000 {
-        let mut count = || random.choose(&[0, 1, 2, 3, 100, 70_000, 1 << 20, (1 << 31) - 1, 1 << 31, u32::MAX]);
-        let appearances = [
-            AppearanceShape::Uniform,
-            AppearanceShape::VertexColors,
-            AppearanceShape::Surface { resolution: count() },
-            AppearanceShape::Textured {
-                uvs: count(),
-                textures: vec![(count(), count()), (count(), count())],
-                of_triangle: count() > 2,
-            },
-        ];
-        let meshes = (0..count().min(3)).map(|_| MeshShape {
-            vertices: count(),
-            triangles: count(),
-            most_corners: count(),
-            appearance: appearances[count() as usize % 4].clone(),
-            normals: count() > 2,
-        });
-        let meshes: Vec<_> = meshes.collect();
-        let views = if meshes.len() == 1 { count() } else { meshes.len() as u32 };
-        let capacity = (count() > 2).then(|| Capacity { coarse: count(), list: count(), cells: count() });
-        let depth_span = DepthSpan { crosses_near: count() > 2, crosses_far: count() > 2 };
-        let (lights, device_counts) = (Lights::official(), count() > 2);
-        let opacity = count() > 2;
-        let (distorted, cutoff) = (false, 9.0);
-        let shape =
-            FrameShape { meshes, views, lights, depth_span, opacity, distorted, cutoff, capacity, device_counts };
-        let sizes = [1, 8, 640, 16384];
-        let (width, height) = (sizes[count() as usize % 4], sizes[count() as usize % 4]);
-        let settings = softras::Settings { width, height, save: count() > 2, ..Default::default() };
-        for limits in [&limits, &unlimited] {
-            let Ok(plan) = FramePlan::new(limits, DeviceKind::Discrete, &shape, &settings) else {
-                refused += 1;
-                continue;
-            };
-            made += 1;
-            assert_eq!(plan.view_shapes().len(), views as usize);
-            let differentiate =
-                Differentiate { upstream: settings.outputs, wanted: GradientRequest::ALL, largest_upstream: 1.0 };
-            if settings.save
-                && let Ok(gradients) = GradientPlan::new(&plan, &differentiate)
-            {
-                assert!(Arena::of(plan.buffers().iter().chain(gradients.buffers())).size > 0);
-            }
-        }
-    }
-    assert!(made > 100 && refused > 1000, "{made} made, {refused} refused");
-}
-
-/// Kernels index texels with 32 bits, the sign one of them.
-#[test]
-fn records_beyond_32_bits_are_refused() {
-    let limits = Requirements::new().validate(&engine().host_adapter()).unwrap().limits;
-    let (ranges, elements) = (u64::MAX, u64::MAX);
-    let limits = Limits { max_storage_buffer_range: ranges, max_texel_buffer_elements: elements, ..limits };
-    let limits = Limits { max_memory_allocation_size: u64::MAX, ..limits };
-    let plan = |views: u32| {
-        let (appearance, normals) = (AppearanceShape::Uniform, false);
-        let mesh = MeshShape { vertices: 3, triangles: 4_000_000, most_corners: 3, appearance, normals };
-        let depth_span = DepthSpan { crosses_near: false, crosses_far: false };
-        let (meshes, lights) = (vec![mesh], Lights::unlit());
-        let shape = FrameShape {
-            meshes,
-            views,
-            lights,
-            depth_span,
-            opacity: false,
-            distorted: false,
-            cutoff: 9.0,
-            capacity: None,
-            device_counts: false,
-        };
-        FramePlan::new(&limits, DeviceKind::Discrete, &shape, &softras::Settings::default())
-    };
-    // Nine texels a triangle: 36 million a view.
-    assert!(plan(59).is_ok());
-    let error = plan(60).unwrap_err().to_string();
-    assert!(error.contains("32-bit index") && error.contains("2160000000"), "{error}");
+fn a_hosts_own_normals_shade_its_meshes() {
+    let engine = engine();
+    let rasterizer = rasterizer(&engine);
+    let [ball, plain] = [2, 1].map(|level| softras::shapes::icosphere(level).unwrap());
+    let tilted = |p: &[f32; 3]| glam::Vec3::new(p[0], p[1] + 0.5, p[2]).normalize().to_array();
+    let lights = Lights { shading: Shading::Smooth, ..Lights::official() };
+    let with_normals = ball.clone().with_normals(ball.positions().iter().map(tilted).collect()).unwrap();
+    let normals = with_normals.normals().to_vec();
+    let cameras = [15.0, 60.0]
+        .map(|angle| Camera::from_angles(4.0, 20.0, angle, Projection::Perspective { fov_y: 0.8 }).unwrap());
+    let settings = Settings { width: 32, height: 32, ..Settings::default() };
+    let scene = Scene::batch(vec![plain.clone(), with_normals]).with_lights(lights.clone());
+    let frame = renderer().render(&scene, &cameras, &settings).unwrap();
+    let mesh = |mesh: &Mesh| PassMesh::new(mesh.positions().len() as u32, mesh.triangles().as_flattened());
+    let plan = rasterizer.pass(&[mesh(&plain), mesh(&ball).with_normals()]).one_mesh_a_view();
+    let plan = plan.settings(settings).cameras(&cameras).lights(lights).inside_planes().build().unwrap();
+    let sources = [&plain, &ball].map(|mesh| storage(&engine, bytemuck::cast_slice(mesh.positions())));
+    let buffers = sources.each_ref().map(|at| MeshBuffers::new(at.whole(), Layout { stride: 12, offset: 0 }));
+    let mut memory = Memory::new(&engine, &plan);
+    let pass = bind(&rasterizer, &plan, &mut memory, &buffers);
+    submit(&engine, |commands| pass.record_setup(commands).unwrap());
+    memory.device.write(pass.normals(1).unwrap().offset(), bytemuck::cast_slice(&normals));
+    submit(&engine, |commands| pass.record_forward(commands).unwrap());
+    assert_images(&memory, &pass, &frame, "normals of the host's");
+    drop((pass, memory, sources, rasterizer));
+    assert_silent(engine);
 }
 
 /// Each may be moved to and shared with another thread.
@@ -381,6 +269,5 @@ fn records_beyond_32_bits_are_refused() {
 fn everything_is_send_and_sync() {
     fn assert<T: Send + Sync>() {}
     assert::<Rasterizer>();
-    assert::<(FramePlan, FrameBindings)>();
-    assert::<(GradientPlan, softras::embed::GradientBindings)>();
+    assert::<(PassPlan, Pass, ImageBindings)>();
 }

@@ -5,11 +5,13 @@ use super::devices::USUAL_LANES;
 use crate::common::gradient::{random_upstream, same_gradient_bits};
 use crate::common::scenes::{Case, Kind, random_case};
 use crate::common::{renderer, tier, tolerance};
-use crate::host::engine::{Buffer, Commands, Engine};
-use crate::host::{Backward, Host, assert_silent, difference, engine, error, images, rasterizer, submit};
+use crate::host::engine::Engine;
+use crate::host::{
+    Host, assert_silent, difference, engine, error, images, plan_backward, plan_of, rasterizer, run, submit,
+};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
-use softras::embed::{Arena, BufferId, Counts, FrameBindings, FrameShape, Inputs, Requirements, Role, Status};
+use softras::embed::{BufferId, Counts, Pass, PassMesh, PassStatus, Requirements};
 use softras::scene::{Appearance, Outputs, Shading};
 use softras::{Camera, GradientRequest, Lights, Mesh, Projection, Scene, shapes};
 
@@ -56,29 +58,19 @@ fn a_count_that_only_the_device_knows_is_drawn() {
     let kinds = [(3.0, Lights::official(), 1), (1.2, Lights::official(), 2), (3.0, smooth(), 2)];
     for (distance, lights, views) in kinds.into_iter().take(tier(2, 3)) {
         let case = case(distance, lights, views);
-        let mut shape = FrameShape::of(&case.scene, &case.cameras, &case.settings).unwrap();
-        shape.device_counts = true;
-        let host = Host::of_shape(&engine, &rasterizer, &case, &shape);
         let upstream = random_upstream(&case, case.settings.outputs);
         let wanted = GradientRequest { uvs: false, texels: false, lights: views == 1, ..GradientRequest::ALL };
-        let backward = Backward::new(&engine, &rasterizer, &host, &upstream, wanted);
+        let plan = plan_backward(plan_of(&rasterizer, &case).device_counts(), &upstream, wanted);
+        let mut host = Host::new(&engine, &rasterizer, plan).with_upstream(&upstream);
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER;
         let mut word = engine.buffer(16, usage, MemoryLocation::CpuToGpu).unwrap();
         let at = word.whole().part(0, 4).unwrap();
-        let bind = |of_indices| {
-            let counts = Counts { buffer: at, stride: 4, of_indices };
-            rasterizer.bind_counts(&host.plan, &host.bindings, &counts).unwrap()
-        };
         // More than there is first, so that the frames of fewer find what they must not look at.
         for (count, of_indices) in [(1000, false), (600, true), (57, false), (320, false)] {
             word.write(0, bytemuck::bytes_of(&(count as u32)));
-            let counts = bind(of_indices);
-            submit(&engine, |commands| {
-                rasterizer.record_counts(commands, &counts).unwrap();
-                rasterizer.record_forward(commands, &host.plan, &host.bindings).unwrap();
-                backward.record(&rasterizer, commands);
-            });
-            assert_eq!(host.status().validate(&host.plan).unwrap(), None);
+            host.pass.bind_counts(&Counts { buffer: at, stride: 4, of_indices }).unwrap();
+            run(&engine, &host.pass);
+            assert_eq!(host.status(), PassStatus::Whole);
             let live = if of_indices { count / 3 } else { count }.min(320);
             let scene = first_triangles(&case, live);
             let frame = simple.render(&scene, &case.cameras, &case.settings).unwrap();
@@ -87,23 +79,8 @@ fn a_count_that_only_the_device_knows_is_drawn() {
                 assert_eq!(difference(image, &due.unwrap().data), None, "{name} of {live}");
             }
             let due = simple.backward(&frame, &upstream, &wanted).unwrap();
-            let made = backward.decode(&host, &case, &scene);
-            assert_eq!(same_gradient_bits(&due, &made), Ok(()), "{live} at {distance}");
+            assert_eq!(same_gradient_bits(&due, &host.gradients()), Ok(()), "{live} at {distance}");
         }
-        let misfit = |counts| error(rasterizer.bind_counts(&host.plan, &host.bindings, &counts));
-        assert!(misfit(Counts { buffer: at, stride: 3, of_indices: false }).contains("multiple of four"));
-        // More than is needed is enough.
-        let roomy = Counts { buffer: word.whole(), stride: 12, of_indices: false };
-        rasterizer.bind_counts(&host.plan, &host.bindings, &roomy).unwrap();
-        let plain = Host::new(&engine, &rasterizer, &case);
-        let counts = Counts { buffer: at, stride: 4, of_indices: false };
-        let unplanned = error(rasterizer.bind_counts(&plain.plan, &plain.bindings, &counts));
-        assert!(unplanned.contains("device_counts"), "{unplanned}");
-        // A frame that was bound for less than is planned.
-        let mut larger = case.settings.clone();
-        larger.height *= 4;
-        let larger = rasterizer.plan(&shape, &larger).unwrap();
-        assert!(error(rasterizer.bind_counts(&larger, &host.bindings, &counts)).contains("bytes is bound"));
     }
     drop(rasterizer);
     assert_silent(engine);
@@ -115,23 +92,13 @@ fn counts_of_several_meshes_lie_a_stride_apart() {
     let rasterizer = rasterizer(&engine);
     let mut case = case(3.0, Lights::official(), 2);
     case.scene.meshes.push(case.scene.meshes[0].clone());
-    let mut shape = FrameShape::of(&case.scene, &case.cameras, &case.settings).unwrap();
-    shape.device_counts = true;
-    let host = Host::of_shape(&engine, &rasterizer, &case, &shape);
+    let mut host = Host::new(&engine, &rasterizer, plan_of(&rasterizer, &case).device_counts());
     let mut words = engine.buffer(16, vk::BufferUsageFlags::STORAGE_BUFFER, MemoryLocation::CpuToGpu).unwrap();
     // The words between are not counts.
     words.write(0, bytemuck::bytes_of(&[57u32, 9, 9, 200]));
-    let bind = |bytes| {
-        let counts = Counts { buffer: words.whole().part(0, bytes).unwrap(), stride: 12, of_indices: false };
-        rasterizer.bind_counts(&host.plan, &host.bindings, &counts)
-    };
-    let message = error(bind(12));
-    assert!(message.contains("2 counts 12 bytes apart in 12 bytes"), "{message}");
-    let counts = bind(16).unwrap();
-    submit(&engine, |commands| {
-        rasterizer.record_counts(commands, &counts).unwrap();
-        rasterizer.record_forward(commands, &host.plan, &host.bindings).unwrap();
-    });
+    let counts = |bytes, stride| Counts { buffer: words.whole().part(0, bytes).unwrap(), stride, of_indices: false };
+    host.pass.bind_counts(&counts(16, 12)).unwrap();
+    run(&engine, &host.pass);
     let mut scene = first_triangles(&case, 57);
     scene.meshes.extend(first_triangles(&case, 200).meshes);
     let frame = renderer().render(&scene, &case.cameras, &case.settings).unwrap();
@@ -145,16 +112,24 @@ fn counts_of_several_meshes_lie_a_stride_apart() {
         assert!(image.len() == due.len() && !image.iter().zip(due).any(is_off), "{name}");
         assert!(!has_usual_lanes || difference(image, due).is_none(), "{name}");
     }
-    drop((host, rasterizer));
-    assert_silent(engine);
-}
 
-/// One of two frames in flight: what it does not share.
-struct Flight {
-    commands: Commands,
-    arena: Arena,
-    buffer: Buffer,
-    forward: FrameBindings,
+    // What does not fit is named.
+    let misfit = |pass: &mut Pass, counts| error(pass.bind_counts(&counts));
+    let short = misfit(&mut host.pass, counts(12, 12));
+    assert!(short.contains("2 counts 12 bytes apart in 12 bytes"), "{short}");
+    assert!(misfit(&mut host.pass, counts(16, 3)).contains("multiple of four"));
+    let mut plain = Host::new(&engine, &rasterizer, plan_of(&rasterizer, &case));
+    assert!(misfit(&mut plain.pass, counts(16, 4)).contains("device_counts"));
+    let uncounted = Host::new(&engine, &rasterizer, plan_of(&rasterizer, &case).device_counts());
+    submit(&engine, |commands| {
+        uncounted.pass.record_setup(commands).unwrap();
+        assert!(error(uncounted.pass.record_forward(commands)).contains("bind_counts"));
+    });
+    let triangle = PassMesh::new(3, &[0u32, 1, 2]);
+    let shared = rasterizer.pass(&[triangle.clone(), triangle]).cameras(&case.cameras).device_counts();
+    assert!(error(shared.build()).contains("one mesh of one draw"));
+    drop((host, plain, uncounted, rasterizer));
+    assert_silent(engine);
 }
 
 const COUNTS: [u32; 6] = [5, 320, 40, 1000, 0, 177];
@@ -165,61 +140,45 @@ fn frames_in_flight_are_each_their_own() {
     let engine = engine();
     let rasterizer = rasterizer(&engine);
     let case = case(3.0, Lights::official(), 1);
-    let mut shape = FrameShape::of(&case.scene, &case.cameras, &case.settings).unwrap();
-    shape.device_counts = true;
-    let plan = rasterizer.plan(&shape, &case.settings).unwrap();
-    let is_input = |id: BufferId| plan.buffer(id).is_some_and(|b| b.role == Role::Input);
-    let inputs = Arena::of(plan.buffers().iter().filter(|b| is_input(b.id)));
-    let mut shared = engine.buffer(inputs.size, inputs.usage, MemoryLocation::CpuToGpu).unwrap();
-    for (name, bytes) in Inputs::new(&case.scene, &case.cameras, &case.settings, &plan).all() {
-        if let Some((offset, _)) = inputs.part(name) {
-            shared.write(offset, bytes);
-        }
-    }
     let mut script = engine.buffer(24, vk::BufferUsageFlags::TRANSFER_SRC, MemoryLocation::CpuToGpu).unwrap();
     script.write(0, bytemuck::cast_slice(&COUNTS));
     let usage = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::TRANSFER_DST;
     let word = engine.buffer(4, usage, MemoryLocation::GpuOnly).unwrap();
-    let counts = Counts { buffer: word.whole(), stride: 4, of_indices: false };
     let flights = [0, 1].map(|_| {
-        let arena = Arena::of(plan.buffers().iter().filter(|b| !is_input(b.id)));
-        let buffer = engine.buffer(arena.size, arena.usage, MemoryLocation::GpuToCpu).unwrap();
-        let mut refs = inputs.refs(&shared.whole()).unwrap();
-        refs.extend(arena.refs(&buffer.whole()).unwrap());
-        let forward = rasterizer.bind(&plan, &refs).unwrap();
-        Flight { commands: engine.commands().unwrap(), arena, buffer, forward }
+        let plan = plan_of(&rasterizer, &case).device_counts().read_back(&[BufferId::Depths]);
+        let mut host = Host::new(&engine, &rasterizer, plan);
+        host.pass.bind_counts(&Counts { buffer: word.whole(), stride: 4, of_indices: false }).unwrap();
+        submit(&engine, |commands| host.pass.record_setup(commands).unwrap());
+        (engine.commands().unwrap(), host)
     });
-    let counted = flights.each_ref().map(|f| rasterizer.bind_counts(&plan, &f.forward, &counts).unwrap());
     let mut simple = renderer();
     for frame in 0..COUNTS.len() + 2 {
-        let Flight { commands, arena, buffer, forward } = &flights[frame % 2];
+        let (commands, host) = &flights[frame % 2];
         let raw = commands.begin().unwrap();
         if let Some(&count) = frame.checked_sub(2).and_then(|last| COUNTS.get(last)) {
-            let part = |id: BufferId| &buffer.bytes()[arena.part(id).unwrap().0 as usize..];
-            let status = Status::from_bytes(part(BufferId::Status).first_chunk().unwrap());
-            assert_eq!(status.validate(&plan).unwrap(), None);
+            assert_eq!(host.status(), PassStatus::Whole);
             let due = simple.render(&first_triangles(&case, 320.min(count as usize)), &case.cameras, &case.settings);
             let depth = due.unwrap().depth().unwrap().data.clone();
-            assert_eq!(part(BufferId::Depths)[..4 * depth.len()], *bytemuck::cast_slice::<f32, u8>(&depth), "{count}");
+            let (at, _) = host.pass.plan().readback_part(BufferId::Depths).unwrap();
+            let found = host.memory.readback.floats(at, depth.len());
+            assert_eq!(difference(&found, &depth), None, "{count}");
         }
         if frame < COUNTS.len() {
             let copy = [vk::BufferCopy { src_offset: 4 * frame as u64, dst_offset: 0, size: 4 }];
             unsafe { engine.device().cmd_copy_buffer(raw, script.raw, word.raw, &copy) };
-            let mut host = commands.host();
-            rasterizer.record_counts(&mut host, &counted[frame % 2]).unwrap();
-            rasterizer.record_forward(&mut host, &plan, forward).unwrap();
+            host.pass.record_forward(&mut commands.host()).unwrap();
             to_host(&engine, raw);
         }
         engine.submit(commands).unwrap();
     }
     engine.wait_idle().unwrap();
-    drop((counted, flights, shared, script, word, rasterizer));
+    drop((flights, script, word, rasterizer));
     assert_silent(engine);
 }
 
 fn to_host(engine: &Engine, commands: vk::CommandBuffer) {
     use vk::{AccessFlags as A, PipelineStageFlags as S};
-    let barrier = [vk::MemoryBarrier::default().src_access_mask(A::SHADER_WRITE).dst_access_mask(A::HOST_READ)];
+    let barrier = [vk::MemoryBarrier::default().src_access_mask(A::TRANSFER_WRITE).dst_access_mask(A::HOST_READ)];
     let none = vk::DependencyFlags::empty();
-    unsafe { engine.device().cmd_pipeline_barrier(commands, S::COMPUTE_SHADER, S::HOST, none, &barrier, &[], &[]) };
+    unsafe { engine.device().cmd_pipeline_barrier(commands, S::TRANSFER, S::HOST, none, &barrier, &[], &[]) };
 }

@@ -5,7 +5,7 @@ use crate::common::gradient::{norm, numbers, random_upstream, same_gradient_bits
 use crate::common::scenes::{Case, Kind, random_case};
 use crate::common::{tier, tolerance, validates};
 use crate::host::engine::Engine;
-use crate::host::{Backward, Host, Messages, assert_silent, difference, engine, error, images, shim, submit};
+use crate::host::{Host, Messages, assert_silent, difference, engine, error, images, plan_backward, plan_of, shim};
 use ash::vk;
 use shim::adapter;
 use softras::embed::{HostAdapter, HostDevice, Rasterizer, Requirements};
@@ -30,10 +30,9 @@ fn cases() -> Vec<(Case, ImageGradient)> {
 fn outcomes(engine: &Engine, device: &HostDevice, cases: &[(Case, ImageGradient)]) -> Vec<Outcome> {
     let rasterizer = Rasterizer::new(device).unwrap();
     let outcome = |(case, upstream): &(Case, ImageGradient)| {
-        let host = Host::whole_frame(engine, &rasterizer, case);
-        let backward = Backward::new(engine, &rasterizer, &host, upstream, GradientRequest::ALL);
-        submit(engine, |commands| backward.record(&rasterizer, commands));
-        (images(case, &host), backward.decode(&host, case, &case.scene))
+        let plan = plan_backward(plan_of(&rasterizer, case), upstream, GradientRequest::ALL);
+        let host = Host::whole(engine, &rasterizer, plan, upstream);
+        (images(case, &host), host.gradients())
     };
     cases.iter().map(outcome).collect()
 }

@@ -3,78 +3,24 @@
 // Indices are what the formulas have, and what is no number counts as off.
 #![allow(clippy::needless_range_loop, clippy::neg_cmp_op_on_partial_ord)]
 
-use super::geometry::{COLOR, Engines, POSITION, TRANSFORM, VERTEX, storage};
+use super::geometry::{COLOR, Engines, Expected, POSITION, TRANSFORM, VERTEX, off, storage};
 use crate::common::gradient::random_upstream;
 use crate::common::renderer;
 use crate::common::scenes::Case;
 use crate::host::engine::{Buffer, Engine};
-use crate::host::{assert_silent, difference, engine, error, rasterizer, submit, upstream_bytes};
+pub use crate::host::{Memory, bind, run};
+use crate::host::{assert_silent, difference, engine, error, rasterizer, upstream_bytes};
 use gpu_allocator::MemoryLocation;
 use softras::embed::{
     BufferId, Draw, GeometryGradients, IndexFormat, Layout, MeshBuffers, MeshLook, Pass, PassMemory, PassMesh,
-    PassPlan, PassStatus, Rasterizer, Status, TexelSource,
+    PassStatus, Rasterizer, TexelSource,
 };
 use softras::scene::{Appearance, Wrap};
-use softras::{Frame, GradientRequest, ImageGradient, Lights, Mesh, Scene, Settings};
+use softras::{Frame, GradientRequest, Lights, Mesh, Scene, Settings};
 
 /// Two triangles, and the texels of their texture across and down.
 pub const QUAD: [u16; 6] = [0, 1, 2, 0, 2, 3];
 pub const SIZE: (u32, u32) = (4, 2);
-
-/// The three buffers of a pass, all of them mapped so that a test sees everything.
-pub struct Memory {
-    pub upload: Buffer,
-    pub device: Buffer,
-    pub readback: Buffer,
-}
-
-impl Memory {
-    pub fn new(engine: &Engine, plan: &PassPlan) -> Self {
-        let [upload, device, readback] = plan.memory().map(|needed| {
-            let mut buffer = engine.buffer(needed.size, needed.usage, MemoryLocation::GpuToCpu).unwrap();
-            // What nobody writes must not matter.
-            buffer.bytes_mut().fill(0xcd);
-            buffer
-        });
-        Self { upload, device, readback }
-    }
-
-    pub fn refs(&self) -> PassMemory<'static> {
-        let [upload, device, readback] = [&self.upload, &self.device, &self.readback].map(Buffer::whole);
-        PassMemory { upload, device, readback, own: &[] }
-    }
-
-    pub fn floats(&self, pass: &Pass, id: BufferId) -> Vec<f32> {
-        let at = pass.buffer(id).unwrap();
-        self.device.floats(at.offset(), at.range() as usize / 4)
-    }
-
-    pub fn whole_word(&self, pass: &Pass) -> u32 {
-        self.device.floats(pass.buffer(BufferId::Status).unwrap().offset() + Status::WHOLE_OFFSET, 1)[0].to_bits()
-    }
-
-    pub fn write_upstream(&mut self, pass: &Pass, upstream: &ImageGradient) {
-        for (id, values) in upstream_bytes(upstream) {
-            self.device.write(pass.buffer(id).unwrap().offset(), bytemuck::cast_slice(&values));
-        }
-    }
-}
-
-pub fn bind(rasterizer: &Rasterizer, plan: &PassPlan, memory: &mut Memory, meshes: &[MeshBuffers]) -> Pass {
-    let pass = rasterizer.bind_pass(plan.clone(), memory.refs(), meshes).unwrap();
-    pass.write_inputs(memory.upload.bytes_mut()).unwrap();
-    pass
-}
-
-pub fn run(engine: &Engine, pass: &Pass) {
-    submit(engine, |commands| {
-        pass.record_setup(commands).unwrap();
-        pass.record_forward(commands).unwrap();
-        if pass.plan().gradients().is_some() {
-            pass.record_backward(commands).unwrap();
-        }
-    });
-}
 
 /// A host's two meshes of one vertex and one index buffer, three and two instances of them.
 pub struct Scenery {
@@ -180,10 +126,19 @@ fn several_meshes_of_a_host_render_as_one_scene() {
         let mesh = &expected.meshes[0];
         assert_eq!(difference(&positions, mesh.positions.as_flattened()), None);
         assert_eq!(difference(&colors, mesh.colors.as_flattened()), None);
-        // The host's own vertices: the sum over three instances, or over two.
+        // The host's own vertices: the sum over three instances, or over two. What no draw reads, and what is no gradient, is left.
+        let due = Expected::new(&scenery.engines, mesh);
         let words = scenery.gradients.floats(0, 10 * scenery.engines.vertices().len());
-        assert!(words.chunks_exact(10).skip(3).all(|v| v[3..9].iter().all(|x| x.is_finite())));
-        assert!(words[30..].chunks_exact(10).any(|v| v[3..9].iter().any(|x| x.abs() > 1e-6)));
+        let part = |first: usize| words.chunks_exact(10).flat_map(|v| v[first..first + 3].to_vec()).collect::<Vec<_>>();
+        let untouched = f32::from_bits(0xcdcd_cdcd);
+        assert!(part(3)[..9].iter().chain(&part(0)).all(|&x| x == untouched));
+        assert_eq!(off(&part(3)[9..], &due.positions.as_flattened()[9..]), None);
+        assert_eq!(off(&part(6)[9..], &due.colors.as_flattened()[9..]), None);
+        let words = scenery.transform_gradients.floats(0, 16 * 5);
+        let rows: Vec<f32> = words.chunks_exact(16).flat_map(|t| t[1..13].to_vec()).collect();
+        assert!(words.iter().step_by(16).all(|&x| x == untouched));
+        assert_eq!(off(&rows, due.transforms.as_flattened().as_flattened()), None);
+        assert!(rows.iter().any(|x| x.abs() > 1e-6) && part(6)[9..].iter().any(|x| x.abs() > 1e-6));
         // What is read back is what the device has.
         for id in [BufferId::Color, BufferId::VertexGradients] {
             let (at, size) = plan.readback_part(id).unwrap();
@@ -315,6 +270,15 @@ fn misfits_of_a_pass_are_named() {
     assert!(bind(&textured, &|_| {}).contains("MeshBuffers::uvs"));
     assert!(bind(&mesh.clone().with_instances(2), &|_| {}).contains("MeshBuffers::transforms"));
     assert!(bind(&mesh, &|b| b.positions.0 = vertices.whole().part(0, 40).unwrap()).contains("positions"));
+    assert!(bind(&mesh, &|b| b.positions.1.stride = 22).contains("multiples of four"));
+    assert!(bind(&mesh, &|b| b.positions.1.stride = 8).contains("multiples of four"));
+    let indices = |bytes, format| Some((vertices.whole().part(0, bytes).unwrap(), format));
+    assert_eq!(bind(&mesh, &|b| b.indices = indices(12, IndexFormat::Uint16)), "no error");
+    assert!(bind(&mesh, &|b| b.indices = indices(8, IndexFormat::Uint16)).contains("indices"));
+    assert!(bind(&mesh, &|b| b.indices = indices(20, IndexFormat::Uint32)).contains("indices"));
+    let rows = Layout { stride: 48, offset: 0 };
+    let transforms = |bytes| Some((vertices.whole().part(0, bytes).unwrap(), rows));
+    assert!(bind(&mesh, &|b| b.transforms = transforms(44)).contains("transforms"));
     let short = |b: &mut MeshBuffers| {
         b.uvs = Some((vertices.whole(), Layout { stride: 20, offset: 12 }));
         b.texels = Some(TexelSource::Bytes { at: vertices.whole().part(0, 16).unwrap(), srgb: false });
@@ -322,6 +286,7 @@ fn misfits_of_a_pass_are_named() {
     assert!(bind(&textured, &short).contains("texels"));
     let gradients = GeometryGradients { positions: Some((vertices.whole(), at)), ..GeometryGradients::default() };
     assert!(bind(&mesh, &|b| b.gradients = gradients).contains("PassBuilder::gradients"));
+    misfit_gradients(&engine, &rasterizer, &case);
     assert!(
         error(rasterizer.bind_pass(
             builder(&mesh).build().unwrap(),
@@ -353,4 +318,31 @@ fn misfits_of_a_pass_are_named() {
     engine.end(&frame).unwrap();
     drop((frame, pass, memory, vertices, rasterizer));
     assert_silent(engine);
+}
+
+/// Gradients that the pass does not compute.
+fn misfit_gradients(engine: &Engine, rasterizer: &Rasterizer, case: &Case) {
+    let vertices = storage(engine, &[0; 4 * 20]);
+    let packed = Layout { stride: 12, offset: 0 };
+    let target = storage(engine, &[0; 64]);
+    let bind = |wanted, gradients| {
+        let plan = rasterizer.pass(&[PassMesh::new(4, &QUAD)]).settings(case.settings.clone()).cameras(&case.cameras);
+        let plan = plan.gradients(wanted).build().unwrap();
+        let memory = Memory::new(engine, &plan);
+        let buffers = MeshBuffers { gradients, ..MeshBuffers::new(vertices.whole(), packed) };
+        error(rasterizer.bind_pass(plan, memory.refs(), &[buffers]))
+    };
+    let none = GeometryGradients::default();
+    let at = Some((target.whole(), packed));
+    let by_color = GradientRequest { colors: true, ..GradientRequest::NOTHING };
+    let positions = GeometryGradients { positions: at, ..none };
+    assert_eq!(bind(GradientRequest::default(), positions), "no error");
+    assert_eq!(bind(GradientRequest { camera: true, ..GradientRequest::NOTHING }, none), "no error");
+    assert!(bind(by_color, positions).contains("GradientRequest::positions"));
+    assert!(
+        bind(GradientRequest::default(), GeometryGradients { colors: at, ..none }).contains("GradientRequest::colors")
+    );
+    let transforms = GeometryGradients { transforms: at, ..none };
+    assert!(bind(by_color, transforms).contains("GradientRequest::positions"));
+    assert!(bind(GradientRequest::default(), transforms).contains("MeshBuffers::transforms"));
 }

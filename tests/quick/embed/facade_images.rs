@@ -2,15 +2,15 @@
 
 use super::facade::*;
 use super::geometry::storage;
-use super::images::{after_store, change_use, whole_image};
+use super::images::{change_use, stored, whole_image};
 use crate::common::renderer;
 use crate::host::engine::{Engine, Image};
 use crate::host::{assert_silent, engine, rasterizer, submit};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use softras::embed::{
-    BufferId, ClipSpace, FrameImage, HostCamera, HostCommands, ImageFormat, Layout, MeshBuffers, MeshLook, Pass,
-    PassMesh, PassStatus, TexelSource, TextureRef,
+    BufferId, CameraMatrices, ClipSpace, FrameImage, HostCamera, ImageFormat, Layout, MeshBuffers, MeshLook, PassMesh,
+    PassStatus, TexelSource, TextureRef,
 };
 use softras::glam::{DMat4, DVec3};
 use softras::scene::{Appearance, Background, Outputs, Texture, Wrap};
@@ -163,23 +163,10 @@ fn textures_come_straight_from_a_hosts_images_and_buffers() {
     assert_silent(engine);
 }
 
-/// An image's texels after a store.
-fn stored(engine: &Engine, pass: &Pass, image: FrameImage, format: ImageFormat) -> Vec<u8> {
-    after_store(engine, format, pass.plan().image_size(), |target| {
-        let bound = pass.bind_image(image, 0, target).unwrap();
-        move |commands: &mut HostCommands| pass.record_store(commands, &bound).unwrap()
-    })
-}
-
 /// A right-handed Vulkan projection with reversed infinite depth, as many engines have it.
-fn reversed_infinite(fov_y: f64, aspect: f64, near: f64) -> DMat4 {
+fn reversed_infinite(fov_y: f64, aspect: f64, near: f64) -> [[f64; 4]; 4] {
     let f = 1.0 / (fov_y / 2.0).tan();
-    DMat4::from_cols_array_2d(&[
-        [f / aspect, 0.0, 0.0, 0.0],
-        [0.0, -f, 0.0, 0.0],
-        [0.0, 0.0, 0.0, -1.0],
-        [0.0, 0.0, near, 0.0],
-    ])
+    [[f / aspect, 0.0, 0.0, 0.0], [0.0, -f, 0.0, 0.0], [0.0, 0.0, 0.0, -1.0], [0.0, 0.0, near, 0.0]]
 }
 
 #[test]
@@ -188,7 +175,7 @@ fn matrices_render_and_store_as_the_hosts_rasterizer_would() {
     let rasterizer = rasterizer(&engine);
     let (eye, fov_y, near) = (DVec3::new(0.0, 0.0, 4.0), 0.8, 1.0);
     // Looking along -z from eye: a translation.
-    let view = DMat4::from_translation(-eye);
+    let view = DMat4::from_translation(-eye).to_cols_array_2d();
     let projection = reversed_infinite(fov_y, 48.0 / 32.0, near);
     let outputs = Outputs { color: true, silhouette: true, depth: true, normal: false };
     let settings = Settings {
@@ -209,8 +196,8 @@ fn matrices_render_and_store_as_the_hosts_rasterizer_would() {
     let indices: Vec<u32> = cube.triangles().iter().flatten().copied().collect();
     let mesh = PassMesh::new(cube.positions().len() as u32, &indices);
     let builder = rasterizer.pass(&[mesh]).settings(settings.clone());
-    let matrices = [(view, projection)];
-    let plan = builder.camera_matrices(&matrices, ClipSpace::default()).build().unwrap();
+    let matrices = CameraMatrices { view, projection };
+    let plan = builder.camera_matrices(&[matrices], ClipSpace::default()).build().unwrap();
     let mut memory = Memory::new(&engine, &plan);
     let buffers = [MeshBuffers::new(vertices.whole(), Layout { stride: 12, offset: 0 })];
     let pass = bind(&rasterizer, &plan, &mut memory, &buffers);
@@ -225,9 +212,9 @@ fn matrices_render_and_store_as_the_hosts_rasterizer_would() {
     assert!(worst < 1e-4, "{worst}");
 
     // The depth buffer: what the host's rasterizer would have written at the mean depth, and 0 far away.
-    let host = HostCamera::new(view, projection, ClipSpace::default(), (48, 32)).unwrap();
+    let host = HostCamera::new(&matrices, ClipSpace::default(), (48, 32)).unwrap();
     let image = FrameImage::DepthBuffer { least_silhouette: 0.5 };
-    let values = stored(&engine, &pass, image, ImageFormat::R32Float);
+    let values = stored(&engine, &pass, image, 0, ImageFormat::R32Float);
     let values: &[f32] = bytemuck::cast_slice(&values);
     let mut covered = 0;
     for (pixel, &value) in values.iter().enumerate() {
@@ -247,7 +234,7 @@ fn matrices_render_and_store_as_the_hosts_rasterizer_would() {
     // background its own image.
     let four = |premultiplied| {
         let image = FrameImage::Foreground { premultiplied, srgb: false };
-        let bytes = stored(&engine, &pass, image, ImageFormat::Rgba32Float);
+        let bytes = stored(&engine, &pass, image, 0, ImageFormat::Rgba32Float);
         bytemuck::cast_slice::<u8, f32>(&bytes).to_vec()
     };
     let (straight, premultiplied) = (four(false), four(true));

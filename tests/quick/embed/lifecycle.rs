@@ -1,27 +1,17 @@
 //! softras in a host's hands, from its making to its end: memory that fails, devices that are lost, threads, and what may
 //! be dropped when.
 
+use super::geometry::storage;
 use crate::common::scenes::{Case, Kind, random_case};
 use crate::common::tier;
-use crate::host::engine::{Buffer, Engine};
-use crate::host::memory::Memory;
-use crate::host::{Backward, Host, assert_silent, engine, images, rasterizer, shim, submit};
+use crate::host::engine::Engine;
+use crate::host::memory::Memory as HostMemory;
+use crate::host::{Host, Memory, assert_silent, engine, images, plan_of, rasterizer, record, shim, submit};
 use ash::vk;
-use gpu_allocator::MemoryLocation;
 use softras::embed::{
-    Arena, BufferId, BufferRef, Counts, Differentiate, Draw, FrameImage, FramePlan, FrameShape, Geometry,
-    GeometryBuffers, GeometryGradients, GradientPlan, HostAdapter, HostCommands, HostDevice, ImageFormat, ImageRef,
-    Layout, Rasterizer,
+    Counts, FrameImage, HostAdapter, HostDevice, ImageBindings, ImageFormat, ImageRef, PassPlan, Rasterizer,
 };
 use softras::{CacheFolder, Error, GradientRequest, ImageGradient, Renderer, RendererOptions};
-
-/// A frame with gradients: its plans, and memory for them.
-struct Planned {
-    plan: FramePlan,
-    gradient_plan: GradientPlan,
-    _buffers: [Buffer; 2],
-    refs: [Vec<(BufferId, BufferRef)>; 2],
-}
 
 fn saved_case() -> Case {
     let mut case = random_case(0, Kind::Plain);
@@ -29,32 +19,23 @@ fn saved_case() -> Case {
     case
 }
 
+/// A pass, with and without gradients: its plan, and memory for it.
+struct Planned {
+    plan: PassPlan,
+    memory: Memory,
+}
+
 impl Planned {
-    fn new(engine: &Engine, case: &Case) -> Self {
-        let shape = FrameShape::of(&case.scene, &case.cameras, &case.settings).unwrap();
-        let plan = rasterizer(engine).plan(&shape, &case.settings).unwrap();
-        let differentiate = Differentiate {
-            upstream: case.settings.outputs,
-            wanted: GradientRequest::default(),
-            largest_upstream: 1.0,
-        };
-        let gradient_plan = rasterizer(engine).plan_backward(&plan, &differentiate).unwrap();
-        let arenas = [Arena::of(plan.buffers()), Arena::of(gradient_plan.buffers())];
-        let buffers = arenas.each_ref().map(|a| engine.buffer(a.size, a.usage, MemoryLocation::GpuToCpu).unwrap());
-        let refs = [0, 1].map(|i| arenas[i].refs(&buffers[i].whole()).unwrap());
-        Self { plan, gradient_plan, _buffers: buffers, refs }
+    fn new(engine: &Engine, case: &Case, gradients: bool) -> Self {
+        let plan = plan_of(&rasterizer(engine), case);
+        let plan = if gradients { plan.gradients(GradientRequest::default()) } else { plan };
+        let plan = plan.build().unwrap();
+        Self { memory: Memory::new(engine, &plan), plan }
     }
 
-    /// What softras makes for a frame, and its end.
-    fn make_forward(&self, host: &HostDevice) -> softras::Result<()> {
-        Rasterizer::new(host)?.bind(&self.plan, &self.refs[0]).map(drop)
-    }
-
-    /// The same with its gradients.
+    /// What softras makes for it, and its end.
     fn make(&self, host: &HostDevice) -> softras::Result<()> {
-        let rasterizer = Rasterizer::new(host)?;
-        let forward = rasterizer.bind(&self.plan, &self.refs[0])?;
-        rasterizer.bind_backward(&self.gradient_plan, &forward, &self.refs[1]).map(drop)
+        Rasterizer::new(host)?.bind_pass(self.plan.clone(), self.memory.refs(), &[]).map(drop)
     }
 }
 
@@ -79,15 +60,15 @@ fn fail_in_turn(allow: impl Fn(i64), live: impl Fn() -> i64, mut make: impl FnMu
 #[test]
 fn running_out_of_host_memory_anywhere_leaves_nothing() {
     let engine = engine();
-    let planned = Planned::new(&engine, &saved_case());
-    let memory = Memory::new();
+    let [forward, both] = [false, true].map(|gradients| Planned::new(&engine, &saved_case(), gradients));
+    let memory = HostMemory::new();
     let host = unsafe { engine.host_device().with_allocation_callbacks(memory.callbacks()) };
     // Of a frame each, of its gradients as well each ninth: compiling takes its time.
-    let frame = fail_in_turn(|n| memory.allow(n), || memory.live(), || planned.make_forward(&host));
-    let all = fail_in_turn(|n| memory.allow(9 * n), || memory.live(), || planned.make(&host));
+    let frame = fail_in_turn(|n| memory.allow(n), || memory.live(), || forward.make(&host));
+    let all = fail_in_turn(|n| memory.allow(9 * n), || memory.live(), || both.make(&host));
     println!("{frame} and {all} allocations failed in turn");
     assert!(frame > 20 && all > 5, "the callbacks were hardly used: {frame} {all}");
-    drop(planned);
+    drop((forward, both));
     assert_silent(engine);
 }
 
@@ -105,17 +86,17 @@ fn shimmed(engine: &Engine) -> HostDevice {
 fn each_object_that_cannot_be_made_leaves_nothing() {
     let _guard = shim::lock();
     let engine = engine();
-    let planned = Planned::new(&engine, &saved_case());
+    let [forward, both] = [false, true].map(|gradients| Planned::new(&engine, &saved_case(), gradients));
     let host = shimmed(&engine);
-    let frame = fail_in_turn(shim::allow, shim::live, || planned.make_forward(&host));
-    let all = fail_in_turn(|n| shim::allow(tier(45, 9) * n), shim::live, || planned.make(&host));
+    let frame = fail_in_turn(shim::allow, shim::live, || forward.make(&host));
+    let all = fail_in_turn(|n| shim::allow(tier(45, 9) * n), shim::live, || both.make(&host));
     println!("{frame} and {all} calls failed in turn");
     assert!(frame > 30 && all > tier(1, 8), "the loader was hardly used: {frame} {all}");
     shim::allow_all();
     // Softras allocates no device memory on a host's device.
     shim::allow_memory(0);
-    planned.make(&host).unwrap();
-    drop(planned);
+    both.make(&host).unwrap();
+    drop((forward, both));
     assert_silent(engine);
 }
 
@@ -193,16 +174,19 @@ fn threads_record_side_by_side() {
     let engine = engine();
     let rasterizers = [rasterizer(&engine), rasterizer(&engine)];
     let case = random_case(4, Kind::Plain);
-    let hosts = [0, 1, 2, 3].map(|i| Host::new(&engine, &rasterizers[i % 2], &case));
+    let hosts = [0, 1, 2, 3].map(|i| {
+        let rasterizer = &rasterizers[i % 2];
+        Host::new(&engine, rasterizer, plan_of(rasterizer, &case))
+    });
     let frames = [0, 1, 2, 3].map(|_| engine.commands().unwrap());
     std::thread::scope(|scope| {
-        for (i, (frame, host)) in frames.iter().zip(&hosts).enumerate() {
-            let rasterizer = &rasterizers[i % 2];
+        for (frame, host) in frames.iter().zip(&hosts) {
             scope.spawn(move || {
                 frame.begin().unwrap();
                 let mut commands = frame.host();
+                host.pass.record_setup(&mut commands).unwrap();
                 for _ in 0..20 {
-                    rasterizer.record_forward(&mut commands, &host.plan, &host.bindings).unwrap();
+                    host.pass.record_forward(&mut commands).unwrap();
                 }
             });
         }
@@ -222,118 +206,55 @@ fn threads_record_side_by_side() {
     assert_silent(engine);
 }
 
-/// What records with bindings of its own, by the name of what they are.
-type Recording<'a> = (&'static str, Box<dyn Fn(&mut HostCommands) + 'a>);
-
-/// A host's buffers that everything there is to bind is bound to.
-struct Bound {
-    host: Host,
-    backward: Backward,
-    geometry: Geometry,
-    draws: Buffer,
-    vertices: Buffer,
-    gradients: Buffer,
-    image: crate::host::engine::Image,
-    image_size: (u32, u32),
-}
-
-impl Bound {
-    fn new(engine: &Engine, rasterizer: &Rasterizer) -> Self {
-        let mut case = saved_case();
-        case.scene = softras::Scene::new(softras::shapes::cube().unwrap());
-        case.cameras.truncate(1);
-        case.settings.outputs.color = true;
-        let mut shape = FrameShape::of(&case.scene, &case.cameras, &case.settings).unwrap();
-        shape.device_counts = true;
-        let host = Host::of_shape(engine, rasterizer, &case, &shape);
-        let size = (case.settings.width, case.settings.height);
-        let image = softras::Image {
-            batch: 1,
-            height: size.1 as usize,
-            width: size.0 as usize,
-            channels: 3,
-            data: vec![1e-3; (3 * size.0 * size.1) as usize],
-        };
-        let upstream = ImageGradient { color: Some(image), ..Default::default() };
-        let backward = Backward::new(engine, rasterizer, &host, &upstream, GradientRequest::default());
-        let vertices = case.scene.meshes[0].positions();
-        let draw = Draw { vertices: vertices.len() as u32, triangles: 12, instances: 1, ..Draw::default() };
-        let geometry = Geometry::new(vec![draw]).unwrap();
-        let buffer = |bytes: &[u8], usage| {
-            let mut buffer = engine.buffer(bytes.len() as u64, usage, MemoryLocation::CpuToGpu).unwrap();
-            buffer.write(0, bytes);
-            buffer
-        };
-        let (storage, texels) = (vk::BufferUsageFlags::STORAGE_BUFFER, vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER);
-        Self {
-            draws: buffer(bytemuck::cast_slice(&geometry.table()), texels),
-            vertices: buffer(bytemuck::cast_slice(vertices), storage),
-            gradients: buffer(&vec![0; 12 * vertices.len()], storage),
-            image: engine.image(size.0, size.1).unwrap(),
-            image_size: size,
-            host,
-            backward,
-            geometry,
-        }
-    }
-
-    /// Everything bound once more by one rasterizer, to be recorded by another. Not the image, whose layout is no matter
-    /// here, but whose binding is.
-    fn recordings<'a>(&'a self, binds: &Rasterizer, records: &'a Rasterizer) -> Vec<Recording<'a>> {
-        let Self { host, backward, geometry, draws, vertices, gradients, image, image_size } = self;
-        let frame = binds.bind(&host.plan, &host.arena.refs(&host.buffer.whole()).unwrap()).unwrap();
-        let refs = backward.arena.refs(&backward.buffer.whole()).unwrap();
-        let pass = binds.bind_backward(&backward.plan, &frame, &refs).unwrap();
-        let counts = Counts { buffer: vertices.whole(), stride: 4, of_indices: false };
-        let counts = binds.bind_counts(&host.plan, &frame, &counts).unwrap();
-        let packed = Layout { stride: 12, offset: 0 };
-        let positions = (vertices.whole(), packed);
-        let buffers =
-            GeometryBuffers { draws: draws.whole(), positions, colors: None, indices: None, transforms: None };
-        let placed = binds.bind_geometry(geometry, &buffers, &frame).unwrap();
-        let back = GeometryGradients { positions: Some((gradients.whole(), packed)), ..Default::default() };
-        let back = binds.bind_geometry_gradients(&placed, &back, &pass).unwrap();
-        let (width, height) = *image_size;
-        let target = unsafe { ImageRef::new(image.view, ImageFormat::Rgba32Float, width, height) };
-        let stored = binds.bind_image(&host.plan, &frame, FrameImage::Color { srgb: false }, 0, &target).unwrap();
-        vec![
-            ("counts", Box::new(move |c| records.record_counts(c, &counts).unwrap())),
-            ("geometry", Box::new(move |c| records.record_vertices(c, &placed).unwrap())),
-            ("frame", Box::new(move |c| records.record_forward(c, &host.plan, &frame).unwrap())),
-            ("pass", Box::new(move |c| records.record_backward(c, &backward.plan, &pass).unwrap())),
-            ("gradients", Box::new(move |c| records.record_geometry_gradients(c, &back).unwrap())),
-            ("image", Box::new(move |c| records.record_image(c, &stored).unwrap())),
-        ]
-    }
-}
-
-/// Any of them may go first, and the rasterizer that bound them before them; what is left still records.
+/// Passes and what is bound to them may be dropped in any order, and before or after the rasterizer that bound them; what is
+/// left still records.
 #[test]
 fn bindings_may_be_dropped_in_any_order() {
     let _guard = shim::lock();
     let engine = engine();
     let shimmed = shimmed(&engine);
-    let bound = Bound::new(&engine, &rasterizer(&engine));
-    let records = Rasterizer::new(&shimmed).unwrap();
+    let mut case = saved_case();
+    case.scene = softras::Scene::new(softras::shapes::cube().unwrap());
+    case.cameras.truncate(1);
+    case.settings.outputs.color = true;
+    let size = (case.settings.width, case.settings.height);
+    let image = engine.image(size.0, size.1).unwrap();
+    let counts = storage(&engine, &[12, 0, 0, 0]);
+    to_general(&engine, &image);
     assert_eq!(shim::live(), 0);
-    to_general(&engine, &bound.image);
-    for first in 0..tier(2, 6) {
+    for first in 0..3 {
         let binds = Rasterizer::new(&shimmed).unwrap();
-        let mut left = bound.recordings(&binds, &records);
-        // Half of the times the rasterizer goes last.
+        let plan = plan_of(&binds, &case).device_counts().gradients(GradientRequest::default());
+        let mut hosts: Vec<Host> = (0..3).map(|_| Host::new(&engine, &binds, plan.clone())).collect();
+        let target = unsafe { ImageRef::new(image.view, ImageFormat::Rgba32Float, size.0, size.1) };
+        for host in &mut hosts {
+            host.pass.bind_counts(&Counts { buffer: counts.whole(), stride: 4, of_indices: false }).unwrap();
+        }
+        let mut stores: Vec<Option<ImageBindings>> = hosts
+            .iter()
+            .map(|host| Some(host.pass.bind_image(FrameImage::Color { srgb: false }, 0, &target).unwrap()))
+            .collect();
+        // Half of the times the rasterizer goes last, and what is bound to a pass goes before it or after.
         let kept = (first % 2 == 0).then_some(binds);
-        left.rotate_left(first);
-        while !left.is_empty() {
-            submit(&engine, |commands| left.iter().for_each(|(_, record)| record(commands)));
-            let (name, _) = left.remove(0);
-            println!("{name} is gone, {} objects live", shim::live());
+        hosts.rotate_left(first);
+        stores.rotate_left(first);
+        while !hosts.is_empty() {
+            submit(&engine, |commands| {
+                for (host, store) in hosts.iter().zip(&stores) {
+                    record(&host.pass, commands);
+                    store.iter().for_each(|store| host.pass.record_store(commands, store).unwrap());
+                }
+            });
+            let store = stores.remove(0);
+            let host = hosts.remove(0);
+            if first == 1 { drop((store, host)) } else { drop((host, store)) }
         }
         assert_eq!(shim::live() > 0, kept.is_some(), "a rasterizer keeps its kernels");
         drop(kept);
         assert_eq!(shim::live(), 0, "{:?}", shim::objects());
     }
     assert!(shim::objects().values().all(|[made, destroyed]| made == destroyed), "{:?}", shim::objects());
-    drop((records, bound));
+    drop((image, counts));
     assert_silent(engine);
 }
 

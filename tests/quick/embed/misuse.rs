@@ -12,8 +12,9 @@ use crate::host::{assert_silent, difference, engine, error, rasterizer, submit};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use softras::embed::{
-    BufferId, BufferRef, ClipSpace, Draw, FrameImage, GeometryGradients, HostCommands, ImageFormat, IndexFormat,
-    Layout, MemoryKind, MeshBuffers, MeshLook, Pass, PassBuilder, PassMemory, PassMesh, PassStatus, Rasterizer,
+    BufferId, BufferRef, CameraMatrices, ClipSpace, Draw, FrameImage, GeometryGradients, HostCommands, ImageFormat,
+    IndexFormat, Layout, MemoryKind, MeshBuffers, MeshLook, Pass, PassBuilder, PassMemory, PassMesh, PassStatus,
+    Rasterizer,
 };
 use softras::glam::{DMat4, DVec3};
 use softras::scene::{Background, DirectionalLight};
@@ -275,14 +276,14 @@ fn planes_are_those_of_the_matrices() {
     // Columns: looking along -z, depths 0 to 1, y up.
     let projection = |near: f64, far: f64| {
         let (a, b) = (far / (near - far), near * far / (near - far));
-        let rows = [[2.0, 0.0, 0.0, 0.0], [0.0, 2.5, 0.0, 0.0], [0.0, 0.0, a, -1.0], [0.0, 0.0, b, 0.0]];
-        DMat4::from_cols_array_2d(&rows)
+        [[2.0, 0.0, 0.0, 0.0], [0.0, 2.5, 0.0, 0.0], [0.0, 0.0, a, -1.0], [0.0, 0.0, b, 0.0]]
     };
-    let view = DMat4::from_translation(DVec3::new(-0.1, -0.2, -3.0));
+    let view = DMat4::from_translation(DVec3::new(-0.1, -0.2, -3.0)).to_cols_array_2d();
+    let matrices = |projection| CameraMatrices { view, projection };
     let nearest = 3.0 - model.positions().iter().fold(-1.0f64, |most, p| most.max(p[2].into()));
     let plan = |near, far| {
         let plan = rasterizer.pass(&[pass_mesh(&model)]).settings(case.settings.clone());
-        plan.camera_matrices(&[(view, projection(near, far))], ClipSpace { y_up: true, ..ClipSpace::default() })
+        plan.camera_matrices(&[matrices(projection(near, far))], ClipSpace { y_up: true, ..ClipSpace::default() })
     };
     let fresh = |plan: PassBuilder| Bound::new(&engine, &rasterizer, &model, plan).color(&engine);
     let mut bound = Bound::new(&engine, &rasterizer, &model, plan(0.1, 10.0));
@@ -291,12 +292,11 @@ fn planes_are_those_of_the_matrices() {
     let cut = fresh(plan(nearest + 0.2, 10.0));
     assert!(difference(&near, &cut).is_some());
     let clip = ClipSpace { y_up: true, ..ClipSpace::default() };
-    bound.pass.set_camera_matrices(&[(view, projection(nearest + 0.2, 10.0))], clip).unwrap();
+    bound.pass.set_camera_matrices(&[matrices(projection(nearest + 0.2, 10.0))], clip).unwrap();
     assert_eq!(difference(&bound.color(&engine), &cut), None);
     let (by_depth, at_eye) = (-0.1, 0.5);
-    let rows = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, by_depth, 0.0], [0.0, 0.0, at_eye, 1.0]];
-    let parallel = DMat4::from_cols_array_2d(&rows);
-    let behind = rasterizer.pass(&[pass_mesh(&model)]).camera_matrices(&[(view, parallel)], clip);
+    let parallel = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, by_depth, 0.0], [0.0, 0.0, at_eye, 1.0]];
+    let behind = rasterizer.pass(&[pass_mesh(&model)]).camera_matrices(&[matrices(parallel)], clip);
     assert!(error(behind.clone().build()).contains("near plane = -5"));
     assert_eq!(error(behind.planes(0.5, 5.0).build()), "no error");
     drop(bound);

@@ -8,7 +8,6 @@ mod alignment;
 mod ash_example;
 mod counts;
 mod devices;
-mod external;
 mod facade;
 mod facade_images;
 mod facade_status;

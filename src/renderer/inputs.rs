@@ -1,7 +1,7 @@
-//! The bytes of a frame's inputs, for a host to write into its own memory.
+//! The bytes of a frame's inputs, and which of them changed.
 
-use super::plan::FramePlan;
 use crate::constants as c;
+use crate::embed::FramePlan;
 use crate::frame::buffers::BufferId;
 use crate::frame::pack::{Changes, MeshShape, MeshTables, camera_texels, light_texels};
 use crate::scene::{Camera, Scene, Settings, Shading};
@@ -29,13 +29,6 @@ pub struct Inputs {
 const SHAPE_FLAGS: usize = 11;
 
 impl Inputs {
-    /// Lays out the inputs of a scene's frame. The plan was made for this scene's [`FrameShape`](super::FrameShape).
-    pub fn new(scene: &Scene, cameras: &[Camera], settings: &Settings, plan: &FramePlan) -> Self {
-        let mut inputs = Self::default();
-        inputs.update(scene, cameras, settings, plan);
-        inputs
-    }
-
     /// Lays out the inputs of the next frame, and returns those whose bytes differ from the last frame's. Topology, UVs and
     /// textures are compared and copied only if they differ; a [`Texture`](crate::scene::Texture) that is a clone of the
     /// last one is not compared either.
@@ -77,11 +70,6 @@ impl Inputs {
             (BufferId::Textures, bytemuck::cast_slice(&tables.textures)),
             (BufferId::Texels, bytemuck::cast_slice(&tables.texels)),
         ]
-    }
-
-    /// The bytes of one input; `None` for a buffer that is no input of a forward frame.
-    pub fn get(&self, id: BufferId) -> Option<&[u8]> {
-        self.all().into_iter().find(|(i, _)| *i == id).map(|(_, bytes)| bytes)
     }
 }
 
