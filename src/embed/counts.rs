@@ -23,6 +23,7 @@ pub struct Counts {
 
 /// Counts bound to a frame.
 pub(super) struct CountStep {
+    source: BufferRef,
     stage: Stage,
     push: Push,
     groups: [u32; 3],
@@ -60,7 +61,11 @@ impl CountStep {
             pieces: if plan.forward.modes.near_clip != 0 { 2 } else { 1 },
         };
         let most = plan.forward.views.iter().map(|view| view.records).max().unwrap_or(0);
-        Ok(Self { stage, push, groups: [most.div_ceil(c::LINEAR_GROUP), plan.views(), 1] })
+        Ok(Self { source: *buffer, stage, push, groups: [most.div_ceil(c::LINEAR_GROUP), plan.views(), 1] })
+    }
+
+    pub fn source(&self) -> &BufferRef {
+        &self.source
     }
 
     /// Records the reading of the counts, before the frame. More than was planned count as that.

@@ -5,7 +5,7 @@ use super::bindings::{FrameBindings, GradientBindings, parts_of_host};
 use super::builder::{PassPlan, PassStatus};
 use super::counts::{CountStep, Counts};
 use super::memory::{Copy, PassMemory};
-use super::mesh::MeshBuffers;
+use super::mesh::{GeometryGradients, MeshBuffers, TexelSource};
 use super::place::{By, GradientStep, Step, misfit};
 use super::targets::{Floats, Overlap};
 use super::texels::TexelStep;
@@ -13,7 +13,7 @@ use crate::constants as c;
 use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
 use crate::frame::pack::{camera_texels, light_texels};
-use crate::vulkan::{BufferPart, BufferRef, HostCommands, Recorder};
+use crate::vulkan::{BufferPart, BufferRef, HostCommands, Recorder, vk};
 use std::sync::atomic::{AtomicU8, Ordering};
 
 /// A plan bound to a host's buffers. Two frames in flight take two of them, with memory of their own; the meshes' buffers may
@@ -27,6 +27,8 @@ pub struct Pass {
     pub(super) frame: FrameBindings,
     pub(super) gradients: Option<GradientBindings>,
     pub(super) buffers: Vec<(BufferId, BufferRef)>,
+    memory: [BufferRef; 3],
+    meshes: Vec<MeshBuffers>,
     upload: BufferPart,
     readback: BufferPart,
     /// Tables of draws, then everything that the setup places.
@@ -39,6 +41,9 @@ pub struct Pass {
     /// How far it was recorded: [`NOTHING`], [`SETUP`] or [`FORWARD`].
     recorded: AtomicU8,
 }
+
+/// A buffer, and the stages and accesses of its use.
+type BufferUse = (BufferRef, vk::PipelineStageFlags, vk::AccessFlags);
 
 /// A step of gradients, and whether other meshes write into the same array.
 struct Back {
@@ -82,6 +87,8 @@ impl Rasterizer {
             frame,
             gradients,
             buffers,
+            memory: [memory.upload, memory.device, memory.readback],
+            meshes: meshes.to_vec(),
             upload,
             readback,
             draws: Vec::new(),
@@ -190,6 +197,47 @@ impl Pass {
         let geometry = &self.plan.tables.placed.get(mesh)?.geometry;
         let at = self.buffer(BufferId::VertexNormals)?;
         at.part(12 * u64::from(geometry.first_vertex), 12 * u64::from(geometry.vertices())).ok()
+    }
+
+    /// What the setup, a frame and its gradients do with the host's buffers, for a host's render graph: each buffer with its stages
+    /// and accesses. Textures in images are read by compute shaders in the setup.
+    pub fn uses(&self) -> [Vec<BufferUse>; 3] {
+        use vk::{AccessFlags as A, PipelineStageFlags as S};
+        let [upload, device, readback] = self.memory;
+        let read = |at: &BufferRef| (*at, S::COMPUTE_SHADER, A::SHADER_READ);
+        let write = |at: &BufferRef| (*at, S::COMPUTE_SHADER, A::SHADER_READ | A::SHADER_WRITE);
+        let kernels = A::SHADER_READ | A::SHADER_WRITE | A::INDIRECT_COMMAND_READ;
+        let work = (
+            device,
+            S::COMPUTE_SHADER | S::DRAW_INDIRECT | S::TRANSFER,
+            kernels | A::TRANSFER_READ | A::TRANSFER_WRITE,
+        );
+        let own = self.buffers.iter().filter(|(_, at)| at.raw() != device.raw()).map(|(_, at)| (*at, work.1, work.2));
+        let own: Vec<BufferUse> = own.chain([work]).collect();
+        let uploaded = (upload, S::TRANSFER, A::TRANSFER_READ);
+        let read_back = (readback, S::TRANSFER, A::TRANSFER_WRITE);
+        let mut uses = [
+            [&own[..], &[uploaded]].concat(),
+            [&own[..], &[uploaded, read_back]].concat(),
+            [&own[..], &[read_back]].concat(),
+        ];
+        let [setup, forward, backward] = &mut uses;
+        for mesh in &self.meshes {
+            setup.extend(mesh.indices.iter().map(|(at, _)| read(at)));
+            setup.extend(mesh.uvs.iter().map(|(at, _)| read(at)));
+            match &mesh.texels {
+                Some(TexelSource::Floats(at)) => setup.push((*at, S::TRANSFER, A::TRANSFER_READ)),
+                Some(TexelSource::Bytes { at, .. }) => setup.push(read(at)),
+                Some(TexelSource::Image(_)) | None => {}
+            }
+            let vertices = || [Some(&mesh.positions), mesh.transforms.as_ref()].into_iter().flatten();
+            forward.extend(vertices().chain(&mesh.colors).map(|(at, _)| read(at)));
+            let GeometryGradients { positions, colors, transforms } = &mesh.gradients;
+            backward.extend(vertices().map(|(at, _)| read(at)));
+            backward.extend([positions, colors, transforms].into_iter().flatten().map(|(at, _)| write(at)));
+        }
+        forward.extend(self.counts.iter().map(|counts| read(counts.source())));
+        uses
     }
 
     /// Binds the counts of a pass planned with [`PassBuilder::device_counts`](super::PassBuilder::device_counts), which every frame

@@ -10,6 +10,7 @@ use crate::common::scenes::Case;
 use crate::host::engine::{Buffer, Engine};
 pub use crate::host::{Memory, bind, run};
 use crate::host::{assert_silent, difference, engine, error, rasterizer, upstream_bytes};
+use ash::vk;
 use gpu_allocator::MemoryLocation;
 use softras::embed::{
     BufferId, Draw, GeometryGradients, IndexFormat, Layout, MeshBuffers, MeshLook, Pass, PassMemory, PassMesh,
@@ -139,6 +140,15 @@ fn several_meshes_of_a_host_render_as_one_scene() {
         assert!(words.iter().step_by(16).all(|&x| x == untouched));
         assert_eq!(off(&rows, due.transforms.as_flattened().as_flattened()), None);
         assert!(rows.iter().any(|x| x.abs() > 1e-6) && part(6)[9..].iter().any(|x| x.abs() > 1e-6));
+        // A render graph's view of it: vertices are read by frames, gradients written behind them alone.
+        let uses = pass.uses();
+        let writes = [&scenery.vertices, &scenery.gradients].map(|buffer| {
+            uses.each_ref().map(|uses| {
+                let of_it = uses.iter().filter(|(at, ..)| at.raw() == buffer.raw);
+                of_it.map(|(.., access)| access.contains(vk::AccessFlags::SHADER_WRITE)).max()
+            })
+        });
+        assert_eq!(writes, [[None, Some(false), Some(false)], [None, None, Some(true)]]);
         // What is read back is what the device has.
         for id in [BufferId::Color, BufferId::VertexGradients] {
             let (at, size) = plan.readback_part(id).unwrap();
