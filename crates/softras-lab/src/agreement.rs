@@ -280,14 +280,14 @@ fn composited(of: Subject<'_>, name: &str) -> f64 {
 }
 
 /// The norm of all weights together.
-pub fn upstream_norm(upstream: &ImageGradient) -> f64 {
+fn upstream_norm(upstream: &ImageGradient) -> f64 {
     let images = [&upstream.color, &upstream.silhouette, &upstream.depth, &upstream.normal];
     let squares = images.into_iter().flatten().flat_map(|image| &image.data).map(|&x| f64::from(x).powi(2));
     squares.sum::<f64>().sqrt()
 }
 
 /// The weights with the signs of a half of them turned.
-pub fn with_random_signs(upstream: &ImageGradient, seed: u64) -> ImageGradient {
+fn with_random_signs(upstream: &ImageGradient, seed: u64) -> ImageGradient {
     let random = &mut Random::new(seed);
     let mut flipped = upstream.clone();
     let images = [&mut flipped.color, &mut flipped.silhouette, &mut flipped.depth, &mut flipped.normal];

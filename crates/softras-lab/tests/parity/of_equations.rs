@@ -1,13 +1,12 @@
 //! The equations that the tests recompute (`tests/official`) against the recorded outputs.
 
-use crate::cells::{lookups_in_row, undecided_cells, unmasked};
-use crate::compare::{axes, max_difference, relative_l2, texel_sum};
-use crate::equations::{Gradient, Image, Triangles, gradient, image};
-use crate::pipeline::{
-    Vector, eye, light, look_at, orthogonal, perspective, perspective_gradient, surface_normals, vertex_normals,
-};
-use crate::recorded::{Archive, Case};
+use crate::cells::{lookups_in_row, undecided_cells};
+use crate::official::compare::{axes, max_difference, relative_l2, texel_sum, unmasked};
+use crate::official::equations::{Gradient, Image, Triangles, gradient, image};
+use crate::recorded::Case;
 use crate::{GRADIENT_TOLERANCE, IMAGE_TOLERANCE, SURFACE};
+
+type Vector = [f64; 3];
 
 fn points(values: &[f64]) -> Vec<Vector> {
     values.chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect()
@@ -82,31 +81,4 @@ pub fn surface() {
         "equations, {SURFACE}: colour {color:.2e}, silhouette {silhouette:.2e}, texel gradient by face {texels:.2e}"
     );
     assert!(color.max(silhouette) <= IMAGE_TOLERANCE && texels <= GRADIENT_TOLERANCE && differences.len() >= 3);
-}
-
-/// `pipeline.npz`: a deformed sphere on its way from vertices to the screen.
-pub fn pipeline() {
-    let archive = Archive::open("pipeline.npz");
-    let of = |key: &str| points(&archive.f64s(key));
-    let vertices = of("vertices");
-    let faces: Vec<[u32; 3]> = archive.f64s("faces").chunks(3).map(|t| [t[0], t[1], t[2]].map(|v| v as u32)).collect();
-    let eye = eye(2.732, 30.0, 40.0);
-    let view = look_at(eye, &vertices);
-    let by_face = surface_normals(&vertices, &faces);
-    let by_vertex = vertex_normals(&vertices, &faces);
-    let checks = [
-        ("look_at", view.clone(), 1e-12),
-        ("perspective30", perspective(&view, 30.0), 1e-12),
-        ("orthogonal_scale0p7", orthogonal(&view, 0.7), 1e-12),
-        ("light_surface", light(&by_face), 1e-9),
-        ("light_vertex", light(&by_vertex), 1e-9),
-        ("surface_normals", by_face, 1e-9),
-        ("vertex_normals", by_vertex, 1e-9),
-        ("grad_vertices", perspective_gradient(eye, &vertices, 30.0, &of("upstream_projected")), 1e-12),
-    ];
-    for (key, ours, tolerance) in checks {
-        let difference = max_difference(ours.as_flattened(), of(key).as_flattened());
-        println!("pipeline, {key}: {difference:.2e}");
-        assert!(difference < tolerance, "{key}: {difference:e}");
-    }
 }

@@ -1,6 +1,6 @@
 //! `eval` of the recorded scenes, on the device and by the reference.
 
-use crate::compare::{median_face, relative_l2};
+use crate::official::compare::{median_face, relative_l2};
 use crate::program::lab;
 use crate::recorded::Archive;
 use crate::{GRADIENT_TOLERANCE, SPOT};
