@@ -44,19 +44,11 @@ pub fn random_upstream(case: &Case, images: Outputs) -> ImageGradient {
 /// The weights that `weight` gives for an image's name, row and column, the same in every view; the first where an image
 /// has one channel.
 pub fn upstream_of(case: &Case, weight: impl Fn(&str, usize, usize) -> [f32; 3]) -> ImageGradient {
-    let (height, width) = (case.settings.height as usize, case.settings.width as usize);
-    let batch = case.cameras.len();
-    let image = |name: &str, channels: usize| {
-        let pixels = (0..batch * height * width).map(|pixel| weight(name, pixel / width % height, pixel % width));
-        let data = pixels.flat_map(|w| w.into_iter().take(channels)).collect();
-        Some(Image { batch, height, width, channels, data })
-    };
-    ImageGradient {
-        color: image("color", 3),
-        silhouette: image("silhouette", 1),
-        depth: image("depth", 1),
-        normal: image("normal", 3),
-    }
+    let [batch, height, width] = case.subject().shape();
+    agreement::upstream_of(Outputs::ALL, [batch, height, width], |name, channels, i| {
+        let pixel = i / channels;
+        weight(name, pixel / width % height, pixel % width)[i % channels]
+    })
 }
 
 /// The upstream gradient of one pixel, counted over the batch; zero elsewhere.

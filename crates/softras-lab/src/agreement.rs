@@ -68,6 +68,13 @@ pub struct Subject<'a> {
     pub settings: &'a Settings,
 }
 
+impl Subject<'_> {
+    /// Batch, height and width of its images.
+    pub fn shape(&self) -> [usize; 3] {
+        [self.cameras.len(), self.settings.height as usize, self.settings.width as usize]
+    }
+}
+
 /// One gradient of a scene, ours and the reference's.
 #[derive(Clone, Debug)]
 pub struct Group {
@@ -91,26 +98,34 @@ pub fn reference_gradient(
     softras_reference::gradient(of.scene, of.cameras, of.settings, &gradients::upstream(upstream), mode)
 }
 
+/// An upstream gradient of `images`, of [batch, height, width] pixels, whose weights are given by an image's name, its channels
+/// and the index of a value.
+pub fn upstream_of(
+    images: Outputs,
+    [batch, height, width]: [usize; 3],
+    mut weight: impl FnMut(&'static str, usize, usize) -> f32,
+) -> ImageGradient {
+    let mut image = |wanted: bool, name, channels: usize| {
+        let mut data = || (0..batch * height * width * channels).map(|i| weight(name, channels, i)).collect();
+        wanted.then(|| Image { batch, height, width, channels, data: data() })
+    };
+    ImageGradient {
+        color: image(images.color, "color", 3),
+        silhouette: image(images.silhouette, "silhouette", 1),
+        depth: image(images.depth, "depth", 1),
+        normal: image(images.normal, "normal", 3),
+    }
+}
+
 /// A random weight in [-1, 1) for every value of `images`, 0 where the margin is below [`GradientTolerance::margin`] of
 /// [`GRADIENT`].
 pub fn random_upstream(of: Subject<'_>, seed: u64, images: Outputs, margin: Option<&[f64]>) -> ImageGradient {
-    let (height, width) = (of.settings.height as usize, of.settings.width as usize);
-    let batch = of.cameras.len();
     let random = &mut Random::new(seed ^ 0x5eed);
     let jumps = |pixel: usize| margin.is_some_and(|m| m.get(pixel).is_none_or(|m| *m < GRADIENT.margin));
-    let mut image = |wanted: bool, channels: usize| {
-        wanted.then(|| {
-            let values = (0..batch * height * width * channels).map(|i| (i / channels, random.range(-1.0, 1.0) as f32));
-            let data = values.map(|(pixel, weight)| if jumps(pixel) { 0.0 } else { weight }).collect();
-            Image { batch, height, width, channels, data }
-        })
-    };
-    ImageGradient {
-        color: image(images.color, 3),
-        silhouette: image(images.silhouette, 1),
-        depth: image(images.depth, 1),
-        normal: image(images.normal, 3),
-    }
+    upstream_of(images, of.shape(), |_, channels, i| {
+        let weight = random.range(-1.0, 1.0) as f32;
+        if jumps(i / channels) { 0.0 } else { weight }
+    })
 }
 
 fn flat<const N: usize>(rows: &[[f32; N]]) -> Vec<f64> {

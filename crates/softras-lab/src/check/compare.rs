@@ -60,22 +60,11 @@ pub fn compare(renderer: &mut Renderer, case: &Case) -> Result<Findings> {
 /// Weights in [-1, 1] for every value of every image, 0 for pixels near a discontinuity.
 fn upstream(truth: &ReferenceFrame, settings: &Settings) -> ImageGradient {
     let mut state = 3u64;
-    let mut weights = |channels: usize| {
-        let weight = |i: usize| {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            let random = (state >> 40) as f32 / (1u64 << 23) as f32 - 1.0;
-            if truth.margin[i / channels] > IMAGE_MARGIN { random } else { 0.0 }
-        };
-        let data = (0..truth.margin.len() * channels).map(weight).collect();
-        Image { batch: truth.batch, height: truth.height, width: truth.width, channels, data }
-    };
-    let outputs = settings.outputs;
-    ImageGradient {
-        color: outputs.color.then(|| weights(3)),
-        silhouette: outputs.silhouette.then(|| weights(1)),
-        depth: outputs.depth.then(|| weights(1)),
-        normal: outputs.normal.then(|| weights(3)),
-    }
+    agreement::upstream_of(settings.outputs, [truth.batch, truth.height, truth.width], |_, channels, i| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let random = (state >> 40) as f32 / (1u64 << 23) as f32 - 1.0;
+        if truth.margin[i / channels] > IMAGE_MARGIN { random } else { 0.0 }
+    })
 }
 
 fn image_errors(frame: &Frame, truth: &ReferenceFrame) -> [Option<f64>; 4] {

@@ -68,21 +68,6 @@ fn equal_depths_go_to_the_first_triangle() {
 }
 
 #[test]
-fn other_distances_by_hand() {
-    let scene = Scene::new(screen_mesh(&triangle_above(0.0625, 2.0)));
-    let silhouette = |scene: &Scene, distance| on_screen(scene, &Settings { distance, ..one_pixel() }).silhouette[0];
-    let m: f64 = 0.0625 / 4.0625;
-    assert!(close(silhouette(&scene, Distance::Barycentric), sigmoid(m * m / 0.01)));
-    assert!(close(silhouette(&scene, Distance::Hard), 1.0));
-    let outside = Scene::new(screen_mesh(&triangle_above(-0.125, 2.0)));
-    let m: f64 = 0.125 / 3.875;
-    assert!(close(silhouette(&outside, Distance::Barycentric), sigmoid(-m * m / 0.01)));
-    assert_eq!(silhouette(&outside, Distance::Hard), 0.0);
-    // A point has no barycentrics.
-    assert_eq!(silhouette(&Scene::new(screen_mesh(&[[0.0, 0.0, 2.0]; 3])), Distance::Barycentric), 0.0);
-}
-
-#[test]
 fn the_cut_is_where_d_is_tau() {
     let settings = Settings { sigma: 0.01, ..one_pixel() };
     let radius = (settings.sigma * settings.cutoff()).sqrt() as f32;
