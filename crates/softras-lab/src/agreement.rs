@@ -132,8 +132,11 @@ fn flat<const N: usize>(rows: &[[f32; N]]) -> Vec<f64> {
     rows.iter().flatten().map(|&x| f64::from(x)).collect()
 }
 
-/// Every number of a result by the gradient it belongs to, a mesh's and a view's by themselves.
-pub fn numbers(g: &Gradients) -> Vec<(&'static str, Vec<f64>)> {
+/// Numbers by the gradient that they belong to, a mesh's and a view's by themselves.
+pub type Numbers = Vec<(&'static str, Vec<f64>)>;
+
+/// Every number of a result.
+pub fn numbers(g: &Gradients) -> Numbers {
     let mut all = Vec::new();
     for mesh in &g.meshes {
         all.push(("positions", flat(&mesh.positions)));
@@ -169,7 +172,7 @@ pub fn not_finite(gradients: &Gradients) -> Option<String> {
 }
 
 /// The reference's, in the same order and shapes.
-fn reference_numbers(of: Subject<'_>, g: &ReferenceGradients) -> Vec<(&'static str, Vec<f64>)> {
+pub fn reference_numbers(of: Subject<'_>, g: &ReferenceGradients) -> Numbers {
     let mut all = Vec::new();
     for (i, mesh) in of.scene.meshes.iter().enumerate() {
         all.push(("positions", g.positions(i).to_vec()));
@@ -203,7 +206,7 @@ fn reference_numbers(of: Subject<'_>, g: &ReferenceGradients) -> Vec<(&'static s
 /// Where the shapes differ.
 pub fn groups(of: Subject<'_>, ours: &Gradients, reference: &ReferenceGradients) -> Result<Vec<Group>, String> {
     let (ours, reference) = (numbers(ours), reference_numbers(of, reference));
-    let shape = |all: &[(&'static str, Vec<f64>)]| all.iter().map(|(name, v)| (*name, v.len())).collect::<Vec<_>>();
+    let shape = |all: &Numbers| all.iter().map(|(name, v)| (*name, v.len())).collect::<Vec<_>>();
     if shape(&ours) != shape(&reference) {
         return Err(format!("the gradient has {:?}, the reference's {:?}", shape(&ours), shape(&reference)));
     }

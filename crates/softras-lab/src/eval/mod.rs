@@ -11,8 +11,8 @@ use softras::{Camera, Frame, GradientMode, GradientRequest, Image, ImageGradient
 use softras_io::Budget;
 use softras_io::npy::Data;
 use softras_io::npz::{self, Archive};
-use softras_lab::gradients;
-use softras_reference::{ReferenceFrame, ReferenceGradients, Truncation};
+use softras_lab::agreement::{self, Numbers, Subject};
+use softras_reference::{ReferenceFrame, Truncation};
 use std::path::PathBuf;
 
 /// What the help says of the files.
@@ -196,15 +196,16 @@ struct Wish {
 type Images = Vec<(&'static str, Vec<f64>)>;
 
 /// Renders, and differentiates if requested, on the requested device.
-fn render(options: &Options, job: &Job, wish: Option<&Wish>) -> Result<(Images, Option<ReferenceGradients>)> {
+fn render(options: &Options, job: &Job, wish: Option<&Wish>) -> Result<(Images, Option<Numbers>)> {
     let Job { scene, cameras, settings, .. } = job;
     if options.device.as_deref() == Some(REFERENCE) {
         let frame = softras_reference::render(scene, cameras, settings, Truncation::Tau)?;
         let differentiate = |wish: &Wish| {
-            let upstream = gradients::upstream(&wish.upstream);
-            softras_reference::gradient(scene, cameras, settings, &upstream, wish.mode)
+            let subject = Subject { scene, cameras, settings };
+            let gradient = agreement::reference_gradient(subject, &wish.upstream, wish.mode)?;
+            Ok(agreement::reference_numbers(subject, &gradient))
         };
-        let gradient = wish.map(differentiate).transpose()?;
+        let gradient: Option<Numbers> = wish.map(differentiate).transpose()?;
         return Ok((of_reference(frame), gradient));
     }
     let mut renderer = match &options.device {
@@ -215,9 +216,9 @@ fn render(options: &Options, job: &Job, wish: Option<&Wish>) -> Result<(Images, 
     let frame = renderer.render(scene, cameras, settings)?;
     let differentiate = |wish: &Wish| {
         let gradients = renderer.backward(&frame, &wish.upstream, &wanted(job.layout, wish.mode))?;
-        gradients::as_parameters(&gradients, scene, cameras, settings)
+        Ok(agreement::numbers(&gradients))
     };
-    let gradient = wish.map(differentiate).transpose()?;
+    let gradient: Option<Numbers> = wish.map(differentiate).transpose()?;
     Ok((of_device(&frame), gradient))
 }
 
