@@ -92,32 +92,34 @@ pub const FACTORS: [(&str, &[Change]); 10] = [
 /// Choices of the [`FACTORS`], in their order, and of the gradient: 0 the exact one, 1 the paper's. Every pair of choices is in
 /// some row, which a test holds, and so are the larger combinations that have code of their own: front faces in official parity
 /// under a hard colour and under a composite background, and cut-outs in a sum cut at near, in hard modes and in perspective.
-/// A greedy search found these rows.
-pub const PAIRWISE: [&str; 24] = [
-    "11001032100",
-    "02111131331",
-    "11212113211",
-    "00010123020",
-    "12100003310",
-    "00202033121",
-    "12202040030",
-    "01110140101",
-    "10101011220",
-    "02012102231",
-    "11202121301",
-    "00111022011",
-    "00010010330",
-    "12000041110",
-    "11201000020",
-    "12210042321",
-    "10101143201",
-    "02102011001",
-    "01010130211",
-    "01102120131",
-    "10212001100",
-    "02101023231",
-    "01211112120",
-    "12002130001",
+/// A greedy search found these rows. None has cells of colour in perspective and in official parity: there rounding decides whether a
+/// corner's barycentric is 1, from where on the official lookup leaves the triangle's cells.
+pub const PAIRWISE: [&str; 25] = [
+    "12201132110",
+    "01111033001",
+    "11000113331",
+    "00212103220",
+    "12012043111",
+    "00100033320",
+    "10002121000",
+    "02210020231",
+    "11101140220",
+    "00112012131",
+    "02111001311",
+    "11200002001",
+    "02001010021",
+    "01200041130",
+    "11212120310",
+    "10001012210",
+    "02002000101",
+    "02101122120",
+    "10011030031",
+    "10210142300",
+    "02202011201",
+    "01202031221",
+    "12210023010",
+    "01202040021",
+    "02010002031",
 ];
 
 /// The case in each mode of [`PAIRWISE`], with its row and gradient.

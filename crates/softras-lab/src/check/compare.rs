@@ -1,7 +1,7 @@
 //! Compares one scene between the device and the f64 reference.
 
 use super::scenes::Case;
-use crate::agreement::{self, Group, IMAGE_MARGIN, Subject, norm};
+use crate::agreement::{self, Group, IMAGE_MARGIN, Subject};
 use crate::stress::fingerprint;
 use softras::{Error, Frame, GradientRequest, Gradients, Image, ImageGradient, Renderer, Result, Settings};
 use softras_reference::ReferenceFrame;
@@ -95,25 +95,18 @@ fn column(name: &str) -> Option<usize> {
     })
 }
 
-/// The error of each column of the table.
+/// The error of each column of the table; `None` where all of its numbers are zeros.
 fn gradient_errors(groups: Vec<Group>) -> [Option<f64>; 8] {
-    let mut columns = [const { (Vec::new(), Vec::new()) }; 8];
+    let mut columns = GRADIENTS.map(|name| Group { name, ours: Vec::new(), reference: Vec::new() });
     for Group { name, ours, reference } in groups {
         let Some(column) = column(name) else { continue };
-        columns[column].0.extend(ours);
-        columns[column].1.extend(reference);
+        columns[column].ours.extend(ours);
+        columns[column].reference.extend(reference);
     }
-    columns.map(|(ours, reference)| relative(&ours, &reference))
-}
-
-/// |ours - expected| / |expected|; `None` if both are all zeros.
-fn relative(ours: &[f64], expected: &[f64]) -> Option<f64> {
-    if ours.iter().chain(expected).all(|x| *x == 0.0) {
-        return None;
-    }
-    let difference: Vec<f64> = ours.iter().zip(expected).map(|(a, b)| a - b).collect();
-    let error = norm(&difference) / norm(expected);
-    Some(if error.is_nan() { f64::INFINITY } else { error })
+    columns.map(|column| {
+        let is_empty = column.ours.iter().chain(&column.reference).all(|x| *x == 0.0);
+        (!is_empty).then(|| agreement::relative_error(&column, 0.0).unwrap_or(f64::INFINITY))
+    })
 }
 
 #[cfg(test)]
