@@ -9,7 +9,6 @@ pub enum Type {
     Int { bytes: u32, signed: bool },
     Float { bytes: u32 },
     Vector { component: u32, count: u32 },
-    Matrix { column: u32, columns: u32 },
     Image { sampled: u32, dim: Option<Dim>, texel: u32, format: Option<ImageFormat> },
     SampledImage { image: u32 },
     Array { element: u32, length: u32 },
@@ -108,7 +107,6 @@ impl Module {
             (Op::TypeInt, [id, bits, sign]) => (id, Type::Int { bytes: bits / 8, signed: *sign == 1 }),
             (Op::TypeFloat, [id, bits, ..]) => (id, Type::Float { bytes: bits / 8 }),
             (Op::TypeVector, [id, component, count]) => (id, Type::Vector { component: *component, count: *count }),
-            (Op::TypeMatrix, [id, column, columns]) => (id, Type::Matrix { column: *column, columns: *columns }),
             (Op::TypeImage, [id, texel, dim, _, _, _, sampled, format, ..]) => {
                 let (dim, format) = (Dim::from_u32(*dim), ImageFormat::from_u32(*format));
                 (id, Type::Image { sampled: *sampled, dim, texel: *texel, format })

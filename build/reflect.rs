@@ -1,7 +1,8 @@
 //! Reads out of a SPIR-V module what the host must agree with: bindings, push constants, specialization constants,
 //! the local size and the layout of every record in a storage buffer.
 //!
-//! It understands what glslang emits for a compute kernel; anything else is an error that names it.
+//! It understands what glslang emits for a compute kernel; anything else is an error that names it. Not rspirv-reflect: that
+//! crate finds bindings and the size of push constants alone, and would add six crates to the thirteen of this build.
 
 use super::module::{Module, Type};
 use spirv::{Capability, Decoration, Dim, ImageFormat, StorageClass};
@@ -140,17 +141,16 @@ impl Module {
         Ok(Binding { name, binding, kind })
     }
 
-    /// Bytes of a type in the layout that `matrix_stride` and the decorations give; 0 for a runtime array.
-    fn size(&self, id: u32, matrix_stride: Option<u32>) -> Result<u32, String> {
+    /// Bytes of a type in the layout that the decorations give; 0 for a runtime array.
+    fn size(&self, id: u32) -> Result<u32, String> {
         Ok(match self.ty(id)? {
             Type::Bool => 4,
             Type::Int { bytes, .. } | Type::Float { bytes } => *bytes,
-            Type::Vector { component, count } => self.size(*component, None)? * count,
-            Type::Matrix { columns, .. } => matrix_stride.ok_or(format!("matrix type %{id} has no stride"))? * columns,
+            Type::Vector { component, count } => self.size(*component)? * count,
             Type::Array { element, length } => {
                 let count = self.constants.get(length).ok_or("an array's length is no constant")?.1;
                 let stride = self.decoration(id, Decoration::ArrayStride);
-                count * stride.map_or_else(|| self.size(*element, matrix_stride), Ok)?
+                count * stride.map_or_else(|| self.size(*element), Ok)?
             }
             Type::RuntimeArray { .. } => 0,
             Type::Struct { .. } => self.members(id)?.iter().map(|m| m.offset + m.size).max().unwrap_or(0),
@@ -166,8 +166,7 @@ impl Module {
                 self.bare_size(*element)? * self.constants.get(length).map_or(1, |constant| constant.1)
             }
             Type::Struct { members } => members.iter().map(|&m| self.bare_size(m)).sum::<Result<_, _>>()?,
-            Type::Matrix { column, columns } => self.size(*column, None)? * columns,
-            _ => self.size(id, None)?,
+            _ => self.size(id)?,
         })
     }
 
@@ -186,7 +185,7 @@ impl Module {
             Type::Array { .. } | Type::RuntimeArray { .. } => self.decoration(ty, Decoration::ArrayStride).unwrap_or(0),
             _ => 0,
         };
-        Ok(Member { name, offset, size: self.size(ty, decoration(Decoration::MatrixStride))?, stride })
+        Ok(Member { name, offset, size: self.size(ty)?, stride })
     }
 
     /// This struct and every one inside it, in the order met.
@@ -197,7 +196,7 @@ impl Module {
             }
             Type::Struct { members } => {
                 let name = self.name(id).to_string();
-                let record = Struct { name, size: self.size(id, None)?, stride, members: self.members(id)? };
+                let record = Struct { name, size: self.size(id)?, stride, members: self.members(id)? };
                 if !found.contains(&record) {
                     found.push(record);
                 }

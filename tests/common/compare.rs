@@ -4,21 +4,10 @@ use super::tolerance::Tolerance;
 use softras::{Frame, Image};
 use softras_reference::ReferenceFrame;
 
-/// What a comparison found.
-#[derive(Clone, Debug)]
-pub struct Report {
-    /// The largest error of the pixels that count, in units of the tolerance.
-    pub worst: f64,
-    /// Where it is and what it is.
-    pub place: String,
-    /// Share of the pixels that were left out, since the model jumps there.
-    pub left_out: f64,
-}
-
 /// One image against the reference's, value by value: |actual - reference| ≤ tolerance · max(1, |reference|).
 ///
 /// Pixels whose `margin` is below the tolerance's may fall on the other side of a jump of the model and are left out,
-/// but no more than its share of them.
+/// but no more than its share of them. The largest error of the others, in units of the tolerance.
 ///
 /// # Errors
 /// What is wrong: the shape, a value that is not finite, the worst pixel, or too many pixels left out.
@@ -28,7 +17,7 @@ pub fn compare(
     reference: &[f64],
     margin: &[f64],
     tolerance: &Tolerance,
-) -> Result<Report, String> {
+) -> Result<f64, String> {
     let channels = actual.channels;
     let pixels = actual.batch * actual.height * actual.width;
     if [actual.data.len(), reference.len()] != [pixels * channels; 2] || margin.len() != pixels {
@@ -64,16 +53,15 @@ pub fn compare(
             tolerance.left_out
         ));
     }
-    let place = if pixels == 0 { format!("{name}: no pixels") } else { place(at) };
-    if worst > 1.0 { Err(place) } else { Ok(Report { worst, place, left_out }) }
+    if worst > 1.0 { Err(place(at)) } else { Ok(worst) }
 }
 
-/// Every image that the frame has, and that it has those which the reference has.
+/// Every image that the frame has, and that it has those which the reference has; the largest error.
 ///
 /// # Errors
 /// As [`compare`].
-pub fn compare_frames(actual: &Frame, reference: &ReferenceFrame, tolerance: &Tolerance) -> Result<Report, String> {
-    let mut worst = Report { worst: 0.0, place: String::new(), left_out: 0.0 };
+pub fn compare_frames(actual: &Frame, reference: &ReferenceFrame, tolerance: &Tolerance) -> Result<f64, String> {
+    let mut worst: f64 = 0.0;
     for (name, image, expected) in [
         ("color", actual.color(), &reference.color),
         ("silhouette", actual.silhouette(), &reference.silhouette),
@@ -86,10 +74,7 @@ pub fn compare_frames(actual: &Frame, reference: &ReferenceFrame, tolerance: &To
             }
             return Err(format!("{name}: asked for and not there"));
         };
-        let report = compare(name, image, expected, &reference.margin, tolerance)?;
-        if report.worst >= worst.worst {
-            worst = report;
-        }
+        worst = worst.max(compare(name, image, expected, &reference.margin, tolerance)?);
     }
     Ok(worst)
 }
@@ -131,24 +116,11 @@ pub fn same_image_bits(name: &str, a: &Image, b: &Image) -> Result<(), String> {
 
 /// Both frames' images by name.
 pub fn images<'a>(a: &'a Frame, b: &'a Frame) -> [(&'static str, Option<&'a Image>, Option<&'a Image>); 4] {
-    [
-        ("color", a.color().ok(), b.color().ok()),
-        ("silhouette", a.silhouette().ok(), b.silhouette().ok()),
-        ("depth", a.depth().ok(), b.depth().ok()),
-        ("normal", a.normal().ok(), b.normal().ok()),
-    ]
+    let find = |frame: &'a Frame, name| frame.images().find(|(n, _)| *n == name).map(|(_, image)| image);
+    ["color", "silhouette", "depth", "normal"].map(|name| (name, find(a, name), find(b, name)))
 }
 
 /// One view of a batch as a batch of its own.
 pub fn view_of(image: &Image, view: usize) -> Image {
     Image { batch: 1, data: image.view(view).to_vec(), ..*image }
-}
-
-/// The image with its columns in reverse.
-pub fn mirrored(image: &Image) -> Image {
-    let mut data = Vec::with_capacity(image.data.len());
-    for row in image.data.chunks_exact(image.width * image.channels) {
-        row.chunks_exact(image.channels).rev().for_each(|pixel| data.extend(pixel));
-    }
-    Image { data, ..*image }
 }

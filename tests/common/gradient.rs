@@ -1,18 +1,18 @@
 //! The kernels' gradients against the reference's.
 
 use super::{
-    blame::blame,
-    compare::compare_frames,
+    compare::{compare_frames, same_bits, view_of},
     scenes::{Case, Kind, random_case},
+    tier,
     tolerance::{GradientTolerance, IMAGE},
 };
 use softras::{
-    Camera, GradientMode, GradientRequest, Gradients, Image, ImageGradient, Renderer, Scene, Settings, scene::Outputs,
+    Camera, Frame, GradientMode, GradientRequest, Gradients, Image, ImageGradient, Renderer, Scene, Settings,
+    scene::Outputs,
 };
 use softras_lab::agreement;
-pub use softras_lab::agreement::{Group, norm, numbers, relative_error, upstream_norm, with_random_signs};
+pub use softras_lab::agreement::{Group, norm, numbers, relative_error};
 use softras_reference::{ReferenceGradients, render_culled};
-use std::collections::BTreeMap;
 
 /// What one comparison found: each gradient's relative error.
 pub type Errors = Vec<(&'static str, f64)>;
@@ -44,18 +44,35 @@ pub fn random_upstream(case: &Case, images: Outputs) -> ImageGradient {
 /// The weights that `weight` gives for an image's name, row and column, the same in every view; the first where an image
 /// has one channel.
 pub fn upstream_of(case: &Case, weight: impl Fn(&str, usize, usize) -> [f32; 3]) -> ImageGradient {
-    let (height, width) = (case.settings.height as usize, case.settings.width as usize);
-    let batch = case.cameras.len();
-    let image = |name: &str, channels: usize| {
-        let pixels = (0..batch * height * width).map(|pixel| weight(name, pixel / width % height, pixel % width));
-        let data = pixels.flat_map(|w| w.into_iter().take(channels)).collect();
-        Some(Image { batch, height, width, channels, data })
-    };
+    let [batch, height, width] = case.subject().shape();
+    agreement::upstream_of(Outputs::ALL, [batch, height, width], |name, channels, i| {
+        let pixel = i / channels;
+        weight(name, pixel / width % height, pixel % width)[i % channels]
+    })
+}
+
+/// The upstream gradient of one pixel, counted over the batch; zero elsewhere.
+pub fn only_pixel(upstream: &ImageGradient, pixel: usize) -> ImageGradient {
+    each_image(upstream, |image| {
+        let mut data = vec![0.0; image.data.len()];
+        let range = pixel * image.channels..(pixel + 1) * image.channels;
+        data[range.clone()].copy_from_slice(&image.data[range]);
+        Image { data, ..*image }
+    })
+}
+
+/// The upstream gradient of one view.
+pub fn of_view(upstream: &ImageGradient, view: usize) -> ImageGradient {
+    each_image(upstream, |image| view_of(image, view))
+}
+
+fn each_image(upstream: &ImageGradient, change: impl Fn(&Image) -> Image) -> ImageGradient {
+    let one = |image: &Option<Image>| image.as_ref().map(&change);
     ImageGradient {
-        color: image("color", 3),
-        silhouette: image("silhouette", 1),
-        depth: image("depth", 1),
-        normal: image("normal", 3),
+        color: one(&upstream.color),
+        silhouette: one(&upstream.silhouette),
+        depth: one(&upstream.depth),
+        normal: one(&upstream.normal),
     }
 }
 
@@ -63,19 +80,41 @@ pub fn reference_gradient(case: &Case, upstream: &ImageGradient, mode: GradientM
     agreement::reference_gradient(case.subject(), upstream, mode).unwrap()
 }
 
+/// The gradient modes that the tier looks at.
+pub fn modes() -> &'static [GradientMode] {
+    tier(&[GradientMode::Exact], &[GradientMode::Exact, GradientMode::Paper])
+}
+
+/// A frame and its gradients.
+pub type Made = (Frame, Gradients);
+
 /// Renders and goes backward.
 ///
 /// # Errors
 /// What the renderer says.
+pub fn made(
+    renderer: &mut Renderer,
+    case: &Case,
+    upstream: &ImageGradient,
+    wanted: &GradientRequest,
+) -> Result<Made, String> {
+    let settings = Settings { save: true, ..case.settings.clone() };
+    let frame = renderer.render(&case.scene, &case.cameras, &settings).map_err(|e| e.to_string())?;
+    let gradients = renderer.backward(&frame, upstream, wanted).map_err(|e| e.to_string())?;
+    Ok((frame, gradients))
+}
+
+/// The gradients alone.
+///
+/// # Errors
+/// As [`made`].
 pub fn backward(
     renderer: &mut Renderer,
     case: &Case,
     upstream: &ImageGradient,
     wanted: &GradientRequest,
 ) -> Result<Gradients, String> {
-    let settings = softras::Settings { save: true, ..case.settings.clone() };
-    let frame = renderer.render(&case.scene, &case.cameras, &settings).map_err(|e| e.to_string())?;
-    renderer.backward(&frame, upstream, wanted).map_err(|e| e.to_string())
+    made(renderer, case, upstream, wanted).map(|(_, gradients)| gradients)
 }
 
 type Numbers = (&'static str, Vec<f64>);
@@ -90,14 +129,6 @@ pub fn matching(some: &Gradients, all: &Gradients) -> Vec<(Numbers, Numbers)> {
     pairs.map(|i| (some[i].clone(), find(some[i].0, place(i)).expect("all has it"))).collect()
 }
 
-/// Both side by side.
-///
-/// # Errors
-/// Where the shapes differ.
-pub fn groups(case: &Case, ours: &Gradients, reference: &ReferenceGradients) -> Result<Vec<Group>, String> {
-    agreement::groups(case.subject(), ours, reference)
-}
-
 /// The number that is farthest off, for people.
 pub fn worst_number(group: &Group) -> String {
     let off = |i: usize| (group.ours[i] - group.reference[i]).abs();
@@ -106,20 +137,6 @@ pub fn worst_number(group: &Group) -> String {
         let size = norm(&group.reference);
         format!("number {i} is {:e}, should be {:e}, |reference| {size:e}", group.ours[i], group.reference[i])
     })
-}
-
-/// Each gradient's error.
-///
-/// # Errors
-/// As [`agreement::errors`].
-pub fn errors(
-    case: &Case,
-    upstream: &ImageGradient,
-    mode: GradientMode,
-    ours: &Gradients,
-    tolerance: &GradientTolerance,
-) -> Result<Vec<(Group, f64)>, String> {
-    agreement::errors(case.subject(), upstream, mode, ours, (tolerance.usual, tolerance))
 }
 
 /// Renders, goes backward and compares everything, each gradient within `tolerance.worst`.
@@ -134,7 +151,7 @@ pub fn check(
     tolerance: &GradientTolerance,
 ) -> Result<Errors, String> {
     let ours = backward(renderer, case, upstream, &GradientRequest { mode, ..GradientRequest::ALL })?;
-    let errors = errors(case, upstream, mode, &ours, tolerance)?;
+    let errors = agreement::errors(case.subject(), upstream, mode, &ours, (tolerance.usual, tolerance))?;
     let wrong: Vec<usize> = (0..errors.len()).filter(|&i| errors[i].1 > tolerance.worst).collect();
     if wrong.is_empty() {
         // What nothing depends on is 0 in both, and says nothing.
@@ -144,13 +161,20 @@ pub fn check(
     let describe =
         |&i: &usize| format!("{mode:?} {}: {:.1e}, {}", errors[i].0.name, errors[i].1, worst_number(&errors[i].0));
     let mut report: Vec<String> = wrong.iter().map(describe).collect();
-    report.push(blame(renderer, case, upstream, mode, wrong[0]));
     let frame = renderer.render(&case.scene, &case.cameras, &case.settings).map_err(|e| e.to_string())?;
     let reference = render_culled(&case.scene, &case.cameras, &case.settings).map_err(|e| e.to_string())?;
     if let Err(error) = compare_frames(&frame, &reference, &IMAGE) {
         report.push(format!("the images are wrong already: {error}"));
     }
     Err(report.join("\n"))
+}
+
+/// Images and gradients of the same bits.
+///
+/// # Errors
+/// The first of them that differs.
+pub fn same_made_bits(a: &Made, b: &Made) -> Result<(), String> {
+    same_bits(&a.0, &b.0).and(same_gradient_bits(&a.1, &b.1))
 }
 
 /// Every number the same bits.
@@ -177,58 +201,4 @@ pub fn same_gradient_bits(a: &Gradients, b: &Gradients) -> Result<(), String> {
 /// The first that is not.
 pub fn all_finite(gradients: &Gradients) -> Result<(), String> {
     agreement::not_finite(gradients).map_or(Ok(()), Err)
-}
-
-/// Errors of many scenes by mode and gradient.
-#[derive(Default)]
-pub struct Table(BTreeMap<(String, &'static str), Vec<(f64, u64)>>);
-
-impl Table {
-    pub fn add(&mut self, mode: GradientMode, seed: u64, errors: &Errors) {
-        let mut worst: BTreeMap<&'static str, f64> = BTreeMap::new();
-        for &(name, error) in errors {
-            let entry = worst.entry(name).or_default();
-            *entry = entry.max(error);
-        }
-        for (name, error) in worst {
-            self.0.entry((format!("{mode:?}"), name)).or_default().push((error, seed));
-        }
-    }
-
-    /// That all but `tolerance.share` of the scenes are within `usual` in each gradient, and all within `worst`.
-    ///
-    /// # Errors
-    /// The gradients of which this is not so.
-    pub fn verdict(&self, tolerance: &GradientTolerance) -> Result<(), String> {
-        let mut wrong = Vec::new();
-        for ((mode, name), errors) in &self.0 {
-            let beyond: Vec<_> = errors.iter().filter(|(e, _)| *e > tolerance.usual).collect();
-            let most = (errors.len() as f64 * tolerance.share).ceil() as usize;
-            if beyond.len() > most || beyond.iter().any(|(e, _)| *e > tolerance.worst) {
-                wrong.push(format!(
-                    "{mode} {name}: {} of {} scenes, (error, seed) {beyond:?}",
-                    beyond.len(),
-                    errors.len()
-                ));
-            }
-        }
-        if wrong.is_empty() { Ok(()) } else { Err(wrong.join("\n")) }
-    }
-}
-
-impl std::fmt::Display for Table {
-    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        for ((mode, name), errors) in &self.0 {
-            let mut sorted = errors.clone();
-            sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let at = |share: f64| sorted[((sorted.len() - 1) as f64 * share).round() as usize].0;
-            let (worst, seed) = sorted[sorted.len() - 1];
-            let (median, high, count) = (at(0.5), at(0.99), sorted.len());
-            writeln!(
-                f,
-                "{mode} {name:16} {count:4} median {median:.1e}, 99% {high:.1e}, worst {worst:.1e} (seed {seed})"
-            )?;
-        }
-        Ok(())
-    }
 }

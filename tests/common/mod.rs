@@ -1,7 +1,6 @@
 //! What the tests share: renderers, random scenes, comparisons, and the tables of modes and of tolerances.
 #![allow(dead_code, unused_imports, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-pub mod blame;
 pub mod compare;
 pub mod gradient;
 pub mod modes;

@@ -279,10 +279,15 @@ pub fn screen_soup(random: &mut Random, settings: &Settings, kind: Kind) -> Mesh
     Mesh::new(positions, (0..count as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect()).unwrap()
 }
 
+/// Triangles that share no vertex.
+pub fn separate(corners: &[[[f32; 3]; 3]]) -> Mesh {
+    let indices = (0..corners.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+    Mesh::new(corners.concat(), indices).unwrap()
+}
+
 /// Triangles of these corners, coloured one way or another.
 pub fn triangles(corners: &[[[f32; 3]; 3]]) -> Mesh {
-    let indices = (0..corners.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
-    let mesh = Mesh::new(corners.concat(), indices).unwrap();
+    let mesh = separate(corners);
     let appearance = random_appearance(&mut Random::new(corners.len() as u64), &mesh);
     mesh.with_appearance(appearance).unwrap()
 }
@@ -290,4 +295,15 @@ pub fn triangles(corners: &[[[f32; 3]; 3]]) -> Mesh {
 /// Every image, small.
 pub fn small(width: u32, height: u32) -> Settings {
     Settings { width, height, outputs: Outputs::ALL, sigma: 1e-4, gamma: 1e-2, far: 20.0, ..Settings::default() }
+}
+
+/// So many triangles about the centre of pixel (7, 8) of a 16×16 image, which some half of them cover.
+pub fn crowd(count: usize) -> Vec<[[f32; 3]; 3]> {
+    let random = &mut Random::new(3);
+    let place = |i: usize| {
+        let (x, y) = (0.0525 + random.range(-0.02, 0.02) as f32, 0.0525 + random.range(-0.02, 0.02) as f32);
+        let z = 2.0 + 10.0 * i as f32 / count as f32;
+        [[x, y, z], [x + 0.03, y, z], [x, y + 0.03, z]]
+    };
+    (0..count).map(place).collect()
 }

@@ -68,6 +68,13 @@ pub struct Subject<'a> {
     pub settings: &'a Settings,
 }
 
+impl Subject<'_> {
+    /// Batch, height and width of its images.
+    pub fn shape(&self) -> [usize; 3] {
+        [self.cameras.len(), self.settings.height as usize, self.settings.width as usize]
+    }
+}
+
 /// One gradient of a scene, ours and the reference's.
 #[derive(Clone, Debug)]
 pub struct Group {
@@ -91,34 +98,45 @@ pub fn reference_gradient(
     softras_reference::gradient(of.scene, of.cameras, of.settings, &gradients::upstream(upstream), mode)
 }
 
+/// An upstream gradient of `images`, of [batch, height, width] pixels, whose weights are given by an image's name, its channels
+/// and the index of a value.
+pub fn upstream_of(
+    images: Outputs,
+    [batch, height, width]: [usize; 3],
+    mut weight: impl FnMut(&'static str, usize, usize) -> f32,
+) -> ImageGradient {
+    let mut image = |wanted: bool, name, channels: usize| {
+        let mut data = || (0..batch * height * width * channels).map(|i| weight(name, channels, i)).collect();
+        wanted.then(|| Image { batch, height, width, channels, data: data() })
+    };
+    ImageGradient {
+        color: image(images.color, "color", 3),
+        silhouette: image(images.silhouette, "silhouette", 1),
+        depth: image(images.depth, "depth", 1),
+        normal: image(images.normal, "normal", 3),
+    }
+}
+
 /// A random weight in [-1, 1) for every value of `images`, 0 where the margin is below [`GradientTolerance::margin`] of
 /// [`GRADIENT`].
 pub fn random_upstream(of: Subject<'_>, seed: u64, images: Outputs, margin: Option<&[f64]>) -> ImageGradient {
-    let (height, width) = (of.settings.height as usize, of.settings.width as usize);
-    let batch = of.cameras.len();
     let random = &mut Random::new(seed ^ 0x5eed);
     let jumps = |pixel: usize| margin.is_some_and(|m| m.get(pixel).is_none_or(|m| *m < GRADIENT.margin));
-    let mut image = |wanted: bool, channels: usize| {
-        wanted.then(|| {
-            let values = (0..batch * height * width * channels).map(|i| (i / channels, random.range(-1.0, 1.0) as f32));
-            let data = values.map(|(pixel, weight)| if jumps(pixel) { 0.0 } else { weight }).collect();
-            Image { batch, height, width, channels, data }
-        })
-    };
-    ImageGradient {
-        color: image(images.color, 3),
-        silhouette: image(images.silhouette, 1),
-        depth: image(images.depth, 1),
-        normal: image(images.normal, 3),
-    }
+    upstream_of(images, of.shape(), |_, channels, i| {
+        let weight = random.range(-1.0, 1.0) as f32;
+        if jumps(i / channels) { 0.0 } else { weight }
+    })
 }
 
 fn flat<const N: usize>(rows: &[[f32; N]]) -> Vec<f64> {
     rows.iter().flatten().map(|&x| f64::from(x)).collect()
 }
 
-/// Every number of a result by the gradient it belongs to, a mesh's and a view's by themselves.
-pub fn numbers(g: &Gradients) -> Vec<(&'static str, Vec<f64>)> {
+/// Numbers by the gradient that they belong to, a mesh's and a view's by themselves.
+pub type Numbers = Vec<(&'static str, Vec<f64>)>;
+
+/// Every number of a result.
+pub fn numbers(g: &Gradients) -> Numbers {
     let mut all = Vec::new();
     for mesh in &g.meshes {
         all.push(("positions", flat(&mesh.positions)));
@@ -154,7 +172,7 @@ pub fn not_finite(gradients: &Gradients) -> Option<String> {
 }
 
 /// The reference's, in the same order and shapes.
-fn reference_numbers(of: Subject<'_>, g: &ReferenceGradients) -> Vec<(&'static str, Vec<f64>)> {
+pub fn reference_numbers(of: Subject<'_>, g: &ReferenceGradients) -> Numbers {
     let mut all = Vec::new();
     for (i, mesh) in of.scene.meshes.iter().enumerate() {
         all.push(("positions", g.positions(i).to_vec()));
@@ -188,7 +206,7 @@ fn reference_numbers(of: Subject<'_>, g: &ReferenceGradients) -> Vec<(&'static s
 /// Where the shapes differ.
 pub fn groups(of: Subject<'_>, ours: &Gradients, reference: &ReferenceGradients) -> Result<Vec<Group>, String> {
     let (ours, reference) = (numbers(ours), reference_numbers(of, reference));
-    let shape = |all: &[(&'static str, Vec<f64>)]| all.iter().map(|(name, v)| (*name, v.len())).collect::<Vec<_>>();
+    let shape = |all: &Numbers| all.iter().map(|(name, v)| (*name, v.len())).collect::<Vec<_>>();
     if shape(&ours) != shape(&reference) {
         return Err(format!("the gradient has {:?}, the reference's {:?}", shape(&ours), shape(&reference)));
     }
@@ -280,14 +298,14 @@ fn composited(of: Subject<'_>, name: &str) -> f64 {
 }
 
 /// The norm of all weights together.
-pub fn upstream_norm(upstream: &ImageGradient) -> f64 {
+fn upstream_norm(upstream: &ImageGradient) -> f64 {
     let images = [&upstream.color, &upstream.silhouette, &upstream.depth, &upstream.normal];
     let squares = images.into_iter().flatten().flat_map(|image| &image.data).map(|&x| f64::from(x).powi(2));
     squares.sum::<f64>().sqrt()
 }
 
 /// The weights with the signs of a half of them turned.
-pub fn with_random_signs(upstream: &ImageGradient, seed: u64) -> ImageGradient {
+fn with_random_signs(upstream: &ImageGradient, seed: u64) -> ImageGradient {
     let random = &mut Random::new(seed);
     let mut flipped = upstream.clone();
     let images = [&mut flipped.color, &mut flipped.silhouette, &mut flipped.depth, &mut flipped.normal];

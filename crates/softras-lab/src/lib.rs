@@ -2,7 +2,8 @@
 //!
 //! [`check`] compares a device with the f64 reference on small scenes. [`stress`] draws random scenes and checks what softras
 //! promises of every scene. [`measure`] times frames and compares them with the least possible time and with the f64 reference.
-//! [`agreement`] says how far gradients are from the reference's. [`gradients`] brings a device's gradients into the reference's layout. [`random`] generates all random numbers.
+//! [`agreement`] says how far gradients are from the reference's, [`gradients`] brings upstream gradients into its form, and
+//! [`random`] generates all random numbers.
 //!
 //! The program of this package renders archives of arrays: `cargo run --release -p softras-lab -- eval --help`.
 //!

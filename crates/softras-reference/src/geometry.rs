@@ -121,30 +121,4 @@ mod tests {
         assert!(border.inside);
         assert_eq!(border.distance2, 0.0);
     }
-
-    #[test]
-    fn winding_changes_nothing_but_the_area() {
-        let other = [RIGHT[0], RIGHT[2], RIGHT[1]];
-        assert_eq!(doubled_area(&RIGHT), Some(1.0));
-        assert_eq!(doubled_area(&other), Some(-1.0));
-        let (a, b) = (locate(&RIGHT, [0.3, 0.9], SurfacePoint::Clip), locate(&other, [0.3, 0.9], SurfacePoint::Clip));
-        assert!((a.distance2 - b.distance2).abs() < 1e-16);
-        assert_eq!(a.sampled[1], b.sampled[2]);
-    }
-
-    #[test]
-    fn a_line_has_no_inside_and_its_longest_edge_is_its_boundary() {
-        let line = [[0.0, 0.0], [3.0, 0.0], [1.0, 0.0]];
-        let on = locate(&line, [2.0, 0.0], SurfacePoint::Clip);
-        assert!(!on.inside && on.distance2 == 0.0 && on.barycentrics.is_none());
-        // Edge 2 (corners 0 and 1) is the longest; corner 2 gets nothing.
-        assert!((on.sampled[0] - 1.0 / 3.0).abs() < 1e-15 && on.sampled[2] == 0.0);
-        assert_eq!(locate(&line, [4.0, 1.0], SurfacePoint::Clip).distance2, 2.0);
-    }
-
-    #[test]
-    fn a_point_has_a_distance() {
-        let point = locate(&[[1.0, 1.0]; 3], [4.0, 5.0], SurfacePoint::Clip);
-        assert_eq!((point.distance2, point.sampled), (25.0, [1.0, 0.0, 0.0]));
-    }
 }

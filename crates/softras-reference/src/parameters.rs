@@ -119,9 +119,9 @@ impl Parameters {
         Self { values: vec![0.0; self.values.len()], layout: self.layout.clone() }
     }
 
-    /// Whether they are laid out for this scene.
-    pub(super) fn fits(&self, scene: &Scene, cameras: &[Camera], settings: &Settings) -> bool {
-        self.layout == Self::new(scene, cameras, settings).layout
+    /// Whether both are laid out for the same scene.
+    pub(super) fn fits(&self, other: &Self) -> bool {
+        self.layout == other.layout
     }
 
     pub(super) fn layout(&self) -> &Layout {

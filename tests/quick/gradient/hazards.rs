@@ -1,14 +1,13 @@
 //! One test per hazard of a soft rasterizer's gradient, named after it, each against the f64 reference.
 
 use crate::common::{
-    blame::only_pixel,
     gradient::{
-        ALL_OUTPUTS, all_finite, backward, check, made_case, norm, random_upstream, reference_gradient, upstream_of,
+        ALL_OUTPUTS, all_finite, backward, check, made_case, modes, norm, only_pixel, random_upstream,
+        reference_gradient, upstream_of,
     },
     random::Random,
     renderer,
-    scenes::Case,
-    tier,
+    scenes::{Case, separate},
     tolerance::GRADIENT,
 };
 use glam::DVec3;
@@ -18,8 +17,6 @@ use softras::{
     scene::{Appearance, Background, Shading, Texture, Wrap},
     shapes,
 };
-
-const MODES: [GradientMode; 2] = [GradientMode::Exact, GradientMode::Paper];
 
 fn settings(width: u32, height: u32) -> Settings {
     Settings {
@@ -39,9 +36,7 @@ fn settings(width: u32, height: u32) -> Settings {
 
 /// Triangles on the screen, each with corners of its own; every corner another colour.
 fn on_screen(triangles: &[[[f32; 3]; 3]], settings: Settings) -> Case {
-    let positions: Vec<[f32; 3]> = triangles.concat();
-    let indices = (0..triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
-    case(Mesh::new(positions, indices).unwrap(), vec![Camera::screen()], settings)
+    case(separate(triangles), vec![Camera::screen()], settings)
 }
 
 fn case(mesh: Mesh, cameras: Vec<Camera>, settings: Settings) -> Case {
@@ -59,12 +54,20 @@ fn assert_agrees(renderer: &mut Renderer, case: &Case) -> Gradients {
 
 #[track_caller]
 fn assert_agrees_under(renderer: &mut Renderer, case: &Case, upstream: &ImageGradient) -> Gradients {
-    for &mode in tier(&MODES[..1], &MODES) {
+    for &mode in modes() {
         if let Err(error) = check(renderer, case, upstream, mode, &GRADIENT.without_exceptions()) {
             panic!("{error}\n{case:?}{:?}", case.scene);
         }
     }
     backward(renderer, case, upstream, &GradientRequest::ALL).unwrap()
+}
+
+#[track_caller]
+fn assert_finite(renderer: &mut Renderer, case: &Case, upstream: &ImageGradient) {
+    for &mode in modes() {
+        let gradients = backward(renderer, case, upstream, &GradientRequest { mode, ..GradientRequest::ALL }).unwrap();
+        all_finite(&gradients).unwrap_or_else(|error| panic!("{error}\n{case:?}{:?}", case.scene));
+    }
 }
 
 fn size_of_vertex(gradients: &Gradients, vertex: usize) -> f64 {
@@ -73,14 +76,10 @@ fn size_of_vertex(gradients: &Gradients, vertex: usize) -> f64 {
 
 const FRONT: [[f32; 3]; 3] = [[-0.71, -0.63, 2.0], [0.69, -0.57, 2.1], [0.03, 0.81, 2.2]];
 
-fn triangle() -> [[f32; 3]; 3] {
-    FRONT
-}
-
 #[test]
 fn occluded_vertex() {
     let hidden = [[-0.31, -0.23, 2.6], [0.29, -0.27, 2.7], [0.01, 0.21, 2.5]];
-    let case = on_screen(&[triangle(), hidden], settings(32, 32));
+    let case = on_screen(&[FRONT, hidden], settings(32, 32));
     let upstream = upstream_of(&case, |image, _, _| if image == "color" { [1.0, -0.5, 0.25] } else { [0.0; 3] });
     let gradients = assert_agrees_under(&mut renderer(), &case, &upstream);
     for vertex in 3..6 {
@@ -162,7 +161,7 @@ fn shared_edge() {
 #[test]
 fn degenerate_and_duplicate_triangles() {
     let mut renderer = renderer();
-    let [a, b, c] = triangle();
+    let [a, b, c] = FRONT;
     // Collinear to the last bit.
     let line = [[-0.484375, -0.3515625, 2.0], [0.515625, 0.3984375, 2.25], [0.015625, 0.0234375, 2.5]];
     let point = [[0.41, 0.43, 2.0]; 3];
@@ -183,12 +182,7 @@ fn degenerate_and_duplicate_triangles() {
     for sigma in [1e-2, 1e-5, 1e-8] {
         let case = Case { settings: Settings { sigma, ..case.settings.clone() }, ..case.clone() };
         let upstream = random_upstream(&case, ALL_OUTPUTS);
-        for &mode in tier(&MODES[..1], &MODES) {
-            all_finite(
-                &backward(&mut renderer, &case, &upstream, &GradientRequest { mode, ..GradientRequest::ALL }).unwrap(),
-            )
-            .unwrap();
-        }
+        assert_finite(&mut renderer, &case, &upstream);
     }
 }
 
@@ -208,12 +202,7 @@ fn pixel_exactly_on_an_edge_or_a_vertex() {
         for (sigma, gamma) in [(1e-2, 1e-1), (1e-5, 1e-4), (1e-8, 1e-8)] {
             let case = on_screen(&[triangle], Settings { sigma, gamma, ..settings(size, size) });
             let upstream = upstream_of(&case, |_, row, column| [1.0, -1.0, 0.5].map(|w| w + (row * 7 + column) as f32));
-            for &mode in tier(&MODES[..1], &MODES) {
-                let gradients =
-                    backward(&mut renderer, &case, &upstream, &GradientRequest { mode, ..GradientRequest::ALL })
-                        .unwrap();
-                all_finite(&gradients).unwrap_or_else(|error| panic!("{triangle:?}, sigma {sigma}: {error}"));
-            }
+            assert_finite(&mut renderer, &case, &upstream);
         }
     }
 }
@@ -246,7 +235,7 @@ fn rotated_and_off_centre_camera() {
 #[test]
 fn weighted_loss_per_pixel() {
     let mut renderer = renderer();
-    let case = on_screen(&[triangle(), [[-0.2, 0.9, 3.0], [0.9, 0.1, 2.5], [0.8, 0.83, 1.5]]], settings(24, 24));
+    let case = on_screen(&[FRONT, [[-0.2, 0.9, 3.0], [0.9, 0.1, 2.5], [0.8, 0.83, 1.5]]], settings(24, 24));
     let upstream = random_upstream(&case, ALL_OUTPUTS);
     let whole = assert_agrees_under(&mut renderer, &case, &upstream);
     // Each pixel teaches what the reference says of it alone, and all of them together the sum.
@@ -297,7 +286,7 @@ fn texture_seams() {
 fn saturated_interior() {
     let mut renderer = renderer();
     for sigma in [1e-4, 1e-6, 1e-8] {
-        let case = on_screen(&[triangle()], Settings { sigma, gamma: 1e-4, epsilon: 1e-3, ..settings(48, 48) });
+        let case = on_screen(&[FRONT], Settings { sigma, gamma: 1e-4, epsilon: 1e-3, ..settings(48, 48) });
         // Inside, far from every edge: D is 1, and only the colour's own path is left.
         let upstream = upstream_of(&case, |image, row, column| match (image, row, column) {
             ("color" | "depth", 26..=34, 20..=27) => [1.0, -0.3, 0.2 * row as f32],
@@ -322,7 +311,7 @@ fn thousand_overlapping_faces() {
     for (gamma, sigma) in [(1e-1, 1e-2), (1e-3, 1e-4)] {
         let case = on_screen(&faces, Settings { gamma, sigma, ..settings(16, 16) });
         let upstream = random_upstream(&case, ALL_OUTPUTS);
-        for &mode in tier(&MODES[..1], &MODES) {
+        for &mode in modes() {
             // The crowd's shares are small differences of a pixel's 1000 colours from their mean.
             let errors = check(&mut renderer, &case, &upstream, mode, &GRADIENT).unwrap();
             println!("gamma {gamma}, sigma {sigma}: {errors:?}");

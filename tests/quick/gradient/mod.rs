@@ -1,9 +1,8 @@
 //! Gradients of images: the kernels against the f64 reference, one hazard at a time, and the same bits every time.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-pub mod agreement;
+mod agreement;
 mod hazards;
-mod helpers;
 mod living;
 mod opacity;
 mod per_vertex;

@@ -3,10 +3,9 @@
 use super::repeat::{EYES, SORTS, ball};
 use crate::common::{
     gradient::{ALL_OUTPUTS, made_case, random_upstream},
-    modes::{cut_out, in_every_mode},
-    random::Random,
+    modes::{alone, cut_out},
     renderer_with,
-    scenes::{Case, small, triangles},
+    scenes::{Case, crowd, small, triangles},
     tier,
 };
 use crate::host::{Planned, Planner};
@@ -29,40 +28,21 @@ fn list_entries(case: &Case) -> u32 {
     renderer.frame_counts().unwrap().list_entries as u32
 }
 
-/// The modes in which the kernels that walk have code of their own; the quick tier takes the first.
-const WALKED_MODES: [&str; 12] = [
-    "the paper's",
-    "composite",
-    "hard colour",
-    "sum",
-    "barycentric official",
-    "cut at near",
-    "beyond far",
-    "textures, repeated",
-    "silhouette alone",
-    "official front faces",
-    "cut-outs",
-    "silhouette of cut-outs alone",
-];
-
 #[test]
 fn no_mode_depends_on_the_room_for_lists() {
     // Nothing at all; or the bins' lists alone, and half of what the tiles' need.
     let shorts =
         |list: u32| [Capacity { coarse: 1, list: 1, cells: 1 }, Capacity { list: list / 2, cells: 40, ..ENOUGH }];
-    let walked: Vec<_> = WALKED_MODES.into_iter().step_by(tier(12, 1)).collect();
-    let (planner, mut seen) = (Planner::new(), 0);
-    for (name, case) in in_every_mode(&blurred_ball()).filter(|(name, _)| walked.contains(name)) {
+    let planner = Planner::new();
+    for (i, (name, case)) in alone(&blurred_ball()).take(tier(1, usize::MAX)).enumerate() {
         let upstream = random_upstream(&case, case.settings.outputs);
         let of = |capacity| planner.render(&case, &upstream, GradientRequest::ALL, capacity);
         let whole = of(ENOUGH);
         let list = list_entries(&case);
         assert!(list > 900 && list < ENOUGH.list, "{name}: {list}");
-        let short = shorts(list)[seen % 2];
+        let short = shorts(list)[i % 2];
         assert_eq!(whole.difference(&of(short)), None, "{name}, {short:?}");
-        seen += 1;
     }
-    assert_eq!(seen, walked.len());
     planner.assert_silent();
 }
 
@@ -107,13 +87,7 @@ fn turns_do_not_change_bits() {
     let planner = Planner::new();
     let all = [(48_000, false, false), (48_000, true, false), (48_000, false, true), (130_000, false, false)];
     for &(count, thin, faded) in tier(&all[..1], &all) {
-        let random = &mut Random::new(3);
-        let place = |i: u32| {
-            let (x, y) = (0.0525 + random.range(-0.02, 0.02) as f32, 0.0525 + random.range(-0.02, 0.02) as f32);
-            let z = 2.0 + 10.0 * i as f32 / count as f32;
-            [[x, y, z], [x + 0.03, y, z], [x, y + 0.03, z]]
-        };
-        let mut corners: Vec<[[f32; 3]; 3]> = (0..count).map(place).collect();
+        let mut corners = crowd(count);
         if thin {
             corners[7] = [[0.05, 0.0, 3.0], [0.05 + 1e-7, 0.1, 3.0], [0.05, 0.1, 3.0]];
         }

@@ -1,16 +1,15 @@
 //! Parts of an image, rendered by themselves: the whole image's pixels.
 
 use crate::common::{
-    compare::{compare, images, same_image_bits},
+    compare::{compare, images},
     random::Random,
     renderer,
     scenes::{Case, Kind, random_case},
     tier, tolerance,
 };
 use softras::{
-    Camera, Error, Image, Projection, Scene, Settings,
-    scene::{Distance, Outputs, Parity},
-    shapes,
+    Camera, Error, Image, Projection, Settings,
+    scene::{Distance, Parity},
 };
 use softras_reference::render_culled;
 
@@ -79,20 +78,20 @@ fn a_window_shows_the_pixels_of_the_whole() {
         let random = &mut Random::new(seed);
         let whole = renderer.render(&case.scene, &case.cameras, &case.settings).unwrap();
         let reference = render_culled(&case.scene, &case.cameras, &case.settings).unwrap();
-        let margin = Image { channels: 1, data: reference.margin.iter().map(|&m| m as f32).collect(), ..shape(&whole) };
         let window = random_window(random, &case.settings);
         let (cameras, settings) = of(&case, &window);
         let part = renderer.render(&case.scene, &cameras, &settings).unwrap();
         let exact = render_culled(&case.scene, &cameras, &settings).unwrap();
-        let margin: Vec<f64> = cut(&margin, &window).data.iter().map(|&m| f64::from(m)).collect();
+        let (batch, height, width) = (reference.batch, reference.height, reference.width);
+        let data = reference.margin.iter().map(|&m| m as f32).collect();
+        let margin = wide(&cut(&Image { batch, height, width, channels: 1, data }, &window));
         let few_left_out = tolerance::Tolerance { left_out: 1.0, ..tolerance::of(&case) };
         let expected = [&exact.color, &exact.silhouette, &exact.depth, &exact.normal];
         for ((name, whole, part), exact) in images(&whole, &part).into_iter().zip(expected) {
             let (Some(whole), Some(part)) = (whole, part) else { continue };
             let whole = cut(whole, &window);
-            let due: Vec<f64> = whole.data.iter().map(|&x| f64::from(x)).collect();
-            let wide = tolerance::Tolerance { value: 2.0 * few_left_out.value, ..few_left_out };
-            compare(name, part, &due, &margin, &wide).unwrap_or_else(|e| panic!("{e}\n{window:?} {case:?}"));
+            let twice = tolerance::Tolerance { value: 2.0 * few_left_out.value, ..few_left_out };
+            compare(name, part, &wide(&whole), &margin, &twice).unwrap_or_else(|e| panic!("{e}\n{window:?} {case:?}"));
             compare(name, part, exact, &margin, &few_left_out).unwrap_or_else(|e| panic!("{e}\n{window:?} {case:?}"));
             all += part.data.len();
             equal += part.data.iter().zip(&whole.data).filter(|(a, b)| a.to_bits() == b.to_bits()).count();
@@ -102,37 +101,8 @@ fn a_window_shows_the_pixels_of_the_whole() {
     assert!(cut_cases > tier(3, 12) && equal > all / 2, "{cut_cases} {equal} {all}");
 }
 
-fn shape(frame: &softras::Frame) -> Image {
-    let image =
-        [frame.color(), frame.silhouette(), frame.depth(), frame.normal()].into_iter().flatten().next().unwrap();
-    Image { data: Vec::new(), ..*image }
-}
-
-/// Bands of rows, as a picture is rendered that is larger than the device holds.
-#[test]
-fn bands_make_the_whole_picture() {
-    let mut renderer = renderer();
-    let scene = Scene::new(shapes::fish().unwrap());
-    let camera = Camera::from_angles(3.0, 20.0, 130.0, Projection::Perspective { fov_y: 0.7 }).unwrap();
-    let settings = Settings { width: 200, height: 192, sigma: 3e-5, outputs: Outputs::ALL, ..Settings::default() }
-        .with_depths_of(&scene, &[camera], 0.05);
-    let whole = renderer.render(&scene, &[camera], &settings).unwrap();
-    for rows in [64, 192] {
-        for first in (0..192).step_by(rows as usize) {
-            let window = window(0, first, 200, rows);
-            let (camera, settings) = window.of(&camera, &settings).unwrap();
-            let band = renderer.render(&scene, &[camera], &settings).unwrap();
-            let margin = vec![1.0; 200 * rows as usize];
-            for (name, whole, band) in images(&whole, &band) {
-                let due = cut(whole.unwrap(), &window);
-                let numbers: Vec<f64> = due.data.iter().map(|&x| f64::from(x)).collect();
-                compare(name, band.unwrap(), &numbers, &margin, &tolerance::IMAGE).unwrap();
-                // A shifted window shows something else.
-                let other = cut(whole.unwrap(), &Window { row: (first + 1) % (193 - rows), ..window });
-                assert!(rows == 192 || same_image_bits(name, &due, &other).is_err());
-            }
-        }
-    }
+fn wide(image: &Image) -> Vec<f64> {
+    image.data.iter().map(|&x| f64::from(x)).collect()
 }
 
 #[test]

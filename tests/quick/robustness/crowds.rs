@@ -4,7 +4,7 @@ use crate::common::{
     compare::compare_frames,
     random::Random,
     renderer,
-    scenes::{small, triangles},
+    scenes::{crowd, small, triangles},
     tier, tolerance,
 };
 use softras::{
@@ -17,25 +17,12 @@ fn is_software(renderer: &Renderer) -> bool {
     renderer.device_info().kind == softras::DeviceKind::Software
 }
 
-/// Triangles about the centre of pixel (7, 8) of a 16×16 image, which some half of them cover.
-fn crowd(count: usize) -> (Scene, Settings) {
-    let random = &mut Random::new(3);
-    let corners: Vec<_> = (0..count)
-        .map(|i| {
-            let (x, y) = (0.0525 + random.range(-0.02, 0.02) as f32, 0.0525 + random.range(-0.02, 0.02) as f32);
-            let z = 2.0 + 10.0 * i as f32 / count as f32;
-            [[x, y, z], [x + 0.03, y, z], [x, y + 0.03, z]]
-        })
-        .collect();
-    let settings = Settings { silhouette: SilhouetteAggregation::Sum, sigma: 1e-5, ..small(16, 16) };
-    (Scene::new(triangles(&corners)), settings)
-}
-
 /// One list that a loop walks, and one that takes several turns.
 #[test]
 fn a_tile_holds_any_number_of_triangles() {
     for &count in tier(&[130_000][..], &[50_000, 130_000]) {
-        let (scene, settings) = crowd(count as usize);
+        let settings = Settings { silhouette: SilhouetteAggregation::Sum, sigma: 1e-5, ..small(16, 16) };
+        let scene = Scene::new(triangles(&crowd(count as usize)));
         let frame = renderer().render(&scene, &[Camera::screen()], &settings).unwrap();
         let reference = render_culled(&scene, &[Camera::screen()], &settings).unwrap();
         compare_frames(&frame, &reference, &tolerance::CROWD).unwrap_or_else(|error| panic!("{count}: {error}"));
@@ -57,47 +44,46 @@ fn dust(count: usize) -> Vec<[[f32; 3]; 3]> {
     corners.collect()
 }
 
-fn silhouette_sums(renderer: &mut Renderer, corners: &[[[f32; 3]; 3]]) -> softras::Result<Vec<f64>> {
+fn silhouette_sums(renderer: &mut Renderer, corners: &[[[f32; 3]; 3]]) -> Vec<f64> {
     let settings =
         Settings { silhouette: SilhouetteAggregation::Sum, outputs: Outputs::SILHOUETTE, sigma: 1e-5, ..small(64, 32) };
-    let frame = renderer.render(&Scene::new(triangles(corners)), &[Camera::screen()], &settings)?;
-    Ok(frame.silhouette().unwrap().data.iter().map(|&x| f64::from(x) * corners.len() as f64).collect())
+    let frame = renderer.render(&Scene::new(triangles(corners)), &[Camera::screen()], &settings).unwrap();
+    frame.silhouette().unwrap().data.iter().map(|&x| f64::from(x) * corners.len() as f64).collect()
+}
+
+/// The scene's silhouette is the sum of those of parts of some of its triangles, the only ones that show; each pixel has at least
+/// so many.
+#[track_caller]
+fn assert_sums_of_parts(scene: &[[[f32; 3]; 3]], parts: std::slice::Chunks<[[f32; 3]; 3]>, at_least: f64) {
+    let renderer = &mut renderer();
+    let whole = silhouette_sums(renderer, scene);
+    let mut sums = vec![0.0; whole.len()];
+    for part in parts {
+        sums.iter_mut().zip(silhouette_sums(renderer, part)).for_each(|(sum, x)| *sum += x);
+    }
+    let worst = whole.iter().zip(&sums).map(|(a, b)| (a / b - 1.0).abs()).fold(0.0, f64::max);
+    let least = sums.iter().copied().fold(f64::INFINITY, f64::min);
+    assert!(least > at_least && worst < 1e-4, "at least {least} a pixel, off by {worst}");
 }
 
 /// As the tile's: loops of the kernels that make lists. Nothing of most triangles is on the image, so that few lanes have all
 /// the others.
 #[test]
 fn a_bin_holds_a_hundred_thousand_of_a_million_triangles() {
-    let renderer = &mut renderer();
     let corners = dust(100_000);
     let mut scene = corners.clone();
     scene.resize(1_000_000, [[50.0, 50.0, 2.0], [50.1, 50.0, 2.0], [50.0, 50.1, 2.0]]);
-    let whole = silhouette_sums(renderer, &scene).unwrap();
-    let mut parts = vec![0.0; whole.len()];
-    for part in corners.chunks(20_000) {
-        parts.iter_mut().zip(silhouette_sums(renderer, part).unwrap()).for_each(|(sum, x)| *sum += x);
-    }
-    let worst = whole.iter().zip(&parts).map(|(a, b)| (a / b - 1.0).abs()).fold(0.0, f64::max);
-    let least = parts.iter().copied().fold(f64::INFINITY, f64::min);
-    assert!(least > 5.0 && worst < 1e-4, "at least {least} a pixel, off by {worst}");
+    assert_sums_of_parts(&scene, corners.chunks(20_000), 5.0);
 }
 
-/// (66,000 in the quick tier.) A bin whose tiles' lists a software device cannot write in one go, and of nearly as many records for each lane of bin_coarse
-/// as the plan allows.
+/// A bin whose tiles' lists a software device cannot write in one go, and of nearly as many records for each lane of bin_coarse
+/// as the plan allows; fewer in the quick tier.
 #[test]
 fn a_bin_holds_half_a_million_triangles_in_the_order_of_tiles() {
-    let renderer = &mut renderer();
     let mut corners = dust(tier(66_000, 524_000));
     let row = |c: &[[f32; 3]; 3]| ((c[0][1] + 1.0) * 4.0) as i32;
     corners.sort_by(|a, b| row(a).cmp(&row(b)).then(a[0][0].total_cmp(&b[0][0])));
-    let whole = silhouette_sums(renderer, &corners).unwrap();
-    let mut parts = vec![0.0; whole.len()];
-    for part in corners.chunks(50_000) {
-        parts.iter_mut().zip(silhouette_sums(renderer, part).unwrap()).for_each(|(sum, x)| *sum += x);
-    }
-    let worst = whole.iter().zip(&parts).map(|(a, b)| (a / b - 1.0).abs()).fold(0.0, f64::max);
-    let least = parts.iter().copied().fold(f64::INFINITY, f64::min);
-    assert!(least > tier(2.0, 20.0) && worst < 1e-4, "at least {least} a pixel, off by {worst}");
+    assert_sums_of_parts(&corners, corners.chunks(50_000), tier(2.0, 20.0));
 }
 
 #[test]

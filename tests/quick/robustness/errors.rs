@@ -7,7 +7,6 @@ use softras::{
     Scene, Settings,
     scene::{Appearance, DirectionalLight, Outputs, Texture, Wrap},
 };
-use softras_reference::{GradientMode, Upstream, gradient};
 
 /// The error's text has every part.
 #[track_caller]
@@ -124,70 +123,71 @@ fn scenes_lights_and_settings() {
     render(&scene, 1, &settings).unwrap();
 }
 
-/// What is wrong with a reference that should take the numbers from `low` to `high`: an end that it refuses, or the next float
-/// beyond, an infinity or a NaN that it takes.
-fn range_error(low: f32, high: f32, taken: impl Fn(f32) -> bool) -> Option<f32> {
-    let refused = [low, high].into_iter().find(|x| !taken(*x));
-    let beyond = [low.next_down(), high.next_up(), f32::NEG_INFINITY, f32::INFINITY, f32::NAN];
-    refused.or(beyond.into_iter().find(|x| taken(*x)))
+/// That the numbers from `low` to `high` are taken, and neither the ones `beyond` nor what is no number.
+#[track_caller]
+fn assert_taken(name: &str, ends: [f64; 2], beyond: [f64; 2], taken: impl Fn(f64) -> bool) {
+    ends.into_iter().for_each(|x| assert!(taken(x), "{name}: {x:?} is refused"));
+    for x in beyond.into_iter().chain([f64::NEG_INFINITY, f64::INFINITY, f64::NAN]) {
+        assert!(!taken(x), "{name}: {x:?} is taken");
+    }
 }
 
-/// The same in double precision.
-fn wide_range_error(low: f64, high: f64, taken: impl Fn(f64) -> bool) -> Option<f64> {
-    let refused = [low, high].into_iter().find(|x| !taken(*x));
-    let beyond = [low.next_down(), high.next_up(), f64::NEG_INFINITY, f64::INFINITY, f64::NAN];
-    refused.or(beyond.into_iter().find(|x| taken(*x)))
+#[track_caller]
+fn assert_range(name: &str, low: f64, high: f64, taken: impl Fn(f64) -> bool) {
+    assert_taken(name, [low, high], [low.next_down(), high.next_up()], taken);
 }
 
-#[test]
-fn a_range_that_ends_elsewhere_is_noticed() {
-    assert_eq!(range_error(1.0, 2.0, |x| (1.0..=2.0).contains(&x)), None);
-    assert_eq!(range_error(1.0, 2.0, |x| x > 1.0 && x <= 2.0), Some(1.0));
-    assert_eq!(range_error(1.0, 2.0, |x| (1.0..2.1).contains(&x)), Some(2f32.next_up()));
-    assert!(range_error(1.0, 2.0, |x: f32| x.is_nan() || (1.0..=2.0).contains(&x)).is_some_and(f32::is_nan));
-    assert_eq!(wide_range_error(1.0, 2.0, |x| (1.0..=2.0).contains(&x)), None);
-    assert_eq!(wide_range_error(1.0, 2.0, |x| (1.0..2.0).contains(&x)), Some(2.0));
-    assert_eq!(wide_range_error(1.0, 2.0, |x| (0.9..=2.0).contains(&x)), Some(1f64.next_down()));
+/// Between -`end` and `end`, in single precision.
+#[track_caller]
+fn assert_narrow_range(name: &str, end: f32, taken: impl Fn(f32) -> bool) {
+    assert_taken(name, [-end, end].map(f64::from), [-end.next_up(), end.next_up()].map(f64::from), |x| taken(x as f32));
+}
+
+type Set<T> = fn(&mut T, f64);
+
+/// The numbers of settings, and their ranges.
+const SETTINGS: [(&str, f64, f64, Set<Settings>); 7] = [
+    ("sigma", 1e-12, 1e3, |s, x| s.sigma = x),
+    ("gamma", 1e-10, 1e6, |s, x| s.gamma = x),
+    ("epsilon", -1e3, 1e3, |s, x| s.epsilon = x),
+    ("tau", 1e-12, 0.4, |s, x| s.tau = x),
+    ("near", 1e-6, 1e9, |s, x| (s.near, s.far) = (x, 1e12)),
+    ("far", 2.0 * (1.0 + 1e-6), 1e12, |s, x| (s.near, s.far) = (2.0, x)),
+    ("background_color", -1e6, 1e6, |s, x| s.background_color[1] = x),
+];
+
+/// The numbers of lights, which are from -1e6 to 1e6.
+const LIGHTS: [(&str, Set<Lights>); 4] = [
+    ("ambient_color", |l, x| l.ambient_color[2] = x),
+    ("ambient_intensity", |l, x| l.ambient_intensity = x),
+    ("directional[0].color", |l, x| l.directional[0].color[1] = x),
+    ("directional[0].intensity", |l, x| l.directional[0].intensity = x),
+];
+
+/// What is said of settings, or of lights, with this number.
+fn validated_settings(set: Set<Settings>, x: f64) -> Result<()> {
+    let mut settings = Settings::default();
+    set(&mut settings, x);
+    settings.validate()
+}
+
+fn validated_lights(set: Set<Lights>, x: f64) -> Result<()> {
+    let mut lights = Lights::official();
+    set(&mut lights, x);
+    lights.validate()
 }
 
 #[test]
 fn settings_end_where_they_say() {
-    type Set = fn(&mut Settings, f64);
-    let ranges: [(&str, f64, f64, Set); 7] = [
-        ("sigma", 1e-12, 1e3, |s, x| s.sigma = x),
-        ("gamma", 1e-10, 1e6, |s, x| s.gamma = x),
-        ("epsilon", -1e3, 1e3, |s, x| s.epsilon = x),
-        ("tau", 1e-12, 0.4, |s, x| s.tau = x),
-        ("near", 1e-6, 1e9, |s, x| (s.near, s.far) = (x, 1e12)),
-        ("far", 2.0 * (1.0 + 1e-6), 1e12, |s, x| (s.near, s.far) = (2.0, x)),
-        ("background_color", -1e6, 1e6, |s, x| s.background_color[1] = x),
-    ];
-    for (name, low, high, set) in ranges {
-        let taken = |x: f64| {
-            let mut settings = Settings::default();
-            set(&mut settings, x);
-            settings.validate().is_ok()
-        };
-        assert_eq!(wide_range_error(low, high, taken), None, "{name}");
+    for (name, low, high, set) in SETTINGS {
+        assert_range(name, low, high, |x| validated_settings(set, x).is_ok());
     }
 }
 
 #[test]
 fn lights_end_where_they_say() {
-    type Set = fn(&mut Lights, f64);
-    let sets: [(&str, Set); 4] = [
-        ("ambient_color", |l, x| l.ambient_color[2] = x),
-        ("ambient_intensity", |l, x| l.ambient_intensity = x),
-        ("color", |l, x| l.directional[0].color[1] = x),
-        ("intensity", |l, x| l.directional[0].intensity = x),
-    ];
-    for (name, set) in sets {
-        let taken = |x: f64| {
-            let mut lights = Lights::official();
-            set(&mut lights, x);
-            lights.validate().is_ok()
-        };
-        assert_eq!(wide_range_error(-1e6, 1e6, taken), None, "{name}");
+    for (name, set) in LIGHTS {
+        assert_range(name, -1e6, 1e6, |x| validated_lights(set, x).is_ok());
     }
     let many = |count: usize| Lights { directional: vec![Lights::official().directional[0]; count], ..Lights::unlit() };
     many(Lights::MAX_DIRECTIONAL).validate().unwrap();
@@ -197,34 +197,12 @@ fn lights_end_where_they_say() {
 /// However large a number is, an error shows it in few digits, under the name of the field that it is in.
 #[test]
 fn enormous_numbers_are_told_in_few_digits() {
-    type Set<T> = fn(&mut T, f64);
-    let settings: [(&str, Set<Settings>); 6] = [
-        ("sigma", |s, x| s.sigma = x),
-        ("gamma", |s, x| s.gamma = x),
-        ("epsilon", |s, x| s.epsilon = x),
-        ("tau", |s, x| s.tau = x),
-        ("near", |s, x| s.near = x),
-        ("background_color", |s, x| s.background_color[0] = x),
-    ];
-    let lights: [(&str, Set<Lights>); 5] = [
-        ("ambient_color", |l, x| l.ambient_color[1] = x),
-        ("ambient_intensity", |l, x| l.ambient_intensity = x),
-        ("directional[0].color", |l, x| l.directional[0].color[2] = x),
-        ("directional[0].intensity", |l, x| l.directional[0].intensity = x),
-        ("directional[0].direction", |l, x| l.directional[0].direction = [x; 3]),
-    ];
+    let direction: (&str, Set<Lights>) = ("directional[0].direction", |l, x| l.directional[0].direction = [x; 3]);
     let mut told = Vec::new();
     for x in [1e300, -1e300, 1e-300, f64::MAX, f64::MIN_POSITIVE] {
-        for (name, set) in settings {
-            let mut s = Settings::default();
-            set(&mut s, x);
-            told.extend(s.validate().err().map(|error| (name, error)));
-        }
-        for (name, set) in lights {
-            let mut l = Lights::official();
-            set(&mut l, x);
-            told.extend(l.validate().err().map(|error| (name, error)));
-        }
+        told.extend(SETTINGS.iter().filter_map(|(name, .., set)| Some((*name, validated_settings(*set, x).err()?))));
+        let lights = LIGHTS.into_iter().chain([direction]);
+        told.extend(lights.filter_map(|(name, set)| Some((name, validated_lights(set, x).err()?))));
         told.extend(Camera::from_angles(x, 0.0, 0.0, PERSPECTIVE).err().map(|error| ("camera", error)));
         told.extend(
             Camera::from_angles(2.0, 0.0, 0.0, Projection::Perspective { fov_y: x }).err().map(|e| ("fov_y", e)),
@@ -242,30 +220,30 @@ fn enormous_numbers_are_told_in_few_digits() {
 fn cameras_end_where_they_say() {
     let taken = |projection| Camera::from_angles(2.0, 0.0, 0.0, projection).is_ok();
     let matrix = |x: f64| Camera::from_matrix(DMat4::from_translation(DVec3::new(0.0, x, 0.0)), PERSPECTIVE).is_ok();
-    assert_eq!(wide_range_error(-1e12, 1e12, matrix), None, "view");
+    assert_range("view", -1e12, 1e12, matrix);
     let below_pi = (std::f64::consts::PI - 1e-6).next_down();
-    assert_eq!(wide_range_error(1e-6, below_pi, |fov_y| taken(Projection::Perspective { fov_y })), None, "fov_y");
+    assert_range("fov_y", 1e-6, below_pi, |fov_y| taken(Projection::Perspective { fov_y }));
     let orthographic = |half_height| taken(Projection::Orthographic { half_height });
-    assert_eq!(wide_range_error(1e-9, 1e9, orthographic), None, "half_height");
+    assert_range("half_height", 1e-9, 1e9, orthographic);
     let pinhole = |[fx, fy, cx, cy]: [f64; 4]| taken(Projection::Pinhole { fx, fy, cx, cy });
-    assert_eq!(wide_range_error(1e-6, 1e9, |x| pinhole([x, 1.0, 0.0, 0.0])), None, "fx");
-    assert_eq!(wide_range_error(1e-6, 1e9, |x| pinhole([1.0, x, 0.0, 0.0])), None, "fy");
-    assert_eq!(wide_range_error(-1e9, 1e9, |x| pinhole([1.0, 1.0, x, 0.0])), None, "cx");
-    assert_eq!(wide_range_error(-1e9, 1e9, |x| pinhole([1.0, 1.0, 0.0, x])), None, "cy");
+    assert_range("fx", 1e-6, 1e9, |x| pinhole([x, 1.0, 0.0, 0.0]));
+    assert_range("fy", 1e-6, 1e9, |x| pinhole([1.0, x, 0.0, 0.0]));
+    assert_range("cx", -1e9, 1e9, |x| pinhole([1.0, 1.0, x, 0.0]));
+    assert_range("cy", -1e9, 1e9, |x| pinhole([1.0, 1.0, 0.0, x]));
     let official =
         |k, original_size| taken(Projection::Official { distortion: [0.0, 0.0, k, 0.0, 0.0], original_size });
-    assert_eq!(wide_range_error(-1e9, 1e9, |x| official(x, 256.0)), None, "distortion");
-    assert_eq!(wide_range_error(1e-6, 1e9, |x| official(0.0, x)), None, "original_size");
+    assert_range("distortion", -1e9, 1e9, |x| official(x, 256.0));
+    assert_range("original_size", 1e-6, 1e9, |x| official(0.0, x));
 }
 
 #[test]
 fn meshes_end_where_they_say() {
     let position = |x: f32| Mesh::new(vec![[0.0, x, 0.0]], vec![]).is_ok();
-    assert_eq!(range_error(-Mesh::FARTHEST, Mesh::FARTHEST, position), None, "position");
+    assert_narrow_range("position", Mesh::FARTHEST, position);
     let color = |x: f32| triangle().with_appearance(Appearance::Uniform([0.0, 0.0, x])).is_ok();
-    assert_eq!(range_error(-Mesh::BRIGHTEST, Mesh::BRIGHTEST, color), None, "colour");
+    assert_narrow_range("colour", Mesh::BRIGHTEST, color);
     let texture = |x: f32| Texture::new(1, 2, vec![[0.0; 3], [0.0, x, 0.0]], Wrap::Clamp).is_ok();
-    assert_eq!(range_error(-Mesh::BRIGHTEST, Mesh::BRIGHTEST, texture), None, "texel");
+    assert_narrow_range("texel", Mesh::BRIGHTEST, texture);
     let uv = |x: f32| {
         let textures = vec![Texture::new(1, 1, vec![[0.5; 3]], Wrap::Repeat).unwrap()];
         let uv_triangles = vec![[0; 3]];
@@ -273,7 +251,7 @@ fn meshes_end_where_they_say() {
         let appearance = Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle: vec![] };
         triangle().with_appearance(appearance).is_ok()
     };
-    assert_eq!(range_error(-1e4, 1e4, uv), None, "UV");
+    assert_narrow_range("UV", 1e4, uv);
 }
 
 /// dL/dimage must be of a rendered image, of its shape and finite.
@@ -349,28 +327,4 @@ fn memory() {
         other => assert!(other.unwrap().color().is_ok()),
     }
     renderer.render(&scene, &[camera()], &Settings::default()).unwrap();
-}
-
-#[test]
-fn gradients_of_other_frames() {
-    let upstream = Upstream { d_color: Some(vec![0.0; 5]), ..Upstream::default() };
-    let result = gradient(&Scene::new(triangle()), &[camera()], &Settings::default(), &upstream, GradientMode::Exact);
-    let error = assert_says(result, &["backward", "d_color has 5 values", "batch × height × width"]);
-    assert!(matches!(error, Error::Backward { .. }));
-}
-
-#[test]
-fn frames_of_other_renderers() {
-    let settings = Settings { width: 16, height: 16, save: true, ..Settings::default() };
-    let scene = Scene::new(triangle());
-    let mut renderers = [renderer(), renderer()];
-    let frames = renderers.each_mut().map(|renderer| renderer.render(&scene, &[camera()], &settings).unwrap());
-    let silhouette = frames[0].silhouette().unwrap().clone();
-    let upstream = ImageGradient::silhouette(silhouette);
-    for (own, other) in [(0, 1), (1, 0)] {
-        let result = renderers[own].backward(&frames[other], &upstream, &GradientRequest::default());
-        let error = assert_says(result, &["backward", "another renderer", "the renderer that made it"]);
-        assert!(matches!(error, Error::Backward { .. }));
-        renderers[own].backward(&frames[own], &upstream, &GradientRequest::default()).unwrap();
-    }
 }

@@ -1,7 +1,8 @@
 //! Compares one scene between the device and the f64 reference.
 
 use super::scenes::Case;
-use crate::agreement::{self, Group, IMAGE_MARGIN, Subject, norm};
+use crate::agreement::{self, Group, IMAGE_MARGIN, Subject};
+use crate::stress::fingerprint;
 use softras::{Error, Frame, GradientRequest, Gradients, Image, ImageGradient, Renderer, Result, Settings};
 use softras_reference::ReferenceFrame;
 
@@ -52,29 +53,18 @@ pub fn compare(renderer: &mut Renderer, case: &Case) -> Result<Findings> {
     let (again, ours_again) = run()?;
     let bug = |what| Error::Backward { what, fix: "this is a bug in softras: please report it".into() };
     let gradients = gradient_errors(agreement::groups(subject, &ours, &expected).map_err(bug)?);
-    let repeats = bits(&frame, &ours) == bits(&again, &ours_again);
+    let repeats = fingerprint(&frame, &ours) == fingerprint(&again, &ours_again);
     Ok(Findings { images: image_errors(&frame, &truth), gradients, repeats })
 }
 
 /// Weights in [-1, 1] for every value of every image, 0 for pixels near a discontinuity.
 fn upstream(truth: &ReferenceFrame, settings: &Settings) -> ImageGradient {
     let mut state = 3u64;
-    let mut weights = |channels: usize| {
-        let weight = |i: usize| {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            let random = (state >> 40) as f32 / (1u64 << 23) as f32 - 1.0;
-            if truth.margin[i / channels] > IMAGE_MARGIN { random } else { 0.0 }
-        };
-        let data = (0..truth.margin.len() * channels).map(weight).collect();
-        Image { batch: truth.batch, height: truth.height, width: truth.width, channels, data }
-    };
-    let outputs = settings.outputs;
-    ImageGradient {
-        color: outputs.color.then(|| weights(3)),
-        silhouette: outputs.silhouette.then(|| weights(1)),
-        depth: outputs.depth.then(|| weights(1)),
-        normal: outputs.normal.then(|| weights(3)),
-    }
+    agreement::upstream_of(settings.outputs, [truth.batch, truth.height, truth.width], |_, channels, i| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let random = (state >> 40) as f32 / (1u64 << 23) as f32 - 1.0;
+        if truth.margin[i / channels] > IMAGE_MARGIN { random } else { 0.0 }
+    })
 }
 
 fn image_errors(frame: &Frame, truth: &ReferenceFrame) -> [Option<f64>; 4] {
@@ -105,44 +95,23 @@ fn column(name: &str) -> Option<usize> {
     })
 }
 
-/// The error of each column of the table.
+/// The error of each column of the table; `None` where all of its numbers are zeros.
 fn gradient_errors(groups: Vec<Group>) -> [Option<f64>; 8] {
-    let mut columns = [const { (Vec::new(), Vec::new()) }; 8];
+    let mut columns = GRADIENTS.map(|name| Group { name, ours: Vec::new(), reference: Vec::new() });
     for Group { name, ours, reference } in groups {
         let Some(column) = column(name) else { continue };
-        columns[column].0.extend(ours);
-        columns[column].1.extend(reference);
+        columns[column].ours.extend(ours);
+        columns[column].reference.extend(reference);
     }
-    columns.map(|(ours, reference)| relative(&ours, &reference))
-}
-
-/// |ours - expected| / |expected|; `None` if both are all zeros.
-fn relative(ours: &[f64], expected: &[f64]) -> Option<f64> {
-    if ours.iter().chain(expected).all(|x| *x == 0.0) {
-        return None;
-    }
-    let difference: Vec<f64> = ours.iter().zip(expected).map(|(a, b)| a - b).collect();
-    let error = norm(&difference) / norm(expected);
-    Some(if error.is_nan() { f64::INFINITY } else { error })
-}
-
-fn bits(frame: &Frame, gradients: &Gradients) -> (Vec<u32>, Vec<u64>) {
-    let values = frame.images().flat_map(|(_, image)| &image.data);
-    let numbers = agreement::numbers(gradients).into_iter().flat_map(|(_, values)| values);
-    (values.map(|x| x.to_bits()).collect(), numbers.map(f64::to_bits).collect())
+    columns.map(|column| {
+        let is_empty = column.ours.iter().chain(&column.reference).all(|x| *x == 0.0);
+        (!is_empty).then(|| agreement::relative_error(&column, 0.0).unwrap_or(f64::INFINITY))
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn wrong_gradients_are_far_off() {
-        assert_eq!(relative(&[0.0], &[0.0]), None);
-        assert_eq!(relative(&[1.0, 2.0], &[1.0, 2.0]), Some(0.0));
-        assert_eq!(relative(&[f64::NAN], &[1.0]), Some(f64::INFINITY));
-        assert_eq!(relative(&[1.0], &[0.0]), Some(f64::INFINITY));
-    }
 
     #[test]
     fn anything_wrong_fails() {

@@ -7,14 +7,12 @@ mod upstream;
 mod world;
 
 use softras::scene::Parity;
-use softras::{
-    Camera, Error, Frame, GradientMode, GradientRequest, Image, ImageGradient, Renderer, Result, Scene, Settings,
-};
+use softras::{Camera, Frame, GradientMode, GradientRequest, Image, ImageGradient, Renderer, Result, Scene, Settings};
 use softras_io::Budget;
 use softras_io::npy::Data;
 use softras_io::npz::{self, Archive};
-use softras_lab::gradients;
-use softras_reference::{ReferenceFrame, ReferenceGradients, Truncation};
+use softras_lab::agreement::{self, Numbers, Subject};
+use softras_reference::{ReferenceFrame, Truncation};
 use std::path::PathBuf;
 
 /// What the help says of the files.
@@ -147,7 +145,7 @@ type Entry = (&'static str, Vec<usize>, Vec<f64>);
 /// Renders, writes the archive, and returns a line that says what it holds.
 ///
 /// # Errors
-/// [`Error::File`] naming the key that is wrong; otherwise as [`Renderer::render`].
+/// [`softras::Error::File`] naming the key that is wrong; otherwise as [`Renderer::render`].
 pub fn run(options: &Options) -> Result<String> {
     let archive = Archive::open(&options.scene, Budget::new(None))?;
     let job = if archive.has("face_vertices") {
@@ -167,7 +165,7 @@ pub fn run(options: &Options) -> Result<String> {
         eprintln!("note: {}: keys that were not used: {}", options.scene.display(), npz::listed(unknown.into_iter()));
     }
     let (images, gradient) = render(options, &job, wish.as_ref())?;
-    let mut entries = lay_out(&job, images)?;
+    let mut entries = lay_out(&job, images);
     if let Some(gradient) = gradient {
         entries.extend(derivatives::arrays(&archive, &job, &gradient)?);
     }
@@ -194,26 +192,21 @@ struct Wish {
     upstream: ImageGradient,
 }
 
-/// The images of a job; those that were not asked for are empty.
-struct Images {
-    color: Vec<f64>,
-    silhouette: Vec<f64>,
-    depth: Vec<f64>,
-    normal: Vec<f64>,
-}
+/// The values of the images that a scene asks for, by name.
+type Images = Vec<(&'static str, Vec<f64>)>;
 
 /// Renders, and differentiates if requested, on the requested device.
-fn render(options: &Options, job: &Job, wish: Option<&Wish>) -> Result<(Images, Option<ReferenceGradients>)> {
+fn render(options: &Options, job: &Job, wish: Option<&Wish>) -> Result<(Images, Option<Numbers>)> {
     let Job { scene, cameras, settings, .. } = job;
     if options.device.as_deref() == Some(REFERENCE) {
-        let ReferenceFrame { color, silhouette, depth, normal, .. } =
-            softras_reference::render(scene, cameras, settings, Truncation::Tau)?;
+        let frame = softras_reference::render(scene, cameras, settings, Truncation::Tau)?;
         let differentiate = |wish: &Wish| {
-            let upstream = gradients::upstream(&wish.upstream);
-            softras_reference::gradient(scene, cameras, settings, &upstream, wish.mode)
+            let subject = Subject { scene, cameras, settings };
+            let gradient = agreement::reference_gradient(subject, &wish.upstream, wish.mode)?;
+            Ok(agreement::reference_numbers(subject, &gradient))
         };
-        let gradient = wish.map(differentiate).transpose()?;
-        return Ok((Images { color, silhouette, depth, normal }, gradient));
+        let gradient: Option<Numbers> = wish.map(differentiate).transpose()?;
+        return Ok((of_reference(frame), gradient));
     }
     let mut renderer = match &options.device {
         Some(selector) => Renderer::with_device(selector)?,
@@ -223,21 +216,21 @@ fn render(options: &Options, job: &Job, wish: Option<&Wish>) -> Result<(Images, 
     let frame = renderer.render(scene, cameras, settings)?;
     let differentiate = |wish: &Wish| {
         let gradients = renderer.backward(&frame, &wish.upstream, &wanted(job.layout, wish.mode))?;
-        gradients::as_parameters(&gradients, scene, cameras, settings)
+        Ok(agreement::numbers(&gradients))
     };
-    let gradient = wish.map(differentiate).transpose()?;
+    let gradient: Option<Numbers> = wish.map(differentiate).transpose()?;
     Ok((of_device(&frame), gradient))
 }
 
+fn of_reference(frame: ReferenceFrame) -> Images {
+    let ReferenceFrame { color, silhouette, depth, normal, .. } = frame;
+    let all = [("color", color), ("silhouette", silhouette), ("depth", depth), ("normal", normal)];
+    all.into_iter().filter(|(_, image)| !image.is_empty()).collect()
+}
+
 fn of_device(frame: &Frame) -> Images {
-    let wide =
-        |image: softras::Result<&Image>| image.map_or(Vec::new(), |i| i.data.iter().map(|&x| x.into()).collect());
-    Images {
-        color: wide(frame.color()),
-        silhouette: wide(frame.silhouette()),
-        depth: wide(frame.depth()),
-        normal: wide(frame.normal()),
-    }
+    let wide = |image: &Image| image.data.iter().map(|&x| x.into()).collect();
+    frame.images().map(|(name, image)| (name, wide(image))).collect()
 }
 
 /// The gradients that the layout has keys for.
@@ -250,33 +243,17 @@ fn wanted(layout: Layout, mode: GradientMode) -> GradientRequest {
     }
 }
 
-/// The arrays of the images that the scene asks for.
-fn lay_out(job: &Job, images: Images) -> Result<Vec<Entry>> {
+/// The arrays of the images.
+fn lay_out(job: &Job, images: Images) -> Vec<Entry> {
     let (b, h, w) = (job.cameras.len(), job.settings.height as usize, job.settings.width as usize);
-    let asked = job.settings.outputs;
-    let all = [
-        ("color", asked.color, images.color, vec![b, h, w, 3]),
-        ("silhouette", asked.silhouette, images.silhouette, vec![b, h, w]),
-        ("depth", asked.depth, images.depth, vec![b, h, w]),
-        ("normal", asked.normal, images.normal, vec![b, h, w, 3]),
-    ];
-    let mut entries = Vec::new();
-    for (key, _, values, shape) in all.into_iter().filter(|(_, asked, ..)| *asked) {
-        if values.len() != shape.iter().product::<usize>() {
-            let what = format!("the frame's {key} image is missing or has another size");
-            return Err(Error::Scene { what, fix: "this is a bug in softras: please report it".into() });
-        }
-        entries.push((key, shape, values));
+    if let ([(_, color), (_, alpha)], Layout::Screen) = (&images[..], job.layout) {
+        let plane = |view: usize, channel: usize| (0..h * w).map(move |i| color[3 * (view * h * w + i) + channel]);
+        let view = |view: usize| {
+            let colors = (0..3).flat_map(move |channel| plane(view, channel));
+            colors.chain(alpha[view * h * w..(view + 1) * h * w].iter().copied())
+        };
+        return vec![("soft_colors", vec![b, 4, h, w], (0..b).flat_map(view).collect())];
     }
-    match (&entries[..], job.layout) {
-        ([(_, _, color), (_, _, alpha)], Layout::Screen) => {
-            let plane = |view: usize, channel: usize| (0..h * w).map(move |i| color[3 * (view * h * w + i) + channel]);
-            let view = |view: usize| {
-                let colors = (0..3).flat_map(move |channel| plane(view, channel));
-                colors.chain(alpha[view * h * w..(view + 1) * h * w].iter().copied())
-            };
-            Ok(vec![("soft_colors", vec![b, 4, h, w], (0..b).flat_map(view).collect())])
-        }
-        _ => Ok(entries),
-    }
+    let shape = |name| if matches!(name, "color" | "normal") { vec![b, h, w, 3] } else { vec![b, h, w] };
+    images.into_iter().map(|(name, values)| (name, shape(name), values)).collect()
 }

@@ -86,18 +86,3 @@ impl Mode {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn outputs_are_those_named() {
-        for mode in Mode::ALL.into_iter().take(5) {
-            let o = mode.outputs();
-            let names = [(o.color, "color"), (o.silhouette, "silhouette"), (o.depth, "depth"), (o.normal, "normal")];
-            let made: Vec<_> = names.into_iter().filter(|(on, _)| *on).map(|(_, name)| name).collect();
-            assert_eq!(made.join("+"), mode.name());
-        }
-    }
-}

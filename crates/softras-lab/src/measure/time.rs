@@ -1,8 +1,9 @@
 //! Times of frames and of their stages.
 
 use super::Mode;
+use crate::agreement::upstream_of;
 use softras::StageTime;
-use softras::{Camera, Image, ImageGradient, Renderer, Result, Scene, Settings};
+use softras::{Camera, ImageGradient, Renderer, Result, Scene, Settings};
 use std::time::Instant;
 
 /// Median milliseconds of forward, of backward and of both.
@@ -26,21 +27,8 @@ pub struct Times {
 
 /// Upstream weights of all values of the images, the same in every run.
 pub fn upstream(mode: Mode, batch: usize, settings: &Settings) -> ImageGradient {
-    let (height, width) = (settings.height as usize, settings.width as usize);
-    let weights = |channels: usize| Image {
-        batch,
-        height,
-        width,
-        channels,
-        data: (0..batch * height * width * channels).map(|i| (i * 7919 % 1000) as f32 / 1000.0 - 0.5).collect(),
-    };
-    let outputs = mode.outputs();
-    ImageGradient {
-        color: outputs.color.then(|| weights(3)),
-        silhouette: outputs.silhouette.then(|| weights(1)),
-        depth: outputs.depth.then(|| weights(1)),
-        normal: outputs.normal.then(|| weights(3)),
-    }
+    let shape = [batch, settings.height as usize, settings.width as usize];
+    upstream_of(mode.outputs(), shape, |_, _, i| (i * 7919 % 1000) as f32 / 1000.0 - 0.5)
 }
 
 /// Renders and differentiates `repeats` times each, after one run to warm up. `settings` are those of [`Mode::of`]. As in

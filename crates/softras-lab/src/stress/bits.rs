@@ -21,21 +21,3 @@ pub fn fingerprint(frame: &Frame, gradients: &Gradients) -> u64 {
     gradient_bits(gradients).for_each(|word| hasher.write_u64(word));
     hasher.finish()
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::agreement::not_finite;
-
-    #[test]
-    fn gradients_that_are_not_numbers_are_found() {
-        let mut gradients = Gradients::default();
-        assert_eq!(not_finite(&gradients), None);
-        gradients.sigma = f64::NAN;
-        assert!(not_finite(&gradients).is_some_and(|text| text.contains("sigma")));
-        gradients.sigma = 0.0;
-        let same = gradients.clone();
-        gradients.gamma = -0.0;
-        assert!(!gradient_bits(&gradients).eq(gradient_bits(&same)) && gradient_bits(&same).eq(gradient_bits(&same)));
-    }
-}

@@ -20,10 +20,10 @@ pub enum Promise {
     Gradients,
 }
 
-/// A scene to render and differentiate, and the seed it was drawn from.
+/// A scene to render and differentiate.
 #[derive(Clone, Debug)]
 pub struct Case {
-    /// The seed that [`case`] was called with.
+    /// The seed that it was drawn from.
     pub seed: u64,
     /// What is promised of it.
     pub promise: Promise,
@@ -53,22 +53,13 @@ impl Default for Kind {
     }
 }
 
-/// Draws the case of a seed.
+/// Draws `count` cases of a seed with the same settings and lights, to be rendered as one batch.
 ///
 /// Half of the seeds draw from the region in which accuracy is promised, the others from everywhere: coordinates from
 /// 1e-40 to 1e20, settings over their whole ranges and beyond, near and far equal or swapped.
 ///
 /// # Errors
-/// The error of the mesh or the camera, which is a correct outcome of a case too.
-pub fn case(seed: u64, kind: Kind) -> Result<Case> {
-    draw(seed, kind).finish(seed)
-}
-
-/// Draws `count` cases of a seed with the same settings and lights, to be rendered as one batch. The first is that of
-/// [`case`].
-///
-/// # Errors
-/// Those of [`case`], one for each.
+/// Of each the error of its mesh or its camera, which is a correct outcome of a case too.
 pub fn batch(seed: u64, kind: Kind, count: usize) -> Vec<Result<Case>> {
     let mut draw = draw(seed, kind);
     if count > 1 {
@@ -85,7 +76,7 @@ pub fn batch(seed: u64, kind: Kind, count: usize) -> Vec<Result<Case>> {
 /// lit, and has a composite background.
 ///
 /// # Errors
-/// As [`case`].
+/// As [`batch`].
 pub fn at(seed: u64, sigma: f64, gamma: f64) -> Result<Case> {
     // Scenes of only a few triangles show too little of the error.
     let full = |case: &Result<Case>| case.as_ref().is_ok_and(|c| c.scene.meshes[0].triangles().len() >= 12);

@@ -111,18 +111,3 @@ pub(super) fn gradient_error(
     let worst = errors.into_iter().max_by(|a, b| a.1.total_cmp(&b.1));
     Ok(worst.map_or(("none", 0.0), |(group, error)| (group.name, error)))
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn wrong_values_are_far_off() {
-        let image = |data: Vec<f32>| Image { batch: 1, height: 1, width: data.len(), channels: 1, data };
-        assert_eq!(worst(Some(&image(vec![0.5, 0.25])), &[0.5, 0.75], &[1.0; 2]), 0.5);
-        assert_eq!(worst(Some(&image(vec![0.5, 0.25])), &[0.5, 0.75], &[1.0, 1e-6]), 0.0);
-        assert_eq!(worst_in(Some(&image(vec![0.5, 0.25])), &[0.5, 0.75], &[1.0; 2], |i| 2.0 * i as f64), 0.25);
-        assert_eq!(worst(Some(&image(vec![f32::NAN])), &[0.5], &[1.0]), f64::INFINITY);
-        assert_eq!(worst(Some(&image(vec![0.5])), &[], &[1.0]), f64::INFINITY);
-    }
-}

@@ -28,12 +28,12 @@ impl Stress {
         Ok(Self { renderer: Renderer::with_options(options)?, options: options.clone(), messages: 0 })
     }
 
-    /// Draws and runs the case of a seed; see [`super::case`].
+    /// Draws and runs the case of a seed; see [`super::batch`].
     ///
     /// # Errors
     /// When the device cannot be opened again after a panic.
     pub fn seed(&mut self, seed: u64, kind: Kind) -> Result<Outcome> {
-        match catch_unwind(|| super::case(seed, kind)) {
+        match catch_unwind(|| super::batch(seed, kind, 1).remove(0)) {
             Ok(Ok(case)) => self.run(&case),
             Ok(Err(error)) => Ok(refused(&error)),
             Err(panic) => Ok(panicked(&*panic)),

@@ -10,23 +10,17 @@ fn stress() -> Stress {
     Stress::new(&RendererOptions { validation, ..RendererOptions::default() }).expect("a Vulkan device")
 }
 
-/// A depth composited from far away, a triangle that a pixel's centre made
-/// thin, and a gradient of next to nothing at σ = 1.3e-6.
+/// By seeds, alone or each among 64 it was drawn with:
+/// - a depth composited from far away, a triangle that a pixel's centre made thin, a gradient of next to nothing at σ = 1.3e-6;
+/// - composited colours of a triangle that no pixel has more than 1e-7 of: A = 1 - Π(1 - D) has no more digits there;
+/// - triangles so thin that rounding puts a pixel outside all three edges, whose colour perspective made 1e-9 of what it is.
 #[test]
-fn what_was_promised_too_much_is_not() {
+fn nothing_is_promised_too_much() {
     let mut stress = stress();
-    for seed in [893, 1799, 104124] {
-        assert_eq!(stress.seed(seed, Kind::default()).unwrap().findings, [], "seed {seed}");
+    for (seed, count) in [(893, 1), (1799, 1), (104_124, 1), (1_357_376, 64), (1_021_120, 64), (1_820_032, 64)] {
+        let outcomes = stress.batch(seed, Kind::default(), count).unwrap();
+        assert!(outcomes.iter().all(|outcome| outcome.findings.is_empty()), "seed {seed}: {outcomes:?}");
     }
-}
-
-/// Composited colours of a triangle that no pixel has more than 1e-7 of: A = 1 - Π(1 - D) has no more digits there, and 1 % of
-/// such a gradient was promised too much.
-#[test]
-fn a_composited_gradient_of_next_to_nothing_has_the_digits_of_its_silhouette() {
-    let outcomes = stress().batch(1_357_376, Kind::default(), 64).unwrap();
-    assert!(outcomes.iter().all(|outcome| outcome.findings.is_empty()), "{outcomes:?}");
-    assert!(outcomes.iter().any(|outcome| outcome.gradient_error.is_some()));
 }
 
 /// Distances are rounded as corners are, and those of a wide image lie further out than 1: 4e-5 at σ = 7e-6.
@@ -47,15 +41,4 @@ fn what_backward_leaves_out_does_not_hang_on_the_order_of_cells() {
     let outcomes = stress().batch(1_987_776, Kind::default(), 64).unwrap();
     let bits: Vec<_> = outcomes.iter().flat_map(|outcome| &outcome.findings).filter(|f| f.kind == "bits").collect();
     assert!(bits.is_empty() && outcomes.iter().filter(|outcome| outcome.refused.is_none()).count() > 32, "{bits:?}");
-}
-
-/// Of a triangle so thin that rounding puts a pixel outside all three edges, what perspective mixes must still be a mean: its
-/// colour was 1e-9 of what it is.
-#[test]
-fn perspective_shares_of_a_thin_triangle_add_up_to_1() {
-    let mut stress = stress();
-    for seed in [1_021_120, 1_820_032] {
-        let outcomes = stress.batch(seed, Kind::default(), 64).unwrap();
-        assert!(outcomes.iter().all(|outcome| outcome.findings.is_empty()), "{outcomes:?}");
-    }
 }

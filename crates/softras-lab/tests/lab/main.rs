@@ -3,12 +3,8 @@
 
 #[path = "../../../../tests/common/mod.rs"]
 mod common;
-#[allow(dead_code, reason = "shared with the comparison with recorded files")]
-#[path = "../parity/compare.rs"]
-mod compare;
 mod drawn;
 mod eval;
-mod eval_gradient;
 mod found;
 #[allow(dead_code, reason = "shared with the tests of files")]
 #[path = "../../../softras-io/tests/io/numpy.rs"]

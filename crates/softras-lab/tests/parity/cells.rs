@@ -43,9 +43,3 @@ pub fn lookups_in_row(vertices: &[f32], settings: &Settings) -> Vec<bool> {
     visit_pairs(vertices, settings, |triangle, _, b| good[triangle] &= b[0] > 0.0 || b[2] > 0.0);
     good
 }
-
-/// The values of an RGB image at the pixels that are not masked.
-pub fn unmasked(color: &[f64], masked: &[bool]) -> Vec<f64> {
-    let pixels = color.chunks(3).zip(masked).filter(|(_, masked)| !**masked);
-    pixels.flat_map(|(pixel, _)| pixel.to_vec()).collect()
-}

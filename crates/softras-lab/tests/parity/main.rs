@@ -2,19 +2,15 @@
 //! files lie beside the repository and not in it: `cargo test --test parity`.
 //!
 //! `cargo test` alone does not build this: where the files are absent nothing is to be said of them. The parity tests that
-//! need no file are `tests/reference/official.rs`, whose equations are checked against the files here.
+//! need no file are `equations.rs` of softras-reference, whose equations are compared with the reference in every mode.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod cells;
-mod compare;
-#[path = "../../../../tests/official/equations.rs"]
-mod equations;
-mod of_equations;
 mod of_eval;
 mod of_meshes;
 mod of_reference;
-#[path = "../../../../tests/official/pipeline.rs"]
-mod pipeline;
+#[path = "../../../../tests/official/mod.rs"]
+mod official;
 #[allow(dead_code, reason = "shared with the tests of the quick tier")]
 #[path = "../lab/program.rs"]
 mod program;
@@ -54,20 +50,16 @@ fn main() -> ExitCode {
         println!("not run: {} is absent", folder.display());
         return ExitCode::from(2);
     }
-    let mut checks: Vec<(String, Box<dyn Fn() + std::panic::RefUnwindSafe>)> =
-        vec![("comparisons fail on wrong answers".into(), Box::new(compare::self_test))];
+    let mut checks: Vec<(String, Box<dyn Fn() + std::panic::RefUnwindSafe>)> = Vec::new();
     for scene in SCENES {
         checks.push((format!("image of the reference, {scene}"), Box::new(move || of_reference::image(scene))));
         checks.push((format!("gradient of the reference, {scene}"), Box::new(move || of_reference::gradients(scene))));
-        checks.push((format!("equations, {scene}"), Box::new(move || of_equations::image_and_gradient(scene))));
-        checks.push((format!("eval, {scene}"), Box::new(move || of_eval::image(scene))));
-        checks.push((format!("gradient of eval, {scene}"), Box::new(move || of_eval::gradients(scene))));
+        checks.push((format!("eval, {scene}"), Box::new(move || of_eval::image_and_gradient(scene))));
     }
     checks.push(("surface texture of the reference".into(), Box::new(of_reference::surface)));
-    checks.push(("surface texture of the equations".into(), Box::new(of_equations::surface)));
-    checks.push(("surface texture of eval".into(), Box::new(|| of_eval::image(SURFACE))));
+    checks.push(("surface texture of eval".into(), Box::new(|| of_eval::image_and_gradient(SURFACE))));
     checks.push(("render demo of the reference".into(), Box::new(of_reference::render_demo)));
-    checks.push(("pipeline of the equations".into(), Box::new(of_equations::pipeline)));
+    checks.push(("the camera".into(), Box::new(of_reference::camera)));
     checks.push(("counts of meshes".into(), Box::new(of_meshes::counts)));
     let wanted = std::env::args().nth(1).unwrap_or_default();
     checks.retain(|(name, _)| name.contains(&wanted));

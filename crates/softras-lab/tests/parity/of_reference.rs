@@ -1,10 +1,10 @@
 //! The f64 reference against the recorded outputs.
 
-use crate::cells::{lookups_in_row, undecided_cells, unmasked};
-use crate::compare::{axes, max_difference, relative_l2, texel_sum};
+use crate::cells::{lookups_in_row, undecided_cells};
+use crate::official::compare::{axes, max_difference, relative_l2, texel_sum, unmasked};
 use crate::recorded::{Archive, Case, soup, split_planes};
 use crate::{GRADIENT_TOLERANCE, IMAGE_TOLERANCE, SPOT, SURFACE};
-use softras::scene::{Camera, Parity, Scene, Settings};
+use softras::scene::{Camera, Parity, Projection, Scene, Settings};
 use softras_reference::{GradientMode, ReferenceFrame, Truncation, gradient, render, render_culled};
 
 fn check_image(name: &str, frame: &ReferenceFrame, official: &(Vec<f64>, Vec<f64>), tolerance: f64) {
@@ -81,4 +81,22 @@ pub fn render_demo() {
     assert!(mean < 2e-5 && inside > 100, "{mean:e} on {inside}");
     let worst = max_difference(&frame.silhouette, &silhouette);
     assert!(worst < 1e-6, "silhouette {worst:e}");
+}
+
+/// The official camera at (2.732, 30°, 40°), 30° wide to each side. It mirrors: its x axis points to the left of the image.
+pub fn camera() {
+    let archive = Archive::open("pipeline.npz");
+    let points = |key: &str| archive.f64s(key).chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect::<Vec<_>>();
+    let camera = Camera::from_angles(2.732, 30.0, 40.0, Projection::Perspective { fov_y: 60f64.to_radians() }).unwrap();
+    let view = |p: [f64; 3]| camera.to_view(p.into()).to_array();
+    let screen = |p: [f64; 3]| camera.project(p.into(), (2, 2)).unwrap();
+    let vertices = points("vertices");
+    for (key, ours) in [
+        ("look_at", vertices.iter().map(|&p| view(p)).map(|[x, y, z]| [-x, y, z]).collect::<Vec<_>>()),
+        ("perspective30", vertices.iter().map(|&p| screen(p)).map(|[x, y, z]| [1.0 - x, 1.0 - y, z]).collect()),
+    ] {
+        let difference = max_difference(ours.as_flattened(), points(key).as_flattened());
+        println!("camera, {key}: {difference:.2e}");
+        assert!(difference < 1e-12, "{key}: {difference:e}");
+    }
 }

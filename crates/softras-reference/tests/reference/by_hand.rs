@@ -20,15 +20,6 @@ fn one_triangle_by_hand() {
 }
 
 #[test]
-fn official_parity_doubles_the_background_score() {
-    let settings = Settings { parity: Parity::Official, epsilon: 0.3, ..one_pixel() };
-    let frame = on_screen(&Scene::new(screen_mesh(&triangle_above(0.0625, 2.0))), &settings);
-    let twice = Settings { parity: Parity::Model, epsilon: 0.6, ..one_pixel() };
-    let model = on_screen(&Scene::new(screen_mesh(&triangle_above(0.0625, 2.0))), &twice);
-    assert_close("colour", &frame.color, &model.color);
-}
-
-#[test]
 fn outside_colour_fades_only_when_composited() {
     let scene = Scene::new(screen_mesh(&triangle_above(-0.125, 2.0)));
     let d = sigmoid(-0.125f64.powi(2) / 0.01);
@@ -74,21 +65,6 @@ fn equal_depths_go_to_the_first_triangle() {
     let frame = on_screen(&scene, &Settings { color: ColorAggregation::Hard, ..one_pixel() });
     assert_close("first", &frame.color, &[1.0, 0.0, 0.0]);
     assert_eq!(frame.margin, [0.0]);
-}
-
-#[test]
-fn other_distances_by_hand() {
-    let scene = Scene::new(screen_mesh(&triangle_above(0.0625, 2.0)));
-    let silhouette = |scene: &Scene, distance| on_screen(scene, &Settings { distance, ..one_pixel() }).silhouette[0];
-    let m: f64 = 0.0625 / 4.0625;
-    assert!(close(silhouette(&scene, Distance::Barycentric), sigmoid(m * m / 0.01)));
-    assert!(close(silhouette(&scene, Distance::Hard), 1.0));
-    let outside = Scene::new(screen_mesh(&triangle_above(-0.125, 2.0)));
-    let m: f64 = 0.125 / 3.875;
-    assert!(close(silhouette(&outside, Distance::Barycentric), sigmoid(-m * m / 0.01)));
-    assert_eq!(silhouette(&outside, Distance::Hard), 0.0);
-    // A point has no barycentrics.
-    assert_eq!(silhouette(&Scene::new(screen_mesh(&[[0.0, 0.0, 2.0]; 3])), Distance::Barycentric), 0.0);
 }
 
 #[test]
@@ -161,23 +137,6 @@ fn perspective_correct_colours() {
 }
 
 #[test]
-fn surface_cells_by_hand() {
-    // A pixel at barycentrics (b0, b1) of a triangle with R = 2: which of the four cells?
-    let cell = |b0: f64, b1: f64| {
-        let (x, y) = (-4.0 * b1, -4.0 * (1.0 - b0 - b1));
-        let corners = [[x, y, 2.0], [x + 4.0, y, 2.0], [x, y + 4.0, 2.0]].map(|c| c.map(|v| v as f32));
-        let texels = (0..4).map(|i| [i as f32, 0.0, 0.0]).collect();
-        let mesh = screen_mesh(&corners).with_appearance(Appearance::Surface { resolution: 2, texels }).unwrap();
-        on_screen(&Scene::new(mesh), &Settings { color: ColorAggregation::Hard, ..one_pixel() }).color[0]
-    };
-    assert_eq!(cell(0.2, 0.2), 0.0);
-    assert_eq!(cell(0.7, 0.2), 1.0);
-    assert_eq!(cell(0.2, 0.7), 2.0);
-    // Upper half of cell (0, 0): (R-1-y) R + R-1-x.
-    assert_eq!(cell(0.4, 0.4), 3.0);
-}
-
-#[test]
 fn textures_are_bilinear_and_wrap() {
     let texel = |v: f32| [v, 0.0, 0.0];
     // Row 0 on top: 1 2 / 3 4.
@@ -224,6 +183,22 @@ fn lights_by_hand() {
     // The normal is +z: cosine 0.8 to the first light, none to the second.
     assert_close("colour", &frame.color, &[0.5, 0.25 + 1.6, 1.6]);
     assert_close("normal", &frame.normal, &[0.0, 0.0, 1.0]);
+}
+
+/// A vertex's normal is the mean of its triangles' weighted by their areas, that of a corner inside a pixel's triangle.
+#[test]
+fn smooth_normals_by_hand() {
+    // The pixel is the centroid of the first triangle; the second has (-6, -2, 6) as twice its area's normal, the first (0, 0, 6).
+    let positions = vec![[-1.0, -1.0, 2.0], [1.0, -1.0, 2.0], [0.0, 2.0, 2.0], [2.0, 2.0, 4.0]];
+    let mesh = Mesh::new(positions, vec![[0, 1, 2], [1, 3, 2]]).unwrap();
+    let lights = Lights { shading: Shading::Smooth, ..Lights::official() };
+    let scene = Scene::new(mesh).with_lights(lights);
+    let frame = on_screen(&scene, &Settings { color: ColorAggregation::Hard, ..one_pixel() });
+    let shared = [-6.0, -2.0, 12.0].map(|x| x / 184f64.sqrt());
+    let normal = [0, 1, 2].map(|k| (2.0 * shared[k] + [0.0, 0.0, 1.0][k]) / 3.0);
+    assert_close("normal", &frame.normal, &normal);
+    // Light from above falls on neither of them: their y are 0 and below.
+    assert_close("colour", &frame.color, &[0.5; 3]);
 }
 
 #[test]

@@ -78,15 +78,6 @@ fn leaving_out_what_weighs_nothing_changes_nothing() {
     }
 }
 
-#[test]
-fn untruncated_images_are_not_truncated_ones() {
-    let scene = random_scene(&mut Random::new(11), 60);
-    let settings =
-        Settings { width: 37, height: 26, near: 0.8, sigma: 1e-3, outputs: Outputs::ALL, ..Settings::default() };
-    let untruncated = render_untruncated(&scene, &[Camera::screen()], &settings).unwrap();
-    assert!(difference(&untruncated, &culled(&scene, &settings)) > 1e-3);
-}
-
 /// Two pixels a unit: a triangle that covers 10 centres, and one that its radius adds to beyond each side.
 #[test]
 fn pairs_are_counted() {

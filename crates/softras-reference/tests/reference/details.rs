@@ -59,49 +59,6 @@ fn images_do_not_depend_on_each_other() {
     }
 }
 
-/// A scene three pixels to the right is an image three pixels to the right. The triangle is so large that the official box
-/// ends its barycentric support.
-#[test]
-fn moved_scenes_have_moved_images() {
-    let triangle =
-        |by: f32| [[-0.875, -0.75, 2.0], [0.5, -0.625, 3.0], [-0.25, 0.75, 2.5]].map(|[x, y, z]| [x + by, y, z]);
-    let image = |by: f32, distance, parity| {
-        let settings = Settings {
-            width: 16,
-            height: 16,
-            sigma: 1e-3,
-            gamma: 0.1,
-            distance,
-            parity,
-            outputs: Outputs::ALL,
-            ..Settings::default()
-        };
-        on_screen(&colored(&triangle(by), &[[1.0, 0.0, 0.5], [0.0, 1.0, 0.5], [0.2, 0.3, 1.0]]), &settings)
-    };
-    for distance in [Distance::Euclidean, Distance::Barycentric, Distance::Hard] {
-        for parity in [Parity::Model, Parity::Official] {
-            let (plain, moved) = (image(0.0, distance, parity), image(3.0 / 8.0, distance, parity));
-            let mut covered = 0;
-            for pixel in (0..256).filter(|i| i % 16 < 13) {
-                assert!(
-                    close(plain.silhouette[pixel], moved.silhouette[pixel + 3]),
-                    "{distance:?}, {parity:?}, {pixel}"
-                );
-                assert!(
-                    close(plain.color[3 * pixel], moved.color[3 * (pixel + 3)]),
-                    "{distance:?}, {parity:?}, {pixel}"
-                );
-                assert!(
-                    (plain.margin[pixel] - moved.margin[pixel + 3]).abs() < 1e-9,
-                    "{distance:?}, {parity:?}, {pixel}"
-                );
-                covered += usize::from(plain.silhouette[pixel] > 0.0);
-            }
-            assert!((10..230).contains(&covered), "{covered} for {distance:?}, {parity:?}");
-        }
-    }
-}
-
 /// The margin is the nearness to any jump: of a depth to near, where that drops a fragment, and to far.
 #[test]
 fn margins_at_near_and_far() {

@@ -52,6 +52,28 @@ fn screen_triangles_are_cut_like_the_view_space_ones_they_stand_for() {
     }
 }
 
+/// A camera anywhere shows what the screen shows of the points that it projects to.
+#[test]
+fn cameras_show_what_they_project() {
+    let settings = Settings { width: 14, height: 10, sigma: 1e-3, ..Settings::default() };
+    let points = [[-1.0, -0.75, 0.5], [1.5, -0.5, 0.25], [0.25, 1.0, -0.5]];
+    let pinhole = Projection::Pinhole { fx: 9.0, fy: 8.0, cx: 6.0, cy: 5.5 };
+    let [perspective, orthographic] =
+        [Projection::Perspective { fov_y: 0.8 }, Projection::Orthographic { half_height: 1.3 }];
+    for projection in [perspective, orthographic, pinhole] {
+        let camera = Camera::look_at([1.0, 2.0, 3.0].into(), DVec3::ZERO, DVec3::Y, projection).unwrap();
+        let seen = render(&Scene::new(screen_mesh(&points)), &[camera], &settings, Truncation::Tau).unwrap();
+        let projected = points.map(|p| {
+            let [column, row, z] = camera.project(p.map(f64::from).into(), (14, 10)).unwrap();
+            [column / 5.0 - 1.4, 1.0 - row / 5.0, z].map(|x| x as f32)
+        });
+        let expected = on_screen(&Scene::new(screen_mesh(&projected)), &settings);
+        let worst = seen.silhouette.iter().zip(&expected.silhouette).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        // The projected vertices are float32.
+        assert!(worst < 1e-4 && seen.silhouette.iter().any(|&a| a > 0.9), "{projection:?}: {worst:e}");
+    }
+}
+
 #[test]
 fn projections_agree_on_the_same_camera() {
     let settings = Settings { width: 12, height: 8, sigma: 1e-3, outputs: Outputs::ALL, ..Settings::default() };
