@@ -2,10 +2,7 @@
 
 use crate::twist;
 use softras::scene::Appearance;
-use softras::{
-    CameraGradient, Error, Frame, GradientRequest, Gradients, Image, ImageGradient, Mesh, MeshGradients, Renderer,
-    Result,
-};
+use softras::{Error, Frame, GradientRequest, Gradients, Image, ImageGradient, Mesh, MeshGradients, Renderer, Result};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// What clones of a renderer share.
@@ -58,6 +55,7 @@ impl Role {
 }
 
 /// A rendered frame with what its backward pass needs.
+#[derive(Debug)]
 pub(crate) struct Rendered {
     pub shared: Arc<Shared>,
     pub frame: Frame,
@@ -144,18 +142,12 @@ impl Rendered {
             Role::Positions => values(|mesh| &mesh.positions),
             Role::Colors => values(|mesh| &mesh.colors),
             Role::Texels => values(|mesh| &mesh.surface_texels),
-            Role::Cameras => self.by_twists(&gradients.cameras),
+            Role::Cameras => {
+                let cameras = gradients.cameras.iter().zip(self.twists.iter().flatten());
+                cameras.flat_map(|(camera, &at)| twist::pull_back(at, camera.twist).map(|x| x as f32)).collect()
+            }
         };
         flat.resize(self.rows[role as usize] * role.columns(), 0.0);
         flat
-    }
-
-    fn by_twists(&self, cameras: &[CameraGradient]) -> Vec<f32> {
-        let twists = self.twists.iter().flatten();
-        cameras
-            .iter()
-            .zip(twists)
-            .flat_map(|(camera, &at)| twist::pull_back(at, camera.twist).map(|x| x as f32))
-            .collect()
     }
 }

@@ -108,12 +108,9 @@ pub struct EvaluateArgs {
     /// Views of each object, spread evenly
     #[arg(long, default_value_t = 24, value_parser = clap::value_parser!(u8).range(1..=24))]
     pub views: u8,
-    /// A picture of what the first mesh network sees in some objects
+    /// A picture of what the first network sees in some objects
     #[arg(long, value_name = "SHEET.png", requires = "networks")]
     pub sheet: Option<PathBuf>,
-    /// The curves of the mesh networks' trainings
-    #[arg(long, value_name = "CURVES.svg", requires = "networks")]
-    pub curves: Option<PathBuf>,
     /// A picture of the first object to try `predict` with
     #[arg(long, value_name = "PICTURE.png")]
     pub example: Option<PathBuf>,

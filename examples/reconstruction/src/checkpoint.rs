@@ -4,7 +4,7 @@
 //! writes it in the bytes `training.optimizer`. Its metadata `softras` says how the network is trained and how far it is.
 
 use crate::config::{Config, Row};
-use crate::model::Model;
+use crate::network::Network;
 use crate::weights::{self, numbered};
 use crate::{file_error, io_error};
 use burn::module::Module;
@@ -71,12 +71,12 @@ impl View for Stored {
 }
 
 /// Writes a checkpoint.
-pub fn write(path: &Path, status: &Status, model: &Model, optimizer: &ModuleOptimizer) -> Result<()> {
+pub fn write(path: &Path, status: &Status, network: &Network, optimizer: &ModuleOptimizer) -> Result<()> {
     let said = serde_json::to_string(status).map_err(|e| io_error(path, e))?;
     let optimizer = optimizer.into_bytes().map_err(|e| io_error(path, e.to_string()))?.to_vec();
     let curve: Vec<f32> = status.curve.iter().flat_map(|row| row.losses).collect();
     // The latest update of the batch norms' running means is among the weights only after `valid` has applied it.
-    let weights = weights::list(&model.valid()).into_iter();
+    let weights = weights::list(&network.valid()).into_iter();
     let tensors = weights.map(|weight| (weight.name, Stored::floats(weight.shape, &weight.values))).chain([
         (CURVE.into(), Stored::floats(vec![status.curve.len(), 5], &curve)),
         (OPTIMIZER.into(), Stored { dtype: Dtype::U8, shape: vec![optimizer.len()], bytes: optimizer }),
@@ -90,7 +90,7 @@ pub fn read(
     path: &Path,
     device: &Device,
     resume: Option<ModuleOptimizer>,
-) -> Result<(Status, Model, Option<ModuleOptimizer>)> {
+) -> Result<(Status, Network, Option<ModuleOptimizer>)> {
     let bytes = input::read(path, MOST_BYTES)?;
     let broken = |what: String| file_error(path, what, FIX);
     let foreign = |e| broken(format!("not a checkpoint ({e})"));
@@ -102,13 +102,15 @@ pub fn read(
     let mut status: Status = serde_json::from_str(said).map_err(|e| broken(format!("its status is broken ({e})")))?;
     status.config.validate()?;
     status.curve = curve(&file, status.step).map_err(broken)?;
-    let loaded = weights::load(Model::blank(&status.config, device)?, &file, device);
-    let model = numbered(loaded.map_err(|what| broken(format!("its network does not fit: {what}")))?);
-    let Some(optimizer) = resume else { return Ok((status, model, None)) };
+    // Random weights are drawn when they are first needed: only those that fit are allocated.
+    let blank = Network::new(status.config.width, status.config.seen_colors(), device)?;
+    let loaded = weights::load(blank, &file, device);
+    let network = numbered(loaded.map_err(|what| broken(format!("its network does not fit: {what}")))?);
+    let Some(optimizer) = resume else { return Ok((status, network, None)) };
     let state = file.tensor(OPTIMIZER).map_err(|e| broken(e.to_string()))?;
     let record = OptimizerRecord::from_bytes(Bytes::from_bytes_vec(state.data().to_vec()));
     let record = record.map_err(|e| broken(format!("its optimiser does not fit ({e})")))?;
-    Ok((status, model, Some(optimizer.load_record(record))))
+    Ok((status, network, Some(optimizer.load_record(record))))
 }
 
 fn curve(file: &SafeTensors, steps: usize) -> Result<Vec<Row>, String> {

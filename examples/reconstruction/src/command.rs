@@ -3,20 +3,17 @@
 use crate::args::{Cli, Command, DataArgs, DemoArgs, EvaluateArgs, PredictArgs, TrainArgs};
 use crate::config::Row;
 use crate::data::{self, Set};
-use crate::model::Model;
 use crate::network::{Network, meshes};
 use crate::official;
 use crate::train::Trainer;
-use crate::{
-    checkpoint, colors, curves, evaluate, file_error, fit_error, furniture, io_error, picture, sheet, synthesis,
-};
+use crate::{checkpoint, colors, evaluate, file_error, fit_error, furniture, io_error, picture, sheet, synthesis};
 use burn::module::Module;
 use burn::tensor::Device;
 use clap::Parser;
 use softras::{Renderer, Result};
 use softras_io::output;
 use std::ffi::OsString;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -78,11 +75,9 @@ fn train(args: &TrainArgs) -> Result<()> {
         let row = trainer.step(&set)?;
         if row.step % 25 == 0 {
             let rate = (row.step - first) as f64 / start.elapsed().as_secs_f64();
-            let config = &trainer.status().config;
-            let overlap =
-                if config.voxels { String::new() } else { format!(", IoU of silhouettes {:.3}", row.overlap()) };
-            let loss = row.loss();
-            eprintln!("step {}/{}: loss {loss:.4}{overlap}, {rate:.2} steps a second", row.step, config.steps);
+            let (steps, loss, overlap) = (trainer.status().config.steps, row.loss(), row.overlap());
+            let head = format!("step {}/{steps}: loss {loss:.4}", row.step);
+            eprintln!("{head}, IoU of silhouettes {overlap:.3}, {rate:.2} steps a second");
         }
         if row.step % args.every == 0 {
             keep(&mut trainer, &validation, &args.output)?;
@@ -107,13 +102,12 @@ fn keep(trainer: &mut Trainer, validation: &Set, folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// A network for looking at, and the curve of its training where the file has it.
-fn network(path: &Path, device: &Device) -> Result<(Model, Vec<Row>)> {
+/// A network for looking at.
+fn network(path: &Path, device: &Device) -> Result<Network> {
     if official::is_named(path) {
-        return Ok((Model::Mesh(official::read(path, device)?), Vec::new()));
+        return official::read(path, device);
     }
-    let (status, network, _) = checkpoint::read(path, device, None)?;
-    Ok((network.valid(), status.curve))
+    Ok(checkpoint::read(path, device, None)?.1.valid())
 }
 
 fn predict(args: &PredictArgs) -> Result<()> {
@@ -125,10 +119,7 @@ fn predict(args: &PredictArgs) -> Result<()> {
     }
     let picture = picture::read(&args.image)?;
     let device = Device::flex();
-    let (Model::Mesh(network), _) = network(&args.network, &device)? else {
-        let fix = "give a network trained without --voxels";
-        return Err(file_error(&args.network, "it is a voxel network, which sees no mesh", fix));
-    };
+    let network = network(&args.network, &device)?;
     for mesh in meshes(&network, &[&picture], &device)? {
         softras_io::save(&mesh, &args.output)?;
         if let Some(path) = &args.gif {
@@ -142,37 +133,18 @@ fn compare(args: &EvaluateArgs) -> Result<()> {
     let (device, views) = (Device::flex(), usize::from(args.views));
     let test = data::read(&args.data, "test", &args.classes)?;
     if let Some(path) = &args.example {
-        picture::write(path, test.objects[0].picture(3))?;
+        picture::pixels(test.objects[0].picture(3)).save(path)?;
     }
-    let (mut networks, mut trainings) = (Vec::new(), Vec::new());
-    for (name, path) in &args.networks {
-        let (network, curve) = network(path, &device)?;
-        if matches!(network, Model::Mesh(_)) && !curve.is_empty() {
-            trainings.push((name.clone(), curve));
-        }
-        networks.push((name.clone(), network));
-    }
-    if let Some(path) = &args.curves {
-        if let (true, Some((_, first))) = (trainings.is_empty(), args.networks.first()) {
-            let fix = "name a checkpoint that `train` has written of a mesh network, or leave --curves out";
-            let what = "no network has a curve of silhouettes, neither this one nor one after it";
-            return Err(file_error(first, what, fix));
-        }
-        curves::draw(path, &trainings)?;
-    }
+    let network = |(name, path): &(String, PathBuf)| Ok((name.clone(), network(path, &device)?));
+    let networks = args.networks.iter().map(network).collect::<Result<Vec<_>>>()?;
     let train = data::read(&args.data, "train", &args.classes)?;
     print!("{}", evaluate::table(&train, &test, &networks, views, &device)?);
-    let mesh_networks: Vec<(String, Network)> = networks
-        .into_iter()
-        .filter_map(|(name, network)| if let Model::Mesh(network) = network { Some((name, network)) } else { None })
-        .collect();
-    let renderer = &mut Renderer::new()?;
-    if mesh_networks.iter().any(|(_, network)| network.is_colored()) {
-        print!("\n{}", colors::table(renderer, &train, &test, &mesh_networks, views, &device)?);
+    if networks.iter().any(|(_, network)| network.is_colored()) {
+        let mut renderer = Renderer::new()?;
+        print!("\n{}", colors::table(&mut renderer, &train, &test, &networks, views, &device)?);
     }
-    match (&args.sheet, mesh_networks.first()) {
-        (Some(path), Some((_, first))) => sheet::sheet(path, &test, first, renderer),
-        (Some(_), None) => Err(fit_error("a sheet without a mesh network", "name one with --network")),
+    match (&args.sheet, networks.first()) {
+        (Some(path), Some((_, first))) => sheet::sheet(path, &test, first, &mut Renderer::new()?),
         _ => Ok(()),
     }
 }
@@ -180,6 +152,7 @@ fn compare(args: &EvaluateArgs) -> Result<()> {
 /// Runs the other subcommands one after another.
 fn demo(args: &DemoArgs) -> Result<()> {
     let path = |name: &str| args.output.join(name).into_os_string();
+    // A line in which each % stands for the next path.
     let run_line = |line: &str, paths: &[OsString]| {
         let mut paths = paths.iter();
         let word = |word: &str| if word == "%" { paths.next().cloned() } else { Some(word.into()) };
@@ -187,12 +160,12 @@ fn demo(args: &DemoArgs) -> Result<()> {
         run(Cli::parse_from(words))
     };
     let (data, network) = (path("data"), path("network"));
-    run_line("- data --train 24 --val 4 --test 6 -o %", &[data.clone()])?;
+    run_line("- data --train 24 --val 4 --test 6 -o %", std::slice::from_ref(&data))?;
     let train = format!("- train % -o % --width 6 --rate 2e-3 --every 100 --steps {}", args.steps);
     run_line(&train, &[data.clone(), network])?;
     let mut best = OsString::from("network=");
     best.push(path("network/best.safetensors"));
-    let pictures = ["sheet.png", "curves.svg", "picture.png"].map(path);
-    let evaluate = "- evaluate % --network % --views 4 --sheet % --curves % --example %";
+    let pictures = ["sheet.png", "picture.png"].map(path);
+    let evaluate = "- evaluate % --network % --views 4 --sheet % --example %";
     run_line(evaluate, &[vec![data, best], pictures.to_vec()].concat())
 }

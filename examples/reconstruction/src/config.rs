@@ -40,10 +40,6 @@ pub struct Config {
     #[arg(long)]
     #[serde(default)]
     pub hard: Option<Hard>,
-    /// Train a voxel network from the training objects' solids in place of a mesh network from pictures
-    #[arg(long)]
-    #[serde(default)]
-    pub voxels: bool,
     /// Decides the first weights and the order of the pictures
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
@@ -100,7 +96,7 @@ impl Config {
     }
 }
 
-/// The losses of a step, each before its weight; those that a network does not have are 0.
+/// The losses of a step, each before its weight; that of the colours is 0 where a network does not see them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
     /// The step, from 1.
@@ -110,8 +106,8 @@ pub struct Row {
 }
 
 impl Row {
-    /// The names of the losses: the weighted sum of all (for a voxel network the cross entropy), 1 - IoU of the silhouettes,
-    /// the mean absolute difference of the colours, and the two that keep the surface smooth.
+    /// The names of the losses: the weighted sum of all, 1 - IoU of the silhouettes, the mean absolute difference of the
+    /// colours, and the two that keep the surface smooth.
     pub const COLUMNS: [&str; 5] = ["loss", "silhouette", "color", "laplacian", "flatten"];
 
     /// The weighted sum of all losses.
@@ -143,7 +139,6 @@ pub mod tests {
             color: 1.0,
             coloring: Coloring::Palette,
             hard: None,
-            voxels: false,
             seed: 5,
         }
     }
@@ -165,6 +160,6 @@ pub mod tests {
         let said =
             r#"{"width":8,"steps":4,"pairs":8,"rate":1e-3,"sigma":1e-4,"laplacian":0,"flatten":0,"color":1,"seed":0}"#;
         let read: Config = serde_json::from_str(said).unwrap();
-        assert_eq!((read.coloring, read.hard, read.voxels), (Coloring::Vertices, None, false));
+        assert_eq!((read.coloring, read.hard), (Coloring::Vertices, None));
     }
 }

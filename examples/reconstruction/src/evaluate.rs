@@ -1,11 +1,9 @@
 //! The table: how far the shapes of networks, and of what needs no network, overlap the solids of unseen objects.
 
 use crate::VIEWS;
-use crate::bits::Bits;
 use crate::data::{Object, Set};
 use crate::fill::solid;
-use crate::model::Model;
-use crate::network::meshes;
+use crate::network::{Network, meshes};
 use crate::scores::Known;
 use burn::tensor::Device;
 use softras::Result;
@@ -72,7 +70,7 @@ pub fn views(count: usize) -> impl Iterator<Item = usize> {
 
 /// The table of a test set. Every score is a mean over `count` views of every object. Networks of one name are the runs of one
 /// row.
-pub fn table(train: &Set, test: &Set, networks: &[(String, Model)], count: usize, device: &Device) -> Result<Table> {
+pub fn table(train: &Set, test: &Set, networks: &[(String, Network)], count: usize, device: &Device) -> Result<Table> {
     let known = Known::new(train);
     let seen = |object: &Object, of: &dyn Fn(&[u8]) -> f64| Ok(mean(views(count).map(|view| of(object.picture(view)))));
     let mut table = Table::new("method", test);
@@ -88,18 +86,11 @@ pub fn table(train: &Set, test: &Set, networks: &[(String, Model)], count: usize
     for (name, network) in networks {
         table.add(name, test, |object| {
             let pictures: Vec<&[u8]> = views(count).map(|view| object.picture(view)).collect();
-            Ok(mean(solids(network, &pictures, device)?.iter().map(|solid| solid.iou(&object.solid))))
+            let solids = meshes(network, &pictures, device)?.iter().map(solid).collect::<Result<Vec<_>>>()?;
+            Ok(mean(solids.iter().map(|solid| solid.iou(&object.solid))))
         })?;
     }
     Ok(table)
-}
-
-/// The solids that a network sees in pictures.
-fn solids(network: &Model, pictures: &[&[u8]], device: &Device) -> Result<Vec<Bits>> {
-    match network {
-        Model::Mesh(network) => meshes(network, pictures, device)?.iter().map(solid).collect(),
-        Model::Voxels(network) => network.solids(pictures, device),
-    }
 }
 
 #[cfg(test)]
@@ -107,7 +98,6 @@ fn solids(network: &Model, pictures: &[&[u8]], device: &Device) -> Result<Vec<Bi
 mod tests {
     use super::*;
     use crate::config::Coloring;
-    use crate::network::Network;
     use crate::synthesis;
 
     #[test]
@@ -125,7 +115,7 @@ mod tests {
     fn the_table_has_every_row() {
         let (set, device) = (synthesis::tests::small(), Device::flex());
         let network = Network::new(2, Some(Coloring::Palette), &device).unwrap();
-        let table = table(&set, &set, &[("new".into(), Model::Mesh(network))], 2, &device).unwrap();
+        let table = table(&set, &set, &[("new".into(), network)], 2, &device).unwrap();
         // The test set is the training set here, so that the nearest training shape is the shape itself.
         let own = 1.0..=1.0;
         let expected = [own.clone(), 0.05..=0.95, 0.05..=0.95, own.clone(), own, 0.05..=0.95];

@@ -29,7 +29,7 @@ pub fn read(path: &Path) -> Result<Vec<u8>> {
     Ok(planes)
 }
 
-/// The pixels of four planes, their colours no longer over black.
+/// A picture as [`read`] takes it, of four planes.
 pub fn pixels(planes: &[u8]) -> Picture {
     let at = |i: usize| {
         let [r, g, b, alpha] = [0, 1, 2, 3].map(|plane| planes[plane * SIZE * SIZE + i]);
@@ -37,11 +37,6 @@ pub fn pixels(planes: &[u8]) -> Picture {
         [apart(r), apart(g), apart(b), alpha]
     };
     Picture { width: SIZE, height: SIZE, pixels: (0..SIZE * SIZE).map(at).collect() }
-}
-
-/// Writes a picture of a set as [`read`] takes it.
-pub fn write(path: &Path, planes: &[u8]) -> Result<()> {
-    pixels(planes).save(path)
 }
 
 #[cfg(test)]
@@ -56,7 +51,7 @@ mod tests {
         // Colours are at most alpha, over black.
         let given: Vec<u8> =
             (0..PICTURE).map(|i| (i % (SIZE * SIZE) % 256 * (1 + i / (SIZE * SIZE)) / 4) as u8).collect();
-        write(&path, &given).unwrap();
+        pixels(&given).save(&path).unwrap();
         // Colours are kept apart from alpha in the file, which rounds them.
         let apart = read(&path).unwrap().iter().zip(&given).map(|(a, b)| a.abs_diff(*b)).max();
         assert!(apart <= Some(1), "{apart:?}");

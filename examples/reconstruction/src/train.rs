@@ -3,11 +3,10 @@
 use crate::checkpoint::{self, Status};
 use crate::config::{Config, Hard, Row};
 use crate::data::Set;
-use crate::model::Model;
 use crate::network::{Network, Shapes, pictures_tensor};
 use crate::pairs::Pairs;
 use crate::template::Template;
-use crate::voxels::cross_entropy;
+use crate::weights::numbered;
 use crate::{SIZE, VIEWS, camera, fit_error, hard};
 use burn::module::Module;
 use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
@@ -20,7 +19,7 @@ use std::path::Path;
 /// A network in training.
 pub struct Trainer {
     status: Status,
-    model: Model,
+    network: Network,
     optimizer: ModuleOptimizer,
     softras: SoftRas,
     training: Constants,
@@ -51,20 +50,21 @@ impl Trainer {
     pub fn new(config: Config, renderer: Renderer) -> Result<Self> {
         config.validate()?;
         let device = Device::flex().autodiff();
-        let model = Model::new(&config, &device)?;
-        Self::with(Status { config, step: 0, curve: Vec::new(), best: None }, model, optimizer(), renderer, device)
+        device.seed(config.seed);
+        let network = numbered(Network::new(config.width, config.seen_colors(), &device)?);
+        Self::with(Status { config, step: 0, curve: Vec::new(), best: None }, network, optimizer(), renderer, device)
     }
 
     /// Goes on from a checkpoint, as if the training had never ended.
     pub fn resume(path: &Path, renderer: Renderer) -> Result<Self> {
         let device = Device::flex().autodiff();
-        let (status, model, resumed) = checkpoint::read(path, &device, Some(optimizer()))?;
-        Self::with(status, model, resumed.unwrap_or_else(optimizer), renderer, device)
+        let (status, network, resumed) = checkpoint::read(path, &device, Some(optimizer()))?;
+        Self::with(status, network, resumed.unwrap_or_else(optimizer), renderer, device)
     }
 
     fn with(
         status: Status,
-        model: Model,
+        network: Network,
         optimizer: ModuleOptimizer,
         renderer: Renderer,
         device: Device,
@@ -80,7 +80,7 @@ impl Trainer {
             cameras: (0..VIEWS).map(camera).collect::<Result<_>>()?,
             softras: SoftRas::new(renderer),
             status,
-            model,
+            network,
             optimizer,
             template,
         })
@@ -93,7 +93,7 @@ impl Trainer {
 
     /// The number of the network's weights.
     pub fn weights(&self) -> usize {
-        self.model.num_params()
+        self.network.num_params()
     }
 
     /// Whether all steps are taken.
@@ -108,10 +108,10 @@ impl Trainer {
         let pairs = Pairs::draw(set, config.pairs, config.seed.wrapping_mul(0x9e37_79b9).wrapping_add(step << 20));
         let decayed = 5 * self.status.step >= 3 * config.steps;
         let rate = config.rate * if decayed { 0.3 } else { 1.0 };
-        let (loss, row) = self.losses(&self.model, &self.training, set, &pairs)?;
-        let gradients = GradientsParams::from_grads(loss.backward(), &self.model);
+        let (loss, row) = self.losses(&self.network, &self.training, set, &pairs)?;
+        let gradients = GradientsParams::from_grads(loss.backward(), &self.network);
         self.softras.take_fault()?;
-        self.model = self.optimizer.step(rate, self.model.clone(), gradients);
+        self.network = self.optimizer.step(rate, self.network.clone(), gradients);
         self.status.step += 1;
         self.status.curve.push(row);
         Ok(row)
@@ -120,7 +120,7 @@ impl Trainer {
     /// The loss on pairs of another set that are the same at every call; whether it is the least so far.
     pub fn validate(&mut self, set: &Set) -> Result<(f32, bool)> {
         let pairs = Pairs::draw(set, 2 * self.status.config.pairs, 1);
-        let (_, row) = self.losses(&self.model.valid(), &self.validation, set, &pairs)?;
+        let (_, row) = self.losses(&self.network.valid(), &self.validation, set, &pairs)?;
         let is_best = self.status.best.is_none_or(|best| row.loss() < best);
         if is_best {
             self.status.best = Some(row.loss());
@@ -130,36 +130,14 @@ impl Trainer {
 
     /// Writes a checkpoint.
     pub fn save(&self, path: &Path) -> Result<()> {
-        checkpoint::write(path, &self.status, &self.model, &self.optimizer)
+        checkpoint::write(path, &self.status, &self.network, &self.optimizer)
     }
 
-    fn losses(&self, model: &Model, constants: &Constants, set: &Set, pairs: &Pairs) -> Result<(Tensor<1>, Row)> {
+    /// The loss of a network on pairs of a set, and what it is the sum of.
+    fn losses(&self, network: &Network, constants: &Constants, set: &Set, pairs: &Pairs) -> Result<(Tensor<1>, Row)> {
+        let config = &self.status.config;
         let pictures = pairs.seen().map(|(object, view)| set.objects[object].picture(view));
         let pictures = pictures_tensor(pictures, &constants.device);
-        let (loss, losses) = match model {
-            Model::Mesh(network) => self.by_pictures(network, constants, pictures, pairs)?,
-            Model::Voxels(network) => {
-                let solids = pairs.seen().map(|(object, _)| &set.objects[object].solid);
-                let loss = cross_entropy(network.forward(pictures), solids);
-                (loss.clone(), [loss.into_scalar(), 0.0, 0.0, 0.0, 0.0])
-            }
-        };
-        let row = Row { step: self.status.step + 1, losses };
-        if !row.loss().is_finite() {
-            return Err(fit_error(format!("the loss of step {} is {}", row.step, row.loss()), "use a smaller rate"));
-        }
-        Ok((loss, row))
-    }
-
-    /// The loss of a network that sees meshes, and the losses as [`Row`] orders them.
-    fn by_pictures(
-        &self,
-        network: &Network,
-        constants: &Constants,
-        pictures: Tensor<4>,
-        pairs: &Pairs,
-    ) -> Result<(Tensor<1>, [f32; 5])> {
-        let config = &self.status.config;
         let shapes = network.forward(pictures.clone());
         let cameras: Vec<Camera> = pairs.seen().chain(pairs.others()).map(|(_, view)| self.cameras[view]).collect();
         let (silhouette, color) = self.images(&shapes, cameras)?;
@@ -182,7 +160,11 @@ impl Trainer {
         let value = |loss: &Tensor<1>| loss.clone().into_scalar::<f32>();
         let color = color.as_ref().map_or(0.0, value);
         let losses = [value(&loss), value(&silhouette), color, value(&laplacian), value(&flatten)];
-        Ok((loss, losses))
+        let row = Row { step: self.status.step + 1, losses };
+        if !row.loss().is_finite() {
+            return Err(fit_error(format!("the loss of step {} is {}", row.step, row.loss()), "use a smaller rate"));
+        }
+        Ok((loss, row))
     }
 
     /// Silhouettes, and colours where the network sees them: every shape in its own view, then every shape in the other one.
@@ -251,7 +233,7 @@ mod tests {
 
     /// All weights of a network in training.
     fn weights(trainer: &Trainer) -> Vec<f32> {
-        let weights = weights::list(&trainer.model.valid());
+        let weights = weights::list(&trainer.network.valid());
         assert!(weights.len() > 20);
         weights.into_iter().flat_map(|weight| weight.values).collect()
     }
@@ -260,25 +242,20 @@ mod tests {
     fn training_resumes_to_the_bit_and_learns() {
         let (set, folder) = (synthesis::tests::small(), tempfile::tempdir().unwrap());
         let path = folder.path().join("half");
-        let voxels = Config { voxels: true, steps: 20, rate: 3e-3, width: 4, ..small() };
-        for config in [small(), voxels] {
-            let count = config.steps;
-            let mut whole = new(config.clone());
-            let curve = steps(&mut whole, &set, count);
-            assert!(whole.is_done());
-            let [first, last] = [0, count - 1].map(|i| curve[i].loss());
-            assert!(last < if config.voxels { 0.7 * first } else { first }, "{curve:?}");
+        let mut whole = new(small());
+        let curve = steps(&mut whole, &set, 6);
+        assert!(whole.is_done());
+        assert!(curve[5].loss() < curve[0].loss(), "{curve:?}");
 
-            let mut part = new(config);
-            steps(&mut part, &set, count / 3);
-            part.save(&path).unwrap();
-            let mut resumed = Trainer::resume(&path, Renderer::new().unwrap()).unwrap();
-            steps(&mut resumed, &set, count - count / 3);
-            assert_eq!(resumed.status().curve, curve);
-            assert_eq!(weights(&whole), weights(&resumed));
-            let (loss, is_best) = resumed.validate(&set).unwrap();
-            assert!(loss.is_finite() && is_best);
-        }
+        let mut part = new(small());
+        steps(&mut part, &set, 3);
+        part.save(&path).unwrap();
+        let mut resumed = Trainer::resume(&path, Renderer::new().unwrap()).unwrap();
+        steps(&mut resumed, &set, 3);
+        assert_eq!(resumed.status().curve, curve);
+        assert_eq!(weights(&whole), weights(&resumed));
+        let (loss, is_best) = resumed.validate(&set).unwrap();
+        assert!(loss.is_finite() && is_best);
     }
 
     #[test]

@@ -22,42 +22,24 @@ pub fn list(network: &impl Module) -> Vec<Weight> {
     list.weights
 }
 
-/// The modules around a weight. That a network is one of several kinds is not part of a name.
-#[derive(Default)]
-struct Place(Vec<String>);
-
-impl Place {
-    fn enter(&mut self, name: &str, container: &str) {
-        if !container.starts_with("Enum:") {
-            self.0.push(name.into());
-        }
-    }
-
-    fn exit(&mut self, container: &str) {
-        if !container.starts_with("Enum:") {
-            self.0.pop();
-        }
-    }
-}
-
 #[derive(Default)]
 struct List {
-    place: Place,
+    path: Vec<String>,
     weights: Vec<Weight>,
 }
 
 impl ModuleVisitor for List {
-    fn enter_module(&mut self, name: &str, container: &str) {
-        self.place.enter(name, container);
+    fn enter_module(&mut self, name: &str, _: &str) {
+        self.path.push(name.into());
     }
 
-    fn exit_module(&mut self, _: &str, container: &str) {
-        self.place.exit(container);
+    fn exit_module(&mut self, _: &str, _: &str) {
+        self.path.pop();
     }
 
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
         let tensor = param.val();
-        let (name, shape) = (self.place.0.join("."), tensor.dims().to_vec());
+        let (name, shape) = (self.path.join("."), tensor.dims().to_vec());
         self.weights.push(Weight { name, shape, values: tensor.try_into_vec_as().unwrap_or_default() });
     }
 }
@@ -97,13 +79,13 @@ impl Source for SafeTensors<'_> {
 
 /// The network with the weights of a source.
 pub fn load<M: Module>(network: M, source: &dyn Source, device: &Device) -> Result<M, String> {
-    let mut load = Load { place: Place::default(), source, device, wrong: None };
+    let mut load = Load { path: Vec::new(), source, device, wrong: None };
     let network = network.map(&mut load);
     load.wrong.map_or(Ok(network), Err)
 }
 
 struct Load<'a> {
-    place: Place,
+    path: Vec<String>,
     source: &'a dyn Source,
     device: &'a Device,
     wrong: Option<String>,
@@ -111,19 +93,19 @@ struct Load<'a> {
 
 impl Load<'_> {
     fn values(&self, shape: &[usize]) -> Result<Vec<f32>, String> {
-        let name = self.place.0.join(".");
+        let name = self.path.join(".");
         let values = self.source.values(&name, shape)?;
         if values.iter().all(|x| x.is_finite()) { Ok(values) } else { Err(format!("{name} is not finite")) }
     }
 }
 
 impl ModuleMapper for Load<'_> {
-    fn enter_module(&mut self, name: &str, container: &str) {
-        self.place.enter(name, container);
+    fn enter_module(&mut self, name: &str, _: &str) {
+        self.path.push(name.into());
     }
 
-    fn exit_module(&mut self, _: &str, container: &str) {
-        self.place.exit(container);
+    fn exit_module(&mut self, _: &str, _: &str) {
+        self.path.pop();
     }
 
     fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {

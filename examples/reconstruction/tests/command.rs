@@ -44,19 +44,15 @@ fn from_data_to_a_mesh_and_the_table() {
     assert!(curve.starts_with("step,loss,silhouette,color,laplacian,flatten\n1,"), "{curve}");
 
     let network = "--network whole/best.safetensors";
-    succeeds(folder, &format!("train data -o solid --voxels --steps 2 {SMALL}"));
-    let networks =
-        "--network v=solid/best.safetensors --network a=whole/best.safetensors --network a=whole/last.safetensors";
-    let line = format!("evaluate data {networks} --views 2 --sheet s.png --example p.png --curves c.svg");
+    let networks = "--network a=whole/best.safetensors --network a=whole/last.safetensors";
+    let line = format!("evaluate data {networks} --views 2 --sheet s.png --example p.png");
     let (table, _) = succeeds(folder, &line);
     // A row in the table of solids, and one in that of colours.
     let of_a: Vec<&str> = table.lines().filter(|line| line.contains("| a |")).collect();
     assert!(of_a.len() == 2 && of_a.iter().all(|row| row.contains(" to ")), "{table}");
     assert!(table.contains("| colour error | lamp | sofa | mean |"), "{table}");
-    assert_eq!(table.lines().filter(|line| line.contains("| v |")).count(), 1, "{table}");
     let sheet = softras_io::PictureFile::open(&folder.join("s.png")).unwrap();
     assert_eq!([sheet.width, sheet.height], [6 * 128, 28 + 2 * 128]);
-    assert!(std::fs::read_to_string(folder.join("c.svg")).unwrap().contains("IoU of silhouettes"));
 
     succeeds(folder, &format!("predict p.png {network} -o mesh.obj --gif turn.gif"));
     assert!(std::fs::read(folder.join("turn.gif")).unwrap().starts_with(b"GIF89a"));
@@ -69,9 +65,7 @@ fn from_data_to_a_mesh_and_the_table() {
         (&*format!("predict p.png {network} -o mesh.stl"), "mesh.stl"),
         (&format!("predict s.png {network} -o mesh.obj"), "768 by 284"),
         ("predict p.png --network p.png -o mesh.obj", "not a checkpoint"),
-        ("predict p.png --network solid/best.safetensors -o mesh.obj", "voxel network"),
-        ("evaluate data --network v=solid/best.safetensors --sheet s.png", "mesh network"),
-        ("evaluate data --network v=solid/best.safetensors --curves none.svg", "leave --curves out"),
+        ("evaluate data --sheet s.png", "--network"),
         ("evaluate data --views 25", "25"),
         ("train data -o x --classes ship", "ship_train_images.npz"),
         ("train data -o x --steps 0", "steps = 0"),
@@ -81,7 +75,6 @@ fn from_data_to_a_mesh_and_the_table() {
     ] {
         fails(folder, line, error);
     }
-    assert!(!folder.join("none.svg").exists());
 }
 
 /// An archive of furniture: a catalogue and files.
