@@ -36,7 +36,11 @@ fn unpack(archive: &Path, to: &Path) -> Result<Vec<Unpacked>> {
     let mut zip = zip.map_err(|e| broken(format!("not an archive ({e})")))?;
     let catalogue = zip.by_name(CATALOGUE).map_err(|e| broken(format!("{CATALOGUE} cannot be unpacked ({e})")))?;
     let mut text = Vec::new();
-    catalogue.take(MOST_CATALOGUE).read_to_end(&mut text).map_err(|e| broken(e.to_string()))?;
+    // One byte more than is allowed tells what is too large, whatever the archive says of its sizes.
+    catalogue.take(MOST_CATALOGUE + 1).read_to_end(&mut text).map_err(|e| broken(e.to_string()))?;
+    if text.len() as u64 > MOST_CATALOGUE {
+        return Err(broken(format!("{CATALOGUE} has more than {MOST_CATALOGUE} bytes")));
+    }
     // Names that tell a class are plain English, whatever the encoding of the others is.
     let pieces = pieces(&String::from_utf8_lossy(&text));
     let around: HashSet<&Path> = pieces.iter().filter_map(|piece| Path::new(&piece.model).parent()).collect();
@@ -53,7 +57,6 @@ fn unpack(archive: &Path, to: &Path) -> Result<Vec<Unpacked>> {
         let path = to.join(place);
         path.parent().map_or(Ok(()), fs::create_dir_all).map_err(|e| io_error(&path, e))?;
         let mut file = File::create_new(&path).map_err(|e| io_error(&path, e))?;
-        // One byte more than is allowed tells an archive that is too large, whatever it says of its sizes.
         let copied = std::io::copy(&mut entry.take(room + 1), &mut file);
         let bytes = copied.map_err(|e| broken(format!("{name} cannot be unpacked ({e})")))?;
         room = room.checked_sub(bytes).ok_or_else(|| broken(format!("more than {MOST_UNPACKED} bytes")))?;

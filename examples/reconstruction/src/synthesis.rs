@@ -101,7 +101,7 @@ pub fn folder(renderer: &mut Renderer, folder: &Path, name: &str, meshes: &Path)
         let fix = format!("give a folder with files named {}", MESHES.map(|end| format!("*.{end}")).join(", "));
         return Err(file_error(meshes, "no mesh file lies in it", &fix));
     }
-    // A mesh far from 0 stays where it was read: it is moved there anyway.
+    // Where a mesh lies in its file does not matter: it is moved to the middle.
     let load = |file: &PathBuf| softras_io::load_with(file, &LoadOptions::default()).map(|loaded| loaded.mesh);
     class(renderer, folder, name, files.iter().map(|file| (file.display().to_string(), load(file))))
 }
