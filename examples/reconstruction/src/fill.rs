@@ -21,7 +21,7 @@ pub fn solid(mesh: &Mesh) -> Result<Bits> {
     Ok(Bits::new((0..COUNT).map(|i| inside[official(i)])))
 }
 
-/// The index, x fastest, of the voxel that the official data has at index `i`: those are indexed [y][x][z], with x and z of
+/// The index, x fastest, of the voxel that the official data has at index `i`: those are indexed `[y][x][z]`, with x and z of
 /// the mirrored object and z backwards.
 fn official(i: usize) -> usize {
     let (y, x, z) = (i / (VOXELS * VOXELS), i / VOXELS % VOXELS, i % VOXELS);
