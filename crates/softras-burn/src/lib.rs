@@ -1,10 +1,9 @@
-//! softras as a differentiable operation of the framework [burn], and networks that learn shape from pictures alone.
+//! softras as a differentiable operation of the framework [burn].
 //!
 //! [`SoftRas::render`] renders tensors of vertex positions, colours, texture cells and camera motions to tensors of images.
 //! It renders on the renderer's own Vulkan device, copies through host memory, and is a node of burn's graph like any
 //! other: `loss.backward()` runs the renderer's backward pass. [`iou_loss`] and [`Smoothness`] are the losses of the paper
-//! as burn functions. [`reconstruct`] is the paper's network that sees one picture and gives a mesh, trained through this
-//! renderer without any shape to learn from; the command `softras-reconstruct` makes its data, trains and evaluates it.
+//! as burn functions. `examples/reconstruction` trains the paper's network with them: it sees one picture and gives a mesh.
 //!
 //! Two steps towards a target silhouette, for a batch of two different meshes:
 //!
@@ -47,9 +46,7 @@
 //! ```
 
 mod loss;
-mod nmr;
 mod op;
-pub mod reconstruct;
 mod render;
 mod rendered;
 mod twist;

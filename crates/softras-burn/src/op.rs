@@ -12,14 +12,8 @@ use burn::tensor::{Tensor, TensorData};
 use std::sync::Arc;
 
 /// What has been rendered; shared with the backward step.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub struct Node(Arc<Rendered>);
-
-impl std::fmt::Debug for Node {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("softras::Node")
-    }
-}
 
 /// The images of a frame as a function of its inputs.
 #[backend_extension(Flex, Autodiff)]

@@ -1,10 +1,9 @@
 //! Tensors into images: what is rendered, from which tensors, and the gradients back.
 
-use crate::nmr::HardViews;
 use crate::rendered::{Rendered, Role, Shared, lock};
 use crate::{op, twist};
 use burn::tensor::{Device, Tensor, TensorData};
-use softras::scene::{Appearance, ColorAggregation, Distance, Outputs, SilhouetteAggregation};
+use softras::scene::{Appearance, Outputs};
 use softras::{Camera, Error, Renderer, Result, Scene, Settings};
 use std::sync::{Arc, Mutex};
 
@@ -85,32 +84,6 @@ impl SoftRas {
     /// [`Error::Scene`] for a tensor of another shape than the scene needs, or without any tensor; otherwise as
     /// [`Renderer::render`].
     pub fn render(&self, views: &Views, inputs: &Inputs) -> Result<Images> {
-        self.rendered(views, inputs, false)
-    }
-
-    /// Renders hard colours and silhouettes, whatever the settings say of edges, with an approximate gradient by positions:
-    /// that of Kato et al., "Neural 3D Mesh Renderer" (2018), which pulls a triangle's edges to the pixels that should show it
-    /// and away from those that should not. The gradients by colours and texture cells are exact. It is there to compare with,
-    /// and computed on the host; triangles that the near or the far plane cuts have none.
-    ///
-    /// # Errors
-    /// As [`SoftRas::render`]; [`Error::Scene`] also for images, cameras or motions of cameras without such a gradient.
-    pub fn render_hard(&self, views: &Views, inputs: &Inputs) -> Result<Images> {
-        let outputs = views.settings.outputs;
-        if outputs.depth || outputs.normal || inputs.cameras.is_some() {
-            let what = "the approximate gradient of depth or normal, or by motions of cameras".into();
-            return bad(what, "ask for color and silhouette, and move vertices");
-        }
-        let settings = Settings {
-            color: ColorAggregation::Hard,
-            silhouette: SilhouetteAggregation::Hard,
-            distance: Distance::Hard,
-            ..views.settings.clone()
-        };
-        self.rendered(&Views { settings, ..views.clone() }, inputs, true)
-    }
-
-    fn rendered(&self, views: &Views, inputs: &Inputs, hard: bool) -> Result<Images> {
         let given = [&inputs.positions, &inputs.colors, &inputs.texels, &inputs.cameras];
         let Some(device) = given.iter().find_map(|tensor| tensor.as_ref().map(Tensor::device)) else {
             return bad(
@@ -128,8 +101,7 @@ impl SoftRas {
         let cameras = moved(&views.cameras, twists.as_deref())?;
         let frame = lock(&self.0.renderer).render(&scene, &cameras, &settings)?;
         let rows = Role::ALL.map(|role| rows(role, views));
-        let hard = hard.then(|| HardViews::new(scene.meshes, &cameras, &settings)).transpose()?;
-        let rendered = Rendered { shared: self.0.clone(), frame, rows, twists, hard };
+        let rendered = Rendered { shared: self.0.clone(), frame, rows, twists };
         let absent = |tensor: &Option<Tensor<2>>| tensor.clone().unwrap_or_else(|| Tensor::zeros([1, 1], &device));
         Ok(unpacked(op::images(given.map(absent), rendered), settings.outputs))
     }

@@ -1,12 +1,8 @@
 //! A rendered frame as a node of burn's graph keeps it: its packed images, and the gradients back to its inputs.
 
-use crate::nmr::HardViews;
 use crate::twist;
 use softras::scene::Appearance;
-use softras::{
-    CameraGradient, Error, Frame, GradientRequest, Gradients, Image, ImageGradient, Mesh, MeshGradients, Renderer,
-    Result,
-};
+use softras::{Error, Frame, GradientRequest, Gradients, Image, ImageGradient, Mesh, MeshGradients, Renderer, Result};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// What clones of a renderer share.
@@ -59,6 +55,7 @@ impl Role {
 }
 
 /// A rendered frame with what its backward pass needs.
+#[derive(Debug)]
 pub(crate) struct Rendered {
     pub shared: Arc<Shared>,
     pub frame: Frame,
@@ -66,8 +63,6 @@ pub(crate) struct Rendered {
     pub rows: [usize; 4],
     /// The cameras' motions, where a tensor gives them.
     pub twists: Option<Vec<[f64; 6]>>,
-    /// What gives the gradient by positions in place of the renderer, where that is approximate.
-    pub hard: Option<HardViews>,
 }
 
 impl Rendered {
@@ -110,64 +105,49 @@ impl Rendered {
 
     /// The gradients by the wanted inputs, from the one by the packed images. After an error, which is kept, they are NaN.
     pub fn pull_back(&self, upstream: Option<Vec<f32>>, wanted: [bool; 4]) -> [Vec<f32>; 4] {
-        self.pulled(upstream, wanted).unwrap_or_else(|error| {
-            lock(&self.shared.fault).get_or_insert(error);
-            Role::ALL.map(|role| vec![f32::NAN; self.rows[role as usize] * role.columns()])
-        })
+        match self.differentiated(upstream, wanted) {
+            Ok(gradients) => Role::ALL.map(|role| self.flattened(&gradients, role)),
+            Err(error) => {
+                lock(&self.shared.fault).get_or_insert(error);
+                Role::ALL.map(|role| vec![f32::NAN; self.rows[role as usize] * role.columns()])
+            }
+        }
     }
 
-    fn pulled(&self, upstream: Option<Vec<f32>>, wanted: [bool; 4]) -> Result<[Vec<f32>; 4]> {
-        let fault = |what: &str, fix: &str| Err(Error::Backward { what: what.into(), fix: fix.into() });
+    /// The renderer's gradients; none where no image has an upstream gradient.
+    fn differentiated(
+        &self,
+        upstream: Option<Vec<f32>>,
+        [positions, colors, texels, camera]: [bool; 4],
+    ) -> Result<Gradients> {
         let Some(upstream) = upstream else {
-            return fault("the upstream gradient cannot be read", "use 32-bit floats on a device that works");
+            return Err(Error::Backward {
+                what: "the upstream gradient cannot be read".into(),
+                fix: "use 32-bit floats on a device that works".into(),
+            });
         };
-        let [positions, others @ ..] = wanted;
-        let hard = self.hard.as_ref().filter(|_| positions);
-        if hard.is_some() && !upstream.iter().all(|x| x.is_finite()) {
-            return fault("the upstream gradient is not finite", "look at the loss");
-        }
-        let [colors, texels, cameras] = others;
-        let wanted = [positions && hard.is_none(), colors, texels, cameras];
-        let gradients = self.differentiated(&upstream, wanted)?;
-        let mut rows = Role::ALL.map(|role| self.flattened(&gradients, role, wanted));
-        if let Some(hard) = hard {
-            rows[Role::Positions as usize] = hard.by_positions(&self.images().0, &upstream);
-        }
-        Ok(rows)
-    }
-
-    /// The renderer's gradients; without any where no image has an upstream gradient or none is wanted.
-    fn differentiated(&self, upstream: &[f32], wanted: [bool; 4]) -> Result<Gradients> {
-        let upstream = self.unpacked(upstream);
-        if upstream == ImageGradient::default() || wanted == [false; 4] {
+        let upstream = self.unpacked(&upstream);
+        if upstream == ImageGradient::default() {
             return Ok(Gradients::default());
         }
-        let [positions, colors, texels, camera] = wanted;
         let wanted = GradientRequest { positions, colors, texels, camera, ..GradientRequest::NOTHING };
         lock(&self.shared.renderer).backward(&self.frame, &upstream, &wanted)
     }
 
-    /// The rows of one input's gradient.
-    fn flattened(&self, gradients: &Gradients, role: Role, wanted: [bool; 4]) -> Vec<f32> {
+    /// The rows of one input's gradient, zeros where it is not there.
+    fn flattened(&self, gradients: &Gradients, role: Role) -> Vec<f32> {
         let values =
             |of: fn(&MeshGradients) -> &[[f32; 3]]| gradients.meshes.iter().flat_map(of).flatten().copied().collect();
         let mut flat: Vec<f32> = match role {
-            _ if !wanted[role as usize] => Vec::new(),
             Role::Positions => values(|mesh| &mesh.positions),
             Role::Colors => values(|mesh| &mesh.colors),
             Role::Texels => values(|mesh| &mesh.surface_texels),
-            Role::Cameras => self.by_twists(&gradients.cameras),
+            Role::Cameras => {
+                let cameras = gradients.cameras.iter().zip(self.twists.iter().flatten());
+                cameras.flat_map(|(camera, &at)| twist::pull_back(at, camera.twist).map(|x| x as f32)).collect()
+            }
         };
         flat.resize(self.rows[role as usize] * role.columns(), 0.0);
         flat
-    }
-
-    fn by_twists(&self, cameras: &[CameraGradient]) -> Vec<f32> {
-        let twists = self.twists.iter().flatten();
-        cameras
-            .iter()
-            .zip(twists)
-            .flat_map(|(camera, &at)| twist::pull_back(at, camera.twist).map(|x| x as f32))
-            .collect()
     }
 }

@@ -38,6 +38,10 @@ pub struct Plan<'py> {
     lights: Option<Bound<'py, PyAny>>,
 }
 
+/// The losses of images by their names.
+pub const LOSSES: [(&str, ImageLoss); 3] =
+    [("iou", ImageLoss::NegativeIou), ("l1", ImageLoss::L1), ("l2", ImageLoss::L2)];
+
 fn schedule((from, to): (f64, f64)) -> Schedule {
     if from == to { Schedule::Constant(from) } else { Schedule::Exponential { from, to } }
 }
@@ -60,8 +64,7 @@ impl Plan<'_> {
         let given = [self.laplacian, self.flatten, self.normals];
         weights.iter_mut().zip(given).for_each(|(weight, given)| weight.1 = given.unwrap_or(weight.1));
         options.regularizers = weights.into_iter().filter(|(_, weight)| *weight > 0.0).collect();
-        let losses = [("iou", ImageLoss::NegativeIou), ("l1", ImageLoss::L1), ("l2", ImageLoss::L2)];
-        options.silhouette.0 = chosen("loss", &self.loss, &losses)?;
+        options.silhouette.0 = chosen("loss", &self.loss, &LOSSES)?;
         (options.fit_colors, options.fit_positions) = (self.fit_colors, self.fit_positions);
         options.views_per_step = self.views_per_step;
         Ok(options)
@@ -91,9 +94,9 @@ impl Plan<'_> {
 }
 
 /// The losses of steps as one list each.
-fn report(py: Python<'_>, losses: &[StepLosses]) -> PyResult<Py<PyDict>> {
+pub fn report<'a>(py: Python<'_>, steps: impl Iterator<Item = &'a StepLosses> + Clone) -> PyResult<Py<PyDict>> {
     let report = PyDict::new(py);
-    let column = |value: fn(&StepLosses) -> f64| PyArray1::from_vec(py, losses.iter().map(value).collect());
+    let column = |value: fn(&StepLosses) -> f64| PyArray1::from_vec(py, steps.clone().map(value).collect());
     report.set_item("loss", column(|step| step.loss))?;
     report.set_item("silhouette", column(|step| step.silhouette))?;
     report.set_item("color", column(|step| step.color))?;
@@ -132,5 +135,5 @@ pub fn fit<'py>(
     }
     let last = fit.shape().mesh().clone();
     let (best, at) = fit.best().map_or_else(|| (last.clone(), plan.steps - 1), |(mesh, at)| (mesh.clone(), at));
-    Ok((best.into(), at, last.into(), report(py, &losses)?))
+    Ok((best.into(), at, last.into(), report(py, losses.iter())?))
 }

@@ -41,28 +41,6 @@ impl Frame {
             ("normal", frame.normal().ok()),
         ]
     }
-
-    /// The gradients of a loss by what is wanted.
-    pub fn differentiate(
-        &self,
-        py: Python<'_>,
-        shared: &Arc<Shared>,
-        by: Option<&Bound<'_, PyAny>>,
-        mode: &str,
-        upstream: Option<Upstream<'_>>,
-    ) -> PyResult<Gradients> {
-        if !self.saved {
-            let text = "backward: the frame was rendered for looking at only: render it with save=True";
-            return Err(exception("BackwardError", text));
-        }
-        let upstream = upstream.unwrap_or_default().images()?;
-        let wanted = match by {
-            Some(by) => wanted(by, mode)?,
-            None => GradientRequest { mode: crate::settings::gradient_mode(mode)?, ..GradientRequest::default() },
-        };
-        let found = shared.call(py, |renderer| renderer.backward(&self.frame, &upstream, &wanted))?;
-        Gradients::new(py, found, &self.shapes, &wanted)
-    }
 }
 
 #[pymethods]
@@ -104,7 +82,17 @@ impl Frame {
         mode: &str,
         upstream: Option<Upstream<'_>>,
     ) -> PyResult<Gradients> {
-        self.differentiate(py, &self.shared, by, mode, upstream)
+        if !self.saved {
+            let text = "backward: the frame was rendered for looking at only: render it with save=True";
+            return Err(exception("BackwardError", text));
+        }
+        let upstream = upstream.unwrap_or_default().images()?;
+        let wanted = match by {
+            Some(by) => wanted(by, mode)?,
+            None => GradientRequest { mode: crate::settings::gradient_mode(mode)?, ..GradientRequest::default() },
+        };
+        let found = self.shared.call(py, |renderer| renderer.backward(&self.frame, &upstream, &wanted))?;
+        Gradients::new(py, found, &self.shapes, &wanted)
     }
 
     fn __repr__(&self) -> String {

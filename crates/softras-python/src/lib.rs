@@ -25,29 +25,19 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _softras {
     #[pymodule_export]
-    use super::camera::Camera;
-    #[pymodule_export]
-    use super::fit::fit;
-    #[pymodule_export]
-    use super::frame::Frame;
-    #[pymodule_export]
-    use super::gradients::{Gradients, MeshGradients};
-    #[pymodule_export]
-    use super::measure::{blurred_mask, depths_of, iou, is_closed, mask_iou, remesh, voxelize};
-    #[pymodule_export]
-    use super::mesh::{Mesh, load, shape};
-    #[pymodule_export]
-    use super::pose::pose;
-    #[pymodule_export]
-    use super::reference::{reference_gradient, reference_render};
-    #[pymodule_export]
-    use super::renderer::Renderer;
-    #[pymodule_export]
-    use super::solid::solid_voxels;
-    #[pymodule_export]
-    use super::steps::time_steps;
-    #[pymodule_export]
-    use super::view::{png, save_pictures, view};
-    #[pymodule_export]
-    use super::views::{fit_views, load_views};
+    use super::{
+        camera::Camera,
+        fit::fit,
+        frame::Frame,
+        gradients::{Gradients, MeshGradients},
+        measure::{blurred_mask, depths_of, iou, is_closed, mask_iou, remesh, voxelize},
+        mesh::{Mesh, load, shape},
+        pose::pose,
+        reference::{reference_gradient, reference_render},
+        renderer::Renderer,
+        solid::solid_voxels,
+        steps::time_steps,
+        view::{png, save_pictures, view},
+        views::{fit_views, load_views},
+    };
 }

@@ -3,7 +3,6 @@
 use crate::camera::Camera;
 use crate::exceptions::{Raise, bad_input, exception};
 use crate::frame::Frame;
-use crate::gradients::{Gradients, Upstream};
 use crate::mesh::meshes;
 use crate::settings;
 use pyo3::prelude::*;
@@ -126,19 +125,6 @@ impl Renderer {
         let settings = Settings { save, ..settings };
         let frame = self.shared.call(py, |renderer| renderer.render(&scene, &cameras, &settings))?;
         Ok(Frame::new(frame, self.shared.clone(), &scene, save))
-    }
-
-    /// As `Frame.backward`.
-    #[pyo3(signature = (frame, *, by = None, mode = "exact", **upstream))]
-    fn backward(
-        &self,
-        py: Python<'_>,
-        frame: &Frame,
-        by: Option<&Bound<'_, PyAny>>,
-        mode: &str,
-        upstream: Option<Upstream<'_>>,
-    ) -> PyResult<Gradients> {
-        frame.differentiate(py, &self.shared, by, mode, upstream)
     }
 
     /// The device's name.

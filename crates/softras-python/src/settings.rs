@@ -10,8 +10,8 @@ use softras::scene::{
 use softras::{GradientMode, GradientRequest, Lights, Settings};
 
 /// The value of a name among some.
-pub fn chosen<T: Copy>(field: &str, name: &str, among: &[(&str, T)]) -> PyResult<T> {
-    let found = among.iter().find(|(known, _)| *known == name).map(|(_, value)| *value);
+pub fn chosen<T: Clone>(field: &str, name: &str, among: &[(&str, T)]) -> PyResult<T> {
+    let found = among.iter().find(|(known, _)| *known == name).map(|(_, value)| value.clone());
     found.ok_or_else(|| {
         let names: Vec<_> = among.iter().map(|(known, _)| format!("{known:?}")).collect();
         bad_input(format!("{field} is {name:?}"), &format!("use one of {}", names.join(", ")))
@@ -19,7 +19,7 @@ pub fn chosen<T: Copy>(field: &str, name: &str, among: &[(&str, T)]) -> PyResult
 }
 
 /// The value of the name that a field holds.
-fn field<T: Copy>(value: &Bound<'_, PyAny>, field: &str, among: &[(&str, T)]) -> PyResult<T> {
+fn field<T: Clone>(value: &Bound<'_, PyAny>, field: &str, among: &[(&str, T)]) -> PyResult<T> {
     chosen(field, &value.getattr(field)?.extract::<String>()?, among)
 }
 

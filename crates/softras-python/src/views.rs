@@ -3,6 +3,7 @@
 use crate::arrays::{image, image_array};
 use crate::camera::Camera;
 use crate::exceptions::Raise;
+use crate::fit::{LOSSES, report};
 use crate::mesh::Mesh;
 use crate::renderer::{Renderer, cameras};
 use crate::settings::chosen;
@@ -10,7 +11,7 @@ use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use softras::scene::Faces;
-use softras_fit::{Fit, FitOptions, ImageLoss, Preset, Scores, Taken, Template};
+use softras_fit::{Fit, FitOptions, Preset, Scores, Template};
 use softras_io::{Budget, Views, ViewsOptions};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -85,12 +86,10 @@ impl Plan<'_> {
 
     fn options(&self) -> PyResult<FitOptions> {
         let begins = [("auto", Template::Auto), ("hull", Template::Hull), ("sphere", Template::Sphere)];
-        let begin = begins.iter().find(|(name, _)| *name == self.begin).map(|(_, template)| template.clone());
-        chosen("begin", &self.begin, &[("auto", ()), ("hull", ()), ("sphere", ())])?;
-        let losses = [("iou", ImageLoss::NegativeIou), ("l1", ImageLoss::L1), ("l2", ImageLoss::L2)];
+        let begin = chosen("begin", &self.begin, &begins)?;
         let own = self.template.as_ref().map(|mesh| Template::Mesh(Box::new(mesh.mesh.clone())));
         Ok(FitOptions {
-            template: own.or(begin).unwrap_or_default(),
+            template: own.unwrap_or(begin),
             color: self.fit_colors,
             texture: self.texture,
             preset: chosen("method", &self.method, &[("smooth", Preset::Smooth), ("official", Preset::Official)])?,
@@ -98,7 +97,7 @@ impl Plan<'_> {
             rate: self.rate,
             sigma: self.sigma,
             gamma: self.gamma,
-            loss: chosen("loss", &self.loss, &losses)?,
+            loss: chosen("loss", &self.loss, &LOSSES)?,
             masks: self.masks,
             faces: if self.front_faces { Faces::Front } else { Faces::Both },
             samples: self.samples,
@@ -110,15 +109,6 @@ impl Plan<'_> {
             ..FitOptions::default()
         })
     }
-}
-
-fn losses(py: Python<'_>, steps: &[Taken]) -> PyResult<Py<PyDict>> {
-    let report = PyDict::new(py);
-    let column = |value: fn(&Taken) -> f64| PyArray1::from_vec(py, steps.iter().map(value).collect());
-    report.set_item("loss", column(|taken| taken.losses.loss))?;
-    report.set_item("silhouette", column(|taken| taken.losses.silhouette))?;
-    report.set_item("color", column(|taken| taken.losses.color))?;
-    Ok(report.unbind())
 }
 
 fn measures(py: Python<'_>, scores: &Scores) -> PyResult<Py<PyDict>> {
@@ -156,5 +146,10 @@ pub fn fit_views<'py>(
     let painted = shared.call(py, |renderer| fitting.paint(renderer, &mut |_| ControlFlow::Continue(())))?;
     let fitted = shared.call(py, |renderer| fitting.finish(painted, renderer))?;
     notes.extend(fitted.notes);
-    Ok((fitted.mesh.into(), losses(py, &fitted.steps)?, measures(py, &fitted.scores)?, notes))
+    Ok((
+        fitted.mesh.into(),
+        report(py, fitted.steps.iter().map(|taken| &taken.losses))?,
+        measures(py, &fitted.scores)?,
+        notes,
+    ))
 }

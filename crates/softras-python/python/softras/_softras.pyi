@@ -231,17 +231,6 @@ class Renderer:
         *,
         save: bool = False,
     ) -> Frame: ...
-    def backward(
-        self,
-        frame: Frame,
-        *,
-        color: Optional[_Array] = None,
-        silhouette: Optional[_Array] = None,
-        depth: Optional[_Array] = None,
-        normal: Optional[_Array] = None,
-        by: Optional[_Names] = None,
-        mode: str = "exact",
-    ) -> Gradients: ...
     @property
     def device(self) -> str: ...
     @property

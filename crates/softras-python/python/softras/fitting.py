@@ -68,31 +68,13 @@ def fit(
 
     Raises FitError for targets that do not fit together, and what `Renderer.render` raises.
     """
+    # The arguments by name.
+    plan = dict(locals())
     if fit_colors is None:
         fit_colors = color is not None
+    plan["fit_colors"] = bool(fit_colors)
     if fit_colors is True and mesh.colors is not None and mesh.colors.ndim == 1:
         mesh = mesh.with_look(colors=np.tile(mesh.colors, (len(mesh.positions), 1)))
-    plan = {
-        "cameras": cameras,
-        "silhouette": silhouette,
-        "color": color,
-        "steps": steps,
-        "rate": rate,
-        "color_rate": color_rate,
-        "sigma": sigma,
-        "gamma": gamma,
-        "method": method,
-        "loss": loss,
-        "smoothing": smoothing,
-        "laplacian": laplacian,
-        "flatten": flatten,
-        "normals": normals,
-        "fit_colors": bool(fit_colors),
-        "fit_positions": fit_positions,
-        "views_per_step": views_per_step,
-        "settings": settings,
-        "lights": lights,
-    }
     best, step, last, losses = _softras.fit(mesh, renderer or default_renderer(), plan, progress)
     return FitResult(best, step, last, losses)
 
@@ -142,16 +124,8 @@ def pose(
     fits the `starts` most likely of them and refines the best, in `steps` steps together; or refines `start`, a rotation [3, 3]
     and a translation [3], in small steps. `center` defaults to that of the mesh's box. Of `settings` only near, far and tau count.
     """
-    plan = {
-        "color": color,
-        "silhouette": silhouette,
-        "starts": starts,
-        "steps": steps,
-        "translate": translate,
-        "center": center,
-        "settings": settings,
-        "start": start,
-    }
+    # The arguments by name.
+    plan = dict(locals())
     found = _softras.pose(mesh, camera, renderer or default_renderer(), plan, progress)
     rotation, translation, center, loss, equally_good = found
     return Pose(np.array(rotation), np.array(translation), np.array(center), loss, equally_good)

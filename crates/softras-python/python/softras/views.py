@@ -57,21 +57,11 @@ def view(
     transparent without. `turntable` makes so many frames of one turn. Textures are linear light: a file is decoded so, and
     `load(path, srgb=True)` decodes one. Raises what `load` and `Renderer.render` raise.
     """
-    plan = {
-        "size": (size, size) if isinstance(size, int) else tuple(size),
-        "azimuth": azimuth,
-        "elevation": elevation,
-        "fov": fov,
-        "up": None if up is None else [float(x) for x in up],
-        "background": None if background is None else [float(x) for x in background],
-        "sigma": sigma,
-        "gamma": gamma,
-        "samples": samples,
-        "shading": shading,
-        "crease": crease,
-        "unlit": unlit,
-        "turntable": turntable,
-    }
+    # The arguments by name.
+    plan = dict(locals())
+    plan["size"] = (size, size) if isinstance(size, int) else tuple(size)
+    for name in ("up", "background"):
+        plan[name] = None if plan[name] is None else [float(x) for x in plan[name]]
     given = subject if isinstance(subject, Mesh) else os.fspath(subject)
     frames = _softras.view(given, renderer or default_renderer(), plan)
     return (frames[0] if turntable is None else frames).view(Picture)
@@ -140,31 +130,8 @@ class Views:
 
         Raises FitError, and what `Renderer.render` raises.
         """
-        plan = {
-            "cameras": self.cameras,
-            "silhouette": self.silhouette,
-            "color": self.color,
-            "depth": self.depth,
-            "normal": self.normal,
-            "fit_colors": color,
-            "texture": texture,
-            "template": template,
-            "begin": begin,
-            "method": method,
-            "steps": steps,
-            "rate": rate,
-            "sigma": sigma,
-            "gamma": gamma,
-            "loss": loss,
-            "masks": masks,
-            "front_faces": front_faces,
-            "samples": samples,
-            "views_per_step": views_per_step,
-            "smoothing": smoothing,
-            "keep_topology": keep_topology,
-            "keep_views": keep_views,
-            "edge": edge,
-        }
+        # The arguments by name, and the views' images, whose colours take the place of the argument's name.
+        plan = {**locals(), "fit_colors": color, **vars(self)}
         return Fitted(*_softras.fit_views(renderer or default_renderer(), plan, progress))
 
 
