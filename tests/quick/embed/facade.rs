@@ -13,11 +13,11 @@ use crate::host::{assert_silent, difference, engine, error, rasterizer, upstream
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use softras::embed::{
-    BufferId, Draw, GeometryGradients, IndexFormat, Layout, MeshBuffers, MeshLook, Pass, PassMemory, PassMesh,
-    PassStatus, Rasterizer, TexelSource,
+    BufferId, Capacity, Draw, GeometryGradients, IndexFormat, Layout, MeshBuffers, MeshLook, Pass, PassMemory,
+    PassMesh, PassStatus, Rasterizer, TexelSource,
 };
 use softras::scene::{Appearance, Wrap};
-use softras::{Frame, GradientRequest, Lights, Mesh, Scene, Settings};
+use softras::{Error, Frame, GradientRequest, Lights, Mesh, Scene, Settings};
 
 /// Two triangles, and the texels of their texture across and down.
 pub const QUAD: [u16; 6] = [0, 1, 2, 0, 2, 3];
@@ -262,6 +262,10 @@ fn misfits_of_a_pass_are_named() {
     assert!(build(&PassMesh::new(3, &QUAD)).contains("vertex 3, of 3"));
     assert!(error(rasterizer.pass(std::slice::from_ref(&mesh)).build()).contains("0 views"));
     assert!(error(builder(&mesh).alignment(24).build()).contains("power of two"));
+    assert_eq!(error(builder(&mesh).capacity(Capacity { coarse: 0, list: 0, cells: 0 }).build()), "no error");
+    let huge = builder(&mesh).image_size(16384, 16384).build();
+    assert!(huge.is_ok() || matches!(huge, Err(Error::Limit { .. })), "{}", error(huge));
+    assert!(error(builder(&mesh).image_size(16385, 1).build()).contains("16384"));
     assert!(error(builder(&mesh).read_back(&[BufferId::Totals]).build()).contains("`totals`"));
     let textured = mesh.clone().with_look(MeshLook::Texture { size: SIZE, wrap: Wrap::Clamp, v_down: false });
     let colored = mesh.clone().with_look(MeshLook::VertexColors);
