@@ -17,15 +17,24 @@ fn section(rows: &[(&str, Fate)]) -> String {
         let names = rows.iter().filter(|(_, fate)| wanted(*fate)).map(|(name, _)| format!("`{name}`"));
         names.collect::<Vec<_>>().join(", ")
     };
-    let row = |(name, fate): &(&str, Fate)| match fate {
-        Approximated(note) => format!("| `{name}` | approximated | {note} |\n"),
-        NotDrawn(note) => format!("| `{name}` | not drawn | {note} |\n"),
-        Drawn | Silent => String::new(),
-    };
+    let mut notes: Vec<(&str, &str, String)> = Vec::new();
+    for (name, fate) in rows {
+        let (word, note) = match fate {
+            Approximated(note) => ("approximated", note),
+            NotDrawn(note) => ("not drawn", note),
+            Drawn | Silent => continue,
+        };
+        match notes.iter_mut().find(|row| (row.0, row.1) == (word, *note)) {
+            Some(row) => row.2 += &format!(", `{name}`"),
+            None => notes.push((word, note, format!("`{name}`"))),
+        }
+    }
+    let table: String = notes.iter().map(|(word, note, names)| format!("| {names} | {word} | {note} |\n")).collect();
     let drawn = list(|fate| matches!(fate, Drawn));
     let silent = list(|fate| matches!(fate, Silent));
-    let table: String = rows.iter().map(row).collect();
-    format!("Drawn: {drawn}.\n\nNo part of the picture: {silent}.\n\n| property | | note |\n| --- | --- | --- |\n{table}")
+    format!(
+        "Drawn: {drawn}.\n\nNo part of the picture: {silent}.\n\n| property | | note |\n| --- | --- | --- |\n{table}"
+    )
 }
 
 #[test]

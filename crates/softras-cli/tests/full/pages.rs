@@ -8,14 +8,15 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 /// What makes a command small: the first text in it, what stands there instead, and arguments to add.
-const SMALLER: [(&str, &str, &str, &str); 9] = [
+const SMALLER: [(&str, &str, &str, &str); 10] = [
     ("softras render ", "--turntable 100", "--turntable 3", ""),
     ("softras render ", "--sweep sigma=1e-5..1e-2:4", "--sweep sigma=1e-5..1e-2:2", ""),
     ("softras render ", "", "", "--size 64"),
     ("softras fit --from ", "", "", "--size 32 --views 4"),
     ("softras fit ", "", "", "--iterations 4"),
     ("softras iou ", "", "", "--resolution 16"),
-    ("softras pose ", "", "", "--starts 3 --iterations 4"),
+    ("softras pose --mesh fish.obj ", "", "", "--starts 3"),
+    ("softras pose ", "", "", "--iterations 4"),
     ("softras stress ", "--cases 1000", "--cases 4", ""),
     ("softras bench ", "", "", "--quick"),
 ];
