@@ -22,19 +22,20 @@ with tempfile.TemporaryDirectory() as folder:
     for arguments in ("mesh fish -o fish.obj", FIT + " -o fitted.obj --gif fit.gif"):
         subprocess.run([SOFTRAS, *arguments.split()], cwd=folder, check=True)
     film = Image.open(pathlib.Path(folder) / "fit.gif")
-    half = film.width // 2
+    half, top, bottom = film.width // 2, film.height // 6, film.height * 5 // 6
     pictures = []
     for label, frame in FRAMES.items():
         film.seek(frame)
         shown = film.convert("RGB")
         if not pictures:
-            pictures.append(("target", shown.crop((0, 0, half, film.height))))
-        pictures.append((label, shown.crop((film.width - half, 0, film.width, film.height))))
+            pictures.append(("target", shown.crop((0, top, half, bottom))))
+        pictures.append((label, shown.crop((half, top, film.width, bottom))))
 
-row = Image.new("RGB", (len(pictures) * (half + MARGIN) - MARGIN, film.height + LABEL), "white")
+height = bottom - top
+row = Image.new("RGB", (len(pictures) * (half + MARGIN) - MARGIN, height + LABEL), "white")
 draw = ImageDraw.Draw(row)
 for at, (label, picture) in enumerate(pictures):
     left = at * (half + MARGIN)
     row.paste(picture, (left, 0))
-    draw.text((left + half / 2, film.height + 4), label, "black", ImageFont.load_default(16), "ma")
+    draw.text((left + half / 2, height + 4), label, "black", ImageFont.load_default(16), "ma")
 row.save(HOME / "docs/pictures/fit.png", optimize=True)
