@@ -105,8 +105,3 @@ fn shown(x: f64) -> String {
 fn bad<T>(what: impl Into<String>, fix: &str) -> Result<T> {
     Err(Error::Fit { what: what.into(), fix: fix.into() })
 }
-
-/// The programs of docs/fit.md are tests.
-#[cfg(doctest)]
-#[doc = include_str!("../../../docs/fit.md")]
-struct Guide;
