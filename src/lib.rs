@@ -84,3 +84,8 @@ pub use vulkan::{CacheFolder, Loader};
 pub use vulkan::{DeviceInfo, DeviceKind, Limits};
 
 use vulkan::constants;
+
+/// The programs of README.md are tests.
+#[cfg(all(doctest, feature = "renderer"))]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -45,6 +45,6 @@ if [ -z "${SOFTRAS_RECORDED:-}" ] && [ -d ../../../shared/reference ]; then
 fi
 cp -r tests "$scratch/tests"
 # Their programs are tests too.
-cp -r examples ../../docs/python.md "$scratch/tests/"
+cp -r examples ../../docs/python.md ../../README.md "$scratch/tests/"
 cd "$scratch"
 "$scratch/clean/bin/python" -m pytest -q -rs --durations=3 tests

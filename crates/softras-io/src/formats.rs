@@ -1,4 +1,4 @@
-//! The table of docs/formats.md is that of the readers, and what it calls not drawn is noted.
+//! The lists of docs/formats.md are those of the readers, and what they call not drawn is noted.
 
 use crate::{
     LoadOptions,
@@ -11,27 +11,42 @@ use crate::{
 use serde_json::{Value, json};
 use std::{fs, path::Path};
 
-/// A row of the table.
-fn row(name: &str, fate: Fate) -> String {
-    match fate {
-        Drawn => format!("| `{name}` | drawn | |"),
-        Approximated(note) => format!("| `{name}` | approximated | {note} |"),
-        NotDrawn(note) => format!("| `{name}` | not drawn | {note} |"),
-        Silent => format!("| `{name}` | no part of the picture | |"),
+/// A section of docs/formats.md: what is drawn, a table of what is not quite, and what is no part of the picture.
+fn section(rows: &[(&str, Fate)]) -> String {
+    let list = |wanted: fn(Fate) -> bool| {
+        let names = rows.iter().filter(|(_, fate)| wanted(*fate)).map(|(name, _)| format!("`{name}`"));
+        names.collect::<Vec<_>>().join(", ")
+    };
+    let mut notes: Vec<(&str, &str, String)> = Vec::new();
+    for (name, fate) in rows {
+        let (word, note) = match fate {
+            Approximated(note) => ("approximated", note),
+            NotDrawn(note) => ("not drawn", note),
+            Drawn | Silent => continue,
+        };
+        match notes.iter_mut().find(|row| (row.0, row.1) == (word, *note)) {
+            Some(row) => row.2 += &format!(", `{name}`"),
+            None => notes.push((word, note, format!("`{name}`"))),
+        }
     }
+    let table: String = notes.iter().map(|(word, note, names)| format!("| {names} | {word} | {note} |\n")).collect();
+    let drawn = list(|fate| matches!(fate, Drawn));
+    let silent = list(|fate| matches!(fate, Silent));
+    format!(
+        "Drawn: {drawn}.\n\nNo part of the picture: {silent}.\n\n| property | | note |\n| --- | --- | --- |\n{table}"
+    )
 }
 
 #[test]
-fn the_table_of_formats_is_that_of_the_readers() {
+fn the_lists_of_formats_are_those_of_the_readers() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/formats.md");
     let text = fs::read_to_string(&path).unwrap_or_default();
     let mut whole = text.clone();
     for (title, rows) in [("glTF 2.0", PROPERTIES), ("MTL", STATEMENTS)] {
-        let head = format!("## {title}\n\n| property | fate | note |\n| --- | --- | --- |\n");
-        let table: String = rows.iter().map(|(name, fate)| row(name, *fate) + "\n").collect();
-        let start = text.find(&head).unwrap_or_else(|| panic!("docs/formats.md has no table {title:?}")) + head.len();
-        let old: String = text[start..].split_inclusive('\n').take_while(|line| line.starts_with('|')).collect();
-        whole = whole.replacen(&(head.clone() + &old), &(head + &table), 1);
+        let head = format!("## {title}\n\n");
+        let start = text.find(&head).unwrap_or_else(|| panic!("docs/formats.md has no part {title:?}")) + head.len();
+        let old = text[start..].split("\n## ").next().unwrap_or_default();
+        whole = whole.replacen(&(head.clone() + old), &(head + &section(rows)), 1);
     }
     if std::env::var_os("RENEW_FORMATS").is_some() {
         fs::write(&path, &whole).unwrap();

@@ -1,6 +1,6 @@
 //! Tests of help, exit codes, and the commands without pictures.
 
-use super::command::{commands, readme};
+use super::command::{PAGES, commands, page};
 use super::{fails, softras, succeeds};
 use softras::scene::Appearance;
 use std::fs;
@@ -233,10 +233,10 @@ fn a_missing_driver_is_named_with_its_package() {
 
 /// The full tier runs them.
 #[test]
-fn the_commands_of_the_readme_are_understood() {
+fn the_commands_of_the_pages_are_understood() {
     let folder = tempfile::tempdir().unwrap();
-    let commands = commands(&readme());
-    assert!(commands.len() >= 10, "{commands:?}");
+    let commands: Vec<String> = PAGES.iter().flat_map(|name| commands(&page(name))).collect();
+    assert!(commands.len() >= 20, "{commands:?}");
     for command in commands {
         let arguments: Vec<&str> = command.split_whitespace().skip(1).chain(["--help"]).collect();
         assert!(succeeds(folder.path(), &arguments).contains("Usage:"), "{command}");

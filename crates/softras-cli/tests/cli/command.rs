@@ -34,20 +34,24 @@ pub fn tier<T>(quick: T, full: T) -> T {
     if std::env::var("SOFTRAS_TIER").is_ok_and(|tier| tier == "full") { full } else { quick }
 }
 
-/// The text of README.md.
-pub fn readme() -> String {
-    std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../README.md")).unwrap()
+/// The pages whose commands are tests.
+pub const PAGES: [&str; 3] = ["README.md", "docs/index.md", "docs/fit.md"];
+
+/// The text of a page.
+pub fn page(name: &str) -> String {
+    std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(name)).unwrap()
 }
 
-/// The lines of the README's blocks of shell commands that run `softras`, without their comments.
-pub fn commands(readme: &str) -> Vec<String> {
+/// The lines of a page's blocks of shell commands that run `softras`, by its name or by `cargo run`, without their comments.
+pub fn commands(page: &str) -> Vec<String> {
     let mut inside = false;
     let mut found = Vec::new();
-    for line in readme.lines() {
+    for line in page.lines() {
+        let line = line.replace("cargo run -- ", "softras ");
         if line.starts_with("```") {
             inside = line == "```sh";
         } else if inside && line.starts_with("softras ") {
-            found.push(line.split(" #").next().unwrap_or(line).trim().to_owned());
+            found.push(line.split(" #").next().unwrap_or(&line).trim().to_owned());
         }
     }
     found

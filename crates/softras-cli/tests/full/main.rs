@@ -1,10 +1,10 @@
-//! The full tier of the command: fits to their end, the README's commands, load.
+//! The full tier of the command: fits to their end, the commands of README and docs, load.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 #[allow(dead_code, reason = "shared with the tests of the quick tier")]
 #[path = "../cli/command.rs"]
 mod command;
 mod hollow;
-mod readme;
+mod pages;
 mod stress;
 mod topology;

@@ -27,7 +27,7 @@ Views and cameras:
                are mirrored; [N, 4, 4]: world to view, z forward
   FOLDER       pictures, and their cameras in one of the following. Other fields are refused. The silhouette of a
                picture without transparency is every pixel that is not black (of JPEG, above 32 of 255).
-               docs/fitting.md describes all, and
+               docs/cameras.md describes all, and
                --write-views writes an example.
   .../cameras.json     a list of objects with \"file\" and one of \"eye\" (and \"target\", \"up\"), \"distance\" with
                        \"elevation\" and \"azimuth\", \"world_to_camera\", \"camera_to_world\" (4x4, OpenCV's axes);

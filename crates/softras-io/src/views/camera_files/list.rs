@@ -45,7 +45,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], fov: f64) -> Result<Vec<Entry>> {
                            camera_to_world";
                 return fault(path, format!("camera {i} has no position, or more than one"), fix);
             }
-            Err(Position::Bad(what)) => return refuse(what, "see docs/fitting.md and `softras fit --help`"),
+            Err(Position::Bad(what)) => return refuse(what, "see docs/cameras.md and `softras fit --help`"),
         };
         let lens = match (entry.intrinsics, entry.fov) {
             (Some(_), Some(_)) => return refuse("has intrinsics and fov".into(), "give one of them"),

@@ -145,7 +145,7 @@ impl Entry {
                 pinhole(self.view, [fx, fy, cx, cy], 0.0, [w, h])
             }
         };
-        camera.or_else(|error| fault(path, format!("{}: {error}", self.place), "see docs/fitting.md"))
+        camera.or_else(|error| fault(path, format!("{}: {error}", self.place), "see docs/cameras.md"))
     }
 }
 
@@ -203,7 +203,7 @@ fn fault<T>(path: &Path, what: String, fix: &str) -> Result<T> {
 /// Parses JSON of typed fields; the error names the place of what does not belong there.
 fn json<'a, T: serde::Deserialize<'a>>(path: &Path, bytes: &'a [u8]) -> Result<T> {
     let json = &mut serde_json::Deserializer::from_slice(bytes);
-    let refuse = |what: String| fault(path, what, "see docs/fitting.md and `softras fit --help`");
+    let refuse = |what: String| fault(path, what, "see docs/cameras.md and `softras fit --help`");
     let parsed: T = match serde_path_to_error::deserialize(&mut *json) {
         Ok(parsed) => parsed,
         Err(error) => {
