@@ -44,6 +44,12 @@ impl Fit {
         self
     }
 
+    /// The whole method.
+    pub fn options(mut self, options: FitOptions) -> Self {
+        self.options = options;
+        self
+    }
+
     /// Makes the mesh to begin with, and what else does not change.
     ///
     /// # Errors

@@ -4,7 +4,8 @@
 //! x = (I + λ L)⁻¹ u, and dL/du = (I + λ L)⁻¹ dL/dx. A step in u moves neighbouring vertices together where a step
 //! in x would move single vertices, and every shape can still be reached. The matrix is factored once, by Cholesky
 //! within its envelope after a reverse Cuthill-McKee ordering: for a mesh of n vertices the envelope has about n·√n
-//! entries.
+//! entries. It is our own: faer's takes a third of the time at 16,000 vertices and as much at 4,000, where a solve is 2 % of
+//! a step, but 23 crates and 140 s of compile time.
 
 use super::bad;
 use super::topology::Topology;

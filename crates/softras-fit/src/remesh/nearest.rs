@@ -1,4 +1,5 @@
-//! The nearest point of a surface, by a tree of boxes around its triangles.
+//! The nearest point of a surface, by a tree of boxes around its triangles. It is our own: parry3d-f64's is as fast on 25,000
+//! triangles and twice as fast on 400,000, but takes 18 crates, a second glam among them, and 45 s of compile time.
 
 use glam::DVec3;
 
