@@ -135,7 +135,8 @@ pub fn pixel(cameras: &[Camera], center: DVec3, size: (usize, usize)) -> f64 {
     pixels.get(pixels.len() / 2).copied().unwrap_or(2.0 / size.0.min(size.1) as f64)
 }
 
-fn outer(v: DVec3) -> DMat3 {
+/// v vᵀ.
+pub fn outer(v: DVec3) -> DMat3 {
     DMat3::from_cols(v * v.x, v * v.y, v * v.z)
 }
 

@@ -1,6 +1,7 @@
 //! The target images of a pose fit, and the loss against them.
 
 use crate::bad;
+use crate::cameras::outer;
 use crate::image_loss::{blurred, blurred_gradient, pooled, pooled_gradient};
 use glam::{DMat3, DVec3};
 use softras::{Frame, Image, ImageGradient, Result};
@@ -152,8 +153,7 @@ impl Metric {
         };
         let count = (pixels().count() as f64).max(1.0);
         let mean = pixels().sum::<DVec3>() / count;
-        let square = |d: DVec3| DMat3::from_cols(d * d.x, d * d.y, d * d.z);
-        let sum = pixels().fold(DMat3::ZERO, |sum, c| sum + square(c - mean));
+        let sum = pixels().fold(DMat3::ZERO, |sum, c| sum + outer(c - mean));
         let covariance = sum * count.recip() + DMat3::from_diagonal(DVec3::splat(LEAST_VARIANCE));
         // The inverse exists: every eigenvalue is at least `LEAST_VARIANCE`.
         Self { mean, inverse: covariance.inverse() }

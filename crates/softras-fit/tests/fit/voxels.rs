@@ -52,7 +52,7 @@ fn axes_are_not_confused() {
     let voxels = Voxels::new(&moved(&cube, 1.0, [0.4, -0.4, 0.0]), [-1.0; 3], 2.0, 10).unwrap();
     let at = |x: usize, y: usize, z: usize| voxels.inside()[x + 10 * (y + 10 * z)];
     assert!(at(7, 3, 5) && at(6, 2, 4) && !at(3, 7, 5) && !at(7, 7, 5) && !at(5, 3, 7) && !at(3, 3, 5));
-    assert_eq!((voxels.resolution(), voxels.inside().len()), (10, 1000));
+    assert_eq!(voxels.inside().len(), 1000);
 }
 
 #[test]
