@@ -171,7 +171,7 @@ FAULTS = [
      ["fit optimizers::steps_are_those"]),
     ("optimizer: bias of the square kept", "crates/softras-fit/src/optimizer.rs", "((*v / c2).sqrt() + epsilon)", "(v.sqrt() + epsilon)",
      ["fit optimizers::steps_are_those"]),
-    ("optimizer: restored without its steps", "crates/softras-fit/src/optimizer.rs", "            self.steps = steps;\n",
+    ("optimizer: restored without its steps", "crates/softras-fit/src/optimizer.rs", "            self.steps = *steps;\n",
      "            let _ = steps;\n", ["fit optimizers::a_saved_optimizer"]),
     ("schedule: the last step not reached", "crates/softras-fit/src/schedule.rs", "steps.saturating_sub(1).max(1)", "steps.max(1)",
      ["fit optimizers::schedules"]),

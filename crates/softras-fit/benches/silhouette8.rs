@@ -8,12 +8,10 @@
 
 use glam::DVec3;
 use softras::scene::{Outputs, SilhouetteAggregation};
-use softras::{Camera, GradientRequest, Image, ImageGradient, Lights, Mesh, Projection, Renderer, Scene, Settings};
-use softras_fit::{CLOSED, Topology, laplacian_coordinates};
+use softras::{Camera, GradientRequest, Image, ImageGradient, Mesh, Projection, Renderer, Scene, Settings};
 use softras_fit::{
-    ImageLoss, Method, Optimizer, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions, mask_iou, soft_target,
+    CLOSED, ImageLoss, Method, Optimizer, Regularizer, Topology, laplacian_coordinates, mask_iou, soft_target,
 };
-use softras_io::Views;
 use softras_io::npz;
 use softras_lab::measure::time::median;
 use std::path::Path;
@@ -32,26 +30,18 @@ fn main() {
     let task = Task::read(&path);
     let mut renderer = Renderer::new().expect("a Vulkan device");
     println!("8 views of 128², {} triangles, on {}", task.topology.triangles().len(), renderer.device_name());
-    println!("the task's own regularisers and optimiser, sigma 1e-4:");
-    let mut times = Times::default();
-    let mesh = task.fit(&task.targets, &mut renderer, &mut times);
-    task.tell(&mesh, &times.step, &mut renderer);
-    let part = |name: &str, values: &[f64]| println!("    {name:<32} {:>7.2} ms", median(values[20..].to_vec()));
-    part("forward, wall", &times.forward);
-    part("loss", &times.loss);
-    part("backward, wall", &times.backward);
-    part("regularisers, optimiser", &times.host);
     let soft = soft_target(&task.targets, SIGMA, CLOSED).expect("soft targets");
-    println!("the same, sigma 1e-4, against targets as soft as a closed surface:");
-    let mut times = Times::default();
-    let mesh = task.fit(&soft, &mut renderer, &mut times);
-    task.tell(&mesh, &times.step, &mut renderer);
-    let hard = &task.targets;
-    let rows = [("from 1e-4 to 3e-6", 0.03 * SIGMA, hard), ("1e-4", SIGMA, hard), ("1e-4, soft targets", SIGMA, &soft)];
-    for (name, last, targets) in rows {
-        println!("smoothed parameters, sigma {name}:");
-        let (mesh, steps) = task.fit_smoothly(last, targets, &mut renderer);
-        task.tell(&mesh, &steps, &mut renderer);
+    for (name, targets) in [("masks", &task.targets), ("targets as soft as a closed surface", &soft)] {
+        println!("the task's own regularisers and optimiser, sigma 1e-4, against {name}:");
+        let mut times = Times::default();
+        let mesh = task.fit(targets, &mut renderer, &mut times);
+        let (step, score) = (median(times.step[20..].to_vec()), task.score(&mesh, &mut renderer));
+        println!("  step {step:.2} ms (median of steps 21 to {STEPS}); mask IoU {score:.4}");
+        let part = |name: &str, values: &[f64]| println!("    {name:<32} {:>7.2} ms", median(values[20..].to_vec()));
+        part("forward, wall", &times.forward);
+        part("loss", &times.loss);
+        part("backward, wall", &times.backward);
+        part("regularisers, optimiser", &times.host);
     }
 }
 
@@ -128,45 +118,6 @@ impl Task {
             times.step.push(start.elapsed().as_secs_f64() * 1e3);
         }
         scene.meshes.remove(0)
-    }
-
-    /// Smoothed parameters, 1 - IoU, a shrinking step, and a σ that shrinks too: at 1e-4 many triangles near an outline
-    /// together cover what none of them does, so a hard mask of the same mesh is 5 % smaller than the soft one. Views made
-    /// soft in the same way take that away at its root.
-    fn fit_smoothly(&self, last_sigma: f64, targets: &Image, renderer: &mut Renderer) -> (Mesh, Vec<f64>) {
-        let (mut fit, targets) = self.smooth_fit(targets);
-        let mut times = Vec::new();
-        for step in 0..STEPS {
-            let start = Instant::now();
-            let (settings, rate) = Self::smooth_step(step, last_sigma);
-            fit.step(renderer, &settings, &targets, rate, 0.0).expect("a step");
-            times.push(start.elapsed().as_secs_f64() * 1e3);
-        }
-        (fit.mesh().clone(), times)
-    }
-
-    fn smooth_fit(&self, targets: &Image) -> (ShapeFit, Views) {
-        let options = ShapeOptions {
-            parametrization: Parametrization::Smoothed { lambda: 1.0 },
-            method: Method::UniformAdam { betas: [0.9, 0.999], epsilon: 1e-8 },
-            regularizers: vec![(Regularizer::Laplacian, 0.001)],
-            ..ShapeOptions::official()
-        };
-        let fit = ShapeFit::new(self.start.clone(), Lights::unlit(), options).expect("a fit");
-        let silhouette = Some(targets.clone());
-        (fit, Views { cameras: self.cameras.clone(), silhouette, ..Views::default() })
-    }
-
-    /// Settings and rate of a step.
-    fn smooth_step(step: usize, last_sigma: f64) -> (Settings, f64) {
-        let rate = Schedule::Exponential { from: 0.03, to: 0.005 };
-        let sigma = Schedule::Exponential { from: SIGMA, to: last_sigma };
-        (Settings { sigma: sigma.at_step(step, STEPS), ..Self::settings() }, rate.at_step(step, STEPS))
-    }
-
-    fn tell(&self, mesh: &Mesh, steps: &[f64], renderer: &mut Renderer) {
-        let score = self.score(mesh, renderer);
-        println!("  step {:.2} ms (median of steps 21 to {STEPS}); mask IoU {score:.4}", median(steps[20..].to_vec()));
     }
 
     /// g + 0.15 rms(g)/rms(l) l + 0.4 rms(g)/rms(n) n.

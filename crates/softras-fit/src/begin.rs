@@ -2,17 +2,14 @@
 
 use crate::{
     bad,
+    color::color_under_light,
     dig::dug,
     evened,
     options::{FitOptions, Preset, Template},
     subject::Subject,
     visual_hull,
 };
-use softras::{
-    Mesh, Renderer, Result, Scene, Settings, parts,
-    scene::{Appearance, Background, Outputs},
-    shapes,
-};
+use softras::{Mesh, Renderer, Result, scene::Appearance, shapes};
 
 /// The sphere's radius as a share of the radius that the cameras see.
 const SPHERE: f64 = 0.65;
@@ -50,7 +47,7 @@ pub fn begin(
     };
     let mesh = if official { placed(&mesh, |p, _| 0.5 * f64::from(p))? } else { mesh };
     let textured = matches!(mesh.appearance(), Appearance::Textured { .. });
-    if textured && !(options.subdivide_at.is_empty() && options.remesh_at.is_empty()) {
+    if textured && options.has_new_triangles() {
         return bad("other triangles for a textured template", "leave out subdivision and remeshing");
     }
     if options.keeps_shape() && (subject.views.depth.is_some() || subject.views.normal.is_some()) {
@@ -119,41 +116,6 @@ fn hull(
 /// Samples along the hull's longest side for pictures of so many pixels along the shorter side.
 pub fn samples(pixels: usize) -> usize {
     ((SAMPLES_PER_PIXEL * pixels as f64) as usize).clamp(32, MOST_SAMPLES)
-}
-
-/// The colour that a mesh needs for its renderings under the lights to be the targets', by least squares over the pixels in
-/// the object. It need not be the object's mesh, but one that faces the light alike in the mean.
-pub fn color_under_light(mesh: &Mesh, subject: &Subject, renderer: &mut Renderer) -> Result<[f32; 3]> {
-    let targets = &subject.views;
-    let (Some(color), Some(silhouette)) = (&targets.color, &targets.silhouette) else { return Ok([0.8; 3]) };
-    let (height, width) = targets.size()?;
-    let settings = Settings {
-        width: width as u32,
-        height: height as u32,
-        near: subject.depths.0,
-        far: subject.depths.1,
-        background: Background::Composite,
-        outputs: Outputs { color: true, silhouette: true, depth: false, normal: false },
-        ..Settings::default()
-    };
-    let white = mesh.clone().with_appearance(Appearance::Uniform([1.0; 3]))?;
-    let scene = Scene::new(white).with_lights(subject.lights.clone());
-    let (mut by_light, mut of_light) = ([0.0; 3], [0.0; 3]);
-    parts::in_batches(renderer, &scene, &targets.cameras, &settings, |range, frame| {
-        let (light, alpha) = (frame.color()?, frame.silhouette()?);
-        let targets = range.flat_map(|view| color.view(view).chunks_exact(3).zip(silhouette.view(view)));
-        let lights = light.data.chunks_exact(3).zip(&alpha.data);
-        for ((target, inside), (light, covered)) in targets.zip(lights) {
-            if *inside > 0.99 && *covered > 0.99 {
-                for k in 0..3 {
-                    by_light[k] += f64::from(target[k]) * f64::from(light[k]);
-                    of_light[k] += f64::from(light[k]).powi(2);
-                }
-            }
-        }
-        Ok(())
-    })?;
-    Ok([0, 1, 2].map(|k| if of_light[k] > 0.0 { (by_light[k] / of_light[k]).clamp(0.0, 1.0) as f32 } else { 0.8 }))
 }
 
 fn placed(mesh: &Mesh, place: impl Fn(f32, usize) -> f64) -> Result<Mesh> {

@@ -1,12 +1,38 @@
 //! The cameras of the images of a fit.
 
-use crate::{bad, subject::Sphere};
+use crate::{bad, points};
 use glam::{DMat3, DVec3};
-use softras::{Camera, Image, Projection, Result};
+use softras::{Camera, Image, Mesh, Projection, Result};
 use softras_io::Views;
 
 /// The share of half the image's height that a mesh's bounding sphere fills.
 const FILL: f64 = 0.9;
+
+/// A sphere around an object.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sphere {
+    /// The centre.
+    pub center: DVec3,
+    /// World units.
+    pub radius: f64,
+}
+
+impl Sphere {
+    /// The sphere around the vertices that triangles use whose centre is that of their box; of radius 1 for a mesh without extent.
+    pub(crate) fn around(mesh: &Mesh) -> Self {
+        let Some((low, high)) = mesh.bounds() else { return Self { center: DVec3::ZERO, radius: 1.0 } };
+        let [low, high] = [low, high].map(|corner| DVec3::from(corner.map(f64::from)));
+        let center = (low + high) / 2.0;
+        let radius = reach(mesh, center);
+        Self { center, radius: if radius > 0.0 { radius } else { 1.0 } }
+    }
+}
+
+/// How far the vertices that triangles use are from a point, at most.
+pub fn reach(mesh: &Mesh, from: DVec3) -> f64 {
+    let points = points(mesh);
+    mesh.triangles().iter().flatten().map(|&i| points[i as usize].distance(from)).fold(0.0, f64::max)
+}
 
 fn perspective(fov: f64) -> Projection {
     Projection::Perspective { fov_y: fov.to_radians() }
@@ -109,7 +135,8 @@ pub fn pixel(cameras: &[Camera], center: DVec3, size: (usize, usize)) -> f64 {
     pixels.get(pixels.len() / 2).copied().unwrap_or(2.0 / size.0.min(size.1) as f64)
 }
 
-fn outer(v: DVec3) -> DMat3 {
+/// v vᵀ.
+pub fn outer(v: DVec3) -> DMat3 {
     DMat3::from_cols(v * v.x, v * v.y, v * v.z)
 }
 

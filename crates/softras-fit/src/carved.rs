@@ -7,6 +7,7 @@
 
 use super::bad;
 use super::hull::{MOST_ENLARGED, View, far, hull, mend, views};
+use super::regions::pixels_around;
 use super::remesh::nearest;
 use super::remesh::nearest::Nearest;
 use super::voxel::Voxels;
@@ -57,10 +58,9 @@ fn added(of: &Views, missing: &Image, views: &[View<'_>], hull: &Samples) -> Res
     if of.silhouette.as_ref().map(size) != Some(size(missing)) {
         return bad(format!("marks of size {:?}", size(missing)), "give one for each pixel of the silhouettes");
     }
+    let size = (missing.height, missing.width);
     let is_marked = |view: usize, (column, row): (usize, usize)| {
-        let columns = column.saturating_sub(1)..(column + 2).min(missing.width);
-        let mut rows = row.saturating_sub(1)..(row + 2).min(missing.height);
-        rows.any(|row| columns.clone().any(|column| missing.pixel(view, row, column)[0] > 0.5))
+        pixels_around(row * size.1 + column, size, true).any(|pixel| missing.view(view)[pixel] > 0.5)
     };
     let marked: Vec<usize> = (0..views.len()).filter(|&v| missing.view(v).iter().any(|x| *x > 0.5)).collect();
     let one = |(i, &value): (usize, &f32)| {

@@ -4,9 +4,9 @@
 //! mask carves away what the others show, and leaving it out is what makes the others agree.
 
 use crate::{
-    cameras,
+    cameras::{self, Sphere},
     hull::{View, views as pictures},
-    subject::Sphere,
+    regions::{holes, pixels_around},
 };
 use glam::DVec3;
 use softras::{Image, Result, shapes::Samples};
@@ -38,14 +38,14 @@ pub fn settle(views: &mut Views, bounds: Sphere, notes: &mut Vec<String>) -> Res
     if !(FEWEST..=MOST).contains(&count) {
         return Ok(());
     }
-    let mut out: Vec<(usize, &str)> = (0..count)
-        .filter_map(|view| {
-            let mask = silhouettes.view(view);
-            let share = mask.iter().filter(|x| **x > 0.5).count() as f64 / mask.len() as f64;
-            let is_plain = share == 0.0 || share > FULL;
-            is_plain.then_some((view, if share == 0.0 { "shows nothing of the object" } else { "is all object" }))
-        })
-        .collect();
+    let plain = |view: usize| {
+        let mask = silhouettes.view(view);
+        let share = mask.iter().filter(|x| **x > 0.5).count() as f64 / mask.len() as f64;
+        let is_empty = share == 0.0;
+        let why = if is_empty { "shows nothing of the object" } else { "is all object" };
+        (is_empty || share > FULL).then_some((view, why))
+    };
+    let mut out: Vec<(usize, &str)> = (0..count).filter_map(plain).collect();
     let most = count / 4;
     let mut left: Vec<usize> = (0..count).filter(|view| out.iter().all(|(other, _)| other != view)).collect();
     let seen = views.some(&left);
@@ -191,21 +191,14 @@ fn fill(views: &mut Views, bounds: Sphere, notes: &mut Vec<String>) -> Result<()
     let (mut pierced, mut count) = (Vec::new(), 0);
     for (view, (holes, shared)) in holes.iter().zip(shared).enumerate() {
         let area = silhouettes.view(view).iter().filter(|x| **x > 0.5).count() as f64;
-        let is_small = |hole: &&Vec<usize>| hole.len() as f64 <= LARGEST_HOLE * area;
-        let alone: Vec<&Vec<usize>> = holes
-            .pixels
-            .iter()
-            .zip(shared)
-            .filter(|(_, shared)| !shared)
-            .map(|(hole, _)| hole)
-            .filter(is_small)
-            .collect();
+        let is_alone = |at: &usize| !shared[*at] && holes.pixels[*at].len() as f64 <= LARGEST_HOLE * area;
+        let alone: Vec<usize> = (0..shared.len()).filter(is_alone).flat_map(|at| holes.pixels[at].clone()).collect();
         if alone.is_empty() {
             continue;
         }
         pierced.push(view);
-        count += alone.iter().map(|hole| hole.len()).sum::<usize>();
-        alone.into_iter().flatten().for_each(|at| silhouettes.data[view * height * width + at] = 1.0);
+        count += alone.len();
+        alone.into_iter().for_each(|at| silhouettes.data[view * height * width + at] = 1.0);
     }
     if let [first, more @ ..] = &pierced[..] {
         let others = if more.is_empty() { String::new() } else { format!(" and {} more", more.len()) };
@@ -226,37 +219,17 @@ struct Holes {
 
 impl Holes {
     fn of(mask: &[f32], width: usize) -> Self {
-        let height = mask.len() / width;
-        let mut holes = Self { pixels: Vec::new(), of_pixel: vec![0; mask.len()] };
-        let mut seen: Vec<bool> = mask.iter().map(|x| *x > 0.5).collect();
-        for first in 0..mask.len() {
-            let (mut part, mut next, mut is_open) = (Vec::new(), vec![first], false);
-            while let Some(at) = next.pop() {
-                if std::mem::replace(&mut seen[at], true) {
-                    continue;
-                }
-                part.push(at);
-                let (row, column) = (at / width, at % width);
-                if row == 0 || column == 0 || row + 1 == height || column + 1 == width {
-                    is_open = true;
-                }
-                next.extend((row > 0).then(|| at - width));
-                next.extend((row + 1 < height).then_some(at + width));
-                next.extend((column > 0).then(|| at - 1));
-                next.extend((column + 1 < width).then_some(at + 1));
-            }
-            if !is_open && !part.is_empty() {
-                part.iter().for_each(|at| holes.of_pixel[*at] = holes.pixels.len() + 1);
-                holes.pixels.push(part);
-            }
+        let size = (mask.len() / width, width);
+        let pixels = holes(size, |pixel| mask[pixel] > 0.5);
+        let mut of_pixel = vec![0; mask.len()];
+        for (at, hole) in pixels.iter().enumerate() {
+            hole.iter().for_each(|&pixel| of_pixel[pixel] = at + 1);
         }
-        holes
+        Self { pixels, of_pixel }
     }
 
     /// A hole in or beside a pixel.
-    fn near(&self, column: usize, row: usize, (height, width): (usize, usize)) -> Option<usize> {
-        let rows = row.saturating_sub(1)..(row + 2).min(height);
-        let mut around = rows.flat_map(|r| (column.saturating_sub(1)..(column + 2).min(width)).map(move |c| (r, c)));
-        around.find_map(|(r, c)| self.of_pixel[r * width + c].checked_sub(1))
+    fn near(&self, column: usize, row: usize, size: (usize, usize)) -> Option<usize> {
+        pixels_around(row * size.1 + column, size, true).find_map(|pixel| self.of_pixel[pixel].checked_sub(1))
     }
 }

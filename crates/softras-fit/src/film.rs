@@ -1,9 +1,9 @@
 //! The animation of a fit, with the target on the left and the mesh on the right.
 
-use crate::{Fitting, pooled};
+use crate::{Fitting, pooled, sized};
 use softras::{
     Camera, Lights, Mesh, Renderer, Result, Scene, Settings,
-    scene::{Background, DirectionalLight, Outputs, Shading},
+    scene::{Background, DirectionalLight, Shading},
 };
 use softras_io::{Curve, Picture, write_gif};
 use std::path::Path;
@@ -12,7 +12,7 @@ use std::path::Path;
 const FRAMES: usize = 32;
 /// The height of a frame in pixels: that of the images that are fitted, within these.
 const HEIGHTS: [usize; 2] = [128, 256];
-const SAMPLES: u32 = 2;
+const SAMPLES: usize = 2;
 /// Hundredths of a second between frames.
 const DELAY: u16 = 8;
 /// How many times the last frame is repeated.
@@ -55,7 +55,7 @@ impl Film {
             target: enlarged(&target, size),
             size,
             settings: setup.settings(0),
-            lights: setup.colored.then(|| setup.lights.clone()),
+            lights: setup.given.is_colored().then(|| fitting.subject.lights.clone()),
         }
     }
 
@@ -71,18 +71,14 @@ impl Film {
     pub fn add(&mut self, mesh: &Mesh, renderer: &mut Renderer) -> Result<()> {
         let Some(camera) = self.camera else { return Ok(()) };
         let settings = Settings {
-            width: self.size.0 * SAMPLES,
-            height: self.size.1 * SAMPLES,
             sigma: 1e-7,
             gamma: 1e-5,
             background: Background::Composite,
-            outputs: Outputs { color: true, silhouette: true, depth: false, normal: false },
-            ..self.settings.clone()
+            ..sized(&self.settings, (self.size.1 as usize, self.size.0 as usize), SAMPLES)
         };
         let lights = self.lights.clone().unwrap_or_else(|| lights(&camera));
         let frame = renderer.render(&Scene::new(mesh.clone()).with_lights(lights), &[camera], &settings)?;
-        let [color, alpha] =
-            [pooled(frame.color()?, SAMPLES as usize)?, pooled(frame.silhouette()?, SAMPLES as usize)?];
+        let [color, alpha] = [pooled(frame.color()?, SAMPLES)?, pooled(frame.silhouette()?, SAMPLES)?];
         let shown = picture(&color.data, &alpha.data, (self.size.1 as usize, self.size.0 as usize));
         let mut both = Picture::filled(2 * shown.width, shown.height, [255; 4]);
         both.paste(&self.target, 0, 0);

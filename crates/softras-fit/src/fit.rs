@@ -1,12 +1,11 @@
 //! A fit from views to a mesh, as `softras fit` does it.
 
 use crate::{
-    ShapeFit, ShapeOptions, ShapeRun, StepLosses, bad, checkpoint,
-    options::{FitOptions, Preset, Template},
-    paint::{self, Painted},
+    ShapeFit, ShapeOptions, ShapeRun, StepLosses, bad, checkpoint, doubt,
+    options::{FitOptions, Preset},
+    paint::{self, Painted, Progress, Told},
     scores::Scores,
     setup::Setup,
-    shape::steps_of_a_turn,
     subject::{Subject, ViewsOfMesh},
 };
 use softras::{Mesh, Renderer, Result};
@@ -45,18 +44,6 @@ impl Fit {
         self
     }
 
-    /// A texture too, of at most so many texels a side.
-    pub fn texture(mut self, side: u32) -> Self {
-        self.options.texture = Some(side);
-        self
-    }
-
-    /// The mesh to begin with.
-    pub fn template(mut self, template: Template) -> Self {
-        self.options.template = template;
-        self
-    }
-
     /// The whole method.
     pub fn options(mut self, options: FitOptions) -> Self {
         self.options = options;
@@ -74,14 +61,14 @@ impl Fit {
             subject.views.color = None;
         }
         let mut notes = Vec::new();
-        if !options.keep_views && options.preset != Preset::Official {
-            subject.settle(&mut notes)?;
+        // Views that were rendered agree.
+        if !options.keep_views && options.preset != Preset::Official && subject.truth.is_none() {
+            doubt::settle(&mut subject.views, subject.bounds, &mut notes)?;
         }
-        let setup = Setup::new(&options, &subject, &mut notes, renderer)?;
-        let views = options.compared(&subject.views);
+        let setup = Setup::new(options, &subject, &mut notes, renderer)?;
+        let views = setup.given.compared(&subject.views);
         let shape = ShapeFit::new(setup.template.clone(), subject.lights.clone(), setup.options.clone())?;
-        let run = ShapeRun::new(shape, &views);
-        Ok(Fitting { subject, options, setup, views, run, first: 0, at: 0, steps: Vec::new(), best: None, notes })
+        Ok(Fitting { subject, setup, run: ShapeRun::new(shape, &views), steps: Vec::new(), notes })
     }
 
     /// Fits to the end, or until `progress` breaks it.
@@ -103,22 +90,6 @@ impl Fit {
     }
 }
 
-/// Where a fit is.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Progress {
-    /// Whether it is the texture that is fitted, after the shape.
-    pub is_texture: bool,
-    /// Steps taken.
-    pub taken: usize,
-    /// Steps in all.
-    pub of: usize,
-    /// The loss before the last step.
-    pub loss: f64,
-}
-
-/// What is told of each step, and may end the fit.
-pub type Told<'a> = dyn FnMut(&Progress) -> ControlFlow<()> + 'a;
-
 /// A step of a fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Taken {
@@ -134,18 +105,10 @@ pub struct Taken {
 #[derive(Clone, Debug)]
 pub struct Fitting {
     pub(crate) subject: Subject,
-    options: FitOptions,
     pub(crate) setup: Setup,
-    /// The views that are compared.
-    pub(crate) views: Views,
+    /// The steps with the views that are compared.
     pub(crate) run: ShapeRun,
-    /// The first step of `run`.
-    first: usize,
-    /// The next step.
-    at: usize,
     steps: Vec<Taken>,
-    /// The least mean loss over a turn of the views, its mesh, and its step.
-    best: Option<(f64, Mesh, usize)>,
     /// What the user should know.
     pub(crate) notes: Vec<String>,
 }
@@ -156,7 +119,7 @@ impl Fitting {
     /// # Errors
     /// As [`ShapeFit::step`], and of what the mesh is subdivided, remeshed or cut with.
     pub fn step(&mut self, renderer: &mut Renderer) -> Result<Option<Progress>> {
-        let (at, of) = (self.at, self.setup.iterations);
+        let (at, of) = (self.run.next_step(), self.setup.iterations);
         if at >= of {
             return Ok(None);
         }
@@ -165,20 +128,19 @@ impl Fitting {
         }
         if self.setup.remakes(at) {
             let shape = self.setup.remade(self.run.shape(), at)?;
-            self.go_on_with(shape, at);
+            self.run.go_on_with(shape, at);
         }
         let began = Instant::now();
         let (rate, color_rate) = self.setup.rates(at);
         let losses = self.run.step(renderer, &self.setup.settings(at), rate, color_rate)?;
         let loss = losses.loss;
         self.steps.push(Taken { at, losses, seconds: began.elapsed().as_secs_f64() });
-        self.at += 1;
-        Ok(Some(Progress { is_texture: false, taken: self.at, of, loss }))
+        Ok(Some(Progress { is_texture: false, taken: at + 1, of, loss }))
     }
 
     /// The number of the next step.
     pub fn next_step(&self) -> usize {
-        self.at
+        self.run.next_step()
     }
 
     /// The number of steps in all.
@@ -192,15 +154,13 @@ impl Fitting {
     }
 
     /// The mesh of least loss so far, and its step; `None` before the first.
-    pub fn best(&mut self) -> Option<(&Mesh, usize)> {
-        self.keep_best();
-        self.best.as_ref().map(|(_, best, step)| (best, *step))
+    pub fn best(&self) -> Option<(&Mesh, usize)> {
+        self.run.best()
     }
 
     /// The mesh of least loss, or the one to begin with where no step was taken.
-    fn found(&mut self) -> Mesh {
-        let best = self.best().map(|(best, _)| best.clone());
-        best.unwrap_or_else(|| self.mesh().clone())
+    fn found(&self) -> Mesh {
+        self.best().map_or(self.mesh(), |(best, _)| best).clone()
     }
 
     /// Takes what the user should know since the last call: where the mesh was cut anew, and why it begins with what it does.
@@ -213,9 +173,10 @@ impl Fitting {
     /// # Errors
     /// Those of [`with_atlas`](crate::with_atlas), and of rendering.
     pub fn paint(&mut self, renderer: &mut Renderer, told: &mut Told) -> Result<Option<Painted>> {
-        let Some(side) = self.options.texture.filter(|_| self.setup.paints) else { return Ok(None) };
+        let given = &self.setup.given;
+        let Some(side) = given.texture.filter(|_| !given.keeps_shape()) else { return Ok(None) };
         let best = self.found();
-        let painted = paint::painted(&best, side, &self.setup, &self.subject, &self.views, (renderer, told))?;
+        let painted = paint::painted(&best, side, &self.setup, &self.subject, &self.run.targets, (renderer, told))?;
         self.notes.push(painted.sentence());
         Ok(Some(painted))
     }
@@ -224,13 +185,13 @@ impl Fitting {
     ///
     /// # Errors
     /// As [`Renderer::render`].
-    pub fn finish(mut self, painted: Option<Painted>, renderer: &mut Renderer) -> Result<Fitted> {
+    pub fn finish(self, painted: Option<Painted>, renderer: &mut Renderer) -> Result<Fitted> {
         let best = self.found();
         let mesh = painted.as_ref().map_or(best, |painted| painted.mesh.clone());
         let scores = Scores::of(&mesh, &self.setup, &self.subject, renderer)?;
         let is_complete =
-            self.at == self.setup.iterations && painted.as_ref().is_none_or(|painted| painted.is_complete);
-        let (options, view_stride) = (self.setup.options, self.setup.stride);
+            self.next_step() == self.setup.iterations && painted.as_ref().is_none_or(|painted| painted.is_complete);
+        let (options, view_stride) = (self.setup.options, self.setup.given.view_stride);
         Ok(Fitted { mesh, scores, steps: self.steps, painted, is_complete, options, view_stride, notes: self.notes })
     }
 
@@ -239,7 +200,7 @@ impl Fitting {
     /// # Errors
     /// [`softras::Error::Io`].
     pub fn save_checkpoint(&self, path: &Path) -> Result<()> {
-        checkpoint::write(path, self.run.shape(), self.at)
+        checkpoint::write(path, self.run.shape(), self.next_step())
     }
 
     /// Goes on from a file of [`Fitting::save_checkpoint`], made with the same views and options. Returns the number of the next step.
@@ -248,7 +209,7 @@ impl Fitting {
     /// [`softras::Error::File`] for what is no such file, [`softras::Error::Fit`] for one of another fit.
     pub fn resume(&mut self, path: &Path, budget: Budget) -> Result<usize> {
         let (step, mesh, state) = checkpoint::read(path, budget)?;
-        if self.options.preset == Preset::Official && self.setup.has_new_triangles() {
+        if self.setup.given.preset == Preset::Official && self.setup.given.has_new_triangles() {
             return bad(
                 "the official parametrization after --subdivide-at or --remesh-at",
                 "it cannot be taken up: leave out one of them",
@@ -257,29 +218,8 @@ impl Fitting {
         let mesh = self.setup.resumed(step, mesh)?;
         let mut shape = ShapeFit::new(mesh, self.subject.lights.clone(), self.setup.options.clone())?;
         shape.restore(state)?;
-        self.run = ShapeRun::new(shape, &self.views);
-        (self.first, self.at) = (step, step);
+        self.run.go_on_with(shape, step);
         Ok(step)
-    }
-
-    /// Goes on with another shape from a step on, and keeps the best mesh of the one before.
-    pub(crate) fn go_on_with(&mut self, shape: ShapeFit, step: usize) {
-        self.keep_best();
-        self.run = ShapeRun::new(shape, &self.views);
-        self.first = step;
-    }
-
-    /// The steps that take all views once: losses of different views are not comparable, but means over these steps are.
-    pub(crate) fn turn(&self) -> usize {
-        steps_of_a_turn(self.setup.options.views_per_step, self.views.cameras.len())
-    }
-
-    /// Keeps the best mesh of `run` if it is better than the best so far.
-    fn keep_best(&mut self) {
-        let Some((mesh, step)) = self.run.best() else { return };
-        if self.best.as_ref().is_none_or(|(least, ..)| self.run.least() < *least) {
-            self.best = Some((self.run.least(), mesh.clone(), self.first + step));
-        }
     }
 }
 

@@ -7,6 +7,7 @@
 //! at most p's depth less the picture's.
 
 use super::bad;
+use super::regions::{is_border, regions};
 use super::shape::{known, masked};
 use super::soft_target::signed_distance;
 use glam::DVec3;
@@ -110,12 +111,8 @@ pub(super) fn views<'a>(targets: &'a Views, times: usize) -> Result<Vec<View<'a>
 
 /// Whether a silhouette reaches the border of its picture.
 fn is_cut(picture: &Image) -> bool {
-    let (height, width) = (picture.height, picture.width);
-    let at_border = |i: usize| {
-        let (row, column) = (i / width, i % width);
-        row == 0 || column == 0 || row + 1 == height || column + 1 == width
-    };
-    picture.data.iter().enumerate().any(|(i, x)| *x > 0.5 && at_border(i))
+    let size = (picture.height, picture.width);
+    picture.data.iter().enumerate().any(|(i, x)| *x > 0.5 && is_border(i, size))
 }
 
 /// The picture enlarged by linear interpolation.
@@ -247,43 +244,22 @@ fn inside(grid: &Samples) -> Option<(DVec3, DVec3)> {
 /// away, a cut leaves shavings, and of what is enclosed no picture shows anything.
 pub fn mend(grid: &mut Samples) {
     let fewest = LEAST_PART * grid.values.iter().filter(|value| **value > 0.0).count() as f64;
-    let mut seen = vec![false; grid.values.len()];
-    for first in 0..grid.values.len() {
-        if seen[first] {
-            continue;
-        }
-        let part = part(grid, first, &mut seen);
-        if grid.values[first] > 0.0 && (part.len() as f64) < fewest {
-            part.iter().for_each(|&i| grid.values[i] = -grid.values[i]);
-        } else if grid.values[first] <= 0.0 && !part.iter().any(|&i| is_border(grid, i)) {
-            part.iter().for_each(|&i| grid.values[i] = (-grid.values[i]).max(f32::MIN_POSITIVE));
-        }
-    }
-}
-
-fn is_border(grid: &Samples, i: usize) -> bool {
     let n = grid.resolution;
-    [i % n, i / n % n, i / n / n].iter().any(|place| *place == 0 || place + 1 == n)
-}
-
-/// The samples that are connected with the first by others on the same side of the outline, and were not seen before.
-fn part(grid: &Samples, first: usize, seen: &mut [bool]) -> Vec<usize> {
-    let n = grid.resolution;
-    let mut part = Vec::new();
-    let mut next = vec![first];
-    while let Some(i) = next.pop() {
-        if seen[i] || (grid.values[i] > 0.0) != (grid.values[first] > 0.0) {
-            continue;
-        }
-        seen[i] = true;
-        part.push(i);
-        for axis in 0..3 {
-            let stride = n.pow(axis);
+    let beside = |i: usize, around: &mut Vec<usize>| {
+        for stride in [1, n, n * n] {
             let place = i / stride % n;
-            next.extend((place > 0).then(|| i - stride).into_iter().chain((place + 1 < n).then_some(i + stride)));
+            around.extend((place > 0).then(|| i - stride).into_iter().chain((place + 1 < n).then_some(i + stride)));
         }
+    };
+    let on_side = |is_in: bool| regions(grid.values.len(), |i| (grid.values[i] > 0.0) == is_in, beside);
+    let (solids, airs) = (on_side(true), on_side(false));
+    for crumb in solids.into_iter().filter(|part| (part.len() as f64) < fewest) {
+        crumb.into_iter().for_each(|i| grid.values[i] = -grid.values[i]);
     }
-    part
+    let is_border = |i: usize| [1, n, n * n].iter().any(|stride| [0, n - 1].contains(&(i / stride % n)));
+    for enclosed in airs.into_iter().filter(|part| !part.iter().any(|&i| is_border(i))) {
+        enclosed.into_iter().for_each(|i| grid.values[i] = (-grid.values[i]).max(f32::MIN_POSITIVE));
+    }
 }
 
 /// Weighs each sample with its neighbours along an axis by (1, 2, 1) / 4, which removes handles and cavities that are only of

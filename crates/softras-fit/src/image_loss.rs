@@ -27,34 +27,21 @@ pub enum ImageLoss {
     L1,
     /// Σ w (P - T)² / Σ w.
     L2,
-    /// Σ w h(P - T) / Σ w with h(d) = d²/2 up to |d| = δ and δ (|d| - δ/2) beyond (Huber 1964).
-    Huber {
-        /// δ, above 0: the difference up to which the loss is quadratic.
-        delta: f64,
-    },
 }
 
 impl ImageLoss {
-    /// The loss and its gradient. `weights` has the prediction's shape or one channel; 0 masks a pixel out.
+    /// The loss and its gradient. `weights` has the prediction's shape with one channel; 0 masks a pixel out.
     ///
     /// # Errors
-    /// [`softras::Error::Fit`] when shapes differ, a weight is negative or not finite, all are 0, or δ is not above 0.
+    /// [`softras::Error::Fit`] when shapes differ, a weight is negative or not finite, or all are 0.
     pub fn evaluate(self, prediction: &Image, target: &Image, weights: Option<&Image>) -> Result<LossGradient> {
         validate(prediction, target, weights)?;
-        let weight = Weight::new(prediction, weights);
-        let penalty: fn(f64, f64) -> (f64, f64) = match self {
+        let weight = Weight { data: weights.map(|w| &w.data[..]), channels: prediction.channels };
+        let penalty: fn(f64) -> (f64, f64) = match self {
             Self::NegativeIou => return Ok(negative_iou(prediction, target, &weight)),
-            Self::L1 => |d, _| (d.abs(), if d == 0.0 { 0.0 } else { d.signum() }),
-            Self::L2 => |d, _| (d * d, 2.0 * d),
-            Self::Huber { delta } if delta > 0.0 && delta.is_finite() => |d, delta| match d.abs() <= delta {
-                true => (0.5 * d * d, d),
-                false => (delta * (d.abs() - 0.5 * delta), delta * d.signum()),
-            },
-            Self::Huber { delta } => {
-                return bad(format!("a Huber loss with delta {}", shown(delta)), "use a delta above 0");
-            }
+            Self::L1 => |d| (d.abs(), if d == 0.0 { 0.0 } else { d.signum() }),
+            Self::L2 => |d| (d * d, 2.0 * d),
         };
-        let delta = if let Self::Huber { delta } = self { delta } else { 0.0 };
         let total: f64 = (0..prediction.data.len()).map(|i| weight.at(i)).sum();
         if total <= 0.0 {
             return bad("no pixel has a weight above 0", "leave some pixels in the mask");
@@ -62,44 +49,13 @@ impl ImageLoss {
         let mut value = 0.0;
         let pairs = prediction.data.iter().zip(&target.data).enumerate();
         let data = pairs.map(|(i, (&p, &t))| {
-            let (penalty, slope) = penalty(f64::from(p) - f64::from(t), delta);
+            let (penalty, slope) = penalty(f64::from(p) - f64::from(t));
             let share = weight.at(i) / total;
             value += share * penalty;
             (share * slope) as f32
         });
         let data = data.collect();
         Ok(LossGradient { value, gradient: Image { data, ..shape_of(prediction) } })
-    }
-
-    /// The mean of the loss over `levels` resolutions, each half the one before. At coarse resolutions a shape overlaps
-    /// its target from farther away.
-    ///
-    /// A coarse pixel is the mean of the up to 2×2 fine ones under it.
-    ///
-    /// # Errors
-    /// As [`ImageLoss::evaluate`]; [`softras::Error::Fit`] for no level at all.
-    pub fn multi_scale(
-        self,
-        prediction: &Image,
-        target: &Image,
-        weights: Option<&Image>,
-        levels: usize,
-    ) -> Result<LossGradient> {
-        if levels == 0 {
-            return bad("a loss over 0 resolutions", "use at least 1");
-        }
-        let mut loss = self.evaluate(prediction, target, weights)?;
-        if levels > 1 {
-            let coarse_weights = weights.map(|w| pooled(w, 2)).transpose()?;
-            let (coarse, coarse_target) = (pooled(prediction, 2)?, pooled(target, 2)?);
-            let rest = self.multi_scale(&coarse, &coarse_target, coarse_weights.as_ref(), levels - 1)?;
-            let share = 1.0 / levels as f64;
-            let rest_share = 1.0 - share;
-            loss.value = share * loss.value + rest_share * rest.value;
-            loss.gradient.data.iter_mut().for_each(|g| *g *= share as f32);
-            add_pooled_gradient(&mut loss.gradient, &rest.gradient, 2, rest_share)?;
-        }
-        Ok(loss)
     }
 }
 
@@ -128,12 +84,9 @@ fn validate(prediction: &Image, target: &Image, weights: Option<&Image>) -> Resu
         return bad(what, "both must be [views, height, width, channels] of the same size, at least one value");
     }
     let Some(weights) = weights else { return Ok(()) };
-    if shape(weights)[..3] != expected[..3]
-        || !weights.is_whole()
-        || (weights.channels != 1 && weights.channels != prediction.channels)
-    {
+    if shape(weights) != [expected[0], expected[1], expected[2], 1] || !weights.is_whole() {
         let what = format!("weights of shape {:?} for images of shape {expected:?}", shape(weights));
-        return bad(what, "give one weight a pixel, or one a value");
+        return bad(what, "give one weight a pixel");
     }
     match weights.data.iter().position(|w| !(w.is_finite() && *w >= 0.0)) {
         Some(i) => bad(format!("weight {} at value {i}", weights.data[i]), "weights must be finite and not negative"),
@@ -143,18 +96,14 @@ fn validate(prediction: &Image, target: &Image, weights: Option<&Image>) -> Resu
 
 /// The weight of each value of the prediction, by its index.
 struct Weight<'a> {
+    /// One of each pixel; `None` for 1.
     data: Option<&'a [f32]>,
-    values_per_weight: usize,
+    channels: usize,
 }
 
-impl<'a> Weight<'a> {
-    fn new(prediction: &Image, weights: Option<&'a Image>) -> Self {
-        let channels = weights.map_or(1, |w| w.channels);
-        Self { data: weights.map(|w| &w.data[..]), values_per_weight: prediction.channels / channels.max(1) }
-    }
-
+impl Weight<'_> {
     fn at(&self, i: usize) -> f64 {
-        self.data.map_or(1.0, |w| f64::from(w[i / self.values_per_weight]))
+        self.data.map_or(1.0, |w| f64::from(w[i / self.channels]))
     }
 }
 
@@ -211,31 +160,19 @@ fn told(image: &Image) -> String {
     format!("an image of shape {:?} with {} values", [batch, height, width, channels], data.len())
 }
 
-/// The transpose of [`pooled`]: adds `scale` times the gradient by the coarse image, pulled back to the fine one.
+/// The transpose of [`pooled`]: `scale` times the gradient by an image whose pooled image has the gradient `coarse`.
 ///
 /// # Errors
-/// As [`pooled`] for the fine image; [`softras::Error::Fit`] for a coarse one that is not as its pooled image.
-pub fn add_pooled_gradient(fine: &mut Image, coarse: &Image, factor: usize, scale: f64) -> Result<()> {
-    let expected = pooled_shape(fine, factor)?;
-    if !coarse.is_whole() || shape_of(coarse) != expected {
+/// As [`pooled`] for the image; [`softras::Error::Fit`] for a gradient that is not as its pooled image.
+pub fn pooled_gradient(image: &Image, coarse: &Image, factor: usize, scale: f64) -> Result<Image> {
+    if !coarse.is_whole() || shape_of(coarse) != pooled_shape(image, factor)? {
         return bad(told(coarse), "give one value for each of the pooled image");
     }
-    let shape = shape_of(fine);
-    let data = &mut fine.data;
-    each_pair(&shape, coarse, factor, |at, from, share| {
+    let mut data = vec![0.0; image.data.len()];
+    each_pair(image, coarse, factor, |at, from, share| {
         data[at] += (scale * f64::from(coarse.data[from])) as f32 * share
     });
-    Ok(())
-}
-
-/// The gradient by an image whose pooled image has this gradient.
-///
-/// # Errors
-/// As [`add_pooled_gradient`].
-pub fn unpooled_gradient(image: &Image, coarse: &Image, factor: usize) -> Result<Image> {
-    let mut fine = Image { data: vec![0.0; image.data.len()], ..*image };
-    add_pooled_gradient(&mut fine, coarse, factor, 1.0)?;
-    Ok(fine)
+    Ok(Image { data, ..*image })
 }
 
 /// An image blurred by a Gaussian with a standard deviation in pixels; beyond its edges the image counts as black. For
@@ -251,11 +188,11 @@ pub fn blurred(image: &Image, deviation: f64) -> Result<Image> {
     Ok(coarse)
 }
 
-/// The transpose of [`blurred`]: adds the gradient by the blurred image, pulled back to the fine one.
+/// The transpose of [`blurred`]: the gradient by an image whose blurred image has the gradient `coarse`.
 ///
 /// # Errors
 /// As [`blurred`].
-pub fn add_blurred_gradient(fine: &mut Image, coarse: &Image, deviation: f64) -> Result<()> {
+pub fn blurred_gradient(image: &Image, coarse: &Image, deviation: f64) -> Result<Image> {
     let factor = blur_factor(deviation)?;
     if !coarse.is_whole() {
         return bad(told(coarse), "give one value for each of the blurred image");
@@ -263,7 +200,7 @@ pub fn add_blurred_gradient(fine: &mut Image, coarse: &Image, deviation: f64) ->
     let mut coarse = coarse.clone();
     // With black beyond the edges the Gaussian is a symmetric matrix, so it is its own transpose.
     gaussian(&mut coarse, deviation / factor as f64);
-    add_pooled_gradient(fine, &coarse, factor, 1.0)
+    pooled_gradient(image, &coarse, factor, 1.0)
 }
 
 /// The factor by which an image is pooled before a blur: a third of the standard deviation in pixels, at least 1.

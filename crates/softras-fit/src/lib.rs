@@ -40,7 +40,7 @@ mod begin;
 mod cameras;
 mod carved;
 mod checkpoint;
-mod color_error;
+mod color;
 mod dig;
 mod doubt;
 mod film;
@@ -52,6 +52,7 @@ mod options;
 mod paint;
 mod pose;
 mod recut;
+mod regions;
 mod regularizer;
 mod remesh;
 mod run;
@@ -69,16 +70,17 @@ mod unseen;
 mod voxel;
 
 pub use atlas::with_atlas;
+pub use cameras::Sphere;
 pub use carved::carved;
 pub use film::Film;
-pub use fit::{Fit, Fitted, Fitting, Progress, Taken, Told};
+pub use fit::{Fit, Fitted, Fitting, Taken};
 pub use hull::visual_hull;
 pub use image_loss::{
-    ImageLoss, LossGradient, add_blurred_gradient, add_pooled_gradient, blur_factor, blurred, mask_iou, pooled,
+    ImageLoss, LossGradient, blur_factor, blurred, blurred_gradient, mask_iou, pooled, pooled_gradient,
 };
 pub use optimizer::{Method, Optimizer};
 pub use options::{FitOptions, Preset, Template};
-pub use paint::Painted;
+pub use paint::{Painted, Progress, Told};
 pub use pose::{Differentiation, Pose, PoseFit, PoseOptions, PoseSearch, PoseTarget, rotations};
 pub use regularizer::{Regularizer, laplacian_coordinates};
 pub use remesh::{evened, remeshed};
@@ -86,15 +88,15 @@ pub use run::ShapeRun;
 pub use schedule::Schedule;
 pub use scores::Scores;
 pub use shape::{Parametrization, ShapeFit, ShapeOptions, State, StepLosses};
-pub use smoothing::Smoothing;
 pub use soft_target::{CLOSED, signed_distance, soft_target};
 pub use subdivision::Subdivision;
-pub use subject::{Lighting, Sphere, Subject, ViewsOfMesh};
+pub use subject::{Lighting, Subject, ViewsOfMesh};
 pub use topology::{Flap, Topology};
 pub use unseen::Unseen;
 pub use voxel::{MAX_RESOLUTION, Voxels, cube_around, enclosed, is_closed, overlap, voxel_iou};
 
-use softras::{Error, Result};
+use glam::DVec3;
+use softras::{Error, Mesh, Result, Settings};
 
 /// A number for an error message, in few digits however large or small it is.
 fn shown(x: f64) -> String {
@@ -104,4 +106,25 @@ fn shown(x: f64) -> String {
 
 fn bad<T>(what: impl Into<String>, fix: &str) -> Result<T> {
     Err(Error::Fit { what: what.into(), fix: fix.into() })
+}
+
+/// The positions of a mesh's vertices.
+fn points(mesh: &Mesh) -> Vec<DVec3> {
+    doubles(mesh.positions())
+}
+
+/// Vectors in double precision.
+fn doubles(values: &[[f32; 3]]) -> Vec<DVec3> {
+    values.iter().map(|value| DVec3::from(value.map(f64::from))).collect()
+}
+
+/// Vectors in single precision.
+fn singles(values: &[DVec3]) -> Vec<[f32; 3]> {
+    values.iter().map(|value| value.as_vec3().to_array()).collect()
+}
+
+/// The settings for images of a height and a width, with so many samples along each side of a pixel.
+fn sized(settings: &Settings, (height, width): (usize, usize), samples: usize) -> Settings {
+    let side = |side: usize| u32::try_from(side.saturating_mul(samples)).unwrap_or(u32::MAX);
+    Settings { width: side(width), height: side(height), ..settings.clone() }
 }

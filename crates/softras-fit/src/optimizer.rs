@@ -83,24 +83,29 @@ impl Optimizer {
         }
     }
 
+    /// Steps taken.
+    pub fn steps(&self) -> i32 {
+        self.steps
+    }
+
     /// Its state, to be saved: the number of steps taken, the mean gradient (or momentum), the mean square (empty for
     /// SGD).
-    pub fn state(&self) -> (i32, &[f64], &[f64]) {
-        (self.steps, &self.first, &self.second)
+    pub fn state(&self) -> (i32, Vec<f64>, Vec<f64>) {
+        (self.steps, self.first.clone(), self.second.clone())
     }
 
     /// Continues from a saved [`Optimizer::state`]. Returns `false` and changes nothing when the sizes differ, and for
     /// numbers that no state has: a negative number of steps, a mean that is not finite, a mean square below 0.
-    pub fn restore(&mut self, steps: i32, first: &[f64], second: &[f64]) -> bool {
+    pub fn restore(&mut self, (steps, first, second): &(i32, Vec<f64>, Vec<f64>)) -> bool {
         let fits = first.len() == self.first.len()
             && second.len() == self.second.len()
-            && steps >= 0
+            && *steps >= 0
             && first.iter().all(|x| x.is_finite())
             && second.iter().all(|x| x.is_finite() && *x >= 0.0);
         if fits {
-            self.first.copy_from_slice(first);
-            self.second.copy_from_slice(second);
-            self.steps = steps;
+            self.first.clone_from(first);
+            self.second.clone_from(second);
+            self.steps = *steps;
         }
         fits
     }

@@ -149,6 +149,11 @@ impl FitOptions {
         some
     }
 
+    /// Whether the mesh gets other triangles at steps that are given.
+    pub(crate) fn has_new_triangles(&self) -> bool {
+        !(self.subdivide_at.is_empty() && self.remesh_at.is_empty())
+    }
+
     /// Whether colours are fitted.
     pub fn is_colored(&self) -> bool {
         self.color || self.texture.is_some()

@@ -1,11 +1,10 @@
 //! The texture that `--texture` makes of a mesh without one: an atlas on the mesh that was found, whose texels are fitted while
 //! the shape stays.
 
-use crate::{
-    Progress, Schedule, Told, color_error::color_error, setup::Setup, subject::Subject, texels::Texels, with_atlas,
-};
+use crate::{Schedule, color::color_error, setup::Setup, subject::Subject, texels::Texels, with_atlas};
 use softras::{Mesh, Renderer, Result, scene::Appearance};
 use softras_io::Views;
+use std::ops::ControlFlow;
 
 /// Steps of the texels.
 const STEPS: usize = 100;
@@ -13,6 +12,22 @@ const STEPS: usize = 100;
 const RATE: Schedule = Schedule::Exponential { from: 0.1, to: 0.005 };
 /// The length of a texel in pixels of the images, where the texture has room.
 const TEXEL: f64 = 1.0;
+
+/// Where a fit is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Progress {
+    /// Whether it is the texture that is fitted, after the shape.
+    pub is_texture: bool,
+    /// Steps taken.
+    pub taken: usize,
+    /// Steps in all.
+    pub of: usize,
+    /// The loss before the last step.
+    pub loss: f64,
+}
+
+/// What is told of each step, and may end the fit.
+pub type Told<'a> = dyn FnMut(&Progress) -> ControlFlow<()> + 'a;
 
 /// A mesh with a fitted texture.
 #[derive(Clone, Debug)]
@@ -41,10 +56,11 @@ pub fn painted(
     views: &Views,
     (renderer, told): (&mut Renderer, &mut Told),
 ) -> Result<Painted> {
-    let (start, texel) = with_atlas(mesh, TEXEL * setup.pixel, most)?;
-    let texel = texel / setup.pixel;
-    let by_vertices = color_error(mesh, setup, subject, renderer)?;
-    let mut texels = Texels::new(start, setup, views, renderer)?;
+    let (start, texel) = with_atlas(mesh, TEXEL * subject.pixel, most)?;
+    let texel = texel / subject.pixel;
+    let settings = setup.settings(setup.iterations);
+    let by_vertices = color_error(mesh, &settings, subject, renderer)?;
+    let mut texels = Texels::new(start, setup, &subject.lights, views, renderer)?;
     let (mut losses, mut is_broken) = (Vec::with_capacity(STEPS), false);
     while texels.can_step() && losses.len() < STEPS && !is_broken {
         let loss = texels.step(RATE.at_step(losses.len(), STEPS), renderer)?;
@@ -53,7 +69,7 @@ pub fn painted(
     }
     let is_complete = !is_broken || losses.len() == STEPS;
     let mesh = texels.mesh().clone();
-    let errors = [by_vertices, color_error(&mesh, setup, subject, renderer)?];
+    let errors = [by_vertices, color_error(&mesh, &settings, subject, renderer)?];
     Ok(Painted { side: side(&mesh), texel, mesh, is_complete, losses, errors })
 }
 

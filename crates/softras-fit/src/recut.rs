@@ -8,20 +8,16 @@
 //! outlines, and not yet the new one, but no steps take the film away that it has over a hole.
 
 use crate::{
-    Fitting, ShapeFit, ShapeRun, Topology, begin::samples, carved, evened, mask_iou, overlap, scores::shape,
-    setup::Setup, unseen::Unseen,
+    Fitting, ShapeFit, Topology,
+    begin::samples,
+    carved, evened, overlap, points,
+    scores::{mean, shape},
+    unseen::Unseen,
 };
-use softras::{
-    Mesh, Renderer, Result, Scene, Settings, parts,
-    scene::{Outputs, SilhouetteAggregation},
-};
+use softras::{Mesh, Renderer, Result, Settings};
 use softras_io::Views;
 use std::ops::Range;
 
-/// Shares of the steps before which the topology is looked at. At the first the mesh has reached the outlines, so that what is
-/// covered is a hole and no outline that is yet to come. The second sees what the first has left, with enough steps behind
-/// it for a new mesh to come to rest.
-pub const SHARES: [f64; 2] = [0.3, 0.6];
 /// A mesh lies in itself where it encloses more than this share of its solid twice or inside out. Of most fits that is nothing at
 /// 64 voxels a side, and of a chair that was drawn out of a sphere 1.3 %, by folds that steps may still draw out.
 const GROSS: f64 = 0.02;
@@ -46,27 +42,8 @@ struct Found {
 
 impl Found {
     fn of(mesh: &Mesh, targets: &Views, settings: &Settings, renderer: &mut Renderer) -> Result<Self> {
-        let (height, width) = targets.size()?;
-        let settings = Settings {
-            height: height as u32,
-            width: width as u32,
-            outputs: Outputs::SILHOUETTE,
-            silhouette: SilhouetteAggregation::Hard,
-            sigma: 1e-7,
-            ..settings.clone()
-        };
-        let (mut unseen, mut iou) = (Unseen::default(), 0.0);
-        let scene = Scene::new(mesh.clone());
-        parts::in_batches(renderer, &scene, &targets.cameras, &settings, |views, frame| {
-            if let Some(target) = &targets.silhouette {
-                let (image, target) = (frame.silhouette()?, target.views(views.clone()));
-                unseen.add(views.start, image, &target);
-                iou += mask_iou(image, &target)?.iter().sum::<f64>();
-            }
-            Ok(())
-        })?;
-        let overlap = overlap(mesh, VOXELS)?;
-        Ok(Self { unseen, overlap, iou: iou / targets.cameras.len().max(1) as f64 })
+        let (unseen, ious) = Unseen::compare(mesh, targets, settings, renderer)?;
+        Ok(Self { unseen, overlap: overlap(mesh, VOXELS)?, iou: mean(&ious) })
     }
 
     fn views(&self) -> usize {
@@ -104,16 +81,16 @@ impl Fitting {
     /// is better.
     pub(crate) fn recut(&mut self, step: usize, renderer: &mut Renderer) -> Result<()> {
         let settings = self.setup.settings(step);
-        if self.views.silhouette.is_none() {
+        if self.run.targets.silhouette.is_none() {
             return Ok(());
         }
         let old = self.mesh().clone();
-        let before = Found::of(&old, &self.views, &settings, renderer)?;
+        let before = Found::of(&old, &self.run.targets, &settings, renderer)?;
         if !before.is_wrong() {
             return Ok(());
         }
-        let what = format!("step {step}: the mesh {}", before.reasons(self.setup.stride));
-        let made = match cut(&old, &before, &self.setup, (&self.views, &settings), renderer) {
+        let what = format!("step {step}: the mesh {}", before.reasons(self.setup.given.view_stride));
+        let made = match self.cut(&old, &before, &settings, renderer) {
             Ok(made) => made,
             Err(error) => {
                 let why = format!("since it cannot be cut to the silhouettes: {error}");
@@ -130,7 +107,7 @@ impl Fitting {
         };
         let shape = shape(fit.mesh())?;
         self.notes.push(format!("{what}; it was cut anew to the silhouettes, and is now {shape} ({why})"));
-        self.go_on_with(fit, step);
+        self.run.go_on_with(fit, step);
         Ok(())
     }
 
@@ -144,7 +121,7 @@ impl Fitting {
         renderer: &mut Renderer,
     ) -> Result<(Option<ShapeFit>, String)> {
         let setup = &self.setup;
-        let begin = |mesh: &Mesh| ShapeFit::new(mesh.clone(), setup.lights.clone(), setup.options.clone());
+        let begin = |mesh: &Mesh| ShapeFit::new(mesh.clone(), self.subject.lights.clone(), setup.options.clone());
         let ious = |after: &Found| format!("mask IoU {:.4}, before {:.4}", after.iou, before.iou);
         let mut why = String::new();
         if let Some((mesh, after)) = made.last() {
@@ -157,7 +134,7 @@ impl Fitting {
         if candidates.is_empty() {
             return Ok((None, why));
         }
-        let trial = step..step + setup.share(TRIAL).max(self.turn());
+        let trial = step..step + setup.share(TRIAL).max(self.run.turn());
         let kept = self.run.shape().clone();
         let uncut = self.tried(kept, &trial, renderer)?;
         for (mesh, after) in candidates {
@@ -172,51 +149,49 @@ impl Fitting {
     }
 
     /// The loss of a fit after the steps of a trial: the mean of the last that take all views once.
-    fn tried(&self, fit: ShapeFit, trial: &Range<usize>, renderer: &mut Renderer) -> Result<f64> {
-        let (setup, turn) = (&self.setup, self.turn());
-        let mut run = ShapeRun::new(fit, &self.views);
+    fn tried(&self, mut fit: ShapeFit, trial: &Range<usize>, renderer: &mut Renderer) -> Result<f64> {
+        let (setup, turn) = (&self.setup, self.run.turn());
         let mut losses = Vec::new();
         // The loss of a step is that before it moves anything, so that one more is taken.
         for at in trial.start..=trial.end {
             // Past its last step a fit would go on with the settings of that.
             let at = at.min(setup.iterations - 1);
             let (rate, color_rate) = setup.rates(at);
-            losses.push(run.step(renderer, &setup.settings(at), rate, color_rate)?.loss);
+            losses.push(fit.step(renderer, &setup.settings(at), &self.run.targets, rate, color_rate)?.loss);
         }
         Ok(losses.iter().rev().take(turn).sum::<f64>() / turn as f64)
     }
-}
 
-/// The mesh cut to the silhouettes with the parts that it leaves out, of ever shorter edges, until one is better at once.
-fn cut(
-    mesh: &Mesh,
-    before: &Found,
-    setup: &Setup,
-    (targets, settings): (&Views, &Settings),
-    renderer: &mut Renderer,
-) -> Result<Vec<(Mesh, Found)>> {
-    let (height, width) = targets.size()?;
-    let missing = targets.silhouette.as_ref().and_then(|silhouette| before.unseen.missing(silhouette));
-    let (center, side) = setup.cube;
-    let raw = carved(targets, mesh, missing.as_ref(), center, side, samples(height.min(width)))?;
-    let mut made: Vec<(Mesh, Found)> = Vec::new();
-    for share in EDGES {
-        let new = evened(&raw, share * edge(mesh)?)?;
-        let found = Found::of(&new, targets, settings, renderer)?;
-        let is_better = found.replaces(before);
-        made.push((new, found));
-        if is_better {
-            break;
+    /// The mesh cut to the silhouettes with the parts that it leaves out, of ever shorter edges, until one is better at once.
+    fn cut(
+        &self,
+        mesh: &Mesh,
+        before: &Found,
+        settings: &Settings,
+        renderer: &mut Renderer,
+    ) -> Result<Vec<(Mesh, Found)>> {
+        let (height, width) = self.run.targets.size()?;
+        let missing = self.run.targets.silhouette.as_ref().and_then(|silhouette| before.unseen.missing(silhouette));
+        let (center, side) = self.subject.cube();
+        let raw = carved(&self.run.targets, mesh, missing.as_ref(), center, side, samples(height.min(width)))?;
+        let mut made: Vec<(Mesh, Found)> = Vec::new();
+        for share in EDGES {
+            let new = evened(&raw, share * edge(mesh)?)?;
+            let found = Found::of(&new, &self.run.targets, settings, renderer)?;
+            let is_better = found.replaces(before);
+            made.push((new, found));
+            if is_better {
+                break;
+            }
         }
+        Ok(made)
     }
-    Ok(made)
 }
 
 /// The mean length of a mesh's edges.
 fn edge(mesh: &Mesh) -> Result<f64> {
-    let topology = Topology::new(mesh.positions().len(), mesh.triangles())?;
-    let at = |v: u32| softras::glam::DVec3::from(mesh.positions()[v as usize].map(f64::from));
-    let whole: f64 = topology.edges().iter().map(|&[a, b]| at(a).distance(at(b))).sum();
+    let (topology, at) = (Topology::of(mesh)?, points(mesh));
+    let whole: f64 = topology.edges().iter().map(|&[a, b]| at[a as usize].distance(at[b as usize])).sum();
     Ok(whole / topology.edges().len().max(1) as f64)
 }
 

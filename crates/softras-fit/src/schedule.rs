@@ -5,13 +5,6 @@
 pub enum Schedule {
     /// The same value throughout.
     Constant(f64),
-    /// From one value to another by equal differences.
-    Linear {
-        /// At progress 0.
-        from: f64,
-        /// At progress 1.
-        to: f64,
-    },
     /// From one value to another by equal factors; both above 0.
     Exponential {
         /// At progress 0.
@@ -21,13 +14,19 @@ pub enum Schedule {
     },
 }
 
+impl From<(f64, f64)> for Schedule {
+    /// From the first to the second by equal factors; constant where they are one.
+    fn from((from, to): (f64, f64)) -> Self {
+        if from == to { Self::Constant(from) } else { Self::Exponential { from, to } }
+    }
+}
+
 impl Schedule {
     /// The value at a progress, which is clamped to [0, 1].
     pub fn at(self, progress: f64) -> f64 {
         let t = progress.clamp(0.0, 1.0);
         match self {
             Self::Constant(value) => value,
-            Self::Linear { from, to } => from + t * (to - from),
             Self::Exponential { from, to } => from * (to / from).powf(t),
         }
     }

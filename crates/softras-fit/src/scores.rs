@@ -1,27 +1,28 @@
 //! How good a mesh is that was fitted.
 
 use crate::{
-    ImageLoss, Regularizer, Topology, Unseen, color_error::color_error, mask_iou, pooled, setup::Setup,
-    subject::Subject, voxel_iou,
+    ImageLoss, Regularizer, Topology, Unseen, color::color_error, mask_iou, points, pooled, setup::Setup, sized,
+    subject::Subject, unseen::hard, voxel_iou,
 };
 use glam::DVec3;
 use softras::{
     Camera, Error, Image, Mesh, Renderer, Result, Scene, Settings,
     parts::{self, Bands},
-    scene::{Outputs, SilhouetteAggregation},
+    scene::Outputs,
 };
 use softras_io::Views;
 
 /// Voxels along a side of the grid of the 3D IoU, as in the SoftRas paper.
 const VOXELS: usize = 32;
 
-fn mean(values: &[f64]) -> f64 {
+/// The mean; 0 of nothing.
+pub fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
 /// The number of a mesh's parts, and of their handles if all are closed surfaces.
 pub fn genus(mesh: &Mesh) -> Result<(usize, Option<usize>)> {
-    Ok(Topology::new(mesh.positions().len(), mesh.triangles())?.parts_and_genus())
+    Ok(Topology::of(mesh)?.parts_and_genus())
 }
 
 /// A mesh's parts and handles in words.
@@ -66,28 +67,17 @@ impl Scores {
     /// Computes the scores of a mesh over all views.
     pub(crate) fn of(mesh: &Mesh, setup: &Setup, subject: &Subject, renderer: &mut Renderer) -> Result<Self> {
         let targets = &subject.views;
-        let (height, width) = targets.size()?;
-        let outputs = Outputs::SILHOUETTE;
-        let settings = Settings { height: height as u32, width: width as u32, outputs, ..setup.settings(0) };
-        let hard = Settings { silhouette: SilhouetteAggregation::Hard, sigma: 1e-7, ..settings.clone() };
-        let scene = Scene::new(mesh.clone());
         let Some(target) = &targets.silhouette else {
             return Ok(Self::default());
         };
-        let (mut masks, mut unseen) = (Vec::new(), Unseen::default());
-        parts::in_batches(renderer, &scene, &targets.cameras, &hard, |views, frame| {
-            let first = views.start;
-            let some = target.views(views);
-            let image = frame.silhouette()?;
-            unseen.add(first, image, &some);
-            masks.extend(mask_iou(image, &some)?);
-            Ok(())
-        })?;
-        let covered = covered(&scene, targets, &hard, renderer)?;
+        let (settings, scene) = (setup.settings(0), Scene::new(mesh.clone()));
+        let (unseen, masks) = Unseen::compare(mesh, targets, &settings, renderer)?;
+        let covered = covered(&scene, targets, &settings, renderer)?;
         let bounds: Vec<f64> = (0..target.batch).map(|view| most_iou(target.view(view))).collect();
         let soft_iou = |renderer: &mut Renderer, stride: usize| -> Result<f64> {
             let some = targets.every(stride);
-            let settings = Settings { sigma: 1e-4, ..settings.clone() };
+            let (sigma, outputs) = (1e-4, Outputs::SILHOUETTE);
+            let settings = Settings { sigma, outputs, ..sized(&settings, targets.size()?, 1) };
             let (mut loss, count) = (0.0, some.cameras.len() as f64);
             parts::in_batches(renderer, &scene, &some.cameras, &settings, |views, frame| {
                 let share = views.len() as f64 / count;
@@ -99,31 +89,31 @@ impl Scores {
             })?;
             Ok(1.0 - loss)
         };
-        let fitted: Vec<f64> = masks.iter().step_by(setup.stride).copied().collect();
-        let official = 1.0 - soft_iou(renderer, setup.stride)? + official_penalty(mesh)?;
+        let fitted: Vec<f64> = masks.iter().step_by(setup.given.view_stride).copied().collect();
+        let official = 1.0 - soft_iou(renderer, setup.given.view_stride)? + official_penalty(mesh)?;
         let soft = soft_iou(renderer, 1)?;
         let solid = subject.truth.as_ref().map(|truth| voxel_iou(mesh, truth, VOXELS)).transpose()?;
         let (parts, genus) = genus(mesh)?;
         let (most, fitted) = (mean(&bounds), mean(&fitted));
-        let color = color_error(mesh, setup, subject, renderer)?;
+        let color = color_error(mesh, &setup.settings(setup.iterations), subject, renderer)?;
         Ok(Self { fitted, masks, covered, soft, most, official, parts, genus, unseen, solid, color })
     }
 }
 
 /// Samples along each side of a pixel, for the covered share of it.
-const SAMPLES: u32 = 8;
+const SAMPLES: usize = 8;
 
 /// The mask IoU of every view, by the pixels that the mesh covers by more than half.
-fn covered(scene: &Scene, targets: &Views, hard: &Settings, renderer: &mut Renderer) -> Result<Vec<f64>> {
+fn covered(scene: &Scene, targets: &Views, settings: &Settings, renderer: &mut Renderer) -> Result<Vec<f64>> {
     let Some(target) = &targets.silhouette else { return Ok(Vec::new()) };
-    let fine = Settings { height: hard.height * SAMPLES, width: hard.width * SAMPLES, ..hard.clone() };
-    let mut bands = Bands { unit: 4 * SAMPLES as usize, margin: 0, at_once: usize::MAX };
+    let fine = hard(settings, targets.size()?, SAMPLES);
+    let mut bands = Bands { unit: 4 * SAMPLES, margin: 0, at_once: usize::MAX };
     let one = |(view, camera): (usize, &Camera)| {
         let target = target.views(view..view + 1);
         let mut image = Image { data: Vec::new(), ..target };
         let render = |camera: &Camera, settings: &Settings| renderer.render(scene, &[*camera], settings);
         parts::in_bands::<_, Error>(camera, &fine, &mut bands, render, |band| {
-            image.data.extend(pooled(band.frame.silhouette()?, SAMPLES as usize)?.data);
+            image.data.extend(pooled(band.frame.silhouette()?, SAMPLES)?.data);
             Ok(())
         })?;
         Ok(mean(&mask_iou(&image, &target)?))
@@ -165,8 +155,7 @@ impl Scores {
 
 /// The regularisers of the official demo with its weights.
 fn official_penalty(mesh: &Mesh) -> Result<f64> {
-    let positions: Vec<DVec3> = mesh.positions().iter().map(|p| DVec3::from(p.map(f64::from))).collect();
-    let topology = Topology::new(positions.len(), mesh.triangles())?;
+    let (positions, topology) = (points(mesh), Topology::of(mesh)?);
     let mut unused = vec![DVec3::ZERO; positions.len()];
     let laplacian = Regularizer::Laplacian.add(&topology, &positions, 0.0, &mut unused)?;
     let flatten = Regularizer::Flatten.add(&topology, &positions, 0.0, &mut unused)?;

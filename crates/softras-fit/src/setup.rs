@@ -1,15 +1,14 @@
 //! Converts the options of a fit to a template, options of its steps, and schedules.
 
 use crate::{
-    ImageLoss, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions, Subdivision,
+    ImageLoss, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions,
     begin::{Begin, begin},
     options::{FitOptions, Preset, Template},
-    recut,
     subject::Subject,
 };
 use softras::{
-    Lights, Mesh, Renderer, Result, Settings,
-    scene::{Appearance, Background, Faces, Interpolation},
+    Mesh, Renderer, Result, Settings,
+    scene::{Appearance, Background, Interpolation},
 };
 
 /// Steps of a fit that begins with a sphere, and with a hull.
@@ -17,59 +16,40 @@ const ITERATIONS: usize = 500;
 const HULL_ITERATIONS: usize = 150;
 /// The length of edges after remeshing, in pixels.
 const EDGE: f64 = 1.5;
+/// Shares of the steps before which the topology is looked at. At the first the mesh has reached the outlines, so that what is
+/// covered is a hole and no outline that is yet to come. The second sees what the first has left, with enough steps behind
+/// it for a new mesh to come to rest.
+const RECUT_AT: [f64; 2] = [0.3, 0.6];
 
 /// Everything about a fit that does not change while it runs.
 #[derive(Clone, Debug)]
 pub struct Setup {
+    /// What was asked for.
+    pub given: FitOptions,
     /// The mesh to begin with.
     pub template: Mesh,
     /// The options of the fit.
     pub options: ShapeOptions,
     /// The number of steps.
     pub iterations: usize,
-    /// Every `stride`-th view is used.
-    pub stride: usize,
-    subdivide_at: Vec<usize>,
-    subdivision: Subdivision,
-    remesh_at: Vec<usize>,
     /// Steps before which the topology is looked at.
     recut_at: Vec<usize>,
-    /// The centre and the side of the cube around the object.
-    pub cube: ([f64; 3], f64),
     /// Edge length for remeshing, world units.
     edge: Schedule,
-    /// The length of a pixel of the images about the middle of the object, world units.
-    pub pixel: f64,
     /// Step length of the vertices.
-    pub rate: Schedule,
-    colors: Schedule,
+    rate: Schedule,
+    /// Step length of the colours.
+    color_rate: Schedule,
     sigma: Schedule,
     gamma: Schedule,
     depths: (f64, f64),
-    faces: Faces,
-    /// Whether colours are compared.
-    pub colored: bool,
-    /// Whether a texture is made for the mesh that is found.
-    pub paints: bool,
-    /// The lights of the views and of the fit.
-    pub lights: Lights,
 }
 
 impl Setup {
     /// Makes the setup that the options ask for.
-    pub fn new(
-        options: &FitOptions,
-        subject: &Subject,
-        notes: &mut Vec<String>,
-        renderer: &mut Renderer,
-    ) -> Result<Self> {
-        let official = options.preset == Preset::Official;
-        let pixel = subject.pixel;
-        let range = |given: Option<(f64, f64)>, default: (f64, f64)| {
-            let (from, to) = given.unwrap_or(default);
-            if from == to { Schedule::Constant(from) } else { Schedule::Exponential { from, to } }
-        };
-        let begin = begin(options, subject, notes, renderer)?;
+    pub fn new(given: FitOptions, subject: &Subject, notes: &mut Vec<String>, renderer: &mut Renderer) -> Result<Self> {
+        let official = given.preset == Preset::Official;
+        let begin = begin(&given, subject, notes, renderer)?;
         // Rate and sigma. A hull is near to what is sought, and is not to be blurred away: silhouettes are too large by some √σ,
         // by which the mesh ends too small. Where light tells most of the shape, a wider edge gives the better hollows.
         let default = match (official, begin.hull, begin.one_color) {
@@ -80,31 +60,23 @@ impl Setup {
         };
         // The rate is in world units, so it scales with the size of the object.
         let unit = if official { 1.0 } else { subject.bounds.radius / REFERENCE_RADIUS };
-        let (from, to) = options.rate.unwrap_or((default.0.0 * unit, default.0.1 * unit));
-        let iterations = options.iterations.unwrap_or(if begin.hull { HULL_ITERATIONS } else { ITERATIONS });
+        let rate = given.rate.unwrap_or((default.0.0 * unit, default.0.1 * unit));
+        let (from, to) = given.edge.unwrap_or((EDGE, EDGE));
+        let iterations = given.iterations.unwrap_or(if begin.hull { HULL_ITERATIONS } else { ITERATIONS });
         // A mesh of a file keeps its triangles, which may be what the fit is for, and the official method has none of this.
-        let recuts = !(options.keep_topology || official || matches!(options.template, Template::Mesh(_)));
+        let recuts = !(given.keep_topology || official || matches!(given.template, Template::Mesh(_)));
         Ok(Self {
-            colored: options.is_colored(),
-            options: shape_options(options, official, &begin, subject),
-            paints: options.texture.is_some() && !options.keeps_shape(),
-            pixel,
+            options: shape_options(&given, official, &begin, subject),
             template: begin.mesh,
-            faces: options.faces,
-            lights: subject.lights.clone(),
             iterations,
-            recut_at: if recuts { recut::SHARES.map(|s| steps_of(s, iterations)).to_vec() } else { Vec::new() },
-            cube: subject.cube(),
-            stride: options.view_stride,
-            subdivide_at: options.subdivide_at.clone(),
-            subdivision: options.subdivision,
-            remesh_at: options.remesh_at.clone(),
-            edge: range(options.edge.map(|(from, to)| (from * pixel, to * pixel)), (EDGE * pixel, EDGE * pixel)),
-            rate: range(Some((from, to)), (from, to)),
-            colors: range(options.color_rate, (0.03, 0.005)),
-            sigma: range(options.sigma, default.1),
-            gamma: range(options.gamma, (3e-2, 3e-3)),
+            recut_at: if recuts { RECUT_AT.map(|s| steps_of(s, iterations)).to_vec() } else { Vec::new() },
+            edge: (from * subject.pixel, to * subject.pixel).into(),
+            rate: rate.into(),
+            color_rate: given.color_rate.unwrap_or((0.03, 0.005)).into(),
+            sigma: given.sigma.unwrap_or(default.1).into(),
+            gamma: given.gamma.unwrap_or((3e-2, 3e-3)).into(),
             depths: if official { (1.0, 100.0) } else { subject.depths },
+            given,
         })
     }
 
@@ -115,7 +87,7 @@ impl Setup {
 
     /// Whether the mesh is subdivided or remeshed before a step.
     pub fn remakes(&self, step: usize) -> bool {
-        self.subdivide_at.contains(&step) || self.remesh_at.contains(&step)
+        self.given.subdivide_at.contains(&step) || self.given.remesh_at.contains(&step)
     }
 
     /// Whether the topology is looked at before a step.
@@ -123,21 +95,17 @@ impl Setup {
         self.recut_at.contains(&step)
     }
 
-    /// Whether the mesh gets other triangles at steps that were given.
-    pub fn has_new_triangles(&self) -> bool {
-        !(self.subdivide_at.is_empty() && self.remesh_at.is_empty())
-    }
-
     /// The fit after subdividing or remeshing before a step.
     pub fn remade(&self, fit: &ShapeFit, step: usize) -> Result<ShapeFit> {
         let edge = self.edge.at_step(step, self.iterations);
-        let fit = if self.remesh_at.contains(&step) { fit.remeshed(edge..=edge)? } else { fit.clone() };
-        Ok(if self.subdivide_at.contains(&step) { fit.subdivided(self.subdivision)? } else { fit })
+        let fit = if self.given.remesh_at.contains(&step) { fit.remeshed(edge..=edge)? } else { fit.clone() };
+        Ok(if self.given.subdivide_at.contains(&step) { fit.subdivided(self.given.subdivision)? } else { fit })
     }
 
     /// The mesh that a resumed fit starts from: the template, unless it may have got other triangles before that step.
     pub fn resumed(&self, step: usize, mesh: Mesh) -> Result<Mesh> {
-        if !self.subdivide_at.iter().chain(&self.remesh_at).chain(&self.recut_at).any(|&at| at < step) {
+        let mut changes = self.given.subdivide_at.iter().chain(&self.given.remesh_at).chain(&self.recut_at);
+        if !changes.any(|&at| at < step) {
             return Ok(self.template.clone());
         }
         let appearance = match self.template.appearance() {
@@ -150,12 +118,7 @@ impl Setup {
 
     /// The step lengths of the vertices and of the colours.
     pub fn rates(&self, step: usize) -> (f64, f64) {
-        (self.rate.at_step(step, self.iterations), self.color_rate(step))
-    }
-
-    /// The step length of the colours.
-    pub fn color_rate(&self, step: usize) -> f64 {
-        self.colors.at_step(step, self.iterations)
+        (self.rate.at_step(step, self.iterations), self.color_rate.at_step(step, self.iterations))
     }
 
     /// The settings of a step, except for the image size.
@@ -166,10 +129,10 @@ impl Setup {
             near: self.depths.0,
             far: self.depths.1,
             // A triangle in front must not be cut off by tau while it still outweighs those behind it.
-            tau: if self.colored { 1e-6 } else { Settings::default().tau },
+            tau: if self.given.is_colored() { 1e-6 } else { Settings::default().tau },
             background: Background::Composite,
             interpolation: Interpolation::Perspective,
-            faces: self.faces,
+            faces: self.given.faces,
             ..Settings::default()
         }
     }
@@ -194,11 +157,7 @@ fn shape_options(given: &FitOptions, official: bool, begin: &Begin, subject: &Su
     if let Some(lambda) = given.smoothing {
         options.parametrization = Parametrization::Smoothed { lambda };
     }
-    let mut weights = options.regularizers.clone();
-    weights.push((Regularizer::NormalConsistency, 0.0));
-    let own = [given.laplacian, given.flatten, given.normal_consistency];
-    weights.iter_mut().zip(own).for_each(|(weight, own)| weight.1 = own.unwrap_or(weight.1));
-    options.regularizers = weights.into_iter().filter(|(_, weight)| *weight > 0.0).collect();
+    options = options.weighted([given.laplacian, given.flatten, given.normal_consistency]);
     options.samples = given.samples;
     options.views_per_step = given.views_per_step;
     options.silhouette.0 = given.loss;

@@ -4,7 +4,8 @@
 //! x = (I + λ L)⁻¹ u, and dL/du = (I + λ L)⁻¹ dL/dx. A step in u moves neighbouring vertices together where a step
 //! in x would move single vertices, and every shape can still be reached. The matrix is factored once, by Cholesky
 //! within its envelope after a reverse Cuthill-McKee ordering: for a mesh of n vertices the envelope has about n·√n
-//! entries.
+//! entries. It is our own: faer's takes a third of the time at 16,000 vertices and as much at 4,000, where a solve is 2 % of
+//! a step, but 23 crates and 140 s of compile time.
 
 use super::bad;
 use super::topology::Topology;
@@ -66,11 +67,6 @@ impl Smoothing {
         let mut smoothing = Self { lambda, topology: topology.clone(), order, first, start, entries };
         smoothing.factor();
         Ok(smoothing)
-    }
-
-    /// λ.
-    pub fn lambda(&self) -> f64 {
-        self.lambda
     }
 
     /// Computes Cholesky's factor within the envelope, row by row. It exists, since the matrix is strictly diagonally
@@ -183,4 +179,35 @@ fn walk(topology: &Topology, start: usize, placed: &mut [bool]) -> Vec<u32> {
         }
     }
     order
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::points;
+    use softras::shapes;
+
+    #[test]
+    fn smoothing_solves_its_system() {
+        let mesh = shapes::icosphere(3).unwrap();
+        // An isolated vertex is a component of its own.
+        let topology = Topology::new(mesh.positions().len() + 1, mesh.triangles()).unwrap();
+        let mut positions = points(&mesh);
+        positions.push(DVec3::new(3.0, 4.0, 5.0));
+        let smoothing = Smoothing::new(&topology, 19.0).unwrap();
+        let mut solved = smoothing.undo(&positions).unwrap();
+        let distance = |a: &[DVec3], b: &[DVec3]| a.iter().zip(b).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+        assert!(distance(&solved, &positions) > 0.1, "a smoothing of 19 does something");
+        smoothing.apply(&mut solved).unwrap();
+        assert!(distance(&solved, &positions) < 1e-10, "{}", distance(&solved, &positions));
+        // A step of one vertex moves its surroundings, and the sum of all steps stays.
+        let mut step = vec![DVec3::ZERO; positions.len()];
+        step[100] = DVec3::X;
+        smoothing.apply(&mut step).unwrap();
+        let neighbor = topology.neighbors(100)[0] as usize;
+        assert!(step[100].x < 0.5 && step[neighbor].x > 0.2 * step[100].x && step[neighbor].x < step[100].x);
+        assert!((step.iter().map(|s| s.x).sum::<f64>() - 1.0).abs() < 1e-10);
+        assert!(Smoothing::new(&topology, f64::NAN).is_err() && smoothing.apply(&mut [DVec3::ZERO; 3]).is_err());
+    }
 }

@@ -5,8 +5,8 @@
 //! written as an old one plus weighted differences. The weights of the old positions therefore sum to exactly 1, and an affine
 //! map before subdividing does the same as one after it.
 
-use super::bad;
 use super::topology::Topology;
+use super::{bad, doubles, singles};
 use glam::DVec3;
 use softras::{
     Result,
@@ -42,7 +42,7 @@ impl Subdivision {
     /// # Ok::<(), softras::Error>(())
     /// ```
     pub fn of(self, mesh: &Mesh) -> Result<Mesh> {
-        self.with(mesh, &Topology::new(mesh.positions().len(), mesh.triangles())?)
+        self.with(mesh, &Topology::of(mesh)?)
     }
 
     /// The same, for a mesh whose topology is known.
@@ -82,7 +82,7 @@ fn with_middles<const N: usize>(values: &[[f32; N]], topology: &Topology) -> Vec
 
 /// The values of the vertices, then those of the edges, by Loop's scheme.
 fn rounded(values: &[[f32; 3]], topology: &Topology) -> Vec<[f32; 3]> {
-    let values: Vec<DVec3> = values.iter().map(|value| DVec3::from(value.map(f64::from))).collect();
+    let values = doubles(values);
     let around = opposite(topology);
     let on_edge = |(&[a, b], opposite): (&[u32; 2], &Vec<u32>)| {
         let middle = 0.5 * (values[a as usize] + values[b as usize]);
@@ -109,7 +109,7 @@ fn rounded(values: &[[f32; 3]], topology: &Topology) -> Vec<[f32; 3]> {
     };
     let vertices = values.iter().enumerate().map(moved);
     let finer = vertices.chain(topology.edges().iter().zip(&around).map(on_edge));
-    finer.map(|value| value.as_vec3().to_array()).collect()
+    singles(&finer.collect::<Vec<DVec3>>())
 }
 
 /// The weight of each of so many neighbours of a vertex (Warren).

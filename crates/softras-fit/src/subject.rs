@@ -1,7 +1,9 @@
 //! What is known of the object that a fit is to find.
 
-use crate::{cameras, doubt, pooled};
-use glam::DVec3;
+use crate::{
+    cameras::{self, Sphere},
+    pooled, sized,
+};
 use softras::{
     Image, Lights, Mesh, Renderer, Result, Scene, Settings, parts,
     scene::{Appearance, Background, DirectionalLight, Interpolation, Outputs, Shading},
@@ -9,28 +11,7 @@ use softras::{
 use softras_io::{Map, Views};
 
 /// Samples along each side of a pixel of views that are rendered.
-const SAMPLES: u32 = 3;
-
-/// A sphere around an object.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sphere {
-    /// The centre.
-    pub center: DVec3,
-    /// World units.
-    pub radius: f64,
-}
-
-impl Sphere {
-    /// The sphere around the vertices that triangles use whose centre is that of their box; of radius 1 for a mesh without extent.
-    fn around(mesh: &Mesh) -> Self {
-        let point = |p: [f32; 3]| DVec3::from_array(p.map(f64::from));
-        let Some((low, high)) = mesh.bounds() else { return Self { center: DVec3::ZERO, radius: 1.0 } };
-        let center = (point(low) + point(high)) / 2.0;
-        let used = mesh.triangles().iter().flatten().map(|&i| point(mesh.positions()[i as usize]));
-        let radius = used.map(|p| p.distance(center)).fold(0.0, f64::max);
-        Self { center, radius: if radius > 0.0 { radius } else { 1.0 } }
-    }
-}
+const SAMPLES: usize = 3;
 
 /// Views of an object, and what is known of it besides.
 #[derive(Clone, Debug)]
@@ -63,11 +44,6 @@ impl Subject {
         Ok(Self { views, truth: None, bounds, pixel, depths, lights: Lights::unlit(), one_color: false })
     }
 
-    /// Leaves out views that do not agree with the others and fills holes that one alone shows, unless the views were rendered.
-    pub(crate) fn settle(&mut self, notes: &mut Vec<String>) -> Result<()> {
-        if self.truth.is_none() { doubt::settle(&mut self.views, self.bounds, notes) } else { Ok(()) }
-    }
-
     /// The centre and the side of the cube that a hull is carved in.
     pub(crate) fn cube(&self) -> ([f64; 3], f64) {
         (self.bounds.center.to_array(), 2.0 * self.bounds.radius)
@@ -87,8 +63,6 @@ impl Subject {
         let cameras = cameras::around(bounds, options.count, options.fov)?;
         let depths = cameras::depths(&cameras, bounds);
         let settings = Settings {
-            width: options.size.0 * SAMPLES,
-            height: options.size.1 * SAMPLES,
             sigma: 1e-7,
             near: depths.0,
             far: depths.1,
@@ -100,7 +74,7 @@ impl Subject {
                 depth: options.maps.contains(&Map::Depth),
                 normal: options.maps.contains(&Map::Normal),
             },
-            ..Settings::default()
+            ..sized(&Settings::default(), (options.size.1 as usize, options.size.0 as usize), SAMPLES)
         };
         let one_color = matches!(mesh.appearance(), Appearance::Uniform(_)) && options.color;
         let lights = options.lights(one_color);
@@ -125,7 +99,7 @@ impl Subject {
 /// Appends views, shrunk to the size of the others.
 fn append(all: &mut Option<Image>, views: Option<&Image>) -> Result<()> {
     let Some(views) = views else { return Ok(()) };
-    let part = pooled(views, SAMPLES as usize)?;
+    let part = pooled(views, SAMPLES)?;
     match all {
         Some(all) => {
             all.batch += part.batch;

@@ -1,9 +1,9 @@
 //! A fit of the texels of a mesh with one texture, whose shape stays.
 
-use crate::{ImageLoss, Method, Optimizer, add_pooled_gradient, pooled, setup::Setup};
+use crate::{ImageLoss, Method, Optimizer, pooled, pooled_gradient, setup::Setup, shape::colors, sized};
 use softras::{
-    Error, GradientRequest, Image, ImageGradient, Mesh, Renderer, Result, Scene, Settings, parts,
-    scene::{Appearance, Outputs},
+    Error, GradientRequest, Image, ImageGradient, Lights, Mesh, Renderer, Result, Scene, Settings, parts,
+    scene::Outputs,
 };
 use softras_io::Views;
 use std::ops::Range;
@@ -28,16 +28,18 @@ pub struct Texels<'a> {
 
 impl<'a> Texels<'a> {
     /// Begins with the texels of a mesh under the lights of a fit.
-    pub fn new(mesh: Mesh, setup: &Setup, targets: &'a Views, renderer: &mut Renderer) -> Result<Self> {
-        let (height, width) = targets.size()?;
-        let settings = Settings {
-            width: (width * SAMPLES) as u32,
-            height: (height * SAMPLES) as u32,
-            outputs: Outputs { color: true, silhouette: false, depth: false, normal: false },
-            ..setup.settings(setup.iterations)
-        };
-        let values = texels(&mesh).iter().flatten().map(|x| f64::from(*x)).collect::<Vec<f64>>();
-        let scene = Scene::new(mesh).with_lights(setup.lights.clone());
+    pub fn new(
+        mesh: Mesh,
+        setup: &Setup,
+        lights: &Lights,
+        targets: &'a Views,
+        renderer: &mut Renderer,
+    ) -> Result<Self> {
+        let outputs = Outputs { color: true, ..Outputs::NOTHING };
+        let settings = setup.settings(setup.iterations);
+        let settings = Settings { outputs, ..sized(&settings, targets.size()?, SAMPLES) };
+        let values = colors::values(mesh.appearance());
+        let scene = Scene::new(mesh).with_lights(lights.clone());
         let weights = weights(&scene, targets, &settings, renderer)?;
         // One step length for all, so that a texel which is hardly seen moves little.
         let method = Method::UniformAdam { betas: [0.9, 0.999], epsilon: 1e-12 };
@@ -68,8 +70,7 @@ impl<'a> Texels<'a> {
         self.at_once = at_once;
         self.optimizer.step(&mut self.values, &gradient, rate);
         self.values.iter_mut().for_each(|x| *x = x.clamp(0.0, 1.0));
-        let colors = self.values.chunks_exact(3).map(|c| [c[0] as f32, c[1] as f32, c[2] as f32]).collect();
-        self.scene.meshes[0] = with_texels(self.mesh(), colors)?;
+        self.scene.meshes[0] = colors::recolored(self.mesh(), &self.values)?;
         Ok(loss)
     }
 
@@ -85,8 +86,7 @@ impl<'a> Texels<'a> {
         let frame = renderer.render_saved(&self.scene, &self.targets.cameras[views], &self.settings)?;
         let shown = frame.color()?;
         let loss = ImageLoss::L1.evaluate(&pooled(shown, SAMPLES)?, &color, Some(&weights))?;
-        let mut upstream = Image { data: vec![0.0; shown.data.len()], ..*shown };
-        add_pooled_gradient(&mut upstream, &loss.gradient, SAMPLES, share)?;
+        let upstream = pooled_gradient(shown, &loss.gradient, SAMPLES, share)?;
         let wanted = GradientRequest { texels: true, ..GradientRequest::NOTHING };
         let mut gradients = renderer.backward(&frame, &ImageGradient::color(upstream), &wanted)?;
         Ok((share * loss.value, std::mem::take(&mut gradients.meshes[0].texture_texels)))
@@ -107,23 +107,4 @@ fn weights(scene: &Scene, targets: &Views, settings: &Settings, renderer: &mut R
         Ok(())
     })?;
     Ok(weights)
-}
-
-/// The texels of a mesh's first texture.
-fn texels(mesh: &Mesh) -> &[[f32; 3]] {
-    match mesh.appearance() {
-        Appearance::Textured { textures, .. } => textures.first().map_or(&[], |texture| texture.texels()),
-        _ => &[],
-    }
-}
-
-/// The mesh with other texels in its one texture.
-fn with_texels(mesh: &Mesh, texels: Vec<[f32; 3]>) -> Result<Mesh> {
-    let mut appearance = mesh.appearance().clone();
-    if let Appearance::Textured { textures, .. } = &mut appearance
-        && let Some(texture) = textures.first_mut()
-    {
-        *texture = texture.with_texels(texels)?;
-    }
-    mesh.clone().with_appearance(appearance)
 }

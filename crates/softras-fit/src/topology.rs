@@ -1,7 +1,8 @@
 //! The connectivity of a mesh: edges, neighbours of vertices, and pairs of triangles that share an edge.
 
 use super::bad;
-use softras::Result;
+use super::regions::regions;
+use softras::{Mesh, Result};
 use std::collections::BTreeMap;
 
 /// The most vertices: their numbers and twice as many edges' ends fit 32 bits.
@@ -66,6 +67,14 @@ impl Topology {
         Ok(Self { vertices, triangles: triangles.to_vec(), edges, flaps, first_neighbor, neighbors })
     }
 
+    /// The connectivity of a mesh.
+    ///
+    /// # Errors
+    /// As [`Topology::new`].
+    pub fn of(mesh: &Mesh) -> Result<Self> {
+        Self::new(mesh.positions().len(), mesh.triangles())
+    }
+
     /// The number of vertices.
     pub fn vertices(&self) -> usize {
         self.vertices
@@ -97,21 +106,9 @@ impl Topology {
     /// The number of parts, and the number of their handles together: the genus of a torus is 1. The genus is `None` unless every
     /// part is a closed surface: 2 - 2 genus = vertices - edges + triangles (Euler's formula).
     pub fn parts_and_genus(&self) -> (usize, Option<usize>) {
-        let mut part_of: Vec<u32> = (0..self.vertices as u32).collect();
-        let root = |part_of: &mut Vec<u32>, mut v: u32| {
-            while part_of[v as usize] != v {
-                part_of[v as usize] = part_of[part_of[v as usize] as usize];
-                v = part_of[v as usize];
-            }
-            v
-        };
-        for &[a, b] in &self.edges {
-            let (a, b) = (root(&mut part_of, a), root(&mut part_of, b));
-            part_of[a.max(b) as usize] = a.min(b);
-        }
-        let used = (0..self.vertices).filter(|&v| !self.neighbors(v).is_empty());
-        let (vertices, parts) =
-            used.fold((0, 0), |(all, roots), v| (all + 1, roots + usize::from(part_of[v] == v as u32)));
+        let beside = |v, around: &mut Vec<usize>| around.extend(self.neighbors(v).iter().map(|n| *n as usize));
+        let parts = regions(self.vertices, |v| !self.neighbors(v).is_empty(), beside);
+        let (vertices, parts) = (parts.iter().map(Vec::len).sum::<usize>(), parts.len());
         let closed = 2 * self.edges.len() == 3 * self.triangles.len() && self.flaps.len() == self.edges.len();
         let handles = 2 * parts as i64 - (vertices as i64 - self.edges.len() as i64 + self.triangles.len() as i64);
         (parts, usize::try_from(handles / 2).ok().filter(|_| closed && handles % 2 == 0))

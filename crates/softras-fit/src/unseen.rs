@@ -1,6 +1,15 @@
 //! What a fit has not found, by its outline: holes of the pictures that the mesh covers, and parts that it leaves out.
 
-use softras::Image;
+use crate::{
+    mask_iou,
+    regions::{holes, of_pixels},
+    sized,
+};
+use softras::{
+    Image, Mesh, Renderer, Result, Scene, Settings, parts,
+    scene::{Outputs, SilhouetteAggregation},
+};
+use softras_io::Views;
 
 /// Holes and parts of fewer pixels are not told: they may be of the edge of a pixel.
 const LEAST_PIXELS: usize = 8;
@@ -19,8 +28,27 @@ pub struct Unseen {
 }
 
 impl Unseen {
+    /// Compares the views' silhouettes with a mesh's hard ones: what is not seen, and each view's mask IoU.
+    pub(crate) fn compare(
+        mesh: &Mesh,
+        views: &Views,
+        settings: &Settings,
+        renderer: &mut Renderer,
+    ) -> Result<(Self, Vec<f64>)> {
+        let (mut unseen, mut ious) = (Self::default(), Vec::new());
+        let Some(silhouettes) = &views.silhouette else { return Ok((unseen, ious)) };
+        let settings = hard(settings, views.size()?, 1);
+        parts::in_batches(renderer, &Scene::new(mesh.clone()), &views.cameras, &settings, |some, frame| {
+            let (image, target) = (frame.silhouette()?, silhouettes.views(some.clone()));
+            unseen.add(some.start, image, &target);
+            ious.extend(mask_iou(image, &target)?);
+            Ok(())
+        })?;
+        Ok((unseen, ious))
+    }
+
     /// Compares the views' silhouettes with those of the mesh from the `first`th view on.
-    pub(crate) fn add(&mut self, first: usize, mesh: &Image, targets: &Image) {
+    fn add(&mut self, first: usize, mesh: &Image, targets: &Image) {
         for view in 0..mesh.batch {
             let inside = |image: &Image| image.view(view).iter().map(|x| *x > 0.5).collect::<Vec<bool>>();
             let (mesh, target) = (inside(mesh), inside(targets));
@@ -28,13 +56,13 @@ impl Unseen {
                 let count = region.iter().filter(|pixel| mesh[**pixel] == shown).count();
                 region.len() >= LEAST_PIXELS && count as f64 >= WRONG * region.len() as f64
             };
-            let width = targets.width;
-            let holes = regions(&target, width, false);
-            let inner = |region: &Vec<usize>| !region.iter().any(|pixel| on_border(*pixel, width, target.len()));
-            if holes.iter().filter(|region| inner(region)).any(|region| wrong(region, true)) {
+            let size = (targets.height, targets.width);
+            if holes(size, |pixel| target[pixel]).iter().any(|hole| wrong(hole, true)) {
                 self.covered.push(first + view);
             }
-            let parts = regions(&target, width, true).into_iter().filter(|region| wrong(region, false)).flatten();
+            // Pixels of the object hold together by their corners too.
+            let parts = of_pixels(size, |pixel| target[pixel], true);
+            let parts = parts.into_iter().filter(|part| wrong(part, false)).flatten();
             let before = self.parts.len();
             self.parts.extend(parts.map(|pixel| (first + view) * target.len() + pixel));
             if self.parts.len() > before {
@@ -72,36 +100,10 @@ impl Unseen {
     }
 }
 
-fn on_border(pixel: usize, width: usize, pixels: usize) -> bool {
-    let (row, column) = (pixel / width, pixel % width);
-    row == 0 || column == 0 || row + 1 == pixels / width || column + 1 == width
-}
-
-/// The pixels of every connected region where `mask` is `value`: neighbours share a side, and inside a corner too.
-fn regions(mask: &[bool], width: usize, value: bool) -> Vec<Vec<usize>> {
-    let height = mask.len() / width;
-    let mut left: Vec<bool> = mask.iter().map(|x| *x == value).collect();
-    let mut found = Vec::new();
-    for start in 0..mask.len() {
-        if !std::mem::take(&mut left[start]) {
-            continue;
-        }
-        let (mut region, mut next) = (vec![start], 0);
-        while let Some(&pixel) = region.get(next) {
-            next += 1;
-            let (row, column) = (pixel / width, pixel % width);
-            for r in row.saturating_sub(1)..(row + 2).min(height) {
-                for c in column.saturating_sub(1)..(column + 2).min(width) {
-                    let beside = value || r == row || c == column;
-                    if beside && std::mem::take(&mut left[r * width + c]) {
-                        region.push(r * width + c);
-                    }
-                }
-            }
-        }
-        found.push(region);
-    }
-    found
+/// The settings for hard silhouettes with so many samples along each side of a pixel.
+pub fn hard(settings: &Settings, size: (usize, usize), samples: usize) -> Settings {
+    let (outputs, silhouette) = (Outputs::SILHOUETTE, SilhouetteAggregation::Hard);
+    Settings { outputs, silhouette, sigma: 1e-7, ..sized(settings, size, samples) }
 }
 
 #[cfg(test)]

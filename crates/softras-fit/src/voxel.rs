@@ -21,7 +21,6 @@ const MARGIN: f64 = 1e-3;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Voxels {
     resolution: usize,
-    low: [f64; 3],
     side: f64,
     inside: Vec<bool>,
 }
@@ -40,12 +39,7 @@ impl Voxels {
                 votes[at] += u8::from(before != 0) + u8::from(total - before != 0);
             });
         }
-        Ok(Self { resolution, low, side, inside: votes.into_iter().map(|votes| votes > 3).collect() })
-    }
-
-    /// Voxels along a side.
-    pub fn resolution(&self) -> usize {
-        self.resolution
+        Ok(Self { resolution, side, inside: votes.into_iter().map(|votes| votes > 3).collect() })
     }
 
     /// Whether each voxel is inside, x running fastest, then y, then z.

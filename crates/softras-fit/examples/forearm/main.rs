@@ -8,11 +8,9 @@
 //! Prints the error of the hidden elbow. The picture shows the first trial, from the camera and from behind.
 
 mod figure;
-mod fit;
 mod mannequin;
 mod skeleton;
 mod trial;
-mod visible;
 
 use skeleton::SkeletonPose;
 use softras::{Error, Renderer, Result};
@@ -21,7 +19,7 @@ use softras_io::{Curve, Picture};
 use softras_lab::random::Random;
 use softras_view::sheet;
 use std::path::Path;
-use trial::{Stage, Trial, methods};
+use trial::{STEPS, Stage, Trial, methods};
 
 /// Pixels of each panel of the picture, and samples along each side of a pixel.
 const PANEL: [usize; 2] = [216, 240];
@@ -35,15 +33,15 @@ fn main() -> Result<()> {
     let (mut renderer, stage, mut random) = (Renderer::new()?, Stage::new()?, Random::new(seed));
     let methods = methods();
     let mut rows = vec![("no optimisation", Vec::new())];
-    rows.extend(methods.iter().map(|(name, _)| (*name, Vec::new())));
+    rows.extend(methods.iter().map(|method| (method.name, Vec::new())));
     for index in 0..trials {
         let Some(trial) = stage.draw(&mut random, &mut renderer)? else {
             let what = "no pose was drawn in which the arm is hidden at first and not quite at last";
             return Err(Error::Fit { what: what.into(), fix: "use another seed".into() });
         };
         let mut poses = vec![trial.start.clone()];
-        for (_, options) in &methods {
-            poses.push(stage.fit(&trial, options, &mut renderer)?);
+        for method in &methods {
+            poses.push(stage.fit(&trial, method, STEPS, &mut renderer)?);
         }
         let errors = poses.iter().map(|pose| stage.errors(pose, &trial.truth));
         rows.iter_mut().zip(errors).for_each(|((_, all), errors)| all.push(errors));

@@ -28,6 +28,8 @@ struct Tube<'a> {
 
 const TORSO: usize = 0;
 const HEAD: usize = 1;
+/// The joint that is hidden, and the bone that it carries.
+pub const LEFT_FOREARM: usize = 5;
 const SHIRT: Color = [0.08, 0.17, 0.55];
 const SKIN: Color = [0.80, 0.50, 0.32];
 const TORSO_SECTIONS: [Section; 7] = [
@@ -85,8 +87,8 @@ pub fn mannequin() -> Result<Figure> {
         Tube { x: 0.0, sections: &TORSO_SECTIONS, bones: &[(TORSO, 0.0)] },
         Tube { x: 0.0, sections: &HEAD_SECTIONS, bones: &[(HEAD, 0.0)] },
     ];
-    // Bones as `bones` lists them: right and left upper arm, forearm, thigh, shin.
-    let inside = [[(2, 0.0), (3, ELBOW)], [(4, 0.0), (5, ELBOW)], [(6, 0.0), (7, KNEE)], [(8, 0.0), (9, KNEE)]];
+    let inside =
+        [[(2, 0.0), (3, ELBOW)], [(4, 0.0), (LEFT_FOREARM, ELBOW)], [(6, 0.0), (7, KNEE)], [(8, 0.0), (9, KNEE)]];
     for (side, sign) in [(0, -1.0), (1, 1.0)] {
         tubes.push(Tube { x: sign * SHOULDER[0], sections: &arms[side], bones: &inside[side] });
         tubes.push(Tube { x: sign * HIP[0], sections: &legs[side], bones: &inside[2 + side] });
@@ -99,25 +101,25 @@ pub fn mannequin() -> Result<Figure> {
 
 fn bones() -> Vec<Bone> {
     let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
-    let bone = |name, parent, at: f64, [from, to]: [f64; 2], axes: &[DVec3]| Bone {
-        name,
+    let bone = |parent, at: f64, [from, to]: [f64; 2], axes: &[DVec3]| Bone {
         parent,
         head: DVec3::new(at, from, 0.0),
         tail: DVec3::new(at, to, 0.0),
         axes: axes.to_vec(),
     };
     let [shoulder, hip] = [SHOULDER, HIP];
+    // Torso and head; right and left upper arm and forearm; right and left thigh and shin.
     vec![
-        bone("torso", None, 0.0, [-0.15, 0.5], &[x, y, z]),
-        bone("head", Some(TORSO), 0.0, [0.55, 0.95], &[x, z]),
-        bone("right upper arm", Some(TORSO), -shoulder[0], [shoulder[1], ELBOW], &[x, z, y]),
-        bone("right forearm", Some(2), -shoulder[0], [ELBOW, -0.41], &[x]),
-        bone("left upper arm", Some(TORSO), shoulder[0], [shoulder[1], ELBOW], &[x, z, y]),
-        bone("left forearm", Some(4), shoulder[0], [ELBOW, -0.41], &[x]),
-        bone("right thigh", Some(TORSO), -hip[0], [hip[1], KNEE], &[x, z]),
-        bone("right shin", Some(6), -hip[0], [KNEE, -0.95], &[x]),
-        bone("left thigh", Some(TORSO), hip[0], [hip[1], KNEE], &[x, z]),
-        bone("left shin", Some(8), hip[0], [KNEE, -0.95], &[x]),
+        bone(None, 0.0, [-0.15, 0.5], &[x, y, z]),
+        bone(Some(TORSO), 0.0, [0.55, 0.95], &[x, z]),
+        bone(Some(TORSO), -shoulder[0], [shoulder[1], ELBOW], &[x, z, y]),
+        bone(Some(2), -shoulder[0], [ELBOW, -0.41], &[x]),
+        bone(Some(TORSO), shoulder[0], [shoulder[1], ELBOW], &[x, z, y]),
+        bone(Some(4), shoulder[0], [ELBOW, -0.41], &[x]),
+        bone(Some(TORSO), -hip[0], [hip[1], KNEE], &[x, z]),
+        bone(Some(6), -hip[0], [KNEE, -0.95], &[x]),
+        bone(Some(TORSO), hip[0], [hip[1], KNEE], &[x, z]),
+        bone(Some(8), hip[0], [KNEE, -0.95], &[x]),
     ]
 }
 

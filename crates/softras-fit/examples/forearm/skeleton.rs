@@ -4,8 +4,6 @@ use softras::glam::{DMat3, DQuat, DVec3};
 
 /// A bone, and the joint at its head that it turns about.
 pub struct Bone {
-    /// What it is called.
-    pub name: &'static str,
     /// The bone that carries it, before it in the skeleton; `None` for a root.
     pub parent: Option<usize>,
     /// Where its joint is at rest, world units.
@@ -50,11 +48,6 @@ pub struct Wrench {
 }
 
 impl Skeleton {
-    /// The bone of a name; the root where there is none.
-    pub fn find(&self, name: &str) -> usize {
-        self.bones.iter().position(|bone| bone.name == name).unwrap_or(0)
-    }
-
     /// Every bone as it is at rest.
     pub fn rest(&self) -> SkeletonPose {
         let angles = self.bones.iter().map(|bone| bone.axes.len()).sum();
@@ -70,13 +63,8 @@ impl Skeleton {
     /// Degrees between a joint in two poses, each relative to the bone that carries it.
     pub fn degrees_between(&self, a: &SkeletonPose, b: &SkeletonPose, bone: usize) -> f64 {
         let turn = |pose: &SkeletonPose| -> DQuat {
-            let angles = &pose.angles[self.angles_of(bone)];
-            self.bones[bone]
-                .axes
-                .iter()
-                .zip(angles)
-                .map(|(axis, angle)| DQuat::from_axis_angle(*axis, *angle))
-                .product()
+            let axes = self.bones[bone].axes.iter().zip(&pose.angles[self.angles_of(bone)]);
+            axes.map(|(axis, angle)| DQuat::from_axis_angle(*axis, *angle)).product()
         };
         let cosine = turn(a).dot(turn(b)).abs().min(1.0);
         2.0 * cosine.acos().to_degrees()

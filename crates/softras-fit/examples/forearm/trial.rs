@@ -1,18 +1,14 @@
 //! Trials: a pose to find, a pose to start from, and the methods of fitting.
 
 use super::figure::Figure;
-use super::fit::{FigureFit, FigureOptions, Sight};
-use super::mannequin::mannequin;
+use super::mannequin::{LEFT_FOREARM, mannequin};
 use super::skeleton::SkeletonPose;
-use super::visible::visible_triangles;
 use softras::glam::DVec3;
-use softras::scene::Background;
-use softras::{Camera, Frame, Mesh, Projection, Renderer, Result, Scene, Settings};
-use softras_fit::{PoseTarget, Schedule};
+use softras::scene::{Appearance, Background, ColorAggregation, Outputs};
+use softras::{Camera, Frame, GradientRequest, Mesh, Projection, Renderer, Result, Scene, Settings};
+use softras_fit::{Optimizer, PoseTarget, Schedule};
 use softras_lab::random::Random;
 
-/// The joint that is hidden, and the bones that it carries.
-pub const HIDDEN: &str = "left forearm";
 /// Side of the fitted picture in pixels.
 const SIZE: u32 = 64;
 const DISTANCE: f64 = 5.0;
@@ -22,14 +18,46 @@ const DRAWS: usize = 500;
 const LEAST_SEEN: f64 = 0.03;
 const MOST_SEEN: f64 = 0.3;
 
-/// All methods by name, the baselines first.
-pub fn methods() -> [(&'static str, FigureOptions); 4] {
-    let soft = FigureOptions::default();
-    let visible = FigureOptions { sight: Sight::VisibleOnly, ..soft.clone() };
-    let silhouette = FigureOptions { weights: [0.0, soft.weights[1]], ..soft.clone() };
+/// Steps of a fit.
+pub const STEPS: usize = 300;
+/// Softness of the depth order, held: what is hidden must still be felt when the outline says exactly where it is.
+const GAMMA: f64 = 1e-1;
+/// Length of a step of every angle, radians, and of the shift, world units, as a part of that.
+const RATE: Schedule = Schedule::Exponential { from: 0.04, to: 0.003 };
+const SHIFT_RATE: f64 = 0.1;
+/// Weight of the silhouette in the loss of [`PoseTarget`].
+const SILHOUETTE: f64 = 20.0;
+/// Weight of half the sum of the squares of how far the angles have gone from where they began, radians²: what the image
+/// does not tell stays.
+const STIFFNESS: f64 = 3e-3;
+
+/// How a figure is fitted.
+#[derive(Clone, Copy)]
+pub struct Method {
+    pub name: &'static str,
+    /// Softness of edges.
+    sigma: Schedule,
+    /// Standard deviation of the Gaussian that blurs what is compared, as a part of the image's height.
+    blur: Schedule,
+    /// Weight of colour in the loss of [`PoseTarget`].
+    color: f64,
+    /// Whether only triangles that a hard rasterization shows pull: the baseline that hidden ones are held against.
+    visible_only: bool,
+}
+
+/// All methods, the baselines first.
+pub fn methods() -> [Method; 4] {
+    let sigma = Schedule::Exponential { from: 3e-4, to: 3e-6 };
+    let blur = Schedule::Exponential { from: 0.03, to: 0.003 };
+    let soft = Method { name: "soft", sigma, blur, color: 1.0, visible_only: false };
     // The same gamma, and the best of three sigmas on other seeds.
-    let constant = FigureOptions { sigma: Schedule::Constant(1e-4), blur: Schedule::Constant(0.0), ..soft.clone() };
-    [("visible only", visible), ("soft, silhouette only", silhouette), ("soft, no schedule", constant), ("soft", soft)]
+    let (sigma, blur) = (Schedule::Constant(1e-4), Schedule::Constant(0.0));
+    [
+        Method { name: "visible only", visible_only: true, ..soft },
+        Method { name: "soft, silhouette only", color: 0.0, ..soft },
+        Method { name: "soft, no schedule", sigma, blur, ..soft },
+        soft,
+    ]
 }
 
 /// The figure, its camera and the image size.
@@ -82,12 +110,11 @@ impl Stage {
     /// The share of the hidden limb's triangles that are visible in a pose.
     fn seen(&self, renderer: &mut Renderer, pose: &SkeletonPose) -> Result<f64> {
         let mesh = self.figure.posed(pose)?;
-        let visible = visible_triangles(renderer, &mesh, &self.camera, &self.settings)?;
-        let limb = self.figure.skeleton.find(HIDDEN);
+        let visible = self.visible(renderer, &mesh, &self.settings)?;
         let bones = self.figure.bone_of_triangle();
         let (mut seen, mut all) = (0, 0);
         for (bone, visible) in bones.into_iter().zip(visible) {
-            if bone == limb {
+            if bone == LEFT_FOREARM {
                 (seen, all) = (seen + usize::from(visible), all + 1);
             }
         }
@@ -128,7 +155,7 @@ impl Stage {
             &[(-10.0, 15.0), (14.0, 8.0)],
             &[(15.0, 15.0)],
         ];
-        let hidden = skeleton.angles_of(skeleton.find(HIDDEN));
+        let hidden = skeleton.angles_of(LEFT_FOREARM);
         for (i, &(middle, spread)) in ranges.into_iter().flatten().enumerate() {
             let angle = middle + random.range(-spread, spread);
             // The elbow starts bent further, with the hand higher up behind the back.
@@ -141,28 +168,111 @@ impl Stage {
         (truth, start)
     }
 
-    /// The pose that a trial's fit ends with.
-    pub fn fit(&self, trial: &Trial, options: &FigureOptions, renderer: &mut Renderer) -> Result<SkeletonPose> {
-        let (settings, start) = (self.settings.clone(), trial.start.clone());
-        let mut fit = FigureFit::new(&self.figure, self.camera, settings, options.clone(), start);
-        for _ in 0..options.iterations {
-            fit.step(renderer, &trial.target)?;
+    /// For each triangle whether a hard rasterization of the settings' size shows it at the centre of a pixel or more.
+    fn visible(&self, renderer: &mut Renderer, mesh: &Mesh, settings: &Settings) -> Result<Vec<bool>> {
+        let count = mesh.triangles().len();
+        // Every triangle in a colour of its own: its number, counted from 1.
+        let texels = (1..=count).map(|t| [t as f32, 0.0, 0.0]).collect();
+        let numbered = mesh.clone().with_appearance(Appearance::Surface { resolution: 1, texels })?;
+        let settings = Settings {
+            color: ColorAggregation::Hard,
+            sigma: 1e-7,
+            background_color: [0.0; 3],
+            outputs: Outputs { color: true, ..Outputs::NOTHING },
+            save: false,
+            ..settings.clone()
+        };
+        let frame = renderer.render(&Scene::new(numbered), &[self.camera], &settings)?;
+        let mut visible = vec![false; count];
+        for number in frame.color()?.data.iter().step_by(3) {
+            if let Some(seen) = (number.round() as usize).checked_sub(1).and_then(|t| visible.get_mut(t)) {
+                *seen = true;
+            }
         }
-        Ok(fit.pose)
+        Ok(visible)
+    }
+
+    /// The pose that a trial's fit ends with after so many steps.
+    pub fn fit(&self, trial: &Trial, method: &Method, steps: usize, renderer: &mut Renderer) -> Result<SkeletonPose> {
+        // Angles that nothing in the image tells must not be moved by rounding: ε is a part of a usual gradient.
+        let adam = softras_fit::Method::Adam { betas: [0.8, 0.95], epsilon: 3e-4 };
+        let mut pose = trial.start.clone();
+        let (mut angles, mut shift) = (Optimizer::new(adam, pose.angles.len()), Optimizer::new(adam, 3));
+        for step in 0..steps {
+            let settings = Settings {
+                sigma: method.sigma.at_step(step, steps),
+                gamma: GAMMA,
+                // As for rigid poses: a triangle that is dropped while it outweighs others makes the colour jump.
+                tau: self.settings.tau.min(1e-6),
+                background: Background::Composite,
+                save: true,
+                ..self.settings.clone()
+            };
+            let blur = method.blur.at_step(step, steps) * f64::from(SIZE);
+            let by_vertex = self.gradient(trial, &pose, (&settings, blur, method), renderer)?;
+            let mut gradient = self.figure.pull(&pose, &by_vertex);
+            for ((slope, now), start) in gradient.angles.iter_mut().zip(&pose.angles).zip(&trial.start.angles) {
+                *slope += STIFFNESS * (now - start);
+            }
+            let rate = RATE.at_step(step, steps);
+            angles.step(&mut pose.angles, &gradient.angles, rate);
+            let mut moved = pose.shift.to_array();
+            shift.step(&mut moved, &gradient.shift.to_array(), rate * SHIFT_RATE);
+            pose.shift = DVec3::from_array(moved);
+        }
+        Ok(pose)
+    }
+
+    /// The gradient of the loss by every vertex.
+    fn gradient(
+        &self,
+        trial: &Trial,
+        pose: &SkeletonPose,
+        (settings, blur, method): (&Settings, f64, &Method),
+        renderer: &mut Renderer,
+    ) -> Result<Vec<DVec3>> {
+        let whole = self.figure.posed(pose)?;
+        let by_mesh = |mesh: Mesh, renderer: &mut Renderer| -> Result<Vec<DVec3>> {
+            let frame = renderer.render(&Scene::new(mesh), &[self.camera], settings)?;
+            let (_, upstream) = trial.target.compare(&frame, blur, [method.color, SILHOUETTE])?;
+            let gradients = renderer.backward(&frame, &upstream, &GradientRequest::default())?;
+            Ok(gradients.meshes[0].positions.iter().map(|g| DVec3::from(g.map(f64::from))).collect())
+        };
+        if !method.visible_only {
+            return by_mesh(whole, renderer);
+        }
+        let visible = self.visible(renderer, &whole, settings)?;
+        let by_corner = by_mesh(apart(&whole)?, renderer)?;
+        let mut by_vertex = vec![DVec3::ZERO; whole.positions().len()];
+        let corners = whole.triangles().iter().zip(by_corner.chunks_exact(3)).zip(visible);
+        for ((triangle, gradients), _) in corners.filter(|(_, visible)| *visible) {
+            triangle.iter().zip(gradients).for_each(|(&i, g)| by_vertex[i as usize] += *g);
+        }
+        Ok(by_vertex)
     }
 
     /// The error of the hidden joint in degrees, and the mean error of all others.
     pub fn errors(&self, pose: &SkeletonPose, truth: &SkeletonPose) -> [f64; 2] {
         let skeleton = &self.figure.skeleton;
-        let hidden = skeleton.find(HIDDEN);
         let pairs = skeleton.directions(pose).into_iter().zip(skeleton.directions(truth)).enumerate();
-        let others = pairs.filter(|(bone, _)| *bone != hidden).map(|(_, (a, b))| a.angle_between(b).to_degrees());
+        let others = pairs.filter(|(bone, _)| *bone != LEFT_FOREARM).map(|(_, (a, b))| a.angle_between(b).to_degrees());
         let mean = others.sum::<f64>() / (skeleton.bones.len() - 1) as f64;
-        [skeleton.degrees_between(pose, truth, hidden), mean]
+        [skeleton.degrees_between(pose, truth, LEFT_FOREARM), mean]
     }
 }
 
 fn camera(side: f64) -> Result<Camera> {
     let projection = Projection::Perspective { fov_y: 27f64.to_radians() };
     Camera::look_at(DVec3::new(0.0, 0.25, side * DISTANCE), DVec3::new(0.0, 0.0, 0.0), DVec3::Y, projection)
+}
+
+/// The same mesh, each triangle with corners of its own.
+fn apart(mesh: &Mesh) -> Result<Mesh> {
+    let each = |values: &[[f32; 3]]| mesh.triangles().iter().flatten().map(|&i| values[i as usize]).collect::<Vec<_>>();
+    let triangles = (0..mesh.triangles().len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+    let appearance = match mesh.appearance() {
+        Appearance::VertexColors(colors) => Appearance::VertexColors(each(colors)),
+        other => other.clone(),
+    };
+    Mesh::new(each(mesh.positions()), triangles)?.with_appearance(appearance)
 }

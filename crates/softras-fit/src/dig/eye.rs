@@ -1,6 +1,6 @@
 //! What compares a mesh with the pictures that are given.
 
-use crate::{pooled, subject::Subject};
+use crate::{pooled, sized, subject::Subject};
 use softras::{
     Camera, GradientRequest, Image, ImageGradient, Mesh, Renderer, Result, Scene, Settings, parts,
     scene::{Appearance, Background, Lights, Outputs, Shading},
@@ -39,13 +39,11 @@ impl<'a> Eye<'a> {
         let fewer = (1..=(side / PIXELS).max(1)).rev().find(divides).unwrap_or(1);
         let pictures = pooled(&color, fewer)?;
         let settings = Settings {
-            width: pictures.width as u32,
-            height: pictures.height as u32,
             near: subject.depths.0,
             far: subject.depths.1,
             background: Background::Composite,
-            outputs: Outputs { color: true, silhouette: false, depth: false, normal: false },
-            ..Settings::default()
+            outputs: Outputs { color: true, ..Outputs::NOTHING },
+            ..sized(&Settings::default(), (pictures.height, pictures.width), 1)
         };
         let lights = Lights { shading: Shading::Flat, ..subject.lights.clone() };
         Ok(Some(Self { pictures, cameras, lights, settings, renderer, color: [1.0; 3] }))

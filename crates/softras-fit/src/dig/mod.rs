@@ -9,7 +9,7 @@
 mod eye;
 mod surface;
 
-use crate::{begin::color_under_light, evened, subject::Subject};
+use crate::{color::color_under_light, evened, subject::Subject};
 use eye::Eye;
 use softras::{Mesh, Renderer, Result};
 use softras_io::Views;

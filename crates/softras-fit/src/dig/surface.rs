@@ -1,6 +1,6 @@
 //! The surface of a hull, and regions of it.
 
-use crate::Topology;
+use crate::{Topology, points, regions::regions};
 use glam::DVec3;
 use softras::{Mesh, Result};
 
@@ -52,13 +52,13 @@ impl Region {
 
 impl<'a> Surface<'a> {
     pub fn new(mesh: &'a Mesh) -> Result<Self> {
-        let positions: Vec<DVec3> = mesh.positions().iter().map(|p| DVec3::from(p.map(f64::from))).collect();
+        let positions = points(mesh);
         let mut areas = vec![DVec3::ZERO; positions.len()];
         for triangle in mesh.triangles() {
             let [a, b, c] = triangle.map(|v| positions[v as usize]);
             triangle.iter().for_each(|v| areas[*v as usize] += (b - a).cross(c - a) / 6.0);
         }
-        Ok(Self { mesh, topology: Topology::new(mesh.positions().len(), mesh.triangles())?, positions, areas })
+        Ok(Self { mesh, topology: Topology::of(mesh)?, positions, areas })
     }
 
     /// The mean with the neighbours, twice.
@@ -85,21 +85,8 @@ impl<'a> Surface<'a> {
 
     /// The connected sets of vertices of a kind.
     fn parts(&self, is_in: impl Fn(usize) -> bool) -> Vec<Vec<usize>> {
-        let mut left: Vec<bool> = (0..self.positions.len()).map(is_in).collect();
-        let mut parts = Vec::new();
-        for start in 0..left.len() {
-            if !std::mem::take(&mut left[start]) {
-                continue;
-            }
-            let (mut part, mut next) = (vec![start], 0);
-            while let Some(&v) = part.get(next) {
-                next += 1;
-                let around = self.topology.neighbors(v).iter().map(|n| *n as usize);
-                part.extend(around.filter(|&n| std::mem::take(&mut left[n])));
-            }
-            parts.push(part);
-        }
-        parts
+        let beside = |v, around: &mut Vec<usize>| around.extend(self.topology.neighbors(v).iter().map(|n| *n as usize));
+        regions(self.positions.len(), is_in, beside)
     }
 
     /// The region of a part, unless it is too small or too bent, or nothing is opposite of it.

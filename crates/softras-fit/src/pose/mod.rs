@@ -188,9 +188,7 @@ impl PoseFit {
     /// [`softras::Error::Fit`] for targets that are not one for each pose; otherwise as [`Renderer::render`] and
     /// [`Renderer::backward`].
     pub fn step(&mut self, renderer: &mut Renderer, target: &PoseTarget) -> Result<Vec<f64>> {
-        let mut at_once = self.at_once;
-        let (losses, gradients) = self.differentiated(renderer, target, &mut at_once)?;
-        self.at_once = at_once;
+        let (losses, gradients) = self.differentiate(renderer, target)?;
         let rate = self.options.rate.at_step(self.step, self.options.iterations);
         for (i, [by_turn, by_shift]) in gradients.into_iter().enumerate() {
             let (mut turn, mut shift) = ([0.0; 3], [0.0; 3]);
@@ -213,15 +211,10 @@ impl PoseFit {
     ///
     /// # Errors
     /// As [`PoseFit::step`].
-    pub fn differentiate(&self, renderer: &mut Renderer, target: &PoseTarget) -> Result<(Vec<f64>, Vec<[DVec3; 2]>)> {
-        self.differentiated(renderer, target, &mut { self.at_once })
-    }
-
-    fn differentiated(
-        &self,
+    pub fn differentiate(
+        &mut self,
         renderer: &mut Renderer,
         target: &PoseTarget,
-        at_once: &mut usize,
     ) -> Result<(Vec<f64>, Vec<[DVec3; 2]>)> {
         target.validate(self.poses.len())?;
         let settings = self.settings_at(self.step);
@@ -238,7 +231,10 @@ impl PoseFit {
             let gradients = self.poses[poses].iter().zip(&twists).map(|(pose, twist)| self.by_pose(pose, twist));
             Ok(losses.into_iter().zip(gradients).collect())
         };
-        Ok(of_each(self.poses.len(), at_once, of_poses)?.into_iter().unzip())
+        let mut at_once = self.at_once;
+        let all = of_each(self.poses.len(), &mut at_once, of_poses)?;
+        self.at_once = at_once;
+        Ok(all.into_iter().unzip())
     }
 
     /// The losses of any poses at a given σ and γ; the fit does not change.

@@ -3,8 +3,7 @@
 
 use super::picture::{Picture, Place, scaled};
 use super::{Pose, PoseFit, PoseOptions, PoseTarget, of_each, rotations};
-use crate::voxel::is_closed;
-use crate::{Schedule, bad};
+use crate::{Schedule, bad, cameras::reach, points, voxel::is_closed};
 use glam::{DMat3, DVec3};
 use softras::{
     Image, Renderer, Result,
@@ -98,8 +97,7 @@ impl PoseSearch {
         silhouette: Image,
     ) -> Result<Self> {
         let picture = Picture::new(color, silhouette)?;
-        let used = mesh.triangles().iter().flatten().map(|&i| DVec3::from(mesh.positions()[i as usize].map(f64::from)));
-        let radius = used.map(|p| p.distance(center)).fold(0.0, f64::max);
+        let radius = reach(&mesh, center);
         if radius == 0.0 {
             return bad("a mesh without extent", "give one that can be seen");
         }
@@ -385,7 +383,8 @@ fn distinct(mut poses: Vec<Scored>, degrees: f64) -> Vec<Scored> {
 
 /// Whether a mesh is closed and its triangles face outwards, so that none is seen from behind.
 fn is_solid(mesh: &Mesh) -> Result<bool> {
-    let corner = |i: u32| DVec3::from(mesh.positions()[i as usize].map(f64::from));
-    let volume: f64 = mesh.triangles().iter().map(|t| corner(t[0]).dot(corner(t[1]).cross(corner(t[2])))).sum();
+    let points = points(mesh);
+    let corners = mesh.triangles().iter().map(|t| t.map(|v| points[v as usize]));
+    let volume: f64 = corners.map(|[a, b, c]| a.dot(b.cross(c))).sum();
     Ok(is_closed(mesh)? && volume > 0.0)
 }

@@ -1,7 +1,8 @@
 //! The target images of a pose fit, and the loss against them.
 
 use crate::bad;
-use crate::image_loss::{add_blurred_gradient, blurred, pooled, unpooled_gradient};
+use crate::cameras::outer;
+use crate::image_loss::{blurred, blurred_gradient, pooled, pooled_gradient};
 use glam::{DMat3, DVec3};
 use softras::{Frame, Image, ImageGradient, Result};
 use std::{borrow::Cow, ops::Range};
@@ -90,8 +91,8 @@ impl PoseTarget {
         }
         let (means, coverage) = (pooled(color, samples)?, pooled(silhouette, samples)?);
         let (losses, by_color, by_silhouette) = self.compare_pixels(&means, &coverage, blur, weights)?;
-        let by_color = unpooled_gradient(color, &by_color, samples)?;
-        Ok((losses, gradient_by(by_color, unpooled_gradient(silhouette, &by_silhouette, samples)?)))
+        let by_color = pooled_gradient(color, &by_color, samples, 1.0)?;
+        Ok((losses, gradient_by(by_color, pooled_gradient(silhouette, &by_silhouette, samples, 1.0)?)))
     }
 
     /// Each view's loss and the gradients by colour and by silhouette, for images of the target's size.
@@ -127,12 +128,8 @@ impl PoseTarget {
             (0..3).for_each(|k| e[k] = (2.0 * slope[k]) as f32);
             *f *= (2.0 * by_f) as f32;
         }
-        let fine = |image: &Image, gradient: &Image| -> Result<Image> {
-            let mut fine = Image { data: vec![0.0; image.data.len()], ..*image };
-            add_blurred_gradient(&mut fine, gradient, blur)?;
-            Ok(fine)
-        };
-        let (by_color, mut by_silhouette) = (fine(color, &by_color)?, fine(silhouette, &by_silhouette)?);
+        let by_color = blurred_gradient(color, &by_color, blur)?;
+        let mut by_silhouette = blurred_gradient(silhouette, &by_silhouette, blur)?;
         for (i, (e, f)) in by_color.data.chunks_exact(3).zip(&mut by_silhouette.data).enumerate() {
             let mean = self.metrics[i / pixels].mean;
             *f -= (0..3).map(|k| mean[k] * f64::from(e[k])).sum::<f64>() as f32;
@@ -156,8 +153,7 @@ impl Metric {
         };
         let count = (pixels().count() as f64).max(1.0);
         let mean = pixels().sum::<DVec3>() / count;
-        let square = |d: DVec3| DMat3::from_cols(d * d.x, d * d.y, d * d.z);
-        let sum = pixels().fold(DMat3::ZERO, |sum, c| sum + square(c - mean));
+        let sum = pixels().fold(DMat3::ZERO, |sum, c| sum + outer(c - mean));
         let covariance = sum * count.recip() + DMat3::from_diagonal(DVec3::splat(LEAST_VARIANCE));
         // The inverse exists: every eigenvalue is at least `LEAST_VARIANCE`.
         Self { mean, inverse: covariance.inverse() }

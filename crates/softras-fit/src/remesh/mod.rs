@@ -13,6 +13,7 @@ mod surface;
 
 use super::bad;
 use nearest::Nearest;
+use sizing::lengths;
 use softras::{Result, scene::Mesh};
 use std::ops::RangeInclusive;
 use surface::Surface;
@@ -40,8 +41,7 @@ const MOST_TRIANGLES: f64 = 4e6;
 /// # Ok::<(), softras::Error>(())
 /// ```
 pub fn remeshed(mesh: &Mesh, edges: RangeInclusive<f64>) -> Result<Mesh> {
-    validate(&edges)?;
-    remade(Surface::of(mesh, &edges)?, mesh, &edges)
+    remade(mesh, &edges, true)
 }
 
 /// The mesh remeshed to edges of one length, without what keeps it as it is: vertices are smoothed over the surface and its
@@ -50,33 +50,27 @@ pub fn remeshed(mesh: &Mesh, edges: RangeInclusive<f64>) -> Result<Mesh> {
 /// # Errors
 /// As [`remeshed`].
 pub fn evened(mesh: &Mesh, edge: f64) -> Result<Mesh> {
-    let edges = edge..=edge;
-    validate(&edges)?;
-    let mut surface = Surface::of(mesh, &edges)?;
-    surface.is_kept = false;
-    remade(surface, mesh, &edges)
+    remade(mesh, &(edge..=edge), false)
 }
 
 /// The nearest points of a mesh, which has one colour or vertex colours.
 pub(super) fn nearest(mesh: &Mesh) -> Result<Nearest> {
-    // The length of edges does not matter where none are changed.
-    Ok(Nearest::new(&Surface::of(mesh, &(1.0..=1.0))?))
+    Ok(Surface::of(mesh)?.nearest())
 }
 
-fn validate(edges: &RangeInclusive<f64>) -> Result<()> {
+fn remade(mesh: &Mesh, edges: &RangeInclusive<f64>, is_kept: bool) -> Result<Mesh> {
     if !(*edges.start() > 0.0 && edges.start() <= edges.end() && edges.end().is_finite()) {
         return bad(format!("triangles with edges of {edges:?}"), "use lengths above 0, the shorter first");
     }
-    Ok(())
-}
-
-fn remade(mut surface: Surface, mesh: &Mesh, edges: &RangeInclusive<f64>) -> Result<Mesh> {
+    let mut surface = Surface::of(mesh)?;
+    surface.is_kept = is_kept;
+    surface.sizes = lengths(&surface, edges);
     let wanted = surface.triangles_wanted();
     if wanted.is_nan() || wanted >= MOST_TRIANGLES {
         let what = format!("triangles with edges of {edges:?}: some {wanted:.3e} of them");
         return bad(what, "use lengths that make at most 4 million triangles");
     }
-    let old = surface.is_kept.then(|| Nearest::new(&surface));
+    let old = is_kept.then(|| surface.nearest());
     for _ in 0..ROUNDS {
         surface.split();
         surface.collapse();

@@ -1,6 +1,6 @@
-//! The nearest point of a surface, by a tree of boxes around its triangles.
+//! The nearest point of a surface, by a tree of boxes around its triangles. It is our own: parry3d-f64's is as fast on 25,000
+//! triangles and twice as fast on 400,000, but takes 18 crates, a second glam among them, and 45 s of compile time.
 
-use super::surface::Surface;
 use glam::DVec3;
 
 /// The most triangles of a box that is not divided.
@@ -48,13 +48,16 @@ pub struct Found {
 }
 
 impl Nearest {
-    pub fn new(surface: &Surface) -> Self {
-        let triangle = |corners: &[u32; 3]| Triangle {
-            corners: *corners,
-            positions: corners.map(|v| surface.positions[v as usize]),
-        };
-        let triangles: Vec<Triangle> = surface.triangles.iter().flatten().map(triangle).collect();
-        let (count, colors, sizes) = (triangles.len(), surface.colors.clone(), surface.sizes.clone());
+    /// `colors` is empty for a surface without vertex colours.
+    pub fn new(
+        positions: &[DVec3],
+        triangles: impl Iterator<Item = [u32; 3]>,
+        colors: Vec<DVec3>,
+        sizes: Vec<f64>,
+    ) -> Self {
+        let place = |corners: [u32; 3]| Triangle { corners, positions: corners.map(|v| positions[v as usize]) };
+        let triangles: Vec<Triangle> = triangles.map(place).collect();
+        let count = triangles.len();
         let mut nearest = Self { triangles, boxes: Vec::new(), colors, sizes };
         nearest.add(0, count);
         nearest
@@ -157,23 +160,22 @@ fn shares_nearest(point: DVec3, corners: [DVec3; 3]) -> [f64; 3] {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use softras::{
-        scene::{Appearance, Mesh},
-        shapes,
-    };
+    use crate::points;
+    use softras::{Mesh, shapes};
 
+    /// Colours are positions, and sizes are x.
     fn nearest(mesh: &Mesh) -> Nearest {
-        let mut surface = Surface::of(mesh, &(1.0..=1.0)).unwrap();
-        surface.sizes = surface.positions.iter().map(|p| p.x).collect();
-        Nearest::new(&surface)
+        let positions = points(mesh);
+        let sizes = positions.iter().map(|p| p.x).collect();
+        Nearest::new(&positions, mesh.triangles().iter().copied(), positions.clone(), sizes)
     }
 
     /// The distance to the nearest of points all over every triangle.
     fn tried(mesh: &Mesh, point: DVec3) -> f64 {
         const N: usize = 60;
-        let at = |v: u32| DVec3::from(mesh.positions()[v as usize].map(f64::from));
+        let corners = points(mesh);
         let parts = (0..=N).flat_map(|i| (0..=N - i).map(move |j| (i as f64 / N as f64, j as f64 / N as f64)));
-        let triangles: Vec<[DVec3; 3]> = mesh.triangles().iter().map(|t| t.map(at)).collect();
+        let triangles: Vec<[DVec3; 3]> = mesh.triangles().iter().map(|t| t.map(|v| corners[v as usize])).collect();
         let points = parts.flat_map(|(v, w)| triangles.iter().map(move |[a, b, c]| *a + v * (*b - *a) + w * (*c - *a)));
         points.map(|there| there.distance(point)).fold(f64::INFINITY, f64::min)
     }
@@ -181,8 +183,7 @@ mod tests {
     #[test]
     fn the_nearest_point_is_that_of_all_triangles() {
         let mesh = shapes::torus(0.7, 0.3, 9, 7).unwrap();
-        let colors = Appearance::VertexColors(mesh.positions().to_vec());
-        let nearest = nearest(&mesh.clone().with_appearance(colors).unwrap());
+        let nearest = nearest(&mesh);
         for i in 0..40 {
             // Points all over a box around the torus.
             let part = |by: f64| 2.6 * (f64::from(i) * by).fract() - 1.3;

@@ -1,15 +1,13 @@
 //! A mesh under change: edges that are split, collapsed and flipped, and vertices that move on the surface.
 
 use super::nearest::{Found, Nearest};
-use super::sizing::lengths;
-use crate::bad;
+use crate::{bad, doubles, points, singles};
 use glam::DVec3;
 use softras::{
     Result,
     scene::{Appearance, Mesh},
 };
 use std::cmp::Ordering;
-use std::ops::RangeInclusive;
 
 /// Passes of splitting: each halves the edges that are too long, so edges of up to 1e9 times the wanted length are
 /// split.
@@ -40,12 +38,11 @@ pub struct Surface {
 }
 
 impl Surface {
-    /// The surface of a mesh, with edges to be as long as the range says.
-    pub fn of(mesh: &Mesh, edges: &RangeInclusive<f64>) -> Result<Self> {
-        let double = |values: &[[f32; 3]]| values.iter().map(|v| DVec3::from(v.map(f64::from))).collect::<Vec<_>>();
+    /// The surface of a mesh, with edges that may be of any length.
+    pub fn of(mesh: &Mesh) -> Result<Self> {
         let colors = match mesh.appearance() {
             Appearance::Uniform(_) => Vec::new(),
-            Appearance::VertexColors(colors) => double(colors),
+            Appearance::VertexColors(colors) => doubles(colors),
             _ => return bad("a textured mesh to remesh", "use one colour or vertex colours"),
         };
         let mut at = vec![Vec::new(); mesh.positions().len()];
@@ -55,10 +52,14 @@ impl Surface {
         for (t, corners) in triangles.iter().enumerate() {
             corners.iter().flatten().for_each(|&v| at[v as usize].push(t as u32));
         }
-        let sizes = vec![*edges.end(); at.len()];
-        let mut surface = Self { positions: double(mesh.positions()), colors, sizes, is_kept: true, triangles, at };
-        surface.sizes = lengths(&surface, edges);
-        Ok(surface)
+        let sizes = vec![f64::INFINITY; at.len()];
+        Ok(Self { positions: points(mesh), colors, sizes, is_kept: true, triangles, at })
+    }
+
+    /// The nearest points of the surface.
+    pub fn nearest(&self) -> Nearest {
+        let triangles = self.triangles.iter().flatten().copied();
+        Nearest::new(&self.positions, triangles, self.colors.clone(), self.sizes.clone())
     }
 
     fn position(&self, vertex: u32) -> DVec3 {
@@ -332,7 +333,7 @@ impl Surface {
         let used: Vec<usize> = (0..self.at.len()).filter(|&v| !self.at[v].is_empty()).collect();
         let mut new = vec![0; self.at.len()];
         used.iter().enumerate().for_each(|(at, &v)| new[v] = at as u32);
-        let single = |values: &[DVec3]| used.iter().map(|&v| values[v].as_vec3().to_array()).collect::<Vec<_>>();
+        let single = |values: &[DVec3]| singles(&used.iter().map(|&v| values[v]).collect::<Vec<_>>());
         let triangles = self.triangles.iter().flatten().map(|t| t.map(|v| new[v as usize])).collect();
         let appearance = match appearance {
             Appearance::VertexColors(_) => Appearance::VertexColors(single(&self.colors)),

@@ -1,7 +1,7 @@
 //! The losses of a shape fit's images, each with its weighted gradient by the rendered images.
 
 use super::ShapeOptions;
-use crate::image_loss::{ImageLoss, LossGradient, pooled, unpooled_gradient};
+use crate::image_loss::{ImageLoss, LossGradient, pooled, pooled_gradient};
 use softras::{Frame, Image, ImageGradient, Result};
 use softras_io::Views;
 use std::borrow::Cow;
@@ -38,19 +38,16 @@ impl ImageLosses {
 pub fn compare(frame: &Frame, targets: &Views, options: &ShapeOptions) -> Result<(ImageLosses, ImageGradient)> {
     let (mut losses, mut by) = (ImageLosses::default(), ImageGradient::default());
     if let (Ok(rendered), Some(target)) = (frame.silhouette(), &targets.silhouette) {
-        let shown = shrunk(rendered, options)?;
-        let (value, gradient) = loss(&shown, rendered, target, options.silhouette, options)?;
+        let (value, gradient) = loss(&*shrunk(rendered, options)?, rendered, target, options.silhouette, options)?;
         (losses.silhouette, by.silhouette) = (value, Some(gradient));
     }
     if let (Ok(rendered), Some(target)) = (frame.color(), &targets.color) {
-        let shown = shrunk(rendered, options)?;
-        let (value, gradient) = loss(&shown, rendered, target, options.color, options)?;
+        let (value, gradient) = loss(&*shrunk(rendered, options)?, rendered, target, options.color, options)?;
         (losses.color, by.color) = (value, Some(gradient));
     }
     if let (Ok(rendered), Some(target)) = (frame.normal(), &targets.normal) {
         let known = known(target, targets.silhouette.as_ref());
-        let shown = shrunk(rendered, options)?;
-        let shown = masked(&shown, &known);
+        let shown = masked(&*shrunk(rendered, options)?, &known);
         let (value, mut gradient) = loss(&shown, rendered, &masked(target, &known), options.normal, options)?;
         mask_samples(&mut gradient, &known, options.samples);
         (losses.normal, by.normal) = (value, Some(gradient));
@@ -108,9 +105,9 @@ fn loss(
     (loss, weight): (ImageLoss, f64),
     options: &ShapeOptions,
 ) -> Result<(f64, Image)> {
-    let LossGradient { value, mut gradient } = loss.multi_scale(shown, target, None, options.levels)?;
+    let LossGradient { value, mut gradient } = loss.evaluate(shown, target, None)?;
     if options.samples > 1 {
-        gradient = unpooled_gradient(rendered, &gradient, options.samples)?;
+        gradient = pooled_gradient(rendered, &gradient, options.samples, 1.0)?;
     }
     if weight != 1.0 {
         gradient.data.iter_mut().for_each(|g| *g *= weight as f32);

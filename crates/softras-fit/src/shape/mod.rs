@@ -1,6 +1,6 @@
 //! Fits a mesh's shape and colours to target images, in f64.
 
-mod colors;
+pub mod colors;
 mod compare;
 mod options;
 mod parametrization;
@@ -10,12 +10,12 @@ pub(super) use compare::{known, masked};
 pub use options::ShapeOptions;
 pub use parametrization::Parametrization;
 
-use super::bad;
 use super::image_loss::ImageLoss;
 use super::optimizer::{Method, Optimizer};
 use super::remesh::remeshed;
 use super::subdivision::Subdivision;
 use super::topology::Topology;
+use crate::{bad, doubles, points, singles, sized};
 use compare::{ImageLosses, compare};
 use glam::DVec3;
 use parametrization::Parameters;
@@ -53,6 +53,8 @@ pub struct ShapeFit {
     scene: Scene,
     parameters: Parameters,
     values: Vec<f64>,
+    /// Those that the values give.
+    positions: Vec<DVec3>,
     optimizer: Optimizer,
     color_values: Vec<f64>,
     color_optimizer: Optimizer,
@@ -83,22 +85,22 @@ impl ShapeFit {
     /// reaches to ±1 at half its size, as the official demo does with its sphere.
     ///
     /// # Errors
-    /// [`softras::Error::Fit`] for a template that the parametrization cannot represent, or 0 levels or samples.
+    /// [`softras::Error::Fit`] for a template that the parametrization cannot represent, or 0 samples.
     pub fn new(template: Mesh, lights: Lights, options: ShapeOptions) -> Result<Self> {
-        if options.levels == 0 || options.samples == 0 {
-            return bad("a fit over 0 resolutions or samples", "use at least 1");
+        if options.samples == 0 {
+            return bad("a fit with 0 samples", "use at least 1");
         }
         if [options.depth.0, options.normal.0].contains(&ImageLoss::NegativeIou) {
-            return bad("an IoU of depths or normals", "compare them by L1, L2 or Huber");
+            return bad("an IoU of depths or normals", "compare them by L1 or L2");
         }
-        let topology = Topology::new(template.positions().len(), template.triangles())?;
+        let topology = Topology::of(&template)?;
         let template = if options.parametrization == Parametrization::Logit { halved(template)? } else { template };
-        let positions: Vec<DVec3> = template.positions().iter().map(|p| DVec3::from(p.map(f64::from))).collect();
-        let (parameters, values) = Parameters::new(options.parametrization, &topology, &positions)?;
+        let (parameters, values) = Parameters::new(options.parametrization, &topology, &points(&template))?;
         let color_values = if options.fit_colors { colors::values(template.appearance()) } else { Vec::new() };
         Ok(Self {
             topology,
             scene: Scene::new(template).with_lights(lights),
+            positions: parameters.positions(&values)?,
             parameters,
             optimizer: Optimizer::new(options.method, values.len()),
             values,
@@ -112,11 +114,6 @@ impl ShapeFit {
     /// The mesh as it is now.
     pub fn mesh(&self) -> &Mesh {
         &self.scene.meshes[0]
-    }
-
-    /// The scene that is rendered.
-    pub fn scene(&self) -> &Scene {
-        &self.scene
     }
 
     /// The method of the fit.
@@ -142,7 +139,7 @@ impl ShapeFit {
         color_rate: f64,
     ) -> Result<StepLosses> {
         let size = targets.size()?;
-        let mut settings = self.settings(settings, size);
+        let mut settings = sized(settings, size, self.options.samples);
         settings.outputs.color = targets.color.is_some();
         // Depths are compared as they fade with the silhouette.
         settings.outputs.silhouette = targets.silhouette.is_some() || targets.depth.is_some();
@@ -174,9 +171,7 @@ impl ShapeFit {
 
     /// Steps since the optimisers were new.
     fn steps_taken(&self) -> usize {
-        let (steps, ..) = self.optimizer.state();
-        let (color_steps, ..) = self.color_optimizer.state();
-        usize::try_from(steps.max(color_steps)).unwrap_or_default()
+        usize::try_from(self.optimizer.steps().max(self.color_optimizer.steps())).unwrap_or_default()
     }
 
     /// Renders some views, and compares and differentiates them.
@@ -188,24 +183,26 @@ impl ShapeFit {
         Ok(Descent { losses, by_positions, by_colors })
     }
 
-    /// What [`Renderer::backward`] has to differentiate by for [`ShapeFit::advance`].
-    pub fn wanted(&self) -> GradientRequest {
+    /// What [`Renderer::backward`] has to differentiate by.
+    fn wanted(&self) -> GradientRequest {
         let wanted = GradientRequest { positions: self.options.fit_positions, ..GradientRequest::NOTHING };
         if self.options.fit_colors { colors::wanted(self.mesh().appearance(), wanted) } else { wanted }
     }
 
     /// The gradients by positions and colours, each empty where the fit does not move them.
     fn gradients(&self, mesh: &MeshGradients) -> (Vec<DVec3>, Vec<f64>) {
-        let by_positions = mesh.positions.iter().map(|g| DVec3::from(g.map(f64::from))).collect();
         let fit_colors = self.options.fit_colors;
-        (by_positions, if fit_colors { colors::gradient(self.mesh().appearance(), mesh) } else { Vec::new() })
+        (
+            doubles(&mesh.positions),
+            if fit_colors { colors::gradient(self.mesh().appearance(), mesh) } else { Vec::new() },
+        )
     }
 
     /// Renders some cameras' views, and takes a step by a loss of the caller's, who gives its value and its gradient by the images.
     /// Settings say the size and which images there are. Returns the value.
     ///
     /// # Errors
-    /// Those of `loss`; otherwise as [`ShapeFit::step`] and [`ShapeFit::advance`].
+    /// Those of `loss`; otherwise as [`ShapeFit::step`].
     pub fn step_by(
         &mut self,
         renderer: &mut Renderer,
@@ -217,25 +214,13 @@ impl ShapeFit {
         let frame = renderer.render_saved(&self.scene, cameras, settings)?;
         let (value, upstream) = loss(&frame)?;
         let gradients = renderer.backward(&frame, &upstream, &self.wanted())?;
-        self.advance(&gradients.meshes[0], rate, color_rate)?;
+        let (by_positions, by_colors) = self.gradients(&gradients.meshes[0]);
+        self.move_by(by_positions, &by_colors, rate, color_rate)?;
         Ok(value)
     }
 
-    /// A step by gradients of the caller's: adds the regularizers' gradients to those of the loss by [`ShapeFit::mesh`], and moves
-    /// vertices with step size `rate` and colours with `color_rate`. Returns the regularizers' penalties, unweighted.
-    ///
-    /// # Errors
-    /// [`softras::Error::Fit`] for gradients of another mesh, or that lack some of [`ShapeFit::wanted`]; [`softras::Error::Mesh`]
-    /// when a vertex is not finite any more.
-    pub fn advance(&mut self, by: &MeshGradients, rate: f64, color_rate: f64) -> Result<Vec<f64>> {
-        let (by_positions, by_colors) = self.gradients(by);
-        let vertices = if self.options.fit_positions { self.topology.vertices() } else { by_positions.len() };
-        if (by_positions.len(), by_colors.len()) != (vertices, self.color_values.len()) {
-            return bad("gradients of another mesh", "differentiate a frame of this fit by what it wants");
-        }
-        self.move_by(by_positions, &by_colors, rate, color_rate)
-    }
-
+    /// Adds the regularizers' gradients to those of the loss, and moves vertices and colours. Returns the regularizers' penalties,
+    /// unweighted.
     fn move_by(&mut self, positions: Vec<DVec3>, colors: &[f64], rate: f64, color_rate: f64) -> Result<Vec<f64>> {
         let penalties = self.move_vertices(positions, rate)?;
         if self.options.fit_colors {
@@ -244,21 +229,14 @@ impl ShapeFit {
         Ok(penalties)
     }
 
-    /// The settings with the size that the fit renders at.
-    fn settings(&self, settings: &Settings, (height, width): (usize, usize)) -> Settings {
-        let side = |side: usize| u32::try_from(side.saturating_mul(self.options.samples)).unwrap_or(u32::MAX);
-        Settings { width: side(width), height: side(height), ..settings.clone() }
-    }
-
     /// Adds the regularizers' gradients, moves the vertices, and returns the unweighted penalties.
     fn move_vertices(&mut self, mut gradient: Vec<DVec3>, rate: f64) -> Result<Vec<f64>> {
         if !self.options.fit_positions {
             return Ok(vec![0.0; self.options.regularizers.len()]);
         }
-        let positions = self.parameters.positions(&self.values)?;
         let mut penalties = Vec::with_capacity(self.options.regularizers.len());
         for (regularizer, weight) in &self.options.regularizers {
-            penalties.push(regularizer.add(&self.topology, &positions, *weight, &mut gradient)?);
+            penalties.push(regularizer.add(&self.topology, &self.positions, *weight, &mut gradient)?);
         }
         let gradient = self.parameters.pull(&self.values, gradient)?;
         self.optimizer.step(&mut self.values, &gradient, rate);
@@ -266,10 +244,10 @@ impl ShapeFit {
         Ok(penalties)
     }
 
-    /// Updates the mesh's positions from the parameters.
+    /// Updates the positions from the parameters.
     fn place(&mut self) -> Result<()> {
-        let positions = self.parameters.positions(&self.values)?;
-        self.scene.meshes[0].set_positions(positions.iter().map(|p| p.as_vec3().to_array()).collect())
+        self.positions = self.parameters.positions(&self.values)?;
+        self.scene.meshes[0].set_positions(singles(&self.positions))
     }
 
     fn move_colors(&mut self, gradient: &[f64], rate: f64) -> Result<()> {
@@ -281,13 +259,11 @@ impl ShapeFit {
 
     /// The state that the fit can be resumed from: all parameters and the optimisers' running means.
     pub fn state(&self) -> State {
-        let (steps, first, second) = self.optimizer.state();
-        let (color_steps, color_first, color_second) = self.color_optimizer.state();
         State {
             values: self.values.clone(),
-            optimizer: (steps, first.to_vec(), second.to_vec()),
+            optimizer: self.optimizer.state(),
             color_values: self.color_values.clone(),
-            color_optimizer: (color_steps, color_first.to_vec(), color_second.to_vec()),
+            color_optimizer: self.color_optimizer.state(),
         }
     }
 
@@ -298,14 +274,12 @@ impl ShapeFit {
     pub fn restore(&mut self, state: State) -> Result<()> {
         let is_finite = |values: &[f64]| values.iter().all(|x| x.is_finite());
         let mut optimizers = (self.optimizer.clone(), self.color_optimizer.clone());
-        let (steps, first, second) = &state.optimizer;
-        let (color_steps, color_first, color_second) = &state.color_optimizer;
         let fits = state.values.len() == self.values.len()
             && state.color_values.len() == self.color_values.len()
             && is_finite(&state.values)
             && is_finite(&state.color_values)
-            && optimizers.0.restore(*steps, first, second)
-            && optimizers.1.restore(*color_steps, color_first, color_second);
+            && optimizers.0.restore(&state.optimizer)
+            && optimizers.1.restore(&state.color_optimizer);
         if !fits {
             return bad(
                 "a saved state of another fit, or with numbers that no fit has",

@@ -20,8 +20,6 @@ pub struct ShapeOptions {
     pub normal: (ImageLoss, f64),
     /// Penalties with their weights.
     pub regularizers: Vec<(Regularizer, f64)>,
-    /// Number of resolutions that image losses are averaged over, see [`ImageLoss::multi_scale`].
-    pub levels: usize,
     /// Number of pixels rendered per target pixel along each side; their mean is compared. Use 2 or more for targets
     /// with antialiased outlines.
     pub samples: usize,
@@ -47,6 +45,16 @@ impl ShapeOptions {
         }
     }
 
+    /// With these weights of the Laplacian, flatten and normal consistency regularizers in place of its own, where they are given.
+    #[must_use]
+    pub fn weighted(mut self, given: [Option<f64>; 3]) -> Self {
+        let all = [Regularizer::Laplacian, Regularizer::Flatten, Regularizer::NormalConsistency];
+        let own = |kind| self.regularizers.iter().find(|(other, _)| *other == kind).map_or(0.0, |(_, weight)| *weight);
+        let weights = all.into_iter().zip(given).map(|(kind, given)| (kind, given.unwrap_or_else(|| own(kind))));
+        self.regularizers = weights.filter(|(_, weight)| *weight > 0.0).collect();
+        self
+    }
+
     /// The method of the official demo: logit displacements, the loss 1 - IoU, a Laplacian weight of 0.03, a flatten
     /// weight of 0.0003, and Adam with betas 0.5 and 0.99 (the demo's rate is 0.01). For objects and templates around the
     /// origin, within (-1, 1); [`shapes::icosphere`](softras::shapes::icosphere), which reaches to ±1, begins at half its size as in
@@ -60,7 +68,6 @@ impl ShapeOptions {
             depth: (ImageLoss::L1, 1.0),
             normal: (ImageLoss::L1, 1.0),
             regularizers: vec![(Regularizer::Laplacian, 0.03), (Regularizer::Flatten, 0.0003)],
-            levels: 1,
             samples: 1,
             views_per_step: 0,
             fit_positions: true,

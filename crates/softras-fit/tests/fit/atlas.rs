@@ -1,10 +1,10 @@
 //! Atlases: charts that never touch, colours that stay, what is refused, and texels that tell more than vertex colours.
 
 use crate::common::tier;
+use crate::meshes::{self, both, grid, moved};
 use softras::scene::{Appearance, Background, DirectionalLight, Interpolation, Outputs, Texture, Wrap};
 use softras::{Camera, Error, Image, Lights, Mesh, Projection, Renderer, Scene, Settings, shapes};
-use softras_fit::pooled;
-use softras_fit::{ImageLoss, Schedule, ShapeFit, ShapeOptions, with_atlas};
+use softras_fit::{ImageLoss, Schedule, ShapeFit, ShapeOptions, pooled, with_atlas};
 use softras_io::Views;
 use softras_lab::random::Random;
 use std::collections::HashMap;
@@ -221,12 +221,7 @@ fn a_million_triangles_have_an_atlas_where_there_is_room() {
     // The quick tier has a sixteenth of them, in a quarter of the texels along each side.
     let (side, most, count, room) =
         tier((177, 1024, "62658 triangles", "allow 899×899"), (708, 4096, "1002528 triangles", "allow 3596×3596"));
-    let positions = (0..=side).flat_map(|y| (0..=side).map(move |x| [x as f32, y as f32, 0.0])).collect();
-    let two = |i: u32| {
-        let a = i / side * (side + 1) + i % side;
-        [[a, a + 1, a + side + 2], [a, a + side + 2, a + side + 1]]
-    };
-    let mesh = Mesh::new(positions, (0..side * side).flat_map(two).collect()).unwrap();
+    let mesh = grid(side, |x, y| [x, y, 0.0]);
     let (what, fix) = refused(&mesh, 0.1, most / 2);
     assert!(what.contains(count) && fix.contains(room), "{what}: {fix}");
     let (painted, texel) = with_atlas(&mesh, 0.1, most).unwrap();
@@ -238,9 +233,8 @@ const PIXELS: u32 = 32;
 const FAR: (f64, f64) = (2.0, 6.0);
 
 fn cameras() -> Vec<Camera> {
-    let projection = Projection::Perspective { fov_y: 0.7 };
-    let one = |i| Camera::from_angles(4.0, [35.0, -30.0][i as usize % 2], 55.0 * f64::from(i), projection).unwrap();
-    (0..VIEWS).map(one).collect()
+    let angles = (0..VIEWS).map(|i| [[35.0, -30.0][i as usize % 2], 55.0 * f64::from(i)]);
+    meshes::cameras(Projection::Perspective { fov_y: 0.7 }, 4.0, angles)
 }
 
 fn settings(sigma: f64, samples: u32) -> Settings {
@@ -335,11 +329,8 @@ fn what_no_view_sees_keeps_its_colour() {
     let mut renderer = crate::common::renderer();
     // A small ball within a large one.
     let ball = shapes::icosphere(2).unwrap();
-    let inner = ball.positions().iter().map(|p| p.map(|x| 0.3 * x));
-    let positions = ball.positions().iter().copied().chain(inner).collect();
+    let mesh = both(&ball, &moved(&ball, 0.3, [0.0; 3]));
     let count = ball.positions().len() as u32;
-    let triangles = ball.triangles().iter().copied().chain(ball.triangles().iter().map(|t| t.map(|v| v + count)));
-    let mesh = Mesh::new(positions, triangles.collect()).unwrap();
     let colors = (0..2 * count).map(|v| if v < count { [0.5; 3] } else { [0.2, 0.6, 0.4] }).collect();
     let mesh = mesh.with_appearance(Appearance::VertexColors(colors)).unwrap();
     let (start, _) = with_atlas(&mesh, 0.1, 1024).unwrap();

@@ -1,24 +1,19 @@
 //! Meshes cut to silhouettes: holes open, parts come, overlaps go, and what no silhouette speaks against stays.
 
-use super::hull::{both, genus, moved};
 use crate::common::{renderer, tier};
+use crate::meshes::{self, PERSPECTIVE, both, cameras, genus, moved};
 use glam::DVec3;
 use softras::scene::Appearance;
-use softras::{Camera, Error, Image, Mesh, Projection, Renderer, Scene, Settings, shapes};
+use softras::{Error, Image, Mesh, Renderer, shapes};
 use softras_fit::{Voxels, evened, is_closed, overlap};
 use softras_io::Views;
 
-const PERSPECTIVE: Projection = Projection::Perspective { fov_y: 0.6 };
 const HEIGHT: u32 = 64;
 const WIDTH: u32 = 80;
 
 fn silhouettes(renderer: &mut Renderer, mesh: &Mesh) -> Views {
     let angles = (0..14).map(|i| [f64::from((i * 37) % 150 - 75), 51.0 * f64::from(i)]);
-    let camera = |[elevation, azimuth]: [f64; 2]| Camera::from_angles(5.0, elevation, azimuth, PERSPECTIVE).unwrap();
-    let cameras: Vec<Camera> = angles.map(camera).collect();
-    let settings = Settings { width: WIDTH, height: HEIGHT, sigma: 1e-7, ..Settings::default() };
-    let frame = renderer.render(&Scene::new(mesh.clone()), &cameras, &settings).unwrap();
-    Views { silhouette: frame.silhouette().ok().cloned(), cameras, ..Views::default() }
+    meshes::silhouettes(renderer, mesh, cameras(PERSPECTIVE, 5.0, angles), (WIDTH, HEIGHT))
 }
 
 fn carved(targets: &Views, mesh: &Mesh, missing: Option<&Image>) -> Mesh {
@@ -100,18 +95,13 @@ fn a_part_that_is_left_out_comes_as_the_hull_has_it() {
     let mut few = marks.clone();
     few.batch -= 1;
     few.data.truncate(few.batch * (HEIGHT * WIDTH) as usize);
-    let refused = softras_fit::carved(&targets, &left, Some(&few), [0.0; 3], 3.0, 64);
-    assert!(matches!(refused, Err(Error::Fit { .. })), "marks of fewer views");
-    let away = moved(&ball, 0.1, [0.0, 1.2, 0.0]);
-    assert!(
-        matches!(softras_fit::carved(&targets, &away, None, [0.0; 3], 3.0, 64), Err(Error::Fit { .. })),
-        "nothing is left"
-    );
+    let refused = |targets: &Views, mesh: &Mesh, marks: Option<&Image>| {
+        matches!(softras_fit::carved(targets, mesh, marks, [0.0; 3], 3.0, 64), Err(Error::Fit { .. }))
+    };
+    assert!(refused(&targets, &left, Some(&few)), "marks of fewer views");
+    assert!(refused(&targets, &moved(&ball, 0.1, [0.0, 1.2, 0.0]), None), "nothing is left");
     targets.silhouette = None;
-    assert!(
-        matches!(softras_fit::carved(&targets, &left, None, [0.0; 3], 3.0, 64), Err(Error::Fit { .. })),
-        "no silhouettes"
-    );
+    assert!(refused(&targets, &left, None), "no silhouettes");
 }
 
 #[test]

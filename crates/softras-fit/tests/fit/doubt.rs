@@ -1,29 +1,24 @@
 //! Views as people have them: one of them wrong, close-ups, objects that fill the picture's height, cameras the wrong way round.
 
 use crate::common::renderer;
+use crate::meshes::{PERSPECTIVE, cameras, mapped, silhouettes};
 use glam::{DMat4, DVec3};
-use softras::{Camera, Error, Image, Mesh, Projection, Renderer, Scene, Settings, shapes};
+use softras::{Camera, Error, Image, Mesh, Projection, Renderer, shapes};
 use softras_fit::{Fit, Subject, Voxels};
 use softras_io::Views;
 
-const WIDE: Projection = Projection::Perspective { fov_y: 0.6 };
-
 fn solid() -> Mesh {
-    let fish = shapes::fish().unwrap();
-    let positions = fish.positions().iter().map(|p| [0.6 * p[0], 0.9 * p[1] + 0.05, 0.6 * p[2]]).collect();
-    Mesh::new(positions, fish.triangles().to_vec()).unwrap()
+    mapped(&shapes::fish().unwrap(), |p| [0.6 * p[0], 0.9 * p[1] + 0.05, 0.6 * p[2]])
 }
 
-fn views(renderer: &mut Renderer, mesh: &Mesh, cameras: Vec<Camera>, (width, height): (u32, u32)) -> Views {
-    let settings = Settings { width, height, sigma: 1e-7, ..Settings::default() };
-    let frame = renderer.render(&Scene::new(mesh.clone()), &cameras, &settings).unwrap();
+fn views(renderer: &mut Renderer, mesh: &Mesh, cameras: Vec<Camera>, size: (u32, u32)) -> Views {
     let names = (0..cameras.len()).map(|i| format!("{i}.png")).collect();
-    Views { silhouette: frame.silhouette().ok().cloned(), cameras, names, ..Views::default() }
+    Views { names, ..silhouettes(renderer, mesh, cameras, size) }
 }
 
 fn around(count: usize) -> Vec<Camera> {
-    let angle = |i: usize| (20.0 * (i % 3) as f64 - 10.0, 360.0 * i as f64 / count as f64);
-    (0..count).map(|i| Camera::from_angles(4.0, angle(i).0, angle(i).1, WIDE).unwrap()).collect()
+    let angles = |i: usize| [20.0 * (i % 3) as f64 - 10.0, 360.0 * i as f64 / count as f64];
+    cameras(PERSPECTIVE, 4.0, (0..count).map(angles))
 }
 
 /// The notes of a fit's begin.
@@ -120,7 +115,7 @@ fn cameras_that_look_away_are_refused() {
     let mut renderer = renderer();
     let mut views = views(&mut renderer, &solid(), around(8), (32, 32));
     let turned = DMat4::from_diagonal(glam::DVec4::new(-1.0, 1.0, -1.0, 1.0));
-    let away = |camera: &Camera| Camera::from_matrix(turned * camera.matrix(), WIDE).unwrap();
+    let away = |camera: &Camera| Camera::from_matrix(turned * camera.matrix(), PERSPECTIVE).unwrap();
     views.cameras = views.cameras.iter().map(away).collect();
     let error = Fit::new(views).unwrap_err();
     assert!(

@@ -3,19 +3,14 @@
 
 #[path = "../../examples/forearm/figure.rs"]
 mod figure;
-#[path = "../../examples/forearm/fit.rs"]
-mod fit;
 #[path = "../../examples/forearm/mannequin.rs"]
 mod mannequin;
 #[path = "../../examples/forearm/skeleton.rs"]
 mod skeleton;
 #[path = "../../examples/forearm/trial.rs"]
 mod trial;
-#[path = "../../examples/forearm/visible.rs"]
-mod visible;
 
 use crate::common::tier;
-use fit::FigureOptions;
 use glam::DVec3;
 use skeleton::SkeletonPose;
 use softras_lab::random::Random;
@@ -60,8 +55,7 @@ fn a_hidden_forearm_is_found_by_soft_gradients_alone() {
     let (stage, mut renderer) = (trial::Stage::new().unwrap(), crate::common::renderer());
     let trial = stage.draw(&mut Random::new(1), &mut renderer).unwrap().unwrap();
     let mut error = |method: usize| {
-        let options = FigureOptions { iterations: tier(100, 300), ..trial::methods()[method].1.clone() };
-        let pose = stage.fit(&trial, &options, &mut renderer).unwrap();
+        let pose = stage.fit(&trial, &trial::methods()[method], tier(100, trial::STEPS), &mut renderer).unwrap();
         stage.errors(&pose, &trial.truth)[0]
     };
     let (visible, soft) = (error(0), error(3));

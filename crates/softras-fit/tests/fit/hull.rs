@@ -1,54 +1,20 @@
 //! Visual hulls: they hold the object, with its holes and parts, and impossible silhouettes are refused.
 
 use crate::common::renderer;
-use softras::{Camera, Error, Mesh, Projection, Renderer, Scene, Settings, shapes};
-use softras_fit::voxel_iou;
-use softras_fit::{Topology, Voxels, cube_around, is_closed};
+use crate::meshes::{PERSPECTIVE, both, genus, moved, volume, without};
+use softras::{Camera, Error, Mesh, Projection, Renderer, shapes};
+use softras_fit::{Voxels, cube_around, is_closed, voxel_iou};
 use softras_io::Views;
 
-const PERSPECTIVE: Projection = Projection::Perspective { fov_y: 0.6 };
-
-fn cameras(projection: Projection) -> Vec<Camera> {
+fn silhouettes(renderer: &mut Renderer, mesh: &Mesh, projection: Projection) -> Views {
     let angles = [[60.0, 0.0], [-50.0, 40.0], [5.0, 0.0], [10.0, 90.0], [0.0, 45.0], [-10.0, 135.0], [35.0, 200.0]];
     let more = (0..9).map(|i| [25.0 * f64::from(i % 3 - 1), 40.0 * f64::from(i)]);
-    let all = angles.into_iter().chain(more);
-    all.map(|[elevation, azimuth]| Camera::from_angles(5.0, elevation, azimuth, projection).unwrap()).collect()
-}
-
-fn silhouettes(renderer: &mut Renderer, mesh: &Mesh, projection: Projection) -> Views {
-    let cameras = cameras(projection);
-    let settings = Settings { width: 80, height: 64, sigma: 1e-7, ..Settings::default() };
-    let frame = renderer.render(&Scene::new(mesh.clone()), &cameras, &settings).unwrap();
-    Views { silhouette: frame.silhouette().ok().cloned(), cameras, ..Views::default() }
+    let cameras = crate::meshes::cameras(projection, 5.0, angles.into_iter().chain(more));
+    crate::meshes::silhouettes(renderer, mesh, cameras, (80, 64))
 }
 
 fn hull(renderer: &mut Renderer, mesh: &Mesh, projection: Projection) -> Mesh {
     softras_fit::visual_hull(&silhouettes(renderer, mesh, projection), [0.0; 3], 3.0, 64).unwrap()
-}
-
-/// Parts, and handles where it is closed.
-pub fn genus(mesh: &Mesh) -> (usize, Option<usize>) {
-    Topology::new(mesh.positions().len(), mesh.triangles()).unwrap().parts_and_genus()
-}
-
-/// The volume that the triangles enclose, above 0 if they face outwards.
-fn volume(mesh: &Mesh) -> f64 {
-    let corner = |v: u32| glam::DVec3::from(mesh.positions()[v as usize].map(f64::from));
-    mesh.triangles().iter().map(|t| corner(t[0]).dot(corner(t[1]).cross(corner(t[2]))) / 6.0).sum()
-}
-
-/// The mesh scaled and then moved.
-pub fn moved(mesh: &Mesh, scale: f32, by: [f32; 3]) -> Mesh {
-    let positions = mesh.positions().iter().map(|p| [0, 1, 2].map(|k| scale * p[k] + by[k])).collect();
-    Mesh::new(positions, mesh.triangles().to_vec()).unwrap()
-}
-
-/// Two meshes as one.
-pub fn both(a: &Mesh, b: &Mesh) -> Mesh {
-    let count = a.positions().len() as u32;
-    let positions = [a.positions(), b.positions()].concat();
-    let triangles = a.triangles().iter().copied().chain(b.triangles().iter().map(|t| t.map(|v| v + count)));
-    Mesh::new(positions, triangles.collect()).unwrap()
 }
 
 #[test]
@@ -74,11 +40,7 @@ fn a_hull_has_the_objects_holes_and_parts() {
         assert!(outside < 0.1, "{name}: {outside} of it are outside its hull");
     }
     // An object of a hole is not taken for one without.
-    assert_eq!(genus(&moved(&torus, 1.0, [0.0; 3])).1, Some(1));
-    let mut open = shapes::cube().unwrap().triangles().to_vec();
-    open.pop();
-    let open = Mesh::new(shapes::cube().unwrap().positions().to_vec(), open).unwrap();
-    assert_eq!(genus(&open), (1, None));
+    assert_eq!(genus(&without(&shapes::cube().unwrap(), |t| t == 0)), (1, None));
 }
 
 #[test]

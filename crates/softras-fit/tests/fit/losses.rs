@@ -10,14 +10,13 @@ proptest! {
     /// Every loss is finite and not negative, 0 where both images are one, and its gradient is downhill.
     #[test]
     fn losses_are_distances(
-        pixels in prop::collection::vec((0f32..=1.0, 0f32..=1.0, 0f32..3.0), 1..40), kind in 0usize..4,
+        pixels in prop::collection::vec((0f32..=1.0, 0f32..=1.0, 0f32..3.0), 1..40), kind in 0usize..3,
     ) {
         let image = |data: Vec<f32>| Image { batch: 1, height: 1, width: data.len(), channels: 1, data };
         let prediction = image(pixels.iter().map(|p| p.0).collect());
         let target = image(pixels.iter().map(|p| p.1).collect());
         let weights = image(pixels.iter().map(|p| p.2).collect());
-        let huber = ImageLoss::Huber { delta: 0.2 };
-        let loss = [ImageLoss::NegativeIou, ImageLoss::L1, ImageLoss::L2, huber][kind];
+        let loss = [ImageLoss::NegativeIou, ImageLoss::L1, ImageLoss::L2][kind];
         let Ok(valued) = loss.evaluate(&prediction, &target, Some(&weights)) else {
             prop_assert!(weights.data.iter().all(|w| *w == 0.0));
             return Ok(());

@@ -11,6 +11,7 @@ mod gradients;
 mod hull;
 mod lengths;
 mod losses;
+mod meshes;
 mod optimizers;
 mod pose;
 mod remesh;

@@ -1,48 +1,23 @@
 //! Even triangles: as long as asked for, on the surface that there was.
 
 use crate::common::tier;
+use crate::meshes::{cube, euler, grid, mapped, point, points, scaled, topology, volume};
 use glam::DVec3;
 use softras::scene::Appearance;
 use softras::{Error, Mesh, shapes};
-use softras_fit::{Topology, evened, is_closed};
-use softras_fit::{remeshed, voxel_iou};
-
-fn point(mesh: &Mesh, vertex: u32) -> DVec3 {
-    DVec3::from(mesh.positions()[vertex as usize].map(f64::from))
-}
+use softras_fit::{evened, is_closed, remeshed, voxel_iou};
 
 /// The lengths of all edges, in rising order.
 fn lengths(mesh: &Mesh) -> Vec<f64> {
-    let topology = Topology::new(mesh.positions().len(), mesh.triangles()).unwrap();
-    let mut lengths: Vec<f64> =
-        topology.edges().iter().map(|&[a, b]| point(mesh, a).distance(point(mesh, b))).collect();
+    let length = |&[a, b]: &[u32; 2]| point(mesh, a).distance(point(mesh, b));
+    let mut lengths: Vec<f64> = topology(mesh).edges().iter().map(length).collect();
     lengths.sort_by(f64::total_cmp);
     lengths
 }
 
-/// Vertices less edges plus triangles: 2 for a ball, 0 for a torus, 1 for a disc.
-fn euler(mesh: &Mesh) -> i64 {
-    let topology = Topology::new(mesh.positions().len(), mesh.triangles()).unwrap();
-    mesh.positions().len() as i64 - topology.edges().len() as i64 + mesh.triangles().len() as i64
-}
-
-/// What a closed mesh holds, below 0 where it is inside out.
-fn volume(mesh: &Mesh) -> f64 {
-    let six = |t: &[u32; 3]| point(mesh, t[0]).dot(point(mesh, t[1]).cross(point(mesh, t[2])));
-    mesh.triangles().iter().map(six).sum::<f64>() / 6.0
-}
-
 /// A sphere drawn out to a needle, as fits do it: long edges along it, short ones around.
 fn stretched() -> Mesh {
-    let sphere = shapes::icosphere(3).unwrap();
-    let positions = sphere.positions().iter().map(|p| [4.0 * p[0], 0.5 * p[1], 0.5 * p[2]]).collect();
-    Mesh::new(positions, sphere.triangles().to_vec()).unwrap()
-}
-
-/// The cube in one colour.
-fn cube() -> Mesh {
-    let cube = shapes::cube().unwrap();
-    Mesh::new(cube.positions().to_vec(), cube.triangles().to_vec()).unwrap()
+    scaled(&shapes::icosphere(3).unwrap(), [4.0, 0.5, 0.5])
 }
 
 #[test]
@@ -80,16 +55,14 @@ fn the_surface_stays() {
 /// Edges longer than the tube of a torus is around, and than a plate is thick, make nothing but a torus and a plate of it.
 #[test]
 fn handles_and_thin_plates_outlive_long_edges() {
-    let plate = cube().positions().iter().map(|p| [p[0], p[1], 0.05 * p[2]]).collect();
-    let plate = remeshed(&Mesh::new(plate, cube().triangles().to_vec()).unwrap(), 0.02..=0.02).unwrap();
+    let plate = remeshed(&scaled(&cube(), [1.0, 1.0, 0.05]), 0.02..=0.02).unwrap();
     let torus = shapes::torus(0.7, 0.1, 96, 24).unwrap();
     for (mesh, length, kept) in [(torus, 0.7, 0.0), (plate.clone(), 0.08, 0.8), (plate, 0.3, 0.1)] {
         let even = remeshed(&mesh, length..=length).unwrap();
-        let topology = Topology::new(even.positions().len(), even.triangles()).unwrap();
         assert!(even.triangles().len() * 2 < mesh.triangles().len(), "{length}: {}", even.triangles().len());
         assert!(is_closed(&even).unwrap() && euler(&even) == euler(&mesh), "{length}: {}", euler(&even));
         assert_eq!(
-            2 * topology.edges().len(),
+            2 * topology(&even).edges().len(),
             3 * even.triangles().len(),
             "{length}: an edge of more than two triangles"
         );
@@ -100,18 +73,9 @@ fn handles_and_thin_plates_outlive_long_edges() {
 /// An open sheet keeps its rim; colours go with the surface.
 #[test]
 fn rims_and_colours_stay() {
-    let (n, mut positions, mut triangles) = (12u32, Vec::new(), Vec::new());
-    for i in 0..=n {
-        for k in 0..=n {
-            positions.push([i as f32 / n as f32, k as f32 / n as f32, 0.0]);
-            if i < n && k < n {
-                let at = i * (n + 1) + k;
-                triangles.extend([[at, at + n + 1, at + 1], [at + 1, at + n + 1, at + n + 2]]);
-            }
-        }
-    }
-    let colors = positions.iter().map(|p| [p[0], p[1], 0.5]).collect();
-    let sheet = Mesh::new(positions, triangles).unwrap().with_appearance(Appearance::VertexColors(colors)).unwrap();
+    let sheet = grid(12, |x, y| [x / 12.0, y / 12.0, 0.0]);
+    let colors = sheet.positions().iter().map(|p| [p[0], p[1], 0.5]).collect();
+    let sheet = sheet.with_appearance(Appearance::VertexColors(colors)).unwrap();
     for length in [0.03, 0.15] {
         let even = remeshed(&sheet, length..=length).unwrap();
         let Appearance::VertexColors(colors) = even.appearance() else { panic!("the colours went") };
@@ -149,10 +113,6 @@ fn farthest(points: impl Iterator<Item = DVec3>, mesh: &Mesh) -> f64 {
     points.map(|p| triangles.iter().map(|t| from_triangle(p, *t)).fold(f64::INFINITY, f64::min)).fold(0.0, f64::max)
 }
 
-fn vertices(mesh: &Mesh) -> impl Iterator<Item = DVec3> {
-    (0..mesh.positions().len() as u32).map(|v| point(mesh, v))
-}
-
 fn centers(mesh: &Mesh) -> impl Iterator<Item = DVec3> {
     mesh.triangles().iter().map(|t| (point(mesh, t[0]) + point(mesh, t[1]) + point(mesh, t[2])) / 3.0)
 }
@@ -160,10 +120,10 @@ fn centers(mesh: &Mesh) -> impl Iterator<Item = DVec3> {
 /// A ball with bumps, each some edges wide, coloured by its vertices' places.
 fn bumpy() -> Mesh {
     let ball = shapes::icosphere(4).unwrap();
-    let bumps = |p: &[f32; 3]| 1.0 + 0.06 * (9.0 * p[0]).sin() * (8.0 * p[1]).cos() * (7.0 * p[2] + 1.0).sin();
-    let positions: Vec<[f32; 3]> = ball.positions().iter().map(|p| p.map(|x| bumps(p) * x)).collect();
-    let colors = Appearance::VertexColors(positions.clone());
-    Mesh::new(positions, ball.triangles().to_vec()).unwrap().with_appearance(colors).unwrap()
+    let bump = |[x, y, z]: [f32; 3]| 1.0 + 0.06 * (9.0 * x).sin() * (8.0 * y).cos() * (7.0 * z + 1.0).sin();
+    let bumpy = mapped(&ball, |p| p.map(|x| bump(p) * x));
+    let colors = Appearance::VertexColors(bumpy.positions().to_vec());
+    bumpy.with_appearance(colors).unwrap()
 }
 
 /// Vertices lie on the surface that is replaced, with its colours there, and triangles hardly leave it: a mesh that is
@@ -174,14 +134,14 @@ fn no_detail_is_lost() {
     let length = 0.06;
     let even = remeshed(&bumpy, length..=length).unwrap();
     // Of all points one in five: each is compared with every triangle.
-    let off = farthest(vertices(&even).step_by(5), &bumpy);
+    let off = farthest(points(&even).into_iter().step_by(5), &bumpy);
     assert!(off < 1e-6, "a vertex is {off} off the surface");
     let Appearance::VertexColors(colors) = even.appearance() else { panic!("the colours went") };
     for (p, color) in even.positions().iter().zip(colors) {
         assert!(DVec3::from(p.map(f64::from)).distance(DVec3::from(color.map(f64::from))) < 1e-6, "{p:?}: {color:?}");
     }
     let again = (0..tier(1, 4)).fold(even, |mesh, _| remeshed(&mesh, length..=length).unwrap());
-    let off = [farthest(centers(&again).step_by(5), &bumpy), farthest(vertices(&bumpy).step_by(5), &again)];
+    let off = [farthest(centers(&again).step_by(5), &bumpy), farthest(points(&bumpy).into_iter().step_by(5), &again)];
     assert!(off.iter().all(|off| *off < 0.2 * length), "{off:?}, edges of {length}");
     assert!((volume(&again) / volume(&bumpy) - 1.0).abs() < 0.003, "{} of {}", volume(&again), volume(&bumpy));
 }
@@ -205,7 +165,7 @@ fn creases_and_corners_stay() {
 fn samples_are_smoothed() {
     let even = evened(&cube(), 0.15).unwrap();
     assert!(is_closed(&even).unwrap() && euler(&even) == 2);
-    let off = farthest(vertices(&cube()), &even);
+    let off = farthest(points(&cube()).into_iter(), &even);
     assert!((0.01..0.15).contains(&off), "{off}");
     assert!(matches!(evened(&cube(), 0.0), Err(Error::Fit { .. })));
 }
@@ -217,7 +177,7 @@ fn edges_follow_the_curvature() {
     assert!(is_closed(&even).unwrap() && euler(&even) == 2);
     let side = f64::from(cube().positions()[0][0].abs());
     let mean = |is_in: &dyn Fn(DVec3) -> bool| {
-        let topology = Topology::new(even.positions().len(), even.triangles()).unwrap();
+        let topology = topology(&even);
         let ends = topology.edges().iter().map(|e| e.map(|v| point(&even, v)));
         let lengths: Vec<f64> = ends.filter(|[a, b]| is_in(0.5 * (*a + *b))).map(|[a, b]| a.distance(b)).collect();
         lengths.iter().sum::<f64>() / lengths.len() as f64
@@ -248,15 +208,14 @@ fn a_large_mesh_is_remeshed_in_seconds() {
 
 #[test]
 fn what_cannot_be_remeshed_is_refused() {
-    let cube = cube();
     for length in [0.0, -1.0, f64::NAN, 1e-6] {
-        let refused = remeshed(&cube, length..=length);
+        let refused = remeshed(&cube(), length..=length);
         assert!(matches!(&refused, Err(Error::Fit { what, .. }) if what.contains("edges of")), "{length}: {refused:?}");
     }
     let painted = remeshed(&shapes::cube().unwrap(), 0.5..=0.5);
     assert!(matches!(&painted, Err(Error::Fit { what, .. }) if what.contains("textured")), "{painted:?}");
     for edges in [0.2..=0.1, 0.1..=f64::INFINITY] {
-        assert!(matches!(remeshed(&cube, edges), Err(Error::Fit { fix, .. }) if fix.contains("the shorter first")));
+        assert!(matches!(remeshed(&cube(), edges), Err(Error::Fit { fix, .. }) if fix.contains("the shorter first")));
     }
     let needle = Mesh::new(vec![[0.0; 3], [1e9, 0.0, 0.0], [2e9, 0.0, 0.0]], vec![[0, 1, 2]]).unwrap();
     assert!(matches!(remeshed(&needle, 0.1..=0.1), Err(Error::Fit { .. })), "no area, but no end of edges");
@@ -264,6 +223,6 @@ fn what_cannot_be_remeshed_is_refused() {
     let empty = Mesh::new(Vec::new(), Vec::new()).unwrap();
     assert_eq!(remeshed(&empty, 0.5..=0.5).unwrap().triangles().len(), 0);
     // A triangle with a corner twice has no area and goes.
-    let flat = Mesh::new(cube.positions().to_vec(), [cube.triangles(), &[[0, 0, 1]]].concat()).unwrap();
+    let flat = Mesh::new(cube().positions().to_vec(), [cube().triangles(), &[[0, 0, 1]]].concat()).unwrap();
     assert!(is_closed(&remeshed(&flat, 0.3..=0.3).unwrap()).unwrap());
 }

@@ -1,11 +1,9 @@
 //! Shape fits, their presets, and a loss of one's own.
 
 use crate::common;
+use crate::meshes::{PERSPECTIVE, cameras, cube, mapped, moved};
 use softras::scene::{Appearance, Outputs};
-use softras::{
-    Camera, Error, Frame, Image, ImageGradient, Lights, Mesh, Projection, Renderer, RendererOptions, Scene, Settings,
-    shapes,
-};
+use softras::{Error, Frame, Image, ImageGradient, Lights, Mesh, Renderer, RendererOptions, Scene, Settings, shapes};
 use softras_fit::{ImageLoss, ShapeFit, ShapeOptions, ShapeRun};
 use softras_io::Views;
 
@@ -20,10 +18,8 @@ fn goal() -> (common::Loan, Views, Settings) {
 fn goal_of(mesh: Mesh, sides: u32) -> (common::Loan, Views, Settings) {
     let mut renderer = common::renderer();
     let scene = Scene::new(mesh);
-    let projection = Projection::Perspective { fov_y: 0.6 };
-    let azimuth = |i: u32| 360.0 / f64::from(sides) * f64::from(i) + 10.0;
-    let cameras: Vec<Camera> =
-        (0..sides).map(|i| Camera::from_angles(4.0, 20.0, azimuth(i), projection).unwrap()).collect();
+    let angles = (0..sides).map(|i| [20.0, 360.0 / f64::from(sides) * f64::from(i) + 10.0]);
+    let cameras = cameras(PERSPECTIVE, 4.0, angles);
     let settings = Settings { width: SIDE, height: SIDE, sigma: 1e-4, ..Settings::default() }
         .with_depths_of(&scene, &cameras, 0.5);
     let silhouette = renderer.render(&scene, &cameras, &settings).unwrap().silhouette().ok().cloned();
@@ -55,9 +51,7 @@ fn both_presets_fit_the_crates_own_sphere() {
         assert!(losses[step] == least && mesh.positions().len() == 642, "{step} {losses:?}");
     }
     // What is larger than the box by more than rounding has other units.
-    let cube = shapes::icosphere(1).unwrap();
-    let large = cube.positions().iter().map(|p| p.map(|x| 3.0 * x)).collect();
-    let large = Mesh::new(large, cube.triangles().to_vec()).unwrap();
+    let large = moved(&shapes::icosphere(1).unwrap(), 3.0, [0.0; 3]);
     let error = ShapeFit::new(large, Lights::unlit(), ShapeOptions::official()).unwrap_err();
     assert!(error.to_string().contains("ShapeOptions::smooth()"), "{error}");
 }
@@ -75,29 +69,24 @@ fn a_loss_of_ones_own_moves_what_the_fit_moves() {
     let (mut fit, mut own) = (shape(&options), shape(&options));
     let step = fit.step(&mut renderer, &settings, &targets, 0.02, 0.01).unwrap();
     let seen = Settings { outputs: Outputs { color: false, ..settings.outputs }, save: true, ..settings };
-    let frame = renderer.render(own.scene(), &targets.cameras, &seen).unwrap();
-    let silhouettes = (frame.silhouette().unwrap(), targets.silhouette.as_ref().unwrap());
-    let loss = ImageLoss::NegativeIou.evaluate(silhouettes.0, silhouettes.1, None).unwrap();
-    let gradients = renderer.backward(&frame, &ImageGradient::silhouette(loss.gradient), &own.wanted()).unwrap();
-    let penalties = own.advance(&gradients.meshes[0], 0.02, 0.01).unwrap();
-    assert_eq!((loss.value, penalties), (step.silhouette, step.regularizers));
-    assert!(own.mesh() == fit.mesh() && own.state() == fit.state() && own.mesh().positions() != ball.positions());
-    let mut third = shape(&options);
     let target = targets.silhouette.as_ref().unwrap();
     let by_iou = |frame: &Frame| {
         let loss = ImageLoss::NegativeIou.evaluate(frame.silhouette().unwrap(), target, None)?;
         Ok((loss.value, ImageGradient::silhouette(loss.gradient)))
     };
-    let value = third.step_by(&mut renderer, &seen, &targets.cameras, by_iou, (0.02, 0.01)).unwrap();
-    assert!(value == step.silhouette && third.state() == fit.state());
-    // What is not fitted stays, whatever it is given.
-    let mut by = gradients.meshes[0].clone();
-    by.colors = vec![[1.0; 3]; ball.positions().len()];
+    let value = own.step_by(&mut renderer, &seen, &targets.cameras, by_iou, (0.02, 0.01)).unwrap();
+    assert_eq!(value, step.silhouette);
+    assert!(own.mesh() == fit.mesh() && own.state() == fit.state() && own.mesh().positions() != ball.positions());
+    // What is not fitted stays, whatever the loss is.
     let mut still = shape(&ShapeOptions { fit_positions: false, ..options });
-    still.advance(&by, 0.02, 0.01).unwrap();
+    let by_color = |frame: &Frame| {
+        let color = frame.color()?;
+        let ones = Image { data: vec![1.0; color.data.len()], ..*color };
+        Ok((0.0, ImageGradient { color: Some(ones), ..by_iou(frame)?.1 }))
+    };
+    let colored = Settings { outputs: Outputs { color: true, ..seen.outputs }, ..seen };
+    still.step_by(&mut renderer, &colored, &targets.cameras, by_color, (0.02, 0.01)).unwrap();
     assert!(still.mesh().positions() == ball.positions() && *still.mesh().appearance() != gray);
-    by.positions.pop();
-    assert!(own.advance(&by, 0.02, 0.01).is_err_and(|error| error.to_string().contains("another mesh")));
 }
 
 /// Where the device does not hold all views at once they are rendered in parts: the same losses but for the order of sums.
@@ -116,7 +105,7 @@ fn views_are_fitted_in_parts_where_memory_is_short() {
         fresh.device_bytes()
     };
     let mut tight = within(held * 2 / 3);
-    let refused = tight.render_saved(shape().scene(), &targets.cameras, &settings);
+    let refused = tight.render_saved(&Scene::new(shape().mesh().clone()), &targets.cameras, &settings);
     assert!(matches!(refused, Err(Error::OutOfMemory { .. })), "{refused:?}");
     let losses = steps(&mut shape(), &mut tight);
     let worst = losses.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
@@ -131,9 +120,7 @@ fn views_are_fitted_in_parts_where_memory_is_short() {
 #[test]
 fn steps_of_some_of_the_views_take_them_in_turn() {
     // Of a bar each side has another loss.
-    let cube = shapes::cube().unwrap();
-    let long = cube.positions().iter().map(|[x, y, z]| [1.8 * x, 0.7 * y, 0.6 * z + 0.2 * x]).collect();
-    let bar = Mesh::new(long, cube.triangles().to_vec()).unwrap();
+    let bar = mapped(&cube(), |[x, y, z]| [1.8 * x, 0.7 * y, 0.6 * z + 0.2 * x]);
     let (mut renderer, targets, settings) = goal_of(bar, 6);
     let options = ShapeOptions { regularizers: vec![], views_per_step: 2, ..ShapeOptions::smooth() };
     let shape = || ShapeFit::new(shapes::icosphere(2).unwrap(), Lights::unlit(), options.clone()).unwrap();

@@ -1,26 +1,17 @@
 //! Subdivision: four triangles from each, at the middle of the edges or by Loop's scheme.
 
+use crate::meshes::{genus, grid, point, points, topology};
 use glam::{DMat3, DVec3};
 use softras::scene::{Appearance, Texture, Wrap};
 use softras::{Error, Mesh, shapes};
-use softras_fit::Subdivision;
-use softras_fit::{Topology, is_closed};
-
-fn topology(mesh: &Mesh) -> Topology {
-    Topology::new(mesh.positions().len(), mesh.triangles()).unwrap()
-}
+use softras_fit::{Subdivision, is_closed};
 
 fn divided(mesh: &Mesh, times: usize) -> Mesh {
     (0..times).fold(mesh.clone(), |mesh, _| Subdivision::Loop.of(&mesh).unwrap())
 }
 
-fn point(mesh: &Mesh, vertex: u32) -> DVec3 {
-    DVec3::from(mesh.positions()[vertex as usize].map(f64::from))
-}
-
 fn mapped(mesh: &Mesh, map: impl Fn(DVec3) -> DVec3) -> Mesh {
-    let positions = (0..mesh.positions().len()).map(|v| map(point(mesh, v as u32)).as_vec3().to_array()).collect();
-    Mesh::new(positions, mesh.triangles().to_vec()).unwrap()
+    crate::meshes::mapped(mesh, |p| map(DVec3::from(p.map(f64::from))).as_vec3().to_array())
 }
 
 fn octahedron() -> Mesh {
@@ -30,17 +21,6 @@ fn octahedron() -> Mesh {
         [[0, 2], [2, 1], [1, 3], [3, 0]].map(|[a, b]| if turned { [b, a, z] } else { [a, b, z] })
     };
     Mesh::new(positions.to_vec(), [quarter(4, false), quarter(5, true)].concat()).unwrap()
-}
-
-/// Triangles of a flat square of so many cells a side, with corners at whole numbers, moved by `place`.
-fn grid(cells: u32, place: impl Fn(f32, f32) -> [f32; 3]) -> Mesh {
-    let side = cells + 1;
-    let positions = (0..side * side).map(|i| place((i % side) as f32, (i / side) as f32)).collect();
-    let cell = |i: u32| {
-        let low = i / cells * side + i % cells;
-        [[low, low + 1, low + side + 1], [low, low + side + 1, low + side]]
-    };
-    Mesh::new(positions, (0..cells * cells).flat_map(cell).collect()).unwrap()
 }
 
 /// The largest angle between the normals of two triangles that share an edge.
@@ -55,11 +35,11 @@ fn sharpest(mesh: &Mesh) -> f64 {
 
 #[test]
 fn what_was_closed_stays_closed_with_its_handles() {
-    for (mesh, genus) in [(shapes::icosphere(1).unwrap(), 0), (shapes::torus(0.7, 0.3, 9, 7).unwrap(), 1)] {
+    for (mesh, handles) in [(shapes::icosphere(1).unwrap(), 0), (shapes::torus(0.7, 0.3, 9, 7).unwrap(), 1)] {
         for subdivision in [Subdivision::Midpoint, Subdivision::Loop] {
             let finer = subdivision.of(&mesh).unwrap();
             assert_eq!(finer.triangles().len(), 4 * mesh.triangles().len());
-            assert_eq!(topology(&finer).parts_and_genus(), (1, Some(genus)));
+            assert_eq!(genus(&finer), (1, Some(handles)));
             assert!(is_closed(&finer).unwrap());
         }
     }
@@ -101,7 +81,7 @@ fn an_affine_map_commutes() {
     // Else to the rounding of single precision, whose unit is 6e-8 of a coordinate of at most 11.
     let sphere = shapes::icosphere(1).unwrap();
     let [before, after] = [divided(&mapped(&sphere, map), 2), mapped(&divided(&sphere, 2), map)];
-    let far = (0..before.positions().len() as u32).map(|v| point(&before, v).distance(point(&after, v)));
+    let far = points(&before).into_iter().zip(points(&after)).map(|(a, b)| a.distance(b));
     assert!(far.fold(0.0, f64::max) < 5e-6);
 }
 

@@ -1,0 +1,71 @@
+//! A mesh's colours beside those of the views: their error, and the one colour that comes nearest.
+
+use crate::{pooled, sized, subject::Subject};
+use softras::{
+    Mesh, Renderer, Result, Scene, Settings, parts,
+    scene::{Appearance, Background, Outputs},
+};
+
+/// Samples along each side of a pixel.
+const SAMPLES: usize = 3;
+
+/// The mean absolute difference between the colours that a mesh shows under the lights of the fit and those of the views, linear
+/// and from 0 to 1, over the pixels that the object covers by more than half; `None` where no colours are fitted.
+pub fn color_error(
+    mesh: &Mesh,
+    settings: &Settings,
+    subject: &Subject,
+    renderer: &mut Renderer,
+) -> Result<Option<f64>> {
+    let (Some(color), Some(silhouette)) = (&subject.views.color, &subject.views.silhouette) else { return Ok(None) };
+    let settings = Settings {
+        sigma: 1e-7,
+        gamma: 1e-5,
+        outputs: Outputs { color: true, ..Outputs::NOTHING },
+        ..sized(settings, (color.height, color.width), SAMPLES)
+    };
+    let scene = Scene::new(mesh.clone()).with_lights(subject.lights.clone());
+    let (mut sum, mut count) = (0.0, 0usize);
+    parts::in_batches(renderer, &scene, &subject.views.cameras, &settings, |range, frame| {
+        let shown = pooled(frame.color()?, SAMPLES)?;
+        let (color, silhouette) = (color.views(range.clone()), silhouette.views(range));
+        let pixels = shown.data.chunks_exact(3).zip(color.data.chunks_exact(3)).zip(&silhouette.data);
+        for ((shown, wanted), _) in pixels.filter(|(_, inside)| **inside > 0.5) {
+            sum += shown.iter().zip(wanted).map(|(a, b)| f64::from((a - b).abs())).sum::<f64>();
+            count += 3;
+        }
+        Ok(())
+    })?;
+    Ok((count > 0).then(|| sum / count as f64))
+}
+
+/// The colour that a mesh needs for its renderings under the lights to be the targets', by least squares over the pixels in
+/// the object. It need not be the object's mesh, but one that faces the light alike in the mean.
+pub fn color_under_light(mesh: &Mesh, subject: &Subject, renderer: &mut Renderer) -> Result<[f32; 3]> {
+    let targets = &subject.views;
+    let (Some(color), Some(silhouette)) = (&targets.color, &targets.silhouette) else { return Ok([0.8; 3]) };
+    let settings = Settings {
+        near: subject.depths.0,
+        far: subject.depths.1,
+        background: Background::Composite,
+        ..sized(&Settings::default(), targets.size()?, 1)
+    };
+    let white = mesh.clone().with_appearance(Appearance::Uniform([1.0; 3]))?;
+    let scene = Scene::new(white).with_lights(subject.lights.clone());
+    let (mut by_light, mut of_light) = ([0.0; 3], [0.0; 3]);
+    parts::in_batches(renderer, &scene, &targets.cameras, &settings, |range, frame| {
+        let (light, alpha) = (frame.color()?, frame.silhouette()?);
+        let targets = range.flat_map(|view| color.view(view).chunks_exact(3).zip(silhouette.view(view)));
+        let lights = light.data.chunks_exact(3).zip(&alpha.data);
+        for ((target, inside), (light, covered)) in targets.zip(lights) {
+            if *inside > 0.99 && *covered > 0.99 {
+                for k in 0..3 {
+                    by_light[k] += f64::from(target[k]) * f64::from(light[k]);
+                    of_light[k] += f64::from(light[k]).powi(2);
+                }
+            }
+        }
+        Ok(())
+    })?;
+    Ok([0, 1, 2].map(|k| if of_light[k] > 0.0 { (by_light[k] / of_light[k]).clamp(0.0, 1.0) as f32 } else { 0.8 }))
+}
