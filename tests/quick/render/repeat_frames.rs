@@ -11,7 +11,7 @@ use crate::common::{
 use crate::gradient::repeat::camera;
 use crate::host::shim::{self, adapter};
 use softras::{
-    Camera, DeviceKind, GradientRequest, ImageGradient, Lights, Mesh, Renderer, RendererOptions, Scene, Settings,
+    DeviceKind, GradientRequest, ImageGradient, Lights, Mesh, Renderer, RendererOptions, Scene, Settings,
     scene::{Appearance, Background, Shading},
     shapes,
 };
