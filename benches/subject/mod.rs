@@ -18,7 +18,7 @@ pub fn mesh(name: &str) -> (String, Mesh) {
     }
 }
 
-/// Whether the arguments ask for it: `cargo bench --bench error -- full`.
+/// Whether the arguments ask for it: `cargo bench --bench growth -- full`.
 pub fn asked(word: &str) -> bool {
     std::env::args().any(|argument| argument == word)
 }

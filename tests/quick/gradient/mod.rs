@@ -6,5 +6,5 @@ mod hazards;
 mod living;
 mod opacity;
 mod per_vertex;
-mod repeat;
+pub mod repeat;
 mod room;

@@ -38,7 +38,7 @@ fn settings(size: u32) -> Settings {
     }
 }
 
-fn camera(eye: [f64; 3]) -> Camera {
+pub fn camera(eye: [f64; 3]) -> Camera {
     let projection = Projection::Perspective { fov_y: 0.8 };
     Camera::look_at(DVec3::from_array(eye), DVec3::ZERO, DVec3::Y, projection).unwrap()
 }

@@ -12,55 +12,36 @@ use softras::{
     scene::{Distance, Parity},
 };
 use softras_reference::render_culled;
+use std::ops::Range;
 
-/// A rectangle of an image.
-#[derive(Clone, Copy, Debug)]
-struct Window {
-    column: u32,
-    row: u32,
-    width: u32,
-    height: u32,
-}
-
-impl Window {
-    fn of(&self, camera: &Camera, settings: &Settings) -> softras::Result<(Camera, Settings)> {
-        let range = |first: u32, count: u32| first..first.saturating_add(count);
-        settings.cropped(camera, range(self.column, self.width), range(self.row, self.height))
-    }
-}
+/// Columns and rows of an image.
+type Window = (Range<u32>, Range<u32>);
 
 /// The pixels of a window.
-fn cut(image: &Image, w: &Window) -> Image {
+fn cut(image: &Image, (columns, rows): &Window) -> Image {
+    let (height, width) = (rows.len(), columns.len());
     let row = |view: usize, row: u32| {
-        let start = ((view * image.height + row as usize) * image.width + w.column as usize) * image.channels;
-        &image.data[start..start + w.width as usize * image.channels]
+        let start = ((view * image.height + row as usize) * image.width + columns.start as usize) * image.channels;
+        &image.data[start..start + width * image.channels]
     };
-    let rows = (0..image.batch).flat_map(|view| (w.row..w.row + w.height).map(move |r| (view, r)));
-    let data = rows.flat_map(|(view, r)| row(view, r)).copied().collect();
-    Image { height: w.height as usize, width: w.width as usize, data, ..*image }
+    let all = (0..image.batch).flat_map(|view| rows.clone().map(move |r| (view, r)));
+    let data = all.flat_map(|(view, r)| row(view, r)).copied().collect();
+    Image { height, width, data, ..*image }
 }
 
-/// The case's cameras and settings for a window.
-fn of(case: &Case, window: &Window) -> (Vec<Camera>, Settings) {
-    let made: Vec<_> = case.cameras.iter().map(|camera| window.of(camera, &case.settings).unwrap()).collect();
-    (made.iter().map(|(camera, _)| *camera).collect(), made[0].1.clone())
-}
-
-fn can_be_cut(case: &Case) -> bool {
-    case.cameras.iter().all(|camera| window(0, 0, 1, 1).of(camera, &case.settings).is_ok())
-}
-
-fn window(column: u32, row: u32, width: u32, height: u32) -> Window {
-    Window { column, row, width, height }
+/// The case's cameras and settings for a window; none where it cannot be cut.
+fn of(case: &Case, (columns, rows): &Window) -> Option<(Vec<Camera>, Settings)> {
+    let of_camera = |camera| case.settings.cropped(camera, columns.clone(), rows.clone()).ok();
+    let made: Vec<_> = case.cameras.iter().map(of_camera).collect::<Option<_>>()?;
+    Some((made.iter().map(|(camera, _)| *camera).collect(), made[0].1.clone()))
 }
 
 fn random_window(random: &mut Random, settings: &Settings) -> Window {
     let mut side = |whole: u32| {
         let first = random.below(whole as usize) as u32;
-        (first, 1 + random.below((whole - first) as usize) as u32)
+        first..first + 1 + random.below((whole - first) as usize) as u32
     };
-    let ((column, width), (row, height)) = (side(settings.width), side(settings.height));
-    window(column, row, width, height)
+    (side(settings.width), side(settings.height))
 }
 
 /// In the model a window is exactly a part of the whole; on the device it is as near as any two ways to render a scene.
@@ -71,15 +52,11 @@ fn a_window_shows_the_pixels_of_the_whole() {
     for seed in 0..tier(12, 30) {
         let kind = [Kind::Plain, Kind::Modes, Kind::Clipped][seed as usize % 3];
         let case = random_case(seed, kind);
-        if !can_be_cut(&case) {
-            continue;
-        }
+        let window = random_window(&mut Random::new(seed), &case.settings);
+        let Some((cameras, settings)) = of(&case, &window) else { continue };
         cut_cases += 1;
-        let random = &mut Random::new(seed);
         let whole = renderer.render(&case.scene, &case.cameras, &case.settings).unwrap();
         let reference = render_culled(&case.scene, &case.cameras, &case.settings).unwrap();
-        let window = random_window(random, &case.settings);
-        let (cameras, settings) = of(&case, &window);
         let part = renderer.render(&case.scene, &cameras, &settings).unwrap();
         let exact = render_culled(&case.scene, &cameras, &settings).unwrap();
         let (batch, height, width) = (reference.batch, reference.height, reference.width);
@@ -109,19 +86,18 @@ fn wide(image: &Image) -> Vec<f64> {
 fn windows_that_cannot_be_rendered_are_refused() {
     let settings = Settings { width: 20, height: 10, ..Settings::default() };
     let camera = Camera::from_angles(3.0, 20.0, 30.0, Projection::Perspective { fov_y: 0.7 }).unwrap();
-    let refused = |window: Window, camera: &Camera, settings: &Settings| {
-        window.of(camera, settings).map_or_else(|e| e, |_| panic!("{window:?} was taken"))
+    let cropped = |(columns, rows): Window, camera: &Camera, settings: &Settings| {
+        settings.cropped(camera, columns, rows).map(|_| ()).err()
     };
-    for window in
-        [window(0, 0, 0, 1), window(0, 0, 21, 1), window(19, 9, 2, 1), window(u32::MAX, 0, 2, 1), window(0, 9, 1, 2)]
-    {
-        assert!(matches!(refused(window, &camera, &settings), Error::Settings { field: "cropped", .. }));
+    for window in [(0..0, 0..1), (0..21, 0..1), (19..21, 9..10), (u32::MAX - 1..u32::MAX, 0..1), (0..1, 9..11)] {
+        assert!(matches!(cropped(window, &camera, &settings), Some(Error::Settings { field: "cropped", .. })));
     }
-    assert!(window(19, 9, 1, 1).of(&camera, &settings).is_ok());
+    assert!(cropped((19..20, 9..10), &camera, &settings).is_none());
     let official = Projection::Official { distortion: [0.0; 5], original_size: 10.0 };
     for camera in [Camera::screen(), Camera::from_angles(3.0, 20.0, 30.0, official).unwrap()] {
-        assert!(matches!(refused(window(0, 0, 1, 1), &camera, &settings), Error::Camera { field: "projection", .. }));
+        let refused = cropped((0..1, 0..1), &camera, &settings);
+        assert!(matches!(refused, Some(Error::Camera { field: "projection", .. })));
     }
     let boxed = Settings { distance: Distance::Barycentric, parity: Parity::Official, ..settings };
-    assert!(matches!(refused(window(0, 0, 1, 1), &camera, &boxed), Error::Settings { field: "distance", .. }));
+    assert!(matches!(cropped((0..1, 0..1), &camera, &boxed), Some(Error::Settings { field: "distance", .. })));
 }

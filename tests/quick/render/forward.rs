@@ -129,7 +129,8 @@ fn a_wrong_value_is_seen() {
     let frame = renderer().render(&case.scene, &case.cameras, &case.settings).unwrap();
     let reference = render_culled(&case.scene, &case.cameras, &case.settings).unwrap();
     let pixel = reference.margin.iter().position(|&m| m > 0.5).unwrap();
-    let changes: [(&str, fn(&mut ReferenceFrame, usize)); 5] = [
+    type Change = fn(&mut ReferenceFrame, usize);
+    let changes: [(&str, Change); 5] = [
         ("color", |f, pixel| f.color[3 * pixel] += 1e-3),
         ("silhouette", |f, pixel| f.silhouette[pixel] += 1e-3),
         ("depth", |f, pixel| f.depth[pixel] += 1e-3),

@@ -1,4 +1,4 @@
-//! What must not change an image: its company in a batch, and the room for lists; and which side is its right.
+//! What must not change an image: its company in a batch, and the room for lists.
 
 use crate::common::{
     compare::{images, same_image_bits, view_of},
@@ -9,9 +9,8 @@ use crate::common::{
     tier, tolerance,
 };
 use crate::host::{Planner, difference};
-use glam::DVec3;
 use softras::{
-    Camera, Frame, GradientRequest, Mesh, Projection, RendererOptions, Scene, Settings,
+    Camera, Frame, GradientRequest, Mesh, RendererOptions, Scene, Settings,
     embed::Capacity,
     scene::{Appearance, Outputs},
 };
@@ -19,21 +18,6 @@ use softras::{
 #[track_caller]
 fn render(renderer: &mut softras::Renderer, case: &Case) -> Frame {
     renderer.render(&case.scene, &case.cameras, &case.settings).unwrap_or_else(|e| panic!("{e}\n{case:?}"))
-}
-
-#[test]
-fn the_viewer_s_right_is_the_image_s_right() {
-    // From +z the viewer's right is +x.
-    let projection = Projection::Perspective { fov_y: 1.0 };
-    let camera = Camera::look_at(DVec3::Z * 4.0, DVec3::ZERO, DVec3::Y, projection).unwrap();
-    let triangle = vec![[0.5, 0.5, 0.0], [1.0, 0.5, 0.0], [0.5, 1.0, 0.0]];
-    let scene = Scene::new(Mesh::new(triangle, vec![[0, 1, 2]]).unwrap());
-    let settings = Settings { width: 32, height: 32, ..Settings::default() };
-    let frame = renderer().render(&scene, &[camera], &settings).unwrap();
-    let image = frame.silhouette().unwrap();
-    for (row, column, expected) in [(11, 20, 1.0), (11, 11, 0.0), (20, 20, 0.0), (20, 11, 0.0)] {
-        assert_eq!(image.pixel(0, row, column), [expected], "row {row}, column {column}");
-    }
 }
 
 /// Whether every view alone is rendered by the very kernels that render the batch. They are specialised by what colours

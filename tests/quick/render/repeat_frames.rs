@@ -8,11 +8,10 @@ use crate::common::{
     scenes::{Case, random_alpha, random_appearance, random_texture},
     tier,
 };
+use crate::gradient::repeat::camera;
 use crate::host::shim::{self, adapter};
-use glam::DVec3;
 use softras::{
-    Camera, DeviceKind, GradientRequest, ImageGradient, Lights, Mesh, Projection, Renderer, RendererOptions, Scene,
-    Settings,
+    DeviceKind, GradientRequest, ImageGradient, Lights, Mesh, Renderer, RendererOptions, Scene, Settings,
     scene::{Appearance, Background, Shading},
     shapes,
 };
@@ -23,11 +22,6 @@ use softras_lab::agreement::random_upstream;
 struct State {
     case: Case,
     wanted: GradientRequest,
-}
-
-fn camera(eye: [f64; 3]) -> Camera {
-    let projection = Projection::Perspective { fov_y: 0.8 };
-    Camera::look_at(DVec3::from_array(eye), DVec3::ZERO, DVec3::Y, projection).unwrap()
 }
 
 fn start(random: &mut Random) -> State {
