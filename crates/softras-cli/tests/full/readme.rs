@@ -64,11 +64,3 @@ fn the_commands_of_the_readme_run_twice() {
         seen = pictures;
     }
 }
-
-#[test]
-fn commands_are_found_and_made_small() {
-    let readme = "softras outside\n```sh\nsoftras render a.obj -o a.png --turntable 100   # turns\nls\n```\n```rust\nsoftras no\n```";
-    assert_eq!(commands(readme), ["softras render a.obj -o a.png --turntable 100"]);
-    assert_eq!(smaller(&commands(readme)[0]), "softras render a.obj -o a.png --turntable 3 --size 64");
-    assert_eq!(smaller("softras check"), "softras check");
-}
