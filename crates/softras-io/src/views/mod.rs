@@ -379,8 +379,11 @@ fn check_inside(folder: &Path, file: &Path, allowed: bool) -> Result<()> {
     refuse(file, "lies outside the folder of views", "move it into the folder, or use --allow-outside")
 }
 
+/// How a silhouette was told, and that a picture was turned.
+type Noted = [Option<String>; 2];
+
 /// The pixels of a picture file, linear colour over black and alpha, and the notes of [`PictureFile::decode_object`].
-fn pixels_of(path: &Path) -> Result<(Vec<[f64; 4]>, [Option<String>; 2])> {
+fn pixels_of(path: &Path) -> Result<(Vec<[f64; 4]>, Noted)> {
     let (picture, silhouette, notes) = PictureFile::open(path)?.decode_object(path)?;
     let one = |(pixel, alpha): (&image::Rgba<u8>, f64)| {
         let [r, g, b, a] = pixel.0.map(|byte| f64::from(byte) / 255.0);

@@ -255,7 +255,7 @@ mode!(Loss => ImageLoss { Iou => NegativeIou, L1 => L1, L2 => L2 });
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Method")]
 pub struct MethodArgs {
-    /// The defaults: smooth, or official of the paper
+    /// The defaults: smooth, or official (paper)
     #[arg(long, value_enum, value_name = "PRESET", default_value = "smooth", hide_possible_values = true)]
     pub preset: Preset,
     /// Number of steps [default: 500, and 150 from a hull]
@@ -315,7 +315,7 @@ pub struct MethodArgs {
     /// Split every triangle into four before these steps
     #[arg(long, value_name = "STEPS", value_delimiter = ',')]
     pub subdivide_at: Vec<u32>,
-    /// How it splits: midpoint, or loop, which rounds
+    /// How it splits: midpoint, or rounder by loop
     #[arg(
         long,
         value_enum,

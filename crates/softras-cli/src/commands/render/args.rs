@@ -36,8 +36,6 @@ pub struct RenderArgs {
         hide_possible_values = true
     )]
     pub output: Vec<Output>,
-    #[command(flatten)]
-    pub look: LookArgs,
     /// Animate a turn of N frames around the vertical axis
     #[arg(long, value_name = "N", value_parser = parse::count, conflicts_with = "sweep")]
     pub turntable: Option<usize>,
@@ -47,6 +45,9 @@ pub struct RenderArgs {
     /// Print one JSON object: device, sizes, camera, settings, times, files
     #[arg(long)]
     pub json: bool,
+    // What follows a flattened group has its heading, unless it names another.
+    #[command(flatten)]
+    pub look: LookArgs,
     /// Alpha of .png and .gif: solid inside of surfaces, or the model's
     #[arg(long, value_enum, value_name = "ALPHA", hide_possible_values = true, help_heading = "Picture")]
     pub alpha: Option<Alpha>,
