@@ -60,7 +60,7 @@ fn position(entry: &Listed) -> Result<DMat4, (String, &'static str)> {
     let angles = [entry.distance, entry.elevation, entry.azimuth];
     let matrices = (entry.world_to_camera.as_ref(), entry.camera_to_world.as_ref());
     let alone = entry.target.is_none() && entry.up.is_none();
-    let bad = |what: String| (format!(": {what}"), "see docs/fitting.md and `softras fit --help`");
+    let bad = |what: String| (format!(": {what}"), "see docs/fitting.md");
     // The lens is another field's; a camera is made here for its view alone.
     let any = perspective(0.5);
     let of_camera = |camera: Result<Camera>| {

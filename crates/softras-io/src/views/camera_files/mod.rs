@@ -199,7 +199,7 @@ fn matrix(rows: &[[f64; 4]; 4]) -> DMat4 {
 /// Parses JSON of typed fields; the error names the place of what does not belong there.
 fn json<'a, T: serde::Deserialize<'a>>(path: &Path, bytes: &'a [u8]) -> Result<T> {
     let json = &mut serde_json::Deserializer::from_slice(bytes);
-    let refuse = |what: String| refuse(path, what, "see docs/fitting.md and `softras fit --help`");
+    let refuse = |what: String| refuse(path, what, "see docs/fitting.md");
     let parsed: T = match serde_path_to_error::deserialize(&mut *json) {
         Ok(parsed) => parsed,
         Err(error) => {
