@@ -267,7 +267,7 @@ FAULTS = [
     ("a close-up tells the object's size", "crates/softras-fit/src/cameras.rs", "if x == 0 || y == 0 || x + 1 == width || y + 1 == height {",
      "if false {", ["fit doubt::close_ups"]),
     ("a close-up's border carves", "crates/softras-fit/src/hull.rs", "if self.is_cut && !is_inside {", "if false {", ["fit doubt::close_ups"]),
-    ("files: pictures lie as they are stored", "crates/softras-io/src/picture_file.rs", "picture.apply_orientation(orientation);", "",
+    ("files: pictures lie as they are stored", "crates/softras-io/src/picture_file.rs", "picture.apply_orientation(self.orientation);", "",
      ["io found::pictures_are_turned"]),
     ("files: a lens that bends the other way", "crates/softras-io/src/views/camera_files/mod.rs", "1.0 + square * (k1",
      "1.0 - square * (k1", ["io found::masks"]),

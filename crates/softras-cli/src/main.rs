@@ -2,15 +2,14 @@
 
 mod commands;
 
-use clap::{FromArgMatches, error::ErrorKind};
-use commands::{Cli, Failure, help};
+use clap::{CommandFactory, Parser, error::ErrorKind};
+use commands::{Cli, Failure};
 use softras_io::text;
 use std::io::Write;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let parsed = help::command().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches));
-    let outcome = match parsed {
+    let outcome = match Cli::try_parse() {
         Ok(cli) => commands::run(&cli),
         Err(error) if error.use_stderr() => error.exit(),
         // The help or the version.
@@ -21,12 +20,12 @@ fn main() -> ExitCode {
         // As clap does for what it finds itself: the command's usage on stderr, exit code 2.
         Err(Failure::Usage(what)) => {
             let what = text::harmless(&what, false);
-            let mut whole = help::command();
+            let mut whole = Cli::command();
             whole.build();
             let name = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned());
             let name = name.into_iter().find(|word| whole.find_subcommand(word).is_some());
             let command = name.as_ref().and_then(|name| whole.find_subcommand_mut(name));
-            command.unwrap_or(&mut help::command()).error(ErrorKind::ValueValidation, what).exit()
+            command.unwrap_or(&mut Cli::command()).error(ErrorKind::ValueValidation, what).exit()
         }
         Err(Failure::Error(error)) => fail(&error.to_string()),
         Err(Failure::Output(error)) => fail(&format!("standard output: {error}: the results were not all written")),

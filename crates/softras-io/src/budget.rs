@@ -1,6 +1,7 @@
 //! What the files of a command may take of memory: claimed before it is taken, against one budget for them all.
 
-use softras::{Error, Result};
+use crate::fault;
+use softras::Result;
 use std::cell::Cell;
 use std::path::Path;
 
@@ -47,14 +48,13 @@ impl Budget {
     /// Claims bytes for something of a file.
     ///
     /// # Errors
-    /// [`Error::File`] when the budget does not have them.
+    /// [`softras::Error::File`] when the budget does not have them.
     pub fn claim(&self, path: &Path, what: &str, bytes: u64) -> Result<()> {
         let claimed = self.claimed.get().saturating_add(bytes);
         if claimed > self.most.get() {
             let [bytes, left] = [bytes, self.most.get() - self.claimed.get()].map(mebibytes);
-            let what = format!("{what} takes about {bytes} of memory, and {left} are left for what files hold");
-            let fix = "allow more with --memory, or give less".into();
-            return Err(Error::File { path: path.into(), line: None, what, fix });
+            let what = format!("{what} takes about {bytes} of memory, and {left} of the memory for files are left");
+            return Err(fault(path, what, "allow more with --memory, or give less"));
         }
         self.claimed.set(claimed);
         Ok(())

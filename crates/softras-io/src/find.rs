@@ -1,5 +1,6 @@
 //! Finds the files that a mesh file names, within its folder.
 
+use crate::output::folder_of;
 use std::path::{Component, Path, PathBuf};
 
 /// The file that `parent` names, or the file of that name in its folder or the mesh's: a file from another computer names
@@ -47,11 +48,6 @@ fn locate(parent: &Path, name: &str) -> PathBuf {
     let path = folder.join(name);
     // Files from Windows separate folders by backslashes.
     if path.is_file() || !name.contains('\\') { path } else { folder.join(name.replace('\\', "/")) }
-}
-
-fn folder_of(file: &Path) -> &Path {
-    let folder = file.parent().unwrap_or(Path::new(""));
-    if folder == Path::new("") { Path::new(".") } else { folder }
 }
 
 /// Whether a path stays in the folder of the mesh, which it may leave by `..`, as an absolute path or by a link: a mesh

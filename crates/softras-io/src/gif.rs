@@ -1,9 +1,9 @@
 //! Animated GIF files, with one palette for all frames so that colours do not flicker.
 
-use crate::{Picture, output};
+use crate::{Picture, failed, output};
 use ::gif::{DisposalMethod, Encoder, Frame, Repeat};
 use color_quant::NeuQuant;
-use softras::{Error, Result};
+use softras::Result;
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::Path;
@@ -16,9 +16,9 @@ const SAMPLES: usize = 1 << 19;
 /// Writes opaque frames of one size as an endless loop, with `delay` hundredths of a second between frames.
 ///
 /// # Errors
-/// [`Error::Io`] when the file cannot be written.
+/// [`softras::Error::Io`] when the file cannot be written.
 pub fn write_gif(path: &Path, frames: &[Picture], delay: u16) -> Result<()> {
-    let bytes = encode(frames, delay).map_err(|e| Error::Io { path: path.into(), source: std::io::Error::other(e) })?;
+    let bytes = encode(frames, delay).map_err(|error| failed(path, error))?;
     output::write_file(path, &bytes)
 }
 

@@ -3,6 +3,7 @@
 //! Opening a pipe waits for its other end, reading a device may never end, and an allocation that fails ends the process.
 //! So what a path leads to is asked before it is opened, and room is asked for before it is filled.
 
+use crate::refuse;
 use softras::{Error, Result};
 use std::{fs, io::Read, path::Path};
 
@@ -13,7 +14,7 @@ use std::{fs, io::Read, path::Path};
 pub fn open(path: &Path) -> Result<fs::File> {
     let io = |source| Error::Io { path: path.into(), source };
     if !fs::metadata(path).map_err(io)?.is_file() {
-        return refuse(path, "not a regular file".into(), "give the path of a file");
+        return refuse(path, "not a regular file", "give the path of a file");
     }
     fs::File::open(path).map_err(io)
 }
@@ -39,7 +40,24 @@ pub fn read(path: &Path, most: u64) -> Result<Vec<u8>> {
 /// # Errors
 /// [`Error::File`].
 pub fn refuse_empty(path: &Path, bytes: u64) -> Result<()> {
-    if bytes > 0 { Ok(()) } else { refuse(path, "the file is empty".into(), "write it or copy it again") }
+    if bytes > 0 { Ok(()) } else { refuse(path, "the file is empty", "write it or copy it again") }
+}
+
+/// A vector with room for so many values, so that a lack of memory for what a file holds is an error and not the end of the
+/// process.
+///
+/// # Errors
+/// [`Error::OutOfMemory`].
+pub(crate) fn vector<T>(path: &Path, count: usize) -> Result<Vec<T>> {
+    let mut vector = Vec::new();
+    match vector.try_reserve_exact(count) {
+        Ok(()) => Ok(vector),
+        Err(_) => Err(Error::OutOfMemory {
+            what: path.display().to_string(),
+            bytes: (count * size_of::<T>()) as u64,
+            fix: "give a smaller mesh, or allow the process more memory".into(),
+        }),
+    }
 }
 
 /// Makes sure that so many bytes could be allocated at once, before code that ends the process if they cannot.
@@ -50,8 +68,4 @@ pub fn room_for(what: &str, bytes: u64) -> Result<()> {
     let room = usize::try_from(bytes).is_ok_and(|bytes| Vec::<u8>::new().try_reserve_exact(bytes).is_ok());
     let fix = "give smaller files, or allow the process more memory";
     if room { Ok(()) } else { Err(Error::OutOfMemory { what: what.into(), bytes, fix: fix.into() }) }
-}
-
-fn refuse<T>(path: &Path, what: String, fix: &str) -> Result<T> {
-    Err(Error::File { path: path.into(), line: None, what, fix: fix.into() })
 }

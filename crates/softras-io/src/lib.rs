@@ -56,7 +56,7 @@ use source::Source;
 use std::{
     borrow::Cow,
     fs,
-    io::Read,
+    io::{self, Read},
     path::{Path, PathBuf},
 };
 
@@ -114,9 +114,7 @@ pub fn load_with(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded
     };
     // What is wrong with a mesh that a file holds is wrong with the file.
     let mesh = mesh.map_err(|error| match error {
-        Error::Mesh { what, place, fix } => {
-            Error::File { path: path.into(), line: None, what: format!("{what} at {place}"), fix }
-        }
+        Error::Mesh { what, place, fix } => fault(path, format!("{what} at {place}"), fix),
         other => other,
     })?;
     if mesh.triangles().is_empty() {
@@ -218,9 +216,33 @@ fn by_ending(path: &Path) -> Option<Format> {
     }
 }
 
-/// An error of a file without lines.
-fn fault(path: &Path, what: impl Into<String>, fix: &str) -> Error {
+/// What is wrong with a file, and what to do.
+fn fault(path: &Path, what: impl Into<String>, fix: impl Into<String>) -> Error {
+    fault_at(path, None, what, fix)
+}
+
+/// The same on a line.
+fn fault_at(path: &Path, line: impl Into<Option<usize>>, what: impl Into<String>, fix: impl Into<String>) -> Error {
     // What a parser quotes of a file may be as long as the file.
-    let what: String = what.into().chars().take(300).collect();
-    Error::File { path: path.into(), line: None, what, fix: fix.into() }
+    let what = what.into().chars().take(300).collect();
+    Error::File { path: path.into(), line: line.into(), what, fix: fix.into() }
+}
+
+/// [`fault`], where a result is due.
+fn refuse<T>(path: &Path, what: impl Into<String>, fix: impl Into<String>) -> Result<T> {
+    Err(fault(path, what, fix))
+}
+
+/// Why a surface with several colours on a triangle is not written.
+fn several_cells(resolution: u32, format: &str) -> Error {
+    Error::Mesh {
+        what: format!("surface texture of resolution {resolution}"),
+        place: "appearance".into(),
+        fix: format!("{format} files hold one colour per face: use resolution 1, vertex colours or an image"),
+    }
+}
+
+/// The failure of the system over a file.
+fn failed(path: &Path, error: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> Error {
+    Error::Io { path: path.into(), source: io::Error::other(error) }
 }

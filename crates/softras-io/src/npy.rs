@@ -3,6 +3,7 @@
 //! The crate npyz 0.9 does not read them, because a hostile header makes it allocate the 4 GiB that the header claims, parse
 //! nested brackets in exponential time and overflow when it multiplies the sides of a shape.
 
+use crate::refuse;
 use std::{io::Read, path::Path};
 
 /// An array with its shape and its values in the type that the file gives them.
@@ -301,10 +302,6 @@ pub fn write(shape: &[usize], data: Data<'_>) -> Vec<u8> {
     bytes
 }
 
-fn fault<T>(path: &Path, what: impl Into<String>, fix: &str) -> softras::Result<T> {
-    Err(softras::Error::File { path: path.into(), line: None, what: what.into(), fix: fix.into() })
-}
-
 /// A .npy file of finite numbers, which takes its memory of a budget.
 ///
 /// # Errors
@@ -317,11 +314,11 @@ pub fn read_file(path: &Path, budget: &crate::Budget) -> softras::Result<Array> 
     let room = |bytes| budget.claim(path, "the array", bytes).map_err(|error| error.to_string());
     let array = match read(std::io::BufReader::new(file), room) {
         Ok(array) => array,
-        Err(what) => return fault(path, what, "write it with numpy.save, as a plain array"),
+        Err(what) => return refuse(path, what, "write it with numpy.save, as a plain array"),
     };
     let odd = numbers(path, &array)?.iter().enumerate().find(|(_, x)| !x.is_finite());
     match odd {
-        Some((i, x)) => fault(path, format!("value {i} is {x:?}"), "every number must be finite"),
+        Some((i, x)) => refuse(path, format!("value {i} is {x:?}"), "every number must be finite"),
         None => Ok(array),
     }
 }
@@ -333,7 +330,7 @@ pub fn read_file(path: &Path, budget: &crate::Budget) -> softras::Result<Array> 
 pub fn numbers<'a>(path: &Path, array: &'a Array) -> softras::Result<Numbers<'a>> {
     match array.numbers() {
         Some(numbers) => Ok(numbers),
-        None => fault(path, format!("holds text ({})", array.dtype()), "numbers are expected"),
+        None => refuse(path, format!("holds text ({})", array.dtype()), "numbers are expected"),
     }
 }
 

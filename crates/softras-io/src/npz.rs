@@ -3,7 +3,7 @@
 use crate::Budget;
 use crate::npy::{self, Array, Data, Numbers};
 use crate::text;
-use crate::{input, output};
+use crate::{failed, fault, input, output};
 use softras::{Error, Result};
 use std::borrow::Cow;
 use std::cell::{OnceCell, RefCell};
@@ -42,12 +42,8 @@ impl Archive {
         let bytes = file.metadata().map_or(0, |metadata| metadata.len());
         input::refuse_empty(path, bytes)?;
         budget.count_file(bytes);
-        let broken = |e: zip::result::ZipError| Error::File {
-            path: path.into(),
-            line: None,
-            what: format!("not a readable .npz archive ({e})"),
-            fix: "write it with numpy.savez or numpy.savez_compressed".into(),
-        };
+        let fix = "write it with numpy.savez or numpy.savez_compressed";
+        let broken = |e: zip::result::ZipError| fault(path, format!("not a readable .npz archive ({e})"), fix);
         let zip = zip::ZipArchive::new(BufReader::new(file)).map_err(broken)?;
         let mut entries = BTreeMap::new();
         for index in 0..zip.len() {
@@ -62,8 +58,7 @@ impl Archive {
 
     /// An error that names this file and the key.
     pub fn fault(&self, key: &str, what: &str, fix: &str) -> Error {
-        let what = format!("key `{key}`: {what}");
-        Error::File { path: self.path.clone(), line: None, what, fix: fix.into() }
+        fault(&self.path, format!("key `{key}`: {what}"), fix)
     }
 
     /// Whether the file has the key.
@@ -145,7 +140,6 @@ pub fn write(path: &Path, arrays: &[(&str, Vec<usize>, Data<'_>)]) -> Result<()>
         }
         Ok(())
     };
-    let io = |e: zip::result::ZipError| Error::Io { path: path.into(), source: std::io::Error::other(e) };
-    pack().map_err(io)?;
-    output::write_file(path, zip.finish().map_err(io)?.get_ref())
+    pack().map_err(|error| failed(path, error))?;
+    output::write_file(path, zip.finish().map_err(|error| failed(path, error))?.get_ref())
 }

@@ -132,7 +132,8 @@ fn target_of(path: &Path) -> Result<PathBuf> {
     refuse(path, io::ErrorKind::InvalidInput, "too many symbolic links")
 }
 
-fn folder_of(path: &Path) -> &Path {
+/// The folder that a file lies in.
+pub(crate) fn folder_of(path: &Path) -> &Path {
     match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),

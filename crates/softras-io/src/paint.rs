@@ -47,7 +47,9 @@ pub fn on_canvas(image: Decoded, edges: [Edge; 2], range: [[f32; 2]; 2]) -> Resu
                 let first = (low.min(0.0) * sides[k] as f64).floor() as i64 - 1;
                 let end = (high.max(1.0) * sides[k] as f64).ceil() as i64 + 1;
                 if end - first > 4 * sides[k].max(4) {
-                    return Err("it ends on one side and repeats on the other, and its UVs lie far outside".into());
+                    return Err(
+                        "it is clamped along one side, repeats along the other, and its UVs lie too far outside".into(),
+                    );
                 }
                 (first, end - first)
             }

@@ -1,8 +1,8 @@
 //! Pictures of 8 bits a channel, arrays of floats, and the files of both.
 
-use crate::{npy, output};
+use crate::{failed, npy, output};
 use exr::prelude::{SpecificChannels, WritableImage};
-use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+use image::{ExtendedColorType, ImageEncoder, ImageResult, codecs::png::PngEncoder};
 use softras::{Error, Result};
 use std::{borrow::Cow, io::Cursor, path::Path};
 
@@ -56,8 +56,14 @@ pub struct Floats {
     pub data: Vec<f32>,
 }
 
-fn failed(path: &Path, e: impl std::error::Error + Send + Sync + 'static) -> Error {
-    Error::Io { path: path.into(), source: std::io::Error::other(e) }
+/// The content of a PNG file.
+///
+/// # Errors
+/// What the encoder refuses: no pixels, or too many.
+pub(crate) fn png(bytes: &[u8], width: u32, height: u32, color: ExtendedColorType) -> ImageResult<Vec<u8>> {
+    let mut file = Vec::new();
+    PngEncoder::new(&mut file).write_image(bytes, width, height, color)?;
+    Ok(file)
 }
 
 impl Picture {
@@ -102,15 +108,12 @@ impl Picture {
         } else {
             (self.pixels.as_flattened().into(), ExtendedColorType::Rgba8)
         };
-        let mut file = Vec::new();
         let (width, height) = (self.width as u32, self.height as u32);
-        let written = PngEncoder::new(&mut file).write_image(&bytes, width, height, color);
-        written.map_err(|error| Error::Mesh {
+        png(&bytes, width, height, color).map_err(|error| Error::Mesh {
             what: format!("a picture of {width}×{height} pixels cannot be encoded ({error})"),
             place: "picture".into(),
             fix: "give at least one pixel and a smaller picture".into(),
-        })?;
-        Ok(file)
+        })
     }
 
     /// Writes a PNG file.

@@ -1,7 +1,9 @@
 //! PNG and JPEG files: their sizes are known, and may be counted, before a pixel is decoded.
 
-use crate::input;
-use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits, RgbaImage, metadata::Orientation};
+use crate::{fault, input};
+use image::{
+    DynamicImage, ImageDecoder, ImageFormat, ImageReader, ImageResult, Limits, RgbaImage, metadata::Orientation,
+};
 use softras::{Error, Result};
 use std::{io::BufReader, path::Path};
 
@@ -9,7 +11,22 @@ use std::{io::BufReader, path::Path};
 pub const MAX_SIDE: u32 = 16384;
 
 /// Bytes of a pixel while it is decoded and converted: up to eight as it is in the file and sixteen as four floats.
-const BYTES_PER_PIXEL: u64 = 24;
+pub(crate) const BYTES_PER_PIXEL: u64 = 24;
+
+/// The limits of any picture.
+pub(crate) fn limits() -> Limits {
+    let mut limits = Limits::default();
+    limits.max_image_width = Some(MAX_SIDE);
+    limits.max_image_height = Some(MAX_SIDE);
+    limits
+}
+
+/// The pixels of a decoder, within limits.
+pub(crate) fn decoded(mut decoder: impl ImageDecoder, mut limits: Limits) -> ImageResult<DynamicImage> {
+    limits.reserve(decoder.total_bytes())?;
+    decoder.set_limits(limits)?;
+    DynamicImage::from_decoder(decoder)
+}
 
 /// A picture of which only the header has been read.
 pub struct PictureFile {
@@ -43,9 +60,7 @@ impl PictureFile {
         }
         let mut reader = reader.with_guessed_format().map_err(io)?;
         let is_lossy = matches!(reader.format(), Some(ImageFormat::Jpeg | ImageFormat::WebP));
-        let mut limits = Limits::default();
-        limits.max_image_width = Some(MAX_SIDE);
-        limits.max_image_height = Some(MAX_SIDE);
+        let mut limits = limits();
         // The caller counts pixels; this is for what a decoder needs besides them.
         limits.max_alloc = Some(u64::from(MAX_SIDE) * u64::from(MAX_SIDE) * BYTES_PER_PIXEL);
         reader.limits(limits.clone());
@@ -64,8 +79,7 @@ impl PictureFile {
         };
         if width.min(height) == 0 || width.max(height) > MAX_SIDE {
             let what = format!("is {width}×{height} pixels");
-            let fix = format!("use 1 to {MAX_SIDE} pixels a side");
-            return Err(Error::File { path: path.into(), line: None, what, fix });
+            return Err(fault(path, what, format!("use 1 to {MAX_SIDE} pixels a side")));
         }
         Ok(Self { width, height, file_bytes, is_lossy, orientation, decoder, limits })
     }
@@ -86,11 +100,8 @@ impl PictureFile {
     /// [`Error::File`] for a malformed picture; [`Error::OutOfMemory`].
     pub fn decode(self, path: &Path) -> Result<DynamicImage> {
         input::room_for(&format!("the picture {}", path.display()), self.pixels() * BYTES_PER_PIXEL)?;
-        let Self { mut decoder, mut limits, orientation, .. } = self;
-        let refuse = |error| refuse(path, &error);
-        limits.reserve(decoder.total_bytes()).and_then(|()| decoder.set_limits(limits)).map_err(refuse)?;
-        let mut picture = DynamicImage::from_decoder(decoder).map_err(refuse)?;
-        picture.apply_orientation(orientation);
+        let mut picture = decoded(self.decoder, self.limits).map_err(|error| refuse(path, &error))?;
+        picture.apply_orientation(self.orientation);
         Ok(picture)
     }
 
@@ -141,5 +152,5 @@ fn matte(picture: &RgbaImage, black: u8) -> Vec<f64> {
 
 fn refuse(path: &Path, error: &image::ImageError) -> Error {
     let fix = format!("give a PNG or JPEG file of at most {MAX_SIDE}×{MAX_SIDE} pixels");
-    Error::File { path: path.into(), line: None, what: format!("not a readable picture ({error})"), fix }
+    fault(path, format!("not a readable picture ({error})"), fix)
 }

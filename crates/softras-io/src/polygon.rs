@@ -5,6 +5,9 @@ use glam::DVec3;
 /// Cutting off ears takes time up to the square of the number of corners, so larger concave polygons are refused.
 const MAX_CONCAVE: usize = 2048;
 
+/// The note on polygons that are not simple.
+pub const NOT_SIMPLE: &str = "polygons that cross themselves or have no area are not tiled exactly";
+
 /// A polygon's triangles.
 pub struct Cut {
     /// Corner numbers; always two triangles fewer than corners.

@@ -1,8 +1,8 @@
 //! A mesh file that is being read, and what reading one gives.
 
-use crate::{input, notes::Notes, textures::Room};
+use crate::{fault, input, notes::Notes, textures::Room};
 use softras::{
-    Error, Mesh, Result,
+    Mesh, Result,
     scene::{Appearance, Texture},
 };
 use std::path::{Path, PathBuf};
@@ -128,8 +128,7 @@ impl<'a> Source<'a> {
         if needed > self.left {
             let [needed, left] = [needed, self.left].map(|bytes| bytes.div_ceil(1 << 20));
             let what = format!("takes up to {needed} MiB of memory, and {left} MiB are left");
-            let fix = "allow more memory (--memory in the command), or give smaller files".into();
-            return Err(Error::File { path: path.into(), line: None, what, fix });
+            return Err(fault(path, what, "allow more memory (--memory in the command), or give smaller files"));
         }
         self.left -= needed;
         self.read += bytes;
@@ -177,9 +176,8 @@ impl<'a> Source<'a> {
             self.origin = [0, 1, 2].map(|k| ((low[k] + high[k]) / 2.0 / unit).round() * unit);
             let step = (far.log2().floor() - 23.0).exp2();
             if step > COARSE * size && used().flatten().all(|x| f64::from(*x as f32) == *x) {
-                let what =
-                    format!("coordinates up to {far} have steps of {step} in the file, which is {size:.3} large");
-                self.notes.add(None, format!("{what}: its shape is coarse (write them with more digits)"));
+                let what = format!("coordinates near {far} have steps of {step}, coarse for a mesh {size:.3} wide");
+                self.notes.add(None, format!("{what}: write them with more digits"));
             }
         }
         let origin = self.origin;
@@ -198,7 +196,7 @@ impl<'a> Source<'a> {
         if let Appearance::Textured { textures, .. } = mesh.appearance()
             && textures.iter().any(is_clear)
         {
-            self.notes.add(None, "a texture is wholly transparent (alpha 0): its triangles are not to be seen");
+            self.notes.add(None, "a texture is wholly transparent (alpha 0): its triangles are invisible");
         }
         let notes = self.notes.finish(self.options.strict)?;
         let Self { normals, opacity, unlit, origin, files, .. } = self;

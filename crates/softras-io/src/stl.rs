@@ -1,9 +1,9 @@
 //! Reads STL files, binary and text. No crate is used: stl_io refuses solids whose names hold a keyword, normals that are not
 //! numbers, and lines that end as on old Macintoshes, and drops colours.
 
-use crate::{fault, source::Source, texture::linear_from_srgb, weld::Weld};
+use crate::{fault, fault_at, source::Source, texture::linear_from_srgb, weld::Weld};
 use softras::{
-    Error, Result,
+    Result,
     scene::{Appearance, Mesh},
 };
 
@@ -48,12 +48,8 @@ fn text(source: &mut Source, bytes: &[u8]) -> Result<Mesh> {
     let (mut positions, mut corners) = (Vec::<[f64; 3]>::new(), 0);
     let text = String::from_utf8_lossy(bytes);
     for (line, number) in text.trim_start_matches('\u{feff}').split(['\n', '\r']).zip(1..) {
-        let wrong = |what: String| Error::File {
-            path: source.path.into(),
-            line: (!text.contains('\r')).then_some(number),
-            what,
-            fix: "export the file again, as binary STL".into(),
-        };
+        let line_number = (!text.contains('\r')).then_some(number);
+        let wrong = |what: String| fault_at(source.path, line_number, what, "export the file again, as binary STL");
         let mut words = line.split_whitespace();
         let word = words.next().unwrap_or_default().to_ascii_lowercase();
         match word.as_str() {

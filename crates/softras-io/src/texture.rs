@@ -1,18 +1,16 @@
 //! Decodes image files to texels.
 
-use crate::{input, textures::Room};
-use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
+use crate::{
+    input,
+    picture_file::{self, BYTES_PER_PIXEL, MAX_SIDE},
+    textures::Room,
+};
+use image::{DynamicImage, ImageDecoder, ImageReader};
 use softras::{
     Result,
     scene::{Texture, Wrap},
 };
 use std::io::{BufRead, Seek, SeekFrom};
-
-/// The largest side of an image.
-const MAX_SIDE: u32 = 16384;
-
-/// Bytes of a pixel while it is decoded and converted: up to eight as it is in the file, sixteen as four floats.
-pub(super) const BYTES_PER_PIXEL: u64 = 24;
 
 /// A decoded image.
 pub struct Decoded {
@@ -54,20 +52,16 @@ pub fn decode<R: BufRead + Seek>(
     }
     // The format is guessed from the content, because the name may be wrong.
     let mut reader = reader.with_guessed_format().map_err(|error| error.to_string())?;
-    let mut limits = Limits::default();
-    limits.max_image_width = Some(MAX_SIDE);
-    limits.max_image_height = Some(MAX_SIDE);
-    reader.limits(limits.clone());
-    let mut decoder = reader.into_decoder().map_err(undecodable)?;
+    reader.limits(picture_file::limits());
+    let decoder = reader.into_decoder().map_err(undecodable)?;
     let (width, height) = decoder.dimensions();
     let pixels = u64::from(width) * u64::from(height);
     if pixels > most {
         let fix = "scale the images down, or save them with more detail";
-        return Err(format!("{width}×{height} pixels are more than the {most} that its file may still have ({fix})"));
+        return Err(format!("{width}×{height} pixels are more than the {most} allowed for a file of its size ({fix})"));
     }
     input::room_for("a texture", pixels * BYTES_PER_PIXEL).map_err(|error| error.to_string())?;
-    limits.reserve(decoder.total_bytes()).and_then(|()| decoder.set_limits(limits)).map_err(undecodable)?;
-    let image = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
+    let image = picture_file::decoded(decoder, picture_file::limits()).map_err(undecodable)?;
     let alpha = alpha(&image);
     Ok(Decoded { width, height, texels: texels(image, srgb), alpha })
 }

@@ -1,6 +1,6 @@
 //! The images of a mesh, each once.
 
-use crate::texture::BYTES_PER_PIXEL;
+use crate::picture_file::BYTES_PER_PIXEL;
 use softras::scene::Texture;
 use std::{
     collections::{HashMap, hash_map::Entry},

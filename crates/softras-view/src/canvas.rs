@@ -1,28 +1,16 @@
 //! Draws anti-aliased lines, discs and arrows on a picture.
 
+use glam::DVec2;
 use softras_io::Picture;
 
 /// Column and row in pixels; (0, 0) is the upper left corner of the picture, (0.5, 0.5) the centre of its first pixel.
 pub type Point = [f64; 2];
 
-fn minus(a: Point, b: Point) -> Point {
-    [a[0] - b[0], a[1] - b[1]]
-}
-
-fn along(a: Point, direction: Point, step: f64) -> Point {
-    [a[0] + step * direction[0], a[1] + step * direction[1]]
-}
-
-fn dot(a: Point, b: Point) -> f64 {
-    a[0] * b[0] + a[1] * b[1]
-}
-
 /// The distance from a point to a segment.
-fn distance(p: Point, a: Point, b: Point) -> f64 {
-    let (edge, to) = (minus(b, a), minus(p, a));
-    let t = (dot(edge, to) / dot(edge, edge).max(1e-12)).clamp(0.0, 1.0);
-    let from = minus(to, [t * edge[0], t * edge[1]]);
-    dot(from, from).sqrt()
+fn distance(p: DVec2, a: DVec2, b: DVec2) -> f64 {
+    let (edge, to) = (b - a, p - a);
+    let t = (to.dot(edge) / edge.length_squared().max(1e-12)).clamp(0.0, 1.0);
+    (to - t * edge).length()
 }
 
 /// An arrow.
@@ -39,7 +27,7 @@ pub struct Arrow {
 }
 
 /// Mixes `color` into the pixels around the points by `coverage(pixel centre)`, from 0 to 1.
-fn paint(picture: &mut Picture, points: &[Point], reach: f64, color: [u8; 3], coverage: impl Fn(Point) -> f64) {
+fn paint(picture: &mut Picture, points: &[DVec2], reach: f64, color: [u8; 3], coverage: impl Fn(DVec2) -> f64) {
     let range = |axis: usize, side: usize| {
         let low = points.iter().map(|p| p[axis]).fold(f64::INFINITY, f64::min) - reach;
         let high = points.iter().map(|p| p[axis]).fold(f64::NEG_INFINITY, f64::max) + reach;
@@ -48,7 +36,7 @@ fn paint(picture: &mut Picture, points: &[Point], reach: f64, color: [u8; 3], co
     };
     for row in range(1, picture.height) {
         for column in range(0, picture.width) {
-            let share = coverage([column as f64 + 0.5, row as f64 + 0.5]).clamp(0.0, 1.0);
+            let share = coverage(DVec2::new(column as f64 + 0.5, row as f64 + 0.5)).clamp(0.0, 1.0);
             let pixel = &mut picture.pixels[row * picture.width + column];
             for (value, ink) in pixel.iter_mut().zip(color) {
                 *value = (f64::from(*value) + share * (f64::from(ink) - f64::from(*value))).round() as u8;
@@ -59,6 +47,7 @@ fn paint(picture: &mut Picture, points: &[Point], reach: f64, color: [u8; 3], co
 
 /// A line with round ends.
 pub fn line(picture: &mut Picture, from: Point, to: Point, width: f64, color: [u8; 3]) {
+    let (from, to) = (DVec2::from(from), DVec2::from(to));
     paint(picture, &[from, to], width / 2.0 + 1.0, color, |p| width / 2.0 + 0.5 - distance(p, from, to));
 }
 
@@ -68,29 +57,26 @@ pub fn disc(picture: &mut Picture, centre: Point, radius: f64, color: [u8; 3]) {
 }
 
 /// The corners of an arrow's head and the end of its shaft; `None` for an arrow too short to have a direction.
-fn head(arrow: &Arrow) -> Option<([Point; 3], Point)> {
-    let way = minus(arrow.to, arrow.from);
-    let length = dot(way, way).sqrt();
+fn head(arrow: &Arrow) -> Option<([DVec2; 3], Point)> {
+    let to = DVec2::from(arrow.to);
+    let way = to - DVec2::from(arrow.from);
+    let length = way.length();
     if length < 1.0 {
         return None;
     }
-    let direction = [way[0] / length, way[1] / length];
-    let side = [-direction[1], direction[0]];
+    let direction = DVec2::new(way.x / length, way.y / length);
     let size = (4.0 * arrow.width).min(0.6 * length);
-    let base = along(arrow.to, direction, -size);
-    let half = 0.5 * size;
-    Some(([arrow.to, along(base, side, half), along(base, side, -half)], base))
+    let base = to + -size * direction;
+    let side = 0.5 * size * direction.perp();
+    Some(([to, base + side, base - side], base.into()))
 }
 
 /// A filled triangle, enlarged by `grow` pixels.
-fn triangle(picture: &mut Picture, [a, b, c]: [Point; 3], grow: f64, color: [u8; 3]) {
-    let beside = |p: Point, a: Point, b: Point| {
-        let (edge, to) = (minus(b, a), minus(p, a));
-        (edge[0] * to[1] - edge[1] * to[0]) / dot(edge, edge).sqrt().max(1e-9)
-    };
+fn triangle(picture: &mut Picture, [a, b, c]: [DVec2; 3], grow: f64, color: [u8; 3]) {
+    let beside = |p: DVec2, a: DVec2, b: DVec2| (b - a).perp_dot(p - a) / (b - a).length().max(1e-9);
     let turn = beside(c, a, b).signum();
     let depth =
-        |p: Point| [(a, b), (b, c), (c, a)].map(|(a, b)| turn * beside(p, a, b)).into_iter().fold(9.0, f64::min);
+        |p: DVec2| [(a, b), (b, c), (c, a)].map(|(a, b)| turn * beside(p, a, b)).into_iter().fold(9.0, f64::min);
     paint(picture, &[a, b, c], 4.0 * grow + 1.0, color, |p| depth(p) + 0.5 + grow);
 }
 

@@ -171,6 +171,14 @@ pub fn lights(options: &LightOptions, view: &Viewpoint) -> Result<Lights> {
 mod tests {
     use super::*;
 
+    fn unit() -> Bounds {
+        Bounds { center: DVec3::ZERO, radius: 1.0 }
+    }
+
+    fn view(options: CameraOptions) -> Viewpoint {
+        Viewpoint::new(&options, unit(), 1.0, 0.0)
+    }
+
     fn screen_radius(view: &Viewpoint, bounds: Bounds) -> f64 {
         let distance = view.eye.distance(bounds.center);
         match view.projection {
@@ -203,14 +211,8 @@ mod tests {
 
     #[test]
     fn the_poles_have_an_up() {
-        let bounds = Bounds { center: DVec3::ZERO, radius: 1.0 };
         for elevation in [90.0, -90.0] {
-            let view = Viewpoint::new(
-                &CameraOptions { elevation, azimuth: 30.0, ..CameraOptions::default() },
-                bounds,
-                1.0,
-                0.0,
-            );
+            let view = view(CameraOptions { elevation, azimuth: 30.0, ..CameraOptions::default() });
             assert!(view.camera().is_ok());
         }
     }
@@ -229,13 +231,7 @@ mod tests {
 
     #[test]
     fn angles_are_the_librarys() {
-        let bounds = Bounds { center: DVec3::ZERO, radius: 1.0 };
-        let view = Viewpoint::new(
-            &CameraOptions { azimuth: 40.0, elevation: 30.0, ..CameraOptions::default() },
-            bounds,
-            1.0,
-            0.0,
-        );
+        let view = view(CameraOptions { azimuth: 40.0, elevation: 30.0, ..CameraOptions::default() });
         let library = Camera::from_angles(view.eye.length(), 30.0, 40.0, view.projection).unwrap();
         let ours = view.camera().unwrap();
         let pairs = ours.view().as_flattened().iter().zip(library.view().as_flattened());
@@ -244,24 +240,14 @@ mod tests {
 
     #[test]
     fn a_camera_within_the_mesh_has_a_near_plane_and_one_that_looks_away_is_noticed() {
-        let bounds = Bounds { center: DVec3::ZERO, radius: 1.0 };
-        let inside =
-            Viewpoint::new(&CameraOptions { eye: Some([0.0, 0.0, 0.1]), ..CameraOptions::default() }, bounds, 1.0, 0.0);
-        assert!(inside.near > 0.0 && inside.far > inside.near && !inside.misses(bounds));
+        let usual = CameraOptions::default();
+        let inside = view(CameraOptions { eye: Some([0.0, 0.0, 0.1]), ..usual });
+        assert!(inside.near > 0.0 && inside.far > inside.near && !inside.misses(unit()));
         // In a scene of 10 km a house 6 m away is in view.
-        let (near, _) = depth_range(
-            &CameraOptions::default(),
-            Bounds { center: DVec3::ZERO, radius: 7071.0 },
-            DVec3::new(0.0, 5.0, 6.0),
-            DVec3::new(0.0, 5.0, 0.0),
-        );
+        let (large, eye) = (Bounds { radius: 7071.0, ..unit() }, DVec3::new(0.0, 5.0, 6.0));
+        let (near, _) = depth_range(&usual, large, eye, DVec3::new(0.0, 5.0, 0.0));
         assert!(near < 1.0, "{near}");
-        let away = Viewpoint::new(
-            &CameraOptions { eye: Some([0.0, 0.0, 5.0]), target: Some([0.0, 0.0, 9.0]), ..CameraOptions::default() },
-            bounds,
-            1.0,
-            0.0,
-        );
-        assert!(away.far > away.near && away.misses(bounds));
+        let away = view(CameraOptions { eye: Some([0.0, 0.0, 5.0]), target: Some([0.0, 0.0, 9.0]), ..usual });
+        assert!(away.far > away.near && away.misses(unit()));
     }
 }

@@ -1,6 +1,6 @@
 //! `softras completions` and `softras man`: what a shell and `man` know of the command.
 
-use super::{Cli, Failure, help};
+use super::{Cli, Failure};
 use clap::{Args, Command, CommandFactory};
 use clap_complete::Shell;
 use clap_mangen::roff::{Roff, roman};
@@ -43,12 +43,9 @@ pub fn completions(args: &CompletionsArgs) -> Result<(), Failure> {
     print(&bytes)
 }
 
-/// The columns of text on a terminal of 80, of which `man` indents the first seven.
-const MAN_WIDTH: usize = 72;
-
 /// Prints a manual page.
 pub fn man(args: &ManArgs) -> Result<(), Failure> {
-    let mut whole = help::of_width(MAN_WIDTH);
+    let mut whole = Cli::command();
     whole.build();
     let command = match &args.command {
         None => &whole,
@@ -62,14 +59,14 @@ fn page(command: &Command) -> Vec<u8> {
     let mut command = command.clone();
     let usage = command.render_usage().to_string();
     let text = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+    let (notes, examples) = text.split_once("Examples:\n").unwrap_or((&text, ""));
     command = command.override_usage(usage.trim_start_matches("Usage: ").to_owned()).after_help(None::<&str>);
     let man = clap_mangen::Man::new(command).source(concat!("softras ", env!("CARGO_PKG_VERSION")));
     let mut below = Roff::default();
-    let (notes, examples) = parted(&text);
-    for (heading, lines) in [("EXAMPLES", examples), ("NOTES", notes)] {
-        if !lines.is_empty() {
+    for (heading, text) in [("EXAMPLES", examples), ("NOTES", notes.trim_end())] {
+        if !text.is_empty() {
             below.control("SH", [heading]).control("nf", []);
-            lines.into_iter().for_each(|line| _ = below.text([roman(line)]));
+            text.lines().for_each(|line| _ = below.text([roman(line.trim_start())]));
             below.control("fi", []);
         }
     }
@@ -77,36 +74,4 @@ fn page(command: &Command) -> Vec<u8> {
     // Writing to memory cannot fail.
     let _ = man.render(&mut bytes).and_then(|()| below.to_writer(&mut bytes));
     bytes
-}
-
-/// The lines of a text, and those of its paragraph of examples without the heading and their indent.
-fn parted(text: &str) -> (Vec<&str>, Vec<&str>) {
-    let (mut notes, mut examples, mut is_example) = (Vec::new(), Vec::new(), false);
-    for line in text.trim().lines() {
-        if line == "Examples:" {
-            is_example = true;
-        } else if is_example && !line.is_empty() {
-            examples.push(line.strip_prefix("  ").unwrap_or(line));
-        } else if !is_example {
-            notes.push(line);
-        } else {
-            is_example = false;
-        }
-    }
-    while notes.last().is_some_and(|line| line.is_empty()) {
-        notes.pop();
-    }
-    (notes, examples)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn examples_are_parted_from_notes() {
-        let text = "A note.\n\nExamples:\n  softras one\n    --more\n\nAnother:\n  its line\n";
-        assert_eq!(parted(text), (vec!["A note.", "", "Another:", "  its line"], vec!["softras one", "  --more"]));
-        assert_eq!(parted("Examples:\n  softras one"), (vec![], vec!["softras one"]));
-    }
 }

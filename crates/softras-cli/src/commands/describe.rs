@@ -1,7 +1,9 @@
 //! Settings and projections as JSON.
 
+use glam::DVec3;
 use serde_json::{Value, json};
 use softras::{Projection, Settings};
+use softras_view::Viewpoint;
 
 /// Every field under its own name, and the blur radius in pixels that follows from them.
 pub fn settings(s: &Settings) -> Value {
@@ -18,8 +20,16 @@ pub fn settings(s: &Settings) -> Value {
     })
 }
 
+/// A view of a mesh whose origin lies there in its file.
+pub fn camera(view: &Viewpoint, origin: DVec3) -> Value {
+    json!({
+        "eye": (view.eye + origin).to_array(), "target": (view.target + origin).to_array(), "up": view.up.to_array(),
+        "projection": projection(&view.projection),
+    })
+}
+
 /// A projection with its kind and parameters.
-pub fn projection(projection: &Projection) -> Value {
+fn projection(projection: &Projection) -> Value {
     match *projection {
         Projection::Perspective { fov_y } => json!({ "kind": "perspective", "fov_y_degrees": fov_y.to_degrees() }),
         Projection::Orthographic { half_height } => json!({ "kind": "orthographic", "half_height": half_height }),

@@ -21,7 +21,6 @@ pub struct DevicesArgs {
     pub json: bool,
 }
 
-/// Runs the command.
 pub fn run(args: &DevicesArgs) -> Result<(), Failure> {
     let devices = Renderer::devices()?;
     if args.json {

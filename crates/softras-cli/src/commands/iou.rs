@@ -11,12 +11,11 @@ use softras_fit::{Voxels, cube_around, is_closed};
 use softras_io::Budget;
 use std::path::{Path, PathBuf};
 
-/// Compare two solids: the volume of their intersection over that of their union, in voxels
+/// Compare two solids: intersection over union of their volumes
 #[derive(Args, Debug)]
 #[command(after_help = "\
-The grid is a cube around both meshes; neither is moved or scaled. A voxel belongs to a mesh if its
-centre lies inside. Six rays along the axes vote on that, so small holes do no harm. A note is printed
-for a mesh that is not closed; an open sheet has no inside.
+The grid is a cube around both meshes, which are not moved. An open sheet has no
+inside: a note is printed for a mesh that is not closed.
 
 Examples:
   softras iou fitted.obj truth.obj
@@ -26,19 +25,18 @@ pub struct IouArgs {
     pub a: PathBuf,
     /// The other
     pub b: PathBuf,
-    /// Voxels along a side of the grid (32 in the SoftRas paper)
+    /// Voxels along a side of the grid (32 in the paper)
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=512), default_value_t = 32)]
     pub resolution: u32,
-    #[command(flatten)]
-    pub read: ReadArgs,
-    /// Print one JSON object: iou, volumes (world units³), resolution, closed
+    /// Print one JSON object: iou, volumes, resolution, closed
     #[arg(long)]
     pub json: bool,
+    #[command(flatten)]
+    pub read: ReadArgs,
 }
 
-/// Runs the command.
 pub fn run(args: &IouArgs) -> Result<(), Failure> {
-    let budget = Budget::new(args.read.memory.memory);
+    let budget = Budget::new(args.read.memory);
     let [a, b] = [load(args, &args.a, &budget)?, load(args, &args.b, &budget)?];
     let resolution = args.resolution as usize;
     let iou = voxel_iou(&a, &b, resolution)?;

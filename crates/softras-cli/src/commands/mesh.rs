@@ -18,15 +18,14 @@ pub struct MeshArgs {
     /// The mesh to write
     #[arg(value_parser = PossibleValuesParser::new(softras::shapes::NAMES))]
     pub name: String,
-    /// Make N times as many triangles along and around: N² times in all. Of fish and torus
+    /// N times as many triangles along and around, for fish and torus
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=16))]
     pub detail: u32,
-    /// The file to write; materials and textures go beside it
-    #[arg(short, long = "out", value_name = "FILE.obj")]
+    /// The file to write: .obj, with materials and textures beside it
+    #[arg(short, long = "out", value_name = "FILE")]
     pub out: PathBuf,
 }
 
-/// Runs the command.
 pub fn run(args: &MeshArgs) -> Result<(), Failure> {
     Outputs::new([], [&args.out])?;
     let mesh = softras::shapes::finer(&args.name, args.detail)?;

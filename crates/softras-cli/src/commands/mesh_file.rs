@@ -9,27 +9,19 @@ use softras::{Error, Mesh};
 use softras_io::{Budget, LoadOptions, Loaded};
 use std::path::Path;
 
-/// How much memory the files may take.
-#[derive(Args, Clone, Copy, Debug, Default)]
-pub struct MemoryArgs {
-    /// The most memory that the input files may take, as 512M or 8G. Files that need more are refused. Rendering may take as
-    /// much again; frames that need more are rendered in parts. [default: for files 640M and 128 times their size, but at
-    /// most half of the machine's memory; for frames what the device has]
-    #[arg(long, value_name = "SIZE", value_parser = parse::bytes)]
-    pub memory: Option<u64>,
-}
-
-/// How mesh files are read.
+/// How mesh files are read, and how much memory all files may take.
 #[derive(Args, Clone, Copy, Debug)]
+#[command(next_help_heading = "Input and device")]
 pub struct ReadArgs {
-    /// Read materials, textures and pictures outside the folder of the file that names them, too
+    /// Read materials and pictures outside the folder that names them, too
     #[arg(long)]
     pub allow_outside: bool,
-    /// Refuse a mesh file of which something cannot be drawn, in place of printing a note
+    /// Refuse a mesh file of which something cannot be drawn
     #[arg(long)]
     pub strict: bool,
-    #[command(flatten)]
-    pub memory: MemoryArgs,
+    /// The most memory for input files, and again for frames: 512M, 8G
+    #[arg(long, value_name = "SIZE", value_parser = parse::bytes)]
+    pub memory: Option<u64>,
 }
 
 impl ReadArgs {

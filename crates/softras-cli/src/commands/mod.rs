@@ -7,7 +7,6 @@ mod describe;
 mod devices;
 mod fit;
 mod grad;
-pub mod help;
 mod iou;
 mod mesh;
 mod mesh_file;
@@ -25,24 +24,25 @@ use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-const ABOUT: &str = "\
-Differentiable soft mesh rasterization (SoftRas) on any Vulkan device.
-
-Exit codes: 0 success; 1 failure, with one line that says why and how to fix it; 2 invalid arguments; 130 ended by Ctrl-C, \
-with the best so far written.";
-
 /// The `softras` command.
 #[derive(Debug, Parser)]
-#[command(name = "softras", version, about = "Soft mesh rasterization on any Vulkan device", long_about = ABOUT)]
+#[command(
+    name = "softras",
+    version,
+    about = "Differentiable soft mesh rasterization on any Vulkan device",
+    after_help = "\
+Exit codes: 0 success; 1 failure, with one line that says why and how to fix it;
+2 invalid arguments; 130 ended by Ctrl-C, with the best so far written."
+)]
 pub struct Cli {
     /// The subcommand.
     #[command(subcommand)]
     pub command: Command,
     /// Print errors and results alone: no notes, no progress
-    #[arg(short, long, global = true, help_heading = "Output")]
+    #[arg(short, long, global = true, help_heading = "Messages")]
     pub quiet: bool,
-    /// Print more on the work: the files read, sizes, the device, seconds
-    #[arg(short, long, global = true, conflicts_with = "quiet", help_heading = "Output")]
+    /// Print more: the files read, sizes, the device, seconds
+    #[arg(short, long, global = true, conflicts_with = "quiet", help_heading = "Messages")]
     pub verbose: bool,
 }
 
@@ -64,15 +64,15 @@ fn loudness() -> Loudness {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     Render(Box<render::args::RenderArgs>),
-    Check(check::CheckArgs),
-    Stress(stress::StressArgs),
-    Bench(Box<bench::args::BenchArgs>),
-    Grad(Box<grad::args::GradArgs>),
-    Devices(devices::DevicesArgs),
-    Mesh(mesh::MeshArgs),
     Fit(Box<fit::args::FitArgs>),
-    Iou(iou::IouArgs),
+    Grad(Box<grad::args::GradArgs>),
     Pose(Box<pose::args::PoseArgs>),
+    Mesh(mesh::MeshArgs),
+    Iou(iou::IouArgs),
+    Devices(devices::DevicesArgs),
+    Check(check::CheckArgs),
+    Bench(Box<bench::args::BenchArgs>),
+    Stress(stress::StressArgs),
     Completions(complete::CompletionsArgs),
     Man(complete::ManArgs),
 }

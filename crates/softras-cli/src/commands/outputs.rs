@@ -52,7 +52,7 @@ impl Outputs {
             let one = Written { given: path.clone(), real: real(path), is_mesh };
             if all.iter().any(|other| other.replaces(&one.real) || one.replaces(&other.real)) {
                 return Err(Failure::Usage(format!(
-                    "{}: would be written twice: give each file its name",
+                    "{}: would be written twice: give each file a name of its own",
                     path.display()
                 )));
             }

@@ -10,9 +10,6 @@ use std::path::Path;
 pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 /// Draws a picture of the given size in pixels and writes it, whole or not at all.
-///
-/// # Errors
-/// [`Error::Io`], also for errors of drawing.
 pub fn write(
     path: &Path,
     size: (u32, u32),

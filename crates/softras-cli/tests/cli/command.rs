@@ -8,6 +8,11 @@ pub fn softras(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_softras")).current_dir(folder).args(arguments).output().unwrap()
 }
 
+/// The arguments of a line.
+pub fn words(line: &str) -> Vec<&str> {
+    line.split_whitespace().collect()
+}
+
 /// Runs the command, which must succeed, and returns what it printed.
 #[track_caller]
 pub fn succeeds(folder: &Path, arguments: &[&str]) -> String {

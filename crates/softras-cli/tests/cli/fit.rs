@@ -1,6 +1,6 @@
 //! Tests of the commands `softras fit` and `iou`.
 
-use super::{fails, softras, succeeds};
+use super::{fails, softras, succeeds, words};
 use serde_json::Value;
 use std::path::Path;
 
@@ -19,7 +19,7 @@ fn a_shape_is_fitted_to_views_of_a_mesh() {
     succeeds(folder.path(), &["mesh", "torus", "-o", "torus.obj"]);
     let fit = "fit --from torus.obj --views 6 --size 32 --iterations 40 --subdivisions 2 --color -o out.obj --json log.json \
                --plot loss.png --gif fit.gif";
-    let told = succeeds(folder.path(), &fit.split_whitespace().collect::<Vec<_>>());
+    let told = succeeds(folder.path(), &words(fit));
     assert!(told.contains("1 part of genus 1") && told.contains("3D IoU"), "{told}");
     let log = json(&at("log.json"));
     let losses = numbers(&log["loss"]);
@@ -46,13 +46,8 @@ fn a_fit_goes_on_where_it_was_left() {
     let folder = tempfile::tempdir().unwrap();
     succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
     let fit = |iterations: &str, out: &str, extra: &[&str]| {
-        let mut arguments =
-            "fit --from cube.obj --views 3 --size 24 --subdivisions 1 --sigma 1e-3 --rate 0.01 --iterations"
-                .split_whitespace()
-                .collect::<Vec<_>>();
-        arguments.extend([iterations, "-o", out]);
-        arguments.extend(extra);
-        succeeds(folder.path(), &arguments);
+        let fit = "fit --from cube.obj --views 3 --size 24 --subdivisions 1 --sigma 1e-3 --rate 0.01 --iterations";
+        succeeds(folder.path(), &[&words(fit)[..], &[iterations, "-o", out], extra].concat());
         std::fs::read_to_string(folder.path().join(out)).unwrap()
     };
     let vertices = |text: &str| text.lines().filter(|l| l.starts_with("v ")).map(str::to_owned).collect::<Vec<_>>();
@@ -72,7 +67,7 @@ fn a_fit_goes_on_where_it_was_left() {
     }
     fit("6", "half.obj", &["--checkpoint", "fit.npz"]);
     let other = "fit --from cube.obj --views 3 --size 24 --subdivisions 2 -o x.obj --checkpoint fit.npz --resume";
-    fails(folder.path(), &other.split_whitespace().collect::<Vec<_>>(), 1, &["saved state of another fit"]);
+    fails(folder.path(), &words(other), 1, &["saved state of another fit"]);
 }
 
 #[test]
@@ -82,7 +77,7 @@ fn each_loss_has_numbers_of_its_own() {
     let run = |extra: &[&str]| {
         let fit = "fit --from torus.obj --views 3 --size 24 --preset official --iterations 2 -o out.obj \
                    --json log.json";
-        let output = softras(folder.path(), &[&fit.split_whitespace().collect::<Vec<_>>()[..], extra].concat());
+        let output = softras(folder.path(), &[&words(fit)[..], extra].concat());
         assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
         json(&folder.path().join("log.json"))
     };
@@ -109,7 +104,7 @@ fn pictures_and_cameras_are_read_from_a_folder() {
     let list = folder.path().join("photos/cameras.json");
     std::fs::write(&list, format!("[{}]", cameras.join(", "))).unwrap();
     let fit = "fit --views photos --subdivisions 2 -o out.obj --json log.json";
-    succeeds(folder.path(), &[&fit.split_whitespace().collect::<Vec<_>>()[..], &["--iterations", "40"]].concat());
+    succeeds(folder.path(), &[&words(fit)[..], &["--iterations", "40"]].concat());
     let log = json(&folder.path().join("log.json"));
     let mean = log["final"]["mask_iou"]["mean"].as_f64().unwrap();
     assert!(mean > 0.6, "{mean}");
@@ -117,11 +112,11 @@ fn pictures_and_cameras_are_read_from_a_folder() {
     std::fs::rename(folder.path().join("photos/0.png"), folder.path().join("0.png")).unwrap();
     let outside = cameras[0].replace("0.png", "../0.png");
     std::fs::write(&list, format!("[{outside}, {}]", cameras[1])).unwrap();
-    let arguments: Vec<&str> = fit.split_whitespace().collect();
+    let arguments = words(fit);
     fails(folder.path(), &arguments, 1, &["0.png", "outside the folder of views", "--allow-outside"]);
     succeeds(folder.path(), &[&arguments[..], &["--allow-outside", "--iterations", "1"]].concat());
     std::fs::write(&list, "[{\"file\": \"0.png\"}]").unwrap();
-    fails(folder.path(), &fit.split_whitespace().collect::<Vec<_>>(), 1, &["camera 0 has no position"]);
+    fails(folder.path(), &words(fit), 1, &["camera 0 has no position"]);
     fails(folder.path(), &["fit", "--views", "nothing", "-o", "out.obj"], 1, &["nothing: No such file"]);
     std::fs::write(folder.path().join("views.npy"), "").unwrap();
     fails(folder.path(), &["fit", "--views", "views.npy", "-o", "out.obj"], 2, &["--cameras"]);
@@ -169,7 +164,7 @@ fn difference(folder: &Path, a: &str, b: &str) -> f64 {
 /// Renders NAME.obj to NAME_seen.png.
 fn look(folder: &Path, name: &str) {
     let look = format!("render {name}.obj -o {name}_seen.png --size 64 --unlit --azimuth 40 --elevation 25");
-    succeeds(folder, &look.split_whitespace().collect::<Vec<_>>());
+    succeeds(folder, &words(&look));
 }
 
 #[test]
@@ -177,7 +172,7 @@ fn a_texture_is_fitted_and_rendered() {
     let folder = tempfile::tempdir().unwrap();
     write_cubes(folder.path());
     let fit = "fit --from painted.obj --template grey.obj --texture --views 6 --size 48 --iterations 80 -o found.obj";
-    succeeds(folder.path(), &fit.split_whitespace().collect::<Vec<_>>());
+    succeeds(folder.path(), &words(fit));
     // Texture, silhouette and picture: all are those of the mesh that the views were made from.
     let difference = |a: &str, b: &str| difference(folder.path(), a, b);
     let (found, before) = (difference("found_texture.png", "painted.png"), difference("grey.png", "painted.png"));
@@ -186,7 +181,7 @@ fn a_texture_is_fitted_and_rendered() {
     let seen = difference("found_seen.png", "painted_seen.png");
     assert!(seen < 0.2 * difference("grey_seen.png", "painted_seen.png"), "{seen}");
     let depths = "fit --from painted.obj --template grey.obj --texture --also depth -o x.obj --views 2";
-    fails(folder.path(), &depths.split_whitespace().collect::<Vec<_>>(), 2, &["--texture", "texels alone", "--color"]);
+    fails(folder.path(), &words(depths), 2, &["--texture", "texels alone", "--color"]);
 }
 
 #[test]
@@ -195,7 +190,7 @@ fn a_texture_is_made_for_a_mesh_that_has_none() {
     write_cubes(folder.path());
     let fit = "fit --from painted.obj --template plain.obj --texture --views 8 --size 48 --iterations 30 --rate 1e-5 \
                -o found.obj --json log.json";
-    let told = succeeds(folder.path(), &fit.split_whitespace().collect::<Vec<_>>());
+    let told = succeeds(folder.path(), &words(fit));
     assert!(told.contains("8 vertices, 12 triangles") && told.contains("colour error"), "{told}");
     let log = json(&folder.path().join("log.json"));
     assert_eq!((numbers(&log["loss"]).len(), numbers(&log["texture"]["color_loss"]).len()), (30, 100));
@@ -213,7 +208,7 @@ fn a_texture_is_made_for_a_mesh_that_has_none() {
     // Where there is no room for a chart of each triangle, the mesh with vertex colours is kept.
     let small = "fit --from painted.obj --subdivisions 3 --texture --texture-size 64 --views 4 --size 24 --iterations 2 -o x.obj";
     let wanted = ["1280 triangles in 64×64", "allow 13", "best mesh before the error"];
-    fails(folder.path(), &small.split_whitespace().collect::<Vec<_>>(), 1, &wanted);
+    fails(folder.path(), &words(small), 1, &wanted);
     let text = std::fs::read_to_string(folder.path().join("x.obj")).unwrap();
     assert!(text.lines().any(|line| line.starts_with("v ") && line.split(' ').count() == 7), "no vertex colours");
 }
@@ -232,7 +227,7 @@ fn a_mesh_of_one_colour_is_fitted_under_light() {
     let run = |extra: &[&str]| {
         let fit =
             "fit --from torus.obj --views 3 --size 24 --iterations 4 --subdivisions 2 --color -o out.obj --gif fit.gif";
-        let output = softras(folder.path(), &[&fit.split_whitespace().collect::<Vec<_>>()[..], extra].concat());
+        let output = softras(folder.path(), &[&words(fit)[..], extra].concat());
         assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
         (String::from_utf8(output.stderr).unwrap(), first_frame(&folder.path().join("fit.gif")))
     };
@@ -289,10 +284,8 @@ fn an_interrupted_fit_writes_its_best_and_exits_with_130() {
 fn depths_and_normals_are_fitted_too() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
-    let run = |command: &str| succeeds(folder.path(), &command.split_whitespace().collect::<Vec<_>>());
-    let refused = |command: &str, words: &[&str]| {
-        fails(folder.path(), &command.split_whitespace().collect::<Vec<_>>(), 1, words);
-    };
+    let run = |command: &str| succeeds(folder.path(), &words(command));
+    let refused = |command: &str, parts: &[&str]| fails(folder.path(), &words(command), 1, parts);
     run("mesh mug -o mug.obj");
     let common = "--iterations 20 --json log.json -o out.obj";
     let told = run(&format!("fit --from mug.obj --views 8 --size 40 --also depth,normal --write-views seen {common}"));

@@ -1,13 +1,13 @@
 //! Tests of written files: old or new whenever the command is killed, through links, and with their permissions.
 
 use super::command::tier;
-use super::{softras, succeeds};
+use super::{softras, succeeds, words};
 use std::{
     fs,
     path::Path,
     process::{Child, Command, Stdio},
     thread,
-    time::{Duration, Instant},
+    time::Instant,
 };
 
 fn start(folder: &Path, arguments: &[&str]) -> Child {
@@ -73,47 +73,6 @@ fn what_every_command_writes_is_the_old_or_the_new_one() {
         ("turn.gif", "render cube.obj -o turn.gif --turntable 2 --size 16"),
     ];
     for (file, line) in each.into_iter().take(tier(1, 5)) {
-        is_old_or_new(path, file, &line.split_whitespace().collect::<Vec<_>>(), 4);
+        is_old_or_new(path, file, &words(line), 4);
     }
-}
-
-/// A file that is written in place is seen incomplete, which shows that the two tests above can fail.
-#[test]
-fn a_file_written_in_place_is_seen_half() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("half");
-    let bytes = vec![7u8; 1 << 20];
-    let halves = thread::scope(|scope| {
-        let writer = scope.spawn(|| {
-            for _ in 0..50 {
-                use std::io::Write;
-                let mut file = fs::File::create(&path).unwrap();
-                bytes.chunks(4096).for_each(|chunk| file.write_all(chunk).unwrap());
-                thread::sleep(Duration::from_millis(1));
-            }
-        });
-        let mut halves = 0;
-        while !writer.is_finished() {
-            halves += u32::from(fs::read(&path).is_ok_and(|seen| seen.len() != bytes.len()));
-        }
-        halves
-    });
-    assert!(halves > 0);
-}
-
-#[cfg(unix)]
-#[test]
-fn pictures_are_written_through_links_and_keep_permissions() {
-    use std::os::unix::fs::{PermissionsExt, symlink};
-    let (folder, elsewhere) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-    succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
-    let (link, target) = (folder.path().join("link.npy"), elsewhere.path().join("target.npy"));
-    fs::write(&target, "old").unwrap();
-    fs::set_permissions(&target, fs::Permissions::from_mode(0o400)).unwrap();
-    symlink(&target, &link).unwrap();
-    succeeds(folder.path(), &["render", "cube.obj", "-o", "link.npy", "--size", "16"]);
-    assert!(link.is_symlink() && !target.is_symlink());
-    assert_eq!(fs::metadata(&target).unwrap().permissions().mode() & 0o7777, 0o400);
-    assert!(fs::read(&target).unwrap().starts_with(b"\x93NUMPY"));
-    assert_eq!(fs::read_dir(elsewhere.path()).unwrap().count(), 1, "no temporary files");
 }

@@ -20,4 +20,4 @@ mod render;
 mod transparency;
 mod views;
 
-use command::{fails, softras, succeeds};
+use command::{fails, softras, succeeds, words};

@@ -1,6 +1,6 @@
 //! What is said of mistakes that are made early: names of files, options that contradict each other, empty files and pictures.
 
-use super::{fails, softras, succeeds};
+use super::{fails, softras, succeeds, words};
 use std::fs;
 use std::path::Path;
 
@@ -14,23 +14,11 @@ fn a_file_is_not_written_under_the_ending_of_another_format() {
         ("grad a.obj --target a.png -o f.jpg", "png"),
         ("stress --cases 0 --map f.png", "svg"),
     ] {
-        let arguments: Vec<_> = line.split(' ').collect();
+        let arguments = words(line);
         let file = arguments.iter().find(|word| word.starts_with("f.")).unwrap();
         fails(folder.path(), &arguments, 2, &[file, &format!("give a name that ends in .{ending}")]);
     }
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
-}
-
-#[test]
-fn a_wrong_value_is_answered_with_the_forms_that_are_taken() {
-    let folder = tempfile::tempdir().unwrap();
-    let render = |extra: &[&str], parts: &[&str]| {
-        fails(folder.path(), &[&["render", "a.obj", "-o", "a.png"], extra].concat(), 2, parts);
-    };
-    render(&["--background", "bluish"], &["--background", "bluish", "#rrggbb, #rgb, r,g,b", "white"]);
-    render(&["--light", "0,0,0"], &["--light", "0,0,0 has no length", "0,1,0"]);
-    let nothing = ["fit", "-o", "x.obj"];
-    fails(folder.path(), &nothing, 2, &["give --views or --from", "a folder or a .npy file"]);
 }
 
 #[test]
@@ -89,7 +77,7 @@ fn an_empty_file_is_said_to_be_empty() {
         let path = folder.path().join(file);
         fs::write(&path, "").unwrap();
         fs::write(folder.path().join("views/cameras.txt"), "").unwrap();
-        let arguments: Vec<_> = line.split(' ').collect();
+        let arguments = words(line);
         fails(folder.path(), &arguments, 1, &["the file is empty"]);
         fs::remove_file(path).unwrap();
     }
@@ -129,10 +117,10 @@ fn a_pose_that_does_not_explain_the_picture_is_doubted() {
     succeeds(folder.path(), &["mesh", "fish", "-o", "fish.obj"]);
     let doubts = |how: &str| {
         let render = format!("render fish.obj -o picture.png --size 48 {how}");
-        succeeds(folder.path(), &render.split(' ').collect::<Vec<_>>());
+        succeeds(folder.path(), &words(&render));
         // The camera of both is the same, so that there is nothing to turn.
         let pose = "pose --mesh fish.obj --image picture.png --init --no-translation --iterations 20";
-        let output = softras(folder.path(), &pose.split(' ').collect::<Vec<_>>());
+        let output = softras(folder.path(), &words(pose));
         assert_eq!(output.status.code(), Some(0));
         assert!(String::from_utf8_lossy(&output.stdout).contains("silhouettes agree by 0."));
         let noted = String::from_utf8(output.stderr).unwrap();

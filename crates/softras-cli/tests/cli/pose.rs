@@ -1,6 +1,6 @@
 //! Tests of the command `softras pose`.
 
-use super::{fails, succeeds};
+use super::{fails, succeeds, words};
 use serde_json::Value;
 
 #[test]
@@ -8,18 +8,15 @@ fn a_pose_is_found_from_a_picture() {
     let folder = tempfile::tempdir().unwrap();
     succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
     let render = "render cube.obj -o target.png --frame sphere --unlit --size 32 --azimuth 250 --elevation -10";
-    succeeds(folder.path(), &render.split_whitespace().collect::<Vec<_>>());
+    succeeds(folder.path(), &words(render));
     let pose = "pose --mesh cube.obj --image target.png --json -o posed.obj";
-    let report: Value =
-        serde_json::from_str(&succeeds(folder.path(), &pose.split_whitespace().collect::<Vec<_>>())).unwrap();
+    let report: Value = serde_json::from_str(&succeeds(folder.path(), &words(pose))).unwrap();
     assert!(report["loss"].as_f64().unwrap() < 0.02 && report["confidence"].as_f64().unwrap() > 0.5, "{report}");
     // Seen from where the fit looked from, the posed cube is the target again.
     let look = "grad posed.obj --target target.png -o grad.png --json --blur 2 --gamma 0.01 --unlit";
-    let near: Value =
-        serde_json::from_str(&succeeds(folder.path(), &look.split_whitespace().collect::<Vec<_>>())).unwrap();
+    let near: Value = serde_json::from_str(&succeeds(folder.path(), &words(look))).unwrap();
     let far = look.replace("posed", "cube");
-    let far: Value =
-        serde_json::from_str(&succeeds(folder.path(), &far.split_whitespace().collect::<Vec<_>>())).unwrap();
+    let far: Value = serde_json::from_str(&succeeds(folder.path(), &words(&far))).unwrap();
     let [near, far] = [near, far].map(|report| report["loss"].as_f64().unwrap());
     assert!(near < 0.3 * far, "{near} against {far} unposed");
 }
@@ -27,7 +24,7 @@ fn a_pose_is_found_from_a_picture() {
 #[test]
 fn a_pose_is_refined_from_where_the_mesh_is() {
     let folder = tempfile::tempdir().unwrap();
-    let run = |line: &str| succeeds(folder.path(), &line.split_whitespace().collect::<Vec<_>>());
+    let run = |line: &str| succeeds(folder.path(), &words(line));
     let pose = |line: &str| -> Value { serde_json::from_str(&run(&format!("pose --json {line}"))).unwrap() };
     run("mesh fish -o fish.obj");
     run("render fish.obj -o target.png --frame sphere --unlit --size 48 --azimuth 130 --elevation 25");

@@ -1,6 +1,6 @@
 //! `softras fit` and the holes of what it fits: found by the hull, told where they are covered, and cut while it runs.
 
-use crate::command::{fails, softras, succeeds};
+use crate::command::{fails, softras, succeeds, words};
 use serde_json::Value;
 use std::io::BufRead;
 
@@ -15,7 +15,7 @@ fn a_fit_begins_with_the_hull_and_tells_what_it_has_not_found() {
     softras_io::save(&softras::shapes::torus(1.0, 0.4, 32, 16).unwrap(), &folder.path().join("torus.obj")).unwrap();
     let run = |extra: &str| {
         let fit = format!("fit --from torus.obj --views 8 --size 32 --iterations 3 -o out.obj --json log.json {extra}");
-        let output = softras(folder.path(), &fit.split_whitespace().collect::<Vec<_>>());
+        let output = softras(folder.path(), &words(&fit));
         assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
         let log = json(&folder.path().join("log.json"));
         (String::from_utf8(output.stderr).unwrap(), log["final"].clone())
@@ -39,7 +39,7 @@ fn a_hole_that_the_mesh_covers_is_cut_while_the_fit_runs() {
     let run = |extra: &str| {
         let fit =
             format!("fit --from torus.obj --views 12 --size 48 --iterations 60 -o out.obj --json log.json {extra}");
-        let output = softras(folder.path(), &fit.split_whitespace().collect::<Vec<_>>());
+        let output = softras(folder.path(), &words(&fit));
         let said = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(0), "{said}");
         let mesh = std::fs::read_to_string(folder.path().join("out.obj")).unwrap();

@@ -14,7 +14,7 @@ pub use write::glb;
 
 use crate::{
     fault,
-    obj::FARTHEST_UV,
+    obj::{FAR_UVS, FARTHEST_UV},
     paint::{self, Patch},
     source::Source,
     textures::Textures,
@@ -137,7 +137,7 @@ impl Soup {
         };
         let most = document.held.max(MAX_DRAWN);
         if self.triangles.len() + corners.len() > most || start + count > most {
-            return Err(format!("over {most} vertices or triangles in all, by drawing meshes several times"));
+            return Err(format!("more than {most} vertices or triangles, because meshes are drawn several times"));
         }
         if let Some(corner) = corners.iter().find(|&&corner| corner as usize >= count) {
             return Err(format!("vertex index {corner} but there are {count}"));
@@ -240,23 +240,20 @@ impl Soup {
         let unlit = self.pieces.iter().filter(is_drawn).filter(|piece| piece.look.is_unlit).count();
         source.unlit = unlit > 0 && unlit == self.pieces.len();
         if unlit > 0 && !source.unlit {
-            source.notes.add(None, "unlit materials are lit as the others are: --unlit shows colours as they are");
+            source.notes.add(None, "unlit materials are lit like the others: --unlit draws all colours without light");
         }
         let clear = |piece: &Piece| piece.look.cut.apply(piece.look.alpha) == 0.0;
         if let Some(piece) = self.pieces.iter().find(|piece| clear(piece)) {
             let material = piece.material.and_then(|index| root.materials.get(index));
             let name: String = material.map_or("", |material| &material.name).chars().take(40).collect();
-            source
-                .notes
-                .add(None, format!("material {name:?} is wholly transparent: its triangles are not to be seen"));
+            source.notes.add(None, format!("material {name:?} is wholly transparent: its triangles are invisible"));
         }
         if self.far_uvs > 0 {
-            let note = format!("texture coordinates that are not within ±{FARTHEST_UV} are taken as 0");
-            source.notes.add(None, format!("{note} ({} in all)", self.far_uvs));
+            source.notes.add(None, format!("{FAR_UVS} ({} in all)", self.far_uvs));
         }
         let blends = |piece: &Piece| piece.look.cut != image::Cut::Opaque;
         if self.colors.iter().any(|color| color[3] != 1.0) && self.pieces.iter().any(blends) {
-            source.notes.add(None, "the alpha of vertex colours is taken as one for each triangle");
+            source.notes.add(None, "the alpha of vertex colours is averaged over each triangle");
         }
     }
 

@@ -1,9 +1,9 @@
 //! Writes meshes as binary glTF files, with everything in one file.
 
-use crate::obj::png;
+use crate::{obj::png, several_cells};
 use serde_json::{Value, json};
 use softras::{
-    Error, Mesh, Result,
+    Mesh, Result,
     scene::{Appearance, Texture, Wrap},
 };
 use std::collections::HashMap;
@@ -17,7 +17,7 @@ const REPEAT: u32 = 10497;
 /// The content of a .glb file. Colours and factors are linear in glTF, images are sRGB.
 ///
 /// # Errors
-/// [`Error::Mesh`] for surface textures of more than one cell, and texels outside [0, 1].
+/// [`softras::Error::Mesh`] for surface textures of more than one cell, and texels outside [0, 1].
 pub fn glb(mesh: &Mesh) -> Result<Vec<u8>> {
     let mut file = File::default();
     let triangles = mesh.triangles();
@@ -47,13 +47,7 @@ pub fn glb(mesh: &Mesh) -> Result<Vec<u8>> {
             let own: Vec<[u32; 3]> = (0..triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
             primitives.push(file.primitive(attributes, &own, material));
         }
-        Appearance::Surface { resolution, .. } => {
-            return Err(Error::Mesh {
-                what: format!("surface texture of resolution {resolution}"),
-                place: "appearance".into(),
-                fix: "glTF files hold one colour per face: use resolution 1, vertex colours or an image".into(),
-            });
-        }
+        Appearance::Surface { resolution, .. } => return Err(several_cells(*resolution, "glTF")),
         Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle } => {
             for (index, texture) in textures.iter().enumerate() {
                 let of = |t: &usize| texture_of_triangle.get(*t).copied().unwrap_or_default() as usize == index;

@@ -7,14 +7,18 @@ use super::{
     triangles::Triangles,
 };
 use crate::{
+    input,
     notes::Notes,
     paint::{self, Patch},
     source::Source,
     textures::Textures,
 };
-use softras::scene::{Appearance, Texture, Wrap};
+use softras::{
+    Result,
+    scene::{Appearance, Texture, Wrap},
+};
 use std::{
-    collections::{HashMap, TryReserveError, hash_map::Entry},
+    collections::{HashMap, hash_map::Entry},
     mem,
     path::PathBuf,
 };
@@ -30,7 +34,7 @@ pub(super) fn appearance(
     source: &mut Source,
     obj: &mut Obj,
     triangles: &mut Triangles,
-) -> Result<(Appearance, Vec<f32>), TryReserveError> {
+) -> Result<(Appearance, Vec<f32>)> {
     let library = material::read_libraries(source, &obj.libraries);
     let used = find_used(obj, &library, &mut source.notes);
     // A file without `usemtl` means its only material.
@@ -40,22 +44,24 @@ pub(super) fn appearance(
         source.notes.add(None, format!("materials without a `usemtl`: {taken}"));
     }
     // The material of each face; `None` is white.
-    let material_of_face = collected(obj.faces.iter().map(|face| face.material.map_or(only, |m| used[m])))?;
+    let material_of_face = collected(source, obj.faces.iter().map(|face| face.material.map_or(only, |m| used[m])))?;
     if let Some(clear) = obj.faces.iter().zip(&material_of_face).find(|(_, m)| m.is_some_and(|m| m.opacity() == 0.0)) {
         let name = clear.0.material.map_or("", |m| &obj.materials[m].0);
-        source.notes.add(None, format!("material {name:?} is wholly transparent: its faces are not to be seen"));
+        source.notes.add(None, format!("material {name:?} is wholly transparent: its faces are invisible"));
     }
     let opacity = |material: &Option<&Material>| material.map_or(1.0, Material::opacity);
     let is_transparent = material_of_face.iter().any(|material| opacity(material) < 1.0);
     let shown = if is_transparent { &triangles.faces[..] } else { &[] };
-    let opacity = collected(shown.iter().map(|&face| opacity(&material_of_face[face])))?;
+    let opacity = collected(source, shown.iter().map(|&face| opacity(&material_of_face[face])))?;
     Ok((colors(source, obj, triangles, &material_of_face)?, opacity))
 }
 
-/// The values in a vector for which there is memory.
-fn collected<T>(values: impl ExactSizeIterator<Item = T>) -> Result<Vec<T>, TryReserveError> {
-    let mut all = Vec::new();
-    all.try_reserve_exact(values.len())?;
+/// The values in a vector.
+///
+/// # Errors
+/// A lack of memory for them.
+fn collected<T>(source: &Source, values: impl ExactSizeIterator<Item = T>) -> Result<Vec<T>> {
+    let mut all = input::vector(source.path, values.len())?;
     all.extend(values);
     Ok(all)
 }
@@ -70,7 +76,7 @@ fn colors(
     obj: &mut Obj,
     triangles: &mut Triangles,
     material_of_face: &[Option<&Material>],
-) -> Result<Appearance, TryReserveError> {
+) -> Result<Appearance> {
     let is_textured = |face: usize| obj.faces[face].has_uvs && has_map(&material_of_face[face]);
     note_textures_without_uvs(obj, material_of_face, &mut source.notes);
     let colored = !obj.colors.is_empty();
@@ -90,7 +96,7 @@ fn colors(
     if material_of_face.iter().all(|material| color(*material) == first) {
         return Ok(Appearance::Uniform(first));
     }
-    let texels = collected(triangles.faces.iter().map(|&face| color(material_of_face[face])))?;
+    let texels = collected(source, triangles.faces.iter().map(|&face| color(material_of_face[face])))?;
     Ok(Appearance::Surface { resolution: 1, texels })
 }
 
@@ -137,11 +143,10 @@ fn textured(
     obj: &mut Obj,
     triangles: &mut Triangles,
     material_of_face: &[Option<&Material>],
-) -> Result<Option<Appearance>, TryReserveError> {
+) -> Result<Option<Appearance>> {
     let mut textures = Textures::new(source.room());
     let mut by_kind: HashMap<(Option<usize>, bool), u32> = HashMap::new();
-    let mut texture_of_face = Vec::new();
-    texture_of_face.try_reserve_exact(obj.faces.len())?;
+    let mut texture_of_face = input::vector(source.path, obj.faces.len())?;
     let mut any_file = false;
     for (face, material) in obj.faces.iter().zip(material_of_face) {
         let index = match by_kind.entry((face.material, face.has_uvs)) {
@@ -162,7 +167,8 @@ fn textured(
     if !any_file {
         return Ok(None);
     }
-    let mut texture_of_triangle: Vec<u32> = collected(triangles.faces.iter().map(|&face| texture_of_face[face]))?;
+    let mut texture_of_triangle: Vec<u32> =
+        collected(source, triangles.faces.iter().map(|&face| texture_of_face[face]))?;
     let (mut uvs, mut uv_triangles) = (mem::take(&mut obj.uvs), mem::take(&mut triangles.uvs));
     // Files whose UVs are all missing have a texture on no face.
     uv_triangles.resize(triangles.faces.len(), [0; 3]);

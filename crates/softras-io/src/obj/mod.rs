@@ -15,11 +15,11 @@ mod write;
 
 #[cfg(test)]
 pub use material::STATEMENTS;
-pub use parse::FARTHEST_UV;
+pub use parse::{FAR_UVS, FARTHEST_UV};
 pub use write::{files_of, png};
 
 use crate::source::Source;
-use softras::{Error, Mesh, Result};
+use softras::{Mesh, Result};
 
 /// Reads an OBJ file, its materials and its textures.
 pub fn read(source: &mut Source, bytes: Vec<u8>) -> Result<Mesh> {
@@ -28,12 +28,7 @@ pub fn read(source: &mut Source, bytes: Vec<u8>) -> Result<Mesh> {
     let mut obj = parse::parse(source, &text)?;
     drop(text);
     let mut triangles = triangles::triangulate(path, &obj, &mut source.notes)?;
-    let look = appearance::appearance(source, &mut obj, &mut triangles);
-    let (appearance, opacity) = look.map_err(|_| Error::OutOfMemory {
-        what: path.display().to_string(),
-        bytes: size_of_val(&triangles.faces[..]) as u64,
-        fix: "give a smaller mesh, or allow the process more memory".into(),
-    })?;
+    let (appearance, opacity) = appearance::appearance(source, &mut obj, &mut triangles)?;
     source.normals = triangles.normals;
     source.opacity = opacity;
     let positions = source.placed(&obj.positions, &triangles.vertices)?;

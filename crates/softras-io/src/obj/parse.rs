@@ -7,12 +7,13 @@
 //! that both read rightly.
 
 use super::statement::{Statement, statements};
-use crate::{notes::Ignored, source::Source, texture::linear_from_srgb};
-use softras::{Error, Result, scene::Mesh};
-use std::{collections::HashMap, str::FromStr};
+use crate::{fault, fault_at, input, notes::Ignored, source::Source, texture::linear_from_srgb};
+use softras::{Result, scene::Mesh};
+use std::{collections::HashMap, path::Path, str::FromStr};
 
 /// The largest magnitude of a texture coordinate; beyond it f32 has too few digits left for the position in an image.
 pub const FARTHEST_UV: f32 = 1e4;
+pub const FAR_UVS: &str = "texture coordinates beyond ±10000 are replaced by 0";
 
 /// The content of an OBJ file.
 #[derive(Default)]
@@ -80,33 +81,27 @@ const CORNER_FORMS: &str = "give v, v/vt, v//vn or v/vt/vn";
 /// Parses a whole file; what is not kept of it becomes notes.
 ///
 /// # Errors
-/// [`Error::File`] with the line of the first statement that is wrong, or without a line when there are no faces.
+/// [`softras::Error::File`] with the line of the first statement that is wrong, or without a line when there are no faces.
 pub(super) fn parse(source: &mut Source, text: &str) -> Result<Obj> {
     let path = source.path;
     let totals = count(text);
-    let mut parser = Parser { totals, ..Parser::default() };
-    parser.obj.srgb = source.options.srgb;
-    parser.obj.reserve(&totals).map_err(|_| Error::OutOfMemory {
-        what: path.display().to_string(),
-        bytes: text.len() as u64,
-        fix: "give a smaller mesh, or allow the process more memory".into(),
-    })?;
+    let obj = Obj::sized(path, &totals, source.options.srgb)?;
+    let mut parser =
+        Parser { obj, totals, material: None, material_by_name: HashMap::new(), ignored: Ignored::default() };
     for statement in statements(text) {
-        parser.statement(&statement).map_err(|(what, fix)| Error::File {
-            path: path.into(),
-            line: Some(statement.line),
-            what,
-            fix: fix.into(),
-        })?;
+        parser.statement(&statement).map_err(|(what, fix)| fault_at(path, statement.line, what, fix))?;
     }
     source.notes.extend(parser.ignored);
     let obj = parser.obj;
     if obj.faces.is_empty() {
         let (what, fix) = match obj.positions.len() {
-            0 => ("not an OBJ file: it has no vertex and no face".into(), "give a mesh, with the ending of its format"),
+            0 => (
+                "not an OBJ file: it has no vertex and no face".to_string(),
+                "give a mesh, with the ending of its format",
+            ),
             n => (format!("no faces ({n} vertices)"), "softras draws triangles: give a mesh with `f` statements"),
         };
-        return Err(Error::File { path: path.into(), line: None, what, fix: fix.into() });
+        return Err(fault(path, what, fix));
     }
     Ok(obj)
 }
@@ -165,20 +160,27 @@ impl Totals {
 }
 
 impl Obj {
-    /// Makes room for all that the file has, so that a lack of memory is an error and not the end of the process.
-    fn reserve(&mut self, totals: &Totals) -> std::result::Result<(), std::collections::TryReserveError> {
-        self.positions.try_reserve_exact(totals.vertices)?;
-        self.colors.try_reserve_exact(if totals.colored > 0 { totals.vertices } else { 0 })?;
-        self.uvs.try_reserve_exact(totals.uvs)?;
-        self.normals.try_reserve_exact(totals.normals)?;
-        self.normal_corners.try_reserve_exact(if totals.normals > 0 { totals.corners } else { 0 })?;
-        self.faces.try_reserve_exact(totals.faces)?;
-        self.corners.try_reserve_exact(totals.corners)?;
-        self.uv_corners.try_reserve_exact(if totals.uvs > 0 { totals.corners } else { 0 })
+    /// With room for all that the file has.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`](softras::Error::OutOfMemory).
+    fn sized(path: &Path, totals: &Totals, srgb: bool) -> Result<Self> {
+        let (normals, uvs) = (totals.normals > 0, totals.uvs > 0);
+        Ok(Self {
+            positions: input::vector(path, totals.vertices)?,
+            colors: input::vector(path, if totals.colored > 0 { totals.vertices } else { 0 })?,
+            srgb,
+            uvs: input::vector(path, totals.uvs)?,
+            faces: input::vector(path, totals.faces)?,
+            corners: input::vector(path, totals.corners)?,
+            uv_corners: input::vector(path, if uvs { totals.corners } else { 0 })?,
+            normals: input::vector(path, totals.normals)?,
+            normal_corners: input::vector(path, if normals { totals.corners } else { 0 })?,
+            ..Self::default()
+        })
     }
 }
 
-#[derive(Default)]
 struct Parser {
     obj: Obj,
     totals: Totals,
@@ -295,8 +297,7 @@ impl Parser {
         if uv.iter().all(|x| x.abs() <= FARTHEST_UV) {
             self.obj.uvs.push(uv);
         } else {
-            let note = format!("texture coordinates that are not within ±{FARTHEST_UV} are taken as 0");
-            self.ignored.add(note, statement.line);
+            self.ignored.add(FAR_UVS, statement.line);
             self.obj.uvs.push([0.0; 2]);
         }
         Ok(())

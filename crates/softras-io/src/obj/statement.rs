@@ -1,14 +1,13 @@
 //! Splits OBJ and MTL files into statements with line numbers.
 
-use crate::input;
-use softras::{Error, Result};
+use crate::{fault, input};
+use softras::Result;
 use std::{borrow::Cow, path::Path};
 
 /// The text of a file; bytes that are not UTF-8 (names in an old code page) become replacement characters.
 pub(super) fn text(path: &Path, bytes: Vec<u8>) -> Result<String> {
     if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
-        let (what, fix) = ("UTF-16 text".into(), "save the file as UTF-8".into());
-        return Err(Error::File { path: path.into(), line: None, what, fix });
+        return Err(fault(path, "UTF-16 text", "save the file as UTF-8"));
     }
     let text = String::from_utf8(bytes).or_else(|error| {
         // A replacement character takes three bytes.

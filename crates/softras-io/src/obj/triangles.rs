@@ -1,12 +1,11 @@
 //! The polygons of an OBJ file as triangles.
 
 use super::parse::Obj;
-use crate::{notes::Notes, polygon};
-use softras::{Error, Result};
+use crate::{fault_at, input, notes::Notes, polygon};
+use softras::Result;
 use std::path::Path;
 
 /// Triangles in the order of their faces.
-#[derive(Default)]
 pub(super) struct Triangles {
     /// Indices into [`Obj::positions`].
     pub vertices: Vec<[u32; 3]>,
@@ -18,29 +17,19 @@ pub(super) struct Triangles {
     pub faces: Vec<usize>,
 }
 
-impl Triangles {
-    /// Makes room for all of them, so that a lack of memory is an error and not the end of the process.
-    fn reserve(&mut self, obj: &Obj) -> std::result::Result<(), std::collections::TryReserveError> {
-        // A face of n corners, three at least, makes n - 2 triangles.
-        let count = obj.corners.len() - 2 * obj.faces.len();
-        self.vertices.try_reserve_exact(count)?;
-        self.uvs.try_reserve_exact(if obj.uv_corners.is_empty() { 0 } else { count })?;
-        self.normals.try_reserve_exact(if obj.normal_corners.is_empty() { 0 } else { count })?;
-        self.faces.try_reserve_exact(count)
-    }
-}
-
 /// Cuts all faces into triangles.
 ///
 /// # Errors
-/// [`Error::File`] with the line of a face that cannot be cut.
+/// [`softras::Error::File`] with the line of a face that cannot be cut; [`softras::Error::OutOfMemory`].
 pub(super) fn triangulate(path: &Path, obj: &Obj, notes: &mut Notes) -> Result<Triangles> {
-    let mut triangles = Triangles::default();
-    triangles.reserve(obj).map_err(|_| Error::OutOfMemory {
-        what: path.display().to_string(),
-        bytes: size_of_val(&obj.corners[..]) as u64,
-        fix: "give a smaller mesh, or allow the process more memory".into(),
-    })?;
+    // A face of n corners, three at least, makes n - 2 triangles.
+    let count = obj.corners.len() - 2 * obj.faces.len();
+    let mut triangles = Triangles {
+        vertices: input::vector(path, count)?,
+        uvs: input::vector(path, if obj.uv_corners.is_empty() { 0 } else { count })?,
+        normals: input::vector(path, if obj.normal_corners.is_empty() { 0 } else { count })?,
+        faces: input::vector(path, count)?,
+    };
     let mut not_simple = Vec::new();
     let mut start = 0;
     for (index, face) in obj.faces.iter().enumerate() {
@@ -50,12 +39,8 @@ pub(super) fn triangulate(path: &Path, obj: &Obj, notes: &mut Notes) -> Result<T
         let normal = |corner: u32| obj.normals.get(corner as usize).copied().unwrap_or_default();
         start += face.arity;
         let polygon: Vec<_> = corners.iter().map(|&v| obj.positions[v as usize]).collect();
-        let cut = polygon::triangulate(&polygon).map_err(|what| Error::File {
-            path: path.into(),
-            line: Some(face.line),
-            what,
-            fix: "triangulate it in a modelling program".into(),
-        })?;
+        let cut = polygon::triangulate(&polygon)
+            .map_err(|what| fault_at(path, face.line, what, "triangulate it in a modelling program"))?;
         if !cut.is_simple {
             not_simple.push(face.line);
         }
@@ -67,9 +52,7 @@ pub(super) fn triangulate(path: &Path, obj: &Obj, notes: &mut Notes) -> Result<T
         }
     }
     if let Some(line) = not_simple.first() {
-        let count = not_simple.len();
-        let note = format!("polygons that cross themselves or are flat are cut as well as they allow ({count} in all)");
-        notes.add(Some(*line), note);
+        notes.add(Some(*line), format!("{} ({} in all)", polygon::NOT_SIMPLE, not_simple.len()));
     }
     Ok(triangles)
 }

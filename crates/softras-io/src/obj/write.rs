@@ -1,7 +1,7 @@
 //! Writes meshes as OBJ, MTL and PNG files.
 
-use crate::{color::Curve, texture::srgb_from_linear};
-use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+use crate::{color::Curve, picture, several_cells, texture::srgb_from_linear};
+use image::ExtendedColorType;
 use softras::{
     Error, Mesh, Result,
     scene::{Appearance, Texture, Wrap},
@@ -68,13 +68,7 @@ fn materials<'a>(mesh: &'a Mesh, stem: &str) -> Result<Materials<'a>> {
                 materials.of_triangle.push(index as u32);
             }
         }
-        Appearance::Surface { resolution, .. } => {
-            return Err(Error::Mesh {
-                what: format!("surface texture of resolution {resolution}"),
-                place: "appearance".into(),
-                fix: "OBJ files hold one colour per face: use resolution 1, vertex colours or an image".into(),
-            });
-        }
+        Appearance::Surface { resolution, .. } => return Err(several_cells(*resolution, "OBJ")),
         Appearance::Textured { textures, texture_of_triangle, .. } => {
             for (i, texture) in textures.iter().enumerate() {
                 // Not `NAME.png`, which is what a picture of the mesh is called.
@@ -156,13 +150,9 @@ pub fn png(texture: &Texture) -> Result<Vec<u8>> {
         let color = if alpha.is_empty() { ExtendedColorType::Rgb16 } else { ExtendedColorType::Rgba16 };
         (values.map(|value| (value * 65535.0).round() as u16).flat_map(u16::to_ne_bytes).collect(), color)
     };
-    let mut file = Vec::new();
-    match PngEncoder::new(&mut file).write_image(&bytes, texture.width(), texture.height(), color) {
-        Ok(()) => Ok(file),
-        Err(error) => Err(Error::Mesh {
-            what: error.to_string(),
-            place: "texture".into(),
-            fix: "the PNG encoder refuses this image: try a smaller one".into(),
-        }),
-    }
+    picture::png(&bytes, texture.width(), texture.height(), color).map_err(|error| Error::Mesh {
+        what: error.to_string(),
+        place: "texture".into(),
+        fix: "the PNG encoder refuses this image: try a smaller one".into(),
+    })
 }

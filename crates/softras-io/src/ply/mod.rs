@@ -8,7 +8,7 @@ pub use write::files_of;
 use crate::{
     fault,
     find::find,
-    obj::FARTHEST_UV,
+    obj::{FAR_UVS, FARTHEST_UV},
     polygon,
     source::Source,
     texture::{self, linear_from_srgb},
@@ -85,14 +85,10 @@ pub(super) fn read(source: &mut Source, mut bytes: Vec<u8>) -> Result<Mesh> {
         source.notes.add(None, format!("faces of fewer than three corners are not drawn ({} in all)", ply.short_faces));
     }
     if ply.far_uvs > 0 {
-        let note =
-            format!("texture coordinates that are not within ±{FARTHEST_UV} are taken as 0 ({} in all)", ply.far_uvs);
-        source.notes.add(None, note);
+        source.notes.add(None, format!("{FAR_UVS} ({} in all)", ply.far_uvs));
     }
     if ply.not_simple > 0 {
-        let count = ply.not_simple;
-        let note = format!("polygons that cross themselves or are flat are cut as well as they allow ({count} in all)");
-        source.notes.add(None, note);
+        source.notes.add(None, format!("{} ({} in all)", polygon::NOT_SIMPLE, ply.not_simple));
     }
     let (positions, triangles) = (mem::take(&mut ply.positions), mem::take(&mut ply.triangles));
     source.keep_normals(&mem::take(&mut ply.normals), &triangles);
@@ -329,7 +325,7 @@ fn appearance(source: &mut Source, ply: Ply, triangles: &[[u32; 3]]) -> Appearan
             textures.extend(white);
             texture_of_triangle = ply.image_of_triangle.iter().map(|&image| image.min(last)).collect();
         } else if textures.len() > 1 {
-            source.notes.add(None, "of several textures the first is drawn: faces have no texnumber");
+            source.notes.add(None, "only the first texture is drawn: faces have no texnumber");
             textures.truncate(1);
         }
         return Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle };

@@ -154,37 +154,8 @@ impl<'de> Visitor<'de> for OneRow<'_> {
             match *column {
                 Column::Nowhere => _ = map.next_value::<IgnoredAny>()?,
                 Column::Value(at) => self.row.values[at] = map.next_value()?,
-                Column::List(at) => {
-                    self.row.lists[at].clear();
-                    map.next_value_seed(Numbers(&mut self.row.lists[at]))?;
-                }
+                Column::List(at) => self.row.lists[at] = map.next_value()?,
             }
-        }
-        Ok(())
-    }
-}
-
-/// Appends the numbers of a list.
-struct Numbers<'a>(&'a mut Vec<f64>);
-
-impl<'de> DeserializeSeed<'de> for Numbers<'_> {
-    type Value = ();
-
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
-        deserializer.deserialize_seq(self)
-    }
-}
-
-impl<'de> Visitor<'de> for Numbers<'_> {
-    type Value = ();
-
-    fn expecting(&self, formatter: &mut fmt::Formatter) -> fmt::Result {
-        formatter.write_str("a list of numbers")
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, mut numbers: A) -> Result<(), A::Error> {
-        while let Some(number) = numbers.next_element()? {
-            self.0.push(number);
         }
         Ok(())
     }

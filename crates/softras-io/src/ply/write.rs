@@ -1,6 +1,6 @@
 //! Writes meshes as binary PLY files.
 
-use crate::{color::Curve, obj::png};
+use crate::{color::Curve, obj::png, several_cells};
 use softras::{
     Error, Mesh, Result,
     scene::{Appearance, Texture},
@@ -26,12 +26,12 @@ pub fn files_of(mesh: &Mesh, path: &Path, curve: Curve) -> Result<Vec<(PathBuf, 
 fn only(textures: &[Texture]) -> Result<&Texture> {
     match textures {
         [one] => Ok(one),
-        _ => refuse(format!("{} textures", textures.len()), "PLY files hold one image: write .obj or .glb"),
+        _ => Err(Error::Mesh {
+            what: format!("{} textures", textures.len()),
+            place: "appearance".into(),
+            fix: "PLY files hold one image: write .obj or .glb".into(),
+        }),
     }
-}
-
-fn refuse<T>(what: String, fix: &str) -> Result<T> {
-    Err(Error::Mesh { what, place: "appearance".into(), fix: fix.into() })
 }
 
 fn ply(mesh: &Mesh, image: &str, curve: Curve) -> Result<Vec<u8>> {
@@ -42,10 +42,7 @@ fn ply(mesh: &Mesh, image: &str, curve: Curve) -> Result<Vec<u8>> {
         Appearance::Uniform(color) => vertex_colors = vec![bytes(color); mesh.positions().len()],
         Appearance::VertexColors(colors) => vertex_colors = colors.iter().map(bytes).collect(),
         Appearance::Surface { resolution: 1, texels } => face_colors = texels.iter().map(bytes).collect(),
-        Appearance::Surface { resolution, .. } => {
-            let fix = "PLY files hold one colour per face: use resolution 1, vertex colours or an image";
-            return refuse(format!("surface texture of resolution {resolution}"), fix);
-        }
+        Appearance::Surface { resolution, .. } => return Err(several_cells(*resolution, "PLY")),
         Appearance::Textured { uvs, uv_triangles, .. } => corner_uvs = Some((uvs, uv_triangles)),
     }
     let normals = mesh.normals();

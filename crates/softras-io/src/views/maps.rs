@@ -4,9 +4,11 @@ use super::Views;
 use crate::{
     Budget, PictureFile, input,
     npy::{self, numbers, read_file},
+    picture_file::MAX_SIDE,
+    refuse,
 };
 use exr::prelude::{AnyChannel, FlatSamples, MetaData, ReadChannels, ReadLayers, read};
-use softras::{Error, Image, Result};
+use softras::{Image, Result};
 use std::path::{Path, PathBuf};
 
 /// What a map holds.
@@ -20,8 +22,6 @@ pub enum Map {
 
 /// The endings of maps, in the order in which they are looked for.
 const ENDINGS: [&str; 3] = ["exr", "npy", "png"];
-/// The most pixels along a side, as of pictures.
-const MAX_SIDE: usize = 16384;
 /// Bytes that a value takes while it is read: as it is in the file, as a sample, and as a number.
 const BYTES_PER_VALUE: u64 = 16;
 /// The least silhouette of a pixel that the object covers wholly, but for rounding.
@@ -68,7 +68,7 @@ impl Map {
             let values = self.read(&path, unit, budget)?;
             if (values.width, values.height) != (width, height) {
                 let what = format!("has {}×{} pixels, its picture {width}×{height}", values.width, values.height);
-                return fault(&path, what, "give it the size of the pictures");
+                return refuse(&path, what, "give it the size of the pictures");
             }
             data.extend(values.data.chunks_exact(self.channels()).flat_map(|pixel| self.known(pixel)));
             files.push(path);
@@ -86,7 +86,7 @@ impl Map {
             None => {
                 let what = format!("has no {} of {}", self.folder(), picture.display());
                 let fix = format!("name it {}.exr, .npy or .png", stem.display());
-                fault(folder, what, &fix)
+                refuse(folder, what, fix)
             }
         }
     }
@@ -105,7 +105,7 @@ impl Map {
             (Self::Depth, &[h, w] | &[h, w, 1]) | (Self::Normal, &[h, w, 3]) => (h, w),
             (_, shape) => {
                 let fix = if self == Self::Depth { "use [H, W]" } else { "use [H, W, 3]" };
-                return fault(path, format!("has shape {shape:?}"), fix);
+                return refuse(path, format!("has shape {shape:?}"), fix);
             }
         };
         let values = numbers(path, &array)?;
@@ -121,7 +121,7 @@ impl Map {
         let picture = picture.decode(path)?;
         let data = match self {
             Self::Depth if picture.color() != image::ColorType::L16 => {
-                return fault(path, "is no grey picture of 16 bits", "write depths as .exr, .npy, or .png of 16 bits");
+                return refuse(path, "is no grey picture of 16 bits", "write depths as .exr, .npy, or .png of 16 bits");
             }
             Self::Depth => picture.into_luma16().iter().map(|step| (f64::from(*step) * unit) as f32).collect(),
             Self::Normal => {
@@ -134,13 +134,13 @@ impl Map {
     }
 
     fn read_exr(self, path: &Path, budget: &Budget) -> Result<Values> {
-        let refuse = |error: exr::error::Error| {
-            fault(path, format!("is no OpenEXR file that can be read: {error}"), "write it again")
+        let unreadable = |error: exr::error::Error| {
+            refuse(path, format!("is no OpenEXR file that can be read: {error}"), "write it again")
         };
         budget.count_file(input::open(path)?.metadata().map_or(0, |metadata| metadata.len()));
         let meta = match MetaData::read_from_file(path, false) {
             Ok(meta) => meta,
-            Err(error) => return refuse(error),
+            Err(error) => return unreadable(error),
         };
         for header in &meta.headers {
             self.claim(path, header.layer_size.0, header.layer_size.1, header.channels.list.len(), budget)?;
@@ -148,12 +148,12 @@ impl Map {
         let file = read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer();
         let layer = match file.all_attributes().non_parallel().from_file(path) {
             Ok(image) => image.layer_data,
-            Err(error) => return refuse(error),
+            Err(error) => return unreadable(error),
         };
         let (width, height) = (layer.size.0, layer.size.1);
         let columns = self.columns(path, &layer.channel_data.list)?;
         if columns.iter().any(|column| column.len() != width * height) {
-            return fault(path, "has channels with fewer samples than pixels", "write a sample for each pixel");
+            return refuse(path, "has channels with fewer samples than pixels", "write a sample for each pixel");
         }
         let data = (0..width * height).flat_map(|i| columns.iter().map(move |column| column[i])).collect();
         Ok(Values { width, height, data })
@@ -170,15 +170,15 @@ impl Map {
         let Some(wanted) = wanted else {
             let fix = if self == Self::Depth { "name the depths' channel Z" } else { "name the channels R, G and B" };
             let names: Vec<String> = channels.iter().map(|channel| channel.name.to_string()).collect();
-            return fault(path, format!("has the channels {}", names.join(", ")), fix);
+            return refuse(path, format!("has the channels {}", names.join(", ")), fix);
         };
         Ok(wanted.into_iter().map(|channel| channel.sample_data.values_as_f32().collect()).collect())
     }
 
     /// Claims the memory for reading a map.
     fn claim(self, path: &Path, width: usize, height: usize, channels: usize, budget: &Budget) -> Result<()> {
-        if width.min(height) == 0 || width.max(height) > MAX_SIDE {
-            return fault(path, format!("is {width}×{height} pixels"), &format!("use 1 to {MAX_SIDE} pixels a side"));
+        if width.min(height) == 0 || width.max(height) > MAX_SIDE as usize {
+            return refuse(path, format!("is {width}×{height} pixels"), format!("use 1 to {MAX_SIDE} pixels a side"));
         }
         let values = (width as u64 * height as u64).saturating_mul(channels as u64);
         budget.claim(path, &format!("a map of {width}×{height} pixels"), values.saturating_mul(BYTES_PER_VALUE))
@@ -226,10 +226,6 @@ pub fn files(folder: &Path, views: &Views, pictures: &[PathBuf]) -> Vec<(PathBuf
 fn place(folder: &Path, map: Map, picture: &Path) -> PathBuf {
     let name = Path::new(picture.file_stem().unwrap_or_default()).with_extension("npy");
     folder.join(map.folder()).join(name)
-}
-
-fn fault<T>(path: &Path, what: impl Into<String>, fix: &str) -> Result<T> {
-    Err(Error::File { path: path.into(), line: None, what: what.into(), fix: fix.into() })
 }
 
 #[cfg(test)]

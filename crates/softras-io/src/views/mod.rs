@@ -5,7 +5,7 @@ mod maps;
 
 pub use maps::Map;
 
-use crate::{Budget, Curve, PictureFile, npy, output};
+use crate::{Budget, Curve, PictureFile, npy, output, refuse};
 use glam::DMat4;
 use softras::{Camera, Error, Image, Projection, Result};
 use std::{
@@ -115,7 +115,7 @@ impl Views {
     /// [`Error::Io`]; then no file has changed, unless a rename itself failed. [`Error::File`] without colours and silhouettes.
     pub fn save(&self, folder: &Path) -> Result<()> {
         let (Some(silhouette), Some(color)) = (&self.silhouette, &self.color) else {
-            return fault(folder, "the views have no colours or no silhouettes", "give both");
+            return refuse(folder, "the views have no colours or no silhouettes", "give both");
         };
         let maps =
             [(Map::Depth, &self.depth), (Map::Normal, &self.normal)].into_iter().filter(|(_, map)| map.is_some());
@@ -177,10 +177,6 @@ impl Views {
     }
 }
 
-fn fault<T>(path: &Path, what: impl Into<String>, fix: &str) -> Result<T> {
-    Err(Error::File { path: path.into(), line: None, what: what.into(), fix: fix.into() })
-}
-
 /// Claims the memory for so many pixels.
 fn claim_pixels(options: &ViewsOptions, budget: &Budget, path: &Path, pixels: u64) -> Result<()> {
     budget.claim(path, &format!("a fit to {pixels} pixels"), pixels.saturating_mul(options.bytes_per_pixel))
@@ -191,11 +187,11 @@ fn arrays(options: &ViewsOptions, path: &Path, budget: &Budget) -> Result<Views>
     // What is not there is no .npy file that lacks its cameras.
     std::fs::metadata(path).map_err(|source| Error::Io { path: path.into(), source })?;
     let Some(cameras) = &options.cameras else {
-        return fault(path, "images in a .npy file have no cameras with them", "give the file of their cameras too");
+        return refuse(path, "images in a .npy file have no cameras with them", "give the file of their cameras too");
     };
     if options.depths.is_some() || options.normals.is_some() {
         let what = "depths and normals have the names of pictures, which a .npy file of images has not";
-        return fault(path, what, "give a folder of pictures");
+        return refuse(path, what, "give a folder of pictures");
     }
     let array = npy::read_file(path, budget)?;
     // The axes of [view, row, column, channel] in the file.
@@ -204,12 +200,12 @@ fn arrays(options: &ViewsOptions, path: &Path, budget: &Budget) -> Result<Views>
         [n, h, w, c @ (1 | 3 | 4)] => ([n, h, w, c], [h * w * c, w * c, c, 1]),
         [n, h, w] => ([n, h, w, 1], [h * w, w, 1, 0]),
         ref shape => {
-            return fault(path, format!("has shape {shape:?}"), "use [N, 4, H, W], [N, H, W, 4] or [N, H, W]");
+            return refuse(path, format!("has shape {shape:?}"), "use [N, 4, H, W], [N, H, W, 4] or [N, H, W]");
         }
     };
     let [batch, height, width, channels] = sizes;
     if sizes.contains(&0) {
-        return fault(path, format!("has shape {:?}", array.shape), "give at least one pixel");
+        return refuse(path, format!("has shape {:?}", array.shape), "give at least one pixel");
     }
     claim_pixels(options, budget, path, (batch * height * width) as u64)?;
     let values = npy::numbers(path, &array)?;
@@ -287,7 +283,7 @@ fn folder(
         cameras.push(view.camera(&list, (width, height))?);
         if *size.get_or_insert((width, height)) != (width, height) {
             let what = format!("is {width}×{height} pixels, others are not");
-            return fault(&file, what, "use images of one size");
+            return refuse(&file, what, "use images of one size");
         }
         budget.count_file(picture.file_bytes);
         claim_pixels(options, budget, &file, picture.pixels())?;
@@ -305,35 +301,28 @@ fn folder(
     if let Some(view) = views.iter().find(|view| view.bend.is_some()) {
         if options.depths.is_some() || options.normals.is_some() {
             let what = format!("{}: a camera with distortion, beside depths or normals", view.file.display());
-            return fault(&list, what, "undistort pictures and maps first");
+            return refuse(&list, what, "undistort pictures and maps first");
         }
-        notes.push(format!("{}: undistorted, as others", view.file.display()));
+        notes.push(format!("{} and others: the lens distortion is removed", view.file.display()));
     }
+    let size = size.unwrap_or_default();
     let mut pixels = Pixels::new(options.color);
     let mut kinds = [None, None];
     for view in &views {
         // One note of a kind is enough for all pictures.
         let file = path.join(&view.file);
-        let noted = if view.mask.is_none() && view.bend.is_none() {
-            for_each_pixel(&file, |pixel| pixels.push(pixel))?
-        } else {
-            let mut picture = Vec::new();
-            let noted = for_each_pixel(&file, |pixel| picture.push(pixel))?;
-            let (width, height) = size.unwrap_or_default();
-            if let Some(mask) = &view.mask {
-                masked(&mut picture, &path.join(mask), (width, height))?;
-            }
-            if view.bend.is_some() {
-                picture = straightened(&picture, view, width as usize);
-            }
-            picture.into_iter().for_each(|pixel| pixels.push(pixel));
-            noted
-        };
+        let (mut picture, noted) = pixels_of(&file)?;
+        if let Some(mask) = &view.mask {
+            masked(&mut picture, &path.join(mask), size)?;
+        }
+        if view.bend.is_some() {
+            picture = straightened(&picture, view, size.0 as usize);
+        }
+        picture.into_iter().for_each(|pixel| pixels.push(pixel));
         kinds.iter_mut().zip(noted).for_each(|(kind, note)| *kind = kind.take().or(note));
     }
     notes.extend(kinds.into_iter().flatten());
-    let (width, height) = size.unwrap_or_default();
-    let (width, height) = (width as usize, height as usize);
+    let (width, height) = (size.0 as usize, size.1 as usize);
     let mut made = pixels.views(cameras, [views.len(), height, width]);
     let pictures: Vec<PathBuf> = views.into_iter().map(|view| view.file).collect();
     made.names = pictures.iter().map(|picture| picture.display().to_string()).collect();
@@ -350,7 +339,7 @@ fn masked(picture: &mut [[f64; 4]], path: &Path, size: (u32, u32)) -> Result<()>
     let mask = PictureFile::open(path)?;
     if (mask.width, mask.height) != size {
         let what = format!("is {}×{} pixels, and its picture {}×{}", mask.width, mask.height, size.0, size.1);
-        return fault(path, what, "give a mask of the picture's size");
+        return refuse(path, what, "give a mask of the picture's size");
     }
     let mask = mask.decode(path)?.into_luma8();
     for (pixel, mask) in picture.iter_mut().zip(mask.pixels()) {
@@ -387,19 +376,21 @@ fn check_inside(folder: &Path, file: &Path, allowed: bool) -> Result<()> {
     if allowed || real(file)?.starts_with(real(folder)?) {
         return Ok(());
     }
-    fault(file, "lies outside the folder of views", "move it into the folder, or use --allow-outside")
+    refuse(file, "lies outside the folder of views", "move it into the folder, or use --allow-outside")
 }
 
-/// Decodes a picture file and visits its pixels, linear colour over black and alpha. Returns the notes of
-/// [`PictureFile::decode_object`].
-fn for_each_pixel(path: &Path, mut visit: impl FnMut([f64; 4])) -> Result<[Option<String>; 2]> {
+/// How a silhouette was told, and that a picture was turned.
+type Noted = [Option<String>; 2];
+
+/// The pixels of a picture file, linear colour over black and alpha, and the notes of [`PictureFile::decode_object`].
+fn pixels_of(path: &Path) -> Result<(Vec<[f64; 4]>, Noted)> {
     let (picture, silhouette, notes) = PictureFile::open(path)?.decode_object(path)?;
-    for (pixel, alpha) in picture.pixels().zip(silhouette) {
+    let one = |(pixel, alpha): (&image::Rgba<u8>, f64)| {
         let [r, g, b, a] = pixel.0.map(|byte| f64::from(byte) / 255.0);
         let [red, green, blue, _] = rgba([r, g, b], Some(a));
-        visit([red, green, blue, alpha]);
-    }
-    Ok(notes)
+        [red, green, blue, alpha]
+    };
+    Ok((picture.pixels().zip(silhouette).map(one).collect(), notes))
 }
 
 /// Width, height, pixels, and notes.
@@ -416,8 +407,7 @@ pub fn read_picture(path: &Path, budget: &Budget, bytes_per_pixel: u64) -> Resul
     budget.count_file(picture.file_bytes);
     let what = format!("a picture of {width}×{height} pixels");
     budget.claim(path, &what, picture.pixels().saturating_mul(bytes_per_pixel))?;
-    let mut pixels = Vec::with_capacity(width * height);
-    let notes = for_each_pixel(path, |pixel| pixels.push(pixel))?;
+    let (pixels, notes) = pixels_of(path)?;
     Ok((width, height, pixels, notes.into_iter().flatten().collect()))
 }
 
@@ -433,7 +423,7 @@ fn read_cameras(path: &Path, fov: f64, budget: &Budget) -> Result<Vec<Camera>> {
             (0..n).map(|c| Camera::from_matrix(matrix(c), perspective(fov))).collect()
         }
         ref shape => {
-            fault(path, format!("has shape {shape:?}"), "use [N, 3] (distance, elevation, azimuth) or [N, 4, 4]")
+            refuse(path, format!("has shape {shape:?}"), "use [N, 3] (distance, elevation, azimuth) or [N, 4, 4]")
         }
     }
 }

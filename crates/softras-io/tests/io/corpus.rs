@@ -80,12 +80,3 @@ fn malformed_files_are_read_or_refused_as_their_names_say() {
         outcome(load(&obj, options))
     });
 }
-
-#[test]
-fn names_say_what_is_promised() {
-    assert_eq!(promised(Path::new("x/read_it.obj"), true), None);
-    assert_eq!(promised(Path::new("x/refused_it.obj"), false), Some(None));
-    assert_eq!(promised(Path::new("x/refused_line12_it.obj"), false), Some(Some(12)));
-    let strict = Path::new("x/strict_line4_it.obj");
-    assert_eq!([promised(strict, false), promised(strict, true)], [None, Some(Some(4))]);
-}

@@ -2,31 +2,18 @@
 
 use crate::commands::mesh_file::ReadArgs;
 use crate::commands::parse;
-use clap::{Args, ValueEnum};
-use softras_lab::measure;
+use crate::commands::render::args::{BackgroundMode, Support};
+use clap::{Args, builder::PossibleValuesParser};
+use softras_lab::measure::{Mode, subject};
 use std::path::PathBuf;
 
 /// Measure this device: run time, floor, pairs and error by size and mode
 #[derive(Args, Debug)]
 #[command(after_help = "\
-The mesh is centred, scaled to 70 % of the image's height and seen from distance 2.732, elevation 30°.
-Without a mesh, the built-in fish and icospheres of 1280 and 20480 triangles are measured.
-
-median   milliseconds of wall time for a user of the library, upload and download included. forward: a
-         frame that saves nothing for backward; backward: the gradient by vertex positions and colours;
-         frame: a frame that saves what backward needs, and backward
-of full  median / median of the same pass of color+silhouette
-device   milliseconds of the stages by the device's own clock
-floor    pairs needed x the least operations of a pair / the device's measured peak rate
-pairs    (pixel, triangle) pairs. needed: those that the model keeps; evaluated: those computed (for
-         backward, the pixels of all triangles' boxes, some of which it may skip)
-disp.    dispatches, counted as they are recorded
-error    the largest error of any value against the model in f64 at the same tau, without the few pixels
-         that lie within 1e-4 of a discontinuity of the model; for backward, |device - f64| / |f64| of
-         the gradient (left out where f64 would take minutes). --json has the error against the model
-         without tau as well: max_error_untruncated. It is near 1 where tau decides what a pixel shows
-
-Timings vary between runs, so compare figures of the same run.
+Modes: color+silhouette, color, silhouette, depth, normal, hard, to-colors,
+to-camera. Without a mesh, the fish and icospheres of 1280 and 20480 triangles
+are measured. Timings vary between runs, so compare figures of the same run.
+docs/benchmarks.md explains the columns.
 
 Examples:
   softras bench --quick
@@ -35,88 +22,59 @@ Examples:
 pub struct BenchArgs {
     /// A mesh file: .obj, .ply, .stl, .gltf or .glb
     pub mesh: Option<PathBuf>,
-    #[command(flatten)]
-    pub read: ReadArgs,
-    /// Sides of the square images, pixels [default: 64,256,512; with --quick 64]
-    #[arg(long, value_name = "PIXELS", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..=16384))]
+    /// Measure for seconds in place of minutes
+    #[arg(long)]
+    pub quick: bool,
+    /// Sides of the square images [default: 64,256,512; with --quick 64]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..=16384))]
     pub size: Vec<u32>,
-    /// The modes to measure [default: all; with --quick color+silhouette and silhouette]
-    #[arg(long, value_enum, value_delimiter = ',')]
-    pub modes: Vec<Mode>,
-    /// Number of views of a frame, around the mesh
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096), default_value_t = 1)]
-    pub batch: u32,
-    /// Softness of edges, screen units² (1 = half the image's height)
-    #[arg(long, value_parser = parse::positive, default_value_t = 1e-4)]
-    pub sigma: f64,
-    /// Softness of the depth order, in units of far - near
-    #[arg(long, value_parser = parse::positive, default_value_t = 1e-4)]
-    pub gamma: f64,
-    /// The influence on a pixel below which a triangle is ignored there
-    #[arg(long, value_parser = parse::positive, default_value_t = 1e-4)]
-    pub tau: f64,
-    /// probability: tau bounds the error of the silhouette; guaranteed: tau bounds the error of every image
-    #[arg(long, value_enum, default_value = "probability")]
-    pub support: crate::commands::render::args::Support,
-    /// weighted: the background is one more entry of the softmax, as in the paper; composite: colour fades with the
-    /// silhouette
-    #[arg(long, value_enum, default_value = "weighted")]
-    pub background_mode: crate::commands::render::args::BackgroundMode,
+    /// The modes to measure [default: all; two with --quick]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = PossibleValuesParser::new(Mode::ALL.map(Mode::name)),
+          hide_possible_values = true)]
+    pub modes: Vec<String>,
     /// Number of times that each frame is timed [default: 20; with --quick 5]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10000))]
     pub repeats: Option<u32>,
-    /// Measure for seconds in place of minutes: one mesh, one size, two modes, few repeats
-    #[arg(long)]
-    pub quick: bool,
-    /// Leave out the errors, for which the f64 model takes seconds on large images or meshes
+    /// Leave out the errors, which the f64 model takes seconds for
     #[arg(long)]
     pub no_errors: bool,
     /// Write the rows as one JSON list
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
-    /// Write pictures (.svg) into this folder: run time against error, growth, stages. This takes some minutes more
-    #[arg(long, value_name = "DIR")]
+    /// Write pictures of time, error and growth (.svg), in some minutes more
+    #[arg(long, value_name = "FOLDER")]
     pub plots: Option<PathBuf>,
-    /// The Vulkan device: its index or a part of its name, as `softras devices` lists them [default: the best one]
-    #[arg(long, value_name = "DEVICE")]
+    #[command(flatten)]
+    pub frame: FrameArgs,
+    #[command(flatten)]
+    pub read: ReadArgs,
+    /// Vulkan device: its index or a part of its name (`softras devices`)
+    #[arg(long, value_name = "DEVICE", help_heading = "Input and device")]
     pub device: Option<String>,
 }
 
-/// [`measure::Mode`] on the command line.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Mode {
-    /// Colour alone
-    Color,
-    /// Silhouette alone
-    Silhouette,
-    /// Colour and silhouette
-    #[value(name = "color+silhouette")]
-    ColorSilhouette,
-    /// Depth alone
-    Depth,
-    /// Normals alone
-    Normal,
-    /// A plain z-buffer's colour and silhouette
-    Hard,
-    /// Colour and silhouette, the gradient to vertex colours alone
-    ToColors,
-    /// Colour and silhouette, the gradient to the camera alone
-    ToCamera,
-}
-
-impl From<Mode> for measure::Mode {
-    fn from(mode: Mode) -> Self {
-        match mode {
-            Mode::Color => Self::Color,
-            Mode::Silhouette => Self::Silhouette,
-            Mode::ColorSilhouette => Self::ColorSilhouette,
-            Mode::Depth => Self::Depth,
-            Mode::Normal => Self::Normal,
-            Mode::Hard => Self::Hard,
-            Mode::ToColors => Self::ToColors,
-            Mode::ToCamera => Self::ToCamera,
-        }
-    }
+/// The frames that are measured.
+#[derive(Args, Debug)]
+#[command(next_help_heading = "Frame")]
+pub struct FrameArgs {
+    /// Number of views, around the mesh
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096), default_value_t = 1)]
+    pub batch: u32,
+    /// Softness of edges, (half image heights)²
+    #[arg(long, value_parser = parse::positive, default_value_t = 1e-4)]
+    pub sigma: f64,
+    /// Softness of the depth order, of far - near
+    #[arg(long, value_parser = parse::positive, default_value_t = 1e-4)]
+    pub gamma: f64,
+    /// Least influence of a triangle on a pixel
+    #[arg(long, value_parser = parse::positive, default_value_t = 1e-4)]
+    pub tau: f64,
+    /// What tau bounds: probability or guaranteed
+    #[arg(long, value_enum, value_name = "MODE", default_value = "probability", hide_possible_values = true)]
+    pub support: Support,
+    /// composite, or weighted as in the paper
+    #[arg(long, value_enum, value_name = "MODE", default_value = "weighted", hide_possible_values = true)]
+    pub background_mode: BackgroundMode,
 }
 
 impl BenchArgs {
@@ -130,11 +88,13 @@ impl BenchArgs {
     }
 
     /// The modes to measure.
-    pub fn measured_modes(&self) -> Vec<measure::Mode> {
+    pub fn measured_modes(&self) -> Vec<Mode> {
         match (&self.modes[..], self.quick) {
-            ([], true) => vec![measure::Mode::ColorSilhouette, measure::Mode::Silhouette],
-            ([], false) => measure::Mode::ALL.to_vec(),
-            (modes, _) => modes.iter().map(|&mode| mode.into()).collect(),
+            ([], true) => vec![Mode::ColorSilhouette, Mode::Silhouette],
+            ([], false) => Mode::ALL.to_vec(),
+            (names, _) => {
+                names.iter().filter_map(|name| Mode::ALL.into_iter().find(|mode| mode.name() == name)).collect()
+            }
         }
     }
 
@@ -146,12 +106,12 @@ impl BenchArgs {
     /// The settings of a frame, except for its mode.
     pub fn settings(&self, size: u32) -> softras::Settings {
         softras::Settings {
-            sigma: self.sigma,
-            gamma: self.gamma,
-            tau: self.tau,
-            support: self.support.into(),
-            background: self.background_mode.into(),
-            ..measure::subject::settings(size)
+            sigma: self.frame.sigma,
+            gamma: self.frame.gamma,
+            tau: self.frame.tau,
+            support: self.frame.support.into(),
+            background: self.frame.background_mode.into(),
+            ..subject::settings(size)
         }
     }
 }

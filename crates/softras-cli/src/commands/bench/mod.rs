@@ -18,7 +18,6 @@ use softras_io::output;
 use softras_lab::measure::{Mode, peak_flops, subject, sweep};
 use std::path::Path;
 
-/// Runs the command.
 pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     let outputs = Outputs::new(&args.json, [])?;
     for size in args.sizes() {
@@ -29,7 +28,7 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
         std::fs::create_dir_all(folder).map_err(io)?;
     }
     let meshes = meshes(args, &outputs)?;
-    let mut renderer = super::open_device(args.device.as_deref(), args.read.memory.memory)?;
+    let mut renderer = super::open_device(args.device.as_deref(), args.read.memory)?;
     let mut machine = Machine::of(&renderer, peak_flops(renderer.device_info())?);
     for line in machine.lines() {
         say(&line)?;
@@ -44,7 +43,7 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
         args.repeats()
     ))?;
     say(&Row::head())?;
-    let cameras = subject::cameras(args.batch)?;
+    let cameras = subject::cameras(args.frame.batch)?;
     let mut all = Vec::new();
     for (name, mesh) in &meshes {
         let scene = subject::scene(mesh)?;
@@ -133,7 +132,7 @@ fn size_rows(
 /// The given mesh, or the built-in ones.
 fn meshes(args: &BenchArgs, outputs: &Outputs) -> Result<Vec<(String, Mesh)>, Failure> {
     if let Some(path) = &args.mesh {
-        let loaded = args.read.read(path, false, outputs, &Budget::new(args.read.memory.memory))?;
+        let loaded = args.read.read(path, false, outputs, &Budget::new(args.read.memory))?;
         let name = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
         return Ok(vec![(name, loaded.mesh)]);
     }

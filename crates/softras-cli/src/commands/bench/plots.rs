@@ -35,9 +35,6 @@ fn room(values: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
 }
 
 /// Curves of positive points on two logarithmic axes.
-///
-/// # Errors
-/// [`softras::Error::Io`].
 fn curves(
     path: &Path,
     title: &str,
@@ -85,9 +82,6 @@ fn curves(
 }
 
 /// Draws run time against error as τ changes.
-///
-/// # Errors
-/// [`softras::Error::Io`].
 pub fn front(path: &Path, title: &str, all: &[Curve]) -> Result<()> {
     let series: Vec<_> = all
         .iter()
@@ -99,9 +93,6 @@ pub fn front(path: &Path, title: &str, all: &[Curve]) -> Result<()> {
 }
 
 /// Draws times against the size of inputs, with the fitted exponents in the names.
-///
-/// # Errors
-/// [`softras::Error::Io`].
 pub fn growth(path: &Path, title: &str, all: &[Growth]) -> Result<()> {
     let name = |g: &Growth| format!("{}: time ~ x^{:.2}", g.name, g.exponent());
     // All curves are relative to their first points, so that they fit one picture.
@@ -116,9 +107,6 @@ pub fn growth(path: &Path, title: &str, all: &[Growth]) -> Result<()> {
 }
 
 /// Draws the stages of each row of the pass `frame` as a stacked bar.
-///
-/// # Errors
-/// [`softras::Error::Io`].
 pub fn stages(path: &Path, title: &str, rows: &[Row]) -> Result<()> {
     let rows: Vec<&Row> = rows.iter().filter(|row| row.pass == "frame").collect();
     let names = stage_names(&rows);

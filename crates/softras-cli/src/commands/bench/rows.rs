@@ -55,9 +55,6 @@ pub struct Measured {
 }
 
 /// Measures a job.
-///
-/// # Errors
-/// As [`Renderer::render`] and [`Renderer::backward`].
 pub fn measure(renderer: &mut Renderer, job: &Job<'_>, expected: Option<&Expected>) -> Result<Measured> {
     let pairs = softras_reference::pairs(job.scene, job.cameras, &job.settings)?;
     let times = times(renderer, job.scene, job.cameras, &job.settings, job.mode, job.repeats)?;

@@ -20,21 +20,20 @@ use std::{
 /// Steps between two checkpoints.
 const CHECKPOINT_STEPS: usize = 100;
 
-/// Runs the command.
 pub fn run(args: &FitArgs) -> Result<(), Failure> {
     let (files, out) = (&args.files, &args.out);
     args.check()?;
     let written = [&files.json, &files.plot, &files.gif, &files.checkpoint];
     let views = view_files(args)?;
     let outputs = Outputs::new(written.into_iter().flatten().chain(&views), [out])?;
-    let mut renderer = super::open_device(args.device.as_deref(), args.read.memory.memory)?;
-    let budget = Budget::new(args.read.memory.memory);
+    let mut renderer = super::open_device(args.device.as_deref(), args.read.memory)?;
+    let budget = Budget::new(args.read.memory);
     let template = template(args, &outputs, &budget, &renderer)?;
     let subject = subject(args, &outputs, &budget, &mut renderer)?;
     let mut fitting = Fit { subject, options: args.options(template) }.begin(&mut renderer)?;
     tell(&mut fitting);
     if let Some(path) = files.checkpoint.as_ref().filter(|path| files.resume && path.exists()) {
-        let step = fitting.resume(path, Budget::new(args.read.memory.memory))?;
+        let step = fitting.resume(path, Budget::new(args.read.memory))?;
         note(&format!("going on from step {step} of {}", path.display()));
     }
     let mut film = files.gif.is_some().then(|| Film::new(&fitting));
@@ -68,7 +67,7 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
 /// The files of the views that are written, whose folders are made.
 fn view_files(args: &FitArgs) -> Result<Vec<PathBuf>, Failure> {
     let Some(folder) = &args.files.write_views else { return Ok(Vec::new()) };
-    let maps: Vec<Map> = args.also.iter().map(|&map| map.into()).collect();
+    let maps: Vec<Map> = args.targets.also.iter().map(|&map| map.into()).collect();
     for folder in [folder.clone()].into_iter().chain(maps.iter().map(|map| folder.join(map.folder()))) {
         std::fs::create_dir_all(&folder).map_err(|source| softras::Error::Io { path: folder, source })?;
     }
@@ -101,7 +100,7 @@ fn subject(args: &FitArgs, outputs: &Outputs, budget: &Budget, renderer: &mut Re
     let count = args.count_of_views()?;
     let mesh = super::held(args.read.read(path, true, outputs, budget)?.mesh, renderer)?;
     let one_color = matches!(mesh.appearance(), Appearance::Uniform(_)) && args.color && !args.texture;
-    if one_color && args.shading.is_none() {
+    if one_color && args.targets.shading.is_none() {
         note("the mesh has one colour, so that its views are lit (--shading none shows its outline alone)");
     }
     let progress = Progress::counted("view", count);

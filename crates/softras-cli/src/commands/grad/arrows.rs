@@ -41,9 +41,6 @@ impl Pull {
 }
 
 /// The [`Pull`] of every vertex that a triangle uses and that lies in the picture; `depth` are images rendered sharply.
-///
-/// # Errors
-/// As [`Viewpoint::camera`].
 pub fn pulls(mesh: &Mesh, gradient: &[f64], view: &Viewpoint, size: [usize; 2], depth: &Images) -> Result<Vec<Pull>> {
     let [width, height] = size;
     let (w, h) = (width as f64, height as f64);

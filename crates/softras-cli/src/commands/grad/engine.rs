@@ -24,9 +24,6 @@ pub struct Images {
 
 impl Engine {
     /// Opens the renderer that `--device` names.
-    ///
-    /// # Errors
-    /// As [`Renderer::with_device`].
     pub fn open(device: Option<&str>) -> Result<Self> {
         Ok(match device {
             Some("reference") => Self::Reference,
@@ -44,9 +41,6 @@ impl Engine {
     }
 
     /// Depth and silhouette of one view.
-    ///
-    /// # Errors
-    /// As [`Renderer::render`].
     pub fn depth(&mut self, scene: &Scene, camera: Camera, settings: &Settings) -> Result<Images> {
         let outputs = Outputs { color: false, silhouette: true, depth: true, normal: false };
         let settings = Settings { outputs, save: false, ..settings.clone() };
@@ -58,9 +52,6 @@ impl Engine {
 
     /// Renders colour and silhouette of one view and differentiates a loss of them by the vertices; `loss` returns its
     /// derivatives by the images.
-    ///
-    /// # Errors
-    /// As [`Renderer::render`] and [`Renderer::backward`], and the errors of `loss`.
     pub fn differentiate(
         &mut self,
         scene: &Scene,

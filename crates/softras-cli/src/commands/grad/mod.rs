@@ -11,22 +11,22 @@ use super::progress::Progress;
 use super::{Failure, describe, note, say};
 use args::GradArgs;
 use engine::Engine;
+use glam::DVec3;
 use panels::Sheet;
 use serde_json::json;
 use softras::{Scene, Settings};
-use softras_io::{Budget, Curve};
+use softras_io::Budget;
 use softras_view::{Bounds, Output, Viewpoint};
 use std::path::Path;
 use std::time::Instant;
 use target::{Loss, Target};
 
-/// Runs the command.
 pub fn run(args: &GradArgs) -> Result<(), Failure> {
     let outputs = Outputs::new([&args.out], [])?;
     outputs.spare([&args.target_image])?;
     let start = Instant::now();
-    let curve = if args.soft.raw { Curve::Raw } else { Curve::Srgb };
-    let budget = Budget::new(args.read.memory.memory);
+    let curve = args.soft.curve();
+    let budget = Budget::new(args.read.memory);
     let target = Target::read(&args.target_image, curve, args.soft.background.numbers(curve), &budget)?;
     let loaded = args.read.read(&args.mesh, !args.soft.raw, &outputs, &budget)?;
     let bounds = Bounds::of(&loaded.mesh);
@@ -63,7 +63,7 @@ pub fn run(args: &GradArgs) -> Result<(), Failure> {
 
 fn settings(args: &GradArgs, view: &Viewpoint, target: &Target) -> Settings {
     let look = args.soft.look((target.width as u32, target.height as u32));
-    softras_view::settings(&look.look(), &args.modes.modes(), view, &[Output::Color], 1, None)
+    softras_view::settings(&look, &args.modes.modes(), view, &[Output::Color], 1, None)
 }
 
 /// The report of the command.
@@ -92,15 +92,11 @@ impl Report<'_> {
     }
 
     fn json(&self, view: &Viewpoint, settings: &Settings, start: Instant) -> serde_json::Value {
-        let camera = json!({
-            "eye": view.eye.to_array(), "target": view.target.to_array(), "up": view.up.to_array(),
-            "projection": describe::projection(&view.projection),
-        });
         json!({
             "device": self.device, "path": self.path.display().to_string(),
             "loss": self.loss.total(), "color_loss": self.loss.color, "silhouette_loss": self.loss.silhouette,
             "gradient_norm": self.norm(), "vertices": self.gradient.len() / 3, "arrows": self.arrows,
-            "camera": camera, "settings": describe::settings(settings),
+            "camera": describe::camera(view, DVec3::ZERO), "settings": describe::settings(settings),
             "total_milliseconds": start.elapsed().as_secs_f64() * 1e3,
         })
     }

@@ -43,10 +43,6 @@ impl Loss {
 
 impl Target {
     /// Reads a picture file.
-    ///
-    /// # Errors
-    /// [`softras::Error::Io`] and [`softras::Error::File`] for a file that is no picture, larger than an image may be or
-    /// larger than the budget.
     pub fn read(path: &Path, curve: Curve, background: [f64; 3], budget: &Budget) -> Result<Self> {
         let picture = PictureFile::open(path)?;
         let (width, height) = (picture.width, picture.height);

@@ -21,11 +21,10 @@ const OTHER: f64 = 10.0;
 /// Bytes of a pixel of the picture that is read.
 const BYTES_PER_PIXEL: u64 = 64;
 
-/// Runs the command.
 pub fn run(args: &PoseArgs) -> Result<(), Failure> {
     let outputs = Outputs::new([], &args.out)?;
-    let mut renderer = super::open_device(args.device.as_deref(), args.read.memory.memory)?;
-    let budget = Budget::new(args.read.memory.memory);
+    let mut renderer = super::open_device(args.device.as_deref(), args.read.memory)?;
+    let budget = Budget::new(args.read.memory);
     let (width, height, pixels, about) = read_picture(&args.image, &budget, BYTES_PER_PIXEL)?;
     about.iter().for_each(|text| note(text));
     outputs.spare([&args.image])?;

@@ -1,6 +1,6 @@
 //! Turntables and sweeps, as GIF files or contact sheets.
 
-use super::report::{Report, Written};
+use super::report::Report;
 use super::{Failure, Stage, Target};
 use crate::commands::progress::Progress;
 use softras_io::{Picture, PictureFormat, write_gif};
@@ -42,7 +42,7 @@ pub fn run(stage: &mut Stage<'_>, targets: &[Target], report: &mut Report) -> Re
                 sheet(&cells, ground).save(&target.path)?;
             }
         }
-        report.wrote(Written::frames(target, count));
+        report.wrote(target, count, None);
     }
     Ok(())
 }

@@ -8,20 +8,19 @@ use super::outputs::Outputs;
 use super::progress::Progress;
 use super::{Failure, note};
 use args::{Fit, RenderArgs};
-use report::{Report, Written};
+use report::Report;
 use softras::{Mesh, Renderer, Settings};
 use softras_io::{Budget, Loaded, PictureFormat};
 use softras_view::{Alpha, CameraOptions, Developed, Image, Output, Studio, other_axis, shrunk};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Runs the command.
 pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let targets = targets(args)?;
     let outputs = Outputs::new(targets.iter().map(|target| &target.path), [])?;
     check_samples(args, &targets)?;
     let start = Instant::now();
-    let budget = Budget::new(args.read.memory.memory);
+    let budget = Budget::new(args.read.memory);
     let mut loaded = args.read.read_layers(&args.mesh, !args.look.raw, &outputs, &budget)?;
     let mut notes = std::mem::take(&mut loaded.notes);
     let camera = upright(args, &loaded.mesh, &mut notes).relative_to(loaded.origin);
@@ -65,7 +64,7 @@ fn still(stage: &mut Stage<'_>, targets: &[Target], report: &mut Report) -> Resu
             Image::Picture(_, Some((low, high))) => Some(format!("white is depth {low:.4}, black is depth {high:.4}")),
             _ => None,
         };
-        report.wrote(Written::still(target, meaning));
+        report.wrote(target, 1, meaning);
     }
     Ok(())
 }
@@ -117,23 +116,16 @@ fn targets(args: &RenderArgs) -> Result<Vec<Target>, Failure> {
     let animated = args.turntable.is_some() || args.sweep.is_some();
     let mut targets: Vec<Target> = Vec::new();
     for out in &args.out {
-        let format = PictureFormat::of(out);
-        let format = match (format, animated) {
-            (Some(format @ (PictureFormat::Png | PictureFormat::Gif)), true) => format,
-            (Some(format @ (PictureFormat::Png | PictureFormat::Exr | PictureFormat::Npy)), false) => format,
+        let format = match (PictureFormat::of(out), animated) {
+            (Some(format @ (PictureFormat::Png | PictureFormat::Gif)), true) => Ok(format),
+            (Some(format @ (PictureFormat::Png | PictureFormat::Exr | PictureFormat::Npy)), false) => Ok(format),
             (Some(PictureFormat::Gif), false) => {
-                let what = "is for several frames: add --turntable N or --sweep, or write .png, .exr or .npy";
-                return Err(Failure::Usage(format!("--out {}: .gif {what}", out.display())));
+                Err(".gif is for several frames: add --turntable N or --sweep, or write .png, .exr or .npy")
             }
-            (_, true) => {
-                let what = "a turntable or a sweep is written as .gif, or as a .png contact sheet";
-                return Err(Failure::Usage(format!("--out {}: {what}", out.display())));
-            }
-            (None, false) => {
-                let what = "the file's ending must be .png, .exr or .npy, or .gif with --turntable or --sweep";
-                return Err(Failure::Usage(format!("--out {}: {what}", out.display())));
-            }
+            (_, true) => Err("a turntable or a sweep is written as .gif, or as a .png contact sheet"),
+            (None, false) => Err("the file's ending must be .png, .exr or .npy, or .gif with --turntable or --sweep"),
         };
+        let format = format.map_err(|what| Failure::Usage(format!("--out {}: {what}", out.display())))?;
         for &output in &outputs {
             let path = if outputs.len() > 1 { named(out, output) } else { out.clone() };
             if targets.iter().any(|t| t.path == path) {
@@ -196,7 +188,7 @@ impl<'a> Stage<'a> {
         targets: &[Target],
         notes: &mut Vec<String>,
     ) -> Result<Self, Failure> {
-        let mut renderer = super::open_device(args.device.as_deref(), args.read.memory.memory)?;
+        let mut renderer = super::open_device(args.device.as_deref(), args.read.memory)?;
         renderer.time_stages(true);
         let is_animation = targets.iter().any(|target| target.format == PictureFormat::Gif);
         let mut options = args.options(camera, if is_animation { SWEEP_FRAMES } else { SWEEP_CELLS });

@@ -9,23 +9,11 @@ use std::time::Duration;
 
 /// A file that was written.
 #[derive(Debug)]
-pub struct Written {
+struct Written {
     path: String,
     output: &'static str,
     frames: usize,
     meaning: Option<String>,
-}
-
-impl Written {
-    /// A single picture, with the meaning of its values.
-    pub fn still(target: &Target, meaning: Option<String>) -> Self {
-        Self { path: target.path.display().to_string(), output: target.output.name(), frames: 1, meaning }
-    }
-
-    /// An animation or a contact sheet.
-    pub fn frames(target: &Target, frames: usize) -> Self {
-        Self { frames, ..Self::still(target, None) }
-    }
 }
 
 /// What is collected while frames are rendered.
@@ -72,12 +60,8 @@ impl Report {
     /// Counts a frame at its first band and adds up its stages' times; camera and settings are the first frame's.
     pub fn add(&mut self, shot: &Shot) {
         if self.frames == 0 {
-            let (view, s) = (&shot.view, &shot.settings);
-            let camera = json!({
-                "eye": (view.eye + self.origin).to_array(), "target": (view.target + self.origin).to_array(), "up": view.up.to_array(),
-                "projection": describe::projection(&view.projection),
-            });
-            self.first = json!({ "camera": camera, "settings": describe::settings(s) });
+            let camera = describe::camera(&shot.view, self.origin);
+            self.first = json!({ "camera": camera, "settings": describe::settings(&shot.settings) });
         }
         self.frames += usize::from(shot.rows.start == 0);
         self.bands += 1;
@@ -99,9 +83,10 @@ impl Report {
         }
     }
 
-    /// Records a file that was written.
-    pub fn wrote(&mut self, written: Written) {
-        self.written.push(written);
+    /// Records a file that was written, of so many frames, with the meaning of its values.
+    pub fn wrote(&mut self, target: &Target, frames: usize, meaning: Option<String>) {
+        let (path, output) = (target.path.display().to_string(), target.output.name());
+        self.written.push(Written { path, output, frames, meaning });
     }
 
     /// Notes that no frame shows anything of the mesh, if that is so, with what is likely to be the reason.

@@ -127,9 +127,6 @@ impl Bits {
 
 /// Renders and differentiates frames with several threads at once. Each frame of a renderer has another camera, and some have
 /// another size.
-///
-/// # Errors
-/// Errors of the device.
 pub fn run(work: Work, options: &RendererOptions) -> Result<Load> {
     let progress = Progress::counted("frame", work.frames as usize);
     let start = Instant::now();

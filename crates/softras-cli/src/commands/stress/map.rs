@@ -19,9 +19,6 @@ const TOP: i32 = 50;
 
 /// Measures and draws the map: at each σ and γ the largest error of any value of any image of the same few scenes, without
 /// pixels near a discontinuity of the model.
-///
-/// # Errors
-/// Errors of the device; [`softras::Error::Io`].
 pub fn draw(path: &Path, stress: &mut Stress) -> Result<()> {
     let progress = Progress::counted("place", SIGMA.count() * GAMMA.count());
     let mut cells = Vec::new();

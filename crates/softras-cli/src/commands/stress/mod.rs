@@ -20,67 +20,52 @@ use tally::Tally;
 /// Test a device with random difficult scenes and print a report
 #[derive(Args, Debug)]
 #[command(after_help = "\
-Every scene is rendered and differentiated twice, and checked. What is wrong is printed with the seed of its
-scene, and the exit code is then 1.
-
-Half of the scenes lie where accuracy is promised. Some of their triangles have no area, are thin, are doubled
-or go through one another. The other half come from everywhere:
-  coordinates  1e-40 to 1e20
-  sigma        1e-12 to 10
-  gamma        1e-10 to 10
-  near, far    also equal, swapped or enormous
-  images       1x1 to 1x4096
-
-A scene passes in one of two ways:
-  refused   with an error that says why
-  rendered  every value is finite and in its range, and both runs have the same bits; where accuracy is promised,
-            images and gradients agree with the model in f64
+Every scene is rendered and differentiated twice. It passes if it is refused
+with an error that says why, or if every value is finite and in its range, both
+runs have the same bits, and the model in f64 agrees where accuracy is promised.
+What is wrong is printed with the seed of its scene; the exit code is then 1.
 
 Examples:
   softras stress --cases 20000 --seed 1
   softras stress --cases 1 --seed 4711            # one scene again
-  softras stress --cases 1000000 --batch 64       # many scenes, 64 in one submission
-  softras stress --cases 10000 --realistic
-  softras stress --cases 0 --load 100000          # a check that memory does not grow
-  softras stress --cases 0 --load 72000 --jobs 12 --renderers 6
-  softras stress --cases 0 --map accuracy.svg     # error over the sigma-gamma plane")]
+  softras stress --cases 1000000 --batch 64       # 64 scenes in one submission
+  softras stress --cases 0 --load 100000          # memory does not grow
+  softras stress --cases 0 --map accuracy.svg     # error by sigma and gamma")]
 pub struct StressArgs {
     /// Number of scenes
     #[arg(long, value_name = "N", default_value_t = 1000)]
     cases: u64,
-    /// The seed of the first scene; the others have the seeds that follow
+    /// The seed of the first scene; others follow
     #[arg(long, value_name = "S", default_value_t = 1)]
     seed: u64,
-    /// Number of combinations of modes to draw from. The kernels of each take some seconds to compile
+    /// Combinations of modes, each of which is compiled
     #[arg(long, value_name = "N", default_value_t = FORMS as u64, value_parser = clap::value_parser!(u64).range(1..=FORMS as u64))]
     forms: u64,
-    /// Render N scenes of one size and the same settings at once, which is faster. A batch is checked for finite values,
-    /// ranges and equal bits; one scene of it is checked for accuracy too
+    /// Render N scenes of one size at once; one is checked with f64
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1024))]
     batch: u64,
-    /// Draw images of 64 to 512 pixels a side and meshes of up to 6000 triangles
+    /// Images of 64 to 512 pixels a side, meshes of up to 6000 triangles
     #[arg(long)]
     realistic: bool,
     /// Number of threads that render at the same time
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u64).range(1..=64))]
     jobs: u64,
-    /// Run under the Vulkan validation layers. Each of their messages counts as wrong
+    /// Run under the Vulkan validation layers, and count their messages
     #[arg(long)]
     validation: bool,
-    /// The Vulkan device: its index or a part of its name, as `softras devices` lists them [default: the best one]
+    /// Vulkan device: its index or a part of its name (`softras devices`)
     #[arg(long, value_name = "DEVICE")]
     device: Option<String>,
-    /// Draw the error of images by sigma and gamma
-    #[arg(long, value_name = "FILE.svg", value_parser = parse::file_ending("svg"))]
+    /// Draw the error of images by sigma and gamma: .svg
+    #[arg(long, value_name = "FILE", value_parser = parse::file_ending("svg"))]
     map: Option<PathBuf>,
-    /// Before the scenes, render and differentiate this many small frames in a row, by --jobs threads. All must have the same
-    /// bits, and memory must not grow
-    #[arg(long, value_name = "FRAMES", value_parser = clap::value_parser!(u64).range(1..))]
+    /// First render N small frames: the same bits, and no more memory
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     load: Option<u64>,
-    /// Number of renderers in each thread of --load. They take turns
+    /// Number of renderers in each thread of --load, which take turns
     #[arg(long, value_name = "N", default_value_t = 1, requires = "load", value_parser = clap::value_parser!(u64).range(1..=64))]
     renderers: u64,
-    /// Print the first scene that is wrong, reduced to the fewest triangles that still show it
+    /// Print the first scene that is wrong, with as few triangles as show it
     #[arg(long)]
     shrink: bool,
     /// Print one JSON object
@@ -94,7 +79,6 @@ impl StressArgs {
     }
 }
 
-/// Runs the command.
 pub fn run(args: &StressArgs) -> std::result::Result<(), Failure> {
     if args.cases == 0 && args.load.is_none() && args.map.is_none() {
         let what = "--cases 0: nothing would be tested: give a number above 0, or --load or --map as well";

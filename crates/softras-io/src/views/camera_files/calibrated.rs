@@ -2,8 +2,8 @@
 //!
 //! Camera axes are OpenCV's: x right, y down, z forward.
 
-use super::{Entry, Lens, MAX_JSON, fault, matrix, posed};
-use crate::{Budget, input, npz::Archive};
+use super::{Entry, Lens, MAX_JSON, matrix, posed};
+use crate::{Budget, input, npz::Archive, refuse};
 use glam::{DMat3, DVec3};
 use softras::Result;
 use std::path::{Path, PathBuf};
@@ -30,16 +30,16 @@ pub(super) fn middlebury(path: &Path) -> Result<Vec<Entry>> {
         let numbers: Option<[f64; 21]> = numbers.and_then(|numbers| numbers.try_into().ok());
         let row = |n: &[f64; 21], i: usize| [n[i], n[i + 1], n[i + 2]];
         let Some((lens, n)) = numbers.and_then(|n| Some((lens([row(&n, 0), row(&n, 3), row(&n, 6)])?, n))) else {
-            return fault(path, format!("{place}: not a name, K, R and t"), "give the name and 21 numbers");
+            return refuse(path, format!("{place}: not a name, K, R and t"), "give the name and 21 numbers");
         };
         let pose = [0, 1, 2].map(|i| [n[9 + 3 * i], n[10 + 3 * i], n[11 + 3 * i], n[18 + i]]);
         let view = posed(matrix(&[pose[0], pose[1], pose[2], [0.0, 0.0, 0.0, 1.0]]), OPENCV)
-            .or_else(|what| fault(path, format!("{place}: {what}"), "give R as a rotation"))?;
+            .or_else(|what| refuse(path, format!("{place}: {what}"), "give R as a rotation"))?;
         views.push(Entry::new(file, place, view, lens));
     }
     if count != Some(views.len()) {
         let what = format!("{} pictures, which the first line does not say", views.len());
-        return fault(path, what, "begin with the number of pictures");
+        return refuse(path, what, "begin with the number of pictures");
     }
     Ok(views)
 }

@@ -1,6 +1,7 @@
 //! cameras.json: a list of pictures, each with its position in one of four forms, and its lens in one of two.
 
-use super::{Entry, Lens, calibrated, fault, json, matrix, perspective, posed};
+use super::{Entry, Lens, calibrated, json, matrix, perspective, posed};
+use crate::refuse;
 use glam::{DMat4, DVec3};
 use serde::Deserialize;
 use softras::{Camera, Result};
@@ -37,23 +38,14 @@ pub(super) fn read(path: &Path, bytes: &[u8], fov: f64) -> Result<Vec<Entry>> {
     let entries: Vec<Listed> = json(path, bytes)?;
     let one = |(i, entry): (usize, Listed)| {
         let place = format!("camera {i}");
-        let refuse = |what: String, fix: &str| fault(path, format!("{place}: {what}"), fix);
-        let view = match position(&entry) {
-            Ok(view) => view,
-            Err(Position::None) => {
-                let fix = "give eye (and target, up), or distance, elevation and azimuth, or world_to_camera, or \
-                           camera_to_world";
-                return fault(path, format!("camera {i} has no position, or more than one"), fix);
-            }
-            Err(Position::Bad(what)) => return refuse(what, "see docs/cameras.md and `softras fit --help`"),
-        };
+        let view = position(&entry).or_else(|(what, fix)| refuse(path, format!("{place}{what}"), fix))?;
         let lens = match (entry.intrinsics, entry.fov) {
-            (Some(_), Some(_)) => return refuse("has intrinsics and fov".into(), "give one of them"),
+            (Some(_), Some(_)) => return refuse(path, format!("{place}: has intrinsics and fov"), "give one of them"),
             (Some(intrinsics), None) => match calibrated::lens(intrinsics) {
                 Some(lens) => lens,
                 None => {
                     let fix = "give [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] in pixels";
-                    return refuse("intrinsics of another form".into(), fix);
+                    return refuse(path, format!("{place}: intrinsics of another form"), fix);
                 }
             },
             (None, own) => Lens::Degrees(own.unwrap_or(fov)),
@@ -63,29 +55,19 @@ pub(super) fn read(path: &Path, bytes: &[u8], fov: f64) -> Result<Vec<Entry>> {
     entries.into_iter().enumerate().map(one).collect()
 }
 
-/// What is wrong with an entry's position.
-enum Position {
-    /// There is none, or more than one.
-    None,
-    /// It makes no camera.
-    Bad(String),
-}
-
-/// World to view.
-fn position(entry: &Listed) -> Result<DMat4, Position> {
+/// World to view; or what is wrong, to be said behind the entry's number, and how to mend it.
+fn position(entry: &Listed) -> Result<DMat4, (String, &'static str)> {
     let angles = [entry.distance, entry.elevation, entry.azimuth];
     let matrices = (entry.world_to_camera.as_ref(), entry.camera_to_world.as_ref());
     let alone = entry.target.is_none() && entry.up.is_none();
+    let bad = |what: String| (format!(": {what}"), "see docs/cameras.md");
     // The lens is another field's; a camera is made here for its view alone.
     let any = perspective(0.5);
-    let of_camera = |camera: Result<Camera>| match camera {
-        Ok(camera) => {
-            let [x, y, z] = *camera.view();
-            Ok(matrix(&[x, y, z, [0.0, 0.0, 0.0, 1.0]]))
-        }
-        Err(error) => Err(Position::Bad(error.to_string())),
+    let of_camera = |camera: Result<Camera>| {
+        let [x, y, z] = *camera.map_err(|error| bad(error.to_string()))?.view();
+        Ok(matrix(&[x, y, z, [0.0, 0.0, 0.0, 1.0]]))
     };
-    let named = |name: &str, pose: Result<DMat4, String>| pose.map_err(|what| Position::Bad(format!("{name}: {what}")));
+    let named = |name: &str, pose: Result<DMat4, String>| pose.map_err(|what| bad(format!("{name}: {what}")));
     match (entry.eye, angles, matrices) {
         (Some(eye), [None, None, None], (None, None)) => {
             let target = DVec3::from(entry.target.unwrap_or_default());
@@ -103,6 +85,10 @@ fn position(entry: &Listed) -> Result<DMat4, Position> {
             let flat = pose.row(3).to_array() == [0.0, 0.0, 0.0, 1.0];
             named("camera_to_world", posed(if flat { pose.inverse() } else { pose }, OPENCV))
         }
-        _ => Err(Position::None),
+        _ => {
+            let fix = "give eye (and target, up), or distance, elevation and azimuth, or world_to_camera, or \
+                       camera_to_world";
+            Err((" has no position, or more than one".into(), fix))
+        }
     }
 }

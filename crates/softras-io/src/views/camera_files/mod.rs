@@ -12,7 +12,7 @@ mod write;
 
 pub use write::{files, names};
 
-use crate::input;
+use crate::{input, refuse};
 use glam::{DMat4, DVec3};
 use softras::{Camera, Error, Projection, Result};
 use std::path::{Path, PathBuf};
@@ -65,7 +65,7 @@ pub fn read(folder: &Path, given: Option<&Path>, fov: f64) -> Result<(PathBuf, V
     let given = given.map(|given| if given.is_dir() { found(given) } else { Some(given.to_path_buf()) });
     let path = given.unwrap_or_else(|| found(folder)).unwrap_or_else(|| folder.join(NAMES[0]));
     if !path.exists() {
-        return fault(&path, "not found".into(), FORMAT);
+        return refuse(&path, "not found", FORMAT);
     }
     let views = if path.extension().is_some_and(|extension| extension == "npz") {
         calibrated::archive(&path, folder)?
@@ -80,8 +80,8 @@ pub fn read(folder: &Path, given: Option<&Path>, fov: f64) -> Result<(PathBuf, V
         if is_object { transforms::read(&path, &bytes, fov)? } else { list::read(&path, &bytes, fov)? }
     };
     match views.len() {
-        0 => fault(&path, "is a list without cameras".into(), "give at least one picture with its camera"),
-        n if n > MAX_PICTURES => fault(&path, format!("has {n} pictures"), "use at most 100000"),
+        0 => refuse(&path, "is a list without cameras", "give at least one picture with its camera"),
+        n if n > MAX_PICTURES => refuse(&path, format!("has {n} pictures"), "use at most 100000"),
         _ => Ok((path, views)),
     }
 }
@@ -131,7 +131,7 @@ impl Entry {
         if let Some((w, h)) = self.size.filter(|size| *size != (width, height)) {
             let name = self.file.display();
             let what = format!("{}: {name} is {width}×{height} pixels, and not {w}×{h} as is said here", self.place);
-            return fault(path, what, "scale the size, the focal lengths and the principal point with the picture");
+            return refuse(path, what, "scale the size, the focal lengths and the principal point with the picture");
         }
         let (w, h) = (f64::from(width), f64::from(height));
         let camera = match self.lens {
@@ -145,7 +145,7 @@ impl Entry {
                 pinhole(self.view, [fx, fy, cx, cy], 0.0, [w, h])
             }
         };
-        camera.or_else(|error| fault(path, format!("{}: {error}", self.place), "see docs/cameras.md"))
+        camera.or_else(|error| refuse(path, format!("{}: {error}", self.place), "see docs/cameras.md"))
     }
 }
 
@@ -196,14 +196,10 @@ fn matrix(rows: &[[f64; 4]; 4]) -> DMat4 {
     DMat4::from_cols_array_2d(rows).transpose()
 }
 
-fn fault<T>(path: &Path, what: String, fix: &str) -> Result<T> {
-    Err(Error::File { path: path.into(), line: None, what, fix: fix.into() })
-}
-
 /// Parses JSON of typed fields; the error names the place of what does not belong there.
 fn json<'a, T: serde::Deserialize<'a>>(path: &Path, bytes: &'a [u8]) -> Result<T> {
     let json = &mut serde_json::Deserializer::from_slice(bytes);
-    let refuse = |what: String| fault(path, what, "see docs/cameras.md and `softras fit --help`");
+    let refuse = |what: String| refuse(path, what, "see docs/cameras.md");
     let parsed: T = match serde_path_to_error::deserialize(&mut *json) {
         Ok(parsed) => parsed,
         Err(error) => {

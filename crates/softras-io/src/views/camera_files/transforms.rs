@@ -4,7 +4,8 @@
 //! (<https://docs.nerf.studio/quickstart/data_conventions.html>). Names without an extension are those of PNG files, as in
 //! the scenes of the NeRF paper.
 
-use super::{Entry, Lens, fault, json, matrix, posed};
+use super::{Entry, Lens, json, matrix, posed};
+use crate::refuse;
 use glam::DVec3;
 use serde::Deserialize;
 use softras::Result;
@@ -83,14 +84,14 @@ pub(super) fn read(path: &Path, bytes: &[u8], fov: f64) -> Result<Vec<Entry>> {
     let model = bent.or(file.camera_model.as_deref()).unwrap_or("PINHOLE");
     if distorted || file.is_fisheye == Some(true) || bent.is_some() {
         let what = format!("cameras with distortion (camera_model {model:?})");
-        return fault(path, what, "undistort the pictures first, then leave the distortion out");
+        return refuse(path, what, "undistort the pictures first, then leave the distortion out");
     }
     file.frames.iter().enumerate().map(|(i, frame)| view(path, &file, i, frame, fov)).collect()
 }
 
 fn view(path: &Path, file: &Transforms, i: usize, frame: &Frame, fov: f64) -> Result<Entry> {
     let place = format!("frames[{i}]");
-    let refuse = |what: String, fix: &str| fault(path, format!("{place}: {what}"), fix);
+    let refuse = |what: String, fix: &str| refuse(path, format!("{place}: {what}"), fix);
     let pose = matrix(&frame.transform_matrix);
     let inverse = if pose.row(3).to_array() == [0.0, 0.0, 0.0, 1.0] { pose.inverse() } else { pose };
     let view = match posed(inverse, OPENGL) {

@@ -1,9 +1,9 @@
 //! Pictures and cameras.json as `--write-views` writes them.
 
-use crate::Curve;
-use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+use crate::{Curve, failed, picture};
+use image::ExtendedColorType;
 use serde_json::{Value, json};
-use softras::{Camera, Error, Image, Projection, Result};
+use softras::{Camera, Image, Projection, Result};
 use std::path::{Path, PathBuf};
 
 /// The files of so many views: pictures, and last the file that names them.
@@ -19,15 +19,14 @@ fn name(view: usize) -> String {
 /// The contents of these files: PNG files, sRGB with the silhouette as alpha, and their cameras with intrinsics and matrices.
 ///
 /// # Errors
-/// [`Error::Io`] for a picture that cannot be encoded.
+/// [`softras::Error::Io`] for a picture that cannot be encoded.
 pub fn files(folder: &Path, cameras: &[Camera], silhouette: &Image, color: &Image) -> Result<Vec<(PathBuf, Vec<u8>)>> {
     let size = (silhouette.width, silhouette.height);
     let mut written = Vec::with_capacity(cameras.len() + 1);
     let mut entries = Vec::with_capacity(cameras.len());
     for (view, camera) in cameras.iter().enumerate() {
         let path = folder.join(name(view));
-        let bytes = png(silhouette.view(view), color.view(view), size);
-        let bytes = bytes.map_err(|error| Error::Io { path: path.clone(), source: std::io::Error::other(error) })?;
+        let bytes = png(silhouette.view(view), color.view(view), size).map_err(|error| failed(&path, error))?;
         written.push((path, bytes));
         entries.push(entry(&name(view), camera, size));
     }
@@ -45,9 +44,7 @@ fn png(alpha: &[f32], color: &[f32], (width, height): (usize, usize)) -> image::
         [straight(rgb[0]), straight(rgb[1]), straight(rgb[2]), byte(a.clamp(0.0, 1.0))]
     };
     let bytes: Vec<u8> = alpha.iter().zip(color.chunks_exact(3)).flat_map(pixel).collect();
-    let mut file = Vec::new();
-    PngEncoder::new(&mut file).write_image(&bytes, width as u32, height as u32, ExtendedColorType::Rgba8)?;
-    Ok(file)
+    picture::png(&bytes, width as u32, height as u32, ExtendedColorType::Rgba8)
 }
 
 /// An entry of cameras.json.

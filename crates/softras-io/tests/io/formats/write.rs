@@ -1,7 +1,7 @@
 //! Writes meshes as PLY, STL and glTF, by hand, for the tests of the readers.
 
 use base64::{Engine, engine::general_purpose::STANDARD};
-use serde_json::{Value, json};
+use serde_json::Value;
 use softras::{
     Mesh,
     scene::{Appearance, Texture},
@@ -98,69 +98,16 @@ pub fn stl_text(mesh: &Mesh) -> Vec<u8> {
     (text + "endsolid the second\n").into_bytes()
 }
 
-/// The JSON and the binary part of a glTF file. Textured meshes have the UVs of corners, v running down, and each triangle
-/// vertices of its own, as exporters write them at seams.
-pub fn gltf(mesh: &Mesh, image: Option<&[u8]>) -> (Value, Vec<u8>) {
-    let mut binary = Vec::new();
-    let mut views = Vec::new();
-    let mut add = |bytes: Vec<u8>| {
-        views.push(json!({ "buffer": 0, "byteOffset": binary.len(), "byteLength": bytes.len() }));
-        binary.extend(bytes);
-        binary.resize(binary.len().next_multiple_of(4), 0);
-        views.len() - 1
-    };
-    let mut accessors = Vec::new();
-    let mut accessor = |view: usize, component: u32, kind: &str, count: usize| {
-        accessors.push(json!({ "bufferView": view, "componentType": component, "type": kind, "count": count }));
-        accessors.len() - 1
-    };
-    let (float, whole) = (5126, 5125);
-    let mut attributes = json!({});
-    let mut material = json!({ "pbrMetallicRoughness": {} });
-    let count = if let Appearance::Textured { uvs, uv_triangles, .. } = mesh.appearance() {
-        let points: Vec<f32> = corners(mesh).flatten().flatten().collect();
-        attributes["POSITION"] = accessor(add(little(points)), float, "VEC3", 3 * mesh.triangles().len()).into();
-        let mapped = uv_triangles.iter().flatten().map(|&i| uvs[i as usize]).flat_map(|[u, v]| [u, 1.0 - v]);
-        let count = 3 * mesh.triangles().len();
-        attributes["TEXCOORD_0"] = accessor(add(little(mapped)), float, "VEC2", count).into();
-        material["pbrMetallicRoughness"]["baseColorTexture"] = json!({ "index": 0 });
-        count
-    } else {
-        let count = mesh.positions().len();
-        let points = mesh.positions().iter().flatten().copied();
-        attributes["POSITION"] = accessor(add(little(points)), float, "VEC3", count).into();
-        count
-    };
-    match mesh.appearance() {
-        Appearance::VertexColors(colors) => {
-            let colors = little(colors.iter().flatten().copied());
-            attributes["COLOR_0"] = accessor(add(colors), float, "VEC3", count).into();
-        }
-        Appearance::Uniform([r, g, b]) => {
-            material["pbrMetallicRoughness"]["baseColorFactor"] = json!([r, g, b, 1.0]);
-        }
-        _ => {}
-    }
-    let indices: Vec<u32> = match mesh.appearance() {
-        Appearance::Textured { .. } => (0..count as u32).collect(),
-        _ => mesh.triangles().iter().flatten().copied().collect(),
-    };
-    let all = indices.len();
-    let indices = accessor(add(indices.into_iter().flat_map(u32::to_le_bytes).collect()), whole, "SCALAR", all);
-    let mut root = json!({
-        "asset": { "version": "2.0" },
-        "nodes": [{ "mesh": 0 }],
-        "meshes": [{ "primitives": [{ "attributes": attributes, "indices": indices, "material": 0 }] }],
-        "materials": [material],
-    });
-    if let Some(image) = image {
-        root["images"] = json!([{ "bufferView": add(image.to_vec()), "mimeType": "image/png" }]);
-        root["textures"] = json!([{ "source": 0 }]);
-    }
-    root["accessors"] = accessors.into();
-    root["bufferViews"] = views.into();
-    root["buffers"] = json!([{ "byteLength": binary.len() }]);
-    (root, binary)
+/// The JSON and the binary part of the glTF file that a mesh is written as, without a scene, so that all nodes are drawn.
+pub fn gltf(mesh: &Mesh) -> (Value, Vec<u8>) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("mesh.glb");
+    crate::save(mesh, &path).unwrap();
+    let bytes = std::fs::read(path).unwrap();
+    let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+    let mut root: Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
+    ["scene", "scenes"].iter().for_each(|name| drop(root.as_object_mut().unwrap().remove(*name)));
+    (root, bytes[28 + length..].to_vec())
 }
 
 /// A binary glTF file of both parts.
