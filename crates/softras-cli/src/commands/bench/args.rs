@@ -13,7 +13,7 @@ use std::path::PathBuf;
 Modes: color+silhouette, color, silhouette, depth, normal, hard, to-colors,
 to-camera. Without a mesh, the fish and icospheres of 1280 and 20480 triangles
 are measured. Timings vary between runs, so compare figures of the same run.
-docs/benchmarks.md explains the columns.
+docs/command.md explains the columns.
 
 Examples:
   softras bench --quick
