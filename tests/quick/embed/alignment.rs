@@ -34,9 +34,9 @@ fn every_buffer_of_a_pass_lies_as_its_plan_says() {
     let case = random_case(0, Kind::Plain);
     let upstream = random_upstream(&case, case.settings.outputs);
     let plan = plan_backward(plan_of(&rasterizer, &case), &upstream, GradientRequest::default());
-    let pass = Host::new(&engine, &rasterizer, plan.clone()).pass;
+    let host = Host::new(&engine, &rasterizer, plan.clone());
     let mut tried = 0;
-    for id in BufferId::ALL.into_iter().filter(|&id| pass.buffer(id).is_some()) {
+    for id in BufferId::ALL.into_iter().filter(|&id| host.pass.buffer(id).is_some()) {
         let plan = plan.clone().own_buffers(&[id]).build().unwrap();
         let memory = Memory::new(&engine, &plan);
         let [requirement] = plan.own_buffers() else { panic!("{id} is not the host's") };
@@ -53,7 +53,7 @@ fn every_buffer_of_a_pass_lies_as_its_plan_says() {
         tried += 1;
     }
     assert!(tried > 20, "{tried} buffers");
-    drop((pass, rasterizer));
+    drop((host, rasterizer));
     assert_silent(engine);
 }
 
@@ -87,7 +87,7 @@ fn offsets_of_a_hosts_own_buffers_are_multiples_of_the_devices_limits() {
         };
         rasterizer.bind_pass(plan.clone(), memory.refs(), &buffers).map(drop)
     };
-    let mut counted = Host::new(&engine, &rasterizer, plan_of(&rasterizer, &case).device_counts()).pass;
+    let mut counted = Host::new(&engine, &rasterizer, plan_of(&rasterizer, &case).device_counts());
     for by in [0u64, 1, 2, 4, 8, storage_alignment / 2, storage_alignment, 256] {
         let expected = |found: softras::Result<()>, name: &str| match by.is_multiple_of(storage_alignment.max(1)) {
             true => found.unwrap(),
@@ -96,7 +96,7 @@ fn offsets_of_a_hosts_own_buffers_are_multiples_of_the_devices_limits() {
         expected(bind(by, 0), "positions");
         expected(bind(0, by), "the gradients");
         let counts = Counts { buffer: part(room.whole(), by), stride: 4, of_indices: false };
-        expected(counted.bind_counts(&counts), "counts");
+        expected(counted.pass.bind_counts(&counts), "counts");
     }
 
     let buffers = plan.memory().map(|needed| {
