@@ -249,6 +249,8 @@ FAULTS = [
      ["embed::misuse::meshes"]),
     ("host gradients in the pass's own memory", "src/embed/pass.rs", "if overlaps(workspace, target) {", "if false {", ["embed::misuse::buffers"]),
     ("a frame without a setup", "src/embed/pass.rs", "self.recorded.load(Ordering::Relaxed) >= recorded", "true", ["embed::misuse::orders"]),
+    ("gradients by other numbers than the frame's", "src/embed/pass.rs", "*recorded = (*recorded).min(SETUP);", "*recorded = *recorded;",
+     ["embed::misuse::orders"]),
     ("a store of another pass", "src/embed/store.rs", "if !Arc::ptr_eq(&image.frame, &self.frame.identity) {", "if false {", ["embed::misuse::orders"]),
     ("a foreground over an old background", "src/embed/store.rs", "background: self.plan.frame.background()", "background: [0.0; 3]",
      ["embed::misuse::what_changes"]),

@@ -57,14 +57,15 @@ pub struct MeshBuffers {
     pub gradients: GeometryGradients,
 }
 
-/// Where a host wants the gradients of a mesh, in layouts of its own; what is `None` is not computed.
+/// Where a host wants the gradients of a mesh, in layouts of its own. Every backward pass overwrites them; what is `None` is not
+/// written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct GeometryGradients {
     /// dL/dx, dL/dy, dL/dz of each vertex that a draw reads, summed over its instances in their order.
     pub positions: Option<(BufferRef, Layout)>,
     /// dL/dr, dL/dg, dL/db of each, likewise.
     pub colors: Option<(BufferRef, Layout)>,
-    /// dL by each number of each transform.
+    /// dL by each number of each transform. Needs [`GradientRequest::positions`](crate::GradientRequest::positions).
     pub transforms: Option<(BufferRef, Layout)>,
 }
 

@@ -351,12 +351,18 @@ impl Pass {
         Ok(())
     }
 
+    /// Gradients need a frame with the numbers that the pass has now.
+    pub(super) fn forget_frame(&mut self) {
+        let recorded = self.recorded.get_mut();
+        *recorded = (*recorded).min(SETUP);
+    }
+
     /// Refuses what would read memory that nothing wrote: on the device its loops might not end.
     fn needs(&self, recorded: u8, call: &str) -> Result<()> {
         if self.recorded.load(Ordering::Relaxed) >= recorded {
             return Ok(());
         }
-        let what = format!("{call} was not recorded since the pass was bound");
+        let what = format!("{call} was not recorded since the pass was bound or changed");
         Err(Error::Host { what, fix: format!("record it first: {call}(commands)") })
     }
 
@@ -364,7 +370,8 @@ impl Pass {
     /// meshes' own buffers and the readback buffer.
     ///
     /// # Errors
-    /// [`Error::Backward`] for a pass without gradients; [`Error::Host`] where no frame was recorded before; otherwise as
+    /// [`Error::Backward`] for a pass without gradients; [`Error::Host`] where no frame was recorded since the pass was bound or
+    /// changed; otherwise as
     /// [`record_setup`](Self::record_setup).
     pub fn record_backward(&self, commands: &mut HostCommands) -> Result<()> {
         let (Some(plan), Some(bindings)) = (&self.plan.gradients, &self.gradients) else {

@@ -26,7 +26,9 @@ impl Pass {
     /// # Errors
     /// [`Error::Scene`] for another number of them, [`Error::Host`] where they need other kernels.
     pub fn set_cameras(&mut self, cameras: &[Camera]) -> Result<()> {
-        self.plan.set_views(cameras.len(), cameras.iter().copied().map(View::Camera))
+        self.plan.set_views(cameras.len(), cameras.iter().copied().map(View::Camera))?;
+        self.forget_frame();
+        Ok(())
     }
 
     /// The same from matrices, as [`PassBuilder::camera_matrices`](super::PassBuilder::camera_matrices); near and far are
@@ -37,7 +39,9 @@ impl Pass {
     /// As [`set_cameras`](Self::set_cameras), and [`HostCamera::new`](super::HostCamera::new).
     pub fn set_camera_matrices(&mut self, matrices: &[CameraMatrices], clip: ClipSpace) -> Result<()> {
         let views = matrices.iter().map(|&matrices| View::Matrices(matrices, clip));
-        self.plan.set_views(matrices.len(), views)
+        self.plan.set_views(matrices.len(), views)?;
+        self.forget_frame();
+        Ok(())
     }
 
     /// Other settings of the same kernels and sizes: σ, γ, the background colour. What is recorded from now on has them, also
@@ -58,6 +62,7 @@ impl Pass {
         let cutoff = self.plan.cutoff(self.plan.cameras.iter().map(|view| view.camera), &used)?;
         self.plan.set_frame(used, cutoff, None)?;
         self.plan.builder.settings = settings;
+        self.forget_frame();
         Ok(())
     }
 
@@ -72,7 +77,9 @@ impl Pass {
             let what = "another number of lights than was planned".into();
             return Err(Error::Host { what, fix: "plan and rebind with as many".into() });
         }
-        self.plan.set_frame(self.plan.settings.clone(), self.plan.frame.shape.cutoff, Some(lights))
+        self.plan.set_frame(self.plan.settings.clone(), self.plan.frame.shape.cutoff, Some(lights))?;
+        self.forget_frame();
+        Ok(())
     }
 
     /// Binds another plan in place of this one: more room, other meshes, another size. The inputs must be written, the setup
@@ -111,8 +118,8 @@ impl PassPlan {
         }
         let mut settings = self.settings.clone();
         set_planes(&mut settings, self.builder.planes.or(planes))?;
-        let cameras = views.clone().map(|view| view.camera(size)).collect::<Result<Vec<_>>>();
-        let cutoff = self.cutoff(cameras.into_iter().flatten().map(|view| view.camera), &settings)?;
+        let cameras = views.clone().filter_map(|view| view.camera(size).ok());
+        let cutoff = self.cutoff(cameras.map(|view| view.camera), &settings)?;
         self.set_frame(settings, cutoff, None)?;
         for ((own, camera), view) in self.builder.views.iter_mut().zip(&mut self.cameras).zip(views) {
             (*own, *camera) = (view, view.camera(size)?);

@@ -92,7 +92,7 @@ impl HostDevice {
     ///
     /// # Safety
     /// - The device was made of the adapter's physical device, with a queue of a family that computes.
-    /// - It stays valid until every rasterizer and binding made with it is dropped.
+    /// - It stays valid until every rasterizer and pass made with it is dropped.
     pub unsafe fn new(adapter: HostAdapter, device: vk::Device) -> Self {
         let pipeline_cache = vk::PipelineCache::null();
         Self { adapter, device, debug_utils: false, pipeline_cache, allocation_callbacks: None }
@@ -182,11 +182,11 @@ impl HostCommands {
     /// - It is of the device that is used with it, of a queue family that computes, in the recording state, and outside a
     ///   render pass.
     /// - No other thread uses it or its pool during a call that records into it.
-    /// - All that is recorded into it (bindings, and the buffers and images bound) is kept until it has been executed for
-    ///   the last time or freed, and while it executes nobody maps or writes that memory otherwise.
+    /// - All that is recorded into it (passes, and the buffers and images bound to them) is kept until it has been executed for
+    ///   the last time or freed, and while it executes nobody else writes that memory.
     /// - When it executes, inputs hold what their tables say (indices within range), a backward pass follows the forward
     ///   frame that its plan was made of, and buffers and images are synchronised as the documentation of
-    ///   [`rasterizer`](crate::embed) says.
+    ///   [`embed`](crate::embed) says.
     pub unsafe fn new(raw: vk::CommandBuffer) -> Self {
         Self { raw }
     }

@@ -191,6 +191,10 @@ fn orders_of_calls_that_cannot_be_are_refused() {
     assert!(error(one.pass.record_backward(host)).contains("record_forward was not recorded"));
     one.pass.record_forward(host).unwrap();
     one.pass.record_backward(host).unwrap();
+    one.pass.set_settings(Settings { sigma: 1e-4, ..case.settings.clone() }).unwrap();
+    assert!(
+        error(one.pass.record_backward(host)).contains("record_forward was not recorded since the pass was bound or")
+    );
     engine.end(&commands).unwrap();
 
     let image = FrameImage::Color { srgb: false };
@@ -234,6 +238,7 @@ fn what_changes_in_a_bound_pass_is_as_if_planned_so() {
     let count = allocations(|| {
         bound.pass.set_settings(changed).unwrap();
         bound.pass.set_lights(lights).unwrap();
+        bound.pass.set_cameras(&case.cameras).unwrap();
     });
     assert_eq!(count, 0);
     let second = bound.color(&engine);
