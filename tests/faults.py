@@ -71,7 +71,7 @@ FAULTS = [
     ("sign of a vertex's pull", PAIR, "float pull = inside ? -2.0 * LN2 * by_x", "float pull = inside ? 2.0 * LN2 * by_x",
      ["gradient::hazards::"]),
     ("clamp of barycentrics left out", FRAGMENT, "return vec3(lesser(greater(b.x, 1e-20), 1.0),",
-     "return vec3(greater(b.x, 1e-20),", ["render::forward::random_scenes"]),
+     "return vec3(greater(b.x, 1e-20),", ["render::needles::clipped"]),
     ("last triangle of a tile missing", SOFT, "uint all = 0xffffffffu >> uint(from + int(WORD_BITS) - stop);",
      "uint all = (0xffffffffu >> uint(from + int(WORD_BITS) - stop)) >> 1u;", ["render::forward::random_scenes"]),
     ("tile lists one tile short", "glsl/common/tile_mask.glsl", "int(floor(greater(to, -1.0))));",

@@ -1,7 +1,7 @@
 //! Needles do not show through: inside of outlines a soft picture has the depths of a hard one.
 
 use crate::common::renderer;
-use softras::scene::{ColorAggregation, Outputs, SurfacePoint};
+use softras::scene::{Appearance, ColorAggregation, Outputs, SurfacePoint};
 use softras::{Camera, Image, Mesh, Projection, Renderer, Scene, Settings};
 use std::f32::consts::TAU;
 
@@ -102,4 +102,37 @@ fn no_needle_shows_through() {
     }
     // The test sees the fault: the paper's points show needles.
     assert!(clipped > 10.0 * FEW, "{clipped}");
+}
+
+/// At clipped barycentrics a triangle has the colour of clamp(b, 0, 1) / Σ clamp(b, 0, 1), wherever the pixel lies.
+#[test]
+fn clipped_barycentrics_are_clamped_on_both_sides() {
+    let corners = [[-0.2f32, -0.2, 5.0], [0.3, -0.2, 5.0], [-0.2, 0.3, 5.0]];
+    let colors = vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let mesh = Mesh::new(corners.to_vec(), vec![[0, 1, 2]]).unwrap();
+    let mesh = mesh.with_appearance(Appearance::VertexColors(colors)).unwrap();
+    let (size, surface_point) = (64, SurfacePoint::Clip);
+    let settings = Settings { width: size, height: size, sigma: 1e-2, surface_point, ..Settings::default() };
+    let frame = renderer().render(&Scene::new(mesh), &[Camera::screen()], &settings).unwrap();
+    let (color, silhouette) = (frame.color().unwrap(), frame.silhouette().unwrap());
+    let mut beyond = 0;
+    for pixel in 0..(size * size) as usize {
+        let h = f64::from(size);
+        let (row, column) = (pixel as f64 / h, pixel % size as usize);
+        let (x, y) = ((2.0 * column as f64 + 1.0 - h) / h, (h - 1.0 - 2.0 * row.floor()) / h);
+        let (b, c) = ((x + 0.2) / 0.5, (y + 0.2) / 0.5);
+        let all = [1.0 - b - c, b, c];
+        let clamped = all.map(|b| b.clamp(0.0, 1.0));
+        if silhouette.data[pixel] < 1e-3 {
+            continue;
+        }
+        beyond += usize::from(all.iter().any(|&b| b > 1.0) && clamped.iter().filter(|&&b| b > 0.0).count() > 1);
+        let (found, sum) = (&color.data[3 * pixel..3 * pixel + 3], clamped.iter().sum::<f64>());
+        let total: f64 = found.iter().map(|&x| f64::from(x)).sum();
+        for k in 0..3 {
+            let off = f64::from(found[k]) / total - clamped[k] / sum;
+            assert!(off.abs() < 1e-4, "pixel {row:.0}, {column}: {found:?} at {all:?}");
+        }
+    }
+    assert!(beyond > 50, "{beyond} pixels have a coordinate beyond 1");
 }
