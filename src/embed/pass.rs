@@ -371,8 +371,7 @@ impl Pass {
     ///
     /// # Errors
     /// [`Error::Backward`] for a pass without gradients; [`Error::Host`] where no frame was recorded since the pass was bound or
-    /// changed; otherwise as
-    /// [`record_setup`](Self::record_setup).
+    /// changed; otherwise as [`record_setup`](Self::record_setup).
     pub fn record_backward(&self, commands: &mut HostCommands) -> Result<()> {
         let (Some(plan), Some(bindings)) = (&self.plan.gradients, &self.gradients) else {
             let what = "the pass computes no gradients".into();
