@@ -13,6 +13,7 @@ use crate::constants as c;
 use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
 use crate::frame::pack::{camera_texels, light_texels};
+use crate::frame::passes::{BackwardStage, ForwardStage};
 use crate::vulkan::{BufferPart, BufferRef, HostCommands, Recorder, vk};
 use std::sync::atomic::{AtomicU8, Ordering};
 
@@ -199,6 +200,12 @@ impl Pass {
         at.part(12 * u64::from(geometry.first_vertex), 12 * u64::from(geometry.vertices())).ok()
     }
 
+    /// The stages of a frame and of its gradients, in the order in which they run: what lies between the timestamps of
+    /// [`HostCommands::with_timestamps`].
+    pub fn stages() -> [Vec<&'static str>; 2] {
+        [ForwardStage::ALL.map(ForwardStage::name).into(), BackwardStage::ALL.map(BackwardStage::name).into()]
+    }
+
     /// What the setup, a frame and its gradients do with the host's buffers, for a host's render graph: each buffer with its stages
     /// and accesses. Textures in images are read by compute shaders in the setup.
     pub fn uses(&self) -> [Vec<BufferUse>; 3] {
@@ -303,7 +310,7 @@ impl Pass {
     /// [`Error::Limit`] for more workgroups than the device allows. What was recorded up to then is harmless, but no setup.
     pub fn record_setup(&self, commands: &mut HostCommands) -> Result<()> {
         let mut recorder = Recorder::on_host(&self.rasterizer.device, commands);
-        recorder.begin_label("softras setup");
+        recorder.begin_label("setup");
         recorder.barrier();
         self.copy_in(&mut recorder, &self.plan.layouts.setup)?;
         for (at, draws) in &self.draws {
@@ -334,7 +341,7 @@ impl Pass {
             return misfit("the pass has no counts".into(), "bind them with Pass::bind_counts");
         }
         let mut recorder = Recorder::on_host(&self.rasterizer.device, commands);
-        recorder.begin_label("softras pass");
+        recorder.begin_label("pass");
         recorder.barrier();
         self.copy_in(&mut recorder, &self.plan.layouts.frame)?;
         for step in &self.vertices {

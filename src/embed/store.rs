@@ -197,7 +197,7 @@ impl Pass {
         };
         let push = Push { background: self.plan.frame.background(), ..push };
         let mut recorder = Recorder::on_host(&self.rasterizer.device, commands);
-        recorder.begin_label("softras image");
+        recorder.begin_label("image");
         recorder.barrier();
         let groups = [push.width.div_ceil(GROUP), push.height.div_ceil(GROUP), 1];
         image.stage.record(&mut recorder, bytemuck::bytes_of(&push), groups)?;

@@ -67,7 +67,7 @@ impl DescriptorPool {
         // SAFETY: the info's pointers live until the call returns; no count is zero.
         let raw = unsafe { device.raw().create_descriptor_pool(&info, device.callbacks()) }
             .named("vkCreateDescriptorPool")?;
-        device.name_object(raw, "softras");
+        device.name_object(raw, "descriptors");
         Ok(Self(Arc::new(Pool { device: device.clone(), raw, lock: Mutex::new(()) })))
     }
 

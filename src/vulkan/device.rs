@@ -4,6 +4,8 @@ use super::adapter::{DeviceKind, Limits};
 #[cfg(feature = "renderer")]
 use super::devices_lock::changing_devices;
 use super::devices_lock::looking_up_devices;
+#[cfg(feature = "renderer")]
+use super::host::LABEL_PREFIX;
 use super::host::{Callbacks, HostDevice};
 #[cfg(feature = "renderer")]
 use super::own::Instance;
@@ -23,6 +25,7 @@ struct Inner {
     instance: ash::Instance,
     physical: vk::PhysicalDevice,
     debug_utils: Option<debug_utils::Device>,
+    label_prefix: &'static str,
     limits: Limits,
     kind: DeviceKind,
     is_lavapipe: bool,
@@ -74,6 +77,7 @@ impl Device {
             instance,
             physical,
             debug_utils,
+            label_prefix: host.label_prefix,
             limits,
             kind,
             is_lavapipe,
@@ -126,8 +130,18 @@ impl Device {
         let functions = instance.raw.clone();
         let callbacks = Callbacks::default();
         let owned = Some(instance);
-        let inner =
-            Inner { raw, instance: functions, physical, debug_utils, limits, kind, is_lavapipe, callbacks, owned };
+        let inner = Inner {
+            raw,
+            instance: functions,
+            physical,
+            debug_utils,
+            label_prefix: LABEL_PREFIX,
+            limits,
+            kind,
+            is_lavapipe,
+            callbacks,
+            owned,
+        };
         Ok(Self { inner: Arc::new(inner) })
     }
 
@@ -177,10 +191,15 @@ impl Device {
         self.inner.debug_utils.as_ref()
     }
 
+    /// What names and labels begin with.
+    pub(super) fn label_prefix(&self) -> &'static str {
+        self.inner.label_prefix
+    }
+
     /// Names an object for validation messages and graphics debuggers.
     pub(super) fn name_object(&self, handle: impl vk::Handle, name: &str) {
         let Some(debug_utils) = self.debug_utils() else { return };
-        let Ok(name) = CString::new(name) else { return };
+        let Ok(name) = CString::new([self.label_prefix(), name].concat()) else { return };
         let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(handle).object_name(&name);
         let _turn = looking_up_devices();
         // SAFETY: callers pass handles that they have just made on this device. A name that fails is no loss.

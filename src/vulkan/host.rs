@@ -77,12 +77,16 @@ fn null<T>(what: &str) -> Result<T> {
     Err(Error::Host { what: format!("{what} is null"), fix: "give handles that were made".into() })
 }
 
+/// What names and labels begin with where nobody chooses.
+pub(super) const LABEL_PREFIX: &str = "softras ";
+
 /// A host's device, and what softras may use with it.
 #[derive(Clone, Copy)]
 pub struct HostDevice {
     pub(super) adapter: HostAdapter,
     pub(super) device: vk::Device,
     pub(super) debug_utils: bool,
+    pub(super) label_prefix: &'static str,
     pub(super) pipeline_cache: vk::PipelineCache,
     pub(super) allocation_callbacks: Option<vk::AllocationCallbacks<'static>>,
 }
@@ -95,7 +99,14 @@ impl HostDevice {
     /// - It stays valid until every rasterizer and pass made with it is dropped.
     pub unsafe fn new(adapter: HostAdapter, device: vk::Device) -> Self {
         let pipeline_cache = vk::PipelineCache::null();
-        Self { adapter, device, debug_utils: false, pipeline_cache, allocation_callbacks: None }
+        Self {
+            adapter,
+            device,
+            debug_utils: false,
+            label_prefix: LABEL_PREFIX,
+            pipeline_cache,
+            allocation_callbacks: None,
+        }
     }
 
     /// The same from a plain number.
@@ -119,6 +130,11 @@ impl HostDevice {
     /// VK_EXT_debug_utils is enabled on the instance.
     pub unsafe fn with_debug_utils(self) -> Self {
         Self { debug_utils: true, ..self }
+    }
+
+    /// What these names and labels begin with, instead of "softras ".
+    pub fn with_label_prefix(self, label_prefix: &'static str) -> Self {
+        Self { label_prefix, ..self }
     }
 
     /// Where compiled kernels are kept. The cache is the host's to fill, to save and to destroy.
@@ -173,6 +189,8 @@ impl std::fmt::Debug for HostDevice {
 #[derive(Debug)]
 pub struct HostCommands {
     raw: vk::CommandBuffer,
+    /// A pool of timestamps, and the next query of it.
+    pub(super) timestamps: Option<(vk::QueryPool, u32)>,
 }
 
 impl HostCommands {
@@ -188,7 +206,7 @@ impl HostCommands {
     ///   frame that its plan was made of, and buffers and images are synchronised as the documentation of
     ///   [`embed`](crate::embed) says.
     pub unsafe fn new(raw: vk::CommandBuffer) -> Self {
-        Self { raw }
+        Self { raw, timestamps: None }
     }
 
     /// The same from a plain number.
@@ -196,7 +214,19 @@ impl HostCommands {
     /// # Safety
     /// As for [`new`](Self::new).
     pub unsafe fn from_raw(raw: u64) -> Self {
-        Self { raw: vk::CommandBuffer::from_raw(raw) }
+        // SAFETY: the caller's promise.
+        unsafe { Self::new(vk::CommandBuffer::from_raw(raw)) }
+    }
+
+    /// Writes timestamps into a host's query pool, query by query from `first` on: one before the first stage of a frame and of its
+    /// gradients, and one after each stage, whether it has work or not. [`Pass::stages`](crate::embed::Pass::stages)
+    /// has their names.
+    ///
+    /// # Safety
+    /// - The pool is of the command buffer's device, of type TIMESTAMP, and the queue family has timestamps.
+    /// - It has a query for every timestamp, which was reset before in the same queue, and stays valid as the command buffer does.
+    pub unsafe fn with_timestamps(self, pool: vk::QueryPool, first: u32) -> Self {
+        Self { timestamps: Some((pool, first)), ..self }
     }
 
     /// The command buffer.

@@ -28,19 +28,21 @@ pub struct Recorder<'a> {
     family: Option<u32>,
     /// The timestamp pool that was reset last, and the least index that was not written since.
     times: Option<(TimestampPool, u32)>,
+    /// A host's pool, and its next query.
+    host_times: Option<&'a mut (vk::QueryPool, u32)>,
     /// Labels that are open.
     labels: u32,
     dispatches: u32,
 }
 
-impl Recorder<'static> {
-    /// Records into a host's command buffer.
-    pub fn on_host(device: &Device, commands: &mut HostCommands) -> Self {
-        Self::with(device, commands.raw(), None, None)
-    }
-}
-
 impl<'a> Recorder<'a> {
+    /// Records into a host's command buffer.
+    pub fn on_host(device: &Device, commands: &'a mut HostCommands) -> Self {
+        let mut recorder = Self::with(device, commands.raw(), None, None);
+        recorder.host_times = commands.timestamps.as_mut();
+        recorder
+    }
+
     /// Records into a command buffer of ours, which keeps what is recorded.
     ///
     /// # Safety
@@ -56,7 +58,7 @@ impl<'a> Recorder<'a> {
     }
 
     fn with(device: &Device, raw: vk::CommandBuffer, keep: Option<&'a mut Vec<Keep>>, family: Option<u32>) -> Self {
-        Self { device: device.clone(), raw, keep, family, times: None, labels: 0, dispatches: 0 }
+        Self { device: device.clone(), raw, keep, family, times: None, host_times: None, labels: 0, dispatches: 0 }
     }
 
     /// Dispatches recorded so far, direct and indirect ones.
@@ -212,8 +214,8 @@ impl<'a> Recorder<'a> {
         let Some(debug_utils) = self.device.debug_utils() else { return };
         // Text on the stack and not a CString, because recording does not allocate.
         let mut text = [0; LONGEST_LABEL + 1];
-        let length = name.len().min(LONGEST_LABEL);
-        text[..length].copy_from_slice(&name.as_bytes()[..length]);
+        let letters = self.device.label_prefix().bytes().chain(name.bytes());
+        text.iter_mut().take(LONGEST_LABEL).zip(letters).for_each(|(to, letter)| *to = letter);
         if let Ok(name) = CStr::from_bytes_until_nul(&text) {
             let label = vk::DebugUtilsLabelEXT::default().label_name(name);
             // SAFETY: the extension is enabled, the command buffer records.
@@ -268,6 +270,15 @@ impl<'a> Recorder<'a> {
         // pool is of this queue family, which has timestamps (`TimestampPool::new`).
         unsafe { self.device.raw().cmd_write_timestamp(self.raw, stage, pool.0.raw(), index) };
         Ok(())
+    }
+
+    /// Writes the next timestamp of a host's pool, if it has given one.
+    pub fn host_timestamp(&mut self) {
+        let Some((pool, next)) = &mut self.host_times else { return };
+        let stage = vk::PipelineStageFlags::BOTTOM_OF_PIPE;
+        // SAFETY: the query is one of the pool's, was reset and not written since (`HostCommands::with_timestamps`).
+        unsafe { self.device.raw().cmd_write_timestamp(self.raw, stage, *pool, *next) };
+        *next += 1;
     }
 
     fn memory_barrier(

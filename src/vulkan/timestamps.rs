@@ -40,7 +40,7 @@ impl TimestampPool {
         let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(count);
         // SAFETY: a plain creation; `Inner` destroys it.
         let raw = unsafe { device.raw().create_query_pool(&info, device.callbacks()) }.named("vkCreateQueryPool")?;
-        device.name_object(raw, "softras timestamps");
+        device.name_object(raw, "timestamps");
         let mask = u64::MAX >> 64u32.saturating_sub(bits);
         let executed = Arc::default();
         let inner = Inner { device: device.clone(), raw, family: queue_family, count, mask, executed };

@@ -179,7 +179,7 @@ pub fn record_backward(
     let items = |offset: u32| Work::List(List::of_rows(plan.item_rows, 0, item_counts, c::ITEM_COUNT_WORDS, offset));
     // `totals` holds the sums of the views, then of the lights with the ambient one, then of the pixels.
     let (lights, pixels) = (plan.push.view_count, plan.push.view_count + plan.push.light_count + 1);
-    recorder.begin_label("softras backward");
+    recorder.begin_label("backward");
     recorder.barrier();
     no_workgroups(recorder, item_counts, u64::from(plan.item_rows * c::ITEM_COUNT_WORDS / 3))?;
     clear(recorder, texel_sums, plan.sizes[BufferId::TexelSums])?;

@@ -132,7 +132,7 @@ pub fn record_forward(
         let rows = if needed { plan.totals.tile_rows() as u32 } else { 0 };
         Work::List(List::of_rows(rows, first, tile_counts, c::TILE_COUNT_WORDS, offset))
     };
-    recorder.begin_label("softras forward");
+    recorder.begin_label("forward");
     recorder.barrier();
     recorder.fill(status, 0, plan.sizes[BufferId::Status], 0)?;
     no_workgroups(recorder, tile_counts, counts)?;

@@ -181,12 +181,10 @@ pub fn small_pixels(device: &Device, lanes: u32) -> [u32; 2] {
     }
 }
 
-/// Writes a timestamp if there is a pool for timestamps.
+/// Writes a timestamp if there is a pool for timestamps, ours or a host's.
 fn stamp(recorder: &mut Recorder<'_>, pool: Option<&TimestampPool>, index: u32) -> Result<()> {
-    match pool {
-        Some(pool) => recorder.timestamp(pool, index),
-        None => Ok(()),
-    }
+    recorder.host_timestamp();
+    pool.map_or(Ok(()), |pool| recorder.timestamp(pool, index))
 }
 
 /// Fills a buffer with 0. Of a large buffer only the first part is filled, and the rest copied from it: on lavapipe

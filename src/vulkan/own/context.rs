@@ -76,11 +76,11 @@ impl Context {
         let device =
             unsafe { Device::create(instance, adapter.physical, queue_family, adapter.info.limits, adapter.info.kind) }
                 .named("vkCreateDevice")?;
-        device.name_object(device.raw().handle(), "softras");
+        device.name_object(device.raw().handle(), "device");
         let allocator = allocator(&device)?;
         // SAFETY: the device was made with one queue of this family.
         let queue = unsafe { device.raw().get_device_queue(queue_family, 0) };
-        device.name_object(queue, "softras queue");
+        device.name_object(queue, "queue");
         let cache = PipelineCache::in_folder(&device, &options.cache)?;
         let shared = Arc::new(Shared {
             allocator: Mutex::new(allocator),

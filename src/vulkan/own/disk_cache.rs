@@ -42,7 +42,7 @@ impl DiskCache {
         let info = vk::PipelineCacheCreateInfo::default().initial_data(&data);
         // SAFETY: the data is what this driver once gave us (checked by checksum, header and name), or empty.
         let raw = unsafe { device.raw().create_pipeline_cache(&info, None) }.named("vkCreatePipelineCache")?;
-        device.name_object(raw, "softras");
+        device.name_object(raw, "pipeline cache");
         Ok(Self { device: device.clone(), raw, file, loaded: checksum(&data) })
     }
 

@@ -5,10 +5,13 @@ use crate::common::gradient::{norm, numbers, random_upstream, same_gradient_bits
 use crate::common::scenes::{Case, Kind, random_case};
 use crate::common::{tier, tolerance, validates};
 use crate::host::engine::Engine;
-use crate::host::{Host, Messages, assert_silent, difference, engine, error, images, plan_backward, plan_of, shim};
+use crate::host::{
+    Host, Messages, assert_silent, difference, engine, error, images, plan_backward, plan_of, rasterizer, record, shim,
+    submit,
+};
 use ash::vk;
 use shim::adapter;
-use softras::embed::{HostAdapter, HostDevice, Rasterizer, Requirements};
+use softras::embed::{HostAdapter, HostCommands, HostDevice, Pass, Rasterizer, Requirements};
 use softras::{CacheFolder, Error, GradientRequest, Gradients, Image, ImageGradient, Renderer, RendererOptions};
 
 /// Lanes of a workgroup where there are no shuffles, and of most processors' subgroups.
@@ -115,6 +118,33 @@ fn what_is_optional_changes_no_bit() {
 
     let engine = Engine::with_features(validates()).unwrap();
     assert_eq!(differs(&due, &outcomes(&engine, &engine.host_device(), &cases)), None, "with every feature");
+    assert_silent(engine);
+}
+
+/// A host's query pool gets a timestamp before the first stage of a frame and of its gradients, and one after each stage.
+#[test]
+fn a_hosts_queries_time_every_stage() {
+    let engine = engine();
+    let rasterizer = rasterizer(&engine);
+    let (case, upstream) = &cases()[0];
+    let plan = plan_backward(plan_of(&rasterizer, case), upstream, GradientRequest::default());
+    let host = Host::new(&engine, &rasterizer, plan).with_upstream(upstream);
+    const FIRST: u32 = 3;
+    let count = Pass::stages().map(|stages| stages.len() + 1).iter().sum::<usize>();
+    let device = engine.device();
+    let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP);
+    let pool = unsafe { device.create_query_pool(&info.query_count(FIRST + count as u32), None) }.unwrap();
+    submit(&engine, |commands| {
+        unsafe { device.cmd_reset_query_pool(commands.raw(), pool, 0, FIRST + count as u32) };
+        let mut timed = unsafe { HostCommands::new(commands.raw()).with_timestamps(pool, FIRST) };
+        record(&host.pass, &mut timed);
+    });
+    let mut times = vec![0u64; count];
+    // An error if one of them was not written.
+    unsafe { device.get_query_pool_results(pool, FIRST, &mut times, vk::QueryResultFlags::TYPE_64) }.unwrap();
+    unsafe { device.destroy_query_pool(pool, None) };
+    assert!(times.is_sorted() && times[0] < times[count - 1], "{times:?}");
+    drop((host, rasterizer));
     assert_silent(engine);
 }
 
