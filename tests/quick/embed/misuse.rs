@@ -8,7 +8,7 @@ use crate::common::renderer;
 use crate::common::scenes::Case;
 use crate::heap::allocations;
 use crate::host::engine::{Buffer, Engine};
-use crate::host::{assert_silent, difference, engine, error, rasterizer, submit};
+use crate::host::{Host, assert_silent, difference, engine, error, plan_backward, plan_of, rasterizer, submit};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use softras::embed::{
@@ -170,6 +170,27 @@ impl Bound {
 
 fn pass_mesh(model: &Mesh) -> PassMesh {
     PassMesh::new(model.positions().len() as u32, indices(model)).with_look(MeshLook::Color([0.75, 0.5, 0.25]))
+}
+
+/// Gradients of a frame that was recorded but never executed, over memory of ones: they end, are zero, and do not hold.
+#[test]
+fn gradients_of_a_frame_that_never_ran_end() {
+    let engine = engine();
+    let rasterizer = rasterizer(&engine);
+    let case = case(&shapes::torus(0.7, 0.3, 12, 7).unwrap());
+    let upstream = random_upstream(&case, case.settings.outputs);
+    let plan = plan_backward(plan_of(&rasterizer, &case), &upstream, GradientRequest::default());
+    let mut host = Host::new(&engine, &rasterizer, plan);
+    host.memory.device.bytes_mut().fill(0xff);
+    submit(&engine, |commands| host.pass.record_setup(commands).unwrap());
+    let thrown_away = engine.commands().unwrap();
+    thrown_away.begin().unwrap();
+    host.pass.record_forward(&mut thrown_away.host()).unwrap();
+    submit(&engine, |commands| host.pass.record_backward(commands).unwrap());
+    assert_ne!(host.memory.whole_word(&host.pass), 1);
+    assert!(host.floats(BufferId::VertexGradients).iter().all(|&g| g == 0.0));
+    drop((thrown_away, host, rasterizer));
+    assert_silent(engine);
 }
 
 /// What would read memory that nothing wrote, or store what was freed, is refused when it is recorded.

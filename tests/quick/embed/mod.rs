@@ -15,3 +15,21 @@ mod geometry;
 mod images;
 mod lifecycle;
 mod misuse;
+
+/// Each test that the table of docs/robustness.md names exists.
+#[test]
+fn the_table_of_mistakes_names_tests() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    let docs = std::fs::read_to_string(root.join("docs/robustness.md")).unwrap();
+    let (_, section) = docs.split_once("## A host's mistakes").unwrap();
+    let (table, _) = section.split_once("\n## ").unwrap();
+    let sources = std::fs::read_dir(root.join("tests/quick/embed")).unwrap();
+    let sources: String = sources.map(|file| std::fs::read_to_string(file.unwrap().path()).unwrap()).collect();
+    let rows = table.lines().filter_map(|line| line.strip_suffix(" |")?.rsplit_once("| `"));
+    let names: Vec<&str> =
+        rows.flat_map(|(_, names)| names.split(['`', ',', ' '])).filter(|name| !name.is_empty()).collect();
+    assert!(names.len() > 10, "{names:?}");
+    for name in names {
+        assert!(sources.contains(&format!("fn {name}()")), "there is no test {name}");
+    }
+}
