@@ -48,7 +48,7 @@ pub use color::Curve;
 pub use gif::write_gif;
 pub use picture::{Floats, Picture, PictureFormat};
 pub use picture_file::PictureFile;
-pub use source::{LoadOptions, Loaded};
+pub use source::{LoadOptions, Loaded, far_origin};
 pub use views::{Map, Views, ViewsOptions, read_picture};
 
 use softras::{Error, Mesh, Result};
@@ -65,7 +65,7 @@ use std::{
 /// # Errors
 /// Those of [`load_with`].
 pub fn load(path: impl AsRef<Path>) -> Result<Mesh> {
-    load_with(path, &LoadOptions::default()).map(|loaded| loaded.at_place().mesh)
+    Ok(load_with(path, &LoadOptions::default())?.at_place()?.mesh)
 }
 
 /// Reads a mesh file: .obj, .ply, .stl, .gltf and .glb.
@@ -133,16 +133,19 @@ pub fn save(mesh: &Mesh, path: impl AsRef<Path>) -> Result<Vec<PathBuf>> {
 }
 
 /// Options for writing a mesh.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SaveOptions {
     /// Encode textures, and colours in bytes, from linear numbers to sRGB, in 8 bits a channel, as picture files have them. Off,
     /// a texel is its number, in 8 bits where that is exact, else in 16; [`LoadOptions::srgb`] must be off too to read it back.
     pub srgb: bool,
+    /// Where the mesh's origin lies in the file's coordinates, as [`Loaded::origin`]: 0, or the file's positions are written in 64 bits,
+    /// in glTF as the place of the node.
+    pub origin: [f64; 3],
 }
 
 impl Default for SaveOptions {
     fn default() -> Self {
-        Self { srgb: true }
+        Self { srgb: true, origin: [0.0; 3] }
     }
 }
 
@@ -164,9 +167,9 @@ pub fn save_with(mesh: &Mesh, path: impl AsRef<Path>, options: &SaveOptions) -> 
     let curve = if options.srgb { Curve::Srgb } else { Curve::Raw };
     let is_binary = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("glb"));
     let files = match by_ending(path) {
-        Some(Format::Obj) => obj::files_of(&encoded, path, curve)?,
-        Some(Format::Ply) => ply::files_of(&encoded, path, curve)?,
-        Some(Format::Gltf) if is_binary => vec![(path.to_path_buf(), gltf::glb(&encoded)?)],
+        Some(Format::Obj) => obj::files_of(&encoded, path, curve, options.origin)?,
+        Some(Format::Ply) => ply::files_of(&encoded, path, curve, options.origin)?,
+        Some(Format::Gltf) if is_binary => vec![(path.to_path_buf(), gltf::glb(&encoded, options.origin)?)],
         _ => {
             return Err(fault(
                 path,
@@ -231,6 +234,11 @@ fn fault_at(path: &Path, line: impl Into<Option<usize>>, what: impl Into<String>
 /// [`fault`], where a result is due.
 fn refuse<T>(path: &Path, what: impl Into<String>, fix: impl Into<String>) -> Result<T> {
     Err(fault(path, what, fix))
+}
+
+/// A position of a mesh in the coordinates of a file where the mesh's origin lies elsewhere.
+fn placed(position: [f32; 3], origin: [f64; 3]) -> [f64; 3] {
+    [0, 1, 2].map(|k| f64::from(position[k]) + origin[k])
 }
 
 /// Why a surface with several colours on a triangle is not written.

@@ -1,6 +1,6 @@
 //! A mesh file that is being read, and what reading one gives.
 
-use crate::{fault, input, notes::Notes, textures::Room};
+use crate::{fault, input, notes::Notes, placed, textures::Room};
 use softras::{
     Mesh, Result,
     scene::{Appearance, Texture},
@@ -54,20 +54,52 @@ pub struct Loaded {
 
 impl Loaded {
     /// The mesh in the file's own coordinates, in 32 bits: with a note on what that loses of a mesh that lies far from 0.
-    pub fn at_place(mut self) -> Self {
-        let origin = std::mem::take(&mut self.origin);
-        if origin != [0.0; 3] {
-            let moved = |p: &[f32; 3]| [0, 1, 2].map(|k| (f64::from(p[k]) + origin[k]) as f32);
-            let positions: Vec<_> = self.mesh.positions().iter().map(moved).collect();
-            let far = positions.as_flattened().iter().fold(0.0f32, |far, x| far.max(x.abs()));
-            let step = (far.log2().floor() - 23.0).exp2();
-            self.notes
-                .push(format!("coordinates up to {far} are rounded to steps of {step}: move the mesh nearer to 0"));
-            // As many finite positions as before.
-            let _ = self.mesh.set_positions(positions);
-        }
-        self
+    ///
+    /// # Errors
+    /// As [`Loaded::relative_to`].
+    pub fn at_place(self) -> Result<Self> {
+        self.relative_to([0.0; 3])
     }
+
+    /// The mesh relative to an origin in the file's coordinates, as that of another mesh, with a note if it lies far from there.
+    ///
+    /// # Errors
+    /// [`softras::Error::OutOfMemory`].
+    pub fn relative_to(mut self, origin: [f64; 3]) -> Result<Self> {
+        let shift = [0, 1, 2].map(|k| self.origin[k] - origin[k]);
+        if shift != [0.0; 3] {
+            let file = self.files.first().map_or(Path::new("mesh"), PathBuf::as_path);
+            let mut positions = input::vector(file, self.mesh.positions().len())?;
+            positions.extend(self.mesh.positions().iter().map(|p| placed(*p, shift).map(|x| x as f32)));
+            let largest = |all: &[[f32; 3]]| all.as_flattened().iter().fold(0.0f32, |far, x| far.max(x.abs()));
+            let far = largest(&positions);
+            if f64::from(far) > FAR * f64::from(largest(self.mesh.positions())) {
+                let step = (far.log2().floor() - 23.0).exp2();
+                let what = format!("coordinates up to {far} are rounded to steps of {step}");
+                self.notes.push(format!("{what}: move the mesh nearer to 0"));
+            }
+            self.mesh.set_positions(positions)?;
+            self.origin = origin;
+        }
+        Ok(self)
+    }
+}
+
+/// The largest side of a box, and how far it reaches from 0 along an axis.
+fn extent(low: [f64; 3], high: [f64; 3]) -> (f64, f64) {
+    let size = [0, 1, 2].map(|k| high[k] - low[k]).into_iter().fold(0.0, f64::max);
+    (size, low.iter().chain(&high).fold(0.0f64, |far, x| far.max(x.abs())))
+}
+
+/// An origin for what lies in a box so far from 0 that 32-bit numbers would lose its shape; 0 for what lies near.
+pub fn far_origin(low: [f64; 3], high: [f64; 3]) -> [f64; 3] {
+    let (size, far) = extent(low, high);
+    if !(size > 0.0 && far > FAR * size && far.is_finite()) {
+        return [0.0; 3];
+    }
+    // Whole powers of two, so that differences are exact.
+    let unit = size.log2().floor().exp2();
+    [0, 1, 2].map(|k| ((low[k] + high[k]) / 2.0 / unit).round() * unit)
 }
 
 /// A mesh file that is being read, with what is known of it besides its content.
@@ -168,12 +200,9 @@ impl<'a> Source<'a> {
                 high[k] = if p[k] > high[k] { p[k] } else { high[k] };
             }
         }
-        let size = [0, 1, 2].map(|k| high[k] - low[k]).into_iter().fold(0.0, f64::max);
-        let far = low.iter().chain(&high).fold(0.0f64, |far, x| far.max(x.abs()));
-        if size > 0.0 && far > FAR * size && far.is_finite() {
-            // Whole powers of two, so that differences are exact.
-            let unit = size.log2().floor().exp2();
-            self.origin = [0, 1, 2].map(|k| ((low[k] + high[k]) / 2.0 / unit).round() * unit);
+        self.origin = far_origin(low, high);
+        if self.origin != [0.0; 3] {
+            let (size, far) = extent(low, high);
             let step = (far.log2().floor() - 23.0).exp2();
             if step > COARSE * size && used().flatten().all(|x| f64::from(*x as f32) == *x) {
                 let what = format!("coordinates near {far} have steps of {step}, coarse for a mesh {size:.3} wide");

@@ -271,7 +271,7 @@ impl Mesh {
     /// Raises IoError; MeshError for what the format cannot hold, as surface cells with R > 1; FileError for other endings.
     #[pyo3(signature = (path, *, srgb = false))]
     fn save(&self, path: PathBuf, srgb: bool) -> PyResult<Vec<PathBuf>> {
-        softras_io::save_with(&self.mesh, &path, &SaveOptions { srgb }).raise()
+        softras_io::save_with(&self.mesh, &path, &SaveOptions { srgb, ..SaveOptions::default() }).raise()
     }
 
     fn __repr__(&self) -> String {
@@ -331,7 +331,7 @@ pub fn meshes(value: &Bound<'_, PyAny>) -> PyResult<Vec<softras::Mesh>> {
 #[pyo3(signature = (path, *, srgb = false, allow_outside = false, strict = false))]
 pub fn load(py: Python<'_>, path: PathBuf, srgb: bool, allow_outside: bool, strict: bool) -> PyResult<Mesh> {
     let options = LoadOptions { srgb, allow_outside, strict, ..LoadOptions::default() };
-    let loaded = py.detach(|| softras_io::load_with(&path, &options)).raise()?.at_place();
+    let loaded = py.detach(|| softras_io::load_with(&path, &options).and_then(softras_io::Loaded::at_place)).raise()?;
     Ok(Mesh { mesh: loaded.mesh, notes: loaded.notes })
 }
 

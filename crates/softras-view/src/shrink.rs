@@ -1,20 +1,31 @@
 //! Textures that fit a device.
 
+use crate::bounds::Bounds;
 use softras::{
-    Limits, Mesh, Result,
+    Error, Limits, Mesh, Result,
     scene::{Appearance, Texture},
 };
 
 /// Bytes of a texel on the device.
 const TEXEL: u64 = 16;
+/// The least and greatest radii of meshes whose usual camera draws depths that the renderer takes, 1e-6 to 1e9.
+const RADII: [f64; 2] = [4e-7, 3e8];
 /// Texels that the renderer keeps beside those of textures.
 const OWN: u64 = 1;
 
 /// The mesh with its largest textures halved until all of them fit into one buffer of a device, and a note if any was.
 ///
 /// # Errors
-/// As [`Mesh::with_appearance`].
+/// As [`Mesh::with_appearance`]; [`Error::Mesh`] for a mesh that is too large or too small for any usual camera.
 pub fn shrunk(mesh: Mesh, limits: &Limits) -> Result<(Mesh, Option<String>)> {
+    let radius = Bounds::of(&mesh).radius;
+    if !(RADII[0]..=RADII[1]).contains(&radius) {
+        return Err(Error::Mesh {
+            what: format!("about {:.1e} units wide", 2.0 * radius),
+            place: "positions".into(),
+            fix: "scale it: meshes of 1e-6 to 5e8 units are drawn".into(),
+        });
+    }
     within(mesh, (limits.max_storage_buffer_range / TEXEL).min(limits.max_texel_buffer_elements) - OWN)
 }
 

@@ -115,7 +115,7 @@ impl BackwardPlan {
 
     /// Whether gradients are carried to the triangles' corners before they are summed over vertices, views or lights.
     pub fn sums_corners(&self) -> bool {
-        self.has(!(c::GRADIENT_BACKGROUND | c::GRADIENT_TEXEL)) && self.modes.per_vertex == 0
+        sums_corners(&self.modes)
     }
 
     /// Whether a shaded image has an upstream gradient, so that there are items visible in it.
@@ -169,14 +169,19 @@ impl BackwardPlan {
     }
 }
 
-/// Whether all corners at a vertex have one projection, so that their sum is taken through it once: nothing is clipped, light
-/// and textures stand in no gradient's way, and no sum over the view is wanted.
+/// Whether all corners at a vertex have one projection, so that their sum is taken through it once: nothing is clipped, and
+/// light stands in no gradient's way. What is wanted is no part of it, so that the gradients by vertices have the same bits with
+/// any others beside them.
 fn is_per_vertex(input: &BackwardInput, modes: &Modes) -> bool {
-    let alone = c::GRADIENT_GEOMETRY | c::GRADIENT_COLOR | c::GRADIENT_TEXEL | c::GRADIENT_BACKGROUND;
-    let lit = modes.lit != 0 && input.upstream.color;
+    let lit = input.lit && input.upstream.color;
     let walks = vertex_passes(input) <= modes.loop_passes.into();
-    let plain = modes.near_clip == 0 && modes.smooth == 0 && !lit && !input.upstream.normal;
-    walks && plain && modes.gradients & !alone == 0
+    walks && modes.near_clip == 0 && modes.smooth == 0 && !lit && !input.upstream.normal
+}
+
+/// Whether some sum needs the gradients by each triangle's corners. Those over vertices do not where they are per vertex.
+fn sums_corners(modes: &Modes) -> bool {
+    let by_vertex = if modes.per_vertex == 0 { 0 } else { c::GRADIENT_GEOMETRY | c::GRADIENT_COLOR };
+    modes.gradients & !(c::GRADIENT_BACKGROUND | c::GRADIENT_TEXEL | by_vertex) != 0
 }
 
 /// The most loop passes that vertex_grad.comp can take for one vertex: all its triangles may cover every cell of the image, and
@@ -233,9 +238,9 @@ fn counts_of(input: &BackwardInput, modes: &Modes) -> GradientCounts {
             + part(c::GRADIENT_COLOR, c::PARTIAL_COLOR_TEXELS)
             + part(c::GRADIENT_COORDINATE, c::PARTIAL_COORDINATE_TEXELS)
             + part(c::GRADIENT_NORMAL, c::PARTIAL_NORMAL_TEXELS),
-        corner_texels: match modes.per_vertex {
-            0 => 3 + part(c::GRADIENT_COLOR, 3) + part(c::GRADIENT_COORDINATE, 2),
-            _ => 0,
+        corner_texels: match modes.per_vertex == 0 || sums_corners(modes) {
+            true => 3 + part(c::GRADIENT_COLOR, 3) + part(c::GRADIENT_COORDINATE, 2),
+            false => 0,
         },
         light_rows: if modes.smooth != 0 { totals.vertices } else { totals.records },
         wants_vertices: input.wanted.positions || input.wanted.colors,
@@ -255,7 +260,7 @@ fn groups_of(input: &BackwardInput, modes: &Modes, sum_views: bool, sum_pixels: 
     let items = forward.totals.records + u64::from(forward.push.cell_capacity);
     let triangles = gradients & !c::GRADIENT_BACKGROUND != 0 && forward.totals.records > 0;
     let vertices = input.wanted.positions || input.wanted.colors;
-    let corners = gradients & !(c::GRADIENT_BACKGROUND | c::GRADIENT_TEXEL) != 0 && modes.per_vertex == 0;
+    let corners = sums_corners(modes);
     BackwardGroups {
         pixel_grad: when(sum_pixels, rows_of(forward.totals.tiles, 1)),
         backward_cull: when(triangles, rows_of(items.div_ceil(u64::from(c::LINEAR_GROUP)), 1)),

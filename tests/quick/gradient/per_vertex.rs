@@ -10,21 +10,28 @@ use crate::common::{
 };
 use crate::host::Planner;
 use softras::embed::Capacity;
-use softras::scene::{Appearance, Outputs};
+use softras::scene::{Appearance, Outputs, Texture, Wrap};
 use softras::{
-    Camera, GradientMode, GradientRequest, ImageGradient, Lights, Mesh, Projection, Scene, Settings, shapes,
+    Camera, GradientMode, GradientRequest, Image, ImageGradient, Lights, Mesh, Projection, Scene, Settings, shapes,
 };
 
-/// What needs no stage between, and the same with what needs it.
+/// What needs no stage between.
 const ALONE: GradientRequest = GradientRequest { positions: true, colors: true, ..GradientRequest::NOTHING };
-const WITH_CAMERA: GradientRequest = GradientRequest { camera: true, ..ALONE };
 
 const COLOR_AND_DEPTH: Outputs = Outputs { normal: false, ..ALL_OUTPUTS };
 
 fn unlit(mut case: Case) -> Case {
     case.scene.lights = Lights::unlit();
-    case.settings.outputs = COLOR_AND_DEPTH;
+    case.settings.outputs = ALL_OUTPUTS;
     case
+}
+
+/// The same upstream gradient with one of zeros by the normals, which needs the stage between.
+fn with_normals_of_zero(upstream: &ImageGradient) -> ImageGradient {
+    let of = upstream.silhouette.as_ref().unwrap();
+    let data = vec![0.0; 3 * of.data.len()];
+    let normal = Image { channels: 3, data, ..of.clone() };
+    ImageGradient { normal: Some(normal), ..upstream.clone() }
 }
 
 fn colored(mesh: Mesh, seed: u64) -> Mesh {
@@ -55,12 +62,12 @@ fn cases() -> Vec<(&'static str, Case)> {
     let projected = |projection: Projection| {
         let camera =
             Camera::look_at([0.3, 0.4, 3.0].into(), [0.0; 3].into(), [0.0, 1.0, 0.0].into(), projection).unwrap();
-        let settings = Settings { sigma: 1e-3, gamma: 1e-2, far: 10.0, outputs: COLOR_AND_DEPTH, ..small(24, 20) };
+        let settings = Settings { sigma: 1e-3, gamma: 1e-2, far: 10.0, outputs: ALL_OUTPUTS, ..small(24, 20) };
         made_case(Scene::new(ball_of(6)), vec![camera], settings)
     };
     let on_screen = ball_of(7).positions().iter().map(|p| [0.6 * p[0], 0.6 * p[1], p[2] + 4.0]).collect();
     let on_screen = colored(Mesh::new(on_screen, ball_of(7).triangles().to_vec()).unwrap(), 7);
-    let settings = Settings { sigma: 1e-3, gamma: 1e-2, far: 10.0, outputs: COLOR_AND_DEPTH, ..small(24, 24) };
+    let settings = Settings { sigma: 1e-3, gamma: 1e-2, far: 10.0, outputs: ALL_OUTPUTS, ..small(24, 24) };
     vec![
         ("three views", views),
         ("a mesh for each view", meshes),
@@ -81,16 +88,54 @@ fn they_are_those_of_the_stage_between() {
         ];
         for (images, mode) in each.into_iter().take(tier(1, 3)) {
             let upstream = random_upstream(&case, images);
-            let [alone, with_camera] = [ALONE, WITH_CAMERA]
-                .map(|wanted| backward(&mut renderer, &case, &upstream, &GradientRequest { mode, ..wanted }).unwrap());
+            let wanted = GradientRequest { mode, ..ALONE };
+            let [alone, between] = [upstream.clone(), with_normals_of_zero(&upstream)]
+                .map(|upstream| backward(&mut renderer, &case, &upstream, &wanted).unwrap());
             let mut seen = 0;
-            for ((group, ours), (_, reference)) in matching(&alone, &with_camera) {
+            for ((group, ours), (_, reference)) in matching(&alone, &between) {
                 let error = relative_error(&Group { name: group, ours, reference: reference.clone() }, 0.0).unwrap();
                 assert!(error < 1e-5, "{name}, {images:?}, {mode:?}: {group} is off by {error:e}");
                 seen += usize::from(norm(&reference) > 0.0);
             }
             let of_a_mesh = if images.color { 2 } else { 1 };
             assert_eq!(seen, of_a_mesh * case.scene.meshes.len(), "{name}, {images:?}");
+        }
+    }
+}
+
+/// A ball with random texture coordinates and a texture.
+fn textured() -> Case {
+    let mut case = unlit(ball(1, &EYES[..2], 24));
+    let (random, mesh) = (&mut Random::new(9), shapes::icosphere(1).unwrap());
+    let texels = (0..35).map(|_| [0; 3].map(|_| random.range(0.1, 0.9) as f32)).collect();
+    let appearance = Appearance::Textured {
+        uvs: mesh.positions().iter().map(|_| [0; 2].map(|_| random.range(0.0, 1.0) as f32)).collect(),
+        uv_triangles: mesh.triangles().to_vec(),
+        textures: vec![Texture::new(7, 5, texels, Wrap::Clamp).unwrap()],
+        texture_of_triangle: Vec::new(),
+    };
+    case.scene = Scene::new(mesh.with_appearance(appearance).unwrap());
+    case
+}
+
+/// Whatever else is asked for.
+#[test]
+fn they_have_the_same_bits_with_any_others() {
+    let mut renderer = renderer();
+    let lit = Case { scene: Scene { lights: Lights::official(), ..textured().scene }, ..textured() };
+    for (name, case) in cases().into_iter().chain([("textured", textured()), ("lit", lit)]) {
+        let upstream = random_upstream(&case, COLOR_AND_DEPTH);
+        let mut of = |wanted| backward(&mut renderer, &case, &upstream, &wanted).unwrap().meshes;
+        let alone = of(ALONE);
+        for wanted in [
+            GradientRequest { texels: true, uvs: true, ..ALONE },
+            GradientRequest { camera: true, ..ALONE },
+            GradientRequest { lights: true, ..ALONE },
+            GradientRequest { scalars: true, background: true, ..ALONE },
+        ] {
+            for (found, alone) in of(wanted).iter().zip(&alone) {
+                assert_eq!((&found.positions, &found.colors), (&alone.positions, &alone.colors), "{name}, {wanted:?}");
+            }
         }
     }
 }
@@ -134,9 +179,9 @@ fn a_vertex_of_many_large_triangles_loses_none() {
             normal: None,
             ..upstream_of(&case, |_, row, column| [0.3, -0.2, 0.5].map(|w| w + (row * 7 + column * 3) as f32 % 5.0))
         };
-        let [alone, with_camera] =
-            [ALONE, WITH_CAMERA].map(|wanted| backward(&mut renderer, &case, &upstream, &wanted).unwrap());
-        for ((group, ours), (_, reference)) in matching(&alone, &with_camera) {
+        let [alone, between] = [upstream.clone(), with_normals_of_zero(&upstream)]
+            .map(|upstream| backward(&mut renderer, &case, &upstream, &ALONE).unwrap());
+        for ((group, ours), (_, reference)) in matching(&alone, &between) {
             let error = relative_error(&Group { name: group, ours, reference: reference.clone() }, 0.0).unwrap();
             assert!(norm(&reference) > 0.0 && error < 1e-5, "{triangles} triangles: {group} is off by {error:e}");
         }

@@ -8,7 +8,7 @@ use serde_json::json;
 use softras::Mesh;
 use softras_fit::voxel_iou;
 use softras_fit::{Voxels, cube_around, is_closed};
-use softras_io::Budget;
+use softras_io::{Budget, Loaded};
 use std::path::{Path, PathBuf};
 
 /// Compare two solids: intersection over union of their volumes
@@ -38,6 +38,7 @@ pub struct IouArgs {
 pub fn run(args: &IouArgs) -> Result<(), Failure> {
     let budget = Budget::new(args.read.memory);
     let [a, b] = [load(args, &args.a, &budget)?, load(args, &args.b, &budget)?];
+    let (b, a) = (args.read.placed(b, a.origin)?.mesh, a.mesh);
     let resolution = args.resolution as usize;
     let iou = voxel_iou(&a, &b, resolution)?;
     if !args.json {
@@ -51,10 +52,10 @@ pub fn run(args: &IouArgs) -> Result<(), Failure> {
     say(&report.to_string())
 }
 
-fn load(args: &IouArgs, path: &Path, budget: &Budget) -> Result<Mesh, Failure> {
-    let mesh = args.read.read(path, false, &Outputs::default(), budget)?.mesh;
-    if !is_closed(&mesh)? {
+fn load(args: &IouArgs, path: &Path, budget: &Budget) -> Result<Loaded, Failure> {
+    let loaded = args.read.read(path, false, &Outputs::default(), budget)?;
+    if !is_closed(&loaded.mesh)? {
         note(&format!("{} is not closed: its inside is where most rays say so", path.display()));
     }
-    Ok(mesh)
+    Ok(loaded)
 }

@@ -31,7 +31,7 @@ pub fn run(args: &MeshArgs) -> Result<(), Failure> {
     let mesh = softras::shapes::finer(&args.name, args.detail)?;
     // Vertex colours are linear light; the fish's texels are those of its PNG.
     let srgb = matches!(mesh.appearance(), Appearance::VertexColors(_));
-    let files = softras_io::save_with(&mesh, &args.out, &SaveOptions { srgb })?;
+    let files = softras_io::save_with(&mesh, &args.out, &SaveOptions { srgb, ..SaveOptions::default() })?;
     let names: Vec<_> = files.iter().map(|f| f.display().to_string()).collect();
     let (vertices, triangles) = (mesh.positions().len(), mesh.triangles().len());
     say(&format!("{}: {vertices} vertices, {triangles} triangles", names.join(", ")))

@@ -28,16 +28,7 @@ impl ReadArgs {
     /// Reads a mesh within the budget and prints the notes on it, for a command that draws transparent materials opaque. None
     /// of the files read may be one that will be written. Textures are decoded from sRGB if so asked.
     pub fn read(self, path: &Path, srgb: bool, outputs: &Outputs, budget: &Budget) -> Result<Loaded, Failure> {
-        let loaded = self.read_layers(path, srgb, outputs, budget)?;
-        let known = loaded.notes.len();
-        let mut loaded = loaded.at_place();
-        for text in &loaded.notes[known..] {
-            if self.strict {
-                let fix = "move the mesh nearer to 0, or leave --strict out".into();
-                return Err(Error::File { path: path.into(), line: None, what: text.clone(), fix }.into());
-            }
-            note(text);
-        }
+        let mut loaded = self.read_layers(path, srgb, outputs, budget)?;
         if !loaded.opacity.is_empty() {
             let what = "transparent materials are drawn opaque: `softras render` alone blends them";
             if self.strict {
@@ -46,6 +37,20 @@ impl ReadArgs {
             }
             note(what);
             loaded.notes.push(what.into());
+        }
+        Ok(loaded)
+    }
+
+    /// A mesh relative to the origin of another one, in the coordinates of both files.
+    pub fn placed(self, loaded: Loaded, origin: [f64; 3]) -> Result<Loaded, Failure> {
+        let known = loaded.notes.len();
+        let loaded = loaded.relative_to(origin)?;
+        for text in &loaded.notes[known..] {
+            if self.strict {
+                let (path, fix) = (loaded.files[0].clone(), "move it nearer, or leave --strict out".into());
+                return Err(Error::File { path, line: None, what: text.clone(), fix }.into());
+            }
+            note(text);
         }
         Ok(loaded)
     }

@@ -107,6 +107,11 @@ fn a_picture_with_nothing_in_it_is_noted() {
     let towards = noted(triangle, &["--faces", "front", "--azimuth", "180"]);
     assert!((away + &towards).matches("--faces front").count() == 1);
     // One note tells it.
+    for scale in ["1e10", "1e-9"] {
+        let mesh = format!("v 0 0 0\nv {scale} 0 0\nv 0 {scale} 0\nf 1 2 3\n");
+        fs::write(folder.path().join("a.obj"), mesh).unwrap();
+        fails(folder.path(), &["render", "a.obj", "-o", "a.png"], 1, &["units wide", "scale it"]);
+    }
     let behind = noted(triangle, &["--eye", "0,0,5", "--look-at", "0,0,9"]);
     assert!(behind.contains("outside the depths") && !behind.contains("nothing"), "{behind}");
 }

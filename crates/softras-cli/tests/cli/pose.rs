@@ -44,5 +44,17 @@ fn a_pose_is_refined_from_where_the_mesh_is() {
     assert!(behind["degrees"].as_f64().unwrap() < 20.0 && behind["axis"][1].as_f64().unwrap() < 0.0, "{behind}");
     let one = "pose --mesh fish.obj --image target.png --init --no-translation --iterations 1";
     assert!(run(one).contains("confidence unknown"));
+    // Far from 0 the posed mesh stays there, and is as exact.
+    let text = std::fs::read_to_string(folder.path().join("fish.obj")).unwrap();
+    let moved = |line: &str| match line.strip_prefix("v ").map(|rest| rest.split_once(' ').unwrap()) {
+        Some((x, rest)) => format!("v {} {rest}\n", x.parse::<f64>().unwrap() + 5e5),
+        None => format!("{line}\n"),
+    };
+    std::fs::write(folder.path().join("far.obj"), text.lines().map(moved).collect::<String>()).unwrap();
+    pose("--mesh far.obj --image target.png -o there.obj --init --no-translation");
+    let there = pose("--mesh there.obj --image target.png --init --no-translation --iterations 1");
+    assert!(there["silhouette_iou"].as_f64().unwrap() > 0.9, "{there}");
+    let text = std::fs::read_to_string(folder.path().join("there.obj")).unwrap();
+    assert!(text.lines().any(|line| line.starts_with("v 500000.") || line.starts_with("v 499999.")));
     fails(folder.path(), &["pose", "--mesh", "a", "--image", "b", "--init", "0,0,0,5"], 2, &["--init", "no length"]);
 }

@@ -18,7 +18,7 @@ const REPEAT: u32 = 10497;
 ///
 /// # Errors
 /// [`softras::Error::Mesh`] for surface textures of more than one cell, and texels outside [0, 1].
-pub fn glb(mesh: &Mesh) -> Result<Vec<u8>> {
+pub fn glb(mesh: &Mesh, origin: [f64; 3]) -> Result<Vec<u8>> {
     let mut file = File::default();
     let triangles = mesh.triangles();
     let positions = |vertices: &mut dyn Iterator<Item = u32>| -> Vec<[f32; 3]> {
@@ -75,7 +75,7 @@ pub fn glb(mesh: &Mesh) -> Result<Vec<u8>> {
             }
         }
     }
-    Ok(file.finished(primitives))
+    Ok(file.finished(primitives, origin))
 }
 
 /// A file that is being put together.
@@ -155,7 +155,7 @@ impl File {
         Ok(self.material(json!({ "baseColorTexture": { "index": index } }), texture.alpha().is_some()))
     }
 
-    fn finished(mut self, primitives: Vec<Value>) -> Vec<u8> {
+    fn finished(mut self, primitives: Vec<Value>, origin: [f64; 3]) -> Vec<u8> {
         let mut root = json!({
             "asset": { "version": "2.0", "generator": "softras" },
             "scene": 0,
@@ -164,6 +164,9 @@ impl File {
             "meshes": [{ "primitives": primitives }],
             "buffers": [{ "byteLength": self.bytes.len() }],
         });
+        if origin != [0.0; 3] {
+            root["nodes"][0]["translation"] = json!(origin);
+        }
         let lists = [
             ("bufferViews", std::mem::take(&mut self.views)),
             ("accessors", std::mem::take(&mut self.accessors)),

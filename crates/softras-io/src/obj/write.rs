@@ -1,6 +1,6 @@
 //! Writes meshes as OBJ, MTL and PNG files.
 
-use crate::{color::Curve, picture, several_cells, texture::srgb_from_linear};
+use crate::{color::Curve, picture, placed, several_cells, texture::srgb_from_linear};
 use image::ExtendedColorType;
 use softras::{
     Error, Mesh, Result,
@@ -15,7 +15,7 @@ use std::{
 ///
 /// # Errors
 /// [`Error::Mesh`] for what these formats cannot hold.
-pub fn files_of(mesh: &Mesh, path: &Path, curve: Curve) -> Result<Vec<(PathBuf, Vec<u8>)>> {
+pub fn files_of(mesh: &Mesh, path: &Path, curve: Curve, origin: [f64; 3]) -> Result<Vec<(PathBuf, Vec<u8>)>> {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let mut files = Vec::new();
     let materials = materials(mesh, &stem)?;
@@ -28,7 +28,7 @@ pub fn files_of(mesh: &Mesh, path: &Path, curve: Curve) -> Result<Vec<(PathBuf, 
         files.push((path.with_file_name(&name), materials.mtl.into_bytes()));
         mtllib = Some(name);
     }
-    files.push((path.into(), obj(mesh, mtllib.as_deref(), &materials.of_triangle, curve).into_bytes()));
+    files.push((path.into(), obj(mesh, mtllib.as_deref(), &materials.of_triangle, curve, origin).into_bytes()));
     Ok(files)
 }
 
@@ -88,19 +88,25 @@ fn materials<'a>(mesh: &'a Mesh, stem: &str) -> Result<Materials<'a>> {
     Ok(materials)
 }
 
-fn obj(mesh: &Mesh, mtllib: Option<&str>, material_of_triangle: &[u32], curve: Curve) -> String {
+fn obj(mesh: &Mesh, mtllib: Option<&str>, material_of_triangle: &[u32], curve: Curve, origin: [f64; 3]) -> String {
     let mut text = String::from("# softras\n");
     if let Some(name) = mtllib {
         let _ = writeln!(text, "mtllib {name}");
     }
-    for (i, [x, y, z]) in mesh.positions().iter().enumerate() {
-        let _ = match mesh.appearance() {
-            Appearance::VertexColors(colors) => {
-                let [r, g, b] = if curve == Curve::Srgb { colors[i].map(srgb_from_linear) } else { colors[i] };
-                writeln!(text, "v {x} {y} {z} {r} {g} {b}")
+    for (i, p) in mesh.positions().iter().enumerate() {
+        let _ = match origin.map(f64::abs) {
+            // The fewest digits that tell a 32-bit number.
+            [0.0, 0.0, 0.0] => write!(text, "v {} {} {}", p[0], p[1], p[2]),
+            _ => {
+                let [x, y, z] = placed(*p, origin);
+                write!(text, "v {x} {y} {z}")
             }
-            _ => writeln!(text, "v {x} {y} {z}"),
         };
+        if let Appearance::VertexColors(colors) = mesh.appearance() {
+            let [r, g, b] = if curve == Curve::Srgb { colors[i].map(srgb_from_linear) } else { colors[i] };
+            let _ = write!(text, " {r} {g} {b}");
+        }
+        text.push('\n');
     }
     let mut uv_triangles = None;
     if let Appearance::Textured { uvs, uv_triangles: triangles, .. } = mesh.appearance() {

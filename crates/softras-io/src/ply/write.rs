@@ -1,6 +1,6 @@
 //! Writes meshes as binary PLY files.
 
-use crate::{color::Curve, obj::png, several_cells};
+use crate::{color::Curve, obj::png, placed, several_cells};
 use softras::{
     Error, Mesh, Result,
     scene::{Appearance, Texture},
@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 ///
 /// # Errors
 /// [`Error::Mesh`] for surface textures of more than one cell, several textures, and texels outside [0, 1].
-pub fn files_of(mesh: &Mesh, path: &Path, curve: Curve) -> Result<Vec<(PathBuf, Vec<u8>)>> {
+pub fn files_of(mesh: &Mesh, path: &Path, curve: Curve, origin: [f64; 3]) -> Result<Vec<(PathBuf, Vec<u8>)>> {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let (mut files, mut image) = (Vec::new(), String::new());
     if let Appearance::Textured { textures, .. } = mesh.appearance() {
@@ -19,7 +19,7 @@ pub fn files_of(mesh: &Mesh, path: &Path, curve: Curve) -> Result<Vec<(PathBuf, 
         files.push((path.with_file_name(&name), png(only(textures)?)?));
         image = format!("comment TextureFile {name}\n");
     }
-    files.push((path.into(), ply(mesh, &image, curve)?));
+    files.push((path.into(), ply(mesh, &image, curve, origin)?));
     Ok(files)
 }
 
@@ -34,7 +34,7 @@ fn only(textures: &[Texture]) -> Result<&Texture> {
     }
 }
 
-fn ply(mesh: &Mesh, image: &str, curve: Curve) -> Result<Vec<u8>> {
+fn ply(mesh: &Mesh, image: &str, curve: Curve, origin: [f64; 3]) -> Result<Vec<u8>> {
     let byte = |x: f32| (curve.encode(f64::from(x)) * 255.0).round() as u8;
     let bytes = |color: &[f32; 3]| color.map(byte);
     let (mut vertex_colors, mut face_colors, mut corner_uvs) = (Vec::new(), Vec::new(), None);
@@ -46,11 +46,13 @@ fn ply(mesh: &Mesh, image: &str, curve: Curve) -> Result<Vec<u8>> {
         Appearance::Textured { uvs, uv_triangles, .. } => corner_uvs = Some((uvs, uv_triangles)),
     }
     let normals = mesh.normals();
+    let is_far = origin != [0.0; 3];
+    let number = if is_far { "double" } else { "float" };
     let property = |is_there: bool, text: &'static str| if is_there { text } else { "" };
     let colors = "property uchar red\nproperty uchar green\nproperty uchar blue\n";
     let header = format!(
-        "ply\nformat binary_little_endian 1.0\ncomment softras\n{image}element vertex {}\nproperty float x\nproperty float y\n\
-         property float z\n{}{}element face {}\nproperty list uchar int vertex_indices\n{}{}end_header\n",
+        "ply\nformat binary_little_endian 1.0\ncomment softras\n{image}element vertex {}\nproperty {number} x\nproperty {number} y\n\
+         property {number} z\n{}{}element face {}\nproperty list uchar int vertex_indices\n{}{}end_header\n",
         mesh.positions().len(),
         property(!normals.is_empty(), "property float nx\nproperty float ny\nproperty float nz\n"),
         property(!vertex_colors.is_empty(), colors),
@@ -60,8 +62,11 @@ fn ply(mesh: &Mesh, image: &str, curve: Curve) -> Result<Vec<u8>> {
     );
     let mut file = header.into_bytes();
     for (i, position) in mesh.positions().iter().enumerate() {
-        let numbers = position.iter().chain(normals.get(i).into_iter().flatten());
-        file.extend(numbers.flat_map(|x| x.to_le_bytes()));
+        match is_far {
+            true => file.extend(placed(*position, origin).iter().flat_map(|x| x.to_le_bytes())),
+            false => file.extend(position.iter().flat_map(|x| x.to_le_bytes())),
+        }
+        file.extend(normals.get(i).into_iter().flatten().flat_map(|x| x.to_le_bytes()));
         file.extend(vertex_colors.get(i).into_iter().flatten());
     }
     for (t, triangle) in mesh.triangles().iter().enumerate() {

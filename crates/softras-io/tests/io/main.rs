@@ -30,5 +30,5 @@ const RAW: LoadOptions = LoadOptions { srgb: false, allow_outside: false, strict
 
 /// Writes a mesh whose texels are numbers as they are.
 fn save(mesh: &Mesh, path: &Path) -> Result<Vec<PathBuf>> {
-    softras_io::save_with(mesh, path, &SaveOptions { srgb: false })
+    softras_io::save_with(mesh, path, &SaveOptions { srgb: false, ..SaveOptions::default() })
 }

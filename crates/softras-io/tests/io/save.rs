@@ -94,3 +94,30 @@ fn what_a_format_cannot_hold_is_refused() {
     let error = softras_io::save(&two, folder.path().join("a.stl")).unwrap_err().to_string();
     assert!(error.contains(".obj, .ply or .glb"), "{error}");
 }
+
+/// A mesh that was read far from 0 is written there again, with all its digits.
+#[test]
+fn a_mesh_is_written_where_it_was_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.obj");
+    let corners =
+        [[500_000.125, 4_649_776.0, 100.5], [500_001.5, 4_649_776.0, 100.5], [500_000.0, 4_649_777.25, 101.0]];
+    let text: String = corners.iter().map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect();
+    std::fs::write(&path, text + "f 1 2 3\n").unwrap();
+    let placed = |loaded: &softras_io::Loaded| {
+        let at = |p: &[f32; 3]| [0, 1, 2].map(|k| f64::from(p[k]) + loaded.origin[k]);
+        loaded.mesh.positions().iter().map(at).collect::<Vec<_>>()
+    };
+    let loaded = crate::load(&path, &crate::RAW).unwrap();
+    let options = softras_io::SaveOptions { origin: loaded.origin, ..softras_io::SaveOptions::default() };
+    for ending in ["obj", "ply", "glb"] {
+        let path = folder.path().join(format!("b.{ending}"));
+        softras_io::save_with(&loaded.mesh, &path, &options).unwrap();
+        let again = crate::load(&path, &crate::RAW).unwrap();
+        assert_eq!((placed(&again), again.notes), (corners.to_vec(), vec![]), "{ending}");
+    }
+    // Relative to a place nearby nothing is lost, so that nothing is noted.
+    let near = loaded.clone().relative_to([500_000.0, 4_649_776.0, 100.0]).unwrap();
+    assert_eq!((placed(&near), near.mesh.positions()[0], near.notes.len()), (corners.to_vec(), [0.125, 0.0, 0.5], 0));
+    assert!(loaded.at_place().unwrap().notes[0].contains("steps of 0.5"));
+}

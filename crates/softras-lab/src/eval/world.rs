@@ -15,8 +15,8 @@ use softras_io::text::name as shown;
 /// [`Error::File`] naming the key, what it holds and what was expected.
 pub fn read(archive: &Archive, parity: Parity) -> Result<Job> {
     let settings = Settings { parity, ..settings(archive)? };
-    let meshes = meshes(archive)?;
-    let cameras = cameras(archive, meshes.len())?;
+    let (meshes, origin) = meshes(archive)?;
+    let cameras = cameras(archive, meshes.len(), origin)?;
     let lights = lights(archive)?;
     let scene = if meshes.len() == 1 { Scene { meshes, lights } } else { Scene::batch(meshes).with_lights(lights) };
     Ok(Job { scene, cameras, settings, layout: Layout::World })
@@ -74,7 +74,8 @@ fn outputs(archive: &Archive) -> Result<Option<Outputs>> {
     Ok(Some(wanted))
 }
 
-fn meshes(archive: &Archive) -> Result<Vec<Mesh>> {
+/// The meshes, and the origin that their vertices are relative to: 0, unless they lie far from there.
+fn meshes(archive: &Archive) -> Result<(Vec<Mesh>, [f64; 3])> {
     let key = "vertices";
     let expected = "expected [V, 3] or [B, V, 3] (or face_vertices for a scene in screen space)";
     let array = archive.require(key, expected)?;
@@ -83,7 +84,7 @@ fn meshes(archive: &Archive) -> Result<Vec<Mesh>> {
         [batch, count, 3] if batch > 0 => (Some(batch), count),
         _ => return Err(keys::misshapen(archive, key, array, "[V, 3] or [B, V, 3]")),
     };
-    let positions = keys::rows::<3>(archive, key, array)?;
+    let (positions, origin) = placed(archive, key, array)?;
     let triangles = triangles(archive, count)?;
     let entries = batch.unwrap_or(1);
     let colors = colors(archive, batch, count, triangles.len())?;
@@ -93,7 +94,24 @@ fn meshes(archive: &Archive) -> Result<Vec<Mesh>> {
         let mesh = Mesh::new(positions[b * count..(b + 1) * count].to_vec(), triangles.clone()).map_err(named)?;
         meshes.push(mesh.with_appearance(colors.of_entry(b)).map_err(named)?);
     }
-    Ok(meshes)
+    Ok((meshes, origin))
+}
+
+/// Vertices in 32 bits. Those that lie far from 0 are relative to an origin, so that they keep their digits.
+fn placed(archive: &Archive, key: &str, array: &Array) -> Result<(Vec<[f32; 3]>, [f64; 3])> {
+    let mut rows = keys::rows::<3>(archive, key, array)?;
+    let numbers = archive.numbers(key, array)?;
+    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    for (i, x) in numbers.iter().enumerate() {
+        (low[i % 3], high[i % 3]) = (low[i % 3].min(x), high[i % 3].max(x));
+    }
+    let origin = softras_io::far_origin(low, high);
+    if origin != [0.0; 3] {
+        rows.iter_mut()
+            .enumerate()
+            .for_each(|(row, p)| *p = [0, 1, 2].map(|k| (numbers.at(3 * row + k) - origin[k]) as f32));
+    }
+    Ok((rows, origin))
 }
 
 fn triangles(archive: &Archive, count: usize) -> Result<Vec<[u32; 3]>> {
@@ -158,7 +176,7 @@ fn misfit(archive: &Archive, array: &Array, vertices: usize, faces: usize) -> Er
     keys::misshapen(archive, "colors", array, &expected)
 }
 
-fn cameras(archive: &Archive, meshes: usize) -> Result<Vec<Camera>> {
+fn cameras(archive: &Archive, meshes: usize, origin: [f64; 3]) -> Result<Vec<Camera>> {
     let key = "view";
     let array = archive.require(key, "expected [4, 4] or [B, 4, 4], world to view, z forward")?;
     let views = match array.shape[..] {
@@ -177,7 +195,7 @@ fn cameras(archive: &Archive, meshes: usize) -> Result<Vec<Camera>> {
         let row = |i: usize| DVec4::new(m(4 * i), m(4 * i + 1), m(4 * i + 2), m(4 * i + 3));
         let matrix = DMat4::from_cols(row(0), row(1), row(2), row(3)).transpose();
         let named = |e: Error| archive.fault(key, &format!("view {b}: {e}"), "view x right, y up, z forward");
-        Camera::from_matrix(matrix, projection).map_err(named)
+        Camera::from_matrix(matrix * DMat4::from_translation(origin.into()), projection).map_err(named)
     };
     projections.into_iter().enumerate().map(camera).collect()
 }

@@ -279,3 +279,27 @@ fn senseless_arguments_are_named() {
     fails(folder.path(), &["eval", "a.obj", "-o", "b.npz"], 1, &["a.obj", "numpy.savez"]);
     assert!(succeeds(folder.path(), &["--help"]).contains("grad_face_vertices"));
 }
+
+/// Vertices far from 0 keep the digits of their 64 bits.
+#[test]
+fn a_scene_far_from_0_is_that_at_0() {
+    let folder = tempfile::tempdir().unwrap();
+    let images = [0.0, 1048576.0].map(|far| {
+        let vertices: Vec<f64> =
+            SQUARE.iter().enumerate().map(|(i, x)| if i % 3 == 0 { x + far } else { *x }).collect();
+        let view = [1.0, 0.0, 0.0, -far, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 4.0, 0.0, 0.0, 0.0, 1.0];
+        Npz::stored()
+            .f64("vertices", &[4, 3], &vertices)
+            .i64("triangles", &[2, 3], &[0, 1, 2, 0, 2, 3])
+            .f64("view", &[4, 4], &view)
+            .f64("fov_y", &[], &[0.8])
+            .i64("width", &[], &[WIDTH as i64])
+            .i64("height", &[], &[HEIGHT as i64])
+            .text("outputs", "silhouette,depth")
+            .write(&folder.path().join("scene.npz"));
+        succeeds(folder.path(), &["eval", "scene.npz", "-o", "out.npz", "--device", "reference"]);
+        ["silhouette", "depth"].map(|key| numpy::read(&folder.path().join("out.npz"), key).1).concat()
+    });
+    let error = max_difference(&images[0], &images[1]);
+    assert!(error < 1e-6, "{error:e}");
+}

@@ -130,13 +130,19 @@ fn a_backward_pass_takes_the_memory_of_the_formula() {
         let (items, outlined) = (s + 160, upstream.silhouette || (shaded && bit(4)));
         let by_color = upstream.color && (wanted.colors || wanted.lights || (wanted.positions && lit));
         let (by_uv, by_normal) = (upstream.color && wanted.uvs, upstream.normal && wanted.positions);
-        let per_vertex = !(wanted.camera || wanted.scalars || by_uv || upstream.normal || bit(5))
-            && !(upstream.color && (wanted.lights || lit));
+        let per_vertex = !(upstream.normal || bit(5) || (upstream.color && lit));
+        let by_light = upstream.color && wanted.lights;
+        let corners = wanted.camera
+            || wanted.scalars
+            || by_uv
+            || by_light
+            || by_normal
+            || !per_vertex && (wanted.positions || by_color);
         let q = 3 + when(by_color, 3) + when(by_uv, 2) + when(by_normal, 3);
         let expected = 16 * p * (when(shaded, 2) + when(upstream.normal, 1))
             + when(outlined, 4 * p)
             + items * (16 * q + 4 + when(shaded, 16) + when(outlined, 16))
-            + when(!per_vertex, 16 * s * (3 + when(by_color, 3) + when(by_uv, 2)))
+            + when(corners || !per_vertex, 16 * s * (3 + when(by_color, 3) + when(by_uv, 2)))
             + 4 * s
             + when(wanted.positions || wanted.colors, 32 * 800)
             + when(wanted.background || wanted.scalars, 32 * p)
@@ -157,8 +163,6 @@ fn a_backward_pass_takes_the_memory_of_the_formula() {
         assert_eq!(plan.outlines(), outlined);
         assert_eq!(plan.has(c::GRADIENT_GEOMETRY), wanted.positions || wanted.camera);
         let anything = plan.modes.gradients & !c::GRADIENT_BACKGROUND != 0;
-        let skipped = c::GRADIENT_BACKGROUND | c::GRADIENT_TEXEL;
-        let corners = plan.modes.gradients & !skipped != 0 && !per_vertex;
         assert_eq!(plan.modes.per_vertex, u32::from(per_vertex), "case {case}");
         assert_eq!(plan.item_rows, u32::from(anything));
         let sums_pixels = wanted.background || wanted.scalars;

@@ -8,9 +8,9 @@ use super::outputs::Outputs;
 use super::progress::Progress;
 use super::{Failure, note};
 use args::FitArgs;
-use softras::{Renderer, scene::Appearance};
+use softras::{Mesh, Renderer, scene::Appearance};
 use softras_fit::{Film, Fit, Fitting, Painted, Subject, Template};
-use softras_io::{Budget, Map, Views, output};
+use softras_io::{Budget, Loaded, Map, SaveOptions, Views, output};
 use std::{
     ops::ControlFlow,
     path::{Path, PathBuf},
@@ -28,8 +28,11 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     let outputs = Outputs::new(written.into_iter().flatten().chain(&views), [out])?;
     let mut renderer = super::open_device(args.device.as_deref(), args.read.memory)?;
     let budget = Budget::new(args.read.memory);
-    let template = template(args, &outputs, &budget, &renderer)?;
-    let subject = subject(args, &outputs, &budget, &mut renderer)?;
+    let from = args.from.as_ref().map(|path| args.read.read(path, true, &outputs, &budget)).transpose()?;
+    let origin = from.as_ref().map_or([0.0; 3], |from| from.origin);
+    let save = |mesh: &Mesh| softras_io::save_with(mesh, out, &SaveOptions { origin, ..SaveOptions::default() });
+    let template = template(args, &outputs, &budget, &renderer, origin)?;
+    let subject = subject(args, from, &outputs, &budget, &mut renderer)?;
     let mut fitting = Fit { subject, options: args.options(template) }.begin(&mut renderer)?;
     tell(&mut fitting);
     if let Some(path) = files.checkpoint.as_ref().filter(|path| files.resume && path.exists()) {
@@ -42,14 +45,14 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
         Err(failure) => {
             // The best mesh found before the error is still written.
             if let Some((best, step)) = fitting.best() {
-                softras_io::save(best, out)?;
+                save(best)?;
                 note(&format!("{} is the best mesh before the error, of step {step}", out.display()));
             }
             return Err(failure);
         }
     };
     let fitted = fitting.finish(painted, &mut renderer)?;
-    softras_io::save(&fitted.mesh, out)?;
+    save(&fitted.mesh)?;
     if let (Some(path), Some(film)) = (&files.gif, film) {
         film.write(path)?;
     }
@@ -74,14 +77,21 @@ fn view_files(args: &FitArgs) -> Result<Vec<PathBuf>, Failure> {
     Ok(Views::files(folder, args.count_of_views()?, &maps))
 }
 
-/// The mesh to begin with. None of the files read may be one that will be written.
-fn template(args: &FitArgs, outputs: &Outputs, budget: &Budget, renderer: &Renderer) -> Result<Template, Failure> {
+/// The mesh to begin with, relative to the origin of what is fitted. None of the files read may be one that will be written.
+fn template(
+    args: &FitArgs,
+    outputs: &Outputs,
+    budget: &Budget,
+    renderer: &Renderer,
+    origin: [f64; 3],
+) -> Result<Template, Failure> {
     Ok(match args.template.as_str() {
         "auto" => Template::Auto,
         "sphere" => Template::Sphere,
         "hull" => Template::Hull,
         path => {
-            let mesh = super::held(args.read.read(Path::new(path), true, outputs, budget)?.mesh, renderer)?;
+            let loaded = args.read.read(Path::new(path), true, outputs, budget)?;
+            let mesh = super::held(args.read.placed(loaded, origin)?.mesh, renderer)?;
             args.check_template(&mesh)?;
             Template::Mesh(Box::new(mesh))
         }
@@ -89,8 +99,14 @@ fn template(args: &FitArgs, outputs: &Outputs, budget: &Budget, renderer: &Rende
 }
 
 /// Reads or renders the views that the arguments ask for.
-fn subject(args: &FitArgs, outputs: &Outputs, budget: &Budget, renderer: &mut Renderer) -> Result<Subject, Failure> {
-    let Some(path) = &args.from else {
+fn subject(
+    args: &FitArgs,
+    from: Option<Loaded>,
+    outputs: &Outputs,
+    budget: &Budget,
+    renderer: &mut Renderer,
+) -> Result<Subject, Failure> {
+    let Some(Loaded { mesh, origin, .. }) = from else {
         let path = Path::new(args.views.as_deref().unwrap_or_default());
         let (views, files, notes) = Views::open_with(path, &args.views_options(), budget)?;
         notes.iter().for_each(|text| note(text));
@@ -98,7 +114,7 @@ fn subject(args: &FitArgs, outputs: &Outputs, budget: &Budget, renderer: &mut Re
         return Ok(Subject::of(views)?);
     };
     let count = args.count_of_views()?;
-    let mesh = super::held(args.read.read(path, true, outputs, budget)?.mesh, renderer)?;
+    let mesh = super::held(mesh, renderer)?;
     let one_color = matches!(mesh.appearance(), Appearance::Uniform(_)) && args.color && !args.texture;
     if one_color && args.targets.shading.is_none() {
         note("the mesh has one colour, so that its views are lit (--shading none shows its outline alone)");
@@ -109,6 +125,12 @@ fn subject(args: &FitArgs, outputs: &Outputs, budget: &Budget, renderer: &mut Re
     subject.one_color = one_color;
     if let Some(folder) = &args.files.write_views {
         subject.views.save(folder)?;
+        if origin != [0.0; 3] {
+            let [x, y, z] = origin;
+            note(&format!(
+                "the cameras of the views that are written are relative to {x},{y},{z}, where the mesh lies"
+            ));
+        }
     }
     Ok(subject)
 }

@@ -29,8 +29,13 @@ pub fn run(args: &GradArgs) -> Result<(), Failure> {
     let budget = Budget::new(args.read.memory);
     let target = Target::read(&args.target_image, curve, args.soft.background.numbers(curve), &budget)?;
     let loaded = args.read.read(&args.mesh, !args.soft.raw, &outputs, &budget)?;
-    let bounds = Bounds::of(&loaded.mesh);
-    let view = Viewpoint::new(&args.camera.options(), bounds, target.width as f64 / target.height as f64, 0.0);
+    let (bounds, origin) = (Bounds::of(&loaded.mesh), DVec3::from(loaded.origin));
+    let view = Viewpoint::new(
+        &args.camera.options().relative_to(loaded.origin),
+        bounds,
+        target.width as f64 / target.height as f64,
+        0.0,
+    );
     args.camera.check_depths(&view)?;
     if view.misses(bounds) {
         note("the mesh lies wholly outside the depths that this camera draws");
@@ -58,7 +63,7 @@ pub fn run(args: &GradArgs) -> Result<(), Failure> {
     picture.save(&args.out)?;
     drop(spinner);
     let report = Report { device: engine.name(), loss: &loss, gradient: &gradient, arrows, path: &args.out };
-    if args.json { say(&report.json(&view, &settings, start).to_string()) } else { say(&report.text()) }
+    if args.json { say(&report.json(&view, origin, &settings, start).to_string()) } else { say(&report.text()) }
 }
 
 fn settings(args: &GradArgs, view: &Viewpoint, target: &Target) -> Settings {
@@ -91,12 +96,12 @@ impl Report<'_> {
         )
     }
 
-    fn json(&self, view: &Viewpoint, settings: &Settings, start: Instant) -> serde_json::Value {
+    fn json(&self, view: &Viewpoint, origin: DVec3, settings: &Settings, start: Instant) -> serde_json::Value {
         json!({
             "device": self.device, "path": self.path.display().to_string(),
             "loss": self.loss.total(), "color_loss": self.loss.color, "silhouette_loss": self.loss.silhouette,
             "gradient_norm": self.norm(), "vertices": self.gradient.len() / 3, "arrows": self.arrows,
-            "camera": describe::camera(view, DVec3::ZERO), "settings": describe::settings(settings),
+            "camera": describe::camera(view, origin), "settings": describe::settings(settings),
             "total_milliseconds": start.elapsed().as_secs_f64() * 1e3,
         })
     }

@@ -13,7 +13,7 @@ use serde_json::json;
 use softras::scene::{Background, Interpolation};
 use softras::{Camera, Image, Mesh, Renderer, Result, Scene, Settings};
 use softras_fit::{Pose, PoseSearch, pooled};
-use softras_io::{Budget, read_picture};
+use softras_io::{Budget, SaveOptions, read_picture};
 use softras_view::{Bounds, Viewpoint};
 
 /// Poses farther than this from the best one, in degrees, count as other answers.
@@ -28,8 +28,9 @@ pub fn run(args: &PoseArgs) -> Result<(), Failure> {
     let (width, height, pixels, about) = read_picture(&args.image, &budget, BYTES_PER_PIXEL)?;
     about.iter().for_each(|text| note(text));
     outputs.spare([&args.image])?;
-    let mesh = super::held(args.read.read(&args.mesh, true, &outputs, &budget)?.mesh, &renderer)?;
-    find(args, &mesh, &Target::new(width, height, &pixels), &mut renderer)
+    let loaded = args.read.read(&args.mesh, true, &outputs, &budget)?;
+    let (origin, mesh) = (loaded.origin, super::held(loaded.mesh, &renderer)?);
+    find(args, &mesh, origin, &Target::new(width, height, &pixels), &mut renderer)
 }
 
 /// A target picture.
@@ -60,8 +61,9 @@ struct View {
 
 impl View {
     /// The view of the command's camera in pictures of that size.
-    fn around(args: &PoseArgs, bounds: Bounds, width: usize, height: usize) -> Result<Self, Failure> {
-        let framed = Viewpoint::new(&args.camera.options(), bounds, width as f64 / height as f64, 0.0);
+    fn around(args: &PoseArgs, bounds: Bounds, origin: [f64; 3], width: usize, height: usize) -> Result<Self, Failure> {
+        let framed =
+            Viewpoint::new(&args.camera.options().relative_to(origin), bounds, width as f64 / height as f64, 0.0);
         args.camera.check_depths(&framed)?;
         // The depth range has room for translations.
         let reach = framed.far - framed.near;
@@ -97,9 +99,15 @@ impl View {
     }
 }
 
-fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) -> Result<(), Failure> {
+fn find(
+    args: &PoseArgs,
+    mesh: &Mesh,
+    origin: [f64; 3],
+    target: &Target,
+    renderer: &mut Renderer,
+) -> Result<(), Failure> {
     let bounds = Bounds::of(mesh);
-    let view = View::around(args, bounds, target.color.width, target.color.height)?;
+    let view = View::around(args, bounds, origin, target.color.width, target.color.height)?;
     let mut search = view.search(args, mesh, bounds.center, target)?;
     let progress = Progress::counted("step", search.step_count());
     for _ in 0..search.step_count() {
@@ -110,7 +118,7 @@ fn find(args: &PoseArgs, mesh: &Mesh, target: &Target, renderer: &mut Renderer) 
     let Some(&(best, loss)) = search.found().first() else { return Err(Failure::Told) };
     let posed = posed(mesh, &best, bounds.center)?;
     if let Some(path) = &args.out {
-        softras_io::save(&posed, path)?;
+        softras_io::save_with(&posed, path, &SaveOptions { origin, ..SaveOptions::default() })?;
     }
     let agreement = Agreement::of(&view, &posed, target, renderer)?;
     let other = search.found().iter().find(|(pose, _)| pose.degrees_to(&best) > OTHER);

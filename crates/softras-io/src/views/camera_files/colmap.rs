@@ -4,7 +4,7 @@
 //! y down, z forward. The centre of the upper left pixel is (0.5, 0.5). Of the points of pictures nothing is kept.
 
 use super::{Entry, Lens, MAX_PICTURES, posed};
-use crate::input;
+use crate::{fault, input};
 use glam::{DMat4, DQuat, DVec3};
 use softras::{Error, Result};
 use std::collections::HashMap;
@@ -31,9 +31,18 @@ impl<'a> Lines<'a> {
         let file = input::open(path)?;
         input::refuse_empty(path, file.metadata().map_or(1, |metadata| metadata.len()))?;
         let mut reader = BufReader::new(file);
-        let io = |source| Error::Io { path: path.into(), source };
+        // What is no such model reads as one that is cut off.
+        let wrong = |error: std::io::Error| {
+            let is_cut = error.kind() == std::io::ErrorKind::UnexpectedEof;
+            let what = if is_cut {
+                "no binary COLMAP model, or cut off".into()
+            } else {
+                format!("as a binary COLMAP model: {error}")
+            };
+            fault(path, what, "copy it again, or write it as text: colmap model_converter --output_type TXT")
+        };
         let reader: Box<dyn BufRead> =
-            match is_binary(path).then(|| as_text(path, &mut reader)).transpose().map_err(io)? {
+            match is_binary(path).then(|| as_text(path, &mut reader)).transpose().map_err(wrong)? {
                 Some(text) => Box::new(std::io::Cursor::new(text)),
                 None => Box::new(reader),
             };

@@ -286,4 +286,6 @@ fn binary_models_of_colmap_are_those_of_text() {
         fs::write(folder.path().join("sparse/images.bin"), &images[..end]).unwrap();
         assert!(read(folder.path(), Some(&folder.path().join("sparse")), 30.0).is_err(), "{end} bytes");
     }
+    let error = read(folder.path(), Some(&folder.path().join("sparse")), 30.0).unwrap_err().to_string();
+    assert!(error.contains("images.bin") && error.contains("colmap model_converter"), "{error}");
 }

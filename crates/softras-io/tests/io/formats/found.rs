@@ -113,7 +113,7 @@ fn a_mesh_far_from_0_keeps_its_shape() {
         );
     }
     // In 32 bits it is coarse, which is said; so is a file whose numbers are.
-    let placed = loaded.at_place();
+    let placed = loaded.at_place().unwrap();
     assert_note(&placed, "steps of 0.5");
     assert_eq!(placed.origin, [0.0; 3]);
     assert_note(&obj(&text(&|x, k| f64::from((x + far[k]) as f32)), "").unwrap(), "steps of 0.5");
