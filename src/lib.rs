@@ -77,7 +77,7 @@ pub use gradients::{
 };
 pub use image::Image;
 #[cfg(feature = "renderer")]
-pub use renderer::{Frame, FrameCounts, Renderer, RendererOptions, StageTime, parts};
+pub use renderer::{Fragment, Fragments, Frame, FrameCounts, Renderer, RendererOptions, StageTime, parts};
 pub use scene::{Camera, Lights, Mesh, Projection, Scene, Settings};
 #[cfg(feature = "renderer")]
 pub use vulkan::{CacheFolder, Loader};

@@ -1,6 +1,7 @@
 //! The simple API: a renderer that owns its device, and renders scenes to images and back to gradients.
 
 mod backward;
+mod fragments;
 mod frame;
 mod inputs;
 pub mod parts;
@@ -8,6 +9,7 @@ mod shared;
 mod slot;
 mod upload;
 
+pub use fragments::{Fragment, Fragments};
 pub use frame::{Frame, FrameCounts, StageTime};
 
 use crate::constants as c;

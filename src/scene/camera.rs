@@ -183,10 +183,18 @@ impl Camera {
     ///
     /// Columns and rows are in pixels. The centre of the upper left pixel is (0.5, 0.5). The place may lie beyond the image.
     pub fn project(&self, point: DVec3, (columns, rows): (u32, u32)) -> Option<[f64; 3]> {
-        let DVec3 { x, y, z } = self.to_view(point);
+        let point = self.to_view(point);
+        let [column, row] = self.place(point, (columns, rows));
+        (point.z > 0.0).then_some([column, row, point.z])
+    }
+
+    /// The column and row of a point in view space, which may lie behind the camera.
+    pub(crate) fn place(&self, DVec3 { x, y, z }: DVec3, (columns, rows): (u32, u32)) -> [f64; 2] {
+        // A point of the camera's plane is infinitely far from the image's centre.
+        let z = if z == 0.0 { 1e-30 } else { z };
         let (center, half_height) = (f64::from(columns) / 2.0, f64::from(rows) / 2.0);
         let on_screen = |x: f64, y: f64| [center + half_height * x, half_height - half_height * y];
-        let [column, row] = match self.projection {
+        match self.projection {
             Projection::Perspective { fov_y } => {
                 let unit = z * (fov_y / 2.0).tan();
                 on_screen(x / unit, y / unit)
@@ -202,8 +210,7 @@ impl Camera {
                 on_screen(2.0 * distorted_x / original_size - 1.0, 2.0 * distorted_y / original_size - 1.0)
             }
             Projection::Screen => on_screen(x, y),
-        };
-        (z > 0.0).then_some([column, row, z])
+        }
     }
 
     /// The projection.

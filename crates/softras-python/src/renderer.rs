@@ -1,10 +1,12 @@
 //! Renderers: a device with its memory, used by one thread at a time.
 
+use crate::arrays::shaped;
 use crate::camera::Camera;
 use crate::exceptions::{Raise, bad_input, exception};
 use crate::frame::Frame;
 use crate::mesh::meshes;
 use crate::settings;
+use numpy::PyArray1;
 use pyo3::prelude::*;
 use softras::{RendererOptions, Result, Scene, Settings};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -125,6 +127,30 @@ impl Renderer {
         let settings = Settings { save, ..settings };
         let frame = self.shared.call(py, |renderer| renderer.render(&scene, &cameras, &settings))?;
         Ok(Frame::new(frame, self.shared.clone(), &scene, save))
+    }
+
+    /// The nearest triangle of each pixel: its number [views, height, width] int32, -1 for none; its barycentrics there
+    /// [views, height, width, 3] and its depth [views, height, width], float32, 0 for none. See `softras.fragments`.
+    #[pyo3(signature = (meshes, cameras, settings = None))]
+    fn fragments(
+        &self,
+        py: Python<'_>,
+        meshes: &Bound<'_, PyAny>,
+        cameras: &Bound<'_, PyAny>,
+        settings: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<(Py<PyAny>, Py<PyAny>, Py<PyAny>)> {
+        let Inputs { scene, cameras, settings } = Inputs::new(meshes, cameras, settings, None)?;
+        let found = self.shared.call(py, |renderer| renderer.fragments(&scene, &cameras, &settings))?;
+        let sides = [found.batch, found.height, found.width];
+        let all = found.data.iter();
+        let triangles = all.clone().map(|one| one.map_or(-1, |one| one.triangle as i32)).collect();
+        let depths = all.clone().map(|one| one.map_or(0.0, |one| one.depth)).collect();
+        let barycentrics = all.flat_map(|one| one.map_or([0.0; 3], |one| one.barycentrics)).collect();
+        Ok((
+            shaped::<i32>(PyArray1::from_vec(py, triangles), sides, 1)?,
+            shaped::<f32>(PyArray1::from_vec(py, barycentrics), sides, 3)?,
+            shaped::<f32>(PyArray1::from_vec(py, depths), sides, 1)?,
+        ))
     }
 
     /// The device's name.

@@ -314,3 +314,17 @@ def test_everything_tells_what_it_is(bumpy, cameras, settings):
     gradients = frame.backward(color=np.zeros_like(frame.color))
     for thing in (bumpy, cameras[0], frame, gradients, gradients.meshes[0], softras.default_renderer()):
         assert repr(thing).startswith(f"softras.{type(thing).__name__}(")
+
+
+def test_fragments_tell_the_triangle_and_the_point_of_each_pixel(bumpy, cameras, settings):
+    found = softras.fragments(bumpy, cameras, settings)
+    assert found.triangle.dtype == np.int32 and found.triangle.shape == found.depth.shape == (2, 32, 40)
+    shown = found.triangle >= 0
+    assert shown.any() and not shown.all() and not found.depth[~shown].any() and not found.barycentrics[~shown].any()
+    # The point that is seen lies at its depth.
+    points = (found.barycentrics[..., None] * bumpy.positions[bumpy.triangles[found.triangle]]).sum(-2)
+    for camera, point, depth, seen in zip(cameras, points, found.depth, shown):
+        view = point @ camera.view[2, :3] + camera.view[2, 3]
+        assert np.abs(view - depth)[seen].max() < 1e-5
+    hard = dataclasses.replace(settings, color="hard", sigma=1e-12, outputs=("depth",))
+    assert np.abs(softras.render(bumpy, cameras, hard).depth - found.depth).max() < 1e-4

@@ -302,3 +302,20 @@ def test_scripts_of_the_official_package_run(tmp_path):
     command = [sys.executable, "-m", "softras.soft_renderer", str(script), str(tmp_path / "cube.obj")]
     result = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert result.stdout.strip() == "(1, 4, 8, 8) 8", result.stdout + result.stderr
+
+
+def test_the_fork_of_umr_returns_faces_and_places(monkeypatch):
+    monkeypatch.setattr(sr.SoftRasterizer, "returns_info", True)
+    # Two faces on the left and on the right, and a third behind the second.
+    corners = torch.tensor([[-0.8, -0.4], [-0.2, -0.4], [-0.5, 0.4], [0.2, -0.4], [0.8, -0.4], [0.5, 0.4]])
+    depths = torch.tensor([2.0, 2.0, 2.0, 2.5, 2.5, 2.5, 3.0, 3.0, 3.0])
+    vertices = torch.cat([torch.cat([corners, corners[3:]]), depths[:, None]], 1)[None]
+    mesh = sr.Mesh(vertices, torch.arange(9).reshape(1, 3, 3).int())
+    images, places, info = sr.SoftRasterizer(image_size=32, fill_back=True)(mesh)
+    assert images.shape == (1, 4, 32, 32) and places.shape == (1, 3, 2) and info.shape == (1, 2, 32, 32)
+    assert info[0, 1, 16, 8] == 0 and info[0, 1, 16, 24] == 1 and info[0, 1, 0, 0] == -1
+    assert abs(info[0, 0, 16, 8] - 2.0) < 1e-5 and info[0, 0, 0, 0] == 1e7
+    # A triangle's middle, a third of its height above its base: y is down here.
+    assert (places[0, :2] - torch.tensor([[-0.5, 0.133], [0.5, 0.133]])).abs().max() < 0.03
+    _, places, info = sr.SoftRasterizer(image_size=32, aggr_func_rgb="hard", fill_back=True)(mesh)
+    assert not places.any() and set(info[0, 1].unique().tolist()) == {-1.0, 0.0, 1.0}

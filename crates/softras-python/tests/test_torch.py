@@ -1,5 +1,6 @@
 """softras.torch: the same bits as the renderer's own gradients, and torch's check of them in double precision."""
 
+import dataclasses
 import os
 import subprocess
 import sys
@@ -204,6 +205,19 @@ def test_meshes_with_different_numbers_of_textures(patched, ball, cameras, setti
     np.testing.assert_array_equal(again.color[0].detach(), images.color[0].detach())
     with pytest.raises(softras.errors.InputError, match="texture_of_triangle has shape"):
         st.render(stacked, faces, cameras, **{**given, "texture_of_triangle": np.zeros((3, len(faces)), int)})
+
+
+def test_features_of_any_number_are_interpolated(bumpy, cameras, settings):
+    found = st.fragments(torch.tensor(bumpy.positions), bumpy, cameras, settings=settings)
+    np.testing.assert_array_equal(found.triangle, softras.fragments(bumpy, cameras, settings).triangle)
+    features = torch.cat([torch.tensor(bumpy.colors), torch.rand(len(bumpy.positions), 4)], 1).requires_grad_()
+    image = st.interpolate(found, features, bumpy.triangles)
+    assert image.shape == (2, settings.height, settings.width, 7) and not image[found.triangle < 0].any()
+    hard = dataclasses.replace(settings, color="hard", sigma=1e-12, interpolation="perspective")
+    assert (image[..., :3] - torch.tensor(softras.render(bumpy, cameras, hard).color)).abs().max() < 1e-4
+    image.sum().backward()
+    # Every pixel's weights are 1 in sum.
+    assert (features.grad.sum(0) - (found.triangle >= 0).sum()).abs().max() < 1e-2
 
 
 def test_several_nodes_in_one_graph(ball, cameras, settings):

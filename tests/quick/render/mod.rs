@@ -3,6 +3,7 @@
 
 mod cropped;
 mod forward;
+mod fragments;
 mod invariance;
 mod needles;
 mod properties_images;

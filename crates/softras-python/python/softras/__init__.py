@@ -25,7 +25,7 @@ from ._softras import (
 )
 from .errors import Error
 from .fitting import FitResult, Pose, fit, pose
-from .rendering import backward, default_renderer, render
+from .rendering import Fragments, backward, default_renderer, fragments, render
 from .settings import DirectionalLight, Lights, Settings
 from .views import Fitted, Picture, Views, load_views, view
 
@@ -37,6 +37,7 @@ __all__ = [
     "Error",
     "FitResult",
     "Fitted",
+    "Fragments",
     "Frame",
     "Gradients",
     "Lights",
@@ -52,6 +53,7 @@ __all__ = [
     "default_renderer",
     "errors",
     "fit",
+    "fragments",
     "iou",
     "is_closed",
     "load",

@@ -231,6 +231,12 @@ class Renderer:
         *,
         save: bool = False,
     ) -> Frame: ...
+    def fragments(
+        self,
+        meshes: Union[Mesh, Sequence[Mesh]],
+        cameras: Union[Camera, Sequence[Camera]],
+        settings: Optional[Settings] = None,
+    ) -> Tuple[npt.NDArray[np.int32], _Floats, _Floats]: ...
     @property
     def device(self) -> str: ...
     @property

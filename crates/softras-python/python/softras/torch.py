@@ -16,6 +16,7 @@ import torch
 
 from . import _scene
 from ._softras import Camera, Renderer
+from .rendering import default_renderer
 from .settings import Lights, Settings
 
 Tensors = Union[torch.Tensor, Sequence[torch.Tensor]]
@@ -115,6 +116,42 @@ def render(
     scene, flat = _scene.build(given, tensors, faces, cameras, constants, torch.Tensor, _host)
     images = iter(_Render.apply(scene, *flat))
     return Images(*(next(images) if name in scene.settings.outputs else None for name in _scene.IMAGES))
+
+
+class Fragments(NamedTuple):
+    """What each pixel's centre shows; see `softras.Fragments`. Tensors without gradient, beside the vertices."""
+
+    triangle: torch.Tensor
+    barycentrics: torch.Tensor
+    depth: torch.Tensor
+
+
+def fragments(
+    vertices: Tensors,
+    faces,
+    cameras: Union[Camera, Sequence[Camera]],
+    *,
+    settings: Optional[Settings] = None,
+    renderer: Optional[Renderer] = None,
+) -> Fragments:
+    """The nearest triangle of each pixel; arguments as of `render`. Raises what `Renderer.render` raises."""
+    first = vertices if isinstance(vertices, torch.Tensor) else vertices[0]
+    constants = {"uv_faces": None, "texture_of_triangle": None, "wrap": None, "mode": "exact"}
+    constants.update(settings=settings, lights=None, renderer=renderer)
+    given = {"positions": vertices, "textures": None}
+    scene, flat = _scene.build(given, {}, faces, cameras, constants, torch.Tensor, _host)
+    meshes = scene.meshes([_host(tensor) for tensor in flat])
+    found = (renderer or default_renderer()).fragments(meshes, scene.cameras, scene.settings)
+    return Fragments(*(torch.from_numpy(array).to(first.device) for array in found))
+
+
+def interpolate(found: Fragments, values: torch.Tensor, faces) -> torch.Tensor:
+    """Values [V, N] of the vertices at each pixel of fragments of faces [F, 3]: [views, height, width, N], 0 for no triangle.
+
+    With a gradient by the values; the fragments are constants.
+    """
+    corners = torch.as_tensor(_host(faces).astype(np.int64), device=values.device)[found.triangle.clamp(min=0).long()]
+    return (found.barycentrics[..., None].to(values) * values[corners]).sum(-2)
 
 
 class Rasterizer(torch.nn.Module):

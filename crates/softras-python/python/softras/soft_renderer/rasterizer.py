@@ -9,7 +9,13 @@ from . import functional as srf
 
 
 class SoftRasterizer(nn.Module):
-    """A mesh on the screen to images [batch, 4, size, size]; see `functional.soft_rasterize`."""
+    """A mesh on the screen to images [batch, 4, size, size]; see `functional.soft_rasterize`.
+
+    With `returns_info` it returns (images, p2f_info, aggrs_info), as the fork of UMR; see `functional.rasterize_info`.
+    """
+
+    #: For all rasterizers, or set on one of them.
+    returns_info = False
 
     def __init__(
         self,
@@ -65,7 +71,14 @@ class SoftRasterizer(nn.Module):
             self.texture_type,
             self.exact_gradients,
         )
-        return F.avg_pool2d(images, kernel_size=2, stride=2) if self.anti_aliasing else images
+        images = F.avg_pool2d(images, kernel_size=2, stride=2) if self.anti_aliasing else images
+        return (images, *self._info(mesh)) if self.returns_info else images
+
+    def _info(self, mesh):
+        weights = {"eps": self.eps, "sigma_val": self.sigma_val, "dist_func": self.dist_func, "dist_eps": self.dist_eps}
+        weights["gamma_val"] = self.gamma_val
+        given = weights if self.aggr_func_rgb == "softmax" else None
+        return srf.rasterize_info(mesh.face_vertices, self.image_size, self.near, self.far, self.fill_back, given)
 
 
 class Rasterizer(SoftRasterizer):

@@ -14,7 +14,7 @@ from .geometry import (
     vertex_normals,
 )
 from .light import ambient_lighting, directional_lighting
-from .rasterize import soft_rasterize
+from .rasterize import rasterize_info, soft_rasterize
 from .voxels import voxelization
 
 __all__ = [
@@ -28,6 +28,7 @@ __all__ = [
     "orthogonal",
     "perspective",
     "projection",
+    "rasterize_info",
     "save_obj",
     "save_voxel",
     "soft_rasterize",

@@ -53,6 +53,41 @@ def _settings(image_size, background_color, near, far, fill_back, eps, sigma_val
     )
 
 
+def rasterize_info(face_vertices, image_size=256, near=1, far=100, fill_back=True, weights=None):
+    """What the fork of UMR returns beside the images: p2f_info [batch, F, 2] and aggrs_info [batch, 2, size, size].
+
+    aggrs_info is the depth of the nearest face of each pixel, 1e7 where there is none, and its number, -1 there. p2f_info is each
+    face's mean place in the image, -1 to 1 with y down, by the `weights` that `soft_rasterize` takes besides, or zeros without; the
+    fork's own weights depend on the order of the faces. Neither has a gradient.
+    """
+    with torch.no_grad():
+        batch, count = face_vertices.shape[:2]
+        corners = face_vertices.detach().float().reshape(batch, 3 * count, 3)
+        settings = _settings(
+            image_size, (0, 0, 0), near, far, fill_back, 1e-3, 1e-5, "euclidean", 1e-4, 1e-4, "hard", "prod"
+        )
+        found = softras_torch.fragments(corners, _apart(count), [Camera.screen()] * batch, settings=settings)
+        depth = torch.where(found.triangle < 0, 1e7, found.depth)
+        info = torch.stack((depth, found.triangle.to(depth)), 1)
+    places = torch.zeros(batch, count, 2, device=face_vertices.device)
+    if weights is None:
+        return places, info
+    with torch.enable_grad():
+        white = torch.ones(batch, count, 1, 3, device=face_vertices.device, requires_grad=True)
+        images = soft_rasterize(face_vertices.detach(), white, image_size, near=near, far=far, fill_back=fill_back, **weights)
+    centres = (2.0 * torch.arange(image_size, device=images.device) + 1.0) / image_size - 1.0
+    rows, columns = torch.meshgrid(centres, centres, indexing="ij")
+    upstream = torch.stack((columns, rows, torch.ones_like(rows), torch.zeros_like(rows))).expand_as(images)
+    # Colours are linear in the texels: their gradient is a sum of weights.
+    (sums,) = torch.autograd.grad(images, white, upstream)
+    return sums[:, :, 0, :2] / sums[:, :, 0, 2:].clamp(min=1e-12), info
+
+
+def _apart(count):
+    """Triangles of corners that belong to one face each."""
+    return np.arange(3 * count, dtype=np.uint32).reshape(count, 3)
+
+
 def soft_rasterize(
     face_vertices,
     textures,
@@ -94,7 +129,7 @@ def soft_rasterize(
     look = {"surface": textures} if texture_type == "surface" else {"colors": textures.reshape(batch, 3 * count, 3)}
     images = softras_torch.render(
         face_vertices.float().reshape(batch, 3 * count, 3),
-        np.arange(3 * count, dtype=np.uint32).reshape(count, 3),
+        _apart(count),
         [Camera.screen()] * batch,
         settings=settings,
         mode="exact" if exact_gradients else "paper",
