@@ -167,6 +167,22 @@ impl<'a> Source<'a> {
         input::read(path, MAX_BYTES)
     }
 
+    /// Counts what was unpacked of a file, as if a file of that size had been read.
+    ///
+    /// # Errors
+    /// [`Error::File`](softras::Error::File) for more than the memory left can hold.
+    #[cfg(feature = "packed")]
+    pub fn unpacked(&mut self, bytes: usize) -> Result<()> {
+        let needed = (bytes as u64).saturating_mul(MEMORY_PER_BYTE);
+        if needed > self.left {
+            let what = format!("unpacked it takes up to {} MiB of memory", needed >> 20);
+            return Err(fault(self.path, what, "allow more memory (--memory in the command), or give a smaller file"));
+        }
+        self.left -= needed;
+        self.read += bytes as u64;
+        Ok(())
+    }
+
     /// Keeps the normals of each triangle's corners, given those of the vertices.
     pub fn keep_normals(&mut self, of_vertex: &[[f32; 3]], triangles: &[[u32; 3]]) {
         if of_vertex.is_empty() {

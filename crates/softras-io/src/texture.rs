@@ -55,15 +55,49 @@ pub fn decode<R: BufRead + Seek>(
     reader.limits(picture_file::limits());
     let decoder = reader.into_decoder().map_err(undecodable)?;
     let (width, height) = decoder.dimensions();
+    make_room(width, height, most)?;
+    let image = picture_file::decoded(decoder, picture_file::limits()).map_err(undecodable)?;
+    let alpha = alpha(&image);
+    Ok(Decoded { width, height, texels: texels(image, srgb), alpha })
+}
+
+/// Makes sure that an image of that size is allowed and fits into memory.
+fn make_room(width: u32, height: u32, most: u64) -> std::result::Result<(), String> {
     let pixels = u64::from(width) * u64::from(height);
     if pixels > most {
         let fix = "scale the images down, or save them with more detail";
         return Err(format!("{width}×{height} pixels are more than the {most} allowed for a file of its size ({fix})"));
     }
-    input::room_for("a texture", pixels * BYTES_PER_PIXEL).map_err(|error| error.to_string())?;
-    let image = picture_file::decoded(decoder, picture_file::limits()).map_err(undecodable)?;
-    let alpha = alpha(&image);
-    Ok(Decoded { width, height, texels: texels(image, srgb), alpha })
+    input::room_for("a texture", pixels * BYTES_PER_PIXEL).map_err(|error| error.to_string())
+}
+
+/// Decodes a KTX2 image of Basis Universal, as [`decode`].
+///
+/// # Errors
+/// What is wrong with it.
+pub fn decode_basis(bytes: &[u8], srgb: bool, room: Room) -> std::result::Result<Decoded, String> {
+    const UNPACK: &str = "(npx @gltf-transform/cli ktxdecompress IN.glb OUT.glb)";
+    #[cfg(feature = "packed")]
+    {
+        use basisu::{DecodeFlags, TargetFormat, Transcoder};
+        let wrong = |error: basisu::Error| format!("a KTX2 image that is not read: {error:?} {UNPACK}");
+        let file = Transcoder::new(bytes).map_err(wrong)?;
+        let (width, height) = file.base_dimensions();
+        if width.max(height) > MAX_SIDE {
+            return Err(format!("{width}×{height} pixels, more than {MAX_SIDE} a side"));
+        }
+        make_room(width, height, room.texels(bytes.len() as u64))?;
+        let rgba = file.transcode(0, TargetFormat::Rgba32, DecodeFlags::NONE).map_err(wrong)?;
+        let image = image::RgbaImage::from_raw(width, height, rgba).map(DynamicImage::ImageRgba8);
+        let image = image.ok_or_else(|| format!("a KTX2 image of another size {UNPACK}"))?;
+        let alpha = alpha(&image);
+        Ok(Decoded { width, height, texels: texels(image, srgb), alpha })
+    }
+    #[cfg(not(feature = "packed"))]
+    {
+        let _ = (bytes, srgb, room);
+        Err(format!("a KTX2 image, which this build does not read {UNPACK}"))
+    }
 }
 
 /// The alpha of each texel as value / 255 (or / 65535); `None` where all are opaque.

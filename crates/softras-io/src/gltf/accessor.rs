@@ -11,7 +11,7 @@ const MOST_ZEROS: usize = 1 << 20;
 
 /// The type of a component.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Kind {
+pub(super) enum Kind {
     I8,
     U8,
     I16,
@@ -34,12 +34,20 @@ impl Kind {
     }
 
     /// The bytes of a component.
-    fn size(self) -> usize {
+    pub(super) fn size(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
             Self::I16 | Self::U16 => 2,
             Self::U32 | Self::F32 => 4,
         }
+    }
+
+    /// The bytes of a number.
+    #[cfg(feature = "packed")]
+    pub(super) fn bytes(self, x: f32) -> impl Iterator<Item = u8> {
+        let whole = (x as i64).to_le_bytes();
+        let float = x.to_le_bytes();
+        (0..self.size()).map(move |i| if self == Self::F32 { float[i] } else { whole[i] })
     }
 
     /// The value of a component, as a number or as a share of the largest.
@@ -99,7 +107,7 @@ impl Document<'_> {
         }
     }
 
-    fn accessor(&self, index: usize) -> Result<(&Accessor, Kind), String> {
+    pub(super) fn accessor(&self, index: usize) -> Result<(&Accessor, Kind), String> {
         let count = self.root.accessors.len();
         let accessor =
             self.root.accessors.get(index).ok_or_else(|| format!("accessor {index} but there are {count}"))?;
@@ -121,6 +129,9 @@ impl Document<'_> {
             return Err(format!("accessor {index} has {has} components, {needed} are needed"));
         }
         let (element, count, offset) = (has * kind.size(), accessor.count.0, accessor.byte_offset.0);
+        if let Some(bytes) = self.unpacked.get(&index) {
+            return Ok(bytes.chunks_exact(element).map(read).collect());
+        }
         let sparse = accessor.sparse.as_ref();
         let sparse = sparse.map(|sparse| (sparse.count.0, part(&sparse.indices), part(&sparse.values)));
         let mut values = match accessor.buffer_view.map(|view| view.0) {
@@ -168,7 +179,7 @@ fn part(part: &SparsePart) -> ((usize, usize), usize) {
     ((part.buffer_view.0, part.byte_offset.0), part.component_type.0)
 }
 
-fn components(accessor: &Accessor) -> usize {
+pub(super) fn components(accessor: &Accessor) -> usize {
     match accessor.kind.as_str() {
         "SCALAR" => 1,
         "VEC2" => 2,

@@ -35,14 +35,16 @@ pub(super) struct Document<'a> {
     binary: Option<&'a [u8]>,
     buffers: HashMap<usize, Rc<Cow<'a, [u8]>>>,
     files: HashMap<PathBuf, Rc<Cow<'a, [u8]>>>,
-    /// The bytes of all buffers and files that were read.
+    /// The bytes of accessors that were unpacked.
+    pub unpacked: HashMap<usize, Vec<u8>>,
+    /// The bytes of all buffers and files that were read or unpacked.
     pub held: usize,
 }
 
 impl<'a> Document<'a> {
     pub fn new(root: &'a json::Root<'a>, binary: Option<&'a [u8]>) -> Self {
         let held = binary.map_or(0, <[u8]>::len);
-        Self { root, binary, buffers: HashMap::new(), files: HashMap::new(), held }
+        Self { root, binary, buffers: HashMap::new(), files: HashMap::new(), unpacked: HashMap::new(), held }
     }
 
     fn buffer(&mut self, source: &mut Source, index: usize) -> Result<Rc<Cow<'a, [u8]>>, String> {

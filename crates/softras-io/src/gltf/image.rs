@@ -242,10 +242,11 @@ fn read(source: &mut Source, document: &mut Document, index: usize, room: Room) 
     let image = match (texture.source, webp) {
         (Some(image), _) => image.0,
         (None, Some(image)) => image as usize,
-        (None, None) if texture.extensions.contains_key("KHR_texture_basisu") => {
-            return Err("a KTX2 image, which is not read (npx @gltf-transform/cli ktxdecompress IN.glb OUT.glb)".into());
+        (None, None) => {
+            let basis = texture.extensions.get("KHR_texture_basisu").and_then(|value| value["source"].as_u64());
+            let file = document.image(source, basis.ok_or("it names no image")? as usize)?;
+            return texture::decode_basis(file.bytes(), source.options.srgb, room);
         }
-        (None, None) => return Err("it names no image".into()),
     };
     let file = document.image(source, image)?;
     texture::decode(ImageReader::new(Cursor::new(file.bytes())), source.options.srgb, room)

@@ -2,6 +2,8 @@
 
 mod accessor;
 mod document;
+#[cfg(feature = "packed")]
+mod draco;
 mod image;
 mod json;
 mod properties;
@@ -125,7 +127,12 @@ impl Soup {
             return Ok(());
         };
         let is_packed = primitive.extensions.contains_key("KHR_draco_mesh_compression");
-        if is_packed && document.root.accessors.get(position).is_some_and(|accessor| accessor.buffer_view.is_none()) {
+        #[cfg(feature = "packed")]
+        document.unpack(source, primitive)?;
+        if cfg!(not(feature = "packed"))
+            && is_packed
+            && document.root.accessors.get(position).is_some_and(|accessor| accessor.buffer_view.is_none())
+        {
             return Err(format!("it is compressed (Draco): {}", document::UNPACK));
         }
         let start = self.positions.len();

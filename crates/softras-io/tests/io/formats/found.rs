@@ -275,7 +275,7 @@ fn edges_of_textures_are_mirrored_or_mixed() {
         textured_by(root);
         root["textures"] = json!([{ "extensions": { "KHR_texture_basisu": { "source": 0 } } }]);
     });
-    assert_note(&none.unwrap(), "KTX2");
+    assert_note(&none.unwrap(), "KTX2 image that is not read");
     let webp = changed(|root| {
         textured_by(root);
         root["textures"] = json!([{ "extensions": { "EXT_texture_webp": { "source": 0 } } }]);
@@ -297,8 +297,8 @@ fn valid_gltf_is_not_refused() {
     let harmless =
         ["EXT_mesh_features", "KHR_animation_pointer", "KHR_materials_dispersion", "KHR_xmp_json_ld", "CESIUM_RTC"];
     assert_eq!(count(changed(|root| root["extensionsRequired"] = json!(harmless))), 1);
-    let packed = changed(|root| root["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]));
-    assert_refused(packed, &["KHR_draco", "gltf-transform"]);
+    let packed = changed(|root| root["extensionsRequired"] = json!(["EXT_meshopt_compression"]));
+    assert_refused(packed, &["EXT_meshopt", "gltf-transform"]);
     assert_eq!(
         count(changed(|root| root["nodes"] =
             json!([{ "children": [1, 2] }, { "children": [3] }, { "children": [3] }, { "mesh": 0 }]))),
@@ -460,4 +460,110 @@ fn masks_and_lenses_of_transforms_are_followed() {
     );
     let (whole, notes) = read(0.0, "masks/b.png");
     assert!(whole == 1024.0 && notes.len() == 1 && notes[0].starts_with("masks/b.png: not found"), "{notes:?}");
+}
+
+/// A .glb file of a mesh that Draco packed, with the bytes of its data changed.
+fn draco(mesh: &Mesh, change: impl FnOnce(&mut Vec<u8>)) -> softras::Result<Loaded> {
+    use draco_core::{DataType, EncoderBuffer, EncoderOptions, FaceIndex, GeometryAttributeType, PointIndex};
+    let mut packed = draco_core::Mesh::new();
+    let mut position = draco_core::PointAttribute::new();
+    position.init(GeometryAttributeType::Position, 3, DataType::Float32, false, mesh.positions().len());
+    position.buffer_mut().write(0, &little(mesh.positions().as_flattened().iter().copied()));
+    packed.add_attribute(position);
+    packed.set_num_faces(mesh.triangles().len());
+    let corners = |t: &[u32; 3]| t.map(PointIndex);
+    mesh.triangles().iter().enumerate().for_each(|(i, t)| packed.set_face(FaceIndex(i as u32), corners(t)));
+    let mut encoder = draco_core::MeshEncoder::new();
+    encoder.set_mesh(packed);
+    let mut out = EncoderBuffer::new();
+    encoder.encode(&EncoderOptions::new(), &mut out).unwrap();
+    let mut bytes = out.data().to_vec();
+    change(&mut bytes);
+    let extension = json!({ "bufferView": 0, "attributes": { "POSITION": 0 } });
+    let accessor =
+        |kind: &str, number: u32, count: usize| json!({ "componentType": number, "type": kind, "count": count });
+    let root = json!({
+        "asset": { "version": "2.0" }, "scenes": [{ "nodes": [0] }], "nodes": [{ "mesh": 0 }],
+        "extensionsRequired": ["KHR_draco_mesh_compression"],
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 }, "indices": 1,
+            "extensions": { "KHR_draco_mesh_compression": extension } }] }],
+        "accessors": [accessor("VEC3", 5126, mesh.positions().len()), accessor("SCALAR", 5123, 3 * mesh.triangles().len())],
+        "bufferViews": [{ "buffer": 0, "byteLength": bytes.len() }],
+        "buffers": [{ "byteLength": bytes.len() }],
+    });
+    read(&tempfile::tempdir().unwrap(), "a.glb", &glb(&root, &bytes))
+}
+
+#[test]
+fn draco_meshes_are_unpacked_and_broken_ones_refused() {
+    let mesh = torus(12, 7);
+    let loaded = draco(&mesh, |_| {}).unwrap();
+    assert_eq!((loaded.mesh.triangles().len(), loaded.notes.len()), (mesh.triangles().len(), 0));
+    // The same triangles, each vertex within a step of Draco's grid.
+    let centers = |mesh: &Mesh| {
+        let corner = |i: u32| mesh.positions()[i as usize];
+        let mut all: Vec<[i32; 3]> = mesh
+            .triangles()
+            .iter()
+            .map(|t| [0, 1, 2].map(|k| (t.iter().map(|i| corner(*i)[k]).sum::<f32>() / 3.0 * 200.0).round() as i32))
+            .collect();
+        all.sort_unstable();
+        all
+    };
+    let (ours, theirs) = (centers(&loaded.mesh), centers(&mesh));
+    let near = ours.iter().filter(|a| theirs.iter().any(|b| (0..3).all(|k| a[k].abs_diff(b[k]) <= 1))).count();
+    assert_eq!(near, theirs.len());
+    for seed in 0..200usize {
+        let (outcome, peak) = crate::peak_of(|| {
+            draco(&mesh, |bytes| {
+                let at = seed * 7919 % bytes.len();
+                bytes[at] ^= 1 << (seed % 8);
+                if seed % 5 == 0 {
+                    bytes.truncate(at);
+                }
+            })
+        });
+        assert!(peak < 64 << 20, "{seed} takes {peak} bytes: {:?}", outcome.err());
+    }
+}
+
+/// KTX2 images of 8 by 8 pixels, red at the left and blue at the right, as Basis Universal's encoder writes them: UASTC in Zstandard,
+/// and ETC1S.
+const UASTC: &str = "\
+    ab4b5458203230bb0d0a1a0a000000000100000008000000080000000000000000000000010000000100000002000000680000002c000000\
+    940000002400000000000000000000000000000000000000b800000000000000230000000000000040000000000000002c00000000000000\
+    02002800a601020003030000100000000000000000007f000000000000000000ffffffff1f0000004b545877726974657200426173697320\
+    556e6976657273616c20322e3530000028b52ffd2040d5000078f71f00e01f7a001700e0ff1f02e0010300436130f3710d1801\
+";
+const ETC1S: &str = "\
+    ab4b5458203230bb0d0a1a0a000000000100000008000000080000000000000000000000010000000100000001000000680000002c000000\
+    9400000024000000b80000000000000082000000000000003a01000000000000010000000000000000000000000000002c00000000000000\
+    02002800a301020003030000080000000000000000003f000000000000000000ffffffff1f0000004b545877726974657200426173697320\
+    556e6976657273616c20322e35300000020001002a000000050000002b000000000000000000000000000000010000000000000000000000\
+    20c044000000000000e2440430110000000000802420004c000800000000200600130000000000000826acaaaaaa0260c044000000000000\
+    924a009800100000000040140226020000000000903602c00480000000000022100000\
+";
+
+#[test]
+fn ktx2_textures_are_drawn() {
+    for text in [UASTC, ETC1S] {
+        let bytes: Vec<u8> =
+            (0..text.len() / 2).map(|i| u8::from_str_radix(&text[2 * i..2 * i + 2], 16).unwrap()).collect();
+        let with = |bytes: &[u8]| {
+            let uri = base64::Engine::encode(&base64::engine::general_purpose::STANDARD, bytes);
+            let drawn = changed(|root| {
+                textured_by(root);
+                root["images"] = json!([{ "uri": format!("data:image/ktx2;base64,{uri}") }]);
+                root["textures"] = json!([{ "extensions": { "KHR_texture_basisu": { "source": 0 } } }]);
+                root["extensionsRequired"] = json!(["KHR_texture_basisu"]);
+            });
+            drawn.unwrap()
+        };
+        let loaded = with(&bytes);
+        let texels = colors(&loaded);
+        assert_eq!((texels.len(), loaded.notes.len()), (64, 0));
+        let is_near = |a: [f32; 3], b: [f32; 3]| (0..3).all(|k| (a[k] - b[k]).abs() < 0.05);
+        assert!(texels.iter().enumerate().all(|(i, texel)| is_near(*texel, RGB[if i % 8 < 4 { 0 } else { 2 }])));
+        assert_note(&with(&bytes[..bytes.len() - 20]), "KTX2");
+    }
 }
