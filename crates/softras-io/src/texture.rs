@@ -71,6 +71,16 @@ fn make_room(width: u32, height: u32, most: u64) -> std::result::Result<(), Stri
     input::room_for("a texture", pixels * BYTES_PER_PIXEL).map_err(|error| error.to_string())
 }
 
+/// Whether the largest level of a KTX2 file unpacks to no more than its blocks, which the decoder would believe without a check. The
+/// level's offset, length and unpacked length are the first three numbers behind the header of 80 bytes (KTX 2.0, 3.1).
+#[cfg(feature = "packed")]
+fn level_fits(bytes: &[u8], width: u32, height: u32) -> bool {
+    const BLOCK: u64 = 16;
+    let number = |i: usize| bytes.get(80 + 8 * i..).and_then(|rest| rest.first_chunk()).map(|b| u64::from_le_bytes(*b));
+    let blocks = u64::from(width.div_ceil(4)) * u64::from(height.div_ceil(4));
+    number(2).is_some_and(|unpacked| unpacked <= BLOCK * blocks)
+}
+
 /// Decodes a KTX2 image of Basis Universal, as [`decode`].
 ///
 /// # Errors
@@ -81,13 +91,22 @@ pub fn decode_basis(bytes: &[u8], srgb: bool, room: Room) -> std::result::Result
     {
         use basisu::{DecodeFlags, TargetFormat, Transcoder};
         let wrong = |error: basisu::Error| format!("a KTX2 image that is not read: {error:?} {UNPACK}");
-        let file = Transcoder::new(bytes).map_err(wrong)?;
-        let (width, height) = file.base_dimensions();
-        if width.max(height) > MAX_SIDE {
-            return Err(format!("{width}×{height} pixels, more than {MAX_SIDE} a side"));
-        }
-        make_room(width, height, room.texels(bytes.len() as u64))?;
-        let rgba = file.transcode(0, TargetFormat::Rgba32, DecodeFlags::NONE).map_err(wrong)?;
+        let unpack = || {
+            let file = Transcoder::new(bytes).map_err(wrong)?;
+            let (width, height) = file.base_dimensions();
+            if width.max(height) > MAX_SIDE {
+                return Err(format!("{width}×{height} pixels, more than {MAX_SIDE} a side"));
+            }
+            make_room(width, height, room.texels(bytes.len() as u64))?;
+            if !level_fits(bytes, width, height) {
+                return Err(format!("a KTX2 image whose data is of another size {UNPACK}"));
+            }
+            Ok((width, height, file.transcode(0, TargetFormat::Rgba32, DecodeFlags::NONE).map_err(wrong)?))
+        };
+        // A decoder of foreign code must not end the process over a broken file.
+        let unpacked = std::panic::catch_unwind(std::panic::AssertUnwindSafe(unpack));
+        let (width, height, rgba) =
+            unpacked.unwrap_or_else(|_| Err(format!("a KTX2 image that the decoder failed on {UNPACK}")))?;
         let image = image::RgbaImage::from_raw(width, height, rgba).map(DynamicImage::ImageRgba8);
         let image = image.ok_or_else(|| format!("a KTX2 image of another size {UNPACK}"))?;
         let alpha = alpha(&image);
