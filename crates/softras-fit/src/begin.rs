@@ -56,7 +56,9 @@ pub fn begin(
     }
     let one_color = subject.one_color && !own && options.color;
     let appearance = match options.is_colored() {
-        true if textured => mesh.appearance().clone(),
+        true if textured || own && matches!(mesh.appearance(), Appearance::VertexColors(_)) => {
+            mesh.appearance().clone()
+        }
         true if one_color => Appearance::Uniform(color_under_light(&mesh, subject, renderer)?),
         true => Appearance::VertexColors(vec![[0.5; 3]; mesh.positions().len()]),
         false => Appearance::Uniform([0.8; 3]),
@@ -82,7 +84,7 @@ fn hull(
     if asked && official {
         return bad("a hull for the official method, which begins with its sphere", "leave out one of the two");
     }
-    let targets = options.compared(&subject.views);
+    let targets = options.compared(subject);
     let few = targets.cameras.len() < HULL_VIEWS;
     let sphere = options.subdivisions.is_some() || official || few;
     if matches!(options.template, Template::Sphere) || !asked && sphere {

@@ -39,7 +39,7 @@ pub fn carved(
 ) -> Result<Mesh> {
     let views = views(of, MOST_ENLARGED)?;
     let old = nearest(mesh)?;
-    let mut grid = hull(&views, center, side, resolution)?;
+    let mut grid = hull(&views, center, side, resolution, 0.0)?;
     let added = missing.map(|missing| added(of, missing, &views, &grid)).transpose()?;
     cut(&mut grid, mesh, &old)?;
     let both = grid.values.iter_mut().zip(added.into_iter().flatten());

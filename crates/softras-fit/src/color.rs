@@ -10,14 +10,16 @@ use softras::{
 const SAMPLES: usize = 3;
 
 /// The mean absolute difference between the colours that a mesh shows under the lights of the fit and those of the views, linear
-/// and from 0 to 1, over the pixels that the object covers by more than half; `None` where no colours are fitted.
+/// and from 0 to 1, over the pixels of some views that the object covers by more than half; `None` where no colours are fitted.
 pub fn color_error(
     mesh: &Mesh,
     settings: &Settings,
     subject: &Subject,
+    views: &[usize],
     renderer: &mut Renderer,
 ) -> Result<Option<f64>> {
-    let (Some(color), Some(silhouette)) = (&subject.views.color, &subject.views.silhouette) else { return Ok(None) };
+    let views = subject.views.some(views);
+    let (Some(color), Some(silhouette)) = (&views.color, &views.silhouette) else { return Ok(None) };
     let settings = Settings {
         sigma: 1e-7,
         gamma: 1e-5,
@@ -26,7 +28,7 @@ pub fn color_error(
     };
     let scene = Scene::new(mesh.clone()).with_lights(subject.lights.clone());
     let (mut sum, mut count) = (0.0, 0usize);
-    parts::in_batches(renderer, &scene, &subject.views.cameras, &settings, |range, frame| {
+    parts::in_batches(renderer, &scene, &views.cameras, &settings, |range, frame| {
         let shown = pooled(frame.color()?, SAMPLES)?;
         let (color, silhouette) = (color.views(range.clone()), silhouette.views(range));
         let pixels = shown.data.chunks_exact(3).zip(color.data.chunks_exact(3)).zip(&silhouette.data);

@@ -4,6 +4,7 @@ use crate::{
     ShapeFit, ShapeOptions, ShapeRun, StepLosses, bad, checkpoint, doubt,
     options::{FitOptions, Preset},
     paint::{self, Painted, Progress, Told},
+    refine,
     scores::Scores,
     setup::Setup,
     subject::{Subject, ViewsOfMesh},
@@ -65,8 +66,15 @@ impl Fit {
         if !options.keep_views && options.preset != Preset::Official && subject.truth.is_none() {
             doubt::settle(&mut subject.views, subject.bounds, &mut notes)?;
         }
+        let is_wanted = options.refine_cameras.unwrap_or(subject.truth.is_none() && options.preset != Preset::Official);
+        if is_wanted && !options.keeps_shape() {
+            refine::refined(&mut subject, &mut notes, renderer)?;
+        }
+        if subject.held_out.is_empty() {
+            subject.held_out = options.held_out(&subject);
+        }
         let setup = Setup::new(options, &subject, &mut notes, renderer)?;
-        let views = setup.given.compared(&subject.views);
+        let views = setup.given.compared(&subject);
         let shape = ShapeFit::new(setup.template.clone(), subject.lights.clone(), setup.options.clone())?;
         Ok(Fitting { subject, setup, run: ShapeRun::new(shape, &views), steps: Vec::new(), notes })
     }

@@ -39,7 +39,7 @@ pub(super) const MOST_ENLARGED: usize = 4;
 /// an inside, silhouettes whose cameras have no point in common; for a camera of [`Projection::Official`] or
 /// [`Projection::Screen`]; and for a cube or a resolution out of range.
 pub fn visual_hull(of: &Views, center: [f64; 3], side: f64, resolution: usize) -> Result<Mesh> {
-    let mut grid = hull(&views(of, MOST_ENLARGED)?, center, side, resolution)?;
+    let mut grid = hull(&views(of, MOST_ENLARGED)?, center, side, resolution, 0.0)?;
     if of.depth.is_some() {
         mend(&mut grid);
     }
@@ -49,8 +49,19 @@ pub fn visual_hull(of: &Views, center: [f64; 3], side: f64, resolution: usize) -
     }
 }
 
-/// The samples of the views' hull, on a grid around it.
-pub(super) fn hull(views: &[View<'_>], center: [f64; 3], side: f64, resolution: usize) -> Result<Samples> {
+/// The hull of silhouettes that are wider by `slack`, world units.
+pub(super) fn wide_hull(
+    of: &Views,
+    center: [f64; 3],
+    side: f64,
+    resolution: usize,
+    slack: f64,
+) -> Result<Option<Mesh>> {
+    hull(&views(of, 1)?, center, side, resolution, slack)?.mesh()
+}
+
+/// The samples of the hull of silhouettes that are wider by `slack`, on a grid around it.
+pub(super) fn hull(views: &[View<'_>], center: [f64; 3], side: f64, resolution: usize, slack: f64) -> Result<Samples> {
     if !(8..=MAX_RESOLUTION).contains(&resolution) {
         return bad(format!("a hull of {resolution} samples a side"), "use 8 to 256");
     }
@@ -58,7 +69,7 @@ pub(super) fn hull(views: &[View<'_>], center: [f64; 3], side: f64, resolution: 
         return bad(format!("a hull in a cube of side {side:?} around {center:?}"), "use a finite side above 0");
     }
     let mut coarse = Samples::new(DVec3::from(center) - 0.5 * side, side, COARSE);
-    carve(&mut coarse, views, View::outline_distance);
+    carve(&mut coarse, views, slack, View::outline_distance);
     let Some((low, high)) = inside(&coarse) else {
         let fix = "check that every camera belongs to its picture, and that the object is in all of them";
         return bad("silhouettes that no solid has", fix);
@@ -66,7 +77,7 @@ pub(super) fn hull(views: &[View<'_>], center: [f64; 3], side: f64, resolution: 
     // Two samples more on each side than the hull takes.
     let side = (high - low).max_element() * (1.0 + 4.0 / resolution as f64);
     let mut grid = Samples::new((low + high) * 0.5 - 0.5 * side, side, resolution);
-    carve(&mut grid, views, View::distance);
+    carve(&mut grid, views, slack, View::distance);
     (0..3).for_each(|axis| blur(&mut grid, axis));
     Ok(grid)
 }
@@ -208,15 +219,15 @@ struct Place {
     depth: f64,
 }
 
-/// Sets each sample to the least of the views' distances.
-fn carve<'a>(grid: &mut Samples, views: &[View<'a>], distance: impl Fn(&View<'a>, DVec3) -> Option<f64>) {
+/// Sets each sample to the least of the views' distances and the slack.
+fn carve<'a>(grid: &mut Samples, views: &[View<'a>], slack: f64, distance: impl Fn(&View<'a>, DVec3) -> Option<f64>) {
     // Distances beyond some samples do not matter, and what no picture shows is outside.
     let far = far(grid);
     for i in 0..grid.values.len() {
         let point = grid.position(i);
         let mut value = f32::MAX;
         for distance in views.iter().filter_map(|view| distance(view, point)) {
-            value = value.min(distance as f32);
+            value = value.min((distance + slack) as f32);
             if value < -far {
                 break;
             }

@@ -52,6 +52,7 @@ mod options;
 mod paint;
 mod pose;
 mod recut;
+mod refine;
 mod regions;
 mod regularizer;
 mod remesh;

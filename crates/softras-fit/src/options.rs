@@ -1,11 +1,14 @@
 //! What a fit begins with, and how it goes on.
 
-use crate::{ImageLoss, Subdivision};
+use crate::{ImageLoss, Subdivision, subject::Subject};
 use softras::{
     Mesh,
     scene::{Appearance, Faces},
 };
 use softras_io::Views;
+
+/// The most views that are held out where no number is given.
+const MOST_HELD_OUT: usize = 3;
 
 /// The mesh that a fit begins with.
 #[derive(Clone, Debug, Default)]
@@ -46,8 +49,14 @@ pub struct FitOptions {
     pub texture: Option<u32>,
     /// Keep views that do not agree with the others, and holes that one mask alone shows.
     pub keep_views: bool,
+    /// Refine the cameras together with the shape before the fit, where the silhouettes show that they are off; `None`: unless the
+    /// views were rendered of a mesh.
+    pub refine_cameras: Option<bool>,
     /// Every so many views is used.
     pub view_stride: usize,
+    /// Views that are not fitted, by which the result is judged, spread over all; `None`: an eighth of the views, at most three, and
+    /// none of views that were rendered of a mesh. At least one view is fitted.
+    pub hold_out: Option<usize>,
     /// The set of defaults.
     pub preset: Preset,
     /// The number of steps; `None`: 500, and 150 from a hull.
@@ -105,7 +114,9 @@ impl Default for FitOptions {
             color: false,
             texture: None,
             keep_views: false,
+            refine_cameras: None,
             view_stride: 1,
+            hold_out: None,
             preset: Preset::Smooth,
             iterations: None,
             rate: None,
@@ -140,9 +151,23 @@ impl FitOptions {
         self.texture.is_some() && matches!(mesh.appearance(), Appearance::Textured { .. })
     }
 
+    /// The views that are held out of the fit.
+    pub(crate) fn held_out(&self, subject: &Subject) -> Vec<usize> {
+        let used: Vec<usize> = (0..subject.views.cameras.len()).step_by(self.view_stride.max(1)).collect();
+        let default = if subject.truth.is_some() { 0 } else { (used.len() / 8).min(MOST_HELD_OUT) };
+        let count = self.hold_out.unwrap_or(default).min(used.len().saturating_sub(1));
+        (0..count).map(|i| used[(2 * i + 1) * used.len() / (2 * count)]).collect()
+    }
+
+    /// The numbers of the views that are compared.
+    pub(crate) fn fitted(&self, subject: &Subject) -> Vec<usize> {
+        let all = (0..subject.views.cameras.len()).step_by(self.view_stride.max(1));
+        all.filter(|view| !subject.held_out.contains(view)).collect()
+    }
+
     /// The views that are compared.
-    pub(crate) fn compared(&self, views: &Views) -> Views {
-        let mut some = views.every(self.view_stride);
+    pub(crate) fn compared(&self, subject: &Subject) -> Views {
+        let mut some = subject.views.some(&self.fitted(subject)).into_owned();
         if let Some(silhouette) = some.silhouette.as_mut().filter(|_| self.masks) {
             silhouette.data.iter_mut().for_each(|x| *x = f32::from(*x > 0.5));
         }

@@ -59,7 +59,8 @@ pub fn painted(
     let (start, texel) = with_atlas(mesh, TEXEL * subject.pixel, most)?;
     let texel = texel / subject.pixel;
     let settings = setup.settings(setup.iterations);
-    let by_vertices = color_error(mesh, &settings, subject, renderer)?;
+    let fitted = setup.given.fitted(subject);
+    let by_vertices = color_error(mesh, &settings, subject, &fitted, renderer)?;
     let mut texels = Texels::new(start, setup, &subject.lights, views, renderer)?;
     let (mut losses, mut is_broken) = (Vec::with_capacity(STEPS), false);
     while texels.can_step() && losses.len() < STEPS && !is_broken {
@@ -69,7 +70,7 @@ pub fn painted(
     }
     let is_complete = !is_broken || losses.len() == STEPS;
     let mesh = texels.mesh().clone();
-    let errors = [by_vertices, color_error(&mesh, &settings, subject, renderer)?];
+    let errors = [by_vertices, color_error(&mesh, &settings, subject, &fitted, renderer)?];
     Ok(Painted { side: side(&mesh), texel, mesh, is_complete, losses, errors })
 }
 

@@ -66,9 +66,9 @@ impl Found {
         self.iou >= old.iou && self.is_less_wrong(old)
     }
 
-    /// What is wrong, with the views counted as they were given, of which every `stride`-th is fitted.
-    fn reasons(&self, stride: usize) -> String {
-        let mut reasons = self.unseen.reasons(stride);
+    /// What is wrong, with the views counted as they were given, of which the `fitted` are compared.
+    fn reasons(&self, fitted: &[usize]) -> String {
+        let mut reasons = self.unseen.reasons(|view| fitted[view]);
         if self.overlap > GROSS {
             reasons.push(format!("lies in itself by {:.0} % of its solid", 100.0 * self.overlap));
         }
@@ -89,7 +89,7 @@ impl Fitting {
         if !before.is_wrong() {
             return Ok(());
         }
-        let what = format!("step {step}: the mesh {}", before.reasons(self.setup.given.view_stride));
+        let what = format!("step {step}: the mesh {}", before.reasons(&self.setup.given.fitted(&self.subject)));
         let made = match self.cut(&old, &before, &settings, renderer) {
             Ok(made) => made,
             Err(error) => {
@@ -215,10 +215,10 @@ mod tests {
         // Farther from the silhouettes, a mesh with less that is wrong gets a trial, and no other does.
         assert!(found(&[4], 0.0, 0.89).is_less_wrong(&old));
         assert!(![found(&[1, 4], 0.0, 0.89), found(&[0, 1, 4], 0.0, 0.99)].iter().any(|new| new.is_less_wrong(&old)));
-        assert_eq!(old.reasons(5), "covers a hole that is seen in view 5, 20");
+        assert_eq!(old.reasons(&[0, 5, 10, 15, 20]), "covers a hole that is seen in view 5, 20");
         let folded = found(&[], 2.0 * GROSS, 0.9);
         assert!(folded.is_wrong() && found(&[], 0.5 * GROSS, 0.9).replaces(&folded));
         assert!(!found(&[2], 0.0, 0.95).replaces(&folded) && !found(&[], 0.0, 0.9).is_wrong());
-        assert_eq!(folded.reasons(1), "lies in itself by 4 % of its solid");
+        assert_eq!(folded.reasons(&[]), "lies in itself by 4 % of its solid");
     }
 }

@@ -20,6 +20,11 @@ pub fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
+/// The mean of some views.
+fn mean_of(values: &[f64], views: &[usize]) -> f64 {
+    mean(&views.iter().map(|view| values[*view]).collect::<Vec<f64>>())
+}
+
 /// The number of a mesh's parts, and of their handles if all are closed surfaces.
 pub fn genus(mesh: &Mesh) -> Result<(usize, Option<usize>)> {
     Ok(Topology::of(mesh)?.parts_and_genus())
@@ -43,6 +48,8 @@ pub struct Scores {
     pub masks: Vec<f64>,
     /// Its mean over the fitted views.
     pub fitted: f64,
+    /// The views that were held out of the fit.
+    pub held_out: Vec<usize>,
     /// The mask IoU of pixels that the mesh covers by more than half, by 8 × 8 samples.
     pub covered: Vec<f64>,
     /// The mean over all views of the soft IoU of silhouettes at sigma 1e-4.
@@ -59,8 +66,10 @@ pub struct Scores {
     pub unseen: Unseen,
     /// The 3D IoU with the mesh that the views were rendered from.
     pub solid: Option<f64>,
-    /// The mean difference of the colours.
+    /// The mean difference of the colours in the fitted views.
     pub color: Option<f64>,
+    /// The same in the views that were held out.
+    pub color_held_out: Option<f64>,
 }
 
 impl Scores {
@@ -74,8 +83,9 @@ impl Scores {
         let (unseen, masks) = Unseen::compare(mesh, targets, &settings, renderer)?;
         let covered = covered(&scene, targets, &settings, renderer)?;
         let bounds: Vec<f64> = (0..target.batch).map(|view| most_iou(target.view(view))).collect();
-        let soft_iou = |renderer: &mut Renderer, stride: usize| -> Result<f64> {
-            let some = targets.every(stride);
+        let fitted = setup.given.fitted(subject);
+        let soft_iou = |renderer: &mut Renderer, views: &[usize]| -> Result<f64> {
+            let some = targets.some(views);
             let (sigma, outputs) = (1e-4, Outputs::SILHOUETTE);
             let settings = Settings { sigma, outputs, ..sized(&settings, targets.size()?, 1) };
             let (mut loss, count) = (0.0, some.cameras.len() as f64);
@@ -89,14 +99,31 @@ impl Scores {
             })?;
             Ok(1.0 - loss)
         };
-        let fitted: Vec<f64> = masks.iter().step_by(setup.given.view_stride).copied().collect();
-        let official = 1.0 - soft_iou(renderer, setup.given.view_stride)? + official_penalty(mesh)?;
-        let soft = soft_iou(renderer, 1)?;
+        let all: Vec<usize> = (0..target.batch).collect();
+        let official = 1.0 - soft_iou(renderer, &fitted)? + official_penalty(mesh)?;
+        let soft = soft_iou(renderer, &all)?;
         let solid = subject.truth.as_ref().map(|truth| voxel_iou(mesh, truth, VOXELS)).transpose()?;
         let (parts, genus) = genus(mesh)?;
-        let (most, fitted) = (mean(&bounds), mean(&fitted));
-        let color = color_error(mesh, &setup.settings(setup.iterations), subject, renderer)?;
-        Ok(Self { fitted, masks, covered, soft, most, official, parts, genus, unseen, solid, color })
+        let held_out = subject.held_out.clone();
+        let mut color =
+            |views: &[usize]| color_error(mesh, &setup.settings(setup.iterations), subject, views, renderer);
+        let (color, color_held_out) = (color(&fitted)?, color(&held_out)?);
+        let (most, fitted) = (mean(&bounds), mean_of(&masks, &fitted));
+        Ok(Self {
+            masks,
+            fitted,
+            held_out,
+            covered,
+            soft,
+            most,
+            official,
+            parts,
+            genus,
+            unseen,
+            solid,
+            color,
+            color_held_out,
+        })
     }
 }
 
@@ -144,12 +171,22 @@ impl Scores {
         mean(&self.masks)
     }
 
+    /// The mean mask IoU over the views that were held out; `None` where none was.
+    pub fn held_out_mask_iou(&self) -> Option<f64> {
+        (!self.held_out.is_empty()).then(|| mean_of(&self.masks, &self.held_out))
+    }
+
     /// The main scores as a sentence.
     pub fn sentence(&self) -> String {
-        let solid = self.solid.map_or(String::new(), |iou| format!(", 3D IoU {iou:.4}"));
-        let shape = named((self.parts, self.genus));
-        let color = self.color.map_or(String::new(), |error| format!(", colour error {error:.4}"));
-        format!("mask IoU {:.4} over {} views{solid}{color}, {shape}", mean(&self.masks), self.masks.len())
+        let text = |value: Option<f64>, before: &str| value.map_or(String::new(), |x| format!("{before}{x:.4}"));
+        let (shape, count) = (named((self.parts, self.genus)), self.held_out.len());
+        let masks = match self.held_out_mask_iou() {
+            None => format!("mask IoU {:.4} over {} views", mean(&self.masks), self.masks.len()),
+            Some(iou) => format!("mask IoU {:.4} over the fitted views, {iou:.4} over {count} held out", self.fitted),
+        };
+        let solid = text(self.solid, ", 3D IoU ");
+        let color = text(self.color, ", colour error ") + &text(self.color_held_out, ", held out ");
+        format!("{masks}{solid}{color}, {shape}")
     }
 }
 

@@ -18,6 +18,8 @@ const SAMPLES: usize = 3;
 pub struct Subject {
     /// The views.
     pub views: Views,
+    /// The numbers of views that are not fitted, by which the result is judged.
+    pub held_out: Vec<usize>,
     /// The mesh that the views were rendered from, if known.
     pub truth: Option<Mesh>,
     /// A sphere around the object.
@@ -41,7 +43,8 @@ impl Subject {
         let bounds = cameras::seen(&views)?;
         let depths = cameras::depths(&views.cameras, bounds);
         let pixel = cameras::pixel(&views.cameras, bounds.center, views.size()?);
-        Ok(Self { views, truth: None, bounds, pixel, depths, lights: Lights::unlit(), one_color: false })
+        let held_out = Vec::new();
+        Ok(Self { views, held_out, truth: None, bounds, pixel, depths, lights: Lights::unlit(), one_color: false })
     }
 
     /// The centre and the side of the cube that a hull is carved in.
@@ -92,7 +95,7 @@ impl Subject {
         let truth = scene.meshes.into_iter().next();
         // The views show little more than the sphere.
         let pixel = 2.0 * bounds.radius / f64::from(options.size.0.min(options.size.1));
-        Ok(Self { views, truth, bounds, pixel, depths, lights, one_color })
+        Ok(Self { views, held_out: Vec::new(), truth, bounds, pixel, depths, lights, one_color })
     }
 }
 

@@ -71,10 +71,10 @@ impl Unseen {
         }
     }
 
-    /// What the mesh does wrong, with the numbers of the views that show it, times `stride`.
-    pub fn reasons(&self, stride: usize) -> Vec<String> {
+    /// What the mesh does wrong, with the views that show it, numbered by `number`.
+    pub fn reasons(&self, number: impl Fn(usize) -> usize) -> Vec<String> {
         let list = |views: &[usize]| {
-            let first: Vec<String> = views.iter().take(8).map(|view| (view * stride).to_string()).collect();
+            let first: Vec<String> = views.iter().take(8).map(|view| number(*view).to_string()).collect();
             let more = if views.len() > first.len() {
                 format!(" and {} more", views.len() - first.len())
             } else {
@@ -125,7 +125,7 @@ mod tests {
         let mut unseen = Unseen::default();
         unseen.add(0, &target, &target);
         assert_eq!(unseen, Unseen::default());
-        assert!(unseen.reasons(1).is_empty() && unseen.missing(&target).is_none());
+        assert!(unseen.reasons(|view| view).is_empty() && unseen.missing(&target).is_none());
         unseen.add(3, &picture(|r, c| block(r, c) || part(r, c)), &target);
         unseen.add(4, &picture(|r, c| block(r, c) && !hole(r, c)), &target);
         // A hole that is open to the outside is none, and a smaller one is not told.
@@ -134,7 +134,7 @@ mod tests {
         unseen.add(6, &picture(block), &picture(|r, c| block(r, c) && (r, c) != (5, 5)));
         assert_eq!((&unseen.covered[..], &unseen.missed[..]), (&[3][..], &[4][..]));
         let told = ["covers a hole that is seen in view 6", "leaves out a part that is seen in view 8"];
-        assert_eq!(unseen.reasons(2), told);
+        assert_eq!(unseen.reasons(|view| 2 * view), told);
         // All of the part, in the view that shows it, and nothing else.
         let views = Image { batch: 7, data: target.data.repeat(7), ..target };
         let marks = unseen.missing(&views).map(|marks| marks.data).unwrap_or_default();

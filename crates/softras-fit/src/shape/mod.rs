@@ -20,7 +20,7 @@ use compare::{ImageLosses, compare};
 use glam::DVec3;
 use parametrization::Parameters;
 use softras::{
-    Camera, Error, Frame, GradientRequest, ImageGradient, MeshGradients, Renderer, Result,
+    Camera, CameraGradient, Error, Frame, GradientRequest, ImageGradient, MeshGradients, Renderer, Result,
     scene::{Lights, Mesh, Scene, Settings},
 };
 use softras_io::Views;
@@ -60,13 +60,17 @@ pub struct ShapeFit {
     color_optimizer: Optimizer,
     /// As many views as the renderer has been found to hold at once.
     views_at_once: usize,
+    /// Whether steps differentiate by cameras too.
+    by_cameras: bool,
 }
 
 /// The losses of a step and the gradients of their weighted sum, of all views or of some.
+#[derive(Default)]
 struct Descent {
     losses: ImageLosses,
     by_positions: Vec<DVec3>,
     by_colors: Vec<f64>,
+    by_cameras: Vec<CameraGradient>,
 }
 
 impl Descent {
@@ -77,6 +81,8 @@ impl Descent {
         self.by_positions.iter_mut().zip(&part.by_positions).for_each(|(sum, g)| *sum += share * *g);
         self.by_colors.resize(part.by_colors.len(), 0.0);
         self.by_colors.iter_mut().zip(&part.by_colors).for_each(|(sum, g)| *sum += share * *g);
+        let scaled = |by: &CameraGradient| CameraGradient { twist: by.twist.map(|x| share * x), ..*by };
+        self.by_cameras.extend(part.by_cameras.iter().map(scaled));
     }
 }
 
@@ -108,6 +114,7 @@ impl ShapeFit {
             color_values,
             options,
             views_at_once: usize::MAX,
+            by_cameras: false,
         })
     }
 
@@ -138,6 +145,27 @@ impl ShapeFit {
         rate: f64,
         color_rate: f64,
     ) -> Result<StepLosses> {
+        let all = self.all_descents(renderer, settings, targets)?;
+        self.finish_step(all, rate, color_rate)
+    }
+
+    /// The same step, and the gradient by the camera of each view.
+    pub(crate) fn step_with_cameras(
+        &mut self,
+        renderer: &mut Renderer,
+        settings: &Settings,
+        targets: &Views,
+        (rate, color_rate): (f64, f64),
+    ) -> Result<Vec<CameraGradient>> {
+        self.by_cameras = true;
+        let mut all = self.all_descents(renderer, settings, targets)?;
+        let by_cameras = std::mem::take(&mut all.by_cameras);
+        self.finish_step(all, rate, color_rate)?;
+        Ok(by_cameras)
+    }
+
+    /// The losses and gradients of the views of a step.
+    fn all_descents(&mut self, renderer: &mut Renderer, settings: &Settings, targets: &Views) -> Result<Descent> {
         let size = targets.size()?;
         let mut settings = sized(settings, size, self.options.samples);
         settings.outputs.color = targets.color.is_some();
@@ -148,14 +176,19 @@ impl ShapeFit {
         settings.save = true;
         let views = views_of_step(self.steps_taken(), self.options.views_per_step, targets.cameras.len());
         let mut at_once = self.views_at_once;
-        let mut all = Descent { losses: ImageLosses::default(), by_positions: Vec::new(), by_colors: Vec::new() };
+        let mut all = Descent::default();
         let make = |range: Range<usize>| self.descent(renderer, &settings, &targets.some(&views[range]));
         softras::parts::in_parts(views.len(), &mut at_once, make, |range, part| {
             all.add(&part, range.len() as f64 / views.len() as f64);
             Ok::<(), Error>(())
         })?;
         self.views_at_once = at_once;
-        let Descent { losses, by_positions, by_colors } = all;
+        Ok(all)
+    }
+
+    /// Moves vertices and colours.
+    fn finish_step(&mut self, all: Descent, rate: f64, color_rate: f64) -> Result<StepLosses> {
+        let Descent { losses, by_positions, by_colors, .. } = all;
         let regularizers = self.move_by(by_positions, &by_colors, rate, color_rate)?;
         let penalties: f64 = self.options.regularizers.iter().zip(&regularizers).map(|((_, w), r)| w * r).sum();
         let ImageLosses { silhouette, color, depth, normal } = losses;
@@ -180,12 +213,13 @@ impl ShapeFit {
         let (losses, upstream) = compare(&frame, targets, &self.options)?;
         let gradients = renderer.backward(&frame, &upstream, &self.wanted())?;
         let (by_positions, by_colors) = self.gradients(&gradients.meshes[0]);
-        Ok(Descent { losses, by_positions, by_colors })
+        Ok(Descent { losses, by_positions, by_colors, by_cameras: gradients.cameras })
     }
 
     /// What [`Renderer::backward`] has to differentiate by.
     fn wanted(&self) -> GradientRequest {
-        let wanted = GradientRequest { positions: self.options.fit_positions, ..GradientRequest::NOTHING };
+        let (positions, camera) = (self.options.fit_positions, self.by_cameras);
+        let wanted = GradientRequest { positions, camera, ..GradientRequest::NOTHING };
         if self.options.fit_colors { colors::wanted(self.mesh().appearance(), wanted) } else { wanted }
     }
 

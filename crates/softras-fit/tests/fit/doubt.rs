@@ -7,16 +7,16 @@ use softras::{Camera, Error, Image, Mesh, Projection, Renderer, shapes};
 use softras_fit::{Fit, Subject, Voxels};
 use softras_io::Views;
 
-fn solid() -> Mesh {
+pub fn solid() -> Mesh {
     mapped(&shapes::fish().unwrap(), |p| [0.6 * p[0], 0.9 * p[1] + 0.05, 0.6 * p[2]])
 }
 
-fn views(renderer: &mut Renderer, mesh: &Mesh, cameras: Vec<Camera>, size: (u32, u32)) -> Views {
+pub fn views(renderer: &mut Renderer, mesh: &Mesh, cameras: Vec<Camera>, size: (u32, u32)) -> Views {
     let names = (0..cameras.len()).map(|i| format!("{i}.png")).collect();
     Views { names, ..silhouettes(renderer, mesh, cameras, size) }
 }
 
-fn around(count: usize) -> Vec<Camera> {
+pub fn around(count: usize) -> Vec<Camera> {
     let angles = |i: usize| [20.0 * (i % 3) as f64 - 10.0, 360.0 * i as f64 / count as f64];
     cameras(PERSPECTIVE, 4.0, (0..count).map(angles))
 }

@@ -13,6 +13,7 @@ mod lengths;
 mod losses;
 mod meshes;
 mod optimizers;
+mod photos;
 mod pose;
 mod remesh;
 mod run;

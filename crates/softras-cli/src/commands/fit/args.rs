@@ -100,6 +100,12 @@ pub struct TargetArgs {
     /// Use only every N-th view
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), default_value_t = 1)]
     pub view_stride: u32,
+    /// Judge the fit by N views that it does not use [default: an eighth of --views, at most 3]
+    #[arg(long, value_name = "N")]
+    pub hold_out: Option<u32>,
+    /// Keep the cameras as given, where views show that they are off
+    #[arg(long)]
+    pub keep_cameras: bool,
     /// Keep views that contradict the others, and holes that one mask shows
     #[arg(long)]
     pub keep_views: bool,
@@ -116,7 +122,9 @@ impl FitArgs {
             color: self.color,
             texture: self.texture.then_some(method.texture_size),
             keep_views: self.targets.keep_views,
+            refine_cameras: self.targets.keep_cameras.then_some(false),
             view_stride: self.targets.view_stride as usize,
+            hold_out: self.targets.hold_out.map(|count| count as usize),
             preset: method.preset.into(),
             iterations: method.iterations.map(|steps| steps as usize),
             rate: method.rate,

@@ -37,7 +37,8 @@ pub fn json(args: &FitArgs, fitted: &Fitted, device: &str) -> Value {
 fn of_scores(scores: &Scores) -> Value {
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
     json!({
-        "mask_iou": { "per_view": scores.masks, "mean": mean(&scores.masks), "mean_of_fitted": scores.fitted },
+        "mask_iou": { "per_view": scores.masks, "mean": mean(&scores.masks), "mean_of_fitted": scores.fitted,
+                      "held_out": scores.held_out, "mean_of_held_out": scores.held_out_mask_iou() },
         "covered_mask_iou": { "per_view": scores.covered, "mean": mean(&scores.covered) },
         "soft_iou": scores.soft,
         "most_soft_iou": scores.most,
@@ -48,6 +49,7 @@ fn of_scores(scores: &Scores) -> Value {
         "missed_parts_in_views": scores.unseen.missed,
         "iou_3d": scores.solid,
         "color_error": scores.color,
+        "color_error_held_out": scores.color_held_out,
     })
 }
 
@@ -70,7 +72,7 @@ fn name(regularizer: Regularizer) -> &'static str {
 pub fn tell(out: &Path, fitted: &Fitted) -> Result<(), Failure> {
     let (vertices, triangles) = (fitted.mesh.positions().len(), fitted.mesh.triangles().len());
     let least = fitted.losses().iter().map(|l| l.1).fold(f64::INFINITY, f64::min);
-    for reason in fitted.scores.unseen.reasons(1) {
+    for reason in fitted.scores.unseen.reasons(|view| view) {
         note(&format!("the mesh {reason} (--template hull begins with the holes and parts of the silhouettes)"));
     }
     let time = fitted.seconds_per_step().map_or(String::new(), |s| format!(", {:.1} ms a step", s * 1e3));

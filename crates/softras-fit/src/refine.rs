@@ -1,0 +1,223 @@
+//! Cameras that are refined with the shape before a fit, where the silhouettes show that they are off.
+//!
+//! Each camera gets a rotation about the middle of the object and a translation, both in view space. They are moved together with a
+//! mesh by the gradients of the same loss, at half the resolution first. What all cameras do alike would move the object and not the
+//! views, so that their mean rotation, translation and distance are kept.
+
+use crate::{
+    ImageLoss, Method, Optimizer, Schedule, ShapeFit, ShapeOptions, begin::samples, cameras::Sphere, evened,
+    hull::wide_hull, pooled, subject::Subject, unseen::hard,
+};
+use glam::{DMat3, DMat4, DVec3};
+use softras::{
+    Camera, CameraGradient, Projection, Renderer, Result, Scene, Settings, parts,
+    scene::{Appearance, Background, Interpolation},
+};
+use softras_io::Views;
+
+/// Pixels that the hull may lie within the masks, in the mean along their outlines, where cameras are right.
+const AGREED: f64 = 0.6;
+/// Views from which on a hull tells whether cameras are right.
+const FEWEST: usize = 6;
+/// Stages: pixels of the pictures a pixel, steps, sigma from and to, and the step length of cameras in pixels from and to.
+const STAGES: [(usize, usize, [f64; 2], [f64; 2]); 2] =
+    [(2, 60, [3e-4, 1e-4], [0.5, 0.1]), (1, 60, [1e-4, 1e-5], [0.2, 0.02])];
+/// The smallest side of a picture of fewer pixels.
+const LEAST_SIDE: usize = 32;
+/// How much larger the hull is that a stage begins with, as a multiple of the disagreement.
+const SLACK: f64 = 1.5;
+/// Edges of the mesh, in pixels of a stage.
+const EDGE: f64 = 3.0;
+/// Step length of the mesh's vertices, in pixels of the pictures.
+const RATE: f64 = 0.7;
+/// The weight of the mean square of cameras' motions in pixels, which keeps what the views do not tell.
+const PRIOR: f64 = 1e-5;
+
+/// Refines the cameras of views that do not agree, and notes by how much.
+pub fn refined(subject: &mut Subject, notes: &mut Vec<String>, renderer: &mut Renderer) -> Result<()> {
+    let is_rigid =
+        |camera: &Camera| matches!(camera.projection(), Projection::Perspective { .. } | Projection::Pinhole { .. });
+    if subject.views.silhouette.is_none()
+        || subject.views.cameras.len() < FEWEST
+        || !subject.views.cameras.iter().all(is_rigid)
+    {
+        return Ok(());
+    }
+    let Some(off) = disagreement(subject, renderer)? else { return Ok(()) };
+    if off < AGREED {
+        return Ok(());
+    }
+    let given = subject.views.cameras.clone();
+    let mut motions = Motions::new(&given, subject.bounds, subject.pixel);
+    for (shrink, steps, sigma, rate) in STAGES {
+        let mut views = shrunk(&subject.views, shrink)?;
+        let base = views.cameras.clone();
+        views.cameras = motions.cameras(&base)?;
+        let pixel = subject.pixel * shrink as f64;
+        let (center, side) = subject.cube();
+        let (height, width) = views.size()?;
+        let start =
+            wide_hull(&views, center, side, height.min(width).clamp(LEAST_SIDE, 96), SLACK * off * subject.pixel);
+        let Ok(Some(start)) = start else { return Ok(()) };
+        let mut start = evened(&start, EDGE * pixel)?;
+        if views.color.is_some() {
+            let grey = vec![[0.5; 3]; start.positions().len()];
+            start = start.with_appearance(Appearance::VertexColors(grey))?;
+        }
+        let shape_options =
+            ShapeOptions { fit_colors: views.color.is_some(), color: (ImageLoss::L1, 3.0), ..ShapeOptions::smooth() };
+        let mut shape = ShapeFit::new(start, subject.lights.clone(), shape_options)?;
+        let mut optimizer =
+            Optimizer::new(Method::UniformAdam { betas: [0.9, 0.999], epsilon: 1e-12 }, motions.values.len());
+        for step in 0..steps {
+            let at = |[from, to]: [f64; 2]| Schedule::from((from, to)).at_step(step, steps);
+            let settings = Settings { sigma: at(sigma), ..settings(subject) };
+            views.cameras = motions.cameras(&base)?;
+            let by_cameras = shape.step_with_cameras(renderer, &settings, &views, (RATE * subject.pixel, 0.03))?;
+            let gradient = motions.gradient(&given, &by_cameras);
+            optimizer.step(&mut motions.values, &gradient, at(rate));
+            motions.fix_gauge(&given);
+        }
+    }
+    subject.views.cameras = motions.cameras(&given)?;
+    let after = disagreement(subject, renderer)?;
+    if after.is_none_or(|after| after > 0.9 * off) {
+        subject.views.cameras = given;
+        return Ok(());
+    }
+    let (mean, after) = (motions.mean(), after.unwrap_or_default());
+    notes.push(format!(
+        "the cameras were off: refined, they move the object by {mean:.1} pixels in the mean, and the hull by them lies {after:.1} pixels \
+         within the silhouettes, before {off:.1}"
+    ));
+    Ok(())
+}
+
+fn settings(subject: &Subject) -> Settings {
+    Settings {
+        near: subject.depths.0,
+        far: subject.depths.1,
+        gamma: 1e-2,
+        background: Background::Composite,
+        interpolation: Interpolation::Perspective,
+        ..Settings::default()
+    }
+}
+
+/// How far the hull of the views lies within their silhouettes, pixels in the mean along the outlines; `None` without a hull.
+fn disagreement(subject: &Subject, renderer: &mut Renderer) -> Result<Option<f64>> {
+    let views = &subject.views;
+    let Some(silhouettes) = &views.silhouette else { return Ok(None) };
+    let (center, side) = subject.cube();
+    let resolution = samples(silhouettes.height.min(silhouettes.width));
+    let Ok(Some(hull)) = wide_hull(views, center, side, resolution, 0.0) else { return Ok(None) };
+    let settings = hard(&settings(subject), views.size()?, 1);
+    let (mut open, mut outline) = (0usize, 0usize);
+    let width = silhouettes.width;
+    parts::in_batches(renderer, &Scene::new(hull), &views.cameras, &settings, |some, frame| {
+        let image = frame.silhouette()?;
+        for (at, view) in some.enumerate() {
+            let (target, shown) = (silhouettes.view(view), image.view(at));
+            let inside = |i: usize| target[i] > 0.5;
+            open += (0..target.len()).filter(|&i| inside(i) && shown[i] <= 0.5).count();
+            let edges = |step: usize, i: &usize| i + step < target.len() && inside(*i) != inside(i + step);
+            outline += (0..target.len()).filter(|i| edges(1, i) || edges(width, i)).count();
+        }
+        Ok(())
+    })?;
+    Ok((outline > 0).then(|| open as f64 / outline as f64))
+}
+
+/// The views with fewer pixels, where they stay large enough.
+fn shrunk(views: &Views, times: usize) -> Result<Views> {
+    let (height, width) = views.size()?;
+    let is_whole = height.is_multiple_of(times) && width.is_multiple_of(times);
+    if times == 1 || !is_whole || height.min(width) / times < LEAST_SIDE {
+        return Ok(views.clone());
+    }
+    let small = |image: &Option<softras::Image>| image.as_ref().map(|image| pooled(image, times)).transpose();
+    let scaled = |camera: &Camera| match *camera.projection() {
+        Projection::Pinhole { fx, fy, cx, cy } => {
+            let [fx, fy, cx, cy] = [fx, fy, cx, cy].map(|x| x / times as f64);
+            Camera::from_matrix(camera.matrix(), Projection::Pinhole { fx, fy, cx, cy })
+        }
+        _ => Ok(*camera),
+    };
+    let cameras = views.cameras.iter().map(scaled).collect::<Result<Vec<_>>>()?;
+    Ok(Views { cameras, silhouette: small(&views.silhouette)?, color: small(&views.color)?, ..Views::default() })
+}
+
+/// The motion of each camera, in view space: a rotation about the middle of the object and a translation, both in the pixels that they
+/// move the object's rim by.
+struct Motions {
+    values: Vec<f64>,
+    bounds: Sphere,
+    pixel: f64,
+}
+
+impl Motions {
+    fn new(cameras: &[Camera], bounds: Sphere, pixel: f64) -> Self {
+        Self { values: vec![0.0; 6 * cameras.len()], bounds, pixel }
+    }
+
+    /// The rotation vector, radians, and the translation, world units, of a camera.
+    fn of(&self, camera: usize) -> [DVec3; 2] {
+        let [turn, shift] = [0, 3].map(|k| DVec3::from_slice(&self.values[6 * camera + k..]));
+        [turn * self.pixel / self.bounds.radius, shift * self.pixel]
+    }
+
+    fn cameras(&self, given: &[Camera]) -> Result<Vec<Camera>> {
+        let moved = |(i, camera): (usize, &Camera)| {
+            let ([turn, shift], center) = (self.of(i), camera.to_view(self.bounds.center));
+            let rotation = DMat4::from_mat3(DMat3::from_quat(glam::DQuat::from_scaled_axis(turn)));
+            let motion = DMat4::from_translation(center + shift) * rotation * DMat4::from_translation(-center);
+            Camera::from_matrix(motion * camera.matrix(), *camera.projection())
+        };
+        given.iter().enumerate().map(moved).collect()
+    }
+
+    /// The gradient by the values, with that of the prior.
+    fn gradient(&self, given: &[Camera], by_cameras: &[CameraGradient]) -> Vec<f64> {
+        let one = |(i, by): (usize, &CameraGradient)| {
+            let [shift, turn] = [0, 3].map(|k| DVec3::from_slice(&by.twist[k..]));
+            let center = given[i].to_view(self.bounds.center) + self.of(i)[1];
+            let turn = (turn - center.cross(shift)) * self.pixel / self.bounds.radius;
+            [turn, shift * self.pixel].map(|v| v.to_array())
+        };
+        let gradients = by_cameras.iter().enumerate().flat_map(one).flatten();
+        let prior = PRIOR / given.len() as f64;
+        gradients.zip(&self.values).map(|(gradient, value)| gradient + prior * value).collect()
+    }
+
+    /// Takes away what all cameras do alike: their mean rotation and translation in the world, and the change of distance in common.
+    fn fix_gauge(&mut self, given: &[Camera]) {
+        let to_view = |camera: &Camera| DMat3::from_mat4(camera.matrix());
+        let sights: Vec<DVec3> = given.iter().map(|camera| camera.to_view(self.bounds.center)).collect();
+        let along: f64 =
+            sights.iter().zip(self.values.chunks_exact(6)).map(|(s, v)| s.dot(DVec3::from_slice(&v[3..]))).sum();
+        let nearer = along / sights.iter().map(|sight| sight.length_squared()).sum::<f64>();
+        let (mut turn, mut shift) = (DVec3::ZERO, DVec3::ZERO);
+        for ((camera, sight), value) in given.iter().zip(&sights).zip(self.values.chunks_exact_mut(6)) {
+            (0..3).for_each(|k| value[3 + k] -= nearer * sight[k]);
+            let axes = to_view(camera);
+            // View space is left-handed.
+            turn += axes.determinant() * (axes.transpose() * DVec3::from_slice(value));
+            shift += axes.transpose() * DVec3::from_slice(&value[3..]);
+        }
+        let count = given.len() as f64;
+        for (camera, value) in given.iter().zip(self.values.chunks_exact_mut(6)) {
+            let axes = to_view(camera);
+            let (turn, shift) = (axes.determinant() * (axes * turn) / count, axes * shift / count);
+            (0..3).for_each(|k| {
+                value[k] -= turn[k];
+                value[3 + k] -= shift[k];
+            });
+        }
+    }
+
+    /// How far the cameras move the object's rim, in the mean, pixels.
+    fn mean(&self) -> f64 {
+        let squares: f64 = self.values.iter().map(|x| x * x).sum();
+        (squares / (self.values.len() / 6).max(1) as f64).sqrt()
+    }
+}
