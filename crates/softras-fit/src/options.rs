@@ -7,7 +7,9 @@ use softras::{
 };
 use softras_io::Views;
 
-/// The most views that are held out where no number is given.
+/// The views from which on some are held out where no number is given: of fewer the shape needs each.
+const HOLDS_OUT: usize = 12;
+/// The most views that are held out then.
 const MOST_HELD_OUT: usize = 3;
 
 /// The mesh that a fit begins with.
@@ -54,8 +56,8 @@ pub struct FitOptions {
     pub refine_cameras: Option<bool>,
     /// Every so many views is used.
     pub view_stride: usize,
-    /// Views that are not fitted, by which the result is judged, spread over all; `None`: an eighth of the views, at most three, and
-    /// none of views that were rendered of a mesh. At least one view is fitted.
+    /// Views that are not fitted, by which the result is judged, spread over all; `None`: an eighth of twelve views or more, at
+    /// most three, and none of views that were rendered of a mesh. At least one view is fitted.
     pub hold_out: Option<usize>,
     /// The set of defaults.
     pub preset: Preset,
@@ -154,7 +156,8 @@ impl FitOptions {
     /// The views that are held out of the fit.
     pub(crate) fn held_out(&self, subject: &Subject) -> Vec<usize> {
         let used: Vec<usize> = (0..subject.views.cameras.len()).step_by(self.view_stride.max(1)).collect();
-        let default = if subject.truth.is_some() { 0 } else { (used.len() / 8).min(MOST_HELD_OUT) };
+        let spared = subject.truth.is_none() && used.len() >= HOLDS_OUT;
+        let default = if spared { (used.len() / 8).min(MOST_HELD_OUT) } else { 0 };
         let count = self.hold_out.unwrap_or(default).min(used.len().saturating_sub(1));
         (0..count).map(|i| used[(2 * i + 1) * used.len() / (2 * count)]).collect()
     }
