@@ -3,7 +3,7 @@
 
 Of 24 pictures of 128² pixels that the program makes of each mesh, 16 are disturbed and fitted to. The other eight judge the result, with
 their true cameras. Each row is a disturbance: the mask IoU and the colour error of the eight, those that the fit itself reports
-of the views that it holds out, parts and genus, seconds, and the notes. Needs nothing but Python.
+of the views that it holds out, parts and genus, seconds, and the notes. Needs numpy and Pillow.
 """
 
 import argparse
@@ -12,98 +12,28 @@ import math
 import pathlib
 import random
 import shutil
-import struct
 import subprocess
 import sys
 import tempfile
 import time
-import zlib
+
+import numpy as np
+from PIL import Image
 
 HELD_OUT = range(1, 24, 3)
 
 
-def read_png(path):
-    """Width, height, channels and the rows of an 8-bit picture."""
-    data, at, packed = path.read_bytes(), 8, b""
-    while at < len(data):
-        length, kind = struct.unpack(">I4s", data[at : at + 8])
-        body = data[at + 8 : at + 8 + length]
-        if kind == b"IHDR":
-            width, height, _, color = struct.unpack(">IIBB", body[:10])
-        packed += body if kind == b"IDAT" else b""
-        at += 12 + length
-    channels, raw = {0: 1, 2: 3, 6: 4}[color], zlib.decompress(packed)
-    stride, rows = width * channels, []
-    before = bytearray(stride)
-    for r in range(height):
-        kind, row = raw[r * (stride + 1)], bytearray(raw[r * (stride + 1) + 1 : (r + 1) * (stride + 1)])
-        for i in range(stride):
-            a = row[i - channels] if i >= channels else 0
-            b, c = before[i], before[i - channels] if i >= channels else 0
-            if kind == 4:
-                p = a + b - c
-                near = min((abs(p - a), 0, a), (abs(p - b), 1, b), (abs(p - c), 2, c))[2]
-            else:
-                near = (0, a, b, (a + b) // 2)[kind]
-            row[i] = (row[i] + near) & 255
-        rows.append(row)
-        before = row
-    return width, height, channels, rows
+def disc(radius):
+    """The offsets of pixels within a radius."""
+    reach = range(-math.ceil(radius), math.ceil(radius) + 1)
+    return [(r, c) for r in reach for c in reach if r * r + c * c <= radius**2]
 
 
-def write_png(path, width, height, rows):
-    """Writes RGBA."""
-    def chunk(kind, body):
-        return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
-
-    head = struct.pack(">IIBBBBB", width, height, 8, 6, 0, 0, 0)
-    packed = zlib.compress(b"".join(b"\0" + bytes(row) for row in rows), 1)
-    path.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", packed) + chunk(b"IEND", b""))
-
-
-class Picture:
-    """RGBA values as lists of [r, g, b, a]."""
-
-    def __init__(self, path):
-        self.width, self.height, channels, rows = read_png(path)
-        pixel = lambda row, c: list(row[channels * c : channels * (c + 1)]) + ([255] if channels == 3 else [])
-        self.pixels = [[pixel(row, c) for c in range(self.width)] for row in rows]
-
-    def save(self, path):
-        write_png(path, self.width, self.height, [[x for p in row for x in p] for row in self.pixels])
-
-    def erase(self, row, column, radius):
-        """A round hole."""
-        for r, c in self.around(row, column, radius):
-            self.pixels[r][c] = [0, 0, 0, 0]
-
-    def around(self, row, column, radius):
-        reach = math.ceil(radius)
-        for r in range(max(0, row - reach), min(self.height, row + reach + 1)):
-            for c in range(max(0, column - reach), min(self.width, column + reach + 1)):
-                if (r - row) ** 2 + (c - column) ** 2 <= radius**2:
-                    yield r, c
-
-    def dilate(self, radius):
-        old = [[list(p) for p in row] for row in self.pixels]
-        for r in range(self.height):
-            for c in range(self.width):
-                if old[r][c][3] > 127:
-                    continue
-                near = [(old[a][b][3], a, b) for a, b in self.around(r, c, radius)]
-                alpha, a, b = max(near)
-                if alpha > 127:
-                    self.pixels[r][c] = old[a][b][:3] + [alpha]
-
-    def expose(self, gain):
-        def one(x):
-            x /= 255
-            x = x / 12.92 if x <= 0.04045 else ((x + 0.055) / 1.055) ** 2.4
-            x = min(1.0, gain * x)
-            return round(255 * (12.92 * x if x <= 0.0031308 else 1.055 * x ** (1 / 2.4) - 0.055))
-
-        table = [one(x) for x in range(256)]
-        self.pixels = [[[table[x] for x in p[:3]] + p[3:] for p in row] for row in self.pixels]
+def paint(pixels, row, column, radius, color):
+    """A round spot, cut off at the border."""
+    for r, c in disc(radius):
+        if 0 <= row + r < len(pixels) and 0 <= column + c < len(pixels[0]):
+            pixels[row + r, column + c] = color
 
 
 def rotation(axis, angle):
@@ -112,21 +42,20 @@ def rotation(axis, angle):
     x, y, z = (a / length for a in axis)
     c, s = math.cos(angle), math.sin(angle)
     t = 1 - c
-    rows = [
-        [t * x * x + c, t * x * y - s * z, t * x * z + s * y, 0],
-        [t * x * y + s * z, t * y * y + c, t * y * z - s * x, 0],
-        [t * x * z - s * y, t * y * z + s * x, t * z * z + c, 0],
-        [0, 0, 0, 1],
-    ]
-    return rows
-
-
-def times(a, b):
-    return [[sum(a[i][k] * b[k][j] for k in range(4)) for j in range(4)] for i in range(4)]
+    return np.array(
+        [
+            [t * x * x + c, t * x * y - s * z, t * x * z + s * y, 0],
+            [t * x * y + s * z, t * y * y + c, t * y * z - s * x, 0],
+            [t * x * z - s * y, t * y * z + s * x, t * z * z + c, 0],
+            [0, 0, 0, 1],
+        ]
+    )
 
 
 def shifted(by):
-    return [[1, 0, 0, by[0]], [0, 1, 0, by[1]], [0, 0, 1, by[2]], [0, 0, 0, 1]]
+    matrix = np.eye(4)
+    matrix[:3, 3] = by
+    return matrix
 
 
 def any_axis(rng):
@@ -139,8 +68,8 @@ def turned(degrees):
         for i, view in enumerate(views):
             # Turns in opposite pairs: what all cameras do alike nobody can know.
             axis = [-x for x in axis] if i % 2 else any_axis(rng)
-            turn = times(times(shifted(center), rotation(axis, math.radians(degrees))), shifted([-x for x in center]))
-            view["world_to_camera"] = times(view["world_to_camera"], turn)
+            turn = shifted(center) @ rotation(axis, math.radians(degrees)) @ shifted(-np.array(center))
+            view["world_to_camera"] = (view["world_to_camera"] @ turn).tolist()
 
     return change
 
@@ -151,7 +80,8 @@ def pointing(pixels):
         for view in views:
             way = rng.uniform(0, 2 * math.pi)
             angle = math.atan(pixels / view["intrinsics"][0][0])
-            view["world_to_camera"] = times(rotation([math.cos(way), math.sin(way), 0], angle), view["world_to_camera"])
+            turn = rotation([math.cos(way), math.sin(way), 0], angle)
+            view["world_to_camera"] = (turn @ view["world_to_camera"]).tolist()
 
     return change
 
@@ -161,43 +91,56 @@ def pictures(change, some=lambda i: True):
     def apply(views, _, rng):
         for i, view in enumerate(views):
             if some(i):
-                picture = Picture(view["path"])
-                change(picture, i, rng)
-                picture.save(view["path"])
+                pixels = np.array(Image.open(view["path"]).convert("RGBA"))
+                Image.fromarray(change(pixels, i, rng)).save(view["path"])
 
     return apply
 
 
-def holes(picture, _, rng):
+def holes(pixels, _, rng):
     """Holes of 2 to 5 pixels in the mask, and specks beside it."""
-    inside = [(r, c) for r, row in enumerate(picture.pixels) for c, p in enumerate(row) if p[3] > 127]
-    outside = [(r, c) for r, row in enumerate(picture.pixels) for c, p in enumerate(row) if p[3] == 0]
-    for r, c in rng.sample(inside, 4):
-        picture.erase(r, c, rng.uniform(1.0, 2.5))
-    for r, c in rng.sample(outside, 4):
-        for a, b in picture.around(r, c, rng.uniform(1.0, 2.0)):
-            picture.pixels[a][b] = [128, 128, 128, 255]
+    inside, outside = (np.argwhere(where).tolist() for where in (pixels[..., 3] > 127, pixels[..., 3] == 0))
+    for row, column in rng.sample(inside, 4):
+        paint(pixels, row, column, rng.uniform(1.0, 2.5), [0, 0, 0, 0])
+    for row, column in rng.sample(outside, 4):
+        paint(pixels, row, column, rng.uniform(1.0, 2.0), [128, 128, 128, 255])
+    return pixels
 
 
-def shift(picture, _, rng):
+def dilate(pixels, _, rng):
+    """The mask wider by two pixels, in the colours beside them."""
+    wide = pixels.copy()
+    for by in disc(2):
+        near = np.roll(pixels, by, (0, 1))
+        taken = (wide[..., 3] <= 127) & (near[..., 3] > 127)
+        wide[taken] = near[taken]
+    return wide
+
+
+def shift(pixels, _, rng):
     """Another silhouette in place of the right one: the picture rolled aside."""
-    picture.pixels = [row[-20:] + row[:-20] for row in picture.pixels[-15:] + picture.pixels[:-15]]
+    return np.roll(pixels, (15, 20), (0, 1))
 
 
 def fill(value):
-    def change(picture, _, rng):
-        picture.pixels = [[p[:3] + [value] for p in row] for row in picture.pixels]
+    def change(pixels, _, rng):
+        pixels[..., 3] = value
+        return pixels
 
     return change
 
 
-def flip(picture, _, rng):
-    picture.pixels.reverse()
+def flip(pixels, _, rng):
+    return pixels[::-1]
 
 
-def expose(picture, i, rng):
+def expose(pixels, i, rng):
     """Gains from 0.66 to 1.5, whose mean logarithm is 0."""
-    picture.expose(1.5 ** (2 * (7 * i % 16) / 15 - 1))
+    x = np.arange(256) / 255
+    linear = np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4)
+    y = np.minimum(1.0, 1.5 ** (2 * (7 * i % 16) / 15 - 1) * linear)
+    table = np.round(255 * np.where(y <= 0.0031308, 12.92 * y, 1.055 * y ** (1 / 2.4) - 0.055)).astype(np.uint8)
+    return np.concatenate((table[pixels[..., :3]], pixels[..., 3:]), -1)
 
 
 def nothing(views, _, rng):
@@ -219,7 +162,7 @@ ROWS = [
     ("turned by 2°", turned(2), []),
     ("pointing off by 3 px", pointing(3), []),
     ("masks with holes and specks", pictures(holes), []),
-    ("masks dilated by 2 px", pictures(lambda picture, i, rng: picture.dilate(2)), []),
+    ("masks dilated by 2 px", pictures(dilate), []),
     ("one wrong mask", pictures(shift, third), []),
     ("one empty mask", pictures(fill(0), third), []),
     ("one mask upside down", pictures(flip, third), []),

@@ -194,8 +194,8 @@ impl Decoder<'_> {
 }
 
 impl Pass {
-    /// The gradients in the readback buffer's bytes once the device is done, to be decoded before the next `set_` call: those of the buffers that
-    /// [`PassBuilder::read_back`](super::PassBuilder::read_back) named; all of them after
+    /// The gradients in the readback buffer's bytes once the device is done, to be decoded before the next `set_` call: those of
+    /// the buffers that [`PassBuilder::read_back`](super::PassBuilder::read_back) named; all of them after
     /// [`read_back_gradients`](super::PassBuilder::read_back_gradients). [`BufferId::Totals`] has those by cameras, lights,
     /// background and scalars, [`BufferId::VertexGradients`] those by positions and colours of each view's placed vertices,
     /// [`BufferId::TexelSums`] those by texels, [`BufferId::CornerGradients`] those by UVs.

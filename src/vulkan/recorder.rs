@@ -212,10 +212,7 @@ impl<'a> Recorder<'a> {
     /// Begins a named section for graphics debuggers. Sections nest.
     pub fn begin_label(&mut self, name: &str) {
         let Some(debug_utils) = self.device.debug_utils() else { return };
-        // Text on the stack and not a CString, because recording does not allocate.
-        let mut text = [0; LONGEST_LABEL + 1];
-        let letters = self.device.label_prefix().bytes().chain(name.bytes());
-        text.iter_mut().take(LONGEST_LABEL).zip(letters).for_each(|(to, letter)| *to = letter);
+        let text = label_text(self.device.label_prefix(), name);
         if let Ok(name) = CStr::from_bytes_until_nul(&text) {
             let label = vk::DebugUtilsLabelEXT::default().label_name(name);
             // SAFETY: the extension is enabled, the command buffer records.
@@ -352,6 +349,13 @@ impl<'a> Recorder<'a> {
     }
 }
 
+/// A label's text with its prefix, cut off at what is shown. On the stack and not a CString, because recording does not allocate.
+fn label_text(prefix: &str, name: &str) -> [u8; LONGEST_LABEL + 1] {
+    let mut text = [0; LONGEST_LABEL + 1];
+    text.iter_mut().take(LONGEST_LABEL).zip(prefix.bytes().chain(name.bytes())).for_each(|(to, letter)| *to = letter);
+    text
+}
+
 /// Sections that an error left open are ended.
 impl Drop for Recorder<'_> {
     fn drop(&mut self) {
@@ -364,5 +368,17 @@ impl Drop for Recorder<'_> {
 impl std::fmt::Debug for Recorder<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "Recorder({:?})", self.raw)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{LONGEST_LABEL, label_text};
+
+    #[test]
+    fn labels_begin_with_the_prefix_and_end_with_a_zero() {
+        assert!(label_text("soft ", "vertex").starts_with(b"soft vertex\0"));
+        let long = label_text("soft ", &"x".repeat(100));
+        assert!(long.starts_with(b"soft xx") && long[LONGEST_LABEL - 1] == b'x' && long[LONGEST_LABEL] == 0);
     }
 }

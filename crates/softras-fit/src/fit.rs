@@ -63,12 +63,13 @@ impl Fit {
         }
         let mut notes = Vec::new();
         // Views that were rendered agree.
-        if !options.keep_views && options.preset != Preset::Official && subject.truth.is_none() {
-            doubt::settle(&mut subject.views, subject.bounds, &mut notes)?;
-        }
-        let is_wanted = options.refine_cameras.unwrap_or(subject.truth.is_none() && options.preset != Preset::Official);
-        if is_wanted && !options.keeps_shape() {
-            refine::refined(&mut subject, &mut notes, renderer)?;
+        if subject.truth.is_none() && options.preset != Preset::Official {
+            if !options.keep_views {
+                doubt::settle(&mut subject.views, subject.bounds, &mut notes)?;
+            }
+            if !options.keep_cameras && !options.keeps_shape() {
+                refine::refined(&mut subject, &mut notes, renderer)?;
+            }
         }
         if subject.held_out.is_empty() {
             subject.held_out = options.held_out(&subject);

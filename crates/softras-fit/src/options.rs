@@ -51,9 +51,8 @@ pub struct FitOptions {
     pub texture: Option<u32>,
     /// Keep views that do not agree with the others, and holes that one mask alone shows.
     pub keep_views: bool,
-    /// Refine the cameras together with the shape before the fit, where the silhouettes show that they are off; `None`: unless the
-    /// views were rendered of a mesh.
-    pub refine_cameras: Option<bool>,
+    /// Keep cameras that the silhouettes show to be off. Those of views that were rendered of a mesh are always kept.
+    pub keep_cameras: bool,
     /// Every so many views is used.
     pub view_stride: usize,
     /// Views that are not fitted, by which the result is judged, spread over all; `None`: an eighth of twelve views or more, at
@@ -116,7 +115,7 @@ impl Default for FitOptions {
             color: false,
             texture: None,
             keep_views: false,
-            refine_cameras: None,
+            keep_cameras: false,
             view_stride: 1,
             hold_out: None,
             preset: Preset::Smooth,

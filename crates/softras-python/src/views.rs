@@ -66,6 +66,8 @@ pub struct Plan<'py> {
     smoothing: Option<f64>,
     keep_topology: bool,
     keep_views: bool,
+    keep_cameras: bool,
+    hold_out: Option<usize>,
     edge: Option<(f64, f64)>,
 }
 
@@ -105,6 +107,8 @@ impl Plan<'_> {
             smoothing: self.smoothing,
             keep_topology: self.keep_topology,
             keep_views: self.keep_views,
+            keep_cameras: self.keep_cameras,
+            hold_out: self.hold_out,
             edge: self.edge,
             ..FitOptions::default()
         })
@@ -119,6 +123,9 @@ fn measures(py: Python<'_>, scores: &Scores) -> PyResult<Py<PyDict>> {
     report.set_item("parts", scores.parts)?;
     report.set_item("genus", scores.genus)?;
     report.set_item("color_error", scores.color)?;
+    report.set_item("held_out", PyArray1::from_iter(py, scores.held_out.iter().map(|&view| view as i64)))?;
+    report.set_item("held_out_mask_iou", scores.held_out_mask_iou())?;
+    report.set_item("held_out_color_error", scores.color_held_out)?;
     Ok(report.unbind())
 }
 

@@ -3,8 +3,8 @@
 //! Memory in bytes beyond the forward frame's, with the letters of [`crate::frame::plan`], I = S + cells beyond the first
 //! items, and Q the texels of a partial gradient (3; +3 for colours, +2 for UVs, +3 for normals):
 //!
-//! `16 (1 + shaded + normal) P + (16 Q + 36) I + 16 (3 + 3 colours + 2 UVs) S + 32 V`, without the third term where vertices
-//! take their gradients from the items' sums, and if asked for `32 P` for the background, `48 S` for camera, σ and γ, `32 S` or
+//! `16 (1 + shaded + normal) P + (16 Q + 36) I + 16 (3 + 3 colours + 2 UVs) S + 32 V`, without the third term where all
+//! that is wanted comes from the items' sums, and if asked for `32 P` for the background, `48 S` for camera, σ and γ, `32 S` or
 //! `32 V` for lights, `96 S + 16 V` for smooth shading, `24` a texel; where textures have an alpha `32` a texel and `16 P` more.
 //!
 //! Nothing grows with pixels × triangles.
@@ -238,9 +238,10 @@ fn counts_of(input: &BackwardInput, modes: &Modes) -> GradientCounts {
             + part(c::GRADIENT_COLOR, c::PARTIAL_COLOR_TEXELS)
             + part(c::GRADIENT_COORDINATE, c::PARTIAL_COORDINATE_TEXELS)
             + part(c::GRADIENT_NORMAL, c::PARTIAL_NORMAL_TEXELS),
-        corner_texels: match modes.per_vertex == 0 || sums_corners(modes) {
-            true => 3 + part(c::GRADIENT_COLOR, 3) + part(c::GRADIENT_COORDINATE, 2),
-            false => 0,
+        corner_texels: if modes.per_vertex == 0 || sums_corners(modes) {
+            3 + part(c::GRADIENT_COLOR, 3) + part(c::GRADIENT_COORDINATE, 2)
+        } else {
+            0
         },
         light_rows: if modes.smooth != 0 { totals.vertices } else { totals.records },
         wants_vertices: input.wanted.positions || input.wanted.colors,

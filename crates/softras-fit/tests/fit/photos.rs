@@ -12,6 +12,7 @@ fn fitted(views: &Views, hold_out: Option<usize>, renderer: &mut softras::Render
     let mut fit = Fit::new(views.clone()).unwrap();
     fit.options.iterations = Some(4);
     fit.options.keep_views = true;
+    fit.options.keep_cameras = true;
     fit.options.hold_out = hold_out;
     fit.run(renderer, |_| ControlFlow::Continue(())).unwrap()
 }
@@ -56,7 +57,7 @@ fn cameras_that_point_aside_are_refined_and_right_ones_stay() {
         let mut fit = Fit::new(views.clone()).unwrap();
         fit.options.iterations = Some(20);
         fit.options.keep_views = true;
-        fit.options.refine_cameras = (!refine).then_some(false);
+        fit.options.keep_cameras = !refine;
         let fitted = fit.run(&mut renderer, |_| ControlFlow::Continue(())).unwrap();
         let is_noted = fitted.notes.iter().any(|note| note.starts_with("the cameras were off"));
         (fitted.mesh, fitted.scores.fitted, is_noted)

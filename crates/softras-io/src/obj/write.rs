@@ -94,13 +94,12 @@ fn obj(mesh: &Mesh, mtllib: Option<&str>, material_of_triangle: &[u32], curve: C
         let _ = writeln!(text, "mtllib {name}");
     }
     for (i, p) in mesh.positions().iter().enumerate() {
-        let _ = match origin.map(f64::abs) {
-            // The fewest digits that tell a 32-bit number.
-            [0.0, 0.0, 0.0] => write!(text, "v {} {} {}", p[0], p[1], p[2]),
-            _ => {
-                let [x, y, z] = placed(*p, origin);
-                write!(text, "v {x} {y} {z}")
-            }
+        // A 32-bit number takes fewer digits than the same in 64 bits.
+        let _ = if origin == [0.0; 3] {
+            write!(text, "v {} {} {}", p[0], p[1], p[2])
+        } else {
+            let [x, y, z] = placed(*p, origin);
+            write!(text, "v {x} {y} {z}")
         };
         if let Appearance::VertexColors(colors) = mesh.appearance() {
             let [r, g, b] = if curve == Curve::Srgb { colors[i].map(srgb_from_linear) } else { colors[i] };

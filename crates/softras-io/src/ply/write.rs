@@ -62,9 +62,10 @@ fn ply(mesh: &Mesh, image: &str, curve: Curve, origin: [f64; 3]) -> Result<Vec<u
     );
     let mut file = header.into_bytes();
     for (i, position) in mesh.positions().iter().enumerate() {
-        match is_far {
-            true => file.extend(placed(*position, origin).iter().flat_map(|x| x.to_le_bytes())),
-            false => file.extend(position.iter().flat_map(|x| x.to_le_bytes())),
+        if is_far {
+            file.extend(placed(*position, origin).iter().flat_map(|x| x.to_le_bytes()));
+        } else {
+            file.extend(position.iter().flat_map(|x| x.to_le_bytes()));
         }
         file.extend(normals.get(i).into_iter().flatten().flat_map(|x| x.to_le_bytes()));
         file.extend(vertex_colors.get(i).into_iter().flatten());

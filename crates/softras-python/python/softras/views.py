@@ -74,7 +74,8 @@ class Fitted:
     mesh: Mesh
     #: "loss", "silhouette" and "color" of every step, before it moved anything.
     losses: Dict[str, np.ndarray]
-    #: "mask_iou" and "covered_mask_iou" of each view that was kept, "soft_iou", "parts", "genus" and "color_error".
+    #: "mask_iou" and "covered_mask_iou" of each view that was kept, "soft_iou", "parts", "genus", "color_error", and of the views
+    #: "held_out" the "held_out_mask_iou" and "held_out_color_error", None where there are none.
     measures: Dict[str, Any]
     #: Which views were left out, where the mesh was cut anew, and why it began with what it did.
     notes: List[str]
@@ -117,6 +118,8 @@ class Views:
         smoothing: Optional[float] = None,
         keep_topology: bool = False,
         keep_views: bool = False,
+        keep_cameras: bool = False,
+        hold_out: Optional[int] = None,
         edge: Optional[Range] = None,
         progress: Optional[Callable[[int, float], None]] = None,
         renderer: Optional[Renderer] = None,
@@ -126,7 +129,8 @@ class Views:
         `color` fits a colour for each vertex, `texture` a texture of at most so many texels a side. The fit begins with `template`, or
         with `begin`: a "hull", a "sphere", or "auto", a hull from six views on. What is None is chosen by the method and by what it
         begins with. Views that do not agree with the others are left out, and holes that one mask alone shows filled, each with a note,
-        unless `keep_views`. `progress(step, loss)` is called after every step; an exception of it, Ctrl-C too, ends the fit.
+        unless `keep_views`. Cameras that the silhouettes show to be off are refined, with a note, unless `keep_cameras`. `hold_out` views
+        are not fitted and judge the result; None is an eighth of twelve views or more, at most three. `progress(step, loss)` is called after every step; an exception of it, Ctrl-C too, ends the fit.
 
         Raises FitError, and what `Renderer.render` raises.
         """

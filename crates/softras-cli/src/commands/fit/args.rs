@@ -122,7 +122,7 @@ impl FitArgs {
             color: self.color,
             texture: self.texture.then_some(method.texture_size),
             keep_views: self.targets.keep_views,
-            refine_cameras: self.targets.keep_cameras.then_some(false),
+            keep_cameras: self.targets.keep_cameras,
             view_stride: self.targets.view_stride as usize,
             hold_out: self.targets.hold_out.map(|count| count as usize),
             preset: method.preset.into(),
@@ -184,6 +184,7 @@ impl FitArgs {
     /// Refuses options that exclude each other.
     pub fn check(&self) -> Result<(), Failure> {
         self.check_source()?;
+        self.from.as_ref().map_or(Ok(0), |_| self.count_of_views())?;
         let refuse = |what: &str| Err(Failure::Usage(what.into()));
         let official = self.method.preset == Preset::Official;
         if self.targets.shading.is_some_and(|shading| shading != Lighting::None) && !self.colored() {

@@ -25,10 +25,6 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     args.check()?;
     let written = [&files.json, &files.plot, &files.gif, &files.checkpoint];
     let views = view_files(args)?;
-    if args.from.is_some() {
-        // A mistake in the arguments is told before files are read.
-        args.count_of_views()?;
-    }
     let outputs = Outputs::new(written.into_iter().flatten().chain(&views), [out])?;
     let mut renderer = super::open_device(args.device.as_deref(), args.read.memory)?;
     let budget = Budget::new(args.read.memory);
