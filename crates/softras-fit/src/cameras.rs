@@ -48,14 +48,19 @@ pub fn around(bounds: Sphere, count: usize, fov: f64) -> Result<Vec<Camera>> {
     (0..count).map(one).collect()
 }
 
-/// The point nearest to the axes of all cameras.
-fn middle(cameras: &[Camera]) -> DVec3 {
+/// The point nearest to the rays through the middles of all pictures.
+fn middle(cameras: &[Camera], (height, width): (usize, usize)) -> DVec3 {
     let (mut matrix, mut vector) = (DMat3::ZERO, DVec3::ZERO);
     for camera in cameras {
-        let axes = camera.axes();
-        // Calibrated cameras have oblique axes: the middle of the picture lies along what the first two are perpendicular to.
-        let eye = camera.matrix().inverse().transform_point3(DVec3::ZERO);
-        let axis = axes[0].cross(axes[1]).normalize_or(axes[2]);
+        let to_world = camera.matrix().inverse();
+        let eye = to_world.transform_point3(DVec3::ZERO);
+        let ray = match *camera.projection() {
+            Projection::Pinhole { fx, fy, cx, cy } => {
+                DVec3::new((0.5 * width as f64 - cx) / fx, (cy - 0.5 * height as f64) / fy, 1.0)
+            }
+            _ => DVec3::Z,
+        };
+        let axis = to_world.transform_vector3(ray).normalize_or(DVec3::Z);
         // Least squares of the distances to the axes. The small diagonal decides between points that are equally good: it
         // prefers the one nearer to the origin.
         let across = DMat3::IDENTITY - outer(axis);
@@ -77,14 +82,14 @@ fn half(camera: &Camera, point: DVec3, (height, width): (usize, usize)) -> f64 {
     }
 }
 
-/// The region that the cameras look at: the point nearest to their axes, and the radius around it that the narrowest view shows,
+/// The region that the cameras look at: the point nearest to the middles of their pictures, and the radius around it that the narrowest view shows,
 /// or the radius that a mask takes where that is more. Views whose mask the border cuts tell neither.
 ///
 /// # Errors
 /// [`softras::Error::Fit`] where more than half of the cameras look away from that point.
 pub fn seen(views: &Views) -> Result<Sphere> {
     let (cameras, size) = (&views.cameras, views.size()?);
-    let center = middle(cameras);
+    let center = middle(cameras, size);
     let away = cameras.iter().filter(|camera| camera.to_view(center).z <= 0.0).count();
     if 2 * away > cameras.len() {
         return bad(

@@ -31,12 +31,13 @@ const FULL: f64 = 0.995;
 const LARGEST_HOLE: f64 = 0.1;
 
 /// Leaves out the views that are empty, full, or do not agree with the others, at most a quarter of them, and fills small holes that
-/// one mask alone has. Each is noted. Fewer than six views stay as they are.
-pub fn settle(views: &mut Views, bounds: Sphere, notes: &mut Vec<String>) -> Result<()> {
+/// one mask alone has. Each is noted. Fewer than six views stay as they are. Returns the numbers of the views that stay.
+pub fn settle(views: &mut Views, bounds: Sphere, notes: &mut Vec<String>) -> Result<Vec<usize>> {
     let count = views.cameras.len();
-    let Some(silhouettes) = &views.silhouette else { return Ok(()) };
+    let everything = || Ok((0..count).collect());
+    let Some(silhouettes) = &views.silhouette else { return everything() };
     if !(FEWEST..=MOST).contains(&count) {
-        return Ok(());
+        return everything();
     }
     let plain = |view: usize| {
         let mask = silhouettes.view(view);
@@ -49,7 +50,7 @@ pub fn settle(views: &mut Views, bounds: Sphere, notes: &mut Vec<String>) -> Res
     let most = count / 4;
     let mut left: Vec<usize> = (0..count).filter(|view| out.iter().all(|(other, _)| other != view)).collect();
     let seen = views.some(&left);
-    let Ok(all) = pictures(&seen, 1) else { return Ok(()) };
+    let Ok(all) = pictures(&seen, 1) else { return everything() };
     let mut using: Vec<usize> = (0..left.len()).collect();
     while out.len() < most
         && let Some(worst) = worst(&seen, &all, &using, bounds)
@@ -59,7 +60,7 @@ pub fn settle(views: &mut Views, bounds: Sphere, notes: &mut Vec<String>) -> Res
     drop(all);
     drop(seen);
     if out.len() > most {
-        return Ok(());
+        return everything();
     }
     left.retain(|view| out.iter().all(|(other, _)| other != view));
     out.sort_unstable();
@@ -69,7 +70,8 @@ pub fn settle(views: &mut Views, bounds: Sphere, notes: &mut Vec<String>) -> Res
     if left.len() < count {
         *views = views.some(&left).into_owned();
     }
-    fill(views, bounds, notes)
+    fill(views, bounds, notes)?;
+    Ok(left)
 }
 
 fn name(views: &Views, view: usize) -> String {

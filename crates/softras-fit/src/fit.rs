@@ -1,7 +1,7 @@
 //! A fit from views to a mesh, as `softras fit` does it.
 
 use crate::{
-    ShapeFit, ShapeOptions, ShapeRun, StepLosses, bad, checkpoint, doubt,
+    ShapeFit, ShapeOptions, ShapeRun, StepLosses, bad, checkpoint, crop, doubt, exposure,
     options::{FitOptions, Preset},
     paint::{self, Painted, Progress, Told},
     refine,
@@ -64,17 +64,23 @@ impl Fit {
         let mut notes = Vec::new();
         // Views that were rendered agree.
         if subject.truth.is_none() && options.preset != Preset::Official {
+            crop::cropped(&mut subject, options.crop, &mut notes)?;
             if !options.keep_views {
-                doubt::settle(&mut subject.views, subject.bounds, &mut notes)?;
+                let left = doubt::settle(&mut subject.views, subject.bounds, &mut notes)?;
+                subject.photographs = subject.photographs.take().map(|views| views.some(&left).into_owned());
             }
             if !options.keep_cameras && !options.keeps_shape() {
                 refine::refined(&mut subject, &mut notes, renderer)?;
+                subject.move_photographs()?;
             }
         }
         if subject.held_out.is_empty() {
             subject.held_out = options.held_out(&subject);
         }
         let setup = Setup::new(options, &subject, &mut notes, renderer)?;
+        if subject.truth.is_none() && setup.given.preset != Preset::Official && !setup.given.keep_exposure {
+            exposure::leveled(&mut subject, &setup.template, &setup.settings(0), &mut notes, renderer)?;
+        }
         let views = setup.given.compared(&subject);
         let shape = ShapeFit::new(setup.template.clone(), subject.lights.clone(), setup.options.clone())?;
         Ok(Fitting { subject, setup, run: ShapeRun::new(shape, &views), steps: Vec::new(), notes })

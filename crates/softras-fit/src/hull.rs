@@ -131,36 +131,36 @@ fn enlarged(picture: &Image, most: usize) -> Image {
     let times = (FINE_HEIGHT / picture.height).clamp(1, most);
     let (height, width) = (times * picture.height, times * picture.width);
     let at = |i: usize| (i as f64 + 0.5) / times as f64;
-    let data = (0..height).flat_map(|row| (0..width).map(move |column| sample(picture, at(column), at(row)) as f32));
+    let data = (0..height).flat_map(|row| (0..width).map(move |column| sample(picture, 0, 0, at(column), at(row)) as f32));
     Image { height, width, data: data.collect(), ..*picture }
 }
 
 /// The depth at a place, between those of the four pixels around it or, where they differ by more than `step`, of the pixel that it
 /// lies in; `None` where one of them is not known.
-fn depth_at(depths: &Image, column: f64, row: f64, step: f64) -> Option<f64> {
+pub(super) fn depth_at(depths: &Image, view: usize, column: f64, row: f64, step: f64) -> Option<f64> {
     let (left, top) = ((column - 0.5).floor(), (row - 0.5).floor());
     if left < 0.0 || top < 0.0 || left as usize + 1 >= depths.width || top as usize + 1 >= depths.height {
         return None;
     }
-    let at = |down: usize, right: usize| f64::from(depths.pixel(0, top as usize + down, left as usize + right)[0]);
+    let at = |down: usize, right: usize| f64::from(depths.pixel(view, top as usize + down, left as usize + right)[0]);
     let around = [at(0, 0), at(0, 1), at(1, 0), at(1, 1)];
     let (least, most) = around.iter().fold((f64::INFINITY, 0.0f64), |(least, most), z| (least.min(*z), most.max(*z)));
     if least <= 0.0 {
         return None;
     }
-    let own = || f64::from(depths.pixel(0, row as usize, column as usize)[0]);
-    Some(if most - least <= step { sample(depths, column, row) } else { own() })
+    let own = || f64::from(depths.pixel(view, row as usize, column as usize)[0]);
+    Some(if most - least <= step { sample(depths, view, 0, column, row) } else { own() })
 }
 
-/// An image's value at a column and a row, where the centre of the first pixel is at (0.5, 0.5); that of its border beyond it.
-fn sample(image: &Image, column: f64, row: f64) -> f64 {
+/// The value of a view's channel at a column and a row, where the centre of the first pixel is at (0.5, 0.5); that of its border beyond it.
+pub(super) fn sample(image: &Image, view: usize, channel: usize, column: f64, row: f64) -> f64 {
     let between = |x: f64, count: usize| {
         let x = (x - 0.5).clamp(0.0, (count - 1) as f64);
         (x as usize, (x as usize + 1).min(count - 1), x.fract())
     };
     let (left, right, along) = between(column, image.width);
     let (top, bottom, down) = between(row, image.height);
-    let at = |row: usize, column: usize| f64::from(image.data[row * image.width + column]);
+    let at = |row: usize, column: usize| f64::from(image.pixel(view, row, column)[channel]);
     let mix = |row: usize| at(row, left) * (1.0 - along) + at(row, right) * along;
     mix(top) * (1.0 - down) + mix(bottom) * down
 }
@@ -169,7 +169,7 @@ impl View<'_> {
     /// The signed distance of a point from the silhouette's outline in world units; `None` behind the camera.
     pub(super) fn outline_distance(&self, point: DVec3) -> Option<f64> {
         let place = self.place(point)?;
-        Some(place.unit * sample(&self.distance, place.column, place.row))
+        Some(place.unit * sample(&self.distance, 0, 0, place.column, place.row))
     }
 
     /// The same, but at most how far the point lies behind the surface that the picture shows.
@@ -178,9 +178,9 @@ impl View<'_> {
         let times = self.distance.height as f64 / self.height;
         // Depths differ by more than four pixels from one pixel to the next where a surface is seen at less than some 14 degrees.
         let step = 8.0 * place.unit / self.height;
-        let shown = |depths| depth_at(depths, place.column / times, place.row / times, step);
+        let shown = |depths| depth_at(depths, 0, place.column / times, place.row / times, step);
         let behind = self.depths.as_ref().and_then(shown).map_or(f64::INFINITY, |shown| place.depth - shown);
-        Some(behind.min(place.unit * sample(&self.distance, place.column, place.row)))
+        Some(behind.min(place.unit * sample(&self.distance, 0, 0, place.column, place.row)))
     }
 
     /// The column and the row of the pixel that a point is seen in; `None` behind the camera and beyond the picture.

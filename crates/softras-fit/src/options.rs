@@ -53,6 +53,11 @@ pub struct FitOptions {
     pub keep_views: bool,
     /// Keep cameras that the silhouettes show to be off. Those of views that were rendered of a mesh are always kept.
     pub keep_cameras: bool,
+    /// Keep colours of pictures whose exposures differ.
+    pub keep_exposure: bool,
+    /// The most pixels along a side of the pictures, which are cropped to the object where that leaves out half of the pixels or more;
+    /// 0: as they are. Those with depths or normals stay as they are.
+    pub crop: usize,
     /// Every so many views is used.
     pub view_stride: usize,
     /// Views that are not fitted, by which the result is judged, spread over all; `None`: an eighth of twelve views or more, at
@@ -116,6 +121,8 @@ impl Default for FitOptions {
             texture: None,
             keep_views: false,
             keep_cameras: false,
+            keep_exposure: false,
+            crop: 192,
             view_stride: 1,
             hold_out: None,
             preset: Preset::Smooth,

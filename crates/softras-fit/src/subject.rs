@@ -5,7 +5,7 @@ use crate::{
     pooled, sized,
 };
 use softras::{
-    Image, Lights, Mesh, Renderer, Result, Scene, Settings, parts,
+    Camera, Image, Lights, Mesh, Renderer, Result, Scene, Settings, parts,
     scene::{Appearance, Background, DirectionalLight, Interpolation, Outputs, Shading},
 };
 use softras_io::{Map, Views};
@@ -18,6 +18,8 @@ const SAMPLES: usize = 3;
 pub struct Subject {
     /// The views.
     pub views: Views,
+    /// The photographs that the views are crops of, if they are.
+    pub photographs: Option<Views>,
     /// The numbers of views that are not fitted, by which the result is judged.
     pub held_out: Vec<usize>,
     /// The mesh that the views were rendered from, if known.
@@ -43,13 +45,22 @@ impl Subject {
         let bounds = cameras::seen(&views)?;
         let depths = cameras::depths(&views.cameras, bounds);
         let pixel = cameras::pixel(&views.cameras, bounds.center, views.size()?);
-        let held_out = Vec::new();
-        Ok(Self { views, held_out, truth: None, bounds, pixel, depths, lights: Lights::unlit(), one_color: false })
+        let (held_out, photographs, lights) = (Vec::new(), None, Lights::unlit());
+        Ok(Self { views, photographs, held_out, truth: None, bounds, pixel, depths, lights, one_color: false })
     }
 
     /// The centre and the side of the cube that a hull is carved in.
     pub(crate) fn cube(&self) -> ([f64; 3], f64) {
         (self.bounds.center.to_array(), 2.0 * self.bounds.radius)
+    }
+
+    /// Gives the photographs the positions of the views' cameras.
+    pub(crate) fn move_photographs(&mut self) -> Result<()> {
+        let Some(photographs) = &mut self.photographs else { return Ok(()) };
+        for (given, moved) in photographs.cameras.iter_mut().zip(&self.views.cameras) {
+            *given = Camera::from_matrix(moved.matrix(), *given.projection())?;
+        }
+        Ok(())
     }
 
     /// Renders views of a mesh from all around; `done` is told of each.
@@ -95,7 +106,7 @@ impl Subject {
         let truth = scene.meshes.into_iter().next();
         // The views show little more than the sphere.
         let pixel = 2.0 * bounds.radius / f64::from(options.size.0.min(options.size.1));
-        Ok(Self { views, held_out: Vec::new(), truth, bounds, pixel, depths, lights, one_color })
+        Ok(Self { views, photographs: None, held_out: Vec::new(), truth, bounds, pixel, depths, lights, one_color })
     }
 }
 

@@ -106,6 +106,12 @@ pub struct TargetArgs {
     /// Keep the cameras as given, where views show that they are off
     #[arg(long)]
     pub keep_cameras: bool,
+    /// Keep colours as they are, where exposures differ
+    #[arg(long)]
+    pub keep_exposure: bool,
+    /// Most pixels along a side of pictures, which are cropped to the object; 0: leave them
+    #[arg(long, value_name = "PIXELS", default_value_t = 192)]
+    pub crop: u32,
     /// Keep views that contradict the others, and holes that one mask shows
     #[arg(long)]
     pub keep_views: bool,
@@ -123,6 +129,8 @@ impl FitArgs {
             texture: self.texture.then_some(method.texture_size),
             keep_views: self.targets.keep_views,
             keep_cameras: self.targets.keep_cameras,
+            keep_exposure: self.targets.keep_exposure,
+            crop: self.targets.crop as usize,
             view_stride: self.targets.view_stride as usize,
             hold_out: self.targets.hold_out.map(|count| count as usize),
             preset: method.preset.into(),

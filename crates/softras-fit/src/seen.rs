@@ -1,0 +1,122 @@
+//! What pictures show of a mesh's surface: the colours of its points, and how squarely each view sees them.
+
+use crate::{
+    Topology, doubles,
+    hull::{depth_at, sample},
+    points, sized,
+};
+use glam::DVec3;
+use softras::{
+    Image, Mesh, Renderer, Result, Scene, Settings, parts,
+    scene::{Appearance, Camera, Outputs},
+};
+use softras_io::Views;
+
+/// A view sees a surface whose normal is at most as far from the view as this cosine says.
+const LEAST_COSINE: f64 = 0.2;
+/// How far a point may lie behind the nearest surface, pixels.
+const BEHIND: f64 = 2.0;
+/// Neighbouring depths that differ by more pixels are those of two surfaces.
+const STEP: f64 = 8.0;
+/// The least silhouette of a pixel that shows the object alone.
+const COVERED: f64 = 0.99;
+/// Rounds in which colours spread to vertices that no view sees.
+const ROUNDS: usize = 200;
+
+/// Views, and the depths of a mesh in them.
+pub struct Seen<'a> {
+    views: &'a Views,
+    depths: Image,
+    size: (u32, u32),
+}
+
+impl<'a> Seen<'a> {
+    /// What views show of a mesh.
+    pub fn of(mesh: &Mesh, views: &'a Views, settings: &Settings, renderer: &mut Renderer) -> Result<Self> {
+        let (height, width) = views.size()?;
+        let outputs = Outputs { depth: true, ..Outputs::NOTHING };
+        let settings = Settings { outputs, sigma: 1e-7, gamma: 1e-5, ..sized(settings, (height, width), 1) };
+        let scene = Scene::new(mesh.clone().with_appearance(Appearance::Uniform([1.0; 3]))?);
+        let mut depths = Image { batch: views.cameras.len(), height, width, channels: 1, data: Vec::new() };
+        parts::in_batches(renderer, &scene, &views.cameras, &settings, |_, frame| {
+            depths.data.extend_from_slice(&frame.depth()?.data);
+            Ok(())
+        })?;
+        Ok(Self { views, depths, size: (width as u32, height as u32) })
+    }
+
+    /// The colour that a view shows of a point, and the cosine between the normal there and the direction to the camera; `None` where
+    /// something is before it or the picture's border or outline is near.
+    pub fn by(&self, view: usize, point: DVec3, normal: DVec3) -> Option<(DVec3, f64)> {
+        let (camera, color) = (&self.views.cameras[view], self.views.color.as_ref()?);
+        let to_camera = camera.matrix().inverse().transform_point3(DVec3::ZERO) - point;
+        let cosine = normal.dot(to_camera.normalize_or_zero());
+        if cosine < LEAST_COSINE {
+            return None;
+        }
+        let [column, row, depth] = camera.project(point, self.size)?;
+        let pixel = self.pixel(camera, point, depth);
+        let nearest = depth_at(&self.depths, view, column, row, STEP * pixel)?;
+        if depth - nearest > BEHIND * pixel / cosine {
+            return None;
+        }
+        let masks = self.views.silhouette.as_ref();
+        let is_inside = masks.is_none_or(|masks| sample(masks, view, 0, column, row) >= COVERED);
+        let channel = |k: usize| sample(color, view, k, column, row);
+        is_inside.then(|| (DVec3::new(channel(0), channel(1), channel(2)), cosine))
+    }
+
+    /// The length of a pixel at a point.
+    fn pixel(&self, camera: &Camera, point: DVec3, depth: f64) -> f64 {
+        let right = camera.axes()[0].normalize_or_zero();
+        let step = 1e-3 * depth;
+        let column = |point: DVec3| camera.project(point, self.size).map(|place| place[0]);
+        let columns = column(point + step * right).zip(column(point)).map_or(0.0, |(a, b)| (a - b).abs());
+        if columns > 0.0 { step / columns } else { 0.0 }
+    }
+
+    /// The colour of a point by those views that see it most squarely; `None` where no view sees it.
+    pub fn color(&self, point: DVec3, normal: DVec3) -> Option<DVec3> {
+        let seen = (0..self.views.cameras.len()).filter_map(|view| self.by(view, point, normal));
+        // A high power selects views, and blends those that are nearly equal.
+        let weighted = seen.map(|(color, cosine)| (cosine.powi(8) * color, cosine.powi(8)));
+        let (sum, weight) = weighted.reduce(|a, b| (a.0 + b.0, a.1 + b.1))?;
+        Some(sum / weight)
+    }
+
+    /// Whether some view sees each vertex.
+    pub fn vertices(&self, mesh: &Mesh) -> Result<Vec<bool>> {
+        let is_seen = |(point, normal): (DVec3, &DVec3)| {
+            (0..self.views.cameras.len()).any(|view| self.by(view, point, *normal).is_some())
+        };
+        Ok(points(mesh).into_iter().zip(&normals(mesh)).map(is_seen).collect())
+    }
+}
+
+/// The unit normals of a mesh's vertices, by the areas of the triangles around them.
+pub fn normals(mesh: &Mesh) -> Vec<DVec3> {
+    let points = points(mesh);
+    let mut normals = vec![DVec3::ZERO; points.len()];
+    for corners in mesh.triangles() {
+        let [a, b, c] = corners.map(|corner| points[corner as usize]);
+        corners.iter().for_each(|corner| normals[*corner as usize] += (b - a).cross(c - a));
+    }
+    normals.into_iter().map(DVec3::normalize_or_zero).collect()
+}
+
+/// The mesh with the colours of its neighbours at each vertex that no view sees. Where no view sees a part, it keeps its colours.
+pub fn spread(mesh: Mesh, seen: &[bool]) -> Result<Mesh> {
+    let Appearance::VertexColors(colors) = mesh.appearance() else { return Ok(mesh) };
+    let (topology, mut colors, mut known) = (Topology::of(&mesh)?, doubles(colors), seen.to_vec());
+    for _ in 0..ROUNDS {
+        let (before, reached) = (colors.clone(), known.clone());
+        for vertex in (0..seen.len()).filter(|vertex| !seen[*vertex]) {
+            let around = topology.neighbors(vertex).iter().map(|n| *n as usize).filter(|n| reached[*n]);
+            let (sum, count) = around.fold((DVec3::ZERO, 0usize), |(sum, count), n| (sum + before[n], count + 1));
+            if count > 0 {
+                (colors[vertex], known[vertex]) = (sum / count as f64, true);
+            }
+        }
+    }
+    mesh.with_appearance(Appearance::VertexColors(crate::singles(&colors)))
+}
